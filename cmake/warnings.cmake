@@ -1,0 +1,12 @@
+# cardan_flags: what every target of ours is compiled with. No -ffast-math and no -march=native anywhere:
+# the same source gives the same bits on every x86-64 machine (only core/soa/kernels_v*.cpp carry an -march).
+add_library(cardan_flags INTERFACE)
+target_compile_options(cardan_flags INTERFACE
+  -Wall -Wextra -Wpedantic -Wconversion -Wno-sign-conversion -Wshadow -Wnon-virtual-dtor -Werror
+  -ffp-contract=off -fvisibility=hidden -fvisibility-inlines-hidden)
+target_compile_definitions(cardan_flags INTERFACE EIGEN_MAX_ALIGN_BYTES=32)   # part of the plugin stamp
+set(CMAKE_CXX_FLAGS_RELEASE "-O3 -DNDEBUG")
+if(CARDAN_SANITIZE)
+  target_compile_options(cardan_flags INTERFACE -fsanitize=${CARDAN_SANITIZE} -fno-omit-frame-pointer -g)
+  target_link_options(cardan_flags INTERFACE -fsanitize=${CARDAN_SANITIZE})
+endif()

@@ -1,0 +1,121 @@
+/* The plugin contract: the only header a plugin needs. C11 and C++20; nothing of Cardan is linked.
+ *
+ * Rules: majors must match; the host accepts a smaller struct_size and treats missing tail members as absent; fields are
+ * appended at struct ends only; no exceptions, no C++ types, no ownership across the line; no load-time constructors.
+ * Call contexts: [setup] before the run, may allocate; [step: pure] inside a right-hand side, no allocation, no state,
+ * called from any thread. All numbers in SI; matrices column-major unless stated. */
+#ifndef CARDAN_ABI_H
+#define CARDAN_ABI_H
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define CARDAN_ABI_MAJOR 1u /* binary break: the host refuses */
+#define CARDAN_ABI_MINOR 0u /* fields appended */
+
+/* What the family is built of: the host's own sweep kernels serve the axis shapes. */
+enum cardan_hinge_shape {
+  CARDAN_SHAPE_FIXED = 0,     /* no velocity */
+  CARDAN_SHAPE_ROTATION = 1,  /* R = exp(u~ q), l = 0 */
+  CARDAN_SHAPE_SLIDE = 2,     /* R = I, l = u q */
+  CARDAN_SHAPE_SCREW = 3,     /* R = exp(u~ q), l = pitch q u */
+  CARDAN_SHAPE_BALL = 4,      /* quaternion, v = omega of P in O, P axes */
+  CARDAN_SHAPE_FREE = 5,      /* quaternion + position; v = [omega in P axes; position rate in O axes] */
+  CARDAN_SHAPE_FREE_BODY = 6, /* quaternion + position; v = [omega; linear velocity], both in P axes */
+  CARDAN_SHAPE_DENSE = 7      /* anything else: kinematics() fills the record */
+};
+
+enum cardan_param_kind {
+  CARDAN_NUMBER = 0,      /* one number */
+  CARDAN_VECTOR = 1,      /* 3 numbers */
+  CARDAN_VECTORS = 2,     /* a list of vectors of 3 */
+  CARDAN_TEXT = 3,
+  CARDAN_UNIT_VECTOR = 4, /* 3 numbers, normalised by the host; zero is refused */
+  CARDAN_UNIT_VECTORS = 5
+};
+
+/* One parameter of a family: drives the check of the input, the error messages and the documentation. */
+typedef struct cardan_param_desc {
+  const char* name;
+  uint32_t kind;        /* cardan_param_kind */
+  const char* unit;     /* "m", "rad", "m/rad", "kg", "1" */
+  uint32_t required;    /* 1: an error when absent */
+  double fallback[3];   /* value when absent: the number, or the vector */
+  uint32_t count;       /* VECTORS kinds: how many vectors; 0 = any */
+  const char* meaning;  /* one line */
+} cardan_param_desc;
+
+/* The checked values of one instance. Names are those of the schema; a call with another name returns null. */
+typedef struct cardan_param_values {
+  uint32_t struct_size;
+  const void* host;
+  const double* (*numbers)(const struct cardan_param_values*, const char* name, uint32_t* count);
+  const char* (*text)(const struct cardan_param_values*, const char* name);
+  void (*fail)(const struct cardan_param_values*, const char* name, const char* expected); /* reports an error at that key */
+} cardan_param_values;
+
+/* Hinge kinematics. O: hinge frame on the inboard body, P: hinge frame on the body.
+ * R_OP maps P axes to O axes (row-major), p_OP: position of P in O, O axes [m].
+ * Ht: column j = spatial velocity [angular; linear] of P in O per unit v_j, in P axes.
+ * Hdot_v: (d/dt Ht) v in P axes. */
+typedef struct cardan_hinge_out {
+  double R_OP[9];
+  double p_OP[3];
+  double Ht[36]; /* 6 x nv, column-major */
+  double Hdot_v[6];
+} cardan_hinge_out;
+
+/* One table per hinge type, built-in or not. Functions marked (optional) may be null. */
+typedef struct cardan_hinge_family {
+  uint32_t struct_size;
+  const char* type;    /* "acme/helix"; no slash is reserved for built-ins */
+  const char* summary; /* one line for `describe` and the documentation */
+  uint32_t nq, nv;
+  uint32_t shape;       /* cardan_hinge_shape; a declared fact, verified by the laws */
+  uint32_t params_size; /* bytes of the packed parameters, trivially copyable, align 8 */
+  const cardan_param_desc* params;
+  uint32_t n_params;
+  const char* const* q_names; /* nq names, for results */
+  const char* const* v_names; /* nv names */
+  const char* const* q_units; /* nq units ("rad", "m", "1") */
+  const char* const* v_units; /* nv units */
+  int (*pack)(const cardan_param_values*, void* packed); /* [setup] 0 = done */
+  int (*axis)(const void* packed, double u[3], double* pitch); /* [setup] rotation, slide, screw only (else null) */
+  void (*zero)(const void* packed, double* q);                 /* [setup] (optional) initial q; default 0 */
+  /* [step: pure] Hinge j of the batch reads q + iq[j], v + iv[j] and its parameters at packed + j * params_size. */
+  void (*kinematics)(const void* packed, uint32_t n, const uint32_t* iq, const uint32_t* iv, const double* q,
+                     const double* v, cardan_hinge_out* out);
+  void (*qdot)(const void* packed, const double* q, const double* v, double* qdot); /* [step: pure] qdot = N(q) v */
+  /* Derivative of Ht along u (q moves by N(q) u), 6 x nv. map_dot(q, v) v = Hdot_v. */
+  void (*map_dot)(const void* packed, const double* q, const double* u, double* Ht_dot); /* [step: pure] */
+  void (*normalise)(const void* packed, double* q);                                      /* [step: pure] (optional) */
+  void (*retract)(const void* packed, const double* q, const double* d, double* q_out);  /* [step: pure] (optional when nq = nv) */
+  void (*difference)(const void* packed, const double* q1, const double* q2, double* d); /* (optional when nq = nv) */
+} cardan_hinge_family;
+
+/* One plugin: name, version and its families, asked for by kind ("hinge") and index until null. */
+typedef struct cardan_plugin {
+  uint32_t struct_size, abi_major, abi_minor;
+  const char *name, *version, *licence;
+  const void* (*family)(const char* kind, uint32_t index); /* [setup] */
+} cardan_plugin;
+
+typedef struct cardan_host {
+  uint32_t struct_size, abi_major, abi_minor;
+} cardan_host;
+
+/* The only exported symbol of a plugin: returns a table that lives as long as the library, or null to refuse. */
+#if defined(__GNUC__)
+#define CARDAN_EXPORT __attribute__((visibility("default")))
+#else
+#define CARDAN_EXPORT
+#endif
+CARDAN_EXPORT const cardan_plugin* cardan_plugin_entry(const cardan_host*);
+typedef const cardan_plugin* (*cardan_plugin_entry_fn)(const cardan_host*);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,96 @@
+#pragma once
+// The editable description of a system: named, in SI, and aware of where each value came from. Nothing is numbered here
+// (names exist before compile(), numbers after it). Written by the YAML reader, by Lua and by C++; read by compile() and
+// by the dense twin.
+#include <Eigen/Core>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "core/base/diagnostic.hpp"
+#include "core/spatial/modal_data.hpp"
+
+namespace cardan {
+
+/// A parameter as it stands in the input, already in SI: number, list of numbers (vectors; lists of vectors flattened),
+/// text, truth value.
+struct ParamValue {
+  std::variant<double, std::vector<double>, std::string, bool> value;
+  Located at;
+};
+using ParamValues = std::map<std::string, ParamValue, std::less<>>;
+
+/// A point of a body where hinges, wrenches and sensors attach. Node axes N.
+struct NodeSpec {
+  std::string name;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();     // [m] body axes, undeformed
+  Eigen::Matrix3d R_BN = Eigen::Matrix3d::Identity();     // node axes to body axes, undeformed
+  Located at;
+};
+
+/// A linear spring and damper in parallel with one velocity component of a hinge: tau = -k (q - rest) - c v.
+struct SpringDamper {
+  int component = 0;
+  double stiffness = 0.0, rest = 0.0, damping = 0.0;      // [N m/rad | N/m], [rad | m], [N m s/rad | N s/m]
+  Located at;
+};
+
+/// Inboard hinge of a body: joins onode O (on the inboard body, or on the world) to pnode P (on the body).
+struct HingeSpec {
+  std::string type = "locked";
+  std::string inboard_body;                               // "" = world
+  std::string inboard_node;                               // "" = origin of the inboard body (or of the world)
+  std::string body_node;                                  // "" = origin of the body
+  // O and P may also be given in place, without a node name; used when the name is empty:
+  Eigen::Vector3d onode_position = Eigen::Vector3d::Zero(), pnode_position = Eigen::Vector3d::Zero();      // [m]
+  Eigen::Matrix3d onode_R = Eigen::Matrix3d::Identity(), pnode_R = Eigen::Matrix3d::Identity();            // node axes to body axes
+  ParamValues params;                                     // checked against the family's schema by compile()
+  std::vector<double> q, v;                               // initial values; empty = the family's zero
+  bool locked = false;                                    // held at q: no velocity components
+  std::vector<int> prescribed;                            // velocity components whose motion is given as a function of time
+  std::vector<SpringDamper> springs;
+  Located at;
+};
+
+struct BodySpec {
+  std::string name;
+  std::string type = "rigid";                             // a family of bodies/: rigid, particle, modal_flexible
+  double mass = 0.0;                                      // [kg] rigid, particle
+  Eigen::Vector3d com = Eigen::Vector3d::Zero();          // [m] body axes
+  Eigen::Matrix3d inertia_com = Eigen::Matrix3d::Zero();  // [kg m^2] about the mass centre, body axes
+  ParamValues params;                                     // of a foreign body family
+  std::shared_ptr<const ModalData> modal;                 // modal_flexible
+  int level = 1;                                          // fidelity level 0, 1, 2 of a flexible body (docs/mathematics)
+  std::vector<double> eta, etadot;                        // initial modal coordinates; empty = 0
+  std::vector<NodeSpec> nodes;                            // rigid bodies; a flexible body takes those of its modal data
+  HingeSpec hinge;
+  Located at;
+};
+
+struct GravitySpec {
+  enum class Kind { none, uniform, central } kind = Kind::none;
+  Eigen::Vector3d g = Eigen::Vector3d::Zero();            // [m/s^2] uniform, world axes
+  double mu = 0.0;                                        // [m^3/s^2] central
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();       // [m] world axes
+  bool gradient = true;                                   // torque on each body and force on its modes
+  Located at;
+};
+
+struct SystemSpec {
+  std::string name;
+  std::vector<BodySpec> bodies;                           // in the user's order, which is that of q, v and the results
+  GravitySpec gravity;
+  std::string source_file;
+  std::vector<std::pair<std::string, std::string>> defaults_used;  // key path, value: what `describe` lists
+
+  const BodySpec* find(std::string_view body) const {
+    for (const auto& b : bodies)
+      if (b.name == body) return &b;
+    return nullptr;
+  }
+};
+
+}  // namespace cardan
