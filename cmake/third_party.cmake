@@ -6,6 +6,7 @@ find_package(SUNDIALS 6.4 REQUIRED COMPONENTS cvodes nvecserial sunmatrixdense s
              sunnonlinsolfixedpoint sunnonlinsolnewton)
 set(HDF5_PREFER_PARALLEL OFF)
 find_package(HDF5 1.10 REQUIRED COMPONENTS C)
+find_package(OpenSSL 3.0 REQUIRED)   # SHA-256 of the inputs; libhdf5-dev brings it
 find_package(nlohmann_json 3.11 REQUIRED)
 find_package(CLI11 2.1 REQUIRED)
 find_package(LAPACK REQUIRED)

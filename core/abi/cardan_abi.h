@@ -95,7 +95,44 @@ typedef struct cardan_hinge_family {
   void (*difference)(const void* packed, const double* q1, const double* q2, double* d); /* (optional when nq = nv) */
 } cardan_hinge_family;
 
-/* One plugin: name, version and its families, asked for by kind ("hinge") and index until null. */
+/* Modal data of a flexible body in the body frame B, as the host hands it to a body family. n_modes = m; matrices are
+ * column-major; I5: 3 x m per l, one after the other; I8: m of 3 x 3; I9: m * m of 3 x 3, index l * m + k. Pointers that
+ * do not apply are null. Symbols: docs/mathematics (Shabana 2013 numbering). */
+typedef struct cardan_modal_view {
+  uint32_t struct_size, n_modes, level;
+  double I1;
+  const double *I2, *I3, *I4, *I5, *I6, *I7, *I8, *I9;
+  const double *rotary_ww, *rotary_we, *rotary_ee; /* m of 3 x 3; m of 3 x m; m of m x m; null: no rotary terms */
+  uint32_t n_mass_nodes;                           /* lumped masses, for the nodal form */
+  const double *node_mass, *node_position;         /* n; 3 n */
+  const double *node_inertia;                      /* 9 n, or null */
+  const double *node_Phi, *node_Psi;               /* 3 x m each; node_Psi may be null */
+  const double *node_Q;                            /* 3 matrices m x m per node, or null */
+} cardan_modal_view;
+
+typedef struct cardan_body_facts {
+  uint32_t struct_size;
+  uint32_t m_ee_constant; /* M_ee does not depend on eta */
+  uint32_t m_re_constant; /* M_we and M_ve do not depend on eta */
+} cardan_body_facts;
+
+/* One table per body type: the inertia that the operator framework asks of a body, nothing else. Nodes, stiffness, damping,
+ * gravity are the host's. A family without modes leaves the functions null: its mass properties are constants. */
+typedef struct cardan_body_family {
+  uint32_t struct_size;
+  const char* type;
+  const char* summary;
+  uint32_t has_modes;
+  uint64_t (*packed_size)(const cardan_modal_view*);           /* [setup] */
+  int (*pack)(const cardan_modal_view*, void* packed);         /* [setup] 0 = done */
+  void (*facts)(const void* packed, cardan_body_facts* facts); /* [setup] */
+  /* [step: pure] M_rr: m, m c (3), J about B (xx yy zz xy xz yz); M_re: 6 x m = [M_we; M_ve]; M_ee: m x m. Null: not wanted. */
+  void (*mass)(const void* packed, const double* eta, double* M_rr, double* M_re, double* M_ee);
+  /* [step: pure] Velocity terms in gamma form, left-hand side, b = [b_w; b_v; b_e], from the same truncation as `mass`. */
+  void (*bias)(const void* packed, const double* eta, const double* etadot, const double* omega, double* b);
+} cardan_body_family;
+
+/* One plugin: name, version and its families, asked for by kind ("hinge", "body") and index until null. */
 typedef struct cardan_plugin {
   uint32_t struct_size, abi_major, abi_minor;
   const char *name, *version, *licence;

@@ -16,14 +16,19 @@ class Registry {
     const cardan_hinge_family* family;
     std::string origin;  // "built-in" or the path of the plugin
   };
-  /// Throws InputError (C0207) for a type that exists already.
+  /// Both `add` throw InputError (C0207) for a type that exists already.
   void add(const cardan_hinge_family& family, std::string origin = "built-in");
   const cardan_hinge_family* hinge(std::string_view type) const;  ///< null if unknown
   std::vector<std::string> hinge_types() const;                   ///< in order of registration
   const std::vector<Entry>& hinges() const { return hinges_; }
 
+  void add(const cardan_body_family& family, std::string origin = "built-in");
+  const cardan_body_family* body(std::string_view type) const;    ///< null if unknown
+  std::vector<std::string> body_types() const;
+
  private:
   std::vector<Entry> hinges_;
+  std::vector<const cardan_body_family*> bodies_;
 };
 
 /// Opens a plugin, checks its version, runs the executable laws on its families and registers them.

@@ -6,6 +6,8 @@
 #include <array>
 #include <fstream>
 
+#include "core/base/utf8.hpp"
+
 namespace cardan {
 namespace {
 
@@ -20,12 +22,71 @@ constexpr std::array kEntries = {
 
 const Entry& entry(Code c) { return kEntries[static_cast<std::size_t>(c)]; }
 
+constexpr std::size_t kWidth = 100;  // longest excerpt of a source line
+
+/// The line of the source file, without line ending and byte-order mark; tabs as spaces, what is not text as '?'.
 std::string source_line(const SourceMark& mark) {
   std::ifstream in(mark.file);
   std::string line;
   for (int i = 0; i < mark.line; ++i)
     if (!std::getline(in, line)) return {};
-  return line;
+  if (mark.line == 1 && line.starts_with("\xEF\xBB\xBF")) line.erase(0, 3);
+  std::replace(line.begin(), line.end(), '\t', ' ');
+  line.erase(line.find_last_not_of(" \r") + 1);
+  return printable(line);
+}
+
+/// How many characters from `start` on belong to the value or key that begins there.
+std::size_t token_length(std::string_view line, std::size_t start) {
+  const std::string_view rest = line.substr(start);
+  if (rest.empty()) return 1;
+  const char first = rest[0];
+  if (first == '"' || first == '\'') {
+    const std::size_t end = rest.find(first, 1);
+    return end == std::string_view::npos ? rest.size() : end + 1;
+  }
+  if (first == '[' || first == '{') {
+    int depth = 0;
+    for (std::size_t i = 0; i < rest.size(); ++i) {
+      if (rest[i] == '[' || rest[i] == '{') ++depth;
+      if ((rest[i] == ']' || rest[i] == '}') && --depth == 0) return i + 1;
+    }
+    return rest.size();
+  }
+  std::size_t end = 1;
+  const auto ends = [](std::string_view tail) {
+    return tail[0] == ',' || tail[0] == ']' || tail[0] == '}' || tail.starts_with(" #") || tail.starts_with(": ") || tail == ":";
+  };
+  while (end < rest.size() && !ends(rest.substr(end))) ++end;
+  while (rest[end - 1] == ' ' && end > 1) --end;
+  return end;
+}
+
+bool continues_character(char c) { return (static_cast<unsigned char>(c) & 0xC0) == 0x80; }  // UTF-8
+
+/// The source line with the place underlined; a long line is cut around it.
+std::string excerpt(const SourceMark& mark, int span) {
+  std::string line = source_line(mark);
+  if (line.empty()) return {};
+  std::size_t start = mark.column > 0 ? static_cast<std::size_t>(mark.column - 1) : line.size();
+  if (line.size() > kWidth) {
+    std::size_t cut = start < line.size() && start > kWidth / 2 ? start - kWidth / 2 : 0;
+    while (cut > 0 && continues_character(line[cut])) --cut;
+    std::size_t end = std::min(line.size(), cut + kWidth);
+    while (end < line.size() && continues_character(line[end])) ++end;
+    line = (cut > 0 ? "..." : "") + line.substr(cut, end - cut) + (end < line.size() ? "..." : "");
+    start = start - cut + (cut > 0 ? 3 : 0);
+  }
+  std::string out = fmt::format("{:>5} | {}\n", mark.line, line);
+  if (mark.column <= 0 || start >= line.size()) return out;
+  std::size_t length = span > 0 ? static_cast<std::size_t>(span) : token_length(line, start);
+  length = std::min(length, line.size() - start);
+  const auto width = [&](std::size_t from, std::size_t count) {
+    return count - static_cast<std::size_t>(std::count_if(line.begin() + static_cast<std::ptrdiff_t>(from),
+                                                          line.begin() + static_cast<std::ptrdiff_t>(from + count),
+                                                          continues_character));
+  };
+  return out + fmt::format("      | {}{}\n", std::string(width(0, start), ' '), std::string(width(start, length), '^'));
 }
 
 void labelled(std::string& out, std::string_view label, std::string_view text) {
@@ -67,22 +128,8 @@ std::string render(const Diagnostic& d) {
     if (m.line > 0 && m.column > 0) out += fmt::format(":{}", m.column);
     out += '\n';
   }
-  labelled(out, "at", d.at.key_path);
-  if (m.line > 0) {
-    const std::string line = source_line(m);
-    if (!line.empty()) {
-      out += fmt::format("   {:>4} | {}\n", m.line, line);
-      if (m.column > 0 && static_cast<std::size_t>(m.column) <= line.size()) {
-        const auto start = static_cast<std::size_t>(m.column - 1);
-        std::size_t length = static_cast<std::size_t>(d.span);
-        if (length == 0) {
-          const std::size_t end = line.find_first_of(" ,]}#\t:", start + 1);
-          length = (end == std::string::npos ? line.size() : end) - start;
-        }
-        out += fmt::format("        | {}{}\n", std::string(start, ' '), std::string(std::max<std::size_t>(length, 1), '^'));
-      }
-    }
-  }
+  if (!d.at.key_path.empty()) out += fmt::format("  at: {}\n", d.at.key_path);
+  if (m.line > 0) out += excerpt(m, d.span);
   labelled(out, "expected", d.expected);
   labelled(out, "got", d.got);
   labelled(out, "hint", d.hint);
@@ -101,6 +148,7 @@ std::string did_you_mean(std::string_view word, const std::vector<std::string>& 
   std::string best;
   std::size_t best_distance = 3;
   for (const auto& candidate : legal) {
+    if (candidate.size() + 2 < word.size()) continue;
     const std::size_t d = edit_distance(word, candidate);
     if (d < best_distance && d < candidate.size()) {
       best = candidate;
@@ -128,7 +176,15 @@ std::string render(const RunFailure& f) {
 NumericsError::NumericsError(RunFailure failure) : failure_(std::move(failure)), text_(render(failure_)) {}
 
 void DiagnosticSink::report(Diagnostic d) {
-  if (all_.size() < kLimit) all_.push_back(std::move(d));
+  const auto concerns = [&](const Diagnostic& earlier) {  // the same value, or a part of it
+    const std::string& path = earlier.at.key_path;
+    return !d.at.key_path.empty() && path.starts_with(d.at.key_path) &&
+           (path.size() == d.at.key_path.size() || path[d.at.key_path.size()] == '.' || path[d.at.key_path.size()] == '[');
+  };
+  if (!full() && std::none_of(all_.begin(), all_.end(), concerns)) all_.push_back(std::move(d));
+}
+void DiagnosticSink::report(Code code, Located at, std::string expected, std::string got, std::string hint) {
+  report(Diagnostic{code, std::move(at), std::move(expected), std::move(got), std::move(hint), {}, {}, 0});
 }
 void DiagnosticSink::throw_if_any() const {
   if (!all_.empty()) throw InputError(all_);

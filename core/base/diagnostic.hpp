@@ -82,12 +82,15 @@ class NumericsError : public std::exception {
   std::string text_;
 };
 
-/// Collects diagnostics while a file is read; `throw_if_any()` ends the reading.
+/// Collects diagnostics while a file is read; `throw_if_any()` ends the reading. At most kLimit are kept, and of those that
+/// concern one value (the same key path, or an object of which a part is wrong already) only the first.
 class DiagnosticSink {
  public:
   static constexpr std::size_t kLimit = 20;
   void report(Diagnostic d);
+  void report(Code code, Located at, std::string expected, std::string got, std::string hint = {});
   bool empty() const { return all_.empty(); }
+  bool full() const { return all_.size() >= kLimit; }  ///< further checks are of no use
   const std::vector<Diagnostic>& all() const { return all_; }
   void throw_if_any() const;
 

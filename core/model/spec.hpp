@@ -21,6 +21,7 @@ struct ParamValue {
   std::variant<double, std::vector<double>, std::string, bool> value;
   Located at;
 };
+struct DocNode;
 using ParamValues = std::map<std::string, ParamValue, std::less<>>;
 
 /// A point of a body where hinges, wrenches and sensors attach. Node axes N.
@@ -63,8 +64,10 @@ struct BodySpec {
   Eigen::Matrix3d inertia_com = Eigen::Matrix3d::Zero();  // [kg m^2] about the mass centre, body axes
   ParamValues params;                                     // of a foreign body family
   std::shared_ptr<const ModalData> modal;                 // modal_flexible
+  std::shared_ptr<const DocNode> modal_source;            // modal_flexible: how to make `modal`, as written; may be null
   int level = 1;                                          // fidelity level 0, 1, 2 of a flexible body (docs/mathematics)
   std::vector<double> eta, etadot;                        // initial modal coordinates; empty = 0
+  std::vector<int> prescribed_modes;                      // modes whose motion is given as a function of time
   std::vector<NodeSpec> nodes;                            // rigid bodies; a flexible body takes those of its modal data
   HingeSpec hinge;
   Located at;
@@ -83,8 +86,20 @@ struct SystemSpec {
   std::string name;
   std::vector<BodySpec> bodies;                           // in the user's order, which is that of q, v and the results
   GravitySpec gravity;
-  std::string source_file;
+  std::string source_file, source_text;                   // where it was read from, and its bytes (hashed in results)
   std::vector<std::pair<std::string, std::string>> defaults_used;  // key path, value: what `describe` lists
+  std::map<std::string, SourceMark, std::less<>> marks;   // key path of each value of the input and where it stands
+
+  /// The key path with its place; with that of the nearest object around it where it has none of its own.
+  Located locate(std::string key_path) const {
+    std::string_view around = key_path;
+    while (true) {
+      if (const auto found = marks.find(around); found != marks.end()) return {std::move(key_path), found->second};
+      const auto cut = around.find_last_of(".[");
+      if (cut == std::string_view::npos) return {std::move(key_path), {source_file, 0, 0}};
+      around = around.substr(0, cut);
+    }
+  }
 
   const BodySpec* find(std::string_view body) const {
     for (const auto& b : bodies)

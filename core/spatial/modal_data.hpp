@@ -46,7 +46,7 @@ struct ModeRecord {
   double frequency = 0.0;                               // [Hz]
   Eigen::Matrix<double, 6, 1> effective_mass = Eigen::Matrix<double, 6, 1>::Zero();  // [kg m^2 | kg] rotation, translation
   bool kept = true;
-  std::string kind, reason;                             // "normal", "constraint"; why it is kept or not
+  std::string kind, reason;                             // "normal", "Craig-Bampton"; why it is kept or not
 };
 
 struct ModalData {

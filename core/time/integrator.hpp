@@ -1,8 +1,9 @@
 #pragma once
 // The seam between physics and time: an integrator owns no physics, the physics owns no step size.
-#include <Eigen/Core>
+// Formulas, choice of method and the meaning of an event: docs/mathematics/integration.md.
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -11,52 +12,57 @@ namespace cardan {
 
 /// x' = f(t, x) with what an integrator may need besides. All functions are set once before the run; none may allocate.
 struct OdeProblem {
-  int n = 0;                                   // number of states
-  int n_quadrature = 0;                        // trailing integrals y' = g(t, x) that nothing depends on: no error control
+  int n = 0;             // number of states
+  int n_quadrature = 0;  // trailing integrals y' = g(t, x) that nothing depends on: no error control
+  /// Fills xdot[n], and ydot[n_quadrature] unless that pointer is null (the integrator needs f alone there).
   /// false: x is outside of what can be evaluated (the step is retried smaller; after repeated failure, the run fails).
   std::function<bool(double t, const double* x, double* xdot, double* ydot)> rhs;
   /// Brings an accepted state back on its manifold (unit quaternions); may be empty.
   std::function<void(double* x)> project;
-  std::vector<double> absolute_tolerance;      // per state [unit of the state]
+  std::vector<double> absolute_tolerance;  // per state [unit of the state], > 0
   /// Event functions: `roots(t, x, g)` fills n_roots values; a sign change is located. May be empty.
   int n_roots = 0;
   std::function<void(double t, const double* x, double* g)> roots;
 };
 
 struct IntegratorOptions {
-  std::string method = "cvode_adams";          // cvode_adams, cvode_bdf, rk4
-  double relative_tolerance = 1e-9;
-  double max_step = 0.0;                       // [s] 0 = none
-  double initial_step = 0.0;                   // [s] 0 = the method's choice
-  double fixed_step = 0.0;                     // [s] rk4 only
+  std::string method = "cvode_adams";  // cvode_adams, cvode_bdf, dopri5, rk4
+  double relative_tolerance = 1e-9;    // adaptive methods
+  double max_step = 0.0;               // [s] 0 = none; adaptive methods
+  double initial_step = 0.0;           // [s] 0 = the method's choice; adaptive methods
+  double fixed_step = 0.0;             // [s] rk4 only
 };
 
 struct IntegratorStatistics {
   long steps = 0, rhs_calls = 0, rejected = 0, root_evaluations = 0, restarts = 0;
-  double last_step = 0.0;                      // [s]
+  double last_step = 0.0;  // [s]
   int last_order = 0;
 };
 
-/// Which event functions crossed zero, and in which direction (+1 rising, -1 falling, 0 not).
+/// Where a step ended, and which event functions crossed zero there: +1 rising, -1 falling, 0 not.
 struct StepReport {
-  double t = 0.0;                              // [s] reached
+  double t = 0.0;  // [s] reached
   bool event = false;
-  std::vector<int> crossed;                    // size n_roots when event
+  std::span<const int> crossed;  // size n_roots when event; valid until the next step
 };
 
 /// Virtual is right here: one call per step, thousands of flops behind it.
+/// step() throws NumericsError N0201 (step too small), N0202 (rhs or method failed), N0108 (event function not finite).
 class Integrator {
  public:
   virtual ~Integrator() = default;
   /// (Re)starts at (t, x, y); history is dropped. Call after every discontinuity. y: quadratures (n_quadrature).
+  /// An event just reported does not fire again, even if x was changed (a bounce); one that starts at zero does not
+  /// fire.
   virtual void restart(double t, const double* x, const double* y) = 0;
-  /// One internal step towards t_stop, never past it: the right-hand side is not evaluated beyond t_stop. Ends exactly at
-  /// t_stop, or earlier at the end of an internal step or at the first event. x, y receive the state reached, projected.
+  /// One internal step towards t_stop, never past it: the right-hand side is not evaluated beyond t_stop. Ends exactly
+  /// at t_stop, or earlier at the end of an internal step or at the first event. x, y receive the state reached,
+  /// projected. Without a restart, t_stop must not decrease.
   virtual StepReport step(double t_stop, double* x, double* y) = 0;
   /// The state at t inside the last step (dense output); x, y as above.
   virtual void interpolate(double t, double* x, double* y) = 0;
   virtual IntegratorStatistics statistics() const = 0;
-  virtual std::string_view name() const = 0;   // recorded in the result
+  virtual std::string_view name() const = 0;  // recorded in the result
 };
 
 /// Throws InputError (C0301, C0401) for unknown methods and options that do not fit the method.

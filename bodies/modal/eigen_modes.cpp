@@ -1,0 +1,152 @@
+#include "bodies/modal/eigen_modes.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+
+#include "bodies/modal/refuse.hpp"
+#include "core/linalg/eigenpairs.hpp"
+
+namespace cardan {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kMechanism = 1e-13;   // smallest pivot over diagonal: below, K has lost all digits
+constexpr double kRigidMotion = 1e-9;  // relative, of motions scaled by the size of the body
+
+/// An M-orthonormal basis (6 n x r) of the rigid motions that leave `held` at rest.
+MatrixXd rigid_motions(const FeModel& model, const std::vector<int>& held) {
+  const RigidShapes R = model.rigid_shapes();
+  // Rotations about the mass centre, scaled to a displacement of order one; positions enter R as differences then.
+  Eigen::Vector3d centre = model.point_position * model.point_mass / model.point_mass.sum();
+  double size = 0.0;
+  for (const auto& node : model.nodes) size = std::max(size, (node - centre).norm());
+  Eigen::Matrix<double, 6, 6> scale = Eigen::Matrix<double, 6, 6>::Identity();
+  for (int a = 0; a < 3; ++a) {
+    scale.block<3, 1>(3, a) = -Eigen::Vector3d::Unit(a).cross(centre);
+    scale.col(a) /= size;
+  }
+  MatrixXd free = R * scale;
+  if (!held.empty()) {
+    MatrixXd at_held(held.size(), 6);
+    for (std::size_t i = 0; i < held.size(); ++i) {
+      at_held.row(i) = free.row(held[i]);
+      if (held[i] % 6 >= 3) at_held.row(i) *= size;
+    }
+    const Eigen::JacobiSVD<MatrixXd> svd(at_held, Eigen::ComputeFullV);
+    const auto& s = svd.singularValues();
+    const Eigen::Index rank = (s.array() > kRigidMotion * std::max(s(0), 1e-300)).count();
+    free = (free * svd.matrixV().rightCols(6 - rank)).eval();
+  }
+  const Eigen::LLT<MatrixXd> gram(free.transpose() * (model.M * free));
+  return gram.matrixU().solve<Eigen::OnTheRight>(free);
+}
+
+SparseFactor stiffness_factor(const FeModel& model, const SparseMatrix& K, const std::vector<int>& dofs,
+                              const Located& at) {
+  const auto mechanism = [&](int row) {
+    const auto& node = model.nodes[dofs[row] / 6];
+    refuse(at, {}, Code::fe_model, "a structure without mechanisms",
+           fmt::format("no stiffness against {} {} at ({:.4g}, {:.4g}, {:.4g}) m",
+                       dofs[row] % 6 < 3 ? "displacement" : "rotation", "xyz"[dofs[row] % 3], node.x(), node.y(),
+                       node.z()));
+  };
+  try {
+    SparseFactor factor(K);
+    const auto pivot = factor.smallest_pivot();
+    if (!(pivot.ratio > kMechanism)) mechanism(pivot.row);
+    return factor;
+  } catch (const LinalgError& e) {
+    if (e.row >= 0) mechanism(e.row);
+    refuse(at, {}, Code::fe_model, "a stiffness matrix that can be factored", e.what());
+  }
+}
+
+/// A frequency of the free body's size: the least Rayleigh quotient of its deflections under its own weight, held at
+/// the root.
+double weight_estimate(const FeModel& model, const Located& at) {
+  const FreePart free(model.n_dofs(), dofs_of({model.root_nodes.front()}));
+  const SparseMatrix K = free.block(model.K);
+  const SparseFactor factor = stiffness_factor(model, K, free.dofs, at);
+  const MatrixXd load = model.M * model.rigid_shapes().rightCols(3);
+  double least = INFINITY;
+  for (int a = 0; a < 3; ++a) {
+    VectorXd f(free.dofs.size());
+    for (std::size_t i = 0; i < free.dofs.size(); ++i) f(i) = load(free.dofs[i], a);
+    const MatrixXd u = free.expand(factor.solve(f));
+    least = std::min(least, u.col(0).dot(load.col(a)) / u.col(0).dot(model.M * u.col(0)));
+  }
+  return least;
+}
+
+}  // namespace
+
+std::vector<int> dofs_of(const std::vector<int>& nodes) {
+  std::vector<int> dofs;
+  for (int node : nodes)
+    for (int i = 0; i < 6; ++i) dofs.push_back(6 * node + i);
+  return dofs;
+}
+
+FreePart::FreePart(int size, const std::vector<int>& left_out) : n(size) {
+  std::vector<bool> out(n, false);
+  for (int i : left_out) out[i] = true;
+  for (int i = 0; i < n; ++i)
+    if (!out[i]) dofs.push_back(i);
+}
+
+SparseMatrix FreePart::block(const SparseMatrix& A) const {
+  std::vector<int> index(n, -1);
+  for (std::size_t i = 0; i < dofs.size(); ++i) index[dofs[i]] = static_cast<int>(i);
+  std::vector<Eigen::Triplet<double>> entries;
+  for (int j = 0; j < A.outerSize(); ++j)
+    for (SparseMatrix::InnerIterator it(A, j); it; ++it)
+      if (index[it.row()] >= 0 && index[j] >= 0) entries.emplace_back(index[it.row()], index[j], it.value());
+  SparseMatrix B(dofs.size(), dofs.size());
+  B.setFromTriplets(entries.begin(), entries.end());
+  return B;
+}
+
+MatrixXd FreePart::expand(const MatrixXd& x) const {
+  MatrixXd full = MatrixXd::Zero(n, x.cols());
+  for (std::size_t i = 0; i < dofs.size(); ++i) full.row(dofs[i]) = x.row(i);
+  return full;
+}
+
+FeModes normal_modes(const FeModel& model, const std::vector<int>& held, int count, RigidModes policy,
+                     const Located& at) {
+  const FreePart free(model.n_dofs(), held);
+  const MatrixXd rigid = rigid_motions(model, held);
+  const int n_rigid = static_cast<int>(rigid.cols());
+  if (n_rigid > 0 && policy == RigidModes::refuse)
+    refuse(at, {}, Code::rigid_body_mode, "a body that cannot move as a rigid one",
+           fmt::format("{} rigid-body motion{}", n_rigid, n_rigid == 1 ? "" : "s"),
+           "hold the root, or choose the free boundary");
+  const SparseMatrix K = free.block(model.K), M = free.block(model.M);
+  double sigma = 0.0;
+  if (n_rigid > 0)
+    sigma = -weight_estimate(model, at);
+  else
+    stiffness_factor(model, K, free.dofs, at);
+
+  Eigenpairs pairs;
+  try {
+    pairs = lowest_eigenpairs(K, M, n_rigid + count, sigma);
+  } catch (const LinalgError& e) {
+    refuse(at, {}, Code::fe_model, fmt::format("{} modes of {} free dofs", count, free.dofs.size()), e.what());
+  }
+  if (n_rigid > 0 && !(std::abs(pairs.values(n_rigid - 1)) < 1e-4 * pairs.values(n_rigid)))
+    refuse(at, {}, Code::fe_model, fmt::format("{} rigid-body modes", n_rigid),
+           fmt::format("eigenvalue {} is {:.3g} rad^2/s^2, the next {:.3g}", n_rigid, pairs.values(n_rigid - 1),
+                       pairs.values(n_rigid)));
+
+  FeModes modes{pairs.values.tail(count), free.expand(pairs.vectors.rightCols(count))};
+  if (n_rigid > 0) modes.shapes -= (rigid * (rigid.transpose() * (model.M * modes.shapes))).eval();
+  return modes;
+}
+
+}  // namespace cardan

@@ -1,0 +1,104 @@
+#include "bodies/modal/fe_model.hpp"
+
+#include <Eigen/Dense>
+#include <utility>
+
+namespace cardan {
+
+using Eigen::Matrix3d;
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+
+int FeModel::find_node(const Vector3d& position) const {
+  int nearest = -1;
+  double distance = element_size;
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    const double d = (nodes[i] - position).norm();
+    if (d < distance || (nearest < 0 && d <= distance)) {
+      nearest = static_cast<int>(i);
+      distance = d;
+    }
+  }
+  return nearest;
+}
+
+RigidShapes FeModel::rigid_shapes() const {
+  RigidShapes R = RigidShapes::Zero(n_dofs(), 6);
+  for (std::size_t i = 0; i < nodes.size(); ++i)
+    for (int a = 0; a < 3; ++a) {
+      const Vector3d axis = Vector3d::Unit(a);
+      R.block<3, 1>(6 * i, a) = axis.cross(nodes[i]);
+      R.block<3, 1>(6 * i + 3, a) = axis;
+      R.block<3, 1>(6 * i, 3 + a) = axis;
+    }
+  return R;
+}
+
+MassField FeModel::mass_field(const MatrixXd& shapes) const {
+  MassField field{point_mass, point_position, point_inertia, {}, {}};
+  for (int a = 0; a < 3; ++a) {
+    field.Phi[a] = N[a] * shapes;
+    field.Psi[a] = Q[a] * shapes;
+  }
+  return field;
+}
+
+int FeBuilder::add_node(const Vector3d& position) {
+  model_.nodes.push_back(position);
+  return static_cast<int>(model_.nodes.size()) - 1;
+}
+
+void FeBuilder::add_element(const std::vector<int>& nodes, const MatrixXd& K, const std::vector<Point>& points) {
+  const int n = 6 * static_cast<int>(nodes.size());
+  const auto dof = [&](int i) { return 6 * nodes[i / 6] + i % 6; };
+  MatrixXd M = MatrixXd::Zero(n, n);
+  for (const Point& p : points) {
+    M.noalias() += p.mass * p.N.transpose() * p.N + p.Q.transpose() * p.inertia * p.Q;
+    const int row = static_cast<int>(masses_.size());
+    masses_.push_back(p.mass);
+    positions_.push_back(p.position);
+    model_.point_inertia.push_back(p.inertia);
+    for (int a = 0; a < 3; ++a)
+      for (int i = 0; i < n; ++i) {
+        if (p.N(a, i) != 0.0) N_[a].emplace_back(row, dof(i), p.N(a, i));
+        if (p.Q(a, i) != 0.0) Q_[a].emplace_back(row, dof(i), p.Q(a, i));
+      }
+  }
+  for (int j = 0; j < n; ++j)
+    for (int i = 0; i < n; ++i) {
+      // Symmetric to the last bit, and one pattern for both matrices.
+      K_.emplace_back(dof(i), dof(j), 0.5 * (K(i, j) + K(j, i)));
+      M_.emplace_back(dof(i), dof(j), 0.5 * (M(i, j) + M(j, i)));
+    }
+  for (int a : nodes)
+    for (int b : nodes) model_.element_size = std::max(model_.element_size, (node(a) - node(b)).norm());
+}
+
+void FeBuilder::add_mass(int node_index, double mass, const Matrix3d& inertia) {
+  Point p{mass, node(node_index), inertia, MatrixXd::Zero(3, 6), MatrixXd::Zero(3, 6)};
+  p.N.leftCols(3).setIdentity();
+  p.Q.rightCols(3).setIdentity();
+  add_element({node_index}, MatrixXd::Zero(6, 6), {p});
+}
+
+FeModel FeBuilder::finish(std::vector<int> root_nodes, std::string description) {
+  const int n = model_.n_dofs(), n_points = static_cast<int>(masses_.size());
+  const auto assemble = [](SparseMatrix& A, int rows, int cols, const Triplets& entries) {
+    A.resize(rows, cols);
+    A.setFromTriplets(entries.begin(), entries.end());
+  };
+  assemble(model_.K, n, n, K_);
+  assemble(model_.M, n, n, M_);
+  model_.point_mass = Eigen::Map<const Eigen::VectorXd>(masses_.data(), n_points);
+  model_.point_position.resize(3, n_points);
+  for (int p = 0; p < n_points; ++p) model_.point_position.col(p) = positions_[p];
+  for (int a = 0; a < 3; ++a) {
+    assemble(model_.N[a], n_points, n, N_[a]);
+    assemble(model_.Q[a], n_points, n, Q_[a]);
+  }
+  model_.root_nodes = std::move(root_nodes);
+  model_.description = std::move(description);
+  return std::move(model_);
+}
+
+}  // namespace cardan

@@ -1,0 +1,64 @@
+#pragma once
+// A finite-element model in body axes: what every generator builds and every solution reads.
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "bodies/modal/modal_integrals.hpp"
+#include "core/linalg/sparse_factor.hpp"
+
+namespace cardan {
+
+using RigidShapes = Eigen::Matrix<double, Eigen::Dynamic, 6>;
+
+/// Each node has six dofs: 6 node + 0..2 its displacement [m], + 3..5 its rotation [rad], body axes.
+/// The mass matrix is the sum over mass points (the integration points of the elements, and lumped masses)
+///   M = sum_p m_p N_p* N_p + Q_p* J_p Q_p,     N_p, Q_p: displacement and rotation of point p per nodal dof,
+/// so that modal_integrals() of the points' shapes belongs to exactly this M.
+struct FeModel {
+  std::vector<Eigen::Vector3d> nodes;          // [m]
+  SparseMatrix K, M;                           // 6 n x 6 n, free of constraints
+  Eigen::VectorXd point_mass;                  // p [kg]
+  Eigen::Matrix3Xd point_position;             // 3 x p [m]
+  std::vector<Eigen::Matrix3d> point_inertia;  // p [kg m^2] about the point
+  SparseMatrix N[3], Q[3];                     // p x 6 n each: x, y, z
+  double element_size = 0.0;                   // [m] diagonal of the largest element
+  std::vector<int> root_nodes;                 // what Boundary::cantilever holds
+  std::string description;                     // "beam 10 m, 40 elements"
+
+  int n_dofs() const { return 6 * static_cast<int>(nodes.size()); }
+  /// The nearest node, or -1 when it is farther away than one element.
+  int find_node(const Eigen::Vector3d& position) const;
+  /// 6 n x 6: nodal values of the unit rigid motions, rotation about the origin and translation (angular first).
+  RigidShapes rigid_shapes() const;
+  /// The points with the interpolated shapes of nodal vectors (6 n x m).
+  MassField mass_field(const Eigen::MatrixXd& shapes) const;
+};
+
+/// Collects nodes and elements.
+class FeBuilder {
+ public:
+  /// A mass point of an element with k nodes: shapes 3 x 6 k over the element's dofs, body axes.
+  struct Point {
+    double mass = 0.0;
+    Eigen::Vector3d position = Eigen::Vector3d::Zero();
+    Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();
+    Eigen::MatrixXd N, Q;
+  };
+  int add_node(const Eigen::Vector3d& position);
+  const Eigen::Vector3d& node(int i) const { return model_.nodes[i]; }
+  const FeModel& mesh() const { return model_; }  ///< nodes and element size so far; the matrices come with finish()
+  /// K: 6 k x 6 k in body axes [N/m, N, N m].
+  void add_element(const std::vector<int>& nodes, const Eigen::MatrixXd& K, const std::vector<Point>& points);
+  void add_mass(int node, double mass, const Eigen::Matrix3d& inertia);
+  FeModel finish(std::vector<int> root_nodes, std::string description);
+
+ private:
+  using Triplets = std::vector<Eigen::Triplet<double>>;
+  FeModel model_;
+  std::vector<double> masses_;
+  std::vector<Eigen::Vector3d> positions_;
+  Triplets K_, M_, N_[3], Q_[3];
+};
+
+}  // namespace cardan

@@ -1,0 +1,139 @@
+// The meshes of modal_source.hpp: a beam, and a plate with or without a yoke.
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+
+#include "bodies/modal/elements.hpp"
+#include "bodies/modal/refuse.hpp"
+
+namespace cardan {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr int kYokeElements = 8;  // per arm
+
+/// Collects the same question for one model: is the value inside its range?
+struct Checks {
+  const Located& at;
+  void positive(const std::string& field, double value, const char* unit) const {
+    if (!(value > 0.0) || !std::isfinite(value))
+      refuse(at, field, Code::out_of_range, fmt::format("a number > 0 [{}]", unit), fmt::format("{}", value));
+  }
+  void at_least(const std::string& field, double value, double least) const {
+    if (!(value >= least) || !std::isfinite(value))
+      refuse(at, field, Code::out_of_range, fmt::format("at least {}", least), fmt::format("{}", value));
+  }
+  void material(const std::string& field, const Material& m) const {
+    positive(field + ".E", m.E, "Pa");
+    positive(field + ".rho", m.rho, "kg/m^3");
+    if (!(m.nu > -1.0 && m.nu < 0.5))
+      refuse(at, field + ".nu", Code::out_of_range, "-1 < nu < 0.5", fmt::format("{}", m.nu));
+  }
+  void section(const std::string& field, const BeamSection& s) const {
+    positive(field + ".area", s.area, "m^2");
+    positive(field + ".Iy", s.Iy, "m^4");
+    positive(field + ".Iz", s.Iz, "m^4");
+    positive(field + ".J", s.J, "m^4");
+    at_least(field + ".shear_y", s.shear_y, 0.0);
+    at_least(field + ".shear_z", s.shear_z, 0.0);
+  }
+};
+
+/// Adds the lumped masses to the finished mesh (nodes and elements known, so the nearest node can be looked up).
+FeModel with_masses(FeBuilder& builder, const std::vector<PointMass>& masses, std::vector<int> root,
+                    std::string description, const Located& at) {
+  for (std::size_t i = 0; i < masses.size(); ++i) {
+    const std::string field = fmt::format("masses[{}]", i);
+    const PointMass& m = masses[i];
+    Checks{at}.positive(field + ".mass", m.mass, "kg");
+    const int node = builder.mesh().find_node(m.position);
+    if (node < 0)
+      refuse(at, field + ".position", Code::fe_model, "a point within one element of the mesh",
+             fmt::format("({}, {}, {}) m", m.position.x(), m.position.y(), m.position.z()));
+    builder.add_mass(node, m.mass, m.inertia);
+  }
+  return builder.finish(std::move(root), std::move(description));
+}
+
+}  // namespace
+
+FeModel beam_mesh(const BeamModel& beam, const std::vector<PointMass>& masses, const Located& at) {
+  const Checks check{at};
+  check.positive("length", beam.length, "m");
+  check.material("material", beam.material);
+  check.section("section", beam.section);
+  check.at_least("elements", beam.elements, 1);
+
+  FeBuilder builder;
+  for (int i = 0; i <= beam.elements; ++i) builder.add_node({beam.length * i / beam.elements, 0, 0});
+  for (int i = 0; i < beam.elements; ++i)
+    add_beam(builder, i, i + 1, Vector3d::UnitY(), beam.material, beam.section, beam.rotary_inertia);
+  return with_masses(
+      builder, masses, {0},
+      fmt::format("beam {} m, {} elements, {} dofs", beam.length, beam.elements, 6 * (beam.elements + 1)), at);
+}
+
+FeModel plate_mesh(const PlateModel& plate, const std::vector<PointMass>& masses, const Located& at) {
+  const Checks check{at};
+  check.positive("length", plate.length, "m");
+  check.positive("width", plate.width, "m");
+  check.at_least("elements_x", plate.elements_x, 1);
+  check.at_least("elements_y", plate.elements_y, 1);
+  if (plate.elements_y % 2 != 0)
+    refuse(at, "elements_y", Code::out_of_range, "an even number: the root is at mid-width",
+           fmt::format("{}", plate.elements_y));
+  if (const auto* solid = std::get_if<SolidPanel>(&plate.panel)) {
+    check.material("panel.material", solid->material);
+    check.positive("panel.thickness", solid->thickness, "m");
+  } else {
+    const auto& sandwich = std::get<SandwichPanel>(plate.panel);
+    check.material("panel.face", sandwich.face);
+    check.positive("panel.face_thickness", sandwich.face_thickness, "m");
+    check.at_least("panel.core_thickness", sandwich.core_thickness, 0.0);
+    check.at_least("panel.core_density", sandwich.core_density, 0.0);
+    check.at_least("panel.added_mass", sandwich.added_mass, 0.0);
+  }
+  const Yoke& yoke = plate.yoke;
+  check.at_least("yoke.length", yoke.length, 0.0);
+
+  FeBuilder builder;
+  const int root = yoke.length > 0 ? builder.add_node(Vector3d::Zero()) : plate.elements_y / 2;
+  const PlateSection section =
+      std::visit([&](const auto& panel) { return plate_section(panel, plate.rotary_inertia); }, plate.panel);
+  const std::vector<int> edge =
+      add_plate(builder, yoke.length, plate.length, plate.width, plate.elements_x, plate.elements_y, section);
+  std::string description =
+      fmt::format("plate {} x {} m, {} x {} elements", plate.length, plate.width, plate.elements_x, plate.elements_y);
+  if (yoke.length > 0) {
+    check.material("yoke.material", yoke.material);
+    check.section("yoke.section", yoke.section);
+    if (!(yoke.spread >= 0.0 && yoke.spread <= plate.width))
+      refuse(at, "yoke.spread", Code::out_of_range, fmt::format("0 ... {} m, the width of the plate", plate.width),
+             fmt::format("{} m", yoke.spread));
+    const auto beam = [&](int from, int to) {
+      const Vector3d y_axis = Vector3d::UnitZ().cross(builder.node(to) - builder.node(from));
+      add_beam(builder, from, to, y_axis, yoke.material, yoke.section, plate.rotary_inertia);
+    };
+    for (std::size_t i = 0; i + 1 < edge.size(); ++i) beam(edge[i], edge[i + 1]);
+    const int half = plate.elements_y / 2;
+    const int offset = static_cast<int>(std::lround(0.5 * yoke.spread / plate.width * plate.elements_y));
+    const auto arm = [&](int to) {
+      int from = root;
+      for (int i = 1; i < kYokeElements; ++i) {
+        const int next = builder.add_node(builder.node(to) * (static_cast<double>(i) / kYokeElements));
+        beam(from, next);
+        from = next;
+      }
+      beam(from, to);
+    };
+    arm(edge[half - offset]);
+    if (offset > 0) arm(edge[half + offset]);
+    description += fmt::format(", yoke {} m", yoke.length);
+  }
+  description += fmt::format(", {} dofs", builder.mesh().n_dofs());
+  return with_masses(builder, masses, yoke.length > 0 ? std::vector<int>{root} : edge, std::move(description), at);
+}
+
+}  // namespace cardan

@@ -1,0 +1,30 @@
+#pragma once
+// Inertia invariants of a body from masses that move with its modes (docs/mathematics/modes.md, section 3).
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "core/spatial/modal_data.hpp"
+
+namespace cardan {
+
+/// n mass points and their m mode shapes, body axes; row = point, column = mode. A consistent-mass finite-element model
+/// is such a set as well: its points are the integration points of its mass matrix, its shapes the interpolated modes
+/// there.
+struct MassField {
+  Eigen::VectorXd mass;                  // n [kg]
+  Eigen::Matrix3Xd position;             // 3 x n [m]
+  std::vector<Eigen::Matrix3d> inertia;  // n [kg m^2] about the point; empty: none
+  Eigen::MatrixXd Phi[3], Psi[3];        // n x m each: x, y, z of translation and rotation; Psi unused without inertia
+};
+
+/// I1 ... I9 and the first-order rotary terms, as exact sums over the points.
+ModalIntegrals modal_integrals(const MassField& field);
+
+/// A body given by lumped masses and modes, as it stands. C may be empty (none). Shapes of zero size count as zero.
+/// Throws InputError C0321 when sizes do not fit, a mass is not positive or K, C are not symmetric positive
+/// (semi)definite; C0322 when K has a zero eigenvalue (a rigid-body mode duplicates the floating frame).
+ModalData lumped_modal_data(std::vector<MassNode> mass_nodes, Eigen::MatrixXd K, Eigen::MatrixXd C,
+                            std::vector<ModalNode> nodes);
+
+}  // namespace cardan

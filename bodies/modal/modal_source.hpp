@@ -1,0 +1,130 @@
+#pragma once
+// The one door to the modes of a flexible body: a plain description in SI, and the modal data made from it. It runs
+// before compile, never in a step. Axes and origin are those of the body frame B; see docs/mathematics/modes.md.
+#include <Eigen/Core>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "core/base/diagnostic.hpp"
+#include "core/spatial/modal_data.hpp"
+
+namespace cardan {
+
+struct Material {
+  double E = 0.0;    // [Pa] Young's modulus, > 0
+  double nu = 0.3;   // [-] Poisson's ratio, -1 < nu < 0.5; the shear modulus is E / (2 (1 + nu))
+  double rho = 0.0;  // [kg/m^3] density, >= 0
+};
+
+/// A beam's cross-section; y and z are its principal axes through the centroid.
+struct BeamSection {
+  double area = 0.0;     // [m^2]
+  double Iy = 0.0;       // [m^4] second moment for bending in the x-z plane: integral of z^2
+  double Iz = 0.0;       // [m^4] second moment for bending in the x-y plane: integral of y^2
+  double J = 0.0;        // [m^4] torsion constant
+  double shear_y = 0.0;  // [-] shear area over area for shear along y; 0: no shear deformation (Euler-Bernoulli)
+  double shear_z = 0.0;  // [-] the same along z
+};
+BeamSection rectangle_section(double width_y, double height_z, bool shear = false);  // [m], full; shear factor 5/6
+BeamSection tube_section(double outer_radius, double wall, bool shear = false);  // [m], round; Cowper (1966), nu = 0.3
+
+/// A mass rigidly fixed to the nearest node of the mesh, which has to lie within one element of `position`.
+struct PointMass {
+  double mass = 0.0;                                   // [kg]
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // [m]
+  Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();   // [kg m^2] about the node, body axes
+};
+
+/// Straight beam from the origin along +x; section axes y, z are those of B.
+struct BeamModel {
+  double length = 0.0;  // [m]
+  Material material;
+  BeamSection section;
+  int elements = 40;
+  bool rotary_inertia = true;  // of the sections about y and z; that about x is always there
+};
+
+/// Solid plate of one isotropic material.
+struct SolidPanel {
+  Material material;
+  double thickness = 0.0;  // [m]
+};
+
+/// Two equal face sheets on a core that carries shear only (rigidly) and adds mass.
+struct SandwichPanel {
+  Material face;
+  double face_thickness = 0.0;  // [m] of one sheet
+  double core_thickness = 0.0;  // [m] between the sheets
+  double core_density = 0.0;    // [kg/m^3]
+  double added_mass = 0.0;      // [kg/m^2] cells, wiring, glue, on the mid-plane
+};
+
+/// Two beams from the origin to the inner edge of a plate (at y = -spread/2 and +spread/2, x = length), and one along
+/// it.
+struct Yoke {
+  double length = 0.0;  // [m] along x, from the origin to the plate; 0: no yoke
+  double spread = 0.0;  // [m] distance of the two fixing points on the plate, at most its width
+  Material material;
+  BeamSection section;  // z along the plate's normal
+};
+
+/// Flat rectangular plate in the x-y plane, normal z, symmetric about the x axis: yoke.length <= x <= yoke.length +
+/// length, |y| <= width / 2. Without a yoke the whole edge x = 0 is the root.
+struct PlateModel {
+  double length = 0.0, width = 0.0;  // [m] along x, along y
+  std::variant<SolidPanel, SandwichPanel> panel;
+  int elements_x = 40, elements_y = 8;
+  bool rotary_inertia = true;
+  Yoke yoke;
+};
+
+/// Ready-made modes on lumped masses: nothing is solved and nothing chosen.
+struct LumpedModel {
+  std::vector<MassNode> mass_nodes;
+  Eigen::MatrixXd K, C;  // m x m
+  std::vector<ModalNode> nodes;
+};
+
+/// A file written by write_modal_file().
+struct FileModel {
+  std::string path;
+};
+
+/// A node of the result, at the mesh node nearest to `position` (within one element). "root", at the origin, is always
+/// there.
+struct NamedPoint {
+  std::string name;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // [m]
+  bool interface = false;                              // Boundary::craig_bampton: an outboard hinge attaches here
+};
+
+enum class Boundary {
+  cantilever,     // the root is held: Phi = Psi = 0 there, so B = P
+  free,           // nothing is held; the six rigid-body modes are removed (mean axes: I3 = 0, I4 = 0)
+  craig_bampton,  // the root and the interface points are held, and each interface dof adds a constraint mode
+};
+
+/// Which modes are kept. All limits given apply together; at least one must be given. Constraint modes are always kept.
+struct ModeChoice {
+  int count = 0;                // at most this many normal modes, the lowest; 0: no limit
+  double max_frequency = 0.0;   // [Hz] none above; 0: no limit
+  double effective_mass = 0.0;  // of those left, the fewest that reach this share (0 ... 1) of the effective mass of
+                                // all computed modes in each of the six directions; 0: all are kept
+};
+
+struct ModalSource {
+  std::variant<BeamModel, PlateModel, LumpedModel, FileModel> model;
+  Boundary boundary = Boundary::cantilever;  // this and what follows: beam and plate only
+  ModeChoice modes;
+  std::vector<double> damping = {0.005};  // [-] modal damping ratio: one for all, or one for each kept mode
+  std::vector<NamedPoint> points;
+  std::vector<PointMass> masses;
+  Located at;  // where errors point to; field names are appended to its key path
+};
+
+/// Assembles, solves, chooses, integrates. Throws InputError: C0321 bad_modal_data, C0322 rigid_body_mode, C0323
+/// fe_model. The result is a function of `source` alone, bit for bit.
+ModalData make_modal_data(const ModalSource& source);
+
+}  // namespace cardan

@@ -1,0 +1,45 @@
+#include "core/dynamics/forward.hpp"
+
+#include <fmt/format.h>
+
+namespace cardan {
+
+bool forward_dynamics(const Model& model, Workspace& ws, const Inputs& in, double* vdot) {
+  using S = soa::Sweeps<double>;
+  S::ground(model, ws, in);
+  for (const Op& op : model.program) {
+    switch (op.kernel) {
+      case Kernel::hinge_records: S::hinge_records(model, ws, in); break;
+      case Kernel::outward: {
+        const Run& run = model.runs[static_cast<std::size_t>(op.run)];
+        S::outward(model, ws, in, run, is_general(run.kind) && model.has_prescribed(), true);
+        break;
+      }
+      case Kernel::elastic: S::elastic(model, ws, in); break;
+      case Kernel::world: S::world(model, ws, in); break;
+      case Kernel::central_gravity: S::central_gravity(model, ws, in); break;
+      case Kernel::node_wrenches: S::node_wrenches(model, ws, in); break;
+      case Kernel::inward: S::inward(model, ws, in, model.runs[static_cast<std::size_t>(op.run)], {}); break;
+      case Kernel::acceleration: S::acceleration(model, ws, in, model.runs[static_cast<std::size_t>(op.run)], vdot); break;
+    }
+    if (ws.breakdown.body != 0) return false;
+  }
+  return true;
+}
+
+RunFailure describe_breakdown(const Model& model, const soa::Breakdown& bad, double t) {
+  RunFailure f{Code::singular_hinge, t, "", "", "", "", ""};
+  for (const auto& u : model.user) {
+    if (u.sweep != bad.body || u.merged) continue;
+    f.body = u.name;
+    f.hinge = u.name + "." + u.hinge_type;
+    const bool mode = bad.component < 0;
+    if (mode) f.code = Code::singular_mass;
+    const std::string direction = mode ? "its modes" : u.v_names[static_cast<std::size_t>(bad.component)];
+    f.what = fmt::format("{} = {:.3g}, limit {:.3g}, direction: {}", mode ? "modal inertia" : "D", bad.value, bad.limit, direction);
+  }
+  f.hint = "a body without mass or inertia in that direction, or a value that is not finite; see docs/errors.md";
+  return f;
+}
+
+}  // namespace cardan

@@ -1,0 +1,147 @@
+#include "core/dynamics/inverse.hpp"
+
+#include <algorithm>
+
+namespace cardan {
+
+void inverse_dynamics(const Model& model, Workspace& ws, const Inputs& in, double* tau, InverseTerms terms) {
+  using S = soa::Sweeps<double>;
+  Inputs use = in;
+  use.gravity = in.gravity && terms.gravity;
+  S::ground(model, ws, use);
+  S::hinge_records(model, ws, use);
+  for (const Run& run : model.runs) S::outward(model, ws, use, run, in.vdot != nullptr, terms.velocity);
+  if (terms.elastic) S::elastic(model, ws, use);
+  if ((use.gravity && model.gravity.kind == GravitySpec::Kind::central) ||
+      std::ranges::any_of(in.wrenches, [](const NodeWrench& w) { return w.world_axes; })) {
+    ws.require_world();
+    S::world(model, ws, use);
+  }
+  if (model.gravity.kind == GravitySpec::Kind::central) S::central_gravity(model, ws, use);
+  S::node_wrenches(model, ws, use);
+  for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S::gather(model, ws, *run, tau);
+}
+
+Eigen::VectorXd gravity_force(const Model& model, Workspace& ws, const double* q) {
+  Eigen::VectorXd tau(model.nv);
+  const Eigen::VectorXd v = Eigen::VectorXd::Zero(model.nv);
+  inverse_dynamics(model, ws, {.q = q, .v = v.data()}, tau.data(), {.velocity = false, .gravity = true, .elastic = false});
+  return -tau;
+}
+
+Eigen::VectorXd bias_force(const Model& model, Workspace& ws, const double* q, const double* v) {
+  Eigen::VectorXd tau(model.nv);
+  inverse_dynamics(model, ws, {.q = q, .v = v}, tau.data(), {.velocity = true, .gravity = false, .elastic = false});
+  return tau;
+}
+
+Eigen::VectorXd elastic_force(const Model& model, const double* q, const double* v) {
+  Eigen::VectorXd tau = Eigen::VectorXd::Zero(model.nv);
+  for (const auto& u : model.user) {
+    if (u.n_modes == 0) continue;
+    const ModalData& d = *model.flexible[static_cast<std::size_t>(model.bodies[static_cast<std::size_t>(u.sweep)].flexible)].data;
+    auto part = tau.segment(u.etadot, u.n_modes);
+    if (d.K.size() > 0) part -= d.K * Eigen::Map<const Eigen::VectorXd>(q + u.eta, u.n_modes);
+    if (d.C.size() > 0) part -= d.C * Eigen::Map<const Eigen::VectorXd>(v + u.etadot, u.n_modes);
+  }
+  return tau;
+}
+
+Eigen::VectorXd external_force(const Model& model, Workspace& ws, const double* q, std::span<const NodeWrench> wrenches) {
+  Eigen::VectorXd tau(model.nv);
+  const Eigen::VectorXd v = Eigen::VectorXd::Zero(model.nv);
+  inverse_dynamics(model, ws, {.q = q, .v = v.data(), .wrenches = wrenches}, tau.data(),
+                   {.velocity = false, .gravity = false, .elastic = false});
+  return -tau;
+}
+
+namespace {
+
+using Matrix6X = Eigen::Matrix<double, 6, Eigen::Dynamic>;
+
+/// First six rows of Phi*(p, k): [X, A] (6 x (6 + mp)).
+Matrix6X phi_star_rows(const Model& model, const Workspace& ws, int k) {
+  const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+  Matrix6X rows(6, 6 + b.n_parent_modes);
+  for (int j = 0; j < 6; ++j) {
+    double e[6] = {};
+    e[j] = 1.0;
+    rows.col(j) = to_eigen(to_outboard(ws.core(k).X, motion(e)));
+  }
+  if (b.n_parent_modes > 0) rows.rightCols(b.n_parent_modes) = Eigen::Map<const Matrix6X>(ws.modal_of(k)->A, 6, b.n_parent_modes);
+  return rows;
+}
+
+}  // namespace
+
+Eigen::MatrixXd mass_matrix(const Model& model, Workspace& ws, const double* q) {
+  using S = soa::Sweeps<double>;
+  const Eigen::VectorXd v = Eigen::VectorXd::Zero(model.nv);
+  const Inputs in{.q = q, .v = v.data(), .gravity = false};
+  S::ground(model, ws, in);
+  S::hinge_records(model, ws, in);
+  for (const Run& run : model.runs) S::outward(model, ws, in, run, false, false);
+
+  const int n = static_cast<int>(model.bodies.size());
+  std::vector<Eigen::MatrixXd> R(static_cast<std::size_t>(n));  // composite inertia, (6 + m) square
+  std::vector<Matrix6X> A(static_cast<std::size_t>(n));
+  for (int k = 1; k < n; ++k) {
+    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    Eigen::MatrixXd& M = R[static_cast<std::size_t>(k)];
+    M.setZero(6 + b.n_modes, 6 + b.n_modes);
+    M.topLeftCorner<6, 6>() = to_eigen(ws.core(k).P);
+    if (b.n_modes > 0) {
+      const auto& modal = *ws.modal_of(k);
+      const double* M_ee = modal.P_ee ? modal.P_ee : model.flexible[static_cast<std::size_t>(b.flexible)].M_ee.data();
+      M.topRightCorner(6, b.n_modes) = Eigen::Map<const Matrix6X>(modal.P_re, 6, b.n_modes);
+      M.bottomLeftCorner(b.n_modes, 6) = M.topRightCorner(6, b.n_modes).transpose();
+      M.bottomRightCorner(b.n_modes, b.n_modes) = Eigen::Map<const Eigen::MatrixXd>(M_ee, b.n_modes, b.n_modes);
+    }
+    A[static_cast<std::size_t>(k)] = phi_star_rows(model, ws, k);
+  }
+  const auto H_star = [&](int k) {  // (6 + m) x (nv + m) of mathematics 3.8
+    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(6 + b.n_modes, b.nv + b.n_modes);
+    for (int j = 0; j < b.nv; ++j) H.col(j).head<6>() = to_eigen(ws.H(k)[j]);
+    if (b.n_modes > 0) {
+      if (const double* C = ws.modal_of(k)->C) H.topRightCorner(6, b.n_modes) = -Eigen::Map<const Matrix6X>(C, 6, b.n_modes);
+      H.bottomRightCorner(b.n_modes, b.n_modes).setIdentity();
+    }
+    return H;
+  };
+  // Columns of a block in the user's v: hinge then modes of one body stand side by side.
+  Eigen::MatrixXd mass = Eigen::MatrixXd::Zero(model.nv, model.nv);
+  const auto place = [&](int j, int k, const Eigen::MatrixXd& block) {
+    const SweepBody &bj = model.bodies[static_cast<std::size_t>(j)], &bk = model.bodies[static_cast<std::size_t>(k)];
+    const auto index = [](const SweepBody& b, Eigen::Index i) { return i < b.nv ? b.v + i : b.etadot + i - b.nv; };
+    for (Eigen::Index r = 0; r < block.rows(); ++r)
+      for (Eigen::Index c = 0; c < block.cols(); ++c) {
+        mass(index(bj, r), index(bk, c)) = block(r, c);
+        mass(index(bk, c), index(bj, r)) = block(r, c);
+      }
+  };
+  for (int k = n - 1; k >= 1; --k) {
+    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    const auto& Rk = R[static_cast<std::size_t>(k)];
+    if (b.parent > 0) {
+      const auto& Ak = A[static_cast<std::size_t>(k)];
+      const Eigen::Index size = Ak.cols();
+      Eigen::MatrixXd& Rp = R[static_cast<std::size_t>(b.parent)];
+      Rp.topLeftCorner(size, size) += Ak.transpose() * Rk.topLeftCorner<6, 6>() * Ak;  // size < 6 + m when O does not deform
+    }
+    const Eigen::MatrixXd H = H_star(k);
+    Eigen::MatrixXd X = Rk * H;
+    place(k, k, H.transpose() * X);
+    for (int j = k; model.bodies[static_cast<std::size_t>(j)].parent > 0;) {
+      const int p = model.bodies[static_cast<std::size_t>(j)].parent;
+      const Eigen::MatrixXd up = A[static_cast<std::size_t>(j)].transpose() * X.topRows<6>();
+      X = Eigen::MatrixXd::Zero(6 + model.bodies[static_cast<std::size_t>(p)].n_modes, H.cols());
+      X.topRows(up.rows()) = up;
+      j = p;
+      place(j, k, H_star(j).transpose() * X);
+    }
+  }
+  return mass;
+}
+
+}  // namespace cardan

@@ -1,0 +1,31 @@
+#pragma once
+// Inverse dynamics (Newton-Euler in operator form, mathematics 4.2) and what follows from it.
+#include <Eigen/Core>
+
+#include "core/dynamics/forward.hpp"
+
+namespace cardan {
+
+/// What enters the forces of inverse dynamics.
+struct InverseTerms {
+  bool velocity = true;  // bias C(q, v)
+  bool gravity = true;
+  bool elastic = true;   // K eta + C eta' of the modes
+};
+
+/// tau = M v' + C - gravity - elastic - external, nv numbers, with v' = in.vdot (null = 0). Hinge springs are not part of it.
+void inverse_dynamics(const Model& model, Workspace& workspace, const Inputs& in, double* tau, InverseTerms terms = {});
+
+/// Mass matrix M = H phi M phi* H*, nv x nv, by the composite body inertia (Lyapunov recursion, 4.3), O(N^2).
+Eigen::MatrixXd mass_matrix(const Model& model, Workspace& workspace, const double* q);
+
+/// Generalised gravity force (right-hand side), nv.
+Eigen::VectorXd gravity_force(const Model& model, Workspace& workspace, const double* q);
+/// Velocity terms C(q, v) (left-hand side), nv.
+Eigen::VectorXd bias_force(const Model& model, Workspace& workspace, const double* q, const double* v);
+/// -K eta - C eta' in the modal entries, nv.
+Eigen::VectorXd elastic_force(const Model& model, const double* q, const double* v);
+/// Generalised force of node wrenches (right-hand side), nv.
+Eigen::VectorXd external_force(const Model& model, Workspace& workspace, const double* q, std::span<const NodeWrench> wrenches);
+
+}  // namespace cardan

@@ -1,0 +1,285 @@
+#include "core/dynamics/observe.hpp"
+
+#include <Eigen/Geometry>
+
+#include "core/dynamics/inverse.hpp"
+#include "core/soa/gravity_field.hpp"
+
+namespace cardan {
+namespace {
+using soa::DeformedNode;
+using soa::force_column;
+using soa::motion_column;
+
+DeformedNode<double> deformed(const Model& model, const UserNode& node, const Inputs& in) {
+  DeformedNode<double> at{};
+  at.R = node.shapes.pose.R;
+  at.rho = node.shapes.pose.p;
+  if (node.shapes.deforms()) {
+    const SweepBody& b = model.bodies[static_cast<std::size_t>(model.user[static_cast<std::size_t>(node.body)].sweep)];
+    soa::deform<double>(node.shapes, in.q + b.eta, in.v + b.etadot, at);
+  }
+  return at;
+}
+}  // namespace
+
+Observer::Observer(const Model& model, Workspace& workspace) : model_(model), ws_(workspace) {
+  ws_.require_world();
+  if (model.has_prescribed()) {
+    inverse_ = std::make_unique<Workspace>(model);
+    all_tau_.resize(static_cast<std::size_t>(model.nv));
+    prescribed_tau_.resize(static_cast<std::size_t>(model.nv));
+  }
+  inertia_.resize(model.bodies.size());
+  M_re_.resize(model.bodies.size());
+  M_ee_.resize(model.bodies.size());
+  for (std::size_t k = 1; k < model.bodies.size(); ++k) {
+    const SweepBody& b = model.bodies[k];
+    inertia_[k] = b.M;
+    if (b.n_modes == 0) continue;
+    M_re_[k] = model.flexible[static_cast<std::size_t>(b.flexible)].M_re;
+    M_ee_[k] = model.flexible[static_cast<std::size_t>(b.flexible)].M_ee;
+  }
+}
+
+void Observer::update(const Inputs& in, const double* vdot) {
+  in_ = in;
+  vdot_ = vdot;
+  soa::Sweeps<double>::world(model_, ws_, in);
+  for (std::size_t k = 1; k < model_.bodies.size(); ++k) {
+    const SweepBody& b = model_.bodies[k];
+    if (b.n_modes == 0) continue;
+    const FlexibleBody& f = model_.flexible[static_cast<std::size_t>(b.flexible)];
+    double M[10];
+    f.family->mass(f.packed.data(), in.q + b.eta, M, f.M_re_constant ? nullptr : M_re_[k].data(), f.M_ee_constant ? nullptr : M_ee_[k].data());
+    inertia_[k] = {M[0], {M[1], M[2], M[3]}, {M[4], M[5], M[6], M[7], M[8], M[9]}};
+  }
+}
+
+Pose<double> Observer::body_pose(int i) const {
+  const UserBody& u = model_.user[static_cast<std::size_t>(i)];
+  return ws_.pose_W(u.sweep) * u.pose;
+}
+
+NodeState Observer::node(int index) const {
+  const UserNode& node = model_.nodes[static_cast<std::size_t>(index)];
+  const int k = model_.user[static_cast<std::size_t>(node.body)].sweep;
+  const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
+  const DeformedNode<double> at = deformed(model_, node, in_);
+  const Pose<double>& W = ws_.pose_W(k);
+  NodeState s;
+  s.R_WN = to_eigen(W.R * at.R);
+  s.position = to_eigen(W.p + W.R * at.rho);
+  const Motion<double>& V = ws_.V(k);
+  const Motion<double> velocity{V.w + at.rate.w, V.v + cross(V.w, at.rho) + at.rate.v};
+  s.velocity = to_eigen(Motion<double>{transpose_times(at.R, velocity.w), transpose_times(at.R, velocity.v)});
+  if (!vdot_) return s;
+  const soa::Core<double>& core = ws_.core(k);
+  const Motion<double> gamma = core.gamma + core.delta;
+  Motion<double> a{gamma.w, gamma.v + cross(gamma.w, at.rho)};
+  if (node.shapes.deforms())
+    for (int j = 0; j < b.n_modes; ++j) a += vdot_[b.etadot + j] * soa::node_column(node.shapes, at, j);
+  a.w += cross(V.w, at.rate.w) + at.bias.w;
+  a.v += cross(V.w, cross(V.w, at.rho)) + 2.0 * cross(V.w, at.rate.v);
+  const Motion<double> in_node{transpose_times(at.R, a.w), transpose_times(at.R, a.v)};
+  s.specific_force = to_eigen(in_node.v);
+  s.acceleration = to_eigen(in_node);
+  if (in_.gravity && model_.gravity.kind == GravitySpec::Kind::uniform) {
+    if (k == 0) s.acceleration.tail<3>().setZero();  // the ground stands still
+    else s.acceleration.tail<3>() += s.R_WN.transpose() * model_.gravity.g;
+  }
+  return s;
+}
+
+Energy Observer::energy() const {
+  Energy e;
+  const auto add = [&](double& term, double value) {
+    term += value;
+    e.magnitude += std::abs(value);
+  };
+  for (int k = 1; k < static_cast<int>(model_.bodies.size()); ++k) {
+    const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
+    const RigidInertia<double>& M = inertia_[static_cast<std::size_t>(k)];
+    const Motion<double>& V = ws_.V(k);
+    double T = 0.5 * dot(V, M * V);
+    if (b.n_modes > 0) {
+      const double* rate = in_.v + b.etadot;
+      const auto n = b.n_modes;
+      for (int j = 0; j < n; ++j) {
+        T += rate[j] * dot(V, force_column(M_re_[static_cast<std::size_t>(k)].data(), j));
+        for (int i = 0; i < n; ++i) T += 0.5 * rate[j] * rate[i] * M_ee_[static_cast<std::size_t>(k)][static_cast<std::size_t>(n * j + i)];
+      }
+      const FlexibleBody& f = model_.flexible[static_cast<std::size_t>(b.flexible)];
+      const double* eta = in_.q + b.eta;
+      double U = 0.0;
+      if (f.K_diagonal)
+        for (int j = 0; j < n; ++j) U += 0.5 * f.K[static_cast<std::size_t>(j)] * eta[j] * eta[j];
+      else
+        for (int j = 0; j < n; ++j)
+          for (int i = 0; i < n; ++i) U += 0.5 * f.K[static_cast<std::size_t>(n * j + i)] * eta[j] * eta[i];
+      add(e.modal, U);
+    }
+    add(e.kinetic, T);
+    if (!in_.gravity || M.m <= 0) continue;
+    if (model_.gravity.kind == GravitySpec::Kind::uniform) {
+      const Vec3<double> first = M.m * ws_.pose_W(k).p + ws_.pose_W(k).R * M.h;  // m x_com
+      add(e.gravity, -model_.gravity.g.dot(to_eigen(first)));
+    } else if (model_.gravity.kind == GravitySpec::Kind::central) {
+      add(e.gravity, soa::potential(model_.gravity, M, ws_.pose_W(k)));
+    }
+  }
+  for (const Spring& s : model_.springs) add(e.springs, 0.5 * s.stiffness * (in_.q[s.q] - s.rest) * (in_.q[s.q] - s.rest));
+  return e;
+}
+
+Momentum Observer::momentum() const {
+  Momentum m;
+  for (int k = 1; k < static_cast<int>(model_.bodies.size()); ++k) {
+    const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
+    const RigidInertia<double>& M = inertia_[static_cast<std::size_t>(k)];
+    Force<double> h = M * ws_.V(k);
+    for (int j = 0; j < b.n_modes; ++j) h += in_.v[b.etadot + j] * force_column(M_re_[static_cast<std::size_t>(k)].data(), j);
+    const Force<double> in_W = to_inboard(ws_.pose_W(k), h);
+    const Eigen::Vector3d linear = to_eigen(in_W.f), angular = to_eigen(in_W.n);
+    m.linear += linear;
+    m.angular += angular;
+    m.linear_magnitude += linear.norm();
+    m.angular_magnitude += angular.norm();
+    m.mass += M.m;
+    m.com += to_eigen(M.m * ws_.pose_W(k).p + ws_.pose_W(k).R * M.h);
+  }
+  if (m.mass > 0) m.com /= m.mass;
+  return m;
+}
+
+// f = P delta + z; with modes f = P_rr (delta + C eta'') + P_re' eta'' + z (the parts caused by v'; 4.10).
+Force<double> Observer::wrench_on_sweep_body(int k) const {
+  const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
+  const soa::Core<double>& core = ws_.core(k);
+  Motion<double> delta = core.delta;
+  Force<double> f = core.z;
+  if (b.n_modes > 0) {
+    const soa::Modal<double>& modal = *ws_.modal_of(k);
+    for (int j = 0; j < b.n_modes; ++j) {
+      f += modal.accel[j] * force_column(modal.P_re, j);
+      if (modal.C) delta += modal.accel[j] * motion_column(modal.C, j);
+    }
+  }
+  return f + core.P * delta;
+}
+
+// The wrench that a body receives through its inboard hinge, referred to the sweep frame that carries it.
+Force<double> Observer::wrench_in_host(int i) const {
+  const UserBody& u = model_.user[static_cast<std::size_t>(i)];
+  if (!u.merged) return wrench_on_sweep_body(u.sweep);
+  const soa::Core<double>& host = ws_.core(u.sweep);
+  const Motion<double> gamma = host.gamma + host.delta;
+  const RigidInertia<double> M = to_inboard(u.pose, u.M);
+  Force<double> f = M * gamma + gyroscopic(M, host.w);
+  if (in_.gravity && model_.gravity.kind == GravitySpec::Kind::central && M.m > 0) {
+    Vec3<double> c, r;
+    f -= soa::attraction(model_.gravity, M, ws_.pose_W(u.sweep), c, r);
+  }
+  for (const NodeWrench& load : in_.wrenches) {
+    const UserNode& node = model_.nodes[static_cast<std::size_t>(load.node)];
+    if (node.body != i) continue;
+    const Pose<double>& N = node.shapes.pose;
+    const Force<double> at_node = load.world_axes ? Force<double>{transpose_times(ws_.pose_W(u.sweep).R, load.f.n), transpose_times(ws_.pose_W(u.sweep).R, load.f.f)}
+                                                  : Force<double>{N.R * load.f.n, N.R * load.f.f};
+    f -= Force<double>{at_node.n + cross(N.p, at_node.f), at_node.f};
+  }
+  for (std::size_t c = 0; c < model_.user.size(); ++c) {
+    const UserBody& child = model_.user[c];
+    if (child.parent != i) continue;
+    const Force<double> through = wrench_in_host(static_cast<int>(c));
+    f += child.merged ? through : to_inboard(ws_.core(child.sweep).X, through);
+  }
+  return f;
+}
+
+Force<double> Observer::hinge_wrench(int i) const {
+  const UserBody& u = model_.user[static_cast<std::size_t>(i)];
+  const Force<double> f = wrench_in_host(i);
+  const SweepBody& b = model_.bodies[static_cast<std::size_t>(u.sweep)];
+  Pose<double> P = u.pose * u.pnode;
+  if (!u.merged && b.pnode >= 0) {
+    const NodeShapes& shapes = model_.shapes[static_cast<std::size_t>(b.pnode)];
+    P = shapes.pose;
+    if (shapes.deforms()) {
+      DeformedNode<double> at{};
+      soa::deform<double>(shapes, in_.q + b.eta, in_.v + b.etadot, at);
+      P = {at.R, at.rho};
+    }
+  }
+  return to_outboard(P, f);
+}
+
+void Observer::prescribed_forces(double* tau) const {
+  for (int i = 0; i < model_.nv; ++i) tau[i] = 0.0;
+  if (!model_.has_prescribed()) return;
+  Inputs in = in_;
+  in.vdot = vdot_;
+  inverse_dynamics(model_, *inverse_, in, all_tau_.data());
+  for (int i = 0; i < model_.nv; ++i)
+    if (model_.prescribed[static_cast<std::size_t>(i)]) tau[i] = all_tau_[static_cast<std::size_t>(i)];
+}
+
+ExternalLoads Observer::external() const {
+  ExternalLoads e;
+  const auto add = [&](const Force<double>& in_W) {
+    e.force += to_eigen(in_W.f);
+    e.moment += to_eigen(in_W.n);
+  };
+  for (int k = 1; k < static_cast<int>(model_.bodies.size()); ++k) {
+    const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
+    const Pose<double>& W = ws_.pose_W(k);
+    const RigidInertia<double>& M = inertia_[static_cast<std::size_t>(k)];
+    if (b.parent == 0) add(to_inboard(W, wrench_on_sweep_body(k)));
+    if (!in_.gravity || M.m <= 0) continue;
+    if (model_.gravity.kind == GravitySpec::Kind::uniform) {
+      const Eigen::Vector3d first = to_eigen(M.m * W.p + W.R * M.h);
+      e.force += M.m * model_.gravity.g;
+      e.moment += first.cross(model_.gravity.g);
+    } else if (model_.gravity.kind == GravitySpec::Kind::central) {
+      Vec3<double> c, r;
+      add(to_inboard(W, soa::attraction(model_.gravity, M, W, c, r)));
+    }
+  }
+  for (const NodeWrench& load : in_.wrenches) {
+    const UserNode& node = model_.nodes[static_cast<std::size_t>(load.node)];
+    const int k = model_.user[static_cast<std::size_t>(node.body)].sweep;
+    if (k == 0) continue;
+    const DeformedNode<double> at = deformed(model_, node, in_);
+    const Pose<double> N = ws_.pose_W(k) * Pose<double>{at.R, at.rho};
+    const Force<double> f = load.world_axes ? load.f : Force<double>{N.R * load.f.n, N.R * load.f.f};  // world axes, at the node
+    add({f.n + cross(N.p, f.f), f.f});
+    const Motion<double>& V = ws_.V(k);
+    const Motion<double> at_node{ws_.pose_W(k).R * (V.w + at.rate.w), ws_.pose_W(k).R * (V.v + cross(V.w, at.rho) + at.rate.v)};
+    e.power += dot(at_node, f);
+  }
+  if (in_.tau)
+    for (int i = 0; i < model_.nv; ++i)
+      if (!model_.has_prescribed() || !model_.prescribed[static_cast<std::size_t>(i)]) e.power += in_.tau[i] * in_.v[i];
+  for (const Spring& spring : model_.springs)  // tau holds their forces too; the stored part is in the energy
+    e.power += spring.stiffness * (in_.q[spring.q] - spring.rest) * in_.v[spring.v];
+  if (model_.has_prescribed()) {
+    std::vector<double>& tau = prescribed_tau_;
+    prescribed_forces(tau.data());
+    for (int i = 0; i < model_.nv; ++i) e.power += tau[static_cast<std::size_t>(i)] * in_.v[i];
+  }
+  for (const SweepBody& b : model_.bodies) {  // modal dampers take energy out
+    if (b.n_modes == 0) continue;
+    const FlexibleBody& f = model_.flexible[static_cast<std::size_t>(b.flexible)];
+    const double* rate = in_.v + b.etadot;
+    for (int j = 0; j < b.n_modes; ++j) {
+      if (f.K_diagonal) {
+        e.power -= f.C[static_cast<std::size_t>(j)] * rate[j] * rate[j];
+        continue;
+      }
+      for (int i = 0; i < b.n_modes; ++i) e.power -= f.C[static_cast<std::size_t>(b.n_modes * j + i)] * rate[j] * rate[i];
+    }
+  }
+  return e;
+}
+
+}  // namespace cardan

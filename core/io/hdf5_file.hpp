@@ -1,0 +1,79 @@
+#pragma once
+// The one layer over HDF5: an open file with its groups, attributes and datasets, addressed by path ("/run/time").
+// Arrays are row-major, as in the file (NumPy's order; Octave shows the dimensions reversed).
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace cardan {
+
+template <class T>
+struct Hdf5Array {
+  std::vector<std::size_t> shape;  // empty = one number
+  std::vector<T> values;           // row-major, as many as the product of `shape`
+};
+
+/// Reading throws InputError C0702 with the file, the path inside it and the reason. Writing replaces what stands at the
+/// path, makes missing groups, and throws NumericsError N0204 when the file does not take it (disk full).
+class Hdf5File {
+ public:
+  /// A new file, in place of an old one. Throws InputError C0701 with the reason.
+  static Hdf5File create(const std::string& path);
+  /// An existing file, to read. Throws InputError C0702.
+  static Hdf5File open(const std::string& path);
+
+  Hdf5File(Hdf5File&&) noexcept;
+  Hdf5File& operator=(Hdf5File&&) noexcept;
+  ~Hdf5File();  // closes; `close()` before it tells of errors
+
+  const std::string& file_name() const;
+  void flush();  // what was written so far survives the end of the process, however it ends
+  void close();
+
+  bool has(const std::string& path) const;
+  /// Names of the members of a group, in the order of their creation.
+  std::vector<std::string> members(const std::string& group) const;
+  bool is_group(const std::string& path) const;
+
+  void make_group(const std::string& path);
+  void write(const std::string& path, double value);
+  void write(const std::string& path, std::span<const double> values);  // 1-D
+  void write(const std::string& path, std::span<const double> values, const std::vector<std::size_t>& shape);
+  void write(const std::string& path, std::span<const std::int64_t> values);  // 1-D
+  void write(const std::string& path, const std::string& text);               // UTF-8, of any length
+  void write(const std::string& path, const std::vector<std::string>& texts, const std::vector<std::size_t>& shape);
+
+  Hdf5Array<double> read_doubles(const std::string& path) const;  // any numeric dataset, converted
+  Hdf5Array<std::int64_t> read_integers(const std::string& path) const;
+  std::string read_text(const std::string& path) const;
+  std::vector<std::string> read_texts(const std::string& path) const;  // row-major
+  std::vector<std::size_t> shape(const std::string& path) const;
+
+  /// A dataset that grows along its first dimension, in blocks of `rows_per_block`: `columns` numbers per row, or a 1-D
+  /// dataset when `columns` is 0. Not compressed: a compressed block moves when it grows, and a process killed between two
+  /// flushes then leaves a file that cannot be read.
+  void make_rows(const std::string& path, std::size_t columns, std::size_t rows_per_block);
+  /// Appends whole rows (row-major).
+  void append_rows(const std::string& path, std::span<const double> values);
+
+  /// Attributes of a group or dataset ("/" is the file's root).
+  void set_attribute(const std::string& path, const std::string& name, const std::string& text);
+  void set_attribute(const std::string& path, const std::string& name, const std::vector<std::string>& texts);
+  void set_attribute(const std::string& path, const std::string& name, double value);
+  void set_attribute(const std::string& path, const std::string& name, std::int64_t value);
+  void set_attribute(const std::string& path, const std::string& name, std::span<const std::int64_t> values);
+  bool has_attribute(const std::string& path, const std::string& name) const;
+  std::string text_attribute(const std::string& path, const std::string& name) const;
+  std::vector<std::string> texts_attribute(const std::string& path, const std::string& name) const;
+  double number_attribute(const std::string& path, const std::string& name) const;
+
+ private:
+  struct Impl;
+  explicit Hdf5File(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace cardan

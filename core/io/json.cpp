@@ -1,0 +1,39 @@
+#include "core/io/json.hpp"
+
+#include <cmath>
+
+namespace cardan {
+namespace {
+
+void expect_finite(const Json& value, const std::string& place) {
+  if (value.is_number_float() && !std::isfinite(value.get<double>()))
+    throw NumericsError({Code::not_finite, 0.0, "", "", "result " + place, "", ""});
+  if (value.is_structured())
+    for (const auto& [key, item] : value.items()) expect_finite(item, place + "/" + key);
+}
+
+std::string checked(const Json& value, int indent) {
+  expect_finite(value, "");
+  return value.dump(indent, ' ', false, Json::error_handler_t::replace);
+}
+
+}  // namespace
+
+std::string json_text(const Json& value) { return checked(value, 2) + "\n"; }
+std::string json_line(const Json& value) { return checked(value, -1); }
+
+Json to_json(const Diagnostic& d) {
+  return {{"code", number_of(d.code)}, {"title", d.about.empty() ? title_of(d.code) : d.about},
+          {"file", d.at.mark.file},    {"line", d.at.mark.line},
+          {"column", d.at.mark.column}, {"at", d.at.key_path},
+          {"expected", d.expected},    {"got", d.got},
+          {"hint", d.hint},            {"stack", d.stack}};
+}
+
+Json to_json(const RunFailure& f) {
+  return {{"code", number_of(f.code)}, {"title", title_of(f.code)}, {"t", f.t},
+          {"body", f.body},            {"hinge", f.hinge},          {"what", f.what},
+          {"hint", f.hint},            {"last_good", f.last_good}};
+}
+
+}  // namespace cardan

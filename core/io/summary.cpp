@@ -1,0 +1,38 @@
+#include "core/io/summary.hpp"
+
+#include "core/io/json.hpp"
+
+namespace cardan {
+
+std::string to_json(const Summary& s) {
+  Json checks = Json::array(), pointing = Json::array();
+  for (const auto& c : s.checks)
+    checks.push_back({{"name", c.name},
+                      {"value", c.value},
+                      {"limit", c.limit},
+                      {"verdict", c.pass ? "pass" : "fail"},
+                      {"unit", c.unit},
+                      {"detail", c.detail}});
+  for (const auto& f : s.pointing) pointing.push_back({{"name", f.name}, {"value", f.value}, {"unit", f.unit}});
+  return json_text({{"scenario", s.scenario},
+                    {"checks", checks},
+                    {"ledger",
+                     {{"linear_momentum", s.ledger.linear_momentum},
+                      {"angular_momentum", s.ledger.angular_momentum},
+                      {"energy", s.ledger.energy}}},
+                    {"simulated_s", s.simulated_s},
+                    {"wall_s", s.wall_s},
+                    {"steps", s.steps},
+                    {"rhs_calls", s.rhs_calls},
+                    {"restarts", s.restarts},
+                    {"pointing", pointing},
+                    {"model",
+                     {{"bodies", s.model.bodies},
+                      {"hinges", s.model.hinges},
+                      {"n_q", s.model.n_q},
+                      {"n_v", s.model.n_v},
+                      {"n_modes", s.model.n_modes}}},
+                    {"versions", s.versions}});
+}
+
+}  // namespace cardan

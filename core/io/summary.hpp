@@ -1,0 +1,46 @@
+#pragma once
+// What a run comes to: printed at its end, written to summary.json and shown at the top of the report.
+#include <map>
+#include <string>
+#include <vector>
+
+namespace cardan {
+
+/// An acceptance check of the scenario, or a measured figure with its unit.
+struct Check {
+  std::string name;
+  double value = 0.0, limit = 0.0;
+  bool pass = false;
+  std::string unit, detail;
+};
+struct Figure {
+  std::string name;
+  double value = 0.0;
+  std::string unit;
+};
+
+/// Balances: |residual| over the largest sum of magnitudes over bodies, external impulse and work subtracted [-].
+struct Ledger {
+  double linear_momentum = 0.0, angular_momentum = 0.0, energy = 0.0;
+};
+
+/// Size of the model: counts of bodies, hinges, coordinates q, velocities v, modes.
+struct ModelSize {
+  int bodies = 0, hinges = 0, n_q = 0, n_v = 0, n_modes = 0;
+};
+
+struct Summary {
+  std::string scenario;
+  std::vector<Check> checks;
+  Ledger ledger;
+  double simulated_s = 0.0, wall_s = 0.0;
+  long steps = 0, rhs_calls = 0, restarts = 0;
+  std::vector<Figure> pointing;                 // final error, jitter, settling time; only what was reached
+  ModelSize model;
+  std::map<std::string, std::string> versions;  // program, compiler, libraries
+};
+
+/// The text of summary.json. Throws NumericsError N0108 when a number is not finite.
+std::string to_json(const Summary& summary);
+
+}  // namespace cardan

@@ -1,0 +1,86 @@
+// Comma-separated text: "# " lines about the run, one line of column names with units, then the rows.
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <sstream>
+
+#include "core/base/diagnostic.hpp"
+#include "core/io/recorder.hpp"
+
+namespace cardan {
+namespace {
+
+class TextRecorder final : public Recorder {
+ public:
+  explicit TextRecorder(const std::string& path)
+      : path_(path), out_(path == "-" ? stdout : std::fopen(path.c_str(), "w")) {
+    if (!out_)
+      throw InputError({Code::cannot_write, {"", {path, 0, 0}}, "a file that can be written", std::strerror(errno),
+                        "is the folder there, and may it be written to?", "", "", 0});
+  }
+
+  ~TextRecorder() override {
+    if (out_ && out_ != stdout) std::fclose(out_);
+  }
+
+  void begin(const RunHeader& header, const std::vector<Channel>& channels) override {
+    comment("scenario", header.scenario);
+    comment("version", header.program_version + " " + header.commit);
+    comment("seed", std::to_string(header.seed));
+    std::string names = "t [s]";
+    for (const auto& c : channels) {
+      std::istringstream units(c.unit);  // one for all components, or one for each
+      std::string unit;
+      for (const auto& component : c.components) {
+        units >> unit;
+        names += fmt::format(",{}.{} [{}]", c.path, component, unit);
+      }
+    }
+    put(names + "\n");
+  }
+
+  void row(double t, std::span<const double> values) override {
+    line_.clear();
+    fmt::format_to(std::back_inserter(line_), "{}", t);
+    for (const double value : values) fmt::format_to(std::back_inserter(line_), ",{}", value);  // shortest exact digits
+    line_ += '\n';
+    t_ = t;
+    put(line_);
+  }
+
+  void attach(const std::string& name, const std::string& text) override { comment(name, text); }
+  void restart_state(double, std::span<const double>) override {}  // the text holds rows alone
+
+  void flush() override {
+    if (std::fflush(out_) != 0) fail();
+  }
+
+  void close() override { flush(); }
+
+ private:
+  void comment(const std::string& name, const std::string& text) {
+    std::istringstream lines(name + ": " + text);
+    for (std::string line; std::getline(lines, line);) put("# " + line + "\n");
+  }
+
+  void put(const std::string& text) {
+    if (std::fputs(text.c_str(), out_) < 0) fail();
+  }
+
+  [[noreturn]] void fail() const {
+    throw NumericsError({Code::disk_full, t_, "", "", path_ + ": " + std::strerror(errno),
+                         "free space, or write to another disk", ""});
+  }
+
+  std::string path_, line_;
+  std::FILE* out_;
+  double t_ = 0.0;
+};
+
+}  // namespace
+
+std::unique_ptr<Recorder> make_text_recorder(const std::string& path) { return std::make_unique<TextRecorder>(path); }
+
+}  // namespace cardan

@@ -1,0 +1,482 @@
+// SystemSpec + Registry -> Model: numbers the bodies level by level, merges rigid bodies that are fixed to each other, turns
+// rigid bodies into their pnode frame (B = P: then Phi* is one rigid transformation and the hinge map needs none), folds
+// constants, chooses a kernel for each body and writes the program of sweeps.
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cstring>
+#include <numeric>
+
+#include "core/model/model.hpp"
+#include "core/model/validate.hpp"
+
+namespace cardan {
+namespace {
+
+Pose<double> pose_of(const Eigen::Matrix3d& R, const Eigen::Vector3d& p) { return {from_eigen(R), from_eigen(p)}; }
+
+std::vector<double> columns_of(const Eigen::MatrixXd& Phi, const Eigen::MatrixXd& Psi, int m) {
+  const auto zero = [](const Eigen::MatrixXd& a) { return a.size() == 0 || a.isZero(0.0); };
+  if (m == 0 || (zero(Phi) && zero(Psi))) return {};
+  std::vector<double> c(static_cast<std::size_t>(6 * m), 0.0);
+  Eigen::Map<Eigen::MatrixXd> out(c.data(), 6, m);
+  if (Psi.size() > 0) out.topRows<3>() = Psi;
+  if (Phi.size() > 0) out.bottomRows<3>() = Phi;
+  return c;
+}
+
+/// A node of a body as the spec gives it, in the user's body frame.
+NodeShapes node_of(const BodySpec& body, const std::string& node) {
+  NodeShapes s;
+  if (node.empty()) return s;
+  if (body.modal) {
+    for (const auto& n : body.modal->nodes)
+      if (n.name == node) {
+        s.pose = pose_of(n.R_BN, n.position);
+        s.columns = columns_of(n.Phi, n.Psi, body.modal->n_modes);
+        s.n_modes = s.deforms() ? body.modal->n_modes : 0;
+        return s;
+      }
+  }
+  for (const auto& n : body.nodes)
+    if (n.name == node) s.pose = pose_of(n.R_BN, n.position);
+  return s;
+}
+
+FlexibleBody flexible_of(const BodySpec& body, const cardan_body_family& family, DiagnosticSink& sink) {
+  const ModalData& d = *body.modal;
+  const ModalIntegrals& I = d.integrals;
+  const auto m = static_cast<std::uint32_t>(d.n_modes);
+  const auto flat = [](const auto& list) {
+    std::vector<double> out;
+    for (const auto& a : list) out.insert(out.end(), a.data(), a.data() + a.size());
+    return out;
+  };
+  const std::vector<double> I5 = flat(I.I5), I8 = flat(I.I8), I9 = flat(I.I9), ww = flat(I.rotary_ww),
+                            we = flat(I.rotary_we), ee = flat(I.rotary_ee);
+  std::vector<double> mass, position, inertia, Phi, Psi, Q;
+  bool any_inertia = false, any_Psi = false, any_Q = false;
+  for (const auto& n : d.mass_nodes) {
+    any_inertia = any_inertia || !n.inertia.isZero(0.0);
+    any_Psi = any_Psi || (n.Psi.size() > 0 && !n.inertia.isZero(0.0));
+    any_Q = any_Q || !n.Q.empty();
+  }
+  const auto append = [&](std::vector<double>& to, const Eigen::MatrixXd& a, Eigen::Index rows, Eigen::Index cols) {
+    const Eigen::MatrixXd full = a.size() > 0 ? a : Eigen::MatrixXd::Zero(rows, cols);
+    to.insert(to.end(), full.data(), full.data() + full.size());
+  };
+  for (const auto& n : d.mass_nodes) {
+    mass.push_back(n.mass);
+    append(position, n.position, 3, 1);
+    append(inertia, n.inertia, 3, 3);
+    append(Phi, n.Phi, 3, m);
+    append(Psi, n.Psi, 3, m);
+    for (std::size_t i = 0; i < 3 && any_Q; ++i) append(Q, n.Q.empty() ? Eigen::MatrixXd() : n.Q[i], m, m);
+  }
+  cardan_modal_view view{};
+  view.struct_size = sizeof view;
+  view.n_modes = m;
+  view.level = static_cast<std::uint32_t>(body.level);
+  view.I1 = I.I1;
+  view.I2 = I.I2.data();
+  view.I3 = I.I3.data();
+  view.I4 = I.I4.data();
+  view.I5 = I5.data();
+  view.I6 = I.I6.data();
+  view.I7 = I.I7.data();
+  view.I8 = I8.data();
+  view.I9 = I9.empty() ? nullptr : I9.data();
+  view.rotary_ww = ww.empty() ? nullptr : ww.data();
+  view.rotary_we = we.empty() ? nullptr : we.data();
+  view.rotary_ee = ee.empty() ? nullptr : ee.data();
+  view.n_mass_nodes = static_cast<std::uint32_t>(d.mass_nodes.size());
+  view.node_mass = mass.data();
+  view.node_position = position.data();
+  view.node_inertia = any_inertia ? inertia.data() : nullptr;
+  view.node_Phi = Phi.data();
+  view.node_Psi = any_Psi ? Psi.data() : nullptr;
+  view.node_Q = any_Q ? Q.data() : nullptr;
+
+  FlexibleBody f;
+  f.family = &family;
+  f.level = body.level;
+  f.data = body.modal;
+  f.packed.resize((family.packed_size(&view) + 7) / 8);
+  if (family.pack(&view, f.packed.data()) != 0) {
+    sink.report({Code::bad_modal_data, body.at, "lumped masses or the integrals I9 for level 2 (at most 128 modes with nodal rotary inertia)",
+                 "modal data without them", "take level 1, which needs neither", "", "", 0});
+    return f;
+  }
+  cardan_body_facts facts{sizeof facts, 0, 0};
+  family.facts(f.packed.data(), &facts);
+  f.M_ee_constant = facts.m_ee_constant;
+  f.M_re_constant = facts.m_re_constant;
+  f.M_re.resize(6 * m);
+  f.M_ee.resize(m * m);
+  double M_rr[10];
+  const std::vector<double> eta(m, 0.0);
+  family.mass(f.packed.data(), eta.data(), M_rr, f.M_re.data(), f.M_ee.data());
+  const Eigen::Map<const Eigen::MatrixXd> M_ee(f.M_ee.data(), m, m), M_re(f.M_re.data(), 6, m);
+  f.M_ee_identity = (M_ee - Eigen::MatrixXd::Identity(m, m)).cwiseAbs().maxCoeff() == 0.0;
+  const Eigen::LLT<Eigen::MatrixXd> llt(M_ee);
+  if (llt.info() != Eigen::Success) {
+    sink.report({Code::bad_modal_data, body.at, "a positive definite modal mass matrix", "one that is not", "are two modes equal?", "", "", 0});
+    return f;
+  }
+  const Eigen::MatrixXd L = llt.matrixL(), U = llt.solve(M_re.transpose());
+  f.L_ee.assign(L.data(), L.data() + L.size());
+  f.U.resize(6 * m);
+  Eigen::Map<Eigen::Matrix<double, 6, Eigen::Dynamic>>(f.U.data(), 6, m) = U.transpose();
+  const Eigen::Matrix<double, 6, 6> gram = M_re * U;
+  f.gramian = {symmetric(gram.topLeftCorner<3, 3>()), from_eigen(Eigen::Matrix3d(gram.topRightCorner<3, 3>())),
+               symmetric(gram.bottomRightCorner<3, 3>())};
+  const auto diagonal = [](const Eigen::MatrixXd& a) { return a.size() == 0 || Eigen::MatrixXd(a - Eigen::MatrixXd(a.diagonal().asDiagonal())).isZero(0.0); };
+  f.K_diagonal = diagonal(d.K) && diagonal(d.C);
+  const auto store = [&](std::vector<double>& to, const Eigen::MatrixXd& a) {
+    const Eigen::MatrixXd full = a.size() > 0 ? a : Eigen::MatrixXd::Zero(m, m);
+    for (std::uint32_t j = 0; j < m; ++j)
+      for (std::uint32_t i = 0; i < m; ++i)
+        if (!f.K_diagonal || i == j) to.push_back(full(i, j));
+  };
+  store(f.K, d.K);
+  store(f.C, d.C);
+  return f;
+}
+
+class Compiler {
+ public:
+  Compiler(const SystemSpec& spec, const Registry& registry, const CompileOptions& options)
+      : spec_(spec), registry_(registry), options_(options) {}
+
+  std::shared_ptr<const Model> run() {
+    validate(spec_, registry_, sink_);
+    for (const auto& b : spec_.bodies) {
+      const auto* family = registry_.body(b.type);
+      if (family && family->has_modes && !b.modal)
+        sink_.report({Code::bad_modal_data, b.at, "modal data (modal: beam, plate, file or lumped)", "none", "", "", "", 0});
+    }
+    sink_.throw_if_any();
+    model_->spec = std::make_shared<SystemSpec>(spec_);
+    model_->name = spec_.name;
+    model_->gravity = spec_.gravity;
+    number_coordinates();
+    order_bodies();
+    build_sweep_bodies();
+    sink_.throw_if_any();
+    name_nodes();
+    choose_kernels();
+    write_program();
+    return model_;
+  }
+
+ private:
+  int index_of(const std::string& name) const {
+    for (std::size_t i = 0; i < spec_.bodies.size(); ++i)
+      if (spec_.bodies[i].name == name) return static_cast<int>(i);
+    return -1;
+  }
+
+  // q and v in the user's order: body by body [hinge; modes].
+  void number_coordinates() {
+    Model& m = *model_;
+    for (const auto& b : spec_.bodies) {
+      UserBody u;
+      u.name = b.name;
+      u.type = b.type;
+      u.hinge_type = b.hinge.type;
+      u.hinge = registry_.hinge(b.hinge.type);
+      u.hinge_packed = pack_hinge(spec_, b, *u.hinge, sink_);
+      u.parent = index_of(b.hinge.inboard_body);
+      u.nq = b.hinge.locked ? 0 : static_cast<int>(u.hinge->nq);
+      u.nv = b.hinge.locked ? 0 : static_cast<int>(u.hinge->nv);
+      for (int i = 0; i < u.nq; ++i) {
+        u.q_names.emplace_back(u.hinge->q_names[i]);
+        u.q_units.emplace_back(u.hinge->q_units[i]);
+      }
+      for (int i = 0; i < u.nv; ++i) {
+        u.v_names.emplace_back(u.hinge->v_names[i]);
+        u.v_units.emplace_back(u.hinge->v_units[i]);
+      }
+      u.n_modes = b.modal ? b.modal->n_modes : 0;
+      u.q = m.nq;
+      u.v = m.nv;
+      u.eta = u.q + u.nq;
+      u.etadot = u.v + u.nv;
+      m.nq = u.eta + u.n_modes;
+      m.nv = u.etadot + u.n_modes;
+      m.n_modes += u.n_modes;
+      u.mass = b.modal ? b.modal->integrals.I1 : b.mass;
+      if (!b.modal) u.M = about_origin(b.mass, from_eigen(b.com), symmetric(b.inertia_com));
+      m.user.push_back(std::move(u));
+    }
+  }
+
+  // Inboard before outboard; within a level in the user's order.
+  void order_bodies() {
+    const int n = static_cast<int>(spec_.bodies.size());
+    depth_.assign(static_cast<std::size_t>(n), 0);
+    for (int i = 0; i < n; ++i)
+      for (int p = model_->user[static_cast<std::size_t>(i)].parent; p >= 0; p = model_->user[static_cast<std::size_t>(p)].parent)
+        ++depth_[static_cast<std::size_t>(i)];
+    order_.resize(static_cast<std::size_t>(n));
+    std::iota(order_.begin(), order_.end(), 0);
+    std::stable_sort(order_.begin(), order_.end(), [&](int a, int b) { return depth_[static_cast<std::size_t>(a)] < depth_[static_cast<std::size_t>(b)]; });
+  }
+
+  void build_sweep_bodies() {
+    Model& m = *model_;
+    m.bodies.emplace_back();  // ground
+    std::vector<std::uint8_t> prescribed(static_cast<std::size_t>(m.nv), 0);
+    for (const int i : order_) {
+      const BodySpec& spec = spec_.bodies[static_cast<std::size_t>(i)];
+      UserBody& u = m.user[static_cast<std::size_t>(i)];
+      const UserBody* parent = u.parent >= 0 ? &m.user[static_cast<std::size_t>(u.parent)] : nullptr;
+
+      // O in the inboard user's frame, P in this body's frame; then O in the inboard SWEEP frame.
+      NodeShapes O, P;
+      if (spec.hinge.inboard_node.empty())
+        O.pose = pose_of(spec.hinge.onode_R, spec.hinge.onode_position);
+      else
+        O = node_of(spec_.bodies[static_cast<std::size_t>(u.parent)], spec.hinge.inboard_node);
+      if (spec.hinge.body_node.empty())
+        P.pose = pose_of(spec.hinge.pnode_R, spec.hinge.pnode_position);
+      else
+        P = node_of(spec, spec.hinge.body_node);
+      u.onode = O.pose;
+      u.pnode = P.pose;
+      if (parent) O.pose = parent->pose * O.pose;
+      const int parent_sweep = parent ? parent->sweep : 0;
+
+      // A hinge without velocities is a constant transform.
+      const bool fixed = u.nv == 0;
+      if (fixed) u.merged_hinge = fixed_transform(spec.hinge, u);
+      const bool rigid = !spec.modal;
+      const bool onto_rigid = m.bodies[static_cast<std::size_t>(parent_sweep)].n_modes == 0;
+      if (fixed && rigid && onto_rigid && options_.merge_locked) {
+        u.sweep = parent_sweep;
+        u.merged = true;
+        u.pose = O.pose * u.merged_hinge * inverse(P.pose);  // user's frame in the host's sweep frame
+        auto& host = m.bodies[static_cast<std::size_t>(parent_sweep)];
+        host.M = host.M + to_inboard(u.pose, u.M);
+        continue;
+      }
+
+      SweepBody b;
+      b.parent = parent_sweep;
+      b.nv = static_cast<std::uint8_t>(u.nv);
+      b.shape = fixed ? static_cast<std::uint8_t>(CARDAN_SHAPE_FIXED) : static_cast<std::uint8_t>(u.hinge->shape);
+      b.q = u.q;
+      b.v = u.v;
+      b.O = O.pose;
+      b.fixed_hinge = u.merged_hinge;
+      if (b.shape >= CARDAN_SHAPE_ROTATION && b.shape <= CARDAN_SHAPE_SCREW) {
+        double axis[3];
+        u.hinge->axis(u.hinge_packed.data(), axis, &b.pitch);
+        b.axis = {axis[0], axis[1], axis[2]};
+      }
+      if (O.deforms()) {
+        b.onode = static_cast<int>(m.shapes.size());
+        b.n_parent_modes = O.n_modes;
+        m.shapes.push_back(O);
+      }
+      if (rigid) {
+        u.pose = inverse(P.pose);  // B = P
+        b.M = to_inboard(u.pose, u.M);
+      } else {
+        b.n_modes = u.n_modes;
+        b.eta = u.eta;
+        b.etadot = u.etadot;
+        b.flexible = static_cast<int>(m.flexible.size());
+        m.flexible.push_back(flexible_of(spec, *registry_.body(spec.type), sink_));
+        const bool at_origin = P.pose.p.x == 0 && P.pose.p.y == 0 && P.pose.p.z == 0 &&
+                               (to_eigen(P.pose.R) - Eigen::Matrix3d::Identity()).isZero(0.0);
+        if (P.deforms() || !at_origin) {
+          b.pnode = static_cast<int>(m.shapes.size());
+          m.shapes.push_back(P);
+        }
+      }
+      for (const int c : spec.hinge.prescribed) {
+        if (c < 0 || c >= u.nv) continue;
+        prescribed[static_cast<std::size_t>(u.v + c)] = 1;
+        b.has_prescribed = true;
+      }
+      for (const int c : spec.prescribed_modes)
+        if (c >= 0 && c < u.n_modes) prescribed[static_cast<std::size_t>(u.etadot + c)] = 1;
+      for (const auto& s : spec.hinge.springs)
+        if (s.component >= 0 && s.component < u.nv) m.springs.push_back({u.q + s.component, u.v + s.component, s.stiffness, s.rest, s.damping});
+      u.sweep = static_cast<int>(m.bodies.size());
+      m.bodies.push_back(b);
+    }
+    if (std::ranges::find(prescribed, 1) != prescribed.end()) m.prescribed = std::move(prescribed);
+  }
+
+  static Pose<double> fixed_transform(const HingeSpec& hinge, const UserBody& u) {
+    if (u.hinge->nq == 0) return {};
+    std::vector<double> q(u.hinge->nq, 0.0), v(u.hinge->nv, 0.0);
+    if (u.hinge->zero) u.hinge->zero(u.hinge_packed.data(), q.data());
+    if (hinge.q.size() == q.size()) q = hinge.q;
+    cardan_hinge_out out{};
+    const std::uint32_t zero = 0;
+    u.hinge->kinematics(u.hinge_packed.data(), 1, &zero, &zero, q.data(), v.data(), &out);
+    const double* R = out.R_OP;
+    return {{R[0], R[1], R[2], R[3], R[4], R[5], R[6], R[7], R[8]}, {out.p_OP[0], out.p_OP[1], out.p_OP[2]}};
+  }
+
+  void name_nodes() {
+    Model& m = *model_;
+    for (std::size_t i = 0; i < spec_.bodies.size(); ++i) {
+      const BodySpec& spec = spec_.bodies[i];
+      const UserBody& u = m.user[i];
+      const auto add = [&](const std::string& name, NodeShapes s) {
+        s.pose = u.pose * s.pose;  // flexible bodies: u.pose is the identity, shapes need no change of axes
+        m.nodes.push_back({name, static_cast<int>(i), std::move(s)});
+      };
+      add(spec.name, {});
+      for (const auto& n : spec.nodes)
+        if (!spec.modal || std::ranges::none_of(spec.modal->nodes, [&](const auto& x) { return x.name == n.name; }))
+          add(spec.name + "." + n.name, node_of(spec, n.name));
+      if (spec.modal)
+        for (const auto& n : spec.modal->nodes) add(spec.name + "." + n.name, node_of(spec, n.name));
+    }
+  }
+
+  void choose_kernels() {
+    Model& m = *model_;
+    for (std::size_t k = 1; k < m.bodies.size(); ++k) {
+      SweepBody& b = m.bodies[k];
+      const bool general = b.n_modes > 0 || b.onode >= 0 || b.has_prescribed;
+      const int base = static_cast<int>(KernelKind::general0);
+      if (general)
+        b.kind = static_cast<KernelKind>(base + b.nv);
+      else if (b.shape == CARDAN_SHAPE_FIXED)
+        b.kind = KernelKind::fixed;
+      else if (b.shape == CARDAN_SHAPE_ROTATION)
+        b.kind = KernelKind::rotation;
+      else if (b.shape == CARDAN_SHAPE_SLIDE)
+        b.kind = KernelKind::slide;
+      else if (b.shape == CARDAN_SHAPE_SCREW)
+        b.kind = KernelKind::screw;
+      else
+        b.kind = static_cast<KernelKind>(static_cast<int>(KernelKind::dense1) + b.nv - 1);
+    }
+    for (std::size_t k = 1; k < m.bodies.size(); ++k) {
+      if (m.runs.empty() || m.runs.back().kind != m.bodies[k].kind)
+        m.runs.push_back({static_cast<int>(k), static_cast<int>(k), m.bodies[k].kind});
+      m.runs.back().end = static_cast<int>(k) + 1;
+    }
+    // One batch per family that fills hinge records.
+    std::vector<int> carrier(m.bodies.size(), -1);
+    for (std::size_t i = 0; i < m.user.size(); ++i)
+      if (!m.user[i].merged) carrier[static_cast<std::size_t>(m.user[i].sweep)] = static_cast<int>(i);
+    for (const auto& entry : registry_.hinges()) {
+      DenseBatch batch{entry.family, {}, {}, {}, m.n_dense};
+      const std::size_t words = (entry.family->params_size + 7) / 8;
+      std::vector<char> bytes;
+      for (std::size_t k = 1; k < m.bodies.size(); ++k) {
+        SweepBody& b = m.bodies[k];
+        const UserBody& u = m.user[static_cast<std::size_t>(carrier[k])];
+        if (u.hinge != entry.family || b.shape < CARDAN_SHAPE_BALL) continue;
+        b.dense = m.n_dense++;
+        batch.iq.push_back(static_cast<std::uint32_t>(b.q));
+        batch.iv.push_back(static_cast<std::uint32_t>(b.v));
+        const char* p = reinterpret_cast<const char*>(u.hinge_packed.data());
+        bytes.insert(bytes.end(), p, p + entry.family->params_size);
+      }
+      if (batch.iq.empty()) continue;
+      batch.packed.resize(words * batch.iq.size() + 1);
+      if (!bytes.empty()) std::memcpy(batch.packed.data(), bytes.data(), bytes.size());
+      m.batches.push_back(std::move(batch));
+    }
+  }
+
+  // Forward dynamics; what a scene does not have is not in its program.
+  void write_program() {
+    Model& m = *model_;
+    const int n_runs = static_cast<int>(m.runs.size());
+    if (!m.batches.empty()) m.program.push_back({Kernel::hinge_records});
+    for (int r = 0; r < n_runs; ++r) m.program.push_back({Kernel::outward, r});
+    if (!m.flexible.empty()) m.program.push_back({Kernel::elastic});
+    const bool central = m.gravity.kind == GravitySpec::Kind::central;
+    if (central || options_.world_wrenches) m.program.push_back({Kernel::world});
+    if (central) m.program.push_back({Kernel::central_gravity});
+    if (options_.node_wrenches) m.program.push_back({Kernel::node_wrenches});
+    for (int r = n_runs - 1; r >= 0; --r) m.program.push_back({Kernel::inward, r});
+    for (int r = 0; r < n_runs; ++r) m.program.push_back({Kernel::acceleration, r});
+  }
+
+  const SystemSpec& spec_;
+  const Registry& registry_;
+  const CompileOptions& options_;
+  DiagnosticSink sink_;
+  std::shared_ptr<Model> model_ = std::make_shared<Model>();
+  std::vector<int> depth_, order_;
+};
+
+}  // namespace
+
+std::shared_ptr<const Model> compile(const SystemSpec& spec, const Registry& registry, const CompileOptions& options) {
+  return Compiler(spec, registry, options).run();
+}
+
+int Model::find_body(std::string_view wanted) const {
+  for (std::size_t i = 0; i < user.size(); ++i)
+    if (user[i].name == wanted) return static_cast<int>(i);
+  return -1;
+}
+
+int Model::find_node(std::string_view wanted) const {
+  for (std::size_t i = 0; i < nodes.size(); ++i)
+    if (nodes[i].name == wanted) return static_cast<int>(i);
+  return -1;
+}
+
+State Model::initial_state() const {
+  State s;
+  s.q = Eigen::VectorXd::Zero(nq);
+  s.v = Eigen::VectorXd::Zero(nv);
+  for (std::size_t i = 0; i < user.size(); ++i) {
+    const UserBody& u = user[i];
+    const BodySpec& b = spec->bodies[i];
+    if (u.nq > 0) {
+      if (u.hinge->zero) u.hinge->zero(u.hinge_packed.data(), s.q.data() + u.q);
+      for (std::size_t j = 0; j < b.hinge.q.size() && j < static_cast<std::size_t>(u.nq); ++j) s.q[u.q + static_cast<int>(j)] = b.hinge.q[j];
+      for (std::size_t j = 0; j < b.hinge.v.size() && j < static_cast<std::size_t>(u.nv); ++j) s.v[u.v + static_cast<int>(j)] = b.hinge.v[j];
+    }
+    for (std::size_t j = 0; j < b.eta.size() && j < static_cast<std::size_t>(u.n_modes); ++j) s.q[u.eta + static_cast<int>(j)] = b.eta[j];
+    for (std::size_t j = 0; j < b.etadot.size() && j < static_cast<std::size_t>(u.n_modes); ++j) s.v[u.etadot + static_cast<int>(j)] = b.etadot[j];
+  }
+  return s;
+}
+
+void Model::qdot(const double* q, const double* v, double* out) const {
+  for (const auto& u : user) {
+    if (u.nq > 0) u.hinge->qdot(u.hinge_packed.data(), q + u.q, v + u.v, out + u.q);
+    for (int j = 0; j < u.n_modes; ++j) out[u.eta + j] = v[u.etadot + j];
+  }
+}
+
+void Model::normalise(double* q) const {
+  for (const auto& u : user)
+    if (u.nq > 0 && u.hinge->normalise) u.hinge->normalise(u.hinge_packed.data(), q + u.q);
+}
+
+void Model::retract(const double* q, const double* d, double* out) const {
+  for (const auto& u : user) {
+    if (u.nq > 0 && u.hinge->retract)
+      u.hinge->retract(u.hinge_packed.data(), q + u.q, d + u.v, out + u.q);
+    else
+      for (int j = 0; j < u.nq; ++j) out[u.q + j] = q[u.q + j] + d[u.v + j];
+    for (int j = 0; j < u.n_modes; ++j) out[u.eta + j] = q[u.eta + j] + d[u.etadot + j];
+  }
+}
+
+void Model::difference(const double* q1, const double* q2, double* d) const {
+  for (const auto& u : user) {
+    if (u.nq > 0 && u.hinge->difference)
+      u.hinge->difference(u.hinge_packed.data(), q1 + u.q, q2 + u.q, d + u.v);
+    else
+      for (int j = 0; j < u.nq; ++j) d[u.v + j] = q2[u.q + j] - q1[u.q + j];
+    for (int j = 0; j < u.n_modes; ++j) d[u.etadot + j] = q2[u.eta + j] - q1[u.eta + j];
+  }
+}
+
+}  // namespace cardan

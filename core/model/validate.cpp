@@ -1,0 +1,376 @@
+#include "core/model/validate.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+#include <span>
+
+#include "core/abi/param_values.hpp"
+#include "core/base/units.hpp"
+#include "core/model/schema.hpp"
+
+namespace cardan {
+namespace {
+
+constexpr double kTriangleTolerance = 1e-6;  // relative; moments are typed with a finite number of digits
+
+/// The checks of one description that need no family.
+class Structure {
+ public:
+  Structure(const SystemSpec& spec, DiagnosticSink& sink) : spec_(spec), sink_(sink) {}
+
+  void check() {
+    if (spec_.bodies.empty()) sink_.report(Code::empty_system, spec_.locate("bodies"), "at least one body", "none");
+    for (const BodySpec& body : spec_.bodies) {
+      if (!index_.emplace(body.name, &body).second)
+        report(Code::duplicate_name, body_path(body), "a name of its own for each body", in_quotes(body.name));
+      names_.push_back(body.name);
+    }
+    for (const BodySpec& body : spec_.bodies) {
+      if (sink_.full()) return;
+      check_body(body);
+      check_hinge(body);
+    }
+    check_cycles();
+    check_gravity();
+  }
+
+ private:
+  void report(Code code, std::string path, std::string expected, std::string got, std::string hint = {}) {
+    sink_.report(code, spec_.locate(std::move(path)), std::move(expected), std::move(got), std::move(hint));
+  }
+
+  void check_body(const BodySpec& body) {
+    const std::string path = body_path(body);
+    static const std::vector<std::string> types = {"rigid", "particle", "modal_flexible"};
+    if (body.name.empty() || body.name == "world" || body.name.find('.') != std::string::npos)
+      report(Code::bad_name, path, "a name without a point, other than `world`", in_quotes(body.name));
+    if (std::find(types.begin(), types.end(), body.type) == types.end())
+      return report(Code::unknown_body_type, path + ".type", "a body type: " + one_of(types), in_quotes(body.type),
+                    did_you_mean(body.type, types));
+    if (body.type == "modal_flexible") {
+      check_flexible(body, path);
+    } else {
+      check_mass(body, path);
+      check_nodes(body, path);
+    }
+  }
+
+  void check_mass(const BodySpec& body, const std::string& path) {
+    if (!(body.mass > 0.0) || !std::isfinite(body.mass))
+      return report(Code::non_positive_mass, path + ".mass", "mass > 0", fmt::format("{:g} kg", body.mass),
+                    body.mass == 0.0 ? "join what has no mass to a body that has some" : "");
+    if (!body.com.allFinite()) return report(Code::out_of_range, path + ".com", "three finite numbers", "a value that is not finite");
+    if (body.type == "rigid") check_inertia(body, path + ".inertia");
+  }
+
+  void check_inertia(const BodySpec& body, const std::string& path) {
+    const Eigen::Matrix3d& I = body.inertia_com;
+    if (!I.allFinite() || !I.isApprox(I.transpose(), 1e-12))
+      return report(Code::unphysical_inertia, path, "a symmetric tensor of finite numbers", "something else");
+    const Eigen::Vector3d p = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(I, Eigen::EigenvaluesOnly).eigenvalues();
+    const std::string moments = fmt::format("{:.6g}, {:.6g}, {:.6g} kg m^2 about the mass centre", p[2], p[1], p[0]);
+    if (!(p[0] > 0.0))
+      return report(Code::unphysical_inertia, path, "principal moments > 0", moments,
+                    p[2] == 0.0 ? "a body without extent is `type: particle`" : about_hint(body));
+    if (p[2] > (p[0] + p[1]) * (1.0 + kTriangleTolerance))
+      report(Code::unphysical_inertia, path, "principal moments that satisfy the triangle inequality",
+             fmt::format("{}   ({:.6g} > {:.6g} + {:.6g})", moments, p[2], p[0], p[1]), about_hint(body));
+  }
+  std::string about_hint(const BodySpec& body) const {
+    if (body.com.isZero()) return "products of inertia are the entries of the tensor: xy = - sum m x y";
+    return spec_.marks.count(body_path(body) + ".inertia.about")
+               ? "about: origin takes mass (|c|^2 1 - c c^T) off the tensor given, c = com"
+               : "inertia is about the mass centre; give `about: origin` if it is not";
+  }
+
+  void check_nodes(const BodySpec& body, const std::string& path) {
+    std::set<std::string_view> seen;
+    for (const NodeSpec& node : body.nodes) {
+      const std::string at = fmt::format("{}.nodes.{}", path, node.name);
+      if (!seen.insert(node.name).second)
+        report(Code::duplicate_name, at, "a name of its own for each node of a body", in_quotes(node.name));
+      if (!node.position.allFinite()) report(Code::out_of_range, at + ".position", "three finite numbers", "a value that is not finite");
+      check_rotation(node.R_BN, at + ".orientation");
+    }
+  }
+  void check_rotation(const Eigen::Matrix3d& R, const std::string& path) {
+    const double error = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+    if (!(error < 1e-9) || R.determinant() < 0.0)
+      report(Code::not_a_rotation, path, "an orthonormal right-handed matrix", fmt::format("an entry of R R^T - 1 is {:.3g}", error));
+  }
+
+  void check_flexible(const BodySpec& body, const std::string& path) {
+    if (body.level < 0 || body.level > 2) report(Code::out_of_range, path + ".level", "0, 1 or 2", fmt::format("{}", body.level));
+    if (!body.modal) {
+      if (!body.modal_source) report(Code::missing_key, path + ".modal", "modal: where the modes come from", "no such key");
+      return;
+    }
+    const auto size_fits = [&](const std::vector<double>& values, const char* name) {
+      if (!values.empty() && values.size() != static_cast<std::size_t>(body.modal->n_modes))
+        report(Code::bad_initial_state, fmt::format("{}.initial.{}", path, name),
+               fmt::format("{} values, one for each mode kept", body.modal->n_modes), fmt::format("{} values", values.size()));
+    };
+    size_fits(body.eta, "eta");
+    size_fits(body.etadot, "etadot");
+  }
+
+  void check_hinge(const BodySpec& body) {
+    const HingeSpec& hinge = body.hinge;
+    const std::string path = body_path(body) + ".hinge";
+    check_node_name(body, hinge.body_node, path + ".at");
+    check_rotation(hinge.pnode_R, path + ".at.orientation");
+    check_rotation(hinge.onode_R, path + ".to.orientation");
+    if (hinge.inboard_body.empty()) {
+      if (!hinge.inboard_node.empty())
+        report(Code::unknown_node, path + ".to", "world without a node name", in_quotes("world." + hinge.inboard_node),
+               "give the place instead: to: {body: world, position: [x, y, z]}");
+      return;
+    }
+    const auto inboard = index_.find(hinge.inboard_body);
+    if (inboard == index_.end()) {
+      std::vector<std::string> legal = names_;
+      legal.emplace_back("world");
+      return report(Code::unknown_body, path + ".to", "a body: " + one_of(legal), in_quotes(hinge.inboard_body),
+                    did_you_mean(hinge.inboard_body, legal));
+    }
+    check_node_name(*inboard->second, hinge.inboard_node, path + ".to");
+  }
+  void check_node_name(const BodySpec& body, const std::string& node, const std::string& path) {
+    if (node.empty() || (body.type == "modal_flexible" && !body.modal)) return;
+    std::vector<std::string> legal;
+    for (const NodeSpec& n : body.nodes) legal.push_back(n.name);
+    if (body.modal)
+      for (const ModalNode& n : body.modal->nodes) legal.push_back(n.name);
+    if (std::find(legal.begin(), legal.end(), node) != legal.end()) return;
+    report(Code::unknown_node, path,
+           legal.empty() ? fmt::format("no node name: body {} has no nodes", body.name)
+                         : fmt::format("a node of body {}: {}", body.name, one_of(legal)),
+           in_quotes(node), did_you_mean(node, legal));
+  }
+
+  void check_cycles() {
+    std::set<std::string_view> done;
+    for (const BodySpec& start : spec_.bodies) {
+      std::vector<const BodySpec*> chain;
+      const BodySpec* body = &start;
+      while (body && !done.count(body->name)) {
+        done.insert(body->name);
+        chain.push_back(body);
+        const auto next = index_.find(body->hinge.inboard_body);
+        body = next == index_.end() ? nullptr : next->second;
+      }
+      const auto first = std::find(chain.begin(), chain.end(), body);
+      if (!body || first == chain.end()) continue;  // ended at the world, or in what was seen before
+      std::string names;
+      for (auto it = first; it != chain.end(); ++it) names += (*it)->name + " -> ";
+      report(Code::cycle, body_path(*body) + ".hinge.to", "inboard bodies that lead to the world", names + body->name,
+             "hang one of them on the world or on a body outside the loop");
+    }
+  }
+
+  void check_gravity() {
+    const GravitySpec& gravity = spec_.gravity;
+    if (gravity.kind == GravitySpec::Kind::uniform && !gravity.g.allFinite())
+      report(Code::out_of_range, "gravity.uniform", "three finite numbers", "a value that is not finite");
+    if (gravity.kind != GravitySpec::Kind::central) return;
+    if (!(gravity.mu > 0.0) || !std::isfinite(gravity.mu))
+      report(Code::out_of_range, "gravity.central.mu", "a gravitational parameter > 0", fmt::format("{:g} m^3/s^2", gravity.mu));
+    if (!gravity.centre.allFinite())
+      report(Code::out_of_range, "gravity.central.centre", "three finite numbers", "a value that is not finite");
+  }
+
+  const SystemSpec& spec_;
+  DiagnosticSink& sink_;
+  std::map<std::string_view, const BodySpec*> index_;
+  std::vector<std::string> names_;
+};
+
+/// Reads the parameters of one hinge by the schema of its family.
+class HingeParams {
+ public:
+  HingeParams(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink)
+      : spec_(spec), given_(body.hinge.params), family_(family), sink_(sink), path_(body_path(body) + ".hinge") {}
+
+  /// The packed bytes; empty after a fault.
+  std::vector<double> packed() {
+    for (const cardan_param_desc& desc : schema()) read(desc);
+    check_names();
+    if (failed_) return {};
+    std::vector<double> bytes = pack(family_, table_);
+    for (const auto& [name, expected] : table_.failures) report_refused(name, expected);
+    return bytes;
+  }
+
+ private:
+  std::span<const cardan_param_desc> schema() const { return {family_.params, family_.n_params}; }
+
+  void fault(Code code, const std::string& name, std::string expected, std::string got, std::string hint = {}) {
+    failed_ = true;
+    sink_.report(code, spec_.locate(name.empty() ? path_ : fmt::format("{}.{}", path_, name)), std::move(expected), std::move(got),
+                 std::move(hint));
+  }
+
+  void read(const cardan_param_desc& desc) {
+    const auto given = given_.find(desc.name);
+    if (given == given_.end()) {
+      if (desc.required) return fault(Code::missing_key, desc.name, fmt::format("{}: {}", desc.name, desc.meaning), "no such key");
+      if (desc.kind == CARDAN_NUMBER) table_.numbers[desc.name] = {desc.fallback[0]};
+      if (desc.kind == CARDAN_VECTOR || desc.kind == CARDAN_UNIT_VECTOR)
+        table_.numbers[desc.name] = {desc.fallback, desc.fallback + 3};
+      return;
+    }
+    const ParamValue& value = given->second;
+    if (desc.kind == CARDAN_TEXT) {
+      const auto* text = std::get_if<std::string>(&value.value);
+      if (!text) return fault(Code::wrong_type, desc.name, fmt::format("a text: {}", desc.meaning), "something else");
+      table_.texts[desc.name] = *text;
+      return;
+    }
+    std::vector<double> numbers;
+    if (const auto* one = std::get_if<double>(&value.value)) numbers = {*one};
+    if (const auto* list = std::get_if<std::vector<double>>(&value.value)) numbers = *list;
+    if (!count_fits(desc, numbers.size())) return;
+    if (!std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); }))
+      return fault(Code::out_of_range, desc.name, "finite numbers", "a value that is not finite");
+    const std::string as_given = vectors_text(numbers);
+    if (desc.kind == CARDAN_UNIT_VECTOR || desc.kind == CARDAN_UNIT_VECTORS)
+      for (std::size_t i = 0; i < numbers.size(); i += 3) {
+        Eigen::Map<Eigen::Vector3d> axis(numbers.data() + i);
+        if (axis.isZero(0.0)) return fault(Code::bad_axes, desc.name, "an axis that is not all zero", as_given);
+        axis.stableNormalize();
+      }
+    table_.numbers[desc.name] = std::move(numbers);
+  }
+
+  bool count_fits(const cardan_param_desc& desc, std::size_t got) {
+    std::string expected = "one number";
+    std::size_t wanted = 1;
+    if (desc.kind == CARDAN_VECTOR || desc.kind == CARDAN_UNIT_VECTOR) {
+      wanted = 3;
+      expected = "a vector of 3 numbers";
+    } else if (desc.kind != CARDAN_NUMBER) {
+      wanted = 3 * std::size_t{desc.count};
+      expected = wanted > 0 ? fmt::format("a list of {} vectors of 3 numbers", desc.count) : "a list of vectors of 3 numbers";
+    }
+    if (got > 0 && (wanted > 0 ? got == wanted : got % 3 == 0)) return true;
+    fault(Code::wrong_type, desc.name, expected, fmt::format("{} number{}", got, got == 1 ? "" : "s"));
+    return false;
+  }
+
+  void check_names() {
+    std::vector<std::string> legal;
+    for (const cardan_param_desc& desc : schema()) legal.emplace_back(desc.name);
+    for (const auto& [name, value] : given_)
+      if (std::find(legal.begin(), legal.end(), name) == legal.end())
+        fault(Code::unknown_key, name,
+              legal.empty() ? fmt::format("no parameters: hinge type {} takes none", family_.type)
+                            : fmt::format("a parameter of hinge type {}: {}", family_.type, one_of(legal)),
+              in_quotes(name), did_you_mean(name, legal));
+  }
+
+  void report_refused(const std::string& name, const std::string& expected) {
+    const auto numbers = table_.numbers.find(name);
+    const auto text = table_.texts.find(name);
+    const bool is_vector = numbers != table_.numbers.end() && numbers->second.size() % 3 == 0;
+    std::string got = "nothing";
+    if (numbers != table_.numbers.end())
+      got = is_vector ? vectors_text(numbers->second) : fmt::format("{:.6g}", fmt::join(numbers->second, ", "));
+    if (text != table_.texts.end()) got = in_quotes(text->second);
+    fault(is_vector ? Code::bad_axes : Code::out_of_range, name, expected, got);
+  }
+
+  static std::string vectors_text(const std::vector<double>& n) {
+    std::string out;
+    for (std::size_t i = 0; i + 2 < n.size(); i += 3)
+      out += fmt::format("{}[{:.6g}, {:.6g}, {:.6g}]", i == 0 ? "" : ", ", n[i], n[i + 1], n[i + 2]);
+    return out;
+  }
+
+  const SystemSpec& spec_;
+  const ParamValues& given_;
+  const cardan_hinge_family& family_;
+  DiagnosticSink& sink_;
+  std::string path_;
+  ParamTable table_;
+  bool failed_ = false;
+};
+
+void check_initial_values(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink) {
+  const HingeSpec& hinge = body.hinge;
+  const std::string path = body_path(body) + ".hinge.initial";
+  const auto fits = [&](const std::vector<double>& values, uint32_t n, const char* what) {
+    if (!values.empty() && values.size() != n)
+      sink.report(Code::bad_initial_state, spec.locate(path), fmt::format("{} {} of hinge type {}", n, what, family.type),
+                  fmt::format("{} values", values.size()));
+    else if (!std::all_of(values.begin(), values.end(), [](double x) { return std::isfinite(x); }))
+      sink.report(Code::bad_initial_state, spec.locate(path), "finite numbers", "a value that is not finite");
+  };
+  fits(hinge.q, family.nq, "coordinates");
+  fits(hinge.v, family.nv, "velocities");
+  if (family.shape >= CARDAN_SHAPE_BALL && family.shape <= CARDAN_SHAPE_FREE_BODY && hinge.q.size() == family.nq) {
+    const double norm = Eigen::Map<const Eigen::Vector4d>(hinge.q.data()).norm();
+    if (!(std::abs(norm - 1.0) < 1e-6))
+      sink.report(Code::non_unit_quaternion, spec.locate(path), "w^2 + x^2 + y^2 + z^2 = 1 (within 1e-06)", fmt::format("length {:.9g}", norm));
+  }
+}
+
+void check_components(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink) {
+  const std::string path = body_path(body) + ".hinge";
+  const auto exists = [&](int component, const std::string& at) {
+    const bool ok = component >= 0 && component < static_cast<int>(family.nv);
+    if (!ok)
+      sink.report(Code::unknown_name, spec.locate(at), fmt::format("a velocity component below {}", family.nv), fmt::format("{}", component));
+    return ok;
+  };
+  for (int component : body.hinge.prescribed) exists(component, path + ".prescribed");
+  for (std::size_t i = 0; i < body.hinge.springs.size(); ++i) {
+    const SpringDamper& spring = body.hinge.springs[i];
+    const std::string at = spring.at.key_path.empty() ? fmt::format("{}.springs[{}]", path, i) : spring.at.key_path;
+    if (!exists(spring.component, at)) continue;
+    if (!(spring.damping >= 0.0) || !std::isfinite(spring.damping))
+      sink.report(Code::out_of_range, spec.locate(at + ".damping"), "damping >= 0", fmt::format("{:g}", spring.damping));
+    if (!std::isfinite(spring.stiffness) || !std::isfinite(spring.rest))
+      sink.report(Code::out_of_range, spec.locate(at), "finite numbers", "a value that is not finite");
+    if (spring.stiffness != 0.0 && family.nq != family.nv)
+      sink.report(Code::unsupported, spec.locate(at), fmt::format("damping alone on a hinge of type {}", family.type),
+                  fmt::format("stiffness {:g}", spring.stiffness),
+                  "its attitude is a quaternion, which has no single coordinate to hold at rest; a gimbal hinge has");
+  }
+}
+
+}  // namespace
+
+std::string body_path(const BodySpec& body) { return "bodies." + body.name; }
+
+void validate(const SystemSpec& spec, DiagnosticSink& sink) { Structure(spec, sink).check(); }
+
+void validate(const SystemSpec& spec, const Registry& registry, DiagnosticSink& sink) {
+  validate(spec, sink);
+  for (const BodySpec& body : spec.bodies) {
+    if (sink.full()) return;
+    const cardan_hinge_family* family = registry.hinge(body.hinge.type);
+    if (!family) {
+      std::vector<std::string> types = registry.hinge_types();
+      std::sort(types.begin(), types.end());
+      sink.report(Code::unknown_hinge_type, spec.locate(body_path(body) + ".hinge.type"),
+                  fmt::format("a hinge type: {}, or one from a loaded plugin", fmt::join(types, ", ")), in_quotes(body.hinge.type),
+                  did_you_mean(body.hinge.type, types));
+      continue;
+    }
+    pack_hinge(spec, body, *family, sink);
+    check_initial_values(spec, body, *family, sink);
+    check_components(spec, body, *family, sink);
+  }
+}
+
+std::vector<double> pack_hinge(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family,
+                               DiagnosticSink& sink) {
+  return HingeParams(spec, body, family, sink).packed();
+}
+
+}  // namespace cardan

@@ -1,0 +1,24 @@
+#pragma once
+// The checks that a description must pass whoever wrote it (YAML, Lua, C++): structure, masses, hinges.
+#include <vector>
+
+#include "core/abi/registry.hpp"
+#include "core/model/spec.hpp"
+
+namespace cardan {
+
+/// What needs no family: names, types of bodies, references, cycles, masses, inertias, gravity. Nodes of a flexible body
+/// are checked once its modal data are there.
+void validate(const SystemSpec& spec, DiagnosticSink& sink);
+/// The same, and each hinge against its family: type, parameters, initial values, prescribed components, springs.
+void validate(const SystemSpec& spec, const Registry& registry, DiagnosticSink& sink);
+
+/// The parameters of a hinge checked against the schema of its family, defaults filled in, unit vectors normalised, and
+/// packed for its kinematics (core/abi/param_values.hpp). Faults go to the sink; then empty.
+std::vector<double> pack_hinge(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family,
+                               DiagnosticSink& sink);
+
+/// "bodies.<name>", the key path of a body.
+std::string body_path(const BodySpec& body);
+
+}  // namespace cardan

@@ -1,0 +1,373 @@
+#include "core/model/vehicle.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <span>
+
+#include "core/base/units.hpp"
+#include "core/model/validate.hpp"
+
+namespace cardan {
+namespace {
+
+using Kind = DocNode::Kind;
+
+bool is_name(std::string_view name) {
+  const auto letter = [](char c) { return std::isalpha(static_cast<unsigned char>(c)) || c == '_'; };
+  return !name.empty() && letter(name[0]) && std::all_of(name.begin(), name.end(), [&](char c) {
+    return letter(c) || std::isdigit(static_cast<unsigned char>(c)) || c == '-';
+  });
+}
+
+/// The named objects of a map (bodies, nodes); what has no usable name is reported.
+std::vector<std::pair<std::string, DocRef>> named_items(const DocRef& map, ReadContext& context) {
+  std::vector<std::pair<std::string, DocRef>> items;
+  if (map.node->kind != Kind::map) {
+    context.sink.report(Code::wrong_type, map.at(), "a map of names and what they name", describe(*map.node));
+    return items;
+  }
+  for (std::size_t i = 0; i < map.node->items.size(); ++i) {
+    const DocKey& key = map.node->keys[i];
+    if (is_name(key.name) && key.name != "world")
+      items.emplace_back(key.name, map.item(i));
+    else
+      context.sink.report(Code::bad_name, {map.item(i).path, key.mark},
+                          "a letter, then letters, digits, `_` and `-`; not `world`", in_quotes(key.name));
+  }
+  return items;
+}
+
+class VehicleReader {
+ public:
+  VehicleReader(const Registry& registry, DiagnosticSink& sink) : registry_(registry), context_{sink, spec_.defaults_used} {}
+
+  SystemSpec read(const DocNode& root) {
+    spec_.source_file = root.mark.file;
+    collect_marks({&root, ""});
+    MapReader top({&root, ""}, context_);
+    if (const auto version = top.require("cardan", "1, the version of this grammar", "begin the file with `cardan: 1`"))
+      if (version->node->text != "1")
+        context_.sink.report(Code::out_of_range, version->at(), "1, the version of this grammar", describe(*version->node));
+    spec_.name = top.text("name", "a text", "vehicle");
+    if (const auto gravity = top.find("gravity"))
+      read_gravity(*gravity);
+    else
+      top.note_default("gravity", "none");
+    if (const auto bodies = top.require("bodies", "a map of the bodies by name"))
+      for (const auto& [name, value] : named_items(*bodies, context_)) read_body(name, value);
+    top.finish();
+    if (top.is_map()) validate(spec_, registry_, context_.sink);
+    return std::move(spec_);
+  }
+
+ private:
+  void collect_marks(const DocRef& value) {
+    spec_.marks.emplace(value.path, value.node->mark);
+    for (std::size_t i = 0; i < value.node->items.size(); ++i) collect_marks(value.item(i));
+  }
+
+  void read_gravity(const DocRef& value) {
+    GravitySpec& gravity = spec_.gravity;
+    gravity.at = value.at();
+    if (value.node->kind == Kind::scalar) {
+      read_choice(value, {"none"}, "{uniform: [x, y, z]}, {central: {mu: ...}} or", Code::wrong_type, context_);
+      return;
+    }
+    MapReader map(value, context_);
+    if (const auto form = map.one({"uniform", "central"})) {
+      if (form->first == 0) {
+        gravity.kind = GravitySpec::Kind::uniform;
+        gravity.g = read_vector(form->second, "m/s^2", context_);
+      } else {
+        gravity.kind = GravitySpec::Kind::central;
+        MapReader central(form->second, context_);
+        gravity.mu = central.number("mu", "m^3/s^2");
+        gravity.centre = central.vector("centre", "m", Eigen::Vector3d::Zero());
+        gravity.gradient = central.flag("gradient", true);
+        central.finish();
+      }
+    }
+    map.finish();
+  }
+
+  void read_body(const std::string& name, const DocRef& value) {
+    MapReader map(value, context_);
+    if (!map.is_map()) return;
+    BodySpec body;
+    body.name = name;
+    body.at = value.at();
+    body.type = map.text("type", "a body type: rigid, particle or modal_flexible", "rigid");
+    if (body.type == "modal_flexible")
+      read_flexible(map, body);
+    else
+      read_rigid(map, body);
+    if (const auto hinge = map.require("hinge", "how the body hangs on another one or on the world",
+                                       "a body that flies freely: hinge: {type: free, to: world}"))
+      read_hinge(*hinge, body);
+    // Of a body of unknown type only the type is reported: which keys it may have depends on it.
+    if (body.type == "rigid" || body.type == "particle" || body.type == "modal_flexible")
+      map.finish(body.type == "modal_flexible" ? "mass and nodes of a flexible body are those of its modal source" : "");
+    spec_.bodies.push_back(std::move(body));
+  }
+
+  void read_rigid(MapReader& map, BodySpec& body) {
+    body.mass = map.number("mass", "kg");
+    body.com = map.vector("com", "m", Eigen::Vector3d::Zero());
+    if (body.type != "particle") {
+      const auto inertia = map.require("inertia", "[xx, yy, zz] or {xx, yy, zz, xy, xz, yz, about} in kg m^2",
+                                       "a body without extent is `type: particle`");
+      if (inertia) body.inertia_com = read_inertia(*inertia, body.mass, body.com, context_);
+    }
+    if (const auto nodes = map.find("nodes"))
+      for (const auto& [name, value] : named_items(*nodes, context_)) {
+        NodeSpec node;
+        node.name = name;
+        node.at = value.at();
+        MapReader reader(value, context_);
+        node.position = reader.vector("position", "m", Eigen::Vector3d::Zero());
+        if (const auto orientation = reader.find("orientation")) node.R_BN = read_orientation(*orientation, context_);
+        reader.finish();
+        body.nodes.push_back(std::move(node));
+      }
+  }
+
+  void read_flexible(MapReader& map, BodySpec& body) {
+    body.level = map.integer("level", 0, 1);
+    if (const auto modal = map.require("modal", "where the modes come from: a plate, a beam, a file or lumped masses"))
+      body.modal_source = std::make_shared<const DocNode>(*modal->node);
+    if (const auto initial = map.find("initial")) {
+      MapReader reader(*initial, context_);
+      if (const auto eta = reader.find("eta")) body.eta = read_numbers(*eta, "1", 0, context_);
+      if (const auto etadot = reader.find("etadot")) body.etadot = read_numbers(*etadot, "1/s", 0, context_);
+      reader.finish();
+    }
+  }
+
+  void read_hinge(const DocRef& value, BodySpec& body) {
+    MapReader map(value, context_);
+    if (!map.is_map()) return;
+    HingeSpec& hinge = body.hinge;
+    hinge.at = value.at();
+    hinge.type = map.text("type", "a hinge type");
+    if (const auto to = map.require("to", "a body, body.node or world")) read_inboard(*to, hinge);
+    if (const auto at = map.find("at")) {
+      if (at->node->kind == Kind::map)
+        read_place(*at, hinge.pnode_position, hinge.pnode_R);
+      else
+        hinge.body_node = read_text(*at, "a node of the body, or {position, orientation}", context_);
+    } else {
+      map.note_default("at", "the origin of the body");
+    }
+    hinge.locked = map.flag("locked", false);
+    const cardan_hinge_family* family = registry_.hinge(hinge.type);
+    if (!family) return;  // reported by validate(); the other keys depend on the type
+    for (uint32_t i = 0; i < family->n_params; ++i) read_param(map, family->params[i], hinge);
+    if (const auto initial = map.find("initial")) read_initial(*initial, *family, hinge);
+    if (family->nv > 0) {
+      if (const auto prescribed = map.find("prescribed")) read_prescribed(*prescribed, *family, hinge);
+      if (const auto spring = map.find("spring")) read_spring(*spring, *family, hinge);
+      if (const auto springs = map.find("springs")) read_springs(*springs, *family, hinge);
+    }
+    map.finish();
+  }
+
+  void read_inboard(const DocRef& to, HingeSpec& hinge) {
+    if (to.node->kind == Kind::list) {
+      std::string names;
+      for (const DocNode& item : to.node->items) names += (names.empty() ? "" : " and ") + describe(item);
+      context_.sink.report(Code::two_parents, to.at(), "one body, body.node or world", names,
+                           "the hinges of a vehicle form a tree; a closed loop is a loop closure beside it, not a second hinge");
+      return;
+    }
+    std::string name;
+    if (to.node->kind == Kind::map) {
+      MapReader map(to, context_);
+      name = map.text("body", "a body or world");
+      read_place_keys(map, hinge.onode_position, hinge.onode_R);
+      map.finish();
+      hinge.inboard_body = name;
+    } else {
+      name = read_text(to, "a body, body.node or world", context_);
+      const auto point = name.find('.');
+      hinge.inboard_body = name.substr(0, point);
+      if (point != std::string::npos) hinge.inboard_node = name.substr(point + 1);
+    }
+    if (hinge.inboard_body.empty() && (to.node->kind == Kind::scalar || to.node->kind == Kind::map))
+      context_.sink.report(Code::unknown_body, to.at(), "a body, body.node or world", in_quotes(name));
+    if (hinge.inboard_body == "world") hinge.inboard_body.clear();
+  }
+  void read_place(const DocRef& value, Eigen::Vector3d& position, Eigen::Matrix3d& R) {
+    MapReader map(value, context_);
+    read_place_keys(map, position, R);
+    map.finish();
+  }
+  void read_place_keys(MapReader& map, Eigen::Vector3d& position, Eigen::Matrix3d& R) {
+    position = map.vector("position", "m", Eigen::Vector3d::Zero());
+    if (const auto orientation = map.find("orientation")) R = read_orientation(*orientation, context_);
+  }
+
+  void read_param(MapReader& map, const cardan_param_desc& desc, HingeSpec& hinge) {
+    const auto value = map.find(desc.name);
+    if (!value) {  // what is required is missed by validate()
+      if (!desc.required && desc.kind == CARDAN_NUMBER) map.note_default(desc.name, fmt::format("{:.6g} {}", desc.fallback[0], desc.unit));
+      return;
+    }
+    ParamValue param{0.0, value->at()};
+    switch (desc.kind) {
+      case CARDAN_NUMBER: param.value = read_number(*value, desc.unit, context_); break;
+      case CARDAN_TEXT: param.value = read_text(*value, desc.meaning, context_); break;
+      case CARDAN_VECTOR:
+      case CARDAN_UNIT_VECTOR: param.value = read_numbers(*value, desc.unit, 3, context_); break;
+      default: {
+        std::vector<double> all;
+        if (value->node->kind != Kind::list || (desc.count > 0 && value->node->items.size() != desc.count)) {
+          const std::string count = desc.count > 0 ? fmt::format("{} ", desc.count) : "";
+          context_.sink.report(Code::wrong_type, value->at(), fmt::format("a list of {}vectors of 3 numbers", count), describe(*value->node));
+          break;
+        }
+        for (std::size_t i = 0; i < value->node->items.size(); ++i)
+          for (double x : read_numbers(value->item(i), desc.unit, 3, context_)) all.push_back(x);
+        param.value = std::move(all);
+      }
+    }
+    hinge.params.emplace(desc.name, std::move(param));
+  }
+
+  /// Coordinates and velocities that are written as one value.
+  struct Group {
+    const char* key;
+    std::array<const char*, 4> names;
+    const char* unit;
+    std::size_t size;
+  };
+  static constexpr Group kGroups[] = {{"quaternion_wxyz", {"qw", "qx", "qy", "qz"}, "1", 4},
+                                      {"position", {"x", "y", "z", ""}, "m", 3},
+                                      {"angular_velocity", {"wx", "wy", "wz", ""}, "rad/s", 3},
+                                      {"velocity", {"vx", "vy", "vz", ""}, "m/s", 3}};
+
+  void read_initial(const DocRef& value, const cardan_hinge_family& family, HingeSpec& hinge) {
+    MapReader map(value, context_);
+    hinge.q = read_state(map, {family.q_names, family.nq}, family.q_units);
+    hinge.v = read_state(map, {family.v_names, family.nv}, family.v_units);
+    map.finish();
+  }
+  std::vector<double> read_state(MapReader& map, std::span<const char* const> names, const char* const* units) {
+    std::vector<double> values(names.size(), 0.0);
+    for (std::size_t i = 0; i < names.size();) {
+      const Group* group = group_at(names.subspan(i));
+      if (!group) {
+        if (const auto given = map.find(names[i])) values[i] = read_number(*given, units[i], context_);
+        ++i;
+        continue;
+      }
+      if (group->size == 4) {
+        read_attitude(map, values.data() + i);
+      } else if (const auto given = map.find(group->key)) {
+        const Eigen::Vector3d v = read_vector(*given, group->unit, context_);
+        std::copy(v.begin(), v.end(), values.begin() + static_cast<std::ptrdiff_t>(i));
+      }
+      i += group->size;
+    }
+    return values;
+  }
+  static const Group* group_at(std::span<const char* const> names) {
+    for (const Group& group : kGroups)
+      if (names.size() >= group.size && std::equal(group.names.begin(), group.names.begin() + group.size, names.begin(),
+                                                   [](std::string_view a, std::string_view b) { return a == b; }))
+        return &group;
+    return nullptr;
+  }
+  void read_attitude(MapReader& map, double* q) {
+    const auto quaternion = map.find("quaternion_wxyz"), orientation = map.find("orientation");
+    Eigen::Vector4d wxyz(1.0, 0.0, 0.0, 0.0);
+    if (quaternion) wxyz = read_quaternion_wxyz(*quaternion, context_);
+    if (orientation) {
+      const Eigen::Quaterniond r(read_orientation(*orientation, context_));
+      wxyz << r.w(), r.x(), r.y(), r.z();
+    }
+    if (quaternion && orientation)
+      context_.sink.report(Code::wrong_type, orientation->at(), "quaternion_wxyz or orientation, not both", "both");
+    std::copy(wxyz.begin(), wxyz.end(), q);
+  }
+
+  /// Index of a velocity component by its name, or by that of its coordinate; -1 after a fault.
+  int read_component(const DocRef& value, const cardan_hinge_family& family) {
+    std::vector<std::string> legal(family.v_names, family.v_names + family.nv);
+    if (family.nq == family.nv) legal.insert(legal.end(), family.q_names, family.q_names + family.nq);
+    const int i = read_choice(value, legal, fmt::format("a component of hinge type {}", family.type), Code::unknown_name, context_);
+    return i < 0 ? i : i % static_cast<int>(family.nv);
+  }
+
+  void read_prescribed(const DocRef& value, const cardan_hinge_family& family, HingeSpec& hinge) {
+    if (value.node->kind == Kind::list) {
+      for (std::size_t i = 0; i < value.node->items.size(); ++i) {
+        const int component = read_component(value.item(i), family);
+        if (component >= 0) hinge.prescribed.push_back(component);
+      }
+    } else if (read_flag(value, context_)) {
+      for (uint32_t i = 0; i < family.nv; ++i) hinge.prescribed.push_back(static_cast<int>(i));
+    }
+  }
+
+  void read_springs(const DocRef& value, const cardan_hinge_family& family, HingeSpec& hinge) {
+    if (value.node->kind != Kind::list) {
+      context_.sink.report(Code::wrong_type, value.at(), "a list of springs", describe(*value.node), "one spring alone: spring: {...}");
+      return;
+    }
+    for (std::size_t i = 0; i < value.node->items.size(); ++i) read_spring(value.item(i), family, hinge);
+  }
+  void read_spring(const DocRef& value, const cardan_hinge_family& family, HingeSpec& hinge) {
+    MapReader map(value, context_);
+    SpringDamper spring;
+    spring.at = value.at();
+    if (family.nv > 1) {
+      const auto component = map.require("component", "which component of the hinge: " +
+                                                          one_of({family.v_names, family.v_names + family.nv}));
+      spring.component = component ? read_component(*component, family) : -1;
+      if (spring.component < 0) return;
+    } else if (const auto component = map.find("component")) {
+      spring.component = std::max(0, read_component(*component, family));
+    }
+    const bool rotational = std::string_view(family.v_units[spring.component]) == "rad/s";
+    spring.stiffness = map.number("stiffness", rotational ? "N m/rad" : "N/m", 0.0);
+    spring.rest = map.number("rest", rotational ? "rad" : "m", 0.0);
+    spring.damping = map.number("damping", rotational ? "N m s/rad" : "N s/m", 0.0);
+    map.finish();
+    hinge.springs.push_back(std::move(spring));
+  }
+
+  const Registry& registry_;
+  SystemSpec spec_;
+  ReadContext context_;
+};
+
+}  // namespace
+
+Eigen::Matrix3d read_inertia(const DocRef& value, double mass, const Eigen::Vector3d& com, ReadContext& context) {
+  if (value.node->kind == DocNode::Kind::list) return read_vector(value, "kg m^2", context).asDiagonal();
+  MapReader map(value, context);
+  const double xx = map.number("xx", "kg m^2"), yy = map.number("yy", "kg m^2"), zz = map.number("zz", "kg m^2");
+  const auto product = [&](std::string_view key) {
+    const auto given = map.find(key);
+    return given ? read_number(*given, "kg m^2", context) : 0.0;
+  };
+  const double xy = product("xy"), xz = product("xz"), yz = product("yz");
+  Eigen::Matrix3d I;
+  I << xx, xy, xz, xy, yy, yz, xz, yz, zz;
+  const auto about = map.find("about");
+  if (!about) map.note_default("about", "com");
+  if (about && read_choice(*about, {"com", "origin"}, "the point it is about", Code::wrong_type, context) == 1)
+    I -= mass * (com.squaredNorm() * Eigen::Matrix3d::Identity() - com * com.transpose());
+  map.finish();
+  return I;
+}
+
+SystemSpec vehicle_from_doc(const DocNode& root, const Registry& registry, DiagnosticSink& sink) {
+  return VehicleReader(registry, sink).read(root);
+}
+
+}  // namespace cardan

@@ -1,0 +1,422 @@
+#include "core/reference/dense_dynamics.hpp"
+
+#include <Eigen/Cholesky>
+
+#include "core/reference/quad.hpp"
+
+namespace cardan::reference {
+namespace {
+
+/// Frame 2 in world axes out of frame 1 and the motion of 2 relative to 1; the rates are v[column ... column + n - 1].
+template <class T>
+Frame<T> compose(const Frame<T>& f, const RelativeMotion<T>& m, const VecX<T>& rates, int column) {
+  const Vec3<T> r = f.R * m.p, w_rel = f.R * (m.turn * rates), u = f.R * (m.shift * rates);
+  Frame<T> out;
+  out.R = f.R * m.R;
+  out.x = f.x + r;
+  out.w = f.w + w_rel;
+  out.xdot = f.xdot + f.w.cross(r) + u;
+  out.Jw = f.Jw;
+  out.Jx = f.Jx - tilde(r) * f.Jw;
+  out.Jw.middleCols(column, rates.size()) += f.R * m.turn;
+  out.Jx.middleCols(column, rates.size()) += f.R * m.shift;
+  out.wdot = f.wdot + f.w.cross(w_rel) + f.R * m.turn_bias;
+  out.xddot = f.xddot + f.wdot.cross(r) + f.w.cross(f.w.cross(r)) + 2 * f.w.cross(u) + f.R * m.shift_bias;
+  return out;
+}
+
+template <class T>
+RelativeMotion<T> foreign_motion(const ForeignMotion& m, const VecX<T>& v) {
+  RelativeMotion<T> out;
+  out.R = m.R.cast<T>();
+  out.p = m.p.cast<T>();
+  const MatX<T> Ht = m.Ht.cast<T>();
+  const VecX<T> h = Ht * v, Hdot_v = m.Hdot_v.cast<T>();
+  const Vec3<T> hw = h.head(3), hv = h.tail(3);
+  out.turn = out.R * Ht.topRows(3);
+  out.shift = out.R * Ht.bottomRows(3);
+  out.turn_bias = out.R * Hdot_v.head(3);
+  out.shift_bias = out.R * (hw.cross(hv) + Hdot_v.tail(3));
+  return out;
+}
+
+template <class T>
+VecX<T> hinge_q(const DenseBody<T>& b, const VecX<T>& q) {
+  return b.hinge.locked ? b.held : VecX<T>(q.segment(b.iq, b.size.nq));
+}
+template <class T>
+VecX<T> hinge_v(const DenseBody<T>& b, const VecX<T>& v) {
+  return b.hinge.locked ? VecX<T>::Zero(b.size.nv) : VecX<T>(v.segment(b.iv, b.size.nv));
+}
+template <class T>
+VecX<T> modes(const DenseBody<T>& b, const VecX<T>& q) {
+  return q.segment(b.iq + b.free_nq(), b.n_modes);
+}
+template <class T>
+int mode_column(const DenseBody<T>& b) {
+  return b.iv + b.free_nv();
+}
+template <class T>
+VecX<T> mode_rates(const DenseBody<T>& b, const VecX<T>& v) {
+  return v.segment(mode_column(b), b.n_modes);
+}
+
+/// Moves the frame of a body to one of its deforming points.
+template <class T>
+Frame<T> to_point(const Frame<T>& B, const DenseBody<T>& b, const ModalPoint<T>& p, const VecX<T>& q,
+                  const VecX<T>& v) {
+  const VecX<T> rates = mode_rates(b, v);
+  return compose(B, node_motion(p, modes(b, q), rates), rates, mode_column(b));
+}
+
+/// Gravity at a point and its gradient, world axes.
+template <class T>
+struct Field {
+  Vec3<T> g = Vec3<T>::Zero();
+  Mat3<T> gradient = Mat3<T>::Zero();
+  T potential{0};  // [J/kg]
+};
+
+template <class T>
+Field<T> gravity_field(const DenseGravity<T>& spec, const Vec3<T>& x) {
+  Field<T> out;
+  if (spec.kind == GravitySpec::Kind::uniform) {
+    out.g = spec.g;
+    out.potential = -out.g.dot(x);
+  } else if (spec.kind == GravitySpec::Kind::central) {
+    const Vec3<T> d = x - spec.centre;
+    const T r = d.norm(), k = spec.mu / (r * r * r);
+    const Vec3<T> n = d / r;
+    out.g = -k * d;
+    out.potential = -spec.mu / r;
+    if (spec.gradient) out.gradient = k * (3 * n * n.transpose() - Mat3<T>::Identity());
+  }
+  return out;
+}
+
+/// Sum of m rho rho* of a body out of its inertia tensor, both about the same point.
+template <class T>
+Mat3<T> second_moment(const Mat3<T>& inertia) {
+  return inertia.trace() / 2 * Mat3<T>::Identity() - inertia;
+}
+
+/// Torque sum of m rho x (gradient rho) on a body of this inertia.
+template <class T>
+Vec3<T> gradient_torque(const Mat3<T>& inertia, const Mat3<T>& gradient) {
+  const Mat3<T> A = second_moment(inertia) * gradient;
+  return {A(1, 2) - A(2, 1), A(2, 0) - A(0, 2), A(0, 1) - A(1, 0)};
+}
+
+template <class T>
+void add_gravity_energy(T& energy, const Field<T>& field, const T& mass, const Mat3<T>& central_inertia) {
+  energy += mass * field.potential - (field.gradient * second_moment(central_inertia)).trace() / 2;
+}
+
+/// q index of the coordinate whose rate is velocity component i; -1 where there is none.
+template <class T>
+int coordinate_of(const DenseBody<T>& b, int i) {
+  if (b.size.nq == b.size.nv) return i;
+  return b.hinge.type == "free" && i >= 3 ? i + 1 : -1;
+}
+
+template <class T>
+VecX<T> wrench(const Vec3<T>& moment, const Vec3<T>& force) {
+  VecX<T> out(6);
+  out << moment, force;
+  return out;
+}
+/// [moment; force] about a point that lies at `arm` from the new one.
+template <class T>
+VecX<T> shifted(const VecX<T>& f, const Vec3<T>& arm) {
+  const Vec3<T> force = f.tail(3);
+  return wrench<T>(f.head(3) + arm.cross(force), force);
+}
+template <class T>
+VecX<T> turned(const Mat3<T>& R, const VecX<T>& f) {
+  return wrench<T>(R * f.head(3), R * f.tail(3));
+}
+
+template <class T>
+VecX<T> solve(const MatX<T>& M, const VecX<T>& rhs) {
+  const Eigen::LLT<MatX<T>> factor(M);
+  if (factor.info() != Eigen::Success) {
+    RunFailure failure{};
+    failure.code = Code::singular_mass;
+    failure.what = "dense mass matrix of the reference";
+    throw NumericsError(failure);
+  }
+  return factor.solve(rhs);
+}
+
+}  // namespace
+
+template <class T>
+DenseTwin<T>::DenseTwin(DenseModel<T> model) : model_(std::make_shared<const DenseModel<T>>(std::move(model))) {
+  for (const DenseBody<T>& b : model_->bodies) {
+    const auto refuse = [&](const char* expected, const char* got) {
+      throw InputError(Diagnostic{Code::unsupported, b.hinge.at, expected, got, {}, {}, {}, 0});
+    };
+    for (const SpringDamper& s : b.hinge.springs)
+      if (s.stiffness != 0.0 && coordinate_of(b, s.component) < 0)
+        refuse("a component with a coordinate of its own", "a spring on a rotation");
+    inertia_.emplace_back();
+    if (b.n_modes == 0 || (b.level == 2 && !b.masses.empty())) continue;
+    if (b.level == 2 && b.modal->integrals.I9.empty()) refuse("mass nodes or the integral I9 for level 2", "neither");
+    if (b.masses.empty())
+      inertia_.back().emplace(b.modal->integrals);
+    else
+      inertia_.back().emplace(b.masses);
+  }
+}
+
+template <class T>
+DenseState<T> DenseTwin<T>::at(const VecX<T>& q, const VecX<T>& v) const {
+  DenseState<T> s(model_);
+  const int nv = model_->nv;
+  s.q_ = q;
+  s.v_ = v;
+  s.M = MatX<T>::Zero(nv, nv);
+  s.bias = s.gravity_force = s.elastic_force = s.hinge_force = VecX<T>::Zero(nv);
+  s.com = s.linear_momentum = s.angular_momentum = Vec3<T>::Zero();
+  s.resultants_.resize(model_->bodies.size());
+  set_kinematics(s);
+  for (int k = 0; k < static_cast<int>(model_->bodies.size()); ++k) {
+    inertia_[k] ? add_modal_body(s, k) : add_nodal_body(s, k);
+    add_hinge_and_modal_forces(s, k);
+    const VecX<T> momentum = shifted<T>(s.resultants_[k].W * v, s.bodies[k].x);
+    s.angular_momentum += momentum.head(3);
+    s.linear_momentum += momentum.tail(3);
+  }
+  s.com /= s.total_mass;
+  s.kinetic_energy = v.dot(s.M * v) / 2;
+  return s;
+}
+
+template <class T>
+void DenseTwin<T>::set_kinematics(DenseState<T>& s) const {
+  Frame<T> world;
+  world.Jw = world.Jx = Mat3X<T>::Zero(3, model_->nv);
+  const DenseBody<T> nothing;
+  s.bodies.resize(model_->bodies.size());
+  s.pnodes_.resize(model_->bodies.size());
+  s.qdot = VecX<T>::Zero(model_->nq);
+  for (const int k : model_->outward) {
+    const DenseBody<T>& b = model_->bodies[k];
+    const bool on_world = b.parent < 0;
+    const Frame<T> O = to_point(on_world ? world : s.bodies[b.parent], on_world ? nothing : model_->bodies[b.parent],
+                                b.onode, s.q_, s.v_);
+    const VecX<T> hq = hinge_q(b, s.q_), hv = hinge_v(b, s.v_), rates = mode_rates(b, s.v_);
+    RelativeMotion<T> hinge;
+    VecX<T> qdot;
+    if (b.foreign) {
+      const ForeignMotion m = b.foreign->motion(b.hinge, hq.template cast<double>(), hv.template cast<double>());
+      hinge = foreign_motion<T>(m, hv);
+      qdot = m.qdot.cast<T>();
+    } else {
+      hinge = hinge_motion(b.shape, hq, hv);
+      qdot = hinge_qdot(b.shape, hq, hv);
+    }
+    if (b.hinge.locked)
+      hinge.turn = hinge.shift = Mat3X<T>(3, 0);
+    else
+      s.qdot.segment(b.iq, b.size.nq) = qdot;
+    s.qdot.segment(b.iq + b.free_nq(), b.n_modes) = rates;
+    s.pnodes_[k] = compose<T>(O, hinge, s.v_.segment(b.iv, b.free_nv()), b.iv);
+    const RelativeMotion<T> pnode = node_motion(b.pnode, modes(b, s.q_), rates);
+    s.bodies[k] = compose(s.pnodes_[k], inverse(pnode, rates), rates, mode_column(b));
+  }
+}
+
+template <class T>
+void DenseTwin<T>::add_nodal_body(DenseState<T>& s, int k) const {
+  const DenseBody<T>& b = model_->bodies[k];
+  const Frame<T>& B = s.bodies[k];
+  std::vector<Frame<T>> frames;
+  T mass(0);
+  Vec3<T> centre = Vec3<T>::Zero();  // mass centre from B
+  for (const MassPoint<T>& p : b.masses) {
+    frames.push_back(to_point(B, b, p.point, s.q_, s.v_));
+    mass += p.mass;
+    centre += p.mass * (frames.back().x - B.x);
+  }
+  centre /= mass;
+  const Field<T> field = gravity_field<T>(model_->gravity, B.x + centre);
+  Mat3<T> central_inertia = Mat3<T>::Zero();
+  MatX<T> W = MatX<T>::Zero(6, model_->nv);
+  VecX<T> bias = VecX<T>::Zero(6), gravity = bias;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const Frame<T>& f = frames[i];
+    const T m = b.masses[i].mass;
+    const Mat3<T> I = f.R * b.masses[i].inertia * f.R.transpose(), arm = tilde<T>(f.x - B.x);
+    const Vec3<T> from_centre = f.x - B.x - centre;
+    const Vec3<T> force = m * f.xddot, moment = I * f.wdot + f.w.cross(I * f.w);
+    const Vec3<T> pull = m * (field.g + field.gradient * from_centre), torque = gradient_torque<T>(I, field.gradient);
+    s.M += m * f.Jx.transpose() * f.Jx + f.Jw.transpose() * I * f.Jw;
+    s.bias += f.Jx.transpose() * force + f.Jw.transpose() * moment;
+    s.gravity_force += f.Jx.transpose() * pull + f.Jw.transpose() * torque;
+    W.topRows(3) += m * arm * f.Jx + I * f.Jw;
+    W.bottomRows(3) += m * f.Jx;
+    bias += wrench<T>(arm * force + moment, force);
+    gravity += wrench<T>(arm * pull + torque, pull);
+    central_inertia += I - m * tilde(from_centre) * tilde(from_centre);
+  }
+  s.total_mass += mass;
+  s.com += mass * (B.x + centre);
+  add_gravity_energy(s.gravity_energy, field, mass, central_inertia);
+  s.resultants_[k] = {W, bias, gravity};
+}
+
+template <class T>
+void DenseTwin<T>::add_modal_body(DenseState<T>& s, int k) const {
+  const DenseBody<T>& b = model_->bodies[k];
+  const Frame<T>& B = s.bodies[k];
+  const int m = b.n_modes;
+  const VecX<T> eta = modes(b, s.q_);
+  const Mat3<T> Rt = B.R.transpose();
+  const Vec3<T> w = Rt * B.w, v = Rt * B.xdot;
+  MatX<T> J = MatX<T>::Zero(6 + m, model_->nv);  // of [omega; v; eta'], B axes
+  J.topRows(3) = Rt * B.Jw;
+  J.middleRows(3, 3) = Rt * B.Jx;
+  J.block(6, mode_column(b), m, m).setIdentity();
+  VecX<T> Jdot_v = VecX<T>::Zero(6 + m);
+  Jdot_v.head(3) = Rt * B.wdot;
+  Jdot_v.segment(3, 3) = Rt * B.xddot - w.cross(v);
+
+  const MatX<T> M = inertia_[k]->mass(eta, b.level);
+  const VecX<T> bias = M * Jdot_v + inertia_[k]->bias(eta, mode_rates(b, s.v_), wrench<T>(w, v), b.level);
+
+  // Gravity: the field at the mass centre, exact at every level as the mass centre is, and its gradient across the
+  // body.
+  const T mass = M(3, 3);
+  const Vec3<T> centre(M(2, 4) / mass, M(0, 5) / mass, M(1, 3) / mass);
+  const MatX<T> I3 = M.block(3, 6, 3, m);
+  const Field<T> field = gravity_field<T>(model_->gravity, B.x + B.R * centre);
+  const Vec3<T> g = Rt * field.g;
+  const Mat3<T> gradient = Rt * field.gradient * B.R;
+  const Mat3<T> central_inertia = M.topLeftCorner(3, 3) + mass * tilde(centre) * tilde(centre);
+  VecX<T> gravity(6 + m);
+  gravity << mass * centre.cross(g) + gradient_torque<T>(central_inertia, gradient), mass * g, I3.transpose() * g;
+  // On mode k: half of gradient : d S / d eta_k, S the second moment about the mass centre, not frozen even at level 0.
+  const std::vector<MatX<T>> slope = inertia_[k]->mass_derivatives(eta, std::max(1, b.level));
+  for (int i = 0; i < m; ++i)
+    gravity[6 + i] +=
+        (gradient * second_moment<T>(slope[i].topLeftCorner(3, 3))).trace() / 2 - I3.col(i).dot(gradient * centre);
+
+  s.M += J.transpose() * M * J;
+  s.bias += J.transpose() * bias;
+  s.gravity_force += J.transpose() * gravity;
+  s.total_mass += mass;
+  s.com += mass * (B.x + B.R * centre);
+  add_gravity_energy<T>(s.gravity_energy, field, mass, B.R * central_inertia * Rt);
+  MatX<T> W = (M * J).topRows(6);
+  W.topRows(3) = B.R * W.topRows(3).eval();
+  W.bottomRows(3) = B.R * W.bottomRows(3).eval();
+  s.resultants_[k] = {W, turned<T>(B.R, bias.head(6)), turned<T>(B.R, gravity.head(6))};
+}
+
+template <class T>
+void DenseTwin<T>::add_hinge_and_modal_forces(DenseState<T>& s, int k) const {
+  const DenseBody<T>& b = model_->bodies[k];
+  const VecX<T> eta = modes(b, s.q_);
+  s.elastic_force.segment(mode_column(b), b.n_modes) = -(b.K * eta + b.C * mode_rates(b, s.v_));
+  s.elastic_energy += eta.dot(b.K * eta) / 2;
+  if (b.hinge.locked) return;
+  for (const SpringDamper& spring : b.hinge.springs) {
+    T& force = s.hinge_force[b.iv + spring.component];
+    force -= T(spring.damping) * s.v_[b.iv + spring.component];
+    if (spring.stiffness == 0.0) continue;
+    const T stretch = s.q_[b.iq + coordinate_of(b, spring.component)] - T(spring.rest);
+    force -= T(spring.stiffness) * stretch;
+    s.elastic_energy += T(spring.stiffness) * stretch * stretch / 2;
+  }
+}
+
+template <class T>
+int DenseState<T>::index(std::string_view body) const {
+  for (std::size_t k = 0; k < model_->bodies.size(); ++k)
+    if (model_->bodies[k].name == body) return static_cast<int>(k);
+  throw InputError(Diagnostic{Code::unknown_body, {}, "the name of a body", std::string(body), {}, {}, {}, 0});
+}
+
+template <class T>
+Frame<T> DenseState<T>::node_frame(int body, std::string_view node) const {
+  if (node.empty()) return bodies[body];
+  return to_point(bodies[body], model_->bodies[body], model_->bodies[body].node(node), q_, v_);
+}
+
+template <class T>
+NodeMotion<T> DenseState<T>::node(std::string_view body, std::string_view node) const {
+  const Frame<T> f = node_frame(index(body), node);
+  const Mat3<T> Rt = f.R.transpose();
+  NodeMotion<T> out{f.x, f.R, turned<T>(Rt, wrench<T>(f.w, f.xdot)), turned<T>(Rt, wrench<T>(f.wdot, f.xddot)), {}};
+  out.J.resize(6, v_.size());
+  out.J << Rt * f.Jw, Rt * f.Jx;
+  return out;
+}
+
+template <class T>
+VecX<T> DenseState<T>::external_force(const NodeWrenches<T>& wrenches) const {
+  VecX<T> out = VecX<T>::Zero(v_.size());
+  for (const NodeWrench<T>& w : wrenches) out += node(w.body, w.node).J.transpose() * w.wrench;
+  return out;
+}
+
+template <class T>
+VecX<T> DenseState<T>::applied(const NodeWrenches<T>& wrenches) const {
+  return gravity_force + elastic_force + hinge_force + external_force(wrenches) - bias;
+}
+
+template <class T>
+VecX<T> DenseState<T>::forward(const VecX<T>& tau, const NodeWrenches<T>& wrenches) const {
+  return solve<T>(M, tau + applied(wrenches));
+}
+
+template <class T>
+VecX<T> DenseState<T>::inverse(const VecX<T>& vdot, const NodeWrenches<T>& wrenches) const {
+  return M * vdot - applied(wrenches);
+}
+
+template <class T>
+HybridResult<T> DenseState<T>::hybrid(const VecX<T>& tau, const std::vector<bool>& prescribed,
+                                      const VecX<T>& vdot_prescribed, const NodeWrenches<T>& wrenches) const {
+  std::vector<int> free;
+  HybridResult<T> out{VecX<T>::Zero(tau.size()), tau};
+  for (int i = 0; i < static_cast<int>(tau.size()); ++i) {
+    if (prescribed[i])
+      out.vdot[i] = vdot_prescribed[i];
+    else
+      free.push_back(i);
+  }
+  const VecX<T> missing = tau - inverse(out.vdot, wrenches);  // what the free components still have to take up
+  const VecX<T> vdot_free = solve<T>(M(free, free), missing(free));
+  for (std::size_t i = 0; i < free.size(); ++i) out.vdot[free[i]] = vdot_free[i];
+  const VecX<T> needed = inverse(out.vdot, wrenches);
+  for (int i = 0; i < static_cast<int>(tau.size()); ++i)
+    if (prescribed[i]) out.tau[i] = needed[i];
+  return out;
+}
+
+template <class T>
+std::vector<VecX<T>> DenseState<T>::hinge_wrenches(const VecX<T>& vdot, const NodeWrenches<T>& wrenches) const {
+  std::vector<VecX<T>> total;  // what the subtree of each body needs, about the body's origin
+  for (const Resultants& r : resultants_) total.push_back(r.W * vdot + r.bias - r.gravity);
+  for (const NodeWrench<T>& w : wrenches) {
+    const int k = index(w.body);
+    const Frame<T> f = node_frame(k, w.node);
+    total[k] -= shifted<T>(turned<T>(f.R, w.wrench), f.x - bodies[k].x);
+  }
+  std::vector<VecX<T>> out(total.size());
+  for (auto it = model_->outward.rbegin(); it != model_->outward.rend(); ++it) {
+    const int k = *it, parent = model_->bodies[k].parent;
+    if (parent >= 0) total[parent] += shifted<T>(total[k], bodies[k].x - bodies[parent].x);
+    out[k] = turned<T>(pnodes_[k].R.transpose(), shifted<T>(total[k], bodies[k].x - pnodes_[k].x));
+  }
+  return out;
+}
+
+template class DenseState<double>;
+template class DenseState<Quad>;
+template class DenseTwin<double>;
+template class DenseTwin<Quad>;
+
+}  // namespace cardan::reference

@@ -1,0 +1,157 @@
+#include "core/reference/dense_model.hpp"
+
+#include <cctype>
+
+#include "core/reference/quad.hpp"
+
+namespace cardan::reference {
+namespace {
+
+[[noreturn]] void refuse(Code code, const Located& at, std::string expected, std::string got) {
+  throw InputError(Diagnostic{code, at, std::move(expected), std::move(got), {}, {}, {}, 0});
+}
+
+template <class T>
+ModalPoint<T> point(const std::string& name, const Eigen::Vector3d& position, const Eigen::Matrix3d& R, int n_modes,
+                    const Eigen::MatrixXd& Phi = {}, const Eigen::MatrixXd& Psi = {}) {
+  ModalPoint<T> out{name, position.cast<T>(), R.cast<T>(), Mat3X<T>::Zero(3, n_modes), Mat3X<T>::Zero(3, n_modes), {}};
+  if (Phi.size() > 0) out.Phi = Phi.cast<T>();
+  if (Psi.size() > 0) out.Psi = Psi.cast<T>();
+  return out;
+}
+
+template <class T>
+MassPoint<T> mass_point(const MassNode& node, int n_modes) {
+  MassPoint<T> out{T(node.mass), node.inertia.cast<T>(),
+                   point<T>("", node.position, Eigen::Matrix3d::Identity(), n_modes, node.Phi, node.Psi)};
+  for (const Eigen::MatrixXd& q : node.Q) out.point.Q.push_back(q.cast<T>());
+  return out;
+}
+
+/// Unit axes: `axis` (one vector), `axes` (several) or the letters of a gimbal `sequence`.
+template <class T>
+Mat3X<T> hinge_axes(const HingeSpec& hinge) {
+  if (const auto it = hinge.params.find("sequence"); it != hinge.params.end()) {
+    const auto& letters = std::get<std::string>(it->second.value);
+    Mat3X<T> out = Mat3X<T>::Zero(3, letters.size());
+    for (std::size_t i = 0; i < letters.size(); ++i) {
+      const int c = std::tolower(static_cast<unsigned char>(letters[i]));
+      out(c >= 'x' ? c - 'x' : c - '1', i) = T(1);
+    }
+    return out;
+  }
+  for (const char* key : {"axis", "axes"}) {
+    const auto it = hinge.params.find(key);
+    if (it == hinge.params.end()) continue;
+    const auto& flat = std::get<std::vector<double>>(it->second.value);
+    Mat3X<T> out = Eigen::Map<const Eigen::Matrix3Xd>(flat.data(), 3, flat.size() / 3).cast<T>();
+    out.colwise().normalize();
+    return out;
+  }
+  return Mat3X<T>(3, 0);
+}
+
+template <class T>
+void set_hinge(DenseBody<T>& b, const ForeignHinges& foreign) {
+  b.shape.type = b.hinge.type;
+  b.size = hinge_size(b.hinge.type);
+  if (b.size.nq < 0) {
+    const auto it = foreign.find(b.hinge.type);
+    if (it == foreign.end())
+      refuse(Code::unsupported, b.hinge.at, "a hinge type known to the dense twin", b.hinge.type);
+    b.foreign = it->second;
+    b.size = {b.foreign->nq, b.foreign->nv};
+  } else {
+    b.shape.axes = hinge_axes<T>(b.hinge);
+    if (const auto it = b.hinge.params.find("pitch"); it != b.hinge.params.end())
+      b.shape.pitch = T(std::get<double>(it->second.value));
+  }
+  if (!b.hinge.locked) return;
+  b.held = VecX<T>::Zero(b.size.nq);
+  if (b.size.nq > b.size.nv) b.held[0] = T(1);  // identity quaternion
+  for (std::size_t i = 0; i < b.hinge.q.size(); ++i) b.held[i] = T(b.hinge.q[i]);
+}
+
+template <class T>
+DenseBody<T> dense_body(const BodySpec& spec, const ForeignHinges& foreign) {
+  DenseBody<T> b;
+  b.name = spec.name;
+  b.hinge = spec.hinge;
+  b.level = spec.level;
+  if (spec.type == "modal_flexible") {
+    const ModalData& modal = *spec.modal;
+    b.modal = spec.modal;
+    b.n_modes = modal.n_modes;
+    b.K = modal.K.cast<T>();
+    b.C = modal.C.size() > 0 ? modal.C.cast<T>().eval() : MatX<T>::Zero(b.n_modes, b.n_modes);
+    for (const MassNode& node : modal.mass_nodes) b.masses.push_back(mass_point<T>(node, b.n_modes));
+    for (const ModalNode& n : modal.nodes)
+      b.nodes.push_back(point<T>(n.name, n.position, n.R_BN, b.n_modes, n.Phi, n.Psi));
+  } else if (spec.type == "rigid" || spec.type == "particle") {
+    b.masses.push_back(mass_point<T>({spec.mass, spec.com, spec.inertia_com, {}, {}, {}}, 0));
+    for (const NodeSpec& n : spec.nodes) b.nodes.push_back(point<T>(n.name, n.position, n.R_BN, 0));
+  } else {
+    refuse(Code::unsupported, spec.at, "a body type known to the dense twin", spec.type);
+  }
+  set_hinge(b, foreign);
+  b.pnode = spec.hinge.body_node.empty() ? point<T>("", spec.hinge.pnode_position, spec.hinge.pnode_R, b.n_modes)
+                                         : b.node(spec.hinge.body_node);
+  return b;
+}
+
+/// Parent and O of every body, and an order with parents first.
+template <class T>
+void connect(DenseModel<T>& model) {
+  std::map<std::string, int> index;
+  for (std::size_t i = 0; i < model.bodies.size(); ++i) index[model.bodies[i].name] = static_cast<int>(i);
+  std::map<int, std::vector<int>> children;
+  for (DenseBody<T>& b : model.bodies) {
+    const HingeSpec& h = b.hinge;
+    if (!h.inboard_body.empty()) {
+      const auto it = index.find(h.inboard_body);
+      if (it == index.end()) refuse(Code::unknown_body, h.at, "the name of a body", h.inboard_body);
+      b.parent = it->second;
+    }
+    children[b.parent].push_back(index[b.name]);
+    const int parent_modes = b.parent < 0 ? 0 : model.bodies[b.parent].n_modes;
+    b.onode = h.inboard_node.empty() || b.parent < 0 ? point<T>("", h.onode_position, h.onode_R, parent_modes)
+                                                     : model.bodies[b.parent].node(h.inboard_node);
+  }
+  model.outward = children[-1];
+  for (std::size_t i = 0; i < model.outward.size(); ++i)
+    for (const int c : children[model.outward[i]]) model.outward.push_back(c);
+  if (model.outward.size() < model.bodies.size()) refuse(Code::cycle, {}, "a tree", "a closed loop");
+}
+
+}  // namespace
+
+template <class T>
+const ModalPoint<T>& DenseBody<T>::node(std::string_view wanted) const {
+  for (const ModalPoint<T>& n : nodes)
+    if (n.name == wanted) return n;
+  refuse(Code::unknown_node, hinge.at, "a node of body \"" + name + "\"", std::string(wanted));
+}
+
+template <class T>
+DenseModel<T> dense_model(const SystemSpec& spec, const ForeignHinges& foreign) {
+  DenseModel<T> model;
+  const GravitySpec& g = spec.gravity;
+  model.gravity = {g.kind, g.g.cast<T>(), g.centre.cast<T>(), T(g.mu), g.gradient};
+  for (const BodySpec& body : spec.bodies) {
+    DenseBody<T> b = dense_body<T>(body, foreign);
+    b.iq = model.nq;
+    b.iv = model.nv;
+    model.nq += b.free_nq() + b.n_modes;
+    model.nv += b.free_nv() + b.n_modes;
+    model.bodies.push_back(std::move(b));
+  }
+  connect(model);
+  return model;
+}
+
+template struct DenseBody<double>;
+template struct DenseBody<Quad>;
+template DenseModel<double> dense_model(const SystemSpec&, const ForeignHinges&);
+template DenseModel<Quad> dense_model(const SystemSpec&, const ForeignHinges&);
+
+}  // namespace cardan::reference

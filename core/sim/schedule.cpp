@@ -1,0 +1,112 @@
+#include "core/sim/schedule.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <stdexcept>
+#include <utility>
+
+namespace cardan {
+namespace {
+
+__extension__ using Wide = __int128;  // products of two 64-bit numbers
+
+Rational period(double value, bool is_hertz, const Located& at) {
+  const auto refuse = [&](std::string expected, std::string hint) {
+    Diagnostic d{};
+    d.code = Code::out_of_range;
+    d.at = at;
+    d.expected = std::move(expected);
+    d.got = fmt::format("{} {}", value, is_hertz ? "Hz" : "s");
+    d.hint = std::move(hint);
+    throw InputError(std::move(d));
+  };
+  if (!(value > 0.0) || !std::isfinite(value)) refuse(is_hertz ? "a rate > 0 Hz" : "a period > 0 s", {});
+  const std::optional<Rational> ratio = to_rational(value);
+  if (!ratio)
+    refuse(fmt::format("a {} that is a ratio of whole numbers up to 1e9 over up to 1e6", is_hertz ? "rate" : "period"),
+           fmt::format("give the {} instead: 1/60 Hz is a period of 60 s", is_hertz ? "period" : "rate"));
+  return is_hertz ? Rational{ratio->denominator, ratio->numerator} : *ratio;
+}
+
+}  // namespace
+
+/// Continued fraction of |value|: its convergents are the best approximations for their size.
+std::optional<Rational> to_rational(double value) {
+  constexpr double largest_denominator = 1e6;
+  const double size = std::abs(value);
+  if (!(size <= static_cast<double>(Rational::kLargest))) return std::nullopt;
+  double p = 1.0, q = 0.0, p_before = 0.0, q_before = 1.0, rest = size;
+  for (;;) {
+    const double term = std::floor(rest);
+    p_before = std::exchange(p, term * p + p_before);
+    q_before = std::exchange(q, term * q + q_before);
+    if (q > largest_denominator || p > static_cast<double>(Rational::kLargest)) return std::nullopt;
+    if (std::abs(p / q - size) <= 4.0 * std::numeric_limits<double>::epsilon() * size) break;
+    rest = 1.0 / (rest - term);
+  }
+  return Rational{static_cast<std::int64_t>(std::copysign(p, value)), static_cast<std::int64_t>(q)};
+}
+
+Rational period_from_hertz(double hertz, const Located& at) { return period(hertz, true, at); }
+Rational period_from_seconds(double seconds, const Located& at) { return period(seconds, false, at); }
+
+int Schedule::add(Rational period, Rational offset) {
+  const auto fits = [](Rational r) {
+    return std::abs(r.numerator) <= Rational::kLargest && r.denominator > 0 && r.denominator <= Rational::kLargest;
+  };
+  if (!fits(period) || !fits(offset) || period.numerator <= 0)
+    throw std::logic_error(
+        "Schedule::add: period and offset must be fractions of numbers up to 1e9, the period positive");
+  const std::int64_t unit = std::lcm(period.denominator, offset.denominator);
+  if (unit > std::int64_t{1} << 53)  // parts of a second are exact as doubles: what coincides has the same time
+    throw std::logic_error("Schedule::add: period and offset have no common unit of time");
+  entries_.push_back(
+      {offset.numerator * (unit / offset.denominator), period.numerator * (unit / period.denominator), unit, 0});
+  ticks_.reserve(entries_.size());
+  return static_cast<int>(entries_.size()) - 1;
+}
+
+void Schedule::start(double t) {
+  for (Entry& e : entries_) {
+    const double unit = static_cast<double>(e.unit);
+    const double k = std::floor((t * unit - static_cast<double>(e.first)) / static_cast<double>(e.step)) - 2.0;
+    e.k = static_cast<std::int64_t>(std::max(k, 0.0));
+    while (e.instant().seconds() < t) ++e.k;
+  }
+}
+
+double Schedule::time() const {
+  return entries_.empty() ? std::numeric_limits<double>::infinity() : earliest().instant().seconds();
+}
+
+const std::vector<Schedule::Tick>& Schedule::next() {
+  ticks_.clear();
+  if (entries_.empty()) return ticks_;
+  const Instant now = earliest().instant();
+  for (std::size_t i = 0; i < entries_.size(); ++i)
+    if (!before(now, entries_[i].instant())) ticks_.push_back({static_cast<int>(i), entries_[i].k++});
+  return ticks_;
+}
+
+Schedule::Instant Schedule::Entry::instant() const {
+  const Wide n = static_cast<Wide>(first) + static_cast<Wide>(k) * step;
+  Wide whole = n / unit, part = n % unit;
+  if (part < 0) --whole, part += unit;
+  return {static_cast<std::int64_t>(whole), static_cast<std::int64_t>(part), unit};
+}
+
+bool Schedule::before(const Instant& a, const Instant& b) {
+  if (a.whole != b.whole) return a.whole < b.whole;
+  return static_cast<Wide>(a.part) * b.unit < static_cast<Wide>(b.part) * a.unit;
+}
+
+const Schedule::Entry& Schedule::earliest() const {
+  return *std::min_element(entries_.begin(), entries_.end(),
+                           [](const Entry& a, const Entry& b) { return before(a.instant(), b.instant()); });
+}
+
+}  // namespace cardan

@@ -1,0 +1,65 @@
+#pragma once
+// When periodic things happen (controllers, sensors, outputs), on an integer time base: tick k of "10 Hz" is k/10 s,
+// computed from k each time, so that nothing drifts and different rates meet exactly where they should.
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "core/base/diagnostic.hpp"
+
+namespace cardan {
+
+/// numerator/denominator in lowest terms, denominator > 0; seconds or hertz, as the name of the variable says.
+struct Rational {
+  std::int64_t numerator = 0, denominator = 1;
+  static constexpr std::int64_t kLargest = 1'000'000'000;  // of both, in a Schedule
+};
+
+/// The fraction with a denominator of at most 1e6 that `value` stands for (to 4 units in the last place): 0.1 -> 1/10,
+/// 0.016666666666666666 -> 1/60. Empty if there is none: 0.0166667, 3.14159265.
+std::optional<Rational> to_rational(double value);
+
+/// Period [s] of a rate given in hertz, or of a period given in seconds. InputError C0301 if it is not positive or is
+/// no ratio of whole numbers.
+Rational period_from_hertz(double hertz, const Located& at);
+Rational period_from_seconds(double seconds, const Located& at);
+
+class Schedule {
+ public:
+  struct Tick {
+    int entry;       // as returned by add()
+    std::int64_t k;  // its how-manieth tick, from 0
+  };
+
+  /// An entry that ticks at offset + k * period, k = 0, 1, ... Returns its number: 0, 1, ... in the order of the calls.
+  int add(Rational period, Rational offset = {});
+  /// The next tick of each entry becomes its first at or after t [s] (the start of a run that does not begin at zero).
+  void start(double t);
+  /// Time of the next instant [s]; infinity if there are no entries.
+  double time() const;
+  /// Passes that instant: the entries that tick there, in the order of add(). Valid until the next call; allocates
+  /// nothing.
+  const std::vector<Tick>& next();
+
+ private:
+  /// offset + k * period = whole + part/unit [s], 0 <= part < unit: exact, and the same numbers reduce to the same
+  /// double.
+  struct Instant {
+    std::int64_t whole, part, unit;
+    double seconds() const {
+      return static_cast<double>(whole) + static_cast<double>(part) / static_cast<double>(unit);
+    }
+  };
+  struct Entry {
+    std::int64_t first, step, unit;  // tick k at (first + k * step) / unit seconds
+    std::int64_t k;
+    Instant instant() const;
+  };
+  static bool before(const Instant& a, const Instant& b);
+  const Entry& earliest() const;
+
+  std::vector<Entry> entries_;
+  std::vector<Tick> ticks_;
+};
+
+}  // namespace cardan

@@ -1,0 +1,351 @@
+#pragma once
+// Base to tip: pose (Phi*), hinge map, angular velocity, then the acceleration gamma_b at v' = 0 and the residual force
+// z = M gamma_b + b - f_ext, in one pass. Gamma form (mathematics 0.6): no linear velocity occurs, so that an orbit at
+// 7.5 km/s loses nothing. Inverse dynamics is the same pass with v' given: gamma in place of gamma_b.
+#include <cmath>
+
+#include "core/soa/workspace.hpp"
+#include "core/spatial/rotation.hpp"
+
+namespace cardan::soa {
+
+/// Frame P in O, hinge map at P and its rates: what mathematics 2.1 asks of a hinge.
+template <class T, int NV>
+struct HingeFrame {
+  Mat3<T> R;
+  Vec3<T> l;
+  Motion<T> H[NV > 0 ? NV : 1];
+  Vec3<T> Hdot_w;  // angular part of Hdot* v
+  Vec3<T> s;       // s_h = R_h* (l_h'' at v' = 0)
+};
+
+/// R, l and H of a hinge with constant axis u (rotation, slide, screw).
+template <class T>
+void axis_frame(const SweepBody& b, int shape, const T& q, HingeFrame<T, 1>& h) {
+  using std::cos, std::sin;
+  const Vec3<T> u = cast<T>(b.axis), none{T(0), T(0), T(0)};
+  h.Hdot_w = h.s = none;
+  if (shape == CARDAN_SHAPE_SLIDE) {
+    h.R = Mat3<T>::identity();
+    h.l = q * u;
+    h.H[0] = {none, u};
+    return;
+  }
+  h.R = rotation_about(u, T(sin(q)), T(cos(q)));
+  const T pitch = T(b.pitch);
+  h.l = shape == CARDAN_SHAPE_SCREW ? (pitch * q) * u : none;
+  h.H[0] = {u, shape == CARDAN_SHAPE_SCREW ? pitch * u : none};
+}
+
+/// R, l, H from the record that the family filled. s_h is zero by definition for ball and free (2.1).
+template <class T, int NV>
+void dense_frame(const SweepBody& b, const cardan_hinge_out& r, const T* v, HingeFrame<T, NV>& h) {
+  h.R = {T(r.R_OP[0]), T(r.R_OP[1]), T(r.R_OP[2]), T(r.R_OP[3]), T(r.R_OP[4]), T(r.R_OP[5]), T(r.R_OP[6]), T(r.R_OP[7]), T(r.R_OP[8])};
+  h.l = {T(r.p_OP[0]), T(r.p_OP[1]), T(r.p_OP[2])};
+  Motion<T> rate{};
+  for (int j = 0; j < NV; ++j) {
+    const double* c = r.Ht + 6 * j;
+    h.H[j] = {{T(c[0]), T(c[1]), T(c[2])}, {T(c[3]), T(c[4]), T(c[5])}};
+    rate += v[j] * h.H[j];
+  }
+  h.Hdot_w = {T(r.Hdot_v[0]), T(r.Hdot_v[1]), T(r.Hdot_v[2])};
+  if (b.shape == CARDAN_SHAPE_BALL || b.shape == CARDAN_SHAPE_FREE)
+    h.s = {T(0), T(0), T(0)};
+  else
+    h.s = cross(rate.w, rate.v) + Vec3<T>{T(r.Hdot_v[3]), T(r.Hdot_v[4]), T(r.Hdot_v[5])};
+}
+
+template <class T, int NV>
+void hinge_frame(const Workspace<T>& ws, const SweepBody& b, const T* q, const T* v, HingeFrame<T, NV>& h) {
+  if constexpr (NV == 0) {
+    h.R = cast<T>(b.fixed_hinge.R);
+    h.l = cast<T>(b.fixed_hinge.p);
+    h.Hdot_w = h.s = {T(0), T(0), T(0)};
+  } else if constexpr (NV == 1) {
+    if (b.shape <= CARDAN_SHAPE_SCREW)
+      axis_frame(b, b.shape, q[b.q], h);
+    else
+      dense_frame<T, 1>(b, ws.hinge_record(b.dense), v + b.v, h);
+  } else {
+    dense_frame<T, NV>(b, ws.hinge_record(b.dense), v + b.v, h);
+  }
+}
+
+/// What a pass is made for.
+struct OutwardFor {
+  bool vdot = false;      // add H* v' of Inputs::vdot (prescribed motion, inverse dynamics)
+  bool velocity = true;   // velocity terms; false: as if v = 0
+};
+
+/// Rigid body on a node that does not deform, B = P.
+template <class T, int NV, OutwardFor For>
+void outward_rigid(const Model& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
+  for (int k = begin; k < end; ++k) {
+    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    Core<T>& body = ws.core(k);
+    const Core<T>& inboard = ws.core(b.parent);
+    Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
+    HingeFrame<T, NV> h;
+    hinge_frame<T, NV>(ws, b, in.q, in.v, h);
+    const Mat3<T> R_O = cast<T>(b.O.R);
+    body.X.R = R_O * h.R;
+    body.X.p = cast<T>(b.O.p) + R_O * h.l;
+    Motion<T> rate{}, push{};
+    for (int j = 0; j < NV; ++j) {
+      hinge.H[j] = h.H[j];
+      if constexpr (For.velocity) rate += in.v[b.v + j] * h.H[j];
+      if constexpr (For.vdot) push += in.vdot[b.v + j] * h.H[j];
+    }
+    const Vec3<T>& p = body.X.p;
+    Motion<T>& gamma = body.gamma;
+    const RigidInertia<T> M = cast<T>(b.M);
+    if constexpr (For.velocity) {
+      const Vec3<T>& wA = inboard.w;
+      const Vec3<T> w1 = transpose_times(body.X.R, wA);
+      body.w = w1 + rate.w;
+      gamma.w = transpose_times(body.X.R, inboard.gamma.w) + cross(w1, rate.w) + h.Hdot_w;
+      gamma.v = transpose_times(body.X.R, inboard.gamma.v + cross(inboard.gamma.w, p) + cross(wA, cross(wA, p))) +
+                T(2) * cross(w1, rate.v) + h.s;
+    } else {
+      gamma = to_outboard(body.X, inboard.gamma);
+    }
+    if constexpr (For.vdot) gamma += push;
+    body.z = M * gamma;
+    if constexpr (For.velocity) body.z += gyroscopic(M, body.w);
+    body.P = articulated(M);
+  }
+}
+
+/// Deformed pose and rates of a node (mathematics 3.1), body axes: theta, Jl, W eta' and the bias a_j without its
+/// dependence on the node's own axes.
+template <class T>
+struct DeformedNode {
+  RotationCoefficients<T> c;
+  Vec3<T> theta;
+  Mat3<T> R;            // N in B
+  Vec3<T> rho;          // [m]
+  Motion<T> rate;       // [W eta'; Phi eta']
+  Motion<T> bias;       // [dJl(theta; theta') theta'; 0]
+};
+
+template <class T>
+void deform(const NodeShapes& s, const T* eta, const T* etadot, DeformedNode<T>& d) {
+  Vec3<T> theta{}, theta_rate{};
+  d.rho = cast<T>(s.pose.p);
+  d.rate.v = {T(0), T(0), T(0)};
+  for (int j = 0; j < s.n_modes; ++j) {
+    const double* c = s.columns.data() + 6 * j;
+    const Vec3<T> psi{T(c[0]), T(c[1]), T(c[2])}, phi{T(c[3]), T(c[4]), T(c[5])};
+    theta += eta[j] * psi;
+    d.rho += eta[j] * phi;
+    if (etadot) {
+      theta_rate += etadot[j] * psi;
+      d.rate.v += etadot[j] * phi;
+    }
+  }
+  d.theta = theta;
+  d.c = rotation_coefficients(dot(theta, theta));
+  d.R = rotation_of_vector(d.c, theta) * cast<T>(s.pose.R);
+  d.rate.w = left_jacobian(d.c, theta, theta_rate);
+  d.bias = {left_jacobian_dot(d.c, theta, theta_rate, theta_rate), {T(0), T(0), T(0)}};
+}
+
+/// Column j of Gamma in body axes at the node: [Jl psi; phi].
+template <class T>
+Motion<T> node_column(const NodeShapes& s, const DeformedNode<T>& d, int j) {
+  const double* c = s.columns.data() + 6 * j;
+  return {left_jacobian(d.c, d.theta, {T(c[0]), T(c[1]), T(c[2])}), {T(c[3]), T(c[4]), T(c[5])}};
+}
+
+/// The family's functions, in double. Other scalars (counting, float128) pass through double here.
+inline void family_inertia(const FlexibleBody& f, int, const double* eta, const double* etadot, const Vec3<double>& w,
+                           Modal<double>& modal, double* M_rr) {
+  f.family->mass(f.packed.data(), eta, M_rr, f.M_re_constant ? nullptr : modal.P_re,
+                 modal.P_ee && !f.M_ee_constant ? modal.P_ee : nullptr);
+  if (etadot) f.family->bias(f.packed.data(), eta, etadot, &w.x, modal.b);
+}
+template <class T>
+void family_inertia(const FlexibleBody& f, int m, const T* eta, const T* etadot, const Vec3<T>& w, Modal<T>& modal,
+                    double* M_rr) {
+  const auto n = static_cast<std::size_t>(m);
+  std::vector<double> e(n), ed(n), re(6 * n), ee(n * n), bias(6 + n);
+  for (std::size_t i = 0; i < n; ++i) e[i] = static_cast<double>(eta[i]), ed[i] = etadot ? static_cast<double>(etadot[i]) : 0.0;
+  f.family->mass(f.packed.data(), e.data(), M_rr, re.data(), ee.data());
+  const double omega[3] = {static_cast<double>(w.x), static_cast<double>(w.y), static_cast<double>(w.z)};
+  if (etadot) f.family->bias(f.packed.data(), e.data(), ed.data(), omega, bias.data());
+  for (std::size_t i = 0; i < 6 * n; ++i) modal.P_re[i] = T(re[i]);
+  for (std::size_t i = 0; modal.P_ee && i < n * n; ++i) modal.P_ee[i] = T(ee[i]);
+  for (std::size_t i = 0; i < 6 + n; ++i) modal.b[i] = T(bias[i]);
+}
+
+/// M_fl(eta), b and z = M_fl gamma_b + b of a flexible body. Families compute in double.
+template <class T, OutwardFor For>
+void flexible_inertia(const Model& model, const SweepBody& b, const Inputs<T>& in, Core<T>& body, Modal<T>& modal) {
+  const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
+  const int m = b.n_modes;
+  const T* eta = in.q + b.eta;
+  double M_rr[10];
+  family_inertia(f, m, eta, For.velocity ? in.v + b.etadot : nullptr, body.w, modal, M_rr);
+  if (f.M_re_constant)
+    for (int i = 0; i < 6 * m; ++i) modal.P_re[i] = T(f.M_re[static_cast<std::size_t>(i)]);
+  if (modal.P_ee && f.M_ee_constant)
+    for (int i = 0; i < m * m; ++i) modal.P_ee[i] = T(f.M_ee[static_cast<std::size_t>(i)]);
+  const RigidInertia<T> M{T(M_rr[0]), {T(M_rr[1]), T(M_rr[2]), T(M_rr[3])},
+                          {T(M_rr[4]), T(M_rr[5]), T(M_rr[6]), T(M_rr[7]), T(M_rr[8]), T(M_rr[9])}};
+  for (int i = 0; i < 10; ++i) modal.M_rr[i] = T(M_rr[i]);
+  const Motion<T>& g = body.gamma;
+  body.z = M * g;
+  body.P = articulated(M);
+  for (int j = 0; j < m; ++j) {
+    const T* c = modal.P_re + 6 * j;
+    T z = c[0] * g.w.x + c[1] * g.w.y + c[2] * g.w.z + c[3] * g.v.x + c[4] * g.v.y + c[5] * g.v.z;
+    if constexpr (For.velocity) z = z + modal.b[6 + j];
+    modal.z[j] = z;
+  }
+  if constexpr (For.velocity) body.z += Force<T>{{modal.b[0], modal.b[1], modal.b[2]}, {modal.b[3], modal.b[4], modal.b[5]}};
+  if constexpr (For.vdot) {
+    const T* accel = in.vdot + b.etadot;
+    for (int j = 0; j < m; ++j) {
+      const T* c = modal.P_re + 6 * j;
+      body.z += accel[j] * Force<T>{{c[0], c[1], c[2]}, {c[3], c[4], c[5]}};
+      for (int i = 0; i < m; ++i) modal.z[i] = modal.z[i] + (modal.P_ee ? modal.P_ee[m * j + i] : T(f.M_ee[static_cast<std::size_t>(m * j + i)])) * accel[j];
+    }
+  }
+}
+
+/// Flexible bodies, bodies on deforming nodes, prescribed motion: mathematics 3.8 in gamma form.
+template <class T, int NV, OutwardFor For>
+void outward_general(const Model& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
+  const Vec3<T> none{T(0), T(0), T(0)};
+  for (int k = begin; k < end; ++k) {
+    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    const SweepBody& parent = model.bodies[static_cast<std::size_t>(b.parent)];
+    Core<T>& body = ws.core(k);
+    const Core<T>& inboard = ws.core(b.parent);
+    Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
+    Modal<T>& modal = ws.template modal<NV>(k);
+    HingeFrame<T, NV> h;
+    hinge_frame<T, NV>(ws, b, in.q, in.v, h);
+
+    // O on the inboard body: pose, angular velocity and gamma in the inboard body's axes.
+    Mat3<T> R_O = cast<T>(b.O.R);
+    Vec3<T> p_O = cast<T>(b.O.p), w_O = For.velocity ? inboard.w : none;
+    Motion<T> gamma_O{inboard.gamma.w, inboard.gamma.v};
+    DeformedNode<T> at_O;
+    const NodeShapes* shapes_O = b.onode >= 0 ? &model.shapes[static_cast<std::size_t>(b.onode)] : nullptr;
+    if (shapes_O) {
+      deform<T>(*shapes_O, in.q + parent.eta, For.velocity ? in.v + parent.etadot : nullptr, at_O);
+      R_O = at_O.R;
+      p_O = at_O.rho;
+    }
+    gamma_O.v += cross(inboard.gamma.w, p_O);
+    if constexpr (For.velocity) gamma_O.v += cross(inboard.w, cross(inboard.w, p_O));
+    if (shapes_O) {
+      if constexpr (For.velocity) {
+        gamma_O.w += cross(inboard.w, at_O.rate.w) + at_O.bias.w;
+        gamma_O.v += T(2) * cross(inboard.w, at_O.rate.v);
+        w_O += at_O.rate.w;
+      }
+      if constexpr (For.vdot)
+        for (int j = 0; j < b.n_parent_modes; ++j) gamma_O += in.vdot[parent.etadot + j] * node_column(*shapes_O, at_O, j);
+    }
+
+    // Across the hinge to P, P axes.
+    const Mat3<T> R_P = R_O * h.R;
+    const Vec3<T> lever = R_O * h.l, p_P = p_O + lever;
+    Motion<T> rate{}, push{};
+    for (int j = 0; j < NV; ++j) {
+      if constexpr (For.velocity) rate += in.v[b.v + j] * h.H[j];
+      if constexpr (For.vdot) push += in.vdot[b.v + j] * h.H[j];
+    }
+    const Vec3<T> w1 = transpose_times(R_P, w_O);
+    Vec3<T> w_P = w1 + rate.w;
+    Motion<T> gamma_P{transpose_times(R_P, gamma_O.w), transpose_times(R_P, gamma_O.v + cross(gamma_O.w, lever))};
+    if constexpr (For.velocity) {
+      gamma_P.w += cross(w1, rate.w) + h.Hdot_w;
+      gamma_P.v += transpose_times(R_P, cross(w_O, cross(w_O, lever))) + T(2) * cross(w1, rate.v) + h.s;
+    }
+    if constexpr (For.vdot) gamma_P += push;
+
+    // From P to B (X_B), undoing the deformation of the pnode.
+    Mat3<T> R_AB = R_P;
+    Vec3<T> p_AB = p_P;
+    if (b.pnode >= 0) {
+      const NodeShapes& shapes = model.shapes[static_cast<std::size_t>(b.pnode)];
+      DeformedNode<T> at_P;
+      deform<T>(shapes, in.q + b.eta, For.velocity ? in.v + b.etadot : nullptr, at_P);
+      const Vec3<T>& rho = at_P.rho;
+      body.w = at_P.R * w_P;
+      if constexpr (For.velocity) body.w -= at_P.rate.w;
+      Motion<T> g{at_P.R * gamma_P.w, at_P.R * gamma_P.v};
+      if constexpr (For.velocity) {
+        g.w -= cross(body.w, at_P.rate.w) + at_P.bias.w;
+        g.v -= cross(body.w, cross(body.w, rho)) + T(2) * cross(body.w, at_P.rate.v);
+      }
+      if (modal.C)
+        for (int j = 0; j < b.n_modes; ++j) {
+          const Motion<T> column = node_column(shapes, at_P, j);
+          if constexpr (For.vdot) g -= in.vdot[b.etadot + j] * column;
+          const Vec3<T> at_B = column.v - cross(column.w, rho);
+          T* C = modal.C + 6 * j;
+          C[0] = column.w.x, C[1] = column.w.y, C[2] = column.w.z, C[3] = at_B.x, C[4] = at_B.y, C[5] = at_B.z;
+        }
+      body.gamma = {g.w, g.v - cross(g.w, rho)};
+      R_AB = R_P * transpose(at_P.R);
+      p_AB = p_P - R_AB * rho;
+      for (int j = 0; j < NV; ++j) {
+        const Vec3<T> w = at_P.R * h.H[j].w;
+        hinge.H[j] = {w, at_P.R * h.H[j].v - cross(w, rho)};
+      }
+    } else {
+      body.w = w_P;
+      body.gamma = gamma_P;
+      for (int j = 0; j < NV; ++j) hinge.H[j] = h.H[j];
+    }
+    body.X = {R_AB, p_AB};
+
+    if (modal.A) {  // modal columns of Phi*: Gamma_O carried to B
+      const Vec3<T> from_O = p_AB - p_O;
+      for (int j = 0; j < b.n_parent_modes; ++j) {
+        const Motion<T> column = node_column(*shapes_O, at_O, j);
+        const Vec3<T> w = transpose_times(R_AB, column.w), v = transpose_times(R_AB, column.v + cross(column.w, from_O));
+        T* A = modal.A + 6 * j;
+        A[0] = w.x, A[1] = w.y, A[2] = w.z, A[3] = v.x, A[4] = v.y, A[5] = v.z;
+      }
+    }
+
+    if (b.n_modes == 0) {
+      const RigidInertia<T> M = cast<T>(b.M);
+      body.z = M * body.gamma;
+      if constexpr (For.velocity) body.z += gyroscopic(M, body.w);
+      body.P = articulated(M);
+      continue;
+    }
+    flexible_inertia<T, For>(model, b, in, body, modal);
+  }
+}
+
+/// tau_e = user - K eta - C eta': the elastic forces of the modes join z (left-hand side).
+template <class T>
+void elastic_forces(const Model& model, Workspace<T>& ws, const Inputs<T>& in) {
+  for (std::size_t k = 1; k < model.bodies.size(); ++k) {
+    const SweepBody& b = model.bodies[k];
+    if (b.n_modes == 0) continue;
+    const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
+    Modal<T>& modal = *ws.modal_of(static_cast<int>(k));
+    const int m = b.n_modes;
+    const T *eta = in.q + b.eta, *etadot = in.v + b.etadot;
+    if (f.K_diagonal) {
+      for (int j = 0; j < m; ++j)
+        modal.z[j] = modal.z[j] + T(f.K[static_cast<std::size_t>(j)]) * eta[j] + T(f.C[static_cast<std::size_t>(j)]) * etadot[j];
+    } else {
+      for (int j = 0; j < m; ++j)
+        for (int i = 0; i < m; ++i) {
+          const auto at = static_cast<std::size_t>(m * j + i);
+          modal.z[i] = modal.z[i] + T(f.K[at]) * eta[j] + T(f.C[at]) * etadot[j];
+        }
+    }
+  }
+}
+
+}  // namespace cardan::soa

@@ -1,0 +1,53 @@
+#pragma once
+// Working memory of the sweeps: one record per body, side by side in one arena, laid out when the workspace is made.
+// The head of a record is the same for every hinge, so that a sweep reaches an inboard body without knowing its hinge.
+#include "core/spatial/inertia.hpp"
+
+namespace cardan::soa {
+
+/// name [unit] (shape) frame -- meaning. All in the sweep frame of the body (B), A = inboard body.
+template <class T>
+struct Core {
+  Pose<T> X;                // [-, m] B in A: Phi* = X_BA
+  Vec3<T> w;                // [rad/s] angular velocity of B in inertial space
+  Motion<T> gamma;          // [rad/s^2; m/s^2] gamma_b: acceleration at v' = 0 (gravity and prescribed motion inside)
+  Force<T> z;               // [N m; N] residual force M gamma_b + b - f_ext + sum Phi z+
+  ArticulatedInertia<T> P;  // [kg m^2, kg m, kg] articulated body inertia
+  Motion<T> delta;          // [rad/s^2; m/s^2] part of gamma caused by v'
+};
+
+template <class T, int NV>
+struct Hinge {
+  Motion<T> H[NV > 0 ? NV : 1];  // columns of H*, at B
+  Force<T> G[NV > 0 ? NV : 1];   // columns of the gain G = P H* D^-1
+  T nu[NV > 0 ? NV : 1];         // D^-1 eps
+  T L[NV > 0 ? NV * (NV + 1) / 2 : 1];  // D = L L*, packed by rows
+};
+
+/// Pointers into the arena of what only flexible bodies, and bodies that hang on a deforming node, have. m = own modes,
+/// mp = modes of the inboard body. Null where the body has none.
+template <class T>
+struct Modal {
+  T *P_re, *P_ee;      // 6 x m, m x m (column-major): modal blocks of P; P_ee null where M_ee stays constant
+  T* U;                // m x 6 (row j: 6 numbers): P_ee'^-1 P_re'*
+  T *z, *nu, *accel;   // m each: residual, nu_e, eta''
+  T* C;                // 6 x m: X_B Gamma_P, null when the pnode does not deform
+  T* A;                // 6 x mp: modal columns of Phi*, null when the onode does not deform
+  T* M_rr;             // 10: m, mc, J of M_fl(eta)
+  T* b;                // 6 + m: scratch of the bias
+  ArticulatedInertia<T> P_r;  // after the modes are eliminated
+};
+
+template <class T, int NV>
+struct RigidRecord {
+  Core<T> core;
+  Hinge<T, NV> hinge;
+};
+template <class T, int NV>
+struct GeneralRecord {
+  Core<T> core;
+  Hinge<T, NV> hinge;
+  Modal<T> modal;
+};
+
+}  // namespace cardan::soa

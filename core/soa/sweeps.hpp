@@ -1,0 +1,28 @@
+#pragma once
+// The sweeps as functions over the whole tree, for any scalar that is instantiated (double: kernels.cpp; a counting scalar:
+// kernels_counted.cpp). Each is a loop over runs of bodies with one kernel. Formulas: kernels_*.hpp.
+#include "core/soa/kernels_acceleration.hpp"
+#include "core/soa/kernels_kinematics.hpp"
+
+namespace cardan::soa {
+
+template <class T>
+struct Sweeps {
+  /// Hinge records of the dense shapes: one call per family.
+  static void hinge_records(const Model&, Workspace<T>&, const Inputs<T>&);
+  /// Sets the ground: gamma(0) = [0; -g] for uniform gravity; clears what the inward sweeps gather there.
+  static void ground(const Model&, Workspace<T>&, const Inputs<T>&);
+  /// Pose, hinge map, w, gamma_b and z, base to tip, over one run.
+  static void outward(const Model&, Workspace<T>&, const Inputs<T>&, const Run&, bool vdot, bool velocity);
+  static void elastic(const Model&, Workspace<T>&, const Inputs<T>&);
+  /// Poses and spatial velocities in the world. Needs outward; Workspace::require_world() before.
+  static void world(const Model&, Workspace<T>&, const Inputs<T>&);
+  static void central_gravity(const Model&, Workspace<T>&, const Inputs<T>&);
+  static void node_wrenches(const Model&, Workspace<T>&, const Inputs<T>&);
+  /// P, D, G and z, eps, nu, tip to base. Sets Workspace::breakdown and stops where D is singular.
+  static void inward(const Model&, Workspace<T>&, const Inputs<T>&, const Run&, InwardFor what);
+  static void acceleration(const Model&, Workspace<T>&, const Inputs<T>&, const Run&, T* vdot);
+  static void gather(const Model&, Workspace<T>&, const Run&, T* tau);
+};
+
+}  // namespace cardan::soa

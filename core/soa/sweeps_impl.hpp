@@ -1,0 +1,194 @@
+#pragma once
+// Definitions of sweeps.hpp; included only by the files that instantiate a scalar.
+#include "core/soa/gravity_field.hpp"
+#include "core/soa/sweeps.hpp"
+#include "core/soa/workspace_layout.hpp"
+
+namespace cardan::soa {
+
+/// Number of hinge velocities a kernel is compiled for.
+constexpr int size_of(KernelKind k) {
+  if (is_general(k)) return static_cast<int>(k) - static_cast<int>(KernelKind::general0);
+  if (k == KernelKind::fixed) return 0;
+  if (k <= KernelKind::screw) return 1;
+  return static_cast<int>(k) - static_cast<int>(KernelKind::dense1) + 1;
+}
+
+template <class T, class Rigid, class General>
+void for_kernel(KernelKind kind, const Rigid& rigid, const General& general) {
+  with_hinge_size<T>(size_of(kind), [&]<int NV>() {
+    if (is_general(kind))
+      general.template operator()<NV>();
+    else
+      rigid.template operator()<NV>();
+  });
+}
+
+template <class T>
+void Sweeps<T>::hinge_records(const Model& model, Workspace<T>& ws, const Inputs<T>& in) {
+  for (const DenseBatch& batch : model.batches) {
+    const auto n = static_cast<std::uint32_t>(batch.iq.size());
+    if constexpr (std::is_same_v<T, double>) {
+      batch.family->kinematics(batch.packed.data(), n, batch.iq.data(), batch.iv.data(), in.q, in.v, ws.hinge_records() + batch.first);
+    } else {
+      std::vector<double> q(static_cast<std::size_t>(model.nq)), v(static_cast<std::size_t>(model.nv));
+      for (int i = 0; i < model.nq; ++i) q[static_cast<std::size_t>(i)] = static_cast<double>(in.q[i]);
+      for (int i = 0; i < model.nv; ++i) v[static_cast<std::size_t>(i)] = static_cast<double>(in.v[i]);
+      batch.family->kinematics(batch.packed.data(), n, batch.iq.data(), batch.iv.data(), q.data(), v.data(), ws.hinge_records() + batch.first);
+    }
+  }
+}
+
+template <class T>
+void Sweeps<T>::ground(const Model& model, Workspace<T>& ws, const Inputs<T>& in) {
+  Core<T>& ground = ws.core(0);
+  ground = Core<T>();
+  if (in.gravity && model.gravity.kind == GravitySpec::Kind::uniform) {
+    const auto& g = model.gravity.g;
+    ground.gamma.v = {T(-g.x()), T(-g.y()), T(-g.z())};
+  }
+  ws.breakdown = {};
+}
+
+template <class T>
+void Sweeps<T>::outward(const Model& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, bool vdot, bool velocity) {
+  const auto pass = [&]<OutwardFor For>() {
+    for_kernel<T>(
+        run.kind, [&]<int NV>() { outward_rigid<T, NV, For>(model, ws, in, run.begin, run.end); },
+        [&]<int NV>() { outward_general<T, NV, For>(model, ws, in, run.begin, run.end); });
+  };
+  if (velocity)
+    vdot ? pass.template operator()<OutwardFor{true, true}>() : pass.template operator()<OutwardFor{false, true}>();
+  else
+    vdot ? pass.template operator()<OutwardFor{true, false}>() : pass.template operator()<OutwardFor{false, false}>();
+}
+
+template <class T>
+void Sweeps<T>::elastic(const Model& model, Workspace<T>& ws, const Inputs<T>& in) {
+  elastic_forces(model, ws, in);
+}
+
+template <class T>
+void Sweeps<T>::world(const Model& model, Workspace<T>& ws, const Inputs<T>& in) {
+  ws.pose_W(0) = Pose<T>();
+  ws.V(0) = Motion<T>();
+  for (int k = 1; k < static_cast<int>(model.bodies.size()); ++k) {
+    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    const Core<T>& body = ws.core(k);
+    ws.pose_W(k) = ws.pose_W(b.parent) * body.X;
+    Motion<T> V = to_outboard(body.X, ws.V(b.parent));
+    const Motion<T>* H = ws.H(k);
+    for (int j = 0; j < b.nv; ++j) V += in.v[b.v + j] * H[j];
+    if (const Modal<T>* modal = ws.modal_of(k)) {
+      const T* rate = in.v + model.bodies[static_cast<std::size_t>(b.parent)].etadot;
+      if (modal->A)
+        for (int j = 0; j < b.n_parent_modes; ++j) V += rate[j] * motion_column(modal->A, j);
+      if (modal->C)
+        for (int j = 0; j < b.n_modes; ++j) V -= in.v[b.etadot + j] * motion_column(modal->C, j);
+    }
+    ws.V(k) = V;
+  }
+}
+
+// Modes: integral of phi_k . (g_c + Grad (rho - c)) dm, from the modal integrals.
+template <class T>
+void Sweeps<T>::central_gravity(const Model& model, Workspace<T>& ws, const Inputs<T>& in) {
+  using std::sqrt;
+  if (!in.gravity) return;
+  const GravitySpec& g = model.gravity;
+  const T mu(g.mu);
+  for (int k = 1; k < static_cast<int>(model.bodies.size()); ++k) {
+    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    Core<T>& body = ws.core(k);
+    Modal<T>* modal = b.n_modes > 0 ? ws.modal_of(k) : nullptr;
+    const T* M = modal ? modal->M_rr : nullptr;
+    const RigidInertia<T> inertia = modal ? RigidInertia<T>{M[0], {M[1], M[2], M[3]}, {M[4], M[5], M[6], M[7], M[8], M[9]}}
+                                          : cast<T>(b.M);
+    if (!(inertia.m > T(0))) continue;
+    Vec3<T> c, r;
+    body.z -= attraction(g, inertia, ws.pose_W(k), c, r);
+    const T r2 = dot(r, r), k3 = mu / (r2 * sqrt(r2));
+    if (!modal) continue;
+    const Vec3<T> field = (-k3) * r;
+    const ModalIntegrals& I = model.flexible[static_cast<std::size_t>(b.flexible)].data->integrals;
+    const T* eta = in.q + b.eta;
+    for (int j = 0; j < b.n_modes; ++j) {
+      const T* M_e = modal->P_re + 6 * j;
+      const Vec3<T> I3{M_e[3], M_e[4], M_e[5]};
+      T f = dot(I3, field);
+      if (g.gradient) {
+        // S = integral phi_j rho* dm = (tr I8/2) 1 - I8 + sum_l eta_l ((tr I9_lj/2) 1 - I9_lj);  Grad = k3 (3 rhat rhat* - 1)
+        const auto& I8 = I.I8[static_cast<std::size_t>(j)];
+        T S[3][3];
+        for (int p = 0; p < 3; ++p)
+          for (int q = 0; q < 3; ++q) S[p][q] = T((p == q ? 0.5 * I8.trace() : 0.0) - I8(p, q));
+        for (int l = 0; l < b.n_modes && !I.I9.empty(); ++l) {
+          const auto& I9 = I.I9[static_cast<std::size_t>(l * b.n_modes + j)];
+          for (int p = 0; p < 3; ++p)
+            for (int q = 0; q < 3; ++q) S[p][q] = S[p][q] + eta[l] * T((p == q ? 0.5 * I9.trace() : 0.0) - I9(p, q));
+        }
+        const T rr[3] = {r.x, r.y, r.z}, cc[3] = {c.x, c.y, c.z}, ii[3] = {I3.x, I3.y, I3.z};
+        for (int p = 0; p < 3; ++p)
+          for (int q = 0; q < 3; ++q) f = f + k3 * (T(3) * rr[p] * rr[q] / r2 - T(p == q ? 1 : 0)) * (S[p][q] - ii[p] * cc[q]);
+      }
+      modal->z[j] = modal->z[j] - f;
+    }
+  }
+}
+
+template <class T>
+void Sweeps<T>::node_wrenches(const Model& model, Workspace<T>& ws, const Inputs<T>& in) {
+  for (const NodeWrench<T>& load : in.wrenches) {
+    const UserNode& node = model.nodes[static_cast<std::size_t>(load.node)];
+    const int k = model.user[static_cast<std::size_t>(node.body)].sweep;
+    if (k == 0) continue;
+    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    Core<T>& body = ws.core(k);
+    DeformedNode<T> at;
+    at.R = cast<T>(node.shapes.pose.R);
+    at.rho = cast<T>(node.shapes.pose.p);
+    if (node.shapes.deforms()) deform<T>(node.shapes, in.q + b.eta, nullptr, at);
+    Force<T> f;  // body axes, at the node
+    if (load.world_axes) {
+      const Mat3<T>& R = ws.pose_W(k).R;
+      f = {transpose_times(R, load.f.n), transpose_times(R, load.f.f)};
+    } else {
+      f = {at.R * load.f.n, at.R * load.f.f};
+    }
+    body.z -= Force<T>{f.n + cross(at.rho, f.f), f.f};
+    if (!node.shapes.deforms()) continue;
+    Modal<T>& modal = *ws.modal_of(k);
+    for (int j = 0; j < b.n_modes; ++j) modal.z[j] = modal.z[j] - dot(node_column(node.shapes, at, j), f);
+  }
+}
+
+template <class T>
+void Sweeps<T>::inward(const Model& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, InwardFor what) {
+  const auto pass = [&]<InwardFor For>() {
+    for_kernel<T>(
+        run.kind, [&]<int NV>() { inward_rigid<T, NV, For>(model, ws, in, run.begin, run.end); },
+        [&]<int NV>() { inward_general<T, NV, For>(model, ws, in, run.begin, run.end); });
+  };
+  if (what.inertia && what.bias)
+    pass.template operator()<InwardFor{true, true}>();
+  else if (what.inertia)
+    pass.template operator()<InwardFor{true, false}>();
+  else
+    pass.template operator()<InwardFor{false, true}>();
+}
+
+template <class T>
+void Sweeps<T>::acceleration(const Model& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, T* vdot) {
+  for_kernel<T>(
+      run.kind, [&]<int NV>() { acceleration_rigid<T, NV>(model, ws, in, vdot, run.begin, run.end); },
+      [&]<int NV>() { acceleration_general<T, NV>(model, ws, in, vdot, run.begin, run.end); });
+}
+
+template <class T>
+void Sweeps<T>::gather(const Model& model, Workspace<T>& ws, const Run& run, T* tau) {
+  for_kernel<T>(
+      run.kind, [&]<int NV>() { gather_rigid<T, NV>(model, ws, tau, run.begin, run.end); },
+      [&]<int NV>() { gather_general<T, NV>(model, ws, tau, run.begin, run.end); });
+}
+
+}  // namespace cardan::soa

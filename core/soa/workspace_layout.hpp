@@ -1,0 +1,115 @@
+#pragma once
+// Constructor of Workspace: sizes and pointers of every record. Included by the files that instantiate a scalar.
+#include <new>
+
+#include "core/soa/workspace.hpp"
+
+namespace cardan::soa {
+
+template <class T, class Visit>
+void with_hinge_size(int nv, const Visit& visit) {
+  switch (nv) {
+    case 0: return visit.template operator()<0>();
+    case 1: return visit.template operator()<1>();
+    case 2: return visit.template operator()<2>();
+    case 3: return visit.template operator()<3>();
+    case 4: return visit.template operator()<4>();
+    case 5: return visit.template operator()<5>();
+    default: return visit.template operator()<6>();
+  }
+}
+
+template <class T>
+Workspace<T>::Workspace(const Model& model) {
+  const std::size_t n = model.bodies.size();
+  n_bodies_ = static_cast<int>(n);
+  offset_.resize(n);
+  modal_.assign(n, nullptr);
+  dense_.resize(static_cast<std::size_t>(model.n_dense));
+  struct Counts {
+    std::size_t re, ee, C, A, m;
+  };
+  std::vector<Counts> counts(n);
+  std::vector<std::size_t> modal_at(n, 0);
+  const auto round = [](std::size_t bytes) { return (bytes + 63) / 64 * 64; };
+  std::vector<bool> ee_changes(n, false);  // some outboard hinge or the pnode adds to P_ee
+  for (std::size_t k = 1; k < n; ++k) {
+    const SweepBody& b = model.bodies[k];
+    if (b.onode >= 0) ee_changes[static_cast<std::size_t>(b.parent)] = true;
+    if (b.pnode >= 0 && model.shapes[static_cast<std::size_t>(b.pnode)].deforms()) ee_changes[k] = true;
+  }
+  std::size_t total = round(sizeof(Core<T>));  // ground
+  for (std::size_t k = 1; k < n; ++k) {
+    const SweepBody& b = model.bodies[k];
+    offset_[k] = total;
+    std::size_t record = 0;
+    with_hinge_size<T>(b.nv, [&]<int NV>() { record = is_general(b.kind) ? sizeof(GeneralRecord<T, NV>) : sizeof(RigidRecord<T, NV>); });
+    total += round(record);
+    if (!is_general(b.kind)) continue;
+    const auto m = static_cast<std::size_t>(b.n_modes);
+    Counts c{0, 0, 0, 0, m};
+    if (m > 0) {
+      const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
+      c.re = 6 * m;
+      bool masked = false;
+      if (model.has_prescribed())
+        for (int j = 0; j < b.n_modes; ++j) masked = masked || model.prescribed[static_cast<std::size_t>(b.etadot + j)];
+      c.ee = !f.M_ee_constant || ee_changes[k] || masked ? m * m : 0;
+      c.C = b.pnode >= 0 && model.shapes[static_cast<std::size_t>(b.pnode)].deforms() ? 6 * m : 0;
+    }
+    c.A = 6 * static_cast<std::size_t>(b.n_parent_modes);
+    counts[k] = c;
+    modal_at[k] = total;
+    total += round(sizeof(T) * (c.re + c.ee + (m > 0 ? 6 * m + 3 * m + 16 + m : 0) + c.C + c.A));
+  }
+  arena_bytes_ = total;
+  arena_.reset(new (std::align_val_t(64)) std::byte[total]);
+  for (std::size_t i = 0; i < total; ++i) arena_[i] = std::byte{0};
+  new (&core(0)) Core<T>();
+  for (std::size_t k = 1; k < n; ++k) {
+    const SweepBody& b = model.bodies[k];
+    with_hinge_size<T>(b.nv, [&]<int NV>() {
+      std::byte* at = arena_.get() + offset_[k];
+      if (!is_general(b.kind)) {
+        new (at) RigidRecord<T, NV>();
+        return;
+      }
+      auto* record = new (at) GeneralRecord<T, NV>();
+      Modal<T>& modal = record->modal;
+      modal_[k] = &modal;
+      T* next = reinterpret_cast<T*>(arena_.get() + modal_at[k]);
+      const auto take = [&](std::size_t count) -> T* {
+        if (count == 0) return nullptr;
+        T* p = next;
+        for (std::size_t i = 0; i < count; ++i) new (p + i) T(0);
+        next += count;
+        return p;
+      };
+      const Counts& c = counts[k];
+      modal.P_re = take(c.re);
+      modal.P_ee = take(c.ee);
+      modal.U = take(6 * c.m);
+      modal.z = take(c.m);
+      modal.nu = take(c.m);
+      modal.accel = take(c.m);
+      modal.M_rr = c.m > 0 ? take(10) : nullptr;
+      modal.b = c.m > 0 ? take(6 + c.m) : nullptr;
+      modal.C = take(c.C);
+      modal.A = take(c.A);
+    });
+  }
+  if (model.gravity.kind == GravitySpec::Kind::central) require_world();
+}
+
+template <class T>
+void Workspace<T>::require_world() {
+  pose_W_.resize(static_cast<std::size_t>(n_bodies_));
+  V_.resize(static_cast<std::size_t>(n_bodies_));
+}
+
+template <class T>
+std::size_t Workspace<T>::bytes() const {
+  return arena_bytes_ + dense_.size() * sizeof(cardan_hinge_out) + pose_W_.size() * sizeof(Pose<T>) + V_.size() * sizeof(Motion<T>);
+}
+
+}  // namespace cardan::soa

@@ -1,0 +1,136 @@
+#pragma once
+// The first zero crossing of the event functions along a step, for any method that can give the state inside its step.
+// One rule for all methods; docs/mathematics/integration.md, "Events".
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "core/time/methods.hpp"
+
+namespace cardan {
+
+class EventFinder {
+ public:
+  explicit EventFinder(const OdeProblem& problem)
+      : problem_(problem),
+        n_(static_cast<std::size_t>(problem.n_roots)),
+        g_begin_(n_),
+        g_end_(n_),
+        g_(n_),
+        t_begin_(n_),
+        t_cross_(n_),
+        crossed_(n_),
+        quiet_(n_) {}
+
+  std::span<const int> crossed() const { return crossed_; }
+  long evaluations() const { return evaluations_; }
+
+  void restart(double t, const double* x) {
+    if (t != t_) std::fill(quiet_.begin(), quiet_.end(), 0);  // else: what fired at t stays quiet
+    t_ = t;
+    evaluate(t, x, g_begin_);
+  }
+
+  /// Looks at (end of the last search, t_end]. `state_at(t)` gives the state at t in that interval, or at its end.
+  /// true: t_end becomes the time of the event, crossed() the directions.
+  template <class StateAt>
+  bool find(double& t_end, StateAt&& state_at) {
+    constexpr double eps = std::numeric_limits<double>::epsilon();
+    const double resolution = std::max(1e-13 * (t_end - t_), 4.0 * eps * std::abs(t_end));
+    const double window = 100.0 * resolution;
+
+    evaluate(t_end, state_at(t_end), g_end_);
+    std::fill(t_begin_.begin(), t_begin_.end(), t_);
+    leave_zero(std::max(quiet_until_, t_ + window), t_end, state_at);
+
+    double first = kNever;
+    for (std::size_t i = 0; i < n_; ++i) {
+      const bool crosses = g_begin_[i] != 0.0 && sign(g_begin_[i]) != sign(g_end_[i]);
+      t_cross_[i] = crosses ? locate(i, t_end, resolution, state_at) : kNever;
+      first = std::min(first, t_cross_[i]);
+    }
+    if (first == kNever) {
+      std::swap(g_begin_, g_end_);
+      t_ = t_end;
+      return false;
+    }
+    double t_event = first;  // crossings closer than the window are one event, at the last of them
+    for (const double t : t_cross_)
+      if (t <= first + window) t_event = std::max(t_event, t);
+    for (std::size_t i = 0; i < n_; ++i) {
+      crossed_[i] = t_cross_[i] <= t_event ? -sign(g_begin_[i]) : 0;
+      quiet_[i] = crossed_[i] != 0;
+    }
+    quiet_until_ = t_event + window;
+    t_ = t_end = t_event;
+    evaluate(t_event, state_at(t_event), g_begin_);
+    return true;
+  }
+
+ private:
+  static constexpr double kNever = std::numeric_limits<double>::infinity();
+
+  static int sign(double g) { return (g > 0.0) - (g < 0.0); }
+
+  void evaluate(double t, const double* x, std::vector<double>& g) {
+    ++evaluations_;
+    problem_.roots(t, x, g.data());
+    if (const int i = first_not_finite(g.data(), static_cast<int>(n_)); i >= 0)
+      fail_integration(Code::not_finite, t, "event function " + std::to_string(i) + " = " + std::to_string(g[i]), {});
+  }
+
+  /// A function that fired at the beginning, or is zero there, takes its sign from a little later: round-off around the
+  /// zero it starts from is no crossing, and a bounce that comes down again within the step is one.
+  template <class StateAt>
+  void leave_zero(double t_quiet, double t_end, StateAt& state_at) {
+    bool evaluated = false;
+    for (std::size_t i = 0; i < n_; ++i) {
+      const bool starts_at_zero = g_begin_[i] == 0.0 && g_end_[i] != 0.0;
+      if (!quiet_[i] && !starts_at_zero) continue;
+      if (t_quiet >= t_end) {
+        g_begin_[i] = 0.0;
+        continue;
+      }
+      if (!evaluated) evaluate(t_quiet, state_at(t_quiet), g_);
+      evaluated = true;
+      g_begin_[i] = g_[i];
+      t_begin_[i] = t_quiet;
+    }
+    if (t_quiet < t_end) std::fill(quiet_.begin(), quiet_.end(), 0);
+  }
+
+  /// Regula falsi with the Illinois weights (Dowell, Jarratt 1971), every third step a bisection so that the bracket is
+  /// sure to shrink. Returns the end of the last bracket where the sign is the new one.
+  template <class StateAt>
+  double locate(std::size_t i, double t_end, double resolution, StateAt& state_at) {
+    double a = t_begin_[i], g_a = g_begin_[i], b = t_end, g_b = g_end_[i];
+    int kept = 0;  // which end did not move last: -1 a, +1 b
+    for (int k = 1; b - a > resolution; ++k) {
+      const double guess = k % 3 == 0 ? 0.5 * (a + b) : b - g_b * (b - a) / (g_b - g_a);
+      const double c = std::clamp(guess, a + 0.5 * resolution, b - 0.5 * resolution);
+      evaluate(c, state_at(c), g_);
+      if (sign(g_[i]) == sign(g_a)) {
+        a = c, g_a = g_[i];
+        if (kept == 1) g_b *= 0.5;
+        kept = 1;
+      } else {
+        b = c, g_b = g_[i];
+        if (kept == -1) g_a *= 0.5;
+        kept = -1;
+      }
+    }
+    return b;
+  }
+
+  const OdeProblem& problem_;
+  std::size_t n_;
+  double t_ = 0.0, quiet_until_ = -kNever;
+  std::vector<double> g_begin_, g_end_, g_, t_begin_, t_cross_;
+  std::vector<int> crossed_;
+  std::vector<char> quiet_;
+  long evaluations_ = 0;
+};
+
+}  // namespace cardan

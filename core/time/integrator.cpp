@@ -1,0 +1,80 @@
+#include "core/time/integrator.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "core/time/methods.hpp"
+
+namespace cardan {
+namespace {
+
+struct Method {
+  std::unique_ptr<Integrator> (*make)(OdeProblem, const IntegratorOptions&);
+  std::string name;
+  bool adaptive;
+};
+
+const std::vector<Method>& methods() {
+  static const std::vector<Method> all = {{make_cvode, "cvode_adams", true},
+                                          {make_cvode, "cvode_bdf", true},
+                                          {make_dopri5, "dopri5", true},
+                                          {make_rk4, "rk4", false}};
+  return all;
+}
+
+[[noreturn]] void refuse(Code code, std::string key, std::string expected, std::string got, std::string hint = {}) {
+  Diagnostic d{};
+  d.code = code;
+  d.at.key_path = "integrator." + key;
+  d.expected = std::move(expected);
+  d.got = std::move(got);
+  d.hint = std::move(hint);
+  throw InputError(std::move(d));
+}
+
+const Method& find_method(const std::string& name) {
+  std::vector<std::string> legal;
+  for (const Method& m : methods()) {
+    if (m.name == name) return m;
+    legal.push_back(m.name);
+  }
+  refuse(Code::unsupported, "method", fmt::format("a method: {}", fmt::join(legal, ", ")), fmt::format("\"{}\"", name),
+         did_you_mean(name, legal));
+}
+
+/// A time of the options: 0 stands for "not given".
+void check_time(const Method& m, const char* key, double value, bool fits) {
+  if (value == 0.0) return;
+  if (!fits)
+    refuse(Code::unsupported, key,
+           m.adaptive ? fmt::format("no {}: {} chooses its steps", key, m.name)
+                      : fmt::format("no {}: {} takes equal steps of fixed_step", key, m.name),
+           fmt::format("{:g} s", value), m.adaptive ? "set relative_tolerance or max_step, or use rk4" : "use dopri5");
+  if (!(value > 0.0)) refuse(Code::out_of_range, key, "a time > 0 s", fmt::format("{:g} s", value));
+}
+
+}  // namespace
+
+std::unique_ptr<Integrator> make_integrator(OdeProblem problem, const IntegratorOptions& options) {
+  const Method& method = find_method(options.method);
+  check_time(method, "max_step", options.max_step, method.adaptive);
+  check_time(method, "initial_step", options.initial_step, method.adaptive);
+  check_time(method, "fixed_step", options.fixed_step, !method.adaptive);
+  if (!method.adaptive && options.fixed_step == 0.0)
+    refuse(Code::unsupported, "fixed_step", fmt::format("a step in seconds, which {} needs", method.name), "nothing");
+
+  const double relative = options.relative_tolerance;
+  if (method.adaptive && !(relative >= 1e-14 && relative < 1.0))
+    refuse(Code::out_of_range, "relative_tolerance", "a number from 1e-14 to 1", fmt::format("{:g}", relative));
+  const auto& absolute = problem.absolute_tolerance;
+  if (absolute.size() != static_cast<std::size_t>(problem.n))
+    throw std::logic_error("make_integrator: one absolute tolerance per state is needed");
+  if (!std::all_of(absolute.begin(), absolute.end(), [](double a) { return a > 0.0; }))
+    refuse(Code::out_of_range, "absolute_tolerance", "positive numbers",
+           fmt::format("{:g}", *std::min_element(absolute.begin(), absolute.end())));
+  return method.make(std::move(problem), options);
+}
+
+}  // namespace cardan

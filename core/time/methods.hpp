@@ -1,0 +1,32 @@
+#pragma once
+// The methods behind make_integrator(), and how each of them fails. Options have been checked by the factory.
+#include <cmath>
+#include <string>
+
+#include "core/base/diagnostic.hpp"
+#include "core/time/integrator.hpp"
+
+namespace cardan {
+
+std::unique_ptr<Integrator> make_rk4(OdeProblem problem, const IntegratorOptions& options);
+std::unique_ptr<Integrator> make_dopri5(OdeProblem problem, const IntegratorOptions& options);
+/// cvode_adams or cvode_bdf.
+std::unique_ptr<Integrator> make_cvode(OdeProblem problem, const IntegratorOptions& options);
+
+[[noreturn]] inline void fail_integration(Code code, double t, std::string what, std::string hint) {
+  RunFailure failure{};
+  failure.code = code;
+  failure.t = t;
+  failure.what = std::move(what);
+  failure.hint = std::move(hint);
+  throw NumericsError(std::move(failure));
+}
+
+/// Index of the first value that is NaN or infinite, -1 if all are finite.
+inline int first_not_finite(const double* values, int n) {
+  for (int i = 0; i < n; ++i)
+    if (!std::isfinite(values[i])) return i;
+  return -1;
+}
+
+}  // namespace cardan

@@ -1,0 +1,280 @@
+// Explicit Runge-Kutta methods with few operations around the right-hand side: the stage sums are fused and unrolled at
+// compile time, and a step allocates nothing.
+#include <fmt/format.h>
+
+#include <Eigen/Core>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "core/time/event_finder.hpp"
+#include "core/time/methods.hpp"
+
+namespace cardan {
+namespace {
+
+// A tableau: stage s is evaluated at t + c[s] h, x + h sum_j a[s][j] k_j. The last row is the result of the step, and
+// its slope is the first stage of the next step.
+
+/// The classic method of Kutta (1901).
+struct Rk4 {
+  static constexpr std::string_view name = "rk4";
+  static constexpr int order = 4, rows = 5;
+  static constexpr bool adaptive = false;
+  static constexpr double c[] = {0.0, 1.0 / 2, 1.0 / 2, 1.0, 1.0};
+  static constexpr double a[rows][rows] = {
+      {}, {1.0 / 2}, {0.0, 1.0 / 2}, {0.0, 0.0, 1.0}, {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6}};
+};
+
+/// Dormand, Prince 1980: order 5 with an estimate of order 4; dense output of order 4 by Shampine 1986.
+struct Dopri5 {
+  static constexpr std::string_view name = "dopri5";
+  static constexpr int order = 5, rows = 7;
+  static constexpr bool adaptive = true;
+  static constexpr double c[] = {0.0, 1.0 / 5, 3.0 / 10, 4.0 / 5, 8.0 / 9, 1.0, 1.0};
+  static constexpr double a[rows][rows] = {{},
+                                           {1.0 / 5},
+                                           {3.0 / 40, 9.0 / 40},
+                                           {44.0 / 45, -56.0 / 15, 32.0 / 9},
+                                           {19372.0 / 6561, -25360.0 / 2187, 64448.0 / 6561, -212.0 / 729},
+                                           {9017.0 / 3168, -355.0 / 33, 46732.0 / 5247, 49.0 / 176, -5103.0 / 18656},
+                                           {35.0 / 384, 0.0, 500.0 / 1113, 125.0 / 192, -2187.0 / 6784, 11.0 / 84}};
+  static constexpr double error[rows] = {71.0 / 57600,      0.0,        -71.0 / 16695, 71.0 / 1920,
+                                         -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
+  static constexpr double dense[rows] = {-12715105075.0 / 11282082432,  0.0,
+                                         87487479700.0 / 32700410799,   -10690763975.0 / 1880347072,
+                                         701980252875.0 / 199316789632, -1453857185.0 / 822651844,
+                                         69997945.0 / 29380423};
+};
+
+/// Vectorised, unlike Eigen's allFinite: what is not finite stays so when taken from itself.
+template <class Values>
+bool finite(const Values& values) {
+  return (values - values).sum() == 0.0;
+}
+
+template <class Method>
+class RungeKutta final : public Integrator {
+ public:
+  RungeKutta(OdeProblem problem, const IntegratorOptions& options)
+      : problem_(std::move(problem)),
+        options_(options),
+        events_(problem_),
+        n_(problem_.n),
+        n_all_(problem_.n + problem_.n_quadrature),
+        z0_(n_all_),
+        z1_(n_all_),
+        work_(n_all_),
+        k_(n_all_, Method::rows),
+        absolute_(Eigen::Map<const Eigen::ArrayXd>(problem_.absolute_tolerance.data(), n_)) {}
+
+  void restart(double t, const double* x, const double* y) override {
+    if (!started_ || t != t1_) h_ = options_.initial_step;  // else the last step size is a good first guess
+    started_ = true;
+    slope_known_ = false;
+    t0_ = t1_ = t;
+    std::copy_n(x, n_, z1_.data());
+    std::copy_n(y, problem_.n_quadrature, z1_.data() + n_);
+    if (problem_.n_roots > 0) events_.restart(t, z1_.data());
+    ++statistics_.restarts;
+  }
+
+  StepReport step(double t_stop, double* x, double* y) override {
+    StepReport report;
+    if (t1_ < t_stop) {
+      begin();
+      if constexpr (Method::adaptive)
+        adaptive_step(t_stop);
+      else
+        fixed_step(t_stop);
+      if (problem_.n_roots > 0) find_event(report);
+      ++statistics_.steps;
+      statistics_.last_step = t1_ - t0_;
+    }
+    report.t = t1_;
+    write(z1_, x, y);
+    return report;
+  }
+
+  /// Order 4 for dopri5, the cubic Hermite polynomial for rk4.
+  void interpolate(double t, double* x, double* y) override {
+    const double h = t1_ - t0_;
+    if (h == 0.0) return write(z1_, x, y);
+    const double s = (t - t0_) / h, r = 1.0 - s;
+    work_.setZero();
+    if constexpr (Method::adaptive) work_ = h * sum<Method::rows>(Method::dense, n_all_);
+    work_ = z0_ + s * (z1_ - z0_ +
+                       r * (h * first_slope() - (z1_ - z0_) +
+                            s * (2.0 * (z1_ - z0_) - h * (first_slope() + last_slope()) + r * work_)));
+    if (problem_.project) problem_.project(work_.data());
+    write(work_, x, y);
+  }
+
+  IntegratorStatistics statistics() const override {
+    IntegratorStatistics s = statistics_;
+    s.root_evaluations = events_.evaluations();
+    s.last_order = Method::order;
+    return s;
+  }
+
+  std::string_view name() const override { return Method::name; }
+
+ private:
+  static constexpr int kLast = Method::rows - 1;
+
+  auto first_slope() const { return k_.col(0); }
+  auto last_slope() const { return k_.col(kLast); }
+
+  void write(const Eigen::ArrayXd& z, double* x, double* y) const {
+    std::copy_n(z.data(), n_, x);
+    std::copy_n(z.data() + n_, problem_.n_quadrature, y);
+  }
+
+  bool rhs(double t, const Eigen::ArrayXd& z, int stage) {
+    ++statistics_.rhs_calls;
+    double* slope = k_.col(stage).data();
+    return problem_.rhs(t, z.data(), slope, slope + n_);
+  }
+
+  /// sum_j weight[j] k_j over the first Count stages, one fused expression.
+  template <int Count>
+  auto sum(const double* weight, int size) const {
+    return [&]<std::size_t... J>(std::index_sequence<J...>) { return ((weight[J] * k_.col(J).head(size)) + ...); }
+    (std::make_index_sequence<Count>{});
+  }
+
+  template <int Row>
+  bool stage(double t1, double h) {
+    const double t = Method::c[Row] == 1.0 ? t1 : t0_ + Method::c[Row] * h;
+    if constexpr (Row < kLast) {
+      work_.head(n_) = z0_.head(n_) + h * sum<Row>(Method::a[Row], n_);
+      return rhs(t, work_, Row);
+    } else {
+      z1_ = z0_ + h * sum<Row>(Method::a[Row], n_all_);
+      if (problem_.project) problem_.project(z1_.data());
+      return rhs(t, z1_, Row);
+    }
+  }
+
+  /// From (t0, z0) to t1; false: a stage could not be evaluated.
+  bool try_step(double t1) {
+    t1_ = t1;
+    return [&]<int... Row>(std::integer_sequence<int, Row...>) { return (stage<Row + 1>(t1, t1 - t0_) && ...); }
+    (std::make_integer_sequence<int, kLast>{});
+  }
+
+  void must_step(double t1) {
+    const double t0 = t0_;
+    if (!try_step(t1) || !finite(z1_) || !finite(last_slope()))
+      fail_integration(Code::integrator_failed, t0, fmt::format("{} in the step to t = {:.17g} s", trouble(), t1),
+                       "a smaller step, or limits on what drives the state there");
+  }
+
+  std::string trouble() const {
+    for (int s = 0; s < Method::rows; ++s)
+      if (const int i = first_not_finite(k_.col(s).data(), n_all_); i >= 0)
+        return fmt::format("the rate of {} {} is {}", i < n_ ? "state" : "integral", i < n_ ? i : i - n_, k_(i, s));
+    if (!finite(z1_)) return "the state overflows";
+    return "the right-hand side cannot be evaluated";
+  }
+
+  void begin() {
+    if (!slope_known_ && (!rhs(t1_, z1_, kLast) || !finite(last_slope())))
+      fail_integration(Code::integrator_failed, t1_,
+                       finite(last_slope()) ? "the right-hand side cannot be evaluated at the start" : trouble(), {});
+    slope_known_ = true;
+    t0_ = t1_;
+    z0_.swap(z1_);
+    k_.col(0) = k_.col(kLast);
+  }
+
+  /// Equal steps up to t_stop: the number of steps left is rounded up, so that no sliver remains.
+  void fixed_step(double t_stop) {
+    constexpr double round_off = 1e-6;  // of a step; (t_stop - t0) / h is exact to about 1e-8 after a year at 0.1 s
+    const double left = std::ceil((t_stop - t0_) / options_.fixed_step - round_off);
+    must_step(left <= 1.0 ? t_stop : t0_ + (t_stop - t0_) / left);
+  }
+
+  void adaptive_step(double t_stop) requires(Method::adaptive) {
+    constexpr int max_rejections = 40;
+    const double h_before = h_ > 0.0 ? h_ : first_guess();
+    h_ = h_before;
+    bool shortened = false;
+    for (int rejections = 0;; ++rejections) {
+      if (options_.max_step > 0.0) h_ = std::min(h_, options_.max_step);
+      const double left = t_stop - t0_;
+      const double t1 = h_ >= left ? t_stop : 2.0 * h_ > left ? t0_ + 0.5 * left : t0_ + h_;
+      const double h = t1 - t0_;
+      shortened = h < h_;
+      const double error = try_step(t1) ? error_norm(h) : std::numeric_limits<double>::infinity();
+      const double factor = std::clamp(0.9 * std::pow(error, -1.0 / Method::order), 0.2, 5.0);
+      if (error <= 1.0) {
+        const double next = h * (rejections > 0 ? std::min(factor, 1.0) : factor);
+        h_ = shortened ? std::max(next, h_) : next;
+        return;
+      }
+      ++statistics_.rejected;
+      h_ = h * (error > 1.0 && factor < 1.0 ? factor : 0.2);  // 0.2 also when the error is not a number
+      if (rejections == max_rejections || h_ < 16.0 * std::numeric_limits<double>::epsilon() * std::abs(t0_))
+        fail_integration(Code::step_too_small, t0_,
+                         fmt::format("step = {:.3g} s after {} rejections: {}", h_, rejections + 1,
+                                     std::isfinite(error) ? "the error stays above the tolerance" : trouble()),
+                         "a discontinuity that is no event, a singularity, or a stiff system (cvode_bdf)");
+    }
+  }
+
+  /// Root mean square over the states of estimate / (absolute + relative * size).
+  double error_norm(double h) const {
+    if (n_ == 0) return 0.0;
+    const auto scale = absolute_ + options_.relative_tolerance * z0_.head(n_).abs().max(z1_.head(n_).abs());
+    return h * std::sqrt((sum<Method::rows>(Method::error, n_) / scale).square().mean());
+  }
+
+  /// A hundredth of the time in which the state would change by its own size; Hairer, Norsett, Wanner 1993, II.4.
+  double first_guess() const {
+    if (n_ == 0) return std::numeric_limits<double>::max();
+    const auto scale = absolute_ + options_.relative_tolerance * z0_.head(n_).abs();
+    const double size = std::sqrt((z0_.head(n_) / scale).square().mean());
+    const double rate = std::sqrt((k_.col(0).head(n_) / scale).square().mean());
+    return size < 1e-5 || rate < 1e-5 ? 1e-6 : 0.01 * size / rate;
+  }
+
+  /// The state at a trial time is that of a step which ends there: as accurate as any other step.
+  void find_event(StepReport& report) {
+    const auto state_at = [this](double t) {
+      if (t != t1_) must_step(t);
+      return z1_.data();
+    };
+    double t = t1_;
+    if (events_.find(t, state_at)) {
+      report.event = true;
+      report.crossed = events_.crossed();
+    }
+    state_at(t);
+  }
+
+  OdeProblem problem_;
+  IntegratorOptions options_;
+  EventFinder events_;
+  int n_, n_all_;
+  double t0_ = 0.0, t1_ = 0.0;  // [s] of the last step
+  double h_ = 0.0;              // [s] adaptive: the next step to try
+  bool started_ = false, slope_known_ = false;
+  Eigen::ArrayXd z0_, z1_, work_;  // states and integrals: step begin, step end, trial
+  Eigen::ArrayXXd k_;              // slopes, one column per stage
+  Eigen::ArrayXd absolute_;
+  IntegratorStatistics statistics_;
+};
+
+}  // namespace
+
+std::unique_ptr<Integrator> make_rk4(OdeProblem problem, const IntegratorOptions& options) {
+  return std::make_unique<RungeKutta<Rk4>>(std::move(problem), options);
+}
+
+std::unique_ptr<Integrator> make_dopri5(OdeProblem problem, const IntegratorOptions& options) {
+  return std::make_unique<RungeKutta<Dopri5>>(std::move(problem), options);
+}
+
+}  // namespace cardan

@@ -1,0 +1,37 @@
+// cylindrical: rotation about and translation along one axis.
+#include "core/abi/family.hpp"
+#include "hinges/axes.hpp"
+
+namespace cardan {
+namespace {
+
+struct Cylindrical {
+  static constexpr const char* type = "cylindrical";
+  static constexpr const char* summary = "rotation about and translation along one axis";
+  static constexpr int nq = 2, nv = 2;
+  static constexpr auto shape = CARDAN_SHAPE_DENSE;
+  using Packed = AxisParams;
+  static constexpr cardan_param_desc schema[] = {
+      {"axis", CARDAN_UNIT_VECTOR, "1", 1, {0, 0, 0}, 1, "hinge axis, in the axes of the hinge nodes"}};
+  static constexpr const char* q_names[] = {"angle", "displacement"};
+  static constexpr const char* q_units[] = {"rad", "m"};
+  static constexpr const char* v_names[] = {"rate", "speed"};
+  static constexpr const char* v_units[] = {"rad/s", "m/s"};
+
+  static bool pack(const Params& params, Packed& p) { return pack_axis(params, p, false); }
+
+  static void kinematics(const Packed& p, const double* q, const double*, HingeOut<2>& out) noexcept {
+    const Eigen::Vector3d u(p.u[0], p.u[1], p.u[2]);
+    out.R_OP = rotation_about_axis(u, q[0]);
+    out.p_OP = q[1] * u;
+    out.Ht.col(0).head<3>() = u;
+    out.Ht.col(1).tail<3>() = u;
+  }
+  static Eigen::Matrix<double, 6, 2> map_dot(const Packed&, const double*, const double*) noexcept {
+    return Eigen::Matrix<double, 6, 2>::Zero();
+  }
+};
+
+}  // namespace
+const cardan_hinge_family& cylindrical_family() { return hinge_table<Cylindrical>(); }
+}  // namespace cardan

@@ -1,0 +1,56 @@
+// free: six degrees of freedom; v = [omega in P axes; rate of the position in O axes], so that an orbit stays smooth.
+#include "core/abi/family.hpp"
+#include "hinges/axes.hpp"
+
+namespace cardan {
+namespace {
+
+struct Free : QuaternionKinematics {
+  static constexpr const char* type = "free";
+  static constexpr const char* summary = "six degrees of freedom; linear velocity in the axes of the inboard node (use this one in orbit)";
+  static constexpr int nq = 7, nv = 6;
+  static constexpr auto shape = CARDAN_SHAPE_FREE;
+  struct Packed {};
+  static constexpr const char* q_names[] = {"qw", "qx", "qy", "qz", "x", "y", "z"};
+  static constexpr const char* q_units[] = {"1", "1", "1", "1", "m", "m", "m"};
+  static constexpr const char* v_names[] = {"wx", "wy", "wz", "vx", "vy", "vz"};
+  static constexpr const char* v_units[] = {"rad/s", "rad/s", "rad/s", "m/s", "m/s", "m/s"};
+
+  static bool pack(const Params&, Packed&) { return true; }
+  static void zero(const Packed&, double* q) noexcept {
+    std::memset(q, 0, nq * sizeof(double));
+    q[0] = 1;
+  }
+  static void kinematics(const Packed&, const double* q, const double* v, HingeOut<6>& out) noexcept {
+    out.R_OP = rotation(q);
+    out.p_OP = Eigen::Map<const Eigen::Vector3d>(q + 4);
+    out.Ht.topLeftCorner<3, 3>().setIdentity();
+    out.Ht.bottomRightCorner<3, 3>() = out.R_OP.transpose();
+    const Eigen::Map<const Eigen::Vector3d> omega(v), rate(v + 3);
+    out.Hdot_v.tail<3>() = -omega.cross(out.R_OP.transpose() * rate);
+  }
+  static Eigen::Matrix<double, 6, 6> map_dot(const Packed&, const double* q, const double* u) noexcept {
+    const Eigen::Matrix3d R_PO = rotation(q).transpose();
+    const Eigen::Map<const Eigen::Vector3d> omega(u);
+    Eigen::Matrix<double, 6, 6> d = Eigen::Matrix<double, 6, 6>::Zero();
+    for (int j = 0; j < 3; ++j) d.col(3 + j).tail<3>() = -omega.cross(R_PO.col(j));
+    return d;
+  }
+  static void qdot(const Packed&, const double* q, const double* v, double* qd) noexcept {
+    QuaternionKinematics::qdot(q, v, qd);
+    for (int i = 0; i < 3; ++i) qd[4 + i] = v[3 + i];
+  }
+  static void retract(const Packed&, const double* q, const double* d, double* out) noexcept {
+    for (int i = 0; i < 3; ++i) out[4 + i] = q[4 + i] + d[3 + i];
+    QuaternionKinematics::retract(q, d, out);
+  }
+  static void difference(const Packed&, const double* a, const double* b, double* d) noexcept {
+    QuaternionKinematics::difference(a, b, d);
+    for (int i = 0; i < 3; ++i) d[3 + i] = b[4 + i] - a[4 + i];
+  }
+  static void normalise(const Packed&, double* q) noexcept { QuaternionKinematics::normalise(q); }
+};
+
+}  // namespace
+const cardan_hinge_family& free_family() { return hinge_table<Free>(); }
+}  // namespace cardan

@@ -1,0 +1,51 @@
+// free_body: six degrees of freedom; v = [omega; linear velocity], both in P axes: quasi-velocities.
+#include "core/abi/family.hpp"
+#include "hinges/axes.hpp"
+
+namespace cardan {
+namespace {
+
+struct FreeBody : QuaternionKinematics {
+  static constexpr const char* type = "free_body";
+  static constexpr const char* summary = "six degrees of freedom; both velocities in the axes of the body node";
+  static constexpr int nq = 7, nv = 6;
+  static constexpr auto shape = CARDAN_SHAPE_FREE_BODY;
+  struct Packed {};
+  static constexpr const char* q_names[] = {"qw", "qx", "qy", "qz", "x", "y", "z"};
+  static constexpr const char* q_units[] = {"1", "1", "1", "1", "m", "m", "m"};
+  static constexpr const char* v_names[] = {"wx", "wy", "wz", "vx", "vy", "vz"};
+  static constexpr const char* v_units[] = {"rad/s", "rad/s", "rad/s", "m/s", "m/s", "m/s"};
+
+  static bool pack(const Params&, Packed&) { return true; }
+  static void zero(const Packed&, double* q) noexcept {
+    std::memset(q, 0, nq * sizeof(double));
+    q[0] = 1;
+  }
+  static void kinematics(const Packed&, const double* q, const double*, HingeOut<6>& out) noexcept {
+    out.R_OP = rotation(q);
+    out.p_OP = Eigen::Map<const Eigen::Vector3d>(q + 4);
+    out.Ht.setIdentity();
+  }
+  static Eigen::Matrix<double, 6, 6> map_dot(const Packed&, const double*, const double*) noexcept {
+    return Eigen::Matrix<double, 6, 6>::Zero();
+  }
+  static void qdot(const Packed&, const double* q, const double* v, double* qd) noexcept {
+    QuaternionKinematics::qdot(q, v, qd);
+    Eigen::Map<Eigen::Vector3d>(qd + 4) = rotation(q) * Eigen::Map<const Eigen::Vector3d>(v + 3);
+  }
+  static void retract(const Packed&, const double* q, const double* d, double* out) noexcept {
+    const Eigen::Vector3d step = rotation(q) * Eigen::Map<const Eigen::Vector3d>(d + 3);
+    for (int i = 0; i < 3; ++i) out[4 + i] = q[4 + i] + step[i];
+    QuaternionKinematics::retract(q, d, out);
+  }
+  static void difference(const Packed&, const double* a, const double* b, double* d) noexcept {
+    QuaternionKinematics::difference(a, b, d);
+    Eigen::Map<Eigen::Vector3d>(d + 3) =
+        rotation(a).transpose() * (Eigen::Map<const Eigen::Vector3d>(b + 4) - Eigen::Map<const Eigen::Vector3d>(a + 4));
+  }
+  static void normalise(const Packed&, double* q) noexcept { QuaternionKinematics::normalise(q); }
+};
+
+}  // namespace
+const cardan_hinge_family& free_body_family() { return hinge_table<FreeBody>(); }
+}  // namespace cardan

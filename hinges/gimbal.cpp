@@ -1,0 +1,81 @@
+// gimbal: three successive rotations about any axes, R = exp(u1~ q1) exp(u2~ q2) exp(u3~ q3). The map loses rank where
+// the three axes become coplanar; a ball hinge has no such place.
+#include <cctype>
+
+#include "core/abi/family.hpp"
+#include "hinges/axes.hpp"
+
+namespace cardan {
+namespace {
+
+struct Gimbal {
+  static constexpr const char* type = "gimbal";
+  static constexpr const char* summary = "three successive rotations about any axes (singular where they are coplanar)";
+  static constexpr int nq = 3, nv = 3;
+  static constexpr auto shape = CARDAN_SHAPE_DENSE;
+  struct Packed {
+    double u[9];
+  };
+  static constexpr cardan_param_desc schema[] = {
+      {"axes", CARDAN_UNIT_VECTORS, "1", 0, {0, 0, 0}, 3, "the three axes, in the axes of the hinge nodes at q = 0"},
+      {"sequence", CARDAN_TEXT, "1", 0, {0, 0, 0}, 0, "instead of axes: three letters or digits, \"zyx\" or \"313\""}};
+  static constexpr const char* q_names[] = {"angle_1", "angle_2", "angle_3"};
+  static constexpr const char* q_units[] = {"rad", "rad", "rad"};
+  static constexpr const char* v_names[] = {"rate_1", "rate_2", "rate_3"};
+  static constexpr const char* v_units[] = {"rad/s", "rad/s", "rad/s"};
+
+  static bool pack(const Params& params, Packed& p) {
+    const bool by_axes = params.count("axes") == 3;
+    const char* sequence = params.text("sequence");
+    if (by_axes == (sequence != nullptr)) return params.fail("axes", "either axes (three vectors) or sequence");
+    if (by_axes) {
+      for (int i = 0; i < 3; ++i) Eigen::Map<Eigen::Vector3d>(p.u + 3 * i) = params.vector("axes", i);
+      return true;
+    }
+    const char* expected = "three of x, y, z (or 1, 2, 3), neighbours different";
+    if (std::strlen(sequence) != 3) return params.fail("sequence", expected);
+    int previous = -1;
+    for (int i = 0; i < 3; ++i) {
+      const char c = static_cast<char>(std::tolower(sequence[i]));
+      const int k = c >= 'x' && c <= 'z' ? c - 'x' : c >= '1' && c <= '3' ? c - '1' : -1;
+      if (k < 0 || k == previous) return params.fail("sequence", expected);
+      p.u[3 * i + k] = 1.0;
+      previous = k;
+    }
+    return true;
+  }
+  struct Columns {
+    Eigen::Vector3d h1, h2, u3;
+    Eigen::Matrix3d R23, R3;
+  };
+  static Columns columns(const Packed& p, const double* q) {
+    const Eigen::Map<const Eigen::Vector3d> u1(p.u), u2(p.u + 3), u3(p.u + 6);
+    Columns c;
+    c.R3 = rotation_about_axis(u3, q[2]);
+    c.R23 = rotation_about_axis(u2, q[1]) * c.R3;
+    c.h1 = c.R23.transpose() * u1;
+    c.h2 = c.R3.transpose() * u2;
+    c.u3 = u3;
+    return c;
+  }
+  static void kinematics(const Packed& p, const double* q, const double* v, HingeOut<3>& out) noexcept {
+    const Columns c = columns(p, q);
+    out.R_OP = rotation_about_axis(Eigen::Map<const Eigen::Vector3d>(p.u), q[0]) * c.R23;
+    out.Ht.col(0).head<3>() = c.h1;
+    out.Ht.col(1).head<3>() = c.h2;
+    out.Ht.col(2).head<3>() = c.u3;
+    out.Hdot_v.head<3>() =
+        -(c.h2 * v[1] + c.u3 * v[2]).cross(c.h1 * v[0]) - (c.u3 * v[2]).cross(c.h2 * v[1]);
+  }
+  static Eigen::Matrix<double, 6, 3> map_dot(const Packed& p, const double* q, const double* u) noexcept {
+    const Columns c = columns(p, q);
+    Eigen::Matrix<double, 6, 3> d = Eigen::Matrix<double, 6, 3>::Zero();
+    d.col(0).head<3>() = -(c.h2 * u[1] + c.u3 * u[2]).cross(c.h1);
+    d.col(1).head<3>() = -(c.u3 * u[2]).cross(c.h2);
+    return d;
+  }
+};
+
+}  // namespace
+const cardan_hinge_family& gimbal_family() { return hinge_table<Gimbal>(); }
+}  // namespace cardan

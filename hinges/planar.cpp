@@ -1,0 +1,53 @@
+// planar: two translations in the plane of e1, e2 and a rotation about its normal n = e1 x e2.
+#include "core/abi/family.hpp"
+#include "hinges/axes.hpp"
+
+namespace cardan {
+namespace {
+
+struct Planar {
+  static constexpr const char* type = "planar";
+  static constexpr const char* summary = "two translations in a plane (axes of O) and a rotation about its normal";
+  static constexpr int nq = 3, nv = 3;
+  static constexpr auto shape = CARDAN_SHAPE_DENSE;
+  struct Packed {
+    double e[6];
+  };
+  static constexpr cardan_param_desc schema[] = {
+      {"axes", CARDAN_UNIT_VECTORS, "1", 1, {0, 0, 0}, 2, "two orthogonal axes that span the plane, in O"}};
+  static constexpr const char* q_names[] = {"x", "y", "angle"};
+  static constexpr const char* q_units[] = {"m", "m", "rad"};
+  static constexpr const char* v_names[] = {"vx", "vy", "rate"};
+  static constexpr const char* v_units[] = {"m/s", "m/s", "rad/s"};
+
+  static bool pack(const Params& params, Packed& p) {
+    const Eigen::Vector3d e1 = params.vector("axes", 0), e2 = params.vector("axes", 1);
+    if (std::abs(e1.dot(e2)) > 1e-6) return params.fail("axes", "two orthogonal vectors");
+    Eigen::Map<Eigen::Vector3d>(p.e) = e1;
+    Eigen::Map<Eigen::Vector3d>(p.e + 3) = e2;
+    return true;
+  }
+  static void kinematics(const Packed& p, const double* q, const double* v, HingeOut<3>& out) noexcept {
+    const Eigen::Map<const Eigen::Vector3d> e1(p.e), e2(p.e + 3);
+    const Eigen::Vector3d n = e1.cross(e2);
+    out.R_OP = rotation_about_axis(n, q[2]);
+    out.p_OP = e1 * q[0] + e2 * q[1];
+    out.Ht.col(0).tail<3>() = out.R_OP.transpose() * e1;
+    out.Ht.col(1).tail<3>() = out.R_OP.transpose() * e2;
+    out.Ht.col(2).head<3>() = n;
+    out.Hdot_v.tail<3>() = -(n * v[2]).cross(out.Ht.col(0).tail<3>() * v[0] + out.Ht.col(1).tail<3>() * v[1]);
+  }
+  static Eigen::Matrix<double, 6, 3> map_dot(const Packed& p, const double* q, const double* u) noexcept {
+    const Eigen::Map<const Eigen::Vector3d> e1(p.e), e2(p.e + 3);
+    const Eigen::Vector3d n = e1.cross(e2);
+    const Eigen::Matrix3d R = rotation_about_axis(n, q[2]);
+    Eigen::Matrix<double, 6, 3> d = Eigen::Matrix<double, 6, 3>::Zero();
+    d.col(0).tail<3>() = -u[2] * n.cross(R.transpose() * e1);
+    d.col(1).tail<3>() = -u[2] * n.cross(R.transpose() * e2);
+    return d;
+  }
+};
+
+}  // namespace
+const cardan_hinge_family& planar_family() { return hinge_table<Planar>(); }
+}  // namespace cardan

@@ -1,0 +1,134 @@
+#pragma once
+// A Lua 5.4 state for scenarios: no files, no clock, no addresses; the same script gives the same result on every run;
+// every call is bounded in instructions, time and memory; every error is an InputError with file, line and traceback.
+// Lua here is the library compiled as C++ (lua5.4-c++): its errors are C++ exceptions, so destructors run.
+#include <lauxlib.h>
+#include <lua.h>
+
+#include <chrono>
+#include <cstdint>
+#include <deque>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <vector>
+
+#include "core/base/diagnostic.hpp"
+
+namespace cardan {
+
+/// What one call from C++ into Lua may spend. One step is one VM instruction, or the like amount of work in a library
+/// function: a comparison of the pattern matcher, an element moved, 16 bytes read, 64 bytes allocated.
+struct LuaBudget {
+  std::int64_t steps;
+  double seconds;  ///< wall clock; only a failure depends on it, never a result
+};
+inline constexpr LuaBudget kSetupBudget{2'000'000'000, 60.0};
+inline constexpr LuaBudget kTickBudget{5'000'000, 10.0};
+
+struct LuaOptions {
+  std::filesystem::path folder;              ///< scenario folder: `require` resolves here and nowhere above
+  std::map<std::string, std::string> built_in;  ///< modules of the program itself: name -> Lua text
+  std::uint64_t seed = 0;                    ///< of math.random
+  std::size_t memory_bytes = std::size_t{256} << 20;
+  std::function<void(std::string_view line)> print = [](std::string_view) {};
+  /// Called with each file of the scenario folder that is read, before it runs: the inputs whose hash is recorded.
+  std::function<void(const std::string& name, std::string_view text)> loaded = [](const std::string&, std::string_view) {};
+};
+
+/// One per thread; neither copied nor moved.
+class LuaHost {
+ public:
+  /// A function for scripts: arguments on the stack, returns the number of results, like lua_CFunction. It may throw
+  /// any std::exception: a script's pcall can catch it, otherwise it leaves `protect` unchanged.
+  using Binding = std::function<int(lua_State*)>;
+
+  explicit LuaHost(LuaOptions options = {});
+  LuaHost(const LuaHost&) = delete;
+  LuaHost& operator=(const LuaHost&) = delete;
+
+  /// Reads and runs a file of the scenario folder. Errors: C0102, C0501, C0503, C0504, or what a binding threw.
+  void run_file(const std::string& name, const LuaBudget& budget = kSetupBudget);
+  /// Runs `text`; `name` stands for the file in messages.
+  void run_text(const std::string& name, std::string_view text, const LuaBudget& budget = kSetupBudget);
+
+  /// Makes a global function; "mission.phase" puts it into the global table `mission`, which is made if absent.
+  void bind(const std::string& name, Binding function);
+  /// Pushes a function (inside protect); it is kept until the host ends, so this is for set-up.
+  void push(lua_State* L, Binding function);
+
+  /// Calls job(lua_State*) where Lua errors are caught, with a fresh budget, and leaves the stack as it was: use it around
+  /// anything that may raise a Lua error. May be nested (a binding that runs a simulation that calls controllers).
+  /// Time that bindings spend does not count. No allocation. Errors: as run_file.
+  template <class Job>
+  void protect(Job&& job, const LuaBudget& budget = kSetupBudget) {
+    using Plain = std::remove_reference_t<Job>;
+    call_protected([](lua_State* L, const void* data) { (*static_cast<Plain*>(const_cast<void*>(data)))(L); },
+                   std::addressof(job), budget);
+  }
+
+  // For library functions and bindings, inside protect.
+  static LuaHost& of(lua_State* L) { return **static_cast<LuaHost**>(lua_getextraspace(L)); }
+  /// Spends steps of the running call's budget; raises the error that no script can catch when they are used up.
+  static void charge(lua_State* L, std::int64_t steps);
+  /// True once the running call is out of budget.
+  static bool is_exhausted(lua_State* L) { return of(L).meter_.exceeded != Limit::none; }
+  /// Place of the nearest script line on the call stack (built-in modules are passed over).
+  static SourceMark caller(lua_State* L);
+  /// Where the function at `index` begins.
+  SourceMark definition(lua_State* L, int index) const;
+  /// "scenario.lua:18 in function 'setup'  <  scenario.lua:44 in main chunk"
+  static std::string traceback(lua_State* L);
+  /// Order of creation of a table, Lua function, thread or userdata without user values, the same on every run.
+  std::uint64_t creation_order(lua_State* L, int index) const;
+  const LuaOptions& options() const { return options_; }
+  lua_State* state() const { return state_.get(); }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  enum class Limit { none, steps, seconds };
+  struct Meter {
+    LuaBudget budget{};
+    std::int64_t left = 0;
+    Clock::time_point deadline;
+    Limit exceeded = Limit::none;
+  };
+  /// What is known about an error while the stack that raised it still stands.
+  struct Fault {
+    std::string message, stack, hint;
+    SourceMark mark;
+  };
+
+  static void* allocate(void* host, void* block, std::size_t old_size, std::size_t new_size);
+  static void on_count(lua_State* L, lua_Debug*);
+  static int on_error(lua_State* L);
+  static int trampoline(lua_State* L);
+  static int dispatch(lua_State* L);
+  int require(lua_State* L);
+
+  void call_protected(void (*run)(lua_State*, const void*), const void* job, const LuaBudget& budget);
+  [[noreturn]] void fail(lua_State* L, int status, int base, const Meter& meter);
+  [[noreturn]] void exceed(lua_State* L, Limit limit);
+  void locate(lua_State* L, std::string message);
+  SourceMark mark_of(const std::string& chunk, int line) const;
+  void load(lua_State* L, const std::string& chunk, std::string_view text);
+  std::string read(const std::string& name, const Diagnostic& if_absent) const;
+
+  LuaOptions options_;
+  std::size_t memory_ = 0;      // [B] in use
+  std::uint64_t created_ = 0;   // serial number of the newest block
+  void* newest_userdata_ = nullptr;
+  std::ptrdiff_t userdata_offset_ = 0;  // from a userdata's block to its payload
+  Meter meter_;
+  Fault fault_;
+  std::deque<Binding> bindings_;
+  std::vector<std::string> requiring_;  // modules that are being read, outermost first
+  std::unique_ptr<lua_State, void (*)(lua_State*)> state_;
+  lua_State* running_ = nullptr;  // the thread that C++ may use now
+};
+
+}  // namespace cardan

@@ -1,0 +1,205 @@
+// The report page. All of it is made from the JSON block "run" (written by report.cpp).
+import "uplot/dist/uPlot.min.css";
+import "./style.css";
+import { byUnit, draw, inkOf, pretty } from "./plots.js";
+
+const data = JSON.parse(document.getElementById("run").textContent);
+const { run, summary, series } = data;
+const page = document.getElementById("page");
+
+const kGroups = { pointing: "Pointing", bodies: "Bodies", wheels: "Wheels", hinges: "Hinges", modes: "Modes", ledger: "Ledgers",
+                  ledgers: "Ledgers", control: "Control" };
+const groupTitle = (key) => kGroups[key] || (key[0].toUpperCase() + key.slice(1)).replace(/_/g, " ");
+
+/// element("td.number", "text" or child, ...)
+function element(selector, ...children) {
+  const [tag, ...classes] = selector.split(".");
+  const node = document.createElement(tag);
+  if (classes.length) node.className = classes.join(" ");
+  node.append(...children.flat().filter((child) => child !== null && child !== undefined));
+  return node;
+}
+
+const number = (value, digits = 4) => {
+  if (typeof value !== "number") return "–";
+  if (Number.isInteger(value) && Math.abs(value) < 1e7) return value.toLocaleString("en").replace(/,/g, " ");
+  const size = Math.abs(value);
+  return size >= 1e5 || size < 1e-3 ? value.toExponential(digits - 2).replace("e+", "e") : String(Number(value.toPrecision(digits)));
+};
+const withUnit = (value, unit) => [number(value), unit && unit !== "-" ? element("span.unit", " " + pretty(unit)) : ""];
+
+function table(head, rows, kind = "") {
+  return element("div.scroll", element("table" + kind, element("thead", element("tr", head.map((h) => element("th", h)))), element("tbody", rows)));
+}
+const row = (...cells) => element("tr", cells.map((cell) => (cell instanceof Element && cell.tagName === "TD" ? cell : element("td", cell))));
+const cell = (...children) => element("td.number", ...children);
+
+// --- top: verdict and numbers
+
+function verdict() {
+  if (!summary) return element("span.badge.open", run.finished ? "no summary" : "not finished");
+  const checks = summary.checks || [];
+  const failed = checks.filter((c) => c.verdict !== "pass").length;
+  if (!checks.length) return element("span.badge.open", "no checks");
+  return failed ? element("span.badge.fail", `${failed} of ${checks.length} checks failed`)
+                : element("span.badge.pass", checks.length === 1 ? "check passed" : `all ${checks.length} checks passed`);
+}
+
+function header() {
+  const facts = [run.scenario, run.started && run.started.replace("T", " ").replace("Z", " UTC"), "cardan " + (run.program_version || "")];
+  const degrees = element("button", "rad → deg");
+  degrees.setAttribute("aria-pressed", "false");
+  degrees.title = "show angles in degrees, wheel speeds in rpm";
+  degrees.onclick = () => {
+    inDegrees = !inDegrees;
+    degrees.setAttribute("aria-pressed", String(inDegrees));
+    redraw();
+  };
+  const light = element("button", "light / dark");
+  light.onclick = () => setTheme(theme === "dark" ? "light" : "dark");
+  return element("header",
+    element("div.title", element("h1", run.title || run.scenario || "Run"), verdict()),
+    element("div.facts", element("span", facts.filter(Boolean).join("  ·  ")), element("span.buttons", degrees, light)));
+}
+
+function figures() {
+  if (!summary) return element("p.note", "The run wrote no summary: it was stopped, or is still going on. Shown is what had been saved.");
+  const m = summary.model || {};
+  const rate = summary.wall_s > 0 ? ` (${number(summary.simulated_s / summary.wall_s, 3)} × real time)` : "";
+  const items = [
+    ["simulated", withUnit(summary.simulated_s, "s")],
+    ["wall time", [number(summary.wall_s, 3), element("span.unit", " s" + rate)]],
+    ["steps", number(summary.steps)],
+    ["right-hand sides", number(summary.rhs_calls)],
+    ["bodies / hinges", `${number(m.bodies)} / ${number(m.hinges)}`],
+    ["velocities / modes", `${number(m.n_v)} / ${number(m.n_modes)}`],
+  ];
+  return element("dl.figures", items.map(([name, value]) => element("div", element("dt", name), element("dd", value))));
+}
+
+function checks() {
+  if (!summary || !(summary.checks || []).length) return null;
+  const rows = summary.checks.map((c) => {
+    const used = c.limit !== 0 ? Math.min(1, Math.abs(c.value / c.limit)) : Number(c.verdict !== "pass");
+    const bar = element("i");
+    bar.style.width = `${100 * used}%`;
+    const ok = c.verdict === "pass";
+    return row([c.name, c.detail ? element("small", c.detail) : ""], cell(withUnit(c.value, c.unit)), cell(withUnit(c.limit, c.unit)),
+      element("td.margin", element("span.bar" + (ok ? "" : ".fail"), bar)), element("td.verdict" + (ok ? ".pass" : ".fail"), c.verdict));
+  });
+  return element("section", element("h2", "Acceptance checks"), table(["check", "value", "limit", "share of limit", "verdict"], rows, ".checks"));
+}
+
+function balances() {
+  if (!summary) return null;
+  const names = { linear_momentum: "linear momentum", angular_momentum: "angular momentum", energy: "energy" };
+  const ledger = Object.entries(summary.ledger || {}).map(([key, value]) => row(names[key] || key, cell(number(value, 3))));
+  const pointing = (summary.pointing || []).map((f) => row(f.name.replace(/_/g, " "), cell(withUnit(f.value, f.unit))));
+  return element("div.pair",
+    pointing.length ? element("section", element("h2", "Pointing"), table(["figure", "value"], pointing)) : null,
+    ledger.length ? element("section", element("h2", "Balances"), table(["ledger", "residual / largest sum"], ledger)) : null);
+}
+
+// --- plots
+
+let theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
+let inDegrees = false;
+const figuresDrawn = [];  // {holder, channel, unit, indices, plot}
+
+/// Channels by the first folder of their path; the groups that are known come first, in their order.
+function groups() {
+  const found = new Map();
+  for (const channel of series.channels) {
+    const key = channel.path.includes("/") ? channel.path.split("/")[0] : "other";
+    if (!found.has(key)) found.set(key, []);
+    found.get(key).push(channel);
+  }
+  const known = Object.keys(kGroups);
+  const rank = (key) => (known.includes(key) ? known.indexOf(key) : known.length);
+  return [...found].sort((a, b) => rank(a[0]) - rank(b[0]));
+}
+
+function plotSection([key, channels]) {
+  const plots = channels.flatMap((channel) => byUnit(channel).map(([unit, indices]) => {
+    const holder = element("div.plot");
+    figuresDrawn.push({ holder, channel, unit, indices });
+    const name = channel.path.split("/").slice(channel.path.includes("/") ? 1 : 0).join(" · ").replace(/_/g, " ");
+    const frame = channel.frame ? `, in ${channel.frame} axes` : "";
+    return element("figure", element("figcaption", element("b", name), element("span", channel.meaning + frame)), holder);
+  }));
+  const section = element("section.group", element("h2", groupTitle(key)), element("div.grid", plots));
+  section.id = "group-" + key;
+  return section;
+}
+
+function navigation(all) {
+  const link = ([key]) => {
+    const a = element("a", groupTitle(key));
+    a.href = "#group-" + key;
+    return a;
+  };
+  return element("nav", all.map(link), element("span.hint", "drag to zoom · double click to reset · click a name to hide"));
+}
+
+function redraw() {
+  for (const figure of figuresDrawn) {
+    if (figure.plot) figure.plot.destroy();
+    figure.plot = draw(figure.holder, { ...figure, t: series.t, theme, inDegrees, width: figure.holder.clientWidth });
+  }
+}
+
+function setTheme(next) {
+  theme = next;
+  document.documentElement.dataset.theme = next;
+  redraw();
+}
+
+// --- provenance
+
+const short = (text) => (/^[0-9a-f]{64}$/.test(text) ? element("code.hash", text) : text);
+const details = (title, ...content) => element("details", element("summary", title), ...content);
+
+function provenance() {
+  const versions = Object.entries((summary && summary.versions) || {});
+  const facts = [["program", [run.program_version, run.commit].filter(Boolean).join(", commit ")], ["compiler", run.compiler],
+                 ["flags", run.flags], ["integrator", run.integrator], ["seed", run.seed], ["started", run.started],
+                 ["finished", run.finished || "no"], ...versions.filter(([name]) => name !== "cardan" && name !== "compiler")];
+  const rows = (list) => list.filter(([, value]) => value).map(([key, value]) => row(key, short(value)));
+  const thinned = series.stretch > 1
+    ? `Plots show the smallest and largest value of every ${series.stretch} rows; all ${number(series.rows)} rows are in the results file.`
+    : `Plots show all ${number(series.rows)} rows.`;
+  const block = (title, list) => (list.length ? details(`${title} (${list.length})`, table(["name", "value"], rows(list), ".plain")) : null);
+  return element("section.provenance", element("h2", "Where this comes from"),
+    table(["", ""], rows(facts), ".plain.headless"),
+    data.inputs.length ? [element("h3", "Inputs, SHA-256"), table(["", ""], rows(data.inputs), ".plain.headless")] : null,
+    data.plugins.length ? [element("h3", "Plugins, SHA-256"), table(["", ""], rows(data.plugins), ".plain.headless")] : null,
+    block("Effective parameters", data.parameters), block("Defaults used", data.defaults),
+    data.sweeps ? details("Program of sweeps", element("pre", data.sweeps)) : null,
+    data.spec ? details("Input files as read", element("pre", data.spec)) : null,
+    element("p.note", thinned));
+}
+
+// --- the page
+
+const all = groups();
+page.append(header(), ...[figures(), checks(), balances()].filter(Boolean), navigation(all), ...all.map(plotSection), provenance());
+document.documentElement.dataset.theme = theme;
+redraw();
+
+let pending = 0;
+addEventListener("resize", () => {
+  cancelAnimationFrame(pending);
+  pending = requestAnimationFrame(() => figuresDrawn.forEach(({ plot, holder }) => plot.setSize({ width: holder.clientWidth, height: plot.height })));
+});
+let before = theme;
+addEventListener("beforeprint", () => { before = theme; setTheme("light"); });
+addEventListener("afterprint", () => setTheme(before));
+
+// "report.html#selftest" tells in the document what was drawn; "#dark" and "#light" choose the theme.
+if (["#dark", "#light"].includes(location.hash)) setTheme(location.hash.slice(1));
+if (location.hash === "#selftest")
+  setTimeout(() => {  // after uPlot's own queue
+    for (const { holder, plot } of figuresDrawn) holder.dataset.ink = inkOf(plot).join(" ");
+    document.body.dataset.plots = figuresDrawn.length;
+    document.body.dataset.drawn = figuresDrawn.filter(({ holder }) => holder.dataset.ink.split(" ").every((n) => n !== "0")).length;
+  });

@@ -1,0 +1,175 @@
+#include "scripts/report/report.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+
+#include "core/base/diagnostic.hpp"
+#include "core/io/hdf5_file.hpp"
+#include "core/io/json.hpp"
+#include "scripts/report/page.hpp"
+
+namespace cardan {
+namespace {
+
+constexpr double kPageBytes = 2.2e6;   // for the numbers of all plots
+constexpr double kBytesPerNumber = 9;  // as text, with its comma
+
+/// How rows become points of a plot: all of them, or the extremes of every `stretch` rows and the last row.
+struct Thinning {
+  std::size_t rows = 0, stretch = 1;
+
+  Thinning(std::size_t n_rows, std::size_t n_components) : rows(n_rows) {
+    const double points = std::clamp(kPageBytes / kBytesPerNumber / static_cast<double>(n_components + 1), 100.0, 4000.0);
+    if (static_cast<double>(rows) > points) stretch = static_cast<std::size_t>(std::ceil(2.0 * static_cast<double>(rows) / points));
+  }
+};
+
+/// `value` with so many significant digits that a plot over a range `range` is drawn to 1e-5 of its height.
+Json rounded(double value, double largest, double range) {
+  if (!std::isfinite(value)) return nullptr;
+  const double offset = range > 0.0 ? std::log10(largest / range) : 0.0;
+  const int digits = std::clamp(static_cast<int>(std::ceil(offset)) + 5, 5, 17);
+  return std::stod(fmt::format("{:.{}g}", value, digits));
+}
+
+Json times(std::span<const double> t, const Thinning& thin) {
+  Json out = Json::array();
+  const auto put = [&](std::size_t row) { out.push_back(rounded(t[row], std::abs(t[thin.rows - 1]), std::abs(t[thin.rows - 1]) / 1e3)); };
+  for (std::size_t row = 0; row < thin.rows; row += thin.stretch) {
+    put(row);
+    if (thin.stretch > 1) put(std::min(row + thin.stretch / 2, thin.rows - 1));
+  }
+  if (thin.stretch > 1) put(thin.rows - 1);
+  return out;
+}
+
+/// One component of a channel at the points of `times`.
+Json points(std::span<const double> values, std::size_t components, std::size_t component, const Thinning& thin) {
+  const auto at = [&](std::size_t row) { return values[row * components + component]; };
+  double low = HUGE_VAL, high = -HUGE_VAL;
+  for (std::size_t row = 0; row < thin.rows; ++row)
+    if (std::isfinite(at(row))) low = std::min(low, at(row)), high = std::max(high, at(row));
+  Json out = Json::array();
+  const auto put = [&](std::size_t row) {
+    out.push_back(rounded(at(row), std::max(std::abs(low), std::abs(high)), high - low));
+  };
+  for (std::size_t first = 0; first < thin.rows; first += thin.stretch) {
+    std::size_t smallest = first, largest = first;
+    for (std::size_t row = first; row < std::min(first + thin.stretch, thin.rows); ++row) {
+      if (!(at(row) >= at(smallest))) smallest = row;
+      if (!(at(row) <= at(largest))) largest = row;
+    }
+    put(std::min(smallest, largest));
+    if (thin.stretch > 1) put(std::max(smallest, largest));
+  }
+  if (thin.stretch > 1) put(thin.rows - 1);
+  return out;
+}
+
+/// Paths of the datasets below a group, in the order of their creation.
+void collect(const Hdf5File& file, const std::string& group, std::vector<std::string>& paths) {
+  for (const auto& name : file.members(group)) {
+    const std::string path = group + "/" + name;
+    if (file.is_group(path))
+      collect(file, path, paths);
+    else
+      paths.push_back(path);
+  }
+}
+
+Json series(const Hdf5File& file) {
+  const std::string root = "/channels";
+  std::vector<std::string> paths;
+  collect(file, root, paths);
+  std::size_t rows = file.shape("/time").at(0), components = 0;
+  for (const auto& path : paths) {
+    rows = std::min(rows, file.shape(path).at(0));  // a killed run may have one more row in some
+    components += file.shape(path).at(1);
+  }
+  const Thinning thin(rows, components);
+  Json channels = Json::array();
+  for (const auto& path : paths) {
+    const auto data = file.read_doubles(path);
+    const auto names = file.texts_attribute(path, "components");
+    Json values = Json::array();
+    for (std::size_t k = 0; k < names.size(); ++k) values.push_back(points(data.values, names.size(), k, thin));
+    channels.push_back({{"path", path.substr(root.size() + 1)},
+                        {"unit", file.text_attribute(path, "unit")},
+                        {"frame", file.text_attribute(path, "frame")},
+                        {"meaning", file.text_attribute(path, "meaning")},
+                        {"components", names},
+                        {"values", values}});
+  }
+  return {{"rows", rows}, {"stretch", thin.stretch}, {"t", times(file.read_doubles("/time").values, thin)}, {"channels", channels}};
+}
+
+Json pairs(const Hdf5File& file, const std::string& path) {
+  const auto texts = file.read_texts(path);
+  Json out = Json::array();
+  for (std::size_t i = 0; i + 1 < texts.size(); i += 2) out.push_back({texts[i], texts[i + 1]});
+  return out;
+}
+
+Json page_data(const Hdf5File& file) {
+  Json run;
+  for (const char* key :
+       {"scenario", "title", "program_version", "commit", "compiler", "flags", "seed", "integrator", "started", "finished"})
+    if (file.has_attribute("/run", key)) run[key] = file.text_attribute("/run", key);
+  const std::string summary = "/attachments/summary";
+  return {{"run", run},
+          {"inputs", pairs(file, "/run/inputs")},
+          {"plugins", pairs(file, "/run/plugins")},
+          {"parameters", pairs(file, "/spec/parameters")},
+          {"defaults", pairs(file, "/spec/defaults")},
+          {"sweeps", file.read_text("/spec/sweeps")},
+          {"spec", file.read_text("/spec/text")},
+          {"summary", file.has(summary) ? Json::parse(file.read_text(summary)) : Json()},
+          {"series", series(file)}};
+}
+
+std::string replaced(std::string_view text, std::string_view what, std::string_view with) {
+  std::string out;
+  for (std::size_t from = 0;;) {
+    const auto at = text.find(what, from);
+    out += text.substr(from, at - from);
+    if (at == std::string_view::npos) return out;
+    out += with;
+    from = at + what.size();
+  }
+}
+
+/// The template with its marks (@title@) filled in, in one pass: what is put in is not searched.
+std::string filled(std::string_view html, const std::vector<std::pair<std::string_view, std::string>>& parts) {
+  std::string out;
+  for (const auto& [mark, text] : parts) {
+    const auto at = html.find(mark);
+    out.append(html.substr(0, at)).append(text);
+    html.remove_prefix(at + mark.size());
+  }
+  return out.append(html);
+}
+
+}  // namespace
+
+void write_report(const std::string& h5_path, const std::string& html_path) {
+  const Json data = page_data(Hdf5File::open(h5_path));
+  const std::string title = data["run"].value("title", "");
+  const std::string html = filled(page::html(), {{"@title@", replaced(replaced(title, "&", "&amp;"), "<", "&lt;")},
+                                                 {"@style@", std::string(page::style())},
+                                                 {"@data@", replaced(json_line(data), "<", "\\u003c")},
+                                                 {"@notice@", std::string(page::notice())},
+                                                 {"@script@", replaced(page::script(), "</script", "<\\/script")}});
+  std::ofstream out(html_path, std::ios::binary);
+  out << html;
+  out.close();
+  if (!out)
+    throw InputError({Code::cannot_write, {"", {html_path, 0, 0}}, "a file that can be written", std::strerror(errno),
+                      "is the folder there, and is there space?", "", "", 0});
+}
+
+}  // namespace cardan

@@ -1,0 +1,277 @@
+#include "bodies/modal/modal_source.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <filesystem>
+#include <numbers>
+
+#include "bodies/modal/modal_file.hpp"
+#include "bodies/modal/modal_integrals.hpp"
+
+namespace cardan {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+
+/// Cantilever of round section without rotary inertia, EI = rho A = L = 1: pairs of modes in y and z.
+ModalSource round_beam(int elements, int count) {
+  BeamModel b;
+  b.length = 1.0;
+  b.material = {1e6, 0.0, 1.0};
+  b.section = {1.0, 1e-6, 1e-6, 1e-3, 0.0, 0.0};  // axial and torsion modes far above
+  b.elements = elements;
+  b.rotary_inertia = false;
+  ModalSource s;
+  s.model = b;
+  s.modes.count = count;
+  s.points = {{"tip", {1, 0, 0}, false}};
+  return s;
+}
+
+/// The main mission's wing: 12 m x 2.4 m sandwich on a yoke.
+ModalSource wing(int nx = 40, int ny = 8) {
+  PlateModel p;
+  p.length = 11.0;
+  p.width = 2.4;
+  p.panel = SandwichPanel{{70e9, 0.3, 1600.0}, 2e-4, 0.022, 32.0, 0.9};
+  p.elements_x = nx;
+  p.elements_y = ny;
+  p.yoke = {1.0, 1.2, {70e9, 0.3, 1600.0}, tube_section(0.03, 0.002)};
+  ModalSource s;
+  s.model = p;
+  s.modes.count = 10;
+  s.points = {{"tip", {12, 0, 0}, false}};
+  return s;
+}
+
+// Closed forms for mass-normalised cantilever modes, x_k the root and sigma_k = (cosh x + cos x) / (sinh x + sin x):
+// integral of phi = 2 sigma / x, integral of x phi = 2 / x^2 (Blevins 1979), to the discretisation error (k h)^4.
+TEST(BeamIntegrals, OfUniformCantileverModesAreTheClosedForms) {
+  const ModalData d = make_modal_data(round_beam(60, 4));
+  const double x[2] = {1.875104068711961, 4.694091132974175};
+  const ModalNode& tip = d.nodes.at(1);
+  EXPECT_EQ(tip.name, "tip");
+  for (int k = 0; k < 4;
+       ++k) {  // the tip's rotation is the largest entry, and theta_y stands before theta_z: z before y
+    const int direction = 2 - k % 2;
+    const double r = x[k / 2], sigma = (std::cosh(r) + std::cos(r)) / (std::sinh(r) + std::sin(r));
+    const double tip_value = tip.Phi(direction, k),
+                 sign = (tip_value > 0) == (k < 2) ? 1.0 : -1.0;  // mode 2 changes sign
+    EXPECT_NEAR(std::abs(tip_value), 2.0, 1e-5) << k;
+    EXPECT_NEAR(tip.Phi.col(k).norm(), 2.0, 1e-5) << "one plane only";
+    const double slope = k < 2 ? 1.376505 : 4.780778;  // phi'(1) / phi(1)
+    EXPECT_NEAR(tip.Psi(direction == 1 ? 2 : 1, k) / tip_value, direction == 1 ? slope : -slope, 1e-5);
+    Vector3d I3 = Vector3d::Zero(), I4 = Vector3d::Zero();
+    I3(direction) = sign * 2 * sigma / r;
+    I4(direction == 1 ? 2 : 1) = (direction == 1 ? sign : -sign) * 2 / (r * r);  // r x phi
+    EXPECT_LE((d.integrals.I3.col(k) - I3).norm(), 2e-5) << k;
+    EXPECT_LE((d.integrals.I4.col(k) - I4).norm(), 2e-5) << k;
+    Matrix3d I8 = Matrix3d::Zero();
+    I8(direction, 0) = -sign * 2 / (r * r);  // -phi r*
+    EXPECT_LE((d.integrals.I8[k] - I8).norm(), 2e-5) << k;
+    EXPECT_NEAR(std::sqrt(d.K(k, k)), r * r, 1e-4);
+    EXPECT_NEAR(d.audit[k].effective_mass(3 + direction), 4 * sigma * sigma / (r * r), 4e-5);
+  }
+  // phi_1 (along z) x phi_2 (along y) = -x: the same shape, so the integral is the product of signs.
+  const double sign = tip.Phi(2, 0) * tip.Phi(1, 1) > 0 ? 1.0 : -1.0;
+  EXPECT_LE((d.integrals.I5[0].col(1) + sign * Vector3d::UnitX()).norm(), 1e-6);
+  EXPECT_LE((d.integrals.I5[1].col(0) - sign * Vector3d::UnitX()).norm(), 1e-6);
+  EXPECT_LE((d.integrals.I9[0] - Matrix3d(Vector3d(1, 1, 0).asDiagonal())).norm(), 1e-9);
+}
+
+TEST(BeamIntegrals, OfTheConsistentMassAreTheLimitOfLumpedMasses) {
+  const auto difference = [](int n) {
+    ModalSource s = round_beam(n, 4);
+    s.points.clear();
+    for (int i = 1; i <= n; ++i) s.points.push_back({std::to_string(i), {static_cast<double>(i) / n, 0, 0}, false});
+    const ModalData d = make_modal_data(s);
+    std::vector<MassNode> lumps;
+    for (int i = 0; i <= n; ++i) {
+      MassNode node;
+      node.mass = (i == 0 || i == n ? 0.5 : 1.0) / n;
+      node.position = d.nodes[i].position;
+      node.Phi = d.nodes[i].Phi;
+      lumps.push_back(node);
+    }
+    const ModalIntegrals a = lumped_modal_data(lumps, d.K, d.C, {}).integrals;
+    const ModalIntegrals& b = d.integrals;
+    double worst = std::max({(a.I3 - b.I3).norm(), (a.I4 - b.I4).norm(), (a.I6 - b.I6).norm()});
+    for (int l = 0; l < 4; ++l) worst = std::max({worst, (a.I5[l] - b.I5[l]).norm(), (a.I8[l] - b.I8[l]).norm()});
+    for (int i = 0; i < 16; ++i) worst = std::max(worst, (a.I9[i] - b.I9[i]).norm());
+    return worst;
+  };
+  const double coarse = difference(20), fine = difference(40);
+  EXPECT_LT(fine, 5e-3);
+  EXPECT_NEAR(std::log2(coarse / fine), 2.0, 0.1);  // the trapezoidal rule
+}
+
+TEST(Wing, OfTheMissionHasItsMassAndSlowFirstBending) {
+  const ModalData d = make_modal_data(wing());
+  EXPECT_GT(d.integrals.I1, 60.0);
+  EXPECT_LT(d.integrals.I1, 90.0);
+  EXPECT_GT(d.audit[0].frequency, 0.1);
+  EXPECT_LT(d.audit[0].frequency, 0.5);
+  EXPECT_TRUE(d.nodes[0].Phi.isZero(0.0)) << "the root is held: B = P";
+  EXPECT_TRUE(d.nodes[0].Psi.isZero(0.0));
+  const ModalData coarse = make_modal_data(wing(20, 4));
+  EXPECT_NEAR(coarse.audit[0].frequency / d.audit[0].frequency, 1.0, 0.01);
+}
+
+TEST(ModalSource, GivesTheSameBitsEveryTime) {
+  const ModalData a = make_modal_data(wing(10, 4)), b = make_modal_data(wing(10, 4));
+  EXPECT_EQ(a.content_hash, b.content_hash);
+  EXPECT_EQ(a.nodes[1].Phi, b.nodes[1].Phi);
+  EXPECT_NE(a.content_hash, make_modal_data(wing(12, 4)).content_hash);
+}
+
+TEST(ModalSource, DampsEachModeByItsRatio) {
+  ModalSource s = round_beam(10, 3);
+  s.damping = {0.01, 0.02, 0.0};
+  const ModalData d = make_modal_data(s);
+  EXPECT_NEAR(d.C(0, 0), 2 * 0.01 * std::sqrt(d.K(0, 0)), 1e-15);
+  EXPECT_NEAR(d.C(1, 1), 2 * 0.02 * std::sqrt(d.K(1, 1)), 1e-15);
+  EXPECT_EQ(d.C(2, 2), 0.0);
+  EXPECT_TRUE(MatrixXd(d.C - MatrixXd(d.C.diagonal().asDiagonal())).isZero(0.0));
+}
+
+TEST(ModalSource, KeepsModesByFrequency) {
+  ModalSource s = round_beam(40, 0);
+  s.modes.max_frequency = 12.0;  // x^2 / (2 pi): 0.56, 3.51, 9.82, 19.2 Hz, each twice
+  const ModalData d = make_modal_data(s);
+  EXPECT_EQ(d.n_modes, 6);
+  EXPECT_GT(d.audit.size(), 6u);
+  EXPECT_TRUE(d.audit[5].kept);
+  EXPECT_FALSE(d.audit[6].kept);
+  EXPECT_EQ(d.audit[6].reason, "above 12 Hz");
+}
+
+TEST(ModalSource, KeepsModesByEffectiveMass) {
+  ModalSource s = round_beam(40, 20);
+  s.modes.effective_mass = 0.85;  // along y: 0.613, 0.188, 0.065 of the mass of 0.95 or so found: two modes, or three
+  const ModalData d = make_modal_data(s);
+  Eigen::Matrix<double, 6, 1> all = Eigen::Matrix<double, 6, 1>::Zero(), kept = all;
+  for (const ModeRecord& r : d.audit) {
+    all += r.effective_mass;
+    if (r.kept) kept += r.effective_mass;
+  }
+  for (int i : {1, 2, 4, 5}) EXPECT_GE(kept(i), 0.85 * all(i)) << i;
+  EXPECT_EQ(d.n_modes, 6);
+  EXPECT_EQ(d.audit[19].reason, "no direction needs it to reach 85 %");
+}
+
+TEST(ModalSource, CraigBamptonKeepsItsConstraintModes) {
+  ModalSource s = round_beam(20, 4);
+  s.boundary = Boundary::craig_bampton;
+  s.points[0].interface = true;
+  const ModalData d = make_modal_data(s);
+  EXPECT_EQ(d.n_modes, 10);
+  EXPECT_EQ(d.audit[9].reason, "set of 4 fixed-interface and 6 constraint modes");
+  EXPECT_EQ(Eigen::FullPivLU<MatrixXd>((MatrixXd(6, 10) << d.nodes[1].Phi, d.nodes[1].Psi).finished()).rank(), 6);
+}
+
+TEST(ModalSource, FreeModesAreOnMeanAxes) {
+  ModalSource s = wing(10, 4);
+  s.boundary = Boundary::free;
+  const ModalData d = make_modal_data(s);
+  EXPECT_TRUE(d.integrals.I3.isZero(0.0));
+  EXPECT_TRUE(d.integrals.I4.isZero(0.0));
+  EXPECT_GT(d.nodes[0].Phi.norm(), 0.0) << "the root moves";
+}
+
+TEST(ModalFile, ReturnsWhatWasWritten) {
+  const std::string path = testing::TempDir() + "/cardan_modal_file.h5";
+  ModalSource s = wing(10, 4);
+  const ModalData a = make_modal_data(s);
+  write_modal_file(path, a);
+  s.model = FileModel{path};
+  const ModalData b = make_modal_data(s);
+  EXPECT_EQ(a.content_hash, b.content_hash);
+  EXPECT_EQ(a.source, b.source);
+  EXPECT_EQ(a.K, b.K);
+  EXPECT_EQ(a.integrals.I5.back(), b.integrals.I5.back());
+  EXPECT_EQ(a.integrals.rotary_ww.back(), b.integrals.rotary_ww.back());
+  EXPECT_EQ(a.nodes.back().Psi, b.nodes.back().Psi);
+  EXPECT_EQ(a.audit.back().reason, b.audit.back().reason);
+
+  MassNode node;
+  node.mass = 1.0;
+  node.Phi = Vector3d::UnitX();
+  node.Q.assign(3, MatrixXd::Constant(1, 1, 0.25));
+  ModalData lumped = lumped_modal_data({node}, MatrixXd::Identity(1, 1), {}, {});
+  write_modal_file(path, lumped);
+  EXPECT_EQ(read_modal_file(path).mass_nodes[0].Q[2], node.Q[2]);
+  EXPECT_EQ(read_modal_file(path).content_hash, content_hash(lumped));
+  std::filesystem::remove(path);
+}
+
+/// "C0301 wing.length": number and key path of the only diagnostic.
+std::string answer(ModalSource s) {
+  s.at.key_path = "wing";
+  try {
+    make_modal_data(s);
+  } catch (const InputError& e) {
+    const Diagnostic& d = e.diagnostics().front();
+    return std::string(number_of(d.code)) + " " + d.at.key_path;
+  }
+  return "accepted";
+}
+
+template <class F>
+std::string beam_with(F&& change) {
+  ModalSource s = round_beam(10, 2);
+  change(s, std::get<BeamModel>(s.model));
+  return answer(s);
+}
+
+template <class F>
+std::string plate_with(F&& change) {
+  ModalSource s = wing(4, 2);
+  change(s, std::get<PlateModel>(s.model));
+  return answer(s);
+}
+
+TEST(ModalSourceErrors, TellWhichKeyIsWrong) {
+  EXPECT_EQ(beam_with([](auto&, auto&) {}), "accepted");
+  EXPECT_EQ(beam_with([](auto&, auto& b) { b.length = 0; }), "C0301 wing.length");
+  EXPECT_EQ(beam_with([](auto&, auto& b) { b.length = NAN; }), "C0301 wing.length");
+  EXPECT_EQ(beam_with([](auto&, auto& b) { b.material.E = -1; }), "C0301 wing.material.E");
+  EXPECT_EQ(beam_with([](auto&, auto& b) { b.material.rho = 0; }), "C0301 wing.material.rho");
+  EXPECT_EQ(beam_with([](auto&, auto& b) { b.material.nu = 0.5; }), "C0301 wing.material.nu");
+  EXPECT_EQ(beam_with([](auto&, auto& b) { b.section.J = 0; }), "C0301 wing.section.J");
+  EXPECT_EQ(beam_with([](auto&, auto& b) { b.elements = 0; }), "C0301 wing.elements");
+  EXPECT_EQ(beam_with([](auto& s, auto&) { s.modes = {}; }), "C0105 wing.modes");
+  EXPECT_EQ(beam_with([](auto& s, auto&) { s.modes.count = -1; }), "C0301 wing.modes.count");
+  EXPECT_EQ(beam_with([](auto& s, auto&) { s.modes.count = 70; }), "C0323 wing");
+  EXPECT_EQ(beam_with([](auto& s, auto&) { s.modes = {0, 1e9, 0}; }), "C0301 wing.modes.max_frequency");
+  EXPECT_EQ(beam_with([](auto& s, auto&) { s.modes = {0, 1e-3, 0}; }), "C0301 wing.modes");
+  EXPECT_EQ(beam_with([](auto& s, auto&) { s.modes.effective_mass = 1.5; }), "C0301 wing.modes.effective_mass");
+  EXPECT_EQ(beam_with([](auto& s, auto&) { s.modes.effective_mass = 0.5, s.boundary = Boundary::free; }),
+            "C0401 wing.modes.effective_mass");
+  EXPECT_EQ(beam_with([](auto& s, auto&) { s.damping = {-0.1}; }), "C0301 wing.damping");
+  EXPECT_EQ(beam_with([](auto& s, auto&) { s.damping = {0.1, 0.1, 0.1}; }), "C0321 wing.damping");
+  EXPECT_EQ(beam_with([](auto& s, auto&) { s.points[0].name = "root"; }), "C0207 wing.points[0].name");
+  EXPECT_EQ(beam_with([](auto& s, auto&) { s.points[0].position.x() = 1.2; }), "C0323 wing.points[0].position");
+  EXPECT_EQ(beam_with([](auto& s, auto&) { s.boundary = Boundary::craig_bampton; }), "C0323 wing.points");
+  EXPECT_EQ(beam_with([](auto& s, auto&) { s.masses = {{0.0, {1, 0, 0}, {}}}; }), "C0301 wing.masses[0].mass");
+  EXPECT_EQ(beam_with([](auto& s, auto&) { s.masses = {{1.0, {1, 3, 0}, {}}}; }), "C0323 wing.masses[0].position");
+  EXPECT_EQ(plate_with([](auto&, auto&) {}), "accepted");
+  EXPECT_EQ(plate_with([](auto&, auto& p) { p.elements_y = 3; }), "C0301 wing.elements_y");
+  EXPECT_EQ(plate_with([](auto&, auto& p) {
+              p.panel = SolidPanel{{1e9, 0.3, 1000}, 0.0};
+            }),
+            "C0301 wing.panel.thickness");
+  EXPECT_EQ(plate_with([](auto&, auto& p) { std::get<SandwichPanel>(p.panel).face_thickness = 0; }),
+            "C0301 wing.panel.face_thickness");
+  EXPECT_EQ(plate_with([](auto&, auto& p) { p.yoke.spread = 3.0; }), "C0301 wing.yoke.spread");
+  EXPECT_EQ(plate_with([](auto&, auto& p) { p.yoke.section = {}; }), "C0301 wing.yoke.section.area");
+  ModalSource s;
+  s.model = FileModel{"/nowhere/modes.h5"};
+  EXPECT_EQ(answer(s).substr(0, 5), "C0702");
+}
+
+}  // namespace
+}  // namespace cardan

@@ -1,0 +1,56 @@
+// The laws of the hinge concept over everything in the registry: built-in and loaded from a plugin.
+#include <gtest/gtest.h>
+
+#include "core/abi/family.hpp"
+#include "core/abi/laws.hpp"
+#include "hinges/register.hpp"
+
+namespace cardan {
+namespace {
+
+const Registry& registry() {
+  static const Registry r = [] {
+    Registry all;
+    register_hinges(all);
+    load_plugin(CARDAN_BINARY_DIR "/plugins/custom_cam.so", all);
+    return all;
+  }();
+  return r;
+}
+
+class HingeContract : public testing::TestWithParam<std::string> {};
+
+TEST_P(HingeContract, ObeysEveryLaw) {
+  const auto violations = hinge_law_violations(*registry().hinge(GetParam()), 40, 7);
+  for (const auto& v : violations) ADD_FAILURE() << GetParam() << ": " << v;
+}
+INSTANTIATE_TEST_SUITE_P(Registry, HingeContract, testing::ValuesIn(registry().hinge_types()),
+                         [](const auto& tested) { return tested.param; });
+
+TEST(HingeRegistry, HoldsTheTwelveBuiltInsAndThePlugin) { EXPECT_EQ(registry().hinge_types().size(), 13u); }
+
+// A hinge whose map has the wrong sign must be caught: the laws are only worth what they refuse.
+struct WrongSign {
+  static constexpr const char* type = "test/wrong_sign";
+  static constexpr const char* summary = "";
+  static constexpr int nq = 1, nv = 1;
+  static constexpr auto shape = CARDAN_SHAPE_DENSE;
+  struct Packed {};
+  static constexpr const char* q_names[] = {"s"};
+  static constexpr const char* q_units[] = {"m"};
+  static constexpr const char* v_names[] = {"rate"};
+  static constexpr const char* v_units[] = {"m/s"};
+  static bool pack(const Params&, Packed&) { return true; }
+  static void kinematics(const Packed&, const double* q, const double*, HingeOut<1>& out) noexcept {
+    out.p_OP = Eigen::Vector3d(q[0], 0, 0);
+    out.Ht[3] = -1;
+  }
+  static Eigen::Matrix<double, 6, 1> map_dot(const Packed&, const double*, const double*) noexcept {
+    return Eigen::Matrix<double, 6, 1>::Zero();
+  }
+};
+
+TEST(HingeLaws, RefuseAMapOfTheWrongSign) { EXPECT_FALSE(hinge_law_violations(hinge_table<WrongSign>()).empty()); }
+
+}  // namespace
+}  // namespace cardan

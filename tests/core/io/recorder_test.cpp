@@ -1,0 +1,242 @@
+#include "core/io/recorder.hpp"
+
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <limits>
+#include <sstream>
+
+#include "core/base/diagnostic.hpp"
+#include "core/io/hdf5_file.hpp"
+
+namespace cardan {
+namespace {
+
+std::string scratch(const std::string& name) { return testing::TempDir() + "cardan_recorder_" + name; }
+
+RunHeader example_header() {
+  RunHeader h;
+  h.scenario = "example";
+  h.title = "An example";
+  h.program_version = "0.1.0";
+  h.commit = "abc";
+  h.seed = std::numeric_limits<std::uint64_t>::max();
+  h.input_hashes = {{"vehicle.yaml", "00ff"}};
+  h.effective_parameters = {{"bodies.bus.mass", "1200 kg"}, {"bodies.bus.inertia", "[1, 2, 3] kg m^2"}};
+  h.sweep_program = "position base_to_tip\n";
+  h.spec_text = "bodies:\n";
+  h.integrator = "rk4";
+  return h;
+}
+
+const std::vector<Channel> kChannels = {
+    {"bodies/bus/attitude", {"w", "x", "y", "z"}, "-", "world", "bus into world"},
+    {"wheels/speed", {"w1", "w2"}, "rad/s", "", "about the spin axis"},
+};
+
+/// Row i of the example; the first number counts.
+std::vector<double> example_row(std::size_t i) {
+  std::vector<double> row{static_cast<double>(i)};
+  for (int k = 1; k < 6; ++k) row.push_back(std::sin(0.1 * static_cast<double>(i) * k));
+  return row;
+}
+
+/// Rows in the file; fails unless every channel holds the example's numbers in all of them.
+std::size_t intact_rows(const std::string& path) {
+  const auto file = Hdf5File::open(path);
+  const auto time = file.read_doubles("/time");
+  const auto attitude = file.read_doubles("/channels/bodies/bus/attitude");
+  const auto speed = file.read_doubles("/channels/wheels/speed");
+  const std::size_t n = std::min({time.shape[0], attitude.shape[0], speed.shape[0]});
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto row = example_row(i);
+    EXPECT_EQ(time.values[i], 0.1 * static_cast<double>(i));
+    for (std::size_t k = 0; k < 4; ++k) EXPECT_EQ(attitude.values[4 * i + k], row[k]);
+    for (std::size_t k = 0; k < 2; ++k) EXPECT_EQ(speed.values[2 * i + k], row[4 + k]);
+  }
+  return n;
+}
+
+/// Runs `work` in a process of its own and returns how it ended.
+int in_child(const std::function<int()>& work) {
+  const pid_t child = fork();
+  if (child == 0) _exit(work());
+  int status = 0;
+  waitpid(child, &status, 0);
+  return status;
+}
+
+std::string command_output(const std::string& command) {
+  std::string out;
+  FILE* pipe = popen(command.c_str(), "r");
+  for (int c = 0; (c = std::fgetc(pipe)) != EOF;) out += static_cast<char>(c);
+  return pclose(pipe) == 0 ? out : "failed: " + out;
+}
+
+std::string content(const std::string& path) {
+  std::stringstream text;
+  text << std::ifstream(path).rdbuf();
+  return text.str();
+}
+
+TEST(Hdf5Recorder, KeepsRowsUnitsAndProvenance) {
+  const std::string path = scratch("run.h5");
+  const auto recorder = make_hdf5_recorder(path);
+  recorder->begin(example_header(), kChannels);
+  for (std::size_t i = 0; i < 1000; ++i) recorder->row(0.1 * static_cast<double>(i), example_row(i));
+  recorder->restart_state(1.0, std::vector<double>{1, 2, 3});
+  recorder->restart_state(99.9, std::vector<double>{4, 5, 6});
+  recorder->attach("summary", "{}");
+  recorder->close();
+  EXPECT_EQ(intact_rows(path), 1000u);
+
+  const auto file = Hdf5File::open(path);
+  EXPECT_EQ(file.members("/"), (std::vector<std::string>{"run", "spec", "time", "channels", "restart", "attachments"}));
+  const std::string speed = "/channels/wheels/speed";
+  EXPECT_EQ(file.text_attribute(speed, "unit"), "rad/s");
+  EXPECT_EQ(file.texts_attribute(speed, "components"), (std::vector<std::string>{"w1", "w2"}));
+  EXPECT_EQ(file.text_attribute(speed, "meaning"), "about the spin axis");
+  EXPECT_EQ(file.text_attribute(speed, "shape"), "time x 2");
+  EXPECT_EQ(file.text_attribute("/channels/bodies/bus/attitude", "frame"), "world");
+  EXPECT_EQ(file.text_attribute("/time", "unit"), "s");
+  EXPECT_EQ(file.text_attribute("/run", "title"), "An example");
+  EXPECT_EQ(file.text_attribute("/run", "seed"), "18446744073709551615");
+  EXPECT_EQ(file.text_attribute("/run", "integrator"), "rk4");
+  EXPECT_EQ(file.text_attribute("/run", "finished").size(), std::string("2000-01-01T00:00:00Z").size());
+  EXPECT_EQ(file.read_texts("/run/inputs"), (std::vector<std::string>{"vehicle.yaml", "00ff"}));
+  EXPECT_EQ(file.read_texts("/spec/parameters")[1], "1200 kg");
+  EXPECT_EQ(file.shape("/spec/parameters"), (std::vector<std::size_t>{2, 2}));
+  EXPECT_EQ(file.shape("/spec/defaults"), (std::vector<std::size_t>{0, 2}));
+  EXPECT_EQ(file.read_text("/spec/text"), "bodies:\n");
+  EXPECT_EQ(file.read_text("/spec/sweeps"), "position base_to_tip\n");
+  EXPECT_EQ(file.read_doubles("/restart/t").values, std::vector<double>{99.9});
+  EXPECT_EQ(file.read_doubles("/restart/x").values, (std::vector<double>{4, 5, 6}));
+  EXPECT_EQ(file.read_text("/attachments/summary"), "{}");
+}
+
+TEST(Hdf5Recorder, OpensInH5dump) {
+  if (std::system("command -v h5dump > /dev/null") != 0) GTEST_SKIP() << "h5dump is not installed";
+  const std::string path = scratch("dump.h5");
+  const auto recorder = make_hdf5_recorder(path);
+  recorder->begin(example_header(), kChannels);
+  for (std::size_t i = 0; i < 300; ++i) recorder->row(0.1 * static_cast<double>(i), example_row(i));
+  recorder->close();
+  const std::string text = command_output("h5dump -d /channels/wheels/speed " + path + " 2>&1");
+  EXPECT_NE(text.find("( 300, 2 )"), std::string::npos) << text;
+  EXPECT_NE(text.find("\"rad/s\""), std::string::npos) << text;
+  EXPECT_EQ(command_output("h5dump " + path + " 2>&1").rfind("HDF5", 0), 0u);  // all of it is readable
+}
+
+// The process dies without any warning at several moments, with rows beyond the last flush in memory and half on disk.
+TEST(Hdf5Recorder, LeavesAReadableFileWhenTheProcessIsKilled) {
+  const std::string path = scratch("killed.h5");
+  for (const std::size_t rows_after_flush : {0u, 1u, 255u, 256u, 257u, 3000u, 40000u}) {
+    constexpr std::size_t kFlushed = 700;  // not a multiple of the block size
+    const int status = in_child([&] {
+      const auto recorder = make_hdf5_recorder(path, 1e9);
+      recorder->begin(example_header(), kChannels);
+      for (std::size_t i = 0; i < kFlushed + rows_after_flush; ++i) {
+        if (i == kFlushed / 2 || i == kFlushed) recorder->flush();
+        recorder->row(0.1 * static_cast<double>(i), example_row(i));
+      }
+      if (rows_after_flush == 0) recorder->flush();
+      return raise(SIGKILL);
+    });
+    ASSERT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
+    EXPECT_EQ(intact_rows(path), kFlushed) << rows_after_flush << " rows after the flush";
+  }
+}
+
+TEST(Hdf5Recorder, FlushesByItself) {
+  const std::string path = scratch("periodic.h5");
+  const int status = in_child([&] {
+    const auto recorder = make_hdf5_recorder(path, 0.0);  // every row
+    recorder->begin(example_header(), kChannels);
+    for (std::size_t i = 0; i < 20; ++i) recorder->row(0.1 * static_cast<double>(i), example_row(i));
+    return raise(SIGKILL);
+  });
+  ASSERT_TRUE(WIFSIGNALED(status));
+  EXPECT_EQ(intact_rows(path), 20u);
+}
+
+// A limit on the size of files stands for the full disk: the write fails in the same place.
+TEST(Hdf5Recorder, StopsWithoutLossWhenTheDiskIsFull) {
+  const std::string path = scratch("full.h5");
+  for (const rlim_t limit : {100'000u, 130'000u, 200'000u, 300'000u}) {
+    const int status = in_child([&] {
+      signal(SIGXFSZ, SIG_IGN);
+      const auto recorder = make_hdf5_recorder(path, 1e9);
+      recorder->begin(example_header(), kChannels);
+      const rlimit size{limit, limit};
+      setrlimit(RLIMIT_FSIZE, &size);
+      try {
+        for (std::size_t i = 0; i < 1'000'000; ++i) {
+          if (i % 300 == 0) recorder->flush();
+          recorder->row(0.1 * static_cast<double>(i), example_row(i));
+        }
+      } catch (const NumericsError& error) {
+        const bool told = error.failure().code == Code::disk_full && error.failure().t > 0.0 &&
+                          std::string(error.what()).find("File too large") != std::string::npos;
+        return told ? 3 : 1;
+      }
+      return 2;
+    });
+    ASSERT_TRUE(WIFEXITED(status)) << "ended by signal " << WTERMSIG(status);
+    EXPECT_EQ(WEXITSTATUS(status), 3);
+    const std::size_t rows = intact_rows(path);
+    EXPECT_GT(rows, 0u);
+    EXPECT_EQ(rows % 300, 0u) << "a flush was torn";
+  }
+}
+
+TEST(Hdf5Recorder, RefusesAChannelThatIsAFolder) {
+  const auto recorder = make_hdf5_recorder(scratch("clash.h5"));
+  EXPECT_THROW(recorder->begin({}, {{"wheels", {"a"}, "", "", ""}, {"wheels/speed", {"a"}, "", "", ""}}), InputError);
+  EXPECT_THROW(recorder->begin({}, {{"a/b", {"a"}, "", "", ""}, {"a/b", {"a"}, "", "", ""}}), InputError);
+}
+
+TEST(TextRecorder, WritesOneLinePerRowWithUnitsAndExactNumbers) {
+  const std::string path = scratch("run.csv");
+  {
+    const auto recorder = make_text_recorder(path);
+    recorder->begin(example_header(), {{"bus/rate", {"x", "y"}, "rad/s", "", ""}, {"pose", {"a", "l"}, "rad m", "", ""}});
+    recorder->row(0.1, std::vector<double>{1.0 / 3.0, -2, 5e-324, 1e300});
+    recorder->attach("summary", "{\n}");
+    recorder->close();
+  }
+  EXPECT_EQ(content(path),
+            "# scenario: example\n# version: 0.1.0 abc\n# seed: 18446744073709551615\n"
+            "t [s],bus/rate.x [rad/s],bus/rate.y [rad/s],pose.a [rad],pose.l [m]\n"
+            "0.1,0.3333333333333333,-2,5e-324,1e+300\n"
+            "# summary: {\n# }\n");
+}
+
+TEST(TextRecorder, TellsWhenTheDiskIsFull) {
+  if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full";
+  const auto recorder = make_text_recorder("/dev/full");
+  recorder->begin({}, kChannels);
+  recorder->row(2.5, example_row(1));
+  try {
+    recorder->close();
+    FAIL();
+  } catch (const NumericsError& error) {
+    EXPECT_STREQ(error.what(),
+                 "failure[N0204]: the results cannot be written any more\n  t = 2.5 s\n"
+                 "  /dev/full: No space left on device\n  hint:     free space, or write to another disk\n");
+  }
+}
+
+TEST(TextRecorder, TellsWhenTheFileCannotBeCreated) {
+  EXPECT_THROW(make_text_recorder("/nowhere/run.csv"), InputError);
+}
+
+}  // namespace
+}  // namespace cardan

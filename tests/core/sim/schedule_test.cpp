@@ -1,0 +1,166 @@
+#include "core/sim/schedule.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace cardan {
+namespace {
+
+const Located kHere{"controllers.attitude.rate", {}};
+
+Rational hertz(double f) { return period_from_hertz(f, kHere); }
+
+std::vector<int> entries(const std::vector<Schedule::Tick>& ticks) {
+  std::vector<int> out;
+  for (const auto& t : ticks) out.push_back(t.entry);
+  return out;
+}
+
+TEST(Rationals, AreFoundWhereTheyAreMeant) {
+  const auto is = [](double value, std::int64_t p, std::int64_t q) {
+    const auto r = to_rational(value);
+    return r && r->numerator == p && r->denominator == q;
+  };
+  EXPECT_TRUE(is(10.0, 10, 1));
+  EXPECT_TRUE(is(0.1, 1, 10));
+  EXPECT_TRUE(is(1.0 / 60.0, 1, 60));
+  EXPECT_TRUE(is(1.0 / 7.0, 1, 7));
+  EXPECT_TRUE(is(-2.5, -5, 2));
+  EXPECT_TRUE(is(0.0, 0, 1));
+  EXPECT_TRUE(is(35 * 0.001, 7, 200));  // a unit conversion leaves round-off
+  EXPECT_TRUE(is(29.97, 2997, 100));
+  EXPECT_TRUE(is(30000.0 / 1001.0, 30000, 1001));
+  EXPECT_FALSE(to_rational(3.14159265358979));
+  EXPECT_FALSE(to_rational(0.0166667));
+  EXPECT_FALSE(to_rational(1e-9));
+  EXPECT_FALSE(to_rational(1e10));
+  EXPECT_FALSE(to_rational(std::numeric_limits<double>::quiet_NaN()));
+  EXPECT_FALSE(to_rational(std::numeric_limits<double>::infinity()));
+}
+
+TEST(Rationals, RefusedRatesSayWhatToDo) {
+  const auto refusal = [](double f) {
+    try {
+      hertz(f);
+    } catch (const InputError& e) {
+      const Diagnostic& d = e.diagnostics().front();
+      return std::string(number_of(d.code)) + " | " + d.at.key_path + " | " + d.expected + " | " + d.got + " | " +
+             d.hint;
+    }
+    return std::string("accepted");
+  };
+  EXPECT_EQ(refusal(0.0166667),
+            "C0301 | controllers.attitude.rate | a rate that is a ratio of whole numbers up to 1e9 over up to 1e6 | "
+            "0.0166667 Hz | give the period instead: 1/60 Hz is a period of 60 s");
+  EXPECT_EQ(refusal(-1.0), "C0301 | controllers.attitude.rate | a rate > 0 Hz | -1 Hz | ");
+  EXPECT_EQ(refusal(std::numeric_limits<double>::infinity()).substr(0, 5), "C0301");
+  EXPECT_THROW(period_from_seconds(0.0, kHere), InputError);
+}
+
+/// A year of 10 Hz has 315 360 000 ticks; adding 0.1 s as often is 4e-2 s off.
+TEST(Schedule, TenHertzStaysTenHertzAfterAYear) {
+  for (const double begin : {31536000.0, 31536000.0 * 100.0}) {
+    Schedule s;
+    s.add(hertz(10.0));
+    s.start(begin);
+    for (int i = 0; i < 1000; ++i) {
+      const std::int64_t k = static_cast<std::int64_t>(begin) * 10 + i;
+      const double t = s.time();
+      EXPECT_NEAR(t, begin + i / 10.0, begin * 1.2e-16);  // the nearest double
+      if (i % 10 == 0) {
+        EXPECT_EQ(t, begin + i / 10);
+      }
+      EXPECT_EQ(s.next().front().k, k);
+    }
+  }
+}
+
+/// 3 Hz and 30 Hz meet at every third of a second, 1/60 Hz joins each minute, 1/7 s at whole seconds.
+TEST(Schedule, DifferentRatesMeetExactlyAlsoAfterAYear) {
+  for (const double begin : {0.0, 31536000.0, 31536000.0 * 30.0}) {
+    Schedule s;
+    const int three = s.add(hertz(3.0)), thirty = s.add(hertz(30.0));
+    const int minute = s.add(hertz(1.0 / 60.0)), seventh = s.add(period_from_seconds(1.0 / 7.0, kHere));
+    s.start(begin);
+    long count[4] = {}, instants = 0;
+    double before = -1.0;
+    for (; s.time() < begin + 120.0; ++instants) {
+      const double t = s.time();
+      ASSERT_GT(t, before);
+      before = t;
+      const auto& ticks = s.next();
+      const auto now = entries(ticks);
+      const auto in = [&](int e) { return std::find(now.begin(), now.end(), e) != now.end(); };
+      EXPECT_TRUE(!in(three) || in(thirty)) << t;
+      EXPECT_TRUE(!in(minute) || (in(three) && in(seventh))) << t;
+      EXPECT_TRUE(!in(seventh) || in(thirty) == (t == std::floor(t))) << t;
+      EXPECT_TRUE(std::is_sorted(now.begin(), now.end()));
+      for (int e : now) ++count[e];
+    }
+    EXPECT_EQ(count[three], 360);
+    EXPECT_EQ(count[thirty], 3600);
+    EXPECT_EQ(count[minute], 2);
+    EXPECT_EQ(count[seventh], 840);
+    EXPECT_EQ(instants, 3600 + 840 - 120);
+  }
+}
+
+/// The same instant, reached by different fractions, is the same double: no step of one unit in the last place between.
+TEST(Schedule, EqualInstantsHaveEqualTimes) {
+  Schedule a, b;
+  a.add(hertz(3.0));
+  b.add(hertz(48.0), Rational{-5, 3});
+  a.start(31536000.25);
+  b.start(31536000.25);
+  for (int i = 0; i < 300; ++i) {
+    while (b.time() < a.time()) b.next();
+    EXPECT_EQ(b.time(), a.time());
+    a.next();
+  }
+}
+
+TEST(Schedule, OffsetsShiftAnEntry) {
+  Schedule s;
+  s.add(hertz(10.0), Rational{1, 40});
+  s.add(hertz(10.0));
+  EXPECT_EQ(s.time(), 0.0);
+  EXPECT_EQ(entries(s.next()), std::vector<int>{1});
+  EXPECT_EQ(s.time(), 0.025);
+  EXPECT_EQ(entries(s.next()), std::vector<int>{0});
+  EXPECT_EQ(s.time(), 0.1);
+  EXPECT_EQ(s.next().front().k, 1);
+}
+
+TEST(Schedule, TicksOfOneInstantComeInTheOrderOfRegistration) {
+  Schedule s;
+  s.add(hertz(1.0));
+  s.add(hertz(10.0));
+  s.add(hertz(5.0));
+  EXPECT_EQ(entries(s.next()), (std::vector<int>{0, 1, 2}));
+  EXPECT_EQ(entries(s.next()), (std::vector<int>{1}));
+  EXPECT_EQ(entries(s.next()), (std::vector<int>{1, 2}));
+}
+
+TEST(Schedule, StartsAtTheFirstTickNotBefore) {
+  Schedule s;
+  s.add(hertz(10.0));
+  s.start(0.3);  // the double next to 3/10 is that tick
+  EXPECT_EQ(s.time(), 0.3);
+  EXPECT_EQ(s.next().front().k, 3);
+  s.start(0.30000001);
+  EXPECT_EQ(s.time(), 0.4);
+  s.start(-5.0);
+  EXPECT_EQ(s.time(), 0.0);
+}
+
+TEST(Schedule, WithoutEntriesNothingEverHappens) {
+  Schedule s;
+  EXPECT_EQ(s.time(), std::numeric_limits<double>::infinity());
+  EXPECT_TRUE(s.next().empty());
+}
+
+}  // namespace
+}  // namespace cardan

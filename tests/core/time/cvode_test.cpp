@@ -1,0 +1,81 @@
+#include "tests/core/time/problems.hpp"
+
+namespace cardan::test {
+namespace {
+
+double oscillator_error(const std::string& method, double tolerance) {
+  auto integrator = make_integrator(oscillator(tolerance), adaptive(method, tolerance));
+  return std::abs(integrate(*integrator, 0.0, {1.0, 0.0}, 20.0)[0] - std::cos(20.0));
+}
+
+/// An error per step near the tolerance adds up over some hundred (Adams) or thousand (BDF) steps.
+TEST(Cvode, AdamsFollowsItsTolerance) {
+  for (double tolerance : {1e-4, 1e-6, 1e-8, 1e-10, 1e-12})
+    EXPECT_LT(oscillator_error("cvode_adams", tolerance), 5e2 * tolerance);
+}
+
+TEST(Cvode, BdfFollowsItsTolerance) {
+  for (double tolerance : {1e-4, 1e-6, 1e-8, 1e-10})
+    EXPECT_LT(oscillator_error("cvode_bdf", tolerance), 2e3 * tolerance);
+}
+
+/// y2' is 3e7 times faster than the solution; reference: Mazzia, Magherini 2008, Test Set for IVP Solvers, problem
+/// ROBER.
+TEST(Cvode, BdfSolvesRobertsonsKinetics) {
+  OdeProblem p = problem(3, [](double, const double* x, double* xdot, double*) {
+    const double slow = 0.04 * x[0], middle = 1e4 * x[1] * x[2], fast = 3e7 * x[1] * x[1];
+    xdot[0] = -slow + middle;
+    xdot[1] = slow - middle - fast;
+    xdot[2] = fast;
+    return true;
+  });
+  p.absolute_tolerance = {1e-14, 1e-20, 1e-14};
+  auto integrator = make_integrator(p, adaptive("cvode_bdf", 1e-9));
+  const Values x = integrate(*integrator, 0.0, {1.0, 0.0, 0.0}, 1e11);
+  EXPECT_NEAR(x[0] / 0.2083340149701255e-07, 1.0, 1e-5);
+  EXPECT_NEAR(x[1] / 0.8333360770334713e-13, 1.0, 1e-5);
+  EXPECT_NEAR(x[2], 0.9999999791665050, 1e-10);
+  EXPECT_LT(integrator->statistics().steps, 5000);
+}
+
+/// The relaxation oscillation with eps = 1e-6; same source, problem VDPOL.
+TEST(Cvode, BdfSolvesTheStiffVanDerPolEquation) {
+  auto integrator = make_integrator(problem(
+                                        2,
+                                        [](double, const double* x, double* xdot, double*) {
+                                          xdot[0] = x[1];
+                                          xdot[1] = ((1.0 - x[0] * x[0]) * x[1] - x[0]) / 1e-6;
+                                          return true;
+                                        },
+                                        1e-10),
+                                    adaptive("cvode_bdf", 1e-10));
+  const Values x = integrate(*integrator, 0.0, {2.0, 0.0}, 2.0);
+  EXPECT_NEAR(x[0], 0.1706167732170483e1, 1e-7);
+  EXPECT_NEAR(x[1], -0.8928097010247975, 1e-7);
+  EXPECT_LT(integrator->statistics().steps, 20000);
+}
+
+TEST(Cvode, AdamsReachesHighOrder) {
+  auto integrator = make_integrator(oscillator(), adaptive("cvode_adams", 1e-12));
+  integrate(*integrator, 0.0, {1.0, 0.0}, 20.0);
+  EXPECT_GE(integrator->statistics().last_order, 6);
+  EXPECT_GT(integrator->statistics().last_step, 0.0);
+  EXPECT_LT(integrator->statistics().rhs_calls, 4 * integrator->statistics().steps);
+}
+
+/// The counts go on over restarts, which CVODES' own do not.
+TEST(Cvode, StatisticsAddUpOverRestarts) {
+  auto integrator = make_integrator(oscillator(), adaptive("cvode_adams", 1e-10));
+  integrate(*integrator, 0.0, {1.0, 0.0}, 20.0);
+  const IntegratorStatistics one = integrator->statistics();
+  integrate(*integrator, 0.0, {1.0, 0.0}, 20.0);
+  const IntegratorStatistics two = integrator->statistics();
+  EXPECT_GT(one.rejected, 0);
+  EXPECT_EQ(two.steps, 2 * one.steps);
+  EXPECT_EQ(two.rhs_calls, 2 * one.rhs_calls);
+  EXPECT_EQ(two.rejected, 2 * one.rejected);
+  EXPECT_EQ(two.restarts, 2);
+}
+
+}  // namespace
+}  // namespace cardan::test

@@ -1,0 +1,207 @@
+#include <limits>
+#include <numbers>
+
+#include "tests/core/time/problems.hpp"
+
+namespace cardan::test {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+class EveryMethodEvents : public EveryMethod {
+ protected:
+  struct Event {
+    double t;
+    std::vector<int> crossed;
+  };
+
+  /// Runs without restart and notes what is reported.
+  static std::vector<Event> events(Integrator& integrator, Values x, double t_end) {
+    std::vector<Event> found;
+    integrator.restart(0.0, x.data(), nullptr);
+    for (double t = 0.0; t < t_end;) {
+      const StepReport report = integrator.step(t_end, x.data(), nullptr);
+      EXPECT_GE(report.t, t);
+      t = report.t;
+      if (report.event) found.push_back({t, {report.crossed.begin(), report.crossed.end()}});
+    }
+    return found;
+  }
+
+  static OdeProblem with_roots(OdeProblem p, int n, std::function<void(double, const double*, double*)> roots) {
+    p.n_roots = n;
+    p.roots = std::move(roots);
+    return p;
+  }
+};
+
+TEST_P(EveryMethodEvents, CrossingsHaveTimeAndDirection) {
+  auto integrator = make(with_roots(oscillator(), 1, [](double, const double* x, double* g) { g[0] = x[0]; }));
+  const auto found = events(*integrator, {1.0, 0.0}, 10.0);
+  ASSERT_EQ(found.size(), 3u);
+  for (int k = 0; k < 3; ++k) {
+    EXPECT_NEAR(found[k].t, (k + 0.5) * kPi, 1e-8);  // the accuracy of the solution
+    EXPECT_EQ(found[k].crossed, std::vector<int>{k % 2 == 0 ? -1 : 1});
+  }
+}
+
+TEST_P(EveryMethodEvents, AFunctionOfTimeIsLocatedToTwelveDigits) {
+  auto integrator =
+      make(with_roots(oscillator(), 1, [](double t, const double*, double* g) { g[0] = std::cos(t * t) - 0.3; }));
+  const auto found = events(*integrator, {1.0, 0.0}, 2.0);
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_NEAR(found[0].t, std::sqrt(std::acos(0.3)), 1e-12);
+}
+
+/// Steps of 0.5 s: five crossings in one, of which two belong to the same function in later steps only.
+TEST_P(EveryMethodEvents, SeveralInOneStepComeInOrder) {
+  IntegratorOptions o = GetParam() == "rk4" ? rk4(0.5) : adaptive(GetParam(), 1e-9);
+  const Values levels = {0.12, -0.05, 0.10, 0.02};
+  auto integrator = make_integrator(with_roots(oscillator(), 5,
+                                               [&](double t, const double* x, double* g) {
+                                                 for (int i = 0; i < 4; ++i) g[i] = x[0] - levels[i];
+                                                 g[4] = t - 1.5;
+                                               }),
+                                    o);
+  const auto found = events(*integrator, {1.0, 0.0}, 3.0);
+  ASSERT_EQ(found.size(), 5u);
+  const std::vector<int> order = {0, 2, 4, 3, 1};
+  for (std::size_t k = 0; k < 5; ++k) {
+    std::vector<int> crossed(5);
+    crossed[order[k]] = order[k] == 4 ? 1 : -1;
+    EXPECT_EQ(found[k].crossed, crossed) << k;
+    const double exact = order[k] == 4 ? 1.5 : std::acos(levels[order[k]]);
+    EXPECT_NEAR(found[k].t, exact, GetParam() == "rk4" ? 2e-3 : 1e-6);
+  }
+}
+
+/// Not the interpolant but a step of its own gives the state at the event: on the surface also with a coarse step.
+TEST_P(EveryMethodEvents, TheStateLiesOnTheSurface) {
+  IntegratorOptions o = GetParam() == "rk4" ? rk4(0.5) : adaptive(GetParam(), 1e-6);
+  auto integrator = make_integrator(
+      with_roots(oscillator(), 1, [](double, const double* x, double* g) { g[0] = x[0] * x[0] * x[0] - 0.1; }), o);
+  double x[2] = {1.0, 0.0};
+  integrator->restart(0.0, x, nullptr);
+  StepReport report;
+  while (!report.event) report = integrator->step(3.0, x, nullptr);
+  EXPECT_NEAR(x[0], std::cbrt(0.1), 1e-12);
+}
+
+/// (t - 1)^2 - depth: two crossings, or none when it stays above.
+TEST_P(EveryMethodEvents, GrazingIsSeenFromBothSides) {
+  const OdeProblem parabola = problem(1, [](double t, const double*, double* xdot, double*) {
+    xdot[0] = 2.0 * (t - 1.0);
+    return true;
+  });
+  IntegratorOptions o = GetParam() == "rk4" ? rk4(7e-4) : adaptive(GetParam(), 1e-12);
+  if (GetParam() != "rk4") o.max_step = 7e-4;
+  const double depth = 1e-6;
+  const auto surface = [](double, const double* x, double* g) { g[0] = x[0]; };
+  auto integrator = make_integrator(with_roots(parabola, 1, surface), o);
+  const auto through = events(*integrator, {1.0 - depth}, 2.0);
+  ASSERT_EQ(through.size(), 2u);
+  EXPECT_NEAR(through[0].t, 1.0 - 1e-3, 1e-7);  // an error of the solution counts 1/(2e-3) times
+  EXPECT_NEAR(through[1].t, 1.0 + 1e-3, 1e-7);
+  EXPECT_EQ(through[0].crossed[0], -1);
+  EXPECT_EQ(through[1].crossed[0], 1);
+  EXPECT_TRUE(events(*integrator, {1.0 + depth}, 2.0).empty());
+}
+
+TEST_P(EveryMethodEvents, RestartAtAnEventDoesNotRepeatIt) {
+  auto integrator = make(with_roots(oscillator(), 1, [](double, const double* x, double* g) { g[0] = x[0]; }));
+  double x[2] = {1.0, 0.0}, t = 0.0;
+  std::vector<double> times;
+  integrator->restart(0.0, x, nullptr);
+  while (t < 10.0) {
+    const StepReport report = integrator->step(10.0, x, nullptr);
+    t = report.t;
+    if (!report.event) continue;
+    times.push_back(t);
+    integrator->restart(t, x, nullptr);
+  }
+  ASSERT_EQ(times.size(), 3u);
+  for (int k = 0; k < 3; ++k) EXPECT_NEAR(times[k], (k + 0.5) * kPi, 1e-8);
+}
+
+/// A ball dropped from 1 m that keeps half its speed: the surface is left to the side it came from.
+TEST_P(EveryMethodEvents, ABouncingBallBouncesOnTime) {
+  const double gravity = 10.0, restitution = 0.5;
+  OdeProblem ball = problem(2, [&](double, const double* x, double* xdot, double*) {
+    xdot[0] = x[1];
+    xdot[1] = -gravity;
+    return true;
+  });
+  auto integrator = make(with_roots(ball, 1, [](double, const double* x, double* g) { g[0] = x[0]; }));
+  double x[2] = {1.0, 0.0}, t = 0.0, speed = std::sqrt(2.0 * gravity), due = speed / gravity;
+  integrator->restart(0.0, x, nullptr);
+  int bounces = 0;
+  while (bounces < 8) {
+    const StepReport report = integrator->step(2.0, x, nullptr);
+    t = report.t;
+    ASSERT_LT(t, 2.0) << "it fell through the floor";
+    if (!report.event) continue;
+    ++bounces;
+    EXPECT_NEAR(t, due, 1e-7) << bounces;
+    EXPECT_EQ(report.crossed[0], -1);
+    speed *= restitution;
+    due += 2.0 * speed / gravity;
+    x[1] = -restitution * x[1];
+    integrator->restart(t, x, nullptr);
+  }
+}
+
+TEST_P(EveryMethodEvents, AFunctionThatStartsAtZeroDoesNotFire) {
+  auto integrator = make(with_roots(oscillator(), 1, [](double, const double* x, double* g) { g[0] = -x[1]; }));
+  const auto found = events(*integrator, {1.0, 0.0}, 4.0);  // g = sin t
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_NEAR(found[0].t, kPi, 1e-8);
+  EXPECT_EQ(found[0].crossed[0], -1);
+}
+
+TEST_P(EveryMethodEvents, ZeroExactlyAtTheStopIsReportedThereOnce) {
+  auto integrator = make(with_roots(oscillator(), 1, [](double t, const double*, double* g) { g[0] = t - 0.5; }));
+  double x[2] = {1.0, 0.0}, t = 0.0;
+  int count = 0;
+  integrator->restart(0.0, x, nullptr);
+  for (double stop : {0.5, 1.0})
+    while (t < stop) {
+      const StepReport report = integrator->step(stop, x, nullptr);
+      t = report.t;
+      if (!report.event) continue;
+      ++count;
+      EXPECT_NEAR(t, 0.5, 1e-15);
+      EXPECT_EQ(report.crossed[0], 1);
+    }
+  EXPECT_EQ(count, 1);
+}
+
+TEST_P(EveryMethodEvents, TwinsAreOneEvent) {
+  auto integrator = make(with_roots(oscillator(), 3, [](double, const double* x, double* g) {
+    g[0] = x[0];
+    g[1] = -3.0 * x[0] + 1e-15;  // the same surface but for round-off
+    g[2] = x[0] + 5.0;           // never
+  }));
+  const auto found = events(*integrator, {1.0, 0.0}, 2.0);
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found[0].crossed, (std::vector<int>{-1, 1, 0}));
+}
+
+TEST_P(EveryMethodEvents, NanInAnEventFunctionEndsTheRun) {
+  auto integrator = make(with_roots(oscillator(), 2, [](double t, const double*, double* g) {
+    g[0] = 1.0;
+    g[1] = t > 0.5 ? std::numeric_limits<double>::quiet_NaN() : 1.0;
+  }));
+  try {
+    events(*integrator, {1.0, 0.0}, 1.0);
+    FAIL() << "nothing was thrown";
+  } catch (const NumericsError& e) {
+    EXPECT_EQ(e.failure().code, Code::not_finite);
+    EXPECT_EQ(e.failure().what, "event function 1 = nan");
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(, EveryMethodEvents, testing::Values("cvode_adams", "cvode_bdf", "dopri5", "rk4"),
+                         parameter_name);
+
+}  // namespace
+}  // namespace cardan::test

@@ -1,0 +1,231 @@
+#include <array>
+#include <limits>
+#include <stdexcept>
+
+#include "tests/core/time/problems.hpp"
+
+namespace cardan::test {
+namespace {
+
+TEST_P(EveryMethod, FollowsTheOscillator) {
+  auto integrator = make(oscillator());
+  const Values x = integrate(*integrator, 0.0, {1.0, 0.0}, 20.0);
+  EXPECT_NEAR(x[0], std::cos(20.0), 2e-8);  // BDF at 1e-11 loses three digits over 20 s; the others are nearer
+  EXPECT_NEAR(x[1], -std::sin(20.0), 2e-8);
+  EXPECT_EQ(integrator->name(), GetParam());
+}
+
+/// Stops that come early, late, closely together and at one unit in the last place.
+TEST_P(EveryMethod, NeverEvaluatesBeyondTheStop) {
+  double t_stop = 0.0;
+  OdeProblem p = oscillator();
+  p.n_quadrature = 1;
+  p.rhs = [&](double t, const double* x, double* xdot, double* ydot) {
+    EXPECT_LE(t, t_stop);
+    xdot[0] = x[1];
+    xdot[1] = -x[0];
+    if (ydot != nullptr) ydot[0] = x[1];
+    return true;
+  };
+  auto integrator = make(p);
+  double x[2] = {1.0, 0.0}, y = 0.0, t = 0.0;
+  integrator->restart(0.0, x, &y);
+  std::vector<double> stops;
+  for (int k = 1; k <= 30; ++k) {
+    stops.push_back(k * 0.1);
+    stops.push_back(std::nextafter(k * 0.1, 100.0));
+    stops.push_back(k * 0.1 + 1e-9);
+  }
+  for (double stop : stops) {
+    t_stop = stop;
+    while (t < stop) {
+      const double reached = integrator->step(stop, x, &y).t;
+      ASSERT_GT(reached, t);
+      t = reached;
+    }
+    EXPECT_EQ(t, stop);
+  }
+  EXPECT_NEAR(x[0], std::cos(t), 1e-8);
+  EXPECT_NEAR(y, std::cos(t) - 1.0, 1e-8);
+  EXPECT_EQ(integrator->step(t_stop, x, &y).t, t_stop);  // already there
+}
+
+TEST_P(EveryMethod, IntegralsKeepPaceWithTheStates) {
+  OdeProblem p = oscillator();
+  p.n_quadrature = 2;
+  p.rhs = [](double, const double* x, double* xdot, double* ydot) {
+    xdot[0] = x[1];
+    xdot[1] = -x[0];
+    if (ydot != nullptr) ydot[0] = x[0], ydot[1] = x[1] * x[1];
+    return true;
+  };
+  auto integrator = make(p);
+  const Values z = integrate(*integrator, 0.0, {1.0, 0.0}, 10.0, 2);
+  EXPECT_NEAR(z[2], std::sin(10.0), 1e-8);
+  EXPECT_NEAR(z[3], 5.0 - std::sin(20.0) / 4.0, 1e-8);
+}
+
+TEST_P(EveryMethod, InterpolatesInsideTheLastStep) {
+  OdeProblem p = oscillator();
+  p.n_quadrature = 1;
+  p.rhs = [](double, const double* x, double* xdot, double* ydot) {
+    xdot[0] = x[1];
+    xdot[1] = -x[0];
+    if (ydot != nullptr) ydot[0] = x[0];
+    return true;
+  };
+  auto integrator = make(p);
+  double x[2] = {1.0, 0.0}, y = 0.0;
+  integrator->restart(0.0, x, &y);
+  for (double t = 0.0; t < 5.0;) {
+    const double end = integrator->step(5.0, x, &y).t;
+    const double at_end = x[0];
+    for (double s : {0.0, 0.3, 0.7}) {
+      const double middle = t + s * (end - t);
+      integrator->interpolate(middle, x, &y);
+      EXPECT_NEAR(x[0], std::cos(middle), 2e-8);
+      EXPECT_NEAR(y, std::sin(middle), 2e-8);
+    }
+    integrator->interpolate(end, x, &y);
+    EXPECT_NEAR(x[0], at_end, 1e-15);
+    t = end;
+  }
+}
+
+/// x'' = u with u = +1, then -1: rest to rest over 1 m. Polynomials: all methods are exact but for their start.
+TEST_P(EveryMethod, BangBangEndsAtRest) {
+  double u = 1.0;
+  auto integrator = make(problem(2, [&](double, const double* x, double* xdot, double*) {
+    xdot[0] = x[1];
+    xdot[1] = u;
+    return true;
+  }));
+  const Values middle = integrate(*integrator, 0.0, {0.0, 0.0}, 1.0);
+  u = -1.0;
+  const Values end = integrate(*integrator, 1.0, middle, 2.0);
+  EXPECT_NEAR(end[0], 1.0, 1e-9);
+  EXPECT_NEAR(end[1], 0.0, 1e-9);
+  EXPECT_EQ(integrator->statistics().restarts, 2);
+}
+
+TEST_P(EveryMethod, RepeatsEveryBit) {
+  const auto run = [](Integrator& integrator) {
+    Values trace, x = {1.0, 0.0};
+    integrator.restart(0.0, x.data(), nullptr);
+    for (double t = 0.0; t < 3.0;) {
+      t = integrator.step(3.0, x.data(), nullptr).t;
+      trace.insert(trace.end(), {t, x[0], x[1]});
+    }
+    return trace;
+  };
+  auto one = make(oscillator()), two = make(oscillator());
+  const Values first = run(*one);
+  EXPECT_EQ(first, run(*two));
+  EXPECT_EQ(first, run(*one));  // nothing of the first run is left after restart
+}
+
+TEST_P(EveryMethod, ReturnsTheProjectedState) {
+  OdeProblem p = oscillator();  // x, v on the unit circle
+  p.project = [](double* x) {
+    const double r = std::hypot(x[0], x[1]);
+    x[0] /= r;
+    x[1] /= r;
+  };
+  auto integrator = make_integrator(p, GetParam() == "rk4" ? rk4(0.1) : adaptive(GetParam(), 1e-4));
+  double x[2] = {1.0, 0.0}, t = 0.0;
+  integrator->restart(0.0, x, nullptr);
+  while (t < 5.0) {
+    const double begin = t;
+    t = integrator->step(5.0, x, nullptr).t;
+    EXPECT_NEAR(std::hypot(x[0], x[1]), 1.0, 4e-16);
+    integrator->interpolate(0.5 * (begin + t), x, nullptr);
+    EXPECT_NEAR(std::hypot(x[0], x[1]), 1.0, 4e-16);
+  }
+}
+
+/// No state, no error control: the largest step alone decides, and CVODES stays at order 1.
+TEST_P(EveryMethod, RunsWithIntegralsAlone) {
+  OdeProblem p = problem(0, [](double t, const double*, double*, double* ydot) {
+    if (ydot != nullptr) ydot[0] = 3.0 * t * t;
+    return true;
+  });
+  p.n_quadrature = 1;
+  IntegratorOptions o = accurate(GetParam());
+  if (GetParam() != "rk4") o.max_step = 1e-3;
+  auto integrator = make_integrator(p, o);
+  EXPECT_NEAR(integrate(*integrator, 0.0, {}, 2.0, 1)[0], 8.0, 1e-3 * 12.0);  // step * (g(2) - g(0))
+}
+
+RunFailure failure_of(Integrator& integrator, Values x, double t_end) {
+  try {
+    integrate(integrator, 0.0, std::move(x), t_end);
+  } catch (const NumericsError& e) {
+    return e.failure();
+  }
+  ADD_FAILURE() << "nothing was thrown";
+  return {};
+}
+
+bool is_integration_failure(const RunFailure& f) {
+  return f.code == Code::step_too_small || f.code == Code::integrator_failed;
+}
+
+TEST_P(EveryMethod, NanEndsTheRunAndNamesTheState) {
+  for (double t_bad : {-1.0, 0.5}) {  // from the start; on the way
+    OdeProblem p = oscillator();
+    p.rhs = [t_bad](double t, const double* x, double* xdot, double*) {
+      xdot[0] = x[1];
+      xdot[1] = t > t_bad ? std::numeric_limits<double>::quiet_NaN() : -x[0];
+      return true;
+    };
+    auto integrator = make(p);
+    const RunFailure f = failure_of(*integrator, {1.0, 0.0}, 2.0);
+    EXPECT_TRUE(is_integration_failure(f));
+    EXPECT_NE(f.what.find("the rate of state 1 is nan"), std::string::npos) << f.what;
+    EXPECT_NEAR(f.t, std::max(t_bad, 0.0), 3e-3);
+  }
+}
+
+TEST_P(EveryMethod, RefusedStatesEndTheRun) {
+  OdeProblem p = problem(1, [](double, const double* x, double* xdot, double*) {
+    xdot[0] = 1.0;
+    return x[0] <= 0.5;
+  });
+  auto integrator = make(p);
+  const RunFailure f = failure_of(*integrator, {0.0}, 2.0);
+  EXPECT_TRUE(is_integration_failure(f));
+  EXPECT_NE(f.what.find("the right-hand side cannot be evaluated"), std::string::npos) << f.what;
+  EXPECT_NEAR(f.t, 0.5, 3e-3);
+}
+
+/// x' = x^2 is infinite at t = 1.
+TEST_P(EveryMethod, ASingularityEndsTheRun) {
+  OdeProblem p = problem(1, [](double, const double* x, double* xdot, double*) {
+    xdot[0] = x[0] * x[0];
+    return true;
+  });
+  auto integrator = make(p);
+  const RunFailure f = failure_of(*integrator, {1.0}, 2.0);
+  EXPECT_TRUE(is_integration_failure(f)) << f.what;
+  EXPECT_NEAR(f.t, 1.0, 1e-2);
+}
+
+TEST_P(EveryMethod, WhatTheRightHandSideThrowsArrives) {
+  OdeProblem p = problem(1, [](double t, const double*, double* xdot, double*) {
+    if (t > 0.5) throw std::domain_error("hinge inertia is singular");
+    xdot[0] = 1.0;
+    return true;
+  });
+  auto integrator = make(p);
+  try {
+    integrate(*integrator, 0.0, {0.0}, 2.0);
+    FAIL() << "nothing was thrown";
+  } catch (const std::domain_error& e) {
+    EXPECT_STREQ(e.what(), "hinge inertia is singular");
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(, EveryMethod, testing::Values("cvode_adams", "cvode_bdf", "dopri5", "rk4"), parameter_name);
+
+}  // namespace
+}  // namespace cardan::test

@@ -1,0 +1,85 @@
+#pragma once
+// Problems with a known solution, and a loop that integrates them.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/base/diagnostic.hpp"
+#include "core/time/integrator.hpp"
+
+namespace cardan::test {
+
+using Values = std::vector<double>;
+
+inline OdeProblem problem(int n, std::function<bool(double, const double*, double*, double*)> rhs,
+                          double absolute = 1e-12) {
+  OdeProblem p;
+  p.n = n;
+  p.rhs = std::move(rhs);
+  p.absolute_tolerance.assign(static_cast<std::size_t>(n), absolute);
+  return p;
+}
+
+/// x = cos t, v = -sin t from (1, 0).
+inline OdeProblem oscillator(double absolute = 1e-12) {
+  return problem(
+      2,
+      [](double, const double* x, double* xdot, double*) {
+        xdot[0] = x[1];
+        xdot[1] = -x[0];
+        return true;
+      },
+      absolute);
+}
+
+/// x = exp(sin t) from 1: nonlinear in t, so that the times of the stages matter.
+inline OdeProblem exp_sin(double absolute = 1e-12) {
+  return problem(
+      1,
+      [](double t, const double* x, double* xdot, double*) {
+        xdot[0] = x[0] * std::cos(t);
+        return true;
+      },
+      absolute);
+}
+
+inline IntegratorOptions adaptive(const std::string& method, double relative = 1e-10) {
+  IntegratorOptions o;
+  o.method = method;
+  o.relative_tolerance = relative;
+  return o;
+}
+
+inline IntegratorOptions rk4(double h) {
+  IntegratorOptions o;
+  o.method = "rk4";
+  o.fixed_step = h;
+  return o;
+}
+
+/// Each method at settings that give about nine digits on the smooth problems here.
+inline IntegratorOptions accurate(const std::string& method) {
+  return method == "rk4" ? rk4(2e-3) : adaptive(method, 1e-11);
+}
+
+/// From (t0, x0) to t_end; events are passed over. Returns x, then the integrals (from zero).
+inline Values integrate(Integrator& integrator, double t0, Values x, double t_end, int n_quadrature = 0) {
+  Values y(static_cast<std::size_t>(n_quadrature));
+  integrator.restart(t0, x.data(), y.data());
+  for (double t = t0; t < t_end;) t = integrator.step(t_end, x.data(), y.data()).t;
+  x.insert(x.end(), y.begin(), y.end());
+  return x;
+}
+
+/// For claims that hold for every method.
+class EveryMethod : public testing::TestWithParam<std::string> {
+ protected:
+  std::unique_ptr<Integrator> make(OdeProblem p) { return make_integrator(std::move(p), accurate(GetParam())); }
+};
+
+inline std::string parameter_name(const testing::TestParamInfo<std::string>& info) { return info.param; }
+
+}  // namespace cardan::test

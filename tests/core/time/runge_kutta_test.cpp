@@ -1,0 +1,153 @@
+#include "tests/core/time/problems.hpp"
+#include "tests/support/malloc_counter.hpp"
+
+namespace cardan::test {
+namespace {
+
+IntegratorOptions equal_steps(const std::string& method, double h) {
+  if (method == "rk4") return rk4(h);
+  IntegratorOptions o = adaptive(method, 0.5);  // never rejects: the largest step is taken every time
+  o.initial_step = o.max_step = h;
+  return o;
+}
+
+double end_error(const std::string& method, double h) {
+  auto integrator = make_integrator(exp_sin(1e3), equal_steps(method, h));
+  return std::abs(integrate(*integrator, 0.0, {1.0}, 2.0)[0] - std::exp(std::sin(2.0)));
+}
+
+/// Largest error of the dense output over the steps up to 2 s.
+double dense_error(const std::string& method, double h) {
+  auto integrator = make_integrator(exp_sin(1e3), equal_steps(method, h));
+  double x = 1.0, worst = 0.0;
+  integrator->restart(0.0, &x, nullptr);
+  for (double t = 0.0; t < 2.0;) {
+    const double end = integrator->step(2.0, &x, nullptr).t;
+    for (double s : {0.2, 0.4, 0.6, 0.8}) {
+      const double middle = t + s * (end - t);
+      integrator->interpolate(middle, &x, nullptr);
+      worst = std::max(worst, std::abs(x - std::exp(std::sin(middle))));
+    }
+    t = end;
+  }
+  return worst;
+}
+
+double slope(double coarse, double fine) { return std::log2(coarse / fine); }
+
+TEST(RungeKutta, Rk4ConvergesWithOrderFour) {
+  EXPECT_NEAR(slope(end_error("rk4", 0.04), end_error("rk4", 0.02)), 4.0, 0.1);
+}
+
+TEST(RungeKutta, Dopri5ConvergesWithOrderFive) {
+  EXPECT_NEAR(slope(end_error("dopri5", 0.08), end_error("dopri5", 0.04)), 5.0, 0.2);
+}
+
+TEST(RungeKutta, DenseOutputOfRk4HasOrderFour) {
+  EXPECT_NEAR(slope(dense_error("rk4", 0.04), dense_error("rk4", 0.02)), 4.0, 0.2);
+}
+
+TEST(RungeKutta, DenseOutputOfDopri5HasOrderFour) {  // its error per step is h^5
+  EXPECT_NEAR(slope(dense_error("dopri5", 0.08), dense_error("dopri5", 0.04)), 5.0, 0.3);
+}
+
+TEST(RungeKutta, Dopri5KeepsItsTolerance) {
+  double before = 1.0;
+  for (double tolerance : {1e-4, 1e-6, 1e-8, 1e-10}) {
+    auto integrator = make_integrator(oscillator(tolerance), adaptive("dopri5", tolerance));
+    const double error = std::abs(integrate(*integrator, 0.0, {1.0, 0.0}, 20.0)[0] - std::cos(20.0));
+    EXPECT_LT(error, 50.0 * tolerance);  // an error per step of the tolerance at most, adding up over 20 s
+    EXPECT_LT(error, 0.1 * before);
+    before = error;
+  }
+}
+
+/// The estimate is of order h^5: a tolerance 1e5 times smaller needs ten times the steps.
+TEST(RungeKutta, StepsOfDopri5GrowWithTheFifthRootOfTheTolerance) {
+  const auto steps = [](double tolerance) {
+    auto integrator = make_integrator(oscillator(tolerance), adaptive("dopri5", tolerance));
+    integrate(*integrator, 0.0, {1.0, 0.0}, 100.0);
+    return static_cast<double>(integrator->statistics().steps);
+  };
+  EXPECT_NEAR(steps(1e-11) / steps(1e-6), 10.0, 0.5);
+  EXPECT_LT(steps(1e-6), 500);  // of 0.2 s; the constant of the estimate
+}
+
+/// Quadrature weights: exact for polynomials of degree order - 1, up to round-off of the few steps.
+TEST(RungeKutta, IntegralsOfPolynomialsAreExact) {
+  for (const auto& [options, power] : {std::pair{rk4(0.3), 3}, std::pair{equal_steps("dopri5", 0.3), 4}}) {
+    OdeProblem p = problem(1, [power = power](double t, const double*, double* xdot, double* ydot) {
+      xdot[0] = 1.0;
+      ydot[0] = std::pow(t, power);
+      return true;
+    });
+    p.n_quadrature = 1;
+    auto integrator = make_integrator(p, options);
+    EXPECT_NEAR(integrate(*integrator, 0.0, {0.0}, 2.0, 1)[1], std::pow(2.0, power + 1) / (power + 1), 1e-13);
+  }
+}
+
+TEST(RungeKutta, FixedStepsDivideTheIntervalEvenly) {
+  double x[2] = {1.0, 0.0};
+  auto integrator = make_integrator(oscillator(), rk4(0.3));
+  integrator->restart(0.0, x, nullptr);
+  for (double t : {0.25, 0.5, 0.75, 1.0}) EXPECT_NEAR(integrator->step(1.0, x, nullptr).t, t, 1e-15);
+}
+
+/// (t_stop - t) / h is off by 4e-8 there: neither an eleventh step nor a sliver at the end.
+TEST(RungeKutta, TenStepsStayTenStepsAfterAYear) {
+  double x[2] = {1.0, 0.0};
+  auto integrator = make_integrator(oscillator(), rk4(0.01));
+  for (int k = 0; k < 20; ++k) {
+    const double t0 = 31536000.0 + k / 10.0, t1 = 31536000.0 + (k + 1) / 10.0;
+    const long before = integrator->statistics().steps;
+    integrator->restart(t0, x, nullptr);
+    for (double t = t0; t < t1;) t = integrator->step(t1, x, nullptr).t;
+    EXPECT_EQ(integrator->statistics().steps - before, 10);
+  }
+}
+
+TEST(RungeKutta, Rk4NeedsFourEvaluationsPerStep) {
+  auto integrator = make_integrator(oscillator(), rk4(0.01));
+  integrate(*integrator, 0.0, {1.0, 0.0}, 1.0);
+  EXPECT_EQ(integrator->statistics().steps, 100);
+  EXPECT_EQ(integrator->statistics().rhs_calls, 401);  // the slope at the end is the first stage of the next step
+}
+
+TEST(RungeKutta, AStepAllocatesNothing) {
+  if (!counting) GTEST_SKIP() << "the sanitizer owns malloc";
+  for (const std::string method : {"rk4", "dopri5"}) {
+    OdeProblem p = oscillator();
+    p.n_quadrature = 1;
+    p.rhs = [](double, const double* x, double* xdot, double* ydot) {
+      xdot[0] = x[1];
+      xdot[1] = -x[0];
+      ydot[0] = x[0];
+      return true;
+    };
+    p.project = [](double*) {};
+    p.n_roots = 1;
+    p.roots = [](double, const double* x, double* g) { g[0] = x[0]; };
+    auto integrator = make_integrator(p, accurate(method));
+    double x[2] = {1.0, 0.0}, y = 0.0;
+    int events = 0;
+    const long before = malloc_calls;
+    integrator->restart(0.0, x, &y);
+    for (double t = 0.0; t < 10.0;) {
+      const StepReport report = integrator->step(10.0, x, &y);
+      t = report.t;
+      if (!report.event) continue;
+      ++events;
+      integrator->interpolate(t - 1e-4, x, &y);
+      integrator->interpolate(t, x, &y);
+      integrator->restart(t, x, &y);
+    }
+    const long after = malloc_calls;
+    EXPECT_EQ(after, before) << method;
+    EXPECT_EQ(events, 3) << method;
+  }
+  EXPECT_GT(malloc_calls, 0);  // the counter counts
+}
+
+}  // namespace
+}  // namespace cardan::test

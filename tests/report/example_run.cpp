@@ -1,0 +1,101 @@
+#include "tests/report/example_run.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/io/recorder.hpp"
+#include "core/io/sha256.hpp"
+#include "core/io/summary.hpp"
+
+namespace cardan {
+namespace {
+
+constexpr double kEnd = 240.0;      // [s]
+constexpr double kAngle = 0.5236;   // [rad] of the slew
+
+std::vector<std::string> numbered(const std::string& name, int n) {
+  std::vector<std::string> out;
+  for (int i = 1; i <= n; ++i) out.push_back(name + std::to_string(i));
+  return out;
+}
+
+const std::vector<Channel> kChannels = {
+    {"bodies/bus/attitude", {"w", "x", "y", "z"}, "-", "world", "orientation of the bus, quaternion bus into world"},
+    {"bodies/bus/rate", {"x", "y", "z"}, "rad/s", "body bus", "angular velocity of the bus"},
+    {"bodies/bus/pose", {"angle", "distance"}, "rad m", "", "one unit for each component"},
+    {"wheels/speed", numbered("wheel_", 4), "rad/s", "", "speed about the spin axis"},
+    {"wheels/torque", numbered("wheel_", 4), "N m", "", "motor torque"},
+    {"hinges/angle", {"wing_left", "wing_right"}, "rad", "", "drive angles"},
+    {"modes/wing_left", numbered("mode_", 6), "m", "", "modal amplitudes"},
+    {"modes/wing_right", numbered("mode_", 6), "m", "", "modal amplitudes"},
+    {"ledger/residuals", {"linear_momentum", "angular_momentum", "energy"}, "-", "", "balance error over largest sum"},
+    {"pointing/error", {"roll", "pitch", "yaw"}, "deg", "body bus", "attitude error"},
+    {"control/torque", {"x", "y", "z"}, "N m", "body bus", "commanded torque"},
+    {"extra", {"constant", "</script>"}, "1", "", "a <b>name</b> & a text that must not be read as markup"},
+};
+
+std::vector<double> signals(double t, int i) {
+  const double s = std::clamp(t / 90.0, 0.0, 1.0);
+  const double angle = kAngle * s * s * s * (10 - 15 * s + 6 * s * s), ring = std::exp(-0.02 * t) * std::sin(0.9 * t);
+  const double rate = kAngle / 90.0 * 30 * s * s * (1 - s) * (1 - s);
+  const double torque = (s < 1 ? 0.9 * std::sin(2 * M_PI * s) : 0.0) + 0.05 * ring;
+  std::vector<double> v{std::cos(angle / 2), 0.27 * std::sin(angle / 2), 0.53 * std::sin(angle / 2), 0.8 * std::sin(angle / 2)};
+  for (double c : {0.27, 0.53, 0.8}) v.push_back(c * rate + 2e-4 * ring * c);
+  v.insert(v.end(), {angle, 7e6 + std::sin(0.1 * t)});
+  for (int k = 0; k < 4; ++k) v.push_back(150 + 40 * k + (k % 2 ? -1 : 1) * 9e3 * rate);
+  for (int k = 0; k < 4; ++k) v.push_back((k % 2 ? -0.4 : 0.4) * torque * (1 + 0.1 * k));
+  v.insert(v.end(), {0.004 * t, -0.004 * t});
+  for (int wing = 0; wing < 2; ++wing)
+    for (int k = 1; k <= 6; ++k) v.push_back((wing ? -1 : 1) * 0.02 / k * std::exp(-0.01 * k * t) * std::sin(0.9 * k * t + wing));
+  for (double c : {1e-15, 3e-14, 4e-12}) v.push_back(c * (1 + std::sin(12.9898 * i)) * (1 + t / 30));
+  for (double c : {0.27, 0.53, 0.8}) v.push_back((kAngle - angle) * c * 57.3 * (s < 1) + 0.01 * ring);
+  for (double c : {0.27, 0.53, 0.8}) v.push_back(c * torque);
+  v.insert(v.end(), {1.0, 0.5 * std::cos(0.05 * t)});
+  return v;
+}
+
+}  // namespace
+
+void write_example_run(const std::string& path, int rows, bool finished) {
+  RunHeader h;
+  h.scenario = "example/scenario.lua";
+  h.title = "Slew of 30 degrees with flexible wings <example>";
+  h.program_version = "0.1.0";
+  h.commit = "0123456";
+  h.compiler = "gcc 12.2.0";
+  h.flags = "-O3 -DNDEBUG -ffp-contract=off";
+  h.seed = 42;
+  h.integrator = "cvode_adams, relative tolerance 1e-9";
+  h.input_hashes = {{"scenario.lua", sha256("a")}, {"vehicle.yaml", sha256("b")}};
+  h.effective_parameters = {{"bodies.bus.mass", "1840 kg"}, {"bodies.bus.inertia", "[2100, 1900, 2400] kg m^2"}};
+  h.defaults_used = {{"gravity.gradient", "false"}};
+  h.sweep_program = "position      base_to_tip   7 bodies\ninertia       tip_to_base   7 bodies\nacceleration  base_to_tip   7 bodies\n";
+  h.spec_text = "bodies:\n  bus:\n    mass: 1840 kg  # </script> <b>\n";
+  const auto recorder = make_hdf5_recorder(path);
+  recorder->begin(h, kChannels);
+  for (int i = 0; i < rows; ++i) {
+    const double t = kEnd * i / (rows - 1);
+    recorder->row(t, signals(t, i));
+  }
+  if (finished) {
+    Summary s;
+    s.scenario = h.scenario;
+    s.checks = {{"pointing error at the end", 0.0031, 0.01, true, "deg", "largest axis, after 200 s"},
+                {"jitter", 1.8, 2.0, true, "arcsec", "standard deviation over the last 30 s"},
+                {"energy balance", 3.2e-12, 1e-9, true, "-", ""}};
+    s.ledger = {1.1e-15, 3.4e-14, 3.2e-12};
+    s.simulated_s = kEnd;
+    s.wall_s = 3.418;
+    s.steps = 48211;
+    s.rhs_calls = 91830;
+    s.pointing = {{"final_error", 0.0031, "deg"}, {"settling_time", 131.4, "s"}, {"jitter", 1.8, "arcsec"}};
+    s.model = {7, 7, 32, 31, 12};
+    s.versions = {{"cardan", "0.1.0"}, {"SUNDIALS", "6.4.1"}, {"HDF5", "1.10.8"}};
+    recorder->attach("summary", to_json(s));
+    recorder->close();
+  } else {
+    recorder->flush();
+  }
+}
+
+}  // namespace cardan

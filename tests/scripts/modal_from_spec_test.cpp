@@ -1,0 +1,115 @@
+#include "scripts/host/modal_from_spec.hpp"
+
+#include <gtest/gtest.h>
+
+#include <numbers>
+
+#include "core/io/yaml_reader.hpp"
+
+namespace cardan {
+namespace {
+
+ModalSource read(const std::string& text) {
+  const DocNode root = parse_yaml(text, "folder/test.yaml");
+  DiagnosticSink sink;
+  std::vector<std::pair<std::string, std::string>> defaults;
+  ReadContext context{sink, defaults};
+  ModalSource source = read_modal_source({&root, "modal"}, context);
+  sink.throw_if_any();
+  return source;
+}
+
+TEST(ModalSource, OfABeam) {
+  const ModalSource source = read(
+      "beam: {length: 12 m, material: {E: 70 GPa, rho: 2.7 g/cm^3}, section: {rectangle: {width: 4 cm, height: 2 cm}}, elements: 30, rotary_inertia: false}\n"
+      "boundary: craig_bampton\nmodes: {count: 6, max_frequency: 20 Hz, effective_mass: 95 %}\ndamping: [0.5 %, 1 %]\n"
+      "nodes: {mid: {position: [6, 0, 0]}, tip: {position: [12, 0, 0], interface: true}}\n"
+      "masses:\n  - {mass: 3 kg, position: [12, 0, 0], inertia: [1, 2, 2]}\n");
+  const auto& beam = std::get<BeamModel>(source.model);
+  EXPECT_EQ(beam.length, 12.0);
+  EXPECT_EQ(beam.material.E, 70e9);
+  EXPECT_EQ(beam.material.nu, 0.3);
+  EXPECT_DOUBLE_EQ(beam.material.rho, 2700.0);
+  EXPECT_DOUBLE_EQ(beam.section.area, 8e-4);
+  EXPECT_DOUBLE_EQ(beam.section.Iy, 0.04 * 0.02 * 0.02 * 0.02 / 12) << "width is along y, height along z";
+  EXPECT_EQ(beam.elements, 30);
+  EXPECT_FALSE(beam.rotary_inertia);
+  EXPECT_EQ(source.boundary, Boundary::craig_bampton);
+  EXPECT_EQ(source.modes.count, 6);
+  EXPECT_EQ(source.modes.max_frequency, 20.0) << "Hz, not rad/s";
+  EXPECT_DOUBLE_EQ(source.modes.effective_mass, 0.95);
+  EXPECT_EQ(source.damping, (std::vector<double>{0.005, 0.01}));
+  ASSERT_EQ(source.points.size(), 2u);
+  EXPECT_FALSE(source.points[0].interface);
+  EXPECT_TRUE(source.points[1].interface);
+  ASSERT_EQ(source.masses.size(), 1u);
+  EXPECT_EQ(source.masses[0].inertia(2, 2), 2.0);
+  EXPECT_EQ(source.at.key_path, "modal");
+}
+
+TEST(ModalSource, OfASandwichPlateOnAYoke) {
+  const ModalSource source = read(R"(
+plate:
+  length: 10
+  width: 2.4 m
+  sandwich: {face: {E: 70 GPa, rho: 2700}, face_thickness: 0.3 mm, core_thickness: 20 mm, core_density: 32 kg/m^3, added_mass: 1.5 kg/m^2}
+  elements_x: 20
+  elements_y: 6
+  yoke: {length: 2, spread: 2, material: {E: 70 GPa, rho: 2700}, section: {tube: {radius: 2 cm, wall: 1 mm}}}
+modes: {count: 8}
+)");
+  const auto& plate = std::get<PlateModel>(source.model);
+  EXPECT_EQ(plate.width, 2.4);
+  EXPECT_EQ(plate.elements_x, 20);
+  EXPECT_EQ(plate.elements_y, 6);
+  EXPECT_EQ(plate.yoke.spread, 2.0);
+  const auto& panel = std::get<SandwichPanel>(plate.panel);
+  EXPECT_DOUBLE_EQ(panel.face_thickness, 0.3e-3);
+  EXPECT_EQ(panel.core_density, 32.0);
+  EXPECT_EQ(panel.added_mass, 1.5);
+  EXPECT_EQ(source.damping, std::vector<double>{0.005}) << "the default";
+}
+
+TEST(ModalSource, OfLumpedMasses) {
+  const ModalSource source = read(R"(
+lumped:
+  masses:
+    - {mass: 2, position: [1, 0, 0], Phi: [[0, 1], [2, 3], [4, 5]], Psi: [[0, 0], [0, 0], [1, 0]]}
+  K: [[100, 0], [0, 200]]
+  nodes: {tip: {position: [1, 0, 0], Phi: [[0, 1], [2, 3], [4, 5]]}}
+)");
+  const auto& lumped = std::get<LumpedModel>(source.model);
+  ASSERT_EQ(lumped.mass_nodes.size(), 1u);
+  EXPECT_EQ(lumped.mass_nodes[0].Phi(1, 0), 2.0) << "rows are x, y, z";
+  EXPECT_EQ(lumped.mass_nodes[0].Psi(2, 0), 1.0);
+  EXPECT_EQ(lumped.K(1, 1), 200.0);
+  EXPECT_EQ(lumped.C, Eigen::MatrixXd::Zero(2, 2));
+  EXPECT_EQ(lumped.nodes.at(0).Phi(2, 1), 5.0);
+}
+
+TEST(ModalSource, OfAFileIsRelativeToTheVehicle) {
+  EXPECT_EQ(std::get<FileModel>(read("file: modes/wing.h5").model).path, "folder/modes/wing.h5");
+}
+
+TEST(MakeModes, SolvesEqualSourcesOnce) {
+  const std::string wing =
+      "{type: modal_flexible, modal: {beam: {length: 10, material: {E: 70 GPa, rho: 2700}, section: {tube: {radius: 5 cm, wall: 1 mm}}, elements: 10}, "
+      "modes: {count: 2}}, hinge: {type: locked, to: world}}\n";
+  SystemSpec spec;
+  const DocNode root = parse_yaml("a: " + wing + "b: " + wing, "test.yaml");
+  for (std::size_t i = 0; i < 2; ++i) {
+    BodySpec body;
+    body.name = root.keys[i].name;
+    body.type = "modal_flexible";
+    body.modal_source = std::make_shared<const DocNode>(*root.items[i].find("modal"));
+    spec.bodies.push_back(std::move(body));
+  }
+  make_modes(spec);
+  ASSERT_TRUE(spec.bodies[0].modal);
+  EXPECT_EQ(spec.bodies[0].modal, spec.bodies[1].modal);
+  EXPECT_EQ(spec.bodies[0].modal->n_modes, 2);
+  EXPECT_FALSE(spec.defaults_used.empty());
+}
+
+}  // namespace
+}  // namespace cardan
