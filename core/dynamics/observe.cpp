@@ -257,15 +257,27 @@ ExternalLoads Observer::external() const {
     const Motion<double> at_node{ws_.pose_W(k).R * (V.w + at.rate.w), ws_.pose_W(k).R * (V.v + cross(V.w, at.rho) + at.rate.v)};
     e.power += dot(at_node, f);
   }
+  e.power += actuator_power();
+  return e;
+}
+
+double Observer::internal_power(const Inputs& in, const double* vdot) {
+  in_ = in;
+  vdot_ = vdot;
+  return actuator_power();
+}
+
+double Observer::actuator_power() const {
+  double power = 0.0;
   if (in_.tau)
     for (int i = 0; i < model_.nv; ++i)
-      if (!model_.has_prescribed() || !model_.prescribed[static_cast<std::size_t>(i)]) e.power += in_.tau[i] * in_.v[i];
+      if (!model_.has_prescribed() || !model_.prescribed[static_cast<std::size_t>(i)]) power += in_.tau[i] * in_.v[i];
   for (const Spring& spring : model_.springs)  // tau holds their forces too; the stored part is in the energy
-    e.power += spring.stiffness * (in_.q[spring.q] - spring.rest) * in_.v[spring.v];
+    power += spring.stiffness * (in_.q[spring.q] - spring.rest) * in_.v[spring.v];
   if (model_.has_prescribed()) {
     std::vector<double>& tau = prescribed_tau_;
     prescribed_forces(tau.data());
-    for (int i = 0; i < model_.nv; ++i) e.power += tau[static_cast<std::size_t>(i)] * in_.v[i];
+    for (int i = 0; i < model_.nv; ++i) power += tau[static_cast<std::size_t>(i)] * in_.v[i];
   }
   for (const SweepBody& b : model_.bodies) {  // modal dampers take energy out
     if (b.n_modes == 0) continue;
@@ -273,13 +285,13 @@ ExternalLoads Observer::external() const {
     const double* rate = in_.v + b.etadot;
     for (int j = 0; j < b.n_modes; ++j) {
       if (f.K_diagonal) {
-        e.power -= f.C[static_cast<std::size_t>(j)] * rate[j] * rate[j];
+        power -= f.C[static_cast<std::size_t>(j)] * rate[j] * rate[j];
         continue;
       }
-      for (int i = 0; i < b.n_modes; ++i) e.power -= f.C[static_cast<std::size_t>(b.n_modes * j + i)] * rate[j] * rate[i];
+      for (int i = 0; i < b.n_modes; ++i) power -= f.C[static_cast<std::size_t>(b.n_modes * j + i)] * rate[j] * rate[i];
     }
   }
-  return e;
+  return power;
 }
 
 }  // namespace cardan

@@ -55,8 +55,11 @@ class Observer {
   /// Force of each prescribed velocity component (tau that its motion needs), zero for the others; nv numbers.
   void prescribed_forces(double* tau) const;
   ExternalLoads external() const;
+  /// Power of actuators, prescribed motion and dampers alone: needs no poses, no update().
+  double internal_power(const Inputs& in, const double* vdot);
 
  private:
+  double actuator_power() const;
   Force<double> wrench_on_sweep_body(int k) const;  // of the inboard hinge, at B
   Force<double> wrench_in_host(int user_body) const;
   const Model& model_;

@@ -63,7 +63,8 @@ std::size_t product(const Shape& shape) {
 }
 
 void expect_size(std::size_t n, const std::vector<std::size_t>& shape, const std::string& path) {
-  if (product(shape) != n) throw std::invalid_argument("Hdf5File::write " + path + ": shape and number of values differ");
+  if (product(shape) != n)
+    throw std::invalid_argument("Hdf5File::write " + path + ": shape and number of values differ");
 }
 
 Handle new_string_type() {
@@ -241,7 +242,8 @@ Hdf5File Hdf5File::create(const std::string& path) {
   H5Pset_link_creation_order(creation, H5P_CRT_ORDER_TRACKED | H5P_CRT_ORDER_INDEXED);
   H5Pset_file_space_strategy(creation, H5F_FSPACE_STRATEGY_AGGR, false, 1);
   Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
-  H5Pset_libver_bounds(access, H5F_LIBVER_V18, H5F_LIBVER_V110);  // a 1.10 file would stay marked as "open" after a kill
+  H5Pset_libver_bounds(access, H5F_LIBVER_V18,
+                       H5F_LIBVER_V110);  // a 1.10 file would stay marked as "open" after a kill
   H5AC_cache_config_t cache{};
   cache.version = H5AC__CURR_CACHE_CONFIG_VERSION;
   H5Pget_mdc_config(access, &cache);
@@ -254,8 +256,14 @@ Hdf5File Hdf5File::create(const std::string& path) {
   impl->name = path;
   impl->file = H5Fcreate(path.c_str(), H5F_ACC_TRUNC, creation, access);
   if (impl->file < 0)
-    throw InputError({Code::cannot_write, {"", {path, 0, 0}}, "a file that can be written", reason(),
-                      "is the folder there, and may it be written to?", "", "", 0});
+    throw InputError({Code::cannot_write,
+                      {"", {path, 0, 0}},
+                      "a file that can be written",
+                      reason(),
+                      "is the folder there, and may it be written to?",
+                      "",
+                      "",
+                      0});
   H5Fset_libver_bounds(impl->file, H5F_LIBVER_V110, H5F_LIBVER_V110);  // an index that grows without moving
   return Hdf5File(std::move(impl));
 }
@@ -292,16 +300,13 @@ std::vector<std::string> Hdf5File::members(const std::string& group) const {
     static_cast<std::vector<std::string>*>(out)->emplace_back(name);
     return 0;
   };
-  if (H5Literate(opened, index, H5_ITER_INC, nullptr, keep, &names) < 0)
-    impl_->cannot_read(group, "a group", reason());
+  if (H5Literate(opened, index, H5_ITER_INC, nullptr, keep, &names) < 0) impl_->cannot_read(group, "a group", reason());
   return names;
 }
 
 void Hdf5File::make_group(const std::string& path) { impl_->make_group(path); }
 
-void Hdf5File::write(const std::string& path, double value) {
-  impl_->write(path, H5T_NATIVE_DOUBLE, {}, &value);
-}
+void Hdf5File::write(const std::string& path, double value) { impl_->write(path, H5T_NATIVE_DOUBLE, {}, &value); }
 void Hdf5File::write(const std::string& path, std::span<const double> values) {
   impl_->write(path, H5T_NATIVE_DOUBLE, {values.size()}, values.data());
 }

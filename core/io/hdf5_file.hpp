@@ -16,8 +16,8 @@ struct Hdf5Array {
   std::vector<T> values;           // row-major, as many as the product of `shape`
 };
 
-/// Reading throws InputError C0702 with the file, the path inside it and the reason. Writing replaces what stands at the
-/// path, makes missing groups, and throws NumericsError N0204 when the file does not take it (disk full).
+/// Reading throws InputError C0702 with the file, the path inside it and the reason. Writing replaces what stands at
+/// the path, makes missing groups, and throws NumericsError N0204 when the file does not take it (disk full).
 class Hdf5File {
  public:
   /// A new file, in place of an old one. Throws InputError C0701 with the reason.
@@ -53,8 +53,8 @@ class Hdf5File {
   std::vector<std::size_t> shape(const std::string& path) const;
 
   /// A dataset that grows along its first dimension, in blocks of `rows_per_block`: `columns` numbers per row, or a 1-D
-  /// dataset when `columns` is 0. Not compressed: a compressed block moves when it grows, and a process killed between two
-  /// flushes then leaves a file that cannot be read.
+  /// dataset when `columns` is 0. Not compressed: a compressed block moves when it grows, and a process killed between
+  /// two flushes then leaves a file that cannot be read.
   void make_rows(const std::string& path, std::size_t columns, std::size_t rows_per_block);
   /// Appends whole rows (row-major).
   void append_rows(const std::string& path, std::span<const double> values);

@@ -24,12 +24,19 @@ void expect_distinct(const std::vector<Channel>& channels) {
   std::set<std::string> paths;
   for (const auto& c : channels)
     if (!paths.insert(c.path).second)
-      throw InputError({Code::duplicate_name, {c.path, {}}, "channel paths that differ", "the same path twice", "", "", "", 0});
+      throw InputError(
+          {Code::duplicate_name, {c.path, {}}, "channel paths that differ", "the same path twice", "", "", "", 0});
   for (const auto& path : paths)
     for (auto end = path.find('/'); end != std::string::npos; end = path.find('/', end + 1))
       if (paths.contains(path.substr(0, end)))
-        throw InputError({Code::duplicate_name, {path, {}}, "a channel or a folder of channels",
-                          "\"" + path.substr(0, end) + "\" is both", "", "", "", 0});
+        throw InputError({Code::duplicate_name,
+                          {path, {}},
+                          "a channel or a folder of channels",
+                          "\"" + path.substr(0, end) + "\" is both",
+                          "",
+                          "",
+                          "",
+                          0});
 }
 
 class Hdf5Recorder final : public Recorder {
@@ -85,7 +92,8 @@ class Hdf5Recorder final : public Recorder {
   }
 
   void row(double t, std::span<const double> values) override {
-    if (values.size() != width_) throw std::invalid_argument("Recorder::row: a row is as wide as the channels declared");
+    if (values.size() != width_)
+      throw std::invalid_argument("Recorder::row: a row is as wide as the channels declared");
     times_.push_back(t);
     values_.insert(values_.end(), values.begin(), values.end());
     if (std::chrono::duration<double>(Clock::now() - last_flush_).count() >= flush_period_)

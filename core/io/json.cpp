@@ -23,17 +23,27 @@ std::string json_text(const Json& value) { return checked(value, 2) + "\n"; }
 std::string json_line(const Json& value) { return checked(value, -1); }
 
 Json to_json(const Diagnostic& d) {
-  return {{"code", number_of(d.code)}, {"title", d.about.empty() ? title_of(d.code) : d.about},
-          {"file", d.at.mark.file},    {"line", d.at.mark.line},
-          {"column", d.at.mark.column}, {"at", d.at.key_path},
-          {"expected", d.expected},    {"got", d.got},
-          {"hint", d.hint},            {"stack", d.stack}};
+  return {{"code", number_of(d.code)},
+          {"title", d.about.empty() ? title_of(d.code) : d.about},
+          {"file", d.at.mark.file},
+          {"line", d.at.mark.line},
+          {"column", d.at.mark.column},
+          {"at", d.at.key_path},
+          {"expected", d.expected},
+          {"got", d.got},
+          {"hint", d.hint},
+          {"stack", d.stack}};
 }
 
 Json to_json(const RunFailure& f) {
-  return {{"code", number_of(f.code)}, {"title", title_of(f.code)}, {"t", f.t},
-          {"body", f.body},            {"hinge", f.hinge},          {"what", f.what},
-          {"hint", f.hint},            {"last_good", f.last_good}};
+  return {{"code", number_of(f.code)},
+          {"title", title_of(f.code)},
+          {"t", f.t},
+          {"body", f.body},
+          {"hinge", f.hinge},
+          {"what", f.what},
+          {"hint", f.hint},
+          {"last_good", f.last_good}};
 }
 
 }  // namespace cardan

@@ -17,8 +17,14 @@ class TextRecorder final : public Recorder {
   explicit TextRecorder(const std::string& path)
       : path_(path), out_(path == "-" ? stdout : std::fopen(path.c_str(), "w")) {
     if (!out_)
-      throw InputError({Code::cannot_write, {"", {path, 0, 0}}, "a file that can be written", std::strerror(errno),
-                        "is the folder there, and may it be written to?", "", "", 0});
+      throw InputError({Code::cannot_write,
+                        {"", {path, 0, 0}},
+                        "a file that can be written",
+                        std::strerror(errno),
+                        "is the folder there, and may it be written to?",
+                        "",
+                        "",
+                        0});
   }
 
   ~TextRecorder() override {
@@ -70,8 +76,8 @@ class TextRecorder final : public Recorder {
   }
 
   [[noreturn]] void fail() const {
-    throw NumericsError({Code::disk_full, t_, "", "", path_ + ": " + std::strerror(errno),
-                         "free space, or write to another disk", ""});
+    throw NumericsError(
+        {Code::disk_full, t_, "", "", path_ + ": " + std::strerror(errno), "free space, or write to another disk", ""});
   }
 
   std::string path_, line_;

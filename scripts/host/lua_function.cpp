@@ -77,7 +77,8 @@ void LuaRecord::push(lua_State* L, std::span<const double> values) const {
   }
 }
 
-std::optional<LuaRecordFault> LuaRecord::fault(lua_State* L, LuaRecordFault::Kind kind, const Field* field, int element) const {
+std::optional<LuaRecordFault> LuaRecord::fault(lua_State* L, LuaRecordFault::Kind kind, const Field* field,
+                                               int element) const {
   LuaRecordFault f{kind, field ? field->is.name : std::string{}, "a finite number", describe_value(L, -1)};
   if (field && element > 0) f.field += fmt::format("[{}]", element);
   if (field && element == 0 && field->is.size > 1) f.expected = fmt::format("an array of {} numbers", field->is.size);
@@ -88,7 +89,8 @@ std::optional<LuaRecordFault> LuaRecord::fault(lua_State* L, LuaRecordFault::Kin
   return f;
 }
 
-std::optional<LuaRecordFault> LuaRecord::read_number(lua_State* L, const Field& field, int element, double& value) const {
+std::optional<LuaRecordFault> LuaRecord::read_number(lua_State* L, const Field& field, int element,
+                                                     double& value) const {
   if (lua_type(L, -1) != LUA_TNUMBER)
     return fault(L, lua_isnil(L, -1) ? LuaRecordFault::missing : LuaRecordFault::wrong_type, &field, element);
   value = lua_tonumber(L, -1);
@@ -139,11 +141,9 @@ std::optional<LuaRecordFault> LuaRecord::read(lua_State* L, int index, std::span
     const std::string key = text ? std::string(text, n) : luaL_typename(L, -1);
     const auto is_key = [&](const Field& f) { return f.is.name == key; };
     lua_pop(L, 1);
-    if (std::none_of(fields_.begin(), fields_.end(), is_key)) {
-      found = fault(L, LuaRecordFault::extra, nullptr, 0);
-      if (!found->field.empty() && found->field < key) continue;
-      found->field = key;
-    }
+    if (std::any_of(fields_.begin(), fields_.end(), is_key) || (found && found->field < key)) continue;
+    found = fault(L, LuaRecordFault::extra, nullptr, 0);
+    found->field = key;  // the smallest one: their order in the table differs from run to run
   }
   return end(std::move(found));
 }
@@ -171,15 +171,22 @@ void LuaFunction::call(std::span<const double> in, std::span<double> out, const 
           out[i] = lua_tonumber(L, at);
           if (lua_type(L, at) == LUA_TNUMBER && std::isfinite(out[i])) continue;
           push(L);
-          throw InputError(Diagnostic{Code::lua_runtime, {fmt::format("result {}", at), host_->definition(L, -1)}, "a finite number", describe_value(L, at),
-                                      {}, {}, {}, 0});
+          throw InputError(Diagnostic{Code::lua_runtime,
+                                      {fmt::format("result {}", at), host_->definition(L, -1)},
+                                      "a finite number",
+                                      describe_value(L, at),
+                                      {},
+                                      {},
+                                      {},
+                                      0});
         }
       },
       budget);
 }
 
 std::optional<LuaRecordFault> LuaFunction::tick(double t, const LuaRecord& input, std::span<const double> in,
-                                                const LuaRecord& output, std::span<double> out, const LuaBudget& budget) const {
+                                                const LuaRecord& output, std::span<double> out,
+                                                const LuaBudget& budget) const {
   std::optional<LuaRecordFault> fault;
   host_->protect(
       [&](lua_State* L) {

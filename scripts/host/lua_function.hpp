@@ -39,7 +39,8 @@ struct LuaField {
   int size = 1;
 };
 
-/// What is wrong with a table that should be a record: the field ("torque", "rate[2]"), what was expected and what stands there.
+/// What is wrong with a table that should be a record: the field ("torque", "rate[2]"), what was expected and what
+/// stands there.
 struct LuaRecordFault {
   enum Kind { not_a_table, missing, extra, wrong_type, not_finite } kind;
   std::string field, expected, got;
@@ -51,8 +52,8 @@ class LuaRecord {
   LuaRecord(LuaHost& host, std::vector<LuaField> fields);
   int n_values() const { return n_values_; }
 
-  /// Pushes the record's own table, filled with `values` (n_values(), array after array). It is the same table at each call:
-  /// a script that wants to remember values must copy the numbers, not the table.
+  /// Pushes the record's own table, filled with `values` (n_values(), array after array). It is the same table at each
+  /// call: a script that wants to remember values must copy the numbers, not the table.
   void push(lua_State* L, std::span<const double> values) const;
 
   /// Reads the table at `index` into `values`; every field must be there and finite, and nothing else. On a fault
@@ -81,9 +82,11 @@ class LuaFunction : public LuaRef {
   SourceMark defined_at() const;
   /// Numbers in, numbers out. Errors: as LuaHost::run_file; C0503 if a result is missing or not a finite number.
   void call(std::span<const double> in, std::span<double> out, const LuaBudget& budget = kTickBudget) const;
-  /// One call of a controller, f(t, input) -> output: the faults of the output are returned, those of the script thrown.
-  std::optional<LuaRecordFault> tick(double t, const LuaRecord& input, std::span<const double> in, const LuaRecord& output,
-                                     std::span<double> out, const LuaBudget& budget = kTickBudget) const;
+  /// One call of a controller, f(t, input) -> output: the faults of the output are returned, those of the script
+  /// thrown.
+  std::optional<LuaRecordFault> tick(double t, const LuaRecord& input, std::span<const double> in,
+                                     const LuaRecord& output, std::span<double> out,
+                                     const LuaBudget& budget = kTickBudget) const;
 };
 
 /// `"1e-9 m" (string)`, `12 (number)`, `nil`: for `got`.

@@ -19,12 +19,12 @@
 namespace cardan {
 namespace {
 
-constexpr int kHookSteps = 500;                   // instructions between two looks at the budget
-constexpr std::size_t kHeader = 16;               // before each block: its serial number; keeps the alignment
-constexpr std::size_t kLargeBlock = 64 << 10;     // [B] refused once the budget is used up
-constexpr int kMaxFrames = 10;                    // of a traceback
-constexpr char kFailure[] = "cardan.failure";     // metatable of a C++ exception on its way through Lua
-constexpr char kModules[] = "cardan.modules";     // registry: what `require` has returned
+constexpr int kHookSteps = 500;                // instructions between two looks at the budget
+constexpr std::size_t kHeader = 16;            // before each block: its serial number; keeps the alignment
+constexpr std::size_t kLargeBlock = 64 << 10;  // [B] refused once the budget is used up
+constexpr int kMaxFrames = 10;                 // of a traceback
+constexpr char kFailure[] = "cardan.failure";  // metatable of a C++ exception on its way through Lua
+constexpr char kModules[] = "cardan.modules";  // registry: what `require` has returned
 constexpr std::array kAbsent = {"os", "io", "debug", "package", "dofile", "loadfile", "collectgarbage"};
 
 void push_failure(lua_State* L, std::exception_ptr failure) {
@@ -77,8 +77,8 @@ struct Call {
   const void* job;
 };
 
-/// "scenario.lua:18: text" -> chunk, line, text; line 0 if the message does not begin with a place. Of several places, as a
-/// message gets on its way through coroutines, the last one.
+/// "scenario.lua:18: text" -> chunk, line, text; line 0 if the message does not begin with a place. Of several places,
+/// as a message gets on its way through coroutines, the last one.
 struct Placed {
   std::string chunk;
   int line = 0;
@@ -86,9 +86,11 @@ struct Placed {
 };
 Placed split_place(std::string message) {
   Placed placed{{}, 0, std::move(message)};
-  for (std::size_t colon = placed.text.find(':'); colon != std::string::npos; colon = placed.text.find(':', colon + 1)) {
+  for (std::size_t colon = placed.text.find(':'); colon != std::string::npos;
+       colon = placed.text.find(':', colon + 1)) {
     const std::size_t end = placed.text.find_first_not_of("0123456789", colon + 1);
-    if (end == std::string::npos || end == colon + 1 || end > colon + 9 || placed.text.compare(end, 2, ": ") != 0) continue;
+    if (end == std::string::npos || end == colon + 1 || end > colon + 9 || placed.text.compare(end, 2, ": ") != 0)
+      continue;
     const std::string chunk = placed.text.substr(0, colon);
     if (chunk.find(' ') != std::string::npos && chunk.front() != '[') break;  // a text that has numbers of its own
     placed = {chunk, std::stoi(placed.text.substr(colon + 1)), placed.text.substr(end + 2)};
@@ -143,7 +145,8 @@ LuaHost::LuaHost(LuaOptions options) : options_(std::move(options)), state_(null
 }
 
 void LuaHost::run_file(const std::string& name, const LuaBudget& budget) {
-  const std::string text = read(name, {Code::file_not_found, {{}, {(options_.folder / name).string()}}, "a Lua file", {}, {}, {}, {}});
+  const std::string text =
+      read(name, {Code::file_not_found, {{}, {(options_.folder / name).string()}}, "a Lua file", {}, {}, {}, {}});
   run_text(name, text, budget);
 }
 
@@ -177,7 +180,8 @@ void LuaHost::bind(const std::string& name, Binding function) {
 void LuaHost::call_protected(void (*run)(lua_State*, const void*), const void* job, const LuaBudget& budget) {
   lua_State* const L = running_;
   const Meter outer = meter_;
-  meter_ = {budget, budget.steps, Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(budget.seconds)),
+  meter_ = {budget, budget.steps,
+            Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(budget.seconds)),
             Limit::none};
   lua_sethook(L, on_count, LUA_MASKCOUNT, kHookSteps);
   Call call{run, job};
@@ -191,7 +195,8 @@ void LuaHost::call_protected(void (*run)(lua_State*, const void*), const void* j
   }
   const Meter spent = std::exchange(meter_, outer);
   running_ = L;
-  meter_.left = std::max<std::int64_t>(meter_.left - kHookSteps, -1);  // the outer count begins anew: what it had counted at most
+  meter_.left =
+      std::max<std::int64_t>(meter_.left - kHookSteps, -1);  // the outer count begins anew: what it had counted at most
   lua_sethook(L, on_count, LUA_MASKCOUNT, kHookSteps);
   if (status != LUA_OK) fail(L, status, base, spent);
   lua_settop(L, base);
@@ -281,7 +286,8 @@ void* LuaHost::allocate(void* self, void* block, std::size_t old_size, std::size
 std::uint64_t LuaHost::creation_order(lua_State* L, int index) const {
   const auto* block = static_cast<const std::byte*>(lua_topointer(L, index));
   if (lua_iscfunction(L, index)) {
-    if (!lua_getupvalue(L, index, 1)) return reinterpret_cast<std::uintptr_t>(block);  // no object: its place in the library
+    if (!lua_getupvalue(L, index, 1))
+      return reinterpret_cast<std::uintptr_t>(block);  // no object: its place in the library
     lua_pop(L, 1);
   } else if (lua_isthread(L, index)) {
     block = static_cast<const std::byte*>(lua_getextraspace(lua_tothread(L, index)));
@@ -338,11 +344,13 @@ std::string LuaHost::traceback(lua_State* L) {
   return out;
 }
 
-/// Records the place of the error whose stack still stands on `L`: the one its message names, else the nearest script line.
+/// Records the place of the error whose stack still stands on `L`: the one its message names, else the nearest script
+/// line.
 void LuaHost::locate(lua_State* L, std::string message) {
   const Placed placed = split_place(message);
   fault_ = {placed.text, traceback(L), {}, caller(L)};
-  const bool in_built_in = !placed.chunk.empty() && placed.chunk.front() == '[' && placed.chunk.rfind("[string", 0) != 0;
+  const bool in_built_in =
+      !placed.chunk.empty() && placed.chunk.front() == '[' && placed.chunk.rfind("[string", 0) != 0;
   if (placed.line > 0 && (!in_built_in || fault_.mark.file.empty())) fault_.mark = mark_of(placed.chunk, placed.line);
 }
 
@@ -351,7 +359,8 @@ int LuaHost::on_error(lua_State* L) {
   if (is_exhausted(L) || luaL_testudata(L, 1, kFailure)) return 1;
   const int type = lua_type(L, 1);
   const bool has_text = type == LUA_TSTRING || type == LUA_TNUMBER || luaL_getmetafield(L, 1, "__tostring") != LUA_TNIL;
-  host.locate(L, has_text ? std::string(push_text(L, 1)) : fmt::format("error object is a {} value", luaL_typename(L, 1)));
+  host.locate(L,
+              has_text ? std::string(push_text(L, 1)) : fmt::format("error object is a {} value", luaL_typename(L, 1)));
   host.fault_.hint = hint_for(L, host.fault_.message);
   lua_settop(L, 1);
   return 1;
@@ -398,7 +407,12 @@ void LuaHost::load(lua_State* L, const std::string& chunk, std::string_view text
   if (status != LUA_ERRSYNTAX) lua_error(L);
   const Placed placed = split_place(lua_tostring(L, -1));
   const std::string name = chunk.substr(1);
-  throw InputError(Diagnostic{Code::lua_syntax, {{}, placed.line > 0 ? mark_of(name, placed.line) : mark_of(name, 0)}, {}, {}, {}, {},
+  throw InputError(Diagnostic{Code::lua_syntax,
+                              {{}, placed.line > 0 ? mark_of(name, placed.line) : mark_of(name, 0)},
+                              {},
+                              {},
+                              {},
+                              {},
                               fmt::format("{}: {}", title_of(Code::lua_syntax), placed.text)});
 }
 
@@ -432,9 +446,11 @@ int LuaHost::require(lua_State* L) {
     std::string file = name + ".lua", known;
     std::replace(file.begin(), file.end() - 4, '.', '/');
     for (const auto& [module, unused] : options_.built_in) known += (known.empty() ? ", or one of: " : ", ") + module;
-    const Diagnostic absent{Code::file_not_found, {"require", caller(L)}, file + " in the scenario folder" + known, in_quotes(name), {},
-                            traceback(L), "module not found"};
-    if (name.find_first_of("/\\") != std::string::npos || ("." + name + ".").find("..") != std::string::npos) throw InputError(absent);
+    const Diagnostic absent{
+        Code::file_not_found, {"require", caller(L)}, file + " in the scenario folder" + known, in_quotes(name), {},
+        traceback(L),         "module not found"};
+    if (name.find_first_of("/\\") != std::string::npos || ("." + name + ".").find("..") != std::string::npos)
+      throw InputError(absent);
     text = read(file, absent);
     chunk = "@" + file;
   }

@@ -31,13 +31,14 @@ inline constexpr LuaBudget kSetupBudget{2'000'000'000, 60.0};
 inline constexpr LuaBudget kTickBudget{5'000'000, 10.0};
 
 struct LuaOptions {
-  std::filesystem::path folder;              ///< scenario folder: `require` resolves here and nowhere above
+  std::filesystem::path folder;                 ///< scenario folder: `require` resolves here and nowhere above
   std::map<std::string, std::string> built_in;  ///< modules of the program itself: name -> Lua text
-  std::uint64_t seed = 0;                    ///< of math.random
+  std::uint64_t seed = 0;                       ///< of math.random
   std::size_t memory_bytes = std::size_t{256} << 20;
   std::function<void(std::string_view line)> print = [](std::string_view) {};
   /// Called with each file of the scenario folder that is read, before it runs: the inputs whose hash is recorded.
-  std::function<void(const std::string& name, std::string_view text)> loaded = [](const std::string&, std::string_view) {};
+  std::function<void(const std::string& name, std::string_view text)> loaded = [](const std::string&,
+                                                                                  std::string_view) {};
 };
 
 /// One per thread; neither copied nor moved.
@@ -61,9 +62,9 @@ class LuaHost {
   /// Pushes a function (inside protect); it is kept until the host ends, so this is for set-up.
   void push(lua_State* L, Binding function);
 
-  /// Calls job(lua_State*) where Lua errors are caught, with a fresh budget, and leaves the stack as it was: use it around
-  /// anything that may raise a Lua error. May be nested (a binding that runs a simulation that calls controllers).
-  /// Time that bindings spend does not count. No allocation. Errors: as run_file.
+  /// Calls job(lua_State*) where Lua errors are caught, with a fresh budget, and leaves the stack as it was: use it
+  /// around anything that may raise a Lua error. May be nested (a binding that runs a simulation that calls
+  /// controllers). Time that bindings spend does not count. No allocation. Errors: as run_file.
   template <class Job>
   void protect(Job&& job, const LuaBudget& budget = kSetupBudget) {
     using Plain = std::remove_reference_t<Job>;
@@ -119,8 +120,8 @@ class LuaHost {
   std::string read(const std::string& name, const Diagnostic& if_absent) const;
 
   LuaOptions options_;
-  std::size_t memory_ = 0;      // [B] in use
-  std::uint64_t created_ = 0;   // serial number of the newest block
+  std::size_t memory_ = 0;     // [B] in use
+  std::uint64_t created_ = 0;  // serial number of the newest block
   void* newest_userdata_ = nullptr;
   std::ptrdiff_t userdata_offset_ = 0;  // from a userdata's block to its payload
   Meter meter_;

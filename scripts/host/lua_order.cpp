@@ -17,7 +17,8 @@ namespace {
 
 constexpr char kNumbers[] = "cardan.numbers";  // registry: object -> its number in texts, weak
 
-/// A key as it is ordered: numbers, strings, false, true, objects by creation. A view: the key itself stays in its table.
+/// A key as it is ordered: numbers, strings, false, true, objects by creation. A view: the key itself stays in its
+/// table.
 struct Key {
   enum Kind { number, text, truth, object } kind;
   lua_Integer integer = 0;  // of an integer, a boolean
@@ -55,14 +56,19 @@ bool number_less(const Key& a, const Key& b) {
 bool operator<(const Key& a, const Key& b) {
   if (a.kind != b.kind) return a.kind < b.kind;
   switch (a.kind) {
-    case Key::number: return number_less(a, b);
-    case Key::text: return a.bytes < b.bytes;
-    case Key::truth: return a.integer < b.integer;
-    default: return a.created < b.created;
+    case Key::number:
+      return number_less(a, b);
+    case Key::text:
+      return a.bytes < b.bytes;
+    case Key::truth:
+      return a.integer < b.integer;
+    default:
+      return a.created < b.created;
   }
 }
 
-/// Upvalues: the keys in order, how many were visited, how many there are. Entries that have been cleared are passed over.
+/// Upvalues: the keys in order, how many were visited, how many there are. Entries that have been cleared are passed
+/// over.
 int next_pair(lua_State* L) {
   const lua_Integer n = lua_tointeger(L, lua_upvalueindex(3));
   lua_Integer i = lua_tointeger(L, lua_upvalueindex(2));
@@ -210,7 +216,8 @@ bool is_less(lua_State* L, int values, lua_Integer a, lua_Integer b) {
   return less;
 }
 
-/// table.sort as a stable merge sort, bottom up: the same result on every run, n log n comparisons whatever the order says.
+/// table.sort as a stable merge sort, bottom up: the same result on every run, n log n comparisons whatever the order
+/// says.
 int sort(lua_State* L) {
   luaL_checktype(L, 1, LUA_TTABLE);
   lua_settop(L, 2);
@@ -222,7 +229,8 @@ int sort(lua_State* L) {
 
   lua_createtable(L, static_cast<int>(n), 0);  // 3: the values
   const auto size = static_cast<std::size_t>(n);
-  auto* order = static_cast<lua_Integer*>(lua_newuserdatauv(L, 2 * size * sizeof(lua_Integer), 0));  // 4: counts as the script's memory
+  auto* order = static_cast<lua_Integer*>(
+      lua_newuserdatauv(L, 2 * size * sizeof(lua_Integer), 0));  // 4: counts as the script's memory
   lua_Integer* merged = order + size;
   for (lua_Integer i = 1; i <= n; ++i) {
     lua_geti(L, 1, i);
@@ -292,7 +300,8 @@ void open_order(lua_State* L) {
   lua_setmetatable(L, -2);
   lua_setfield(L, LUA_REGISTRYINDEX, kNumbers);
 
-  constexpr luaL_Reg kGlobals[] = {{"pairs", pairs}, {"next", next}, {"tostring", to_string}, {"print", print}, {nullptr, nullptr}};
+  constexpr luaL_Reg kGlobals[] = {
+      {"pairs", pairs}, {"next", next}, {"tostring", to_string}, {"print", print}, {nullptr, nullptr}};
   lua_pushglobaltable(L);
   luaL_setfuncs(L, kGlobals, 0);
   lua_getfield(L, -1, "table");

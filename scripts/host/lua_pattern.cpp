@@ -16,10 +16,10 @@
 namespace cardan {
 namespace {
 
-constexpr int kMaxDepth = 200;          // nested attempts, as in the library
-constexpr int kMaxCaptures = 32;        // likewise
-constexpr lua_Integer kBatch = 1024;    // steps between two looks at the budget
-constexpr std::ptrdiff_t kOpen = -1;    // capture lengths: not closed yet,
+constexpr int kMaxDepth = 200;            // nested attempts, as in the library
+constexpr int kMaxCaptures = 32;          // likewise
+constexpr lua_Integer kBatch = 1024;      // steps between two looks at the budget
+constexpr std::ptrdiff_t kOpen = -1;      // capture lengths: not closed yet,
 constexpr std::ptrdiff_t kPosition = -2;  // and `()`
 
 int byte_of(char c) { return static_cast<unsigned char>(c); }
@@ -27,18 +27,30 @@ int byte_of(char c) { return static_cast<unsigned char>(c); }
 bool in_class(int c, char letter) {
   const auto test = [c](int lower) -> std::optional<bool> {
     switch (lower) {
-      case 'a': return std::isalpha(c) != 0;
-      case 'c': return std::iscntrl(c) != 0;
-      case 'd': return std::isdigit(c) != 0;
-      case 'g': return std::isgraph(c) != 0;
-      case 'l': return std::islower(c) != 0;
-      case 'p': return std::ispunct(c) != 0;
-      case 's': return std::isspace(c) != 0;
-      case 'u': return std::isupper(c) != 0;
-      case 'w': return std::isalnum(c) != 0;
-      case 'x': return std::isxdigit(c) != 0;
-      case 'z': return c == 0;  // no longer in the manual, still in the library
-      default: return std::nullopt;
+      case 'a':
+        return std::isalpha(c) != 0;
+      case 'c':
+        return std::iscntrl(c) != 0;
+      case 'd':
+        return std::isdigit(c) != 0;
+      case 'g':
+        return std::isgraph(c) != 0;
+      case 'l':
+        return std::islower(c) != 0;
+      case 'p':
+        return std::ispunct(c) != 0;
+      case 's':
+        return std::isspace(c) != 0;
+      case 'u':
+        return std::isupper(c) != 0;
+      case 'w':
+        return std::isalnum(c) != 0;
+      case 'x':
+        return std::isxdigit(c) != 0;
+      case 'z':
+        return c == 0;  // no longer in the manual, still in the library
+      default:
+        return std::nullopt;
     }
   };
   const std::optional<bool> is_in = test(std::tolower(byte_of(letter)));
@@ -122,9 +134,12 @@ class Matcher {
       } else {
         const char* const after = item_end(p);
         switch (peek(after)) {
-          case '*': return longest(s, p, after);
-          case '+': return is_item(s, p, after) ? longest(s + 1, p, after) : nullptr;
-          case '-': return shortest(s, p, after);
+          case '*':
+            return longest(s, p, after);
+          case '+':
+            return is_item(s, p, after) ? longest(s + 1, p, after) : nullptr;
+          case '-':
+            return shortest(s, p, after);
           case '?':
             if (is_item(s, p, after))
               if (const char* const e = match(s + 1, after + 1)) return e;
@@ -161,10 +176,14 @@ class Matcher {
     spend();
     if (s == end_) return false;
     switch (*p) {
-      case '.': return true;
-      case '%': return in_class(byte_of(*s), p[1]);
-      case '[': return in_set(byte_of(*s), p, after - 1);
-      default: return *p == *s;
+      case '.':
+        return true;
+      case '%':
+        return in_class(byte_of(*s), p[1]);
+      case '[':
+        return in_set(byte_of(*s), p, after - 1);
+      default:
+        return *p == *s;
     }
   }
 
@@ -338,7 +357,8 @@ int gmatch(lua_State* L) {
 }
 
 /// Adds a replacement text, in which %0 ... %9 stand for the match and its captures.
-void add_replacement(lua_State* L, luaL_Buffer* out, const Matcher& m, std::string_view replacement, const char* s, const char* e) {
+void add_replacement(lua_State* L, luaL_Buffer* out, const Matcher& m, std::string_view replacement, const char* s,
+                     const char* e) {
   for (std::size_t i = 0; i < replacement.size(); ++i) {
     if (replacement[i] != '%') {
       luaL_addchar(out, replacement[i]);
@@ -414,7 +434,8 @@ int gsub(lua_State* L) {
 }  // namespace
 
 void open_patterns(lua_State* L) {
-  constexpr luaL_Reg kFunctions[] = {{"find", find}, {"match", match}, {"gmatch", gmatch}, {"gsub", gsub}, {nullptr, nullptr}};
+  constexpr luaL_Reg kFunctions[] = {
+      {"find", find}, {"match", match}, {"gmatch", gmatch}, {"gsub", gsub}, {nullptr, nullptr}};
   luaL_setfuncs(L, kFunctions, 0);
 }
 

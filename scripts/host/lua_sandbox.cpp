@@ -47,9 +47,13 @@ lua_Integer removed(lua_State* L) { return lua_gettop(L) > 1 ? span(lua_tointege
 lua_Integer joined(lua_State* L) {  // concat(t, sep, i, j)
   return span(luaL_optinteger(L, 3, 1), lua_isnoneornil(L, 4) ? length(L) : lua_tointeger(L, 4));
 }
-lua_Integer unpacked(lua_State* L) { return span(luaL_optinteger(L, 2, 1), lua_isnoneornil(L, 3) ? length(L) : lua_tointeger(L, 3)); }
+lua_Integer unpacked(lua_State* L) {
+  return span(luaL_optinteger(L, 2, 1), lua_isnoneornil(L, 3) ? length(L) : lua_tointeger(L, 3));
+}
 lua_Integer unwinding(lua_State*) { return kUnwinding; }
-lua_Integer new_thread(lua_State*) { return 1000; }  // what a short-lived coroutine can do before its own count is looked at
+lua_Integer new_thread(lua_State*) {
+  return 1000;
+}  // what a short-lived coroutine can do before its own count is looked at
 
 /// Replaces a field of the table at the top; the original becomes the wrapper's first upvalue.
 void wrap(lua_State* L, const char* name, lua_CFunction wrapper) {
@@ -161,8 +165,9 @@ void open(lua_State* L, const char* name, lua_CFunction opener, std::initializer
 
 void open_sandbox(lua_State* L, std::uint64_t seed) {
   open(L, LUA_GNAME, luaopen_base,
-       {"_G", "_VERSION", "assert", "error", "getmetatable", "ipairs", "load", "next", "pairs", "pcall", "print", "rawequal",
-        "rawget", "rawlen", "rawset", "select", "setmetatable", "tonumber", "tostring", "type", "xpcall"});
+       {"_G",     "_VERSION", "assert",       "error",    "getmetatable", "ipairs", "load",
+        "next",   "pairs",    "pcall",        "print",    "rawequal",     "rawget", "rawlen",
+        "rawset", "select",   "setmetatable", "tonumber", "tostring",     "type",   "xpcall"});
   wrap(L, "tonumber", metered<length_of_texts>);
   wrap(L, "setmetatable", set_metatable);
   wrap(L, "load", load);
@@ -171,8 +176,8 @@ void open_sandbox(lua_State* L, std::uint64_t seed) {
   lua_pop(L, 1);
 
   open(L, LUA_STRLIBNAME, luaopen_string,
-       {"byte", "char", "find", "format", "gmatch", "gsub", "len", "lower", "match", "pack", "packsize", "rep", "reverse", "sub",
-        "unpack", "upper"});
+       {"byte", "char", "find", "format", "gmatch", "gsub", "len", "lower", "match", "pack", "packsize", "rep",
+        "reverse", "sub", "unpack", "upper"});
   wrap(L, "rep", metered<repeats>);
   for (const char* name : {"byte", "packsize", "unpack"}) wrap(L, name, metered<length_of_texts>);
   open_patterns(L);
@@ -191,8 +196,9 @@ void open_sandbox(lua_State* L, std::uint64_t seed) {
   lua_pop(L, 1);
 
   open(L, LUA_MATHLIBNAME, luaopen_math,
-       {"abs", "acos", "asin", "atan", "ceil", "cos", "deg", "exp", "floor", "fmod", "huge", "log", "max", "maxinteger", "min",
-        "mininteger", "modf", "pi", "rad", "random", "randomseed", "sin", "sqrt", "tan", "tointeger", "type", "ult"});
+       {"abs",  "acos",   "asin",       "atan", "ceil",       "cos", "deg",        "exp",  "floor",
+        "fmod", "huge",   "log",        "max",  "maxinteger", "min", "mininteger", "modf", "pi",
+        "rad",  "random", "randomseed", "sin",  "sqrt",       "tan", "tointeger",  "type", "ult"});
   lua_getfield(L, -1, "randomseed");
   lua_pushinteger(L, static_cast<lua_Integer>(seed));
   lua_call(L, 1, 0);
@@ -203,7 +209,8 @@ void open_sandbox(lua_State* L, std::uint64_t seed) {
   for (const char* name : {"codepoint", "len", "offset"}) wrap(L, name, metered<length_of_texts>);
   lua_pop(L, 1);
 
-  open(L, LUA_COLIBNAME, luaopen_coroutine, {"close", "create", "isyieldable", "resume", "running", "status", "wrap", "yield"});
+  open(L, LUA_COLIBNAME, luaopen_coroutine,
+       {"close", "create", "isyieldable", "resume", "running", "status", "wrap", "yield"});
   wrap(L, "create", metered<new_thread>);
   wrap(L, "wrap", metered<new_thread>);
   wrap(L, "yield", metered<unwinding>);  // in Lua as C++, a yield is an exception

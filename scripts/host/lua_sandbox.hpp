@@ -9,7 +9,8 @@ namespace cardan {
 /// - absent: os, io, debug, package, dofile, loadfile, collectgarbage, warn, string.dump;
 /// - pairs, next: numbers ascending, strings by their bytes, false, true, then other keys in order of creation;
 /// - tostring, string.format: "table: #1" by order of first printing, never an address;
-/// - setmetatable refuses finalisers (they run outside the budget) and weak tables (they show when memory is collected);
+/// - setmetatable refuses finalisers (they run outside the budget) and weak tables (they show when memory is
+/// collected);
 /// - load takes text only; math.randomseed needs a seed; table.sort is stable;
 /// - each function that can work long is charged to the budget, patterns included; pcall does not catch a budget's end.
 void open_sandbox(lua_State* L, std::uint64_t seed);

@@ -1,6 +1,7 @@
 #pragma once
-// Strict reading of tables that scripts pass to bindings: every key known, every type right, every unit right. Faults go
-// to a sink with the place of the script line, the path of the key and what was expected; the binding goes on reading.
+// Strict reading of tables that scripts pass to bindings: every key known, every type right, every unit right. Faults
+// go to a sink with the place of the script line, the path of the key and what was expected; the binding goes on
+// reading.
 #include <cstdint>
 #include <initializer_list>
 #include <optional>
@@ -46,7 +47,8 @@ class LuaTable {
  private:
   int get(const std::string& key);  // pushes the value, returns its type
   std::string path_of(const std::string& key) const;
-  void report(const std::string& path, std::string expected, std::string got, std::string hint = {}, Code code = Code::lua_argument);
+  void report(const std::string& path, std::string expected, std::string got, std::string hint = {},
+              Code code = Code::lua_argument);
   std::optional<double> quantity(const std::string& path, std::string_view unit);  // of the value at the top
 
   lua_State* L_;

@@ -24,8 +24,10 @@ struct Thinning {
   std::size_t rows = 0, stretch = 1;
 
   Thinning(std::size_t n_rows, std::size_t n_components) : rows(n_rows) {
-    const double points = std::clamp(kPageBytes / kBytesPerNumber / static_cast<double>(n_components + 1), 100.0, 4000.0);
-    if (static_cast<double>(rows) > points) stretch = static_cast<std::size_t>(std::ceil(2.0 * static_cast<double>(rows) / points));
+    const double points =
+        std::clamp(kPageBytes / kBytesPerNumber / static_cast<double>(n_components + 1), 100.0, 4000.0);
+    if (static_cast<double>(rows) > points)
+      stretch = static_cast<std::size_t>(std::ceil(2.0 * static_cast<double>(rows) / points));
   }
 };
 
@@ -39,7 +41,9 @@ Json rounded(double value, double largest, double range) {
 
 Json times(std::span<const double> t, const Thinning& thin) {
   Json out = Json::array();
-  const auto put = [&](std::size_t row) { out.push_back(rounded(t[row], std::abs(t[thin.rows - 1]), std::abs(t[thin.rows - 1]) / 1e3)); };
+  const auto put = [&](std::size_t row) {
+    out.push_back(rounded(t[row], std::abs(t[thin.rows - 1]), std::abs(t[thin.rows - 1]) / 1e3));
+  };
   for (std::size_t row = 0; row < thin.rows; row += thin.stretch) {
     put(row);
     if (thin.stretch > 1) put(std::min(row + thin.stretch / 2, thin.rows - 1));
@@ -105,7 +109,10 @@ Json series(const Hdf5File& file) {
                         {"components", names},
                         {"values", values}});
   }
-  return {{"rows", rows}, {"stretch", thin.stretch}, {"t", times(file.read_doubles("/time").values, thin)}, {"channels", channels}};
+  return {{"rows", rows},
+          {"stretch", thin.stretch},
+          {"t", times(file.read_doubles("/time").values, thin)},
+          {"channels", channels}};
 }
 
 Json pairs(const Hdf5File& file, const std::string& path) {
@@ -117,8 +124,8 @@ Json pairs(const Hdf5File& file, const std::string& path) {
 
 Json page_data(const Hdf5File& file) {
   Json run;
-  for (const char* key :
-       {"scenario", "title", "program_version", "commit", "compiler", "flags", "seed", "integrator", "started", "finished"})
+  for (const char* key : {"scenario", "title", "program_version", "commit", "compiler", "flags", "seed", "integrator",
+                          "started", "finished"})
     if (file.has_attribute("/run", key)) run[key] = file.text_attribute("/run", key);
   const std::string summary = "/attachments/summary";
   return {{"run", run},
@@ -168,8 +175,14 @@ void write_report(const std::string& h5_path, const std::string& html_path) {
   out << html;
   out.close();
   if (!out)
-    throw InputError({Code::cannot_write, {"", {html_path, 0, 0}}, "a file that can be written", std::strerror(errno),
-                      "is the folder there, and is there space?", "", "", 0});
+    throw InputError({Code::cannot_write,
+                      {"", {html_path, 0, 0}},
+                      "a file that can be written",
+                      std::strerror(errno),
+                      "is the folder there, and is there space?",
+                      "",
+                      "",
+                      0});
 }
 
 }  // namespace cardan

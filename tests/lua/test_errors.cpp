@@ -48,18 +48,22 @@ TEST(LuaErrors, ShowTheSourceLine) {
   } catch (const InputError& e) {
     EXPECT_EQ(render(e.diagnostics()[0]),
               "error[C0503]: Lua runtime error: attempt to index a nil value (field 'axis')\n"
-              "  --> " + (folder / "scenario.lua").string() + ":2\n"
-              "    2 | print(wheel.axis.x)\n"
-              "  stack:    scenario.lua:2 in main chunk\n");
+              "  --> " +
+                  (folder / "scenario.lua").string() +
+                  ":2\n"
+                  "    2 | print(wheel.axis.x)\n"
+                  "  stack:    scenario.lua:2 in main chunk\n");
   }
   std::filesystem::remove_all(folder);
 }
 
 TEST(LuaErrors, RuntimeErrorHasATraceback) {
-  EXPECT_EQ(message_of("function setup()\n  return 1 + nil\nend\nlocal t = {go = setup}\n\nlocal function start() t.go() return 1 end\nstart()"),
+  EXPECT_EQ(message_of("function setup()\n  return 1 + nil\nend\nlocal t = {go = setup}\n\nlocal function start() "
+                       "t.go() return 1 end\nstart()"),
             "error[C0503]: Lua runtime error: attempt to perform arithmetic on a nil value\n"
             "  --> scenario.lua:2\n"
-            "  stack:    scenario.lua:2 in function 'go'  <  scenario.lua:6 in function 'start'  <  scenario.lua:7 in main chunk\n");
+            "  stack:    scenario.lua:2 in function 'go'  <  scenario.lua:6 in function 'start'  <  scenario.lua:7 in "
+            "main chunk\n");
 }
 
 TEST(LuaErrors, UnknownGlobalsAreGuessed) {
@@ -105,7 +109,8 @@ TEST(LuaErrors, CoroutinesKeepTheInnerPlace) {
 
 TEST(LuaErrors, BuiltInModulesBlameTheCaller) {
   LuaOptions options;
-  options.built_in = {{"cardan.law", "return {gain = function(x) if x < 0 then error('gain must be positive') end end}"}};
+  options.built_in = {
+      {"cardan.law", "return {gain = function(x) if x < 0 then error('gain must be positive') end end}"}};
   LuaHost host(std::move(options));
   EXPECT_EQ(message_of(host, "local law = require 'cardan.law'\nlaw.gain(-1)"),
             "error[C0503]: Lua runtime error: gain must be positive\n"
@@ -121,7 +126,9 @@ TEST(LuaExceptions, PassThroughScriptsUnchanged) {
     throw InputError(std::vector<Diagnostic>{{Code::unknown_body, {"body", {}}, "a body", "\"bus\"", {}, {}, {}, 0},
                                              {Code::unknown_node, {"node", {}}, "a node", "\"tip\"", {}, {}, {}, 0}});
   });
-  host.bind("run.failing", [](lua_State*) -> int { throw NumericsError({Code::singular_hinge, 12.5, "panel", "root", "D = 0", {}, {}}); });
+  host.bind("run.failing", [](lua_State*) -> int {
+    throw NumericsError({Code::singular_hinge, 12.5, "panel", "root", "D = 0", {}, {}});
+  });
   host.bind("standard", [](lua_State*) -> int { throw std::out_of_range("index 5"); });
 
   try {
@@ -144,9 +151,12 @@ TEST(LuaExceptions, PassThroughScriptsUnchanged) {
 
 TEST(LuaExceptions, CanBeCaughtByScripts) {
   LuaHost host;
-  host.bind("failing", [](lua_State*) -> int { throw NumericsError({Code::singular_hinge, 12.5, {}, {}, "D = 0", {}, {}}); });
-  EXPECT_EQ(message_of(host, "local ok, e = pcall(failing) assert(not ok and tostring(e):find('N0107', 1, true)) "
-                             "assert(getmetatable(e) == false)"),
+  host.bind("failing", [](lua_State*) -> int {
+    throw NumericsError({Code::singular_hinge, 12.5, {}, {}, "D = 0", {}, {}});
+  });
+  EXPECT_EQ(message_of(host,
+                       "local ok, e = pcall(failing) assert(not ok and tostring(e):find('N0107', 1, true)) "
+                       "assert(getmetatable(e) == false)"),
             "no error");
 }
 
@@ -185,7 +195,8 @@ TEST(LuaExceptions, RunDestructors) {
   EXPECT_THROW(host.protect([alive](lua_State* L) {
     const std::shared_ptr<int> local = alive;
     luaL_error(L, "in a job");
-  }), InputError);
+  }),
+               InputError);
   EXPECT_EQ(alive.use_count(), before);
 }
 

@@ -37,7 +37,8 @@ constexpr char kProbe[] = R"(
       out[#out + 1] = try(each, s, p, init)
     end
     out[#out + 1] = try(string.find, s, p, 1, true)
-    for _, replacement in ipairs{'<%0>', '%1', '%2', '%%', '%', '%x', 'x', '', 7, {a = 'A', b = false, [1] = 'one', ab = {}}} do
+    local replacements = {'<%0>', '%1', '%2', '%%', '%', '%x', 'x', '', 7, {a = 'A', b = false, [1] = 'one', ab = {}}}
+    for _, replacement in ipairs(replacements) do
       out[#out + 1] = try(string.gsub, s, p, replacement)
       out[#out + 1] = try(string.gsub, s, p, replacement, 2)
     end
@@ -71,7 +72,8 @@ class LuaPattern : public ::testing::Test {
   void compare(const std::string& subject, const std::string& pattern) {
     std::string ours;
     host_.protect([&](lua_State* L) { ours = probe(L, subject, pattern); });
-    ASSERT_EQ(ours, probe(library_.get(), subject, pattern)) << "subject \"" << subject << "\", pattern \"" << pattern << '"';
+    ASSERT_EQ(ours, probe(library_.get(), subject, pattern))
+        << "subject \"" << subject << "\", pattern \"" << pattern << '"';
   }
 
   LuaHost host_;
@@ -79,19 +81,159 @@ class LuaPattern : public ::testing::Test {
 };
 
 TEST_F(LuaPattern, AgreesWithTheLibraryOnWrittenCases) {
-  const std::vector<std::string> subjects = {
-      "", "a", "aaa", "abcabc", "hello world from Lua", "key = value, x=1", "THE (quick) fox", "((a)(b(c)))", "2024-01-02",
-      "  trim me  ", "a.b.c", "%d[x]^$", std::string("nul\0byte\0", 9), "\xC3\xA9t\xC3\xA9", "0x1F -3.5e+7", "aXbXc\n\tend", "]^-[", "abab"};
-  const std::vector<std::string> patterns = {
-      "", "a", "a*", "a+", "a-", "a?", ".", ".*", ".-", "^", "$", "^$", "^a", "a$", "^.*$", "a*$", "%a+", "%A+", "%d%d", "%w+", "%s*",
-      "%S+", "%p", "%P+", "%l+", "%u+", "%x+", "%X", "%c", "%C+", "%g+", "%G", "(%w+)", "()", "()a()", "(a)(b)", "(a*(.)%w(%s*))",
-      "%b()", "%b[]", "%baa", "%f[%w]%w+", "%f[%a]", "%f[^%a]", "%f[%z]", "(%w+)%s*=%s*(%w+)", "^%s*(.-)%s*$", "[abc]", "[^abc]+",
-      "[a-c]", "[%a_]+", "[^%s]+", "[]]", "[^]]", "[]-a]", "[a-]", "[-a]", "[%]]", "[%-x]", "[a%-z]", "[a-%%]", "[^^]", "(.)%1", "(a)%1*",
-      "(..)%1", "((a)b)", "(a)|(b)", "%.", "%%", "%^", "%$", "\\", "x*", "(x*)", "(())", "(()a)", "%w%w-%w", ".-b", ".-$", "b.-",
-      std::string("\0", 1), std::string("%z"), std::string("[\0]", 3), "[^\xC3]", "\xC3.", "%0", "%1", "(%1)", "(a)%2", "a(%1)", "(a",
-      "a)", "(", ")", "((", "())", "[", "[a", "[]", "[^", "[^]", "[%", "[%a", "[a-", "%", "a%", "%b", "%bx", "%f", "%fa", "%f[", "%f[a", "*",
-      "+", "?", "-", "**", "a**", "a+*", "a?-", "a-*", "^*", "^^", "a^", "$$", "$a", "a$b", "(^a)", "(a$)", "(a)$", "[[]", "[[:alpha:]]", ".?.?.?",
-      "(.)(.)(.)(.)(.)", "()()()", "(((((((((((((((((((((((((((((((((a)))))))))))))))))))))))))))))))))"};
+  const std::vector<std::string> subjects = {"",
+                                             "a",
+                                             "aaa",
+                                             "abcabc",
+                                             "hello world from Lua",
+                                             "key = value, x=1",
+                                             "THE (quick) fox",
+                                             "((a)(b(c)))",
+                                             "2024-01-02",
+                                             "  trim me  ",
+                                             "a.b.c",
+                                             "%d[x]^$",
+                                             std::string("nul\0byte\0", 9),
+                                             "\xC3\xA9t\xC3\xA9",
+                                             "0x1F -3.5e+7",
+                                             "aXbXc\n\tend",
+                                             "]^-[",
+                                             "abab"};
+  const std::vector<std::string> patterns = {"",
+                                             "a",
+                                             "a*",
+                                             "a+",
+                                             "a-",
+                                             "a?",
+                                             ".",
+                                             ".*",
+                                             ".-",
+                                             "^",
+                                             "$",
+                                             "^$",
+                                             "^a",
+                                             "a$",
+                                             "^.*$",
+                                             "a*$",
+                                             "%a+",
+                                             "%A+",
+                                             "%d%d",
+                                             "%w+",
+                                             "%s*",
+                                             "%S+",
+                                             "%p",
+                                             "%P+",
+                                             "%l+",
+                                             "%u+",
+                                             "%x+",
+                                             "%X",
+                                             "%c",
+                                             "%C+",
+                                             "%g+",
+                                             "%G",
+                                             "(%w+)",
+                                             "()",
+                                             "()a()",
+                                             "(a)(b)",
+                                             "(a*(.)%w(%s*))",
+                                             "%b()",
+                                             "%b[]",
+                                             "%baa",
+                                             "%f[%w]%w+",
+                                             "%f[%a]",
+                                             "%f[^%a]",
+                                             "%f[%z]",
+                                             "(%w+)%s*=%s*(%w+)",
+                                             "^%s*(.-)%s*$",
+                                             "[abc]",
+                                             "[^abc]+",
+                                             "[a-c]",
+                                             "[%a_]+",
+                                             "[^%s]+",
+                                             "[]]",
+                                             "[^]]",
+                                             "[]-a]",
+                                             "[a-]",
+                                             "[-a]",
+                                             "[%]]",
+                                             "[%-x]",
+                                             "[a%-z]",
+                                             "[a-%%]",
+                                             "[^^]",
+                                             "(.)%1",
+                                             "(a)%1*",
+                                             "(..)%1",
+                                             "((a)b)",
+                                             "(a)|(b)",
+                                             "%.",
+                                             "%%",
+                                             "%^",
+                                             "%$",
+                                             "\\",
+                                             "x*",
+                                             "(x*)",
+                                             "(())",
+                                             "(()a)",
+                                             "%w%w-%w",
+                                             ".-b",
+                                             ".-$",
+                                             "b.-",
+                                             std::string("\0", 1),
+                                             std::string("%z"),
+                                             std::string("[\0]", 3),
+                                             "[^\xC3]",
+                                             "\xC3.",
+                                             "%0",
+                                             "%1",
+                                             "(%1)",
+                                             "(a)%2",
+                                             "a(%1)",
+                                             "(a",
+                                             "a)",
+                                             "(",
+                                             ")",
+                                             "((",
+                                             "())",
+                                             "[",
+                                             "[a",
+                                             "[]",
+                                             "[^",
+                                             "[^]",
+                                             "[%",
+                                             "[%a",
+                                             "[a-",
+                                             "%",
+                                             "a%",
+                                             "%b",
+                                             "%bx",
+                                             "%f",
+                                             "%fa",
+                                             "%f[",
+                                             "%f[a",
+                                             "*",
+                                             "+",
+                                             "?",
+                                             "-",
+                                             "**",
+                                             "a**",
+                                             "a+*",
+                                             "a?-",
+                                             "a-*",
+                                             "^*",
+                                             "^^",
+                                             "a^",
+                                             "$$",
+                                             "$a",
+                                             "a$b",
+                                             "(^a)",
+                                             "(a$)",
+                                             "(a)$",
+                                             "[[]",
+                                             "[[:alpha:]]",
+                                             ".?.?.?",
+                                             "(.)(.)(.)(.)(.)",
+                                             "()()()",
+                                             "(((((((((((((((((((((((((((((((((a)))))))))))))))))))))))))))))))))"};
   for (const auto& subject : subjects)
     for (const auto& pattern : patterns) compare(subject, pattern);
 }
@@ -105,8 +247,9 @@ TEST_F(LuaPattern, AgreesWithTheLibraryOnRandomCases) {
     return text;
   };
   const std::vector<std::string> letters = {"a", "b", "ab", "(", ")", "[", "]", " ", "1", "A", "-", "%", "^"};
-  const std::vector<std::string> pieces = {"a", "b", "%a", "%d", "%W", ".", "[ab]", "[^a]", "[%w-]", "*", "+", "-", "?", "(", ")", "()", "%1",
-                                           "%b()", "%f[%w]", "^", "$", "%", "[", "]", "1"};
+  const std::vector<std::string> pieces = {"a",      "b", "%a", "%d", "%W", ".", "[ab]", "[^a]", "[%w-]",
+                                           "*",      "+", "-",  "?",  "(",  ")", "()",   "%1",   "%b()",
+                                           "%f[%w]", "^", "$",  "%",  "[",  "]", "1"};
   for (int i = 0; i < 1500; ++i) {
     const std::string subject = pick(letters, 10);
     compare(subject, pick(pieces, 6));
@@ -123,15 +266,17 @@ TEST_F(LuaPattern, StopsAtTheLibrarysDepth) {
 }
 
 TEST_F(LuaPattern, TakesNumbersAsTexts) {
-  for (const char* call : {"return string.find(12345, 34)", "return string.gsub(121, 1, 3)", "return ('x'):find()", "return ('x'):gsub('x')",
-                           "return ('x'):gmatch()", "return string.find({}, 'x')", "return ('x'):find('x', 'y')"}) {
+  for (const char* call : {"return string.find(12345, 34)", "return string.gsub(121, 1, 3)", "return ('x'):find()",
+                           "return ('x'):gsub('x')", "return ('x'):gmatch()", "return string.find({}, 'x')",
+                           "return ('x'):find('x', 'y')"}) {
     std::string results[2];
     const auto run = [&](lua_State* L) {
       luaL_loadstring(L, call);
       const int base = lua_gettop(L);
       const int status = lua_pcall(L, 0, LUA_MULTRET, 0);
       std::string text = std::to_string(status);
-      for (int i = base; i <= lua_gettop(L); ++i) text += std::string(" ") + luaL_tolstring(L, i, nullptr), lua_pop(L, 1);
+      for (int i = base; i <= lua_gettop(L); ++i)
+        text += std::string(" ") + luaL_tolstring(L, i, nullptr), lua_pop(L, 1);
       lua_settop(L, base - 1);
       return text;
     };

@@ -34,38 +34,43 @@ std::string faults_of(const std::string& script, Reader reader) {
 }
 
 TEST(LuaTable, ReadsValuesOfAllTypes) {
-  EXPECT_EQ(faults_of("run{until_ = '1.5 min', step = 0.5, angle = '90 deg', n = 3, name = 'slew', method = 'rk4', quiet = true, "
-                      "axis = {0, 0, '100 cm'}, law = function(x) return 2 * x end, inner = {gain = 4}, phases = {{t = 1}, {t = 2}}}",
-                      [](LuaTable& t) {
-                        EXPECT_EQ(t.number("until_", "s"), 90.0);
-                        EXPECT_EQ(t.number("step", "s"), 0.5);
-                        EXPECT_NEAR(t.number("angle", "rad").value(), 1.5707963267948966, 1e-15);  // round-off of one product
-                        EXPECT_EQ(t.integer("n"), 3);
-                        EXPECT_EQ(t.text("name"), "slew");
-                        EXPECT_EQ(t.choice("method", {"rk4", "cvode"}), "rk4");
-                        EXPECT_EQ(t.flag("quiet"), true);
-                        EXPECT_EQ(t.numbers("axis", 3, "m"), (std::vector<double>{0.0, 0.0, 1.0}));
-                        std::array<double, 1> result{};
-                        t.function("law")->call(std::array{21.0}, result);
-                        EXPECT_EQ(result[0], 42.0);
-                        auto inner = t.table("inner");
-                        EXPECT_EQ(inner->number("gain"), 4.0);
-                        inner->finish();
-                        auto phases = t.tables("phases");
-                        ASSERT_EQ(phases.size(), 2u);
-                        EXPECT_EQ(phases[1].number("t"), 2.0);
-                        EXPECT_EQ(phases[1].path(), "run.phases[2]");
-                        EXPECT_FALSE(t.has("absent"));
-                        EXPECT_FALSE(t.number("absent"));
-                        EXPECT_FALSE(t.table("absent"));
-                        t.finish();
-                      }),
-            "none");
+  EXPECT_EQ(
+      faults_of(
+          "run{until_ = '1.5 min', step = 0.5, angle = '90 deg', n = 3, name = 'slew', method = 'rk4', quiet = true, "
+          "axis = {0, 0, '100 cm'}, law = function(x) return 2 * x end, inner = {gain = 4}, phases = {{t = 1}, {t = "
+          "2}}}",
+          [](LuaTable& t) {
+            EXPECT_EQ(t.number("until_", "s"), 90.0);
+            EXPECT_EQ(t.number("step", "s"), 0.5);
+            EXPECT_NEAR(t.number("angle", "rad").value(), 1.5707963267948966, 1e-15);  // round-off of one product
+            EXPECT_EQ(t.integer("n"), 3);
+            EXPECT_EQ(t.text("name"), "slew");
+            EXPECT_EQ(t.choice("method", {"rk4", "cvode"}), "rk4");
+            EXPECT_EQ(t.flag("quiet"), true);
+            EXPECT_EQ(t.numbers("axis", 3, "m"), (std::vector<double>{0.0, 0.0, 1.0}));
+            std::array<double, 1> result{};
+            t.function("law")->call(std::array{21.0}, result);
+            EXPECT_EQ(result[0], 42.0);
+            auto inner = t.table("inner");
+            EXPECT_EQ(inner->number("gain"), 4.0);
+            inner->finish();
+            auto phases = t.tables("phases");
+            ASSERT_EQ(phases.size(), 2u);
+            EXPECT_EQ(phases[1].number("t"), 2.0);
+            EXPECT_EQ(phases[1].path(), "run.phases[2]");
+            EXPECT_FALSE(t.has("absent"));
+            EXPECT_FALSE(t.number("absent"));
+            EXPECT_FALSE(t.table("absent"));
+            t.finish();
+          }),
+      "none");
 }
 
 TEST(LuaTable, NamesTheKeyAndTheLine) {
   EXPECT_EQ(faults_of("local function setup()\n  run{integrator = {tolerance = '1e-9 m'}}\nend\nsetup()",
-                      [](LuaTable& t) { t.table("integrator")->reject("tolerance", "number > 0, or { relative = ..., absolute = ... }"); }),
+                      [](LuaTable& t) {
+                        t.table("integrator")->reject("tolerance", "number > 0, or { relative = ..., absolute = ... }");
+                      }),
             "error[C0502]: wrong argument\n"
             "  --> scenario.lua:2\n"
             "  at: run.integrator.tolerance\n"
@@ -98,7 +103,8 @@ TEST(LuaTable, ReportsUnknownKeysWithAGuess) {
 
 TEST(LuaTable, CollectsAllFaults) {
   const std::string faults = faults_of(
-      "run{a = 0 / 0, b = true, c = 1.5, d = 7, e = 'rk5', f = 'yes', g = {1, 2}, h = {1, 'x', 3}, i = 3, j = 3, k = {1, {}}, l = '3 kg'}",
+      "run{a = 0 / 0, b = true, c = 1.5, d = 7, e = 'rk5', f = 'yes', g = {1, 2}, h = {1, 'x', 3}, i = 3, j = 3, k = "
+      "{1, {}}, l = '3 kg'}",
       [](LuaTable& t) {
         t.number("a");
         t.number("b", "m");
@@ -115,12 +121,17 @@ TEST(LuaTable, CollectsAllFaults) {
         t.require({"m"});
       });
   for (const char* expected :
-       {"at: run.a\n  expected: a finite number\n  got:      nan (number)", "at: run.b\n  expected: a number in m, or a text with a unit\n  got:      true (boolean)",
-        "at: run.c\n  expected: an integer\n  got:      1.5 (number)", "at: run.d\n  expected: a string\n  got:      7 (number)",
+       {"at: run.a\n  expected: a finite number\n  got:      nan (number)",
+        "at: run.b\n  expected: a number in m, or a text with a unit\n  got:      true (boolean)",
+        "at: run.c\n  expected: an integer\n  got:      1.5 (number)",
+        "at: run.d\n  expected: a string\n  got:      7 (number)",
         "at: run.e\n  expected: one of: rk4, cvode\n  got:      \"rk5\" (string)\n  hint:     did you mean \"rk4\"?",
-        "at: run.f\n  expected: true or false\n  got:      \"yes\" (string)", "at: run.g\n  expected: an array of 3 numbers\n  got:      2 entries",
-        "at: run.h[2]\n", "at: run.i\n  expected: a function\n  got:      3 (number)", "at: run.j\n  expected: a table\n  got:      3 (number)",
-        "at: run.k[1]\n  expected: a table\n  got:      1 (number)", "at: run.l\n", "at: run.m\n  expected: a value: this key is required\n  got:      nothing"})
+        "at: run.f\n  expected: true or false\n  got:      \"yes\" (string)",
+        "at: run.g\n  expected: an array of 3 numbers\n  got:      2 entries", "at: run.h[2]\n",
+        "at: run.i\n  expected: a function\n  got:      3 (number)",
+        "at: run.j\n  expected: a table\n  got:      3 (number)",
+        "at: run.k[1]\n  expected: a table\n  got:      1 (number)", "at: run.l\n",
+        "at: run.m\n  expected: a value: this key is required\n  got:      nothing"})
     EXPECT_NE(faults.find(expected), std::string::npos) << expected << "\n" << faults;
   EXPECT_NE(faults.find("error[C0107]: wrong unit"), std::string::npos) << faults;
 }
@@ -160,7 +171,8 @@ class LuaTick : public ::testing::Test {
     const LuaFunction f = function("function(t, x) return " + body + " end");
     std::array<double, 4> out{};
     const auto fault = f.tick(0.0, input_, in_, output_, out);
-    return fault ? std::to_string(fault->kind) + ": " + fault->field + ": " + fault->expected + ": " + fault->got : "none";
+    return fault ? std::to_string(fault->kind) + ": " + fault->field + ": " + fault->expected + ": " + fault->got
+                 : "none";
   }
 
   LuaHost host_;
@@ -170,7 +182,8 @@ class LuaTick : public ::testing::Test {
 };
 
 TEST_F(LuaTick, GivesNamedNumbersAndTakesNamedNumbers) {
-  const LuaFunction f = function("function(t, x) return {torque = {-x.rate[1], -x.rate[2], -x.rate[3]}, drive = t + x.angle} end");
+  const LuaFunction f =
+      function("function(t, x) return {torque = {-x.rate[1], -x.rate[2], -x.rate[3]}, drive = t + x.angle} end");
   std::array<double, 4> out{};
   EXPECT_FALSE(f.tick(10.0, input_, in_, output_, out));
   EXPECT_EQ(out, (std::array<double, 4>{-1.0, -2.0, -3.0, 10.5}));
@@ -179,7 +192,9 @@ TEST_F(LuaTick, GivesNamedNumbersAndTakesNamedNumbers) {
 }
 
 TEST_F(LuaTick, RestoresAnInputThatTheScriptHasChanged) {
-  const LuaFunction f = function("function(t, x) local sum = x.angle + #x.rate x.rate = 'gone' x.angle = nil return {torque = {0, 0, 0}, drive = sum} end");
+  const LuaFunction f = function(
+      "function(t, x) local sum = x.angle + #x.rate x.rate = 'gone' x.angle = nil return {torque = {0, 0, 0}, drive = "
+      "sum} end");
   std::array<double, 4> out{};
   for (int i = 0; i < 2; ++i) {
     EXPECT_FALSE(f.tick(0.0, input_, in_, output_, out));
@@ -197,7 +212,8 @@ TEST_F(LuaTick, NamesTheFieldThatIsWrong) {
   EXPECT_EQ(fault_of("{torque = {0, 0, 0, 1}, drive = 0}"), "2: torque[4]: a finite number: 1 (number)");
   EXPECT_EQ(fault_of("{drive = 0}"), "1: torque: an array of 3 numbers: nil");
   EXPECT_EQ(fault_of("{torque = 5, drive = 0}"), "3: torque: an array of 3 numbers: 5 (number)");
-  EXPECT_EQ(fault_of("{torque = {0, 0, 0}, drive = 0, torqe = {}, other = 1}"), "2: other: a table with torque, drive: 1 (number)");
+  EXPECT_EQ(fault_of("{torque = {0, 0, 0}, drive = 0, torqe = {}, other = 1}"),
+            "2: other: a table with torque, drive: 1 (number)");
   EXPECT_EQ(fault_of("{torque = {0, 0, 0}, drive = 0, 7}"), "2: 1: a table with torque, drive: 7 (number)");
   EXPECT_EQ(fault_of("nil"), "0: : a table with torque, drive: nil");
 }
@@ -215,7 +231,8 @@ TEST_F(LuaTick, ThrowsWhatTheScriptRaises) {
               "  stack:    scenario.lua:3 in function of line 2\n");
   }
   EXPECT_EQ(f.defined_at().line, 2);
-  EXPECT_THROW(function("function() while true do end end").tick(0.0, input_, in_, output_, out, {100'000, 60.0}), InputError);
+  EXPECT_THROW(function("function() while true do end end").tick(0.0, input_, in_, output_, out, {100'000, 60.0}),
+               InputError);
   EXPECT_EQ(fault_of("{torque = {0, 0, 0}, drive = 0}"), "none");  // and the host goes on
 }
 
@@ -235,7 +252,8 @@ TEST_F(LuaTick, CallsWithPlainNumbers) {
 }
 
 TEST_F(LuaTick, KeepsTheStackOfTheHostEmpty) {
-  const LuaFunction f = function("function(t, x) if t > 5 then error('late') end return {torque = {t, 0 / (t - 3), 0}, drive = 0} end");
+  const LuaFunction f =
+      function("function(t, x) if t > 5 then error('late') end return {torque = {t, 0 / (t - 3), 0}, drive = 0} end");
   std::array<double, 4> out{};
   for (int i = 0; i < 10; ++i) {
     try {

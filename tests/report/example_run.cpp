@@ -10,8 +10,8 @@
 namespace cardan {
 namespace {
 
-constexpr double kEnd = 240.0;      // [s]
-constexpr double kAngle = 0.5236;   // [rad] of the slew
+constexpr double kEnd = 240.0;     // [s]
+constexpr double kAngle = 0.5236;  // [rad] of the slew
 
 std::vector<std::string> numbered(const std::string& name, int n) {
   std::vector<std::string> out;
@@ -39,14 +39,16 @@ std::vector<double> signals(double t, int i) {
   const double angle = kAngle * s * s * s * (10 - 15 * s + 6 * s * s), ring = std::exp(-0.02 * t) * std::sin(0.9 * t);
   const double rate = kAngle / 90.0 * 30 * s * s * (1 - s) * (1 - s);
   const double torque = (s < 1 ? 0.9 * std::sin(2 * M_PI * s) : 0.0) + 0.05 * ring;
-  std::vector<double> v{std::cos(angle / 2), 0.27 * std::sin(angle / 2), 0.53 * std::sin(angle / 2), 0.8 * std::sin(angle / 2)};
+  std::vector<double> v{std::cos(angle / 2), 0.27 * std::sin(angle / 2), 0.53 * std::sin(angle / 2),
+                        0.8 * std::sin(angle / 2)};
   for (double c : {0.27, 0.53, 0.8}) v.push_back(c * rate + 2e-4 * ring * c);
   v.insert(v.end(), {angle, 7e6 + std::sin(0.1 * t)});
   for (int k = 0; k < 4; ++k) v.push_back(150 + 40 * k + (k % 2 ? -1 : 1) * 9e3 * rate);
   for (int k = 0; k < 4; ++k) v.push_back((k % 2 ? -0.4 : 0.4) * torque * (1 + 0.1 * k));
   v.insert(v.end(), {0.004 * t, -0.004 * t});
   for (int wing = 0; wing < 2; ++wing)
-    for (int k = 1; k <= 6; ++k) v.push_back((wing ? -1 : 1) * 0.02 / k * std::exp(-0.01 * k * t) * std::sin(0.9 * k * t + wing));
+    for (int k = 1; k <= 6; ++k)
+      v.push_back((wing ? -1 : 1) * 0.02 / k * std::exp(-0.01 * k * t) * std::sin(0.9 * k * t + wing));
   for (double c : {1e-15, 3e-14, 4e-12}) v.push_back(c * (1 + std::sin(12.9898 * i)) * (1 + t / 30));
   for (double c : {0.27, 0.53, 0.8}) v.push_back((kAngle - angle) * c * 57.3 * (s < 1) + 0.01 * ring);
   for (double c : {0.27, 0.53, 0.8}) v.push_back(c * torque);
@@ -69,7 +71,9 @@ void write_example_run(const std::string& path, int rows, bool finished) {
   h.input_hashes = {{"scenario.lua", sha256("a")}, {"vehicle.yaml", sha256("b")}};
   h.effective_parameters = {{"bodies.bus.mass", "1840 kg"}, {"bodies.bus.inertia", "[2100, 1900, 2400] kg m^2"}};
   h.defaults_used = {{"gravity.gradient", "false"}};
-  h.sweep_program = "position      base_to_tip   7 bodies\ninertia       tip_to_base   7 bodies\nacceleration  base_to_tip   7 bodies\n";
+  h.sweep_program =
+      "position      base_to_tip   7 bodies\ninertia       tip_to_base   7 bodies\nacceleration  base_to_tip   7 "
+      "bodies\n";
   h.spec_text = "bodies:\n  bus:\n    mass: 1840 kg  # </script> <b>\n";
   const auto recorder = make_hdf5_recorder(path);
   recorder->begin(h, kChannels);

@@ -56,7 +56,8 @@ TEST(Report, ShowsTheNumbersOfAShortRunAsTheyAre) {
   EXPECT_EQ(rate["path"], "bodies/bus/rate");
   EXPECT_EQ(rate["components"][2], "z");
   for (std::size_t i = 0; i < 50; ++i)  // 5 digits
-    EXPECT_NEAR(rate["values"][2][i].get<double>(), recorded.values[3 * i + 2], 1e-4 * std::abs(recorded.values[3 * i + 2]));
+    EXPECT_NEAR(rate["values"][2][i].get<double>(), recorded.values[3 * i + 2],
+                1e-4 * std::abs(recorded.values[3 * i + 2]));
 }
 
 // A variation of 1 m on an orbit's 7000 km must not be rounded away.
@@ -77,7 +78,8 @@ TEST(Report, ThinsLongSeriesWithoutLosingExtremes) {
   for (std::size_t k = 0; k < 6; ++k) {
     ASSERT_EQ(modes[k].size(), data["series"]["t"].size());
     double low = 0, high = 0, shown_low = 0, shown_high = 0;
-    for (std::size_t i = 0; i < 60000; ++i) low = std::min(low, recorded.values[6 * i + k]), high = std::max(high, recorded.values[6 * i + k]);
+    for (std::size_t i = 0; i < 60000; ++i)
+      low = std::min(low, recorded.values[6 * i + k]), high = std::max(high, recorded.values[6 * i + k]);
     for (double v : modes[k]) shown_low = std::min(shown_low, v), shown_high = std::max(shown_high, v);
     const double digits = 5e-5 * (high - low);  // 5 significant digits
     EXPECT_NEAR(shown_low, low, digits);
@@ -98,10 +100,11 @@ TEST(Report, TellsWhenResultsOrPageCannotBeUsed) {
 std::string shown_in_browser(const std::string& html_path) {
   const std::string profile = scratch("profile"), dom = scratch("dom.html");
   fs::remove_all(profile);
-  const std::string command = "timeout 120 chromium --headless --no-sandbox --disable-gpu --disable-quic --no-first-run "
-                              "--disable-background-networking --disable-component-update --disable-sync --user-data-dir=" +
-                              profile + " --window-size=1400,2000 --virtual-time-budget=10000 --dump-dom 'file://" + html_path +
-                              "#selftest' > " + dom + " 2> /dev/null";
+  const std::string command =
+      "timeout 120 chromium --headless --no-sandbox --disable-gpu --disable-quic --no-first-run "
+      "--disable-background-networking --disable-component-update --disable-sync --user-data-dir=" +
+      profile + " --window-size=1400,2000 --virtual-time-budget=10000 --dump-dom 'file://" + html_path +
+      "#selftest' > " + dom + " 2> /dev/null";
   EXPECT_EQ(std::system(command.c_str()), 0);
   fs::remove_all(profile);
   return content(dom);

@@ -207,7 +207,8 @@ TEST(TextRecorder, WritesOneLinePerRowWithUnitsAndExactNumbers) {
   const std::string path = scratch("run.csv");
   {
     const auto recorder = make_text_recorder(path);
-    recorder->begin(example_header(), {{"bus/rate", {"x", "y"}, "rad/s", "", ""}, {"pose", {"a", "l"}, "rad m", "", ""}});
+    recorder->begin(example_header(),
+                    {{"bus/rate", {"x", "y"}, "rad/s", "", ""}, {"pose", {"a", "l"}, "rad m", "", ""}});
     recorder->row(0.1, std::vector<double>{1.0 / 3.0, -2, 5e-324, 1e300});
     recorder->attach("summary", "{\n}");
     recorder->close();

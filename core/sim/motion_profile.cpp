@@ -1,0 +1,63 @@
+#include "core/sim/motion_profile.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace cardan {
+
+MotionProfile MotionProfile::hold(double rate) {
+  MotionProfile p;
+  p.points_ = {{0.0, rate}};
+  return p;
+}
+
+MotionProfile MotionProfile::rate_table(std::vector<std::pair<double, double>> points) {
+  MotionProfile p;
+  p.points_ = std::move(points);
+  return p;
+}
+
+MotionProfile MotionProfile::sine(double amplitude, double frequency, double phase) {
+  MotionProfile p;
+  p.amplitude_ = amplitude;
+  p.frequency_ = frequency;
+  p.phase_ = phase;
+  return p;
+}
+
+namespace {
+// Index of the first point after t.
+std::size_t after(const std::vector<std::pair<double, double>>& points, double t) {
+  return static_cast<std::size_t>(std::upper_bound(points.begin(), points.end(), t, [](double x, const auto& p) { return x < p.first; }) - points.begin());
+}
+}  // namespace
+
+double MotionProfile::rate(double t) const {
+  if (points_.empty()) {
+    const double w = 2.0 * std::numbers::pi * frequency_;
+    return amplitude_ * w * std::cos(w * t + phase_);
+  }
+  const std::size_t i = after(points_, t);
+  if (i == 0) return points_.front().second;
+  if (i == points_.size()) return points_.back().second;
+  const auto &a = points_[i - 1], &b = points_[i];
+  return a.second + (b.second - a.second) * (t - a.first) / (b.first - a.first);
+}
+
+double MotionProfile::acceleration(double t) const {
+  if (points_.empty()) {
+    const double w = 2.0 * std::numbers::pi * frequency_;
+    return -amplitude_ * w * w * std::sin(w * t + phase_);
+  }
+  const std::size_t i = after(points_, t);
+  if (i == 0 || i == points_.size()) return 0.0;
+  return (points_[i].second - points_[i - 1].second) / (points_[i].first - points_[i - 1].first);
+}
+
+double MotionProfile::next_corner(double t) const {
+  const std::size_t i = after(points_, t);
+  return i < points_.size() ? points_[i].first : std::numeric_limits<double>::infinity();
+}
+
+}  // namespace cardan

@@ -1,0 +1,32 @@
+#pragma once
+// Motion of a prescribed velocity component as a function of time: rate and its derivative. Where the derivative jumps, the
+// integrator stops and starts again.
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "core/base/diagnostic.hpp"
+
+namespace cardan {
+
+class MotionProfile {
+ public:
+  /// Keeps the rate it has (v' = 0).
+  static MotionProfile hold(double rate = 0.0);
+  /// Straight lines between the points (t [s], rate), constant outside. Times increase.
+  static MotionProfile rate_table(std::vector<std::pair<double, double>> points);
+  /// rate = d/dt of amplitude sin(2 pi frequency t + phase).  [rad or m], [Hz], [rad]
+  static MotionProfile sine(double amplitude, double frequency, double phase);
+
+  double rate(double t) const;
+  /// v' at t; at a corner, that of the stretch which begins there.
+  double acceleration(double t) const;
+  /// First corner after t; infinity if there is none.
+  double next_corner(double t) const;
+
+ private:
+  std::vector<std::pair<double, double>> points_;
+  double amplitude_ = 0.0, frequency_ = 0.0, phase_ = 0.0;
+};
+
+}  // namespace cardan

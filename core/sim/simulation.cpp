@@ -1,0 +1,221 @@
+#include "core/sim/simulation.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace cardan {
+
+Simulation::Simulation(std::shared_ptr<const Model> model, const SimulationOptions& options)
+    : model_(std::move(model)), options_(options), state_(model_->initial_state()), workspace_(*model_) {
+  const Model& m = *model_;
+  const auto nv = static_cast<std::size_t>(m.nv);
+  tau_.assign(nv, 0.0);
+  tau_total_.assign(nv, 0.0);
+  vdot_given_.assign(nv, 0.0);
+  vdot_ = Eigen::VectorXd::Zero(m.nv);
+  scratch_q_.assign(static_cast<std::size_t>(m.nq), 0.0);
+  for (std::size_t i = 0; i < m.user.size(); ++i)
+    if (m.user[i].nq > 0 && m.user[i].hinge->normalise) normalised_.push_back(static_cast<int>(i));
+  for (int i = 0; m.has_prescribed() && i < m.nv; ++i)
+    if (m.prescribed[static_cast<std::size_t>(i)]) prescribed_.push_back({i, MotionProfile::hold(state_.v[i])});
+  // Impulse from outside is zero, and its rates need no world poses, when nothing touches the system but its own hinges.
+  world_rates_ = m.gravity.kind != GravitySpec::Kind::none;
+  for (const UserBody& u : m.user)
+    if (u.parent < 0 && u.nv < 6) world_rates_ = true;
+  observer_ = std::make_unique<Observer>(m, workspace_);
+}
+
+Simulation::~Simulation() = default;
+
+void Simulation::set_state(const State& state) {
+  state_ = state;
+  changed();
+}
+
+void Simulation::every(Rational period, std::function<void()> task, Rational offset) {
+  schedule_.add(period, offset);
+  tasks_.push_back(std::move(task));
+}
+
+void Simulation::add_event(Event event) { events_.push_back(std::move(event)); }
+
+void Simulation::prescribe(int v_index, MotionProfile profile) {
+  for (auto& p : prescribed_)
+    if (p.index == v_index) {
+      p.profile = std::move(profile);
+      if (begun_) state_.v[v_index] = p.profile.rate(state_.t);
+      changed();
+    }
+}
+
+int Simulation::add_wrench(int node, bool world_axes) {
+  NodeWrench w;
+  w.node = node;
+  w.world_axes = world_axes;
+  wrenches_.push_back(w);
+  world_rates_ = true;
+  return static_cast<int>(wrenches_.size()) - 1;
+}
+
+void Simulation::record(Recorder& recorder, std::vector<Output> outputs, Rational period) {
+  recorder_ = &recorder;
+  outputs_ = std::move(outputs);
+  std::size_t n = 0;
+  for (const Output& o : outputs_) n += o.channel.components.size();
+  row_.assign(n, 0.0);
+  every(period, [this] { write_outputs(); });
+}
+
+void Simulation::set_force(int i, double value) {
+  if (tau_[static_cast<std::size_t>(i)] == value) return;
+  tau_[static_cast<std::size_t>(i)] = value;
+  changed();
+}
+
+void Simulation::set_wrench(int slot, const Force<double>& f) {
+  wrenches_[static_cast<std::size_t>(slot)].f = f;
+  changed();
+}
+
+void Simulation::make_integrator_once() {
+  if (integrator_) return;
+  const Model& m = *model_;
+  OdeProblem ode;
+  ode.n = m.nq + m.nv;
+  ode.n_quadrature = options_.ledger ? 7 : 0;
+  ode.rhs = [this](double t, const double* x, double* xdot, double* ydot) { return rhs(t, x, xdot, ydot); };
+  if (!normalised_.empty()) ode.project = [this](double* x) { model_->normalise(x); };
+  const double absolute = options_.absolute_tolerance > 0 ? options_.absolute_tolerance : options_.integrator.relative_tolerance;
+  ode.absolute_tolerance.assign(static_cast<std::size_t>(ode.n), absolute);
+  // A mass-normalised modal coordinate that moves the body as much as 1 m of a rigid one is far larger than those in use:
+  // eta counts as 1e-3 (slow modes) and as (1 rad/s / omega)^2 of that for fast ones, eta' as omega times it.
+  for (const SweepBody& b : m.bodies) {
+    if (b.n_modes == 0) continue;
+    const FlexibleBody& f = m.flexible[static_cast<std::size_t>(b.flexible)];
+    for (int j = 0; j < b.n_modes; ++j) {
+      const auto at = static_cast<std::size_t>(f.K_diagonal ? j : j * b.n_modes + j);
+      const double w2 = std::max(1.0, f.K[at] / f.M_ee[static_cast<std::size_t>(j * b.n_modes + j)]);
+      ode.absolute_tolerance[static_cast<std::size_t>(b.eta + j)] = 1e-3 * absolute / w2;
+      ode.absolute_tolerance[static_cast<std::size_t>(m.nq + b.etadot + j)] = 1e-3 * absolute / std::sqrt(w2);
+    }
+  }
+  ode.n_roots = static_cast<int>(events_.size());
+  if (ode.n_roots > 0)
+    ode.roots = [this](double t, const double* x, double* g) {
+      for (std::size_t i = 0; i < events_.size(); ++i) g[i] = events_[i].function(t, x, x + model_->nq);
+    };
+  x_.assign(static_cast<std::size_t>(ode.n), 0.0);
+  y_.assign(7, 0.0);
+  integrator_ = make_integrator(std::move(ode), options_.integrator);
+}
+
+void Simulation::external_rates(const Inputs& in, const double* vdot, double* ydot) {
+  const Model& m = *model_;
+  if (world_rates_) {
+    observer_->update(in, vdot);
+    observed_ = false;
+    const ExternalLoads e = observer_->external();
+    for (int i = 0; i < 3; ++i) ydot[i] = e.force[i], ydot[3 + i] = e.moment[i];
+    ydot[6] = e.power;
+    return;
+  }
+  ydot[6] = observer_->internal_power(in, vdot);
+  // Forces of actuators on a free root are forces from outside.
+  Eigen::Map<Eigen::Matrix<double, 6, 1>> loads(ydot);
+  loads.setZero();
+  for (const UserBody& u : m.user) {
+    if (u.parent >= 0) continue;
+    bool any = false;
+    for (int j = u.v; j < u.v + u.nv; ++j) any = any || in.tau[j] != 0.0 || (m.has_prescribed() && m.prescribed[static_cast<std::size_t>(j)]);
+    if (!any) continue;
+    observer_->update(in, vdot);
+    observed_ = false;
+    const ExternalLoads e = observer_->external();
+    for (int i = 0; i < 3; ++i) loads[i] = e.force[i], loads[3 + i] = e.moment[i];
+    return;
+  }
+}
+
+const Observer& Simulation::observe() {
+  if (!observed_) {
+    breakdown_ = {};
+    if (!evaluate(state_.t, state_.q.data(), state_.v.data(), vdot_.data())) fail(describe_breakdown(*model_, breakdown_, state_.t));
+    Inputs in;
+    in.q = state_.q.data(), in.v = state_.v.data(), in.tau = tau_total_.data(), in.vdot = vdot_given_.data(), in.wrenches = wrenches_;
+    observer_->update(in, vdot_.data());
+    observed_ = true;
+  }
+  return *observer_;
+}
+
+const Eigen::VectorXd& Simulation::vdot() {
+  observe();
+  return vdot_;
+}
+
+void Simulation::begin_ledger() {
+  const Observer& o = observe();
+  momentum_0_ = o.momentum();
+  energy_0_ = o.energy();
+  scale_linear_ = momentum_0_.linear_magnitude;
+  scale_angular_ = momentum_0_.angular_magnitude;
+  scale_energy_ = energy_0_.magnitude;
+}
+
+LedgerState Simulation::ledger() {
+  LedgerState s;
+  if (!options_.ledger || !begun_) return s;
+  const Observer& o = observe();
+  const Momentum p = o.momentum();
+  const Energy e = o.energy();
+  const Eigen::Map<const Eigen::Matrix<double, 7, 1>> y(y_.data());
+  s.linear = p.linear - momentum_0_.linear - y.head<3>();
+  s.angular = p.angular - momentum_0_.angular - y.segment<3>(3);
+  s.energy = e.total() - energy_0_.total() - y[6];
+  scale_linear_ = std::max(scale_linear_, p.linear_magnitude);
+  scale_angular_ = std::max(scale_angular_, p.angular_magnitude);
+  scale_energy_ = std::max(scale_energy_, e.magnitude);
+  const auto relative = [](double residual, double scale) { return scale > 0 ? residual / scale : residual; };
+  s.linear_relative = relative(s.linear.norm(), scale_linear_);
+  s.angular_relative = relative(s.angular.norm(), scale_angular_);
+  s.energy_relative = relative(std::abs(s.energy), scale_energy_);
+  worst_ledger_.linear_relative = std::max(worst_ledger_.linear_relative, s.linear_relative);
+  worst_ledger_.angular_relative = std::max(worst_ledger_.angular_relative, s.angular_relative);
+  worst_ledger_.energy_relative = std::max(worst_ledger_.energy_relative, s.energy_relative);
+  return s;
+}
+
+void Simulation::write_outputs() {
+  if (!recorder_ || last_output_ == state_.t) return;
+  observe();
+  std::size_t at = 0;
+  for (const Output& o : outputs_) {
+    o.fill(row_.data() + at);
+    at += o.channel.components.size();
+  }
+  recorder_->row(state_.t, row_);
+  last_output_ = state_.t;
+}
+
+double Simulation::next_corner() const {
+  double t = std::numeric_limits<double>::infinity();
+  for (const auto& p : prescribed_) t = std::min(t, p.profile.next_corner(state_.t));
+  return t;
+}
+
+IntegratorStatistics Simulation::statistics() const { return integrator_ ? integrator_->statistics() : IntegratorStatistics{}; }
+
+std::string Simulation::integrator_name() const { return integrator_ ? std::string(integrator_->name()) : options_.integrator.method; }
+
+void Simulation::fail(RunFailure failure) {
+  if (recorder_) {
+    std::vector<double> x(state_.q.data(), state_.q.data() + state_.q.size());
+    x.insert(x.end(), state_.v.data(), state_.v.data() + state_.v.size());
+    recorder_->restart_state(state_.t, x);
+    recorder_->flush();
+  }
+  throw NumericsError(std::move(failure));
+}
+
+}  // namespace cardan

@@ -1,0 +1,140 @@
+#pragma once
+// A run: model, state, integrator, clocked tasks, events and outputs. The page that computes one step is step.cpp.
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/dynamics/observe.hpp"
+#include "core/io/recorder.hpp"
+#include "core/sim/motion_profile.hpp"
+#include "core/sim/schedule.hpp"
+#include "core/time/integrator.hpp"
+
+namespace cardan {
+
+struct SimulationOptions {
+  IntegratorOptions integrator;
+  double absolute_tolerance = 0.0;        // [unit of each state]; 0 = the relative tolerance. Modes are scaled, see .cpp
+  double quaternion_stabilisation = 1.0;  // [1/s] pull of |q| towards 1 in q' (mathematics 13.1)
+  bool ledger = true;                     // integrate external impulse and work beside the state
+};
+
+/// Where a function of (t, q, v) crosses zero, something happens between two steps.
+struct Event {
+  std::string name;
+  std::function<double(double t, const double* q, const double* v)> function;
+  int direction = 0;                      // +1 rising, -1 falling, 0 both
+  std::function<void()> action;           // may change commands and state, and stop the run
+};
+
+/// Residuals of the balances so far: quantity now - at the start - what came from outside. Each over the largest sum of
+/// magnitudes over bodies so far.
+struct LedgerState {
+  Eigen::Vector3d linear = Eigen::Vector3d::Zero(), angular = Eigen::Vector3d::Zero();  // [N s], [N m s] residual
+  double energy = 0.0;                                                                 // [J] residual
+  double linear_relative = 0.0, angular_relative = 0.0, energy_relative = 0.0;         // [-]
+};
+
+/// Quantities written at each output time.
+struct Output {
+  Channel channel;
+  std::function<void(double* values)> fill;  // called after Simulation::observe()
+};
+
+class Simulation {
+ public:
+  Simulation(std::shared_ptr<const Model> model, const SimulationOptions& options);
+  ~Simulation();
+  Simulation(const Simulation&) = delete;
+  Simulation& operator=(const Simulation&) = delete;
+
+  const Model& model() const { return *model_; }
+  const State& state() const { return state_; }
+  double time() const { return state_.t; }
+
+  // Set-up -----------------------------------------------------------------------------------------------------------
+  /// Before the run, and in events: changes the state; the integrator starts again from it.
+  void set_state(const State& state);
+  double& q(int i) { return changed(), state_.q[i]; }
+  double& v(int i) { return changed(), state_.v[i]; }
+  /// A task that runs at every tick, in the order of these calls. Commands set by tasks hold until they are set again.
+  void every(Rational period, std::function<void()> task, Rational offset = {});
+  void add_event(Event event);
+  void prescribe(int v_index, MotionProfile profile);
+  /// A wrench on a node, zero at first; returns its slot. world_axes: else node axes.
+  int add_wrench(int node, bool world_axes);
+  /// Outputs are written at this period, at the start and at the end. The recorder must outlive the run.
+  void record(Recorder& recorder, std::vector<Output> outputs, Rational period);
+
+  // Commands, held between ticks -------------------------------------------------------------------------------------
+  /// Generalised force of actuators on velocity component i [N m | N].
+  double force(int i) const { return tau_[static_cast<std::size_t>(i)]; }
+  void set_force(int i, double value);
+  void set_wrench(int slot, const Force<double>& f);
+  void stop() { stopped_ = true; }
+  bool stopped() const { return stopped_; }
+
+  // The run ----------------------------------------------------------------------------------------------------------
+  /// Runs to t_end, or until stop(). `progress` is called between steps. Throws NumericsError; then all results up to the
+  /// last accepted state are written.
+  void run(double t_end, const std::function<void(double t)>& progress = {});
+
+  // What there is to see, between steps -------------------------------------------------------------------------------
+  /// v' and all derived quantities at the present state; cheap when nothing changed since the last call.
+  const Observer& observe();
+  const Eigen::VectorXd& vdot();
+  LedgerState ledger();
+  /// Largest relative residuals seen at outputs and at the end.
+  const LedgerState& worst_ledger() const { return worst_ledger_; }
+  IntegratorStatistics statistics() const;
+  std::string integrator_name() const;
+  std::size_t workspace_bytes() const { return workspace_.bytes(); }
+
+ private:
+  void changed() { restart_ = true, observed_ = false; }
+  bool rhs(double t, const double* x, double* xdot, double* ydot);
+  bool evaluate(double t, const double* q, const double* v, double* vdot);
+  void external_rates(const Inputs& in, const double* vdot, double* ydot);
+  void make_integrator_once();
+  void step(double t_stop);
+  void tick();
+  void handle_events(std::span<const int> crossed);
+  void write_outputs();
+  double next_corner() const;
+  void begin_ledger();
+  [[noreturn]] void fail(RunFailure failure);
+
+  std::shared_ptr<const Model> model_;
+  SimulationOptions options_;
+  State state_;
+  Workspace workspace_;
+  std::unique_ptr<Observer> observer_;
+  std::unique_ptr<Integrator> integrator_;
+  Schedule schedule_;
+  std::vector<std::function<void()>> tasks_;
+  std::vector<Event> events_;
+  struct Prescribed {
+    int index;
+    MotionProfile profile;
+  };
+  std::vector<Prescribed> prescribed_;
+  std::vector<double> tau_, tau_total_, vdot_given_, x_, y_;
+  std::vector<NodeWrench> wrenches_;
+  Eigen::VectorXd vdot_;
+  std::vector<int> normalised_;            // user bodies whose coordinates have a norm to keep
+  std::vector<double> scratch_q_;
+  Recorder* recorder_ = nullptr;
+  std::vector<Output> outputs_;
+  std::vector<double> row_;
+  double last_output_ = -1.0;
+  bool restart_ = true, observed_ = false, stopped_ = false, begun_ = false, world_rates_ = false;
+  soa::Breakdown breakdown_;
+  Momentum momentum_0_;
+  Energy energy_0_;
+  Eigen::Matrix<double, 7, 1> external_0_ = Eigen::Matrix<double, 7, 1>::Zero();
+  double scale_linear_ = 0.0, scale_angular_ = 0.0, scale_energy_ = 0.0;
+  LedgerState worst_ledger_;
+};
+
+}  // namespace cardan
