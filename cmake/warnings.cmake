@@ -3,7 +3,8 @@
 add_library(cardan_flags INTERFACE)
 target_compile_options(cardan_flags INTERFACE
   -Wall -Wextra -Wpedantic -Wconversion -Wno-sign-conversion -Wshadow -Wnon-virtual-dtor -Werror
-  $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>   # gcc 12: false on temporaries with strings
+  $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>
+  $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>   # gcc 12: false on temporaries with strings
   -ffp-contract=off -fvisibility=hidden -fvisibility-inlines-hidden)
 target_compile_definitions(cardan_flags INTERFACE EIGEN_MAX_ALIGN_BYTES=32)   # part of the plugin stamp
 set(CMAKE_CXX_FLAGS_RELEASE "-O3 -DNDEBUG")

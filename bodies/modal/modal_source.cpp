@@ -18,7 +18,7 @@
 namespace cardan {
 namespace {
 
-constexpr int kFirstBatch = 20, kMostModes = 500;
+constexpr int kFirstBatch = 20, kMostModes = 500, kForEffectiveMass = 60;
 
 void check_choice(const ModalSource& source) {
   const ModeChoice& c = source.modes;
@@ -43,7 +43,7 @@ FeModes candidates(const FeModel& model, const std::vector<int>& held, RigidMode
   const ModeChoice& choice = source.modes;
   const int n_free = static_cast<int>(FreePart(model.n_dofs(), held).dofs.size());
   if (choice.count > 0 || choice.max_frequency == 0.0)
-    return normal_modes(model, held, choice.count > 0 ? choice.count : std::min(3 * kFirstBatch, n_free / 2), rigid,
+    return normal_modes(model, held, choice.count > 0 ? choice.count : std::min(kForEffectiveMass, n_free / 2), rigid,
                         source.at);
   const double limit = std::pow(2 * std::numbers::pi * choice.max_frequency, 2);
   for (int count = std::min(kFirstBatch, n_free / 2);; count = std::min(2 * count, n_free / 2)) {

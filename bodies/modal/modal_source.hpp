@@ -109,8 +109,9 @@ enum class Boundary {
 struct ModeChoice {
   int count = 0;                // at most this many normal modes, the lowest; 0: no limit
   double max_frequency = 0.0;   // [Hz] none above; 0: no limit
-  double effective_mass = 0.0;  // of those left, the fewest that reach this share (0 ... 1) of the effective mass of
-                                // all computed modes in each of the six directions; 0: all are kept
+  double effective_mass = 0.0;  // of those left, in each of the six directions the largest until they reach this share
+                                // (0 ... 1) of the effective mass of all computed modes (60 if no other limit is
+                                // given); cantilever only; 0: all are kept
 };
 
 struct ModalSource {

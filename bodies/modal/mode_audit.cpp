@@ -29,8 +29,8 @@ void keep_effective(std::vector<ModeRecord>& records, double share, const Eigen:
     if (total < kNegligible * rigid_mass(d)) continue;
     for (std::size_t i : order) {
       if (sum >= share * total) break;
-      sum += records[i].effective_mass(d);
       if (!records[i].kept) continue;
+      sum += records[i].effective_mass(d);
       if (needed[i].empty())
         needed[i] = fmt::format("{:.3g} % of the effective mass in {}", 100 * records[i].effective_mass(d) / total,
                                 kDirections[d]);

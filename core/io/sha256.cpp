@@ -20,10 +20,7 @@ std::string sha256(std::string_view bytes) {
 std::string sha256_of_file(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
   std::string bytes{std::istreambuf_iterator<char>(in), {}};
-  if (!in) {
-    const Diagnostic unreadable{Code::file_not_found, {"", {path, 0, 0}}, "a file that can be read", "", "", "", "", 0};
-    throw InputError(unreadable);
-  }
+  if (!in) throw InputError({Code::file_not_found, {"", {path, 0, 0}}, "a file that can be read", "", "", "", "", 0});
   return sha256(bytes);
 }
 

@@ -168,7 +168,7 @@ void apply_override(DocNode& root, std::string_view key_path, std::string_view v
   bool named_by_users = false;  // the keys of this map are names of bodies or nodes
   for (const std::string& part : split_path(key_path)) {
     const std::string around = path;
-    path += (path.empty() ? "" : ".") + part;
+    path += node->kind == DocNode::Kind::list ? fmt::format("[{}]", part) : fmt::format("{}{}", path.empty() ? "" : ".", part);
     const auto refuse = [&](std::string expected, std::string hint) {
       throw InputError(Diagnostic{Code::unknown_key, {path, mark}, std::move(expected), in_quotes(part), std::move(hint), {}, {}, 0});
     };

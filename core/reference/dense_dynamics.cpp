@@ -69,12 +69,25 @@ Frame<T> to_point(const Frame<T>& B, const DenseBody<T>& b, const ModalPoint<T>&
   return compose(B, node_motion(p, modes(b, q), rates), rates, mode_column(b));
 }
 
-/// Gravity at a point and its gradient, world axes.
+/// Gravity on a body, expanded about its mass centre x and all from one potential (MacCullagh's formula), world axes:
+/// U = m potential - 1/2 gradient : S, with S the sum of m rho rho* of the body about x.
 template <class T>
 struct Field {
   Vec3<T> g = Vec3<T>::Zero();
   Mat3<T> gradient = Mat3<T>::Zero();
-  T potential{0};  // [J/kg]
+  T potential{0};               // [J/kg]
+  Vec3<T> n = Vec3<T>::Zero();  // from the attractor to x, unit length
+  T k{0};                       // 3 mu / (2 r^4)
+
+  T energy(const T& mass, const Mat3<T>& S) const { return mass * potential - (gradient * S).trace() / 2; }
+  Vec3<T> force(const T& mass, const Mat3<T>& S) const {
+    return mass * g + k * (2 * S * n + (S.trace() - 5 * n.dot(S * n)) * n);
+  }
+  /// Sum of m rho x (gradient rho).
+  Vec3<T> torque(const Mat3<T>& S) const {
+    const Mat3<T> A = S * gradient;
+    return {A(1, 2) - A(2, 1), A(2, 0) - A(0, 2), A(0, 1) - A(1, 0)};
+  }
 };
 
 template <class T>
@@ -85,11 +98,13 @@ Field<T> gravity_field(const DenseGravity<T>& spec, const Vec3<T>& x) {
     out.potential = -out.g.dot(x);
   } else if (spec.kind == GravitySpec::Kind::central) {
     const Vec3<T> d = x - spec.centre;
-    const T r = d.norm(), k = spec.mu / (r * r * r);
-    const Vec3<T> n = d / r;
-    out.g = -k * d;
+    const T r = d.norm(), r3 = r * r * r;
+    out.g = -spec.mu / r3 * d;
     out.potential = -spec.mu / r;
-    if (spec.gradient) out.gradient = k * (3 * n * n.transpose() - Mat3<T>::Identity());
+    if (!spec.gradient) return out;
+    out.n = d / r;
+    out.gradient = spec.mu / r3 * (3 * out.n * out.n.transpose() - Mat3<T>::Identity());
+    out.k = 3 * spec.mu / (2 * r3 * r);
   }
   return out;
 }
@@ -98,25 +113,6 @@ Field<T> gravity_field(const DenseGravity<T>& spec, const Vec3<T>& x) {
 template <class T>
 Mat3<T> second_moment(const Mat3<T>& inertia) {
   return inertia.trace() / 2 * Mat3<T>::Identity() - inertia;
-}
-
-/// Torque sum of m rho x (gradient rho) on a body of this inertia.
-template <class T>
-Vec3<T> gradient_torque(const Mat3<T>& inertia, const Mat3<T>& gradient) {
-  const Mat3<T> A = second_moment(inertia) * gradient;
-  return {A(1, 2) - A(2, 1), A(2, 0) - A(0, 2), A(0, 1) - A(1, 0)};
-}
-
-template <class T>
-void add_gravity_energy(T& energy, const Field<T>& field, const T& mass, const Mat3<T>& central_inertia) {
-  energy += mass * field.potential - (field.gradient * second_moment(central_inertia)).trace() / 2;
-}
-
-/// q index of the coordinate whose rate is velocity component i; -1 where there is none.
-template <class T>
-int coordinate_of(const DenseBody<T>& b, int i) {
-  if (b.size.nq == b.size.nv) return i;
-  return b.hinge.type == "free" && i >= 3 ? i + 1 : -1;
 }
 
 template <class T>
@@ -157,8 +153,8 @@ DenseTwin<T>::DenseTwin(DenseModel<T> model) : model_(std::make_shared<const Den
       throw InputError(Diagnostic{Code::unsupported, b.hinge.at, expected, got, {}, {}, {}, 0});
     };
     for (const SpringDamper& s : b.hinge.springs)
-      if (s.stiffness != 0.0 && coordinate_of(b, s.component) < 0)
-        refuse("a component with a coordinate of its own", "a spring on a rotation");
+      if (s.stiffness != 0.0 && b.size.nq != b.size.nv)
+        refuse("a hinge whose velocities are the rates of its coordinates", "a spring");
     inertia_.emplace_back();
     if (b.n_modes == 0 || (b.level == 2 && !b.masses.empty())) continue;
     if (b.level == 2 && b.modal->integrals.I9.empty()) refuse("mass nodes or the integral I9 for level 2", "neither");
@@ -232,25 +228,34 @@ void DenseTwin<T>::add_nodal_body(DenseState<T>& s, int k) const {
   const DenseBody<T>& b = model_->bodies[k];
   const Frame<T>& B = s.bodies[k];
   std::vector<Frame<T>> frames;
+  std::vector<Mat3<T>> inertias;  // world axes
   T mass(0);
   Vec3<T> centre = Vec3<T>::Zero();  // mass centre from B
   for (const MassPoint<T>& p : b.masses) {
-    frames.push_back(to_point(B, b, p.point, s.q_, s.v_));
+    const Frame<T> f = to_point(B, b, p.point, s.q_, s.v_);
+    frames.push_back(f);
+    inertias.push_back(f.R * p.inertia * f.R.transpose());
     mass += p.mass;
-    centre += p.mass * (frames.back().x - B.x);
+    centre += p.mass * (f.x - B.x);
   }
   centre /= mass;
+  Mat3<T> S = Mat3<T>::Zero();  // second moment about the mass centre
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const Vec3<T> r = frames[i].x - B.x - centre;
+    S += b.masses[i].mass * r * r.transpose() + second_moment(inertias[i]);
+  }
   const Field<T> field = gravity_field<T>(model_->gravity, B.x + centre);
-  Mat3<T> central_inertia = Mat3<T>::Zero();
+  const Vec3<T> mean_pull = field.force(mass, S) / mass;
   MatX<T> W = MatX<T>::Zero(6, model_->nv);
   VecX<T> bias = VecX<T>::Zero(6), gravity = bias;
   for (std::size_t i = 0; i < frames.size(); ++i) {
     const Frame<T>& f = frames[i];
     const T m = b.masses[i].mass;
-    const Mat3<T> I = f.R * b.masses[i].inertia * f.R.transpose(), arm = tilde<T>(f.x - B.x);
-    const Vec3<T> from_centre = f.x - B.x - centre;
+    const Mat3<T>& I = inertias[i];
+    const Mat3<T> arm = tilde<T>(f.x - B.x);
     const Vec3<T> force = m * f.xddot, moment = I * f.wdot + f.w.cross(I * f.w);
-    const Vec3<T> pull = m * (field.g + field.gradient * from_centre), torque = gradient_torque<T>(I, field.gradient);
+    const Vec3<T> pull = m * (mean_pull + field.gradient * (f.x - B.x - centre));
+    const Vec3<T> torque = field.torque(second_moment(I));
     s.M += m * f.Jx.transpose() * f.Jx + f.Jw.transpose() * I * f.Jw;
     s.bias += f.Jx.transpose() * force + f.Jw.transpose() * moment;
     s.gravity_force += f.Jx.transpose() * pull + f.Jw.transpose() * torque;
@@ -258,11 +263,10 @@ void DenseTwin<T>::add_nodal_body(DenseState<T>& s, int k) const {
     W.bottomRows(3) += m * f.Jx;
     bias += wrench<T>(arm * force + moment, force);
     gravity += wrench<T>(arm * pull + torque, pull);
-    central_inertia += I - m * tilde(from_centre) * tilde(from_centre);
   }
   s.total_mass += mass;
   s.com += mass * (B.x + centre);
-  add_gravity_energy(s.gravity_energy, field, mass, central_inertia);
+  s.gravity_energy += field.energy(mass, S);
   s.resultants_[k] = {W, bias, gravity};
 }
 
@@ -285,29 +289,28 @@ void DenseTwin<T>::add_modal_body(DenseState<T>& s, int k) const {
   const MatX<T> M = inertia_[k]->mass(eta, b.level);
   const VecX<T> bias = M * Jdot_v + inertia_[k]->bias(eta, mode_rates(b, s.v_), wrench<T>(w, v), b.level);
 
-  // Gravity: the field at the mass centre, exact at every level as the mass centre is, and its gradient across the
-  // body.
+  // Gravity: the mass centre is exact at every level; the second moment S is that of the level, at least of level 1, so
+  // that modes and torque come from one potential. On mode k: force . d centre + 1/2 gradient : dS.
   const T mass = M(3, 3);
-  const Vec3<T> centre(M(2, 4) / mass, M(0, 5) / mass, M(1, 3) / mass);
-  const MatX<T> I3 = M.block(3, 6, 3, m);
+  const Vec3<T> centre(M(2, 4) / mass, M(0, 5) / mass, M(1, 3) / mass);  // out of M_wv = (mass centre)~
+  const int order = std::max(1, b.level);
+  const Mat3<T> about_B = inertia_[k]->mass(eta, order).topLeftCorner(3, 3);
+  const Mat3<T> S = B.R * (second_moment(about_B) - mass * centre * centre.transpose()) * Rt;
   const Field<T> field = gravity_field<T>(model_->gravity, B.x + B.R * centre);
-  const Vec3<T> g = Rt * field.g;
+  const Vec3<T> pull = Rt * field.force(mass, S), torque = Rt * field.torque(S);
   const Mat3<T> gradient = Rt * field.gradient * B.R;
-  const Mat3<T> central_inertia = M.topLeftCorner(3, 3) + mass * tilde(centre) * tilde(centre);
+  const MatX<T> I3 = M.block(3, 6, 3, m);
   VecX<T> gravity(6 + m);
-  gravity << mass * centre.cross(g) + gradient_torque<T>(central_inertia, gradient), mass * g, I3.transpose() * g;
-  // On mode k: half of gradient : d S / d eta_k, S the second moment about the mass centre, not frozen even at level 0.
-  const std::vector<MatX<T>> slope = inertia_[k]->mass_derivatives(eta, std::max(1, b.level));
-  for (int i = 0; i < m; ++i)
-    gravity[6 + i] +=
-        (gradient * second_moment<T>(slope[i].topLeftCorner(3, 3))).trace() / 2 - I3.col(i).dot(gradient * centre);
+  gravity << centre.cross(pull) + torque, pull, I3.transpose() * (pull / mass - gradient * centre);
+  const std::vector<MatX<T>> slope = inertia_[k]->mass_derivatives(eta, order);
+  for (int i = 0; i < m; ++i) gravity[6 + i] += (gradient * second_moment<T>(slope[i].topLeftCorner(3, 3))).trace() / 2;
 
   s.M += J.transpose() * M * J;
   s.bias += J.transpose() * bias;
   s.gravity_force += J.transpose() * gravity;
   s.total_mass += mass;
   s.com += mass * (B.x + B.R * centre);
-  add_gravity_energy<T>(s.gravity_energy, field, mass, B.R * central_inertia * Rt);
+  s.gravity_energy += field.energy(mass, S);
   MatX<T> W = (M * J).topRows(6);
   W.topRows(3) = B.R * W.topRows(3).eval();
   W.bottomRows(3) = B.R * W.bottomRows(3).eval();
@@ -325,7 +328,7 @@ void DenseTwin<T>::add_hinge_and_modal_forces(DenseState<T>& s, int k) const {
     T& force = s.hinge_force[b.iv + spring.component];
     force -= T(spring.damping) * s.v_[b.iv + spring.component];
     if (spring.stiffness == 0.0) continue;
-    const T stretch = s.q_[b.iq + coordinate_of(b, spring.component)] - T(spring.rest);
+    const T stretch = s.q_[b.iq + spring.component] - T(spring.rest);
     force -= T(spring.stiffness) * stretch;
     s.elastic_energy += T(spring.stiffness) * stretch * stretch / 2;
   }

@@ -230,6 +230,10 @@ int LuaHost::dispatch(lua_State* L) {
   });
 }
 
+int LuaHost::guarded(lua_State* L, lua_CFunction function) {
+  return translated(L, [&] { return function(L); });
+}
+
 // ---- budget ----
 
 void LuaHost::on_count(lua_State* L, lua_Debug*) { charge(L, kHookSteps); }

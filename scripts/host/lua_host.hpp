@@ -73,6 +73,9 @@ class LuaHost {
   }
 
   // For library functions and bindings, inside protect.
+  /// Calls `function`; a std::exception that it throws goes on as in a Binding. For methods of userdata: unlike a Binding,
+  /// this costs nothing.
+  static int guarded(lua_State* L, lua_CFunction function);
   static LuaHost& of(lua_State* L) { return **static_cast<LuaHost**>(lua_getextraspace(L)); }
   /// Spends steps of the running call's budget; raises the error that no script can catch when they are used up.
   static void charge(lua_State* L, std::int64_t steps);

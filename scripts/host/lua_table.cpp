@@ -118,6 +118,22 @@ std::optional<std::string> LuaTable::text(const std::string& key) {
   return s;
 }
 
+std::optional<std::vector<std::string>> LuaTable::texts(const std::string& key) {
+  const int type = get(key), array = lua_gettop(L_);
+  std::optional<std::vector<std::string>> all;
+  if (type == LUA_TTABLE) all.emplace();
+  for (lua_Integer i = 1; all && i <= static_cast<lua_Integer>(lua_rawlen(L_, array)); ++i) {
+    if (lua_rawgeti(L_, array, i) == LUA_TSTRING)
+      all->emplace_back(lua_tostring(L_, -1));
+    else
+      all.reset();
+    lua_pop(L_, 1);
+  }
+  if (type != LUA_TNIL && !all) report(path_of(key), "an array of strings", describe_value(L_, array));
+  lua_settop(L_, array - 1);
+  return all;
+}
+
 std::optional<std::string> LuaTable::choice(const std::string& key, const std::vector<std::string>& words) {
   std::optional<std::string> word = text(key);
   if (!word || std::find(words.begin(), words.end(), *word) != words.end()) return word;

@@ -27,6 +27,7 @@ class LuaTable {
   std::optional<std::vector<double>> numbers(const std::string& key, std::size_t n, std::string_view unit = "1");
   std::optional<std::int64_t> integer(const std::string& key);
   std::optional<std::string> text(const std::string& key);
+  std::optional<std::vector<std::string>> texts(const std::string& key);
   /// One of the given words.
   std::optional<std::string> choice(const std::string& key, const std::vector<std::string>& words);
   std::optional<bool> flag(const std::string& key);

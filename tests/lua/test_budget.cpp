@@ -1,7 +1,9 @@
 // Every script ends: each of these would run for minutes or for ever, or take all memory.
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <string>
+#include <thread>
 
 #include "scripts/host/lua_host.hpp"
 
@@ -109,6 +111,15 @@ TEST(LuaBudget, EndsByTheClock) {
   EXPECT_EQ(d.expected, "at most 0.05 s in one call");
 }
 
+TEST(LuaBudget, DoesNotCountTheTimeOfBindings) {
+  LuaHost host;
+  host.bind("simulate", [](lua_State*) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(600));
+    return 0;
+  });
+  EXPECT_NO_THROW(host.run_text("test.lua", "simulate() for i = 1, 10000 do end", {1'000'000, 0.5}));
+}
+
 TEST(LuaBudget, IsFreshInEachCall) {
   LuaHost host;
   for (int i = 0; i < 20; ++i) EXPECT_NO_THROW(host.run_text("test.lua", "for i = 1, 100000 do end", kSmall));
@@ -116,11 +127,14 @@ TEST(LuaBudget, IsFreshInEachCall) {
 
 TEST(LuaBudget, CountsTheOuterScriptAcrossNestedCalls) {
   LuaHost host;
-  host.bind("nested", [&host](lua_State*) {
+  int calls = 0;
+  host.bind("nested", [&](lua_State*) {
+    ++calls;
     host.run_text("inner.lua", "return 1");
     return 0;
   });
   EXPECT_THROW(host.run_text("test.lua", "while true do nested() end", kSmall), InputError);
+  EXPECT_LE(calls, 1000);  // each begins the outer count anew, and so costs a whole one: 500 steps
   host.bind("endless", [&host](lua_State*) {
     host.run_text("inner.lua", "while true do end", kSmall);
     return 0;

@@ -1,10 +1,12 @@
 #include "core/io/yaml_reader.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
 #include <cmath>
 #include <numbers>
+#include <sstream>
 
 #include "hinges/register.hpp"
 
@@ -27,10 +29,10 @@ SystemSpec read(const std::string& text, const Overrides& overrides = {}) { retu
 
 /// One body "b" with this hinge, or with these further keys.
 SystemSpec with_hinge(const std::string& hinge) {
-  return read("cardan: 1\nbodies:\n  b: {mass: 1, inertia: [1, 1, 1], hinge: {" + hinge + "}}\n");
+  return read(fmt::format("cardan: 1\nbodies:\n  b: {{mass: 1, inertia: [1, 1, 1], hinge: {{{}}}}}\n", hinge));
 }
 SystemSpec with_body(const std::string& keys) {
-  return read("cardan: 1\nbodies:\n  b: {" + keys + ", hinge: {type: free, to: world}}\n");
+  return read(fmt::format("cardan: 1\nbodies:\n  b: {{{}, hinge: {{type: free, to: world}}}}\n", keys));
 }
 
 std::string first_fault(const std::string& text, const Overrides& overrides = {}) {
@@ -38,7 +40,7 @@ std::string first_fault(const std::string& text, const Overrides& overrides = {}
     read(text, overrides);
   } catch (const InputError& e) {
     const Diagnostic& d = e.diagnostics().at(0);
-    return std::string(number_of(d.code)) + " " + d.at.key_path;
+    return fmt::format("{} {}", number_of(d.code), d.at.key_path);
   }
   return "none";
 }
@@ -96,7 +98,7 @@ TEST(Vehicle, IsReadInSi) {
 
 TEST(Vehicle, KeepsThePlaceOfEachValue) {
   const SystemSpec spec = read(kSatellite);
-  EXPECT_EQ(spec.locate("bodies.wheel.hinge.axis").mark.line, 17);
+  EXPECT_EQ(spec.locate("bodies.wheel.hinge.axis").mark.line, 18);
   EXPECT_EQ(spec.locate("bodies.wheel.hinge.axis").mark.column, 13);
   EXPECT_EQ(spec.locate("bodies.bus.com[2]").mark.column, 17);
   EXPECT_EQ(spec.locate("bodies.bus.nothing.such").mark.line, 5);
@@ -144,7 +146,7 @@ TEST(Inertia, AboutTheOriginIsShifted) {
 }
 
 Eigen::Matrix3d orientation(const std::string& text) {
-  return with_body("mass: 1, inertia: [1, 1, 1], nodes: {n: {orientation: {" + text + "}}}").bodies[0].nodes[0].R_BN;
+  return with_body(fmt::format("mass: 1, inertia: [1, 1, 1], nodes: {{n: {{orientation: {{{}}}}}}}", text)).bodies[0].nodes[0].R_BN;
 }
 
 TEST(Orientation, TakesNodeAxesToBodyAxes) {
@@ -229,10 +231,7 @@ TEST(Yaml, AnchorsAreResolved) {
 
 TEST(Yaml, AliasesOfAliasesDoNotFillTheMemory) {
   std::string text = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n";
-  for (int i = 1; i < 12; ++i) {
-    const std::string inner = "*a" + std::to_string(i - 1) + ", ";
-    text += "a" + std::to_string(i) + ": &a" + std::to_string(i) + " [" + inner + inner + inner + inner + inner + inner + inner + inner + inner + "*a" + std::to_string(i - 1) + "]\n";
-  }
+  for (int i = 1; i < 12; ++i) text += fmt::format("a{0}: &a{0} [*a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}]\n", i, i - 1);
   EXPECT_EQ(first_fault(text), "C0101 ");
 }
 
@@ -245,7 +244,7 @@ TEST(Yaml, WithByteOrderMarkAndCrlfIsRead) {
 TEST(Yaml, OfManyBodiesIsReadInReasonableTime) {
   std::string text = "cardan: 1\nbodies:\n";
   for (int i = 0; i < 2000; ++i)
-    text += "  b" + std::to_string(i) + ": {mass: 1, inertia: [1, 1, 1], hinge: {type: revolute, axis: [0, 0, 1], to: " + (i == 0 ? "world" : "b" + std::to_string(i - 1)) + "}}\n";
+    text += fmt::format("  b{}: {{mass: 1, inertia: [1, 1, 1], hinge: {{type: revolute, axis: [0, 0, 1], to: {}}}}}\n", i, i == 0 ? "world" : fmt::format("b{}", i - 1));
   EXPECT_EQ(read(text).bodies.size(), 2000u);
 }
 
@@ -280,7 +279,7 @@ TEST(Override, IsCheckedAgainstTheSchema) {
   EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.masss", "1"}}), "C0104 bodies.bus.masss");
   EXPECT_EQ(first_fault(kSatellite, {{"bodies.bsu.mass", "1"}}), "C0104 bodies.bsu");
   EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.nodes.sadle.position", "[0, 0, 0]"}}), "C0104 bodies.bus.nodes.sadle");
-  EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.com[3]", "1"}}), "C0104 bodies.bus.com.3");
+  EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.com[3]", "1"}}), "C0104 bodies.bus.com[3]");
   EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.mass.value", "1"}}), "C0104 bodies.bus.mass.value");
   EXPECT_EQ(first_fault(kSatellite, {{"gravty.uniform", "[0, 0, 1]"}}), "C0104 gravty");
   EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.mass", "12 m"}}), "C0107 bodies.bus.mass");
@@ -323,7 +322,7 @@ TEST(Vehicle, OfADamagedFileIsReadOrRefused) {
         case 2: text.insert(random(text.size()), text.substr(place, length)); break;
         default: text[place] = static_cast<char>(random(256)); break;
       }
-      if (text.empty()) text = "x";
+      if (text.empty()) text.push_back('x');
     }
     try {
       const SystemSpec spec = read(text);

@@ -1,0 +1,30 @@
+#pragma once
+// Models in the schema cardan-bench/1 (tests/reference/bench/README.md) as SystemSpec, and their ring of states.
+#include <Eigen/Core>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "core/model/spec.hpp"
+
+namespace cardan::bench {
+
+struct BenchState {
+  Eigen::VectorXd q, v, tau, vdot;  // user's order of a Model made from `spec`
+};
+
+struct BenchModel {
+  std::string name;
+  SystemSpec spec;
+  std::vector<BenchState> states;
+};
+
+BenchModel read_model(const std::filesystem::path& file);
+/// All .json files of a folder by name.
+std::vector<std::filesystem::path> models_in(const std::filesystem::path& folder);
+
+/// A chain of `bodies` revolute flexible bodies with `modes` modes each (level 0, mass-normalised modes, each hung on the
+/// deforming tip of the one before), with 16 random states of a fixed seed.
+BenchModel flexible_chain(int bodies, int modes);
+
+}  // namespace cardan::bench

@@ -1,0 +1,121 @@
+#include "scripts/host/scenario.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "bodies/register.hpp"
+#include "core/base/units.hpp"
+#include "core/io/sha256.hpp"
+#include "core/model/schema.hpp"
+#include "hinges/register.hpp"
+#include "scripts/host/prelude.hpp"
+
+namespace cardan {
+namespace {
+
+std::filesystem::path script_of(const std::filesystem::path& file) {
+  std::error_code ignored;
+  return std::filesystem::is_directory(file, ignored) ? file / "scenario.lua" : file;
+}
+
+LuaOptions lua_options(Scenario& s, const ScenarioOptions& options) {
+  LuaOptions lua;
+  lua.folder = script_of(options.file).parent_path();
+  lua.built_in = prelude_modules();
+  lua.seed = options.seed;
+  lua.print = options.print;
+  lua.loaded = [&s](const std::string& name, std::string_view text) {
+    s.inputs.push_back({name, sha256(text), std::string(text)});
+  };
+  return lua;
+}
+
+[[noreturn]] void fail(const Scenario& s, Code code, std::string key_path, std::string expected, std::string got,
+                       std::string hint) {
+  throw InputError(Diagnostic{
+      code, {std::move(key_path), {s.file.string(), 0, 0}}, std::move(expected), std::move(got), std::move(hint), {}, {}, 0});
+}
+
+/// What only the whole script can tell.
+void expect_complete(const Scenario& s) {
+  if (!s.model)
+    fail(s, Code::empty_system, "vehicle", "a vehicle", "none", "begin with: local sat = vehicle \"vehicle.yaml\"");
+  if (!s.mission.declared)
+    fail(s, Code::missing_key, "mission", "a mission with its duration", "none", "mission { title = ..., duration = \"400 s\" }");
+  for (const Setting& set : s.settings) {
+    if (set.used) continue;
+    std::string known;
+    for (const std::string& name : s.parameter_names) known += name + ", ";
+    throw InputError(Diagnostic{Code::unknown_name,
+                                {set.key, {fmt::format("--set {}={}", set.key, set.value), 0, 0}},
+                                known.empty() ? "vehicle.... or mission...." : "a parameter (" + known.substr(0, known.size() - 2) + "), vehicle.... or mission....",
+                                in_quotes(set.key),
+                                did_you_mean(set.key, s.parameter_names),
+                                {},
+                                {},
+                                0});
+  }
+}
+
+}  // namespace
+
+Scenario::Scenario(const ScenarioOptions& options)
+    : file(script_of(options.file)),
+      folder(file.parent_path()),
+      settings(options.settings),
+      seed(options.seed),
+      lua(lua_options(*this, options)) {
+  register_hinges(registry);
+  register_bodies(registry);
+}
+
+void Scenario::look_at_state() {
+  q = sim->state().q.data();
+  v = sim->state().v.data();
+}
+
+void Scenario::use_model(std::shared_ptr<const Model> compiled) {
+  const std::unique_ptr<Simulation> before = std::move(sim);
+  model = std::move(compiled);
+  sim = std::make_unique<Simulation>(model, mission.simulation);
+  for (const Load& load : loads) sim->add_wrench(load.node, load.world_axes);
+  if (before) sim->take_over(*before);
+  scratch.assign(static_cast<std::size_t>(model->nv), 0.0);
+  look_at_state();
+}
+
+std::unique_ptr<Scenario> load_scenario(const ScenarioOptions& options) {
+  auto s = std::make_unique<Scenario>(options);
+  bind_setup(*s);
+  bind_handles(*s);
+  bind_mission(*s);
+  run_prelude(*s);
+  s->lua.run_file(s->file.filename().string());
+  expect_complete(*s);
+  return s;
+}
+
+void run_prelude(Scenario& s) {
+  s.lua.run_text("[cardan]", "for _, name in ipairs { 'quat', 'vec', 'allocation' } do _G[name] = require('cardan.' .. name) end");
+}
+
+void refuse(lua_State* L, Code code, std::string key_path, std::string expected, std::string got, std::string hint) {
+  throw InputError(Diagnostic{code,
+                              {std::move(key_path), LuaHost::caller(L)},
+                              std::move(expected),
+                              std::move(got),
+                              std::move(hint),
+                              LuaHost::traceback(L),
+                              {},
+                              0});
+}
+
+void expect_setup(lua_State* L, const Scenario& s, const char* what, bool needs_vehicle) {
+  if (s.stage != Scenario::Stage::setup)
+    refuse(L, Code::lua_argument, what, "a declaration before the run", "one during the run", "move it to the top level of the script");
+  if (needs_vehicle && !s.model)
+    refuse(L, Code::lua_argument, what, "a vehicle before it", "no vehicle yet", "begin with: local sat = vehicle \"vehicle.yaml\"");
+}
+
+}  // namespace cardan

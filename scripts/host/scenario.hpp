@@ -1,0 +1,145 @@
+#pragma once
+// A scenario: what its script declares (bind_setup.cpp, bind_mission.cpp), and what the handles of the script read and set
+// (bind_handles.cpp). Names are resolved when a handle is made; a tick works with numbers only.
+#include <filesystem>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/sim/simulation.hpp"
+#include "scripts/host/lua_function.hpp"
+#include "scripts/host/lua_host.hpp"
+
+namespace cardan {
+
+/// One `--set key=value`.
+struct Setting {
+  std::string key, value;
+  bool used = false;
+};
+
+struct ScenarioOptions {
+  std::filesystem::path file;  ///< the script, or a folder with scenario.lua
+  std::vector<Setting> settings;
+  std::uint64_t seed = 0;
+  std::function<void(std::string_view line)> print = [](std::string_view) {};
+};
+
+struct MissionSpec {
+  bool declared = false;
+  std::string title;
+  double duration = 0.0;  // [s]
+  Rational output_period{1, 10};
+  std::vector<int> reactions;  // user bodies
+  std::vector<int> nodes;      // indices into Model::nodes
+  SimulationOptions simulation;
+};
+
+struct Controller {
+  std::string name;
+  Rational period;
+  LuaFunction step;
+};
+
+struct Phase {
+  std::string name;
+  double duration = std::numeric_limits<double>::infinity();  // [s]
+  LuaFunction until, enter, exit;                             // each may be absent
+};
+
+struct ScriptEvent {
+  std::string name;
+  LuaFunction when, action;
+  int direction = 0;  // +1 rising, -1 falling, 0 both
+};
+
+/// A number that the script works out at the end; a check if it has limits.
+struct Measure {
+  std::string name, unit;
+  LuaFunction value;
+  double low = -std::numeric_limits<double>::infinity(), high = std::numeric_limits<double>::infinity();
+  std::string condition;  // "below 0.01 deg"; empty for a figure
+};
+
+/// Numbers of the script's own that are recorded.
+struct Signal {
+  Channel channel;
+  std::vector<double> values;
+};
+
+struct Load {
+  int node;
+  bool world_axes;
+};
+
+/// A file that the result depends on.
+struct InputFile {
+  std::string name, sha256, text;
+};
+
+struct Scenario {
+  enum class Stage { setup, run, end };
+
+  explicit Scenario(const ScenarioOptions& options);
+  Scenario(const Scenario&) = delete;
+  Scenario& operator=(const Scenario&) = delete;
+
+  // Given
+  std::filesystem::path file, folder;
+  std::vector<Setting> settings;
+  std::uint64_t seed;
+
+  LuaHost lua;  // before everything that holds a Lua function
+
+  // Declared
+  Registry registry;
+  std::vector<InputFile> inputs, plugins;
+  std::vector<std::string> parameter_names;
+  std::vector<std::pair<std::string, std::string>> parameters;  // name, value: for the results
+  MissionSpec mission;
+  std::vector<Controller> controllers;
+  std::vector<Phase> phases;
+  std::vector<ScriptEvent> events;
+  std::vector<Measure> checks, figures;
+  std::vector<std::unique_ptr<Signal>> signals;
+  std::vector<Load> loads;
+
+  // The system
+  std::shared_ptr<const Model> model;  // null before `vehicle`
+  std::unique_ptr<Simulation> sim;
+
+  // What handles see
+  Stage stage = Stage::setup;
+  int phase = -1;                 // index of the present one
+  const double *q = nullptr, *v = nullptr;  // the state, or the trial state of an event function
+  bool in_event_function = false;
+  std::string actor;              // whose function runs: `controller "attitude"`
+  std::optional<RunFailure> fault;  // a command that is not finite; a script cannot catch it
+  std::vector<double> scratch;
+
+  /// Compiles again with what has been declared, and keeps the state, the commands and the motion profiles.
+  void use_model(std::shared_ptr<const Model> compiled);
+  void look_at_state();
+};
+
+/// Reads and runs the script: everything up to the run. Throws InputError.
+std::unique_ptr<Scenario> load_scenario(const ScenarioOptions& options);
+
+// Parts of load_scenario: the functions that scripts see.
+void bind_setup(Scenario&);    // parameters, plugin, vehicle, mission, initial
+void bind_handles(Scenario&);  // bodies, hinges, modes, nodes, loads
+void bind_mission(Scenario&);  // controller, phase, event, check, figure, signals, stop
+void run_prelude(Scenario&);   // quat, vec, allocation
+
+/// Pushes the handle of the vehicle.
+void push_vehicle(lua_State* L, Scenario&);
+
+/// An error at the script line that runs now.
+[[noreturn]] void refuse(lua_State* L, Code code, std::string key_path, std::string expected, std::string got,
+                         std::string hint = {});
+/// Refuses a declaration during the run, or before `vehicle` where it needs one.
+void expect_setup(lua_State* L, const Scenario&, const char* what, bool needs_vehicle);
+
+}  // namespace cardan
