@@ -66,7 +66,7 @@ Matrix6X phi_star_rows(const Model& model, const Workspace& ws, int k) {
   for (int j = 0; j < 6; ++j) {
     double e[6] = {};
     e[j] = 1.0;
-    rows.col(j) = to_eigen(to_outboard(ws.core(k).X, motion(e)));
+    rows.col(j) = to_eigen(to_outboard(soa::pose_in_inboard(model, ws, k), motion(e)));
   }
   if (b.n_parent_modes > 0) rows.rightCols(b.n_parent_modes) = Eigen::Map<const Matrix6X>(ws.modal_of(k)->A, 6, b.n_parent_modes);
   return rows;
@@ -102,7 +102,7 @@ Eigen::MatrixXd mass_matrix(const Model& model, Workspace& ws, const double* q) 
   const auto H_star = [&](int k) {  // (6 + m) x (nv + m) of mathematics 3.8
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
     Eigen::MatrixXd H = Eigen::MatrixXd::Zero(6 + b.n_modes, b.nv + b.n_modes);
-    for (int j = 0; j < b.nv; ++j) H.col(j).head<6>() = to_eigen(ws.H(k)[j]);
+    for (int j = 0; j < b.nv; ++j) H.col(j).head<6>() = to_eigen(soa::hinge_column(model, ws, k, j));
     if (b.n_modes > 0) {
       if (const double* C = ws.modal_of(k)->C) H.topRightCorner(6, b.n_modes) = -Eigen::Map<const Matrix6X>(C, 6, b.n_modes);
       H.bottomRightCorner(b.n_modes, b.n_modes).setIdentity();

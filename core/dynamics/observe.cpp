@@ -192,7 +192,7 @@ Force<double> Observer::wrench_in_host(int i) const {
     const UserBody& child = model_.user[c];
     if (child.parent != i) continue;
     const Force<double> through = wrench_in_host(static_cast<int>(c));
-    f += child.merged ? through : to_inboard(ws_.core(child.sweep).X, through);
+    f += child.merged ? through : to_inboard(soa::pose_in_inboard(model_, ws_, child.sweep), through);
   }
   return f;
 }

@@ -2,12 +2,16 @@
 // rigid bodies into their pnode frame (B = P: then Phi* is one rigid transformation and the hinge map needs none), folds
 // constants, chooses a kernel for each body and writes the program of sweeps.
 #include <Eigen/Cholesky>
+#include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <cstring>
+#include <numbers>
 #include <numeric>
 
 #include "core/model/model.hpp"
 #include "core/model/validate.hpp"
+#include "core/spatial/rotation.hpp"
 
 namespace cardan {
 namespace {
@@ -162,6 +166,7 @@ class Compiler {
     order_bodies();
     build_sweep_bodies();
     sink_.throw_if_any();
+    choose_frames();
     name_nodes();
     choose_kernels();
     write_program();
@@ -321,6 +326,132 @@ class Compiler {
     return {{R[0], R[1], R[2], R[3], R[4], R[5], R[6], R[7], R[8]}, {out.p_OP[0], out.p_OP[1], out.p_OP[2]}};
   }
 
+  // Frames of rigid bodies on one rotation, re-chosen so that the axis is a coordinate axis of the body and the constant
+  // rotation between O and the inboard body vanishes or is one or two rotations in a plane (kernels_axis.hpp).
+  void choose_frames() {
+    Model& m = *model_;
+    if (!options_.choose_frames) return;
+    const int n = static_cast<int>(m.bodies.size());
+    m.axis_bodies.resize(m.bodies.size());
+    const auto served = [&](int k) {
+      const SweepBody& b = m.bodies[static_cast<std::size_t>(k)];
+      return b.shape == CARDAN_SHAPE_ROTATION && b.n_modes == 0 && b.onode < 0 && !b.has_prescribed;
+    };
+    for (int k = 1; k < n; ++k) {
+      if (!served(k)) continue;
+      SweepBody& b = m.bodies[static_cast<std::size_t>(k)];
+      AxisBody& a = m.axis_bodies[static_cast<std::size_t>(k)];
+      const Eigen::Matrix3d R_AO = to_eigen(b.O.R);
+      const Eigen::Vector3d axis_A = R_AO * to_eigen(b.axis), p_A = to_eigen(b.O.p);
+      const double slide = axis_A.dot(p_A);
+      int i = -1;
+      for (int c = 0; c < 3; ++c)
+        if (std::abs(axis_A[c] - 1.0) < 1e-15 && axis_A.cwiseAbs().sum() - std::abs(axis_A[c]) < 4e-16) i = c;
+      Eigen::Matrix3d R_AS;  // new frame S at q = 0 in A
+      Eigen::Vector3d offset = p_A - slide * axis_A;
+      if (i >= 0) {
+        R_AS.setIdentity();
+        offset[i] = 0.0;
+        b.kind = static_cast<KernelKind>(static_cast<int>(KernelKind::axis_x) + i);
+      } else {
+        i = 2;
+        const double beta = std::atan2(std::hypot(axis_A.x(), axis_A.y()), axis_A.z());
+        const double alpha = std::abs(axis_A.y()) < 1e-15 * std::abs(axis_A.x()) && axis_A.x() > 0 ? 0.0 : std::atan2(axis_A.y(), axis_A.x());
+        a.cos_alpha = std::cos(alpha), a.sin_alpha = std::sin(alpha), a.cos_beta = std::cos(beta), a.sin_beta = std::sin(beta);
+        R_AS << a.cos_alpha * a.cos_beta, -a.sin_alpha, a.cos_alpha * a.sin_beta, a.sin_alpha * a.cos_beta, a.cos_alpha,
+            a.sin_alpha * a.sin_beta, -a.sin_beta, 0.0, a.cos_beta;
+        b.kind = alpha == 0.0 ? KernelKind::tilt : KernelKind::tilt2;
+      }
+      Eigen::Vector3d l = R_AS.transpose() * offset;
+      l[i] = 0.0;
+      Eigen::Matrix3d R_PS = R_AO.transpose() * R_AS;  // S in the old frame P, at q = 0
+      // The frame may still be turned about its own axis: if that brings the axis of an outboard hinge onto a coordinate
+      // axis, or at least into the x-z plane, so that the outboard body needs less.
+      const double turn = best_turn(k, i, R_PS, served);
+      if (turn != 0.0) {
+        Eigen::Vector3d e = Eigen::Vector3d::Zero();
+        e[i] = 1.0;
+        R_PS = R_PS * to_eigen(rotation_about(from_eigen(e), std::sin(turn), std::cos(turn)));
+        b.q0 = turn;
+      }
+      const Pose<double> C{from_eigen(R_PS), from_eigen(Eigen::Vector3d(-slide * to_eigen(b.axis)))};  // S in P
+      const Pose<double> back = inverse(C);
+      turn_inertia(C, i, b, a);
+      for (UserBody& u : m.user)
+        if (u.sweep == k) u.pose = back * u.pose;
+      for (int child = k + 1; child < n; ++child)
+        if (m.bodies[static_cast<std::size_t>(child)].parent == k) m.bodies[static_cast<std::size_t>(child)].O = back * m.bodies[static_cast<std::size_t>(child)].O;
+      b.O = pose_of(R_AS, R_AS * l);
+      b.axis = {i == 0 ? 1.0 : 0.0, i == 1 ? 1.0 : 0.0, i == 2 ? 1.0 : 0.0};
+      ++m.n_axis;
+      a.parent = b.parent;
+      a.q = b.q;
+      a.v = b.v;
+      a.q0 = b.q0;
+      a.p[0] = b.O.p.x, a.p[1] = b.O.p.y, a.p[2] = b.O.p.z;
+      a.l[0] = l[(i + 1) % 3], a.l[1] = l[(i + 2) % 3];
+    }
+  }
+
+  // The inertia of body b seen from S (pose C in P), whose axis i is the hinge axis u, exactly: the inertia about a hinge may be
+  // ten orders below the others, and a rotation that is orthogonal to round-off only would lose it. Hence long double, u kept
+  // as it is, and the second moments S = (tr J/2) 1 - J in place of J: those of a slender body are small by themselves.
+  static void turn_inertia(const Pose<double>& C, int i, SweepBody& b, AxisBody& a) {
+    using L = long double;
+    using Mat = Eigen::Matrix<L, 3, 3>;
+    using Vec = Eigen::Matrix<L, 3, 1>;
+    const Mat R = to_eigen(C.R).cast<L>();
+    const int j = (i + 1) % 3, k = (i + 2) % 3;
+    Mat Q;
+    Q.col(i) = to_eigen(b.axis).cast<L>().normalized();
+    Q.col(j) = (R.col(j) - Q.col(i) * Q.col(i).dot(R.col(j))).normalized();
+    Q.col(k) = Q.col(i).cross(Q.col(j));
+    const RigidInertia<L> M = cast<L>(b.M);
+    Mat S;
+    S << 0.5L * ((M.J.yy - M.J.xx) + M.J.zz), -M.J.xy, -M.J.xz, -M.J.xy, 0.5L * ((M.J.xx - M.J.yy) + M.J.zz), -M.J.yz, -M.J.xz, -M.J.yz,
+        0.5L * ((M.J.xx - M.J.zz) + M.J.yy);
+    const Vec d = to_eigen(C.p).cast<L>(), h = to_eigen(b.M.h).cast<L>();
+    S += M.m * d * d.transpose() - d * h.transpose() - h * d.transpose();
+    S = (Q.transpose() * S * Q).eval();
+    Vec h_S = Q.transpose() * (h - M.m * d);
+    const L noise = 1e-18L * S.trace(), noise_h = 1e-18L * (h.norm() + M.m * d.norm());  // round-off of the rotation itself
+    for (int r = 0; r < 3; ++r) {
+      if (std::abs(h_S[r]) < noise_h) h_S[r] = 0;
+      for (int c = 0; c < 3; ++c)
+        if (r != c && std::abs(S(r, c)) < noise) S(r, c) = 0;
+    }
+    const auto down = [](L x) { return static_cast<double>(x); };
+    b.M.h = {down(h_S[0]), down(h_S[1]), down(h_S[2])};
+    b.M.J = {down(S(1, 1) + S(2, 2)), down(S(0, 0) + S(2, 2)), down(S(0, 0) + S(1, 1)), down(-S(0, 1)), down(-S(0, 2)), down(-S(1, 2))};
+    const L second[6] = {S(0, 0), S(1, 1), S(2, 2), S(0, 1), S(0, 2), S(1, 2)};
+    std::transform(second, second + 6, a.S, down);
+  }
+
+  // Angle about axis i of body k (frame R_PS) that serves its first outboard axis hinge best; 0 if some fits already.
+  template <class Served>
+  double best_turn(int k, int i, const Eigen::Matrix3d& R_PS, const Served& served) const {
+    const Model& m = *model_;
+    double best = 0.0;
+    bool found = false;
+    for (int child = k + 1; child < static_cast<int>(m.bodies.size()); ++child) {
+      const SweepBody& c = m.bodies[static_cast<std::size_t>(child)];
+      if (c.parent != k || !served(child)) continue;
+      const Eigen::Vector3d a = R_PS.transpose() * (to_eigen(c.O.R) * to_eigen(c.axis));
+      if (a.maxCoeff() > 1.0 - 1e-15) return 0.0;
+      if (found) continue;
+      found = true;
+      const int j = (i + 1) % 3, h = (i + 2) % 3;
+      if (std::hypot(a[j], a[h]) < 1e-12) continue;           // parallel or opposite: nothing to gain
+      if (std::abs(a[i]) < 1e-15 || i != 1) {
+        // rotate so that the component across the axis points along x (i = z), z (i = x), or any coordinate axis
+        const double now = std::atan2(a[h], a[j]);              // angle in the j, h plane
+        const double wanted = i == 0 ? 0.5 * std::numbers::pi : 0.0;  // i = 0: j = y, h = z -> along z;  i = 2: j = x -> along x
+        best = now - wanted;
+      }
+    }
+    return best;
+  }
+
   void name_nodes() {
     Model& m = *model_;
     for (std::size_t i = 0; i < spec_.bodies.size(); ++i) {
@@ -349,6 +480,8 @@ class Compiler {
         b.kind = static_cast<KernelKind>(base + b.nv);
       else if (b.shape == CARDAN_SHAPE_FIXED)
         b.kind = KernelKind::fixed;
+      else if (b.kind >= KernelKind::axis_x)
+        continue;  // chosen with its frame
       else if (b.shape == CARDAN_SHAPE_ROTATION)
         b.kind = KernelKind::rotation;
       else if (b.shape == CARDAN_SHAPE_SLIDE)
@@ -357,6 +490,17 @@ class Compiler {
         b.kind = KernelKind::screw;
       else
         b.kind = static_cast<KernelKind>(static_cast<int>(KernelKind::dense1) + b.nv - 1);
+    }
+    for (std::size_t k = 1; k < m.bodies.size(); ++k) {
+      SweepBody& b = m.bodies[k];
+      b.M_sweep = b.M;
+      if (!is_axis(b.kind)) continue;
+      AxisBody& a = m.axis_bodies[k];
+      const RigidInertia<double>& M = b.M_sweep;
+      const double J[6] = {M.J.xx, M.J.yy, M.J.zz, M.J.xy, M.J.xz, M.J.yz};
+      a.m = M.m;
+      a.h[0] = M.h.x, a.h[1] = M.h.y, a.h[2] = M.h.z;
+      std::copy(J, J + 6, a.J);
     }
     for (std::size_t k = 1; k < m.bodies.size(); ++k) {
       if (m.runs.empty() || m.runs.back().kind != m.bodies[k].kind)
@@ -392,7 +536,7 @@ class Compiler {
   void write_program() {
     Model& m = *model_;
     const int n_runs = static_cast<int>(m.runs.size());
-    if (!m.batches.empty()) m.program.push_back({Kernel::hinge_records});
+    if (!m.batches.empty() || m.n_axis > 0) m.program.push_back({Kernel::hinge_records});
     for (int r = 0; r < n_runs; ++r) m.program.push_back({Kernel::outward, r});
     if (!m.flexible.empty()) m.program.push_back({Kernel::elastic});
     const bool central = m.gravity.kind == GravitySpec::Kind::central;

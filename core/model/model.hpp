@@ -17,8 +17,10 @@ namespace cardan {
 /// Which kernel serves a body: the shape of its hinge, and whether the body, its nodes or its motion are anything but rigid
 /// and free. General kernels take any shape.
 enum class KernelKind : std::uint8_t { fixed, rotation, slide, screw, dense1, dense2, dense3, dense4, dense5, dense6,
+                                       axis_x, axis_y, axis_z, tilt, tilt2,  // AxisBody: kernels_axis.hpp
                                        general0, general1, general2, general3, general4, general5, general6 };
 constexpr bool is_general(KernelKind k) { return k >= KernelKind::general0; }
+constexpr bool is_axis(KernelKind k) { return k >= KernelKind::axis_x && k <= KernelKind::tilt2; }
 
 /// Deformation of a node: columns [Psi; Phi] (6 x m, column-major) over the undeformed pose in the body frame.
 struct NodeShapes {
@@ -56,11 +58,24 @@ struct SweepBody {
   Vec3<double> axis;                    // hinge axis (axis shapes), P axes
   double pitch = 0.0;                   // [m/rad]
   RigidInertia<double> M;               // rigid body
+  RigidInertia<double> M_sweep;         // what the sweeps use: M, and that of rotors folded into it
+  double q0 = 0.0;                      // [rad] axis kernels: angle of the frame at q = 0
   int n_modes = 0, eta = 0, etadot = 0; // modal coordinates in q and v
   int flexible = -1;                    // index into Model::flexible
   int onode = -1, pnode = -1;           // index into Model::shapes where O (on the inboard body) or P deforms
   int n_parent_modes = 0;               // modes of the inboard body when O deforms
   bool has_prescribed = false;          // some velocity component follows a given motion
+};
+
+/// What the axis kernels read of one body (rigid, one rotation about a coordinate axis of its frame), parallel to `bodies`.
+struct AxisBody {
+  int parent = 0, q = 0, v = 0;
+  double q0 = 0.0;                                          // [rad]
+  double cos_alpha = 1, sin_alpha = 0, cos_beta = 1, sin_beta = 0;  // R_O = Rz(alpha) Ry(beta)
+  double p[3] = {};                                         // [m] B in A, A axes
+  double l[2] = {};                                         // [m] the same in O axes, components j and k (that along i is 0)
+  double m = 0.0, h[3] = {}, J[6] = {};                     // [kg], [kg m], [kg m^2] xx yy zz xy xz yz about B
+  double S[6] = {};                                         // [kg m^2] second moments: integral of r r* dm
 };
 
 /// A maximal stretch of consecutive bodies with one kernel.
@@ -120,6 +135,8 @@ class Model {
   int nq = 0, nv = 0;                   // all coordinates: hinges and modes
   int n_modes = 0;
   std::vector<SweepBody> bodies;        // [0] = ground
+  std::vector<AxisBody> axis_bodies;    // same index; filled for axis kernels, empty when there are none
+  int n_axis = 0;                       // how many bodies have an axis kernel
   std::vector<Run> runs;
   std::vector<FlexibleBody> flexible;
   std::vector<NodeShapes> shapes;       // deforming hinge nodes
@@ -154,6 +171,7 @@ class Model {
 
 struct CompileOptions {
   bool merge_locked = true;             // rigid bodies fixed to rigid bodies become one
+  bool choose_frames = true;            // re-choose the frames of rigid bodies for the axis kernels (results stay in the user's)
   bool node_wrenches = true;            // the program takes wrenches on nodes
   bool world_wrenches = false;          // ... also such that are given in world axes
 };

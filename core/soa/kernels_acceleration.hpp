@@ -10,7 +10,7 @@ void acceleration_rigid(const Model& model, Workspace<T>& ws, const Inputs<T>&, 
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
     Core<T>& body = ws.core(k);
     const Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
-    const Motion<T> delta = to_outboard(body.X, ws.core(b.parent).delta);
+    const Motion<T> delta = to_outboard(ws.X(k), ws.core(b.parent).delta);
     body.delta = delta;
     for (int j = 0; j < NV; ++j) {
       const T a = hinge.nu[j] - dot(delta, hinge.G[j]);
@@ -27,7 +27,7 @@ void acceleration_general(const Model& model, Workspace<T>& ws, const Inputs<T>&
     Core<T>& body = ws.core(k);
     const Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
     Modal<T>& modal = ws.template modal<NV>(k);
-    Motion<T> delta = to_outboard(body.X, ws.core(b.parent).delta);
+    Motion<T> delta = to_outboard(ws.X(k), ws.core(b.parent).delta);
     if (modal.A) {
       const Modal<T>& parent = *ws.modal_of(b.parent);
       for (int j = 0; j < b.n_parent_modes; ++j) delta += parent.accel[j] * motion_column(modal.A, j);
@@ -58,7 +58,7 @@ void gather_rigid(const Model& model, Workspace<T>& ws, T* tau, int begin, int e
     const Core<T>& body = ws.core(k);
     const Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
     for (int j = 0; j < NV; ++j) tau[b.v + j] = dot(hinge.H[j], body.z);
-    ws.core(b.parent).z += to_inboard(body.X, body.z);
+    ws.core(b.parent).z += to_inboard(ws.X(k), body.z);
   }
 }
 
@@ -75,7 +75,7 @@ void gather_general(const Model& model, Workspace<T>& ws, T* tau, int begin, int
       if (modal.C) force = force - dot(motion_column(modal.C, j), body.z);
       tau[b.etadot + j] = force;
     }
-    ws.core(b.parent).z += to_inboard(body.X, body.z);
+    ws.core(b.parent).z += to_inboard(ws.X(k), body.z);
     if (modal.A) {
       Modal<T>& parent = *ws.modal_of(b.parent);
       for (int j = 0; j < b.n_parent_modes; ++j) parent.z[j] = parent.z[j] + dot(motion_column(modal.A, j), body.z);

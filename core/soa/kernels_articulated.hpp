@@ -107,7 +107,7 @@ void inward_rigid(const Model& model, Workspace<T>& ws, const Inputs<T>& in, int
         }
         for (int j = 0; j < NV; ++j) subtract_outer(P, half[j], half[j]);
       }
-      inboard.P += to_inboard(body.X, P);
+      inboard.P += to_inboard(ws.X(k), P);
     }
     if constexpr (For.bias) {
       Force<T> z = body.z;
@@ -123,7 +123,7 @@ void inward_rigid(const Model& model, Workspace<T>& ws, const Inputs<T>& in, int
         else
           solve_hinge<T, NV>(hinge, hinge.nu);
       }
-      inboard.z += to_inboard(body.X, z);
+      inboard.z += to_inboard(ws.X(k), z);
     }
   }
 }
@@ -268,11 +268,11 @@ void inward_general(const Model& model, Workspace<T>& ws, const Inputs<T>& in, i
         }
         for (int j = 0; j < NV; ++j) subtract_outer(P, half[j], half[j]);
       }
-      inboard.P += to_inboard(body.X, P);
+      inboard.P += to_inboard(ws.X(k), P);
       if (modal_inboard) {  // rows and columns of the inboard modes: A* P+ A
         const int mp = b.n_parent_modes;
         for (int j = 0; j < mp; ++j) {
-          const Force<T> PA = P * motion_column(modal.A, j), at_A = to_inboard(body.X, PA);
+          const Force<T> PA = P * motion_column(modal.A, j), at_A = to_inboard(ws.X(k), PA);
           T* c = modal_inboard->P_re + 6 * j;
           c[0] = c[0] + at_A.n.x, c[1] = c[1] + at_A.n.y, c[2] = c[2] + at_A.n.z;
           c[3] = c[3] + at_A.f.x, c[4] = c[4] + at_A.f.y, c[5] = c[5] + at_A.f.z;
@@ -301,7 +301,7 @@ void inward_general(const Model& model, Workspace<T>& ws, const Inputs<T>& in, i
         }
         solve_hinge<T, NV>(hinge, hinge.nu);
       }
-      inboard.z += to_inboard(body.X, z);
+      inboard.z += to_inboard(ws.X(k), z);
       if (modal_inboard)
         for (int j = 0; j < b.n_parent_modes; ++j) modal_inboard->z[j] = modal_inboard->z[j] + dot(motion_column(modal.A, j), z);
     }

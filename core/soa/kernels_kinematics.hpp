@@ -88,31 +88,33 @@ void outward_rigid(const Model& model, Workspace<T>& ws, const Inputs<T>& in, in
     HingeFrame<T, NV> h;
     hinge_frame<T, NV>(ws, b, in.q, in.v, h);
     const Mat3<T> R_O = cast<T>(b.O.R);
-    body.X.R = R_O * h.R;
-    body.X.p = cast<T>(b.O.p) + R_O * h.l;
+    Pose<T>& X = ws.X(k);
+    X.R = R_O * h.R;
+    X.p = cast<T>(b.O.p) + R_O * h.l;
     Motion<T> rate{}, push{};
     for (int j = 0; j < NV; ++j) {
       hinge.H[j] = h.H[j];
       if constexpr (For.velocity) rate += in.v[b.v + j] * h.H[j];
       if constexpr (For.vdot) push += in.vdot[b.v + j] * h.H[j];
     }
-    const Vec3<T>& p = body.X.p;
+    const Vec3<T>& p = X.p;
     Motion<T>& gamma = body.gamma;
-    const RigidInertia<T> M = cast<T>(b.M);
+    const RigidInertia<T> M = cast<T>(b.M_sweep);
     if constexpr (For.velocity) {
       const Vec3<T>& wA = inboard.w;
-      const Vec3<T> w1 = transpose_times(body.X.R, wA);
+      const Vec3<T> w1 = transpose_times(X.R, wA);
       body.w = w1 + rate.w;
-      gamma.w = transpose_times(body.X.R, inboard.gamma.w) + cross(w1, rate.w) + h.Hdot_w;
-      gamma.v = transpose_times(body.X.R, inboard.gamma.v + cross(inboard.gamma.w, p) + cross(wA, cross(wA, p))) +
+      gamma.w = transpose_times(X.R, inboard.gamma.w) + cross(w1, rate.w) + h.Hdot_w;
+      gamma.v = transpose_times(X.R, inboard.gamma.v + cross(inboard.gamma.w, p) + cross(wA, cross(wA, p))) +
                 T(2) * cross(w1, rate.v) + h.s;
     } else {
-      gamma = to_outboard(body.X, inboard.gamma);
+      gamma = to_outboard(X, inboard.gamma);
     }
     if constexpr (For.vdot) gamma += push;
     body.z = M * gamma;
     if constexpr (For.velocity) body.z += gyroscopic(M, body.w);
     body.P = articulated(M);
+    body.E = acceleration_field(For.velocity ? body.w : Vec3<T>{T(0), T(0), T(0)}, gamma.w);
   }
 }
 
@@ -302,7 +304,8 @@ void outward_general(const Model& model, Workspace<T>& ws, const Inputs<T>& in, 
       body.gamma = gamma_P;
       for (int j = 0; j < NV; ++j) hinge.H[j] = h.H[j];
     }
-    body.X = {R_AB, p_AB};
+    ws.X(k) = {R_AB, p_AB};
+    body.E = acceleration_field(For.velocity ? body.w : none, body.gamma.w);
 
     if (modal.A) {  // modal columns of Phi*: Gamma_O carried to B
       const Vec3<T> from_O = p_AB - p_O;
@@ -315,7 +318,7 @@ void outward_general(const Model& model, Workspace<T>& ws, const Inputs<T>& in, 
     }
 
     if (b.n_modes == 0) {
-      const RigidInertia<T> M = cast<T>(b.M);
+      const RigidInertia<T> M = cast<T>(b.M_sweep);
       body.z = M * body.gamma;
       if constexpr (For.velocity) body.z += gyroscopic(M, body.w);
       body.P = articulated(M);

@@ -8,12 +8,28 @@ namespace cardan::soa {
 /// name [unit] (shape) frame -- meaning. All in the sweep frame of the body (B), A = inboard body.
 template <class T>
 struct Core {
-  Pose<T> X;                // [-, m] B in A: Phi* = X_BA
   Vec3<T> w;                // [rad/s] angular velocity of B in inertial space
   Motion<T> gamma;          // [rad/s^2; m/s^2] gamma_b: acceleration at v' = 0 (gravity and prescribed motion inside)
   Force<T> z;               // [N m; N] residual force M gamma_b + b - f_ext + sum Phi z+
   ArticulatedInertia<T> P;  // [kg m^2, kg m, kg] articulated body inertia
   Motion<T> delta;          // [rad/s^2; m/s^2] part of gamma caused by v'
+  Mat3<T> E;                // [1/s^2] w'~ + w~ w~ at v' = 0: acceleration of a point p of the body = gamma.v + E p
+};
+
+/// w'~ + w~ w~.
+template <class T>
+constexpr Mat3<T> acceleration_field(const Vec3<T>& w, const Vec3<T>& a) {
+  const T xx = w.x * w.x, yy = w.y * w.y, zz = w.z * w.z, xy = w.x * w.y, xz = w.x * w.z, yz = w.y * w.z;
+  return {-(yy + zz), xy - a.z, xz + a.y, xy + a.z, -(xx + zz), yz - a.x, xz - a.y, yz + a.x, -(xx + yy)};
+}
+
+/// Hinges that turn about a coordinate axis of their body (AxisBody): the pose is a cosine and a sine.
+template <class T>
+struct AxisRecord {
+  Core<T> core;
+  T c, s;                   // of q + q0
+  Force<T> G;               // gain P H* D^-1
+  T D, nu;                  // [kg m^2], [rad/s^2]
 };
 
 template <class T, int NV>
@@ -41,11 +57,13 @@ struct Modal {
 template <class T, int NV>
 struct RigidRecord {
   Core<T> core;
+  Pose<T> X;                // [-, m] B in A: Phi* = X_BA
   Hinge<T, NV> hinge;
 };
 template <class T, int NV>
 struct GeneralRecord {
   Core<T> core;
+  Pose<T> X;
   Hinge<T, NV> hinge;
   Modal<T> modal;
 };

@@ -3,12 +3,14 @@
 // kernels_counted.cpp). Each is a loop over runs of bodies with one kernel. Formulas: kernels_*.hpp.
 #include "core/soa/kernels_acceleration.hpp"
 #include "core/soa/kernels_kinematics.hpp"
+#include "core/soa/kernels_axis.hpp"
 
 namespace cardan::soa {
 
 template <class T>
 struct Sweeps {
-  /// Hinge records of the dense shapes: one call per family.
+  /// What depends on the hinge coordinates alone: sines and cosines of the axis hinges in one go, and the records of the
+  /// dense shapes, one call per family.
   static void hinge_records(const Model&, Workspace<T>&, const Inputs<T>&);
   /// Sets the ground: gamma(0) = [0; -g] for uniform gravity; clears what the inward sweeps gather there.
   static void ground(const Model&, Workspace<T>&, const Inputs<T>&);
@@ -24,5 +26,19 @@ struct Sweeps {
   static void acceleration(const Model&, Workspace<T>&, const Inputs<T>&, const Run&, T* vdot);
   static void gather(const Model&, Workspace<T>&, const Run&, T* tau);
 };
+
+/// Pose of B in A, and columns of H* at B, of any body: for what is not in the inner loop.
+template <class T>
+Pose<T> pose_in_inboard(const Model& model, const Workspace<T>& ws, int k) {
+  const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+  if (!is_axis(b.kind)) return ws.X(k);
+  const AxisRecord<T>& r = ws.axis(k);
+  return {cast<T>(b.O.R) * rotation_about(cast<T>(b.axis), r.s, r.c), cast<T>(b.O.p)};
+}
+template <class T>
+Motion<T> hinge_column(const Model& model, const Workspace<T>& ws, int k, int j) {
+  const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+  return is_axis(b.kind) ? Motion<T>{cast<T>(b.axis), {T(0), T(0), T(0)}} : ws.H(k)[j];
+}
 
 }  // namespace cardan::soa

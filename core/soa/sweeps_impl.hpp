@@ -1,6 +1,7 @@
 #pragma once
 // Definitions of sweeps.hpp; included only by the files that instantiate a scalar.
 #include "core/soa/gravity_field.hpp"
+#include "core/soa/sincos.hpp"
 #include "core/soa/sweeps.hpp"
 #include "core/soa/workspace_layout.hpp"
 
@@ -10,6 +11,7 @@ namespace cardan::soa {
 constexpr int size_of(KernelKind k) {
   if (is_general(k)) return static_cast<int>(k) - static_cast<int>(KernelKind::general0);
   if (k == KernelKind::fixed) return 0;
+  if (is_axis(k)) return 1;
   if (k <= KernelKind::screw) return 1;
   return static_cast<int>(k) - static_cast<int>(KernelKind::dense1) + 1;
 }
@@ -24,8 +26,36 @@ void for_kernel(KernelKind kind, const Rigid& rigid, const General& general) {
   });
 }
 
+/// Calls visit<I, TILT>() of an axis kernel.
+template <class Visit>
+void for_axis(KernelKind kind, const Visit& visit) {
+  switch (kind) {
+    case KernelKind::axis_x: return visit.template operator()<0, Tilt::none>();
+    case KernelKind::axis_y: return visit.template operator()<1, Tilt::none>();
+    case KernelKind::axis_z: return visit.template operator()<2, Tilt::none>();
+    case KernelKind::tilt: return visit.template operator()<2, Tilt::beta>();
+    default: return visit.template operator()<2, Tilt::alpha_beta>();
+  }
+}
+
 template <class T>
 void Sweeps<T>::hinge_records(const Model& model, Workspace<T>& ws, const Inputs<T>& in) {
+  if (model.n_axis > 0) {
+    std::size_t i = 0;
+    for (const Run& run : model.runs)
+      for (int k = run.begin; is_axis(run.kind) && k < run.end; ++k) {
+        const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(k)];
+        ws.angles[i++] = in.q[b.q] + T(b.q0);
+      }
+    sine_cosine(ws.angles.data(), ws.sines.data(), ws.cosines.data(), i);
+    i = 0;
+    for (const Run& run : model.runs)
+      for (int k = run.begin; is_axis(run.kind) && k < run.end; ++k, ++i) {
+        AxisRecord<T>& r = ws.axis(k);
+        r.c = ws.cosines[i];
+        r.s = ws.sines[i];
+      }
+  }
   for (const DenseBatch& batch : model.batches) {
     const auto n = static_cast<std::uint32_t>(batch.iq.size());
     if constexpr (std::is_same_v<T, double>) {
@@ -53,6 +83,8 @@ void Sweeps<T>::ground(const Model& model, Workspace<T>& ws, const Inputs<T>& in
 template <class T>
 void Sweeps<T>::outward(const Model& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, bool vdot, bool velocity) {
   const auto pass = [&]<OutwardFor For>() {
+    if (is_axis(run.kind))
+      return for_axis(run.kind, [&]<int I, Tilt TILT>() { outward_axis<T, I, TILT, For>(model, ws, in, run.begin, run.end); });
     for_kernel<T>(
         run.kind, [&]<int NV>() { outward_rigid<T, NV, For>(model, ws, in, run.begin, run.end); },
         [&]<int NV>() { outward_general<T, NV, For>(model, ws, in, run.begin, run.end); });
@@ -74,11 +106,10 @@ void Sweeps<T>::world(const Model& model, Workspace<T>& ws, const Inputs<T>& in)
   ws.V(0) = Motion<T>();
   for (int k = 1; k < static_cast<int>(model.bodies.size()); ++k) {
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
-    const Core<T>& body = ws.core(k);
-    ws.pose_W(k) = ws.pose_W(b.parent) * body.X;
-    Motion<T> V = to_outboard(body.X, ws.V(b.parent));
-    const Motion<T>* H = ws.H(k);
-    for (int j = 0; j < b.nv; ++j) V += in.v[b.v + j] * H[j];
+    const Pose<T> X = pose_in_inboard(model, ws, k);
+    ws.pose_W(k) = ws.pose_W(b.parent) * X;
+    Motion<T> V = to_outboard(X, ws.V(b.parent));
+    for (int j = 0; j < b.nv; ++j) V += in.v[b.v + j] * hinge_column(model, ws, k, j);
     if (const Modal<T>* modal = ws.modal_of(k)) {
       const T* rate = in.v + model.bodies[static_cast<std::size_t>(b.parent)].etadot;
       if (modal->A)
@@ -90,13 +121,13 @@ void Sweeps<T>::world(const Model& model, Workspace<T>& ws, const Inputs<T>& in)
   }
 }
 
-// Modes: integral of phi_k . (g_c + Grad (rho - c)) dm, from the modal integrals.
+// The force on mode k is -dU/d eta_k of the same potential: with F the force at the mass centre, Grad = mu/r^3 (3 rhat rhat* - 1)
+// and S = (tr J/2) 1 - J the second moments, f_k = I3_k . F/m + 1/2 Grad : dS_k - c . Grad I3_k. dJ_k is that of the body's level.
 template <class T>
 void Sweeps<T>::central_gravity(const Model& model, Workspace<T>& ws, const Inputs<T>& in) {
   using std::sqrt;
   if (!in.gravity) return;
   const GravitySpec& g = model.gravity;
-  const T mu(g.mu);
   for (int k = 1; k < static_cast<int>(model.bodies.size()); ++k) {
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
     Core<T>& body = ws.core(k);
@@ -106,30 +137,39 @@ void Sweeps<T>::central_gravity(const Model& model, Workspace<T>& ws, const Inpu
                                           : cast<T>(b.M);
     if (!(inertia.m > T(0))) continue;
     Vec3<T> c, r;
-    body.z -= attraction(g, inertia, ws.pose_W(k), c, r);
-    const T r2 = dot(r, r), k3 = mu / (r2 * sqrt(r2));
+    const Force<T> pull = attraction(g, inertia, ws.pose_W(k), c, r);
+    body.z -= pull;
     if (!modal) continue;
-    const Vec3<T> field = (-k3) * r;
-    const ModalIntegrals& I = model.flexible[static_cast<std::size_t>(b.flexible)].data->integrals;
+    const Vec3<T> field = (T(1) / inertia.m) * pull.f;
+    const T r2 = dot(r, r), k3 = T(g.mu) / (r2 * sqrt(r2));
+    const FlexibleBody& flexible = model.flexible[static_cast<std::size_t>(b.flexible)];
+    const ModalIntegrals& I = flexible.data->integrals;
     const T* eta = in.q + b.eta;
     for (int j = 0; j < b.n_modes; ++j) {
       const T* M_e = modal->P_re + 6 * j;
       const Vec3<T> I3{M_e[3], M_e[4], M_e[5]};
       T f = dot(I3, field);
       if (g.gradient) {
-        // S = integral phi_j rho* dm = (tr I8/2) 1 - I8 + sum_l eta_l ((tr I9_lj/2) 1 - I9_lj);  Grad = k3 (3 rhat rhat* - 1)
-        const auto& I8 = I.I8[static_cast<std::size_t>(j)];
-        T S[3][3];
-        for (int p = 0; p < 3; ++p)
-          for (int q = 0; q < 3; ++q) S[p][q] = T((p == q ? 0.5 * I8.trace() : 0.0) - I8(p, q));
-        for (int l = 0; l < b.n_modes && !I.I9.empty(); ++l) {
-          const auto& I9 = I.I9[static_cast<std::size_t>(l * b.n_modes + j)];
+        f = f - k3 * (T(3) * dot(c, r) * dot(r, I3) / r2 - dot(c, I3));
+        if (flexible.level >= 1) {  // 1/2 Grad : dS = k3/2 (3 rhat* dS rhat - tr dS), dS = (tr dJ/2) 1 - dJ
+          Eigen::Matrix3d fixed = I.I8[static_cast<std::size_t>(j)];
+          fixed += fixed.transpose().eval();
+          if (!I.rotary_ww.empty()) fixed += I.rotary_ww[static_cast<std::size_t>(j)];
+          T dJ[3][3];
           for (int p = 0; p < 3; ++p)
-            for (int q = 0; q < 3; ++q) S[p][q] = S[p][q] + eta[l] * T((p == q ? 0.5 * I9.trace() : 0.0) - I9(p, q));
+            for (int q = 0; q < 3; ++q) dJ[p][q] = T(fixed(p, q));
+          if (flexible.level == 2 && !I.I9.empty())
+            for (int l = 0; l < b.n_modes; ++l) {
+              const auto& I9 = I.I9[static_cast<std::size_t>(j * b.n_modes + l)];
+              for (int p = 0; p < 3; ++p)
+                for (int q = 0; q < 3; ++q) dJ[p][q] = dJ[p][q] + eta[l] * T(I9(p, q) + I9(q, p));
+            }
+          const T rr[3] = {r.x, r.y, r.z}, trace = dJ[0][0] + dJ[1][1] + dJ[2][2];  // tr dS = trace / 2
+          T rJr(0);
+          for (int p = 0; p < 3; ++p)
+            for (int q = 0; q < 3; ++q) rJr = rJr + rr[p] * dJ[p][q] * rr[q];
+          f = f + T(0.5) * k3 * (trace - T(3) * rJr / r2);
         }
-        const T rr[3] = {r.x, r.y, r.z}, cc[3] = {c.x, c.y, c.z}, ii[3] = {I3.x, I3.y, I3.z};
-        for (int p = 0; p < 3; ++p)
-          for (int q = 0; q < 3; ++q) f = f + k3 * (T(3) * rr[p] * rr[q] / r2 - T(p == q ? 1 : 0)) * (S[p][q] - ii[p] * cc[q]);
       }
       modal->z[j] = modal->z[j] - f;
     }
@@ -165,6 +205,8 @@ void Sweeps<T>::node_wrenches(const Model& model, Workspace<T>& ws, const Inputs
 template <class T>
 void Sweeps<T>::inward(const Model& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, InwardFor what) {
   const auto pass = [&]<InwardFor For>() {
+    if (is_axis(run.kind))
+      return for_axis(run.kind, [&]<int I, Tilt TILT>() { inward_axis<T, I, TILT, For>(model, ws, in, run.begin, run.end); });
     for_kernel<T>(
         run.kind, [&]<int NV>() { inward_rigid<T, NV, For>(model, ws, in, run.begin, run.end); },
         [&]<int NV>() { inward_general<T, NV, For>(model, ws, in, run.begin, run.end); });
@@ -179,6 +221,8 @@ void Sweeps<T>::inward(const Model& model, Workspace<T>& ws, const Inputs<T>& in
 
 template <class T>
 void Sweeps<T>::acceleration(const Model& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, T* vdot) {
+  if (is_axis(run.kind))
+    return for_axis(run.kind, [&]<int I, Tilt TILT>() { acceleration_axis<T, I, TILT>(model, ws, vdot, run.begin, run.end); });
   for_kernel<T>(
       run.kind, [&]<int NV>() { acceleration_rigid<T, NV>(model, ws, in, vdot, run.begin, run.end); },
       [&]<int NV>() { acceleration_general<T, NV>(model, ws, in, vdot, run.begin, run.end); });
@@ -186,6 +230,8 @@ void Sweeps<T>::acceleration(const Model& model, Workspace<T>& ws, const Inputs<
 
 template <class T>
 void Sweeps<T>::gather(const Model& model, Workspace<T>& ws, const Run& run, T* tau) {
+  if (is_axis(run.kind))
+    return for_axis(run.kind, [&]<int I, Tilt TILT>() { gather_axis<T, I, TILT>(model, ws, tau, run.begin, run.end); });
   for_kernel<T>(
       run.kind, [&]<int NV>() { gather_rigid<T, NV>(model, ws, tau, run.begin, run.end); },
       [&]<int NV>() { gather_general<T, NV>(model, ws, tau, run.begin, run.end); });

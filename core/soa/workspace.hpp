@@ -52,8 +52,17 @@ class Workspace {
   Modal<T>& modal(int k) {
     return reinterpret_cast<GeneralRecord<T, NV>*>(arena_.get() + offset_[static_cast<std::size_t>(k)])->modal;
   }
-  /// Run-time access for what is not in the inner loop.
-  Motion<T>* H(int k) { return reinterpret_cast<Motion<T>*>(arena_.get() + offset_[static_cast<std::size_t>(k)] + sizeof(Core<T>)); }
+  AxisRecord<T>& axis(int k) { return *reinterpret_cast<AxisRecord<T>*>(arena_.get() + offset_[static_cast<std::size_t>(k)]); }
+  const AxisRecord<T>& axis(int k) const { return const_cast<Workspace*>(this)->axis(k); }
+  std::byte* base() { return arena_.get(); }
+  std::size_t offset(int k) const { return offset_[static_cast<std::size_t>(k)]; }
+
+  // Access by run-time kind, for what is not in the inner loop.
+  /// Pose of B in A of a body with a stored pose (not an axis record).
+  Pose<T>& X(int k) { return *reinterpret_cast<Pose<T>*>(arena_.get() + offset_[static_cast<std::size_t>(k)] + sizeof(Core<T>)); }
+  const Pose<T>& X(int k) const { return const_cast<Workspace*>(this)->X(k); }
+  /// Columns of H* at B, likewise.
+  Motion<T>* H(int k) { return reinterpret_cast<Motion<T>*>(arena_.get() + offset_[static_cast<std::size_t>(k)] + sizeof(Core<T>) + sizeof(Pose<T>)); }
   const Motion<T>* H(int k) const { return const_cast<Workspace*>(this)->H(k); }
   Modal<T>* modal_of(int k) { return modal_[static_cast<std::size_t>(k)]; }  ///< null for bodies of rigid kernels
   const Modal<T>* modal_of(int k) const { return modal_[static_cast<std::size_t>(k)]; }
@@ -71,6 +80,7 @@ class Workspace {
 
   Breakdown breakdown;
   std::size_t bytes() const;  ///< all of it
+  std::vector<T> angles, sines, cosines;  // of the axis hinges, in sweep order: computed in one go
 
  private:
   struct Free {

@@ -23,6 +23,7 @@ template <class T>
 Workspace<T>::Workspace(const Model& model) {
   const std::size_t n = model.bodies.size();
   n_bodies_ = static_cast<int>(n);
+  for (auto* column : {&angles, &sines, &cosines}) column->resize(static_cast<std::size_t>(model.n_axis));
   offset_.resize(n);
   modal_.assign(n, nullptr);
   dense_.resize(static_cast<std::size_t>(model.n_dense));
@@ -43,6 +44,10 @@ Workspace<T>::Workspace(const Model& model) {
     const SweepBody& b = model.bodies[k];
     offset_[k] = total;
     std::size_t record = 0;
+    if (is_axis(b.kind)) {
+      total += round(sizeof(AxisRecord<T>));
+      continue;
+    }
     with_hinge_size<T>(b.nv, [&]<int NV>() { record = is_general(b.kind) ? sizeof(GeneralRecord<T, NV>) : sizeof(RigidRecord<T, NV>); });
     total += round(record);
     if (!is_general(b.kind)) continue;
@@ -68,6 +73,10 @@ Workspace<T>::Workspace(const Model& model) {
   new (&core(0)) Core<T>();
   for (std::size_t k = 1; k < n; ++k) {
     const SweepBody& b = model.bodies[k];
+    if (is_axis(b.kind)) {
+      new (arena_.get() + offset_[k]) AxisRecord<T>();
+      continue;
+    }
     with_hinge_size<T>(b.nv, [&]<int NV>() {
       std::byte* at = arena_.get() + offset_[k];
       if (!is_general(b.kind)) {
@@ -109,7 +118,7 @@ void Workspace<T>::require_world() {
 
 template <class T>
 std::size_t Workspace<T>::bytes() const {
-  return arena_bytes_ + dense_.size() * sizeof(cardan_hinge_out) + pose_W_.size() * sizeof(Pose<T>) + V_.size() * sizeof(Motion<T>);
+  return arena_bytes_ + 3 * angles.size() * sizeof(T) + dense_.size() * sizeof(cardan_hinge_out) + pose_W_.size() * sizeof(Pose<T>) + V_.size() * sizeof(Motion<T>);
 }
 
 }  // namespace cardan::soa

@@ -90,4 +90,38 @@ constexpr Sym3<T> rotate(const Mat3<T>& R, const Sym3<T>& s) {
   return {dot(rx, a), dot(ry, b), dot(rz, c), dot(rx, b), dot(rx, c), dot(ry, c)};
 }
 
+/// Entries by compile-time index (0, 1, 2 = x, y, z): kernels written once for the three coordinate axes.
+template <int I, class V>
+constexpr auto& at(V& v) {
+  if constexpr (I == 0) return v.x;
+  else if constexpr (I == 1) return v.y;
+  else return v.z;
+}
+template <int I, int J, class T>
+constexpr T& entry(Sym3<T>& m) {
+  if constexpr (I == J) {
+    if constexpr (I == 0) return m.xx;
+    else if constexpr (I == 1) return m.yy;
+    else return m.zz;
+  } else if constexpr (I + J == 1) return m.xy;
+  else if constexpr (I + J == 2) return m.xz;
+  else return m.yz;
+}
+template <int I, int J, class T>
+constexpr T& entry(Mat3<T>& m) {
+  if constexpr (I == 0) {
+    if constexpr (J == 0) return m.xx;
+    else if constexpr (J == 1) return m.xy;
+    else return m.xz;
+  } else if constexpr (I == 1) {
+    if constexpr (J == 0) return m.yx;
+    else if constexpr (J == 1) return m.yy;
+    else return m.yz;
+  } else {
+    if constexpr (J == 0) return m.zx;
+    else if constexpr (J == 1) return m.zy;
+    else return m.zz;
+  }
+}
+
 }  // namespace cardan
