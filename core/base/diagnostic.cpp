@@ -55,7 +55,8 @@ std::size_t token_length(std::string_view line, std::size_t start) {
   }
   std::size_t end = 1;
   const auto ends = [](std::string_view tail) {
-    return tail[0] == ',' || tail[0] == ']' || tail[0] == '}' || tail.starts_with(" #") || tail.starts_with(": ") || tail == ":";
+    return tail[0] == ',' || tail[0] == ']' || tail[0] == '}' || tail.starts_with(" #") || tail.starts_with(": ") ||
+           tail == ":";
   };
   while (end < rest.size() && !ends(rest.substr(end))) ++end;
   while (rest[end - 1] == ' ' && end > 1) --end;
@@ -179,7 +180,8 @@ void DiagnosticSink::report(Diagnostic d) {
   const auto concerns = [&](const Diagnostic& earlier) {  // the same value, or a part of it
     const std::string& path = earlier.at.key_path;
     return !d.at.key_path.empty() && path.starts_with(d.at.key_path) &&
-           (path.size() == d.at.key_path.size() || path[d.at.key_path.size()] == '.' || path[d.at.key_path.size()] == '[');
+           (path.size() == d.at.key_path.size() || path[d.at.key_path.size()] == '.' ||
+            path[d.at.key_path.size()] == '[');
   };
   if (!full() && std::none_of(all_.begin(), all_.end(), concerns)) all_.push_back(std::move(d));
 }

@@ -63,9 +63,9 @@ class InputError : public std::exception {
 /// The numbers failed during a run (exit code 3): what, where, when.
 struct RunFailure {
   Code code;
-  double t = 0.0;         // [s]
+  double t = 0.0;  // [s]
   std::string body, hinge;
-  std::string what;       ///< the quantity with its value and limit: "D = 3.1e-19 kg m^2, limit 1e-12, direction wing.angle"
+  std::string what;  ///< the quantity with its value and limit: "D = 3.1e-19 kg m^2, limit 1e-12, direction wing.angle"
   std::string hint;
   std::string last_good;  ///< where the last accepted state was written
 };
@@ -82,8 +82,8 @@ class NumericsError : public std::exception {
   std::string text_;
 };
 
-/// Collects diagnostics while a file is read; `throw_if_any()` ends the reading. At most kLimit are kept, and of those that
-/// concern one value (the same key path, or an object of which a part is wrong already) only the first.
+/// Collects diagnostics while a file is read; `throw_if_any()` ends the reading. At most kLimit are kept, and of those
+/// that concern one value (the same key path, or an object of which a part is wrong already) only the first.
 class DiagnosticSink {
  public:
   static constexpr std::size_t kLimit = 20;

@@ -200,7 +200,8 @@ std::string number_hint(std::string_view text) {
   const std::string_view digits = text.substr(!text.empty() && (text[0] == '-' || text[0] == '+') ? 1 : 0);
   if (digits.size() > 1 && digits[0] == '0' && is_digit(digits[1]))
     return "a leading zero means octal to some readers; write the number without it";
-  if (digits.size() > 1 && digits[0] == '0' && (digits[1] == 'x' || digits[1] == 'X' || digits[1] == 'o' || digits[1] == 'b'))
+  if (digits.size() > 1 && digits[0] == '0' &&
+      (digits[1] == 'x' || digits[1] == 'X' || digits[1] == 'o' || digits[1] == 'b'))
     return "only decimal numbers are read";
   if (digits.empty() || !is_digit(digits[0])) return {};
   if (text.find('_') != std::string_view::npos) return "write the digits without `_`";
@@ -242,10 +243,12 @@ std::variant<double, QuantityFault> parse_quantity(std::string_view text, std::s
 
   const std::string_view unit_text = trimmed(number->rest);
   const auto got = parse_unit(unit_text);
-  if (!got && number->rest[0] != ' ') return QuantityFault{Code::bad_number, expected, in_quotes(text), number_hint(text)};
+  if (!got && number->rest[0] != ' ')
+    return QuantityFault{Code::bad_number, expected, in_quotes(text), number_hint(text)};
   if (!got) {
     const bool slash = unit_text.find('/') != std::string_view::npos;
-    return QuantityFault{Code::wrong_unit, expected, fmt::format("{} (no such unit: {})", in_quotes(text), in_quotes(unit_text)),
+    return QuantityFault{Code::wrong_unit, expected,
+                         fmt::format("{} (no such unit: {})", in_quotes(text), in_quotes(unit_text)),
                          slash ? "after a `/` a product needs parentheses: N m/(rad/s)" : ""};
   }
   if (got->dimension != wanted.dimension) {
@@ -253,7 +256,8 @@ std::variant<double, QuantityFault> parse_quantity(std::string_view text, std::s
     Dimension without_angle = got->dimension;
     without_angle.exponents[5] = wanted.dimension.exponents[5];
     if (without_angle == wanted.dimension) hint = "an angle counts as a unit here: rad, deg or rev";
-    return QuantityFault{Code::wrong_unit, expected, fmt::format("{}: {}", in_quotes(text), describe(got->dimension)), hint};
+    return QuantityFault{Code::wrong_unit, expected, fmt::format("{}: {}", in_quotes(text), describe(got->dimension)),
+                         hint};
   }
   const double value = number->value * got->factor;
   if (!std::isfinite(value)) return QuantityFault{Code::bad_number, expected, in_quotes(text), "too large"};
@@ -263,7 +267,8 @@ std::variant<double, QuantityFault> parse_quantity(std::string_view text, std::s
 std::string in_quotes(std::string_view text) {
   constexpr std::size_t kLongest = 60;
   std::size_t shown = std::min(text.size(), kLongest);
-  while (shown < text.size() && (static_cast<unsigned char>(text[shown]) & 0xC0) == 0x80) --shown;  // whole UTF-8 characters
+  while (shown < text.size() && (static_cast<unsigned char>(text[shown]) & 0xC0) == 0x80)
+    --shown;  // whole UTF-8 characters
   return fmt::format("\"{}{}\"", printable(text.substr(0, shown)), shown < text.size() ? "..." : "");
 }
 

@@ -1,6 +1,7 @@
 #pragma once
-// Numbers with units, as users write them: "12 kg", "30 deg", "5000 N m/rad". Everything inside Cardan is SI; this is the
-// door. The radian counts as a dimension of its own here, so that 1/s is not an angular rate and N m/rad is not N m.
+// Numbers with units, as users write them: "12 kg", "30 deg", "5000 N m/rad". Everything inside Cardan is SI; this is
+// the door. The radian counts as a dimension of its own here, so that 1/s is not an angular rate and N m/rad is not N
+// m.
 #include <array>
 #include <optional>
 #include <string>

@@ -18,13 +18,14 @@
 namespace cardan {
 namespace {
 
-constexpr std::size_t kMostBytes = 16u << 20;   // of one file
-constexpr std::size_t kMostNodes = 1'000'000;   // after aliases: an alias of aliases grows without bound
+constexpr std::size_t kMostBytes = 16u << 20;  // of one file
+constexpr std::size_t kMostNodes = 1'000'000;  // after aliases: an alias of aliases grows without bound
 constexpr int kDeepest = 64;
 constexpr const char* kNesting = "at most 64 levels";
 
 [[noreturn]] void fail(Code code, SourceMark mark, std::string expected, std::string got, std::string hint = {}) {
-  throw InputError(Diagnostic{code, {"", std::move(mark)}, std::move(expected), std::move(got), std::move(hint), {}, {}, 0});
+  throw InputError(
+      Diagnostic{code, {"", std::move(mark)}, std::move(expected), std::move(got), std::move(hint), {}, {}, 0});
 }
 
 /// yaml-cpp counts from zero, and knows no place (-1) of nodes that it made itself.
@@ -47,8 +48,10 @@ SourceMark first_bad_byte(std::string_view text, const std::string& file) {
 /// What helps with the terse messages of yaml-cpp.
 std::string hint_for(const std::string& message, bool has_tab) {
   if (has_tab) return "indent with spaces: there is a tab in this file";
-  if (message.find("flow not found") != std::string::npos) return "a bracket opened before this place is not closed, or a comma is missing";
-  if (message == "illegal map value") return "look at the indentation, and for a `:` inside of a text that is not quoted";
+  if (message.find("flow not found") != std::string::npos)
+    return "a bracket opened before this place is not closed, or a comma is missing";
+  if (message == "illegal map value")
+    return "look at the indentation, and for a `:` inside of a text that is not quoted";
   return {};
 }
 
@@ -61,9 +64,11 @@ class Converter {
     const SourceMark own = mark_of(node.Mark(), file_);
     out.mark = own.line > 0 ? own : key_mark;
     if (depth > kDeepest) fail(Code::yaml_syntax, out.mark, kNesting, "deeper nesting, or an alias of itself");
-    if (++count_ > kMostNodes) fail(Code::yaml_syntax, out.mark, fmt::format("at most {} values", kMostNodes), "more, counting aliases");
+    if (++count_ > kMostNodes)
+      fail(Code::yaml_syntax, out.mark, fmt::format("at most {} values", kMostNodes), "more, counting aliases");
     const std::string& tag = node.Tag();
-    if (!tag.empty() && tag != "?" && tag != "!") fail(Code::yaml_syntax, out.mark, "a value without a tag", in_quotes(tag));
+    if (!tag.empty() && tag != "?" && tag != "!")
+      fail(Code::yaml_syntax, out.mark, "a value without a tag", in_quotes(tag));
     switch (node.Type()) {
       case YAML::NodeType::Scalar:
         out.kind = DocNode::Kind::scalar;
@@ -73,7 +78,8 @@ class Converter {
         out.kind = DocNode::Kind::list;
         if (node.Style() != YAML::EmitterStyle::Flow) out.mark = key_mark;
         for (const YAML::Node& item : node)
-          out.items.push_back(convert(item, fmt::format("{}[{}]", path, out.items.size()), mark_of(item.Mark(), file_), depth + 1));
+          out.items.push_back(
+              convert(item, fmt::format("{}[{}]", path, out.items.size()), mark_of(item.Mark(), file_), depth + 1));
         break;
       case YAML::NodeType::Map:
         out.kind = DocNode::Kind::map;
@@ -95,9 +101,11 @@ class Converter {
       const std::string& key = entry.first.Scalar();
       const std::string key_path = path.empty() ? key : fmt::format("{}.{}", path, key);
       if (key == "<<")
-        fail(Code::yaml_syntax, mark, "a key", "a merge key `<<`", "write the keys out; whole values may be repeated by &name and *name");
+        fail(Code::yaml_syntax, mark, "a key", "a merge key `<<`",
+             "write the keys out; whole values may be repeated by &name and *name");
       if (const auto [first, is_new] = first_line.emplace(key, mark.line); !is_new) {
-        sink_.report(Code::duplicate_key, {key_path, mark}, "each key once", fmt::format("{} again; first on line {}", in_quotes(key), first->second));
+        sink_.report(Code::duplicate_key, {key_path, mark}, "each key once",
+                     fmt::format("{} again; first on line {}", in_quotes(key), first->second));
         continue;
       }
       map.items.push_back(convert(entry.second, key_path, mark, depth + 1));
@@ -132,7 +140,8 @@ void set_marks(DocNode& node, const SourceMark& mark) {
 
 DocNode parse_yaml(std::string_view text, const std::string& file) {
   if (text.size() > kMostBytes)
-    fail(Code::yaml_syntax, {file, 0, 0}, fmt::format("at most {} MiB of text", kMostBytes >> 20), fmt::format("{} MiB", text.size() >> 20));
+    fail(Code::yaml_syntax, {file, 0, 0}, fmt::format("at most {} MiB of text", kMostBytes >> 20),
+         fmt::format("{} MiB", text.size() >> 20));
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
   if (const SourceMark bad = first_bad_byte(text, file); bad.line > 0)
     fail(Code::yaml_syntax, bad, "text in UTF-8", "a byte that is not text", "is this a YAML file?");
@@ -140,7 +149,8 @@ DocNode parse_yaml(std::string_view text, const std::string& file) {
   try {
     const std::vector<YAML::Node> documents = YAML::LoadAll(std::string(text));
     if (documents.size() > 1)
-      fail(Code::yaml_syntax, mark_of(documents[1].Mark(), file), "one document", fmt::format("{} documents, divided by `---`", documents.size()));
+      fail(Code::yaml_syntax, mark_of(documents[1].Mark(), file), "one document",
+           fmt::format("{} documents, divided by `---`", documents.size()));
     if (documents.empty() || documents[0].IsNull()) return DocNode{DocNode::Kind::empty, {}, {}, {}, {file, 0, 0}};
     DocNode root = Converter(file, sink).convert(documents[0], "", {file, 1, 1}, 0);
     sink.throw_if_any();
@@ -148,7 +158,8 @@ DocNode parse_yaml(std::string_view text, const std::string& file) {
   } catch (const YAML::DeepRecursion& e) {
     fail(Code::yaml_syntax, mark_of(e.mark, file), kNesting, "deeper nesting");
   } catch (const YAML::Exception& e) {
-    fail(Code::yaml_syntax, mark_of(e.mark, file), "YAML", e.msg, hint_for(e.msg, text.find('\t') != std::string_view::npos));
+    fail(Code::yaml_syntax, mark_of(e.mark, file), "YAML", e.msg,
+         hint_for(e.msg, text.find('\t') != std::string_view::npos));
   }
 }
 
@@ -157,7 +168,9 @@ std::string read_text_file(const std::string& path) {
   std::string text;
   char block[1 << 16];
   while (in.read(block, sizeof block) || in.gcount() > 0) text.append(block, static_cast<std::size_t>(in.gcount()));
-  if (!in.eof()) fail(Code::file_not_found, {path, 0, 0}, "a file that can be read", std::error_code(errno, std::generic_category()).message());
+  if (!in.eof())
+    fail(Code::file_not_found, {path, 0, 0}, "a file that can be read",
+         std::error_code(errno, std::generic_category()).message());
   return text;
 }
 
@@ -168,9 +181,11 @@ void apply_override(DocNode& root, std::string_view key_path, std::string_view v
   bool named_by_users = false;  // the keys of this map are names of bodies or nodes
   for (const std::string& part : split_path(key_path)) {
     const std::string around = path;
-    path += node->kind == DocNode::Kind::list ? fmt::format("[{}]", part) : fmt::format("{}{}", path.empty() ? "" : ".", part);
+    path += node->kind == DocNode::Kind::list ? fmt::format("[{}]", part)
+                                              : fmt::format("{}{}", path.empty() ? "" : ".", part);
     const auto refuse = [&](std::string expected, std::string hint) {
-      throw InputError(Diagnostic{Code::unknown_key, {path, mark}, std::move(expected), in_quotes(part), std::move(hint), {}, {}, 0});
+      throw InputError(Diagnostic{
+          Code::unknown_key, {path, mark}, std::move(expected), in_quotes(part), std::move(hint), {}, {}, 0});
     };
     if (node->kind == DocNode::Kind::list) {
       std::size_t index = node->items.size();
@@ -197,7 +212,8 @@ void apply_override(DocNode& root, std::string_view key_path, std::string_view v
   set_marks(*node, mark);
 }
 
-SystemSpec vehicle_from_text(std::string_view text, const std::string& file, const Registry& registry, const Overrides& overrides) {
+SystemSpec vehicle_from_text(std::string_view text, const std::string& file, const Registry& registry,
+                             const Overrides& overrides) {
   DocNode root = parse_yaml(text, file);
   if (root.kind == DocNode::Kind::empty) fail(Code::empty_system, {file, 0, 0}, "a vehicle", "an empty file");
   for (const auto& [key_path, value] : overrides) apply_override(root, key_path, value);

@@ -11,15 +11,16 @@
 
 namespace cardan {
 
-/// The document of a YAML text; `file` names it in errors. Throws InputError: C0101 for what is not one YAML document of
-/// maps, lists and scalars in UTF-8 (tags and merge keys are refused, anchors are resolved), C0103 for duplicate keys.
+/// The document of a YAML text; `file` names it in errors. Throws InputError: C0101 for what is not one YAML document
+/// of maps, lists and scalars in UTF-8 (tags and merge keys are refused, anchors are resolved), C0103 for duplicate
+/// keys.
 DocNode parse_yaml(std::string_view text, const std::string& file);
 
 /// The whole file. Throws InputError (C0102).
 std::string read_text_file(const std::string& path);
 
-/// `--set bodies.bus.mass="1700 kg"`: sets one value of the document. The value is YAML ("[0, 0, 1]"); objects that users
-/// name (bodies, nodes) must exist; other keys may be new and are checked by the schema. Throws InputError.
+/// `--set bodies.bus.mass="1700 kg"`: sets one value of the document. The value is YAML ("[0, 0, 1]"); objects that
+/// users name (bodies, nodes) must exist; other keys may be new and are checked by the schema. Throws InputError.
 void apply_override(DocNode& root, std::string_view key_path, std::string_view value);
 
 using Overrides = std::vector<std::pair<std::string, std::string>>;  // key path, value

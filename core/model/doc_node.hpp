@@ -1,6 +1,6 @@
 #pragma once
-// A description as it was written, before it means anything: scalars, lists and maps with their places. Made by the YAML
-// reader (and by anyone who has a table of texts), read by schema.hpp.
+// A description as it was written, before it means anything: scalars, lists and maps with their places. Made by the
+// YAML reader (and by anyone who has a table of texts), read by schema.hpp.
 #include <string>
 #include <string_view>
 #include <vector>

@@ -22,7 +22,9 @@ std::string with_unit(std::string value, std::string_view unit) {
   return unit.empty() || unit == "1" ? value : fmt::format("{} {}", value, unit);
 }
 
-std::string vector_text(const Eigen::Vector3d& v) { return fmt::format("[{:.6g}, {:.6g}, {:.6g}]", v.x(), v.y(), v.z()); }
+std::string vector_text(const Eigen::Vector3d& v) {
+  return fmt::format("[{:.6g}, {:.6g}, {:.6g}]", v.x(), v.y(), v.z());
+}
 
 }  // namespace
 
@@ -33,10 +35,14 @@ DocRef DocRef::item(std::size_t i) const {
 
 std::string describe(const DocNode& node) {
   switch (node.kind) {
-    case Kind::scalar: return in_quotes(node.text);
-    case Kind::list: return fmt::format("a list of {} value{}", node.items.size(), node.items.size() == 1 ? "" : "s");
-    case Kind::map: return fmt::format("a map of {} key{}", node.items.size(), node.items.size() == 1 ? "" : "s");
-    case Kind::empty: break;
+    case Kind::scalar:
+      return in_quotes(node.text);
+    case Kind::list:
+      return fmt::format("a list of {} value{}", node.items.size(), node.items.size() == 1 ? "" : "s");
+    case Kind::map:
+      return fmt::format("a map of {} key{}", node.items.size(), node.items.size() == 1 ? "" : "s");
+    case Kind::empty:
+      break;
   }
   return "nothing";
 }
@@ -82,10 +88,11 @@ Eigen::Vector3d read_vector(const DocRef& value, std::string_view unit, ReadCont
 int read_integer(const DocRef& value, int least, ReadContext& context) {
   if (value.node->kind == Kind::scalar) {
     const auto number = parse_number(value.node->text);
-    if (number && *number == std::floor(*number) && *number >= least && *number <= 1e9) return static_cast<int>(*number);
+    if (number && *number == std::floor(*number) && *number >= least && *number <= 1e9)
+      return static_cast<int>(*number);
   }
   context.sink.report(Code::out_of_range, value.at(), fmt::format("a whole number of at least {}", least),
-                       describe(*value.node));
+                      describe(*value.node));
   return least;
 }
 
@@ -129,8 +136,8 @@ Eigen::Vector4d read_quaternion_wxyz(const DocRef& value, ReadContext& context) 
     hint = fmt::format("the same rotation at unit length: [{:.9g}, {:.9g}, {:.9g}, {:.9g}]", u[0], u[1], u[2], u[3]);
   }
   context.sink.report(Code::non_unit_quaternion, value.at(),
-                       fmt::format("w, x, y, z with w^2 + x^2 + y^2 + z^2 = 1 (within {:g})", kUnitTolerance),
-                       fmt::format("length {:.9g}", norm), hint);
+                      fmt::format("w, x, y, z with w^2 + x^2 + y^2 + z^2 = 1 (within {:g})", kUnitTolerance),
+                      fmt::format("length {:.9g}", norm), hint);
   return identity;
 }
 
@@ -153,9 +160,10 @@ Eigen::Matrix3d read_euler(const DocRef& value, ReadContext& context) {
   if (!sequence || !angles) return Eigen::Matrix3d::Identity();
   std::string axes = read_text(*sequence, "three axes, such as zyx or 313", context);
   for (char& c : axes) c = c >= '1' && c <= '3' ? static_cast<char>('x' + (c - '1')) : c;
-  if (axes.size() != 3 || axes.find_first_not_of("xyz") != std::string::npos || axes[0] == axes[1] || axes[1] == axes[2]) {
+  if (axes.size() != 3 || axes.find_first_not_of("xyz") != std::string::npos || axes[0] == axes[1] ||
+      axes[1] == axes[2]) {
     context.sink.report(Code::out_of_range, sequence->at(), "three axes, no two neighbours equal, such as zyx or 313",
-                         describe(*sequence->node));
+                        describe(*sequence->node));
     return Eigen::Matrix3d::Identity();
   }
   const Eigen::Vector3d angle = read_vector(*angles, "rad", context);
@@ -179,7 +187,7 @@ Eigen::Matrix3d read_rotation_matrix(const DocRef& value, ReadContext& context) 
     const std::string got = error > kUnitTolerance ? fmt::format("an entry of R R^T - 1 is {:.3g}", error)
                                                    : fmt::format("determinant {:.3g}: a reflection", determinant);
     context.sink.report(Code::not_a_rotation, value.at(),
-                         fmt::format("three rows, orthonormal within {:g} and right-handed", kUnitTolerance), got);
+                        fmt::format("three rows, orthonormal within {:g} and right-handed", kUnitTolerance), got);
     return Eigen::Matrix3d::Identity();
   }
   return Eigen::Quaterniond(R).normalized().toRotationMatrix();
@@ -213,8 +221,7 @@ Eigen::Matrix3d read_orientation(const DocRef& value, ReadContext& context) {
 }
 
 MapReader::MapReader(DocRef map, ReadContext& context) : map_(std::move(map)), context_(context) {
-  if (!is_map())
-    context_.sink.report(Code::wrong_type, map_.at(), "a map of keys and values", describe(*map_.node));
+  if (!is_map()) context_.sink.report(Code::wrong_type, map_.at(), "a map of keys and values", describe(*map_.node));
 }
 
 std::optional<DocRef> MapReader::find(std::string_view key) {
@@ -229,7 +236,7 @@ std::optional<DocRef> MapReader::require(std::string_view key, std::string_view 
   if (value || !is_map()) return value;
   const std::string path = map_.path.empty() ? std::string(key) : fmt::format("{}.{}", map_.path, key);
   context_.sink.report(Code::missing_key, {path, map_.node->mark}, fmt::format("{}: {}", key, expected), "no such key",
-                        std::string(hint));
+                       std::string(hint));
   return {};
 }
 
@@ -240,7 +247,7 @@ std::optional<std::pair<std::size_t, DocRef>> MapReader::one(const std::vector<s
     if (!value) continue;
     if (found) {
       context_.sink.report(Code::wrong_type, value->at(), "one of these keys alone: " + one_of(keys),
-                            fmt::format("{} and {}", keys[found->first], keys[i]));
+                           fmt::format("{} and {}", keys[found->first], keys[i]));
       return {};
     }
     found.emplace(i, *value);
@@ -295,7 +302,7 @@ void MapReader::finish(std::string_view hint) {
     std::string near = did_you_mean(key.name, asked_);
     if (near.empty()) near = hint;
     context_.sink.report(Code::unknown_key, {map_.item(i).path, key.mark}, "one of the keys " + one_of(asked_),
-                          in_quotes(key.name), near);
+                         in_quotes(key.name), near);
   }
 }
 

@@ -47,8 +47,8 @@ bool read_flag(const DocRef& value, ReadContext& context);
 /// Index of the text among `legal`, or -1 after a fault (reported as `code`).
 int read_choice(const DocRef& value, const std::vector<std::string>& legal, std::string_view what, Code code,
                 ReadContext& context);
-/// Rotation from one of {rotvec}, {quaternion_wxyz}, {axis, angle}, {euler: {sequence, angles}}, {matrix}: the matrix that
-/// takes components in the axes described to components in the axes they are described in.
+/// Rotation from one of {rotvec}, {quaternion_wxyz}, {axis, angle}, {euler: {sequence, angles}}, {matrix}: the matrix
+/// that takes components in the axes described to components in the axes they are described in.
 Eigen::Matrix3d read_orientation(const DocRef& value, ReadContext& context);
 /// Four numbers of unit length within 1e-6, then exactly so. (1, 0, 0, 0) after a fault.
 Eigen::Vector4d read_quaternion_wxyz(const DocRef& value, ReadContext& context);

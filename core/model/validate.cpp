@@ -64,7 +64,8 @@ class Structure {
     if (!(body.mass > 0.0) || !std::isfinite(body.mass))
       return report(Code::non_positive_mass, path + ".mass", "mass > 0", fmt::format("{:g} kg", body.mass),
                     body.mass == 0.0 ? "join what has no mass to a body that has some" : "");
-    if (!body.com.allFinite()) return report(Code::out_of_range, path + ".com", "three finite numbers", "a value that is not finite");
+    if (!body.com.allFinite())
+      return report(Code::out_of_range, path + ".com", "three finite numbers", "a value that is not finite");
     if (body.type == "rigid") check_inertia(body, path + ".inertia");
   }
 
@@ -94,26 +95,31 @@ class Structure {
       const std::string at = fmt::format("{}.nodes.{}", path, node.name);
       if (!seen.insert(node.name).second)
         report(Code::duplicate_name, at, "a name of its own for each node of a body", in_quotes(node.name));
-      if (!node.position.allFinite()) report(Code::out_of_range, at + ".position", "three finite numbers", "a value that is not finite");
+      if (!node.position.allFinite())
+        report(Code::out_of_range, at + ".position", "three finite numbers", "a value that is not finite");
       check_rotation(node.R_BN, at + ".orientation");
     }
   }
   void check_rotation(const Eigen::Matrix3d& R, const std::string& path) {
     const double error = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
     if (!(error < 1e-9) || R.determinant() < 0.0)
-      report(Code::not_a_rotation, path, "an orthonormal right-handed matrix", fmt::format("an entry of R R^T - 1 is {:.3g}", error));
+      report(Code::not_a_rotation, path, "an orthonormal right-handed matrix",
+             fmt::format("an entry of R R^T - 1 is {:.3g}", error));
   }
 
   void check_flexible(const BodySpec& body, const std::string& path) {
-    if (body.level < 0 || body.level > 2) report(Code::out_of_range, path + ".level", "0, 1 or 2", fmt::format("{}", body.level));
+    if (body.level < 0 || body.level > 2)
+      report(Code::out_of_range, path + ".level", "0, 1 or 2", fmt::format("{}", body.level));
     if (!body.modal) {
-      if (!body.modal_source) report(Code::missing_key, path + ".modal", "modal: where the modes come from", "no such key");
+      if (!body.modal_source)
+        report(Code::missing_key, path + ".modal", "modal: where the modes come from", "no such key");
       return;
     }
     const auto size_fits = [&](const std::vector<double>& values, const char* name) {
       if (!values.empty() && values.size() != static_cast<std::size_t>(body.modal->n_modes))
         report(Code::bad_initial_state, fmt::format("{}.initial.{}", path, name),
-               fmt::format("{} values, one for each mode kept", body.modal->n_modes), fmt::format("{} values", values.size()));
+               fmt::format("{} values, one for each mode kept", body.modal->n_modes),
+               fmt::format("{} values", values.size()));
     };
     size_fits(body.eta, "eta");
     size_fits(body.etadot, "etadot");
@@ -179,7 +185,8 @@ class Structure {
       report(Code::out_of_range, "gravity.uniform", "three finite numbers", "a value that is not finite");
     if (gravity.kind != GravitySpec::Kind::central) return;
     if (!(gravity.mu > 0.0) || !std::isfinite(gravity.mu))
-      report(Code::out_of_range, "gravity.central.mu", "a gravitational parameter > 0", fmt::format("{:g} m^3/s^2", gravity.mu));
+      report(Code::out_of_range, "gravity.central.mu", "a gravitational parameter > 0",
+             fmt::format("{:g} m^3/s^2", gravity.mu));
     if (!gravity.centre.allFinite())
       report(Code::out_of_range, "gravity.central.centre", "three finite numbers", "a value that is not finite");
   }
@@ -211,14 +218,15 @@ class HingeParams {
 
   void fault(Code code, const std::string& name, std::string expected, std::string got, std::string hint = {}) {
     failed_ = true;
-    sink_.report(code, spec_.locate(name.empty() ? path_ : fmt::format("{}.{}", path_, name)), std::move(expected), std::move(got),
-                 std::move(hint));
+    sink_.report(code, spec_.locate(name.empty() ? path_ : fmt::format("{}.{}", path_, name)), std::move(expected),
+                 std::move(got), std::move(hint));
   }
 
   void read(const cardan_param_desc& desc) {
     const auto given = given_.find(desc.name);
     if (given == given_.end()) {
-      if (desc.required) return fault(Code::missing_key, desc.name, fmt::format("{}: {}", desc.name, desc.meaning), "no such key");
+      if (desc.required)
+        return fault(Code::missing_key, desc.name, fmt::format("{}: {}", desc.name, desc.meaning), "no such key");
       if (desc.kind == CARDAN_NUMBER) table_.numbers[desc.name] = {desc.fallback[0]};
       if (desc.kind == CARDAN_VECTOR || desc.kind == CARDAN_UNIT_VECTOR)
         table_.numbers[desc.name] = {desc.fallback, desc.fallback + 3};
@@ -255,7 +263,8 @@ class HingeParams {
       expected = "a vector of 3 numbers";
     } else if (desc.kind != CARDAN_NUMBER) {
       wanted = 3 * std::size_t{desc.count};
-      expected = wanted > 0 ? fmt::format("a list of {} vectors of 3 numbers", desc.count) : "a list of vectors of 3 numbers";
+      expected =
+          wanted > 0 ? fmt::format("a list of {} vectors of 3 numbers", desc.count) : "a list of vectors of 3 numbers";
     }
     if (got > 0 && (wanted > 0 ? got == wanted : got % 3 == 0)) return true;
     fault(Code::wrong_type, desc.name, expected, fmt::format("{} number{}", got, got == 1 ? "" : "s"));
@@ -300,13 +309,14 @@ class HingeParams {
   bool failed_ = false;
 };
 
-void check_initial_values(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink) {
+void check_initial_values(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family,
+                          DiagnosticSink& sink) {
   const HingeSpec& hinge = body.hinge;
   const std::string path = body_path(body) + ".hinge.initial";
   const auto fits = [&](const std::vector<double>& values, uint32_t n, const char* what) {
     if (!values.empty() && values.size() != n)
-      sink.report(Code::bad_initial_state, spec.locate(path), fmt::format("{} {} of hinge type {}", n, what, family.type),
-                  fmt::format("{} values", values.size()));
+      sink.report(Code::bad_initial_state, spec.locate(path),
+                  fmt::format("{} {} of hinge type {}", n, what, family.type), fmt::format("{} values", values.size()));
     else if (!std::all_of(values.begin(), values.end(), [](double x) { return std::isfinite(x); }))
       sink.report(Code::bad_initial_state, spec.locate(path), "finite numbers", "a value that is not finite");
   };
@@ -315,16 +325,19 @@ void check_initial_values(const SystemSpec& spec, const BodySpec& body, const ca
   if (family.shape >= CARDAN_SHAPE_BALL && family.shape <= CARDAN_SHAPE_FREE_BODY && hinge.q.size() == family.nq) {
     const double norm = Eigen::Map<const Eigen::Vector4d>(hinge.q.data()).norm();
     if (!(std::abs(norm - 1.0) < 1e-6))
-      sink.report(Code::non_unit_quaternion, spec.locate(path), "w^2 + x^2 + y^2 + z^2 = 1 (within 1e-06)", fmt::format("length {:.9g}", norm));
+      sink.report(Code::non_unit_quaternion, spec.locate(path), "w^2 + x^2 + y^2 + z^2 = 1 (within 1e-06)",
+                  fmt::format("length {:.9g}", norm));
   }
 }
 
-void check_components(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink) {
+void check_components(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family,
+                      DiagnosticSink& sink) {
   const std::string path = body_path(body) + ".hinge";
   const auto exists = [&](int component, const std::string& at) {
     const bool ok = component >= 0 && component < static_cast<int>(family.nv);
     if (!ok)
-      sink.report(Code::unknown_name, spec.locate(at), fmt::format("a velocity component below {}", family.nv), fmt::format("{}", component));
+      sink.report(Code::unknown_name, spec.locate(at), fmt::format("a velocity component below {}", family.nv),
+                  fmt::format("{}", component));
     return ok;
   };
   for (int component : body.hinge.prescribed) exists(component, path + ".prescribed");
@@ -333,7 +346,8 @@ void check_components(const SystemSpec& spec, const BodySpec& body, const cardan
     const std::string at = spring.at.key_path.empty() ? fmt::format("{}.springs[{}]", path, i) : spring.at.key_path;
     if (!exists(spring.component, at)) continue;
     if (!(spring.damping >= 0.0) || !std::isfinite(spring.damping))
-      sink.report(Code::out_of_range, spec.locate(at + ".damping"), "damping >= 0", fmt::format("{:g}", spring.damping));
+      sink.report(Code::out_of_range, spec.locate(at + ".damping"), "damping >= 0",
+                  fmt::format("{:g}", spring.damping));
     if (!std::isfinite(spring.stiffness) || !std::isfinite(spring.rest))
       sink.report(Code::out_of_range, spec.locate(at), "finite numbers", "a value that is not finite");
     if (spring.stiffness != 0.0 && family.nq != family.nv)
@@ -358,8 +372,8 @@ void validate(const SystemSpec& spec, const Registry& registry, DiagnosticSink& 
       std::vector<std::string> types = registry.hinge_types();
       std::sort(types.begin(), types.end());
       sink.report(Code::unknown_hinge_type, spec.locate(body_path(body) + ".hinge.type"),
-                  fmt::format("a hinge type: {}, or one from a loaded plugin", fmt::join(types, ", ")), in_quotes(body.hinge.type),
-                  did_you_mean(body.hinge.type, types));
+                  fmt::format("a hinge type: {}, or one from a loaded plugin", fmt::join(types, ", ")),
+                  in_quotes(body.hinge.type), did_you_mean(body.hinge.type, types));
       continue;
     }
     pack_hinge(spec, body, *family, sink);

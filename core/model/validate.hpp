@@ -7,8 +7,8 @@
 
 namespace cardan {
 
-/// What needs no family: names, types of bodies, references, cycles, masses, inertias, gravity. Nodes of a flexible body
-/// are checked once its modal data are there.
+/// What needs no family: names, types of bodies, references, cycles, masses, inertias, gravity. Nodes of a flexible
+/// body are checked once its modal data are there.
 void validate(const SystemSpec& spec, DiagnosticSink& sink);
 /// The same, and each hinge against its family: type, parameters, initial values, prescribed components, springs.
 void validate(const SystemSpec& spec, const Registry& registry, DiagnosticSink& sink);

@@ -43,7 +43,8 @@ std::vector<std::pair<std::string, DocRef>> named_items(const DocRef& map, ReadC
 
 class VehicleReader {
  public:
-  VehicleReader(const Registry& registry, DiagnosticSink& sink) : registry_(registry), context_{sink, spec_.defaults_used} {}
+  VehicleReader(const Registry& registry, DiagnosticSink& sink)
+      : registry_(registry), context_{sink, spec_.defaults_used} {}
 
   SystemSpec read(const DocNode& root) {
     spec_.source_file = root.mark.file;
@@ -51,7 +52,8 @@ class VehicleReader {
     MapReader top({&root, ""}, context_);
     if (const auto version = top.require("cardan", "1, the version of this grammar", "begin the file with `cardan: 1`"))
       if (version->node->text != "1")
-        context_.sink.report(Code::out_of_range, version->at(), "1, the version of this grammar", describe(*version->node));
+        context_.sink.report(Code::out_of_range, version->at(), "1, the version of this grammar",
+                             describe(*version->node));
     spec_.name = top.text("name", "a text", "vehicle");
     if (const auto gravity = top.find("gravity"))
       read_gravity(*gravity);
@@ -110,7 +112,8 @@ class VehicleReader {
       read_hinge(*hinge, body);
     // Of a body of unknown type only the type is reported: which keys it may have depends on it.
     if (body.type == "rigid" || body.type == "particle" || body.type == "modal_flexible")
-      map.finish(body.type == "modal_flexible" ? "mass and nodes of a flexible body are those of its modal source" : "");
+      map.finish(body.type == "modal_flexible" ? "mass and nodes of a flexible body are those of its modal source"
+                                               : "");
     spec_.bodies.push_back(std::move(body));
   }
 
@@ -179,8 +182,9 @@ class VehicleReader {
     if (to.node->kind == Kind::list) {
       std::string names;
       for (const DocNode& item : to.node->items) names += (names.empty() ? "" : " and ") + describe(item);
-      context_.sink.report(Code::two_parents, to.at(), "one body, body.node or world", names,
-                           "the hinges of a vehicle form a tree; a closed loop is a loop closure beside it, not a second hinge");
+      context_.sink.report(
+          Code::two_parents, to.at(), "one body, body.node or world", names,
+          "the hinges of a vehicle form a tree; a closed loop is a loop closure beside it, not a second hinge");
       return;
     }
     std::string name;
@@ -213,20 +217,28 @@ class VehicleReader {
   void read_param(MapReader& map, const cardan_param_desc& desc, HingeSpec& hinge) {
     const auto value = map.find(desc.name);
     if (!value) {  // what is required is missed by validate()
-      if (!desc.required && desc.kind == CARDAN_NUMBER) map.note_default(desc.name, fmt::format("{:.6g} {}", desc.fallback[0], desc.unit));
+      if (!desc.required && desc.kind == CARDAN_NUMBER)
+        map.note_default(desc.name, fmt::format("{:.6g} {}", desc.fallback[0], desc.unit));
       return;
     }
     ParamValue param{0.0, value->at()};
     switch (desc.kind) {
-      case CARDAN_NUMBER: param.value = read_number(*value, desc.unit, context_); break;
-      case CARDAN_TEXT: param.value = read_text(*value, desc.meaning, context_); break;
+      case CARDAN_NUMBER:
+        param.value = read_number(*value, desc.unit, context_);
+        break;
+      case CARDAN_TEXT:
+        param.value = read_text(*value, desc.meaning, context_);
+        break;
       case CARDAN_VECTOR:
-      case CARDAN_UNIT_VECTOR: param.value = read_numbers(*value, desc.unit, 3, context_); break;
+      case CARDAN_UNIT_VECTOR:
+        param.value = read_numbers(*value, desc.unit, 3, context_);
+        break;
       default: {
         std::vector<double> all;
         if (value->node->kind != Kind::list || (desc.count > 0 && value->node->items.size() != desc.count)) {
           const std::string count = desc.count > 0 ? fmt::format("{} ", desc.count) : "";
-          context_.sink.report(Code::wrong_type, value->at(), fmt::format("a list of {}vectors of 3 numbers", count), describe(*value->node));
+          context_.sink.report(Code::wrong_type, value->at(), fmt::format("a list of {}vectors of 3 numbers", count),
+                               describe(*value->node));
           break;
         }
         for (std::size_t i = 0; i < value->node->items.size(); ++i)
@@ -298,7 +310,8 @@ class VehicleReader {
   int read_component(const DocRef& value, const cardan_hinge_family& family) {
     std::vector<std::string> legal(family.v_names, family.v_names + family.nv);
     if (family.nq == family.nv) legal.insert(legal.end(), family.q_names, family.q_names + family.nq);
-    const int i = read_choice(value, legal, fmt::format("a component of hinge type {}", family.type), Code::unknown_name, context_);
+    const int i = read_choice(value, legal, fmt::format("a component of hinge type {}", family.type),
+                              Code::unknown_name, context_);
     return i < 0 ? i : i % static_cast<int>(family.nv);
   }
 
@@ -315,7 +328,8 @@ class VehicleReader {
 
   void read_springs(const DocRef& value, const cardan_hinge_family& family, HingeSpec& hinge) {
     if (value.node->kind != Kind::list) {
-      context_.sink.report(Code::wrong_type, value.at(), "a list of springs", describe(*value.node), "one spring alone: spring: {...}");
+      context_.sink.report(Code::wrong_type, value.at(), "a list of springs", describe(*value.node),
+                           "one spring alone: spring: {...}");
       return;
     }
     for (std::size_t i = 0; i < value.node->items.size(); ++i) read_spring(value.item(i), family, hinge);
@@ -325,8 +339,8 @@ class VehicleReader {
     SpringDamper spring;
     spring.at = value.at();
     if (family.nv > 1) {
-      const auto component = map.require("component", "which component of the hinge: " +
-                                                          one_of({family.v_names, family.v_names + family.nv}));
+      const auto component = map.require(
+          "component", "which component of the hinge: " + one_of({family.v_names, family.v_names + family.nv}));
       spring.component = component ? read_component(*component, family) : -1;
       if (spring.component < 0) return;
     } else if (const auto component = map.find("component")) {

@@ -1,5 +1,7 @@
 #include "core/sim/simulation.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -31,6 +33,44 @@ Simulation::~Simulation() = default;
 void Simulation::set_state(const State& state) {
   state_ = state;
   changed();
+}
+
+/// `state`: index into [q, v].
+RunFailure Simulation::not_finite(int state, double value) const {
+  const Model& m = *model_;
+  RunFailure f{Code::not_finite, state_.t, "", "", "", "too large a step, or a command that grows without limit?", ""};
+  for (const UserBody& u : m.user) {
+    const bool is_q = state < m.nq;
+    const auto& names = is_q ? u.q_names : u.v_names;
+    const int i = is_q ? state - u.q : state - m.nq - u.v, n = static_cast<int>(names.size());
+    if (i < 0 || i >= n + u.n_modes) continue;
+    f.body = u.name;
+    f.what = i < n ? names[static_cast<std::size_t>(i)] : fmt::format("mode {}", i - n + 1);
+  }
+  f.what += std::isnan(value) ? " = nan" : value > 0 ? " = inf" : " = -inf";
+  return f;
+}
+
+void Simulation::expect_finite(const std::vector<double>& x) {
+  const auto at = std::find_if(x.begin(), x.end(), [](double value) { return !std::isfinite(value); });
+  if (at != x.end()) fail(not_finite(static_cast<int>(at - x.begin()), *at));
+}
+
+/// What the sweeps know about a step that the integrator gave up.
+RunFailure Simulation::explain(const RunFailure& failure) const {
+  if (breakdown_.body != 0) {
+    RunFailure f = describe_breakdown(*model_, breakdown_, state_.t);
+    if (!std::isfinite(breakdown_.value)) f.code = Code::not_finite;
+    return f;
+  }
+  return bad_rate_ < 0 ? failure : not_finite(model_->nq + bad_rate_, vdot_bad_);
+}
+
+void Simulation::take_over(const Simulation& other) {
+  set_state(other.state_);
+  tau_ = other.tau_;
+  prescribed_ = other.prescribed_;
+  for (std::size_t i = 0; i < std::min(wrenches_.size(), other.wrenches_.size()); ++i) wrenches_[i].f = other.wrenches_[i].f;
 }
 
 void Simulation::every(Rational period, std::function<void()> task, Rational offset) {
@@ -140,7 +180,8 @@ void Simulation::external_rates(const Inputs& in, const double* vdot, double* yd
 const Observer& Simulation::observe() {
   if (!observed_) {
     breakdown_ = {};
-    if (!evaluate(state_.t, state_.q.data(), state_.v.data(), vdot_.data())) fail(describe_breakdown(*model_, breakdown_, state_.t));
+    bad_rate_ = -1;
+    if (!evaluate(state_.t, state_.q.data(), state_.v.data(), vdot_.data())) fail(explain({Code::not_finite, state_.t, "", "", "", "", ""}));
     Inputs in;
     in.q = state_.q.data(), in.v = state_.v.data(), in.tau = tau_total_.data(), in.vdot = vdot_given_.data(), in.wrenches = wrenches_;
     observer_->update(in, vdot_.data());

@@ -56,6 +56,10 @@ class Simulation {
   // Set-up -----------------------------------------------------------------------------------------------------------
   /// Before the run, and in events: changes the state; the integrator starts again from it.
   void set_state(const State& state);
+  /// Before the run: how to integrate.
+  void set_options(const SimulationOptions& options) { options_ = options; }
+  /// State, commands and motion profiles of another simulation of the same vehicle.
+  void take_over(const Simulation& other);
   double& q(int i) { return changed(), state_.q[i]; }
   double& v(int i) { return changed(), state_.v[i]; }
   /// A task that runs at every tick, in the order of these calls. Commands set by tasks hold until they are set again.
@@ -72,6 +76,7 @@ class Simulation {
   double force(int i) const { return tau_[static_cast<std::size_t>(i)]; }
   void set_force(int i, double value);
   void set_wrench(int slot, const Force<double>& f);
+  std::span<const NodeWrench> wrenches() const { return wrenches_; }
   void stop() { stopped_ = true; }
   bool stopped() const { return stopped_; }
 
@@ -103,6 +108,9 @@ class Simulation {
   void write_outputs();
   double next_corner() const;
   void begin_ledger();
+  void expect_finite(const std::vector<double>& x);
+  RunFailure not_finite(int state, double value) const;
+  RunFailure explain(const RunFailure&) const;
   [[noreturn]] void fail(RunFailure failure);
 
   std::shared_ptr<const Model> model_;
@@ -130,6 +138,8 @@ class Simulation {
   double last_output_ = -1.0;
   bool restart_ = true, observed_ = false, stopped_ = false, begun_ = false, world_rates_ = false;
   soa::Breakdown breakdown_;
+  int bad_rate_ = -1;                      // index into v' of a value that is not finite, in the last step
+  double vdot_bad_ = 0.0;                  // that value
   Momentum momentum_0_;
   Energy energy_0_;
   Eigen::Matrix<double, 7, 1> external_0_ = Eigen::Matrix<double, 7, 1>::Zero();

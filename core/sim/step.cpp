@@ -2,6 +2,9 @@
 // steps, inside a step the right-hand side runs the program of sweeps. Nothing else happens inside a step.
 #include "core/sim/simulation.hpp"
 
+#include <algorithm>
+#include <cmath>
+
 namespace cardan {
 
 void Simulation::run(double t_end, const std::function<void(double)>& progress) {
@@ -30,13 +33,15 @@ void Simulation::step(double t_stop) {
     restart_ = false;
   }
   breakdown_ = {};
+  bad_rate_ = -1;
   const double corner = next_corner();
   StepReport report;
   try {
     report = integrator_->step(t_stop, x_.data(), y_.data());
   } catch (const NumericsError& e) {
-    fail(breakdown_.body != 0 ? describe_breakdown(*model_, breakdown_, state_.t) : e.failure());
+    fail(explain(e.failure()));
   }
+  expect_finite(x_);
   state_.t = report.t;
   std::copy_n(x_.begin(), model_->nq, state_.q.data());
   std::copy_n(x_.begin() + model_->nq, model_->nv, state_.v.data());
@@ -60,7 +65,7 @@ bool Simulation::rhs(double t, const double* x, double* xdot, double* ydot) {
       for (int j = u.q; j < u.q + u.nq; ++j) xdot[j] += options_.quaternion_stabilisation * (scratch_q_[static_cast<std::size_t>(j)] - q[j]);
     }
   }
-  if (ydot) {
+  if (ydot && options_.ledger) {
     Inputs in;
     in.q = q, in.v = v, in.tau = tau_total_.data(), in.vdot = vdot_given_.data(), in.wrenches = wrenches_;
     external_rates(in, xdot + m.nq, ydot);
@@ -75,8 +80,14 @@ bool Simulation::evaluate(double t, const double* q, const double* v, double* vd
   for (const auto& p : prescribed_) vdot_given_[static_cast<std::size_t>(p.index)] = p.profile.acceleration(t);
   Inputs in;
   in.q = q, in.v = v, in.tau = tau_total_.data(), in.vdot = vdot_given_.data(), in.wrenches = wrenches_;
-  if (forward_dynamics(*model_, workspace_, in, vdot)) return true;
-  breakdown_ = workspace_.breakdown;
+  if (!forward_dynamics(*model_, workspace_, in, vdot)) {
+    breakdown_ = workspace_.breakdown;
+    return false;
+  }
+  const double* bad = std::find_if(vdot, vdot + model_->nv, [](double a) { return !std::isfinite(a); });
+  if (bad == vdot + model_->nv) return true;
+  bad_rate_ = static_cast<int>(bad - vdot);
+  vdot_bad_ = *bad;
   return false;
 }
 

@@ -107,7 +107,7 @@ Workspace<T>::Workspace(const Model& model) {
       modal.A = take(c.A);
     });
   }
-  if (model.gravity.kind == GravitySpec::Kind::central) require_world();
+  if (model.has(Kernel::world)) require_world();
 }
 
 template <class T>

@@ -183,7 +183,8 @@ class ModalReader {
       const std::vector<double> row = read_numbers(rows[i], "1", columns, context_);
       if (row.empty()) return {};
       if (i == 0) matrix.resize(static_cast<Eigen::Index>(rows.size()), static_cast<Eigen::Index>(row.size()));
-      for (std::size_t j = 0; j < row.size(); ++j) matrix(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) = row[j];
+      for (std::size_t j = 0; j < row.size(); ++j)
+        matrix(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) = row[j];
     }
     return matrix;
   }
@@ -200,8 +201,10 @@ class ModalReader {
     if (const auto modes = map.require("modes", "at least one of {count, max_frequency, effective_mass}")) {
       MapReader reader(*modes, context_);
       if (const auto count = reader.find("count")) source.modes.count = read_integer(*count, 1, context_);
-      if (const auto limit = reader.find("max_frequency")) source.modes.max_frequency = read_number(*limit, "Hz", context_);
-      if (const auto share = reader.find("effective_mass")) source.modes.effective_mass = read_number(*share, "1", context_);
+      if (const auto limit = reader.find("max_frequency"))
+        source.modes.max_frequency = read_number(*limit, "Hz", context_);
+      if (const auto share = reader.find("effective_mass"))
+        source.modes.effective_mass = read_number(*share, "1", context_);
       reader.finish();
     }
     if (const auto damping = map.find("damping"); damping && damping->node->kind == Kind::list)
@@ -233,17 +236,18 @@ class ModalReader {
 
 /// Equal texts describe equal modes.
 std::string text_of(const DocNode& node) {
-  std::string out = fmt::format("{} {} {} {} ", static_cast<int>(node.kind), node.items.size(), node.text.size(), node.text);
+  std::string out =
+      fmt::format("{} {} {} {} ", static_cast<int>(node.kind), node.items.size(), node.text.size(), node.text);
   for (const DocKey& key : node.keys) out += fmt::format("{} {} ", key.name.size(), key.name);
   for (const DocNode& item : node.items) out += text_of(item);
   return out;
 }
 
 /// bodies/modal names the fields of its own structures: here they get the key and the place that the user wrote.
-Diagnostic in_words_of_the_vehicle(Diagnostic d, const std::string& path, const ModalSource& source, const SystemSpec& spec) {
+Diagnostic in_words_of_the_vehicle(Diagnostic d, const std::string& path, const ModalSource& source,
+                                   const SystemSpec& spec) {
   std::string field = d.at.key_path.starts_with(path + ".") ? d.at.key_path.substr(path.size() + 1) : "";
-  if (field.starts_with("panel."))
-    field.replace(0, 5, spec.marks.count(path + ".plate.solid") ? "solid" : "sandwich");
+  if (field.starts_with("panel.")) field.replace(0, 5, spec.marks.count(path + ".plate.solid") ? "solid" : "sandwich");
   for (std::size_t i = 0; i < source.points.size(); ++i)
     if (const std::string point = fmt::format("points[{}]", i); field.starts_with(point))
       field.replace(0, point.size(), "nodes." + source.points[i].name);

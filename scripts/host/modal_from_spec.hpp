@@ -9,8 +9,8 @@ namespace cardan {
 /// Reads `modal: {...}` of a body. File names are relative to the folder of the file they stand in.
 ModalSource read_modal_source(const DocRef& modal, ReadContext& context);
 
-/// Makes the modal data of each body that has a source and no data yet (equal sources are solved once), then checks what
-/// needs them: node names and initial values. Throws InputError.
+/// Makes the modal data of each body that has a source and no data yet (equal sources are solved once), then checks
+/// what needs them: node names and initial values. Throws InputError.
 void make_modes(SystemSpec& spec);
 
 }  // namespace cardan

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/sim/simulation.hpp"
@@ -34,6 +35,7 @@ struct MissionSpec {
   Rational output_period{1, 10};
   std::vector<int> reactions;  // user bodies
   std::vector<int> nodes;      // indices into Model::nodes
+  std::vector<std::pair<std::string, std::string>> defaults_used;  // key path, value
   SimulationOptions simulation;
 };
 
@@ -112,10 +114,10 @@ struct Scenario {
 
   // What handles see
   Stage stage = Stage::setup;
-  int phase = -1;                 // index of the present one
+  std::string_view phase;         // name of the present one; empty before the first and after the last
   const double *q = nullptr, *v = nullptr;  // the state, or the trial state of an event function
   bool in_event_function = false;
-  std::string actor;              // whose function runs: `controller "attitude"`
+  std::string_view actor;         // whose function runs: `controller "attitude"`
   std::optional<RunFailure> fault;  // a command that is not finite; a script cannot catch it
   std::vector<double> scratch;
 

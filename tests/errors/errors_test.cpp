@@ -57,11 +57,13 @@ TEST_P(Errors, AreToldWithTheirWholeText) {
   const fs::path expected = kFolder / (GetParam() + ".expected.txt");
   if (std::getenv("CARDAN_UPDATE_EXPECTED")) std::ofstream(expected, std::ios::binary) << text;
   EXPECT_EQ(text, text_of(expected));
-  EXPECT_NE(text.find("error[" + GetParam().substr(0, 5) + "]"), std::string::npos) << "the file is named after its code";
+  EXPECT_NE(text.find("error[" + GetParam().substr(0, 5) + "]"), std::string::npos)
+      << "the file is named after its code";
 }
 INSTANTIATE_TEST_SUITE_P(Vehicle, Errors, testing::ValuesIn(cases()), [](const auto& c) {
   std::string name = c.param;
-  std::replace_if(name.begin(), name.end(), [](char ch) { return !std::isalnum(static_cast<unsigned char>(ch)); }, '_');
+  std::replace_if(
+      name.begin(), name.end(), [](char ch) { return !std::isalnum(static_cast<unsigned char>(ch)); }, '_');
   return name;
 });
 
@@ -74,7 +76,7 @@ const std::set<std::string> kElsewhere = {
 TEST(ErrorCodes, OfVehicleFilesHaveACase) {
   std::set<std::string> covered = kElsewhere;
   for (const std::string& name : cases()) covered.insert(name.substr(0, 5));
-#define CARDAN_ERROR(number, name, title)                                                             \
+#define CARDAN_ERROR(number, name, title) \
   EXPECT_TRUE(std::string(number) > "C0500" || covered.count(number)) << number << " has no file in tests/errors";
 #include "core/base/error_codes.inc"
 #undef CARDAN_ERROR
@@ -82,8 +84,9 @@ TEST(ErrorCodes, OfVehicleFilesHaveACase) {
 
 TEST(ErrorCodes, AreDocumented) {
   const std::string text = text_of(fs::path(CARDAN_SOURCE_DIR) / "docs/errors.md");
-#define CARDAN_ERROR(number, name, title) \
-  EXPECT_NE(text.find(std::string("## ") + number + " " + title + "\n"), std::string::npos) << number << " has no paragraph in docs/errors.md";
+#define CARDAN_ERROR(number, name, title)                                                   \
+  EXPECT_NE(text.find(std::string("## ") + number + " " + title + "\n"), std::string::npos) \
+      << number << " has no paragraph in docs/errors.md";
 #include "core/base/error_codes.inc"
 #undef CARDAN_ERROR
 }

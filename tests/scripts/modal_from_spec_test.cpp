@@ -21,7 +21,8 @@ ModalSource read(const std::string& text) {
 
 TEST(ModalSource, OfABeam) {
   const ModalSource source = read(
-      "beam: {length: 12 m, material: {E: 70 GPa, rho: 2.7 g/cm^3}, section: {rectangle: {width: 4 cm, height: 2 cm}}, elements: 30, rotary_inertia: false}\n"
+      "beam: {length: 12 m, material: {E: 70 GPa, rho: 2.7 g/cm^3}, section: {rectangle: {width: 4 cm, height: 2 cm}}, "
+      "elements: 30, rotary_inertia: false}\n"
       "boundary: craig_bampton\nmodes: {count: 6, max_frequency: 20 Hz, effective_mass: 95 %}\ndamping: [0.5 %, 1 %]\n"
       "nodes: {mid: {position: [6, 0, 0]}, tip: {position: [12, 0, 0], interface: true}}\n"
       "masses:\n  - {mass: 3 kg, position: [12, 0, 0], inertia: [1, 2, 2]}\n");
@@ -93,7 +94,8 @@ TEST(ModalSource, OfAFileIsRelativeToTheVehicle) {
 
 TEST(MakeModes, SolvesEqualSourcesOnce) {
   const std::string wing =
-      "{type: modal_flexible, modal: {beam: {length: 10, material: {E: 70 GPa, rho: 2700}, section: {tube: {radius: 5 cm, wall: 1 mm}}, elements: 10}, "
+      "{type: modal_flexible, modal: {beam: {length: 10, material: {E: 70 GPa, rho: 2700}, section: {tube: {radius: 5 "
+      "cm, wall: 1 mm}}, elements: 10}, "
       "modes: {count: 2}}, hinge: {type: locked, to: world}}\n";
   SystemSpec spec;
   const DocNode root = parse_yaml("a: " + wing + "b: " + wing, "test.yaml");

@@ -25,7 +25,9 @@ const Registry& hinges() {
   return registry;
 }
 
-SystemSpec read(const std::string& text, const Overrides& overrides = {}) { return vehicle_from_text(text, "test.yaml", hinges(), overrides); }
+SystemSpec read(const std::string& text, const Overrides& overrides = {}) {
+  return vehicle_from_text(text, "test.yaml", hinges(), overrides);
+}
 
 /// One body "b" with this hinge, or with these further keys.
 SystemSpec with_hinge(const std::string& hinge) {
@@ -109,7 +111,8 @@ TEST(Vehicle, KeepsThePlaceOfEachValue) {
 TEST(Vehicle, ListsTheDefaultsItUsed) {
   const auto defaults = with_hinge("type: helical, to: world, axis: [0, 0, 1], pitch: 1 mm/rev").defaults_used;
   const auto has = [&](const char* key, const char* value) {
-    return std::find(defaults.begin(), defaults.end(), std::pair<std::string, std::string>(key, value)) != defaults.end();
+    return std::find(defaults.begin(), defaults.end(), std::pair<std::string, std::string>(key, value)) !=
+           defaults.end();
   };
   EXPECT_TRUE(has("name", "vehicle"));
   EXPECT_TRUE(has("gravity", "none"));
@@ -120,14 +123,18 @@ TEST(Vehicle, ListsTheDefaultsItUsed) {
 }
 
 TEST(Inertia, IsAboutTheMassCentreUnlessSaidOtherwise) {
-  const Eigen::Matrix3d I = with_body("mass: 2, com: [1, 2, 3], inertia: {xx: 40, yy: 50, zz: 60, xy: -1, xz: 2, yz: 3}").bodies[0].inertia_com;
+  const Eigen::Matrix3d I =
+      with_body("mass: 2, com: [1, 2, 3], inertia: {xx: 40, yy: 50, zz: 60, xy: -1, xz: 2, yz: 3}")
+          .bodies[0]
+          .inertia_com;
   Eigen::Matrix3d given;
   given << 40, -1, 2, -1, 50, 3, 2, 3, 60;
   EXPECT_EQ(I, given);
 }
 
 TEST(Inertia, AboutTheOriginIsShifted) {
-  // Two point masses of 1 kg at (2, 2, 3) and (0, 2, 3) and a third of 2 kg at (1, 2, 4): tensor about the origin by its definition.
+  // Two point masses of 1 kg at (2, 2, 3) and (0, 2, 3) and a third of 2 kg at (1, 2, 4): tensor about the origin by
+  // its definition.
   Eigen::Matrix3d about_origin = Eigen::Matrix3d::Zero(), about_com = Eigen::Matrix3d::Zero();
   const Eigen::Vector3d points[] = {{2, 2, 3}, {0, 2, 3}, {1, 2, 4}, {1, 3, 3}};
   const double masses[] = {1, 1, 2, 1};
@@ -135,31 +142,42 @@ TEST(Inertia, AboutTheOriginIsShifted) {
   Eigen::Vector3d com = Eigen::Vector3d::Zero();
   for (int i = 0; i < 4; ++i) mass += masses[i], com += masses[i] * points[i];
   com /= mass;
-  const auto add = [](Eigen::Matrix3d& I, double m, const Eigen::Vector3d& r) { I += m * (r.squaredNorm() * Eigen::Matrix3d::Identity() - r * r.transpose()); };
+  const auto add = [](Eigen::Matrix3d& I, double m, const Eigen::Vector3d& r) {
+    I += m * (r.squaredNorm() * Eigen::Matrix3d::Identity() - r * r.transpose());
+  };
   for (int i = 0; i < 4; ++i) add(about_origin, masses[i], points[i]), add(about_com, masses[i], points[i] - com);
   std::ostringstream text;
   text.precision(17);
-  text << "mass: " << mass << ", com: [" << com.x() << ", " << com.y() << ", " << com.z() << "], inertia: {xx: " << about_origin(0, 0) << ", yy: " << about_origin(1, 1)
-       << ", zz: " << about_origin(2, 2) << ", xy: " << about_origin(0, 1) << ", xz: " << about_origin(0, 2) << ", yz: " << about_origin(1, 2) << ", about: origin}";
+  text << "mass: " << mass << ", com: [" << com.x() << ", " << com.y() << ", " << com.z()
+       << "], inertia: {xx: " << about_origin(0, 0) << ", yy: " << about_origin(1, 1) << ", zz: " << about_origin(2, 2)
+       << ", xy: " << about_origin(0, 1) << ", xz: " << about_origin(0, 2) << ", yz: " << about_origin(1, 2)
+       << ", about: origin}";
   // Entries of order 100 cancel to order 1.
   EXPECT_LT((with_body(text.str()).bodies[0].inertia_com - about_com).cwiseAbs().maxCoeff(), 1e-13);
 }
 
 Eigen::Matrix3d orientation(const std::string& text) {
-  return with_body(fmt::format("mass: 1, inertia: [1, 1, 1], nodes: {{n: {{orientation: {{{}}}}}}}", text)).bodies[0].nodes[0].R_BN;
+  return with_body(fmt::format("mass: 1, inertia: [1, 1, 1], nodes: {{n: {{orientation: {{{}}}}}}}", text))
+      .bodies[0]
+      .nodes[0]
+      .R_BN;
 }
 
 TEST(Orientation, TakesNodeAxesToBodyAxes) {
   // A quarter turn about z: the node's x axis is the body's y axis.
-  for (const char* text : {"rotvec: [0, 0, 90 deg]", "axis: [0, 0, 5], angle: 90 deg", "quaternion_wxyz: [0.70710678118654757, 0, 0, 0.70710678118654757]",
-                           "euler: {sequence: zyx, angles: [90 deg, 0, 0]}", "matrix: [[0, -1, 0], [1, 0, 0], [0, 0, 1]]"})
+  for (const char* text :
+       {"rotvec: [0, 0, 90 deg]", "axis: [0, 0, 5], angle: 90 deg",
+        "quaternion_wxyz: [0.70710678118654757, 0, 0, 0.70710678118654757]",
+        "euler: {sequence: zyx, angles: [90 deg, 0, 0]}", "matrix: [[0, -1, 0], [1, 0, 0], [0, 0, 1]]"})
     EXPECT_LT((orientation(text) * Eigen::Vector3d::UnitX() - Eigen::Vector3d::UnitY()).norm(), kExact) << text;
 }
 
 TEST(Orientation, EulerAnglesTurnAboutTheMovedAxes) {
   // zyx = yaw, then pitch about the new y, then roll about the newest x.
   using Eigen::AngleAxisd, Eigen::Vector3d;
-  const Eigen::Matrix3d R = (AngleAxisd(0.1, Vector3d::UnitZ()) * AngleAxisd(0.2, Vector3d::UnitY()) * AngleAxisd(0.3, Vector3d::UnitX())).toRotationMatrix();
+  const Eigen::Matrix3d R =
+      (AngleAxisd(0.1, Vector3d::UnitZ()) * AngleAxisd(0.2, Vector3d::UnitY()) * AngleAxisd(0.3, Vector3d::UnitX()))
+          .toRotationMatrix();
   EXPECT_LT((orientation("euler: {sequence: zyx, angles: [0.1, 0.2, 0.3]}") - R).norm(), kExact);
   EXPECT_LT((orientation("euler: {sequence: 321, angles: [0.1, 0.2, 0.3]}") - R).norm(), kExact);
 }
@@ -171,30 +189,51 @@ TEST(Orientation, AsInitialAttitudeIsAQuaternion) {
 }
 
 TEST(Quaternion, WithinTheToleranceIsMadeUnit) {
-  const auto q = with_hinge("type: ball, to: world, initial: {quaternion_wxyz: [0.8000005, 0, 0.6, 0]}").bodies[0].hinge.q;
+  const auto q =
+      with_hinge("type: ball, to: world, initial: {quaternion_wxyz: [0.8000005, 0, 0.6, 0]}").bodies[0].hinge.q;
   EXPECT_NEAR(q[0] * q[0] + q[2] * q[2], 1.0, kExact);
 }
 
 TEST(Hinge, OfEachTypeIsRead) {
   EXPECT_EQ(with_hinge("type: locked, to: world").bodies[0].hinge.type, "locked");
-  EXPECT_EQ(with_hinge("type: prismatic, to: world, axis: [1, 0, 0], initial: {displacement: 2 mm}").bodies[0].hinge.q, std::vector<double>{0.002});
+  EXPECT_EQ(with_hinge("type: prismatic, to: world, axis: [1, 0, 0], initial: {displacement: 2 mm}").bodies[0].hinge.q,
+            std::vector<double>{0.002});
   const HingeSpec helical = with_hinge("type: helical, to: world, axis: [1, 0, 0], pitch: 2 mm/rev").bodies[0].hinge;
   EXPECT_DOUBLE_EQ(std::get<double>(helical.params.at("pitch").value), 1e-3 / kPi);
-  EXPECT_EQ(with_hinge("type: cylindrical, to: world, axis: [1, 0, 0], springs: [{component: displacement, stiffness: 3 N/mm}]").bodies[0].hinge.springs.at(0).component, 1);
+  EXPECT_EQ(
+      with_hinge(
+          "type: cylindrical, to: world, axis: [1, 0, 0], springs: [{component: displacement, stiffness: 3 N/mm}]")
+          .bodies[0]
+          .hinge.springs.at(0)
+          .component,
+      1);
   const HingeSpec universal = with_hinge("type: universal, to: world, axes: [[1, 0, 0], [0, 0, 2]]").bodies[0].hinge;
   EXPECT_EQ(std::get<std::vector<double>>(universal.params.at("axes").value), (std::vector<double>{1, 0, 0, 0, 0, 2}));
-  EXPECT_EQ(std::get<std::string>(with_hinge("type: gimbal, to: world, sequence: \"313\"").bodies[0].hinge.params.at("sequence").value), "313");
-  EXPECT_EQ(with_hinge("type: gimbal, to: world, axes: [[1, 0, 0], [0, 0, 2], [0, 1, 0]], prescribed: [rate_3, angle_1]").bodies[0].hinge.prescribed,
-            (std::vector<int>{2, 0}));
-  EXPECT_EQ(with_hinge("type: planar, to: world, axes: [[1, 0, 0], [0, 1, 0]], initial: {y: 1 cm, angle: 1, vx: 2}").bodies[0].hinge.q,
+  EXPECT_EQ(std::get<std::string>(
+                with_hinge("type: gimbal, to: world, sequence: \"313\"").bodies[0].hinge.params.at("sequence").value),
+            "313");
+  EXPECT_EQ(
+      with_hinge("type: gimbal, to: world, axes: [[1, 0, 0], [0, 0, 2], [0, 1, 0]], prescribed: [rate_3, angle_1]")
+          .bodies[0]
+          .hinge.prescribed,
+      (std::vector<int>{2, 0}));
+  EXPECT_EQ(with_hinge("type: planar, to: world, axes: [[1, 0, 0], [0, 1, 0]], initial: {y: 1 cm, angle: 1, vx: 2}")
+                .bodies[0]
+                .hinge.q,
             (std::vector<double>{0, 0.01, 1}));
-  EXPECT_EQ(with_hinge("type: translational, to: world, initial: {position: [1, 2, 3], velocity: [4, 5, 6]}").bodies[0].hinge.v,
+  EXPECT_EQ(with_hinge("type: translational, to: world, initial: {position: [1, 2, 3], velocity: [4, 5, 6]}")
+                .bodies[0]
+                .hinge.v,
             (std::vector<double>{4, 5, 6}));
   EXPECT_EQ(with_hinge("type: free_body, to: world, locked: true").bodies[0].hinge.locked, true);
 }
 
 TEST(Hinge, MayBePlacedWithoutNames) {
-  const HingeSpec hinge = with_hinge("type: locked, to: {body: world, position: [1, 2, 3], orientation: {rotvec: [0, 0, 90 deg]}}, at: {position: [4, 5, 6]}").bodies[0].hinge;
+  const HingeSpec hinge = with_hinge(
+                              "type: locked, to: {body: world, position: [1, 2, 3], orientation: {rotvec: [0, 0, 90 "
+                              "deg]}}, at: {position: [4, 5, 6]}")
+                              .bodies[0]
+                              .hinge;
   EXPECT_EQ(hinge.inboard_body, "");
   EXPECT_EQ(hinge.onode_position, Eigen::Vector3d(1, 2, 3));
   EXPECT_LT((hinge.onode_R * Eigen::Vector3d::UnitX() - Eigen::Vector3d::UnitY()).norm(), kExact);
@@ -212,8 +251,10 @@ TEST(Gravity, IsNoneUniformOrCentral) {
 
 TEST(FlexibleBody, HandsItsSourceOnAsWritten) {
   const SystemSpec spec = read(
-      "cardan: 1\nbodies:\n  w:\n    type: modal_flexible\n    level: 2\n    modal: {file: wing.h5}\n    initial: {eta: [1, 2], etadot: [3, 4]}\n"
-      "    hinge: {type: locked, to: world, at: root}\n  tip: {type: particle, mass: 1, hinge: {type: locked, to: w.tip}}\n");
+      "cardan: 1\nbodies:\n  w:\n    type: modal_flexible\n    level: 2\n    modal: {file: wing.h5}\n    initial: "
+      "{eta: [1, 2], etadot: [3, 4]}\n"
+      "    hinge: {type: locked, to: world, at: root}\n  tip: {type: particle, mass: 1, hinge: {type: locked, to: "
+      "w.tip}}\n");
   const BodySpec& wing = spec.bodies[0];
   EXPECT_EQ(wing.level, 2);
   ASSERT_TRUE(wing.modal_source);
@@ -224,27 +265,34 @@ TEST(FlexibleBody, HandsItsSourceOnAsWritten) {
 
 TEST(Yaml, AnchorsAreResolved) {
   const SystemSpec spec = read(
-      "cardan: 1\nbodies:\n  a: {mass: &m 3 kg, inertia: &I [1, 2, 2], hinge: {type: free, to: world}}\n  b: {mass: *m, inertia: *I, hinge: {type: ball, to: a}}\n");
+      "cardan: 1\nbodies:\n  a: {mass: &m 3 kg, inertia: &I [1, 2, 2], hinge: {type: free, to: world}}\n  b: {mass: "
+      "*m, inertia: *I, hinge: {type: ball, to: a}}\n");
   EXPECT_EQ(spec.bodies[1].mass, 3.0);
   EXPECT_EQ(spec.bodies[1].inertia_com(1, 1), 2.0);
 }
 
 TEST(Yaml, AliasesOfAliasesDoNotFillTheMemory) {
   std::string text = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n";
-  for (int i = 1; i < 12; ++i) text += fmt::format("a{0}: &a{0} [*a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}]\n", i, i - 1);
+  for (int i = 1; i < 12; ++i)
+    text +=
+        fmt::format("a{0}: &a{0} [*a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}]\n", i, i - 1);
   EXPECT_EQ(first_fault(text), "C0101 ");
 }
 
 TEST(Yaml, OfTooManyBytesIsRefused) { EXPECT_EQ(first_fault(std::string(20u << 20, '#')), "C0101 "); }
 
 TEST(Yaml, WithByteOrderMarkAndCrlfIsRead) {
-  EXPECT_EQ(read("\xEF\xBB\xBF" "cardan: 1\r\nbodies:\r\n  b: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world}}\r\n").bodies.size(), 1u);
+  EXPECT_EQ(read("\xEF\xBB\xBF"
+                 "cardan: 1\r\nbodies:\r\n  b: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world}}\r\n")
+                .bodies.size(),
+            1u);
 }
 
 TEST(Yaml, OfManyBodiesIsReadInReasonableTime) {
   std::string text = "cardan: 1\nbodies:\n";
   for (int i = 0; i < 2000; ++i)
-    text += fmt::format("  b{}: {{mass: 1, inertia: [1, 1, 1], hinge: {{type: revolute, axis: [0, 0, 1], to: {}}}}}\n", i, i == 0 ? "world" : fmt::format("b{}", i - 1));
+    text += fmt::format("  b{}: {{mass: 1, inertia: [1, 1, 1], hinge: {{type: revolute, axis: [0, 0, 1], to: {}}}}}\n",
+                        i, i == 0 ? "world" : fmt::format("b{}", i - 1));
   EXPECT_EQ(read(text).bodies.size(), 2000u);
 }
 
@@ -254,31 +302,38 @@ TEST(VehicleFile, ThatIsNotThereIsReported) {
     FAIL();
   } catch (const InputError& e) {
     EXPECT_STREQ(e.what(),
-                 "error[C0102]: file not found\n  --> no/such.yaml\n  expected: a file that can be read\n  got:      No such file or directory\n\n1 error. Nothing was run.\n");
+                 "error[C0102]: file not found\n  --> no/such.yaml\n  expected: a file that can be read\n  got:      "
+                 "No such file or directory\n\n1 error. Nothing was run.\n");
   }
   EXPECT_THROW(read_vehicle(".", hinges()), InputError) << "a folder";
 }
 
 TEST(Override, SetsAValue) {
-  const SystemSpec spec = read(kSatellite, {{"bodies.bus.mass", "1700 kg"}, {"bodies.bus.com[2]", "0.2"}, {"bodies.wheel.hinge.axis", "[1, 0, 0]"},
-                                            {"bodies.wheel.hinge.locked", "true"}, {"gravity", "none"}});
+  const SystemSpec spec = read(kSatellite, {{"bodies.bus.mass", "1700 kg"},
+                                            {"bodies.bus.com[2]", "0.2"},
+                                            {"bodies.wheel.hinge.axis", "[1, 0, 0]"},
+                                            {"bodies.wheel.hinge.locked", "true"},
+                                            {"gravity", "none"}});
   EXPECT_EQ(spec.bodies[0].mass, 1700.0);
   EXPECT_EQ(spec.bodies[0].com.z(), 0.2);
-  EXPECT_EQ(std::get<std::vector<double>>(spec.bodies[1].hinge.params.at("axis").value), (std::vector<double>{1, 0, 0}));
+  EXPECT_EQ(std::get<std::vector<double>>(spec.bodies[1].hinge.params.at("axis").value),
+            (std::vector<double>{1, 0, 0}));
   EXPECT_TRUE(spec.bodies[1].hinge.locked);
   EXPECT_EQ(spec.gravity.kind, GravitySpec::Kind::none);
 }
 
 TEST(Override, MakesTheObjectsItNeeds) {
-  const SystemSpec spec = read("cardan: 1\nbodies: {b: {mass: 1, inertia: [1, 1, 1], hinge: {type: revolute, to: world, axis: [0, 0, 1]}}}\n",
-                               {{"bodies.b.hinge.initial.angle", "5 deg"}});
+  const SystemSpec spec = read(
+      "cardan: 1\nbodies: {b: {mass: 1, inertia: [1, 1, 1], hinge: {type: revolute, to: world, axis: [0, 0, 1]}}}\n",
+      {{"bodies.b.hinge.initial.angle", "5 deg"}});
   EXPECT_DOUBLE_EQ(spec.bodies[0].hinge.q.at(0), kPi / 36);
 }
 
 TEST(Override, IsCheckedAgainstTheSchema) {
   EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.masss", "1"}}), "C0104 bodies.bus.masss");
   EXPECT_EQ(first_fault(kSatellite, {{"bodies.bsu.mass", "1"}}), "C0104 bodies.bsu");
-  EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.nodes.sadle.position", "[0, 0, 0]"}}), "C0104 bodies.bus.nodes.sadle");
+  EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.nodes.sadle.position", "[0, 0, 0]"}}),
+            "C0104 bodies.bus.nodes.sadle");
   EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.com[3]", "1"}}), "C0104 bodies.bus.com[3]");
   EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.mass.value", "1"}}), "C0104 bodies.bus.mass.value");
   EXPECT_EQ(first_fault(kSatellite, {{"gravty.uniform", "[0, 0, 1]"}}), "C0104 gravty");
@@ -307,20 +362,33 @@ TEST(Override, IsNamedInTheAnswer) {
 // Whatever the text: a vehicle, or an answer.
 TEST(Vehicle, OfADamagedFileIsReadOrRefused) {
   const std::string original = kSatellite;
-  const std::string pieces[] = {"\n", "  ", "\t", ":", ": ", "- ", "[", "]", "{", "}", ",", "\"", "'", "#", "&a", "*a", "<<: ", "|", ">", "? ", "!", "~", "---\n",
-                                "010", "-1", "1e400", "nan", "deg", "kg", "world", "bus", "null", "true", "\x80", "\xEF\xBB\xBF", "\x01", "axis", "hinge"};
-  std::uint32_t state = 12345;  // a linear congruential generator: the same mutations everywhere (Numerical Recipes constants)
-  const auto random = [&](std::size_t n) { return static_cast<std::size_t>((state = state * 1664525u + 1013904223u) >> 8) % n; };
+  const std::string pieces[] = {"\n",  "  ",   "\t",    ":",    ": ",           "- ",    "[",    "]",    "{",  "}",
+                                ",",   "\"",   "'",     "#",    "&a",           "*a",    "<<: ", "|",    ">",  "? ",
+                                "!",   "~",    "---\n", "010",  "-1",           "1e400", "nan",  "deg",  "kg", "world",
+                                "bus", "null", "true",  "\x80", "\xEF\xBB\xBF", "\x01",  "axis", "hinge"};
+  std::uint32_t state =
+      12345;  // a linear congruential generator: the same mutations everywhere (Numerical Recipes constants)
+  const auto random = [&](std::size_t n) {
+    return static_cast<std::size_t>((state = state * 1664525u + 1013904223u) >> 8) % n;
+  };
   int read_well = 0, refused = 0;
   for (int i = 0; i < 4000; ++i) {
     std::string text = original;
     for (std::size_t k = random(4); k < 4; ++k) {
       const std::size_t place = random(text.size()), length = std::min(random(20), text.size() - place);
       switch (random(4)) {
-        case 0: text.erase(place, length); break;
-        case 1: text.insert(place, pieces[random(std::size(pieces))]); break;
-        case 2: text.insert(random(text.size()), text.substr(place, length)); break;
-        default: text[place] = static_cast<char>(random(256)); break;
+        case 0:
+          text.erase(place, length);
+          break;
+        case 1:
+          text.insert(place, pieces[random(std::size(pieces))]);
+          break;
+        case 2:
+          text.insert(random(text.size()), text.substr(place, length));
+          break;
+        default:
+          text[place] = static_cast<char>(random(256));
+          break;
       }
       if (text.empty()) text.push_back('x');
     }

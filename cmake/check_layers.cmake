@@ -1,0 +1,129 @@
+# Who may include whom: the two tables of docs/architecture.md, as data, against every #include line of our sources.
+#   cmake -D SOURCE=<root> -P check_layers.cmake
+# A path stands for everything that begins with it; of several rows the longest counts. A layer may include itself.
+cmake_minimum_required(VERSION 3.25)
+
+set(layers
+  "core/abi/cardan_abi.h|"
+  "core/base|"
+  "core/spatial|core/base"
+  "core/linalg|core/base"
+  "core/io/hdf5_file|core/base"
+  "core/io/json|core/base"
+  "core/io/sha256|core/base"
+  "core/time|core/base"
+  "core/abi|core/base core/spatial"
+  "core/model|core/base core/spatial core/linalg core/abi"
+  "core/io|core/base core/abi core/model"
+  "core/reference|core/base core/spatial core/model/spec.hpp"
+  "core/soa|core/base core/spatial core/linalg core/abi core/model"
+  "core/dynamics|core/base core/spatial core/linalg core/abi core/model core/soa"
+  "core/sim|core"
+  "hinges|core/base core/spatial core/abi"
+  "bodies|core/base core/spatial core/abi"
+  "bodies/modal/|core/base core/spatial core/linalg core/io/hdf5_file"
+  "plugins|core/base core/spatial core/abi"
+  "tests/plugins|core/base core/spatial core/abi"
+  "scripts/host/lua_|core/base"
+  "scripts/report|core/base core/io"
+  "scripts/host|core bodies/modal/ bodies/register.hpp hinges/register.hpp scripts/report"
+  "tests|core bodies hinges scripts"
+  "bench|core bodies hinges")
+
+# Headers of others by the beginning of their name, and where they may be named. The standard library is free.
+set(external
+  "Eigen/|core/spatial core/linalg core/abi/family.hpp core/abi/laws.cpp core/model core/dynamics core/time core/reference core/sim bodies hinges plugins scripts/host tests bench"
+  "fmt/|core/base core/linalg core/abi core/model core/dynamics core/io core/time core/sim bodies/modal/ scripts tests bench"
+  "yaml-cpp/|core/io/yaml_reader.cpp tests"
+  "hdf5|core/io/hdf5_file.cpp"
+  "nlohmann/|core/io/json.hpp tests bench"
+  "openssl/|core/io/sha256.cpp"
+  "cvodes/|core/time/cvode_integrator.cpp"
+  "nvector/|core/time/cvode_integrator.cpp"
+  "sun|core/time/cvode_integrator.cpp"
+  "cholmod|core/linalg/sparse_cholmod.cpp"
+  "arpack|core/linalg/eigenpairs_arpack.cpp"
+  "boost/|core/reference tests bench"
+  "lua|scripts/host tests"
+  "lauxlib.h|scripts/host tests"
+  "CLI/|scripts/host bench"
+  "gtest/|tests"
+  "dlfcn.h|core/abi/loader.cpp"
+  "sched.h|bench"
+  "unistd.h|scripts/host tests"
+  "sys/|scripts/host tests"
+  "signal.h|tests"
+  "stdint.h|core/abi/cardan_abi.h")
+
+# The longest row of `table` whose name begins `path`: its right-hand side in `out`; `found` tells whether there is one.
+function(row_of table path out found)
+  set(best "")
+  set(${found} FALSE PARENT_SCOPE)
+  foreach(row ${${table}})
+    string(FIND "${row}" "|" bar)
+    string(SUBSTRING "${row}" 0 ${bar} key)
+    string(FIND "${path}" "${key}" at)
+    string(LENGTH "${key}" length)
+    string(LENGTH "${best}" best_length)
+    if(at EQUAL 0 AND length GREATER best_length)
+      set(best "${key}")
+      math(EXPR rest "${bar} + 1")
+      string(SUBSTRING "${row}" ${rest} -1 allowed)
+      set(${out} "${key} ${allowed}" PARENT_SCOPE)
+      set(${found} TRUE PARENT_SCOPE)
+    endif()
+  endforeach()
+endfunction()
+
+function(begins_with_any path prefixes out)
+  separate_arguments(prefixes)
+  set(${out} FALSE PARENT_SCOPE)
+  foreach(prefix ${prefixes})
+    string(FIND "${path}" "${prefix}" at)
+    if(at EQUAL 0)
+      set(${out} TRUE PARENT_SCOPE)
+    endif()
+  endforeach()
+endfunction()
+
+set(n_files 0)
+set(bad "")
+foreach(folder core bodies hinges plugins scripts tests bench)
+  file(GLOB_RECURSE files RELATIVE ${SOURCE} ${SOURCE}/${folder}/*.cpp ${SOURCE}/${folder}/*.hpp ${SOURCE}/${folder}/*.h)
+  foreach(file ${files})
+    if(file MATCHES "node_modules")
+      continue()
+    endif()
+    math(EXPR n_files "${n_files} + 1")
+    row_of(layers ${file} allowed known)
+    if(NOT known)
+      string(APPEND bad "  ${file}: in no layer of the table\n")
+      continue()
+    endif()
+    file(STRINGS ${SOURCE}/${file} lines REGEX "^[ \t]*#[ \t]*include")
+    foreach(line ${lines})
+      if(line MATCHES "\"([^\"]+)\"")
+        set(header ${CMAKE_MATCH_1})
+        begins_with_any(${header} "${allowed}" ok)
+        if(NOT ok)
+          string(APPEND bad "  ${file}: may not include \"${header}\" (allowed: ${allowed})\n")
+        endif()
+      elseif(line MATCHES "<([^>]+)>")
+        set(header ${CMAKE_MATCH_1})
+        row_of(external ${header} where listed)
+        if(listed)
+          begins_with_any(${file} "${where}" ok)
+          if(NOT ok)
+            string(APPEND bad "  ${file}: <${header}> has no place here (${where})\n")
+          endif()
+        elseif(header MATCHES "[./]")
+          string(APPEND bad "  ${file}: <${header}> is in no row of the table of dependencies\n")
+        endif()
+      endif()
+    endforeach()
+  endforeach()
+endforeach()
+if(bad OR n_files EQUAL 0)
+  message(FATAL_ERROR "the layers of docs/architecture.md are broken (${n_files} files seen):\n${bad}")
+endif()
+message("${n_files} files: every #include is permitted by the tables")

@@ -1,0 +1,51 @@
+#include <fmt/format.h>
+
+#include <cstdio>
+
+#include "core/base/units.hpp"
+#include "core/io/json.hpp"
+#include "scripts/host/commands/commands.hpp"
+
+namespace cardan {
+
+void ScenarioArguments::add_to(CLI::App& command, CommandLine& line) {
+  command.add_option("file", file, "The scenario: a Lua file, or a folder with scenario.lua")->required();
+  command.add_option("--set", settings, "Override a value: slew_angle=\"20 deg\", vehicle.bodies.bus.mass=\"1700 kg\", mission.duration=\"50 s\"")
+      ->allow_extra_args(false);
+  command.add_option("--seed", seed, "Seed of the script's random numbers");
+  command.add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
+}
+
+ScenarioOptions ScenarioArguments::options() const {
+  ScenarioOptions o;
+  o.file = file;
+  o.seed = seed;
+  for (const std::string& text : settings) {
+    const std::size_t equals = text.find('=');
+    if (equals == 0 || equals == std::string::npos)
+      throw InputError(Diagnostic{Code::command_line, {"--set", {}}, "key=value", in_quotes(text), "--set slew_angle=\"20 deg\"", {}, {}, 0});
+    o.settings.push_back({text.substr(0, equals), text.substr(equals + 1)});
+  }
+  return o;
+}
+
+int report_error(const std::exception& error, bool as_json) {
+  const auto tell = [&](int code, const std::string& text, Json errors) {
+    if (as_json)
+      fmt::print(stderr, "{}", json_text({{"exit_code", code}, {"errors", std::move(errors)}}));
+    else
+      fmt::print(stderr, "{}", text);
+    return code;
+  };
+  if (const auto* input = dynamic_cast<const InputError*>(&error)) {
+    Json all = Json::array();
+    for (const Diagnostic& d : input->diagnostics()) all.push_back(to_json(d));
+    return tell(2, input->what(), std::move(all));
+  }
+  if (const auto* numerics = dynamic_cast<const NumericsError*>(&error))
+    return tell(3, numerics->what(), Json::array({to_json(numerics->failure())}));
+  return tell(70, fmt::format("internal error: {}\nThis is a fault of Cardan. Please report it with this text and the scenario.\n", error.what()),
+              Json::array({{{"title", "internal error"}, {"what", error.what()}}}));
+}
+
+}  // namespace cardan

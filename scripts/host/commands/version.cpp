@@ -1,0 +1,18 @@
+#include "core/base/version.hpp"
+
+#include <fmt/format.h>
+
+#include "scripts/host/commands/commands.hpp"
+
+namespace cardan {
+
+void add_version(CLI::App& app, CommandLine& line) {
+  app.add_subcommand("version", "Tell the version, and how it was built")->callback([&line] {
+    line.action = [] {
+      fmt::print("cardan {} ({})\n{}\n{}\n", version::kNumber, *version::kCommit ? version::kCommit : "no commit", version::kCompiler, version::kFlags);
+      return 0;
+    };
+  });
+}
+
+}  // namespace cardan

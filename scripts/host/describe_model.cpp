@@ -1,0 +1,196 @@
+#include "scripts/host/describe_model.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "scripts/host/run_mission.hpp"
+
+namespace cardan {
+namespace {
+
+constexpr double kRoundOff = 1e-12;  // [kg, kg m^2] effective masses below are shown as zero
+
+Json vector(const Eigen::Vector3d& a) { return {a.x(), a.y(), a.z()}; }
+
+std::string node_name(const std::string& body, const std::string& node) { return node.empty() ? body : body + "." + node; }
+
+Json bodies(const Model& m) {
+  Json all = Json::array();
+  for (std::size_t i = 0; i < m.user.size(); ++i) {
+    const UserBody& u = m.user[i];
+    const BodySpec& b = m.spec->bodies[i];
+    std::vector<std::string> prescribed;
+    for (const int c : b.hinge.prescribed) prescribed.push_back(u.v_names[static_cast<std::size_t>(c)]);
+    const std::string to = u.parent < 0 ? "world" : m.user[static_cast<std::size_t>(u.parent)].name;
+    all.push_back({{"name", u.name},
+                   {"type", u.type},
+                   {"level", b.modal ? Json(b.level) : Json()},
+                   {"hinge", u.hinge_type},
+                   {"to", node_name(to, b.hinge.inboard_node)},
+                   {"velocities", u.v_names},
+                   {"modes", u.n_modes},
+                   {"locked", b.hinge.locked},
+                   {"merged", u.merged},
+                   {"prescribed", prescribed}});
+  }
+  return all;
+}
+
+/// Mass, mass centre and inertia of each body and of all; flexible bodies undeformed.
+Json masses(Scenario& s) {
+  const Model& m = *s.model;
+  const Observer& observer = s.sim->observe();
+  struct Part {
+    double mass;
+    Eigen::Vector3d com;
+    Eigen::Matrix3d J_origin, R_WB;
+    Eigen::Vector3d com_W;
+  };
+  std::vector<Part> parts;
+  double total = 0.0;
+  Eigen::Vector3d moment = Eigen::Vector3d::Zero();
+  for (std::size_t i = 0; i < m.user.size(); ++i) {
+    const UserBody& u = m.user[i];
+    const auto& modal = m.spec->bodies[i].modal;
+    Part p;
+    p.mass = u.mass;
+    const Eigen::Vector3d first = modal ? modal->integrals.I2 : to_eigen(u.M.h);
+    p.com = p.mass > 0 ? Eigen::Vector3d(first / p.mass) : Eigen::Vector3d::Zero();
+    p.J_origin = modal ? modal->integrals.I7 : to_eigen(u.M.J);
+    const Pose<double> pose = observer.body_pose(static_cast<int>(i));
+    p.R_WB = to_eigen(pose.R);
+    p.com_W = to_eigen(pose.p) + p.R_WB * p.com;
+    total += p.mass;
+    moment += p.mass * p.com_W;
+    parts.push_back(p);
+  }
+  const Eigen::Vector3d com = total > 0 ? Eigen::Vector3d(moment / total) : Eigen::Vector3d::Zero();
+  const auto about = [](double mass, const Eigen::Vector3d& r) -> Eigen::Matrix3d {
+    return mass * (r.squaredNorm() * Eigen::Matrix3d::Identity() - r * r.transpose());
+  };
+  Json rows = Json::array();
+  Eigen::Matrix3d J = Eigen::Matrix3d::Zero();
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    const Part& p = parts[i];
+    J += p.R_WB * (p.J_origin - about(p.mass, p.com)) * p.R_WB.transpose() + about(p.mass, p.com_W - com);
+    rows.push_back({{"name", m.user[i].name}, {"mass", p.mass}, {"com_body", vector(p.com)}, {"com_world", vector(p.com_W)}});
+  }
+  Json inertia = Json::array();
+  for (int r = 0; r < 3; ++r) inertia.push_back(vector(J.row(r)));
+  return {{"bodies", rows}, {"total", total}, {"com_world", vector(com)}, {"inertia_world_about_com", inertia}};
+}
+
+Json modes(const Model& m) {
+  Json all = Json::array();
+  for (std::size_t i = 0; i < m.user.size(); ++i) {
+    const BodySpec& b = m.spec->bodies[i];
+    if (!b.modal) continue;
+    Json audit = Json::array();
+    for (const ModeRecord& r : b.modal->audit)
+      audit.push_back({{"frequency_hz", r.frequency},
+                       {"kind", r.kind},
+                       {"effective_mass", std::vector<double>(r.effective_mass.begin(), r.effective_mass.end())},
+                       {"kept", r.kept},
+                       {"reason", r.reason}});
+    all.push_back({{"body", b.name}, {"source", b.modal->source}, {"kept", b.modal->n_modes}, {"audit", audit}});
+  }
+  return all;
+}
+
+Json not_modelled(const Model& m) {
+  std::vector<std::string> all;
+  if (m.gravity.kind == GravitySpec::Kind::none) all.emplace_back("gravity: none");
+  if (m.gravity.kind == GravitySpec::Kind::uniform) all.emplace_back("gravity: uniform, no gradient");
+  if (m.gravity.kind == GravitySpec::Kind::central && !m.gravity.gradient) all.emplace_back("gravity gradient: none, the force acts at the mass centres");
+  for (const BodySpec& b : m.spec->bodies) {
+    if (b.modal && b.level == 0) all.push_back(b.name + ": deformation does not change its inertia (level 0)");
+    if (b.modal && b.level == 1) all.push_back(b.name + ": inertia to first order in the deformation (level 1)");
+  }
+  std::string rigid;
+  for (const BodySpec& b : m.spec->bodies)
+    if (!b.modal) rigid += (rigid.empty() ? "" : ", ") + b.name;
+  if (!rigid.empty()) all.push_back("flexibility of " + rigid);
+  all.emplace_back("friction at hinges, beyond the dampers given");
+  all.emplace_back("forces of the environment: atmosphere, sunlight, magnetic field");
+  return all;
+}
+
+std::string gravity_text(const GravitySpec& g) {
+  if (g.kind == GravitySpec::Kind::none) return "none";
+  if (g.kind == GravitySpec::Kind::uniform) return fmt::format("uniform [{:g}, {:g}, {:g}] m/s^2", g.g.x(), g.g.y(), g.g.z());
+  return fmt::format("central, mu = {:.10g} m^3/s^2, gradient {}", g.mu, g.gradient ? "on" : "off");
+}
+
+std::string listed(const Json& names) { return fmt::format("{}", fmt::join(names.get<std::vector<std::string>>(), ", ")); }
+
+}  // namespace
+
+Json describe_model(Scenario& s) {
+  const Model& m = *s.model;
+  Json controllers = Json::array(), defaults = Json::object();
+  for (const Controller& c : s.controllers)
+    controllers.push_back({{"name", c.name}, {"period_s", static_cast<double>(c.period.numerator) / static_cast<double>(c.period.denominator)}});
+  const RunHeader header = run_header(s);
+  for (const auto& [key, value] : header.defaults_used) defaults[key] = value;
+  return {{"vehicle", m.name},
+          {"mission", {{"title", s.mission.title}, {"duration_s", s.mission.duration}, {"integrator", header.integrator}}},
+          {"controllers", controllers},
+          {"n_q", m.nq},
+          {"n_v", m.nv},
+          {"bodies", bodies(m)},
+          {"masses", masses(s)},
+          {"modes", modes(m)},
+          {"gravity", gravity_text(m.gravity)},
+          {"program", header.sweep_program},
+          {"workspace_bytes", s.sim->workspace_bytes()},
+          {"not_modelled", not_modelled(m)},
+          {"defaults", defaults}};
+}
+
+std::string description_text(const Json& d) {
+  std::string out = fmt::format("{}\n\nbodies: {} coordinates, {} velocities\n", d["vehicle"].get<std::string>(), d["n_q"].get<int>(), d["n_v"].get<int>());
+  for (const Json& b : d["bodies"]) {
+    std::string notes;
+    const auto note = [&](const std::string& text) { notes += (notes.empty() ? "" : "; ") + text; };
+    if (!b["level"].is_null()) note(fmt::format("{} modes, level {}", b["modes"].get<int>(), b["level"].get<int>()));
+    if (b["locked"].get<bool>()) note("locked");
+    if (b["merged"].get<bool>()) note("merged with the body it is fixed to");
+    if (!b["prescribed"].empty()) note("prescribed: " + listed(b["prescribed"]));
+    out += fmt::format("  {:<18}{:<16}{:<14} to {:<22}{:>2} dof  {}\n", b["name"].get<std::string>(), b["type"].get<std::string>(),
+                       b["hinge"].get<std::string>(), b["to"].get<std::string>(), b["velocities"].size(), notes);
+  }
+
+  const Json& masses = d["masses"];
+  const auto triple = [](const Json& a) { return fmt::format("{:>12.5g}{:>12.5g}{:>12.5g}", a[0].get<double>(), a[1].get<double>(), a[2].get<double>()); };
+  out += fmt::format("\nmasses at the initial state, flexible bodies undeformed\n  {:<18}{:>12}{:>36}\n", "", "mass [kg]", "mass centre, world axes [m]");
+  for (const Json& row : masses["bodies"])
+    out += fmt::format("  {:<18}{:>12.6g}{}\n", row["name"].get<std::string>(), row["mass"].get<double>(), triple(row["com_world"]));
+  out += fmt::format("  {:<18}{:>12.6g}{}\n", "total", masses["total"].get<double>(), triple(masses["com_world"]));
+  const char* title = "inertia about the mass centre, world axes [kg m^2]";
+  for (const Json& row : masses["inertia_world_about_com"]) out += fmt::format("  {:<52}{}\n", std::exchange(title, ""), triple(row));
+
+  for (const Json& body : d["modes"]) {
+    out += fmt::format("\nmodes of {}: {}\n  {:>4}{:>12}  {:<16}{:>54}  kept\n", body["body"].get<std::string>(), body["source"].get<std::string>(), "",
+                       "[Hz]", "kind", "effective mass rx ry rz [kg m^2], x y z [kg]");
+    int i = 0;
+    for (const Json& mode : body["audit"]) {
+      std::string mass;
+      for (const Json& x : mode["effective_mass"]) mass += fmt::format("{:>9.3g}", x.get<double>() > kRoundOff ? x.get<double>() : 0.0);
+      out += fmt::format("  {:>4}{:>12.5g}  {:<16}{}  {}{}\n", ++i, mode["frequency_hz"].get<double>(), mode["kind"].get<std::string>(), mass,
+                         mode["kept"].get<bool>() ? "yes" : "no", mode["reason"].get<std::string>().empty() ? "" : ": " + mode["reason"].get<std::string>());
+    }
+  }
+
+  out += fmt::format("\ngravity: {}\n\nprogram of sweeps, in order\n", d["gravity"].get<std::string>());
+  std::string program = d["program"].get<std::string>();
+  for (std::size_t from = 0, to; (to = program.find('\n', from)) != std::string::npos; from = to + 1) out += "  " + program.substr(from, to - from) + "\n";
+  out += fmt::format("\nintegrator: {}\n", d["mission"]["integrator"].get<std::string>());
+  out += "\nnot modelled\n";
+  for (const Json& item : d["not_modelled"]) out += "  " + item.get<std::string>() + "\n";
+  out += d["defaults"].empty() ? "" : "\ndefaults used\n";
+  for (const auto& [key, value] : d["defaults"].items()) out += fmt::format("  {} = {}\n", key, value.get<std::string>());
+  return out;
+}
+
+}  // namespace cardan

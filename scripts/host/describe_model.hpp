@@ -1,0 +1,14 @@
+#pragma once
+#include <string>
+
+#include "core/io/json.hpp"
+#include "scripts/host/scenario.hpp"
+
+namespace cardan {
+
+/// What a scenario is made of, as data: bodies, masses, modes, gravity, program of sweeps, what is not modelled, defaults.
+Json describe_model(Scenario&);
+/// The same as text.
+std::string description_text(const Json& description);
+
+}  // namespace cardan

@@ -1,0 +1,82 @@
+#pragma once
+// Wires what a scenario declares to a simulation, runs it, and works out what it came to.
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/io/recorder.hpp"
+#include "core/io/summary.hpp"
+#include "scripts/host/scenario.hpp"
+
+namespace cardan {
+
+/// Least and largest value of each recorded number, at output times.
+struct Range {
+  std::string path, component, unit;
+  double least, largest;
+};
+
+/// The controllers, phases and events of a scenario at work.
+class MissionRun {
+ public:
+  /// `recorder` must outlive the run.
+  MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Output> outputs);
+  MissionRun(const MissionRun&) = delete;
+  MissionRun& operator=(const MissionRun&) = delete;
+
+  /// Throws NumericsError. `progress` is called between steps.
+  void run(double t_end, const std::function<void(double t)>& progress);
+  /// After the run: the values of checks and figures. Throws NumericsError where a function of the script fails.
+  std::vector<Check> checks();
+  std::vector<Figure> figures();
+
+ private:
+  template <class F>
+  void call(const std::string& actor, F&& function);
+  void tick(const Controller&, const std::string& actor);
+  double crossing(const ScriptEvent&, const std::string& actor, double t, const double* q, const double* v);
+  void advance_phase();
+  bool is_over(const Phase&);
+  void call_phase(const LuaFunction&, const Phase&);
+  double value(const Measure&, const char* what);
+
+  Scenario& s_;
+  std::size_t phase_ = 0;  // 1 + index of the present one; 0 = not begun
+  double phase_start_ = 0.0;
+  std::optional<RunFailure> event_failure_;  // of a function inside the integrator, which knows nothing of scripts
+};
+
+/// What is recorded: bodies, hinges, modes, ledger, signals, and what the mission asks for.
+std::vector<Output> mission_outputs(Scenario&);
+/// One more: the largest relative difference of v' from that of the dense twin.
+Output reference_output(Scenario&);
+/// A recorder that hands everything on to `recorder` and keeps the range of each number.
+class RangeRecorder final : public Recorder {
+ public:
+  explicit RangeRecorder(Recorder& recorder) : recorder_(recorder) {}
+  void begin(const RunHeader& header, const std::vector<Channel>& channels) override;
+  void row(double t, std::span<const double> values) override;
+  void attach(const std::string& name, const std::string& text) override { recorder_.attach(name, text); }
+  void restart_state(double t, std::span<const double> x) override { recorder_.restart_state(t, x); }
+  void flush() override { recorder_.flush(); }
+  void close() override { recorder_.close(); }
+  const std::vector<Range>& ranges() const { return ranges_; }
+
+ private:
+  Recorder& recorder_;
+  std::vector<Range> ranges_;
+};
+
+RunHeader run_header(const Scenario&);
+/// Key path and value of each parameter as the model has it.
+std::vector<std::pair<std::string, std::string>> effective_parameters(const Model&);
+/// The program of sweeps, a line per op.
+std::string sweep_program(const Model&, std::size_t workspace_bytes);
+
+/// The part of the summary that the simulation knows.
+Summary run_summary(const Scenario&, double wall_s);
+/// What is printed at the end.
+std::string summary_text(const Scenario&, const Summary&, const std::vector<Range>&);
+
+}  // namespace cardan

@@ -1,0 +1,44 @@
+--- Quaternions as arrays {w, x, y, z}. q turns components in the axes of a body into components in the world:
+--- v_world = quat.rotate(q, v_body).
+local quat = {}
+
+--- The product p q: first q, then p.
+function quat.multiply(p, q)
+  return {
+    p[1] * q[1] - p[2] * q[2] - p[3] * q[3] - p[4] * q[4],
+    p[1] * q[2] + p[2] * q[1] + p[3] * q[4] - p[4] * q[3],
+    p[1] * q[3] - p[2] * q[4] + p[3] * q[1] + p[4] * q[2],
+    p[1] * q[4] + p[2] * q[3] - p[3] * q[2] + p[4] * q[1],
+  }
+end
+
+function quat.conjugate(q) return { q[1], -q[2], -q[3], -q[4] } end
+
+--- A rotation by `angle` [rad] about `axis` (of any length).
+function quat.from_axis_angle(axis, angle)
+  local n = math.sqrt(axis[1] ^ 2 + axis[2] ^ 2 + axis[3] ^ 2)
+  if n == 0 then error("quat.from_axis_angle: the zero vector is no axis", 2) end
+  local s = math.sin(angle / 2) / n
+  return { math.cos(angle / 2), s * axis[1], s * axis[2], s * axis[3] }
+end
+
+--- The rotation vector [rad] (axis times angle, at most pi) of q.
+function quat.to_rotation_vector(q)
+  local s = math.sqrt(q[2] ^ 2 + q[3] ^ 2 + q[4] ^ 2)
+  if s < 1e-150 then return { 0.0, 0.0, 0.0 } end
+  local sign = q[1] < 0 and -1 or 1 -- q and -q are one rotation: take the shorter way
+  local k = sign * 2 * math.atan(s, sign * q[1]) / s
+  return { k * q[2], k * q[3], k * q[4] }
+end
+
+--- The rotation vector [rad] that takes q_ref to q, in the axes of the body.
+function quat.error(q_ref, q) return quat.to_rotation_vector(quat.multiply(quat.conjugate(q_ref), q)) end
+
+--- The components of v after the rotation q.
+function quat.rotate(q, v)
+  local w, x, y, z = q[1], q[2], q[3], q[4]
+  local tx, ty, tz = 2 * (y * v[3] - z * v[2]), 2 * (z * v[1] - x * v[3]), 2 * (x * v[2] - y * v[1])
+  return { v[1] + w * tx + y * tz - z * ty, v[2] + w * ty + z * tx - x * tz, v[3] + w * tz + x * ty - y * tx }
+end
+
+return quat

@@ -1,0 +1,224 @@
+// Published and analytic cases of rigid bodies. Each to the tolerance its file recommends.
+#include <cmath>
+#include <numbers>
+
+#include "core/dynamics/inverse.hpp"
+#include "tests/cases/published.hpp"
+
+namespace cardan::test {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+constexpr double kDegree = std::numbers::pi / 180.0;
+const Vector3d X = Vector3d::UnitX(), Y = Vector3d::UnitY(), Z = Vector3d::UnitZ();
+
+TEST(BranchedTree, FallsFromRestAsFeatherstoneSays) {
+  const Published ref("rigid-rbdl-branched-tree");
+  std::vector<BodySpec> bodies;
+  for (const auto& b : ref.model()["bodies"]) {
+    const auto parent = b["parent"].as<std::string>();
+    bodies.push_back(on(rigid(b["name"].as<std::string>(), 1.0, Published::as_vector(b["com_m"]), diagonal({1, 1, 1})),
+                        parent == "world" ? "" : parent, "revolute", {Published::as_vector(b["joint_axis"])},
+                        Published::as_vector(b["joint_origin_m"])));
+  }
+  const VectorXd want = ref.vector("qdd");
+  const auto sim = run_of(system(bodies, uniform_gravity(-9.81 * Y)));
+  expect_within("qdd", apart(sim->vdot(), want) / want.cwiseAbs().maxCoeff(), ref.tolerance("rel"));
+}
+
+// A body that turns about a fixed mass centre.
+SystemSpec tumbling(const Vector3d& inertia, const VectorXd& omega) {
+  BodySpec b = on(rigid("body", 2.0, Vector3d::Zero(), diagonal(inertia)), "", "ball");
+  b.hinge.v = {omega[0], omega[1], omega[2]};
+  return system({b});
+}
+
+TEST(IntermediateAxis, FlipsWithTheEllipticPeriod) {
+  const Published ref("rigid-dzhanibekov-elliptic");
+  const VectorXd start = Published::as_vector(ref.initial()["omega_body_rads"]);
+  const SystemSpec body = tumbling(Published::as_vector(ref.model()["inertia_diag_kgm2"]), start);
+  SimulationOptions options;
+  options.integrator = {.method = "dopri5", .relative_tolerance = 1e-13};
+  options.absolute_tolerance = 1e-18;  // the start lies 1e-3 beside an unstable axis: small rates count
+  Simulation sim(compiled(body), options);
+  // omega_x vanishes at the summit of omega_y, a quarter of a period before omega_y does. After the flip one unit in the last
+  // place of omega_x = 3 rad/s already moves the next one by 1e-8 s: 1e-10 of a period can be seen in the first quarter only.
+  const auto summit = crossings(sim, -1, [](const double*, const double* v) { return v[0]; });
+  const auto over = crossings(sim, -1, [](const double*, const double* v) { return v[1]; });
+  const double half = 0.5 * ref.number("full period"), energy = sim.observe().energy().kinetic;
+  const Vector3d H = sim.observe().momentum().angular;
+  double worst = 0.0;
+  for (int t = 1; t <= 4; ++t) {
+    sim.run(t);
+    worst = std::max(worst, apart(sim.state().v, ref.vector(fmt::format("omega at {} s", t))));
+  }
+  sim.run(half);
+  worst = std::max(worst, apart(sim.state().v, ref.vector("omega at half period")));
+  sim.run(2.0 * half);
+  worst = std::max(worst, apart(sim.state().v, start));
+  expect_within("omega", worst, ref.tolerance("omega_abs"));
+  ASSERT_FALSE(summit->empty() || over->empty());
+  expect_within("period", std::abs(2.0 * (over->front() - summit->front()) / half - 1.0), ref.tolerance("period_rel"));
+  expect_within("energy", std::abs(sim.observe().energy().kinetic / energy - 1.0), ref.tolerance("energy_rel"));
+  expect_within("momentum", (sim.observe().momentum().angular - H).norm() / H.norm(), ref.tolerance("momentum_rel"));
+}
+
+struct Method {
+  const char* name;
+  double relative, step, loss;  // loss: how far it stays behind the tolerance of the case
+};
+class SymmetricTop : public testing::TestWithParam<Method> {};
+
+// All four methods. rk4 with 0.25 ms: (5 rad/s h)^4 / 120 * 5 = 1e-13. CVODE controls the error of a step, of some hundred here.
+TEST_P(SymmetricTop, RunsOnItsBodyConeAndItsSpaceCone) {
+  const auto [method, relative, step, loss] = GetParam();
+  const Published ref("rigid-symmetric-free-top");
+  const double It = ref.model()["inertia_transverse_kgm2"].as<double>(), Ia = ref.model()["inertia_axial_kgm2"].as<double>();
+  const double tolerance = loss * ref.tolerance("omega_abs");
+  const auto sim = run_of(tumbling({It, It, Ia}, Published::as_vector(ref.initial()["omega_body_rads"])), method, relative, step);
+  const Vector3d H = sim->observe().momentum().angular.normalized();
+  // The symmetry axis seen along H.
+  const auto axis = [&] { return Vector3d(quaternion(sim->state().q.data()) * Z); };
+  const Vector3d e1 = (axis() - H * H.dot(axis())).normalized(), e2 = H.cross(e1);
+  expect_within("cone", std::abs(std::acos(H.dot(axis())) - ref.number("cone half angle")), 1e-15);
+  sim->run(1.0);
+  expect_within("omega", apart(sim->state().v, ref.vector("omega_body at 1 s")), tolerance);
+  expect_within("nutation", std::abs(std::atan2(sim->state().v[1], sim->state().v[0]) - (ref.number("body nutation rate"))), tolerance);
+  const double turned = std::atan2(e2.dot(axis()), e1.dot(axis()));
+  expect_within("precession", std::abs(std::remainder(turned - ref.number("precession rate"), 2 * std::numbers::pi)), tolerance);
+  expect_within("cone at the end", std::abs(std::acos(H.dot(axis())) - ref.number("cone half angle")), tolerance);
+}
+INSTANTIATE_TEST_SUITE_P(By, SymmetricTop,
+                         testing::Values(Method{"rk4", 1e-9, 2.5e-4, 1.0}, Method{"dopri5", 1e-13, 0.0, 1.0},
+                                         Method{"cvode_adams", 1e-13, 0.0, 10.0}, Method{"cvode_bdf", 1e-12, 0.0, 200.0}),
+                         [](const auto& method) { return std::string(method.param.name); });
+
+TEST(HeavyTop, NutatesWithTheEllipticPeriod) {
+  const Published ref("rigid-heavy-top-fast");
+  BodySpec top = on(rigid("top", 15.0, Y, diagonal(Published::as_vector(ref.model()["inertia_com_diag_kgm2"]))), "", "ball");
+  const VectorXd omega = Published::as_vector(ref.initial()["omega_body_rads"]);
+  top.hinge.v = {omega[0], omega[1], omega[2]};
+  const auto sim = run_of(system({top}, uniform_gravity(-9.81 * Z)));
+  // Turning points: the mass centre neither rises nor falls.
+  double azimuth = 0.0, height = 1.0, lowest = 1.0;
+  const auto com = [&] { return Vector3d(quaternion(sim->state().q.data()) * Y); };
+  const auto rise = [](const double* q, const double* v) { return (quaternion(q) * Vector3d(v[0], v[1], v[2]).cross(Y)).z(); };
+  const auto maxima = crossings(*sim, -1, rise, [&] {
+    if (azimuth == 0.0) azimuth = std::atan2(com().y(), com().x()), height = com().z();
+  });
+  crossings(*sim, +1, rise, [&] { lowest = std::min(lowest, com().z()); });
+  const double energy = sim->observe().energy().total(), kinetic = sim->observe().energy().kinetic;
+  double worst = 0.0;
+  sim->run(0.1);
+  worst = std::max(worst, apart(com(), ref.vector("com at 0.1 s")));
+  sim->run(0.2);
+  const Eigen::Map<const Eigen::Vector4d> q(sim->state().q.data());
+  const VectorXd want = ref.vector("quaternion at 0.2 s");
+  expect_within("quaternion, published", std::min(apart(q, want), apart(-q, want)), 1e-5);  // printed with five digits
+  for (const char* t : {"0.5", "1", "2"}) {
+    sim->run(std::stod(t));
+    worst = std::max(worst, apart(com(), ref.vector(std::string("com at ") + t + " s")));
+  }
+  expect_within("com", worst, ref.tolerance("com_abs"));
+  ASSERT_EQ(maxima->size(), 2u);
+  expect_within("nutation period", std::abs(maxima->front() / ref.number("nutation period") - 1.0), ref.tolerance("nutation_period_rel"));
+  // The top starts on the y axis; it goes round the vertical once with each nutation.
+  const double advance = std::abs(std::remainder(azimuth - 0.5 * std::numbers::pi, 2 * std::numbers::pi));
+  expect_within("precession", std::abs(advance - ref.number("precession angle")), 1e-7);
+  expect_within("turning points", std::max(std::abs(height), std::abs(lowest - ref.vector("turning points")[0])), 1e-10);
+  expect_within("spin", std::abs(sim->state().v[1] / ref.number("spin rate") - 1.0), 1e-12);
+  expect_within("energy", std::abs(sim->observe().energy().total() - energy) / kinetic, ref.tolerance("energy_rel"));
+}
+
+TEST(SphericalPendulum, AdvancesItsApsides) {
+  const Published ref("rigid-spherical-pendulum-apsidal");
+  // At azimuth 0: the second angle is minus the polar angle, and a rate p about x moves the bob along y with p cos(polar).
+  const double polar = 60.0 * kDegree;
+  BodySpec bob = on(particle("bob", 1.0, -Z), "", "universal", {X, Y});
+  bob.hinge.q = {0.0, -polar};
+  bob.hinge.v = {2.0 * std::sin(polar) / std::cos(polar), 0.0};
+  const auto sim = run_of(system({bob}, uniform_gravity(-9.81 * Z)));
+  const int node = sim->model().find_node("bob");
+  ASSERT_GE(node, 0);
+  const auto bob_at = [&] { return Vector3d(-(sim->observe().node(node).R_WN * Z)); };
+  double azimuth = 0.0, lowest = 0.0, highest = -1.0;
+  // z = -cos q1 cos q2 of the bob
+  const auto rise = [](const double* q, const double* v) {
+    return std::sin(q[0]) * std::cos(q[1]) * v[0] + std::cos(q[0]) * std::sin(q[1]) * v[1];
+  };
+  const auto maxima = crossings(*sim, -1, rise, [&] { azimuth = std::atan2(bob_at().y(), bob_at().x()), highest = bob_at().z(); });
+  crossings(*sim, +1, rise, [&] { lowest = bob_at().z(); });
+  sim->run(1.2);
+  ASSERT_EQ(maxima->size(), 1u);
+  const double rel = ref.tolerance("rel");
+  expect_within("period", std::abs(maxima->front() / ref.number("period of z") - 1.0), rel);
+  const double advance = ref.number("azimuth advance per period");
+  expect_within("advance", std::abs(std::remainder(azimuth - advance, 2 * std::numbers::pi)) / advance, rel);
+  expect_within("lowest", std::abs(lowest / ref.vector("vertical coordinate")[0] - 1.0), rel);
+  expect_within("highest", std::abs(highest / ref.vector("vertical coordinate")[1] - 1.0), rel);
+}
+
+TEST(PlanarPendulum, KeepsItsPhaseOver845Periods) {
+  const Published ref("rigid-iftomm-a01-pendulum");
+  const SystemSpec pendulum = system({on(particle("P1", 1.0, X), "", "revolute", {Z})}, uniform_gravity(-9.81 * Y));
+  auto sim = run_of(pendulum);
+  const auto P1 = [&] { return Eigen::Vector2d(std::cos(sim->state().q[0]), std::sin(sim->state().q[0])); };
+  double worst = 0.0;
+  for (const char* t : {"1", "2", "5", "10"}) {
+    sim->run(std::stod(t));
+    worst = std::max(worst, apart(P1(), ref.vector(std::string(t) == "1" ? "P1 at 1 s [m]" : std::string("P1 at ") + t + " s")));
+  }
+  expect_within("P1 up to 10 s", worst, ref.tolerance("own_target_abs"));
+  // At a quarter of a period it is lowest and fastest: 4.4 m/s times the error of phase.
+  sim = run_of(pendulum, "dopri5", 1e-11);
+  sim->run(844.25 * ref.number("period"));
+  expect_within("P1 near 2000 s", apart(P1(), Eigen::Vector2d(0.0, -1.0)), ref.tolerance("error_high"));
+}
+
+TEST(Babyboot, KeepsSevenDigitsOverTenChaoticSeconds) {
+  const Published ref("rigid-chaotic-babyboot");
+  // The rod only swings, so its other moments do not enter.
+  BodySpec A = on(rigid("A", 0.01, -0.075 * Z, diagonal({5e-6, 5e-6, 1e-6})), "", "revolute", {X});
+  BodySpec B = on(rigid("B", 0.1, -0.2 * Z, diagonal(Published::as_vector(ref.model()["plate_B"]["inertia_xyz_kgm2"]))), "A", "revolute", {Z});
+  A.hinge.q = {90.0 * kDegree};
+  B.hinge.q = {1.0 * kDegree};
+  const auto sim = run_of(system({A, B}, uniform_gravity(-9.81 * Z)));
+  const double start = sim->observe().energy().total();
+  sim->run(10.0);
+  const State& s = sim->state();
+  const auto relative = [&](const char* quantity, double got) { return std::abs(got / ref.number(quantity) - 1.0); };
+  expect_within("qA", relative("qA [deg]", s.q[0] / kDegree), ref.tolerance("qA_rel"));
+  expect_within("qB", relative("qB [deg]", s.q[1] / kDegree), ref.tolerance("qB_rel"));
+  expect_within("qA_dot", relative("qA_dot", s.v[0]), ref.tolerance("rates_rel"));
+  expect_within("qB_dot", relative("qB_dot", s.v[1]), ref.tolerance("rates_rel"));
+  expect_within("qA_ddot", relative("qA_ddot", sim->vdot()[0]), ref.tolerance("acc_rel"));
+  expect_within("qB_ddot", relative("qB_ddot", sim->vdot()[1]), ref.tolerance("acc_rel"));
+  expect_within("energy", std::abs(sim->observe().energy().total() - start), ref.tolerance("energy_J"));
+}
+
+// K = -d(gravity force)/dq by differences of order four: error h^4 q'''' = 1e-11, rounding 1e-16 * 20 N m / h = 2e-12.
+TEST(DoublePendulum, SwingsWithItsTwoFrequencies) {
+  const Published ref("rigid-double-pendulum-modes");
+  const auto model = compiled(system({on(particle("one", 1.0, -Z), "", "revolute", {X}), on(particle("two", 1.0, -Z), "one", "revolute", {X}, -Z)},
+                                     uniform_gravity(-9.81 * Z)));
+  Workspace ws(*model);
+  const double h = 1e-3;
+  Eigen::Matrix2d K;
+  for (int i = 0; i < 2; ++i) {
+    const auto force = [&](double step) {
+      Eigen::Vector2d q = Eigen::Vector2d::Zero();
+      q[i] = step;
+      return gravity_force(*model, ws, q.data());
+    };
+    K.col(i) = -(8.0 * (force(h) - force(-h)) - (force(2 * h) - force(-2 * h))) / (12.0 * h);
+  }
+  const Eigen::Vector2d zero = Eigen::Vector2d::Zero();
+  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> modes(Eigen::MatrixXd(0.5 * (K + K.transpose())), mass_matrix(*model, ws, zero.data()));
+  const VectorXd omega = modes.eigenvalues().cwiseSqrt();
+  expect_within("omega_1", std::abs(omega[0] / ref.number("omega_1") - 1.0), ref.tolerance("rel"));
+  expect_within("omega_2", std::abs(omega[1] / ref.number("omega_2") - 1.0), ref.tolerance("rel"));
+}
+
+}  // namespace
+}  // namespace cardan::test

@@ -1,0 +1,178 @@
+// Published cases of spacecraft: wheels, hinged panels, orbits, gravity gradient. Each to the tolerance its file recommends.
+#include <cmath>
+#include <numbers>
+
+#include "tests/cases/published.hpp"
+
+namespace cardan::test {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+const Vector3d X = Vector3d::UnitX(), Y = Vector3d::UnitY(), Z = Vector3d::UnitZ();
+constexpr double kRpm = std::numbers::pi / 30.0;
+
+/// Modified Rodrigues parameters of the shorter rotation.
+Vector3d mrp(const double* wxyz) {
+  const Eigen::Quaterniond q = quaternion(wxyz);
+  return (q.w() < 0 ? -1.0 : 1.0) / (1.0 + std::abs(q.w())) * q.vec();
+}
+std::vector<double> joined(const VectorXd& a, const VectorXd& b) {
+  std::vector<double> out(a.data(), a.data() + a.size());
+  out.insert(out.end(), b.data(), b.data() + b.size());
+  return out;
+}
+const Eigen::Vector4d kIdentity(1, 0, 0, 0);
+
+// The case gives the spin inertia J of the wheels alone and counts them in the hub's inertia: each is a mass at the hub's
+// mass centre with J in every direction, and both are taken off the hub.
+TEST(ReactionWheels, TurnTheHubInOrbit) {
+  const Published ref("rigid-basilisk-rw-balanced");
+  const YAML::Node hub_data = ref.model()["hub"], wheels = ref.model()["wheels"];
+  const double J = wheels["spin_inertia_kgm2"].as<double>(), wheel_mass = 1.0;
+  const Vector3d c = Published::as_vector(hub_data["com_in_body_m"]), omega = Published::as_vector(ref.initial()["omega_body"]);
+  const Vector3d r_C = Published::as_vector(ref.initial()["r_C_m"]), v_C = Published::as_vector(ref.initial()["v_C_ms"]);
+  const Matrix3d sphere = J * Matrix3d::Identity();
+  const Matrix3d whole = diagonal(Published::as_vector(hub_data["inertia_diag_about_com_kgm2"]));
+  BodySpec hub = on(rigid("hub", hub_data["mass_kg"].as<double>() - 3 * wheel_mass, c, whole - 3 * sphere), "", "free");
+  hub.hinge.q = joined(kIdentity, r_C - c);
+  hub.hinge.v = joined(omega, v_C - omega.cross(c));
+  std::vector<BodySpec> bodies = {hub};
+  for (int i = 0; i < 3; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    bodies.push_back(on(rigid(fmt::format("wheel_{}", i), wheel_mass, Vector3d::Zero(), sphere), "hub", "revolute",
+                        {Published::as_vector(wheels["axes"][at])}, c));
+    bodies.back().hinge.v = {wheels["speeds_rpm"][at].as<double>() * kRpm};
+  }
+  const auto sim = run_of(system(bodies, central_gravity(ref.model()["mu_m3s2"].as<double>(), false)));
+  for (int i = 0; i < 3; ++i) sim->set_force(6 + i, ref.model()["motor_torque_Nm"][static_cast<std::size_t>(i)].as<double>());
+  sim->run(0.5);
+  for (int i = 0; i < 3; ++i) sim->set_force(6 + i, 0.0);
+  sim->run(1.0);
+  const State& s = sim->state();
+  const VectorXd sigma = ref.vector("sigma_BN at 1 s");
+  expect_within("r_B", apart(s.q.segment<3>(4), ref.vector("r_B at 1 s")), ref.tolerance("r_m"));
+  expect_within("r_B, recomputed", apart(s.q.segment<3>(4), ref.vector("r_B recomputed")), 2e-8);  // 1 ulp of r at 9 digits after the point
+  expect_within("sigma", apart(mrp(s.q.data()), sigma) / sigma.cwiseAbs().maxCoeff(), ref.tolerance("sigma_rel"));
+  expect_within("sigma, recomputed", apart(mrp(s.q.data()), ref.vector("sigma recomputed")) / sigma.cwiseAbs().maxCoeff(), 1e-10);  // its digits
+  expect_within("wheel speeds", apart(s.v.tail<3>() / kRpm, ref.vector("wheel speeds")), 1e-10);  // its digits
+}
+
+TEST(ReactionWheel, TakesUpWhatTheHubGives) {
+  const Published ref("rigid-basilisk-rw-boe");
+  const double J = ref.model()["wheel_inertia_kgm2"].as<double>();
+  // The wheel's spin inertia counts about z alone: the hub turns with the wheel's bearing, not with the wheel.
+  BodySpec hub = on(rigid("hub", 5.0, Vector3d::Zero(), diagonal({2, 2, 2})), "", "revolute", {Z});
+  BodySpec wheel = on(rigid("wheel", 1.0, Vector3d::Zero(), diagonal({J, J, J})), "hub", "revolute", {Z});
+  hub.hinge.v = {0.35};
+  wheel.hinge.v = {100.0 * kRpm};
+  const auto sim = run_of(system({hub, wheel}));
+  const VectorXd rate = ref.vector("hub rate"), angle = ref.vector("hub angle"), speed = ref.vector("wheel speed");
+  double worst = 0.0;
+  for (int i = 0; i < 5; ++i) {
+    const double t = 2.0 * (i + 1);
+    if (i == 2) {
+      sim->run(5.0);
+      sim->set_force(1, 0.2);
+    }
+    sim->run(t);
+    worst = std::max({worst, std::abs(sim->state().v[0] - rate[i]), std::abs(sim->state().q[0] - angle[i])});
+    if (i >= 2) worst = std::max(worst, std::abs(sim->state().v[1] / speed[i - 2] - 1.0));
+  }
+  expect_within("rates and angle", worst, ref.tolerance("rel"));
+}
+
+TEST(HingedPanels, ReactOnTheirHub) {
+  const Published ref("rigid-basilisk-planar-hinged-panels");
+  // Motion in the plane: the other moments do not enter.
+  std::vector<BodySpec> bodies = {on(rigid("hub", 750.0, Vector3d::Zero(), diagonal({600, 600, 600})), "", "planar", {X, Y})};
+  for (const auto& p : ref.model()["panels"]) {
+    const Vector3d com(p["com_from_hinge_m"][0].as<double>(), p["com_from_hinge_m"][1].as<double>(), 0.0);
+    const Vector3d at(p["hinge_in_hub_m"][0].as<double>(), p["hinge_in_hub_m"][1].as<double>(), 0.0);
+    const double I = p["inertia_about_hinge_axis_at_com_kgm2"].as<double>();
+    BodySpec panel = on(rigid(fmt::format("panel_{}", bodies.size()), p["mass_kg"].as<double>(), com, diagonal({I, I, I})), "hub", "revolute", {Z}, at);
+    panel.hinge.springs = {{0, p["spring_Nmrad"].as<double>(), 0.0, p["damper_Nms"].as<double>(), {}}};
+    bodies.push_back(panel);
+  }
+  const auto sim = run_of(system(bodies));
+  const int thruster = sim->add_wrench(sim->model().find_node("hub"), false);
+  const auto push = [&](double fx, double fy, double torque) { sim->set_wrench(thruster, {{0, 0, torque}, {fx, fy, 0}}); };
+  double position = 0.0, angle = 0.0;
+  const auto check = [&](double t, const char* quantity) {
+    sim->run(t);
+    const VectorXd want = ref.vector(quantity);
+    position = std::max(position, apart(sim->state().q.head<2>(), want.head<2>()));
+    angle = std::max(angle, apart(sim->state().q.tail<3>(), want.tail<3>()));
+  };
+  push(0.2, 0.7, ref.model()["loads"][0]["torque_Nm"].as<double>());
+  check(5.0, "t=5 s");
+  push(0, 0, 0);
+  check(11.0, "t=11 s");
+  push(0.0, 1.0, ref.model()["loads"][1]["torque_Nm"].as<double>());
+  check(18.0, "t=18 s");
+  push(0, 0, 0);
+  check(20.0, "t=20 s");
+  expect_within("position", position, ref.tolerance("position_m"));
+  expect_within("angles", angle, ref.tolerance("angle_rad"));
+  // Along the way: impulse, angular impulse and work against what the thruster gave, to the integrator's 1e-13 per step.
+  const LedgerState ledger = sim->ledger();
+  expect_within("ledger", std::max({ledger.linear_relative, ledger.angular_relative, ledger.energy_relative}), 1e-11);
+}
+
+TEST(AsymmetricHub, TumblesAlongItsOrbit) {
+  const Published ref("rigid-torquefree-asym-basilisk");
+  BodySpec hub = on(rigid("hub", 100.0, Vector3d::Zero(), diagonal(Published::as_vector(ref.model()["inertia_diag_kgm2"]))), "", "free");
+  const VectorXd omega = Published::as_vector(ref.initial()["omega_body_rads"]);
+  hub.hinge.q = joined(kIdentity, Published::as_vector(ref.initial()["r_m"]));
+  hub.hinge.v = joined(omega, Published::as_vector(ref.initial()["v_ms"]));
+  const auto sim = run_of(system({hub}, central_gravity(ref.model()["mu_m3s2"].as<double>(), false)));
+  double worst = 0.0;
+  for (const char* t : {"2", "5", "10"}) {
+    sim->run(std::stod(t));
+    worst = std::max(worst, apart(sim->state().v.head<3>(), ref.vector(std::string("omega_body at ") + t + " s")));
+  }
+  const VectorXd r = ref.vector("r at 10 s");
+  expect_within("r", apart(sim->state().q.tail<3>(), r) / r.norm(), ref.tolerance("position_rel"));
+  expect_within("sigma", apart(mrp(sim->state().q.data()), ref.vector("sigma_BN at 10 s")), ref.tolerance("mrp_abs"));
+  sim->run(ref.number("period of the body-rate motion"));
+  worst = std::max(worst, apart(sim->state().v.head<3>(), omega));
+  expect_within("omega", worst, ref.tolerance("omega_abs"));
+}
+
+TEST(KeplerOrbit, ArrivesAfterFortyMinutes) {
+  const Published ref("orbit-kepler-vallado-2-4");
+  BodySpec body = on(particle("body", 3.0, Vector3d::Zero()), "", "translational");
+  body.hinge.q = joined(VectorXd(1e3 * Published::as_vector(ref.initial()["r_km"])), VectorXd());
+  body.hinge.v = joined(VectorXd(1e3 * Published::as_vector(ref.initial()["v_kms"])), VectorXd());
+  const auto sim = run_of(system({body}, central_gravity(1e9 * ref.model()["mu_km3s2"].as<double>(), true)));
+  sim->run(2400.0);
+  expect_within("r [km]", apart(1e-3 * sim->state().q, ref.vector("r, 13 digits")), ref.tolerance("r_km"));
+  expect_within("v [km/s]", apart(1e-3 * sim->state().v, ref.vector("v, 13 digits")), ref.tolerance("v_kms"));
+}
+
+// A circular orbit in the x-y plane; body axes x radial (yaw), y along the track (roll), z normal (pitch). The orbit feels
+// the body's extent by (0.05 m / 1e7 m)^2.
+TEST(GravityGradient, LibratesWithTheEllipticPeriod) {
+  const Published ref("orbit-gravity-gradient-libration");
+  const double mu = 398600.4418e9, radius = 1e7, n = std::sqrt(mu / (radius * radius * radius));
+  const Vector3d inertia(1.0, 2.5, 3.0);
+  const double K = (inertia.y() - inertia.x()) / inertia.z();
+  const VectorXd want = ref.vector("T n sqrt(3K)");
+  const double amplitudes[] = {10.0, 30.0, 60.0, 80.0};
+  for (int i = 0; i < 4; ++i) {
+    const double A = amplitudes[i] * std::numbers::pi / 180.0;
+    BodySpec body = on(rigid("body", 1000.0, Vector3d::Zero(), diagonal(inertia)), "", "free");
+    body.hinge.q = joined(Eigen::Vector4d(std::cos(A / 2), 0, 0, std::sin(A / 2)), radius * X);
+    body.hinge.v = joined(n * Z, n * radius * Y);
+    const auto sim = run_of(system({body}, central_gravity(mu, true)), "dopri5", 1e-12);
+    const auto back = crossings(*sim, -1, [n](const double*, const double* v) { return v[2] - n; });
+    sim->run(1.05 * want[i] / (n * std::sqrt(3 * K)));
+    ASSERT_EQ(back->size(), 1u);
+    expect_within(fmt::format("period from {} deg", amplitudes[i]).c_str(), std::abs(back->front() * n * std::sqrt(3 * K) / want[i] - 1.0),
+                  ref.tolerance("rel"));
+  }
+}
+
+}  // namespace
+}  // namespace cardan::test

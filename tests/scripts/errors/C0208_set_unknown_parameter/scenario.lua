@@ -1,0 +1,5 @@
+-- exit: 2
+-- arguments: --set angel=2
+parameters { angle = 1 }
+local sat = vehicle "../pendulum.yaml"
+mission { duration = "1 s" }

@@ -1,0 +1,4 @@
+-- exit: 2
+local sat = vehicle "../pendulum.yaml"
+local rod = sat:hinge "rod"
+print(rod:angel())

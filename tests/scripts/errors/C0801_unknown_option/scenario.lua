@@ -1,0 +1,4 @@
+-- exit: 2
+-- arguments: --untill 3
+local sat = vehicle "../pendulum.yaml"
+mission { duration = "1 s" }
