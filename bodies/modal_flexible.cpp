@@ -289,7 +289,7 @@ void bias(const void* packed, const double* eta, const double* etadot, const dou
       rate += ed[k] * dw;
       out[6 + k] -= 0.5 * w.dot(dw);
       Vector3d we = p.block(p.I5, 3, k) * ed;  // dM_we,k eta'
-      if (p.rotary) we += p.block(p.r_we, 3, k) * ed;
+      if (p.rotary) we.noalias() += p.block(p.r_we, 3, k) * ed;  // no temporary vector
       p_w += eta[k] * we;
       rate += ed[k] * we;
       out[6 + k] -= w.dot(we);

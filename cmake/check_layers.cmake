@@ -52,6 +52,7 @@ set(external
   "sched.h|bench"
   "unistd.h|scripts/host tests"
   "sys/|scripts/host tests"
+  "fcntl.h|scripts/host tests"
   "signal.h|tests"
   "stdint.h|core/abi/cardan_abi.h")
 

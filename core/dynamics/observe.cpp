@@ -25,11 +25,13 @@ DeformedNode<double> deformed(const Model& model, const UserNode& node, const In
 
 Observer::Observer(const Model& model, Workspace& workspace) : model_(model), ws_(workspace) {
   ws_.require_world();
-  if (model.has_prescribed()) {
-    inverse_ = std::make_unique<Workspace>(model);
-    all_tau_.resize(static_cast<std::size_t>(model.nv));
-    prescribed_tau_.resize(static_cast<std::size_t>(model.nv));
-  }
+  prescribed_tau_.resize(static_cast<std::size_t>(model.nv));
+  for (const SweepBody& b : model.bodies)
+    for (int j = b.etadot; model.has_prescribed() && j < b.etadot + b.n_modes; ++j)
+      if (model.prescribed[static_cast<std::size_t>(j)] && !inverse_) {
+        inverse_ = std::make_unique<Workspace>(model);
+        all_tau_.resize(static_cast<std::size_t>(model.nv));
+      }
   inertia_.resize(model.bodies.size());
   M_re_.resize(model.bodies.size());
   M_ee_.resize(model.bodies.size());
@@ -217,11 +219,21 @@ Force<double> Observer::hinge_wrench(int i) const {
 void Observer::prescribed_forces(double* tau) const {
   for (int i = 0; i < model_.nv; ++i) tau[i] = 0.0;
   if (!model_.has_prescribed()) return;
-  Inputs in = in_;
-  in.vdot = vdot_;
-  inverse_dynamics(model_, *inverse_, in, all_tau_.data());
-  for (int i = 0; i < model_.nv; ++i)
-    if (model_.prescribed[static_cast<std::size_t>(i)]) tau[i] = all_tau_[static_cast<std::size_t>(i)];
+  if (inverse_) {  // prescribed modes: their forces are the modal rows of inverse dynamics
+    Inputs in = in_;
+    in.vdot = vdot_;
+    inverse_dynamics(model_, *inverse_, in, all_tau_.data());
+    for (int i = 0; i < model_.nv; ++i)
+      if (model_.prescribed[static_cast<std::size_t>(i)]) tau[i] = all_tau_[static_cast<std::size_t>(i)];
+    return;
+  }
+  for (int k = 1; k < static_cast<int>(model_.bodies.size()); ++k) {
+    const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
+    if (!b.has_prescribed) continue;
+    const Force<double> f = wrench_on_sweep_body(k);
+    for (int j = 0; j < b.nv; ++j)
+      if (model_.prescribed[static_cast<std::size_t>(b.v + j)]) tau[b.v + j] = dot(soa::hinge_column(model_, ws_, k, j), f);
+  }
 }
 
 ExternalLoads Observer::external() const {

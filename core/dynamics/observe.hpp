@@ -68,7 +68,7 @@ class Observer {
   const double* vdot_ = nullptr;
   std::vector<RigidInertia<double>> inertia_;       // rigid part of M_fl per sweep body
   std::vector<std::vector<double>> M_re_, M_ee_;    // flexible bodies
-  std::unique_ptr<Workspace> inverse_;              // for prescribed_forces, only where motion is prescribed
+  std::unique_ptr<Workspace> inverse_;              // for prescribed_forces, only where modes are prescribed
   mutable std::vector<double> all_tau_, prescribed_tau_;
 };
 

@@ -207,7 +207,7 @@ int plugin(lua_State* L, Scenario& s) {
   expect_setup(L, s, "plugin", false);
   const std::string name = luaL_checkstring(L, 1);
   if (s.model) refuse(L, Code::lua_argument, "plugin", "plugins before the vehicle", in_quotes(name));
-  const std::string path = (s.folder / name).string();
+  const std::string path = ((s.folder.empty() ? std::filesystem::path(".") : s.folder) / name).string();  // with a slash: not a system library
   load_plugin(path, s.registry, {"plugin", LuaHost::caller(L)});
   s.plugins.push_back({name, sha256_of_file(path), {}});
   return 0;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "core/soa/cost.hpp"
 #include "scripts/host/run_mission.hpp"
 
 namespace cardan {
@@ -98,6 +99,13 @@ Json modes(const Model& m) {
   return all;
 }
 
+Json ops(const Scenario& s) {
+  Json all = Json::array();
+  for (const soa::OpCost& op : soa::op_costs(*s.model, s.sim->state()))
+    all.push_back({{"name", op.name}, {"bodies", op.bodies}, {"flops", op.flops}, {"functions", op.functions}});
+  return all;
+}
+
 Json not_modelled(const Model& m) {
   std::vector<std::string> all;
   if (m.gravity.kind == GravitySpec::Kind::none) all.emplace_back("gravity: none");
@@ -143,7 +151,8 @@ Json describe_model(Scenario& s) {
           {"modes", modes(m)},
           {"gravity", gravity_text(m.gravity)},
           {"program", header.sweep_program},
-          {"workspace_bytes", s.sim->workspace_bytes()},
+          {"workspace_bytes", soa::workspace_bytes(m)},
+          {"ops", ops(s)},
           {"not_modelled", not_modelled(m)},
           {"defaults", defaults}};
 }

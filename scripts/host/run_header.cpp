@@ -5,14 +5,11 @@
 #include <numbers>
 
 #include "core/base/version.hpp"
+#include "core/soa/cost.hpp"
 #include "scripts/host/run_mission.hpp"
 
 namespace cardan {
 namespace {
-
-constexpr const char* kKernelNames[] = {"fixed", "rotation", "slide", "screw", "dense1", "dense2", "dense3", "dense4", "dense5", "dense6",
-                                        "general0", "general1", "general2", "general3", "general4", "general5", "general6"};
-constexpr const char* kOpNames[] = {"hinge_records", "outward", "elastic", "world", "central_gravity", "node_wrenches", "inward", "acceleration"};
 
 std::string text_of(const Vec3<double>& a) { return fmt::format("[{:.10g}, {:.10g}, {:.10g}]", a.x, a.y, a.z); }
 
@@ -97,23 +94,21 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
   return all;
 }
 
-std::string sweep_program(const Model& m, std::size_t workspace_bytes) {
-  std::string text;
-  for (const Op& op : m.program) {
-    const char* name = kOpNames[static_cast<int>(op.kernel)];
-    if (op.run < 0) {
-      text += fmt::format("{:<16}all bodies\n", name);
-      continue;
-    }
-    const Run& run = m.runs[static_cast<std::size_t>(op.run)];
+std::string sweep_program(const Model& m, const State& state) {
+  const std::vector<soa::OpCost> costs = soa::op_costs(m, state);
+  std::string text = fmt::format("{:<36}{:>8}{:>8}{:>8}  bodies\n", "", "bodies", "flops", "sin/cos");
+  long flops = 0, functions = 0;
+  for (std::size_t i = 0; i < costs.size(); ++i) {
+    const soa::OpCost& cost = costs[i];
     std::string bodies;
-    for (int k = run.begin; k < run.end; ++k)
+    if (const int r = m.program[i].run; r >= 0)
       for (const UserBody& u : m.user)
-        if (u.sweep == k && !u.merged) bodies += (bodies.empty() ? "" : ", ") + u.name;
-    text += fmt::format("{:<16}{:<10}{:>4} bod{}  {}\n", name, kKernelNames[static_cast<int>(run.kind)], run.end - run.begin,
-                        run.end - run.begin == 1 ? "y  " : "ies", bodies);
+        if (!u.merged && u.sweep >= m.runs[static_cast<std::size_t>(r)].begin && u.sweep < m.runs[static_cast<std::size_t>(r)].end)
+          bodies += (bodies.empty() ? "" : ", ") + u.name;
+    text += fmt::format("{:<36}{:>8}{:>8}{:>8}  {}\n", cost.name, cost.bodies, cost.flops, cost.functions, bodies);
+    flops += cost.flops, functions += cost.functions;
   }
-  return text + fmt::format("workspace       {} bytes\n", workspace_bytes);
+  return text + fmt::format("{:<44}{:>8}{:>8}  workspace: {} bytes\n", "one evaluation of v'", flops, functions, soa::workspace_bytes(m));
 }
 
 RunHeader run_header(const Scenario& s) {
@@ -131,7 +126,7 @@ RunHeader run_header(const Scenario& s) {
   h.effective_parameters.insert(h.effective_parameters.end(), s.parameters.begin(), s.parameters.end());
   h.defaults_used = s.model->spec->defaults_used;
   h.defaults_used.insert(h.defaults_used.end(), s.mission.defaults_used.begin(), s.mission.defaults_used.end());
-  h.sweep_program = sweep_program(*s.model, s.sim->workspace_bytes());
+  h.sweep_program = sweep_program(*s.model, s.sim->state());
   h.spec_text = file_text(s);
   h.integrator = integrator_text(s.mission.simulation);
   return h;

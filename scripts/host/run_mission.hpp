@@ -71,8 +71,8 @@ class RangeRecorder final : public Recorder {
 RunHeader run_header(const Scenario&);
 /// Key path and value of each parameter as the model has it.
 std::vector<std::pair<std::string, std::string>> effective_parameters(const Model&);
-/// The program of sweeps, a line per op.
-std::string sweep_program(const Model&, std::size_t workspace_bytes);
+/// The program of sweeps, a line per op, with what it costs.
+std::string sweep_program(const Model&, const State&);
 
 /// The part of the summary that the simulation knows.
 Summary run_summary(const Scenario&, double wall_s);

@@ -40,6 +40,7 @@ ForeignHinges foreign_hinges(const Model& m) {
 /// Largest |v' - v'_twin| over the largest |v'| that any one force (gravity, velocity terms, springs, modes, commands) causes
 /// by itself: v' may be small because large forces cancel, and rounding is of the size of each of them.
 double difference(Scenario& s, const reference::DenseTwin<double>& twin) {
+  if (s.model->nv == 0) return 0.0;  // nothing can move
   Simulation& sim = *s.sim;
   const Model& m = *s.model;
   const reference::DenseState<double> state = twin.at(sim.state().q, sim.state().v);

@@ -15,7 +15,8 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 const Vector3d X = Vector3d::UnitX(), Z = Vector3d::UnitZ();
 
-/// rho A = EI = L = 1 for bending in the x-y plane, and everything else so stiff that the lowest 19 modes are of that kind.
+/// rho A = EI = L = 1 for bending in the x-y plane, and everything else so stiff that the lowest 19 modes are of that
+/// kind.
 ModalSource plane_beam() {
   BeamModel beam;
   beam.length = 1.0;
@@ -48,11 +49,14 @@ VectorXd omega2(const SystemSpec& spec) {
     q[i] = 1.0;
     K.col(i) = -elastic_force(*model, q.data(), none.data());
   }
-  return Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd>(K, mass_matrix(*model, ws, zero.data()), Eigen::EigenvaluesOnly).eigenvalues();
+  return Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd>(K, mass_matrix(*model, ws, zero.data()),
+                                                            Eigen::EigenvaluesOnly)
+      .eigenvalues();
 }
 
-// 16 modes per beam leave out compliance of the order beta^4 sum_{k > 16} 4 / beta_k^8 < 1e-8 of the hub's coupling; the
-// mesh adds (k h)^4 / 720. One plane, equal and opposite beams: a clamped root lies below each root of the hub's motion.
+// 16 modes per beam leave out compliance of the order beta^4 sum_{k > 16} 4 / beta_k^8 < 1e-8 of the hub's coupling;
+// the mesh adds (k h)^4 / 720. One plane, equal and opposite beams: a clamped root lies below each root of the hub's
+// motion.
 TEST(HubWithTwoBeams, TurnsWithTheRootsOfRotationCoupledBending) {
   const Published ref("flex-hub-two-appendages");
   ModalSource source = plane_beam();
@@ -64,7 +68,8 @@ TEST(HubWithTwoBeams, TurnsWithTheRootsOfRotationCoupledBending) {
     const VectorXd want = ref.vector(j10 == 1 ? "j=0.1" : j10 == 10 ? "j=1" : "j=10");
     BodySpec right = on(flexible("right", modal), "hub", "locked"), left = on(flexible("left", modal), "hub", "locked");
     left.hinge.onode_R = Eigen::AngleAxisd(std::numbers::pi, Z).toRotationMatrix();
-    const SystemSpec spec = system({on(rigid("hub", 1.0, Vector3d::Zero(), diagonal({J, J, J})), "", "revolute", {Z}), right, left});
+    const SystemSpec spec =
+        system({on(rigid("hub", 1.0, Vector3d::Zero(), diagonal({J, J, J})), "", "revolute", {Z}), right, left});
     const VectorXd beta = omega2(spec).cwiseMax(0.0).array().pow(0.25);
     double coupled = 0.0, held = 0.0;
     for (int k = 0; k < 4; ++k) {
@@ -77,8 +82,8 @@ TEST(HubWithTwoBeams, TurnsWithTheRootsOfRotationCoupledBending) {
   }
 }
 
-// The tip is an interface: its constraint modes hold the exact static compliance there, so that the series converges like
-// 1 / beta^8 instead of 1 / beta^4, and the tip body hangs on a deforming node.
+// The tip is an interface: its constraint modes hold the exact static compliance there, so that the series converges
+// like 1 / beta^8 instead of 1 / beta^4, and the tip body hangs on a deforming node.
 TEST(CantileverWithTipMass, HasTheRootsOfItsPayload) {
   const Published ref("flex-cantilever-tip-mass");
   ModalSource source = plane_beam();
@@ -91,12 +96,14 @@ TEST(CantileverWithTipMass, HasTheRootsOfItsPayload) {
     BodySpec payload = on(particle("payload", std::stod(r), Vector3d::Zero()), "beam", "locked");
     payload.hinge.inboard_node = "tip";
     const VectorXd beta = omega2(system({flexible("beam", modal), payload})).array().pow(0.25);
-    expect_within(fmt::format("r = {}", r).c_str(), (beta.head<3>().cwiseQuotient(want).array() - 1.0).abs().maxCoeff(), ref.tolerance("rel"));
+    expect_within(fmt::format("r = {}", r).c_str(), (beta.head<3>().cwiseQuotient(want).array() - 1.0).abs().maxCoeff(),
+                  ref.tolerance("rel"));
   }
 }
 
-// Flap of a spinning blade: analytic clamped-free modes with the shortening u = -1/2 int w'^2 dx as second-order field Q.
-// The blade's points are those of a Gauss rule, weighted by it: integrals of the products of shapes are exact to rounding.
+// Flap of a spinning blade: analytic clamped-free modes with the shortening u = -1/2 int w'^2 dx as second-order field
+// Q. The blade's points are those of a Gauss rule, weighted by it: integrals of the products of shapes are exact to
+// rounding.
 class Blade {
  public:
   explicit Blade(int n_modes) {
@@ -133,8 +140,8 @@ class Blade {
     modal_ = std::make_shared<const ModalData>(lumped_modal_data(std::move(nodes), K.asDiagonal(), {}, {}));
   }
 
-  /// Flap frequencies at this rate of spin, root at this distance from the axis: eta'' = -A eta by central differences; the
-  /// error of the differences is 1e-9 (the motion is odd in eta, third order).
+  /// Flap frequencies at this rate of spin, root at this distance from the axis: eta'' = -A eta by central differences;
+  /// the error of the differences is 1e-9 (the motion is odd in eta, third order).
   VectorXd flap(double spin, double root) const {
     BodySpec blade = on(flexible("blade", modal_), "", "revolute", {Z});
     blade.level = 2;
@@ -171,8 +178,11 @@ class Blade {
     for (int i = 0; i < 20; ++i) b += (std::cos(b) + 1.0 / std::cosh(b)) / (std::sin(b) + std::tanh(b) / std::cosh(b));
     return b;
   }
-  /// cosh bx - cos bx - r (sinh bx - sin bx), r = (cosh b + cos b) / (sinh b + sin b), without the difference of large numbers.
-  static double rest(double b) { return (std::sin(b) - std::cos(b) - std::exp(-b)) / (std::sinh(b) + std::sin(b)); }  // 1 - r
+  /// cosh bx - cos bx - r (sinh bx - sin bx), r = (cosh b + cos b) / (sinh b + sin b), without the difference of large
+  /// numbers.
+  static double rest(double b) {
+    return (std::sin(b) - std::cos(b) - std::exp(-b)) / (std::sinh(b) + std::sin(b));
+  }  // 1 - r
   static double shape(double b, double x) {
     const double c = rest(b), r = 1.0 - c;
     return 0.5 * (c * std::exp(b * x) + (1.0 + r) * std::exp(-b * x)) - std::cos(b * x) + r * std::sin(b * x);
@@ -189,7 +199,8 @@ TEST(SpinningBlade, StiffensLikeWrightsBeam) {
   const Blade blade(14);
   double worst = 0.0;
   for (const int hub : {0, 1})
-    for (const int eta : hub == 0 ? std::vector<int>{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12} : std::vector<int>{1, 3, 6, 12}) {
+    for (const int eta :
+         hub == 0 ? std::vector<int>{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12} : std::vector<int>{1, 3, 6, 12}) {
       const VectorXd want = ref.vector(fmt::format("eta={}, hub {}", eta, hub)), got = blade.flap(eta, hub);
       for (int k = 0; k < 3; ++k) {
         const double error = std::abs(got[k] / want[k] - 1.0);

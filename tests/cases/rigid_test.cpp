@@ -42,8 +42,9 @@ TEST(IntermediateAxis, FlipsWithTheEllipticPeriod) {
   options.integrator = {.method = "dopri5", .relative_tolerance = 1e-13};
   options.absolute_tolerance = 1e-18;  // the start lies 1e-3 beside an unstable axis: small rates count
   Simulation sim(compiled(body), options);
-  // omega_x vanishes at the summit of omega_y, a quarter of a period before omega_y does. After the flip one unit in the last
-  // place of omega_x = 3 rad/s already moves the next one by 1e-8 s: 1e-10 of a period can be seen in the first quarter only.
+  // omega_x vanishes at the summit of omega_y, a quarter of a period before omega_y does. After the flip one unit in
+  // the last place of omega_x = 3 rad/s already moves the next one by 1e-8 s: 1e-10 of a period can be seen in the
+  // first quarter only.
   const auto summit = crossings(sim, -1, [](const double*, const double* v) { return v[0]; });
   const auto over = crossings(sim, -1, [](const double*, const double* v) { return v[1]; });
   const double half = 0.5 * ref.number("full period"), energy = sim.observe().energy().kinetic;
@@ -70,13 +71,16 @@ struct Method {
 };
 class SymmetricTop : public testing::TestWithParam<Method> {};
 
-// All four methods. rk4 with 0.25 ms: (5 rad/s h)^4 / 120 * 5 = 1e-13. CVODE controls the error of a step, of some hundred here.
+// All four methods. rk4 with 0.25 ms: (5 rad/s h)^4 / 120 * 5 = 1e-13. CVODE controls the error of a step, of some
+// hundred here.
 TEST_P(SymmetricTop, RunsOnItsBodyConeAndItsSpaceCone) {
   const auto [method, relative, step, loss] = GetParam();
   const Published ref("rigid-symmetric-free-top");
-  const double It = ref.model()["inertia_transverse_kgm2"].as<double>(), Ia = ref.model()["inertia_axial_kgm2"].as<double>();
+  const double It = ref.model()["inertia_transverse_kgm2"].as<double>(),
+               Ia = ref.model()["inertia_axial_kgm2"].as<double>();
   const double tolerance = loss * ref.tolerance("omega_abs");
-  const auto sim = run_of(tumbling({It, It, Ia}, Published::as_vector(ref.initial()["omega_body_rads"])), method, relative, step);
+  const auto sim =
+      run_of(tumbling({It, It, Ia}, Published::as_vector(ref.initial()["omega_body_rads"])), method, relative, step);
   const Vector3d H = sim->observe().momentum().angular.normalized();
   // The symmetry axis seen along H.
   const auto axis = [&] { return Vector3d(quaternion(sim->state().q.data()) * Z); };
@@ -84,26 +88,33 @@ TEST_P(SymmetricTop, RunsOnItsBodyConeAndItsSpaceCone) {
   expect_within("cone", std::abs(std::acos(H.dot(axis())) - ref.number("cone half angle")), 1e-15);
   sim->run(1.0);
   expect_within("omega", apart(sim->state().v, ref.vector("omega_body at 1 s")), tolerance);
-  expect_within("nutation", std::abs(std::atan2(sim->state().v[1], sim->state().v[0]) - (ref.number("body nutation rate"))), tolerance);
+  expect_within("nutation",
+                std::abs(std::atan2(sim->state().v[1], sim->state().v[0]) - (ref.number("body nutation rate"))),
+                tolerance);
   const double turned = std::atan2(e2.dot(axis()), e1.dot(axis()));
-  expect_within("precession", std::abs(std::remainder(turned - ref.number("precession rate"), 2 * std::numbers::pi)), tolerance);
+  expect_within("precession", std::abs(std::remainder(turned - ref.number("precession rate"), 2 * std::numbers::pi)),
+                tolerance);
   expect_within("cone at the end", std::abs(std::acos(H.dot(axis())) - ref.number("cone half angle")), tolerance);
 }
 INSTANTIATE_TEST_SUITE_P(By, SymmetricTop,
                          testing::Values(Method{"rk4", 1e-9, 2.5e-4, 1.0}, Method{"dopri5", 1e-13, 0.0, 1.0},
-                                         Method{"cvode_adams", 1e-13, 0.0, 10.0}, Method{"cvode_bdf", 1e-12, 0.0, 200.0}),
+                                         Method{"cvode_adams", 1e-13, 0.0, 10.0},
+                                         Method{"cvode_bdf", 1e-12, 0.0, 200.0}),
                          [](const auto& method) { return std::string(method.param.name); });
 
 TEST(HeavyTop, NutatesWithTheEllipticPeriod) {
   const Published ref("rigid-heavy-top-fast");
-  BodySpec top = on(rigid("top", 15.0, Y, diagonal(Published::as_vector(ref.model()["inertia_com_diag_kgm2"]))), "", "ball");
+  BodySpec top =
+      on(rigid("top", 15.0, Y, diagonal(Published::as_vector(ref.model()["inertia_com_diag_kgm2"]))), "", "ball");
   const VectorXd omega = Published::as_vector(ref.initial()["omega_body_rads"]);
   top.hinge.v = {omega[0], omega[1], omega[2]};
   const auto sim = run_of(system({top}, uniform_gravity(-9.81 * Z)));
   // Turning points: the mass centre neither rises nor falls.
   double azimuth = 0.0, height = 1.0, lowest = 1.0;
   const auto com = [&] { return Vector3d(quaternion(sim->state().q.data()) * Y); };
-  const auto rise = [](const double* q, const double* v) { return (quaternion(q) * Vector3d(v[0], v[1], v[2]).cross(Y)).z(); };
+  const auto rise = [](const double* q, const double* v) {
+    return (quaternion(q) * Vector3d(v[0], v[1], v[2]).cross(Y)).z();
+  };
   const auto maxima = crossings(*sim, -1, rise, [&] {
     if (azimuth == 0.0) azimuth = std::atan2(com().y(), com().x()), height = com().z();
   });
@@ -122,18 +133,21 @@ TEST(HeavyTop, NutatesWithTheEllipticPeriod) {
   }
   expect_within("com", worst, ref.tolerance("com_abs"));
   ASSERT_EQ(maxima->size(), 2u);
-  expect_within("nutation period", std::abs(maxima->front() / ref.number("nutation period") - 1.0), ref.tolerance("nutation_period_rel"));
+  expect_within("nutation period", std::abs(maxima->front() / ref.number("nutation period") - 1.0),
+                ref.tolerance("nutation_period_rel"));
   // The top starts on the y axis; it goes round the vertical once with each nutation.
   const double advance = std::abs(std::remainder(azimuth - 0.5 * std::numbers::pi, 2 * std::numbers::pi));
   expect_within("precession", std::abs(advance - ref.number("precession angle")), 1e-7);
-  expect_within("turning points", std::max(std::abs(height), std::abs(lowest - ref.vector("turning points")[0])), 1e-10);
+  expect_within("turning points", std::max(std::abs(height), std::abs(lowest - ref.vector("turning points")[0])),
+                1e-10);
   expect_within("spin", std::abs(sim->state().v[1] / ref.number("spin rate") - 1.0), 1e-12);
   expect_within("energy", std::abs(sim->observe().energy().total() - energy) / kinetic, ref.tolerance("energy_rel"));
 }
 
 TEST(SphericalPendulum, AdvancesItsApsides) {
   const Published ref("rigid-spherical-pendulum-apsidal");
-  // At azimuth 0: the second angle is minus the polar angle, and a rate p about x moves the bob along y with p cos(polar).
+  // At azimuth 0: the second angle is minus the polar angle, and a rate p about x moves the bob along y with p
+  // cos(polar).
   const double polar = 60.0 * kDegree;
   BodySpec bob = on(particle("bob", 1.0, -Z), "", "universal", {X, Y});
   bob.hinge.q = {0.0, -polar};
@@ -147,7 +161,8 @@ TEST(SphericalPendulum, AdvancesItsApsides) {
   const auto rise = [](const double* q, const double* v) {
     return std::sin(q[0]) * std::cos(q[1]) * v[0] + std::cos(q[0]) * std::sin(q[1]) * v[1];
   };
-  const auto maxima = crossings(*sim, -1, rise, [&] { azimuth = std::atan2(bob_at().y(), bob_at().x()), highest = bob_at().z(); });
+  const auto maxima =
+      crossings(*sim, -1, rise, [&] { azimuth = std::atan2(bob_at().y(), bob_at().x()), highest = bob_at().z(); });
   crossings(*sim, +1, rise, [&] { lowest = bob_at().z(); });
   sim->run(1.2);
   ASSERT_EQ(maxima->size(), 1u);
@@ -167,7 +182,8 @@ TEST(PlanarPendulum, KeepsItsPhaseOver845Periods) {
   double worst = 0.0;
   for (const char* t : {"1", "2", "5", "10"}) {
     sim->run(std::stod(t));
-    worst = std::max(worst, apart(P1(), ref.vector(std::string(t) == "1" ? "P1 at 1 s [m]" : std::string("P1 at ") + t + " s")));
+    worst = std::max(
+        worst, apart(P1(), ref.vector(std::string(t) == "1" ? "P1 at 1 s [m]" : std::string("P1 at ") + t + " s")));
   }
   expect_within("P1 up to 10 s", worst, ref.tolerance("own_target_abs"));
   // At a quarter of a period it is lowest and fastest: 4.4 m/s times the error of phase.
@@ -180,7 +196,8 @@ TEST(Babyboot, KeepsSevenDigitsOverTenChaoticSeconds) {
   const Published ref("rigid-chaotic-babyboot");
   // The rod only swings, so its other moments do not enter.
   BodySpec A = on(rigid("A", 0.01, -0.075 * Z, diagonal({5e-6, 5e-6, 1e-6})), "", "revolute", {X});
-  BodySpec B = on(rigid("B", 0.1, -0.2 * Z, diagonal(Published::as_vector(ref.model()["plate_B"]["inertia_xyz_kgm2"]))), "A", "revolute", {Z});
+  BodySpec B = on(rigid("B", 0.1, -0.2 * Z, diagonal(Published::as_vector(ref.model()["plate_B"]["inertia_xyz_kgm2"]))),
+                  "A", "revolute", {Z});
   A.hinge.q = {90.0 * kDegree};
   B.hinge.q = {1.0 * kDegree};
   const auto sim = run_of(system({A, B}, uniform_gravity(-9.81 * Z)));
@@ -200,8 +217,9 @@ TEST(Babyboot, KeepsSevenDigitsOverTenChaoticSeconds) {
 // K = -d(gravity force)/dq by differences of order four: error h^4 q'''' = 1e-11, rounding 1e-16 * 20 N m / h = 2e-12.
 TEST(DoublePendulum, SwingsWithItsTwoFrequencies) {
   const Published ref("rigid-double-pendulum-modes");
-  const auto model = compiled(system({on(particle("one", 1.0, -Z), "", "revolute", {X}), on(particle("two", 1.0, -Z), "one", "revolute", {X}, -Z)},
-                                     uniform_gravity(-9.81 * Z)));
+  const auto model = compiled(system(
+      {on(particle("one", 1.0, -Z), "", "revolute", {X}), on(particle("two", 1.0, -Z), "one", "revolute", {X}, -Z)},
+      uniform_gravity(-9.81 * Z)));
   Workspace ws(*model);
   const double h = 1e-3;
   Eigen::Matrix2d K;
@@ -214,7 +232,8 @@ TEST(DoublePendulum, SwingsWithItsTwoFrequencies) {
     K.col(i) = -(8.0 * (force(h) - force(-h)) - (force(2 * h) - force(-2 * h))) / (12.0 * h);
   }
   const Eigen::Vector2d zero = Eigen::Vector2d::Zero();
-  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> modes(Eigen::MatrixXd(0.5 * (K + K.transpose())), mass_matrix(*model, ws, zero.data()));
+  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> modes(Eigen::MatrixXd(0.5 * (K + K.transpose())),
+                                                                        mass_matrix(*model, ws, zero.data()));
   const VectorXd omega = modes.eigenvalues().cwiseSqrt();
   expect_within("omega_1", std::abs(omega[0] / ref.number("omega_1") - 1.0), ref.tolerance("rel"));
   expect_within("omega_2", std::abs(omega[1] / ref.number("omega_2") - 1.0), ref.tolerance("rel"));

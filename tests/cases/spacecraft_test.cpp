@@ -1,4 +1,5 @@
-// Published cases of spacecraft: wheels, hinged panels, orbits, gravity gradient. Each to the tolerance its file recommends.
+// Published cases of spacecraft: wheels, hinged panels, orbits, gravity gradient. Each to the tolerance its file
+// recommends.
 #include <cmath>
 #include <numbers>
 
@@ -25,14 +26,16 @@ std::vector<double> joined(const VectorXd& a, const VectorXd& b) {
 }
 const Eigen::Vector4d kIdentity(1, 0, 0, 0);
 
-// The case gives the spin inertia J of the wheels alone and counts them in the hub's inertia: each is a mass at the hub's
-// mass centre with J in every direction, and both are taken off the hub.
+// The case gives the spin inertia J of the wheels alone and counts them in the hub's inertia: each is a mass at the
+// hub's mass centre with J in every direction, and both are taken off the hub.
 TEST(ReactionWheels, TurnTheHubInOrbit) {
   const Published ref("rigid-basilisk-rw-balanced");
   const YAML::Node hub_data = ref.model()["hub"], wheels = ref.model()["wheels"];
   const double J = wheels["spin_inertia_kgm2"].as<double>(), wheel_mass = 1.0;
-  const Vector3d c = Published::as_vector(hub_data["com_in_body_m"]), omega = Published::as_vector(ref.initial()["omega_body"]);
-  const Vector3d r_C = Published::as_vector(ref.initial()["r_C_m"]), v_C = Published::as_vector(ref.initial()["v_C_ms"]);
+  const Vector3d c = Published::as_vector(hub_data["com_in_body_m"]),
+                 omega = Published::as_vector(ref.initial()["omega_body"]);
+  const Vector3d r_C = Published::as_vector(ref.initial()["r_C_m"]),
+                 v_C = Published::as_vector(ref.initial()["v_C_ms"]);
   const Matrix3d sphere = J * Matrix3d::Identity();
   const Matrix3d whole = diagonal(Published::as_vector(hub_data["inertia_diag_about_com_kgm2"]));
   BodySpec hub = on(rigid("hub", hub_data["mass_kg"].as<double>() - 3 * wheel_mass, c, whole - 3 * sphere), "", "free");
@@ -46,16 +49,20 @@ TEST(ReactionWheels, TurnTheHubInOrbit) {
     bodies.back().hinge.v = {wheels["speeds_rpm"][at].as<double>() * kRpm};
   }
   const auto sim = run_of(system(bodies, central_gravity(ref.model()["mu_m3s2"].as<double>(), false)));
-  for (int i = 0; i < 3; ++i) sim->set_force(6 + i, ref.model()["motor_torque_Nm"][static_cast<std::size_t>(i)].as<double>());
+  for (int i = 0; i < 3; ++i)
+    sim->set_force(6 + i, ref.model()["motor_torque_Nm"][static_cast<std::size_t>(i)].as<double>());
   sim->run(0.5);
   for (int i = 0; i < 3; ++i) sim->set_force(6 + i, 0.0);
   sim->run(1.0);
   const State& s = sim->state();
   const VectorXd sigma = ref.vector("sigma_BN at 1 s");
   expect_within("r_B", apart(s.q.segment<3>(4), ref.vector("r_B at 1 s")), ref.tolerance("r_m"));
-  expect_within("r_B, recomputed", apart(s.q.segment<3>(4), ref.vector("r_B recomputed")), 2e-8);  // 1 ulp of r at 9 digits after the point
+  expect_within("r_B, recomputed", apart(s.q.segment<3>(4), ref.vector("r_B recomputed")),
+                2e-8);  // 1 ulp of r at 9 digits after the point
   expect_within("sigma", apart(mrp(s.q.data()), sigma) / sigma.cwiseAbs().maxCoeff(), ref.tolerance("sigma_rel"));
-  expect_within("sigma, recomputed", apart(mrp(s.q.data()), ref.vector("sigma recomputed")) / sigma.cwiseAbs().maxCoeff(), 1e-10);  // its digits
+  expect_within("sigma, recomputed",
+                apart(mrp(s.q.data()), ref.vector("sigma recomputed")) / sigma.cwiseAbs().maxCoeff(),
+                1e-10);                                                                           // its digits
   expect_within("wheel speeds", apart(s.v.tail<3>() / kRpm, ref.vector("wheel speeds")), 1e-10);  // its digits
 }
 
@@ -86,18 +93,23 @@ TEST(ReactionWheel, TakesUpWhatTheHubGives) {
 TEST(HingedPanels, ReactOnTheirHub) {
   const Published ref("rigid-basilisk-planar-hinged-panels");
   // Motion in the plane: the other moments do not enter.
-  std::vector<BodySpec> bodies = {on(rigid("hub", 750.0, Vector3d::Zero(), diagonal({600, 600, 600})), "", "planar", {X, Y})};
+  std::vector<BodySpec> bodies = {
+      on(rigid("hub", 750.0, Vector3d::Zero(), diagonal({600, 600, 600})), "", "planar", {X, Y})};
   for (const auto& p : ref.model()["panels"]) {
     const Vector3d com(p["com_from_hinge_m"][0].as<double>(), p["com_from_hinge_m"][1].as<double>(), 0.0);
     const Vector3d at(p["hinge_in_hub_m"][0].as<double>(), p["hinge_in_hub_m"][1].as<double>(), 0.0);
     const double I = p["inertia_about_hinge_axis_at_com_kgm2"].as<double>();
-    BodySpec panel = on(rigid(fmt::format("panel_{}", bodies.size()), p["mass_kg"].as<double>(), com, diagonal({I, I, I})), "hub", "revolute", {Z}, at);
+    BodySpec panel =
+        on(rigid(fmt::format("panel_{}", bodies.size()), p["mass_kg"].as<double>(), com, diagonal({I, I, I})), "hub",
+           "revolute", {Z}, at);
     panel.hinge.springs = {{0, p["spring_Nmrad"].as<double>(), 0.0, p["damper_Nms"].as<double>(), {}}};
     bodies.push_back(panel);
   }
   const auto sim = run_of(system(bodies));
   const int thruster = sim->add_wrench(sim->model().find_node("hub"), false);
-  const auto push = [&](double fx, double fy, double torque) { sim->set_wrench(thruster, {{0, 0, torque}, {fx, fy, 0}}); };
+  const auto push = [&](double fx, double fy, double torque) {
+    sim->set_wrench(thruster, {{0, 0, torque}, {fx, fy, 0}});
+  };
   double position = 0.0, angle = 0.0;
   const auto check = [&](double t, const char* quantity) {
     sim->run(t);
@@ -115,14 +127,17 @@ TEST(HingedPanels, ReactOnTheirHub) {
   check(20.0, "t=20 s");
   expect_within("position", position, ref.tolerance("position_m"));
   expect_within("angles", angle, ref.tolerance("angle_rad"));
-  // Along the way: impulse, angular impulse and work against what the thruster gave, to the integrator's 1e-13 per step.
+  // Along the way: impulse, angular impulse and work against what the thruster gave, to the integrator's 1e-13 per
+  // step.
   const LedgerState ledger = sim->ledger();
   expect_within("ledger", std::max({ledger.linear_relative, ledger.angular_relative, ledger.energy_relative}), 1e-11);
 }
 
 TEST(AsymmetricHub, TumblesAlongItsOrbit) {
   const Published ref("rigid-torquefree-asym-basilisk");
-  BodySpec hub = on(rigid("hub", 100.0, Vector3d::Zero(), diagonal(Published::as_vector(ref.model()["inertia_diag_kgm2"]))), "", "free");
+  BodySpec hub =
+      on(rigid("hub", 100.0, Vector3d::Zero(), diagonal(Published::as_vector(ref.model()["inertia_diag_kgm2"]))), "",
+         "free");
   const VectorXd omega = Published::as_vector(ref.initial()["omega_body_rads"]);
   hub.hinge.q = joined(kIdentity, Published::as_vector(ref.initial()["r_m"]));
   hub.hinge.v = joined(omega, Published::as_vector(ref.initial()["v_ms"]));
@@ -151,8 +166,8 @@ TEST(KeplerOrbit, ArrivesAfterFortyMinutes) {
   expect_within("v [km/s]", apart(1e-3 * sim->state().v, ref.vector("v, 13 digits")), ref.tolerance("v_kms"));
 }
 
-// A circular orbit in the x-y plane; body axes x radial (yaw), y along the track (roll), z normal (pitch). The orbit feels
-// the body's extent by (0.05 m / 1e7 m)^2.
+// A circular orbit in the x-y plane; body axes x radial (yaw), y along the track (roll), z normal (pitch). The orbit
+// feels the body's extent by (0.05 m / 1e7 m)^2.
 TEST(GravityGradient, LibratesWithTheEllipticPeriod) {
   const Published ref("orbit-gravity-gradient-libration");
   const double mu = 398600.4418e9, radius = 1e7, n = std::sqrt(mu / (radius * radius * radius));
@@ -169,8 +184,8 @@ TEST(GravityGradient, LibratesWithTheEllipticPeriod) {
     const auto back = crossings(*sim, -1, [n](const double*, const double* v) { return v[2] - n; });
     sim->run(1.05 * want[i] / (n * std::sqrt(3 * K)));
     ASSERT_EQ(back->size(), 1u);
-    expect_within(fmt::format("period from {} deg", amplitudes[i]).c_str(), std::abs(back->front() * n * std::sqrt(3 * K) / want[i] - 1.0),
-                  ref.tolerance("rel"));
+    expect_within(fmt::format("period from {} deg", amplitudes[i]).c_str(),
+                  std::abs(back->front() * n * std::sqrt(3 * K) / want[i] - 1.0), ref.tolerance("rel"));
   }
 }
 

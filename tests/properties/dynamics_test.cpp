@@ -1,5 +1,5 @@
-// Laws of the equations of motion on random trees. Round-off: a sum of some hundred terms leaves 1e-14 of its largest; what
-// contains the inverse of the mass matrix loses its condition number, 1e2 ... 1e4 for these trees.
+// Laws of the equations of motion on random trees. Round-off: a sum of some hundred terms leaves 1e-14 of its largest;
+// what contains the inverse of the mass matrix loses its condition number, 1e2 ... 1e4 for these trees.
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <random>
@@ -21,6 +21,28 @@ std::vector<TreeOptions> every_gravity(TreeOptions options) {
       if (gradient && kind != GravitySpec::Kind::central) continue;
       out.push_back(options);
     }
+  return out;
+}
+
+/// As above, in a central field only what the sweeps and the twin define alike: the field is expanded about the mass
+/// centre of a body, so bodies that were merged are one there; with a gradient, the force on the modes is exact at
+/// level 1, and at level 2 without nodal rotary inertia and second-order displacements.
+std::vector<TreeOptions> every_gravity_of_the_twin(const TreeOptions& options) {
+  std::vector<TreeOptions> out;
+  for (TreeOptions o : every_gravity(options)) {
+    const bool central = o.gravity == GravitySpec::Kind::central;
+    if (central) {
+      o.locked = 0.0;
+      std::erase(o.hinges, "locked");
+    }
+    if (central && o.gradient) {
+      o.level = 1;
+      out.push_back(o);
+      o.level = 2;
+      o.plain_masses = true;
+    }
+    out.push_back(o);
+  }
   return out;
 }
 
@@ -66,11 +88,13 @@ TEST(Dynamics, InvariantUnderBodyRelabelling) {
   for_all_trees({}, kAccelerations, [](const RandomTree& tree) {
     RandomTree other = tree;
     std::mt19937 engine(tree.seed);
-    for (std::size_t i = other.spec.bodies.size(); i > 1; --i) std::swap(other.spec.bodies[i - 1], other.spec.bodies[engine() % i]);
+    for (std::size_t i = other.spec.bodies.size(); i > 1; --i)
+      std::swap(other.spec.bodies[i - 1], other.spec.bodies[engine() % i]);
     std::reverse(other.loads.begin(), other.loads.end());
     Loaded a(tree), b(other);
     const VectorXd va = a.forward(), vb = b.forward();
-    return std::max(apart(by_body(*a.model, va), by_body(*b.model, vb)), apart(a.node_accelerations(va), b.node_accelerations(vb)));
+    return std::max(apart(by_body(*a.model, va), by_body(*b.model, vb)),
+                    apart(a.node_accelerations(va), b.node_accelerations(vb)));
   });
 }
 
@@ -95,15 +119,16 @@ TEST(Dynamics, InvariantUnderWorldRotation) {
     });
 }
 
-/// The floating tree with another body at its root. Hinges on the way from the old root are turned round: O and P change
-/// places and the axis its sign, so that their coordinates stay.
+/// The floating tree with another body at its root. Hinges on the way from the old root are turned round: O and P
+/// change places and the axis its sign, so that their coordinates stay.
 RandomTree rooted_at(const RandomTree& tree, const std::string& new_root) {
   RandomTree out = tree;
   const auto body = [&](RandomTree& t, const std::string& name) -> BodySpec& {
     return *std::find_if(t.spec.bodies.begin(), t.spec.bodies.end(), [&](const BodySpec& b) { return b.name == name; });
   };
   std::vector<std::string> path = {new_root};
-  while (!tree.spec.find(path.back())->hinge.inboard_body.empty()) path.push_back(tree.spec.find(path.back())->hinge.inboard_body);
+  while (!tree.spec.find(path.back())->hinge.inboard_body.empty())
+    path.push_back(tree.spec.find(path.back())->hinge.inboard_body);
   for (std::size_t i = 0; i + 1 < path.size(); ++i) {
     const HingeSpec& old = tree.spec.find(path[i])->hinge;
     HingeSpec turned = old;
@@ -148,7 +173,10 @@ RandomTree rooted_at(const RandomTree& tree, const std::string& new_root) {
 }
 
 TEST(Dynamics, InvariantUnderBaseChange) {
-  TreeOptions options{.roots = 1, .floating = true, .locked = 0.1, .hinges = {"revolute", "prismatic", "helical", "cylindrical", "locked"}};
+  TreeOptions options{.roots = 1,
+                      .floating = true,
+                      .locked = 0.1,
+                      .hinges = {"revolute", "prismatic", "helical", "cylindrical", "locked"}};
   for_all_trees(options, kAccelerations, [](const RandomTree& tree) {
     RandomTree at_rest = tree;
     at_rest.tau[tree.spec.bodies[0].name].head(6).setZero();  // a floating root has no actuators
@@ -160,8 +188,8 @@ TEST(Dynamics, InvariantUnderBaseChange) {
 
 class GalileanInvariance : public testing::TestWithParam<int> {};
 
-// No linear velocity of a body enters the equations (gamma form): what is left is the round-off of v itself, 1e-12 m/s in
-// 7500 m/s, which none of them reads.
+// No linear velocity of a body enters the equations (gamma form): what is left is the round-off of v itself, 1e-12 m/s
+// in 7500 m/s, which none of them reads.
 TEST_P(GalileanInvariance, HoldsAtTenAndAtOrbitalSpeed) {
   TreeOptions options{.roots = 2, .flexible = 0.6, .level = GetParam(), .floating = true};
   for_all_trees(options, 1e-13, [](const RandomTree& tree) {
@@ -200,16 +228,20 @@ reference::NodeWrenches<double> for_twin(const RandomTree& tree, const reference
 }
 
 TEST(DenseTwin, AgreesWithTheSweepsInForces) {
-  for (const TreeOptions& options : every_gravity({.locked = 0.15}))
+  for (const TreeOptions& options : every_gravity_of_the_twin({.locked = 0.15}))
     for_all_trees(options, kForces, [](const RandomTree& tree) {
       Loaded s(tree);
       const double *q = s.state.q.data(), *v = s.state.v.data();
       const auto twin = reference::DenseTwin<double>(tree.spec).at(s.state.q, s.state.v);
-      const double size = twin.bias.size() == 0 ? 1.0 : std::max({1.0, twin.bias.cwiseAbs().maxCoeff(), twin.gravity_force.cwiseAbs().maxCoeff()});
-      double worst = std::max({apart(mass_matrix(*s.model, s.ws, q), twin.M), apart(bias_force(*s.model, s.ws, q, v), twin.bias, size),
-                               apart(gravity_force(*s.model, s.ws, q), twin.gravity_force, size),
-                               apart(elastic_force(*s.model, q, v), twin.elastic_force, size),
-                               apart(external_force(*s.model, s.ws, q, s.wrenches), twin.external_force(for_twin(tree, twin)), size)});
+      const double size =
+          twin.bias.size() == 0
+              ? 1.0
+              : std::max({1.0, twin.bias.cwiseAbs().maxCoeff(), twin.gravity_force.cwiseAbs().maxCoeff()});
+      double worst = std::max(
+          {apart(mass_matrix(*s.model, s.ws, q), twin.M), apart(bias_force(*s.model, s.ws, q, v), twin.bias, size),
+           apart(gravity_force(*s.model, s.ws, q), twin.gravity_force, size),
+           apart(elastic_force(*s.model, q, v), twin.elastic_force, size),
+           apart(external_force(*s.model, s.ws, q, s.wrenches), twin.external_force(for_twin(tree, twin)), size)});
       VectorXd qdot(s.model->nq);
       s.model->qdot(q, v, qdot.data());
       return std::max(worst, apart(qdot, twin.qdot));
@@ -217,7 +249,7 @@ TEST(DenseTwin, AgreesWithTheSweepsInForces) {
 }
 
 TEST(DenseTwin, AgreesWithTheSweepsInMotionAndReactions) {
-  for (const TreeOptions& options : every_gravity({.locked = 0.15}))
+  for (const TreeOptions& options : every_gravity_of_the_twin({.locked = 0.15}))
     for_all_trees(options, kAccelerations, [](const RandomTree& tree) {
       Loaded s(tree);
       const VectorXd vdot = s.forward();
@@ -237,11 +269,13 @@ TEST(DenseTwin, AgreesWithTheSweepsInMotionAndReactions) {
       worst = std::max(worst, std::abs(e.kinetic - twin.kinetic_energy) / std::max(1.0, twin.kinetic_energy));
       worst = std::max(worst, std::abs(e.gravity - twin.gravity_energy) / std::max(1.0, std::abs(twin.gravity_energy)));
       worst = std::max(worst, std::abs(e.modal - twin.elastic_energy) / std::max(1.0, twin.elastic_energy));
-      worst = std::max({worst, apart(m.linear, twin.linear_momentum), apart(m.angular, twin.angular_momentum), apart(m.com, twin.com)});
+      worst = std::max({worst, apart(m.linear, twin.linear_momentum), apart(m.angular, twin.angular_momentum),
+                        apart(m.com, twin.com)});
       for (const Load& l : tree.loads) {
         const auto node = twin.node(l.body, l.node);
         const NodeState got = observer.node(s.model->find_node(l.body + "." + l.node));
-        worst = std::max({worst, apart(got.position, node.x), apart(got.R_WN, node.R), apart(got.velocity, node.velocity, 1.0),
+        worst = std::max({worst, apart(got.position, node.x), apart(got.R_WN, node.R),
+                          apart(got.velocity, node.velocity, 1.0),
                           apart(got.acceleration, node.acceleration(want), want.cwiseAbs().maxCoeff())});
       }
       return worst;
@@ -249,7 +283,7 @@ TEST(DenseTwin, AgreesWithTheSweepsInMotionAndReactions) {
 }
 
 TEST(Prescribed, ComponentsAgreeWithTheTwin) {
-  for (const TreeOptions& options : every_gravity({.locked = 0.1, .prescribed = 0.3}))
+  for (const TreeOptions& options : every_gravity_of_the_twin({.locked = 0.1, .prescribed = 0.3}))
     for_all_trees(options, kAccelerations, [](const RandomTree& tree) {
       Loaded s(tree);
       const VectorXd vdot = s.forward();
@@ -285,60 +319,61 @@ TEST(Prescribed, TheirForcesOnAFreeTreeGiveTheSameMotion) {
   });
 }
 
+// Uniform gravity: a central field is expanded about the mass centre of what was merged.
 TEST(LockedHinges, MergedBodiesMoveAndReactLikeUnmergedOnes) {
-  for (const TreeOptions& options : every_gravity({.flexible = 0.2, .locked = 0.5}))
-    for_all_trees(options, kAccelerations, [](const RandomTree& tree) {
-      CompileOptions apart_bodies;
-      apart_bodies.merge_locked = false;
-      Loaded a(tree), b(tree, apart_bodies);
-      const VectorXd va = a.forward(), vb = b.forward();
-      double worst = std::max(apart(va, vb), apart(a.node_accelerations(va), b.node_accelerations(vb)));
-      Observer oa(*a.model, a.ws), ob(*b.model, b.ws);
-      oa.update(a.in(), va.data());
-      ob.update(b.in(), vb.data());
-      double size = 0.0, difference = 0.0;
-      for (int k = 0; k < static_cast<int>(tree.spec.bodies.size()); ++k) {
-        const Vector6d wa = to_eigen(oa.hinge_wrench(k)), wb = to_eigen(ob.hinge_wrench(k));
-        size = std::max(size, wb.cwiseAbs().maxCoeff());
-        difference = std::max(difference, (wa - wb).cwiseAbs().maxCoeff());
-      }
-      // A body merged with the ground has no energy or momentum; both count it where it stands still.
-      worst = std::max(worst, difference / size);
-      return std::max(worst, std::abs(oa.energy().kinetic - ob.energy().kinetic) / std::max(1.0, ob.energy().kinetic));
-    });
+  for_all_trees({.flexible = 0.2, .locked = 0.5}, kAccelerations, [](const RandomTree& tree) {
+    CompileOptions apart_bodies;
+    apart_bodies.merge_locked = false;
+    Loaded a(tree), b(tree, apart_bodies);
+    const VectorXd va = a.forward(), vb = b.forward();
+    double worst = std::max(apart(va, vb), apart(a.node_accelerations(va), b.node_accelerations(vb)));
+    Observer oa(*a.model, a.ws), ob(*b.model, b.ws);
+    oa.update(a.in(), va.data());
+    ob.update(b.in(), vb.data());
+    double size = 0.0, difference = 0.0;
+    for (int k = 0; k < static_cast<int>(tree.spec.bodies.size()); ++k) {
+      const Vector6d wa = to_eigen(oa.hinge_wrench(k)), wb = to_eigen(ob.hinge_wrench(k));
+      size = std::max(size, wb.cwiseAbs().maxCoeff());
+      difference = std::max(difference, (wa - wb).cwiseAbs().maxCoeff());
+    }
+    worst = std::max(worst, difference / size);
+    return std::max(worst, std::abs(oa.energy().kinetic - ob.energy().kinetic) / std::max(1.0, ob.energy().kinetic));
+  });
 }
 
 // `locked: true` at q is the hinge `locked` with the displacement at q put into O.
 TEST(LockedHinges, HeldAnywhereAreLockedHingesThere) {
-  for_all_trees({.locked = 0.5, .hinges = {"revolute", "prismatic", "helical", "ball", "translational"}}, kAccelerations, [](const RandomTree& tree) {
-    RandomTree other = tree;
-    for (BodySpec& b : other.spec.bodies) {
-      HingeSpec& h = b.hinge;
-      const BodySpec* inboard = other.spec.find(h.inboard_body);
-      if (!h.locked || !inboard || inboard->modal || h.inboard_node.empty()) continue;
-      const auto node = std::find_if(inboard->nodes.begin(), inboard->nodes.end(), [&](const NodeSpec& n) { return n.name == h.inboard_node; });
-      Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
-      Vector3d p = Vector3d::Zero();
-      if (h.type == "ball") R = quaternion(h.q.data()).toRotationMatrix();
-      if (h.type == "translational") p = Vector3d(h.q.data());
-      if (h.params.count("axis") > 0) {
-        const Vector3d u(std::get<std::vector<double>>(h.params["axis"].value).data());
-        if (h.type != "prismatic") R = Eigen::AngleAxisd(h.q[0], u).toRotationMatrix();
-        if (h.type == "prismatic") p = h.q[0] * u;
-        if (h.type == "helical") p = h.q[0] * std::get<double>(h.params["pitch"].value) * u;
-      }
-      h.onode_position = node->position + node->R_BN * p;
-      h.onode_R = node->R_BN * R;
-      h.inboard_node.clear();
-      h.type = "locked";
-      h.locked = false;
-      h.params.clear();
-      h.q.clear(), h.v.clear();
-    }
-    Loaded a(tree), b(other);
-    const VectorXd va = a.forward(), vb = b.forward();
-    return std::max(apart(va, vb), apart(a.node_accelerations(va), b.node_accelerations(vb)));
-  });
+  for_all_trees({.locked = 0.5, .hinges = {"revolute", "prismatic", "helical", "ball", "translational"}},
+                kAccelerations, [](const RandomTree& tree) {
+                  RandomTree other = tree;
+                  for (BodySpec& b : other.spec.bodies) {
+                    HingeSpec& h = b.hinge;
+                    const BodySpec* inboard = other.spec.find(h.inboard_body);
+                    if (!h.locked || !inboard || inboard->modal || h.inboard_node.empty()) continue;
+                    const auto node = std::find_if(inboard->nodes.begin(), inboard->nodes.end(),
+                                                   [&](const NodeSpec& n) { return n.name == h.inboard_node; });
+                    Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
+                    Vector3d p = Vector3d::Zero();
+                    if (h.type == "ball") R = quaternion(h.q.data()).toRotationMatrix();
+                    if (h.type == "translational") p = Vector3d(h.q.data());
+                    if (h.params.count("axis") > 0) {
+                      const Vector3d u(std::get<std::vector<double>>(h.params["axis"].value).data());
+                      if (h.type != "prismatic") R = Eigen::AngleAxisd(h.q[0], u).toRotationMatrix();
+                      if (h.type == "prismatic") p = h.q[0] * u;
+                      if (h.type == "helical") p = h.q[0] * std::get<double>(h.params["pitch"].value) * u;
+                    }
+                    h.onode_position = node->position + node->R_BN * p;
+                    h.onode_R = node->R_BN * R;
+                    h.inboard_node.clear();
+                    h.type = "locked";
+                    h.locked = false;
+                    h.params.clear();
+                    h.q.clear(), h.v.clear();
+                  }
+                  Loaded a(tree), b(other);
+                  const VectorXd va = a.forward(), vb = b.forward();
+                  return std::max(apart(va, vb), apart(a.node_accelerations(va), b.node_accelerations(vb)));
+                });
 }
 
 TEST(Flexible, ModesHeldAtZeroAreARigidBody) {
@@ -360,18 +395,44 @@ TEST(Flexible, ModesHeldAtZeroAreARigidBody) {
   });
 }
 
-TEST(Determinism, SameBitsFromAFreshAndFromAUsedWorkspace) {
-  for_all_trees({.locked = 0.1, .prescribed = 0.1, .gravity = GravitySpec::Kind::central}, 0.0, [](const RandomTree& tree) {
-    Loaded a(tree), b(tree);
-    const VectorXd first = a.forward();
-    b.state.q *= 0.9;  // what another state leaves behind must not matter
-    b.state.v *= -2.0;
-    b.forward();
-    mass_matrix(*b.model, b.ws, b.state.q.data());
-    b.inverse(b.vdot_given);
-    b.state = a.state;
-    return (b.forward() - first).cwiseAbs().sum() + (a.forward() - first).cwiseAbs().sum();
+// Disabled: compile() gives a modal body without modes no mass, and takes the largest entry of an empty matrix.
+TEST(Flexible, DISABLED_ZeroModesIsBitwiseRigid) {
+  for_all_trees({.flexible = 0.6}, 0.0, [](const RandomTree& tree) {
+    RandomTree empty = tree, rigid_tree = tree;
+    for (std::size_t i = 0; i < tree.spec.bodies.size(); ++i) {
+      BodySpec& b = empty.spec.bodies[i];
+      if (!b.modal) continue;
+      const int m = b.modal->n_modes;
+      rigid_tree.spec.bodies[i] = frozen(b);
+      auto none = std::make_shared<ModalData>();
+      none->integrals.I1 = b.modal->integrals.I1;
+      none->integrals.I2 = b.modal->integrals.I2;
+      none->integrals.I7 = b.modal->integrals.I7;
+      none->integrals.I3 = none->integrals.I4 = MatrixXd(3, 0);
+      for (const ModalNode& n : b.modal->nodes) none->nodes.push_back({n.name, n.position, n.R_BN, {}, {}});
+      b.modal = none;
+      b.eta.clear(), b.etadot.clear();
+      for (RandomTree* t : {&empty, &rigid_tree})
+        for (ByBody* x : {&t->tau, &t->vdot}) (*x)[b.name].conservativeResize((*x)[b.name].size() - m);
+    }
+    Loaded a(empty), b(rigid_tree);
+    return (a.forward() - b.forward()).cwiseAbs().sum();
   });
+}
+
+TEST(Determinism, SameBitsFromAFreshAndFromAUsedWorkspace) {
+  for_all_trees({.locked = 0.1, .prescribed = 0.1, .gravity = GravitySpec::Kind::central}, 0.0,
+                [](const RandomTree& tree) {
+                  Loaded a(tree), b(tree);
+                  const VectorXd first = a.forward();
+                  b.state.q *= 0.9;  // what another state leaves behind must not matter
+                  b.state.v *= -2.0;
+                  b.forward();
+                  mass_matrix(*b.model, b.ws, b.state.q.data());
+                  b.inverse(b.vdot_given);
+                  b.state = a.state;
+                  return (b.forward() - first).cwiseAbs().sum() + (a.forward() - first).cwiseAbs().sum();
+                });
 }
 
 }  // namespace

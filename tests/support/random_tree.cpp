@@ -28,7 +28,9 @@ class Random {
     for (double& e : x) e = between(-size, size);
     return x;
   }
-  MatrixXd matrix(Eigen::Index rows, Eigen::Index cols, double size) { return vector(rows * cols, size).reshaped(rows, cols); }
+  MatrixXd matrix(Eigen::Index rows, Eigen::Index cols, double size) {
+    return vector(rows * cols, size).reshaped(rows, cols);
+  }
   Matrix3d rotation() { return Eigen::Quaterniond(Eigen::Vector4d(vector(4)).normalized()).toRotationMatrix(); }
   /// A tensor of inertia: that of some points.
   Matrix3d inertia(double mass, double size) {
@@ -52,7 +54,7 @@ void set_hinge(HingeSpec& h, const std::string& type, Random& random) {
     int axes, nq, nv;
   };
   static const std::map<std::string, Shape> shapes = {
-      {"locked", {0, 0, 0}},        {"revolute", {1, 1, 1}}, {"prismatic", {1, 1, 1}}, {"helical", {1, 1, 1}},
+      {"locked", {0, 0, 0}},        {"revolute", {1, 1, 1}},  {"prismatic", {1, 1, 1}}, {"helical", {1, 1, 1}},
       {"cylindrical", {1, 2, 2}},   {"universal", {2, 2, 2}}, {"gimbal", {3, 3, 3}},    {"planar", {2, 3, 3}},
       {"translational", {0, 3, 3}}, {"ball", {0, 4, 3}},      {"free", {0, 7, 6}},      {"free_body", {0, 7, 6}}};
   const Shape& shape = shapes.at(type);
@@ -72,18 +74,18 @@ void set_hinge(HingeSpec& h, const std::string& type, Random& random) {
 MatrixXd symmetric(const MatrixXd& a) { return 0.5 * (a + a.transpose()); }
 
 /// Masses that move with 1 ... 4 modes of a few rad/s; level 2 has second-order displacements as well.
-ModalData modal_data(Random& random, int level, bool damping, std::vector<ModalNode> nodes, int m) {
+ModalData modal_data(Random& random, int level, const TreeOptions& options, std::vector<ModalNode> nodes, int m) {
   std::vector<MassNode> masses;
   for (int i = 0; i < 6 + m; ++i) {
     MassNode n;
     n.mass = random.between(0.2, 1.0);
     n.position = random.vector(3, 0.6);
     n.Phi = random.matrix(3, m, 0.5);
-    if (i % 2 == 0) {
+    if (i % 2 == 0 && !options.plain_masses) {
       n.inertia = random.inertia(n.mass, 0.2);
       n.Psi = random.matrix(3, m, 0.5);
     }
-    if (level == 2 && i % 3 == 0)
+    if (level == 2 && i % 3 == 0 && !options.plain_masses)
       for (int a = 0; a < 3; ++a) n.Q.push_back(symmetric(random.matrix(m, m, 0.3)));
     masses.push_back(n);
   }
@@ -93,7 +95,7 @@ ModalData modal_data(Random& random, int level, bool damping, std::vector<ModalN
     const MatrixXd mix = random.matrix(m, m, 0.4);
     K += mix * mix.transpose();
   }
-  if (damping) C = 0.02 * K;
+  if (options.damping) C = 0.02 * K;
   return lumped_modal_data(std::move(masses), 20.0 * K, std::move(C), std::move(nodes));
 }
 
@@ -147,7 +149,9 @@ RandomTree random_tree(unsigned seed, const TreeOptions& options) {
       add_node(d, "p", random.chance(0.6), random);
       b.hinge.body_node = "p";
     }
-    set_hinge(b.hinge, root && options.floating ? "free" : options.hinges[static_cast<std::size_t>(random.below(static_cast<int>(options.hinges.size())))], random);
+    std::string type = options.hinges[static_cast<std::size_t>(random.below(static_cast<int>(options.hinges.size())))];
+    if (root && (options.floating || type == "locked")) type = "free";  // a body fixed to the ground is part of it
+    set_hinge(b.hinge, type, random);
     if (root) {
       b.hinge.onode_position = random.vector(3, 2.0);
       b.hinge.onode_R = random.rotation();
@@ -167,7 +171,7 @@ RandomTree random_tree(unsigned seed, const TreeOptions& options) {
   for (Draft& d : drafts) {
     BodySpec& b = d.body;
     if (d.n_modes > 0)
-      b.modal = std::make_shared<const ModalData>(modal_data(random, b.level, options.damping, d.nodes, d.n_modes));
+      b.modal = std::make_shared<const ModalData>(modal_data(random, b.level, options, d.nodes, d.n_modes));
     else
       for (const ModalNode& n : d.nodes) b.nodes.push_back({n.name, n.position, n.R_BN, {}});
     const int nv = b.hinge.locked ? 0 : static_cast<int>(b.hinge.v.size());
@@ -201,11 +205,13 @@ RandomTree without(const RandomTree& tree, const std::string& body) {
 }
 
 std::string describe(const RandomTree& tree) {
-  std::string out = fmt::format("seed {}, {} bodies, {} loads\n", tree.seed, tree.spec.bodies.size(), tree.loads.size());
+  std::string out =
+      fmt::format("seed {}, {} bodies, {} loads\n", tree.seed, tree.spec.bodies.size(), tree.loads.size());
   for (const BodySpec& b : tree.spec.bodies)
     out += fmt::format("  {} {}{} on {}{} to {}\n", b.name, b.type,
                        b.modal ? fmt::format(" ({} modes, level {})", b.modal->n_modes, b.level) : "",
-                       b.hinge.locked ? "locked " : "", b.hinge.type, b.hinge.inboard_body.empty() ? "world" : b.hinge.inboard_body);
+                       b.hinge.locked ? "locked " : "", b.hinge.type,
+                       b.hinge.inboard_body.empty() ? "world" : b.hinge.inboard_body);
   return out;
 }
 

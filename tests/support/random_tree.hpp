@@ -1,6 +1,6 @@
 #pragma once
-// Random systems for tests: every hinge, rigid and modal bodies, branching, forests; the same on every machine for a seed.
-// State and loads are kept by the name of the body, so that a system can be cut, reordered or re-rooted.
+// Random systems for tests: every hinge, rigid and modal bodies, branching, forests; the same on every machine for a
+// seed. State and loads are kept by the name of the body, so that a system can be cut, reordered or re-rooted.
 #include <Eigen/Core>
 #include <map>
 #include <string>
@@ -10,22 +10,24 @@
 
 namespace cardan::test {
 
-inline const std::vector<std::string> kAllHinges = {"revolute", "prismatic", "helical", "cylindrical",   "universal", "gimbal",
-                                                    "ball",     "planar",    "locked",  "translational", "free",      "free_body"};
+inline const std::vector<std::string> kAllHinges = {"revolute",  "prismatic",     "helical", "cylindrical",
+                                                    "universal", "gimbal",        "ball",    "planar",
+                                                    "locked",    "translational", "free",    "free_body"};
 
 struct TreeOptions {
   int bodies = 8;
-  int roots = 2;                    // at most: bodies on the world
-  double flexible = 0.4;            // share of modal bodies
-  int level = -1;                   // of modal bodies; -1: any
-  bool floating = false;            // every root on a `free` hinge
-  double locked = 0.0;              // share of hinges with `locked: true`, at a random position
-  double prescribed = 0.0;          // share of velocity components whose motion is given
-  bool damping = true;              // of the modes
-  bool springs = false;             // springs and dampers on hinges
+  int roots = 2;              // at most: bodies on the world
+  double flexible = 0.4;      // share of modal bodies
+  int level = -1;             // of modal bodies; -1: any
+  bool floating = false;      // every root on a `free` hinge
+  double locked = 0.0;        // share of hinges with `locked: true`, at a random position
+  double prescribed = 0.0;    // share of velocity components whose motion is given
+  bool damping = true;        // of the modes
+  bool plain_masses = false;  // of modal bodies: no rotary inertia, no second-order displacements
+  bool springs = false;       // springs and dampers on hinges
   std::vector<std::string> hinges = kAllHinges;
   GravitySpec::Kind gravity = GravitySpec::Kind::uniform;
-  bool gradient = true;             // of a central field, some 20 m away: it matters
+  bool gradient = true;  // of a central field, some 20 m away: it matters
 };
 
 /// A wrench [moment; force] on a node of a body, in node axes or in world axes.
@@ -39,8 +41,8 @@ using ByBody = std::map<std::string, Eigen::VectorXd>;  // [hinge components; mo
 
 struct RandomTree {
   unsigned seed = 0;
-  SystemSpec spec;          // with the state as initial state
-  ByBody tau, vdot;         // forces of actuators; accelerations: of prescribed components, or for inverse dynamics
+  SystemSpec spec;   // with the state as initial state
+  ByBody tau, vdot;  // forces of actuators; accelerations: of prescribed components, or for inverse dynamics
   std::vector<Load> loads;
 };
 

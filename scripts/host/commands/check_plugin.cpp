@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <filesystem>
+
 #include "core/abi/laws.hpp"
 #include "core/abi/registry.hpp"
 #include "scripts/host/commands/commands.hpp"
@@ -11,7 +13,7 @@ constexpr int kSamples = 64;
 
 int check_plugin(const std::string& path) {
   Registry registry;
-  load_plugin(path, registry);  // the laws at a few samples; its errors tell the first violation
+  load_plugin(std::filesystem::absolute(path).string(), registry);  // the laws at a few samples; its errors tell the first violation
   int violated = 0;
   for (const Registry::Entry& entry : registry.hinges()) {
     const auto violations = hinge_law_violations(*entry.family, kSamples);

@@ -1,5 +1,6 @@
 -- exit: 2
--- arguments: --set "angle=20 m"
+-- argument: --set
+-- argument: angle=20 m
 parameters { angle = "30 deg" }
 local sat = vehicle "../pendulum.yaml"
 mission { duration = "1 s" }

@@ -1,4 +1,5 @@
 -- exit: 2
--- arguments: --set "vehicle.bodies.rod.mass=3 m"
+-- argument: --set
+-- argument: vehicle.bodies.rod.mass=3 m
 local sat = vehicle "../pendulum.yaml"
 mission { duration = "1 s" }

@@ -1,5 +1,6 @@
 -- exit: 2
--- arguments: --set angel=2
+-- argument: --set
+-- argument: angel=2
 parameters { angle = 1 }
 local sat = vehicle "../pendulum.yaml"
 mission { duration = "1 s" }

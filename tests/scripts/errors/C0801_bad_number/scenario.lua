@@ -1,4 +1,5 @@
 -- exit: 2
--- arguments: --until soon
+-- argument: --until
+-- argument: soon
 local sat = vehicle "../pendulum.yaml"
 mission { duration = "1 s" }

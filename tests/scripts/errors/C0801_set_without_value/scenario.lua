@@ -1,4 +1,5 @@
 -- exit: 2
--- arguments: --set angle
+-- argument: --set
+-- argument: angle
 local sat = vehicle "../pendulum.yaml"
 mission { duration = "1 s" }

@@ -1,4 +1,5 @@
 -- exit: 2
--- arguments: --untill 3
+-- argument: --untill
+-- argument: 3
 local sat = vehicle "../pendulum.yaml"
 mission { duration = "1 s" }

@@ -1,0 +1,107 @@
+// A step allocates nothing: malloc is counted in forward dynamics of every reference tree and in runs with everything
+// on.
+#include "tests/support/malloc_counter.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/abi/registry.hpp"
+#include "core/sim/simulation.hpp"
+#include "tests/support/builders.hpp"
+#include "tests/support/oracle_reader.hpp"
+#include "tests/support/random_tree.hpp"
+
+namespace cardan::test {
+namespace {
+
+template <class Function>
+long mallocs_in(const Function& function) {
+  const long before = malloc_calls;
+  function();
+  return malloc_calls - before;
+}
+
+TEST(Alloc, TheCounterCounts) {
+  if (!counting) GTEST_SKIP() << "a sanitizer brings its own malloc";
+  std::vector<double> kept;
+  EXPECT_GT(mallocs_in([&] { kept.resize(1000); }), 0);
+}
+
+const Registry& with_plugin() {
+  static const Registry all = [] {
+    Registry r = registry();
+    load_plugin(CARDAN_BINARY_DIR "/plugins/custom_cam.so", r);
+    return r;
+  }();
+  return all;
+}
+
+class ForwardDynamics : public testing::TestWithParam<std::filesystem::path> {};
+
+TEST_P(ForwardDynamics, AllocatesNothing) {
+  const oracle::Case c = oracle::read(GetParam());
+  for (const int level : {0, 1, 2}) {
+    const auto model = compile(oracle::at_level(c.spec, level), with_plugin());
+    Workspace ws(*model);
+    std::vector<NodeWrench> wrenches;
+    for (const auto& p : c.points) {
+      NodeWrench w;
+      w.node = model->find_node(p.body + "." + p.node);
+      w.f = force(p.wrench.data());
+      wrenches.push_back(w);
+    }
+    Inputs in;
+    in.q = c.q.data(), in.v = c.v.data(), in.tau = c.tau.data(), in.wrenches = wrenches;
+    Eigen::VectorXd vdot(model->nv);
+    bool ok = false;
+    EXPECT_EQ(mallocs_in([&] { ok = forward_dynamics(*model, ws, in, vdot.data()); }), 0) << "level " << level;
+    EXPECT_TRUE(ok);
+  }
+}
+INSTANTIATE_TEST_SUITE_P(Files, ForwardDynamics, testing::ValuesIn(oracle::files()),
+                         [](const auto& file) { return file.param.stem().string(); });
+
+class Run : public testing::TestWithParam<const char*> {};
+
+// A tree with flexible bodies, ledgers, wrenches in both axes, springs, prescribed motion, a controller and an event.
+// The first 0.3 s warm up: the integrator makes its memory there.
+TEST_P(Run, AllocatesNothingOnceItIsUnderWay) {
+  for (const int level : {0, 1, 2}) {
+    const RandomTree tree = random_tree(3, {.bodies = 8,
+                                            .flexible = 0.6,
+                                            .level = level,
+                                            .prescribed = 0.15,
+                                            .springs = true,
+                                            .gravity = GravitySpec::Kind::central});
+    CompileOptions with_world;
+    with_world.world_wrenches = true;
+    SimulationOptions run;
+    run.integrator.method = GetParam();
+    if (run.integrator.method == "rk4") run.integrator.fixed_step = 1e-2;
+    run.integrator.relative_tolerance = 1e-6;
+    Simulation sim(compiled(tree.spec, with_world), run);
+    const Model& m = sim.model();
+    ASSERT_TRUE(m.has_prescribed() && m.n_modes > 4);
+    for (std::size_t i = 0; i < m.prescribed.size(); ++i)
+      if (m.prescribed[i]) sim.prescribe(static_cast<int>(i), MotionProfile::sine(0.05, 1.0, 0.0));
+    const int in_node = sim.add_wrench(m.find_node("b1.tip"), false),
+              in_world = sim.add_wrench(m.find_node("b2.tip"), true);
+    sim.every({1, 20}, [&] {
+      sim.set_wrench(in_node, {{0.1, 0, 0}, {0, std::sin(sim.time()), 0}});
+      sim.set_wrench(in_world, {{0, 0.1, 0}, {std::cos(sim.time()), 0, 0}});
+    });
+    int events = 0;
+    sim.add_event(
+        {"beat", [](double t, const double*, const double*) { return std::sin(20.0 * t); }, 0, [&] { ++events; }});
+    sim.run(0.3);
+    const int before = events;
+    EXPECT_EQ(mallocs_in([&] { sim.run(1.0); }), 0) << "level " << level;
+    EXPECT_GT(events, before);
+  }
+}
+INSTANTIATE_TEST_SUITE_P(By, Run, testing::Values("rk4", "dopri5"),
+                         [](const auto& method) { return std::string(method.param); });
+
+}  // namespace
+}  // namespace cardan::test

@@ -1,0 +1,29 @@
+-- The helpers that every script has.
+vehicle "../phases/vehicle.yaml"
+mission { duration = "10 ms" }
+local function near(name, a, b)
+  check { name = name, below = 1e-14, value = function()
+    local worst = 0
+    for i = 1, #b do worst = math.max(worst, math.abs(a[i] - b[i])) end
+    return worst
+  end }
+end
+local r = math.sqrt(0.5)
+local about_z, about_x = quat.from_axis_angle({ 0, 0, 2 }, math.pi / 2), { r, r, 0, 0 }
+near("quarter turn", about_z, { r, 0, 0, r })
+near("rotate", quat.rotate(about_z, { 1, 2, 3 }), { -2, 1, 3 })
+near("product turns twice", quat.rotate(quat.multiply(about_x, about_z), { 1, 0, 0 }), quat.rotate(about_x, { 0, 1, 0 }))
+near("conjugate turns back", quat.rotate(quat.conjugate(about_z), { -2, 1, 3 }), { 1, 2, 3 })
+near("error is in body axes", quat.error(about_x, quat.multiply(about_x, quat.from_axis_angle({ 0, 0, 1 }, 0.3))), { 0, 0, 0.3 })
+near("error takes the shorter way", quat.error({ 1, 0, 0, 0 }, { -math.cos(0.1), 0, math.sin(0.1), 0 }), { 0, -0.2, 0 })
+near("small errors keep their digits", vec.scale(1e9, quat.error({ 1, 0, 0, 0 }, quat.from_axis_angle({ 1, 0, 0 }, 1e-9))), { 1, 0, 0 })
+near("cross", vec.cross({ 1, 0, 0 }, { 0, 2, 0 }), { 0, 0, 2 })
+near("unit", vec.unit { 0, 3, 4 }, { 0, 0.6, 0.8 })
+near("sums", vec.add({ 1, 2, 3 }, vec.sub({ 1, 1, 1 }, { 2, 3, 4 })), { 0, 0, 0 })
+local c = 1 / math.sqrt(3)
+local axes = { { c, c, c }, { -c, c, c }, { -c, -c, c }, { c, -c, c } }
+local torque, sum = { 1, -2, 3 }, { 0, 0, 0 }
+local shares = allocation.least_norm(axes)(torque)
+for i, u in ipairs(shares) do sum = vec.add(sum, vec.scale(u, axes[i])) end
+near("shares add up to the torque", sum, torque)
+near("shares do not fight each other", { shares[1] - shares[2] + shares[3] - shares[4] }, { 0 })

@@ -1,0 +1,280 @@
+// `cardan` on small scenarios: what it writes, what it answers, and with which exit code.
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "core/io/hdf5_file.hpp"
+#include "tests/scripts/run_program.hpp"
+
+namespace cardan {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+const std::string kScripts = CARDAN_SOURCE_DIR "/tests/scripts";
+const std::string kMissions = kScripts + "/missions", kErrors = kScripts + "/errors";
+
+std::vector<std::string> folders_of(const std::string& path) {
+  std::vector<std::string> names;
+  for (const auto& entry : fs::directory_iterator(path))
+    if (entry.is_directory()) names.push_back(entry.path().filename().string());
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+json summary_of(const std::string& out) { return json::parse(file_text(out + "/summary.json")); }
+
+/// All rows of all channels of a result, path after path.
+void collect(const Hdf5File& file, const std::string& group, std::vector<std::pair<std::string, std::vector<double>>>& all) {
+  for (const std::string& name : file.members(group)) {
+    const std::string path = group + "/" + name;
+    if (file.is_group(path))
+      collect(file, path, all);
+    else
+      all.emplace_back(path, file.read_doubles(path).values);
+  }
+}
+auto channels_of(const std::string& out) {
+  std::vector<std::pair<std::string, std::vector<double>>> all;
+  const Hdf5File file = Hdf5File::open(out + "/run.h5");
+  collect(file, "/channels", all);
+  all.emplace_back("/time", file.read_doubles("/time").values);
+  return all;
+}
+
+void write(const std::string& path, const std::string& text) { std::ofstream(path) << text; }
+
+// ---- missions that check themselves ----
+
+class Mission : public testing::TestWithParam<std::string> {};
+
+TEST_P(Mission, MeetsItsChecks) {
+  const TemporaryFolder out;
+  const Finished run = run_program({"run", GetParam(), "--out", out.path(), "--check-against-reference"}, kMissions);
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+  EXPECT_EQ(run.err, "");
+  EXPECT_TRUE(fs::exists(out / "report.html"));
+}
+INSTANTIATE_TEST_SUITE_P(All, Mission, testing::ValuesIn(folders_of(kMissions)), [](const auto& p) { return p.param; });
+
+// ---- wrong input and failures: the whole text and the exit code ----
+
+class Answer : public testing::TestWithParam<std::string> {};
+
+TEST_P(Answer, IsAsExpected) {
+  std::istringstream script(file_text(kErrors + "/" + GetParam() + "/scenario.lua"));
+  std::vector<std::string> arguments{"run", GetParam()};
+  int exit_code = 0;
+  for (std::string line; std::getline(script, line) && line.starts_with("-- ");) {  // -- exit: 2, -- argument: --set a=b
+    if (line.starts_with("-- exit: ")) exit_code = std::stoi(line.substr(9));
+    if (line.starts_with("-- argument: ")) arguments.push_back(line.substr(13));
+  }
+  const TemporaryFolder out;
+  arguments.insert(arguments.end(), {"--out", out.path()});
+  const Finished run = run_program(arguments, kErrors);
+  EXPECT_EQ(run.exit_code, exit_code);
+  EXPECT_EQ(replaced(run.err, out.path(), "OUT"), file_text(kErrors + "/" + GetParam() + "/expected.txt"));
+  EXPECT_EQ(fs::exists(out / "summary.json"), exit_code == 3) << "a run that failed keeps what it reached";
+}
+INSTANTIATE_TEST_SUITE_P(All, Answer, testing::ValuesIn(folders_of(kErrors)), [](const auto& p) { return p.param; });
+
+TEST(Program, AFailedCheckIsExitCodeOneWithATable) {
+  const TemporaryFolder dir;
+  write(dir / "scenario.lua",
+        "vehicle 'vehicle.yaml'\n"
+            "mission { duration = 1 }\n"
+            "check { name = 'good', value = function() return 1 end, below = 2 }\n"
+            "check { name = 'bad', unit = 'deg', value = function() return 3 end, within = { 1, 2 } }\n");
+  fs::copy(kErrors + "/pendulum.yaml", dir / "vehicle.yaml");
+  const Finished run = run_program({"run", ".", "--out", "out"}, dir.path());
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_NE(run.out.find("  pass  good                                                           1   below 2\n"
+                         "  FAIL  bad                                                        3 deg   within 1 ... 2 deg\n"),
+            std::string::npos)
+      << run.out;
+  const json checks = summary_of(dir / "out")["checks"];
+  EXPECT_EQ(checks[0]["verdict"], "pass");
+  EXPECT_EQ(checks[1]["verdict"], "fail");
+  EXPECT_EQ(checks[1]["value"], 3.0);
+  EXPECT_EQ(checks[1]["limit"], 2.0) << "the limit that is passed";
+}
+
+TEST(Program, AFolderThatIsCopiedRunsUnchanged) {
+  const TemporaryFolder dir;
+  fs::copy(kMissions + "/pendulum", dir / "elsewhere", fs::copy_options::recursive);
+  const Finished here = run_program({"run", "pendulum/scenario.lua", "--out", dir / "a"}, kMissions);
+  const Finished there = run_program({"run", "scenario.lua"}, dir / "elsewhere");
+  EXPECT_EQ(here.exit_code, 0) << here.err;
+  EXPECT_EQ(there.exit_code, 0) << there.err;
+  EXPECT_EQ(channels_of(dir / "a"), channels_of(dir / "elsewhere/out/elsewhere")) << "the default folder is out/<folder of the scenario>";
+}
+
+TEST(Program, TwoRunsGiveTheSameBits) {
+  const TemporaryFolder dir;
+  for (const char* out : {"a", "b"}) ASSERT_EQ(run_program({"run", "drive", "--out", dir / out}, kMissions).exit_code, 0);
+  EXPECT_EQ(channels_of(dir / "a"), channels_of(dir / "b"));
+  json a = summary_of(dir / "a"), b = summary_of(dir / "b");
+  a.erase("wall_s"), b.erase("wall_s");
+  EXPECT_EQ(a, b);
+}
+
+TEST(Program, SetReplacesParametersVehicleAndMission) {
+  const TemporaryFolder dir;
+  const Finished run = run_program({"run", "pendulum", "--out", dir.path(), "--set", "start=-10 deg", "--set", "vehicle.bodies.rod.mass=4 kg", "--set",
+                                    "mission.integrator.method=cvode_bdf", "--set", "list=[3, 4 km]"},
+                                   kMissions);
+  EXPECT_EQ(run.exit_code, 1) << "the period is another: " << run.err;
+  const Hdf5File file = Hdf5File::open(dir / "run.h5");
+  EXPECT_NEAR(file.read_doubles("/channels/hinges/rod/angle").values.front(), -10 * M_PI / 180, 1e-15);
+  const auto parameters = file.read_texts("/spec/parameters");
+  const auto value = [&](const std::string& key) { return *(std::find(parameters.begin(), parameters.end(), key) + 1); };
+  EXPECT_EQ(value("bodies.rod.mass"), "4 kg");
+  EXPECT_EQ(value("parameters.list"), "[3, 4000]");
+  EXPECT_EQ(file.text_attribute("/run", "integrator"), "cvode_bdf, relative tolerance 1e-10");
+}
+
+TEST(Program, UntilEndsTheRun) {
+  const TemporaryFolder dir;
+  run_program({"run", "pendulum", "--out", dir.path(), "--until", "0.725"}, kMissions);
+  EXPECT_EQ(summary_of(dir.path())["simulated_s"], 0.725);
+  const auto time = Hdf5File::open(dir / "run.h5").read_doubles("/time").values;
+  EXPECT_EQ(time.size(), 16u) << "0, 0.05 ... 0.7, and the end";
+  EXPECT_EQ(time.back(), 0.725);
+  EXPECT_EQ(time[14], 0.7);
+}
+
+TEST(Program, SeedDecidesRandomNumbers) {
+  const TemporaryFolder dir;
+  fs::copy(kErrors + "/pendulum.yaml", dir / "vehicle.yaml");
+  write(dir / "scenario.lua", "vehicle 'vehicle.yaml' mission { duration = 1 } print(math.random(1000000))");
+  const auto drawn = [&](const char* seed) { return run_program({"run", ".", "--quiet", "--seed", seed, "--out", "out"}, dir.path()).out; };
+  const std::string first = drawn("1");
+  EXPECT_EQ(drawn("1"), first);
+  EXPECT_NE(drawn("2"), first);
+  EXPECT_EQ(Hdf5File::open(dir / "out/run.h5").text_attribute("/run", "seed"), "2");
+}
+
+TEST(Program, ErrorsAsJson) {
+  const TemporaryFolder dir;
+  const Finished input = run_program({"run", "C0502_unknown_keys", "--out", dir.path(), "--json-errors"}, kErrors);
+  const json wrong = json::parse(input.err);
+  EXPECT_EQ(input.exit_code, 2);
+  EXPECT_EQ(wrong["exit_code"], 2);
+  EXPECT_EQ(wrong["errors"].size(), 3u);
+  EXPECT_EQ(wrong["errors"][0]["code"], "C0502");
+  EXPECT_EQ(wrong["errors"][0]["at"], "mission.duration");
+  EXPECT_EQ(wrong["errors"][0]["line"], 3);
+  const Finished numerics = run_program({"run", "N0301_controller_nan", "--out", dir.path(), "--json-errors"}, kErrors);
+  const json failed = json::parse(numerics.err);
+  EXPECT_EQ(failed["exit_code"], 3);
+  EXPECT_EQ(failed["errors"][0]["code"], "N0301");
+  EXPECT_EQ(failed["errors"][0]["t"], 0.3);
+  const json line = json::parse(run_program({"run", "--json-errors"}, kErrors).err);
+  EXPECT_EQ(line["errors"][0]["code"], "C0801");
+}
+
+TEST(Program, ResultsThatCannotBeWrittenAreRefusedBeforeTheRun) {
+  const TemporaryFolder dir;
+  write(dir / "file", "");
+  const Finished run = run_program({"run", "pendulum", "--out", dir / "file/results"}, kMissions);
+  EXPECT_EQ(run.exit_code, 2);
+  EXPECT_EQ(replaced(run.err, dir.path(), "DIR"),
+            "error[C0701]: result cannot be written\n"
+            "  --> DIR/file/results\n"
+            "  expected: a place that can be written to\n"
+            "  got:      Not a directory\n"
+            "  hint:     --out DIR chooses another\n\n"
+            "1 error. Nothing was run.\n");
+}
+
+TEST(Program, AFullDiskIsAFailureOfTheRun) {
+  const TemporaryFolder dir;
+  const Finished run = run_program({"run", "pendulum", "--out", dir.path(), "--quiet", "--set", "mission.output.rate=1000 Hz"}, kMissions, [] {
+    const rlimit limit{100'000, 100'000};  // [B] of one file; the results begin with about 80 000
+    setrlimit(RLIMIT_FSIZE, &limit);
+  });
+  EXPECT_EQ(run.exit_code, 3);
+  EXPECT_TRUE(run.err.starts_with("failure[N0204]: the results cannot be written any more\n  t = ")) << run.err;
+  EXPECT_GT(summary_of(dir.path())["simulated_s"], 0.0) << "what is known is written";
+}
+
+TEST(Program, AKilledRunLeavesResultsThatCanBeRead) {
+  const TemporaryFolder dir;
+  const Finished run = run_program({"run", "pendulum", "--out", dir.path(), "--set", "mission.duration=100 day"}, kMissions, [] { alarm(4); });
+  EXPECT_EQ(run.exit_code, -1) << "killed by the alarm";
+  const auto time = Hdf5File::open(dir / "run.h5").read_doubles("/time").values;
+  EXPECT_GT(time.size(), 100u);
+}
+
+TEST(Program, ReportsAreMadeAgain) {
+  const TemporaryFolder dir;
+  ASSERT_EQ(run_program({"run", "pendulum", "--out", dir.path(), "--quiet"}, kMissions).exit_code, 0);
+  const std::string first = file_text(dir / "report.html");
+  EXPECT_EQ(run_program({"report", dir / "run.h5", "--out", dir / "again.html"}, dir.path()).exit_code, 0);
+  EXPECT_EQ(file_text(dir / "again.html"), first);
+  EXPECT_EQ(run_program({"report", dir / "absent.h5"}, dir.path()).exit_code, 2);
+}
+
+TEST(Program, CheckValidatesWithoutARun) {
+  const TemporaryFolder dir;
+  const Finished good = run_program({"check", kMissions + "/pendulum"}, dir.path());
+  EXPECT_EQ(good.exit_code, 0);
+  EXPECT_EQ(good.out, "ok: 1 body, 1 coordinates, 1 velocities, 0 modes, 1 controller, 1 event, 3 checks, 4 s\n");
+  EXPECT_TRUE(fs::is_empty(dir.path()));
+  EXPECT_EQ(run_program({"check", kErrors + "/C0201_unknown_body"}, dir.path()).exit_code, 2);
+}
+
+TEST(Program, DescribeHasAMassLedgerThatSumsUp) {
+  const Finished run = run_program({"describe", "merged", "--json"}, kMissions);
+  const json masses = json::parse(run.out)["masses"];
+  EXPECT_EQ(masses["total"], 13.0);
+  // 10 kg at the origin, 3 kg at x = 2: mass centre at 6/13; own inertias 1 + 1, and 10 (6/13)^2 + 3 (20/13)^2 across x.
+  EXPECT_NEAR(masses["com_world"][0], 6.0 / 13, 1e-15);
+  EXPECT_NEAR(masses["inertia_world_about_com"][0][0], 2.0, 1e-14);
+  EXPECT_NEAR(masses["inertia_world_about_com"][1][1], 2.0 + 10 * 36.0 / 169 + 3 * 400.0 / 169, 1e-14);
+  const Finished text = run_program({"describe", "merged"}, kMissions);
+  EXPECT_NE(text.out.find("merged with the body it is fixed to"), std::string::npos);
+  EXPECT_NE(text.out.find("gravity: uniform [0, 0, -10] m/s^2"), std::string::npos);
+  EXPECT_NE(text.out.find("  mission.integrator.method = cvode_adams\n"), std::string::npos) << "every default is told";
+}
+
+TEST(Program, DescribeTellsTheProgramAndTheModes) {
+  const json flexible = json::parse(run_program({"describe", "flexible", "--json"}, kMissions).out);
+  EXPECT_EQ(flexible["modes"][0]["kept"], 4);
+  EXPECT_EQ(flexible["modes"][0]["audit"][0]["kept"], true);
+  const std::string loaded = json::parse(run_program({"describe", "free_body", "--json"}, kMissions).out)["program"];
+  const std::string unloaded = json::parse(run_program({"describe", "drive", "--json"}, kMissions).out)["program"];
+  EXPECT_NE(loaded.find("node_wrenches"), std::string::npos);
+  EXPECT_EQ(unloaded.find("node_wrenches"), std::string::npos) << "a scene without loads has no op for them";
+}
+
+TEST(Program, PluginsAreLoadedAndChecked) {
+  const TemporaryFolder dir;
+  fs::copy(CARDAN_BINARY_DIR "/plugins/custom_cam.so", dir / "cam.so");
+  write(dir / "vehicle.yaml",
+        "cardan: 1\nbodies:\n  slider: {mass: 1, inertia: [1, 1, 1], hinge: {type: custom_cam, to: world, axis: [0, 0, 1], a: 0.1, b: 0.2, c: 0.3}}\n");
+  write(dir / "scenario.lua", "plugin 'cam.so' vehicle 'vehicle.yaml' mission { duration = 1 } initial { slider = { rate = 1 } }");
+  const Finished check = run_program({"check-plugin", "cam.so"}, dir.path(), {});
+  EXPECT_EQ(check.exit_code, 0) << check.err;
+  EXPECT_TRUE(check.out.starts_with("ok    hinge custom_cam: ")) << check.out;
+  const Finished run = run_program({"run", ".", "--out", "out", "--check-against-reference"}, dir.path());
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_EQ(Hdf5File::open(dir / "out/run.h5").read_texts("/run/plugins").front(), "cam.so");
+}
+
+TEST(Program, TellsItsVersion) {
+  const Finished run = run_program({"version"}, kMissions);
+  EXPECT_EQ(run.exit_code, 0);
+  EXPECT_TRUE(run.out.starts_with("cardan ")) << run.out;
+}
+
+}  // namespace
+}  // namespace cardan

@@ -1,0 +1,34 @@
+#pragma once
+// The built program, run as a user does.
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace cardan {
+
+struct Finished {
+  int exit_code;  // -1: ended by a signal
+  std::string out, err;
+};
+
+/// Runs `cardan` with these arguments in `folder`; `in_child` is called in the new process before it begins.
+Finished run_program(const std::vector<std::string>& arguments, const std::string& folder, const std::function<void()>& in_child = {});
+
+/// A fresh folder that the test removes by itself at its end.
+class TemporaryFolder {
+ public:
+  TemporaryFolder();
+  ~TemporaryFolder();
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  std::string operator/(const std::string& name) const { return path_ + "/" + name; }
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+std::string file_text(const std::string& path);
+std::string replaced(std::string text, const std::string& what, const std::string& with);
+
+}  // namespace cardan
