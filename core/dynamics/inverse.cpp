@@ -68,7 +68,9 @@ Matrix6X phi_star_rows(const Model& model, const Workspace& ws, int k) {
     e[j] = 1.0;
     rows.col(j) = to_eigen(to_outboard(soa::pose_in_inboard(model, ws, k), motion(e)));
   }
-  if (b.n_parent_modes > 0) rows.rightCols(b.n_parent_modes) = Eigen::Map<const Matrix6X>(ws.modal_of(k)->A, 6, b.n_parent_modes);
+  if (b.n_parent_modes > 0) rows.rightCols(b.n_parent_modes) =
+        Eigen::Map<const Eigen::Matrix<double, 6, 6>>(ws.modal_of(k)->Y) *
+        Eigen::Map<const Matrix6X>(model.shapes[static_cast<std::size_t>(b.onode)].columns.data(), 6, b.n_parent_modes);
   return rows;
 }
 

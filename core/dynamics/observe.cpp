@@ -167,7 +167,16 @@ Force<double> Observer::wrench_on_sweep_body(int k) const {
       if (modal.C) delta += modal.accel[j] * motion_column(modal.C, j);
     }
   }
-  return f + core.P * delta;
+  f += core.P * delta;
+  // Bodies on deforming nodes of a body that is eliminated through them are not in its P: their part is P+ delta+.
+  if (b.n_modes > 0 && ws_.modal_of(k)->compliant)
+    for (const int c : model_.flexible[static_cast<std::size_t>(b.flexible)].attached) {
+      const soa::Modal<double>& outboard = *ws_.modal_of(c);
+      double s[6];
+      soa::shapes_times(model_.shapes[static_cast<std::size_t>(model_.bodies[static_cast<std::size_t>(c)].onode)].columns.data(), ws_.modal_of(k)->accel, b.n_modes, s);
+      f += to_inboard(ws_.X(c), outboard.P_plus * (to_outboard(ws_.X(c), core.delta) + soa::times(outboard.Y, s)));
+    }
+  return f;
 }
 
 // The wrench that a body receives through its inboard hinge, referred to the sweep frame that carries it.

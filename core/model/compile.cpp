@@ -312,6 +312,39 @@ class Compiler {
       m.bodies.push_back(b);
     }
     if (std::ranges::find(prescribed, 1) != prescribed.end()) m.prescribed = std::move(prescribed);
+    prepare_woodbury();
+  }
+
+  // Which flexible bodies are eliminated through the 6 x 6 blocks of their outboard nodes, and the constants for it.
+  void prepare_woodbury() {
+    Model& m = *model_;
+    for (std::size_t k = 1; k < m.bodies.size(); ++k)
+      if (m.bodies[k].onode >= 0) m.flexible[static_cast<std::size_t>(m.bodies[static_cast<std::size_t>(m.bodies[k].parent)].flexible)].attached.push_back(static_cast<int>(k));
+    for (const SweepBody& b : m.bodies) {
+      if (b.n_modes == 0) continue;
+      FlexibleBody& f = m.flexible[static_cast<std::size_t>(b.flexible)];
+      bool masked = false;
+      for (int j = b.etadot; m.has_prescribed() && j < b.etadot + b.n_modes; ++j) masked = masked || m.prescribed[static_cast<std::size_t>(j)];
+      const bool moves_at_P = b.pnode >= 0 && m.shapes[static_cast<std::size_t>(b.pnode)].deforms();
+      // Below about nine modes per node the dense factor is cheaper (measured, docs/benchmarks.md).
+      f.woodbury = f.M_ee_constant && !moves_at_P && !masked && !f.attached.empty() && b.n_modes >= 9 * static_cast<int>(f.attached.size());
+      if (!f.woodbury) continue;
+      const auto n = static_cast<Eigen::Index>(6 * f.attached.size());
+      Eigen::MatrixXd S(n, b.n_modes);
+      for (std::size_t c = 0; c < f.attached.size(); ++c) {
+        const SweepBody& child = m.bodies[static_cast<std::size_t>(f.attached[c])];
+        S.middleRows<6>(static_cast<Eigen::Index>(6 * c)) =
+            Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic>>(m.shapes[static_cast<std::size_t>(child.onode)].columns.data(), 6, b.n_modes);
+      }
+      const Eigen::Map<const Eigen::MatrixXd> M_ee(f.M_ee.data(), b.n_modes, b.n_modes);
+      const Eigen::MatrixXd F = Eigen::LLT<Eigen::MatrixXd>(M_ee).solve(S.transpose()).transpose();  // n x m
+      for (std::size_t c = 0; c < f.attached.size(); ++c) {
+        const Eigen::MatrixXd block = F.middleRows<6>(static_cast<Eigen::Index>(6 * c));
+        f.F.emplace_back(block.data(), block.data() + block.size());
+      }
+      const Eigen::MatrixXd Sigma = S * F.transpose();
+      f.Sigma.assign(Sigma.data(), Sigma.data() + Sigma.size());
+    }
   }
 
   static Pose<double> fixed_transform(const HingeSpec& hinge, const UserBody& u) {

@@ -41,6 +41,12 @@ struct FlexibleBody {
   std::vector<double> L_ee;             // m x m lower Cholesky factor of M_ee at eta = 0
   std::vector<double> U;                // m x 6 rows: M_ee^-1 M_re* at eta = 0
   ArticulatedInertia<double> gramian;   // M_re M_ee^-1 M_re* at eta = 0
+  // Outboard hinges on deforming nodes. Where M_ee is constant and nothing else moves with the modes, they are eliminated
+  // through their 6 x 6 blocks (Woodbury), and no matrix of size m is factored in a step:
+  bool woodbury = false;
+  std::vector<int> attached;            // sweep indices of the bodies that hang there, n of them
+  std::vector<std::vector<double>> F;   // per attached body m x 6 rows: M_ee^-1 S*
+  std::vector<double> Sigma;            // 6n x 6n, column-major: S M_ee^-1 S*
   int level = 0;
   std::shared_ptr<const ModalData> data;
 };

@@ -28,9 +28,10 @@ void acceleration_general(const Model& model, Workspace<T>& ws, const Inputs<T>&
     const Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
     Modal<T>& modal = ws.template modal<NV>(k);
     Motion<T> delta = to_outboard(ws.X(k), ws.core(b.parent).delta);
-    if (modal.A) {
-      const Modal<T>& parent = *ws.modal_of(b.parent);
-      for (int j = 0; j < b.n_parent_modes; ++j) delta += parent.accel[j] * motion_column(modal.A, j);
+    if (modal.Y) {
+      T s[6];
+      shapes_times(model.shapes[static_cast<std::size_t>(b.onode)].columns.data(), ws.modal_of(b.parent)->accel, b.n_parent_modes, s);
+      delta += times(modal.Y, s);
     }
     Motion<T> after = delta;
     const bool given = model.has_prescribed();
@@ -40,8 +41,9 @@ void acceleration_general(const Model& model, Workspace<T>& ws, const Inputs<T>&
       vdot[b.v + j] = given && model.prescribed[static_cast<std::size_t>(b.v + j)] ? in.vdot[b.v + j] : a;
     }
     body.delta = after;
+    if (modal.compliant) acceleration_by_nodes(model, ws, b, modal, after);
     for (int j = 0; j < b.n_modes; ++j) {
-      const T a = modal.nu[j] - dot(after, force_column(modal.U, j));
+      const T a = modal.compliant ? modal.accel[j] : modal.nu[j] - dot(after, force_column(modal.U, j));
       modal.accel[j] = a;
       if (modal.C) body.delta -= a * motion_column(modal.C, j);
       const auto at = static_cast<std::size_t>(b.etadot + j);
@@ -76,10 +78,8 @@ void gather_general(const Model& model, Workspace<T>& ws, T* tau, int begin, int
       tau[b.etadot + j] = force;
     }
     ws.core(b.parent).z += to_inboard(ws.X(k), body.z);
-    if (modal.A) {
-      Modal<T>& parent = *ws.modal_of(b.parent);
-      for (int j = 0; j < b.n_parent_modes; ++j) parent.z[j] = parent.z[j] + dot(motion_column(modal.A, j), body.z);
-    }
+    if (modal.Y)
+      add_to_modes(modal.Y, model.shapes[static_cast<std::size_t>(b.onode)].columns.data(), body.z, b.n_parent_modes, ws.modal_of(b.parent)->z);
   }
 }
 

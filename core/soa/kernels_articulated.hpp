@@ -3,6 +3,7 @@
 // residual z, eps = tau - H z and nu = D^-1 eps (mathematics 4.4, 4.6). Flexible bodies in two stages, modes then hinge
 // (4.10). P is symmetric by type; P+ = P - G D G* is formed from the Cholesky factor of D.
 #include <cmath>
+#include <utility>
 
 #include "core/soa/workspace.hpp"
 
@@ -77,6 +78,57 @@ void solve_hinge(const Hinge<T, NV>& hinge, T* x) {
   }
 }
 
+/// Column j of a 6 x m array as a force, and as a motion.
+template <class T>
+Force<T> force_column(const T* a, int j) { return {{a[6 * j], a[6 * j + 1], a[6 * j + 2]}, {a[6 * j + 3], a[6 * j + 4], a[6 * j + 5]}}; }
+template <class T>
+Motion<T> motion_column(const T* a, int j) { return {{a[6 * j], a[6 * j + 1], a[6 * j + 2]}, {a[6 * j + 3], a[6 * j + 4], a[6 * j + 5]}}; }
+
+/// Modal columns of Phi*: Y s for s = S eta-like sums; and its transpose.
+template <class T>
+Motion<T> times(const T* Y, const T* s) {
+  Motion<T> out = s[0] * motion_column(Y, 0);
+  for (int i = 1; i < 6; ++i) out += s[i] * motion_column(Y, i);
+  return out;
+}
+template <class T>
+void transposed_times(const T* Y, const Force<T>& f, T* out) {
+  for (int i = 0; i < 6; ++i) out[i] = dot(motion_column(Y, i), f);
+}
+/// S x = sum_j x_j [psi_j; phi_j], 6 numbers.
+template <class T>
+void shapes_times(const double* S, const T* x, int m, T* out) {
+  for (int r = 0; r < 6; ++r) out[r] = T(0);
+  for (int j = 0; j < m; ++j)
+    for (int r = 0; r < 6; ++r) out[r] = out[r] + x[j] * T(S[6 * j + r]);
+}
+/// out += S* Y* f: a wrench at B on the modes of the inboard body.
+template <class T>
+void add_to_modes(const T* Y, const double* S, const Force<T>& f, int m, T* out) {
+  T y[6];
+  transposed_times(Y, f, y);
+  for (int j = 0; j < m; ++j) {
+    T sum(0);
+    for (int r = 0; r < 6; ++r) sum = sum + T(S[6 * j + r]) * y[r];
+    out[j] = out[j] + sum;
+  }
+}
+/// 6 numbers as a force or motion, and back.
+template <class T>
+void store(const Force<T>& f, T* out) { out[0] = f.n.x, out[1] = f.n.y, out[2] = f.n.z, out[3] = f.f.x, out[4] = f.f.y, out[5] = f.f.z; }
+template <class T>
+void store(const Motion<T>& f, T* out) { out[0] = f.w.x, out[1] = f.w.y, out[2] = f.w.z, out[3] = f.v.x, out[4] = f.v.y, out[5] = f.v.z; }
+
+/// Scratch of a body with n outboard hinges on deforming nodes (N = 6 n): P~ (N x N), X~ (N x 6), G_rs* (N x 6),
+/// LU (N x N), s, g (N each).
+inline std::size_t compliant_size(int n) { return static_cast<std::size_t>(2 * 36 * n * n + 2 * 36 * n + 2 * 6 * n); }
+template <class T>
+struct Compliant {
+  int N;
+  T *P, *X, *G, *LU, *s, *g;
+  Compliant(T* at, int n) : N(6 * n), P(at), X(P + N * N), G(X + 6 * N), LU(G + 6 * N), s(LU + N * N), g(s + N) {}
+};
+
 template <class T, int NV, InwardFor For>
 void inward_rigid(const Model& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
   for (int k = end - 1; k >= begin; --k) {
@@ -127,12 +179,6 @@ void inward_rigid(const Model& model, Workspace<T>& ws, const Inputs<T>& in, int
     }
   }
 }
-
-/// Column j of a 6 x m array as a force, and as a motion.
-template <class T>
-Force<T> force_column(const T* a, int j) { return {{a[6 * j], a[6 * j + 1], a[6 * j + 2]}, {a[6 * j + 3], a[6 * j + 4], a[6 * j + 5]}}; }
-template <class T>
-Motion<T> motion_column(const T* a, int j) { return {{a[6 * j], a[6 * j + 1], a[6 * j + 2]}, {a[6 * j + 3], a[6 * j + 4], a[6 * j + 5]}}; }
 
 /// Stage 1 of 4.10: P_ee' = L L*, U = P_ee'^-1 P_re'*, P_r = P_rr - P_re' U. Where M_ee is constant and nothing else deforms
 /// with the modes, its factor was formed once by compile() and the cost is O(m).
@@ -223,6 +269,150 @@ bool eliminate_modes(const Model& model, const SweepBody& b, Core<T>& body, Moda
   return true;
 }
 
+/// Stage 1 through the outboard nodes. The modes act as a compliance Sigma_B = Y Sigma Y* between the body and what hangs on
+/// its nodes:  P~ = (1 + P+ Sigma_B)^-1 P+,  X~ = X - Y G_rs*,  P_r = M_rr - M_re M_ee^-1 M_re* + X~* P~ X~.
+/// Nothing cancels, however heavy the outboard bodies; P+ may be singular. U holds M_ee^-1 M_re* afterwards.
+template <class T>
+void eliminate_by_nodes(const Model& model, Workspace<T>& ws, const SweepBody& b, Core<T>& body, Modal<T>& modal) {
+  const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
+  const int m = b.n_modes, n = static_cast<int>(f.attached.size());
+  const Compliant<T> c(modal.compliant, n);
+  const int N = c.N;
+  Breakdown none;
+  eliminate_modes(model, b, body, modal, none);  // U and P_r of the body alone
+  for (int a = 0; a < n; ++a) {
+    const int k = f.attached[static_cast<std::size_t>(a)];
+    const SweepBody& child = model.bodies[static_cast<std::size_t>(k)];
+    const Modal<T>& outboard = *ws.modal_of(k);
+    const double* S = model.shapes[static_cast<std::size_t>(child.onode)].columns.data();
+    T G[36] = {};  // 6 x 6: S F1*, row r = sum_j S_rj U_j
+    for (int j = 0; j < m; ++j)
+      for (int col = 0; col < 6; ++col)
+        for (int r = 0; r < 6; ++r) G[6 * col + r] = G[6 * col + r] + T(S[6 * j + r]) * modal.U[6 * j + col];
+    for (int col = 0; col < 6; ++col) {
+      T unit[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};
+      unit[col] = T(1);
+      const Motion<T> e{{unit[0], unit[1], unit[2]}, {unit[3], unit[4], unit[5]}};
+      store(to_outboard(ws.X(k), e) - times(outboard.Y, G + 6 * col), c.X + N * col + 6 * a);
+    }
+  }
+  // LU <- 1 + P+ Sigma_B, P <- P+ (block diagonal)
+  for (int a = 0; a < n; ++a) {
+    const Modal<T>& row = *ws.modal_of(f.attached[static_cast<std::size_t>(a)]);
+    for (int d = 0; d < n; ++d) {
+      const Modal<T>& column = *ws.modal_of(f.attached[static_cast<std::size_t>(d)]);
+      for (int col = 0; col < 6; ++col) {
+        T w[6], v[6];  // w = Sigma_ad Y_d* e_col
+        for (int i = 0; i < 6; ++i) v[i] = column.Y[6 * i + col];
+        for (int i = 0; i < 6; ++i) {
+          w[i] = T(0);
+          for (int l = 0; l < 6; ++l) w[i] = w[i] + T(f.Sigma[static_cast<std::size_t>(N * (6 * d + l) + 6 * a + i)]) * v[l];
+        }
+        T out[6];
+        store(row.P_plus * times(row.Y, w), out);
+        for (int i = 0; i < 6; ++i) c.LU[N * (6 * d + col) + 6 * a + i] = out[i] + T(a == d && i == col ? 1 : 0);
+        T unit[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};
+        unit[col] = T(a == d ? 1 : 0);
+        store(row.P_plus * Motion<T>{{unit[0], unit[1], unit[2]}, {unit[3], unit[4], unit[5]}}, c.P + N * (6 * d + col) + 6 * a);
+      }
+    }
+  }
+  for (int j = 0; j < N; ++j) {  // Gauss with row exchanges
+    int pivot = j;
+    for (int i = j + 1; i < N; ++i)
+      if (c.LU[N * j + i] * c.LU[N * j + i] > c.LU[N * j + pivot] * c.LU[N * j + pivot]) pivot = i;
+    if (pivot != j)
+      for (int l = 0; l < N; ++l) {
+        std::swap(c.LU[N * l + j], c.LU[N * l + pivot]);
+        std::swap(c.P[N * l + j], c.P[N * l + pivot]);
+      }
+    const T inverse = T(1) / c.LU[N * j + j];
+    for (int i = j + 1; i < N; ++i) {
+      const T factor = c.LU[N * j + i] * inverse;
+      for (int l = j + 1; l < N; ++l) c.LU[N * l + i] = c.LU[N * l + i] - factor * c.LU[N * l + j];
+      for (int l = 0; l < N; ++l) c.P[N * l + i] = c.P[N * l + i] - factor * c.P[N * l + j];
+    }
+  }
+  for (int l = 0; l < N; ++l)
+    for (int j = N - 1; j >= 0; --j) {
+      for (int i = j + 1; i < N; ++i) c.P[N * l + j] = c.P[N * l + j] - c.LU[N * i + j] * c.P[N * l + i];
+      c.P[N * l + j] = c.P[N * l + j] / c.LU[N * j + j];
+    }
+  for (int j = 0; j < N; ++j)  // symmetric by nature, kept so
+    for (int i = 0; i < j; ++i) c.P[N * j + i] = c.P[N * i + j] = T(0.5) * (c.P[N * j + i] + c.P[N * i + j]);
+  T H[36];  // X~* P~ X~, upper triangle
+  for (int col = 0; col < 6; ++col) {
+    for (int i = 0; i < N; ++i) {
+      c.g[i] = T(0);
+      for (int l = 0; l < N; ++l) c.g[i] = c.g[i] + c.P[N * l + i] * c.X[N * col + l];
+    }
+    for (int r = 0; r <= col; ++r) {
+      T sum(0);
+      for (int i = 0; i < N; ++i) sum = sum + c.X[N * r + i] * c.g[i];
+      H[6 * col + r] = sum;
+    }
+  }
+  const auto h = [&](int r, int col) { return H[6 * col + r]; };
+  modal.P_r += ArticulatedInertia<T>{{h(0, 0), h(1, 1), h(2, 2), h(0, 1), h(0, 2), h(1, 2)},
+                                     {h(0, 3), h(0, 4), h(0, 5), h(1, 3), h(1, 4), h(1, 5), h(2, 3), h(2, 4), h(2, 5)},
+                                     {h(3, 3), h(4, 4), h(5, 5), h(3, 4), h(3, 5), h(4, 5)}};
+}
+
+/// nu <- y = M_ee^-1 eps_e; s <- Y S y; gives X~* P~ s, which joins z_r' = z_r + M_re y + X~* P~ s.
+template <class T>
+Force<T> bias_by_nodes(const Model& model, const Workspace<T>& ws, const SweepBody& b, const Modal<T>& modal) {
+  const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
+  const int n = static_cast<int>(f.attached.size());
+  const Compliant<T> c(modal.compliant, n);
+  const int N = c.N;
+  for (int a = 0; a < n; ++a) {
+    const int k = f.attached[static_cast<std::size_t>(a)];
+    T s[6];
+    shapes_times(model.shapes[static_cast<std::size_t>(model.bodies[static_cast<std::size_t>(k)].onode)].columns.data(), modal.nu, b.n_modes, s);
+    store(times(ws.modal_of(k)->Y, s), c.s + 6 * a);
+  }
+  for (int i = 0; i < N; ++i) {
+    c.g[i] = T(0);
+    for (int l = 0; l < N; ++l) c.g[i] = c.g[i] + c.P[N * l + i] * c.s[l];
+  }
+  T out[6];
+  for (int col = 0; col < 6; ++col) {
+    out[col] = T(0);
+    for (int i = 0; i < N; ++i) out[col] = out[col] + c.X[N * col + i] * c.g[i];
+  }
+  return {{out[0], out[1], out[2]}, {out[3], out[4], out[5]}};
+}
+
+/// eta'' = y - U dl - F Y* P~ (s + X~ dl), dl = delta of the body.
+template <class T>
+void acceleration_by_nodes(const Model& model, const Workspace<T>& ws, const SweepBody& b, Modal<T>& modal, const Motion<T>& dl) {
+  const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
+  const int n = static_cast<int>(f.attached.size());
+  const Compliant<T> c(modal.compliant, n);
+  const int N = c.N;
+  T d[6];
+  store(dl, d);
+  for (int i = 0; i < N; ++i) {
+    c.g[i] = c.s[i];
+    for (int col = 0; col < 6; ++col) c.g[i] = c.g[i] + c.X[N * col + i] * d[col];
+  }
+  for (int j = 0; j < b.n_modes; ++j) modal.accel[j] = modal.nu[j] - dot(dl, force_column(modal.U, j));
+  for (int a = 0; a < n; ++a) {
+    Force<T> force{};  // P~ (s + X~ dl), rows of this node
+    T h[6];
+    for (int i = 0; i < 6; ++i) {
+      h[i] = T(0);
+      for (int l = 0; l < N; ++l) h[i] = h[i] + c.P[N * l + 6 * a + i] * c.g[l];
+    }
+    force = {{h[0], h[1], h[2]}, {h[3], h[4], h[5]}};
+    T y[6];
+    transposed_times(ws.modal_of(f.attached[static_cast<std::size_t>(a)])->Y, force, y);
+    const double* F = f.F[static_cast<std::size_t>(a)].data();
+    for (int j = 0; j < b.n_modes; ++j)
+      for (int r = 0; r < 6; ++r) modal.accel[j] = modal.accel[j] - T(F[6 * j + r]) * y[r];
+  }
+}
+
 /// x <- P_ee'^-1 x.
 template <class T>
 void solve_modes(const FlexibleBody& f, const Modal<T>& modal, int m, T* x) {
@@ -246,7 +436,8 @@ void inward_general(const Model& model, Workspace<T>& ws, const Inputs<T>& in, i
     Core<T>& inboard = ws.core(b.parent);
     Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
     Modal<T>& modal = ws.template modal<NV>(k);
-    Modal<T>* modal_inboard = modal.A ? ws.modal_of(b.parent) : nullptr;
+    Modal<T>* modal_inboard = modal.Y ? ws.modal_of(b.parent) : nullptr;
+    const double* S = modal.Y ? model.shapes[static_cast<std::size_t>(b.onode)].columns.data() : nullptr;
     const int m = b.n_modes;
     const std::uint8_t* fixed = b.has_prescribed ? model.prescribed.data() + b.v : nullptr;
     const std::uint8_t* fixed_mode = m > 0 && model.has_prescribed() ? model.prescribed.data() + b.etadot : nullptr;
@@ -255,6 +446,8 @@ void inward_general(const Model& model, Workspace<T>& ws, const Inputs<T>& in, i
     if constexpr (For.inertia) {
       if (m == 0)
         modal.P_r = body.P;
+      else if (modal.compliant)
+        eliminate_by_nodes(model, ws, b, body, modal);
       else if (!eliminate_modes(model, b, body, modal, bad)) {
         ws.breakdown = bad;
         return;
@@ -268,15 +461,25 @@ void inward_general(const Model& model, Workspace<T>& ws, const Inputs<T>& in, i
         }
         for (int j = 0; j < NV; ++j) subtract_outer(P, half[j], half[j]);
       }
-      inboard.P += to_inboard(ws.X(k), P);
-      if (modal_inboard) {  // rows and columns of the inboard modes: A* P+ A
+      if (modal_inboard) modal.P_plus = P;
+      if (!modal_inboard || !modal_inboard->compliant) inboard.P += to_inboard(ws.X(k), P);
+      if (modal_inboard && !modal_inboard->compliant) {  // rows and columns of the inboard modes: A* P+ A with A = Y S
         const int mp = b.n_parent_modes;
+        T Q[36], W[36];  // Y* P+ Y and X* P+ Y
+        for (int i = 0; i < 6; ++i) {
+          const Force<T> PY = P * motion_column(modal.Y, i);
+          transposed_times(modal.Y, PY, Q + 6 * i);
+          store(to_inboard(ws.X(k), PY), W + 6 * i);
+        }
         for (int j = 0; j < mp; ++j) {
-          const Force<T> PA = P * motion_column(modal.A, j), at_A = to_inboard(ws.X(k), PA);
-          T* c = modal_inboard->P_re + 6 * j;
-          c[0] = c[0] + at_A.n.x, c[1] = c[1] + at_A.n.y, c[2] = c[2] + at_A.n.z;
-          c[3] = c[3] + at_A.f.x, c[4] = c[4] + at_A.f.y, c[5] = c[5] + at_A.f.z;
-          for (int i = j; i < mp; ++i) modal_inboard->P_ee[mp * j + i] = modal_inboard->P_ee[mp * j + i] + dot(motion_column(modal.A, i), PA);
+          T q[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};
+          for (int i = 0; i < 6; ++i)
+            for (int r = 0; r < 6; ++r) {
+              modal_inboard->P_re[6 * j + r] = modal_inboard->P_re[6 * j + r] + W[6 * i + r] * T(S[6 * j + i]);
+              q[r] = q[r] + Q[6 * i + r] * T(S[6 * j + i]);
+            }
+          for (int i = j; i < mp; ++i)
+            for (int r = 0; r < 6; ++r) modal_inboard->P_ee[mp * j + i] = modal_inboard->P_ee[mp * j + i] + T(S[6 * i + r]) * q[r];
         }
       }
     }
@@ -291,6 +494,7 @@ void inward_general(const Model& model, Workspace<T>& ws, const Inputs<T>& in, i
         }
         solve_modes(f, modal, m, modal.nu);
         for (int j = 0; j < m; ++j) z += modal.nu[j] * force_column(modal.P_re, j);
+        if (modal.compliant) z += bias_by_nodes(model, ws, b, modal);
       }
       if constexpr (NV > 0) {
         T eps[NV];
@@ -302,8 +506,7 @@ void inward_general(const Model& model, Workspace<T>& ws, const Inputs<T>& in, i
         solve_hinge<T, NV>(hinge, hinge.nu);
       }
       inboard.z += to_inboard(ws.X(k), z);
-      if (modal_inboard)
-        for (int j = 0; j < b.n_parent_modes; ++j) modal_inboard->z[j] = modal_inboard->z[j] + dot(motion_column(modal.A, j), z);
+      if (modal_inboard) add_to_modes(modal.Y, S, z, b.n_parent_modes, modal_inboard->z);
     }
   }
 }

@@ -210,7 +210,10 @@ void flexible_inertia(const Model& model, const SweepBody& b, const Inputs<T>& i
     for (int j = 0; j < m; ++j) {
       const T* c = modal.P_re + 6 * j;
       body.z += accel[j] * Force<T>{{c[0], c[1], c[2]}, {c[3], c[4], c[5]}};
-      for (int i = 0; i < m; ++i) modal.z[i] = modal.z[i] + (modal.P_ee ? modal.P_ee[m * j + i] : T(f.M_ee[static_cast<std::size_t>(m * j + i)])) * accel[j];
+      if (f.M_ee_identity && f.M_ee_constant)
+        modal.z[j] = modal.z[j] + accel[j];
+      else
+        for (int i = 0; i < m; ++i) modal.z[i] = modal.z[i] + (modal.P_ee ? modal.P_ee[m * j + i] : T(f.M_ee[static_cast<std::size_t>(m * j + i)])) * accel[j];
     }
   }
 }
@@ -307,13 +310,15 @@ void outward_general(const Model& model, Workspace<T>& ws, const Inputs<T>& in, 
     ws.X(k) = {R_AB, p_AB};
     body.E = acceleration_field(For.velocity ? body.w : none, body.gamma.w);
 
-    if (modal.A) {  // modal columns of Phi*: Gamma_O carried to B
+    if (modal.Y) {  // unit columns [psi; phi] of the node's shapes carried to B: Gamma_O = [Jl psi; phi], then X_B X_h
       const Vec3<T> from_O = p_AB - p_O;
-      for (int j = 0; j < b.n_parent_modes; ++j) {
-        const Motion<T> column = node_column(*shapes_O, at_O, j);
+      for (int j = 0; j < 6; ++j) {
+        const T one(1), zero(0);
+        const Vec3<T> unit{j % 3 == 0 ? one : zero, j % 3 == 1 ? one : zero, j % 3 == 2 ? one : zero};
+        const Motion<T> column = j < 3 ? Motion<T>{left_jacobian(at_O.c, at_O.theta, unit), none} : Motion<T>{none, unit};
         const Vec3<T> w = transpose_times(R_AB, column.w), v = transpose_times(R_AB, column.v + cross(column.w, from_O));
-        T* A = modal.A + 6 * j;
-        A[0] = w.x, A[1] = w.y, A[2] = w.z, A[3] = v.x, A[4] = v.y, A[5] = v.z;
+        T* Y = modal.Y + 6 * j;
+        Y[0] = w.x, Y[1] = w.y, Y[2] = w.z, Y[3] = v.x, Y[4] = v.y, Y[5] = v.z;
       }
     }
 

@@ -48,7 +48,9 @@ struct Modal {
   T* U;                // m x 6 (row j: 6 numbers): P_ee'^-1 P_re'*
   T *z, *nu, *accel;   // m each: residual, nu_e, eta''
   T* C;                // 6 x m: X_B Gamma_P, null when the pnode does not deform
-  T* A;                // 6 x mp: modal columns of Phi*, null when the onode does not deform
+  T* Y;                // 6 x 6, null when the onode does not deform: modal columns of Phi* are Y S, S the shapes of the node
+  ArticulatedInertia<T> P_plus;  // bodies with Y: P+, for the inboard body's modes
+  T* compliant;        // scratch of Woodbury (mathematics 4.10), null unless outboard nodes deform and M_ee is constant
   T* M_rr;             // 10: m, mc, J of M_fl(eta)
   T* b;                // 6 + m: scratch of the bias
   ArticulatedInertia<T> P_r;  // after the modes are eliminated

@@ -112,8 +112,11 @@ void Sweeps<T>::world(const Model& model, Workspace<T>& ws, const Inputs<T>& in)
     for (int j = 0; j < b.nv; ++j) V += in.v[b.v + j] * hinge_column(model, ws, k, j);
     if (const Modal<T>* modal = ws.modal_of(k)) {
       const T* rate = in.v + model.bodies[static_cast<std::size_t>(b.parent)].etadot;
-      if (modal->A)
-        for (int j = 0; j < b.n_parent_modes; ++j) V += rate[j] * motion_column(modal->A, j);
+      if (modal->Y) {
+        T s[6];
+        shapes_times(model.shapes[static_cast<std::size_t>(b.onode)].columns.data(), rate, b.n_parent_modes, s);
+        V += times(modal->Y, s);
+      }
       if (modal->C)
         for (int j = 0; j < b.n_modes; ++j) V -= in.v[b.etadot + j] * motion_column(modal->C, j);
     }

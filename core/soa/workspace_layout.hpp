@@ -28,7 +28,7 @@ Workspace<T>::Workspace(const Model& model) {
   modal_.assign(n, nullptr);
   dense_.resize(static_cast<std::size_t>(model.n_dense));
   struct Counts {
-    std::size_t re, ee, C, A, m;
+    std::size_t re, ee, C, Y, m, compliant;
   };
   std::vector<Counts> counts(n);
   std::vector<std::size_t> modal_at(n, 0);
@@ -52,20 +52,21 @@ Workspace<T>::Workspace(const Model& model) {
     total += round(record);
     if (!is_general(b.kind)) continue;
     const auto m = static_cast<std::size_t>(b.n_modes);
-    Counts c{0, 0, 0, 0, m};
+    Counts c{0, 0, 0, 0, m, 0};
     if (m > 0) {
       const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
       c.re = 6 * m;
       bool masked = false;
       if (model.has_prescribed())
         for (int j = 0; j < b.n_modes; ++j) masked = masked || model.prescribed[static_cast<std::size_t>(b.etadot + j)];
-      c.ee = !f.M_ee_constant || ee_changes[k] || masked ? m * m : 0;
+      c.ee = !f.woodbury && (!f.M_ee_constant || ee_changes[k] || masked) ? m * m : 0;
+      c.compliant = f.woodbury ? compliant_size(static_cast<int>(f.attached.size())) : 0;
       c.C = b.pnode >= 0 && model.shapes[static_cast<std::size_t>(b.pnode)].deforms() ? 6 * m : 0;
     }
-    c.A = 6 * static_cast<std::size_t>(b.n_parent_modes);
+    c.Y = b.onode >= 0 ? 36 : 0;
     counts[k] = c;
     modal_at[k] = total;
-    total += round(sizeof(T) * (c.re + c.ee + (m > 0 ? 6 * m + 3 * m + 16 + m : 0) + c.C + c.A));
+    total += round(sizeof(T) * (c.re + c.ee + (m > 0 ? 6 * m + 3 * m + 16 + m : 0) + c.C + c.Y + c.compliant));
   }
   arena_bytes_ = total;
   arena_.reset(new (std::align_val_t(64)) std::byte[total]);
@@ -104,7 +105,8 @@ Workspace<T>::Workspace(const Model& model) {
       modal.M_rr = c.m > 0 ? take(10) : nullptr;
       modal.b = c.m > 0 ? take(6 + c.m) : nullptr;
       modal.C = take(c.C);
-      modal.A = take(c.A);
+      modal.Y = take(c.Y);
+      modal.compliant = take(c.compliant);
     });
   }
   if (model.has(Kernel::world)) require_world();
