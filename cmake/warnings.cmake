@@ -1,5 +1,5 @@
 # cardan_flags: what every target of ours is compiled with. No -ffast-math and no -march=native anywhere:
-# the same source gives the same bits on every x86-64 machine (only core/soa/kernels_v*.cpp carry an -march).
+# the same source gives the same bits on every x86-64 machine.
 add_library(cardan_flags INTERFACE)
 target_compile_options(cardan_flags INTERFACE
   -Wall -Wextra -Wpedantic -Wconversion -Wno-sign-conversion -Wshadow -Wnon-virtual-dtor -Werror

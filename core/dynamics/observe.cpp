@@ -93,6 +93,14 @@ NodeState Observer::node(int index) const {
   return s;
 }
 
+RigidInertia<double> Observer::inertia_for_gravity(int k) const {
+  const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
+  const RigidInertia<double>& M = inertia_[static_cast<std::size_t>(k)];
+  if (b.n_modes == 0) return M;
+  const double M_rr[10] = {M.m, M.h.x, M.h.y, M.h.z, M.J.xx, M.J.yy, M.J.zz, M.J.xy, M.J.xz, M.J.yz};
+  return soa::gravity_inertia(model_.flexible[static_cast<std::size_t>(b.flexible)], b.n_modes, M_rr, in_.q + b.eta);
+}
+
 Energy Observer::energy() const {
   Energy e;
   const auto add = [&](double& term, double value) {
@@ -127,7 +135,7 @@ Energy Observer::energy() const {
       const Vec3<double> first = M.m * ws_.pose_W(k).p + ws_.pose_W(k).R * M.h;  // m x_com
       add(e.gravity, -model_.gravity.g.dot(to_eigen(first)));
     } else if (model_.gravity.kind == GravitySpec::Kind::central) {
-      add(e.gravity, soa::potential(model_.gravity, M, ws_.pose_W(k)));
+      add(e.gravity, soa::potential(model_.gravity, inertia_for_gravity(k), ws_.pose_W(k)));
     }
   }
   for (const Spring& s : model_.springs) add(e.springs, 0.5 * s.stiffness * (in_.q[s.q] - s.rest) * (in_.q[s.q] - s.rest));
@@ -263,7 +271,7 @@ ExternalLoads Observer::external() const {
       e.moment += first.cross(model_.gravity.g);
     } else if (model_.gravity.kind == GravitySpec::Kind::central) {
       Vec3<double> c, r;
-      add(to_inboard(W, soa::attraction(model_.gravity, M, W, c, r)));
+      add(to_inboard(W, soa::attraction(model_.gravity, inertia_for_gravity(k), W, c, r)));
     }
   }
   for (const NodeWrench& load : in_.wrenches) {

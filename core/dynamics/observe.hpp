@@ -62,6 +62,7 @@ class Observer {
   double actuator_power() const;
   Force<double> wrench_on_sweep_body(int k) const;  // of the inboard hinge, at B
   Force<double> wrench_in_host(int user_body) const;
+  RigidInertia<double> inertia_for_gravity(int k) const;
   const Model& model_;
   Workspace& ws_;
   Inputs in_;

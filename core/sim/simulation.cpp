@@ -81,12 +81,11 @@ void Simulation::every(Rational period, std::function<void()> task, Rational off
 void Simulation::add_event(Event event) { events_.push_back(std::move(event)); }
 
 void Simulation::prescribe(int v_index, MotionProfile profile) {
-  for (auto& p : prescribed_)
-    if (p.index == v_index) {
-      p.profile = std::move(profile);
-      if (begun_) state_.v[v_index] = p.profile.rate(state_.t);
-      changed();
-    }
+  const auto p = std::ranges::find(prescribed_, v_index, &Prescribed::index);
+  if (p == prescribed_.end()) return;
+  p->profile = std::move(profile);
+  if (begun_) state_.v[v_index] = p->profile.rate(state_.t);
+  changed();
 }
 
 int Simulation::add_wrench(int node, bool world_axes) {

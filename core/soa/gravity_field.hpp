@@ -2,10 +2,18 @@
 // The pull of a point attractor on a rigid inertia.
 #include <cmath>
 
-#include "core/model/spec.hpp"
+#include "core/model/model.hpp"
 #include "core/spatial/inertia.hpp"
 
 namespace cardan::soa {
+
+/// dJ/d eta_k at eta = 0 (symmetric).
+inline Eigen::Matrix3d first_order_inertia(const ModalIntegrals& I, int k) {
+  const auto at = static_cast<std::size_t>(k);
+  Eigen::Matrix3d d = I.I8[at] + I.I8[at].transpose();
+  if (!I.rotary_ww.empty()) d += I.rotary_ww[at];
+  return d;
+}
 
 /// Wrench on the body at its origin, body axes. The field is expanded about the mass centre: m g_c, and with the gradient
 /// also -dU2/dr and the torque 3 mu/r^3 rhat x (J_c rhat), all from one potential U2 = 3 mu r*J_c r/(2 r^5) - mu tr J_c/(2 r^3)
@@ -28,6 +36,18 @@ Force<T> attraction(const GravitySpec& g, const RigidInertia<T>& M, const Pose<T
     force += (k5 * (T(2.5) * dot(r, Jr) / r2 - T(0.5) * (J.xx + J.yy + J.zz))) * r - k5 * Jr;
   }
   return {torque + cross(c, force), force};
+}
+
+/// Inertia of a flexible body for its gravity, from M_rr = [m, m c, J] of its level: the potential takes J to first order in
+/// eta also where the kinetic energy (level 0) does not, so that the field pulls on the modes at every level.
+template <class T>
+RigidInertia<T> gravity_inertia(const FlexibleBody& f, int n_modes, const T* M_rr, const T* eta) {
+  RigidInertia<T> M{M_rr[0], {M_rr[1], M_rr[2], M_rr[3]}, {M_rr[4], M_rr[5], M_rr[6], M_rr[7], M_rr[8], M_rr[9]}};
+  for (int k = 0; f.level == 0 && k < n_modes; ++k) {
+    const Eigen::Matrix3d d = first_order_inertia(f.data->integrals, k);
+    M.J += Sym3<T>{eta[k] * T(d(0, 0)), eta[k] * T(d(1, 1)), eta[k] * T(d(2, 2)), eta[k] * T(d(0, 1)), eta[k] * T(d(0, 2)), eta[k] * T(d(1, 2))};
+  }
+  return M;
 }
 
 /// Potential energy in the same field.

@@ -3,7 +3,7 @@
 // frames so that R_AB = R_O R_i(q + q0) with R_O = 1 ("aligned") or R_O = Rz(alpha) Ry(beta) ("tilt", i = z), and so that
 // the offset l of B in O has no component along the axis. Then every rotation is one to three rotations in a plane, P H* is
 // a stored column, and the hinge row and column of P+ are zeros that are never computed.
-// Flops per body without sine and cosine: about 340 aligned, 440 and 530 tilted (bench: --flops).
+// `cardan describe` prints the flops of each, counted on these very lines (cost.hpp).
 #include "core/soa/workspace.hpp"
 
 namespace cardan::soa {

@@ -1,6 +1,6 @@
 #pragma once
 // The sweeps as functions over the whole tree, for any scalar that is instantiated (double: kernels.cpp; a counting scalar:
-// kernels_counted.cpp). Each is a loop over runs of bodies with one kernel. Formulas: kernels_*.hpp.
+// cost.cpp). Each is a loop over runs of bodies with one kernel. Formulas: kernels_*.hpp.
 #include "core/soa/kernels_acceleration.hpp"
 #include "core/soa/kernels_kinematics.hpp"
 #include "core/soa/kernels_axis.hpp"

@@ -125,7 +125,7 @@ void Sweeps<T>::world(const Model& model, Workspace<T>& ws, const Inputs<T>& in)
 }
 
 // The force on mode k is -dU/d eta_k of the same potential: with F the force at the mass centre, Grad = mu/r^3 (3 rhat rhat* - 1)
-// and S = (tr J/2) 1 - J the second moments, f_k = I3_k . F/m + 1/2 Grad : dS_k - c . Grad I3_k. dJ_k is that of the body's level.
+// and S = (tr J/2) 1 - J the second moments, f_k = I3_k . F/m + 1/2 Grad : dS_k - c . Grad I3_k.
 template <class T>
 void Sweeps<T>::central_gravity(const Model& model, Workspace<T>& ws, const Inputs<T>& in) {
   using std::sqrt;
@@ -135,9 +135,8 @@ void Sweeps<T>::central_gravity(const Model& model, Workspace<T>& ws, const Inpu
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
     Core<T>& body = ws.core(k);
     Modal<T>* modal = b.n_modes > 0 ? ws.modal_of(k) : nullptr;
-    const T* M = modal ? modal->M_rr : nullptr;
-    const RigidInertia<T> inertia = modal ? RigidInertia<T>{M[0], {M[1], M[2], M[3]}, {M[4], M[5], M[6], M[7], M[8], M[9]}}
-                                          : cast<T>(b.M);
+    const RigidInertia<T> inertia =
+        modal ? gravity_inertia(model.flexible[static_cast<std::size_t>(b.flexible)], b.n_modes, modal->M_rr, in.q + b.eta) : cast<T>(b.M);
     if (!(inertia.m > T(0))) continue;
     Vec3<T> c, r;
     const Force<T> pull = attraction(g, inertia, ws.pose_W(k), c, r);
@@ -154,25 +153,21 @@ void Sweeps<T>::central_gravity(const Model& model, Workspace<T>& ws, const Inpu
       T f = dot(I3, field);
       if (g.gradient) {
         f = f - k3 * (T(3) * dot(c, r) * dot(r, I3) / r2 - dot(c, I3));
-        if (flexible.level >= 1) {  // 1/2 Grad : dS = k3/2 (3 rhat* dS rhat - tr dS), dS = (tr dJ/2) 1 - dJ
-          Eigen::Matrix3d fixed = I.I8[static_cast<std::size_t>(j)];
-          fixed += fixed.transpose().eval();
-          if (!I.rotary_ww.empty()) fixed += I.rotary_ww[static_cast<std::size_t>(j)];
-          T dJ[3][3];
-          for (int p = 0; p < 3; ++p)
-            for (int q = 0; q < 3; ++q) dJ[p][q] = T(fixed(p, q));
-          if (flexible.level == 2 && !I.I9.empty())
-            for (int l = 0; l < b.n_modes; ++l) {
-              const auto& I9 = I.I9[static_cast<std::size_t>(j * b.n_modes + l)];
-              for (int p = 0; p < 3; ++p)
-                for (int q = 0; q < 3; ++q) dJ[p][q] = dJ[p][q] + eta[l] * T(I9(p, q) + I9(q, p));
-            }
-          const T rr[3] = {r.x, r.y, r.z}, trace = dJ[0][0] + dJ[1][1] + dJ[2][2];  // tr dS = trace / 2
-          T rJr(0);
-          for (int p = 0; p < 3; ++p)
-            for (int q = 0; q < 3; ++q) rJr = rJr + rr[p] * dJ[p][q] * rr[q];
-          f = f + T(0.5) * k3 * (trace - T(3) * rJr / r2);
-        }
+        const Eigen::Matrix3d fixed = first_order_inertia(I, j);  // 1/2 Grad : dS = k3/2 (tr dJ - 3 rhat* dJ rhat)
+        T dJ[3][3];
+        for (int p = 0; p < 3; ++p)
+          for (int q = 0; q < 3; ++q) dJ[p][q] = T(fixed(p, q));
+        if (flexible.level == 2 && !I.I9.empty())
+          for (int l = 0; l < b.n_modes; ++l) {
+            const auto& I9 = I.I9[static_cast<std::size_t>(j * b.n_modes + l)];
+            for (int p = 0; p < 3; ++p)
+              for (int q = 0; q < 3; ++q) dJ[p][q] = dJ[p][q] + eta[l] * T(I9(p, q) + I9(q, p));
+          }
+        const T rr[3] = {r.x, r.y, r.z};
+        T rJr(0);
+        for (int p = 0; p < 3; ++p)
+          for (int q = 0; q < 3; ++q) rJr = rJr + rr[p] * dJ[p][q] * rr[q];
+        f = f + T(0.5) * k3 * (dJ[0][0] + dJ[1][1] + dJ[2][2] - T(3) * rJr / r2);
       }
       modal->z[j] = modal->z[j] - f;
     }

@@ -74,6 +74,9 @@ class Cvode final : public Integrator {
     if (problem_.n_quadrature > 0) {
       y_vector_ = wrap(y_);
       check(CVodeQuadInit(m, &Cvode::g, y_vector_.get()), "CVodeQuadInit");
+      // Under error control: the low orders after a start would leave residues in the balances.
+      check(CVodeQuadSStolerances(m, options.relative_tolerance, options.relative_tolerance), "CVodeQuadSStolerances");
+      check(CVodeSetQuadErrCon(m, SUNTRUE), "CVodeSetQuadErrCon");
     }
     if (stiff) {
       matrix_.reset(SUNDenseMatrix(n_, n_, context_.get()));

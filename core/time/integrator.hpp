@@ -13,7 +13,7 @@ namespace cardan {
 /// x' = f(t, x) with what an integrator may need besides. All functions are set once before the run; none may allocate.
 struct OdeProblem {
   int n = 0;             // number of states
-  int n_quadrature = 0;  // trailing integrals y' = g(t, x) that nothing depends on: no error control
+  int n_quadrature = 0;  // trailing integrals y' = g(t, x) that nothing depends on (CVODE controls their error too)
   /// Fills xdot[n], and ydot[n_quadrature] unless that pointer is null (the integrator needs f alone there).
   /// false: x is outside of what can be evaluated (the step is retried smaller; after repeated failure, the run fails).
   std::function<bool(double t, const double* x, double* xdot, double* ydot)> rhs;

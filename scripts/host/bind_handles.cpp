@@ -1,5 +1,5 @@
-// What a script asks the vehicle for. A handle is a userdata with an index; its methods are plain C functions that read or
-// set numbers: no allocation, no lookup of names.
+// What a script asks the vehicle for. A handle is a userdata with an index; its methods are plain C functions that read
+// or set numbers: no allocation, no lookup of names.
 #include <fmt/format.h>
 
 #include <Eigen/Geometry>
@@ -16,7 +16,8 @@ namespace cardan {
 namespace {
 
 enum class Kind : int { vehicle, body, hinge, modes, node, load, n_kinds };
-constexpr const char* kTypes[] = {"cardan.vehicle", "cardan.body", "cardan.hinge", "cardan.modes", "cardan.node", "cardan.load"};
+constexpr const char* kTypes[] = {"cardan.vehicle", "cardan.body", "cardan.hinge",
+                                  "cardan.modes",   "cardan.node", "cardan.load"};
 constexpr const char* kWords[] = {"vehicle", "body", "hinge", "modes", "node", "load"};
 
 struct Handle {
@@ -31,8 +32,9 @@ template <Kind kKind>
 Handle& self(lua_State* L) {
   auto* h = static_cast<Handle*>(lua_touserdata(L, 1));
   if (!h || lua_rawlen(L, 1) != sizeof(Handle) || h->kind != kKind)
-    refuse(L, Code::lua_argument, kWords[static_cast<int>(kKind)], fmt::format("a {} before a colon", kWords[static_cast<int>(kKind)]),
-           describe_value(L, 1), "methods are called with a colon: wheel:rate()");
+    refuse(L, Code::lua_argument, kWords[static_cast<int>(kKind)],
+           fmt::format("a {} before a colon", kWords[static_cast<int>(kKind)]), describe_value(L, 1),
+           "methods are called with a colon: wheel:rate()");
   return *h;
 }
 
@@ -43,7 +45,9 @@ void expect_state(lua_State* L, const Scenario& s, const char* what) {
            "an event is located by its function at trial states, where nothing else is known");
 }
 
-std::string listed(const std::vector<std::string>& names) { return names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", ")); }
+std::string listed(const std::vector<std::string>& names) {
+  return names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "));
+}
 
 /// Index of the component that argument `arg` names: 1, 2, ... or a name; the first one if absent.
 int component(lua_State* L, int arg, const std::vector<std::string>& names, const std::string& body) {
@@ -58,20 +62,28 @@ int component(lua_State* L, int arg, const std::vector<std::string>& names, cons
       if (names[i] == name) return static_cast<int>(i);
   }
   const std::string word = type == LUA_TSTRING ? lua_tostring(L, arg) : "";
-  refuse(L, Code::unknown_name, "hinge of " + body, n == 0 ? "a hinge that moves" : fmt::format("1 to {}, or a name: {}", n, listed(names)),
+  refuse(L, Code::unknown_name, "hinge of " + body,
+         n == 0 ? "a hinge that moves" : fmt::format("1 to {}, or a name: {}", n, listed(names)),
          type == LUA_TNONE ? "the first component" : describe_value(L, arg), did_you_mean(word, names));
 }
 
 /// A number that is to be set; one that is not finite ends the run, whatever the script does about it.
 double command(lua_State* L, int arg, Scenario& s, const char* what, const std::string& name) {
-  if (lua_type(L, arg) != LUA_TNUMBER) refuse(L, Code::lua_argument, fmt::format("{} of {}", what, name), "a number", describe_value(L, arg));
+  if (lua_type(L, arg) != LUA_TNUMBER)
+    refuse(L, Code::lua_argument, fmt::format("{} of {}", what, name), "a number", describe_value(L, arg));
   const double x = lua_tonumber(L, arg);
   if (std::isfinite(x)) return x;
   const std::string got = fmt::format("{} of {} = {}", what, name, std::isnan(x) ? "nan" : x > 0 ? "inf" : "-inf");
-  if (s.stage == Scenario::Stage::setup) refuse(L, Code::lua_argument, fmt::format("{} of {}", what, name), "a finite number", got);
+  if (s.stage == Scenario::Stage::setup)
+    refuse(L, Code::lua_argument, fmt::format("{} of {}", what, name), "a finite number", got);
   const SourceMark at = LuaHost::caller(L);
-  s.fault = RunFailure{Code::controller_nan, s.sim->time(), "", "", fmt::format("{}: {}\n  --> {}:{}", s.actor, got, at.file, at.line),
-                       "a division by zero, or the root of a negative number?", ""};
+  s.fault = RunFailure{Code::controller_nan,
+                       s.sim->time(),
+                       "",
+                       "",
+                       fmt::format("{}: {}\n  --> {}:{}", s.actor, got, at.file, at.line),
+                       "a division by zero, or the root of a negative number?",
+                       ""};
   refuse(L, Code::lua_argument, fmt::format("{} of {}", what, name), "a finite number", got);
 }
 
@@ -98,7 +110,9 @@ NodeState state_of(lua_State* L, Scenario& s, const std::string& node, const cha
   expect_state(L, s, what);
   return s.sim->observe().node(s.model->find_node(node));
 }
-NodeState body_state(lua_State* L, Handle& h, const char* what) { return state_of(L, *h.scenario, h.user().name, what); }
+NodeState body_state(lua_State* L, Handle& h, const char* what) {
+  return state_of(L, *h.scenario, h.user().name, what);
+}
 
 int body_attitude(lua_State* L) {
   Handle& h = self<Kind::body>(L);
@@ -114,7 +128,9 @@ int body_rate(lua_State* L) {
   for (int i = 0; i < 3; ++i) lua_pushnumber(L, h.scenario->v[u.v + i]);
   return 3;
 }
-int body_position(lua_State* L) { return push3(L, body_state(L, self<Kind::body>(L), "the position of a body").position); }
+int body_position(lua_State* L) {
+  return push3(L, body_state(L, self<Kind::body>(L), "the position of a body").position);
+}
 int body_velocity(lua_State* L) {
   const NodeState n = body_state(L, self<Kind::body>(L), "the velocity of a body");
   return push3(L, n.R_WN * n.velocity.tail<3>());
@@ -149,7 +165,8 @@ int hinge_force(lua_State* L) {
   const double x = command(L, 2, s, "force on hinge", u.name);
   const int v = u.v + component(L, 3, u.v_names, u.name);
   if (is_prescribed(*s.model, v))
-    refuse(L, Code::lua_argument, "hinge of " + u.name, "a component that is free to move", "a prescribed one", "its motion is given by :profile{...}; :applied() tells the force it needs");
+    refuse(L, Code::lua_argument, "hinge of " + u.name, "a component that is free to move", "a prescribed one",
+           "its motion is given by :profile{...}; :applied() tells the force it needs");
   s.sim->set_force(v, x);
   return 0;
 }
@@ -199,7 +216,8 @@ std::vector<std::pair<double, double>> rate_points(lua_State* L, LuaTable& t, co
     lua_pop(L, 1);
   }
   lua_pop(L, 1);
-  if (!good) t.reject("rate_table", fmt::format("{{{{t, rate}}, ...}} in s and {}, at least one point, t rising", unit));
+  if (!good)
+    t.reject("rate_table", fmt::format("{{{{t, rate}}, ...}} in s and {}, at least one point, t rising", unit));
   return points;
 }
 
@@ -219,7 +237,8 @@ int hinge_profile(lua_State* L) {
   const std::string &rate = u.v_units[static_cast<std::size_t>(c)], unit = rate.substr(0, rate.find('/'));
   if (!is_prescribed(*s.model, v))
     refuse(L, Code::lua_argument, "profile of " + u.name, "a component that is prescribed", "one that is free to move",
-           fmt::format("say so in the vehicle: bodies.{}.hinge.prescribed: [{}]", u.name, u.v_names[static_cast<std::size_t>(c)]));
+           fmt::format("say so in the vehicle: bodies.{}.hinge.prescribed: [{}]", u.name,
+                       u.v_names[static_cast<std::size_t>(c)]));
   MotionProfile profile;
   if (int(t.has("rate_table")) + int(t.has("sine")) + int(t.has("hold")) != 1) {
     t.reject("rate_table", "exactly one of rate_table, sine, hold");
@@ -229,8 +248,9 @@ int hinge_profile(lua_State* L) {
     profile = MotionProfile::hold(*hold);
   } else if (auto sine = t.table("sine")) {
     sine->require({"amplitude", "frequency"});
-    profile = MotionProfile::sine(sine->number("amplitude", unit).value_or(0.0), sine->number("frequency", "Hz").value_or(0.0),
-                                  sine->number("phase", "rad").value_or(0.0));
+    profile =
+        MotionProfile::sine(sine->number("amplitude", unit).value_or(0.0),
+                            sine->number("frequency", "Hz").value_or(0.0), sine->number("phase", "rad").value_or(0.0));
     sine->finish();
   }
   t.finish();
@@ -245,7 +265,8 @@ int mode(lua_State* L, const UserBody& u) {
   int is_integer = 0;
   const lua_Integer i = lua_tointegerx(L, 2, &is_integer);
   if (!is_integer || i < 1 || i > u.n_modes)
-    refuse(L, Code::unknown_name, "modes of " + u.name, fmt::format("a mode: 1 to {}", u.n_modes), describe_value(L, 2));
+    refuse(L, Code::unknown_name, "modes of " + u.name, fmt::format("a mode: 1 to {}", u.n_modes),
+           describe_value(L, 2));
   return static_cast<int>(i) - 1;
 }
 int modes_eta(lua_State* L) {
@@ -277,9 +298,15 @@ NodeState node_state(lua_State* L, const Handle& h, const char* what) {
   expect_state(L, *h.scenario, what);
   return h.scenario->sim->observe().node(h.index);
 }
-int node_position(lua_State* L) { return push3(L, node_state(L, self<Kind::node>(L), "the position of a node").position); }
-int node_attitude(lua_State* L) { return push_quaternion(L, node_state(L, self<Kind::node>(L), "the attitude of a node").R_WN); }
-int node_rate(lua_State* L) { return push3(L, node_state(L, self<Kind::node>(L), "the rate of a node").velocity.head<3>()); }
+int node_position(lua_State* L) {
+  return push3(L, node_state(L, self<Kind::node>(L), "the position of a node").position);
+}
+int node_attitude(lua_State* L) {
+  return push_quaternion(L, node_state(L, self<Kind::node>(L), "the attitude of a node").R_WN);
+}
+int node_rate(lua_State* L) {
+  return push3(L, node_state(L, self<Kind::node>(L), "the rate of a node").velocity.head<3>());
+}
 int node_velocity(lua_State* L) {
   const NodeState n = node_state(L, self<Kind::node>(L), "the velocity of a node");
   return push3(L, n.R_WN * n.velocity.tail<3>());
@@ -321,7 +348,8 @@ int load_set(lua_State* L) {
   const Handle& h = self<Kind::load>(L);
   Scenario& s = *h.scenario;
   expect_state(L, s, "a command");
-  const std::string& node = s.model->nodes[static_cast<std::size_t>(s.loads[static_cast<std::size_t>(h.index)].node)].name;
+  const std::string& node =
+      s.model->nodes[static_cast<std::size_t>(s.loads[static_cast<std::size_t>(h.index)].node)].name;
   double x[6];
   for (int i = 0; i < 6; ++i) x[i] = command(L, i + 2, s, "load on node", node);
   s.sim->set_wrench(h.index, {{x[0], x[1], x[2]}, {x[3], x[4], x[5]}});
@@ -334,10 +362,12 @@ template <class Objects>
 int find(lua_State* L, const Objects& objects, Code code, const char* key_path, const char* what) {
   std::vector<std::string> names;
   for (const auto& o : objects) names.push_back(o.name);
-  if (lua_type(L, 2) != LUA_TSTRING) refuse(L, Code::lua_argument, key_path, std::string("the name of ") + what, describe_value(L, 2));
+  if (lua_type(L, 2) != LUA_TSTRING)
+    refuse(L, Code::lua_argument, key_path, std::string("the name of ") + what, describe_value(L, 2));
   const std::string name = lua_tostring(L, 2);
   const auto found = std::find(names.begin(), names.end(), name);
-  if (found == names.end()) refuse(L, code, key_path, fmt::format("{}: {}", what, listed(names)), in_quotes(name), did_you_mean(name, names));
+  if (found == names.end())
+    refuse(L, code, key_path, fmt::format("{}: {}", what, listed(names)), in_quotes(name), did_you_mean(name, names));
   return static_cast<int>(found - names.begin());
 }
 

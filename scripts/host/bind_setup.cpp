@@ -38,9 +38,7 @@ std::optional<Quantity> read_quantity(const std::string& text, QuantityFault& fa
   return {};
 }
 
-bool begins_like_a_number(const std::string& text) {
-  return text.find_first_of("0123456789+-.") == 0;
-}
+bool begins_like_a_number(const std::string& text) { return text.find_first_of("0123456789+-.") == 0; }
 
 /// One parameter: what the script gives, replaced by what the command line gives. Pushes its value.
 class ParameterReader {
@@ -73,14 +71,16 @@ class ParameterReader {
         break;
       }
       default:
-        report(name, Code::wrong_type, "a number, a text, an array of numbers, true or false", describe_value(L_, value));
+        report(name, Code::wrong_type, "a number, a text, an array of numbers, true or false",
+               describe_value(L_, value));
         lua_pushnil(L_);
     }
   }
 
  private:
   Setting* setting() {
-    const auto found = std::find_if(s_.settings.rbegin(), s_.settings.rend(), [&](const Setting& x) { return x.key == name_; });
+    const auto found =
+        std::find_if(s_.settings.rbegin(), s_.settings.rend(), [&](const Setting& x) { return x.key == name_; });
     if (found == s_.settings.rend()) return nullptr;
     for (Setting& x : s_.settings) x.used = x.used || x.key == name_;
     return &*found;
@@ -88,17 +88,19 @@ class ParameterReader {
   void note(std::string value) { s_.parameters.emplace_back("parameters." + name_, std::move(value)); }
 
   void report(const std::string& path, Code code, std::string expected, std::string got, std::string hint = {}) {
-    sink_.report(code, {"parameters." + path, LuaHost::caller(L_)}, std::move(expected), std::move(got), std::move(hint));
+    sink_.report(code, {"parameters." + path, LuaHost::caller(L_)}, std::move(expected), std::move(got),
+                 std::move(hint));
   }
   void report_setting(Code code, std::string expected, std::string got, std::string hint = {}) {
     const Setting& set = *setting();
-    sink_.report(code, {"parameters." + name_, {fmt::format("--set {}={}", set.key, set.value), 0, 0}}, std::move(expected),
-                 std::move(got), std::move(hint));
+    sink_.report(code, {"parameters." + name_, {fmt::format("--set {}={}", set.key, set.value), 0, 0}},
+                 std::move(expected), std::move(got), std::move(hint));
   }
 
   Quantity quantity(int index, const std::string& path) {
     QuantityFault fault;
-    if (lua_type(L_, index) == LUA_TNUMBER && std::isfinite(lua_tonumber(L_, index))) return {lua_tonumber(L_, index), {}};
+    if (lua_type(L_, index) == LUA_TNUMBER && std::isfinite(lua_tonumber(L_, index)))
+      return {lua_tonumber(L_, index), {}};
     if (lua_type(L_, index) != LUA_TSTRING) {
       report(path, Code::wrong_type, "a finite number, or a text with a unit", describe_value(L_, index));
     } else if (const auto x = read_quantity(lua_tostring(L_, index), fault)) {
@@ -116,7 +118,8 @@ class ParameterReader {
     if (!x)
       report_setting(fault.code, describe(dimension), fault.got, fault.hint);
     else if (x->dimension != dimension && x->dimension != Dimension{})
-      report_setting(Code::wrong_unit, describe(dimension), fmt::format("{}: {}", in_quotes(text), describe(x->dimension)));
+      report_setting(Code::wrong_unit, describe(dimension),
+                     fmt::format("{}: {}", in_quotes(text), describe(x->dimension)));
     else
       return x->value;
     return 0.0;
@@ -142,7 +145,8 @@ class ParameterReader {
     if (set) {
       const DocNode list = parse_yaml(set->value, fmt::format("--set {}={}", set->key, set->value));
       if (list.kind != DocNode::Kind::list || list.items.size() != all.size())
-        report_setting(Code::wrong_type, fmt::format("a list of {} numbers: [1, 0, 0]", all.size()), in_quotes(set->value));
+        report_setting(Code::wrong_type, fmt::format("a list of {} numbers: [1, 0, 0]", all.size()),
+                       in_quotes(set->value));
       else
         for (std::size_t i = 0; i < all.size(); ++i) all[i].value = replaced(list.items[i].text, all[i].dimension);
     }
@@ -173,7 +177,8 @@ int parameters(lua_State* L, Scenario& s) {
     if (lua_type(L, -2) == LUA_TSTRING)
       names.emplace_back(lua_tostring(L, -2));
     else
-      sink.report(Code::wrong_type, {"parameters", LuaHost::caller(L)}, "names and their values", "a value without a name");
+      sink.report(Code::wrong_type, {"parameters", LuaHost::caller(L)}, "names and their values",
+                  "a value without a name");
   }
   std::sort(names.begin(), names.end());
   lua_newtable(L);
@@ -181,7 +186,8 @@ int parameters(lua_State* L, Scenario& s) {
   ParameterReader reader(L, s, sink);
   for (const std::string& name : names) {
     if (std::find(s.parameter_names.begin(), s.parameter_names.end(), name) != s.parameter_names.end())
-      sink.report(Code::duplicate_name, {"parameters." + name, LuaHost::caller(L)}, "each parameter once", in_quotes(name));
+      sink.report(Code::duplicate_name, {"parameters." + name, LuaHost::caller(L)}, "each parameter once",
+                  in_quotes(name));
     lua_getfield(L, 1, name.c_str());
     reader.read(name, lua_gettop(L));
     lua_setfield(L, out, name.c_str());
@@ -194,7 +200,8 @@ int parameters(lua_State* L, Scenario& s) {
     const std::string name = luaL_tolstring(state, 2, nullptr);
     std::string known;
     for (const std::string& n : names) known += (known.empty() ? "" : ", ") + n;
-    refuse(state, Code::unknown_name, "parameters." + name, "a parameter: " + known, in_quotes(name), did_you_mean(name, names));
+    refuse(state, Code::unknown_name, "parameters." + name, "a parameter: " + known, in_quotes(name),
+           did_you_mean(name, names));
   });
   lua_setfield(L, -2, "__index");
   lua_setmetatable(L, out);
@@ -207,7 +214,8 @@ int plugin(lua_State* L, Scenario& s) {
   expect_setup(L, s, "plugin", false);
   const std::string name = luaL_checkstring(L, 1);
   if (s.model) refuse(L, Code::lua_argument, "plugin", "plugins before the vehicle", in_quotes(name));
-  const std::string path = ((s.folder.empty() ? std::filesystem::path(".") : s.folder) / name).string();  // with a slash: not a system library
+  const std::string path = ((s.folder.empty() ? std::filesystem::path(".") : s.folder) / name)
+                               .string();  // with a slash: not a system library
   load_plugin(path, s.registry, {"plugin", LuaHost::caller(L)});
   s.plugins.push_back({name, sha256_of_file(path), {}});
   return 0;
@@ -216,7 +224,8 @@ int plugin(lua_State* L, Scenario& s) {
 int vehicle(lua_State* L, Scenario& s) {
   expect_setup(L, s, "vehicle", false);
   const std::string name = luaL_checkstring(L, 1);
-  if (s.model) refuse(L, Code::lua_argument, "vehicle", "one vehicle", "a second one", "a vehicle may hold several free bodies");
+  if (s.model)
+    refuse(L, Code::lua_argument, "vehicle", "one vehicle", "a second one", "a vehicle may hold several free bodies");
   Overrides overrides;
   for (Setting& set : s.settings)
     if (set.key.starts_with("vehicle.")) {
@@ -224,7 +233,8 @@ int vehicle(lua_State* L, Scenario& s) {
       set.used = true;
     }
   const std::string path = (s.folder / name).string();
-  if (!std::filesystem::is_regular_file(path)) refuse(L, Code::file_not_found, "vehicle", "a vehicle in YAML, relative to the scenario", in_quotes(path));
+  if (!std::filesystem::is_regular_file(path))
+    refuse(L, Code::file_not_found, "vehicle", "a vehicle in YAML, relative to the scenario", in_quotes(path));
   SystemSpec spec = read_vehicle(path, s.registry, overrides);
   s.inputs.push_back({name, sha256(spec.source_text), spec.source_text});
   make_modes(spec);
@@ -273,7 +283,8 @@ void read_integrator(LuaTable& t, MissionSpec& m) {
   if (method) i.method = *method;
   if (relative) i.relative_tolerance = *relative;
   if (!method) m.defaults_used.emplace_back("mission.integrator.method", i.method);
-  if (!relative && i.method != "rk4") m.defaults_used.emplace_back("mission.integrator.relative", fmt::format("{:g}", i.relative_tolerance));
+  if (!relative && i.method != "rk4")
+    m.defaults_used.emplace_back("mission.integrator.relative", fmt::format("{:g}", i.relative_tolerance));
   if (const auto x = t.number("absolute")) options.absolute_tolerance = *x;
   if (const auto x = t.number("step", "s")) i.fixed_step = *x;
   if (const auto x = t.number("initial_step", "s")) i.initial_step = *x;
@@ -302,15 +313,19 @@ void expect_legal(lua_State* L, const IntegratorOptions& options) {
   }
 }
 
-std::string listed(const std::vector<std::string>& names) { return names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", ")); }
+std::string listed(const std::vector<std::string>& names) {
+  return names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "));
+}
 
 void read_output(LuaTable& t, lua_State* L, Scenario& s) {
   const Model& m = *s.model;
   const SourceMark here = LuaHost::caller(L);
   if (t.has("rate") && t.has("period")) t.reject("period", "rate or period, not both");
   if (!t.has("rate") && !t.has("period")) s.mission.defaults_used.emplace_back("mission.output.rate", "10 Hz");
-  if (const auto rate = t.number("rate", "Hz")) s.mission.output_period = period_from_hertz(*rate, {t.path() + ".rate", here});
-  if (const auto period = t.number("period", "s")) s.mission.output_period = period_from_seconds(*period, {t.path() + ".period", here});
+  if (const auto rate = t.number("rate", "Hz"))
+    s.mission.output_period = period_from_hertz(*rate, {t.path() + ".rate", here});
+  if (const auto period = t.number("period", "s"))
+    s.mission.output_period = period_from_seconds(*period, {t.path() + ".period", here});
   const auto all = [&](const char* key, Code code, const auto& objects, std::vector<int>& out, const char* what) {
     std::vector<std::string> names;
     for (const auto& o : objects) names.push_back(o.name);
@@ -318,7 +333,8 @@ void read_output(LuaTable& t, lua_State* L, Scenario& s) {
     for (const std::string& name : wanted ? *wanted : std::vector<std::string>{}) {
       const auto found = std::find(names.begin(), names.end(), name);
       if (found == names.end())
-        refuse(L, code, t.path() + "." + key, fmt::format("{}: {}", what, listed(names)), in_quotes(name), did_you_mean(name, names));
+        refuse(L, code, t.path() + "." + key, fmt::format("{}: {}", what, listed(names)), in_quotes(name),
+               did_you_mean(name, names));
       out.push_back(static_cast<int>(found - names.begin()));
     }
   };
@@ -372,11 +388,13 @@ constexpr std::array<Group, 4> kGroups = {{{{"quaternion_wxyz", "attitude"}, {"q
                                            {{"angular_velocity", "rate"}, {"wx", "wy", "wz", ""}, 3, "rad/s"},
                                            {{"velocity", "velocity"}, {"vx", "vy", "vz", ""}, 3, "m/s"}}};
 
-void read_coordinates(lua_State* L, LuaTable& t, DiagnosticSink& sink, const std::vector<std::string>& names, const std::vector<std::string>& units, double* x) {
+void read_coordinates(lua_State* L, LuaTable& t, DiagnosticSink& sink, const std::vector<std::string>& names,
+                      const std::vector<std::string>& units, double* x) {
   for (std::size_t i = 0; i < names.size(); ++i)
     if (const auto value = t.number(names[i], units[i])) x[i] = *value;
   for (const Group& g : kGroups) {
-    const auto first = std::search(names.begin(), names.end(), g.names.begin(), g.names.begin() + static_cast<std::ptrdiff_t>(g.size));
+    const auto first =
+        std::search(names.begin(), names.end(), g.names.begin(), g.names.begin() + static_cast<std::ptrdiff_t>(g.size));
     if (first == names.end()) continue;
     double* at = x + (first - names.begin());
     for (const char* key : g.keys) {
@@ -388,7 +406,8 @@ void read_coordinates(lua_State* L, LuaTable& t, DiagnosticSink& sink, const std
       for (double c : *values) norm += c * c;
       norm = std::sqrt(norm);
       if (std::abs(norm - 1.0) > 1e-6)
-        sink.report(Code::non_unit_quaternion, {t.path() + "." + key, LuaHost::caller(L)}, "w, x, y, z of length 1 within 1e-6", fmt::format("length {:.6g}", norm));
+        sink.report(Code::non_unit_quaternion, {t.path() + "." + key, LuaHost::caller(L)},
+                    "w, x, y, z of length 1 within 1e-6", fmt::format("length {:.6g}", norm));
       for (std::size_t i = 0; i < 4; ++i) at[i] /= norm;
     }
   }
@@ -396,7 +415,8 @@ void read_coordinates(lua_State* L, LuaTable& t, DiagnosticSink& sink, const std
 
 void read_modes(LuaTable& t, const char* key, const char* unit, int n, double* x) {
   if (n == 0) return;
-  if (const auto values = t.numbers(key, static_cast<std::size_t>(n), unit)) std::copy(values->begin(), values->end(), x);
+  if (const auto values = t.numbers(key, static_cast<std::size_t>(n), unit))
+    std::copy(values->begin(), values->end(), x);
 }
 
 int initial(lua_State* L, Scenario& s) {

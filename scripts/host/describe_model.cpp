@@ -14,7 +14,9 @@ constexpr double kRoundOff = 1e-12;  // [kg, kg m^2] effective masses below are 
 
 Json vector(const Eigen::Vector3d& a) { return {a.x(), a.y(), a.z()}; }
 
-std::string node_name(const std::string& body, const std::string& node) { return node.empty() ? body : body + "." + node; }
+std::string node_name(const std::string& body, const std::string& node) {
+  return node.empty() ? body : body + "." + node;
+}
 
 Json bodies(const Model& m) {
   Json all = Json::array();
@@ -75,7 +77,8 @@ Json masses(Scenario& s) {
   for (std::size_t i = 0; i < parts.size(); ++i) {
     const Part& p = parts[i];
     J += p.R_WB * (p.J_origin - about(p.mass, p.com)) * p.R_WB.transpose() + about(p.mass, p.com_W - com);
-    rows.push_back({{"name", m.user[i].name}, {"mass", p.mass}, {"com_body", vector(p.com)}, {"com_world", vector(p.com_W)}});
+    rows.push_back(
+        {{"name", m.user[i].name}, {"mass", p.mass}, {"com_body", vector(p.com)}, {"com_world", vector(p.com_W)}});
   }
   Json inertia = Json::array();
   for (int r = 0; r < 3; ++r) inertia.push_back(vector(J.row(r)));
@@ -110,7 +113,8 @@ Json not_modelled(const Model& m) {
   std::vector<std::string> all;
   if (m.gravity.kind == GravitySpec::Kind::none) all.emplace_back("gravity: none");
   if (m.gravity.kind == GravitySpec::Kind::uniform) all.emplace_back("gravity: uniform, no gradient");
-  if (m.gravity.kind == GravitySpec::Kind::central && !m.gravity.gradient) all.emplace_back("gravity gradient: none, the force acts at the mass centres");
+  if (m.gravity.kind == GravitySpec::Kind::central && !m.gravity.gradient)
+    all.emplace_back("gravity gradient: none, the force acts at the mass centres");
   for (const BodySpec& b : m.spec->bodies) {
     if (b.modal && b.level == 0) all.push_back(b.name + ": deformation does not change its inertia (level 0)");
     if (b.modal && b.level == 1) all.push_back(b.name + ": inertia to first order in the deformation (level 1)");
@@ -126,11 +130,14 @@ Json not_modelled(const Model& m) {
 
 std::string gravity_text(const GravitySpec& g) {
   if (g.kind == GravitySpec::Kind::none) return "none";
-  if (g.kind == GravitySpec::Kind::uniform) return fmt::format("uniform [{:g}, {:g}, {:g}] m/s^2", g.g.x(), g.g.y(), g.g.z());
+  if (g.kind == GravitySpec::Kind::uniform)
+    return fmt::format("uniform [{:g}, {:g}, {:g}] m/s^2", g.g.x(), g.g.y(), g.g.z());
   return fmt::format("central, mu = {:.10g} m^3/s^2, gradient {}", g.mu, g.gradient ? "on" : "off");
 }
 
-std::string listed(const Json& names) { return fmt::format("{}", fmt::join(names.get<std::vector<std::string>>(), ", ")); }
+std::string listed(const Json& names) {
+  return fmt::format("{}", fmt::join(names.get<std::vector<std::string>>(), ", "));
+}
 
 }  // namespace
 
@@ -138,27 +145,31 @@ Json describe_model(Scenario& s) {
   const Model& m = *s.model;
   Json controllers = Json::array(), defaults = Json::object();
   for (const Controller& c : s.controllers)
-    controllers.push_back({{"name", c.name}, {"period_s", static_cast<double>(c.period.numerator) / static_cast<double>(c.period.denominator)}});
+    controllers.push_back(
+        {{"name", c.name},
+         {"period_s", static_cast<double>(c.period.numerator) / static_cast<double>(c.period.denominator)}});
   const RunHeader header = run_header(s);
   for (const auto& [key, value] : header.defaults_used) defaults[key] = value;
-  return {{"vehicle", m.name},
-          {"mission", {{"title", s.mission.title}, {"duration_s", s.mission.duration}, {"integrator", header.integrator}}},
-          {"controllers", controllers},
-          {"n_q", m.nq},
-          {"n_v", m.nv},
-          {"bodies", bodies(m)},
-          {"masses", masses(s)},
-          {"modes", modes(m)},
-          {"gravity", gravity_text(m.gravity)},
-          {"program", header.sweep_program},
-          {"workspace_bytes", soa::workspace_bytes(m)},
-          {"ops", ops(s)},
-          {"not_modelled", not_modelled(m)},
-          {"defaults", defaults}};
+  return {
+      {"vehicle", m.name},
+      {"mission", {{"title", s.mission.title}, {"duration_s", s.mission.duration}, {"integrator", header.integrator}}},
+      {"controllers", controllers},
+      {"n_q", m.nq},
+      {"n_v", m.nv},
+      {"bodies", bodies(m)},
+      {"masses", masses(s)},
+      {"modes", modes(m)},
+      {"gravity", gravity_text(m.gravity)},
+      {"program", header.sweep_program},
+      {"workspace_bytes", soa::workspace_bytes(m)},
+      {"ops", ops(s)},
+      {"not_modelled", not_modelled(m)},
+      {"defaults", defaults}};
 }
 
 std::string description_text(const Json& d) {
-  std::string out = fmt::format("{}\n\nbodies: {} coordinates, {} velocities\n", d["vehicle"].get<std::string>(), d["n_q"].get<int>(), d["n_v"].get<int>());
+  std::string out = fmt::format("{}\n\nbodies: {} coordinates, {} velocities\n", d["vehicle"].get<std::string>(),
+                                d["n_q"].get<int>(), d["n_v"].get<int>());
   for (const Json& b : d["bodies"]) {
     std::string notes;
     const auto note = [&](const std::string& text) { notes += (notes.empty() ? "" : "; ") + text; };
@@ -166,39 +177,50 @@ std::string description_text(const Json& d) {
     if (b["locked"].get<bool>()) note("locked");
     if (b["merged"].get<bool>()) note("merged with the body it is fixed to");
     if (!b["prescribed"].empty()) note("prescribed: " + listed(b["prescribed"]));
-    out += fmt::format("  {:<18}{:<16}{:<14} to {:<22}{:>2} dof  {}\n", b["name"].get<std::string>(), b["type"].get<std::string>(),
-                       b["hinge"].get<std::string>(), b["to"].get<std::string>(), b["velocities"].size(), notes);
+    out += fmt::format("  {:<18}{:<16}{:<14} to {:<22}{:>2} dof  {}\n", b["name"].get<std::string>(),
+                       b["type"].get<std::string>(), b["hinge"].get<std::string>(), b["to"].get<std::string>(),
+                       b["velocities"].size(), notes);
   }
 
   const Json& masses = d["masses"];
-  const auto triple = [](const Json& a) { return fmt::format("{:>12.5g}{:>12.5g}{:>12.5g}", a[0].get<double>(), a[1].get<double>(), a[2].get<double>()); };
-  out += fmt::format("\nmasses at the initial state, flexible bodies undeformed\n  {:<18}{:>12}{:>36}\n", "", "mass [kg]", "mass centre, world axes [m]");
+  const auto triple = [](const Json& a) {
+    return fmt::format("{:>12.5g}{:>12.5g}{:>12.5g}", a[0].get<double>(), a[1].get<double>(), a[2].get<double>());
+  };
+  out += fmt::format("\nmasses at the initial state, flexible bodies undeformed\n  {:<18}{:>12}{:>36}\n", "",
+                     "mass [kg]", "mass centre, world axes [m]");
   for (const Json& row : masses["bodies"])
-    out += fmt::format("  {:<18}{:>12.6g}{}\n", row["name"].get<std::string>(), row["mass"].get<double>(), triple(row["com_world"]));
+    out += fmt::format("  {:<18}{:>12.6g}{}\n", row["name"].get<std::string>(), row["mass"].get<double>(),
+                       triple(row["com_world"]));
   out += fmt::format("  {:<18}{:>12.6g}{}\n", "total", masses["total"].get<double>(), triple(masses["com_world"]));
   const char* title = "inertia about the mass centre, world axes [kg m^2]";
-  for (const Json& row : masses["inertia_world_about_com"]) out += fmt::format("  {:<52}{}\n", std::exchange(title, ""), triple(row));
+  for (const Json& row : masses["inertia_world_about_com"])
+    out += fmt::format("  {:<52}{}\n", std::exchange(title, ""), triple(row));
 
   for (const Json& body : d["modes"]) {
-    out += fmt::format("\nmodes of {}: {}\n  {:>4}{:>12}  {:<16}{:>54}  kept\n", body["body"].get<std::string>(), body["source"].get<std::string>(), "",
-                       "[Hz]", "kind", "effective mass rx ry rz [kg m^2], x y z [kg]");
+    out += fmt::format("\nmodes of {}: {}\n  {:>4}{:>12}  {:<16}{:>54}  kept\n", body["body"].get<std::string>(),
+                       body["source"].get<std::string>(), "", "[Hz]", "kind",
+                       "effective mass rx ry rz [kg m^2], x y z [kg]");
     int i = 0;
     for (const Json& mode : body["audit"]) {
       std::string mass;
-      for (const Json& x : mode["effective_mass"]) mass += fmt::format("{:>9.3g}", x.get<double>() > kRoundOff ? x.get<double>() : 0.0);
-      out += fmt::format("  {:>4}{:>12.5g}  {:<16}{}  {}{}\n", ++i, mode["frequency_hz"].get<double>(), mode["kind"].get<std::string>(), mass,
-                         mode["kept"].get<bool>() ? "yes" : "no", mode["reason"].get<std::string>().empty() ? "" : ": " + mode["reason"].get<std::string>());
+      for (const Json& x : mode["effective_mass"])
+        mass += fmt::format("{:>9.3g}", x.get<double>() > kRoundOff ? x.get<double>() : 0.0);
+      out += fmt::format("  {:>4}{:>12.5g}  {:<16}{}  {}{}\n", ++i, mode["frequency_hz"].get<double>(),
+                         mode["kind"].get<std::string>(), mass, mode["kept"].get<bool>() ? "yes" : "no",
+                         mode["reason"].get<std::string>().empty() ? "" : ": " + mode["reason"].get<std::string>());
     }
   }
 
   out += fmt::format("\ngravity: {}\n\nprogram of sweeps, in order\n", d["gravity"].get<std::string>());
   std::string program = d["program"].get<std::string>();
-  for (std::size_t from = 0, to; (to = program.find('\n', from)) != std::string::npos; from = to + 1) out += "  " + program.substr(from, to - from) + "\n";
+  for (std::size_t from = 0, to; (to = program.find('\n', from)) != std::string::npos; from = to + 1)
+    out += "  " + program.substr(from, to - from) + "\n";
   out += fmt::format("\nintegrator: {}\n", d["mission"]["integrator"].get<std::string>());
   out += "\nnot modelled\n";
   for (const Json& item : d["not_modelled"]) out += "  " + item.get<std::string>() + "\n";
   out += d["defaults"].empty() ? "" : "\ndefaults used\n";
-  for (const auto& [key, value] : d["defaults"].items()) out += fmt::format("  {} = {}\n", key, value.get<std::string>());
+  for (const auto& [key, value] : d["defaults"].items())
+    out += fmt::format("  {} = {}\n", key, value.get<std::string>());
   return out;
 }
 

@@ -6,7 +6,8 @@
 
 namespace cardan {
 
-/// What a scenario is made of, as data: bodies, masses, modes, gravity, program of sweeps, what is not modelled, defaults.
+/// What a scenario is made of, as data: bodies, masses, modes, gravity, program of sweeps, what is not modelled,
+/// defaults.
 Json describe_model(Scenario&);
 /// The same as text.
 std::string description_text(const Json& description);

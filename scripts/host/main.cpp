@@ -25,8 +25,9 @@ int main(int argc, char** argv) {
   } catch (const CLI::Success& help) {
     return app.exit(help);
   } catch (const CLI::ParseError& e) {
-    return report_error(InputError(Diagnostic{Code::command_line, {}, {}, e.what(), "cardan --help, or cardan run --help", {}, {}, 0}),
-                        line.json_errors);
+    return report_error(
+        InputError(Diagnostic{Code::command_line, {}, {}, e.what(), "cardan --help, or cardan run --help", {}, {}, 0}),
+        line.json_errors);
   } catch (const std::exception& e) {
     return report_error(e, line.json_errors);
   }

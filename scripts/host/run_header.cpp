@@ -31,7 +31,8 @@ std::string text_of(const ParamValue& p) {
 
 std::string file_text(const Scenario& s) {
   std::string text;
-  for (const InputFile& f : s.inputs) text += fmt::format("==> {} <==\n{}{}", f.name, f.text, f.text.ends_with('\n') ? "\n" : "\n\n");
+  for (const InputFile& f : s.inputs)
+    text += fmt::format("==> {} <==\n{}{}", f.name, f.text, f.text.ends_with('\n') ? "\n" : "\n\n");
   return text;
 }
 
@@ -66,17 +67,20 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
     if (!b.modal && u.mass > 0) {
       const RigidInertia<double>& M = u.M;
       const Eigen::Vector3d c = to_eigen(M.h) / M.m;
-      const Eigen::Matrix3d J = to_eigen(M.J) - M.m * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
+      const Eigen::Matrix3d J =
+          to_eigen(M.J) - M.m * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
       add(path + "com", text_of(c) + " m");
-      add(path + "inertia", fmt::format("xx {:.10g}, yy {:.10g}, zz {:.10g}, xy {:.10g}, xz {:.10g}, yz {:.10g} kg m^2", J(0, 0), J(1, 1),
-                                        J(2, 2), J(0, 1), J(0, 2), J(1, 2)));
+      add(path + "inertia", fmt::format("xx {:.10g}, yy {:.10g}, zz {:.10g}, xy {:.10g}, xz {:.10g}, yz {:.10g} kg m^2",
+                                        J(0, 0), J(1, 1), J(2, 2), J(0, 1), J(0, 2), J(1, 2)));
     }
     if (b.modal) {
       add(path + "level", std::to_string(b.level));
       add(path + "modal", b.modal->source);
       for (int j = 0; j < u.n_modes; ++j) {
         const double w = std::sqrt(b.modal->K(j, j) / b.modal->integrals.I6(j, j));
-        add(fmt::format("{}modes[{}]", path, j), fmt::format("{:.8g} Hz, damping {:.4g}", w / (2 * std::numbers::pi), w > 0 ? b.modal->C(j, j) / (2 * w * b.modal->integrals.I6(j, j)) : 0.0));
+        add(fmt::format("{}modes[{}]", path, j),
+            fmt::format("{:.8g} Hz, damping {:.4g}", w / (2 * std::numbers::pi),
+                        w > 0 ? b.modal->C(j, j) / (2 * w * b.modal->integrals.I6(j, j)) : 0.0));
       }
     }
     const std::string hinge = path + "hinge.";
@@ -96,19 +100,21 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
 
 std::string sweep_program(const Model& m, const State& state) {
   const std::vector<soa::OpCost> costs = soa::op_costs(m, state);
-  std::string text = fmt::format("{:<36}{:>8}{:>8}{:>8}  bodies\n", "", "bodies", "flops", "sin/cos");
+  std::string text = fmt::format("{:<52}{:>8}{:>8}{:>8}  bodies\n", "", "bodies", "flops", "sin/cos");
   long flops = 0, functions = 0;
   for (std::size_t i = 0; i < costs.size(); ++i) {
     const soa::OpCost& cost = costs[i];
     std::string bodies;
     if (const int r = m.program[i].run; r >= 0)
       for (const UserBody& u : m.user)
-        if (!u.merged && u.sweep >= m.runs[static_cast<std::size_t>(r)].begin && u.sweep < m.runs[static_cast<std::size_t>(r)].end)
+        if (!u.merged && u.sweep >= m.runs[static_cast<std::size_t>(r)].begin &&
+            u.sweep < m.runs[static_cast<std::size_t>(r)].end)
           bodies += (bodies.empty() ? "" : ", ") + u.name;
-    text += fmt::format("{:<36}{:>8}{:>8}{:>8}  {}\n", cost.name, cost.bodies, cost.flops, cost.functions, bodies);
+    text += fmt::format("{:<52}{:>8}{:>8}{:>8}  {}\n", cost.name, cost.bodies, cost.flops, cost.functions, bodies);
     flops += cost.flops, functions += cost.functions;
   }
-  return text + fmt::format("{:<44}{:>8}{:>8}  workspace: {} bytes\n", "one evaluation of v'", flops, functions, soa::workspace_bytes(m));
+  return text + fmt::format("{:<60}{:>8}{:>8}  workspace: {} bytes\n", "one evaluation of v'", flops, functions,
+                            soa::workspace_bytes(m));
 }
 
 RunHeader run_header(const Scenario& s) {

@@ -9,7 +9,8 @@ using reference::ForeignHinge;
 using reference::ForeignHinges;
 using reference::ForeignMotion;
 
-/// A hinge type that the twin does not know, by the kinematics of its family: one link of the chain is not independent then.
+/// A hinge type that the twin does not know, by the kinematics of its family: one link of the chain is not independent
+/// then.
 ForeignHinges foreign_hinges(const Model& m) {
   ForeignHinges all;
   for (std::size_t i = 0; i < m.user.size(); ++i) {
@@ -37,8 +38,8 @@ ForeignHinges foreign_hinges(const Model& m) {
   return all;
 }
 
-/// Largest |v' - v'_twin| over the largest |v'| that any one force (gravity, velocity terms, springs, modes, commands) causes
-/// by itself: v' may be small because large forces cancel, and rounding is of the size of each of them.
+/// Largest |v' - v'_twin| over the largest |v'| that any one force (gravity, velocity terms, springs, modes, commands)
+/// causes by itself: v' may be small because large forces cancel, and rounding is of the size of each of them.
 double difference(Scenario& s, const reference::DenseTwin<double>& twin) {
   if (s.model->nv == 0) return 0.0;  // nothing can move
   Simulation& sim = *s.sim;
@@ -65,7 +66,8 @@ double difference(Scenario& s, const reference::DenseTwin<double>& twin) {
 
   double scale = vdot.cwiseAbs().maxCoeff();
   const Eigen::LLT<Eigen::MatrixXd> M(state.M);
-  for (const Eigen::VectorXd& force : {tau, state.bias, state.gravity_force, state.elastic_force, state.hinge_force, state.external_force(wrenches)})
+  for (const Eigen::VectorXd& force :
+       {tau, state.bias, state.gravity_force, state.elastic_force, state.hinge_force, state.external_force(wrenches)})
     scale = std::max(scale, M.solve(force).cwiseAbs().maxCoeff());
   return scale > 0 ? (vdot - reference).cwiseAbs().maxCoeff() / scale : 0.0;
 }

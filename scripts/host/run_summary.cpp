@@ -13,12 +13,15 @@ namespace {
 
 bool begins(const std::string& text, std::string_view with) { return text.starts_with(with); }
 
-std::string with_unit(double value, const std::string& unit) { return fmt::format("{:.6g}{}", value, unit == "1" ? "" : " " + unit); }
+std::string with_unit(double value, const std::string& unit) {
+  return fmt::format("{:.6g}{}", value, unit == "1" ? "" : " " + unit);
+}
 
 std::string checks_text(const std::vector<Check>& checks) {
   std::string text;
   for (const Check& c : checks)
-    text += fmt::format("  {:<6}{:<44}{:>20}   {}\n", c.pass ? "pass" : "FAIL", c.name, with_unit(c.value, c.unit), c.detail);
+    text += fmt::format("  {:<6}{:<44}{:>20}   {}\n", c.pass ? "pass" : "FAIL", c.name, with_unit(c.value, c.unit),
+                        c.detail);
   return text.empty() ? text : "\nchecks\n" + text;
 }
 
@@ -65,7 +68,8 @@ Summary run_summary(const Scenario& s, double wall_s) {
   const IntegratorStatistics i = s.sim->statistics();
   out.steps = i.steps, out.rhs_calls = i.rhs_calls, out.restarts = i.restarts;
   out.model.bodies = static_cast<int>(m.user.size());
-  out.model.hinges = static_cast<int>(std::count_if(m.user.begin(), m.user.end(), [](const UserBody& u) { return u.nv > 0; }));
+  out.model.hinges =
+      static_cast<int>(std::count_if(m.user.begin(), m.user.end(), [](const UserBody& u) { return u.nv > 0; }));
   out.model.n_q = m.nq, out.model.n_v = m.nv, out.model.n_modes = m.n_modes;
   out.versions = {{"cardan", version::kNumber},
                   {"commit", version::kCommit},
@@ -79,11 +83,14 @@ std::string summary_text(const Scenario& s, const Summary& sum, const std::vecto
   std::string text = s.mission.title.empty() ? "" : s.mission.title + "\n";
   text += checks_text(sum.checks) + figures_text(sum.pointing) + hinges_text(ranges) + modes_text(ranges);
   if (s.mission.simulation.ledger)
-    text += fmt::format("\nledgers: largest residual over the sum of magnitudes\n  linear momentum {:.1e}   angular momentum {:.1e}   energy {:.1e}\n",
-                        sum.ledger.linear_momentum, sum.ledger.angular_momentum, sum.ledger.energy);
-  text += fmt::format("\n{:.6g} s simulated in {:.3g} s ({:.4g} times real time), {}\n{} steps, {} function calls, {} restarts\n", sum.simulated_s,
-                      sum.wall_s, sum.wall_s > 0 ? sum.simulated_s / sum.wall_s : 0.0, s.sim->integrator_name(), sum.steps, sum.rhs_calls,
-                      sum.restarts);
+    text += fmt::format(
+        "\nledgers: largest residual over the sum of magnitudes\n  linear momentum {:.1e}   angular momentum {:.1e}   "
+        "energy {:.1e}\n",
+        sum.ledger.linear_momentum, sum.ledger.angular_momentum, sum.ledger.energy);
+  text += fmt::format(
+      "\n{:.6g} s simulated in {:.3g} s ({:.4g} times real time), {}\n{} steps, {} function calls, {} restarts\n",
+      sum.simulated_s, sum.wall_s, sum.wall_s > 0 ? sum.simulated_s / sum.wall_s : 0.0, s.sim->integrator_name(),
+      sum.steps, sum.rhs_calls, sum.restarts);
   return text;
 }
 

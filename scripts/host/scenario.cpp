@@ -33,8 +33,14 @@ LuaOptions lua_options(Scenario& s, const ScenarioOptions& options) {
 
 [[noreturn]] void fail(const Scenario& s, Code code, std::string key_path, std::string expected, std::string got,
                        std::string hint) {
-  throw InputError(Diagnostic{
-      code, {std::move(key_path), {s.file.string(), 0, 0}}, std::move(expected), std::move(got), std::move(hint), {}, {}, 0});
+  throw InputError(Diagnostic{code,
+                              {std::move(key_path), {s.file.string(), 0, 0}},
+                              std::move(expected),
+                              std::move(got),
+                              std::move(hint),
+                              {},
+                              {},
+                              0});
 }
 
 /// What only the whole script can tell.
@@ -42,19 +48,22 @@ void expect_complete(const Scenario& s) {
   if (!s.model)
     fail(s, Code::empty_system, "vehicle", "a vehicle", "none", "begin with: local sat = vehicle \"vehicle.yaml\"");
   if (!s.mission.declared)
-    fail(s, Code::missing_key, "mission", "a mission with its duration", "none", "mission { title = ..., duration = \"400 s\" }");
+    fail(s, Code::missing_key, "mission", "a mission with its duration", "none",
+         "mission { title = ..., duration = \"400 s\" }");
   for (const Setting& set : s.settings) {
     if (set.used) continue;
     std::string known;
     for (const std::string& name : s.parameter_names) known += name + ", ";
-    throw InputError(Diagnostic{Code::unknown_name,
-                                {set.key, {fmt::format("--set {}={}", set.key, set.value), 0, 0}},
-                                known.empty() ? "vehicle.... or mission...." : "a parameter (" + known.substr(0, known.size() - 2) + "), vehicle.... or mission....",
-                                in_quotes(set.key),
-                                did_you_mean(set.key, s.parameter_names),
-                                {},
-                                {},
-                                0});
+    throw InputError(Diagnostic{
+        Code::unknown_name,
+        {set.key, {fmt::format("--set {}={}", set.key, set.value), 0, 0}},
+        known.empty() ? "vehicle.... or mission...."
+                      : "a parameter (" + known.substr(0, known.size() - 2) + "), vehicle.... or mission....",
+        in_quotes(set.key),
+        did_you_mean(set.key, s.parameter_names),
+        {},
+        {},
+        0});
   }
 }
 
@@ -97,7 +106,8 @@ std::unique_ptr<Scenario> load_scenario(const ScenarioOptions& options) {
 }
 
 void run_prelude(Scenario& s) {
-  s.lua.run_text("[cardan]", "for _, name in ipairs { 'quat', 'vec', 'allocation' } do _G[name] = require('cardan.' .. name) end");
+  s.lua.run_text("[cardan]",
+                 "for _, name in ipairs { 'quat', 'vec', 'allocation' } do _G[name] = require('cardan.' .. name) end");
 }
 
 void refuse(lua_State* L, Code code, std::string key_path, std::string expected, std::string got, std::string hint) {
@@ -113,9 +123,11 @@ void refuse(lua_State* L, Code code, std::string key_path, std::string expected,
 
 void expect_setup(lua_State* L, const Scenario& s, const char* what, bool needs_vehicle) {
   if (s.stage != Scenario::Stage::setup)
-    refuse(L, Code::lua_argument, what, "a declaration before the run", "one during the run", "move it to the top level of the script");
+    refuse(L, Code::lua_argument, what, "a declaration before the run", "one during the run",
+           "move it to the top level of the script");
   if (needs_vehicle && !s.model)
-    refuse(L, Code::lua_argument, what, "a vehicle before it", "no vehicle yet", "begin with: local sat = vehicle \"vehicle.yaml\"");
+    refuse(L, Code::lua_argument, what, "a vehicle before it", "no vehicle yet",
+           "begin with: local sat = vehicle \"vehicle.yaml\"");
 }
 
 }  // namespace cardan

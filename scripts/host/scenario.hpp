@@ -1,6 +1,6 @@
 #pragma once
-// A scenario: what its script declares (bind_setup.cpp, bind_mission.cpp), and what the handles of the script read and set
-// (bind_handles.cpp). Names are resolved when a handle is made; a tick works with numbers only.
+// A scenario: what its script declares (bind_setup.cpp, bind_mission.cpp), and what the handles of the script read and
+// set (bind_handles.cpp). Names are resolved when a handle is made; a tick works with numbers only.
 #include <filesystem>
 #include <limits>
 #include <memory>
@@ -33,8 +33,8 @@ struct MissionSpec {
   std::string title;
   double duration = 0.0;  // [s]
   Rational output_period{1, 10};
-  std::vector<int> reactions;  // user bodies
-  std::vector<int> nodes;      // indices into Model::nodes
+  std::vector<int> reactions;                                      // user bodies
+  std::vector<int> nodes;                                          // indices into Model::nodes
   std::vector<std::pair<std::string, std::string>> defaults_used;  // key path, value
   SimulationOptions simulation;
 };
@@ -114,10 +114,10 @@ struct Scenario {
 
   // What handles see
   Stage stage = Stage::setup;
-  std::string_view phase;         // name of the present one; empty before the first and after the last
+  std::string_view phase;                   // name of the present one; empty before the first and after the last
   const double *q = nullptr, *v = nullptr;  // the state, or the trial state of an event function
   bool in_event_function = false;
-  std::string_view actor;         // whose function runs: `controller "attitude"`
+  std::string_view actor;           // whose function runs: `controller "attitude"`
   std::optional<RunFailure> fault;  // a command that is not finite; a script cannot catch it
   std::vector<double> scratch;
 

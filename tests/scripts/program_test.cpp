@@ -33,7 +33,8 @@ std::vector<std::string> folders_of(const std::string& path) {
 json summary_of(const std::string& out) { return json::parse(file_text(out + "/summary.json")); }
 
 /// All rows of all channels of a result, path after path.
-void collect(const Hdf5File& file, const std::string& group, std::vector<std::pair<std::string, std::vector<double>>>& all) {
+void collect(const Hdf5File& file, const std::string& group,
+             std::vector<std::pair<std::string, std::vector<double>>>& all) {
   for (const std::string& name : file.members(group)) {
     const std::string path = group + "/" + name;
     if (file.is_group(path))
@@ -73,7 +74,8 @@ TEST_P(Answer, IsAsExpected) {
   std::istringstream script(file_text(kErrors + "/" + GetParam() + "/scenario.lua"));
   std::vector<std::string> arguments{"run", GetParam()};
   int exit_code = 0;
-  for (std::string line; std::getline(script, line) && line.starts_with("-- ");) {  // -- exit: 2, -- argument: --set a=b
+  for (std::string line;
+       std::getline(script, line) && line.starts_with("-- ");) {  // -- exit: 2, -- argument: --set a=b
     if (line.starts_with("-- exit: ")) exit_code = std::stoi(line.substr(9));
     if (line.starts_with("-- argument: ")) arguments.push_back(line.substr(13));
   }
@@ -90,15 +92,16 @@ TEST(Program, AFailedCheckIsExitCodeOneWithATable) {
   const TemporaryFolder dir;
   write(dir / "scenario.lua",
         "vehicle 'vehicle.yaml'\n"
-            "mission { duration = 1 }\n"
-            "check { name = 'good', value = function() return 1 end, below = 2 }\n"
-            "check { name = 'bad', unit = 'deg', value = function() return 3 end, within = { 1, 2 } }\n");
+        "mission { duration = 1 }\n"
+        "check { name = 'good', value = function() return 1 end, below = 2 }\n"
+        "check { name = 'bad', unit = 'deg', value = function() return 3 end, within = { 1, 2 } }\n");
   fs::copy(kErrors + "/pendulum.yaml", dir / "vehicle.yaml");
   const Finished run = run_program({"run", ".", "--out", "out"}, dir.path());
   EXPECT_EQ(run.exit_code, 1);
-  EXPECT_NE(run.out.find("  pass  good                                                           1   below 2\n"
-                         "  FAIL  bad                                                        3 deg   within 1 ... 2 deg\n"),
-            std::string::npos)
+  EXPECT_NE(
+      run.out.find("  pass  good                                                           1   below 2\n"
+                   "  FAIL  bad                                                        3 deg   within 1 ... 2 deg\n"),
+      std::string::npos)
       << run.out;
   const json checks = summary_of(dir / "out")["checks"];
   EXPECT_EQ(checks[0]["verdict"], "pass");
@@ -114,12 +117,14 @@ TEST(Program, AFolderThatIsCopiedRunsUnchanged) {
   const Finished there = run_program({"run", "scenario.lua"}, dir / "elsewhere");
   EXPECT_EQ(here.exit_code, 0) << here.err;
   EXPECT_EQ(there.exit_code, 0) << there.err;
-  EXPECT_EQ(channels_of(dir / "a"), channels_of(dir / "elsewhere/out/elsewhere")) << "the default folder is out/<folder of the scenario>";
+  EXPECT_EQ(channels_of(dir / "a"), channels_of(dir / "elsewhere/out/elsewhere"))
+      << "the default folder is out/<folder of the scenario>";
 }
 
 TEST(Program, TwoRunsGiveTheSameBits) {
   const TemporaryFolder dir;
-  for (const char* out : {"a", "b"}) ASSERT_EQ(run_program({"run", "drive", "--out", dir / out}, kMissions).exit_code, 0);
+  for (const char* out : {"a", "b"})
+    ASSERT_EQ(run_program({"run", "drive", "--out", dir / out}, kMissions).exit_code, 0);
   EXPECT_EQ(channels_of(dir / "a"), channels_of(dir / "b"));
   json a = summary_of(dir / "a"), b = summary_of(dir / "b");
   a.erase("wall_s"), b.erase("wall_s");
@@ -128,14 +133,17 @@ TEST(Program, TwoRunsGiveTheSameBits) {
 
 TEST(Program, SetReplacesParametersVehicleAndMission) {
   const TemporaryFolder dir;
-  const Finished run = run_program({"run", "pendulum", "--out", dir.path(), "--set", "start=-10 deg", "--set", "vehicle.bodies.rod.mass=4 kg", "--set",
-                                    "mission.integrator.method=cvode_bdf", "--set", "list=[3, 4 km]"},
-                                   kMissions);
+  const Finished run = run_program(
+      {"run", "pendulum", "--out", dir.path(), "--set", "start=-10 deg", "--set", "vehicle.bodies.rod.mass=4 kg",
+       "--set", "mission.integrator.method=cvode_bdf", "--set", "list=[3, 4 km]"},
+      kMissions);
   EXPECT_EQ(run.exit_code, 1) << "the period is another: " << run.err;
   const Hdf5File file = Hdf5File::open(dir / "run.h5");
   EXPECT_NEAR(file.read_doubles("/channels/hinges/rod/angle").values.front(), -10 * M_PI / 180, 1e-15);
   const auto parameters = file.read_texts("/spec/parameters");
-  const auto value = [&](const std::string& key) { return *(std::find(parameters.begin(), parameters.end(), key) + 1); };
+  const auto value = [&](const std::string& key) {
+    return *(std::find(parameters.begin(), parameters.end(), key) + 1);
+  };
   EXPECT_EQ(value("bodies.rod.mass"), "4 kg");
   EXPECT_EQ(value("parameters.list"), "[3, 4000]");
   EXPECT_EQ(file.text_attribute("/run", "integrator"), "cvode_bdf, relative tolerance 1e-10");
@@ -155,7 +163,9 @@ TEST(Program, SeedDecidesRandomNumbers) {
   const TemporaryFolder dir;
   fs::copy(kErrors + "/pendulum.yaml", dir / "vehicle.yaml");
   write(dir / "scenario.lua", "vehicle 'vehicle.yaml' mission { duration = 1 } print(math.random(1000000))");
-  const auto drawn = [&](const char* seed) { return run_program({"run", ".", "--quiet", "--seed", seed, "--out", "out"}, dir.path()).out; };
+  const auto drawn = [&](const char* seed) {
+    return run_program({"run", ".", "--quiet", "--seed", seed, "--out", "out"}, dir.path()).out;
+  };
   const std::string first = drawn("1");
   EXPECT_EQ(drawn("1"), first);
   EXPECT_NE(drawn("2"), first);
@@ -197,10 +207,11 @@ TEST(Program, ResultsThatCannotBeWrittenAreRefusedBeforeTheRun) {
 
 TEST(Program, AFullDiskIsAFailureOfTheRun) {
   const TemporaryFolder dir;
-  const Finished run = run_program({"run", "pendulum", "--out", dir.path(), "--quiet", "--set", "mission.output.rate=1000 Hz"}, kMissions, [] {
-    const rlimit limit{100'000, 100'000};  // [B] of one file; the results begin with about 80 000
-    setrlimit(RLIMIT_FSIZE, &limit);
-  });
+  const Finished run = run_program(
+      {"run", "pendulum", "--out", dir.path(), "--quiet", "--set", "mission.output.rate=1000 Hz"}, kMissions, [] {
+        const rlimit limit{100'000, 100'000};  // [B] of one file; the results begin with about 80 000
+        setrlimit(RLIMIT_FSIZE, &limit);
+      });
   EXPECT_EQ(run.exit_code, 3);
   EXPECT_TRUE(run.err.starts_with("failure[N0204]: the results cannot be written any more\n  t = ")) << run.err;
   EXPECT_GT(summary_of(dir.path())["simulated_s"], 0.0) << "what is known is written";
@@ -208,7 +219,8 @@ TEST(Program, AFullDiskIsAFailureOfTheRun) {
 
 TEST(Program, AKilledRunLeavesResultsThatCanBeRead) {
   const TemporaryFolder dir;
-  const Finished run = run_program({"run", "pendulum", "--out", dir.path(), "--set", "mission.duration=100 day"}, kMissions, [] { alarm(4); });
+  const Finished run = run_program({"run", "pendulum", "--out", dir.path(), "--set", "mission.duration=100 day"},
+                                   kMissions, [] { alarm(4); });
   EXPECT_EQ(run.exit_code, -1) << "killed by the alarm";
   const auto time = Hdf5File::open(dir / "run.h5").read_doubles("/time").values;
   EXPECT_GT(time.size(), 100u);
@@ -236,7 +248,8 @@ TEST(Program, DescribeHasAMassLedgerThatSumsUp) {
   const Finished run = run_program({"describe", "merged", "--json"}, kMissions);
   const json masses = json::parse(run.out)["masses"];
   EXPECT_EQ(masses["total"], 13.0);
-  // 10 kg at the origin, 3 kg at x = 2: mass centre at 6/13; own inertias 1 + 1, and 10 (6/13)^2 + 3 (20/13)^2 across x.
+  // 10 kg at the origin, 3 kg at x = 2: mass centre at 6/13; own inertias 1 + 1, and 10 (6/13)^2 + 3 (20/13)^2 across
+  // x.
   EXPECT_NEAR(masses["com_world"][0], 6.0 / 13, 1e-15);
   EXPECT_NEAR(masses["inertia_world_about_com"][0][0], 2.0, 1e-14);
   EXPECT_NEAR(masses["inertia_world_about_com"][1][1], 2.0 + 10 * 36.0 / 169 + 3 * 400.0 / 169, 1e-14);
@@ -252,16 +265,18 @@ TEST(Program, DescribeTellsTheProgramAndTheModes) {
   EXPECT_EQ(flexible["modes"][0]["audit"][0]["kept"], true);
   const std::string loaded = json::parse(run_program({"describe", "free_body", "--json"}, kMissions).out)["program"];
   const std::string unloaded = json::parse(run_program({"describe", "drive", "--json"}, kMissions).out)["program"];
-  EXPECT_NE(loaded.find("node_wrenches"), std::string::npos);
-  EXPECT_EQ(unloaded.find("node_wrenches"), std::string::npos) << "a scene without loads has no op for them";
+  EXPECT_NE(loaded.find("node wrenches"), std::string::npos);
+  EXPECT_EQ(unloaded.find("node wrenches"), std::string::npos) << "a scene without loads has no op for them";
 }
 
 TEST(Program, PluginsAreLoadedAndChecked) {
   const TemporaryFolder dir;
   fs::copy(CARDAN_BINARY_DIR "/plugins/custom_cam.so", dir / "cam.so");
   write(dir / "vehicle.yaml",
-        "cardan: 1\nbodies:\n  slider: {mass: 1, inertia: [1, 1, 1], hinge: {type: custom_cam, to: world, axis: [0, 0, 1], a: 0.1, b: 0.2, c: 0.3}}\n");
-  write(dir / "scenario.lua", "plugin 'cam.so' vehicle 'vehicle.yaml' mission { duration = 1 } initial { slider = { rate = 1 } }");
+        "cardan: 1\nbodies:\n  slider: {mass: 1, inertia: [1, 1, 1], hinge: {type: custom_cam, to: world, axis: [0, 0, "
+        "1], a: 0.1, b: 0.2, c: 0.3}}\n");
+  write(dir / "scenario.lua",
+        "plugin 'cam.so' vehicle 'vehicle.yaml' mission { duration = 1 } initial { slider = { rate = 1 } }");
   const Finished check = run_program({"check-plugin", "cam.so"}, dir.path(), {});
   EXPECT_EQ(check.exit_code, 0) << check.err;
   EXPECT_TRUE(check.out.starts_with("ok    hinge custom_cam: ")) << check.out;

@@ -12,7 +12,8 @@
 
 namespace cardan {
 
-Finished run_program(const std::vector<std::string>& arguments, const std::string& folder, const std::function<void()>& in_child) {
+Finished run_program(const std::vector<std::string>& arguments, const std::string& folder,
+                     const std::function<void()>& in_child) {
   const TemporaryFolder texts;
   const std::string out = texts / "out", err = texts / "err", program = CARDAN_BINARY_DIR "/cardan";
   std::vector<char*> argv{const_cast<char*>(program.c_str())};
@@ -48,7 +49,8 @@ std::string file_text(const std::string& path) {
 }
 
 std::string replaced(std::string text, const std::string& what, const std::string& with) {
-  for (std::size_t at = 0; (at = text.find(what, at)) != std::string::npos; at += with.size()) text.replace(at, what.size(), with);
+  for (std::size_t at = 0; (at = text.find(what, at)) != std::string::npos; at += with.size())
+    text.replace(at, what.size(), with);
   return text;
 }
 

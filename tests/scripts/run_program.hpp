@@ -12,7 +12,8 @@ struct Finished {
 };
 
 /// Runs `cardan` with these arguments in `folder`; `in_child` is called in the new process before it begins.
-Finished run_program(const std::vector<std::string>& arguments, const std::string& folder, const std::function<void()>& in_child = {});
+Finished run_program(const std::vector<std::string>& arguments, const std::string& folder,
+                     const std::function<void()>& in_child = {});
 
 /// A fresh folder that the test removes by itself at its end.
 class TemporaryFolder {

@@ -10,7 +10,10 @@ namespace cardan {
 
 void ScenarioArguments::add_to(CLI::App& command, CommandLine& line) {
   command.add_option("file", file, "The scenario: a Lua file, or a folder with scenario.lua")->required();
-  command.add_option("--set", settings, "Override a value: slew_angle=\"20 deg\", vehicle.bodies.bus.mass=\"1700 kg\", mission.duration=\"50 s\"")
+  command
+      .add_option(
+          "--set", settings,
+          "Override a value: slew_angle=\"20 deg\", vehicle.bodies.bus.mass=\"1700 kg\", mission.duration=\"50 s\"")
       ->allow_extra_args(false);
   command.add_option("--seed", seed, "Seed of the script's random numbers");
   command.add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
@@ -23,7 +26,8 @@ ScenarioOptions ScenarioArguments::options() const {
   for (const std::string& text : settings) {
     const std::size_t equals = text.find('=');
     if (equals == 0 || equals == std::string::npos)
-      throw InputError(Diagnostic{Code::command_line, {"--set", {}}, "key=value", in_quotes(text), "--set slew_angle=\"20 deg\"", {}, {}, 0});
+      throw InputError(Diagnostic{
+          Code::command_line, {"--set", {}}, "key=value", in_quotes(text), "--set slew_angle=\"20 deg\"", {}, {}, 0});
     o.settings.push_back({text.substr(0, equals), text.substr(equals + 1)});
   }
   return o;
@@ -44,8 +48,11 @@ int report_error(const std::exception& error, bool as_json) {
   }
   if (const auto* numerics = dynamic_cast<const NumericsError*>(&error))
     return tell(3, numerics->what(), Json::array({to_json(numerics->failure())}));
-  return tell(70, fmt::format("internal error: {}\nThis is a fault of Cardan. Please report it with this text and the scenario.\n", error.what()),
-              Json::array({{{"title", "internal error"}, {"what", error.what()}}}));
+  return tell(
+      70,
+      fmt::format("internal error: {}\nThis is a fault of Cardan. Please report it with this text and the scenario.\n",
+                  error.what()),
+      Json::array({{{"title", "internal error"}, {"what", error.what()}}}));
 }
 
 }  // namespace cardan

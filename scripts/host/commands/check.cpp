@@ -17,9 +17,10 @@ void add_check(CLI::App& app, CommandLine& line) {
   command->callback([&line, arguments] {
     line.action = [arguments] {
       const auto s = load_scenario(arguments->options());
-      fmt::print("ok: {}, {} coordinates, {} velocities, {}, {}, {}, {}, {:g} s\n", bodies(s->model->user.size()), s->model->nq, s->model->nv,
-                 count(static_cast<std::size_t>(s->model->n_modes), "mode"), count(s->controllers.size(), "controller"),
-                 count(s->events.size(), "event"), count(s->checks.size(), "check"), s->mission.duration);
+      fmt::print("ok: {}, {} coordinates, {} velocities, {}, {}, {}, {}, {:g} s\n", bodies(s->model->user.size()),
+                 s->model->nq, s->model->nv, count(static_cast<std::size_t>(s->model->n_modes), "mode"),
+                 count(s->controllers.size(), "controller"), count(s->events.size(), "event"),
+                 count(s->checks.size(), "check"), s->mission.duration);
       return 0;
     };
   });

@@ -13,7 +13,8 @@ constexpr int kSamples = 64;
 
 int check_plugin(const std::string& path) {
   Registry registry;
-  load_plugin(std::filesystem::absolute(path).string(), registry);  // the laws at a few samples; its errors tell the first violation
+  load_plugin(std::filesystem::absolute(path).string(),
+              registry);  // the laws at a few samples; its errors tell the first violation
   int violated = 0;
   for (const Registry::Entry& entry : registry.hinges()) {
     const auto violations = hinge_law_violations(*entry.family, kSamples);

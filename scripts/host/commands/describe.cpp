@@ -6,7 +6,8 @@
 namespace cardan {
 
 void add_describe(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("describe", "Tell what a scenario is made of: bodies, masses, modes, program of sweeps");
+  auto* command =
+      app.add_subcommand("describe", "Tell what a scenario is made of: bodies, masses, modes, program of sweeps");
   auto arguments = std::make_shared<ScenarioArguments>();
   auto as_json = std::make_shared<bool>(false);
   arguments->add_to(*command, line);

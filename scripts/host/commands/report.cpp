@@ -16,7 +16,8 @@ void add_report(CLI::App& app, CommandLine& line) {
   command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
   command->callback([&line, h5, html] {
     line.action = [h5, html] {
-      const std::string page = html->empty() ? (std::filesystem::path(*h5).parent_path() / "report.html").string() : *html;
+      const std::string page =
+          html->empty() ? (std::filesystem::path(*h5).parent_path() / "report.html").string() : *html;
       write_report(*h5, page);
       fmt::print("{}\n", page);
       return 0;

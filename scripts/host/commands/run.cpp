@@ -12,7 +12,8 @@ namespace cardan {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kReferenceLimit = 1e-9;  // rounding of both sides on stiff or badly scaled systems stays below; an error does not
+constexpr double kReferenceLimit =
+    1e-9;  // rounding of both sides on stiff or badly scaled systems stays below; an error does not
 
 struct RunArguments {
   ScenarioArguments scenario;
@@ -22,7 +23,14 @@ struct RunArguments {
 };
 
 [[noreturn]] void cannot_write(const fs::path& path, const std::string& why) {
-  throw InputError(Diagnostic{Code::cannot_write, {{}, {path.string(), 0, 0}}, "a place that can be written to", why, "--out DIR chooses another", {}, {}, 0});
+  throw InputError(Diagnostic{Code::cannot_write,
+                              {{}, {path.string(), 0, 0}},
+                              "a place that can be written to",
+                              why,
+                              "--out DIR chooses another",
+                              {},
+                              {},
+                              0});
 }
 
 /// Default: out/<name of the scenario's folder>.
@@ -43,7 +51,12 @@ void write_text(const fs::path& path, const std::string& text) {
 }
 
 Check reference_check(const std::vector<Range>& ranges) {
-  Check c{"agreement with the dense reference", 0.0, kReferenceLimit, false, "1", fmt::format("below {:g}, at every output time", kReferenceLimit)};
+  Check c{"agreement with the dense reference",
+          0.0,
+          kReferenceLimit,
+          false,
+          "1",
+          fmt::format("below {:g}, at every output time", kReferenceLimit)};
   for (const Range& r : ranges)
     if (r.path == "reference/difference") c.value = r.largest;
   c.pass = c.value <= c.limit;
@@ -53,12 +66,16 @@ Check reference_check(const std::vector<Range>& ranges) {
 class RunCommand {
  public:
   explicit RunCommand(const RunArguments& a)
-      : arguments_(a), scenario_(load(a)), folder_(make_folder(a, *scenario_)), file_(make_hdf5_recorder((folder_ / "run.h5").string())),
+      : arguments_(a),
+        scenario_(load(a)),
+        folder_(make_folder(a, *scenario_)),
+        file_(make_hdf5_recorder((folder_ / "run.h5").string())),
         recorder_(*file_) {}
 
   int execute() {
     if (arguments_.until && !(*arguments_.until > 0.0))
-      throw InputError(Diagnostic{Code::command_line, {"--until", {}}, "a time > 0 s", fmt::format("{}", *arguments_.until), {}, {}, {}, 0});
+      throw InputError(Diagnostic{
+          Code::command_line, {"--until", {}}, "a time > 0 s", fmt::format("{}", *arguments_.until), {}, {}, {}, 0});
     std::vector<Output> outputs = mission_outputs(*scenario_);
     if (arguments_.check_against_reference) outputs.push_back(reference_output(*scenario_));
     std::vector<Channel> channels;
@@ -150,7 +167,8 @@ void add_run(CLI::App& app, CommandLine& line) {
   command->add_option("--out", a->out, "Folder of the results; default: out/<folder of the scenario>");
   command->add_option("--until", a->until, "End of the run in s, instead of the mission's duration");
   command->add_flag("--quiet", a->quiet, "No progress, and a summary only if a check failed");
-  command->add_flag("--check-against-reference", a->check_against_reference, "Compare with the dense twin at every output time (slow)");
+  command->add_flag("--check-against-reference", a->check_against_reference,
+                    "Compare with the dense twin at every output time (slow)");
   command->callback([&line, a] { line.action = [a] { return RunCommand(*a).execute(); }; });
 }
 

@@ -9,7 +9,8 @@ namespace cardan {
 void add_version(CLI::App& app, CommandLine& line) {
   app.add_subcommand("version", "Tell the version, and how it was built")->callback([&line] {
     line.action = [] {
-      fmt::print("cardan {} ({})\n{}\n{}\n", version::kNumber, *version::kCommit ? version::kCommit : "no commit", version::kCompiler, version::kFlags);
+      fmt::print("cardan {} ({})\n{}\n{}\n", version::kNumber, *version::kCommit ? version::kCommit : "no commit",
+                 version::kCompiler, version::kFlags);
       return 0;
     };
   });
