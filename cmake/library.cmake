@@ -53,5 +53,6 @@ function(cardan_test name)
   target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR})
   target_compile_definitions(${name} PRIVATE CARDAN_SOURCE_DIR="${CMAKE_SOURCE_DIR}" CARDAN_BINARY_DIR="${CMAKE_BINARY_DIR}")
   target_link_libraries(${name} PRIVATE cardan_flags ${A_DEPS} GTest::gtest_main)
-  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60 PROPERTIES LABELS "${A_LABEL}" TIMEOUT 600)
+  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60 
+    PROPERTIES LABELS "${A_LABEL}" TIMEOUT 600 RESOURCE_LOCK ${name})   # cases of one program share scratch files
 endfunction()

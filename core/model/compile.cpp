@@ -210,7 +210,10 @@ class Compiler {
       m.nv = u.etadot + u.n_modes;
       m.n_modes += u.n_modes;
       u.mass = b.modal ? b.modal->integrals.I1 : b.mass;
-      if (!b.modal) u.M = about_origin(b.mass, from_eigen(b.com), symmetric(b.inertia_com));
+      if (!b.modal)
+        u.M = about_origin(b.mass, from_eigen(b.com), symmetric(b.inertia_com));
+      else if (u.n_modes == 0)  // a flexible body without modes is a rigid one
+        u.M = {b.modal->integrals.I1, from_eigen(b.modal->integrals.I2), symmetric(b.modal->integrals.I7)};
       m.user.push_back(std::move(u));
     }
   }
@@ -254,7 +257,7 @@ class Compiler {
       // A hinge without velocities is a constant transform.
       const bool fixed = u.nv == 0;
       if (fixed) u.merged_hinge = fixed_transform(spec.hinge, u);
-      const bool rigid = !spec.modal;
+      const bool rigid = u.n_modes == 0;
       const bool onto_rigid = m.bodies[static_cast<std::size_t>(parent_sweep)].n_modes == 0;
       if (fixed && rigid && onto_rigid && options_.merge_locked) {
         u.sweep = parent_sweep;

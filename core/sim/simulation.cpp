@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 
 namespace cardan {
 
@@ -89,6 +90,8 @@ void Simulation::prescribe(int v_index, MotionProfile profile) {
 }
 
 int Simulation::add_wrench(int node, bool world_axes) {
+  if (!model_->has(Kernel::node_wrenches) || (world_axes && !model_->has(Kernel::world)))
+    throw std::logic_error("add_wrench: compile the model with CompileOptions::node_wrenches, in world axes also world_wrenches");
   NodeWrench w;
   w.node = node;
   w.world_axes = world_axes;

@@ -25,7 +25,7 @@ struct Inputs {
   const T* q = nullptr;
   const T* v = nullptr;
   const T* tau = nullptr;                        // generalised forces of actuators, dual to v
-  const T* vdot = nullptr;                       // prescribed components (forward dynamics) or all (inverse dynamics)
+  const T* vdot = nullptr;                       // all components (inverse dynamics); prescribed ones, the others zero (forward)
   std::span<const NodeWrench<T>> wrenches = {};
   bool gravity = true;                           // false: leave gravity out
 };
