@@ -210,10 +210,14 @@ class Compiler {
       m.nv = u.etadot + u.n_modes;
       m.n_modes += u.n_modes;
       u.mass = b.modal ? b.modal->integrals.I1 : b.mass;
-      if (!b.modal)
+      if (!b.modal) {
         u.M = about_origin(b.mass, from_eigen(b.com), symmetric(b.inertia_com));
-      else if (u.n_modes == 0)  // a flexible body without modes is a rigid one
-        u.M = {b.modal->integrals.I1, from_eigen(b.modal->integrals.I2), symmetric(b.modal->integrals.I7)};
+      } else if (u.n_modes == 0) {  // a flexible body without modes is a rigid one, by the same numbers
+        const ModalIntegrals& I = b.modal->integrals;
+        const Eigen::Vector3d com = I.I2 / I.I1;
+        const Eigen::Matrix3d inertia_com = I.I7 - I.I1 * (com.squaredNorm() * Eigen::Matrix3d::Identity() - com * com.transpose());
+        u.M = about_origin(I.I1, from_eigen(com), symmetric(inertia_com));
+      }
       m.user.push_back(std::move(u));
     }
   }

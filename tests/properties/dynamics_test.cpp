@@ -395,7 +395,7 @@ TEST(Flexible, ModesHeldAtZeroAreARigidBody) {
   });
 }
 
-// Disabled: compile() gives a modal body without modes no mass, and takes the largest entry of an empty matrix.
+// The rigid body is given by its mass centre and the inertia about it; compile() goes the same way from the integrals.
 TEST(Flexible, ZeroModesIsBitwiseRigid) {
   for_all_trees({.flexible = 0.6}, 0.0, [](const RandomTree& tree) {
     RandomTree empty = tree, rigid_tree = tree;
