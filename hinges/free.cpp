@@ -1,26 +1,14 @@
 // free: six degrees of freedom; v = [omega in P axes; rate of the position in O axes], so that an orbit stays smooth.
-#include "core/abi/family.hpp"
-#include "hinges/axes.hpp"
+#include "hinges/six_dof.hpp"
 
 namespace cardan {
 namespace {
 
-struct Free : QuaternionKinematics {
+struct Free : SixDof {
   static constexpr const char* type = "free";
   static constexpr const char* summary = "six degrees of freedom; linear velocity in the axes of the inboard node (use this one in orbit)";
-  static constexpr int nq = 7, nv = 6;
   static constexpr auto shape = CARDAN_SHAPE_FREE;
-  struct Packed {};
-  static constexpr const char* q_names[] = {"qw", "qx", "qy", "qz", "x", "y", "z"};
-  static constexpr const char* q_units[] = {"1", "1", "1", "1", "m", "m", "m"};
-  static constexpr const char* v_names[] = {"wx", "wy", "wz", "vx", "vy", "vz"};
-  static constexpr const char* v_units[] = {"rad/s", "rad/s", "rad/s", "m/s", "m/s", "m/s"};
 
-  static bool pack(const Params&, Packed&) { return true; }
-  static void zero(const Packed&, double* q) noexcept {
-    std::memset(q, 0, nq * sizeof(double));
-    q[0] = 1;
-  }
   static void kinematics(const Packed&, const double* q, const double* v, HingeOut<6>& out) noexcept {
     out.R_OP = rotation(q);
     out.p_OP = Eigen::Map<const Eigen::Vector3d>(q + 4);
@@ -48,7 +36,6 @@ struct Free : QuaternionKinematics {
     QuaternionKinematics::difference(a, b, d);
     for (int i = 0; i < 3; ++i) d[3 + i] = b[4 + i] - a[4 + i];
   }
-  static void normalise(const Packed&, double* q) noexcept { QuaternionKinematics::normalise(q); }
 };
 
 }  // namespace

@@ -1,26 +1,14 @@
 // free_body: six degrees of freedom; v = [omega; linear velocity], both in P axes: quasi-velocities.
-#include "core/abi/family.hpp"
-#include "hinges/axes.hpp"
+#include "hinges/six_dof.hpp"
 
 namespace cardan {
 namespace {
 
-struct FreeBody : QuaternionKinematics {
+struct FreeBody : SixDof {
   static constexpr const char* type = "free_body";
   static constexpr const char* summary = "six degrees of freedom; both velocities in the axes of the body node";
-  static constexpr int nq = 7, nv = 6;
   static constexpr auto shape = CARDAN_SHAPE_FREE_BODY;
-  struct Packed {};
-  static constexpr const char* q_names[] = {"qw", "qx", "qy", "qz", "x", "y", "z"};
-  static constexpr const char* q_units[] = {"1", "1", "1", "1", "m", "m", "m"};
-  static constexpr const char* v_names[] = {"wx", "wy", "wz", "vx", "vy", "vz"};
-  static constexpr const char* v_units[] = {"rad/s", "rad/s", "rad/s", "m/s", "m/s", "m/s"};
 
-  static bool pack(const Params&, Packed&) { return true; }
-  static void zero(const Packed&, double* q) noexcept {
-    std::memset(q, 0, nq * sizeof(double));
-    q[0] = 1;
-  }
   static void kinematics(const Packed&, const double* q, const double*, HingeOut<6>& out) noexcept {
     out.R_OP = rotation(q);
     out.p_OP = Eigen::Map<const Eigen::Vector3d>(q + 4);
@@ -43,7 +31,6 @@ struct FreeBody : QuaternionKinematics {
     Eigen::Map<Eigen::Vector3d>(d + 3) =
         rotation(a).transpose() * (Eigen::Map<const Eigen::Vector3d>(b + 4) - Eigen::Map<const Eigen::Vector3d>(a + 4));
   }
-  static void normalise(const Packed&, double* q) noexcept { QuaternionKinematics::normalise(q); }
 };
 
 }  // namespace

@@ -47,7 +47,7 @@ end
 -- Wheel allocation: spin axes in body axes, least-norm shares of a body torque.
 local c = 1 / math.sqrt(3)
 local spin = { { c, c, c }, { -c, c, c }, { -c, -c, c }, { c, -c, c } }
-local inertia = { 9030, 1320, 8660 }   -- [kg m^2] of the whole satellite about its mass centre, about; see `cardan describe`
+local inertia = { 10063, 1403, 9742 }   -- [kg m^2] of the whole satellite about its mass centre (`cardan describe`)
 
 local log = signals {
   ["pointing/error"] = { unit = "deg", meaning = "angle between commanded and true attitude" },
