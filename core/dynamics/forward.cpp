@@ -4,28 +4,29 @@
 
 namespace cardan {
 
-bool forward_dynamics(const Model& model, Workspace& ws, const Inputs& in, double* vdot) {
-  using S = soa::Sweeps<double>;
-  S::ground(model, ws, in);
+template <class T>
+bool forward_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inputs<T>& in, T* vdot) {
+  const soa::Sweeps<T>& S = soa::sweeps<T>();
+  S.ground(model, ws, in);
   for (const Op& op : model.program) {
+    const Run* run = op.run >= 0 ? &model.runs[static_cast<std::size_t>(op.run)] : nullptr;
     switch (op.kernel) {
-      case Kernel::hinge_records: S::hinge_records(model, ws, in); break;
-      case Kernel::outward: {
-        const Run& run = model.runs[static_cast<std::size_t>(op.run)];
-        S::outward(model, ws, in, run, is_general(run.kind) && model.has_prescribed(), true);
-        break;
-      }
-      case Kernel::elastic: S::elastic(model, ws, in); break;
-      case Kernel::world: S::world(model, ws, in); break;
-      case Kernel::central_gravity: S::central_gravity(model, ws, in); break;
-      case Kernel::node_wrenches: S::node_wrenches(model, ws, in); break;
-      case Kernel::inward: S::inward(model, ws, in, model.runs[static_cast<std::size_t>(op.run)], {}); break;
-      case Kernel::acceleration: S::acceleration(model, ws, in, model.runs[static_cast<std::size_t>(op.run)], vdot); break;
+      case Kernel::hinge_records: S.hinge_records(model, ws, in); break;
+      case Kernel::outward: S.outward(model, ws, in, *run, {.vdot = is_general(run->kind) && model.has_prescribed()}); break;
+      case Kernel::elastic: S.elastic(model, ws, in); break;
+      case Kernel::world: S.world(model, ws, in); break;
+      case Kernel::central_gravity: S.central_gravity(model, ws, in); break;
+      case Kernel::node_wrenches: S.node_wrenches(model, ws, in); break;
+      case Kernel::inward: S.inward(model, ws, in, *run, {}); break;
+      case Kernel::acceleration: S.acceleration(model, ws, in, *run, vdot); break;
     }
     if (ws.breakdown.body != 0) return false;
   }
   return true;
 }
+template bool forward_dynamics(const Model&, soa::Workspace<double>&, const soa::Inputs<double>&, double*);
+template bool forward_dynamics(const Model&, soa::Workspace<soa::Lanes<4>>&, const soa::Inputs<soa::Lanes<4>>&, soa::Lanes<4>*);
+template bool forward_dynamics(const Model&, soa::Workspace<soa::Lanes<8>>&, const soa::Inputs<soa::Lanes<8>>&, soa::Lanes<8>*);
 
 RunFailure describe_breakdown(const Model& model, const soa::Breakdown& bad, double t) {
   RunFailure f{Code::singular_hinge, t, "", "", "", "", ""};

@@ -1,7 +1,8 @@
 #pragma once
 // Forward dynamics of a tree, O(N): v' from (q, v, tau). Articulated bodies in gamma form (Jain & Rodriguez 1992; Jain 2011;
 // docs/one_step.md).
-#include "core/soa/sweeps.hpp"
+#include "core/model/model.hpp"
+#include "core/soa/kernels.hpp"
 
 namespace cardan {
 
@@ -12,7 +13,9 @@ using NodeWrench = soa::NodeWrench<double>;
 /// vdot (nv numbers, user order) from in.q, in.v, in.tau, gravity, wrenches and the prescribed components of in.vdot.
 /// Afterwards the workspace holds P, G, nu, gamma_b, delta of this evaluation. Returns false and leaves
 /// workspace.breakdown set where a free direction has no inertia. Allocates nothing.
-bool forward_dynamics(const Model& model, Workspace& workspace, const Inputs& in, double* vdot);
+/// T: double, or Lanes<4>, Lanes<8> for as many states at once (batch.hpp).
+template <class T>
+bool forward_dynamics(const Model& model, soa::Workspace<T>& workspace, const soa::Inputs<T>& in, T* vdot);
 
 /// The breakdown in words: body, hinge component, value and limit.
 RunFailure describe_breakdown(const Model& model, const soa::Breakdown& breakdown, double t);

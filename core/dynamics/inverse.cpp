@@ -4,34 +4,37 @@
 
 namespace cardan {
 
-void inverse_dynamics(const Model& model, Workspace& ws, const Inputs& in, double* tau, InverseTerms terms) {
-  using S = soa::Sweeps<double>;
-  Inputs use = in;
+template <class T>
+void inverse_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inputs<T>& in, T* tau, InverseTerms terms) {
+  const soa::Sweeps<T>& S = soa::sweeps<T>();
+  soa::Inputs<T> use = in;
   use.gravity = in.gravity && terms.gravity;
-  S::ground(model, ws, use);
-  S::hinge_records(model, ws, use);
-  for (const Run& run : model.runs) S::outward(model, ws, use, run, in.vdot != nullptr, terms.velocity);
-  if (terms.elastic) S::elastic(model, ws, use);
-  if ((use.gravity && model.gravity.kind == GravitySpec::Kind::central) ||
-      std::ranges::any_of(in.wrenches, [](const NodeWrench& w) { return w.world_axes; })) {
+  S.ground(model, ws, use);
+  S.hinge_records(model, ws, use);
+  for (const Run& run : model.runs) S.outward(model, ws, use, run, {.vdot = in.vdot != nullptr, .velocity = terms.velocity});
+  if (terms.elastic && !model.flexible.empty()) S.elastic(model, ws, use);
+  if ((use.gravity && model.field.central) || std::ranges::any_of(in.wrenches, [](const auto& w) { return w.world_axes; })) {
     ws.require_world();
-    S::world(model, ws, use);
+    S.world(model, ws, use);
   }
-  if (model.gravity.kind == GravitySpec::Kind::central) S::central_gravity(model, ws, use);
-  S::node_wrenches(model, ws, use);
-  for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S::gather(model, ws, *run, tau);
+  if (use.gravity && model.field.central) S.central_gravity(model, ws, use);
+  S.node_wrenches(model, ws, use);
+  for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.gather(model, ws, use, *run, tau);
 }
+template void inverse_dynamics(const Model&, soa::Workspace<double>&, const soa::Inputs<double>&, double*, InverseTerms);
+template void inverse_dynamics(const Model&, soa::Workspace<soa::Lanes<4>>&, const soa::Inputs<soa::Lanes<4>>&, soa::Lanes<4>*, InverseTerms);
+template void inverse_dynamics(const Model&, soa::Workspace<soa::Lanes<8>>&, const soa::Inputs<soa::Lanes<8>>&, soa::Lanes<8>*, InverseTerms);
 
 Eigen::VectorXd gravity_force(const Model& model, Workspace& ws, const double* q) {
   Eigen::VectorXd tau(model.nv);
   const Eigen::VectorXd v = Eigen::VectorXd::Zero(model.nv);
-  inverse_dynamics(model, ws, {.q = q, .v = v.data()}, tau.data(), {.velocity = false, .gravity = true, .elastic = false});
+  inverse_dynamics(model, ws, Inputs{.q = q, .v = v.data()}, tau.data(), {.velocity = false, .gravity = true, .elastic = false});
   return -tau;
 }
 
 Eigen::VectorXd bias_force(const Model& model, Workspace& ws, const double* q, const double* v) {
   Eigen::VectorXd tau(model.nv);
-  inverse_dynamics(model, ws, {.q = q, .v = v}, tau.data(), {.velocity = true, .gravity = false, .elastic = false});
+  inverse_dynamics(model, ws, Inputs{.q = q, .v = v}, tau.data(), {.velocity = true, .gravity = false, .elastic = false});
   return tau;
 }
 
@@ -50,7 +53,7 @@ Eigen::VectorXd elastic_force(const Model& model, const double* q, const double*
 Eigen::VectorXd external_force(const Model& model, Workspace& ws, const double* q, std::span<const NodeWrench> wrenches) {
   Eigen::VectorXd tau(model.nv);
   const Eigen::VectorXd v = Eigen::VectorXd::Zero(model.nv);
-  inverse_dynamics(model, ws, {.q = q, .v = v.data(), .wrenches = wrenches}, tau.data(),
+  inverse_dynamics(model, ws, Inputs{.q = q, .v = v.data(), .wrenches = wrenches}, tau.data(),
                    {.velocity = false, .gravity = false, .elastic = false});
   return -tau;
 }
@@ -77,12 +80,12 @@ Matrix6X phi_star_rows(const Model& model, const Workspace& ws, int k) {
 }  // namespace
 
 Eigen::MatrixXd mass_matrix(const Model& model, Workspace& ws, const double* q) {
-  using S = soa::Sweeps<double>;
+  const soa::Sweeps<double>& S = soa::sweeps<double>();
   const Eigen::VectorXd v = Eigen::VectorXd::Zero(model.nv);
   const Inputs in{.q = q, .v = v.data(), .gravity = false};
-  S::ground(model, ws, in);
-  S::hinge_records(model, ws, in);
-  for (const Run& run : model.runs) S::outward(model, ws, in, run, false, false);
+  S.ground(model, ws, in);
+  S.hinge_records(model, ws, in);
+  for (const Run& run : model.runs) S.outward(model, ws, in, run, {.velocity = false});
 
   const int n = static_cast<int>(model.bodies.size());
   std::vector<Eigen::MatrixXd> R(static_cast<std::size_t>(n));  // composite inertia, (6 + m) square

@@ -14,7 +14,8 @@ struct InverseTerms {
 };
 
 /// tau = M v' + C - gravity - elastic - external, nv numbers, with v' = in.vdot (null = 0). Hinge springs are not part of it.
-void inverse_dynamics(const Model& model, Workspace& workspace, const Inputs& in, double* tau, InverseTerms terms = {});
+template <class T>
+void inverse_dynamics(const Model& model, soa::Workspace<T>& workspace, const soa::Inputs<T>& in, T* tau, InverseTerms terms = {});
 
 /// Mass matrix M = H phi M phi* H*, nv x nv, by the composite body inertia (Lyapunov recursion, 4.3), O(N^2).
 Eigen::MatrixXd mass_matrix(const Model& model, Workspace& workspace, const double* q);

@@ -47,7 +47,7 @@ Observer::Observer(const Model& model, Workspace& workspace) : model_(model), ws
 void Observer::update(const Inputs& in, const double* vdot) {
   in_ = in;
   vdot_ = vdot;
-  soa::Sweeps<double>::world(model_, ws_, in);
+  soa::sweeps<double>().world(model_, ws_, in);
   for (std::size_t k = 1; k < model_.bodies.size(); ++k) {
     const SweepBody& b = model_.bodies[k];
     if (b.n_modes == 0) continue;
@@ -135,7 +135,7 @@ Energy Observer::energy() const {
       const Vec3<double> first = M.m * ws_.pose_W(k).p + ws_.pose_W(k).R * M.h;  // m x_com
       add(e.gravity, -model_.gravity.g.dot(to_eigen(first)));
     } else if (model_.gravity.kind == GravitySpec::Kind::central) {
-      add(e.gravity, soa::potential(model_.gravity, inertia_for_gravity(k), ws_.pose_W(k)));
+      add(e.gravity, soa::potential(model_.field, inertia_for_gravity(k), ws_.pose_W(k)));
     }
   }
   for (const Spring& s : model_.springs) add(e.springs, 0.5 * s.stiffness * (in_.q[s.q] - s.rest) * (in_.q[s.q] - s.rest));
@@ -197,7 +197,7 @@ Force<double> Observer::wrench_in_host(int i) const {
   Force<double> f = M * gamma + gyroscopic(M, host.w);
   if (in_.gravity && model_.gravity.kind == GravitySpec::Kind::central && M.m > 0) {
     Vec3<double> c, r;
-    f -= soa::attraction(model_.gravity, M, ws_.pose_W(u.sweep), c, r);
+    f -= soa::attraction(model_.field, M, ws_.pose_W(u.sweep), c, r);
   }
   for (const NodeWrench& load : in_.wrenches) {
     const UserNode& node = model_.nodes[static_cast<std::size_t>(load.node)];
@@ -271,7 +271,7 @@ ExternalLoads Observer::external() const {
       e.moment += first.cross(model_.gravity.g);
     } else if (model_.gravity.kind == GravitySpec::Kind::central) {
       Vec3<double> c, r;
-      add(to_inboard(W, soa::attraction(model_.gravity, inertia_for_gravity(k), W, c, r)));
+      add(to_inboard(W, soa::attraction(model_.field, inertia_for_gravity(k), W, c, r)));
     }
   }
   for (const NodeWrench& load : in_.wrenches) {

@@ -146,6 +146,21 @@ FlexibleBody flexible_of(const BodySpec& body, const cardan_body_family& family,
   return f;
 }
 
+/// dJ/d eta_k = I8_k + I8_k* (+ rotary), and at level 2 d^2 J / d eta_k d eta_l = I9 + I9*.
+void add_inertia_derivatives(FlexibleBody& f) {
+  const ModalIntegrals& I = f.data->integrals;
+  const auto append = [](std::vector<double>& to, const Eigen::Matrix3d& d) {
+    for (const double x : {d(0, 0), d(1, 1), d(2, 2), d(0, 1), d(0, 2), d(1, 2)}) to.push_back(x);
+  };
+  for (std::size_t k = 0; k < I.I8.size(); ++k) {
+    Eigen::Matrix3d d = I.I8[k] + I.I8[k].transpose();
+    if (!I.rotary_ww.empty()) d += I.rotary_ww[k];
+    append(f.dJ, d);
+  }
+  if (f.level == 2)
+    for (const Eigen::Matrix3d& a : I.I9) append(f.d2J, a + a.transpose());
+}
+
 class Compiler {
  public:
   Compiler(const SystemSpec& spec, const Registry& registry, const CompileOptions& options)
@@ -162,6 +177,8 @@ class Compiler {
     model_->spec = std::make_shared<SystemSpec>(spec_);
     model_->name = spec_.name;
     model_->gravity = spec_.gravity;
+    const GravitySpec& g = spec_.gravity;
+    model_->field = {g.kind == GravitySpec::Kind::uniform, g.kind == GravitySpec::Kind::central, from_eigen(g.g), g.mu, from_eigen(g.centre), g.gradient};
     number_coordinates();
     order_bodies();
     build_sweep_bodies();
@@ -299,6 +316,7 @@ class Compiler {
         b.etadot = u.etadot;
         b.flexible = static_cast<int>(m.flexible.size());
         m.flexible.push_back(flexible_of(spec, *registry_.body(spec.type), sink_));
+        if (m.field.central) add_inertia_derivatives(m.flexible.back());
         const bool at_origin = P.pose.p.x == 0 && P.pose.p.y == 0 && P.pose.p.z == 0 &&
                                (to_eigen(P.pose.R) - Eigen::Matrix3d::Identity()).isZero(0.0);
         if (P.deforms() || !at_origin) {
@@ -499,7 +517,7 @@ class Compiler {
       const UserBody& u = m.user[i];
       const auto add = [&](const std::string& name, NodeShapes s) {
         s.pose = u.pose * s.pose;  // flexible bodies: u.pose is the identity, shapes need no change of axes
-        m.nodes.push_back({name, static_cast<int>(i), std::move(s)});
+        m.nodes.push_back({name, static_cast<int>(i), u.sweep, std::move(s)});
       };
       add(spec.name, {});
       for (const auto& n : spec.nodes)
@@ -580,7 +598,8 @@ class Compiler {
     for (int r = 0; r < n_runs; ++r) m.program.push_back({Kernel::outward, r});
     if (!m.flexible.empty()) m.program.push_back({Kernel::elastic});
     const bool central = m.gravity.kind == GravitySpec::Kind::central;
-    if (central || options_.world_wrenches) m.program.push_back({Kernel::world});
+    m.world = central || options_.world_wrenches;
+    if (m.world) m.program.push_back({Kernel::world});
     if (central) m.program.push_back({Kernel::central_gravity});
     if (options_.node_wrenches) m.program.push_back({Kernel::node_wrenches});
     for (int r = n_runs - 1; r >= 0; --r) m.program.push_back({Kernel::inward, r});

@@ -2,26 +2,24 @@
 // The pull of a point attractor on a rigid inertia.
 #include <cmath>
 
-#include "core/model/model.hpp"
+#include "core/model/sweep_model.hpp"
 #include "core/spatial/inertia.hpp"
 
 namespace cardan::soa {
 
-/// dJ/d eta_k at eta = 0 (symmetric).
-inline Eigen::Matrix3d first_order_inertia(const ModalIntegrals& I, int k) {
-  const auto at = static_cast<std::size_t>(k);
-  Eigen::Matrix3d d = I.I8[at] + I.I8[at].transpose();
-  if (!I.rotary_ww.empty()) d += I.rotary_ww[at];
-  return d;
-}
+/// Six numbers xx yy zz xy xz yz as a symmetric matrix, and its multiple.
+template <class T>
+static Sym3<T> inertia_derivative(const double* d) { return {T(d[0]), T(d[1]), T(d[2]), T(d[3]), T(d[4]), T(d[5])}; }
+template <class T>
+static Sym3<T> scaled(const T& s, const Sym3<T>& m) { return {s * m.xx, s * m.yy, s * m.zz, s * m.xy, s * m.xz, s * m.yz}; }
 
 /// Wrench on the body at its origin, body axes. The field is expanded about the mass centre: m g_c, and with the gradient
 /// also -dU2/dr and the torque 3 mu/r^3 rhat x (J_c rhat), all from one potential U2 = 3 mu r*J_c r/(2 r^5) - mu tr J_c/(2 r^3)
 /// (MacCullagh), so that energy and momentum balance. Gives back c, the mass centre, and r from the attractor to it, body axes.
 template <class T>
-Force<T> attraction(const GravitySpec& g, const RigidInertia<T>& M, const Pose<T>& body_W, Vec3<T>& c, Vec3<T>& r) {
+static Force<T> attraction(const GravityField& g, const RigidInertia<T>& M, const Pose<T>& body_W, Vec3<T>& c, Vec3<T>& r) {
   using std::sqrt;
-  const Vec3<T> centre{T(g.centre.x()), T(g.centre.y()), T(g.centre.z())};
+  const Vec3<T> centre = cast<T>(g.centre);
   c = (T(1) / M.m) * M.h;
   r = transpose_times(body_W.R, body_W.p - centre) + c;
   const T r2 = dot(r, r), k3 = T(g.mu) / (r2 * sqrt(r2));
@@ -41,18 +39,15 @@ Force<T> attraction(const GravitySpec& g, const RigidInertia<T>& M, const Pose<T
 /// Inertia of a flexible body for its gravity, from M_rr = [m, m c, J] of its level: the potential takes J to first order in
 /// eta also where the kinetic energy (level 0) does not, so that the field pulls on the modes at every level.
 template <class T>
-RigidInertia<T> gravity_inertia(const FlexibleBody& f, int n_modes, const T* M_rr, const T* eta) {
+static RigidInertia<T> gravity_inertia(const FlexibleBody& f, int n_modes, const T* M_rr, const T* eta) {
   RigidInertia<T> M{M_rr[0], {M_rr[1], M_rr[2], M_rr[3]}, {M_rr[4], M_rr[5], M_rr[6], M_rr[7], M_rr[8], M_rr[9]}};
-  for (int k = 0; f.level == 0 && k < n_modes; ++k) {
-    const Eigen::Matrix3d d = first_order_inertia(f.data->integrals, k);
-    M.J += Sym3<T>{eta[k] * T(d(0, 0)), eta[k] * T(d(1, 1)), eta[k] * T(d(2, 2)), eta[k] * T(d(0, 1)), eta[k] * T(d(0, 2)), eta[k] * T(d(1, 2))};
-  }
+  for (int k = 0; f.level == 0 && k < n_modes && !f.dJ.empty(); ++k) M.J += scaled(eta[k], inertia_derivative<T>(f.dJ.data() + 6 * k));
   return M;
 }
 
 /// Potential energy in the same field.
 template <class T>
-T potential(const GravitySpec& g, const RigidInertia<T>& M, const Pose<T>& body_W) {
+static T potential(const GravityField& g, const RigidInertia<T>& M, const Pose<T>& body_W) {
   using std::sqrt;
   Vec3<T> c, r;
   attraction(g, M, body_W, c, r);

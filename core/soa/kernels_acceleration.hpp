@@ -5,7 +5,7 @@
 namespace cardan::soa {
 
 template <class T, int NV>
-void acceleration_rigid(const Model& model, Workspace<T>& ws, const Inputs<T>&, T* vdot, int begin, int end) {
+static void acceleration_rigid(const SweepModel& model, Workspace<T>& ws, const Inputs<T>&, T* vdot, int begin, int end) {
   for (int k = begin; k < end; ++k) {
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
     Core<T>& body = ws.core(k);
@@ -21,7 +21,7 @@ void acceleration_rigid(const Model& model, Workspace<T>& ws, const Inputs<T>&, 
 }
 
 template <class T, int NV>
-void acceleration_general(const Model& model, Workspace<T>& ws, const Inputs<T>& in, T* vdot, int begin, int end) {
+static void acceleration_general(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* vdot, int begin, int end) {
   for (int k = begin; k < end; ++k) {
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
     Core<T>& body = ws.core(k);
@@ -54,7 +54,7 @@ void acceleration_general(const Model& model, Workspace<T>& ws, const Inputs<T>&
 
 /// tau = H phi f with f in z (inverse dynamics): tip to base.
 template <class T, int NV>
-void gather_rigid(const Model& model, Workspace<T>& ws, T* tau, int begin, int end) {
+static void gather_rigid(const SweepModel& model, Workspace<T>& ws, T* tau, int begin, int end) {
   for (int k = end - 1; k >= begin; --k) {
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
     const Core<T>& body = ws.core(k);
@@ -65,7 +65,7 @@ void gather_rigid(const Model& model, Workspace<T>& ws, T* tau, int begin, int e
 }
 
 template <class T, int NV>
-void gather_general(const Model& model, Workspace<T>& ws, T* tau, int begin, int end) {
+static void gather_general(const SweepModel& model, Workspace<T>& ws, T* tau, int begin, int end) {
   for (int k = end - 1; k >= begin; --k) {
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
     const Core<T>& body = ws.core(k);

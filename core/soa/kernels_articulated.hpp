@@ -9,18 +9,10 @@
 
 namespace cardan::soa {
 
-struct InwardFor {
-  bool inertia = true;  // P, D, G: functions of q only
-  bool bias = true;     // z, eps, nu: need P, D, G at the same q
-};
-
-/// A pivot of D below this fraction of the inertia it is made of is round-off, not inertia.
-inline constexpr double kPivotLimit = 4e-16;
-
 /// Cholesky factor of D = H P H* and the gain, for NV columns. `fixed[j]`: component j follows a prescribed motion and takes
 /// no part. Returns false at a direction without inertia.
 template <class T, int NV>
-bool factor_hinge(const ArticulatedInertia<T>& P, Hinge<T, NV>& hinge, const std::uint8_t* fixed, Force<T>* half, Breakdown& bad) {
+static bool factor_hinge(const ArticulatedInertia<T>& P, Hinge<T, NV>& hinge, const std::uint8_t* fixed, Force<T>* half, Breakdown& bad) {
   using std::sqrt;
   Force<T> PH[NV];
   T D[NV * (NV + 1) / 2];
@@ -66,7 +58,7 @@ bool factor_hinge(const ArticulatedInertia<T>& P, Hinge<T, NV>& hinge, const std
 
 /// nu = D^-1 eps with the factor of factor_hinge.
 template <class T, int NV>
-void solve_hinge(const Hinge<T, NV>& hinge, T* x) {
+static void solve_hinge(const Hinge<T, NV>& hinge, T* x) {
   for (int j = 0; j < NV; ++j) {
     const T* Lj = hinge.L + j * (j + 1) / 2;
     for (int l = 0; l < j; ++l) x[j] = x[j] - Lj[l] * x[l];
@@ -80,31 +72,31 @@ void solve_hinge(const Hinge<T, NV>& hinge, T* x) {
 
 /// Column j of a 6 x m array as a force, and as a motion.
 template <class T>
-Force<T> force_column(const T* a, int j) { return {{a[6 * j], a[6 * j + 1], a[6 * j + 2]}, {a[6 * j + 3], a[6 * j + 4], a[6 * j + 5]}}; }
+static Force<T> force_column(const T* a, int j) { return {{a[6 * j], a[6 * j + 1], a[6 * j + 2]}, {a[6 * j + 3], a[6 * j + 4], a[6 * j + 5]}}; }
 template <class T>
-Motion<T> motion_column(const T* a, int j) { return {{a[6 * j], a[6 * j + 1], a[6 * j + 2]}, {a[6 * j + 3], a[6 * j + 4], a[6 * j + 5]}}; }
+static Motion<T> motion_column(const T* a, int j) { return {{a[6 * j], a[6 * j + 1], a[6 * j + 2]}, {a[6 * j + 3], a[6 * j + 4], a[6 * j + 5]}}; }
 
 /// Modal columns of Phi*: Y s for s = S eta-like sums; and its transpose.
 template <class T>
-Motion<T> times(const T* Y, const T* s) {
+static Motion<T> times(const T* Y, const T* s) {
   Motion<T> out = s[0] * motion_column(Y, 0);
   for (int i = 1; i < 6; ++i) out += s[i] * motion_column(Y, i);
   return out;
 }
 template <class T>
-void transposed_times(const T* Y, const Force<T>& f, T* out) {
+static void transposed_times(const T* Y, const Force<T>& f, T* out) {
   for (int i = 0; i < 6; ++i) out[i] = dot(motion_column(Y, i), f);
 }
 /// S x = sum_j x_j [psi_j; phi_j], 6 numbers.
 template <class T>
-void shapes_times(const double* S, const T* x, int m, T* out) {
+static void shapes_times(const double* S, const T* x, int m, T* out) {
   for (int r = 0; r < 6; ++r) out[r] = T(0);
   for (int j = 0; j < m; ++j)
     for (int r = 0; r < 6; ++r) out[r] = out[r] + x[j] * T(S[6 * j + r]);
 }
 /// out += S* Y* f: a wrench at B on the modes of the inboard body.
 template <class T>
-void add_to_modes(const T* Y, const double* S, const Force<T>& f, int m, T* out) {
+static void add_to_modes(const T* Y, const double* S, const Force<T>& f, int m, T* out) {
   T y[6];
   transposed_times(Y, f, y);
   for (int j = 0; j < m; ++j) {
@@ -115,13 +107,13 @@ void add_to_modes(const T* Y, const double* S, const Force<T>& f, int m, T* out)
 }
 /// 6 numbers as a force or motion, and back.
 template <class T>
-void store(const Force<T>& f, T* out) { out[0] = f.n.x, out[1] = f.n.y, out[2] = f.n.z, out[3] = f.f.x, out[4] = f.f.y, out[5] = f.f.z; }
+static void store(const Force<T>& f, T* out) { out[0] = f.n.x, out[1] = f.n.y, out[2] = f.n.z, out[3] = f.f.x, out[4] = f.f.y, out[5] = f.f.z; }
 template <class T>
-void store(const Motion<T>& f, T* out) { out[0] = f.w.x, out[1] = f.w.y, out[2] = f.w.z, out[3] = f.v.x, out[4] = f.v.y, out[5] = f.v.z; }
+static void store(const Motion<T>& f, T* out) { out[0] = f.w.x, out[1] = f.w.y, out[2] = f.w.z, out[3] = f.v.x, out[4] = f.v.y, out[5] = f.v.z; }
 
 /// Scratch of a body with n outboard hinges on deforming nodes (N = 6 n): P~ (N x N), X~ (N x 6), G_rs* (N x 6),
 /// LU (N x N), s, g (N each).
-inline std::size_t compliant_size(int n) { return static_cast<std::size_t>(2 * 36 * n * n + 2 * 36 * n + 2 * 6 * n); }
+static inline std::size_t compliant_size(int n) { return static_cast<std::size_t>(2 * 36 * n * n + 2 * 36 * n + 2 * 6 * n); }
 template <class T>
 struct Compliant {
   int N;
@@ -130,7 +122,7 @@ struct Compliant {
 };
 
 template <class T, int NV, InwardFor For>
-void inward_rigid(const Model& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
+static void inward_rigid(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
   for (int k = end - 1; k >= begin; --k) {
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
     Core<T>& body = ws.core(k);
@@ -183,7 +175,7 @@ void inward_rigid(const Model& model, Workspace<T>& ws, const Inputs<T>& in, int
 /// Stage 1 of 4.10: P_ee' = L L*, U = P_ee'^-1 P_re'*, P_r = P_rr - P_re' U. Where M_ee is constant and nothing else deforms
 /// with the modes, its factor was formed once by compile() and the cost is O(m).
 template <class T>
-bool eliminate_modes(const Model& model, const SweepBody& b, Core<T>& body, Modal<T>& modal, Breakdown& bad) {
+static bool eliminate_modes(const SweepModel& model, const SweepBody& b, Core<T>& body, Modal<T>& modal, Breakdown& bad) {
   using std::sqrt;
   const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
   const int m = b.n_modes;
@@ -273,7 +265,7 @@ bool eliminate_modes(const Model& model, const SweepBody& b, Core<T>& body, Moda
 /// its nodes:  P~ = (1 + P+ Sigma_B)^-1 P+,  X~ = X - Y G_rs*,  P_r = M_rr - M_re M_ee^-1 M_re* + X~* P~ X~.
 /// Nothing cancels, however heavy the outboard bodies; P+ may be singular. U holds M_ee^-1 M_re* afterwards.
 template <class T>
-void eliminate_by_nodes(const Model& model, Workspace<T>& ws, const SweepBody& b, Core<T>& body, Modal<T>& modal) {
+static void eliminate_by_nodes(const SweepModel& model, Workspace<T>& ws, const SweepBody& b, Core<T>& body, Modal<T>& modal) {
   const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
   const int m = b.n_modes, n = static_cast<int>(f.attached.size());
   const Compliant<T> c(modal.compliant, n);
@@ -360,7 +352,7 @@ void eliminate_by_nodes(const Model& model, Workspace<T>& ws, const SweepBody& b
 
 /// nu <- y = M_ee^-1 eps_e; s <- Y S y; gives X~* P~ s, which joins z_r' = z_r + M_re y + X~* P~ s.
 template <class T>
-Force<T> bias_by_nodes(const Model& model, const Workspace<T>& ws, const SweepBody& b, const Modal<T>& modal) {
+static Force<T> bias_by_nodes(const SweepModel& model, const Workspace<T>& ws, const SweepBody& b, const Modal<T>& modal) {
   const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
   const int n = static_cast<int>(f.attached.size());
   const Compliant<T> c(modal.compliant, n);
@@ -385,7 +377,7 @@ Force<T> bias_by_nodes(const Model& model, const Workspace<T>& ws, const SweepBo
 
 /// eta'' = y - U dl - F Y* P~ (s + X~ dl), dl = delta of the body.
 template <class T>
-void acceleration_by_nodes(const Model& model, const Workspace<T>& ws, const SweepBody& b, Modal<T>& modal, const Motion<T>& dl) {
+static void acceleration_by_nodes(const SweepModel& model, const Workspace<T>& ws, const SweepBody& b, Modal<T>& modal, const Motion<T>& dl) {
   const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
   const int n = static_cast<int>(f.attached.size());
   const Compliant<T> c(modal.compliant, n);
@@ -415,7 +407,7 @@ void acceleration_by_nodes(const Model& model, const Workspace<T>& ws, const Swe
 
 /// x <- P_ee'^-1 x.
 template <class T>
-void solve_modes(const FlexibleBody& f, const Modal<T>& modal, int m, T* x) {
+static void solve_modes(const FlexibleBody& f, const Modal<T>& modal, int m, T* x) {
   if (!modal.P_ee && f.M_ee_identity) return;
   const auto L = [&](int i, int j) { return modal.P_ee ? modal.P_ee[m * j + i] : T(f.L_ee[static_cast<std::size_t>(m * j + i)]); };
   for (int j = 0; j < m; ++j) {
@@ -429,7 +421,7 @@ void solve_modes(const FlexibleBody& f, const Modal<T>& modal, int m, T* x) {
 }
 
 template <class T, int NV, InwardFor For>
-void inward_general(const Model& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
+static void inward_general(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
   for (int k = end - 1; k >= begin; --k) {
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
     Core<T>& body = ws.core(k);

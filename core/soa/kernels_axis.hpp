@@ -10,14 +10,14 @@ namespace cardan::soa {
 
 /// v <- R_i(theta) v (from the turned axes to the fixed ones), and its inverse.
 template <int I, class T>
-constexpr void turn(Vec3<T>& v, const T& c, const T& s) {
+static constexpr void turn(Vec3<T>& v, const T& c, const T& s) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   const T j = at<J>(v), k = at<K>(v);
   at<J>(v) = c * j - s * k;
   at<K>(v) = s * j + c * k;
 }
 template <int I, class T>
-constexpr void turn_back(Vec3<T>& v, const T& c, const T& s) {
+static constexpr void turn_back(Vec3<T>& v, const T& c, const T& s) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   const T j = at<J>(v), k = at<K>(v);
   at<J>(v) = c * j + s * k;
@@ -25,7 +25,7 @@ constexpr void turn_back(Vec3<T>& v, const T& c, const T& s) {
 }
 /// s <- R_i s R_i*.
 template <int I, class T>
-constexpr void turn(Sym3<T>& m, const T& c, const T& s) {
+static constexpr void turn(Sym3<T>& m, const T& c, const T& s) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   const T jj = entry<J, J>(m), kk = entry<K, K>(m), jk = entry<J, K>(m), ij = entry<I, J>(m), ik = entry<I, K>(m);
   const T cs = c * s, ss = s * s, d = jj - kk, e = ss * d + (cs + cs) * jk;  // jj' = jj - e, kk' = kk + e
@@ -37,7 +37,7 @@ constexpr void turn(Sym3<T>& m, const T& c, const T& s) {
 }
 /// b <- R_i b R_i*.
 template <int I, class T>
-constexpr void turn(Mat3<T>& b, const T& c, const T& s) {
+static constexpr void turn(Mat3<T>& b, const T& c, const T& s) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   const auto columns = [&]<int R>() {
     const T j = entry<R, J>(b), k = entry<R, K>(b);
@@ -57,12 +57,12 @@ constexpr void turn(Mat3<T>& b, const T& c, const T& s) {
 enum class Tilt { none, beta, alpha_beta };
 
 template <Tilt TILT, class T, class V>
-constexpr void untilt(const AxisBody& b, V& v) {  // inboard axes -> O axes, vectors
+static constexpr void untilt(const AxisBody& b, V& v) {  // inboard axes -> O axes, vectors
   if constexpr (TILT == Tilt::alpha_beta) turn_back<2>(v, T(b.cos_alpha), T(b.sin_alpha));
   if constexpr (TILT != Tilt::none) turn_back<1>(v, T(b.cos_beta), T(b.sin_beta));
 }
 template <Tilt TILT, class T, class V>
-constexpr void tilt(const AxisBody& b, V& v) {  // O axes -> inboard axes: vectors, Sym3, Mat3
+static constexpr void tilt(const AxisBody& b, V& v) {  // O axes -> inboard axes: vectors, Sym3, Mat3
   if constexpr (TILT != Tilt::none) turn<1>(v, T(b.cos_beta), T(b.sin_beta));
   if constexpr (TILT == Tilt::alpha_beta) turn<2>(v, T(b.cos_alpha), T(b.sin_alpha));
 }
@@ -70,7 +70,7 @@ constexpr void tilt(const AxisBody& b, V& v) {  // O axes -> inboard axes: vecto
 /// Base to tip: w, gamma_b, E, z = M gamma_b + b. The moment is the axial part of E S with the second moments S of the body
 /// (2 S = tr J 1 - 2 J): M gamma + b = [ (E S)_axial + h x gamma.v ; m gamma.v + E h ].
 template <class T, int I, Tilt TILT, OutwardFor For>
-void outward_axis(const Model& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
+static void outward_axis(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   for (int n = begin; n < end; ++n) {
     const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(n)];
@@ -115,7 +115,7 @@ void outward_axis(const Model& model, Workspace<T>& ws, const Inputs<T>& in, int
 
 /// z+ from B to the inboard body: turned, shifted by l = (l_j, l_k), tilted.
 template <class T, int I, Tilt TILT>
-Force<T> force_to_inboard(const AxisBody& b, const T& c, const T& s, Force<T> z) {
+static Force<T> force_to_inboard(const AxisBody& b, const T& c, const T& s, Force<T> z) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   const T lj(b.l[0]), lk(b.l[1]);
   turn<I>(z.n, c, s);
@@ -130,7 +130,7 @@ Force<T> force_to_inboard(const AxisBody& b, const T& c, const T& s, Force<T> z)
 
 /// Tip to base. D = J_ii, G = P e_i / D, P+ = P - G D G* without its zero row i.
 template <class T, int I, Tilt TILT, InwardFor For>
-void inward_axis(const Model& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
+static void inward_axis(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   for (int n = end - 1; n >= begin; --n) {
     const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(n)];
@@ -226,7 +226,7 @@ void inward_axis(const Model& model, Workspace<T>& ws, const Inputs<T>& in, int 
 
 /// Phi* delta of the inboard body, in B.
 template <class T, int I, Tilt TILT>
-Motion<T> motion_to_outboard(const AxisBody& b, const T& c, const T& s, Motion<T> d) {
+static Motion<T> motion_to_outboard(const AxisBody& b, const T& c, const T& s, Motion<T> d) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   untilt<TILT, T>(b, d.w);
   untilt<TILT, T>(b, d.v);
@@ -240,7 +240,7 @@ Motion<T> motion_to_outboard(const AxisBody& b, const T& c, const T& s, Motion<T
 }
 
 template <class T, int I, Tilt TILT>
-void acceleration_axis(const Model& model, Workspace<T>& ws, T* vdot, int begin, int end) {
+static void acceleration_axis(const SweepModel& model, Workspace<T>& ws, T* vdot, int begin, int end) {
   for (int n = begin; n < end; ++n) {
     const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(n)];
     AxisRecord<T>& body = ws.axis(n);
@@ -254,7 +254,7 @@ void acceleration_axis(const Model& model, Workspace<T>& ws, T* vdot, int begin,
 
 /// tau = H f, f to the inboard body (inverse dynamics).
 template <class T, int I, Tilt TILT>
-void gather_axis(const Model& model, Workspace<T>& ws, T* tau, int begin, int end) {
+static void gather_axis(const SweepModel& model, Workspace<T>& ws, T* tau, int begin, int end) {
   for (int n = end - 1; n >= begin; --n) {
     const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(n)];
     AxisRecord<T>& body = ws.axis(n);

@@ -21,7 +21,7 @@ struct HingeFrame {
 
 /// R, l and H of a hinge with constant axis u (rotation, slide, screw).
 template <class T>
-void axis_frame(const SweepBody& b, int shape, const T& q, HingeFrame<T, 1>& h) {
+static void axis_frame(const SweepBody& b, int shape, const T& q, HingeFrame<T, 1>& h) {
   using std::cos, std::sin;
   const Vec3<T> u = cast<T>(b.axis), none{T(0), T(0), T(0)};
   h.Hdot_w = h.s = none;
@@ -39,24 +39,25 @@ void axis_frame(const SweepBody& b, int shape, const T& q, HingeFrame<T, 1>& h) 
 
 /// R, l, H from the record that the family filled. s_h is zero by definition for ball and free (2.1).
 template <class T, int NV>
-void dense_frame(const SweepBody& b, const cardan_hinge_out& r, const T* v, HingeFrame<T, NV>& h) {
-  h.R = {T(r.R_OP[0]), T(r.R_OP[1]), T(r.R_OP[2]), T(r.R_OP[3]), T(r.R_OP[4]), T(r.R_OP[5]), T(r.R_OP[6]), T(r.R_OP[7]), T(r.R_OP[8])};
-  h.l = {T(r.p_OP[0]), T(r.p_OP[1]), T(r.p_OP[2])};
+static void dense_frame(const Workspace<T>& ws, const SweepBody& b, const T* v, HingeFrame<T, NV>& h) {
+  const auto number = [&](int at) { return ws.hinge_number(b.dense, at); };
+  const auto vector = [&](int at) { return Vec3<T>{number(at), number(at + 1), number(at + 2)}; };
+  h.R = {number(0), number(1), number(2), number(3), number(4), number(5), number(6), number(7), number(8)};
+  h.l = vector(9);
   Motion<T> rate{};
   for (int j = 0; j < NV; ++j) {
-    const double* c = r.Ht + 6 * j;
-    h.H[j] = {{T(c[0]), T(c[1]), T(c[2])}, {T(c[3]), T(c[4]), T(c[5])}};
+    h.H[j] = {vector(12 + 6 * j), vector(15 + 6 * j)};
     rate += v[j] * h.H[j];
   }
-  h.Hdot_w = {T(r.Hdot_v[0]), T(r.Hdot_v[1]), T(r.Hdot_v[2])};
+  h.Hdot_w = vector(48);
   if (b.shape == CARDAN_SHAPE_BALL || b.shape == CARDAN_SHAPE_FREE)
     h.s = {T(0), T(0), T(0)};
   else
-    h.s = cross(rate.w, rate.v) + Vec3<T>{T(r.Hdot_v[3]), T(r.Hdot_v[4]), T(r.Hdot_v[5])};
+    h.s = cross(rate.w, rate.v) + vector(51);
 }
 
 template <class T, int NV>
-void hinge_frame(const Workspace<T>& ws, const SweepBody& b, const T* q, const T* v, HingeFrame<T, NV>& h) {
+static void hinge_frame(const Workspace<T>& ws, const SweepBody& b, const T* q, const T* v, HingeFrame<T, NV>& h) {
   if constexpr (NV == 0) {
     h.R = cast<T>(b.fixed_hinge.R);
     h.l = cast<T>(b.fixed_hinge.p);
@@ -65,21 +66,15 @@ void hinge_frame(const Workspace<T>& ws, const SweepBody& b, const T* q, const T
     if (b.shape <= CARDAN_SHAPE_SCREW)
       axis_frame(b, b.shape, q[b.q], h);
     else
-      dense_frame<T, 1>(b, ws.hinge_record(b.dense), v + b.v, h);
+      dense_frame<T, 1>(ws, b, v + b.v, h);
   } else {
-    dense_frame<T, NV>(b, ws.hinge_record(b.dense), v + b.v, h);
+    dense_frame<T, NV>(ws, b, v + b.v, h);
   }
 }
 
-/// What a pass is made for.
-struct OutwardFor {
-  bool vdot = false;      // add H* v' of Inputs::vdot (prescribed motion, inverse dynamics)
-  bool velocity = true;   // velocity terms; false: as if v = 0
-};
-
 /// Rigid body on a node that does not deform, B = P.
 template <class T, int NV, OutwardFor For>
-void outward_rigid(const Model& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
+static void outward_rigid(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
   for (int k = begin; k < end; ++k) {
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
     Core<T>& body = ws.core(k);
@@ -122,6 +117,7 @@ void outward_rigid(const Model& model, Workspace<T>& ws, const Inputs<T>& in, in
 /// dependence on the node's own axes.
 template <class T>
 struct DeformedNode {
+  CARDAN_INLINE DeformedNode() {}
   RotationCoefficients<T> c;
   Vec3<T> theta;
   Mat3<T> R;            // N in B
@@ -131,7 +127,7 @@ struct DeformedNode {
 };
 
 template <class T>
-void deform(const NodeShapes& s, const T* eta, const T* etadot, DeformedNode<T>& d) {
+static void deform(const NodeShapes& s, const T* eta, const T* etadot, DeformedNode<T>& d) {
   Vec3<T> theta{}, theta_rate{};
   d.rho = cast<T>(s.pose.p);
   d.rate.v = {T(0), T(0), T(0)};
@@ -154,47 +150,49 @@ void deform(const NodeShapes& s, const T* eta, const T* etadot, DeformedNode<T>&
 
 /// Column j of Gamma in body axes at the node: [Jl psi; phi].
 template <class T>
-Motion<T> node_column(const NodeShapes& s, const DeformedNode<T>& d, int j) {
+static Motion<T> node_column(const NodeShapes& s, const DeformedNode<T>& d, int j) {
   const double* c = s.columns.data() + 6 * j;
   return {left_jacobian(d.c, d.theta, {T(c[0]), T(c[1]), T(c[2])}), {T(c[3]), T(c[4]), T(c[5])}};
 }
 
-/// The family's functions, in double. Other scalars (counting, float128) pass through double here.
-inline void family_inertia(const FlexibleBody& f, int, const double* eta, const double* etadot, const Vec3<double>& w,
-                           Modal<double>& modal, double* M_rr) {
+/// The family's functions, in double.
+static inline void family_inertia(const FlexibleBody& f, int, const double* eta, const double* etadot, const Vec3<double>& w,
+                                  Modal<double>& modal, double* M_rr) {
   f.family->mass(f.packed.data(), eta, M_rr, f.M_re_constant ? nullptr : modal.P_re,
                  modal.P_ee && !f.M_ee_constant ? modal.P_ee : nullptr);
   if (etadot) f.family->bias(f.packed.data(), eta, etadot, &w.x, modal.b);
 }
+/// Any other scalar: lane by lane through double.
 template <class T>
-void family_inertia(const FlexibleBody& f, int m, const T* eta, const T* etadot, const Vec3<T>& w, Modal<T>& modal,
-                    double* M_rr) {
-  const auto n = static_cast<std::size_t>(m);
-  std::vector<double> e(n), ed(n), re(6 * n), ee(n * n), bias(6 + n);
-  for (std::size_t i = 0; i < n; ++i) e[i] = static_cast<double>(eta[i]), ed[i] = etadot ? static_cast<double>(etadot[i]) : 0.0;
-  f.family->mass(f.packed.data(), e.data(), M_rr, re.data(), ee.data());
-  const double omega[3] = {static_cast<double>(w.x), static_cast<double>(w.y), static_cast<double>(w.z)};
-  if (etadot) f.family->bias(f.packed.data(), e.data(), ed.data(), omega, bias.data());
-  for (std::size_t i = 0; i < 6 * n; ++i) modal.P_re[i] = T(re[i]);
-  for (std::size_t i = 0; modal.P_ee && i < n * n; ++i) modal.P_ee[i] = T(ee[i]);
-  for (std::size_t i = 0; i < 6 + n; ++i) modal.b[i] = T(bias[i]);
+static void family_inertia(const FlexibleBody& f, int m, const T* eta, const T* etadot, const Vec3<T>& w, Modal<T>& modal, T* M_rr) {
+  double *e = modal.family, *ed = e + m, *re = ed + m, *ee = re + 6 * m, *bias = ee + m * m, rr[10];
+  for (int l = 0; l < kWidth<T>; ++l) {
+    for (int i = 0; i < m; ++i) e[i] = lane(eta[i], l);
+    f.family->mass(f.packed.data(), e, rr, f.M_re_constant ? nullptr : re, modal.P_ee && !f.M_ee_constant ? ee : nullptr);
+    for (int i = 0; i < 10; ++i) set_lane(M_rr[i], l, rr[i]);
+    for (int i = 0; i < 6 * m && !f.M_re_constant; ++i) set_lane(modal.P_re[i], l, re[i]);
+    for (int i = 0; i < m * m && modal.P_ee && !f.M_ee_constant; ++i) set_lane(modal.P_ee[i], l, ee[i]);
+    if (!etadot) continue;
+    for (int i = 0; i < m; ++i) ed[i] = lane(etadot[i], l);
+    const double omega[3] = {lane(w.x, l), lane(w.y, l), lane(w.z, l)};
+    f.family->bias(f.packed.data(), e, ed, omega, bias);
+    for (int i = 0; i < 6 + m; ++i) set_lane(modal.b[i], l, bias[i]);
+  }
 }
 
 /// M_fl(eta), b and z = M_fl gamma_b + b of a flexible body. Families compute in double.
 template <class T, OutwardFor For>
-void flexible_inertia(const Model& model, const SweepBody& b, const Inputs<T>& in, Core<T>& body, Modal<T>& modal) {
+static void flexible_inertia(const SweepModel& model, const SweepBody& b, const Inputs<T>& in, Core<T>& body, Modal<T>& modal) {
   const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
   const int m = b.n_modes;
   const T* eta = in.q + b.eta;
-  double M_rr[10];
+  T* M_rr = modal.M_rr;
   family_inertia(f, m, eta, For.velocity ? in.v + b.etadot : nullptr, body.w, modal, M_rr);
   if (f.M_re_constant)
     for (int i = 0; i < 6 * m; ++i) modal.P_re[i] = T(f.M_re[static_cast<std::size_t>(i)]);
   if (modal.P_ee && f.M_ee_constant)
     for (int i = 0; i < m * m; ++i) modal.P_ee[i] = T(f.M_ee[static_cast<std::size_t>(i)]);
-  const RigidInertia<T> M{T(M_rr[0]), {T(M_rr[1]), T(M_rr[2]), T(M_rr[3])},
-                          {T(M_rr[4]), T(M_rr[5]), T(M_rr[6]), T(M_rr[7]), T(M_rr[8]), T(M_rr[9])}};
-  for (int i = 0; i < 10; ++i) modal.M_rr[i] = T(M_rr[i]);
+  const RigidInertia<T> M{M_rr[0], {M_rr[1], M_rr[2], M_rr[3]}, {M_rr[4], M_rr[5], M_rr[6], M_rr[7], M_rr[8], M_rr[9]}};
   const Motion<T>& g = body.gamma;
   body.z = M * g;
   body.P = articulated(M);
@@ -220,7 +218,7 @@ void flexible_inertia(const Model& model, const SweepBody& b, const Inputs<T>& i
 
 /// Flexible bodies, bodies on deforming nodes, prescribed motion: mathematics 3.8 in gamma form.
 template <class T, int NV, OutwardFor For>
-void outward_general(const Model& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
+static void outward_general(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
   const Vec3<T> none{T(0), T(0), T(0)};
   for (int k = begin; k < end; ++k) {
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
@@ -335,7 +333,7 @@ void outward_general(const Model& model, Workspace<T>& ws, const Inputs<T>& in, 
 
 /// tau_e = user - K eta - C eta': the elastic forces of the modes join z (left-hand side).
 template <class T>
-void elastic_forces(const Model& model, Workspace<T>& ws, const Inputs<T>& in) {
+static void elastic(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
   for (std::size_t k = 1; k < model.bodies.size(); ++k) {
     const SweepBody& b = model.bodies[k];
     if (b.n_modes == 0) continue;

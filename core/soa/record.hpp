@@ -18,7 +18,7 @@ struct Core {
 
 /// w'~ + w~ w~.
 template <class T>
-constexpr Mat3<T> acceleration_field(const Vec3<T>& w, const Vec3<T>& a) {
+static constexpr Mat3<T> acceleration_field(const Vec3<T>& w, const Vec3<T>& a) {
   const T xx = w.x * w.x, yy = w.y * w.y, zz = w.z * w.z, xy = w.x * w.y, xz = w.x * w.z, yz = w.y * w.z;
   return {-(yy + zz), xy - a.z, xz + a.y, xy + a.z, -(xx + zz), yz - a.x, xz - a.y, yz + a.x, -(xx + yy)};
 }
@@ -54,6 +54,7 @@ struct Modal {
   T* M_rr;             // 10: m, mc, J of M_fl(eta)
   T* b;                // 6 + m: scratch of the bias
   ArticulatedInertia<T> P_r;  // after the modes are eliminated
+  double* family;      // eta, eta', M_re, M_ee, b of one lane, for the family's functions; null for double, which needs no copy
 };
 
 template <class T, int NV>

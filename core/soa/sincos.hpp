@@ -4,15 +4,19 @@
 // [-pi/4, pi/4]: error below 1 ulp for |x| < 1e5; larger angles go to the C library.
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
+
+#include "core/soa/lanes.hpp"
 
 namespace cardan::soa {
 
 /// s[i], c[i] = sin, cos of x[i].
-inline void sine_cosine(const double* x, double* s, double* c, std::size_t n) {
-  constexpr double kTwoOverPi = 6.36619772367581382433e-01, kRound = 6755399441055744.0;  // 1.5 * 2^52
+static inline void sine_cosine(const double* x, double* s, double* c, std::size_t n) {
+  constexpr double kTwoOverPi = 6.36619772367581382433e-01, kRound = 6755399441055744.0, kLargest = 1e5;  // kRound = 1.5 * 2^52
   constexpr double kPart1 = 1.57079632673412561417e+00, kPart2 = 6.07710050630396597660e-11,
                    kPart3 = 2.02226624879595063154e-21;
-  bool large = false;
+  constexpr auto kLargestBits = __builtin_bit_cast(std::uint64_t, kLargest);
+  std::uint64_t outside = 0;  // its sign bit is set by an angle of kLargest or more
   for (std::size_t i = 0; i < n; ++i) {
     const double shifted = x[i] * kTwoOverPi + kRound, quadrant = shifted - kRound;
     const double a = x[i] - quadrant * kPart1, w = quadrant * kPart2, r = a - w;
@@ -25,26 +29,31 @@ inline void sine_cosine(const double* x, double* s, double* c, std::size_t n) {
                       z * (-2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)))));
     const double half = 0.5 * z, head = 1.0 - half;
     const double cosine = head + (((1.0 - head) - half) + (z * pc - r * tail));
-    // The two low bits of the rounded quadrant stand in the low bits of `shifted`.
-    long long bits;
-    __builtin_memcpy(&bits, &shifted, sizeof bits);
-    const bool swap = bits & 1, minus_s = bits & 2, minus_c = (bits + 1) & 2;
-    const double u = swap ? cosine : sine, v = swap ? sine : cosine;
-    s[i] = minus_s ? -u : u;
-    c[i] = minus_c ? -v : v;
-    large = large || !(x[i] < 1e5 && x[i] > -1e5);
+    // The two low bits of the rounded quadrant stand in the low bits of `shifted`: bit 0 exchanges sine and cosine, the
+    // others turn signs. Written on the bit patterns, without a branch.
+    const auto bits = __builtin_bit_cast(std::uint64_t, shifted);
+    const auto p = __builtin_bit_cast(std::uint64_t, sine), q = __builtin_bit_cast(std::uint64_t, cosine);
+    const std::uint64_t exchange = (p ^ q) & (0 - (bits & 1));
+    s[i] = __builtin_bit_cast(double, p ^ exchange ^ ((bits & 2) << 62));
+    c[i] = __builtin_bit_cast(double, q ^ exchange ^ (((bits + 1) & 2) << 62));
+    outside |= kLargestBits - 1 - (__builtin_bit_cast(std::uint64_t, x[i]) & ~(std::uint64_t{1} << 63));
   }
-  if (!large) return;
+  if (!(outside >> 63)) return;
   for (std::size_t i = 0; i < n; ++i)
-    if (!(x[i] < 1e5 && x[i] > -1e5)) {
+    if (!(x[i] < kLargest && x[i] > -kLargest)) {
       s[i] = std::sin(x[i]);
       c[i] = std::cos(x[i]);
     }
 }
 
+template <int W>
+static void sine_cosine(const Lanes<W>* x, Lanes<W>* s, Lanes<W>* c, std::size_t n) {
+  sine_cosine(reinterpret_cast<const double*>(x), reinterpret_cast<double*>(s), reinterpret_cast<double*>(c), n * W);
+}
+
 /// Any other scalar: one by one.
 template <class T>
-void sine_cosine(const T* x, T* s, T* c, std::size_t n) {
+static void sine_cosine(const T* x, T* s, T* c, std::size_t n) {
   using std::cos, std::sin;
   for (std::size_t i = 0; i < n; ++i) {
     s[i] = sin(x[i]);

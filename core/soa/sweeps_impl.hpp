@@ -3,12 +3,11 @@
 #include "core/soa/gravity_field.hpp"
 #include "core/soa/sincos.hpp"
 #include "core/soa/sweeps.hpp"
-#include "core/soa/workspace_layout.hpp"
 
 namespace cardan::soa {
 
 /// Number of hinge velocities a kernel is compiled for.
-constexpr int size_of(KernelKind k) {
+static constexpr int size_of(KernelKind k) {
   if (is_general(k)) return static_cast<int>(k) - static_cast<int>(KernelKind::general0);
   if (k == KernelKind::fixed) return 0;
   if (is_axis(k)) return 1;
@@ -17,7 +16,7 @@ constexpr int size_of(KernelKind k) {
 }
 
 template <class T, class Rigid, class General>
-void for_kernel(KernelKind kind, const Rigid& rigid, const General& general) {
+static void for_kernel(KernelKind kind, const Rigid& rigid, const General& general) {
   with_hinge_size<T>(size_of(kind), [&]<int NV>() {
     if (is_general(kind))
       general.template operator()<NV>();
@@ -28,7 +27,7 @@ void for_kernel(KernelKind kind, const Rigid& rigid, const General& general) {
 
 /// Calls visit<I, TILT>() of an axis kernel.
 template <class Visit>
-void for_axis(KernelKind kind, const Visit& visit) {
+static void for_axis(KernelKind kind, const Visit& visit) {
   switch (kind) {
     case KernelKind::axis_x: return visit.template operator()<0, Tilt::none>();
     case KernelKind::axis_y: return visit.template operator()<1, Tilt::none>();
@@ -39,7 +38,7 @@ void for_axis(KernelKind kind, const Visit& visit) {
 }
 
 template <class T>
-void Sweeps<T>::hinge_records(const Model& model, Workspace<T>& ws, const Inputs<T>& in) {
+static void hinge_records(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
   if (model.n_axis > 0) {
     std::size_t i = 0;
     for (const Run& run : model.runs)
@@ -59,29 +58,28 @@ void Sweeps<T>::hinge_records(const Model& model, Workspace<T>& ws, const Inputs
   for (const DenseBatch& batch : model.batches) {
     const auto n = static_cast<std::uint32_t>(batch.iq.size());
     if constexpr (std::is_same_v<T, double>) {
-      batch.family->kinematics(batch.packed.data(), n, batch.iq.data(), batch.iv.data(), in.q, in.v, ws.hinge_records() + batch.first);
+      batch.family->kinematics(batch.packed.data(), n, batch.iq.data(), batch.iv.data(), in.q, in.v, ws.hinge_records(0) + batch.first);
     } else {
-      std::vector<double> q(static_cast<std::size_t>(model.nq)), v(static_cast<std::size_t>(model.nv));
-      for (int i = 0; i < model.nq; ++i) q[static_cast<std::size_t>(i)] = static_cast<double>(in.q[i]);
-      for (int i = 0; i < model.nv; ++i) v[static_cast<std::size_t>(i)] = static_cast<double>(in.v[i]);
-      batch.family->kinematics(batch.packed.data(), n, batch.iq.data(), batch.iv.data(), q.data(), v.data(), ws.hinge_records() + batch.first);
+      double *q = ws.family.data(), *v = q + model.nq;
+      for (int l = 0; l < kWidth<T>; ++l) {
+        for (int i = 0; i < model.nq; ++i) q[i] = lane(in.q[i], l);
+        for (int i = 0; i < model.nv; ++i) v[i] = lane(in.v[i], l);
+        batch.family->kinematics(batch.packed.data(), n, batch.iq.data(), batch.iv.data(), q, v, ws.hinge_records(l) + batch.first);
+      }
     }
   }
 }
 
 template <class T>
-void Sweeps<T>::ground(const Model& model, Workspace<T>& ws, const Inputs<T>& in) {
+static void ground(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
   Core<T>& ground = ws.core(0);
   ground = Core<T>();
-  if (in.gravity && model.gravity.kind == GravitySpec::Kind::uniform) {
-    const auto& g = model.gravity.g;
-    ground.gamma.v = {T(-g.x()), T(-g.y()), T(-g.z())};
-  }
+  if (in.gravity && model.field.uniform) ground.gamma.v = -cast<T>(model.field.g);
   ws.breakdown = {};
 }
 
 template <class T>
-void Sweeps<T>::outward(const Model& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, bool vdot, bool velocity) {
+static void outward(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, OutwardFor what) {
   const auto pass = [&]<OutwardFor For>() {
     if (is_axis(run.kind))
       return for_axis(run.kind, [&]<int I, Tilt TILT>() { outward_axis<T, I, TILT, For>(model, ws, in, run.begin, run.end); });
@@ -89,19 +87,14 @@ void Sweeps<T>::outward(const Model& model, Workspace<T>& ws, const Inputs<T>& i
         run.kind, [&]<int NV>() { outward_rigid<T, NV, For>(model, ws, in, run.begin, run.end); },
         [&]<int NV>() { outward_general<T, NV, For>(model, ws, in, run.begin, run.end); });
   };
-  if (velocity)
-    vdot ? pass.template operator()<OutwardFor{true, true}>() : pass.template operator()<OutwardFor{false, true}>();
+  if (what.velocity)
+    what.vdot ? pass.template operator()<OutwardFor{true, true}>() : pass.template operator()<OutwardFor{false, true}>();
   else
-    vdot ? pass.template operator()<OutwardFor{true, false}>() : pass.template operator()<OutwardFor{false, false}>();
+    what.vdot ? pass.template operator()<OutwardFor{true, false}>() : pass.template operator()<OutwardFor{false, false}>();
 }
 
 template <class T>
-void Sweeps<T>::elastic(const Model& model, Workspace<T>& ws, const Inputs<T>& in) {
-  elastic_forces(model, ws, in);
-}
-
-template <class T>
-void Sweeps<T>::world(const Model& model, Workspace<T>& ws, const Inputs<T>& in) {
+static void world(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
   ws.pose_W(0) = Pose<T>();
   ws.V(0) = Motion<T>();
   for (int k = 1; k < static_cast<int>(model.bodies.size()); ++k) {
@@ -127,10 +120,10 @@ void Sweeps<T>::world(const Model& model, Workspace<T>& ws, const Inputs<T>& in)
 // The force on mode k is -dU/d eta_k of the same potential: with F the force at the mass centre, Grad = mu/r^3 (3 rhat rhat* - 1)
 // and S = (tr J/2) 1 - J the second moments, f_k = I3_k . F/m + 1/2 Grad : dS_k - c . Grad I3_k.
 template <class T>
-void Sweeps<T>::central_gravity(const Model& model, Workspace<T>& ws, const Inputs<T>& in) {
+static void central_gravity(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
   using std::sqrt;
   if (!in.gravity) return;
-  const GravitySpec& g = model.gravity;
+  const GravityField& g = model.field;
   for (int k = 1; k < static_cast<int>(model.bodies.size()); ++k) {
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
     Core<T>& body = ws.core(k);
@@ -145,7 +138,6 @@ void Sweeps<T>::central_gravity(const Model& model, Workspace<T>& ws, const Inpu
     const Vec3<T> field = (T(1) / inertia.m) * pull.f;
     const T r2 = dot(r, r), k3 = T(g.mu) / (r2 * sqrt(r2));
     const FlexibleBody& flexible = model.flexible[static_cast<std::size_t>(b.flexible)];
-    const ModalIntegrals& I = flexible.data->integrals;
     const T* eta = in.q + b.eta;
     for (int j = 0; j < b.n_modes; ++j) {
       const T* M_e = modal->P_re + 6 * j;
@@ -153,21 +145,10 @@ void Sweeps<T>::central_gravity(const Model& model, Workspace<T>& ws, const Inpu
       T f = dot(I3, field);
       if (g.gradient) {
         f = f - k3 * (T(3) * dot(c, r) * dot(r, I3) / r2 - dot(c, I3));
-        const Eigen::Matrix3d fixed = first_order_inertia(I, j);  // 1/2 Grad : dS = k3/2 (tr dJ - 3 rhat* dJ rhat)
-        T dJ[3][3];
-        for (int p = 0; p < 3; ++p)
-          for (int q = 0; q < 3; ++q) dJ[p][q] = T(fixed(p, q));
-        if (flexible.level == 2 && !I.I9.empty())
-          for (int l = 0; l < b.n_modes; ++l) {
-            const auto& I9 = I.I9[static_cast<std::size_t>(j * b.n_modes + l)];
-            for (int p = 0; p < 3; ++p)
-              for (int q = 0; q < 3; ++q) dJ[p][q] = dJ[p][q] + eta[l] * T(I9(p, q) + I9(q, p));
-          }
-        const T rr[3] = {r.x, r.y, r.z};
-        T rJr(0);
-        for (int p = 0; p < 3; ++p)
-          for (int q = 0; q < 3; ++q) rJr = rJr + rr[p] * dJ[p][q] * rr[q];
-        f = f + T(0.5) * k3 * (dJ[0][0] + dJ[1][1] + dJ[2][2] - T(3) * rJr / r2);
+        // 1/2 Grad : dS = k3/2 (tr dJ - 3 rhat* dJ rhat)
+        Sym3<T> dJ = inertia_derivative<T>(flexible.dJ.data() + 6 * j);
+        for (int l = 0; l < b.n_modes && !flexible.d2J.empty(); ++l) dJ += scaled(eta[l], inertia_derivative<T>(flexible.d2J.data() + 6 * (j * b.n_modes + l)));
+        f = f + T(0.5) * k3 * (dJ.xx + dJ.yy + dJ.zz - T(3) * dot(r, dJ * r) / r2);
       }
       modal->z[j] = modal->z[j] - f;
     }
@@ -175,10 +156,10 @@ void Sweeps<T>::central_gravity(const Model& model, Workspace<T>& ws, const Inpu
 }
 
 template <class T>
-void Sweeps<T>::node_wrenches(const Model& model, Workspace<T>& ws, const Inputs<T>& in) {
+static void node_wrenches(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
   for (const NodeWrench<T>& load : in.wrenches) {
     const UserNode& node = model.nodes[static_cast<std::size_t>(load.node)];
-    const int k = model.user[static_cast<std::size_t>(node.body)].sweep;
+    const int k = node.sweep;
     if (k == 0) continue;
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
     Core<T>& body = ws.core(k);
@@ -201,7 +182,7 @@ void Sweeps<T>::node_wrenches(const Model& model, Workspace<T>& ws, const Inputs
 }
 
 template <class T>
-void Sweeps<T>::inward(const Model& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, InwardFor what) {
+static void inward(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, InwardFor what) {
   const auto pass = [&]<InwardFor For>() {
     if (is_axis(run.kind))
       return for_axis(run.kind, [&]<int I, Tilt TILT>() { inward_axis<T, I, TILT, For>(model, ws, in, run.begin, run.end); });
@@ -218,7 +199,7 @@ void Sweeps<T>::inward(const Model& model, Workspace<T>& ws, const Inputs<T>& in
 }
 
 template <class T>
-void Sweeps<T>::acceleration(const Model& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, T* vdot) {
+static void acceleration(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, T* vdot) {
   if (is_axis(run.kind))
     return for_axis(run.kind, [&]<int I, Tilt TILT>() { acceleration_axis<T, I, TILT>(model, ws, vdot, run.begin, run.end); });
   for_kernel<T>(
@@ -227,12 +208,18 @@ void Sweeps<T>::acceleration(const Model& model, Workspace<T>& ws, const Inputs<
 }
 
 template <class T>
-void Sweeps<T>::gather(const Model& model, Workspace<T>& ws, const Run& run, T* tau) {
+static void gather(const SweepModel& model, Workspace<T>& ws, const Inputs<T>&, const Run& run, T* tau) {
   if (is_axis(run.kind))
     return for_axis(run.kind, [&]<int I, Tilt TILT>() { gather_axis<T, I, TILT>(model, ws, tau, run.begin, run.end); });
   for_kernel<T>(
       run.kind, [&]<int NV>() { gather_rigid<T, NV>(model, ws, tau, run.begin, run.end); },
       [&]<int NV>() { gather_general<T, NV>(model, ws, tau, run.begin, run.end); });
+}
+
+/// The table of one scalar, for the instruction set that the including file is compiled for.
+template <class T>
+static constexpr Sweeps<T> make_sweeps() {
+  return {ground<T>, hinge_records<T>, outward<T>, elastic<T>, world<T>, central_gravity<T>, node_wrenches<T>, inward<T>, acceleration<T>, gather<T>};
 }
 
 }  // namespace cardan::soa

@@ -6,8 +6,13 @@
 #include <span>
 #include <vector>
 
-#include "core/model/model.hpp"
+#include "core/model/sweep_model.hpp"
+#include "core/soa/lanes.hpp"
 #include "core/soa/record.hpp"
+
+// Members that the sweeps call. The sweeps are compiled once per instruction set and must share no function: what is not
+// static is inlined (tests/architecture checks the symbols).
+#define CARDAN_INLINE [[gnu::always_inline]] inline
 
 namespace cardan::soa {
 
@@ -30,6 +35,19 @@ struct Inputs {
   bool gravity = true;                           // false: leave gravity out
 };
 
+/// What a pass is made for: base to tip, tip to base.
+struct OutwardFor {
+  bool vdot = false;      // add H* v' of Inputs::vdot (prescribed motion, inverse dynamics)
+  bool velocity = true;   // velocity terms; false: as if v = 0
+};
+struct InwardFor {
+  bool inertia = true;  // P, D, G: functions of q only
+  bool bias = true;     // z, eps, nu: need P, D, G at the same q
+};
+
+/// A pivot of D below this fraction of the inertia it is made of is round-off, not inertia.
+inline constexpr double kPivotLimit = 4e-16;
+
 /// What stopped a sweep: a direction without inertia.
 struct Breakdown {
   int body = 0;        // sweep index; 0 = none
@@ -40,47 +58,55 @@ struct Breakdown {
 template <class T>
 class Workspace {
  public:
-  explicit Workspace(const Model& model);
+  explicit Workspace(const SweepModel& model);
 
-  Core<T>& core(int k) { return *reinterpret_cast<Core<T>*>(arena_.get() + offset_[static_cast<std::size_t>(k)]); }
-  const Core<T>& core(int k) const { return const_cast<Workspace*>(this)->core(k); }
+  CARDAN_INLINE Core<T>& core(int k) { return *reinterpret_cast<Core<T>*>(arena_.get() + offset_[static_cast<std::size_t>(k)]); }
+  CARDAN_INLINE const Core<T>& core(int k) const { return const_cast<Workspace*>(this)->core(k); }
   template <int NV>
-  Hinge<T, NV>& hinge(int k) {
+  CARDAN_INLINE Hinge<T, NV>& hinge(int k) {
     return reinterpret_cast<RigidRecord<T, NV>*>(arena_.get() + offset_[static_cast<std::size_t>(k)])->hinge;
   }
   template <int NV>
-  Modal<T>& modal(int k) {
+  CARDAN_INLINE Modal<T>& modal(int k) {
     return reinterpret_cast<GeneralRecord<T, NV>*>(arena_.get() + offset_[static_cast<std::size_t>(k)])->modal;
   }
-  AxisRecord<T>& axis(int k) { return *reinterpret_cast<AxisRecord<T>*>(arena_.get() + offset_[static_cast<std::size_t>(k)]); }
-  const AxisRecord<T>& axis(int k) const { return const_cast<Workspace*>(this)->axis(k); }
+  CARDAN_INLINE AxisRecord<T>& axis(int k) { return *reinterpret_cast<AxisRecord<T>*>(arena_.get() + offset_[static_cast<std::size_t>(k)]); }
+  CARDAN_INLINE const AxisRecord<T>& axis(int k) const { return const_cast<Workspace*>(this)->axis(k); }
   std::byte* base() { return arena_.get(); }
   std::size_t offset(int k) const { return offset_[static_cast<std::size_t>(k)]; }
 
   // Access by run-time kind, for what is not in the inner loop.
   /// Pose of B in A of a body with a stored pose (not an axis record).
-  Pose<T>& X(int k) { return *reinterpret_cast<Pose<T>*>(arena_.get() + offset_[static_cast<std::size_t>(k)] + sizeof(Core<T>)); }
-  const Pose<T>& X(int k) const { return const_cast<Workspace*>(this)->X(k); }
+  CARDAN_INLINE Pose<T>& X(int k) { return *reinterpret_cast<Pose<T>*>(arena_.get() + offset_[static_cast<std::size_t>(k)] + sizeof(Core<T>)); }
+  CARDAN_INLINE const Pose<T>& X(int k) const { return const_cast<Workspace*>(this)->X(k); }
   /// Columns of H* at B, likewise.
-  Motion<T>* H(int k) { return reinterpret_cast<Motion<T>*>(arena_.get() + offset_[static_cast<std::size_t>(k)] + sizeof(Core<T>) + sizeof(Pose<T>)); }
-  const Motion<T>* H(int k) const { return const_cast<Workspace*>(this)->H(k); }
-  Modal<T>* modal_of(int k) { return modal_[static_cast<std::size_t>(k)]; }  ///< null for bodies of rigid kernels
-  const Modal<T>* modal_of(int k) const { return modal_[static_cast<std::size_t>(k)]; }
+  CARDAN_INLINE Motion<T>* H(int k) { return reinterpret_cast<Motion<T>*>(arena_.get() + offset_[static_cast<std::size_t>(k)] + sizeof(Core<T>) + sizeof(Pose<T>)); }
+  CARDAN_INLINE const Motion<T>* H(int k) const { return const_cast<Workspace*>(this)->H(k); }
+  CARDAN_INLINE Modal<T>* modal_of(int k) { return modal_[static_cast<std::size_t>(k)]; }  ///< null for bodies of rigid kernels
+  CARDAN_INLINE const Modal<T>* modal_of(int k) const { return modal_[static_cast<std::size_t>(k)]; }
 
-  cardan_hinge_out* hinge_records() { return dense_.data(); }
-  const cardan_hinge_out& hinge_record(int i) const { return dense_[static_cast<std::size_t>(i)]; }
+  /// Records of the dense hinges, all of one lane side by side.
+  CARDAN_INLINE cardan_hinge_out* hinge_records(int lane) { return dense_.data() + static_cast<std::size_t>(lane) * n_dense_; }
+  /// Number `at` of record i, counted from R_OP.
+  CARDAN_INLINE T hinge_number(int i, int at) const {
+    T a(0);
+    for (int l = 0; l < kWidth<T>; ++l)
+      set_lane(a, l, reinterpret_cast<const double*>(dense_.data() + static_cast<std::size_t>(l) * n_dense_ + static_cast<std::size_t>(i))[at]);
+    return a;
+  }
 
   /// Poses and velocities in the world: only where an op asks for them (gravity of a centre, outputs).
   void require_world();
-  bool has_world() const { return !pose_W_.empty(); }
-  Pose<T>& pose_W(int k) { return pose_W_[static_cast<std::size_t>(k)]; }
-  const Pose<T>& pose_W(int k) const { return pose_W_[static_cast<std::size_t>(k)]; }
-  Motion<T>& V(int k) { return V_[static_cast<std::size_t>(k)]; }  ///< spatial velocity of B, B axes
-  const Motion<T>& V(int k) const { return V_[static_cast<std::size_t>(k)]; }
+  CARDAN_INLINE bool has_world() const { return !pose_W_.empty(); }
+  CARDAN_INLINE Pose<T>& pose_W(int k) { return pose_W_[static_cast<std::size_t>(k)]; }
+  CARDAN_INLINE const Pose<T>& pose_W(int k) const { return pose_W_[static_cast<std::size_t>(k)]; }
+  CARDAN_INLINE Motion<T>& V(int k) { return V_[static_cast<std::size_t>(k)]; }  ///< spatial velocity of B, B axes
+  CARDAN_INLINE const Motion<T>& V(int k) const { return V_[static_cast<std::size_t>(k)]; }
 
   Breakdown breakdown;
   std::size_t bytes() const;  ///< all of it
   std::vector<T> angles, sines, cosines;  // of the axis hinges, in sweep order: computed in one go
+  std::vector<double> family;             // q and v of one lane, for families that are called lane by lane; empty for double
 
  private:
   struct Free {
@@ -91,9 +117,24 @@ class Workspace {
   std::vector<std::size_t> offset_;
   std::vector<Modal<T>*> modal_;
   std::vector<cardan_hinge_out> dense_;
+  std::size_t n_dense_ = 0;
   std::vector<Pose<T>> pose_W_;
   std::vector<Motion<T>> V_;
   int n_bodies_ = 0;
 };
+
+/// Calls visit<NV>() for a hinge with nv velocities.
+template <class T, class Visit>
+static void with_hinge_size(int nv, const Visit& visit) {
+  switch (nv) {
+    case 0: return visit.template operator()<0>();
+    case 1: return visit.template operator()<1>();
+    case 2: return visit.template operator()<2>();
+    case 3: return visit.template operator()<3>();
+    case 4: return visit.template operator()<4>();
+    case 5: return visit.template operator()<5>();
+    default: return visit.template operator()<6>();
+  }
+}
 
 }  // namespace cardan::soa

@@ -1,32 +1,27 @@
 #pragma once
 // Constructor of Workspace: sizes and pointers of every record. Included by the files that instantiate a scalar.
 #include <new>
+#include <type_traits>
 
 #include "core/soa/workspace.hpp"
 
 namespace cardan::soa {
 
-template <class T, class Visit>
-void with_hinge_size(int nv, const Visit& visit) {
-  switch (nv) {
-    case 0: return visit.template operator()<0>();
-    case 1: return visit.template operator()<1>();
-    case 2: return visit.template operator()<2>();
-    case 3: return visit.template operator()<3>();
-    case 4: return visit.template operator()<4>();
-    case 5: return visit.template operator()<5>();
-    default: return visit.template operator()<6>();
-  }
+template <class T>
+static constexpr std::size_t family_scratch(std::size_t m) {
+  return std::is_same_v<T, double> || m == 0 ? 0 : 2 * m + 6 * m + m * m + 6 + m;
 }
 
 template <class T>
-Workspace<T>::Workspace(const Model& model) {
+Workspace<T>::Workspace(const SweepModel& model) {
   const std::size_t n = model.bodies.size();
   n_bodies_ = static_cast<int>(n);
   for (auto* column : {&angles, &sines, &cosines}) column->resize(static_cast<std::size_t>(model.n_axis));
   offset_.resize(n);
   modal_.assign(n, nullptr);
-  dense_.resize(static_cast<std::size_t>(model.n_dense));
+  n_dense_ = static_cast<std::size_t>(model.n_dense);
+  dense_.resize(n_dense_ * kWidth<T>);
+  if constexpr (!std::is_same_v<T, double>) family.resize(static_cast<std::size_t>(model.nq + model.nv));
   struct Counts {
     std::size_t re, ee, C, Y, m, compliant;
   };
@@ -66,7 +61,7 @@ Workspace<T>::Workspace(const Model& model) {
     c.Y = b.onode >= 0 ? 36 : 0;
     counts[k] = c;
     modal_at[k] = total;
-    total += round(sizeof(T) * (c.re + c.ee + (m > 0 ? 6 * m + 3 * m + 16 + m : 0) + c.C + c.Y + c.compliant));
+    total += round(sizeof(T) * (c.re + c.ee + (m > 0 ? 6 * m + 3 * m + 16 + m : 0) + c.C + c.Y + c.compliant) + sizeof(double) * family_scratch<T>(m));
   }
   arena_bytes_ = total;
   arena_.reset(new (std::align_val_t(64)) std::byte[total]);
@@ -107,9 +102,10 @@ Workspace<T>::Workspace(const Model& model) {
       modal.C = take(c.C);
       modal.Y = take(c.Y);
       modal.compliant = take(c.compliant);
+      modal.family = family_scratch<T>(c.m) > 0 ? reinterpret_cast<double*>(next) : nullptr;
     });
   }
-  if (model.has(Kernel::world)) require_world();
+  if (model.world) require_world();
 }
 
 template <class T>
@@ -120,7 +116,7 @@ void Workspace<T>::require_world() {
 
 template <class T>
 std::size_t Workspace<T>::bytes() const {
-  return arena_bytes_ + 3 * angles.size() * sizeof(T) + dense_.size() * sizeof(cardan_hinge_out) + pose_W_.size() * sizeof(Pose<T>) + V_.size() * sizeof(Motion<T>);
+  return arena_bytes_ + 3 * angles.size() * sizeof(T) + family.size() * sizeof(double) + dense_.size() * sizeof(cardan_hinge_out) + pose_W_.size() * sizeof(Pose<T>) + V_.size() * sizeof(Motion<T>);
 }
 
 }  // namespace cardan::soa

@@ -15,23 +15,23 @@ struct RigidInertia {
 
 /// M V = [J w + h x v; m v - h x w].
 template <class T>
-constexpr Force<T> operator*(const RigidInertia<T>& M, const Motion<T>& V) {
+static constexpr Force<T> operator*(const RigidInertia<T>& M, const Motion<T>& V) {
   return {M.J * V.w + cross(M.h, V.v), M.m * V.v - cross(M.h, V.w)};
 }
 template <class T>
-constexpr RigidInertia<T> operator+(const RigidInertia<T>& a, const RigidInertia<T>& b) {
+static constexpr RigidInertia<T> operator+(const RigidInertia<T>& a, const RigidInertia<T>& b) {
   return {a.m + b.m, a.h + b.h, a.J + b.J};
 }
 /// Inertia about the origin from that about the mass centre p: J = J_c - m p~ p~ (parallel axis theorem).
 template <class T>
-constexpr RigidInertia<T> about_origin(const T& m, const Vec3<T>& p, const Sym3<T>& J_c) {
+static constexpr RigidInertia<T> about_origin(const T& m, const Vec3<T>& p, const Sym3<T>& J_c) {
   return {m, m * p,
           {J_c.xx + m * (p.y * p.y + p.z * p.z), J_c.yy + m * (p.x * p.x + p.z * p.z),
            J_c.zz + m * (p.x * p.x + p.y * p.y), J_c.xy - m * p.x * p.y, J_c.xz - m * p.x * p.z, J_c.yz - m * p.y * p.z}};
 }
 /// The same body seen from frame A, where B stands at the pose AB: phi M phi*.
 template <class T>
-constexpr RigidInertia<T> to_inboard(const Pose<T>& AB, const RigidInertia<T>& M) {
+static constexpr RigidInertia<T> to_inboard(const Pose<T>& AB, const RigidInertia<T>& M) {
   const Vec3<T> h = AB.R * M.h;
   const Vec3<T>& p = AB.p;
   Sym3<T> J = rotate(AB.R, M.J);
@@ -46,12 +46,12 @@ constexpr RigidInertia<T> to_inboard(const Pose<T>& AB, const RigidInertia<T>& M
 }
 /// Gyroscopic force b of the gamma form: [w x J w; w x (w x h)] (no linear velocity occurs; mathematics 0.6, 1).
 template <class T>
-constexpr Force<T> gyroscopic(const RigidInertia<T>& M, const Vec3<T>& w) {
+static constexpr Force<T> gyroscopic(const RigidInertia<T>& M, const Vec3<T>& w) {
   return {cross(w, M.J * w), cross(w, cross(w, M.h))};
 }
 
 template <class T, class S>
-constexpr RigidInertia<T> cast(const RigidInertia<S>& M) {
+static constexpr RigidInertia<T> cast(const RigidInertia<S>& M) {
   return {T(M.m), cast<T>(M.h), {T(M.J.xx), T(M.J.yy), T(M.J.zz), T(M.J.xy), T(M.J.xz), T(M.J.yz)}};
 }
 
@@ -64,24 +64,24 @@ struct ArticulatedInertia {
 };
 
 template <class T>
-constexpr Force<T> operator*(const ArticulatedInertia<T>& P, const Motion<T>& V) {
+static constexpr Force<T> operator*(const ArticulatedInertia<T>& P, const Motion<T>& V) {
   return {P.J * V.w + P.B * V.v, transpose_times(P.B, V.w) + P.M * V.v};
 }
 template <class T>
-constexpr ArticulatedInertia<T>& operator+=(ArticulatedInertia<T>& a, const ArticulatedInertia<T>& b) {
+static constexpr ArticulatedInertia<T>& operator+=(ArticulatedInertia<T>& a, const ArticulatedInertia<T>& b) {
   a.J += b.J;
   a.B = a.B + b.B;
   a.M += b.M;
   return a;
 }
 template <class T>
-constexpr ArticulatedInertia<T> articulated(const RigidInertia<T>& M) {
+static constexpr ArticulatedInertia<T> articulated(const RigidInertia<T>& M) {
   const T o(0);
   return {M.J, tilde(M.h), {M.m, M.m, M.m, o, o, o}};
 }
 /// P - a b* with a b* symmetric (sum of such terms): one column of P+ = P - G D G*.
 template <class T>
-constexpr void subtract_outer(ArticulatedInertia<T>& P, const Force<T>& a, const Force<T>& b) {
+static constexpr void subtract_outer(ArticulatedInertia<T>& P, const Force<T>& a, const Force<T>& b) {
   P.J = {P.J.xx - a.n.x * b.n.x, P.J.yy - a.n.y * b.n.y, P.J.zz - a.n.z * b.n.z,
          P.J.xy - a.n.x * b.n.y, P.J.xz - a.n.x * b.n.z, P.J.yz - a.n.y * b.n.z};
   P.B = {P.B.xx - a.n.x * b.f.x, P.B.xy - a.n.x * b.f.y, P.B.xz - a.n.x * b.f.z,
@@ -93,7 +93,7 @@ constexpr void subtract_outer(ArticulatedInertia<T>& P, const Force<T>& a, const
 /// Phi P Phi*: an articulated inertia at B referred to A. With l = p_AB, after rotation to A axes:
 /// J <- J - B l~ + l~ B* - l~ M l~,  B <- B + l~ M.
 template <class T>
-constexpr ArticulatedInertia<T> to_inboard(const Pose<T>& AB, const ArticulatedInertia<T>& P) {
+static constexpr ArticulatedInertia<T> to_inboard(const Pose<T>& AB, const ArticulatedInertia<T>& P) {
   const Mat3<T>& R = AB.R;
   const Vec3<T>& l = AB.p;
   const Sym3<T> M = rotate(R, P.M);

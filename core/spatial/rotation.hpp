@@ -8,7 +8,7 @@ namespace cardan {
 
 /// exp(u~ q) from the sine and cosine of q, u of unit length (Rodrigues).
 template <class T>
-constexpr Mat3<T> rotation_about(const Vec3<T>& u, const T& s, const T& c) {
+static constexpr Mat3<T> rotation_about(const Vec3<T>& u, const T& s, const T& c) {
   const T k = T(1) - c;
   return {c + k * u.x * u.x,       k * u.x * u.y - s * u.z, k * u.x * u.z + s * u.y,
           k * u.x * u.y + s * u.z, c + k * u.y * u.y,       k * u.y * u.z - s * u.x,
@@ -17,7 +17,7 @@ constexpr Mat3<T> rotation_about(const Vec3<T>& u, const T& s, const T& c) {
 
 /// R(q / |q|), q = (w, x, y, z): a proper rotation for any q but zero, as integrator stages need it.
 template <class T>
-constexpr Mat3<T> rotation_of_quaternion(const T& w, const T& x, const T& y, const T& z) {
+static constexpr Mat3<T> rotation_of_quaternion(const T& w, const T& x, const T& y, const T& z) {
   const T s = T(2) / (w * w + x * x + y * y + z * z), one(1);
   return {one - s * (y * y + z * z), s * (x * y - w * z),       s * (x * z + w * y),
           s * (x * y + w * z),       one - s * (x * x + z * z), s * (y * z - w * x),
@@ -32,7 +32,7 @@ struct RotationCoefficients {
 };
 /// The coefficients by their power series in t2 (10 terms: 1e-20 at |t| = 1), Horner's rule.
 template <class T>
-RotationCoefficients<T> small_rotation_coefficients(const T& t2) {
+static RotationCoefficients<T> small_rotation_coefficients(const T& t2) {
   constexpr double kInverseFactorial[] = {1.0, 1.0, 1.0 / 2, 1.0 / 6, 1.0 / 24, 1.0 / 120, 1.0 / 720, 1.0 / 5040,
                                           1.0 / 40320, 1.0 / 362880, 1.0 / 3628800, 1.0 / 39916800, 1.0 / 479001600.0,
                                           1.0 / 6227020800.0, 1.0 / 87178291200.0, 1.0 / 1307674368000.0,
@@ -52,7 +52,7 @@ RotationCoefficients<T> small_rotation_coefficients(const T& t2) {
 }
 
 template <class T>
-RotationCoefficients<T> rotation_coefficients(const T& t2) {
+static RotationCoefficients<T> rotation_coefficients(const T& t2) {
   using std::cos, std::sin, std::sqrt;
   if (t2 < T(1)) return small_rotation_coefficients(t2);
   const T t = sqrt(t2), sn = sin(t), cs = cos(t), one(1), two(2), three(3);
@@ -63,7 +63,7 @@ RotationCoefficients<T> rotation_coefficients(const T& t2) {
 
 /// exp(t~).
 template <class T>
-constexpr Mat3<T> rotation_of_vector(const RotationCoefficients<T>& c, const Vec3<T>& t) {
+static constexpr Mat3<T> rotation_of_vector(const RotationCoefficients<T>& c, const Vec3<T>& t) {
   const Vec3<T> st = c.s * t, at = c.a * t;
   const T tt = dot(t, t), one(1);
   return {one + at.x * t.x - c.a * tt, at.x * t.y - st.z,         at.x * t.z + st.y,
@@ -72,13 +72,13 @@ constexpr Mat3<T> rotation_of_vector(const RotationCoefficients<T>& c, const Vec
 }
 /// Jl(t) d: the angular velocity, in base axes, of exp(t~) when t' = d.
 template <class T>
-constexpr Vec3<T> left_jacobian(const RotationCoefficients<T>& c, const Vec3<T>& t, const Vec3<T>& d) {
+static constexpr Vec3<T> left_jacobian(const RotationCoefficients<T>& c, const Vec3<T>& t, const Vec3<T>& d) {
   const Vec3<T> td = cross(t, d);
   return d + c.a * td + c.b * cross(t, td);
 }
 /// (d/de Jl(t + e d)) g.
 template <class T>
-constexpr Vec3<T> left_jacobian_dot(const RotationCoefficients<T>& c, const Vec3<T>& t, const Vec3<T>& d,
+static constexpr Vec3<T> left_jacobian_dot(const RotationCoefficients<T>& c, const Vec3<T>& t, const Vec3<T>& d,
                                     const Vec3<T>& g) {
   const Vec3<T> tg = cross(t, g), dg = cross(d, g);
   const T td = dot(t, d);

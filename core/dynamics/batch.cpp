@@ -1,0 +1,110 @@
+#include "core/dynamics/batch.hpp"
+
+#include <algorithm>
+#include <limits>
+
+#include "core/dynamics/inverse.hpp"
+
+namespace cardan {
+
+struct Batch::Passes {
+  virtual ~Passes() = default;
+  virtual int width() const = 0;
+  virtual std::size_t bytes() const = 0;
+  virtual int forward(const BatchInputs& in, double* vdot, std::uint8_t* failed) = 0;
+  virtual void inverse(const BatchInputs& in, double* tau) = 0;
+};
+
+namespace {
+
+template <int W>
+class PassesOf : public Batch::Passes {
+  using T = soa::Lanes<W>;
+
+ public:
+  explicit PassesOf(const Model& model) : model_(model), ws_(model), out_(static_cast<std::size_t>(model.nv)) {
+    q_.resize(static_cast<std::size_t>(model.nq));
+    for (auto* column : {&v_, &tau_, &vdot_}) column->resize(static_cast<std::size_t>(model.nv));
+  }
+  int width() const override { return W; }
+  std::size_t bytes() const override { return ws_.bytes() + (q_.size() + 4 * v_.size()) * sizeof(T); }
+
+  int forward(const BatchInputs& in, double* vdot, std::uint8_t* failed) override {
+    int failures = 0;
+    const auto mark = [&](int k, bool bad) {
+      if (failed) failed[k] = bad;
+      if (!bad) return;
+      ++failures;
+      std::fill_n(vdot + static_cast<std::ptrdiff_t>(k) * model_.nv, model_.nv, std::numeric_limits<double>::quiet_NaN());
+    };
+    for (int first = 0; first < in.n; first += W) {
+      const int count = std::min(W, in.n - first);
+      const soa::Inputs<T> lanes = load(in, first, count);
+      if (forward_dynamics<T>(model_, ws_, lanes, out_.data())) {
+        store(first, count, vdot);
+        for (int k = first; k < first + count; ++k) mark(k, false);
+        continue;
+      }
+      for (int k = first; k < first + count; ++k) {  // one of them has no inertia somewhere: each by itself, in all lanes
+        const bool good = forward_dynamics<T>(model_, ws_, load(in, k, 1), out_.data());
+        if (good) store(k, 1, vdot);
+        mark(k, !good);
+      }
+    }
+    return failures;
+  }
+
+  void inverse(const BatchInputs& in, double* tau) override {
+    for (int first = 0; first < in.n; first += W) {
+      const int count = std::min(W, in.n - first);
+      inverse_dynamics<T>(model_, ws_, load(in, first, count), out_.data());
+      store(first, count, tau);
+    }
+  }
+
+ private:
+  /// States first ... first + count - 1 into the lanes; the first of them once more in the lanes that are left.
+  soa::Inputs<T> load(const BatchInputs& in, int first, int count) {
+    soa::Inputs<T> lanes;
+    lanes.gravity = in.gravity;
+    const auto fill = [&](const double* from, int size, std::vector<T>& to) -> const T* {
+      if (!from) return nullptr;
+      for (int l = 0; l < W; ++l) {
+        const double* state = from + static_cast<std::ptrdiff_t>(first + (l < count ? l : 0)) * size;
+        for (int i = 0; i < size; ++i) soa::set_lane(to[static_cast<std::size_t>(i)], l, state[i]);
+      }
+      return to.data();
+    };
+    lanes.q = fill(in.q, model_.nq, q_);
+    lanes.v = fill(in.v, model_.nv, v_);
+    lanes.tau = fill(in.tau, model_.nv, tau_);
+    lanes.vdot = fill(in.vdot, model_.nv, vdot_);
+    return lanes;
+  }
+  void store(int first, int count, double* to) const {
+    for (int l = 0; l < count; ++l)
+      for (int i = 0; i < model_.nv; ++i) to[static_cast<std::ptrdiff_t>(first + l) * model_.nv + i] = soa::lane(out_[static_cast<std::size_t>(i)], l);
+  }
+
+  const Model& model_;
+  soa::Workspace<T> ws_;
+  std::vector<T> q_, v_, tau_, vdot_, out_;
+};
+
+}  // namespace
+
+Batch::Batch(const Model& model) {
+  if (soa::kernels().eight.outward)
+    passes_ = std::make_unique<PassesOf<8>>(model);
+  else
+    passes_ = std::make_unique<PassesOf<4>>(model);
+}
+Batch::~Batch() = default;
+Batch::Batch(Batch&&) noexcept = default;
+
+int Batch::width() const { return passes_->width(); }
+std::size_t Batch::bytes() const { return passes_->bytes(); }
+int Batch::forward_dynamics(const BatchInputs& in, double* vdot, std::uint8_t* failed) { return passes_->forward(in, vdot, failed); }
+void Batch::inverse_dynamics(const BatchInputs& in, double* tau) { passes_->inverse(in, tau); }
+
+}  // namespace cardan

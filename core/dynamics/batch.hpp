@@ -1,0 +1,42 @@
+#pragma once
+// Many states of one model at once: campaigns, finite differences, sigma points. One state per lane of a register, 4 or 8 of
+// them in one pass of the sweeps, as the processor allows.
+#include <memory>
+
+#include "core/model/model.hpp"
+
+namespace cardan {
+
+/// n states side by side: state k at q + k nq, v + k nv, and so on (matrices with one column per state). Null = zero.
+struct BatchInputs {
+  int n = 0;
+  const double* q = nullptr;
+  const double* v = nullptr;
+  const double* tau = nullptr;   // forward dynamics
+  const double* vdot = nullptr;  // inverse dynamics; forward: the prescribed components, the others zero
+  bool gravity = true;
+};
+
+/// Scratch of one thread. A state gives the same bits whatever the others are, wherever it stands and however many there are;
+/// against one state at a time (forward.hpp) the round-off may differ.
+class Batch {
+ public:
+  explicit Batch(const Model& model);
+  ~Batch();
+  Batch(Batch&&) noexcept;
+
+  int width() const;             ///< states in one pass
+  /// vdot: nv x n. Returns how many states had a direction without inertia; their columns are not a number, and `failed`
+  /// (n entries, may be null) is 1 for them.
+  int forward_dynamics(const BatchInputs& in, double* vdot, std::uint8_t* failed = nullptr);
+  /// tau: nv x n, as inverse_dynamics (inverse.hpp) for each state.
+  void inverse_dynamics(const BatchInputs& in, double* tau);
+  std::size_t bytes() const;     ///< of working memory
+
+  struct Passes;                 // of one width
+
+ private:
+  std::unique_ptr<Passes> passes_;
+};
+
+}  // namespace cardan

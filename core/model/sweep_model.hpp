@@ -1,0 +1,139 @@
+#pragma once
+// What the sweeps read of a compiled system: plain numbers, in sweep order (level by level, inboard before outboard). No Eigen
+// and no inline code of libraries: the sweeps are compiled once per instruction set (docs/adr/0011-instruction-sets.md).
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/abi/cardan_abi.h"
+#include "core/spatial/inertia.hpp"
+
+namespace cardan {
+
+struct ModalData;
+
+/// Which kernel serves a body: the shape of its hinge, and whether the body, its nodes or its motion are anything but rigid
+/// and free. General kernels take any shape.
+enum class KernelKind : std::uint8_t { fixed, rotation, slide, screw, dense1, dense2, dense3, dense4, dense5, dense6,
+                                       axis_x, axis_y, axis_z, tilt, tilt2,  // AxisBody: kernels_axis.hpp
+                                       general0, general1, general2, general3, general4, general5, general6 };
+static constexpr bool is_general(KernelKind k) { return k >= KernelKind::general0; }
+static constexpr bool is_axis(KernelKind k) { return k >= KernelKind::axis_x && k <= KernelKind::tilt2; }
+
+/// Deformation of a node: columns [Psi; Phi] (6 x m, column-major) over the undeformed pose in the body frame.
+struct NodeShapes {
+  Pose<double> pose;            // [-, m] N in B, undeformed
+  int n_modes = 0;
+  std::vector<double> columns;  // 6 m: per mode rotation [rad] then translation [m]; empty: the node does not deform
+  [[gnu::always_inline]] bool deforms() const { return !columns.empty(); }
+};
+
+/// What a flexible body adds: the constant blocks of its inertia, its elasticity and its family's functions.
+struct FlexibleBody {
+  const cardan_body_family* family = nullptr;
+  std::vector<double> packed;           // parameters of the family
+  bool M_ee_constant = false, M_re_constant = false, M_ee_identity = false;
+  bool K_diagonal = false;              // then K and C hold m numbers, else m x m
+  std::vector<double> K, C;             // [N/m-like], [N s/m-like] per modal coordinate
+  std::vector<double> M_re, M_ee;       // at eta = 0: 6 x m, m x m
+  std::vector<double> L_ee;             // m x m lower Cholesky factor of M_ee at eta = 0
+  std::vector<double> U;                // m x 6 rows: M_ee^-1 M_re* at eta = 0
+  ArticulatedInertia<double> gramian;   // M_re M_ee^-1 M_re* at eta = 0
+  // Outboard hinges on deforming nodes. Where M_ee is constant and nothing else moves with the modes, they are eliminated
+  // through their 6 x 6 blocks (Woodbury), and no matrix of size m is factored in a step:
+  bool woodbury = false;
+  std::vector<int> attached;            // sweep indices of the bodies that hang there, n of them
+  std::vector<std::vector<double>> F;   // per attached body m x 6 rows: M_ee^-1 S*
+  std::vector<double> Sigma;            // 6n x 6n, column-major: S M_ee^-1 S*
+  int level = 0;
+  // Derivatives of the inertia for the gravity of a centre, per mode xx yy zz xy xz yz: dJ/d eta_k at eta = 0, and at level 2
+  // d^2 J / d eta_k d eta_l (k-major); empty where the scene has no such gravity.
+  std::vector<double> dJ, d2J;
+  std::shared_ptr<const ModalData> data;
+};
+
+/// What the sweeps read of one body. Index 0 is the ground.
+struct SweepBody {
+  int parent = 0;                       // sweep index, < own index
+  KernelKind kind = KernelKind::fixed;
+  std::uint8_t nv = 0;
+  std::uint8_t shape = 0;               // cardan_hinge_shape
+  int q = 0, v = 0;                     // offsets of the hinge coordinates in the user's q and v
+  int dense = -1;                       // index of the hinge record (dense shapes)
+  Pose<double> O;                       // onode in the inboard body's sweep frame (undeformed)
+  Pose<double> fixed_hinge;             // P in O of a fixed hinge
+  Vec3<double> axis;                    // hinge axis (axis shapes), P axes
+  double pitch = 0.0;                   // [m/rad]
+  RigidInertia<double> M;               // rigid body
+  RigidInertia<double> M_sweep;         // what the sweeps use: M, and that of rotors folded into it
+  double q0 = 0.0;                      // [rad] axis kernels: angle of the frame at q = 0
+  int n_modes = 0, eta = 0, etadot = 0; // modal coordinates in q and v
+  int flexible = -1;                    // index into Model::flexible
+  int onode = -1, pnode = -1;           // index into Model::shapes where O (on the inboard body) or P deforms
+  int n_parent_modes = 0;               // modes of the inboard body when O deforms
+  bool has_prescribed = false;          // some velocity component follows a given motion
+};
+
+/// What the axis kernels read of one body (rigid, one rotation about a coordinate axis of its frame), parallel to `bodies`.
+struct AxisBody {
+  int parent = 0, q = 0, v = 0;
+  double q0 = 0.0;                                          // [rad]
+  double cos_alpha = 1, sin_alpha = 0, cos_beta = 1, sin_beta = 0;  // R_O = Rz(alpha) Ry(beta)
+  double p[3] = {};                                         // [m] B in A, A axes
+  double l[2] = {};                                         // [m] the same in O axes, components j and k (that along i is 0)
+  double m = 0.0, h[3] = {}, J[6] = {};                     // [kg], [kg m], [kg m^2] xx yy zz xy xz yz about B
+  double S[6] = {};                                         // [kg m^2] second moments: integral of r r* dm
+};
+
+/// A maximal stretch of consecutive bodies with one kernel.
+struct Run {
+  int begin, end;
+  KernelKind kind;
+};
+
+/// Hinges of one family that fill their records in one call.
+struct DenseBatch {
+  const cardan_hinge_family* family;
+  std::vector<double> packed;           // params_size bytes each
+  std::vector<std::uint32_t> iq, iv;
+  int first;                            // index of the first record
+};
+
+/// A named point.
+struct UserNode {
+  std::string name;                     // "bus.saddle_left"; the body's own name for its origin
+  int body = 0;                         // user index
+  int sweep = 0;                        // sweep index of the body that carries it
+  NodeShapes shapes;                    // in the SWEEP frame of the body
+};
+
+/// Gravity as the sweeps see it, world axes.
+struct GravityField {
+  bool uniform = false, central = false;
+  Vec3<double> g{};                     // [m/s^2] uniform
+  double mu = 0.0;                      // [m^3/s^2] central
+  Vec3<double> centre{};                // [m]
+  bool gradient = true;                 // torque on each body and force on its modes
+};
+
+struct SweepModel {
+  int nq = 0, nv = 0;                   // all coordinates: hinges and modes
+  int n_modes = 0;
+  std::vector<SweepBody> bodies;        // [0] = ground
+  std::vector<AxisBody> axis_bodies;    // same index; filled for axis kernels, empty when there are none
+  int n_axis = 0;                       // how many bodies have an axis kernel
+  std::vector<Run> runs;
+  std::vector<FlexibleBody> flexible;
+  std::vector<NodeShapes> shapes;       // deforming hinge nodes
+  std::vector<DenseBatch> batches;
+  int n_dense = 0;
+  std::vector<std::uint8_t> prescribed; // per v: 1 = follows a given motion; empty when none does
+  std::vector<UserNode> nodes;
+  GravityField field;
+  bool world = false;                   // the program keeps poses and velocities in the world
+
+  [[gnu::always_inline]] bool has_prescribed() const { return !prescribed.empty(); }
+};
+
+}  // namespace cardan

@@ -1,0 +1,12 @@
+// The sweeps for processors with AVX2 and FMA (x86-64-v3). Flags: core/CMakeLists.txt.
+#include "core/soa/kernels.hpp"
+#include "core/soa/sweeps_impl.hpp"
+
+namespace cardan::soa {
+
+const Kernels& kernels_v3() {
+  static constexpr Kernels set{"v3", make_sweeps<double>(), make_sweeps<Lanes<4>>(), {}};
+  return set;
+}
+
+}  // namespace cardan::soa

@@ -1,0 +1,90 @@
+#pragma once
+// W samples side by side in one number: the sweeps on Lanes<W> do W states at once, one state per lane. Every operation works
+// on each lane by itself, so a sample has the same bits whatever stands in the other lanes.
+#include <cmath>
+
+#include "core/spatial/rotation.hpp"
+
+namespace cardan::soa {
+
+template <int W>
+struct PackOf;
+template <>
+struct PackOf<4> { using type [[gnu::vector_size(32)]] = double; };
+template <>
+struct PackOf<8> { using type [[gnu::vector_size(64)]] = double; };
+
+template <int W>
+struct Lanes {
+  using Pack = typename PackOf<W>::type;
+  Pack x;
+
+  Lanes() = default;
+  [[gnu::always_inline]] Lanes(double a) : x(Pack{} + a) {}          // NOLINT: a number is the same number in every lane
+  [[gnu::always_inline]] Lanes(int a) : Lanes(static_cast<double>(a)) {}  // NOLINT
+  [[gnu::always_inline]] explicit Lanes(const Pack& a) : x(a) {}
+  /// Of the first lane: for messages only.
+  [[gnu::always_inline]] explicit operator double() const { return x[0]; }
+  [[gnu::always_inline]] Lanes operator-() const { return Lanes(-x); }
+  [[gnu::always_inline]] friend Lanes operator+(const Lanes& a, const Lanes& b) { return Lanes(a.x + b.x); }
+  [[gnu::always_inline]] friend Lanes operator-(const Lanes& a, const Lanes& b) { return Lanes(a.x - b.x); }
+  [[gnu::always_inline]] friend Lanes operator*(const Lanes& a, const Lanes& b) { return Lanes(a.x * b.x); }
+  [[gnu::always_inline]] friend Lanes operator/(const Lanes& a, const Lanes& b) { return Lanes(a.x / b.x); }
+  /// True where it holds in every lane: a check that fails in one lane fails.
+  [[gnu::always_inline]] friend bool operator>(const Lanes& a, const Lanes& b) {
+    const auto mask = a.x > b.x;
+    long long all = -1;
+    for (int i = 0; i < W; ++i) all &= mask[i];
+    return all != 0;
+  }
+};
+
+template <class T>
+inline constexpr int kWidth = 1;
+template <int W>
+inline constexpr int kWidth<Lanes<W>> = W;
+
+/// Lane i of a number.
+[[gnu::always_inline]] inline double lane(const double& a, int) { return a; }
+template <int W>
+[[gnu::always_inline]] inline double lane(const Lanes<W>& a, int i) { return a.x[i]; }
+template <class T>
+[[gnu::always_inline]] inline double lane(const T& a, int) { return static_cast<double>(a); }
+[[gnu::always_inline]] inline void set_lane(double& a, int, double value) { a = value; }
+template <int W>
+[[gnu::always_inline]] inline void set_lane(Lanes<W>& a, int i, double value) { a.x[i] = value; }
+template <class T>
+[[gnu::always_inline]] inline void set_lane(T& a, int, double value) { a = T(value); }
+
+/// By lanes: functions that branch on their argument.
+template <int W>
+[[gnu::always_inline]] inline Lanes<W> sqrt(const Lanes<W>& a) {
+  Lanes<W> r;
+  for (int i = 0; i < W; ++i) r.x[i] = std::sqrt(a.x[i]);
+  return r;
+}
+template <int W>
+static Lanes<W> sin(const Lanes<W>& a) {
+  Lanes<W> r;
+  for (int i = 0; i < W; ++i) r.x[i] = std::sin(a.x[i]);
+  return r;
+}
+template <int W>
+static Lanes<W> cos(const Lanes<W>& a) {
+  Lanes<W> r;
+  for (int i = 0; i < W; ++i) r.x[i] = std::cos(a.x[i]);
+  return r;
+}
+
+using cardan::rotation_coefficients;
+template <int W>
+static RotationCoefficients<Lanes<W>> rotation_coefficients(const Lanes<W>& t2) {
+  RotationCoefficients<Lanes<W>> r;
+  for (int i = 0; i < W; ++i) {
+    const RotationCoefficients<double> one = cardan::rotation_coefficients<double>(t2.x[i]);
+    r.s.x[i] = one.s, r.a.x[i] = one.a, r.b.x[i] = one.b, r.a1.x[i] = one.a1, r.b1.x[i] = one.b1;
+  }
+  return r;
+}
+
+}  // namespace cardan::soa
