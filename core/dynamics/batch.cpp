@@ -13,13 +13,14 @@ struct Batch::Passes {
   virtual std::size_t bytes() const = 0;
   virtual int forward(const BatchInputs& in, double* vdot, std::uint8_t* failed) = 0;
   virtual void inverse(const BatchInputs& in, double* tau) = 0;
+  virtual bool mass_matrix_inverse(const double* q, double* inverse) = 0;
 };
 
 namespace {
 
-template <int W>
+template <class T>
 class PassesOf : public Batch::Passes {
-  using T = soa::Lanes<W>;
+  static constexpr int W = soa::kWidth<T>;
 
  public:
   explicit PassesOf(const Model& model) : model_(model), ws_(model), out_(static_cast<std::size_t>(model.nv)) {
@@ -62,6 +63,37 @@ class PassesOf : public Batch::Passes {
     }
   }
 
+  bool mass_matrix_inverse(const double* q, double* inverse) override {
+    const soa::Sweeps<T>& S = soa::sweeps<T>();
+    const int nv = model_.nv;
+    soa::Inputs<T> in;
+    in.gravity = false;
+    for (int i = 0; i < model_.nq; ++i) q_[static_cast<std::size_t>(i)] = T(q[i]);
+    std::fill(v_.begin(), v_.end(), T(0));
+    std::fill(tau_.begin(), tau_.end(), T(0));
+    std::fill(vdot_.begin(), vdot_.end(), T(0));
+    in.q = q_.data(), in.v = v_.data(), in.tau = tau_.data(), in.vdot = vdot_.data();
+    S.ground(model_, ws_, in);
+    S.hinge_records(model_, ws_, in);
+    for (const Run& run : model_.runs) S.outward(model_, ws_, in, run, {.velocity = false});
+    for (auto run = model_.runs.rbegin(); run != model_.runs.rend(); ++run) {
+      S.inward(model_, ws_, in, *run, {.bias = false});
+      if (ws_.breakdown.body != 0) return false;
+    }
+    for (int first = 0; first < nv; first += W) {
+      const int count = std::min(W, nv - first);
+      for (int l = 0; l < count; ++l) soa::set_lane(tau_[static_cast<std::size_t>(first + l)], l, 1.0);
+      S.at_rest(model_, ws_);
+      for (auto run = model_.runs.rbegin(); run != model_.runs.rend(); ++run) S.inward(model_, ws_, in, *run, {.inertia = false});
+      for (const Run& run : model_.runs) S.acceleration(model_, ws_, in, run, out_.data());
+      store(first, count, inverse);
+      for (int l = 0; l < count; ++l) tau_[static_cast<std::size_t>(first + l)] = T(0);
+    }
+    for (int j = 0; j < nv; ++j)  // symmetric by nature; exactly so
+      for (int i = 0; i < j; ++i) inverse[nv * i + j] = inverse[nv * j + i] = 0.5 * (inverse[nv * i + j] + inverse[nv * j + i]);
+    return true;
+  }
+
  private:
   /// States first ... first + count - 1 into the lanes; the first of them once more in the lanes that are left.
   soa::Inputs<T> load(const BatchInputs& in, int first, int count) {
@@ -79,6 +111,10 @@ class PassesOf : public Batch::Passes {
     lanes.v = fill(in.v, model_.nv, v_);
     lanes.tau = fill(in.tau, model_.nv, tau_);
     lanes.vdot = fill(in.vdot, model_.nv, vdot_);
+    if (!lanes.vdot && model_.has_prescribed()) {
+      std::fill(vdot_.begin(), vdot_.end(), T(0));
+      lanes.vdot = vdot_.data();
+    }
     return lanes;
   }
   void store(int first, int count, double* to) const {
@@ -95,9 +131,11 @@ class PassesOf : public Batch::Passes {
 
 Batch::Batch(const Model& model) {
   if (soa::kernels().eight.outward)
-    passes_ = std::make_unique<PassesOf<8>>(model);
+    passes_ = std::make_unique<PassesOf<soa::Lanes<8>>>(model);
+  else if (soa::kernels().four.outward)
+    passes_ = std::make_unique<PassesOf<soa::Lanes<4>>>(model);
   else
-    passes_ = std::make_unique<PassesOf<4>>(model);
+    passes_ = std::make_unique<PassesOf<double>>(model);
 }
 Batch::~Batch() = default;
 Batch::Batch(Batch&&) noexcept = default;
@@ -105,6 +143,7 @@ Batch::Batch(Batch&&) noexcept = default;
 int Batch::width() const { return passes_->width(); }
 std::size_t Batch::bytes() const { return passes_->bytes(); }
 int Batch::forward_dynamics(const BatchInputs& in, double* vdot, std::uint8_t* failed) { return passes_->forward(in, vdot, failed); }
+bool Batch::mass_matrix_inverse(const double* q, double* inverse) { return passes_->mass_matrix_inverse(q, inverse); }
 void Batch::inverse_dynamics(const BatchInputs& in, double* tau) { passes_->inverse(in, tau); }
 
 }  // namespace cardan

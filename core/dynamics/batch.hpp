@@ -1,6 +1,6 @@
 #pragma once
-// Many states of one model at once: campaigns, finite differences, sigma points. One state per lane of a register, 4 or 8 of
-// them in one pass of the sweeps, as the processor allows.
+// Many states of one model at once: campaigns, finite differences, sigma points. One state per lane of a register: 8 in one
+// pass of the sweeps with AVX-512, 4 with AVX2, else one.
 #include <memory>
 
 #include "core/model/model.hpp"
@@ -31,6 +31,9 @@ class Batch {
   int forward_dynamics(const BatchInputs& in, double* vdot, std::uint8_t* failed = nullptr);
   /// tau: nv x n, as inverse_dynamics (inverse.hpp) for each state.
   void inverse_dynamics(const BatchInputs& in, double* tau);
+  /// M^-1 (nv x nv, column-major) at q: its columns are the accelerations of unit forces, so many at once; P, D and G are formed
+  /// once (O(N^2) in all). False at a direction without inertia.
+  bool mass_matrix_inverse(const double* q, double* inverse);
   std::size_t bytes() const;     ///< of working memory
 
   struct Passes;                 // of one width

@@ -63,13 +63,13 @@ namespace {
 using Matrix6X = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 
 /// First six rows of Phi*(p, k): [X, A] (6 x (6 + mp)).
-Matrix6X phi_star_rows(const Model& model, const Workspace& ws, int k) {
+Matrix6X phi_star_rows(const Model& model, const Workspace& ws, int k, const double* q) {
   const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
   Matrix6X rows(6, 6 + b.n_parent_modes);
   for (int j = 0; j < 6; ++j) {
     double e[6] = {};
     e[j] = 1.0;
-    rows.col(j) = to_eigen(to_outboard(soa::pose_in_inboard(model, ws, k), motion(e)));
+    rows.col(j) = to_eigen(to_outboard(soa::pose_in_inboard(model, ws, k, q), motion(e)));
   }
   if (b.n_parent_modes > 0) rows.rightCols(b.n_parent_modes) =
         Eigen::Map<const Eigen::Matrix<double, 6, 6>>(ws.modal_of(k)->Y) *
@@ -77,9 +77,8 @@ Matrix6X phi_star_rows(const Model& model, const Workspace& ws, int k) {
   return rows;
 }
 
-}  // namespace
-
-Eigen::MatrixXd mass_matrix(const Model& model, Workspace& ws, const double* q) {
+/// With modes: composite inertia of 6 + m rows per body.
+Eigen::MatrixXd flexible_mass_matrix(const Model& model, Workspace& ws, const double* q) {
   const soa::Sweeps<double>& S = soa::sweeps<double>();
   const Eigen::VectorXd v = Eigen::VectorXd::Zero(model.nv);
   const Inputs in{.q = q, .v = v.data(), .gravity = false};
@@ -94,7 +93,7 @@ Eigen::MatrixXd mass_matrix(const Model& model, Workspace& ws, const double* q) 
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
     Eigen::MatrixXd& M = R[static_cast<std::size_t>(k)];
     M.setZero(6 + b.n_modes, 6 + b.n_modes);
-    M.topLeftCorner<6, 6>() = to_eigen(ws.core(k).P);
+    M.topLeftCorner<6, 6>() = to_eigen(b.n_modes > 0 ? ws.core(k).P : articulated(b.M));
     if (b.n_modes > 0) {
       const auto& modal = *ws.modal_of(k);
       const double* M_ee = modal.P_ee ? modal.P_ee : model.flexible[static_cast<std::size_t>(b.flexible)].M_ee.data();
@@ -102,7 +101,7 @@ Eigen::MatrixXd mass_matrix(const Model& model, Workspace& ws, const double* q) 
       M.bottomLeftCorner(b.n_modes, 6) = M.topRightCorner(6, b.n_modes).transpose();
       M.bottomRightCorner(b.n_modes, b.n_modes) = Eigen::Map<const Eigen::MatrixXd>(M_ee, b.n_modes, b.n_modes);
     }
-    A[static_cast<std::size_t>(k)] = phi_star_rows(model, ws, k);
+    A[static_cast<std::size_t>(k)] = phi_star_rows(model, ws, k, q);
   }
   const auto H_star = [&](int k) {  // (6 + m) x (nv + m) of mathematics 3.8
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
@@ -147,6 +146,28 @@ Eigen::MatrixXd mass_matrix(const Model& model, Workspace& ws, const double* q) 
     }
   }
   return mass;
+}
+
+}  // namespace
+
+void mass_matrix(const Model& model, Workspace& ws, const double* q, double* M) {
+  if (std::ranges::any_of(model.runs, [](const Run& run) { return is_general(run.kind); })) {
+    Eigen::Map<Eigen::MatrixXd>(M, model.nv, model.nv) = flexible_mass_matrix(model, ws, q);
+    return;
+  }
+  const soa::Sweeps<double>& S = soa::sweeps<double>();
+  ws.composite.resize(model.bodies.size());
+  const Inputs in{.q = q, .gravity = false};
+  S.hinge_records(model, ws, in);
+  for (const Run& run : model.runs)
+    if (!is_axis(run.kind)) S.outward(model, ws, in, run, {.velocity = false});
+  S.mass_matrix(model, ws, in, M);
+}
+
+Eigen::MatrixXd mass_matrix(const Model& model, Workspace& ws, const double* q) {
+  Eigen::MatrixXd M(model.nv, model.nv);
+  mass_matrix(model, ws, q, M.data());
+  return M;
 }
 
 }  // namespace cardan

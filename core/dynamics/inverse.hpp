@@ -19,6 +19,8 @@ void inverse_dynamics(const Model& model, soa::Workspace<T>& workspace, const so
 
 /// Mass matrix M = H phi M phi* H*, nv x nv, by the composite body inertia (Lyapunov recursion, 4.3), O(N^2).
 Eigen::MatrixXd mass_matrix(const Model& model, Workspace& workspace, const double* q);
+/// The same into M (nv x nv, column-major); allocates nothing in trees of rigid bodies.
+void mass_matrix(const Model& model, Workspace& workspace, const double* q, double* M);
 
 /// Generalised gravity force (right-hand side), nv.
 Eigen::VectorXd gravity_force(const Model& model, Workspace& workspace, const double* q);

@@ -48,6 +48,7 @@ void Observer::update(const Inputs& in, const double* vdot) {
   in_ = in;
   vdot_ = vdot;
   soa::sweeps<double>().world(model_, ws_, in);
+  for (const int k : model_.rotors) complete_rotor(k);
   for (std::size_t k = 1; k < model_.bodies.size(); ++k) {
     const SweepBody& b = model_.bodies[k];
     if (b.n_modes == 0) continue;
@@ -56,6 +57,39 @@ void Observer::update(const Inputs& in, const double* vdot) {
     f.family->mass(f.packed.data(), in.q + b.eta, M, f.M_re_constant ? nullptr : M_re_[k].data(), f.M_ee_constant ? nullptr : M_ee_[k].data());
     inertia_[k] = {M[0], {M[1], M[2], M[3]}, {M[4], M[5], M[6], M[7], M[8], M[9]}};
   }
+}
+
+// What the sweeps do not form of a rotor: they fold it into its carrier.
+void Observer::complete_rotor(int k) {
+  const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
+  const soa::Core<double>& carrier = ws_.core(b.parent);
+  soa::Core<double>& body = ws_.core(k);
+  const Pose<double> X = soa::pose_in_inboard(model_, ws_, k, in_.q);
+  const Vec3<double> w1 = transpose_times(X.R, carrier.w), rate = in_.v[b.v] * b.axis;
+  body.w = w1 + rate;
+  body.gamma = {transpose_times(X.R, carrier.gamma.w) + cross(w1, rate), transpose_times(X.R, carrier.gamma.v + carrier.E * X.p)};
+  body.delta = to_outboard(X, carrier.delta);
+  if (vdot_) body.delta.w += vdot_[b.v] * b.axis;
+  body.P = articulated(b.M);
+  body.z = b.M * body.gamma + gyroscopic(b.M, body.w);
+  if (in_.gravity && model_.field.central && b.M.m > 0) {
+    Vec3<double> c, r;
+    body.z -= soa::attraction(model_.field, b.M, ws_.pose_W(k), c, r);
+  }
+  for (const NodeWrench& load : in_.wrenches) {
+    const UserNode& node = model_.nodes[static_cast<std::size_t>(load.node)];
+    if (node.sweep == k) body.z -= wrench_at_B(load);
+  }
+}
+
+/// A wrench on a node of a body that does not deform there, referred to B.
+Force<double> Observer::wrench_at_B(const NodeWrench& load) const {
+  const UserNode& node = model_.nodes[static_cast<std::size_t>(load.node)];
+  const Pose<double>& N = node.shapes.pose;
+  const Mat3<double>& R_WB = ws_.pose_W(node.sweep).R;
+  const Force<double> f = load.world_axes ? Force<double>{transpose_times(R_WB, load.f.n), transpose_times(R_WB, load.f.f)}
+                                          : Force<double>{N.R * load.f.n, N.R * load.f.f};
+  return {f.n + cross(N.p, f.f), f.f};
 }
 
 Pose<double> Observer::body_pose(int i) const {
@@ -95,8 +129,8 @@ NodeState Observer::node(int index) const {
 
 RigidInertia<double> Observer::inertia_for_gravity(int k) const {
   const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
+  if (b.n_modes == 0) return b.M_sweep;  // with its rotors
   const RigidInertia<double>& M = inertia_[static_cast<std::size_t>(k)];
-  if (b.n_modes == 0) return M;
   const double M_rr[10] = {M.m, M.h.x, M.h.y, M.h.z, M.J.xx, M.J.yy, M.J.zz, M.J.xy, M.J.xz, M.J.yz};
   return soa::gravity_inertia(model_.flexible[static_cast<std::size_t>(b.flexible)], b.n_modes, M_rr, in_.q + b.eta);
 }
@@ -134,7 +168,7 @@ Energy Observer::energy() const {
     if (model_.gravity.kind == GravitySpec::Kind::uniform) {
       const Vec3<double> first = M.m * ws_.pose_W(k).p + ws_.pose_W(k).R * M.h;  // m x_com
       add(e.gravity, -model_.gravity.g.dot(to_eigen(first)));
-    } else if (model_.gravity.kind == GravitySpec::Kind::central) {
+    } else if (model_.field.central && b.kind != KernelKind::rotor) {
       add(e.gravity, soa::potential(model_.field, inertia_for_gravity(k), ws_.pose_W(k)));
     }
   }
@@ -202,16 +236,13 @@ Force<double> Observer::wrench_in_host(int i) const {
   for (const NodeWrench& load : in_.wrenches) {
     const UserNode& node = model_.nodes[static_cast<std::size_t>(load.node)];
     if (node.body != i) continue;
-    const Pose<double>& N = node.shapes.pose;
-    const Force<double> at_node = load.world_axes ? Force<double>{transpose_times(ws_.pose_W(u.sweep).R, load.f.n), transpose_times(ws_.pose_W(u.sweep).R, load.f.f)}
-                                                  : Force<double>{N.R * load.f.n, N.R * load.f.f};
-    f -= Force<double>{at_node.n + cross(N.p, at_node.f), at_node.f};
+    f -= wrench_at_B(load);
   }
   for (std::size_t c = 0; c < model_.user.size(); ++c) {
     const UserBody& child = model_.user[c];
     if (child.parent != i) continue;
     const Force<double> through = wrench_in_host(static_cast<int>(c));
-    f += child.merged ? through : to_inboard(soa::pose_in_inboard(model_, ws_, child.sweep), through);
+    f += child.merged ? through : to_inboard(soa::pose_in_inboard(model_, ws_, child.sweep, in_.q), through);
   }
   return f;
 }
@@ -269,7 +300,7 @@ ExternalLoads Observer::external() const {
       const Eigen::Vector3d first = to_eigen(M.m * W.p + W.R * M.h);
       e.force += M.m * model_.gravity.g;
       e.moment += first.cross(model_.gravity.g);
-    } else if (model_.gravity.kind == GravitySpec::Kind::central) {
+    } else if (model_.field.central && b.kind != KernelKind::rotor) {
       Vec3<double> c, r;
       add(to_inboard(W, soa::attraction(model_.field, inertia_for_gravity(k), W, c, r)));
     }

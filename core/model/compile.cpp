@@ -441,7 +441,6 @@ class Compiler {
         if (m.bodies[static_cast<std::size_t>(child)].parent == k) m.bodies[static_cast<std::size_t>(child)].O = back * m.bodies[static_cast<std::size_t>(child)].O;
       b.O = pose_of(R_AS, R_AS * l);
       b.axis = {i == 0 ? 1.0 : 0.0, i == 1 ? 1.0 : 0.0, i == 2 ? 1.0 : 0.0};
-      ++m.n_axis;
       a.parent = b.parent;
       a.q = b.q;
       a.v = b.v;
@@ -538,8 +537,10 @@ class Compiler {
         b.kind = static_cast<KernelKind>(base + b.nv);
       else if (b.shape == CARDAN_SHAPE_FIXED)
         b.kind = KernelKind::fixed;
-      else if (b.kind >= KernelKind::axis_x)
+      else if (is_axis(b.kind))
         continue;  // chosen with its frame
+      else if (b.shape == CARDAN_SHAPE_FREE || b.shape == CARDAN_SHAPE_FREE_BODY)
+        b.kind = KernelKind::free;
       else if (b.shape == CARDAN_SHAPE_ROTATION)
         b.kind = KernelKind::rotation;
       else if (b.shape == CARDAN_SHAPE_SLIDE)
@@ -549,20 +550,10 @@ class Compiler {
       else
         b.kind = static_cast<KernelKind>(static_cast<int>(KernelKind::dense1) + b.nv - 1);
     }
+    fold_rotors();
     for (std::size_t k = 1; k < m.bodies.size(); ++k) {
-      SweepBody& b = m.bodies[k];
-      b.M_sweep = b.M;
-      if (!is_axis(b.kind)) continue;
-      AxisBody& a = m.axis_bodies[k];
-      const RigidInertia<double>& M = b.M_sweep;
-      const double J[6] = {M.J.xx, M.J.yy, M.J.zz, M.J.xy, M.J.xz, M.J.yz};
-      a.m = M.m;
-      a.h[0] = M.h.x, a.h[1] = M.h.y, a.h[2] = M.h.z;
-      std::copy(J, J + 6, a.J);
-    }
-    for (std::size_t k = 1; k < m.bodies.size(); ++k) {
-      if (m.runs.empty() || m.runs.back().kind != m.bodies[k].kind)
-        m.runs.push_back({static_cast<int>(k), static_cast<int>(k), m.bodies[k].kind});
+      const bool joins = !m.runs.empty() && (m.runs.back().kind == m.bodies[k].kind || (is_axis(m.runs.back().kind) && is_axis(m.bodies[k].kind)));
+      if (!joins) m.runs.push_back({static_cast<int>(k), static_cast<int>(k), m.bodies[k].kind});
       m.runs.back().end = static_cast<int>(k) + 1;
     }
     // One batch per family that fills hinge records.
@@ -576,7 +567,7 @@ class Compiler {
       for (std::size_t k = 1; k < m.bodies.size(); ++k) {
         SweepBody& b = m.bodies[k];
         const UserBody& u = m.user[static_cast<std::size_t>(carrier[k])];
-        if (u.hinge != entry.family || b.shape < CARDAN_SHAPE_BALL) continue;
+        if (u.hinge != entry.family || b.shape < CARDAN_SHAPE_BALL || b.kind == KernelKind::free) continue;
         b.dense = m.n_dense++;
         batch.iq.push_back(static_cast<std::uint32_t>(b.q));
         batch.iv.push_back(static_cast<std::uint32_t>(b.v));
@@ -590,11 +581,72 @@ class Compiler {
     }
   }
 
+  // Axisymmetric leaves on one rotation, on a rigid body: their inertia seen from that body is constant, so it becomes part of
+  // it (kernels_axis.hpp). Then what the axis kernels read of each body.
+  void fold_rotors() {
+    Model& m = *model_;
+    const std::size_t n = m.bodies.size();
+    std::vector<std::uint8_t> carries(n, 0);  // something hangs on it
+    for (std::size_t k = 1; k < n; ++k) carries[static_cast<std::size_t>(m.bodies[k].parent)] = 1;
+    for (std::size_t k = 1; k < n; ++k) m.bodies[k].M_sweep = m.bodies[k].M, m.bodies[k].J_P = m.bodies[k].M.J;
+    for (std::size_t k = 1; k < n; ++k) {
+      SweepBody& b = m.bodies[k];
+      SweepBody& carrier = m.bodies[static_cast<std::size_t>(b.parent)];
+      if (!is_axis(b.kind) || carries[k] || b.parent == 0 || carrier.n_modes > 0 || !is_axisymmetric(b)) continue;
+      AxisBody& a = m.axis_bodies[k];
+      const int i = axis_index(b.kind);
+      const Eigen::Vector3d u = to_eigen(b.O.R).col(i);
+      a.J_axial = to_eigen(b.M.J)(i, i);
+      for (int c = 0; c < 3; ++c) a.u[c] = u[c];
+      const RigidInertia<double> seen = to_inboard(b.O, b.M);
+      carrier.M_sweep = carrier.M_sweep + seen;
+      carrier.J_P = carrier.J_P + seen.J + symmetric(-a.J_axial * u * u.transpose());
+      if (is_axis(carrier.kind)) {
+        const Eigen::Matrix3d J = to_eigen(seen.J), S = 0.5 * J.trace() * Eigen::Matrix3d::Identity() - J;
+        double* to = m.axis_bodies[static_cast<std::size_t>(b.parent)].S;
+        for (const double x : {S(0, 0), S(1, 1), S(2, 2), S(0, 1), S(0, 2), S(1, 2)}) *to++ += x;
+      }
+      b.kind = KernelKind::rotor;
+      m.rotors.push_back(static_cast<int>(k));
+    }
+    std::fill(carries.begin(), carries.end(), 0);
+    for (std::size_t k = 1; k < n; ++k)
+      if (m.bodies[k].kind != KernelKind::rotor) carries[static_cast<std::size_t>(m.bodies[k].parent)] = 1;
+    for (std::size_t k = 1; k < n; ++k) {
+      SweepBody& b = m.bodies[k];
+      if (!is_axis(b.kind)) continue;
+      AxisBody& a = m.axis_bodies[k];
+      a.kind = b.kind;
+      if (b.kind != KernelKind::rotor) {
+        a.angle = static_cast<int>(m.angles.size());
+        m.angles.push_back({a.q, a.q0});
+      }
+      a.leaf = !carries[k];
+      const RigidInertia<double>& M = b.M_sweep;
+      const double J[6] = {b.J_P.xx, b.J_P.yy, b.J_P.zz, b.J_P.xy, b.J_P.xz, b.J_P.yz};
+      a.m = M.m;
+      a.h[0] = M.h.x, a.h[1] = M.h.y, a.h[2] = M.h.z;
+      std::copy(J, J + 6, a.J);
+    }
+  }
+
+  static int axis_index(KernelKind kind) { return kind == KernelKind::axis_x ? 0 : kind == KernelKind::axis_y ? 1 : 2; }
+
+  /// To round-off: mass centre on the hinge axis, which is a principal axis between two equal moments.
+  static bool is_axisymmetric(const SweepBody& b) {
+    const int i = axis_index(b.kind), j = (i + 1) % 3, k = (i + 2) % 3;
+    const Eigen::Matrix3d J = to_eigen(b.M.J);
+    const Eigen::Vector3d h = to_eigen(b.M.h);
+    const double small = 4e-16 * J.trace(), small_h = 4e-16 * std::sqrt(b.M.m * J.trace());
+    return J(i, i) > 0 && std::abs(J(j, j) - J(k, k)) <= small && std::abs(J(i, j)) <= small && std::abs(J(i, k)) <= small &&
+           std::abs(J(j, k)) <= small && std::abs(h[j]) <= small_h && std::abs(h[k]) <= small_h;
+  }
+
   // Forward dynamics; what a scene does not have is not in its program.
   void write_program() {
     Model& m = *model_;
     const int n_runs = static_cast<int>(m.runs.size());
-    if (!m.batches.empty() || m.n_axis > 0) m.program.push_back({Kernel::hinge_records});
+    if (!m.batches.empty() || !m.angles.empty()) m.program.push_back({Kernel::hinge_records});
     for (int r = 0; r < n_runs; ++r) m.program.push_back({Kernel::outward, r});
     if (!m.flexible.empty()) m.program.push_back({Kernel::elastic});
     const bool central = m.gravity.kind == GravitySpec::Kind::central;

@@ -1,6 +1,6 @@
 #pragma once
 // What the sweeps read of a compiled system: plain numbers, in sweep order (level by level, inboard before outboard). No Eigen
-// and no inline code of libraries: the sweeps are compiled once per instruction set (docs/adr/0011-instruction-sets.md).
+// and no inline code of libraries: the sweeps are compiled once per instruction set (docs/adr/0013-instruction-sets.md).
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -16,10 +16,12 @@ struct ModalData;
 /// Which kernel serves a body: the shape of its hinge, and whether the body, its nodes or its motion are anything but rigid
 /// and free. General kernels take any shape.
 enum class KernelKind : std::uint8_t { fixed, rotation, slide, screw, dense1, dense2, dense3, dense4, dense5, dense6,
+                                       free,                                 // six degrees of freedom: kernels_free.hpp
                                        axis_x, axis_y, axis_z, tilt, tilt2,  // AxisBody: kernels_axis.hpp
+                                       rotor,                                // AxisBody: axisymmetric, folded into its carrier
                                        general0, general1, general2, general3, general4, general5, general6 };
 static constexpr bool is_general(KernelKind k) { return k >= KernelKind::general0; }
-static constexpr bool is_axis(KernelKind k) { return k >= KernelKind::axis_x && k <= KernelKind::tilt2; }
+static constexpr bool is_axis(KernelKind k) { return k >= KernelKind::axis_x && k <= KernelKind::rotor; }
 
 /// Deformation of a node: columns [Psi; Phi] (6 x m, column-major) over the undeformed pose in the body frame.
 struct NodeShapes {
@@ -67,6 +69,7 @@ struct SweepBody {
   double pitch = 0.0;                   // [m/rad]
   RigidInertia<double> M;               // rigid body
   RigidInertia<double> M_sweep;         // what the sweeps use: M, and that of rotors folded into it
+  Sym3<double> J_P;                     // [kg m^2] what P starts from: J of M_sweep without the moments that its rotors turn under
   double q0 = 0.0;                      // [rad] axis kernels: angle of the frame at q = 0
   int n_modes = 0, eta = 0, etadot = 0; // modal coordinates in q and v
   int flexible = -1;                    // index into Model::flexible
@@ -77,13 +80,23 @@ struct SweepBody {
 
 /// What the axis kernels read of one body (rigid, one rotation about a coordinate axis of its frame), parallel to `bodies`.
 struct AxisBody {
+  KernelKind kind = KernelKind::fixed;
+  bool leaf = false;                                        // nothing hangs on it but rotors: its P is constant
   int parent = 0, q = 0, v = 0;
+  int angle = 0;                                            // place of its sine and cosine in the workspace
   double q0 = 0.0;                                          // [rad]
   double cos_alpha = 1, sin_alpha = 0, cos_beta = 1, sin_beta = 0;  // R_O = Rz(alpha) Ry(beta)
   double p[3] = {};                                         // [m] B in A, A axes
   double l[2] = {};                                         // [m] the same in O axes, components j and k (that along i is 0)
-  double m = 0.0, h[3] = {}, J[6] = {};                     // [kg], [kg m], [kg m^2] xx yy zz xy xz yz about B
+  double m = 0.0, h[3] = {}, J[6] = {};                     // [kg], [kg m], [kg m^2] xx yy zz xy xz yz about B: P starts from them
   double S[6] = {};                                         // [kg m^2] second moments: integral of r r* dm
+  double u[3] = {}, J_axial = 0.0;                          // rotor: axis in A, [kg m^2] moment about it
+};
+
+/// An angle whose sine and cosine the sweeps need: q[q] + q0.
+struct AxisAngle {
+  int q;
+  double q0;                                                // [rad]
 };
 
 /// A maximal stretch of consecutive bodies with one kernel.
@@ -122,7 +135,8 @@ struct SweepModel {
   int n_modes = 0;
   std::vector<SweepBody> bodies;        // [0] = ground
   std::vector<AxisBody> axis_bodies;    // same index; filled for axis kernels, empty when there are none
-  int n_axis = 0;                       // how many bodies have an axis kernel
+  std::vector<AxisAngle> angles;        // of the axis kernels
+  std::vector<int> rotors;              // sweep indices
   std::vector<Run> runs;
   std::vector<FlexibleBody> flexible;
   std::vector<NodeShapes> shapes;       // deforming hinge nodes

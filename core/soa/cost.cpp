@@ -13,13 +13,10 @@ const char* name_of(KernelKind kind) {
     case KernelKind::rotation: return "rotation";
     case KernelKind::slide: return "slide";
     case KernelKind::screw: return "screw";
-    case KernelKind::axis_x: return "rotation about x";
-    case KernelKind::axis_y: return "rotation about y";
-    case KernelKind::axis_z: return "rotation about z";
-    case KernelKind::tilt: return "rotation about z, tilted frame";
-    case KernelKind::tilt2: return "rotation about z, frame tilted twice";
+    case KernelKind::free: return "free";
     default: break;
   }
+  if (is_axis(kind)) return "rotation about a coordinate axis";
   return is_general(kind) ? "general" : "dense";
 }
 

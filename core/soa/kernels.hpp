@@ -1,15 +1,15 @@
 #pragma once
-// Which sweeps run: compiled for x86-64-v2, v3 and v4 (docs/adr/0011-instruction-sets.md), picked once by the processor.
+// Which sweeps run: compiled for x86-64-v2, v3 and v4 (docs/adr/0013-instruction-sets.md), picked once by the processor.
 #include "core/soa/sweeps.hpp"
 
 namespace cardan::soa {
 
-/// The sweeps of one instruction set: one state at a time, and as many as its registers hold side by side.
+/// The sweeps of one instruction set: one state at a time, and as many as its registers hold side by side (none on v2).
 struct Kernels {
   const char* name;                  // "v2", "v3", "v4"
   Sweeps<double> one;
-  Sweeps<Lanes<4>> four;
-  Sweeps<Lanes<8>> eight;            // v4 only: elsewhere eight states are two times four
+  Sweeps<Lanes<4>> four;             // v3
+  Sweeps<Lanes<8>> eight;            // v4
 };
 const Kernels& kernels_v2();
 const Kernels& kernels_v3();

@@ -10,14 +10,14 @@ namespace cardan::soa {
 
 /// v <- R_i(theta) v (from the turned axes to the fixed ones), and its inverse.
 template <int I, class T>
-static constexpr void turn(Vec3<T>& v, const T& c, const T& s) {
+CARDAN_INLINE constexpr void turn(Vec3<T>& v, const T& c, const T& s) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   const T j = at<J>(v), k = at<K>(v);
   at<J>(v) = c * j - s * k;
   at<K>(v) = s * j + c * k;
 }
 template <int I, class T>
-static constexpr void turn_back(Vec3<T>& v, const T& c, const T& s) {
+CARDAN_INLINE constexpr void turn_back(Vec3<T>& v, const T& c, const T& s) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   const T j = at<J>(v), k = at<K>(v);
   at<J>(v) = c * j + s * k;
@@ -25,7 +25,7 @@ static constexpr void turn_back(Vec3<T>& v, const T& c, const T& s) {
 }
 /// s <- R_i s R_i*.
 template <int I, class T>
-static constexpr void turn(Sym3<T>& m, const T& c, const T& s) {
+CARDAN_INLINE constexpr void turn(Sym3<T>& m, const T& c, const T& s) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   const T jj = entry<J, J>(m), kk = entry<K, K>(m), jk = entry<J, K>(m), ij = entry<I, J>(m), ik = entry<I, K>(m);
   const T cs = c * s, ss = s * s, d = jj - kk, e = ss * d + (cs + cs) * jk;  // jj' = jj - e, kk' = kk + e
@@ -37,7 +37,7 @@ static constexpr void turn(Sym3<T>& m, const T& c, const T& s) {
 }
 /// b <- R_i b R_i*.
 template <int I, class T>
-static constexpr void turn(Mat3<T>& b, const T& c, const T& s) {
+CARDAN_INLINE constexpr void turn(Mat3<T>& b, const T& c, const T& s) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   const auto columns = [&]<int R>() {
     const T j = entry<R, J>(b), k = entry<R, K>(b);
@@ -57,65 +57,63 @@ static constexpr void turn(Mat3<T>& b, const T& c, const T& s) {
 enum class Tilt { none, beta, alpha_beta };
 
 template <Tilt TILT, class T, class V>
-static constexpr void untilt(const AxisBody& b, V& v) {  // inboard axes -> O axes, vectors
+CARDAN_INLINE constexpr void untilt(const AxisBody& b, V& v) {  // inboard axes -> O axes, vectors
   if constexpr (TILT == Tilt::alpha_beta) turn_back<2>(v, T(b.cos_alpha), T(b.sin_alpha));
   if constexpr (TILT != Tilt::none) turn_back<1>(v, T(b.cos_beta), T(b.sin_beta));
 }
 template <Tilt TILT, class T, class V>
-static constexpr void tilt(const AxisBody& b, V& v) {  // O axes -> inboard axes: vectors, Sym3, Mat3
+CARDAN_INLINE constexpr void tilt(const AxisBody& b, V& v) {  // O axes -> inboard axes: vectors, Sym3, Mat3
   if constexpr (TILT != Tilt::none) turn<1>(v, T(b.cos_beta), T(b.sin_beta));
   if constexpr (TILT == Tilt::alpha_beta) turn<2>(v, T(b.cos_alpha), T(b.sin_alpha));
+}
+
+/// The inertia about B that P starts from.
+template <class T>
+CARDAN_INLINE ArticulatedInertia<T> starting_inertia(const AxisBody& b) {
+  const T m(b.m), o(0);
+  return {{T(b.J[0]), T(b.J[1]), T(b.J[2]), T(b.J[3]), T(b.J[4]), T(b.J[5])}, tilde(Vec3<T>{T(b.h[0]), T(b.h[1]), T(b.h[2])}), {m, m, m, o, o, o}};
 }
 
 /// Base to tip: w, gamma_b, E, z = M gamma_b + b. The moment is the axial part of E S with the second moments S of the body
 /// (2 S = tr J 1 - 2 J): M gamma + b = [ (E S)_axial + h x gamma.v ; m gamma.v + E h ].
 template <class T, int I, Tilt TILT, OutwardFor For>
-static void outward_axis(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
+CARDAN_INLINE void outward_axis(const AxisBody& b, const Core<T>& inboard, AxisRecord<T>& body, const T& c, const T& s, const Inputs<T>& in) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
-  for (int n = begin; n < end; ++n) {
-    const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(n)];
-    AxisRecord<T>& body = ws.axis(n);
-    const Core<T>& inboard = ws.core(b.parent);
-    const T c = body.c, s = body.s;
-    Vec3<T> a = inboard.gamma.v + inboard.E * Vec3<T>{T(b.p[0]), T(b.p[1]), T(b.p[2])};
-    Vec3<T> g = inboard.gamma.w;
-    untilt<TILT, T>(b, a);
-    untilt<TILT, T>(b, g);
-    turn_back<I>(a, c, s);
-    turn_back<I>(g, c, s);
-    Vec3<T> w{T(0), T(0), T(0)};
-    if constexpr (For.velocity) {
-      w = inboard.w;
-      untilt<TILT, T>(b, w);
-      turn_back<I>(w, c, s);
-      const T rate = in.v[b.v];
-      at<J>(g) = at<J>(g) + at<K>(w) * rate;  // w x e_i rate
-      at<K>(g) = at<K>(g) - at<J>(w) * rate;
-      at<I>(w) = at<I>(w) + rate;
-      body.core.w = w;
-    }
-    if constexpr (For.vdot) at<I>(g) = at<I>(g) + in.vdot[b.v];
-    body.core.gamma = {g, a};
-    const Mat3<T> E = acceleration_field(w, g);
-    body.core.E = E;
-    const T m(b.m);
-    const Vec3<T> h{T(b.h[0]), T(b.h[1]), T(b.h[2])};
-    const T xx(b.S[0]), yy(b.S[1]), zz(b.S[2]), xy(b.S[3]), xz(b.S[4]), yz(b.S[5]);
-    body.core.z.f = m * a + E * h;
-    body.core.z.n = Vec3<T>{(E.zx * xy + E.zy * yy + E.zz * yz) - (E.yx * xz + E.yy * yz + E.yz * zz),
-                            (E.xx * xz + E.xy * yz + E.xz * zz) - (E.zx * xx + E.zy * xy + E.zz * xz),
-                            (E.yx * xx + E.yy * xy + E.yz * xz) - (E.xx * xy + E.xy * yy + E.xz * yz)} +
-                    cross(h, a);
-    ArticulatedInertia<T>& P = body.core.P;
-    P.J = {T(b.J[0]), T(b.J[1]), T(b.J[2]), T(b.J[3]), T(b.J[4]), T(b.J[5])};
-    P.B = tilde(h);
-    P.M = {m, m, m, T(0), T(0), T(0)};
+  Vec3<T> a = inboard.gamma.v + inboard.E * Vec3<T>{T(b.p[0]), T(b.p[1]), T(b.p[2])};
+  Vec3<T> g = inboard.gamma.w;
+  untilt<TILT, T>(b, a);
+  untilt<TILT, T>(b, g);
+  turn_back<I>(a, c, s);
+  turn_back<I>(g, c, s);
+  Vec3<T> w{T(0), T(0), T(0)};
+  if constexpr (For.velocity) {
+    w = inboard.w;
+    untilt<TILT, T>(b, w);
+    turn_back<I>(w, c, s);
+    const T rate = in.v[b.v];
+    at<J>(g) = at<J>(g) + at<K>(w) * rate;  // w x e_i rate
+    at<K>(g) = at<K>(g) - at<J>(w) * rate;
+    at<I>(w) = at<I>(w) + rate;
   }
+  if constexpr (For.vdot) at<I>(g) = at<I>(g) + in.vdot[b.v];
+  body.core.w = w;
+  body.core.gamma = {g, a};
+  const Mat3<T> E = acceleration_field(w, g);
+  body.core.E = E;
+  const T m(b.m);
+  const Vec3<T> h{T(b.h[0]), T(b.h[1]), T(b.h[2])};
+  const T xx(b.S[0]), yy(b.S[1]), zz(b.S[2]), xy(b.S[3]), xz(b.S[4]), yz(b.S[5]);
+  body.core.z.f = m * a + E * h;
+  body.core.z.n = Vec3<T>{(E.zx * xy + E.zy * yy + E.zz * yz) - (E.yx * xz + E.yy * yz + E.yz * zz),
+                          (E.xx * xz + E.xy * yz + E.xz * zz) - (E.zx * xx + E.zy * xy + E.zz * xz),
+                          (E.yx * xx + E.yy * xy + E.yz * xz) - (E.xx * xy + E.xy * yy + E.xz * yz)} +
+                  cross(h, a);
+  if (!b.leaf) body.core.P = starting_inertia<T>(b);
 }
 
 /// z+ from B to the inboard body: turned, shifted by l = (l_j, l_k), tilted.
 template <class T, int I, Tilt TILT>
-static Force<T> force_to_inboard(const AxisBody& b, const T& c, const T& s, Force<T> z) {
+CARDAN_INLINE Force<T> force_to_inboard(const AxisBody& b, const T& c, const T& s, Force<T> z) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   const T lj(b.l[0]), lk(b.l[1]);
   turn<I>(z.n, c, s);
@@ -128,105 +126,100 @@ static Force<T> force_to_inboard(const AxisBody& b, const T& c, const T& s, Forc
   return z;
 }
 
-/// Tip to base. D = J_ii, G = P e_i / D, P+ = P - G D G* without its zero row i.
+/// Tip to base. D = J_ii, G = P e_i / D, P+ = P - G D G* without its zero row i. False: no inertia about the axis.
 template <class T, int I, Tilt TILT, InwardFor For>
-static void inward_axis(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
+CARDAN_INLINE bool inward_axis(const AxisBody& b, Core<T>& inboard, AxisRecord<T>& body, const T& c, const T& s, const Inputs<T>& in, int n, Breakdown& breakdown) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
-  for (int n = end - 1; n >= begin; --n) {
-    const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(n)];
-    AxisRecord<T>& body = ws.axis(n);
-    Core<T>& inboard = ws.core(b.parent);
-    const T c = body.c, s = body.s;
-    ArticulatedInertia<T>& P = body.core.P;
-    if constexpr (For.inertia) {
-      const T D = entry<I, I>(P.J);
-      if (!(D > T(kPivotLimit) * (P.J.xx + P.J.yy + P.J.zz))) {
-        ws.breakdown = {n, 0, static_cast<double>(D), kPivotLimit * static_cast<double>(P.J.xx + P.J.yy + P.J.zz)};
-        return;
-      }
-      const T inverse = T(1) / D;
-      const T uj = entry<I, J>(P.J), uk = entry<I, K>(P.J);
-      const T fi = entry<I, I>(P.B), fj = entry<I, J>(P.B), fk = entry<I, K>(P.B);
-      const T gj = uj * inverse, gk = uk * inverse, ri = fi * inverse, rj = fj * inverse, rk = fk * inverse;
-      body.D = D;
-      at<I>(body.G.n) = T(1);
-      at<J>(body.G.n) = gj;
-      at<K>(body.G.n) = gk;
-      at<I>(body.G.f) = ri;
-      at<J>(body.G.f) = rj;
-      at<K>(body.G.f) = rk;
-      // P+ : J rows j, k; B rows j, k; M
-      T jj = entry<J, J>(P.J) - gj * uj, kk = entry<K, K>(P.J) - gk * uk, jk = entry<J, K>(P.J) - gj * uk;
-      T bji = entry<J, I>(P.B) - gj * fi, bjj = entry<J, J>(P.B) - gj * fj, bjk = entry<J, K>(P.B) - gj * fk;
-      T bki = entry<K, I>(P.B) - gk * fi, bkj = entry<K, J>(P.B) - gk * fj, bkk = entry<K, K>(P.B) - gk * fk;
-      Sym3<T> M;
-      entry<I, I>(M) = entry<I, I>(P.M) - ri * fi;
-      entry<J, J>(M) = entry<J, J>(P.M) - rj * fj;
-      entry<K, K>(M) = entry<K, K>(P.M) - rk * fk;
-      entry<I, J>(M) = entry<I, J>(P.M) - ri * fj;
-      entry<I, K>(M) = entry<I, K>(P.M) - ri * fk;
-      entry<J, K>(M) = entry<J, K>(P.M) - rj * fk;
-      // turn by R_i: rows j, k of B, then its columns; J has only jj, kk, jk
-      const T cs = c * s, ss = s * s, d = jj - kk, e = ss * d + (cs + cs) * jk;
-      jk = cs * d + (T(1) - (ss + ss)) * jk;
-      jj = jj - e;
-      kk = kk + e;
-      T t = bji;
-      bji = c * t - s * bki;
-      bki = s * t + c * bki;
-      const T pjj = c * bjj - s * bjk, pjk = s * bjj + c * bjk, pkj = c * bkj - s * bkk, pkk = s * bkj + c * bkk;
-      bjj = c * pjj - s * pkj;
-      bkj = s * pjj + c * pkj;
-      bjk = c * pjk - s * pkk;
-      bkk = s * pjk + c * pkk;
-      turn<I>(M, c, s);
-      // shift by l: B1 = B + l~ M; J1 = J - B1 l~ - (B l~)*
-      const T lj(b.l[0]), lk(b.l[1]);
-      const T mii = entry<I, I>(M), mij = entry<I, J>(M), mik = entry<I, K>(M), mjj = entry<J, J>(M), mjk = entry<J, K>(M), mkk = entry<K, K>(M);
-      ArticulatedInertia<T> Q;
-      const T ii_ = lj * mik - lk * mij, ij_ = lj * mjk - lk * mjj, ik_ = lj * mkk - lk * mjk;
-      const T cji = bji + lk * mii, cjj = bjj + lk * mij, cjk = bjk + lk * mik;
-      const T cki = bki - lj * mii, ckj = bkj - lj * mij, ckk = bkk - lj * mik;
-      entry<I, I>(Q.B) = ii_;
-      entry<I, J>(Q.B) = ij_;
-      entry<I, K>(Q.B) = ik_;
-      entry<J, I>(Q.B) = cji;
-      entry<J, J>(Q.B) = cjj;
-      entry<J, K>(Q.B) = cjk;
-      entry<K, I>(Q.B) = cki;
-      entry<K, J>(Q.B) = ckj;
-      entry<K, K>(Q.B) = ckk;
-      entry<I, I>(Q.J) = lj * ik_ - lk * ij_;
-      entry<I, J>(Q.J) = lj * cjk - lk * cjj;
-      entry<I, K>(Q.J) = lj * ckk - lk * ckj;
-      entry<J, J>(Q.J) = jj + lk * (cji + bji);
-      entry<K, K>(Q.J) = kk - lj * (cki + bki);
-      entry<J, K>(Q.J) = jk - lj * cji + lk * bki;
-      Q.M = M;
-      if constexpr (TILT != Tilt::none) {
-        tilt<TILT, T>(b, Q.J);
-        tilt<TILT, T>(b, Q.B);
-        tilt<TILT, T>(b, Q.M);
-      }
-      inboard.P += Q;
+  if constexpr (For.inertia) {
+    ArticulatedInertia<T>& P = body.core.P;  // of a leaf: constant, written with the workspace
+    const T D = entry<I, I>(P.J);
+    if (!(D > T(kPivotLimit) * (P.J.xx + P.J.yy + P.J.zz))) {
+      breakdown = {n, 0, static_cast<double>(D), kPivotLimit * static_cast<double>(P.J.xx + P.J.yy + P.J.zz)};
+      return false;
     }
-    if constexpr (For.bias) {
-      const T tau = in.tau ? in.tau[b.v] : T(0);
-      Force<T> z = body.core.z;
-      const T eps = tau - at<I>(z.n);
-      body.nu = eps / body.D;
-      at<I>(z.n) = tau;
-      at<J>(z.n) = at<J>(z.n) + eps * at<J>(body.G.n);
-      at<K>(z.n) = at<K>(z.n) + eps * at<K>(body.G.n);
-      z.f += eps * body.G.f;
-      inboard.z += force_to_inboard<T, I, TILT>(b, c, s, z);
+    const T inverse = T(1) / D;
+    const T uj = entry<I, J>(P.J), uk = entry<I, K>(P.J);
+    const T fi = entry<I, I>(P.B), fj = entry<I, J>(P.B), fk = entry<I, K>(P.B);
+    const T gj = uj * inverse, gk = uk * inverse, ri = fi * inverse, rj = fj * inverse, rk = fk * inverse;
+    body.D = D;
+    at<I>(body.G.n) = T(1);
+    at<J>(body.G.n) = gj;
+    at<K>(body.G.n) = gk;
+    at<I>(body.G.f) = ri;
+    at<J>(body.G.f) = rj;
+    at<K>(body.G.f) = rk;
+    // P+ : J rows j, k; B rows j, k; M
+    T jj = entry<J, J>(P.J) - gj * uj, kk = entry<K, K>(P.J) - gk * uk, jk = entry<J, K>(P.J) - gj * uk;
+    T bji = entry<J, I>(P.B) - gj * fi, bjj = entry<J, J>(P.B) - gj * fj, bjk = entry<J, K>(P.B) - gj * fk;
+    T bki = entry<K, I>(P.B) - gk * fi, bkj = entry<K, J>(P.B) - gk * fj, bkk = entry<K, K>(P.B) - gk * fk;
+    Sym3<T> M;
+    entry<I, I>(M) = entry<I, I>(P.M) - ri * fi;
+    entry<J, J>(M) = entry<J, J>(P.M) - rj * fj;
+    entry<K, K>(M) = entry<K, K>(P.M) - rk * fk;
+    entry<I, J>(M) = entry<I, J>(P.M) - ri * fj;
+    entry<I, K>(M) = entry<I, K>(P.M) - ri * fk;
+    entry<J, K>(M) = entry<J, K>(P.M) - rj * fk;
+    // turn by R_i: rows j, k of B, then its columns; J has only jj, kk, jk
+    const T cs = c * s, ss = s * s, d = jj - kk, e = ss * d + (cs + cs) * jk;
+    jk = cs * d + (T(1) - (ss + ss)) * jk;
+    jj = jj - e;
+    kk = kk + e;
+    T t = bji;
+    bji = c * t - s * bki;
+    bki = s * t + c * bki;
+    const T pjj = c * bjj - s * bjk, pjk = s * bjj + c * bjk, pkj = c * bkj - s * bkk, pkk = s * bkj + c * bkk;
+    bjj = c * pjj - s * pkj;
+    bkj = s * pjj + c * pkj;
+    bjk = c * pjk - s * pkk;
+    bkk = s * pjk + c * pkk;
+    turn<I>(M, c, s);
+    // shift by l: B1 = B + l~ M; J1 = J - B1 l~ - (B l~)*
+    const T lj(b.l[0]), lk(b.l[1]);
+    const T mii = entry<I, I>(M), mij = entry<I, J>(M), mik = entry<I, K>(M), mjj = entry<J, J>(M), mjk = entry<J, K>(M), mkk = entry<K, K>(M);
+    ArticulatedInertia<T> Q;
+    const T ii_ = lj * mik - lk * mij, ij_ = lj * mjk - lk * mjj, ik_ = lj * mkk - lk * mjk;
+    const T cji = bji + lk * mii, cjj = bjj + lk * mij, cjk = bjk + lk * mik;
+    const T cki = bki - lj * mii, ckj = bkj - lj * mij, ckk = bkk - lj * mik;
+    entry<I, I>(Q.B) = ii_;
+    entry<I, J>(Q.B) = ij_;
+    entry<I, K>(Q.B) = ik_;
+    entry<J, I>(Q.B) = cji;
+    entry<J, J>(Q.B) = cjj;
+    entry<J, K>(Q.B) = cjk;
+    entry<K, I>(Q.B) = cki;
+    entry<K, J>(Q.B) = ckj;
+    entry<K, K>(Q.B) = ckk;
+    entry<I, I>(Q.J) = lj * ik_ - lk * ij_;
+    entry<I, J>(Q.J) = lj * cjk - lk * cjj;
+    entry<I, K>(Q.J) = lj * ckk - lk * ckj;
+    entry<J, J>(Q.J) = jj + lk * (cji + bji);
+    entry<K, K>(Q.J) = kk - lj * (cki + bki);
+    entry<J, K>(Q.J) = jk - lj * cji + lk * bki;
+    Q.M = M;
+    if constexpr (TILT != Tilt::none) {
+      tilt<TILT, T>(b, Q.J);
+      tilt<TILT, T>(b, Q.B);
+      tilt<TILT, T>(b, Q.M);
     }
+    inboard.P += Q;
   }
+  if constexpr (For.bias) {
+    const T tau = in.tau ? in.tau[b.v] : T(0);
+    Force<T> z = body.core.z;
+    const T eps = tau - at<I>(z.n);
+    body.nu = eps / body.D;
+    at<I>(z.n) = tau;
+    at<J>(z.n) = at<J>(z.n) + eps * at<J>(body.G.n);
+    at<K>(z.n) = at<K>(z.n) + eps * at<K>(body.G.n);
+    z.f += eps * body.G.f;
+    inboard.z += force_to_inboard<T, I, TILT>(b, c, s, z);
+  }
+  return true;
 }
 
 /// Phi* delta of the inboard body, in B.
 template <class T, int I, Tilt TILT>
-static Motion<T> motion_to_outboard(const AxisBody& b, const T& c, const T& s, Motion<T> d) {
+CARDAN_INLINE Motion<T> motion_to_outboard(const AxisBody& b, const T& c, const T& s, Motion<T> d) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   untilt<TILT, T>(b, d.w);
   untilt<TILT, T>(b, d.v);
@@ -239,27 +232,107 @@ static Motion<T> motion_to_outboard(const AxisBody& b, const T& c, const T& s, M
   return d;
 }
 
+/// v' = nu - G* delta+, delta = delta+ + e_i v'.
 template <class T, int I, Tilt TILT>
-static void acceleration_axis(const SweepModel& model, Workspace<T>& ws, T* vdot, int begin, int end) {
-  for (int n = begin; n < end; ++n) {
-    const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(n)];
-    AxisRecord<T>& body = ws.axis(n);
-    Motion<T> d = motion_to_outboard<T, I, TILT>(b, body.c, body.s, ws.core(b.parent).delta);
-    const T a = body.nu - dot(d, body.G);
-    vdot[b.v] = a;
-    at<I>(d.w) = at<I>(d.w) + a;
-    body.core.delta = d;
-  }
+CARDAN_INLINE void acceleration_axis(const AxisBody& b, const Core<T>& inboard, AxisRecord<T>& body, const T& c, const T& s, T* vdot) {
+  Motion<T> d = motion_to_outboard<T, I, TILT>(b, c, s, inboard.delta);
+  const T a = body.nu - dot(d, body.G);
+  vdot[b.v] = a;
+  at<I>(d.w) = at<I>(d.w) + a;
+  body.core.delta = d;
 }
 
 /// tau = H f, f to the inboard body (inverse dynamics).
 template <class T, int I, Tilt TILT>
-static void gather_axis(const SweepModel& model, Workspace<T>& ws, T* tau, int begin, int end) {
+CARDAN_INLINE void gather_axis(const AxisBody& b, Core<T>& inboard, AxisRecord<T>& body, const T& c, const T& s, T* tau) {
+  tau[b.v] = at<I>(body.core.z.n);
+  inboard.z += force_to_inboard<T, I, TILT>(b, c, s, body.core.z);
+}
+
+// A rotor: axisymmetric about its hinge axis u, mass centre on it, nothing hangs on it. Whatever its angle it has one inertia
+// seen from its carrier A, which M_sweep of the carrier holds. What is its own is the spin (J_axial = Ja, tau with the moment of
+// its loads):  z_A += [ Ja q' (w x u) + u (tau - Ja u* gamma_w) ; 0 ],  P_A -= Ja u u*,  v' = tau / Ja - u* (gamma_w + delta_w).
+template <class T>
+CARDAN_INLINE Vec3<T> rotor_axis(const AxisBody& b) { return {T(b.u[0]), T(b.u[1]), T(b.u[2])}; }
+template <class T>
+CARDAN_INLINE void inward_rotor(const AxisBody& b, Core<T>& carrier, AxisRecord<T>& body, const Inputs<T>& in) {
+  const Vec3<T> u = rotor_axis<T>(b);
+  const T Ja(b.J_axial);
+  body.nu = body.load;
+  if (in.tau) body.nu = body.nu + in.tau[b.v];
+  carrier.z.n += (Ja * in.v[b.v]) * cross(carrier.w, u) + (body.nu - Ja * dot(u, carrier.gamma.w)) * u;
+}
+template <class T>
+CARDAN_INLINE void acceleration_rotor(const AxisBody& b, const Core<T>& carrier, const AxisRecord<T>& body, T* vdot) {
+  vdot[b.v] = body.nu / T(b.J_axial) - dot(rotor_axis<T>(b), carrier.gamma.w + carrier.delta.w);
+}
+template <class T>
+CARDAN_INLINE void gather_rotor(const AxisBody& b, Core<T>& carrier, const AxisRecord<T>& body, const Inputs<T>& in, T* tau) {
+  const Vec3<T> u = rotor_axis<T>(b);
+  const T Ja(b.J_axial), vdot = in.vdot ? in.vdot[b.v] : T(0);
+  tau[b.v] = Ja * (vdot + dot(u, carrier.gamma.w)) - body.load;
+  carrier.z.n += (Ja * in.v[b.v]) * cross(carrier.w, u) + (Ja * vdot) * u;
+}
+
+/// Loops over a run of axis bodies: one switch per body, everything else inlined.
+template <class Visit>
+CARDAN_INLINE auto for_axis(KernelKind kind, const Visit& visit) {
+  switch (kind) {
+    case KernelKind::axis_x: return visit.template operator()<0, Tilt::none>();
+    case KernelKind::axis_y: return visit.template operator()<1, Tilt::none>();
+    case KernelKind::axis_z: return visit.template operator()<2, Tilt::none>();
+    case KernelKind::tilt: return visit.template operator()<2, Tilt::beta>();
+    default: return visit.template operator()<2, Tilt::alpha_beta>();
+  }
+}
+template <class T, OutwardFor For>
+static void outward_axes(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
+  const T *cosines = ws.cosines.data(), *sines = ws.sines.data();
+  for (int n = begin; n < end; ++n) {
+    const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(n)];
+    if (b.kind == KernelKind::rotor) continue;
+    for_axis(b.kind, [&]<int I, Tilt TILT>() { outward_axis<T, I, TILT, For>(b, ws.core(b.parent), ws.axis(n), cosines[b.angle], sines[b.angle], in); });
+  }
+}
+template <class T, InwardFor For>
+static void inward_axes(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
+  const T *cosines = ws.cosines.data(), *sines = ws.sines.data();
   for (int n = end - 1; n >= begin; --n) {
     const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(n)];
-    AxisRecord<T>& body = ws.axis(n);
-    tau[b.v] = at<I>(body.core.z.n);
-    ws.core(b.parent).z += force_to_inboard<T, I, TILT>(b, body.c, body.s, body.core.z);
+    if (b.kind == KernelKind::rotor) {
+      if constexpr (For.bias) inward_rotor(b, ws.core(b.parent), ws.axis(n), in);
+      continue;
+    }
+    const bool regular = for_axis(b.kind, [&]<int I, Tilt TILT>() {
+      const T c = cosines[b.angle], s = sines[b.angle];
+      return inward_axis<T, I, TILT, For>(b, ws.core(b.parent), ws.axis(n), c, s, in, n, ws.breakdown);
+    });
+    if (!regular) return;
+  }
+}
+template <class T>
+static void acceleration_axes(const SweepModel& model, Workspace<T>& ws, T* vdot, int begin, int end) {
+  const T *cosines = ws.cosines.data(), *sines = ws.sines.data();
+  for (int n = begin; n < end; ++n) {
+    const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(n)];
+    const Core<T>& inboard = ws.core(b.parent);
+    if (b.kind == KernelKind::rotor) {
+      acceleration_rotor(b, inboard, ws.axis(n), vdot);
+      continue;
+    }
+    for_axis(b.kind, [&]<int I, Tilt TILT>() { acceleration_axis<T, I, TILT>(b, inboard, ws.axis(n), cosines[b.angle], sines[b.angle], vdot); });
+  }
+}
+template <class T>
+static void gather_axes(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* tau, int begin, int end) {
+  const T *cosines = ws.cosines.data(), *sines = ws.sines.data();
+  for (int n = end - 1; n >= begin; --n) {
+    const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(n)];
+    if (b.kind == KernelKind::rotor) {
+      gather_rotor(b, ws.core(b.parent), ws.axis(n), in, tau);
+      continue;
+    }
+    for_axis(b.kind, [&]<int I, Tilt TILT>() { gather_axis<T, I, TILT>(b, ws.core(b.parent), ws.axis(n), cosines[b.angle], sines[b.angle], tau); });
   }
 }
 

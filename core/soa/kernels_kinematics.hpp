@@ -104,11 +104,13 @@ static void outward_rigid(const SweepModel& model, Workspace<T>& ws, const Input
                 T(2) * cross(w1, rate.v) + h.s;
     } else {
       gamma = to_outboard(X, inboard.gamma);
+      body.w = {T(0), T(0), T(0)};
     }
     if constexpr (For.vdot) gamma += push;
     body.z = M * gamma;
     if constexpr (For.velocity) body.z += gyroscopic(M, body.w);
     body.P = articulated(M);
+    body.P.J = cast<T>(b.J_P);
     body.E = acceleration_field(For.velocity ? body.w : Vec3<T>{T(0), T(0), T(0)}, gamma.w);
   }
 }
@@ -325,6 +327,7 @@ static void outward_general(const SweepModel& model, Workspace<T>& ws, const Inp
       body.z = M * body.gamma;
       if constexpr (For.velocity) body.z += gyroscopic(M, body.w);
       body.P = articulated(M);
+      body.P.J = cast<T>(b.J_P);
       continue;
     }
     flexible_inertia<T, For>(model, b, in, body, modal);

@@ -1,4 +1,4 @@
-// The sweeps for processors with AVX2 and FMA (x86-64-v3). Flags: core/CMakeLists.txt.
+// The sweeps for x86-64-v3: processors with AVX2 and FMA. Flags: core/CMakeLists.txt.
 #include "core/soa/kernels.hpp"
 #include "core/soa/sweeps_impl.hpp"
 

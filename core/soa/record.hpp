@@ -23,13 +23,23 @@ static constexpr Mat3<T> acceleration_field(const Vec3<T>& w, const Vec3<T>& a) 
   return {-(yy + zz), xy - a.z, xz + a.y, xy + a.z, -(xx + zz), yz - a.x, xz - a.y, yz + a.x, -(xx + yy)};
 }
 
-/// Hinges that turn about a coordinate axis of their body (AxisBody): the pose is a cosine and a sine.
+/// Hinges that turn about a coordinate axis of their body (AxisBody): the pose is a cosine and a sine (Workspace::cosines).
+/// Of a rotor the sweeps use nu = tau + load only; its core is filled where it is looked at (core/dynamics/observe.cpp).
 template <class T>
 struct AxisRecord {
   Core<T> core;
-  T c, s;                   // of q + q0
   Force<T> G;               // gain P H* D^-1
   T D, nu;                  // [kg m^2], [rad/s^2]
+  T load;                   // [N m] rotor: moment of node wrenches about its axis
+};
+
+/// Six degrees of freedom: D = H P H* with an invertible H, so that P = L d L* is all there is to factor.
+template <class T>
+struct FreeRecord {
+  Core<T> core;
+  Pose<T> X;
+  T L[21];                  // of P, by rows: below the diagonal L, on it 1/d
+  T tau[6];                 // wrench of the hinge forces at P
 };
 
 template <class T, int NV>

@@ -2,7 +2,7 @@
 // The sweeps over the whole tree as a table of functions, one table per scalar and instruction set (kernels.hpp picks). Each is
 // a loop over runs of bodies with one kernel. Formulas: kernels_*.hpp.
 #include "core/soa/kernels_acceleration.hpp"
-#include "core/soa/kernels_axis.hpp"
+#include "core/soa/kernels_composite.hpp"
 #include "core/soa/kernels_kinematics.hpp"
 
 namespace cardan::soa {
@@ -14,6 +14,8 @@ struct Sweeps {
   using In = const Inputs<T>&;
   /// Sets the ground: gamma(0) = [0; -g] for uniform gravity; clears what the inward sweeps gather there.
   void (*ground)(Bodies, Work, In) = nullptr;
+  /// z = 0 and gamma_b = 0 everywhere: a system at rest without loads, to which hinge forces are then applied.
+  void (*at_rest)(Bodies, Work) = nullptr;
   /// What depends on the hinge coordinates alone: sines and cosines of the axis hinges in one go, and the records of the
   /// dense shapes, one call per family.
   void (*hinge_records)(Bodies, Work, In) = nullptr;
@@ -29,20 +31,32 @@ struct Sweeps {
   void (*acceleration)(Bodies, Work, In, const Run&, T* vdot) = nullptr;
   /// tau = H phi f with f in z (inverse dynamics).
   void (*gather)(Bodies, Work, In, const Run&, T* tau) = nullptr;
+  /// Rigid trees: M, nv x nv. Needs hinge_records and outward; Workspace::composite with one entry per body.
+  void (*mass_matrix)(Bodies, Work, In, T* M) = nullptr;
 };
 
-/// Pose of B in A, and columns of H* at B, of any body: for what is not in the inner loop.
+/// Pose of B in A, and columns of H* at B, of any body: for what is not in the inner loop. A rotor has no angle of its own in
+/// the sweeps, hence q.
 template <class T>
-static Pose<T> pose_in_inboard(const SweepModel& model, const Workspace<T>& ws, int k) {
+static Pose<T> pose_in_inboard(const SweepModel& model, const Workspace<T>& ws, int k, const T* q) {
+  using std::cos, std::sin;
   const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
   if (!is_axis(b.kind)) return ws.X(k);
-  const AxisRecord<T>& r = ws.axis(k);
-  return {cast<T>(b.O.R) * rotation_about(cast<T>(b.axis), r.s, r.c), cast<T>(b.O.p)};
+  const AxisBody& a = model.axis_bodies[static_cast<std::size_t>(k)];
+  const T angle = q[b.q] + T(a.q0);
+  const bool rotor = b.kind == KernelKind::rotor;
+  const T s = rotor ? T(sin(angle)) : ws.sines[static_cast<std::size_t>(a.angle)], c = rotor ? T(cos(angle)) : ws.cosines[static_cast<std::size_t>(a.angle)];
+  return {cast<T>(b.O.R) * rotation_about(cast<T>(b.axis), s, c), cast<T>(b.O.p)};
 }
 template <class T>
 static Motion<T> hinge_column(const SweepModel& model, const Workspace<T>& ws, int k, int j) {
   const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
-  return is_axis(b.kind) ? Motion<T>{cast<T>(b.axis), {T(0), T(0), T(0)}} : ws.H(k)[j];
+  const Vec3<T> none{T(0), T(0), T(0)};
+  if (is_axis(b.kind)) return {cast<T>(b.axis), none};
+  if (b.kind != KernelKind::free) return ws.H(k)[j];
+  const Vec3<T> unit{T(j % 3 == 0), T(j % 3 == 1), T(j % 3 == 2)};
+  if (j < 3) return {unit, none};
+  return {none, b.shape == CARDAN_SHAPE_FREE ? transpose_times(ws.X(k).R, cast<T>(b.O.R) * unit) : unit};
 }
 
 }  // namespace cardan::soa

@@ -25,35 +25,12 @@ static void for_kernel(KernelKind kind, const Rigid& rigid, const General& gener
   });
 }
 
-/// Calls visit<I, TILT>() of an axis kernel.
-template <class Visit>
-static void for_axis(KernelKind kind, const Visit& visit) {
-  switch (kind) {
-    case KernelKind::axis_x: return visit.template operator()<0, Tilt::none>();
-    case KernelKind::axis_y: return visit.template operator()<1, Tilt::none>();
-    case KernelKind::axis_z: return visit.template operator()<2, Tilt::none>();
-    case KernelKind::tilt: return visit.template operator()<2, Tilt::beta>();
-    default: return visit.template operator()<2, Tilt::alpha_beta>();
-  }
-}
-
 template <class T>
 static void hinge_records(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
-  if (model.n_axis > 0) {
-    std::size_t i = 0;
-    for (const Run& run : model.runs)
-      for (int k = run.begin; is_axis(run.kind) && k < run.end; ++k) {
-        const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(k)];
-        ws.angles[i++] = in.q[b.q] + T(b.q0);
-      }
-    sine_cosine(ws.angles.data(), ws.sines.data(), ws.cosines.data(), i);
-    i = 0;
-    for (const Run& run : model.runs)
-      for (int k = run.begin; is_axis(run.kind) && k < run.end; ++k, ++i) {
-        AxisRecord<T>& r = ws.axis(k);
-        r.c = ws.cosines[i];
-        r.s = ws.sines[i];
-      }
+  if (!model.angles.empty()) {
+    T* angle = ws.angles.data();
+    for (const AxisAngle& a : model.angles) *angle++ = in.q[a.q] + T(a.q0);
+    sine_cosine(ws.angles.data(), ws.sines.data(), ws.cosines.data(), ws.angles.size());
   }
   for (const DenseBatch& batch : model.batches) {
     const auto n = static_cast<std::uint32_t>(batch.iq.size());
@@ -75,14 +52,26 @@ static void ground(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& i
   Core<T>& ground = ws.core(0);
   ground = Core<T>();
   if (in.gravity && model.field.uniform) ground.gamma.v = -cast<T>(model.field.g);
+  for (const int k : model.rotors) ws.axis(k).load = T(0);
   ws.breakdown = {};
+}
+
+template <class T>
+static void at_rest(const SweepModel& model, Workspace<T>& ws) {
+  for (int k = 0; k < static_cast<int>(model.bodies.size()); ++k) {
+    ws.core(k).z = Force<T>();
+    ws.core(k).gamma = Motion<T>();
+    if (Modal<T>* modal = ws.modal_of(k))
+      for (int j = 0; j < model.bodies[static_cast<std::size_t>(k)].n_modes; ++j) modal->z[j] = T(0);
+  }
 }
 
 template <class T>
 static void outward(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, OutwardFor what) {
   const auto pass = [&]<OutwardFor For>() {
     if (is_axis(run.kind))
-      return for_axis(run.kind, [&]<int I, Tilt TILT>() { outward_axis<T, I, TILT, For>(model, ws, in, run.begin, run.end); });
+      return outward_axes<T, For>(model, ws, in, run.begin, run.end);
+    if (run.kind == KernelKind::free) return outward_free<T, For>(model, ws, in, run.begin, run.end);
     for_kernel<T>(
         run.kind, [&]<int NV>() { outward_rigid<T, NV, For>(model, ws, in, run.begin, run.end); },
         [&]<int NV>() { outward_general<T, NV, For>(model, ws, in, run.begin, run.end); });
@@ -99,7 +88,7 @@ static void world(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in
   ws.V(0) = Motion<T>();
   for (int k = 1; k < static_cast<int>(model.bodies.size()); ++k) {
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
-    const Pose<T> X = pose_in_inboard(model, ws, k);
+    const Pose<T> X = pose_in_inboard(model, ws, k, in.q);
     ws.pose_W(k) = ws.pose_W(b.parent) * X;
     Motion<T> V = to_outboard(X, ws.V(b.parent));
     for (int j = 0; j < b.nv; ++j) V += in.v[b.v + j] * hinge_column(model, ws, k, j);
@@ -126,10 +115,11 @@ static void central_gravity(const SweepModel& model, Workspace<T>& ws, const Inp
   const GravityField& g = model.field;
   for (int k = 1; k < static_cast<int>(model.bodies.size()); ++k) {
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    if (b.kind == KernelKind::rotor) continue;  // pulled on with its carrier
     Core<T>& body = ws.core(k);
     Modal<T>* modal = b.n_modes > 0 ? ws.modal_of(k) : nullptr;
     const RigidInertia<T> inertia =
-        modal ? gravity_inertia(model.flexible[static_cast<std::size_t>(b.flexible)], b.n_modes, modal->M_rr, in.q + b.eta) : cast<T>(b.M);
+        modal ? gravity_inertia(model.flexible[static_cast<std::size_t>(b.flexible)], b.n_modes, modal->M_rr, in.q + b.eta) : cast<T>(b.M_sweep);
     if (!(inertia.m > T(0))) continue;
     Vec3<T> c, r;
     const Force<T> pull = attraction(g, inertia, ws.pose_W(k), c, r);
@@ -174,7 +164,13 @@ static void node_wrenches(const SweepModel& model, Workspace<T>& ws, const Input
     } else {
       f = {at.R * load.f.n, at.R * load.f.f};
     }
-    body.z -= Force<T>{f.n + cross(at.rho, f.f), f.f};
+    const Force<T> at_B{f.n + cross(at.rho, f.f), f.f};
+    if (b.kind == KernelKind::rotor) {
+      ws.axis(k).load = ws.axis(k).load + dot(cast<T>(b.axis), at_B.n);
+      ws.core(b.parent).z -= to_inboard(pose_in_inboard(model, ws, k, in.q), at_B);
+      continue;
+    }
+    body.z -= at_B;
     if (!node.shapes.deforms()) continue;
     Modal<T>& modal = *ws.modal_of(k);
     for (int j = 0; j < b.n_modes; ++j) modal.z[j] = modal.z[j] - dot(node_column(node.shapes, at, j), f);
@@ -185,7 +181,8 @@ template <class T>
 static void inward(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, InwardFor what) {
   const auto pass = [&]<InwardFor For>() {
     if (is_axis(run.kind))
-      return for_axis(run.kind, [&]<int I, Tilt TILT>() { inward_axis<T, I, TILT, For>(model, ws, in, run.begin, run.end); });
+      return inward_axes<T, For>(model, ws, in, run.begin, run.end);
+    if (run.kind == KernelKind::free) return inward_free<T, For>(model, ws, in, run.begin, run.end);
     for_kernel<T>(
         run.kind, [&]<int NV>() { inward_rigid<T, NV, For>(model, ws, in, run.begin, run.end); },
         [&]<int NV>() { inward_general<T, NV, For>(model, ws, in, run.begin, run.end); });
@@ -201,16 +198,18 @@ static void inward(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& i
 template <class T>
 static void acceleration(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, T* vdot) {
   if (is_axis(run.kind))
-    return for_axis(run.kind, [&]<int I, Tilt TILT>() { acceleration_axis<T, I, TILT>(model, ws, vdot, run.begin, run.end); });
+    return acceleration_axes<T>(model, ws, vdot, run.begin, run.end);
+  if (run.kind == KernelKind::free) return acceleration_free<T>(model, ws, in, vdot, run.begin, run.end);
   for_kernel<T>(
       run.kind, [&]<int NV>() { acceleration_rigid<T, NV>(model, ws, in, vdot, run.begin, run.end); },
       [&]<int NV>() { acceleration_general<T, NV>(model, ws, in, vdot, run.begin, run.end); });
 }
 
 template <class T>
-static void gather(const SweepModel& model, Workspace<T>& ws, const Inputs<T>&, const Run& run, T* tau) {
+static void gather(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, T* tau) {
   if (is_axis(run.kind))
-    return for_axis(run.kind, [&]<int I, Tilt TILT>() { gather_axis<T, I, TILT>(model, ws, tau, run.begin, run.end); });
+    return gather_axes<T>(model, ws, in, tau, run.begin, run.end);
+  if (run.kind == KernelKind::free) return gather_free<T>(model, ws, in, tau, run.begin, run.end);
   for_kernel<T>(
       run.kind, [&]<int NV>() { gather_rigid<T, NV>(model, ws, tau, run.begin, run.end); },
       [&]<int NV>() { gather_general<T, NV>(model, ws, tau, run.begin, run.end); });
@@ -219,7 +218,7 @@ static void gather(const SweepModel& model, Workspace<T>& ws, const Inputs<T>&, 
 /// The table of one scalar, for the instruction set that the including file is compiled for.
 template <class T>
 static constexpr Sweeps<T> make_sweeps() {
-  return {ground<T>, hinge_records<T>, outward<T>, elastic<T>, world<T>, central_gravity<T>, node_wrenches<T>, inward<T>, acceleration<T>, gather<T>};
+  return {ground<T>, at_rest<T>, hinge_records<T>, outward<T>, elastic<T>, world<T>, central_gravity<T>, node_wrenches<T>, inward<T>, acceleration<T>, gather<T>, mass_matrix<T>};
 }
 
 }  // namespace cardan::soa

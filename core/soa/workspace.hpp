@@ -10,10 +10,6 @@
 #include "core/soa/lanes.hpp"
 #include "core/soa/record.hpp"
 
-// Members that the sweeps call. The sweeps are compiled once per instruction set and must share no function: what is not
-// static is inlined (tests/architecture checks the symbols).
-#define CARDAN_INLINE [[gnu::always_inline]] inline
-
 namespace cardan::soa {
 
 /// A wrench [moment; force] on a node. In node axes, or in world axes.
@@ -75,6 +71,7 @@ class Workspace {
   std::byte* base() { return arena_.get(); }
   std::size_t offset(int k) const { return offset_[static_cast<std::size_t>(k)]; }
 
+  CARDAN_INLINE FreeRecord<T>& free(int k) { return *reinterpret_cast<FreeRecord<T>*>(arena_.get() + offset_[static_cast<std::size_t>(k)]); }
   // Access by run-time kind, for what is not in the inner loop.
   /// Pose of B in A of a body with a stored pose (not an axis record).
   CARDAN_INLINE Pose<T>& X(int k) { return *reinterpret_cast<Pose<T>*>(arena_.get() + offset_[static_cast<std::size_t>(k)] + sizeof(Core<T>)); }
@@ -105,7 +102,8 @@ class Workspace {
 
   Breakdown breakdown;
   std::size_t bytes() const;  ///< all of it
-  std::vector<T> angles, sines, cosines;  // of the axis hinges, in sweep order: computed in one go
+  std::vector<T> angles, sines, cosines;  // of the axis hinges, computed in one go; filled up to a multiple of 8
+  std::vector<RigidInertia<T>> composite; // per body, for the mass matrix: only where it is asked for
   std::vector<double> family;             // q and v of one lane, for families that are called lane by lane; empty for double
 
  private:

@@ -16,7 +16,7 @@ template <class T>
 Workspace<T>::Workspace(const SweepModel& model) {
   const std::size_t n = model.bodies.size();
   n_bodies_ = static_cast<int>(n);
-  for (auto* column : {&angles, &sines, &cosines}) column->resize(static_cast<std::size_t>(model.n_axis));
+  for (auto* column : {&angles, &sines, &cosines}) column->resize((model.angles.size() + 7) / 8 * 8, T(0));
   offset_.resize(n);
   modal_.assign(n, nullptr);
   n_dense_ = static_cast<std::size_t>(model.n_dense);
@@ -39,8 +39,8 @@ Workspace<T>::Workspace(const SweepModel& model) {
     const SweepBody& b = model.bodies[k];
     offset_[k] = total;
     std::size_t record = 0;
-    if (is_axis(b.kind)) {
-      total += round(sizeof(AxisRecord<T>));
+    if (is_axis(b.kind) || b.kind == KernelKind::free) {
+      total += round(is_axis(b.kind) ? sizeof(AxisRecord<T>) : sizeof(FreeRecord<T>));
       continue;
     }
     with_hinge_size<T>(b.nv, [&]<int NV>() { record = is_general(b.kind) ? sizeof(GeneralRecord<T, NV>) : sizeof(RigidRecord<T, NV>); });
@@ -70,7 +70,12 @@ Workspace<T>::Workspace(const SweepModel& model) {
   for (std::size_t k = 1; k < n; ++k) {
     const SweepBody& b = model.bodies[k];
     if (is_axis(b.kind)) {
-      new (arena_.get() + offset_[k]) AxisRecord<T>();
+      auto* record = new (arena_.get() + offset_[k]) AxisRecord<T>();
+      record->core.P = {cast<T>(b.J_P), tilde(cast<T>(b.M_sweep.h)), {T(b.M_sweep.m), T(b.M_sweep.m), T(b.M_sweep.m), T(0), T(0), T(0)}};  // a leaf's stays
+      continue;
+    }
+    if (b.kind == KernelKind::free) {
+      new (arena_.get() + offset_[k]) FreeRecord<T>();
       continue;
     }
     with_hinge_size<T>(b.nv, [&]<int NV>() {
@@ -116,7 +121,7 @@ void Workspace<T>::require_world() {
 
 template <class T>
 std::size_t Workspace<T>::bytes() const {
-  return arena_bytes_ + 3 * angles.size() * sizeof(T) + family.size() * sizeof(double) + dense_.size() * sizeof(cardan_hinge_out) + pose_W_.size() * sizeof(Pose<T>) + V_.size() * sizeof(Motion<T>);
+  return arena_bytes_ + 3 * angles.size() * sizeof(T) + family.size() * sizeof(double) + composite.size() * sizeof(RigidInertia<T>) + dense_.size() * sizeof(cardan_hinge_out) + pose_W_.size() * sizeof(Pose<T>) + V_.size() * sizeof(Motion<T>);
 }
 
 }  // namespace cardan::soa

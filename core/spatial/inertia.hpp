@@ -15,11 +15,11 @@ struct RigidInertia {
 
 /// M V = [J w + h x v; m v - h x w].
 template <class T>
-static constexpr Force<T> operator*(const RigidInertia<T>& M, const Motion<T>& V) {
+CARDAN_INLINE constexpr Force<T> operator*(const RigidInertia<T>& M, const Motion<T>& V) {
   return {M.J * V.w + cross(M.h, V.v), M.m * V.v - cross(M.h, V.w)};
 }
 template <class T>
-static constexpr RigidInertia<T> operator+(const RigidInertia<T>& a, const RigidInertia<T>& b) {
+CARDAN_INLINE constexpr RigidInertia<T> operator+(const RigidInertia<T>& a, const RigidInertia<T>& b) {
   return {a.m + b.m, a.h + b.h, a.J + b.J};
 }
 /// Inertia about the origin from that about the mass centre p: J = J_c - m p~ p~ (parallel axis theorem).
@@ -46,10 +46,12 @@ static constexpr RigidInertia<T> to_inboard(const Pose<T>& AB, const RigidInerti
 }
 /// Gyroscopic force b of the gamma form: [w x J w; w x (w x h)] (no linear velocity occurs; mathematics 0.6, 1).
 template <class T>
-static constexpr Force<T> gyroscopic(const RigidInertia<T>& M, const Vec3<T>& w) {
+CARDAN_INLINE constexpr Force<T> gyroscopic(const RigidInertia<T>& M, const Vec3<T>& w) {
   return {cross(w, M.J * w), cross(w, cross(w, M.h))};
 }
 
+template <class T, class S>
+CARDAN_INLINE constexpr Sym3<T> cast(const Sym3<S>& m) { return {T(m.xx), T(m.yy), T(m.zz), T(m.xy), T(m.xz), T(m.yz)}; }
 template <class T, class S>
 static constexpr RigidInertia<T> cast(const RigidInertia<S>& M) {
   return {T(M.m), cast<T>(M.h), {T(M.J.xx), T(M.J.yy), T(M.J.zz), T(M.J.xy), T(M.J.xz), T(M.J.yz)}};
@@ -64,18 +66,20 @@ struct ArticulatedInertia {
 };
 
 template <class T>
-static constexpr Force<T> operator*(const ArticulatedInertia<T>& P, const Motion<T>& V) {
+CARDAN_INLINE constexpr Force<T> operator*(const ArticulatedInertia<T>& P, const Motion<T>& V) {
   return {P.J * V.w + P.B * V.v, transpose_times(P.B, V.w) + P.M * V.v};
 }
 template <class T>
-static constexpr ArticulatedInertia<T>& operator+=(ArticulatedInertia<T>& a, const ArticulatedInertia<T>& b) {
+CARDAN_INLINE constexpr ArticulatedInertia<T> operator+(const ArticulatedInertia<T>& a, const ArticulatedInertia<T>& b) { return {a.J + b.J, a.B + b.B, a.M + b.M}; }
+template <class T>
+CARDAN_INLINE constexpr ArticulatedInertia<T>& operator+=(ArticulatedInertia<T>& a, const ArticulatedInertia<T>& b) {
   a.J += b.J;
   a.B = a.B + b.B;
   a.M += b.M;
   return a;
 }
 template <class T>
-static constexpr ArticulatedInertia<T> articulated(const RigidInertia<T>& M) {
+CARDAN_INLINE constexpr ArticulatedInertia<T> articulated(const RigidInertia<T>& M) {
   const T o(0);
   return {M.J, tilde(M.h), {M.m, M.m, M.m, o, o, o}};
 }

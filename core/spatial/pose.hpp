@@ -20,29 +20,29 @@ static constexpr Pose<T> inverse(const Pose<T>& AB) { return {transpose(AB.R), -
 
 /// phi* with a change of axes: V_B = X_BA V_A, from A to the frame B fixed to the same body.
 template <class T>
-static constexpr Motion<T> to_outboard(const Pose<T>& AB, const Motion<T>& V) {
+CARDAN_INLINE constexpr Motion<T> to_outboard(const Pose<T>& AB, const Motion<T>& V) {
   return {transpose_times(AB.R, V.w), transpose_times(AB.R, V.v + cross(V.w, AB.p))};
 }
 /// The inverse: V_A = X_AB V_B.
 template <class T>
-static constexpr Motion<T> to_inboard(const Pose<T>& AB, const Motion<T>& V) {
+CARDAN_INLINE constexpr Motion<T> to_inboard(const Pose<T>& AB, const Motion<T>& V) {
   const Vec3<T> w = AB.R * V.w;
   return {w, AB.R * V.v + cross(AB.p, w)};
 }
 /// phi with a change of axes: f_A = X_BA* f_B, a wrench at B referred to A.
 template <class T>
-static constexpr Force<T> to_inboard(const Pose<T>& AB, const Force<T>& f) {
+CARDAN_INLINE constexpr Force<T> to_inboard(const Pose<T>& AB, const Force<T>& f) {
   const Vec3<T> force = AB.R * f.f;
   return {AB.R * f.n + cross(AB.p, force), force};
 }
 /// The inverse: f_B = X_AB* f_A.
 template <class T>
-static constexpr Force<T> to_outboard(const Pose<T>& AB, const Force<T>& f) {
+CARDAN_INLINE constexpr Force<T> to_outboard(const Pose<T>& AB, const Force<T>& f) {
   return {transpose_times(AB.R, f.n - cross(AB.p, f.f)), transpose_times(AB.R, f.f)};
 }
 
 template <class T, class S>
-static constexpr Vec3<T> cast(const Vec3<S>& a) { return {T(a.x), T(a.y), T(a.z)}; }
+CARDAN_INLINE constexpr Vec3<T> cast(const Vec3<S>& a) { return {T(a.x), T(a.y), T(a.z)}; }
 template <class T, class S>
 static constexpr Mat3<T> cast(const Mat3<S>& a) {
   return {T(a.xx), T(a.xy), T(a.xz), T(a.yx), T(a.yy), T(a.yz), T(a.zx), T(a.zy), T(a.zz)};
@@ -50,6 +50,6 @@ static constexpr Mat3<T> cast(const Mat3<S>& a) {
 template <class T, class S>
 static constexpr Pose<T> cast(const Pose<S>& a) { return {cast<T>(a.R), cast<T>(a.p)}; }
 template <class T, class S>
-static constexpr Motion<T> cast(const Motion<S>& a) { return {cast<T>(a.w), cast<T>(a.v)}; }
+CARDAN_INLINE constexpr Motion<T> cast(const Motion<S>& a) { return {cast<T>(a.w), cast<T>(a.v)}; }
 
 }  // namespace cardan
