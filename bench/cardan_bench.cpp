@@ -1,51 +1,26 @@
 // Times the sweeps on a folder of models and measures their forward error against 113 bits on the same doubles.
-//   cardan-bench [--models DIR] [--out FILE.json] [--seconds S] [--only SUBSTRING]
+//   cardan-bench [--models DIR|FILE] [--out FILE.json] [--seconds S] [--only SUBSTRING] [--exact DIR]
 // One pinned core, a ring of states, minimum and median of passes over the ring. Rows: program, version, build, model, op,
-// ns_min, ns_median, forward_error, bytes_per_body; then the growth exponents.
+// ns_min, ns_median, forward_error, bytes_per_body; then the growth exponents. With --exact it writes the 113-bit results for
+// the peers instead.
 #include <fmt/format.h>
 #include <sched.h>
 
 #include <CLI/CLI.hpp>
-#include <chrono>
 #include <cmath>
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 
 #include "bench/bench_model.hpp"
-#include "bench/forward_error.hpp"
+#include "bench/exact.hpp"
+#include "bench/time_ring.hpp"
 #include "bodies/register.hpp"
 #include "core/dynamics/inverse.hpp"
 #include "hinges/register.hpp"
 
 namespace cardan::bench {
 namespace {
-
-using Clock = std::chrono::steady_clock;
-
-struct Timing {
-  double min_ns, median_ns;
-};
-
-/// Mean time of a call over the ring, repeated for `seconds`.
-template <class Call>
-Timing time_ring(int states, double seconds, const Call& call) {
-  for (int k = 0; k < states; ++k) call(k);  // warm-up
-  auto begin = Clock::now();
-  call(0);
-  const double once = std::chrono::duration<double>(Clock::now() - begin).count();
-  const int passes = std::max(1, static_cast<int>(2e-4 / std::max(1e-9, once * states)));
-  std::vector<double> samples;
-  const auto start = Clock::now();
-  do {
-    begin = Clock::now();
-    for (int p = 0; p < passes; ++p)
-      for (int k = 0; k < states; ++k) call(k);
-    samples.push_back(std::chrono::duration<double, std::nano>(Clock::now() - begin).count() / (passes * states));
-  } while (samples.size() < 5 || std::chrono::duration<double>(Clock::now() - start).count() < seconds);
-  std::sort(samples.begin(), samples.end());
-  return {samples.front(), samples[samples.size() / 2]};
-}
 
 struct Row {
   std::string model, op;
@@ -61,17 +36,18 @@ void bench_model(const BenchModel& bm, const Registry& registry, double seconds,
   const int n = static_cast<int>(model->bodies.size()) - 1, states = static_cast<int>(bm.states.size());
   const double bytes = static_cast<double>(ws.bytes()) / n;
   Eigen::VectorXd out(model->nv);
-  double error = -1.0;
-  bool rigid = model->flexible.empty();
-  if (rigid) {
-    error = 0.0;
-    const auto plain = compile(bm.spec, registry, {.merge_locked = false, .choose_frames = false, .node_wrenches = false, .world_wrenches = false});
-    for (int s = 0; s < std::min(3, states); ++s) {
-      const BenchState& state = bm.states[static_cast<std::size_t>(s)];
+  double forward = -1.0, inverse = -1.0;  // largest relative errors
+  if (model->flexible.empty()) {
+    const std::vector<Exact> truth = exact(bm, registry);
+    for (std::size_t s = 0; s < truth.size(); ++s) {
+      const BenchState& state = bm.states[s];
       Inputs in;
       in.q = state.q.data(), in.v = state.v.data(), in.tau = state.tau.data();
       if (!forward_dynamics(*model, ws, in, out.data())) throw NumericsError(describe_breakdown(*model, ws.breakdown, 0.0));
-      error = std::max(error, forward_error(*plain, state, out));
+      forward = std::max(forward, relative_error(out, truth[s].vdot));
+      in.vdot = state.vdot.data();
+      inverse_dynamics(*model, ws, in, out.data());
+      inverse = std::max(inverse, relative_error(out, truth[s].tau));
     }
   }
   rows.push_back({bm.name, "forward_dynamics", n, time_ring(states, seconds, [&](int k) {
@@ -79,23 +55,24 @@ void bench_model(const BenchModel& bm, const Registry& registry, double seconds,
     Inputs in;
     in.q = s.q.data(), in.v = s.v.data(), in.tau = s.tau.data();
     forward_dynamics(*model, ws, in, out.data());
-  }), error, bytes});
+  }), forward, bytes});
   rows.push_back({bm.name, "inverse_dynamics", n, time_ring(states, seconds, [&](int k) {
     const BenchState& s = bm.states[static_cast<std::size_t>(k)];
     Inputs in;
     in.q = s.q.data(), in.v = s.v.data(), in.vdot = s.vdot.data();
     inverse_dynamics(*model, ws, in, out.data());
-  }), -1.0, bytes});
+  }), inverse, bytes});
 }
 
 int run(int argc, char** argv) {
   CLI::App app("Times the sweeps and measures their error.");
-  std::string models = CARDAN_SOURCE_DIR "/tests/reference/bench", out, only;
+  std::string models = CARDAN_SOURCE_DIR "/tests/reference/bench", out, only, truth;
   double seconds = 0.3;
-  app.add_option("--models", models, "folder of models in the schema cardan-bench/1");
+  app.add_option("--models", models, "folder of models in the schema cardan-bench/1, or one of them");
   app.add_option("--out", out, "write the rows as JSON");
   app.add_option("--seconds", seconds, "time spent on each figure");
   app.add_option("--only", only, "models whose name contains this");
+  app.add_option("--exact", truth, "only write the results in 113 bits, DIR/<model>.json");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
@@ -109,6 +86,11 @@ int run(int argc, char** argv) {
   Registry registry;
   register_hinges(registry);
   register_bodies(registry);
+  if (!truth.empty()) {
+    for (const auto& file : models_in(models))
+      if (const BenchModel bm = read_model(file); bm.name.find(only) != std::string::npos) write_exact(truth, bm, exact(bm, registry));
+    return 0;
+  }
   std::vector<Row> rows;
   fmt::print("{:32} {:18} {:>7} {:>12} {:>12} {:>9} {:>9} {:>8}\n", "model", "op", "bodies", "min ns", "median ns", "ns/body", "error", "B/body");
   const auto bench = [&](const BenchModel& bm) {
@@ -123,7 +105,8 @@ int run(int argc, char** argv) {
   };
   for (const auto& file : models_in(models)) bench(read_model(file));
   for (const int modes : {5, 20, 40, 60})
-    for (const int bodies : {3, 10, 30}) bench(flexible_chain(bodies, modes));
+    for (const int bodies : {3, 10, 30})
+      if (std::filesystem::is_directory(models)) bench(flexible_chain(bodies, modes));
 
   // Growth: exponent of time in the number of bodies between the smallest and largest of a family.
   std::map<std::string, std::vector<const Row*>> families;
