@@ -88,7 +88,7 @@ struct Mujoco : Peer {
     char error[1000] = "";
     model = mj_loadXML("model.xml", vfs.get(), error, sizeof error);
     mj_deleteVFS(vfs.get());
-    if (!model) throw Refused(error);
+    if (!model) throw Refused(std::string(error, std::strcspn(error, "\n")));
     d = mj_makeData(model);
     for (std::size_t i = 0; i < m.bodies.size(); ++i) {
       const int joint = mj_name2id(model, mjOBJ_JOINT, std::to_string(i).c_str());
@@ -136,7 +136,7 @@ struct Mujoco : Peer {
            mj_forward(model, d);
          },
          qacc},
-        {"forward_dynamics", "mj_crb, mj_rne, mj_solveM",  // the stages that forward dynamics needs, alone
+        {"forward_dynamics", "mj_crb + mj_rne + mj_solveM",  // the stages that forward dynamics needs, alone
          [this](int k) {
            set_q(k), set_v(k), set_tau(k);
            mj_kinematics(model, d);
