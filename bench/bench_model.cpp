@@ -28,7 +28,7 @@ BenchModel read_model(const std::filesystem::path& file) {
   if (j.value("schema", "") != "cardan-bench/1")
     throw InputError(Diagnostic{Code::bad_result_file, {"schema", {file.string(), 0, 0}}, "\"cardan-bench/1\"", j.value("schema", "nothing"), "", "", "", 0});
   BenchModel model;
-  model.name = j.value("name", file.stem().string());
+  model.name = file.stem().string();
   model.spec.name = model.name;
   model.spec.gravity.kind = GravitySpec::Kind::uniform;
   model.spec.gravity.g = vector3(j["gravity"]);
@@ -74,6 +74,7 @@ BenchModel read_model(const std::filesystem::path& file) {
 }
 
 std::vector<std::filesystem::path> models_in(const std::filesystem::path& folder) {
+  if (!std::filesystem::is_directory(folder)) return {folder};
   std::vector<std::filesystem::path> files;
   for (const auto& entry : std::filesystem::directory_iterator(folder))
     if (entry.path().extension() == ".json") files.push_back(entry.path());

@@ -20,7 +20,7 @@ struct BenchModel {
 };
 
 BenchModel read_model(const std::filesystem::path& file);
-/// All .json files of a folder by name.
+/// All .json files of a folder by name; or the one file.
 std::vector<std::filesystem::path> models_in(const std::filesystem::path& folder);
 
 /// A chain of `bodies` revolute flexible bodies with `modes` modes each (level 0, mass-normalised modes, each hung on the

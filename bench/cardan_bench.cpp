@@ -1,101 +1,118 @@
 // Times the sweeps on a folder of models and measures their forward error against 113 bits on the same doubles.
-//   cardan-bench [--models DIR] [--out FILE.json] [--seconds S] [--only SUBSTRING]
+//   cardan-bench [--models DIR|FILE] [--out FILE.json] [--seconds S] [--only SUBSTRING] [--exact DIR]
 // One pinned core, a ring of states, minimum and median of passes over the ring. Rows: program, version, build, model, op,
-// ns_min, ns_median, forward_error, bytes_per_body; then the growth exponents.
+// ns_min, ns_median, forward_error, bytes_per_body; then the growth exponents. With --exact it writes the 113-bit results for
+// the peers instead.
 #include <fmt/format.h>
 #include <sched.h>
 
 #include <CLI/CLI.hpp>
-#include <chrono>
 #include <cmath>
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 
 #include "bench/bench_model.hpp"
-#include "bench/forward_error.hpp"
+#include "bench/exact.hpp"
+#include "bench/time_ring.hpp"
 #include "bodies/register.hpp"
+#include "core/dynamics/batch.hpp"
 #include "core/dynamics/inverse.hpp"
 #include "hinges/register.hpp"
 
 namespace cardan::bench {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-struct Timing {
-  double min_ns, median_ns;
-};
-
-/// Mean time of a call over the ring, repeated for `seconds`.
-template <class Call>
-Timing time_ring(int states, double seconds, const Call& call) {
-  for (int k = 0; k < states; ++k) call(k);  // warm-up
-  auto begin = Clock::now();
-  call(0);
-  const double once = std::chrono::duration<double>(Clock::now() - begin).count();
-  const int passes = std::max(1, static_cast<int>(2e-4 / std::max(1e-9, once * states)));
-  std::vector<double> samples;
-  const auto start = Clock::now();
-  do {
-    begin = Clock::now();
-    for (int p = 0; p < passes; ++p)
-      for (int k = 0; k < states; ++k) call(k);
-    samples.push_back(std::chrono::duration<double, std::nano>(Clock::now() - begin).count() / (passes * states));
-  } while (samples.size() < 5 || std::chrono::duration<double>(Clock::now() - start).count() < seconds);
-  std::sort(samples.begin(), samples.end());
-  return {samples.front(), samples[samples.size() / 2]};
-}
-
 struct Row {
-  std::string model, op;
+  std::string model, op, call;   // call: a variant of the op, empty for the plain one
   int bodies;
   Timing timing;
   double error;   // forward error, 2-norm relative; negative: not measured
   double bytes_per_body;
 };
 
-void bench_model(const BenchModel& bm, const Registry& registry, double seconds, std::vector<Row>& rows) {
-  const auto model = compile(bm.spec, registry, {.merge_locked = true, .choose_frames = true, .node_wrenches = false, .world_wrenches = false});
-  Workspace ws(*model);
-  const int n = static_cast<int>(model->bodies.size()) - 1, states = static_cast<int>(bm.states.size());
-  const double bytes = static_cast<double>(ws.bytes()) / n;
-  Eigen::VectorXd out(model->nv);
-  double error = -1.0;
-  bool rigid = model->flexible.empty();
-  if (rigid) {
-    error = 0.0;
-    const auto plain = compile(bm.spec, registry, {.merge_locked = false, .choose_frames = false, .node_wrenches = false, .world_wrenches = false});
-    for (int s = 0; s < std::min(3, states); ++s) {
-      const BenchState& state = bm.states[static_cast<std::size_t>(s)];
-      Inputs in;
-      in.q = state.q.data(), in.v = state.v.data(), in.tau = state.tau.data();
-      if (!forward_dynamics(*model, ws, in, out.data())) throw NumericsError(describe_breakdown(*model, ws.breakdown, 0.0));
-      error = std::max(error, forward_error(*plain, state, out));
+/// The states of a ring side by side, repeated up to a whole number of passes of a batch.
+struct Ring {
+  Eigen::MatrixXd q, v, tau, vdot;
+  Ring(const std::vector<BenchState>& states, int width) {
+    const auto n = static_cast<Eigen::Index>(states.size()), count = (std::max<Eigen::Index>(n, 16) + width - 1) / width * width;
+    q.resize(states[0].q.size(), count), v.resize(states[0].v.size(), count), tau.resizeLike(v), vdot.resizeLike(v);
+    for (Eigen::Index k = 0; k < count; ++k) {
+      const BenchState& s = states[static_cast<std::size_t>(k % n)];
+      q.col(k) = s.q, v.col(k) = s.v, tau.col(k) = s.tau, vdot.col(k) = s.vdot;
     }
   }
-  rows.push_back({bm.name, "forward_dynamics", n, time_ring(states, seconds, [&](int k) {
+  int size() const { return static_cast<int>(q.cols()); }
+};
+
+void bench_model(const BenchModel& bm, const Registry& registry, double seconds, std::vector<Row>& rows) {
+  const auto model = compile(bm.spec, registry, {.merge_locked = true, .choose_frames = true, .node_wrenches = false, .world_wrenches = false});
+  const Model& m = *model;
+  Workspace ws(m);
+  Batch batch(m);
+  const int n = static_cast<int>(m.bodies.size()) - 1, states = static_cast<int>(bm.states.size());
+  const Ring ring(bm.states, batch.width());
+  const BatchInputs all{ring.size(), ring.q.data(), ring.v.data(), ring.tau.data(), ring.vdot.data(), true};
+  const auto forward = [&](int k, Eigen::VectorXd& out) {
     const BenchState& s = bm.states[static_cast<std::size_t>(k)];
     Inputs in;
     in.q = s.q.data(), in.v = s.v.data(), in.tau = s.tau.data();
-    forward_dynamics(*model, ws, in, out.data());
-  }), error, bytes});
-  rows.push_back({bm.name, "inverse_dynamics", n, time_ring(states, seconds, [&](int k) {
+    if (!forward_dynamics(m, ws, in, out.data())) throw NumericsError(describe_breakdown(m, ws.breakdown, 0.0));
+  };
+  const auto inverse = [&](int k, Eigen::VectorXd& out) {
     const BenchState& s = bm.states[static_cast<std::size_t>(k)];
     Inputs in;
     in.q = s.q.data(), in.v = s.v.data(), in.vdot = s.vdot.data();
-    inverse_dynamics(*model, ws, in, out.data());
-  }), -1.0, bytes});
+    inverse_dynamics(m, ws, in, out.data());
+  };
+  Eigen::VectorXd out(m.nv);
+  Eigen::MatrixXd outs(m.nv, ring.size());
+  const bool matrices = m.flexible.empty() && m.nv <= 128;
+  Eigen::MatrixXd M(matrices ? m.nv : 0, matrices ? m.nv : 0);
+
+  // Largest relative errors over the states whose exact results are known; negative: not measured.
+  double e_forward = -1, e_inverse = -1, e_batch = -1, e_batch_inverse = -1, e_matrix = -1, e_inverse_matrix = -1;
+  if (m.flexible.empty()) {
+    const std::vector<Exact> truth = exact(bm, registry);
+    const auto worst = [](double& error, const Eigen::VectorXd& computed, const Eigen::VectorXd& true_value) {
+      error = std::max(error, relative_error(computed, true_value));
+    };
+    for (std::size_t s = 0; s < truth.size(); ++s) {
+      const int k = static_cast<int>(s);
+      forward(k, out), worst(e_forward, out, truth[s].vdot);
+      inverse(k, out), worst(e_inverse, out, truth[s].tau);
+      batch.forward_dynamics(all, outs.data()), worst(e_batch, outs.col(k), truth[s].vdot);
+      batch.inverse_dynamics(all, outs.data()), worst(e_batch_inverse, outs.col(k), truth[s].tau);
+      if (!matrices) continue;
+      mass_matrix(m, ws, bm.states[s].q.data(), M.data()), worst(e_matrix, M * bm.states[s].vdot, truth[s].M_vdot);
+      batch.mass_matrix_inverse(bm.states[s].q.data(), M.data()), worst(e_inverse_matrix, M * bm.states[s].tau, truth[s].Minv_tau);
+    }
+  }
+  const double bytes = static_cast<double>(ws.bytes()) / n, batch_bytes = static_cast<double>(batch.bytes()) / n / batch.width();
+  const auto row = [&](const std::string& op, const std::string& call, double error, double per_body, const auto& timed) {
+    rows.push_back({bm.name, op, call, n, time_ring(states, seconds, timed), error, per_body});
+    return &rows.back().timing;
+  };
+  const auto per_sample = [&](Timing* t) { t->min_ns /= ring.size(), t->median_ns /= ring.size(); };
+  const std::string lanes = fmt::format("batch, {} lanes", batch.width());
+  row("forward_dynamics", "", e_forward, bytes, [&](int k) { forward(k, out); });
+  per_sample(row("forward_dynamics", lanes, e_batch, batch_bytes, [&](int) { batch.forward_dynamics(all, outs.data()); }));
+  row("inverse_dynamics", "", e_inverse, bytes, [&](int k) { inverse(k, out); });
+  per_sample(row("inverse_dynamics", lanes, e_batch_inverse, batch_bytes, [&](int) { batch.inverse_dynamics(all, outs.data()); }));
+  if (!matrices) return;
+  row("mass_matrix", "", e_matrix, bytes, [&](int k) { mass_matrix(m, ws, bm.states[static_cast<std::size_t>(k)].q.data(), M.data()); });
+  row("mass_matrix_inverse", "", e_inverse_matrix, batch_bytes, [&](int k) { batch.mass_matrix_inverse(bm.states[static_cast<std::size_t>(k)].q.data(), M.data()); });
 }
 
 int run(int argc, char** argv) {
   CLI::App app("Times the sweeps and measures their error.");
-  std::string models = CARDAN_SOURCE_DIR "/tests/reference/bench", out, only;
+  std::string models = CARDAN_SOURCE_DIR "/tests/reference/bench", out, only, truth;
   double seconds = 0.3;
-  app.add_option("--models", models, "folder of models in the schema cardan-bench/1");
+  app.add_option("--models", models, "folder of models in the schema cardan-bench/1, or one of them");
   app.add_option("--out", out, "write the rows as JSON");
   app.add_option("--seconds", seconds, "time spent on each figure");
   app.add_option("--only", only, "models whose name contains this");
+  app.add_option("--exact", truth, "only write the results in 113 bits, DIR/<model>.json");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
@@ -109,27 +126,33 @@ int run(int argc, char** argv) {
   Registry registry;
   register_hinges(registry);
   register_bodies(registry);
+  if (!truth.empty()) {
+    for (const auto& file : models_in(models))
+      if (const BenchModel bm = read_model(file); bm.name.find(only) != std::string::npos) write_exact(truth, bm, exact(bm, registry));
+    return 0;
+  }
   std::vector<Row> rows;
-  fmt::print("{:32} {:18} {:>7} {:>12} {:>12} {:>9} {:>9} {:>8}\n", "model", "op", "bodies", "min ns", "median ns", "ns/body", "error", "B/body");
+  fmt::print("{:28} {:35} {:>7} {:>12} {:>12} {:>9} {:>9} {:>8}\n", "model", "op", "bodies", "min ns", "median ns", "ns/body", "error", "B/body");
   const auto bench = [&](const BenchModel& bm) {
     if (bm.name.find(only) == std::string::npos) return;
     const std::size_t first = rows.size();
     bench_model(bm, registry, seconds, rows);
     for (std::size_t i = first; i < rows.size(); ++i) {
       const Row& r = rows[i];
-      fmt::print("{:32} {:18} {:7} {:12.0f} {:12.0f} {:9.1f} {:>9} {:8.0f}\n", r.model, r.op, r.bodies, r.timing.min_ns, r.timing.median_ns,
+      fmt::print("{:28} {:35} {:7} {:12.0f} {:12.0f} {:9.1f} {:>9} {:8.0f}\n", r.model, r.call.empty() ? r.op : r.op + " " + r.call, r.bodies, r.timing.min_ns, r.timing.median_ns,
                  r.timing.min_ns / r.bodies, r.error < 0 ? "-" : fmt::format("{:.1e}", r.error), r.bytes_per_body);
     }
   };
   for (const auto& file : models_in(models)) bench(read_model(file));
   for (const int modes : {5, 20, 40, 60})
-    for (const int bodies : {3, 10, 30}) bench(flexible_chain(bodies, modes));
+    for (const int bodies : {3, 10, 30})
+      if (std::filesystem::is_directory(models)) bench(flexible_chain(bodies, modes));
 
   // Growth: exponent of time in the number of bodies between the smallest and largest of a family.
   std::map<std::string, std::vector<const Row*>> families;
   for (const Row& r : rows) {
     std::string family = r.model.rfind("flexible_chain_", 0) == 0 ? "flexible_chain" + r.model.substr(r.model.find("_modes")) : r.model.substr(0, r.model.rfind('_'));
-    if (r.model.rfind("hard_", 0) != 0) families[family + " " + r.op].push_back(&r);
+    if (r.model.rfind("hard_", 0) != 0) families[family + " " + r.op + " " + r.call].push_back(&r);
   }
   for (auto& [family, list] : families) {
     std::sort(list.begin(), list.end(), [](const Row* a, const Row* b) { return a->bodies < b->bodies; });
@@ -144,6 +167,7 @@ int run(int argc, char** argv) {
     for (const Row& r : rows) {
       nlohmann::json row{{"program", "cardan"}, {"version", CARDAN_VERSION}, {"build", CARDAN_BUILD}, {"model", r.model}, {"op", r.op},
                          {"bodies", r.bodies}, {"ns_min", r.timing.min_ns}, {"ns_median", r.timing.median_ns}, {"bytes_per_body", r.bytes_per_body}};
+      if (!r.call.empty()) row["call"] = r.call;
       row["forward_error"] = r.error < 0 ? nlohmann::json() : nlohmann::json(r.error);
       j.push_back(row);
     }

@@ -28,7 +28,8 @@ set(layers
   "scripts/report|core/base core/io"
   "scripts/host|core bodies/modal/ bodies/register.hpp hinges/register.hpp scripts/report"
   "tests|core bodies hinges scripts"
-  "bench|core bodies hinges")
+  "bench|core bodies hinges"
+  "bench/peers|bench/time_ring.hpp")
 
 # Headers of others by the beginning of their name, and where they may be named. The standard library is free.
 set(external
@@ -50,6 +51,12 @@ set(external
   "gtest/|tests"
   "dlfcn.h|core/abi/loader.cpp"
   "sched.h|bench"
+  "malloc.h|bench/peers/peer.hpp"
+  "mujoco/|bench/peers/mujoco.cpp"
+  "BulletDynamics/|bench/peers/bullet.cpp"
+  "Simbody.h|bench/peers/simbody.cpp"
+  "kdl/|bench/peers/kdl.cpp"
+  "dart/|bench/peers/dart.cpp"
   "unistd.h|scripts/host tests"
   "sys/|scripts/host tests"
   "fcntl.h|scripts/host tests"

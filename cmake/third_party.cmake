@@ -1,4 +1,5 @@
-# Everything that is not ours. Who may use which library: docs/architecture.md, enforced by check_layers.cmake.
+# Everything that is not ours, but for the peers of the benchmark (bench/peers). Who may use which library: docs/architecture.md,
+# enforced by check_layers.cmake.
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
 find_package(fmt 9 REQUIRED)
 find_package(yaml-cpp 0.7 REQUIRED)

@@ -1,0 +1,78 @@
+#include "bench/exact.hpp"
+
+#include <boost/multiprecision/float128.hpp>
+#include <fstream>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "core/soa/sweeps_impl.hpp"
+#include "core/soa/workspace_layout.hpp"
+
+namespace cardan::bench {
+namespace {
+
+using Quad = boost::multiprecision::float128;
+constexpr soa::Sweeps<Quad> S = soa::make_sweeps<Quad>();
+using Vector = std::vector<Quad>;
+
+Vector up(const Eigen::VectorXd& x) { return {x.data(), x.data() + x.size()}; }
+Eigen::VectorXd down(const Vector& x) {
+  Eigen::VectorXd y(static_cast<Eigen::Index>(x.size()));
+  std::transform(x.begin(), x.end(), y.data(), [](const Quad& v) { return static_cast<double>(v); });
+  return y;
+}
+
+Vector forward(const Model& model, const soa::Inputs<Quad>& in) {
+  soa::Workspace<Quad> ws(model);
+  Vector vdot(static_cast<std::size_t>(model.nv));
+  S.ground(model, ws, in);
+  S.hinge_records(model, ws, in);
+  for (const Run& run : model.runs) S.outward(model, ws, in, run, {});
+  for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.inward(model, ws, in, *run, {});
+  for (const Run& run : model.runs) S.acceleration(model, ws, in, run, vdot.data());
+  return vdot;
+}
+
+Vector inverse(const Model& model, const soa::Inputs<Quad>& in) {
+  soa::Workspace<Quad> ws(model);
+  Vector tau(static_cast<std::size_t>(model.nv));
+  S.ground(model, ws, in);
+  S.hinge_records(model, ws, in);
+  for (const Run& run : model.runs) S.outward(model, ws, in, run, {.vdot = true});
+  for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.gather(model, ws, in, *run, tau.data());
+  return tau;
+}
+
+}  // namespace
+
+std::vector<Exact> exact(const BenchModel& bm, const Registry& registry) {
+  const auto model = compile(bm.spec, registry, {.merge_locked = false, .choose_frames = false, .node_wrenches = false, .world_wrenches = false});
+  const Vector rest(static_cast<std::size_t>(model->nv), Quad(0));
+  std::vector<Exact> results;
+  for (const BenchState& state : bm.states) {
+    if (results.size() == 3) break;
+    const Vector q = up(state.q), v = up(state.v), tau = up(state.tau), vdot = up(state.vdot);
+    soa::Inputs<Quad> in;
+    in.q = q.data(), in.v = v.data(), in.tau = tau.data(), in.vdot = vdot.data();
+    soa::Inputs<Quad> matrix = in;  // at rest and without gravity only the mass matrix is left
+    matrix.v = rest.data(), matrix.gravity = false;
+    results.push_back({down(forward(*model, in)), down(inverse(*model, in)), down(inverse(*model, matrix)), down(forward(*model, matrix))});
+  }
+  return results;
+}
+
+double relative_error(const Eigen::VectorXd& computed, const Eigen::VectorXd& exact) {
+  const double error = (computed - exact).stableNorm() / exact.stableNorm();
+  return std::isfinite(error) ? error : std::numeric_limits<double>::infinity();
+}
+
+void write_exact(const std::filesystem::path& folder, const BenchModel& bm, const std::vector<Exact>& states) {
+  const auto list = [](const Eigen::VectorXd& x) { return std::vector<double>(x.data(), x.data() + x.size()); };
+  nlohmann::json j;
+  for (const Exact& e : states)
+    j.push_back({{"vdot", list(e.vdot)}, {"tau", list(e.tau)}, {"M_vdot", list(e.M_vdot)}, {"Minv_tau", list(e.Minv_tau)}});
+  std::filesystem::create_directories(folder);
+  std::ofstream(folder / (bm.name + ".json")) << j.dump() << "\n";
+}
+
+}  // namespace cardan::bench
