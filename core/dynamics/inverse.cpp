@@ -157,7 +157,8 @@ void mass_matrix(const Model& model, Workspace& ws, const double* q, double* M) 
   }
   const soa::Sweeps<double>& S = soa::sweeps<double>();
   ws.composite.resize(model.bodies.size());
-  const Inputs in{.q = q, .gravity = false};
+  ws.rest.resize(static_cast<std::size_t>(model.nv));
+  const Inputs in{.q = q, .v = ws.rest.data(), .gravity = false};
   S.hinge_records(model, ws, in);
   for (const Run& run : model.runs)
     if (!is_axis(run.kind)) S.outward(model, ws, in, run, {.velocity = false});

@@ -129,8 +129,8 @@ NodeState Observer::node(int index) const {
 
 RigidInertia<double> Observer::inertia_for_gravity(int k) const {
   const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
-  if (b.n_modes == 0) return b.M_sweep;  // with its rotors
   const RigidInertia<double>& M = inertia_[static_cast<std::size_t>(k)];
+  if (b.n_modes == 0) return M;
   const double M_rr[10] = {M.m, M.h.x, M.h.y, M.h.z, M.J.xx, M.J.yy, M.J.zz, M.J.xy, M.J.xz, M.J.yz};
   return soa::gravity_inertia(model_.flexible[static_cast<std::size_t>(b.flexible)], b.n_modes, M_rr, in_.q + b.eta);
 }
@@ -168,7 +168,7 @@ Energy Observer::energy() const {
     if (model_.gravity.kind == GravitySpec::Kind::uniform) {
       const Vec3<double> first = M.m * ws_.pose_W(k).p + ws_.pose_W(k).R * M.h;  // m x_com
       add(e.gravity, -model_.gravity.g.dot(to_eigen(first)));
-    } else if (model_.field.central && b.kind != KernelKind::rotor) {
+    } else if (model_.gravity.kind == GravitySpec::Kind::central) {
       add(e.gravity, soa::potential(model_.field, inertia_for_gravity(k), ws_.pose_W(k)));
     }
   }
@@ -300,7 +300,7 @@ ExternalLoads Observer::external() const {
       const Eigen::Vector3d first = to_eigen(M.m * W.p + W.R * M.h);
       e.force += M.m * model_.gravity.g;
       e.moment += first.cross(model_.gravity.g);
-    } else if (model_.field.central && b.kind != KernelKind::rotor) {
+    } else if (model_.gravity.kind == GravitySpec::Kind::central) {
       Vec3<double> c, r;
       add(to_inboard(W, soa::attraction(model_.field, inertia_for_gravity(k), W, c, r)));
     }

@@ -599,6 +599,7 @@ class Compiler {
       a.J_axial = to_eigen(b.M.J)(i, i);
       for (int c = 0; c < 3; ++c) a.u[c] = u[c];
       const RigidInertia<double> seen = to_inboard(b.O, b.M);
+      b.M_sweep = seen;
       carrier.M_sweep = carrier.M_sweep + seen;
       carrier.J_P = carrier.J_P + seen.J + symmetric(-a.J_axial * u * u.transpose());
       if (is_axis(carrier.kind)) {

@@ -68,7 +68,7 @@ struct SweepBody {
   Vec3<double> axis;                    // hinge axis (axis shapes), P axes
   double pitch = 0.0;                   // [m/rad]
   RigidInertia<double> M;               // rigid body
-  RigidInertia<double> M_sweep;         // what the sweeps use: M, and that of rotors folded into it
+  RigidInertia<double> M_sweep;         // what the sweeps use: M, and that of rotors folded into it; of a rotor: M seen from A
   Sym3<double> J_P;                     // [kg m^2] what P starts from: J of M_sweep without the moments that its rotors turn under
   double q0 = 0.0;                      // [rad] axis kernels: angle of the frame at q = 0
   int n_modes = 0, eta = 0, etadot = 0; // modal coordinates in q and v

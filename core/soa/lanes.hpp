@@ -15,7 +15,7 @@ template <>
 struct PackOf<8> { using type [[gnu::vector_size(64)]] = double; };
 
 template <int W>
-struct Lanes {
+struct alignas(8 * W) Lanes {
   using Pack = typename PackOf<W>::type;
   Pack x;
 

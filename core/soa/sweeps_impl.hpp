@@ -115,14 +115,14 @@ static void central_gravity(const SweepModel& model, Workspace<T>& ws, const Inp
   const GravityField& g = model.field;
   for (int k = 1; k < static_cast<int>(model.bodies.size()); ++k) {
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
-    if (b.kind == KernelKind::rotor) continue;  // pulled on with its carrier
-    Core<T>& body = ws.core(k);
+    const int carrier = b.kind == KernelKind::rotor ? b.parent : k;  // the pull on a rotor has no moment about its axis
+    Core<T>& body = ws.core(carrier);
     Modal<T>* modal = b.n_modes > 0 ? ws.modal_of(k) : nullptr;
     const RigidInertia<T> inertia =
-        modal ? gravity_inertia(model.flexible[static_cast<std::size_t>(b.flexible)], b.n_modes, modal->M_rr, in.q + b.eta) : cast<T>(b.M_sweep);
+        modal ? gravity_inertia(model.flexible[static_cast<std::size_t>(b.flexible)], b.n_modes, modal->M_rr, in.q + b.eta) : cast<T>(carrier == k ? b.M : b.M_sweep);
     if (!(inertia.m > T(0))) continue;
     Vec3<T> c, r;
-    const Force<T> pull = attraction(g, inertia, ws.pose_W(k), c, r);
+    const Force<T> pull = attraction(g, inertia, ws.pose_W(carrier), c, r);
     body.z -= pull;
     if (!modal) continue;
     const Vec3<T> field = (T(1) / inertia.m) * pull.f;

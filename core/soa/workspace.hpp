@@ -104,6 +104,7 @@ class Workspace {
   std::size_t bytes() const;  ///< all of it
   std::vector<T> angles, sines, cosines;  // of the axis hinges, computed in one go; filled up to a multiple of 8
   std::vector<RigidInertia<T>> composite; // per body, for the mass matrix: only where it is asked for
+  std::vector<T> rest;                    // nv zeros, likewise
   std::vector<double> family;             // q and v of one lane, for families that are called lane by lane; empty for double
 
  private:

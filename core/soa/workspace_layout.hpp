@@ -121,7 +121,7 @@ void Workspace<T>::require_world() {
 
 template <class T>
 std::size_t Workspace<T>::bytes() const {
-  return arena_bytes_ + 3 * angles.size() * sizeof(T) + family.size() * sizeof(double) + composite.size() * sizeof(RigidInertia<T>) + dense_.size() * sizeof(cardan_hinge_out) + pose_W_.size() * sizeof(Pose<T>) + V_.size() * sizeof(Motion<T>);
+  return arena_bytes_ + 3 * angles.size() * sizeof(T) + family.size() * sizeof(double) + composite.size() * sizeof(RigidInertia<T>) + rest.size() * sizeof(T) + dense_.size() * sizeof(cardan_hinge_out) + pose_W_.size() * sizeof(Pose<T>) + V_.size() * sizeof(Motion<T>);
 }
 
 }  // namespace cardan::soa

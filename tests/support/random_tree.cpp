@@ -114,6 +114,19 @@ void add_node(Draft& d, const std::string& name, bool deforms, Random& random) {
   d.nodes.push_back(std::move(n));
 }
 
+/// Axisymmetric about the axis of a revolute hinge, with the mass centre on it.
+void make_wheel(Draft& d, Random& random) {
+  BodySpec& b = d.body;
+  b.hinge.params.clear();
+  set_hinge(b.hinge, "revolute", random);
+  const auto& axis = std::get<std::vector<double>>(b.hinge.params.at("axis").value);
+  Vector3d u = Vector3d(axis[0], axis[1], axis[2]).normalized(), at = Vector3d::Zero();
+  if (!d.nodes.empty()) u = d.nodes.front().R_BN * u, at = d.nodes.front().position;
+  const double across = b.mass * random.between(0.05, 0.2), about = across * random.between(0.5, 1.9);
+  b.com = at + random.between(-0.3, 0.3) * u;
+  b.inertia_com = across * Matrix3d::Identity() + (about - across) * u * u.transpose();
+}
+
 }  // namespace
 
 RandomTree random_tree(unsigned seed, const TreeOptions& options) {
@@ -164,6 +177,7 @@ RandomTree random_tree(unsigned seed, const TreeOptions& options) {
       }
       if (random.chance(options.locked)) b.hinge.locked = true;
     }
+    if (!root && d.n_modes == 0 && random.chance(options.wheels)) make_wheel(d, random);
     if (options.springs && b.hinge.type == "revolute" && !b.hinge.locked) b.hinge.springs = {{0, 3.0, 0.2, 0.5, {}}};
     add_node(d, "tip", true, random);
     drafts.push_back(std::move(d));

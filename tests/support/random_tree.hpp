@@ -20,6 +20,7 @@ struct TreeOptions {
   double flexible = 0.4;      // share of modal bodies
   int level = -1;             // of modal bodies; -1: any
   bool floating = false;      // every root on a `free` hinge
+  double wheels = 0.25;       // share of bodies that become wheels: axisymmetric about a revolute hinge
   double locked = 0.0;        // share of hinges with `locked: true`, at a random position
   double prescribed = 0.0;    // share of velocity components whose motion is given
   bool damping = true;        // of the modes

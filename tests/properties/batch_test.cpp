@@ -1,0 +1,127 @@
+// Many states at once: each as by itself, whatever stands in the other lanes.
+#include "core/dynamics/batch.hpp"
+
+#include <algorithm>
+#include <random>
+
+#include "tests/properties/trees.hpp"
+
+namespace cardan::test {
+namespace {
+
+// The kernels differ in the order of rounding only: 1e-13 of the largest value, times what the solution amplifies.
+constexpr double kLanes = 1e-13;
+
+/// Columns of states near that of the tree.
+struct States {
+  MatrixXd q, v, tau;
+  States(const Loaded& s, int n, unsigned seed) : q(s.model->nq, n), v(s.model->nv, n), tau(s.model->nv, n) {
+    std::mt19937 generator(seed);
+    const auto draw = [&](double size) {
+      VectorXd x(s.model->nv);
+      for (Eigen::Index i = 0; i < x.size(); ++i) x[i] = size * (static_cast<double>(generator()) / 4294967296.0 - 0.5);
+      return x;
+    };
+    for (int k = 0; k < n; ++k) {
+      s.model->retract(s.state.q.data(), draw(0.3).eval().data(), q.col(k).data());
+      v.col(k) = s.state.v + draw(0.5);
+      tau.col(k) = s.tau + draw(1.0);
+    }
+  }
+  BatchInputs in(const MatrixXd& vdot) const { return {static_cast<int>(q.cols()), q.data(), v.data(), tau.data(), vdot.data(), true}; }
+};
+
+double error_2norm(const MatrixXd& a, const MatrixXd& b) {
+  double worst = 0.0;
+  for (Eigen::Index k = 0; k < a.cols(); ++k)
+    if (b.col(k).norm() > 0.0) worst = std::max(worst, (a.col(k) - b.col(k)).norm() / b.col(k).norm());
+  return worst;
+}
+
+TEST(Batch, AgreesWithOneStateAtATime) {
+  for (const double prescribed : {0.0, 0.2})
+    for_all_trees({.bodies = 10, .prescribed = prescribed}, kLanes, [](const RandomTree& tree) {
+      Loaded s(tree);
+      s.wrenches.clear();
+      Batch batch(*s.model);
+      const int n = 2 * batch.width() + 3;
+      const States states(s, n, tree.seed);
+      const MatrixXd given = s.vdot_given.replicate(1, n);
+      MatrixXd vdot(s.model->nv, n), tau(s.model->nv, n), one_vdot = vdot, one_tau = tau;
+      if (batch.forward_dynamics(states.in(given), vdot.data()) != 0) return HUGE_VAL;
+      batch.inverse_dynamics(states.in(vdot), tau.data());
+      for (int k = 0; k < n; ++k) {
+        Inputs in = s.in();
+        in.q = states.q.col(k).data(), in.v = states.v.col(k).data(), in.tau = states.tau.col(k).data();
+        if (!forward_dynamics(*s.model, s.ws, in, one_vdot.col(k).data())) return HUGE_VAL;
+        in.vdot = vdot.col(k).data();
+        inverse_dynamics(*s.model, s.ws, in, one_tau.col(k).data());
+      }
+      // v' carries the condition of M; the forces that it takes do not
+      Eigen::JacobiSVD<MatrixXd> svd(mass_matrix(*s.model, s.ws, states.q.col(0).data()));
+      const double condition = s.model->nv > 0 ? svd.singularValues()(0) / svd.singularValues().tail<1>()(0) : 1.0;
+      return std::max(error_2norm(tau, one_tau), error_2norm(vdot, one_vdot) / std::max(1.0, 1e-2 * condition));
+    });
+}
+
+TEST(Batch, AStateHasTheSameBitsWhereverItStands) {
+  for_all_trees({.bodies = 8}, 0.0, [](const RandomTree& tree) {
+    Loaded s(tree);
+    Batch batch(*s.model), fresh(*s.model);
+    const int n = batch.width() + 1;
+    const States states(s, n, tree.seed);
+    const MatrixXd none = MatrixXd::Zero(s.model->nv, n);
+    MatrixXd together(s.model->nv, n), alone(s.model->nv, n), reversed(s.model->nv, n);
+    batch.forward_dynamics(states.in(none), together.data());
+    States back = states;
+    back.q = states.q.rowwise().reverse().eval(), back.v = states.v.rowwise().reverse().eval(), back.tau = states.tau.rowwise().reverse().eval();
+    batch.forward_dynamics(back.in(none), reversed.data());
+    for (int k = 0; k < n; ++k) {
+      BatchInputs one{1, states.q.col(k).data(), states.v.col(k).data(), states.tau.col(k).data(), none.data(), true};
+      fresh.forward_dynamics(one, alone.col(k).data());
+    }
+    return std::max((together - alone).cwiseAbs().maxCoeff(), (together - reversed.rowwise().reverse()).cwiseAbs().maxCoeff());
+  }, 20);
+}
+
+TEST(Batch, TheInverseOfTheMassMatrix) {
+  for_all_trees({.bodies = 9, .roots = 1, .floating = true}, 1e-10, [](const RandomTree& tree) {
+    Loaded s(tree);
+    const int nv = s.model->nv;
+    MatrixXd inverse(nv, nv);
+    if (!Batch(*s.model).mass_matrix_inverse(s.state.q.data(), inverse.data())) return HUGE_VAL;
+    if (inverse != inverse.transpose()) return HUGE_VAL;
+    return (mass_matrix(*s.model, s.ws, s.state.q.data()) * inverse - MatrixXd::Identity(nv, nv)).cwiseAbs().maxCoeff();
+  });
+}
+
+TEST(Batch, AStateWithoutInertiaIsToldAndHarmsNoOther) {
+  // A point on a universal hinge: with the second angle at a right angle it lies on the first axis and has no inertia about it.
+  const auto model = compiled(system({on(particle("point", 2.0, {0, 0, 1}), "", "universal", {{1, 0, 0}, {0, 1, 0}})}, uniform_gravity({0, 0, -9.81})));
+  Batch batch(*model);
+  const int n = 2 * batch.width() + 1, bad = 1;
+  MatrixXd q(2, n), v = MatrixXd::Ones(2, n), out(2, n), good(2, n);
+  for (int k = 0; k < n; ++k) q.col(k) << 0.1 * k, k == bad ? 1.5707963267948966 : 0.05 * k;
+  std::vector<std::uint8_t> failed(static_cast<std::size_t>(n));
+  EXPECT_EQ(batch.forward_dynamics({n, q.data(), v.data(), nullptr, nullptr, true}, out.data(), failed.data()), 1);
+  Workspace ws(*model);
+  for (int k = 0; k < n; ++k) {
+    EXPECT_EQ(failed[static_cast<std::size_t>(k)], k == bad) << k;
+    Inputs in;
+    in.q = q.col(k).data(), in.v = v.col(k).data();
+    EXPECT_EQ(forward_dynamics(*model, ws, in, good.col(k).data()), k != bad);
+    if (k == bad)
+      EXPECT_TRUE(out.col(k).array().isNaN().all());
+    else
+      EXPECT_LT(apart(out.col(k), good.col(k)), 1e-13);
+  }
+}
+
+TEST(Rotors, WheelsAreFoldedIntoWhatCarriesThem) {
+  int rotors = 0;
+  for (unsigned seed = 1; seed <= 60; ++seed) rotors += static_cast<int>(Loaded(random_tree(seed, {})).model->rotors.size());
+  EXPECT_GT(rotors, 10);  // so that every law of this folder is a law of folded wheels too
+}
+
+}  // namespace
+}  // namespace cardan::test
