@@ -11,7 +11,7 @@ void inverse_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inpu
   use.gravity = in.gravity && terms.gravity;
   S.ground(model, ws, use);
   S.hinge_records(model, ws, use);
-  for (const Run& run : model.runs) S.outward(model, ws, use, run, {.vdot = in.vdot != nullptr, .velocity = terms.velocity});
+  for (const Run& run : model.runs) S.outward(model, ws, use, run, {.vdot = in.vdot != nullptr, .velocity = terms.velocity, .inertia = in.vdot == nullptr});
   if (terms.elastic && !model.flexible.empty()) S.elastic(model, ws, use);
   if ((use.gravity && model.field.central) || std::ranges::any_of(in.wrenches, [](const auto& w) { return w.world_axes; })) {
     ws.require_world();

@@ -610,9 +610,9 @@ class Compiler {
       b.kind = KernelKind::rotor;
       m.rotors.push_back(static_cast<int>(k));
     }
-    std::fill(carries.begin(), carries.end(), 0);
+    std::vector<int> last(n, 0);  // child with the highest index that is no rotor: the first that comes from the tip
     for (std::size_t k = 1; k < n; ++k)
-      if (m.bodies[k].kind != KernelKind::rotor) carries[static_cast<std::size_t>(m.bodies[k].parent)] = 1;
+      if (m.bodies[k].kind != KernelKind::rotor) last[static_cast<std::size_t>(m.bodies[k].parent)] = static_cast<int>(k);
     for (std::size_t k = 1; k < n; ++k) {
       SweepBody& b = m.bodies[k];
       if (!is_axis(b.kind)) continue;
@@ -622,12 +622,14 @@ class Compiler {
         a.angle = static_cast<int>(m.angles.size());
         m.angles.push_back({a.q, a.q0});
       }
-      a.leaf = !carries[k];
+      const int child = last[k];
+      a.leaf = child == 0;
+      if (child > 0 && is_axis(m.bodies[static_cast<std::size_t>(child)].kind)) m.axis_bodies[static_cast<std::size_t>(child)].first = a.written_by_child = true;
       const RigidInertia<double>& M = b.M_sweep;
-      const double J[6] = {b.J_P.xx, b.J_P.yy, b.J_P.zz, b.J_P.xy, b.J_P.xz, b.J_P.yz};
       a.m = M.m;
       a.h[0] = M.h.x, a.h[1] = M.h.y, a.h[2] = M.h.z;
-      std::copy(J, J + 6, a.J);
+      a.P = articulated(M);
+      a.P.J = b.J_P;
     }
   }
 

@@ -88,7 +88,10 @@ struct AxisBody {
   double cos_alpha = 1, sin_alpha = 0, cos_beta = 1, sin_beta = 0;  // R_O = Rz(alpha) Ry(beta)
   double p[3] = {};                                         // [m] B in A, A axes
   double l[2] = {};                                         // [m] the same in O axes, components j and k (that along i is 0)
-  double m = 0.0, h[3] = {}, J[6] = {};                     // [kg], [kg m], [kg m^2] xx yy zz xy xz yz about B: P starts from them
+  bool written_by_child = false;                            // one of its children is `first`
+  bool first = false;                                       // tip to base: the first of its siblings
+  double m = 0.0, h[3] = {};                                // [kg], [kg m] about B
+  ArticulatedInertia<double> P;                             // what P starts from
   double S[6] = {};                                         // [kg m^2] second moments: integral of r r* dm
   double u[3] = {}, J_axial = 0.0;                          // rotor: axis in A, [kg m^2] moment about it
 };

@@ -67,12 +67,10 @@ CARDAN_INLINE constexpr void tilt(const AxisBody& b, V& v) {  // O axes -> inboa
   if constexpr (TILT == Tilt::alpha_beta) turn<2>(v, T(b.cos_alpha), T(b.sin_alpha));
 }
 
-/// The inertia about B that P starts from.
+/// P <- what it starts from, and P <- that + Q.
+CARDAN_INLINE void start(const AxisBody& b, ArticulatedInertia<double>& P) { P = b.P; }
 template <class T>
-CARDAN_INLINE ArticulatedInertia<T> starting_inertia(const AxisBody& b) {
-  const T m(b.m), o(0);
-  return {{T(b.J[0]), T(b.J[1]), T(b.J[2]), T(b.J[3]), T(b.J[4]), T(b.J[5])}, tilde(Vec3<T>{T(b.h[0]), T(b.h[1]), T(b.h[2])}), {m, m, m, o, o, o}};
-}
+CARDAN_INLINE void start(const AxisBody& b, ArticulatedInertia<T>& P) { P = cast<T>(b.P); }
 
 /// Base to tip: w, gamma_b, E, z = M gamma_b + b. The moment is the axial part of E S with the second moments S of the body
 /// (2 S = tr J 1 - 2 J): M gamma + b = [ (E S)_axial + h x gamma.v ; m gamma.v + E h ].
@@ -108,7 +106,9 @@ CARDAN_INLINE void outward_axis(const AxisBody& b, const Core<T>& inboard, AxisR
                           (E.xx * xz + E.xy * yz + E.xz * zz) - (E.zx * xx + E.zy * xy + E.zz * xz),
                           (E.yx * xx + E.yy * xy + E.yz * xz) - (E.xx * xy + E.xy * yy + E.xz * yz)} +
                   cross(h, a);
-  if (!b.leaf) body.core.P = starting_inertia<T>(b);
+  // One state: copied here, added to in the inward sweep. Lanes: stores cost more than they do, so the first child writes.
+  if constexpr (For.inertia)
+    if (!b.leaf && (kWidth<T> == 1 || !b.written_by_child)) start(b, body.core.P);
 }
 
 /// z+ from B to the inboard body: turned, shifted by l = (l_j, l_k), tilted.
@@ -128,7 +128,8 @@ CARDAN_INLINE Force<T> force_to_inboard(const AxisBody& b, const T& c, const T& 
 
 /// Tip to base. D = J_ii, G = P e_i / D, P+ = P - G D G* without its zero row i. False: no inertia about the axis.
 template <class T, int I, Tilt TILT, InwardFor For>
-CARDAN_INLINE bool inward_axis(const AxisBody& b, Core<T>& inboard, AxisRecord<T>& body, const T& c, const T& s, const Inputs<T>& in, int n, Breakdown& breakdown) {
+CARDAN_INLINE bool inward_axis(const AxisBody& b, const AxisBody& carrier, Core<T>& inboard, AxisRecord<T>& body, const T& c, const T& s, const Inputs<T>& in, int n,
+                               Breakdown& breakdown) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   if constexpr (For.inertia) {
     ArticulatedInertia<T>& P = body.core.P;  // of a leaf: constant, written with the workspace
@@ -201,7 +202,10 @@ CARDAN_INLINE bool inward_axis(const AxisBody& b, Core<T>& inboard, AxisRecord<T
       tilt<TILT, T>(b, Q.B);
       tilt<TILT, T>(b, Q.M);
     }
-    inboard.P += Q;
+    if (kWidth<T> > 1 && b.first)
+      inboard.P = Q + cast<T>(carrier.P);
+    else
+      inboard.P += Q;
   }
   if constexpr (For.bias) {
     const T tau = in.tau ? in.tau[b.v] : T(0);
@@ -305,7 +309,8 @@ static void inward_axes(const SweepModel& model, Workspace<T>& ws, const Inputs<
     }
     const bool regular = for_axis(b.kind, [&]<int I, Tilt TILT>() {
       const T c = cosines[b.angle], s = sines[b.angle];
-      return inward_axis<T, I, TILT, For>(b, ws.core(b.parent), ws.axis(n), c, s, in, n, ws.breakdown);
+      const AxisBody& carrier = model.axis_bodies[static_cast<std::size_t>(b.parent)];
+      return inward_axis<T, I, TILT, For>(b, carrier, ws.core(b.parent), ws.axis(n), c, s, in, n, ws.breakdown);
     });
     if (!regular) return;
   }

@@ -103,7 +103,7 @@ static void inward_free(const SweepModel& model, Workspace<T>& ws, const Inputs<
         body.tau[3] = f.x, body.tau[4] = f.y, body.tau[5] = f.z;
       }
       const Force<T> wrench{{body.tau[0], body.tau[1], body.tau[2]}, {body.tau[3], body.tau[4], body.tau[5]}};
-      if (b.parent > 0) ws.core(b.parent).z += to_inboard(body.X, wrench);
+      ws.core(b.parent).z += to_inboard(body.X, wrench);
     }
   }
 }
@@ -141,7 +141,7 @@ static void gather_free(const SweepModel& model, Workspace<T>& ws, const Inputs<
     T* out = tau + b.v;
     out[0] = z.n.x, out[1] = z.n.y, out[2] = z.n.z;
     out[3] = linear.x, out[4] = linear.y, out[5] = linear.z;
-    if (b.parent > 0) ws.core(b.parent).z += to_inboard(body.X, z);
+    ws.core(b.parent).z += to_inboard(body.X, z);
   }
 }
 

@@ -49,9 +49,9 @@ static void hinge_records(const SweepModel& model, Workspace<T>& ws, const Input
 
 template <class T>
 static void ground(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
-  Core<T>& ground = ws.core(0);
-  ground = Core<T>();
-  if (in.gravity && model.field.uniform) ground.gamma.v = -cast<T>(model.field.g);
+  Core<T>& ground = ws.core(0);  // w, gamma_w, delta, E of the ground are zero and stay so; its P is read by nobody
+  ground.z = Force<T>();
+  ground.gamma.v = in.gravity && model.field.uniform ? -cast<T>(model.field.g) : Vec3<T>{T(0), T(0), T(0)};
   for (const int k : model.rotors) ws.axis(k).load = T(0);
   ws.breakdown = {};
 }
@@ -76,10 +76,12 @@ static void outward(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& 
         run.kind, [&]<int NV>() { outward_rigid<T, NV, For>(model, ws, in, run.begin, run.end); },
         [&]<int NV>() { outward_general<T, NV, For>(model, ws, in, run.begin, run.end); });
   };
-  if (what.velocity)
-    what.vdot ? pass.template operator()<OutwardFor{true, true}>() : pass.template operator()<OutwardFor{false, true}>();
+  if (!what.inertia)  // inverse dynamics
+    what.velocity ? pass.template operator()<OutwardFor{true, true, false}>() : pass.template operator()<OutwardFor{true, false, false}>();
+  else if (what.velocity)
+    what.vdot ? pass.template operator()<OutwardFor{true, true, true}>() : pass.template operator()<OutwardFor{false, true, true}>();
   else
-    what.vdot ? pass.template operator()<OutwardFor{true, false}>() : pass.template operator()<OutwardFor{false, false}>();
+    pass.template operator()<OutwardFor{false, false, true}>();
 }
 
 template <class T>

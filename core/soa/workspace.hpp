@@ -35,6 +35,7 @@ struct Inputs {
 struct OutwardFor {
   bool vdot = false;      // add H* v' of Inputs::vdot (prescribed motion, inverse dynamics)
   bool velocity = true;   // velocity terms; false: as if v = 0
+  bool inertia = true;    // P starts from M; false, with vdot: no inward sweep follows
 };
 struct InwardFor {
   bool inertia = true;  // P, D, G: functions of q only

@@ -71,7 +71,7 @@ Workspace<T>::Workspace(const SweepModel& model) {
     const SweepBody& b = model.bodies[k];
     if (is_axis(b.kind)) {
       auto* record = new (arena_.get() + offset_[k]) AxisRecord<T>();
-      record->core.P = {cast<T>(b.J_P), tilde(cast<T>(b.M_sweep.h)), {T(b.M_sweep.m), T(b.M_sweep.m), T(b.M_sweep.m), T(0), T(0), T(0)}};  // a leaf's stays
+      if (b.kind != KernelKind::rotor) record->core.P = cast<T>(model.axis_bodies[k].P);  // a leaf's stays
       continue;
     }
     if (b.kind == KernelKind::free) {

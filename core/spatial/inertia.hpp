@@ -65,6 +65,8 @@ struct ArticulatedInertia {
   Sym3<T> M{};
 };
 
+template <class T, class S>
+CARDAN_INLINE constexpr ArticulatedInertia<T> cast(const ArticulatedInertia<S>& P) { return {cast<T>(P.J), cast<T>(P.B), cast<T>(P.M)}; }
 template <class T>
 CARDAN_INLINE constexpr Force<T> operator*(const ArticulatedInertia<T>& P, const Motion<T>& V) {
   return {P.J * V.w + P.B * V.v, transpose_times(P.B, V.w) + P.M * V.v};
