@@ -56,7 +56,9 @@ struct Row {
 };
 
 void bench_model(const BenchModel& bm, const Registry& registry, double seconds, std::vector<Row>& rows) {
-  const auto model = compile(bm.spec, registry, {.merge_locked = true, .choose_frames = true, .node_wrenches = false, .world_wrenches = false});
+  const CompileOptions options{.merge_locked = true, .choose_frames = true, .node_wrenches = false, .world_wrenches = false};
+  const auto spec = std::make_shared<const SystemSpec>(bm.spec);
+  const auto model = compile(spec, registry, options);
   Workspace ws(*model);
   const int n = static_cast<int>(model->bodies.size()) - 1, states = static_cast<int>(bm.states.size());
   const double bytes = static_cast<double>(ws.bytes()) / n;
@@ -65,7 +67,7 @@ void bench_model(const BenchModel& bm, const Registry& registry, double seconds,
   bool rigid = model->flexible.empty();
   if (rigid) {
     error = 0.0;
-    const auto plain = compile(bm.spec, registry, {.merge_locked = false, .choose_frames = false, .node_wrenches = false, .world_wrenches = false});
+    const auto plain = compile(spec, registry, {.merge_locked = false, .choose_frames = false, .node_wrenches = false, .world_wrenches = false});
     for (int s = 0; s < std::min(3, states); ++s) {
       const BenchState& state = bm.states[static_cast<std::size_t>(s)];
       Inputs in;
@@ -74,6 +76,7 @@ void bench_model(const BenchModel& bm, const Registry& registry, double seconds,
       error = std::max(error, forward_error(*plain, state, out));
     }
   }
+  rows.push_back({bm.name, "compile", n, time_ring(1, seconds, [&](int) { compile(spec, registry, options); }), -1.0, bytes});
   rows.push_back({bm.name, "forward_dynamics", n, time_ring(states, seconds, [&](int k) {
     const BenchState& s = bm.states[static_cast<std::size_t>(k)];
     Inputs in;

@@ -184,5 +184,7 @@ struct CompileOptions {
 
 /// All user errors of a description end here: throws InputError with everything that was found.
 std::shared_ptr<const Model> compile(const SystemSpec& spec, const Registry& registry, const CompileOptions& options = {});
+/// The same; the model shares the description instead of keeping a copy.
+std::shared_ptr<const Model> compile(std::shared_ptr<const SystemSpec> spec, const Registry& registry, const CompileOptions& options = {});
 
 }  // namespace cardan
