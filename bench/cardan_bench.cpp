@@ -14,6 +14,7 @@
 
 #include "bench/bench_model.hpp"
 #include "bench/forward_error.hpp"
+#include "bench/step_overhead.hpp"
 #include "bodies/register.hpp"
 #include "core/dynamics/inverse.hpp"
 #include "hinges/register.hpp"
@@ -113,20 +114,26 @@ int run(int argc, char** argv) {
   register_hinges(registry);
   register_bodies(registry);
   std::vector<Row> rows;
-  fmt::print("{:32} {:18} {:>7} {:>12} {:>12} {:>9} {:>9} {:>8}\n", "model", "op", "bodies", "min ns", "median ns", "ns/body", "error", "B/body");
-  const auto bench = [&](const BenchModel& bm) {
-    if (bm.name.find(only) == std::string::npos) return;
-    const std::size_t first = rows.size();
-    bench_model(bm, registry, seconds, rows);
-    for (std::size_t i = first; i < rows.size(); ++i) {
-      const Row& r = rows[i];
-      fmt::print("{:32} {:18} {:7} {:12.0f} {:12.0f} {:9.1f} {:>9} {:8.0f}\n", r.model, r.op, r.bodies, r.timing.min_ns, r.timing.median_ns,
+  fmt::print("{:32} {:28} {:>7} {:>12} {:>12} {:>9} {:>9} {:>8}\n", "model", "op", "bodies", "min ns", "median ns", "ns/body", "error", "B/body");
+  std::size_t printed = 0;
+  const auto print_new_rows = [&] {
+    for (; printed < rows.size(); ++printed) {
+      const Row& r = rows[printed];
+      fmt::print("{:32} {:28} {:7} {:12.0f} {:12.0f} {:9.1f} {:>9} {:8.0f}\n", r.model, r.op, r.bodies, r.timing.min_ns, r.timing.median_ns,
                  r.timing.min_ns / r.bodies, r.error < 0 ? "-" : fmt::format("{:.1e}", r.error), r.bytes_per_body);
     }
+  };
+  const auto bench = [&](const BenchModel& bm) {
+    if (bm.name.find(only) == std::string::npos) return;
+    bench_model(bm, registry, seconds, rows);
+    print_new_rows();
   };
   for (const auto& file : models_in(models)) bench(read_model(file));
   for (const int modes : {5, 20, 40, 60})
     for (const int bodies : {3, 10, 30}) bench(flexible_chain(bodies, modes));
+  if (std::string("step_overhead").find(only) != std::string::npos)
+    for (const StepOverhead& s : step_overheads(registry, seconds)) rows.push_back({s.model, s.op, s.bodies, {s.min_ns, s.median_ns}, -1.0, 0.0});
+  print_new_rows();
 
   // Growth: exponent of time in the number of bodies between the smallest and largest of a family.
   std::map<std::string, std::vector<const Row*>> families;

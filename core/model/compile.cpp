@@ -234,6 +234,28 @@ class Compiler {
         u.M = about_origin(I.I1, from_eigen(com), symmetric(inertia_com));
       }
     }
+    find_plain_rates();
+  }
+
+  // A hinge that moves along q + v dt has q' = v (a law of hinges), modes have eta' = etadot; neighbours are one stretch.
+  void find_plain_rates() {
+    Model& m = *model_;
+    const auto add = [&](int q, int v, int n) {
+      if (n == 0) return;
+      if (!m.plain_rates.empty()) {
+        PlainRates& last = m.plain_rates.back();
+        if (q == last.q + last.n && v == last.v + last.n) return void(last.n += n);
+      }
+      m.plain_rates.push_back({q, v, n});
+    };
+    for (std::size_t i = 0; i < m.user.size(); ++i) {
+      const UserBody& u = m.user[i];
+      if (u.nq > 0 && u.hinge->retract)
+        m.curved.push_back(static_cast<int>(i));
+      else
+        add(u.q, u.v, u.nq);
+      add(u.eta, u.etadot, u.n_modes);
+    }
   }
 
   // Inboard before outboard; within a level in the user's order.
@@ -658,9 +680,10 @@ State Model::initial_state() const {
 }
 
 void Model::qdot(const double* q, const double* v, double* out) const {
-  for (const auto& u : user) {
-    if (u.nq > 0) u.hinge->qdot(u.hinge_packed.data(), q + u.q, v + u.v, out + u.q);
-    for (int j = 0; j < u.n_modes; ++j) out[u.eta + j] = v[u.etadot + j];
+  for (const PlainRates& r : plain_rates) std::copy_n(v + r.v, r.n, out + r.q);
+  for (const int i : curved) {
+    const UserBody& u = user[static_cast<std::size_t>(i)];
+    u.hinge->qdot(u.hinge_packed.data(), q + u.q, v + u.v, out + u.q);
   }
 }
 

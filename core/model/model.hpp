@@ -116,6 +116,11 @@ struct UserBody {
   std::vector<std::string> q_names, v_names, q_units, v_units;
 };
 
+/// Coordinates whose rates are velocities as they stand: q'[q ... q + n) = v[v ... v + n).
+struct PlainRates {
+  int q, v, n;
+};
+
 /// A named point.
 struct UserNode {
   std::string name;                     // "bus.saddle_left"; the body's own name for its origin
@@ -152,6 +157,8 @@ class Model {
   std::vector<std::uint8_t> prescribed; // per v: 1 = follows a given motion; empty when none does
   GravitySpec gravity;
   std::vector<UserBody> user;           // in the user's order
+  std::vector<PlainRates> plain_rates;
+  std::vector<int> curved;              // user indices of the others: q' is up to their hinge
   std::vector<UserNode> nodes;
   std::vector<Op> program;              // forward dynamics, in order of execution
   bool has(Kernel kernel) const {

@@ -35,6 +35,15 @@ Pose<T> pose_in_inboard(const Model& model, const Workspace<T>& ws, int k) {
   const AxisRecord<T>& r = ws.axis(k);
   return {cast<T>(b.O.R) * rotation_about(cast<T>(b.axis), r.s, r.c), cast<T>(b.O.p)};
 }
+/// R_AB r + m p_AB: the first moment r of the mass m about B, in the axes of A and about its origin.
+template <class T>
+Vec3<T> moment_in_inboard(const Model& model, const Workspace<T>& ws, int k, const Vec3<T>& r, const T& m) {
+  const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+  if (!is_axis(b.kind)) return ws.X(k).R * r + m * ws.X(k).p;
+  const AxisRecord<T>& turn = ws.axis(k);
+  const Vec3<T> u = cast<T>(b.axis);
+  return cast<T>(b.O.R) * (turn.c * r + turn.s * cross(u, r) + ((T(1) - turn.c) * dot(u, r)) * u) + m * cast<T>(b.O.p);
+}
 template <class T>
 Motion<T> hinge_column(const Model& model, const Workspace<T>& ws, int k, int j) {
   const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
