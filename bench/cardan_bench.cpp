@@ -14,6 +14,7 @@
 
 #include "bench/bench_model.hpp"
 #include "bench/exact.hpp"
+#include "bench/step_overhead.hpp"
 #include "bench/time_ring.hpp"
 #include "bodies/register.hpp"
 #include "core/dynamics/batch.hpp"
@@ -46,7 +47,9 @@ struct Ring {
 };
 
 void bench_model(const BenchModel& bm, const Registry& registry, double seconds, std::vector<Row>& rows) {
-  const auto model = compile(bm.spec, registry, {.merge_locked = true, .choose_frames = true, .node_wrenches = false, .world_wrenches = false});
+  const CompileOptions options{.merge_locked = true, .choose_frames = true, .node_wrenches = false, .world_wrenches = false};
+  const auto spec = std::make_shared<const SystemSpec>(bm.spec);
+  const auto model = compile(spec, registry, options);
   const Model& m = *model;
   Workspace ws(m);
   Batch batch(m);
@@ -85,7 +88,7 @@ void bench_model(const BenchModel& bm, const Registry& registry, double seconds,
       batch.inverse_dynamics(all, outs.data()), worst(e_batch_inverse, outs.col(k), truth[s].tau);
       if (!matrices) continue;
       mass_matrix(m, ws, bm.states[s].q.data(), M.data()), worst(e_matrix, M * bm.states[s].vdot, truth[s].M_vdot);
-      batch.mass_matrix_inverse(bm.states[s].q.data(), M.data()), worst(e_inverse_matrix, M * bm.states[s].tau, truth[s].Minv_tau);
+      mass_matrix_inverse(m, ws, bm.states[s].q.data(), M.data()), worst(e_inverse_matrix, M * bm.states[s].tau, truth[s].Minv_tau);
     }
   }
   const double bytes = static_cast<double>(ws.bytes()) / n, batch_bytes = static_cast<double>(batch.bytes()) / n / batch.width();
@@ -95,13 +98,14 @@ void bench_model(const BenchModel& bm, const Registry& registry, double seconds,
   };
   const auto per_sample = [&](Timing* t) { t->min_ns /= ring.size(), t->median_ns /= ring.size(); };
   const std::string lanes = fmt::format("batch, {} lanes", batch.width());
+  rows.push_back({bm.name, "compile", "", n, time_ring(1, seconds, [&](int) { compile(spec, registry, options); }), -1.0, bytes});
   row("forward_dynamics", "", e_forward, bytes, [&](int k) { forward(k, out); });
   per_sample(row("forward_dynamics", lanes, e_batch, batch_bytes, [&](int) { batch.forward_dynamics(all, outs.data()); }));
   row("inverse_dynamics", "", e_inverse, bytes, [&](int k) { inverse(k, out); });
   per_sample(row("inverse_dynamics", lanes, e_batch_inverse, batch_bytes, [&](int) { batch.inverse_dynamics(all, outs.data()); }));
   if (!matrices) return;
   row("mass_matrix", "", e_matrix, bytes, [&](int k) { mass_matrix(m, ws, bm.states[static_cast<std::size_t>(k)].q.data(), M.data()); });
-  row("mass_matrix_inverse", "", e_inverse_matrix, batch_bytes, [&](int k) { batch.mass_matrix_inverse(bm.states[static_cast<std::size_t>(k)].q.data(), M.data()); });
+  row("mass_matrix_inverse", "", e_inverse_matrix, bytes, [&](int k) { mass_matrix_inverse(m, ws, bm.states[static_cast<std::size_t>(k)].q.data(), M.data()); });
 }
 
 int run(int argc, char** argv) {
@@ -133,20 +137,26 @@ int run(int argc, char** argv) {
   }
   std::vector<Row> rows;
   fmt::print("{:28} {:35} {:>7} {:>12} {:>12} {:>9} {:>9} {:>8}\n", "model", "op", "bodies", "min ns", "median ns", "ns/body", "error", "B/body");
-  const auto bench = [&](const BenchModel& bm) {
-    if (bm.name.find(only) == std::string::npos) return;
-    const std::size_t first = rows.size();
-    bench_model(bm, registry, seconds, rows);
-    for (std::size_t i = first; i < rows.size(); ++i) {
-      const Row& r = rows[i];
+  std::size_t printed = 0;
+  const auto print_new_rows = [&] {
+    for (; printed < rows.size(); ++printed) {
+      const Row& r = rows[printed];
       fmt::print("{:28} {:35} {:7} {:12.0f} {:12.0f} {:9.1f} {:>9} {:8.0f}\n", r.model, r.call.empty() ? r.op : r.op + " " + r.call, r.bodies, r.timing.min_ns, r.timing.median_ns,
                  r.timing.min_ns / r.bodies, r.error < 0 ? "-" : fmt::format("{:.1e}", r.error), r.bytes_per_body);
     }
+  };
+  const auto bench = [&](const BenchModel& bm) {
+    if (bm.name.find(only) == std::string::npos) return;
+    bench_model(bm, registry, seconds, rows);
+    print_new_rows();
   };
   for (const auto& file : models_in(models)) bench(read_model(file));
   for (const int modes : {5, 20, 40, 60})
     for (const int bodies : {3, 10, 30})
       if (std::filesystem::is_directory(models)) bench(flexible_chain(bodies, modes));
+  if (std::filesystem::is_directory(models) && std::string("step_overhead").find(only) != std::string::npos)
+    for (const StepOverhead& s : step_overheads(registry, seconds)) rows.push_back({s.model, s.op, "", s.bodies, {s.min_ns, s.median_ns}, -1.0, 0.0});
+  print_new_rows();
 
   // Growth: exponent of time in the number of bodies between the smallest and largest of a family.
   std::map<std::string, std::vector<const Row*>> families;

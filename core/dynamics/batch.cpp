@@ -13,7 +13,6 @@ struct Batch::Passes {
   virtual std::size_t bytes() const = 0;
   virtual int forward(const BatchInputs& in, double* vdot, std::uint8_t* failed) = 0;
   virtual void inverse(const BatchInputs& in, double* tau) = 0;
-  virtual bool mass_matrix_inverse(const double* q, double* inverse) = 0;
 };
 
 namespace {
@@ -61,37 +60,6 @@ class PassesOf : public Batch::Passes {
       inverse_dynamics<T>(model_, ws_, load(in, first, count), out_.data());
       store(first, count, tau);
     }
-  }
-
-  bool mass_matrix_inverse(const double* q, double* inverse) override {
-    const soa::Sweeps<T>& S = soa::sweeps<T>();
-    const int nv = model_.nv;
-    soa::Inputs<T> in;
-    in.gravity = false;
-    for (int i = 0; i < model_.nq; ++i) q_[static_cast<std::size_t>(i)] = T(q[i]);
-    std::fill(v_.begin(), v_.end(), T(0));
-    std::fill(tau_.begin(), tau_.end(), T(0));
-    std::fill(vdot_.begin(), vdot_.end(), T(0));
-    in.q = q_.data(), in.v = v_.data(), in.tau = tau_.data(), in.vdot = vdot_.data();
-    S.ground(model_, ws_, in);
-    S.hinge_records(model_, ws_, in);
-    for (const Run& run : model_.runs) S.outward(model_, ws_, in, run, {.velocity = false});
-    for (auto run = model_.runs.rbegin(); run != model_.runs.rend(); ++run) {
-      S.inward(model_, ws_, in, *run, {.bias = false});
-      if (ws_.breakdown.body != 0) return false;
-    }
-    for (int first = 0; first < nv; first += W) {
-      const int count = std::min(W, nv - first);
-      for (int l = 0; l < count; ++l) soa::set_lane(tau_[static_cast<std::size_t>(first + l)], l, 1.0);
-      S.at_rest(model_, ws_);
-      for (auto run = model_.runs.rbegin(); run != model_.runs.rend(); ++run) S.inward(model_, ws_, in, *run, {.inertia = false});
-      for (const Run& run : model_.runs) S.acceleration(model_, ws_, in, run, out_.data());
-      store(first, count, inverse);
-      for (int l = 0; l < count; ++l) tau_[static_cast<std::size_t>(first + l)] = T(0);
-    }
-    for (int j = 0; j < nv; ++j)  // symmetric by nature; exactly so
-      for (int i = 0; i < j; ++i) inverse[nv * i + j] = inverse[nv * j + i] = 0.5 * (inverse[nv * i + j] + inverse[nv * j + i]);
-    return true;
   }
 
  private:
@@ -143,7 +111,6 @@ Batch::Batch(Batch&&) noexcept = default;
 int Batch::width() const { return passes_->width(); }
 std::size_t Batch::bytes() const { return passes_->bytes(); }
 int Batch::forward_dynamics(const BatchInputs& in, double* vdot, std::uint8_t* failed) { return passes_->forward(in, vdot, failed); }
-bool Batch::mass_matrix_inverse(const double* q, double* inverse) { return passes_->mass_matrix_inverse(q, inverse); }
 void Batch::inverse_dynamics(const BatchInputs& in, double* tau) { passes_->inverse(in, tau); }
 
 }  // namespace cardan

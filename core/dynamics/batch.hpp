@@ -31,9 +31,6 @@ class Batch {
   int forward_dynamics(const BatchInputs& in, double* vdot, std::uint8_t* failed = nullptr);
   /// tau: nv x n, as inverse_dynamics (inverse.hpp) for each state.
   void inverse_dynamics(const BatchInputs& in, double* tau);
-  /// M^-1 (nv x nv, column-major) at q: its columns are the accelerations of unit forces, so many at once; P, D and G are formed
-  /// once (O(N^2) in all). False at a direction without inertia.
-  bool mass_matrix_inverse(const double* q, double* inverse);
   std::size_t bytes() const;     ///< of working memory
 
   struct Passes;                 // of one width

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "core/soa/program.hpp"
+
 namespace cardan {
 
 template <class T>
@@ -9,17 +11,7 @@ bool forward_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inpu
   const soa::Sweeps<T>& S = soa::sweeps<T>();
   S.ground(model, ws, in);
   for (const Op& op : model.program) {
-    const Run* run = op.run >= 0 ? &model.runs[static_cast<std::size_t>(op.run)] : nullptr;
-    switch (op.kernel) {
-      case Kernel::hinge_records: S.hinge_records(model, ws, in); break;
-      case Kernel::outward: S.outward(model, ws, in, *run, {.vdot = is_general(run->kind) && model.has_prescribed()}); break;
-      case Kernel::elastic: S.elastic(model, ws, in); break;
-      case Kernel::world: S.world(model, ws, in); break;
-      case Kernel::central_gravity: S.central_gravity(model, ws, in); break;
-      case Kernel::node_wrenches: S.node_wrenches(model, ws, in); break;
-      case Kernel::inward: S.inward(model, ws, in, *run, {}); break;
-      case Kernel::acceleration: S.acceleration(model, ws, in, *run, vdot); break;
-    }
+    soa::run_op(model, op, S, ws, in, vdot);
     if (ws.breakdown.body != 0) return false;
   }
   return true;

@@ -148,10 +148,48 @@ Eigen::MatrixXd flexible_mass_matrix(const Model& model, Workspace& ws, const do
   return mass;
 }
 
+/// Rigid bodies alone, nothing prescribed.
+bool is_plain(const Model& model) {
+  return std::ranges::none_of(model.runs, [](const Run& run) { return is_general(run.kind); });
+}
+
 }  // namespace
 
+bool mass_matrix_inverse(const Model& model, Workspace& ws, const double* q, double* inverse) {
+  const soa::Sweeps<double>& S = soa::sweeps<double>();
+  const int nv = model.nv;
+  ws.rest.assign(static_cast<std::size_t>(nv), 0.0);
+  Inputs in{.q = q, .v = ws.rest.data(), .vdot = ws.rest.data(), .gravity = false};
+  S.ground(model, ws, in);
+  S.hinge_records(model, ws, in);
+  S.at_rest(model, ws);
+  const bool plain = is_plain(model);
+  for (const Run& run : model.runs)
+    if (!plain || !is_axis(run.kind)) S.outward(model, ws, in, run, {.velocity = false});
+  if (plain) {
+    S.mass_matrix_inverse(model, ws, in, inverse);
+    return ws.breakdown.body == 0;
+  }
+  for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) {
+    S.inward(model, ws, in, *run, {.bias = false});
+    if (ws.breakdown.body != 0) return false;
+  }
+  std::vector<double> unit(static_cast<std::size_t>(nv), 0.0);
+  in.tau = unit.data();
+  for (int j = 0; j < nv; ++j) {
+    unit[static_cast<std::size_t>(j)] = 1.0;
+    S.at_rest(model, ws);
+    for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.inward(model, ws, in, *run, {.inertia = false});
+    for (const Run& run : model.runs) S.acceleration(model, ws, in, run, inverse + static_cast<std::ptrdiff_t>(nv) * j);
+    unit[static_cast<std::size_t>(j)] = 0.0;
+  }
+  for (int j = 0; j < nv; ++j)  // symmetric by nature; exactly so
+    for (int i = 0; i < j; ++i) inverse[nv * i + j] = inverse[nv * j + i] = 0.5 * (inverse[nv * i + j] + inverse[nv * j + i]);
+  return true;
+}
+
 void mass_matrix(const Model& model, Workspace& ws, const double* q, double* M) {
-  if (std::ranges::any_of(model.runs, [](const Run& run) { return is_general(run.kind); })) {
+  if (!is_plain(model)) {
     Eigen::Map<Eigen::MatrixXd>(M, model.nv, model.nv) = flexible_mass_matrix(model, ws, q);
     return;
   }

@@ -21,6 +21,9 @@ void inverse_dynamics(const Model& model, soa::Workspace<T>& workspace, const so
 Eigen::MatrixXd mass_matrix(const Model& model, Workspace& workspace, const double* q);
 /// The same into M (nv x nv, column-major); allocates nothing in trees of rigid bodies.
 void mass_matrix(const Model& model, Workspace& workspace, const double* q, double* M);
+/// M^-1 into `inverse` (nv x nv, column-major), O(N^2) from the articulated quantities; M is not formed. Rows and columns of
+/// prescribed components are zero. False at a direction without inertia.
+bool mass_matrix_inverse(const Model& model, Workspace& workspace, const double* q, double* inverse);
 
 /// Generalised gravity force (right-hand side), nv.
 Eigen::VectorXd gravity_force(const Model& model, Workspace& workspace, const double* q);

@@ -25,6 +25,7 @@ DeformedNode<double> deformed(const Model& model, const UserNode& node, const In
 
 Observer::Observer(const Model& model, Workspace& workspace) : model_(model), ws_(workspace) {
   ws_.require_world();
+  poses_given_ = model.has(Kernel::world);
   prescribed_tau_.resize(static_cast<std::size_t>(model.nv));
   for (const SweepBody& b : model.bodies)
     for (int j = b.etadot; model.has_prescribed() && j < b.etadot + b.n_modes; ++j)
@@ -41,6 +42,13 @@ Observer::Observer(const Model& model, Workspace& workspace) : model_(model), ws
     if (b.n_modes == 0) continue;
     M_re_[k] = model.flexible[static_cast<std::size_t>(b.flexible)].M_re;
     M_ee_[k] = model.flexible[static_cast<std::size_t>(b.flexible)].M_ee;
+  }
+  moment_.resize(model.bodies.size());
+  mass_.resize(model.bodies.size());
+  for (std::size_t k = model.bodies.size() - 1; k > 0; --k) {
+    const SweepBody& b = model.bodies[k];
+    mass_[k] += b.n_modes > 0 ? model.flexible[static_cast<std::size_t>(b.flexible)].data->integrals.I1 : b.M.m;
+    mass_[static_cast<std::size_t>(b.parent)] += mass_[k];
   }
 }
 
@@ -129,10 +137,8 @@ NodeState Observer::node(int index) const {
 
 RigidInertia<double> Observer::inertia_for_gravity(int k) const {
   const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
-  const RigidInertia<double>& M = inertia_[static_cast<std::size_t>(k)];
-  if (b.n_modes == 0) return M;
-  const double M_rr[10] = {M.m, M.h.x, M.h.y, M.h.z, M.J.xx, M.J.yy, M.J.zz, M.J.xy, M.J.xz, M.J.yz};
-  return soa::gravity_inertia(model_.flexible[static_cast<std::size_t>(b.flexible)], b.n_modes, M_rr, in_.q + b.eta);
+  if (b.n_modes == 0) return b.M;
+  return soa::gravity_inertia(model_.flexible[static_cast<std::size_t>(b.flexible)], b.n_modes, ws_.modal_of(k)->M_rr, in_.q + b.eta);
 }
 
 Energy Observer::energy() const {
@@ -284,26 +290,44 @@ void Observer::prescribed_forces(double* tau) const {
   }
 }
 
-ExternalLoads Observer::external() const {
-  ExternalLoads e;
+// Sum of m x over all bodies, world axes, gathered from the tips to the ground like a force.
+Vec3<double> Observer::first_moment() {
+  std::ranges::fill(moment_, Vec3<double>{});
+  for (int k = static_cast<int>(model_.bodies.size()) - 1; k > 0; --k) {
+    const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
+    Vec3<double> own = b.M.h;
+    if (b.n_modes > 0) {
+      const double* M_rr = ws_.modal_of(k)->M_rr;
+      own = {M_rr[1], M_rr[2], M_rr[3]};
+    }
+    moment_[static_cast<std::size_t>(b.parent)] +=
+        soa::moment_in_inboard(model_, ws_, k, moment_[static_cast<std::size_t>(k)] + own, mass_[static_cast<std::size_t>(k)]);
+  }
+  return moment_[0];
+}
+
+// What the inward sweep gathers at the ground are the wrenches that it transmits through root hinges.
+ExternalLoads Observer::external(const Inputs& in, const double* vdot) {
+  in_ = in;
+  vdot_ = vdot;
+  const Force<double>& transmitted = ws_.core(0).z;
+  ExternalLoads e{to_eigen(transmitted.f), to_eigen(transmitted.n), 0.0};
   const auto add = [&](const Force<double>& in_W) {
     e.force += to_eigen(in_W.f);
     e.moment += to_eigen(in_W.n);
   };
-  for (int k = 1; k < static_cast<int>(model_.bodies.size()); ++k) {
-    const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
+  const GravitySpec::Kind gravity = in.gravity ? model_.gravity.kind : GravitySpec::Kind::none;
+  if (gravity == GravitySpec::Kind::uniform) {
+    e.force += mass_[0] * model_.gravity.g;
+    e.moment += to_eigen(first_moment()).cross(model_.gravity.g);
+  }
+  if (!in.wrenches.empty() && !poses_given_) soa::sweeps<double>().world(model_, ws_, in);
+  for (int k = 1; gravity == GravitySpec::Kind::central && k < static_cast<int>(model_.bodies.size()); ++k) {
     const Pose<double>& W = ws_.pose_W(k);
-    const RigidInertia<double>& M = inertia_[static_cast<std::size_t>(k)];
-    if (b.parent == 0) add(to_inboard(W, wrench_on_sweep_body(k)));
-    if (!in_.gravity || M.m <= 0) continue;
-    if (model_.gravity.kind == GravitySpec::Kind::uniform) {
-      const Eigen::Vector3d first = to_eigen(M.m * W.p + W.R * M.h);
-      e.force += M.m * model_.gravity.g;
-      e.moment += first.cross(model_.gravity.g);
-    } else if (model_.gravity.kind == GravitySpec::Kind::central) {
-      Vec3<double> c, r;
-      add(to_inboard(W, soa::attraction(model_.field, inertia_for_gravity(k), W, c, r)));
-    }
+    const RigidInertia<double> M = inertia_for_gravity(k);
+    if (M.m <= 0) continue;
+    Vec3<double> c, r;
+    add(to_inboard(W, soa::attraction(model_.field, M, W, c, r)));
   }
   for (const NodeWrench& load : in_.wrenches) {
     const UserNode& node = model_.nodes[static_cast<std::size_t>(load.node)];

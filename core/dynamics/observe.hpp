@@ -1,5 +1,6 @@
 #pragma once
-// What is looked at between steps: nodes, energy, momentum, reactions. Nothing here runs inside a right-hand side.
+// What is looked at between steps: nodes, energy, momentum, reactions; and the rates of the ledger, which is all of it that
+// runs inside a right-hand side.
 #include <Eigen/Core>
 
 #include "core/dynamics/forward.hpp"
@@ -54,8 +55,9 @@ class Observer {
   Force<double> hinge_wrench(int user_body) const;
   /// Force of each prescribed velocity component (tau that its motion needs), zero for the others; nv numbers.
   void prescribed_forces(double* tau) const;
-  ExternalLoads external() const;
-  /// Power of actuators, prescribed motion and dampers alone: needs no poses, no update().
+  // The rates of the ledger, in a right-hand side: need no update().
+  ExternalLoads external(const Inputs& in, const double* vdot);
+  /// Power of actuators, prescribed motion and dampers alone.
   double internal_power(const Inputs& in, const double* vdot);
 
  private:
@@ -65,6 +67,7 @@ class Observer {
   Force<double> wrench_at_B(const NodeWrench& load) const;
   RigidInertia<double> inertia_for_gravity(int k) const;
   void complete_rotor(int k);
+  Vec3<double> first_moment();
   const Model& model_;
   Workspace& ws_;
   Inputs in_;
@@ -73,6 +76,9 @@ class Observer {
   std::vector<std::vector<double>> M_re_, M_ee_;    // flexible bodies
   std::unique_ptr<Workspace> inverse_;              // for prescribed_forces, only where modes are prescribed
   mutable std::vector<double> all_tau_, prescribed_tau_;
+  std::vector<double> mass_;                        // [kg] of a sweep body and all outboard of it
+  bool poses_given_ = false;                        // forward dynamics leaves poses in the world
+  std::vector<Vec3<double>> moment_;                // scratch of first_moment()
 };
 
 }  // namespace cardan

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <numbers>
 #include <numeric>
+#include <span>
 
 #include "core/model/model.hpp"
 #include "core/model/validate.hpp"
@@ -28,22 +29,21 @@ std::vector<double> columns_of(const Eigen::MatrixXd& Phi, const Eigen::MatrixXd
   return c;
 }
 
+NodeShapes shapes_of(const ModalNode& n, int n_modes) {
+  NodeShapes s{pose_of(n.R_BN, n.position), 0, columns_of(n.Phi, n.Psi, n_modes)};
+  if (s.deforms()) s.n_modes = n_modes;
+  return s;
+}
+
 /// A node of a body as the spec gives it, in the user's body frame.
 NodeShapes node_of(const BodySpec& body, const std::string& node) {
-  NodeShapes s;
-  if (node.empty()) return s;
-  if (body.modal) {
+  if (node.empty()) return {};
+  if (body.modal)
     for (const auto& n : body.modal->nodes)
-      if (n.name == node) {
-        s.pose = pose_of(n.R_BN, n.position);
-        s.columns = columns_of(n.Phi, n.Psi, body.modal->n_modes);
-        s.n_modes = s.deforms() ? body.modal->n_modes : 0;
-        return s;
-      }
-  }
+      if (n.name == node) return shapes_of(n, body.modal->n_modes);
   for (const auto& n : body.nodes)
-    if (n.name == node) s.pose = pose_of(n.R_BN, n.position);
-  return s;
+    if (n.name == node) return {pose_of(n.R_BN, n.position), 0, {}};
+  return {};
 }
 
 FlexibleBody flexible_of(const BodySpec& body, const cardan_body_family& family, DiagnosticSink& sink) {
@@ -160,21 +160,39 @@ void add_inertia_derivatives(FlexibleBody& f) {
   if (f.level == 2)
     for (const Eigen::Matrix3d& a : I.I9) append(f.d2J, a + a.transpose());
 }
+/// Which elements of a list stand under each number 0 ... n - 1 that their member gives, in order.
+class Groups {
+ public:
+  template <class T>
+  Groups(const std::vector<T>& list, int T::*key, int n) : first_(static_cast<std::size_t>(n) + 1, 0), members_(list.size()) {
+    for (const T& x : list) ++first_[static_cast<std::size_t>(x.*key) + 1];
+    std::partial_sum(first_.begin(), first_.end(), first_.begin());
+    std::vector<int> next = first_;
+    for (std::size_t i = 0; i < list.size(); ++i) members_[static_cast<std::size_t>(next[static_cast<std::size_t>(list[i].*key)]++)] = static_cast<int>(i);
+  }
+  std::span<const int> operator[](int k) const {
+    return {members_.begin() + first_[static_cast<std::size_t>(k)], members_.begin() + first_[static_cast<std::size_t>(k) + 1]};
+  }
+
+ private:
+  std::vector<int> first_, members_;  // those of k: members_[first_[k]] ... members_[first_[k + 1] - 1]
+};
 
 class Compiler {
  public:
-  Compiler(const SystemSpec& spec, const Registry& registry, const CompileOptions& options)
-      : spec_(spec), registry_(registry), options_(options) {}
+  Compiler(std::shared_ptr<const SystemSpec> spec, const Registry& registry, const CompileOptions& options)
+      : spec_(*spec), registry_(registry), options_(options) {
+    model_->spec = std::move(spec);
+  }
 
   std::shared_ptr<const Model> run() {
-    validate(spec_, registry_, sink_);
+    hinges_ = validate(spec_, registry_, sink_);
     for (const auto& b : spec_.bodies) {
       const auto* family = registry_.body(b.type);
       if (family && family->has_modes && !b.modal)
         sink_.report({Code::bad_modal_data, b.at, "modal data (modal: beam, plate, file or lumped)", "none", "", "", "", 0});
     }
     sink_.throw_if_any();
-    model_->spec = std::make_shared<SystemSpec>(spec_);
     model_->name = spec_.name;
     model_->gravity = spec_.gravity;
     const GravitySpec& g = spec_.gravity;
@@ -191,23 +209,19 @@ class Compiler {
   }
 
  private:
-  int index_of(const std::string& name) const {
-    for (std::size_t i = 0; i < spec_.bodies.size(); ++i)
-      if (spec_.bodies[i].name == name) return static_cast<int>(i);
-    return -1;
-  }
-
   // q and v in the user's order: body by body [hinge; modes].
   void number_coordinates() {
     Model& m = *model_;
-    for (const auto& b : spec_.bodies) {
-      UserBody u;
+    m.user.reserve(spec_.bodies.size());
+    for (const BodySpec& b : spec_.bodies) {
+      CheckedHinge& hinge = hinges_[m.user.size()];
+      UserBody& u = m.user.emplace_back();
       u.name = b.name;
       u.type = b.type;
       u.hinge_type = b.hinge.type;
-      u.hinge = registry_.hinge(b.hinge.type);
-      u.hinge_packed = pack_hinge(spec_, b, *u.hinge, sink_);
-      u.parent = index_of(b.hinge.inboard_body);
+      u.hinge = hinge.family;
+      u.hinge_packed = std::move(hinge.packed);
+      u.parent = hinge.inboard_body;
       u.nq = b.hinge.locked ? 0 : static_cast<int>(u.hinge->nq);
       u.nv = b.hinge.locked ? 0 : static_cast<int>(u.hinge->nv);
       for (int i = 0; i < u.nq; ++i) {
@@ -235,24 +249,51 @@ class Compiler {
         const Eigen::Matrix3d inertia_com = I.I7 - I.I1 * (com.squaredNorm() * Eigen::Matrix3d::Identity() - com * com.transpose());
         u.M = about_origin(I.I1, from_eigen(com), symmetric(inertia_com));
       }
-      m.user.push_back(std::move(u));
+    }
+    find_plain_rates();
+  }
+
+  // A hinge that moves along q + v dt has q' = v (a law of hinges), modes have eta' = etadot; neighbours are one stretch.
+  void find_plain_rates() {
+    Model& m = *model_;
+    const auto add = [&](int q, int v, int n) {
+      if (n == 0) return;
+      if (!m.plain_rates.empty()) {
+        PlainRates& last = m.plain_rates.back();
+        if (q == last.q + last.n && v == last.v + last.n) return void(last.n += n);
+      }
+      m.plain_rates.push_back({q, v, n});
+    };
+    for (std::size_t i = 0; i < m.user.size(); ++i) {
+      const UserBody& u = m.user[i];
+      if (u.nq > 0 && u.hinge->retract)
+        m.curved.push_back(static_cast<int>(i));
+      else
+        add(u.q, u.v, u.nq);
+      add(u.eta, u.etadot, u.n_modes);
     }
   }
 
   // Inboard before outboard; within a level in the user's order.
   void order_bodies() {
-    const int n = static_cast<int>(spec_.bodies.size());
-    depth_.assign(static_cast<std::size_t>(n), 0);
-    for (int i = 0; i < n; ++i)
-      for (int p = model_->user[static_cast<std::size_t>(i)].parent; p >= 0; p = model_->user[static_cast<std::size_t>(p)].parent)
-        ++depth_[static_cast<std::size_t>(i)];
-    order_.resize(static_cast<std::size_t>(n));
+    const std::size_t n = model_->user.size();
+    std::vector<int> depth(n, -1), path;
+    for (std::size_t i = 0; i < n; ++i) {
+      for (int k = static_cast<int>(i); k >= 0 && depth[static_cast<std::size_t>(k)] < 0; k = model_->user[static_cast<std::size_t>(k)].parent)
+        path.push_back(k);
+      for (; !path.empty(); path.pop_back()) {
+        const int parent = model_->user[static_cast<std::size_t>(path.back())].parent;
+        depth[static_cast<std::size_t>(path.back())] = parent < 0 ? 0 : depth[static_cast<std::size_t>(parent)] + 1;
+      }
+    }
+    order_.resize(n);
     std::iota(order_.begin(), order_.end(), 0);
-    std::stable_sort(order_.begin(), order_.end(), [&](int a, int b) { return depth_[static_cast<std::size_t>(a)] < depth_[static_cast<std::size_t>(b)]; });
+    std::ranges::stable_sort(order_, {}, [&](int i) { return depth[static_cast<std::size_t>(i)]; });
   }
 
   void build_sweep_bodies() {
     Model& m = *model_;
+    m.bodies.reserve(m.user.size() + 1);
     m.bodies.emplace_back();  // ground
     std::vector<std::uint8_t> prescribed(static_cast<std::size_t>(m.nv), 0);
     for (const int i : order_) {
@@ -391,6 +432,7 @@ class Compiler {
     if (!options_.choose_frames) return;
     const int n = static_cast<int>(m.bodies.size());
     m.axis_bodies.resize(m.bodies.size());
+    const Groups outboard(m.bodies, &SweepBody::parent, n), carried(m.user, &UserBody::sweep, n);  // by sweep body
     const auto served = [&](int k) {
       const SweepBody& b = m.bodies[static_cast<std::size_t>(k)];
       return b.shape == CARDAN_SHAPE_ROTATION && b.n_modes == 0 && b.onode < 0 && !b.has_prescribed;
@@ -425,7 +467,7 @@ class Compiler {
       Eigen::Matrix3d R_PS = R_AO.transpose() * R_AS;  // S in the old frame P, at q = 0
       // The frame may still be turned about its own axis: if that brings the axis of an outboard hinge onto a coordinate
       // axis, or at least into the x-z plane, so that the outboard body needs less.
-      const double turn = best_turn(k, i, R_PS, served);
+      const double turn = best_turn(outboard[k], i, R_PS, served);
       if (turn != 0.0) {
         Eigen::Vector3d e = Eigen::Vector3d::Zero();
         e[i] = 1.0;
@@ -435,10 +477,8 @@ class Compiler {
       const Pose<double> C{from_eigen(R_PS), from_eigen(Eigen::Vector3d(-slide * to_eigen(b.axis)))};  // S in P
       const Pose<double> back = inverse(C);
       turn_inertia(C, i, b, a);
-      for (UserBody& u : m.user)
-        if (u.sweep == k) u.pose = back * u.pose;
-      for (int child = k + 1; child < n; ++child)
-        if (m.bodies[static_cast<std::size_t>(child)].parent == k) m.bodies[static_cast<std::size_t>(child)].O = back * m.bodies[static_cast<std::size_t>(child)].O;
+      for (const int u : carried[k]) m.user[static_cast<std::size_t>(u)].pose = back * m.user[static_cast<std::size_t>(u)].pose;
+      for (const int child : outboard[k]) m.bodies[static_cast<std::size_t>(child)].O = back * m.bodies[static_cast<std::size_t>(child)].O;
       b.O = pose_of(R_AS, R_AS * l);
       b.axis = {i == 0 ? 1.0 : 0.0, i == 1 ? 1.0 : 0.0, i == 2 ? 1.0 : 0.0};
       a.parent = b.parent;
@@ -484,15 +524,15 @@ class Compiler {
     std::transform(second, second + 6, a.S, down);
   }
 
-  // Angle about axis i of body k (frame R_PS) that serves its first outboard axis hinge best; 0 if some fits already.
+  // Angle about axis i of a body (frame R_PS) that serves its first outboard axis hinge best; 0 if some fits already.
   template <class Served>
-  double best_turn(int k, int i, const Eigen::Matrix3d& R_PS, const Served& served) const {
+  double best_turn(std::span<const int> outboard, int i, const Eigen::Matrix3d& R_PS, const Served& served) const {
     const Model& m = *model_;
     double best = 0.0;
     bool found = false;
-    for (int child = k + 1; child < static_cast<int>(m.bodies.size()); ++child) {
+    for (const int child : outboard) {
       const SweepBody& c = m.bodies[static_cast<std::size_t>(child)];
-      if (c.parent != k || !served(child)) continue;
+      if (!served(child)) continue;
       const Eigen::Vector3d a = R_PS.transpose() * (to_eigen(c.O.R) * to_eigen(c.axis));
       if (a.maxCoeff() > 1.0 - 1e-15) return 0.0;
       if (found) continue;
@@ -511,19 +551,20 @@ class Compiler {
 
   void name_nodes() {
     Model& m = *model_;
+    m.nodes.reserve(spec_.bodies.size());
     for (std::size_t i = 0; i < spec_.bodies.size(); ++i) {
       const BodySpec& spec = spec_.bodies[i];
       const UserBody& u = m.user[i];
-      const auto add = [&](const std::string& name, NodeShapes s) {
+      const auto add = [&](std::string name, NodeShapes s) {
         s.pose = u.pose * s.pose;  // flexible bodies: u.pose is the identity, shapes need no change of axes
-        m.nodes.push_back({name, static_cast<int>(i), u.sweep, std::move(s)});
+        m.nodes.push_back({std::move(name), static_cast<int>(i), u.sweep, std::move(s)});
       };
       add(spec.name, {});
       for (const auto& n : spec.nodes)
         if (!spec.modal || std::ranges::none_of(spec.modal->nodes, [&](const auto& x) { return x.name == n.name; }))
-          add(spec.name + "." + n.name, node_of(spec, n.name));
+          add(spec.name + "." + n.name, {pose_of(n.R_BN, n.position), 0, {}});
       if (spec.modal)
-        for (const auto& n : spec.modal->nodes) add(spec.name + "." + n.name, node_of(spec, n.name));
+        for (const auto& n : spec.modal->nodes) add(spec.name + "." + n.name, shapes_of(n, spec.modal->n_modes));
     }
   }
 
@@ -566,8 +607,9 @@ class Compiler {
       std::vector<char> bytes;
       for (std::size_t k = 1; k < m.bodies.size(); ++k) {
         SweepBody& b = m.bodies[k];
+        if (b.shape < CARDAN_SHAPE_BALL) continue;
         const UserBody& u = m.user[static_cast<std::size_t>(carrier[k])];
-        if (u.hinge != entry.family || b.shape < CARDAN_SHAPE_BALL || b.kind == KernelKind::free) continue;
+        if (u.hinge != entry.family || b.kind == KernelKind::free) continue;
         b.dense = m.n_dense++;
         batch.iq.push_back(static_cast<std::uint32_t>(b.q));
         batch.iv.push_back(static_cast<std::uint32_t>(b.v));
@@ -665,14 +707,19 @@ class Compiler {
   const Registry& registry_;
   const CompileOptions& options_;
   DiagnosticSink sink_;
+  std::vector<CheckedHinge> hinges_;  // of spec_.bodies
   std::shared_ptr<Model> model_ = std::make_shared<Model>();
-  std::vector<int> depth_, order_;
+  std::vector<int> order_;
 };
 
 }  // namespace
 
 std::shared_ptr<const Model> compile(const SystemSpec& spec, const Registry& registry, const CompileOptions& options) {
-  return Compiler(spec, registry, options).run();
+  return compile(std::make_shared<const SystemSpec>(spec), registry, options);
+}
+
+std::shared_ptr<const Model> compile(std::shared_ptr<const SystemSpec> spec, const Registry& registry, const CompileOptions& options) {
+  return Compiler(std::move(spec), registry, options).run();
 }
 
 int Model::find_body(std::string_view wanted) const {
@@ -706,9 +753,10 @@ State Model::initial_state() const {
 }
 
 void Model::qdot(const double* q, const double* v, double* out) const {
-  for (const auto& u : user) {
-    if (u.nq > 0) u.hinge->qdot(u.hinge_packed.data(), q + u.q, v + u.v, out + u.q);
-    for (int j = 0; j < u.n_modes; ++j) out[u.eta + j] = v[u.etadot + j];
+  for (const PlainRates& r : plain_rates) std::copy_n(v + r.v, r.n, out + r.q);
+  for (const int i : curved) {
+    const UserBody& u = user[static_cast<std::size_t>(i)];
+    u.hinge->qdot(u.hinge_packed.data(), q + u.q, v + u.v, out + u.q);
   }
 }
 

@@ -33,6 +33,11 @@ struct UserBody {
   std::vector<std::string> q_names, v_names, q_units, v_units;
 };
 
+/// Coordinates whose rates are velocities as they stand: q'[q ... q + n) = v[v ... v + n).
+struct PlainRates {
+  int q, v, n;
+};
+
 struct Spring {
   int q, v;                             // tau[v] -= k (q[q] - rest) + c v[v]
   double stiffness, rest, damping;
@@ -50,6 +55,8 @@ struct Model : SweepModel {
   std::vector<Spring> springs;
   GravitySpec gravity;
   std::vector<UserBody> user;           // in the user's order
+  std::vector<PlainRates> plain_rates;
+  std::vector<int> curved;              // user indices of the others: q' is up to their hinge
   std::vector<Op> program;              // forward dynamics, in order of execution
   bool has(Kernel kernel) const {
     for (const Op& op : program)
@@ -80,5 +87,7 @@ struct CompileOptions {
 
 /// All user errors of a description end here: throws InputError with everything that was found.
 std::shared_ptr<const Model> compile(const SystemSpec& spec, const Registry& registry, const CompileOptions& options = {});
+/// The same; the model shares the description instead of keeping a copy.
+std::shared_ptr<const Model> compile(std::shared_ptr<const SystemSpec> spec, const Registry& registry, const CompileOptions& options = {});
 
 }  // namespace cardan

@@ -5,9 +5,10 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <set>
 #include <span>
+#include <string_view>
+#include <unordered_map>
 
 #include "core/abi/param_values.hpp"
 #include "core/base/units.hpp"
@@ -25,62 +26,77 @@ class Structure {
 
   void check() {
     if (spec_.bodies.empty()) sink_.report(Code::empty_system, spec_.locate("bodies"), "at least one body", "none");
-    for (const BodySpec& body : spec_.bodies) {
-      if (!index_.emplace(body.name, &body).second)
+    const std::size_t n = spec_.bodies.size();
+    index_.reserve(n);
+    for (std::size_t i = 0; i < n; ++i)
+      if (const BodySpec& body = spec_.bodies[i]; !index_.emplace(body.name, static_cast<int>(i)).second)
         report(Code::duplicate_name, body_path(body), "a name of its own for each body", in_quotes(body.name));
-      names_.push_back(body.name);
-    }
-    for (const BodySpec& body : spec_.bodies) {
+    inboard_.resize(n, -1);
+    for (std::size_t i = 0; i < n; ++i) {
       if (sink_.full()) return;
-      check_body(body);
-      check_hinge(body);
+      check_body(spec_.bodies[i]);
+      inboard_[i] = check_hinge(spec_.bodies[i]);
     }
     check_cycles();
     check_gravity();
   }
+  /// Of each body the index of its inboard body; -1: the world, or no such body.
+  const std::vector<int>& inboard() const { return inboard_; }
 
  private:
+  // Key paths are functions of what stands after the path of the body: most are never put together.
   void report(Code code, std::string path, std::string expected, std::string got, std::string hint = {}) {
     sink_.report(code, spec_.locate(std::move(path)), std::move(expected), std::move(got), std::move(hint));
   }
 
   void check_body(const BodySpec& body) {
-    const std::string path = body_path(body);
+    const auto at = [&](const char* key) { return body_path(body) + key; };
     static const std::vector<std::string> types = {"rigid", "particle", "modal_flexible"};
     if (body.name.empty() || body.name == "world" || body.name.find('.') != std::string::npos)
-      report(Code::bad_name, path, "a name without a point, other than `world`", in_quotes(body.name));
+      report(Code::bad_name, at(""), "a name without a point, other than `world`", in_quotes(body.name));
     if (std::find(types.begin(), types.end(), body.type) == types.end())
-      return report(Code::unknown_body_type, path + ".type", "a body type: " + one_of(types), in_quotes(body.type),
+      return report(Code::unknown_body_type, at(".type"), "a body type: " + one_of(types), in_quotes(body.type),
                     did_you_mean(body.type, types));
     if (body.type == "modal_flexible") {
-      check_flexible(body, path);
+      check_flexible(body, at);
     } else {
-      check_mass(body, path);
-      check_nodes(body, path);
+      check_mass(body, at);
+      check_nodes(body);
     }
   }
 
-  void check_mass(const BodySpec& body, const std::string& path) {
+  void check_mass(const BodySpec& body, const auto& at) {
     if (!(body.mass > 0.0) || !std::isfinite(body.mass))
-      return report(Code::non_positive_mass, path + ".mass", "mass > 0", fmt::format("{:g} kg", body.mass),
+      return report(Code::non_positive_mass, at(".mass"), "mass > 0", fmt::format("{:g} kg", body.mass),
                     body.mass == 0.0 ? "join what has no mass to a body that has some" : "");
     if (!body.com.allFinite())
-      return report(Code::out_of_range, path + ".com", "three finite numbers", "a value that is not finite");
-    if (body.type == "rigid") check_inertia(body, path + ".inertia");
+      return report(Code::out_of_range, at(".com"), "three finite numbers", "a value that is not finite");
+    if (body.type == "rigid") check_inertia(body, at);
   }
 
-  void check_inertia(const BodySpec& body, const std::string& path) {
+  void check_inertia(const BodySpec& body, const auto& at) {
     const Eigen::Matrix3d& I = body.inertia_com;
     if (!I.allFinite() || !I.isApprox(I.transpose(), 1e-12))
-      return report(Code::unphysical_inertia, path, "a symmetric tensor of finite numbers", "something else");
+      return report(Code::unphysical_inertia, at(".inertia"), "a symmetric tensor of finite numbers", "something else");
+    // p_max <= (p_min + p_mid) (1 + e) is p_max <= tr I (1 + e)/(2 + e); where that and p_min > 0 hold with a margin, a look at
+    // pivots is enough.
+    const double largest = I.trace() * (1.0 + kTriangleTolerance) / (2.0 + kTriangleTolerance);
+    if (surely_positive(I) && surely_positive(largest * Eigen::Matrix3d::Identity() - I)) return;
     const Eigen::Vector3d p = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(I, Eigen::EigenvaluesOnly).eigenvalues();
     const std::string moments = fmt::format("{:.6g}, {:.6g}, {:.6g} kg m^2 about the mass centre", p[2], p[1], p[0]);
     if (!(p[0] > 0.0))
-      return report(Code::unphysical_inertia, path, "principal moments > 0", moments,
+      return report(Code::unphysical_inertia, at(".inertia"), "principal moments > 0", moments,
                     p[2] == 0.0 ? "a body without extent is `type: particle`" : about_hint(body));
     if (p[2] > (p[0] + p[1]) * (1.0 + kTriangleTolerance))
-      report(Code::unphysical_inertia, path, "principal moments that satisfy the triangle inequality",
+      report(Code::unphysical_inertia, at(".inertia"), "principal moments that satisfy the triangle inequality",
              fmt::format("{}   ({:.6g} > {:.6g} + {:.6g})", moments, p[2], p[0], p[1]), about_hint(body));
+  }
+  /// Positive definite, and the pivots of L D L* say so well above round-off.
+  static bool surely_positive(const Eigen::Matrix3d& A) {
+    const double margin = 1e-9 * A.trace(), a = A(1, 0), b = A(2, 0), d0 = A(0, 0);
+    if (!(d0 > margin)) return false;
+    const double d1 = A(1, 1) - a * a / d0, c = A(2, 1) - a * b / d0;
+    return d1 > margin && A(2, 2) - b * b / d0 - c * c / d1 > margin;
   }
   std::string about_hint(const BodySpec& body) const {
     if (body.com.isZero()) return "products of inertia are the entries of the tensor: xy = - sum m x y";
@@ -89,35 +105,35 @@ class Structure {
                : "inertia is about the mass centre; give `about: origin` if it is not";
   }
 
-  void check_nodes(const BodySpec& body, const std::string& path) {
+  void check_nodes(const BodySpec& body) {
     std::set<std::string_view> seen;
     for (const NodeSpec& node : body.nodes) {
-      const std::string at = fmt::format("{}.nodes.{}", path, node.name);
+      const auto at = [&](const char* key) { return fmt::format("{}.nodes.{}{}", body_path(body), node.name, key); };
       if (!seen.insert(node.name).second)
-        report(Code::duplicate_name, at, "a name of its own for each node of a body", in_quotes(node.name));
+        report(Code::duplicate_name, at(""), "a name of its own for each node of a body", in_quotes(node.name));
       if (!node.position.allFinite())
-        report(Code::out_of_range, at + ".position", "three finite numbers", "a value that is not finite");
-      check_rotation(node.R_BN, at + ".orientation");
+        report(Code::out_of_range, at(".position"), "three finite numbers", "a value that is not finite");
+      check_rotation(node.R_BN, at, ".orientation");
     }
   }
-  void check_rotation(const Eigen::Matrix3d& R, const std::string& path) {
+  void check_rotation(const Eigen::Matrix3d& R, const auto& at, const char* key) {
     const double error = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
     if (!(error < 1e-9) || R.determinant() < 0.0)
-      report(Code::not_a_rotation, path, "an orthonormal right-handed matrix",
+      report(Code::not_a_rotation, at(key), "an orthonormal right-handed matrix",
              fmt::format("an entry of R R^T - 1 is {:.3g}", error));
   }
 
-  void check_flexible(const BodySpec& body, const std::string& path) {
+  void check_flexible(const BodySpec& body, const auto& at) {
     if (body.level < 0 || body.level > 2)
-      report(Code::out_of_range, path + ".level", "0, 1 or 2", fmt::format("{}", body.level));
+      report(Code::out_of_range, at(".level"), "0, 1 or 2", fmt::format("{}", body.level));
     if (!body.modal) {
       if (!body.modal_source)
-        report(Code::missing_key, path + ".modal", "modal: where the modes come from", "no such key");
+        report(Code::missing_key, at(".modal"), "modal: where the modes come from", "no such key");
       return;
     }
     const auto size_fits = [&](const std::vector<double>& values, const char* name) {
       if (!values.empty() && values.size() != static_cast<std::size_t>(body.modal->n_modes))
-        report(Code::bad_initial_state, fmt::format("{}.initial.{}", path, name),
+        report(Code::bad_initial_state, fmt::format("{}.initial.{}", at(""), name),
                fmt::format("{} values, one for each mode kept", body.modal->n_modes),
                fmt::format("{} values", values.size()));
     };
@@ -125,56 +141,56 @@ class Structure {
     size_fits(body.etadot, "etadot");
   }
 
-  void check_hinge(const BodySpec& body) {
+  /// The index of the inboard body; -1: the world, or no such body.
+  int check_hinge(const BodySpec& body) {
     const HingeSpec& hinge = body.hinge;
-    const std::string path = body_path(body) + ".hinge";
-    check_node_name(body, hinge.body_node, path + ".at");
-    check_rotation(hinge.pnode_R, path + ".at.orientation");
-    check_rotation(hinge.onode_R, path + ".to.orientation");
+    const auto at = [&](const char* key) { return body_path(body) + ".hinge" + key; };
+    check_node_name(body, hinge.body_node, at, ".at");
+    check_rotation(hinge.pnode_R, at, ".at.orientation");
+    check_rotation(hinge.onode_R, at, ".to.orientation");
     if (hinge.inboard_body.empty()) {
       if (!hinge.inboard_node.empty())
-        report(Code::unknown_node, path + ".to", "world without a node name", in_quotes("world." + hinge.inboard_node),
+        report(Code::unknown_node, at(".to"), "world without a node name", in_quotes("world." + hinge.inboard_node),
                "give the place instead: to: {body: world, position: [x, y, z]}");
-      return;
+      return -1;
     }
     const auto inboard = index_.find(hinge.inboard_body);
     if (inboard == index_.end()) {
-      std::vector<std::string> legal = names_;
+      std::vector<std::string> legal;
+      for (const BodySpec& other : spec_.bodies) legal.push_back(other.name);
       legal.emplace_back("world");
-      return report(Code::unknown_body, path + ".to", "a body: " + one_of(legal), in_quotes(hinge.inboard_body),
-                    did_you_mean(hinge.inboard_body, legal));
+      report(Code::unknown_body, at(".to"), "a body: " + one_of(legal), in_quotes(hinge.inboard_body),
+             did_you_mean(hinge.inboard_body, legal));
+      return -1;
     }
-    check_node_name(*inboard->second, hinge.inboard_node, path + ".to");
+    check_node_name(spec_.bodies[static_cast<std::size_t>(inboard->second)], hinge.inboard_node, at, ".to");
+    return inboard->second;
   }
-  void check_node_name(const BodySpec& body, const std::string& node, const std::string& path) {
+  void check_node_name(const BodySpec& body, const std::string& node, const auto& at, const char* key) {
     if (node.empty() || (body.type == "modal_flexible" && !body.modal)) return;
     std::vector<std::string> legal;
     for (const NodeSpec& n : body.nodes) legal.push_back(n.name);
     if (body.modal)
       for (const ModalNode& n : body.modal->nodes) legal.push_back(n.name);
-    if (std::find(legal.begin(), legal.end(), node) != legal.end()) return;
-    report(Code::unknown_node, path,
+    if (std::ranges::find(legal, node) != legal.end()) return;
+    report(Code::unknown_node, at(key),
            legal.empty() ? fmt::format("no node name: body {} has no nodes", body.name)
                          : fmt::format("a node of body {}: {}", body.name, one_of(legal)),
            in_quotes(node), did_you_mean(node, legal));
   }
 
   void check_cycles() {
-    std::set<std::string_view> done;
-    for (const BodySpec& start : spec_.bodies) {
-      std::vector<const BodySpec*> chain;
-      const BodySpec* body = &start;
-      while (body && !done.count(body->name)) {
-        done.insert(body->name);
-        chain.push_back(body);
-        const auto next = index_.find(body->hinge.inboard_body);
-        body = next == index_.end() ? nullptr : next->second;
-      }
-      const auto first = std::find(chain.begin(), chain.end(), body);
-      if (!body || first == chain.end()) continue;  // ended at the world, or in what was seen before
-      std::string names;
-      for (auto it = first; it != chain.end(); ++it) names += (*it)->name + " -> ";
-      report(Code::cycle, body_path(*body) + ".hinge.to", "inboard bodies that lead to the world", names + body->name,
+    const int n = static_cast<int>(inboard_.size());
+    const auto inboard = [&](int i) { return inboard_[static_cast<std::size_t>(i)]; };
+    const auto body = [&](int i) -> const BodySpec& { return spec_.bodies[static_cast<std::size_t>(i)]; };
+    std::vector<int> seen_from(inboard_.size(), -1);  // the body whose way to the world led here first
+    for (int start = 0; start < n; ++start) {
+      int i = start;
+      for (; i >= 0 && seen_from[static_cast<std::size_t>(i)] < 0; i = inboard(i)) seen_from[static_cast<std::size_t>(i)] = start;
+      if (i < 0 || seen_from[static_cast<std::size_t>(i)] != start) continue;  // ended at the world, or in what was seen before
+      std::string names = body(i).name + " -> ";
+      for (int k = inboard(i); k != i; k = inboard(k)) names += body(k).name + " -> ";
+      report(Code::cycle, body_path(body(i)) + ".hinge.to", "inboard bodies that lead to the world", names + body(i).name,
              "hang one of them on the world or on a body outside the loop");
     }
   }
@@ -193,15 +209,15 @@ class Structure {
 
   const SystemSpec& spec_;
   DiagnosticSink& sink_;
-  std::map<std::string_view, const BodySpec*> index_;
-  std::vector<std::string> names_;
+  std::unordered_map<std::string_view, int> index_;
+  std::vector<int> inboard_;
 };
 
 /// Reads the parameters of one hinge by the schema of its family.
 class HingeParams {
  public:
   HingeParams(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink)
-      : spec_(spec), given_(body.hinge.params), family_(family), sink_(sink), path_(body_path(body) + ".hinge") {}
+      : spec_(spec), body_(body), given_(body.hinge.params), family_(family), sink_(sink) {}
 
   /// The packed bytes; empty after a fault.
   std::vector<double> packed() {
@@ -218,7 +234,8 @@ class HingeParams {
 
   void fault(Code code, const std::string& name, std::string expected, std::string got, std::string hint = {}) {
     failed_ = true;
-    sink_.report(code, spec_.locate(name.empty() ? path_ : fmt::format("{}.{}", path_, name)), std::move(expected),
+    const std::string path = body_path(body_) + ".hinge";
+    sink_.report(code, spec_.locate(name.empty() ? path : fmt::format("{}.{}", path, name)), std::move(expected),
                  std::move(got), std::move(hint));
   }
 
@@ -239,47 +256,47 @@ class HingeParams {
       table_.texts[desc.name] = *text;
       return;
     }
-    std::vector<double> numbers;
-    if (const auto* one = std::get_if<double>(&value.value)) numbers = {*one};
-    if (const auto* list = std::get_if<std::vector<double>>(&value.value)) numbers = *list;
+    std::vector<double> numbers = as_given(value);
     if (!count_fits(desc, numbers.size())) return;
     if (!std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); }))
       return fault(Code::out_of_range, desc.name, "finite numbers", "a value that is not finite");
-    const std::string as_given = vectors_text(numbers);
     if (desc.kind == CARDAN_UNIT_VECTOR || desc.kind == CARDAN_UNIT_VECTORS)
       for (std::size_t i = 0; i < numbers.size(); i += 3) {
         Eigen::Map<Eigen::Vector3d> axis(numbers.data() + i);
-        if (axis.isZero(0.0)) return fault(Code::bad_axes, desc.name, "an axis that is not all zero", as_given);
+        if (axis.isZero(0.0)) return fault(Code::bad_axes, desc.name, "an axis that is not all zero", vectors_text(as_given(value)));
         axis.stableNormalize();
       }
     table_.numbers[desc.name] = std::move(numbers);
   }
 
+  static std::vector<double> as_given(const ParamValue& value) {
+    if (const auto* one = std::get_if<double>(&value.value)) return {*one};
+    if (const auto* list = std::get_if<std::vector<double>>(&value.value)) return *list;
+    return {};
+  }
+
   bool count_fits(const cardan_param_desc& desc, std::size_t got) {
-    std::string expected = "one number";
-    std::size_t wanted = 1;
-    if (desc.kind == CARDAN_VECTOR || desc.kind == CARDAN_UNIT_VECTOR) {
-      wanted = 3;
-      expected = "a vector of 3 numbers";
-    } else if (desc.kind != CARDAN_NUMBER) {
-      wanted = 3 * std::size_t{desc.count};
-      expected =
-          wanted > 0 ? fmt::format("a list of {} vectors of 3 numbers", desc.count) : "a list of vectors of 3 numbers";
-    }
+    const bool one_vector = desc.kind == CARDAN_VECTOR || desc.kind == CARDAN_UNIT_VECTOR;
+    const std::size_t wanted = desc.kind == CARDAN_NUMBER ? 1 : one_vector ? 3 : 3 * std::size_t{desc.count};
     if (got > 0 && (wanted > 0 ? got == wanted : got % 3 == 0)) return true;
+    const std::string expected = desc.kind == CARDAN_NUMBER ? "one number"
+                                 : one_vector               ? "a vector of 3 numbers"
+                                 : wanted > 0               ? fmt::format("a list of {} vectors of 3 numbers", desc.count)
+                                                            : "a list of vectors of 3 numbers";
     fault(Code::wrong_type, desc.name, expected, fmt::format("{} number{}", got, got == 1 ? "" : "s"));
     return false;
   }
 
   void check_names() {
-    std::vector<std::string> legal;
-    for (const cardan_param_desc& desc : schema()) legal.emplace_back(desc.name);
-    for (const auto& [name, value] : given_)
-      if (std::find(legal.begin(), legal.end(), name) == legal.end())
-        fault(Code::unknown_key, name,
-              legal.empty() ? fmt::format("no parameters: hinge type {} takes none", family_.type)
-                            : fmt::format("a parameter of hinge type {}: {}", family_.type, one_of(legal)),
-              in_quotes(name), did_you_mean(name, legal));
+    for (const auto& [name, value] : given_) {
+      if (std::ranges::find(schema(), std::string_view(name), &cardan_param_desc::name) != schema().end()) continue;
+      std::vector<std::string> legal;
+      for (const cardan_param_desc& desc : schema()) legal.emplace_back(desc.name);
+      fault(Code::unknown_key, name,
+            legal.empty() ? fmt::format("no parameters: hinge type {} takes none", family_.type)
+                          : fmt::format("a parameter of hinge type {}: {}", family_.type, one_of(legal)),
+            in_quotes(name), did_you_mean(name, legal));
+    }
   }
 
   void report_refused(const std::string& name, const std::string& expected) {
@@ -301,10 +318,10 @@ class HingeParams {
   }
 
   const SystemSpec& spec_;
+  const BodySpec& body_;
   const ParamValues& given_;
   const cardan_hinge_family& family_;
   DiagnosticSink& sink_;
-  std::string path_;
   ParamTable table_;
   bool failed_ = false;
 };
@@ -312,26 +329,27 @@ class HingeParams {
 void check_initial_values(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family,
                           DiagnosticSink& sink) {
   const HingeSpec& hinge = body.hinge;
-  const std::string path = body_path(body) + ".hinge.initial";
+  const auto at = [&] { return spec.locate(body_path(body) + ".hinge.initial"); };
   const auto fits = [&](const std::vector<double>& values, uint32_t n, const char* what) {
     if (!values.empty() && values.size() != n)
-      sink.report(Code::bad_initial_state, spec.locate(path),
+      sink.report(Code::bad_initial_state, at(),
                   fmt::format("{} {} of hinge type {}", n, what, family.type), fmt::format("{} values", values.size()));
     else if (!std::all_of(values.begin(), values.end(), [](double x) { return std::isfinite(x); }))
-      sink.report(Code::bad_initial_state, spec.locate(path), "finite numbers", "a value that is not finite");
+      sink.report(Code::bad_initial_state, at(), "finite numbers", "a value that is not finite");
   };
   fits(hinge.q, family.nq, "coordinates");
   fits(hinge.v, family.nv, "velocities");
   if (family.shape >= CARDAN_SHAPE_BALL && family.shape <= CARDAN_SHAPE_FREE_BODY && hinge.q.size() == family.nq) {
     const double norm = Eigen::Map<const Eigen::Vector4d>(hinge.q.data()).norm();
     if (!(std::abs(norm - 1.0) < 1e-6))
-      sink.report(Code::non_unit_quaternion, spec.locate(path), "w^2 + x^2 + y^2 + z^2 = 1 (within 1e-06)",
+      sink.report(Code::non_unit_quaternion, at(), "w^2 + x^2 + y^2 + z^2 = 1 (within 1e-06)",
                   fmt::format("length {:.9g}", norm));
   }
 }
 
 void check_components(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family,
                       DiagnosticSink& sink) {
+  if (body.hinge.prescribed.empty() && body.hinge.springs.empty()) return;
   const std::string path = body_path(body) + ".hinge";
   const auto exists = [&](int component, const std::string& at) {
     const bool ok = component >= 0 && component < static_cast<int>(family.nv);
@@ -363,10 +381,13 @@ std::string body_path(const BodySpec& body) { return "bodies." + body.name; }
 
 void validate(const SystemSpec& spec, DiagnosticSink& sink) { Structure(spec, sink).check(); }
 
-void validate(const SystemSpec& spec, const Registry& registry, DiagnosticSink& sink) {
-  validate(spec, sink);
-  for (const BodySpec& body : spec.bodies) {
-    if (sink.full()) return;
+std::vector<CheckedHinge> validate(const SystemSpec& spec, const Registry& registry, DiagnosticSink& sink) {
+  Structure structure(spec, sink);
+  structure.check();
+  std::vector<CheckedHinge> hinges(spec.bodies.size());
+  for (std::size_t i = 0; i < hinges.size(); ++i) {
+    if (sink.full()) break;
+    const BodySpec& body = spec.bodies[i];
     const cardan_hinge_family* family = registry.hinge(body.hinge.type);
     if (!family) {
       std::vector<std::string> types = registry.hinge_types();
@@ -376,10 +397,11 @@ void validate(const SystemSpec& spec, const Registry& registry, DiagnosticSink& 
                   in_quotes(body.hinge.type), did_you_mean(body.hinge.type, types));
       continue;
     }
-    pack_hinge(spec, body, *family, sink);
+    hinges[i] = {structure.inboard()[i], family, pack_hinge(spec, body, *family, sink)};
     check_initial_values(spec, body, *family, sink);
     check_components(spec, body, *family, sink);
   }
+  return hinges;
 }
 
 std::vector<double> pack_hinge(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family,

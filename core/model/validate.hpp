@@ -10,8 +10,16 @@ namespace cardan {
 /// What needs no family: names, types of bodies, references, cycles, masses, inertias, gravity. Nodes of a flexible
 /// body are checked once its modal data are there.
 void validate(const SystemSpec& spec, DiagnosticSink& sink);
+
+/// What the checks found of the hinge of a body.
+struct CheckedHinge {
+  int inboard_body = -1;                        // index; -1: the world, or no such body
+  const cardan_hinge_family* family = nullptr;  // null: no such type
+  std::vector<double> packed;                   // pack_hinge()
+};
 /// The same, and each hinge against its family: type, parameters, initial values, prescribed components, springs.
-void validate(const SystemSpec& spec, const Registry& registry, DiagnosticSink& sink);
+/// Returns the hinges of spec.bodies; complete if nothing was wrong.
+std::vector<CheckedHinge> validate(const SystemSpec& spec, const Registry& registry, DiagnosticSink& sink);
 
 /// The parameters of a hinge checked against the schema of its family, defaults filled in, unit vectors normalised, and
 /// packed for its kinematics (core/abi/param_values.hpp). Faults go to the sink; then empty.

@@ -67,6 +67,7 @@ int Schedule::add(Rational period, Rational offset) {
   entries_.push_back(
       {offset.numerator * (unit / offset.denominator), period.numerator * (unit / period.denominator), unit, 0});
   ticks_.reserve(entries_.size());
+  look_ahead();
   return static_cast<int>(entries_.size()) - 1;
 }
 
@@ -77,10 +78,11 @@ void Schedule::start(double t) {
     e.k = static_cast<std::int64_t>(std::max(k, 0.0));
     while (e.instant().seconds() < t) ++e.k;
   }
+  look_ahead();
 }
 
-double Schedule::time() const {
-  return entries_.empty() ? std::numeric_limits<double>::infinity() : earliest().instant().seconds();
+void Schedule::look_ahead() {
+  if (!entries_.empty()) time_ = earliest().instant().seconds();
 }
 
 const std::vector<Schedule::Tick>& Schedule::next() {
@@ -89,6 +91,7 @@ const std::vector<Schedule::Tick>& Schedule::next() {
   const Instant now = earliest().instant();
   for (std::size_t i = 0; i < entries_.size(); ++i)
     if (!before(now, entries_[i].instant())) ticks_.push_back({static_cast<int>(i), entries_[i].k++});
+  look_ahead();
   return ticks_;
 }
 

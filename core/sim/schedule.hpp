@@ -2,6 +2,7 @@
 // When periodic things happen (controllers, sensors, outputs), on an integer time base: tick k of "10 Hz" is k/10 s,
 // computed from k each time, so that nothing drifts and different rates meet exactly where they should.
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -36,7 +37,7 @@ class Schedule {
   /// The next tick of each entry becomes its first at or after t [s] (the start of a run that does not begin at zero).
   void start(double t);
   /// Time of the next instant [s]; infinity if there are no entries.
-  double time() const;
+  double time() const { return time_; }
   /// Passes that instant: the entries that tick there, in the order of add(). Valid until the next call; allocates
   /// nothing.
   const std::vector<Tick>& next();
@@ -57,9 +58,11 @@ class Schedule {
   };
   static bool before(const Instant& a, const Instant& b);
   const Entry& earliest() const;
+  void look_ahead();
 
   std::vector<Entry> entries_;
   std::vector<Tick> ticks_;
+  double time_ = std::numeric_limits<double>::infinity();
 };
 
 }  // namespace cardan

@@ -7,6 +7,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include "core/base/finite.hpp"
+
 namespace cardan {
 
 Simulation::Simulation(std::shared_ptr<const Model> model, const SimulationOptions& options)
@@ -24,8 +26,11 @@ Simulation::Simulation(std::shared_ptr<const Model> model, const SimulationOptio
     if (m.prescribed[static_cast<std::size_t>(i)]) prescribed_.push_back({i, MotionProfile::hold(state_.v[i])});
   // Impulse from outside is zero, and its rates need no world poses, when nothing touches the system but its own hinges.
   world_rates_ = m.gravity.kind != GravitySpec::Kind::none;
-  for (const UserBody& u : m.user)
-    if (u.parent < 0 && u.nv < 6) world_rates_ = true;
+  for (std::size_t i = 0; i < m.user.size(); ++i) {
+    if (m.user[i].parent >= 0) continue;
+    roots_.push_back(static_cast<int>(i));
+    if (m.user[i].nv < 6) world_rates_ = true;
+  }
   observer_ = std::make_unique<Observer>(m, workspace_);
 }
 
@@ -53,8 +58,10 @@ RunFailure Simulation::not_finite(int state, double value) const {
 }
 
 void Simulation::expect_finite(const std::vector<double>& x) {
-  const auto at = std::find_if(x.begin(), x.end(), [](double value) { return !std::isfinite(value); });
-  if (at != x.end()) fail(not_finite(static_cast<int>(at - x.begin()), *at));
+  const int n = static_cast<int>(x.size());
+  if (all_finite(x.data(), n)) return;
+  const int bad = first_not_finite(x.data(), n);
+  fail(not_finite(bad, x[static_cast<std::size_t>(bad)]));
 }
 
 /// What the sweeps know about a step that the integrator gave up.
@@ -70,6 +77,7 @@ RunFailure Simulation::explain(const RunFailure& failure) const {
 void Simulation::take_over(const Simulation& other) {
   set_state(other.state_);
   tau_ = other.tau_;
+  tau_total_ = other.tau_;
   prescribed_ = other.prescribed_;
   for (std::size_t i = 0; i < std::min(wrenches_.size(), other.wrenches_.size()); ++i) wrenches_[i].f = other.wrenches_[i].f;
 }
@@ -111,7 +119,7 @@ void Simulation::record(Recorder& recorder, std::vector<Output> outputs, Rationa
 
 void Simulation::set_force(int i, double value) {
   if (tau_[static_cast<std::size_t>(i)] == value) return;
-  tau_[static_cast<std::size_t>(i)] = value;
+  tau_[static_cast<std::size_t>(i)] = tau_total_[static_cast<std::size_t>(i)] = value;
   changed();
 }
 
@@ -153,30 +161,21 @@ void Simulation::make_integrator_once() {
 }
 
 void Simulation::external_rates(const Inputs& in, const double* vdot, double* ydot) {
-  const Model& m = *model_;
-  if (world_rates_) {
-    observer_->update(in, vdot);
-    observed_ = false;
-    const ExternalLoads e = observer_->external();
-    for (int i = 0; i < 3; ++i) ydot[i] = e.force[i], ydot[3 + i] = e.moment[i];
-    ydot[6] = e.power;
-    return;
-  }
-  ydot[6] = observer_->internal_power(in, vdot);
   // Forces of actuators on a free root are forces from outside.
-  Eigen::Map<Eigen::Matrix<double, 6, 1>> loads(ydot);
-  loads.setZero();
-  for (const UserBody& u : m.user) {
-    if (u.parent >= 0) continue;
-    bool any = false;
-    for (int j = u.v; j < u.v + u.nv; ++j) any = any || in.tau[j] != 0.0 || (m.has_prescribed() && m.prescribed[static_cast<std::size_t>(j)]);
-    if (!any) continue;
-    observer_->update(in, vdot);
-    observed_ = false;
-    const ExternalLoads e = observer_->external();
-    for (int i = 0; i < 3; ++i) loads[i] = e.force[i], loads[3 + i] = e.moment[i];
-    return;
-  }
+  const Model& m = *model_;
+  const auto driven = [&](int root) {
+    const UserBody& u = m.user[static_cast<std::size_t>(root)];
+    for (int j = u.v; j < u.v + u.nv; ++j)
+      if (in.tau[j] != 0.0 || (m.has_prescribed() && m.prescribed[static_cast<std::size_t>(j)])) return true;
+    return false;
+  };
+  ExternalLoads e;
+  if (world_rates_ || std::ranges::any_of(roots_, driven))
+    e = observer_->external(in, vdot);
+  else
+    e.power = observer_->internal_power(in, vdot);
+  for (int i = 0; i < 3; ++i) ydot[i] = e.force[i], ydot[3 + i] = e.moment[i];
+  ydot[6] = e.power;
 }
 
 const Observer& Simulation::observe() {
@@ -184,9 +183,7 @@ const Observer& Simulation::observe() {
     breakdown_ = {};
     bad_rate_ = -1;
     if (!evaluate(state_.t, state_.q.data(), state_.v.data(), vdot_.data())) fail(explain({Code::not_finite, state_.t, "", "", "", "", ""}));
-    Inputs in;
-    in.q = state_.q.data(), in.v = state_.v.data(), in.tau = tau_total_.data(), in.vdot = vdot_given_.data(), in.wrenches = wrenches_;
-    observer_->update(in, vdot_.data());
+    observer_->update(inputs(state_.q.data(), state_.v.data()), vdot_.data());
     observed_ = true;
   }
   return *observer_;

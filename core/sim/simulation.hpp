@@ -100,6 +100,7 @@ class Simulation {
   void changed() { restart_ = true, observed_ = false; }
   bool rhs(double t, const double* x, double* xdot, double* ydot);
   bool evaluate(double t, const double* q, const double* v, double* vdot);
+  Inputs inputs(const double* q, const double* v) const { return {q, v, tau_total_.data(), vdot_given_.data(), wrenches_}; }
   void external_rates(const Inputs& in, const double* vdot, double* ydot);
   void make_integrator_once();
   void step(double t_stop);
@@ -127,11 +128,13 @@ class Simulation {
     MotionProfile profile;
   };
   std::vector<Prescribed> prescribed_;
-  std::vector<double> tau_, tau_total_, vdot_given_, x_, y_;
+  std::vector<double> tau_, tau_total_;    // of actuators; with springs and dampers, which evaluate() sets where they act
+  std::vector<double> vdot_given_, x_, y_;
   std::vector<NodeWrench> wrenches_;
   Eigen::VectorXd vdot_;
   std::vector<int> normalised_;            // user bodies whose coordinates have a norm to keep
   std::vector<double> scratch_q_;
+  std::vector<int> roots_;                 // user bodies on the world
   Recorder* recorder_ = nullptr;
   std::vector<Output> outputs_;
   std::vector<double> row_;

@@ -3,7 +3,8 @@
 #include "core/sim/simulation.hpp"
 
 #include <algorithm>
-#include <cmath>
+
+#include "core/base/finite.hpp"
 
 namespace cardan {
 
@@ -65,29 +66,22 @@ bool Simulation::rhs(double t, const double* x, double* xdot, double* ydot) {
       for (int j = u.q; j < u.q + u.nq; ++j) xdot[j] += options_.quaternion_stabilisation * (scratch_q_[static_cast<std::size_t>(j)] - q[j]);
     }
   }
-  if (ydot && options_.ledger) {
-    Inputs in;
-    in.q = q, in.v = v, in.tau = tau_total_.data(), in.vdot = vdot_given_.data(), in.wrenches = wrenches_;
-    external_rates(in, xdot + m.nq, ydot);
-  }
+  if (ydot && options_.ledger) external_rates(inputs(q, v), xdot + m.nq, ydot);
   return true;
 }
 
 // v' at (t, q, v) with the commands as they are.
 bool Simulation::evaluate(double t, const double* q, const double* v, double* vdot) {
-  std::copy(tau_.begin(), tau_.end(), tau_total_.begin());
+  for (const Spring& s : model_->springs) tau_total_[static_cast<std::size_t>(s.v)] = tau_[static_cast<std::size_t>(s.v)];
   for (const Spring& s : model_->springs) tau_total_[static_cast<std::size_t>(s.v)] -= s.stiffness * (q[s.q] - s.rest) + s.damping * v[s.v];
   for (const auto& p : prescribed_) vdot_given_[static_cast<std::size_t>(p.index)] = p.profile.acceleration(t);
-  Inputs in;
-  in.q = q, in.v = v, in.tau = tau_total_.data(), in.vdot = vdot_given_.data(), in.wrenches = wrenches_;
-  if (!forward_dynamics(*model_, workspace_, in, vdot)) {
+  if (!forward_dynamics(*model_, workspace_, inputs(q, v), vdot)) {
     breakdown_ = workspace_.breakdown;
     return false;
   }
-  const double* bad = std::find_if(vdot, vdot + model_->nv, [](double a) { return !std::isfinite(a); });
-  if (bad == vdot + model_->nv) return true;
-  bad_rate_ = static_cast<int>(bad - vdot);
-  vdot_bad_ = *bad;
+  if (all_finite(vdot, model_->nv)) return true;
+  bad_rate_ = first_not_finite(vdot, model_->nv);
+  vdot_bad_ = vdot[bad_rate_];
   return false;
 }
 

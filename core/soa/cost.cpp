@@ -1,6 +1,11 @@
 #include "core/soa/cost.hpp"
 
+#include <algorithm>
+#include <chrono>
+
 #include "core/soa/counted.hpp"
+#include "core/soa/kernels.hpp"
+#include "core/soa/program.hpp"
 #include "core/soa/sweeps_impl.hpp"
 #include "core/soa/workspace_layout.hpp"
 
@@ -20,6 +25,19 @@ const char* name_of(KernelKind kind) {
   return is_general(kind) ? "general" : "dense";
 }
 
+const char* name_of(Kernel kernel) {
+  switch (kernel) {
+    case Kernel::hinge_records: return "hinge coordinates";
+    case Kernel::outward: return "outward";
+    case Kernel::elastic: return "elastic forces";
+    case Kernel::world: return "world poses";
+    case Kernel::central_gravity: return "central gravity";
+    case Kernel::node_wrenches: return "node wrenches";
+    case Kernel::inward: return "inward";
+    default: return "acceleration";
+  }
+}
+
 }  // namespace
 
 std::vector<OpCost> op_costs(const Model& model, const State& state) {
@@ -31,28 +49,56 @@ std::vector<OpCost> op_costs(const Model& model, const State& state) {
   Inputs<Counted> in;
   in.q = q.data(), in.v = v.data(), in.tau = zero.data(), in.vdot = zero.data();
   S.ground(model, ws, in);
+  const Workspace<double> sizes(model);
   std::vector<OpCost> costs;
   for (const Op& op : model.program) {
     Counted::flops = Counted::functions = 0;
     OpCost cost;
     const Run* run = op.run >= 0 ? &model.runs[static_cast<std::size_t>(op.run)] : nullptr;
     cost.bodies = run ? run->end - run->begin : static_cast<int>(model.bodies.size()) - 1;
-    switch (op.kernel) {
-      case Kernel::hinge_records: cost.name = "hinge coordinates", S.hinge_records(model, ws, in); break;
-      case Kernel::outward: cost.name = "outward", S.outward(model, ws, in, *run, {.vdot = is_general(run->kind) && model.has_prescribed()}); break;
-      case Kernel::elastic: cost.name = "elastic forces", S.elastic(model, ws, in); break;
-      case Kernel::world: cost.name = "world poses", S.world(model, ws, in); break;
-      case Kernel::central_gravity: cost.name = "central gravity", S.central_gravity(model, ws, in); break;
-      case Kernel::node_wrenches: cost.name = "node wrenches", S.node_wrenches(model, ws, in); break;
-      case Kernel::inward: cost.name = "inward", S.inward(model, ws, in, *run, {}); break;
-      case Kernel::acceleration: cost.name = "acceleration", S.acceleration(model, ws, in, *run, vdot.data()); break;
-    }
+    cost.name = name_of(op.kernel);
+    run_op(model, op, S, ws, in, vdot.data());
     if (run) cost.name += std::string(" (") + name_of(run->kind) + ")";
+    for (int k = run ? run->begin : 1; run && k < run->end; ++k) cost.bytes += sizes.record_bytes(k);
     cost.flops = Counted::flops;
     cost.functions = Counted::functions;
     costs.push_back(std::move(cost));
   }
   return costs;
+}
+
+void measure(const Model& model, const State& state, std::vector<OpCost>& costs) {
+  using Clock = std::chrono::steady_clock;
+  const Sweeps<double>& S = sweeps<double>();
+  Workspace<double> ws(model);
+  const std::vector<double> zero(static_cast<std::size_t>(model.nv));
+  std::vector<double> vdot(static_cast<std::size_t>(model.nv));
+  Inputs<double> in;
+  in.q = state.q.data(), in.v = state.v.data(), in.tau = zero.data(), in.vdot = zero.data();
+  const auto run_until = [&](std::size_t end) {
+    S.ground(model, ws, in);
+    for (std::size_t i = 0; i < end; ++i) run_op(model, model.program[i], S, ws, in, vdot.data());
+  };
+  const auto time = [&](std::size_t end) {
+    double least = 1e9;
+    const auto start = Clock::now();
+    const auto seconds = [](Clock::duration d) { return std::chrono::duration<double>(d).count(); };
+    int calls = 1;
+    do {
+      const auto begin = Clock::now();
+      for (int i = 0; i < calls; ++i) run_until(end);
+      const double taken = seconds(Clock::now() - begin);
+      least = std::min(least, taken / calls);
+      if (taken < 2e-5) calls *= 2;
+    } while (seconds(Clock::now() - start) < 0.1 / static_cast<double>(model.program.size() + 1));
+    return 1e9 * least;
+  };
+  double before = time(0);
+  for (std::size_t i = 0; i < costs.size(); ++i) {
+    const double now = time(i + 1);
+    costs[i].ns = std::max(0.0, now - before);
+    before = now;
+  }
 }
 
 std::size_t workspace_bytes(const Model& model) { return Workspace<double>(model).bytes(); }

@@ -12,10 +12,15 @@ struct OpCost {
   int bodies = 0;      // bodies it works on
   long flops = 0;      // additions, multiplications, divisions, roots; without what families compute
   long functions = 0;  // sines and cosines
+  std::size_t bytes = 0;  // records of its bodies in double
+  double ns = -1.0;    // measured; negative: not
 };
 
 /// One entry per op of model.program, in order. The state only has to be valid.
 std::vector<OpCost> op_costs(const Model& model, const State& state);
+/// Fills OpCost::ns: the time of the program up to an op less that up to the one before, each the least of many; a difference
+/// of a few nanoseconds is noise. Takes about 0.1 s.
+void measure(const Model& model, const State& state, std::vector<OpCost>& costs);
 /// Bytes of working memory of one evaluation in double.
 std::size_t workspace_bytes(const Model& model);
 

@@ -33,6 +33,8 @@ struct Sweeps {
   void (*gather)(Bodies, Work, In, const Run&, T* tau) = nullptr;
   /// Rigid trees: M, nv x nv. Needs hinge_records and outward; Workspace::composite with one entry per body.
   void (*mass_matrix)(Bodies, Work, In, T* M) = nullptr;
+  /// Rigid trees: M^-1, nv x nv. Needs hinge_records, at_rest, outward of all but axis bodies; Workspace::rest.
+  void (*mass_matrix_inverse)(Bodies, Work, In, T* inverse) = nullptr;
 };
 
 /// Pose of B in A, and columns of H* at B, of any body: for what is not in the inner loop. A rotor has no angle of its own in
@@ -47,6 +49,20 @@ static Pose<T> pose_in_inboard(const SweepModel& model, const Workspace<T>& ws, 
   const bool rotor = b.kind == KernelKind::rotor;
   const T s = rotor ? T(sin(angle)) : ws.sines[static_cast<std::size_t>(a.angle)], c = rotor ? T(cos(angle)) : ws.cosines[static_cast<std::size_t>(a.angle)];
   return {cast<T>(b.O.R) * rotation_about(cast<T>(b.axis), s, c), cast<T>(b.O.p)};
+}
+/// R_AB r + m p_AB: the first moment r of the mass m about B, in the axes of A and about its origin.
+template <class T>
+static Vec3<T> moment_in_inboard(const SweepModel& model, const Workspace<T>& ws, int k, const Vec3<T>& r, const T& m) {
+  const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+  if (!is_axis(b.kind)) return ws.X(k).R * r + m * ws.X(k).p;
+  Vec3<T> turned = r;  // of a rotor it lies along the axis
+  if (b.kind != KernelKind::rotor) {
+    const auto at = static_cast<std::size_t>(model.axis_bodies[static_cast<std::size_t>(k)].angle);
+    const T c = ws.cosines[at], s = ws.sines[at];
+    const Vec3<T> u = cast<T>(b.axis);
+    turned = c * r + s * cross(u, r) + ((T(1) - c) * dot(u, r)) * u;
+  }
+  return cast<T>(b.O.R) * turned + m * cast<T>(b.O.p);
 }
 template <class T>
 static Motion<T> hinge_column(const SweepModel& model, const Workspace<T>& ws, int k, int j) {

@@ -217,10 +217,62 @@ static void gather(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& i
       [&]<int NV>() { gather_general<T, NV>(model, ws, tau, run.begin, run.end); });
 }
 
+/// M^-1 = (I - H psi K)* D^-1 (I - H psi K), nv x nv, column-major: column j is the acceleration that a unit force on hinge
+/// velocity j gives to a system at rest. Tip to base the force meets only the bodies between its own and the ground; base to tip
+/// the accelerations are needed only of the bodies up to its own, the rest follows by symmetry.
+template <class T>
+static void mass_matrix_inverse(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* inverse) {
+  const int n = static_cast<int>(model.bodies.size()), nv = model.nv;
+  for (int k = 1; k < n; ++k)
+    if (is_axis(model.bodies[static_cast<std::size_t>(k)].kind)) {
+      const AxisBody& a = model.axis_bodies[static_cast<std::size_t>(k)];
+      if (!a.leaf && a.kind != KernelKind::rotor) start(a, ws.core(k).P);
+      ws.axis(k).nu = T(0);
+    }
+  for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) {
+    inward(model, ws, in, *run, {.inertia = true, .bias = !is_axis(run->kind)});  // nu = 0 where the path does not pass
+    if (ws.breakdown.body != 0) return;
+  }
+  T* unit = ws.rest.data();  // the force
+  Inputs<T> use = in;
+  use.tau = unit;
+  for (int k = 1; k < n; ++k) {
+    const SweepBody& own = model.bodies[static_cast<std::size_t>(k)];
+    for (int v = own.v; v < own.v + own.nv; ++v) {
+      T* column = inverse + static_cast<std::ptrdiff_t>(nv) * v;
+      unit[v] = T(1);
+      for (int p = k; p > 0; p = model.bodies[static_cast<std::size_t>(p)].parent) {
+        const SweepBody& b = model.bodies[static_cast<std::size_t>(p)];
+        if (is_axis(b.kind))
+          inward_axes<T, InwardFor{false, true}>(model, ws, use, p, p + 1);
+        else
+          inward(model, ws, use, {p, p + 1, b.kind}, {.inertia = false});
+      }
+      unit[v] = T(0);
+      for (const Run& run : model.runs) {
+        if (run.begin > k) break;
+        acceleration(model, ws, in, {run.begin, run.end < k + 1 ? run.end : k + 1, run.kind}, column);
+      }
+      for (int i = 1; i <= k; ++i) {
+        const SweepBody& b = model.bodies[static_cast<std::size_t>(i)];
+        for (int l = b.v; l < b.v + b.nv; ++l) inverse[static_cast<std::ptrdiff_t>(nv) * l + v] = column[l];
+      }
+      for (int p = k; p > 0; p = model.bodies[static_cast<std::size_t>(p)].parent) {  // z = 0, nu = 0 again
+        const SweepBody& b = model.bodies[static_cast<std::size_t>(p)];
+        ws.core(p).z = Force<T>();
+        if (is_axis(b.kind))
+          ws.axis(p).nu = T(0);
+        else
+          inward(model, ws, use, {p, p + 1, b.kind}, {.inertia = false});
+      }
+    }
+  }
+}
+
 /// The table of one scalar, for the instruction set that the including file is compiled for.
 template <class T>
 static constexpr Sweeps<T> make_sweeps() {
-  return {ground<T>, at_rest<T>, hinge_records<T>, outward<T>, elastic<T>, world<T>, central_gravity<T>, node_wrenches<T>, inward<T>, acceleration<T>, gather<T>, mass_matrix<T>};
+  return {ground<T>, at_rest<T>, hinge_records<T>, outward<T>, elastic<T>, world<T>, central_gravity<T>, node_wrenches<T>, inward<T>, acceleration<T>, gather<T>, mass_matrix<T>, mass_matrix_inverse<T>};
 }
 
 }  // namespace cardan::soa

@@ -103,6 +103,10 @@ class Workspace {
 
   Breakdown breakdown;
   std::size_t bytes() const;  ///< all of it
+  std::size_t record_bytes(int k) const {  ///< of the record of one body
+    const auto i = static_cast<std::size_t>(k);
+    return (i + 1 < offset_.size() ? offset_[i + 1] : arena_bytes_) - offset_[i];
+  }
   std::vector<T> angles, sines, cosines;  // of the axis hinges, computed in one go; filled up to a multiple of 8
   std::vector<RigidInertia<T>> composite; // per body, for the mass matrix: only where it is asked for
   std::vector<T> rest;                    // nv zeros, likewise

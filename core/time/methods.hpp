@@ -1,9 +1,9 @@
 #pragma once
 // The methods behind make_integrator(), and how each of them fails. Options have been checked by the factory.
-#include <cmath>
 #include <string>
 
 #include "core/base/diagnostic.hpp"
+#include "core/base/finite.hpp"
 #include "core/time/integrator.hpp"
 
 namespace cardan {
@@ -20,13 +20,6 @@ std::unique_ptr<Integrator> make_cvode(OdeProblem problem, const IntegratorOptio
   failure.what = std::move(what);
   failure.hint = std::move(hint);
   throw NumericsError(std::move(failure));
-}
-
-/// Index of the first value that is NaN or infinite, -1 if all are finite.
-inline int first_not_finite(const double* values, int n) {
-  for (int i = 0; i < n; ++i)
-    if (!std::isfinite(values[i])) return i;
-  return -1;
 }
 
 }  // namespace cardan

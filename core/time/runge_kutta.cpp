@@ -48,10 +48,27 @@ struct Dopri5 {
                                          69997945.0 / 29380423};
 };
 
-/// Vectorised, unlike Eigen's allFinite: what is not finite stays so when taken from itself.
-template <class Values>
-bool finite(const Values& values) {
-  return (values - values).sum() == 0.0;
+/// The weights of the slopes: rows of the tableau, then those of the error estimate and of the dense output.
+template <class Method, int Row>
+constexpr double weight(int j) {
+  if constexpr (Row < Method::rows)
+    return Method::a[Row][j];
+  else
+    return Row == Method::rows ? Method::error[j] : Method::dense[j];
+}
+
+/// out[i] = z[i] + h sum_j weight_j k_j[i] over slopes that stand one after the other at k, `stride` apart: one loop, its sum
+/// unrolled from the last slope to the first, nothing for a weight of zero.
+template <class Method, int Row, int... Slopes>
+void combine(std::integer_sequence<int, Slopes...>, const double* __restrict z, double h, const double* __restrict k,
+             std::size_t stride, std::size_t size, double* __restrict out) {
+  constexpr auto w = [](int j) { return weight<Method, Row>(j); };
+  constexpr int last = static_cast<int>(sizeof...(Slopes)) - 1;
+  for (std::size_t i = 0; i < size; ++i) {
+    double sum = 0.0;
+    ((w(last - Slopes) != 0.0 ? void(sum += w(last - Slopes) * k[i + (last - Slopes) * stride]) : void()), ...);
+    out[i] = z[i] + h * sum;
+  }
 }
 
 template <class Method>
@@ -66,7 +83,8 @@ class RungeKutta final : public Integrator {
         z0_(n_all_),
         z1_(n_all_),
         work_(n_all_),
-        k_(n_all_, Method::rows),
+        zero_(Eigen::ArrayXd::Zero(n_all_)),
+        k_(Eigen::ArrayXXd::Zero(n_all_, Method::rows)),
         absolute_(Eigen::Map<const Eigen::ArrayXd>(problem_.absolute_tolerance.data(), n_)) {}
 
   void restart(double t, const double* x, const double* y) override {
@@ -103,7 +121,7 @@ class RungeKutta final : public Integrator {
     if (h == 0.0) return write(z1_, x, y);
     const double s = (t - t0_) / h, r = 1.0 - s;
     work_.setZero();
-    if constexpr (Method::adaptive) work_ = h * sum<Method::rows>(Method::dense, n_all_);
+    if constexpr (Method::adaptive) add_slopes<kDense>(zero_, h, n_all_, work_);
     work_ = z0_ + s * (z1_ - z0_ +
                        r * (h * first_slope() - (z1_ - z0_) +
                             s * (2.0 * (z1_ - z0_) - h * (first_slope() + last_slope()) + r * work_)));
@@ -121,37 +139,46 @@ class RungeKutta final : public Integrator {
   std::string_view name() const override { return Method::name; }
 
  private:
-  static constexpr int kLast = Method::rows - 1;
+  static constexpr int kLast = Method::rows - 1, kError = Method::rows, kDense = Method::rows + 1;
 
   auto first_slope() const { return k_.col(0); }
   auto last_slope() const { return k_.col(kLast); }
+
+  bool finite(const auto& values) const { return all_finite(values.data(), n_all_); }
 
   void write(const Eigen::ArrayXd& z, double* x, double* y) const {
     std::copy_n(z.data(), n_, x);
     std::copy_n(z.data() + n_, problem_.n_quadrature, y);
   }
 
+  /// The integrals have no use for a slope without weight.
+  static bool has_weight(int stage) {
+    if (stage == kLast || Method::a[kLast][stage] != 0.0) return true;
+    if constexpr (Method::adaptive) return Method::dense[stage] != 0.0;
+    return false;
+  }
+
   bool rhs(double t, const Eigen::ArrayXd& z, int stage) {
     ++statistics_.rhs_calls;
     double* slope = k_.col(stage).data();
-    return problem_.rhs(t, z.data(), slope, slope + n_);
+    return problem_.rhs(t, z.data(), slope, has_weight(stage) ? slope + n_ : nullptr);
   }
 
-  /// sum_j weight[j] k_j over the first Count stages, one fused expression.
-  template <int Count>
-  auto sum(const double* weight, int size) const {
-    return [&]<std::size_t... J>(std::index_sequence<J...>) { return ((weight[J] * k_.col(J).head(size)) + ...); }
-    (std::make_index_sequence<Count>{});
+  /// out = z + h sum_j weight_j k_j, for the states alone or with the integrals.
+  template <int Row>
+  void add_slopes(const Eigen::ArrayXd& z, double h, int size, Eigen::ArrayXd& out) const {
+    combine<Method, Row>(std::make_integer_sequence<int, std::min(Row, Method::rows)>{}, z.data(), h, k_.data(),
+                         static_cast<std::size_t>(n_all_), static_cast<std::size_t>(size), out.data());
   }
 
   template <int Row>
   bool stage(double t1, double h) {
     const double t = Method::c[Row] == 1.0 ? t1 : t0_ + Method::c[Row] * h;
     if constexpr (Row < kLast) {
-      work_.head(n_) = z0_.head(n_) + h * sum<Row>(Method::a[Row], n_);
+      add_slopes<Row>(z0_, h, n_, work_);
       return rhs(t, work_, Row);
     } else {
-      z1_ = z0_ + h * sum<Row>(Method::a[Row], n_all_);
+      add_slopes<Row>(z0_, h, n_all_, z1_);
       if (problem_.project) problem_.project(z1_.data());
       return rhs(t, z1_, Row);
     }
@@ -225,10 +252,11 @@ class RungeKutta final : public Integrator {
   }
 
   /// Root mean square over the states of estimate / (absolute + relative * size).
-  double error_norm(double h) const {
+  double error_norm(double h) {
     if (n_ == 0) return 0.0;
+    add_slopes<kError>(zero_, 1.0, n_, work_);
     const auto scale = absolute_ + options_.relative_tolerance * z0_.head(n_).abs().max(z1_.head(n_).abs());
-    return h * std::sqrt((sum<Method::rows>(Method::error, n_) / scale).square().mean());
+    return h * std::sqrt((work_.head(n_) / scale).square().mean());
   }
 
   /// A hundredth of the time in which the state would change by its own size; Hairer, Norsett, Wanner 1993, II.4.
@@ -261,8 +289,8 @@ class RungeKutta final : public Integrator {
   double t0_ = 0.0, t1_ = 0.0;  // [s] of the last step
   double h_ = 0.0;              // [s] adaptive: the next step to try
   bool started_ = false, slope_known_ = false;
-  Eigen::ArrayXd z0_, z1_, work_;  // states and integrals: step begin, step end, trial
-  Eigen::ArrayXXd k_;              // slopes, one column per stage
+  Eigen::ArrayXd z0_, z1_, work_, zero_;  // states and integrals: step begin, step end, trial; zeros
+  Eigen::ArrayXXd k_;                     // slopes, one column per stage
   Eigen::ArrayXd absolute_;
   IntegratorStatistics statistics_;
 };

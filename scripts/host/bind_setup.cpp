@@ -235,9 +235,9 @@ int vehicle(lua_State* L, Scenario& s) {
   const std::string path = (s.folder / name).string();
   if (!std::filesystem::is_regular_file(path))
     refuse(L, Code::file_not_found, "vehicle", "a vehicle in YAML, relative to the scenario", in_quotes(path));
-  SystemSpec spec = read_vehicle(path, s.registry, overrides);
-  s.inputs.push_back({name, sha256(spec.source_text), spec.source_text});
-  make_modes(spec);
+  const auto spec = std::make_shared<SystemSpec>(read_vehicle(path, s.registry, overrides));
+  s.inputs.push_back({name, sha256(spec->source_text), spec->source_text});
+  make_modes(*spec);
   CompileOptions options;
   options.node_wrenches = false;  // until a load is declared
   s.use_model(compile(spec, s.registry, options));

@@ -102,10 +102,14 @@ Json modes(const Model& m) {
   return all;
 }
 
-Json ops(const Scenario& s) {
+Json ops(const Scenario& s, bool measured) {
   Json all = Json::array();
-  for (const soa::OpCost& op : soa::op_costs(*s.model, s.sim->state()))
-    all.push_back({{"name", op.name}, {"bodies", op.bodies}, {"flops", op.flops}, {"functions", op.functions}});
+  std::vector<soa::OpCost> costs = soa::op_costs(*s.model, s.sim->state());
+  if (measured) soa::measure(*s.model, s.sim->state(), costs);
+  for (const soa::OpCost& op : costs) {
+    all.push_back({{"name", op.name}, {"bodies", op.bodies}, {"flops", op.flops}, {"functions", op.functions}, {"bytes", op.bytes}});
+    if (measured) all.back()["ns"] = op.ns;
+  }
   return all;
 }
 
@@ -141,7 +145,7 @@ std::string listed(const Json& names) {
 
 }  // namespace
 
-Json describe_model(Scenario& s) {
+Json describe_model(Scenario& s, bool measured) {
   const Model& m = *s.model;
   Json controllers = Json::array(), defaults = Json::object();
   for (const Controller& c : s.controllers)
@@ -160,9 +164,9 @@ Json describe_model(Scenario& s) {
       {"masses", masses(s)},
       {"modes", modes(m)},
       {"gravity", gravity_text(m.gravity)},
-      {"program", header.sweep_program},
+      {"program", measured ? sweep_program(m, s.sim->state(), true) : header.sweep_program},
       {"workspace_bytes", soa::workspace_bytes(m)},
-      {"ops", ops(s)},
+      {"ops", ops(s, measured)},
       {"not_modelled", not_modelled(m)},
       {"defaults", defaults}};
 }

@@ -8,7 +8,7 @@ namespace cardan {
 
 /// What a scenario is made of, as data: bodies, masses, modes, gravity, program of sweeps, what is not modelled,
 /// defaults.
-Json describe_model(Scenario&);
+Json describe_model(Scenario&, bool measured = false);
 /// The same as text.
 std::string description_text(const Json& description);
 

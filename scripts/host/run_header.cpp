@@ -98,10 +98,13 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
   return all;
 }
 
-std::string sweep_program(const Model& m, const State& state) {
-  const std::vector<soa::OpCost> costs = soa::op_costs(m, state);
-  std::string text = fmt::format("{:<52}{:>8}{:>8}{:>8}  bodies\n", "", "bodies", "flops", "sin/cos");
-  long flops = 0, functions = 0;
+std::string sweep_program(const Model& m, const State& state, bool measured) {
+  std::vector<soa::OpCost> costs = soa::op_costs(m, state);
+  if (measured) soa::measure(m, state, costs);
+  const auto time = [&](double ns) { return measured ? fmt::format("{:>8.0f}", ns) : std::string(); };
+  std::string text = fmt::format("{:<52}{:>8}{:>8}{:>8}{:>9}{}  bodies\n", "", "bodies", "flops", "sin/cos", "bytes", measured ? "      ns" : "");
+  soa::OpCost sum;
+  sum.ns = 0.0;
   for (std::size_t i = 0; i < costs.size(); ++i) {
     const soa::OpCost& cost = costs[i];
     std::string bodies;
@@ -110,11 +113,11 @@ std::string sweep_program(const Model& m, const State& state) {
         if (!u.merged && u.sweep >= m.runs[static_cast<std::size_t>(r)].begin &&
             u.sweep < m.runs[static_cast<std::size_t>(r)].end)
           bodies += (bodies.empty() ? "" : ", ") + u.name;
-    text += fmt::format("{:<52}{:>8}{:>8}{:>8}  {}\n", cost.name, cost.bodies, cost.flops, cost.functions, bodies);
-    flops += cost.flops, functions += cost.functions;
+    text += fmt::format("{:<52}{:>8}{:>8}{:>8}{:>9}{}  {}\n", cost.name, cost.bodies, cost.flops, cost.functions, cost.bytes, time(cost.ns), bodies);
+    sum.flops += cost.flops, sum.functions += cost.functions, sum.ns += cost.ns;
   }
-  return text + fmt::format("{:<60}{:>8}{:>8}  workspace: {} bytes\n", "one evaluation of v'", flops, functions,
-                            soa::workspace_bytes(m));
+  return text + fmt::format("{:<60}{:>8}{:>8}{:>9}{}  (bytes: all working memory)\n", "one evaluation of v'", sum.flops, sum.functions,
+                            soa::workspace_bytes(m), time(sum.ns));
 }
 
 RunHeader run_header(const Scenario& s) {

@@ -72,7 +72,7 @@ RunHeader run_header(const Scenario&);
 /// Key path and value of each parameter as the model has it.
 std::vector<std::pair<std::string, std::string>> effective_parameters(const Model&);
 /// The program of sweeps, a line per op, with what it costs.
-std::string sweep_program(const Model&, const State&);
+std::string sweep_program(const Model&, const State&, bool measured = false);
 
 /// The part of the summary that the simulation knows.
 Summary run_summary(const Scenario&, double wall_s);

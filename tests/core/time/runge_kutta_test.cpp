@@ -78,7 +78,7 @@ TEST(RungeKutta, IntegralsOfPolynomialsAreExact) {
   for (const auto& [options, power] : {std::pair{rk4(0.3), 3}, std::pair{equal_steps("dopri5", 0.3), 4}}) {
     OdeProblem p = problem(1, [power = power](double t, const double*, double* xdot, double* ydot) {
       xdot[0] = 1.0;
-      ydot[0] = std::pow(t, power);
+      if (ydot != nullptr) ydot[0] = std::pow(t, power);
       return true;
     });
     p.n_quadrature = 1;
@@ -122,7 +122,7 @@ TEST(RungeKutta, AStepAllocatesNothing) {
     p.rhs = [](double, const double* x, double* xdot, double* ydot) {
       xdot[0] = x[1];
       xdot[1] = -x[0];
-      ydot[0] = x[0];
+      if (ydot != nullptr) ydot[0] = x[0];
       return true;
     };
     p.project = [](double*) {};

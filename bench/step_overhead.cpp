@@ -1,0 +1,104 @@
+#include "bench/step_overhead.hpp"
+
+#include <algorithm>
+#include <chrono>
+
+#include "bench/bench_model.hpp"
+#include "core/sim/simulation.hpp"
+
+namespace cardan::bench {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double nanoseconds_since(Clock::time_point begin) { return std::chrono::duration<double, std::nano>(Clock::now() - begin).count(); }
+
+SystemSpec pendulums(int n) {
+  SystemSpec spec;
+  spec.name = "pendulums_" + std::to_string(n);
+  spec.gravity.kind = GravitySpec::Kind::uniform;
+  spec.gravity.g = {0, 0, -9.81};
+  for (int k = 0; k < n; ++k) {
+    BodySpec body;
+    body.name = "b" + std::to_string(k);
+    body.mass = 1.0;
+    body.com = {0, 0, -1.0 - 0.1 * k};
+    body.inertia_com = Eigen::Vector3d(0.1, 0.1, 0.1).asDiagonal();
+    body.hinge.type = "revolute";
+    body.hinge.params["axis"] = {std::vector<double>{1, 0, 0}, {}};
+    body.hinge.q = {0.3 + 0.02 * k};
+    spec.bodies.push_back(std::move(body));
+  }
+  return spec;
+}
+
+/// A run with a task every second, timed in stretches of one second: ns per step.
+class Run {
+ public:
+  Run(std::shared_ptr<const Model> model, const SimulationOptions& options) : sim_(std::move(model), options) {
+    sim_.every({1, 1}, [] {});
+    sim_.run(1.5);  // warm-up
+  }
+  double operator()() {
+    const long steps = sim_.statistics().steps;
+    const auto begin = Clock::now();
+    sim_.run(sim_.time() + 1.0);
+    return nanoseconds_since(begin) / static_cast<double>(sim_.statistics().steps - steps);
+  }
+
+ private:
+  Simulation sim_;
+};
+
+/// Minimum and median of what `ns` measures, over so many seconds.
+template <class Measurement>
+std::pair<double, double> repeated(double seconds, Measurement&& ns) {
+  std::vector<double> samples;
+  const auto begin = Clock::now();
+  do samples.push_back(ns());
+  while (nanoseconds_since(begin) < 1e9 * seconds);
+  std::ranges::sort(samples);
+  return {samples.front(), samples[samples.size() / 2]};
+}
+
+}  // namespace
+
+std::vector<StepOverhead> step_overheads(const Registry& registry, double seconds) {
+  CompileOptions no_loads;
+  no_loads.node_wrenches = false;
+  const auto model = compile(pendulums(15), registry, no_loads);
+  const auto without_sweeps = std::make_shared<Model>(*model);
+  without_sweeps->program.clear();
+  Workspace ws(*model);
+  const State at = model->initial_state();
+  Eigen::VectorXd vdot(model->nv);
+  Inputs in;
+  in.q = at.q.data(), in.v = at.v.data();
+  const double left_of_forward_dynamics = repeated(0.1 * seconds, [&] {
+    constexpr int calls = 1000;
+    const auto begin = Clock::now();
+    for (int k = 0; k < calls; ++k) forward_dynamics(*without_sweeps, ws, in, vdot.data());
+    return nanoseconds_since(begin) / calls;
+  }).first;
+
+  std::vector<StepOverhead> all;
+  const auto add = [&](const std::string& op, double min_ns, double median_ns) {
+    all.push_back({model->name, op, static_cast<int>(model->bodies.size()) - 1, min_ns, median_ns});
+  };
+  for (const std::string method : {"rk4", "dopri5"}) {
+    const double evaluations = method == "rk4" ? 4.0 : 6.0;  // of the right-hand side in a step
+    SimulationOptions options;
+    options.integrator.method = method;
+    (method == "rk4" ? options.integrator.fixed_step : options.integrator.max_step) = 0.01;
+    options.ledger = false;
+    const auto bare = repeated(seconds, Run(without_sweeps, options)), plain = repeated(seconds, Run(model, options));
+    options.ledger = true;
+    const auto with_ledger = repeated(seconds, Run(model, options));
+    const double rest = evaluations * left_of_forward_dynamics;
+    add("step_overhead_" + method, bare.first - rest, bare.second - rest);
+    add("step_ledger_" + method, with_ledger.first - plain.first, with_ledger.second - plain.second);
+  }
+  return all;
+}
+
+}  // namespace cardan::bench
