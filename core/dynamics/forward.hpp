@@ -13,6 +13,7 @@ using NodeWrench = soa::NodeWrench<double>;
 /// vdot (nv numbers, user order) from in.q, in.v, in.tau, gravity, wrenches and the prescribed components of in.vdot.
 /// Afterwards the workspace holds P, G, nu, gamma_b, delta of this evaluation. Returns false and leaves
 /// workspace.breakdown set where a free direction has no inertia. Allocates nothing.
+/// In trees of rigid bodies P, D and G are reused, to the same bits, when q is that of the call before.
 /// T: double, or Lanes<4>, Lanes<8> for as many states at once (batch.hpp).
 template <class T>
 bool forward_dynamics(const Model& model, soa::Workspace<T>& workspace, const soa::Inputs<T>& in, T* vdot);

@@ -148,11 +148,6 @@ Eigen::MatrixXd flexible_mass_matrix(const Model& model, Workspace& ws, const do
   return mass;
 }
 
-/// Rigid bodies alone, nothing prescribed.
-bool is_plain(const Model& model) {
-  return std::ranges::none_of(model.runs, [](const Run& run) { return is_general(run.kind); });
-}
-
 }  // namespace
 
 bool mass_matrix_inverse(const Model& model, Workspace& ws, const double* q, double* inverse) {
@@ -163,10 +158,9 @@ bool mass_matrix_inverse(const Model& model, Workspace& ws, const double* q, dou
   S.ground(model, ws, in);
   S.hinge_records(model, ws, in);
   S.at_rest(model, ws);
-  const bool plain = is_plain(model);
   for (const Run& run : model.runs)
-    if (!plain || !is_axis(run.kind)) S.outward(model, ws, in, run, {.velocity = false});
-  if (plain) {
+    if (!model.rigid || !is_axis(run.kind)) S.outward(model, ws, in, run, {.velocity = false});
+  if (model.rigid) {
     S.mass_matrix_inverse(model, ws, in, inverse);
     return ws.breakdown.body == 0;
   }
@@ -189,7 +183,7 @@ bool mass_matrix_inverse(const Model& model, Workspace& ws, const double* q, dou
 }
 
 void mass_matrix(const Model& model, Workspace& ws, const double* q, double* M) {
-  if (!is_plain(model)) {
+  if (!model.rigid) {
     Eigen::Map<Eigen::MatrixXd>(M, model.nv, model.nv) = flexible_mass_matrix(model, ws, q);
     return;
   }

@@ -574,6 +574,7 @@ class Compiler {
       SweepBody& b = m.bodies[k];
       const bool general = b.n_modes > 0 || b.onode >= 0 || b.has_prescribed;
       const int base = static_cast<int>(KernelKind::general0);
+      m.rigid = m.rigid && !general;
       if (general)
         b.kind = static_cast<KernelKind>(base + b.nv);
       else if (b.shape == CARDAN_SHAPE_FIXED)

@@ -148,6 +148,7 @@ struct SweepModel {
   std::vector<std::uint8_t> prescribed; // per v: 1 = follows a given motion; empty when none does
   std::vector<UserNode> nodes;
   GravityField field;
+  bool rigid = true;                    // no body has a general kernel
   bool world = false;                   // the program keeps poses and velocities in the world
 
   [[gnu::always_inline]] bool has_prescribed() const { return !prescribed.empty(); }

@@ -47,8 +47,10 @@ static void outward_free(const SweepModel& model, Workspace<T>& ws, const Inputs
     const RigidInertia<T> M = cast<T>(b.M_sweep);
     body.core.z = M * gamma;
     if constexpr (For.velocity) body.core.z += gyroscopic(M, body.core.w);
-    body.core.P = articulated(M);
-    body.core.P.J = cast<T>(b.J_P);
+    if constexpr (For.inertia) {
+      body.core.P = articulated(M);
+      body.core.P.J = cast<T>(b.J_P);
+    }
     body.core.E = acceleration_field(body.core.w, gamma.w);
   }
 }

@@ -109,8 +109,10 @@ static void outward_rigid(const SweepModel& model, Workspace<T>& ws, const Input
     if constexpr (For.vdot) gamma += push;
     body.z = M * gamma;
     if constexpr (For.velocity) body.z += gyroscopic(M, body.w);
-    body.P = articulated(M);
-    body.P.J = cast<T>(b.J_P);
+    if constexpr (For.inertia) {
+      body.P = articulated(M);
+      body.P.J = cast<T>(b.J_P);
+    }
     body.E = acceleration_field(For.velocity ? body.w : Vec3<T>{T(0), T(0), T(0)}, gamma.w);
   }
 }

@@ -27,6 +27,7 @@ static void for_kernel(KernelKind kind, const Rigid& rigid, const General& gener
 
 template <class T>
 static void hinge_records(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
+  ws.articulated = false;
   if (!model.angles.empty()) {
     T* angle = ws.angles.data();
     for (const AxisAngle& a : model.angles) *angle++ = in.q[a.q] + T(a.q0);
@@ -76,8 +77,10 @@ static void outward(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& 
         run.kind, [&]<int NV>() { outward_rigid<T, NV, For>(model, ws, in, run.begin, run.end); },
         [&]<int NV>() { outward_general<T, NV, For>(model, ws, in, run.begin, run.end); });
   };
-  if (!what.inertia)  // inverse dynamics
+  if (!what.inertia && what.vdot)  // inverse dynamics
     what.velocity ? pass.template operator()<OutwardFor{true, true, false}>() : pass.template operator()<OutwardFor{true, false, false}>();
+  else if (!what.inertia)  // forward dynamics once more at the same q
+    pass.template operator()<OutwardFor{false, true, false}>();
   else if (what.velocity)
     what.vdot ? pass.template operator()<OutwardFor{true, true, true}>() : pass.template operator()<OutwardFor{false, true, true}>();
   else

@@ -35,7 +35,7 @@ struct Inputs {
 struct OutwardFor {
   bool vdot = false;      // add H* v' of Inputs::vdot (prescribed motion, inverse dynamics)
   bool velocity = true;   // velocity terms; false: as if v = 0
-  bool inertia = true;    // P starts from M; false, with vdot: no inward sweep follows
+  bool inertia = true;    // P starts from M; false: it is not wanted, or is there (then only with velocity)
 };
 struct InwardFor {
   bool inertia = true;  // P, D, G: functions of q only
@@ -108,6 +108,8 @@ class Workspace {
     return (i + 1 < offset_.size() ? offset_[i + 1] : arena_bytes_) - offset_[i];
   }
   std::vector<T> angles, sines, cosines;  // of the axis hinges, computed in one go; filled up to a multiple of 8
+  std::vector<T> articulated_q;           // P, D, G and poses are those of this q; only of trees of rigid bodies
+  bool articulated = false;               // ... and are still there
   std::vector<RigidInertia<T>> composite; // per body, for the mass matrix: only where it is asked for
   std::vector<T> rest;                    // nv zeros, likewise
   std::vector<double> family;             // q and v of one lane, for families that are called lane by lane; empty for double

@@ -21,6 +21,7 @@ Workspace<T>::Workspace(const SweepModel& model) {
   modal_.assign(n, nullptr);
   n_dense_ = static_cast<std::size_t>(model.n_dense);
   dense_.resize(n_dense_ * kWidth<T>);
+  if (model.rigid) articulated_q.resize(static_cast<std::size_t>(model.nq));
   if constexpr (!std::is_same_v<T, double>) family.resize(static_cast<std::size_t>(model.nq + model.nv));
   struct Counts {
     std::size_t re, ee, C, Y, m, compliant;
@@ -121,7 +122,7 @@ void Workspace<T>::require_world() {
 
 template <class T>
 std::size_t Workspace<T>::bytes() const {
-  return arena_bytes_ + 3 * angles.size() * sizeof(T) + family.size() * sizeof(double) + composite.size() * sizeof(RigidInertia<T>) + rest.size() * sizeof(T) + dense_.size() * sizeof(cardan_hinge_out) + pose_W_.size() * sizeof(Pose<T>) + V_.size() * sizeof(Motion<T>);
+  return arena_bytes_ + 3 * angles.size() * sizeof(T) + family.size() * sizeof(double) + articulated_q.size() * sizeof(T) + composite.size() * sizeof(RigidInertia<T>) + rest.size() * sizeof(T) + dense_.size() * sizeof(cardan_hinge_out) + pose_W_.size() * sizeof(Pose<T>) + V_.size() * sizeof(Motion<T>);
 }
 
 }  // namespace cardan::soa

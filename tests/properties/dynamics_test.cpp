@@ -55,6 +55,26 @@ TEST(Dynamics, ForwardInvertsInverse) {
     });
 }
 
+TEST(Dynamics, AtTheSameQTheSameBits) {
+  for_all_trees({.flexible = 0.0}, 0.0, [](const RandomTree& tree) {
+    Loaded s(tree), fresh(tree);
+    s.forward();
+    VectorXd tau = s.tau, v = s.state.v;
+    s.tau = fresh.tau = 1.5 * tau - VectorXd::Ones(tau.size());
+    s.state.v = fresh.state.v = -0.5 * v;
+    const VectorXd again = s.forward(), anew = fresh.forward();
+    const VectorXd other = s.inverse(again);  // inverse dynamics at another q must not be taken for the same
+    VectorXd moved(s.model->nq);
+    const VectorXd step = VectorXd::Constant(s.model->nv, 0.1);
+    s.model->retract(s.state.q.data(), step.data(), moved.data());
+    const VectorXd q = s.state.q;
+    s.state.q = moved;
+    s.inverse(again);
+    s.state.q = q;
+    return std::max((again - anew).cwiseAbs().maxCoeff(), (s.forward() - anew).cwiseAbs().maxCoeff()) + 0.0 * other.sum();
+  });
+}
+
 TEST(Dynamics, InverseInvertsForward) {
   for (const TreeOptions& options : every_gravity({}))
     for_all_trees(options, kForces, [](const RandomTree& tree) {
