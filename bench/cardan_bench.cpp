@@ -124,11 +124,16 @@ int run(int argc, char** argv) {
   for (const auto& file : models_in(models)) bench(read_model(file));
   for (const int modes : {5, 20, 40, 60})
     for (const int bodies : {3, 10, 30}) bench(flexible_chain(bodies, modes));
+  for (const auto& [appendages, modes] : {std::pair{2, 5}, {2, 10}, {2, 20}, {2, 40}, {8, 10}, {16, 10}})
+    for (int level = 0; level <= (appendages * modes <= 20 ? 2 : 1); ++level) bench(hub_appendages(appendages, modes, level));
 
   // Growth: exponent of time in the number of bodies between the smallest and largest of a family.
   std::map<std::string, std::vector<const Row*>> families;
   for (const Row& r : rows) {
-    std::string family = r.model.rfind("flexible_chain_", 0) == 0 ? "flexible_chain" + r.model.substr(r.model.find("_modes")) : r.model.substr(0, r.model.rfind('_'));
+    const auto is = [&](const char* prefix) { return r.model.rfind(prefix, 0) == 0; };
+    const std::string family = is("flexible_chain_") ? "flexible_chain" + r.model.substr(r.model.find("_modes"))
+                               : is("hub_")          ? "hub_n" + r.model.substr(r.model.find('x'))
+                                                     : r.model.substr(0, r.model.rfind('_'));
     if (r.model.rfind("hard_", 0) != 0) families[family + " " + r.op].push_back(&r);
   }
   for (auto& [family, list] : families) {
