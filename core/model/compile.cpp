@@ -110,7 +110,8 @@ FlexibleBody flexible_of(const BodySpec& body, const cardan_body_family& family,
                  "modal data without them", "take level 1, which needs neither", "", "", 0});
     return f;
   }
-  cardan_body_facts facts{sizeof facts, 0, 0};
+  cardan_body_facts facts{};
+  facts.struct_size = sizeof facts;
   family.facts(f.packed.data(), &facts);
   f.M_ee_constant = facts.m_ee_constant;
   f.M_re_constant = facts.m_re_constant;
