@@ -6,6 +6,7 @@
 #include <sched.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <fstream>
@@ -62,8 +63,7 @@ void bench_model(const BenchModel& bm, const Registry& registry, double seconds,
   const double bytes = static_cast<double>(ws.bytes()) / n;
   Eigen::VectorXd out(model->nv);
   double error = -1.0;
-  bool rigid = model->flexible.empty();
-  if (rigid) {
+  if (std::ranges::all_of(model->flexible, [](const FlexibleBody& f) { return f.constant; })) {
     error = 0.0;
     const auto plain = compile(bm.spec, registry, {.merge_locked = false, .choose_frames = false, .node_wrenches = false, .world_wrenches = false});
     for (int s = 0; s < std::min(3, states); ++s) {

@@ -19,6 +19,7 @@ double forward_error(const Model& model, const BenchState& state, const Eigen::V
   S::ground(model, ws, in);
   S::hinge_records(model, ws, in);
   for (const Run& run : model.runs) S::outward(model, ws, in, run, false, true);
+  if (model.has(Kernel::elastic)) S::elastic(model, ws, in);
   for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S::inward(model, ws, in, *run, {});
   for (const Run& run : model.runs) S::acceleration(model, ws, in, run, exact.data());
   Quad difference = 0, size = 0;

@@ -38,11 +38,10 @@ Force<T> attraction(const GravitySpec& g, const RigidInertia<T>& M, const Pose<T
   return {torque + cross(c, force), force};
 }
 
-/// Inertia of a flexible body for its gravity, from M_rr = [m, m c, J] of its level: the potential takes J to first order in
+/// Inertia of a flexible body for its gravity, from M_rr of its level: the potential takes J to first order in
 /// eta also where the kinetic energy (level 0) does not, so that the field pulls on the modes at every level.
 template <class T>
-RigidInertia<T> gravity_inertia(const FlexibleBody& f, int n_modes, const T* M_rr, const T* eta) {
-  RigidInertia<T> M{M_rr[0], {M_rr[1], M_rr[2], M_rr[3]}, {M_rr[4], M_rr[5], M_rr[6], M_rr[7], M_rr[8], M_rr[9]}};
+RigidInertia<T> gravity_inertia(const FlexibleBody& f, int n_modes, RigidInertia<T> M, const T* eta) {
   for (int k = 0; f.level == 0 && k < n_modes; ++k) {
     const Eigen::Matrix3d d = first_order_inertia(f.data->integrals, k);
     M.J += Sym3<T>{eta[k] * T(d(0, 0)), eta[k] * T(d(1, 1)), eta[k] * T(d(2, 2)), eta[k] * T(d(0, 1)), eta[k] * T(d(0, 2)), eta[k] * T(d(1, 2))};
