@@ -1,5 +1,6 @@
 #include "bench/bench_model.hpp"
 
+#include <Eigen/QR>
 #include <algorithm>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -134,6 +135,82 @@ BenchModel flexible_chain(int n, int m) {
       return x;
     };
     model.states.push_back({vector(1.0, 0.01), vector(1.0, 0.1), vector(1.0, 1.0), vector(1.0, 1.0)});
+  }
+  return model;
+}
+
+BenchModel hub_appendages(int n, int m, int level) {
+  std::mt19937_64 rng(static_cast<std::uint64_t>(1000 * n + m));
+  const auto random = [&] { return -1.0 + 2.0 * static_cast<double>(rng() >> 11) * 0x1.0p-53; };
+  const auto tilde = [](const Eigen::Vector3d& a) {
+    Eigen::Matrix3d out;
+    out << 0, -a.z(), a.y(), a.z(), 0, -a.x(), -a.y(), a.x(), 0;
+    return out;
+  };
+  BenchModel model;
+  model.name = "hub_" + std::to_string(n) + "x" + std::to_string(m) + (level > 0 ? "_level_" + std::to_string(level) : "");
+  model.spec.name = model.name;
+  BodySpec hub;
+  hub.name = "hub";
+  hub.mass = 500.0;
+  hub.com = {0.02, -0.01, 0.1};
+  hub.inertia_com = Eigen::Vector3d(300.0, 280.0, 250.0).asDiagonal();
+  hub.hinge.type = "free";
+  model.spec.bodies.push_back(hub);
+  for (int k = 0; k < n; ++k) {
+    // Lumped masses along x, and as their modes any set of shapes that is orthonormal in these masses.
+    const int lumps = m + 4;
+    Eigen::MatrixXd shapes(3 * lumps, m);
+    for (double& x : shapes.reshaped()) x = random();
+    for (int j = 0; j < lumps; ++j) shapes.middleRows<3>(3 * j) *= std::pow((j + 1.0) / lumps, 2);
+    const double lump = 20.0 / lumps;
+    shapes = Eigen::HouseholderQR<Eigen::MatrixXd>(shapes).householderQ() * Eigen::MatrixXd::Identity(3 * lumps, m) / std::sqrt(lump);
+    MassField field;
+    field.mass.setConstant(lumps, lump);
+    field.position.setZero(3, lumps);
+    for (int j = 0; j < lumps; ++j) field.position.col(j) = Eigen::Vector3d(5.0 * (j + 1) / lumps, 0.1 * random(), 0.1 * random());
+    for (int a = 0; a < 3; ++a) field.Phi[a] = shapes(Eigen::seqN(a, lumps, 3), Eigen::all);
+    auto data = std::make_shared<ModalData>();
+    data->n_modes = m;
+    data->integrals = modal_integrals(field);
+    data->integrals.I6.setIdentity();
+    Eigen::VectorXd w2(m), damping(m);
+    for (int i = 0; i < m; ++i) {
+      w2[i] = std::pow(2.0 * (i + 1), 2);
+      damping[i] = 0.01 * std::sqrt(w2[i]);
+    }
+    data->K = w2.asDiagonal();
+    data->C = damping.asDiagonal();
+    BodySpec body;
+    body.name = "a" + std::to_string(k);
+    body.type = "modal_flexible";
+    body.modal = data;
+    body.level = level;
+    body.hinge.inboard_body = "hub";
+    const double angle = 2.0 * M_PI * k / n;
+    body.hinge.onode_position = {std::cos(angle), std::sin(angle), 0.1 * k};
+    body.hinge.onode_R = Eigen::Matrix3d::Identity() + std::sin(angle) * tilde({0, 0, 1}) + (1 - std::cos(angle)) * tilde({0, 0, 1}) * tilde({0, 0, 1});
+    if (k % 2 == 1) {  // every other one turns about its length
+      body.hinge.type = "revolute";
+      body.hinge.params["axis"] = numbers({1.0, 0.0, 0.0});
+    }
+    model.spec.bodies.push_back(std::move(body));
+  }
+  for (int s = 0; s < 16; ++s) {
+    std::vector<double> q, v;
+    const auto more = [&](int count, double size, std::vector<double>& x) {
+      for (int i = 0; i < count; ++i) x.push_back(size * random());
+    };
+    more(7, 1.0, q);
+    Eigen::Map<Eigen::Vector4d>(q.data()).normalize();
+    more(6, 0.3, v);
+    for (int k = 0; k < n; ++k) {
+      more(k % 2, 1.0, q), more(m, 0.01, q);
+      more(k % 2, 0.3, v), more(m, 0.1, v);
+    }
+    const auto size = static_cast<Eigen::Index>(v.size());
+    const auto any = [&] { return Eigen::VectorXd(Eigen::VectorXd::NullaryExpr(size, [&] { return random(); })); };
+    model.states.push_back({Eigen::Map<Eigen::VectorXd>(q.data(), static_cast<Eigen::Index>(q.size())), Eigen::Map<Eigen::VectorXd>(v.data(), size), any(), any()});
   }
   return model;
 }

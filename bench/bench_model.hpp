@@ -27,4 +27,8 @@ std::vector<std::filesystem::path> models_in(const std::filesystem::path& folder
 /// deforming tip of the one before), with 16 random states of a fixed seed.
 BenchModel flexible_chain(int bodies, int modes);
 
+/// A free-flying rigid hub with `appendages` flexible bodies of `modes` mass-normalised modes on it, cantilevered at their
+/// roots; every other one turns on a revolute hinge. "hub_2x5", with "_level_1" where the level is not 0.
+BenchModel hub_appendages(int appendages, int modes, int level);
+
 }  // namespace cardan::bench

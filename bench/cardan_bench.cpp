@@ -7,6 +7,7 @@
 #include <sched.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <map>
@@ -75,7 +76,7 @@ void bench_model(const BenchModel& bm, const Registry& registry, double seconds,
 
   // Largest relative errors over the states whose exact results are known; negative: not measured.
   double e_forward = -1, e_inverse = -1, e_batch = -1, e_batch_inverse = -1, e_matrix = -1, e_inverse_matrix = -1;
-  if (m.flexible.empty()) {
+  if (std::ranges::all_of(m.flexible, [](const FlexibleBody& f) { return f.constant; })) {
     const std::vector<Exact> truth = exact(bm, registry);
     const auto worst = [](double& error, const Eigen::VectorXd& computed, const Eigen::VectorXd& true_value) {
       error = std::max(error, relative_error(computed, true_value));
@@ -154,6 +155,9 @@ int run(int argc, char** argv) {
   for (const int modes : {5, 20, 40, 60})
     for (const int bodies : {3, 10, 30})
       if (std::filesystem::is_directory(models)) bench(flexible_chain(bodies, modes));
+  for (const auto& [appendages, modes] : {std::pair{2, 5}, {2, 10}, {2, 20}, {2, 40}, {8, 10}, {16, 10}})
+    for (int level = 0; level <= (appendages * modes <= 20 ? 2 : 1); ++level)
+      if (std::filesystem::is_directory(models)) bench(hub_appendages(appendages, modes, level));
   if (std::filesystem::is_directory(models) && std::string("step_overhead").find(only) != std::string::npos)
     for (const StepOverhead& s : step_overheads(registry, seconds)) rows.push_back({s.model, s.op, "", s.bodies, {s.min_ns, s.median_ns}, -1.0, 0.0});
   print_new_rows();
@@ -161,8 +165,11 @@ int run(int argc, char** argv) {
   // Growth: exponent of time in the number of bodies between the smallest and largest of a family.
   std::map<std::string, std::vector<const Row*>> families;
   for (const Row& r : rows) {
-    std::string family = r.model.rfind("flexible_chain_", 0) == 0 ? "flexible_chain" + r.model.substr(r.model.find("_modes")) : r.model.substr(0, r.model.rfind('_'));
-    if (r.model.rfind("hard_", 0) != 0) families[family + " " + r.op + " " + r.call].push_back(&r);
+    const auto is = [&](const char* prefix) { return r.model.rfind(prefix, 0) == 0; };
+    const std::string family = is("flexible_chain_") ? "flexible_chain" + r.model.substr(r.model.find("_modes"))
+                               : is("hub_")          ? "hub_n" + r.model.substr(r.model.find('x'))
+                                                     : r.model.substr(0, r.model.rfind('_'));
+    if (!is("hard_")) families[family + " " + r.op + " " + r.call].push_back(&r);
   }
   for (auto& [family, list] : families) {
     std::sort(list.begin(), list.end(), [](const Row* a, const Row* b) { return a->bodies < b->bodies; });

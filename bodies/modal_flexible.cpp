@@ -2,81 +2,51 @@
 // (Jain & Rodriguez 1992; Shabana 2013; docs/mathematics/flexible.md).
 //   level 0: M_fl(0), except M_wv = (mc)~ which follows the mass centre;  level 1: M_fl(0) + sum eta_i dM_i;  level 2: exact.
 // Mass matrix and bias come from one truncation of the kinetic energy, which is what conserves energy at every level.
-#include <Eigen/Core>
-#include <Eigen/Geometry>
-#include <cstring>
+// Everything that does not depend on the state is summed when the parameters are packed; what is left are plain loops.
+#include <algorithm>
+#include <cstdint>
 #include <new>
 
 #include "core/abi/cardan_abi.h"
-#include "core/spatial/eigen_bridge.hpp"
 #include "core/spatial/rotation.hpp"
 
 namespace cardan {
 namespace {
 
-using Eigen::Map;
-using Eigen::Matrix3d;
-using Eigen::MatrixXd;
-using Eigen::Vector3d;
-using Eigen::VectorXd;
-using ConstMat = Map<const MatrixXd>;
-using ConstMat3 = Map<const Matrix3d>;
-using ConstVec3 = Map<const Vector3d>;
+using V3 = Vec3<double>;
+using M3 = Mat3<double>;
 
-// Small matrices on the stack: a step allocates nothing. The nodal form serves up to this many modes.
-constexpr int kMaxNodalModes = 128;
-using Shapes = Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::ColMajor, 3, kMaxNodalModes>;
-using Modal = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kMaxNodalModes, 1>;
+constexpr std::uint32_t kMaxNodalModes = 128;  // of the nodal form, whose work stands on the stack: a step allocates nothing
+constexpr std::uint32_t kBlock = 32;           // modes whose sums over the other modes are formed together
+constexpr std::uint32_t kWork = 1024;          // numbers of dM_ee eta' formed together; no body with rotary terms has more modes
 
-// The packed parameters: a header and a copy of all arrays behind it.
+// The packed parameters: a header and all arrays behind it. Symmetric matrices as six numbers: xx yy zz xy xz yz.
 struct Packed {
   std::uint32_t m, level, n_nodes;
   std::uint32_t rotary, quadratic, nodal;  // rotary terms, second-order field Q, nodal form in use
   double I1;
   // offsets into the doubles that follow the header
-  std::uint32_t I2, I3, I4, I5, I6, I7, I8, I9, r_ww, r_we, r_ee, mass, position, inertia, Phi, Psi, Q, has_I9, has_inertia, has_Psi;
+  std::uint32_t I2, J, M_re, M_ee;  // 3; 6: I7; 6 m: [I4_k; I3_k]; m m
+  std::uint32_t dJ;                 // 6 m: I8_k + I8_k* + rotary_ww_k
+  std::uint32_t W, Z;               // 3 m m: W_lk = I5_lk + rotary_we_lk, index (l m + k); W_lk - W_kl (only with rotary terms)
+  std::uint32_t d2J;                // 6 m m: d2 M_ww / d eta_k d eta_l
+  std::uint32_t dM_ee;              // m m m: entry (k, l) of rotary_ee_i, symmetric in k and l, at (l m + i) m + k
+  std::uint32_t mass, position, inertia;     // nodal form, per node: 1, 3, 9 (row-major)
+  std::uint32_t Phi, Psi, Q;                 // per node 3 rows of m; 3 matrices m x m, symmetrised
+  std::uint32_t has_inertia, has_Psi, unused;
 
-  const double* data() const { return reinterpret_cast<const double*>(this + 1); }
-  ConstVec3 vec(std::uint32_t at, std::uint32_t i = 0) const { return ConstVec3(data() + at + 3 * i); }
-  ConstMat3 mat(std::uint32_t at, std::uint32_t i = 0) const { return ConstMat3(data() + at + 9 * i); }
-  ConstMat block(std::uint32_t at, Eigen::Index rows, std::uint32_t i = 0) const {
-    return ConstMat(data() + at + rows * m * i, rows, m);
-  }
+  const double* at(std::uint32_t offset) const { return reinterpret_cast<const double*>(this + 1) + offset; }
+  V3 vec(std::uint32_t offset) const { return {at(offset)[0], at(offset)[1], at(offset)[2]}; }
 };
 static_assert(sizeof(Packed) % sizeof(double) == 0);
-
-// Counts (measure) or copies (write) the arrays of the view, in one order.
-template <class Copy>
-void lay_out(const cardan_modal_view& v, Packed& p, const Copy& copy) {
-  const std::uint32_t m = v.n_modes, n = v.n_mass_nodes;
-  p.I2 = copy(v.I2, 3);
-  p.I3 = copy(v.I3, 3 * m);
-  p.I4 = copy(v.I4, 3 * m);
-  p.I5 = copy(v.I5, 3 * m * m);
-  p.I6 = copy(v.I6, m * m);
-  p.I7 = copy(v.I7, 9);
-  p.I8 = copy(v.I8, 9 * m);
-  p.I9 = copy(v.I9, v.I9 ? 9 * m * m : 0);
-  p.r_ww = copy(v.rotary_ww, v.rotary_ww ? 9 * m : 0);
-  p.r_we = copy(v.rotary_we, v.rotary_we ? 3 * m * m : 0);
-  p.r_ee = copy(v.rotary_ee, v.rotary_ee ? m * m * m : 0);
-  const bool nodal = p.nodal != 0;
-  p.mass = copy(v.node_mass, nodal ? n : 0);
-  p.position = copy(v.node_position, nodal ? 3 * n : 0);
-  p.inertia = copy(v.node_inertia, nodal && v.node_inertia ? 9 * n : 0);
-  p.Phi = copy(v.node_Phi, nodal ? 3 * m * n : 0);
-  p.Psi = copy(v.node_Psi, nodal && v.node_Psi ? 3 * m * n : 0);
-  p.Q = copy(v.node_Q, nodal && v.node_Q ? 3 * m * m * n : 0);
-}
 
 Packed header_of(const cardan_modal_view& v) {
   Packed p{};
   p.m = v.n_modes;
-  p.level = v.level;
   p.n_nodes = v.n_mass_nodes;
+  p.level = v.level;
   p.rotary = v.rotary_ww != nullptr;
   p.quadratic = v.node_Q != nullptr;
-  p.has_I9 = v.I9 != nullptr;
   p.has_inertia = v.node_inertia != nullptr;
   p.has_Psi = v.node_Psi != nullptr;
   // Level 2 is a polynomial in eta for translational lumps; nodal rotary inertia and Q need the loop over the nodes.
@@ -85,30 +55,96 @@ Packed header_of(const cardan_modal_view& v) {
   return p;
 }
 
+// Offsets of the arrays; returns how many doubles they take.
+std::uint32_t lay_out(Packed& p) {
+  const std::uint32_t m = p.m, n = p.n_nodes;
+  std::uint32_t total = 0;
+  const auto take = [&](bool wanted, std::uint32_t count) {
+    const std::uint32_t at = total;
+    total += wanted ? count : 0;
+    return at;
+  };
+  const bool polynomial = !p.nodal, slopes = polynomial && p.level >= 1;
+  p.I2 = take(polynomial, 3);
+  p.J = take(polynomial, 6);
+  p.M_re = take(polynomial, 6 * m);
+  p.M_ee = take(polynomial, m * m);
+  p.dJ = take(slopes, 6 * m);
+  p.W = take(slopes, 3 * m * m);
+  p.Z = take(slopes && p.rotary, 3 * m * m);
+  p.d2J = take(polynomial && p.level == 2, 6 * m * m);
+  p.dM_ee = take(slopes && p.rotary, m * m * m);
+  p.mass = take(p.nodal, n);
+  p.position = take(p.nodal, 3 * n);
+  p.inertia = take(p.nodal && p.has_inertia, 9 * n);
+  p.Phi = take(p.nodal, 3 * m * n);
+  p.Psi = take(p.nodal && p.has_Psi, 3 * m * n);
+  p.Q = take(p.nodal && p.quadratic, 3 * m * m * n);
+  return total;
+}
+
 std::uint64_t packed_size(const cardan_modal_view* v) {
   Packed p = header_of(*v);
-  std::uint32_t total = 0;
-  lay_out(*v, p, [&](const double*, std::uint32_t count) {
-    const std::uint32_t at = total;
-    total += count;
-    return at;
-  });
-  return sizeof(Packed) + sizeof(double) * total;
+  return sizeof(Packed) + sizeof(double) * lay_out(p);
+}
+
+// out += scale times the symmetric part of a 3 x 3 matrix.
+void symmetric(const double* a, double scale, double* out) {
+  const double half = 0.5 * scale;
+  out[0] += scale * a[0], out[1] += scale * a[4], out[2] += scale * a[8];
+  out[3] += half * (a[1] + a[3]), out[4] += half * (a[2] + a[6]), out[5] += half * (a[5] + a[7]);
 }
 
 int pack(const cardan_modal_view* v, void* out) {
   Packed p = header_of(*v);
-  if (p.nodal && (p.n_nodes == 0 || p.m > kMaxNodalModes)) return 1;  // level 2 with rotary inertia: lumped masses
-  if (v->level == 2 && !p.nodal && !v->I9) return 1;
-  double* data = reinterpret_cast<double*>(static_cast<char*>(out) + sizeof(Packed));
-  std::uint32_t total = 0;
-  lay_out(*v, p, [&](const double* source, std::uint32_t count) {
-    if (count > 0) std::memcpy(data + total, source, count * sizeof(double));
-    const std::uint32_t at = total;
-    total += count;
-    return at;
-  });
+  const std::uint32_t m = p.m, count = lay_out(p);
+  if (p.nodal && (p.n_nodes == 0 || m > kMaxNodalModes)) return 1;  // level 2 with rotary inertia: lumped masses
+  if (p.level == 2 && !p.nodal && !v->I9) return 1;
+  if (p.rotary && m > kWork) return 1;
+  double* const data = reinterpret_cast<double*>(static_cast<char*>(out) + sizeof(Packed));
+  std::fill(data, data + count, 0.0);
   new (out) Packed(p);
+  const auto copy = [&](std::uint32_t at, const double* from, std::size_t n) { std::copy(from, from + n, data + at); };
+  if (p.nodal) {
+    copy(p.mass, v->node_mass, p.n_nodes);
+    copy(p.position, v->node_position, 3 * p.n_nodes);
+    for (std::uint32_t j = 0; j < p.n_nodes; ++j)
+      for (std::uint32_t r = 0; r < 3; ++r) {
+        for (std::uint32_t c = 0; p.has_inertia && c < 3; ++c) data[p.inertia + 9 * j + 3 * r + c] = v->node_inertia[9 * j + 3 * c + r];
+        for (std::uint32_t k = 0; k < m; ++k) {
+          data[p.Phi + (3 * j + r) * m + k] = v->node_Phi[3 * m * j + 3 * k + r];
+          if (p.has_Psi) data[p.Psi + (3 * j + r) * m + k] = v->node_Psi[3 * m * j + 3 * k + r];
+        }
+        const std::uint32_t first = (3 * j + r) * m * m;
+        for (std::uint32_t k = 0; p.quadratic && k < m; ++k)
+          for (std::uint32_t l = 0; l < m; ++l) data[p.Q + first + k * m + l] = 0.5 * (v->node_Q[first + k * m + l] + v->node_Q[first + l * m + k]);
+      }
+    return 0;
+  }
+  copy(p.I2, v->I2, 3);
+  symmetric(v->I7, 1.0, data + p.J);
+  for (std::uint32_t k = 0; k < m; ++k) {
+    copy(p.M_re + 6 * k, v->I4 + 3 * k, 3);
+    copy(p.M_re + 6 * k + 3, v->I3 + 3 * k, 3);
+  }
+  copy(p.M_ee, v->I6, m * m);
+  if (p.level == 0) return 0;
+  for (std::uint32_t k = 0; k < m; ++k) {
+    symmetric(v->I8 + 9 * k, 2.0, data + p.dJ + 6 * k);
+    if (p.rotary) symmetric(v->rotary_ww + 9 * k, 1.0, data + p.dJ + 6 * k);
+    for (std::uint32_t l = 0; l < m; ++l) {
+      for (std::uint32_t r = 0; r < 3; ++r) {
+        const std::uint32_t lk = 3 * (l * m + k) + r, kl = 3 * (k * m + l) + r;
+        data[p.W + lk] = v->I5[lk] + (p.rotary ? v->rotary_we[lk] : 0.0);
+        if (p.rotary) data[p.Z + lk] = (v->I5[lk] - v->I5[kl]) + (v->rotary_we[lk] - v->rotary_we[kl]);
+      }
+      if (p.level < 2) continue;
+      symmetric(v->I9 + 9 * (l * m + k), 1.0, data + p.d2J + 6 * (l * m + k));
+      symmetric(v->I9 + 9 * (k * m + l), 1.0, data + p.d2J + 6 * (l * m + k));
+    }
+  }
+  for (std::uint32_t i = 0; p.rotary && i < m; ++i)
+    for (std::uint32_t l = 0; l < m; ++l) copy(p.dM_ee + (l * m + i) * m, v->rotary_ee + (i * m + l) * m, m);
   return 0;
 }
 
@@ -118,146 +154,206 @@ void facts(const void* packed, cardan_body_facts* f) {
   const Packed& p = self(packed);
   f->m_ee_constant = p.level == 0 || (!p.rotary && !p.quadratic);
   f->m_re_constant = p.level == 0;
+  if (f->struct_size >= sizeof(cardan_body_facts)) f->j_constant = p.level == 0;
 }
 
-void write_rr(double m, const Vector3d& mc, const Matrix3d& J, double* M_rr) {
-  const double values[10] = {m, mc.x(), mc.y(), mc.z(), J(0, 0), J(1, 1), J(2, 2), J(0, 1), J(0, 2), J(1, 2)};
-  std::memcpy(M_rr, values, sizeof values);
+// y += sum_l x_l a_l, vectors of length n that stand `stride` apart.
+void add_combination(const double* a, std::uint32_t stride, const double* x, std::uint32_t m, std::uint32_t n, double* __restrict y) {
+  std::uint32_t l = 0;
+  for (; l + 4 <= m; l += 4) {
+    const double *a0 = a + l * stride, *a1 = a0 + stride, *a2 = a1 + stride, *a3 = a2 + stride;
+    for (std::uint32_t i = 0; i < n; ++i) y[i] += (x[l] * a0[i] + x[l + 1] * a1[i]) + (x[l + 2] * a2[i] + x[l + 3] * a3[i]);
+  }
+  for (; l < m; ++l)
+    for (std::uint32_t i = 0; i < n; ++i) y[i] += x[l] * a[l * stride + i];
 }
 
-// dM_ww / d eta_k at eta (levels 1 and 2 without nodal form).
-Matrix3d dM_ww(const Packed& p, std::uint32_t k, const double* eta) {
-  Matrix3d d = p.mat(p.I8, k);
-  if (p.level == 2)
-    for (std::uint32_t l = 0; l < p.m; ++l) d += eta[l] * p.mat(p.I9, k * p.m + l);
-  d += d.transpose().eval();
-  if (p.rotary) d += p.mat(p.r_ww, k);
-  return d;
+// sum_l x_l a_l of six numbers each, added to `out`.
+void add_six(const double* a, const double* x, std::uint32_t m, double* out) {
+  double s[6] = {}, t[6] = {};
+  std::uint32_t l = 0;
+  for (; l + 2 <= m; l += 2, a += 12) {
+    for (int i = 0; i < 6; ++i) s[i] += x[l] * a[i];
+    for (int i = 0; i < 6; ++i) t[i] += x[l + 1] * a[6 + i];
+  }
+  for (int i = 0; l < m && i < 6; ++i) s[i] += x[l] * a[i];
+  for (int i = 0; i < 6; ++i) out[i] += s[i] + t[i];
+}
+
+// The same with two sets of factors.
+void add_six(const double* a, const double* x, const double* y, std::uint32_t m, double* out_x, double* out_y) {
+  double s[6] = {}, t[6] = {};
+  for (std::uint32_t l = 0; l < m; ++l)
+    for (int i = 0; i < 6; ++i) {
+      s[i] += x[l] * a[6 * l + i];
+      t[i] += y[l] * a[6 * l + i];
+    }
+  for (int i = 0; i < 6; ++i) out_x[i] += s[i], out_y[i] += t[i];
+}
+
+double dot(const double* a, const double* b, std::uint32_t n) {
+  double sum = 0.0;
+  for (std::uint32_t i = 0; i < n; ++i) sum += a[i] * b[i];
+  return sum;
+}
+
+V3 times(const double* s, const V3& a) {
+  return {s[0] * a.x + s[3] * a.y + s[4] * a.z, s[3] * a.x + s[1] * a.y + s[5] * a.z, s[4] * a.x + s[5] * a.y + s[2] * a.z};
+}
+
+void write_rr(double m, const V3& mc, const double* J, double* M_rr) {
+  M_rr[0] = m, M_rr[1] = mc.x, M_rr[2] = mc.y, M_rr[3] = mc.z;
+  std::copy(J, J + 6, M_rr + 4);
 }
 
 // A mass node at (eta, eta'): everything the nodal form needs (mathematics 3.2, 3.4, 3.6).
 struct NodeState {
   double mass;
-  Vector3d rho, rho_rate, quadratic_rate;  // quadratic_rate = eta'* Q eta'
-  Shapes Phi, W;                           // effective shapes: Phi + Q eta, Jl Psi
-  Matrix3d I;
-  Vector3d w_rel, w_rel_rate;              // W eta', dJl(theta; theta') theta'
+  V3 rho, rho_rate, quadratic_rate;              // quadratic_rate = eta'* Q eta'
+  double Phi[3][kMaxNodalModes], W[3][kMaxNodalModes];  // effective shapes by rows: Phi + Q eta, Jl Psi
+  M3 I;
+  V3 w_rel, w_rel_rate;                          // W eta', dJl(theta; theta') theta'
 };
 
+// rate may be null: then no rates.
 void node_at(const Packed& p, std::uint32_t j, const double* eta, const double* rate, NodeState& s) {
-  const Map<const VectorXd> e(eta, p.m), ed(rate, p.m);
-  s.mass = p.data()[p.mass + j];
-  s.Phi = p.block(p.Phi, 3, j);
-  s.rho = p.vec(p.position, j) + s.Phi * e;
-  s.quadratic_rate.setZero();
-  if (p.quadratic)
-    for (int i = 0; i < 3; ++i) {
-      const ConstMat Q(p.data() + p.Q + (3 * j + static_cast<std::uint32_t>(i)) * p.m * p.m, p.m, p.m);
-      Modal Qe(p.m);
-      Qe.noalias() = 0.5 * (Q * e);
-      Qe.noalias() += 0.5 * (Q.transpose() * e);
-      s.rho[i] += 0.5 * e.dot(Qe);
-      s.Phi.row(i) += Qe.transpose();
-      Modal Qed(p.m);
-      Qed.noalias() = Q * ed;
-      s.quadratic_rate[i] = ed.dot(Qed);
+  const std::uint32_t m = p.m;
+  s.mass = p.at(p.mass)[j];
+  s.rho = p.vec(p.position + 3 * j);
+  s.rho_rate = s.quadratic_rate = s.w_rel = s.w_rel_rate = {};
+  double* const rho[3] = {&s.rho.x, &s.rho.y, &s.rho.z};
+  double* const rho_rate[3] = {&s.rho_rate.x, &s.rho_rate.y, &s.rho_rate.z};
+  double* const quadratic[3] = {&s.quadratic_rate.x, &s.quadratic_rate.y, &s.quadratic_rate.z};
+  for (std::uint32_t r = 0; r < 3; ++r) {
+    const double* Phi = p.at(p.Phi + (3 * j + r) * m);
+    std::copy(Phi, Phi + m, s.Phi[r]);
+    *rho[r] += dot(Phi, eta, m);
+    if (p.quadratic) {  // Phi + Q eta; rho with one half of it
+      const double* Q = p.at(p.Q + (3 * j + r) * m * m);
+      double Qe[kMaxNodalModes] = {}, Qr[kMaxNodalModes] = {};
+      add_combination(Q, m, eta, m, m, Qe);
+      *rho[r] += 0.5 * dot(Qe, eta, m);
+      for (std::uint32_t k = 0; k < m; ++k) s.Phi[r][k] += Qe[k];
+      if (rate) {
+        add_combination(Q, m, rate, m, m, Qr);
+        *quadratic[r] = dot(Qr, rate, m);
+      }
     }
-  s.rho_rate = s.Phi * ed;
-  s.W.setZero(3, p.m);
-  s.I.setZero();
-  s.w_rel.setZero();
-  s.w_rel_rate.setZero();
+    if (rate) *rho_rate[r] = dot(s.Phi[r], rate, m);
+  }
+  const double* I = p.at(p.inertia + 9 * j);
+  s.I = p.has_inertia ? M3{I[0], I[1], I[2], I[3], I[4], I[5], I[6], I[7], I[8]} : M3{};
   if (!p.has_Psi) {
-    if (p.has_inertia) s.I = p.mat(p.inertia, j);
+    for (auto& row : s.W) std::fill(row, row + m, 0.0);
     return;
   }
-  const ConstMat Psi = p.block(p.Psi, 3, j);
-  const Vec3<double> t = from_eigen(Vector3d(Psi * e)), td = from_eigen(Vector3d(Psi * ed));
-  const auto c = rotation_coefficients(dot(t, t));
-  for (std::uint32_t k = 0; k < p.m; ++k) s.W.col(k) = to_eigen(left_jacobian(c, t, from_eigen(Vector3d(Psi.col(k)))));
+  const double *x = p.at(p.Psi + 3 * j * m), *y = x + m, *z = y + m;
+  const V3 t{dot(x, eta, m), dot(y, eta, m), dot(z, eta, m)};
+  const auto c = rotation_coefficients(cardan::dot(t, t));
+  const M3 Jl = rotation_of_vector(RotationCoefficients<double>{c.a, c.b, 0, 0, 0}, t);
+  const double rows[3][3] = {{Jl.xx, Jl.xy, Jl.xz}, {Jl.yx, Jl.yy, Jl.yz}, {Jl.zx, Jl.zy, Jl.zz}};
+  for (int r = 0; r < 3; ++r)
+    for (std::uint32_t k = 0; k < m; ++k) s.W[r][k] = rows[r][0] * x[k] + rows[r][1] * y[k] + rows[r][2] * z[k];
   if (p.has_inertia) {
-    const Matrix3d R = to_eigen(rotation_of_vector(c, t));
-    s.I = R * p.mat(p.inertia, j) * R.transpose();
+    const M3 R = rotation_of_vector(c, t);
+    s.I = R * s.I * transpose(R);
   }
-  s.w_rel = s.W * ed;
-  s.w_rel_rate = to_eigen(left_jacobian_dot(c, t, td, td));
+  if (!rate) return;
+  const V3 td{dot(x, rate, m), dot(y, rate, m), dot(z, rate, m)};
+  s.w_rel = Jl * td;
+  s.w_rel_rate = left_jacobian_dot(c, t, td, td);
 }
 
 void nodal_mass(const Packed& p, const double* eta, double* M_rr, double* M_re, double* M_ee) {
-  const double zero[kMaxNodalModes] = {};
-  Vector3d mc = Vector3d::Zero();
-  Matrix3d J = Matrix3d::Zero();
-  if (M_re) Map<MatrixXd>(M_re, 6, p.m).setZero();
-  if (M_ee) Map<MatrixXd>(M_ee, p.m, p.m).setZero();
+  const std::uint32_t m = p.m;
+  V3 mc{};
+  double J[6] = {};
+  if (M_re) std::fill(M_re, M_re + 6 * m, 0.0);
+  if (M_ee) std::fill(M_ee, M_ee + m * m, 0.0);
   NodeState s;
   for (std::uint32_t j = 0; j < p.n_nodes; ++j) {
-    node_at(p, j, eta, zero, s);
-    const Matrix3d t = to_eigen(tilde(from_eigen(s.rho)));
-    mc += s.mass * s.rho;
-    J += s.I - s.mass * t * t;
-    if (M_re) {
-      Map<MatrixXd> re(M_re, 6, p.m);
-      re.topRows<3>() += s.mass * t * s.Phi + s.I * s.W;
-      re.bottomRows<3>() += s.mass * s.Phi;
-    }
-    if (M_ee) {
-      Map<MatrixXd> ee(M_ee, p.m, p.m);
-      const Shapes IW = s.I * s.W;
-      for (std::uint32_t k = 0; k < p.m; ++k)
-        for (std::uint32_t l = 0; l < p.m; ++l)
-          ee(l, k) += s.mass * s.Phi.col(l).dot(s.Phi.col(k)) + s.W.col(l).dot(IW.col(k));
+    node_at(p, j, eta, nullptr, s);
+    const V3 h = s.mass * s.rho;
+    mc += h;
+    J[0] += s.I.xx + (h.y * s.rho.y + h.z * s.rho.z), J[1] += s.I.yy + (h.x * s.rho.x + h.z * s.rho.z);
+    J[2] += s.I.zz + (h.x * s.rho.x + h.y * s.rho.y);
+    J[3] += s.I.xy - h.x * s.rho.y, J[4] += s.I.xz - h.x * s.rho.z, J[5] += s.I.yz - h.y * s.rho.z;
+    for (std::uint32_t k = 0; k < m; ++k) {
+      const V3 f = s.mass * V3{s.Phi[0][k], s.Phi[1][k], s.Phi[2][k]}, n = s.I * V3{s.W[0][k], s.W[1][k], s.W[2][k]};
+      if (M_re) {
+        const V3 moment = n + cross(s.rho, f);
+        double* c = M_re + 6 * k;
+        c[0] += moment.x, c[1] += moment.y, c[2] += moment.z, c[3] += f.x, c[4] += f.y, c[5] += f.z;
+      }
+      if (!M_ee) continue;
+      double* column = M_ee + m * k;
+      for (std::uint32_t l = k; l < m; ++l)
+        column[l] += (f.x * s.Phi[0][l] + f.y * s.Phi[1][l] + f.z * s.Phi[2][l]) + (n.x * s.W[0][l] + n.y * s.W[1][l] + n.z * s.W[2][l]);
     }
   }
+  for (std::uint32_t k = 0; M_ee && k < m; ++k)
+    for (std::uint32_t l = 0; l < k; ++l) M_ee[m * k + l] = M_ee[m * l + k];
   if (M_rr) write_rr(p.I1, mc, J, M_rr);
 }
 
-void nodal_bias(const Packed& p, const double* eta, const double* rate, const Vector3d& w, double* b) {
-  Map<VectorXd> out(b, 6 + p.m);
-  out.setZero();
+void nodal_bias(const Packed& p, const double* eta, const double* rate, const V3& w, double* b) {
+  const std::uint32_t m = p.m;
+  std::fill(b, b + 6 + m, 0.0);
   NodeState s;
+  V3 moments{}, forces{};
   for (std::uint32_t j = 0; j < p.n_nodes; ++j) {
     node_at(p, j, eta, rate, s);
-    const Vector3d force = s.mass * (w.cross(w.cross(s.rho)) + 2.0 * w.cross(s.rho_rate) + s.quadratic_rate);
-    const Vector3d total = w + s.w_rel;
-    const Vector3d moment = s.I * (s.w_rel_rate + w.cross(s.w_rel)) + total.cross(s.I * total);
-    out.head<3>() += s.rho.cross(force) + moment;
-    out.segment<3>(3) += force;
-    for (std::uint32_t k = 0; k < p.m; ++k) out[6 + k] += s.Phi.col(k).dot(force) + s.W.col(k).dot(moment);
+    const V3 force = s.mass * (cross(w, cross(w, s.rho)) + 2.0 * cross(w, s.rho_rate) + s.quadratic_rate);
+    const V3 total = w + s.w_rel;
+    const V3 moment = s.I * (s.w_rel_rate + cross(w, s.w_rel)) + cross(total, s.I * total);
+    moments += cross(s.rho, force) + moment;
+    forces += force;
+    for (std::uint32_t k = 0; k < m; ++k)
+      b[6 + k] += (s.Phi[0][k] * force.x + s.Phi[1][k] * force.y + s.Phi[2][k] * force.z) +
+                  (s.W[0][k] * moment.x + s.W[1][k] * moment.y + s.W[2][k] * moment.z);
   }
+  b[0] = moments.x, b[1] = moments.y, b[2] = moments.z, b[3] = forces.x, b[4] = forces.y, b[5] = forces.z;
 }
+
+// sum_l eta_l d2J_kl, one mode k.
+void second_slope(const Packed& p, std::uint32_t k, const double* eta, double* out) { add_six(p.at(p.d2J) + 6 * p.m * k, eta, p.m, out); }
 
 void mass(const void* packed, const double* eta, double* M_rr, double* M_re, double* M_ee) {
   const Packed& p = self(packed);
   if (p.nodal) return nodal_mass(p, eta, M_rr, M_re, M_ee);
-  const Map<const VectorXd> e(eta, p.m);
+  const std::uint32_t m = p.m;
+  const double* re = p.at(p.M_re);
   if (M_rr) {
-    const Vector3d mc = p.vec(p.I2) + p.block(p.I3, 3) * e;
-    Matrix3d J = p.mat(p.I7);
-    if (p.level >= 1)
-      for (std::uint32_t k = 0; k < p.m; ++k) {
-        Matrix3d d = p.mat(p.I8, k) + p.mat(p.I8, k).transpose();
-        if (p.rotary) d += p.mat(p.r_ww, k);
-        if (p.level == 2)
-          for (std::uint32_t l = 0; l < p.m; ++l) d += eta[l] * p.mat(p.I9, k * p.m + l);
-        J += eta[k] * d;
+    double first[6] = {}, J[6];
+    add_six(re, eta, m, first);
+    std::copy(p.at(p.J), p.at(p.J) + 6, J);
+    if (p.level >= 1) add_six(p.at(p.dJ), eta, m, J);
+    if (p.level == 2)
+      for (std::uint32_t k = 0; k < m; ++k) {  // 1/2 sum_kl eta_k eta_l d2J_kl
+        double d[6] = {};
+        const double* d2J = p.at(p.d2J) + 6 * (m * k + k);
+        add_six(d2J + 6, eta + k + 1, m - k - 1, d);
+        for (int i = 0; i < 6; ++i) J[i] += eta[k] * (d[i] + 0.5 * eta[k] * d2J[i]);
       }
-    write_rr(p.I1, mc, J, M_rr);
+    write_rr(p.I1, p.vec(p.I2) + V3{first[3], first[4], first[5]}, J, M_rr);
   }
   if (M_re) {
-    Map<MatrixXd> re(M_re, 6, p.m);
-    re.topRows<3>() = p.block(p.I4, 3);
-    re.bottomRows<3>() = p.block(p.I3, 3);
+    std::copy(re, re + 6 * m, M_re);
     if (p.level >= 1)
-      for (std::uint32_t l = 0; l < p.m; ++l) {
-        re.topRows<3>() += eta[l] * p.block(p.I5, 3, l);
-        if (p.rotary) re.topRows<3>() += eta[l] * p.block(p.r_we, 3, l);
+      for (std::uint32_t k = 0; k < m; k += kBlock) {
+        const std::uint32_t n = std::min(kBlock, m - k);
+        double we[3 * kBlock] = {};
+        add_combination(p.at(p.W) + 3 * k, 3 * m, eta, m, 3 * n, we);
+        for (std::uint32_t i = 0; i < n; ++i)
+          for (std::uint32_t r = 0; r < 3; ++r) M_re[6 * (k + i) + r] += we[3 * i + r];
       }
   }
   if (M_ee) {
-    Map<MatrixXd> ee(M_ee, p.m, p.m);
-    ee = p.block(p.I6, p.m);
-    if (p.level >= 1 && p.rotary)
-      for (std::uint32_t i = 0; i < p.m; ++i) ee += eta[i] * p.block(p.r_ee, p.m, i);
+    std::copy(p.at(p.M_ee), p.at(p.M_ee) + m * m, M_ee);
+    for (std::uint32_t l = 0; p.level >= 1 && p.rotary && l < m; ++l) {
+      add_combination(p.at(p.dM_ee) + m * m * l + l, m, eta, m, m - l, M_ee + m * l + l);
+      for (std::uint32_t k = l + 1; k < m; ++k) M_ee[m * k + l] = M_ee[m * l + k];
+    }
   }
 }
 
@@ -265,48 +361,57 @@ void mass(const void* packed, const double* eta, double* M_rr, double* M_re, dou
 // b_e,k = (Mdot_we* w + Mdot_ee eta')_k - 1/2 w* dM_ww,k w - w* dM_we,k eta' - 1/2 eta'* dM_ee,k eta'   (mathematics 3.4)
 void bias(const void* packed, const double* eta, const double* etadot, const double* omega, double* b) {
   const Packed& p = self(packed);
-  const Vector3d w(omega[0], omega[1], omega[2]);
+  const V3 w{omega[0], omega[1], omega[2]};
   if (p.nodal) return nodal_bias(p, eta, etadot, w, b);
-  const Map<const VectorXd> e(eta, p.m), ed(etadot, p.m);
-  const Vector3d mc = p.vec(p.I2) + p.block(p.I3, 3) * e, u = p.block(p.I3, 3) * ed;
-  Map<VectorXd> out(b, 6 + p.m);
-  out.segment<3>(3) = w.cross(w.cross(mc) + 2.0 * u);
-  out.tail(p.m).setZero();
-  Vector3d p_w = p.mat(p.I7) * w + p.block(p.I4, 3) * ed;  // M_ww w + M_we eta'
-  Vector3d rate = Vector3d::Zero();                        // Mdot_ww w + Mdot_we eta'
-  if (p.level >= 1)
-    for (std::uint32_t k = 0; k < p.m; ++k) {
-      const Matrix3d d = dM_ww(p, k, eta);
-      // eta_k times dM_ww / d eta_k overcounts the quadratic term of level 2 twice: subtract one half of it
-      Matrix3d d_value = d;
-      if (p.level == 2) {
-        d_value = p.mat(p.I8, k) + p.mat(p.I8, k).transpose();
-        if (p.rotary) d_value += p.mat(p.r_ww, k);
-        for (std::uint32_t l = 0; l < p.m; ++l) d_value += eta[l] * p.mat(p.I9, k * p.m + l);
-      }
-      const Vector3d dw = d * w;
-      p_w += eta[k] * (d_value * w);
-      rate += ed[k] * dw;
-      out[6 + k] -= 0.5 * w.dot(dw);
-      Vector3d we = p.block(p.I5, 3, k) * ed;  // dM_we,k eta'
-      if (p.rotary) we.noalias() += p.block(p.r_we, 3, k) * ed;  // no temporary vector
-      p_w += eta[k] * we;
-      rate += ed[k] * we;
-      out[6 + k] -= w.dot(we);
-      for (std::uint32_t l = 0; l < p.m; ++l) out[6 + l] += ed[k] * p.block(p.I5, 3, k).col(l).dot(w);  // Mdot_we* w
-      if (p.rotary) {
-        for (std::uint32_t l = 0; l < p.m; ++l) out[6 + l] += ed[k] * p.block(p.r_we, 3, k).col(l).dot(w);
-        const ConstMat dM_ee = p.block(p.r_ee, p.m, k);  // columns of a symmetric matrix: no temporary vector
-        double quadratic = 0.0;
-        for (std::uint32_t l = 0; l < p.m; ++l) {
-          const double dee = dM_ee.col(l).dot(ed);
-          out[6 + l] += ed[k] * dee;
-          quadratic += ed[l] * dee;
+  const std::uint32_t m = p.m;
+  double first[6] = {}, rates[6] = {};
+  add_six(p.at(p.M_re), eta, etadot, m, first, rates);
+  const V3 mc = p.vec(p.I2) + V3{first[3], first[4], first[5]}, u{rates[3], rates[4], rates[5]};
+  V3 we{rates[0], rates[1], rates[2]}, we_rate{};  // M_we eta', Mdot_we eta'
+  double J[6], J_rate[6] = {};                     // M_ww, Mdot_ww
+  std::copy(p.at(p.J), p.at(p.J) + 6, J);
+  if (p.level == 0) std::fill(b + 6, b + 6 + m, 0.0);
+  if (p.level >= 1) {
+    const double ww[6] = {w.x * w.x, w.y * w.y, w.z * w.z, 2 * w.x * w.y, 2 * w.x * w.z, 2 * w.y * w.z};
+    add_six(p.at(p.dJ), eta, etadot, m, J, J_rate);
+    for (std::uint32_t k = 0; k < m; k += kBlock) {
+      const std::uint32_t n = std::min(kBlock, m - k);
+      double B[3 * kBlock] = {}, Z[3 * kBlock] = {};  // sum_l eta'_l W_lk, sum_l eta'_l (W_lk - W_kl)
+      add_combination(p.at(p.W) + 3 * k, 3 * m, etadot, m, 3 * n, B);
+      if (p.rotary) add_combination(p.at(p.Z) + 3 * k, 3 * m, etadot, m, 3 * n, Z);
+      for (std::uint32_t i = 0; i < n; ++i) {
+        const std::uint32_t mode = k + i;
+        const V3 column{B[3 * i], B[3 * i + 1], B[3 * i + 2]};
+        const V3 turn = p.rotary ? V3{Z[3 * i], Z[3 * i + 1], Z[3 * i + 2]} : 2.0 * column;  // I5_lk = -I5_kl
+        we_rate += etadot[mode] * column;
+        we += eta[mode] * (column - turn);  // sum_l W_kl eta'_l
+        const double* d = p.at(p.dJ) + 6 * mode;
+        double slope[6] = {d[0], d[1], d[2], d[3], d[4], d[5]};
+        if (p.level == 2) {
+          double second[6] = {};
+          second_slope(p, mode, eta, second);
+          for (int r = 0; r < 6; ++r) {
+            J[r] += 0.5 * eta[mode] * second[r];
+            J_rate[r] += etadot[mode] * second[r];
+            slope[r] += second[r];
+          }
         }
-        out[6 + k] -= 0.5 * quadratic;
+        b[6 + mode] = cardan::dot(w, turn) - 0.5 * ((ww[0] * slope[0] + ww[1] * slope[1] + ww[2] * slope[2]) +
+                                                    (ww[3] * slope[3] + ww[4] * slope[4] + ww[5] * slope[5]));
       }
     }
-  out.head<3>() = w.cross(p_w) + rate;
+    const std::uint32_t rows = p.rotary ? kWork / m : 0;
+    for (std::uint32_t i = 0; p.rotary && i < m; i += rows) {  // Mdot_ee eta' - 1/2 eta'* dM_ee eta'
+      const std::uint32_t n = std::min(rows, m - i);
+      double dee[kWork];  // dM_ee,i eta', n of m
+      std::fill(dee, dee + n * m, 0.0);
+      add_combination(p.at(p.dM_ee) + m * i, m * m, etadot, m, n * m, dee);
+      add_combination(dee, m, etadot + i, n, m, b + 6);
+      for (std::uint32_t k = 0; k < n; ++k) b[6 + i + k] -= 0.5 * dot(dee + m * k, etadot, m);
+    }
+  }
+  const V3 b_w = cross(w, times(J, w) + we) + times(J_rate, w) + we_rate, b_v = cross(w, cross(w, mc) + 2.0 * u);
+  b[0] = b_w.x, b[1] = b_w.y, b[2] = b_w.z, b[3] = b_v.x, b[4] = b_v.y, b[5] = b_v.z;
 }
 
 }  // namespace

@@ -13,7 +13,7 @@ extern "C" {
 #endif
 
 #define CARDAN_ABI_MAJOR 1u /* binary break: the host refuses */
-#define CARDAN_ABI_MINOR 0u /* fields appended */
+#define CARDAN_ABI_MINOR 1u /* fields appended */
 
 /* What the family is built of: the host's own sweep kernels serve the axis shapes. */
 enum cardan_hinge_shape {
@@ -114,6 +114,9 @@ typedef struct cardan_body_facts {
   uint32_t struct_size;
   uint32_t m_ee_constant; /* M_ee does not depend on eta */
   uint32_t m_re_constant; /* M_we and M_ve do not depend on eta */
+  /* J does not either (since 1.1). With all three only the mass centre moves, by M_ve eta, and one kinetic energy is left:
+   * the host forms mass and bias itself and does not call the family in a step. */
+  uint32_t j_constant;
 } cardan_body_facts;
 
 /* One table per body type: the inertia that the operator framework asks of a body, nothing else. Nodes, stiffness, damping,

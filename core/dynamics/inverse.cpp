@@ -71,9 +71,10 @@ Matrix6X phi_star_rows(const Model& model, const Workspace& ws, int k, const dou
     e[j] = 1.0;
     rows.col(j) = to_eigen(to_outboard(soa::pose_in_inboard(model, ws, k, q), motion(e)));
   }
-  if (b.n_parent_modes > 0) rows.rightCols(b.n_parent_modes) =
-        Eigen::Map<const Eigen::Matrix<double, 6, 6>>(ws.modal_of(k)->Y) *
-        Eigen::Map<const Matrix6X>(model.shapes[static_cast<std::size_t>(b.onode)].columns.data(), 6, b.n_parent_modes);
+  for (int j = 0; j < b.n_parent_modes; ++j) {
+    const double* s = model.shapes[static_cast<std::size_t>(b.onode)].columns.data() + 6 * j;
+    rows.col(6 + j) = to_eigen(to_outboard(ws.X(k), soa::motion_of_node(*ws.modal_of(k)->node, s)));
+  }
   return rows;
 }
 
@@ -96,8 +97,9 @@ Eigen::MatrixXd flexible_mass_matrix(const Model& model, Workspace& ws, const do
     M.topLeftCorner<6, 6>() = to_eigen(b.n_modes > 0 ? ws.core(k).P : articulated(b.M));
     if (b.n_modes > 0) {
       const auto& modal = *ws.modal_of(k);
-      const double* M_ee = modal.P_ee ? modal.P_ee : model.flexible[static_cast<std::size_t>(b.flexible)].M_ee.data();
-      M.topRightCorner(6, b.n_modes) = Eigen::Map<const Matrix6X>(modal.P_re, 6, b.n_modes);
+      const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
+      const double *M_ee = modal.P_ee ? modal.P_ee : f.M_ee.data(), *M_re = modal.P_re ? modal.P_re : f.M_re.data();
+      M.topRightCorner(6, b.n_modes) = Eigen::Map<const Matrix6X>(M_re, 6, b.n_modes);
       M.bottomLeftCorner(b.n_modes, 6) = M.topRightCorner(6, b.n_modes).transpose();
       M.bottomRightCorner(b.n_modes, b.n_modes) = Eigen::Map<const Eigen::MatrixXd>(M_ee, b.n_modes, b.n_modes);
     }

@@ -202,28 +202,31 @@ Momentum Observer::momentum() const {
   return m;
 }
 
-// f = P delta + z; with modes f = P_rr (delta + C eta'') + P_re' eta'' + z (the parts caused by v'; 4.10).
+// f = P delta + z; with modes f = P_rr (delta + C eta'') + P_re' eta'' + z (the parts caused by v'; 4.10). What hangs on a node
+// of a body that is eliminated through its nodes tells by itself what it transmits: C phi + e, in the axes of that body.
 Force<double> Observer::wrench_on_sweep_body(int k) const {
   const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
   const soa::Core<double>& core = ws_.core(k);
-  Motion<double> delta = core.delta;
-  Force<double> f = core.z;
-  if (b.n_modes > 0) {
-    const soa::Modal<double>& modal = *ws_.modal_of(k);
-    for (int j = 0; j < b.n_modes; ++j) {
-      f += modal.accel[j] * force_column(modal.P_re, j);
-      if (modal.C) delta += modal.accel[j] * motion_column(modal.C, j);
-    }
+  const auto through_root = [](const soa::NodeRoot<double>& root) {
+    double f[6];
+    soa::sum_columns(root.C, root.phi, 6, f);
+    return soa::force_column(root.e, 0) + soa::force_column(f, 0);
+  };
+  const soa::Modal<double>* modal = ws_.modal_of(k);
+  if (modal && modal->root) {
+    const Force<double> f = through_root(*modal->root);
+    const Pose<double>& X = ws_.X(k);
+    return {transpose_times(X.R, f.n - cross(X.p, f.f)), transpose_times(X.R, f.f)};
   }
-  f += core.P * delta;
-  // Bodies on deforming nodes of a body that is eliminated through them are not in its P: their part is P+ delta+.
-  if (b.n_modes > 0 && ws_.modal_of(k)->compliant)
-    for (const int c : model_.flexible[static_cast<std::size_t>(b.flexible)].attached) {
-      const soa::Modal<double>& outboard = *ws_.modal_of(c);
-      double s[6];
-      soa::shapes_times(model_.shapes[static_cast<std::size_t>(model_.bodies[static_cast<std::size_t>(c)].onode)].columns.data(), ws_.modal_of(k)->accel, b.n_modes, s);
-      f += to_inboard(ws_.X(c), outboard.P_plus * (to_outboard(ws_.X(c), core.delta) + soa::times(outboard.Y, s)));
-    }
+  if (b.n_modes == 0) return core.z + core.P * core.delta;
+  const FlexibleBody& flexible = model_.flexible[static_cast<std::size_t>(b.flexible)];
+  const double *M_re = flexible.M_re.data(), *P_re = modal->P_re ? modal->P_re : M_re;
+  double by_modes[6], moved[6] = {};
+  soa::sum_columns(P_re, modal->accel, b.n_modes, by_modes);
+  if (modal->C) soa::sum_columns(modal->C, modal->accel, b.n_modes, moved);
+  Force<double> f = core.z + soa::force_column(by_modes, 0) + core.P * (core.delta + soa::motion_column(moved, 0));
+  if (modal->by_nodes)  // its P and z hold nothing of them but e
+    for (const int c : flexible.attached) f += through_root(*ws_.modal_of(c)->root) - soa::force_column(ws_.modal_of(c)->root->e, 0);
   return f;
 }
 
@@ -296,10 +299,8 @@ Vec3<double> Observer::first_moment() {
   for (int k = static_cast<int>(model_.bodies.size()) - 1; k > 0; --k) {
     const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
     Vec3<double> own = b.M.h;
-    if (b.n_modes > 0) {
-      const double* M_rr = ws_.modal_of(k)->M_rr;
-      own = {M_rr[1], M_rr[2], M_rr[3]};
-    }
+    if (b.n_modes > 0)
+      own = ws_.modal_of(k)->M_rr.h;
     moment_[static_cast<std::size_t>(b.parent)] +=
         soa::moment_in_inboard(model_, ws_, k, moment_[static_cast<std::size_t>(k)] + own, mass_[static_cast<std::size_t>(k)]);
   }

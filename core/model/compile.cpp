@@ -3,6 +3,7 @@
 // constants, chooses a kernel for each body and writes the program of sweeps.
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -110,15 +111,18 @@ FlexibleBody flexible_of(const BodySpec& body, const cardan_body_family& family,
                  "modal data without them", "take level 1, which needs neither", "", "", 0});
     return f;
   }
-  cardan_body_facts facts{sizeof facts, 0, 0};
+  cardan_body_facts facts{};
+  facts.struct_size = sizeof facts;
   family.facts(f.packed.data(), &facts);
   f.M_ee_constant = facts.m_ee_constant;
   f.M_re_constant = facts.m_re_constant;
+  f.constant = facts.m_ee_constant && facts.m_re_constant && facts.j_constant;
   f.M_re.resize(6 * m);
   f.M_ee.resize(m * m);
   double M_rr[10];
   const std::vector<double> eta(m, 0.0);
   family.mass(f.packed.data(), eta.data(), M_rr, f.M_re.data(), f.M_ee.data());
+  f.M_rr = {M_rr[0], {M_rr[1], M_rr[2], M_rr[3]}, {M_rr[4], M_rr[5], M_rr[6], M_rr[7], M_rr[8], M_rr[9]}};
   const Eigen::Map<const Eigen::MatrixXd> M_ee(f.M_ee.data(), m, m), M_re(f.M_re.data(), 6, m);
   f.M_ee_identity = (M_ee - Eigen::MatrixXd::Identity(m, m)).cwiseAbs().maxCoeff() == 0.0;
   const Eigen::LLT<Eigen::MatrixXd> llt(M_ee);
@@ -128,8 +132,9 @@ FlexibleBody flexible_of(const BodySpec& body, const cardan_body_family& family,
   }
   const Eigen::MatrixXd L = llt.matrixL(), U = llt.solve(M_re.transpose());
   f.L_ee.assign(L.data(), L.data() + L.size());
-  f.U.resize(6 * m);
-  Eigen::Map<Eigen::Matrix<double, 6, Eigen::Dynamic>>(f.U.data(), 6, m) = U.transpose();
+  const Eigen::MatrixXd M_re_rows = M_re.transpose();
+  f.M_re_rows.assign(M_re_rows.data(), M_re_rows.data() + M_re_rows.size());
+  f.U_rows.assign(U.data(), U.data() + U.size());
   const Eigen::Matrix<double, 6, 6> gram = M_re * U;
   f.gramian = {symmetric(gram.topLeftCorner<3, 3>()), from_eigen(Eigen::Matrix3d(gram.topRightCorner<3, 3>())),
                symmetric(gram.bottomRightCorner<3, 3>())};
@@ -378,11 +383,11 @@ class Compiler {
       m.bodies.push_back(b);
     }
     if (std::ranges::find(prescribed, 1) != prescribed.end()) m.prescribed = std::move(prescribed);
-    prepare_woodbury();
+    prepare_nodes();
   }
 
-  // Which flexible bodies are eliminated through the 6 x 6 blocks of their outboard nodes, and the constants for it.
-  void prepare_woodbury() {
+  // Which flexible bodies are eliminated through their outboard nodes (flexible.md, 7), and the constants for it.
+  void prepare_nodes() {
     Model& m = *model_;
     for (std::size_t k = 1; k < m.bodies.size(); ++k)
       if (m.bodies[k].onode >= 0) m.flexible[static_cast<std::size_t>(m.bodies[static_cast<std::size_t>(m.bodies[k].parent)].flexible)].attached.push_back(static_cast<int>(k));
@@ -392,24 +397,27 @@ class Compiler {
       bool masked = false;
       for (int j = b.etadot; m.has_prescribed() && j < b.etadot + b.n_modes; ++j) masked = masked || m.prescribed[static_cast<std::size_t>(j)];
       const bool moves_at_P = b.pnode >= 0 && m.shapes[static_cast<std::size_t>(b.pnode)].deforms();
-      // Below about nine modes per node the dense factor is cheaper (measured, docs/benchmarks.md).
-      f.woodbury = f.M_ee_constant && !moves_at_P && !masked && !f.attached.empty() && b.n_modes >= 9 * static_cast<int>(f.attached.size());
-      if (!f.woodbury) continue;
-      const auto n = static_cast<Eigen::Index>(6 * f.attached.size());
-      Eigen::MatrixXd S(n, b.n_modes);
+      // Below about eight modes per node the factor of P_ee is cheaper (measured, docs/benchmarks.md); 6 n <= m must hold.
+      f.by_nodes = f.M_ee_constant && !moves_at_P && !masked && !f.attached.empty() && b.n_modes >= 8 * static_cast<int>(f.attached.size());
+      if (!f.by_nodes) continue;
+      const Eigen::Index n = static_cast<Eigen::Index>(6 * f.attached.size()), modes = b.n_modes;
+      Eigen::MatrixXd S(n, modes);
       for (std::size_t c = 0; c < f.attached.size(); ++c) {
         const SweepBody& child = m.bodies[static_cast<std::size_t>(f.attached[c])];
         S.middleRows<6>(static_cast<Eigen::Index>(6 * c)) =
-            Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic>>(m.shapes[static_cast<std::size_t>(child.onode)].columns.data(), 6, b.n_modes);
+            Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic>>(m.shapes[static_cast<std::size_t>(child.onode)].columns.data(), 6, modes);
       }
-      const Eigen::Map<const Eigen::MatrixXd> M_ee(f.M_ee.data(), b.n_modes, b.n_modes);
-      const Eigen::MatrixXd F = Eigen::LLT<Eigen::MatrixXd>(M_ee).solve(S.transpose()).transpose();  // n x m
-      for (std::size_t c = 0; c < f.attached.size(); ++c) {
-        const Eigen::MatrixXd block = F.middleRows<6>(static_cast<Eigen::Index>(6 * c));
-        f.F.emplace_back(block.data(), block.data() + block.size());
-      }
-      const Eigen::MatrixXd Sigma = S * F.transpose();
-      f.Sigma.assign(Sigma.data(), Sigma.data() + Sigma.size());
+      const Eigen::Map<const Eigen::MatrixXd> L(f.L_ee.data(), modes, modes), M_re(f.M_re.data(), 6, modes);
+      // L^-1 S* = Z R by reflections (nothing is squared): V = L^-* Z, Q = R*
+      const Eigen::HouseholderQR<Eigen::MatrixXd> qr(L.triangularView<Eigen::Lower>().solve(S.transpose()));
+      const Eigen::MatrixXd Z = qr.householderQ() * Eigen::MatrixXd::Identity(modes, n);
+      const Eigen::MatrixXd R = qr.matrixQR().topRows(n).triangularView<Eigen::Upper>();
+      const Eigen::MatrixXd V = L.transpose().triangularView<Eigen::Upper>().solve(Z);
+      const auto append = [](const Eigen::MatrixXd& a, std::vector<double>& to) { to.insert(to.end(), a.data(), a.data() + a.size()); };
+      append(V, f.V);
+      for (Eigen::Index c = 0; c < n; c += 6) append(V.middleCols<6>(c).transpose(), f.V_columns);
+      append(M_re * V, f.MV);
+      append(R, f.Q);
     }
   }
 

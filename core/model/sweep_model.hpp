@@ -36,18 +36,22 @@ struct FlexibleBody {
   const cardan_body_family* family = nullptr;
   std::vector<double> packed;           // parameters of the family
   bool M_ee_constant = false, M_re_constant = false, M_ee_identity = false;
+  bool constant = false;                // level 0: all of M_fl but the mass centre; the sweeps form it and b themselves
   bool K_diagonal = false;              // then K and C hold m numbers, else m x m
   std::vector<double> K, C;             // [N/m-like], [N s/m-like] per modal coordinate
+  RigidInertia<double> M_rr;            // at eta = 0
   std::vector<double> M_re, M_ee;       // at eta = 0: 6 x m, m x m
   std::vector<double> L_ee;             // m x m lower Cholesky factor of M_ee at eta = 0
-  std::vector<double> U;                // m x 6 rows: M_ee^-1 M_re* at eta = 0
+  std::vector<double> M_re_rows, U_rows;  // 6 rows of m: M_re and (M_ee^-1 M_re*)* at eta = 0
   ArticulatedInertia<double> gramian;   // M_re M_ee^-1 M_re* at eta = 0
-  // Outboard hinges on deforming nodes. Where M_ee is constant and nothing else moves with the modes, they are eliminated
-  // through their 6 x 6 blocks (Woodbury), and no matrix of size m is factored in a step:
-  bool woodbury = false;
+  // Outboard hinges on deforming nodes, with shapes S. Where M_ee is constant and nothing else moves with the modes, they are
+  // eliminated through these nodes (flexible.md, 7), and no matrix of size m is factored in a step:
+  bool by_nodes = false;
   std::vector<int> attached;            // sweep indices of the bodies that hang there, n of them
-  std::vector<std::vector<double>> F;   // per attached body m x 6 rows: M_ee^-1 S*
-  std::vector<double> Sigma;            // 6n x 6n, column-major: S M_ee^-1 S*
+  std::vector<double> V, V_columns;     // m x 6n: the combinations of modes that move the nodes, V* M_ee V = 1; column-major,
+                                        // and six columns at a time row-major
+  std::vector<double> Q;                // 6n x 6n, row-major, lower triangle: Q = S V, S M_ee^-1 S* = Q Q*
+  std::vector<double> MV;               // 6 x 6n, column-major: M_re V at eta = 0
   int level = 0;
   // Derivatives of the inertia for the gravity of a centre, per mode xx yy zz xy xz yz: dJ/d eta_k at eta = 0, and at level 2
   // d^2 J / d eta_k d eta_l (k-major); empty where the scene has no such gravity.

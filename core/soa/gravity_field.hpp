@@ -36,11 +36,10 @@ static Force<T> attraction(const GravityField& g, const RigidInertia<T>& M, cons
   return {torque + cross(c, force), force};
 }
 
-/// Inertia of a flexible body for its gravity, from M_rr = [m, m c, J] of its level: the potential takes J to first order in
+/// Inertia of a flexible body for its gravity, from M_rr of its level: the potential takes J to first order in
 /// eta also where the kinetic energy (level 0) does not, so that the field pulls on the modes at every level.
 template <class T>
-static RigidInertia<T> gravity_inertia(const FlexibleBody& f, int n_modes, const T* M_rr, const T* eta) {
-  RigidInertia<T> M{M_rr[0], {M_rr[1], M_rr[2], M_rr[3]}, {M_rr[4], M_rr[5], M_rr[6], M_rr[7], M_rr[8], M_rr[9]}};
+static RigidInertia<T> gravity_inertia(const FlexibleBody& f, int n_modes, RigidInertia<T> M, const T* eta) {
   for (int k = 0; f.level == 0 && k < n_modes && !f.dJ.empty(); ++k) M.J += scaled(eta[k], inertia_derivative<T>(f.dJ.data() + 6 * k));
   return M;
 }

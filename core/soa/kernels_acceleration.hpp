@@ -27,12 +27,13 @@ static void acceleration_general(const SweepModel& model, Workspace<T>& ws, cons
     Core<T>& body = ws.core(k);
     const Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
     Modal<T>& modal = ws.template modal<NV>(k);
-    Motion<T> delta = to_outboard(ws.X(k), ws.core(b.parent).delta);
-    if (modal.Y) {
+    Motion<T> at_inboard = ws.core(b.parent).delta;
+    if (modal.node) {
       T s[6];
-      shapes_times(model.shapes[static_cast<std::size_t>(b.onode)].columns.data(), ws.modal_of(b.parent)->accel, b.n_parent_modes, s);
-      delta += times(modal.Y, s);
+      sum_columns(model.shapes[static_cast<std::size_t>(b.onode)].columns.data(), ws.modal_of(b.parent)->accel, b.n_parent_modes, s);
+      at_inboard += motion_of_node(*modal.node, s);
     }
+    const Motion<T> delta = to_outboard(ws.X(k), at_inboard);
     Motion<T> after = delta;
     const bool given = model.has_prescribed();
     for (int j = 0; j < NV; ++j) {
@@ -41,13 +42,15 @@ static void acceleration_general(const SweepModel& model, Workspace<T>& ws, cons
       vdot[b.v + j] = given && model.prescribed[static_cast<std::size_t>(b.v + j)] ? in.vdot[b.v + j] : a;
     }
     body.delta = after;
-    if (modal.compliant) acceleration_by_nodes(model, ws, b, modal, after);
-    for (int j = 0; j < b.n_modes; ++j) {
-      const T a = modal.compliant ? modal.accel[j] : modal.nu[j] - dot(after, force_column(modal.U, j));
-      modal.accel[j] = a;
-      if (modal.C) body.delta -= a * motion_column(modal.C, j);
-      const auto at = static_cast<std::size_t>(b.etadot + j);
-      vdot[at] = given && model.prescribed[at] ? in.vdot[at] : a;
+    if (b.n_modes == 0) continue;
+    acceleration_of_modes(model, ws, b, body, modal, after);
+    for (int j = 0; j < b.n_modes; ++j) vdot[b.etadot + j] = modal.accel[j];
+    for (int j = 0; given && j < b.n_modes; ++j)
+      if (model.prescribed[static_cast<std::size_t>(b.etadot + j)]) vdot[b.etadot + j] = in.vdot[b.etadot + j];
+    if (modal.C) {
+      T moved[6];
+      sum_columns(modal.C, modal.accel, b.n_modes, moved);
+      body.delta -= motion_column(moved, 0);
     }
   }
 }
@@ -72,14 +75,23 @@ static void gather_general(const SweepModel& model, Workspace<T>& ws, T* tau, in
     const Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
     const Modal<T>& modal = ws.template modal<NV>(k);
     for (int j = 0; j < NV; ++j) tau[b.v + j] = dot(hinge.H[j], body.z);
+    if (b.n_modes > 0 && !modal.P_re) {
+      T gamma[6];
+      store(body.gamma, gamma);
+      add_rows(model.flexible[static_cast<std::size_t>(b.flexible)].M_re_rows.data(), gamma, b.n_modes, modal.z);
+    }
     for (int j = 0; j < b.n_modes; ++j) {
       T force = modal.z[j];
       if (modal.C) force = force - dot(motion_column(modal.C, j), body.z);
       tau[b.etadot + j] = force;
     }
-    ws.core(b.parent).z += to_inboard(ws.X(k), body.z);
-    if (modal.Y)
-      add_to_modes(modal.Y, model.shapes[static_cast<std::size_t>(b.onode)].columns.data(), body.z, b.n_parent_modes, ws.modal_of(b.parent)->z);
+    const Force<T> at_inboard = to_inboard(ws.X(k), body.z);
+    ws.core(b.parent).z += at_inboard;
+    if (modal.node) {
+      T y[6];
+      on_node(*modal.node, at_inboard, y);
+      add_to_modes(model.shapes[static_cast<std::size_t>(b.onode)].columns.data(), y, b.n_parent_modes, ws.modal_of(b.parent)->z);
+    }
   }
 }
 

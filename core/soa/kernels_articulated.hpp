@@ -2,12 +2,21 @@
 // Tip to base: the articulated body inertia P (Riccati), D = H P H*, the gain G = P H* D^-1, and in the same pass the
 // residual z, eps = tau - H z and nu = D^-1 eps (mathematics 4.4, 4.6). Flexible bodies in two stages, modes then hinge
 // (4.10). P is symmetric by type; P+ = P - G D G* is formed from the Cholesky factor of D.
+#include <algorithm>
 #include <cmath>
-#include <utility>
+#include <type_traits>
 
+#include "core/soa/columns.hpp"
 #include "core/soa/workspace.hpp"
 
 namespace cardan::soa {
+
+/// The same where a vanishing pivot is allowed: what is left of a 6 x 6 diagonal entry after the rounding of its elimination.
+static constexpr double kRootLimit = 2e-15;
+
+/// 1 where x > limit, else 0: kernels choose by arithmetic, so that lanes need no branch.
+template <class T>
+static T above(const T& x, const T& limit) { return x > limit ? T(1) : T(0); }
 
 /// Cholesky factor of D = H P H* and the gain, for NV columns. `fixed[j]`: component j follows a prescribed motion and takes
 /// no part. Returns false at a direction without inertia.
@@ -70,55 +79,35 @@ static void solve_hinge(const Hinge<T, NV>& hinge, T* x) {
   }
 }
 
-/// Column j of a 6 x m array as a force, and as a motion.
+/// What s = sum_j x_j [psi_j; phi_j] moves at O, as a motion of the inboard body's frame; and the transpose, a force there on
+/// the node's shapes. Modal columns of Phi* are X S-like sums of the first, S the shapes.
 template <class T>
-static Force<T> force_column(const T* a, int j) { return {{a[6 * j], a[6 * j + 1], a[6 * j + 2]}, {a[6 * j + 3], a[6 * j + 4], a[6 * j + 5]}}; }
-template <class T>
-static Motion<T> motion_column(const T* a, int j) { return {{a[6 * j], a[6 * j + 1], a[6 * j + 2]}, {a[6 * j + 3], a[6 * j + 4], a[6 * j + 5]}}; }
-
-/// Modal columns of Phi*: Y s for s = S eta-like sums; and its transpose.
-template <class T>
-static Motion<T> times(const T* Y, const T* s) {
-  Motion<T> out = s[0] * motion_column(Y, 0);
-  for (int i = 1; i < 6; ++i) out += s[i] * motion_column(Y, i);
-  return out;
+static Motion<T> motion_of_node(const ModalNode<T>& node, const T* s) {
+  const Vec3<T> w = node.Jl * Vec3<T>{s[0], s[1], s[2]};
+  return {w, Vec3<T>{s[3], s[4], s[5]} - cross(w, node.rho)};
 }
 template <class T>
-static void transposed_times(const T* Y, const Force<T>& f, T* out) {
-  for (int i = 0; i < 6; ++i) out[i] = dot(motion_column(Y, i), f);
+static void on_node(const ModalNode<T>& node, const Force<T>& f, T* out) {
+  const Vec3<T> n = transpose_times(node.Jl, f.n - cross(node.rho, f.f));
+  out[0] = n.x, out[1] = n.y, out[2] = n.z, out[3] = f.f.x, out[4] = f.f.y, out[5] = f.f.z;
 }
-/// S x = sum_j x_j [psi_j; phi_j], 6 numbers.
+/// out_j += [psi_j; phi_j] . y, y from on_node.
 template <class T>
-static void shapes_times(const double* S, const T* x, int m, T* out) {
-  for (int r = 0; r < 6; ++r) out[r] = T(0);
-  for (int j = 0; j < m; ++j)
-    for (int r = 0; r < 6; ++r) out[r] = out[r] + x[j] * T(S[6 * j + r]);
-}
-/// out += S* Y* f: a wrench at B on the modes of the inboard body.
-template <class T>
-static void add_to_modes(const T* Y, const double* S, const Force<T>& f, int m, T* out) {
-  T y[6];
-  transposed_times(Y, f, y);
+static void add_to_modes(const double* S, const T* y, int m, T* out) {
   for (int j = 0; j < m; ++j) {
     T sum(0);
     for (int r = 0; r < 6; ++r) sum = sum + T(S[6 * j + r]) * y[r];
     out[j] = out[j] + sum;
   }
 }
-/// 6 numbers as a force or motion, and back.
-template <class T>
-static void store(const Force<T>& f, T* out) { out[0] = f.n.x, out[1] = f.n.y, out[2] = f.n.z, out[3] = f.f.x, out[4] = f.f.y, out[5] = f.f.z; }
-template <class T>
-static void store(const Motion<T>& f, T* out) { out[0] = f.w.x, out[1] = f.w.y, out[2] = f.w.z, out[3] = f.v.x, out[4] = f.v.y, out[5] = f.v.z; }
 
-/// Scratch of a body with n outboard hinges on deforming nodes (N = 6 n): P~ (N x N), X~ (N x 6), G_rs* (N x 6),
-/// LU (N x N), s, g (N each).
-static inline std::size_t compliant_size(int n) { return static_cast<std::size_t>(2 * 36 * n * n + 2 * 36 * n + 2 * 6 * n); }
+/// Work of a body with n outboard hinges on deforming nodes, N = 6 n: B (N x N), A (N x N), its inverse
+/// pivots, u and t (N each), columns of X~* C L^-* and of M_re V (N of 6 each).
+static inline std::size_t by_nodes_size(int n) { return static_cast<std::size_t>(2 * 36 * n * n + 15 * 6 * n); }
 template <class T>
-struct Compliant {
-  int N;
-  T *P, *X, *G, *LU, *s, *g;
-  Compliant(T* at, int n) : N(6 * n), P(at), X(P + N * N), G(X + 6 * N), LU(G + 6 * N), s(LU + N * N), g(s + N) {}
+struct ByNodes {
+  T *B, *A, *inverse, *u, *t, *X, *MV;
+  ByNodes(T* at, int N) : B(at), A(B + N * N), inverse(A + N * N), u(inverse + N), t(u + N), X(t + N), MV(X + 6 * N) {}
 };
 
 template <class T, int NV, InwardFor For>
@@ -172,251 +161,412 @@ static void inward_rigid(const SweepModel& model, Workspace<T>& ws, const Inputs
   }
 }
 
-/// Stage 1 of 4.10: P_ee' = L L*, U = P_ee'^-1 P_re'*, P_r = P_rr - P_re' U. Where M_ee is constant and nothing else deforms
-/// with the modes, its factor was formed once by compile() and the cost is O(m).
+/// y_i -= f x_i for i in [begin, end).
+template <class T>
+static void subtract_multiple(T* __restrict y, const T* __restrict x, const T& f, int begin, int end) {
+  for (int i = begin; i < end; ++i) y[i] = y[i] - f * x[i];
+}
+
+/// M_ee^-1 x with the factor of compile().
+template <class T>
+static void solve_constant(const FlexibleBody& f, int m, T* x) {
+  if (f.M_ee_identity) return;
+  const double* L = f.L_ee.data();
+  for (int j = 0; j < m; ++j) {
+    x[j] = x[j] / T(L[m * j + j]);
+    for (int i = j + 1; i < m; ++i) x[i] = x[i] - T(L[m * j + i]) * x[j];
+  }
+  for (int j = m - 1; j >= 0; --j) {
+    for (int i = j + 1; i < m; ++i) x[j] = x[j] - T(L[m * j + i]) * x[i];
+    x[j] = x[j] / T(L[m * j + j]);
+  }
+}
+
+/// U = M_ee^-1 M_re* and M_rr - M_re U of a body by itself, M_ee constant. Where M_re is constant too, both were formed by
+/// compile() and no mode is touched; where M_ee = 1, U is M_re*.
+template <class T>
+static void free_modes(const FlexibleBody& f, int m, const Core<T>& body, Modal<T>& modal) {
+  modal.P_r = body.P;
+  if (f.M_re_constant) {
+    modal.P_r -= cast<T>(f.gramian);
+    return;
+  }
+  if (!f.M_ee_identity) {
+    const double* L = f.L_ee.data();
+    T* U = modal.U;
+    for (int i = 0; i < 6 * m; ++i) U[i] = modal.P_re[i];
+    for (int j = 0; j < m; ++j) {  // six right-hand sides at once: row j of U holds 6 numbers
+      const T inverse = T(1) / T(L[m * j + j]);
+      for (int r = 0; r < 6; ++r) U[6 * j + r] = U[6 * j + r] * inverse;
+      for (int i = j + 1; i < m; ++i) subtract_multiple(U + 6 * i, U + 6 * j, T(L[m * j + i]), 0, 6);
+    }
+    for (int j = m - 1; j >= 0; --j) {
+      const T inverse = T(1) / T(L[m * j + j]);
+      for (int i = j + 1; i < m; ++i) subtract_multiple(U + 6 * j, U + 6 * i, T(L[m * j + i]), 0, 6);
+      for (int r = 0; r < 6; ++r) U[6 * j + r] = U[6 * j + r] * inverse;
+    }
+  }
+  for (int j = 0; j < m; ++j) subtract_outer(modal.P_r, force_column(modal.P_re, j), force_column(modal.U, j));
+}
+
+/// Stage 1 of 4.10 with P_ee' = L D L* factored in place (below the diagonal L, on it D^-1): U = L^-1 P_re'*,
+/// P_r = P_rr - U* D^-1 U.
 template <class T>
 static bool eliminate_modes(const SweepModel& model, const SweepBody& b, Core<T>& body, Modal<T>& modal, Breakdown& bad) {
-  using std::sqrt;
-  const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
   const int m = b.n_modes;
-  modal.P_r = body.P;
-  if (!modal.P_ee) {
-    if (f.M_re_constant) {
-      for (int i = 0; i < 6 * m; ++i) modal.U[i] = T(f.U[static_cast<std::size_t>(i)]);
-    } else {
-      for (int i = 0; i < 6 * m; ++i) modal.U[i] = modal.P_re[i];
-      if (!f.M_ee_identity) {
-        const double* L = f.L_ee.data();
-        for (int j = 0; j < m; ++j)  // six right-hand sides at once: row j of U holds 6 numbers
-          for (int r = 0; r < 6; ++r) {
-            T sum = modal.U[6 * j + r];
-            for (int l = 0; l < j; ++l) sum = sum - T(L[m * l + j]) * modal.U[6 * l + r];
-            modal.U[6 * j + r] = sum / T(L[m * j + j]);
-          }
-        for (int j = m - 1; j >= 0; --j)
-          for (int r = 0; r < 6; ++r) {
-            T sum = modal.U[6 * j + r];
-            for (int l = j + 1; l < m; ++l) sum = sum - T(L[m * j + l]) * modal.U[6 * l + r];
-            modal.U[6 * j + r] = sum / T(L[m * j + j]);
-          }
-      }
-    }
-    for (int j = 0; j < m; ++j) subtract_outer(modal.P_r, force_column(modal.P_re, j), force_column(modal.U, j));
-    return true;
-  }
-  // P_re' and P_ee' of a body whose pnode deforms
-  if (modal.C) {
+  T *L = modal.P_ee, *U = modal.U;  // lower triangle, column-major
+  if (modal.C) {  // P_re' and P_ee' of a body whose pnode deforms: P_ee - C* P_re - P_re'* C
     for (int j = 0; j < m; ++j) {
-      const Force<T> old = force_column(modal.P_re, j), now = old - body.P * motion_column(modal.C, j);
-      T* c = modal.P_re + 6 * j;
-      modal.U[6 * j] = old.n.x, modal.U[6 * j + 1] = old.n.y, modal.U[6 * j + 2] = old.n.z;
-      modal.U[6 * j + 3] = old.f.x, modal.U[6 * j + 4] = old.f.y, modal.U[6 * j + 5] = old.f.z;
-      c[0] = now.n.x, c[1] = now.n.y, c[2] = now.n.z, c[3] = now.f.x, c[4] = now.f.y, c[5] = now.f.z;
+      const Force<T> old = force_column(modal.P_re, j);
+      store(old, U + 6 * j);
+      store(old - body.P * motion_column(modal.C, j), modal.P_re + 6 * j);
     }
-    for (int j = 0; j < m; ++j)  // lower triangle: P_ee - C* P_re - P_re'* C
+    for (int j = 0; j < m; ++j)
       for (int i = j; i < m; ++i)
-        modal.P_ee[m * j + i] = modal.P_ee[m * j + i] - dot(motion_column(modal.C, i), force_column(modal.U, j)) -
-                                dot(motion_column(modal.C, j), force_column(modal.P_re, i));
+        L[m * j + i] = L[m * j + i] - dot(motion_column(modal.C, i), force_column(U, j)) - dot(motion_column(modal.C, j), force_column(modal.P_re, i));
   }
   const std::uint8_t* fixed = model.has_prescribed() ? model.prescribed.data() + b.etadot : nullptr;
   for (int j = 0; fixed && j < m; ++j) {
     if (!fixed[j]) continue;
-    for (int i = j; i < m; ++i) modal.P_ee[m * j + i] = T(i == j ? 1 : 0);
-    for (int i = 0; i < j; ++i) modal.P_ee[m * i + j] = T(0);
+    for (int i = j; i < m; ++i) L[m * j + i] = T(i == j ? 1 : 0);
+    for (int i = 0; i < j; ++i) L[m * i + j] = T(0);
     for (int r = 0; r < 6; ++r) modal.P_re[6 * j + r] = T(0);
   }
-  T* L = modal.P_ee;  // lower triangle, column-major, in place
+  for (int j = 0; j < m; ++j) modal.accel[j] = L[m * j + j];  // before elimination, to judge the pivots
+  for (int i = 0; i < 6 * m; ++i) U[i] = modal.P_re[i];
+  modal.P_r = body.P;
   for (int j = 0; j < m; ++j) {
-    const T original = L[m * j + j];
-    for (int l = 0; l < j; ++l) {
-      const T factor = L[m * l + j];
-      for (int i = j; i < m; ++i) L[m * j + i] = L[m * j + i] - factor * L[m * l + i];
-    }
     const T pivot = L[m * j + j];
-    if (!(pivot > T(kPivotLimit) * original)) {
+    if (!(pivot > T(kPivotLimit) * modal.accel[j])) {
       bad.component = -1;
       bad.value = static_cast<double>(pivot);
-      bad.limit = kPivotLimit * static_cast<double>(original);
+      bad.limit = kPivotLimit * static_cast<double>(modal.accel[j]);
       return false;
     }
-    const T root = sqrt(pivot);
-    L[m * j + j] = root;
-    for (int i = j + 1; i < m; ++i) L[m * j + i] = L[m * j + i] / root;
-  }
-  for (int j = 0; j < m; ++j) {  // Y = L^-1 P_re'*, kept in U; P_r = P_rr - Y* Y
-    for (int r = 0; r < 6; ++r) {
-      T sum = modal.P_re[6 * j + r];
-      for (int l = 0; l < j; ++l) sum = sum - L[m * l + j] * modal.U[6 * l + r];
-      modal.U[6 * j + r] = sum / L[m * j + j];
+    const T inverse = T(1) / pivot;
+    const Force<T> y = force_column(U, j);
+    subtract_outer(modal.P_r, inverse * y, y);
+    L[m * j + j] = inverse;
+    for (int i = j + 1; i < m; ++i) {
+      const T factor = L[m * j + i] * inverse;
+      subtract_multiple(L + m * i, L + m * j, factor, i, m);
+      subtract_multiple(U + 6 * i, U + 6 * j, factor, 0, 6);
     }
-    const Force<T> y = force_column(modal.U, j);
-    subtract_outer(modal.P_r, y, y);
+    for (int i = j + 1; i < m; ++i) L[m * j + i] = L[m * j + i] * inverse;
   }
-  for (int j = m - 1; j >= 0; --j)
-    for (int r = 0; r < 6; ++r) {
-      T sum = modal.U[6 * j + r];
-      for (int l = j + 1; l < m; ++l) sum = sum - L[m * j + l] * modal.U[6 * l + r];
-      modal.U[6 * j + r] = sum / L[m * j + j];
-    }
   return true;
 }
 
-/// Stage 1 through the outboard nodes. The modes act as a compliance Sigma_B = Y Sigma Y* between the body and what hangs on
-/// its nodes:  P~ = (1 + P+ Sigma_B)^-1 P+,  X~ = X - Y G_rs*,  P_r = M_rr - M_re M_ee^-1 M_re* + X~* P~ X~.
-/// Nothing cancels, however heavy the outboard bodies; P+ may be singular. U holds M_ee^-1 M_re* afterwards.
-template <class T>
-static void eliminate_by_nodes(const SweepModel& model, Workspace<T>& ws, const SweepBody& b, Core<T>& body, Modal<T>& modal) {
-  const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
-  const int m = b.n_modes, n = static_cast<int>(f.attached.size());
-  const Compliant<T> c(modal.compliant, n);
-  const int N = c.N;
-  Breakdown none;
-  eliminate_modes(model, b, body, modal, none);  // U and P_r of the body alone
-  for (int a = 0; a < n; ++a) {
-    const int k = f.attached[static_cast<std::size_t>(a)];
-    const SweepBody& child = model.bodies[static_cast<std::size_t>(k)];
-    const Modal<T>& outboard = *ws.modal_of(k);
-    const double* S = model.shapes[static_cast<std::size_t>(child.onode)].columns.data();
-    T G[36] = {};  // 6 x 6: S F1*, row r = sum_j S_rj U_j
-    for (int j = 0; j < m; ++j)
-      for (int col = 0; col < 6; ++col)
-        for (int r = 0; r < 6; ++r) G[6 * col + r] = G[6 * col + r] + T(S[6 * j + r]) * modal.U[6 * j + col];
-    for (int col = 0; col < 6; ++col) {
-      T unit[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};
-      unit[col] = T(1);
-      const Motion<T> e{{unit[0], unit[1], unit[2]}, {unit[3], unit[4], unit[5]}};
-      store(to_outboard(ws.X(k), e) - times(outboard.Y, G + 6 * col), c.X + N * col + 6 * a);
+/// P_r = L L*, force rows first (the mass, then the moments about the mass centre), directions without inertia left out; the
+/// hinge reflected out of L; and what is left, C with P+ = C C*, carried to the node and to the frame of the inboard body.
+template <class T, int NV>
+static void take_root(const ArticulatedInertia<T>& P, const Hinge<T, NV>& hinge, const std::uint8_t* fixed, const Pose<T>& X,
+               const ModalNode<T>& node, NodeRoot<T>& root) {
+  using std::sqrt;
+  const T o(0), one(1);
+  T A[36] = {P.M.xx, P.M.xy, P.M.xz, P.B.xx, P.B.yx, P.B.zx, o, P.M.yy, P.M.yz, P.B.xy, P.B.yy, P.B.zy,  // columns, [force; moment]
+             o,      o,      P.M.zz, P.B.xz, P.B.yz, P.B.zz, o, o,      o,      P.J.xx, P.J.xy, P.J.xz,
+             o,      o,      o,      o,      P.J.yy, P.J.yz, o, o,      o,      o,      o,      P.J.zz};
+  const T original[6] = {P.M.xx, P.M.yy, P.M.zz, P.J.xx, P.J.yy, P.J.zz};
+  T W[36];
+  for (int j = 0; j < 6; ++j) {
+    const T* a = A + 6 * j;
+    const T keep = above(a[j], T(kRootLimit) * original[j]);
+    const T inverse = keep / (keep * a[j] + (one - keep));
+    for (int i = j + 1; i < 6; ++i) {
+      const T factor = a[i] * inverse;
+      for (int l = i; l < 6; ++l) A[6 * i + l] = A[6 * i + l] - factor * a[l];
     }
+    root.inverse[j] = inverse;
   }
-  // LU <- 1 + P+ Sigma_B, P <- P+ (block diagonal)
-  for (int a = 0; a < n; ++a) {
-    const Modal<T>& row = *ws.modal_of(f.attached[static_cast<std::size_t>(a)]);
-    for (int d = 0; d < n; ++d) {
-      const Modal<T>& column = *ws.modal_of(f.attached[static_cast<std::size_t>(d)]);
-      for (int col = 0; col < 6; ++col) {
-        T w[6], v[6];  // w = Sigma_ad Y_d* e_col
-        for (int i = 0; i < 6; ++i) v[i] = column.Y[6 * i + col];
-        for (int i = 0; i < 6; ++i) {
-          w[i] = T(0);
-          for (int l = 0; l < 6; ++l) w[i] = w[i] + T(f.Sigma[static_cast<std::size_t>(N * (6 * d + l) + 6 * a + i)]) * v[l];
-        }
-        T out[6];
-        store(row.P_plus * times(row.Y, w), out);
-        for (int i = 0; i < 6; ++i) c.LU[N * (6 * d + col) + 6 * a + i] = out[i] + T(a == d && i == col ? 1 : 0);
-        T unit[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};
-        unit[col] = T(a == d ? 1 : 0);
-        store(row.P_plus * Motion<T>{{unit[0], unit[1], unit[2]}, {unit[3], unit[4], unit[5]}}, c.P + N * (6 * d + col) + 6 * a);
+  for (int j = 0; j < 6; ++j) root.inverse[j] = sqrt(root.inverse[j]);
+  for (int j = 0; j < 6; ++j)
+    for (int i = 0; i < 6; ++i) W[6 * j + i] = root.L[6 * j + i] = A[6 * j + i] * root.inverse[j];
+  int out = 0;  // columns taken out
+  for (int j = 0; j < NV; ++j) {
+    if (fixed && fixed[j]) continue;  // what H* sees of the columns is reflected into one of them, and that is taken out
+    const T H[6] = {hinge.H[j].v.x, hinge.H[j].v.y, hinge.H[j].v.z, hinge.H[j].w.x, hinge.H[j].w.y, hinge.H[j].w.z};
+    T* v = root.v + 6 * j;
+    T square(0);
+    for (int c = out; c < 6; ++c) {
+      v[c] = T(0);
+      for (int r = 0; r < 6; ++r) v[c] = v[c] + H[r] * W[6 * c + r];
+      square = square + v[c] * v[c];
+    }
+    const T length = (T(2) * above(v[out], T(0)) - T(1)) * sqrt(square);
+    v[out] = v[out] + length;
+    root.scale[j] = T(1) / (length * v[out]);
+    T w[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};
+    for (int c = out; c < 6; ++c)
+      for (int r = 0; r < 6; ++r) w[r] = w[r] + v[c] * W[6 * c + r];
+    for (int c = out + 1; c < 6; ++c) {
+      const T factor = root.scale[j] * v[c];
+      for (int r = 0; r < 6; ++r) W[6 * c + r] = W[6 * c + r] - factor * w[r];
+    }
+    for (int r = 0; r < 6; ++r) W[6 * out + r] = T(0);
+    ++out;
+  }
+  const Vec3<T> lever = X.p - node.rho;
+  for (int c = 0; c < 6; ++c) {
+    const T* a = W + 6 * c;
+    Force<T> f{X.R * Vec3<T>{a[3], a[4], a[5]}, X.R * Vec3<T>{a[0], a[1], a[2]}};
+    f.n += cross(lever, f.f);
+    const Vec3<T> n = transpose_times(node.Jl, f.n);
+    root.N[c] = n.x, root.N[6 + c] = n.y, root.N[12 + c] = n.z;
+    root.N[18 + c] = f.f.x, root.N[24 + c] = f.f.y, root.N[30 + c] = f.f.z;
+    f.n += cross(node.rho, f.f);
+    store(f, root.C + 6 * c);
+  }
+}
+
+/// zeta and e of z+ = C zeta + e, `tau` on the hinge: what L reaches, and the rest with the share of tau. Gives e at the inboard body.
+template <class T, int NV>
+static Force<T> take_root_of_force(const Force<T>& z, const T* tau, const Hinge<T, NV>& hinge, const std::uint8_t* fixed, const Pose<T>& X,
+                            NodeRoot<T>& root) {
+  T left[6] = {z.f.x, z.f.y, z.f.z, z.n.x, z.n.y, z.n.z};  // in the end: what L does not reach
+  T* zeta = root.zeta;
+  for (int j = 0; j < 6; ++j) {
+    zeta[j] = left[j] * root.inverse[j];
+    for (int i = j + 1; i < 6; ++i) left[i] = left[i] - root.L[6 * j + i] * zeta[j];
+    left[j] = left[j] * (T(1) - above(root.inverse[j], T(0)));
+  }
+  const Force<T> unreached{{left[3], left[4], left[5]}, {left[0], left[1], left[2]}};
+  Force<T> e = unreached;
+  int out = 0;
+  for (int j = 0; j < NV; ++j) {
+    if (fixed && fixed[j]) continue;
+    const T* v = root.v + 6 * j;
+    T sum(0);
+    for (int c = out; c < 6; ++c) sum = sum + v[c] * zeta[c];
+    for (int c = out; c < 6; ++c) zeta[c] = zeta[c] - root.scale[j] * sum * v[c];
+    zeta[out] = T(0);
+    e += ((tau ? tau[j] : T(0)) - dot(hinge.H[j], unreached)) * hinge.G[j];
+    ++out;
+  }
+  return to_inboard(X, e);
+}
+
+/// y += f x, six numbers: all read before any is written, so that y and x may be neighbours in memory.
+template <class T>
+static void add_multiple(T* y, const T& f, const T* x) {
+  const T s[6] = {y[0] + f * x[0], y[1] + f * x[1], y[2] + f * x[2], y[3] + f * x[3], y[4] + f * x[4], y[5] + f * x[5]};
+  for (int i = 0; i < 6; ++i) y[i] = s[i];
+}
+
+/// Calls visit(N), N = 6 n, as a constant where there is one node.
+template <class Visit>
+static void with_node_count(std::size_t n, const Visit& visit) {
+  if (n == 1)
+    visit(std::integral_constant<int, 6>{});
+  else
+    visit(6 * static_cast<int>(n));
+}
+
+/// Stage 1 through the outboard nodes (flexible.md, 7). V: the combinations of modes that move the nodes, V* M_ee V = 1, by Q.
+/// With C of the outboard bodies side by side, N the same on the shapes of the nodes, B = Q* N, X~* C = C - M_re V B:
+///   A = 1 + B* B,   P_r = M_rr - M_re M_ee^-1 M_re* + (X~* C) A^-1 (X~* C)*.
+/// A >= 1 whatever the outboard bodies weigh: its factor L D L* needs no pivots, and nothing is subtracted.
+template <class T>
+static void eliminate_by_nodes(const SweepModel& model, Workspace<T>& ws, const SweepBody& b, const Core<T>& body, Modal<T>& modal) {
+  const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
+  const int m = b.n_modes;
+  free_modes(f, m, body, modal);
+  with_node_count(f.attached.size(), [&](const auto N) {
+    const ByNodes<T> w(modal.by_nodes, N);
+    for (int r = 0; r < N; ++r) {
+      if (f.M_re_constant)
+        for (int i = 0; i < 6; ++i) w.MV[6 * r + i] = T(f.MV[static_cast<std::size_t>(6 * r + i)]);
+      else
+        sum_columns(modal.P_re, f.V.data() + m * r, m, w.MV + 6 * r);
+    }
+    for (int a = 0; a < N / 6; ++a) {
+      const NodeRoot<T>& root = *ws.modal_of(f.attached[static_cast<std::size_t>(a)])->root;
+      for (int r = 0; r < N; ++r) {
+        T row[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};
+        for (int i = std::max(0, r - 6 * a); i < 6; ++i)  // Q is lower triangular
+          add_multiple(row, T(f.Q[static_cast<std::size_t>(N * (6 * a + i) + r)]), root.N + 6 * i);
+        for (int i = 0; i < 6; ++i) w.B[N * r + 6 * a + i] = row[i];
+      }
+      for (int i = 0; i < 36; ++i) w.X[36 * a + i] = root.C[i];
+    }
+    for (int i = 0; i < N; ++i)  // rows of A, upper triangle in blocks of six columns
+      for (int d = 6 * (i / 6); d < N; d += 6) {
+        T row[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};
+        for (int r = 0; r < N; ++r) add_multiple(row, w.B[N * r + i], w.B + N * r + d);
+        for (int l = 0; l < 6; ++l) w.A[N * i + d + l] = row[l];
+      }
+    for (int j = 0; j < N; ++j) {
+      T* a = w.A + N * j;
+      const T inverse = T(1) / (T(1) + a[j]);
+      w.inverse[j] = inverse;
+      for (int i = j + 1; i < N; ++i) {
+        const T factor = -(a[i] * inverse);
+        for (int d = 6 * (i / 6); d < N; d += 6) add_multiple(w.A + N * i + d, factor, a + d);
+      }
+      for (int i = j + 1; i < N; ++i) a[i] = a[i] * inverse;
+    }
+    ArticulatedInertia<T> P = modal.P_r;
+    for (int i = 0; i < N; ++i) {  // columns of X~* C, then of X~* C L^-*
+      T x[6];
+      for (int r = 0; r < 6; ++r) x[r] = w.X[6 * i + r];
+      for (int l = 0; l < N; ++l) add_multiple(x, -w.B[N * l + i], w.MV + 6 * l);
+      for (int l = 0; l < i; ++l) add_multiple(x, -w.A[N * l + i], w.X + 6 * l);
+      for (int r = 0; r < 6; ++r) w.X[6 * i + r] = x[r];
+      const Force<T> column = force_column(x, 0);
+      subtract_outer(P, (-w.inverse[i]) * column, column);
+    }
+    modal.P_r = P;
+  });
+}
+
+/// eps_e is in nu. t <- V* eps_e - Q* e (eps_e less M_re* gamma where that is constant), u <- L^-1 (zeta + B* t); gives what joins z_r: -M_re V Q* e + (X~* C L^-*) D^-1 u.
+template <class T>
+static Force<T> bias_by_nodes(const SweepModel& model, const Workspace<T>& ws, const SweepBody& b, const Core<T>& body, const Modal<T>& modal) {
+  const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
+  const int m = b.n_modes;
+  T out[6] = {T(0), T(0), T(0), T(0), T(0), T(0)}, gamma[6];
+  store(body.gamma, gamma);
+  with_node_count(f.attached.size(), [&](const auto N) {
+    const ByNodes<T> w(modal.by_nodes, N);
+    for (int d = 0; d < N; d += 6) {
+      T t[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};  // -Q* e
+      for (int a = d / 6; a < N / 6; ++a) {
+        const NodeRoot<T>& root = *ws.modal_of(f.attached[static_cast<std::size_t>(a)])->root;
+        for (int i = 0; i < 6; ++i)
+          for (int r = 0; r < 6; ++r) t[r] = t[r] - T(f.Q[static_cast<std::size_t>(N * (6 * a + i) + d + r)]) * root.e_N[i];
+      }
+      for (int r = 0; r < 6; ++r) add_multiple(out, t[r], w.MV + 6 * (d + r));
+      T v[6];
+      sum_columns(f.V_columns.data() + static_cast<std::size_t>(m * d), modal.nu, m, v);
+      for (int r = 0; r < 6; ++r) {
+        const T* c = w.MV + 6 * (d + r);
+        if (!modal.P_re) v[r] = v[r] - ((c[0] * gamma[0] + c[1] * gamma[1] + c[2] * gamma[2]) + (c[3] * gamma[3] + c[4] * gamma[4] + c[5] * gamma[5]));
+        w.t[d + r] = t[r] + v[r];
       }
     }
-  }
-  for (int j = 0; j < N; ++j) {  // Gauss with row exchanges
-    int pivot = j;
-    for (int i = j + 1; i < N; ++i)
-      if (c.LU[N * j + i] * c.LU[N * j + i] > c.LU[N * j + pivot] * c.LU[N * j + pivot]) pivot = i;
-    if (pivot != j)
-      for (int l = 0; l < N; ++l) {
-        std::swap(c.LU[N * l + j], c.LU[N * l + pivot]);
-        std::swap(c.P[N * l + j], c.P[N * l + pivot]);
+    for (int d = 0; d < N; d += 6) {
+      T u[6];
+      for (int i = 0; i < 6; ++i) u[i] = ws.modal_of(f.attached[static_cast<std::size_t>(d / 6)])->root->zeta[i];
+      for (int r = 0; r < N; ++r) add_multiple(u, w.t[r], w.B + N * r + d);
+      for (int i = 0; i < 6; ++i) w.u[d + i] = u[i];
+    }
+    for (int j = 0; j < N; ++j) {
+      for (int i = j + 1; i < N; ++i) w.u[i] = w.u[i] - w.A[N * j + i] * w.u[j];
+      add_multiple(out, w.inverse[j] * w.u[j], w.X + 6 * j);
+    }
+  });
+  return force_column(out, 0);
+}
+
+/// phi = A^-1 (zeta + B* t + (X~* C)* dl), dl = delta of the body; eta'' = y - U dl - V (B phi + Q* e).
+template <class T>
+static void acceleration_by_nodes(const SweepModel& model, const Workspace<T>& ws, const SweepBody& b, Modal<T>& modal, const T* dl) {
+  const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
+  const int m = b.n_modes;
+  with_node_count(f.attached.size(), [&](const auto N) {
+    const ByNodes<T> w(modal.by_nodes, N);
+    for (int j = 0; j < N; ++j) {
+      const T* x = w.X + 6 * j;
+      const T seen = (x[0] * dl[0] + x[1] * dl[1] + x[2] * dl[2]) + (x[3] * dl[3] + x[4] * dl[4] + x[5] * dl[5]);
+      w.u[j] = (w.u[j] + seen) * w.inverse[j];
+    }
+    for (int j = N - 1; j >= 0; --j)
+      for (int i = j + 1; i < N; ++i) w.u[j] = w.u[j] - w.A[N * j + i] * w.u[i];
+    for (int r = 0; r < N; ++r) {
+      T force(0);
+      for (int i = 0; i < N; ++i) force = force + w.B[N * r + i] * w.u[i];
+      w.t[r] = -force;
+    }
+    for (int a = 0; a < N / 6; ++a) {
+      NodeRoot<T>& root = *ws.modal_of(f.attached[static_cast<std::size_t>(a)])->root;
+      for (int i = 0; i < 6; ++i) {
+        root.phi[i] = w.u[6 * a + i];
+        for (int r = 0; r < N; ++r) w.t[r] = w.t[r] - T(f.Q[static_cast<std::size_t>(N * (6 * a + i) + r)]) * root.e_N[i];
       }
-    const T inverse = T(1) / c.LU[N * j + j];
-    for (int i = j + 1; i < N; ++i) {
-      const T factor = c.LU[N * j + i] * inverse;
-      for (int l = j + 1; l < N; ++l) c.LU[N * l + i] = c.LU[N * l + i] - factor * c.LU[N * l + j];
-      for (int l = 0; l < N; ++l) c.P[N * l + i] = c.P[N * l + i] - factor * c.P[N * l + j];
     }
-  }
-  for (int l = 0; l < N; ++l)
-    for (int j = N - 1; j >= 0; --j) {
-      for (int i = j + 1; i < N; ++i) c.P[N * l + j] = c.P[N * l + j] - c.LU[N * i + j] * c.P[N * l + i];
-      c.P[N * l + j] = c.P[N * l + j] / c.LU[N * j + j];
-    }
-  for (int j = 0; j < N; ++j)  // symmetric by nature, kept so
-    for (int i = 0; i < j; ++i) c.P[N * j + i] = c.P[N * i + j] = T(0.5) * (c.P[N * j + i] + c.P[N * i + j]);
-  T H[36];  // X~* P~ X~, upper triangle
-  for (int col = 0; col < 6; ++col) {
-    for (int i = 0; i < N; ++i) {
-      c.g[i] = T(0);
-      for (int l = 0; l < N; ++l) c.g[i] = c.g[i] + c.P[N * l + i] * c.X[N * col + l];
-    }
-    for (int r = 0; r <= col; ++r) {
-      T sum(0);
-      for (int i = 0; i < N; ++i) sum = sum + c.X[N * r + i] * c.g[i];
-      H[6 * col + r] = sum;
-    }
-  }
-  const auto h = [&](int r, int col) { return H[6 * col + r]; };
-  modal.P_r += ArticulatedInertia<T>{{h(0, 0), h(1, 1), h(2, 2), h(0, 1), h(0, 2), h(1, 2)},
-                                     {h(0, 3), h(0, 4), h(0, 5), h(1, 3), h(1, 4), h(1, 5), h(2, 3), h(2, 4), h(2, 5)},
-                                     {h(3, 3), h(4, 4), h(5, 5), h(3, 4), h(3, 5), h(4, 5)}};
+    for (int d = 0; d < N; d += 6) add_rows(f.V.data() + static_cast<std::size_t>(m * d), w.t + d, m, modal.accel);
+  });
 }
 
-/// nu <- y = M_ee^-1 eps_e; s <- Y S y; gives X~* P~ s, which joins z_r' = z_r + M_re y + X~* P~ s.
+/// nu from eps_e in it, and what the modes add to z_r.
 template <class T>
-static Force<T> bias_by_nodes(const SweepModel& model, const Workspace<T>& ws, const SweepBody& b, const Modal<T>& modal) {
+static Force<T> bias_of_modes(const SweepModel& model, const Workspace<T>& ws, const SweepBody& b, const Core<T>& body, const Modal<T>& modal) {
   const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
-  const int n = static_cast<int>(f.attached.size());
-  const Compliant<T> c(modal.compliant, n);
-  const int N = c.N;
-  for (int a = 0; a < n; ++a) {
-    const int k = f.attached[static_cast<std::size_t>(a)];
-    T s[6];
-    shapes_times(model.shapes[static_cast<std::size_t>(model.bodies[static_cast<std::size_t>(k)].onode)].columns.data(), modal.nu, b.n_modes, s);
-    store(times(ws.modal_of(k)->Y, s), c.s + 6 * a);
-  }
-  for (int i = 0; i < N; ++i) {
-    c.g[i] = T(0);
-    for (int l = 0; l < N; ++l) c.g[i] = c.g[i] + c.P[N * l + i] * c.s[l];
-  }
-  T out[6];
-  for (int col = 0; col < 6; ++col) {
-    out[col] = T(0);
-    for (int i = 0; i < N; ++i) out[col] = out[col] + c.X[N * col + i] * c.g[i];
-  }
-  return {{out[0], out[1], out[2]}, {out[3], out[4], out[5]}};
-}
-
-/// eta'' = y - U dl - F Y* P~ (s + X~ dl), dl = delta of the body.
-template <class T>
-static void acceleration_by_nodes(const SweepModel& model, const Workspace<T>& ws, const SweepBody& b, Modal<T>& modal, const Motion<T>& dl) {
-  const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
-  const int n = static_cast<int>(f.attached.size());
-  const Compliant<T> c(modal.compliant, n);
-  const int N = c.N;
-  T d[6];
-  store(dl, d);
-  for (int i = 0; i < N; ++i) {
-    c.g[i] = c.s[i];
-    for (int col = 0; col < 6; ++col) c.g[i] = c.g[i] + c.X[N * col + i] * d[col];
-  }
-  for (int j = 0; j < b.n_modes; ++j) modal.accel[j] = modal.nu[j] - dot(dl, force_column(modal.U, j));
-  for (int a = 0; a < n; ++a) {
-    Force<T> force{};  // P~ (s + X~ dl), rows of this node
-    T h[6];
-    for (int i = 0; i < 6; ++i) {
-      h[i] = T(0);
-      for (int l = 0; l < N; ++l) h[i] = h[i] + c.P[N * l + 6 * a + i] * c.g[l];
+  const int m = b.n_modes;
+  T* x = modal.nu;
+  if (!modal.P_ee) {
+    Force<T> z{};
+    if (modal.by_nodes) z = bias_by_nodes(model, ws, b, body, modal);
+    solve_constant(f, m, x);
+    T out[6];
+    if (modal.P_re) {
+      sum_columns(modal.P_re, x, m, out);
+    } else {
+      sum_columns(f.M_re.data(), x, m, out);
+      z = z - cast<T>(f.gramian) * body.gamma;
     }
-    force = {{h[0], h[1], h[2]}, {h[3], h[4], h[5]}};
-    T y[6];
-    transposed_times(ws.modal_of(f.attached[static_cast<std::size_t>(a)])->Y, force, y);
-    const double* F = f.F[static_cast<std::size_t>(a)].data();
-    for (int j = 0; j < b.n_modes; ++j)
-      for (int r = 0; r < 6; ++r) modal.accel[j] = modal.accel[j] - T(F[6 * j + r]) * y[r];
+    return z + force_column(out, 0);
   }
-}
-
-/// x <- P_ee'^-1 x.
-template <class T>
-static void solve_modes(const FlexibleBody& f, const Modal<T>& modal, int m, T* x) {
-  if (!modal.P_ee && f.M_ee_identity) return;
-  const auto L = [&](int i, int j) { return modal.P_ee ? modal.P_ee[m * j + i] : T(f.L_ee[static_cast<std::size_t>(m * j + i)]); };
+  Force<T> out{};
   for (int j = 0; j < m; ++j) {
-    for (int l = 0; l < j; ++l) x[j] = x[j] - L(j, l) * x[l];
-    x[j] = x[j] / L(j, j);
+    subtract_multiple(x, modal.P_ee + m * j, x[j], j + 1, m);
+    out += (modal.P_ee[m * j + j] * x[j]) * force_column(modal.U, j);
   }
+  return out;
+}
+
+/// eta'' = nu_e - U dl, dl = delta of the body (and gamma_b, where that is not in nu_e).
+template <class T>
+static void acceleration_of_modes(const SweepModel& model, const Workspace<T>& ws, const SweepBody& b, const Core<T>& body, Modal<T>& modal, const Motion<T>& dl) {
+  const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
+  const int m = b.n_modes;
+  T* x = modal.accel;
+  T d[6], minus[6];
+  store(dl, d);
+  store(Motion<T>{} - (modal.P_re ? dl : dl + body.gamma), minus);
+  for (int j = 0; j < m; ++j) x[j] = modal.nu[j];
+  if (modal.U)
+    add_columns(modal.U, minus, m, x);
+  else
+    add_rows(f.U_rows.data(), minus, m, x);
+  if (modal.by_nodes) acceleration_by_nodes(model, ws, b, modal, d);
+  if (!modal.P_ee) return;
   for (int j = m - 1; j >= 0; --j) {
-    for (int l = j + 1; l < m; ++l) x[j] = x[j] - L(l, j) * x[l];
-    x[j] = x[j] / L(j, j);
+    T sum = x[j] * modal.P_ee[m * j + j];
+    for (int i = j + 1; i < m; ++i) sum = sum - modal.P_ee[m * j + i] * x[i];
+    x[j] = sum;
+  }
+}
+
+/// A* P+ A, A = X (motion of the node) S: joins the blocks of the inboard modes.
+template <class T>
+static void add_to_mode_blocks(const Pose<T>& X, const ModalNode<T>& node, const double* S, int m, const ArticulatedInertia<T>& P, ArticulatedInertia<T>& P_rr,
+                        Modal<T>& inboard) {
+  const ArticulatedInertia<T> P_O = to_inboard({X.R, X.p - node.rho}, P);
+  P_rr += shift(node.rho, P_O);
+  T Q[36], W[36];  // P+ between shapes of the node; between them and the frame of the inboard body
+  for (int i = 0; i < 6; ++i) {
+    const T one(1), zero(0);
+    const Vec3<T> unit{i % 3 == 0 ? one : zero, i % 3 == 1 ? one : zero, i % 3 == 2 ? one : zero}, none{zero, zero, zero};
+    Force<T> f = i < 3 ? P_O * Motion<T>{node.Jl * unit, none} : P_O * Motion<T>{none, unit};
+    const Vec3<T> n = transpose_times(node.Jl, f.n);
+    store(Force<T>{n, f.f}, Q + 6 * i);
+    f.n += cross(node.rho, f.f);
+    store(f, W + 6 * i);
+  }
+  for (int j = 0; j < m; ++j) {
+    T q[6] = {T(0), T(0), T(0), T(0), T(0), T(0)}, w[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};
+    for (int i = 0; i < 6; ++i)
+      for (int r = 0; r < 6; ++r) {
+        w[r] = w[r] + W[6 * i + r] * T(S[6 * j + i]);
+        q[r] = q[r] + Q[6 * i + r] * T(S[6 * j + i]);
+      }
+    for (int r = 0; r < 6; ++r) inboard.P_re[6 * j + r] = inboard.P_re[6 * j + r] + w[r];
+    for (int i = j; i < m; ++i) {
+      T sum = inboard.P_ee[m * j + i];
+      for (int r = 0; r < 6; ++r) sum = sum + T(S[6 * i + r]) * q[r];
+      inboard.P_ee[m * j + i] = sum;
+    }
   }
 }
 
@@ -428,77 +578,74 @@ static void inward_general(const SweepModel& model, Workspace<T>& ws, const Inpu
     Core<T>& inboard = ws.core(b.parent);
     Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
     Modal<T>& modal = ws.template modal<NV>(k);
-    Modal<T>* modal_inboard = modal.Y ? ws.modal_of(b.parent) : nullptr;
-    const double* S = modal.Y ? model.shapes[static_cast<std::size_t>(b.onode)].columns.data() : nullptr;
+    const double* S = modal.node ? model.shapes[static_cast<std::size_t>(b.onode)].columns.data() : nullptr;
     const int m = b.n_modes;
     const std::uint8_t* fixed = b.has_prescribed ? model.prescribed.data() + b.v : nullptr;
-    const std::uint8_t* fixed_mode = m > 0 && model.has_prescribed() ? model.prescribed.data() + b.etadot : nullptr;
-    Breakdown bad;
-    bad.body = k;
     if constexpr (For.inertia) {
+      Breakdown bad;
+      bad.body = k;
       if (m == 0)
         modal.P_r = body.P;
-      else if (modal.compliant)
+      else if (modal.by_nodes)
         eliminate_by_nodes(model, ws, b, body, modal);
+      else if (!modal.P_ee)
+        free_modes(model.flexible[static_cast<std::size_t>(b.flexible)], m, body, modal);
       else if (!eliminate_modes(model, b, body, modal, bad)) {
         ws.breakdown = bad;
         return;
       }
-      ArticulatedInertia<T> P = modal.P_r;
-      if constexpr (NV > 0) {
-        Force<T> half[NV];
+      Force<T> half[NV > 0 ? NV : 1];
+      if constexpr (NV > 0)
         if (!factor_hinge<T, NV>(modal.P_r, hinge, fixed, half, bad)) {
           ws.breakdown = bad;
           return;
         }
+      if (modal.root) {
+        take_root<T, NV>(modal.P_r, hinge, fixed, ws.X(k), *modal.node, *modal.root);
+      } else if (b.parent > 0) {
+        ArticulatedInertia<T> P = modal.P_r;
         for (int j = 0; j < NV; ++j) subtract_outer(P, half[j], half[j]);
-      }
-      if (modal_inboard) modal.P_plus = P;
-      if (!modal_inboard || !modal_inboard->compliant) inboard.P += to_inboard(ws.X(k), P);
-      if (modal_inboard && !modal_inboard->compliant) {  // rows and columns of the inboard modes: A* P+ A with A = Y S
-        const int mp = b.n_parent_modes;
-        T Q[36], W[36];  // Y* P+ Y and X* P+ Y
-        for (int i = 0; i < 6; ++i) {
-          const Force<T> PY = P * motion_column(modal.Y, i);
-          transposed_times(modal.Y, PY, Q + 6 * i);
-          store(to_inboard(ws.X(k), PY), W + 6 * i);
-        }
-        for (int j = 0; j < mp; ++j) {
-          T q[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};
-          for (int i = 0; i < 6; ++i)
-            for (int r = 0; r < 6; ++r) {
-              modal_inboard->P_re[6 * j + r] = modal_inboard->P_re[6 * j + r] + W[6 * i + r] * T(S[6 * j + i]);
-              q[r] = q[r] + Q[6 * i + r] * T(S[6 * j + i]);
-            }
-          for (int i = j; i < mp; ++i)
-            for (int r = 0; r < 6; ++r) modal_inboard->P_ee[mp * j + i] = modal_inboard->P_ee[mp * j + i] + T(S[6 * i + r]) * q[r];
-        }
+        if (modal.node)
+          add_to_mode_blocks(ws.X(k), *modal.node, S, b.n_parent_modes, P, inboard.P, *ws.modal_of(b.parent));
+        else
+          inboard.P += to_inboard(ws.X(k), P);
       }
     }
     if constexpr (For.bias) {
       Force<T> z = body.z;
       if (m > 0) {
-        const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
+        const std::uint8_t* fixed_mode = model.has_prescribed() ? model.prescribed.data() + b.etadot : nullptr;
         for (int j = 0; j < m; ++j) {
           T eps = (in.tau ? in.tau[b.etadot + j] : T(0)) - modal.z[j];
           if (modal.C) eps = eps + dot(motion_column(modal.C, j), body.z);
           modal.nu[j] = fixed_mode && fixed_mode[j] ? T(0) : eps;
         }
-        solve_modes(f, modal, m, modal.nu);
-        for (int j = 0; j < m; ++j) z += modal.nu[j] * force_column(modal.P_re, j);
-        if (modal.compliant) z += bias_by_nodes(model, ws, b, modal);
+        z += bias_of_modes(model, ws, b, body, modal);
       }
+      const Force<T> z_r = z;
       if constexpr (NV > 0) {
         T eps[NV];
-        for (int j = 0; j < NV; ++j) eps[j] = fixed && fixed[j] ? T(0) : (in.tau ? in.tau[b.v + j] : T(0)) - dot(hinge.H[j], z);
+        for (int j = 0; j < NV; ++j) eps[j] = fixed && fixed[j] ? T(0) : (in.tau ? in.tau[b.v + j] : T(0)) - dot(hinge.H[j], z_r);
         for (int j = 0; j < NV; ++j) {
           z += eps[j] * hinge.G[j];
           hinge.nu[j] = eps[j];
         }
         solve_hinge<T, NV>(hinge, hinge.nu);
       }
-      inboard.z += to_inboard(ws.X(k), z);
-      if (modal_inboard) add_to_modes(modal.Y, S, z, b.n_parent_modes, modal_inboard->z);
+      if (modal.root) {
+        const Force<T> e = take_root_of_force<T, NV>(z_r, in.tau ? in.tau + b.v : nullptr, hinge, fixed, ws.X(k), *modal.root);
+        inboard.z += e;
+        store(e, modal.root->e);
+        on_node(*modal.node, e, modal.root->e_N);
+        continue;
+      }
+      const Force<T> at_inboard = to_inboard(ws.X(k), z);
+      inboard.z += at_inboard;
+      if (modal.node) {
+        T y[6];
+        on_node(*modal.node, at_inboard, y);
+        add_to_modes(S, y, b.n_parent_modes, ws.modal_of(b.parent)->z);
+      }
     }
   }
 }

@@ -4,6 +4,7 @@
 // 7.5 km/s loses nothing. Inverse dynamics is the same pass with v' given: gamma in place of gamma_b.
 #include <cmath>
 
+#include "core/soa/columns.hpp"
 #include "core/soa/workspace.hpp"
 #include "core/spatial/rotation.hpp"
 
@@ -122,8 +123,7 @@ static void outward_rigid(const SweepModel& model, Workspace<T>& ws, const Input
 template <class T>
 struct DeformedNode {
   CARDAN_INLINE DeformedNode() {}
-  RotationCoefficients<T> c;
-  Vec3<T> theta;
+  Mat3<T> Jl;           // angular velocity = Jl theta'
   Mat3<T> R;            // N in B
   Vec3<T> rho;          // [m]
   Motion<T> rate;       // [W eta'; Phi eta']
@@ -132,31 +132,25 @@ struct DeformedNode {
 
 template <class T>
 static void deform(const NodeShapes& s, const T* eta, const T* etadot, DeformedNode<T>& d) {
-  Vec3<T> theta{}, theta_rate{};
-  d.rho = cast<T>(s.pose.p);
-  d.rate.v = {T(0), T(0), T(0)};
-  for (int j = 0; j < s.n_modes; ++j) {
-    const double* c = s.columns.data() + 6 * j;
-    const Vec3<T> psi{T(c[0]), T(c[1]), T(c[2])}, phi{T(c[3]), T(c[4]), T(c[5])};
-    theta += eta[j] * psi;
-    d.rho += eta[j] * phi;
-    if (etadot) {
-      theta_rate += etadot[j] * psi;
-      d.rate.v += etadot[j] * phi;
-    }
-  }
-  d.theta = theta;
-  d.c = rotation_coefficients(dot(theta, theta));
-  d.R = rotation_of_vector(d.c, theta) * cast<T>(s.pose.R);
-  d.rate.w = left_jacobian(d.c, theta, theta_rate);
-  d.bias = {left_jacobian_dot(d.c, theta, theta_rate, theta_rate), {T(0), T(0), T(0)}};
+  T x[6], v[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};
+  if (etadot)
+    sum_columns(s.columns.data(), eta, etadot, s.n_modes, x, v);
+  else
+    sum_columns(s.columns.data(), eta, s.n_modes, x);
+  const Vec3<T> theta{x[0], x[1], x[2]}, theta_rate{v[0], v[1], v[2]};
+  const RotationCoefficients<T> c = rotation_coefficients(dot(theta, theta));
+  d.rho = cast<T>(s.pose.p) + Vec3<T>{x[3], x[4], x[5]};
+  d.R = rotation_of_vector(c, theta) * cast<T>(s.pose.R);
+  d.Jl = rotation_of_vector(RotationCoefficients<T>{c.a, c.b, T(0), T(0), T(0)}, theta);  // 1 + a theta~ + b theta~^2
+  d.rate = {d.Jl * theta_rate, {v[3], v[4], v[5]}};
+  d.bias = {left_jacobian_dot(c, theta, theta_rate, theta_rate), {T(0), T(0), T(0)}};
 }
 
 /// Column j of Gamma in body axes at the node: [Jl psi; phi].
 template <class T>
 static Motion<T> node_column(const NodeShapes& s, const DeformedNode<T>& d, int j) {
   const double* c = s.columns.data() + 6 * j;
-  return {left_jacobian(d.c, d.theta, {T(c[0]), T(c[1]), T(c[2])}), {T(c[3]), T(c[4]), T(c[5])}};
+  return {d.Jl * Vec3<T>{T(c[0]), T(c[1]), T(c[2])}, {T(c[3]), T(c[4]), T(c[5])}};
 }
 
 /// The family's functions, in double.
@@ -184,34 +178,61 @@ static void family_inertia(const FlexibleBody& f, int m, const T* eta, const T* 
   }
 }
 
+/// Level 0 (FlexibleBody::constant): only the mass centre moves, mc = I2 + M_ve eta, and
+/// b = [omega x (J omega + M_we eta'); omega x (omega x mc) + 2 omega x M_ve eta'; 0].
+template <class T, OutwardFor For>
+static RigidInertia<T> constant_inertia(const FlexibleBody& f, int m, const T* eta, const T* etadot, const Vec3<T>& w, Force<T>& b) {
+  T x[6], v[6];
+  RigidInertia<T> M = cast<T>(f.M_rr);
+  if constexpr (For.velocity)
+    sum_columns(f.M_re.data(), eta, etadot, m, x, v);
+  else
+    sum_columns(f.M_re.data(), eta, m, x);
+  M.h += Vec3<T>{x[3], x[4], x[5]};
+  if constexpr (For.velocity)
+    b = {cross(w, M.J * w + Vec3<T>{v[0], v[1], v[2]}), cross(w, cross(w, M.h) + T(2) * Vec3<T>{v[3], v[4], v[5]})};
+  return M;
+}
+
 /// M_fl(eta), b and z = M_fl gamma_b + b of a flexible body. Families compute in double.
 template <class T, OutwardFor For>
 static void flexible_inertia(const SweepModel& model, const SweepBody& b, const Inputs<T>& in, Core<T>& body, Modal<T>& modal) {
   const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
   const int m = b.n_modes;
-  const T* eta = in.q + b.eta;
-  T* M_rr = modal.M_rr;
-  family_inertia(f, m, eta, For.velocity ? in.v + b.etadot : nullptr, body.w, modal, M_rr);
-  if (f.M_re_constant)
+  const T *eta = in.q + b.eta, *etadot = For.velocity ? in.v + b.etadot : nullptr;
+  RigidInertia<T> M;
+  Force<T> bias{};
+  if (f.constant) {
+    M = constant_inertia<T, For>(f, m, eta, etadot, body.w, bias);
+  } else {
+    T M_rr[10];
+    family_inertia(f, m, eta, etadot, body.w, modal, M_rr);
+    M = {M_rr[0], {M_rr[1], M_rr[2], M_rr[3]}, {M_rr[4], M_rr[5], M_rr[6], M_rr[7], M_rr[8], M_rr[9]}};
+    if constexpr (For.velocity) bias = {{modal.b[0], modal.b[1], modal.b[2]}, {modal.b[3], modal.b[4], modal.b[5]}};
+  }
+  if (modal.P_re && f.M_re_constant)
     for (int i = 0; i < 6 * m; ++i) modal.P_re[i] = T(f.M_re[static_cast<std::size_t>(i)]);
   if (modal.P_ee && f.M_ee_constant)
     for (int i = 0; i < m * m; ++i) modal.P_ee[i] = T(f.M_ee[static_cast<std::size_t>(i)]);
-  const RigidInertia<T> M{M_rr[0], {M_rr[1], M_rr[2], M_rr[3]}, {M_rr[4], M_rr[5], M_rr[6], M_rr[7], M_rr[8], M_rr[9]}};
+  modal.M_rr = M;
   const Motion<T>& g = body.gamma;
   body.z = M * g;
+  if constexpr (For.velocity) body.z += bias;
   body.P = articulated(M);
-  for (int j = 0; j < m; ++j) {
-    const T* c = modal.P_re + 6 * j;
-    T z = c[0] * g.w.x + c[1] * g.w.y + c[2] * g.w.z + c[3] * g.v.x + c[4] * g.v.y + c[5] * g.v.z;
-    if constexpr (For.velocity) z = z + modal.b[6 + j];
-    modal.z[j] = z;
+  for (int j = 0; j < m; ++j) modal.z[j] = For.velocity && !f.constant ? modal.b[6 + j] : T(0);
+  if (modal.P_re) {  // else M_re is constant, and M_re* gamma is taken in where z is used
+    const T gamma[6] = {g.w.x, g.w.y, g.w.z, g.v.x, g.v.y, g.v.z};
+    add_columns(modal.P_re, gamma, m, modal.z);
   }
-  if constexpr (For.velocity) body.z += Force<T>{{modal.b[0], modal.b[1], modal.b[2]}, {modal.b[3], modal.b[4], modal.b[5]}};
   if constexpr (For.vdot) {
     const T* accel = in.vdot + b.etadot;
+    T force[6];
+    if (modal.P_re)
+      sum_columns(modal.P_re, accel, m, force);
+    else
+      sum_columns(f.M_re.data(), accel, m, force);
+    body.z += Force<T>{{force[0], force[1], force[2]}, {force[3], force[4], force[5]}};
     for (int j = 0; j < m; ++j) {
-      const T* c = modal.P_re + 6 * j;
-      body.z += accel[j] * Force<T>{{c[0], c[1], c[2]}, {c[3], c[4], c[5]}};
       if (f.M_ee_identity && f.M_ee_constant)
         modal.z[j] = modal.z[j] + accel[j];
       else
@@ -312,17 +333,7 @@ static void outward_general(const SweepModel& model, Workspace<T>& ws, const Inp
     ws.X(k) = {R_AB, p_AB};
     body.E = acceleration_field(For.velocity ? body.w : none, body.gamma.w);
 
-    if (modal.Y) {  // unit columns [psi; phi] of the node's shapes carried to B: Gamma_O = [Jl psi; phi], then X_B X_h
-      const Vec3<T> from_O = p_AB - p_O;
-      for (int j = 0; j < 6; ++j) {
-        const T one(1), zero(0);
-        const Vec3<T> unit{j % 3 == 0 ? one : zero, j % 3 == 1 ? one : zero, j % 3 == 2 ? one : zero};
-        const Motion<T> column = j < 3 ? Motion<T>{left_jacobian(at_O.c, at_O.theta, unit), none} : Motion<T>{none, unit};
-        const Vec3<T> w = transpose_times(R_AB, column.w), v = transpose_times(R_AB, column.v + cross(column.w, from_O));
-        T* Y = modal.Y + 6 * j;
-        Y[0] = w.x, Y[1] = w.y, Y[2] = w.z, Y[3] = v.x, Y[4] = v.y, Y[5] = v.z;
-      }
-    }
+    if (modal.node) *modal.node = {at_O.Jl, at_O.rho};
 
     if (b.n_modes == 0) {
       const RigidInertia<T> M = cast<T>(b.M_sweep);

@@ -44,6 +44,14 @@ inline constexpr int kWidth = 1;
 template <int W>
 inline constexpr int kWidth<Lanes<W>> = W;
 
+/// By lanes, 1 where x > limit, else 0 (kernels_articulated.hpp).
+template <int W>
+[[gnu::always_inline]] inline Lanes<W> above(const Lanes<W>& x, const Lanes<W>& limit) {
+  Lanes<W> r;
+  for (int i = 0; i < W; ++i) r.x[i] = x.x[i] > limit.x[i] ? 1.0 : 0.0;
+  return r;
+}
+
 /// Lane i of a number.
 [[gnu::always_inline]] inline double lane(const double& a, int) { return a; }
 template <int W>

@@ -50,19 +50,38 @@ struct Hinge {
   T L[NV > 0 ? NV * (NV + 1) / 2 : 1];  // D = L L*, packed by rows
 };
 
-/// Pointers into the arena of what only flexible bodies, and bodies that hang on a deforming node, have. m = own modes,
-/// mp = modes of the inboard body. Null where the body has none.
+/// How the modes of the inboard body move O: by [Jl psi; phi] at rho, in its axes about its origin.
+template <class T>
+struct ModalNode {
+  Mat3<T> Jl;
+  Vec3<T> rho;  // [m]
+};
+
+/// Of a body on a deforming node whose inboard body is eliminated through its nodes (mathematics/flexible.md, 7): P+ = C C*
+/// and z+ = C zeta + e. No P+ and no z+ is formed.
+template <class T>
+struct NodeRoot {
+  T L[36], inverse[6];    // P_r = L L*, columns; 1 / L_jj, 0 where P_r has no inertia
+  T v[36], scale[6];      // reflections 1 - scale v v* that take the hinge out of L, one per hinge velocity
+  T C[36];                // columns, moment about the origin of the inboard body, in its axes
+  T N[36];                // rows: the same columns as forces on the node's shapes
+  T zeta[6], phi[6];      // what goes through the hinge in the end: C phi + e
+  T e[6], e_N[6];         // at the origin of the inboard body; on the node's shapes
+};
+
+/// Pointers into the arena of what only flexible bodies, and bodies that hang on a deforming node, have. m = own modes.
+/// Null where the body has none.
 template <class T>
 struct Modal {
-  T *P_re, *P_ee;      // 6 x m, m x m (column-major): modal blocks of P; P_ee null where M_ee stays constant
-  T* U;                // m x 6 (row j: 6 numbers): P_ee'^-1 P_re'*
-  T *z, *nu, *accel;   // m each: residual, nu_e, eta''
+  T *P_re, *P_ee;      // 6 x m, m x m (column-major): modal blocks of P; each null where the block of M_fl stays constant
+  T* U;                // m x 6 (row j: 6 numbers): L^-1 P_re'* where P_ee' = L D L* is factored, else M_ee^-1 M_re*
+  T *z, *nu, *accel;   // m each: residual (without M_re* gamma where P_re is null), nu_e of it (with a factor P_ee': L^-1 eps_e), eta''
   T* C;                // 6 x m: X_B Gamma_P, null when the pnode does not deform
-  T* Y;                // 6 x 6, null when the onode does not deform: modal columns of Phi* are Y S, S the shapes of the node
-  ArticulatedInertia<T> P_plus;  // bodies with Y: P+, for the inboard body's modes
-  T* compliant;        // scratch of Woodbury (mathematics 4.10), null unless outboard nodes deform and M_ee is constant
-  T* M_rr;             // 10: m, mc, J of M_fl(eta)
-  T* b;                // 6 + m: scratch of the bias
+  ModalNode<T>* node;  // null when the onode does not deform
+  NodeRoot<T>* root;   // null unless the inboard body is eliminated through its nodes
+  T* by_nodes;         // work of eliminate_by_nodes, null unless the body is eliminated through its outboard nodes
+  T* b;                // 6 + m: velocity terms of the family
+  RigidInertia<T> M_rr;       // of M_fl(eta)
   ArticulatedInertia<T> P_r;  // after the modes are eliminated
   double* family;      // eta, eta', M_re, M_ee, b of one lane, for the family's functions; null for double, which needs no copy
 };

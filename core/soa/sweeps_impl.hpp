@@ -95,18 +95,18 @@ static void world(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
     const Pose<T> X = pose_in_inboard(model, ws, k, in.q);
     ws.pose_W(k) = ws.pose_W(b.parent) * X;
-    Motion<T> V = to_outboard(X, ws.V(b.parent));
-    for (int j = 0; j < b.nv; ++j) V += in.v[b.v + j] * hinge_column(model, ws, k, j);
-    if (const Modal<T>* modal = ws.modal_of(k)) {
-      const T* rate = in.v + model.bodies[static_cast<std::size_t>(b.parent)].etadot;
-      if (modal->Y) {
-        T s[6];
-        shapes_times(model.shapes[static_cast<std::size_t>(b.onode)].columns.data(), rate, b.n_parent_modes, s);
-        V += times(modal->Y, s);
-      }
-      if (modal->C)
-        for (int j = 0; j < b.n_modes; ++j) V -= in.v[b.etadot + j] * motion_column(modal->C, j);
+    const Modal<T>* modal = ws.modal_of(k);
+    Motion<T> at_inboard = ws.V(b.parent);
+    if (modal && modal->node) {
+      T s[6];
+      sum_columns(model.shapes[static_cast<std::size_t>(b.onode)].columns.data(), in.v + model.bodies[static_cast<std::size_t>(b.parent)].etadot,
+                  b.n_parent_modes, s);
+      at_inboard += motion_of_node(*modal->node, s);
     }
+    Motion<T> V = to_outboard(X, at_inboard);
+    for (int j = 0; j < b.nv; ++j) V += in.v[b.v + j] * hinge_column(model, ws, k, j);
+    if (modal && modal->C)
+      for (int j = 0; j < b.n_modes; ++j) V -= in.v[b.etadot + j] * motion_column(modal->C, j);
     ws.V(k) = V;
   }
 }
@@ -135,8 +135,9 @@ static void central_gravity(const SweepModel& model, Workspace<T>& ws, const Inp
     const FlexibleBody& flexible = model.flexible[static_cast<std::size_t>(b.flexible)];
     const T* eta = in.q + b.eta;
     for (int j = 0; j < b.n_modes; ++j) {
+      const double* constant = flexible.M_re.data() + 6 * j;
       const T* M_e = modal->P_re + 6 * j;
-      const Vec3<T> I3{M_e[3], M_e[4], M_e[5]};
+      const Vec3<T> I3 = modal->P_re ? Vec3<T>{M_e[3], M_e[4], M_e[5]} : Vec3<T>{T(constant[3]), T(constant[4]), T(constant[5])};
       T f = dot(I3, field);
       if (g.gradient) {
         f = f - k3 * (T(3) * dot(c, r) * dot(r, I3) / r2 - dot(c, I3));

@@ -24,7 +24,8 @@ Workspace<T>::Workspace(const SweepModel& model) {
   if (model.rigid) articulated_q.resize(static_cast<std::size_t>(model.nq));
   if constexpr (!std::is_same_v<T, double>) family.resize(static_cast<std::size_t>(model.nq + model.nv));
   struct Counts {
-    std::size_t re, ee, C, Y, m, compliant;
+    std::size_t re, ee, U, m, b, C, by_nodes, node, root;
+    std::size_t all() const { return re + ee + U + 3 * m + b + C + by_nodes + node + root; }
   };
   std::vector<Counts> counts(n);
   std::vector<std::size_t> modal_at(n, 0);
@@ -48,21 +49,28 @@ Workspace<T>::Workspace(const SweepModel& model) {
     total += round(record);
     if (!is_general(b.kind)) continue;
     const auto m = static_cast<std::size_t>(b.n_modes);
-    Counts c{0, 0, 0, 0, m, 0};
+    Counts c{};
     if (m > 0) {
       const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
-      c.re = 6 * m;
       bool masked = false;
       if (model.has_prescribed())
         for (int j = 0; j < b.n_modes; ++j) masked = masked || model.prescribed[static_cast<std::size_t>(b.etadot + j)];
-      c.ee = !f.woodbury && (!f.M_ee_constant || ee_changes[k] || masked) ? m * m : 0;
-      c.compliant = f.woodbury ? compliant_size(static_cast<int>(f.attached.size())) : 0;
+      c.m = m;
+      c.ee = !f.by_nodes && (!f.M_ee_constant || ee_changes[k] || masked) ? m * m : 0;
+      c.re = c.ee > 0 || !f.M_re_constant ? 6 * m : 0;
+      c.U = c.ee > 0 || (c.re > 0 && !f.M_ee_identity) ? 6 * m : 0;
+      c.b = f.constant ? 0 : 6 + m;
       c.C = b.pnode >= 0 && model.shapes[static_cast<std::size_t>(b.pnode)].deforms() ? 6 * m : 0;
+      c.by_nodes = f.by_nodes ? by_nodes_size(static_cast<int>(f.attached.size())) : 0;
     }
-    c.Y = b.onode >= 0 ? 36 : 0;
+    if (b.onode >= 0) {
+      c.node = sizeof(ModalNode<T>) / sizeof(T);
+      const SweepBody& inboard = model.bodies[static_cast<std::size_t>(b.parent)];
+      c.root = model.flexible[static_cast<std::size_t>(inboard.flexible)].by_nodes ? sizeof(NodeRoot<T>) / sizeof(T) : 0;
+    }
     counts[k] = c;
     modal_at[k] = total;
-    total += round(sizeof(T) * (c.re + c.ee + (m > 0 ? 6 * m + 3 * m + 16 + m : 0) + c.C + c.Y + c.compliant) + sizeof(double) * family_scratch<T>(m));
+    total += round(sizeof(T) * c.all() + sizeof(double) * family_scratch<T>(m));
   }
   arena_bytes_ = total;
   arena_.reset(new (std::align_val_t(64)) std::byte[total]);
@@ -99,15 +107,15 @@ Workspace<T>::Workspace(const SweepModel& model) {
       const Counts& c = counts[k];
       modal.P_re = take(c.re);
       modal.P_ee = take(c.ee);
-      modal.U = take(6 * c.m);
+      modal.U = c.U > 0 ? take(c.U) : modal.P_re;  // M_ee = 1
       modal.z = take(c.m);
       modal.nu = take(c.m);
       modal.accel = take(c.m);
-      modal.M_rr = c.m > 0 ? take(10) : nullptr;
-      modal.b = c.m > 0 ? take(6 + c.m) : nullptr;
+      modal.b = take(c.b);
       modal.C = take(c.C);
-      modal.Y = take(c.Y);
-      modal.compliant = take(c.compliant);
+      modal.by_nodes = take(c.by_nodes);
+      if (c.node > 0) modal.node = new (take(c.node)) ModalNode<T>();
+      if (c.root > 0) modal.root = new (take(c.root)) NodeRoot<T>();
       modal.family = family_scratch<T>(c.m) > 0 ? reinterpret_cast<double*>(next) : nullptr;
     });
   }

@@ -81,6 +81,14 @@ CARDAN_INLINE constexpr ArticulatedInertia<T>& operator+=(ArticulatedInertia<T>&
   return a;
 }
 template <class T>
+CARDAN_INLINE constexpr ArticulatedInertia<T>& operator-=(ArticulatedInertia<T>& a, const ArticulatedInertia<T>& b) {
+  a.J = {a.J.xx - b.J.xx, a.J.yy - b.J.yy, a.J.zz - b.J.zz, a.J.xy - b.J.xy, a.J.xz - b.J.xz, a.J.yz - b.J.yz};
+  a.B = {a.B.xx - b.B.xx, a.B.xy - b.B.xy, a.B.xz - b.B.xz, a.B.yx - b.B.yx, a.B.yy - b.B.yy,
+         a.B.yz - b.B.yz, a.B.zx - b.B.zx, a.B.zy - b.B.zy, a.B.zz - b.B.zz};
+  a.M = {a.M.xx - b.M.xx, a.M.yy - b.M.yy, a.M.zz - b.M.zz, a.M.xy - b.M.xy, a.M.xz - b.M.xz, a.M.yz - b.M.yz};
+  return a;
+}
+template <class T>
 CARDAN_INLINE constexpr ArticulatedInertia<T> articulated(const RigidInertia<T>& M) {
   const T o(0);
   return {M.J, tilde(M.h), {M.m, M.m, M.m, o, o, o}};
@@ -96,15 +104,12 @@ static constexpr void subtract_outer(ArticulatedInertia<T>& P, const Force<T>& a
   P.M = {P.M.xx - a.f.x * b.f.x, P.M.yy - a.f.y * b.f.y, P.M.zz - a.f.z * b.f.z,
          P.M.xy - a.f.x * b.f.y, P.M.xz - a.f.x * b.f.z, P.M.yz - a.f.y * b.f.z};
 }
-/// Phi P Phi*: an articulated inertia at B referred to A. With l = p_AB, after rotation to A axes:
-/// J <- J - B l~ + l~ B* - l~ M l~,  B <- B + l~ M.
+/// The same inertia about another point, l = p_AB, axes kept: J <- J - B l~ + l~ B* - l~ M l~,  B <- B + l~ M.
 template <class T>
-static constexpr ArticulatedInertia<T> to_inboard(const Pose<T>& AB, const ArticulatedInertia<T>& P) {
-  const Mat3<T>& R = AB.R;
-  const Vec3<T>& l = AB.p;
-  const Sym3<T> M = rotate(R, P.M);
-  const Mat3<T> B = R * P.B * transpose(R);
-  Sym3<T> J = rotate(R, P.J);
+static constexpr ArticulatedInertia<T> shift(const Vec3<T>& l, const ArticulatedInertia<T>& P) {
+  const Sym3<T>& M = P.M;
+  const Mat3<T>& B = P.B;
+  Sym3<T> J = P.J;
   // E = l~ M
   const Mat3<T> E{l.y * M.xz - l.z * M.xy, l.y * M.yz - l.z * M.yy, l.y * M.zz - l.z * M.yz,
                   l.z * M.xx - l.x * M.xz, l.z * M.xy - l.x * M.yz, l.z * M.xz - l.x * M.zz,
@@ -122,6 +127,12 @@ static constexpr ArticulatedInertia<T> to_inboard(const Pose<T>& AB, const Artic
   J.xz = J.xz - s1.z - s3.x - f1.z;
   J.yz = J.yz - s2.z - s3.y - f2.z;
   return {J, B + E, M};
+}
+/// Phi P Phi*: an articulated inertia at B referred to A.
+template <class T>
+static constexpr ArticulatedInertia<T> to_inboard(const Pose<T>& AB, const ArticulatedInertia<T>& P) {
+  const Mat3<T>& R = AB.R;
+  return shift(AB.p, ArticulatedInertia<T>{rotate(R, P.J), R * P.B * transpose(R), rotate(R, P.M)});
 }
 
 }  // namespace cardan

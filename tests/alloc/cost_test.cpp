@@ -32,8 +32,8 @@ TEST(Cost, ARigidChainHasNoModalField) {
   Workspace ws(*model);
   for (int k = 1; k <= n; ++k) EXPECT_EQ(ws.modal_of(k), nullptr);
   EXPECT_FALSE(ws.has_world());
-  // Record of the body; angle, sine and cosine of its hinge (40 of them: a multiple of 8).
-  const std::size_t one = rounded(sizeof(soa::AxisRecord<double>)) + 3 * sizeof(double);
+  // Record of the body; angle, sine and cosine of its hinge (40 of them: a multiple of 8); q of the last evaluation.
+  const std::size_t one = rounded(sizeof(soa::AxisRecord<double>)) + 4 * sizeof(double);
   EXPECT_EQ(ws.bytes(), rounded(sizeof(soa::Core<double>)) + n * one);
 }
 

@@ -73,7 +73,7 @@ void set_hinge(HingeSpec& h, const std::string& type, Random& random) {
 
 MatrixXd symmetric(const MatrixXd& a) { return 0.5 * (a + a.transpose()); }
 
-/// Masses that move with 1 ... 4 modes of a few rad/s; level 2 has second-order displacements as well.
+/// Masses that move with modes of a few rad/s; level 2 has second-order displacements as well.
 ModalData modal_data(Random& random, int level, const TreeOptions& options, std::vector<ModalNode> nodes, int m) {
   std::vector<MassNode> masses;
   for (int i = 0; i < 6 + m; ++i) {
@@ -150,7 +150,7 @@ RandomTree random_tree(unsigned seed, const TreeOptions& options) {
     if (random.chance(options.flexible)) {
       b.type = "modal_flexible";
       b.level = options.level >= 0 ? options.level : random.below(3);
-      d.n_modes = 1 + random.below(4);
+      d.n_modes = options.modes > 0 ? options.modes : 1 + random.below(4);
       b.eta = list(random.vector(d.n_modes, 0.1));
       b.etadot = list(random.vector(d.n_modes, 0.5));
     } else {
@@ -192,7 +192,7 @@ RandomTree random_tree(unsigned seed, const TreeOptions& options) {
     for (int j = 0; j < nv; ++j)
       if (random.chance(options.prescribed)) b.hinge.prescribed.push_back(j);
     for (int j = 0; j < d.n_modes; ++j)
-      if (random.chance(options.prescribed)) b.prescribed_modes.push_back(j);
+      if (!options.free_modes && random.chance(options.prescribed)) b.prescribed_modes.push_back(j);
     tree.tau[b.name] = random.vector(nv + d.n_modes, 2.0);
     tree.vdot[b.name] = random.vector(nv + d.n_modes, 2.0);
     if (random.chance(0.4)) tree.loads.push_back({b.name, "tip", random.chance(0.5), random.vector(6, 2.0)});

@@ -19,10 +19,12 @@ struct TreeOptions {
   int roots = 2;              // at most: bodies on the world
   double flexible = 0.4;      // share of modal bodies
   int level = -1;             // of modal bodies; -1: any
+  int modes = 0;              // of each; 0: one to four
   bool floating = false;      // every root on a `free` hinge
   double wheels = 0.25;       // share of bodies that become wheels: axisymmetric about a revolute hinge
   double locked = 0.0;        // share of hinges with `locked: true`, at a random position
   double prescribed = 0.0;    // share of velocity components whose motion is given
+  bool free_modes = false;    // none of them a mode
   bool damping = true;        // of the modes
   bool plain_masses = false;  // of modal bodies: no rotary inertia, no second-order displacements
   bool springs = false;       // springs and dampers on hinges
