@@ -601,9 +601,15 @@ class Compiler {
         b.kind = static_cast<KernelKind>(static_cast<int>(KernelKind::dense1) + b.nv - 1);
     }
     fold_rotors();
+    const auto modes_given = [&](const SweepBody& b) {
+      return m.has_prescribed() && std::any_of(m.prescribed.begin() + b.etadot, m.prescribed.begin() + b.etadot + b.n_modes, [](auto p) { return p != 0; });
+    };
     for (std::size_t k = 1; k < m.bodies.size(); ++k) {
-      const bool joins = !m.runs.empty() && (m.runs.back().kind == m.bodies[k].kind || (is_axis(m.runs.back().kind) && is_axis(m.bodies[k].kind)));
-      if (!joins) m.runs.push_back({static_cast<int>(k), static_cast<int>(k), m.bodies[k].kind});
+      const SweepBody& b = m.bodies[k];
+      const bool given = b.has_prescribed || modes_given(b) || (b.onode >= 0 && modes_given(m.bodies[static_cast<std::size_t>(b.parent)]));
+      const bool joins = !m.runs.empty() && m.runs.back().prescribed == given &&
+                         (m.runs.back().kind == b.kind || (is_axis(m.runs.back().kind) && is_axis(b.kind)));
+      if (!joins) m.runs.push_back({static_cast<int>(k), static_cast<int>(k), b.kind, given});
       m.runs.back().end = static_cast<int>(k) + 1;
     }
     // One batch per family that fills hinge records.
@@ -701,7 +707,11 @@ class Compiler {
     Model& m = *model_;
     const int n_runs = static_cast<int>(m.runs.size());
     if (!m.batches.empty() || !m.angles.empty()) m.program.push_back({Kernel::hinge_records});
-    for (int r = 0; r < n_runs; ++r) m.program.push_back({Kernel::outward, r});
+    const auto rotor = [](const SweepBody& b) { return b.kind == KernelKind::rotor; };
+    for (int r = 0; r < n_runs; ++r) {
+      const Run& run = m.runs[static_cast<std::size_t>(r)];
+      if (!std::all_of(m.bodies.begin() + run.begin, m.bodies.begin() + run.end, rotor)) m.program.push_back({Kernel::outward, r});
+    }
     if (!m.flexible.empty()) m.program.push_back({Kernel::elastic});
     const bool central = m.gravity.kind == GravitySpec::Kind::central;
     m.world = central || options_.world_wrenches;

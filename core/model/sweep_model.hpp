@@ -106,10 +106,11 @@ struct AxisAngle {
   double q0;                                                // [rad]
 };
 
-/// A maximal stretch of consecutive bodies with one kernel.
+/// A maximal stretch of consecutive bodies with one kernel, all or none with given motions.
 struct Run {
   int begin, end;
   KernelKind kind;
+  bool prescribed = false;              // given motions move its bodies: of their hinges, their modes, or the modes they hang on
 };
 
 /// Hinges of one family that fill their records in one call.

@@ -40,14 +40,16 @@ const char* name_of(Kernel kernel) {
 
 }  // namespace
 
-std::vector<OpCost> op_costs(const Model& model, const State& state) {
+std::vector<OpCost> op_costs(const Model& model, const State& state, std::span<const NodeWrench<double>> wrenches) {
   constexpr Sweeps<Counted> S = make_sweeps<Counted>();
   Workspace<Counted> ws(model);
   const auto up = [](const Eigen::VectorXd& x) { return std::vector<Counted>(x.data(), x.data() + x.size()); };
   const std::vector<Counted> q = up(state.q), v = up(state.v), zero(static_cast<std::size_t>(model.nv));
   std::vector<Counted> vdot(static_cast<std::size_t>(model.nv));
+  std::vector<NodeWrench<Counted>> loads;
+  for (const NodeWrench<double>& w : wrenches) loads.push_back({w.node, w.world_axes, {cast<Counted>(w.f.n), cast<Counted>(w.f.f)}});
   Inputs<Counted> in;
-  in.q = q.data(), in.v = v.data(), in.tau = zero.data(), in.vdot = zero.data();
+  in.q = q.data(), in.v = v.data(), in.tau = zero.data(), in.vdot = zero.data(), in.wrenches = loads;
   S.ground(model, ws, in);
   const Workspace<double> sizes(model);
   std::vector<OpCost> costs;

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/model/model.hpp"
+#include "core/soa/workspace.hpp"
 
 namespace cardan::soa {
 
@@ -16,8 +17,8 @@ struct OpCost {
   double ns = -1.0;    // measured; negative: not
 };
 
-/// One entry per op of model.program, in order. The state only has to be valid.
-std::vector<OpCost> op_costs(const Model& model, const State& state);
+/// One entry per op of model.program, in order. The state only has to be valid. Loads cost where they are given: none by default.
+std::vector<OpCost> op_costs(const Model& model, const State& state, std::span<const NodeWrench<double>> wrenches = {});
 /// Fills OpCost::ns: the time of the program up to an op less that up to the one before, each the least of many; a difference
 /// of a few nanoseconds is noise. Takes about 0.1 s.
 void measure(const Model& model, const State& state, std::vector<OpCost>& costs);

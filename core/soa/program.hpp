@@ -12,7 +12,7 @@ void run_op(const Model& model, const Op& op, const Sweeps<T>& S, Workspace<T>& 
     case Kernel::hinge_records:
       if (!again || !model.batches.empty()) S.hinge_records(model, ws, in);
       return;
-    case Kernel::outward: return S.outward(model, ws, in, *run, {.vdot = is_general(run->kind) && model.has_prescribed(), .inertia = !again});
+    case Kernel::outward: return S.outward(model, ws, in, *run, {.vdot = run->prescribed, .inertia = !again});
     case Kernel::elastic: return S.elastic(model, ws, in);
     case Kernel::world: return S.world(model, ws, in);
     case Kernel::central_gravity: return S.central_gravity(model, ws, in);
