@@ -602,7 +602,8 @@ class Compiler {
     }
     fold_rotors();
     const auto modes_given = [&](const SweepBody& b) {
-      return m.has_prescribed() && std::any_of(m.prescribed.begin() + b.etadot, m.prescribed.begin() + b.etadot + b.n_modes, [](auto p) { return p != 0; });
+      const auto first = m.prescribed.begin() + (m.has_prescribed() ? b.etadot : 0);
+      return m.has_prescribed() && std::find(first, first + b.n_modes, 1) != first + b.n_modes;
     };
     for (std::size_t k = 1; k < m.bodies.size(); ++k) {
       const SweepBody& b = m.bodies[k];

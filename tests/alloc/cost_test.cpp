@@ -208,7 +208,8 @@ TEST(Cost, OperationsGrowLinearly) {
 TEST(Cost, ALeafIsNoDearerThanAnInnerBody) {
   const auto scene = [](const std::string& second_to) {
     const auto body = [](const std::string& name) { return rigid(name, 1, {0.1, 0.2, 0.3}, diagonal({1, 1.5, 2})); };
-    return costs(system({on(body("a"), "", "revolute", {Z}, X), on(body("b"), "a", "revolute", {Z}, X), on(body("c"), second_to, "revolute", {Z}, X)}));
+    return costs(system({on(body("a"), "", "revolute", {Z}, X), on(body("b"), "a", "revolute", {Z}, X),
+                         on(body("c"), second_to, "revolute", {Z}, X)}));
   };
   EXPECT_LE(scene("a").flops(), scene("b").flops());
   EXPECT_LE(scene("a").bytes, scene("b").bytes);
@@ -473,7 +474,8 @@ TEST(Cost, TheTableInTheDocumentsIsTrue) {
       else
         before.erase(known);
     }
-    table.push_back(fmt::format("| {} | {:+} | {:+} | {} |", what, c.flops() - than.flops(), static_cast<long>(c.bytes) - static_cast<long>(than.bytes),
+    const long bytes = static_cast<long>(c.bytes) - static_cast<long>(than.bytes);
+    table.push_back(fmt::format("| {} | {:+} | {:+} | {} |", what, c.flops() - than.flops(), bytes,
                                 names.empty() ? "-" : fmt::format("{}", fmt::join(names, ", "))));
   };
   const auto scene = [&](const BodySpec& added) { return costs(system(with(base_scene(), added)), no_loads()); };
@@ -493,7 +495,8 @@ TEST(Cost, TheTableInTheDocumentsIsTrue) {
   auto prescribed = base_scene();
   prescribed[2].hinge.prescribed = {0};
   row("+ hinge of the antenna prescribed", costs(system(prescribed), no_loads()), base);
-  for (const int level : {0, 1, 2}) row(fmt::format("+ beam on the antenna, 6 modes, level {}", level), scene(beam("antenna", level, 6, true)), base);
+  for (const int level : {0, 1, 2})
+    row(fmt::format("+ beam on the antenna, 6 modes, level {}", level), scene(beam("antenna", level, 6, true)), base);
 
   std::stringstream text;
   text << std::ifstream(CARDAN_SOURCE_DIR "/docs/benchmarks.md").rdbuf();
