@@ -28,6 +28,7 @@ Vector forward(const Model& model, const soa::Inputs<Quad>& in) {
   S.ground(model, ws, in);
   S.hinge_records(model, ws, in);
   for (const Run& run : model.runs) S.outward(model, ws, in, run, {});
+  S.elastic(model, ws, in);
   for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.inward(model, ws, in, *run, {});
   for (const Run& run : model.runs) S.acceleration(model, ws, in, run, vdot.data());
   return vdot;
@@ -39,6 +40,7 @@ Vector inverse(const Model& model, const soa::Inputs<Quad>& in) {
   S.ground(model, ws, in);
   S.hinge_records(model, ws, in);
   for (const Run& run : model.runs) S.outward(model, ws, in, run, {.vdot = true});
+  S.elastic(model, ws, in);
   for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.gather(model, ws, in, *run, tau.data());
   return tau;
 }

@@ -8,7 +8,7 @@
 namespace cardan::bench {
 
 /// What is to come out for one state, by the same sweeps in 113 bits on the very same doubles, rounded at the end; nv numbers
-/// each, user's order. Rigid models.
+/// each, user's order. Rigid bodies, and flexible ones at level 0; the last two of rigid bodies only.
 struct Exact {
   Eigen::VectorXd vdot;      // of q, v, tau
   Eigen::VectorXd tau;       // of q, v, vdot of the state
