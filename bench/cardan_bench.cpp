@@ -33,14 +33,15 @@ struct Row {
   double bytes_per_body;
 };
 
-/// The states of a ring side by side, repeated up to a whole number of passes of a batch.
+/// The states of a ring side by side, repeated up to a whole number of passes of a batch, in another order in each pass (at the
+/// same q P would be reused).
 struct Ring {
   Eigen::MatrixXd q, v, tau, vdot;
   Ring(const std::vector<BenchState>& states, int width) {
     const auto n = static_cast<Eigen::Index>(states.size()), count = (std::max<Eigen::Index>(n, 16) + width - 1) / width * width;
     q.resize(states[0].q.size(), count), v.resize(states[0].v.size(), count), tau.resizeLike(v), vdot.resizeLike(v);
     for (Eigen::Index k = 0; k < count; ++k) {
-      const BenchState& s = states[static_cast<std::size_t>(k % n)];
+      const BenchState& s = states[static_cast<std::size_t>((k + k / width) % n)];
       q.col(k) = s.q, v.col(k) = s.v, tau.col(k) = s.tau, vdot.col(k) = s.vdot;
     }
   }

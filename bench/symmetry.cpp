@@ -23,7 +23,7 @@ Eigen::Matrix3d tilde(const Eigen::Vector3d& a) {
   return t;
 }
 
-/// v' by the recursion as a textbook has it: P(A) += phi (P - P H* D^-1 H P) phi* with 6 x 6 products.
+/// v' by the recursion as textbooks have it: U = P H*, P(A) += phi (P - U D^-1 U*) phi* with 6 x 6 products.
 Eigen::VectorXd textbook(const Model& model, const BenchState& s, bool make_symmetric) {
   const std::size_t n = model.bodies.size();
   std::vector<Matrix6> phi(n, Matrix6::Zero()), P(n, Matrix6::Zero());
@@ -58,7 +58,7 @@ Eigen::VectorXd textbook(const Model& model, const BenchState& s, bool make_symm
     const double D = H[k].dot(PH), eps = s.tau[b.v] - H[k].dot(z[k]);
     G[k] = PH / D;
     nu[k] = eps / D;
-    P[A] += phi[k] * (P[k] - G[k] * (H[k].transpose() * P[k])) * phi[k].transpose();
+    P[A] += phi[k] * (P[k] - PH * PH.transpose() / D) * phi[k].transpose();
     if (make_symmetric) P[A] = 0.5 * (P[A] + P[A].transpose()).eval();
     z[A] += phi[k] * (z[k] + G[k] * eps);
   }
