@@ -1,6 +1,10 @@
 #include "bench/exact.hpp"
 
+#ifdef __clang__   // no quadmath.h; the same format, slower
+#include <boost/multiprecision/cpp_bin_float.hpp>
+#else
 #include <boost/multiprecision/float128.hpp>
+#endif
 #include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
@@ -11,7 +15,11 @@
 namespace cardan::bench {
 namespace {
 
+#ifdef __clang__
+using Quad = boost::multiprecision::number<boost::multiprecision::cpp_bin_float_quad::backend_type, boost::multiprecision::et_off>;
+#else
 using Quad = boost::multiprecision::float128;
+#endif
 constexpr soa::Sweeps<Quad> S = soa::make_sweeps<Quad>();
 using Vector = std::vector<Quad>;
 
