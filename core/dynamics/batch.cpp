@@ -76,7 +76,8 @@ class PassesOf : public Batch::Passes {
       return to.data();
     };
     lanes.q = fill(in.q, model_.nq, q_);
-    lanes.v = fill(in.v, model_.nv, v_);
+    if (!in.v) std::fill(v_.begin(), v_.end(), T(0));
+    lanes.v = in.v ? fill(in.v, model_.nv, v_) : v_.data();
     lanes.tau = fill(in.tau, model_.nv, tau_);
     lanes.vdot = fill(in.vdot, model_.nv, vdot_);
     if (!lanes.vdot && model_.has_prescribed()) {

@@ -7,7 +7,8 @@
 
 namespace cardan {
 
-/// n states side by side: state k at q + k nq, v + k nv, and so on (matrices with one column per state). Null = zero.
+/// n states side by side: state k at q + k nq, v + k nv, and so on (matrices with one column per state; user's order, units as
+/// in Model). q must be given; the others may be null = zero.
 struct BatchInputs {
   int n = 0;
   const double* q = nullptr;

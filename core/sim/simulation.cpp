@@ -14,6 +14,7 @@ namespace cardan {
 Simulation::Simulation(std::shared_ptr<const Model> model, const SimulationOptions& options)
     : model_(std::move(model)), options_(options), state_(model_->initial_state()), workspace_(*model_) {
   const Model& m = *model_;
+  soa::kernels();  // refused before the run where the wished ones cannot run here
   const auto nv = static_cast<std::size_t>(m.nv);
   tau_.assign(nv, 0.0);
   tau_total_.assign(nv, 0.0);

@@ -15,7 +15,8 @@ const Kernels& kernels_v2();
 const Kernels& kernels_v3();
 const Kernels& kernels_v4();
 
-/// The best that the processor can run, or that named by the environment variable CARDAN_KERNELS if it can run that.
+/// The best that the processor can run, or that named by the environment variable CARDAN_KERNELS: InputError where it cannot run
+/// that, or there is none of that name.
 const Kernels& kernels();
 
 template <class T>

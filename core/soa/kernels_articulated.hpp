@@ -11,7 +11,7 @@
 
 namespace cardan::soa {
 
-/// The same where a vanishing pivot is allowed: what is left of a 6 x 6 diagonal entry after the rounding of its elimination.
+/// As kPivotLimit, where a vanishing pivot is allowed: what is left of a 6 x 6 diagonal entry after the rounding of its elimination.
 static constexpr double kRootLimit = 2e-15;
 
 /// 1 where x > limit, else 0: kernels choose by arithmetic, so that lanes need no branch.

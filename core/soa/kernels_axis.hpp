@@ -67,7 +67,7 @@ CARDAN_INLINE constexpr void tilt(const AxisBody& b, V& v) {  // O axes -> inboa
   if constexpr (TILT == Tilt::alpha_beta) turn<2>(v, T(b.cos_alpha), T(b.sin_alpha));
 }
 
-/// P <- what it starts from, and P <- that + Q.
+/// P <- what it starts from: one copy where the numbers have the same type.
 CARDAN_INLINE void start(const AxisBody& b, ArticulatedInertia<double>& P) { P = b.P; }
 template <class T>
 CARDAN_INLINE void start(const AxisBody& b, ArticulatedInertia<T>& P) { P = cast<T>(b.P); }
@@ -128,8 +128,8 @@ CARDAN_INLINE Force<T> force_to_inboard(const AxisBody& b, const T& c, const T& 
 
 /// Tip to base. D = J_ii, G = P e_i / D, P+ = P - G D G* without its zero row i. False: no inertia about the axis.
 template <class T, int I, Tilt TILT, InwardFor For>
-CARDAN_INLINE bool inward_axis(const AxisBody& b, const AxisBody& carrier, Core<T>& inboard, AxisRecord<T>& body, const T& c, const T& s, const Inputs<T>& in, int n,
-                               Breakdown& breakdown) {
+CARDAN_INLINE bool inward_axis(const AxisBody& b, const AxisBody& carrier, Core<T>& inboard, AxisRecord<T>& body, const T& c, const T& s,
+                               const Inputs<T>& in, int n, Breakdown& breakdown) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   if constexpr (For.inertia) {
     ArticulatedInertia<T>& P = body.core.P;  // of a leaf: constant, written with the workspace
@@ -278,7 +278,9 @@ CARDAN_INLINE void gather_rotor(const AxisBody& b, Core<T>& carrier, const AxisR
   carrier.z.n += (Ja * in.v[b.v]) * cross(carrier.w, u) + (Ja * vdot) * u;
 }
 
-/// Loops over a run of axis bodies: one switch per body, everything else inlined.
+// Loops over a run of axis bodies: one switch per body, everything else inlined.
+
+/// Calls visit<I, TILT>() of an axis kernel.
 template <class Visit>
 CARDAN_INLINE auto for_axis(KernelKind kind, const Visit& visit) {
   switch (kind) {

@@ -28,30 +28,28 @@ CARDAN_INLINE RigidInertia<T> inertia_to_inboard(const AxisBody& b, const T& c, 
   return R;
 }
 
-/// Columns of H* at B of a body with a stored pose: up to six.
+/// Column j of H* at B, of any body.
 template <class T>
-static int hinge_columns(const SweepBody& b, Workspace<T>& ws, int k, const T* q, Motion<T>* H) {
-  if (b.kind == KernelKind::free) {
-    const Vec3<T> none{T(0), T(0), T(0)};
-    const Mat3<T> R = b.shape == CARDAN_SHAPE_FREE ? free_rotation(b, q) : Mat3<T>::identity();
-    const Vec3<T> unit[3] = {{T(1), T(0), T(0)}, {T(0), T(1), T(0)}, {T(0), T(0), T(1)}}, row[3] = {{R.xx, R.xy, R.xz}, {R.yx, R.yy, R.yz}, {R.zx, R.zy, R.zz}};
-    for (int j = 0; j < 3; ++j) H[j] = {unit[j], none}, H[3 + j] = {none, row[j]};
-  } else {
-    for (int j = 0; j < b.nv; ++j) H[j] = ws.H(k)[j];
-  }
-  return b.nv;
+static Motion<T> hinge_column(const SweepModel& model, const Workspace<T>& ws, int k, int j) {
+  const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+  const Vec3<T> none{T(0), T(0), T(0)};
+  if (is_axis(b.kind)) return {cast<T>(b.axis), none};
+  if (b.kind != KernelKind::free) return ws.H(k)[j];
+  const Vec3<T> unit{T(j % 3 == 0), T(j % 3 == 1), T(j % 3 == 2)};
+  if (j < 3) return {unit, none};
+  return {none, b.shape == CARDAN_SHAPE_FREE ? transpose_times(ws.X(k).R, cast<T>(b.O.R) * unit) : unit};
 }
 
 /// M (nv x nv, column-major). Needs hinge_records, and outward of the bodies that are not on an axis kernel.
 template <class T>
-static void mass_matrix(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* M) {
+static void mass_matrix(const SweepModel& model, Workspace<T>& ws, const Inputs<T>&, T* M) {
   const int n = static_cast<int>(model.bodies.size()), nv = model.nv;
   RigidInertia<T>* R = ws.composite.data();
   const T *cosines = ws.cosines.data(), *sines = ws.sines.data();
   for (int k = 1; k < n; ++k) R[k] = cast<T>(model.bodies[static_cast<std::size_t>(k)].M_sweep);
   for (int i = 0; i < nv * nv; ++i) M[i] = T(0);
   const auto put = [&](int row, int column, const T& value) { M[nv * column + row] = M[nv * row + column] = value; };
-  /// The wrench f at body p and all bodies inboard of it, projected on their hinges: column v of M.
+  // The wrench f at body p and all bodies inboard of it, projected on their hinges: column v of M.
   const auto project = [&](int p, Force<T> f, int v) {
     while (p > 0) {
       const SweepBody& b = model.bodies[static_cast<std::size_t>(p)];
@@ -62,9 +60,7 @@ static void mass_matrix(const SweepModel& model, Workspace<T>& ws, const Inputs<
           if (a.parent > 0) f = force_to_inboard<T, I, TILT>(a, cosines[a.angle], sines[a.angle], f);
         });
       } else {
-        Motion<T> H[6];
-        const int columns = hinge_columns(b, ws, p, in.q, H);
-        for (int j = 0; j < columns; ++j) put(b.v + j, v, dot(H[j], f));
+        for (int j = 0; j < b.nv; ++j) put(b.v + j, v, dot(hinge_column(model, ws, p, j), f));
         if (b.parent > 0) f = to_inboard(ws.X(p), f);
       }
       p = b.parent;
@@ -73,12 +69,10 @@ static void mass_matrix(const SweepModel& model, Workspace<T>& ws, const Inputs<
   for (int k = n - 1; k >= 1; --k) {
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
     if (!is_axis(b.kind)) {
-      Motion<T> H[6];
-      const int columns = hinge_columns(b, ws, k, in.q, H);
       if (b.parent > 0) R[b.parent] = R[b.parent] + to_inboard(ws.X(k), R[k]);
-      for (int j = 0; j < columns; ++j) {
-        const Force<T> f = R[k] * H[j];
-        for (int i = 0; i <= j; ++i) put(b.v + i, b.v + j, dot(H[i], f));
+      for (int j = 0; j < b.nv; ++j) {
+        const Force<T> f = R[k] * hinge_column(model, ws, k, j);
+        for (int i = 0; i <= j; ++i) put(b.v + i, b.v + j, dot(hinge_column(model, ws, k, i), f));
         if (b.parent > 0) project(b.parent, to_inboard(ws.X(k), f), b.v + j);
       }
       continue;

@@ -37,7 +37,7 @@ struct Sweeps {
   void (*mass_matrix_inverse)(Bodies, Work, In, T* inverse) = nullptr;
 };
 
-/// Pose of B in A, and columns of H* at B, of any body: for what is not in the inner loop. A rotor has no angle of its own in
+/// Pose of B in A of any body: for what is not in the inner loop. A rotor has no angle of its own in
 /// the sweeps, hence q.
 template <class T>
 static Pose<T> pose_in_inboard(const SweepModel& model, const Workspace<T>& ws, int k, const T* q) {
@@ -63,16 +63,6 @@ static Vec3<T> moment_in_inboard(const SweepModel& model, const Workspace<T>& ws
     turned = c * r + s * cross(u, r) + ((T(1) - c) * dot(u, r)) * u;
   }
   return cast<T>(b.O.R) * turned + m * cast<T>(b.O.p);
-}
-template <class T>
-static Motion<T> hinge_column(const SweepModel& model, const Workspace<T>& ws, int k, int j) {
-  const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
-  const Vec3<T> none{T(0), T(0), T(0)};
-  if (is_axis(b.kind)) return {cast<T>(b.axis), none};
-  if (b.kind != KernelKind::free) return ws.H(k)[j];
-  const Vec3<T> unit{T(j % 3 == 0), T(j % 3 == 1), T(j % 3 == 2)};
-  if (j < 3) return {unit, none};
-  return {none, b.shape == CARDAN_SHAPE_FREE ? transpose_times(ws.X(k).R, cast<T>(b.O.R) * unit) : unit};
 }
 
 }  // namespace cardan::soa

@@ -20,7 +20,8 @@ struct NodeWrench {
   Force<T> f;
 };
 
-/// What a right-hand side depends on. Pointers are in the user's order; null = zero.
+/// What a right-hand side depends on. Pointers are in the user's order. q and v must be given; tau and vdot may be null = zero
+/// (vdot not where a motion is prescribed).
 template <class T>
 struct Inputs {
   const T* q = nullptr;
@@ -69,9 +70,6 @@ class Workspace {
   }
   CARDAN_INLINE AxisRecord<T>& axis(int k) { return *reinterpret_cast<AxisRecord<T>*>(arena_.get() + offset_[static_cast<std::size_t>(k)]); }
   CARDAN_INLINE const AxisRecord<T>& axis(int k) const { return const_cast<Workspace*>(this)->axis(k); }
-  std::byte* base() { return arena_.get(); }
-  std::size_t offset(int k) const { return offset_[static_cast<std::size_t>(k)]; }
-
   CARDAN_INLINE FreeRecord<T>& free(int k) { return *reinterpret_cast<FreeRecord<T>*>(arena_.get() + offset_[static_cast<std::size_t>(k)]); }
   // Access by run-time kind, for what is not in the inner loop.
   /// Pose of B in A of a body with a stored pose (not an axis record).

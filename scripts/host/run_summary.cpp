@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "core/base/version.hpp"
+#include "core/soa/kernels.hpp"
 #include "scripts/host/run_mission.hpp"
 
 namespace cardan {
@@ -74,6 +75,7 @@ Summary run_summary(const Scenario& s, double wall_s) {
   out.versions = {{"cardan", version::kNumber},
                   {"commit", version::kCommit},
                   {"compiler", version::kCompiler},
+                  {"sweeps", std::string("x86-64-") + soa::kernels().name},
                   {"Eigen", fmt::format("{}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION)},
                   {"Lua", LUA_VERSION_MAJOR "." LUA_VERSION_MINOR "." LUA_VERSION_RELEASE}};
   return out;

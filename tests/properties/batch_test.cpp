@@ -64,6 +64,22 @@ TEST(Batch, AgreesWithOneStateAtATime) {
     });
 }
 
+TEST(Batch, WithoutVelocitiesItIsAtRest) {
+  for_all_trees({.bodies = 6}, 0.0, [](const RandomTree& tree) {
+    Loaded s(tree);
+    Batch batch(*s.model);
+    const States states(s, batch.width() + 1, tree.seed);
+    const MatrixXd rest = MatrixXd::Zero(s.model->nv, states.q.cols());
+    MatrixXd given = rest, left_out = rest;
+    BatchInputs in = states.in(rest);
+    in.v = rest.data();
+    batch.forward_dynamics(in, given.data());
+    in.v = nullptr;
+    batch.forward_dynamics(in, left_out.data());
+    return (given - left_out).cwiseAbs().maxCoeff();
+  }, 20);
+}
+
 TEST(Batch, AStateHasTheSameBitsWhereverItStands) {
   for_all_trees({.bodies = 8}, 0.0, [](const RandomTree& tree) {
     Loaded s(tree);

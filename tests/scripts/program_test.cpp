@@ -121,6 +121,20 @@ TEST(Program, AFolderThatIsCopiedRunsUnchanged) {
       << "the default folder is out/<folder of the scenario>";
 }
 
+TEST(Program, SweepsThatDoNotExistAreRefusedBeforeTheRun) {
+  const TemporaryFolder dir;
+  setenv("CARDAN_KERNELS", "v5", 1);
+  const Finished run = run_program({"run", "drive", "--out", dir / "out"}, kMissions);
+  setenv("CARDAN_KERNELS", "v2", 1);
+  const Finished oldest = run_program({"version"}, dir.path());
+  unsetenv("CARDAN_KERNELS");
+  EXPECT_EQ(run.exit_code, 2);
+  for (const char* part : {"error[C0301]", "at: environment variable CARDAN_KERNELS", "expected: v2, v3 or v4", "got:      \"v5\""})
+    EXPECT_NE(run.err.find(part), std::string::npos) << part << "\n" << run.err;
+  EXPECT_FALSE(fs::exists(dir / "out"));
+  EXPECT_NE(oldest.out.find("sweeps: x86-64-v2"), std::string::npos) << oldest.out;
+}
+
 TEST(Program, TwoRunsGiveTheSameBits) {
   const TemporaryFolder dir;
   for (const char* out : {"a", "b"})
