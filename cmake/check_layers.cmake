@@ -18,6 +18,7 @@ set(layers
   "core/reference|core/base core/spatial core/model/spec.hpp"
   "core/soa|core/base core/spatial core/linalg core/abi core/model"
   "core/dynamics|core/base core/spatial core/linalg core/abi core/model core/soa"
+  "core/operators|core/base core/spatial core/linalg core/abi core/model core/soa core/dynamics"
   "core/sim|core"
   "hinges|core/base core/spatial core/abi"
   "bodies|core/base core/spatial core/abi"
@@ -33,8 +34,8 @@ set(layers
 
 # Headers of others by the beginning of their name, and where they may be named. The standard library is free.
 set(external
-  "Eigen/|core/spatial core/linalg core/abi/family.hpp core/abi/laws.cpp core/model core/dynamics core/time core/reference core/sim bodies hinges plugins scripts/host tests bench"
-  "fmt/|core/base core/linalg core/abi core/model core/dynamics core/io core/time core/sim bodies/modal/ scripts tests bench"
+  "Eigen/|core/spatial core/linalg core/abi/family.hpp core/abi/laws.cpp core/model core/dynamics core/operators core/time core/reference core/sim bodies hinges plugins scripts/host tests bench"
+  "fmt/|core/base core/linalg core/abi core/model core/dynamics core/operators core/io core/time core/sim bodies/modal/ scripts tests bench"
   "yaml-cpp/|core/io/yaml_reader.cpp tests"
   "hdf5|core/io/hdf5_file.cpp"
   "nlohmann/|core/io/json.hpp tests bench"

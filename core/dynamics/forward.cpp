@@ -4,6 +4,7 @@
 
 #include <cstring>
 
+#include "core/soa/kernels_tangent.hpp"
 #include "core/soa/program.hpp"
 
 namespace cardan {
@@ -25,6 +26,7 @@ bool forward_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inpu
 template bool forward_dynamics(const Model&, soa::Workspace<double>&, const soa::Inputs<double>&, double*);
 template bool forward_dynamics(const Model&, soa::Workspace<soa::Lanes<4>>&, const soa::Inputs<soa::Lanes<4>>&, soa::Lanes<4>*);
 template bool forward_dynamics(const Model&, soa::Workspace<soa::Lanes<8>>&, const soa::Inputs<soa::Lanes<8>>&, soa::Lanes<8>*);
+template bool forward_dynamics(const Model&, soa::Workspace<soa::Tangent>&, const soa::Inputs<soa::Tangent>&, soa::Tangent*);
 
 RunFailure describe_breakdown(const Model& model, const soa::Breakdown& bad, double t) {
   RunFailure f{Code::singular_hinge, t, "", "", "", "", ""};

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "core/soa/kernels_tangent.hpp"
+
 namespace cardan {
 
 template <class T>
@@ -24,6 +26,7 @@ void inverse_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inpu
 template void inverse_dynamics(const Model&, soa::Workspace<double>&, const soa::Inputs<double>&, double*, InverseTerms);
 template void inverse_dynamics(const Model&, soa::Workspace<soa::Lanes<4>>&, const soa::Inputs<soa::Lanes<4>>&, soa::Lanes<4>*, InverseTerms);
 template void inverse_dynamics(const Model&, soa::Workspace<soa::Lanes<8>>&, const soa::Inputs<soa::Lanes<8>>&, soa::Lanes<8>*, InverseTerms);
+template void inverse_dynamics(const Model&, soa::Workspace<soa::Tangent>&, const soa::Inputs<soa::Tangent>&, soa::Tangent*, InverseTerms);
 
 Eigen::VectorXd gravity_force(const Model& model, Workspace& ws, const double* q) {
   Eigen::VectorXd tau(model.nv);

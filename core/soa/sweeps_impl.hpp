@@ -25,6 +25,23 @@ static void for_kernel(KernelKind kind, const Rigid& rigid, const General& gener
   });
 }
 
+/// Fills the records of one family, in double.
+static inline void family_records(const SweepModel&, Workspace<double>& ws, const Inputs<double>& in, const DenseBatch& batch) {
+  const auto n = static_cast<std::uint32_t>(batch.iq.size());
+  batch.family->kinematics(batch.packed.data(), n, batch.iq.data(), batch.iv.data(), in.q, in.v, ws.hinge_records(0) + batch.first);
+}
+/// Any other scalar: lane by lane through double.
+template <class T>
+static void family_records(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, const DenseBatch& batch) {
+  const auto n = static_cast<std::uint32_t>(batch.iq.size());
+  double *q = ws.family.data(), *v = q + model.nq;
+  for (int l = 0; l < kWidth<T>; ++l) {
+    for (int i = 0; i < model.nq; ++i) q[i] = lane(in.q[i], l);
+    for (int i = 0; i < model.nv; ++i) v[i] = lane(in.v[i], l);
+    batch.family->kinematics(batch.packed.data(), n, batch.iq.data(), batch.iv.data(), q, v, ws.hinge_records(l) + batch.first);
+  }
+}
+
 template <class T>
 static void hinge_records(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
   ws.articulated = false;
@@ -33,19 +50,7 @@ static void hinge_records(const SweepModel& model, Workspace<T>& ws, const Input
     for (const AxisAngle& a : model.angles) *angle++ = in.q[a.q] + T(a.q0);
     sine_cosine(ws.angles.data(), ws.sines.data(), ws.cosines.data(), ws.angles.size());
   }
-  for (const DenseBatch& batch : model.batches) {
-    const auto n = static_cast<std::uint32_t>(batch.iq.size());
-    if constexpr (std::is_same_v<T, double>) {
-      batch.family->kinematics(batch.packed.data(), n, batch.iq.data(), batch.iv.data(), in.q, in.v, ws.hinge_records(0) + batch.first);
-    } else {
-      double *q = ws.family.data(), *v = q + model.nq;
-      for (int l = 0; l < kWidth<T>; ++l) {
-        for (int i = 0; i < model.nq; ++i) q[i] = lane(in.q[i], l);
-        for (int i = 0; i < model.nv; ++i) v[i] = lane(in.v[i], l);
-        batch.family->kinematics(batch.packed.data(), n, batch.iq.data(), batch.iv.data(), q, v, ws.hinge_records(l) + batch.first);
-      }
-    }
-  }
+  for (const DenseBatch& batch : model.batches) family_records(model, ws, in, batch);
 }
 
 template <class T>

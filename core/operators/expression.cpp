@@ -1,0 +1,380 @@
+#include "core/operators/expression.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "core/base/diagnostic.hpp"
+#include "core/linalg/eigenpairs.hpp"
+
+namespace cardan::soa {
+
+namespace {
+/// A space, with the nodes where it is that of nodes.
+struct Stack {
+  Space space = Space::hinge;
+  std::vector<int> nodes;
+  bool operator==(const Stack&) const = default;
+};
+constexpr int kDense = 300;  // up to this size a matrix is formed for norms and eigenvalues
+}  // namespace
+
+struct Expression::Node {
+  enum class Form { leaf, block_inverse, identity, unit, product, sum };
+  Form form = Form::leaf;
+  Kind kind = Kind::H;
+  bool starred = false;
+  Stack rows, cols;
+  std::vector<double> scales;                     // of the terms of a sum
+  std::vector<std::shared_ptr<const Node>> parts; // factors, or terms
+};
+
+namespace {
+
+using Node = Expression::Node;
+using Formula = std::shared_ptr<const Node>;
+using Form = Node::Form;
+
+bool same(const Formula& a, const Formula& b) {
+  if (a == b) return true;
+  if (a->form != b->form || a->kind != b->kind || a->starred != b->starred || a->rows != b->rows || a->cols != b->cols || a->scales != b->scales ||
+      a->parts.size() != b->parts.size())
+    return false;
+  for (std::size_t i = 0; i < a->parts.size(); ++i)
+    if (!same(a->parts[i], b->parts[i])) return false;
+  return true;
+}
+
+Formula make(Node n) { return std::make_shared<const Node>(std::move(n)); }
+Formula leaf_of(Kind kind, bool starred = false, const std::vector<int>& nodes = {}) {
+  const KindFacts& f = facts(kind);
+  Node n{.form = Form::leaf, .kind = kind, .starred = starred && !f.symmetric, .rows = {f.rows, {}}, .cols = {f.columns, {}}, .scales = {}, .parts = {}};
+  if (f.columns == Space::node) n.cols.nodes = nodes;
+  if (n.starred) std::swap(n.rows, n.cols);
+  return make(std::move(n));
+}
+Formula block_inverse(Kind kind) {
+  return make({.form = Form::block_inverse, .kind = kind, .starred = false, .rows = {facts(kind).rows, {}}, .cols = {facts(kind).columns, {}}, .scales = {}, .parts = {}});
+}
+Formula identity_of(const Stack& s) { return make({.form = Form::identity, .kind = Kind::H, .starred = false, .rows = s, .cols = s, .scales = {}, .parts = {}}); }
+
+/// A product without brackets, without identities, of one factor or more.
+Formula product_of(const std::vector<Formula>& factors) {
+  Node n{.form = Form::product, .kind = Kind::H, .starred = false, .rows = factors.front()->rows, .cols = factors.back()->cols, .scales = {}, .parts = {}};
+  double scale = 1.0;
+  const auto add = [&](const auto& self, const Formula& f) -> void {
+    if (f->form == Form::product)
+      for (const Formula& g : f->parts) self(self, g);
+    else if (f->form == Form::sum && f->parts.size() == 1) {
+      scale *= f->scales[0];
+      self(self, f->parts[0]);
+    } else if (f->form != Form::identity)
+      n.parts.push_back(f);
+  };
+  for (const Formula& f : factors) add(add, f);
+  const Formula bare = n.parts.empty() ? identity_of(n.rows) : n.parts.size() == 1 ? n.parts[0] : make(n);
+  if (scale == 1.0) return bare;
+  return make({.form = Form::sum, .kind = Kind::H, .starred = false, .rows = bare->rows, .cols = bare->cols, .scales = {scale}, .parts = {bare}});
+}
+Formula sum_of(const std::vector<std::pair<double, Formula>>& terms) {
+  Node n{.form = Form::sum, .kind = Kind::H, .starred = false, .rows = terms[0].second->rows, .cols = terms[0].second->cols, .scales = {}, .parts = {}};
+  for (const auto& [s, f] : terms) {
+    if (f->form == Form::sum) {
+      for (std::size_t i = 0; i < f->parts.size(); ++i) n.parts.push_back(f->parts[i]), n.scales.push_back(s * f->scales[i]);
+    } else {
+      n.parts.push_back(f), n.scales.push_back(s);
+    }
+  }
+  if (n.parts.size() == 1 && n.scales[0] == 1.0) return n.parts[0];
+  return make(std::move(n));
+}
+
+Formula star_of(const Formula& f) {
+  switch (f->form) {
+    case Form::leaf: return leaf_of(f->kind, !f->starred, f->kind == Kind::B ? (f->starred ? f->rows.nodes : f->cols.nodes) : std::vector<int>{});
+    case Form::block_inverse:
+    case Form::identity:
+    case Form::unit: return f;
+    case Form::product: {
+      std::vector<Formula> turned;
+      for (auto p = f->parts.rbegin(); p != f->parts.rend(); ++p) turned.push_back(star_of(*p));
+      return product_of(turned);
+    }
+    case Form::sum: break;
+  }
+  std::vector<std::pair<double, Formula>> terms;
+  for (std::size_t i = 0; i < f->parts.size(); ++i) terms.emplace_back(f->scales[i], star_of(f->parts[i]));
+  return sum_of(terms);
+}
+
+Formula one(Space space) { return identity_of({space, {}}); }
+Formula H_phi_K() { return product_of({leaf_of(Kind::H), leaf_of(Kind::phi), leaf_of(Kind::K)}); }
+Formula H_psi_K() { return product_of({leaf_of(Kind::H), leaf_of(Kind::psi), leaf_of(Kind::K)}); }
+Formula mass_of() { return product_of({leaf_of(Kind::H), leaf_of(Kind::phi), leaf_of(Kind::M), leaf_of(Kind::phi, true), leaf_of(Kind::H, true)}); }
+
+/// Pairs of an operator and its inverse, as in operators.hpp.
+const std::vector<std::pair<Formula, Formula>>& rules() {
+  static const std::vector<std::pair<Formula, Formula>> all = [] {
+    const Formula I_hinge = one(Space::hinge), I_body = one(Space::body);
+    const Formula left = sum_of({{1.0, I_hinge}, {1.0, H_phi_K()}}), right = sum_of({{1.0, I_hinge}, {-1.0, H_psi_K()}});
+    std::vector<std::pair<Formula, Formula>> out = {
+        {leaf_of(Kind::phi), sum_of({{1.0, I_body}, {-1.0, leaf_of(Kind::E_phi)}})},
+        {leaf_of(Kind::psi), sum_of({{1.0, I_body}, {-1.0, leaf_of(Kind::E_psi)}})},
+        {left, right},
+        {leaf_of(Kind::D), block_inverse(Kind::D)},
+        {leaf_of(Kind::M), block_inverse(Kind::M)}};
+    const std::size_t n = out.size();
+    for (std::size_t i = 0; i < n; ++i) out.emplace_back(out[i].second, out[i].first);
+    out.emplace_back(mass_of(), product_of({star_of(right), block_inverse(Kind::D), right}));
+    return out;
+  }();
+  return all;
+}
+
+std::optional<Formula> inverse_of(const Formula& f) {
+  if (f->form == Form::identity || f->form == Form::unit) return f;
+  for (const auto& [from, to] : rules())
+    if (same(f, from)) return to;
+  const Formula turned = star_of(f);
+  for (const auto& [from, to] : rules())
+    if (same(turned, from)) return star_of(to);
+  if (f->form == Form::sum && f->parts.size() == 1) {
+    const auto inner = inverse_of(f->parts[0]);
+    if (!inner) return std::nullopt;
+    return sum_of({{1.0 / f->scales[0], *inner}});
+  }
+  if (f->form == Form::sum) {  // I + H phi K, its terms in the other order
+    Node other = *f;
+    std::reverse(other.parts.begin(), other.parts.end());
+    std::reverse(other.scales.begin(), other.scales.end());
+    const Formula back = make(other), back_star = star_of(back);
+    for (const auto& [from, to] : rules()) {
+      if (same(back, from)) return to;
+      if (same(back_star, from)) return star_of(to);
+    }
+    return std::nullopt;
+  }
+  if (f->form != Form::product) return std::nullopt;
+  std::vector<Formula> factors;
+  for (auto p = f->parts.rbegin(); p != f->parts.rend(); ++p) {
+    const auto inner = inverse_of(*p);
+    if (!inner) return std::nullopt;
+    factors.push_back(*inner);
+  }
+  return product_of(factors);
+}
+
+std::string text_of(const Formula& f) {
+  switch (f->form) {
+    case Form::leaf: return std::string(facts(f->kind).name) + (f->starred ? "*" : "");
+    case Form::block_inverse: return std::string(facts(f->kind).name) + "^-1";
+    case Form::identity:
+    case Form::unit: return "I";
+    case Form::product: {
+      std::string out;
+      for (const Formula& p : f->parts) out += (out.empty() ? "" : " ") + (p->form == Form::sum ? "(" + text_of(p) + ")" : text_of(p));
+      return out;
+    }
+    case Form::sum: break;
+  }
+  std::string out;
+  for (std::size_t i = 0; i < f->parts.size(); ++i) {
+    const double s = f->scales[i];
+    if (i > 0 || s < 0.0) out += i == 0 ? "-" : s < 0.0 ? " - " : " + ";
+    if (std::abs(s) != 1.0) out += fmt::format("{:g} ", std::abs(s));
+    out += text_of(f->parts[i]);
+  }
+  return out;
+}
+
+int size_of(const TreeOperators& tree, const Stack& s) { return s.space == Space::node ? 6 * static_cast<int>(s.nodes.size()) : tree.size(s.space); }
+
+std::string_view name_of(Space s) { return s == Space::hinge ? "hinge" : s == Space::body ? "body" : "node"; }
+std::string shape_of(const TreeOperators& tree, const Formula& f) {
+  if (f->form == Form::unit) return "I";
+  return fmt::format("{} x {} ({} x {})", name_of(f->rows.space), name_of(f->cols.space), size_of(tree, f->rows), size_of(tree, f->cols));
+}
+
+[[noreturn]] void fail(Code code, const std::string& where, std::string expected, std::string got, std::string hint = {}) {
+  throw InputError(Diagnostic{code, {where, {}}, std::move(expected), std::move(got), std::move(hint), {}, {}, 0});
+}
+
+Eigen::VectorXd run(const TreeOperators& tree, const Formula& f, const Eigen::VectorXd& x) {
+  Eigen::VectorXd y(size_of(tree, f->rows));
+  switch (f->form) {
+    case Form::leaf:
+      if (f->kind == Kind::B)
+        tree.apply_nodes(f->starred ? f->rows.nodes : f->cols.nodes, f->starred, x.data(), y.data());
+      else
+        tree.apply(f->kind, f->starred, x.data(), y.data());
+      return y;
+    case Form::block_inverse: tree.apply_inverse(f->kind, x.data(), y.data()); return y;
+    case Form::identity:
+    case Form::unit: return x;
+    case Form::product: {
+      static const Formula mass = mass_of(), mass_inverse = *inverse_of(mass_of());
+      const auto fused = same(f, mass) ? TreeOperators::Fused::mass : same(f, mass_inverse) ? TreeOperators::Fused::mass_inverse : TreeOperators::Fused::none;
+      if (tree.has_fused(fused)) {
+        tree.apply_fused(fused, x.data(), y.data());
+        return y;
+      }
+      y = x;
+      for (auto p = f->parts.rbegin(); p != f->parts.rend(); ++p) y = run(tree, *p, y);
+      return y;
+    }
+    case Form::sum: break;
+  }
+  y.setZero();
+  for (std::size_t i = 0; i < f->parts.size(); ++i) y += f->scales[i] * run(tree, f->parts[i], x);
+  return y;
+}
+
+void require_stages(const TreeOperators& tree, const Formula& f) {
+  if (f->form == Form::leaf || f->form == Form::block_inverse) tree.require(f->kind);
+  for (const Formula& p : f->parts) require_stages(tree, p);
+}
+
+SpaceLabels labels_of(const TreeOperators& tree, const Stack& s) { return s.space == Space::node ? tree.node_labels(s.nodes) : tree.labels(s.space); }
+
+}  // namespace
+
+Expression Expression::leaf(Tree tree, Kind kind) {
+  Formula f = leaf_of(kind, false, kind == Kind::B ? tree->nodes() : std::vector<int>{});
+  return {std::move(tree), std::move(f)};
+}
+Expression Expression::nodes(Tree tree, std::vector<int> nodes) {
+  tree->require_nodes(nodes);
+  return {std::move(tree), leaf_of(Kind::B, false, nodes)};
+}
+Expression Expression::identity(Tree tree, Space space) {
+  Formula f = identity_of({space, space == Space::node ? tree->nodes() : std::vector<int>{}});
+  return {std::move(tree), std::move(f)};
+}
+Expression Expression::unit(Tree tree) {
+  return {std::move(tree), make({.form = Form::unit, .kind = Kind::H, .starred = false, .rows = {}, .cols = {}, .scales = {}, .parts = {}})};
+}
+Expression Expression::mass(Tree tree) { return {std::move(tree), mass_of()}; }
+
+Expression Expression::star() const { return {tree_, star_of(formula_)}; }
+
+Expression Expression::inv() const {
+  if (formula_->rows != formula_->cols)
+    fail(Code::no_inverse, "inverse of " + text(), "a square operator", shape(), "only products of square operators and the mass matrix have an inverse");
+  if (const auto f = inverse_of(formula_)) return {tree_, *f};
+  fail(Code::no_inverse, "inverse of " + text(), "an operator whose inverse a rule gives: phi, psi, D, M, mass, I + H phi K, products of these",
+       "no rule for it", "(...):dense() gives a matrix, and solve() its inverse");
+}
+
+namespace {
+void same_tree(const Expression& a, const Expression& b, const char* sign) {
+  if (a.tree() != b.tree())
+    fail(Code::operator_shape, a.text() + sign + b.text(), "two operators of one tree at one q",
+         a.tree()->model_pointer() == b.tree()->model_pointer() ? "operators taken at different times, or of different subgraphs" : "operators of two models",
+         "take both from the same operators()");
+}
+}  // namespace
+
+Expression operator*(const Expression& a, const Expression& b) {
+  same_tree(a, b, " * ");
+  if (a.formula_->form == Form::unit) return b;
+  if (b.formula_->form == Form::unit) return a;
+  if (a.formula_->cols != b.formula_->rows)
+    fail(Code::operator_shape, a.text() + " * " + b.text(), "columns of the left operator = rows of the right one",
+         fmt::format("{} times {}", a.shape(), b.shape()), "a star() may be missing");
+  return {a.tree_, product_of({a.formula_, b.formula_})};
+}
+Expression operator*(double s, const Expression& a) {
+  if (a.formula_->form == Form::unit) fail(Code::operator_shape, fmt::format("{:g} * I", s), "I in a sum or product with an operator", "I alone");
+  return {a.tree_, sum_of({{s, a.formula_}})};
+}
+namespace {
+Formula add(const TreeOperators& tree, const Expression& ea, const Formula& a, const Formula& b, const Expression& eb, double sign) {
+  Formula x = a, y = b;
+  if (x->form == Form::unit && y->form == Form::unit) fail(Code::operator_shape, "I + I", "an operator beside I", "I");
+  const Formula& other = x->form == Form::unit ? y : x;
+  if ((x->form == Form::unit || y->form == Form::unit) && other->rows != other->cols)
+    fail(Code::operator_shape, ea.text() + " + " + eb.text(), "a square operator beside I", shape_of(tree, other));
+  if (x->form == Form::unit) x = identity_of(y->rows);
+  if (y->form == Form::unit) y = identity_of(x->rows);
+  if (x->rows != y->rows || x->cols != y->cols)
+    fail(Code::operator_shape, ea.text() + (sign < 0 ? " - " : " + ") + eb.text(), "two operators of one shape",
+         fmt::format("{} and {}", shape_of(tree, x), shape_of(tree, y)));
+  return sum_of({{1.0, x}, {sign, y}});
+}
+}  // namespace
+Expression operator+(const Expression& a, const Expression& b) {
+  same_tree(a, b, " + ");
+  return {a.tree_, add(*a.tree_, a, a.formula_, b.formula_, b, 1.0)};
+}
+Expression operator-(const Expression& a, const Expression& b) {
+  same_tree(a, b, " - ");
+  return {a.tree_, add(*a.tree_, a, a.formula_, b.formula_, b, -1.0)};
+}
+
+Eigen::VectorXd Expression::apply(const Eigen::VectorXd& x) const {
+  require_stages(*tree_, formula_);
+  if (formula_->form != Form::unit && x.size() != cols())
+    fail(Code::operator_shape, text(), fmt::format("a vector of {} ({} space)", cols(), name_of(formula_->cols.space)), fmt::format("one of {}", x.size()));
+  return run(*tree_, formula_, x);
+}
+
+Eigen::MatrixXd Expression::dense() const {
+  require_stages(*tree_, formula_);
+  Eigen::MatrixXd out(rows(), cols());
+  Eigen::VectorXd unit = Eigen::VectorXd::Zero(cols());
+  for (Eigen::Index j = 0; j < out.cols(); ++j) {
+    unit[j] = 1.0;
+    out.col(j) = run(*tree_, formula_, unit);
+    unit[j] = 0.0;
+  }
+  return out;
+}
+
+namespace {
+/// The k largest eigenvalues of a symmetric positive semidefinite operator of size n, descending.
+template <class Multiply>
+Eigen::VectorXd largest_eigenvalues(const Multiply& multiply, int n, int k) {
+  const auto same_vector = [](const Eigen::VectorXd& x, Eigen::VectorXd& y) { y = x; };
+  const MultiplyRef inverse(multiply), mass(same_vector);
+  const Eigenpairs pairs = lowest_eigenpairs({n, n, inverse, inverse}, {n, n, mass, mass}, k, 0.0);
+  return pairs.values.cwiseInverse();
+}
+}  // namespace
+
+double Expression::norm() const {
+  if (std::min(rows(), cols()) == 0) return 0.0;
+  if (std::max(rows(), cols()) <= kDense) return dense().jacobiSvd().singularValues()[0];
+  const Expression turned = star();
+  return std::sqrt(largest_eigenvalues([&](const Eigen::VectorXd& x, Eigen::VectorXd& y) { y = turned.apply(apply(x)); }, cols(), 1)[0]);
+}
+
+Eigen::VectorXd Expression::eigenvalues(int k) const {
+  if (rows() != cols()) fail(Code::operator_shape, "eigenvalues of " + text(), "a square operator", shape());
+  const int n = rows();
+  if (k < 1 || k > n) fail(Code::out_of_range, "eigenvalues of " + text(), fmt::format("1 ... {} of them", n), fmt::format("{}", k));
+  Eigen::VectorXd a(n), b(n);
+  for (int i = 0; i < n; ++i) a[i] = std::sin(1.0 + i), b[i] = std::cos(2.0 + 3.0 * i);
+  const double left = a.dot(apply(b)), right = b.dot(apply(a));
+  if (std::abs(left - right) > 1e-9 * (std::abs(left) + std::abs(right)))
+    fail(Code::operator_shape, "eigenvalues of " + text(), "a symmetric operator", fmt::format("x* A y = {:.6g}, y* A x = {:.6g}", left, right),
+         "(A:star() * A):eig(k) gives the squares of the singular values");
+  if (n <= kDense) {
+    const Eigen::MatrixXd A = dense();
+    Eigen::VectorXd all = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(0.5 * (A + A.transpose()), Eigen::EigenvaluesOnly).eigenvalues();
+    return all.reverse().head(k);
+  }
+  return largest_eigenvalues([&](const Eigen::VectorXd& x, Eigen::VectorXd& y) { y = apply(x); }, n, k);
+}
+
+int Expression::rows() const { return formula_->form == Form::unit ? 1 : size_of(*tree_, formula_->rows); }
+int Expression::cols() const { return formula_->form == Form::unit ? 1 : size_of(*tree_, formula_->cols); }
+SpaceLabels Expression::row_labels() const { return labels_of(*tree_, formula_->rows); }
+SpaceLabels Expression::column_labels() const { return labels_of(*tree_, formula_->cols); }
+std::string Expression::text() const { return text_of(formula_); }
+std::string Expression::shape() const { return shape_of(*tree_, formula_); }
+
+}  // namespace cardan::soa

@@ -1,0 +1,62 @@
+#pragma once
+// Operator expressions at run time: what the types of operators.hpp are to C++, these values are to Lua. The same letters, the
+// same rules for star() and inv(), O(N), matrix-free. An expression refers to the operators of one tree at one q.
+#include <Eigen/Core>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/operators/tree_operators.hpp"
+
+namespace cardan::soa {
+
+class Expression {
+ public:
+  using Tree = std::shared_ptr<const TreeOperators>;
+
+  // Leaves
+  static Expression leaf(Tree tree, Kind kind);
+  /// B of these nodes (indices into Model::nodes) instead of the tree's selection.
+  static Expression nodes(Tree tree, std::vector<int> nodes);
+  static Expression identity(Tree tree, Space space);
+  /// 1 of whichever space it meets in a sum; as a factor it is left out.
+  static Expression unit(Tree tree);
+  /// H phi M phi* H*.
+  static Expression mass(Tree tree);
+
+  // Algebra. Errors C0902 name both operands and their shapes; operands of different trees do not mix.
+  Expression star() const;
+  /// By rule (operators.hpp); C0903 where there is none.
+  Expression inv() const;
+  friend Expression operator*(const Expression& a, const Expression& b);
+  friend Expression operator*(double s, const Expression& a);
+  friend Expression operator+(const Expression& a, const Expression& b);
+  friend Expression operator-(const Expression& a, const Expression& b);
+
+  // What it does
+  Eigen::VectorXd apply(const Eigen::VectorXd& x) const;
+  Eigen::MatrixXd dense() const;
+  /// 2-norm: the largest singular value, in the units of the entries as they stand.
+  double norm() const;
+  /// The k largest eigenvalues, descending, of a symmetric expression that is positive semidefinite (C0902 for another).
+  Eigen::VectorXd eigenvalues(int k) const;
+
+  // What it is
+  int rows() const;
+  int cols() const;
+  SpaceLabels row_labels() const;
+  SpaceLabels column_labels() const;
+  std::string text() const;   ///< "H phi M phi* H*"
+  std::string shape() const;  ///< "hinge x body (12 x 34)"
+  const Tree& tree() const { return tree_; }
+
+  struct Node;                // one node of the formula, immutable
+
+ private:
+  using Formula = std::shared_ptr<const Node>;
+  Expression(Tree tree, Formula formula) : tree_(std::move(tree)), formula_(std::move(formula)) {}
+  Tree tree_;
+  Formula formula_;
+};
+
+}  // namespace cardan::soa

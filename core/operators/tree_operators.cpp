@@ -1,0 +1,619 @@
+#include "core/operators/tree_operators.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "core/base/diagnostic.hpp"
+#include "core/soa/kernels_tangent.hpp"
+
+namespace cardan::soa {
+
+namespace {
+
+using Eigen::Map;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using ConstVector = Map<const VectorXd>;
+using Vector = Map<VectorXd>;
+
+std::size_t idx(int i) { return static_cast<std::size_t>(i); }
+
+/// What is read of a number: itself, or its derivative.
+double part(double x) { return x; }
+double part(const Tangent& x) { return x.d; }
+
+template <class T>
+void store(const Motion<T>& V, double* out) {
+  out[0] = part(V.w.x), out[1] = part(V.w.y), out[2] = part(V.w.z), out[3] = part(V.v.x), out[4] = part(V.v.y), out[5] = part(V.v.z);
+}
+
+/// User's body frame in the sweep frame of the body that stands for the whole rigid group.
+std::vector<int> owners(const Model& model) {
+  std::vector<int> owner(model.bodies.size(), -1);
+  for (std::size_t u = 0; u < model.user.size(); ++u)
+    if (!model.user[u].merged && model.user[u].sweep > 0) owner[idx(model.user[u].sweep)] = static_cast<int>(u);
+  return owner;
+}
+
+/// Base to tip with v = 0: poses, hinge maps and M_fl at q, in T.
+template <class T>
+void pose(const Model& model, Workspace<T>& ws, const T* q, const T* zeros) {
+  const Sweeps<T>& S = sweeps<T>();
+  const Inputs<T> in{.q = q, .v = zeros, .gravity = false};
+  S.ground(model, ws, in);
+  S.hinge_records(model, ws, in);
+  for (const Run& run : model.runs) S.outward(model, ws, in, run, {.velocity = false});
+}
+
+/// The blocks of all bodies, or their derivatives, from a workspace that pose() has filled.
+template <class T>
+PositionBlocks read_blocks(const Model& model, const Workspace<T>& ws, const T* q) {
+  const std::size_t n = model.bodies.size();
+  PositionBlocks out;
+  out.A.resize(n), out.Ht.resize(n), out.M.resize(n);
+  const std::vector<int> owner = owners(model);
+  const auto frame = [&](int k) { return k == 0 ? Pose<double>{} : model.user[idx(owner[idx(k)])].pose; };
+  for (int k = 1; k < static_cast<int>(n); ++k) {
+    const SweepBody& b = model.bodies[idx(k)];
+    const int m = b.n_modes, mp = b.parent > 0 ? model.bodies[idx(b.parent)].n_modes : 0;
+    const Pose<T> to_user = cast<T>(frame(k)), from_parent = inverse(cast<T>(frame(b.parent)));
+    const Pose<T> X_sweep = pose_in_inboard(model, ws, k, q), X = from_parent * X_sweep * to_user;
+    Matrix6X& A = out.A[idx(k)];
+    A.setZero(6, 6 + mp);
+    for (int j = 0; j < 6; ++j) {
+      Motion<T> unit{};
+      (j == 0 ? unit.w.x : j == 1 ? unit.w.y : j == 2 ? unit.w.z : j == 3 ? unit.v.x : j == 4 ? unit.v.y : unit.v.z) = T(1);
+      store(to_outboard(X, unit), A.col(j).data());
+    }
+    const Modal<T>* modal = ws.modal_of(k);
+    if (b.onode >= 0)
+      for (int j = 0; j < mp; ++j) {
+        const double* s = model.shapes[idx(b.onode)].columns.data() + 6 * j;
+        const Vec3<T> turn = modal->node->Jl * Vec3<T>{T(s[0]), T(s[1]), T(s[2])};
+        const Motion<T> in_A{turn, Vec3<T>{T(s[3]), T(s[4]), T(s[5])} - cross(turn, modal->node->rho)};
+        store(to_outboard(to_user, to_outboard(X_sweep, in_A)), A.col(6 + j).data());
+      }
+    MatrixXd& Ht = out.Ht[idx(k)];
+    Ht.setZero(6 + m, b.nv + m);
+    for (int j = 0; j < b.nv; ++j) store(to_outboard(to_user, hinge_column(model, ws, k, j)), Ht.col(j).data());
+    for (int j = 0; j < m; ++j) {
+      if (modal->C) store(-T(1) * to_outboard(to_user, motion_column(modal->C, j)), Ht.col(b.nv + j).data());
+      Ht(6 + j, b.nv + j) = part(T(1));
+    }
+    MatrixXd& M = out.M[idx(k)];
+    M.setZero(6 + m, 6 + m);
+    const RigidInertia<T> rigid = m > 0 ? modal->M_rr : cast<T>(b.M);
+    const T mass[] = {rigid.m, rigid.h.x, rigid.h.y, rigid.h.z, rigid.J.xx, rigid.J.yy, rigid.J.zz, rigid.J.xy, rigid.J.xz, rigid.J.yz};
+    double r[10];
+    for (int i = 0; i < 10; ++i) r[i] = part(mass[i]);
+    M.topLeftCorner<6, 6>() = to_eigen(articulated(RigidInertia<double>{r[0], {r[1], r[2], r[3]}, {r[4], r[5], r[6], r[7], r[8], r[9]}}));
+    if (m > 0) {
+      const FlexibleBody& f = model.flexible[idx(b.flexible)];
+      for (int j = 0; j < m; ++j) {
+        for (int i = 0; i < 6; ++i) M(i, 6 + j) = M(6 + j, i) = part(modal->P_re ? modal->P_re[6 * j + i] : T(f.M_re[idx(6 * j + i)]));
+        for (int i = 0; i < m; ++i) M(6 + i, 6 + j) = part(modal->P_ee ? modal->P_ee[m * j + i] : T(f.M_ee[idx(m * j + i)]));
+      }
+    }
+    Eigen::Matrix<double, 6, 6> back;  // V_sweep = back V_user
+    for (int j = 0; j < 6; ++j) {
+      double unit[6] = {};
+      unit[j] = 1.0;
+      back.col(j) = to_eigen(to_inboard(frame(k), motion(unit)));
+    }
+    M.topRows<6>() = (back.transpose() * M.topRows<6>()).eval();
+    M.leftCols<6>() = (M.leftCols<6>() * back).eval();
+  }
+  return out;
+}
+
+/// B* of a node: [X_j, Gamma_j] in node axes (mathematics 3.1).
+Matrix6X node_block(const Model& model, const UserNode& node, const Pose<double>& body_frame, const double* q) {
+  const SweepBody& b = model.bodies[idx(node.sweep)];
+  Matrix6X Bt = Matrix6X::Zero(6, 6 + b.n_modes);
+  Pose<double> N = node.shapes.pose;
+  if (node.shapes.deforms()) {
+    double x[6];
+    sum_columns(node.shapes.columns.data(), q + b.eta, node.shapes.n_modes, x);
+    const Vec3<double> theta{x[0], x[1], x[2]};
+    const auto c = cardan::rotation_coefficients<double>(dot(theta, theta));
+    N = {rotation_of_vector(c, theta) * node.shapes.pose.R, node.shapes.pose.p + Vec3<double>{x[3], x[4], x[5]}};
+    for (int j = 0; j < b.n_modes; ++j) {
+      const double* s = node.shapes.columns.data() + 6 * j;
+      const Vec3<double> turn = left_jacobian(c, theta, {s[0], s[1], s[2]});
+      Bt.col(6 + j) = to_eigen(Motion<double>{transpose_times(N.R, turn), transpose_times(N.R, Vec3<double>{s[3], s[4], s[5]})});
+    }
+  }
+  const Pose<double> in_user = inverse(body_frame) * N;
+  for (int j = 0; j < 6; ++j) {
+    double unit[6] = {};
+    unit[j] = 1.0;
+    Bt.col(j) = to_eigen(to_outboard(in_user, motion(unit)));
+  }
+  return Bt;
+}
+
+}  // namespace
+
+constexpr std::string_view kAxes[] = {"wx", "wy", "wz", "vx", "vy", "vz"};
+
+std::string_view name_of(Stage stage) {
+  constexpr std::string_view names[] = {"none", "Position", "Inertia", "OperationalSpace", "Direction"};
+  return names[static_cast<std::size_t>(stage)];
+}
+struct TreeOperators::Sweeping {
+  explicit Sweeping(const Model& model) : position(model), inertia(model), zeros(idx(model.nv), 0.0) {}
+  Workspace<double> position, inertia;  // of the mass matrix; of its inverse: P, D, G stay there
+  std::vector<double> zeros;
+  bool articulated = false;
+};
+
+TreeOperators::TreeOperators(std::shared_ptr<const Model> model) : model_(std::move(model)) {
+  std::vector<int> all;
+  for (int k = 1; k < static_cast<int>(model_->bodies.size()); ++k) all.push_back(k);
+  number(all);
+  sweeping_ = std::make_unique<Sweeping>(*model_);
+}
+TreeOperators::~TreeOperators() = default;
+TreeOperators::TreeOperators(TreeOperators&&) noexcept = default;
+
+void TreeOperators::number(const std::vector<int>& sweep_bodies) {
+  const std::vector<int> owner = owners(*model_);
+  index_.assign(model_->bodies.size(), -1);
+  place_.assign(idx(model_->nv), -1);
+  bodies_.clear();
+  for (const int k : sweep_bodies) {  // ascending: inboard before outboard
+    const SweepBody& b = model_->bodies[idx(k)];
+    index_[idx(k)] = static_cast<int>(bodies_.size());
+    bodies_.push_back({.sweep = k, .user = owner[idx(k)], .parent = b.parent > 0 ? index_[idx(b.parent)] : -1, .nh = b.nv, .m = b.n_modes});
+  }
+  n_hinge_ = n_body_ = 0;
+  for (std::size_t u = 0; u < model_->user.size(); ++u) {  // places: the user's order
+    const UserBody& user = model_->user[u];
+    if (user.merged || user.sweep == 0 || index_of(user.sweep) < 0) continue;
+    OperatorBody& b = bodies_[idx(index_of(user.sweep))];
+    b.at = n_body_, n_body_ += 6 + b.m;
+    b.v = n_hinge_, b.etadot = n_hinge_ + b.nh, n_hinge_ += b.nh + b.m;
+    for (int j = 0; j < b.nh; ++j) place_[idx(user.v + j)] = b.v + j;
+    for (int j = 0; j < b.m; ++j) place_[idx(user.etadot + j)] = b.etadot + j;
+  }
+  nodes_.clear();
+  for (std::size_t j = 0; j < model_->nodes.size(); ++j)
+    if (const int k = model_->nodes[j].sweep; k > 0 && index_of(k) >= 0) nodes_.push_back(static_cast<int>(j));
+  std::size_t widest = 6;
+  for (const OperatorBody& b : bodies_) widest = std::max(widest, idx(6 + b.nh + b.m));
+  work_.resize(3 * widest);
+}
+
+TreeOperators TreeOperators::subgraph(std::vector<int> sweep_bodies) const {
+  std::sort(sweep_bodies.begin(), sweep_bodies.end());
+  sweep_bodies.erase(std::unique(sweep_bodies.begin(), sweep_bodies.end()), sweep_bodies.end());
+  for (const int k : sweep_bodies)
+    if (k < 1 || k >= static_cast<int>(index_.size()) || index_of(k) < 0)
+      throw InputError(Diagnostic{Code::unknown_body, {"subgraph", {}}, "bodies of the tree", fmt::format("sweep index {}", k), {}, {}, {}, 0});
+  TreeOperators sub;
+  sub.model_ = model_;
+  sub.q_ = q_;
+  sub.position_ = position_;
+  sub.whole_ = false;
+  sub.number(sweep_bodies);
+  return sub;
+}
+
+std::vector<int> TreeOperators::subtree(int sweep_body) const {
+  std::vector<int> out{sweep_body};
+  for (int k = sweep_body + 1; k < static_cast<int>(model_->bodies.size()); ++k)
+    if (std::binary_search(out.begin(), out.end(), model_->bodies[idx(k)].parent)) out.push_back(k);
+  return out;
+}
+
+std::vector<int> TreeOperators::path(int a, int b) const {
+  std::vector<int> out;
+  while (a != b) {  // parents have lower indices
+    int& deeper = a > b ? a : b;
+    out.push_back(deeper);
+    deeper = model_->bodies[idx(deeper)].parent;
+  }
+  if (a > 0) out.push_back(a);
+  std::sort(out.begin(), out.end());
+  return out;
+}
+
+void TreeOperators::at(const double* q) {
+  if (!whole_)
+    throw InputError(Diagnostic{Code::unsupported, {"operators", {}}, "the whole tree", "a subgraph", "move the tree, then take the subgraph again", {}, {}, 0});
+  const Model& model = *model_;
+  q_.assign(q, q + model.nq);
+  pose(model, sweeping_->position, q, sweeping_->zeros.data());
+  auto blocks = std::make_shared<PositionBlocks>(read_blocks(model, sweeping_->position, q));
+  const std::vector<int> owner = owners(model);
+  blocks->Bt.resize(model.nodes.size());
+  for (std::size_t j = 0; j < model.nodes.size(); ++j)
+    if (const UserNode& node = model.nodes[j]; node.sweep > 0)
+      blocks->Bt[j] = node_block(model, node, model.user[idx(owner[idx(node.sweep)])].pose, q);
+  position_ = std::move(blocks);
+  direction_.reset();
+  inertia_.clear(), Y_.clear(), Y_plus_.clear();
+  sweeping_->articulated = false;
+  masked_ = weighted_ = false;
+  free_.clear();
+}
+
+void TreeOperators::along(const double* u) {
+  require(Kind::H);
+  const Model& model = *model_;
+  std::vector<double> rate(idx(model.nq));
+  model.qdot(q_.data(), u, rate.data());
+  std::vector<Tangent> q(idx(model.nq)), zeros(idx(model.nv), Tangent(0.0));
+  for (std::size_t i = 0; i < q.size(); ++i) q[i] = {q_[i], rate[i]};
+  Workspace<Tangent> ws(model);
+  pose(model, ws, q.data(), zeros.data());
+  direction_ = std::make_unique<PositionBlocks>(read_blocks(model, ws, q.data()));
+  mask_hinges();
+}
+
+void TreeOperators::mask_hinges() {
+  Ht_free_.clear(), dHt_free_.clear();
+  if (!masked_) return;
+  for (std::size_t i = 0; i < bodies_.size(); ++i) {
+    Ht_free_.push_back(position_->Ht[idx(bodies_[i].sweep)]);
+    if (direction_) dHt_free_.push_back(direction_->Ht[idx(bodies_[i].sweep)]);
+    for (int j = 0; j < bodies_[i].nh + bodies_[i].m; ++j) {
+      if (is_free(bodies_[i].v + j)) continue;
+      Ht_free_.back().col(j).setZero();
+      if (direction_) dHt_free_.back().col(j).setZero();
+    }
+  }
+}
+
+void TreeOperators::articulate(const Articulate& options) {
+  require(Kind::H);
+  free_.assign(options.free.begin(), options.free.end());
+  masked_ = std::any_of(free_.begin(), free_.end(), [](std::uint8_t f) { return f == 0; });
+  weighted_ = options.W != nullptr;
+  mask_hinges();
+  Y_.clear(), Y_plus_.clear();
+  inertia_.assign(bodies_.size(), {});
+  for (std::size_t i = 0; i < bodies_.size(); ++i) inertia_[i].P = M(static_cast<int>(i));
+  for (int i = static_cast<int>(bodies_.size()) - 1; i >= 0; --i) {
+    const OperatorBody& b = bodies_[idx(i)];
+    Inertia& x = inertia_[idx(i)];
+    const MatrixXd& H_star = Ht(i);
+    const int n = b.nh + b.m;
+    const MatrixXd PH = x.P * H_star;
+    x.D = H_star.transpose() * PH;
+    VectorXd made_of = (H_star.cwiseAbs().transpose() * x.P.cwiseAbs() * H_star.cwiseAbs()).diagonal();  // what round-off of D is measured by
+    if (options.W) {
+      x.D.diagonal() += ConstVector(options.W + b.v, n);
+      made_of += ConstVector(options.W + b.v, n).cwiseAbs();
+    }
+    MatrixXd factored = x.D;
+    for (int j = 0; j < n; ++j)
+      if (!is_free(b.v + j)) {
+        x.D.row(j).setZero(), x.D.col(j).setZero();
+        factored.row(j).setZero(), factored.col(j).setZero();
+        factored(j, j) = made_of[j] = 1.0;
+      }
+    x.S.setZero(n, n);
+    for (int j = 0; j < n; ++j) {
+      const double pivot = factored(j, j) - x.S.row(j).head(j).squaredNorm();
+      if (!(pivot > kPivotLimit * made_of[j])) {
+        const UserBody& u = model_->user[idx(b.user)];
+        const std::string direction = j < b.nh ? u.v_names[idx(j)] : fmt::format("mode {}", j - b.nh + 1);
+        throw NumericsError(RunFailure{Code::singular_hinge, 0.0, u.name, u.name + "." + u.hinge_type,
+                                       fmt::format("D = {:.3g}, limit {:.3g}, direction: {}", pivot, kPivotLimit * made_of[j], direction),
+                                       "a body without mass or inertia in that direction; see docs/errors.md", ""});
+      }
+      x.S(j, j) = std::sqrt(pivot);
+      for (int r = j + 1; r < n; ++r) x.S(r, j) = (factored(r, j) - x.S.row(r).head(j).dot(x.S.row(j).head(j))) / x.S(j, j);
+    }
+    const MatrixXd U = x.S.triangularView<Eigen::Lower>().solve(PH.transpose());  // S^-1 H P
+    x.G = x.S.triangularView<Eigen::Lower>().transpose().solve(U).transpose();
+    x.P_plus = x.P;
+    if (options.W)  // P+ = P - G D G* all the same
+      x.P_plus.noalias() -= U.transpose() * U;
+    else
+      x.P_plus.selfadjointView<Eigen::Lower>().rankUpdate(U.transpose(), -1.0), x.P_plus.triangularView<Eigen::StrictlyUpper>() = x.P_plus.transpose();
+    if (b.parent >= 0) {
+      MatrixXd& P = inertia_[idx(b.parent)].P;
+      const MatrixXd shifted = x.P_plus.topLeftCorner<6, 6>() * A(i);
+      P.noalias() += A(i).transpose() * shifted;
+      P.triangularView<Eigen::StrictlyUpper>() = P.transpose().eval();
+    }
+  }
+  if (sweeping_) sweeping_->articulated = false;
+}
+
+void TreeOperators::operational_space() {
+  require(Kind::D);
+  Y_.resize(bodies_.size()), Y_plus_.resize(bodies_.size());
+  for (std::size_t i = 0; i < bodies_.size(); ++i) {
+    const OperatorBody& b = bodies_[i];
+    const Inertia& x = inertia_[i];
+    const int size = 6 + b.m;
+    MatrixXd &Y = Y_[i], &up = Y_plus_[i];
+    up.setZero(size, size);
+    if (b.parent >= 0) up.topLeftCorner<6, 6>() = A(static_cast<int>(i)) * Y_[idx(b.parent)] * A(static_cast<int>(i)).transpose();
+    MatrixXd root = Ht(static_cast<int>(i)).transpose();  // S^-1 H
+    x.S.triangularView<Eigen::Lower>().solveInPlace(root);
+    const MatrixXd tau_bar = MatrixXd::Identity(size, size) - x.G * Ht(static_cast<int>(i)).transpose();
+    Y = root.transpose() * root + tau_bar.transpose() * up * tau_bar;
+    Y = (0.5 * (Y + Y.transpose())).eval();
+  }
+}
+
+void TreeOperators::require_nodes(std::span<const int> nodes) const {
+  for (const int j : nodes) {
+    const bool known = j >= 0 && j < static_cast<int>(model_->nodes.size());
+    if (!known || model_->nodes[idx(j)].sweep == 0 || index_of(model_->nodes[idx(j)].sweep) < 0)
+      throw InputError(Diagnostic{Code::unknown_node, {"nodes of B", {}}, "nodes on bodies that take part and can move",
+                                  known ? "\"" + model_->nodes[idx(j)].name + "\"" : fmt::format("index {}", j), {}, {}, {}, 0});
+  }
+}
+
+void TreeOperators::select_nodes(std::vector<int> nodes) {
+  require_nodes(nodes);
+  nodes_ = std::move(nodes);
+}
+
+bool TreeOperators::has(Stage stage) const {
+  switch (stage) {
+    case Stage::none: return true;
+    case Stage::position: return position_ != nullptr;
+    case Stage::inertia: return !inertia_.empty();
+    case Stage::operational_space: return !Y_.empty();
+    case Stage::direction: return direction_ != nullptr;
+  }
+  return false;
+}
+
+void TreeOperators::require(Kind kind) const {
+  const Stage need = facts(kind).stage;
+  if (has(need)) return;
+  constexpr std::string_view call[] = {"", "at(q)", "articulate()", "operational_space()", "along(u)"};
+  throw InputError(Diagnostic{Code::operator_stage, {std::string("operator ") + std::string(facts(kind).name), {}}, fmt::format("stage {}", name_of(need)),
+                              "not computed at this q", fmt::format("call {} first", call[static_cast<std::size_t>(need)]), {}, {}, 0});
+}
+
+int TreeOperators::size(Space space) const {
+  return space == Space::hinge ? n_hinge_ : space == Space::body ? n_body_ : 6 * static_cast<int>(nodes_.size());
+}
+
+SpaceLabels TreeOperators::node_labels(std::span<const int> nodes) const {
+  SpaceLabels out;
+  for (const int j : nodes)
+    for (int r = 0; r < 6; ++r) {
+      out.names.push_back(fmt::format("{}:{}", model_->nodes[idx(j)].name, kAxes[r]));
+      out.units.push_back(r < 3 ? "rad/s" : "m/s");
+    }
+  return out;
+}
+
+SpaceLabels TreeOperators::labels(Space space) const {
+  if (space == Space::node) return node_labels(nodes_);
+  SpaceLabels out;
+  out.names.resize(idx(size(space))), out.units.resize(out.names.size());
+  const auto put = [&](int i, std::string name, std::string unit) { out.names[idx(i)] = std::move(name), out.units[idx(i)] = std::move(unit); };
+  for (const OperatorBody& b : bodies_) {
+    const UserBody& u = model_->user[idx(b.user)];
+    if (space == Space::hinge)
+      for (int j = 0; j < b.nh; ++j) put(b.v + j, u.name + "." + u.v_names[idx(j)], u.v_units[idx(j)]);
+    else
+      for (int r = 0; r < 6; ++r) put(b.at + r, fmt::format("{}:{}", u.name, kAxes[r]), r < 3 ? "rad/s" : "m/s");
+    const int first = space == Space::hinge ? b.etadot : b.at + 6;
+    for (int j = 0; j < b.m; ++j) put(first + j, fmt::format("{}.mode_{}", u.name, j + 1), "1/s");
+  }
+  return out;
+}
+
+void TreeOperators::apply(Kind kind, bool star, const double* x, double* y) const {
+  require(kind);
+  const int n = static_cast<int>(bodies_.size());
+  const auto body = [&](const double* a, int i) { return ConstVector(a + bodies_[idx(i)].at, 6 + bodies_[idx(i)].m); };
+  const auto body_of = [&](double* a, int i) { return Vector(a + bodies_[idx(i)].at, 6 + bodies_[idx(i)].m); };
+  const auto rigid = [&](const double* a, int i) { return Map<const Eigen::Matrix<double, 6, 1>>(a + bodies_[idx(i)].at); };
+  const auto rigid_of = [&](double* a, int i) { return Map<Eigen::Matrix<double, 6, 1>>(a + bodies_[idx(i)].at); };
+  const auto hinge = [&](const double* a, int i) { return ConstVector(a + bodies_[idx(i)].v, bodies_[idx(i)].nh + bodies_[idx(i)].m); };
+  const auto hinge_of = [&](double* a, int i) { return Vector(a + bodies_[idx(i)].v, bodies_[idx(i)].nh + bodies_[idx(i)].m); };
+  const auto parent = [&](int i) { return bodies_[idx(i)].parent; };
+  double *const w0 = work_.data(), *const w1 = w0 + work_.size() / 3;
+  const auto blocks = [&](const auto& matrix) {
+    for (int i = 0; i < n; ++i) body_of(y, i).noalias() = matrix(i) * body(x, i);
+  };
+  // tau_bar f = f - G (H f) into w1; tau_bar* V = V - H* (G* V) likewise.
+  const auto relaxed = [&](int i, const auto& f) {
+    const int size = 6 + bodies_[idx(i)].m, nh = bodies_[idx(i)].nh + bodies_[idx(i)].m;
+    Vector h(w0, nh), out(w1, size);
+    h.noalias() = Ht(i).transpose() * f;
+    out = f;
+    out.noalias() -= G(i) * h;
+    return Map<const Eigen::Matrix<double, 6, 1>>(w1);
+  };
+  const auto map = [&](const auto& H_star) {  // H f or H* v
+    for (int i = 0; i < n; ++i)
+      if (star)
+        body_of(y, i).noalias() = H_star(i) * hinge(x, i);
+      else
+        hinge_of(y, i).noalias() = H_star(i).transpose() * body(x, i);
+  };
+  const auto shift = [&](const auto& A_of) {  // one step towards the base, or away from it
+    Vector(y, n_body_).setZero();
+    for (int i = 0; i < n; ++i) {
+      if (parent(i) < 0) continue;
+      if (star)
+        rigid_of(y, i).noalias() = A_of(i) * body(x, parent(i));
+      else
+        body_of(y, parent(i)).noalias() += A_of(i).transpose() * rigid(x, i);
+    }
+  };
+  switch (kind) {
+    case Kind::H: return map([&](int i) -> const MatrixXd& { return Ht(i); });
+    case Kind::dH: return map([&](int i) -> const MatrixXd& { return dHt(i); });
+    case Kind::E_phi: return shift([&](int i) -> const Matrix6X& { return A(i); });
+    case Kind::dE_phi: return shift([&](int i) -> const Matrix6X& { return dA(i); });
+    case Kind::M: return blocks([&](int i) -> const MatrixXd& { return M(i); });
+    case Kind::dM: return blocks([&](int i) -> const MatrixXd& { return dM(i); });
+    case Kind::P: return blocks([&](int i) -> const MatrixXd& { return P(i); });
+    case Kind::P_plus: return blocks([&](int i) -> const MatrixXd& { return P_plus(i); });
+    case Kind::Y: return blocks([&](int i) -> const MatrixXd& { return Y(i); });
+    case Kind::Y_plus: return blocks([&](int i) -> const MatrixXd& { return Y_plus(i); });
+    case Kind::D:
+      for (int i = 0; i < n; ++i) hinge_of(y, i).noalias() = D(i) * hinge(x, i);
+      return;
+    case Kind::G:
+      for (int i = 0; i < n; ++i)
+        if (star)
+          hinge_of(y, i).noalias() = G(i).transpose() * body(x, i);
+        else
+          body_of(y, i).noalias() = G(i) * hinge(x, i);
+      return;
+    case Kind::phi:
+      std::copy(x, x + n_body_, y);
+      if (star) {
+        for (int i = 0; i < n; ++i)
+          if (parent(i) >= 0) rigid_of(y, i).noalias() += A(i) * body(y, parent(i));
+      } else {
+        for (int i = n - 1; i >= 0; --i)
+          if (parent(i) >= 0) body_of(y, parent(i)).noalias() += A(i).transpose() * rigid(y, i);
+      }
+      return;
+    case Kind::psi:
+    case Kind::E_psi: {
+      const bool whole = kind == Kind::psi;
+      if (whole)
+        std::copy(x, x + n_body_, y);
+      else
+        Vector(y, n_body_).setZero();
+      const double* from = whole ? y : x;
+      if (star) {
+        for (int i = 0; i < n; ++i) {  // tau_bar* [A V(p); 0]
+          if (parent(i) < 0) continue;
+          Eigen::Matrix<double, 6, 1> V;
+          V.noalias() = A(i) * body(from, parent(i));
+          Vector h(w0, bodies_[idx(i)].nh + bodies_[idx(i)].m);
+          h.noalias() = G(i).topRows<6>().transpose() * V;
+          rigid_of(y, i) += V;
+          body_of(y, i).noalias() -= Ht(i) * h;
+        }
+      } else {
+        for (int i = n - 1; i >= 0; --i)
+          if (parent(i) >= 0) body_of(y, parent(i)).noalias() += A(i).transpose() * relaxed(i, body(from, i));
+      }
+      return;
+    }
+    case Kind::tau_bar:
+      for (int i = 0; i < n; ++i) {
+        if (star) {
+          Vector h(w0, bodies_[idx(i)].nh + bodies_[idx(i)].m);
+          h.noalias() = G(i).transpose() * body(x, i);
+          body_of(y, i) = body(x, i);
+          body_of(y, i).noalias() -= Ht(i) * h;
+        } else {
+          relaxed(i, body(x, i));
+          body_of(y, i) = ConstVector(w1, 6 + bodies_[idx(i)].m);
+        }
+      }
+      return;
+    case Kind::K:
+      if (star) {
+        for (int i = 0; i < n; ++i) {
+          if (parent(i) < 0) {
+            hinge_of(y, i).setZero();
+            continue;
+          }
+          Eigen::Matrix<double, 6, 1> V;
+          V.noalias() = A(i) * body(x, parent(i));
+          hinge_of(y, i).noalias() = G(i).topRows<6>().transpose() * V;
+        }
+      } else {
+        Vector(y, n_body_).setZero();
+        for (int i = 0; i < n; ++i) {
+          if (parent(i) < 0) continue;
+          Eigen::Matrix<double, 6, 1> f;
+          f.noalias() = G(i).topRows<6>() * hinge(x, i);
+          body_of(y, parent(i)).noalias() += A(i).transpose() * f;
+        }
+      }
+      return;
+    case Kind::B: return apply_nodes(nodes_, star, x, y);
+  }
+}
+
+void TreeOperators::apply_nodes(std::span<const int> nodes, bool star, const double* x, double* y) const {
+  require(Kind::B);
+  if (!star) Vector(y, n_body_).setZero();
+  for (std::size_t j = 0; j < nodes.size(); ++j) {
+    const OperatorBody& b = bodies_[idx(index_of(model_->nodes[idx(nodes[j])].sweep))];
+    if (star)
+      Map<Eigen::Matrix<double, 6, 1>>(y + 6 * j).noalias() = Bt(nodes[j]) * ConstVector(x + b.at, 6 + b.m);
+    else
+      Vector(y + b.at, 6 + b.m).noalias() += Bt(nodes[j]).transpose() * Map<const Eigen::Matrix<double, 6, 1>>(x + 6 * j);
+  }
+}
+
+void TreeOperators::apply_inverse(Kind kind, const double* x, double* y) const {
+  require(kind);
+  for (int i = 0; i < static_cast<int>(bodies_.size()); ++i) {
+    const OperatorBody& b = bodies_[idx(i)];
+    if (kind == Kind::M) {
+      const Eigen::LLT<MatrixXd> factor(M(i));
+      if (factor.info() != Eigen::Success)
+        throw InputError(Diagnostic{Code::no_inverse, {"operator M", {}}, "a positive definite inertia of each body",
+                                    "that of " + model_->user[idx(b.user)].name + " is singular", {}, {}, {}, 0});
+      Vector(y + b.at, 6 + b.m) = factor.solve(ConstVector(x + b.at, 6 + b.m));
+      continue;
+    }
+    Vector out(y + b.v, b.nh + b.m);
+    out = ConstVector(x + b.v, b.nh + b.m);
+    for (int j = 0; j < b.nh + b.m; ++j)
+      if (!is_free(b.v + j)) out[j] = 0.0;
+    S(i).triangularView<Eigen::Lower>().solveInPlace(out);
+    S(i).triangularView<Eigen::Lower>().transpose().solveInPlace(out);
+  }
+}
+
+bool TreeOperators::has_fused(Fused kernel) const {
+  return sweeping_ && whole_ && has(Stage::position) && kernel != Fused::none &&
+         (kernel == Fused::mass ? !masked_ : !masked_ && !weighted_ && !model_->has_prescribed() && has(Stage::inertia));
+}
+
+void TreeOperators::apply_fused(Fused kernel, const double* x, double* y) const {
+  const Model& model = *model_;
+  const Sweeps<double>& S = sweeps<double>();
+  Sweeping& s = *sweeping_;
+  if (kernel == Fused::mass) {
+    const Inputs<double> in{.q = q_.data(), .v = s.zeros.data(), .vdot = x, .gravity = false};
+    S.ground(model, s.position, in);
+    S.hinge_records(model, s.position, in);
+    for (const Run& run : model.runs) S.outward(model, s.position, in, run, {.vdot = true, .velocity = false, .inertia = false});
+    for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.gather(model, s.position, in, *run, y);
+    return;
+  }
+  const Inputs<double> in{.q = q_.data(), .v = s.zeros.data(), .tau = x, .gravity = false};
+  if (!s.articulated) {
+    pose(model, s.inertia, q_.data(), s.zeros.data());
+    for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.inward(model, s.inertia, in, *run, {.bias = false});
+    s.articulated = s.inertia.breakdown.body == 0;
+  }
+  S.ground(model, s.inertia, in);
+  S.at_rest(model, s.inertia);
+  for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.inward(model, s.inertia, in, *run, {.inertia = false});
+  for (const Run& run : model.runs) S.acceleration(model, s.inertia, in, run, y);
+}
+
+double TreeOperators::log_det() const {
+  require(Kind::D);
+  double sum = 0.0;
+  for (const Inertia& x : inertia_)
+    for (Eigen::Index j = 0; j < x.S.rows(); ++j) sum += 2.0 * std::log(x.S(j, j));
+  return sum;
+}
+
+double* TreeOperators::scratch(std::size_t count) const {
+  if (scratch_.size() < count) scratch_.resize(count);
+  return scratch_.data();
+}
+
+}  // namespace cardan::soa

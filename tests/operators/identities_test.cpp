@@ -1,0 +1,151 @@
+// The identities of the operator algebra (mathematics 4 - 6) on random trees: rigid, flexible and mixed, every hinge, branching,
+// forests. Each is a statement about matrices: the composed form is applied to unit vectors. Scales: the size of the largest
+// term on either side; what contains an inverse is compared after multiplication by the operator, so that no condition number
+// enters but that of D.
+#include <Eigen/SVD>
+
+#include "core/reference/dense_dynamics.hpp"
+#include "core/operators/apply.hpp"
+#include "tests/properties/trees.hpp"
+
+namespace cardan::test {
+namespace {
+
+using namespace cardan::operators;
+
+constexpr double kIdentity = 1e-12;
+constexpr int kTrees = 200;
+
+/// The trees of this file: no prescribed motion, no loads that matter.
+std::vector<TreeOptions> kinds_of_trees() {
+  TreeOptions rigid{.bodies = 7, .flexible = 0.0}, mixed{.bodies = 6, .flexible = 0.5}, flexible{.bodies = 4, .flexible = 1.0};
+  return {rigid, mixed, flexible};
+}
+
+struct Scene {
+  explicit Scene(const RandomTree& tree) : model(compiled(tree.spec)), state(model->initial_state()), ops(model) {
+    ops.at(state.q.data());
+    ops.articulate();
+    ops.operational_space();
+  }
+  std::shared_ptr<const Model> model;
+  State state;
+  TreeOperators ops;
+};
+
+/// |A - B| over `scale`, by the largest entry; the scale of a sum is that of its terms.
+double differ(const MatrixXd& a, const MatrixXd& b, double scale) { return a.size() == 0 ? 0.0 : (a - b).cwiseAbs().maxCoeff() / scale; }
+double largest(const MatrixXd& a) { return a.size() == 0 ? 0.0 : a.cwiseAbs().maxCoeff(); }
+
+/// The dense form of one expression equals that of another. The scale: products of the largest entries along the way would be
+/// too generous; the largest entry of either side or 1 is what a user sees.
+template <Expression L, Expression R>
+void expect_same(const char* what, L left, R right, double scale_at_least = 0.0) {
+  SCOPED_TRACE(what);
+  for (const TreeOptions& options : kinds_of_trees())
+    for_all_trees(
+        options, kIdentity,
+        [&](const RandomTree& tree) {
+          Scene s(tree);
+          const MatrixXd a = dense<false>(left, s.ops), b = dense<false>(right, s.ops);
+          return differ(a, b, std::max({largest(a), largest(b), scale_at_least, 1e-300}));
+        },
+        kTrees);
+}
+
+TEST(Operators, InverseOfPhiIsOneStep) { expect_same("phi (1 - E_phi)", phi * (I - E_phi), Identity<Space::body>{}); }
+TEST(Operators, InverseOfPsiIsOneStep) { expect_same("psi (1 - E_psi)", psi * inv(psi), Identity<Space::body>{}); }
+TEST(Operators, PsiIsPhiWithTheHingesLetGo) { expect_same("psi^-1 - phi^-1 = K H", inv(psi) - inv(phi), K * H); }
+TEST(Operators, PushThrough) {
+  expect_same("(1 - H psi K) H phi = H psi", (I - H * psi * K) * H * phi, H * psi);
+  expect_same("phi K (1 - H psi K) = psi K", phi * K * (I - H * psi * K), psi * K);
+}
+TEST(Operators, TheGainIsALeftInverseOfTheHinge) { expect_same("H G = 1", H * G, Identity<Space::hinge>{}); }
+TEST(Operators, WhatIsLetGoCarriesNoHingeForce) {
+  SCOPED_TRACE("H P+ = 0");
+  for (const TreeOptions& options : kinds_of_trees())
+    for_all_trees(
+        options, kIdentity,
+        [](const RandomTree& tree) {
+          Scene s(tree);
+          return largest(dense(H * P_plus, s.ops)) / largest(dense(H * P, s.ops));
+        },
+        kTrees);
+}
+TEST(Operators, Riccati) { expect_same("P = M + E_psi P E_psi*", P, M + E_psi * P * star(E_psi)); }
+TEST(Operators, Lyapunov) {
+  expect_same("phi M phi* = P + phi~ P + P phi~* + phi K D K* phi*", phi * M * star(phi),
+              P + (phi - I) * P + P * (star(phi) - I) + phi * K * D * star(K) * star(phi));
+}
+TEST(Operators, BothFactorisationsOfTheMassMatrix) { expect_same("Newton-Euler = innovations", mass, mass_innovations); }
+TEST(Operators, OmegaFromItsBlocks) {
+  expect_same("Y = H* D^-1 H + E_psi-step", Y, star(H) * inv(D) * H + star(tau_bar) * Y_plus * tau_bar);
+  for (const TreeOptions& options : kinds_of_trees())
+    for_all_trees(
+        options, kIdentity,
+        [](const RandomTree& tree) {  // the blocks of Omega on the diagonal are Y
+          Scene s(tree);
+          const MatrixXd whole = dense(omega, s.ops), blocks = dense(Y, s.ops);
+          double worst = 0.0;
+          for (const auto& b : s.ops.bodies())
+            worst = std::max(worst, largest(whole.block(b.at, b.at, 6 + b.m, 6 + b.m) - blocks.block(b.at, b.at, 6 + b.m, 6 + b.m)));
+          return worst / largest(whole);
+        },
+        kTrees);
+}
+
+/// x - A^-1 (A x) over the condition number of the diagonally scaled mass matrix.
+double scaled_by_condition(const MatrixXd& mass_matrix) {
+  const VectorXd scale = mass_matrix.diagonal().cwiseSqrt().cwiseInverse();
+  const VectorXd s = (scale.asDiagonal() * mass_matrix * scale.asDiagonal()).jacobiSvd().singularValues();
+  return s[0] / s[s.size() - 1];
+}
+
+TEST(Operators, InverseOfTheMassMatrix) {
+  for (const TreeOptions& options : kinds_of_trees())
+    for_all_trees(
+        options, kIdentity,
+        [](const RandomTree& tree) {
+          Scene s(tree);
+          if (s.model->nv == 0) return 0.0;
+          const MatrixXd A = dense<false>(mass, s.ops), B = dense<false>(mass_inverse, s.ops), one = MatrixXd::Identity(A.rows(), A.cols());
+          // in units in which the diagonal of the mass matrix is 1
+          const VectorXd d = A.diagonal().cwiseSqrt();
+          const MatrixXd scaled = d.asDiagonal() * (B * A) * d.cwiseInverse().asDiagonal();
+          return largest(scaled - one) / scaled_by_condition(A);
+        },
+        kTrees);
+}
+
+TEST(Operators, FusedKernelsAndDenseTwinAgreeWithTheRules) {
+  for (const TreeOptions& options : kinds_of_trees())
+    for_all_trees(
+        options, kIdentity,
+        [](const RandomTree& tree) {
+          Scene s(tree);
+          if (s.model->nv == 0) return 0.0;
+          const MatrixXd A = dense<false>(mass, s.ops), fused = dense(mass, s.ops);
+          const auto twin = reference::DenseTwin<double>(tree.spec).at(s.state.q, s.state.v);
+          return std::max(differ(fused, A, largest(A)), differ(twin.M, A, largest(A)));
+        },
+        kTrees);
+}
+
+TEST(Operators, Adjoints) {  // x . (A y) = (A* x) . y for every leaf and kind of expression
+  const auto check = [](auto e) {
+    for (const TreeOptions& options : kinds_of_trees())
+      for_all_trees(options, kIdentity, [&](const RandomTree& tree) {
+        Scene s(tree);
+        std::vector<double> u(static_cast<std::size_t>(s.model->nv), 0.3);
+        s.ops.along(u.data());
+        const MatrixXd a = dense(e, s.ops), b = dense(star(e), s.ops);
+        return largest(a) > 0.0 ? differ(a.transpose(), b, largest(a)) : largest(b);
+      }, 20);
+  };
+  check(H), check(phi), check(E_phi), check(M), check(B), check(P), check(P_plus), check(D), check(G), check(tau_bar), check(K), check(E_psi);
+  check(psi), check(Y), check(Y_plus), check(dH), check(dE_phi), check(dM);
+  check(mass), check(mass_inverse), check(mass_innovations), check(omega), check(jacobian), check(I - H * psi * K), check(-(H * phi)), check(inv(M));
+}
+
+}  // namespace
+}  // namespace cardan::test
