@@ -147,16 +147,18 @@ std::optional<Formula> inverse_of(const Formula& f) {
     if (!inner) return std::nullopt;
     return sum_of({{1.0 / f->scales[0], *inner}});
   }
-  if (f->form == Form::sum) {  // I + H phi K, its terms in the other order
-    Node other = *f;
-    std::reverse(other.parts.begin(), other.parts.end());
-    std::reverse(other.scales.begin(), other.scales.end());
-    const Formula back = make(other), back_star = star_of(back);
-    for (const auto& [from, to] : rules()) {
-      if (same(back, from)) return to;
-      if (same(back_star, from)) return star_of(to);
-    }
-    return std::nullopt;
+  if (f->form == Form::sum) {  // s (I + H phi K), its terms in any order
+    Node bare = *f;
+    const auto one = std::find_if(bare.parts.begin(), bare.parts.end(), [](const Formula& p) { return p->form == Form::identity; });
+    if (one == bare.parts.end()) return std::nullopt;
+    const double s = bare.scales[static_cast<std::size_t>(one - bare.parts.begin())];
+    std::rotate(bare.scales.begin(), bare.scales.begin() + (one - bare.parts.begin()), bare.scales.end());
+    std::rotate(bare.parts.begin(), one, bare.parts.end());
+    for (double& scale : bare.scales) scale /= s;
+    const Formula again = make(std::move(bare));
+    if (same(again, f)) return std::nullopt;
+    const auto inner = inverse_of(again);
+    return inner ? std::optional(sum_of({{1.0 / s, *inner}})) : std::nullopt;
   }
   if (f->form != Form::product) return std::nullopt;
   std::vector<Formula> factors;

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "core/abi/registry.hpp"
+#include "core/operators/apply.hpp"
 #include "core/sim/simulation.hpp"
 #include "tests/support/builders.hpp"
 #include "tests/support/oracle_reader.hpp"
@@ -35,6 +36,27 @@ const Registry& with_plugin() {
     return r;
   }();
   return all;
+}
+
+TEST(Alloc, OperatorExpressions) {  // once the scratch is there
+  using namespace operators;
+  const auto model = compiled(random_tree(5, {.bodies = 8, .flexible = 0.4}).spec);
+  TreeOperators tree(model);
+  tree.at(model->initial_state().q.data());
+  tree.articulate();
+  tree.operational_space();
+  const Eigen::VectorXd x = Eigen::VectorXd::Ones(tree.size(Space::hinge)), f = Eigen::VectorXd::Ones(tree.size(Space::body));
+  Eigen::VectorXd y = x, g = f;
+  const auto all = [&] {
+    apply<false>(mass, tree, x.data(), y.data());
+    apply<false>(mass_inverse, tree, x.data(), y.data());
+    apply(mass, tree, x.data(), y.data());
+    apply(mass_inverse, tree, x.data(), y.data());
+    apply(omega, tree, f.data(), g.data());
+    apply(phi * star(tau_bar) * Y + psi * E_phi - star(B * star(B)), tree, f.data(), g.data());
+  };
+  all();
+  EXPECT_EQ(mallocs_in(all), 0);
 }
 
 class ForwardDynamics : public testing::TestWithParam<std::filesystem::path> {};
