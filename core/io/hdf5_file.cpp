@@ -3,6 +3,7 @@
 #include <hdf5.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <numeric>
 #include <stdexcept>
 #include <utility>
@@ -268,6 +269,17 @@ Hdf5File Hdf5File::create(const std::string& path) {
   return Hdf5File(std::move(impl));
 }
 
+Hdf5File Hdf5File::update(const std::string& path) {
+  start_library();
+  if (!std::filesystem::exists(path)) return create(path);
+  auto impl = std::make_unique<Impl>();
+  impl->name = path;
+  impl->file = H5Fopen(path.c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+  if (impl->file < 0)
+    throw InputError({Code::cannot_write, {"", {path, 0, 0}}, "an HDF5 file that can be written", reason(), "", "", "", 0});
+  return Hdf5File(std::move(impl));
+}
+
 Hdf5File Hdf5File::open(const std::string& path) {
   start_library();
   auto impl = std::make_unique<Impl>();
@@ -302,6 +314,10 @@ std::vector<std::string> Hdf5File::members(const std::string& group) const {
   };
   if (H5Literate(opened, index, H5_ITER_INC, nullptr, keep, &names) < 0) impl_->cannot_read(group, "a group", reason());
   return names;
+}
+
+void Hdf5File::remove(const std::string& path) {
+  if (has(path)) impl_->wrote(H5Ldelete(impl_->file, path.c_str(), H5P_DEFAULT), path);
 }
 
 void Hdf5File::make_group(const std::string& path) { impl_->make_group(path); }

@@ -22,6 +22,8 @@ class Hdf5File {
  public:
   /// A new file, in place of an old one. Throws InputError C0701 with the reason.
   static Hdf5File create(const std::string& path);
+  /// An existing file to write to, a new one if there is none. Throws InputError C0701.
+  static Hdf5File update(const std::string& path);
   /// An existing file, to read. Throws InputError C0702.
   static Hdf5File open(const std::string& path);
 
@@ -39,6 +41,7 @@ class Hdf5File {
   bool is_group(const std::string& path) const;
 
   void make_group(const std::string& path);
+  void remove(const std::string& path);  // with its attributes, or all that is in a group; nothing if there is none
   void write(const std::string& path, double value);
   void write(const std::string& path, std::span<const double> values);  // 1-D
   void write(const std::string& path, std::span<const double> values, const std::vector<std::size_t>& shape);

@@ -390,6 +390,40 @@ int vehicle_mass(lua_State* L) {
   return 1;
 }
 
+/// hinge "rod": angle
+int handle_text(lua_State* L) {
+  const auto& h = *static_cast<Handle*>(lua_touserdata(L, 1));
+  const Model& m = *h.scenario->model;
+  const char* word = kWords[static_cast<int>(h.kind)];
+  const auto named = [&](const std::string& name, const std::string& rest = {}) { return fmt::format("{} \"{}\"{}", word, name, rest); };
+  const auto node = [&](int i) { return m.nodes[static_cast<std::size_t>(i)].name; };
+  std::string text;
+  switch (h.kind) {
+    case Kind::vehicle: {
+      std::vector<std::string> names;
+      for (const UserBody& u : m.user) names.push_back(u.name);
+      text = fmt::format("vehicle: {}", listed(names));
+      break;
+    }
+    case Kind::hinge:
+      text = named(h.user().name, ": " + (h.user().nq > 0 ? listed(h.user().q_names) : "locked"));
+      break;
+    case Kind::modes:
+      text = named(h.user().name, fmt::format(": {}", h.user().n_modes));
+      break;
+    case Kind::node:
+      text = named(node(h.index));
+      break;
+    case Kind::load:
+      text = named(node(h.scenario->loads[static_cast<std::size_t>(h.index)].node));
+      break;
+    default:
+      text = named(h.user().name);
+  }
+  lua_pushlstring(L, text.data(), text.size());
+  return 1;
+}
+
 // ---- tables of methods ----
 
 template <lua_CFunction kFunction>
@@ -446,24 +480,32 @@ int unknown_method(lua_State* L) {
 
 }  // namespace
 
+void make_handle_type(lua_State* L, const char* type, const std::vector<luaL_Reg>& methods, lua_CFunction text) {
+  luaL_newmetatable(L, type);
+  lua_newtable(L);
+  for (const luaL_Reg& m : methods) {
+    lua_pushcfunction(L, m.func);
+    lua_setfield(L, -2, m.name);
+  }
+  lua_newtable(L);
+  lua_pushcfunction(L, method<unknown_method>);
+  lua_setfield(L, -2, "__index");
+  lua_setmetatable(L, -2);
+  lua_setfield(L, -2, "__index");
+  lua_pushcfunction(L, text);
+  lua_setfield(L, -2, "__tostring");
+  lua_pushboolean(L, 0);
+  lua_setfield(L, -2, "__metatable");
+  lua_pop(L, 1);
+}
+
 void bind_handles(Scenario& s) {
   s.lua.protect([](lua_State* L) {
     for (int kind = 0; kind < static_cast<int>(Kind::n_kinds); ++kind) {
-      luaL_newmetatable(L, kTypes[kind]);
-      lua_newtable(L);
-      for (const Method& m : kMethods) {
-        if (static_cast<int>(m.kind) != kind) continue;
-        lua_pushcfunction(L, m.function);
-        lua_setfield(L, -2, m.name);
-      }
-      lua_newtable(L);
-      lua_pushcfunction(L, method<unknown_method>);
-      lua_setfield(L, -2, "__index");
-      lua_setmetatable(L, -2);
-      lua_setfield(L, -2, "__index");
-      lua_pushboolean(L, 0);
-      lua_setfield(L, -2, "__metatable");
-      lua_pop(L, 1);
+      std::vector<luaL_Reg> methods;
+      for (const Method& m : kMethods)
+        if (static_cast<int>(m.kind) == kind) methods.push_back({m.name, m.function});
+      make_handle_type(L, kTypes[kind], methods, method<handle_text>);
     }
   });
 }

@@ -242,6 +242,7 @@ void LuaHost::charge(lua_State* L, std::int64_t steps) {
   LuaHost& host = of(L);
   Meter& meter = host.meter_;
   meter.left = steps > meter.left ? -1 : meter.left - steps;
+  if (host.options_.interrupt && *host.options_.interrupt) host.exceed(L, Limit::interrupt);
   if (meter.left < 0) host.exceed(L, Limit::steps);
   if (Clock::now() > meter.deadline) host.exceed(L, Limit::seconds);
 }
@@ -383,7 +384,9 @@ void LuaHost::fail(lua_State* L, int status, int base, const Meter& meter) {
   lua_settop(L, base);
   const bool is_memory = status == LUA_ERRMEM || ends_with(fault.message, "not enough memory");
   Diagnostic d{Code::lua_budget, {{}, fault.mark}, {}, {}, {}, fault.stack, {}};
-  if (meter.exceeded == Limit::seconds) {
+  if (meter.exceeded == Limit::interrupt) {
+    d.about = "interrupted";
+  } else if (meter.exceeded == Limit::seconds) {
     d.expected = fmt::format("at most {:g} s in one call", meter.budget.seconds);
     d.got = "a script that is still running";
   } else if (meter.exceeded == Limit::steps || (is_memory && meter.left < 0)) {

@@ -5,6 +5,7 @@
 #include <lauxlib.h>
 #include <lua.h>
 
+#include <atomic>
 #include <chrono>
 #include <cstdint>
 #include <deque>
@@ -36,6 +37,8 @@ struct LuaOptions {
   std::uint64_t seed = 0;                       ///< of math.random
   std::size_t memory_bytes = std::size_t{256} << 20;
   std::function<void(std::string_view line)> print = [](std::string_view) {};
+  std::filesystem::path output;                    ///< folder of the files that scripts write; empty: they write none
+  const std::atomic<bool>* interrupt = nullptr;  ///< once true, the running call ends as if its budget were used up
   /// Called with each file of the scenario folder that is read, before it runs: the inputs whose hash is recorded.
   std::function<void(const std::string& name, std::string_view text)> loaded = [](const std::string&,
                                                                                   std::string_view) {};
@@ -94,7 +97,7 @@ class LuaHost {
 
  private:
   using Clock = std::chrono::steady_clock;
-  enum class Limit { none, steps, seconds };
+  enum class Limit { none, steps, seconds, interrupt };
   struct Meter {
     LuaBudget budget{};
     std::int64_t left = 0;

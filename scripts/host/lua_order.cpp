@@ -101,31 +101,9 @@ int pairs(lua_State* L) {
   luaL_checktype(L, 1, LUA_TTABLE);
   lua_settop(L, 1);
 
-  struct Entry {
-    Key key;
-    lua_Integer at;  // in the table of keys as found
-  };
-  std::vector<Entry> entries;
-  lua_Integer work = 0;
-  lua_newtable(L);
-  for (lua_pushnil(L); lua_next(L, 1);) {
-    lua_pop(L, 1);
-    entries.push_back({key_at(L, -1), static_cast<lua_Integer>(entries.size() + 1)});
-    work += 1 + static_cast<lua_Integer>(entries.back().key.bytes.size() / 16);
-    lua_pushvalue(L, -1);
-    lua_rawseti(L, 2, entries.back().at);
-  }
-  LuaHost::charge(L, work);
-  std::sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) { return a.key < b.key; });
-
-  lua_createtable(L, static_cast<int>(std::min<std::size_t>(entries.size(), 1 << 20)), 0);
-  lua_Integer i = 0;
-  for (const Entry& entry : entries) {
-    lua_rawgeti(L, 2, entry.at);
-    lua_rawseti(L, 3, ++i);
-  }
+  const lua_Integer n = push_keys(L, 1);
   lua_pushinteger(L, 0);
-  lua_pushinteger(L, i);
+  lua_pushinteger(L, n);
   lua_pushcclosure(L, next_pair, 3);
   lua_pushvalue(L, 1);
   return 2;  // the third, the control variable, begins as nil
@@ -256,6 +234,36 @@ int sort(lua_State* L) {
 }
 
 }  // namespace
+
+lua_Integer push_keys(lua_State* L, int table) {
+  table = lua_absindex(L, table);
+  struct Entry {
+    Key key;
+    lua_Integer at;  // in the table of keys as found
+  };
+  std::vector<Entry> entries;
+  lua_Integer work = 0;
+  lua_newtable(L);
+  const int found = lua_gettop(L);
+  for (lua_pushnil(L); lua_next(L, table);) {
+    lua_pop(L, 1);
+    entries.push_back({key_at(L, -1), static_cast<lua_Integer>(entries.size() + 1)});
+    work += 1 + static_cast<lua_Integer>(entries.back().key.bytes.size() / 16);
+    lua_pushvalue(L, -1);
+    lua_rawseti(L, found, entries.back().at);
+  }
+  LuaHost::charge(L, work);
+  std::sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) { return a.key < b.key; });
+
+  lua_createtable(L, static_cast<int>(std::min<std::size_t>(entries.size(), 1 << 20)), 0);
+  lua_Integer i = 0;
+  for (const Entry& entry : entries) {
+    lua_rawgeti(L, found, entry.at);
+    lua_rawseti(L, -2, ++i);
+  }
+  lua_remove(L, found);
+  return i;
+}
 
 std::string_view push_text(lua_State* L, int index) {
   index = lua_absindex(L, index);

@@ -17,6 +17,7 @@ int main(int argc, char** argv) {
   add_check(app, line);
   add_describe(app, line);
   add_report(app, line);
+  add_workbench(app, line);
   add_check_plugin(app, line);
   add_version(app, line);
   try {

@@ -9,6 +9,7 @@
 #include "core/io/sha256.hpp"
 #include "core/model/schema.hpp"
 #include "hinges/register.hpp"
+#include "scripts/host/lua_matrix.hpp"
 #include "scripts/host/prelude.hpp"
 
 namespace cardan {
@@ -25,6 +26,8 @@ LuaOptions lua_options(Scenario& s, const ScenarioOptions& options) {
   lua.built_in = prelude_modules();
   lua.seed = options.seed;
   lua.print = options.print;
+  lua.output = options.output;
+  lua.interrupt = options.interrupt;
   lua.loaded = [&s](const std::string& name, std::string_view text) {
     s.inputs.push_back({name, sha256(text), std::string(text)});
   };
@@ -43,13 +46,7 @@ LuaOptions lua_options(Scenario& s, const ScenarioOptions& options) {
                               0});
 }
 
-/// What only the whole script can tell.
-void expect_complete(const Scenario& s) {
-  if (!s.model)
-    fail(s, Code::empty_system, "vehicle", "a vehicle", "none", "begin with: local sat = vehicle \"vehicle.yaml\"");
-  if (!s.mission.declared)
-    fail(s, Code::missing_key, "mission", "a mission with its duration", "none",
-         "mission { title = ..., duration = \"400 s\" }");
+void expect_known(const Scenario& s) {
   for (const Setting& set : s.settings) {
     if (set.used) continue;
     std::string known;
@@ -65,6 +62,27 @@ void expect_complete(const Scenario& s) {
         {},
         0});
   }
+}
+
+/// What only the whole script can tell.
+void expect_complete(const Scenario& s) {
+  if (!s.model)
+    fail(s, Code::empty_system, "vehicle", "a vehicle", "none", "begin with: local sat = vehicle \"vehicle.yaml\"");
+  if (!s.mission.declared)
+    fail(s, Code::missing_key, "mission", "a mission with its duration", "none",
+         "mission { title = ..., duration = \"400 s\" }");
+  expect_known(s);
+}
+
+/// With all that scripts see, before any script.
+std::unique_ptr<Scenario> open_scenario(const ScenarioOptions& options) {
+  auto s = std::make_unique<Scenario>(options);
+  open_matrices(s->lua);
+  bind_setup(*s);
+  bind_handles(*s);
+  bind_mission(*s);
+  run_prelude(*s);
+  return s;
 }
 
 }  // namespace
@@ -95,13 +113,20 @@ void Scenario::use_model(std::shared_ptr<const Model> compiled) {
 }
 
 std::unique_ptr<Scenario> load_scenario(const ScenarioOptions& options) {
-  auto s = std::make_unique<Scenario>(options);
-  bind_setup(*s);
-  bind_handles(*s);
-  bind_mission(*s);
-  run_prelude(*s);
+  auto s = open_scenario(options);
   s->lua.run_file(s->file.filename().string());
   expect_complete(*s);
+  return s;
+}
+
+std::unique_ptr<Scenario> load_vehicle(const ScenarioOptions& options) {
+  auto s = open_scenario(options);
+  s->lua.protect([&](lua_State* L) {
+    lua_getglobal(L, "vehicle");
+    lua_pushstring(L, s->file.filename().c_str());
+    lua_call(L, 1, 0);
+  });
+  expect_known(*s);
   return s;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 // A scenario: what its script declares (bind_setup.cpp, bind_mission.cpp), and what the handles of the script read and
 // set (bind_handles.cpp). Names are resolved when a handle is made; a tick works with numbers only.
+#include <atomic>
 #include <filesystem>
 #include <limits>
 #include <memory>
@@ -26,6 +27,8 @@ struct ScenarioOptions {
   std::vector<Setting> settings;
   std::uint64_t seed = 0;
   std::function<void(std::string_view line)> print = [](std::string_view) {};
+  std::filesystem::path output;                  ///< folder of files that the script itself writes; empty: it writes none
+  const std::atomic<bool>* interrupt = nullptr;  ///< once true, the script ends
 };
 
 struct MissionSpec {
@@ -128,6 +131,8 @@ struct Scenario {
 
 /// Reads and runs the script: everything up to the run. Throws InputError.
 std::unique_ptr<Scenario> load_scenario(const ScenarioOptions& options);
+/// A vehicle alone, without a mission: `options.file` is the YAML file.
+std::unique_ptr<Scenario> load_vehicle(const ScenarioOptions& options);
 
 // Parts of load_scenario: the functions that scripts see.
 void bind_setup(Scenario&);    // parameters, plugin, vehicle, mission, initial
@@ -137,6 +142,8 @@ void run_prelude(Scenario&);   // quat, vec, allocation
 
 /// Pushes the handle of the vehicle.
 void push_vehicle(lua_State* L, Scenario&);
+/// Makes the metatable of a type of userdata without uservalues; a method that does not exist is answered with those that do.
+void make_handle_type(lua_State* L, const char* type, const std::vector<luaL_Reg>& methods, lua_CFunction text);
 
 /// An error at the script line that runs now.
 [[noreturn]] void refuse(lua_State* L, Code code, std::string key_path, std::string expected, std::string got,

@@ -8,8 +8,8 @@
 
 namespace cardan {
 
-void ScenarioArguments::add_to(CLI::App& command, CommandLine& line) {
-  command.add_option("file", file, "The scenario: a Lua file, or a folder with scenario.lua")->required();
+void ScenarioArguments::add_to(CLI::App& command, CommandLine& line, const char* what) {
+  command.add_option("file", file, what)->required();
   command
       .add_option(
           "--set", settings,
@@ -33,7 +33,7 @@ ScenarioOptions ScenarioArguments::options() const {
   return o;
 }
 
-int report_error(const std::exception& error, bool as_json) {
+int report_error(const std::exception& error, bool as_json, int wrong_input) {
   const auto tell = [&](int code, const std::string& text, Json errors) {
     if (as_json)
       fmt::print(stderr, "{}", json_text({{"exit_code", code}, {"errors", std::move(errors)}}));
@@ -44,7 +44,7 @@ int report_error(const std::exception& error, bool as_json) {
   if (const auto* input = dynamic_cast<const InputError*>(&error)) {
     Json all = Json::array();
     for (const Diagnostic& d : input->diagnostics()) all.push_back(to_json(d));
-    return tell(2, input->what(), std::move(all));
+    return tell(wrong_input, input->what(), std::move(all));
   }
   if (const auto* numerics = dynamic_cast<const NumericsError*>(&error))
     return tell(3, numerics->what(), Json::array({to_json(numerics->failure())}));
