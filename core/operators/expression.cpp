@@ -29,6 +29,7 @@ struct Expression::Node {
   Kind kind = Kind::H;
   bool starred = false;
   Stack rows, cols;
+  Sort gives = Sort::unknown, takes = Sort::unknown;
   std::vector<double> scales;                     // of the terms of a sum
   std::vector<std::shared_ptr<const Node>> parts; // factors, or terms
 };
@@ -52,13 +53,16 @@ bool same(const Formula& a, const Formula& b) {
 Formula make(Node n) { return std::make_shared<const Node>(std::move(n)); }
 Formula leaf_of(Kind kind, bool starred = false, const std::vector<int>& nodes = {}) {
   const KindFacts& f = facts(kind);
-  Node n{.form = Form::leaf, .kind = kind, .starred = starred && !f.symmetric, .rows = {f.rows, {}}, .cols = {f.columns, {}}, .scales = {}, .parts = {}};
+  Node n{.form = Form::leaf, .kind = kind, .starred = starred && !f.symmetric, .rows = {f.rows, {}}, .cols = {f.columns, {}}, .gives = f.gives, .takes = f.takes, .scales = {}, .parts = {}};
   if (f.columns == Space::node) n.cols.nodes = nodes;
-  if (n.starred) std::swap(n.rows, n.cols);
+  if (n.starred) {
+    std::swap(n.rows, n.cols);
+    n.gives = dual(f.takes), n.takes = dual(f.gives);
+  }
   return make(std::move(n));
 }
 Formula block_inverse(Kind kind) {
-  return make({.form = Form::block_inverse, .kind = kind, .starred = false, .rows = {facts(kind).rows, {}}, .cols = {facts(kind).columns, {}}, .scales = {}, .parts = {}});
+  return make({.form = Form::block_inverse, .kind = kind, .starred = false, .rows = {facts(kind).rows, {}}, .cols = {facts(kind).columns, {}}, .gives = facts(kind).takes, .takes = facts(kind).gives, .scales = {}, .parts = {}});
 }
 Formula identity_of(const Stack& s) { return make({.form = Form::identity, .kind = Kind::H, .starred = false, .rows = s, .cols = s, .scales = {}, .parts = {}}); }
 
@@ -76,9 +80,14 @@ Formula product_of(const std::vector<Formula>& factors) {
       n.parts.push_back(f);
   };
   for (const Formula& f : factors) add(add, f);
+  if (!n.parts.empty()) {
+    n.gives = n.parts.front()->gives, n.takes = n.parts.back()->takes;
+    for (std::size_t i = 0; i + 1 < n.parts.size(); ++i)
+      if (n.parts[i]->takes != n.parts[i + 1]->gives) n.gives = Sort::unknown;  // as in J J*
+  }
   const Formula bare = n.parts.empty() ? identity_of(n.rows) : n.parts.size() == 1 ? n.parts[0] : make(n);
   if (scale == 1.0) return bare;
-  return make({.form = Form::sum, .kind = Kind::H, .starred = false, .rows = bare->rows, .cols = bare->cols, .scales = {scale}, .parts = {bare}});
+  return make({.form = Form::sum, .kind = Kind::H, .starred = false, .rows = bare->rows, .cols = bare->cols, .gives = bare->gives, .takes = bare->takes, .scales = {scale}, .parts = {bare}});
 }
 Formula sum_of(const std::vector<std::pair<double, Formula>>& terms) {
   Node n{.form = Form::sum, .kind = Kind::H, .starred = false, .rows = terms[0].second->rows, .cols = terms[0].second->cols, .scales = {}, .parts = {}};
@@ -90,6 +99,14 @@ Formula sum_of(const std::vector<std::pair<double, Formula>>& terms) {
     }
   }
   if (n.parts.size() == 1 && n.scales[0] == 1.0) return n.parts[0];
+  const Node* first = nullptr;  // that is not an identity, which takes and gives anything
+  bool one_sort = true;
+  for (const Formula& f : n.parts) {
+    if (f->form == Form::identity) continue;
+    if (first) one_sort = one_sort && f->gives == first->gives && f->takes == first->takes;
+    first = f.get();
+  }
+  if (first && one_sort) n.gives = first->gives, n.takes = first->takes;
   return make(std::move(n));
 }
 
@@ -240,7 +257,9 @@ void require_stages(const TreeOperators& tree, const Formula& f) {
   for (const Formula& p : f->parts) require_stages(tree, p);
 }
 
-SpaceLabels labels_of(const TreeOperators& tree, const Stack& s) { return s.space == Space::node ? tree.node_labels(s.nodes) : tree.labels(s.space); }
+SpaceLabels labels_of(const TreeOperators& tree, const Stack& s, Sort sort) {
+  return s.space == Space::node ? tree.node_labels(s.nodes, sort) : tree.labels(s.space, sort);
+}
 
 }  // namespace
 
@@ -374,8 +393,10 @@ Eigen::VectorXd Expression::eigenvalues(int k) const {
 
 int Expression::rows() const { return formula_->form == Form::unit ? 1 : size_of(*tree_, formula_->rows); }
 int Expression::cols() const { return formula_->form == Form::unit ? 1 : size_of(*tree_, formula_->cols); }
-SpaceLabels Expression::row_labels() const { return labels_of(*tree_, formula_->rows); }
-SpaceLabels Expression::column_labels() const { return labels_of(*tree_, formula_->cols); }
+SpaceLabels Expression::row_labels() const { return labels_of(*tree_, formula_->rows, formula_->gives); }
+SpaceLabels Expression::column_labels() const { return labels_of(*tree_, formula_->cols, formula_->takes); }
+Sort Expression::gives() const { return formula_->gives; }
+Sort Expression::takes() const { return formula_->takes; }
 std::string Expression::text() const { return text_of(formula_); }
 std::string Expression::shape() const { return shape_of(*tree_, formula_); }
 

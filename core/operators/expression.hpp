@@ -44,6 +44,9 @@ class Expression {
   // What it is
   int rows() const;
   int cols() const;
+  Sort gives() const;         ///< motions or forces, where the formula says so
+  Sort takes() const;
+  /// At the level of accelerations: units rad/s^2, N m.
   SpaceLabels row_labels() const;
   SpaceLabels column_labels() const;
   std::string text() const;   ///< "H phi M phi* H*"

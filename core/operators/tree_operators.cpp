@@ -137,8 +137,6 @@ Matrix6X node_block(const Model& model, const UserNode& node, const Pose<double>
 
 }  // namespace
 
-constexpr std::string_view kAxes[] = {"wx", "wy", "wz", "vx", "vy", "vz"};
-
 std::string_view name_of(Stage stage) {
   constexpr std::string_view names[] = {"none", "Position", "Inertia", "OperationalSpace", "Direction"};
   return names[static_cast<std::size_t>(stage)];
@@ -381,29 +379,40 @@ int TreeOperators::size(Space space) const {
   return space == Space::hinge ? n_hinge_ : space == Space::body ? n_body_ : 6 * static_cast<int>(nodes_.size());
 }
 
-SpaceLabels TreeOperators::node_labels(std::span<const int> nodes) const {
+namespace {
+/// Unit of an acceleration, or of a force, from that of the rate: "rad/s" gives "rad/s^2", or "N m".
+std::string unit_of(std::string_view rate, Sort sort) {
+  if (sort == Sort::unknown) return "";
+  if (sort == Sort::motion) return fmt::format("{}^2", rate);
+  return rate == "m/s" ? "N" : "N m";
+}
+constexpr std::string_view kAxes[] = {"wx", "wy", "wz", "vx", "vy", "vz"};
+constexpr std::string_view kForceAxes[] = {"nx", "ny", "nz", "fx", "fy", "fz"};
+}  // namespace
+
+SpaceLabels TreeOperators::node_labels(std::span<const int> nodes, Sort sort) const {
   SpaceLabels out;
   for (const int j : nodes)
     for (int r = 0; r < 6; ++r) {
-      out.names.push_back(fmt::format("{}:{}", model_->nodes[idx(j)].name, kAxes[r]));
-      out.units.push_back(r < 3 ? "rad/s" : "m/s");
+      out.names.push_back(fmt::format("{}:{}", model_->nodes[idx(j)].name, (sort == Sort::force ? kForceAxes : kAxes)[r]));
+      out.units.push_back(unit_of(r < 3 ? "rad/s" : "m/s", sort));
     }
   return out;
 }
 
-SpaceLabels TreeOperators::labels(Space space) const {
-  if (space == Space::node) return node_labels(nodes_);
+SpaceLabels TreeOperators::labels(Space space, Sort sort) const {
+  if (space == Space::node) return node_labels(nodes_, sort);
   SpaceLabels out;
   out.names.resize(idx(size(space))), out.units.resize(out.names.size());
-  const auto put = [&](int i, std::string name, std::string unit) { out.names[idx(i)] = std::move(name), out.units[idx(i)] = std::move(unit); };
+  const auto put = [&](int i, std::string name, std::string_view rate) { out.names[idx(i)] = std::move(name), out.units[idx(i)] = unit_of(rate, sort); };
   for (const OperatorBody& b : bodies_) {
     const UserBody& u = model_->user[idx(b.user)];
     if (space == Space::hinge)
       for (int j = 0; j < b.nh; ++j) put(b.v + j, u.name + "." + u.v_names[idx(j)], u.v_units[idx(j)]);
     else
-      for (int r = 0; r < 6; ++r) put(b.at + r, fmt::format("{}:{}", u.name, kAxes[r]), r < 3 ? "rad/s" : "m/s");
+      for (int r = 0; r < 6; ++r) put(b.at + r, fmt::format("{}:{}", u.name, (sort == Sort::force ? kForceAxes : kAxes)[r]), r < 3 ? "rad/s" : "m/s");
     const int first = space == Space::hinge ? b.etadot : b.at + 6;
-    for (int j = 0; j < b.m; ++j) put(first + j, fmt::format("{}.mode_{}", u.name, j + 1), "1/s");
+    for (int j = 0; j < b.m; ++j) put(first + j, fmt::format("{}.eta_{}", u.name, j + 1), "1/s");
   }
   return out;
 }

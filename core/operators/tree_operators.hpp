@@ -45,32 +45,38 @@ enum class Kind : std::uint8_t {
 };
 enum class Stage : std::uint8_t { none, position, inertia, operational_space, direction };
 
-/// In the order of Kind.
+/// What a vector of a space holds: velocities or accelerations, or what is dual to them.
+enum class Sort : std::uint8_t { motion, force, unknown };
+constexpr Sort dual(Sort s) { return s == Sort::motion ? Sort::force : s == Sort::force ? Sort::motion : Sort::unknown; }
+
+/// In the order of Kind. An operator takes a vector of sort `takes` and gives one of sort `gives`; its adjoint takes the dual of
+/// what it gives.
 struct KindFacts {
   std::string_view name;
   Space rows, columns;
   Stage stage;
   bool symmetric;
+  Sort gives, takes;
 };
 inline constexpr KindFacts kKinds[] = {
-    {"H", Space::hinge, Space::body, Stage::position, false},
-    {"phi", Space::body, Space::body, Stage::position, false},
-    {"E_phi", Space::body, Space::body, Stage::position, false},
-    {"M", Space::body, Space::body, Stage::position, true},
-    {"B", Space::body, Space::node, Stage::position, false},
-    {"P", Space::body, Space::body, Stage::inertia, true},
-    {"P_plus", Space::body, Space::body, Stage::inertia, true},
-    {"D", Space::hinge, Space::hinge, Stage::inertia, true},
-    {"G", Space::body, Space::hinge, Stage::inertia, false},
-    {"tau_bar", Space::body, Space::body, Stage::inertia, false},
-    {"K", Space::body, Space::hinge, Stage::inertia, false},
-    {"E_psi", Space::body, Space::body, Stage::inertia, false},
-    {"psi", Space::body, Space::body, Stage::inertia, false},
-    {"Y", Space::body, Space::body, Stage::operational_space, true},
-    {"Y_plus", Space::body, Space::body, Stage::operational_space, true},
-    {"dH", Space::hinge, Space::body, Stage::direction, false},
-    {"dE_phi", Space::body, Space::body, Stage::direction, false},
-    {"dM", Space::body, Space::body, Stage::direction, true},
+    {"H", Space::hinge, Space::body, Stage::position, false, Sort::force, Sort::force},
+    {"phi", Space::body, Space::body, Stage::position, false, Sort::force, Sort::force},
+    {"E_phi", Space::body, Space::body, Stage::position, false, Sort::force, Sort::force},
+    {"M", Space::body, Space::body, Stage::position, true, Sort::force, Sort::motion},
+    {"B", Space::body, Space::node, Stage::position, false, Sort::force, Sort::force},
+    {"P", Space::body, Space::body, Stage::inertia, true, Sort::force, Sort::motion},
+    {"P_plus", Space::body, Space::body, Stage::inertia, true, Sort::force, Sort::motion},
+    {"D", Space::hinge, Space::hinge, Stage::inertia, true, Sort::force, Sort::motion},
+    {"G", Space::body, Space::hinge, Stage::inertia, false, Sort::force, Sort::force},
+    {"tau_bar", Space::body, Space::body, Stage::inertia, false, Sort::force, Sort::force},
+    {"K", Space::body, Space::hinge, Stage::inertia, false, Sort::force, Sort::force},
+    {"E_psi", Space::body, Space::body, Stage::inertia, false, Sort::force, Sort::force},
+    {"psi", Space::body, Space::body, Stage::inertia, false, Sort::force, Sort::force},
+    {"Y", Space::body, Space::body, Stage::operational_space, true, Sort::motion, Sort::force},
+    {"Y_plus", Space::body, Space::body, Stage::operational_space, true, Sort::motion, Sort::force},
+    {"dH", Space::hinge, Space::body, Stage::direction, false, Sort::force, Sort::force},
+    {"dE_phi", Space::body, Space::body, Stage::direction, false, Sort::force, Sort::force},
+    {"dM", Space::body, Space::body, Stage::direction, true, Sort::force, Sort::motion},
 };
 constexpr const KindFacts& facts(Kind kind) { return kKinds[static_cast<std::size_t>(kind)]; }
 std::string_view name_of(Stage stage);
@@ -94,7 +100,7 @@ struct OperatorBody {
   int at = 0;                   // place in the body space
 };
 
-/// Names and units of the numbers of a space.
+/// Names and units of the numbers of a space; no units where the sort is unknown.
 struct SpaceLabels {
   std::vector<std::string> names, units;
 };
@@ -142,8 +148,9 @@ class TreeOperators {
   const std::vector<double>& q() const { return q_; }
   bool whole() const { return whole_; }
   int size(Space space) const;
-  SpaceLabels labels(Space space) const;
-  SpaceLabels node_labels(std::span<const int> nodes) const;
+  /// Of motions: accelerations; of forces: what is dual to rates.
+  SpaceLabels labels(Space space, Sort sort) const;
+  SpaceLabels node_labels(std::span<const int> nodes, Sort sort) const;
   /// Index into bodies() of a sweep body; -1 when it takes no part.
   int index_of(int sweep_body) const { return index_[static_cast<std::size_t>(sweep_body)]; }
   /// Place in the hinge space of the velocity component v of the model; -1 when it takes no part.

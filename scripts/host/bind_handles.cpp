@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "core/base/units.hpp"
+#include "scripts/host/bind_operators.hpp"
 #include "scripts/host/lua_table.hpp"
 #include "scripts/host/scenario.hpp"
 
@@ -390,6 +391,8 @@ int vehicle_mass(lua_State* L) {
   return 1;
 }
 
+int vehicle_operators(lua_State* L) { return push_operators(L, *self<Kind::vehicle>(L).scenario); }
+
 /// hinge "rod": angle
 int handle_text(lua_State* L) {
   const auto& h = *static_cast<Handle*>(lua_touserdata(L, 1));
@@ -442,6 +445,7 @@ constexpr Method kMethods[] = {
     {Kind::vehicle, "modes", method<vehicle_part<Kind::modes>>},
     {Kind::vehicle, "node", method<vehicle_part<Kind::node>>},
     {Kind::vehicle, "mass", method<vehicle_mass>},
+    {Kind::vehicle, "operators", method<vehicle_operators>},
     {Kind::body, "attitude", method<body_attitude>},
     {Kind::body, "rate", method<body_rate>},
     {Kind::body, "position", method<body_position>},

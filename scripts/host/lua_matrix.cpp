@@ -620,6 +620,10 @@ void push_matrix(lua_State* L, const Eigen::Ref<const Eigen::MatrixXd>& A, Label
   push_block(L, false, A.rows(), A.cols(), shared(std::move(rows), A.rows()), shared(std::move(columns), A.cols())).map() = A;
 }
 
+Labels row_labels(lua_State* L, int index) {
+  const Block* b = block_at(L, index);
+  return b && b->row_labels ? *b->row_labels : Labels{};
+}
 bool is_vector(lua_State* L, int index) { return luaL_testudata(L, index, kVector) != nullptr; }
 bool is_matrix(lua_State* L, int index) { return luaL_testudata(L, index, kMatrix) != nullptr; }
 

@@ -30,6 +30,9 @@ Eigen::VectorXd to_vector(lua_State* L, int index, Eigen::Index size, const std:
 /// The matrix, or table of rows, at `index`.
 Eigen::MatrixXd to_matrix(lua_State* L, int index, Eigen::Index rows, Eigen::Index cols, const std::string& what);
 
+/// Of the rows; empty for anything but a vector or a matrix.
+Labels row_labels(lua_State* L, int index);
+
 bool is_vector(lua_State* L, int index);
 bool is_matrix(lua_State* L, int index);
 

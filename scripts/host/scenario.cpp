@@ -9,6 +9,7 @@
 #include "core/io/sha256.hpp"
 #include "core/model/schema.hpp"
 #include "hinges/register.hpp"
+#include "scripts/host/bind_operators.hpp"
 #include "scripts/host/lua_matrix.hpp"
 #include "scripts/host/prelude.hpp"
 
@@ -80,6 +81,7 @@ std::unique_ptr<Scenario> open_scenario(const ScenarioOptions& options) {
   open_matrices(s->lua);
   bind_setup(*s);
   bind_handles(*s);
+  bind_operators(*s);
   bind_mission(*s);
   run_prelude(*s);
   return s;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "scripts/host/bind_operators.hpp"
 #include "scripts/host/lua_table.hpp"
 
 namespace cardan {
@@ -94,6 +95,8 @@ int state(lua_State* L) {
   return 0;
 }
 
+int operators(lua_State* L) { return push_operators(L, self(L).scenario()); }
+
 int vehicle(lua_State* L) {
   push_vehicle(L, self(L).scenario());
   return 1;
@@ -135,7 +138,7 @@ int method(lua_State* L) {
 
 const std::vector<luaL_Reg> kMethods = {
     {"t", method<t>},         {"q", method<q>},           {"v", method<v>},          {"vdot", method<vdot>},
-    {"state", method<state>}, {"vehicle", method<vehicle>}, {"run_to", method<run_to>}};
+    {"operators", method<operators>}, {"state", method<state>}, {"vehicle", method<vehicle>}, {"run_to", method<run_to>}};
 
 }  // namespace
 
