@@ -26,7 +26,7 @@ set(layers
   "plugins|core/base core/spatial core/abi"
   "tests/plugins|core/base core/spatial core/abi"
   "scripts/host/lua_|core/base"
-  "scripts/host/lua_matrix|core/base core/io/hdf5_file"
+  "scripts/host/lua_matrix|core/base core/io/hdf5_file scripts/host/lua_"
   "scripts/report|core/base core/io"
   "scripts/host|core bodies/modal/ bodies/register.hpp hinges/register.hpp scripts/report"
   "tests|core bodies hinges scripts"
@@ -64,6 +64,8 @@ set(external
   "sys/|scripts/host tests"
   "fcntl.h|scripts/host tests"
   "signal.h|tests"
+  "pty.h|tests"
+  "poll.h|scripts/host tests"
   "stdint.h|core/abi/cardan_abi.h")
 
 # The longest row of `table` whose name begins `path`: its right-hand side in `out`; `found` tells whether there is one.

@@ -1,11 +1,13 @@
 #include "scripts/host/line_editor.hpp"
 
 #include <histedit.h>
+#include <poll.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <clocale>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <cwchar>
@@ -33,12 +35,26 @@ struct LineEditor::Impl {
   }
   static char* prompt_of(EditLine* editor) { return of(editor).prompt.data(); }
 
-  /// One character of the terminal; unlike the library's own, it gives up when a signal comes.
+  /// Waits for input; false if it was interrupted. SIGINT comes through while it waits and at no other time here, so that none
+  /// goes unnoticed between the look at the flag and the wait.
+  bool wait() {
+    sigset_t interrupts, before;
+    sigemptyset(&interrupts);
+    sigaddset(&interrupts, SIGINT);
+    sigprocmask(SIG_BLOCK, &interrupts, &before);
+    pollfd input{STDIN_FILENO, POLLIN, 0};
+    while (!interrupt && ppoll(&input, 1, nullptr, &before) < 0 && errno == EINTR) {
+    }
+    sigprocmask(SIG_SETMASK, &before, nullptr);
+    return !interrupt;
+  }
+
+  /// One character of the terminal; unlike the library's own, it gives up when it is interrupted.
   static int read_character(EditLine* editor, wchar_t* out) {
     std::mbstate_t state{};
     for (;;) {
       char byte = 0;
-      if (of(editor).interrupt) return -1;
+      if (!of(editor).wait()) return -1;
       const ssize_t n = ::read(STDIN_FILENO, &byte, 1);
       if (n < 0 && errno == EINTR) continue;
       if (n <= 0) return static_cast<int>(n);

@@ -125,7 +125,7 @@ int run_to(lua_State* L) {
 int text(lua_State* L) {
   const Scenario& s = self(L).scenario();
   const std::string& title = s.mission.title.empty() ? s.model->name : s.mission.title;
-  lua_pushstring(L, fmt::format("sim: {}{}t = {} s, {} coordinates, {} velocities", title, title.empty() ? "" : ", ", s.sim->time(),
+  lua_pushstring(L, fmt::format("sim: {}{}t = {} s, {} in q, {} in v", title, title.empty() ? "" : ", ", s.sim->time(),
                                 s.model->nq, s.model->nv)
                         .c_str());
   return 1;

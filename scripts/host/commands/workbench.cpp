@@ -79,8 +79,8 @@ class WorkbenchCommand {
     std::string statement, line;
     for (;;) {
       std::fflush(stdout);
-      const auto answer = editor.read(statement.empty() ? "> " : ">> ", line);
       interrupt = false;
+      const auto answer = editor.read(statement.empty() ? "> " : ">> ", line);
       if (answer == LineEditor::Answer::end) return 0;
       if (answer == LineEditor::Answer::interrupt) {
         statement.clear();
@@ -91,7 +91,6 @@ class WorkbenchCommand {
       if (is_unfinished(statement)) continue;
       execute(statement);
       statement.clear();
-      interrupt = false;
     }
   }
 
@@ -125,7 +124,10 @@ class WorkbenchCommand {
 
   bool is_unfinished(const std::string& statement) {
     bool unfinished = false;
-    scenario_->lua.protect([&](lua_State* L) { unfinished = !compile(L, statement) && lua_toboolean(L, -1); }, kPatience);
+    try {
+      scenario_->lua.protect([&](lua_State* L) { unfinished = !compile(L, statement) && lua_toboolean(L, -1); }, kPatience);
+    } catch (const InputError&) {  // interrupted: execute() will tell
+    }
     return unfinished;
   }
 
@@ -165,6 +167,7 @@ class WorkbenchCommand {
       const Diagnostic& first = e.diagnostics().front();
       const bool is_assertion = failed_assertion_ && first.code == Code::lua_runtime && first.about.ends_with(*failed_assertion_);
       if (json_errors_) return report_error(e, true, is_assertion ? 1 : 2);
+      if (interrupt) fmt::print(stderr, "\n");  // after the ^C that the terminal shows
       for (const Diagnostic& d : e.diagnostics()) fmt::print(stderr, "{}", render(d));
       return is_assertion ? 1 : 2;
     } catch (const std::exception& e) {

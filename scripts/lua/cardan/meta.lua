@@ -179,6 +179,125 @@ local Load = {}
 ---@param fz number
 function Load:set(mx, my, mz, fx, fy, fz) end
 
+--- Names and units along one side; each list may be left out.
+---@class Labels
+---@field names? string[]
+---@field units? string[]
+
+---@class Vector
+---@operator add(Vector): Vector
+---@operator sub(Vector): Vector
+---@operator mul(number): Vector
+---@operator div(number): Vector
+---@operator unm: Vector
+---@operator len: integer
+---@field [integer|string] number
+local Vector = {}
+---@return Matrix one row
+function Vector:t() end
+---@param other Vector
+---@return number
+function Vector:dot(other) end
+---@return number 2-norm
+function Vector:norm() end
+---@return number
+function Vector:max_abs() end
+---@return integer
+function Vector:rows() end
+---@return integer 1
+function Vector:cols() end
+---@return number[]
+function Vector:table() end
+---@return Labels
+function Vector:labels() end
+--- In the workbench alone.
+---@param path string
+function Vector:csv(path) end
+--- In the workbench alone.
+---@param path string
+---@param name string of the dataset
+function Vector:hdf5(path, name) end
+
+---@class Matrix
+---@operator add(Matrix): Matrix
+---@operator sub(Matrix): Matrix
+---@operator mul(Matrix): Matrix
+---@operator mul(Vector): Vector
+---@operator mul(number): Matrix
+---@operator div(number): Matrix
+---@operator unm: Matrix
+---@operator len: integer
+---@operator call(integer|string, integer|string): number
+---@field [integer|string] Vector a copy of the row
+local Matrix = {}
+---@return Matrix
+function Matrix:t() end
+---@param row integer|string
+---@param column integer|string
+---@param value number
+function Matrix:set(row, column, value) end
+---@param column integer|string
+---@return Vector
+function Matrix:column(column) end
+---@overload fun(self, right: Matrix): Matrix
+---@param right Vector|number[]
+---@return Vector
+function Matrix:solve(right) end
+--- Of a symmetric matrix, ascending.
+---@return Vector
+function Matrix:eigenvalues() end
+---@return number largest singular value
+function Matrix:norm() end
+---@return number
+function Matrix:max_abs() end
+---@return integer
+function Matrix:rows() end
+---@return integer
+function Matrix:cols() end
+---@return number[][]
+function Matrix:table() end
+---@return Labels rows, Labels columns
+function Matrix:labels() end
+--- In the workbench alone.
+---@param path string
+function Matrix:csv(path) end
+--- In the workbench alone.
+---@param path string
+---@param name string of the dataset
+function Matrix:hdf5(path, name) end
+
+---@param values number[]
+---@param labels? Labels
+---@return Vector
+function vector(values, labels) end
+---@param rows number[][]
+---@param row_labels? Labels
+---@param column_labels? Labels
+---@return Matrix
+function matrix(rows, row_labels, column_labels) end
+
+--- The loaded scene, in `cardan workbench` alone.
+---@class Sim
+sim = {}
+---@return number [s]
+function sim:t() end
+---@return Vector
+function sim:q() end
+---@return Vector
+function sim:v() end
+---@return Vector
+function sim:vdot() end
+--- The state, or with an argument sets what is given of it.
+---@param new? {t?: quantity, q?: Vector|number[], v?: Vector|number[]}
+---@return {t: number, q: Vector, v: Vector}
+function sim:state(new) end
+--- Runs the mission on.
+---@param t number [s]
+---@return number reached
+function sim:run_to(t) end
+---@return Vehicle
+function sim:vehicle() end
+
 vec = require "cardan.vec"
 quat = require "cardan.quat"
 allocation = require "cardan.allocation"
