@@ -58,6 +58,7 @@ struct LineEditor::Impl {
       const ssize_t n = ::read(STDIN_FILENO, &byte, 1);
       if (n < 0 && errno == EINTR) continue;
       if (n <= 0) return static_cast<int>(n);
+      if (byte == 0) continue;  // what is left of a Ctrl-D from before the terminal was ready
       const std::size_t used = std::mbrtowc(out, &byte, 1, &state);
       if (used == static_cast<std::size_t>(-2)) continue;  // more bytes follow
       if (used == static_cast<std::size_t>(-1)) state = {}, *out = L'?';
