@@ -376,9 +376,24 @@ int operator_text(lua_State* L) {
   return 1;
 }
 
+/// Errors of the operators know no script: its line is added here.
+template <lua_CFunction kFunction>
+int at_script_line(lua_State* L) {
+  try {
+    return kFunction(L);
+  } catch (const InputError& e) {
+    std::vector<Diagnostic> all = e.diagnostics();
+    for (Diagnostic& d : all) {
+      if (!d.at.mark.file.empty()) continue;
+      d.at.mark = LuaHost::caller(L);
+      d.stack = LuaHost::traceback(L);
+    }
+    throw InputError(all);
+  }
+}
 template <lua_CFunction kFunction>
 int method(lua_State* L) {
-  return LuaHost::guarded(L, kFunction);
+  return LuaHost::guarded(L, at_script_line<kFunction>);
 }
 
 const std::vector<luaL_Reg> kOperatorsMethods = {{"subtree", method<subtree>},       {"path", method<path>},   {"subgraph", method<subgraph>},

@@ -10,6 +10,7 @@
 #include "core/model/schema.hpp"
 #include "hinges/register.hpp"
 #include "scripts/host/bind_operators.hpp"
+#include "scripts/host/bind_sim.hpp"
 #include "scripts/host/lua_matrix.hpp"
 #include "scripts/host/prelude.hpp"
 
@@ -82,6 +83,7 @@ std::unique_ptr<Scenario> open_scenario(const ScenarioOptions& options) {
   bind_setup(*s);
   bind_handles(*s);
   bind_operators(*s);
+  bind_sim(*s, nullptr);
   bind_mission(*s);
   run_prelude(*s);
   return s;

@@ -8,10 +8,6 @@
 
 namespace cardan {
 
-/// Names and units of q and v, in the user's order: "rod.angle" in "rad", "wing.eta_1" in "1".
-Labels coordinate_labels(const Model&);
-Labels velocity_labels(const Model&);
-
 class Workbench {
  public:
   /// Makes the global `sim`. The scenario must outlive it.

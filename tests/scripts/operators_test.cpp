@@ -1,0 +1,108 @@
+// Spatial operators in scripts: as on paper, with names and units; what is refused; the same in a mission.
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "tests/scripts/run_program.hpp"
+
+namespace cardan {
+namespace {
+
+const std::string kSlew = CARDAN_SOURCE_DIR "/scenarios/01_flexible_slew";
+
+Finished script(const std::string& text, const std::string& scene = kSlew) {
+  const TemporaryFolder dir;
+  std::ofstream(dir / "look.lua") << text;
+  return run_program({"workbench", scene, "--script", "look.lua"}, dir.path());
+}
+
+TEST(OperatorsInScripts, ComposeAsOnPaper) {
+  const Finished run = script(R"(
+local s = sim:operators()
+local n = s:size("hinge")
+local vdot = vector({}) ; local numbers = {}
+for i = 1, n do numbers[i] = math.sin(i) end
+vdot = vector(numbers)
+local tau = s.H * s.phi * s.M * s.phi:star() * s.H:star() * vdot
+assert((s.mass * vdot - tau):max_abs() < 1e-12 * tau:max_abs())
+local back = s.mass:inv() * tau
+assert((back - vdot):max_abs() < 1e-11)
+local A, B = s.mass:dense(), ((s.I + s.H * s.phi * s.K) * s.D * (s.I + s.H * s.phi * s.K):star()):dense()
+assert((A - B):max_abs() < 1e-12 * A:max_abs())
+assert(math.abs(s.mass:norm() - A:norm()) < 1e-12 * A:norm())
+assert(math.abs(s.mass:eig(2)[1] - A:norm()) < 1e-12 * A:norm())
+local J = s:nodes("wing_left.tip", "bus")
+assert((s.jacobian:rows()) == s:size("node") and J:cols() == 12)
+local L = (J:star() * s.omega * J):dense()          -- J M^-1 J*
+local Jd = (J:star() * s.phi:star() * s.H:star()):dense()
+local M1 = (s.mass:inv()):dense()
+assert((L - Jd * (M1 * Jd:t())):max_abs() < 1e-10 * L:max_abs())
+-- the momentum of a motion has the units of one
+local p = s.mass * sim:v()
+assert(p:labels().units[1] == "N m s" and tau:labels().units[1] == "N m" and tau:labels().names[7] == "wing_left.rate")
+assert((s.mass:inv() * tau):labels().units[4] == "m/s^2")
+-- sensitivities: d(mass)/d(angle) against a difference
+s:along("wing_left.rate")
+local d = s.mass_derivative:dense()
+local state, h = sim:state(), 1e-3
+local function mass_at(x)
+  local q = sim:state().q
+  q["wing_left.angle"] = q["wing_left.angle"] + x
+  sim:state{q = q}
+  local A = sim:operators("position").mass:dense()
+  sim:state(state)
+  return A
+end
+local difference = (8 * (mass_at(h) - mass_at(-h)) - (mass_at(2 * h) - mass_at(-2 * h))) * (1 / (12 * h))
+assert((d - difference):max_abs() < 1e-9 * d:max_abs(), "derivative of the mass matrix")
+local sub = s:subtree("wing_left")
+assert(sub:size("hinge") == 11)
+print(sub, s.mass:inv(), s.phi:star())
+)");
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_EQ(run.out,
+            "operators of the subtree of wing_left: 1 bodies, hinge space 11, body space 16, 4 nodes\t"
+            "(I - K* psi* H*) D^-1 (I - H psi K): hinge x hinge (32 x 32)\tphi*: body x body (62 x 62)\n");
+}
+
+TEST(OperatorsInScripts, RefuseWithTheLineOfTheScript) {
+  const auto refused = [](const std::string& statement, const std::vector<std::string>& words) {
+    const Finished run = script("local s = sim:operators()\n" + statement);
+    EXPECT_EQ(run.exit_code, 2) << statement << run.err;
+    for (const std::string& word : words) EXPECT_NE(run.err.find(word), std::string::npos) << statement << "\n" << word << "\n" << run.err;
+  };
+  refused("local x = s.H + s.phi", {"C0902", "look.lua:2", "H + phi", "hinge x body (32 x 62)", "body x body (62 x 62)"});
+  refused("local x = s.phi * s.H", {"C0902", "star() may be missing"});
+  refused("local x = s.H:inv()", {"C0903"});
+  refused("local x = s.Y:dense()", {"C0901", "OperationalSpace", "operational_space()"});
+  refused("local x = sim:operators('position').psi:dense()", {"C0901", "Inertia"});
+  refused("local x = s.mass * {1, 2}", {"C0902", "a vector of 32", "one of 2"});
+  refused("local x = s.phii", {"C0208", "did you mean \"phi\"?"});
+  refused("local x = s:subtree('wing')", {"C0201", "wing_left"});
+  refused("local x = s:nodes('nowhere')", {"C0202"});
+  refused("local x = s.M + sim:operators().M", {"C0902", "different times"});
+  refused("s:along('wing_left.angle')", {"C0208", "wing_left.rate"});
+}
+
+TEST(OperatorsInScripts, StandInAMissionToo) {  // inertia from the operators: a pendulum as a critically damped oscillator of 2 rad/s
+  const TemporaryFolder dir;
+  std::ofstream(dir / "scenario.lua") << R"(
+local sat = vehicle "vehicle.yaml"
+mission { title = "shaped", duration = "2 s", output = { rate = "2 Hz" } }
+initial { rod = { angle = "30 deg" } }
+local rod = sat:hinge "rod"
+controller { name = "shape", rate = "500 Hz", step = function()
+  local s = sat:operators("position")
+  local tau = s.mass * vector { -4 * rod:angle() - 4 * rod:rate() }
+  rod:torque(tau[1] + 2 * 9.81 * 0.5 * math.sin(rod:angle()))
+  assert(#sim:v() == 1 and not pcall(sim.run_to, sim, 3) and not pcall(sim.state, sim, { t = 0 }))
+end }
+check { name = "angle", value = function() return rod:angle() end, equal = { math.rad(30) * 5 * math.exp(-4), tolerance = 1e-3 } }
+)";
+  std::ofstream(dir / "vehicle.yaml") << file_text(CARDAN_SOURCE_DIR "/tests/scripts/missions/pendulum/vehicle.yaml");
+  const Finished run = run_program({"run", "scenario.lua"}, dir.path());
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+}
+
+}  // namespace
+}  // namespace cardan
