@@ -97,6 +97,9 @@ function Vehicle:modes(body) end
 function Vehicle:node(name) end
 ---@return number kg
 function Vehicle:mass() end
+---@param last_stage? "position"|"inertia" default "inertia"
+---@return Operators
+function Vehicle:operators(last_stage) end
 
 ---@class Body
 local Body = {}
@@ -276,9 +279,101 @@ function vector(values, labels) end
 ---@return Matrix
 function matrix(rows, row_labels, column_labels) end
 
---- The loaded scene, in `cardan workbench` alone.
+--- A spatial operator or an expression of them: docs/operators.md. Times a vector it is applied, in O(N).
+---@class Operator
+---@operator mul(Operator): Operator
+---@operator mul(Vector): Vector
+---@operator mul(Matrix): Matrix
+---@operator mul(number): Operator
+---@operator add(Operator): Operator
+---@operator sub(Operator): Operator
+---@operator unm: Operator
+Operator = {}
+---@return Operator adjoint
+function Operator:star() end
+--- By rule, never by a factorisation of the whole.
+---@return Operator
+function Operator:inv() end
+---@return Matrix
+function Operator:dense() end
+---@return number largest singular value
+function Operator:norm() end
+--- The k largest eigenvalues of a symmetric operator, descending.
+---@param k? integer default: all
+---@return Vector
+function Operator:eig(k) end
+---@return integer
+function Operator:rows() end
+---@return integer
+function Operator:cols() end
+---@return string formula
+function Operator:text() end
+
+--- The operators of a tree, or of a part of it, at one state.
+---@class Operators
+---@field H Operator hinge x body
+---@field phi Operator body x body
+---@field E_phi Operator
+---@field M Operator
+---@field B Operator body x node
+---@field P Operator
+---@field P_plus Operator
+---@field D Operator
+---@field G Operator
+---@field tau_bar Operator
+---@field K Operator
+---@field E_psi Operator
+---@field psi Operator
+---@field Y Operator
+---@field Y_plus Operator
+---@field dH Operator
+---@field dE_phi Operator
+---@field dM Operator
+---@field I Operator
+---@field mass Operator H phi M phi* H*
+---@field omega Operator psi* H* D^-1 H psi
+---@field jacobian Operator B* phi* H*
+---@field mass_derivative Operator along the direction of `along`
+Operators = {}
+--- The same of a body and all outboard of it.
+---@param body string
+---@return Operators
+function Operators:subtree(body) end
+---@param from string
+---@param to string
+---@return Operators
+function Operators:path(from, to) end
+---@param bodies string[]
+---@return Operators
+function Operators:subgraph(bodies) end
+--- B of these nodes.
+---@param ... string
+---@return Operator
+function Operators:nodes(...) end
+--- P, D, G anew: `free` lists the velocity components that are not given, W is added to the diagonal of D.
+---@param options? {free?: string[], W?: Vector|number[]}
+function Operators:articulate(options) end
+--- Y, Y_plus.
+function Operators:operational_space() end
+--- dH, dE_phi, dM where q moves along u, or along one component.
+---@param u Vector|number[]|string
+function Operators:along(u) end
+---@return number log of the determinant of the mass matrix
+function Operators:log_det() end
+---@param space "hinge"|"body"|"node"
+---@return integer
+function Operators:size(space) end
+---@param space? "hinge"|"body"|"node"
+---@return string[]
+function Operators:names(space) end
+
+--- The loaded scene.
 ---@class Sim
 sim = {}
+--- Spatial operators at the present state.
+---@param last_stage? "position"|"inertia" default "inertia"
+---@return Operators
+function sim:operators(last_stage) end
 ---@return number [s]
 function sim:t() end
 ---@return Vector
@@ -287,11 +382,11 @@ function sim:q() end
 function sim:v() end
 ---@return Vector
 function sim:vdot() end
---- The state, or with an argument sets what is given of it.
+--- The state, or with an argument, in the workbench alone, sets what is given of it.
 ---@param new? {t?: quantity, q?: Vector|number[], v?: Vector|number[]}
 ---@return {t: number, q: Vector, v: Vector}
 function sim:state(new) end
---- Runs the mission on.
+--- Runs the mission on; in the workbench alone.
 ---@param t number [s]
 ---@return number reached
 function sim:run_to(t) end
