@@ -317,6 +317,10 @@ int node_acceleration(lua_State* L) {
   return push3(L, n.R_WN * n.acceleration.tail<3>());
 }
 
+int node_angular_acceleration(lua_State* L) {
+  return push3(L, node_state(L, self<Kind::node>(L), "the acceleration of a node").acceleration.head<3>());
+}
+
 void push_handle(lua_State* L, Kind kind, int index, Scenario& s) {
   auto* h = static_cast<Handle*>(lua_newuserdatauv(L, sizeof(Handle), 0));
   *h = {kind, index, &s};
@@ -469,6 +473,7 @@ constexpr Method kMethods[] = {
     {Kind::node, "rate", method<node_rate>},
     {Kind::node, "velocity", method<node_velocity>},
     {Kind::node, "acceleration", method<node_acceleration>},
+    {Kind::node, "angular_acceleration", method<node_angular_acceleration>},
     {Kind::node, "load", method<node_load>},
     {Kind::load, "set", method<load_set>},
 };

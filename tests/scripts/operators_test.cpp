@@ -104,5 +104,11 @@ check { name = "angle", value = function() return rod:angle() end, equal = { mat
   EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
 }
 
+TEST(OperatorsInScripts, TaskSpaceControlOfAFreeFlyingArm) {  // its checks: the tool stays within 0.1 mm of its line
+  const TemporaryFolder dir;
+  const Finished run = run_program({"run", CARDAN_SOURCE_DIR "/scenarios/02_free_flying_arm", "--out", "out"}, dir.path());
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+}
+
 }  // namespace
 }  // namespace cardan

@@ -162,6 +162,8 @@ function Node:position() end
 function Node:attitude() end
 ---@return number wx, number wy, number wz [rad/s] node axes
 function Node:rate() end
+---@return number ax, number ay, number az [rad/s^2] node axes
+function Node:angular_acceleration() end
 ---@return number vx, number vy, number vz [m/s] world axes
 function Node:velocity() end
 ---@return number ax, number ay, number az [m/s^2] world axes
