@@ -50,9 +50,8 @@ void pose(const Model& model, Workspace<T>& ws, const T* q, const T* zeros) {
 
 /// The blocks of all bodies, or their derivatives, from a workspace that pose() has filled.
 template <class T>
-PositionBlocks read_blocks(const Model& model, const Workspace<T>& ws, const T* q) {
+void read_blocks(const Model& model, const Workspace<T>& ws, const T* q, PositionBlocks& out) {
   const std::size_t n = model.bodies.size();
-  PositionBlocks out;
   out.A.resize(n), out.Ht.resize(n), out.M.resize(n);
   const std::vector<int> owner = owners(model);
   const auto frame = [&](int k) { return k == 0 ? Pose<double>{} : model.user[idx(owner[idx(k)])].pose; };
@@ -106,7 +105,6 @@ PositionBlocks read_blocks(const Model& model, const Workspace<T>& ws, const T* 
     M.topRows<6>() = (back.transpose() * M.topRows<6>()).eval();
     M.leftCols<6>() = (M.leftCols<6>() * back).eval();
   }
-  return out;
 }
 
 /// B* of a node: [X_j, Gamma_j] in node axes (mathematics 3.1).
@@ -225,15 +223,16 @@ void TreeOperators::at(const double* q) {
   const Model& model = *model_;
   q_.assign(q, q + model.nq);
   pose(model, sweeping_->position, q, sweeping_->zeros.data());
-  auto blocks = std::make_shared<PositionBlocks>(read_blocks(model, sweeping_->position, q));
+  // The memory of the last q, unless a subgraph holds on to it.
+  auto blocks = position_ && position_.use_count() == 1 ? std::move(position_) : std::make_shared<PositionBlocks>();
+  read_blocks(model, sweeping_->position, q, *blocks);
   const std::vector<int> owner = owners(model);
   blocks->Bt.resize(model.nodes.size());
   for (std::size_t j = 0; j < model.nodes.size(); ++j)
     if (const UserNode& node = model.nodes[j]; node.sweep > 0)
       blocks->Bt[j] = node_block(model, node, model.user[idx(owner[idx(node.sweep)])].pose, q);
   position_ = std::move(blocks);
-  direction_.reset();
-  inertia_.clear(), Y_.clear(), Y_plus_.clear();
+  has_inertia_ = has_operational_space_ = has_direction_ = false;
   sweeping_->articulated = false;
   masked_ = weighted_ = false;
   free_.clear();
@@ -246,9 +245,11 @@ void TreeOperators::along(const double* u) {
   model.qdot(q_.data(), u, rate.data());
   std::vector<Tangent> q(idx(model.nq)), zeros(idx(model.nv), Tangent(0.0));
   for (std::size_t i = 0; i < q.size(); ++i) q[i] = {q_[i], rate[i]};
-  Workspace<Tangent> ws(model);
-  pose(model, ws, q.data(), zeros.data());
-  direction_ = std::make_unique<PositionBlocks>(read_blocks(model, ws, q.data()));
+  if (!tangent_) tangent_ = std::make_unique<Workspace<Tangent>>(model);
+  pose(model, *tangent_, q.data(), zeros.data());
+  if (!direction_) direction_ = std::make_unique<PositionBlocks>();
+  read_blocks(model, *tangent_, q.data(), *direction_);
+  has_direction_ = true;
   mask_hinges();
 }
 
@@ -257,11 +258,11 @@ void TreeOperators::mask_hinges() {
   if (!masked_) return;
   for (std::size_t i = 0; i < bodies_.size(); ++i) {
     Ht_free_.push_back(position_->Ht[idx(bodies_[i].sweep)]);
-    if (direction_) dHt_free_.push_back(direction_->Ht[idx(bodies_[i].sweep)]);
+    if (has_direction_) dHt_free_.push_back(direction_->Ht[idx(bodies_[i].sweep)]);
     for (int j = 0; j < bodies_[i].nh + bodies_[i].m; ++j) {
       if (is_free(bodies_[i].v + j)) continue;
       Ht_free_.back().col(j).setZero();
-      if (direction_) dHt_free_.back().col(j).setZero();
+      if (has_direction_) dHt_free_.back().col(j).setZero();
     }
   }
 }
@@ -272,8 +273,8 @@ void TreeOperators::articulate(const Articulate& options) {
   masked_ = std::any_of(free_.begin(), free_.end(), [](std::uint8_t f) { return f == 0; });
   weighted_ = options.W != nullptr;
   mask_hinges();
-  Y_.clear(), Y_plus_.clear();
-  inertia_.assign(bodies_.size(), {});
+  has_inertia_ = has_operational_space_ = false;
+  inertia_.resize(bodies_.size());
   for (std::size_t i = 0; i < bodies_.size(); ++i) inertia_[i].P = M(static_cast<int>(i));
   for (int i = static_cast<int>(bodies_.size()) - 1; i >= 0; --i) {
     const OperatorBody& b = bodies_[idx(i)];
@@ -321,6 +322,7 @@ void TreeOperators::articulate(const Articulate& options) {
       P.triangularView<Eigen::StrictlyUpper>() = P.transpose().eval();
     }
   }
+  has_inertia_ = true;
   if (sweeping_) sweeping_->articulated = false;
 }
 
@@ -340,6 +342,7 @@ void TreeOperators::operational_space() {
     Y = root.transpose() * root + tau_bar.transpose() * up * tau_bar;
     Y = (0.5 * (Y + Y.transpose())).eval();
   }
+  has_operational_space_ = true;
 }
 
 void TreeOperators::require_nodes(std::span<const int> nodes) const {
@@ -360,9 +363,9 @@ bool TreeOperators::has(Stage stage) const {
   switch (stage) {
     case Stage::none: return true;
     case Stage::position: return position_ != nullptr;
-    case Stage::inertia: return !inertia_.empty();
-    case Stage::operational_space: return !Y_.empty();
-    case Stage::direction: return direction_ != nullptr;
+    case Stage::inertia: return has_inertia_;
+    case Stage::operational_space: return has_operational_space_;
+    case Stage::direction: return has_direction_;
   }
   return false;
 }

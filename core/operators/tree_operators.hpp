@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "core/model/model.hpp"
+#include "core/soa/tangent.hpp"
 #include "core/soa/workspace.hpp"
 
 namespace cardan::soa {
@@ -208,8 +209,10 @@ class TreeOperators {
   std::vector<std::uint8_t> free_;
   int n_hinge_ = 0, n_body_ = 0;
   bool whole_ = true, masked_ = false, weighted_ = false;
-  std::shared_ptr<const PositionBlocks> position_;
+  bool has_inertia_ = false, has_operational_space_ = false, has_direction_ = false;
+  std::shared_ptr<PositionBlocks> position_;  // shared with subgraphs: never written while it is
   std::unique_ptr<PositionBlocks> direction_;
+  std::unique_ptr<Workspace<Tangent>> tangent_;
   std::vector<Eigen::MatrixXd> Ht_free_, dHt_free_;
   std::vector<Inertia> inertia_;
   std::vector<Eigen::MatrixXd> Y_, Y_plus_;
