@@ -126,6 +126,8 @@ class TreeOperators {
   void operational_space();
   /// Direction: dH, dE_phi, dM where q moves by N(q) u (u: nv numbers of the whole model).
   void along(const double* u);
+  /// The same derivatives as values, by sweep index (Bt stays empty): leaves this as it is.
+  PositionBlocks derivatives(const double* u) const;
   /// The nodes of B: indices into Model::nodes whose body takes part; first all of them.
   void select_nodes(std::vector<int> nodes);
   /// Error (C0202) naming the first of these that is no node of a body that takes part.
@@ -151,6 +153,8 @@ class TreeOperators {
 
   // Blocks of body i (index into bodies()) ------------------------------------------------------------------------------------
   const Matrix6X& A(int i) const { return position_->A[sweep(i)]; }
+  /// H* with the components whose velocity is given as well.
+  const Eigen::MatrixXd& unmasked_Ht(int i) const { return position_->Ht[sweep(i)]; }
   const Eigen::MatrixXd& Ht(int i) const { return masked_ ? Ht_free_[static_cast<std::size_t>(i)] : position_->Ht[sweep(i)]; }
   const Eigen::MatrixXd& M(int i) const { return position_->M[sweep(i)]; }
   const Eigen::MatrixXd& P(int i) const { return inertia_[static_cast<std::size_t>(i)].P; }
