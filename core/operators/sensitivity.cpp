@@ -248,7 +248,7 @@ namespace {
 
 /// d/dt of theta = difference(q, p) along v, where p = retract(q, theta) for theta = s e_j, derived by s: a difference of differences.
 MatrixXd rates_by_differences(const cardan_hinge_family& f, const void* packed, const double* q, const double* v) {
-  constexpr double kStep = 0.06;
+  constexpr double kStep = 0.02;  // twice: h^8 and eps / h^2 are both of order 1e-13
   const int nq = static_cast<int>(f.nq), nv = static_cast<int>(f.nv);
   const double speed = std::max(1e-3, Eigen::Map<const VectorXd>(v, nv).cwiseAbs().maxCoeff());
   VectorXd dir(nv), p(nq), p_rate(nq), q_rate(nq), q_now(nq), p_now(nq), work(nv), inner(nv), outer(nv);
