@@ -10,6 +10,10 @@
 #include "core/abi/registry.hpp"
 #include "core/dynamics/inverse.hpp"
 #include "core/dynamics/observe.hpp"
+#include "core/operators/apply.hpp"
+#include "core/operators/diagonalised.hpp"
+#include "core/operators/log_det.hpp"
+#include "core/operators/sensitivity.hpp"
 #include "hinges/register.hpp"
 #include "tests/support/tolerance.hpp"
 
@@ -168,6 +172,46 @@ class Check {
       array(fmt::format("nodes/{}/classical_acceleration", i), n.acceleration);
     }
     hybrid(in);
+    derivatives(model, in);
+    diagonalised(model, in);
+  }
+
+  // Along every component: of M by the operator expression, of log det M, of the forces of inverse dynamics.
+  void derivatives(const std::shared_ptr<const Model>& model, const Inputs& in) {
+    if (!compare_.has("derivative_point_vdot")) return;
+    soa::TreeOperators tree(model);
+    tree.at(in.q);
+    tree.articulate();
+    tree.operational_space();
+    array("grad_log_det_M", log_det_gradient(tree));
+    VectorXd unit = VectorXd::Zero(model->nv);
+    for (int i = 0; i < model->nv; ++i) {
+      unit[i] = 1.0;
+      tree.along(unit.data());
+      array(fmt::format("dM_dtheta/{}", i), operators::dense(operators::mass_derivative, tree));
+      unit[i] = 0.0;
+    }
+    const VectorXd vdot = oracle::vector<double>(compare_.at("derivative_point_vdot"));
+    Inputs point = in;
+    point.vdot = vdot.data(), point.wrenches = {};
+    Sensitivities sensitivities(model);
+    sensitivities.at(point);
+    const InverseDerivatives d = sensitivities.inverse();
+    array("dtau_dtheta", d.q);
+    array("dtau_dv", d.v);
+  }
+
+  void diagonalised(const std::shared_ptr<const Model>& model, const Inputs& in) {
+    if (!compare_.has("diagonalised/nu")) return;
+    soa::TreeOperators tree(model);
+    tree.at(in.q);
+    tree.articulate();
+    Diagonalised form(tree);
+    const VectorXd nu = form.from_velocity(case_.v), C = form.coriolis(case_.v);
+    array("diagonalised/nu", nu);
+    array("diagonalised/C", C);
+    array("diagonalised/epsilon_for_tau", form.eps(case_.tau));
+    scalar("diagonalised/power_nuC", nu.dot(C));
   }
 
   // Some components follow a given motion, the others are free: their forces come out.

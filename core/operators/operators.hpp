@@ -235,6 +235,9 @@ inline constexpr auto mass = H * phi * M * star(phi) * star(H);
 /// The same by its innovations factorisation, square factors (4.5).
 inline constexpr auto mass_innovations = (I + H * phi * K) * D * star(I + H * phi * K);
 inline constexpr auto mass_inverse = inv(mass);
+/// Derivative of the mass matrix along the direction of TreeOperators::along (8.2).
+inline constexpr auto mass_derivative = H * phi * (dE_phi * phi * M + dM + M * star(phi) * star(dE_phi)) * star(phi) * star(H) +
+                                        dH * phi * M * star(phi) * star(H) + H * phi * M * star(phi) * star(dH);
 /// Operational space compliance kernel Omega = psi* H* D^-1 H psi (6).
 inline constexpr auto omega = star(psi) * star(H) * inv(D) * H * psi;
 /// Jacobian of the selected nodes, node x hinge.

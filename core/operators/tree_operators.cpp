@@ -38,6 +38,26 @@ std::vector<int> owners(const Model& model) {
   return owner;
 }
 
+/// Inertia of each rigid group in the user's frame of the body that stands for it: of a single body as it was given, to the last bit.
+std::vector<RigidInertia<double>> rigid_inertias(const Model& model, const std::vector<int>& owner) {
+  std::vector<RigidInertia<double>> out(model.bodies.size());
+  for (const UserBody& u : model.user) {
+    if (u.sweep == 0 || u.n_modes > 0) continue;
+    RigidInertia<double>& sum = out[idx(u.sweep)];
+    sum = u.merged ? sum + to_inboard(inverse(model.user[idx(owner[idx(u.sweep)])].pose) * u.pose, u.M) : sum + u.M;
+  }
+  return out;
+}
+
+/// H* of one rotation about an axis of P, user's frame. From the axis as it was given, not from the frame that the sweeps chose: where the inertia
+/// about it is small, a last bit of its direction counts.
+template <class T>
+Motion<T> axis_column(const UserBody& u) {
+  double axis[3], pitch;
+  u.hinge->axis(u.hinge_packed.data(), axis, &pitch);
+  return cast<T>(to_inboard(u.pnode, Motion<double>{{axis[0], axis[1], axis[2]}, {0.0, 0.0, 0.0}}));
+}
+
 /// Base to tip with v = 0: poses, hinge maps and M_fl at q, in T.
 template <class T>
 void pose(const Model& model, Workspace<T>& ws, const T* q, const T* zeros) {
@@ -54,6 +74,7 @@ void read_blocks(const Model& model, const Workspace<T>& ws, const T* q, Positio
   const std::size_t n = model.bodies.size();
   out.A.resize(n), out.Ht.resize(n), out.M.resize(n);
   const std::vector<int> owner = owners(model);
+  const std::vector<RigidInertia<double>> rigid_bodies = rigid_inertias(model, owner);
   const auto frame = [&](int k) { return k == 0 ? Pose<double>{} : model.user[idx(owner[idx(k)])].pose; };
   for (int k = 1; k < static_cast<int>(n); ++k) {
     const SweepBody& b = model.bodies[idx(k)];
@@ -77,33 +98,30 @@ void read_blocks(const Model& model, const Workspace<T>& ws, const T* q, Positio
       }
     MatrixXd& Ht = out.Ht[idx(k)];
     Ht.setZero(6 + m, b.nv + m);
-    for (int j = 0; j < b.nv; ++j) store(to_outboard(to_user, hinge_column(model, ws, k, j)), Ht.col(j).data());
+    if (is_axis(b.kind))
+      store(axis_column<T>(model.user[idx(owner[idx(k)])]), Ht.col(0).data());
+    else
+      for (int j = 0; j < b.nv; ++j) store(to_outboard(to_user, hinge_column(model, ws, k, j)), Ht.col(j).data());
     for (int j = 0; j < m; ++j) {
       if (modal->C) store(-T(1) * to_outboard(to_user, motion_column(modal->C, j)), Ht.col(b.nv + j).data());
       Ht(6 + j, b.nv + j) = part(T(1));
     }
     MatrixXd& M = out.M[idx(k)];
     M.setZero(6 + m, 6 + m);
-    const RigidInertia<T> rigid = m > 0 ? modal->M_rr : cast<T>(b.M);
+    if (m == 0) {
+      if constexpr (std::is_same_v<T, double>) M = to_eigen(articulated(rigid_bodies[idx(k)]));
+      continue;
+    }
+    const RigidInertia<T>& rigid = modal->M_rr;
     const T mass[] = {rigid.m, rigid.h.x, rigid.h.y, rigid.h.z, rigid.J.xx, rigid.J.yy, rigid.J.zz, rigid.J.xy, rigid.J.xz, rigid.J.yz};
     double r[10];
     for (int i = 0; i < 10; ++i) r[i] = part(mass[i]);
     M.topLeftCorner<6, 6>() = to_eigen(articulated(RigidInertia<double>{r[0], {r[1], r[2], r[3]}, {r[4], r[5], r[6], r[7], r[8], r[9]}}));
-    if (m > 0) {
-      const FlexibleBody& f = model.flexible[idx(b.flexible)];
-      for (int j = 0; j < m; ++j) {
-        for (int i = 0; i < 6; ++i) M(i, 6 + j) = M(6 + j, i) = part(modal->P_re ? modal->P_re[6 * j + i] : T(f.M_re[idx(6 * j + i)]));
-        for (int i = 0; i < m; ++i) M(6 + i, 6 + j) = part(modal->P_ee ? modal->P_ee[m * j + i] : T(f.M_ee[idx(m * j + i)]));
-      }
+    for (int j = 0; j < m; ++j) {
+      const FlexibleBody& f = model.flexible[idx(b.flexible)];  // its frame is the user's
+      for (int i = 0; i < 6; ++i) M(i, 6 + j) = M(6 + j, i) = part(modal->P_re ? modal->P_re[6 * j + i] : T(f.M_re[idx(6 * j + i)]));
+      for (int i = 0; i < m; ++i) M(6 + i, 6 + j) = part(modal->P_ee ? modal->P_ee[m * j + i] : T(f.M_ee[idx(m * j + i)]));
     }
-    Eigen::Matrix<double, 6, 6> back;  // V_sweep = back V_user
-    for (int j = 0; j < 6; ++j) {
-      double unit[6] = {};
-      unit[j] = 1.0;
-      back.col(j) = to_eigen(to_inboard(frame(k), motion(unit)));
-    }
-    M.topRows<6>() = (back.transpose() * M.topRows<6>()).eval();
-    M.leftCols<6>() = (M.leftCols<6>() * back).eval();
   }
 }
 
@@ -238,7 +256,7 @@ void TreeOperators::at(const double* q) {
   free_.clear();
 }
 
-void TreeOperators::along(const double* u) {
+void TreeOperators::differentiate(const double* u, PositionBlocks& out) const {
   require(Kind::H);
   const Model& model = *model_;
   std::vector<double> rate(idx(model.nq));
@@ -247,8 +265,18 @@ void TreeOperators::along(const double* u) {
   for (std::size_t i = 0; i < q.size(); ++i) q[i] = {q_[i], rate[i]};
   if (!tangent_) tangent_ = std::make_unique<Workspace<Tangent>>(model);
   pose(model, *tangent_, q.data(), zeros.data());
+  read_blocks(model, *tangent_, q.data(), out);
+}
+
+PositionBlocks TreeOperators::derivatives(const double* u) const {
+  PositionBlocks out;
+  differentiate(u, out);
+  return out;
+}
+
+void TreeOperators::along(const double* u) {
   if (!direction_) direction_ = std::make_unique<PositionBlocks>();
-  read_blocks(model, *tangent_, q.data(), *direction_);
+  differentiate(u, *direction_);
   has_direction_ = true;
   mask_hinges();
 }

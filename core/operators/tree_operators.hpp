@@ -133,6 +133,8 @@ class TreeOperators {
   void operational_space();
   /// Direction: dH, dE_phi, dM where q moves by N(q) u (u: nv numbers of the whole model).
   void along(const double* u);
+  /// The same derivatives as values, by sweep index (Bt stays empty): leaves this as it is.
+  PositionBlocks derivatives(const double* u) const;
   /// The nodes of B: indices into Model::nodes whose body takes part; first all of them.
   void select_nodes(std::vector<int> nodes);
   /// Error (C0202) naming the first of these that is no node of a body that takes part.
@@ -159,6 +161,8 @@ class TreeOperators {
 
   // Blocks of body i (index into bodies()) ------------------------------------------------------------------------------------
   const Matrix6X& A(int i) const { return position_->A[sweep(i)]; }
+  /// H* with the components whose velocity is given as well.
+  const Eigen::MatrixXd& unmasked_Ht(int i) const { return position_->Ht[sweep(i)]; }
   const Eigen::MatrixXd& Ht(int i) const { return masked_ ? Ht_free_[static_cast<std::size_t>(i)] : position_->Ht[sweep(i)]; }
   const Eigen::MatrixXd& M(int i) const { return position_->M[sweep(i)]; }
   const Eigen::MatrixXd& P(int i) const { return inertia_[static_cast<std::size_t>(i)].P; }
@@ -201,6 +205,7 @@ class TreeOperators {
   std::size_t sweep(int i) const { return static_cast<std::size_t>(bodies_[static_cast<std::size_t>(i)].sweep); }
   void number(const std::vector<int>& sweep_bodies);
   void mask_hinges();
+  void differentiate(const double* u, PositionBlocks& out) const;
 
   std::shared_ptr<const Model> model_;
   std::vector<OperatorBody> bodies_;
@@ -212,7 +217,7 @@ class TreeOperators {
   bool has_inertia_ = false, has_operational_space_ = false, has_direction_ = false;
   std::shared_ptr<PositionBlocks> position_;  // shared with subgraphs: never written while it is
   std::unique_ptr<PositionBlocks> direction_;
-  std::unique_ptr<Workspace<Tangent>> tangent_;
+  mutable std::unique_ptr<Workspace<Tangent>> tangent_;  // of derivatives, once they were asked for
   std::vector<Eigen::MatrixXd> Ht_free_, dHt_free_;
   std::vector<Inertia> inertia_;
   std::vector<Eigen::MatrixXd> Y_, Y_plus_;

@@ -1,0 +1,198 @@
+#include "core/operators/diagonalised.hpp"
+
+#include "core/base/diagnostic.hpp"
+#include "core/operators/apply.hpp"
+
+namespace cardan {
+
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using soa::OperatorBody;
+using soa::PositionBlocks;
+using soa::TreeOperators;
+
+std::size_t idx(int i) { return static_cast<std::size_t>(i); }
+
+/// S^-1 x, S^-* x.
+template <class X>
+void solve(const MatrixXd& S, X&& x) { S.triangularView<Eigen::Lower>().solveInPlace(x); }
+template <class X>
+void solve_star(const MatrixXd& S, X&& x) { S.triangularView<Eigen::Lower>().transpose().solveInPlace(x); }
+
+/// Strict lower triangle and half the diagonal: S low(S^-1 dD S^-*) is dS of D = S S*.
+MatrixXd low(const MatrixXd& a) {
+  MatrixXd out = a.triangularView<Eigen::Lower>();
+  out.diagonal() *= 0.5;
+  return out;
+}
+
+/// (1 - H psi K) f.
+VectorXd innovations(const TreeOperators& tree, const VectorXd& f) {
+  namespace op = operators;
+  return operators::apply(op::I - op::H * op::psi * op::K, tree, f);
+}
+
+/// Base to tip: what reaches each body but for its own free components, x = Phi* V(p) + H*_p v_p. visit(i, x) sets those of v;
+/// then V(i) = Phi* V(p) + H* v.
+template <class Visit>
+void scatter(const TreeOperators& tree, const VectorXd& v, const Visit& visit) {
+  std::vector<VectorXd> V(tree.bodies().size());
+  for (int i = 0; i < static_cast<int>(V.size()); ++i) {
+    const OperatorBody& b = tree.bodies()[idx(i)];
+    VectorXd x = VectorXd::Zero(6 + b.m);
+    if (b.parent >= 0) x.head<6>() = tree.A(i) * V[idx(b.parent)];
+    for (int j = 0; j < b.nh + b.m; ++j)
+      if (!tree.is_free(b.v + j)) x += v[b.v + j] * tree.unmasked_Ht(i).col(j);
+    visit(i, x);
+    V[idx(i)] = x + tree.Ht(i) * v.segment(b.v, b.nh + b.m);
+  }
+}
+
+}  // namespace
+
+RiccatiRates riccati_rates(const TreeOperators& tree, const PositionBlocks& direction) {
+  tree.require(soa::Kind::P);
+  const std::size_t n = tree.bodies().size();
+  RiccatiRates rates;
+  for (auto* x : {&rates.P, &rates.P_plus, &rates.D, &rates.G, &rates.S}) x->resize(n);
+  for (std::size_t i = 0; i < n; ++i) rates.P[i] = direction.M[idx(tree.bodies()[i].sweep)];
+  for (int i = static_cast<int>(n) - 1; i >= 0; --i) {
+    const OperatorBody& b = tree.bodies()[idx(i)];
+    const MatrixXd &H = tree.Ht(i), &P = tree.P(i), &G = tree.G(i), &P_plus = tree.P_plus(i), &S = tree.S(i);
+    MatrixXd dH = direction.Ht[idx(b.sweep)];
+    for (int j = 0; j < b.nh + b.m; ++j)
+      if (!tree.is_free(b.v + j)) dH.col(j).setZero();
+    const MatrixXd &dP = rates.P[idx(i)], PdH = P * dH, dPH = dP * H;
+    MatrixXd& dD = rates.D[idx(i)];
+    dD = H.transpose() * PdH;
+    dD = (dD + dD.transpose() + H.transpose() * dPH).eval();
+    MatrixXd half = dD;  // S^-1 dD S^-*
+    solve(S, half);
+    half.transposeInPlace();
+    solve(S, half);
+    rates.S[idx(i)] = S * low(half);
+    MatrixXd gain = (dPH + PdH - G * dD).transpose();  // times D^-1 from the right
+    solve(S, gain);
+    solve_star(S, gain);
+    rates.G[idx(i)] = gain.transpose();
+    const MatrixXd loss = G * (dH.transpose() * P_plus), tau_bar = MatrixXd::Identity(P.rows(), P.cols()) - G * H.transpose();
+    MatrixXd& dP_plus = rates.P_plus[idx(i)];
+    dP_plus = tau_bar * dP * tau_bar.transpose() - loss - loss.transpose();
+    if (b.parent < 0) continue;
+    const soa::Matrix6X &A = tree.A(i), &dA = direction.A[idx(b.sweep)];
+    const MatrixXd turned = dA.transpose() * (P_plus.topLeftCorner<6, 6>() * A);
+    rates.P[idx(b.parent)] += turned + turned.transpose() + A.transpose() * (dP_plus.topLeftCorner<6, 6>() * A);
+  }
+  return rates;
+}
+
+Diagonalised::Diagonalised(const TreeOperators& tree, Form form) : tree_(tree), normalised_(form == Form::normalised), ws_(tree.model()) {
+  if (!tree.whole())
+    throw InputError(Diagnostic{Code::unsupported, {"diagonalised velocities", {}}, "the whole tree", "a subgraph", {}, {}, {}, 0});
+}
+
+void Diagonalised::clear_given(int i, VectorXd& x) const {
+  const OperatorBody& b = tree_.bodies()[idx(i)];
+  for (int j = b.v; j < b.v + b.nh + b.m; ++j)
+    if (!tree_.is_free(j)) x[j] = 0.0;
+}
+
+VectorXd Diagonalised::from_velocity(const VectorXd& v) const {
+  tree_.require(soa::Kind::G);
+  VectorXd nu(v.size());
+  scatter(tree_, v, [&](int i, const VectorXd& x) {
+    const OperatorBody& b = tree_.bodies()[idx(i)];
+    auto part = nu.segment(b.v, b.nh + b.m);
+    part = v.segment(b.v, b.nh + b.m);
+    clear_given(i, nu);
+    part += tree_.G(i).transpose() * x;
+    if (normalised_) part = (tree_.S(i).transpose() * part).eval();
+  });
+  return nu;
+}
+
+void Diagonalised::to_velocity(const VectorXd& nu, VectorXd& v) const {
+  tree_.require(soa::Kind::G);
+  scatter(tree_, v, [&](int i, const VectorXd& x) {
+    const OperatorBody& b = tree_.bodies()[idx(i)];
+    VectorXd rate = nu.segment(b.v, b.nh + b.m);
+    if (normalised_) solve_star(tree_.S(i), rate);
+    rate -= tree_.G(i).transpose() * x;
+    for (int j = 0; j < b.nh + b.m; ++j)
+      if (tree_.is_free(b.v + j)) v[b.v + j] = rate[j];
+  });
+}
+
+VectorXd Diagonalised::eps(const VectorXd& tau) const {
+  VectorXd out = innovations(tree_, tau);
+  for (int i = 0; i < static_cast<int>(tree_.bodies().size()); ++i) {
+    const OperatorBody& b = tree_.bodies()[idx(i)];
+    clear_given(i, out);
+    if (normalised_) solve(tree_.S(i), out.segment(b.v, b.nh + b.m));
+  }
+  return out;
+}
+
+// The change of nu at constant free v: L*' v (and what given accelerations add), times D in the form without square roots. With x as in
+// scatter(): nu = S* (v + G* x), so it is S*' (v + G* x) + S* (G*' x + G* x').
+VectorXd Diagonalised::drift(const VectorXd& v, const double* given_vdot) const {
+  const PositionBlocks d = tree_.derivatives(v.data());
+  const RiccatiRates rates = riccati_rates(tree_, d);
+  const std::size_t n = tree_.bodies().size();
+  std::vector<VectorXd> V(n), dV(n);  // dV: rate of its components at constant free v
+  VectorXd out(v.size());
+  for (int i = 0; i < static_cast<int>(n); ++i) {
+    const OperatorBody& b = tree_.bodies()[idx(i)];
+    const soa::Matrix6X& dA = d.A[idx(b.sweep)];
+    const MatrixXd &H = tree_.unmasked_Ht(i), &dH = d.Ht[idx(b.sweep)], &S = tree_.S(i), &G = tree_.G(i);
+    VectorXd x = VectorXd::Zero(6 + b.m), dx = x, free = v.segment(b.v, b.nh + b.m);
+    if (b.parent >= 0) {
+      x.head<6>() = tree_.A(i) * V[idx(b.parent)];
+      dx.head<6>() = tree_.A(i) * dV[idx(b.parent)] + dA * V[idx(b.parent)];
+    }
+    for (int j = 0; j < b.nh + b.m; ++j)
+      if (!tree_.is_free(b.v + j)) {
+        x += free[j] * H.col(j);
+        dx += free[j] * dH.col(j) + (given_vdot ? given_vdot[b.v + j] : 0.0) * H.col(j);
+        free[j] = 0.0;
+      }
+    auto part = out.segment(b.v, b.nh + b.m);
+    part = rates.G[idx(i)].transpose() * x + G.transpose() * dx;
+    if (normalised_)
+      part = (S.transpose() * part + rates.S[idx(i)].transpose() * (free + G.transpose() * x)).eval();
+    else
+      part = (tree_.D(i) * part).eval();
+    V[idx(i)] = x + H * free;
+    dV[idx(i)] = dx + dH * free;
+  }
+  return out;
+}
+
+VectorXd Diagonalised::coriolis(const VectorXd& v) {
+  return eps(bias_force(tree_.model(), ws_, tree_.q().data(), v.data())) - drift(v, nullptr);
+}
+
+VectorXd Diagonalised::rate(const Inputs& in) {
+  const Model& model = tree_.model();
+  VectorXd given = VectorXd::Zero(model.nv), missing(model.nv);
+  for (int i = 0; i < model.nv; ++i)
+    if (in.vdot && !tree_.is_free(i)) given[i] = in.vdot[i];
+  Inputs use = in;
+  use.vdot = given.data();
+  inverse_dynamics(model, ws_, use, missing.data());
+  missing = -missing;
+  if (in.tau) missing += Eigen::Map<const VectorXd>(in.tau, model.nv);
+  const VectorXd v = Eigen::Map<const VectorXd>(in.v, model.nv);
+  VectorXd out = eps(missing) + drift(v, given.data());
+  if (!normalised_)
+    for (int i = 0; i < static_cast<int>(tree_.bodies().size()); ++i) {
+      const OperatorBody& b = tree_.bodies()[idx(i)];
+      solve(tree_.S(i), out.segment(b.v, b.nh + b.m));
+      solve_star(tree_.S(i), out.segment(b.v, b.nh + b.m));
+    }
+  return out;
+}
+
+}  // namespace cardan

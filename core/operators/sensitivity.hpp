@@ -1,0 +1,93 @@
+#pragma once
+// Derivatives of inverse and forward dynamics in q, v, v', tau and in body parameters (mathematics/sensitivities.md), each along a
+// direction in O(N): the sweeps of inverse dynamics on numbers that carry a derivative (soa/tangent.hpp), and
+// d v' = M^-1 (d tau - d ID) by the articulated sweeps. "Along q" means along a tangent vector u: q moves by N(q) u.
+#include <Eigen/SparseCore>
+#include <memory>
+
+#include "core/dynamics/inverse.hpp"
+#include "core/operators/tree_operators.hpp"
+#include "core/soa/tangent.hpp"
+
+namespace cardan {
+
+/// What changes, nv numbers each in the order of v; null: does not change.
+struct Direction {
+  const double* q = nullptr;     // tangent vector u
+  const double* v = nullptr;
+  const double* vdot = nullptr;  // of inverse dynamics; of forward dynamics the prescribed components alone are read
+  const double* tau = nullptr;   // of forward dynamics
+};
+
+/// nv x nv each: column i is the derivative along component i.
+struct InverseDerivatives {
+  Eigen::MatrixXd q, v;          // dtau/dq, dtau/dv; dtau/dv' is the mass matrix
+};
+struct ForwardDerivatives {
+  Eigen::MatrixXd q, v, tau;     // dv'/dq, dv'/dv, dv'/dtau = M^-1. Rows of prescribed components are zero
+};
+
+/// At one point (q, v, v', wrenches), set by at() or solve(). Gravity of every kind, elastic forces and wrenches on nodes take part: those
+/// given in node axes turn with the node, those in world axes do not. Hinge springs and dampers too, unless left out:
+/// tau is what is left for actuators.
+class Sensitivities {
+ public:
+  enum class Springs : bool { left_out, included };
+  explicit Sensitivities(std::shared_ptr<const Model> model, Springs springs = Springs::included);
+
+  /// The point with v' = in.vdot (null = 0).
+  void at(const Inputs& in);
+  /// The point with v' from in.tau by forward dynamics. NumericsError where a free direction has no inertia.
+  void solve(const Inputs& in);
+  const Eigen::VectorXd& tau() const { return tau_; }    ///< of inverse dynamics at the point
+  const Eigen::VectorXd& vdot() const { return vdot_; }
+
+  // Along one direction, O(N)
+  void inverse(const Direction& along, double* dtau);
+  void forward(const Direction& along, double* dvdot);
+  /// (dM along u) w: one pass with v = 0 and v' = w.
+  void mass(const double* u, const double* w, double* dM_w);
+  /// M^-1 f, zero at prescribed components.
+  void mass_inverse(const double* f, double* out);
+
+  // Whole matrices: 2 nv passes, O(N nv)
+  InverseDerivatives inverse();
+  ForwardDerivatives forward();
+
+  // In the parameters of a body (index into Model::user) at fixed q, v and v' (inverse) or tau (forward). tau is linear in them but
+  // for the pull of a centre, and body b moves the tau between it and the ground only: O(depth) per parameter.
+  /// A rigid body's inertia, seen in its own frame: columns m, h = m c (3), J (xx yy zz xy xz yz) about its origin; nv x 10. Bodies
+  /// that are merged with others, and rotors, have theirs. InputError for a flexible body.
+  Eigen::MatrixXd inverse_in_inertia(int body);
+  Eigen::MatrixXd forward_in_inertia(int body);
+  /// Along one change of that inertia.
+  void inverse_in_inertia(int body, const RigidInertia<double>& change, double* dtau);
+  /// Modal stiffness of a flexible body with m modes. Diagonal: nv x m. Full: nv x m (m + 1) / 2, lower triangle by rows; K_ij and K_ji move together.
+  enum class Stiffness : bool { diagonal, full };
+  Eigen::MatrixXd inverse_in_stiffness(int body, Stiffness which = Stiffness::diagonal) const;
+  Eigen::MatrixXd forward_in_stiffness(int body, Stiffness which = Stiffness::diagonal);
+
+ private:
+  void articulate();
+  const soa::TreeOperators& tree();
+  const UserBody& user(int body) const;
+  Eigen::MatrixXd minus_inverse_of(Eigen::MatrixXd dtau);
+
+  std::shared_ptr<const Model> model_;
+  bool springs_, gravity_ = true, articulated_ = false, posed_ = false;
+  Eigen::VectorXd q_, v_, vdot_, tau_, zeros_, rate_, masked_, work_;
+  std::vector<NodeWrench> wrenches_;
+  std::vector<soa::NodeWrench<soa::Tangent>> wrenches_t_;
+  std::vector<soa::Tangent> q_t_, v_t_, vdot_t_, tau_t_;
+  Workspace ws_, inertia_;             // of inverse dynamics at the point; P, D, G there
+  soa::Workspace<soa::Tangent> tangent_;
+  soa::TreeOperators tree_;
+};
+
+/// C_kin of the linearised kinematics, nv x nv, block-diagonal: with q + dq = retract(q, theta),
+///   d/dt theta = dv + C_kin theta.
+/// 0 where q' = v; ball -omega~; free diag(-omega~, 0); free_body [-omega~ 0; -v~ -omega~]; other hinges by differences of
+/// eighth order of their retract and difference.
+Eigen::SparseMatrix<double> kinematic_rates(const Model& model, const double* q, const double* v);
+
+}  // namespace cardan
