@@ -17,6 +17,16 @@ static constexpr double kRootLimit = 2e-15;
 /// 1 where x > limit, else 0: kernels choose by arithmetic, so that lanes need no branch.
 template <class T>
 static T above(const T& x, const T& limit) { return x > limit ? T(1) : T(0); }
+/// 1/x where x > limit, else 0.
+template <class T>
+CARDAN_INLINE T inverse_above(const T& x, const T& limit) {
+  if constexpr (kWidth<T> == 1) {
+    return x > limit ? T(1) / x : T(0);
+  } else {
+    const T keep = above(x, limit);
+    return keep / (keep * x + (T(1) - keep));
+  }
+}
 
 /// Cholesky factor of D = H P H* and the gain, for NV columns. `fixed[j]`: component j follows a prescribed motion and takes
 /// no part. Returns false at a direction without inertia.
@@ -102,12 +112,12 @@ static void add_to_modes(const double* S, const T* y, int m, T* out) {
 }
 
 /// Work of a body with n outboard hinges on deforming nodes, N = 6 n: B (N x N), A (N x N), its inverse
-/// pivots, u and t (N each), columns of X~* C L^-* and of M_re V (N of 6 each).
-static inline std::size_t by_nodes_size(int n) { return static_cast<std::size_t>(2 * 36 * n * n + 15 * 6 * n); }
+/// pivots, u, t and e = -Q* e of the nodes (N each), columns of X~* C L^-* and of M_re V (N of 6 each).
+static inline std::size_t by_nodes_size(int n) { return static_cast<std::size_t>(2 * 36 * n * n + 16 * 6 * n); }
 template <class T>
 struct ByNodes {
-  T *B, *A, *inverse, *u, *t, *X, *MV;
-  ByNodes(T* at, int N) : B(at), A(B + N * N), inverse(A + N * N), u(inverse + N), t(u + N), X(t + N), MV(X + 6 * N) {}
+  T *B, *A, *inverse, *u, *t, *e, *X, *MV;
+  ByNodes(T* at, int N) : B(at), A(B + N * N), inverse(A + N * N), u(inverse + N), t(u + N), e(t + N), X(e + N), MV(X + 6 * N) {}
 };
 
 template <class T, int NV, InwardFor For>
@@ -263,7 +273,7 @@ template <class T, int NV>
 static void take_root(const ArticulatedInertia<T>& P, const Hinge<T, NV>& hinge, const std::uint8_t* fixed, const Pose<T>& X,
                const ModalNode<T>& node, NodeRoot<T>& root) {
   using std::sqrt;
-  const T o(0), one(1);
+  const T o(0);
   T A[36] = {P.M.xx, P.M.xy, P.M.xz, P.B.xx, P.B.yx, P.B.zx, o, P.M.yy, P.M.yz, P.B.xy, P.B.yy, P.B.zy,  // columns, [force; moment]
              o,      o,      P.M.zz, P.B.xz, P.B.yz, P.B.zz, o, o,      o,      P.J.xx, P.J.xy, P.J.xz,
              o,      o,      o,      o,      P.J.yy, P.J.yz, o, o,      o,      o,      o,      P.J.zz};
@@ -271,8 +281,7 @@ static void take_root(const ArticulatedInertia<T>& P, const Hinge<T, NV>& hinge,
   T W[36];
   for (int j = 0; j < 6; ++j) {
     const T* a = A + 6 * j;
-    const T keep = above(a[j], T(kRootLimit) * original[j]);
-    const T inverse = keep / (keep * a[j] + (one - keep));
+    const T inverse = inverse_above(a[j], T(kRootLimit) * original[j]);
     for (int i = j + 1; i < 6; ++i) {
       const T factor = a[i] * inverse;
       for (int l = i; l < 6; ++l) A[6 * i + l] = A[6 * i + l] - factor * a[l];
@@ -289,8 +298,8 @@ static void take_root(const ArticulatedInertia<T>& P, const Hinge<T, NV>& hinge,
     T* v = root.v + 6 * j;
     T square(0);
     for (int c = out; c < 6; ++c) {
-      v[c] = T(0);
-      for (int r = 0; r < 6; ++r) v[c] = v[c] + H[r] * W[6 * c + r];
+      const T* a = W + 6 * c;
+      v[c] = (H[0] * a[0] + H[1] * a[1] + H[2] * a[2]) + (H[3] * a[3] + H[4] * a[4] + H[5] * a[5]);
       square = square + v[c] * v[c];
     }
     const T length = (T(2) * above(v[out], T(0)) - T(1)) * sqrt(square);
@@ -346,11 +355,12 @@ static Force<T> take_root_of_force(const Force<T>& z, const T* tau, const Hinge<
   return to_inboard(X, e);
 }
 
-/// y += f x, six numbers: all read before any is written, so that y and x may be neighbours in memory.
+/// y += f x, six numbers.
 template <class T>
-static void add_multiple(T* y, const T& f, const T* x) {
-  const T s[6] = {y[0] + f * x[0], y[1] + f * x[1], y[2] + f * x[2], y[3] + f * x[3], y[4] + f * x[4], y[5] + f * x[5]};
-  for (int i = 0; i < 6; ++i) y[i] = s[i];
+CARDAN_INLINE void add_multiple(T* y, const T& f, const Six<T>& x) {
+  Six<T> s(y);
+  s.add(f, x);
+  s.to(y);
 }
 
 /// Calls visit(N), N = 6 n, as a constant where there is one node.
@@ -375,45 +385,46 @@ static void eliminate_by_nodes(const SweepModel& model, Workspace<T>& ws, const 
     const ByNodes<T> w(modal.by_nodes, N);
     for (int r = 0; r < N; ++r) {
       if (f.M_re_constant)
-        for (int i = 0; i < 6; ++i) w.MV[6 * r + i] = T(f.MV[static_cast<std::size_t>(6 * r + i)]);
+        Six<T>(f.MV.data() + 6 * r).to(w.MV + 6 * r);
       else
         sum_columns(modal.P_re, f.V.data() + m * r, m, w.MV + 6 * r);
     }
     for (int a = 0; a < N / 6; ++a) {
       const NodeRoot<T>& root = *ws.modal_of(f.attached[static_cast<std::size_t>(a)])->root;
       for (int r = 0; r < N; ++r) {
-        T row[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};
+        Six<T> row;
         for (int i = std::max(0, r - 6 * a); i < 6; ++i)  // Q is lower triangular
-          add_multiple(row, T(f.Q[static_cast<std::size_t>(N * (6 * a + i) + r)]), root.N + 6 * i);
-        for (int i = 0; i < 6; ++i) w.B[N * r + 6 * a + i] = row[i];
+          row.add(T(f.Q[static_cast<std::size_t>(N * (6 * a + i) + r)]), Six<T>(root.N + 6 * i));
+        row.to(w.B + N * r + 6 * a);
       }
-      for (int i = 0; i < 36; ++i) w.X[36 * a + i] = root.C[i];
     }
     for (int i = 0; i < N; ++i)  // rows of A, upper triangle in blocks of six columns
       for (int d = 6 * (i / 6); d < N; d += 6) {
-        T row[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};
-        for (int r = 0; r < N; ++r) add_multiple(row, w.B[N * r + i], w.B + N * r + d);
-        for (int l = 0; l < 6; ++l) w.A[N * i + d + l] = row[l];
+        Six<T> row;
+        for (int r = 0; r < N; ++r) row.add(w.B[N * r + i], Six<T>(w.B + N * r + d));
+        row.to(w.A + N * i + d);
       }
-    for (int j = 0; j < N; ++j) {
+    for (int i = 0; i < N; ++i) {  // columns of X~* C
+      Six<T> x(ws.modal_of(f.attached[static_cast<std::size_t>(i / 6)])->root->C + 6 * (i % 6));
+      for (int l = 0; l < N; ++l) x.add(-w.B[N * l + i], Six<T>(w.MV + 6 * l));
+      x.to(w.X + 6 * i);
+    }
+    ArticulatedInertia<T> P = modal.P_r;
+    for (int j = 0; j < N; ++j) {  // A = L D L*; in the same steps columns of X~* C L^-*
       T* a = w.A + N * j;
       const T inverse = T(1) / (T(1) + a[j]);
       w.inverse[j] = inverse;
-      for (int i = j + 1; i < N; ++i) {
-        const T factor = -(a[i] * inverse);
-        for (int d = 6 * (i / 6); d < N; d += 6) add_multiple(w.A + N * i + d, factor, a + d);
+      for (int d = 6 * (j / 6); d < N; d += 6) {
+        const Six<T> row(a + d);
+        for (int i = j + 1; i < d + 6; ++i) add_multiple(w.A + N * i + d, -(a[i] * inverse), row);
       }
-      for (int i = j + 1; i < N; ++i) a[i] = a[i] * inverse;
-    }
-    ArticulatedInertia<T> P = modal.P_r;
-    for (int i = 0; i < N; ++i) {  // columns of X~* C, then of X~* C L^-*
-      T x[6];
-      for (int r = 0; r < 6; ++r) x[r] = w.X[6 * i + r];
-      for (int l = 0; l < N; ++l) add_multiple(x, -w.B[N * l + i], w.MV + 6 * l);
-      for (int l = 0; l < i; ++l) add_multiple(x, -w.A[N * l + i], w.X + 6 * l);
-      for (int r = 0; r < 6; ++r) w.X[6 * i + r] = x[r];
-      const Force<T> column = force_column(x, 0);
-      subtract_outer(P, (-w.inverse[i]) * column, column);
+      const Six<T> x(w.X + 6 * j);
+      for (int i = j + 1; i < N; ++i) {
+        a[i] = a[i] * inverse;
+        add_multiple(w.X + 6 * i, -a[i], x);
+      }
+      const Force<T> column = force_column(w.X, j);
+      subtract_outer(P, (-inverse) * column, column);
     }
     modal.P_r = P;
   });
@@ -424,38 +435,48 @@ template <class T>
 static Force<T> bias_by_nodes(const SweepModel& model, const Workspace<T>& ws, const SweepBody& b, const Core<T>& body, const Modal<T>& modal) {
   const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
   const int m = b.n_modes;
-  T out[6] = {T(0), T(0), T(0), T(0), T(0), T(0)}, gamma[6];
+  T gamma[6];
   store(body.gamma, gamma);
+  Six<T> out;
   with_node_count(f.attached.size(), [&](const auto N) {
     const ByNodes<T> w(modal.by_nodes, N);
     for (int d = 0; d < N; d += 6) {
-      T t[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};  // -Q* e
+      Six<T> t;  // -Q* e
       for (int a = d / 6; a < N / 6; ++a) {
         const NodeRoot<T>& root = *ws.modal_of(f.attached[static_cast<std::size_t>(a)])->root;
-        for (int i = 0; i < 6; ++i)
-          for (int r = 0; r < 6; ++r) t[r] = t[r] - T(f.Q[static_cast<std::size_t>(N * (6 * a + i) + d + r)]) * root.e_N[i];
+        for (int i = 0; i < 6; ++i) t.add(-root.e_N[i], Six<T>(f.Q.data() + N * (6 * a + i) + d));
       }
-      for (int r = 0; r < 6; ++r) add_multiple(out, t[r], w.MV + 6 * (d + r));
+      t.to(w.e + d);
+      for (int r = 0; r < 6; ++r) out.add(w.e[d + r], Six<T>(w.MV + 6 * (d + r)));
       T v[6];
       sum_columns(f.V_columns.data() + static_cast<std::size_t>(m * d), modal.nu, m, v);
       for (int r = 0; r < 6; ++r) {
         const T* c = w.MV + 6 * (d + r);
         if (!modal.P_re) v[r] = v[r] - ((c[0] * gamma[0] + c[1] * gamma[1] + c[2] * gamma[2]) + (c[3] * gamma[3] + c[4] * gamma[4] + c[5] * gamma[5]));
-        w.t[d + r] = t[r] + v[r];
+        w.t[d + r] = w.e[d + r] + v[r];
       }
     }
     for (int d = 0; d < N; d += 6) {
-      T u[6];
-      for (int i = 0; i < 6; ++i) u[i] = ws.modal_of(f.attached[static_cast<std::size_t>(d / 6)])->root->zeta[i];
-      for (int r = 0; r < N; ++r) add_multiple(u, w.t[r], w.B + N * r + d);
-      for (int i = 0; i < 6; ++i) w.u[d + i] = u[i];
+      Six<T> u(ws.modal_of(f.attached[static_cast<std::size_t>(d / 6)])->root->zeta);
+      for (int r = 0; r < N; ++r) u.add(w.t[r], Six<T>(w.B + N * r + d));
+      u.to(w.u + d);
     }
-    for (int j = 0; j < N; ++j) {
-      for (int i = j + 1; i < N; ++i) w.u[i] = w.u[i] - w.A[N * j + i] * w.u[j];
-      add_multiple(out, w.inverse[j] * w.u[j], w.X + 6 * j);
+    for (int d = 0; d < N; d += 6) {
+      T u[6];
+      for (int i = 0; i < 6; ++i) u[i] = w.u[d + i];
+      for (int j = 0; j < 6; ++j)
+        for (int i = j + 1; i < 6; ++i) u[i] = u[i] - w.A[N * (d + j) + d + i] * u[j];
+      for (int later = d + 6; later < N; later += 6)
+        for (int j = 0; j < 6; ++j) add_multiple(w.u + later, -u[j], Six<T>(w.A + N * (d + j) + later));
+      for (int j = 0; j < 6; ++j) {
+        out.add(w.inverse[d + j] * u[j], Six<T>(w.X + 6 * (d + j)));
+        w.u[d + j] = u[j];
+      }
     }
   });
-  return force_column(out, 0);
+  T sum[6];
+  out.to(sum);
+  return force_column(sum, 0);
 }
 
 /// phi = A^-1 (zeta + B* t + (X~* C)* dl), dl = delta of the body; eta'' = y - U dl - V (B phi + Q* e).
@@ -465,27 +486,43 @@ static void acceleration_by_nodes(const SweepModel& model, const Workspace<T>& w
   const int m = b.n_modes;
   with_node_count(f.attached.size(), [&](const auto N) {
     const ByNodes<T> w(modal.by_nodes, N);
-    for (int j = 0; j < N; ++j) {
-      const T* x = w.X + 6 * j;
-      const T seen = (x[0] * dl[0] + x[1] * dl[1] + x[2] * dl[2]) + (x[3] * dl[3] + x[4] * dl[4] + x[5] * dl[5]);
-      w.u[j] = (w.u[j] + seen) * w.inverse[j];
-    }
-    for (int j = N - 1; j >= 0; --j)
-      for (int i = j + 1; i < N; ++i) w.u[j] = w.u[j] - w.A[N * j + i] * w.u[i];
-    for (int r = 0; r < N; ++r) {
-      T force(0);
-      for (int i = 0; i < N; ++i) force = force + w.B[N * r + i] * w.u[i];
-      w.t[r] = -force;
-    }
-    for (int a = 0; a < N / 6; ++a) {
-      NodeRoot<T>& root = *ws.modal_of(f.attached[static_cast<std::size_t>(a)])->root;
-      for (int i = 0; i < 6; ++i) {
-        root.phi[i] = w.u[6 * a + i];
-        for (int r = 0; r < N; ++r) w.t[r] = w.t[r] - T(f.Q[static_cast<std::size_t>(N * (6 * a + i) + r)]) * root.e_N[i];
+    for (int d = N - 6; d >= 0; d -= 6) {
+      T u[6];
+      for (int j = 0; j < 6; ++j) {
+        const T* x = w.X + 6 * (d + j);
+        const T seen = (x[0] * dl[0] + x[1] * dl[1] + x[2] * dl[2]) + (x[3] * dl[3] + x[4] * dl[4] + x[5] * dl[5]);
+        u[j] = (w.u[d + j] + seen) * w.inverse[d + j];
+        for (int i = d + 6; i < N; ++i) u[j] = u[j] - w.A[N * (d + j) + i] * w.u[i];
       }
+      for (int i = 5; i > 0; --i)
+        for (int j = 0; j < i; ++j) u[j] = u[j] - w.A[N * (d + j) + d + i] * u[i];
+      T* phi = ws.modal_of(f.attached[static_cast<std::size_t>(d / 6)])->root->phi;
+      for (int j = 0; j < 6; ++j) phi[j] = w.u[d + j] = u[j];
+    }
+    for (int r = 0; r < N; ++r) {
+      T force = w.e[r];
+      for (int i = 0; i < N; ++i) force = force - w.B[N * r + i] * w.u[i];
+      w.t[r] = force;
     }
     for (int d = 0; d < N; d += 6) add_rows(f.V.data() + static_cast<std::size_t>(m * d), w.t + d, m, modal.accel);
   });
+}
+
+/// eps_e = tau_e - z_e + C* z_r, into nu.
+template <class T>
+static void eps_of_modes(const SweepModel& model, const SweepBody& b, const Inputs<T>& in, const Core<T>& body, const Modal<T>& modal) {
+  const int m = b.n_modes;
+  const T *tau = in.tau ? in.tau + b.etadot : nullptr, *z = modal.z;
+  T* __restrict eps = modal.nu;
+  if (tau)
+    for (int j = 0; j < m; ++j) eps[j] = tau[j] - z[j];
+  else
+    for (int j = 0; j < m; ++j) eps[j] = -z[j];
+  if (modal.C)
+    for (int j = 0; j < m; ++j) eps[j] = eps[j] + dot(motion_column(modal.C, j), body.z);
+  if (!model.has_prescribed()) return;
+  for (int j = 0; j < m; ++j)
+    if (model.prescribed[static_cast<std::size_t>(b.etadot + j)]) eps[j] = T(0);
 }
 
 /// nu from eps_e in it, and what the modes add to z_r.
@@ -614,12 +651,7 @@ static void inward_general(const SweepModel& model, Workspace<T>& ws, const Inpu
     if constexpr (For.bias) {
       Force<T> z = body.z;
       if (m > 0) {
-        const std::uint8_t* fixed_mode = model.has_prescribed() ? model.prescribed.data() + b.etadot : nullptr;
-        for (int j = 0; j < m; ++j) {
-          T eps = (in.tau ? in.tau[b.etadot + j] : T(0)) - modal.z[j];
-          if (modal.C) eps = eps + dot(motion_column(modal.C, j), body.z);
-          modal.nu[j] = fixed_mode && fixed_mode[j] ? T(0) : eps;
-        }
+        eps_of_modes(model, b, in, body, modal);
         z += bias_of_modes(model, ws, b, body, modal);
       }
       const Force<T> z_r = z;

@@ -97,7 +97,8 @@ CARDAN_INLINE void outward_axis(const AxisBody& b, const Core<T>& inboard, AxisR
   body.core.w = w;
   body.core.gamma = {g, a};
   const Mat3<T> E = acceleration_field(w, g);
-  body.core.E = E;
+  Mat3<T>& to = body.core.E;  // number by number: a copy of the whole waits for its parts
+  to.xx = E.xx, to.xy = E.xy, to.xz = E.xz, to.yx = E.yx, to.yy = E.yy, to.yz = E.yz, to.zx = E.zx, to.zy = E.zy, to.zz = E.zz;
   const T m(b.m);
   const Vec3<T> h{T(b.h[0]), T(b.h[1]), T(b.h[2])};
   const T xx(b.S[0]), yy(b.S[1]), zz(b.S[2]), xy(b.S[3]), xz(b.S[4]), yz(b.S[5]);
@@ -246,11 +247,11 @@ CARDAN_INLINE void acceleration_axis(const AxisBody& b, const Core<T>& inboard, 
   body.core.delta = d;
 }
 
-/// tau = H f, f to the inboard body (inverse dynamics).
+/// tau = H z; z seen from the inboard body (inverse dynamics).
 template <class T, int I, Tilt TILT>
-CARDAN_INLINE void gather_axis(const AxisBody& b, Core<T>& inboard, AxisRecord<T>& body, const T& c, const T& s, T* tau) {
-  tau[b.v] = at<I>(body.core.z.n);
-  inboard.z += force_to_inboard<T, I, TILT>(b, c, s, body.core.z);
+CARDAN_INLINE Force<T> gather_axis(const AxisBody& b, const Force<T>& z, const T& c, const T& s, T* tau) {
+  tau[b.v] = at<I>(z.n);
+  return force_to_inboard<T, I, TILT>(b, c, s, z);
 }
 
 // A rotor: axisymmetric about its hinge axis u, mass centre on it, nothing hangs on it. Whatever its angle it has one inertia
@@ -333,13 +334,19 @@ static void acceleration_axes(const SweepModel& model, Workspace<T>& ws, T* vdot
 template <class T>
 static void gather_axes(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* tau, int begin, int end) {
   const T *cosines = ws.cosines.data(), *sines = ws.sines.data();
+  Force<T> z = ws.core(end - 1).z;  // of body n: of a chain it need not be read again
   for (int n = end - 1; n >= begin; --n) {
     const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(n)];
+    Core<T>& inboard = ws.core(b.parent);
     if (b.kind == KernelKind::rotor) {
-      gather_rotor(b, ws.core(b.parent), ws.axis(n), in, tau);
+      gather_rotor(b, inboard, ws.axis(n), in, tau);
+      z = ws.core(n - 1).z;
       continue;
     }
-    for_axis(b.kind, [&]<int I, Tilt TILT>() { gather_axis<T, I, TILT>(b, ws.core(b.parent), ws.axis(n), cosines[b.angle], sines[b.angle], tau); });
+    const Force<T> f = for_axis(b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) { return gather_axis<T, I, TILT>(b, z, cosines[b.angle], sines[b.angle], tau); });
+    z = inboard.z + f;
+    inboard.z = z;
+    if (b.parent != n - 1) z = ws.core(n - 1).z;
   }
 }
 
