@@ -2,7 +2,7 @@
 --
 -- # 1 Spatial notation
 --
--- Source: Rodriguez, Jain, Kreutz-Delgado 1991, section 2; Jain 2011, the chapter on spatial vectors; docs/mathematics/spatial.md.
+-- Source: Rodriguez, Jain, Kreutz-Delgado 1991; Jain 2011, the chapter on spatial vectors; docs/mathematics/spatial.md.
 --
 -- A rigid body moves as one thing, but one has to say where one looks at it. At a point x it has the spatial velocity
 --

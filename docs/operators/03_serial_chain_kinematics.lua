@@ -2,7 +2,7 @@
 --
 -- # 3 Kinematics of a serial chain: scatter and gather
 --
--- Source: Rodriguez, Jain, Kreutz-Delgado 1991, section 2; Jain 2011, the chapters on serial-chain kinematics and on spatial
+-- Source: Rodriguez, Jain, Kreutz-Delgado 1991; Jain 2011, the chapters on serial-chain kinematics and on spatial
 -- operators; docs/notation.md for the numbering.
 --
 -- Each hinge adds H*(k) v(k) to what its body has from its inboard body p:

@@ -2,7 +2,7 @@
 --
 -- # 4 Dynamics of a serial chain
 --
--- Source: Luh, Walker, Paul 1980 (the recursion); Rodriguez, Jain, Kreutz-Delgado 1991, section 3 (as operators); Jain 2011, the
+-- Source: Luh, Walker, Paul 1980 (the recursion); Rodriguez, Jain, Kreutz-Delgado 1991 (as operators); Jain 2011, the
 -- chapter on the equations of motion of a serial chain; docs/mathematics/tree_algorithms.md sections 1 and 2.
 --
 -- Accelerations scatter as velocities do, forces gather:

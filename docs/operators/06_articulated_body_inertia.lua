@@ -3,7 +3,7 @@
 -- # 6 Articulated body inertia
 --
 -- Source: Featherstone 1983 (the inertia); Rodriguez 1987 (the Riccati equation, and the filter it comes from); Rodriguez, Jain,
--- Kreutz-Delgado 1991, section 4; Jain 2011, the chapter on the articulated body model; tree_algorithms.md section 4.
+-- Kreutz-Delgado 1991; Jain 2011, the chapter on the articulated body model; tree_algorithms.md section 4.
 --
 -- The composite inertia freezes the outboard hinges. Let them go instead, free of torque: what one feels then is the articulated
 -- body inertia P. A hinge transmits only what does not move it,

@@ -2,7 +2,7 @@
 --
 -- # 7 Factorisation and inversion of the mass matrix
 --
--- Source: Rodriguez 1987; Rodriguez, Kreutz 1988; Rodriguez, Jain, Kreutz-Delgado 1991, section 5 (innovations factorisation);
+-- Source: Rodriguez 1987; Rodriguez, Kreutz-Delgado 1992; Rodriguez, Jain, Kreutz-Delgado 1991 (innovations factorisation);
 -- Jain 2011, the chapter on mass matrix inversion.
 --
 -- H phi M phi* H* has factors that are not square. Articulated inertias give others, and these are:
@@ -22,14 +22,14 @@ assert(zero(L * D * L:star() - s.mass, s.mass:norm()))
 
 -- ## Where it comes from
 --
--- P takes phi M phi* apart as R does (page 5), but with K, not P, in the product:
+-- P takes phi M phi* apart as R does (page 5), and one term more is left, of rank no larger than there are hinge velocities:
 --
 --     phi M phi* = P + phi~ P + P phi~* + phi K D K* phi*
 
-local tilde = s.phi - s.I
-assert(zero(s.phi * s.M * s.phi:star() - s.P - tilde * s.P - s.P * tilde:star() - s.phi * s.K * D * s.K:star() * s.phi:star(), (s.phi * s.M * s.phi:star()):norm()))
+local tilde, all = s.phi - s.I, s.phi * s.M * s.phi:star()
+assert(zero(all - s.P - tilde * s.P - s.P * tilde:star() - s.phi * s.K * D * s.K:star() * s.phi:star(), all:norm()))
 
--- Between H and H*, with H P H* = D, H phi~ P H* = H phi E_phi P H* = H phi K D, this is the square of the first line above.
+-- Between H and H*, with H P H* = D and H phi~ P H* = H phi E_phi P H* = H phi K D, these are the four terms of (I + H phi K) D (I + H phi K)*.
 
 -- ## The inverse, by rule
 --
@@ -55,11 +55,10 @@ print(L:dense())
 --
 -- The triangles have determinant 1: det M = product of all D(k).
 
-local det_mass, sum = 1, 0
-local d, m = D:dense(), s.mass:dense()
+local d, m, sum = D:dense(), s.mass:dense(), 0
 for k = 1, 3 do sum = sum + math.log(d(k, k)) end
 assert(math.abs(sum - s:log_det()) < 1e-14)
-det_mass = m(1, 1) * (m(2, 2) * m(3, 3) - m(2, 3) * m(3, 2)) - m(1, 2) * (m(2, 1) * m(3, 3) - m(2, 3) * m(3, 1)) +
+local det_mass = m(1, 1) * (m(2, 2) * m(3, 3) - m(2, 3) * m(3, 2)) - m(1, 2) * (m(2, 1) * m(3, 3) - m(2, 3) * m(3, 1)) +
   m(1, 3) * (m(2, 1) * m(3, 2) - m(2, 2) * m(3, 1))
 assert(math.abs(math.log(det_mass) - s:log_det()) < 1e-12)
 print(string.format("log det of the mass matrix: %.6g", s:log_det()))

@@ -2,7 +2,7 @@
 --
 -- # 8 Forward dynamics
 --
--- Source: Rodriguez 1987; Rodriguez, Jain, Kreutz-Delgado 1991, section 6; Jain 2011, the chapter on forward dynamics;
+-- Source: Rodriguez 1987; Rodriguez, Jain, Kreutz-Delgado 1991; Jain 2011, the chapter on forward dynamics;
 -- docs/mathematics/tree_algorithms.md section 5, which is what a step of the simulation does.
 --
 -- Given tau, find v' of M v' + C = tau:

@@ -2,8 +2,8 @@
 --
 -- # 10 Operational space
 --
--- Source: Khatib 1987 (the inertia, the dynamically consistent inverse); Kreutz-Delgado, Jain, Rodriguez 1992 (its operators); Jain 2011, the
--- chapter on operational space dynamics.
+-- Source: Khatib 1987 (the inertia, the dynamically consistent inverse); Kreutz-Delgado, Jain, Rodriguez 1992 (its operators);
+-- Jain 2011, the chapter on operational space dynamics.
 --
 -- How does a force on a node accelerate that node, and others? With the Jacobian J = B* phi* H* of the nodes,
 --

@@ -62,8 +62,8 @@ end
 
 -- ## Frequencies of the whole
 --
--- Without velocities, M v' = -K q_e with K = diag(omega_k^2) on the modes. With all but the modes eliminated, M^-1 has a block for the modes,
--- and K^1/2 (M^-1)_ee K^1/2 has the squares of the system's frequencies as eigenvalues. At eta = 0:
+-- For small motions M v' = - [ 0 ; K eta ], K = diag(omega_k^2). The block of M^-1 that belongs to the modes is what all other
+-- velocities, following freely, leave of it: K^1/2 (M^-1)_ee K^1/2 has the squares of the system's frequencies as eigenvalues. At eta = 0:
 
 local q = sim:q()
 for k = 1, 4 do q["boom.eta_" .. k] = 0 end
