@@ -34,7 +34,7 @@ local function part(x, at) return { x[at + 1], x[at + 2], x[at + 3] } end
 local names = { "shoulder", "upper", "fore" }
 local g = { 0, 0, -9.81 }
 local places = { false, { 0.1, 0, 0.4 }, { 0.6, 0, 0 } } -- of the hinges on their inboard bodies
-local a, b = {}, {}
+local a = {}
 for k = 1, 3 do
   local at, in_A = 6 * (k - 1), 6 * (k - 2)
   local angular, linear
@@ -53,16 +53,23 @@ for k = 1, 3 do
     linear = (Rt * vector(vec.cross(w_A, vec.cross(w_A, places[k])))):table()
   end
   for i = 1, 3 do a[at + i], a[at + 3 + i] = angular[i], linear[i] end
+end
+a = vector(a)
 
-  -- ## b: what a body needs that turns evenly. b = [ w x J w ; w x (w x h) ], page 2
-  local w = part(V, at)
-  local Jw = {}
+-- ## b: the force on a body that turns evenly
+--
+-- b = [ w x J w ; w x (w x h) ], page 2. J and h are in M.
+
+local b = {}
+for k = 1, 3 do
+  local at = 6 * (k - 1)
+  local w, Jw = part(V, at), {}
   for i = 1, 3 do Jw[i] = M(at + i, at + 1) * w[1] + M(at + i, at + 2) * w[2] + M(at + i, at + 3) * w[3] end
   local h = { -M(at + 2, at + 6), M(at + 1, at + 6), -M(at + 1, at + 5) } -- from h~, the upper right block of M
   local gyroscopic, centripetal = vec.cross(w, Jw), vec.cross(w, vec.cross(w, h))
   for i = 1, 3 do b[at + i], b[at + 3 + i] = gyroscopic[i], centripetal[i] end
 end
-a, b = vector(a), vector(b)
+b = vector(b)
 
 -- ## Inverse dynamics
 --

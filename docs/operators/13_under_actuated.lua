@@ -23,7 +23,8 @@ local is_free = { ["left.wy"] = true, ["left_hand.rate"] = true }
 -- ## The letters of the free part
 --
 -- H has rows of zeros for what is given, and so D and the rest. The mass matrix of the free part is a block of the whole one, and its
--- inverse is the inverse of this block: the other components stay where they are told.
+-- inverse is the inverse of this block: the other components stay where they are told. `articulate` changes the letters of the
+-- operators() it is called on, and what was made of them: so these have their own.
 
 local block, inverse = free.mass:dense(), free.mass:inv():dense()
 local whole = s.mass:dense()

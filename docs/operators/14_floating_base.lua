@@ -89,6 +89,11 @@ assert((M_g * part(inverse, 6, nm, 6, nm) - matrix { { 1, 0, 0, 0 }, { 0, 1, 0, 
 local compliance = (B:star() * s.omega * B):dense()
 local sum = J_b * M_bb:solve(J_b:t()) + J_g * M_g:solve(J_g:t())
 assert((compliance - sum):max_abs() < 1e-12 * compliance:max_abs())
+local log_det = 0
+for _, A in ipairs { M_bb, M_g } do
+  for _, eigenvalue in ipairs(A:eigenvalues():table()) do log_det = log_det + math.log(eigenvalue) end
+end
+assert(math.abs(log_det - s:log_det()) < 1e-12 * math.abs(log_det))
 print(string.format("left shoulder: %.6g kg m^2 with the base held, %.6g with the base afloat", M_mm(1, 1), M_g(1, 1)))
 
 -- The kinetic energy at zero momentum needs the arms alone:
@@ -97,8 +102,9 @@ assert(math.abs(T - 0.5 * v_m:dot(M_g * v_m)) < 1e-12 * T)
 
 -- ## And in time
 --
--- The arms swing on without motors, and the momentum stays zero; but its angular part cannot be integrated: at zero momentum all
--- the time, the base does turn (as cats do).
+-- The arms swing on without motors. The momentum stays zero, and the base turns all the while: without angular momentum one may
+-- turn, as cats know.
+
 local before = { sat:body("base"):attitude() }
 sim:run_to(2)
 local later = sim:operators().mass * sim:v()
