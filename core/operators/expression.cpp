@@ -285,6 +285,9 @@ Expression Expression::star() const { return {tree_, star_of(formula_)}; }
 Expression Expression::inv() const {
   if (formula_->rows != formula_->cols)
     fail(Code::no_inverse, "inverse of " + text(), "a square operator", shape(), "only products of square operators and the mass matrix have an inverse");
+  if (tree_->is_weighted() && same(formula_, mass_of()))
+    fail(Code::no_inverse, "inverse of " + text(), "articulate() without W", "D = H P H* + W",
+         "with it, ((I + H phi K) D (I + H phi K)*):inv() is the inverse of mass + W");
   if (const auto f = inverse_of(formula_)) return {tree_, *f};
   fail(Code::no_inverse, "inverse of " + text(), "an operator whose inverse a rule gives: phi, psi, D, M, mass, I + H phi K, products of these",
        "no rule for it", "(...):dense() gives a matrix, and solve() its inverse");
@@ -344,6 +347,7 @@ Eigen::VectorXd Expression::apply(const Eigen::VectorXd& x) const {
 }
 
 Eigen::MatrixXd Expression::dense() const {
+  if (formula_->form == Form::unit) fail(Code::operator_shape, "I", "I in a sum or product with an operator", "I alone");
   require_stages(*tree_, formula_);
   Eigen::MatrixXd out(rows(), cols());
   Eigen::VectorXd unit = Eigen::VectorXd::Zero(cols());

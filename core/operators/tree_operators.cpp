@@ -443,7 +443,7 @@ SpaceLabels TreeOperators::labels(Space space, Sort sort) const {
     else
       for (int r = 0; r < 6; ++r) put(b.at + r, fmt::format("{}:{}", u.name, (sort == Sort::force ? kForceAxes : kAxes)[r]), r < 3 ? "rad/s" : "m/s");
     const int first = space == Space::hinge ? b.etadot : b.at + 6;
-    for (int j = 0; j < b.m; ++j) put(first + j, fmt::format("{}.eta_{}", u.name, j + 1), "1/s");
+    for (int j = 0; j < b.m; ++j) put(first + j, fmt::format("{}.etadot_{}", u.name, j + 1), "1/s");
   }
   return out;
 }

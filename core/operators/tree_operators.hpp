@@ -177,6 +177,7 @@ class TreeOperators {
   const Matrix6X& dA(int i) const { return direction_->A[sweep(i)]; }
   const Eigen::MatrixXd& dHt(int i) const { return masked_ ? dHt_free_[static_cast<std::size_t>(i)] : direction_->Ht[sweep(i)]; }
   const Eigen::MatrixXd& dM(int i) const { return direction_->M[sweep(i)]; }
+  bool is_weighted() const { return weighted_; }  ///< D has a W beside H P H*
   bool is_free(int hinge_component) const { return free_.empty() || free_[static_cast<std::size_t>(hinge_component)] != 0; }
 
   // Products -----------------------------------------------------------------------------------------------------------------
