@@ -55,7 +55,7 @@ assert(zero(L * (s.I - s.H * s.psi * s.K) - s.I, L:norm() ^ 2))
 -- the hinge (flexible.md section 6). The result is the same D, by another way. Only rigid rows of P+ go on to the bus:
 
 local D, P_plus = s.D:dense(), s.P_plus:dense()
-assert(D("boom.rate", "boom.eta_2") ~= 0 and D("boom.rate", "camera.rate") == 0)
+assert(D("boom.rate", "boom.etadot_2") ~= 0 and D("boom.rate", "camera.rate") == 0)
 for i, name in ipairs(body) do
   if modes(name) then assert(math.abs(P_plus(i, i)) < 1e-10) end -- a free mode transmits nothing
 end
@@ -66,9 +66,9 @@ end
 -- velocities, following freely, leave of it: K^1/2 (M^-1)_ee K^1/2 has the squares of the system's frequencies as eigenvalues. At eta = 0:
 
 local q = sim:q()
-for k = 1, 4 do q["boom.eta_" .. k] = 0 end
+for k = 1, 4 do q["boom.etadot_" .. k] = 0 end
 sim:state { q = q }
-local cantilever, etas = sat:modes "boom", { "boom.eta_1", "boom.eta_2", "boom.eta_3", "boom.eta_4" }
+local cantilever, etas = sat:modes "boom", { "boom.etadot_1", "boom.etadot_2", "boom.etadot_3", "boom.etadot_4" }
 local function frequencies(t)
   local inverse, rows = t.mass:inv():dense(), {}
   for i, a in ipairs(etas) do
