@@ -8,11 +8,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <new>
 
 #include "core/base/units.hpp"
 #include "core/operators/expression.hpp"
-#include "scripts/host/lua_matrix.hpp"
 #include "scripts/host/lua_table.hpp"
 
 namespace cardan {
@@ -26,45 +24,22 @@ using soa::TreeOperators;
 
 constexpr char kOperators[] = "cardan.operators", kOperator[] = "cardan.operator";
 
-/// The operators of a tree, or of a part of it.
-struct Operators {
-  std::shared_ptr<TreeOperators> tree;
-  std::string of;  // "the whole tree", "subtree of boom"
-};
-
 template <class T>
 T* object(lua_State* L, int index, const char* type) { return static_cast<T*>(luaL_testudata(L, index, type)); }
 
-Operators& self(lua_State* L) {
-  if (auto* o = object<Operators>(L, 1, kOperators)) return *o;
-  refuse(L, Code::lua_argument, "operators", "the result of operators() before a colon", describe_value(L, 1), "s = sim:operators(); s:subtree(\"boom\")");
-}
 Expression& expression(lua_State* L, int index = 1) {
   if (auto* e = object<Expression>(L, index, kOperator)) return *e;
   refuse(L, Code::lua_argument, "operator", "an operator before a colon", describe_value(L, index), "methods are called with a colon: s.phi:star()");
 }
 
-template <class T, class... Args>
-void push_object(lua_State* L, const char* type, Args&&... args) {
-  void* memory = lua_newuserdatauv(L, sizeof(T), 0);
-  new (memory) T{std::forward<Args>(args)...};
-  luaL_setmetatable(L, type);
-}
 int push(lua_State* L, Expression e) {
   push_object<Expression>(L, kOperator, std::move(e));
   return 1;
 }
-template <class T>
-int collect(lua_State* L) {
-  static_cast<T*>(lua_touserdata(L, 1))->~T();
-  return 0;
-}
-
-Labels labels(soa::SpaceLabels l) { return {std::move(l.names), std::move(l.units)}; }
 /// Without units where the formula does not say what it gives.
 Labels labels(soa::SpaceLabels l, Sort sort) {
   if (sort == Sort::unknown) l.units.clear();
-  return labels(std::move(l));
+  return to_labels(std::move(l));
 }
 
 /// The work of applying an expression once, as steps of the script's budget.
@@ -85,23 +60,6 @@ int sweep_body(lua_State* L, int arg, const Model& m, const char* what) {
   return k;
 }
 
-/// Strings of a table, or the arguments from `first` on.
-std::vector<std::string> names_at(lua_State* L, int first, const char* what) {
-  std::vector<std::string> names;
-  const bool in_table = lua_type(L, first) == LUA_TTABLE;
-  const int n = in_table ? static_cast<int>(lua_rawlen(L, first)) : lua_gettop(L) - first + 1;
-  for (int i = 0; i < n; ++i) {
-    if (in_table)
-      lua_rawgeti(L, first, i + 1);
-    else
-      lua_pushvalue(L, first + i);
-    if (lua_type(L, -1) != LUA_TSTRING) refuse(L, Code::lua_argument, what, "names", describe_value(L, -1));
-    names.emplace_back(lua_tostring(L, -1));
-    lua_pop(L, 1);
-  }
-  return names;
-}
-
 // ---- operators(): letters and methods ------------------------------------------------------------------------------------------
 
 /// Letters and methods, sorted.
@@ -114,7 +72,7 @@ std::vector<std::string> known_names(lua_State* L, int methods) {
 }
 
 int operators_index(lua_State* L) {
-  Operators& o = self(L);
+  LuaOperators& o = to_operators(L);
   if (lua_type(L, 2) == LUA_TSTRING) {
     const std::string_view name = lua_tostring(L, 2);
     for (std::size_t k = 0; k < std::size(soa::kKinds); ++k)
@@ -140,31 +98,31 @@ int operators_index(lua_State* L) {
 }
 
 int operators_text(lua_State* L) {
-  const Operators& o = self(L);
+  const LuaOperators& o = to_operators(L);
   lua_pushstring(L, fmt::format("operators of {}: {} bodies, hinge space {}, body space {}, {} nodes", o.of, o.tree->bodies().size(),
                                 o.tree->size(Space::hinge), o.tree->size(Space::body), o.tree->nodes().size())
                         .c_str());
   return 1;
 }
 
-int push_part(lua_State* L, const Operators& o, const std::vector<int>& bodies, std::string of) {
+int push_part(lua_State* L, const LuaOperators& o, const std::vector<int>& bodies, std::string of) {
   auto part = std::make_shared<TreeOperators>(o.tree->subgraph(bodies));
   part->articulate();
-  push_object<Operators>(L, kOperators, std::move(part), std::move(of));
+  push_object<LuaOperators>(L, kOperators, std::move(part), std::move(of));
   return 1;
 }
 int subtree(lua_State* L) {
-  const Operators& o = self(L);
+  const LuaOperators& o = to_operators(L);
   return push_part(L, o, o.tree->subtree(sweep_body(L, 2, o.tree->model(), "subtree")), fmt::format("the subtree of {}", lua_tostring(L, 2)));
 }
 int path(lua_State* L) {
-  const Operators& o = self(L);
+  const LuaOperators& o = to_operators(L);
   const Model& m = o.tree->model();
   return push_part(L, o, o.tree->path(sweep_body(L, 2, m, "path"), sweep_body(L, 3, m, "path")),
                    fmt::format("the path from {} to {}", lua_tostring(L, 2), lua_tostring(L, 3)));
 }
 int subgraph(lua_State* L) {
-  const Operators& o = self(L);
+  const LuaOperators& o = to_operators(L);
   const std::vector<std::string> names = names_at(L, 2, "subgraph");
   std::vector<int> bodies;
   for (const std::string& name : names) {
@@ -177,22 +135,13 @@ int subgraph(lua_State* L) {
 
 /// s:nodes("bus.tip", ...) -> B of these nodes
 int nodes(lua_State* L) {
-  const Operators& o = self(L);
-  const Model& m = o.tree->model();
-  std::vector<std::string> known;
-  for (const UserNode& n : m.nodes) known.push_back(n.name);
-  std::vector<int> out;
-  for (const std::string& name : names_at(L, 2, "nodes")) {
-    const int j = m.find_node(name);
-    if (j < 0) refuse(L, Code::unknown_node, "nodes", fmt::format("nodes of the vehicle: {}", fmt::join(known, ", ")), in_quotes(name), did_you_mean(name, known));
-    out.push_back(j);
-  }
-  return push(L, Expression::nodes(o.tree, out));
+  const LuaOperators& o = to_operators(L);
+  return push(L, Expression::nodes(o.tree, nodes_at(L, 2, o.tree->model())));
 }
 
 /// s:articulate{free = {"arm.angle", ...}, W = vector}: P, D, G anew.
 int articulate(lua_State* L) {
-  Operators& o = self(L);
+  LuaOperators& o = to_operators(L);
   const int n = o.tree->size(Space::hinge);
   Eigen::VectorXd W;
   std::vector<std::uint8_t> free;
@@ -203,14 +152,7 @@ int articulate(lua_State* L) {
       if (key == "W")
         W = to_vector(L, lua_gettop(L), n, "W of articulate");
       else if (key == "free") {
-        const soa::SpaceLabels l = o.tree->labels(Space::hinge, Sort::motion);
-        free.assign(static_cast<std::size_t>(n), 0);
-        for (const std::string& name : names_at(L, lua_gettop(L), "free of articulate")) {
-          const auto found = std::find(l.names.begin(), l.names.end(), name);
-          if (found == l.names.end())
-            refuse(L, Code::unknown_name, "free of articulate", fmt::format("velocity components: {}", fmt::join(l.names, ", ")), in_quotes(name), did_you_mean(name, l.names));
-          free[static_cast<std::size_t>(found - l.names.begin())] = 1;
-        }
+        free = component_mask(L, *o.tree, names_at(L, lua_gettop(L), "free of articulate"), "free of articulate");
       } else
         refuse(L, Code::lua_argument, "articulate", "free, W", describe_value(L, -2));
     }
@@ -219,31 +161,28 @@ int articulate(lua_State* L) {
   return 0;
 }
 int operational_space(lua_State* L) {
-  self(L).tree->operational_space();
+  to_operators(L).tree->operational_space();
   return 0;
 }
 /// s:along(u): dH, dE_phi, dM where q moves by N(q) u; u: a vector over v, or the name of one component.
 int along(lua_State* L) {
-  Operators& o = self(L);
+  LuaOperators& o = to_operators(L);
   Eigen::VectorXd u = Eigen::VectorXd::Zero(o.tree->model().nv);
   if (lua_type(L, 2) == LUA_TSTRING) {
-    const soa::SpaceLabels l = o.tree->labels(Space::hinge, Sort::motion);
-    const auto found = std::find(l.names.begin(), l.names.end(), lua_tostring(L, 2));
-    if (found == l.names.end())
-      refuse(L, Code::unknown_name, "along", fmt::format("a velocity component: {}", fmt::join(l.names, ", ")), describe_value(L, 2), did_you_mean(lua_tostring(L, 2), l.names));
+    const std::vector<std::uint8_t> one = component_mask(L, *o.tree, {lua_tostring(L, 2)}, "along");
     for (int v = 0; v < o.tree->model().nv; ++v)
-      if (o.tree->place_of_velocity(v) == found - l.names.begin()) u[v] = 1.0;
+      if (const int place = o.tree->place_of_velocity(v); place >= 0 && one[static_cast<std::size_t>(place)]) u[v] = 1.0;
   } else
     u = to_vector(L, 2, u.size(), "the direction of along");
   o.tree->along(u.data());
   return 0;
 }
 int log_det(lua_State* L) {
-  lua_pushnumber(L, self(L).tree->log_det());
+  lua_pushnumber(L, to_operators(L).tree->log_det());
   return 1;
 }
 int size(lua_State* L) {
-  const Operators& o = self(L);
+  const LuaOperators& o = to_operators(L);
   const std::string name = lua_type(L, 2) == LUA_TSTRING ? lua_tostring(L, 2) : "";
   if (name != "hinge" && name != "body" && name != "node") refuse(L, Code::lua_argument, "size", "\"hinge\", \"body\" or \"node\"", describe_value(L, 2));
   lua_pushinteger(L, o.tree->size(name == "hinge" ? Space::hinge : name == "body" ? Space::body : Space::node));
@@ -251,7 +190,7 @@ int size(lua_State* L) {
 }
 /// Names of the numbers of a space, in order.
 int names(lua_State* L) {
-  const Operators& o = self(L);
+  const LuaOperators& o = to_operators(L);
   const std::string name = lua_type(L, 2) == LUA_TSTRING ? lua_tostring(L, 2) : "hinge";
   if (name != "hinge" && name != "body" && name != "node") refuse(L, Code::lua_argument, "names", "\"hinge\", \"body\" or \"node\"", describe_value(L, 2));
   const soa::SpaceLabels l = o.tree->labels(name == "hinge" ? Space::hinge : name == "body" ? Space::body : Space::node, Sort::motion);
@@ -376,25 +315,8 @@ int operator_text(lua_State* L) {
   return 1;
 }
 
-/// Errors of the operators know no script: its line is added here.
 template <lua_CFunction kFunction>
-int at_script_line(lua_State* L) {
-  try {
-    return kFunction(L);
-  } catch (const InputError& e) {
-    std::vector<Diagnostic> all = e.diagnostics();
-    for (Diagnostic& d : all) {
-      if (!d.at.mark.file.empty()) continue;
-      d.at.mark = LuaHost::caller(L);
-      d.stack = LuaHost::traceback(L);
-    }
-    throw InputError(all);
-  }
-}
-template <lua_CFunction kFunction>
-int method(lua_State* L) {
-  return LuaHost::guarded(L, at_script_line<kFunction>);
-}
+constexpr lua_CFunction method = operator_method<kFunction>;
 
 const std::vector<luaL_Reg> kOperatorsMethods = {{"subtree", method<subtree>},       {"path", method<path>},   {"subgraph", method<subgraph>},
                                                  {"nodes", method<nodes>},           {"along", method<along>}, {"articulate", method<articulate>},
@@ -405,6 +327,68 @@ const std::vector<luaL_Reg> kOperatorMethods = {{"star", method<star>}, {"inv", 
 
 }  // namespace
 
+LuaOperators& to_operators(lua_State* L) {
+  if (auto* o = object<LuaOperators>(L, 1, kOperators)) return *o;
+  refuse(L, Code::lua_argument, "operators", "the result of operators() before a colon", describe_value(L, 1), "s = sim:operators(); s:subtree(\"boom\")");
+}
+
+Labels to_labels(soa::SpaceLabels l) { return {std::move(l.names), std::move(l.units)}; }
+
+/// Strings of a table, or the arguments from `first` on.
+std::vector<std::string> names_at(lua_State* L, int first, const char* what) {
+  std::vector<std::string> names;
+  const bool in_table = lua_type(L, first) == LUA_TTABLE;
+  const int n = in_table ? static_cast<int>(lua_rawlen(L, first)) : lua_gettop(L) - first + 1;
+  for (int i = 0; i < n; ++i) {
+    if (in_table)
+      lua_rawgeti(L, first, i + 1);
+    else
+      lua_pushvalue(L, first + i);
+    if (lua_type(L, -1) != LUA_TSTRING) refuse(L, Code::lua_argument, what, "names", describe_value(L, -1));
+    names.emplace_back(lua_tostring(L, -1));
+    lua_pop(L, 1);
+  }
+  return names;
+}
+
+std::vector<int> node_indices(lua_State* L, const std::vector<std::string>& names, const Model& m) {
+  std::vector<std::string> known;
+  for (const UserNode& n : m.nodes) known.push_back(n.name);
+  std::vector<int> out;
+  for (const std::string& name : names) {
+    const int j = m.find_node(name);
+    if (j < 0) refuse(L, Code::unknown_node, "nodes", fmt::format("nodes of the vehicle: {}", fmt::join(known, ", ")), in_quotes(name), did_you_mean(name, known));
+    out.push_back(j);
+  }
+  return out;
+}
+
+std::vector<std::uint8_t> component_mask(lua_State* L, const TreeOperators& tree, const std::vector<std::string>& names, const char* what) {
+  const soa::SpaceLabels l = tree.labels(Space::hinge, Sort::motion);
+  std::vector<std::uint8_t> mask(l.names.size(), 0);
+  for (const std::string& name : names) {
+    const auto found = std::find(l.names.begin(), l.names.end(), name);
+    if (found == l.names.end())
+      refuse(L, Code::unknown_name, what, fmt::format("velocity components: {}", fmt::join(l.names, ", ")), in_quotes(name), did_you_mean(name, l.names));
+    mask[static_cast<std::size_t>(found - l.names.begin())] = 1;
+  }
+  return mask;
+}
+
+int at_script_line(lua_State* L, lua_CFunction function) {
+  try {
+    return function(L);
+  } catch (const InputError& e) {
+    std::vector<Diagnostic> all = e.diagnostics();
+    for (Diagnostic& d : all) {
+      if (!d.at.mark.file.empty()) continue;
+      d.at.mark = LuaHost::caller(L);
+      d.stack = LuaHost::traceback(L);
+    }
+    throw InputError(all);
+  }
+}
+
 int push_operators(lua_State* L, Scenario& s) {
   if (s.in_event_function) refuse(L, Code::lua_argument, "operators", "coordinates, inside of an event's `when`", "operators");
   auto tree = std::make_shared<TreeOperators>(s.model);
@@ -414,7 +398,7 @@ int push_operators(lua_State* L, Scenario& s) {
     refuse(L, Code::lua_argument, "operators", "no argument, or the last stage to compute: \"position\", \"inertia\"", describe_value(L, 2));
   if (stage == "inertia") tree->articulate();
   LuaHost::charge(L, 200 * (tree->size(Space::body) + 1));
-  push_object<Operators>(L, kOperators, std::move(tree), "the whole tree");
+  push_object<LuaOperators>(L, kOperators, std::move(tree), "the whole tree");
   return 1;
 }
 
@@ -427,7 +411,10 @@ void bind_operators(Scenario& s) {
       lua_pushcfunction(L, m.func);
       lua_setfield(L, -2, m.name);
     }
-    make_handle_type(L, kOperators, kOperatorsMethods, method<operators_text>);
+    make_analysis_types(L);
+    std::vector<luaL_Reg> methods = kOperatorsMethods;
+    methods.insert(methods.end(), analysis_methods().begin(), analysis_methods().end());
+    make_handle_type(L, kOperators, methods, method<operators_text>);
     luaL_getmetatable(L, kOperators);
     lua_getfield(L, -1, "__index");  // the table of methods: letters come first
     lua_pushvalue(L, -1);
@@ -440,7 +427,7 @@ void bind_operators(Scenario& s) {
     }
     lua_setfield(L, -3, "__members");
     lua_pop(L, 1);
-    lua_pushcfunction(L, collect<Operators>);
+    lua_pushcfunction(L, collect<LuaOperators>);
     lua_setfield(L, -2, "__gc");
   });
 }

@@ -1,4 +1,10 @@
 #pragma once
+// Spatial operators in scripts: what the files that bind them share.
+#include <new>
+#include <utility>
+
+#include "core/operators/tree_operators.hpp"
+#include "scripts/host/lua_matrix.hpp"
 #include "scripts/host/scenario.hpp"
 
 namespace cardan {
@@ -7,5 +13,46 @@ namespace cardan {
 void bind_operators(Scenario&);
 /// Pushes the operators at the present state; argument 2 may name the last stage to compute ("position", "inertia").
 int push_operators(lua_State* L, Scenario&);
+
+/// The operators of a tree, or of a part of it.
+struct LuaOperators {
+  std::shared_ptr<soa::TreeOperators> tree;
+  std::string of;  // "the whole tree", "the subtree of boom"
+};
+/// Argument 1.
+LuaOperators& to_operators(lua_State* L);
+Labels to_labels(soa::SpaceLabels l);
+
+/// Texts of the table at `first`, or the arguments from there on.
+std::vector<std::string> names_at(lua_State* L, int first, const char* what);
+/// Indices into Model::nodes.
+std::vector<int> node_indices(lua_State* L, const std::vector<std::string>& names, const Model&);
+inline std::vector<int> nodes_at(lua_State* L, int first, const Model& m) { return node_indices(L, names_at(L, first, "nodes"), m); }
+/// 1 for these velocity components of the tree, by their names in the hinge space.
+std::vector<std::uint8_t> component_mask(lua_State* L, const soa::TreeOperators&, const std::vector<std::string>& names, const char* what);
+
+/// A C++ object as a userdata of `type`, whose __gc is collect<T>.
+template <class T, class... Args>
+void push_object(lua_State* L, const char* type, Args&&... args) {
+  void* memory = lua_newuserdatauv(L, sizeof(T), 0);
+  new (memory) T{std::forward<Args>(args)...};
+  luaL_setmetatable(L, type);
+}
+template <class T>
+int collect(lua_State* L) {
+  static_cast<T*>(lua_touserdata(L, 1))->~T();
+  return 0;
+}
+
+/// A method whose errors, which know no script, are given its line.
+int at_script_line(lua_State* L, lua_CFunction function);
+template <lua_CFunction kFunction>
+int operator_method(lua_State* L) {
+  return LuaHost::guarded(L, [](lua_State* l) { return at_script_line(l, kFunction); });
+}
+
+// bind_analyses.cpp: methods of operators(), and the types of what they return.
+const std::vector<luaL_Reg>& analysis_methods();
+void make_analysis_types(lua_State* L);
 
 }  // namespace cardan
