@@ -111,6 +111,10 @@ TEST(LinearModel, AgreesWithDifferencesOfTheTrueRightHandSide) {
         for_all_trees({.bodies = 5, .flexible = flexible, .prescribed = prescribed, .springs = true, .gravity = gravity}, 1e-8, check_against_differences, 12);
 }
 
+TEST(LinearModel, SeenFromWheels) {  // bodies that the sweeps fold into their carrier
+  for_all_trees({.bodies = 4, .flexible = 0.0, .wheels = 0.9, .hinges = {"revolute", "ball"}}, 1e-8, check_against_differences, 40);
+}
+
 TEST(LinearModel, KinematicPart) {  // d^2/de dt of the deviation between two neighbours that both move with v
   for_all_trees({.bodies = 4, .hinges = {"ball", "free", "free_body", "gimbal", "planar"}}, 1e-8, [](const RandomTree& tree) {
     Loaded at(tree);

@@ -63,6 +63,29 @@ TEST(SystemModes, AgreeWithTheDenseProblem) {
           });
 }
 
+TEST(SystemModes, OfASubgraph) {  // the operators carry over: what is not in the set is ground
+  for_all_trees({.bodies = 7, .roots = 1, .flexible = 0.5, .springs = true}, 1e-9, [](const RandomTree& tree) {
+    const auto model = compiled(tree.spec);
+    if (model->bodies.size() < 3) return 0.0;
+    TreeOperators ops(model);
+    ops.at(model->initial_state().q.data());
+    const TreeOperators part = ops.subgraph(ops.subtree(2));
+    const int n = part.size(Space::hinge);
+    if (n == 0) return 0.0;
+    const MatrixXd M = dense(mass, part), K_whole = stiffness(*model);
+    MatrixXd K = MatrixXd::Zero(n, n);
+    for (int v = 0; v < model->nv; ++v)
+      for (int w = 0; w < model->nv; ++w)
+        if (part.place_of_velocity(v) >= 0 && part.place_of_velocity(w) >= 0) K(part.place_of_velocity(v), part.place_of_velocity(w)) = K_whole(v, w);
+    const VectorXd lambda = Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd>(K, M).eigenvalues();
+    const SystemModes modes = system_modes(part, {.elastic = n, .rigid = n});
+    double worst = 0.0;
+    for (int j = 0; j < n; ++j)
+      worst = std::max(worst, std::abs(std::pow(2.0 * std::numbers::pi * modes.frequency[j], 2) - lambda[j]) / std::max(lambda[j], 1e-6 * lambda[n - 1]));
+    return worst;
+  });
+}
+
 SpringDamper spring(double stiffness, double damping) {
   SpringDamper s;
   s.stiffness = stiffness, s.damping = damping;

@@ -54,6 +54,13 @@ TEST(LinearModelFile, JsonAndHdf5KeepEveryBit) {
   EXPECT_EQ(file.read_doubles("/C").shape, (std::vector<std::size_t>{1, 2}));
   EXPECT_EQ(file.read_texts("/input_names"), m.inputs.names);
   EXPECT_EQ(file.read_doubles("/t").values[0], 0.1);
+  const std::string other = path + ".h5";
+  soa::LinearModel none = m;  // without inputs
+  none.B.resize(2, 0), none.D.resize(1, 0), none.u0.resize(0), none.inputs = {};
+  write_linear_model(none, other);
+  EXPECT_EQ(Hdf5File::open(other).read_doubles("/B").shape, (std::vector<std::size_t>{2, 0}));
+  EXPECT_TRUE(Hdf5File::open(other).read_texts("/input_names").empty());
+  std::filesystem::remove(other);
   std::filesystem::remove(path);
 }
 
