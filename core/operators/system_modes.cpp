@@ -137,7 +137,7 @@ SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& op
   const int wanted = std::min(std::max(options.elastic, 0), n_stiff);
 
   TreeOperators whole = same(tree), slack = same(tree);  // their stages are their own
-  const bool fused = tree.has_fused(TreeOperators::Fused::mass);
+  const bool fused = tree.model().rigid && tree.has_fused(TreeOperators::Fused::mass);  // else M_fl(eta) would be formed at each product
   const auto mass = [&](const VectorXd& x, VectorXd& Mx) {
     if (fused)
       tree.apply_fused(TreeOperators::Fused::mass, x.data(), Mx.data());
