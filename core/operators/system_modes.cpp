@@ -19,6 +19,7 @@ using Eigen::VectorXd;
 
 constexpr double kResidualLimit = 1e-8;
 constexpr int kFew = 32;
+constexpr int kDense = 1000;
 constexpr double kGap = 1e-4;  // of neighbouring eigenvalues, for the count
 
 std::size_t idx(int i) { return static_cast<std::size_t>(i); }
@@ -219,9 +220,12 @@ SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& op
       const int asked = std::min(n_stiff, wanted + extra);
       try {
         found = lowest_eigenpairs(K_inverse, M_reduced, asked, 0.0);
-      } catch (const LinalgError&) {
-        if (extra > 4 || asked == wanted) throw;
-        found = lowest_eigenpairs(K_inverse, M_reduced, wanted, 0.0);
+      } catch (const LinalgError&) {  // most often: so many equal eigenvalues that there is nothing to iterate on
+        if (n_stiff > kDense) throw;
+        found = lowest_eigenpairs(K_inverse, M_reduced, std::max(wanted, (n_stiff - 7) / 2), 0.0);  // so many that it is solved densely
+        taken = wanted;
+        out.complete = true;
+        break;
       }
       taken = std::min(wanted, static_cast<int>(found.values.size()));
       const int last = static_cast<int>(found.values.size());

@@ -160,6 +160,21 @@ TEST(SystemModes, EqualAppendagesComeAllOfThem) {  // 40 equal wings on a heavy 
   EXPECT_NEAR(modes.frequency[38], std::sqrt(10.0 / J) / (2.0 * std::numbers::pi), 1e-10);
 }
 
+TEST(SystemModes, HundredsOfEqualAppendages) {  // two distinct eigenvalues for 300 modes: nothing for Lanczos to iterate on
+  std::vector<BodySpec> bodies{on(rigid("hub", 1e3, Vector3d::Zero(), diagonal({500, 500, 500})), "", "free")};
+  for (int i = 0; i < 300; ++i) {
+    BodySpec b = on(rigid("w" + std::to_string(i), 1.0, {0.5, 0.0, 0.0}, diagonal({0.1, 0.2, 0.2})), "hub", "revolute", {Vector3d::UnitZ()});
+    b.hinge.springs.push_back(spring(9.0, 0.0));
+    bodies.push_back(b);
+  }
+  const auto model = compiled(system(bodies));
+  TreeOperators ops(model);
+  ops.at(model->initial_state().q.data());
+  const SystemModes modes = system_modes(ops);
+  EXPECT_TRUE(modes.complete);
+  for (int j = 6; j < 16; ++j) EXPECT_NEAR(modes.frequency[j], std::sqrt(9.0 / 0.45) / (2.0 * std::numbers::pi), 1e-10);
+}
+
 TEST(SystemModes, ManyComponentsWithoutStiffness) {  // more than are eliminated by their modes
   std::vector<BodySpec> bodies;
   for (int i = 0; i < 80; ++i) bodies.push_back(mass_on_spring(i, i % 2 == 0 ? 0.0 : 50.0 + i));
