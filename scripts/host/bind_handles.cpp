@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "core/base/units.hpp"
+#include "scripts/host/bind_linear.hpp"
 #include "scripts/host/bind_operators.hpp"
 #include "scripts/host/lua_table.hpp"
 #include "scripts/host/scenario.hpp"
@@ -394,6 +395,7 @@ int vehicle_mass(lua_State* L) {
   lua_pushnumber(L, mass);
   return 1;
 }
+int vehicle_linearize(lua_State* L) { return push_linear_model(L, *self<Kind::vehicle>(L).scenario); }
 
 int vehicle_operators(lua_State* L) { return push_operators(L, *self<Kind::vehicle>(L).scenario); }
 
@@ -450,6 +452,7 @@ constexpr Method kMethods[] = {
     {Kind::vehicle, "node", method<vehicle_part<Kind::node>>},
     {Kind::vehicle, "mass", method<vehicle_mass>},
     {Kind::vehicle, "operators", method<vehicle_operators>},
+    {Kind::vehicle, "linearize", method<vehicle_linearize>},
     {Kind::body, "attitude", method<body_attitude>},
     {Kind::body, "rate", method<body_rate>},
     {Kind::body, "position", method<body_position>},

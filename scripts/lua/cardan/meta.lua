@@ -101,6 +101,28 @@ function Vehicle:mass() end
 ---@return Operators
 function Vehicle:operators(last_stage) end
 
+---@class LinearModel
+---@field A number[][] x' = A x + B u
+---@field B number[][]
+---@field C number[][] y = C x + D u
+---@field D number[][]
+---@field drift number[] x' at the point
+---@field u0 number[]
+---@field y0 number[]
+---@field t number [s]
+---@field poles { re: number, im: number, frequency: number, damping: number }[] [rad/s], [Hz]
+---@field state_names string[]
+---@field state_units string[]
+---@field input_names string[]
+---@field input_units string[]
+---@field output_names string[]
+---@field output_units string[]
+
+--- The linear model about the state of now.
+---@param ports? { inputs?: string[], outputs?: string[] } "wheel.angle", "bus.tip:force", "bus:attitude"
+---@return LinearModel
+function Vehicle:linearize(ports) end
+
 ---@class Body
 local Body = {}
 ---@return number w, number x, number y, number z body to world

@@ -1,0 +1,409 @@
+#include "core/operators/inverse_kinematics.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "core/base/diagnostic.hpp"
+#include "core/operators/apply.hpp"
+#include "core/operators/node_motion.hpp"
+#include "core/soa/kernels.hpp"
+
+namespace cardan::soa {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+
+constexpr double kStationary = 1e-9;   // |J* e| over |J| |e|
+constexpr double kNullSpaceStep = 1e-7; // the distance to the preferred posture is flat to round-off below
+constexpr int kSecondaryIterations = 100;
+
+std::size_t idx(int i) { return static_cast<std::size_t>(i); }
+
+[[noreturn]] void refuse(Code code, std::string what, std::string expected, std::string got) {
+  throw InputError(Diagnostic{code, {"inverse kinematics: " + std::move(what), {}}, std::move(expected), std::move(got), {}, {}, {}, 0});
+}
+
+/// log of a rotation, also near a half turn.
+Vector3d rotation_vector(const Eigen::Matrix3d& R) {
+  const Vector3d s{0.5 * (R(2, 1) - R(1, 2)), 0.5 * (R(0, 2) - R(2, 0)), 0.5 * (R(1, 0) - R(0, 1))};
+  const double sine = s.norm(), cosine = 0.5 * (R.trace() - 1.0), angle = std::atan2(sine, cosine);
+  if (sine > 1e-3) return angle / sine * s;
+  if (cosine > 0.0) return (1.0 + sine * sine / 6.0 + 3.0 / 40.0 * std::pow(sine, 4)) * s;
+  Eigen::Index j = 0;  // near pi: R + R* = 2 cos + 2 (1 - cos) u u*
+  const Eigen::Matrix3d uu = (0.5 * (R + R.transpose()) - cosine * Eigen::Matrix3d::Identity()) / (1.0 - cosine);
+  uu.diagonal().maxCoeff(&j);
+  Vector3d u = uu.col(j).normalized();
+  if (u.dot(s) < 0.0) u = -u;
+  return angle * u;
+}
+Eigen::Matrix3d tilde(const Vector3d& a) { return (Eigen::Matrix3d() << 0, -a[2], a[1], a[2], 0, -a[0], -a[1], a[0], 0).finished(); }
+/// Inverse of the left Jacobian: log(exp(-d) exp(e)) = e - Jl^-1(e) d + ...
+Eigen::Matrix3d left_jacobian_inverse(const Vector3d& e) {
+  const double t = e.norm(), half = 0.5 * t;
+  const double c = t < 1e-2 ? 1.0 / 12.0 + t * t / 720.0 : (1.0 - half / std::tan(half)) / (t * t);
+  return Eigen::Matrix3d::Identity() - 0.5 * tilde(e) + c * tilde(e) * tilde(e);
+}
+
+/// splitmix64 (Steele, Lea, Flood 2014), uniform in [-1, 1).
+struct Random {
+  std::uint64_t state;
+  double operator()() {
+    std::uint64_t z = (state += 0x9e3779b97f4a7c15u);
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+    return static_cast<double>((z ^ (z >> 31)) >> 11) * 0x1p-52 - 1.0;
+  }
+};
+
+class Solver {
+ public:
+  Solver(const std::shared_ptr<const Model>& model, std::span<const IkTarget> targets, const IkOptions& options)
+      : m_(*model), targets_(targets), options_(options), tree_(model), ws_(m_), zeros_(idx(m_.nv), 0.0), coordinate_(idx(m_.nv), -1),
+        movable_(idx(m_.nv), 0), turns_(idx(m_.nv), 0) {
+    ws_.require_world();
+    for (const PlainRates& r : m_.plain_rates)
+      for (int i = 0; i < r.n; ++i) coordinate_[idx(r.v + i)] = r.q + i;
+    for (const UserBody& u : m_.user)
+      for (int j = 0; j < u.nv; ++j) {
+        movable_[idx(u.v + j)] = options.free.empty();
+        turns_[idx(u.v + j)] = u.v_units[idx(j)] == "rad/s";
+      }
+    for (const int v : options.free) {
+      if (v < 0 || v >= m_.nv) refuse(Code::out_of_range, "free", fmt::format("components 0 to {}", m_.nv - 1), fmt::format("{}", v));
+      movable_[idx(v)] = 1;
+    }
+    std::vector<int> nodes;
+    for (const IkTarget& t : targets) nodes.push_back(t.node);
+    tree_.require_nodes(nodes);
+    for (const IkTarget& t : targets) {
+      for (int i = 0; i < 6; ++i)
+        if (t.rows[idx(i)]) ++rows_;
+      scale_ = std::max(scale_, t.position_weight * t.position.norm());
+      const bool rotation = (t.R_WN.transpose() * t.R_WN - Eigen::Matrix3d::Identity()).norm() < 1e-6 && t.R_WN.determinant() > 0.0;
+      if (!rotation) refuse(Code::not_a_rotation, "target on " + m_.nodes[idx(t.node)].name, "a rotation matrix", "another matrix");
+    }
+    lower_.setConstant(m_.nv, -std::numeric_limits<double>::infinity());
+    upper_ = -lower_;
+    for (const IkLimit& l : options.limits) {
+      if (l.v < 0 || l.v >= m_.nv || coordinate_[idx(l.v)] < 0)
+        refuse(Code::unsupported, "limits", "a component with a coordinate of its own", fmt::format("velocity component {}", l.v));
+      if (!(l.lower <= l.upper)) refuse(Code::out_of_range, "limits", "lower <= upper", fmt::format("{:g} ... {:g}", l.lower, l.upper));
+      lower_[l.v] = std::max(lower_[l.v], l.lower), upper_[l.v] = std::min(upper_[l.v], l.upper);
+      if (!(lower_[l.v] <= upper_[l.v]))
+        refuse(Code::out_of_range, "limits", "limits that leave room", fmt::format("{:g} ... {:g}", lower_[l.v], upper_[l.v]));
+    }
+    const auto expect_size = [](const char* what, const VectorXd& x, int n) {
+      if (x.size() != 0 && x.size() != n) refuse(Code::operator_shape, what, fmt::format("{} numbers", n), fmt::format("{}", x.size()));
+    };
+    expect_size("weight", options.weight, m_.nv);
+    expect_size("prefer", options.prefer, m_.nq);
+    inverse_weight_ = VectorXd::Ones(m_.nv);
+    if (options.weight.size() > 0) {
+      if (!(options.weight.minCoeff() > 0.0)) refuse(Code::out_of_range, "weight", "positive numbers", fmt::format("{:g}", options.weight.minCoeff()));
+      inverse_weight_ = options.weight.cwiseInverse();
+    }
+  }
+
+  IkResult run(const double* start) {
+    const VectorXd first = clamped(Eigen::Map<const VectorXd>(start, m_.nq));
+    IkResult best;
+    best.seed = options_.seed;
+    best.residual = std::numeric_limits<double>::infinity();
+    Random random{options_.seed};
+    double room = 1.0;  // [m] how far a sliding start may be
+    const MatrixXd there = errors(first);
+    room = std::max(room, there.bottomRows(3).size() > 0 ? there.bottomRows(3).colwise().norm().maxCoeff() : 0.0);
+    int spent = 0, starts = 0;
+    for (; starts < std::max(1, options_.starts) && !best.reached; ++starts) {
+      VectorXd q = first;
+      if (starts > 0) {
+        VectorXd d = VectorXd::Zero(m_.nv);
+        for (int v = 0; v < m_.nv; ++v) {
+          if (!movable_[idx(v)]) continue;
+          const double r = random();
+          const bool within = std::isfinite(lower_[v]) && std::isfinite(upper_[v]);
+          d[v] = within ? 0.5 * (lower_[v] + upper_[v] + r * (upper_[v] - lower_[v])) - first[coordinate_[idx(v)]] : r * (turns_[idx(v)] ? std::numbers::pi : room);
+        }
+        q = clamped(moved(first, d));
+      }
+      IkResult found = descend(std::move(q), options_.iterations);
+      spent += found.iterations;
+      if (found.residual < best.residual) best = std::move(found);
+    }
+    if (best.reached && options_.prefer.size() > 0) spent += approach_preferred(best);
+    best.iterations = spent, best.starts = starts, best.seed = options_.seed;
+    report(best);
+    return best;
+  }
+
+ private:
+  const Model& m_;
+  std::span<const IkTarget> targets_;
+  const IkOptions& options_;
+  TreeOperators tree_;
+  Workspace<double> ws_;
+  std::vector<double> zeros_;
+  std::vector<int> coordinate_;          // per velocity component: the coordinate with q' = v, or -1
+  std::vector<std::uint8_t> movable_, turns_;
+  VectorXd lower_, upper_, inverse_weight_;
+  int rows_ = 0;
+  double scale_ = 1.0;
+  std::vector<NodeMotion<double>> nodes_;  // of the last errors()
+
+  VectorXd moved(const VectorXd& q, const VectorXd& d) const {
+    VectorXd out(m_.nq);
+    m_.retract(q.data(), d.data(), out.data());
+    return out;
+  }
+  VectorXd clamped(VectorXd q) const {
+    m_.normalise(q.data());
+    for (const IkLimit& l : options_.limits) {
+      double& x = q[coordinate_[idx(l.v)]];
+      x = std::clamp(x, lower_[l.v], upper_[l.v]);
+    }
+    return q;
+  }
+
+  /// 6 x targets, [rotation; position] in target axes.
+  MatrixXd errors(const VectorXd& q) {
+    const Sweeps<double>& S = sweeps<double>();
+    const Inputs<double> in{.q = q.data(), .v = zeros_.data(), .gravity = false};
+    S.ground(m_, ws_, in);
+    S.hinge_records(m_, ws_, in);
+    for (const Run& run : m_.runs) S.outward(m_, ws_, in, run, {.velocity = false});
+    S.world(m_, ws_, in);
+    MatrixXd out(6, targets_.size());
+    nodes_.clear();
+    for (std::size_t i = 0; i < targets_.size(); ++i) {
+      const IkTarget& t = targets_[i];
+      nodes_.push_back(node_motion<double>(m_, ws_, in, t.node, nullptr));
+      const Eigen::Matrix3d R = to_eigen(nodes_.back().R_WN);
+      out.col(static_cast<Eigen::Index>(i)) << rotation_vector(R.transpose() * t.R_WN), t.R_WN.transpose() * (t.position - to_eigen(nodes_.back().position));
+    }
+    return out;
+  }
+  /// The rows that count, weighted.
+  VectorXd counted(const MatrixXd& errors) const {
+    VectorXd out(rows_);
+    int r = 0;
+    for (std::size_t i = 0; i < targets_.size(); ++i)
+      for (int k = 0; k < 6; ++k)
+        if (targets_[i].rows[idx(k)])
+          out[r++] = (k < 3 ? targets_[i].rotation_weight : targets_[i].position_weight) * errors(k, static_cast<Eigen::Index>(i));
+    return out;
+  }
+  bool is_reached(double residual) const { return residual <= options_.tolerance * scale_; }
+
+  /// A*: nv x rows, e(q + d) = e - A d; by H phi B, O(N) per row. At the q of the last errors().
+  MatrixXd jacobian_star(const VectorXd& q, const MatrixXd& errors) {
+    tree_.at(q.data());
+    MatrixXd out(m_.nv, rows_);
+    VectorXd f(tree_.size(Space::body)), gathered(f.size()), tau(m_.nv);
+    int r = 0;
+    for (std::size_t i = 0; i < targets_.size(); ++i) {
+      const IkTarget& t = targets_[i];
+      const Eigen::Matrix3d turn = left_jacobian_inverse(errors.col(static_cast<Eigen::Index>(i)).head<3>()), shift = t.R_WN.transpose() * to_eigen(nodes_[i].R_WN);
+      for (int k = 0; k < 6; ++k) {
+        if (!t.rows[idx(k)]) continue;
+        Vector6 wrench = Vector6::Zero();
+        if (k < 3)
+          wrench.head<3>() = t.rotation_weight * turn.row(k).transpose();
+        else
+          wrench.tail<3>() = t.position_weight * shift.row(k - 3).transpose();
+        const int node = t.node;
+        tree_.apply_nodes({&node, 1}, false, wrench.data(), f.data());
+        tree_.apply(Kind::phi, false, f.data(), gathered.data());
+        tree_.apply(Kind::H, false, gathered.data(), tau.data());
+        for (int v = 0; v < m_.nv; ++v) out(v, r) = movable_[idx(v)] ? tau[tree_.place_of_velocity(v)] : 0.0;
+        ++r;
+      }
+    }
+    return out;
+  }
+
+  /// Components that move: not those at a limit which `wish` would cross.
+  std::vector<std::uint8_t> free_to_follow(const VectorXd& q, const VectorXd& wish) const {
+    std::vector<std::uint8_t> out = movable_;
+    for (const IkLimit& l : options_.limits) {
+      const double x = q[coordinate_[idx(l.v)]];
+      if ((x <= lower_[l.v] && wish[l.v] < 0.0) || (x >= upper_[l.v] && wish[l.v] > 0.0)) out[idx(l.v)] = 0;
+    }
+    return out;
+  }
+  /// W^-1 A* with the rows of held components zero (H empty there).
+  MatrixXd weighted(const MatrixXd& A_star, const std::vector<std::uint8_t>& free, bool dynamic) {
+    MatrixXd out = A_star;
+    for (int v = 0; v < m_.nv; ++v)
+      if (!free[idx(v)]) out.row(v).setZero();
+    if (!dynamic) return inverse_weight_.asDiagonal() * out;
+    std::vector<std::uint8_t> mask(idx(m_.nv));
+    VectorXd in(m_.nv), solved(m_.nv);
+    for (int v = 0; v < m_.nv; ++v) mask[idx(tree_.place_of_velocity(v))] = free[idx(v)];
+    tree_.articulate({.W = nullptr, .free = mask});
+    for (int r = 0; r < rows_; ++r) {
+      for (int v = 0; v < m_.nv; ++v) in[tree_.place_of_velocity(v)] = out(v, r);
+      operators::apply(operators::mass_inverse, tree_, in.data(), solved.data());
+      for (int v = 0; v < m_.nv; ++v) out(v, r) = free[idx(v)] ? solved[tree_.place_of_velocity(v)] : 0.0;
+    }
+    return out;
+  }
+
+  /// Levenberg and Marquardt from q, lambda ~ |e|^2, on the components that limits leave free.
+  IkResult descend(VectorXd q, int iterations) {
+    IkResult out;
+    MatrixXd error = errors(q);
+    VectorXd e = counted(error);
+    double mu = 1e-2;
+    int idle = 0;
+    for (out.iterations = 0; out.iterations < iterations && !is_reached(e.norm()); ++out.iterations) {
+      const MatrixXd A_star = jacobian_star(q, error);
+      const VectorXd gradient = A_star * e;
+      const std::vector<std::uint8_t> free = free_to_follow(q, gradient);
+      const MatrixXd Z = weighted(A_star, free, options_.dynamic);
+      double pull = 0.0, size = 0.0;
+      for (int v = 0; v < m_.nv; ++v)
+        if (free[idx(v)]) pull += gradient[v] * gradient[v], size += A_star.row(v).squaredNorm();
+      if (!(std::sqrt(pull) > kStationary * std::sqrt(size) * e.norm())) {
+        out.stationary = true;
+        break;
+      }
+      const MatrixXd kernel = A_star.transpose() * Z;
+      const double scale = kernel.trace() / rows_, cost = e.squaredNorm();
+      bool accepted = false;
+      while (!accepted && mu < 1e12) {
+        MatrixXd damped = kernel;
+        damped.diagonal().array() += scale * std::max(mu * cost / (1.0 + cost), 1e-15);
+        VectorXd d = Z * damped.ldlt().solve(e);
+        double turn = 0.0;
+        for (int v = 0; v < m_.nv; ++v)
+          if (turns_[idx(v)]) turn = std::max(turn, std::abs(d[v]));
+        if (turn > options_.step) d *= options_.step / turn;
+        const VectorXd trial = clamped(moved(q, d));
+        const MatrixXd error_there = errors(trial);
+        const VectorXd there = counted(error_there);
+        accepted = there.squaredNorm() < cost;
+        if (!accepted) {
+          mu *= 8.0;
+          continue;
+        }
+        idle = cost - there.squaredNorm() < 1e-13 * cost ? idle + 1 : 0;
+        q = trial, error = error_there, e = there;
+        mu = std::max(0.25 * mu, 1e-8);
+      }
+      if (!accepted || idle > 5) {  // nothing but round-off is left
+        error = errors(q);
+        out.stationary = true;
+        ++out.iterations;
+        break;
+      }
+    }
+    out.residual = e.norm();
+    out.reached = is_reached(out.residual);
+    if (out.reached) out.stationary = false;
+    out.error = error;
+    for (std::size_t i = 0; i < targets_.size(); ++i)
+      for (int k = 0; k < 6; ++k)
+        if (!targets_[i].rows[idx(k)]) out.error(k, static_cast<Eigen::Index>(i)) = 0.0;
+    out.q = std::move(q);
+    return out;
+  }
+
+  /// Moves within the solutions towards the preferred posture: d - J^+ J d with d the way there, back onto the targets after each
+  /// step; halved where that does not come nearer. Returns the iterations spent.
+  int approach_preferred(IkResult& best) {
+    int spent = 0;
+    const auto way = [&](const VectorXd& q) {
+      VectorXd d(m_.nv);
+      m_.difference(q.data(), options_.prefer.data(), d.data());
+      for (int v = 0; v < m_.nv; ++v)
+        if (!movable_[idx(v)]) d[v] = 0.0;
+      return d;
+    };
+    const auto length = [&](const VectorXd& d) { return std::sqrt(d.cwiseAbs2().cwiseQuotient(inverse_weight_).sum()); };
+    double share = 1.0;
+    for (int i = 0; i < kSecondaryIterations; ++i) {
+      const VectorXd d = way(best.q);
+      const MatrixXd A_star = jacobian_star(best.q, errors(best.q));
+      const std::vector<std::uint8_t> free = free_to_follow(best.q, d);
+      VectorXd wish = d;
+      for (int v = 0; v < m_.nv; ++v)
+        if (!free[idx(v)]) wish[v] = 0.0;
+      const MatrixXd Z = weighted(A_star, free, false);
+      const MatrixXd kernel = A_star.transpose() * Z;
+      const Eigen::CompleteOrthogonalDecomposition<MatrixXd> factor(kernel);
+      const VectorXd step = wish - Z * factor.solve(A_star.transpose() * wish);
+      best.null_space_step = length(step);
+      if (best.null_space_step < kNullSpaceStep) break;
+      bool nearer = false;
+      for (; share > 1e-4 && !nearer; share *= 0.5) {
+        double turn = 0.0;
+        for (int v = 0; v < m_.nv; ++v)
+          if (turns_[idx(v)]) turn = std::max(turn, std::abs(step[v]));
+        IkResult next = descend(clamped(moved(best.q, std::min(share, options_.step / std::max(turn, 1e-300)) * step)), 20);
+        spent += next.iterations + 1;
+        nearer = next.reached && length(way(next.q)) < length(d);
+        if (!nearer) continue;
+        next.null_space_step = best.null_space_step;
+        best = std::move(next);
+        break;
+      }
+      if (!nearer) break;
+      share = std::min(1.0, 2.0 * share);
+    }
+    return spent;
+  }
+
+  void report(IkResult& r) const {
+    std::string limits;
+    for (const IkLimit& l : options_.limits) {
+      const double x = r.q[coordinate_[idx(l.v)]];
+      if ((x > lower_[l.v] && x < upper_[l.v]) || std::find(r.at_limit.begin(), r.at_limit.end(), l.v) != r.at_limit.end()) continue;
+      r.at_limit.push_back(l.v);
+      for (const UserBody& u : m_.user)
+        if (l.v >= u.v && l.v < u.v + u.nv) limits += fmt::format("{}{}.{} = {:.6g}", limits.empty() ? "; at limits: " : ", ", u.name, u.v_names[idx(l.v - u.v)], x);
+    }
+    if (r.reached) {
+      r.message = fmt::format("reached in {} iterations, {} start{}: residual {:.2g}{}", r.iterations, r.starts, r.starts == 1 ? "" : "s", r.residual, limits);
+      return;
+    }
+    std::string nearest;
+    for (std::size_t i = 0; i < targets_.size(); ++i) {
+      const Vector6 e = r.error.col(static_cast<Eigen::Index>(i));
+      nearest += fmt::format("{}{} off by {:.3g} rad, {:.3g} m", i == 0 ? "" : "; ", m_.nodes[idx(targets_[i].node)].name, e.head<3>().norm(), e.tail<3>().norm());
+    }
+    r.message = fmt::format("{} from {} start{} (seed {}, {} iterations): residual {:.3g}, nearest: {}{}",
+                            r.stationary ? "cannot be reached" : "not reached, iterations used up,", r.starts, r.starts == 1 ? "" : "s", r.seed, r.iterations,
+                            r.residual, nearest, limits);
+  }
+};
+
+}  // namespace
+
+IkTarget IkTarget::at_position(int node, const Vector3d& x) {
+  IkTarget t;
+  t.node = node, t.position = x, t.rows = {false, false, false, true, true, true};
+  return t;
+}
+IkTarget IkTarget::at_attitude(int node, const Eigen::Matrix3d& R_WN) {
+  IkTarget t;
+  t.node = node, t.R_WN = R_WN, t.rows = {true, true, true, false, false, false};
+  return t;
+}
+IkTarget IkTarget::at_pose(int node, const Vector3d& x, const Eigen::Matrix3d& R_WN) {
+  IkTarget t;
+  t.node = node, t.position = x, t.R_WN = R_WN;
+  return t;
+}
+
+IkResult inverse_kinematics(const std::shared_ptr<const Model>& model, const double* q, std::span<const IkTarget> targets, const IkOptions& options) {
+  return Solver(model, targets, options).run(q);
+}
+
+}  // namespace cardan::soa

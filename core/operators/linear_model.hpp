@@ -1,0 +1,59 @@
+#pragma once
+// The linear model x' = A x + B u, y = C x + D u about any state of a system, exact to round-off: its columns are directional
+// derivatives of forward dynamics by sweeps on Tangent numbers, O(N) each (mathematics 8.4).
+//
+// x = [dtheta; dv]: dtheta the deviation of the configuration in the tangent space (q = retract(q_0, dtheta), nv numbers), dv that of the
+// velocities. u and y are deviations too. Beside a moving state the model holds along the motion, at this instant. Springs,
+// dampers, gravity, loads held in node or world axes, and given motions are inside.
+#include <string>
+#include <vector>
+
+#include "core/dynamics/forward.hpp"
+#include "core/operators/tree_operators.hpp"
+
+namespace cardan::soa {
+
+/// Where the model is taken, in the user's order; units as in Model.
+struct OperatingPoint {
+  double t = 0.0;                                // [s]
+  const double* q = nullptr;
+  const double* v = nullptr;
+  const double* tau = nullptr;                   // forces of actuators, without springs; null = 0
+  const double* vdot = nullptr;                  // of given motions, the others not read; null = 0
+  std::span<const NodeWrench<double>> wrenches = {};
+};
+
+/// Inputs and outputs by name. A name may stand for several; .x, .y, .z behind a node's quantity is one of three.
+///
+///   input     "wing.angle", "wing.rate"   force on that component of a hinge [N m | N]; of a given motion its acceleration
+///             "wing"                      all components of the hinge
+///             "wing.eta_2"                force on a mode [J]
+///             "bus.tip:force", ":torque"  on a node, node axes [N], [N m]
+///   output    "wing.angle", "wing.rate", "wing.eta_2", "wing.etadot_2"    a state
+///             "wing"                      all states of the hinge and its body's modes
+///             "bus.tip:position", ":velocity", ":acceleration"            world axes [m], ...; a body's own name is its origin
+///             "bus.tip:attitude"          small rotation of the node, node axes [rad]
+///             "bus.tip:rate", ":specific_force"                           node axes; what a gyro and an accelerometer read
+///             "momentum:linear", "momentum:angular"                       of the system, about the world's origin, world axes
+struct LinearPorts {
+  std::vector<std::string> inputs, outputs;      // inputs empty: all hinge components; outputs empty: all states
+};
+
+struct LinearModel {
+  std::string system;
+  double t = 0.0;                                // [s]
+  Eigen::MatrixXd A, B, C, D;                    // n x n, n x nu, ny x n, ny x nu; n = 2 nv
+  Eigen::VectorXd drift;                         // n: [v; v'] at the point; zero in equilibrium
+  Eigen::VectorXd u0, y0;                        // inputs and outputs there (0 for components with no coordinate of their own)
+  SpaceLabels states, inputs, outputs;
+};
+
+/// InputError C0208 for an unknown name, C0401 where the model was compiled without loads on nodes; NumericsError at a direction
+/// without inertia. O(N) for each of 2 nv + nu directions.
+LinearModel linearize(const Model& model, const OperatingPoint& at, const LinearPorts& ports = {});
+
+/// The kinematic part: d/dt dtheta = dv + C_kin dtheta, nv x nv. -omega~ for a ball; diag(-omega~, 0) for `free`; -(V x) for
+/// `free_body`; zero where q' = v.
+Eigen::MatrixXd kinematic_part(const Model& model, const double* q, const double* v);
+
+}  // namespace cardan::soa

@@ -1,0 +1,56 @@
+#pragma once
+// Pose, velocity and acceleration of nodes from a workspace, in any scalar: on Tangent with their derivative.
+#include "core/model/model.hpp"
+#include "core/soa/sweeps.hpp"
+
+namespace cardan::soa {
+
+template <class T>
+struct NodeMotion {
+  Mat3<T> R_WN;              // node axes to world axes
+  Vec3<T> position;          // [m] world axes
+  Motion<T> velocity;        // [angular; linear] node axes
+  Motion<T> acceleration;    // true acceleration of the point, [angular; classical linear], node axes; only if asked for
+};
+
+/// Reads a workspace after S.world(), and for the acceleration after forward dynamics with `in` and its result vdot (else null).
+template <class T>
+NodeMotion<T> node_motion(const Model& model, const Workspace<T>& ws, const Inputs<T>& in, int node_index, const T* vdot) {
+  const UserNode& node = model.nodes[static_cast<std::size_t>(node_index)];
+  const int k = model.user[static_cast<std::size_t>(node.body)].sweep;
+  const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+  DeformedNode<T> at{};
+  at.R = cast<T>(node.shapes.pose.R), at.rho = cast<T>(node.shapes.pose.p);
+  at.rate = at.bias = Motion<T>{{T(0), T(0), T(0)}, {T(0), T(0), T(0)}};
+  if (node.shapes.deforms()) deform<T>(node.shapes, in.q + b.eta, in.v ? in.v + b.etadot : nullptr, at);
+  const Pose<T>& W = ws.pose_W(k);
+  const Motion<T>& V = ws.V(k);
+  NodeMotion<T> out;
+  out.R_WN = W.R * at.R;
+  out.position = W.p + W.R * at.rho;
+  const Motion<T> velocity{V.w + at.rate.w, V.v + cross(V.w, at.rho) + at.rate.v};
+  out.velocity = {transpose_times(at.R, velocity.w), transpose_times(at.R, velocity.v)};
+  out.acceleration = Motion<T>{{T(0), T(0), T(0)}, {T(0), T(0), T(0)}};
+  if (!vdot || k == 0) return out;
+  Motion<T> gamma;
+  if (b.kind == KernelKind::rotor) {  // folded into its carrier: its own part by hand
+    const Core<T>& carrier = ws.core(b.parent);
+    const Pose<T> X = pose_in_inboard(model, ws, k, in.q);
+    const Vec3<T> w1 = transpose_times(X.R, carrier.w), axis = cast<T>(b.axis);
+    gamma = Motion<T>{transpose_times(X.R, carrier.gamma.w) + cross(w1, in.v[b.v] * axis), transpose_times(X.R, carrier.gamma.v + carrier.E * X.p)} +
+            to_outboard(X, carrier.delta);
+    gamma.w += vdot[b.v] * axis;
+  } else {
+    gamma = ws.core(k).gamma + ws.core(k).delta;
+  }
+  Motion<T> a{gamma.w, gamma.v + cross(gamma.w, at.rho)};
+  if (node.shapes.deforms())
+    for (int j = 0; j < b.n_modes; ++j) a += vdot[b.etadot + j] * node_column(node.shapes, at, j);
+  a.w += cross(V.w, at.rate.w) + at.bias.w;
+  a.v += cross(V.w, cross(V.w, at.rho)) + T(2) * cross(V.w, at.rate.v);
+  out.acceleration = {transpose_times(at.R, a.w), transpose_times(at.R, a.v)};
+  if (in.gravity && model.field.uniform) out.acceleration.v += transpose_times(out.R_WN, cast<T>(model.field.g));
+  return out;
+}
+
+}  // namespace cardan::soa

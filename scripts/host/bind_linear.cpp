@@ -1,0 +1,103 @@
+#include "scripts/host/bind_linear.hpp"
+
+#include <algorithm>
+
+#include "core/operators/linear_model.hpp"
+#include "core/operators/system_modes.hpp"
+#include "scripts/host/lua_table.hpp"
+
+namespace cardan {
+namespace {
+
+void push_numbers(lua_State* L, const Eigen::VectorXd& x) {
+  lua_createtable(L, static_cast<int>(x.size()), 0);
+  for (Eigen::Index i = 0; i < x.size(); ++i) {
+    lua_pushnumber(L, x[i]);
+    lua_rawseti(L, -2, i + 1);
+  }
+}
+void push_rows(lua_State* L, const Eigen::MatrixXd& A) {
+  lua_createtable(L, static_cast<int>(A.rows()), 0);
+  for (Eigen::Index i = 0; i < A.rows(); ++i) {
+    push_numbers(L, A.row(i));
+    lua_rawseti(L, -2, i + 1);
+  }
+}
+void push_texts(lua_State* L, const std::vector<std::string>& texts) {
+  lua_createtable(L, static_cast<int>(texts.size()), 0);
+  for (std::size_t i = 0; i < texts.size(); ++i) {
+    lua_pushstring(L, texts[i].c_str());
+    lua_rawseti(L, -2, static_cast<lua_Integer>(i) + 1);
+  }
+}
+void push_poles(lua_State* L, const Eigen::MatrixXd& A) {
+  const std::vector<soa::Pole> all = soa::poles(A);
+  lua_createtable(L, static_cast<int>(all.size()), 0);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    lua_createtable(L, 0, 4);
+    for (const auto& [key, value] : {std::pair{"re", all[i].value.real()}, {"im", all[i].value.imag()}, {"frequency", all[i].frequency}, {"damping", all[i].damping}}) {
+      lua_pushnumber(L, value);
+      lua_setfield(L, -2, key);
+    }
+    lua_rawseti(L, -2, static_cast<lua_Integer>(i) + 1);
+  }
+}
+
+/// The model with the ops that these inputs and the loads of now need: that of the scenario has no loads where none is declared.
+std::shared_ptr<const Model> with_loads(const Scenario& s, const soa::LinearPorts& ports) {
+  const auto on_node = [](const std::string& name) { return name.find(':') != std::string::npos; };
+  if (s.model->has(Kernel::node_wrenches) || std::none_of(ports.inputs.begin(), ports.inputs.end(), on_node)) return s.model;
+  return compile(s.model->spec, s.registry);
+}
+
+}  // namespace
+
+int push_linear_model(lua_State* L, Scenario& s) {
+  if (s.in_event_function) refuse(L, Code::lua_argument, "linearize", "coordinates, inside of an event's `when`", "a linear model");
+  soa::LinearPorts ports;
+  if (!lua_isnoneornil(L, 2)) {
+    DiagnosticSink sink;
+    LuaTable table(L, 2, "linearize", sink);
+    ports.inputs = table.texts("inputs").value_or(std::vector<std::string>());
+    ports.outputs = table.texts("outputs").value_or(std::vector<std::string>());
+    table.finish();
+    sink.throw_if_any();
+  }
+  const std::shared_ptr<const Model> model = with_loads(s, ports);
+  const State& state = s.sim->state();
+  Eigen::VectorXd tau(model->nv);
+  for (int i = 0; i < model->nv; ++i) tau[i] = s.sim->force(i);
+  const Eigen::VectorXd vdot = s.sim->vdot();
+  LuaHost::charge(L, 500LL * static_cast<std::int64_t>(model->bodies.size() + static_cast<std::size_t>(model->nv)) * (2 * model->nv + 1));
+  soa::LinearModel linear;
+  try {
+    linear = soa::linearize(*model, {.t = state.t, .q = state.q.data(), .v = state.v.data(), .tau = tau.data(), .vdot = vdot.data(), .wrenches = s.sim->wrenches()}, ports);
+  } catch (const InputError& e) {
+    std::vector<Diagnostic> all = e.diagnostics();
+    for (Diagnostic& d : all) {
+      if (d.at.mark.line == 0) d.at.mark = LuaHost::caller(L);
+      d.stack = LuaHost::traceback(L);
+    }
+    throw InputError(all);
+  }
+  lua_newtable(L);
+  const auto set = [L](const char* key) { lua_setfield(L, -2, key); };
+  push_rows(L, linear.A), set("A");
+  push_rows(L, linear.B), set("B");
+  push_rows(L, linear.C), set("C");
+  push_rows(L, linear.D), set("D");
+  push_numbers(L, linear.drift), set("drift");
+  push_numbers(L, linear.u0), set("u0");
+  push_numbers(L, linear.y0), set("y0");
+  push_texts(L, linear.states.names), set("state_names");
+  push_texts(L, linear.states.units), set("state_units");
+  push_texts(L, linear.inputs.names), set("input_names");
+  push_texts(L, linear.inputs.units), set("input_units");
+  push_texts(L, linear.outputs.names), set("output_names");
+  push_texts(L, linear.outputs.units), set("output_units");
+  push_poles(L, linear.A), set("poles");
+  lua_pushnumber(L, linear.t), set("t");
+  return 1;
+}
+
+}  // namespace cardan
