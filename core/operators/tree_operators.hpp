@@ -152,6 +152,8 @@ class TreeOperators {
   // Blocks of body i (index into bodies()) ------------------------------------------------------------------------------------
   const Matrix6X& A(int i) const { return position_->A[sweep(i)]; }
   const Eigen::MatrixXd& Ht(int i) const { return masked_ ? Ht_free_[static_cast<std::size_t>(i)] : position_->Ht[sweep(i)]; }
+  /// H* with the columns of all components, free or not.
+  const Eigen::MatrixXd& Ht_all(int i) const { return position_->Ht[sweep(i)]; }
   const Eigen::MatrixXd& M(int i) const { return position_->M[sweep(i)]; }
   const Eigen::MatrixXd& P(int i) const { return inertia_[static_cast<std::size_t>(i)].P; }
   const Eigen::MatrixXd& P_plus(int i) const { return inertia_[static_cast<std::size_t>(i)].P_plus; }
@@ -165,6 +167,8 @@ class TreeOperators {
   const Matrix6X& dA(int i) const { return direction_->A[sweep(i)]; }
   const Eigen::MatrixXd& dHt(int i) const { return masked_ ? dHt_free_[static_cast<std::size_t>(i)] : direction_->Ht[sweep(i)]; }
   const Eigen::MatrixXd& dM(int i) const { return direction_->M[sweep(i)]; }
+  /// Blocks of all bodies of the model, also of those that take no part: by sweep index. Needs Position.
+  const PositionBlocks& position_blocks() const { return require(Kind::H), *position_; }
   bool is_free(int hinge_component) const { return free_.empty() || free_[static_cast<std::size_t>(hinge_component)] != 0; }
 
   // Products -----------------------------------------------------------------------------------------------------------------
