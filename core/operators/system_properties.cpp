@@ -1,5 +1,6 @@
 #include "core/operators/system_properties.hpp"
 
+#include <Eigen/Geometry>
 #include <limits>
 
 #include "core/base/diagnostic.hpp"
