@@ -29,23 +29,48 @@ std::vector<std::uint8_t> free_mask(std::span<const Drive> drives) {
   return mask;
 }
 
+// The sweeps of forward dynamics (4.6) by blocks: gamma of the given components in place of gamma_b, forces of hinges by P+ delta+ + z+.
 Hybrid hybrid_dynamics(const TreeOperators& tree, const VectorXd& bias, const VectorXd& tau, const VectorXd& vdot) {
   tree.require(Kind::D);
   require_size(tree, "bias", Space::hinge, bias.size());
   require_size(tree, "forces", Space::hinge, tau.size());
   require_size(tree, "accelerations", Space::hinge, vdot.size());
-  const Eigen::Index n = bias.size();
-  const auto free = [&](Eigen::Index j) { return tree.is_free(static_cast<int>(j)); };
+  const std::vector<OperatorBody>& bodies = tree.bodies();
+  const int n = static_cast<int>(bodies.size());
   Hybrid out{vdot, tau};
-  for (Eigen::Index j = 0; j < n; ++j)
-    if (free(j)) out.vdot[j] = 0.0;
-  const VectorXd residual = tau - bias - mass_times(tree, out.vdot);  // M_ff v'_f
-  const VectorXd solved = inverse_mass_times(tree, residual);
-  for (Eigen::Index j = 0; j < n; ++j)
-    if (free(j)) out.vdot[j] = solved[j];
-  const VectorXd needed = mass_times(tree, out.vdot) + bias;
-  for (Eigen::Index j = 0; j < n; ++j)
-    if (!free(j)) out.tau[j] = needed[j];
+  for (int j = 0; j < tau.size(); ++j)
+    if (tree.is_free(j)) out.vdot[j] = 0.0;
+  const VectorXd gamma = body_velocities(tree, out.vdot);  // that of the given components alone
+  VectorXd z(gamma.size()), eps = tau - bias, nu(tau.size()), delta(gamma.size());
+  tree.apply(Kind::M, false, gamma.data(), z.data());
+  for (int i = n - 1; i >= 0; --i) {
+    const OperatorBody& b = bodies[idx(i)];
+    auto own = z.segment(b.at, 6 + b.m);
+    auto innovation = eps.segment(b.v, b.nh + b.m);
+    innovation.noalias() -= tree.Ht(i).transpose() * own;
+    own.noalias() += tree.G(i) * innovation;  // z+
+    if (b.parent < 0) continue;
+    const OperatorBody& p = bodies[idx(b.parent)];
+    z.segment(p.at, 6 + p.m).noalias() += tree.A(i).transpose() * z.segment<6>(b.at);
+  }
+  tree.apply_inverse(Kind::D, eps.data(), nu.data());
+  VectorXd arriving, f;
+  for (int i = 0; i < n; ++i) {
+    const OperatorBody& b = bodies[idx(i)];
+    arriving.setZero(6 + b.m);  // delta+
+    if (b.parent >= 0) {
+      const OperatorBody& p = bodies[idx(b.parent)];
+      arriving.head<6>().noalias() = tree.A(i) * delta.segment(p.at, 6 + p.m);
+    }
+    const VectorXd solved = nu.segment(b.v, b.nh + b.m) - tree.G(i).transpose() * arriving;
+    f.noalias() = tree.Ht_all(i).transpose() * (tree.P_plus(i) * arriving + z.segment(b.at, 6 + b.m));
+    for (int j = 0; j < b.nh + b.m; ++j)
+      if (tree.is_free(b.v + j))
+        out.vdot[b.v + j] = solved[j];
+      else
+        out.tau[b.v + j] = f[j] + bias[b.v + j];
+    delta.segment(b.at, 6 + b.m).noalias() = arriving + tree.Ht(i) * solved;
+  }
   return out;
 }
 

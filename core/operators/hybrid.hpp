@@ -24,8 +24,8 @@ struct Hybrid {
   Eigen::VectorXd tau;   // as given where free, what the motion needs elsewhere
 };
 
-/// Of the free components tau is read, of the others v'. bias: the forces at v' = 0 (bias() or any other). O(N): two sweeps for
-/// M v', the operators of the free components for the rest. Needs Inertia. W of articulate() counts for the free ones.
+/// Of the free components tau is read, of the others v'. bias: the forces at v' = 0 (bias() or any other). O(N): the sweeps of
+/// forward dynamics by blocks. Needs Inertia. W of articulate() counts for the free ones.
 Hybrid hybrid_dynamics(const TreeOperators& tree, const Eigen::VectorXd& bias, const Eigen::VectorXd& tau, const Eigen::VectorXd& vdot);
 
 /// C - gravity - elastic - external at (q of the tree, in.v), by inverse dynamics, O(N). in: v (nv numbers of the model), wrenches, gravity;
