@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "core/base/diagnostic.hpp"
 
 namespace cardan::soa {
@@ -13,6 +15,15 @@ using Eigen::VectorXd;
 
 std::size_t idx(int i) { return static_cast<std::size_t>(i); }
 int hinge_size(const OperatorBody& b) { return b.nh + b.m; }
+
+/// Every pair of bodies was written once, on one side of the diagonal: the other side, tile by tile (a long row is far apart in memory).
+void mirror(MatrixXd& a) {
+  constexpr Eigen::Index kTile = 32;
+  for (Eigen::Index c = 0; c < a.cols(); c += kTile)
+    for (Eigen::Index r = 0; r <= c; r += kTile)
+      for (Eigen::Index j = c; j < std::min(c + kTile, a.cols()); ++j)
+        for (Eigen::Index i = r; i < std::min(r + kTile, j); ++i) a(i, j) = a(j, i) = a(i, j) != 0.0 ? a(i, j) : a(j, i);
+}
 
 }  // namespace
 
@@ -86,9 +97,9 @@ MatrixXd mass_matrix(const TreeOperators& tree) {
       j = tree.bodies()[idx(j)].parent;
       const OperatorBody& a = tree.bodies()[idx(j)];
       mass.block(a.v, b.v, hinge_size(a), nk).noalias() = tree.Ht_all(j).transpose() * X;
-      mass.block(b.v, a.v, nk, hinge_size(a)) = mass.block(a.v, b.v, hinge_size(a), nk).transpose();
     }
   }
+  mirror(mass);
   return mass;
 }
 
@@ -101,7 +112,6 @@ MatrixXd mass_matrix_inverse(const TreeOperators& tree) {
   const auto place = [&](int i, int j, const MatrixXd& block) {
     const int vi = tree.bodies()[idx(i)].v, vj = tree.bodies()[idx(j)].v;
     inverse.block(vi, vj, block.rows(), block.cols()) = block;
-    if (i != j) inverse.block(vj, vi, block.cols(), block.rows()) = block.transpose();
   };
   std::vector<MatrixXd> W(idx(n));                  // of body j, at the body that it has reached
   std::vector<std::vector<int>> arrived(idx(n));    // the bodies whose W stands at c, by child of c
@@ -134,6 +144,7 @@ MatrixXd mass_matrix_inverse(const TreeOperators& tree) {
     there.insert(there.end(), here.begin(), here.end());
     here.clear(), here.shrink_to_fit();
   }
+  mirror(inverse);
   return inverse;
 }
 
