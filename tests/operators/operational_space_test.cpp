@@ -163,6 +163,47 @@ TEST(OperationalSpace, WithoutActuatorsOnSomeComponents) {  // J_g, M_g: those o
   });
 }
 
+// The control law closes: with the torque that it gives the nodes accelerate as wanted, gravity, velocities and wrenches included.
+TEST(OperationalSpace, TheTaskObeys) {
+  for (const bool thrusters : {true, false})
+    for (const TreeOptions& options : floating_trees())
+      for_all_trees(options, kIdentity, [&](const RandomTree& tree) {
+        Scene s(tree);
+        const Eigen::Index n = s.model->nv;
+        prepare(s.ops);
+        TreeOperators base(s.model);
+        base.at(s.state.q.data());
+        std::vector<std::uint8_t> mask(static_cast<std::size_t>(n), 0);
+        const auto& root = s.ops.bodies()[0];
+        std::fill_n(mask.begin() + root.v, root.nh, std::uint8_t{1});
+        prepare(base, mask);
+        const int tip = s.model->find_node(tree.spec.bodies.back().name + ".tip");
+        const int rows[] = {0, 4};
+        const Task task = Task::of_rows({tip}, rows);
+        const OperationalSpace os(s.ops, task, thrusters ? nullptr : &base);
+        if (os.rank() < os.rows() || os.condition() > 1e6) return 0.0;
+        cardan::Workspace ws(*s.model);
+        const std::vector<cardan::NodeWrench> wrenches = s.wrenches();
+        VectorXd tau = VectorXd::Zero(n), vdot(n);
+        const auto accelerate = [&] {
+          const cardan::Inputs in{.q = s.state.q.data(), .v = s.state.v.data(), .tau = tau.data(), .wrenches = wrenches};
+          if (!forward_dynamics(*s.model, ws, in, vdot.data())) return VectorXd(VectorXd::Constant(2, NAN));
+          Observer observer(*s.model, ws);
+          observer.update(in, vdot.data());
+          return VectorXd(task.T * observer.node(tip).acceleration);
+        };
+        const VectorXd before = accelerate();
+        const VectorXd drift = task_rates(s.ops, task, vdot) + task_bias(s.ops, task, ws, s.state.v);
+        const VectorXd wanted = some_vector(tree.seed, 2), posture = some_vector(tree.seed + 1, n);
+        tau = os.torque(os.force_for(wanted, drift), posture);
+        for (int j = 0; !thrusters && j < root.nh; ++j)
+          if (tau[root.v + j] != 0.0) return HUGE_VAL;
+        const VectorXd after = accelerate();
+        const double size = std::max({largest(before), largest(vdot), largest(os.compliance()) * largest(tau)});
+        return std::max(differ(drift, before, size), differ(after, wanted, size)) / (scaled_condition(s.twin.M) * os.condition());
+      }, kTrees);
+}
+
 // Two links of length 1 in a plane, hinges about z.
 std::shared_ptr<const Model> planar_arm() {
   const auto link = [](const std::string& name) {
