@@ -12,8 +12,10 @@
 #include "core/dynamics/observe.hpp"
 #include "core/operators/apply.hpp"
 #include "core/operators/diagonalised.hpp"
+#include "core/operators/hybrid.hpp"
 #include "core/operators/log_det.hpp"
 #include "core/operators/sensitivity.hpp"
+#include "core/operators/system_properties.hpp"
 #include "hinges/register.hpp"
 #include "tests/support/tolerance.hpp"
 
@@ -171,6 +173,7 @@ class Check {
       array(fmt::format("nodes/{}/velocity", i), n.velocity);
       array(fmt::format("nodes/{}/classical_acceleration", i), n.acceleration);
     }
+    operators(model, nodes);
     hybrid(in);
     derivatives(model, in);
     diagonalised(model, in);
@@ -214,6 +217,40 @@ class Check {
     scalar("diagonalised/power_nuC", nu.dot(C));
   }
 
+  // The operators at q, their analyses and what the file knows of them.
+  void operators(const std::shared_ptr<const Model>& model, const std::vector<int>& nodes) {
+    soa::TreeOperators tree(model);
+    tree.at(case_.q.data());
+    tree.articulate();
+    tree.operational_space();
+    std::vector<int> moving;  // nodes that are fixed to the ground have no rows of their own
+    std::vector<Eigen::Index> rows;
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      if (model->nodes[static_cast<std::size_t>(nodes[i])].sweep == 0) continue;
+      moving.push_back(nodes[i]);
+      for (std::size_t r = 0; r < 6; ++r) rows.push_back(static_cast<Eigen::Index>(6 * i + r));
+    }
+    MatrixXd osi = MatrixXd::Zero(6 * static_cast<Eigen::Index>(nodes.size()), 6 * static_cast<Eigen::Index>(nodes.size()));
+    osi(rows, rows) = soa::compliance(tree, moving);
+    array("osi_nodes", osi);
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      const std::string field = fmt::format("nodes/{}/J", i);
+      if (model->nodes[static_cast<std::size_t>(nodes[i])].sweep > 0) array(field, soa::task_jacobian(tree, {{nodes[i]}, {}}));
+    }
+    scalar("log_det_M", tree.log_det());
+    for (std::size_t k = 0; k < model->user.size(); ++k) {
+      const UserBody& u = model->user[k];
+      if (u.merged || u.nv + u.n_modes == 0) continue;
+      array(fmt::format("D_blocks/{}", k), tree.D(tree.index_of(u.sweep)));
+    }
+    const soa::MassProperties whole = soa::mass_properties(tree);
+    scalar("total_mass", whole.mass);
+    array("com", whole.com);
+    const Vector6d h = soa::momentum(tree, soa::About::world_origin, case_.v);
+    array("linear_momentum", h.tail<3>());
+    array("angular_momentum_about_ground_origin", h.head<3>());
+  }
+
   // Some components follow a given motion, the others are free: their forces come out.
   void hybrid(const Inputs& free_in) {
     const json h = input("hybrid");
@@ -252,6 +289,23 @@ class Check {
     VectorXd got(static_cast<Eigen::Index>(indices.size()));
     for (std::size_t i = 0; i < indices.size(); ++i) got[static_cast<Eigen::Index>(i)] = tau[indices[i]];
     array("hybrid/tau_prescribed", got);
+    by_operators(free_in, indices, vdot_in);
+  }
+
+  // The same with the mask given to the operators of the free system.
+  void by_operators(const Inputs& in, const std::vector<int>& given, const VectorXd& vdot) {
+    const auto model = compile(case_.spec, registry());
+    soa::TreeOperators tree(model);
+    tree.at(case_.q.data());
+    std::vector<std::uint8_t> mask(static_cast<std::size_t>(model->nv), 1);
+    std::vector<bool> free(mask.size(), true);
+    for (const int i : given) mask[static_cast<std::size_t>(i)] = 0, free[static_cast<std::size_t>(i)] = false;
+    tree.articulate({.free = mask});
+    Workspace ws(*model);
+    const soa::Hybrid out = soa::hybrid_dynamics(tree, soa::bias(tree, ws, in), case_.tau, vdot);
+    judge("hybrid_by_operators/vdot",
+          case_.name == "37_gimbal_near_lock" ? compare_.residual(out.vdot, free) : compare_.error("hybrid/vdot", out.vdot));
+    judge("hybrid_by_operators/tau_prescribed", compare_.error("hybrid/tau_prescribed", VectorXd(out.tau(given))));
   }
 
   const oracle::Case& case_;

@@ -44,7 +44,7 @@ void scatter(const TreeOperators& tree, const VectorXd& v, const Visit& visit) {
     VectorXd x = VectorXd::Zero(6 + b.m);
     if (b.parent >= 0) x.head<6>() = tree.A(i) * V[idx(b.parent)];
     for (int j = 0; j < b.nh + b.m; ++j)
-      if (!tree.is_free(b.v + j)) x += v[b.v + j] * tree.unmasked_Ht(i).col(j);
+      if (!tree.is_free(b.v + j)) x += v[b.v + j] * tree.Ht_all(i).col(j);
     visit(i, x);
     V[idx(i)] = x + tree.Ht(i) * v.segment(b.v, b.nh + b.m);
   }
@@ -146,7 +146,7 @@ VectorXd Diagonalised::drift(const VectorXd& v, const double* given_vdot) const 
   for (int i = 0; i < static_cast<int>(n); ++i) {
     const OperatorBody& b = tree_.bodies()[idx(i)];
     const soa::Matrix6X& dA = d.A[idx(b.sweep)];
-    const MatrixXd &H = tree_.unmasked_Ht(i), &dH = d.Ht[idx(b.sweep)], &S = tree_.S(i), &G = tree_.G(i);
+    const MatrixXd &H = tree_.Ht_all(i), &dH = d.Ht[idx(b.sweep)], &S = tree_.S(i), &G = tree_.G(i);
     VectorXd x = VectorXd::Zero(6 + b.m), dx = x, free = v.segment(b.v, b.nh + b.m);
     if (b.parent >= 0) {
       x.head<6>() = tree_.A(i) * V[idx(b.parent)];

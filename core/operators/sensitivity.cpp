@@ -214,7 +214,7 @@ void Sensitivities::inverse_in_inertia(int body, const RigidInertia<double>& cha
   VectorXd up = to_eigen(to_outboard(frame, f));
   while (true) {
     const soa::OperatorBody& at = ops.bodies()[idx(i)];
-    Eigen::Map<VectorXd>(dtau + at.v, at.nh + at.m) = ops.unmasked_Ht(i).transpose() * up;
+    Eigen::Map<VectorXd>(dtau + at.v, at.nh + at.m) = ops.Ht_all(i).transpose() * up;
     if (at.parent < 0) return;
     up = (ops.A(i).transpose() * up.head<6>()).eval();
     i = at.parent;

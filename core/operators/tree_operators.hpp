@@ -161,9 +161,9 @@ class TreeOperators {
 
   // Blocks of body i (index into bodies()) ------------------------------------------------------------------------------------
   const Matrix6X& A(int i) const { return position_->A[sweep(i)]; }
-  /// H* with the components whose velocity is given as well.
-  const Eigen::MatrixXd& unmasked_Ht(int i) const { return position_->Ht[sweep(i)]; }
   const Eigen::MatrixXd& Ht(int i) const { return masked_ ? Ht_free_[static_cast<std::size_t>(i)] : position_->Ht[sweep(i)]; }
+  /// H* with the columns of all components, free or not.
+  const Eigen::MatrixXd& Ht_all(int i) const { return position_->Ht[sweep(i)]; }
   const Eigen::MatrixXd& M(int i) const { return position_->M[sweep(i)]; }
   const Eigen::MatrixXd& P(int i) const { return inertia_[static_cast<std::size_t>(i)].P; }
   const Eigen::MatrixXd& P_plus(int i) const { return inertia_[static_cast<std::size_t>(i)].P_plus; }
@@ -178,6 +178,8 @@ class TreeOperators {
   const Eigen::MatrixXd& dHt(int i) const { return masked_ ? dHt_free_[static_cast<std::size_t>(i)] : direction_->Ht[sweep(i)]; }
   const Eigen::MatrixXd& dM(int i) const { return direction_->M[sweep(i)]; }
   bool is_weighted() const { return weighted_; }  ///< D has a W beside H P H*
+  /// Blocks of all bodies of the model, also of those that take no part: by sweep index. Needs Position.
+  const PositionBlocks& position_blocks() const { return require(Kind::H), *position_; }
   bool is_free(int hinge_component) const { return free_.empty() || free_[static_cast<std::size_t>(hinge_component)] != 0; }
 
   // Products -----------------------------------------------------------------------------------------------------------------

@@ -1,0 +1,185 @@
+#include "core/operators/hybrid.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+
+#include "core/dynamics/inverse.hpp"
+#include "core/operators/apply.hpp"
+#include "core/operators/mass_matrix.hpp"
+#include "core/operators/system_properties.hpp"
+
+namespace cardan::soa {
+
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+std::size_t idx(int i) { return static_cast<std::size_t>(i); }
+bool is_free(Drive drive) { return drive == Drive::forced || drive == Drive::passive; }
+VectorXd inverse_mass_times(const TreeOperators& tree, const VectorXd& tau) { return operators::apply(operators::mass_inverse, tree, tau); }
+
+}  // namespace
+
+std::vector<std::uint8_t> free_mask(std::span<const Drive> drives) {
+  std::vector<std::uint8_t> mask(drives.size());
+  std::transform(drives.begin(), drives.end(), mask.begin(), [](Drive d) { return static_cast<std::uint8_t>(is_free(d)); });
+  return mask;
+}
+
+// The sweeps of forward dynamics (4.6) by blocks: gamma of the given components in place of gamma_b, forces of hinges by P+ delta+ + z+.
+Hybrid hybrid_dynamics(const TreeOperators& tree, const VectorXd& bias, const VectorXd& tau, const VectorXd& vdot) {
+  tree.require(Kind::D);
+  require_size(tree, "bias", Space::hinge, bias.size());
+  require_size(tree, "forces", Space::hinge, tau.size());
+  require_size(tree, "accelerations", Space::hinge, vdot.size());
+  const std::vector<OperatorBody>& bodies = tree.bodies();
+  const int n = static_cast<int>(bodies.size());
+  Hybrid out{vdot, tau};
+  for (int j = 0; j < tau.size(); ++j)
+    if (tree.is_free(j)) out.vdot[j] = 0.0;
+  const VectorXd gamma = body_velocities(tree, out.vdot);  // that of the given components alone
+  VectorXd z(gamma.size()), eps = tau - bias, nu(tau.size()), delta(gamma.size());
+  tree.apply(Kind::M, false, gamma.data(), z.data());
+  for (int i = n - 1; i >= 0; --i) {
+    const OperatorBody& b = bodies[idx(i)];
+    auto own = z.segment(b.at, 6 + b.m);
+    auto innovation = eps.segment(b.v, b.nh + b.m);
+    innovation.noalias() -= tree.Ht(i).transpose() * own;
+    own.noalias() += tree.G(i) * innovation;  // z+
+    if (b.parent < 0) continue;
+    const OperatorBody& p = bodies[idx(b.parent)];
+    z.segment(p.at, 6 + p.m).noalias() += tree.A(i).transpose() * z.segment<6>(b.at);
+  }
+  tree.apply_inverse(Kind::D, eps.data(), nu.data());
+  VectorXd arriving, f;
+  for (int i = 0; i < n; ++i) {
+    const OperatorBody& b = bodies[idx(i)];
+    arriving.setZero(6 + b.m);  // delta+
+    if (b.parent >= 0) {
+      const OperatorBody& p = bodies[idx(b.parent)];
+      arriving.head<6>().noalias() = tree.A(i) * delta.segment(p.at, 6 + p.m);
+    }
+    const VectorXd solved = nu.segment(b.v, b.nh + b.m) - tree.G(i).transpose() * arriving;
+    f.noalias() = tree.Ht_all(i).transpose() * (tree.P_plus(i) * arriving + z.segment(b.at, 6 + b.m));
+    for (int j = 0; j < b.nh + b.m; ++j)
+      if (tree.is_free(b.v + j))
+        out.vdot[b.v + j] = solved[j];
+      else
+        out.tau[b.v + j] = f[j] + bias[b.v + j];
+    delta.segment(b.at, 6 + b.m).noalias() = arriving + tree.Ht(i) * solved;
+  }
+  return out;
+}
+
+VectorXd bias(const TreeOperators& tree, Workspace<double>& ws, const Inputs<double>& in) {
+  tree.require(Kind::H);
+  const Model& model = tree.model();
+  for (int k = 1; k < static_cast<int>(model.bodies.size()); ++k)
+    if (tree.index_of(k) < 0 && tree.index_of(model.bodies[idx(k)].parent) >= 0)
+      throw InputError(Diagnostic{Code::unsupported, {"bias forces", {}}, "a subgraph with all that hangs on it",
+                                  "one without a body that hangs on " + model.user[idx(tree.bodies()[idx(tree.index_of(model.bodies[idx(k)].parent))].user)].name,
+                                  "give the bias instead", {}, {}, 0});
+  VectorXd v = VectorXd::Zero(model.nv), all(model.nv), out(tree.size(Space::hinge));
+  for (int j = 0; in.v && j < model.nv; ++j)
+    if (tree.place_of_velocity(j) >= 0) v[j] = in.v[j];
+  Inputs<double> use = in;
+  use.q = tree.q().data(), use.v = v.data(), use.vdot = nullptr, use.tau = nullptr;
+  inverse_dynamics(model, ws, use, all.data());
+  for (int j = 0; j < model.nv; ++j)
+    if (const int place = tree.place_of_velocity(j); place >= 0) out[place] = all[j];
+  return out;
+}
+
+Hybrid hybrid_dynamics(const TreeOperators& tree, std::span<const Drive> drives, Workspace<double>& ws, const Inputs<double>& in,
+                       const VectorXd& tau, const VectorXd& vdot) {
+  require_size(tree, "drives", Space::hinge, static_cast<Eigen::Index>(drives.size()));
+  require_size(tree, "forces", Space::hinge, tau.size());
+  require_size(tree, "accelerations", Space::hinge, vdot.size());
+  VectorXd known_tau = tau, known_vdot = vdot;
+  for (int j = 0; j < tree.model().nv; ++j) {
+    const int place = tree.place_of_velocity(j);
+    if (place < 0) continue;
+    const Drive drive = drives[idx(place)];
+    const auto name = [&] { return tree.labels(Space::hinge).names[idx(place)]; };
+    if (is_free(drive) != tree.is_free(place))
+      throw InputError(Diagnostic{Code::operator_shape, {"drive of " + name(), {}}, "the mask that the tree was articulated with",
+                                  is_free(drive) ? "free" : "not free", "articulate({.free = free_mask(drives)}) first", {}, {}, 0});
+    if (drive == Drive::passive) known_tau[place] = 0.0;
+    if (drive == Drive::locked) known_vdot[place] = 0.0;
+    if (drive == Drive::locked && in.v && in.v[j] != 0.0)
+      throw InputError(Diagnostic{Code::out_of_range, {"velocity of " + name(), {}}, "0: it is locked", fmt::format("{:g}", in.v[j]), {}, {}, {}, 0});
+  }
+  return hybrid_dynamics(tree, bias(tree, ws, in), known_tau, known_vdot);
+}
+
+Unactuated::Unactuated(const TreeOperators& tree) : tree_(&tree) { tree.require(Kind::D); }
+
+VectorXd Unactuated::of_actuated(const VectorXd& x) const {
+  require_size(*tree_, "a vector of the hinge space", Space::hinge, x.size());
+  VectorXd out = x;
+  for (int j = 0; j < out.size(); ++j)
+    if (tree_->is_free(j)) out[j] = 0.0;
+  return out;
+}
+
+VectorXd Unactuated::velocities(const VectorXd& v, const VectorXd& momenta) const {
+  const VectorXd own = of_actuated(v);
+  VectorXd residual = -mass_times(*tree_, own);
+  if (momenta.size() > 0) {
+    require_size(*tree_, "momenta", Space::hinge, momenta.size());
+    residual += momenta;
+  }
+  return own + inverse_mass_times(*tree_, residual);
+}
+
+VectorXd Unactuated::reduced_forces(const VectorXd& tau) const {
+  require_size(*tree_, "forces", Space::hinge, tau.size());
+  return of_actuated(tau - mass_times(*tree_, inverse_mass_times(*tree_, tau)));
+}
+
+VectorXd Unactuated::task_rates(const Task& task, const VectorXd& v, const VectorXd& momenta) const {
+  return soa::task_rates(*tree_, task, velocities(v, momenta));
+}
+
+MatrixXd Unactuated::generalised_jacobian(const Task& task) const {
+  MatrixXd J(task.rows(), tree_->size(Space::hinge));
+  for (int r = 0; r < task.rows(); ++r)
+    J.row(r) = reduced_forces(task_forces(*tree_, task, VectorXd::Unit(task.rows(), r))).transpose();
+  return J;
+}
+
+VectorXd Unactuated::reduced_mass_times(const VectorXd& v) const { return of_actuated(mass_times(*tree_, velocities(v))); }
+
+MatrixXd Unactuated::coupling() const {
+  const int n = tree_->size(Space::hinge);
+  MatrixXd out = MatrixXd::Zero(n, n);
+  for (int j = 0; j < n; ++j)
+    if (!tree_->is_free(j)) out.col(j) = -inverse_mass_times(*tree_, mass_times(*tree_, VectorXd::Unit(n, j)));
+  return out;
+}
+
+std::vector<std::uint8_t> base_mask(const TreeOperators& tree) {
+  std::vector<std::uint8_t> mask(idx(tree.size(Space::hinge)), 0);
+  for (const OperatorBody& b : tree.bodies())
+    if (b.parent < 0) std::fill_n(mask.begin() + b.v, b.nh, std::uint8_t{1});
+  return mask;
+}
+
+VectorXd base_momenta(const TreeOperators& tree, const Eigen::Matrix<double, 6, 1>& momentum) {
+  tree.require(Kind::H);
+  const auto roots = std::count_if(tree.bodies().begin(), tree.bodies().end(), [](const OperatorBody& b) { return b.parent < 0; });
+  if (!tree.whole() || roots != 1 || tree.bodies()[0].nh != 6)
+    throw InputError(Diagnostic{Code::unsupported, {"momenta of the base", {}}, "one root on a hinge of six degrees", fmt::format("{} roots", roots), {}, {}, {}, 0});
+  const OperatorBody& b = tree.bodies()[0];
+  const Placement body = Placements(tree).reference;  // that of the root
+  Eigen::Matrix<double, 6, 1> f;  // at the base, its axes
+  f << body.R.transpose() * (momentum.head<3>() - body.p.cross(Eigen::Vector3d(momentum.tail<3>()))), body.R.transpose() * momentum.tail<3>();
+  VectorXd out = VectorXd::Zero(tree.size(Space::hinge));
+  out.segment(b.v, 6).noalias() = tree.Ht_all(0).topLeftCorner(6, 6).transpose() * f;
+  return out;
+}
+
+}  // namespace cardan::soa

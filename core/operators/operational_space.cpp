@@ -1,0 +1,260 @@
+#include "core/operators/operational_space.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <Eigen/SVD>
+#include <limits>
+
+#include "core/dynamics/observe.hpp"
+#include "core/operators/apply.hpp"
+#include "core/operators/mass_matrix.hpp"
+
+namespace cardan::soa {
+
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+std::size_t idx(int i) { return static_cast<std::size_t>(i); }
+
+int body_of(const TreeOperators& tree, int node) { return tree.index_of(tree.model().nodes[idx(node)].sweep); }
+
+/// psi(p, i) W, p the inboard body of i.
+void walk(const TreeOperators& tree, int i, MatrixXd& W) {
+  W -= (tree.G(i) * (tree.Ht(i).transpose() * W)).eval();
+  W = (tree.A(i).transpose() * W.topRows<6>()).eval();
+}
+
+InputError wrong_size(const char* what, Eigen::Index want, Eigen::Index got) {
+  return InputError(Diagnostic{Code::operator_shape, {what, {}}, fmt::format("{} numbers", want), fmt::format("{}", got), {}, {}, {}, 0});
+}
+
+VectorXd inverse_mass_times(const TreeOperators& tree, const VectorXd& tau) { return operators::apply(operators::mass_inverse, tree, tau); }
+
+VectorXd free_part(const TreeOperators& tree, VectorXd x) {
+  for (int j = 0; j < x.size(); ++j)
+    if (!tree.is_free(j)) x[j] = 0.0;
+  return x;
+}
+
+MatrixXd task_compliance(const TreeOperators& tree, const Task& task) {
+  const MatrixXd C = compliance(tree, task.nodes);
+  return task.T.size() > 0 ? MatrixXd(task.T * C * task.T.transpose()) : C;
+}
+
+void require_task(const TreeOperators& tree, const Task& task) {
+  tree.require_nodes(task.nodes);
+  const auto all = 6 * static_cast<Eigen::Index>(task.nodes.size());
+  if (task.T.size() > 0 && task.T.cols() != all) throw wrong_size("columns of the task's matrix", all, task.T.cols());
+}
+
+}  // namespace
+
+// Every node carries W = psi(c, body) B(node) inboard; where it meets another, c is their nearest common ancestor.
+MatrixXd compliance(const TreeOperators& tree, std::span<const int> nodes) {
+  tree.require(Kind::Y);
+  tree.require_nodes(nodes);
+  const int s = static_cast<int>(nodes.size());
+  MatrixXd C = MatrixXd::Zero(6 * s, 6 * s);
+  std::vector<MatrixXd> W(idx(s));
+  std::vector<std::vector<int>> arrived(tree.bodies().size());
+  const auto meet = [&](int body, int a) {  // a with those that are here, then a is here
+    std::vector<int>& here = arrived[idx(body)];
+    if (!here.empty()) {
+      const MatrixXd YW = tree.Y(body) * W[idx(a)];
+      for (const int b : here) C.block<6, 6>(6 * b, 6 * a).noalias() = W[idx(b)].transpose() * YW;
+    }
+  };
+  for (int a = 0; a < s; ++a) {
+    const int body = body_of(tree, nodes[idx(a)]);
+    W[idx(a)] = tree.Bt(nodes[idx(a)]).transpose();
+    meet(body, a);
+    const MatrixXd own = W[idx(a)].transpose() * tree.Y(body) * W[idx(a)];
+    C.block<6, 6>(6 * a, 6 * a) = 0.5 * (own + own.transpose());
+    arrived[idx(body)].push_back(a);
+  }
+  for (int i = static_cast<int>(tree.bodies().size()) - 1; i >= 0; --i) {
+    const int p = tree.bodies()[idx(i)].parent;
+    if (p < 0 || arrived[idx(i)].empty()) continue;
+    std::vector<int> here = std::move(arrived[idx(i)]);
+    for (const int a : here) {
+      walk(tree, i, W[idx(a)]);
+      meet(p, a);
+    }
+    arrived[idx(p)].insert(arrived[idx(p)].end(), here.begin(), here.end());
+  }
+  for (int a = 0; a < s; ++a)
+    for (int b = 0; b < a; ++b) {  // each pair met once, in either order
+      const auto upper = C.block<6, 6>(6 * b, 6 * a), lower = C.block<6, 6>(6 * a, 6 * b);
+      const Eigen::Matrix<double, 6, 6> block = upper + lower.transpose();
+      C.block<6, 6>(6 * b, 6 * a) = block, C.block<6, 6>(6 * a, 6 * b) = block.transpose();
+    }
+  return C;
+}
+
+MatrixXd omega_block(const TreeOperators& tree, int a, int b) {
+  tree.require(Kind::Y);
+  const int n = static_cast<int>(tree.bodies().size());
+  for (const int i : {a, b})
+    if (i < 0 || i >= n)
+      throw InputError(Diagnostic{Code::unknown_body, {"block of Omega", {}}, fmt::format("an index below {}", n), fmt::format("{}", i), {}, {}, {}, 0});
+  const auto size = [&](int i) { return 6 + tree.bodies()[idx(i)].m; };
+  MatrixXd Wa = MatrixXd::Identity(size(a), size(a)), Wb = MatrixXd::Identity(size(b), size(b));
+  for (int i = a, j = b;;) {
+    if (i == j) return Wa.transpose() * tree.Y(i) * Wb;
+    int& outer = i > j ? i : j;  // parents have lower indices
+    const int parent = tree.bodies()[idx(outer)].parent;
+    if (parent < 0) return MatrixXd::Zero(size(a), size(b));
+    walk(tree, outer, i > j ? Wa : Wb);
+    outer = parent;
+  }
+}
+
+Task Task::of_rows(std::vector<int> nodes, std::span<const int> rows) {
+  Task out{std::move(nodes), {}};
+  const int all = out.rows();
+  out.T = MatrixXd::Zero(static_cast<Eigen::Index>(rows.size()), all);
+  for (std::size_t r = 0; r < rows.size(); ++r) {
+    if (rows[r] < 0 || rows[r] >= all)
+      throw InputError(Diagnostic{Code::out_of_range, {"rows of a task", {}}, fmt::format("0 ... {}", all - 1), fmt::format("{}", rows[r]), {}, {}, {}, 0});
+    out.T(static_cast<Eigen::Index>(r), rows[r]) = 1.0;
+  }
+  return out;
+}
+
+VectorXd task_rates(const TreeOperators& tree, const Task& task, const VectorXd& v) {
+  require_task(tree, task);
+  const VectorXd V = body_velocities(tree, v);
+  VectorXd rates(6 * static_cast<Eigen::Index>(task.nodes.size()));
+  tree.apply_nodes(task.nodes, true, V.data(), rates.data());
+  return task.T.size() > 0 ? VectorXd(task.T * rates) : rates;
+}
+
+VectorXd task_forces(const TreeOperators& tree, const Task& task, const VectorXd& F) {
+  require_task(tree, task);
+  if (F.size() != task.rows()) throw wrong_size("forces of a task", task.rows(), F.size());
+  const VectorXd wrenches = task.T.size() > 0 ? VectorXd(task.T.transpose() * F) : F;
+  VectorXd f(tree.size(Space::body));
+  tree.apply_nodes(task.nodes, false, wrenches.data(), f.data());
+  return hinge_forces(tree, std::move(f));
+}
+
+MatrixXd task_jacobian(const TreeOperators& tree, const Task& task) {
+  MatrixXd J(task.rows(), tree.size(Space::hinge));
+  for (int r = 0; r < task.rows(); ++r) J.row(r) = free_part(tree, task_forces(tree, task, VectorXd::Unit(task.rows(), r))).transpose();
+  return J;
+}
+
+VectorXd task_bias(const TreeOperators& tree, const Task& task, Workspace<double>& ws, const VectorXd& v) {
+  require_task(tree, task);
+  if (!tree.whole())
+    throw InputError(Diagnostic{Code::unsupported, {"Jdot v", {}}, "the whole tree", "a subgraph", {}, {}, {}, 0});
+  const Model& model = tree.model();
+  require_size(tree, "velocities", Space::hinge, v.size());
+  Observer observer(model, ws);
+  VectorXd vdot = VectorXd::Zero(model.nv);
+  const VectorXd none = vdot;
+  const Inputs<double> in{.q = tree.q().data(), .v = v.data(), .tau = none.data(), .vdot = none.data(), .gravity = false};
+  if (!forward_dynamics(model, ws, in, vdot.data())) throw NumericsError(describe_breakdown(model, ws.breakdown, 0.0));
+  observer.update(in, vdot.data());
+  VectorXd a(6 * static_cast<Eigen::Index>(task.nodes.size()));
+  for (std::size_t j = 0; j < task.nodes.size(); ++j) a.segment<6>(6 * static_cast<Eigen::Index>(j)) = observer.node(task.nodes[j]).acceleration;
+  return (task.T.size() > 0 ? VectorXd(task.T * a) : a) - task_rates(tree, task, vdot);
+}
+
+OperationalSpace::OperationalSpace(const TreeOperators& tree, Task task, const TreeOperators* passive, double tolerance)
+    : tree_(&tree), passive_(passive), task_(std::move(task)) {
+  require_task(tree, task_);
+  compliance_ = task_compliance(tree, task_);
+  if (passive) {
+    if (passive->model_pointer() != tree.model_pointer() || passive->size(Space::hinge) != tree.size(Space::hinge) || passive->q() != tree.q())
+      throw InputError(Diagnostic{Code::operator_shape, {"operational space", {}}, "a second tree of the same bodies at the same q", "another", {}, {}, {}, 0});
+    compliance_ -= task_compliance(*passive, task_);
+  }
+  const int r = rows();
+  VectorXd unit(r);  // 1 / scale; rows that cannot move stay as they are
+  const double largest = r > 0 ? compliance_.diagonal().maxCoeff() : 0.0;
+  for (int i = 0; i < r; ++i) unit[i] = compliance_(i, i) > 0.0 && compliance_(i, i) > 1e-30 * largest ? 1.0 / std::sqrt(compliance_(i, i)) : 0.0;
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(MatrixXd(unit.asDiagonal() * compliance_ * unit.asDiagonal()));
+  VectorXd weights = VectorXd::Zero(r);
+  const double limit = r > 0 ? tolerance * std::max(eigen.eigenvalues()[r - 1], 0.0) : 0.0;
+  for (int i = r - 1; i >= 0 && eigen.eigenvalues()[i] > limit; --i) {
+    weights[i] = 1.0 / eigen.eigenvalues()[i];
+    condition_ = eigen.eigenvalues()[r - 1] * weights[i];
+    ++rank_;
+  }
+  inertia_ = unit.asDiagonal() * eigen.eigenvectors() * weights.asDiagonal() * eigen.eigenvectors().transpose() * unit.asDiagonal();
+}
+
+void OperationalSpace::require_full_rank() const {
+  if (rank_ == rows()) return;
+  throw NumericsError(RunFailure{Code::singular_task, 0.0, {}, {}, fmt::format("rank {} of {} rows", rank_, rows()),
+                                 "fewer rows, or another posture; the generalised inverse is there all the same", ""});
+}
+
+VectorXd OperationalSpace::actuated(VectorXd x) const {
+  require_size(*tree_, "a vector of the hinge space", Space::hinge, x.size());
+  for (int j = 0; j < x.size(); ++j)
+    if (!tree_->is_free(j) || (passive_ && passive_->is_free(j))) x[j] = 0.0;
+  return x;
+}
+
+// J_g v = J (v_a - M_pp^-1 M_pa v_a) and its adjoint.
+VectorXd OperationalSpace::rates(const VectorXd& v) const {
+  const VectorXd own = actuated(v);
+  if (!passive_) return task_rates(*tree_, task_, own);
+  return task_rates(*tree_, task_, own - inverse_mass_times(*passive_, mass_times(*tree_, own)));
+}
+
+VectorXd OperationalSpace::forces(const VectorXd& F) const {
+  const VectorXd tau = task_forces(*tree_, task_, F);
+  return actuated(passive_ ? VectorXd(tau - mass_times(*tree_, inverse_mass_times(*passive_, tau))) : tau);
+}
+
+// M_g^-1 is the block of M^-1.
+VectorXd OperationalSpace::respond(const VectorXd& tau) const { return actuated(inverse_mass_times(*tree_, actuated(tau))); }
+
+VectorXd OperationalSpace::consistent_inverse(const VectorXd& x) const {
+  if (x.size() != rows()) throw wrong_size("rates of a task", rows(), x.size());
+  return respond(forces(inertia_ * x));
+}
+
+VectorXd OperationalSpace::task_part(const VectorXd& tau) const { return inertia_ * rates(respond(tau)); }
+
+VectorXd OperationalSpace::null_motion(const VectorXd& v) const { return actuated(v - consistent_inverse(rates(v))); }
+
+VectorXd OperationalSpace::null_forces(const VectorXd& tau) const { return actuated(tau - forces(task_part(tau))); }
+
+double effective_inertia(const TreeOperators& tree, int node, const Eigen::Matrix<double, 6, 1>& u) {
+  const MatrixXd C = compliance(tree, std::span(&node, 1));
+  const double mobility = u.dot(C * u), most = u.cwiseAbs().dot(C.diagonal().cwiseMax(0.0).cwiseSqrt());
+  return mobility > 1e-14 * most * most ? 1.0 / mobility : std::numeric_limits<double>::infinity();
+}
+
+Manipulability manipulability(const TreeOperators& tree, const Task& task) {
+  const MatrixXd J = task_jacobian(tree, task);
+  Manipulability out{};
+  if (J.size() > 0) out.singular_values = Eigen::JacobiSVD<MatrixXd>(J).singularValues();
+  out.kinematic = J.rows() <= J.cols() ? out.singular_values.prod() : 0.0;
+  out.dynamic = J.rows() <= J.cols() ? std::sqrt(std::max(0.0, task_compliance(tree, task).determinant())) : 0.0;
+  return out;
+}
+
+Participation participation(const TreeOperators& tree, int node, const Eigen::Matrix<double, 6, 1>& u) {
+  const Task task{{node}, {}};
+  Participation out;
+  out.shape = free_part(tree, task_forces(tree, task, u));
+  out.response = inverse_mass_times(tree, out.shape);
+  out.share = out.shape.cwiseProduct(out.response);
+  const double mobility = out.share.sum();
+  if (!(mobility > 1e-14 * out.share.cwiseAbs().sum()))
+    throw NumericsError(RunFailure{Code::singular_task, 0.0, tree.model().nodes[idx(node)].name, {}, "u* Lambda^-1 u = 0",
+                                   "the node cannot move along u", ""});
+  out.share /= mobility;
+  return out;
+}
+
+}  // namespace cardan::soa

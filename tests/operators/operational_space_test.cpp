@@ -1,0 +1,310 @@
+// Operational space, mass matrix by composite inertias and its inverse by blocks, against their dense definitions: J M^-1 J* with
+// J and M of the dense twin, on trees, subtrees and paths.
+#include "core/operators/operational_space.hpp"
+
+#include "core/operators/mass_matrix.hpp"
+#include "tests/operators/views.hpp"
+
+namespace cardan::test {
+namespace {
+
+using namespace cardan::soa;
+
+TEST(MassMatrix, ByCompositeInertias) {
+  for_all_views(kinds_of_trees(), kIdentity, [](View& v, Scene&) {
+    const MatrixXd products = matrix_of(v.M.cols(), [&](const VectorXd& x) { return mass_times(v.ops, x); });
+    return std::max(differ(mass_matrix(v.ops), v.M), differ(products, v.M));
+  });
+}
+
+TEST(MassMatrix, InverseByItsBlocks) {
+  for_all_views(kinds_of_trees(), kIdentity, [](View& v, Scene& s) {
+    double worst = 0.0;
+    for (const bool masked : {false, true}) {
+      const std::vector<std::uint8_t> mask = masked ? some_mask(s.tree.seed, v.M.cols()) : std::vector<std::uint8_t>(static_cast<std::size_t>(v.M.cols()), 1);
+      prepare(v.ops, mask);
+      const std::vector<int> f = where(mask, 1), p = where(mask, 0);
+      const MatrixXd inverse = mass_matrix_inverse(v.ops), M = v.M(f, f);
+      const VectorXd d = M.diagonal().cwiseSqrt();
+      const MatrixXd one = d.asDiagonal() * (inverse(f, f) * M) * d.cwiseInverse().asDiagonal();
+      worst = std::max({worst, largest(one - MatrixXd::Identity(one.rows(), one.cols())) / scaled_condition(M), largest(inverse(p, Eigen::all)),
+                        differ(inverse, inverse.transpose())});
+    }
+    return worst;
+  });
+}
+
+TEST(OperationalSpace, ComplianceOfAnyNodes) {
+  for_all_views(kinds_of_trees(), kIdentity, [](View& v, Scene& s) {
+    prepare(v.ops);
+    std::vector<int> nodes(v.nodes.rbegin(), v.nodes.rend());
+    nodes.push_back(nodes[s.tree.seed % nodes.size()]);  // one of them twice
+    const MatrixXd J = v.jacobian(nodes);
+    return differ(compliance(v.ops, nodes), J * v.M.llt().solve(J.transpose())) / v.condition();
+  });
+}
+
+TEST(OperationalSpace, ComplianceOfTheFreeComponents) {
+  for_all_views(kinds_of_trees(), kIdentity, [](View& v, Scene& s) {
+    const std::vector<std::uint8_t> mask = some_mask(s.tree.seed, v.M.cols());
+    const std::vector<int> f = where(mask, 1);
+    prepare(v.ops, mask);
+    const MatrixXd J = v.jacobian(v.nodes)(Eigen::all, f), M = v.M(f, f);
+    const MatrixXd want = f.empty() ? MatrixXd::Zero(J.rows(), J.rows()) : MatrixXd(J * M.llt().solve(J.transpose()));
+    return differ(compliance(v.ops, v.nodes), want) / scaled_condition(M);
+  });
+}
+
+TEST(OperationalSpace, BlocksOfOmega) {
+  for_all_views(kinds_of_trees(), kIdentity, [](View& v, Scene&) {
+    prepare(v.ops);
+    const MatrixXd whole = operators::dense(operators::omega, v.ops);
+    double worst = 0.0;
+    const int n = static_cast<int>(v.ops.bodies().size());
+    for (int a = 0; a < n; ++a)
+      for (int b = 0; b < n; ++b) {
+        const auto &x = v.ops.bodies()[static_cast<std::size_t>(a)], &y = v.ops.bodies()[static_cast<std::size_t>(b)];
+        worst = std::max(worst, largest(omega_block(v.ops, a, b) - whole.block(x.at, y.at, 6 + x.m, 6 + y.m)));
+      }
+    return worst / largest(whole) / v.condition();
+  }, 60);
+}
+
+TEST(OperationalSpace, JacobianAndItsAdjoint) {
+  for_all_views(kinds_of_trees(), kIdentity, [](View& v, Scene&) {
+    prepare(v.ops);
+    const Task task{v.nodes, {}};
+    const MatrixXd J = v.jacobian(v.nodes);
+    return std::max(differ(task_jacobian(v.ops, task), J),
+                    differ(matrix_of(J.cols(), [&](const VectorXd& x) { return task_rates(v.ops, task, x); }), J));
+  });
+}
+
+TEST(OperationalSpace, BiasOfATask) {  // Jdot v = the acceleration of the nodes at v' = 0
+  for (const TreeOptions& options : kinds_of_trees())
+    for_all_trees(options, kIdentity, [](const RandomTree& tree) {
+      Scene s(tree);
+      if (s.model->nv == 0) return 0.0;
+      cardan::Workspace ws(*s.model);
+      Task task;
+      VectorXd want(6 * static_cast<Eigen::Index>(tree.spec.bodies.size()));
+      double scale = 1e-3;
+      for (const BodySpec& b : tree.spec.bodies) {
+        want.segment<6>(6 * static_cast<Eigen::Index>(task.nodes.size())) = s.twin.node(b.name, "tip").acceleration_bias;
+        task.nodes.push_back(s.model->find_node(b.name + ".tip"));
+      }
+      // it is a difference: the size is that of what it is the difference of
+      const MatrixXd J = task_jacobian(s.ops, task);
+      VectorXd vdot(s.model->nv), none = VectorXd::Zero(s.model->nv);
+      cardan::Inputs in{.q = s.state.q.data(), .v = s.state.v.data(), .tau = none.data(), .gravity = false};
+      if (!forward_dynamics(*s.model, ws, in, vdot.data())) return HUGE_VAL;
+      scale = std::max({scale, largest(J * vdot), largest(want)});
+      return differ(task_bias(s.ops, task, ws, s.state.v), want, scale);
+    }, kTrees);
+}
+
+/// Rows of a task that a tree can surely move: as many as its rank allows is for the other test.
+Task some_task(const View& v, unsigned seed) {
+  const int most = static_cast<int>(std::min<std::size_t>(3, v.nodes.size()));
+  Task task{{v.nodes.begin(), v.nodes.begin() + most}, {}};
+  const Eigen::Index rows = std::min<Eigen::Index>(4, v.M.cols());
+  const VectorXd x = some_vector(seed, rows * 6 * most);
+  task.T = Eigen::Map<const MatrixXd>(x.data(), rows, 6 * most);
+  return task;
+}
+
+TEST(OperationalSpace, InertiaConsistentInverseAndNullSpace) {
+  for_all_views(floating_trees(), kIdentity, [](View& v, Scene& s) {
+    prepare(v.ops);
+    const Task task = some_task(v, s.tree.seed);
+    const OperationalSpace os(v.ops, task);
+    const MatrixXd J = task.T * v.jacobian(task.nodes), MiJ = v.M.llt().solve(J.transpose()), C = J * MiJ, one = MatrixXd::Identity(v.M.cols(), v.M.cols());
+    if (os.rank() < os.rows()) return differ(os.compliance() * os.inertia() * os.compliance(), C) / v.condition();
+    const MatrixXd L = C.llt().solve(MatrixXd::Identity(C.rows(), C.rows())), Jbar = MiJ * L;
+    const MatrixXd got_bar = matrix_of(os.rows(), [&](const VectorXd& x) { return os.consistent_inverse(x); });
+    const MatrixXd N = matrix_of(v.M.cols(), [&](const VectorXd& x) { return os.null_motion(x); });
+    const MatrixXd Nt = matrix_of(v.M.cols(), [&](const VectorXd& x) { return os.null_forces(x); });
+    const VectorXd F = some_vector(s.tree.seed + 7, os.rows()), tau = some_vector(s.tree.seed + 8, v.M.cols());
+    const VectorXd control = os.torque(F, tau), xdd = J * v.M.llt().solve(control);
+    // T may cancel most of what it combines: what is left of the digits
+    const double left = std::min(1.0, largest(J) / largest(task.T.cwiseAbs() * v.jacobian(task.nodes).cwiseAbs()));
+    const double scale = v.condition() * os.condition() / (left * left);
+    return std::max({differ(os.compliance(), C), differ(os.inertia(), L), differ(got_bar, Jbar), differ(J * got_bar, MatrixXd::Identity(C.rows(), C.rows())),
+                     differ(N, one - Jbar * J, 1.0), differ(Nt, N.transpose(), 1.0), differ(xdd, C * F, largest(J * v.M.llt().solve(tau))),
+                     differ(os.force_for(C * F, VectorXd::Zero(os.rows())), F)}) / scale;
+  });
+}
+
+TEST(OperationalSpace, WithoutActuatorsOnSomeComponents) {  // J_g, M_g: those of the rest, the passive ones moving as they must
+  for_all_views(floating_trees(), kIdentity, [](View& v, Scene& s) {
+    const Eigen::Index n = v.M.cols();
+    std::vector<std::uint8_t> passive = some_mask(s.tree.seed + 3, n);
+    for (auto& p : passive) p = !p;
+    const std::vector<int> a = where(passive, 0), p = where(passive, 1);
+    if (a.size() < 4) return 0.0;
+    prepare(v.ops);
+    TreeOperators other = v.ops.subgraph([&] { std::vector<int> all; for (const auto& b : v.ops.bodies()) all.push_back(b.sweep); return all; }());
+    prepare(other, passive);
+    const Task task = some_task(v, s.tree.seed);
+    const OperationalSpace os(v.ops, task, &other);
+    const MatrixXd J = task.T * v.jacobian(task.nodes), Mpp = v.M(p, p), Mpa = v.M(p, a);
+    const MatrixXd back = p.empty() ? MatrixXd::Zero(0, Mpa.cols()) : MatrixXd(Mpp.llt().solve(Mpa));
+    const MatrixXd Jg = J(Eigen::all, a) - J(Eigen::all, p) * back, Mg = v.M(a, a) - Mpa.transpose() * back;
+    const MatrixXd C = Jg * Mg.llt().solve(Jg.transpose());
+    const MatrixXd rates = matrix_of(n, [&](const VectorXd& x) { return os.rates(x); });
+    const MatrixXd forces = matrix_of(os.rows(), [&](const VectorXd& x) { return os.forces(x); });
+    double worst = std::max({differ(os.compliance(), C, largest(J * v.M.llt().solve(J.transpose()))) , differ(rates(Eigen::all, a), Jg), differ(forces, rates.transpose())}) / v.condition();
+    worst = std::max({worst, largest(rates(Eigen::all, p)), largest(forces(p, Eigen::all))});
+    if (os.rank() < os.rows()) return worst;
+    const VectorXd F = some_vector(s.tree.seed + 7, os.rows()), tau_0 = some_vector(s.tree.seed + 8, n);
+    const VectorXd tau = os.torque(F, tau_0), xdd = J * v.M.llt().solve(tau);  // no force on p, and the task obeys
+    const double size = largest(C) * largest(F) + largest(J * v.M.llt().solve(tau_0));
+    return std::max({worst, largest(tau(p)), differ(xdd, C * F, size) / (v.condition() * os.condition())});
+  });
+}
+
+// The control law closes: with the torque that it gives the nodes accelerate as wanted, gravity, velocities and wrenches included.
+TEST(OperationalSpace, TheTaskObeys) {
+  for (const bool thrusters : {true, false})
+    for (const TreeOptions& options : floating_trees())
+      for_all_trees(options, kIdentity, [&](const RandomTree& tree) {
+        Scene s(tree);
+        const Eigen::Index n = s.model->nv;
+        prepare(s.ops);
+        TreeOperators base(s.model);
+        base.at(s.state.q.data());
+        std::vector<std::uint8_t> mask(static_cast<std::size_t>(n), 0);
+        const auto& root = s.ops.bodies()[0];
+        std::fill_n(mask.begin() + root.v, root.nh, std::uint8_t{1});
+        prepare(base, mask);
+        const int tip = s.model->find_node(tree.spec.bodies.back().name + ".tip");
+        const int rows[] = {0, 4};
+        const Task task = Task::of_rows({tip}, rows);
+        const OperationalSpace os(s.ops, task, thrusters ? nullptr : &base);
+        if (os.rank() < os.rows() || os.condition() > 1e6) return 0.0;
+        cardan::Workspace ws(*s.model);
+        const std::vector<cardan::NodeWrench> wrenches = s.wrenches();
+        VectorXd tau = VectorXd::Zero(n), vdot(n);
+        const auto accelerate = [&] {
+          const cardan::Inputs in{.q = s.state.q.data(), .v = s.state.v.data(), .tau = tau.data(), .wrenches = wrenches};
+          if (!forward_dynamics(*s.model, ws, in, vdot.data())) return VectorXd(VectorXd::Constant(2, NAN));
+          Observer observer(*s.model, ws);
+          observer.update(in, vdot.data());
+          return VectorXd(task.T * observer.node(tip).acceleration);
+        };
+        const VectorXd before = accelerate();
+        const VectorXd drift = task_rates(s.ops, task, vdot) + task_bias(s.ops, task, ws, s.state.v);
+        const VectorXd wanted = some_vector(tree.seed, 2), posture = some_vector(tree.seed + 1, n);
+        tau = os.torque(os.force_for(wanted, drift), posture);
+        for (int j = 0; !thrusters && j < root.nh; ++j)
+          if (tau[root.v + j] != 0.0) return HUGE_VAL;
+        const VectorXd after = accelerate();
+        const double size = std::max({largest(before), largest(vdot), largest(os.compliance()) * largest(tau)});
+        return std::max(differ(drift, before, size), differ(after, wanted, size)) / (scaled_condition(s.twin.M) * os.condition());
+      }, kTrees);
+}
+
+// Two links of length 1 in a plane, hinges about z.
+std::shared_ptr<const Model> planar_arm() {
+  const auto link = [](const std::string& name) {
+    BodySpec b = rigid(name, 2.0, {0.5, 0, 0}, diagonal({0.1, 0.2, 0.3}));
+    b.nodes.push_back({"tip", {1, 0, 0}, Eigen::Matrix3d::Identity(), {}});
+    return b;
+  };
+  return compiled(system({on(link("upper"), "", "revolute", {{0, 0, 1}}), on(link("lower"), "upper", "revolute", {{0, 0, 1}}, {1, 0, 0})}));
+}
+
+TEST(OperationalSpace, TellsTheRankAndNeverDividesByZero) {
+  const auto model = planar_arm();
+  TreeOperators ops(model);
+  const int tip = model->find_node("lower.tip");
+  const auto at = [&](double q1, double q2) {
+    const double q[] = {q1, q2};
+    ops.at(q);
+    prepare(ops);
+  };
+  const int plane[] = {3, 4};
+  at(0.3, 1.0);
+  EXPECT_EQ(OperationalSpace(ops, {{tip}, {}}).rank(), 2);  // of six rows
+  const OperationalSpace bent(ops, Task::of_rows({tip}, plane));
+  EXPECT_EQ(bent.rank(), 2);
+  EXPECT_NO_THROW(bent.require_full_rank());
+  at(0.3, 0.0);  // stretched: it can only move across
+  const OperationalSpace stretched(ops, Task::of_rows({tip}, plane));
+  EXPECT_EQ(stretched.rank(), 1);
+  EXPECT_TRUE(stretched.inertia().allFinite());
+  EXPECT_NEAR(stretched.inertia()(0, 0), 0.0, 1e-12);  // tip axes: x along the arm
+  try {
+    stretched.require_full_rank();
+    FAIL();
+  } catch (const NumericsError& e) {
+    EXPECT_EQ(e.failure().code, Code::singular_task);
+    EXPECT_NE(std::string(e.what()).find("rank 1 of 2"), std::string::npos);
+  }
+  // Felt at the tip, sideways: by hand, M = [2 + 2 + ..., ...].
+  Eigen::Matrix2d M;
+  const double J = 0.3 + 2.0 * 0.25;
+  M << 2 * J + 2.0 * (1.0 + 2 * 0.5), J + 2.0 * 0.5, J + 2.0 * 0.5, J;
+  const Eigen::Vector2d across(2.0, 1.0);
+  Vector6d u = Vector6d::Zero();
+  u[4] = 1.0;
+  EXPECT_NEAR(effective_inertia(ops, tip, u) * across.dot(M.inverse() * across), 1.0, 1e-13);
+  u << 0, 0, 0, 1, 0, 0;
+  EXPECT_TRUE(std::isinf(effective_inertia(ops, tip, u)));
+  EXPECT_THROW(participation(ops, tip, u), NumericsError);
+  EXPECT_NEAR(manipulability(ops, Task::of_rows({tip}, plane)).kinematic, 0.0, 1e-15);
+  at(0.3, 1.0);  // Yoshikawa: l1 l2 |sin q2|
+  const Manipulability w = manipulability(ops, Task::of_rows({tip}, plane));
+  EXPECT_NEAR(w.kinematic, std::sin(1.0), 1e-14);
+  const Eigen::MatrixXd A = mass_matrix(ops);
+  EXPECT_NEAR(w.dynamic, std::sin(1.0) / std::sqrt(A.determinant()), 1e-13);
+}
+
+TEST(OperationalSpace, FeltAtANodeAndParticipation) {
+  for_all_views(floating_trees(), kIdentity, [](View& v, Scene& s) {
+    prepare(v.ops);
+    const int node = v.nodes[s.tree.seed % v.nodes.size()];
+    const Vector6d u = some_vector(s.tree.seed, 6);
+    const VectorXd shape = v.J(node).transpose() * u, response = v.M.llt().solve(shape);
+    if (shape.norm() < 1e-6) return 0.0;
+    const double mobility = shape.dot(response);
+    const Participation p = participation(v.ops, node, u);
+    return std::max({differ(p.shape, shape), differ(p.response, response), differ(p.share, shape.cwiseProduct(response) / mobility),
+                     std::abs(p.share.sum() - 1.0), std::abs(effective_inertia(v.ops, node, u) * mobility - 1.0)}) / v.condition();
+  });
+}
+
+TEST(OperationalSpace, Refusals) {
+  const auto model = planar_arm();
+  TreeOperators ops(model);
+  const double q[] = {0.1, 0.2};
+  ops.at(q);
+  const int tip = model->find_node("lower.tip");
+  const auto code = [](const auto& call) {
+    try {
+      call();
+    } catch (const InputError& e) {
+      return e.diagnostics()[0].code;
+    }
+    return Code::yaml_syntax;
+  };
+  EXPECT_EQ(code([&] { compliance(ops, std::vector{tip}); }), Code::operator_stage);
+  prepare(ops);
+  EXPECT_EQ(code([&] { compliance(ops, std::vector{99}); }), Code::unknown_node);
+  EXPECT_EQ(code([&] { compliance(ops.subgraph({1}), std::vector{tip}); }), Code::operator_stage);
+  EXPECT_EQ(code([&] { task_rates(ops, {{tip}, {}}, VectorXd::Zero(3)); }), Code::operator_shape);
+  EXPECT_EQ(code([&] { task_forces(ops, {{tip}, {}}, VectorXd::Zero(5)); }), Code::operator_shape);
+  EXPECT_EQ(code([&] { task_rates(ops, {{tip}, MatrixXd::Zero(2, 5)}, VectorXd::Zero(2)); }), Code::operator_shape);
+  const int rows[] = {6};
+  EXPECT_EQ(code([&] { Task::of_rows({tip}, rows); }), Code::out_of_range);
+  TreeOperators other(planar_arm());
+  other.at(q);
+  prepare(other);
+  EXPECT_EQ(code([&] { OperationalSpace(ops, {{tip}, {}}, &other); }), Code::operator_shape);
+  cardan::Workspace ws(*model);
+  EXPECT_EQ(code([&] { task_bias(ops.subgraph({2}), {{tip}, {}}, ws, VectorXd::Zero(1)); }), Code::unsupported);
+  EXPECT_EQ(code([&] { omega_block(ops, 0, 2); }), Code::unknown_body);
+}
+
+}  // namespace
+}  // namespace cardan::test
