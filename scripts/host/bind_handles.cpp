@@ -11,6 +11,7 @@
 #include "core/base/units.hpp"
 #include "scripts/host/bind_linear.hpp"
 #include "scripts/host/bind_operators.hpp"
+#include "scripts/host/bind_studies.hpp"
 #include "scripts/host/lua_table.hpp"
 #include "scripts/host/scenario.hpp"
 
@@ -395,9 +396,13 @@ int vehicle_mass(lua_State* L) {
   lua_pushnumber(L, mass);
   return 1;
 }
-int vehicle_linearize(lua_State* L) { return push_linear_model(L, *self<Kind::vehicle>(L).scenario); }
 
-int vehicle_operators(lua_State* L) { return push_operators(L, *self<Kind::vehicle>(L).scenario); }
+/// Studies about the present state.
+template <int (*kPush)(lua_State*, Scenario&)>
+int vehicle_study(lua_State* L) {
+  Scenario& s = *self<Kind::vehicle>(L).scenario;
+  return at_script_line(L, [&s](lua_State* l) { return kPush(l, s); });
+}
 
 /// hinge "rod": angle
 int handle_text(lua_State* L) {
@@ -451,8 +456,11 @@ constexpr Method kMethods[] = {
     {Kind::vehicle, "modes", method<vehicle_part<Kind::modes>>},
     {Kind::vehicle, "node", method<vehicle_part<Kind::node>>},
     {Kind::vehicle, "mass", method<vehicle_mass>},
-    {Kind::vehicle, "operators", method<vehicle_operators>},
-    {Kind::vehicle, "linearize", method<vehicle_linearize>},
+    {Kind::vehicle, "operators", method<vehicle_study<push_operators>>},
+    {Kind::vehicle, "linearize", method<vehicle_study<push_linear_model>>},
+    {Kind::vehicle, "system_modes", method<vehicle_study<push_modes>>},
+    {Kind::vehicle, "derivatives", method<vehicle_study<push_derivatives>>},
+    {Kind::vehicle, "inverse_kinematics", method<vehicle_study<push_inverse_kinematics>>},
     {Kind::body, "attitude", method<body_attitude>},
     {Kind::body, "rate", method<body_rate>},
     {Kind::body, "position", method<body_position>},

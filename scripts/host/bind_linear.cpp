@@ -4,25 +4,13 @@
 
 #include "core/operators/linear_model.hpp"
 #include "core/operators/system_modes.hpp"
+#include "core/sim/linear_model_file.hpp"
+#include "scripts/host/bind_operators.hpp"
 #include "scripts/host/lua_table.hpp"
 
 namespace cardan {
 namespace {
 
-void push_numbers(lua_State* L, const Eigen::VectorXd& x) {
-  lua_createtable(L, static_cast<int>(x.size()), 0);
-  for (Eigen::Index i = 0; i < x.size(); ++i) {
-    lua_pushnumber(L, x[i]);
-    lua_rawseti(L, -2, i + 1);
-  }
-}
-void push_rows(lua_State* L, const Eigen::MatrixXd& A) {
-  lua_createtable(L, static_cast<int>(A.rows()), 0);
-  for (Eigen::Index i = 0; i < A.rows(); ++i) {
-    push_numbers(L, A.row(i));
-    lua_rawseti(L, -2, i + 1);
-  }
-}
 void push_texts(lua_State* L, const std::vector<std::string>& texts) {
   lua_createtable(L, static_cast<int>(texts.size()), 0);
   for (std::size_t i = 0; i < texts.size(); ++i) {
@@ -55,11 +43,13 @@ std::shared_ptr<const Model> with_loads(const Scenario& s, const soa::LinearPort
 int push_linear_model(lua_State* L, Scenario& s) {
   if (s.in_event_function) refuse(L, Code::lua_argument, "linearize", "coordinates, inside of an event's `when`", "a linear model");
   soa::LinearPorts ports;
+  std::string file;
   if (!lua_isnoneornil(L, 2)) {
     DiagnosticSink sink;
     LuaTable table(L, 2, "linearize", sink);
     ports.inputs = table.texts("inputs").value_or(std::vector<std::string>());
     ports.outputs = table.texts("outputs").value_or(std::vector<std::string>());
+    file = table.text("file").value_or("");
     table.finish();
     sink.throw_if_any();
   }
@@ -69,26 +59,19 @@ int push_linear_model(lua_State* L, Scenario& s) {
   for (int i = 0; i < model->nv; ++i) tau[i] = s.sim->force(i);
   const Eigen::VectorXd vdot = s.sim->vdot();
   LuaHost::charge(L, 500LL * static_cast<std::int64_t>(model->bodies.size() + static_cast<std::size_t>(model->nv)) * (2 * model->nv + 1));
-  soa::LinearModel linear;
-  try {
-    linear = soa::linearize(*model, {.t = state.t, .q = state.q.data(), .v = state.v.data(), .tau = tau.data(), .vdot = vdot.data(), .wrenches = s.sim->wrenches()}, ports);
-  } catch (const InputError& e) {
-    std::vector<Diagnostic> all = e.diagnostics();
-    for (Diagnostic& d : all) {
-      if (d.at.mark.line == 0) d.at.mark = LuaHost::caller(L);
-      d.stack = LuaHost::traceback(L);
-    }
-    throw InputError(all);
-  }
+  const soa::LinearModel linear =
+      soa::linearize(*model, {.t = state.t, .q = state.q.data(), .v = state.v.data(), .tau = tau.data(), .vdot = vdot.data(), .wrenches = s.sim->wrenches()}, ports);
+  if (!file.empty()) write_linear_model(linear, output_file(L, file).string());
   lua_newtable(L);
   const auto set = [L](const char* key) { lua_setfield(L, -2, key); };
-  push_rows(L, linear.A), set("A");
-  push_rows(L, linear.B), set("B");
-  push_rows(L, linear.C), set("C");
-  push_rows(L, linear.D), set("D");
-  push_numbers(L, linear.drift), set("drift");
-  push_numbers(L, linear.u0), set("u0");
-  push_numbers(L, linear.y0), set("y0");
+  const Labels x = to_labels(linear.states), u = to_labels(linear.inputs), y = to_labels(linear.outputs), rates{x.names, {}};
+  push_matrix(L, linear.A, rates, x), set("A");
+  push_matrix(L, linear.B, rates, u), set("B");
+  push_matrix(L, linear.C, y, x), set("C");
+  push_matrix(L, linear.D, y, u), set("D");
+  push_vector(L, linear.drift, rates), set("drift");
+  push_vector(L, linear.u0, u), set("u0");
+  push_vector(L, linear.y0, y), set("y0");
   push_texts(L, linear.states.names), set("state_names");
   push_texts(L, linear.states.units), set("state_units");
   push_texts(L, linear.inputs.names), set("input_names");

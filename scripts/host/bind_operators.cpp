@@ -375,7 +375,7 @@ std::vector<std::uint8_t> component_mask(lua_State* L, const TreeOperators& tree
   return mask;
 }
 
-int at_script_line(lua_State* L, lua_CFunction function) {
+int at_script_line(lua_State* L, const std::function<int(lua_State*)>& function) {
   try {
     return function(L);
   } catch (const InputError& e) {

@@ -1,5 +1,6 @@
 #pragma once
 // Spatial operators in scripts: what the files that bind them share.
+#include <functional>
 #include <new>
 #include <utility>
 
@@ -45,7 +46,7 @@ int collect(lua_State* L) {
 }
 
 /// A method whose errors, which know no script, are given its line.
-int at_script_line(lua_State* L, lua_CFunction function);
+int at_script_line(lua_State* L, const std::function<int(lua_State*)>& function);
 template <lua_CFunction kFunction>
 int operator_method(lua_State* L) {
   return LuaHost::guarded(L, [](lua_State* l) { return at_script_line(l, kFunction); });

@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "scripts/host/bind_linear.hpp"
 #include "scripts/host/bind_operators.hpp"
 #include "scripts/host/bind_sim.hpp"
+#include "scripts/host/bind_studies.hpp"
 #include "scripts/host/lua_table.hpp"
 #include "scripts/host/workbench.hpp"
 
@@ -111,7 +113,12 @@ int state(lua_State* L) {
   return 0;
 }
 
-int operators(lua_State* L) { return push_operators(L, scene(L)); }
+/// Studies about the present state.
+template <int (*kPush)(lua_State*, Scenario&)>
+int study(lua_State* L) {
+  Scenario& s = scene(L);
+  return at_script_line(L, [&s](lua_State* l) { return kPush(l, s); });
+}
 
 int vehicle(lua_State* L) {
   push_vehicle(L, scene(L));
@@ -154,7 +161,8 @@ int method(lua_State* L) {
 
 const std::vector<luaL_Reg> kMethods = {
     {"t", method<t>},         {"q", method<q>},           {"v", method<v>},          {"vdot", method<vdot>},
-    {"operators", method<operators>}, {"state", method<state>}, {"vehicle", method<vehicle>}, {"run_to", method<run_to>}};
+    {"operators", method<study<push_operators>>}, {"linearize", method<study<push_linear_model>>}, {"system_modes", method<study<push_modes>>},
+    {"derivatives", method<study<push_derivatives>>}, {"inverse_kinematics", method<study<push_inverse_kinematics>>}, {"state", method<state>}, {"vehicle", method<vehicle>}, {"run_to", method<run_to>}};
 
 }  // namespace
 
