@@ -9,6 +9,7 @@ target_compile_options(cardan_flags INTERFACE
 target_compile_definitions(cardan_flags INTERFACE EIGEN_MAX_ALIGN_BYTES=32)   # part of the plugin stamp
 set(CMAKE_CXX_FLAGS_RELEASE "-O3 -DNDEBUG")
 if(CARDAN_SANITIZE)
-  target_compile_options(cardan_flags INTERFACE -fsanitize=${CARDAN_SANITIZE} -fno-omit-frame-pointer -g)
+  target_compile_options(cardan_flags INTERFACE -fsanitize=${CARDAN_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer)
+  target_compile_definitions(cardan_flags INTERFACE _GLIBCXX_ASSERTIONS)
   target_link_options(cardan_flags INTERFACE -fsanitize=${CARDAN_SANITIZE})
 endif()
