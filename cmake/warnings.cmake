@@ -9,6 +9,10 @@ target_compile_options(cardan_flags INTERFACE
 target_compile_definitions(cardan_flags INTERFACE EIGEN_MAX_ALIGN_BYTES=32)   # part of the plugin stamp
 set(CMAKE_CXX_FLAGS_RELEASE "-O3 -DNDEBUG")
 if(CARDAN_SANITIZE)
-  target_compile_options(cardan_flags INTERFACE -fsanitize=${CARDAN_SANITIZE} -fno-omit-frame-pointer -g)
+  target_compile_options(cardan_flags INTERFACE -fsanitize=${CARDAN_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer)
+  if(CMAKE_CXX_COMPILER_ID STREQUAL "Clang")
+    target_compile_options(cardan_flags INTERFACE -fsanitize-ignorelist=${CMAKE_SOURCE_DIR}/cmake/sanitizer_ignore.txt)
+  endif()
+  target_compile_definitions(cardan_flags INTERFACE _GLIBCXX_ASSERTIONS)
   target_link_options(cardan_flags INTERFACE -fsanitize=${CARDAN_SANITIZE})
 endif()

@@ -3,6 +3,7 @@
 // file: its parameters, its kinematics, its derivative. Axis hinges give only their axis.
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <concepts>
 #include <cstring>
@@ -159,13 +160,13 @@ const cardan_hinge_family& hinge_table() {
     t.kinematics = &detail::kinematics<F>;
     t.qdot = [](const void* packed, const double* q, const double* v, double* qdot) {
       if constexpr (F::nq == F::nv)
-        std::memcpy(qdot, v, F::nv * sizeof(double));
+        std::copy_n(v, F::nv, qdot);  // v may be null where nv = 0
       else
         F::qdot(*static_cast<const P*>(packed), q, v, qdot);
     };
     t.map_dot = [](const void* packed, const double* q, const double* u, double* out) {
       if constexpr (kIsAxisHinge<F> || F::nv == 0)
-        std::memset(out, 0, 6 * F::nv * sizeof(double));
+        std::fill_n(out, 6 * F::nv, 0.0);
       else {
         const Eigen::Matrix<double, 6, F::nv> d = F::map_dot(*static_cast<const P*>(packed), q, u);
         std::memcpy(out, d.data(), sizeof(double) * 6 * F::nv);

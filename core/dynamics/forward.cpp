@@ -13,14 +13,15 @@ template <class T>
 bool forward_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inputs<T>& in, T* vdot) {
   const soa::Sweeps<T>& S = soa::sweeps<T>();
   const std::size_t bytes = sizeof(T) * static_cast<std::size_t>(model.nq);
-  const bool again = model.rigid && ws.articulated && std::memcmp(in.q, ws.articulated_q.data(), bytes) == 0;
+  const bool kept = model.rigid && bytes > 0;  // q is null where nq = 0
+  const bool again = kept && ws.articulated && std::memcmp(in.q, ws.articulated_q.data(), bytes) == 0;
   S.ground(model, ws, in);
   for (const Op& op : model.program) {
     soa::run_op(model, op, S, ws, in, vdot, again);
     if (ws.breakdown.body != 0) return false;
   }
-  if (model.rigid && !again) std::memcpy(static_cast<void*>(ws.articulated_q.data()), in.q, bytes);
-  ws.articulated = model.rigid;
+  if (kept && !again) std::memcpy(static_cast<void*>(ws.articulated_q.data()), in.q, bytes);
+  ws.articulated = kept;
   return true;
 }
 template bool forward_dynamics(const Model&, soa::Workspace<double>&, const soa::Inputs<double>&, double*);

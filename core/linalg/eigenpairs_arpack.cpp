@@ -181,7 +181,7 @@ Eigenpairs lowest_eigenpairs(const SparseMatrix& K, const SparseMatrix& M, int k
   const auto multiply = [&](const VectorXd& x, VectorXd& y) { y.noalias() = M * x; };
 
   // A few pairs more than asked, to find a gap above the last one wanted for the inertia check.
-  const int wanted = std::min(n, k + 4);
+  const int wanted = std::max(k, std::min(n, k + 4));
   Eigenpairs found;
   try {
     found = lowest_eigenpairs({n, n, solve, solve}, {n, n, multiply, multiply}, wanted, sigma);

@@ -141,8 +141,8 @@ static void central_gravity(const SweepModel& model, Workspace<T>& ws, const Inp
     const T* eta = in.q + b.eta;
     for (int j = 0; j < b.n_modes; ++j) {
       const double* constant = flexible.M_re.data() + 6 * j;
-      const T* M_e = modal->P_re + 6 * j;
-      const Vec3<T> I3 = modal->P_re ? Vec3<T>{M_e[3], M_e[4], M_e[5]} : Vec3<T>{T(constant[3]), T(constant[4]), T(constant[5])};
+      const T* M_e = modal->P_re ? modal->P_re + 6 * j : nullptr;
+      const Vec3<T> I3 = M_e ? Vec3<T>{M_e[3], M_e[4], M_e[5]} : Vec3<T>{T(constant[3]), T(constant[4]), T(constant[5])};
       T f = dot(I3, field);
       if (g.gradient) {
         f = f - k3 * (T(3) * dot(c, r) * dot(r, I3) / r2 - dot(c, I3));

@@ -4,7 +4,9 @@
 
 // The sweeps are compiled once per instruction set and must share no function between the files (docs/adr/0013-instruction-sets.md):
 // what they call is inlined, always, or static.
+#ifndef CARDAN_INLINE
 #define CARDAN_INLINE [[gnu::always_inline]] inline
+#endif
 
 namespace cardan {
 
