@@ -102,13 +102,13 @@ function Vehicle:mass() end
 function Vehicle:operators(last_stage) end
 
 ---@class LinearModel
----@field A number[][] x' = A x + B u
----@field B number[][]
----@field C number[][] y = C x + D u
----@field D number[][]
----@field drift number[] x' at the point
----@field u0 number[]
----@field y0 number[]
+---@field A Matrix x' = A x + B u
+---@field B Matrix
+---@field C Matrix y = C x + D u
+---@field D Matrix
+---@field drift Vector x' at the point
+---@field u0 Vector
+---@field y0 Vector
 ---@field t number [s]
 ---@field poles { re: number, im: number, frequency: number, damping: number }[] [rad/s], [Hz]
 ---@field state_names string[]
@@ -390,6 +390,110 @@ function Operators:size(space) end
 ---@param space? "hinge"|"body"|"node"
 ---@return string[]
 function Operators:names(space) end
+--- J M^-1 J* of these nodes.
+---@param ... string
+---@return Matrix
+function Operators:compliance(...) end
+---@param task { nodes: string[], rows?: integer[], T?: Matrix, passive?: string[] }
+---@return Task
+function Operators:task(task) end
+---@param node string
+---@param direction number[] six: moment, force, node axes
+---@return number
+function Operators:effective_inertia(node, direction) end
+---@param ... string
+---@return { singular_values: Vector, kinematic: number, dynamic: number }
+function Operators:manipulability(...) end
+---@param node string
+---@param direction number[]
+---@return { shape: Vector, response: Vector, share: Vector }
+function Operators:participation(node, direction) end
+---@return { mass: number, com: Vector, inertia: Matrix } world axes
+function Operators:mass_properties() end
+---@param v Vector|number[]
+---@param about? "world"|"com"
+---@return Vector
+function Operators:momentum(v, about) end
+---@param about? "world"|"com"
+---@return Matrix
+function Operators:momentum_matrix(about) end
+---@param v Vector|number[]
+---@return { bodies: Matrix, total: Vector, angular?: Vector, linear?: Vector }
+function Operators:momentum_sharing(v) end
+---@return { others_locked: Vector, outboard_free: Vector, others_free: Vector }
+function Operators:reflected_inertia() end
+--- Velocity terms less gravity and elastic forces.
+---@param v Vector|number[]
+---@return Vector
+function Operators:bias(v) end
+---@param given { bias?: Vector, tau?: Vector, vdot?: Vector }
+---@return { vdot: Vector, tau: Vector }
+function Operators:hybrid(given) end
+--- Components without actuator.
+---@param ... string
+---@return Passive
+function Operators:passive(...) end
+---@return Passive
+function Operators:floating_base() end
+---@return Vector
+function Operators:log_det_gradient() end
+---@param form? "normalised"|"rates"
+---@return Diagonalised
+function Operators:diagonalised(form) end
+
+--- An operational space. x, F: of the task; v, tau: of the hinge space.
+---@class Task
+Task = {}
+---@return Matrix
+function Task:inertia() end
+---@return Matrix
+function Task:compliance() end
+---@return integer
+function Task:rank() end
+---@return number
+function Task:condition() end
+---@return integer
+function Task:rows() end
+---@return Vector
+function Task:rates(v) end
+---@return Vector
+function Task:forces(F) end
+---@return Vector
+function Task:consistent_inverse(x) end
+---@return Vector
+function Task:task_part(tau) end
+---@return Vector
+function Task:null_motion(v) end
+---@return Vector
+function Task:null_forces(tau) end
+---@return Vector
+function Task:torque(F, tau_0) end
+
+---@class Passive
+Passive = {}
+---@return Vector
+function Passive:velocities(v, momenta) end
+--- Generalised Jacobian.
+---@param ... string nodes
+---@return Matrix
+function Passive:jacobian(...) end
+---@return Vector
+function Passive:forces(tau) end
+---@return Vector
+function Passive:mass(vdot) end
+---@return Matrix
+function Passive:coupling() end
+
+---@class Diagonalised
+Diagonalised = {}
+---@return Vector
+function Diagonalised:nu(v) end
+---@return Vector
+function Diagonalised:velocity(nu) end
+---@return Vector
+function Diagonalised:eps(tau) end
+---@return Vector
+function Diagonalised:coriolis(v) end
 
 --- The loaded scene.
 ---@class Sim
@@ -398,6 +502,21 @@ sim = {}
 ---@param last_stage? "position"|"inertia" default "inertia"
 ---@return Operators
 function sim:operators(last_stage) end
+--- The linear model about the state of now.
+---@param ports? { inputs?: string[], outputs?: string[], file?: string } file: at the workbench alone
+---@return LinearModel
+function sim:linearize(ports) end
+--- Modes of the assembled system, rigid-body modes first.
+---@param options? { elastic?: integer, rigid?: integer }
+---@return { n_rigid: integer, first_elastic: integer, complete: boolean, frequency: Vector, damping: Vector, shapes: Matrix, strain: Matrix, kinetic: Matrix }
+function sim:system_modes(options) end
+--- Derivatives of inverse and forward dynamics, or of both in the parameters of one body.
+---@param body? string
+---@return { tau_q?: Matrix, tau_v?: Matrix, vdot_q?: Matrix, vdot_v?: Matrix, vdot_tau?: Matrix, tau?: Matrix, vdot?: Matrix }
+function sim:derivatives(body) end
+---@param task { targets: { node: string, position?: quantity[], attitude?: number[], rows?: integer[], rotation_weight?: number, position_weight?: number }[], limits?: table<string, number[]>, free?: string[], prefer?: Vector, dynamic?: boolean, tolerance?: number, iterations?: integer, starts?: integer, seed?: integer }
+---@return { reached: boolean, q: Vector, residual: number, error: Matrix, at_limit: string[], stationary: boolean, iterations: integer, starts: integer, seed: integer, message: string }
+function sim:inverse_kinematics(task) end
 ---@return number [s]
 function sim:t() end
 ---@return Vector
