@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "scripts/host/bind_linear.hpp"
 #include "scripts/host/bind_operators.hpp"
 #include "scripts/host/bind_sim.hpp"
 #include "scripts/host/lua_table.hpp"
@@ -113,7 +112,6 @@ int state(lua_State* L) {
 }
 
 int operators(lua_State* L) { return push_operators(L, scene(L)); }
-int linearize(lua_State* L) { return push_linear_model(L, scene(L)); }
 
 int vehicle(lua_State* L) {
   push_vehicle(L, scene(L));
@@ -156,7 +154,7 @@ int method(lua_State* L) {
 
 const std::vector<luaL_Reg> kMethods = {
     {"t", method<t>},         {"q", method<q>},           {"v", method<v>},          {"vdot", method<vdot>},
-    {"operators", method<operators>}, {"linearize", method<linearize>}, {"state", method<state>}, {"vehicle", method<vehicle>}, {"run_to", method<run_to>}};
+    {"operators", method<operators>}, {"state", method<state>}, {"vehicle", method<vehicle>}, {"run_to", method<run_to>}};
 
 }  // namespace
 
