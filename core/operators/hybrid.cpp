@@ -103,7 +103,7 @@ Hybrid hybrid_dynamics(const TreeOperators& tree, std::span<const Drive> drives,
     const int place = tree.place_of_velocity(j);
     if (place < 0) continue;
     const Drive drive = drives[idx(place)];
-    const auto name = [&] { return tree.labels(Space::hinge).names[idx(place)]; };
+    const auto name = [&] { return tree.labels(Space::hinge, Sort::motion).names[idx(place)]; };
     if (is_free(drive) != tree.is_free(place))
       throw InputError(Diagnostic{Code::operator_shape, {"drive of " + name(), {}}, "the mask that the tree was articulated with",
                                   is_free(drive) ? "free" : "not free", "articulate({.free = free_mask(drives)}) first", {}, {}, 0});

@@ -8,6 +8,7 @@
 
 #include "core/base/diagnostic.hpp"
 #include "core/operators/node_motion.hpp"
+#include "core/operators/sensitivity.hpp"
 #include "core/soa/kernels_tangent.hpp"
 
 namespace cardan::soa {
@@ -312,49 +313,7 @@ class Column {
   }
 };
 
-/// C_kin of a curved hinge that is none of ours: N C_kin d = (dN along N d) v - (dN along N v) d.
-MatrixXd kinematic_part_of(const UserBody& u, const double* q, const double* v) {
-  const auto N = [&](const VectorXd& at, const VectorXd& w) {
-    VectorXd out(u.nq);
-    u.hinge->qdot(u.hinge_packed.data(), at.data(), w.data(), out.data());
-    return out;
-  };
-  const VectorXd q0 = Eigen::Map<const VectorXd>(q, u.nq), v0 = Eigen::Map<const VectorXd>(v, u.nv);
-  const auto slope = [&](const VectorXd& along, const VectorXd& w) {
-    VectorXd out(u.nq), work(u.nq);
-    derivative([&](double s, double* to) { Eigen::Map<VectorXd>(to, u.nq) = N(q0 + s * along, w); }, 0.03 / std::max(along.cwiseAbs().maxCoeff(), 1.0),
-               u.nq, out.data(), work.data());
-    return out;
-  };
-  MatrixXd map(u.nq, u.nv), right(u.nq, u.nv);
-  for (int j = 0; j < u.nv; ++j) {
-    const VectorXd unit = VectorXd::Unit(u.nv, j);
-    map.col(j) = N(q0, unit);
-    right.col(j) = slope(map.col(j), v0) - slope(N(q0, v0), unit);
-  }
-  return map.colPivHouseholderQr().solve(right);
-}
-
-Eigen::Matrix3d tilde(const double* a) { return (Eigen::Matrix3d() << 0, -a[2], a[1], a[2], 0, -a[0], -a[1], a[0], 0).finished(); }
-
 }  // namespace
-
-MatrixXd kinematic_part(const Model& m, const double* q, const double* v) {
-  MatrixXd C = MatrixXd::Zero(m.nv, m.nv);
-  for (const int i : m.curved) {
-    const UserBody& u = m.user[idx(i)];
-    const double* w = v + u.v;
-    if (!has_quaternion(u)) {
-      C.block(u.v, u.v, u.nv, u.nv) = kinematic_part_of(u, q + u.q, w);
-      continue;
-    }
-    C.block<3, 3>(u.v, u.v) = -tilde(w);
-    if (u.hinge->shape != CARDAN_SHAPE_FREE_BODY) continue;
-    C.block<3, 3>(u.v + 3, u.v) = -tilde(w + 3);
-    C.block<3, 3>(u.v + 3, u.v + 3) = -tilde(w);
-  }
-  return C;
-}
 
 LinearModel linearize(const Model& m, const OperatingPoint& at, const LinearPorts& wanted) {
   const int nv = m.nv, n = 2 * nv;
@@ -396,7 +355,7 @@ LinearModel linearize(const Model& m, const OperatingPoint& at, const LinearPort
   }
   column.run(y.data());
 
-  out.A.topLeftCorner(nv, nv) = kinematic_part(m, at.q, at.v);
+  out.A.topLeftCorner(nv, nv) = kinematic_rates(m, at.q, at.v);
   out.A.topRightCorner(nv, nv).setIdentity();
   for (int i = 0; i < nv; ++i) out.drift[i] = at.v[i], out.drift[nv + i] = column.vdot[idx(i)].x;
   for (int j = 0; j < nu; ++j) {

@@ -52,8 +52,4 @@ struct LinearModel {
 /// without inertia. O(N) for each of 2 nv + nu directions.
 LinearModel linearize(const Model& model, const OperatingPoint& at, const LinearPorts& ports = {});
 
-/// The kinematic part: d/dt dtheta = dv + C_kin dtheta, nv x nv. -omega~ for a ball; diag(-omega~, 0) for `free`; -(V x) for
-/// `free_body`; zero where q' = v.
-Eigen::MatrixXd kinematic_part(const Model& model, const double* q, const double* v);
-
 }  // namespace cardan::soa

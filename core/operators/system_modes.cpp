@@ -78,7 +78,7 @@ Joint joint_of(const TreeOperators& tree) {
       J.K[i] = J.C[i] = 0.0;
       continue;
     }
-    if (!(J.K[i] >= 0.0)) refuse(tree.labels(Space::hinge).names[idx(i)], fmt::format("{:g}", J.K[i]));
+    if (!(J.K[i] >= 0.0)) refuse(tree.labels(Space::hinge, Sort::unknown).names[idx(i)], fmt::format("{:g}", J.K[i]));
     J.free.push_back(i);
     (J.K[i] > 0.0 ? J.stiff : J.slack).push_back(i);
   }
@@ -252,7 +252,7 @@ SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& op
   const int k = out.first_elastic + taken;
   out.frequency.setZero(k), out.damping.setZero(k), out.residual.setZero(k);
   out.shapes.setZero(n, k), out.kinetic.setZero(static_cast<Eigen::Index>(tree.bodies().size()), k), out.strain.setZero(n, k);
-  out.labels = tree.labels(Space::hinge);
+  out.labels = tree.labels(Space::hinge, Sort::unknown);
   for (const OperatorBody& b : tree.bodies()) out.bodies.push_back(tree.model().user[idx(b.user)].name);
 
   for (int j = 0; j < out.first_elastic; ++j) out.shapes.col(j) = X.cols() == n_slack ? VectorXd(X.col(j)) : rigid_mode(j);

@@ -24,7 +24,7 @@ struct SystemModes {
   Eigen::MatrixXd strain;           // n x k: share of each component's stiffness in the strain energy; 0 for rigid-body modes
   Eigen::VectorXd residual;         // k: |K x - lambda M x| over omega in the norm of K^-1
   bool complete = false;            // Sylvester: as many eigenvalues lie below as were found. False: no gap to count in
-  SpaceLabels labels;               // of the rows of shapes and strain
+  SpaceLabels labels;               // of the rows of shapes and strain; shapes are scaled by mass, so units are left open
   std::vector<std::string> bodies;  // of the rows of kinetic
 };
 

@@ -119,7 +119,7 @@ TEST(LinearModel, KinematicPart) {  // d^2/de dt of the deviation between two ne
   for_all_trees({.bodies = 4, .hinges = {"ball", "free", "free_body", "gimbal", "planar"}}, 1e-8, [](const RandomTree& tree) {
     Loaded at(tree);
     const Model& m = *at.model;
-    const MatrixXd mine = soa::kinematic_part(m, at.state.q.data(), at.state.v.data());
+    const MatrixXd mine = linearize(m, {.q = at.state.q.data(), .v = at.state.v.data()}).A.topLeftCorner(m.nv, m.nv);
     MatrixXd J(m.nv, m.nv);
     const auto moved = [&](const VectorXd& q, const VectorXd& d) {
       VectorXd out(m.nq);
