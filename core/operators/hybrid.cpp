@@ -77,11 +77,13 @@ Hybrid hybrid_dynamics(const TreeOperators& tree, const VectorXd& bias, const Ve
 VectorXd bias(const TreeOperators& tree, Workspace<double>& ws, const Inputs<double>& in) {
   tree.require(Kind::H);
   const Model& model = tree.model();
-  for (int k = 1; k < static_cast<int>(model.bodies.size()); ++k)
-    if (tree.index_of(k) < 0 && tree.index_of(model.bodies[idx(k)].parent) >= 0)
-      throw InputError(Diagnostic{Code::unsupported, {"bias forces", {}}, "a subgraph with all that hangs on it",
-                                  "one without a body that hangs on " + model.user[idx(tree.bodies()[idx(tree.index_of(model.bodies[idx(k)].parent))].user)].name,
-                                  "give the bias instead", {}, {}, 0});
+  for (int k = 1; k < static_cast<int>(model.bodies.size()); ++k) {
+    const int inboard = tree.index_of(model.bodies[idx(k)].parent);
+    if (tree.index_of(k) >= 0 || inboard < 0) continue;
+    throw InputError(Diagnostic{Code::unsupported, {"bias forces", {}}, "a subgraph with all that hangs on it",
+                                "one without a body that hangs on " + model.user[idx(tree.bodies()[idx(inboard)].user)].name,
+                                "give the bias instead", {}, {}, 0});
+  }
   VectorXd v = VectorXd::Zero(model.nv), all(model.nv), out(tree.size(Space::hinge));
   for (int j = 0; in.v && j < model.nv; ++j)
     if (tree.place_of_velocity(j) >= 0) v[j] = in.v[j];
@@ -110,7 +112,8 @@ Hybrid hybrid_dynamics(const TreeOperators& tree, std::span<const Drive> drives,
     if (drive == Drive::passive) known_tau[place] = 0.0;
     if (drive == Drive::locked) known_vdot[place] = 0.0;
     if (drive == Drive::locked && in.v && in.v[j] != 0.0)
-      throw InputError(Diagnostic{Code::out_of_range, {"velocity of " + name(), {}}, "0: it is locked", fmt::format("{:g}", in.v[j]), {}, {}, {}, 0});
+      throw InputError(Diagnostic{Code::out_of_range, {"velocity of " + name(), {}}, "0: it is locked", fmt::format("{:g}", in.v[j]), {},
+                                  {}, {}, 0});
   }
   return hybrid_dynamics(tree, bias(tree, ws, in), known_tau, known_vdot);
 }
@@ -172,7 +175,8 @@ VectorXd base_momenta(const TreeOperators& tree, const Eigen::Matrix<double, 6, 
   tree.require(Kind::H);
   const auto roots = std::count_if(tree.bodies().begin(), tree.bodies().end(), [](const OperatorBody& b) { return b.parent < 0; });
   if (!tree.whole() || roots != 1 || tree.bodies()[0].nh != 6)
-    throw InputError(Diagnostic{Code::unsupported, {"momenta of the base", {}}, "one root on a hinge of six degrees", fmt::format("{} roots", roots), {}, {}, {}, 0});
+    throw InputError(Diagnostic{Code::unsupported, {"momenta of the base", {}}, "one root on a hinge of six degrees",
+                                fmt::format("{} roots", roots), {}, {}, {}, 0});
   const OperatorBody& b = tree.bodies()[0];
   const Placement body = Placements(tree).reference;  // that of the root
   Eigen::Matrix<double, 6, 1> f;  // at the base, its axes

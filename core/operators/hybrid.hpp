@@ -37,12 +37,12 @@ Eigen::VectorXd bias(const TreeOperators& tree, Workspace<double>& workspace, co
 Hybrid hybrid_dynamics(const TreeOperators& tree, std::span<const Drive> drives, Workspace<double>& workspace, const Inputs<double>& in,
                        const Eigen::VectorXd& tau, const Eigen::VectorXd& vdot);
 
-/// A system of which some components p carry no actuator, or are determined by momentum; the others are a. The tree must be articulated with
-/// free = p. All by operators, O(N) per product.
+/// A system of which some components p carry no actuator, or are determined by momentum; the others are a. The tree must be
+/// articulated with free = p. All by operators, O(N) per product.
 ///
 /// The generalised momenta of p are p_p = M_pp v_p + M_pa v_a, so v_p = M_pp^-1 (p_p - M_pa v_a). A free-floating base
-/// (Umetani & Yoshida 1989; mathematics 5.3): p = the hinge components of the roots, one or several, rigid or flexible; the modes of a flexible base are
-/// among a. Without forces from outside p_p of a six-degree root is the system's momentum seen from the base.
+/// (Umetani & Yoshida 1989; mathematics 5.3): p = the hinge components of the roots, one or several, rigid or flexible; the modes
+/// of a flexible base are among a. p_p of a single root of six degrees is the system's momentum seen from the base.
 class Unactuated {
  public:
   /// Needs Inertia.

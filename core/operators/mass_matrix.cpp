@@ -30,7 +30,8 @@ void mirror(MatrixXd& a) {
 void require_size(const TreeOperators& tree, const char* what, Space space, Eigen::Index size) {
   if (size == tree.size(space)) return;
   constexpr const char* names[] = {"hinge", "body", "node"};
-  throw InputError(Diagnostic{Code::operator_shape, {what, {}}, fmt::format("{} numbers ({} space)", tree.size(space), names[static_cast<int>(space)]),
+  throw InputError(Diagnostic{Code::operator_shape, {what, {}},
+                              fmt::format("{} numbers ({} space)", tree.size(space), names[static_cast<int>(space)]),
                               fmt::format("{}", size), {}, {}, {}, 0});
 }
 

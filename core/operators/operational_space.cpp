@@ -100,7 +100,8 @@ MatrixXd omega_block(const TreeOperators& tree, int a, int b) {
   const int n = static_cast<int>(tree.bodies().size());
   for (const int i : {a, b})
     if (i < 0 || i >= n)
-      throw InputError(Diagnostic{Code::unknown_body, {"block of Omega", {}}, fmt::format("an index below {}", n), fmt::format("{}", i), {}, {}, {}, 0});
+      throw InputError(Diagnostic{Code::unknown_body, {"block of Omega", {}}, fmt::format("an index below {}", n), fmt::format("{}", i), {}, {},
+                                  {}, 0});
   const auto size = [&](int i) { return 6 + tree.bodies()[idx(i)].m; };
   MatrixXd Wa = MatrixXd::Identity(size(a), size(a)), Wb = MatrixXd::Identity(size(b), size(b));
   for (int i = a, j = b;;) {
@@ -119,7 +120,8 @@ Task Task::of_rows(std::vector<int> nodes, std::span<const int> rows) {
   out.T = MatrixXd::Zero(static_cast<Eigen::Index>(rows.size()), all);
   for (std::size_t r = 0; r < rows.size(); ++r) {
     if (rows[r] < 0 || rows[r] >= all)
-      throw InputError(Diagnostic{Code::out_of_range, {"rows of a task", {}}, fmt::format("0 ... {}", all - 1), fmt::format("{}", rows[r]), {}, {}, {}, 0});
+      throw InputError(Diagnostic{Code::out_of_range, {"rows of a task", {}}, fmt::format("0 ... {}", all - 1), fmt::format("{}", rows[r]), {},
+                                  {}, {}, 0});
     out.T(static_cast<Eigen::Index>(r), rows[r]) = 1.0;
   }
   return out;
@@ -171,7 +173,8 @@ OperationalSpace::OperationalSpace(const TreeOperators& tree, Task task, const T
   compliance_ = task_compliance(tree, task_);
   if (passive) {
     if (passive->model_pointer() != tree.model_pointer() || passive->size(Space::hinge) != tree.size(Space::hinge) || passive->q() != tree.q())
-      throw InputError(Diagnostic{Code::operator_shape, {"operational space", {}}, "a second tree of the same bodies at the same q", "another", {}, {}, {}, 0});
+      throw InputError(Diagnostic{Code::operator_shape, {"operational space", {}}, "a second tree of the same bodies at the same q", "another",
+                                  {}, {}, {}, 0});
     compliance_ -= task_compliance(*passive, task_);
   }
   const int r = rows();

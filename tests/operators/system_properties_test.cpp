@@ -22,7 +22,8 @@ TEST(MassProperties, OfTheTreeAndOfPathsAgainstTheTwin) {
       const double m = all.mass * other.mass / whole.mass;
       const Vector3d d = all.com - other.com;
       const Eigen::Matrix3d J = all.inertia + other.inertia + m * (d.squaredNorm() * Eigen::Matrix3d::Identity() - d * d.transpose());
-      return std::max({std::abs(all.mass + other.mass - whole.mass) / whole.mass, off((all.mass * all.com + other.mass * other.com) / whole.mass, whole.com, 1.0 + whole.com.norm()),
+      const Vector3d com = (all.mass * all.com + other.mass * other.com) / whole.mass;
+      return std::max({std::abs(all.mass + other.mass - whole.mass) / whole.mass, off(com, whole.com, 1.0 + whole.com.norm()),
                        differ(J, whole.inertia)});
     }
     const auto twin = s.twin_of(v.ops);

@@ -56,7 +56,11 @@ struct View {
 class Scene {
  public:
   explicit Scene(const RandomTree& from)
-      : tree(from), model(compiled(tree.spec, {.world_wrenches = true})), state(model->initial_state()), ops(model), twin(reference::DenseTwin<double>(tree.spec).at(state.q, state.v)) {
+      : tree(from),
+        model(compiled(tree.spec, {.world_wrenches = true})),
+        state(model->initial_state()),
+        ops(model),
+        twin(reference::DenseTwin<double>(tree.spec).at(state.q, state.v)) {
     ops.at(state.q.data());
   }
   /// The tree; a subtree; the path to the deepest body (the bodies on it alone).
@@ -91,7 +95,9 @@ class Scene {
   /// The description of these bodies alone; whoever they hang on is among them.
   SystemSpec only(const TreeOperators& sub) const {
     SystemSpec spec = tree.spec;
-    std::erase_if(spec.bodies, [&](const BodySpec& b) { return sub.index_of(model->user[static_cast<std::size_t>(model->find_body(b.name))].sweep) < 0; });
+    std::erase_if(spec.bodies, [&](const BodySpec& b) {
+      return sub.index_of(model->user[static_cast<std::size_t>(model->find_body(b.name))].sweep) < 0;
+    });
     return spec;
   }
   reference::DenseState<double> twin_of(const TreeOperators& sub) const {
@@ -140,7 +146,8 @@ class Scene {
 };
 
 /// The worst error over the views of each tree.
-inline void for_all_views(const std::vector<TreeOptions>& kinds, double tolerance, const std::function<double(View&, Scene&)>& property, int count = kTrees) {
+inline void for_all_views(const std::vector<TreeOptions>& kinds, double tolerance,
+                          const std::function<double(View&, Scene&)>& property, int count = kTrees) {
   for (const TreeOptions& options : kinds)
     for_all_trees(
         options, tolerance,
@@ -175,10 +182,10 @@ inline VectorXd some_vector(unsigned seed, Eigen::Index size) {
   return out;
 }
 /// Some components free, some not.
-inline std::vector<std::uint8_t> some_mask(unsigned seed, Eigen::Index size) {
+inline std::vector<std::uint8_t> some_mask(unsigned seed, Eigen::Index size, double above = -0.2) {
   const VectorXd x = some_vector(seed + 1000, size);
   std::vector<std::uint8_t> out(static_cast<std::size_t>(size));
-  for (Eigen::Index i = 0; i < size; ++i) out[static_cast<std::size_t>(i)] = x[i] > -0.2;
+  for (Eigen::Index i = 0; i < size; ++i) out[static_cast<std::size_t>(i)] = x[i] > above;
   return out;
 }
 inline std::vector<int> where(std::span<const std::uint8_t> mask, int value) {
