@@ -137,8 +137,9 @@ VectorXd Diagonalised::eps(const VectorXd& tau) const {
 
 // The change of nu at constant free v: L*' v (and what given accelerations add), times D in the form without square roots. With x as in
 // scatter(): nu = S* (v + G* x), so it is S*' (v + G* x) + S* (G*' x + G* x').
-VectorXd Diagonalised::drift(const VectorXd& v, const double* given_vdot) const {
-  const PositionBlocks d = tree_.derivatives(v.data());
+VectorXd Diagonalised::drift(const VectorXd& v, const double* given_vdot) {
+  const PositionBlocks& d = direction_;
+  tree_.derivatives(v.data(), direction_);
   const RiccatiRates rates = riccati_rates(tree_, d);
   const std::size_t n = tree_.bodies().size();
   std::vector<VectorXd> V(n), dV(n);  // dV: rate of its components at constant free v

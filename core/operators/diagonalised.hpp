@@ -36,11 +36,12 @@ class Diagonalised {
   Eigen::VectorXd rate(const Inputs& in);
 
  private:
-  Eigen::VectorXd drift(const Eigen::VectorXd& v, const double* given_vdot) const;
+  Eigen::VectorXd drift(const Eigen::VectorXd& v, const double* given_vdot);
   void clear_given(int i, Eigen::VectorXd& x) const;
   const soa::TreeOperators& tree_;
   bool normalised_;
   Workspace ws_;
+  soa::PositionBlocks direction_;
 };
 
 }  // namespace cardan

@@ -68,6 +68,7 @@ Eigen::VectorXd log_det_gradient(const TreeOperators& tree) {
   const int n = static_cast<int>(depth.size());
   Eigen::VectorXd gradient = Eigen::VectorXd::Zero(tree.size(soa::Space::hinge));
   std::vector<double> u(idx(model.nv));
+  PositionBlocks d;
   for (const Pass& pass : passes_of(tree, depth)) {
     const auto moved = [&](int i) {
       const soa::OperatorBody& b = tree.bodies()[idx(i)];
@@ -78,7 +79,7 @@ Eigen::VectorXd log_det_gradient(const TreeOperators& tree) {
       const SweepBody& b = model.bodies[idx(tree.bodies()[idx(i)].sweep)];
       if (moved(i)) u[idx((pass.parity < 0 ? b.v : b.etadot) + pass.component)] = 1.0;
     }
-    const PositionBlocks d = tree.derivatives(u.data());
+    tree.derivatives(u.data(), d);
     for (int i = 0; i < n; ++i) {
       const soa::OperatorBody& b = tree.bodies()[idx(i)];
       if (moved(i)) {

@@ -256,7 +256,7 @@ void TreeOperators::at(const double* q) {
   free_.clear();
 }
 
-void TreeOperators::differentiate(const double* u, PositionBlocks& out) const {
+void TreeOperators::derivatives(const double* u, PositionBlocks& out) const {
   require(Kind::H);
   const Model& model = *model_;
   std::vector<double> rate(idx(model.nq));
@@ -270,13 +270,13 @@ void TreeOperators::differentiate(const double* u, PositionBlocks& out) const {
 
 PositionBlocks TreeOperators::derivatives(const double* u) const {
   PositionBlocks out;
-  differentiate(u, out);
+  derivatives(u, out);
   return out;
 }
 
 void TreeOperators::along(const double* u) {
   if (!direction_) direction_ = std::make_unique<PositionBlocks>();
-  differentiate(u, *direction_);
+  derivatives(u, *direction_);
   has_direction_ = true;
   mask_hinges();
 }

@@ -135,6 +135,8 @@ class TreeOperators {
   void along(const double* u);
   /// The same derivatives as values, by sweep index (Bt stays empty): leaves this as it is.
   PositionBlocks derivatives(const double* u) const;
+  /// Into memory that is there.
+  void derivatives(const double* u, PositionBlocks& out) const;
   /// The nodes of B: indices into Model::nodes whose body takes part; first all of them.
   void select_nodes(std::vector<int> nodes);
   /// Error (C0202) naming the first of these that is no node of a body that takes part.
@@ -208,7 +210,6 @@ class TreeOperators {
   std::size_t sweep(int i) const { return static_cast<std::size_t>(bodies_[static_cast<std::size_t>(i)].sweep); }
   void number(const std::vector<int>& sweep_bodies);
   void mask_hinges();
-  void differentiate(const double* u, PositionBlocks& out) const;
 
   std::shared_ptr<const Model> model_;
   std::vector<OperatorBody> bodies_;
