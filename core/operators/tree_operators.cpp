@@ -616,7 +616,7 @@ void TreeOperators::apply_inverse(Kind kind, const double* x, double* y) const {
 
 bool TreeOperators::has_fused(Fused kernel) const {
   return sweeping_ && whole_ && has(Stage::position) && kernel != Fused::none &&
-         (kernel == Fused::mass ? !masked_ : !masked_ && !weighted_ && !model_->has_prescribed() && has(Stage::inertia));
+         (kernel == Fused::mass ? !masked_ && model_->rigid : !masked_ && !weighted_ && !model_->has_prescribed() && has(Stage::inertia));
 }
 
 void TreeOperators::apply_fused(Fused kernel, const double* x, double* y) const {

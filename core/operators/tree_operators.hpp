@@ -192,7 +192,8 @@ class TreeOperators {
   /// y = A^-1 x for the block-diagonal D and M.
   void apply_inverse(Kind kind, const double* x, double* y) const;
   enum class Fused : std::uint8_t { none, mass, mass_inverse };
-  /// Whether the sweeps of a step give it: the whole tree, all components free, no W. Then the same product by them.
+  /// Whether the sweeps of a step give it: the whole tree, all components free, no W; mass: of rigid trees (the sweeps form M_fl(eta) anew
+  /// in each product). Then the same product by them.
   bool has_fused(Fused kernel) const;
   void apply_fused(Fused kernel, const double* x, double* y) const;
   /// log det of the mass matrix (of its free components), = sum log det D. Needs Inertia.

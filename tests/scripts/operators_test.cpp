@@ -104,6 +104,73 @@ check { name = "angle", value = function() return rod:angle() end, equal = { mat
   EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
 }
 
+TEST(OperatorsInScripts, AnalysesAgreeWithTheLetters) {
+  const Finished run = script(R"(
+local s, v = sim:operators(), sim:v()
+local n = s:size("hinge")
+local function near(a, b, what, tolerance) assert((a - b):max_abs() <= (tolerance or 1e-11) * b:max_abs(), what) end
+local numbers = {}
+for i = 1, n do numbers[i] = math.cos(i) end
+local x = vector(numbers)
+-- operational space
+local J = s:nodes("wing_left.tip", "bus"):star() * s.phi:star() * s.H:star()
+local compliance = s:compliance("wing_left.tip", "bus")
+near(compliance, (J * s.mass:inv() * J:star()):dense(), "compliance", 1e-10)
+local task = s:task { nodes = { "bus" } }
+near(task:inertia() * task:compliance(), matrix { {1,0,0,0,0,0}, {0,1,0,0,0,0}, {0,0,1,0,0,0}, {0,0,0,1,0,0}, {0,0,0,0,1,0}, {0,0,0,0,0,1} }, "inertia", 1e-9)
+near(task:rates(x), s:nodes("bus"):star() * (s.phi:star() * (s.H:star() * x)), "rates")
+near(s:nodes("bus"):star() * (s.phi:star() * (s.H:star() * task:consistent_inverse { 1, 2, 3, 4, 5, 6 })), vector { 1, 2, 3, 4, 5, 6 }, "J J#", 1e-9)
+assert(task:rank() == 6 and s:task { nodes = { "bus" }, rows = { 4 } }:rows() == 1)
+local u = { 0, 0, 0, 1, 0, 0 }
+assert(math.abs(s:effective_inertia("bus", u) * s:compliance("bus")(4, 4) - 1) < 1e-12)
+-- momentum and mass properties
+assert(math.abs(s:mass_properties().mass - sim:vehicle():mass()) < 1e-9)
+near(s:momentum_matrix("com") * x, s:momentum(x, "com"), "momentum")
+assert(math.abs(s:momentum_sharing(x).linear:table()[1]) < 10)
+-- hybrid: everything free is forward dynamics, by M
+local h = s:hybrid { tau = s.mass * x }
+near(h.vdot, x, "hybrid", 1e-9)
+local base = s:floating_base()
+local still = base:velocities(x)                       -- at zero momentum
+assert(s:momentum(still, "com"):max_abs() < 1e-9 * s:momentum(x, "com"):max_abs())
+-- log det, diagonalised velocities
+local d = s:diagonalised()
+local nu = d:nu(x)
+assert(math.abs(nu:dot(nu) - x:dot(s.mass * x)) < 1e-10 * nu:dot(nu))
+near(d:velocity(nu), x, "velocity", 1e-10)
+assert(math.abs(nu:dot(d:coriolis(x))) < 1e-10 * nu:norm() * d:coriolis(x):norm())
+assert(#s:log_det_gradient() == n and s:reflected_inertia().others_locked[1] > 0)
+-- studies about the state
+local modes = sim:system_modes { elastic = 2 }
+assert(modes.n_rigid == 10 and modes.complete and modes.frequency[modes.first_elastic] > 0.1)  -- six and four wheels; the drives are given
+local lin = sim:linearize { inputs = { "wheel_1.angle" }, outputs = { "bus:rate" } }
+assert(lin.A:rows() == 2 * n and lin.B:cols() == 1 and lin.C:rows() == 3)
+local D = sim:derivatives()
+assert(D.tau_q:rows() == n and D.vdot_tau(1, 1) > 0)
+assert(sim:derivatives("bus").tau:cols() == 10 and sim:derivatives("wing_left").tau:cols() == 10)
+)");
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+}
+
+TEST(OperatorsInScripts, InverseKinematicsOfTheArm) {
+  const Finished run = script(R"(
+local hand = sim:vehicle():node "hand.tool"
+local x, y, z = hand:position()
+local w, a, b, c = hand:attitude()
+local arm = { "link_1.rate", "link_2.rate", "link_3.rate", "link_4.rate", "link_5.rate", "link_6.rate", "hand.rate" }
+local target = { node = "hand.tool", position = { x + 0.2, y - 0.3, z + 0.1 }, attitude = { w, a, b, c } }
+local r = sim:inverse_kinematics { targets = { target }, free = arm, limits = { ["link_2.angle"] = { -2, 2 } } }
+assert(r.reached and r.residual < 1e-11, r.message)
+sim:state { q = r.q }
+local X, Y, Z = hand:position()
+assert(math.abs(X - x - 0.2) < 1e-10 and math.abs(Y - y + 0.3) < 1e-10 and math.abs(Z - z - 0.1) < 1e-10)
+local far = sim:inverse_kinematics { targets = { { node = "hand.tool", position = { 50, 0, 0 } } }, free = arm, starts = 2 }
+assert(not far.reached and far.residual > 40 and far.message:find("cannot be reached"))
+assert(not pcall(sim.inverse_kinematics, sim, { targets = { { node = "hand.tool" } } }))
+)", CARDAN_SOURCE_DIR "/scenarios/02_free_flying_arm");
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+}
+
 TEST(OperatorsInScripts, TaskSpaceControlOfAFreeFlyingArm) {  // its checks: the tool stays within 0.1 mm of its line
   const TemporaryFolder dir;
   const Finished run = run_program({"run", CARDAN_SOURCE_DIR "/scenarios/02_free_flying_arm", "--out", "out"}, dir.path());
