@@ -1,8 +1,9 @@
 # Two object files compiled for different instruction sets must not share a function: the linker would keep one of the two, and
 # an older processor could meet an instruction that it does not know. So each exports its table and defines nothing weak.
-#   cmake -D NM=<nm> -D OBJECTS=<a.o;b.o> -D BUILT=<v2;v3;v4> -P check_kernels.cmake
+#   cmake -D NM=<nm> -D OBJECTS=<a.o;b.o> -D BUILT=<v2,v3,v4> -P check_kernels.cmake
 set(bad "")
 set(seen 0)
+string(REPLACE "," ";" BUILT "${BUILT}")
 list(LENGTH BUILT expected)
 foreach(object ${OBJECTS})
   get_filename_component(name ${object} NAME)

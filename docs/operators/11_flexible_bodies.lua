@@ -66,7 +66,7 @@ end
 -- velocities, following freely, leave of it: K^1/2 (M^-1)_ee K^1/2 has the squares of the system's frequencies as eigenvalues. At eta = 0:
 
 local q = sim:q()
-for k = 1, 4 do q["boom.etadot_" .. k] = 0 end
+for k = 1, 4 do q["boom.eta_" .. k] = 0 end
 sim:state { q = q }
 local cantilever, etas = sat:modes "boom", { "boom.etadot_1", "boom.etadot_2", "boom.etadot_3", "boom.etadot_4" }
 local function frequencies(t)

@@ -106,6 +106,7 @@ int push_modes(lua_State* L, Scenario& s) {
 
 int push_derivatives(lua_State* L, Scenario& s) {
   expect_state(L, s, "derivatives");
+  lua_settop(L, 2);
   const Model& m = *s.model;
   const State& state = s.sim->state();
   VectorXd tau(m.nv);

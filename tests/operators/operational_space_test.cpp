@@ -270,8 +270,10 @@ TEST(OperationalSpace, FeltAtANodeAndParticipation) {
     if (shape.norm() < 1e-6) return 0.0;
     const double mobility = shape.dot(response);
     const Participation p = participation(v.ops, node, u);
-    return std::max({differ(p.shape, shape), differ(p.response, response), differ(p.share, shape.cwiseProduct(response) / mobility),
-                     std::abs(p.share.sum() - 1.0), std::abs(effective_inertia(v.ops, node, u) * mobility - 1.0)}) / v.condition();
+    const VectorXd share = shape.cwiseProduct(response) / mobility;
+    const double cancelled = share.cwiseAbs().sum();  // shares of both signs: what their sum has lost
+    return std::max({differ(p.shape, shape), differ(p.response, response), differ(p.share, share) / cancelled, std::abs(p.share.sum() - 1.0) / cancelled,
+                     std::abs(effective_inertia(v.ops, node, u) * mobility - 1.0) / cancelled}) / v.condition();
   });
 }
 
