@@ -104,7 +104,7 @@ print("and with a loose drive:  " .. frequencies(sim:operators()))
 local step = sim:operators()
 local h, W = 0.1, {}
 for i, name in ipairs(hinge) do
-  local k = tonumber(name:match "eta_(%d)")
+  local k = tonumber(name:match "etadot_(%d)")
   W[i] = k and (h * 2 * math.pi * cantilever:frequency(k)) ^ 2 or 0
 end
 step:articulate { W = W }
