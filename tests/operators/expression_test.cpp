@@ -2,6 +2,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/SVD>
 
+#include "core/linalg/eigenpairs.hpp"
 #include "core/operators/apply.hpp"
 #include "core/operators/expression.hpp"
 #include "tests/properties/trees.hpp"
@@ -87,6 +88,27 @@ TEST(Expressions, NormsOfManyBodiesWithoutAMatrix) {  // a chain of 400 revolute
   EXPECT_NEAR(mass_matrix.norm() / values[399], 1.0, 1e-9);
   const VectorXd ten = mass_matrix.eigenvalues(10);
   for (int i = 0; i < 10; ++i) EXPECT_NEAR(ten[i] / values[399 - i], 1.0, 1e-9);
+}
+
+TEST(Operators, ErasedForKrylovMethods) {  // the view that ARPACK takes, against the dense matrix; its adjoint too
+  const RandomTree tree = random_tree(11, {.bodies = 40, .roots = 1, .flexible = 0.3, .modes = 3});
+  const auto ops = at_initial_state(tree);
+  const auto view = erase(mass_inverse, *ops);
+  const LinearOperator& inverse = view;
+  const int n = inverse.rows;
+  ASSERT_GT(n, 60);
+  const auto same = [](const VectorXd& x, VectorXd& y) { y = x; };
+  const MultiplyRef one(same);
+  const Eigenpairs lowest = lowest_eigenpairs(inverse, {n, n, one, one}, 5, 0.0);
+  const VectorXd values = Eigen::SelfAdjointEigenSolver<MatrixXd>(dense(mass, *ops), Eigen::EigenvaluesOnly).eigenvalues();
+  for (int i = 0; i < 5; ++i) EXPECT_NEAR(lowest.values[i] / values[i], 1.0, 1e-9);
+  const auto jacobian_view = erase(jacobian, *ops);
+  const LinearOperator& J = jacobian_view;
+  const VectorXd x = VectorXd::LinSpaced(J.cols, -1, 1), f = VectorXd::LinSpaced(J.rows, 1, 2);
+  VectorXd Jx(J.rows), Jf(J.cols);
+  J.mult(x, Jx);
+  J.mult_transpose(f, Jf);
+  EXPECT_NEAR(f.dot(Jx), x.dot(Jf), 1e-12 * Jx.norm() * f.norm());
 }
 
 /// The text of the error that f throws.
