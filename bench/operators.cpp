@@ -10,6 +10,12 @@
 #include "bench/time_ring.hpp"
 #include "bodies/register.hpp"
 #include "core/operators/apply.hpp"
+#include "core/operators/diagonalised.hpp"
+#include "core/operators/hybrid.hpp"
+#include "core/operators/log_det.hpp"
+#include "core/operators/mass_matrix.hpp"
+#include "core/operators/sensitivity.hpp"
+#include "core/operators/system_properties.hpp"
 #include "hinges/register.hpp"
 
 namespace cardan::bench {
@@ -38,37 +44,77 @@ SystemSpec rigid_bodies(int n, bool tree) {
   return spec;
 }
 
-struct Method {
-  const char* name;
-  const char* order;                                          // what the text claims
-  std::function<std::function<void(int)>(TreeOperators&)> at; // prepared for a tree: one call
+struct Scene {
+  explicit Scene(std::shared_ptr<const Model> m) : model(m), tree(m), base(m), sensitivities(m) {
+    VectorXd d = VectorXd::LinSpaced(m->nv, -0.3, 0.3);
+    q.resize(m->nq);
+    m->retract(m->initial_state().q.data(), d.data(), q.data());
+    v = VectorXd::LinSpaced(m->nv, -0.5, 1.0), tau = VectorXd::LinSpaced(m->nv, 2.0, -1.0);
+    for (soa::TreeOperators* t : {&tree, &base}) t->at(q.data());
+    tree.articulate();
+    tree.operational_space();
+    base.articulate({.free = soa::base_mask(base)});
+    diagonalised = std::make_unique<Diagonalised>(tree);
+    sensitivities.solve({.q = q.data(), .v = v.data(), .tau = tau.data()});
+    const auto all = static_cast<int>(tree.nodes().size());
+    for (int j = 1; j <= 8; ++j) nodes.push_back(tree.nodes()[static_cast<std::size_t>(j * all / 8 - 1)]);
+  }
+  std::shared_ptr<const Model> model;
+  TreeOperators tree, base;                    // all free; the hinges of the roots alone
+  Sensitivities sensitivities;
+  std::unique_ptr<Diagonalised> diagonalised;
+  std::vector<int> nodes;                      // eight, spread over the bodies
+  VectorXd q, v, tau, y;
 };
 
-/// y = E x, with room that lives as long as the call.
+struct Method {
+  const char* name;
+  int power;                                   // what the text claims
+  std::function<void(Scene&)> call;
+};
+
+/// y = E x.
 template <bool Fuse = true, class E>
 Method apply_of(const char* name, E e) {
-  return {name, "N", [e](TreeOperators& tree) {
-            const auto x = std::make_shared<VectorXd>(VectorXd::LinSpaced(tree.size(Shape<E>::cols), -1.0, 1.0));
-            const auto y = std::make_shared<VectorXd>(tree.size(Shape<E>::rows));
-            return [&tree, x, y, e](int) { apply<Fuse>(e, tree, x->data(), y->data()); };
+  return {name, 1, [e](Scene& s) {
+            thread_local VectorXd x;
+            if (x.size() != s.tree.size(Shape<E>::cols)) x = VectorXd::LinSpaced(s.tree.size(Shape<E>::cols), -1.0, 1.0);
+            s.y.resize(s.tree.size(Shape<E>::rows));
+            apply<Fuse>(e, s.tree, x.data(), s.y.data());
           }};
 }
 
 std::vector<Method> methods() {
+  using namespace soa;
+  static const Eigen::Matrix<double, 6, 1> u = Eigen::Matrix<double, 6, 1>::Ones();
   return {
       apply_of("phi", phi),
       apply_of<false>("mass, by the rules", mass),
-      apply_of("mass, by the sweeps", mass),
+      apply_of("mass, by the sweeps if rigid", mass),
       apply_of<false>("mass inverse, by the rules", mass_inverse),
       apply_of("mass inverse, by the sweeps", mass_inverse),
       apply_of("Omega", omega),
-      {"Position and all after it", "N", [](TreeOperators& tree) { return [&tree](int) { const std::vector<double> q = tree.q(); tree.at(q.data()); tree.articulate(); tree.operational_space(); }; }},
-      {"Inertia (Riccati)", "N", [](TreeOperators& tree) { return [&tree](int) { tree.articulate(); tree.operational_space(); }; }},
-      {"OperationalSpace", "N", [](TreeOperators& tree) { return [&tree](int) { tree.operational_space(); }; }},
-      {"Direction", "N", [](TreeOperators& tree) {
-         const auto u = std::make_shared<VectorXd>(VectorXd::Ones(tree.model().nv));
-         return [&tree, u](int) { tree.along(u->data()); };
+      {"Position and all after it", 1, [](Scene& s) { s.tree.at(s.q.data()), s.tree.articulate(), s.tree.operational_space(); }},
+      {"Inertia, OperationalSpace", 1, [](Scene& s) { s.tree.articulate(), s.tree.operational_space(); }},
+      {"Direction", 1, [](Scene& s) { s.tree.along(s.v.data()); }},
+      {"compliance of 8 nodes", 1, [](Scene& s) { compliance(s.tree, s.nodes); }},
+      {"task of 8 nodes, its torque", 1, [](Scene& s) {
+         const OperationalSpace space(s.tree, {s.nodes, {}});
+         space.torque(VectorXd::Ones(space.rows()), s.tau);
        }},
+      {"participation", 1, [](Scene& s) { participation(s.tree, s.nodes.back(), u); }},
+      {"hybrid dynamics, base free", 1, [](Scene& s) { hybrid_dynamics(s.base, s.tau, s.tau, s.v); }},
+      {"generalised Jacobian", 1, [](Scene& s) { Unactuated(s.base).generalised_jacobian({{s.nodes.back()}, {}}); }},
+      {"mass properties", 1, [](Scene& s) { mass_properties(s.tree); }},
+      {"momentum matrix, centroidal", 1, [](Scene& s) { momentum_matrix(s.tree, About::mass_centre); }},
+      {"reflected inertia", 1, [](Scene& s) { reflected_inertia(s.tree); }},
+      {"d tau along q", 1, [](Scene& s) { s.y.resize(s.model->nv), s.sensitivities.inverse({.q = s.v.data()}, s.y.data()); }},
+      {"d v' along q", 1, [](Scene& s) { s.y.resize(s.model->nv), s.sensitivities.forward({.q = s.v.data()}, s.y.data()); }},
+      {"gradient of log det M", 1, [](Scene& s) { s.y = log_det_gradient(s.tree); }},
+      {"nu of v", 1, [](Scene& s) { s.y = s.diagonalised->from_velocity(s.v); }},
+      {"C(q, nu)", 1, [](Scene& s) { s.y = s.diagonalised->coriolis(s.v); }},
+      {"mass matrix by composites", 2, [](Scene& s) { soa::mass_matrix(s.tree); }},
+      {"its explicit inverse", 2, [](Scene& s) { soa::mass_matrix_inverse(s.tree); }},
   };
 }
 
@@ -82,36 +128,35 @@ int run(double seconds, const std::string& only, int largest) {
       {"rigid tree", [](int n) { return rigid_bodies(n, true); }},
       {"flexible chain, 5 modes", [](int n) { return flexible_chain(n, 5).spec; }}};
   int bad = 0;
-  fmt::print("{:28}{:26}", "ns per body", "N =");
-  for (const int n : sizes) fmt::print("{:>9}", n);
-  fmt::print("{:>10}\n", "exponent");
+  fmt::print("{:30}{:26}{:>4}", "us", "bodies", "N =");
+  for (const int n : sizes) fmt::print("{:>10}", n);
+  fmt::print("  exponent from 100 on (claim)\n");
   for (const auto& [family, make] : families) {
-    std::vector<std::shared_ptr<TreeOperators>> trees;
-    for (const int n : sizes) {
-      if (n > largest) break;
-      const auto model = compile(make(n), registry);
-      auto tree = std::make_shared<TreeOperators>(model);
-      VectorXd d = VectorXd::LinSpaced(model->nv, -0.3, 0.3), q(model->nq);
-      model->retract(model->initial_state().q.data(), d.data(), q.data());
-      tree->at(q.data());
-      tree->articulate();
-      tree->operational_space();
-      trees.push_back(tree);
-    }
+    std::vector<std::unique_ptr<Scene>> scenes;
+    for (const int n : sizes)
+      if (n <= largest) scenes.push_back(std::make_unique<Scene>(compile(make(n), registry)));
     for (const Method& m : methods()) {
       if (std::string(m.name).find(only) == std::string::npos) continue;
-      fmt::print("{:28}{:26}", m.name, family);
-      std::vector<double> ns;
-      for (std::size_t i = 0; i < trees.size(); ++i) {
-        ns.push_back(time_ring(1, seconds, m.at(*trees[i])).min_ns);
-        fmt::print("{:9.1f}", ns.back() / sizes[i]);
+      fmt::print("{:30}{:30}", m.name, family);
+      double count = 0, sx = 0, sy = 0, sxx = 0, sxy = 0;  // least squares over the logarithms
+      for (std::size_t i = 0; i < sizes.size(); ++i) {
+        if (i >= scenes.size() || (m.power == 2 && sizes[i] > 1000)) {
+          fmt::print("{:10}", "");
+          continue;
+        }
+        const double us = 1e-3 * time_ring(1, seconds, [&](int) { m.call(*scenes[i]); }).min_ns;
+        fmt::print("{:10.1f}", us);
+        if (sizes[i] < 100) continue;
+        const double x = std::log(sizes[i]), y = std::log(us);
+        count += 1, sx += x, sy += y, sxx += x * x, sxy += x * y;
       }
-      if (trees.size() >= 4) {
-        const double exponent = std::log(ns.back() / ns[2]) / std::log(static_cast<double>(sizes[trees.size() - 1]) / sizes[2]);
-        fmt::print("{:10.3f}", exponent);
-        bad += std::string(m.order) == "N" && exponent > 1.1;
+      if (count > 1) {
+        const double exponent = (count * sxy - sx * sy) / (count * sxx - sx * sx);
+        fmt::print("  {:.3f} ({})", exponent, m.power);
+        bad += m.power == 1 && exponent > 1.1;
       }
       fmt::print("\n");
+      std::fflush(stdout);
     }
   }
   return bad;

@@ -347,7 +347,6 @@ Eigen::VectorXd Expression::apply(const Eigen::VectorXd& x) const {
 }
 
 Eigen::MatrixXd Expression::dense() const {
-  if (formula_->form == Form::unit) fail(Code::operator_shape, "I", "I in a sum or product with an operator", "I alone");
   require_stages(*tree_, formula_);
   Eigen::MatrixXd out(rows(), cols());
   Eigen::VectorXd unit = Eigen::VectorXd::Zero(cols());
@@ -395,8 +394,14 @@ Eigen::VectorXd Expression::eigenvalues(int k) const {
   return largest_eigenvalues([&](const Eigen::VectorXd& x, Eigen::VectorXd& y) { y = apply(x); }, n, k);
 }
 
-int Expression::rows() const { return formula_->form == Form::unit ? 1 : size_of(*tree_, formula_->rows); }
-int Expression::cols() const { return formula_->form == Form::unit ? 1 : size_of(*tree_, formula_->cols); }
+int Expression::rows() const {
+  if (formula_->form == Form::unit) fail(Code::operator_shape, "I", "I in a sum or product with an operator", "I alone");
+  return size_of(*tree_, formula_->rows);
+}
+int Expression::cols() const {
+  if (formula_->form == Form::unit) fail(Code::operator_shape, "I", "I in a sum or product with an operator", "I alone");
+  return size_of(*tree_, formula_->cols);
+}
 SpaceLabels Expression::row_labels() const { return labels_of(*tree_, formula_->rows, formula_->gives); }
 SpaceLabels Expression::column_labels() const { return labels_of(*tree_, formula_->cols, formula_->takes); }
 Sort Expression::gives() const { return formula_->gives; }

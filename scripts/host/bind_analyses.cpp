@@ -40,8 +40,8 @@ Labels velocity_labels_of(const TreeOperators& tree) {
     if (unit.ends_with("^2")) unit.resize(unit.size() - 2);
   return out;
 }
-VectorXd hinge_vector(lua_State* L, int arg, const TreeOperators& tree, const char* what) { return to_vector(L, arg, tree.size(Space::hinge), what); }
-Eigen::Matrix<double, 6, 1> six(lua_State* L, int arg, const char* what) { return to_vector(L, arg, 6, what); }
+VectorXd hinge_vector(lua_State* L, int arg, const TreeOperators& tree, const char* what) { return finite_vector(L, arg, tree.size(Space::hinge), what); }
+Eigen::Matrix<double, 6, 1> six(lua_State* L, int arg, const char* what) { return finite_vector(L, arg, 6, what); }
 const Labels kWrench{{"nx", "ny", "nz", "fx", "fy", "fz"}, {"N m", "N m", "N m", "N", "N", "N"}};
 const Labels kMomentum{{"hx", "hy", "hz", "px", "py", "pz"}, {"N m s", "N m s", "N m s", "N s", "N s", "N s"}};
 
@@ -157,14 +157,14 @@ int task_rows(lua_State* L) {
 template <VectorXd (soa::OperationalSpace::*kMethod)(const VectorXd&) const, bool kTaskIn, bool kTaskOut, Sort kSort>
 int task_map(lua_State* L) {
   const LuaTask& t = to_task(L);
-  const VectorXd x = to_vector(L, 2, kTaskIn ? t.space->rows() : t.tree->size(Space::hinge), "the vector");
+  const VectorXd x = finite_vector(L, 2, kTaskIn ? t.space->rows() : t.tree->size(Space::hinge), "the vector");
   push_vector(L, (*t.space.*kMethod)(x), kTaskOut ? (kSort == Sort::force ? t.force : t.motion) : hinge_labels(*t.tree, kSort));
   return 1;
 }
 /// task:torque(F, tau_0) = J* F + N* tau_0
 int task_torque(lua_State* L) {
   const LuaTask& t = to_task(L);
-  const VectorXd F = to_vector(L, 2, t.space->rows(), "the task force");
+  const VectorXd F = finite_vector(L, 2, t.space->rows(), "the task force");
   const VectorXd tau_0 = lua_isnoneornil(L, 3) ? VectorXd(VectorXd::Zero(t.tree->size(Space::hinge))) : hinge_vector(L, 3, *t.tree, "the posture's forces");
   push_vector(L, t.space->torque(F, tau_0), hinge_labels(*t.tree, Sort::force));
   return 1;
@@ -258,7 +258,7 @@ int reflected_inertia(lua_State* L) {
 /// s:bias(v): C - gravity - elastic forces at v
 int bias(lua_State* L) {
   const TreeOperators& tree = tree_of(L);
-  const VectorXd v = to_vector(L, 2, tree.model().nv, "the velocities");
+  const VectorXd v = finite_vector(L, 2, tree.model().nv, "the velocities");
   soa::Workspace<double> workspace(tree.model());
   push_vector(L, soa::bias(tree, workspace, {.v = v.data()}), hinge_labels(tree, Sort::force));
   return 1;
@@ -273,7 +273,7 @@ int hybrid(lua_State* L) {
     const std::string key = lua_type(L, -2) == LUA_TSTRING ? lua_tostring(L, -2) : "";
     const auto k = std::find(std::begin(keys), std::end(keys), key) - std::begin(keys);
     if (k == 3) refuse(L, Code::unknown_key, "hybrid", "bias, tau, vdot", describe_value(L, -2));
-    parts[k] = to_vector(L, lua_gettop(L), parts[k].size(), "hybrid." + key);
+    parts[k] = finite_vector(L, lua_gettop(L), parts[k].size(), ("hybrid." + key).c_str());
   }
   const soa::Hybrid h = soa::hybrid_dynamics(tree, parts[0], parts[1], parts[2]);
   lua_newtable(L);

@@ -113,13 +113,14 @@ int push_part(lua_State* L, const LuaOperators& o, const std::vector<int>& bodie
 }
 int subtree(lua_State* L) {
   const LuaOperators& o = to_operators(L);
-  return push_part(L, o, o.tree->subtree(sweep_body(L, 2, o.tree->model(), "subtree")), fmt::format("the subtree of {}", lua_tostring(L, 2)));
+  const std::vector<int> bodies = o.tree->subtree(sweep_body(L, 2, o.tree->model(), "subtree"));
+  return push_part(L, o, bodies, fmt::format("the subtree of {}", lua_tostring(L, 2)));
 }
 int path(lua_State* L) {
   const LuaOperators& o = to_operators(L);
   const Model& m = o.tree->model();
-  return push_part(L, o, o.tree->path(sweep_body(L, 2, m, "path"), sweep_body(L, 3, m, "path")),
-                   fmt::format("the path from {} to {}", lua_tostring(L, 2), lua_tostring(L, 3)));
+  const std::vector<int> bodies = o.tree->path(sweep_body(L, 2, m, "path"), sweep_body(L, 3, m, "path"));
+  return push_part(L, o, bodies, fmt::format("the path from {} to {}", lua_tostring(L, 2), lua_tostring(L, 3)));
 }
 int subgraph(lua_State* L) {
   const LuaOperators& o = to_operators(L);
@@ -130,6 +131,7 @@ int subgraph(lua_State* L) {
     bodies.push_back(sweep_body(L, lua_gettop(L), o.tree->model(), "subgraph"));
     lua_pop(L, 1);
   }
+  if (bodies.empty()) refuse(L, Code::lua_argument, "subgraph", "the names of bodies", "none");
   return push_part(L, o, bodies, fmt::format("{}", fmt::join(names, ", ")));
 }
 
@@ -150,7 +152,7 @@ int articulate(lua_State* L) {
     for (lua_pushnil(L); lua_next(L, 2); lua_pop(L, 1)) {
       const std::string key = lua_type(L, -2) == LUA_TSTRING ? lua_tostring(L, -2) : "";
       if (key == "W")
-        W = to_vector(L, lua_gettop(L), n, "W of articulate");
+        W = finite_vector(L, lua_gettop(L), n, "W of articulate");
       else if (key == "free") {
         free = component_mask(L, *o.tree, names_at(L, lua_gettop(L), "free of articulate"), "free of articulate");
       } else
@@ -173,7 +175,7 @@ int along(lua_State* L) {
     for (int v = 0; v < o.tree->model().nv; ++v)
       if (const int place = o.tree->place_of_velocity(v); place >= 0 && one[static_cast<std::size_t>(place)]) u[v] = 1.0;
   } else
-    u = to_vector(L, 2, u.size(), "the direction of along");
+    u = finite_vector(L, 2, u.size(), "the direction of along");
   o.tree->along(u.data());
   return 0;
 }
@@ -240,13 +242,14 @@ int multiply(lua_State* L) {
   if (a && lua_type(L, 2) == LUA_TNUMBER) return push(L, lua_tonumber(L, 2) * *a);
   if (a && (is_vector(L, 2) || lua_type(L, 2) == LUA_TTABLE)) {
     charge(L, *a);
-    const Eigen::VectorXd x = to_vector(L, 2, kAnySize, "the vector");
+    const Eigen::VectorXd x = finite_vector(L, 2, kAnySize, "the vector");
     const Eigen::VectorXd y = a->apply(x);
     push_vector(L, y, result_labels(*a, row_labels(L, 2)));
     return 1;
   }
   if (a && is_matrix(L, 2)) {
     const Eigen::MatrixXd X = to_matrix(L, 2, kAnySize, kAnySize, "the matrix");
+    if (!X.allFinite()) refuse(L, Code::not_finite, "the matrix", "finite numbers", "some that are not");
     charge(L, *a, static_cast<double>(X.cols()));
     Eigen::MatrixXd Y(a->rows(), X.cols());
     for (Eigen::Index j = 0; j < X.cols(); ++j) Y.col(j) = a->apply(X.col(j));
@@ -330,6 +333,12 @@ const std::vector<luaL_Reg> kOperatorMethods = {{"star", method<star>}, {"inv", 
 LuaOperators& to_operators(lua_State* L) {
   if (auto* o = object<LuaOperators>(L, 1, kOperators)) return *o;
   refuse(L, Code::lua_argument, "operators", "the result of operators() before a colon", describe_value(L, 1), "s = sim:operators(); s:subtree(\"boom\")");
+}
+
+Eigen::VectorXd finite_vector(lua_State* L, int index, Eigen::Index size, const char* what) {
+  Eigen::VectorXd x = to_vector(L, index, size, what);
+  if (!x.allFinite()) refuse(L, Code::not_finite, what, "finite numbers", "some that are not");
+  return x;
 }
 
 Labels to_labels(soa::SpaceLabels l) { return {std::move(l.names), std::move(l.units)}; }

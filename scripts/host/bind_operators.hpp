@@ -23,6 +23,8 @@ struct LuaOperators {
 /// Argument 1.
 LuaOperators& to_operators(lua_State* L);
 Labels to_labels(soa::SpaceLabels l);
+/// As to_vector, and finite: what is not a number would go on quietly.
+Eigen::VectorXd finite_vector(lua_State* L, int index, Eigen::Index size, const char* what);
 
 /// Texts of the table at `first`, or the arguments from there on.
 std::vector<std::string> names_at(lua_State* L, int first, const char* what);

@@ -52,6 +52,7 @@ soa::IkTarget target_of(lua_State* L, LuaTable& t, const Model& m) {
   const auto position = t.numbers("position", 3, "m"), attitude = t.numbers("attitude", 4);
   soa::IkTarget out;
   if (node) out.node = node_indices(L, {*node}, m).front();
+  if (attitude && std::abs(Eigen::Map<const Eigen::Vector4d>(attitude->data()).norm() - 1.0) > 1e-6) t.reject("attitude", "a unit quaternion w, x, y, z");
   if (!position && !attitude) t.reject("position", "a position, an attitude, or both");
   if (position) out.position = Eigen::Map<const Eigen::Vector3d>(position->data());
   if (attitude) out.R_WN = Eigen::Quaterniond((*attitude)[0], (*attitude)[1], (*attitude)[2], (*attitude)[3]).normalized().toRotationMatrix();
@@ -83,6 +84,8 @@ int push_modes(lua_State* L, Scenario& s) {
     LuaTable table(L, 2, "system_modes", sink);
     options.elastic = static_cast<int>(table.integer("elastic").value_or(options.elastic));
     options.rigid = static_cast<int>(table.integer("rigid").value_or(options.rigid));
+    if (options.elastic < 0) table.reject("elastic", "a number of modes");
+    if (options.rigid < 0) table.reject("rigid", "a number of modes");
     table.finish();
     sink.throw_if_any();
   }
@@ -151,6 +154,7 @@ int push_inverse_kinematics(lua_State* L, Scenario& s) {
   table.require({"targets"});
   std::vector<soa::IkTarget> targets;
   for (LuaTable& t : table.tables("targets")) targets.push_back(target_of(L, t, m));
+  if (table.has("targets") && targets.empty()) table.reject("targets", "one target or more");
   soa::IkOptions options;
   options.tolerance = table.number("tolerance").value_or(options.tolerance);
   options.iterations = static_cast<int>(table.integer("iterations").value_or(options.iterations));

@@ -82,6 +82,14 @@ TEST(OperatorsInScripts, RefuseWithTheLineOfTheScript) {
   refused("local x = s:nodes('nowhere')", {"C0202"});
   refused("local x = s.M + sim:operators().M", {"C0902", "different times"});
   refused("s:along('wing_left.angle')", {"C0208", "wing_left.rate"});
+  refused("local v = sim:v(); v[1] = 0 / 0; local x = s.mass * v", {"N0108", "finite"});
+  refused("local x = s:momentum({0 / 0})", {"C0502"});
+  refused("local x = s:subgraph{}", {"C0502"});
+  refused("local x = s.I:dense()", {"C0902", "I alone"});
+  refused("s:articulate{W = vector(s.D:eig(s:size('hinge')):table())}; local x = s.mass:inv()", {"C0903", "without W"});
+  refused("local x = sim:inverse_kinematics{targets = {{node = 'bus', attitude = {0, 0, 0, 0}}}}", {"C0502", "unit quaternion"});
+  refused("local x = sim:system_modes{elastic = -1}", {"C0502"});
+  refused("local x = sim:linearize{inputs = {'wheel_9.angle'}}", {"C0208"});
 }
 
 TEST(OperatorsInScripts, StandInAMissionToo) {  // inertia from the operators: a pendulum as a critically damped oscillator of 2 rad/s
