@@ -2,6 +2,7 @@
 
 #include "core/base/diagnostic.hpp"
 #include "core/operators/apply.hpp"
+#include "core/operators/hybrid.hpp"
 
 namespace cardan {
 
@@ -88,9 +89,13 @@ RiccatiRates riccati_rates(const TreeOperators& tree, const PositionBlocks& dire
   return rates;
 }
 
-Diagonalised::Diagonalised(const TreeOperators& tree, Form form) : tree_(tree), normalised_(form == Form::normalised), ws_(tree.model()) {
-  if (!tree.whole())
-    throw InputError(Diagnostic{Code::unsupported, {"diagonalised velocities", {}}, "the whole tree", "a subgraph", {}, {}, {}, 0});
+Diagonalised::Diagonalised(const TreeOperators& tree, Form form) : tree_(tree), normalised_(form == Form::normalised), ws_(tree.model()) {}
+
+VectorXd Diagonalised::of_model(const VectorXd& v) const {
+  VectorXd all = VectorXd::Zero(tree_.model().nv);
+  for (int i = 0; i < tree_.model().nv; ++i)
+    if (const int place = tree_.place_of_velocity(i); place >= 0) all[i] = v[place];
+  return all;
 }
 
 void Diagonalised::clear_given(int i, VectorXd& x) const {
@@ -139,7 +144,7 @@ VectorXd Diagonalised::eps(const VectorXd& tau) const {
 // scatter(): nu = S* (v + G* x), so it is S*' (v + G* x) + S* (G*' x + G* x').
 VectorXd Diagonalised::drift(const VectorXd& v, const double* given_vdot) {
   const PositionBlocks& d = direction_;
-  tree_.derivatives(v.data(), direction_);
+  tree_.derivatives(of_model(v).data(), direction_);
   const RiccatiRates rates = riccati_rates(tree_, d);
   const std::size_t n = tree_.bodies().size();
   std::vector<VectorXd> V(n), dV(n);  // dV: rate of its components at constant free v
@@ -172,11 +177,17 @@ VectorXd Diagonalised::drift(const VectorXd& v, const double* given_vdot) {
 }
 
 VectorXd Diagonalised::coriolis(const VectorXd& v) {
-  return eps(bias_force(tree_.model(), ws_, tree_.q().data(), v.data())) - drift(v, nullptr);
+  const VectorXd all = of_model(v), elastic = elastic_force(tree_.model(), tree_.q().data(), all.data());
+  VectorXd C = soa::bias(tree_, ws_, {.v = all.data(), .gravity = false});  // with what the modes' springs and dampers do
+  for (int i = 0; i < tree_.model().nv; ++i)
+    if (const int place = tree_.place_of_velocity(i); place >= 0) C[place] += elastic[i];
+  return eps(C) - drift(v, nullptr);
 }
 
 VectorXd Diagonalised::rate(const Inputs& in) {
   const Model& model = tree_.model();
+  if (!tree_.whole())
+    throw InputError(Diagnostic{Code::unsupported, {"rate of diagonalised velocities", {}}, "the whole tree", "a subgraph", "coriolis() and eps() take a subtree", {}, {}, 0});
   VectorXd given = VectorXd::Zero(model.nv), missing(model.nv);
   for (int i = 0; i < model.nv; ++i)
     if (in.vdot && !tree_.is_free(i)) given[i] = in.vdot[i];

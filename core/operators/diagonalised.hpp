@@ -15,8 +15,8 @@ struct RiccatiRates {
 };
 RiccatiRates riccati_rates(const soa::TreeOperators& tree, const soa::PositionBlocks& direction);
 
-/// Vectors have nv numbers in the order of v; entries of given (prescribed) components are zero in nu, eps, C. O(N) each. The tree is a whole one
-/// and must outlive this; at() and articulate() of it move this along. T = 1/2 nu* nu and nu* C = 0 where no component is given a velocity.
+/// Vectors are of the hinge space; entries of given (prescribed) components are zero in nu, eps, C. O(N) each. The tree, a whole one or a
+/// subgraph (C of a subtree: C0401 where something that hangs on it is left out; rate() of a whole tree), must outlive this; at() and articulate() of it move this along. T = 1/2 nu* nu and nu* C = 0 where no component is given a velocity.
 class Diagonalised {
  public:
   enum class Form : std::uint8_t {
@@ -36,6 +36,7 @@ class Diagonalised {
   Eigen::VectorXd rate(const Inputs& in);
 
  private:
+  Eigen::VectorXd of_model(const Eigen::VectorXd& v) const;  // of the hinge space, zero for bodies that take no part
   Eigen::VectorXd drift(const Eigen::VectorXd& v, const double* given_vdot);
   void clear_given(int i, Eigen::VectorXd& x) const;
   const soa::TreeOperators& tree_;
