@@ -96,9 +96,8 @@ CARDAN_INLINE void outward_axis(const AxisBody& b, const Core<T>& inboard, AxisR
   if constexpr (For.vdot) at<I>(g) = at<I>(g) + in.vdot[b.v];
   body.core.w = w;
   body.core.gamma = {g, a};
-  const Mat3<T> E = acceleration_field(w, g);
-  Mat3<T>& to = body.core.E;  // number by number: a copy of the whole waits for its parts
-  to.xx = E.xx, to.xy = E.xy, to.xz = E.xz, to.yx = E.yx, to.yy = E.yy, to.yz = E.yz, to.zx = E.zx, to.zy = E.zy, to.zz = E.zz;
+  Mat3<T>& E = body.core.E;
+  set_acceleration_field(E, w, g);
   const T m(b.m);
   const Vec3<T> h{T(b.h[0]), T(b.h[1]), T(b.h[2])};
   const T xx(b.S[0]), yy(b.S[1]), zz(b.S[2]), xy(b.S[3]), xz(b.S[4]), yz(b.S[5]);
@@ -127,6 +126,19 @@ CARDAN_INLINE Force<T> force_to_inboard(const AxisBody& b, const T& c, const T& 
   return z;
 }
 
+/// to = a + b, number by number: the numbers of b go into the additions from where they stand.
+template <class T>
+CARDAN_INLINE void set_sum(ArticulatedInertia<T>& to, const ArticulatedInertia<T>& a, const ArticulatedInertia<double>& b) {
+  const auto symmetric = [](Sym3<T>& x, const Sym3<T>& y, const Sym3<double>& z) {
+    x.xx = y.xx + T(z.xx), x.yy = y.yy + T(z.yy), x.zz = y.zz + T(z.zz), x.xy = y.xy + T(z.xy), x.xz = y.xz + T(z.xz), x.yz = y.yz + T(z.yz);
+  };
+  symmetric(to.J, a.J, b.J);
+  symmetric(to.M, a.M, b.M);
+  to.B.xx = a.B.xx + T(b.B.xx), to.B.xy = a.B.xy + T(b.B.xy), to.B.xz = a.B.xz + T(b.B.xz);
+  to.B.yx = a.B.yx + T(b.B.yx), to.B.yy = a.B.yy + T(b.B.yy), to.B.yz = a.B.yz + T(b.B.yz);
+  to.B.zx = a.B.zx + T(b.B.zx), to.B.zy = a.B.zy + T(b.B.zy), to.B.zz = a.B.zz + T(b.B.zz);
+}
+
 /// Tip to base. D = J_ii, G = P e_i / D, P+ = P - G D G* without its zero row i. False: no inertia about the axis.
 template <class T, int I, Tilt TILT, InwardFor For>
 CARDAN_INLINE bool inward_axis(const AxisBody& b, const AxisBody& carrier, Core<T>& inboard, AxisRecord<T>& body, const T& c, const T& s,
@@ -143,8 +155,7 @@ CARDAN_INLINE bool inward_axis(const AxisBody& b, const AxisBody& carrier, Core<
     const T uj = entry<I, J>(P.J), uk = entry<I, K>(P.J);
     const T fi = entry<I, I>(P.B), fj = entry<I, J>(P.B), fk = entry<I, K>(P.B);
     const T gj = uj * inverse, gk = uk * inverse, ri = fi * inverse, rj = fj * inverse, rk = fk * inverse;
-    body.D = D;
-    at<I>(body.G.n) = T(1);
+    body.inverse_D = inverse;
     at<J>(body.G.n) = gj;
     at<K>(body.G.n) = gk;
     at<I>(body.G.f) = ri;
@@ -204,7 +215,7 @@ CARDAN_INLINE bool inward_axis(const AxisBody& b, const AxisBody& carrier, Core<
       tilt<TILT, T>(b, Q.M);
     }
     if (kWidth<T> > 1 && b.first)
-      inboard.P = Q + cast<T>(carrier.P);
+      set_sum(inboard.P, Q, carrier.P);
     else
       inboard.P += Q;
   }
@@ -212,7 +223,7 @@ CARDAN_INLINE bool inward_axis(const AxisBody& b, const AxisBody& carrier, Core<
     const T tau = in.tau ? in.tau[b.v] : T(0);
     Force<T> z = body.core.z;
     const T eps = tau - at<I>(z.n);
-    body.nu = eps / body.D;
+    body.nu = eps * body.inverse_D;
     at<I>(z.n) = tau;
     at<J>(z.n) = at<J>(z.n) + eps * at<J>(body.G.n);
     at<K>(z.n) = at<K>(z.n) + eps * at<K>(body.G.n);
@@ -240,8 +251,10 @@ CARDAN_INLINE Motion<T> motion_to_outboard(const AxisBody& b, const T& c, const 
 /// v' = nu - G* delta+, delta = delta+ + e_i v'.
 template <class T, int I, Tilt TILT>
 CARDAN_INLINE void acceleration_axis(const AxisBody& b, const Core<T>& inboard, AxisRecord<T>& body, const T& c, const T& s, T* vdot) {
+  constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   Motion<T> d = motion_to_outboard<T, I, TILT>(b, c, s, inboard.delta);
-  const T a = body.nu - dot(d, body.G);
+  const T linear = dot(d.v, body.G.f);  // beside the angular part: the way through both is what the next body waits for
+  const T a = ((body.nu - at<I>(d.w)) - at<J>(d.w) * at<J>(body.G.n) - at<K>(d.w) * at<K>(body.G.n)) - linear;
   vdot[b.v] = a;
   at<I>(d.w) = at<I>(d.w) + a;
   body.core.delta = d;
