@@ -311,7 +311,7 @@ static void outward_axes(const SweepModel& model, Workspace<T>& ws, const Inputs
   for (int n = begin; n < end; ++n) {
     const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(n)];
     if (b.kind == KernelKind::rotor) continue;
-    for_axis(b.kind, [&]<int I, Tilt TILT>() { outward_axis<T, I, TILT, For>(b, ws.core(b.parent), ws.axis(n), cosines[b.angle], sines[b.angle], in); });
+    for_axis(b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) { outward_axis<T, I, TILT, For>(b, ws.core(b.parent), ws.axis(n), cosines[b.angle], sines[b.angle], in); });
   }
 }
 template <class T, InwardFor For>
@@ -323,7 +323,7 @@ static void inward_axes(const SweepModel& model, Workspace<T>& ws, const Inputs<
       if constexpr (For.bias) inward_rotor(b, ws.core(b.parent), ws.axis(n), in);
       continue;
     }
-    const bool regular = for_axis(b.kind, [&]<int I, Tilt TILT>() {
+    const bool regular = for_axis(b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
       const T c = cosines[b.angle], s = sines[b.angle];
       const AxisBody& carrier = model.axis_bodies[static_cast<std::size_t>(b.parent)];
       return inward_axis<T, I, TILT, For>(b, carrier, ws.core(b.parent), ws.axis(n), c, s, in, n, ws.breakdown);
@@ -341,7 +341,7 @@ static void acceleration_axes(const SweepModel& model, Workspace<T>& ws, T* vdot
       acceleration_rotor(b, inboard, ws.axis(n), vdot);
       continue;
     }
-    for_axis(b.kind, [&]<int I, Tilt TILT>() { acceleration_axis<T, I, TILT>(b, inboard, ws.axis(n), cosines[b.angle], sines[b.angle], vdot); });
+    for_axis(b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) { acceleration_axis<T, I, TILT>(b, inboard, ws.axis(n), cosines[b.angle], sines[b.angle], vdot); });
   }
 }
 template <class T>
