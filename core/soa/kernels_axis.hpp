@@ -250,14 +250,15 @@ CARDAN_INLINE Motion<T> motion_to_outboard(const AxisBody& b, const T& c, const 
 
 /// v' = nu - G* delta+, delta = delta+ + e_i v'.
 template <class T, int I, Tilt TILT>
-CARDAN_INLINE void acceleration_axis(const AxisBody& b, const Core<T>& inboard, AxisRecord<T>& body, const T& c, const T& s, T* vdot) {
+CARDAN_INLINE Motion<T> acceleration_axis(const AxisBody& b, const Motion<T>& inboard, AxisRecord<T>& body, const T& c, const T& s, T* vdot) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
-  Motion<T> d = motion_to_outboard<T, I, TILT>(b, c, s, inboard.delta);
+  Motion<T> d = motion_to_outboard<T, I, TILT>(b, c, s, inboard);
   const T linear = dot(d.v, body.G.f);  // beside the angular part: the way through both is what the next body waits for
   const T a = ((body.nu - at<I>(d.w)) - at<J>(d.w) * at<J>(body.G.n) - at<K>(d.w) * at<K>(body.G.n)) - linear;
   vdot[b.v] = a;
   at<I>(d.w) = at<I>(d.w) + a;
   body.core.delta = d;
+  return d;
 }
 
 /// tau = H z; z seen from the inboard body (inverse dynamics).
@@ -334,14 +335,15 @@ static void inward_axes(const SweepModel& model, Workspace<T>& ws, const Inputs<
 template <class T>
 static void acceleration_axes(const SweepModel& model, Workspace<T>& ws, T* vdot, int begin, int end) {
   const T *cosines = ws.cosines.data(), *sines = ws.sines.data();
+  Motion<T> delta = ws.core(begin - 1).delta;  // of body n - 1: of a chain it need not be read again
   for (int n = begin; n < end; ++n) {
     const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(n)];
-    const Core<T>& inboard = ws.core(b.parent);
     if (b.kind == KernelKind::rotor) {
-      acceleration_rotor(b, inboard, ws.axis(n), vdot);
+      acceleration_rotor(b, ws.core(b.parent), ws.axis(n), vdot);
       continue;
     }
-    for_axis(b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) { acceleration_axis<T, I, TILT>(b, inboard, ws.axis(n), cosines[b.angle], sines[b.angle], vdot); });
+    if (b.parent != n - 1) delta = ws.core(b.parent).delta;
+    delta = for_axis(b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) { return acceleration_axis<T, I, TILT>(b, delta, ws.axis(n), cosines[b.angle], sines[b.angle], vdot); });
   }
 }
 template <class T>
