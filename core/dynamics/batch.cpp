@@ -67,7 +67,9 @@ class PassesOf : public Batch::Passes {
   int width() const override { return W; }
   std::size_t bytes() const override { return ws_.bytes() + (q_.size() + 4 * v_.size()) * sizeof(T); }
 
-  int forward(const BatchInputs& in, double* vdot, std::uint8_t* failed) override {
+  int forward(const BatchInputs& all, double* vdot, std::uint8_t* failed) override {
+    BatchInputs in = all;
+    if (!model_.has_prescribed()) in.vdot = nullptr;  // nobody would look
     int failures = 0;
     const auto mark = [&](int k, bool bad) {
       if (failed) failed[k] = bad;
@@ -92,7 +94,9 @@ class PassesOf : public Batch::Passes {
     return failures;
   }
 
-  void inverse(const BatchInputs& in, double* tau) override {
+  void inverse(const BatchInputs& all, double* tau) override {
+    BatchInputs in = all;
+    in.tau = nullptr;
     for (int first = 0; first < in.n; first += W) {
       const int count = std::min(W, in.n - first);
       inverse_dynamics<T>(model_, ws_, load(in, first, count), out_.data());
