@@ -35,22 +35,25 @@ CARDAN_INLINE constexpr void turn(Sym3<T>& m, const T& c, const T& s) {
   entry<I, J>(m) = c * ij - s * ik;
   entry<I, K>(m) = s * ij + c * ik;
 }
+/// The same of the 2 x 2 block in the plane of a matrix that is not symmetric: its trace and its skew part stay, the rest turns twice as far.
+template <class T>
+CARDAN_INLINE constexpr void turn_block(T& jj, T& jk, T& kj, T& kk, const T& c, const T& s) {
+  const T cs = c * s, ss = s * s, d = jj - kk, t = jk + kj, e = ss * d + cs * t, f = cs * d - ss * t;
+  jj = jj - e;
+  kk = kk + e;
+  jk = jk + f;
+  kj = kj + f;
+}
 /// b <- R_i b R_i*.
 template <int I, class T>
 CARDAN_INLINE constexpr void turn(Mat3<T>& b, const T& c, const T& s) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
-  const auto columns = [&]<int R>() {
-    const T j = entry<R, J>(b), k = entry<R, K>(b);
-    entry<R, J>(b) = c * j - s * k;
-    entry<R, K>(b) = s * j + c * k;
-  };
-  columns.template operator()<I>(), columns.template operator()<J>(), columns.template operator()<K>();
-  const auto rows = [&]<int C>() {
-    const T j = entry<J, C>(b), k = entry<K, C>(b);
-    entry<J, C>(b) = c * j - s * k;
-    entry<K, C>(b) = s * j + c * k;
-  };
-  rows.template operator()<I>(), rows.template operator()<J>(), rows.template operator()<K>();
+  const T ij = entry<I, J>(b), ik = entry<I, K>(b), ji = entry<J, I>(b), ki = entry<K, I>(b);
+  turn_block(entry<J, J>(b), entry<J, K>(b), entry<K, J>(b), entry<K, K>(b), c, s);
+  entry<I, J>(b) = c * ij - s * ik;
+  entry<I, K>(b) = s * ij + c * ik;
+  entry<J, I>(b) = c * ji - s * ki;
+  entry<K, I>(b) = s * ji + c * ki;
 }
 
 /// How O stands in the inboard body.
@@ -180,11 +183,7 @@ CARDAN_INLINE bool inward_axis(const AxisBody& b, const AxisBody& carrier, Core<
     T t = bji;
     bji = c * t - s * bki;
     bki = s * t + c * bki;
-    const T pjj = c * bjj - s * bjk, pjk = s * bjj + c * bjk, pkj = c * bkj - s * bkk, pkk = s * bkj + c * bkk;
-    bjj = c * pjj - s * pkj;
-    bkj = s * pjj + c * pkj;
-    bjk = c * pjk - s * pkk;
-    bkk = s * pjk + c * pkk;
+    turn_block(bjj, bjk, bkj, bkk, c, s);
     turn<I>(M, c, s);
     // shift by l: B1 = B + l~ M; J1 = J - B1 l~ - (B l~)*
     const T lj(b.l[0]), lk(b.l[1]);
