@@ -1,6 +1,7 @@
 #include "core/dynamics/batch.hpp"
 
 #include <algorithm>
+#include <cstring>
 #include <limits>
 
 #include "core/dynamics/inverse.hpp"
@@ -17,6 +18,43 @@ struct Batch::Passes {
 
 namespace {
 
+using Two [[gnu::vector_size(16)]] = double;
+
+/// to[i] lane l = from[l][i], `size` numbers of each of W states: in blocks of two by two.
+template <class T>
+void to_lanes(const double* const* from, int size, T* to) {
+  constexpr int W = soa::kWidth<T>;
+  auto* out = reinterpret_cast<double*>(to);
+  int i = 0;
+  if constexpr (W > 1)
+    for (; i + 2 <= size; i += 2)
+      for (int l = 0; l < W; l += 2) {
+        Two a, b;
+        std::memcpy(&a, from[l] + i, sizeof a), std::memcpy(&b, from[l + 1] + i, sizeof b);
+        const Two low{a[0], b[0]}, high{a[1], b[1]};
+        std::memcpy(out + W * i + l, &low, sizeof low), std::memcpy(out + W * (i + 1) + l, &high, sizeof high);
+      }
+  for (; i < size; ++i)
+    for (int l = 0; l < W; ++l) out[W * i + l] = from[l][i];
+}
+/// And back, the first `count` lanes.
+template <class T>
+void from_lanes(const T* from, int size, int count, double* to) {
+  constexpr int W = soa::kWidth<T>;
+  const auto* in = reinterpret_cast<const double*>(from);
+  int i = 0;
+  if constexpr (W > 1)
+    for (; i + 2 <= size && count == W; i += 2)
+      for (int l = 0; l < W; l += 2) {
+        Two a, b;
+        std::memcpy(&a, in + W * i + l, sizeof a), std::memcpy(&b, in + W * (i + 1) + l, sizeof b);
+        const Two low{a[0], b[0]}, high{a[1], b[1]};
+        std::memcpy(to + l * size + i, &low, sizeof low), std::memcpy(to + (l + 1) * size + i, &high, sizeof high);
+      }
+  for (; i < size; ++i)
+    for (int l = 0; l < count; ++l) to[l * size + i] = in[W * i + l];
+}
+
 template <class T>
 class PassesOf : public Batch::Passes {
   static constexpr int W = soa::kWidth<T>;
@@ -29,7 +67,9 @@ class PassesOf : public Batch::Passes {
   int width() const override { return W; }
   std::size_t bytes() const override { return ws_.bytes() + (q_.size() + 4 * v_.size()) * sizeof(T); }
 
-  int forward(const BatchInputs& in, double* vdot, std::uint8_t* failed) override {
+  int forward(const BatchInputs& all, double* vdot, std::uint8_t* failed) override {
+    BatchInputs in = all;
+    if (!model_.has_prescribed()) in.vdot = nullptr;  // nobody would look
     int failures = 0;
     const auto mark = [&](int k, bool bad) {
       if (failed) failed[k] = bad;
@@ -54,7 +94,9 @@ class PassesOf : public Batch::Passes {
     return failures;
   }
 
-  void inverse(const BatchInputs& in, double* tau) override {
+  void inverse(const BatchInputs& all, double* tau) override {
+    BatchInputs in = all;
+    in.tau = nullptr;
     for (int first = 0; first < in.n; first += W) {
       const int count = std::min(W, in.n - first);
       inverse_dynamics<T>(model_, ws_, load(in, first, count), out_.data());
@@ -69,10 +111,9 @@ class PassesOf : public Batch::Passes {
     lanes.gravity = in.gravity;
     const auto fill = [&](const double* from, int size, std::vector<T>& to) -> const T* {
       if (!from) return nullptr;
-      for (int l = 0; l < W; ++l) {
-        const double* state = from + static_cast<std::ptrdiff_t>(first + (l < count ? l : 0)) * size;
-        for (int i = 0; i < size; ++i) soa::set_lane(to[static_cast<std::size_t>(i)], l, state[i]);
-      }
+      const double* states[W];
+      for (int l = 0; l < W; ++l) states[l] = from + static_cast<std::ptrdiff_t>(first + (l < count ? l : 0)) * size;
+      to_lanes(states, size, to.data());
       return to.data();
     };
     lanes.q = fill(in.q, model_.nq, q_);
@@ -87,8 +128,7 @@ class PassesOf : public Batch::Passes {
     return lanes;
   }
   void store(int first, int count, double* to) const {
-    for (int l = 0; l < count; ++l)
-      for (int i = 0; i < model_.nv; ++i) to[static_cast<std::ptrdiff_t>(first + l) * model_.nv + i] = soa::lane(out_[static_cast<std::size_t>(i)], l);
+    from_lanes(out_.data(), model_.nv, count, to + static_cast<std::ptrdiff_t>(first) * model_.nv);
   }
 
   const Model& model_;

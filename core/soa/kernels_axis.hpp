@@ -35,22 +35,25 @@ CARDAN_INLINE constexpr void turn(Sym3<T>& m, const T& c, const T& s) {
   entry<I, J>(m) = c * ij - s * ik;
   entry<I, K>(m) = s * ij + c * ik;
 }
+/// The same of the 2 x 2 block in the plane of a matrix that is not symmetric: its trace and its skew part stay, the rest turns twice as far.
+template <class T>
+CARDAN_INLINE constexpr void turn_block(T& jj, T& jk, T& kj, T& kk, const T& c, const T& s) {
+  const T cs = c * s, ss = s * s, d = jj - kk, t = jk + kj, e = ss * d + cs * t, f = cs * d - ss * t;
+  jj = jj - e;
+  kk = kk + e;
+  jk = jk + f;
+  kj = kj + f;
+}
 /// b <- R_i b R_i*.
 template <int I, class T>
 CARDAN_INLINE constexpr void turn(Mat3<T>& b, const T& c, const T& s) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
-  const auto columns = [&]<int R>() {
-    const T j = entry<R, J>(b), k = entry<R, K>(b);
-    entry<R, J>(b) = c * j - s * k;
-    entry<R, K>(b) = s * j + c * k;
-  };
-  columns.template operator()<I>(), columns.template operator()<J>(), columns.template operator()<K>();
-  const auto rows = [&]<int C>() {
-    const T j = entry<J, C>(b), k = entry<K, C>(b);
-    entry<J, C>(b) = c * j - s * k;
-    entry<K, C>(b) = s * j + c * k;
-  };
-  rows.template operator()<I>(), rows.template operator()<J>(), rows.template operator()<K>();
+  const T ij = entry<I, J>(b), ik = entry<I, K>(b), ji = entry<J, I>(b), ki = entry<K, I>(b);
+  turn_block(entry<J, J>(b), entry<J, K>(b), entry<K, J>(b), entry<K, K>(b), c, s);
+  entry<I, J>(b) = c * ij - s * ik;
+  entry<I, K>(b) = s * ij + c * ik;
+  entry<J, I>(b) = c * ji - s * ki;
+  entry<K, I>(b) = s * ji + c * ki;
 }
 
 /// How O stands in the inboard body.
@@ -96,9 +99,8 @@ CARDAN_INLINE void outward_axis(const AxisBody& b, const Core<T>& inboard, AxisR
   if constexpr (For.vdot) at<I>(g) = at<I>(g) + in.vdot[b.v];
   body.core.w = w;
   body.core.gamma = {g, a};
-  const Mat3<T> E = acceleration_field(w, g);
-  Mat3<T>& to = body.core.E;  // number by number: a copy of the whole waits for its parts
-  to.xx = E.xx, to.xy = E.xy, to.xz = E.xz, to.yx = E.yx, to.yy = E.yy, to.yz = E.yz, to.zx = E.zx, to.zy = E.zy, to.zz = E.zz;
+  Mat3<T>& E = body.core.E;
+  set_acceleration_field(E, w, g);
   const T m(b.m);
   const Vec3<T> h{T(b.h[0]), T(b.h[1]), T(b.h[2])};
   const T xx(b.S[0]), yy(b.S[1]), zz(b.S[2]), xy(b.S[3]), xz(b.S[4]), yz(b.S[5]);
@@ -127,6 +129,19 @@ CARDAN_INLINE Force<T> force_to_inboard(const AxisBody& b, const T& c, const T& 
   return z;
 }
 
+/// to = a + b, number by number: the numbers of b go into the additions from where they stand.
+template <class T>
+CARDAN_INLINE void set_sum(ArticulatedInertia<T>& to, const ArticulatedInertia<T>& a, const ArticulatedInertia<double>& b) {
+  const auto symmetric = [](Sym3<T>& x, const Sym3<T>& y, const Sym3<double>& z) {
+    x.xx = y.xx + T(z.xx), x.yy = y.yy + T(z.yy), x.zz = y.zz + T(z.zz), x.xy = y.xy + T(z.xy), x.xz = y.xz + T(z.xz), x.yz = y.yz + T(z.yz);
+  };
+  symmetric(to.J, a.J, b.J);
+  symmetric(to.M, a.M, b.M);
+  to.B.xx = a.B.xx + T(b.B.xx), to.B.xy = a.B.xy + T(b.B.xy), to.B.xz = a.B.xz + T(b.B.xz);
+  to.B.yx = a.B.yx + T(b.B.yx), to.B.yy = a.B.yy + T(b.B.yy), to.B.yz = a.B.yz + T(b.B.yz);
+  to.B.zx = a.B.zx + T(b.B.zx), to.B.zy = a.B.zy + T(b.B.zy), to.B.zz = a.B.zz + T(b.B.zz);
+}
+
 /// Tip to base. D = J_ii, G = P e_i / D, P+ = P - G D G* without its zero row i. False: no inertia about the axis.
 template <class T, int I, Tilt TILT, InwardFor For>
 CARDAN_INLINE bool inward_axis(const AxisBody& b, const AxisBody& carrier, Core<T>& inboard, AxisRecord<T>& body, const T& c, const T& s,
@@ -143,8 +158,7 @@ CARDAN_INLINE bool inward_axis(const AxisBody& b, const AxisBody& carrier, Core<
     const T uj = entry<I, J>(P.J), uk = entry<I, K>(P.J);
     const T fi = entry<I, I>(P.B), fj = entry<I, J>(P.B), fk = entry<I, K>(P.B);
     const T gj = uj * inverse, gk = uk * inverse, ri = fi * inverse, rj = fj * inverse, rk = fk * inverse;
-    body.D = D;
-    at<I>(body.G.n) = T(1);
+    body.inverse_D = inverse;
     at<J>(body.G.n) = gj;
     at<K>(body.G.n) = gk;
     at<I>(body.G.f) = ri;
@@ -169,11 +183,7 @@ CARDAN_INLINE bool inward_axis(const AxisBody& b, const AxisBody& carrier, Core<
     T t = bji;
     bji = c * t - s * bki;
     bki = s * t + c * bki;
-    const T pjj = c * bjj - s * bjk, pjk = s * bjj + c * bjk, pkj = c * bkj - s * bkk, pkk = s * bkj + c * bkk;
-    bjj = c * pjj - s * pkj;
-    bkj = s * pjj + c * pkj;
-    bjk = c * pjk - s * pkk;
-    bkk = s * pjk + c * pkk;
+    turn_block(bjj, bjk, bkj, bkk, c, s);
     turn<I>(M, c, s);
     // shift by l: B1 = B + l~ M; J1 = J - B1 l~ - (B l~)*
     const T lj(b.l[0]), lk(b.l[1]);
@@ -204,7 +214,7 @@ CARDAN_INLINE bool inward_axis(const AxisBody& b, const AxisBody& carrier, Core<
       tilt<TILT, T>(b, Q.M);
     }
     if (kWidth<T> > 1 && b.first)
-      inboard.P = Q + cast<T>(carrier.P);
+      set_sum(inboard.P, Q, carrier.P);
     else
       inboard.P += Q;
   }
@@ -212,7 +222,7 @@ CARDAN_INLINE bool inward_axis(const AxisBody& b, const AxisBody& carrier, Core<
     const T tau = in.tau ? in.tau[b.v] : T(0);
     Force<T> z = body.core.z;
     const T eps = tau - at<I>(z.n);
-    body.nu = eps / body.D;
+    body.nu = eps * body.inverse_D;
     at<I>(z.n) = tau;
     at<J>(z.n) = at<J>(z.n) + eps * at<J>(body.G.n);
     at<K>(z.n) = at<K>(z.n) + eps * at<K>(body.G.n);
@@ -239,12 +249,15 @@ CARDAN_INLINE Motion<T> motion_to_outboard(const AxisBody& b, const T& c, const 
 
 /// v' = nu - G* delta+, delta = delta+ + e_i v'.
 template <class T, int I, Tilt TILT>
-CARDAN_INLINE void acceleration_axis(const AxisBody& b, const Core<T>& inboard, AxisRecord<T>& body, const T& c, const T& s, T* vdot) {
-  Motion<T> d = motion_to_outboard<T, I, TILT>(b, c, s, inboard.delta);
-  const T a = body.nu - dot(d, body.G);
+CARDAN_INLINE Motion<T> acceleration_axis(const AxisBody& b, const Motion<T>& inboard, AxisRecord<T>& body, const T& c, const T& s, T* vdot) {
+  constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
+  Motion<T> d = motion_to_outboard<T, I, TILT>(b, c, s, inboard);
+  const T linear = dot(d.v, body.G.f);  // beside the angular part: the way through both is what the next body waits for
+  const T a = ((body.nu - at<I>(d.w)) - at<J>(d.w) * at<J>(body.G.n) - at<K>(d.w) * at<K>(body.G.n)) - linear;
   vdot[b.v] = a;
   at<I>(d.w) = at<I>(d.w) + a;
   body.core.delta = d;
+  return d;
 }
 
 /// tau = H z; z seen from the inboard body (inverse dynamics).
@@ -298,7 +311,7 @@ static void outward_axes(const SweepModel& model, Workspace<T>& ws, const Inputs
   for (int n = begin; n < end; ++n) {
     const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(n)];
     if (b.kind == KernelKind::rotor) continue;
-    for_axis(b.kind, [&]<int I, Tilt TILT>() { outward_axis<T, I, TILT, For>(b, ws.core(b.parent), ws.axis(n), cosines[b.angle], sines[b.angle], in); });
+    for_axis(b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) { outward_axis<T, I, TILT, For>(b, ws.core(b.parent), ws.axis(n), cosines[b.angle], sines[b.angle], in); });
   }
 }
 template <class T, InwardFor For>
@@ -310,7 +323,7 @@ static void inward_axes(const SweepModel& model, Workspace<T>& ws, const Inputs<
       if constexpr (For.bias) inward_rotor(b, ws.core(b.parent), ws.axis(n), in);
       continue;
     }
-    const bool regular = for_axis(b.kind, [&]<int I, Tilt TILT>() {
+    const bool regular = for_axis(b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
       const T c = cosines[b.angle], s = sines[b.angle];
       const AxisBody& carrier = model.axis_bodies[static_cast<std::size_t>(b.parent)];
       return inward_axis<T, I, TILT, For>(b, carrier, ws.core(b.parent), ws.axis(n), c, s, in, n, ws.breakdown);
@@ -321,14 +334,15 @@ static void inward_axes(const SweepModel& model, Workspace<T>& ws, const Inputs<
 template <class T>
 static void acceleration_axes(const SweepModel& model, Workspace<T>& ws, T* vdot, int begin, int end) {
   const T *cosines = ws.cosines.data(), *sines = ws.sines.data();
+  Motion<T> delta = ws.core(begin - 1).delta;  // of body n - 1: of a chain it need not be read again
   for (int n = begin; n < end; ++n) {
     const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(n)];
-    const Core<T>& inboard = ws.core(b.parent);
     if (b.kind == KernelKind::rotor) {
-      acceleration_rotor(b, inboard, ws.axis(n), vdot);
+      acceleration_rotor(b, ws.core(b.parent), ws.axis(n), vdot);
       continue;
     }
-    for_axis(b.kind, [&]<int I, Tilt TILT>() { acceleration_axis<T, I, TILT>(b, inboard, ws.axis(n), cosines[b.angle], sines[b.angle], vdot); });
+    if (b.parent != n - 1) delta = ws.core(b.parent).delta;
+    delta = for_axis(b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) { return acceleration_axis<T, I, TILT>(b, delta, ws.axis(n), cosines[b.angle], sines[b.angle], vdot); });
   }
 }
 template <class T>

@@ -51,7 +51,7 @@ static void outward_free(const SweepModel& model, Workspace<T>& ws, const Inputs
       body.core.P = articulated(M);
       body.core.P.J = cast<T>(b.J_P);
     }
-    body.core.E = acceleration_field(body.core.w, gamma.w);
+    set_acceleration_field(body.core.E, body.core.w, gamma.w);
   }
 }
 

@@ -114,7 +114,7 @@ static void outward_rigid(const SweepModel& model, Workspace<T>& ws, const Input
       body.P = articulated(M);
       body.P.J = cast<T>(b.J_P);
     }
-    body.E = acceleration_field(For.velocity ? body.w : Vec3<T>{T(0), T(0), T(0)}, gamma.w);
+    set_acceleration_field(body.E, For.velocity ? body.w : Vec3<T>{T(0), T(0), T(0)}, gamma.w);
   }
 }
 
@@ -331,7 +331,7 @@ static void outward_general(const SweepModel& model, Workspace<T>& ws, const Inp
       for (int j = 0; j < NV; ++j) hinge.H[j] = h.H[j];
     }
     ws.X(k) = {R_AB, p_AB};
-    body.E = acceleration_field(For.velocity ? body.w : none, body.gamma.w);
+    set_acceleration_field(body.E, For.velocity ? body.w : none, body.gamma.w);
 
     if (modal.node) *modal.node = {at_O.Jl, at_O.rho};
 

@@ -20,7 +20,12 @@ struct alignas(8 * W) Lanes {
   Pack x;
 
   Lanes() = default;
-  [[gnu::always_inline]] Lanes(double a) : x(Pack{} + a) {}          // NOLINT: a number is the same number in every lane
+  [[gnu::always_inline]] Lanes(double a) {  // NOLINT: a number is the same number in every lane; loaded as it stands, nothing added
+    if constexpr (W == 4)
+      x = Pack{a, a, a, a};
+    else
+      x = Pack{a, a, a, a, a, a, a, a};
+  }
   [[gnu::always_inline]] Lanes(int a) : Lanes(static_cast<double>(a)) {}  // NOLINT
   [[gnu::always_inline]] explicit Lanes(const Pack& a) : x(a) {}
   /// Of the first lane: for messages only.
@@ -32,6 +37,11 @@ struct alignas(8 * W) Lanes {
   [[gnu::always_inline]] friend Lanes operator/(const Lanes& a, const Lanes& b) { return Lanes(a.x / b.x); }
   /// True where it holds in every lane: a check that fails in one lane fails.
   [[gnu::always_inline]] friend bool operator>(const Lanes& a, const Lanes& b) {
+#if defined(__AVX512F__)
+    if constexpr (W == 8) return __builtin_ia32_cmppd512_mask(a.x, b.x, 0x1e, 0xff, 4) == 0xff;  // greater, quiet; rounding as set
+#elif defined(__AVX__)
+    if constexpr (W == 4) return __builtin_ia32_movmskpd256(reinterpret_cast<Pack>(a.x > b.x)) == 0xf;
+#endif
     const auto mask = a.x > b.x;
     long long all = -1;
     for (int i = 0; i < W; ++i) all &= mask[i];
@@ -47,9 +57,7 @@ inline constexpr int kWidth<Lanes<W>> = W;
 /// By lanes, 1 where x > limit, else 0 (kernels_articulated.hpp).
 template <int W>
 [[gnu::always_inline]] inline Lanes<W> above(const Lanes<W>& x, const Lanes<W>& limit) {
-  Lanes<W> r;
-  for (int i = 0; i < W; ++i) r.x[i] = x.x[i] > limit.x[i] ? 1.0 : 0.0;
-  return r;
+  return Lanes<W>(x.x > limit.x ? Lanes<W>(1.0).x : Lanes<W>(0.0).x);
 }
 
 /// Lane i of a number.

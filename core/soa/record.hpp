@@ -16,11 +16,13 @@ struct Core {
   Mat3<T> E;                // [1/s^2] w'~ + w~ w~ at v' = 0: acceleration of a point p of the body = gamma.v + E p
 };
 
-/// w'~ + w~ w~.
+/// E = w'~ + w~ w~, number by number: a copy of the whole would wait for its parts.
 template <class T>
-static constexpr Mat3<T> acceleration_field(const Vec3<T>& w, const Vec3<T>& a) {
+CARDAN_INLINE constexpr void set_acceleration_field(Mat3<T>& E, const Vec3<T>& w, const Vec3<T>& a) {
   const T xx = w.x * w.x, yy = w.y * w.y, zz = w.z * w.z, xy = w.x * w.y, xz = w.x * w.z, yz = w.y * w.z;
-  return {-(yy + zz), xy - a.z, xz + a.y, xy + a.z, -(xx + zz), yz - a.x, xz - a.y, yz + a.x, -(xx + yy)};
+  E.xx = -(yy + zz), E.xy = xy - a.z, E.xz = xz + a.y;
+  E.yx = xy + a.z, E.yy = -(xx + zz), E.yz = yz - a.x;
+  E.zx = xz - a.y, E.zy = yz + a.x, E.zz = -(xx + yy);
 }
 
 /// Hinges that turn about a coordinate axis of their body (AxisBody): the pose is a cosine and a sine (Workspace::cosines).
@@ -28,8 +30,8 @@ static constexpr Mat3<T> acceleration_field(const Vec3<T>& w, const Vec3<T>& a) 
 template <class T>
 struct AxisRecord {
   Core<T> core;
-  Force<T> G;               // gain P H* D^-1
-  T D, nu;                  // [kg m^2], [rad/s^2]
+  Force<T> G;               // gain P H* D^-1; component i of G.n is 1 and not stored
+  T inverse_D, nu;          // [1/(kg m^2)], [rad/s^2]
   T load;                   // [N m] rotor: moment of node wrenches about its axis
 };
 
