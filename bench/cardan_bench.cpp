@@ -41,7 +41,7 @@ struct Ring {
     const auto n = static_cast<Eigen::Index>(states.size()), count = (std::max<Eigen::Index>(n, 16) + width - 1) / width * width;
     q.resize(states[0].q.size(), count), v.resize(states[0].v.size(), count), tau.resizeLike(v), vdot.resizeLike(v);
     for (Eigen::Index k = 0; k < count; ++k) {
-      const BenchState& s = states[static_cast<std::size_t>((k + k / width) % n)];
+      const BenchState& s = states[static_cast<std::size_t>((k + (width > 1 ? k / width : 0)) % n)];
       q.col(k) = s.q, v.col(k) = s.v, tau.col(k) = s.tau, vdot.col(k) = s.vdot;
     }
   }

@@ -1,6 +1,8 @@
 // Diagonalised velocities (mathematics/diagonalised.md) on random trees: maps, energy, power of C, equations of motion, both forms.
 #include "core/operators/diagonalised.hpp"
 
+#include <algorithm>
+
 #include "core/operators/apply.hpp"
 #include "core/soa/tangent.hpp"
 #include "tests/properties/trees.hpp"
@@ -143,10 +145,66 @@ TEST(Diagonalised, GivenComponents) {  // no nu of their own; the rest comes bac
       kTrees);
 }
 
-TEST(Diagonalised, NeedsTheWholeTree) {
-  Scene s(random_tree(5, {.bodies = 4, .flexible = 0.0}));
-  TreeOperators sub = s.ops.subgraph(s.ops.subtree(1));
-  EXPECT_THROW(Diagonalised{sub}, InputError);
+/// The bodies at and outboard of `root`, hung on the world where root hung on its inboard body: at rest, the same system.
+SystemSpec on_its_own(const SystemSpec& whole, const std::string& root) {
+  SystemSpec out = whole;
+  std::vector<std::string> kept{root};
+  for (bool more = true; more;) {
+    more = false;
+    for (const BodySpec& b : whole.bodies)
+      if (std::ranges::count(kept, b.hinge.inboard_body) && !std::ranges::count(kept, b.name)) kept.push_back(b.name), more = true;
+  }
+  std::erase_if(out.bodies, [&](const BodySpec& b) { return !std::ranges::count(kept, b.name); });
+  for (BodySpec& b : out.bodies)
+    if (b.name == root) b.hinge.inboard_body = b.hinge.inboard_node = "";
+  return out;
+}
+
+TEST(Diagonalised, Subtrees) {  // nu, its inverse and C of a subtree are those of the subtree hung on the world
+  for (const double flexible : {0.0, 0.5})
+    for_all_trees(
+        {.bodies = 6, .roots = 1, .flexible = flexible}, kExact,
+        [](const RandomTree& tree) {
+          Scene s(tree);
+          double worst = 0.0;
+          for (const auto& root : s.ops.bodies()) {
+            TreeOperators part = s.ops.subgraph(s.ops.subtree(root.sweep));
+            part.articulate();
+            const int n = part.size(soa::Space::hinge);
+            if (n == 0) continue;
+            VectorXd v(n);
+            for (int i = 0; i < s.model->nv; ++i)
+              if (part.place_of_velocity(i) >= 0) v[part.place_of_velocity(i)] = s.state.v[i];
+            Diagonalised form(part);
+            const VectorXd nu = form.from_velocity(v), C = form.coriolis(v);
+            VectorXd back = VectorXd::Zero(n);
+            form.to_velocity(nu, back);
+            const double energy = v.dot(operators::apply(operators::mass, part, v));
+            const double power = std::abs(nu.dot(C)) / (largest(nu) * (largest(C) + largest(nu)));  // rates of 1/s: C is of the size of nu
+            worst = std::max({worst, apart(back, v) / 1e2, std::abs(nu.squaredNorm() - energy) / energy, 1e-1 * power});
+            const UserBody& body = s.model->user[static_cast<std::size_t>(root.user)];
+            const bool rigid = std::ranges::all_of(part.bodies(), [](const auto& b) { return b.m == 0; });
+            if (!rigid || body.parent < 0) continue;
+            const auto alone = compiled(on_its_own(tree.spec, body.name));
+            if (alone->nv != n) continue;  // something is merged with the inboard body
+            TreeOperators other(alone);
+            other.at(alone->initial_state().q.data());
+            other.articulate();
+            Diagonalised same(other);
+            const VectorXd w = alone->initial_state().v;
+            worst = std::max({worst, apart(same.from_velocity(w), nu), apart(same.coriolis(w), C, nu.norm()) / 10});
+          }
+          return worst;
+        },
+        60);
+  // C of what carries something that is left out is refused
+  Scene s(random_tree(2, {.bodies = 4, .roots = 1, .flexible = 0.0}));
+  TreeOperators part = s.ops.subgraph({1});
+  part.articulate();
+  Diagonalised form(part);
+  const VectorXd v = VectorXd::Ones(part.size(soa::Space::hinge));
+  EXPECT_GT(form.from_velocity(v).norm(), 0.0);
+  EXPECT_THROW(form.coriolis(v), InputError);
 }
 
 }  // namespace

@@ -271,9 +271,10 @@ TEST(OperationalSpace, FeltAtANodeAndParticipation) {
     const double mobility = shape.dot(response);
     const Participation p = participation(v.ops, node, u);
     const VectorXd share = shape.cwiseProduct(response) / mobility;
-    const double cancelled = share.cwiseAbs().sum();  // shares of both signs: what their sum has lost
-    return std::max({differ(p.shape, shape), differ(p.response, response), differ(p.share, share) / cancelled, std::abs(p.share.sum() - 1.0) / cancelled,
-                     std::abs(effective_inertia(v.ops, node, u) * mobility - 1.0) / cancelled}) / v.condition();
+    // What sums of both signs have lost: J* u against its terms, the shares against 1.
+    const double cancelled = share.cwiseAbs().sum() * (v.J(node).cwiseAbs().transpose() * u.cwiseAbs()).maxCoeff() / shape.cwiseAbs().maxCoeff();
+    return std::max({differ(p.shape, shape), differ(p.response, response), differ(p.share, share), std::abs(p.share.sum() - 1.0),
+                     std::abs(effective_inertia(v.ops, node, u) * mobility - 1.0)}) / cancelled / v.condition();
   });
 }
 
