@@ -53,10 +53,9 @@ void scatter(const TreeOperators& tree, const VectorXd& v, const Visit& visit) {
 
 }  // namespace
 
-RiccatiRates riccati_rates(const TreeOperators& tree, const PositionBlocks& direction) {
+void riccati_rates(const TreeOperators& tree, const PositionBlocks& direction, RiccatiRates& rates) {
   tree.require(soa::Kind::P);
   const std::size_t n = tree.bodies().size();
-  RiccatiRates rates;
   for (auto* x : {&rates.P, &rates.P_plus, &rates.D, &rates.G, &rates.S}) x->resize(n);
   for (std::size_t i = 0; i < n; ++i) rates.P[i] = direction.M[idx(tree.bodies()[i].sweep)];
   for (int i = static_cast<int>(n) - 1; i >= 0; --i) {
@@ -86,7 +85,6 @@ RiccatiRates riccati_rates(const TreeOperators& tree, const PositionBlocks& dire
     const MatrixXd turned = dA.transpose() * (P_plus.topLeftCorner<6, 6>() * A);
     rates.P[idx(b.parent)] += turned + turned.transpose() + A.transpose() * (dP_plus.topLeftCorner<6, 6>() * A);
   }
-  return rates;
 }
 
 Diagonalised::Diagonalised(const TreeOperators& tree, Form form) : tree_(tree), normalised_(form == Form::normalised), ws_(tree.model()) {}
@@ -145,7 +143,8 @@ VectorXd Diagonalised::eps(const VectorXd& tau) const {
 VectorXd Diagonalised::drift(const VectorXd& v, const double* given_vdot) {
   const PositionBlocks& d = direction_;
   tree_.derivatives(of_model(v).data(), direction_);
-  const RiccatiRates rates = riccati_rates(tree_, d);
+  riccati_rates(tree_, d, rates_);
+  const RiccatiRates& rates = rates_;
   const std::size_t n = tree_.bodies().size();
   std::vector<VectorXd> V(n), dV(n);  // dV: rate of its components at constant free v
   VectorXd out(v.size());

@@ -13,7 +13,7 @@ namespace cardan {
 struct RiccatiRates {
   std::vector<Eigen::MatrixXd> P, P_plus, D, G, S;
 };
-RiccatiRates riccati_rates(const soa::TreeOperators& tree, const soa::PositionBlocks& direction);
+void riccati_rates(const soa::TreeOperators& tree, const soa::PositionBlocks& direction, RiccatiRates& rates);
 
 /// Vectors are of the hinge space; entries of given (prescribed) components are zero in nu, eps, C. O(N) each. The tree, a whole one or a
 /// subgraph (C of a subtree: C0401 where something that hangs on it is left out; rate() of a whole tree), must outlive this; at() and articulate() of it move this along. T = 1/2 nu* nu and nu* C = 0 where no component is given a velocity.
@@ -42,7 +42,8 @@ class Diagonalised {
   const soa::TreeOperators& tree_;
   bool normalised_;
   Workspace ws_;
-  soa::PositionBlocks direction_;
+  soa::PositionBlocks direction_;  // kept for their memory
+  RiccatiRates rates_;
 };
 
 }  // namespace cardan

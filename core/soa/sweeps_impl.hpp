@@ -252,6 +252,7 @@ static void mass_matrix_inverse(const SweepModel& model, Workspace<T>& ws, const
       unit[v] = T(1);
       for (int p = k; p > 0; p = model.bodies[static_cast<std::size_t>(p)].parent) {
         const SweepBody& b = model.bodies[static_cast<std::size_t>(p)];
+        if (b.kind == KernelKind::free && p != k) break;  // six free components without force let nothing through
         if (is_axis(b.kind))
           inward_axes<T, InwardFor{false, true}>(model, ws, use, p, p + 1);
         else
@@ -271,6 +272,8 @@ static void mass_matrix_inverse(const SweepModel& model, Workspace<T>& ws, const
         ws.core(p).z = Force<T>();
         if (is_axis(b.kind))
           ws.axis(p).nu = T(0);
+        else if (b.kind == KernelKind::free)
+          for (T& x : ws.free(p).tau) x = T(0);
         else
           inward(model, ws, use, {p, p + 1, b.kind}, {.inertia = false});
       }

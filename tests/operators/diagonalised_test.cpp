@@ -78,7 +78,8 @@ TEST(Diagonalised, FormWithoutSquareRoots) {
           const VectorXd& v = s.state.v;
           Diagonalised form(s.ops, Form::rates);
           const VectorXd nu = form.from_velocity(v), C = form.coriolis(v), Dnu = operators::apply(operators::D, s.ops, nu);
-          const RiccatiRates rates = riccati_rates(s.ops, s.ops.derivatives(v.data()));
+          RiccatiRates rates;
+          riccati_rates(s.ops, s.ops.derivatives(v.data()), rates);
           double work = 0.0, size = nu.cwiseAbs().dot(C.cwiseAbs());
           for (std::size_t i = 0; i < s.ops.bodies().size(); ++i) {
             const auto& b = s.ops.bodies()[i];

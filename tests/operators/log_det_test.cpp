@@ -71,7 +71,8 @@ TEST(LogDet, GradientIsTheAdjointOfTheRiccatiRates) {
           for (int i = 0; i < model->nv; ++i) u[i] = std::sin(1.0 + i), W[i] = 0.1 + 0.05 * (i % 3), free[static_cast<std::size_t>(i)] = i % 4 != 1;
           ops.articulate({.W = W.data(), .free = free});
           ops.operational_space();
-          const RiccatiRates rates = riccati_rates(ops, ops.derivatives(u.data()));
+          RiccatiRates rates;
+          riccati_rates(ops, ops.derivatives(u.data()), rates);
           double along = 0.0, size = 1.0;
           for (std::size_t i = 0; i < rates.D.size(); ++i) {
             const MatrixXd& S = ops.S(static_cast<int>(i));
