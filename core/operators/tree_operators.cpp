@@ -3,10 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <type_traits>
 
 #include "core/base/diagnostic.hpp"
+#include "core/dynamics/forward.hpp"
 #include "core/soa/kernels_tangent.hpp"
 
 namespace cardan::soa {
@@ -21,6 +22,12 @@ using Vector = Map<VectorXd>;
 
 std::size_t idx(int i) { return static_cast<std::size_t>(i); }
 
+/// The upper triangle of a symmetric matrix from the lower one.
+void mirror(MatrixXd& a) {
+  for (Eigen::Index j = 1; j < a.cols(); ++j)
+    for (Eigen::Index i = 0; i < j; ++i) a(i, j) = a(j, i);
+}
+
 /// What is read of a number: itself, or its derivative.
 double part(double x) { return x; }
 double part(const Tangent& x) { return x.d; }
@@ -30,7 +37,7 @@ void store(const Motion<T>& V, double* out) {
   out[0] = part(V.w.x), out[1] = part(V.w.y), out[2] = part(V.w.z), out[3] = part(V.v.x), out[4] = part(V.v.y), out[5] = part(V.v.z);
 }
 
-/// User's body frame in the sweep frame of the body that stands for the whole rigid group.
+/// By sweep index: the user's body that stands for the whole rigid group, whose frame is that of the blocks; -1 for the ground.
 std::vector<int> owners(const Model& model) {
   std::vector<int> owner(model.bodies.size(), -1);
   for (std::size_t u = 0; u < model.user.size(); ++u)
@@ -157,9 +164,11 @@ std::string_view name_of(Stage stage) {
   constexpr std::string_view names[] = {"none", "Position", "Inertia", "OperationalSpace", "Direction"};
   return names[static_cast<std::size_t>(stage)];
 }
+
 struct TreeOperators::Sweeping {
-  explicit Sweeping(const Model& model) : position(model), inertia(model), zeros(idx(model.nv), 0.0) {}
-  Workspace<double> position, inertia;  // of the mass matrix; of its inverse: P, D, G stay there
+  explicit Sweeping(const Model& model) : position(model), zeros(idx(model.nv), 0.0) {}
+  Workspace<double> position;                   // of the blocks and the mass matrix
+  std::unique_ptr<Workspace<double>> inertia;   // of the inverse, once it was asked for: P, D, G stay there
   std::vector<double> zeros;
   bool articulated = false;
 };
@@ -326,28 +335,21 @@ void TreeOperators::articulate(const Articulate& options) {
     x.S.setZero(n, n);
     for (int j = 0; j < n; ++j) {
       const double pivot = factored(j, j) - x.S.row(j).head(j).squaredNorm();
-      if (!(pivot > kPivotLimit * made_of[j])) {
-        const UserBody& u = model_->user[idx(b.user)];
-        const std::string direction = j < b.nh ? u.v_names[idx(j)] : fmt::format("mode {}", j - b.nh + 1);
-        throw NumericsError(RunFailure{Code::singular_hinge, 0.0, u.name, u.name + "." + u.hinge_type,
-                                       fmt::format("D = {:.3g}, limit {:.3g}, direction: {}", pivot, kPivotLimit * made_of[j], direction),
-                                       "a body without mass or inertia in that direction; see docs/errors.md", ""});
-      }
+      if (const double limit = kPivotLimit * made_of[j]; !(pivot > limit))
+        throw NumericsError(describe_breakdown(*model_, {.body = b.sweep, .component = j < b.nh ? j : -1, .value = pivot, .limit = limit}, 0.0));
       x.S(j, j) = std::sqrt(pivot);
       for (int r = j + 1; r < n; ++r) x.S(r, j) = (factored(r, j) - x.S.row(r).head(j).dot(x.S.row(j).head(j))) / x.S(j, j);
     }
     const MatrixXd U = x.S.triangularView<Eigen::Lower>().solve(PH.transpose());  // S^-1 H P
     x.G = x.S.triangularView<Eigen::Lower>().transpose().solve(U).transpose();
     x.P_plus = x.P;
-    if (options.W)  // P+ = P - G D G* all the same
-      x.P_plus.noalias() -= U.transpose() * U;
-    else
-      x.P_plus.selfadjointView<Eigen::Lower>().rankUpdate(U.transpose(), -1.0), x.P_plus.triangularView<Eigen::StrictlyUpper>() = x.P_plus.transpose();
+    x.P_plus.selfadjointView<Eigen::Lower>().rankUpdate(U.transpose(), -1.0);  // P - G D G*
+    mirror(x.P_plus);
     if (b.parent >= 0) {
       MatrixXd& P = inertia_[idx(b.parent)].P;
       const MatrixXd shifted = x.P_plus.topLeftCorner<6, 6>() * A(i);
       P.noalias() += A(i).transpose() * shifted;
-      P.triangularView<Eigen::StrictlyUpper>() = P.transpose().eval();
+      mirror(P);
     }
   }
   has_inertia_ = true;
@@ -631,16 +633,21 @@ void TreeOperators::apply_fused(Fused kernel, const double* x, double* y) const 
     for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.gather(model, s.position, in, *run, y);
     return;
   }
+  if (!s.inertia) s.inertia = std::make_unique<Workspace<double>>(model);
+  Workspace<double>& ws = *s.inertia;
   const Inputs<double> in{.q = q_.data(), .v = s.zeros.data(), .tau = x, .gravity = false};
   if (!s.articulated) {
-    pose(model, s.inertia, q_.data(), s.zeros.data());
-    for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.inward(model, s.inertia, in, *run, {.bias = false});
-    s.articulated = s.inertia.breakdown.body == 0;
+    pose(model, ws, q_.data(), s.zeros.data());
+    for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) {
+      S.inward(model, ws, in, *run, {.bias = false});
+      if (ws.breakdown.body != 0) throw NumericsError(describe_breakdown(model, ws.breakdown, 0.0));
+    }
+    s.articulated = true;
   }
-  S.ground(model, s.inertia, in);
-  S.at_rest(model, s.inertia);
-  for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.inward(model, s.inertia, in, *run, {.inertia = false});
-  for (const Run& run : model.runs) S.acceleration(model, s.inertia, in, run, y);
+  S.ground(model, ws, in);
+  S.at_rest(model, ws);
+  for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.inward(model, ws, in, *run, {.inertia = false});
+  for (const Run& run : model.runs) S.acceleration(model, ws, in, run, y);
 }
 
 double TreeOperators::log_det() const {
