@@ -34,10 +34,11 @@ inline void quaternion_record(std::uint32_t shape, const Tangent* q, double* out
 /// Any other: by components of q; the rate Hdot* v is a quadratic form in v.
 inline void dense_record(const cardan_hinge_family& f, const void* packed, const Tangent* q, const Tangent* v, double* out) {
   const std::uint32_t zero = 0;
-  double x[8], w[8], sum[kRecord], work[kRecord];
   const auto nq = static_cast<int>(f.nq), nv = static_cast<int>(f.nv);
-  for (int i = 0; i < nq; ++i) x[i] = q[i].x;
-  for (int i = 0; i < nv; ++i) w[i] = v[i].x;
+  std::vector<double> x(f.nq), w(f.nv), moved(f.nv);
+  double sum[kRecord], work[kRecord];
+  for (int i = 0; i < nq; ++i) x[static_cast<std::size_t>(i)] = q[i].x;
+  for (int i = 0; i < nv; ++i) w[static_cast<std::size_t>(i)] = v[i].x;
   const auto record = [&](const double* at, const double* rates, double* to) {
     cardan_hinge_out one{};
     f.kinematics(packed, 1, &zero, &zero, at, rates, &one);
@@ -45,9 +46,10 @@ inline void dense_record(const cardan_hinge_family& f, const void* packed, const
   };
   for (int i = 0; i < nq; ++i) {
     if (q[i].d == 0.0) continue;
-    const double at = x[i];
-    derivative([&](double s, double* to) { x[i] = at + s, record(x, w, to); }, kHingeStep, kRecord, sum, work);
-    x[i] = at;
+    double& coordinate = x[static_cast<std::size_t>(i)];
+    const double at = coordinate;
+    derivative([&](double s, double* to) { coordinate = at + s, record(x.data(), w.data(), to); }, kHingeStep, kRecord, sum, work);
+    coordinate = at;
     for (int k = 0; k < kRecord; ++k) out[k] += q[i].d * sum[k];
   }
   double size = 0.0, change = 0.0;
@@ -55,9 +57,8 @@ inline void dense_record(const cardan_hinge_family& f, const void* packed, const
   if (size == 0.0 || change == 0.0) return;
   const double h = size / change;
   for (const double side : {1.0, -1.0}) {
-    double rates[8];
-    for (int i = 0; i < nv; ++i) rates[i] = w[i] + side * h * v[i].d;
-    record(x, rates, work);
+    for (int i = 0; i < nv; ++i) moved[static_cast<std::size_t>(i)] = v[i].x + side * h * v[i].d;
+    record(x.data(), moved.data(), work);
     for (int k = 48; k < kRecord; ++k) out[k] += side * work[k] / (2.0 * h);
   }
 }
