@@ -34,6 +34,8 @@ TreeOperators& tree_with_Y(lua_State* L) {
 }
 
 Labels hinge_labels(const TreeOperators& tree, Sort sort) { return to_labels(tree.labels(Space::hinge, sort)); }
+/// Of what has no unit of its own: nu, shares, inertias of mixed kinds.
+Labels names_alone(const TreeOperators& tree) { return {tree.labels(Space::hinge, Sort::unknown).names, {}}; }
 Labels velocity_labels_of(const TreeOperators& tree) {
   Labels out = hinge_labels(tree, Sort::motion);
   for (std::string& unit : out.units)
@@ -42,14 +44,7 @@ Labels velocity_labels_of(const TreeOperators& tree) {
 }
 VectorXd hinge_vector(lua_State* L, int arg, const TreeOperators& tree, const char* what) { return finite_vector(L, arg, tree.size(Space::hinge), what); }
 Eigen::Matrix<double, 6, 1> six(lua_State* L, int arg, const char* what) { return finite_vector(L, arg, 6, what); }
-const Labels kWrench{{"nx", "ny", "nz", "fx", "fy", "fz"}, {"N m", "N m", "N m", "N", "N", "N"}};
 const Labels kMomentum{{"hx", "hy", "hz", "px", "py", "pz"}, {"N m s", "N m s", "N m s", "N s", "N s", "N s"}};
-
-void set(lua_State* L, const char* key) { lua_setfield(L, -2, key); }
-void set_number(lua_State* L, const char* key, double x) {
-  lua_pushnumber(L, x);
-  set(L, key);
-}
 
 Labels body_labels(const TreeOperators& tree) {
   Labels out;
@@ -197,8 +192,7 @@ int manipulability(lua_State* L) {
 int participation(lua_State* L) {
   const TreeOperators& tree = tree_with_Y(L);
   const soa::Participation p = soa::participation(tree, node_at(L, 2, tree.model()), six(L, 3, "the direction"));
-  Labels names = hinge_labels(tree, Sort::unknown);
-  names.units.clear();
+  const Labels names = names_alone(tree);
   lua_newtable(L);
   push_vector(L, p.shape, names), set(L, "shape");
   push_vector(L, p.response, names), set(L, "response");
@@ -244,8 +238,7 @@ int momentum_sharing(lua_State* L) {
 int reflected_inertia(lua_State* L) {
   const TreeOperators& tree = tree_with_Y(L);
   const soa::ReflectedInertia r = soa::reflected_inertia(tree);
-  Labels names = hinge_labels(tree, Sort::unknown);
-  names.units.clear();
+  const Labels names = names_alone(tree);
   lua_newtable(L);
   push_vector(L, r.others_locked, names), set(L, "others_locked");
   push_vector(L, r.outboard_free, names), set(L, "outboard_free");
@@ -343,9 +336,7 @@ int passive_text(lua_State* L) {
 int log_det_gradient(lua_State* L) {
   const TreeOperators& tree = tree_with_Y(L);
   LuaHost::charge(L, 100LL * log_det_passes(tree) * tree.size(Space::body));
-  Labels names = hinge_labels(tree, Sort::unknown);
-  names.units.clear();
-  push_vector(L, cardan::log_det_gradient(tree), names);
+  push_vector(L, cardan::log_det_gradient(tree), names_alone(tree));
   return 1;
 }
 
@@ -365,11 +356,6 @@ int diagonalised(lua_State* L) {
   o.tree->require(soa::Kind::D);
   push_object<LuaDiagonalised>(L, kDiagonalised, o.tree, std::make_unique<Diagonalised>(*o.tree, form == "rates" ? Diagonalised::Form::rates : Diagonalised::Form::normalised));
   return 1;
-}
-Labels names_alone(const TreeOperators& tree) {
-  Labels names = hinge_labels(tree, Sort::unknown);
-  names.units.clear();
-  return names;
 }
 int nu_of(lua_State* L) {
   const LuaDiagonalised& d = to_diagonalised(L);

@@ -63,23 +63,22 @@ int push_linear_model(lua_State* L, Scenario& s) {
       soa::linearize(*model, {.t = state.t, .q = state.q.data(), .v = state.v.data(), .tau = tau.data(), .vdot = vdot.data(), .wrenches = s.sim->wrenches()}, ports);
   if (!file.empty()) write_linear_model(linear, output_file(L, file).string());
   lua_newtable(L);
-  const auto set = [L](const char* key) { lua_setfield(L, -2, key); };
   const Labels x = to_labels(linear.states), u = to_labels(linear.inputs), y = to_labels(linear.outputs), rates{x.names, {}};
-  push_matrix(L, linear.A, rates, x), set("A");
-  push_matrix(L, linear.B, rates, u), set("B");
-  push_matrix(L, linear.C, y, x), set("C");
-  push_matrix(L, linear.D, y, u), set("D");
-  push_vector(L, linear.drift, rates), set("drift");
-  push_vector(L, linear.u0, u), set("u0");
-  push_vector(L, linear.y0, y), set("y0");
-  push_texts(L, linear.states.names), set("state_names");
-  push_texts(L, linear.states.units), set("state_units");
-  push_texts(L, linear.inputs.names), set("input_names");
-  push_texts(L, linear.inputs.units), set("input_units");
-  push_texts(L, linear.outputs.names), set("output_names");
-  push_texts(L, linear.outputs.units), set("output_units");
-  push_poles(L, linear.A), set("poles");
-  lua_pushnumber(L, linear.t), set("t");
+  push_matrix(L, linear.A, rates, x), set(L, "A");
+  push_matrix(L, linear.B, rates, u), set(L, "B");
+  push_matrix(L, linear.C, y, x), set(L, "C");
+  push_matrix(L, linear.D, y, u), set(L, "D");
+  push_vector(L, linear.drift, rates), set(L, "drift");
+  push_vector(L, linear.u0, u), set(L, "u0");
+  push_vector(L, linear.y0, y), set(L, "y0");
+  push_texts(L, linear.states.names), set(L, "state_names");
+  push_texts(L, linear.states.units), set(L, "state_units");
+  push_texts(L, linear.inputs.names), set(L, "input_names");
+  push_texts(L, linear.inputs.units), set(L, "input_units");
+  push_texts(L, linear.outputs.names), set(L, "output_names");
+  push_texts(L, linear.outputs.units), set(L, "output_units");
+  push_poles(L, linear.A), set(L, "poles");
+  lua_pushnumber(L, linear.t), set(L, "t");
   return 1;
 }
 

@@ -34,6 +34,13 @@ inline std::vector<int> nodes_at(lua_State* L, int first, const Model& m) { retu
 /// 1 for these velocity components of the tree, by their names in the hinge space.
 std::vector<std::uint8_t> component_mask(lua_State* L, const soa::TreeOperators&, const std::vector<std::string>& names, const char* what);
 
+/// The value at the top, or a number, into the table below it.
+inline void set(lua_State* L, const char* key) { lua_setfield(L, -2, key); }
+inline void set_number(lua_State* L, const char* key, double x) {
+  lua_pushnumber(L, x);
+  lua_setfield(L, -2, key);
+}
+
 /// A C++ object as a userdata of `type`, whose __gc is collect<T>.
 template <class T, class... Args>
 void push_object(lua_State* L, const char* type, Args&&... args) {

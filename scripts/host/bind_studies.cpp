@@ -20,11 +20,6 @@ namespace {
 
 using Eigen::VectorXd;
 
-void set(lua_State* L, const char* key) { lua_setfield(L, -2, key); }
-void set_number(lua_State* L, const char* key, double x) {
-  lua_pushnumber(L, x);
-  set(L, key);
-}
 void expect_state(lua_State* L, const Scenario& s, const char* what) {
   if (s.in_event_function) refuse(L, Code::lua_argument, what, "coordinates, inside of an event's `when`", what);
 }
