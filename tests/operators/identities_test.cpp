@@ -2,11 +2,9 @@
 // forests. Each is a statement about matrices: the composed form is applied to unit vectors. Scales: the size of the largest
 // term on either side; what contains an inverse is compared after multiplication by the operator, so that no condition number
 // enters but that of D.
-#include <Eigen/SVD>
-
 #include "core/reference/dense_dynamics.hpp"
 #include "core/operators/apply.hpp"
-#include "tests/properties/trees.hpp"
+#include "tests/operators/compare.hpp"
 
 namespace cardan::test {
 namespace {
@@ -14,13 +12,6 @@ namespace {
 using namespace cardan::operators;
 
 constexpr double kIdentity = 1e-12;
-constexpr int kTrees = 200;
-
-/// The trees of this file: no prescribed motion, no loads that matter.
-std::vector<TreeOptions> kinds_of_trees() {
-  TreeOptions rigid{.bodies = 7, .flexible = 0.0}, mixed{.bodies = 6, .flexible = 0.5}, flexible{.bodies = 4, .flexible = 1.0};
-  return {rigid, mixed, flexible};
-}
 
 struct Scene {
   explicit Scene(const RandomTree& tree) : model(compiled(tree.spec)), state(model->initial_state()), ops(model) {
@@ -33,14 +24,10 @@ struct Scene {
   TreeOperators ops;
 };
 
-/// |A - B| over `scale`, by the largest entry; the scale of a sum is that of its terms.
-double differ(const MatrixXd& a, const MatrixXd& b, double scale) { return a.size() == 0 ? 0.0 : (a - b).cwiseAbs().maxCoeff() / scale; }
-double largest(const MatrixXd& a) { return a.size() == 0 ? 0.0 : a.cwiseAbs().maxCoeff(); }
-
-/// The dense form of one expression equals that of another. The scale: products of the largest entries along the way would be
-/// too generous; the largest entry of either side or 1 is what a user sees.
+/// The dense form of one expression equals that of another. The scale is the largest entry of either: products of those
+/// along the way would be too generous.
 template <Expression L, Expression R>
-void expect_same(const char* what, L left, R right, double scale_at_least = 0.0) {
+void expect_same(const char* what, L left, R right) {
   SCOPED_TRACE(what);
   for (const TreeOptions& options : kinds_of_trees())
     for_all_trees(
@@ -48,7 +35,7 @@ void expect_same(const char* what, L left, R right, double scale_at_least = 0.0)
         [&](const RandomTree& tree) {
           Scene s(tree);
           const MatrixXd a = dense<false>(left, s.ops), b = dense<false>(right, s.ops);
-          return differ(a, b, std::max({largest(a), largest(b), scale_at_least, 1e-300}));
+          return differ(a, b);
         },
         kTrees);
 }
@@ -94,13 +81,6 @@ TEST(Operators, OmegaFromItsBlocks) {
         kTrees);
 }
 
-/// x - A^-1 (A x) over the condition number of the diagonally scaled mass matrix.
-double scaled_by_condition(const MatrixXd& mass_matrix) {
-  const VectorXd scale = mass_matrix.diagonal().cwiseSqrt().cwiseInverse();
-  const VectorXd s = (scale.asDiagonal() * mass_matrix * scale.asDiagonal()).jacobiSvd().singularValues();
-  return s[0] / s[s.size() - 1];
-}
-
 TEST(Operators, InverseOfTheMassMatrix) {
   for (const TreeOptions& options : kinds_of_trees())
     for_all_trees(
@@ -112,7 +92,7 @@ TEST(Operators, InverseOfTheMassMatrix) {
           // in units in which the diagonal of the mass matrix is 1
           const VectorXd d = A.diagonal().cwiseSqrt();
           const MatrixXd scaled = d.asDiagonal() * (B * A) * d.cwiseInverse().asDiagonal();
-          return largest(scaled - one) / scaled_by_condition(A);
+          return largest(scaled - one) / scaled_condition(A);
         },
         kTrees);
 }

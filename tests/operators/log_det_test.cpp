@@ -6,7 +6,7 @@
 
 #include "core/operators/apply.hpp"
 #include "core/operators/diagonalised.hpp"
-#include "tests/properties/trees.hpp"
+#include "tests/operators/compare.hpp"
 
 namespace cardan::test {
 namespace {
@@ -15,14 +15,6 @@ using operators::dense;
 using soa::TreeOperators;
 
 constexpr double kGradient = 1e-12;
-constexpr int kTrees = 200;
-
-std::vector<TreeOptions> kinds_of_trees() {
-  TreeOptions rigid{.bodies = 7, .flexible = 0.0}, mixed{.bodies = 6, .flexible = 0.5}, flexible{.bodies = 4, .flexible = 1.0};
-  return {rigid, mixed, flexible};
-}
-
-double largest(const MatrixXd& a) { return a.size() == 0 ? 0.0 : a.cwiseAbs().maxCoeff(); }
 
 /// tr(M^-1 dM) in units in which the diagonal of M is 1, over the free components.
 double trace_of_log(const MatrixXd& M, const MatrixXd& dM) { return M.llt().solve(dM).trace(); }

@@ -5,7 +5,7 @@
 #include "core/operators/apply.hpp"
 #include "core/reference/dense_dynamics.hpp"
 #include "core/reference/quad.hpp"
-#include "tests/properties/trees.hpp"
+#include "tests/operators/compare.hpp"
 
 namespace cardan::test {
 namespace {
@@ -18,9 +18,9 @@ using VectorQ = Eigen::Matrix<Quad, Eigen::Dynamic, 1>;
 using MatrixQ = Eigen::Matrix<Quad, Eigen::Dynamic, Eigen::Dynamic>;
 
 constexpr double kDerivative = 1e-12;  // of the largest entry
-constexpr int kTrees = 200, kTwins = 30;
+constexpr int kTwins = 30;
 
-std::vector<TreeOptions> kinds_of_trees() {
+std::vector<TreeOptions> kinds_with_springs() {
   TreeOptions rigid{.bodies = 7, .flexible = 0.0, .springs = true}, mixed{.bodies = 6, .flexible = 0.5, .springs = true},
       flexible{.bodies = 4, .flexible = 1.0}, central{.bodies = 5, .flexible = 0.4, .locked = 0.2, .gravity = GravitySpec::Kind::central};
   return {rigid, mixed, flexible, central};
@@ -29,7 +29,7 @@ std::vector<TreeOptions> kinds_of_trees() {
 /// Twins at 113 bits are slow: small trees. In a central field what sweeps and twin define alike: no merged bodies (a field is expanded about the
 /// mass centre of what is merged), level 1, or level 2 without nodal rotary inertia.
 std::vector<TreeOptions> kinds_of_small_trees() {
-  std::vector<TreeOptions> out = kinds_of_trees();
+  std::vector<TreeOptions> out = kinds_with_springs();
   for (TreeOptions& o : out) o.bodies = 3;
   out[0].bodies = 4, out[0].locked = 0.3;
   TreeOptions& central = out[3];
@@ -38,11 +38,6 @@ std::vector<TreeOptions> kinds_of_small_trees() {
   out.push_back(central);
   out[4].level = 2, out[4].plain_masses = true;
   return out;
-}
-
-double largest(const MatrixXd& a) { return a.size() == 0 ? 0.0 : a.cwiseAbs().maxCoeff(); }
-double differ(const MatrixXd& a, const MatrixXd& b, double at_least = 0.0) {
-  return a.size() == 0 ? 0.0 : largest(a - b) / std::max({largest(a), largest(b), at_least, 1e-300});
 }
 
 /// A tree with loads at its state; v' that of the tree's random accelerations.
@@ -135,7 +130,7 @@ TEST(Sensitivity, OfForwardDynamicsAgainstTheTwin) {
 
 /// A path that knows nothing of the inverse: the articulated sweeps on tangents.
 TEST(Sensitivity, OfForwardDynamicsAgainstTheArticulatedSweeps) {
-  std::vector<TreeOptions> kinds = kinds_of_trees();
+  std::vector<TreeOptions> kinds = kinds_with_springs();
   TreeOptions hybrid{.bodies = 6, .flexible = 0.4, .prescribed = 0.3};
   kinds.push_back(hybrid);
   TreeOptions many_modes{.bodies = 5, .flexible = 0.6, .modes = 20, .plain_masses = true};  // eliminated through their nodes
@@ -173,7 +168,7 @@ TEST(Sensitivity, OfForwardDynamicsAgainstTheArticulatedSweeps) {
 }
 
 TEST(Sensitivity, MatricesAreMadeOfDirections) {  // and d v' = - M^-1 d ID, M dv'/dtau = 1
-  for (const TreeOptions& options : kinds_of_trees())
+  for (const TreeOptions& options : kinds_with_springs())
     for_all_trees(
         options, kDerivative,
         [](const RandomTree& tree) {
@@ -196,7 +191,7 @@ TEST(Sensitivity, MatricesAreMadeOfDirections) {  // and d v' = - M^-1 d ID, M d
 }
 
 TEST(Sensitivity, MassMatrixByExpressionBySweepAndByTheTwin) {
-  for (const TreeOptions& options : kinds_of_trees())
+  for (const TreeOptions& options : kinds_with_springs())
     for_all_trees(
         options, kDerivative,
         [](const RandomTree& tree) {
@@ -278,7 +273,7 @@ TEST(Sensitivity, InTheInertiaOfABody) {
 
 /// The same by models with another inertia of the body, in every kind of tree: merged bodies in a central field, wheels that cease to be wheels.
 TEST(Sensitivity, InTheInertiaOfABodyAgainstOtherModels) {
-  std::vector<TreeOptions> kinds = kinds_of_trees();
+  std::vector<TreeOptions> kinds = kinds_with_springs();
   kinds.push_back({.bodies = 5, .flexible = 0.0, .wheels = 0.5, .locked = 0.3, .gravity = GravitySpec::Kind::central});
   for (const TreeOptions& options : kinds)
     for_all_trees(

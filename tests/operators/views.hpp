@@ -2,39 +2,19 @@
 // A random tree at its state, the dense twin beside it, and the subgraphs of it of which the twin knows the mass matrix.
 #include "core/operators/apply.hpp"
 #include "core/reference/dense_dynamics.hpp"
-#include "tests/properties/trees.hpp"
+#include "tests/operators/compare.hpp"
 
 namespace cardan::test {
 
 using soa::TreeOperators;
 
 constexpr double kIdentity = 1e-12;
-constexpr int kTrees = 200;
 
-/// Rigid, mixed, flexible; up to two roots, every hinge; no prescribed motion.
-inline std::vector<TreeOptions> kinds_of_trees() {
-  return {{.bodies = 7, .flexible = 0.0}, {.bodies = 6, .flexible = 0.5}, {.bodies = 4, .flexible = 1.0}};
-}
 /// Floating, so that much is free to move.
 inline std::vector<TreeOptions> floating_trees() {
   std::vector<TreeOptions> out = kinds_of_trees();
   for (TreeOptions& o : out) o.floating = true;
   return out;
-}
-
-inline double largest(const MatrixXd& a) { return a.size() == 0 ? 0.0 : a.cwiseAbs().maxCoeff(); }
-/// |a - b| over the largest entry of either; sizes must agree.
-inline double differ(const MatrixXd& a, const MatrixXd& b, double at_least = 0.0) {
-  if (a.rows() != b.rows() || a.cols() != b.cols()) return HUGE_VAL;
-  const double size = std::max({largest(a), largest(b), at_least});
-  return size > 0.0 ? largest(a - b) / size : 0.0;
-}
-/// Of a symmetric positive definite matrix in units in which its diagonal is 1.
-inline double scaled_condition(const MatrixXd& M) {
-  if (M.size() == 0) return 1.0;
-  const VectorXd d = M.diagonal().cwiseSqrt().cwiseInverse();
-  const VectorXd s = (d.asDiagonal() * M * d.asDiagonal()).jacobiSvd().singularValues();
-  return s[0] / s[s.size() - 1];
 }
 
 /// Operators with their dense counterpart.
