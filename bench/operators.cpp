@@ -64,7 +64,7 @@ struct Scene {
   Sensitivities sensitivities;
   std::unique_ptr<Diagonalised> diagonalised;
   std::vector<int> nodes;                      // eight, spread over the bodies
-  VectorXd q, v, tau, y;
+  VectorXd q, v, tau, x, y;
 };
 
 struct Method {
@@ -77,10 +77,10 @@ struct Method {
 template <bool Fuse = true, class E>
 Method apply_of(const char* name, E e) {
   return {name, 1, [e](Scene& s) {
-            thread_local VectorXd x;
-            if (x.size() != s.tree.size(Shape<E>::cols)) x = VectorXd::LinSpaced(s.tree.size(Shape<E>::cols), -1.0, 1.0);
+            const int n = s.tree.size(Shape<E>::cols);
+            if (s.x.size() != n) s.x = VectorXd::LinSpaced(n, -1.0, 1.0);
             s.y.resize(s.tree.size(Shape<E>::rows));
-            apply<Fuse>(e, s.tree, x.data(), s.y.data());
+            apply<Fuse>(e, s.tree, s.x.data(), s.y.data());
           }};
 }
 
