@@ -1,5 +1,5 @@
-// cardan-bench-operators: time of each method of the operator algebra against the number of bodies, N = 10 ... 3000, and the
-// exponent of its growth from 100 to 3000: what is O(N) must show 1.1 at most.
+// cardan-bench-operators: time of each method of the operator algebra, or with --count its instructions, against the number of
+// bodies, N = 10 ... 3000, and the exponent of its growth from 100 on: what is O(N) must show 1.1 at most.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -7,6 +7,7 @@
 #include <functional>
 
 #include "bench/bench_model.hpp"
+#include "bench/operation_count.hpp"
 #include "bench/time_ring.hpp"
 #include "bodies/register.hpp"
 #include "core/operators/apply.hpp"
@@ -118,7 +119,10 @@ std::vector<Method> methods() {
   };
 }
 
-int run(double seconds, const std::string& only, int largest) {
+/// Microseconds, or thousands of instructions, of a call.
+using Measure = std::function<double(const std::function<void()>&)>;
+
+int run(const Measure& measure, const char* unit, const std::string& only, int largest) {
   Registry registry;
   register_hinges(registry);
   register_bodies(registry);
@@ -128,7 +132,7 @@ int run(double seconds, const std::string& only, int largest) {
       {"rigid tree", [](int n) { return rigid_bodies(n, true); }},
       {"flexible chain, 5 modes", [](int n) { return flexible_chain(n, 5).spec; }}};
   int bad = 0;
-  fmt::print("{:30}{:26}{:>4}", "us", "bodies", "N =");
+  fmt::print("{:30}{:26}{:>4}", unit, "bodies", "N =");
   for (const int n : sizes) fmt::print("{:>10}", n);
   fmt::print("  exponent from 100 on (claim)\n");
   for (const auto& [family, make] : families) {
@@ -144,10 +148,10 @@ int run(double seconds, const std::string& only, int largest) {
           fmt::print("{:10}", "");
           continue;
         }
-        const double us = 1e-3 * time_ring(1, seconds, [&](int) { m.call(*scenes[i]); }).min_ns;
-        fmt::print("{:10.1f}", us);
+        const double cost = measure([&] { m.call(*scenes[i]); });
+        fmt::print("{:10.1f}", cost);
         if (sizes[i] < 100) continue;
-        const double x = std::log(sizes[i]), y = std::log(us);
+        const double x = std::log(sizes[i]), y = std::log(cost);
         count += 1, sx += x, sy += y, sxx += x * x, sxy += x * y;
       }
       if (count > 1) {
@@ -166,15 +170,29 @@ int run(double seconds, const std::string& only, int largest) {
 }  // namespace cardan::bench
 
 int main(int argc, char** argv) {
+  using namespace cardan::bench;
   double seconds = 0.2;
-  std::string only;
+  std::string only, dumps;
   int largest = 3000;
+  bool count = false;
   CLI::App app{"Growth of the operator methods with the number of bodies"};
   app.add_option("--seconds", seconds, "time for each figure");
+  app.add_flag("--count", count, "count instructions (by Valgrind) instead; exit code 77 where there is none");
   app.add_option("--only", only, "methods whose name contains this");
   app.add_option("--largest", largest, "largest number of bodies");
+  app.add_option("--dumps", dumps)->group("");  // of the run inside of Valgrind
   CLI11_PARSE(app, argc, argv);
-  const int bad = cardan::bench::run(seconds, only, largest);
+  int bad = 0;
+  if (!dumps.empty()) {
+    OperationCount counted(dumps);
+    bad = run([&](const std::function<void()>& call) { return 1e-3 * counted(call); }, "1000 instructions", only, largest);
+  } else if (count) {
+    const std::optional<int> code = run_under_callgrind(argv[0], {argv + 1, argv + argc});
+    if (!code) fmt::print(stderr, "cardan-bench-operators: --count needs Valgrind (Debian: valgrind), here and where this was built\n");
+    return code.value_or(77);
+  } else {
+    bad = run([&](const std::function<void()>& call) { return 1e-3 * time_ring(1, seconds, [&](int) { call(); }).min_ns; }, "us", only, largest);
+  }
   if (bad > 0) fmt::print("{} exponents above 1.1\n", bad);
   return bad > 0;
 }
