@@ -8,6 +8,7 @@
 #include "core/dynamics/observe.hpp"
 #include "core/io/recorder.hpp"
 #include "core/sim/motion_profile.hpp"
+#include "core/sim/newton_operators.hpp"
 #include "core/sim/schedule.hpp"
 #include "core/time/integrator.hpp"
 
@@ -93,12 +94,15 @@ class Simulation {
   /// Largest relative residuals seen at outputs and at the end.
   const LedgerState& worst_ledger() const { return worst_ledger_; }
   IntegratorStatistics statistics() const;
+  /// x' = f(t, x), x = [q; v], with the commands as they are when it is called: what the integrator is given. Refers to this.
+  OdeProblem ode();
   std::string integrator_name() const;
   std::size_t workspace_bytes() const { return workspace_.bytes(); }
 
  private:
   void changed() { restart_ = true, observed_ = false; }
   bool rhs(double t, const double* x, double* xdot, double* ydot);
+  void apply_forces(double t, const double* q, const double* v);
   bool evaluate(double t, const double* q, const double* v, double* vdot);
   Inputs inputs(const double* q, const double* v) const { return {q, v, tau_total_.data(), vdot_given_.data(), wrenches_}; }
   void external_rates(const Inputs& in, const double* vdot, double* ydot);
@@ -119,6 +123,7 @@ class Simulation {
   State state_;
   Workspace workspace_;
   std::unique_ptr<Observer> observer_;
+  std::unique_ptr<NewtonOperators> newton_;  // where the linear solver asks for them
   std::unique_ptr<Integrator> integrator_;
   Schedule schedule_;
   std::vector<std::function<void()>> tasks_;
