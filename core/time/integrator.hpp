@@ -38,7 +38,7 @@ struct IntegratorOptions {
   double max_step = 0.0;               // [s] 0 = none; adaptive methods
   double initial_step = 0.0;           // [s] 0 = the method's choice; adaptive methods
   double fixed_step = 0.0;             // [s] rk4 only
-  std::string linear_solver;           // of Newton's equations, cvode_bdf only: dense (when empty), krylov
+  std::string linear_solver = {};      // of Newton's equations, cvode_bdf only: dense (when empty), krylov
 };
 
 struct IntegratorStatistics {
