@@ -84,8 +84,9 @@ TEST(Krylov, SolvesTheHeatEquationWithWhatItIsGiven) {
   auto all = make_integrator(p, krylov(1e-7));
   EXPECT_LT(rod_error(*all), 1e-6);
   const IntegratorStatistics s = all->statistics();
-  EXPECT_EQ(s.preconditioner_setups, moved);  // CVODES counts those for which x counts anew
-  EXPECT_GT(prepared, moved);
+  EXPECT_EQ(s.preconditioner_setups, prepared);
+  EXPECT_GT(moved, 0);
+  EXPECT_GT(prepared, moved);  // gamma changes more often than J
   EXPECT_GT(s.jacobian_products, 0);
   EXPECT_LT(s.linear_iterations, 3 * s.rhs_calls);  // the preconditioner is exact but for an old gamma
   EXPECT_LT(s.rhs_calls, dense->statistics().rhs_calls / 2);
