@@ -10,7 +10,8 @@
 
 namespace cardan {
 
-/// x' = f(t, x) with what an integrator may need besides. All functions are set once before the run; none may allocate.
+/// x' = f(t, x) with what an integrator may need besides. All functions are set once before the run; none may allocate,
+/// but for those of the linear solver "krylov".
 struct OdeProblem {
   int n = 0;             // number of states
   int n_quadrature = 0;  // trailing integrals y' = g(t, x) that nothing depends on (CVODE controls their error too)

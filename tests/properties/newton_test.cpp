@@ -204,7 +204,7 @@ Arrival arrive(const std::shared_ptr<const Model>& model, const IntegratorOption
   return {sim.state().q, sim.statistics()};
 }
 
-// The same tolerance, the same answer, and no right-hand sides for a matrix of 343 columns.
+// The same tolerance, the same answer, and no right-hand sides for a matrix of 349 columns.
 TEST(Krylov, AgreesWithDenseBdfOnAFlexibleScene) {
   const auto model = compiled(flexible_scene());
   ASSERT_EQ(model->nq + model->nv, 7 + 6 + 2 * 8 * 21);
@@ -219,7 +219,7 @@ TEST(Krylov, AgreesWithDenseBdfOnAFlexibleScene) {
   EXPECT_GT(krylov.counts.jacobian_products, krylov.counts.steps / 2);
   EXPECT_GT(krylov.counts.preconditioner_setups, 3);
   EXPECT_LT(krylov.counts.linear_iterations, 2 * krylov.counts.steps);  // the preconditioner is nearly the inverse
-  // what Newton's equations cost: dense, 343 evaluations of f for each matrix
+  // what Newton's equations cost: dense, 349 evaluations of f for each matrix
   EXPECT_LT(krylov.counts.jacobian_products, (dense.counts.rhs_calls - krylov.counts.rhs_calls) / 4);
 }
 
