@@ -178,7 +178,7 @@ TEST(Program, MissionsRunByKrylov) {
     const TemporaryFolder dir;
     for (const char* out : {"a", "b"}) {
       const Finished run = run_program({"run", mission, "--out", dir / out, "--set", "mission.integrator.method=cvode_bdf", "--set",
-                                        "mission.integrator.linear_solver=krylov", "--set", "mission.integrator.relative=1e-9"},
+                                        "mission.integrator.linear_solver=krylov", "--set", "mission.integrator.relative=1e-12"},
                                        kMissions);
       ASSERT_EQ(run.exit_code, 0) << mission << run.out << run.err;
       EXPECT_NE(run.out.find(" products J v, "), std::string::npos) << run.out;
@@ -186,7 +186,7 @@ TEST(Program, MissionsRunByKrylov) {
     EXPECT_EQ(channels_of(dir / "a"), channels_of(dir / "b"));
     const json summary = summary_of(dir / "a");
     for (const char* count : {"jacobian_products", "preconditioner_setups", "linear_iterations"}) EXPECT_GT(summary[count], 0) << mission << count;
-    EXPECT_EQ(Hdf5File::open(dir / "a/run.h5").text_attribute("/run", "integrator"), "cvode_bdf, krylov linear solver, relative tolerance 1e-09");
+    EXPECT_EQ(Hdf5File::open(dir / "a/run.h5").text_attribute("/run", "integrator"), "cvode_bdf, krylov linear solver, relative tolerance 1e-12");
   }
 }
 
