@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "core/base/finite.hpp"
+#include "core/sim/newton_operators.hpp"
 
 namespace cardan {
 

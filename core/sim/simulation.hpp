@@ -8,7 +8,6 @@
 #include "core/dynamics/observe.hpp"
 #include "core/io/recorder.hpp"
 #include "core/sim/motion_profile.hpp"
-#include "core/sim/newton_operators.hpp"
 #include "core/sim/schedule.hpp"
 #include "core/time/integrator.hpp"
 
@@ -20,6 +19,8 @@ struct SimulationOptions {
   double quaternion_stabilisation = 1.0;  // [1/s] pull of |q| towards 1 in q' (mathematics 13.1)
   bool ledger = true;                     // integrate external impulse and work beside the state
 };
+
+class NewtonOperators;
 
 /// Where a function of (t, q, v) crosses zero, something happens between two steps.
 struct Event {

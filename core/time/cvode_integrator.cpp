@@ -260,7 +260,7 @@ class Cvode final : public Integrator {
                        : flag == CV_CONV_FAILURE ? "the corrector iteration does not converge"
                        : flag == CV_TOO_MUCH_ACC ? "the tolerances ask for more digits than a double has"
                        : flag == CV_LSETUP_FAIL  ? "the Jacobian cannot be evaluated"
-                       : flag == CV_LSOLVE_FAIL  ? "Newton's equations cannot be solved"
+                       : flag == CV_LSOLVE_FAIL  ? krylov_ ? "Newton's equations cannot be solved" : "the Newton matrix is singular"
                                                  : fmt::format("CVODES returned {}", flag);
     if (!trouble_.empty()) what = trouble_;
     fail_integration(too_small ? Code::step_too_small : Code::integrator_failed, t_,

@@ -1,5 +1,6 @@
 // What BDF asks of a simulation when its linear solver is krylov: J dx against differences of eighth order of the right-hand side
 // that the integrator gets, and the preconditioner as the exact inverse of 1 - gamma J at rest.
+#include "core/sim/newton_operators.hpp"
 #include "core/sim/simulation.hpp"
 #include "core/soa/tangent.hpp"
 #include "tests/operators/compare.hpp"
