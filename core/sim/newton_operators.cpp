@@ -83,8 +83,8 @@ bool NewtonOperators::jacobian_times(const soa::Inputs<double>& in, const double
   for (const Spring& s : m.springs) tau_t_[idx(s.v)].d -= s.stiffness * dq[s.q] + s.damping * dv[s.v];
   wrenches_t_.clear();
   for (const NodeWrench& w : in.wrenches) wrenches_t_.push_back({w.node, w.world_axes, {cast<Tangent>(w.f.n), cast<Tangent>(w.f.f)}});
-  const soa::Inputs<Tangent> along{.q = q_t_.data(), .v = v_t_.data(), .tau = tau_t_.data(), .vdot = vdot_given_t_.data(), .wrenches = wrenches_t_,
-                                   .gravity = in.gravity};
+  const soa::Inputs<Tangent> along{.q = q_t_.data(), .v = v_t_.data(), .tau = tau_t_.data(), .vdot = vdot_given_t_.data(),
+                                   .wrenches = wrenches_t_, .gravity = in.gravity};
   if (!forward_dynamics(m, tangent_, along, vdot_t_.data())) return false;
   for (int i = 0; i < m.nv; ++i) J_dx[m.nq + i] = vdot_t_[idx(i)].d;
   for (const PlainRates& r : m.plain_rates) std::copy_n(dv + r.v, r.n, J_dx + r.q);

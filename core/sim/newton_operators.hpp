@@ -17,14 +17,14 @@ class NewtonOperators {
   NewtonOperators(std::shared_ptr<const Model> model, double quaternion_stabilisation);
 
   /// J dx by the sweeps on numbers with a derivative; any dx, also off the unit quaternions. in: q, v, tau of actuators and springs,
-  /// prescribed v', wrenches at this state; all but the springs and what the sweeps know is constant between ticks. false: a direction without inertia.
+  /// prescribed v', wrenches at this state; of these only the springs change with it between ticks. false: a direction without inertia.
   bool jacobian_times(const soa::Inputs<double>& in, const double* dx, double* J_dx);
 
   /// Articulated inertias with W = gamma C + gamma^2 K of the free components. moved: q counts anew; else those of the last call
   /// with another gamma. false: a direction without inertia.
   bool prepare(const double* q, double gamma, bool moved);
-  /// z = (1 - gamma J)^-1 r but for velocity terms, what gravity and loads change with q, and the off-diagonal part of full modal K and C
-  /// in W: exact at rest and relaxed where these are diagonal.
+  /// z = (1 - gamma J)^-1 r but for velocity terms, what gravity, loads and M change with q, and what is off the diagonal of full modal
+  /// K and C in W: exact at rest, relaxed, where these are diagonal.
   void precondition(const double* r, double* z);
 
  private:

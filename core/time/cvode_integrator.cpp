@@ -204,7 +204,8 @@ class Cvode final : public Integrator {
   static int jacobian_times(N_Vector dx, N_Vector J_dx, double t, N_Vector x, N_Vector, void* self, N_Vector) {
     auto* me = static_cast<Cvode*>(self);
     double* out = N_VGetArrayPointer(J_dx);
-    return me->solve_part("J v cannot be evaluated", out, [&] { return me->problem_.jacobian_times(t, N_VGetArrayPointer(x), N_VGetArrayPointer(dx), out); });
+    return me->solve_part("J v cannot be evaluated", out,
+                          [&] { return me->problem_.jacobian_times(t, N_VGetArrayPointer(x), N_VGetArrayPointer(dx), out); });
   }
 
   static int prepare(double t, N_Vector x, N_Vector, int same_jacobian, int* moved, double gamma, void* self) {
@@ -218,7 +219,8 @@ class Cvode final : public Integrator {
   static int precondition(double, N_Vector, N_Vector, N_Vector r, N_Vector z, double, double, int, void* self) {
     auto* me = static_cast<Cvode*>(self);
     double* out = N_VGetArrayPointer(z);
-    return me->solve_part("the preconditioner cannot be applied", out, [&] { return me->problem_.precondition(N_VGetArrayPointer(r), out); });
+    return me->solve_part("the preconditioner cannot be applied", out,
+                          [&] { return me->problem_.precondition(N_VGetArrayPointer(r), out); });
   }
 
   // --- steps -------------------------------------------------------------------------------------------------------

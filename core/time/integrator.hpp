@@ -27,7 +27,8 @@ struct OdeProblem {
   // For the linear solver "krylov" alone, J = df/dx; each may be empty. false: as with rhs.
   /// J dx at (t, x); empty: a difference quotient, one more evaluation of f each.
   std::function<bool(double t, const double* x, const double* dx, double* J_dx)> jacobian_times;
-  /// Prepares `precondition` for 1 - gamma J at (t, x), gamma > 0 [s]. moved: x counts anew; else gamma alone, x is near that of the last call.
+  /// Prepares `precondition` for 1 - gamma J at (t, x), gamma > 0 [s]. moved: x counts anew; else x is near that of the last call and
+  /// gamma alone has changed.
   std::function<bool(double t, const double* x, double gamma, bool moved)> prepare;
   /// Solves (1 - gamma J) z = r approximately, a fixed linear map between two calls of prepare. Both or none.
   std::function<bool(const double* r, double* z)> precondition;

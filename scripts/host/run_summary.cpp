@@ -68,7 +68,8 @@ Summary run_summary(const Scenario& s, double wall_s) {
   out.wall_s = wall_s;
   const IntegratorStatistics i = s.sim->statistics();
   out.steps = i.steps, out.rhs_calls = i.rhs_calls, out.restarts = i.restarts;
-  out.jacobian_products = i.jacobian_products, out.preconditioner_setups = i.preconditioner_setups, out.linear_iterations = i.linear_iterations;
+  out.jacobian_products = i.jacobian_products, out.preconditioner_setups = i.preconditioner_setups;
+  out.linear_iterations = i.linear_iterations;
   out.model.bodies = static_cast<int>(m.user.size());
   out.model.hinges =
       static_cast<int>(std::count_if(m.user.begin(), m.user.end(), [](const UserBody& u) { return u.nv > 0; }));
