@@ -15,7 +15,8 @@ using soa::Tangent;
 std::size_t idx(int i) { return static_cast<std::size_t>(i); }
 
 bool has_quaternion(const UserBody& u) {
-  return u.hinge->shape == CARDAN_SHAPE_BALL || u.hinge->shape == CARDAN_SHAPE_FREE || u.hinge->shape == CARDAN_SHAPE_FREE_BODY;
+  return u.hinge->shape == CARDAN_SHAPE_BALL || u.hinge->shape == CARDAN_SHAPE_FREE ||
+         u.hinge->shape == CARDAN_SHAPE_FREE_BODY;
 }
 
 /// Derivative of N(q) v + k (q/|q| - q) of a hinge with a quaternion.
@@ -58,10 +59,16 @@ void other_rates(const UserBody& u, double k, const Tangent* q, const Tangent* v
 }  // namespace
 
 NewtonOperators::NewtonOperators(std::shared_ptr<const Model> model, double quaternion_stabilisation)
-    : model_(std::move(model)), stabilisation_(quaternion_stabilisation), tangent_(*model_), tree_(model_), mass_(tree_), inverse_(tree_) {
+    : model_(std::move(model)),
+      stabilisation_(quaternion_stabilisation),
+      tangent_(*model_),
+      tree_(model_),
+      mass_(tree_),
+      inverse_(tree_) {
   const Model& m = *model_;
   q_t_.resize(idx(m.nq));
-  for (const int i : m.curved) scratch_.resize(std::max(scratch_.size(), idx(4 * m.user[idx(i)].nq + 2 * m.user[idx(i)].nv)));
+  for (const int i : m.curved)
+    scratch_.resize(std::max(scratch_.size(), idx(4 * m.user[idx(i)].nq + 2 * m.user[idx(i)].nv)));
   for (auto* x : {&v_t_, &tau_t_, &vdot_given_t_, &vdot_t_}) x->resize(idx(m.nv));
   for (Eigen::VectorXd* x : {&at_, &rhs_, &dv_}) x->setZero(m.nv);
   q_.resize(idx(m.nq)), W_.resize(idx(m.nv));
@@ -79,12 +86,18 @@ bool NewtonOperators::jacobian_times(const soa::Inputs<double>& in, const double
   const Model& m = *model_;
   const double *dq = dx, *dv = dx + m.nq;
   for (int i = 0; i < m.nq; ++i) q_t_[idx(i)] = {in.q[i], dq[i]};
-  for (int i = 0; i < m.nv; ++i) v_t_[idx(i)] = {in.v[i], dv[i]}, tau_t_[idx(i)] = in.tau[i], vdot_given_t_[idx(i)] = in.vdot[i];
+  for (int i = 0; i < m.nv; ++i)
+    v_t_[idx(i)] = {in.v[i], dv[i]}, tau_t_[idx(i)] = in.tau[i], vdot_given_t_[idx(i)] = in.vdot[i];
   for (const Spring& s : m.springs) tau_t_[idx(s.v)].d -= s.stiffness * dq[s.q] + s.damping * dv[s.v];
   wrenches_t_.clear();
-  for (const NodeWrench& w : in.wrenches) wrenches_t_.push_back({w.node, w.world_axes, {cast<Tangent>(w.f.n), cast<Tangent>(w.f.f)}});
-  const soa::Inputs<Tangent> along{.q = q_t_.data(), .v = v_t_.data(), .tau = tau_t_.data(), .vdot = vdot_given_t_.data(),
-                                   .wrenches = wrenches_t_, .gravity = in.gravity};
+  for (const NodeWrench& w : in.wrenches)
+    wrenches_t_.push_back({w.node, w.world_axes, {cast<Tangent>(w.f.n), cast<Tangent>(w.f.f)}});
+  const soa::Inputs<Tangent> along{.q = q_t_.data(),
+                                   .v = v_t_.data(),
+                                   .tau = tau_t_.data(),
+                                   .vdot = vdot_given_t_.data(),
+                                   .wrenches = wrenches_t_,
+                                   .gravity = in.gravity};
   if (!forward_dynamics(m, tangent_, along, vdot_t_.data())) return false;
   for (int i = 0; i < m.nv; ++i) J_dx[m.nq + i] = vdot_t_[idx(i)].d;
   for (const PlainRates& r : m.plain_rates) std::copy_n(dv + r.v, r.n, J_dx + r.q);

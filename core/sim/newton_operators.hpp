@@ -1,6 +1,6 @@
 #pragma once
-// What an implicit method asks of x' = f(t, x), x = [q; v], of a scenario between two ticks: J dx, J = df/dx, and an approximate
-// inverse of 1 - gamma J; both O(N), no matrix formed (mathematics/integration.md, "Newton's equations").
+// What an implicit method asks of x' = f(t, x), x = [q; v], of a scenario between two ticks: J dx, J = df/dx, and an
+// approximate inverse of 1 - gamma J; both O(N), no matrix formed (mathematics/integration.md, "Newton's equations").
 #include <memory>
 #include <span>
 #include <vector>
@@ -16,19 +16,22 @@ class NewtonOperators {
   /// quaternion_stabilisation: [1/s], as in f.
   NewtonOperators(std::shared_ptr<const Model> model, double quaternion_stabilisation);
 
-  /// J dx by the sweeps on numbers with a derivative; any dx, also off the unit quaternions. in: q, v, tau of actuators and springs,
-  /// prescribed v', wrenches at this state; of these only the springs change with it between ticks. false: a direction without inertia.
+  /// J dx by the sweeps on numbers with a derivative; any dx, also off the unit quaternions. in: q, v, tau of actuators
+  /// and springs, prescribed v', wrenches at this state; of these only the springs change with it between ticks. false:
+  /// a direction without inertia.
   bool jacobian_times(const soa::Inputs<double>& in, const double* dx, double* J_dx);
 
-  /// Articulated inertias with W = gamma C + gamma^2 K of the free components. moved: q counts anew; else those of the last call
-  /// with another gamma. false: a direction without inertia.
+  /// Articulated inertias with W = gamma C + gamma^2 K of the free components. moved: q counts anew; else those of the
+  /// last call with another gamma. false: a direction without inertia.
   bool prepare(const double* q, double gamma, bool moved);
-  /// z = (1 - gamma J)^-1 r but for velocity terms, what gravity, loads and M change with q, and what is off the diagonal of full modal
-  /// K and C in W: exact at rest, relaxed, where these are diagonal.
+  /// z = (1 - gamma J)^-1 r but for velocity terms, what gravity, loads and M change with q, and what is off the
+  /// diagonal of full modal K and C in W: exact at rest, relaxed, where these are diagonal.
   void precondition(const double* r, double* z);
 
  private:
-  bool is_free(int v) const { return !model_->has_prescribed() || model_->prescribed[static_cast<std::size_t>(v)] == 0; }
+  bool is_free(int v) const {
+    return !model_->has_prescribed() || model_->prescribed[static_cast<std::size_t>(v)] == 0;
+  }
   template <class Visit>
   void each_flexible(const Visit& visit) const;
 
@@ -43,7 +46,8 @@ class NewtonOperators {
   soa::TreeOperators tree_;
   operators::Erased<std::remove_const_t<decltype(operators::mass)>> mass_;
   operators::Erased<std::remove_const_t<decltype(operators::mass_inverse)>> inverse_;  // of mass + W, once there is a W
-  std::vector<double> q_, W_;  // q of the last prepare
+  std::vector<double> q_;  // of the last prepare
+  std::vector<double> W_;
   std::vector<std::uint8_t> free_;  // empty: all
   Eigen::VectorXd at_, rhs_, dv_;
 };

@@ -1,6 +1,6 @@
-// SUNDIALS CVODES (Hindmarsh et al. 2005): variable-order Adams with fixed-point iteration, BDF with Newton: a dense matrix by
-// differences, or matrix-free by preconditioned GMRES (Saad & Schultz 1986).
-// One internal step per call; events and dense output from its interpolation polynomial.
+// SUNDIALS CVODES (Hindmarsh et al. 2005): variable-order Adams with fixed-point iteration, BDF with Newton: a dense
+// matrix by differences, or matrix-free by preconditioned GMRES (Saad & Schultz 1986). One internal step per call;
+// events and dense output from its interpolation polynomial.
 #include <cvodes/cvodes.h>
 #include <fmt/format.h>
 #include <nvector/nvector_serial.h>
@@ -80,7 +80,8 @@ class Cvode final : public Integrator {
       check(CVodeQuadSStolerances(m, options.relative_tolerance, options.relative_tolerance), "CVodeQuadSStolerances");
       check(CVodeSetQuadErrCon(m, SUNTRUE), "CVodeSetQuadErrCon");
     }
-    if (stiff) check(CVodeSetStabLimDet(m, SUNTRUE), "CVodeSetStabLimDet");  // orders 3 to 5 are unstable for modes with little damping
+    // Orders 3 to 5 are unstable for modes with little damping.
+    if (stiff) check(CVodeSetStabLimDet(m, SUNTRUE), "CVodeSetStabLimDet");
     if (stiff && options.linear_solver == "krylov" && problem_.n > 0) {
       use_krylov();
     } else if (stiff) {
@@ -145,13 +146,15 @@ class Cvode final : public Integrator {
 
   /// GMRES, preconditioned from the left.
   void use_krylov() {
-    constexpr int kSubspace = 10;  // products kept before CVODES gives up on this iteration and asks for a new preconditioner
+    constexpr int kSubspace = 10;  // products before CVODES asks for a new preconditioner, or a smaller step
     void* m = memory_.get();
     const bool preconditioned = static_cast<bool>(problem_.prepare);
-    linear_.reset(SUNLinSol_SPGMR(x_vector_.get(), preconditioned ? SUN_PREC_LEFT : SUN_PREC_NONE, kSubspace, context_.get()));
+    linear_.reset(
+        SUNLinSol_SPGMR(x_vector_.get(), preconditioned ? SUN_PREC_LEFT : SUN_PREC_NONE, kSubspace, context_.get()));
     check(CVodeSetLinearSolver(m, linear_.get(), nullptr), "CVodeSetLinearSolver");
     if (problem_.jacobian_times) check(CVodeSetJacTimes(m, nullptr, &Cvode::jacobian_times), "CVodeSetJacTimes");
-    if (preconditioned) check(CVodeSetPreconditioner(m, &Cvode::prepare, &Cvode::precondition), "CVodeSetPreconditioner");
+    if (preconditioned)
+      check(CVodeSetPreconditioner(m, &Cvode::prepare, &Cvode::precondition), "CVodeSetPreconditioner");
     krylov_ = true;
   }
 
@@ -204,8 +207,9 @@ class Cvode final : public Integrator {
   static int jacobian_times(N_Vector dx, N_Vector J_dx, double t, N_Vector x, N_Vector, void* self, N_Vector) {
     auto* me = static_cast<Cvode*>(self);
     double* out = N_VGetArrayPointer(J_dx);
-    return me->solve_part("J v cannot be evaluated", out,
-                          [&] { return me->problem_.jacobian_times(t, N_VGetArrayPointer(x), N_VGetArrayPointer(dx), out); });
+    return me->solve_part("J v cannot be evaluated", out, [&] {
+      return me->problem_.jacobian_times(t, N_VGetArrayPointer(x), N_VGetArrayPointer(dx), out);
+    });
   }
 
   static int prepare(double t, N_Vector x, N_Vector, int same_jacobian, int* moved, double gamma, void* self) {
@@ -258,11 +262,12 @@ class Cvode final : public Integrator {
     CVodeGetCurrentStep(memory_.get(), &h);
     CVodeGetCurrentOrder(memory_.get(), &order);
     const bool too_small = flag == CV_ERR_FAILURE || flag == CV_CONV_FAILURE;
+    const char* unsolved = krylov_ ? "Newton's equations cannot be solved" : "the Newton matrix is singular";
     std::string what = flag == CV_ERR_FAILURE    ? "the error stays above the tolerance"
                        : flag == CV_CONV_FAILURE ? "the corrector iteration does not converge"
                        : flag == CV_TOO_MUCH_ACC ? "the tolerances ask for more digits than a double has"
                        : flag == CV_LSETUP_FAIL  ? "the Jacobian cannot be evaluated"
-                       : flag == CV_LSOLVE_FAIL  ? krylov_ ? "Newton's equations cannot be solved" : "the Newton matrix is singular"
+                       : flag == CV_LSOLVE_FAIL  ? unsolved
                                                  : fmt::format("CVODES returned {}", flag);
     if (!trouble_.empty()) what = trouble_;
     fail_integration(too_small ? Code::step_too_small : Code::integrator_failed, t_,

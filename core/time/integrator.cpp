@@ -61,8 +61,10 @@ void check_linear_solver(const Method& m, const std::string& name) {
   if (name.empty() || std::find(legal.begin(), legal.end(), name) != legal.end()) return;
   const std::string got = fmt::format("\"{}\"", name);
   if (legal.empty())
-    refuse(Code::unsupported, "linear_solver", fmt::format("no linear_solver: {} solves no linear equations", m.name), got, "use cvode_bdf");
-  refuse(Code::unsupported, "linear_solver", fmt::format("a linear solver: {}", fmt::join(legal, ", ")), got, did_you_mean(name, legal));
+    refuse(Code::unsupported, "linear_solver", fmt::format("no linear_solver: {} solves no linear equations", m.name),
+           got, "use cvode_bdf");
+  refuse(Code::unsupported, "linear_solver", fmt::format("a linear solver: {}", fmt::join(legal, ", ")), got,
+         did_you_mean(name, legal));
 }
 
 }  // namespace

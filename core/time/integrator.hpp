@@ -27,8 +27,8 @@ struct OdeProblem {
   // For the linear solver "krylov" alone, J = df/dx; each may be empty. false: as with rhs.
   /// J dx at (t, x); empty: a difference quotient, one more evaluation of f each.
   std::function<bool(double t, const double* x, const double* dx, double* J_dx)> jacobian_times;
-  /// Prepares `precondition` for 1 - gamma J at (t, x), gamma > 0 [s]. moved: x counts anew; else x is near that of the last call and
-  /// gamma alone has changed.
+  /// Prepares `precondition` for 1 - gamma J at (t, x), gamma > 0 [s]. moved: x counts anew; else x is near that of the
+  /// last call and gamma alone has changed.
   std::function<bool(double t, const double* x, double gamma, bool moved)> prepare;
   /// Solves (1 - gamma J) z = r approximately, a fixed linear map between two calls of prepare. Both or none.
   std::function<bool(const double* r, double* z)> precondition;
@@ -46,7 +46,7 @@ struct IntegratorOptions {
 struct IntegratorStatistics {
   long steps = 0, rhs_calls = 0, rejected = 0, root_evaluations = 0, restarts = 0;
   long jacobian_products = 0, preconditioner_setups = 0, linear_iterations = 0;  // krylov
-  double last_step = 0.0;  // [s]
+  double last_step = 0.0;                                                        // [s]
   int last_order = 0;
 };
 

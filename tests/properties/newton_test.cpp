@@ -1,5 +1,5 @@
-// What BDF asks of a simulation when its linear solver is krylov: J dx against differences of eighth order of the right-hand side
-// that the integrator gets, and the preconditioner as the exact inverse of 1 - gamma J at rest.
+// What BDF asks of a simulation when its linear solver is krylov: J dx against differences of eighth order of the
+// right-hand side that the integrator gets, and the preconditioner as the exact inverse of 1 - gamma J at rest.
 #include "core/sim/newton_operators.hpp"
 #include "core/sim/simulation.hpp"
 #include "core/soa/tangent.hpp"
@@ -63,7 +63,8 @@ double jacobian_error(const RandomTree& tree) {
   for (const double turn : {0.3, 1.9}) {
     const VectorXd d = direction(s.ode.n, turn);
     VectorXd truth(s.ode.n), work(s.ode.n);
-    soa::derivative([&](double h, double* out) { Eigen::Map<VectorXd>(out, s.ode.n) = s.rhs(s.x + h * d); }, 0.004, s.ode.n, truth.data(), work.data());
+    soa::derivative([&](double h, double* out) { Eigen::Map<VectorXd>(out, s.ode.n) = s.rhs(s.x + h * d); }, 0.004,
+                    s.ode.n, truth.data(), work.data());
     worst = std::max(worst, apart(s.times(d), truth));
   }
   return worst;
@@ -147,7 +148,8 @@ double preconditioner_error(const RandomTree& from) {
     if (!ode.prepare(0.0, x.data(), gamma, moved)) return HUGE_VAL;
     moved = false;
     const VectorXd r = direction(ode.n, gamma);
-    if (!ode.precondition(r.data(), z.data()) || !ode.jacobian_times(0.0, x.data(), z.data(), Jz.data())) return HUGE_VAL;
+    if (!ode.precondition(r.data(), z.data()) || !ode.jacobian_times(0.0, x.data(), z.data(), Jz.data()))
+      return HUGE_VAL;
     const VectorXd difference = z - gamma * Jz - r;
     worst = std::max(worst, largest(difference) / std::max({largest(r), largest(z), gamma * largest(Jz)}));
   }
@@ -166,7 +168,9 @@ TEST(Preconditioner, IsTheInverseAtRest) {
 
 /// A free bus with a tree of flexible panels on springs: 8 panels of 20 modes, the slowest at some 100 rad/s, damped.
 SystemSpec flexible_scene() {
-  const BodySpec panel = random_tree(3, {.bodies = 1, .roots = 1, .flexible = 1.0, .level = 1, .modes = 20, .hinges = {"revolute"}}).spec.bodies[0];
+  const BodySpec panel =
+      random_tree(3, {.bodies = 1, .roots = 1, .flexible = 1.0, .level = 1, .modes = 20, .hinges = {"revolute"}})
+          .spec.bodies[0];
   auto modal = std::make_shared<ModalData>(*panel.modal);
   modal->K *= 1e4;
   modal->C = 2e-3 * modal->K;
@@ -177,7 +181,9 @@ SystemSpec flexible_scene() {
     b.name = "p" + std::to_string(i);
     b.modal = modal;
     b.eta.assign(20, 0.0), b.etadot.assign(20, 0.0);
-    b.hinge = on(BodySpec{}, i < 2 ? "bus" : "p" + std::to_string(i - 2), "revolute", {Vector3d::UnitZ()}, {1.0 + i % 2, 0.2, 0.0}).hinge;
+    b.hinge = on(BodySpec{}, i < 2 ? "bus" : "p" + std::to_string(i - 2), "revolute", {Vector3d::UnitZ()},
+                 {1.0 + i % 2, 0.2, 0.0})
+                  .hinge;
     b.hinge.q = {0.1};
     b.hinge.springs.push_back({.component = 0, .stiffness = 500.0 + 10.0 * i, .rest = 0.0, .damping = 20.0, .at = {}});
     bodies.push_back(b);
@@ -215,7 +221,8 @@ TEST(Krylov, AgreesWithDenseBdfOnAFlexibleScene) {
   EXPECT_LT(differ(dense.q, truth.q), 1e-7);
   EXPECT_LT(differ(krylov.q, truth.q), 1e-7);
   EXPECT_GT(differ(truth.q, model->initial_state().q), 0.01);  // it did move
-  EXPECT_NEAR(static_cast<double>(krylov.counts.steps), static_cast<double>(dense.counts.steps), 0.2 * static_cast<double>(dense.counts.steps));
+  EXPECT_NEAR(static_cast<double>(krylov.counts.steps), static_cast<double>(dense.counts.steps),
+              0.2 * static_cast<double>(dense.counts.steps));
   EXPECT_EQ(krylov.counts.restarts, 3);
   EXPECT_GT(krylov.counts.jacobian_products, krylov.counts.steps / 2);
   EXPECT_GT(krylov.counts.preconditioner_setups, 3);

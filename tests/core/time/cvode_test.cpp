@@ -55,8 +55,8 @@ TEST(Cvode, BdfSolvesTheStiffVanDerPolEquation) {
   EXPECT_LT(integrator->statistics().steps, 20000);
 }
 
-/// A fast oscillator with little damping that follows cos t, x'' = -w^2 (x - cos t) - 2 zeta w x': once it has come to rest, orders above 2
-/// are unstable for steps near and above 1/w, and the error test would keep the steps there.
+/// A fast oscillator with little damping that follows cos t, x'' = -w^2 (x - cos t) - 2 zeta w x': once it has come to
+/// rest, orders above 2 are unstable for steps near and above 1/w, and the error test would keep the steps there.
 TEST(Cvode, BdfIsNotHeldByItsStability) {
   constexpr double w = 1e4, zeta = 0.05;
   auto integrator = make_integrator(problem(

@@ -1,4 +1,5 @@
-// BDF whose Newton equations are solved by preconditioned GMRES: against closed forms, and what the callables of the problem may do.
+// BDF whose Newton equations are solved by preconditioned GMRES: against closed forms, and what the callables of the
+// problem may do.
 #include "tests/core/time/problems.hpp"
 
 namespace cardan::test {
@@ -10,8 +11,8 @@ IntegratorOptions krylov(double relative = 1e-9) {
   return o;
 }
 
-/// Heat in a rod between walls at 0, n points: x_i' = n_1^2 (x_(i-1) - 2 x_i + x_(i+1)), n_1 = n + 1; rates from 10 to 4 n_1^2.
-/// Its slowest mode sin(pi i / n_1) decays at 4 n_1^2 sin^2(pi / (2 n_1)).
+/// Heat in a rod between walls at 0, n points: x_i' = n_1^2 (x_(i-1) - 2 x_i + x_(i+1)), n_1 = n + 1; rates from 10 to
+/// 4 n_1^2. Its slowest mode sin(pi i / n_1) decays at 4 n_1^2 sin^2(pi / (2 n_1)).
 struct Rod {
   static constexpr int n = 120;
   static constexpr double c = (n + 1.0) * (n + 1.0);
@@ -33,7 +34,8 @@ struct RodInverse {
       p[static_cast<std::size_t>(i)] = a / pivot;
       y[static_cast<std::size_t>(i)] = (r[i] - (i > 0 ? a * y[static_cast<std::size_t>(i - 1)] : 0.0)) / pivot;
     }
-    for (int i = Rod::n - 1; i >= 0; --i) z[i] = y[static_cast<std::size_t>(i)] - (i + 1 < Rod::n ? p[static_cast<std::size_t>(i)] * z[i + 1] : 0.0);
+    for (int i = Rod::n - 1; i >= 0; --i)
+      z[i] = y[static_cast<std::size_t>(i)] - (i + 1 < Rod::n ? p[static_cast<std::size_t>(i)] * z[i + 1] : 0.0);
   }
 };
 
@@ -49,13 +51,16 @@ OdeProblem rod() {
 
 double rod_error(Integrator& integrator) {
   Values x(Rod::n);
-  for (int i = 0; i < Rod::n; ++i) x[static_cast<std::size_t>(i)] = Rod::shape(i) + 0.5 * (i % 2);  // and what dies out at once
+  for (int i = 0; i < Rod::n; ++i)
+    x[static_cast<std::size_t>(i)] = Rod::shape(i) + 0.5 * (i % 2);  // and what dies out at once
   Values slow(Rod::n);
   double weight = 0.0;  // of the slowest mode in x
   for (int i = 0; i < Rod::n; ++i) weight += x[static_cast<std::size_t>(i)] * Rod::shape(i) * 2.0 / (Rod::n + 1);
   x = integrate(integrator, 0.0, x, 0.5);
   double error = 0.0;
-  for (int i = 0; i < Rod::n; ++i) error = std::max(error, std::abs(x[static_cast<std::size_t>(i)] - weight * std::exp(-0.5 * Rod::decay()) * Rod::shape(i)));
+  for (int i = 0; i < Rod::n; ++i)
+    error = std::max(error,
+                     std::abs(x[static_cast<std::size_t>(i)] - weight * std::exp(-0.5 * Rod::decay()) * Rod::shape(i)));
   return error;
 }
 
@@ -144,7 +149,10 @@ OdeProblem decay() {
 TEST(Krylov, ExceptionsPass) {
   for (const int which : {0, 1, 2}) {
     OdeProblem p = decay();
-    if (which == 0) p.jacobian_times = [](double, const double*, const double*, double*) -> bool { throw std::domain_error("thrown"); };
+    if (which == 0)
+      p.jacobian_times = [](double, const double*, const double*, double*) -> bool {
+        throw std::domain_error("thrown");
+      };
     if (which == 1) p.prepare = [](double, const double*, double, bool) -> bool { throw std::domain_error("thrown"); };
     if (which == 2) p.precondition = [](const double*, double*) -> bool { throw std::domain_error("thrown"); };
     auto integrator = make_integrator(p, krylov());

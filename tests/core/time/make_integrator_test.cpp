@@ -46,11 +46,14 @@ TEST(MakeIntegrator, LinearSolversAreOfBdfAlone) {
     EXPECT_EQ(refusal(o), "accepted") << name;
   }
   o.linear_solver = "krilov";
-  EXPECT_EQ(refusal(o), "C0401 | integrator.linear_solver | a linear solver: dense, krylov | \"krilov\" | did you mean \"krylov\"?");
+  EXPECT_EQ(
+      refusal(o),
+      "C0401 | integrator.linear_solver | a linear solver: dense, krylov | \"krilov\" | did you mean \"krylov\"?");
   for (const std::string method : {"cvode_adams", "dopri5", "rk4"}) {
     o = method == "rk4" ? rk4(0.1) : adaptive(method);
     o.linear_solver = "dense";
-    EXPECT_EQ(refusal(o), "C0401 | integrator.linear_solver | no linear_solver: " + method + " solves no linear equations | \"dense\" | use cvode_bdf");
+    EXPECT_EQ(refusal(o), "C0401 | integrator.linear_solver | no linear_solver: " + method +
+                              " solves no linear equations | \"dense\" | use cvode_bdf");
   }
 }
 
