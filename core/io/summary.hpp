@@ -35,6 +35,7 @@ struct Summary {
   Ledger ledger;
   double simulated_s = 0.0, wall_s = 0.0;
   long steps = 0, rhs_calls = 0, restarts = 0;
+  long jacobian_products = 0, preconditioner_setups = 0, linear_iterations = 0;  // of the linear solver "krylov", else 0
   std::vector<Figure> pointing;  // final error, jitter, settling time; only what was reached
   ModelSize model;
   std::map<std::string, std::string> versions;  // program, compiler, libraries

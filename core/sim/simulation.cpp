@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "core/base/finite.hpp"
+#include "core/sim/newton_operators.hpp"
 
 namespace cardan {
 
@@ -131,6 +132,12 @@ void Simulation::set_wrench(int slot, const Force<double>& f) {
 
 void Simulation::make_integrator_once() {
   if (integrator_) return;
+  x_.assign(static_cast<std::size_t>(model_->nq + model_->nv), 0.0);
+  y_.assign(7, 0.0);
+  integrator_ = make_integrator(ode(), options_.integrator);
+}
+
+OdeProblem Simulation::ode() {
   const Model& m = *model_;
   OdeProblem ode;
   ode.n = m.nq + m.nv;
@@ -156,9 +163,19 @@ void Simulation::make_integrator_once() {
     ode.roots = [this](double t, const double* x, double* g) {
       for (std::size_t i = 0; i < events_.size(); ++i) g[i] = events_[i].function(t, x, x + model_->nq);
     };
-  x_.assign(static_cast<std::size_t>(ode.n), 0.0);
-  y_.assign(7, 0.0);
-  integrator_ = make_integrator(std::move(ode), options_.integrator);
+  if (options_.integrator.linear_solver != "krylov") return ode;
+  newton_ = std::make_unique<NewtonOperators>(model_, options_.quaternion_stabilisation);
+  ode.jacobian_times = [this](double t, const double* x, const double* dx, double* J_dx) {
+    const double *q = x, *v = x + model_->nq;
+    apply_forces(t, q, v);
+    return newton_->jacobian_times(inputs(q, v), dx, J_dx);
+  };
+  ode.prepare = [this](double, const double* x, double gamma, bool moved) { return newton_->prepare(x, gamma, moved); };
+  ode.precondition = [this](const double* r, double* z) {
+    newton_->precondition(r, z);
+    return true;
+  };
+  return ode;
 }
 
 void Simulation::external_rates(const Inputs& in, const double* vdot, double* ydot) {

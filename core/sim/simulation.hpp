@@ -20,6 +20,8 @@ struct SimulationOptions {
   bool ledger = true;                     // integrate external impulse and work beside the state
 };
 
+class NewtonOperators;
+
 /// Where a function of (t, q, v) crosses zero, something happens between two steps.
 struct Event {
   std::string name;
@@ -93,12 +95,15 @@ class Simulation {
   /// Largest relative residuals seen at outputs and at the end.
   const LedgerState& worst_ledger() const { return worst_ledger_; }
   IntegratorStatistics statistics() const;
+  /// x' = f(t, x), x = [q; v], with the commands as they are when it is called: what the integrator is given. Refers to this.
+  OdeProblem ode();
   std::string integrator_name() const;
   std::size_t workspace_bytes() const { return workspace_.bytes(); }
 
  private:
   void changed() { restart_ = true, observed_ = false; }
   bool rhs(double t, const double* x, double* xdot, double* ydot);
+  void apply_forces(double t, const double* q, const double* v);
   bool evaluate(double t, const double* q, const double* v, double* vdot);
   Inputs inputs(const double* q, const double* v) const { return {q, v, tau_total_.data(), vdot_given_.data(), wrenches_}; }
   void external_rates(const Inputs& in, const double* vdot, double* ydot);
@@ -119,6 +124,7 @@ class Simulation {
   State state_;
   Workspace workspace_;
   std::unique_ptr<Observer> observer_;
+  std::unique_ptr<NewtonOperators> newton_;  // where the linear solver asks for them
   std::unique_ptr<Integrator> integrator_;
   Schedule schedule_;
   std::vector<std::function<void()>> tasks_;

@@ -70,11 +70,16 @@ bool Simulation::rhs(double t, const double* x, double* xdot, double* ydot) {
   return true;
 }
 
-// v' at (t, q, v) with the commands as they are.
-bool Simulation::evaluate(double t, const double* q, const double* v, double* vdot) {
+// Of actuators, springs and dampers; v' of prescribed motions.
+void Simulation::apply_forces(double t, const double* q, const double* v) {
   for (const Spring& s : model_->springs) tau_total_[static_cast<std::size_t>(s.v)] = tau_[static_cast<std::size_t>(s.v)];
   for (const Spring& s : model_->springs) tau_total_[static_cast<std::size_t>(s.v)] -= s.stiffness * (q[s.q] - s.rest) + s.damping * v[s.v];
   for (const auto& p : prescribed_) vdot_given_[static_cast<std::size_t>(p.index)] = p.profile.acceleration(t);
+}
+
+// v' at (t, q, v) with the commands as they are.
+bool Simulation::evaluate(double t, const double* q, const double* v, double* vdot) {
+  apply_forces(t, q, v);
   if (!forward_dynamics(*model_, workspace_, inputs(q, v), vdot)) {
     breakdown_ = workspace_.breakdown;
     return false;

@@ -1,9 +1,11 @@
-// SUNDIALS CVODES (Hindmarsh et al. 2005): variable-order Adams with fixed-point iteration, BDF with dense Newton.
-// One internal step per call; events and dense output from its interpolation polynomial.
+// SUNDIALS CVODES (Hindmarsh et al. 2005): variable-order Adams with fixed-point iteration, BDF with Newton: a dense
+// matrix by differences, or matrix-free by preconditioned GMRES (Saad & Schultz 1986). One internal step per call;
+// events and dense output from its interpolation polynomial.
 #include <cvodes/cvodes.h>
 #include <fmt/format.h>
 #include <nvector/nvector_serial.h>
 #include <sunlinsol/sunlinsol_dense.h>
+#include <sunlinsol/sunlinsol_spgmr.h>
 #include <sunmatrix/sunmatrix_dense.h>
 #include <sunnonlinsol/sunnonlinsol_fixedpoint.h>
 
@@ -78,7 +80,11 @@ class Cvode final : public Integrator {
       check(CVodeQuadSStolerances(m, options.relative_tolerance, options.relative_tolerance), "CVodeQuadSStolerances");
       check(CVodeSetQuadErrCon(m, SUNTRUE), "CVodeSetQuadErrCon");
     }
-    if (stiff) {
+    // Orders 3 to 5 are unstable for modes with little damping.
+    if (stiff) check(CVodeSetStabLimDet(m, SUNTRUE), "CVodeSetStabLimDet");
+    if (stiff && options.linear_solver == "krylov" && problem_.n > 0) {
+      use_krylov();
+    } else if (stiff) {
       matrix_.reset(SUNDenseMatrix(n_, n_, context_.get()));
       linear_.reset(SUNLinSol_Dense(x_vector_.get(), matrix_.get(), context_.get()));
       check(CVodeSetLinearSolver(m, linear_.get(), matrix_.get()), "CVodeSetLinearSolver");
@@ -122,6 +128,10 @@ class Cvode final : public Integrator {
     s.rejected = rejected_before_ + rejected();
     s.root_evaluations = events_.evaluations();
     s.restarts = restarts_;
+    const LinearCounts linear = linear_counts();
+    s.jacobian_products = linear_before_.products + linear.products;
+    s.preconditioner_setups = setups_;
+    s.linear_iterations = linear_before_.iterations + linear.iterations;
     CVodeGetLastStep(memory_.get(), &s.last_step);
     CVodeGetLastOrder(memory_.get(), &s.last_order);
     return s;
@@ -132,6 +142,20 @@ class Cvode final : public Integrator {
  private:
   Vector wrap(std::vector<double>& v) {
     return Vector(N_VMake_Serial(static_cast<sunindextype>(v.size()), v.data(), context_.get()));
+  }
+
+  /// GMRES, preconditioned from the left.
+  void use_krylov() {
+    constexpr int kSubspace = 10;  // products before CVODES asks for a new preconditioner, or a smaller step
+    void* m = memory_.get();
+    const bool preconditioned = static_cast<bool>(problem_.prepare);
+    linear_.reset(
+        SUNLinSol_SPGMR(x_vector_.get(), preconditioned ? SUN_PREC_LEFT : SUN_PREC_NONE, kSubspace, context_.get()));
+    check(CVodeSetLinearSolver(m, linear_.get(), nullptr), "CVodeSetLinearSolver");
+    if (problem_.jacobian_times) check(CVodeSetJacTimes(m, nullptr, &Cvode::jacobian_times), "CVodeSetJacTimes");
+    if (preconditioned)
+      check(CVodeSetPreconditioner(m, &Cvode::prepare, &Cvode::precondition), "CVodeSetPreconditioner");
+    krylov_ = true;
   }
 
   // --- what CVODES calls: no exception may pass through its frames -------------------------------------------------
@@ -166,11 +190,50 @@ class Cvode final : public Integrator {
     return me->evaluate(t, N_VGetArrayPointer(x), me->scratch_.data(), N_VGetArrayPointer(ydot));
   }
 
+  /// A part of Newton's equations that may refuse or throw; `out`: n numbers that must be finite, or null.
+  template <class Part>
+  int solve_part(const char* refused, const double* out, const Part& part) noexcept {
+    constexpr int recoverable = 1, fatal = -1;
+    try {
+      if (part() && (out == nullptr || first_not_finite(out, problem_.n) < 0)) return 0;
+      trouble_ = refused;
+      return recoverable;
+    } catch (...) {
+      thrown_ = std::current_exception();
+      return fatal;
+    }
+  }
+
+  static int jacobian_times(N_Vector dx, N_Vector J_dx, double t, N_Vector x, N_Vector, void* self, N_Vector) {
+    auto* me = static_cast<Cvode*>(self);
+    double* out = N_VGetArrayPointer(J_dx);
+    return me->solve_part("J v cannot be evaluated", out, [&] {
+      return me->problem_.jacobian_times(t, N_VGetArrayPointer(x), N_VGetArrayPointer(dx), out);
+    });
+  }
+
+  static int prepare(double t, N_Vector x, N_Vector, int same_jacobian, int* moved, double gamma, void* self) {
+    auto* me = static_cast<Cvode*>(self);
+    *moved = !same_jacobian;
+    ++me->setups_;
+    return me->solve_part("the preconditioner cannot be prepared", nullptr,
+                          [&] { return me->problem_.prepare(t, N_VGetArrayPointer(x), gamma, !same_jacobian); });
+  }
+
+  static int precondition(double, N_Vector, N_Vector, N_Vector r, N_Vector z, double, double, int, void* self) {
+    auto* me = static_cast<Cvode*>(self);
+    double* out = N_VGetArrayPointer(z);
+    return me->solve_part("the preconditioner cannot be applied", out,
+                          [&] { return me->problem_.precondition(N_VGetArrayPointer(r), out); });
+  }
+
   // --- steps -------------------------------------------------------------------------------------------------------
 
   /// x_ and y_ become the state at t.
   void start_at(double t) {
     rejected_before_ += rejected();
+    const LinearCounts linear = linear_counts();
+    linear_before_.products += linear.products, linear_before_.iterations += linear.iterations;
     check(CVodeReInit(memory_.get(), t, x_vector_.get()), "CVodeReInit");
     if (y_vector_) check(CVodeQuadReInit(memory_.get(), y_vector_.get()), "CVodeQuadReInit");
     t_internal_ = t;
@@ -199,11 +262,12 @@ class Cvode final : public Integrator {
     CVodeGetCurrentStep(memory_.get(), &h);
     CVodeGetCurrentOrder(memory_.get(), &order);
     const bool too_small = flag == CV_ERR_FAILURE || flag == CV_CONV_FAILURE;
+    const char* unsolved = krylov_ ? "Newton's equations cannot be solved" : "the Newton matrix is singular";
     std::string what = flag == CV_ERR_FAILURE    ? "the error stays above the tolerance"
                        : flag == CV_CONV_FAILURE ? "the corrector iteration does not converge"
                        : flag == CV_TOO_MUCH_ACC ? "the tolerances ask for more digits than a double has"
                        : flag == CV_LSETUP_FAIL  ? "the Jacobian cannot be evaluated"
-                       : flag == CV_LSOLVE_FAIL  ? "the Newton matrix is singular"
+                       : flag == CV_LSOLVE_FAIL  ? unsolved
                                                  : fmt::format("CVODES returned {}", flag);
     if (!trouble_.empty()) what = trouble_;
     fail_integration(too_small ? Code::step_too_small : Code::integrator_failed, t_,
@@ -238,6 +302,18 @@ class Cvode final : public Integrator {
     return error_tests + convergence;
   }
 
+  struct LinearCounts {
+    long products = 0, iterations = 0;
+  };
+  /// Of the Krylov solver since the last start.
+  LinearCounts linear_counts() const {
+    LinearCounts c;
+    if (!krylov_) return c;
+    CVodeGetNumJtimesEvals(memory_.get(), &c.products);
+    CVodeGetNumLinIters(memory_.get(), &c.iterations);
+    return c;
+  }
+
   OdeProblem problem_;
   std::string name_;
   EventFinder events_;
@@ -251,7 +327,9 @@ class Cvode final : public Integrator {
   std::unique_ptr<void, Freed<free_memory>> memory_;
   double t_ = 0.0, t_internal_ = 0.0;  // [s] reported to the caller; reached by CVODES, >= t_
   bool stepped_ = false;               // since the last start
-  long steps_ = 0, rhs_calls_ = 0, restarts_ = 0, rejected_before_ = 0;
+  bool krylov_ = false;
+  LinearCounts linear_before_;
+  long steps_ = 0, rhs_calls_ = 0, restarts_ = 0, rejected_before_ = 0, setups_ = 0;
   std::string trouble_;  // why the right-hand side was refused last
   std::exception_ptr thrown_;
 };

@@ -14,11 +14,12 @@ struct Method {
   std::unique_ptr<Integrator> (*make)(OdeProblem, const IntegratorOptions&);
   std::string name;
   bool adaptive;
+  std::vector<std::string> linear_solvers = {};  // the first is taken when none is asked for
 };
 
 const std::vector<Method>& methods() {
   static const std::vector<Method> all = {{make_cvode, "cvode_adams", true},
-                                          {make_cvode, "cvode_bdf", true},
+                                          {make_cvode, "cvode_bdf", true, {"dense", "krylov"}},
                                           {make_dopri5, "dopri5", true},
                                           {make_rk4, "rk4", false}};
   return all;
@@ -55,6 +56,17 @@ void check_time(const Method& m, const char* key, double value, bool fits) {
   if (!(value > 0.0)) refuse(Code::out_of_range, key, "a time > 0 s", fmt::format("{:g} s", value));
 }
 
+void check_linear_solver(const Method& m, const std::string& name) {
+  const auto& legal = m.linear_solvers;
+  if (name.empty() || std::find(legal.begin(), legal.end(), name) != legal.end()) return;
+  const std::string got = fmt::format("\"{}\"", name);
+  if (legal.empty())
+    refuse(Code::unsupported, "linear_solver", fmt::format("no linear_solver: {} solves no linear equations", m.name),
+           got, "use cvode_bdf");
+  refuse(Code::unsupported, "linear_solver", fmt::format("a linear solver: {}", fmt::join(legal, ", ")), got,
+         did_you_mean(name, legal));
+}
+
 }  // namespace
 
 std::unique_ptr<Integrator> make_integrator(OdeProblem problem, const IntegratorOptions& options) {
@@ -62,6 +74,7 @@ std::unique_ptr<Integrator> make_integrator(OdeProblem problem, const Integrator
   check_time(method, "max_step", options.max_step, method.adaptive);
   check_time(method, "initial_step", options.initial_step, method.adaptive);
   check_time(method, "fixed_step", options.fixed_step, !method.adaptive);
+  check_linear_solver(method, options.linear_solver);
   if (!method.adaptive && options.fixed_step == 0.0)
     refuse(Code::unsupported, "fixed_step", fmt::format("a step in seconds, which {} needs", method.name), "nothing");
 

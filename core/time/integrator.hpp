@@ -10,7 +10,8 @@
 
 namespace cardan {
 
-/// x' = f(t, x) with what an integrator may need besides. All functions are set once before the run; none may allocate.
+/// x' = f(t, x) with what an integrator may need besides. All functions are set once before the run; none may allocate,
+/// but for those of the linear solver "krylov".
 struct OdeProblem {
   int n = 0;             // number of states
   int n_quadrature = 0;  // trailing integrals y' = g(t, x) that nothing depends on (CVODE controls their error too)
@@ -23,6 +24,14 @@ struct OdeProblem {
   /// Event functions: `roots(t, x, g)` fills n_roots values; a sign change is located. May be empty.
   int n_roots = 0;
   std::function<void(double t, const double* x, double* g)> roots;
+  // For the linear solver "krylov" alone, J = df/dx; each may be empty. false: as with rhs.
+  /// J dx at (t, x); empty: a difference quotient, one more evaluation of f each.
+  std::function<bool(double t, const double* x, const double* dx, double* J_dx)> jacobian_times;
+  /// Prepares `precondition` for 1 - gamma J at (t, x), gamma > 0 [s]. moved: x counts anew; else x is near that of the
+  /// last call and gamma alone has changed.
+  std::function<bool(double t, const double* x, double gamma, bool moved)> prepare;
+  /// Solves (1 - gamma J) z = r approximately, a fixed linear map between two calls of prepare. Both or none.
+  std::function<bool(const double* r, double* z)> precondition;
 };
 
 struct IntegratorOptions {
@@ -31,11 +40,13 @@ struct IntegratorOptions {
   double max_step = 0.0;               // [s] 0 = none; adaptive methods
   double initial_step = 0.0;           // [s] 0 = the method's choice; adaptive methods
   double fixed_step = 0.0;             // [s] rk4 only
+  std::string linear_solver = {};      // of Newton's equations, cvode_bdf only: dense (when empty), krylov
 };
 
 struct IntegratorStatistics {
   long steps = 0, rhs_calls = 0, rejected = 0, root_evaluations = 0, restarts = 0;
-  double last_step = 0.0;  // [s]
+  long jacobian_products = 0, preconditioner_setups = 0, linear_iterations = 0;  // krylov
+  double last_step = 0.0;                                                        // [s]
   int last_order = 0;
 };
 

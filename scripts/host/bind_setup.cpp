@@ -285,6 +285,10 @@ void read_integrator(LuaTable& t, MissionSpec& m) {
   if (!method) m.defaults_used.emplace_back("mission.integrator.method", i.method);
   if (!relative && i.method != "rk4")
     m.defaults_used.emplace_back("mission.integrator.relative", fmt::format("{:g}", i.relative_tolerance));
+  if (const auto x = t.text("linear_solver"))
+    i.linear_solver = *x;
+  else if (i.method == "cvode_bdf")
+    m.defaults_used.emplace_back("mission.integrator.linear_solver", "dense");
   if (const auto x = t.number("absolute")) options.absolute_tolerance = *x;
   if (const auto x = t.number("step", "s")) i.fixed_step = *x;
   if (const auto x = t.number("initial_step", "s")) i.initial_step = *x;

@@ -39,7 +39,9 @@ std::string file_text(const Scenario& s) {
 std::string integrator_text(const SimulationOptions& options) {
   const IntegratorOptions& i = options.integrator;
   if (i.fixed_step > 0) return fmt::format("{}, step {:g} s", i.method, i.fixed_step);
-  std::string text = fmt::format("{}, relative tolerance {:g}", i.method, i.relative_tolerance);
+  std::string text = i.method;
+  if (!i.linear_solver.empty()) text += fmt::format(", {} linear solver", i.linear_solver);
+  text += fmt::format(", relative tolerance {:g}", i.relative_tolerance);
   if (options.absolute_tolerance > 0) text += fmt::format(", absolute tolerance {:g}", options.absolute_tolerance);
   if (i.max_step > 0) text += fmt::format(", largest step {:g} s", i.max_step);
   return text;

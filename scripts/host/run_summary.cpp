@@ -68,6 +68,8 @@ Summary run_summary(const Scenario& s, double wall_s) {
   out.wall_s = wall_s;
   const IntegratorStatistics i = s.sim->statistics();
   out.steps = i.steps, out.rhs_calls = i.rhs_calls, out.restarts = i.restarts;
+  out.jacobian_products = i.jacobian_products, out.preconditioner_setups = i.preconditioner_setups;
+  out.linear_iterations = i.linear_iterations;
   out.model.bodies = static_cast<int>(m.user.size());
   out.model.hinges =
       static_cast<int>(std::count_if(m.user.begin(), m.user.end(), [](const UserBody& u) { return u.nv > 0; }));
@@ -93,6 +95,9 @@ std::string summary_text(const Scenario& s, const Summary& sum, const std::vecto
       "\n{:.6g} s simulated in {:.3g} s ({:.4g} times real time), {}\n{} steps, {} function calls, {} restarts\n",
       sum.simulated_s, sum.wall_s, sum.wall_s > 0 ? sum.simulated_s / sum.wall_s : 0.0, s.sim->integrator_name(),
       sum.steps, sum.rhs_calls, sum.restarts);
+  if (sum.preconditioner_setups > 0)
+    text += fmt::format("{} products J v, {} preconditioners, {} linear iterations\n", sum.jacobian_products, sum.preconditioner_setups,
+                        sum.linear_iterations);
   return text;
 }
 

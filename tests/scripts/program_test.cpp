@@ -172,6 +172,24 @@ TEST(Program, SetReplacesParametersVehicleAndMission) {
   EXPECT_EQ(file.text_attribute("/run", "integrator"), "cvode_bdf, relative tolerance 1e-10");
 }
 
+// Controllers, wheels and modes with the matrix-free solver: the same checks, the same bits twice, and the counts in the summary.
+TEST(Program, MissionsRunByKrylov) {
+  for (const std::string mission : {"drive", "flexible", "phases"}) {
+    const TemporaryFolder dir;
+    for (const char* out : {"a", "b"}) {
+      const Finished run = run_program({"run", mission, "--out", dir / out, "--set", "mission.integrator.method=cvode_bdf", "--set",
+                                        "mission.integrator.linear_solver=krylov", "--set", "mission.integrator.relative=1e-12"},
+                                       kMissions);
+      ASSERT_EQ(run.exit_code, 0) << mission << run.out << run.err;
+      EXPECT_NE(run.out.find(" products J v, "), std::string::npos) << run.out;
+    }
+    EXPECT_EQ(channels_of(dir / "a"), channels_of(dir / "b"));
+    const json summary = summary_of(dir / "a");
+    for (const char* count : {"jacobian_products", "preconditioner_setups", "linear_iterations"}) EXPECT_GT(summary[count], 0) << mission << count;
+    EXPECT_EQ(Hdf5File::open(dir / "a/run.h5").text_attribute("/run", "integrator"), "cvode_bdf, krylov linear solver, relative tolerance 1e-12");
+  }
+}
+
 TEST(Program, UntilEndsTheRun) {
   const TemporaryFolder dir;
   run_program({"run", "pendulum", "--out", dir.path(), "--until", "0.725"}, kMissions);

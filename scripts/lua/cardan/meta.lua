@@ -22,6 +22,7 @@ function vehicle(path) end
 
 ---@class IntegratorOptions
 ---@field method? "cvode_adams"|"cvode_bdf"|"dopri5"|"rk4" default cvode_adams
+---@field linear_solver? "dense"|"krylov" of cvode_bdf, default dense
 ---@field relative? number relative tolerance, default 1e-9
 ---@field absolute? number absolute tolerance, default: the relative one
 ---@field step? quantity [s] of rk4

@@ -20,6 +20,7 @@ Summary example() {
   s.steps = 1234;
   s.rhs_calls = 5678;
   s.restarts = 9;
+  s.jacobian_products = 21, s.preconditioner_setups = 22, s.linear_iterations = 23;
   s.pointing = {{"final_error_deg", 0.01, "deg"}};
   s.model = {7, 6, 20, 19, 8};
   s.versions = {{"cardan", "0.1.0"}};
@@ -40,6 +41,9 @@ TEST(Summary, HasTheKeysThatToolsRelyOn) {
   EXPECT_EQ(j["wall_s"].get<double>(), 2.5);
   EXPECT_EQ(j["steps"], 1234);
   EXPECT_EQ(j["rhs_calls"], 5678);
+  EXPECT_EQ(j["jacobian_products"], 21);
+  EXPECT_EQ(j["preconditioner_setups"], 22);
+  EXPECT_EQ(j["linear_iterations"], 23);
   EXPECT_EQ(j["pointing"][0]["name"], "final_error_deg");
   EXPECT_EQ(j["model"]["n_modes"], 8);
   EXPECT_EQ(j["versions"]["cardan"], "0.1.0");

@@ -55,6 +55,23 @@ TEST(Cvode, BdfSolvesTheStiffVanDerPolEquation) {
   EXPECT_LT(integrator->statistics().steps, 20000);
 }
 
+/// A fast oscillator with little damping that follows cos t, x'' = -w^2 (x - cos t) - 2 zeta w x': once it has come to
+/// rest, orders above 2 are unstable for steps near and above 1/w, and the error test would keep the steps there.
+TEST(Cvode, BdfIsNotHeldByItsStability) {
+  constexpr double w = 1e4, zeta = 0.05;
+  auto integrator = make_integrator(problem(
+                                        2,
+                                        [](double t, const double* x, double* xdot, double*) {
+                                          xdot[0] = x[1];
+                                          xdot[1] = -w * w * (x[0] - std::cos(t)) - 2.0 * zeta * w * x[1];
+                                          return true;
+                                        },
+                                        1e-8),
+                                    adaptive("cvode_bdf", 1e-6));
+  EXPECT_NEAR(integrate(*integrator, 0.0, {1.0, 0.0}, 10.0)[0], std::cos(10.0), 1e-5);
+  EXPECT_LT(integrator->statistics().steps, 40000);  // 90,000 without
+}
+
 TEST(Cvode, AdamsReachesHighOrder) {
   auto integrator = make_integrator(oscillator(), adaptive("cvode_adams", 1e-12));
   integrate(*integrator, 0.0, {1.0, 0.0}, 20.0);

@@ -39,6 +39,24 @@ TEST(MakeIntegrator, Rk4RefusesAMaximumStep) {
             "C0401 | integrator.max_step | no max_step: rk4 takes equal steps of fixed_step | 1 s | use dopri5");
 }
 
+TEST(MakeIntegrator, LinearSolversAreOfBdfAlone) {
+  IntegratorOptions o = adaptive("cvode_bdf");
+  for (const char* name : {"", "dense", "krylov"}) {
+    o.linear_solver = name;
+    EXPECT_EQ(refusal(o), "accepted") << name;
+  }
+  o.linear_solver = "krilov";
+  EXPECT_EQ(
+      refusal(o),
+      "C0401 | integrator.linear_solver | a linear solver: dense, krylov | \"krilov\" | did you mean \"krylov\"?");
+  for (const std::string method : {"cvode_adams", "dopri5", "rk4"}) {
+    o = method == "rk4" ? rk4(0.1) : adaptive(method);
+    o.linear_solver = "dense";
+    EXPECT_EQ(refusal(o), "C0401 | integrator.linear_solver | no linear_solver: " + method +
+                              " solves no linear equations | \"dense\" | use cvode_bdf");
+  }
+}
+
 TEST(MakeIntegrator, NumbersOutOfRangeAreRefused) {
   const auto code = [](const std::string& text) { return text.substr(0, 5); };
   EXPECT_EQ(code(refusal(rk4(-0.1))), "C0301");
