@@ -19,7 +19,7 @@ void inverse_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inpu
   if (terms.elastic && !model.flexible.empty()) S.elastic(model, ws, use);
   if (central || std::ranges::any_of(in.wrenches, [](const auto& w) { return w.world_axes; })) {
     ws.require_world();
-    S.world(model, ws, use);
+    world(model, S, ws, use, part);
   }
   if (central) S.central_gravity(model, ws, use);
   if (!part) {

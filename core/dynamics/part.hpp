@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/soa/sweeps.hpp"
+#include "core/soa/tangent.hpp"
 
 namespace cardan {
 
@@ -20,6 +21,18 @@ struct Part {
 };
 Part part_of(const SweepModel& model, std::span<const int> sweep_bodies);
 
+/// What stands still has no derivative, also where q moves what it hangs on.
+template <class T>
+T held(const T& x) { return x; }
+inline soa::Tangent held(const soa::Tangent& x) { return x.x; }
+template <class T>
+Vec3<T> held(const Vec3<T>& a) { return {held(a.x), held(a.y), held(a.z)}; }
+template <class T>
+Pose<T> held(const Pose<T>& X) {
+  const Mat3<T>& R = X.R;
+  return {{held(R.xx), held(R.xy), held(R.xz), held(R.yx), held(R.yy), held(R.yz), held(R.zx), held(R.zy), held(R.zz)}, held(X.p)};
+}
+
 /// Base to tip over all bodies, or over those of a part (then in.v and in.vdot are zero for the others).
 template <class T>
 void outward(const SweepModel& model, const soa::Sweeps<T>& S, soa::Workspace<T>& ws, const soa::Inputs<T>& in, soa::OutwardFor what, const Part* part) {
@@ -28,6 +41,8 @@ void outward(const SweepModel& model, const soa::Sweeps<T>& S, soa::Workspace<T>
     return;
   }
   for (const Run& run : part->still) S.outward(model, ws, in, run, {.velocity = false});
+  for (const Run& run : part->still)
+    for (int k = run.begin; k < run.end; ++k) ws.core(k).gamma.v = held(ws.core(k).gamma.v);
   for (const Run& run : part->runs) S.outward(model, ws, in, run, what);
   for (const int k : part->rotors_left_out) {
     const SweepBody& rotor = model.bodies[static_cast<std::size_t>(k)];
@@ -43,8 +58,14 @@ void world(const SweepModel& model, const soa::Sweeps<T>& S, soa::Workspace<T>& 
   S.world(model, ws, in);
   for (int k = 1; part && k < static_cast<int>(model.bodies.size()); ++k) {
     const int inboard = model.bodies[static_cast<std::size_t>(k)].parent;
-    ws.V(k) = part->takes_part[static_cast<std::size_t>(k)] ? soa::velocity_of(model, ws, in, k, soa::pose_in_inboard(model, ws, k, in.q), ws.V(inboard))
-                                                            : Motion<T>{{T(0), T(0), T(0)}, {T(0), T(0), T(0)}};
+    if (part->takes_part[static_cast<std::size_t>(k)]) {
+      const Pose<T> X = soa::pose_in_inboard(model, ws, k, in.q);
+      ws.pose_W(k) = ws.pose_W(inboard) * X;
+      ws.V(k) = soa::velocity_of(model, ws, in, k, X, ws.V(inboard));
+    } else {
+      ws.pose_W(k) = held(ws.pose_W(k));
+      ws.V(k) = Motion<T>{{T(0), T(0), T(0)}, {T(0), T(0), T(0)}};
+    }
   }
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "core/base/diagnostic.hpp"
 #include "core/operators/apply.hpp"
@@ -64,7 +65,8 @@ struct Random {
 
 class Solver {
  public:
-  Solver(const std::shared_ptr<const Model>& model, std::span<const IkTarget> targets, const IkOptions& options)
+  /// part: null, all may move.
+  Solver(const std::shared_ptr<const Model>& model, const TreeOperators* part, std::span<const IkTarget> targets, const IkOptions& options)
       : m_(*model), targets_(targets), options_(options), tree_(model), ws_(m_), zeros_(idx(m_.nv), 0.0), coordinate_(idx(m_.nv), -1),
         movable_(idx(m_.nv), 0), turns_(idx(m_.nv), 0) {
     ws_.require_world();
@@ -72,16 +74,18 @@ class Solver {
       for (int i = 0; i < r.n; ++i) coordinate_[idx(r.v + i)] = r.q + i;
     for (const UserBody& u : m_.user)
       for (int j = 0; j < u.nv; ++j) {
-        movable_[idx(u.v + j)] = options.free.empty();
+        movable_[idx(u.v + j)] = options.free.empty() && may_move(part, u.v + j);
         turns_[idx(u.v + j)] = u.v_units[idx(j)] == "rad/s";
       }
     for (const int v : options.free) {
       if (v < 0 || v >= m_.nv) refuse(Code::out_of_range, "free", fmt::format("components 0 to {}", m_.nv - 1), fmt::format("{}", v));
+      if (!may_move(part, v)) refuse(Code::unsupported, "free", "components of bodies that take part, free in the tree", name_of(v));
       movable_[idx(v)] = 1;
     }
     std::vector<int> nodes;
     for (const IkTarget& t : targets) nodes.push_back(t.node);
-    tree_.require_nodes(nodes);
+    (part ? *part : tree_).require_nodes(nodes);
+    if (part && !part->whole()) bodies_ = part->sweep_bodies();
     for (const IkTarget& t : targets) {
       for (int i = 0; i < 6; ++i)
         if (t.rows[idx(i)]) ++rows_;
@@ -94,6 +98,7 @@ class Solver {
     for (const IkLimit& l : options.limits) {
       if (l.v < 0 || l.v >= m_.nv || coordinate_[idx(l.v)] < 0)
         refuse(Code::unsupported, "limits", "a component with a coordinate of its own", fmt::format("velocity component {}", l.v));
+      if (!may_move(part, l.v)) refuse(Code::unsupported, "limits", "components of bodies that take part, free in the tree", name_of(l.v));
       if (!(l.lower <= l.upper)) refuse(Code::out_of_range, "limits", "lower <= upper", fmt::format("{:g} ... {:g}", l.lower, l.upper));
       lower_[l.v] = std::max(lower_[l.v], l.lower), upper_[l.v] = std::min(upper_[l.v], l.upper);
       if (!(lower_[l.v] <= upper_[l.v]))
@@ -148,6 +153,7 @@ class Solver {
   std::span<const IkTarget> targets_;
   const IkOptions& options_;
   TreeOperators tree_;
+  std::vector<int> bodies_;              // that take part; empty: all
   Workspace<double> ws_;
   std::vector<double> zeros_;
   std::vector<int> coordinate_;          // per velocity component: the coordinate with q' = v, or -1
@@ -157,6 +163,12 @@ class Solver {
   double scale_ = 1.0;
   std::vector<NodeMotion<double>> nodes_;  // of the last errors()
 
+  static bool may_move(const TreeOperators* part, int v) {
+    if (!part) return true;
+    const int place = part->place_of_velocity(v);
+    return place >= 0 && part->is_free(place);
+  }
+  std::string name_of(int v) const { return tree_.labels(Space::hinge, Sort::motion).names[idx(tree_.place_of_velocity(v))]; }
   VectorXd moved(const VectorXd& q, const VectorXd& d) const {
     VectorXd out(m_.nq);
     m_.retract(q.data(), d.data(), out.data());
@@ -243,14 +255,18 @@ class Solver {
     for (int v = 0; v < m_.nv; ++v)
       if (!free[idx(v)]) out.row(v).setZero();
     if (!dynamic) return inverse_weight_.asDiagonal() * out;
-    std::vector<std::uint8_t> mask(idx(m_.nv));
-    VectorXd in(m_.nv), solved(m_.nv);
-    for (int v = 0; v < m_.nv; ++v) mask[idx(tree_.place_of_velocity(v))] = free[idx(v)];
-    tree_.articulate({.W = nullptr, .free = mask});
+    std::optional<TreeOperators> part;
+    if (!bodies_.empty()) part.emplace(tree_.subgraph(bodies_));
+    TreeOperators& by = part ? *part : tree_;
+    const int n = by.size(Space::hinge);
+    std::vector<std::uint8_t> mask(idx(n));
+    VectorXd solved(n);
+    for (int v = 0; v < m_.nv; ++v)
+      if (const int place = by.place_of_velocity(v); place >= 0) mask[idx(place)] = free[idx(v)];
+    by.articulate({.W = nullptr, .free = mask});
     for (int r = 0; r < rows_; ++r) {
-      for (int v = 0; v < m_.nv; ++v) in[tree_.place_of_velocity(v)] = out(v, r);
-      operators::apply(operators::mass_inverse, tree_, in.data(), solved.data());
-      for (int v = 0; v < m_.nv; ++v) out(v, r) = free[idx(v)] ? solved[tree_.place_of_velocity(v)] : 0.0;
+      operators::apply(operators::mass_inverse, by, by.from_model(out.col(r)).data(), solved.data());  // 0 where not free
+      out.col(r) = by.to_model(solved);
     }
     return out;
   }
@@ -403,7 +419,11 @@ IkTarget IkTarget::at_pose(int node, const Vector3d& x, const Eigen::Matrix3d& R
 }
 
 IkResult inverse_kinematics(const std::shared_ptr<const Model>& model, const double* q, std::span<const IkTarget> targets, const IkOptions& options) {
-  return Solver(model, targets, options).run(q);
+  return Solver(model, nullptr, targets, options).run(q);
+}
+IkResult inverse_kinematics(const TreeOperators& tree, std::span<const IkTarget> targets, const IkOptions& options) {
+  tree.require(Kind::H);
+  return Solver(tree.model_pointer(), &tree, targets, options).run(tree.q().data());
 }
 
 }  // namespace cardan::soa

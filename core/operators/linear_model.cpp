@@ -418,7 +418,10 @@ LinearModel linearize(const Scope& scope, const OperatingPoint& at, const Linear
   }
   column.run(y.data());
 
-  out.A.topLeftCorner(nv, nv) = MatrixXd(kinematic_rates(m, at.q, at.v))(scope.components, scope.components);
+  const Eigen::SparseMatrix<double> kinematics = kinematic_rates(m, at.q, at.v);
+  for (int j = 0; j < nv; ++j)
+    for (Eigen::SparseMatrix<double>::InnerIterator x(kinematics, scope.components[idx(j)]); x; ++x)
+      out.A(scope.place[idx(static_cast<int>(x.row()))], j) = x.value();  // of the same hinge
   out.A.topRightCorner(nv, nv).setIdentity();
   for (int i = 0; i < nv; ++i) {
     const int v = scope.components[idx(i)];
@@ -455,7 +458,8 @@ LinearModel linearize(const TreeOperators& tree, const OperatingPoint& at, const
   const Model& m = tree.model();
   OperatingPoint use = at;
   use.q = tree.q().data();
-  if (tree.whole() && !tree.is_masked() && m.has(Kernel::node_wrenches)) return linearize(m, use, ports);
+  const bool loads = !at.wrenches.empty() || std::ranges::any_of(ports.inputs, [](const std::string& name) { return name.find(':') != std::string::npos; });
+  if (tree.whole() && !tree.is_masked() && (!loads || m.has(Kernel::node_wrenches))) return linearize(m, use, ports);
   TreeOperators blocks = tree.subgraph(tree.sweep_bodies());
   const Scope marks = scope_of(m, &tree);
   std::vector<std::uint8_t> free;
