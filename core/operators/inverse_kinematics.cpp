@@ -85,7 +85,11 @@ class Solver {
     std::vector<int> nodes;
     for (const IkTarget& t : targets) nodes.push_back(t.node);
     (part ? *part : tree_).require_nodes(nodes);
-    if (part && !part->whole()) bodies_ = part->sweep_bodies();
+    if (part && !part->whole()) {
+      bodies_ = part->sweep_bodies();
+      place_bodies(part->q());
+      for (int k = 0; k < static_cast<int>(m_.bodies.size()); ++k) held_.push_back(part->index_of(k) < 0 ? std::optional(ws_.pose_W(k)) : std::nullopt);
+    }
     for (const IkTarget& t : targets) {
       for (int i = 0; i < 6; ++i)
         if (t.rows[idx(i)]) ++rows_;
@@ -154,6 +158,8 @@ class Solver {
   const IkOptions& options_;
   TreeOperators tree_;
   std::vector<int> bodies_;              // that take part; empty: all
+  std::optional<TreeOperators> part_;    // theirs, at the q of the last jacobian_star()
+  std::vector<std::optional<Pose<double>>> held_;  // by sweep index: where those stand that take no part; empty: none
   Workspace<double> ws_;
   std::vector<double> zeros_;
   std::vector<int> coordinate_;          // per velocity component: the coordinate with q' = v, or -1
@@ -183,14 +189,22 @@ class Solver {
     return q;
   }
 
-  /// 6 x targets, [rotation; position] in target axes.
-  MatrixXd errors(const VectorXd& q) {
+  /// Poses in the world.
+  void place_bodies(std::span<const double> q) {
     const Sweeps<double>& S = sweeps<double>();
     const Inputs<double> in{.q = q.data(), .v = zeros_.data(), .gravity = false};
     S.ground(m_, ws_, in);
     S.hinge_records(m_, ws_, in);
     for (const Run& run : m_.runs) S.outward(m_, ws_, in, run, {.velocity = false});
     S.world(m_, ws_, in);
+    for (int k = 0; k < static_cast<int>(held_.size()); ++k)
+      ws_.pose_W(k) = held_[idx(k)] ? *held_[idx(k)] : ws_.pose_W(m_.bodies[idx(k)].parent) * pose_in_inboard(m_, ws_, k, in.q);
+  }
+
+  /// 6 x targets, [rotation; position] in target axes.
+  MatrixXd errors(const VectorXd& q) {
+    place_bodies(std::span(q.data(), idx(m_.nq)));
+    const Inputs<double> in{.q = q.data(), .v = zeros_.data(), .gravity = false};
     MatrixXd out(6, targets_.size());
     nodes_.clear();
     for (std::size_t i = 0; i < targets_.size(); ++i) {
@@ -215,9 +229,12 @@ class Solver {
 
   /// A*: nv x rows, e(q + d) = e - A d; by H phi B, O(N) per row. At the q of the last errors().
   MatrixXd jacobian_star(const VectorXd& q, const MatrixXd& errors) {
+    part_.reset();
     tree_.at(q.data());
+    if (!bodies_.empty()) part_.emplace(tree_.subgraph(bodies_));
+    const TreeOperators& by = part_ ? *part_ : tree_;
     MatrixXd out(m_.nv, rows_);
-    VectorXd f(tree_.size(Space::body)), gathered(f.size()), tau(m_.nv);
+    VectorXd f(by.size(Space::body)), gathered(f.size()), tau(by.size(Space::hinge));
     int r = 0;
     for (std::size_t i = 0; i < targets_.size(); ++i) {
       const IkTarget& t = targets_[i];
@@ -230,10 +247,10 @@ class Solver {
         else
           wrench.tail<3>() = t.position_weight * shift.row(k - 3).transpose();
         const int node = t.node;
-        tree_.apply_nodes({&node, 1}, false, wrench.data(), f.data());
-        tree_.apply(Kind::phi, false, f.data(), gathered.data());
-        tree_.apply(Kind::H, false, gathered.data(), tau.data());
-        for (int v = 0; v < m_.nv; ++v) out(v, r) = movable_[idx(v)] ? tau[tree_.place_of_velocity(v)] : 0.0;
+        by.apply_nodes({&node, 1}, false, wrench.data(), f.data());
+        by.apply(Kind::phi, false, f.data(), gathered.data());
+        by.apply(Kind::H, false, gathered.data(), tau.data());
+        for (int v = 0; v < m_.nv; ++v) out(v, r) = movable_[idx(v)] ? tau[by.place_of_velocity(v)] : 0.0;
         ++r;
       }
     }
@@ -255,9 +272,7 @@ class Solver {
     for (int v = 0; v < m_.nv; ++v)
       if (!free[idx(v)]) out.row(v).setZero();
     if (!dynamic) return inverse_weight_.asDiagonal() * out;
-    std::optional<TreeOperators> part;
-    if (!bodies_.empty()) part.emplace(tree_.subgraph(bodies_));
-    TreeOperators& by = part ? *part : tree_;
+    TreeOperators& by = part_ ? *part_ : tree_;
     const int n = by.size(Space::hinge);
     std::vector<std::uint8_t> mask(idx(n));
     VectorXd solved(n);

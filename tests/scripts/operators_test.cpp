@@ -190,7 +190,7 @@ for i, name in ipairs(r.q:labels().names) do assert(r.q[i] == sim:q()[i] or name
 )");
   EXPECT_EQ(run.exit_code, 0) << run.err;
   for (const auto& [statement, code] : std::vector<std::pair<std::string, std::string>>{{"linearize{inputs = {'bus:force'}}", "C0208"}, {"linearize{outputs = {'wheel_1.rate'}}", "C0208"},
-                                                                                        {"derivatives('bus')", "C0201"}, {"bias({1, 2})", "C0902"}, {"interbody_forces{w = 1}", "C0203"}}) {
+                                                                                        {"derivatives('bus')", "C0201"}, {"bias({1, 2})", "C0502"}, {"interbody_forces{w = 1}", "C0104"}}) {
     const Finished refused = script("local x = sim:operators():subtree('wing_left'):" + statement);
     EXPECT_EQ(refused.exit_code, 2) << statement << refused.err;
     EXPECT_NE(refused.err.find(code), std::string::npos) << statement << "\n" << refused.err;
