@@ -69,7 +69,7 @@ struct Pair {
     for (std::size_t i = 0; i < alone.model->prescribed.size(); ++i) out[i] = !alone.model->prescribed[i];
     return out;
   }
-  /// Of bodies that are not fixed to the world in the one, and are not so without a coordinate in the other.
+  /// Of bodies that can move.
   std::vector<std::string> nodes() const {
     std::vector<std::string> out;
     for (const UserNode& node : alone.model->nodes)
@@ -109,7 +109,7 @@ void for_all_parts(const std::vector<TreeOptions>& kinds, double tolerance, cons
         count);
 }
 
-/// Rigid with many rotors, mixed, flexible with given motions; under uniform gravity and near a centre.
+/// Rigid with many rotors, mixed with given motions, flexible; under uniform gravity and near a centre.
 std::vector<TreeOptions> all_kinds(double prescribed = 0.2) {
   std::vector<TreeOptions> out;
   for (const GravitySpec::Kind gravity : {GravitySpec::Kind::uniform, GravitySpec::Kind::central}) {
