@@ -2,31 +2,47 @@
 
 #include <algorithm>
 
+#include "core/soa/gravity_field.hpp"
 #include "core/soa/kernels_tangent.hpp"
 
 namespace cardan {
 
 template <class T>
-void inverse_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inputs<T>& in, T* tau, InverseTerms terms) {
+void inverse_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inputs<T>& in, T* tau, InverseTerms terms, const Part* part) {
   const soa::Sweeps<T>& S = soa::sweeps<T>();
   soa::Inputs<T> use = in;
   use.gravity = in.gravity && terms.gravity;
+  const bool central = use.gravity && model.field.central;
   S.ground(model, ws, use);
   S.hinge_records(model, ws, use);
-  for (const Run& run : model.runs) S.outward(model, ws, use, run, {.vdot = in.vdot != nullptr, .velocity = terms.velocity, .inertia = in.vdot == nullptr});
+  outward(model, S, ws, use, {.vdot = in.vdot != nullptr, .velocity = terms.velocity, .inertia = in.vdot == nullptr}, part);
   if (terms.elastic && !model.flexible.empty()) S.elastic(model, ws, use);
-  if ((use.gravity && model.field.central) || std::ranges::any_of(in.wrenches, [](const auto& w) { return w.world_axes; })) {
+  if (central || std::ranges::any_of(in.wrenches, [](const auto& w) { return w.world_axes; })) {
     ws.require_world();
-    S.world(model, ws, use);
+    world(model, S, ws, use, part);
   }
-  if (use.gravity && model.field.central) S.central_gravity(model, ws, use);
-  S.node_wrenches(model, ws, use);
-  for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.gather(model, ws, use, *run, tau);
+  if (central) S.central_gravity(model, ws, use);
+  if (!part) {
+    S.node_wrenches(model, ws, use);
+    for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.gather(model, ws, use, *run, tau);
+    return;
+  }
+  for (const int k : part->rotors_left_out)
+    if (const SweepBody& rotor = model.bodies[static_cast<std::size_t>(k)]; central && rotor.M.m > 0.0) {
+      Vec3<T> c, r;
+      ws.core(rotor.parent).z += soa::attraction(model.field, cast<T>(rotor.M_sweep), ws.pose_W(rotor.parent), c, r);
+    }
+  for (const soa::NodeWrench<T>& w : in.wrenches) {
+    if (!part->takes_part[static_cast<std::size_t>(model.nodes[static_cast<std::size_t>(w.node)].sweep)]) continue;
+    use.wrenches = {&w, 1};
+    S.node_wrenches(model, ws, use);
+  }
+  for (auto run = part->runs.rbegin(); run != part->runs.rend(); ++run) S.gather(model, ws, use, *run, tau);
 }
-template void inverse_dynamics(const Model&, soa::Workspace<double>&, const soa::Inputs<double>&, double*, InverseTerms);
-template void inverse_dynamics(const Model&, soa::Workspace<soa::Lanes<4>>&, const soa::Inputs<soa::Lanes<4>>&, soa::Lanes<4>*, InverseTerms);
-template void inverse_dynamics(const Model&, soa::Workspace<soa::Lanes<8>>&, const soa::Inputs<soa::Lanes<8>>&, soa::Lanes<8>*, InverseTerms);
-template void inverse_dynamics(const Model&, soa::Workspace<soa::Tangent>&, const soa::Inputs<soa::Tangent>&, soa::Tangent*, InverseTerms);
+template void inverse_dynamics(const Model&, soa::Workspace<double>&, const soa::Inputs<double>&, double*, InverseTerms, const Part*);
+template void inverse_dynamics(const Model&, soa::Workspace<soa::Lanes<4>>&, const soa::Inputs<soa::Lanes<4>>&, soa::Lanes<4>*, InverseTerms, const Part*);
+template void inverse_dynamics(const Model&, soa::Workspace<soa::Lanes<8>>&, const soa::Inputs<soa::Lanes<8>>&, soa::Lanes<8>*, InverseTerms, const Part*);
+template void inverse_dynamics(const Model&, soa::Workspace<soa::Tangent>&, const soa::Inputs<soa::Tangent>&, soa::Tangent*, InverseTerms, const Part*);
 
 Eigen::VectorXd gravity_force(const Model& model, Workspace& ws, const double* q) {
   Eigen::VectorXd tau(model.nv);

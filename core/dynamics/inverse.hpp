@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 
 #include "core/dynamics/forward.hpp"
+#include "core/dynamics/part.hpp"
 
 namespace cardan {
 
@@ -14,8 +15,10 @@ struct InverseTerms {
 };
 
 /// tau = M v' + C - gravity - elastic - external, nv numbers, with v' = in.vdot (null = 0). Hinge springs are not part of it.
+/// Of a part: tau of its bodies alone is written, in.v and in.vdot must be zero for the others. Afterwards the workspace holds
+/// gamma with v' inside, and in z the forces that the hinges transmit (of rotors: in that of their carrier).
 template <class T>
-void inverse_dynamics(const Model& model, soa::Workspace<T>& workspace, const soa::Inputs<T>& in, T* tau, InverseTerms terms = {});
+void inverse_dynamics(const Model& model, soa::Workspace<T>& workspace, const soa::Inputs<T>& in, T* tau, InverseTerms terms = {}, const Part* part = nullptr);
 
 /// Mass matrix M = H phi M phi* H*, nv x nv, by the composite body inertia (Lyapunov recursion, 4.3), O(N^2).
 Eigen::MatrixXd mass_matrix(const Model& model, Workspace& workspace, const double* q);

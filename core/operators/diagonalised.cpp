@@ -89,13 +89,6 @@ void riccati_rates(const TreeOperators& tree, const PositionBlocks& direction, R
 
 Diagonalised::Diagonalised(const TreeOperators& tree, Form form) : tree_(tree), normalised_(form == Form::normalised), ws_(tree.model()) {}
 
-VectorXd Diagonalised::of_model(const VectorXd& v) const {
-  VectorXd all = VectorXd::Zero(tree_.model().nv);
-  for (int i = 0; i < tree_.model().nv; ++i)
-    if (const int place = tree_.place_of_velocity(i); place >= 0) all[i] = v[place];
-  return all;
-}
-
 void Diagonalised::clear_given(int i, VectorXd& x) const {
   const OperatorBody& b = tree_.bodies()[idx(i)];
   for (int j = b.v; j < b.v + b.nh + b.m; ++j)
@@ -142,7 +135,7 @@ VectorXd Diagonalised::eps(const VectorXd& tau) const {
 // scatter(): nu = S* (v + G* x), so it is S*' (v + G* x) + S* (G*' x + G* x').
 VectorXd Diagonalised::drift(const VectorXd& v, const double* given_vdot) {
   const PositionBlocks& d = direction_;
-  tree_.derivatives(of_model(v).data(), direction_);
+  tree_.derivatives(tree_.to_model(v).data(), direction_);
   riccati_rates(tree_, d, rates_);
   const RiccatiRates& rates = rates_;
   const std::size_t n = tree_.bodies().size();
@@ -176,27 +169,22 @@ VectorXd Diagonalised::drift(const VectorXd& v, const double* given_vdot) {
 }
 
 VectorXd Diagonalised::coriolis(const VectorXd& v) {
-  const VectorXd all = of_model(v), elastic = elastic_force(tree_.model(), tree_.q().data(), all.data());
-  VectorXd C = soa::bias(tree_, ws_, {.v = all.data(), .gravity = false});  // with what the modes' springs and dampers do
-  for (int i = 0; i < tree_.model().nv; ++i)
-    if (const int place = tree_.place_of_velocity(i); place >= 0) C[place] += elastic[i];
-  return eps(C) - drift(v, nullptr);
+  const VectorXd all = tree_.to_model(v);
+  const VectorXd C = soa::bias(tree_, ws_, {.v = all.data(), .gravity = false});  // with what the modes' springs and dampers do
+  return eps(C + tree_.from_model(elastic_force(tree_.model(), tree_.q().data(), all.data()))) - drift(v, nullptr);
 }
 
 VectorXd Diagonalised::rate(const Inputs& in) {
   const Model& model = tree_.model();
-  if (!tree_.whole())
-    throw InputError(Diagnostic{Code::unsupported, {"rate of diagonalised velocities", {}}, "the whole tree", "a subgraph", "coriolis() and eps() take a subtree", {}, {}, 0});
-  VectorXd given = VectorXd::Zero(model.nv), missing(model.nv);
+  VectorXd given = VectorXd::Zero(model.nv);
   for (int i = 0; i < model.nv; ++i)
-    if (in.vdot && !tree_.is_free(i)) given[i] = in.vdot[i];
+    if (const int place = tree_.place_of_velocity(i); in.vdot && place >= 0 && !tree_.is_free(place)) given[i] = in.vdot[i];
   Inputs use = in;
   use.vdot = given.data();
-  inverse_dynamics(model, ws_, use, missing.data());
-  missing = -missing;
-  if (in.tau) missing += Eigen::Map<const VectorXd>(in.tau, model.nv);
-  const VectorXd v = Eigen::Map<const VectorXd>(in.v, model.nv);
-  VectorXd out = eps(missing) + drift(v, given.data());
+  VectorXd missing = -soa::inverse_dynamics(tree_, ws_, use);
+  if (in.tau) missing += tree_.from_model(Eigen::Map<const VectorXd>(in.tau, model.nv));
+  const VectorXd v = tree_.from_model(Eigen::Map<const VectorXd>(in.v, model.nv)), accelerations = tree_.from_model(given);
+  VectorXd out = eps(missing) + drift(v, accelerations.data());
   if (!normalised_)
     for (int i = 0; i < static_cast<int>(tree_.bodies().size()); ++i) {
       const OperatorBody& b = tree_.bodies()[idx(i)];

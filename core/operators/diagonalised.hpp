@@ -16,7 +16,8 @@ struct RiccatiRates {
 void riccati_rates(const soa::TreeOperators& tree, const soa::PositionBlocks& direction, RiccatiRates& rates);
 
 /// Vectors are of the hinge space; entries of given (prescribed) components are zero in nu, eps, C. O(N) each. The tree, a whole one or a
-/// subgraph (C of a subtree: C0401 where something that hangs on it is left out; rate() of a whole tree), must outlive this; at() and articulate() of it move this along. T = 1/2 nu* nu and nu* C = 0 where no component is given a velocity.
+/// subgraph, must outlive this; at() and articulate() of it move this along. T = 1/2 nu* nu and nu* C = 0 where no component is given a
+/// velocity.
 class Diagonalised {
  public:
   enum class Form : std::uint8_t {
@@ -31,12 +32,12 @@ class Diagonalised {
   Eigen::VectorXd eps(const Eigen::VectorXd& tau) const;
   /// C at q of the tree: velocity terms alone; given components move uniformly.
   Eigen::VectorXd coriolis(const Eigen::VectorXd& v);
-  /// nu' of the whole right-hand side: in.tau, gravity, elastic forces, wrenches, v' of given components in in.vdot. in.q is that of the tree.
+  /// nu' of the whole right-hand side: in.tau, gravity, elastic forces, wrenches, v' of given components in in.vdot; nv numbers of the model
+  /// each, of which those of bodies that take part are read. q is that of the tree.
   /// Springs of hinges are part of in.tau, as in forward dynamics.
   Eigen::VectorXd rate(const Inputs& in);
 
  private:
-  Eigen::VectorXd of_model(const Eigen::VectorXd& v) const;  // of the hinge space, zero for bodies that take no part
   Eigen::VectorXd drift(const Eigen::VectorXd& v, const double* given_vdot);
   void clear_given(int i, Eigen::VectorXd& x) const;
   const soa::TreeOperators& tree_;

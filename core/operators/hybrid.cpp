@@ -8,7 +8,9 @@
 #include "core/dynamics/inverse.hpp"
 #include "core/operators/apply.hpp"
 #include "core/operators/mass_matrix.hpp"
+#include "core/operators/node_motion.hpp"
 #include "core/operators/system_properties.hpp"
+#include "core/soa/gravity_field.hpp"
 
 namespace cardan::soa {
 
@@ -20,6 +22,26 @@ using Eigen::VectorXd;
 std::size_t idx(int i) { return static_cast<std::size_t>(i); }
 bool is_free(Drive drive) { return drive == Drive::forced || drive == Drive::passive; }
 VectorXd inverse_mass_times(const TreeOperators& tree, const VectorXd& tau) { return operators::apply(operators::mass_inverse, tree, tau); }
+
+/// What the hinge of a rotor transmits, at its origin: the sweeps know of its carrier only. After inverse dynamics.
+Force<double> force_on_rotor(const Model& model, const Workspace<double>& ws, const Inputs<double>& in, int k) {
+  const SweepBody& b = model.bodies[idx(k)];
+  Vec3<double> w;
+  Motion<double> gamma;
+  motion_of_body(model, ws, in, k, in.vdot, After::inverse, w, gamma);
+  Force<double> f = b.M * gamma + gyroscopic(b.M, w);
+  if (in.gravity && model.field.central && b.M.m > 0.0) {
+    Vec3<double> c, r;
+    f -= attraction(model.field, b.M, ws.pose_W(k), c, r);
+  }
+  for (const NodeWrench<double>& load : in.wrenches) {
+    const UserNode& node = model.nodes[idx(load.node)];
+    if (node.sweep != k) continue;
+    const Mat3<double> R = load.world_axes ? transpose(ws.pose_W(k).R) : node.shapes.pose.R;
+    f -= to_inboard(Pose<double>{Mat3<double>::identity(), node.shapes.pose.p}, Force<double>{R * load.f.n, R * load.f.f});
+  }
+  return f;
+}
 
 }  // namespace
 
@@ -74,24 +96,44 @@ Hybrid hybrid_dynamics(const TreeOperators& tree, const VectorXd& bias, const Ve
   return out;
 }
 
-VectorXd bias(const TreeOperators& tree, Workspace<double>& ws, const Inputs<double>& in) {
+VectorXd inverse_dynamics(const TreeOperators& tree, Workspace<double>& ws, const Inputs<double>& in) {
   tree.require(Kind::H);
   const Model& model = tree.model();
-  for (int k = 1; k < static_cast<int>(model.bodies.size()); ++k) {
-    const int inboard = tree.index_of(model.bodies[idx(k)].parent);
-    if (tree.index_of(k) >= 0 || inboard < 0) continue;
-    throw InputError(Diagnostic{Code::unsupported, {"bias forces", {}}, "a subgraph with all that hangs on it",
-                                "one without a body that hangs on " + model.user[idx(tree.bodies()[idx(inboard)].user)].name,
-                                "give the bias instead", {}, {}, 0});
-  }
-  VectorXd v = VectorXd::Zero(model.nv), all(model.nv), out(tree.size(Space::hinge));
-  for (int j = 0; in.v && j < model.nv; ++j)
-    if (tree.place_of_velocity(j) >= 0) v[j] = in.v[j];
+  const auto taking_part = [&](const double* x) {
+    VectorXd out = VectorXd::Zero(model.nv);
+    for (int j = 0; x && j < model.nv; ++j)
+      if (tree.place_of_velocity(j) >= 0) out[j] = x[j];
+    return out;
+  };
+  const VectorXd v = taking_part(in.v), vdot = taking_part(in.vdot);
+  VectorXd tau(model.nv);
   Inputs<double> use = in;
-  use.q = tree.q().data(), use.v = v.data(), use.vdot = nullptr, use.tau = nullptr;
-  inverse_dynamics(model, ws, use, all.data());
-  for (int j = 0; j < model.nv; ++j)
-    if (const int place = tree.place_of_velocity(j); place >= 0) out[place] = all[j];
+  use.q = tree.q().data(), use.v = v.data(), use.vdot = in.vdot ? vdot.data() : nullptr, use.tau = nullptr;
+  cardan::inverse_dynamics(model, ws, use, tau.data(), {}, tree.part());
+  return tree.from_model(tau);
+}
+
+VectorXd bias(const TreeOperators& tree, Workspace<double>& ws, const Inputs<double>& in) {
+  Inputs<double> use = in;
+  use.vdot = nullptr;
+  return inverse_dynamics(tree, ws, use);
+}
+
+VectorXd interbody_forces(const TreeOperators& tree, Workspace<double>& ws, const Inputs<double>& in) {
+  const Model& model = tree.model();
+  const VectorXd still = VectorXd::Zero(model.nv);
+  Inputs<double> use = in;
+  use.q = tree.q().data();
+  if (!in.v) use.v = still.data();
+  if (!in.vdot) use.vdot = still.data();
+  inverse_dynamics(tree, ws, use);
+  VectorXd out(tree.size(Space::body));
+  for (const OperatorBody& b : tree.bodies()) {
+    const SweepBody& body = model.bodies[idx(b.sweep)];
+    const Force<double> f = body.kind == KernelKind::rotor ? force_on_rotor(model, ws, use, b.sweep) : ws.core(b.sweep).z;
+    out.segment<6>(b.at) = to_eigen(to_outboard(model.user[idx(b.user)].pose, f));
+    for (int j = 0; j < b.m; ++j) out[b.at + 6 + j] = ws.modal_of(b.sweep)->z[j];
+  }
   return out;
 }
 

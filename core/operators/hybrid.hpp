@@ -28,14 +28,22 @@ struct Hybrid {
 /// forward dynamics by blocks. Needs Inertia. W of articulate() counts for the free ones.
 Hybrid hybrid_dynamics(const TreeOperators& tree, const Eigen::VectorXd& bias, const Eigen::VectorXd& tau, const Eigen::VectorXd& vdot);
 
-/// C - gravity - elastic - external at (q of the tree, in.v), by inverse dynamics, O(N). in: v (nv numbers of the model), wrenches, gravity;
-/// workspace: of the model. For a subgraph, which must contain all that hangs on it (a subtree, not a path: C0401), what is inboard
-/// of it stands still. Hinge springs are no part of it, as in inverse_dynamics().
-Eigen::VectorXd bias(const TreeOperators& tree, Workspace<double>& workspace, const Inputs<double>& in);
-/// The same by the kind of drive: tau of passive and v' of locked components count as 0 whatever is given. Error C0301 where a
+/// The same by the kind of drive, with bias(): tau of passive and v' of locked components count as 0 whatever is given. Error C0301 where a
 /// locked component moves (in.v), C0902 where the drives do not match the mask of the tree.
 Hybrid hybrid_dynamics(const TreeOperators& tree, std::span<const Drive> drives, Workspace<double>& workspace, const Inputs<double>& in,
                        const Eigen::VectorXd& tau, const Eigen::VectorXd& vdot);
+
+// By the sweeps of inverse dynamics over the bodies that take part, O(N). in: v, vdot (nv numbers of the model, null: 0), wrenches,
+// gravity; those of bodies that take no part are not read, and what is inboard of a subgraph stands still. q is that of the tree; the
+// workspace: of the model. Hinge springs are no part of it.
+
+/// M v' + C - gravity - elastic - external.
+Eigen::VectorXd inverse_dynamics(const TreeOperators& tree, Workspace<double>& workspace, const Inputs<double>& in);
+/// The same at v' = 0.
+Eigen::VectorXd bias(const TreeOperators& tree, Workspace<double>& workspace, const Inputs<double>& in);
+/// f = phi (M alpha + b - f_ext), body space: the wrench [moment; force] that the hinge transmits to each body, at the origin and in the
+/// axes of its frame, and the modal rows, which hold the elastic forces K eta + C eta'. tau = H f. alpha: accelerations less gravity.
+Eigen::VectorXd interbody_forces(const TreeOperators& tree, Workspace<double>& workspace, const Inputs<double>& in);
 
 /// A system of which some components p carry no actuator, or are determined by momentum; the others are a. The tree must be
 /// articulated with free = p. All by operators, O(N) per product.

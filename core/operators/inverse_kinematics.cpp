@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "core/base/diagnostic.hpp"
 #include "core/operators/apply.hpp"
@@ -64,7 +65,8 @@ struct Random {
 
 class Solver {
  public:
-  Solver(const std::shared_ptr<const Model>& model, std::span<const IkTarget> targets, const IkOptions& options)
+  /// part: null, all may move.
+  Solver(const std::shared_ptr<const Model>& model, const TreeOperators* part, std::span<const IkTarget> targets, const IkOptions& options)
       : m_(*model), targets_(targets), options_(options), tree_(model), ws_(m_), zeros_(idx(m_.nv), 0.0), coordinate_(idx(m_.nv), -1),
         movable_(idx(m_.nv), 0), turns_(idx(m_.nv), 0) {
     ws_.require_world();
@@ -72,16 +74,22 @@ class Solver {
       for (int i = 0; i < r.n; ++i) coordinate_[idx(r.v + i)] = r.q + i;
     for (const UserBody& u : m_.user)
       for (int j = 0; j < u.nv; ++j) {
-        movable_[idx(u.v + j)] = options.free.empty();
+        movable_[idx(u.v + j)] = options.free.empty() && may_move(part, u.v + j);
         turns_[idx(u.v + j)] = u.v_units[idx(j)] == "rad/s";
       }
     for (const int v : options.free) {
       if (v < 0 || v >= m_.nv) refuse(Code::out_of_range, "free", fmt::format("components 0 to {}", m_.nv - 1), fmt::format("{}", v));
+      if (!may_move(part, v)) refuse(Code::unsupported, "free", "components of bodies that take part, free in the tree", name_of(v));
       movable_[idx(v)] = 1;
     }
     std::vector<int> nodes;
     for (const IkTarget& t : targets) nodes.push_back(t.node);
-    tree_.require_nodes(nodes);
+    (part ? *part : tree_).require_nodes(nodes);
+    if (part && !part->whole()) {
+      bodies_ = part->sweep_bodies();
+      place_bodies(part->q());
+      for (int k = 0; k < static_cast<int>(m_.bodies.size()); ++k) held_.push_back(part->index_of(k) < 0 ? std::optional(ws_.pose_W(k)) : std::nullopt);
+    }
     for (const IkTarget& t : targets) {
       for (int i = 0; i < 6; ++i)
         if (t.rows[idx(i)]) ++rows_;
@@ -94,6 +102,7 @@ class Solver {
     for (const IkLimit& l : options.limits) {
       if (l.v < 0 || l.v >= m_.nv || coordinate_[idx(l.v)] < 0)
         refuse(Code::unsupported, "limits", "a component with a coordinate of its own", fmt::format("velocity component {}", l.v));
+      if (!may_move(part, l.v)) refuse(Code::unsupported, "limits", "components of bodies that take part, free in the tree", name_of(l.v));
       if (!(l.lower <= l.upper)) refuse(Code::out_of_range, "limits", "lower <= upper", fmt::format("{:g} ... {:g}", l.lower, l.upper));
       lower_[l.v] = std::max(lower_[l.v], l.lower), upper_[l.v] = std::min(upper_[l.v], l.upper);
       if (!(lower_[l.v] <= upper_[l.v]))
@@ -148,6 +157,9 @@ class Solver {
   std::span<const IkTarget> targets_;
   const IkOptions& options_;
   TreeOperators tree_;
+  std::vector<int> bodies_;              // that take part; empty: all
+  std::optional<TreeOperators> part_;    // theirs, at the q of the last jacobian_star()
+  std::vector<std::optional<Pose<double>>> held_;  // by sweep index: where those stand that take no part; empty: none
   Workspace<double> ws_;
   std::vector<double> zeros_;
   std::vector<int> coordinate_;          // per velocity component: the coordinate with q' = v, or -1
@@ -157,6 +169,12 @@ class Solver {
   double scale_ = 1.0;
   std::vector<NodeMotion<double>> nodes_;  // of the last errors()
 
+  static bool may_move(const TreeOperators* part, int v) {
+    if (!part) return true;
+    const int place = part->place_of_velocity(v);
+    return place >= 0 && part->is_free(place);
+  }
+  std::string name_of(int v) const { return tree_.labels(Space::hinge, Sort::motion).names[idx(tree_.place_of_velocity(v))]; }
   VectorXd moved(const VectorXd& q, const VectorXd& d) const {
     VectorXd out(m_.nq);
     m_.retract(q.data(), d.data(), out.data());
@@ -171,14 +189,22 @@ class Solver {
     return q;
   }
 
-  /// 6 x targets, [rotation; position] in target axes.
-  MatrixXd errors(const VectorXd& q) {
+  /// Poses in the world.
+  void place_bodies(std::span<const double> q) {
     const Sweeps<double>& S = sweeps<double>();
     const Inputs<double> in{.q = q.data(), .v = zeros_.data(), .gravity = false};
     S.ground(m_, ws_, in);
     S.hinge_records(m_, ws_, in);
     for (const Run& run : m_.runs) S.outward(m_, ws_, in, run, {.velocity = false});
     S.world(m_, ws_, in);
+    for (int k = 0; k < static_cast<int>(held_.size()); ++k)
+      ws_.pose_W(k) = held_[idx(k)] ? *held_[idx(k)] : ws_.pose_W(m_.bodies[idx(k)].parent) * pose_in_inboard(m_, ws_, k, in.q);
+  }
+
+  /// 6 x targets, [rotation; position] in target axes.
+  MatrixXd errors(const VectorXd& q) {
+    place_bodies(std::span(q.data(), idx(m_.nq)));
+    const Inputs<double> in{.q = q.data(), .v = zeros_.data(), .gravity = false};
     MatrixXd out(6, targets_.size());
     nodes_.clear();
     for (std::size_t i = 0; i < targets_.size(); ++i) {
@@ -203,9 +229,12 @@ class Solver {
 
   /// A*: nv x rows, e(q + d) = e - A d; by H phi B, O(N) per row. At the q of the last errors().
   MatrixXd jacobian_star(const VectorXd& q, const MatrixXd& errors) {
+    part_.reset();
     tree_.at(q.data());
+    if (!bodies_.empty()) part_.emplace(tree_.subgraph(bodies_));
+    const TreeOperators& by = part_ ? *part_ : tree_;
     MatrixXd out(m_.nv, rows_);
-    VectorXd f(tree_.size(Space::body)), gathered(f.size()), tau(m_.nv);
+    VectorXd f(by.size(Space::body)), gathered(f.size()), tau(by.size(Space::hinge));
     int r = 0;
     for (std::size_t i = 0; i < targets_.size(); ++i) {
       const IkTarget& t = targets_[i];
@@ -218,10 +247,10 @@ class Solver {
         else
           wrench.tail<3>() = t.position_weight * shift.row(k - 3).transpose();
         const int node = t.node;
-        tree_.apply_nodes({&node, 1}, false, wrench.data(), f.data());
-        tree_.apply(Kind::phi, false, f.data(), gathered.data());
-        tree_.apply(Kind::H, false, gathered.data(), tau.data());
-        for (int v = 0; v < m_.nv; ++v) out(v, r) = movable_[idx(v)] ? tau[tree_.place_of_velocity(v)] : 0.0;
+        by.apply_nodes({&node, 1}, false, wrench.data(), f.data());
+        by.apply(Kind::phi, false, f.data(), gathered.data());
+        by.apply(Kind::H, false, gathered.data(), tau.data());
+        for (int v = 0; v < m_.nv; ++v) out(v, r) = movable_[idx(v)] ? tau[by.place_of_velocity(v)] : 0.0;
         ++r;
       }
     }
@@ -243,14 +272,16 @@ class Solver {
     for (int v = 0; v < m_.nv; ++v)
       if (!free[idx(v)]) out.row(v).setZero();
     if (!dynamic) return inverse_weight_.asDiagonal() * out;
-    std::vector<std::uint8_t> mask(idx(m_.nv));
-    VectorXd in(m_.nv), solved(m_.nv);
-    for (int v = 0; v < m_.nv; ++v) mask[idx(tree_.place_of_velocity(v))] = free[idx(v)];
-    tree_.articulate({.W = nullptr, .free = mask});
+    TreeOperators& by = part_ ? *part_ : tree_;
+    const int n = by.size(Space::hinge);
+    std::vector<std::uint8_t> mask(idx(n));
+    VectorXd solved(n);
+    for (int v = 0; v < m_.nv; ++v)
+      if (const int place = by.place_of_velocity(v); place >= 0) mask[idx(place)] = free[idx(v)];
+    by.articulate({.W = nullptr, .free = mask});
     for (int r = 0; r < rows_; ++r) {
-      for (int v = 0; v < m_.nv; ++v) in[tree_.place_of_velocity(v)] = out(v, r);
-      operators::apply(operators::mass_inverse, tree_, in.data(), solved.data());
-      for (int v = 0; v < m_.nv; ++v) out(v, r) = free[idx(v)] ? solved[tree_.place_of_velocity(v)] : 0.0;
+      operators::apply(operators::mass_inverse, by, by.from_model(out.col(r)).data(), solved.data());  // 0 where not free
+      out.col(r) = by.to_model(solved);
     }
     return out;
   }
@@ -403,7 +434,11 @@ IkTarget IkTarget::at_pose(int node, const Vector3d& x, const Eigen::Matrix3d& R
 }
 
 IkResult inverse_kinematics(const std::shared_ptr<const Model>& model, const double* q, std::span<const IkTarget> targets, const IkOptions& options) {
-  return Solver(model, targets, options).run(q);
+  return Solver(model, nullptr, targets, options).run(q);
+}
+IkResult inverse_kinematics(const TreeOperators& tree, std::span<const IkTarget> targets, const IkOptions& options) {
+  tree.require(Kind::H);
+  return Solver(tree.model_pointer(), &tree, targets, options).run(tree.q().data());
 }
 
 }  // namespace cardan::soa

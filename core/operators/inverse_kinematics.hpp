@@ -61,5 +61,8 @@ struct IkResult {
 /// From q (nq numbers). The residual is what decides: a target out of reach is a result, not an exception. InputError for
 /// unknown nodes (C0202), limits that exclude each other or stand on a quaternion, vectors of the wrong size.
 IkResult inverse_kinematics(const std::shared_ptr<const Model>& model, const double* q, std::span<const IkTarget> targets, const IkOptions& options = {});
+/// From the q of a tree. Only what takes part and is free in it moves, on what stays where it is; `dynamic` is the mass matrix of the
+/// bodies that take part. Targets on, limits and free components of other bodies are errors (C0202, C0401).
+IkResult inverse_kinematics(const TreeOperators& tree, std::span<const IkTarget> targets, const IkOptions& options = {});
 
 }  // namespace cardan::soa

@@ -7,6 +7,8 @@
 #include <optional>
 
 #include "core/base/diagnostic.hpp"
+#include "core/dynamics/inverse.hpp"
+#include "core/operators/apply.hpp"
 #include "core/operators/node_motion.hpp"
 #include "core/operators/sensitivity.hpp"
 #include "core/soa/kernels_tangent.hpp"
@@ -25,7 +27,30 @@ bool is_curved(const UserBody& u) { return u.nq > 0 && u.hinge->retract; }
 bool has_quaternion(const UserBody& u) {
   return u.hinge->shape == CARDAN_SHAPE_BALL || u.hinge->shape == CARDAN_SHAPE_FREE || u.hinge->shape == CARDAN_SHAPE_FREE_BODY;
 }
-bool is_given(const Model& m, int v) { return m.has_prescribed() && m.prescribed[idx(v)] != 0; }
+
+/// What the model is of: all bodies, or those of a tree.
+struct Scope {
+  const Model& m;
+  const TreeOperators* blocks = nullptr;   // articulated, by which v' is found; null: all bodies, by the sweeps of forward dynamics
+  std::vector<int> components = {}, place = {};  // of the hinge space: velocity component of the model; and back, -1 for others
+  std::vector<std::uint8_t> given = {};    // per velocity component of the model
+  int nv() const { return static_cast<int>(components.size()); }
+  const Part* part() const { return blocks ? blocks->part() : nullptr; }
+  bool has(int sweep) const { return !part() || part()->takes_part[idx(sweep)] != 0; }
+  /// Of those that are asked for by name.
+  std::string expected(std::string what) const { return part() ? what + ", of the bodies that take part" : what; }
+};
+Scope scope_of(const Model& m, const TreeOperators* blocks) {
+  Scope out{m, blocks};
+  out.place.resize(idx(m.nv)), out.given.resize(idx(m.nv));
+  out.components.resize(idx(blocks ? blocks->size(Space::hinge) : m.nv));
+  for (int v = 0; v < m.nv; ++v) {
+    const int i = out.place[idx(v)] = blocks ? blocks->place_of_velocity(v) : v;
+    if (i >= 0) out.components[idx(i)] = v;
+    out.given[idx(v)] = i >= 0 && ((m.has_prescribed() && m.prescribed[idx(v)]) || (blocks && !blocks->is_free(i)));
+  }
+  return out;
+}
 
 // ---- names ----
 
@@ -40,18 +65,22 @@ std::string without_second(const std::string& unit) { return unit.ends_with("/s"
 /// Dual to a velocity: W per unit of it.
 std::string force_unit(const std::string& rate) { return rate == "rad/s" ? "N m" : rate == "m/s" ? "N" : rate == "1/s" ? "J" : "W/(" + rate + ")"; }
 
-SpaceLabels state_labels(const Model& m) {
+SpaceLabels state_labels(const Scope& scope) {
   SpaceLabels out;
-  out.names.resize(idx(2 * m.nv)), out.units.resize(idx(2 * m.nv));
+  const int nv = scope.nv();
+  out.names.resize(idx(2 * nv)), out.units.resize(idx(2 * nv));
   const auto put = [&](int i, std::string name, std::string unit) { out.names[idx(i)] = std::move(name), out.units[idx(i)] = std::move(unit); };
-  for (const UserBody& u : m.user) {
+  for (const UserBody& u : scope.m.user) {
+    if (!scope.has(u.sweep)) continue;
     for (int j = 0; j < u.nv; ++j) {
-      put(u.v + j, u.name + "." + deviation_name(u, j), is_curved(u) ? without_second(u.v_units[idx(j)]) : u.q_units[idx(j)]);
-      put(m.nv + u.v + j, u.name + "." + u.v_names[idx(j)], u.v_units[idx(j)]);
+      const int i = scope.place[idx(u.v + j)];
+      put(i, u.name + "." + deviation_name(u, j), is_curved(u) ? without_second(u.v_units[idx(j)]) : u.q_units[idx(j)]);
+      put(nv + i, u.name + "." + u.v_names[idx(j)], u.v_units[idx(j)]);
     }
     for (int j = 0; j < u.n_modes; ++j) {
-      put(u.etadot + j, fmt::format("{}.eta_{}", u.name, j + 1), "1");
-      put(m.nv + u.etadot + j, fmt::format("{}.etadot_{}", u.name, j + 1), "1/s");
+      const int i = scope.place[idx(u.etadot + j)];
+      put(i, fmt::format("{}.eta_{}", u.name, j + 1), "1");
+      put(nv + i, fmt::format("{}.etadot_{}", u.name, j + 1), "1/s");
     }
   }
   return out;
@@ -62,7 +91,7 @@ SpaceLabels state_labels(const Model& m) {
 /// One number that goes in or comes out.
 struct Port {
   enum Kind { hinge, force, torque, state, position, velocity, acceleration, attitude, rate, specific_force, linear_momentum, angular_momentum } kind;
-  int index;  // velocity component, node, or state
+  int index;  // velocity component of the model, node, or state
   int axis;   // of three
 };
 struct PortList {
@@ -111,71 +140,77 @@ void add_quantity(PortList& out, const char* side, const std::string& text, std:
   unknown(side, text, fmt::format("one of {} behind the colon, all three or .x, .y, .z", fmt::join(legal, ", ")), legal);
 }
 
-int node_of(const Model& m, const char* side, const std::string& text, std::size_t colon) {
+int node_of(const Scope& scope, const char* side, const std::string& text, std::size_t colon) {
   const std::string name = text.substr(0, colon);
-  const int node = m.find_node(name);
-  if (node >= 0) return node;
+  const int node = scope.m.find_node(name);
+  if (node >= 0 && scope.has(scope.m.nodes[idx(node)].sweep)) return node;
   std::vector<std::string> legal;
-  for (const UserNode& n : m.nodes) legal.push_back(n.name);
-  unknown(side, name, "the name of a node, or of a body for its origin", legal);
+  for (const UserNode& n : scope.m.nodes)
+    if (scope.has(n.sweep)) legal.push_back(n.name);
+  unknown(side, name, scope.expected("the name of a node, or of a body for its origin"), legal);
 }
 
-PortList inputs_of(const Model& m, const std::vector<std::string>& wanted) {
-  const SpaceLabels states = state_labels(m);
+PortList inputs_of(const Scope& scope, const std::vector<std::string>& wanted) {
+  const Model& m = scope.m;
+  const SpaceLabels states = state_labels(scope);
   PortList out;
-  const auto add = [&](int v) {
-    const std::string &name = states.names[idx(v)], &rate = states.units[idx(m.nv + v)];
+  const auto add = [&](int i) {  // component of the hinge space
+    const std::string &name = states.names[idx(i)], &rate = states.units[idx(scope.nv() + i)];
+    const int v = scope.components[idx(i)];
     out.ports.push_back({Port::hinge, v, 0});
     out.labels.names.push_back(name);
-    out.labels.units.push_back(!is_given(m, v) ? force_unit(rate) : rate == "1/s" ? "1/s^2" : rate + "^2");
+    out.labels.units.push_back(!scope.given[idx(v)] ? force_unit(rate) : rate == "1/s" ? "1/s^2" : rate + "^2");
   };
   const auto add_hinge = [&](const UserBody& u) {
-    for (int j = 0; j < u.nv; ++j) add(u.v + j);
+    for (int j = 0; j < u.nv; ++j) add(scope.place[idx(u.v + j)]);
   };
   if (wanted.empty())
-    for (const UserBody& u : m.user) add_hinge(u);
+    for (const UserBody& u : m.user)
+      if (scope.has(u.sweep)) add_hinge(u);
   for (const std::string& text : wanted) {
     if (const std::size_t colon = text.rfind(':'); colon != std::string::npos) {
-      add_quantity(out, "inputs", text, colon, node_of(m, "inputs", text, colon), kLoads);
+      add_quantity(out, "inputs", text, colon, node_of(scope, "inputs", text, colon), kLoads);
       continue;
     }
-    if (const int u = m.find_body(text); u >= 0 && m.user[idx(u)].nv > 0) {
+    if (const int u = m.find_body(text); u >= 0 && m.user[idx(u)].nv > 0 && scope.has(m.user[idx(u)].sweep)) {
       add_hinge(m.user[idx(u)]);
       continue;
     }
     const auto found = std::find(states.names.begin(), states.names.end(), text);
-    if (found == states.names.end()) unknown("inputs", text, "a component of a hinge, a hinge, a mode, or NODE:force, NODE:torque", states.names);
-    add(static_cast<int>(found - states.names.begin()) % m.nv);
+    if (found == states.names.end()) unknown("inputs", text, scope.expected("a component of a hinge, a hinge, a mode, or NODE:force, NODE:torque"), states.names);
+    add(static_cast<int>(found - states.names.begin()) % scope.nv());
   }
   return out;
 }
 
-PortList outputs_of(const Model& m, const std::vector<std::string>& wanted) {
-  const SpaceLabels states = state_labels(m);
+PortList outputs_of(const Scope& scope, const std::vector<std::string>& wanted) {
+  const Model& m = scope.m;
+  const SpaceLabels states = state_labels(scope);
   PortList out;
   const auto add = [&](int i) {
     out.ports.push_back({Port::state, i, 0});
     out.labels.names.push_back(states.names[idx(i)]), out.labels.units.push_back(states.units[idx(i)]);
   };
-  for (int i = 0; wanted.empty() && i < 2 * m.nv; ++i) add(i);
+  for (int i = 0; wanted.empty() && i < 2 * scope.nv(); ++i) add(i);
   for (const std::string& text : wanted) {
     if (const std::size_t colon = text.rfind(':'); colon != std::string::npos) {
       if (text.starts_with("momentum:") && m.find_node("momentum") < 0)
         add_quantity(out, "outputs", text, colon, -1, kMomentum);
       else
-        add_quantity(out, "outputs", text, colon, node_of(m, "outputs", text, colon), kSeen);
+        add_quantity(out, "outputs", text, colon, node_of(scope, "outputs", text, colon), kSeen);
       continue;
     }
-    if (const int i = m.find_body(text); i >= 0 && m.user[idx(i)].nv + m.user[idx(i)].n_modes > 0) {
+    if (const int i = m.find_body(text); i >= 0 && m.user[idx(i)].nv + m.user[idx(i)].n_modes > 0 && scope.has(m.user[idx(i)].sweep)) {
       const UserBody& u = m.user[idx(i)];
-      for (const int side : {0, m.nv}) {
-        for (int j = 0; j < u.nv; ++j) add(side + u.v + j);
-        for (int j = 0; j < u.n_modes; ++j) add(side + u.etadot + j);
+      for (const int side : {0, scope.nv()}) {
+        for (int j = 0; j < u.nv; ++j) add(side + scope.place[idx(u.v + j)]);
+        for (int j = 0; j < u.n_modes; ++j) add(side + scope.place[idx(u.etadot + j)]);
       }
       continue;
     }
     const auto found = std::find(states.names.begin(), states.names.end(), text);
-    if (found == states.names.end()) unknown("outputs", text, "a state, a hinge, NODE:position ... or momentum:linear, momentum:angular", states.names);
+    if (found == states.names.end())
+      unknown("outputs", text, scope.expected("a state, a hinge, NODE:position ... or momentum:linear, momentum:angular"), states.names);
     add(static_cast<int>(found - states.names.begin()));
   }
   return out;
@@ -183,10 +218,12 @@ PortList outputs_of(const Model& m, const std::vector<std::string>& wanted) {
 
 // ---- the derivatives ----
 
-/// Momentum of the system about the world's origin, world axes. `ws` has been through pose and world of this q, v.
-Force<Tangent> momentum(const Model& m, Workspace<Tangent>& ws, const Inputs<Tangent>& in) {
+/// Momentum about the world's origin, world axes. `ws` has been through pose and world of this q, v.
+Force<Tangent> momentum(const Scope& scope, Workspace<Tangent>& ws, const Inputs<Tangent>& in) {
+  const Model& m = scope.m;
   Force<Tangent> sum{{0, 0, 0}, {0, 0, 0}};
   for (int k = 1; k < static_cast<int>(m.bodies.size()); ++k) {
+    if (!scope.has(k)) continue;
     const SweepBody& b = m.bodies[idx(k)];
     Force<Tangent> h;
     if (const Modal<Tangent>* modal = ws.modal_of(k); modal && b.n_modes > 0) {
@@ -205,39 +242,39 @@ Force<Tangent> momentum(const Model& m, Workspace<Tangent>& ws, const Inputs<Tan
   return sum;
 }
 
-/// Forward dynamics and outputs on Tangent numbers; the direction is set in q, v and the inputs, then run() gives the column.
+/// v' and outputs on Tangent numbers; the direction is set in q, v and the inputs, then run() gives the column.
 class Column {
  public:
-  Column(const Model& m, const OperatingPoint& at, const PortList& inputs, const PortList& outputs)
-      : m_(m), at_(at), inputs_(inputs), outputs_(outputs), ws_(m), q(idx(m.nq)), v(idx(m.nv)), vdot(idx(m.nv)), u(inputs.ports.size()),
-        tau_(idx(m.nv)), given_(idx(m.nv)) {
-    for (int i = 0; i < m.nq; ++i) q[idx(i)] = at.q[i];
-    for (int i = 0; i < m.nv; ++i) v[idx(i)] = at.v[i];
+  Column(const Scope& scope, const OperatingPoint& at, const PortList& inputs, const PortList& outputs)
+      : scope_(scope), m_(scope.m), at_(at), inputs_(inputs), outputs_(outputs), ws_(m_), q(idx(m_.nq)), v(idx(m_.nv), 0.0), vdot(idx(m_.nv), 0.0),
+        u(inputs.ports.size()), tau_(idx(m_.nv)), given_(idx(m_.nv)), back_(idx(m_.nv), 0.0), residual_(scope.nv()), solved_(scope.nv()) {
+    for (int i = 0; i < m_.nq; ++i) q[idx(i)] = at.q[i];
+    for (const int i : scope.components) v[idx(i)] = at.v[i];
     for (const NodeWrench<double>& w : at.wrenches)
       wrenches_.push_back({w.node, w.world_axes, {cast<Tangent>(w.f.n), cast<Tangent>(w.f.f)}});
     for (std::size_t i = 0; i < u.size(); ++i) {
       u[i] = 0.0;
       if (inputs.ports[i].kind != Port::hinge) wrenches_.push_back({inputs.ports[i].index, false, {{0, 0, 0}, {0, 0, 0}}});
     }
-    if (!wrenches_.empty() && !m.has(Kernel::node_wrenches))
+    if (!scope.blocks && !wrenches_.empty() && !m_.has(Kernel::node_wrenches))
       throw InputError(Diagnostic{Code::unsupported, {"inputs of the linear model", {}}, "a model compiled with loads on nodes", "one without",
                                   "CompileOptions::node_wrenches", {}, {}, 0});
     looks_ = outputs.has({Port::position, Port::velocity, Port::acceleration, Port::attitude, Port::rate, Port::specific_force});
     if (looks_) ws_.require_world();
-    if (outputs.has({Port::linear_momentum, Port::angular_momentum})) moving_.emplace(m), moving_->require_world();
+    if (outputs.has({Port::linear_momentum, Port::angular_momentum})) moving_.emplace(m_), moving_->require_world();
   }
 
   /// vdot and y, values and derivatives.
   void run(Tangent* y) {
     for (int i = 0; i < m_.nv; ++i) {
-      tau_[idx(i)] = at_.tau && !is_given(m_, i) ? at_.tau[i] : 0.0;
-      given_[idx(i)] = at_.vdot && is_given(m_, i) ? at_.vdot[i] : 0.0;
+      tau_[idx(i)] = at_.tau && !scope_.given[idx(i)] ? at_.tau[i] : 0.0;
+      given_[idx(i)] = at_.vdot && scope_.given[idx(i)] ? at_.vdot[i] : 0.0;
     }
     std::size_t load = at_.wrenches.size();
     for (std::size_t i = 0; i < u.size(); ++i) {
       const Port& p = inputs_.ports[i];
       if (p.kind == Port::hinge) {
-        Tangent& x = (is_given(m_, p.index) ? given_ : tau_)[idx(p.index)];
+        Tangent& x = (scope_.given[idx(p.index)] ? given_ : tau_)[idx(p.index)];
         x = x + u[i];
         continue;
       }
@@ -247,12 +284,16 @@ class Column {
     }
     for (const Spring& s : m_.springs)
       tau_[idx(s.v)] = tau_[idx(s.v)] - (Tangent(s.stiffness) * (q[idx(s.q)] - Tangent(s.rest)) + Tangent(s.damping) * v[idx(s.v)]);
-    const Inputs<Tangent> in{.q = q.data(), .v = v.data(), .tau = tau_.data(), .vdot = given_.data(), .wrenches = wrenches_};
-    if (!forward_dynamics(m_, ws_, in, vdot.data())) throw NumericsError(describe_breakdown(m_, ws_.breakdown, at_.t));
+    Inputs<Tangent> in{.q = q.data(), .v = v.data(), .tau = tau_.data(), .vdot = given_.data(), .wrenches = wrenches_};
+    if (scope_.blocks)
+      solve(in);
+    else if (!forward_dynamics(m_, ws_, in, vdot.data()))
+      throw NumericsError(describe_breakdown(m_, ws_.breakdown, at_.t));
     look(in, y);
   }
 
  private:
+  const Scope& scope_;
   const Model& m_;
   const OperatingPoint& at_;
   const PortList &inputs_, &outputs_;
@@ -262,21 +303,42 @@ class Column {
   std::vector<Tangent> q, v, vdot, u;
 
  private:
-  std::vector<Tangent> tau_, given_;
+  std::vector<Tangent> tau_, given_, back_;
+  VectorXd residual_, solved_;
   std::vector<NodeWrench<Tangent>> wrenches_;
   std::optional<Workspace<Tangent>> moving_;  // poses and inertias as they are before the inward sweep
-  bool looks_ = false;
+  bool looks_ = false, solved_once_ = false;
+
+  /// v' = M^-1 (tau - ID) of the free components, first its value, then d v' = M^-1 (d tau - d ID) at that v'.
+  void solve(Inputs<Tangent>& in) {
+    in.vdot = vdot.data();
+    for (const int i : scope_.components) vdot[idx(i)] = {scope_.given[idx(i)] || !solved_once_ ? given_[idx(i)].x : vdot[idx(i)].x, given_[idx(i)].d};
+    const auto respond = [&](double Tangent::*part) {
+      inverse_dynamics(m_, ws_, in, back_.data(), {}, scope_.part());
+      for (int i = 0; i < scope_.nv(); ++i) {
+        const std::size_t at = idx(scope_.components[idx(i)]);
+        residual_[i] = tau_[at].*part - back_[at].*part;
+      }
+      operators::apply(operators::mass_inverse, *scope_.blocks, residual_.data(), solved_.data());
+      for (int i = 0; i < scope_.nv(); ++i) vdot[idx(scope_.components[idx(i)])].*part += solved_[i];
+    };
+    if (!solved_once_) respond(&Tangent::x);
+    solved_once_ = true;
+    respond(&Tangent::d);
+    if (looks_) inverse_dynamics(m_, ws_, in, back_.data(), {}, scope_.part());
+  }
 
   void look(const Inputs<Tangent>& in, Tangent* y) {
     const Sweeps<Tangent>& S = sweeps<Tangent>();
+    const Part* part = scope_.part();
     Force<Tangent> h{{0, 0, 0}, {0, 0, 0}};
-    if (looks_) S.world(m_, ws_, in);
+    if (looks_) world(m_, S, ws_, in, part);
     if (moving_) {
       S.ground(m_, *moving_, in);
       S.hinge_records(m_, *moving_, in);
       for (const Run& run : m_.runs) S.outward(m_, *moving_, in, run, {.velocity = false});
-      S.world(m_, *moving_, in);
-      h = momentum(m_, *moving_, in);
+      world(m_, S, *moving_, in, part);
+      h = momentum(scope_, *moving_, in);
     }
     const auto component = [](const Vec3<Tangent>& a, int i) { return i == 0 ? a.x : i == 1 ? a.y : a.z; };
     int seen = -1;
@@ -288,7 +350,7 @@ class Column {
         y[i] = component(p.kind == Port::linear_momentum ? h.f : h.n, p.axis);
         continue;
       }
-      if (p.index != seen) node = node_motion(m_, ws_, in, seen = p.index, vdot.data());
+      if (p.index != seen) node = node_motion(m_, ws_, in, seen = p.index, vdot.data(), scope_.blocks ? After::inverse : After::forward);
       switch (p.kind) {
         case Port::position: y[i] = component(node.position, p.axis); break;
         case Port::velocity: y[i] = component(node.R_WN * node.velocity.v, p.axis); break;
@@ -313,40 +375,41 @@ class Column {
   }
 };
 
-}  // namespace
-
-LinearModel linearize(const Model& m, const OperatingPoint& at, const LinearPorts& wanted) {
-  const int nv = m.nv, n = 2 * nv;
-  const PortList inputs = inputs_of(m, wanted.inputs), outputs = outputs_of(m, wanted.outputs);
+LinearModel linearize(const Scope& scope, const OperatingPoint& at, const LinearPorts& wanted) {
+  const Model& m = scope.m;
+  const int nv = scope.nv(), n = 2 * nv;
+  const PortList inputs = inputs_of(scope, wanted.inputs), outputs = outputs_of(scope, wanted.outputs);
   const int nu = static_cast<int>(inputs.ports.size()), ny = static_cast<int>(outputs.ports.size());
   LinearModel out;
   out.system = m.name;
   out.t = at.t;
-  out.states = state_labels(m), out.inputs = inputs.labels, out.outputs = outputs.labels;
+  out.states = state_labels(scope), out.inputs = inputs.labels, out.outputs = outputs.labels;
   out.A.setZero(n, n), out.B.setZero(n, nu), out.C.setZero(ny, n), out.D.setZero(ny, nu);
   out.drift.setZero(n), out.u0.setZero(nu), out.y0.setZero(ny);
 
-  Column column(m, at, inputs, outputs);
+  Column column(scope, at, inputs, outputs);
   std::vector<Tangent> y(idx(ny), Tangent(0.0));
   const auto run = [&](MatrixXd& top, MatrixXd& bottom, int j) {
     column.run(y.data());
-    for (int i = 0; i < nv; ++i) top(nv + i, j) = column.vdot[idx(i)].d;
+    for (int i = 0; i < nv; ++i) top(nv + i, j) = column.vdot[idx(scope.components[idx(i)])].d;
     for (int i = 0; i < ny; ++i)
       if (outputs.ports[idx(i)].kind != Port::state) bottom(i, j) = y[idx(i)].d;
   };
-  std::vector<double> unit(idx(nv), 0.0), rate(idx(m.nq));
+  std::vector<double> unit(idx(m.nv), 0.0), rate(idx(m.nq));
   for (int j = 0; j < nv; ++j) {
-    unit[idx(j)] = 1.0;
+    double& along = unit[idx(scope.components[idx(j)])];
+    along = 1.0;
     m.qdot(at.q, unit.data(), rate.data());
-    unit[idx(j)] = 0.0;
+    along = 0.0;
     for (int i = 0; i < m.nq; ++i) column.q[idx(i)].d = rate[idx(i)];
     run(out.A, out.C, j);
   }
   for (Tangent& x : column.q) x.d = 0.0;
   for (int j = 0; j < nv; ++j) {
-    column.v[idx(j)].d = 1.0;
+    Tangent& along = column.v[idx(scope.components[idx(j)])];
+    along.d = 1.0;
     run(out.A, out.C, nv + j);
-    column.v[idx(j)].d = 0.0;
+    along.d = 0.0;
   }
   for (int j = 0; j < nu; ++j) {
     column.u[idx(j)].d = 1.0;
@@ -355,28 +418,54 @@ LinearModel linearize(const Model& m, const OperatingPoint& at, const LinearPort
   }
   column.run(y.data());
 
-  out.A.topLeftCorner(nv, nv) = kinematic_rates(m, at.q, at.v);
+  const Eigen::SparseMatrix<double> kinematics = kinematic_rates(m, at.q, at.v);
+  for (int j = 0; j < nv; ++j)
+    for (Eigen::SparseMatrix<double>::InnerIterator x(kinematics, scope.components[idx(j)]); x; ++x)
+      out.A(scope.place[idx(static_cast<int>(x.row()))], j) = x.value();  // of the same hinge
   out.A.topRightCorner(nv, nv).setIdentity();
-  for (int i = 0; i < nv; ++i) out.drift[i] = at.v[i], out.drift[nv + i] = column.vdot[idx(i)].x;
+  for (int i = 0; i < nv; ++i) {
+    const int v = scope.components[idx(i)];
+    out.drift[i] = at.v[v], out.drift[nv + i] = column.vdot[idx(v)].x;
+  }
   for (int j = 0; j < nu; ++j) {
     const Port& p = inputs.ports[idx(j)];
     if (p.kind != Port::hinge) continue;
-    const double* from = is_given(m, p.index) ? at.vdot : at.tau;
+    const double* from = scope.given[idx(p.index)] ? at.vdot : at.tau;
     out.u0[j] = from ? from[p.index] : 0.0;
   }
-  VectorXd theta = VectorXd::Zero(nv);  // the coordinates where dtheta is theirs
+  VectorXd theta = VectorXd::Zero(m.nv);  // the coordinates where dtheta is theirs
   for (const PlainRates& r : m.plain_rates)
     for (int i = 0; i < r.n; ++i) theta[r.v + i] = at.q[r.q + i];
   for (int i = 0; i < ny; ++i) {
     const Port& p = outputs.ports[idx(i)];
     if (p.kind == Port::state) {
       out.C(i, p.index) = 1.0;
-      out.y0[i] = p.index < nv ? theta[p.index] : at.v[p.index - nv];
+      const int v = scope.components[idx(p.index % nv)];
+      out.y0[i] = p.index < nv ? theta[v] : at.v[v];
     } else {
       out.y0[i] = y[idx(i)].x;
     }
   }
   return out;
+}
+
+}  // namespace
+
+LinearModel linearize(const Model& m, const OperatingPoint& at, const LinearPorts& ports) { return linearize(scope_of(m, nullptr), at, ports); }
+
+LinearModel linearize(const TreeOperators& tree, const OperatingPoint& at, const LinearPorts& ports) {
+  tree.require(Kind::H);
+  const Model& m = tree.model();
+  OperatingPoint use = at;
+  use.q = tree.q().data();
+  const bool loads = !at.wrenches.empty() || std::ranges::any_of(ports.inputs, [](const std::string& name) { return name.find(':') != std::string::npos; });
+  if (tree.whole() && !tree.is_masked() && (!loads || m.has(Kernel::node_wrenches))) return linearize(m, use, ports);
+  TreeOperators blocks = tree.subgraph(tree.sweep_bodies());
+  const Scope marks = scope_of(m, &tree);
+  std::vector<std::uint8_t> free;
+  for (const int v : marks.components) free.push_back(!marks.given[idx(v)]);
+  blocks.articulate({.free = free});
+  return linearize(scope_of(m, &blocks), use, ports);
 }
 
 }  // namespace cardan::soa

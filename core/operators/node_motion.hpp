@@ -13,9 +13,30 @@ struct NodeMotion {
   Motion<T> acceleration;    // true acceleration of the point, [angular; classical linear], node axes; only if asked for
 };
 
-/// Reads a workspace after S.world(), and for the acceleration after forward dynamics with `in` and its result vdot (else null).
+/// What the workspace has been through: forward dynamics leaves gamma_b and delta, a pass outward with v' gamma as a whole.
+enum class After : std::uint8_t { forward, inverse };
+
+/// w and gamma of a sweep body, its axes; of a rotor, which is folded into its carrier, by hand.
 template <class T>
-NodeMotion<T> node_motion(const Model& model, const Workspace<T>& ws, const Inputs<T>& in, int node_index, const T* vdot) {
+void motion_of_body(const Model& model, const Workspace<T>& ws, const Inputs<T>& in, int k, const T* vdot, After after, Vec3<T>& w, Motion<T>& gamma) {
+  const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+  if (b.kind != KernelKind::rotor) {
+    w = ws.core(k).w, gamma = ws.core(k).gamma;
+    if (after == After::forward) gamma += ws.core(k).delta;
+    return;
+  }
+  const Core<T>& carrier = ws.core(b.parent);
+  const Pose<T> X = pose_in_inboard(model, ws, k, in.q);
+  const Vec3<T> w1 = transpose_times(X.R, carrier.w), axis = cast<T>(b.axis), rate = in.v[b.v] * axis;
+  w = w1 + rate;
+  gamma = Motion<T>{transpose_times(X.R, carrier.gamma.w) + cross(w1, rate), transpose_times(X.R, carrier.gamma.v + carrier.E * X.p)};
+  if (after == After::forward) gamma += to_outboard(X, carrier.delta);
+  gamma.w += vdot[b.v] * axis;
+}
+
+/// Reads a workspace after S.world(), and for the acceleration after dynamics with `in` and v' (else null).
+template <class T>
+NodeMotion<T> node_motion(const Model& model, const Workspace<T>& ws, const Inputs<T>& in, int node_index, const T* vdot, After after = After::forward) {
   const UserNode& node = model.nodes[static_cast<std::size_t>(node_index)];
   const int k = model.user[static_cast<std::size_t>(node.body)].sweep;
   const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
@@ -32,17 +53,9 @@ NodeMotion<T> node_motion(const Model& model, const Workspace<T>& ws, const Inpu
   out.velocity = {transpose_times(at.R, velocity.w), transpose_times(at.R, velocity.v)};
   out.acceleration = Motion<T>{{T(0), T(0), T(0)}, {T(0), T(0), T(0)}};
   if (!vdot || k == 0) return out;
+  Vec3<T> w;
   Motion<T> gamma;
-  if (b.kind == KernelKind::rotor) {  // folded into its carrier: its own part by hand
-    const Core<T>& carrier = ws.core(b.parent);
-    const Pose<T> X = pose_in_inboard(model, ws, k, in.q);
-    const Vec3<T> w1 = transpose_times(X.R, carrier.w), axis = cast<T>(b.axis);
-    gamma = Motion<T>{transpose_times(X.R, carrier.gamma.w) + cross(w1, in.v[b.v] * axis), transpose_times(X.R, carrier.gamma.v + carrier.E * X.p)} +
-            to_outboard(X, carrier.delta);
-    gamma.w += vdot[b.v] * axis;
-  } else {
-    gamma = ws.core(k).gamma + ws.core(k).delta;
-  }
+  motion_of_body(model, ws, in, k, vdot, after, w, gamma);
   Motion<T> a{gamma.w, gamma.v + cross(gamma.w, at.rho)};
   if (node.shapes.deforms())
     for (int j = 0; j < b.n_modes; ++j) a += vdot[b.etadot + j] * node_column(node.shapes, at, j);

@@ -7,9 +7,9 @@
 #include <Eigen/SVD>
 #include <limits>
 
-#include "core/dynamics/observe.hpp"
 #include "core/operators/apply.hpp"
 #include "core/operators/mass_matrix.hpp"
+#include "core/operators/node_motion.hpp"
 
 namespace cardan::soa {
 
@@ -152,19 +152,20 @@ MatrixXd task_jacobian(const TreeOperators& tree, const Task& task) {
 
 VectorXd task_bias(const TreeOperators& tree, const Task& task, Workspace<double>& ws, const VectorXd& v) {
   require_task(tree, task);
-  if (!tree.whole())
-    throw InputError(Diagnostic{Code::unsupported, {"Jdot v", {}}, "the whole tree", "a subgraph", {}, {}, {}, 0});
-  const Model& model = tree.model();
   require_size(tree, "velocities", Space::hinge, v.size());
-  Observer observer(model, ws);
-  VectorXd vdot = VectorXd::Zero(model.nv);
-  const VectorXd none = vdot;
-  const Inputs<double> in{.q = tree.q().data(), .v = v.data(), .tau = none.data(), .vdot = none.data(), .gravity = false};
-  if (!forward_dynamics(model, ws, in, vdot.data())) throw NumericsError(describe_breakdown(model, ws.breakdown, 0.0));
-  observer.update(in, vdot.data());
+  const Model& model = tree.model();
+  const VectorXd all = tree.to_model(v), none = VectorXd::Zero(model.nv);
+  const Inputs<double> in{.q = tree.q().data(), .v = all.data(), .vdot = none.data(), .gravity = false};
+  const Sweeps<double>& S = sweeps<double>();
+  ws.require_world();
+  S.ground(model, ws, in);
+  S.hinge_records(model, ws, in);
+  outward(model, S, ws, in, {.vdot = true, .inertia = false}, tree.part());
+  world(model, S, ws, in, tree.part());
   VectorXd a(6 * static_cast<Eigen::Index>(task.nodes.size()));
-  for (std::size_t j = 0; j < task.nodes.size(); ++j) a.segment<6>(6 * static_cast<Eigen::Index>(j)) = observer.node(task.nodes[j]).acceleration;
-  return (task.T.size() > 0 ? VectorXd(task.T * a) : a) - task_rates(tree, task, vdot);
+  for (std::size_t j = 0; j < task.nodes.size(); ++j)
+    a.segment<6>(6 * static_cast<Eigen::Index>(j)) = to_eigen(node_motion<double>(model, ws, in, task.nodes[j], none.data(), After::inverse).acceleration);
+  return task.T.size() > 0 ? VectorXd(task.T * a) : a;
 }
 
 OperationalSpace::OperationalSpace(const TreeOperators& tree, Task task, const TreeOperators* passive, double tolerance)

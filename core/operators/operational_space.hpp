@@ -31,8 +31,8 @@ Eigen::VectorXd task_forces(const TreeOperators& tree, const Task& task, const E
 /// J of the free components, r x nv (other columns zero), O(n) per row.
 Eigen::MatrixXd task_jacobian(const TreeOperators& tree, const Task& task);
 
-/// Jdot v, r: accelerations of the task at v' = 0 (classical, node axes; gravity plays no part). From one forward dynamics run and
-/// the accelerations of the nodes; v: nv numbers of the model. Whole trees; `workspace`: of the model.
+/// Jdot v, r: accelerations of the task at v' = 0 (classical, node axes; gravity plays no part), by one sweep base to tip, O(N). v: of the
+/// hinge space; `workspace`: of the model.
 Eigen::VectorXd task_bias(const TreeOperators& tree, const Task& task, Workspace<double>& workspace, const Eigen::VectorXd& v);
 
 /// The operational space inertia of a task, and what is controlled with it.

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "core/operators/apply.hpp"
+#include "core/operators/node_motion.hpp"
 #include "core/soa/gravity_field.hpp"
 #include "core/soa/kernels_tangent.hpp"
 
@@ -31,77 +33,127 @@ RigidInertia<double> unit_inertia(int p) {
 
 }  // namespace
 
-Sensitivities::Sensitivities(std::shared_ptr<const Model> model, Springs springs)
+Sensitivities::Sensitivities(std::shared_ptr<const Model> model, Springs springs) : Sensitivities(std::move(model), nullptr, springs) {}
+Sensitivities::Sensitivities(const soa::TreeOperators& tree, Springs springs) : Sensitivities(tree.model_pointer(), &tree, springs) {}
+
+Sensitivities::Sensitivities(std::shared_ptr<const Model> model, const soa::TreeOperators* tree, Springs springs)
     : model_(std::move(model)), springs_(springs == Springs::included), ws_(*model_), inertia_(*model_), tangent_(*model_), tree_(model_) {
-  q_.setZero(model_->nq);
-  for (VectorXd* x : {&v_, &vdot_, &tau_, &zeros_, &masked_, &work_}) x->setZero(model_->nv);
-  rate_.setZero(model_->nq);
+  const soa::TreeOperators& of = tree ? *tree : tree_;
+  const int nv = model_->nv;
+  component_.resize(idx(of.size(soa::Space::hinge)));
+  place_.resize(idx(nv));
+  for (int v = 0; v < nv; ++v)
+    if ((place_[idx(v)] = of.place_of_velocity(v)) >= 0) component_[idx(place_[idx(v)])] = v;
+  for (int i = 0; i < size(); ++i) given_.push_back((model_->has_prescribed() && model_->prescribed[idx(component_[idx(i)])]) || !of.is_free(i));
+  if (!of.whole() || of.is_masked()) {
+    bodies_ = of.sweep_bodies();
+    part_ = std::make_shared<const Part>(part_of(*model_, bodies_));
+  }
+  for (VectorXd* x : {&q_, &rate_}) x->setZero(model_->nq);
+  for (VectorXd* x : {&v_, &vdot_, &tau_, &masked_, &work_}) x->setZero(size());
+  for (VectorXd* x : {&v_all_, &vdot_all_, &tau_all_, &zeros_}) x->setZero(nv);
   q_t_.resize(idx(model_->nq));
-  for (std::vector<Tangent>* x : {&v_t_, &vdot_t_, &tau_t_}) x->resize(idx(model_->nv));
+  for (std::vector<Tangent>* x : {&v_t_, &vdot_t_, &tau_t_}) x->assign(idx(nv), Tangent(0.0));
   if (model_->world || model_->field.central) ws_.require_world();
+}
+
+const double* Sensitivities::on_model(const VectorXd& x, VectorXd& all) const {
+  for (int i = 0; i < size(); ++i) all[component_[idx(i)]] = x[i];
+  return all.data();
+}
+
+/// The rate of q along u; null: 0.
+void Sensitivities::set_rate(const double* u) {
+  if (!u) {
+    rate_.setZero();
+    return;
+  }
+  model_->qdot(q_.data(), on_model(Eigen::Map<const VectorXd>(u, size()), tau_all_), rate_.data());
 }
 
 void Sensitivities::at(const Inputs& in) {
   std::copy(in.q, in.q + model_->nq, q_.data());
-  std::copy(in.v, in.v + model_->nv, v_.data());
-  copy_or_zero(in.vdot, vdot_);
+  for (int i = 0; i < size(); ++i) {
+    v_[i] = in.v[component_[idx(i)]];
+    vdot_[i] = in.vdot ? in.vdot[component_[idx(i)]] : 0.0;
+  }
   gravity_ = in.gravity;
   wrenches_.assign(in.wrenches.begin(), in.wrenches.end());
   wrenches_t_.clear();
   for (const NodeWrench& w : wrenches_) wrenches_t_.push_back({w.node, w.world_axes, {cast<Tangent>(w.f.n), cast<Tangent>(w.f.f)}});
   articulated_ = posed_ = false;
-  const Inputs use{.q = q_.data(), .v = v_.data(), .vdot = vdot_.data(), .wrenches = wrenches_, .gravity = gravity_};
-  inverse_dynamics(*model_, ws_, use, tau_.data());
-  if (!springs_) return;
-  for (const Spring& s : model_->springs) tau_[s.v] += s.stiffness * (q_[s.q] - s.rest) + s.damping * v_[s.v];
+  evaluate();
+}
+
+void Sensitivities::evaluate() {
+  inverse_dynamics(*model_, ws_, {.q = q_.data(), .v = on_model(v_, v_all_), .vdot = on_model(vdot_, vdot_all_), .wrenches = wrenches_, .gravity = gravity_},
+                   tau_all_.data(), {}, part_.get());
+  for (int i = 0; i < size(); ++i) tau_[i] = tau_all_[component_[idx(i)]];
+  for (const Spring& s : model_->springs)
+    if (const int i = place_[idx(s.v)]; springs_ && i >= 0) tau_[i] += s.stiffness * (q_[s.q] - s.rest) + s.damping * v_[i];
 }
 
 void Sensitivities::solve(const Inputs& in) {
+  for (int i = 0; i < size(); ++i) masked_[i] = in.vdot && given_[idx(i)] ? in.vdot[component_[idx(i)]] : 0.0;
+  Inputs use = in;
+  VectorXd vdot = VectorXd::Zero(model_->nv);
+  use.vdot = on_model(masked_, vdot);
+  if (part_) {
+    at(use);
+    for (int i = 0; i < size(); ++i) work_[i] = (in.tau ? in.tau[component_[idx(i)]] : 0.0) - tau_[i];
+    VectorXd solved(size());
+    mass_inverse(work_.data(), solved.data());
+    vdot_ += solved;
+    evaluate();
+    return;
+  }
   copy_or_zero(in.tau, work_);
   if (springs_)
     for (const Spring& s : model_->springs) work_[s.v] -= s.stiffness * (in.q[s.q] - s.rest) + s.damping * in.v[s.v];
-  copy_or_zero(in.vdot, masked_);
-  for (int i = 0; i < model_->nv; ++i)
-    if (!model_->has_prescribed() || !model_->prescribed[idx(i)]) masked_[i] = 0.0;
-  Inputs use = in;
   use.tau = work_.data();
-  use.vdot = masked_.data();
-  VectorXd vdot(model_->nv);
-  if (!forward_dynamics(*model_, ws_, use, vdot.data())) throw NumericsError(describe_breakdown(*model_, ws_.breakdown, 0.0));
-  use.vdot = vdot.data();
+  VectorXd found(model_->nv);
+  if (!forward_dynamics(*model_, ws_, use, found.data())) throw NumericsError(describe_breakdown(*model_, ws_.breakdown, 0.0));
+  use.vdot = found.data();
   at(use);
 }
 
 void Sensitivities::inverse(const Direction& along, double* dtau) {
   const Model& m = *model_;
-  if (along.q)
-    m.qdot(q_.data(), along.q, rate_.data());
-  else
-    rate_.setZero();
+  set_rate(along.q);
   for (int i = 0; i < m.nq; ++i) q_t_[idx(i)] = {q_[i], rate_[i]};
-  for (int i = 0; i < m.nv; ++i) {
-    v_t_[idx(i)] = {v_[i], along.v ? along.v[i] : 0.0};
-    vdot_t_[idx(i)] = {vdot_[i], along.vdot ? along.vdot[i] : 0.0};
+  for (int i = 0; i < size(); ++i) {
+    const std::size_t at = idx(component_[idx(i)]);
+    v_t_[at] = {v_[i], along.v ? along.v[i] : 0.0};
+    vdot_t_[at] = {vdot_[i], along.vdot ? along.vdot[i] : 0.0};
   }
-  inverse_dynamics(m, tangent_, {.q = q_t_.data(), .v = v_t_.data(), .vdot = vdot_t_.data(), .wrenches = wrenches_t_, .gravity = gravity_}, tau_t_.data());
-  for (int i = 0; i < m.nv; ++i) dtau[i] = tau_t_[idx(i)].d;
-  if (!springs_) return;
-  for (const Spring& s : m.springs) dtau[s.v] += s.stiffness * rate_[s.q] + (along.v ? s.damping * along.v[s.v] : 0.0);
+  inverse_dynamics(m, tangent_, {.q = q_t_.data(), .v = v_t_.data(), .vdot = vdot_t_.data(), .wrenches = wrenches_t_, .gravity = gravity_}, tau_t_.data(), {},
+                   part_.get());
+  for (int i = 0; i < size(); ++i) dtau[i] = tau_t_[idx(component_[idx(i)])].d;
+  for (const Spring& s : m.springs)
+    if (const int i = place_[idx(s.v)]; springs_ && i >= 0) dtau[i] += s.stiffness * rate_[s.q] + (along.v ? s.damping * along.v[i] : 0.0);
 }
 
 void Sensitivities::mass(const double* u, const double* w, double* dM_w) {
   const Model& m = *model_;
-  m.qdot(q_.data(), u, rate_.data());
+  set_rate(u);
   for (int i = 0; i < m.nq; ++i) q_t_[idx(i)] = {q_[i], rate_[i]};
-  for (int i = 0; i < m.nv; ++i) v_t_[idx(i)] = 0.0, vdot_t_[idx(i)] = w[i];
+  for (int i = 0; i < size(); ++i) v_t_[idx(component_[idx(i)])] = 0.0, vdot_t_[idx(component_[idx(i)])] = w[i];
   inverse_dynamics(m, tangent_, {.q = q_t_.data(), .v = v_t_.data(), .vdot = vdot_t_.data()}, tau_t_.data(),
-                   {.velocity = false, .gravity = false, .elastic = false});
-  for (int i = 0; i < m.nv; ++i) dM_w[i] = tau_t_[idx(i)].d;
+                   {.velocity = false, .gravity = false, .elastic = false}, part_.get());
+  for (int i = 0; i < size(); ++i) dM_w[i] = tau_t_[idx(component_[idx(i)])].d;
 }
 
 // P, D, G at q: as in a step, without velocities and loads.
 void Sensitivities::articulate() {
   if (articulated_) return;
+  if (part_) {
+    tree();
+    std::vector<std::uint8_t> free;
+    for (const std::uint8_t given : given_) free.push_back(!given);
+    sub_->articulate({.free = free});
+    articulated_ = true;
+    return;
+  }
   const soa::Sweeps<double>& S = soa::sweeps<double>();
   const Inputs in{.q = q_.data(), .v = zeros_.data(), .vdot = zeros_.data(), .gravity = false};
   S.ground(*model_, inertia_, in);
@@ -116,6 +168,7 @@ void Sensitivities::articulate() {
 
 void Sensitivities::mass_inverse(const double* f, double* out) {
   articulate();
+  if (part_) return operators::apply(operators::mass_inverse, *sub_, f, out);
   const soa::Sweeps<double>& S = soa::sweeps<double>();
   const Inputs in{.q = q_.data(), .v = zeros_.data(), .tau = f, .vdot = zeros_.data(), .gravity = false};
   S.ground(*model_, inertia_, in);
@@ -125,18 +178,16 @@ void Sensitivities::mass_inverse(const double* f, double* out) {
 }
 
 void Sensitivities::forward(const Direction& along, double* dvdot) {
-  const Model& m = *model_;
-  const auto given = [&](int i) { return m.has_prescribed() && m.prescribed[idx(i)]; };
-  for (int i = 0; i < m.nv; ++i) masked_[i] = along.vdot && given(i) ? along.vdot[i] : 0.0;
+  for (int i = 0; i < size(); ++i) masked_[i] = along.vdot && given_[idx(i)] ? along.vdot[i] : 0.0;
   inverse({.q = along.q, .v = along.v, .vdot = masked_.data()}, work_.data());
-  for (int i = 0; i < m.nv; ++i) work_[i] = (along.tau ? along.tau[i] : 0.0) - work_[i];
+  for (int i = 0; i < size(); ++i) work_[i] = (along.tau ? along.tau[i] : 0.0) - work_[i];
   mass_inverse(work_.data(), dvdot);
-  for (int i = 0; i < m.nv; ++i)
-    if (given(i)) dvdot[i] = masked_[i];
+  for (int i = 0; i < size(); ++i)
+    if (given_[idx(i)]) dvdot[i] = masked_[i];
 }
 
 InverseDerivatives Sensitivities::inverse() {
-  const int nv = model_->nv;
+  const int nv = size();
   InverseDerivatives out{MatrixXd(nv, nv), MatrixXd(nv, nv)};
   VectorXd unit = VectorXd::Zero(nv);
   for (int i = 0; i < nv; ++i) {
@@ -150,7 +201,11 @@ InverseDerivatives Sensitivities::inverse() {
 
 ForwardDerivatives Sensitivities::forward() {
   InverseDerivatives of_tau = inverse();
-  ForwardDerivatives out{minus_inverse_of(std::move(of_tau.q)), minus_inverse_of(std::move(of_tau.v)), MatrixXd(model_->nv, model_->nv)};
+  ForwardDerivatives out{minus_inverse_of(std::move(of_tau.q)), minus_inverse_of(std::move(of_tau.v)), MatrixXd(size(), size())};
+  if (part_) {
+    out.tau = minus_inverse_of(-MatrixXd::Identity(size(), size()));
+    return out;
+  }
   if (!mass_matrix_inverse(*model_, inertia_, q_.data(), out.tau.data())) throw NumericsError(describe_breakdown(*model_, inertia_.breakdown, 0.0));
   articulated_ = false;
   return out;
@@ -170,13 +225,20 @@ const UserBody& Sensitivities::user(int body) const {
   if (body < 0 || body >= static_cast<int>(model_->user.size()))
     throw InputError(Diagnostic{Code::unknown_body, {"sensitivity in a body's parameters", {}}, fmt::format("an index below {}", model_->user.size()),
                                 fmt::format("{}", body), {}, {}, {}, 0});
-  return model_->user[idx(body)];
+  const UserBody& u = model_->user[idx(body)];
+  if (part_ && !part_->takes_part[idx(u.sweep)])
+    throw InputError(Diagnostic{Code::unknown_body, {"sensitivity in a body's parameters", {}}, "a body that takes part", "\"" + u.name + "\"", {}, {}, {}, 0});
+  return u;
 }
 
 const soa::TreeOperators& Sensitivities::tree() {
-  if (!posed_) tree_.at(q_.data());
+  if (!posed_) {
+    sub_.reset();  // lets go of the blocks of the last q
+    tree_.at(q_.data());
+    if (part_) sub_.emplace(tree_.subgraph(bodies_));
+  }
   posed_ = true;
-  return tree_;
+  return sub_ ? *sub_ : tree_;
 }
 
 void Sensitivities::inverse_in_inertia(int body, const RigidInertia<double>& change, double* dtau) {
@@ -184,20 +246,13 @@ void Sensitivities::inverse_in_inertia(int body, const RigidInertia<double>& cha
   const UserBody& u = user(body);
   if (u.n_modes > 0)
     throw InputError(Diagnostic{Code::unsupported, {"sensitivity in the inertia of " + u.name, {}}, "a rigid body", "a flexible one", {}, {}, {}, 0});
-  std::fill(dtau, dtau + m.nv, 0.0);
+  std::fill(dtau, dtau + size(), 0.0);
   const int k = u.sweep;
   if (k == 0) return;  // fixed to the ground
   const SweepBody& b = m.bodies[idx(k)];
-  Vec3<double> w = ws_.core(k).w;
-  Motion<double> gamma = ws_.core(k).gamma;
-  if (b.kind == KernelKind::rotor) {  // the sweeps know its carrier's motion only
-    const soa::Core<double>& A = ws_.core(b.parent);
-    const Pose<double> X = soa::pose_in_inboard(m, ws_, k, q_.data());
-    const Vec3<double> w1 = transpose_times(X.R, A.w), rate = v_[b.v] * b.axis;
-    w = w1 + rate;
-    gamma = {transpose_times(X.R, A.gamma.w) + cross(w1, rate) + vdot_[b.v] * b.axis,
-             transpose_times(X.R, A.gamma.v + cross(A.gamma.w, X.p) + cross(A.w, cross(A.w, X.p)))};
-  }
+  Vec3<double> w;
+  Motion<double> gamma;
+  soa::motion_of_body(m, ws_, {.q = q_.data(), .v = v_all_.data()}, k, vdot_all_.data(), soa::After::inverse, w, gamma);
   const RigidInertia<double> dM = to_inboard(u.pose, change);
   Force<double> f = dM * gamma + gyroscopic(dM, w);
   if (gravity_ && m.field.central && b.M.m > 0.0) {
@@ -222,7 +277,7 @@ void Sensitivities::inverse_in_inertia(int body, const RigidInertia<double>& cha
 }
 
 MatrixXd Sensitivities::inverse_in_inertia(int body) {
-  MatrixXd out(model_->nv, 10);
+  MatrixXd out(size(), 10);
   for (int p = 0; p < 10; ++p) inverse_in_inertia(body, unit_inertia(p), out.col(p).data());
   return out;
 }
@@ -231,12 +286,13 @@ MatrixXd Sensitivities::forward_in_inertia(int body) { return minus_inverse_of(i
 MatrixXd Sensitivities::inverse_in_stiffness(int body, Stiffness which) const {
   const UserBody& u = user(body);
   const int m = u.n_modes, columns = which == Stiffness::diagonal ? m : m * (m + 1) / 2;
-  MatrixXd out = MatrixXd::Zero(model_->nv, columns);
+  MatrixXd out = MatrixXd::Zero(size(), columns);
+  const int first = m > 0 ? place_[idx(u.etadot)] : 0;
   int column = 0;
   for (int i = 0; i < m; ++i)
     for (int j = which == Stiffness::diagonal ? i : 0; j <= i; ++j, ++column) {
-      out(u.etadot + i, column) = q_[u.eta + j];
-      out(u.etadot + j, column) = q_[u.eta + i];
+      out(first + i, column) = q_[u.eta + j];
+      out(first + j, column) = q_[u.eta + i];
     }
   return out;
 }

@@ -4,6 +4,7 @@
 // d v' = M^-1 (d tau - d ID) by the articulated sweeps. "Along q" means along a tangent vector u: q moves by N(q) u.
 #include <Eigen/SparseCore>
 #include <memory>
+#include <optional>
 
 #include "core/dynamics/inverse.hpp"
 #include "core/operators/tree_operators.hpp"
@@ -11,7 +12,7 @@
 
 namespace cardan {
 
-/// What changes, nv numbers each in the order of v; null: does not change.
+/// What changes, numbers of the hinge space (nv in the order of v for a whole tree); null: does not change.
 struct Direction {
   const double* q = nullptr;     // tangent vector u
   const double* v = nullptr;
@@ -19,7 +20,7 @@ struct Direction {
   const double* tau = nullptr;   // of forward dynamics
 };
 
-/// nv x nv each: column i is the derivative along component i.
+/// Hinge space squared (nv x nv) each: column i is the derivative along component i.
 struct InverseDerivatives {
   Eigen::MatrixXd q, v;          // dtau/dq, dtau/dv; dtau/dv' is the mass matrix
 };
@@ -30,10 +31,16 @@ struct ForwardDerivatives {
 /// At one point (q, v, v', wrenches), set by at() or solve(). Gravity of every kind, elastic forces and wrenches on nodes take part: those
 /// given in node axes turn with the node, those in world axes do not. Hinge springs and dampers too, unless left out:
 /// tau is what is left for actuators.
+///
+/// Of a subgraph: bodies that take no part stay where they are, without mass and force; all vectors and matrices are of its hinge space,
+/// only Inputs are the model's, of which those of its bodies are read (and all of q).
 class Sensitivities {
  public:
   enum class Springs : bool { left_out, included };
   explicit Sensitivities(std::shared_ptr<const Model> model, Springs springs = Springs::included);
+  /// Of the bodies that take part in `tree`. Prescribed are the components that the model gives and those that are not free in the tree
+  /// (a diagonal W of it plays no part). The tree is not needed afterwards.
+  explicit Sensitivities(const soa::TreeOperators& tree, Springs springs = Springs::included);
 
   /// The point with v' = in.vdot (null = 0).
   void at(const Inputs& in);
@@ -57,7 +64,7 @@ class Sensitivities {
   // In the parameters of a body (index into Model::user) at fixed q, v and v' (inverse) or tau (forward). tau is linear in them but
   // for the pull of a centre, and body b moves the tau between it and the ground only: O(depth) per parameter.
   /// A rigid body's inertia, seen in its own frame: columns m, h = m c (3), J (xx yy zz xy xz yz) about its origin; nv x 10. Bodies
-  /// that are merged with others, and rotors, have theirs. InputError for a flexible body.
+  /// that are merged with others, and rotors, have theirs. InputError for a flexible body, and for one that takes no part.
   Eigen::MatrixXd inverse_in_inertia(int body);
   Eigen::MatrixXd forward_in_inertia(int body);
   /// Along one change of that inertia.
@@ -68,20 +75,31 @@ class Sensitivities {
   Eigen::MatrixXd forward_in_stiffness(int body, Stiffness which = Stiffness::diagonal);
 
  private:
+  Sensitivities(std::shared_ptr<const Model> model, const soa::TreeOperators* tree, Springs springs);
+  void evaluate();
   void articulate();
   const soa::TreeOperators& tree();
   const UserBody& user(int body) const;
   Eigen::MatrixXd minus_inverse_of(Eigen::MatrixXd dtau);
+  int size() const { return static_cast<int>(component_.size()); }
+  const double* on_model(const Eigen::VectorXd& x, Eigen::VectorXd& all) const;
+  void set_rate(const double* u);
 
   std::shared_ptr<const Model> model_;
   bool springs_, gravity_ = true, articulated_ = false, posed_ = false;
-  Eigen::VectorXd q_, v_, vdot_, tau_, zeros_, rate_, masked_, work_;
+  std::shared_ptr<const Part> part_;       // null: all bodies
+  std::vector<int> bodies_;                // sweep indices, of the part; M^-1 is then by its blocks, of all bodies by sweeps
+  std::vector<int> component_, place_;     // of the hinge space: velocity component of the model; and back, -1 for others
+  std::vector<std::uint8_t> given_;        // per component
+  Eigen::VectorXd q_, v_, vdot_, tau_, rate_, masked_, work_;           // but for q and its rate of the hinge space
+  Eigen::VectorXd v_all_, vdot_all_, tau_all_, zeros_;                  // nv numbers, zero for who takes no part
   std::vector<NodeWrench> wrenches_;
   std::vector<soa::NodeWrench<soa::Tangent>> wrenches_t_;
   std::vector<soa::Tangent> q_t_, v_t_, vdot_t_, tau_t_;
   Workspace ws_, inertia_;             // of inverse dynamics at the point; P, D, G there
   soa::Workspace<soa::Tangent> tangent_;
   soa::TreeOperators tree_;
+  std::optional<soa::TreeOperators> sub_;  // of bodies_, at q
 };
 
 /// C_kin of the linearised kinematics, nv x nv, block-diagonal: with q + dq = retract(q, theta),

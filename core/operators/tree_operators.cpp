@@ -221,8 +221,27 @@ TreeOperators TreeOperators::subgraph(std::vector<int> sweep_bodies) const {
   sub.q_ = q_;
   sub.position_ = position_;
   sub.whole_ = false;
+  sub.part_ = std::make_shared<const Part>(part_of(*model_, sweep_bodies));
   sub.number(sweep_bodies);
   return sub;
+}
+
+VectorXd TreeOperators::to_model(const VectorXd& x) const {
+  VectorXd out = VectorXd::Zero(model_->nv);
+  for (int v = 0; v < model_->nv; ++v)
+    if (place_of_velocity(v) >= 0) out[v] = x[place_of_velocity(v)];
+  return out;
+}
+VectorXd TreeOperators::from_model(const VectorXd& x) const {
+  VectorXd out(n_hinge_);
+  for (int v = 0; v < model_->nv; ++v)
+    if (place_of_velocity(v) >= 0) out[place_of_velocity(v)] = x[v];
+  return out;
+}
+std::vector<int> TreeOperators::sweep_bodies() const {
+  std::vector<int> out;
+  for (const OperatorBody& b : bodies_) out.push_back(b.sweep);
+  return out;
 }
 
 std::vector<int> TreeOperators::subtree(int sweep_body) const {

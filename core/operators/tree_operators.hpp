@@ -15,6 +15,7 @@
 #include <string_view>
 #include <vector>
 
+#include "core/dynamics/part.hpp"
 #include "core/model/model.hpp"
 #include "core/soa/tangent.hpp"
 #include "core/soa/workspace.hpp"
@@ -154,6 +155,9 @@ class TreeOperators {
   const std::vector<int>& nodes() const { return nodes_; }
   const std::vector<double>& q() const { return q_; }
   bool whole() const { return whole_; }
+  /// For sweeps over the bodies that take part; null for the whole tree.
+  const Part* part() const { return part_.get(); }
+  bool is_masked() const { return masked_; }  ///< some components are not free
   int size(Space space) const;
   /// Of motions: accelerations; of forces: what is dual to rates.
   SpaceLabels labels(Space space, Sort sort) const;
@@ -162,6 +166,10 @@ class TreeOperators {
   int index_of(int sweep_body) const { return index_[static_cast<std::size_t>(sweep_body)]; }
   /// Place in the hinge space of the velocity component v of the model; -1 when it takes no part.
   int place_of_velocity(int v) const { return place_[static_cast<std::size_t>(v)]; }
+  /// A vector of the hinge space as nv numbers of the model, zero where nobody takes part; and back.
+  Eigen::VectorXd to_model(const Eigen::VectorXd& x) const;
+  Eigen::VectorXd from_model(const Eigen::VectorXd& x) const;
+  std::vector<int> sweep_bodies() const;  ///< those that take part, ascending
 
   // Blocks of body i (index into bodies()) ------------------------------------------------------------------------------------
   const Matrix6X& A(int i) const { return position_->A[sweep(i)]; }
@@ -221,6 +229,7 @@ class TreeOperators {
   std::vector<double> q_;
   std::vector<std::uint8_t> free_;
   int n_hinge_ = 0, n_body_ = 0;
+  std::shared_ptr<const Part> part_;
   bool whole_ = true, masked_ = false, weighted_ = false;
   bool has_inertia_ = false, has_operational_space_ = false, has_direction_ = false;
   std::shared_ptr<PositionBlocks> position_;  // shared with subgraphs: never written while it is

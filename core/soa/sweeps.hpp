@@ -50,6 +50,22 @@ static Pose<T> pose_in_inboard(const SweepModel& model, const Workspace<T>& ws, 
   const T s = rotor ? T(sin(angle)) : ws.sines[static_cast<std::size_t>(a.angle)], c = rotor ? T(cos(angle)) : ws.cosines[static_cast<std::size_t>(a.angle)];
   return {cast<T>(b.O.R) * rotation_about(cast<T>(b.axis), s, c), cast<T>(b.O.p)};
 }
+/// Spatial velocity of B, B axes, where the inboard body has V_A (its axes). X: pose of B in A. Needs outward.
+template <class T>
+static Motion<T> velocity_of(const SweepModel& model, const Workspace<T>& ws, const Inputs<T>& in, int k, const Pose<T>& X, Motion<T> V_A) {
+  const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+  const Modal<T>* modal = ws.modal_of(k);
+  if (modal && modal->node) {
+    T s[6];
+    sum_columns(model.shapes[static_cast<std::size_t>(b.onode)].columns.data(), in.v + model.bodies[static_cast<std::size_t>(b.parent)].etadot, b.n_parent_modes, s);
+    V_A += motion_of_node(*modal->node, s);
+  }
+  Motion<T> V = to_outboard(X, V_A);
+  for (int j = 0; j < b.nv; ++j) V += in.v[b.v + j] * hinge_column(model, ws, k, j);
+  if (modal && modal->C)
+    for (int j = 0; j < b.n_modes; ++j) V -= in.v[b.etadot + j] * motion_column(modal->C, j);
+  return V;
+}
 /// R_AB r + m p_AB: the first moment r of the mass m about B, in the axes of A and about its origin.
 template <class T>
 static Vec3<T> moment_in_inboard(const SweepModel& model, const Workspace<T>& ws, int k, const Vec3<T>& r, const T& m) {

@@ -100,19 +100,7 @@ static void world(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in
     const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
     const Pose<T> X = pose_in_inboard(model, ws, k, in.q);
     ws.pose_W(k) = ws.pose_W(b.parent) * X;
-    const Modal<T>* modal = ws.modal_of(k);
-    Motion<T> at_inboard = ws.V(b.parent);
-    if (modal && modal->node) {
-      T s[6];
-      sum_columns(model.shapes[static_cast<std::size_t>(b.onode)].columns.data(), in.v + model.bodies[static_cast<std::size_t>(b.parent)].etadot,
-                  b.n_parent_modes, s);
-      at_inboard += motion_of_node(*modal->node, s);
-    }
-    Motion<T> V = to_outboard(X, at_inboard);
-    for (int j = 0; j < b.nv; ++j) V += in.v[b.v + j] * hinge_column(model, ws, k, j);
-    if (modal && modal->C)
-      for (int j = 0; j < b.n_modes; ++j) V -= in.v[b.etadot + j] * motion_column(modal->C, j);
-    ws.V(k) = V;
+    ws.V(k) = velocity_of(model, ws, in, k, X, ws.V(b.parent));
   }
 }
 

@@ -11,7 +11,9 @@
 #include "core/operators/log_det.hpp"
 #include "core/operators/operational_space.hpp"
 #include "core/operators/system_properties.hpp"
+#include "scripts/host/bind_linear.hpp"
 #include "scripts/host/bind_operators.hpp"
+#include "scripts/host/bind_studies.hpp"
 #include "scripts/host/lua_matrix.hpp"
 #include "scripts/host/lua_table.hpp"
 
@@ -251,7 +253,7 @@ int reflected_inertia(lua_State* L) {
 /// s:bias(v): C - gravity - elastic forces at v
 int bias(lua_State* L) {
   const TreeOperators& tree = tree_of(L);
-  const VectorXd v = finite_vector(L, 2, tree.model().nv, "the velocities");
+  const VectorXd v = tree.to_model(hinge_vector(L, 2, tree, "the velocities"));
   soa::Workspace<double> workspace(tree.model());
   push_vector(L, soa::bias(tree, workspace, {.v = v.data()}), hinge_labels(tree, Sort::force));
   return 1;
@@ -386,6 +388,11 @@ int diagonalised_text(lua_State* L) {
 
 template <lua_CFunction kFunction>
 constexpr lua_CFunction method = operator_method<kFunction>;
+template <Study kStudy>
+int study(lua_State* L) {
+  const LuaOperators& o = to_operators(L);
+  return kStudy(L, *o.tree, *o.at);
+}
 
 using OS = soa::OperationalSpace;
 const std::vector<luaL_Reg> kTaskMethods = {
@@ -418,7 +425,10 @@ const std::vector<luaL_Reg>& analysis_methods() {
                                             {"momentum_matrix", method<momentum_matrix>}, {"momentum_sharing", method<momentum_sharing>},
                                             {"reflected_inertia", method<reflected_inertia>}, {"bias", method<bias>}, {"hybrid", method<hybrid>},
                                             {"passive", method<passive>}, {"floating_base", method<floating_base>},
-                                            {"log_det_gradient", method<log_det_gradient>}, {"diagonalised", method<diagonalised>}};
+                                            {"log_det_gradient", method<log_det_gradient>}, {"diagonalised", method<diagonalised>},
+                                            {"linearize", method<study<linear_model>>}, {"derivatives", method<study<derivatives_study>>},
+                                            {"system_modes", method<study<system_modes_study>>}, {"inverse_kinematics", method<study<inverse_kinematics_study>>},
+                                            {"interbody_forces", method<study<interbody_forces_study>>}};
   return all;
 }
 

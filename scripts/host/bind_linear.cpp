@@ -1,7 +1,5 @@
 #include "scripts/host/bind_linear.hpp"
 
-#include <algorithm>
-
 #include "core/operators/linear_model.hpp"
 #include "core/operators/system_modes.hpp"
 #include "core/sim/linear_model_file.hpp"
@@ -31,17 +29,9 @@ void push_poles(lua_State* L, const Eigen::MatrixXd& A) {
   }
 }
 
-/// The model with the ops that these inputs and the loads of now need: that of the scenario has no loads where none is declared.
-std::shared_ptr<const Model> with_loads(const Scenario& s, const soa::LinearPorts& ports) {
-  const auto on_node = [](const std::string& name) { return name.find(':') != std::string::npos; };
-  if (s.model->has(Kernel::node_wrenches) || std::none_of(ports.inputs.begin(), ports.inputs.end(), on_node)) return s.model;
-  return compile(s.model->spec, s.registry);
-}
-
 }  // namespace
 
-int push_linear_model(lua_State* L, Scenario& s) {
-  if (s.in_event_function) refuse(L, Code::lua_argument, "linearize", "coordinates, inside of an event's `when`", "a linear model");
+int linear_model(lua_State* L, const soa::TreeOperators& tree, const OperatingState& at) {
   soa::LinearPorts ports;
   std::string file;
   if (!lua_isnoneornil(L, 2)) {
@@ -53,14 +43,10 @@ int push_linear_model(lua_State* L, Scenario& s) {
     table.finish();
     sink.throw_if_any();
   }
-  const std::shared_ptr<const Model> model = with_loads(s, ports);
-  const State& state = s.sim->state();
-  Eigen::VectorXd tau(model->nv);
-  for (int i = 0; i < model->nv; ++i) tau[i] = s.sim->force(i);
-  const Eigen::VectorXd vdot = s.sim->vdot();
-  LuaHost::charge(L, 500LL * static_cast<std::int64_t>(model->bodies.size() + static_cast<std::size_t>(model->nv)) * (2 * model->nv + 1));
+  const int nv = tree.size(soa::Space::hinge);
+  LuaHost::charge(L, 500LL * static_cast<std::int64_t>(tree.model().bodies.size() + static_cast<std::size_t>(nv)) * (2 * nv + 1));
   const soa::LinearModel linear =
-      soa::linearize(*model, {.t = state.t, .q = state.q.data(), .v = state.v.data(), .tau = tau.data(), .vdot = vdot.data(), .wrenches = s.sim->wrenches()}, ports);
+      soa::linearize(tree, {.t = at.t, .v = at.v.data(), .tau = at.tau.data(), .vdot = at.vdot.data(), .wrenches = at.wrenches}, ports);
   if (!file.empty()) write_linear_model(linear, output_file(L, file).string());
   lua_newtable(L);
   const Labels x = to_labels(linear.states), u = to_labels(linear.inputs), y = to_labels(linear.outputs), rates{x.names, {}};
@@ -81,5 +67,7 @@ int push_linear_model(lua_State* L, Scenario& s) {
   lua_pushnumber(L, linear.t), set(L, "t");
   return 1;
 }
+
+int push_linear_model(lua_State* L, Scenario& s) { return study_of_now(L, s, "linearize", linear_model); }
 
 }  // namespace cardan

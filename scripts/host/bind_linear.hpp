@@ -1,11 +1,13 @@
 #pragma once
-// The linear model of a scenario at its present state, for scripts.
-#include "scripts/host/scenario.hpp"
+// Linear models for scripts.
+#include "scripts/host/bind_operators.hpp"
 
 namespace cardan {
 
 /// Pushes the table of `linearize{inputs = {...}, outputs = {...}}`, whose argument (or nothing) is at index 2. Forces, loads and given
-/// motions are those of now.
+/// motions are those of the state.
+int linear_model(lua_State* L, const soa::TreeOperators&, const OperatingState&);
+/// Of the scenario now.
 int push_linear_model(lua_State* L, Scenario&);
 
 }  // namespace cardan

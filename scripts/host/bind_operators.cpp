@@ -108,7 +108,7 @@ int operators_text(lua_State* L) {
 int push_part(lua_State* L, const LuaOperators& o, const std::vector<int>& bodies, std::string of) {
   auto part = std::make_shared<TreeOperators>(o.tree->subgraph(bodies));
   part->articulate();
-  push_object<LuaOperators>(L, kOperators, std::move(part), std::move(of));
+  push_object<LuaOperators>(L, kOperators, std::move(part), std::move(of), o.at);
   return 1;
 }
 int subtree(lua_State* L) {
@@ -398,16 +398,36 @@ int at_script_line(lua_State* L, const std::function<int(lua_State*)>& function)
   }
 }
 
-int push_operators(lua_State* L, Scenario& s) {
-  if (s.in_event_function) refuse(L, Code::lua_argument, "operators", "coordinates, inside of an event's `when`", "operators");
+OperatingState present_state(const Scenario& s) {
+  const int nv = s.model->nv;
+  OperatingState out{.t = s.sim->time(), .v = Eigen::Map<const Eigen::VectorXd>(s.v, nv), .tau = Eigen::VectorXd(nv), .vdot = Eigen::VectorXd::Zero(nv),
+                     .wrenches = {s.sim->wrenches().begin(), s.sim->wrenches().end()}, .seed = s.seed};
+  for (int i = 0; i < nv; ++i) out.tau[i] = s.sim->force(i);
+  if (s.model->has_prescribed()) out.vdot = s.sim->vdot();
+  return out;
+}
+
+/// The whole tree where the scene is now.
+static std::shared_ptr<TreeOperators> tree_of_now(lua_State* L, Scenario& s, const char* what) {
+  if (s.in_event_function) refuse(L, Code::lua_argument, what, "coordinates, inside of an event's `when`", what);
   auto tree = std::make_shared<TreeOperators>(s.model);
   tree->at(s.q);
+  return tree;
+}
+
+int study_of_now(lua_State* L, Scenario& s, const char* what, Study study) {
+  const auto tree = tree_of_now(L, s, what);
+  return study(L, *tree, present_state(s));
+}
+
+int push_operators(lua_State* L, Scenario& s) {
+  auto tree = tree_of_now(L, s, "operators");
   const std::string stage = lua_isnoneornil(L, 2) ? "inertia" : lua_type(L, 2) == LUA_TSTRING ? lua_tostring(L, 2) : "";
   if (stage != "position" && stage != "inertia")
     refuse(L, Code::lua_argument, "operators", "no argument, or the last stage to compute: \"position\", \"inertia\"", describe_value(L, 2));
   if (stage == "inertia") tree->articulate();
   LuaHost::charge(L, 200 * (tree->size(Space::body) + 1));
-  push_object<LuaOperators>(L, kOperators, std::move(tree), "the whole tree");
+  push_object<LuaOperators>(L, kOperators, std::move(tree), "the whole tree", std::make_shared<const OperatingState>(present_state(s)));
   return 1;
 }
 

@@ -15,11 +15,26 @@ void bind_operators(Scenario&);
 /// Pushes the operators at the present state; argument 2 may name the last stage to compute ("position", "inertia").
 int push_operators(lua_State* L, Scenario&);
 
+/// What analyses of dynamics read beside q, at the moment when the operators were made; the model's order.
+struct OperatingState {
+  double t = 0.0;                    // [s]
+  Eigen::VectorXd v, tau;            // tau: of actuators
+  Eigen::VectorXd vdot;              // of given motions
+  std::vector<NodeWrench> wrenches;
+  std::uint64_t seed = 0;            // of the scenario
+  Inputs inputs(const double* q) const { return {.q = q, .v = v.data(), .tau = tau.data(), .vdot = vdot.data(), .wrenches = wrenches}; }
+};
+OperatingState present_state(const Scenario&);
 /// The operators of a tree, or of a part of it.
 struct LuaOperators {
   std::shared_ptr<soa::TreeOperators> tree;
   std::string of;  // "the whole tree", "the subtree of boom"
+  std::shared_ptr<const OperatingState> at;
 };
+/// What can be asked of a tree or a part of it at a state; arguments from the second on.
+using Study = int (*)(lua_State*, const soa::TreeOperators&, const OperatingState&);
+/// Of the whole tree, now.
+int study_of_now(lua_State* L, Scenario&, const char* what, Study study);
 /// Argument 1.
 LuaOperators& to_operators(lua_State* L);
 Labels to_labels(soa::SpaceLabels l);

@@ -1,4 +1,4 @@
-// Modes of the assembled system, derivatives of the equations of motion and inverse kinematics in scripts.
+// Modes of the assembled system, derivatives of the equations of motion, inverse kinematics and inter-body forces in scripts.
 #include "scripts/host/bind_studies.hpp"
 
 #include <fmt/format.h>
@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "core/base/units.hpp"
+#include "core/operators/hybrid.hpp"
 #include "core/operators/inverse_kinematics.hpp"
 #include "core/operators/sensitivity.hpp"
 #include "core/operators/system_modes.hpp"
@@ -19,10 +20,6 @@ namespace cardan {
 namespace {
 
 using Eigen::VectorXd;
-
-void expect_state(lua_State* L, const Scenario& s, const char* what) {
-  if (s.in_event_function) refuse(L, Code::lua_argument, what, "coordinates, inside of an event's `when`", what);
-}
 
 /// Velocity component of "arm.rate", or of a coordinate whose rate it is: "arm.angle".
 int velocity_component(lua_State* L, const Model& m, const std::string& name, const char* what) {
@@ -71,8 +68,7 @@ soa::IkTarget target_of(lua_State* L, LuaTable& t, const Model& m) {
 
 }  // namespace
 
-int push_modes(lua_State* L, Scenario& s) {
-  expect_state(L, s, "system_modes");
+int system_modes_study(lua_State* L, const soa::TreeOperators& tree, const OperatingState&) {
   soa::SystemModesOptions options;
   if (!lua_isnoneornil(L, 2)) {
     DiagnosticSink sink;
@@ -84,8 +80,6 @@ int push_modes(lua_State* L, Scenario& s) {
     table.finish();
     sink.throw_if_any();
   }
-  soa::TreeOperators tree(s.model);
-  tree.at(s.q);
   LuaHost::charge(L, 20000LL * (tree.size(soa::Space::body) + 1));
   const soa::SystemModes modes = soa::system_modes(tree, options);
   Labels rows = to_labels(modes.labels);
@@ -102,21 +96,15 @@ int push_modes(lua_State* L, Scenario& s) {
   return 1;
 }
 
-int push_derivatives(lua_State* L, Scenario& s) {
-  expect_state(L, s, "derivatives");
+int derivatives_study(lua_State* L, const soa::TreeOperators& tree, const OperatingState& at) {
   lua_settop(L, 2);
-  const Model& m = *s.model;
-  const State& state = s.sim->state();
-  VectorXd tau(m.nv);
-  for (int i = 0; i < m.nv; ++i) tau[i] = s.sim->force(i);
-  const VectorXd vdot = s.sim->vdot();
-  Sensitivities about(s.model);
-  about.solve({.q = state.q.data(), .v = state.v.data(), .tau = tau.data(), .vdot = vdot.data(), .wrenches = s.sim->wrenches()});
-  Labels v = velocity_labels(m);
-  const Labels names{v.names, {}};
+  const Model& m = tree.model();
+  Sensitivities about(tree);
+  about.solve(at.inputs(tree.q().data()));
+  const Labels names{tree.labels(soa::Space::hinge, soa::Sort::unknown).names, {}};
   lua_newtable(L);
   if (lua_isnoneornil(L, 2)) {
-    LuaHost::charge(L, 400LL * static_cast<std::int64_t>(m.bodies.size()) * (4 * m.nv + 1));
+    LuaHost::charge(L, 400LL * static_cast<std::int64_t>(m.bodies.size()) * (4 * tree.size(soa::Space::hinge) + 1));
     const InverseDerivatives inverse = about.inverse();
     const ForwardDerivatives forward = about.forward();
     push_matrix(L, inverse.q, names, names), set(L, "tau_q");
@@ -141,9 +129,8 @@ int push_derivatives(lua_State* L, Scenario& s) {
   return 1;
 }
 
-int push_inverse_kinematics(lua_State* L, Scenario& s) {
-  expect_state(L, s, "inverse_kinematics");
-  const Model& m = *s.model;
+int inverse_kinematics_study(lua_State* L, const soa::TreeOperators& tree, const OperatingState& at) {
+  const Model& m = tree.model();
   DiagnosticSink sink;
   LuaTable table(L, 2, "inverse_kinematics", sink);
   table.require({"targets"});
@@ -154,7 +141,7 @@ int push_inverse_kinematics(lua_State* L, Scenario& s) {
   options.tolerance = table.number("tolerance").value_or(options.tolerance);
   options.iterations = static_cast<int>(table.integer("iterations").value_or(options.iterations));
   options.starts = static_cast<int>(table.integer("starts").value_or(options.starts));
-  options.seed = static_cast<std::uint64_t>(table.integer("seed").value_or(static_cast<std::int64_t>(s.seed > 0 ? s.seed : options.seed)));
+  options.seed = static_cast<std::uint64_t>(table.integer("seed").value_or(static_cast<std::int64_t>(at.seed > 0 ? at.seed : options.seed)));
   options.dynamic = table.flag("dynamic").value_or(false);
   for (const std::string& name : table.texts("free").value_or(std::vector<std::string>())) options.free.push_back(velocity_component(L, m, name, "inverse_kinematics.free"));
   if (table.has("prefer")) {
@@ -180,7 +167,7 @@ int push_inverse_kinematics(lua_State* L, Scenario& s) {
   table.finish();
   sink.throw_if_any();
   LuaHost::charge(L, 1000LL * static_cast<std::int64_t>(m.bodies.size()) * options.starts);
-  const soa::IkResult r = soa::inverse_kinematics(s.model, s.q, targets, options);
+  const soa::IkResult r = soa::inverse_kinematics(tree, targets, options);
   const Labels v = velocity_labels(m);
   lua_newtable(L);
   lua_pushboolean(L, r.reached), set(L, "reached");
@@ -200,5 +187,37 @@ int push_inverse_kinematics(lua_State* L, Scenario& s) {
   lua_pushstring(L, r.message.c_str()), set(L, "message");
   return 1;
 }
+
+int interbody_forces_study(lua_State* L, const soa::TreeOperators& tree, const OperatingState& at) {
+  const Model& m = tree.model();
+  const int n = tree.size(soa::Space::hinge);
+  VectorXd v = tree.from_model(at.v), vdot;
+  if (!lua_isnoneornil(L, 2)) {
+    if (lua_type(L, 2) != LUA_TTABLE) refuse(L, Code::lua_argument, "interbody_forces", "nothing, or a table {v = , vdot = }", describe_value(L, 2));
+    for (lua_pushnil(L); lua_next(L, 2); lua_pop(L, 1)) {
+      const std::string key = lua_type(L, -2) == LUA_TSTRING ? lua_tostring(L, -2) : "";
+      if (key != "v" && key != "vdot") refuse(L, Code::unknown_key, "interbody_forces", "v, vdot", describe_value(L, -2));
+      (key == "v" ? v : vdot) = finite_vector(L, lua_gettop(L), n, ("interbody_forces." + key).c_str());
+    }
+  }
+  LuaHost::charge(L, 400LL * static_cast<std::int64_t>(m.bodies.size()));
+  const VectorXd v_all = tree.to_model(v);
+  Inputs in = at.inputs(tree.q().data());
+  in.v = v_all.data();
+  if (vdot.size() == 0) {  // what the forces of the state do
+    Sensitivities about(tree);
+    about.solve(in);
+    vdot = about.vdot();
+  }
+  const VectorXd vdot_all = tree.to_model(vdot);
+  in.vdot = vdot_all.data();
+  Workspace workspace(m);
+  push_vector(L, soa::interbody_forces(tree, workspace, in), to_labels(tree.labels(soa::Space::body, soa::Sort::force)));
+  return 1;
+}
+
+int push_modes(lua_State* L, Scenario& s) { return study_of_now(L, s, "system_modes", system_modes_study); }
+int push_derivatives(lua_State* L, Scenario& s) { return study_of_now(L, s, "derivatives", derivatives_study); }
+int push_inverse_kinematics(lua_State* L, Scenario& s) { return study_of_now(L, s, "inverse_kinematics", inverse_kinematics_study); }
 
 }  // namespace cardan

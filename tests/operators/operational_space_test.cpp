@@ -306,7 +306,7 @@ TEST(OperationalSpace, Refusals) {
   prepare(other);
   EXPECT_EQ(code([&] { OperationalSpace(ops, {{tip}, {}}, &other); }), Code::operator_shape);
   cardan::Workspace ws(*model);
-  EXPECT_EQ(code([&] { task_bias(ops.subgraph({2}), {{tip}, {}}, ws, VectorXd::Zero(1)); }), Code::unsupported);
+  EXPECT_EQ(code([&] { task_bias(ops.subgraph({1}), {{tip}, {}}, ws, VectorXd::Zero(1)); }), Code::unknown_node);
   EXPECT_EQ(code([&] { omega_block(ops, 0, 2); }), Code::unknown_body);
 }
 

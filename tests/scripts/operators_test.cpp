@@ -160,6 +160,44 @@ assert(sim:derivatives("bus").tau:cols() == 10 and sim:derivatives("wing_left").
   EXPECT_EQ(run.exit_code, 0) << run.err;
 }
 
+TEST(OperatorsInScripts, AnalysesOfAPart) {
+  const Finished run = script(R"(
+local function near(a, b, what, tolerance) assert((a - b):max_abs() <= (tolerance or 1e-11) * b:max_abs(), what) end
+local whole = sim:operators()
+near(whole:derivatives().vdot_q, sim:derivatives().vdot_q, "derivatives")
+near(whole:linearize { inputs = { "bus:force" } }.B, sim:linearize { inputs = { "bus:force" } }.B, "linear model")
+for _, s in ipairs { whole, whole:subtree "wing_left", whole:path("wing_left", "wheel_1") } do
+  local n, numbers = s:size "hinge", {}
+  for i = 1, n do numbers[i] = math.sin(i) end
+  local x, zero = vector(numbers), vector(numbers) * 0
+  -- by the sweeps, and by the letters
+  local f = s:interbody_forces { v = zero, vdot = x } - s:interbody_forces { v = zero, vdot = zero }
+  near(f, s.phi * (s.M * (s.phi:star() * (s.H:star() * x))), "inter-body forces", 1e-10)
+  near(s.H * s:interbody_forces { v = x, vdot = zero }, s:bias(x), "bias", 1e-10)
+  assert(s:interbody_forces():labels().units[4] == "N" and #s:interbody_forces() == s:size "body")
+  local d = s:derivatives()
+  assert(d.tau_q:rows() == n and d.tau_q:cols() == n and d.vdot_tau:rows() == n)
+  local lin = s:linearize { outputs = { "wing_left.tip:acceleration" } }
+  assert(lin.A:rows() == 2 * n and lin.C:rows() == 3 and lin.state_names[n + 1] == s:names()[1])
+  assert(s:diagonalised():coriolis(x):max_abs() >= 0 and s:derivatives("wing_left").tau:cols() == 10)
+end
+local wing = whole:subtree "wing_left"
+local modes = wing:system_modes { elastic = 2 }
+assert(modes.kinetic:rows() == 1 and modes.frequency[modes.first_elastic] > 0.01)
+local r = wing:inverse_kinematics { targets = { { node = "wing_left.tip", position = { 3, 4, 5 }, rows = { 6 } } }, starts = 1 }
+assert(#r.q == #sim:q() and (r.q - sim:q()):max_abs() < 7)
+for i, name in ipairs(r.q:labels().names) do assert(r.q[i] == sim:q()[i] or name == "wing_left.angle", name) end
+)");
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  for (const auto& [statement, code] : std::vector<std::pair<std::string, std::string>>{{"linearize{inputs = {'bus:force'}}", "C0208"}, {"linearize{outputs = {'wheel_1.rate'}}", "C0208"},
+                                                                                        {"derivatives('bus')", "C0201"}, {"bias({1, 2})", "C0502"}, {"interbody_forces{w = 1}", "C0104"}}) {
+    const Finished refused = script("local x = sim:operators():subtree('wing_left'):" + statement);
+    EXPECT_EQ(refused.exit_code, 2) << statement << refused.err;
+    EXPECT_NE(refused.err.find(code), std::string::npos) << statement << "\n" << refused.err;
+    EXPECT_NE(refused.err.find("look.lua:1"), std::string::npos) << statement << "\n" << refused.err;
+  }
+}
+
 TEST(OperatorsInScripts, InverseKinematicsOfTheArm) {
   const Finished run = script(R"(
 local hand = sim:vehicle():node "hand.tool"

@@ -430,6 +430,24 @@ function Operators:bias(v) end
 ---@param given { bias?: Vector, tau?: Vector, vdot?: Vector }
 ---@return { vdot: Vector, tau: Vector }
 function Operators:hybrid(given) end
+--- What the hinges transmit, at the origins and in the axes of the bodies, and the modal rows: body space.
+---@param motion? { v?: Vector|number[], vdot?: Vector|number[] } default: v of the state, and the v' that its forces cause
+---@return Vector
+function Operators:interbody_forces(motion) end
+--- The linear model of the bodies that take part, about the state that the operators were made at.
+---@param ports? { inputs?: string[], outputs?: string[], file?: string } file: at the workbench alone
+---@return LinearModel
+function Operators:linearize(ports) end
+---@param options? { elastic?: integer, rigid?: integer }
+---@return { n_rigid: integer, first_elastic: integer, complete: boolean, frequency: Vector, damping: Vector, shapes: Matrix, strain: Matrix, kinetic: Matrix }
+function Operators:system_modes(options) end
+---@param body? string
+---@return { tau_q?: Matrix, tau_v?: Matrix, vdot_q?: Matrix, vdot_v?: Matrix, vdot_tau?: Matrix, tau?: Matrix, vdot?: Matrix }
+function Operators:derivatives(body) end
+--- Bodies that take no part stay where they are.
+---@param task { targets: { node: string, position?: quantity[], attitude?: number[], rows?: integer[], rotation_weight?: number, position_weight?: number }[], limits?: table<string, number[]>, free?: string[], prefer?: Vector, dynamic?: boolean, tolerance?: number, iterations?: integer, starts?: integer, seed?: integer }
+---@return { reached: boolean, q: Vector, residual: number, error: Matrix, at_limit: string[], stationary: boolean, iterations: integer, starts: integer, seed: integer, message: string }
+function Operators:inverse_kinematics(task) end
 --- Components without actuator.
 ---@param ... string
 ---@return Passive
