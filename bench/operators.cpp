@@ -46,7 +46,7 @@ SystemSpec rigid_bodies(int n, bool tree) {
 }
 
 struct Scene {
-  explicit Scene(std::shared_ptr<const Model> m) : model(m), tree(m), base(m), sensitivities(m) {
+  explicit Scene(std::shared_ptr<const Model> m) : model(m), tree(m), base(m), sensitivities(m), workspace(*m) {
     VectorXd d = VectorXd::LinSpaced(m->nv, -0.3, 0.3);
     q.resize(m->nq);
     m->retract(m->initial_state().q.data(), d.data(), q.data());
@@ -64,6 +64,7 @@ struct Scene {
   TreeOperators tree, base;                    // all free; the hinges of the roots alone
   Sensitivities sensitivities;
   std::unique_ptr<Diagonalised> diagonalised;
+  Workspace workspace;
   std::vector<int> nodes;                      // eight, spread over the bodies
   VectorXd q, v, tau, x, y;
 };
@@ -105,6 +106,7 @@ std::vector<Method> methods() {
        }},
       {"participation", 1, [](Scene& s) { participation(s.tree, s.nodes.back(), u); }},
       {"hybrid dynamics, base free", 1, [](Scene& s) { hybrid_dynamics(s.base, s.tau, s.tau, s.v); }},
+      {"inter-body forces", 1, [](Scene& s) { s.y = interbody_forces(s.tree, s.workspace, {.q = s.q.data(), .v = s.v.data(), .vdot = s.v.data()}); }},
       {"generalised Jacobian", 1, [](Scene& s) { Unactuated(s.base).generalised_jacobian({{s.nodes.back()}, {}}); }},
       {"mass properties", 1, [](Scene& s) { mass_properties(s.tree); }},
       {"momentum matrix, centroidal", 1, [](Scene& s) { momentum_matrix(s.tree, About::mass_centre); }},
