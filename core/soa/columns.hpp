@@ -130,19 +130,22 @@ struct Twelve<double> {
 };
 #endif
 
-/// out = sum_j x_j [column j], columns `stride` apart. Some sums are under way at once, so that none waits for its last term.
+/// out = sum_j x_j [column j], columns `stride` apart. With many modes four sums are under way, so that none waits for its last term.
 template <class C, class T, class E, class X>
 static void sum_columns_of(const E* a, int stride, const X* x, int m, T* out) {
-  C s, t, u, v;
+  C s;
   int j = 0;
-  for (; j + 4 <= m; j += 4, a += 4 * stride) {
-    s.add(T(x[j]), C(a));
-    t.add(T(x[j + 1]), C(a + stride));
-    u.add(T(x[j + 2]), C(a + 2 * stride));
-    v.add(T(x[j + 3]), C(a + 3 * stride));
+  if (m >= 8) {
+    C t, u, v;
+    for (; j + 4 <= m; j += 4, a += 4 * stride) {
+      s.add(T(x[j]), C(a));
+      t.add(T(x[j + 1]), C(a + stride));
+      u.add(T(x[j + 2]), C(a + 2 * stride));
+      v.add(T(x[j + 3]), C(a + 3 * stride));
+    }
+    s += t, u += v, s += u;
   }
   for (; j < m; ++j, a += stride) s.add(T(x[j]), C(a));
-  s += t, u += v, s += u;
   s.to(out);
 }
 /// The same for two vectors at once.
@@ -169,18 +172,12 @@ static void sum_columns_of(const E* a, int stride, const T* x, const T* y, int m
 /// out = sum_j x_j [column j] of a 6 x m array.
 template <class E, class X, class T>
 static void sum_columns(const E* a, const X* x, int m, T* out) { sum_columns_of<Six<T>>(a, 6, x, m, out); }
-/// The same of a `rows` x m array of constants, rows a multiple of six; and for two vectors at once.
+/// The same of a `rows` x m array of constants, rows a multiple of six.
 template <class T>
 static void sum_columns(const double* a, int rows, const T* x, int m, T* out) {
-  if constexpr (kWidth<T> == 1)  // more than the registers hold of lanes
+  if constexpr (kWidth<T> == 1)  // of lanes the registers hold no more than six
     if (rows == 12) return sum_columns_of<Twelve<T>>(a, rows, x, m, out);
   for (int d = 0; d < rows; d += 6) sum_columns_of<Six<T>>(a + d, rows, x, m, out + d);
-}
-template <class T>
-static void sum_columns(const double* a, int rows, const T* x, const T* y, int m, T* out_x, T* out_y) {
-  if constexpr (kWidth<T> == 1)  // more than the registers hold of lanes
-    if (rows == 12) return sum_columns_of<Twelve<T>>(a, rows, x, y, m, out_x, out_y);
-  for (int d = 0; d < rows; d += 6) sum_columns_of<Six<T>>(a + d, rows, x, y, m, out_x + d, out_y + d);
 }
 /// out_j = x_j + w . [column j]; `rows`: a 6 x m array stored row by row. out may be x.
 template <class T>

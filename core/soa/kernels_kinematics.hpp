@@ -145,7 +145,7 @@ template <class T>
 static void deform(const NodeShapes& s, const T* eta, const T* etadot, DeformedNode<T>& d) {
   T x[6], v[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};
   if (etadot)
-    sum_columns(s.columns.data(), 6, eta, etadot, s.n_modes, x, v);
+    sum_columns_of<Six<T>>(s.columns.data(), 6, eta, etadot, s.n_modes, x, v);
   else
     sum_columns(s.columns.data(), eta, s.n_modes, x);
   deform<T>(s.pose, x, v, d);
@@ -199,19 +199,28 @@ template <class T, OutwardFor For>
 static void sum_modes(Workspace<T>& ws, const SweepBody& b, const FlexibleBody& f, const T* q, const T* v, T* M_re_eta, T* M_re_etadot) {
   const std::size_t nodes = f.attached.size(), own = f.constant ? 6 : 0;
   const int rows = static_cast<int>(own + 6 * nodes);
-  T *x = ws.sums.data(), *rate = x + rows;
-  if constexpr (For.velocity)
-    sum_columns(f.shapes.data(), rows, q + b.eta, v + b.etadot, b.n_modes, x, rate);
-  else
-    sum_columns(f.shapes.data(), rows, q + b.eta, b.n_modes, x);
-  const auto take = [&](std::size_t at, T* moved, T* rates) {
-    Six<T>(x + at).to(moved);
-    (For.velocity ? Six<T>(rate + at) : Six<T>()).to(rates);
+  const T *eta = q + b.eta, *etadot = v + b.etadot;
+  if constexpr (kWidth<T> == 1 && For.velocity)  // of lanes the registers hold no more than six
+    if (f.constant && nodes == 1) {
+      T x[12], rate[12];
+      sum_columns_of<Twelve<T>>(f.shapes.data(), 12, eta, etadot, b.n_modes, x, rate);
+      ModalNode<T>& node = *ws.modal_of(f.attached[0])->node;
+      Six<T>(x).to(M_re_eta), Six<T>(rate).to(M_re_etadot);
+      Six<T>(x + 6).to(node.moved), Six<T>(rate + 6).to(node.rate);
+      return;
+    }
+  const auto sum = [&](std::size_t at, T* moved, T* rate) {
+    if constexpr (For.velocity) {
+      sum_columns_of<Six<T>>(f.shapes.data() + at, rows, eta, etadot, b.n_modes, moved, rate);
+    } else {
+      sum_columns_of<Six<T>>(f.shapes.data() + at, rows, eta, b.n_modes, moved);
+      Six<T>().to(rate);
+    }
   };
-  if (f.constant) take(0, M_re_eta, M_re_etadot);
+  if (f.constant) sum(0, M_re_eta, M_re_etadot);
   for (std::size_t a = 0; a < nodes; ++a) {
     ModalNode<T>& node = *ws.modal_of(f.attached[a])->node;
-    take(own + 6 * a, node.moved, node.rate);
+    sum(own + 6 * a, node.moved, node.rate);
   }
 }
 
@@ -226,7 +235,7 @@ static void flexible_inertia(const SweepModel& model, Workspace<T>& ws, const Sw
   T x[6], v[6];
   if (!f.attached.empty())
     sum_modes<T, For>(ws, b, f, in.q, in.v, x, v);
-  else if (f.constant && For.velocity)
+  else if (f.constant && For.velocity)  // nothing hangs there: most bodies
     sum_columns_of<Six<T>>(f.shapes.data(), 6, eta, etadot, m, x, v);
   else if (f.constant)
     sum_columns_of<Six<T>>(f.shapes.data(), 6, eta, m, x);

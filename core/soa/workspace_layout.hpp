@@ -33,7 +33,7 @@ Workspace<T>::Workspace(const SweepModel& model) {
   const auto round = [](std::size_t bytes) { return (bytes + 63) / 64 * 64; };
   std::vector<bool> ee_changes(n, false);  // some outboard hinge or the pnode adds to P_ee
   for (const FlexibleBody& f : model.flexible)
-    if (!f.attached.empty()) sums.resize(std::max(sums.size(), 2 * (6 + 6 * f.attached.size())), T(0));
+    if (!f.attached.empty()) sums.resize(std::max(sums.size(), 6 + 6 * f.attached.size()), T(0));
   for (std::size_t k = 1; k < n; ++k) {
     const SweepBody& b = model.bodies[k];
     if (b.onode >= 0) ee_changes[static_cast<std::size_t>(b.parent)] = true;
