@@ -134,13 +134,13 @@ FlexibleBody flexible_of(const BodySpec& body, const cardan_body_family& family,
   f.L_ee.assign(L.data(), L.data() + L.size());
   const Eigen::MatrixXd M_re_rows = M_re.transpose();
   f.M_re_rows.assign(M_re_rows.data(), M_re_rows.data() + M_re_rows.size());
-  f.U_rows.assign(U.data(), U.data() + U.size());
+  f.U.assign(U.data(), U.data() + U.size());
   const Eigen::Matrix<double, 6, 6> gram = M_re * U;
   f.gramian = {symmetric(gram.topLeftCorner<3, 3>()), from_eigen(Eigen::Matrix3d(gram.topRightCorner<3, 3>())),
                symmetric(gram.bottomRightCorner<3, 3>())};
   const auto diagonal = [](const Eigen::MatrixXd& a) { return a.size() == 0 || Eigen::MatrixXd(a - Eigen::MatrixXd(a.diagonal().asDiagonal())).isZero(0.0); };
   f.K_diagonal = diagonal(d.K) && diagonal(d.C);
-  const auto store = [&](std::vector<double>& to, const Eigen::MatrixXd& a) {
+  const auto store = [&](Stream& to, const Eigen::MatrixXd& a) {
     const Eigen::MatrixXd full = a.size() > 0 ? a : Eigen::MatrixXd::Zero(m, m);
     for (std::uint32_t j = 0; j < m; ++j)
       for (std::uint32_t i = 0; i < m; ++i)
@@ -397,27 +397,38 @@ class Compiler {
       bool masked = false;
       for (int j = b.etadot; m.has_prescribed() && j < b.etadot + b.n_modes; ++j) masked = masked || m.prescribed[static_cast<std::size_t>(j)];
       const bool moves_at_P = b.pnode >= 0 && m.shapes[static_cast<std::size_t>(b.pnode)].deforms();
-      // Below about eight modes per node the factor of P_ee is cheaper (measured, docs/benchmarks.md); 6 n <= m must hold.
-      f.by_nodes = f.M_ee_constant && !moves_at_P && !masked && !f.attached.empty() && b.n_modes >= 8 * static_cast<int>(f.attached.size());
-      if (!f.by_nodes) continue;
+      // With more than six modes per node the factor of P_ee takes more operations (and more time from six on); 6 n <= m must hold.
+      f.by_nodes = f.M_ee_constant && !moves_at_P && !masked && !f.attached.empty() && b.n_modes > 6 * static_cast<int>(f.attached.size());
       const Eigen::Index n = static_cast<Eigen::Index>(6 * f.attached.size()), modes = b.n_modes;
+      const Eigen::Map<const Eigen::MatrixXd> M_re(f.M_re.data(), 6, modes), U(f.U.data(), modes, 6);
       Eigen::MatrixXd S(n, modes);
       for (std::size_t c = 0; c < f.attached.size(); ++c) {
         const SweepBody& child = m.bodies[static_cast<std::size_t>(f.attached[c])];
         S.middleRows<6>(static_cast<Eigen::Index>(6 * c)) =
             Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic>>(m.shapes[static_cast<std::size_t>(child.onode)].columns.data(), 6, modes);
       }
-      const Eigen::Map<const Eigen::MatrixXd> L(f.L_ee.data(), modes, modes), M_re(f.M_re.data(), 6, modes);
-      // L^-1 S* = Z R by reflections (nothing is squared): V = L^-* Z, Q = R*
-      const Eigen::HouseholderQR<Eigen::MatrixXd> qr(L.triangularView<Eigen::Lower>().solve(S.transpose()));
-      const Eigen::MatrixXd Z = qr.householderQ() * Eigen::MatrixXd::Identity(modes, n);
-      const Eigen::MatrixXd R = qr.matrixQR().topRows(n).triangularView<Eigen::Upper>();
-      const Eigen::MatrixXd V = L.transpose().triangularView<Eigen::Upper>().solve(Z);
-      const auto append = [](const Eigen::MatrixXd& a, std::vector<double>& to) { to.insert(to.end(), a.data(), a.data() + a.size()); };
-      append(V, f.V);
-      for (Eigen::Index c = 0; c < n; c += 6) append(V.middleCols<6>(c).transpose(), f.V_columns);
-      append(M_re * V, f.MV);
-      append(R, f.Q);
+      const auto append = [](const Eigen::MatrixXd& a, auto& to) { to.insert(to.end(), a.data(), a.data() + a.size()); };
+      const auto below = [](const Eigen::MatrixXd& top, const Eigen::MatrixXd& bottom) {
+        Eigen::MatrixXd both(top.rows() + bottom.rows(), bottom.cols());
+        both << top, bottom;
+        return both;
+      };
+      append(f.constant ? below(M_re, S) : S, f.shapes);
+      Eigen::MatrixXd V(modes, 0);
+      if (f.by_nodes) {
+        const Eigen::Map<const Eigen::MatrixXd> L(f.L_ee.data(), modes, modes);
+        // L^-1 S* = Z R by reflections (nothing is squared): V = L^-* Z, Q = R*
+        const Eigen::HouseholderQR<Eigen::MatrixXd> qr(L.triangularView<Eigen::Lower>().solve(S.transpose()));
+        const Eigen::MatrixXd Z = qr.householderQ() * Eigen::MatrixXd::Identity(modes, n);
+        const Eigen::MatrixXd R = qr.matrixQR().topRows(n).triangularView<Eigen::Upper>();
+        V = L.transpose().triangularView<Eigen::Upper>().solve(Z);
+        append(M_re * V, f.MV);
+        append(R, f.Q);
+      }
+      if (!f.M_re_constant && !f.by_nodes) continue;
+      const Eigen::MatrixXd columns = f.M_re_constant ? below(U.transpose(), V.transpose()) : V.transpose();
+      append(columns, f.UV_columns);
+      append(columns.transpose(), f.UV);
     }
   }
 

@@ -3,6 +3,7 @@
 // and no inline code of libraries: the sweeps are compiled once per instruction set (docs/adr/0013-instruction-sets.md).
 #include <cstdint>
 #include <memory>
+#include <new>
 #include <string>
 #include <vector>
 
@@ -31,6 +32,16 @@ struct NodeShapes {
   [[gnu::always_inline]] bool deforms() const { return !columns.empty(); }
 };
 
+/// Numbers that a sweep streams through, from the beginning of a cache line on: no vector of them lies across two lines.
+template <class T>
+struct LineAllocator {
+  using value_type = T;
+  T* allocate(std::size_t n) { return static_cast<T*>(::operator new(n * sizeof(T), std::align_val_t(64))); }
+  void deallocate(T* p, std::size_t) { ::operator delete(p, std::align_val_t(64)); }
+  bool operator==(const LineAllocator&) const { return true; }
+};
+using Stream = std::vector<double, LineAllocator<double>>;
+
 /// What a flexible body adds: the constant blocks of its inertia, its elasticity and its family's functions.
 struct FlexibleBody {
   const cardan_body_family* family = nullptr;
@@ -38,18 +49,20 @@ struct FlexibleBody {
   bool M_ee_constant = false, M_re_constant = false, M_ee_identity = false;
   bool constant = false;                // level 0: all of M_fl but the mass centre; the sweeps form it and b themselves
   bool K_diagonal = false;              // then K and C hold m numbers, else m x m
-  std::vector<double> K, C;             // [N/m-like], [N s/m-like] per modal coordinate
+  Stream K, C;                          // [N/m-like], [N s/m-like] per modal coordinate
   RigidInertia<double> M_rr;            // at eta = 0
   std::vector<double> M_re, M_ee;       // at eta = 0: 6 x m, m x m
   std::vector<double> L_ee;             // m x m lower Cholesky factor of M_ee at eta = 0
-  std::vector<double> M_re_rows, U_rows;  // 6 rows of m: M_re and (M_ee^-1 M_re*)* at eta = 0
+  std::vector<double> M_re_rows, U;     // 6 rows of m: M_re; m x 6: M_ee^-1 M_re*; at eta = 0
   ArticulatedInertia<double> gramian;   // M_re M_ee^-1 M_re* at eta = 0
   // Outboard hinges on deforming nodes, with shapes S. Where M_ee is constant and nothing else moves with the modes, they are
   // eliminated through these nodes (flexible.md, 7), and no matrix of size m is factored in a step:
   bool by_nodes = false;
   std::vector<int> attached;            // sweep indices of the bodies that hang there, n of them
-  std::vector<double> V, V_columns;     // m x 6n: the combinations of modes that move the nodes, V* M_ee V = 1; column-major,
-                                        // and six columns at a time row-major
+  // Column by column of the modes, so that one pass over them serves the body and its nodes: [M_re; shapes of the nodes], M_re
+  // where all is constant; and [U*; V*], U where M_re is constant, V: the combinations of modes that move the nodes, V* M_ee V = 1,
+  // where the body is eliminated through them. UV: the latter row by row.
+  Stream shapes, UV_columns, UV;
   std::vector<double> Q;                // 6n x 6n, row-major, lower triangle: Q = S V, S M_ee^-1 S* = Q Q*
   std::vector<double> MV;               // 6 x 6n, column-major: M_re V at eta = 0
   int level = 0;

@@ -1,7 +1,22 @@
 #pragma once
 // 6 x m arrays, one column of six numbers per mode: shapes of a node [psi; phi], M_re, U. Only vectors see m.
+#include <type_traits>
+
 #include "core/soa/lanes.hpp"
 #include "core/spatial/spatial_vector.hpp"
+
+/// Of a lambda; where sweeps are not timed, inlining would only take minutes (CMakeLists.txt).
+#ifndef CARDAN_NOT_TIMED
+#define CARDAN_INLINE_BODY __attribute__((always_inline))
+#else
+#define CARDAN_INLINE_BODY
+#endif
+/// Before a loop whose iterations do not depend on each other, whatever its pointers say; clang finds out by itself.
+#ifdef __clang__
+#define CARDAN_INDEPENDENT
+#else
+#define CARDAN_INDEPENDENT _Pragma("GCC ivdep")
+#endif
 
 namespace cardan::soa {
 
@@ -16,6 +31,16 @@ template <class T>
 static void store(const Force<T>& f, T* out) { out[0] = f.n.x, out[1] = f.n.y, out[2] = f.n.z, out[3] = f.f.x, out[4] = f.f.y, out[5] = f.f.z; }
 template <class T>
 static void store(const Motion<T>& f, T* out) { out[0] = f.w.x, out[1] = f.w.y, out[2] = f.w.z, out[3] = f.v.x, out[4] = f.v.y, out[5] = f.v.z; }
+
+/// f(From), ..., f(N - 1), the index a constant: loops over small matrices that are to stay in registers. gcc leaves loops in
+/// triangles rolled, and each is a branch mispredicted. Their bodies are CARDAN_INLINE_BODY, else they become functions.
+template <int N, int From = 0, class F>
+CARDAN_INLINE void unrolled(const F& f) {
+  if constexpr (From < N) {
+    f(std::integral_constant<int, From>{});
+    unrolled<N, From + 1>(f);
+  }
+}
 
 /// Six numbers that are worked on together: a column of a 6 x m array.
 template <class T>
@@ -63,47 +88,125 @@ struct Six<double> {
 };
 #endif
 
-/// out = sum_j x_j [column j] of a 6 x m array: shapes of a node, or M_re. Even and odd columns apart, two sums under way.
-template <class E, class X, class T>
-static void sum_columns(const E* a, const X* x, int m, T* out) {
-  Six<T> s, t;
-  int j = 0;
-  for (; j + 2 <= m; j += 2, a += 12) {
-    s.add(T(x[j]), Six<T>(a));
-    t.add(T(x[j + 1]), Six<T>(a + 6));
+/// Twelve numbers that are worked on together: what a body and one node on it do with a mode.
+template <class T>
+struct Twelve {
+  Six<T> a, b;
+  CARDAN_INLINE Twelve() {}
+  template <class E>
+  CARDAN_INLINE explicit Twelve(const E* x) : a(x), b(x + 6) {}
+  CARDAN_INLINE void to(T* out) const { a.to(out), b.to(out + 6); }
+  CARDAN_INLINE void add(const T& f, const Twelve& x) { a.add(f, x.a), b.add(f, x.b); }
+  CARDAN_INLINE void operator+=(const Twelve& x) { a += x.a, b += x.b; }
+};
+#ifdef __AVX2__
+template <>
+struct Twelve<double> {
+  using Four = Six<double>::Four;
+  Four a, b, c;
+  CARDAN_INLINE Twelve() : a{}, b{}, c{} {}
+  CARDAN_INLINE explicit Twelve(const double* x) {
+    __builtin_memcpy(&a, x, sizeof a);
+    __builtin_memcpy(&b, x + 4, sizeof b);
+    __builtin_memcpy(&c, x + 8, sizeof c);
   }
-  if (j < m) s.add(T(x[j]), Six<T>(a));
-  s += t;
+  CARDAN_INLINE void to(double* out) const {
+    __builtin_memcpy(out, &a, sizeof a);
+    __builtin_memcpy(out + 4, &b, sizeof b);
+    __builtin_memcpy(out + 8, &c, sizeof c);
+  }
+  CARDAN_INLINE void add(const double& f, const Twelve& x) {
+    a += f * x.a;
+    b += f * x.b;
+    c += f * x.c;
+  }
+  CARDAN_INLINE void operator+=(const Twelve& x) {
+    a += x.a;
+    b += x.b;
+    c += x.c;
+  }
+  /// In registers: gcc would read the twelve from memory again for each of two sums.
+  CARDAN_INLINE void keep() { asm("" : "+x"(a), "+x"(b), "+x"(c)); }
+};
+#endif
+
+/// out = sum_j x_j [column j], columns `stride` apart. With many modes four sums are under way, so that none waits for its last term.
+template <class C, class T, class E, class X>
+static void sum_columns_of(const E* a, int stride, const X* x, int m, T* out) {
+  C s;
+  int j = 0;
+  if (m >= 8) {
+    C t, u, v;
+    for (; j + 4 <= m; j += 4, a += 4 * stride) {
+      s.add(T(x[j]), C(a));
+      t.add(T(x[j + 1]), C(a + stride));
+      u.add(T(x[j + 2]), C(a + 2 * stride));
+      v.add(T(x[j + 3]), C(a + 3 * stride));
+    }
+    s += t, u += v, s += u;
+  }
+  for (; j < m; ++j, a += stride) s.add(T(x[j]), C(a));
   s.to(out);
 }
 /// The same for two vectors at once.
-template <class E, class T>
-static void sum_columns(const E* a, const T* x, const T* y, int m, T* out_x, T* out_y) {
-  Six<T> s, t;
+template <class C, class T, class E>
+static void sum_columns_of(const E* a, int stride, const T* x, const T* y, int m, T* out_x, T* out_y) {
+  C s, t;
   int j = 0;
   if constexpr (kWidth<T> == 1) {  // lanes have as many sums under way as there are registers
-    Six<T> u, v;
-    for (; j + 2 <= m; j += 2, a += 12) {
-      const Six<T> even(a), odd(a + 6);
+    C u, v;
+    for (; j + 2 <= m; j += 2, a += 2 * stride) {
+      C even(a), odd(a + stride);
+      if constexpr (requires { even.keep(); }) even.keep(), odd.keep();
       s.add(x[j], even), t.add(y[j], even);
       u.add(x[j + 1], odd), v.add(y[j + 1], odd);
     }
     s += u, t += v;
   }
-  for (; j < m; ++j, a += 6) {
-    const Six<T> column(a);
+  for (; j < m; ++j, a += stride) {
+    const C column(a);
     s.add(x[j], column), t.add(y[j], column);
   }
   s.to(out_x), t.to(out_y);
 }
-/// x_j += w . [column j]; `rows`: the 6 x m array stored row by row.
+/// out = sum_j x_j [column j] of a 6 x m array.
+template <class E, class X, class T>
+static void sum_columns(const E* a, const X* x, int m, T* out) { sum_columns_of<Six<T>>(a, 6, x, m, out); }
+/// The same of a `rows` x m array of constants, rows a multiple of six.
 template <class T>
-static void add_rows(const double* rows, const T* w, int m, T* __restrict x) {
-  for (int j = 0; j < m; ++j)
-    x[j] = x[j] + (w[0] * T(rows[j]) + w[1] * T(rows[m + j]) + w[2] * T(rows[2 * m + j])) +
-           (w[3] * T(rows[3 * m + j]) + w[4] * T(rows[4 * m + j]) + w[5] * T(rows[5 * m + j]));
+static void sum_columns(const double* a, int rows, const T* x, int m, T* out) {
+  if constexpr (kWidth<T> == 1)  // of lanes the registers hold no more than six
+    if (rows == 12) return sum_columns_of<Twelve<T>>(a, rows, x, m, out);
+  for (int d = 0; d < rows; d += 6) sum_columns_of<Six<T>>(a + d, rows, x, m, out + d);
 }
-/// The same with the array stored column by column.
+/// out_j = x_j + w . [column j]; `rows`: a 6 x m array stored row by row. out may be x.
+template <class T>
+static void add_rows(const double* rows, const T* w, int m, const T* x, T* out) {
+  const T w0 = w[0], w1 = w[1], w2 = w[2], w3 = w[3], w4 = w[4], w5 = w[5];
+  CARDAN_INDEPENDENT
+  for (int j = 0; j < m; ++j)
+    out[j] = x[j] + (w0 * T(rows[j]) + w1 * T(rows[m + j]) + w2 * T(rows[2 * m + j])) +
+             (w3 * T(rows[3 * m + j]) + w4 * T(rows[4 * m + j]) + w5 * T(rows[5 * m + j]));
+}
+/// The same of twelve rows.
+template <class T>
+static void add_twelve_rows(const double* rows, const T* w, int m, const T* x, T* out) {
+  const T w0 = w[0], w1 = w[1], w2 = w[2], w3 = w[3], w4 = w[4], w5 = w[5], w6 = w[6], w7 = w[7], w8 = w[8], w9 = w[9], w10 = w[10], w11 = w[11];
+  CARDAN_INDEPENDENT
+  for (int j = 0; j < m; ++j)
+    out[j] = (x[j] + (w0 * T(rows[j]) + w1 * T(rows[m + j]) + w2 * T(rows[2 * m + j])) +
+              (w3 * T(rows[3 * m + j]) + w4 * T(rows[4 * m + j]) + w5 * T(rows[5 * m + j]))) +
+             ((w6 * T(rows[6 * m + j]) + w7 * T(rows[7 * m + j]) + w8 * T(rows[8 * m + j])) +
+              (w9 * T(rows[9 * m + j]) + w10 * T(rows[10 * m + j]) + w11 * T(rows[11 * m + j])));
+}
+/// The same of n rows, a multiple of six.
+template <class T>
+static void add_rows(const double* rows, const T* w, int n, int m, const T* x, T* out) {
+  int r = 0;
+  for (; r + 12 <= n; r += 12, x = out) add_twelve_rows(rows + m * r, w + r, m, x, out);
+  if (r < n) add_rows(rows + m * r, w + r, m, x, out);
+}
+/// x_j += w . [column j] of an array stored column by column.
 template <class T>
 static void add_columns(const T* a, const T* w, int m, T* x) {
   for (int j = 0; j < m; ++j) {

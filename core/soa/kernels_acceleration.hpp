@@ -28,11 +28,7 @@ static void acceleration_general(const SweepModel& model, Workspace<T>& ws, cons
     const Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
     Modal<T>& modal = ws.template modal<NV>(k);
     Motion<T> at_inboard = ws.core(b.parent).delta;
-    if (modal.node) {
-      T s[6];
-      sum_columns(model.shapes[static_cast<std::size_t>(b.onode)].columns.data(), ws.modal_of(b.parent)->accel, b.n_parent_modes, s);
-      at_inboard += motion_of_node(*modal.node, s);
-    }
+    if (modal.node) at_inboard += motion_of_node(*modal.node, modal.node->accel);
     const Motion<T> delta = to_outboard(ws.X(k), at_inboard);
     Motion<T> after = delta;
     const bool given = model.has_prescribed();
@@ -78,7 +74,7 @@ static void gather_general(const SweepModel& model, Workspace<T>& ws, T* tau, in
     if (b.n_modes > 0 && !modal.P_re) {
       T gamma[6];
       store(body.gamma, gamma);
-      add_rows(model.flexible[static_cast<std::size_t>(b.flexible)].M_re_rows.data(), gamma, b.n_modes, modal.z);
+      add_rows(model.flexible[static_cast<std::size_t>(b.flexible)].M_re_rows.data(), gamma, b.n_modes, modal.z, modal.z);
     }
     for (int j = 0; j < b.n_modes; ++j) {
       T force = modal.z[j];

@@ -111,15 +111,6 @@ static void add_to_modes(const double* S, const T* y, int m, T* out) {
   }
 }
 
-/// Work of a body with n outboard hinges on deforming nodes, N = 6 n: B (N x N), A (N x N), its inverse
-/// pivots, u, t and e = -Q* e of the nodes (N each), columns of X~* C L^-* and of M_re V (N of 6 each).
-static inline std::size_t by_nodes_size(int n) { return static_cast<std::size_t>(2 * 36 * n * n + 16 * 6 * n); }
-template <class T>
-struct ByNodes {
-  T *B, *A, *inverse, *u, *t, *e, *X, *MV;
-  ByNodes(T* at, int N) : B(at), A(B + N * N), inverse(A + N * N), u(inverse + N), t(u + N), e(t + N), X(e + N), MV(X + 6 * N) {}
-};
-
 template <class T, int NV, InwardFor For>
 static void inward_rigid(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
   for (int k = end - 1; k >= begin; --k) {
@@ -268,56 +259,67 @@ static bool eliminate_modes(const SweepModel& model, const SweepBody& b, Core<T>
 }
 
 /// P_r = L L*, force rows first (the mass, then the moments about the mass centre), directions without inertia left out; the
-/// hinge reflected out of L; and what is left, C with P+ = C C*, carried to the node and to the frame of the inboard body.
-template <class T, int NV>
+/// hinge reflected out of L; and what is left, C with P+ = C C*, carried to the node and to the frame of the inboard body. `Given`:
+/// some component of the hinge is `fixed`; else the columns that are left out are the first NV.
+template <class T, int NV, bool Given>
 static void take_root(const ArticulatedInertia<T>& P, const Hinge<T, NV>& hinge, const std::uint8_t* fixed, const Pose<T>& X,
                const ModalNode<T>& node, NodeRoot<T>& root) {
   using std::sqrt;
-  const T o(0);
-  T A[36] = {P.M.xx, P.M.xy, P.M.xz, P.B.xx, P.B.yx, P.B.zx, o, P.M.yy, P.M.yz, P.B.xy, P.B.yy, P.B.zy,  // columns, [force; moment]
-             o,      o,      P.M.zz, P.B.xz, P.B.yz, P.B.zz, o, o,      o,      P.J.xx, P.J.xy, P.J.xz,
-             o,      o,      o,      o,      P.J.yy, P.J.yz, o, o,      o,      o,      o,      P.J.zz};
+  T A[6][6];  // upper triangle, rows [force; moment]
+  A[0][0] = P.M.xx, A[0][1] = P.M.xy, A[0][2] = P.M.xz, A[0][3] = P.B.xx, A[0][4] = P.B.yx, A[0][5] = P.B.zx;
+  A[1][1] = P.M.yy, A[1][2] = P.M.yz, A[1][3] = P.B.xy, A[1][4] = P.B.yy, A[1][5] = P.B.zy;
+  A[2][2] = P.M.zz, A[2][3] = P.B.xz, A[2][4] = P.B.yz, A[2][5] = P.B.zz;
+  A[3][3] = P.J.xx, A[3][4] = P.J.xy, A[3][5] = P.J.xz, A[4][4] = P.J.yy, A[4][5] = P.J.yz, A[5][5] = P.J.zz;
   const T original[6] = {P.M.xx, P.M.yy, P.M.zz, P.J.xx, P.J.yy, P.J.zz};
-  T W[36];
-  for (int j = 0; j < 6; ++j) {
-    const T* a = A + 6 * j;
-    const T inverse = inverse_above(a[j], T(kRootLimit) * original[j]);
-    for (int i = j + 1; i < 6; ++i) {
-      const T factor = a[i] * inverse;
-      for (int l = i; l < 6; ++l) A[6 * i + l] = A[6 * i + l] - factor * a[l];
-    }
-    root.inverse[j] = inverse;
-  }
-  for (int j = 0; j < 6; ++j) root.inverse[j] = sqrt(root.inverse[j]);
-  for (int j = 0; j < 6; ++j)
-    for (int i = 0; i < 6; ++i) W[6 * j + i] = root.L[6 * j + i] = A[6 * j + i] * root.inverse[j];
-  int out = 0;  // columns taken out
-  for (int j = 0; j < NV; ++j) {
-    if (fixed && fixed[j]) continue;  // what H* sees of the columns is reflected into one of them, and that is taken out
+  T W[6][6];  // columns of L, then of C
+  unrolled<6>([&](const auto j) CARDAN_INLINE_BODY {
+    const T inverse = inverse_above(A[j][j], T(kRootLimit) * original[j]);
+    unrolled<6, j + 1>([&](const auto i) CARDAN_INLINE_BODY {
+      const T factor = A[j][i] * inverse;
+      unrolled<6, i>([&](const auto l) CARDAN_INLINE_BODY { A[i][l] = A[i][l] - factor * A[j][l]; });
+    });
+    root.inverse[j] = sqrt(inverse);
+    unrolled<j>([&](const auto i) CARDAN_INLINE_BODY { W[j][i] = T(0); });
+    unrolled<6, j>([&](const auto i) CARDAN_INLINE_BODY { W[j][i] = root.L[6 * j + i] = A[j][i] * root.inverse[j]; });
+  });
+  // what H* sees of the columns is reflected into one of them, and that is taken out
+  const auto reflect = [&](const auto j, const auto out) CARDAN_INLINE_BODY {
     const T H[6] = {hinge.H[j].v.x, hinge.H[j].v.y, hinge.H[j].v.z, hinge.H[j].w.x, hinge.H[j].w.y, hinge.H[j].w.z};
-    T* v = root.v + 6 * j;
-    T square(0);
-    for (int c = out; c < 6; ++c) {
-      const T* a = W + 6 * c;
-      v[c] = (H[0] * a[0] + H[1] * a[1] + H[2] * a[2]) + (H[3] * a[3] + H[4] * a[4] + H[5] * a[5]);
+    T v[6], w[6] = {T(0), T(0), T(0), T(0), T(0), T(0)}, square(0);
+    unrolled<6>([&](const auto c) CARDAN_INLINE_BODY {
+      if (c < out) return;
+      v[c] = T(0);
+      unrolled<6, j == 0 ? c : 0>([&](const auto r) CARDAN_INLINE_BODY { v[c] = v[c] + H[r] * W[c][r]; });
       square = square + v[c] * v[c];
-    }
+    });
     const T length = (T(2) * above(v[out], T(0)) - T(1)) * sqrt(square);
     v[out] = v[out] + length;
-    root.scale[j] = T(1) / (length * v[out]);
-    T w[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};
-    for (int c = out; c < 6; ++c)
-      for (int r = 0; r < 6; ++r) w[r] = w[r] + v[c] * W[6 * c + r];
-    for (int c = out + 1; c < 6; ++c) {
-      const T factor = root.scale[j] * v[c];
-      for (int r = 0; r < 6; ++r) W[6 * c + r] = W[6 * c + r] - factor * w[r];
-    }
-    for (int r = 0; r < 6; ++r) W[6 * out + r] = T(0);
-    ++out;
+    const T scale = T(1) / (length * v[out]);
+    unrolled<6>([&](const auto c) CARDAN_INLINE_BODY {
+      if (c >= out) unrolled<6, j == 0 ? c : 0>([&](const auto r) CARDAN_INLINE_BODY { w[r] = w[r] + v[c] * W[c][r]; });
+    });
+    unrolled<6>([&](const auto c) CARDAN_INLINE_BODY {
+      if (c < out) return;
+      root.v[6 * j + c] = v[c];
+      if (c == out) return;
+      const T factor = scale * v[c];
+      unrolled<6>([&](const auto r) CARDAN_INLINE_BODY { W[c][r] = W[c][r] - factor * w[r]; });
+    });
+    unrolled<6>([&](const auto r) CARDAN_INLINE_BODY { W[out][r] = T(0); });
+    root.scale[j] = scale;
+  };
+  if constexpr (Given) {
+    int out = 0;
+    unrolled<NV>([&](const auto j) CARDAN_INLINE_BODY {
+      if (!fixed[j]) reflect(j, out++);
+    });
+  } else {
+    unrolled<NV>([&](const auto j) CARDAN_INLINE_BODY { reflect(j, j); });
   }
   const Vec3<T> lever = X.p - node.rho;
-  for (int c = 0; c < 6; ++c) {
-    const T* a = W + 6 * c;
+  unrolled<6>([&](const auto c) CARDAN_INLINE_BODY {
+    const T* a = W[c];
+    if (!Given && c < NV) return;  // taken out: zero from the start
     Force<T> f{X.R * Vec3<T>{a[3], a[4], a[5]}, X.R * Vec3<T>{a[0], a[1], a[2]}};
     f.n += cross(lever, f.f);
     const Vec3<T> n = transpose_times(node.Jl, f.n);
@@ -325,33 +327,44 @@ static void take_root(const ArticulatedInertia<T>& P, const Hinge<T, NV>& hinge,
     root.N[18 + c] = f.f.x, root.N[24 + c] = f.f.y, root.N[30 + c] = f.f.z;
     f.n += cross(node.rho, f.f);
     store(f, root.C + 6 * c);
-  }
+  });
 }
 
 /// zeta and e of z+ = C zeta + e, `tau` on the hinge: what L reaches, and the rest with the share of tau. Gives e at the inboard body.
-template <class T, int NV>
+template <class T, int NV, bool Given>
 static Force<T> take_root_of_force(const Force<T>& z, const T* tau, const Hinge<T, NV>& hinge, const std::uint8_t* fixed, const Pose<T>& X,
                             NodeRoot<T>& root) {
   T left[6] = {z.f.x, z.f.y, z.f.z, z.n.x, z.n.y, z.n.z};  // in the end: what L does not reach
-  T* zeta = root.zeta;
-  for (int j = 0; j < 6; ++j) {
+  T zeta[6];
+  unrolled<6>([&](const auto j) CARDAN_INLINE_BODY {
     zeta[j] = left[j] * root.inverse[j];
-    for (int i = j + 1; i < 6; ++i) left[i] = left[i] - root.L[6 * j + i] * zeta[j];
+    unrolled<6, j + 1>([&](const auto i) CARDAN_INLINE_BODY { left[i] = left[i] - root.L[6 * j + i] * zeta[j]; });
     left[j] = left[j] * (T(1) - above(root.inverse[j], T(0)));
-  }
+  });
   const Force<T> unreached{{left[3], left[4], left[5]}, {left[0], left[1], left[2]}};
   Force<T> e = unreached;
-  int out = 0;
-  for (int j = 0; j < NV; ++j) {
-    if (fixed && fixed[j]) continue;
+  const auto reflect = [&](const auto j, const auto out) CARDAN_INLINE_BODY {
     const T* v = root.v + 6 * j;
     T sum(0);
-    for (int c = out; c < 6; ++c) sum = sum + v[c] * zeta[c];
-    for (int c = out; c < 6; ++c) zeta[c] = zeta[c] - root.scale[j] * sum * v[c];
+    unrolled<6>([&](const auto c) CARDAN_INLINE_BODY {
+      if (c >= out) sum = sum + v[c] * zeta[c];
+    });
+    sum = root.scale[j] * sum;
+    unrolled<6>([&](const auto c) CARDAN_INLINE_BODY {
+      if (c >= out) zeta[c] = zeta[c] - sum * v[c];
+    });
     zeta[out] = T(0);
     e += ((tau ? tau[j] : T(0)) - dot(hinge.H[j], unreached)) * hinge.G[j];
-    ++out;
+  };
+  if constexpr (Given) {
+    int out = 0;
+    unrolled<NV>([&](const auto j) CARDAN_INLINE_BODY {
+      if (!fixed[j]) reflect(j, out++);
+    });
+  } else {
+    unrolled<NV>([&](const auto j) CARDAN_INLINE_BODY { reflect(j, j); });
   }
+  unrolled<6>([&](const auto j) CARDAN_INLINE_BODY { root.zeta[j] = zeta[j]; });
   return to_inboard(X, e);
 }
 
@@ -363,13 +376,18 @@ CARDAN_INLINE void add_multiple(T* y, const T& f, const Six<T>& x) {
   s.to(y);
 }
 
-/// Calls visit(N), N = 6 n, as a constant where there is one node.
+/// Calls visit(N, first), N = 6 n, as constants where there is one node. `first`: that of the columns of C that are not zero; 1 behind a
+/// hinge of one velocity (take_root), where one pivot and a sixth of the rest are saved.
 template <class Visit>
-static void with_node_count(std::size_t n, const Visit& visit) {
-  if (n == 1)
-    visit(std::integral_constant<int, 6>{});
+static void with_node_count(const SweepModel& model, const FlexibleBody& f, const Visit& visit) {
+  constexpr std::integral_constant<int, 6> six;
+  const SweepBody& outboard = model.bodies[static_cast<std::size_t>(f.attached[0])];
+  if (f.attached.size() > 1)
+    visit(6 * static_cast<int>(f.attached.size()), std::integral_constant<int, 0>{});
+  else if (outboard.nv == 1 && !outboard.has_prescribed)
+    visit(six, std::integral_constant<int, 1>{});
   else
-    visit(6 * static_cast<int>(n));
+    visit(six, std::integral_constant<int, 0>{});
 }
 
 /// Stage 1 through the outboard nodes (flexible.md, 7). V: the combinations of modes that move the nodes, V* M_ee V = 1, by Q.
@@ -381,97 +399,125 @@ static void eliminate_by_nodes(const SweepModel& model, Workspace<T>& ws, const 
   const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
   const int m = b.n_modes;
   free_modes(f, m, body, modal);
-  with_node_count(f.attached.size(), [&](const auto N) {
+  with_node_count(model, f, [&](const auto N, const auto first) {
     const ByNodes<T> w(modal.by_nodes, N);
-    for (int r = 0; r < N; ++r) {
-      if (f.M_re_constant)
-        Six<T>(f.MV.data() + 6 * r).to(w.MV + 6 * r);
-      else
-        sum_columns(modal.P_re, f.V.data() + m * r, m, w.MV + 6 * r);
+    if (!f.M_re_constant)
+      for (int r = 0; r < N; ++r) sum_columns(modal.P_re, f.UV.data() + m * r, m, w.MV + 6 * r);
+    for (int a = 0; a < N; a += 6) {
+      const NodeRoot<T>& root = *ws.modal_of(f.attached[static_cast<std::size_t>(a / 6)])->root;
+      for (int d = 0; d <= a; d += 6)  // Q is lower triangular
+        unrolled<6>([&](const auto r) CARDAN_INLINE_BODY {
+          Six<T> row;
+          unrolled<6>([&](const auto i) CARDAN_INLINE_BODY {
+            if (d < a || i >= r) row.add(T(f.Q[static_cast<std::size_t>(N * (a + i) + d + r)]), Six<T>(root.N + 6 * i));
+          });
+          row.to(w.B + N * (d + r) + a);
+        });
     }
-    for (int a = 0; a < N / 6; ++a) {
-      const NodeRoot<T>& root = *ws.modal_of(f.attached[static_cast<std::size_t>(a)])->root;
-      for (int r = 0; r < N; ++r) {
-        Six<T> row;
-        for (int i = std::max(0, r - 6 * a); i < 6; ++i)  // Q is lower triangular
-          row.add(T(f.Q[static_cast<std::size_t>(N * (6 * a + i) + r)]), Six<T>(root.N + 6 * i));
-        row.to(w.B + N * r + 6 * a);
+    for (int a = 0; a < N; a += 6)  // rows of A, upper triangle in blocks of six columns
+      for (int d = a; d < N; d += 6) {
+        Six<T> rows[6];
+        for (int e = 0; e <= a; e += 6)
+          unrolled<6>([&](const auto r) CARDAN_INLINE_BODY {
+            const T* B = w.B + N * (e + r);
+            const Six<T> row(B + d);
+            unrolled<6, first>([&](const auto i) CARDAN_INLINE_BODY { rows[i].add(B[a + i], row); });
+          });
+        unrolled<6, first>([&](const auto i) CARDAN_INLINE_BODY { rows[i].to(w.A + N * (a + i) + d); });
       }
-    }
-    for (int i = 0; i < N; ++i)  // rows of A, upper triangle in blocks of six columns
-      for (int d = 6 * (i / 6); d < N; d += 6) {
-        Six<T> row;
-        for (int r = 0; r < N; ++r) row.add(w.B[N * r + i], Six<T>(w.B + N * r + d));
-        row.to(w.A + N * i + d);
-      }
-    for (int i = 0; i < N; ++i) {  // columns of X~* C
-      Six<T> x(ws.modal_of(f.attached[static_cast<std::size_t>(i / 6)])->root->C + 6 * (i % 6));
-      for (int l = 0; l < N; ++l) x.add(-w.B[N * l + i], Six<T>(w.MV + 6 * l));
-      x.to(w.X + 6 * i);
+    for (int a = 0; a < N; a += 6) {  // columns of X~* C
+      const T* C = ws.modal_of(f.attached[static_cast<std::size_t>(a / 6)])->root->C;
+      Six<T> x[6];
+      unrolled<6, first>([&](const auto i) CARDAN_INLINE_BODY { x[i] = Six<T>(C + 6 * i); });
+      for (int e = 0; e <= a; e += 6)
+        unrolled<6>([&](const auto l) CARDAN_INLINE_BODY {
+          const Six<T> column(w.MV + 6 * (e + l));
+          unrolled<6, first>([&](const auto i) CARDAN_INLINE_BODY { x[i].add(-w.B[N * (e + l) + a + i], column); });
+        });
+      unrolled<6, first>([&](const auto i) CARDAN_INLINE_BODY { x[i].to(w.X + 6 * (a + i)); });
     }
     ArticulatedInertia<T> P = modal.P_r;
-    for (int j = 0; j < N; ++j) {  // A = L D L*; in the same steps columns of X~* C L^-*
-      T* a = w.A + N * j;
-      const T inverse = T(1) / (T(1) + a[j]);
-      w.inverse[j] = inverse;
-      for (int d = 6 * (j / 6); d < N; d += 6) {
-        const Six<T> row(a + d);
-        for (int i = j + 1; i < d + 6; ++i) add_multiple(w.A + N * i + d, -(a[i] * inverse), row);
-      }
-      const Six<T> x(w.X + 6 * j);
-      for (int i = j + 1; i < N; ++i) {
-        a[i] = a[i] * inverse;
-        add_multiple(w.X + 6 * i, -a[i], x);
-      }
-      const Force<T> column = force_column(w.X, j);
-      subtract_outer(P, (-inverse) * column, column);
+    for (int a = 0; a < N; a += 6) {  // A = L D L*; in the same steps columns of X~* C L^-*
+      T A[6][6];
+      Six<T> X[6];
+      unrolled<6, first>([&](const auto j) CARDAN_INLINE_BODY {
+        X[j] = Six<T>(w.X + 6 * (a + j));
+        unrolled<6, j>([&](const auto i) CARDAN_INLINE_BODY { A[j][i] = w.A[N * (a + j) + a + i]; });
+      });
+      unrolled<6, first>([&](const auto j) CARDAN_INLINE_BODY {
+        const T inverse = T(1) / (T(1) + A[j][j]);
+        unrolled<6, j + 1>([&](const auto i) CARDAN_INLINE_BODY {
+          const T factor = A[j][i] * inverse;
+          unrolled<6, i>([&](const auto l) CARDAN_INLINE_BODY { A[i][l] = A[i][l] - factor * A[j][l]; });
+          X[i].add(-factor, X[j]);
+          w.A[N * (a + j) + a + i] = factor;
+        });
+        w.inverse[a + j] = inverse;
+        X[j].to(w.X + 6 * (a + j));
+        const Force<T> column = force_column(w.X, a + j);
+        subtract_outer(P, (-inverse) * column, column);
+      });
+      for (int d = a + 6; d < N; d += 6)  // the rows below, and their columns of X~* C
+        for (int j = a; j < a + 6; ++j) {
+          for (int i = j + 1; i < a + 6; ++i) add_multiple(w.A + N * i + d, -w.A[N * j + i], Six<T>(w.A + N * j + d));
+        }
+      for (int j = a; j < a + 6; ++j)
+        for (int i = a + 6; i < N; ++i) {
+          const T factor = w.A[N * j + i] * w.inverse[j];
+          for (int d = 6 * (i / 6); d < N; d += 6) add_multiple(w.A + N * i + d, -factor, Six<T>(w.A + N * j + d));
+          add_multiple(w.X + 6 * i, -factor, Six<T>(w.X + 6 * j));
+        }
+      for (int j = a; j < a + 6; ++j)
+        for (int i = a + 6; i < N; ++i) w.A[N * j + i] = w.A[N * j + i] * w.inverse[j];
     }
     modal.P_r = P;
   });
 }
 
-/// eps_e is in nu. t <- V* eps_e - Q* e (eps_e less M_re* gamma where that is constant), u <- L^-1 (zeta + B* t); gives what joins z_r: -M_re V Q* e + (X~* C L^-*) D^-1 u.
+/// seen: V* eps_e. t <- V* eps_e - Q* e (eps_e less M_re* gamma where that is constant), u <- L^-1 (zeta + B* t); gives what joins z_r: -M_re V Q* e + (X~* C L^-*) D^-1 u.
 template <class T>
-static Force<T> bias_by_nodes(const SweepModel& model, const Workspace<T>& ws, const SweepBody& b, const Core<T>& body, const Modal<T>& modal) {
+static Force<T> bias_by_nodes(const SweepModel& model, const Workspace<T>& ws, const SweepBody& b, const Core<T>& body, const Modal<T>& modal, const T* seen) {
   const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
-  const int m = b.n_modes;
   T gamma[6];
   store(body.gamma, gamma);
   Six<T> out;
-  with_node_count(f.attached.size(), [&](const auto N) {
+  with_node_count(model, f, [&](const auto N, const auto first) {
     const ByNodes<T> w(modal.by_nodes, N);
     for (int d = 0; d < N; d += 6) {
       Six<T> t;  // -Q* e
-      for (int a = d / 6; a < N / 6; ++a) {
-        const NodeRoot<T>& root = *ws.modal_of(f.attached[static_cast<std::size_t>(a)])->root;
-        for (int i = 0; i < 6; ++i) t.add(-root.e_N[i], Six<T>(f.Q.data() + N * (6 * a + i) + d));
+      for (int a = d; a < N; a += 6) {
+        const T* e = ws.modal_of(f.attached[static_cast<std::size_t>(a / 6)])->root->e_N;
+        unrolled<6>([&](const auto i) CARDAN_INLINE_BODY { t.add(-e[i], Six<T>(f.Q.data() + N * (a + i) + d)); });
       }
+      T e[6];
+      t.to(e);
       t.to(w.e + d);
-      for (int r = 0; r < 6; ++r) out.add(w.e[d + r], Six<T>(w.MV + 6 * (d + r)));
-      T v[6];
-      sum_columns(f.V_columns.data() + static_cast<std::size_t>(m * d), modal.nu, m, v);
-      for (int r = 0; r < 6; ++r) {
+      unrolled<6>([&](const auto r) CARDAN_INLINE_BODY {
         const T* c = w.MV + 6 * (d + r);
-        if (!modal.P_re) v[r] = v[r] - ((c[0] * gamma[0] + c[1] * gamma[1] + c[2] * gamma[2]) + (c[3] * gamma[3] + c[4] * gamma[4] + c[5] * gamma[5]));
-        w.t[d + r] = w.e[d + r] + v[r];
-      }
+        out.add(e[r], Six<T>(c));
+        T v = seen[d + r];
+        if (!modal.P_re) v = v - ((c[0] * gamma[0] + c[1] * gamma[1] + c[2] * gamma[2]) + (c[3] * gamma[3] + c[4] * gamma[4] + c[5] * gamma[5]));
+        w.t[d + r] = e[r] + v;
+      });
     }
     for (int d = 0; d < N; d += 6) {
       Six<T> u(ws.modal_of(f.attached[static_cast<std::size_t>(d / 6)])->root->zeta);
-      for (int r = 0; r < N; ++r) u.add(w.t[r], Six<T>(w.B + N * r + d));
+      for (int a = 0; a <= d; a += 6)
+        unrolled<6>([&](const auto r) CARDAN_INLINE_BODY { u.add(w.t[a + r], Six<T>(w.B + N * (a + r) + d)); });
       u.to(w.u + d);
     }
     for (int d = 0; d < N; d += 6) {
       T u[6];
-      for (int i = 0; i < 6; ++i) u[i] = w.u[d + i];
-      for (int j = 0; j < 6; ++j)
-        for (int i = j + 1; i < 6; ++i) u[i] = u[i] - w.A[N * (d + j) + d + i] * u[j];
+      Six<T>(w.u + d).to(u);
+      unrolled<6, first>([&](const auto j) CARDAN_INLINE_BODY {
+        unrolled<6, j + 1>([&](const auto i) CARDAN_INLINE_BODY { u[i] = u[i] - w.A[N * (d + j) + d + i] * u[j]; });
+      });
       for (int later = d + 6; later < N; later += 6)
         for (int j = 0; j < 6; ++j) add_multiple(w.u + later, -u[j], Six<T>(w.A + N * (d + j) + later));
-      for (int j = 0; j < 6; ++j) {
+      unrolled<6, first>([&](const auto j) CARDAN_INLINE_BODY {
         out.add(w.inverse[d + j] * u[j], Six<T>(w.X + 6 * (d + j)));
         w.u[d + j] = u[j];
-      }
+      });
     }
   });
   T sum[6];
@@ -479,32 +525,48 @@ static Force<T> bias_by_nodes(const SweepModel& model, const Workspace<T>& ws, c
   return force_column(sum, 0);
 }
 
-/// phi = A^-1 (zeta + B* t + (X~* C)* dl), dl = delta of the body; eta'' = y - U dl - V (B phi + Q* e).
+/// phi = A^-1 (zeta + B* t + (X~* C)* dl), dl = delta of the body; force = -(B phi + Q* e), eta'' = y - U dl + V force. In these
+/// combinations of the modes the acceleration is t - (M_re V)* dl - B phi; Q takes it to the nodes, and no mode is touched.
 template <class T>
-static void acceleration_by_nodes(const SweepModel& model, const Workspace<T>& ws, const SweepBody& b, Modal<T>& modal, const T* dl) {
+static void acceleration_by_nodes(const SweepModel& model, const Workspace<T>& ws, const SweepBody& b, Modal<T>& modal, const T* dl, T* force) {
   const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
-  const int m = b.n_modes;
-  with_node_count(f.attached.size(), [&](const auto N) {
+  with_node_count(model, f, [&](const auto N, const auto first) {
     const ByNodes<T> w(modal.by_nodes, N);
     for (int d = N - 6; d >= 0; d -= 6) {
       T u[6];
-      for (int j = 0; j < 6; ++j) {
+      unrolled<first>([&](const auto j) CARDAN_INLINE_BODY { u[j] = T(0); });
+      unrolled<6, first>([&](const auto j) CARDAN_INLINE_BODY {
         const T* x = w.X + 6 * (d + j);
         const T seen = (x[0] * dl[0] + x[1] * dl[1] + x[2] * dl[2]) + (x[3] * dl[3] + x[4] * dl[4] + x[5] * dl[5]);
         u[j] = (w.u[d + j] + seen) * w.inverse[d + j];
         for (int i = d + 6; i < N; ++i) u[j] = u[j] - w.A[N * (d + j) + i] * w.u[i];
-      }
-      for (int i = 5; i > 0; --i)
-        for (int j = 0; j < i; ++j) u[j] = u[j] - w.A[N * (d + j) + d + i] * u[i];
+      });
+      unrolled<6 - first>([&](const auto back) CARDAN_INLINE_BODY {
+        constexpr int i = 5 - back;
+        unrolled<i, first>([&](const auto j) CARDAN_INLINE_BODY { u[j] = u[j] - w.A[N * (d + j) + d + i] * u[i]; });
+      });
       T* phi = ws.modal_of(f.attached[static_cast<std::size_t>(d / 6)])->root->phi;
-      for (int j = 0; j < 6; ++j) phi[j] = w.u[d + j] = u[j];
+      unrolled<6>([&](const auto j) CARDAN_INLINE_BODY { phi[j] = w.u[d + j] = u[j]; });
     }
-    for (int r = 0; r < N; ++r) {
-      T force = w.e[r];
-      for (int i = 0; i < N; ++i) force = force - w.B[N * r + i] * w.u[i];
-      w.t[r] = force;
+    for (int d = 0; d < N; d += 6)
+      unrolled<6>([&](const auto r) CARDAN_INLINE_BODY {
+        const T *x = w.MV + 6 * (d + r), *B = w.B + N * (d + r);
+        T by_phi(0);
+        for (int a = d; a < N; a += 6)
+          by_phi = by_phi + ((B[a] * w.u[a] + B[a + 1] * w.u[a + 1] + B[a + 2] * w.u[a + 2]) + (B[a + 3] * w.u[a + 3] + B[a + 4] * w.u[a + 4] + B[a + 5] * w.u[a + 5]));
+        force[d + r] = w.e[d + r] - by_phi;
+        w.t[d + r] = (w.t[d + r] - ((x[0] * dl[0] + x[1] * dl[1] + x[2] * dl[2]) + (x[3] * dl[3] + x[4] * dl[4] + x[5] * dl[5]))) - by_phi;
+      });
+    for (int a = 0; a < N; a += 6) {
+      T* accel = ws.modal_of(f.attached[static_cast<std::size_t>(a / 6)])->node->accel;
+      unrolled<6>([&](const auto i) CARDAN_INLINE_BODY {
+        const double* Q = f.Q.data() + N * (a + i);
+        T sum(0);
+        for (int r = 0; r < a; ++r) sum = sum + T(Q[r]) * w.t[r];
+        unrolled<i + 1>([&](const auto r) CARDAN_INLINE_BODY { sum = sum + T(Q[a + r]) * w.t[a + r]; });
+        accel[i] = sum;
+      });
     }
-    for (int d = 0; d < N; d += 6) add_rows(f.V.data() + static_cast<std::size_t>(m * d), w.t + d, m, modal.accel);
   });
 }
 
@@ -527,22 +589,22 @@ static void eps_of_modes(const SweepModel& model, const SweepBody& b, const Inpu
 
 /// nu from eps_e in it, and what the modes add to z_r.
 template <class T>
-static Force<T> bias_of_modes(const SweepModel& model, const Workspace<T>& ws, const SweepBody& b, const Core<T>& body, const Modal<T>& modal) {
+static Force<T> bias_of_modes(const SweepModel& model, Workspace<T>& ws, const SweepBody& b, const Core<T>& body, const Modal<T>& modal) {
   const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
   const int m = b.n_modes;
   T* x = modal.nu;
   if (!modal.P_ee) {
+    const int own = f.M_re_constant ? 6 : 0, rows = own + (modal.by_nodes ? 6 * static_cast<int>(f.attached.size()) : 0);
+    T of_body[6];
+    T* sums = modal.by_nodes ? ws.sums.data() : of_body;  // U* eps_e, V* eps_e
+    sum_columns(f.UV_columns.data(), rows, x, m, sums);
     Force<T> z{};
-    if (modal.by_nodes) z = bias_by_nodes(model, ws, b, body, modal);
+    if (f.M_re_constant) z = force_column(sums, 0) - cast<T>(f.gramian) * body.gamma;
+    if (modal.by_nodes) z += bias_by_nodes(model, ws, b, body, modal, sums + own);
     solve_constant(f, m, x);
-    T out[6];
-    if (modal.P_re) {
-      sum_columns(modal.P_re, x, m, out);
-    } else {
-      sum_columns(f.M_re.data(), x, m, out);
-      z = z - cast<T>(f.gramian) * body.gamma;
-    }
-    return z + force_column(out, 0);
+    if (f.M_re_constant) return z;
+    sum_columns(modal.P_re, x, m, sums);
+    return z + force_column(sums, 0);
   }
   Force<T> out{};
   for (int j = 0; j < m; ++j) {
@@ -554,25 +616,38 @@ static Force<T> bias_of_modes(const SweepModel& model, const Workspace<T>& ws, c
 
 /// eta'' = nu_e - U dl, dl = delta of the body (and gamma_b, where that is not in nu_e).
 template <class T>
-static void acceleration_of_modes(const SweepModel& model, const Workspace<T>& ws, const SweepBody& b, const Core<T>& body, Modal<T>& modal, const Motion<T>& dl) {
+static void acceleration_of_modes(const SweepModel& model, Workspace<T>& ws, const SweepBody& b, const Core<T>& body, Modal<T>& modal, const Motion<T>& dl) {
   const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
   const int m = b.n_modes;
   T* x = modal.accel;
-  T d[6], minus[6];
-  store(dl, d);
-  store(Motion<T>{} - (modal.P_re ? dl : dl + body.gamma), minus);
-  for (int j = 0; j < m; ++j) x[j] = modal.nu[j];
-  if (modal.U)
+  T of_body[6];
+  T *weights = modal.by_nodes ? ws.sums.data() : of_body, *force = weights;  // of the rows of UV
+  if (modal.P_re) {
+    T minus[6];
+    store(Motion<T>{} - dl, minus);
+    for (int j = 0; j < m; ++j) x[j] = modal.nu[j];
     add_columns(modal.U, minus, m, x);
-  else
-    add_rows(f.U_rows.data(), minus, m, x);
-  if (modal.by_nodes) acceleration_by_nodes(model, ws, b, modal, d);
-  if (!modal.P_ee) return;
-  for (int j = m - 1; j >= 0; --j) {
-    T sum = x[j] * modal.P_ee[m * j + j];
-    for (int i = j + 1; i < m; ++i) sum = sum - modal.P_ee[m * j + i] * x[i];
-    x[j] = sum;
+  } else {
+    store(Motion<T>{} - (dl + body.gamma), weights);
+    force += 6;
   }
+  if (modal.by_nodes) {
+    T d[6];
+    store(dl, d);
+    acceleration_by_nodes(model, ws, b, modal, d, force);
+    force += 6 * f.attached.size();
+  }
+  if (force > weights) add_rows(f.UV.data(), weights, static_cast<int>(force - weights), m, modal.P_re ? x : modal.nu, x);
+  if (modal.P_ee)
+    for (int j = m - 1; j >= 0; --j) {
+      T sum = x[j] * modal.P_ee[m * j + j];
+      for (int i = j + 1; i < m; ++i) sum = sum - modal.P_ee[m * j + i] * x[i];
+      x[j] = sum;
+    }
+  if (modal.by_nodes) return;
+  const int own = f.constant ? 6 : 0, rows = own + 6 * static_cast<int>(f.attached.size());
+  for (std::size_t a = 0; a < f.attached.size(); ++a)
+    sum_columns_of<Six<T>>(f.shapes.data() + own + 6 * a, rows, x, m, ws.modal_of(f.attached[a])->node->accel);
 }
 
 /// A* P+ A, A = X (motion of the node) S: joins the blocks of the inboard modes.
@@ -638,7 +713,10 @@ static void inward_general(const SweepModel& model, Workspace<T>& ws, const Inpu
           return;
         }
       if (modal.root) {
-        take_root<T, NV>(modal.P_r, hinge, fixed, ws.X(k), *modal.node, *modal.root);
+        if (fixed)
+          take_root<T, NV, true>(modal.P_r, hinge, fixed, ws.X(k), *modal.node, *modal.root);
+        else
+          take_root<T, NV, false>(modal.P_r, hinge, fixed, ws.X(k), *modal.node, *modal.root);
       } else if (b.parent > 0) {
         ArticulatedInertia<T> P = modal.P_r;
         for (int j = 0; j < NV; ++j) subtract_outer(P, half[j], half[j]);
@@ -665,7 +743,9 @@ static void inward_general(const SweepModel& model, Workspace<T>& ws, const Inpu
         solve_hinge<T, NV>(hinge, hinge.nu);
       }
       if (modal.root) {
-        const Force<T> e = take_root_of_force<T, NV>(z_r, in.tau ? in.tau + b.v : nullptr, hinge, fixed, ws.X(k), *modal.root);
+        const T* tau = in.tau ? in.tau + b.v : nullptr;
+        const Force<T> e = fixed ? take_root_of_force<T, NV, true>(z_r, tau, hinge, fixed, ws.X(k), *modal.root)
+                                 : take_root_of_force<T, NV, false>(z_r, tau, hinge, fixed, ws.X(k), *modal.root);
         inboard.z += e;
         store(e, modal.root->e);
         on_node(*modal.node, e, modal.root->e_N);

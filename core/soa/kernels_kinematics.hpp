@@ -130,20 +130,25 @@ struct DeformedNode {
   Motion<T> bias;       // [dJl(theta; theta') theta'; 0]
 };
 
+/// x, v: the sums of [psi; phi] times eta and eta'.
+template <class T>
+static void deform(const Pose<double>& undeformed, const T* x, const T* v, DeformedNode<T>& d) {
+  const Vec3<T> theta{x[0], x[1], x[2]}, theta_rate{v[0], v[1], v[2]};
+  const RotationCoefficients<T> c = rotation_coefficients(dot(theta, theta));
+  d.rho = cast<T>(undeformed.p) + Vec3<T>{x[3], x[4], x[5]};
+  d.R = rotation_of_vector(c, theta) * cast<T>(undeformed.R);
+  d.Jl = rotation_of_vector(RotationCoefficients<T>{c.a, c.b, T(0), T(0), T(0)}, theta);  // 1 + a theta~ + b theta~^2
+  d.rate = {d.Jl * theta_rate, {v[3], v[4], v[5]}};
+  d.bias = {left_jacobian_dot(c, theta, theta_rate, theta_rate), {T(0), T(0), T(0)}};
+}
 template <class T>
 static void deform(const NodeShapes& s, const T* eta, const T* etadot, DeformedNode<T>& d) {
   T x[6], v[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};
   if (etadot)
-    sum_columns(s.columns.data(), eta, etadot, s.n_modes, x, v);
+    sum_columns_of<Six<T>>(s.columns.data(), 6, eta, etadot, s.n_modes, x, v);
   else
     sum_columns(s.columns.data(), eta, s.n_modes, x);
-  const Vec3<T> theta{x[0], x[1], x[2]}, theta_rate{v[0], v[1], v[2]};
-  const RotationCoefficients<T> c = rotation_coefficients(dot(theta, theta));
-  d.rho = cast<T>(s.pose.p) + Vec3<T>{x[3], x[4], x[5]};
-  d.R = rotation_of_vector(c, theta) * cast<T>(s.pose.R);
-  d.Jl = rotation_of_vector(RotationCoefficients<T>{c.a, c.b, T(0), T(0), T(0)}, theta);  // 1 + a theta~ + b theta~^2
-  d.rate = {d.Jl * theta_rate, {v[3], v[4], v[5]}};
-  d.bias = {left_jacobian_dot(c, theta, theta_rate, theta_rate), {T(0), T(0), T(0)}};
+  deform<T>(s.pose, x, v, d);
 }
 
 /// Column j of Gamma in body axes at the node: [Jl psi; phi].
@@ -179,31 +184,63 @@ static void family_inertia(const FlexibleBody& f, int m, const T* eta, const T* 
 }
 
 /// Level 0 (FlexibleBody::constant): only the mass centre moves, mc = I2 + M_ve eta, and
-/// b = [omega x (J omega + M_we eta'); omega x (omega x mc) + 2 omega x M_ve eta'; 0].
+/// b = [omega x (J omega + M_we eta'); omega x (omega x mc) + 2 omega x M_ve eta'; 0]. x, v: M_re eta, M_re eta'.
 template <class T, OutwardFor For>
-static RigidInertia<T> constant_inertia(const FlexibleBody& f, int m, const T* eta, const T* etadot, const Vec3<T>& w, Force<T>& b) {
-  T x[6], v[6];
+static RigidInertia<T> constant_inertia(const FlexibleBody& f, const T* x, const T* v, const Vec3<T>& w, Force<T>& b) {
   RigidInertia<T> M = cast<T>(f.M_rr);
-  if constexpr (For.velocity)
-    sum_columns(f.M_re.data(), eta, etadot, m, x, v);
-  else
-    sum_columns(f.M_re.data(), eta, m, x);
   M.h += Vec3<T>{x[3], x[4], x[5]};
   if constexpr (For.velocity)
     b = {cross(w, M.J * w + Vec3<T>{v[0], v[1], v[2]}), cross(w, cross(w, M.h) + T(2) * Vec3<T>{v[3], v[4], v[5]})};
   return M;
 }
 
+/// What the modes of a body do, in one pass over them: M_re eta and M_re eta' of a constant body, and how they move its nodes.
+template <class T, OutwardFor For>
+static void sum_modes(Workspace<T>& ws, const SweepBody& b, const FlexibleBody& f, const T* q, const T* v, T* M_re_eta, T* M_re_etadot) {
+  const std::size_t nodes = f.attached.size(), own = f.constant ? 6 : 0;
+  const int rows = static_cast<int>(own + 6 * nodes);
+  const T *eta = q + b.eta, *etadot = v + b.etadot;
+  if constexpr (kWidth<T> == 1 && For.velocity)  // of lanes the registers hold no more than six
+    if (f.constant && nodes == 1) {
+      T x[12], rate[12];
+      sum_columns_of<Twelve<T>>(f.shapes.data(), 12, eta, etadot, b.n_modes, x, rate);
+      ModalNode<T>& node = *ws.modal_of(f.attached[0])->node;
+      Six<T>(x).to(M_re_eta), Six<T>(rate).to(M_re_etadot);
+      Six<T>(x + 6).to(node.moved), Six<T>(rate + 6).to(node.rate);
+      return;
+    }
+  const auto sum = [&](std::size_t at, T* moved, T* rate) {
+    if constexpr (For.velocity) {
+      sum_columns_of<Six<T>>(f.shapes.data() + at, rows, eta, etadot, b.n_modes, moved, rate);
+    } else {
+      sum_columns_of<Six<T>>(f.shapes.data() + at, rows, eta, b.n_modes, moved);
+      Six<T>().to(rate);
+    }
+  };
+  if (f.constant) sum(0, M_re_eta, M_re_etadot);
+  for (std::size_t a = 0; a < nodes; ++a) {
+    ModalNode<T>& node = *ws.modal_of(f.attached[a])->node;
+    sum(own + 6 * a, node.moved, node.rate);
+  }
+}
+
 /// M_fl(eta), b and z = M_fl gamma_b + b of a flexible body. Families compute in double.
 template <class T, OutwardFor For>
-static void flexible_inertia(const SweepModel& model, const SweepBody& b, const Inputs<T>& in, Core<T>& body, Modal<T>& modal) {
+static void flexible_inertia(const SweepModel& model, Workspace<T>& ws, const SweepBody& b, const Inputs<T>& in, Core<T>& body, Modal<T>& modal) {
   const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
   const int m = b.n_modes;
   const T *eta = in.q + b.eta, *etadot = For.velocity ? in.v + b.etadot : nullptr;
   RigidInertia<T> M;
   Force<T> bias{};
+  T x[6], v[6];
+  if (!f.attached.empty())
+    sum_modes<T, For>(ws, b, f, in.q, in.v, x, v);
+  else if (f.constant && For.velocity)  // nothing hangs there: most bodies
+    sum_columns_of<Six<T>>(f.shapes.data(), 6, eta, etadot, m, x, v);
+  else if (f.constant)
+    sum_columns_of<Six<T>>(f.shapes.data(), 6, eta, m, x);
   if (f.constant) {
-    M = constant_inertia<T, For>(f, m, eta, etadot, body.w, bias);
+    M = constant_inertia<T, For>(f, x, v, body.w, bias);
   } else {
     T M_rr[10];
     family_inertia(f, m, eta, etadot, body.w, modal, M_rr);
@@ -262,7 +299,7 @@ static void outward_general(const SweepModel& model, Workspace<T>& ws, const Inp
     DeformedNode<T> at_O;
     const NodeShapes* shapes_O = b.onode >= 0 ? &model.shapes[static_cast<std::size_t>(b.onode)] : nullptr;
     if (shapes_O) {
-      deform<T>(*shapes_O, in.q + parent.eta, For.velocity ? in.v + parent.etadot : nullptr, at_O);
+      deform<T>(shapes_O->pose, modal.node->moved, modal.node->rate, at_O);
       R_O = at_O.R;
       p_O = at_O.rho;
     }
@@ -333,7 +370,7 @@ static void outward_general(const SweepModel& model, Workspace<T>& ws, const Inp
     ws.X(k) = {R_AB, p_AB};
     set_acceleration_field(body.E, For.velocity ? body.w : none, body.gamma.w);
 
-    if (modal.node) *modal.node = {at_O.Jl, at_O.rho};
+    if (modal.node) modal.node->Jl = at_O.Jl, modal.node->rho = at_O.rho;
 
     if (b.n_modes == 0) {
       const RigidInertia<T> M = cast<T>(b.M_sweep);
@@ -343,7 +380,7 @@ static void outward_general(const SweepModel& model, Workspace<T>& ws, const Inp
       body.P.J = cast<T>(b.J_P);
       continue;
     }
-    flexible_inertia<T, For>(model, b, in, body, modal);
+    flexible_inertia<T, For>(model, ws, b, in, body, modal);
   }
 }
 
@@ -358,8 +395,9 @@ static void elastic(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& 
     const int m = b.n_modes;
     const T *eta = in.q + b.eta, *etadot = in.v + b.etadot;
     if (f.K_diagonal) {
-      for (int j = 0; j < m; ++j)
-        modal.z[j] = modal.z[j] + T(f.K[static_cast<std::size_t>(j)]) * eta[j] + T(f.C[static_cast<std::size_t>(j)]) * etadot[j];
+      const double *K = f.K.data(), *C = f.C.data();
+      T* __restrict z = modal.z;
+      for (int j = 0; j < m; ++j) z[j] = z[j] + T(K[j]) * eta[j] + T(C[j]) * etadot[j];
     } else {
       for (int j = 0; j < m; ++j)
         for (int i = 0; i < m; ++i) {

@@ -52,11 +52,13 @@ struct Hinge {
   T L[NV > 0 ? NV * (NV + 1) / 2 : 1];  // D = L L*, packed by rows
 };
 
-/// How the modes of the inboard body move O: by [Jl psi; phi] at rho, in its axes about its origin.
+/// How the modes of the inboard body move O: by [Jl psi; phi] at rho, in its axes about its origin. The sums over its modes are
+/// taken by the inboard body, for all its nodes in one pass.
 template <class T>
 struct ModalNode {
   Mat3<T> Jl;
-  Vec3<T> rho;  // [m]
+  Vec3<T> rho;                // [m]
+  T moved[6], rate[6], accel[6];  // [rad, m]: sum of [psi; phi] times eta, eta', eta''
 };
 
 /// Of a body on a deforming node whose inboard body is eliminated through its nodes (mathematics/flexible.md, 7): P+ = C C*
@@ -69,6 +71,15 @@ struct NodeRoot {
   T N[36];                // rows: the same columns as forces on the node's shapes
   T zeta[6], phi[6];      // what goes through the hinge in the end: C phi + e
   T e[6], e_N[6];         // at the origin of the inboard body; on the node's shapes
+};
+
+/// Work of a body with n outboard hinges on deforming nodes, N = 6 n: B (N x N), A (N x N), its inverse
+/// pivots, u, t and e = -Q* e of the nodes (N each), columns of X~* C L^-* and of M_re V (N of 6 each).
+static inline std::size_t by_nodes_size(int n) { return static_cast<std::size_t>(2 * 36 * n * n + 16 * 6 * n); }
+template <class T>
+struct ByNodes {
+  T *B, *A, *inverse, *u, *t, *e, *X, *MV;
+  ByNodes(T* at, int N) : B(at), A(B + N * N), inverse(A + N * N), u(inverse + N), t(u + N), e(t + N), X(e + N), MV(X + 6 * N) {}
 };
 
 /// Pointers into the arena of what only flexible bodies, and bodies that hang on a deforming node, have. m = own modes.

@@ -1,5 +1,6 @@
 #pragma once
 // Constructor of Workspace: sizes and pointers of every record. Included by the files that instantiate a scalar.
+#include <algorithm>
 #include <new>
 #include <type_traits>
 
@@ -31,6 +32,8 @@ Workspace<T>::Workspace(const SweepModel& model) {
   std::vector<std::size_t> modal_at(n, 0);
   const auto round = [](std::size_t bytes) { return (bytes + 63) / 64 * 64; };
   std::vector<bool> ee_changes(n, false);  // some outboard hinge or the pnode adds to P_ee
+  for (const FlexibleBody& f : model.flexible)
+    if (!f.attached.empty()) sums.resize(std::max(sums.size(), 6 + 6 * f.attached.size()), T(0));
   for (std::size_t k = 1; k < n; ++k) {
     const SweepBody& b = model.bodies[k];
     if (b.onode >= 0) ee_changes[static_cast<std::size_t>(b.parent)] = true;
@@ -114,6 +117,11 @@ Workspace<T>::Workspace(const SweepModel& model) {
       modal.b = take(c.b);
       modal.C = take(c.C);
       modal.by_nodes = take(c.by_nodes);
+      if (c.by_nodes > 0) {
+        const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
+        const ByNodes<T> w(modal.by_nodes, 6 * static_cast<int>(f.attached.size()));
+        for (std::size_t i = 0; i < f.MV.size(); ++i) w.MV[i] = T(f.MV[i]);
+      }
       if (c.node > 0) modal.node = new (take(c.node)) ModalNode<T>();
       if (c.root > 0) modal.root = new (take(c.root)) NodeRoot<T>();
       modal.family = family_scratch<T>(c.m) > 0 ? reinterpret_cast<double*>(next) : nullptr;
@@ -130,7 +138,7 @@ void Workspace<T>::require_world() {
 
 template <class T>
 std::size_t Workspace<T>::bytes() const {
-  return arena_bytes_ + 3 * angles.size() * sizeof(T) + family.size() * sizeof(double) + articulated_q.size() * sizeof(T) + composite.size() * sizeof(RigidInertia<T>) + rest.size() * sizeof(T) + dense_.size() * sizeof(cardan_hinge_out) + pose_W_.size() * sizeof(Pose<T>) + V_.size() * sizeof(Motion<T>);
+  return arena_bytes_ + 3 * angles.size() * sizeof(T) + family.size() * sizeof(double) + articulated_q.size() * sizeof(T) + composite.size() * sizeof(RigidInertia<T>) + (rest.size() + sums.size()) * sizeof(T) + dense_.size() * sizeof(cardan_hinge_out) + pose_W_.size() * sizeof(Pose<T>) + V_.size() * sizeof(Motion<T>);
 }
 
 }  // namespace cardan::soa
