@@ -20,6 +20,7 @@
 #include "bodies/register.hpp"
 #include "core/dynamics/batch.hpp"
 #include "core/dynamics/inverse.hpp"
+#include "core/sim/simulation.hpp"
 #include "hinges/register.hpp"
 
 namespace cardan::bench {
@@ -70,13 +71,22 @@ void bench_model(const BenchModel& bm, const Registry& registry, double seconds,
     in.q = s.q.data(), in.v = s.v.data(), in.vdot = s.vdot.data();
     inverse_dynamics(m, ws, in, out.data());
   };
+  // x' = f(t, x) as the integrator of a scenario calls it, without the ledger.
+  SimulationOptions plain;
+  plain.ledger = false;
+  Simulation scenario(model, plain);
+  const OdeProblem ode = scenario.ode();
+  Eigen::MatrixXd x(m.nq + m.nv, states);
+  for (int k = 0; k < states; ++k) x.col(k) << bm.states[static_cast<std::size_t>(k)].q, bm.states[static_cast<std::size_t>(k)].v;
+  Eigen::VectorXd xdot(m.nq + m.nv);
+  const auto right_hand_side = [&](int k) { ode.rhs(0.0, x.col(k).data(), xdot.data(), nullptr); };
   Eigen::VectorXd out(m.nv);
   Eigen::MatrixXd outs(m.nv, ring.size());
   const bool matrices = m.flexible.empty() && m.nv <= 128;
   Eigen::MatrixXd M(matrices ? m.nv : 0, matrices ? m.nv : 0);
 
   // Largest relative errors over the states whose exact results are known; negative: not measured.
-  double e_forward = -1, e_inverse = -1, e_batch = -1, e_batch_inverse = -1, e_matrix = -1, e_inverse_matrix = -1;
+  double e_forward = -1, e_rhs = -1, e_inverse = -1, e_batch = -1, e_batch_inverse = -1, e_matrix = -1, e_inverse_matrix = -1;
   if (std::ranges::all_of(m.flexible, [](const FlexibleBody& f) { return f.constant; })) {
     const std::vector<Exact> truth = exact(bm, registry);
     const auto worst = [](double& error, const Eigen::VectorXd& computed, const Eigen::VectorXd& true_value) {
@@ -85,6 +95,8 @@ void bench_model(const BenchModel& bm, const Registry& registry, double seconds,
     for (std::size_t s = 0; s < truth.size(); ++s) {
       const int k = static_cast<int>(s);
       forward(k, out), worst(e_forward, out, truth[s].vdot);
+      for (int i = 0; i < m.nv; ++i) scenario.set_force(i, bm.states[s].tau[i]);
+      right_hand_side(k), worst(e_rhs, xdot.tail(m.nv), truth[s].vdot);
       inverse(k, out), worst(e_inverse, out, truth[s].tau);
       batch.forward_dynamics(all, outs.data()), worst(e_batch, outs.col(k), truth[s].vdot);
       batch.inverse_dynamics(all, outs.data()), worst(e_batch_inverse, outs.col(k), truth[s].tau);
@@ -102,6 +114,7 @@ void bench_model(const BenchModel& bm, const Registry& registry, double seconds,
   const std::string lanes = fmt::format("batch, {} lanes", batch.width());
   rows.push_back({bm.name, "compile", "", n, time_ring(1, seconds, [&](int) { compile(spec, registry, options); }), -1.0, bytes});
   row("forward_dynamics", "", e_forward, bytes, [&](int k) { forward(k, out); });
+  row("right_hand_side", "", e_rhs, bytes, [&](int k) { right_hand_side(k); });
   per_sample(row("forward_dynamics", lanes, e_batch, batch_bytes, [&](int) { batch.forward_dynamics(all, outs.data()); }));
   row("inverse_dynamics", "", e_inverse, bytes, [&](int k) { inverse(k, out); });
   per_sample(row("inverse_dynamics", lanes, e_batch_inverse, batch_bytes, [&](int) { batch.inverse_dynamics(all, outs.data()); }));
