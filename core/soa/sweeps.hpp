@@ -50,10 +50,11 @@ static Pose<T> pose_in_inboard(const SweepModel& model, const Workspace<T>& ws, 
   const T s = rotor ? T(sin(angle)) : ws.sines[static_cast<std::size_t>(a.angle)], c = rotor ? T(cos(angle)) : ws.cosines[static_cast<std::size_t>(a.angle)];
   return {cast<T>(b.O.R) * rotation_about(cast<T>(b.axis), s, c), cast<T>(b.O.p)};
 }
-/// Spatial velocity of B, B axes, where the inboard body has V_A (its axes). X: pose of B in A. Needs outward.
+/// Spatial velocity of B, B axes, where the inboard body has V_inboard (its axes). X: pose of B in A. Needs outward.
 template <class T>
-static Motion<T> velocity_of(const SweepModel& model, const Workspace<T>& ws, const Inputs<T>& in, int k, const Pose<T>& X, Motion<T> V_A) {
+static Motion<T> velocity_of(const SweepModel& model, const Workspace<T>& ws, const Inputs<T>& in, int k, const Pose<T>& X, const Motion<T>& V_inboard) {
   const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+  Motion<T> V_A = V_inboard;
   const Modal<T>* modal = ws.modal_of(k);
   if (modal && modal->node) {
     T s[6];
