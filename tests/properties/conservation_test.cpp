@@ -1,7 +1,6 @@
 // What simulations of random trees must keep, and what must close: momentum, energy, impulse and work. Ledgers compare
 // the quantity now with that at the start and with what came from outside, which is integrated beside the state.
-#include "core/sim/simulation.hpp"
-#include "tests/properties/trees.hpp"
+#include "tests/properties/loaded_simulation.hpp"
 
 namespace cardan::test {
 namespace {
@@ -63,13 +62,7 @@ double open_balance(const RandomTree& tree) {
   options.integrator.relative_tolerance = 1e-11;
   options.integrator.method = "dopri5";
   Simulation sim(compiled(tree.spec, with_world), options);
-  const Model& m = sim.model();
-  const VectorXd tau = in_user_order(m, tree.tau);
-  for (int i = 0; i < m.nv; ++i) sim.set_force(i, tau[i]);
-  for (const Load& l : tree.loads)
-    sim.set_wrench(sim.add_wrench(m.find_node(l.body + "." + l.node), l.world_axes), force(l.wrench.data()));
-  for (std::size_t i = 0; i < m.prescribed.size(); ++i)
-    if (m.prescribed[i]) sim.prescribe(static_cast<int>(i), MotionProfile::sine(0.1, 0.7, 0.3));
+  set_loads(sim, tree);
   return drift_of(sim, 0.5).worst();
 }
 

@@ -1,10 +1,9 @@
 // What BDF asks of a simulation when its linear solver is krylov: J dx against differences of eighth order of the
 // right-hand side that the integrator gets, and the preconditioner as the exact inverse of 1 - gamma J at rest.
 #include "core/sim/newton_operators.hpp"
-#include "core/sim/simulation.hpp"
 #include "core/soa/tangent.hpp"
 #include "tests/operators/compare.hpp"
-#include "tests/properties/trees.hpp"
+#include "tests/properties/loaded_simulation.hpp"
 
 namespace cardan::test {
 namespace {
@@ -21,13 +20,7 @@ SimulationOptions krylov(double stabilisation = 1.0) {
 /// The tree under its loads, prescribed components in motion.
 struct Scene {
   explicit Scene(const RandomTree& tree) : sim(compiled(tree.spec, {.world_wrenches = true}), krylov(1.3)) {
-    const Model& m = sim.model();
-    const VectorXd tau = in_user_order(m, tree.tau);
-    for (int i = 0; i < m.nv; ++i) sim.set_force(i, tau[i]);
-    for (const Load& l : tree.loads)
-      sim.set_wrench(sim.add_wrench(m.find_node(l.body + "." + l.node), l.world_axes), force(l.wrench.data()));
-    for (std::size_t i = 0; i < m.prescribed.size(); ++i)
-      if (m.prescribed[i]) sim.prescribe(static_cast<int>(i), MotionProfile::sine(0.1, 0.7, 0.3));
+    set_loads(sim, tree);
     ode = sim.ode();
     x.resize(ode.n);
     x << sim.state().q, sim.state().v;
