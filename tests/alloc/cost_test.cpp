@@ -17,6 +17,7 @@
 #include "core/soa/record.hpp"
 #include "tests/support/builders.hpp"
 #include "tests/support/random_tree.hpp"
+#include "tests/support/sanitized.hpp"
 
 namespace cardan::test {
 namespace {
@@ -357,7 +358,8 @@ TEST(Cost, APrescribedHingeIsPaidByItsBody) {
   }
 }
 
-// What the runs without given motions leave out is zero: the same v', but for round-off, as when every general kernel takes them.
+// What the runs without given motions leave out is zero: the same v' as when every general kernel takes them (bits; sanitized
+// sweeps, which are optimised less, contract their sums differently).
 TEST(Cost, GivenMotionsReachWhatTheyMove) {
   int spared = 0, given = 0;
   for (unsigned seed = 0; seed < 40; ++seed) {
@@ -378,7 +380,7 @@ TEST(Cost, GivenMotionsReachWhatTheyMove) {
     Workspace ws_a(*model), ws_b(everywhere);
     ASSERT_TRUE(forward_dynamics(*model, ws_a, in, a.data()));
     ASSERT_TRUE(forward_dynamics(everywhere, ws_b, in, b.data()));
-    EXPECT_LE((a - b).norm(), 1e-12 * a.norm()) << "seed " << seed;
+    EXPECT_LE((a - b).norm(), (sanitized ? 1e-12 : 0.0) * a.norm()) << "seed " << seed;
   }
   EXPECT_GT(spared, 10);
   EXPECT_GT(given, 10);
