@@ -100,10 +100,7 @@ VectorXd inverse_dynamics(const TreeOperators& tree, Workspace<double>& ws, cons
   tree.require(Kind::H);
   const Model& model = tree.model();
   const auto taking_part = [&](const double* x) {
-    VectorXd out = VectorXd::Zero(model.nv);
-    for (int j = 0; x && j < model.nv; ++j)
-      if (tree.place_of_velocity(j) >= 0) out[j] = x[j];
-    return out;
+    return x ? tree.to_model(tree.from_model(Eigen::Map<const VectorXd>(x, model.nv))) : VectorXd(VectorXd::Zero(model.nv));
   };
   const VectorXd v = taking_part(in.v), vdot = taking_part(in.vdot);
   VectorXd tau(model.nv);
