@@ -121,7 +121,8 @@ std::string_view number_of(Code c) { return entry(c).number; }
 std::string_view title_of(Code c) { return entry(c).title; }
 
 std::string render(const Diagnostic& d) {
-  std::string out = fmt::format("error[{}]: {}\n", number_of(d.code), d.about.empty() ? title_of(d.code) : d.about);
+  const char* kind = number_of(d.code).starts_with('W') ? "warning" : "error";
+  std::string out = fmt::format("{}[{}]: {}\n", kind, number_of(d.code), d.about.empty() ? title_of(d.code) : d.about);
   const SourceMark& m = d.at.mark;
   if (!m.file.empty()) {
     out += "  --> " + m.file;

@@ -1,0 +1,53 @@
+#include "core/base/warnings.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace cardan {
+
+void Warnings::add(Diagnostic warning, double t) {
+  const auto same = [&](const Warning& w) {
+    return w.what.code == warning.code && w.what.at.key_path == warning.at.key_path &&
+           w.what.at.mark.file == warning.at.mark.file && w.what.at.mark.line == warning.at.mark.line;
+  };
+  if (const auto earlier = std::find_if(all_.begin(), all_.end(), same); earlier != all_.end())
+    ++earlier->count;
+  else if (all_.size() < kLimit)
+    all_.push_back({std::move(warning), 1, t});
+  else
+    ++left_out_;
+}
+
+void Warnings::add(Code code, Located at, std::string about, std::string hint, double t) {
+  add(Diagnostic{code, std::move(at), {}, {}, std::move(hint), {}, std::move(about), 0}, t);
+}
+
+void Warnings::add(const Warnings& others) {
+  for (const Warning& w : others.all_) {
+    const std::size_t before = all_.size();
+    add(w.what, w.t);
+    if (all_.size() > before) all_.back().count = w.count;  // else counted once more, as a kind
+  }
+  left_out_ += others.left_out_;
+}
+
+std::string render(const Warning& w) {
+  std::string text = render(w.what);
+  if (w.count > 1)
+    text += std::isnan(w.t) ? fmt::format("  {} times\n", w.count) : fmt::format("  {} times, first at t = {:.6g} s\n", w.count, w.t);
+  else if (!std::isnan(w.t))
+    text += fmt::format("  at t = {:.6g} s\n", w.t);
+  return text;
+}
+
+std::string render(const Warnings& all) {
+  if (all.empty()) return {};
+  std::string text;
+  for (const Warning& w : all.all()) text += render(w) + "\n";
+  const long n = static_cast<long>(all.all().size()) + all.left_out();
+  return text + fmt::format("{} warning{}{}.\n", n, n == 1 ? "" : "s",
+                            all.left_out() > 0 ? fmt::format(", {} of them not shown", all.left_out()) : "");
+}
+
+}  // namespace cardan
