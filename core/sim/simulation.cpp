@@ -76,6 +76,12 @@ RunFailure Simulation::explain(const RunFailure& failure) const {
   return bad_rate_ < 0 ? failure : not_finite(model_->nq + bad_rate_, vdot_bad_);
 }
 
+void Simulation::warn(Code code, Located at, std::string about, std::string hint) {
+  const std::size_t before = warnings_.all().size();
+  warnings_.add(code, std::move(at), std::move(about), std::move(hint), state_.t);
+  if (told_ && warnings_.all().size() > before) told_(warnings_.all().back());
+}
+
 void Simulation::take_over(const Simulation& other) {
   set_state(other.state_);
   tau_ = other.tau_;

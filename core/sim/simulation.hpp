@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/base/warnings.hpp"
 #include "core/dynamics/observe.hpp"
 #include "core/io/recorder.hpp"
 #include "core/sim/motion_profile.hpp"
@@ -36,6 +37,9 @@ struct LedgerState {
   Eigen::Vector3d linear = Eigen::Vector3d::Zero(), angular = Eigen::Vector3d::Zero();  // [N s], [N m s] residual
   double energy = 0.0;                                                                 // [J] residual
   double linear_relative = 0.0, angular_relative = 0.0, energy_relative = 0.0;         // [-]
+  /// [-] What the errors of the steps so far explain of each, over the same sums of magnitudes.
+  double linear_limit = 0.0, angular_limit = 0.0, energy_limit = 0.0;
+  bool pass = true;                                                                    // none is above its limit, all are numbers
 };
 
 /// Quantities written at each output time.
@@ -94,6 +98,11 @@ class Simulation {
   LedgerState ledger();
   /// Largest relative residuals seen at outputs and at the end.
   const LedgerState& worst_ledger() const { return worst_ledger_; }
+  /// What did not stop the run: of the run itself, and what its owner adds.
+  Warnings& warnings() { return warnings_; }
+  const Warnings& warnings() const { return warnings_; }
+  /// Called with each warning of the run when it comes up first, so that it can be told while the run goes on.
+  void on_warning(std::function<void(const Warning&)> told) { told_ = std::move(told); }
   IntegratorStatistics statistics() const;
   /// x' = f(t, x), x = [q; v], with the commands as they are when it is called: what the integrator is given. Refers to this.
   OdeProblem ode();
@@ -115,6 +124,7 @@ class Simulation {
   double next_corner() const;
   void begin_ledger();
   void expect_finite(const std::vector<double>& x);
+  void warn(Code code, Located at, std::string about, std::string hint);
   RunFailure not_finite(int state, double value) const;
   RunFailure explain(const RunFailure&) const;
   [[noreturn]] void fail(RunFailure failure);
@@ -154,6 +164,8 @@ class Simulation {
   Eigen::Matrix<double, 7, 1> external_0_ = Eigen::Matrix<double, 7, 1>::Zero();
   double scale_linear_ = 0.0, scale_angular_ = 0.0, scale_energy_ = 0.0;
   LedgerState worst_ledger_;
+  Warnings warnings_;
+  std::function<void(const Warning&)> told_;
 };
 
 }  // namespace cardan
