@@ -46,4 +46,16 @@ Json to_json(const RunFailure& f) {
           {"last_good", f.last_good}};
 }
 
+Json to_json(const Warning& w) {
+  const Diagnostic& d = w.what;
+  return {{"code", number_of(d.code)},
+          {"about", d.about.empty() ? title_of(d.code) : d.about},
+          {"path", d.at.key_path},
+          {"file", d.at.mark.file},
+          {"line", d.at.mark.line},
+          {"count", w.count},
+          {"t", std::isfinite(w.t) ? Json(w.t) : Json()},
+          {"hint", d.hint}};
+}
+
 }  // namespace cardan

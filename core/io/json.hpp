@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "core/base/diagnostic.hpp"
+#include "core/base/warnings.hpp"
 
 namespace cardan {
 
@@ -19,5 +19,7 @@ std::string json_line(const Json& value);
 /// What `--json-errors` prints, one object per error.
 Json to_json(const Diagnostic& diagnostic);
 Json to_json(const RunFailure& failure);
+/// `about` is what is wrong, `path` the key path; `t` is null for what was seen before the run.
+Json to_json(const Warning& warning);
 
 }  // namespace cardan

@@ -4,8 +4,13 @@
 
 namespace cardan {
 
+std::string_view name_of(Verdict v) {
+  constexpr std::string_view kNames[] = {"passed", "failed", "interrupted", "aborted"};
+  return kNames[static_cast<int>(v)];
+}
+
 std::string to_json(const Summary& s) {
-  Json checks = Json::array(), pointing = Json::array();
+  Json checks = Json::array(), figures = Json::array(), warnings = Json::array();
   for (const auto& c : s.checks)
     checks.push_back({{"name", c.name},
                       {"value", c.value},
@@ -13,14 +18,18 @@ std::string to_json(const Summary& s) {
                       {"verdict", c.pass ? "pass" : "fail"},
                       {"unit", c.unit},
                       {"detail", c.detail}});
-  for (const auto& f : s.pointing) pointing.push_back({{"name", f.name}, {"value", f.value}, {"unit", f.unit}});
+  for (const auto& f : s.figures) figures.push_back({{"name", f.name}, {"value", f.value}, {"unit", f.unit}});
+  for (const auto& w : s.warnings.all()) warnings.push_back(to_json(w));
   return json_text({{"scenario", s.scenario},
+                    {"verdict", name_of(s.verdict)},
+                    {"failure", s.failure ? to_json(*s.failure) : Json()},
                     {"checks", checks},
                     {"ledger",
                      {{"linear_momentum", s.ledger.linear_momentum},
                       {"angular_momentum", s.ledger.angular_momentum},
                       {"energy", s.ledger.energy}}},
                     {"simulated_s", s.simulated_s},
+                    {"planned_s", s.planned_s},
                     {"wall_s", s.wall_s},
                     {"steps", s.steps},
                     {"rhs_calls", s.rhs_calls},
@@ -28,7 +37,9 @@ std::string to_json(const Summary& s) {
                     {"jacobian_products", s.jacobian_products},
                     {"preconditioner_setups", s.preconditioner_setups},
                     {"linear_iterations", s.linear_iterations},
-                    {"pointing", pointing},
+                    {"figures", figures},
+                    {"warnings", warnings},
+                    {"warnings_left_out", s.warnings.left_out()},
                     {"model",
                      {{"bodies", s.model.bodies},
                       {"hinges", s.model.hinges},

@@ -1,8 +1,11 @@
 #pragma once
 // What a run comes to: printed at its end, written to summary.json and shown at the top of the report.
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
+
+#include "core/base/warnings.hpp"
 
 namespace cardan {
 
@@ -29,14 +32,26 @@ struct ModelSize {
   int bodies = 0, hinges = 0, n_q = 0, n_v = 0, n_modes = 0;
 };
 
+/// How a run ended.
+enum class Verdict {
+  passed,       // at its end, and every check passed (or there is none)
+  failed,       // at its end, and a check did not pass
+  interrupted,  // by a signal, before its end: checks were not worked out
+  aborted       // by a failure, which Summary::failure tells
+};
+std::string_view name_of(Verdict);  ///< "passed"
+
 struct Summary {
   std::string scenario;
+  Verdict verdict = Verdict::passed;
+  std::optional<RunFailure> failure;
   std::vector<Check> checks;
   Ledger ledger;
-  double simulated_s = 0.0, wall_s = 0.0;
+  double simulated_s = 0.0, planned_s = 0.0, wall_s = 0.0;  // planned: the end that the run was to reach
   long steps = 0, rhs_calls = 0, restarts = 0;
   long jacobian_products = 0, preconditioner_setups = 0, linear_iterations = 0;  // of the linear solver "krylov", else 0
-  std::vector<Figure> pointing;  // final error, jitter, settling time; only what was reached
+  std::vector<Figure> figures;
+  Warnings warnings;
   ModelSize model;
   std::map<std::string, std::string> versions;  // program, compiler, libraries
 };

@@ -64,6 +64,7 @@ Summary run_summary(const Scenario& s, double wall_s) {
   out.scenario = s.file.filename().string();
   const LedgerState& worst = s.sim->worst_ledger();
   out.ledger = {worst.linear_relative, worst.angular_relative, worst.energy_relative};
+  out.warnings.add(s.warnings);
   out.simulated_s = s.sim->time();
   out.wall_s = wall_s;
   const IntegratorStatistics i = s.sim->statistics();
@@ -85,7 +86,7 @@ Summary run_summary(const Scenario& s, double wall_s) {
 
 std::string summary_text(const Scenario& s, const Summary& sum, const std::vector<Range>& ranges) {
   std::string text = s.mission.title.empty() ? "" : s.mission.title + "\n";
-  text += checks_text(sum.checks) + figures_text(sum.pointing) + hinges_text(ranges) + modes_text(ranges);
+  text += checks_text(sum.checks) + figures_text(sum.figures) + hinges_text(ranges) + modes_text(ranges);
   if (s.mission.simulation.ledger)
     text += fmt::format(
         "\nledgers: largest residual over the sum of magnitudes\n  linear momentum {:.1e}   angular momentum {:.1e}   "

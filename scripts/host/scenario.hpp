@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "core/base/warnings.hpp"
 #include "core/sim/simulation.hpp"
 #include "scripts/host/lua_function.hpp"
 #include "scripts/host/lua_host.hpp"
@@ -110,6 +111,7 @@ struct Scenario {
   std::vector<Measure> checks, figures;
   std::vector<std::unique_ptr<Signal>> signals;
   std::vector<Load> loads;
+  Warnings warnings;  // of the input; the simulation has its own
 
   // The system
   std::shared_ptr<const Model> model;  // null before `vehicle`

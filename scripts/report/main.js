@@ -38,6 +38,7 @@ const cell = (...children) => element("td.number", ...children);
 
 function verdict() {
   if (!summary) return element("span.badge.open", run.finished ? "no summary" : "not finished");
+  if (summary.verdict === "interrupted" || summary.verdict === "aborted") return element("span.badge.fail", summary.verdict);
   const checks = summary.checks || [];
   const failed = checks.filter((c) => c.verdict !== "pass").length;
   if (!checks.length) return element("span.badge.open", "no checks");
@@ -94,9 +95,9 @@ function balances() {
   if (!summary) return null;
   const names = { linear_momentum: "linear momentum", angular_momentum: "angular momentum", energy: "energy" };
   const ledger = Object.entries(summary.ledger || {}).map(([key, value]) => row(names[key] || key, cell(number(value, 3))));
-  const pointing = (summary.pointing || []).map((f) => row(f.name.replace(/_/g, " "), cell(withUnit(f.value, f.unit))));
+  const figures = (summary.figures || []).map((f) => row(f.name.replace(/_/g, " "), cell(withUnit(f.value, f.unit))));
   return element("div.pair",
-    pointing.length ? element("section", element("h2", "Pointing"), table(["figure", "value"], pointing)) : null,
+    figures.length ? element("section", element("h2", "Figures"), table(["figure", "value"], figures)) : null,
     ledger.length ? element("section", element("h2", "Balances"), table(["ledger", "residual / largest sum"], ledger)) : null);
 }
 

@@ -92,7 +92,7 @@ void write_example_run(const std::string& path, int rows, bool finished) {
     s.wall_s = 3.418;
     s.steps = 48211;
     s.rhs_calls = 91830;
-    s.pointing = {{"final_error", 0.0031, "deg"}, {"settling_time", 131.4, "s"}, {"jitter", 1.8, "arcsec"}};
+    s.figures = {{"final_error", 0.0031, "deg"}, {"settling_time", 131.4, "s"}, {"jitter", 1.8, "arcsec"}};
     s.model = {7, 7, 32, 31, 12};
     s.versions = {{"cardan", "0.1.0"}, {"SUNDIALS", "6.4.1"}, {"HDF5", "1.10.8"}};
     recorder->attach("summary", to_json(s));

@@ -100,19 +100,23 @@ class RunCommand {
     progress.clear();
     progress_ = nullptr;
     summary = run_summary(*scenario_, wall_s);
+    summary.planned_s = t_end;
     if (!failure) {
       guarded([&] {
         summary.checks = mission.checks();
-        summary.pointing = mission.figures();
+        summary.figures = mission.figures();
       });
       if (arguments_.check_against_reference) summary.checks.push_back(reference_check(recorder_.ranges()));
     } else if (failure->code != Code::disk_full) {
       guarded([&] { keep_state(); });
       failure->last_good = (folder_ / "run.h5").string() + ":/restart";
     }
-    finish(summary, failure ? failure->code != Code::disk_full : true);
-    if (failure) throw NumericsError(*failure);
     const bool good = std::all_of(summary.checks.begin(), summary.checks.end(), [](const Check& c) { return c.pass; });
+    summary.verdict = failure ? Verdict::aborted : good ? Verdict::passed : Verdict::failed;
+    summary.failure = failure;
+    finish(summary, failure ? failure->code != Code::disk_full : true);
+    tell_warnings(summary.warnings);
+    if (failure) throw NumericsError(*failure);
     if (!arguments_.quiet || !good) tell(summary);
     return good ? 0 : 1;
   }
@@ -143,6 +147,15 @@ class RunCommand {
     recorder_.attach("summary", text);
     recorder_.close();
     write_report((folder_ / "run.h5").string(), (folder_ / "report.html").string());
+  }
+
+  /// In full, or with --quiet their codes.
+  void tell_warnings(const Warnings& all) {
+    if (!arguments_.quiet) return fmt::print(stderr, "{}", render(all));
+    if (all.empty()) return;
+    std::string codes;
+    for (const Warning& w : all.all()) codes += fmt::format("{}{}", codes.empty() ? "" : ", ", number_of(w.what.code));
+    fmt::print(stderr, "warnings: {}, told in {}\n", codes, (folder_ / "summary.json").string());
   }
 
   void tell(const Summary& summary) {

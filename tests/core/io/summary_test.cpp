@@ -21,9 +21,14 @@ Summary example() {
   s.rhs_calls = 5678;
   s.restarts = 9;
   s.jacobian_products = 21, s.preconditioner_setups = 22, s.linear_iterations = 23;
-  s.pointing = {{"final_error_deg", 0.01, "deg"}};
+  s.figures = {{"final_error_deg", 0.01, "deg"}};
   s.model = {7, 6, 20, 19, 8};
   s.versions = {{"cardan", "0.1.0"}};
+  s.verdict = Verdict::failed;
+  s.planned_s = 130.0;
+  s.warnings.add(Code::stiff_scene, {"mission.integrator.method", {"scenario.lua", 7, 0}}, "stiff", "cvode_bdf", 1.5);
+  s.warnings.add(Code::stiff_scene, {"mission.integrator.method", {"scenario.lua", 7, 0}}, "stiff", "cvode_bdf", 2.5);
+  s.warnings.add(Code::mission_doubt, {"mission.duration", {}}, "", "");
   return s;
 }
 
@@ -44,9 +49,37 @@ TEST(Summary, HasTheKeysThatToolsRelyOn) {
   EXPECT_EQ(j["jacobian_products"], 21);
   EXPECT_EQ(j["preconditioner_setups"], 22);
   EXPECT_EQ(j["linear_iterations"], 23);
-  EXPECT_EQ(j["pointing"][0]["name"], "final_error_deg");
+  EXPECT_EQ(j["figures"][0]["name"], "final_error_deg");
   EXPECT_EQ(j["model"]["n_modes"], 8);
   EXPECT_EQ(j["versions"]["cardan"], "0.1.0");
+  EXPECT_EQ(j["verdict"], "failed");
+  EXPECT_EQ(j["planned_s"].get<double>(), 130.0);
+  EXPECT_TRUE(j["failure"].is_null());
+}
+
+TEST(Summary, HasWarningsWithPlaceCountAndTime) {
+  const Json w = Json::parse(to_json(example()))["warnings"];
+  ASSERT_EQ(w.size(), 2u);
+  EXPECT_EQ(w[0]["code"], "W0401");
+  EXPECT_EQ(w[0]["about"], "stiff");
+  EXPECT_EQ(w[0]["path"], "mission.integrator.method");
+  EXPECT_EQ(w[0]["file"], "scenario.lua");
+  EXPECT_EQ(w[0]["line"], 7);
+  EXPECT_EQ(w[0]["count"], 2);
+  EXPECT_EQ(w[0]["t"].get<double>(), 1.5) << "of the first";
+  EXPECT_EQ(w[0]["hint"], "cvode_bdf");
+  EXPECT_EQ(w[1]["about"], std::string(title_of(Code::mission_doubt)));
+  EXPECT_TRUE(w[1]["t"].is_null()) << "before the run";
+}
+
+TEST(Summary, TellsTheFailureOfARunThatWasAborted) {
+  Summary s = example();
+  s.verdict = Verdict::aborted;
+  s.failure = RunFailure{Code::step_too_small, 12.5, "", "", "h = 1e-20 s", "", ""};
+  const Json j = Json::parse(to_json(s));
+  EXPECT_EQ(j["verdict"], "aborted");
+  EXPECT_EQ(j["failure"]["code"], "N0201");
+  EXPECT_EQ(j["failure"]["t"].get<double>(), 12.5);
 }
 
 TEST(Summary, RefusesNumbersThatAreNotFinite) {
