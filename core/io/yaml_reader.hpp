@@ -16,7 +16,7 @@ namespace cardan {
 /// keys.
 DocNode parse_yaml(std::string_view text, const std::string& file);
 
-/// The whole file. Throws InputError (C0102).
+/// The whole file, or as much of it as is too much for parse_yaml. Throws InputError (C0102).
 std::string read_text_file(const std::string& path);
 
 /// `--set bodies.bus.mass="1700 kg"`: sets one value of the document. The value is YAML ("[0, 0, 1]"); objects that

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <fstream>
@@ -36,7 +37,10 @@ Json rounded(double value, double largest, double range) {
   if (!std::isfinite(value)) return nullptr;
   const double offset = range > 0.0 ? std::log10(largest / range) : 0.0;
   const int digits = std::clamp(static_cast<int>(std::ceil(offset)) + 5, 5, 17);
-  return std::stod(fmt::format("{:.{}g}", value, digits));
+  const std::string text = fmt::format("{:.{}g}", value, digits);
+  double near = value;  // kept where the rounded one is out of range
+  std::from_chars(text.data(), text.data() + text.size(), near);
+  return near;
 }
 
 Json times(std::span<const double> t, const Thinning& thin) {

@@ -2,15 +2,18 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <regex>
 #include <sstream>
 
 #include "core/base/diagnostic.hpp"
 #include "core/io/hdf5_file.hpp"
 #include "core/io/json.hpp"
+#include "core/io/recorder.hpp"
 #include "tests/report/example_run.hpp"
 
 namespace cardan {
@@ -88,6 +91,25 @@ TEST(Report, ThinsLongSeriesWithoutLosingExtremes) {
   const auto& t = data["series"]["t"];
   EXPECT_EQ(t.back().get<double>(), 240.0);
   for (std::size_t i = 1; i < t.size(); ++i) ASSERT_GE(t[i].get<double>(), t[i - 1].get<double>());
+}
+
+// A signal that decays passes through the smallest numbers there are.
+TEST(Report, ShowsTheSmallestAndTheLargestNumbers) {
+  const std::string h5 = scratch("extreme.h5"), html = scratch("extreme.html");
+  const std::vector<double> values{5e-324, 1e-310, -2.2250738585072011e-308, std::numeric_limits<double>::max(),
+                                   std::numeric_limits<double>::lowest(), HUGE_VAL, NAN, 0.0};
+  const auto recorder = make_hdf5_recorder(h5);
+  recorder->begin({}, {{"x", {"value"}, "m", "", "extremes"}});
+  for (std::size_t i = 0; i < values.size(); ++i) recorder->row(static_cast<double>(i), std::span(&values[i], 1));
+  recorder->close();
+  write_report(h5, html);
+  const Json shown = data_of(content(html))["series"]["channels"][0]["values"][0];
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    if (!std::isfinite(values[i]))
+      EXPECT_TRUE(shown[i].is_null());
+    else  // 5 digits, or as many as a number below 2.2e-308 has
+      EXPECT_NEAR(shown[i].get<double>(), values[i], std::max(1e-4 * std::abs(values[i]), 5e-324)) << i;
+  }
 }
 
 TEST(Report, TellsWhenResultsOrPageCannotBeUsed) {

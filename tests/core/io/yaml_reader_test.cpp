@@ -279,6 +279,37 @@ TEST(Yaml, AliasesOfAliasesDoNotFillTheMemory) {
   EXPECT_EQ(first_fault(text), "C0101 ");
 }
 
+TEST(Yaml, AliasesOfALongTextDoNotFillTheMemory) {
+  std::string text = "a: &a " + std::string(1u << 20, 'x') + "\nb: [*a";
+  for (int i = 0; i < 100'000; ++i) text += ", *a";
+  EXPECT_EQ(first_fault(text + "]\n"), "C0101 ");
+}
+
+// yaml-cpp makes empty documents of a comma that belongs to nothing, without end.
+TEST(Yaml, ThatBeginsWithACommaIsRefused) {
+  for (const char* text : {",", ", a", "--- ,", "!,", "a: 1\n...\n,"}) EXPECT_EQ(first_fault(text), "C0101 ") << text;
+  for (const char* value : {",", ", a", "1\n--- 2", "[1]]"})
+    EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.mass", value}}), "C0101 ") << value;
+}
+
+// The tokens of a bracket are held until it closes.
+TEST(Yaml, OfCommasAloneIsRefusedBeforeItIsTakenApart) {
+  EXPECT_EQ(first_fault("[" + std::string(15u << 20, ',')), "C0101 ");
+}
+
+TEST(Yaml, WithAQuoteThatIsNotClosedIsRefused) {
+  const std::string good = "cardan: 1\nbodies: {b: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world}}}\n";
+  for (const char* end : {"\"name\n", "'name\n", "name: \"a\n", "name: 'it''s\n", "name: &n \"a\\\"\n", "'\n"})
+    EXPECT_EQ(first_fault(good + end), "C0101 ") << end;
+  for (const char* end : {"name: \"a\"\n", "name: 'it''s'\n", "name: &n \"a\\\"\"\n", "name: ''", "name: |\n  it's\n",
+                          "name: 'a'  # it's\n", "name: ä 'b'\n"})
+    EXPECT_EQ(first_fault(good + end), "none") << end;
+}
+
+TEST(Yaml, WithAnEndlessKeyIsRefused) {
+  EXPECT_EQ(first_fault("? " + std::string(2000, 'k') + "\n: 1\n"), "C0101 ");
+}
+
 TEST(Yaml, OfTooManyBytesIsRefused) { EXPECT_EQ(first_fault(std::string(20u << 20, '#')), "C0101 "); }
 
 TEST(Yaml, WithByteOrderMarkAndCrlfIsRead) {
@@ -306,6 +337,7 @@ TEST(VehicleFile, ThatIsNotThereIsReported) {
                  "No such file or directory\n\n1 error. Nothing was run.\n");
   }
   EXPECT_THROW(read_vehicle(".", hinges()), InputError) << "a folder";
+  EXPECT_THROW(read_vehicle("/dev/zero", hinges()), InputError) << "a file without end";
 }
 
 TEST(Override, SetsAValue) {
@@ -335,6 +367,11 @@ TEST(Override, IsCheckedAgainstTheSchema) {
   EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.nodes.sadle.position", "[0, 0, 0]"}}),
             "C0104 bodies.bus.nodes.sadle");
   EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.com[3]", "1"}}), "C0104 bodies.bus.com[3]");
+  for (const char* index : {"0x1", "1e0", "-1", "", " 0", "0 ", "18446744073709551616"})
+    EXPECT_EQ(first_fault(kSatellite, {{fmt::format("bodies.bus.com[{}]", index), "1"}}),
+              fmt::format("C0104 bodies.bus.com[{}]", index));
+  for (const char* path : {"bodies.bus.com[0", "bodies.bus.com[0]1", "bodies.bus.com[", "bodies.bus[com"})
+    EXPECT_EQ(first_fault(kSatellite, {{path, "1"}}), fmt::format("C0104 {}", path));
   EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.mass.value", "1"}}), "C0104 bodies.bus.mass.value");
   EXPECT_EQ(first_fault(kSatellite, {{"gravty.uniform", "[0, 0, 1]"}}), "C0104 gravty");
   EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.mass", "12 m"}}), "C0107 bodies.bus.mass");
