@@ -12,7 +12,8 @@ void load_plugin(const std::string& path, Registry& registry, const Located& at)
     if (where.mark.file.empty()) where.mark.file = path;
     throw InputError(Diagnostic{code, where, std::move(expected), std::move(got), std::move(hint), "", "", 0});
   };
-  void* library = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
+  const std::string file = path.find('/') == std::string::npos ? "./" + path : path;  // the folders of the system are not searched
+  void* library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
   if (!library) {
     const char* why = dlerror();
     refuse(Code::plugin_not_loaded, "a shared library that can be opened", why ? why : path, "give the path of the .so file, relative to the scenario");

@@ -2,9 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 #include "core/base/utf8.hpp"
 
@@ -106,7 +108,28 @@ Unit multiply(const Unit& a, const Unit& b, int power) {
   return c;
 }
 
-// unit = factor { [ "*" | " " ] factor } { "/" factor };  factor = ( name | "(" unit ")" ) [ "^" integer ]
+// Signs of print in the notation of the grammar below.
+struct Sign {
+  std::string_view printed, ascii;
+};
+constexpr Sign kSigns[] = {
+    {"\u00B7", "*"},    {"\u22C5", "*"},    {"\u2219", "*"},   {"\u00D7", "*"},       {"\u00A0", " "},       {"\u202F", " "},
+    {"\u00B0", "deg"},  {"\u2032", "arcmin"}, {"\u2033", "arcsec"}, {"\u00B5", "u"},  {"\u03BC", "u"},       {"\u2212", "-"},
+    {"\u207B\u00B9", "^-1"}, {"\u207B\u00B2", "^-2"}, {"\u207B\u00B3", "^-3"}, {"\u00B2", "^2"}, {"\u00B3", "^3"}, {"\u2074", "^4"}};
+
+std::string ascii_notation(std::string_view text) {
+  std::string out;
+  while (!text.empty()) {
+    const auto sign = std::ranges::find_if(kSigns, [&](const Sign& s) { return text.starts_with(s.printed); });
+    out += sign == std::end(kSigns) ? text.substr(0, 1) : sign->ascii;
+    text.remove_prefix(sign == std::end(kSigns) ? 1 : sign->printed.size());
+  }
+  return out;
+}
+
+constexpr std::string_view kPunctuation = " */^().";
+
+// unit = factor { [ "*" | "." | " " ] factor } { "/" factor };  factor = ( name | "(" unit ")" ) [ "^" integer ]
 class UnitParser {
  public:
   explicit UnitParser(std::string_view text) : rest_(text) {}
@@ -126,7 +149,7 @@ class UnitParser {
       const bool slash = take('/');
       if (!slash) {
         if (divided) return {};
-        take('*');
+        if (!take('*')) take('.');
       }
       divided = divided || slash;
       const auto next = factor(depth);
@@ -143,7 +166,7 @@ class UnitParser {
       unit = product(depth + 1);
       if (!unit || !take(')')) return {};
     } else {
-      const std::size_t end = std::min(rest_.find_first_of(" */^()"), rest_.size());
+      const std::size_t end = std::min(rest_.find_first_of(kPunctuation), rest_.size());
       unit = symbol(rest_.substr(0, end));
       rest_.remove_prefix(end);
     }
@@ -196,6 +219,138 @@ std::optional<Leading> leading_number(std::string_view text) {
   return Leading{value, text.substr(static_cast<std::size_t>(stop - text.data()))};
 }
 
+// Words that are no symbols here: what they mean, or, with `value`, how much one of them is.
+struct Word {
+  std::string_view name, unit, value;
+};
+constexpr Word kWords[] = {
+    {"metre", "m", ""},        {"meter", "m", ""},       {"gram", "g", ""},         {"kilogram", "kg", ""},
+    {"kilo", "kg", ""},        {"tonne", "t", ""},       {"second", "s", ""},       {"sec", "s", ""},
+    {"minute", "min", ""},     {"hour", "h", ""},        {"hr", "h", ""},           {"ampere", "A", ""},
+    {"amp", "A", ""},          {"kelvin", "K", ""},      {"radian", "rad", ""},     {"degree", "deg", ""},
+    {"arcminute", "arcmin", ""}, {"arcsecond", "arcsec", ""}, {"revolution", "rev", ""}, {"turn", "rev", ""},
+    {"hertz", "Hz", ""},       {"newton", "N", ""},      {"joule", "J", ""},        {"watt", "W", ""},
+    {"pascal", "Pa", ""},      {"volt", "V", ""},        {"percent", "%", ""},      {"kph", "km/h", ""},
+    {"kmh", "km/h", ""},       {"lb", "kg", "0.45359237"}, {"lbm", "kg", "0.45359237"}, {"pound", "kg", "0.45359237"},
+    {"oz", "kg", "0.028349523125"}, {"slug", "kg", "14.593903"}, {"ft", "m", "0.3048"}, {"foot", "m", "0.3048"},
+    {"feet", "m", "0.3048"},   {"in", "m", "0.0254"},    {"inch", "m", "0.0254"},   {"inches", "m", "0.0254"},
+    {"yd", "m", "0.9144"},     {"mile", "m", "1609.344"}, {"nmi", "m", "1852"},     {"au", "m", "149597870700"},
+    {"lbf", "N", "4.4482216152605"}, {"kgf", "N", "9.80665"}, {"psi", "Pa", "6894.757293168"}, {"bar", "Pa", "1e5"},
+    {"atm", "Pa", "101325"},   {"week", "s", "604800"},  {"year", "s", "31557600"}, {"gon", "deg", "0.9"},
+    {"mas", "arcsec", "0.001"}};
+
+std::string lower(std::string_view text) {
+  std::string out(text);
+  for (char& c : out)
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  return out;
+}
+
+const Word* word(std::string_view name) {
+  const std::string small = lower(name);
+  for (const Word& w : kWords)
+    if (w.name == small || (small.size() == w.name.size() + 1 && small.back() == 's' && small.starts_with(w.name))) return &w;
+  return nullptr;
+}
+
+/// The name as a product of known symbols: "Nms" is "N m s" and "N ms".
+void split_products(std::string_view name, const std::string& begun, int left, std::vector<std::string>& out) {
+  if (name.empty()) out.push_back(begun);
+  if (name.empty() || left == 0) return;
+  for (std::size_t n = 1; n <= name.size(); ++n)
+    if (symbol(name.substr(0, n)))
+      split_products(name.substr(n), begun + (begun.empty() ? "" : " ") + std::string(name.substr(0, n)), left - 1, out);
+}
+
+/// What may be meant by a name that is no unit, likeliest first.
+std::vector<std::string> meanings(std::string_view name) {
+  std::vector<std::string> out;
+  const std::size_t end = name.find_last_not_of("-0123456789") + 1;  // m2, s-1
+  const std::string power = end > 0 && end < name.size() ? "^" + std::string(name.substr(end)) : "";
+  if (!power.empty()) name = name.substr(0, end);
+  if (!power.empty() && symbol(name)) out.push_back(std::string(name));
+  if (const Word* w = word(name); w && w->value.empty()) out.emplace_back(w->unit);
+  if (name == "per") out.emplace_back("/");
+  split_products(name, "", 4, out);
+  if (name.size() > 1 && name.back() == 's' && symbol(name.substr(0, name.size() - 1)))
+    out.emplace_back(name.substr(0, name.size() - 1));
+  const std::string small = lower(name);
+  const auto same = [&](const std::string& legal) {
+    if (lower(legal) == small) out.push_back(legal);
+  };
+  for (const Symbol& s : kSymbols) same(std::string(s.name));
+  for (const Prefix& p : kPrefixes)
+    for (const Symbol& s : kSymbols)
+      if (s.takes_prefix) same(p.name + std::string(s.name));
+  for (std::string& meaning : out) meaning += power;
+  return out;
+}
+
+constexpr std::size_t kMostReadings = 200, kLongestUnit = 60;
+
+/// Every way to read `text` with its unknown names replaced by what they may mean; empty where one means nothing.
+std::vector<std::string> readings(std::string_view text) {
+  std::vector<std::string> all{""};
+  while (!text.empty() && !all.empty()) {
+    const std::size_t length = std::min(text.find_first_of(kPunctuation), text.size());
+    if (length == 0) {
+      for (std::string& r : all) r += text[0];
+      text.remove_prefix(1);
+      continue;
+    }
+    const std::string_view name = text.substr(0, length);
+    const bool known = symbol(name) || (!all.front().empty() && all.front().back() == '^');
+    const std::vector<std::string> choices = known ? std::vector<std::string>{std::string(name)} : meanings(name);
+    std::vector<std::string> longer;
+    for (const std::string& r : all)
+      for (const std::string& c : choices)
+        if (longer.size() < kMostReadings) longer.push_back(r + c);
+    all = std::move(longer);
+    text.remove_prefix(length);
+  }
+  return all;
+}
+
+struct Repair {
+  std::string unit;  // empty: none found
+  bool fits = false;
+};
+
+/// A unit that may be meant by a text that is none, preferably one of the wanted dimension.
+Repair repaired(std::string_view text, const Dimension* wanted) {
+  if (text.size() > kLongestUnit) return {};
+  std::string plain(text);
+  for (std::size_t at; (at = plain.find("**")) != std::string::npos;) plain.replace(at, 2, "^");
+  Repair best;
+  for (std::string r : readings(plain)) {
+    for (const std::string_view around : {" / ", "/ ", " /"})
+      for (std::size_t at; (at = r.find(around)) != std::string::npos;) r.replace(at, around.size(), "/");
+    auto unit = parse_unit(r);
+    if (const std::size_t slash = r.find('/'); !unit && slash != std::string::npos) {
+      r = r.substr(0, slash + 1) + "(" + r.substr(slash + 1) + ")";
+      unit = parse_unit(r);
+    }
+    if (!unit) continue;
+    const bool fits = wanted && unit->dimension == *wanted;
+    if (best.unit.empty() || (fits && !best.fits)) best = {r, fits};
+  }
+  return best;
+}
+
+/// "1 lb is 0.45359237 kg" for each name of the text that is a unit elsewhere.
+std::string conversions(std::string_view text) {
+  if (text.size() > kLongestUnit) return {};
+  std::string out;
+  while (!text.empty()) {
+    const std::size_t length = std::min(text.find_first_of(kPunctuation), text.size());
+    const Word* w = length > 0 && !symbol(text.substr(0, length)) ? word(text.substr(0, length)) : nullptr;
+    if (w && !w->value.empty())
+      out += fmt::format("{}1 {} is {} {}", out.empty() ? "" : ", ", text.substr(0, length), w->value, w->unit);
+    text.remove_prefix(std::max<std::size_t>(length, 1));
+  }
+  return out;
+}
+
 std::string number_hint(std::string_view text) {
   const std::string_view digits = text.substr(!text.empty() && (text[0] == '-' || text[0] == '+') ? 1 : 0);
   if (digits.size() > 1 && digits[0] == '0' && is_digit(digits[1]))
@@ -214,7 +369,17 @@ std::string number_hint(std::string_view text) {
 
 }  // namespace
 
-std::optional<Unit> parse_unit(std::string_view text) { return UnitParser(text).whole(); }
+std::optional<Unit> parse_unit(std::string_view text) { return UnitParser(ascii_notation(text)).whole(); }
+
+std::string unit_hint(std::string_view text, const Dimension* wanted) {
+  const std::string plain = ascii_notation(text);
+  if (std::string known = conversions(plain); !known.empty()) return known;
+  if (const Repair repair = repaired(plain, wanted); !repair.unit.empty())
+    return plain.find('/') != std::string::npos && repair.unit.find('(') != std::string::npos && plain.find('(') == std::string::npos
+               ? fmt::format("after a `/` a product needs parentheses: {}", repair.unit)
+               : fmt::format("did you mean \"{}\"?", repair.unit);
+  return {};
+}
 
 std::string describe(const Dimension& dimension) {
   for (const NamedDimension& n : kNamed)
@@ -233,34 +398,37 @@ std::optional<double> parse_number(std::string_view text) {
   return number && number->rest.empty() ? std::optional(number->value) : std::nullopt;
 }
 
-std::variant<double, QuantityFault> parse_quantity(std::string_view text, std::string_view unit) {
+std::variant<double, QuantityFault> parse_quantity(std::string_view original, std::string_view unit) {
   const Unit wanted = parse_unit(unit).value_or(Unit{});
   const std::string expected = describe(wanted.dimension);
-  text = trimmed(text);
+  const std::string plain = ascii_notation(trimmed(original));
+  const std::string_view text = trimmed(plain);
   const auto number = leading_number(text);
-  if (!number) return QuantityFault{Code::bad_number, expected, in_quotes(text), number_hint(text)};
+  if (!number) return QuantityFault{Code::bad_number, expected, in_quotes(trimmed(original)), number_hint(text)};
   if (number->rest.empty()) return number->value;
 
   const std::string_view unit_text = trimmed(number->rest);
   const auto got = parse_unit(unit_text);
-  if (!got && number->rest[0] != ' ')
-    return QuantityFault{Code::bad_number, expected, in_quotes(text), number_hint(text)};
   if (!got) {
-    const bool slash = unit_text.find('/') != std::string_view::npos;
+    const bool glued = number->rest[0] != ' ';  // 1,5 and 1_000 are numbers gone wrong, 5Nm is a unit
+    if (glued && conversions(unit_text).empty() && !repaired(unit_text, &wanted.dimension).fits)
+      return QuantityFault{Code::bad_number, expected, in_quotes(trimmed(original)), number_hint(text)};
+    const std::size_t at = original.find(unit_text);  // as it was written, but for the signs of print
     return QuantityFault{Code::wrong_unit, expected,
-                         fmt::format("{} (no such unit: {})", in_quotes(text), in_quotes(unit_text)),
-                         slash ? "after a `/` a product needs parentheses: N m/(rad/s)" : ""};
+                         fmt::format("{} (no such unit: {})", in_quotes(trimmed(original)),
+                                     in_quotes(at == std::string_view::npos ? unit_text : original.substr(at, unit_text.size()))),
+                         unit_hint(unit_text, &wanted.dimension)};
   }
   if (got->dimension != wanted.dimension) {
     std::string hint;
     Dimension without_angle = got->dimension;
     without_angle.exponents[5] = wanted.dimension.exponents[5];
     if (without_angle == wanted.dimension) hint = "an angle counts as a unit here: rad, deg or rev";
-    return QuantityFault{Code::wrong_unit, expected, fmt::format("{}: {}", in_quotes(text), describe(got->dimension)),
+    return QuantityFault{Code::wrong_unit, expected, fmt::format("{}: {}", in_quotes(trimmed(original)), describe(got->dimension)),
                          hint};
   }
   const double value = number->value * got->factor;
-  if (!std::isfinite(value)) return QuantityFault{Code::bad_number, expected, in_quotes(text), "too large"};
+  if (!std::isfinite(value)) return QuantityFault{Code::bad_number, expected, in_quotes(trimmed(original)), "too large"};
   return value;
 }
 

@@ -24,9 +24,13 @@ struct Unit {
   Dimension dimension;
 };
 
-/// Products by a space or `*`, quotients by `/`, powers by `^`, groups by parentheses, "1" for no unit: "N m/rad",
-/// "kg m^2", "N m/(rad/s)". After a `/` a further product needs parentheses. Empty if not a unit.
+/// Products by a space, `*`, `.` or a raised dot, quotients by `/`, powers by `^` or raised digits, groups by parentheses, "1"
+/// for no unit: "N m/rad", "kg m^2", "N m/(rad/s)". After a `/` a further product needs parentheses. Empty if not a unit.
 std::optional<Unit> parse_unit(std::string_view text);
+
+/// What may be meant by a text that is no unit: `did you mean "N m"?` for Nm, `1 lb is 0.45359237 kg`; empty if unknown. Where
+/// several units may be meant, one of the dimension `wanted`.
+std::string unit_hint(std::string_view text, const Dimension* wanted = nullptr);
 
 /// "length [m]", "moment of inertia [kg m^2]"; only the bracket where the dimension has no name.
 std::string describe(const Dimension&);

@@ -94,7 +94,7 @@ Measure measure(Declaration& d, const std::vector<Measure>& others) {
   Measure m;
   m.name = d.name(others);
   m.unit = d.table().text("unit").value_or("1");
-  if (!parse_unit(m.unit)) d.table().reject("unit", "a unit: deg, N m, 1");
+  if (!parse_unit(m.unit)) d.table().reject("unit", "a unit: deg, N m, 1", unit_hint(m.unit));
   m.value = d.function("value", true);
   return m;
 }
@@ -176,7 +176,7 @@ int signals(lua_State* L, Scenario& s) {
     auto t = all.table(path);
     if (!t) continue;
     c.unit = t->text("unit").value_or("1");
-    if (!parse_unit(c.unit)) t->reject("unit", "a unit: deg, N m, 1");
+    if (!parse_unit(c.unit)) t->reject("unit", "a unit: deg, N m, 1", unit_hint(c.unit));
     c.frame = t->text("frame").value_or("");
     c.meaning = t->text("meaning").value_or("");
     c.components = t->texts("components").value_or(std::vector<std::string>{path.substr(path.rfind('/') + 1)});

@@ -2,6 +2,8 @@
 #include <csignal>
 #include <cstring>
 
+#include <fmt/format.h>
+
 #include "scripts/host/commands/commands.hpp"
 
 int main(int argc, char** argv) {
@@ -12,23 +14,29 @@ int main(int argc, char** argv) {
 
   CLI::App app{"Simulator of spacecraft made of rigid and flexible bodies"};
   app.name("cardan");
-  app.require_subcommand(1);
+  app.require_subcommand(0, 1);  // further words are arguments of the command, also where they name another
   add_run(app, line);
   add_check(app, line);
   add_describe(app, line);
   add_report(app, line);
   add_workbench(app, line);
+  add_types(app, line);
   add_check_plugin(app, line);
+  add_help(app, line);
+  add_completion(app, line);
   add_version(app, line);
   try {
+    expect_command(app, {argv + 1, argv + argc});
     app.parse(argc, argv);
-    return line.action();
-  } catch (const CLI::Success& help) {
-    return app.exit(help);
+    if (line.action) return line.action();
+    fmt::print("{}", overview(app));
+    return 0;
+  } catch (const CLI::CallForHelp& help) {
+    if (!app.get_subcommands().empty()) return app.exit(help);
+    fmt::print("{}", overview(app));
+    return 0;
   } catch (const CLI::ParseError& e) {
-    return report_error(
-        InputError(Diagnostic{Code::command_line, {}, {}, e.what(), "cardan --help, or cardan run --help", {}, {}, 0}),
-        line.json_errors);
+    return report_error(InputError(wrong_command_line(app, e)), line.json_errors);
   } catch (const std::exception& e) {
     return report_error(e, line.json_errors);
   }

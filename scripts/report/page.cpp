@@ -1,19 +1,8 @@
 #include "scripts/report/page.hpp"
 
-// clang-format off
-// EMBED(name, file): the bytes of a file, and a function that returns them.
-#define EMBED(name, file)                                                                                 \
-  __asm__(".section .rodata\n"                                                                            \
-          "cardan_page_" #name ": .incbin \"" file "\"\n"                                                 \
-          "cardan_page_" #name "_end: .byte 0\n"                                                          \
-          ".previous\n");                                                                                 \
-  extern "C" const char cardan_page_##name[], cardan_page_##name##_end[];                                 \
-  std::string_view cardan::page::name() {                                                                 \
-    return {cardan_page_##name, static_cast<std::size_t>(cardan_page_##name##_end - cardan_page_##name)}; \
-  }
-// clang-format on
+#include "core/base/embed.hpp"
 
-EMBED(html, CARDAN_TEMPLATE)
-EMBED(style, CARDAN_BUNDLE ".css")
-EMBED(script, CARDAN_BUNDLE ".js")
-EMBED(notice, CARDAN_NOTICE)
+CARDAN_EMBED(cardan::page, html, CARDAN_TEMPLATE)
+CARDAN_EMBED(cardan::page, style, CARDAN_BUNDLE ".css")
+CARDAN_EMBED(cardan::page, script, CARDAN_BUNDLE ".js")
+CARDAN_EMBED(cardan::page, notice, CARDAN_NOTICE)

@@ -8,14 +8,15 @@
 
 namespace cardan {
 
-void ScenarioArguments::add_to(CLI::App& command, CommandLine& line, const char* what) {
-  command.add_option("file", file, what)->required();
+void ScenarioArguments::add_to(CLI::App& command, CommandLine& line, const char* what, const char* type) {
+  command.add_option("file", file, what)->required()->type_name(type);
   command
       .add_option(
           "--set", settings,
           "Override a value: slew_angle=\"20 deg\", vehicle.bodies.bus.mass=\"1700 kg\", mission.duration=\"50 s\"")
+      ->type_name("KEY=VALUE")
       ->allow_extra_args(false);
-  command.add_option("--seed", seed, "Seed of the script's random numbers");
+  command.add_option("--seed", seed, "Seed of the script's random numbers")->type_name("N");
   command.add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
 }
 

@@ -177,8 +177,8 @@ void add_run(CLI::App& app, CommandLine& line) {
   auto* command = app.add_subcommand("run", "Run a scenario; writes run.h5, report.html and summary.json");
   auto a = std::make_shared<RunArguments>();
   a->scenario.add_to(*command, line);
-  command->add_option("--out", a->out, "Folder of the results; default: out/<folder of the scenario>");
-  command->add_option("--until", a->until, "End of the run in s, instead of the mission's duration");
+  command->add_option("--out", a->out, "Folder of the results; default: out/<folder of the scenario>")->type_name("DIR");
+  command->add_option("--until", a->until, "End of the run in s, instead of the mission's duration")->type_name("SECONDS");
   command->add_flag("--quiet", a->quiet, "No progress, and a summary only if a check failed");
   command->add_flag("--check-against-reference", a->check_against_reference,
                     "Compare with the dense twin at every output time (slow)");

@@ -58,6 +58,50 @@ TEST(Units, AreProductsQuotientsAndPowers) {
   EXPECT_EQ(value("3m", "m"), 3.0);
 }
 
+TEST(Units, AreReadAsTheyArePrinted) {
+  EXPECT_EQ(value("5 N·m", "N m"), 5.0);
+  EXPECT_EQ(value("5 N⋅m/rad", "N m/rad"), 5.0);
+  EXPECT_EQ(value("5 N.m.s/rad", "N m s/rad"), 5.0);
+  EXPECT_DOUBLE_EQ(value("90°", "rad"), kPi / 2);
+  EXPECT_DOUBLE_EQ(value("90 °/s", "rad/s"), kPi / 2);
+  EXPECT_EQ(value("3 kg·m²", "kg m^2"), 3.0);
+  EXPECT_EQ(value("3 m·s⁻²", "m/s^2"), 3.0);
+  EXPECT_EQ(value("7 µm", "m"), value("7 um", "m"));
+  EXPECT_EQ(value("7 μm", "m"), value("7 um", "m")) << "the Greek letter as well";
+  EXPECT_EQ(value("12\u00A0kg", "kg"), 12.0) << "a space that does not break";
+  EXPECT_EQ(value("\u221212 kg", "kg"), -12.0) << "the minus sign of print";
+}
+
+TEST(Units, ThatAreMistypedAreAnsweredByWhatIsMeant) {
+  const auto hint = [](const char* text, const char* unit) { return fault(text, unit).hint; };
+  EXPECT_EQ(hint("5 Nm", "N m"), "did you mean \"N m\"?");
+  EXPECT_EQ(hint("5Nm", "N m"), "did you mean \"N m\"?") << "without a space";
+  EXPECT_EQ(hint("5000 Nm/rad", "N m/rad"), "did you mean \"N m/rad\"?") << "not about parentheses";
+  EXPECT_EQ(hint("75 Nms/rad", "N m s/rad"), "did you mean \"N m s/rad\"?") << "by the dimension that is wanted, not newton milliseconds";
+  EXPECT_EQ(hint("75 Nms", "N s"), "did you mean \"N ms\"?") << "and the other way round";
+  EXPECT_EQ(hint("30 degrees", "rad"), "did you mean \"deg\"?");
+  EXPECT_EQ(hint("30 degs/sec", "rad/s"), "did you mean \"deg/s\"?");
+  EXPECT_EQ(hint("12 Kg", "kg"), "did you mean \"kg\"?");
+  EXPECT_EQ(hint("12 KM", "m"), "did you mean \"km\"?");
+  EXPECT_EQ(hint("12 RPM", "rad/s"), "did you mean \"rpm\"?");
+  EXPECT_EQ(hint("12 kgm2", "kg m^2"), "did you mean \"kg m^2\"?");
+  EXPECT_EQ(hint("9.81 m/s2", "m/s^2"), "did you mean \"m/s^2\"?");
+  EXPECT_EQ(hint("9.81 m s-2", "m/s^2"), "did you mean \"m s^-2\"?");
+  EXPECT_EQ(hint("9.81 m/s**2", "m/s^2"), "did you mean \"m/s^2\"?");
+  EXPECT_EQ(hint("3 metres per second", "m/s"), "did you mean \"m/s\"?");
+  EXPECT_EQ(hint("3 N m/rad s", "N m s/rad"), "after a `/` a product needs parentheses: N m/(rad s)");
+  EXPECT_EQ(hint("12 lb", "kg"), "1 lb is 0.45359237 kg");
+  EXPECT_EQ(hint("12lbs", "kg"), "1 lbs is 0.45359237 kg");
+  EXPECT_EQ(hint("12 lbf ft", "N m"), "1 lbf is 4.4482216152605 N, 1 ft is 0.3048 m");
+  EXPECT_EQ(hint("12 quatloos", "kg"), "");
+  EXPECT_EQ(fault("5000 Nm/rad", "N m/rad").code, Code::wrong_unit);
+  EXPECT_EQ(fault("5Nm", "N m").code, Code::wrong_unit);
+  EXPECT_EQ(fault("1,5 m", "m").code, Code::bad_number) << "a number gone wrong, not a unit";
+  std::string endless = "1 ";
+  for (int i = 0; i < 100'000; ++i) endless += "Nm ";
+  EXPECT_EQ(fault(endless, "N m").hint, "");
+}
+
 TEST(Units, OfABareNumberAreSi) {
   EXPECT_EQ(value("12", "kg"), 12.0);
   EXPECT_EQ(value("  -1.5e-3  ", "m"), -1.5e-3);
