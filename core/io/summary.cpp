@@ -11,13 +11,16 @@ std::string_view name_of(Verdict v) {
 
 std::string to_json(const Summary& s) {
   Json checks = Json::array(), figures = Json::array(), warnings = Json::array();
-  for (const auto& c : s.checks)
+  for (const auto& c : s.checks) {
     checks.push_back({{"name", c.name},
                       {"value", c.value},
                       {"limit", c.limit},
                       {"verdict", c.pass ? "pass" : "fail"},
                       {"unit", c.unit},
                       {"detail", c.detail}});
+    if (!std::isinf(c.least)) checks.back()["least"] = c.least;
+    if (!std::isinf(c.most)) checks.back()["most"] = c.most;
+  }
   for (const auto& f : s.figures) figures.push_back({{"name", f.name}, {"value", f.value}, {"unit", f.unit}});
   for (const auto& w : s.warnings.all()) warnings.push_back(to_json(w));
   return json_text({{"scenario", s.scenario},
@@ -27,7 +30,12 @@ std::string to_json(const Summary& s) {
                     {"ledger",
                      {{"linear_momentum", s.ledger.linear_momentum},
                       {"angular_momentum", s.ledger.angular_momentum},
-                      {"energy", s.ledger.energy}}},
+                      {"energy", s.ledger.energy},
+                      {"limits",
+                       {{"linear_momentum", s.ledger.linear_limit},
+                        {"angular_momentum", s.ledger.angular_limit},
+                        {"energy", s.ledger.energy_limit}}},
+                      {"verdict", s.ledger.pass ? "pass" : "fail"}}},
                     {"simulated_s", s.simulated_s},
                     {"planned_s", s.planned_s},
                     {"wall_s", s.wall_s},

@@ -1,5 +1,6 @@
 #pragma once
 // What a run comes to: printed at its end, written to summary.json and shown at the top of the report.
+#include <cmath>
 #include <map>
 #include <optional>
 #include <string>
@@ -12,9 +13,10 @@ namespace cardan {
 /// An acceptance check of the scenario, or a measured figure with its unit.
 struct Check {
   std::string name;
-  double value = 0.0, limit = 0.0;
+  double value = 0.0, limit = 0.0;  // limit: the nearer of the two bounds
   bool pass = false;
   std::string unit, detail;
+  double least = -HUGE_VAL, most = HUGE_VAL;  // what is permitted; infinite: no bound
 };
 struct Figure {
   std::string name;
@@ -25,6 +27,8 @@ struct Figure {
 /// Balances: |residual| over the largest sum of magnitudes over bodies, external impulse and work subtracted [-].
 struct Ledger {
   double linear_momentum = 0.0, angular_momentum = 0.0, energy = 0.0;
+  double linear_limit = 0.0, angular_limit = 0.0, energy_limit = 0.0;  // what the errors of the steps explain of each
+  bool pass = true;                                                    // none is above its limit
 };
 
 /// Size of the model: counts of bodies, hinges, coordinates q, velocities v, modes.

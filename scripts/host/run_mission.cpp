@@ -140,6 +140,7 @@ std::vector<Check> MissionRun::checks() {
     c.detail = m.condition;
     c.value = value(m, "check");
     c.pass = m.low <= c.value && c.value <= m.high;
+    c.least = m.low, c.most = m.high;
     // Of two limits the nearer one.
     c.limit = std::isinf(m.high) || std::abs(c.value - m.low) < std::abs(c.value - m.high) ? m.low : m.high;
     all.push_back(std::move(c));

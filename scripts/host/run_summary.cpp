@@ -63,7 +63,8 @@ Summary run_summary(const Scenario& s, double wall_s) {
   Summary out;
   out.scenario = s.file.filename().string();
   const LedgerState& worst = s.sim->worst_ledger();
-  out.ledger = {worst.linear_relative, worst.angular_relative, worst.energy_relative};
+  out.ledger = {worst.linear_relative, worst.angular_relative, worst.energy_relative,
+                worst.linear_limit,    worst.angular_limit,    worst.energy_limit,    worst.pass};
   out.warnings.add(s.warnings);
   out.simulated_s = s.sim->time();
   out.wall_s = wall_s;

@@ -1,6 +1,7 @@
 // The report page. All of it is made from the JSON block "run" (written by report.cpp).
 import "uplot/dist/uPlot.min.css";
 import "./style.css";
+import { shareOfLimit } from "./format.mjs";
 import { byUnit, draw, inkOf, pretty } from "./plots.js";
 
 const data = JSON.parse(document.getElementById("run").textContent);
@@ -9,7 +10,7 @@ const page = document.getElementById("page");
 
 const kGroups = { pointing: "Pointing", bodies: "Bodies", wheels: "Wheels", hinges: "Hinges", modes: "Modes", ledger: "Ledgers",
                   ledgers: "Ledgers", control: "Control" };
-const groupTitle = (key) => kGroups[key] || (key[0].toUpperCase() + key.slice(1)).replace(/_/g, " ");
+const groupTitle = (key) => kGroups[key] || (key === "other" ? "Other" : key);  // names of the scenario stay as they are
 
 /// element("td.number", "text" or child, ...)
 function element(selector, ...children) {
@@ -46,6 +47,14 @@ function verdict() {
                 : element("span.badge.pass", checks.length === 1 ? "check passed" : `all ${checks.length} checks passed`);
 }
 
+/// What a glance must not miss beside the verdict.
+function cautions() {
+  if (!summary) return [];
+  const n = (summary.warnings || []).length + (summary.warnings_left_out || 0);
+  return [(summary.ledger || {}).verdict === "fail" ? element("span.badge.fail", "balances do not close") : null,
+          n ? element("span.badge.open", n === 1 ? "1 warning" : `${n} warnings`) : null];
+}
+
 function header() {
   const facts = [run.scenario, run.started && run.started.replace("T", " ").replace("Z", " UTC"), "cardan " + (run.program_version || "")];
   const degrees = element("button", "rad → deg");
@@ -59,7 +68,7 @@ function header() {
   const light = element("button", "light / dark");
   light.onclick = () => setTheme(theme === "dark" ? "light" : "dark");
   return element("header",
-    element("div.title", element("h1", run.title || run.scenario || "Run"), verdict()),
+    element("div.title", element("h1", run.title || run.scenario || "Run"), verdict(), ...cautions().filter(Boolean)),
     element("div.facts", element("span", facts.filter(Boolean).join("  ·  ")), element("span.buttons", degrees, light)));
 }
 
@@ -78,15 +87,39 @@ function figures() {
   return element("dl.figures", items.map(([name, value]) => element("div", element("dt", name), element("dd", value))));
 }
 
+const place = (file, line) => (file ? file + (line ? ":" + line : "") : "");
+
+function failure() {
+  const f = summary && summary.failure;
+  if (!f) return null;
+  const rows = [["at", f.t !== undefined ? `t = ${number(f.t, 6)} s` : ""], ["body", f.body], ["hinge", f.hinge], ["what", f.what], ["hint", f.hint],
+                ["last accepted state", f.last_good]].filter(([, value]) => value);
+  return element("section", element("h2", `${f.code}: ${f.title}`), table(["", ""], rows.map(([key, value]) => row(key, value)), ".plain.headless"));
+}
+
+function warnings() {
+  const all = (summary && summary.warnings) || [];
+  if (!all.length) return null;
+  const rows = all.map((w) => row(
+    element("td.warning", w.code), [w.about, element("small", [w.path, place(w.file, w.line)].filter(Boolean).join(", "))], w.hint || "",
+    cell(number(w.count)), cell(typeof w.t === "number" ? withUnit(w.t, "s") : "before the run")));
+  const more = summary.warnings_left_out;
+  return element("section", element("h2", "Warnings"), table(["code", "what", "what to do", "times", "first at"], rows),
+    more ? element("p.note", `${number(more)} more kinds are not listed.`) : "");
+}
+
 function checks() {
   if (!summary || !(summary.checks || []).length) return null;
   const rows = summary.checks.map((c) => {
-    const used = c.limit !== 0 ? Math.min(1, Math.abs(c.value / c.limit)) : Number(c.verdict !== "pass");
-    const bar = element("i");
-    bar.style.width = `${100 * used}%`;
-    const ok = c.verdict === "pass";
+    const ok = c.verdict === "pass", share = shareOfLimit(c);
+    const bar = share === null ? "–" : element("span.bar" + (ok ? "" : ".fail"), element("i"));
+    if (share !== null) {
+      bar.firstChild.style.width = `${100 * Math.min(1, share)}%`;
+      bar.title = Number.isFinite(share) ? `${number(100 * share, 3)} %` : "no part of it is permitted";
+      bar.dataset.share = share.toPrecision(6);
+    }
     return row([c.name, c.detail ? element("small", c.detail) : ""], cell(withUnit(c.value, c.unit)), cell(withUnit(c.limit, c.unit)),
-      element("td.margin", element("span.bar" + (ok ? "" : ".fail"), bar)), element("td.verdict" + (ok ? ".pass" : ".fail"), c.verdict));
+      element("td.margin", bar), element("td.verdict" + (ok ? ".pass" : ".fail"), c.verdict));
   });
   return element("section", element("h2", "Acceptance checks"), table(["check", "value", "limit", "share of limit", "verdict"], rows, ".checks"));
 }
@@ -94,11 +127,16 @@ function checks() {
 function balances() {
   if (!summary) return null;
   const names = { linear_momentum: "linear momentum", angular_momentum: "angular momentum", energy: "energy" };
-  const ledger = Object.entries(summary.ledger || {}).map(([key, value]) => row(names[key] || key, cell(number(value, 3))));
-  const figures = (summary.figures || []).map((f) => row(f.name.replace(/_/g, " "), cell(withUnit(f.value, f.unit))));
+  const sums = summary.ledger || {}, limits = sums.limits;
+  const ledger = Object.entries(names).filter(([key]) => typeof sums[key] === "number").map(([key, name]) => {
+    const ok = !limits || sums[key] <= limits[key];
+    return row(name, cell(number(sums[key], 3)), ...(limits ? [cell(number(limits[key], 3)), element("td.verdict" + (ok ? ".pass" : ".fail"), ok ? "pass" : "fail")] : []));
+  });
+  const head = ["ledger", "residual / largest sum", ...(limits ? ["explained by the steps", "verdict"] : [])];
+  const figures = (summary.figures || summary.pointing || []).map((f) => row(f.name, cell(withUnit(f.value, f.unit))));
   return element("div.pair",
     figures.length ? element("section", element("h2", "Figures"), table(["figure", "value"], figures)) : null,
-    ledger.length ? element("section", element("h2", "Balances"), table(["ledger", "residual / largest sum"], ledger)) : null);
+    ledger.length ? element("section", element("h2", "Balances"), table(head, ledger)) : null);
 }
 
 // --- plots
@@ -124,11 +162,13 @@ function plotSection([key, channels]) {
   const plots = channels.flatMap((channel) => byUnit(channel).map(([unit, indices]) => {
     const holder = element("div.plot");
     figuresDrawn.push({ holder, channel, unit, indices });
-    const name = channel.path.split("/").slice(channel.path.includes("/") ? 1 : 0).join(" · ").replace(/_/g, " ");
+    const name = channel.path.split("/").slice(channel.path.includes("/") ? 1 : 0).join(" · ");
     const frame = channel.frame ? `, in ${channel.frame} axes` : "";
     return element("figure", element("figcaption", element("b", name), element("span", channel.meaning + frame)), holder);
   }));
-  const section = element("section.group", element("h2", groupTitle(key)), element("div.grid", plots));
+  const left = (series.left_out || {})[key];
+  const note = left ? element("p.note", `${number(left.shown)} of ${number(left.channels)} channels are shown; all are in the results file.`) : "";
+  const section = element("section.group", element("h2", groupTitle(key)), note, element("div.grid", plots));
   section.id = "group-" + key;
   return section;
 }
@@ -142,12 +182,22 @@ function navigation(all) {
   return element("nav", all.map(link), element("span.hint", "drag to zoom · double click to reset · click a name to hide"));
 }
 
-function redraw() {
-  for (const figure of figuresDrawn) {
-    if (figure.plot) figure.plot.destroy();
-    figure.plot = draw(figure.holder, { ...figure, t: series.t, theme, inDegrees, width: figure.holder.clientWidth });
-  }
+function drawOne(figure) {
+  if (figure.plot) figure.plot.destroy();
+  figure.plot = draw(figure.holder, { ...figure, t: series.t, theme, inDegrees, width: figure.holder.clientWidth });
 }
+
+/// What was drawn is drawn anew; of many plots those out of sight wait until they are scrolled to, or printed.
+const kAtOnce = 60;
+const seen = new IntersectionObserver((entries) => {
+  for (const entry of entries)
+    if (entry.isIntersecting) {
+      seen.unobserve(entry.target);
+      drawOne(figuresDrawn.find(({ holder }) => holder === entry.target));
+    }
+}, { rootMargin: "600px" });
+const redraw = () => figuresDrawn.filter(({ plot }) => plot).forEach(drawOne);
+const drawAll = () => figuresDrawn.filter(({ plot }) => !plot).forEach(drawOne);
 
 function setTheme(next) {
   theme = next;
@@ -183,24 +233,27 @@ function provenance() {
 // --- the page
 
 const all = groups();
-page.append(header(), ...[figures(), checks(), balances()].filter(Boolean), navigation(all), ...all.map(plotSection), provenance());
+page.append(header(), ...[figures(), failure(), checks(), warnings(), balances()].filter(Boolean), navigation(all), ...all.map(plotSection), provenance());
 document.documentElement.dataset.theme = theme;
-redraw();
+if (figuresDrawn.length <= kAtOnce) drawAll();
+else figuresDrawn.forEach(({ holder }) => seen.observe(holder));
 
 let pending = 0;
 addEventListener("resize", () => {
   cancelAnimationFrame(pending);
-  pending = requestAnimationFrame(() => figuresDrawn.forEach(({ plot, holder }) => plot.setSize({ width: holder.clientWidth, height: plot.height })));
+  pending = requestAnimationFrame(() => figuresDrawn.forEach(({ plot, holder }) => plot && plot.setSize({ width: holder.clientWidth, height: plot.height })));
 });
 let before = theme;
-addEventListener("beforeprint", () => { before = theme; setTheme("light"); });
+addEventListener("beforeprint", () => { before = theme; drawAll(); setTheme("light"); });
 addEventListener("afterprint", () => setTheme(before));
 
 // "report.html#selftest" tells in the document what was drawn; "#dark" and "#light" choose the theme.
 if (["#dark", "#light"].includes(location.hash)) setTheme(location.hash.slice(1));
-if (location.hash === "#selftest")
+if (location.hash === "#selftest") {
+  drawAll();
   setTimeout(() => {  // after uPlot's own queue
     for (const { holder, plot } of figuresDrawn) holder.dataset.ink = inkOf(plot).join(" ");
     document.body.dataset.plots = figuresDrawn.length;
     document.body.dataset.drawn = figuresDrawn.filter(({ holder }) => holder.dataset.ink.split(" ").every((n) => n !== "0")).length;
   });
+}

@@ -1,5 +1,6 @@
 // Plots of a run: one per channel and unit, with linked cursors and zoom.
 import uPlot from "uplot";
+import { tickTexts } from "./format.mjs";
 
 const kHeight = 240;
 const kPalette = {  // distinct in both themes and for colour-blind eyes
@@ -41,13 +42,6 @@ export function isLogarithmic(channel) {
     (/^ledger/.test(channel.path) && ["", "-", "1"].includes(channel.unit.trim()));
 }
 
-function tickText(value, step) {
-  if (value === 0) return "0";
-  const size = Math.abs(value);
-  if (size >= 1e5 || size < 1e-3) return value.toExponential(Math.max(0, Math.round(Math.log10(size / step)))).replace(/\.?0+e/, "e").replace("e+", "e");
-  return value.toFixed(Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
-}
-
 function axisSize(self, texts, axisIndex) {
   const axis = self.axes[axisIndex];
   if (!texts) return 50;
@@ -84,10 +78,10 @@ export function draw(parent, { t, channel, unit, indices, theme, inDegrees, widt
     cursor: { sync: { key: "run", scales: ["x", null] }, drag: { x: true, y: false }, points: { size: 6 } },
     scales: { x: { time: false }, y: log ? { range: decadeRange } : {} },
     axes: [
-      { ...axis, label: "t [s]", size: 28, values: (self, splits, i, space, step) => splits.map((v) => tickText(v, step)) },
+      { ...axis, label: "t [s]", size: 28, values: (self, splits, i, space, step) => tickTexts(splits, step) },
       { ...axis, label: (log ? "|value| [" : "[") + (pretty(label) || "-") + "]", size: axisSize,
         ...(log ? { splits: decadeSplits, values: (self, splits) => splits.map((n) => "1e" + n) }
-                : { values: (self, splits, i, space, step) => splits.map((v) => tickText(v, step)) }) },
+                : { values: (self, splits, i, space, step) => tickTexts(splits, step) }) },
     ],
     series: [
       { label: "t", value: (self, value) => (value == null ? "–" : value + " s") },

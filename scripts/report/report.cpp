@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstring>
 #include <fstream>
+#include <map>
 
 #include "core/base/diagnostic.hpp"
 #include "core/io/hdf5_file.hpp"
@@ -17,16 +18,19 @@
 namespace cardan {
 namespace {
 
-constexpr double kPageBytes = 2.2e6;   // for the numbers of all plots
-constexpr double kBytesPerNumber = 9;  // as text, with its comma
+constexpr double kPageBytes = 2.2e6;    // for the numbers of all plots
+constexpr double kBytesPerNumber = 9;   // as text, with its comma
+constexpr double kFewestPoints = 100;   // of a plot that is drawn
+constexpr double kBytesPerChannel = 300, kBytesPerComponent = 15;  // path, unit, meaning; names
+constexpr std::size_t kTextBytes = 120'000;                        // of one list or text at the end of the page
 
 /// How rows become points of a plot: all of them, or the extremes of every `stretch` rows and the last row.
 struct Thinning {
   std::size_t rows = 0, stretch = 1;
 
-  Thinning(std::size_t n_rows, std::size_t n_components) : rows(n_rows) {
+  Thinning(std::size_t n_rows, std::size_t n_components, double bytes) : rows(n_rows) {
     const double points =
-        std::clamp(kPageBytes / kBytesPerNumber / static_cast<double>(n_components + 1), 100.0, 4000.0);
+        std::clamp(bytes / kBytesPerNumber / static_cast<double>(n_components + 1), kFewestPoints, 4000.0);
     if (static_cast<double>(rows) > points)
       stretch = static_cast<std::size_t>(std::ceil(2.0 * static_cast<double>(rows) / points));
   }
@@ -90,18 +94,67 @@ void collect(const Hdf5File& file, const std::string& group, std::vector<std::st
   }
 }
 
+struct ChannelSize {
+  std::string path;
+  std::string group;  // the first folder
+  std::size_t components;
+};
+
+/// The channels that the page has room for: of each group as many as its fair share of the bytes holds, in their order.
+std::vector<ChannelSize> chosen(const std::vector<ChannelSize>& all, std::size_t rows) {
+  const auto bytes = [&](const ChannelSize& c) {
+    const double points = std::min(static_cast<double>(rows), kFewestPoints);
+    return kBytesPerChannel + static_cast<double>(c.components) * (kBytesPerComponent + points * kBytesPerNumber);
+  };
+  std::map<std::string, double> wanted;
+  for (const ChannelSize& c : all) wanted[c.group] += bytes(c);
+  std::vector<std::pair<double, std::string>> smallest_first;
+  for (const auto& [group, size] : wanted) smallest_first.emplace_back(size, group);
+  std::sort(smallest_first.begin(), smallest_first.end());
+  std::map<std::string, double> left;
+  double room = kPageBytes;
+  for (std::size_t i = 0; i < smallest_first.size(); ++i) {
+    const double share = std::min(smallest_first[i].first, room / static_cast<double>(smallest_first.size() - i));
+    left[smallest_first[i].second] = share;
+    room -= share;
+  }
+  std::vector<ChannelSize> out;
+  for (const ChannelSize& c : all)
+    if (double& room_of_group = left[c.group]; room_of_group >= bytes(c) * (1.0 - 1e-9)) {
+      room_of_group -= bytes(c);
+      out.push_back(c);
+    } else {
+      room_of_group = 0.0;  // no gaps: the first ones are shown
+    }
+  return out;
+}
+
 Json series(const Hdf5File& file) {
   const std::string root = "/channels";
   std::vector<std::string> paths;
   collect(file, root, paths);
   std::size_t rows = file.shape("/time").at(0), components = 0;
+  std::vector<ChannelSize> all;
   for (const auto& path : paths) {
-    rows = std::min(rows, file.shape(path).at(0));  // a killed run may have one more row in some
-    components += file.shape(path).at(1);
+    const auto shape = file.shape(path);
+    rows = std::min(rows, shape.at(0));  // a killed run may have one more row in some
+    const std::string name = path.substr(root.size() + 1);
+    all.push_back({path, name.find('/') == std::string::npos ? "other" : name.substr(0, name.find('/')), shape.at(1)});
   }
-  const Thinning thin(rows, components);
+  const std::vector<ChannelSize> shown = chosen(all, rows);
+  for (const ChannelSize& c : shown) components += c.components;
+  const double names_bytes = kBytesPerChannel * static_cast<double>(shown.size()) + kBytesPerComponent * static_cast<double>(components);
+  const Thinning thin(rows, components, kPageBytes - names_bytes);
+  Json left_out = Json::object();
+  const auto count = [](const std::vector<ChannelSize>& list, const std::string& group) {
+    return std::count_if(list.begin(), list.end(), [&](const ChannelSize& c) { return c.group == group; });
+  };
+  if (shown.size() < all.size())
+    for (const ChannelSize& c : all)
+      if (!left_out.contains(c.group) && count(shown, c.group) < count(all, c.group))
+        left_out[c.group] = {{"shown", count(shown, c.group)}, {"channels", count(all, c.group)}};
   Json channels = Json::array();
-  for (const auto& path : paths) {
+  for (const auto& [path, group, width] : shown) {
     const auto data = file.read_doubles(path);
     const auto names = file.texts_attribute(path, "components");
     Json values = Json::array();
@@ -116,14 +169,29 @@ Json series(const Hdf5File& file) {
   return {{"rows", rows},
           {"stretch", thin.stretch},
           {"t", times(file.read_doubles("/time").values, thin)},
-          {"channels", channels}};
+          {"channels", channels},
+          {"left_out", left_out}};
 }
 
 Json pairs(const Hdf5File& file, const std::string& path) {
   const auto texts = file.read_texts(path);
   Json out = Json::array();
-  for (std::size_t i = 0; i + 1 < texts.size(); i += 2) out.push_back({texts[i], texts[i + 1]});
+  std::size_t bytes = 0, i = 0;
+  for (; i + 1 < texts.size() && bytes < kTextBytes; i += 2) {
+    out.push_back({texts[i], texts[i + 1]});
+    bytes += texts[i].size() + texts[i + 1].size() + 8;
+  }
+  if (const std::size_t more = (texts.size() - i) / 2; more > 0)
+    out.push_back({"...", fmt::format("{} more are in the results file, {}", more, path)});
   return out;
+}
+
+/// A text, of a long one the beginning.
+std::string beginning(const Hdf5File& file, const std::string& path) {
+  std::string text = file.read_text(path);
+  if (text.size() <= kTextBytes) return text;
+  text.resize(text.rfind('\n', kTextBytes) == std::string::npos ? kTextBytes : text.rfind('\n', kTextBytes));
+  return text + fmt::format("\n... the whole text is in the results file, {}\n", path);
 }
 
 Json page_data(const Hdf5File& file) {
@@ -137,8 +205,8 @@ Json page_data(const Hdf5File& file) {
           {"plugins", pairs(file, "/run/plugins")},
           {"parameters", pairs(file, "/spec/parameters")},
           {"defaults", pairs(file, "/spec/defaults")},
-          {"sweeps", file.read_text("/spec/sweeps")},
-          {"spec", file.read_text("/spec/text")},
+          {"sweeps", beginning(file, "/spec/sweeps")},
+          {"spec", beginning(file, "/spec/text")},
           {"summary", file.has(summary) ? Json::parse(file.read_text(summary)) : Json()},
           {"series", series(file)}};
 }

@@ -84,15 +84,18 @@ void write_example_run(const std::string& path, int rows, bool finished) {
   if (finished) {
     Summary s;
     s.scenario = h.scenario;
-    s.checks = {{"pointing error at the end", 0.0031, 0.01, true, "deg", "largest axis, after 200 s"},
-                {"jitter", 1.8, 2.0, true, "arcsec", "standard deviation over the last 30 s"},
-                {"energy balance", 3.2e-12, 1e-9, true, "-", ""}};
-    s.ledger = {1.1e-15, 3.4e-14, 3.2e-12};
+    s.checks = {{"pointing error at the end", 0.0031, 0.01, true, "deg", "largest axis, after 200 s", -HUGE_VAL, 0.01},
+                {"jitter", 1.8, 2.0, true, "arcsec", "standard deviation over the last 30 s", -HUGE_VAL, 2.0},
+                {"energy balance", 3.2e-12, 1e-9, true, "-", "", -HUGE_VAL, 1e-9}};
+    s.ledger = {1.1e-15, 3.4e-14, 3.2e-12, 1e-12, 1e-12, 1e-12, false};
+    s.warnings.add(Code::beyond_the_model, {"bodies.wing_left", {"vehicle.yaml", 12, 5}}, "eta 1 reaches 0.3 m, 5 % of its length <b>",
+                   "level: 2", 31.25);
+    s.warnings.add(Code::mission_doubt, {}, "the mission ends before its last phase");
     s.simulated_s = kEnd;
     s.wall_s = 3.418;
     s.steps = 48211;
     s.rhs_calls = 91830;
-    s.figures = {{"final_error", 0.0031, "deg"}, {"settling_time", 131.4, "s"}, {"jitter", 1.8, "arcsec"}};
+    s.figures = {{"thr_a error", 0.0031, "deg"}, {"settling_time", 131.4, "s"}, {"jitter", 1.8, "arcsec"}};
     s.model = {7, 7, 32, 31, 12};
     s.versions = {{"cardan", "0.1.0"}, {"SUNDIALS", "6.4.1"}, {"HDF5", "1.10.8"}};
     recorder->attach("summary", to_json(s));

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <map>
 #include <regex>
 #include <sstream>
 
@@ -112,6 +113,84 @@ TEST(Report, ShowsTheSmallestAndTheLargestNumbers) {
   }
 }
 
+// 4000 bodies with two channels each, and three of another group: the page stays small, and nobody's channels vanish as a whole.
+TEST(Report, OfThousandsOfChannelsShowsSomeOfEachGroup) {
+  const std::string h5 = scratch("many.h5"), html = scratch("many.html");
+  {
+    RunHeader header;
+    for (int i = 0; i < 20000; ++i) header.effective_parameters.emplace_back("bodies.b" + std::to_string(i) + ".mass", "1 kg");
+    for (int i = 0; i < 20000; ++i) header.spec_text += "  b" + std::to_string(i) + ": {mass: 1 kg}\n";
+    std::vector<Channel> channels;
+    for (int i = 0; i < 8000; ++i)
+      channels.push_back({"bodies/b" + std::to_string(i), {"x", "y", "z"}, "rad/s", "body", "angular velocity of a body of many"});
+    for (const char* name : {"a", "b", "c"}) channels.push_back({std::string("control/") + name, {"u"}, "N m", "", "a command"});
+    const auto recorder = make_hdf5_recorder(h5);
+    recorder->begin(header, channels);
+    for (int row = 0; row < 11; ++row) {
+      std::vector<double> values(3 * 8000 + 3);
+      for (std::size_t k = 0; k < values.size(); ++k) values[k] = std::sin(0.1 * row + 1e-3 * static_cast<double>(k));
+      recorder->row(row, values);
+    }
+    recorder->close();
+  }
+  write_report(h5, html);
+  EXPECT_LT(fs::file_size(html), 3'000'000u);
+  const Json data = data_of(content(html)), &left_out = data["series"]["left_out"];
+  std::map<std::string, int> shown;
+  for (const Json& c : data["series"]["channels"]) ++shown[c["path"].get<std::string>().substr(0, 4)];
+  EXPECT_EQ(shown["cont"], 3);
+  EXPECT_GT(shown["bodi"], 1000) << "what there is room for";
+  EXPECT_EQ(left_out, Json({{"bodies", {{"shown", shown["bodi"]}, {"channels", 8000}}}}));
+  EXPECT_EQ(data["series"]["channels"][0]["path"], "bodies/b0") << "the first ones";
+  EXPECT_EQ(data["parameters"].back()[0], "...");
+  EXPECT_NE(data["spec"].get<std::string>().find("/spec/text"), std::string::npos);
+  fs::remove(h5);
+}
+
+/// What node prints of an expression with the functions of format.mjs.
+std::string in_node(const std::string& expression) {
+  const std::string program = scratch("format.mjs"), out = scratch("format.txt");
+  std::ofstream(program) << "import { tickTexts, shareOfLimit } from '" CARDAN_SOURCE_DIR "/scripts/report/format.mjs';\n"
+                         << "console.log(JSON.stringify(" << expression << "));\n";
+  EXPECT_EQ(std::system(("node " + program + " > " + out).c_str()), 0);
+  std::string text = content(out);
+  text.erase(text.find_last_not_of('\n') + 1);
+  return text;
+}
+
+TEST(ReportFormat, MarksOfAnAxisAreToldInFull) {
+  EXPECT_EQ(in_node("tickTexts([0, 0.25, 0.5, 0.75, 1], 0.25)"), R"(["0","0.25","0.50","0.75","1.00"])");
+  EXPECT_EQ(in_node("tickTexts([0.00075, 0.001, 0.00125], 0.00025)"), R"(["0.00075","0.00100","0.00125"])");
+  EXPECT_EQ(in_node("tickTexts([-7.5e-4, -5e-4, 0], 2.5e-4)"), R"(["-7.5e-4","-5e-4","0"])");
+  EXPECT_EQ(in_node("tickTexts([0, 50, 100], 50)"), R"(["0","50","100"])");
+  EXPECT_EQ(in_node("tickTexts([0, 250000, 500000], 250000)"), R"(["0","2.5e5","5e5"])");
+  EXPECT_EQ(in_node("tickTexts([7000000, 7000000.25], 0.25)"), R"(["7e6","7.00000025e6"])");
+  EXPECT_EQ(in_node("tickTexts([0.1 + 0.2, -5.6e-17], 0.1)"), R"(["0.3","0"])");
+  // Every step that the plots choose, at every size: the text is the number.
+  EXPECT_EQ(in_node("[1, 2, 2.5, 5].flatMap((m) => [...Array(30).keys()].flatMap((n) => {"
+                    "  const step = m * 10 ** (n - 15), marks = [-3, -1, 0, 1, 2, 7, 40].map((k) => k * step);"
+                    "  return tickTexts(marks, step).filter((text, i) => Math.abs(Number(text) - marks[i]) > 1e-9 * step); }))"),
+            "[]");
+}
+
+TEST(ReportFormat, SharesOfALimitAreBelowOneWhereACheckPasses) {
+  EXPECT_EQ(in_node("shareOfLimit({value: 1.8, most: 2})"), "0.9");
+  EXPECT_EQ(in_node("shareOfLimit({value: -9, most: 2})"), "0") << "below zero nothing is used";
+  EXPECT_EQ(in_node("shareOfLimit({value: 100, least: 3})"), "0.03");
+  EXPECT_EQ(in_node("shareOfLimit({value: 2, least: 3})"), "1.5");
+  EXPECT_EQ(in_node("shareOfLimit({value: -7, most: -5}) - 5 / 7"), "0");
+  EXPECT_EQ(in_node("shareOfLimit({value: -4, most: -5})"), "1.25");
+  EXPECT_EQ(in_node("shareOfLimit({value: -1, least: -4})"), "0.25");
+  EXPECT_EQ(in_node("Math.round(1e6 * shareOfLimit({value: 90.001, least: 89.9, most: 90.1}))"), "10000");
+  EXPECT_EQ(in_node("shareOfLimit({value: -1, least: -2, most: 2})"), "0.5");
+  EXPECT_EQ(in_node("shareOfLimit({value: 5, least: 5, most: 5})"), "0");
+  EXPECT_EQ(in_node("shareOfLimit({value: 5.1, least: 5, most: 5}) > 1"), "true");
+  EXPECT_EQ(in_node("shareOfLimit({value: -1, most: 0})"), "null") << "no scale";
+  EXPECT_EQ(in_node("shareOfLimit({value: 1, limit: 2, detail: 'below 2 deg'})"), "0.5") << "of an older version";
+  EXPECT_EQ(in_node("shareOfLimit({value: 100, limit: 3, detail: 'above 3'})"), "0.03");
+  EXPECT_EQ(in_node("shareOfLimit({value: 1, limit: 2, detail: 'within 1 ... 2'})"), "null");
+}
+
 TEST(Report, TellsWhenResultsOrPageCannotBeUsed) {
   write_example_run(scratch("run.h5"), 5);
   EXPECT_THROW(write_report(scratch("run.h5"), "/nowhere/report.html"), InputError);
@@ -159,6 +238,16 @@ TEST_F(ReportInBrowser, DrawsEverySeriesOfEveryPlot) {
   EXPECT_NE(dom.find("all 3 checks passed"), std::string::npos);
   EXPECT_NE(dom.find("&lt;/script&gt;"), std::string::npos) << "names are shown as text";
   EXPECT_EQ(dom.find("<b>name</b>"), std::string::npos) << "names are not read as markup";
+  EXPECT_EQ(captured(dom, "data-share=\"([^\"]*)\""), "0.310000") << "0.0031 of 0.01";
+  EXPECT_NE(dom.find("<h2>Figures</h2>"), std::string::npos);
+  EXPECT_NE(dom.find("<td>thr_a error</td>"), std::string::npos) << "names as they were given";
+  EXPECT_NE(dom.find("wing_left</b>"), std::string::npos);
+  EXPECT_NE(dom.find("2 warnings</span>"), std::string::npos);
+  EXPECT_NE(dom.find("<td class=\"warning\">W0301</td><td>eta 1 reaches 0.3 m, 5 % of its length &lt;b&gt;<small>bodies.wing_left, vehicle.yaml:12</small></td>"
+                     "<td>level: 2</td>"),
+            std::string::npos);
+  EXPECT_NE(dom.find("before the run"), std::string::npos);
+  EXPECT_NE(dom.find("balances do not close"), std::string::npos);
   const auto place = [&](const char* id) { return dom.find(std::string("id=\"group-") + id + "\""); };
   EXPECT_LT(place("pointing"), place("bodies"));
   EXPECT_LT(place("bodies"), place("wheels"));

@@ -60,6 +60,7 @@ Check reference_check(const std::vector<Range>& ranges) {
   for (const Range& r : ranges)
     if (r.path == "reference/difference") c.value = r.largest;
   c.pass = c.value <= c.limit;
+  c.most = c.limit;
   return c;
 }
 
