@@ -5,6 +5,7 @@
 #include <Eigen/Dense>
 #include <utility>
 
+#include "bodies/modal/modal_check.hpp"
 #include "bodies/modal/refuse.hpp"
 
 namespace cardan {
@@ -48,24 +49,9 @@ void add_rotary(const MassField& f, ModalIntegrals& out) {
 
 const Located kWhere = {"modal", {}};
 
-void check_shape(MatrixXd& shape, Eigen::Index m, const std::string& what) {
+/// No shape is a shape of zeros.
+void fill(MatrixXd& shape, Eigen::Index m) {
   if (shape.size() == 0) shape = MatrixXd::Zero(3, m);
-  if (shape.rows() != 3 || shape.cols() != m)
-    refuse(kWhere, {}, Code::bad_modal_data, fmt::format("3 x {} {}", m, what),
-           fmt::format("{} x {}", shape.rows(), shape.cols()));
-}
-
-double smallest_eigenvalue(const MatrixXd& A) {
-  return Eigen::SelfAdjointEigenSolver<MatrixXd>(A, Eigen::EigenvaluesOnly).eigenvalues()(0);
-}
-
-void check_symmetric(const MatrixXd& A, Eigen::Index m, const char* name) {
-  if (A.rows() != m || A.cols() != m)
-    refuse(kWhere, {}, Code::bad_modal_data, fmt::format("{} x {} matrix {}", m, m, name),
-           fmt::format("{} x {}", A.rows(), A.cols()));
-  if (!A.allFinite() || (A - A.transpose()).cwiseAbs().maxCoeff() > 1e-10 * A.cwiseAbs().maxCoeff())
-    refuse(kWhere, {}, Code::bad_modal_data, fmt::format("a symmetric matrix {}", name),
-           "a matrix that is not symmetric");
 }
 
 }  // namespace
@@ -121,22 +107,8 @@ ModalIntegrals modal_integrals(const MassField& f) {
 
 ModalData lumped_modal_data(std::vector<MassNode> mass_nodes, MatrixXd K, MatrixXd C, std::vector<ModalNode> nodes) {
   const Eigen::Index m = K.rows();
-  check_symmetric(K, m, "K");
   if (C.size() == 0) C = MatrixXd::Zero(m, m);
-  check_symmetric(C, m, "C");
-  if (m > 0) {
-    const double k_max = K.cwiseAbs().maxCoeff(), k_min = smallest_eigenvalue(K);
-    if (k_min < -1e-12 * k_max)
-      refuse(kWhere, {}, Code::bad_modal_data, "a positive definite K", fmt::format("eigenvalue {:.3g}", k_min));
-    if (k_min <= 1e-14 * k_max)
-      refuse(kWhere, {}, Code::rigid_body_mode, "a positive definite K", fmt::format("eigenvalue {:.3g}", k_min),
-             "take the rigid-body modes out: the body frame already carries them");
-    const double c_min = smallest_eigenvalue(C);
-    if (c_min < -1e-12 * C.cwiseAbs().maxCoeff())
-      refuse(kWhere, {}, Code::bad_modal_data, "a positive semidefinite C", fmt::format("eigenvalue {:.3g}", c_min),
-             "negative damping would create energy");
-  }
-
+  check_stiffness(K, C, kWhere);
   if (mass_nodes.empty()) refuse(kWhere, {}, Code::bad_modal_data, "at least one mass node", "none");
   const auto n = static_cast<Eigen::Index>(mass_nodes.size());
   MassField field;
@@ -146,10 +118,9 @@ ModalData lumped_modal_data(std::vector<MassNode> mass_nodes, MatrixXd K, Matrix
   bool rotary = false;
   for (Eigen::Index j = 0; j < n; ++j) {
     MassNode& node = mass_nodes[static_cast<std::size_t>(j)];
-    if (!(node.mass > 0.0))
-      refuse(kWhere, {}, Code::bad_modal_data, "a positive mass", fmt::format("{} kg at mass node {}", node.mass, j));
-    check_shape(node.Phi, m, fmt::format("Phi at mass node {}", j));
-    check_shape(node.Psi, m, fmt::format("Psi at mass node {}", j));
+    check_mass_node(node, m, static_cast<std::size_t>(j), kWhere);
+    fill(node.Phi, m);
+    fill(node.Psi, m);
     field.mass(j) = node.mass;
     field.position.col(j) = node.position;
     field.inertia.push_back(node.inertia);
@@ -160,9 +131,10 @@ ModalData lumped_modal_data(std::vector<MassNode> mass_nodes, MatrixXd K, Matrix
     }
   }
   if (!rotary) field.inertia.clear();
+  check_nodes(nodes, m, kWhere);
   for (ModalNode& node : nodes) {
-    check_shape(node.Phi, m, fmt::format("Phi of node \"{}\"", node.name));
-    check_shape(node.Psi, m, fmt::format("Psi of node \"{}\"", node.name));
+    fill(node.Phi, m);
+    fill(node.Psi, m);
   }
 
   ModalData data;

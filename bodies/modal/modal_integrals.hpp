@@ -22,8 +22,7 @@ struct MassField {
 ModalIntegrals modal_integrals(const MassField& field);
 
 /// A body given by lumped masses and modes, as it stands. C may be empty (none). Shapes of zero size count as zero.
-/// Throws InputError C0321 when sizes do not fit, a mass is not positive or K, C are not symmetric positive
-/// (semi)definite; C0322 when K has a zero eigenvalue (a rigid-body mode duplicates the floating frame).
+/// Throws InputError as check_stiffness(), check_mass_node() and check_nodes() do.
 ModalData lumped_modal_data(std::vector<MassNode> mass_nodes, Eigen::MatrixXd K, Eigen::MatrixXd C,
                             std::vector<ModalNode> nodes);
 

@@ -10,6 +10,7 @@
 
 #include "bodies/modal/eigen_modes.hpp"
 #include "bodies/modal/elements.hpp"
+#include "bodies/modal/modal_check.hpp"
 #include "bodies/modal/modal_file.hpp"
 #include "bodies/modal/modal_integrals.hpp"
 #include "bodies/modal/mode_audit.hpp"
@@ -163,6 +164,10 @@ struct Maker {
 
 }  // namespace
 
-ModalData make_modal_data(const ModalSource& source) { return std::visit(Maker{source}, source.model); }
+ModalData make_modal_data(const ModalSource& source) {
+  ModalData data = std::visit(Maker{source}, source.model);
+  check_nodes(data.nodes, data.n_modes, source.at);
+  return data;
+}
 
 }  // namespace cardan

@@ -86,7 +86,7 @@ struct LumpedModel {
   std::vector<ModalNode> nodes;
 };
 
-/// A file written by write_modal_file().
+/// A modal file: docs/modal_files.md.
 struct FileModel {
   std::string path;
 };

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <numeric>
+#include <set>
 #include <stdexcept>
 #include <utility>
 
@@ -52,6 +53,7 @@ std::string reason() {
 }
 
 std::vector<hsize_t> dimensions(hid_t space) {
+  if (H5Sget_simple_extent_type(space) == H5S_NULL) return {0};
   std::vector<hsize_t> dims(static_cast<std::size_t>(std::max(0, H5Sget_simple_extent_ndims(space))));
   H5Sget_simple_extent_dims(space, dims.data(), nullptr);
   return dims;
@@ -121,15 +123,42 @@ struct Hdf5File::Impl {
       if (end == std::string::npos) return true;
     }
   }
+  /// A link that names another place, in this file or in another one, is not followed: it can lead round in a circle, or
+  /// to what is no file.
+  void expect_plain(const std::string& path) const {
+    for (std::size_t end = path.find('/', 1);; end = path.find('/', end + 1)) {
+      const std::string part = path.substr(0, end);
+      H5L_info_t link{};
+      if (part != "/" && (H5Lget_info(file, part.c_str(), &link, H5P_DEFAULT) < 0 || link.type != H5L_TYPE_HARD))
+        cannot_read(part, "a group or a dataset of this file", "a link to another place");
+      if (end == std::string::npos) return;
+    }
+  }
   Handle dataset(const std::string& path) const {
     if (!has(path)) cannot_read(path, "a dataset", "nothing of this name");
+    expect_plain(path);
     Handle set(H5Dopen2(file, path.c_str(), H5P_DEFAULT), H5Dclose);
     if (set < 0) cannot_read(path, "a dataset", reason());
+    Handle properties(H5Dget_create_plist(set), H5Pclose);
+    if (H5Pget_layout(properties) == H5D_VIRTUAL || H5Pget_external_count(properties) > 0)
+      cannot_read(path, "a dataset of this file", "one whose numbers are in another file");
     return set;
   }
   Handle object(const std::string& path) const {
     if (!has(path)) cannot_read(path, "a group or a dataset", "nothing of this name");
+    expect_plain(path);
     return {H5Oopen(file, path.c_str(), H5P_DEFAULT), H5Oclose};
+  }
+
+  /// The number of values of this shape. Refused where they are many more than what the file holds for them, `stored`
+  /// bytes: a filter makes them at most 1032 times smaller (deflate), and what was never written takes none.
+  std::size_t count_of(const std::string& path, const std::vector<hsize_t>& dims, std::size_t size, hsize_t stored) const {
+    constexpr double kUnwritten = 1 << 20, kPacking = 1032.0;
+    const double bytes = std::accumulate(dims.begin(), dims.end(), static_cast<double>(size),
+                                         [](double a, hsize_t b) { return a * static_cast<double>(b); });
+    if (bytes > std::max(kUnwritten, kPacking * static_cast<double>(stored)))
+      cannot_read(path, "as many values as the file has bytes for", "dimensions beyond that");
+    return product(dims);
   }
 
   void make_group(const std::string& path) {
@@ -169,18 +198,20 @@ struct Hdf5File::Impl {
     if (kind != H5T_FLOAT && kind != H5T_INTEGER) cannot_read(path, "numbers", "another type of data");
     Handle space(H5Dget_space(set), H5Sclose);
     const auto dims = dimensions(space);
-    Hdf5Array<T> out{{dims.begin(), dims.end()}, std::vector<T>(product(dims))};
-    if (H5Dread(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, out.values.data()) < 0)
+    Hdf5Array<T> out{{dims.begin(), dims.end()},
+                     std::vector<T>(count_of(path, dims, H5Tget_size(stored), H5Dget_storage_size(set)))};
+    if (!out.values.empty() && H5Dread(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, out.values.data()) < 0)
       cannot_read(path, "numbers", reason());
     return out;
   }
 
   /// Strings of a dataset or an attribute, of fixed or variable length; `get(type, buffer)` is H5Dread or H5Aread.
   template <class Get>
-  std::vector<std::string> strings(const std::string& path, hid_t stored, hid_t space, Get get) const {
+  std::vector<std::string> strings(const std::string& path, hid_t stored, hid_t space, hsize_t bytes, Get get) const {
     if (H5Tget_class(stored) != H5T_STRING) cannot_read(path, "text", "another type of data");
-    const std::size_t n = product(dimensions(space));
+    const std::size_t n = count_of(path, dimensions(space), H5Tget_size(stored), bytes);
     std::vector<std::string> out;
+    if (n == 0) return out;
     bool ok = true;
     if (H5Tis_variable_str(stored) > 0) {
       std::vector<char*> raw(n, nullptr);
@@ -200,11 +231,12 @@ struct Hdf5File::Impl {
     Handle set = dataset(path);
     Handle stored(H5Dget_type(set), H5Tclose);
     Handle space(H5Dget_space(set), H5Sclose);
-    return strings(path, stored, space,
+    return strings(path, stored, space, H5Dget_storage_size(set),
                    [&](hid_t type, void* to) { return H5Dread(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, to); });
   }
 
   bool is_group(const std::string& path) const {
+    expect_plain(path);
     return path == "/" || H5Iget_type(Handle(H5Oopen(file, path.c_str(), H5P_DEFAULT), H5Oclose)) == H5I_GROUP;
   }
 
@@ -226,7 +258,7 @@ struct Hdf5File::Impl {
     Handle from = attribute(path, key);
     Handle stored(H5Aget_type(from), H5Tclose);
     Handle space(H5Aget_space(from), H5Sclose);
-    return strings(path + "@" + key, stored, space, [&](hid_t type, void* to) { return H5Aread(from, type, to); });
+    return strings(path + "@" + key, stored, space, H5Aget_storage_size(from), [&](hid_t type, void* to) { return H5Aread(from, type, to); });
   }
 };
 
@@ -284,6 +316,9 @@ Hdf5File Hdf5File::open(const std::string& path) {
   start_library();
   auto impl = std::make_unique<Impl>();
   impl->name = path;
+  std::error_code none;
+  if (const auto status = std::filesystem::status(path, none); std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
+    impl->cannot_read("", "an HDF5 file", "a folder, a pipe or a device");
   impl->file = H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
   if (impl->file < 0) impl->cannot_read("", "an HDF5 file", reason());
   return Hdf5File(std::move(impl));
@@ -314,6 +349,26 @@ std::vector<std::string> Hdf5File::members(const std::string& group) const {
   };
   if (H5Literate(opened, index, H5_ITER_INC, nullptr, keep, &names) < 0) impl_->cannot_read(group, "a group", reason());
   return names;
+}
+
+std::vector<std::string> Hdf5File::datasets(const std::string& group) const {
+  std::vector<std::string> paths;
+  std::set<haddr_t> seen;
+  const auto visit = [&](const std::string& path, const auto& self) -> void {
+    H5O_info_t info{};
+    if (!is_group(path) || H5Oget_info_by_name2(impl_->file, path.c_str(), &info, H5O_INFO_BASIC, H5P_DEFAULT) < 0)
+      impl_->cannot_read(path, "a group", "nothing of this name, or a dataset");
+    if (!seen.insert(info.addr).second) impl_->cannot_read(path, "a group that is in the file once", "one that is linked again");
+    for (const std::string& name : members(path)) {
+      const std::string member = path == "/" ? path + name : path + "/" + name;
+      if (is_group(member))
+        self(member, self);
+      else
+        paths.push_back(member);
+    }
+  };
+  visit(group, visit);
+  return paths;
 }
 
 void Hdf5File::remove(const std::string& path) {
@@ -409,6 +464,9 @@ void Hdf5File::set_attribute(const std::string& path, const std::string& name, s
   impl_->set_attribute(path, name, H5T_NATIVE_INT64, {values.size()}, values.data());
 }
 
+void Hdf5File::remove_attribute(const std::string& path, const std::string& name) {
+  if (has_attribute(path, name)) impl_->wrote(H5Adelete(impl_->object(path), name.c_str()), path + "@" + name);
+}
 bool Hdf5File::has_attribute(const std::string& path, const std::string& name) const {
   return impl_->has(path) && H5Aexists(impl_->object(path), name.c_str()) > 0;
 }
@@ -423,7 +481,7 @@ double Hdf5File::number_attribute(const std::string& path, const std::string& na
   Handle from = impl_->attribute(path, name);
   Handle space(H5Aget_space(from), H5Sclose);
   double value = 0.0;
-  if (product(dimensions(space)) != 1 || H5Aread(from, H5T_NATIVE_DOUBLE, &value) < 0)
+  if (H5Sget_simple_extent_type(space) == H5S_NULL || product(dimensions(space)) != 1 || H5Aread(from, H5T_NATIVE_DOUBLE, &value) < 0)
     impl_->cannot_read(path + "@" + name, "one number", reason());
   return value;
 }

@@ -16,7 +16,9 @@ struct Hdf5Array {
   std::vector<T> values;           // row-major, as many as the product of `shape`
 };
 
-/// Reading throws InputError C0702 with the file, the path inside it and the reason. Writing replaces what stands at
+/// Reading throws InputError C0702 with the file, the path inside it and the reason; links to other places are not
+/// followed, and dimensions that the file has no bytes for are refused. What is wrong in the structure of the file itself
+/// can crash HDF5: a file that is not ours is read in a bounded child (bounded_child.hpp). Writing replaces what stands at
 /// the path, makes missing groups, and throws NumericsError N0204 when the file does not take it (disk full).
 class Hdf5File {
  public:
@@ -39,6 +41,8 @@ class Hdf5File {
   /// Names of the members of a group, in the order of their creation.
   std::vector<std::string> members(const std::string& group) const;
   bool is_group(const std::string& path) const;
+  /// Paths of all datasets below a group, in the order of their creation. A group that is linked twice is refused.
+  std::vector<std::string> datasets(const std::string& group) const;
 
   void make_group(const std::string& path);
   void remove(const std::string& path);  // with its attributes, or all that is in a group; nothing if there is none
@@ -68,6 +72,7 @@ class Hdf5File {
   void set_attribute(const std::string& path, const std::string& name, double value);
   void set_attribute(const std::string& path, const std::string& name, std::int64_t value);
   void set_attribute(const std::string& path, const std::string& name, std::span<const std::int64_t> values);
+  void remove_attribute(const std::string& path, const std::string& name);  // nothing if there is none
   bool has_attribute(const std::string& path, const std::string& name) const;
   std::string text_attribute(const std::string& path, const std::string& name) const;
   std::vector<std::string> texts_attribute(const std::string& path, const std::string& name) const;

@@ -13,6 +13,7 @@
 #include "core/base/diagnostic.hpp"
 #include "core/io/hdf5_file.hpp"
 #include "core/io/json.hpp"
+#include "core/io/summary.hpp"
 #include "scripts/report/page.hpp"
 
 namespace cardan {
@@ -83,15 +84,16 @@ Json points(std::span<const double> values, std::size_t components, std::size_t 
   return out;
 }
 
-/// Paths of the datasets below a group, in the order of their creation.
-void collect(const Hdf5File& file, const std::string& group, std::vector<std::string>& paths) {
-  for (const auto& name : file.members(group)) {
-    const std::string path = group + "/" + name;
-    if (file.is_group(path))
-      collect(file, path, paths);
-    else
-      paths.push_back(path);
-  }
+[[noreturn]] void bad(const Hdf5File& file, const std::string& path, const std::string& expected, const std::string& got) {
+  throw InputError({Code::bad_result_file, {path, {file.file_name(), 0, 0}}, expected, got, "", "", "", 0});
+}
+
+/// The numbers at `path`: rows of `components` each (0: one number per row, rank 1), at least `rows` of them.
+std::vector<double> rows_of(const Hdf5File& file, const std::string& path, std::size_t rows, std::size_t components) {
+  const auto data = file.read_doubles(path);
+  const bool fits = components == 0 ? data.shape.size() == 1 : data.shape.size() == 2 && data.shape[1] == components;
+  if (!fits || data.shape[0] < rows) bad(file, path, "as many rows and columns as before", "others");
+  return data.values;
 }
 
 struct ChannelSize {
@@ -131,15 +133,19 @@ std::vector<ChannelSize> chosen(const std::vector<ChannelSize>& all, std::size_t
 
 Json series(const Hdf5File& file) {
   const std::string root = "/channels";
-  std::vector<std::string> paths;
-  collect(file, root, paths);
-  std::size_t rows = file.shape("/time").at(0), components = 0;
+  const auto time = file.shape("/time");
+  if (time.size() != 1) bad(file, "/time", "one time per row", fmt::format("an array of rank {}", time.size()));
+  std::size_t rows = time[0], components = 0;
   std::vector<ChannelSize> all;
-  for (const auto& path : paths) {
+  for (const auto& path : file.datasets(root)) {
     const auto shape = file.shape(path);
-    rows = std::min(rows, shape.at(0));  // a killed run may have one more row in some
+    const std::size_t names = file.texts_attribute(path, "components").size();
+    if (shape.size() != 2 || shape[1] != names || names == 0)
+      bad(file, path, fmt::format("rows of {} components, as many as have names", names),
+          shape.size() == 2 ? fmt::format("rows of {}", shape[1]) : fmt::format("an array of rank {}", shape.size()));
+    rows = std::min(rows, shape[0]);  // a killed run may have one more row in some
     const std::string name = path.substr(root.size() + 1);
-    all.push_back({path, name.find('/') == std::string::npos ? "other" : name.substr(0, name.find('/')), shape.at(1)});
+    all.push_back({path, name.find('/') == std::string::npos ? "other" : name.substr(0, name.find('/')), names});
   }
   const std::vector<ChannelSize> shown = chosen(all, rows);
   for (const ChannelSize& c : shown) components += c.components;
@@ -155,10 +161,10 @@ Json series(const Hdf5File& file) {
         left_out[c.group] = {{"shown", count(shown, c.group)}, {"channels", count(all, c.group)}};
   Json channels = Json::array();
   for (const auto& [path, group, width] : shown) {
-    const auto data = file.read_doubles(path);
     const auto names = file.texts_attribute(path, "components");
+    const auto data = rows_of(file, path, rows, names.size());
     Json values = Json::array();
-    for (std::size_t k = 0; k < names.size(); ++k) values.push_back(points(data.values, names.size(), k, thin));
+    for (std::size_t k = 0; k < names.size(); ++k) values.push_back(points(data, names.size(), k, thin));
     channels.push_back({{"path", path.substr(root.size() + 1)},
                         {"unit", file.text_attribute(path, "unit")},
                         {"frame", file.text_attribute(path, "frame")},
@@ -168,12 +174,14 @@ Json series(const Hdf5File& file) {
   }
   return {{"rows", rows},
           {"stretch", thin.stretch},
-          {"t", times(file.read_doubles("/time").values, thin)},
+          {"t", times(rows_of(file, "/time", rows, 0), thin)},
           {"channels", channels},
           {"left_out", left_out}};
 }
 
 Json pairs(const Hdf5File& file, const std::string& path) {
+  const auto shape = file.shape(path);
+  if (shape.size() != 2 || shape[1] != 2) bad(file, path, "two columns", "another shape");
   const auto texts = file.read_texts(path);
   Json out = Json::array();
   std::size_t bytes = 0, i = 0;
@@ -194,12 +202,38 @@ std::string beginning(const Hdf5File& file, const std::string& path) {
   return text + fmt::format("\n... the whole text is in the results file, {}\n", path);
 }
 
+/// Whether the page can show `value` as it shows `pattern`: the same kinds of values under the same names. Keys may be
+/// missing, but for a `name`; a number may be null.
+bool is_like(const Json& value, const Json& pattern) {
+  if (pattern.is_null()) return true;
+  if (pattern.is_number()) return value.is_number() || value.is_null();
+  if (pattern.is_array())
+    return value.is_array() && (pattern.empty() || std::all_of(value.begin(), value.end(), [&](const Json& item) { return is_like(item, pattern[0]); }));
+  if (!pattern.is_object()) return value.type() == pattern.type();
+  if (!value.is_object() || (pattern.contains("name") && !value.contains("name"))) return false;
+  for (const auto& [key, like] : pattern.items())
+    if (value.contains(key) && !is_like(value[key], like)) return false;
+  return true;
+}
+
+Json summary_of(const Hdf5File& file) {
+  const std::string path = "/attachments/summary";
+  if (!file.has(path)) return nullptr;
+  Summary one;  // of each list
+  one.checks.emplace_back();
+  one.figures.emplace_back();
+  one.warnings.add(Code::stiff_scene, {}, "");
+  const Json pattern = Json::parse(to_json(one));
+  const Json summary = Json::parse(file.read_text(path), nullptr, false);
+  if (summary.is_discarded() || !is_like(summary, pattern)) bad(file, path, "the text of a summary.json", "something else");
+  return summary;
+}
+
 Json page_data(const Hdf5File& file) {
-  Json run;
+  Json run = Json::object();
   for (const char* key : {"scenario", "title", "program_version", "commit", "compiler", "flags", "seed", "integrator",
                           "started", "finished"})
     if (file.has_attribute("/run", key)) run[key] = file.text_attribute("/run", key);
-  const std::string summary = "/attachments/summary";
   return {{"run", run},
           {"inputs", pairs(file, "/run/inputs")},
           {"plugins", pairs(file, "/run/plugins")},
@@ -207,7 +241,7 @@ Json page_data(const Hdf5File& file) {
           {"defaults", pairs(file, "/spec/defaults")},
           {"sweeps", beginning(file, "/spec/sweeps")},
           {"spec", beginning(file, "/spec/text")},
-          {"summary", file.has(summary) ? Json::parse(file.read_text(summary)) : Json()},
+          {"summary", summary_of(file)},
           {"series", series(file)}};
 }
 
@@ -235,14 +269,22 @@ std::string filled(std::string_view html, const std::vector<std::pair<std::strin
 
 }  // namespace
 
-void write_report(const std::string& h5_path, const std::string& html_path) {
-  const Json data = page_data(Hdf5File::open(h5_path));
+std::string report_page(const Hdf5File& file) {
+  const Json data = page_data(file);
   const std::string title = data["run"].value("title", "");
-  const std::string html = filled(page::html(), {{"@title@", replaced(replaced(title, "&", "&amp;"), "<", "&lt;")},
-                                                 {"@style@", std::string(page::style())},
-                                                 {"@data@", replaced(json_line(data), "<", "\\u003c")},
-                                                 {"@notice@", std::string(page::notice())},
-                                                 {"@script@", replaced(page::script(), "</script", "<\\/script")}});
+  return filled(page::html(), {{"@title@", replaced(replaced(title, "&", "&amp;"), "<", "&lt;")},
+                               {"@style@", std::string(page::style())},
+                               {"@data@", replaced(json_line(data), "<", "\\u003c")},
+                               {"@notice@", std::string(page::notice())},
+                               {"@script@", replaced(page::script(), "</script", "<\\/script")}});
+}
+
+void write_report(const std::string& h5_path, const std::string& html_path) {
+  write_report(h5_path, html_path, ChildLimits::for_file(h5_path));
+}
+
+void write_report(const std::string& h5_path, const std::string& html_path, const ChildLimits& limits) {
+  const std::string html = in_bounded_child(h5_path, [&h5_path] { return report_page(Hdf5File::open(h5_path)); }, limits);
   std::ofstream out(html_path, std::ios::binary);
   out << html;
   out.close();

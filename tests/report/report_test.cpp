@@ -197,6 +197,64 @@ TEST(Report, TellsWhenResultsOrPageCannotBeUsed) {
   EXPECT_THROW(write_report("/nowhere/run.h5", scratch("report.html")), InputError);
 }
 
+/// The answer to the results of a run with a change: the title of the error, or "page".
+template <class Change>
+std::string answer(const Change& change) {
+  const std::string h5 = scratch("changed.h5");
+  write_example_run(h5, 20);
+  Hdf5File file = Hdf5File::update(h5);
+  change(file);
+  file.close();
+  try {
+    write_report(h5, scratch("changed.html"));
+  } catch (const InputError& e) {
+    return std::string(number_of(e.diagnostics().at(0).code)) + " " + e.diagnostics().at(0).at.key_path;
+  }
+  return "page";
+}
+
+// Nothing in the file is taken for granted.
+TEST(Report, IsRefusedForResultsThatDoNotFit) {
+  const std::string channel = "/channels/bodies/bus/rate";
+  const auto written = [&](const std::string& path, const std::vector<std::size_t>& shape) {
+    return answer([&](Hdf5File& file) {
+      std::size_t n = 1;
+      for (std::size_t k : shape) n *= k;
+      const auto unit = file.has_attribute(path, "components") ? file.texts_attribute(path, "components") : std::vector<std::string>{};
+      file.write(path, std::vector<double>(n, 0.5), shape);
+      if (unit.empty()) return;
+      file.set_attribute(path, "components", unit);
+      for (const char* name : {"unit", "frame", "meaning"}) file.set_attribute(path, name, std::string("x"));
+    });
+  };
+  EXPECT_EQ(answer([](Hdf5File&) {}), "page");
+  EXPECT_EQ(written(channel, {20, 3}), "page");
+  EXPECT_EQ(written(channel, {3, 3}), "page") << "as a killed run may leave it";
+  for (const std::vector<std::size_t>& shape : {std::vector<std::size_t>{}, {20}, {20, 2}, {20, 4}, {20, 3, 1}, {0}, {20, 0}})
+    EXPECT_EQ(written(channel, shape), "C0702 " + channel) << shape.size();
+  for (const std::vector<std::size_t>& shape : {std::vector<std::size_t>{}, {20, 1}}) EXPECT_EQ(written("/time", shape), "C0702 /time");
+  EXPECT_EQ(answer([&](Hdf5File& file) { file.set_attribute(channel, "components", std::vector<std::string>(1000, "x")); }),
+            "C0702 " + channel);
+  for (const char* name : {"components", "unit", "frame", "meaning"})
+    EXPECT_EQ(answer([&](Hdf5File& file) { file.remove_attribute(channel, name); }), "C0702 " + channel) << name;
+  EXPECT_EQ(answer([&](Hdf5File& file) { file.set_attribute(channel, "unit", 1.0); }), "C0702 " + channel + "@unit");
+  for (const char* path : {"/time", "/channels", "/spec/text", "/spec/parameters", "/run/inputs"})
+    EXPECT_EQ(answer([&](Hdf5File& file) { file.remove(path); }), std::string("C0702 ") + path);
+  EXPECT_EQ(written("/spec/parameters", {4, 2}), "C0702 /spec/parameters");
+  EXPECT_EQ(answer([&](Hdf5File& file) { file.write("/run/inputs", std::vector<std::string>{"a", "b", "c"}, {3}); }), "C0702 /run/inputs");
+  for (const char* name : {"scenario", "title", "seed", "started"})
+    EXPECT_EQ(answer([&](Hdf5File& file) { file.remove_attribute("/run", name); }), "page") << name;
+  for (const char* text : {"", "{", "[]", "3", "{\"checks\": 3}", "{\"checks\": [3]}", "{\"checks\": [{\"value\": 1}]}",
+                           "{\"checks\": [{\"name\": 1}]}", "{\"ledger\": []}", "{\"figures\": {}}", "{\"wall_s\": 1e999}"})
+    EXPECT_EQ(answer([&](Hdf5File& file) { file.write("/attachments/summary", std::string(text)); }), "C0702 /attachments/summary") << text;
+  EXPECT_EQ(answer([&](Hdf5File& file) { file.write("/attachments/summary", std::string("{\"wall_s\": null, \"new\": [1]}")); }), "page");
+  EXPECT_EQ(answer([&](Hdf5File& file) { file.write("/attachments/summary", 1.0); }), "C0702 /attachments/summary");
+}
+
+TEST(Report, IsRefusedForWhatIsNoFile) {
+  for (const char* path : {"/dev/zero", "/", "/dev/null"}) EXPECT_THROW(write_report(path, scratch("none.html")), InputError) << path;
+}
+
 /// The page after its scripts have run in a browser without a window.
 std::string shown_in_browser(const std::string& html_path) {
   const std::string profile = scratch("profile"), dom = scratch("dom.html");

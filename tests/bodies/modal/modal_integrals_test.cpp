@@ -142,7 +142,7 @@ std::string code_of(const MatrixXd& K, const MatrixXd& C, std::vector<MassNode> 
 
 TEST(LumpedModalData, AcceptsMissingShapesAndMissingDamping) {
   const ModalData d =
-      lumped_modal_data(two_nodes(), MatrixXd::Constant(1, 1, 4.0), {}, {{"tip", {1, 0, 0}, {}, {}, {}}});
+      lumped_modal_data(two_nodes(), MatrixXd::Constant(1, 1, 4.0), {}, {{"tip", {1, 0, 0}, Matrix3d::Identity(), {}, {}}});
   EXPECT_EQ(d.integrals.I3, Vector3d::UnitZ());
   EXPECT_EQ(d.integrals.I4, -Vector3d::UnitY());
   EXPECT_TRUE(d.C.isZero(0.0));

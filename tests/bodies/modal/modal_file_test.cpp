@@ -1,0 +1,222 @@
+// What a modal file is refused for. The layout is docs/modal_files.md.
+#include "bodies/modal/modal_file.hpp"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+
+#include "bodies/modal/modal_integrals.hpp"
+#include "bodies/modal/modal_source.hpp"
+#include "core/io/hdf5_file.hpp"
+
+namespace cardan {
+namespace {
+
+using Values = std::vector<double>;
+using Shape = std::vector<std::size_t>;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+std::string scratch(const std::string& name) { return testing::TempDir() + "cardan_modal_" + name; }
+
+/// Two modes on three masses, one with a moment of inertia that turns.
+ModalData lumped() {
+  std::vector<MassNode> masses(3);
+  for (std::size_t j = 0; j < 3; ++j) {
+    const double x = static_cast<double>(j);
+    masses[j].mass = 1.0 + x;
+    masses[j].position = {x, 0.5 * x * x, 0.1};
+    masses[j].Phi = (Eigen::MatrixXd(3, 2) << 0.1 * x, 0.2, x, -0.3 * x, 0.4, x * x).finished();
+    masses[j].Q.assign(3, Eigen::MatrixXd::Constant(2, 2, 0.01 * x));
+  }
+  masses[2].inertia = Eigen::Vector3d(0.1, 0.2, 0.25).asDiagonal();
+  masses[2].Psi = (Eigen::MatrixXd(3, 2) << 0, 0.1, 0.2, 0, 0.3, -0.1).finished();
+  ModalNode tip;
+  tip.name = "tip";
+  tip.Phi = masses[2].Phi;
+  ModalNode other = tip;
+  other.name = "other";
+  return lumped_modal_data(masses, Eigen::Vector2d(4, 9).asDiagonal(), Eigen::Vector2d(0.1, 0.1).asDiagonal(), {tip, other});
+}
+
+/// A consistent-mass beam: integrals without mass nodes.
+ModalData beam() {
+  ModalSource source;
+  BeamModel model;
+  model.length = 2.0;
+  model.material = {70e9, 0.3, 2700.0};
+  model.section = rectangle_section(0.02, 0.01);
+  model.elements = 8;
+  source.model = model;
+  source.modes.count = 3;
+  return make_modal_data(source);
+}
+
+/// The code of the answer to a file made of `data` with a change, without its hash; "accepted" if there is none.
+template <class Change>
+std::string answer(const ModalData& data, const Change& change) {
+  const std::string path = scratch("changed.h5");
+  write_modal_file(path, data);
+  {
+    Hdf5File file = Hdf5File::update(path);
+    file.remove_attribute("/", "content_hash");
+    change(file);
+    file.close();
+  }
+  const auto code_of = [](const auto& read) -> std::string {
+    try {
+      read();
+    } catch (const InputError& e) {
+      return std::string(number_of(e.diagnostics().at(0).code));
+    }
+    return "accepted";
+  };
+  const std::string code = code_of([&] { read_modal_file(path); });
+  EXPECT_EQ(code, code_of([&] { modal_data_of(Hdf5File::open(path)); })) << "the same in this process";
+  return code;
+}
+
+std::string with(const ModalData& data, const std::string& path, const Values& values, const Shape& shape) {
+  return answer(data, [&](Hdf5File& file) { file.write(path, values, shape); });
+}
+
+TEST(ModalFile, WithoutAHashIsTaken) {
+  EXPECT_EQ(answer(lumped(), [](Hdf5File&) {}), "accepted");
+  EXPECT_EQ(answer(beam(), [](Hdf5File&) {}), "accepted");
+}
+
+TEST(ModalFile, OfAnotherShapeIsRefusedBeforeItIsRead) {
+  const ModalData data = lumped();
+  const auto zeros = [](const Shape& shape) {
+    std::size_t n = 1;
+    for (std::size_t k : shape) n *= k;
+    return Values(n, 0.0);
+  };
+  const std::vector<std::pair<std::string, std::vector<Shape>>> wrong = {
+      {"/K", {{}, {2}, {3, 3}, {1, 1}, {2, 2, 1}, {0, 0}}},
+      {"/C", {{3, 3}, {2}}},
+      {"/integrals/I1", {{2}, {1, 1}}},
+      {"/integrals/I2", {{4}, {3, 3}, {0}}},
+      {"/integrals/I3", {{3, 9}, {2, 3}, {0, 0}, {6}}},
+      {"/integrals/I4", {{0, 0}}},
+      {"/integrals/I5", {{2, 1, 2}, {2, 3, 3}, {1, 3, 2}, {0, 0, 0}}},
+      {"/integrals/I6", {{0, 0}, {3, 3}}},
+      {"/integrals/I7", {{2, 2}, {9}}},
+      {"/integrals/I8", {{2, 10, 10}, {3, 3, 3}, {0, 0, 0}, {2, 3}}},
+      {"/integrals/I9", {{4, 10, 10}, {2, 3, 3}, {4, 9}}},
+      {"/integrals/rotary_ww", {{2, 10, 10}, {1, 3, 3}, {0, 3, 3}}},
+      {"/integrals/rotary_we", {{2, 3, 3}}},
+      {"/integrals/rotary_ee", {{2, 2, 3}, {0, 2, 2}}},
+      {"/nodes/0/Phi", {{3, 9}, {2, 2}}},
+      {"/nodes/1/R_BN", {{9}, {3, 4}}},
+      {"/nodes/0/position", {{2}, {3, 3}}},
+      {"/mass_nodes/1/Q", {{1, 2, 2}, {3, 3, 3}, {3, 2}}},
+      {"/mass_nodes/0/inertia", {{3}}},
+      {"/mass_nodes/2/mass", {{3}}}};
+  for (const auto& [path, shapes] : wrong)
+    for (const Shape& shape : shapes)
+      EXPECT_EQ(with(data, path, zeros(shape), shape), "C0702") << path << fmt::format(" {}", shape.size());
+}
+
+TEST(ModalFile, WithCountsThatCannotBeIsRefused) {
+  const ModalData data = lumped();
+  for (const char* path : {"/n_modes", "/nodes/count", "/mass_nodes/count", "/audit/count"})
+    for (double count : {-1.0, 1e18, 1e9, kNaN, HUGE_VAL, 0.5, 4.0})
+      EXPECT_EQ(with(data, path, {count}, {}), "C0702") << path << " " << count;
+  EXPECT_EQ(with(data, "/n_modes", {0.0}, {}), "C0702");
+  EXPECT_EQ(with(data, "/nodes/count", {1.0}, {}), "accepted") << "the others are not read";
+}
+
+TEST(ModalFile, OfNoPhysicalBodyIsRefusedAsLumpedMassesAre) {
+  const ModalData b = beam(), l = lumped();
+  EXPECT_EQ(with(b, "/integrals/I1", {-1.0}, {}), "C0321");
+  EXPECT_EQ(with(b, "/integrals/I1", {kNaN}, {}), "C0321");
+  EXPECT_EQ(with(b, "/K", {-1, 0, 0, 0, 1, 0, 0, 0, 1}, {3, 3}), "C0321");
+  EXPECT_EQ(with(b, "/K", {0, 0, 0, 0, 1, 0, 0, 0, 1}, {3, 3}), "C0322");
+  EXPECT_EQ(with(b, "/K", {1, 1, 0, 0, 1, 0, 0, 0, 1}, {3, 3}), "C0321");
+  EXPECT_EQ(with(b, "/K", {1, 0, 0, 0, kNaN, 0, 0, 0, 1}, {3, 3}), "C0321");
+  EXPECT_EQ(with(b, "/C", {-1, 0, 0, 0, 1, 0, 0, 0, 1}, {3, 3}), "C0321");
+  EXPECT_EQ(with(b, "/integrals/I7", {-1, 0, 0, 0, 1, 0, 0, 0, 1}, {3, 3}), "C0321");
+  EXPECT_EQ(with(b, "/integrals/I7", {1, 2, 0, 0, 1, 0, 0, 0, 1}, {3, 3}), "C0321");
+  EXPECT_EQ(with(b, "/integrals/I2", {1e3, 0, 0}, {3}), "C0321") << "a mass centre that far out";
+  EXPECT_EQ(with(b, "/integrals/I3", Values(9, 1e3), {3, 3}), "C0321") << "more momentum than the modal mass allows";
+  Values I5(27, 0.0);
+  I5[3 * 3 * 1] = 1.0;  // I5_10, while I5_01 is zero
+  EXPECT_EQ(with(b, "/integrals/I5", I5, {3, 3, 3}), "C0321");
+  EXPECT_EQ(with(b, "/integrals/I9", Values(81, kNaN), {9, 3, 3}), "C0321");
+  EXPECT_EQ(with(l, "/nodes/0/R_BN", Values(9, 0.0), {3, 3}), "C0303");
+  EXPECT_EQ(with(l, "/nodes/0/R_BN", Values(9, kNaN), {3, 3}), "C0303");
+  EXPECT_EQ(with(l, "/nodes/0/R_BN", {1, 0, 0, 0, 1, 0, 0, 0, -1}, {3, 3}), "C0303") << "a reflection";
+  EXPECT_EQ(with(l, "/nodes/0/Phi", Values(6, kNaN), {3, 2}), "C0321");
+  EXPECT_EQ(with(l, "/mass_nodes/0/mass", {-1.0}, {}), "C0321");
+  EXPECT_EQ(with(l, "/mass_nodes/2/inertia", {1, 0, 0, 0, 1, 0, 0, 0, 9}, {3, 3}), "C0321");
+  EXPECT_EQ(with(l, "/mass_nodes/1/mass", {2.1}, {}), "C0321") << "the integrals are of other masses";
+  EXPECT_EQ(with(l, "/mass_nodes/1/Phi", Values(6, 0.0), {3, 2}), "C0321");
+}
+
+TEST(ModalFile, WithNamesThatCannotBeUsedIsRefused) {
+  for (const char* name : {"a.b", "world", "", "two\nlines", "\xff"})
+    EXPECT_EQ(answer(lumped(), [&](Hdf5File& file) { file.write("/nodes/0/name", std::string(name)); }), "C0210") << name;
+  EXPECT_EQ(answer(lumped(), [](Hdf5File& file) { file.write("/nodes/0/name", std::string("other")); }), "C0207");
+  EXPECT_EQ(answer(lumped(), [](Hdf5File& file) { file.write("/nodes/0/name", 1.0); }), "C0702");
+}
+
+TEST(ModalFile, IsRefusedForWhatIsMissing) {
+  for (const char* path : {"/K", "/integrals/I5", "/integrals/I7", "/n_modes", "/mass_nodes/2", "/nodes/1/position", "/nodes/count"})
+    EXPECT_EQ(answer(lumped(), [&](Hdf5File& file) { file.remove(path); }), "C0702") << path;
+  EXPECT_EQ(answer(lumped(), [](Hdf5File& file) { file.remove_attribute("/", "schema"); }), "C0702");
+  EXPECT_EQ(answer(beam(), [](Hdf5File& file) { file.remove("/integrals"); }), "C0321") << "and no mass nodes";
+}
+
+TEST(ModalFile, MayLeaveOutWhatFollowsFromTheRest) {
+  for (const char* path : {"/C", "/nodes", "/mass_nodes", "/audit", "/source", "/integrals/I9", "/nodes/1/Phi", "/mass_nodes/2/Q"})
+    EXPECT_EQ(answer(lumped(), [&](Hdf5File& file) { file.remove(path); }), "accepted") << path;
+  const std::string path = scratch("no_integrals.h5");
+  const ModalData data = lumped();
+  write_modal_file(path, data);
+  Hdf5File file = Hdf5File::update(path);
+  file.remove("/integrals");
+  file.close();
+  const ModalIntegrals computed = read_modal_file(path).integrals;
+  EXPECT_EQ(computed.I6, data.integrals.I6);
+  EXPECT_EQ(computed.rotary_ww.at(1), data.integrals.rotary_ww.at(1));
+}
+
+TEST(ModalFile, ThatWasChangedIsKnownByItsHash) {
+  const std::string path = scratch("hash.h5");
+  write_modal_file(path, lumped());
+  Hdf5File file = Hdf5File::update(path);
+  file.write("/K", Values{4, 0, 0, 9.5}, {2, 2});
+  file.close();
+  EXPECT_THROW(read_modal_file(path), InputError);
+}
+
+TEST(ModalFile, OfAnotherKindIsRefusedAtOnce) {
+  const std::string pipe = scratch("pipe");
+  std::filesystem::remove(pipe);
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  for (const std::string& path : {pipe, testing::TempDir(), std::string("/dev/zero"), std::string("/nowhere/modes.h5")})
+    EXPECT_THROW(read_modal_file(path), InputError) << path;
+  std::ofstream(scratch("text.h5")) << "no HDF5";
+  EXPECT_THROW(read_modal_file(scratch("text.h5")), InputError);
+  std::filesystem::remove(pipe);
+}
+
+TEST(Lumped, OfNoModesOrWithOneSecondOrderMatrixAreRefused) {
+  MassNode node;
+  node.mass = 1.0;
+  EXPECT_THROW(lumped_modal_data({node}, Eigen::MatrixXd(), {}, {}), InputError);
+  node.Q.assign(1, Eigen::MatrixXd::Identity(1, 1));
+  EXPECT_THROW(lumped_modal_data({node}, Eigen::MatrixXd::Identity(1, 1), {}, {}), InputError);
+  node.Q.assign(3, Eigen::MatrixXd::Identity(2, 2));
+  EXPECT_THROW(lumped_modal_data({node}, Eigen::MatrixXd::Identity(1, 1), {}, {}), InputError);
+}
+
+}  // namespace
+}  // namespace cardan
