@@ -6,6 +6,9 @@
 
 namespace cardan {
 
+/// Two successive rotations about such axes (unit vectors) are one: the hinge's inertia would lose ten digits.
+inline bool nearly_parallel(const Eigen::Vector3d& a, const Eigen::Vector3d& b) { return a.cross(b).norm() < 1e-5; }
+
 /// exp(u~ q), u of unit length (Rodrigues).
 inline Eigen::Matrix3d rotation_about_axis(const Eigen::Vector3d& u, double q) {
   const double s = std::sin(q), h = std::sin(0.5 * q), k = 2.0 * h * h;  // k = 1 - cos q without cancellation

@@ -30,6 +30,9 @@ struct Gimbal {
     if (by_axes == (sequence != nullptr)) return params.fail("axes", "either axes (three vectors) or sequence");
     if (by_axes) {
       for (int i = 0; i < 3; ++i) Eigen::Map<Eigen::Vector3d>(p.u + 3 * i) = params.vector("axes", i);
+      const Eigen::Map<const Eigen::Vector3d> u1(p.u), u2(p.u + 3), u3(p.u + 6);
+      if (nearly_parallel(u1, u2) || nearly_parallel(u2, u3))
+        return params.fail("axes", "three axes, no neighbours parallel (the sine of their angle > 1e-5)");
       return true;
     }
     const char* expected = "three of x, y, z (or 1, 2, 3), neighbours different";

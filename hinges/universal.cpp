@@ -22,6 +22,7 @@ struct Universal {
 
   static bool pack(const Params& params, Packed& p) {
     for (int i = 0; i < 2; ++i) Eigen::Map<Eigen::Vector3d>(p.u + 3 * i) = params.vector("axes", i);
+    if (nearly_parallel(axis(p, 0), axis(p, 1))) return params.fail("axes", "two axes that are not parallel (the sine of their angle > 1e-5)");
     return true;
   }
   static Eigen::Map<const Eigen::Vector3d> axis(const Packed& p, int i) {

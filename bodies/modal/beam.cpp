@@ -1,11 +1,15 @@
 // Straight beam elements: axial, torsion, bending in two planes, with or without shear deformation.
 // Stiffness: Przemieniecki (1968), section 5.6; shapes of the consistent mass: Friedman and Kosmatka (1993).
+#include <fmt/format.h>
+
 #include <Eigen/Dense>
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "bodies/modal/elements.hpp"
+#include "bodies/modal/refuse.hpp"
 
 namespace cardan {
 namespace {
@@ -52,6 +56,8 @@ constexpr std::array<double, 4> kGaussWeight = {0.17392742256872693, 0.326072577
 }  // namespace
 
 BeamSection rectangle_section(double y, double z, bool shear) {
+  for (const auto& [name, side] : {std::pair("rectangle.width", y), std::pair("rectangle.height", z)})
+    if (!(side > 0.0) || !std::isfinite(side)) refuse({}, name, Code::out_of_range, "a number > 0 [m]", fmt::format("{:g} m", side));
   const double a = std::max(y, z), b = std::min(y, z), r = b / a;
   // Torsion constant: Roark's formula for the rectangle (Young and Budynas 2002, table 10.1), error below 4 %.
   const double J = a * b * b * b * (1.0 / 3.0 - 0.21 * r * (1.0 - r * r * r * r / 12.0));
@@ -61,6 +67,11 @@ BeamSection rectangle_section(double y, double z, bool shear) {
 
 BeamSection tube_section(double outer_radius, double wall, bool shear) {
   constexpr double kNu = 0.3;
+  if (!(outer_radius > 0.0) || !std::isfinite(outer_radius))
+    refuse({}, "tube.radius", Code::out_of_range, "a number > 0 [m]", fmt::format("{:g} m", outer_radius));
+  if (!(wall > 0.0 && wall <= outer_radius))
+    refuse({}, "tube.wall", Code::out_of_range, fmt::format("0 < wall <= {:g} m, the outer radius (a solid rod)", outer_radius),
+           fmt::format("{:g} m", wall));
   const double inner = outer_radius - wall, m2 = std::pow(inner / outer_radius, 2);
   const double I = std::numbers::pi / 4.0 * (std::pow(outer_radius, 4) - std::pow(inner, 4));
   const double kappa =

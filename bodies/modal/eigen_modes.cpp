@@ -133,9 +133,9 @@ FeModes normal_modes(const FeModel& model, const std::vector<int>& held, int cou
   else
     stiffness_factor(model, K, free.dofs, at);
 
-  Eigenpairs pairs;
+  Eigenpairs pairs, beyond;
   try {
-    pairs = lowest_eigenpairs(K, M, n_rigid + count, sigma);
+    pairs = lowest_eigenpairs(K, M, n_rigid + count, sigma, &beyond);
   } catch (const LinalgError& e) {
     refuse(at, {}, Code::fe_model, fmt::format("{} modes of {} free dofs", count, free.dofs.size()), e.what());
   }
@@ -144,7 +144,7 @@ FeModes normal_modes(const FeModel& model, const std::vector<int>& held, int cou
            fmt::format("eigenvalue {} is {:.3g} rad^2/s^2, the next {:.3g}", n_rigid, pairs.values(n_rigid - 1),
                        pairs.values(n_rigid)));
 
-  FeModes modes{pairs.values.tail(count), free.expand(pairs.vectors.rightCols(count))};
+  FeModes modes{pairs.values.tail(count), free.expand(pairs.vectors.rightCols(count)), beyond.values, free.expand(beyond.vectors)};
   if (n_rigid > 0) modes.shapes -= (rigid * (rigid.transpose() * (model.M * modes.shapes))).eval();
   return modes;
 }

@@ -12,6 +12,9 @@ namespace cardan {
 struct FeModes {
   Eigen::VectorXd omega2;  // m [rad^2/s^2] ascending
   Eigen::MatrixXd shapes;  // 6 n x m
+  // Of normal_modes(): the next ones, found on the way and not checked (0 to 4).
+  Eigen::VectorXd next_omega2 = {};
+  Eigen::MatrixXd next_shapes = {};
 };
 
 enum class RigidModes { refuse, remove };

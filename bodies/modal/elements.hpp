@@ -26,8 +26,8 @@ PlateSection plate_section(const SandwichPanel&, bool rotary_inertia);
 std::vector<int> add_plate(FeBuilder&, double x0, double length, double width, int nx, int ny, const PlateSection&);
 
 /// The models of modal_source.hpp, with lumped masses added. Throws InputError, whose key path is at.key_path and the
-/// field.
-FeModel beam_mesh(const BeamModel&, const std::vector<PointMass>&, const Located& at);
-FeModel plate_mesh(const PlateModel&, const std::vector<PointMass>&, const Located& at);
+/// field. `warnings` may be null.
+FeModel beam_mesh(const BeamModel&, const std::vector<PointMass>&, const Located& at, Warnings* warnings = nullptr);
+FeModel plate_mesh(const PlateModel&, const std::vector<PointMass>&, const Located& at, Warnings* warnings = nullptr);
 
 }  // namespace cardan

@@ -3,6 +3,7 @@
 
 #include <Eigen/Dense>
 #include <cmath>
+#include <numbers>
 
 #include "bodies/modal/elements.hpp"
 #include "bodies/modal/refuse.hpp"
@@ -13,10 +14,23 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr int kYokeElements = 8;  // per arm
+// Rounding of K grows with the fourth power of the number of elements of a beam; memory of a plate with its unknowns.
+constexpr int kMostBeamElements = 2000;
+constexpr double kMostUnknowns = 150'000, kBytesPerUnknown = 12e3;  // of a plate, factor and modes
+constexpr double kThickPlate = 0.1, kDeepBeam = 0.1;  // thickness over the shorter side, depth over length: errors of some percent
+constexpr double kSoftest = 1e5, kStiffest = 2e12, kDensest = 25e3;  // [Pa], [Pa], [kg/m^3] foams, carbon, osmium: beyond lie typing errors
+
+std::string bytes_text(double bytes) {
+  return bytes >= 1e12 ? fmt::format("{:.3g} TB", bytes / 1e12) : bytes >= 1e9 ? fmt::format("{:.3g} GB", bytes / 1e9) : fmt::format("{:.3g} MB", bytes / 1e6);
+}
 
 /// Collects the same question for one model: is the value inside its range?
 struct Checks {
   const Located& at;
+  Warnings* warnings = nullptr;
+  void doubt(Code code, const std::string& field, std::string about, std::string hint) const {
+    if (warnings) warnings->add(code, {at.key_path + "." + field, at.mark}, std::move(about), std::move(hint));
+  }
   void positive(const std::string& field, double value, const char* unit) const {
     if (!(value > 0.0) || !std::isfinite(value))
       refuse(at, field, Code::out_of_range, fmt::format("a number > 0 [{}]", unit), fmt::format("{}", value));
@@ -30,6 +44,37 @@ struct Checks {
     positive(field + ".rho", m.rho, "kg/m^3");
     if (!(m.nu > -1.0 && m.nu < 0.5))
       refuse(at, field + ".nu", Code::out_of_range, "-1 < nu < 0.5", fmt::format("{}", m.nu));
+    if (m.E < kSoftest || m.E > kStiffest)
+      doubt(Code::unusual_value, field + ".E", fmt::format("E = {:g} Pa: solids have {:g} ... {:g} Pa", m.E, kSoftest, kStiffest),
+            "a number without unit is in Pa: 70 GPa");
+    if (m.rho > kDensest)
+      doubt(Code::unusual_value, field + ".rho", fmt::format("rho = {:g} kg/m^3: nothing solid is denser than 22 600", m.rho),
+            "a number without unit is in kg/m^3");
+  }
+  /// Without shear deformation a beam is too stiff by about (E / kappa G) (pi r / length)^2 of its first frequency squared.
+  void slender(const std::string& field, const BeamSection& s, const Material& m, double length) const {
+    const auto plane = [&](const char* name, double I, double shear) {
+      const double r = std::sqrt(I / s.area), depth = std::sqrt(12.0) * r;
+      if (shear > 0.0 || depth < kDeepBeam * length) return;
+      const double part = 2.0 * (1.0 + m.nu) * 1.2 * std::pow(std::numbers::pi * r / (2.0 * length), 2);
+      doubt(Code::outside_theory, field,
+            fmt::format("bending in {}: the section is {:.3g} m deep (sqrt(12 I/A)) on a length of {:.3g} m, and shear is left out: the first frequency "
+                        "is too high by about {:.2g} %",
+                        name, depth, length, 50.0 * part),
+            "shear: true (a Timoshenko beam)");
+    };
+    plane("x-y", s.Iz, s.shear_y);
+    plane("x-z", s.Iy, s.shear_z);
+  }
+  /// Thickness beside the sides of a plate: shear and rotations of the normal are left out.
+  void thin(const std::string& field, double thickness, double length, double width) const {
+    const double side = std::min(length, width);
+    const std::string got = fmt::format("thickness {:.3g} m on sides of {:.3g} m and {:.3g} m", thickness, length, width);
+    if (thickness >= side)
+      refuse(at, field, Code::out_of_range, "a plate: thinner than its shorter side", got, "a block is a rigid body, or a beam");
+    if (thickness > kThickPlate * side)
+      doubt(Code::outside_theory, field, got + fmt::format(": the theory of thin plates leaves out shear, good to some percent up to {:g} of the shorter side", kThickPlate),
+            "results are too stiff");
   }
   void section(const std::string& field, const BeamSection& s) const {
     positive(field + ".area", s.area, "m^2");
@@ -59,12 +104,16 @@ FeModel with_masses(FeBuilder& builder, const std::vector<PointMass>& masses, st
 
 }  // namespace
 
-FeModel beam_mesh(const BeamModel& beam, const std::vector<PointMass>& masses, const Located& at) {
-  const Checks check{at};
+FeModel beam_mesh(const BeamModel& beam, const std::vector<PointMass>& masses, const Located& at, Warnings* warnings) {
+  const Checks check{at, warnings};
   check.positive("length", beam.length, "m");
   check.material("material", beam.material);
   check.section("section", beam.section);
   check.at_least("elements", beam.elements, 1);
+  if (beam.elements > kMostBeamElements)
+    refuse(at, "elements", Code::out_of_range, fmt::format("at most {}", kMostBeamElements), fmt::format("{}", beam.elements),
+           "rounding errors of the stiffness grow with the fourth power of their number; 40 give the first ten modes to six digits");
+  check.slender("section", beam.section, beam.material, beam.length);
 
   FeBuilder builder;
   for (int i = 0; i <= beam.elements; ++i) builder.add_node({beam.length * i / beam.elements, 0, 0});
@@ -75,8 +124,8 @@ FeModel beam_mesh(const BeamModel& beam, const std::vector<PointMass>& masses, c
       fmt::format("beam {} m, {} elements, {} dofs", beam.length, beam.elements, 6 * (beam.elements + 1)), at);
 }
 
-FeModel plate_mesh(const PlateModel& plate, const std::vector<PointMass>& masses, const Located& at) {
-  const Checks check{at};
+FeModel plate_mesh(const PlateModel& plate, const std::vector<PointMass>& masses, const Located& at, Warnings* warnings) {
+  const Checks check{at, warnings};
   check.positive("length", plate.length, "m");
   check.positive("width", plate.width, "m");
   check.at_least("elements_x", plate.elements_x, 1);
@@ -87,6 +136,7 @@ FeModel plate_mesh(const PlateModel& plate, const std::vector<PointMass>& masses
   if (const auto* solid = std::get_if<SolidPanel>(&plate.panel)) {
     check.material("panel.material", solid->material);
     check.positive("panel.thickness", solid->thickness, "m");
+    check.thin("panel.thickness", solid->thickness, plate.length, plate.width);
   } else {
     const auto& sandwich = std::get<SandwichPanel>(plate.panel);
     check.material("panel.face", sandwich.face);
@@ -94,7 +144,14 @@ FeModel plate_mesh(const PlateModel& plate, const std::vector<PointMass>& masses
     check.at_least("panel.core_thickness", sandwich.core_thickness, 0.0);
     check.at_least("panel.core_density", sandwich.core_density, 0.0);
     check.at_least("panel.added_mass", sandwich.added_mass, 0.0);
+    check.thin("panel.core_thickness", sandwich.core_thickness + 2 * sandwich.face_thickness, plate.length, plate.width);
   }
+  const double unknowns = 6.0 * (plate.elements_x + 1.0) * (plate.elements_y + 1.0);
+  if (unknowns > kMostUnknowns)
+    refuse(at, plate.elements_x > plate.elements_y ? "elements_x" : "elements_y", Code::out_of_range,
+           fmt::format("a mesh of at most {:g} unknowns (six at each node)", kMostUnknowns),
+           fmt::format("{} x {} elements: {:.3g} unknowns, about {}", plate.elements_x, plate.elements_y, unknowns, bytes_text(kBytesPerUnknown * unknowns)),
+           "frequencies converge with the square of the element size");
   const Yoke& yoke = plate.yoke;
   check.at_least("yoke.length", yoke.length, 0.0);
 

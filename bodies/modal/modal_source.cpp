@@ -4,6 +4,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <set>
@@ -95,7 +96,93 @@ Eigen::MatrixXd damping_matrix(const ModalSource& source, const Eigen::VectorXd&
   return c.asDiagonal();
 }
 
-ModalData solve(const FeModel& model, const ModalSource& source) {
+/// Doubts about the choice of modes and their damping.
+class ModeDoubts {
+ public:
+  ModeDoubts(const FeModel& model, const ModalSource& source, Warnings& warnings) : model_(model), source_(source), warnings_(warnings) {
+    const RigidShapes R = model.rigid_shapes();
+    rigid_ = (R.transpose() * (model.M * R)).diagonal();
+  }
+
+  /// Of a cantilever: modes that were found but are not kept, below or close above the highest one kept, and what all of them carry.
+  void truncation(const FeModes& found, const std::vector<ModeRecord>& audit) {
+    double highest = 0.0;
+    Vector6 kept = Vector6::Zero(), all = Vector6::Zero();
+    for (const ModeRecord& r : audit) {
+      all += r.effective_mass;
+      if (r.kept) highest = std::max(highest, r.frequency), kept += r.effective_mass;
+    }
+    const auto look = [&](double frequency, const Vector6& mass) {
+      Eigen::Index d;
+      const double share = mass.cwiseQuotient(rigid_).maxCoeff(&d);
+      if (frequency > kNear * highest || share < kMatters) return;
+      add(Code::truncated_modes, "modes",
+          fmt::format("a mode at {:.4g} Hz with {:.3g} % of the effective mass in {} is left out; the highest one kept has {:.4g} Hz", frequency,
+                      100.0 * share, direction(d), highest),
+          "keep it, or the others of its frequency move without it");
+    };
+    for (const ModeRecord& r : audit)
+      if (!r.kept) look(r.frequency, r.effective_mass);
+    if (found.next_omega2.size() > 0) {
+      const Eigen::MatrixXd next = participation(model_, {found.next_omega2, found.next_shapes});
+      for (Eigen::Index j = 0; j < next.cols(); ++j)
+        look(std::sqrt(std::max(0.0, found.next_omega2(j))) / (2 * std::numbers::pi), next.col(j).cwiseAbs2());
+    }
+    Eigen::Index best;
+    if (const double share = kept.cwiseQuotient(rigid_).maxCoeff(&best); share < kLittle)
+      add(Code::truncated_modes, "modes",
+          fmt::format("the modes kept carry at most {:.3g} % of the effective mass in any direction ({})", 100.0 * share, direction(best)),
+          "the rest moves as if it were rigid; keep more modes");
+    const double wanted = source_.modes.effective_mass;
+    if (wanted == 0.0 || source_.modes.count > 0 || source_.modes.max_frequency > 0.0) return;
+    std::string short_of;  // of the directions that were to reach the share
+    for (Eigen::Index d = 0; d < 6; ++d)
+      if (all(d) > kMatters * rigid_(d) && kept(d) < (2.0 * wanted - 1.0 - kRounding) * rigid_(d))
+        short_of += fmt::format("{}{:.3g} % in {}", short_of.empty() ? "" : ", ", 100.0 * kept(d) / rigid_(d), direction(d));
+    if (!short_of.empty())
+      add(Code::truncated_modes, "modes.effective_mass",
+          fmt::format("{:.4g} % is of what the {} modes computed carry, up to {:.4g} Hz; of the mass of the body they carry {}", 100.0 * wanted,
+                      audit.size(), audit.back().frequency, short_of),
+          "`count` or `max_frequency` beside it computes more modes");
+  }
+
+  /// First-order rotary terms are n_modes matrices of n_modes squared, here and in the compiled model.
+  void memory(int n_modes) {
+    const bool rotary = std::any_of(model_.point_inertia.begin(), model_.point_inertia.end(), [](const Eigen::Matrix3d& J) { return !J.isZero(0.0); });
+    const double bytes = 3.0 * std::pow(n_modes, 3) * sizeof(double);
+    if (rotary && bytes > kLargeBytes)
+      add(Code::large_run, "modes", fmt::format("the rotary inertia of {} modes takes about {:.2g} GB, and each step reads a third of it", n_modes, bytes / 1e9),
+          "keep fewer modes");
+  }
+
+  void damping(const Eigen::VectorXd& omega2, const Eigen::MatrixXd& C) {
+    for (Eigen::Index j = 0; j < omega2.size(); ++j)
+      if (const double zeta = C(j, j) / (2.0 * std::sqrt(omega2(j))); zeta >= kCritical)
+        return add(Code::unusual_value, "damping",
+                   fmt::format("mode {} at {:.4g} Hz has {:.4g} % of critical damping: it does not vibrate", j + 1,
+                               std::sqrt(omega2(j)) / (2 * std::numbers::pi), 100.0 * zeta),
+                   "structures in space have 0.1 ... 2 %");
+  }
+
+ private:
+  using Vector6 = Eigen::Matrix<double, 6, 1>;
+  static constexpr double kNear = 1.5, kMatters = 0.05, kLittle = 0.5, kCritical = 1.0, kRounding = 1e-9, kLargeBytes = 5e8;
+  static const char* direction(Eigen::Index d) {
+    constexpr std::array names = {"rotation about x", "rotation about y", "rotation about z", "translation along x", "translation along y",
+                                  "translation along z"};
+    return names[static_cast<std::size_t>(d)];
+  }
+  void add(Code code, const char* field, std::string about, std::string hint) {
+    warnings_.add(code, {source_.at.key_path + "." + field, source_.at.mark}, std::move(about), std::move(hint));
+  }
+  const FeModel& model_;
+  const ModalSource& source_;
+  Warnings& warnings_;
+  Vector6 rigid_;  // [kg m^2 | kg] of the body as it stands, about its origin
+};
+
+/// `shape`: what the mesh was doubtful about.
+ModalData solve(const FeModel& model, const ModalSource& source, const Warnings& shape, Warnings* warnings) {
   check_choice(source);
   const auto points = find_points(model, source);
   const bool free = source.boundary == Boundary::free;
@@ -115,6 +202,7 @@ ModalData solve(const FeModel& model, const ModalSource& source) {
 
   ModalData data;
   data.audit = audit_modes(model, modes, source.modes);
+  if (warnings && source.boundary == Boundary::cantilever) ModeDoubts(model, source, *warnings).truncation(modes, data.audit);
   if (!interface.empty()) {
     const auto count = std::count_if(data.audit.begin(), data.audit.end(), [](const ModeRecord& r) { return r.kept; });
     modes = craig_bampton(model, held, interface, static_cast<int>(count), source.at);
@@ -132,11 +220,13 @@ ModalData solve(const FeModel& model, const ModalSource& source) {
   const Eigen::VectorXd omega2 = modes.omega2(kept);
 
   data.n_modes = static_cast<int>(kept.size());
+  if (warnings) ModeDoubts(model, source, *warnings).memory(data.n_modes);
   data.integrals = modal_integrals(model.mass_field(shapes));
   data.integrals.I6.setIdentity();  // what the modes are normalised to; the sum differs by rounding
   if (free) data.integrals.I3.setZero(), data.integrals.I4.setZero();  // mean axes, likewise
   data.K = omega2.asDiagonal();
   data.C = damping_matrix(source, omega2);
+  if (warnings) ModeDoubts(model, source, *warnings).damping(omega2, data.C);
   for (const auto& [point, node] : points) {
     ModalNode n;
     n.name = point.name;
@@ -145,6 +235,11 @@ ModalData solve(const FeModel& model, const ModalSource& source) {
     n.Psi = shapes.middleRows(6 * node + 3, 3);
     data.nodes.push_back(std::move(n));
   }
+  if (warnings)
+    for (Warning w : shape.all()) {
+      w.what.about += fmt::format("; the first mode has {:.4g} Hz", std::sqrt(omega2(0)) / (2 * std::numbers::pi));
+      warnings->add(std::move(w.what));
+    }
   data.source = model.description + ", ARPACK shift-invert";
   data.content_hash = content_hash(data);
   return data;
@@ -152,8 +247,17 @@ ModalData solve(const FeModel& model, const ModalSource& source) {
 
 struct Maker {
   const ModalSource& source;
-  ModalData operator()(const BeamModel& m) const { return solve(beam_mesh(m, source.masses, source.at), source); }
-  ModalData operator()(const PlateModel& m) const { return solve(plate_mesh(m, source.masses, source.at), source); }
+  Warnings* warnings;
+  ModalData operator()(const BeamModel& m) const {
+    Warnings shape;
+    const FeModel mesh = beam_mesh(m, source.masses, source.at, &shape);
+    return solve(mesh, source, shape, warnings);
+  }
+  ModalData operator()(const PlateModel& m) const {
+    Warnings shape;
+    const FeModel mesh = plate_mesh(m, source.masses, source.at, &shape);
+    return solve(mesh, source, shape, warnings);
+  }
   ModalData operator()(const LumpedModel& m) const {
     ModalData data = lumped_modal_data(m.mass_nodes, m.K, m.C, m.nodes);
     data.content_hash = content_hash(data);
@@ -164,8 +268,8 @@ struct Maker {
 
 }  // namespace
 
-ModalData make_modal_data(const ModalSource& source) {
-  ModalData data = std::visit(Maker{source}, source.model);
+ModalData make_modal_data(const ModalSource& source, Warnings* warnings) {
+  ModalData data = std::visit(Maker{source, warnings}, source.model);
   check_nodes(data.nodes, data.n_modes, source.at);
   return data;
 }

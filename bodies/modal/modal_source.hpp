@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/base/diagnostic.hpp"
+#include "core/base/warnings.hpp"
 #include "core/spatial/modal_data.hpp"
 
 namespace cardan {
@@ -26,8 +27,9 @@ struct BeamSection {
   double shear_y = 0.0;  // [-] shear area over area for shear along y; 0: no shear deformation (Euler-Bernoulli)
   double shear_z = 0.0;  // [-] the same along z
 };
-BeamSection rectangle_section(double width_y, double height_z, bool shear = false);  // [m], full; shear factor 5/6
-BeamSection tube_section(double outer_radius, double wall, bool shear = false);  // [m], round; Cowper (1966), nu = 0.3
+// Sizes in m. Throw InputError C0301 with the key path rectangle.width, rectangle.height, tube.radius or tube.wall.
+BeamSection rectangle_section(double width_y, double height_z, bool shear = false);  // full sides; shear factor 5/6
+BeamSection tube_section(double outer_radius, double wall, bool shear = false);      // round; Cowper (1966), nu = 0.3
 
 /// A mass rigidly fixed to the nearest node of the mesh, which has to lie within one element of `position`.
 struct PointMass {
@@ -125,7 +127,8 @@ struct ModalSource {
 };
 
 /// Assembles, solves, chooses, integrates. Throws InputError: C0321 bad_modal_data, C0322 rigid_body_mode, C0323
-/// fe_model. The result is a function of `source` alone, bit for bit.
-ModalData make_modal_data(const ModalSource& source);
+/// fe_model; C0301 also for a mesh that is too fine. The result is a function of `source` alone, bit for bit. What is legal but doubtful
+/// goes to `warnings`: W0302 (materials, damping), W0304 (plates as thick as wide, short beams), W0305 (modes left out).
+ModalData make_modal_data(const ModalSource& source, Warnings* warnings = nullptr);
 
 }  // namespace cardan

@@ -20,6 +20,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kClusterGap = 1e-8;      // of lambda - sigma
+constexpr double kGroupGap = 1e-3;        // likewise, of pairs that are refined together
+constexpr double kOffset = 1e-9;          // relative, of the shift of their inverse iteration: K - rho M is not singular
 constexpr double kTie = 1e-6;             // relative
 constexpr double kResidualLimit = 1e-10;  // backward error; a converged pair has about 1e-15
 constexpr int kMaxRestarts = 1000;
@@ -120,6 +122,36 @@ void fix_basis(Eigen::Ref<MatrixXd> X) {
   }
 }
 
+/// Every basis of a cluster to the one of its subspace, and signs.
+void fix_vectors(Eigenpairs& pairs, int begin, int end, double sigma) {
+  MatrixXd& X = pairs.vectors;
+  for (int first = begin, last; first < end; first = last) {
+    last = first + 1;
+    while (last < end && pairs.values(last) - pairs.values(last - 1) < kClusterGap * (pairs.values(last) - sigma)) ++last;
+    fix_basis(X.middleCols(first, last - first));
+  }
+  for (int j = begin; j < end; ++j)
+    if (X(first_of_largest(X.col(j).cwiseAbs()), j) < 0.0) X.col(j) *= -1.0;
+}
+
+/// Inverse iteration of pairs first ... last - 1 about their mean, then the best vectors of the space they span (Rayleigh, Ritz).
+void refine(const SparseMatrix& K, const SparseMatrix& M, const auto& shifted, int first, int last, double sigma, Eigenpairs& pairs) {
+  const int m = last - first;
+  const double rho = pairs.values.segment(first, m).mean() * (1.0 + kOffset);
+  const SparseFactor factor = shifted(rho);
+  MatrixXd X = pairs.vectors.middleCols(first, m);
+  for (int i = 0; i < 2; ++i) {
+    X = factor.solve(MatrixXd(M * X));
+    for (int j = 0; j < m; ++j) X.col(j) /= std::sqrt(X.col(j).dot(M * X.col(j)));
+  }
+  const MatrixXd A = X.transpose() * (K * X), B = X.transpose() * (M * X);
+  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> ritz(0.5 * (A + A.transpose()), 0.5 * (B + B.transpose()));
+  if (ritz.info() != Eigen::Success) return;  // as they were: the residual tells
+  pairs.values.segment(first, m) = ritz.eigenvalues();
+  pairs.vectors.middleCols(first, m) = X * ritz.eigenvectors();
+  fix_vectors(pairs, first, last, sigma);
+}
+
 }  // namespace
 
 Eigenpairs lowest_eigenpairs(const LinearOperator& inverse, const LinearOperator& mass, int k, double sigma) {
@@ -151,17 +183,11 @@ Eigenpairs lowest_eigenpairs(const LinearOperator& inverse, const LinearOperator
   const Eigen::LLT<MatrixXd> gram(X.transpose() * MX);
   X = gram.matrixU().solve<Eigen::OnTheRight>(X).eval();
 
-  for (int first = 0, last; first < k; first = last) {
-    last = first + 1;
-    while (last < k && out.values(last) - out.values(last - 1) < kClusterGap * (out.values(last) - sigma)) ++last;
-    fix_basis(X.middleCols(first, last - first));
-  }
-  for (int j = 0; j < k; ++j)
-    if (X(first_of_largest(X.col(j).cwiseAbs()), j) < 0.0) X.col(j) *= -1.0;
+  fix_vectors(out, 0, k, sigma);
   return out;
 }
 
-Eigenpairs lowest_eigenpairs(const SparseMatrix& K, const SparseMatrix& M, int k, double sigma) {
+Eigenpairs lowest_eigenpairs(const SparseMatrix& K, const SparseMatrix& M, int k, double sigma, Eigenpairs* beyond) {
   const int n = static_cast<int>(K.rows());
   const auto infinity_norm = [n](const SparseMatrix& A) {
     VectorXd sums = VectorXd::Zero(n);
@@ -191,12 +217,21 @@ Eigenpairs lowest_eigenpairs(const SparseMatrix& K, const SparseMatrix& M, int k
   }
 
   const double K_norm = infinity_norm(K), M_norm = infinity_norm(M);
-  for (int j = 0; j < k; ++j) {
+  const auto residual = [&](int j) {
     const VectorXd x = found.vectors.col(j);
     const double lambda = found.values(j);
     const double size = (K_norm + std::abs(lambda) * M_norm) * x.cwiseAbs().maxCoeff();
-    const double error = (K * x - lambda * (M * x)).cwiseAbs().maxCoeff() / size;
-    if (!(error <= kResidualLimit))
+    return (K * x - lambda * (M * x)).cwiseAbs().maxCoeff() / size;
+  };
+  const int n_found = static_cast<int>(found.values.size());
+  for (int j = 0; j < k; ++j) {
+    if (residual(j) <= kResidualLimit) continue;
+    int first = j, last = j + 1;  // with its close neighbours, found or not yet good
+    const auto close = [&](int i) { return found.values(i) - found.values(i - 1) < kGroupGap * (found.values(i) - sigma); };
+    while (first > 0 && close(first)) --first;
+    while (last < n_found && close(last)) ++last;
+    refine(K, M, shifted, first, last, sigma, found);
+    if (const double error = residual(j); !(error <= kResidualLimit))
       throw LinalgError(fmt::format("eigenpair {} has a residual of {:.2g}", j + 1, error));
   }
 
@@ -210,6 +245,7 @@ Eigenpairs lowest_eigenpairs(const SparseMatrix& K, const SparseMatrix& M, int k
     if (there != below)
       throw LinalgError(fmt::format("{} eigenvalues found below {:.6g}, but there are {}", below, mu, there));
   }
+  if (beyond) *beyond = {found.values.tail(n_found - k), found.vectors.rightCols(n_found - k)};
   found.values.conservativeResize(k);
   found.vectors.conservativeResize(Eigen::NoChange, k);
   return found;

@@ -108,7 +108,8 @@ FlexibleBody flexible_of(const BodySpec& body, const cardan_body_family& family,
   f.packed.resize((family.packed_size(&view) + 7) / 8);
   if (family.pack(&view, f.packed.data()) != 0) {
     sink.report({Code::bad_modal_data, body.at, "lumped masses or the integrals I9 for level 2 (at most 128 modes with nodal rotary inertia)",
-                 "modal data without them", "take level 1, which needs neither", "", "", 0});
+                 "modal data without them",
+                 "level 2 takes `lumped`, and a `plate` with `rotary_inertia: false` and no yoke; a `beam` has rotary inertia at every node: take level 1", "", "", 0});
     return f;
   }
   cardan_body_facts facts{};

@@ -86,12 +86,16 @@ Eigen::Vector3d read_vector(const DocRef& value, std::string_view unit, ReadCont
 }
 
 int read_integer(const DocRef& value, int least, ReadContext& context) {
+  constexpr double kMost = 1e9;
+  bool too_large = false;
   if (value.node->kind == Kind::scalar) {
     const auto number = parse_number(value.node->text);
-    if (number && *number == std::floor(*number) && *number >= least && *number <= 1e9)
+    if (number && *number == std::floor(*number) && *number >= least && *number <= kMost)
       return static_cast<int>(*number);
+    too_large = number && *number > kMost;
   }
-  context.sink.report(Code::out_of_range, value.at(), fmt::format("a whole number of at least {}", least),
+  context.sink.report(Code::out_of_range, value.at(),
+                      fmt::format("a whole number of at least {}{}", least, too_large ? fmt::format(" and at most {:g}", kMost) : ""),
                       describe(*value.node));
   return least;
 }

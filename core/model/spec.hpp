@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/base/diagnostic.hpp"
+#include "core/base/warnings.hpp"
 #include "core/spatial/modal_data.hpp"
 
 namespace cardan {
@@ -89,6 +90,7 @@ struct SystemSpec {
   std::string source_file, source_text;                   // where it was read from, and its bytes (hashed in results)
   std::vector<std::pair<std::string, std::string>> defaults_used;  // key path, value: what `describe` lists
   std::map<std::string, SourceMark, std::less<>> marks;   // key path of each value of the input and where it stands
+  Warnings warnings;                                      // of reading and of making the modes
 
   /// The key path with its place; with that of the nearest object around it where it has none of its own.
   Located locate(std::string key_path) const {

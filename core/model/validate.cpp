@@ -12,12 +12,21 @@
 
 #include "core/abi/param_values.hpp"
 #include "core/base/units.hpp"
+#include "core/model/doubts.hpp"
 #include "core/model/schema.hpp"
 
 namespace cardan {
 namespace {
 
 constexpr double kTriangleTolerance = 1e-6;  // relative; moments are typed with a finite number of digits
+
+/// Positive definite, and the pivots of L D L* say so well above round-off.
+bool surely_positive(const Eigen::Matrix3d& A) {
+  const double margin = 1e-9 * A.trace(), a = A(1, 0), b = A(2, 0), d0 = A(0, 0);
+  if (!(d0 > margin)) return false;
+  const double d1 = A(1, 1) - a * a / d0, c = A(2, 1) - a * b / d0;
+  return d1 > margin && A(2, 2) - b * b / d0 - c * c / d1 > margin;
+}
 
 /// The checks of one description that need no family.
 class Structure {
@@ -75,34 +84,13 @@ class Structure {
   }
 
   void check_inertia(const BodySpec& body, const auto& at) {
-    const Eigen::Matrix3d& I = body.inertia_com;
-    if (!I.allFinite() || !I.isApprox(I.transpose(), 1e-12))
-      return report(Code::unphysical_inertia, at(".inertia"), "a symmetric tensor of finite numbers", "something else");
-    // p_max <= (p_min + p_mid) (1 + e) is p_max <= tr I (1 + e)/(2 + e); where that and p_min > 0 hold with a margin, a look at
-    // pivots is enough.
-    const double largest = I.trace() * (1.0 + kTriangleTolerance) / (2.0 + kTriangleTolerance);
-    if (surely_positive(I) && surely_positive(largest * Eigen::Matrix3d::Identity() - I)) return;
-    const Eigen::Vector3d p = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(I, Eigen::EigenvaluesOnly).eigenvalues();
-    const std::string moments = fmt::format("{:.6g}, {:.6g}, {:.6g} kg m^2 about the mass centre", p[2], p[1], p[0]);
-    if (!(p[0] > 0.0))
-      return report(Code::unphysical_inertia, at(".inertia"), "principal moments > 0", moments,
-                    p[2] == 0.0 ? "a body without extent is `type: particle`" : about_hint(body));
-    if (p[2] > (p[0] + p[1]) * (1.0 + kTriangleTolerance))
-      report(Code::unphysical_inertia, at(".inertia"), "principal moments that satisfy the triangle inequality",
-             fmt::format("{}   ({:.6g} > {:.6g} + {:.6g})", moments, p[2], p[0], p[1]), about_hint(body));
-  }
-  /// Positive definite, and the pivots of L D L* say so well above round-off.
-  static bool surely_positive(const Eigen::Matrix3d& A) {
-    const double margin = 1e-9 * A.trace(), a = A(1, 0), b = A(2, 0), d0 = A(0, 0);
-    if (!(d0 > margin)) return false;
-    const double d1 = A(1, 1) - a * a / d0, c = A(2, 1) - a * b / d0;
-    return d1 > margin && A(2, 2) - b * b / d0 - c * c / d1 > margin;
-  }
-  std::string about_hint(const BodySpec& body) const {
-    if (body.com.isZero()) return "products of inertia are the entries of the tensor: xy = - sum m x y";
-    return spec_.marks.count(body_path(body) + ".inertia.about")
-               ? "about: origin takes mass (|c|^2 1 - c c^T) off the tensor given, c = com"
-               : "inertia is about the mass centre; give `about: origin` if it is not";
+    const InertiaFault fault = inertia_fault(body.inertia_com, false);
+    if (fault.expected.empty()) return;
+    // A tensor about any point of a body obeys these laws too: taking `about: origin` away may help, adding it cannot.
+    const bool shifted = spec_.marks.count(body_path(body) + ".inertia.about") && !body.com.isZero();
+    report(Code::unphysical_inertia, at(".inertia"), fault.expected, fault.got,
+           shifted ? "about: origin takes mass (|c|^2 1 - c c^T) off the tensor given, c = com; leave it out if the tensor is about the mass centre"
+                   : fault.hint);
   }
 
   void check_nodes(const BodySpec& body) {
@@ -347,9 +335,22 @@ void check_initial_values(const SystemSpec& spec, const BodySpec& body, const ca
   }
 }
 
+/// What is held can neither be given a motion nor begin with one.
+void check_locked(const SystemSpec& spec, const BodySpec& body, DiagnosticSink& sink) {
+  const std::string path = body_path(body) + ".hinge";
+  if (!body.hinge.prescribed.empty())
+    sink.report(Code::wrong_type, spec.locate(path + ".prescribed"), "locked or prescribed, not both", "locked: true and prescribed components",
+                "`locked` holds all components at their initial coordinates; a component that is prescribed stands still until it gets a profile");
+  if (std::any_of(body.hinge.v.begin(), body.hinge.v.end(), [](double v) { return v != 0.0; }))
+    sink.report(Code::bad_initial_state, spec.locate(path + ".initial"), "no initial velocity: the hinge is locked",
+                fmt::format("velocities {:g}", fmt::join(body.hinge.v, ", ")), "take `locked` or the velocity away");
+}
+
 void check_components(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family,
                       DiagnosticSink& sink) {
-  if (body.hinge.prescribed.empty() && body.hinge.springs.empty()) return;
+  const HingeSpec& hinge = body.hinge;
+  if (hinge.locked) check_locked(spec, body, sink);
+  if (hinge.prescribed.empty() && hinge.springs.empty()) return;
   const std::string path = body_path(body) + ".hinge";
   const auto exists = [&](int component, const std::string& at) {
     const bool ok = component >= 0 && component < static_cast<int>(family.nv);
@@ -375,7 +376,57 @@ void check_components(const SystemSpec& spec, const BodySpec& body, const cardan
   }
 }
 
+/// A hinge that transmits a force needs a material point on both sides: the frame of mean axes is none.
+void check_attachment(const SystemSpec& spec, const BodySpec& body, int inboard, const cardan_hinge_family& family,
+                      DiagnosticSink& sink) {
+  const HingeSpec& hinge = body.hinge;
+  if (family.nv == 6 && !hinge.locked && hinge.springs.empty()) return;
+  const auto check = [&](const BodySpec& flexible, const std::string& node, const char* key) {
+    if (!node.empty() || !flexible.modal || !has_mean_axes(*flexible.modal)) return;
+    std::vector<std::string> nodes;
+    for (const ModalNode& n : flexible.modal->nodes) nodes.push_back(n.name);
+    sink.report(Code::no_attachment, spec.locate(fmt::format("{}.hinge{}", body_path(body), key)),
+                nodes.empty() ? fmt::format("a node of {}, which has none", flexible.name)
+                              : fmt::format("a node of {}: {}", flexible.name, one_of(nodes)),
+                "its floating frame",
+                "modes of `boundary: free` leave the frame at rest, so that a hinge on it neither moves them nor is moved; a cantilever held at the "
+                "hinge converges with far fewer modes");
+  };
+  check(body, hinge.body_node, ".at");
+  if (inboard >= 0) check(spec.bodies[static_cast<std::size_t>(inboard)], hinge.inboard_node, ".to");
+}
+
 }  // namespace
+
+InertiaFault inertia_fault(const Eigen::Matrix3d& I, bool point) {
+  if (!I.allFinite() || !I.isApprox(I.transpose(), 1e-12)) return {"a symmetric tensor of finite numbers", "something else", ""};
+  if (point && I.isZero(0.0)) return {};
+  // p_max <= (p_min + p_mid) (1 + e) is p_max <= tr I (1 + e)/(2 + e); where that and p_min > 0 hold with a margin, a look at
+  // pivots is enough.
+  const double largest = I.trace() * (1.0 + kTriangleTolerance) / (2.0 + kTriangleTolerance);
+  if (surely_positive(I) && surely_positive(largest * Eigen::Matrix3d::Identity() - I)) return {};
+  const Eigen::Vector3d p = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(I, Eigen::EigenvaluesOnly).eigenvalues();
+  const std::string moments = fmt::format("{:.6g}, {:.6g}, {:.6g} kg m^2 about the mass centre", p[2], p[1], p[0]);
+  if (point ? p[0] < -kTriangleTolerance * p[2] : !(p[0] > 0.0))
+    return {point ? "principal moments >= 0" : "principal moments > 0", moments, p[2] == 0.0 ? "a body without extent is `type: particle`" : ""};
+  const double excess = p[2] - p[0] - p[1];
+  if (!(excess > (p[0] + p[1]) * kTriangleTolerance)) return {};
+  InertiaFault fault{"principal moments that satisfy the triangle inequality",
+                     fmt::format("{}   ({:.6g} > {:.6g} + {:.6g})", moments, p[2], p[0], p[1]), ""};
+  if (I.isDiagonal(0.0)) return fault;
+  const Eigen::Matrix3d diagonal = I.diagonal().asDiagonal(), other_sign = 2.0 * diagonal - I;
+  const auto possible = [](const Eigen::Matrix3d& A) {
+    const Eigen::Vector3d m = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(A, Eigen::EigenvaluesOnly).eigenvalues();
+    return m[0] >= 0.0 && m[2] <= (m[0] + m[1]) * (1.0 + kTriangleTolerance);
+  };
+  if (possible(diagonal))
+    fault.hint = possible(other_sign)
+                     ? "products of inertia are the entries of the tensor, xy = - sum m x y: with the other sign it would be possible"
+                     : fmt::format("its products are too large for its moments (a flat body, one moment the sum of the others, has none out of its "
+                                   "plane); {:.3g} kg m^2 more in each moment would do, {:.2g} % of the largest",
+                                   excess, 100.0 * excess / p[2]);
+  return fault;
+}
 
 std::string body_path(const BodySpec& body) { return "bodies." + body.name; }
 
@@ -400,6 +451,7 @@ std::vector<CheckedHinge> validate(const SystemSpec& spec, const Registry& regis
     hinges[i] = {structure.inboard()[i], family, pack_hinge(spec, body, *family, sink)};
     check_initial_values(spec, body, *family, sink);
     check_components(spec, body, *family, sink);
+    check_attachment(spec, body, structure.inboard()[i], *family, sink);
   }
   return hinges;
 }

@@ -26,6 +26,13 @@ std::vector<CheckedHinge> validate(const SystemSpec& spec, const Registry& regis
 std::vector<double> pack_hinge(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family,
                                DiagnosticSink& sink);
 
+/// Why no body has this tensor about its mass centre; empty texts: one can.
+struct InertiaFault {
+  std::string expected, got, hint;  // the hint is empty where nothing is known
+};
+/// `point`: of a mass at a point, which may have no extent in a direction, or none at all.
+InertiaFault inertia_fault(const Eigen::Matrix3d& I, bool point);
+
 /// "bodies.<name>", the key path of a body.
 std::string body_path(const BodySpec& body);
 

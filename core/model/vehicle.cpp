@@ -184,7 +184,7 @@ class VehicleReader {
       for (const DocNode& item : to.node->items) names += (names.empty() ? "" : " and ") + describe(item);
       context_.sink.report(
           Code::two_parents, to.at(), "one body, body.node or world", names,
-          "the hinges of a vehicle form a tree; a closed loop is a loop closure beside it, not a second hinge");
+          "the hinges of a vehicle form a tree: hang the body on one of them");
       return;
     }
     std::string name;

@@ -45,6 +45,14 @@ double MotionProfile::rate(double t) const {
   return a.second + (b.second - a.second) * (t - a.first) / (b.first - a.first);
 }
 
+double MotionProfile::largest_rate(double t_0, double t_1) const {
+  if (points_.empty()) return std::abs(amplitude_ * 2.0 * std::numbers::pi * frequency_);
+  double largest = std::max(std::abs(rate(t_0)), std::abs(rate(t_1)));
+  for (const auto& [t, x] : points_)
+    if (t > t_0 && t < t_1) largest = std::max(largest, std::abs(x));
+  return largest;
+}
+
 double MotionProfile::acceleration(double t) const {
   if (points_.empty()) {
     const double w = 2.0 * std::numbers::pi * frequency_;

@@ -19,6 +19,8 @@ class MotionProfile {
   static MotionProfile sine(double amplitude, double frequency, double phase);
 
   double rate(double t) const;
+  /// Largest |rate| from t_0 to t_1; of a sine, over a full period.
+  double largest_rate(double t_0, double t_1) const;
   /// v' at t; at a corner, that of the stretch which begins there.
   double acceleration(double t) const;
   /// First corner after t; infinity if there is none.

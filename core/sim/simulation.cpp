@@ -101,8 +101,14 @@ void Simulation::prescribe(int v_index, MotionProfile profile) {
   const auto p = std::ranges::find(prescribed_, v_index, &Prescribed::index);
   if (p == prescribed_.end()) return;
   p->profile = std::move(profile);
+  p->given = true;
   if (begun_) state_.v[v_index] = p->profile.rate(state_.t);
   changed();
+}
+
+const MotionProfile* Simulation::profile(int v_index) const {
+  const auto p = std::ranges::find(prescribed_, v_index, &Prescribed::index);
+  return p == prescribed_.end() || !p->given ? nullptr : &p->profile;
 }
 
 int Simulation::add_wrench(int node, bool world_axes) {

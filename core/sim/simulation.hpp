@@ -72,6 +72,8 @@ class Simulation {
   void every(Rational period, std::function<void()> task, Rational offset = {});
   void add_event(Event event);
   void prescribe(int v_index, MotionProfile profile);
+  /// The motion that a prescribed component was given; null: it was given none (and holds its initial rate), or is free.
+  const MotionProfile* profile(int v_index) const;
   /// A wrench on a node, zero at first; returns its slot. world_axes: else node axes.
   int add_wrench(int node, bool world_axes);
   /// Outputs are written at this period, at the start and at the end. The recorder must outlive the run.
@@ -142,6 +144,7 @@ class Simulation {
   struct Prescribed {
     int index;
     MotionProfile profile;
+    bool given = false;  // by prescribe()
   };
   std::vector<Prescribed> prescribed_;
   std::vector<double> tau_, tau_total_;    // of actuators; with springs and dampers, which evaluate() sets where they act

@@ -14,6 +14,7 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
     begun_ = true;
     schedule_.start(state_.t);
     for (const auto& p : prescribed_) state_.v[p.index] = p.profile.rate(state_.t);
+    observed_ = false;
     begin_ledger();
   }
   while (!stopped_) {

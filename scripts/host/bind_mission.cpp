@@ -56,6 +56,7 @@ int controller(lua_State* L, Scenario& s) {
     t.reject("rate", "a rate, or a period");
   else
     c.period = rate ? period_from_hertz(*rate, here) : period_from_seconds(*period, here);
+  c.at = {fmt::format("controller {}.{}", c.name, rate ? "rate" : "period"), here.mark};
   c.step = d.function("step", true);
   d.finish();
   s.controllers.push_back(std::move(c));

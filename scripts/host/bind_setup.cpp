@@ -221,6 +221,12 @@ int plugin(lua_State* L, Scenario& s) {
   return 0;
 }
 
+/// The key path inside the vehicle of a --set; empty: it is about something else. As in messages, or with "vehicle." before it.
+std::string_view vehicle_path(std::string_view key) {
+  if (key.starts_with("vehicle.")) return key.substr(std::strlen("vehicle."));
+  return key.starts_with("bodies.") || key.starts_with("gravity.") ? key : std::string_view();
+}
+
 int vehicle(lua_State* L, Scenario& s) {
   expect_setup(L, s, "vehicle", false);
   const std::string name = luaL_checkstring(L, 1);
@@ -228,8 +234,8 @@ int vehicle(lua_State* L, Scenario& s) {
     refuse(L, Code::lua_argument, "vehicle", "one vehicle", "a second one", "a vehicle may hold several free bodies");
   Overrides overrides;
   for (Setting& set : s.settings)
-    if (set.key.starts_with("vehicle.")) {
-      overrides.emplace_back(set.key.substr(std::strlen("vehicle.")), set.value);
+    if (const std::string_view path = vehicle_path(set.key); !path.empty()) {
+      overrides.emplace_back(path, set.value);
       set.used = true;
     }
   const std::string path = (s.folder / name).string();

@@ -3,7 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
+#include <numbers>
 
+#include "core/linalg/linear_operator.hpp"
+#include "core/operators/system_modes.hpp"
+#include "core/sim/flexible_limits.hpp"
 #include "core/soa/cost.hpp"
 #include "scripts/host/run_mission.hpp"
 
@@ -97,7 +102,12 @@ Json modes(const Model& m) {
                        {"effective_mass", std::vector<double>(r.effective_mass.begin(), r.effective_mass.end())},
                        {"kept", r.kept},
                        {"reason", r.reason}});
-    all.push_back({{"body", b.name}, {"source", b.modal->source}, {"kept", b.modal->n_modes}, {"audit", audit}});
+    const ModalIntegrals& I = b.modal->integrals;  // about the origin of the body, as effective masses are
+    all.push_back({{"body", b.name},
+                   {"source", b.modal->source},
+                   {"kept", b.modal->n_modes},
+                   {"audit", audit},
+                   {"rigid_mass", {I.I7(0, 0), I.I7(1, 1), I.I7(2, 2), I.I1, I.I1, I.I1}}});
   }
   return all;
 }
@@ -120,8 +130,13 @@ Json not_modelled(const Model& m) {
   if (m.gravity.kind == GravitySpec::Kind::central && !m.gravity.gradient)
     all.emplace_back("gravity gradient: none, the force acts at the mass centres");
   for (const BodySpec& b : m.spec->bodies) {
-    if (b.modal && b.level == 0) all.push_back(b.name + ": deformation does not change its inertia (level 0)");
-    if (b.modal && b.level == 1) all.push_back(b.name + ": inertia to first order in the deformation (level 1)");
+    if (!b.modal || b.modal->n_modes == 0) continue;
+    if (b.level == 0) all.push_back(b.name + ": deformation does not change its inertia (level 0)");
+    if (b.level == 1) all.push_back(b.name + ": inertia to first order in the deformation (level 1)");
+    if (const double w = first_frequency(*b.modal); !has_stiffening(b))
+      all.push_back(fmt::format("{}: centrifugal stiffening, of the order of (Omega/omega_1)^2 of the stiffness of its first mode ({:.4g} Hz): 1 % at "
+                                "{:.3g} rad/s, all of it at {:.3g} rad/s",
+                                b.name, w / (2 * std::numbers::pi), 0.1 * w, w));
   }
   std::string rigid;
   for (const BodySpec& b : m.spec->bodies)
@@ -130,6 +145,47 @@ Json not_modelled(const Model& m) {
   all.emplace_back("friction at hinges, beyond the dampers given");
   all.emplace_back("forces of the environment: atmosphere, sunlight, magnetic field");
   return all;
+}
+
+/// Small vibrations of the assembled system about the initial state, and who takes part most in each.
+Json system_modes(const Scenario& s, int elastic) {
+  soa::TreeOperators tree(s.model);
+  tree.at(s.sim->state().q.data());
+  const auto largest = [](const Eigen::VectorXd& shares, const std::vector<std::string>& names) {
+    Eigen::Index i = 0;
+    const double share = shares.maxCoeff(&i);
+    return Json{{"name", names[static_cast<std::size_t>(i)]}, {"share", share}};
+  };
+  try {
+    const soa::SystemModes found = soa::system_modes(tree, {elastic, 0});
+    Json rows = Json::array();
+    for (Eigen::Index j = found.first_elastic; j < found.frequency.size(); ++j)
+      rows.push_back({{"frequency_hz", found.frequency(j)},
+                      {"damping", found.damping(j)},
+                      {"kinetic", largest(found.kinetic.col(j), found.bodies)},
+                      {"strain", largest(found.strain.col(j), found.labels.names)}});
+    return {{"rigid", found.n_rigid}, {"modes", rows}};
+  } catch (const InputError& e) {
+    return {{"why_not", e.diagnostics().front().got}};
+  } catch (const NumericsError& e) {
+    return {{"why_not", e.failure().what}};
+  } catch (const LinalgError& e) {
+    return {{"why_not", e.what()}};
+  }
+}
+
+/// Not asked for: of systems where it takes no time to notice, if there is any stiffness.
+int modes_worth_telling(const Model& m, int asked) {
+  constexpr int kDefault = 10, kSmall = 400;
+  if (asked >= 0) return asked;
+  const bool springs = std::any_of(m.springs.begin(), m.springs.end(), [](const Spring& s) { return s.stiffness != 0.0; });
+  return (springs || m.n_modes > 0) && m.nv <= kSmall ? kDefault : 0;
+}
+
+Json warnings(const Warnings& all) {
+  Json out = Json::array();
+  for (const Warning& w : all.all()) out.push_back(to_json(w));
+  return out;
 }
 
 std::string gravity_text(const GravitySpec& g) {
@@ -145,8 +201,9 @@ std::string listed(const Json& names) {
 
 }  // namespace
 
-Json describe_model(Scenario& s, bool measured) {
+Json describe_model(Scenario& s, bool measured, int n_modes) {
   const Model& m = *s.model;
+  n_modes = modes_worth_telling(m, n_modes);
   Json controllers = Json::array(), defaults = Json::object();
   for (const Controller& c : s.controllers)
     controllers.push_back(
@@ -163,11 +220,13 @@ Json describe_model(Scenario& s, bool measured) {
       {"bodies", bodies(m)},
       {"masses", masses(s)},
       {"modes", modes(m)},
+      {"system_modes", n_modes > 0 ? system_modes(s, n_modes) : Json()},
       {"gravity", gravity_text(m.gravity)},
       {"program", measured ? sweep_program(m, s.sim->state(), true) : header.sweep_program},
       {"workspace_bytes", soa::workspace_bytes(m)},
       {"ops", ops(s, measured)},
       {"not_modelled", not_modelled(m)},
+      {"warnings", warnings(s.warnings)},
       {"defaults", defaults}};
 }
 
@@ -205,7 +264,10 @@ std::string description_text(const Json& d) {
                        body["source"].get<std::string>(), "", "[Hz]", "kind",
                        "effective mass rx ry rz [kg m^2], x y z [kg]");
     int i = 0;
+    std::array<double, 6> kept{};
     for (const Json& mode : body["audit"]) {
+      for (std::size_t k = 0; k < 6; ++k)
+        if (mode["kept"].get<bool>()) kept[k] += mode["effective_mass"][k].get<double>();
       std::string mass;
       for (const Json& x : mode["effective_mass"])
         mass += fmt::format("{:>9.3g}", x.get<double>() > kRoundOff ? x.get<double>() : 0.0);
@@ -213,6 +275,22 @@ std::string description_text(const Json& d) {
                          mode["kind"].get<std::string>(), mass, mode["kept"].get<bool>() ? "yes" : "no",
                          mode["reason"].get<std::string>().empty() ? "" : ": " + mode["reason"].get<std::string>());
     }
+    std::string shares;
+    for (std::size_t k = 0; k < 6; ++k) shares += fmt::format("{:>9.3g}", body["rigid_mass"][k].get<double>() > 0 ? 100.0 * kept[k] / body["rigid_mass"][k].get<double>() : 0.0);
+    if (i > 0) out += fmt::format("  {:<34}{}  kept, % of the whole body\n", "", shares);
+  }
+
+  if (const Json& system = d["system_modes"]; !system.is_null()) {
+    out += "\nmodes of the whole about the initial state, at rest, without gravity and preload\n";
+    if (system.contains("why_not")) out += "  not found: " + system["why_not"].get<std::string>() + "\n";
+    int i = system.value("rigid", 0);
+    if (i > 0) out += fmt::format("  1 ... {}: without stiffness\n", i);
+    const auto part = [](const Json& p) { return fmt::format("{} {:.0f} %", p["name"].get<std::string>(), 100.0 * p["share"].get<double>()); };
+    if (!system.value("modes", Json::array()).empty())
+      out += fmt::format("  {:>4}{:>12}{:>12}  {:<32}{}\n", "", "[Hz]", "damping [%]", "most of the motion", "most of the strain");
+    for (const Json& mode : system.value("modes", Json::array()))
+      out += fmt::format("  {:>4}{:>12.5g}{:>12.3g}  {:<32}{}\n", ++i, mode["frequency_hz"].get<double>(), 100.0 * mode["damping"].get<double>(),
+                         part(mode["kinetic"]), part(mode["strain"]));
   }
 
   out += fmt::format("\ngravity: {}\n\nprogram of sweeps, in order\n", d["gravity"].get<std::string>());
@@ -222,6 +300,9 @@ std::string description_text(const Json& d) {
   out += fmt::format("\nintegrator: {}\n", d["mission"]["integrator"].get<std::string>());
   out += "\nnot modelled\n";
   for (const Json& item : d["not_modelled"]) out += "  " + item.get<std::string>() + "\n";
+  if (!d["warnings"].empty()) out += "\nwarnings\n";
+  for (const Json& w : d["warnings"])
+    out += fmt::format("  {} {}: {}\n", w["code"].get<std::string>(), w["path"].get<std::string>(), w["about"].get<std::string>());
   out += d["defaults"].empty() ? "" : "\ndefaults used\n";
   for (const auto& [key, value] : d["defaults"].items())
     out += fmt::format("  {} = {}\n", key, value.get<std::string>());

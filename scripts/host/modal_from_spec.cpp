@@ -2,9 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <filesystem>
 #include <map>
 
+#include "core/model/doubts.hpp"
 #include "core/model/validate.hpp"
 #include "core/model/vehicle.hpp"
 
@@ -94,16 +96,26 @@ class ModalReader {
     const auto value = around.require("section", "{rectangle: ...}, {tube: ...} or {area, Iy, Iz, J}");
     if (!value) return section;
     MapReader map(*value, context_);
-    if (const auto rectangle = map.find("rectangle")) {
-      MapReader sides(*rectangle, context_);
-      const double width = sides.number("width", "m"), height = sides.number("height", "m");
-      section = rectangle_section(width, height, sides.flag("shear", false));
-      sides.finish();
-    } else if (const auto tube = map.find("tube")) {
-      MapReader sizes(*tube, context_);
-      const double radius = sizes.number("radius", "m"), wall = sizes.number("wall", "m");
-      section = tube_section(radius, wall, sizes.flag("shear", false));
+    const auto by_sizes = [&](const DocRef& form, const char* first, const char* second, auto make) {
+      MapReader sizes(form, context_);
+      const double a = sizes.number(first, "m"), b = sizes.number(second, "m");
+      const bool shear = sizes.flag("shear", false);
       sizes.finish();
+      if (std::isnan(a) || std::isnan(b)) return;  // told already
+      try {
+        section = make(a, b, shear);
+      } catch (const InputError& e) {
+        for (Diagnostic d : e.diagnostics()) {
+          const std::string key = d.at.key_path.substr(d.at.key_path.rfind('.') + 1);
+          d.at = {fmt::format("{}.{}", form.path, key), form.node->find(key) ? form.node->find(key)->mark : form.node->mark};
+          context_.sink.report(std::move(d));
+        }
+      }
+    };
+    if (const auto rectangle = map.find("rectangle")) {
+      by_sizes(*rectangle, "width", "height", rectangle_section);
+    } else if (const auto tube = map.find("tube")) {
+      by_sizes(*tube, "radius", "wall", tube_section);
     } else {
       section.area = map.number("area", "m^2");
       section.Iy = map.number("Iy", "m^4");
@@ -130,8 +142,7 @@ class ModalReader {
         MapReader reader(item, context_);
         node.mass = reader.number("mass", "kg");
         node.position = reader.vector("position", "m");
-        if (const auto inertia = reader.find("inertia"))
-          node.inertia = read_inertia(*inertia, node.mass, Eigen::Vector3d::Zero(), context_);
+        if (const auto inertia = reader.find("inertia")) node.inertia = read_point_inertia(*inertia, node.mass);
         read_shapes(reader, node.Phi, node.Psi);
         if (const auto Q = reader.find("Q"))
           for (const DocRef& matrix : items(*Q, "a list of 3 matrices")) node.Q.push_back(read_matrix(matrix));
@@ -158,6 +169,15 @@ class ModalReader {
     }
     map.finish();
     return lumped;
+  }
+
+  /// About the point, where its mass centre is; zero: none.
+  Eigen::Matrix3d read_point_inertia(const DocRef& value, double mass) {
+    const Eigen::Matrix3d I = read_inertia(value, mass, Eigen::Vector3d::Zero(), context_);
+    if (!I.allFinite()) return I;  // told already
+    if (InertiaFault fault = inertia_fault(I, true); !fault.expected.empty())
+      context_.sink.report(Code::unphysical_inertia, value.at(), std::move(fault.expected), std::move(fault.got), std::move(fault.hint));
+    return I;
   }
 
   void read_shapes(MapReader& map, Eigen::MatrixXd& Phi, Eigen::MatrixXd& Psi) {
@@ -224,8 +244,7 @@ class ModalReader {
       for (const DocRef& item : items(*masses, "a list of {mass, position, inertia}")) {
         MapReader reader(item, context_);
         PointMass point{reader.number("mass", "kg"), reader.vector("position", "m"), Eigen::Matrix3d::Zero()};
-        if (const auto inertia = reader.find("inertia"))
-          point.inertia = read_inertia(*inertia, point.mass, Eigen::Vector3d::Zero(), context_);
+        if (const auto inertia = reader.find("inertia")) point.inertia = read_point_inertia(*inertia, point.mass);
         reader.finish();
         source.masses.push_back(std::move(point));
       }
@@ -260,9 +279,12 @@ Diagnostic in_words_of_the_vehicle(Diagnostic d, const std::string& path, const 
   return d;
 }
 
-ModalData solve(const ModalSource& source, const std::string& path, const SystemSpec& spec) {
+ModalData solve(const ModalSource& source, const std::string& path, SystemSpec& spec) {
+  Warnings warnings;
   try {
-    return make_modal_data(source);
+    ModalData data = make_modal_data(source, &warnings);
+    for (const Warning& w : warnings.all()) spec.warnings.add(in_words_of_the_vehicle(w.what, path, source, spec));
+    return data;
   } catch (const InputError& e) {
     std::vector<Diagnostic> all = e.diagnostics();
     for (Diagnostic& d : all) d = in_words_of_the_vehicle(std::move(d), path, source, spec);
@@ -293,6 +315,7 @@ void make_modes(SystemSpec& spec) {
   }
   validate(spec, sink);
   sink.throw_if_any();
+  spec.warnings.add(doubts(spec));
 }
 
 }  // namespace cardan

@@ -10,7 +10,7 @@ namespace cardan {
 ModalSource read_modal_source(const DocRef& modal, ReadContext& context);
 
 /// Makes the modal data of each body that has a source and no data yet (equal sources are solved once), then checks
-/// what needs them: node names and initial values. Throws InputError.
+/// what needs them: node names and initial values. Throws InputError; what is doubtful goes to spec.warnings.
 void make_modes(SystemSpec& spec);
 
 }  // namespace cardan

@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include "scripts/host/examine.hpp"
+
 namespace cardan {
 namespace {
 
@@ -35,7 +37,8 @@ void MissionRun::call(const std::string& actor, F&& function) {
   if (s_.fault) throw NumericsError(*std::exchange(s_.fault, std::nullopt));
 }
 
-MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Output> outputs) : s_(scenario) {
+MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Output> outputs)
+    : s_(scenario), limits_(*scenario.sim) {
   Simulation& sim = *s_.sim;
   for (const ScriptEvent& e : s_.events) {
     const std::string actor = fmt::format("event \"{}\"", e.name);
@@ -51,17 +54,26 @@ MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Outpu
     sim.every(c.period, [this, &c, actor = fmt::format("controller \"{}\"", c.name)] { tick(c, actor); });
   if (s_.controllers.empty() && !s_.phases.empty()) sim.every(s_.mission.output_period, [this] { advance_phase(); });
   sim.record(recorder, std::move(outputs), s_.mission.output_period);
+  if (limits_.needed()) sim.every(s_.mission.output_period, [this] { limits_.see(*s_.sim); });
+  limits_.expected(sim, s_.mission.duration);  // told before the run: what is seen is news where it exceeds that
 }
 
 void MissionRun::run(double t_end, const std::function<void(double t)>& progress) {
   s_.stage = Scenario::Stage::run;
   try {
     s_.sim->run(t_end, progress);
+    end_of_run();
   } catch (const NumericsError&) {
+    end_of_run();
     if (event_failure_) throw NumericsError(*event_failure_);
     throw;
   }
   s_.stage = Scenario::Stage::end;
+}
+
+void MissionRun::end_of_run() {
+  s_.warnings.add(limits_.seen());
+  if (scripts_act(s_)) s_.warnings.add(still_hinges(*s_.sim));
 }
 
 void MissionRun::tick(const Controller& c, const std::string& actor) {

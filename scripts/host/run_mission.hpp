@@ -7,6 +7,7 @@
 
 #include "core/io/recorder.hpp"
 #include "core/io/summary.hpp"
+#include "core/sim/flexible_limits.hpp"
 #include "scripts/host/scenario.hpp"
 
 namespace cardan {
@@ -25,7 +26,7 @@ class MissionRun {
   MissionRun(const MissionRun&) = delete;
   MissionRun& operator=(const MissionRun&) = delete;
 
-  /// Throws NumericsError. `progress` is called between steps.
+  /// Throws NumericsError. `progress` is called between steps. What went beyond the model is added to the scenario's warnings.
   void run(double t_end, const std::function<void(double t)>& progress);
   /// After the run: the values of checks and figures. Throws NumericsError where a function of the script fails.
   std::vector<Check> checks();
@@ -35,6 +36,7 @@ class MissionRun {
   template <class F>
   void call(const std::string& actor, F&& function);
   void tick(const Controller&, const std::string& actor);
+  void end_of_run();
   double crossing(const ScriptEvent&, const std::string& actor, double t, const double* q, const double* v);
   void advance_phase();
   bool is_over(const Phase&);
@@ -44,6 +46,7 @@ class MissionRun {
   Scenario& s_;
   std::size_t phase_ = 0;  // 1 + index of the present one; 0 = not begun
   double phase_start_ = 0.0;
+  FlexibleLimits limits_;
   std::optional<RunFailure> event_failure_;  // of a function inside the integrator, which knows nothing of scripts
 };
 

@@ -107,6 +107,8 @@ class Outputs {
     for (int j = 1; j <= u.n_modes; ++j) names.push_back(std::to_string(j));
     add("modes/" + u.name + "/eta", names, "1", "", "modal coordinates",
         [&sim = sim_, &u](double* x) { std::copy_n(sim.state().q.data() + u.eta, u.n_modes, x); });
+    add("modes/" + u.name + "/etadot", names, "1/s", "", "rates of the modal coordinates",
+        [&sim = sim_, &u](double* x) { std::copy_n(sim.state().v.data() + u.etadot, u.n_modes, x); });
   }
 
   void reaction(int i) {

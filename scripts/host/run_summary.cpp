@@ -47,7 +47,7 @@ std::string hinges_text(const std::vector<Range>& ranges) {
 std::string modes_text(const std::vector<Range>& ranges) {
   std::string text, body;
   for (const Range& r : ranges) {
-    if (!begins(r.path, "modes/")) continue;
+    if (!begins(r.path, "modes/") || !r.path.ends_with("/eta")) continue;
     const std::string name = r.path.substr(6, r.path.rfind('/') - 6);
     if (name != body) text += fmt::format("{}  {:<20}", text.empty() ? "" : "\n", name);
     body = name;

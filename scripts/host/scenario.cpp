@@ -11,6 +11,7 @@
 #include "hinges/register.hpp"
 #include "scripts/host/bind_operators.hpp"
 #include "scripts/host/bind_sim.hpp"
+#include "scripts/host/examine.hpp"
 #include "scripts/host/lua_matrix.hpp"
 #include "scripts/host/prelude.hpp"
 
@@ -56,8 +57,8 @@ void expect_known(const Scenario& s) {
     throw InputError(Diagnostic{
         Code::unknown_name,
         {set.key, {fmt::format("--set {}={}", set.key, set.value), 0, 0}},
-        known.empty() ? "vehicle.... or mission...."
-                      : "a parameter (" + known.substr(0, known.size() - 2) + "), vehicle.... or mission....",
+        (known.empty() ? "" : "a parameter (" + known.substr(0, known.size() - 2) + "), ") +
+            "bodies..., gravity... or another key path of the vehicle (vehicle....), or mission....",
         in_quotes(set.key),
         did_you_mean(set.key, s.parameter_names),
         {},
@@ -120,6 +121,7 @@ std::unique_ptr<Scenario> load_scenario(const ScenarioOptions& options) {
   auto s = open_scenario(options);
   s->lua.run_file(s->file.filename().string());
   expect_complete(*s);
+  examine(*s);
   return s;
 }
 

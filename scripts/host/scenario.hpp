@@ -46,6 +46,7 @@ struct MissionSpec {
 struct Controller {
   std::string name;
   Rational period;
+  Located at;
   LuaFunction step;
 };
 
@@ -111,7 +112,7 @@ struct Scenario {
   std::vector<Measure> checks, figures;
   std::vector<std::unique_ptr<Signal>> signals;
   std::vector<Load> loads;
-  Warnings warnings;  // of the input; the simulation has its own
+  Warnings warnings;  // of vehicle and mission, and of what the run did to the model; the simulation has its own
 
   // The system
   std::shared_ptr<const Model> model;  // null before `vehicle`

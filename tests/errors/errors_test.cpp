@@ -12,6 +12,7 @@
 
 #include "core/base/diagnostic.hpp"
 #include "core/io/yaml_reader.hpp"
+#include "core/model/validate.hpp"
 #include "hinges/register.hpp"
 #include "scripts/host/modal_from_spec.hpp"
 
@@ -44,6 +45,9 @@ std::string answer_to(const std::string& file) {
   try {
     SystemSpec spec = read_vehicle(file, registry);
     make_modes(spec);
+    DiagnosticSink sink;
+    validate(spec, registry, sink);  // what compile() begins with
+    sink.throw_if_any();
   } catch (const InputError& e) {
     return e.what();
   }

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include "scripts/host/commands/commands.hpp"
+#include "scripts/host/examine.hpp"
 
 namespace cardan {
 namespace {
@@ -17,10 +18,13 @@ void add_check(CLI::App& app, CommandLine& line) {
   command->callback([&line, arguments] {
     line.action = [arguments] {
       const auto s = load_scenario(arguments->options());
-      fmt::print("ok: {}, {} coordinates, {} velocities, {}, {}, {}, {}, {:g} s\n", bodies(s->model->user.size()),
+      try_start(*s);
+      fmt::print("ok: {}, {} coordinates, {} velocities, {}, {}, {}, {}, {:g} s{}\n", bodies(s->model->user.size()),
                  s->model->nq, s->model->nv, count(static_cast<std::size_t>(s->model->n_modes), "mode"),
                  count(s->controllers.size(), "controller"), count(s->events.size(), "event"),
-                 count(s->checks.size(), "check"), s->mission.duration);
+                 count(s->checks.size(), "check"), s->mission.duration,
+                 s->warnings.empty() ? "" : fmt::format(", {}", count(s->warnings.all().size(), "warning")));
+      fmt::print(stderr, "{}", render(s->warnings));
       return 0;
     };
   });

@@ -1,5 +1,6 @@
 #include "bodies/modal/modal_source.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
@@ -7,6 +8,7 @@
 #include <filesystem>
 #include <numbers>
 
+#include "bodies/modal/elements.hpp"
 #include "bodies/modal/modal_file.hpp"
 #include "bodies/modal/modal_integrals.hpp"
 
@@ -271,6 +273,91 @@ TEST(ModalSourceErrors, TellWhichKeyIsWrong) {
   ModalSource s;
   s.model = FileModel{"/nowhere/modes.h5"};
   EXPECT_EQ(answer(s).substr(0, 5), "C0702");
+}
+
+// Half of all degrees of freedom of the mesh: the upper ones lose digits to the lowest, 1e10 below, unless they are refined.
+TEST(ManyModes, OfASmallMeshAreThoseOfADenseSolver) {
+  ModalSource s = round_beam(40, 120);
+  std::get<BeamModel>(s.model).material = {70e9, 0.3, 2700.0};
+  std::get<BeamModel>(s.model).length = 12.0;
+  std::get<BeamModel>(s.model).section = tube_section(0.05, 0.001);
+  std::get<BeamModel>(s.model).rotary_inertia = true;
+  s.points.clear();
+  const ModalData d = make_modal_data(s);
+  ASSERT_EQ(d.n_modes, 120);
+  const FeModel mesh = beam_mesh(std::get<BeamModel>(s.model), {}, {});
+  const Eigen::Index n = mesh.n_dofs() - 6;
+  const MatrixXd K = MatrixXd(mesh.K).bottomRightCorner(n, n), M = MatrixXd(mesh.M).bottomRightCorner(n, n);
+  const Eigen::VectorXd exact = Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd>(K, M, Eigen::EigenvaluesOnly | Eigen::Ax_lBx).eigenvalues();
+  for (Eigen::Index j = 20; j < 120; ++j)  // of the lowest the dense solver has few digits
+    EXPECT_NEAR(d.K(j, j), exact(j), 1e-7 * exact(j)) << j;
+}
+
+TEST(Doubts, OfPlatesBeamsMaterialsAndDampingHaveNumbers) {
+  const auto of = [](const ModalSource& s) {
+    Warnings all;
+    make_modal_data(s, &all);
+    std::string codes;
+    for (const Warning& w : all.all()) codes += fmt::format("{} {} ", number_of(w.what.code), w.what.at.key_path);
+    return codes;
+  };
+  ModalSource s = round_beam(20, 4);
+  s.at.key_path = "modal";
+  std::get<BeamModel>(s.model).material = {70e9, 0.3, 2700.0};
+  std::get<BeamModel>(s.model).section = rectangle_section(0.02, 0.02);
+  EXPECT_EQ(of(s), "");
+  std::get<BeamModel>(s.model).section = rectangle_section(0.02, 0.2);
+  EXPECT_EQ(of(s), "W0304 modal.section ") << "0.2 m deep, 1 m long, without shear";
+  std::get<BeamModel>(s.model).section = rectangle_section(0.02, 0.2, true);
+  EXPECT_EQ(of(s), "");
+  std::get<BeamModel>(s.model).material.rho = 2700e3;
+  EXPECT_EQ(of(s), "W0302 modal.material.rho ");
+
+  ModalSource w = wing(8, 4);
+  w.at.key_path = "modal";
+  std::get<PlateModel>(w.model).panel = SolidPanel{{70e9, 0.3, 2700.0}, 0.3};
+  EXPECT_EQ(of(w).substr(0, 28), "W0304 modal.panel.thickness ") << "0.3 m on 2.4 m";
+  w.damping = {1.0};
+  EXPECT_NE(of(w).find("W0302 modal.damping"), std::string::npos) << "critical";
+}
+
+TEST(Doubts, OfModesThatAreLeftOut) {
+  const auto of = [](ModalSource s) {
+    s.damping = {0.005};
+    Warnings all;
+    make_modal_data(s, &all);
+    return all;
+  };
+  const Warnings one_plane = of(round_beam(20, 1));
+  ASSERT_EQ(one_plane.all().size(), 1u);
+  EXPECT_EQ(one_plane.all()[0].what.code, Code::truncated_modes);
+  EXPECT_NE(one_plane.all()[0].what.about.find("97"), std::string::npos) << "the first mode of the other plane has 97 % of the rotation: "
+                                                                          << one_plane.all()[0].what.about;
+  EXPECT_TRUE(of(round_beam(20, 2)).empty());
+  EXPECT_TRUE(of(round_beam(20, 8)).empty());
+}
+
+TEST(Sections, OutOfRangeAreRefusedByTheirKey) {
+  const auto key = [](auto make) -> std::string {
+    try {
+      make();
+    } catch (const InputError& e) {
+      return e.diagnostics().front().at.key_path;
+    }
+    return "";
+  };
+  EXPECT_EQ(key([] { tube_section(0.02, 0.03); }), "tube.wall");
+  EXPECT_EQ(key([] { tube_section(0.02, 0.0201); }), "tube.wall");
+  EXPECT_EQ(key([] { tube_section(0.02, 0.02); }), "") << "a solid rod";
+  EXPECT_EQ(key([] { tube_section(-0.02, -0.03); }), "tube.radius");
+  EXPECT_EQ(key([] { rectangle_section(0.02, 0.0); }), "rectangle.height");
+}
+
+TEST(Meshes, TooFineAreRefusedBeforeTheyAreMade) {
+  ModalSource beam = round_beam(100'000'000, 4);
+  EXPECT_THROW(make_modal_data(beam), InputError);
+  ModalSource plate = wing(331'212, 8);
+  EXPECT_THROW(make_modal_data(plate), InputError);
 }
 
 }  // namespace

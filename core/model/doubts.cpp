@@ -1,0 +1,74 @@
+#include "core/model/doubts.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "core/base/units.hpp"
+#include "core/model/validate.hpp"
+
+namespace cardan {
+namespace {
+
+constexpr double kMeanAxes = 1e-9;  // of sqrt(mass times modal mass): rounding of modes that are orthogonal to the rigid motions
+
+class Doubts {
+ public:
+  explicit Doubts(const SystemSpec& spec) : spec_(spec) {}
+
+  Warnings all() {
+    for (const BodySpec& body : spec_.bodies) {
+      springs(body);
+      place(body, body.hinge.body_node, body.hinge.pnode_position, body, ".hinge.at");
+      if (const BodySpec* inboard = spec_.find(body.hinge.inboard_body))
+        place(*inboard, body.hinge.inboard_node, body.hinge.onode_position, body, ".hinge.to");
+    }
+    return std::move(found_);
+  }
+
+ private:
+  void springs(const BodySpec& body) {
+    const HingeSpec& hinge = body.hinge;
+    for (std::size_t i = 0; i < hinge.springs.size(); ++i) {
+      const SpringDamper& s = hinge.springs[i];
+      const std::string path = s.at.key_path.empty() ? fmt::format("{}.hinge.springs[{}]", body_path(body), i) : s.at.key_path;
+      if (hinge.locked)
+        found_.add(Code::no_effect, spec_.locate(path), "the hinge is locked: this spring and damper do nothing");
+      else if (s.stiffness < 0.0)
+        found_.add(Code::unusual_value, spec_.locate(path + ".stiffness"),
+                   fmt::format("stiffness {:g}: tau = -stiffness (q - rest) pushes away from rest, and the motion grows", s.stiffness),
+                   "a restoring spring has a stiffness > 0");
+    }
+  }
+
+  /// A hinge of `body` at a place of `flexible` that is no node: it stays with the undeformed frame.
+  void place(const BodySpec& flexible, const std::string& node, const Eigen::Vector3d& position, const BodySpec& body, const char* key) {
+    if (!flexible.modal || flexible.modal->n_modes == 0 || !node.empty() || position.isZero(0.0)) return;
+    std::string nodes;
+    for (const ModalNode& n : flexible.modal->nodes) nodes += (nodes.empty() ? "" : ", ") + n.name;
+    found_.add(Code::frame_attachment, spec_.locate(body_path(body) + key),
+               fmt::format("the hinge is fixed to the undeformed frame of {}, {:.4g} m from its origin: bending of {} does not move this point, and "
+                           "forces there bend nothing",
+                           flexible.name, position.norm(), flexible.name),
+               fmt::format("give the point a node in {}.modal and name that{}", body_path(flexible),
+                           nodes.empty() ? "" : fmt::format(" (there are: {})", nodes)));
+  }
+
+  const SystemSpec& spec_;
+  Warnings found_;
+};
+
+}  // namespace
+
+Warnings doubts(const SystemSpec& spec) { return Doubts(spec).all(); }
+
+bool has_mean_axes(const ModalData& modal) {
+  const ModalIntegrals& I = modal.integrals;
+  for (int j = 0; j < modal.n_modes; ++j) {
+    const double m = I.I6(j, j), about = std::sqrt(std::max(0.0, I.I7.trace()) * m);
+    if (I.I3.col(j).norm() > kMeanAxes * std::sqrt(I.I1 * m) || I.I4.col(j).norm() > kMeanAxes * about) return false;
+  }
+  return modal.n_modes > 0;
+}
+
+}  // namespace cardan

@@ -1,0 +1,120 @@
+#include "core/sim/flexible_limits.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "core/model/validate.hpp"
+#include "core/sim/simulation.hpp"
+
+namespace cardan {
+namespace {
+
+constexpr double kStiffness = 0.01;   // (Omega / omega_1)^2: half a percent of the frequency
+constexpr double kDeflection = 0.1;   // of the size: foreshortening, about 0.6 d^2 / L of a cantilever, is then 0.6 % of it
+constexpr double kNews = 1.05;        // a rate seen is told again where it exceeds the expected one by more
+
+bool moves(const ModalNode& node) { return (node.Phi.size() > 0 && !node.Phi.isZero(0.0)); }
+
+}  // namespace
+
+double first_frequency(const ModalData& modal) {
+  if (modal.n_modes == 0) return std::numeric_limits<double>::infinity();
+  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> solver(modal.K, modal.integrals.I6, Eigen::EigenvaluesOnly | Eigen::Ax_lBx);
+  return solver.info() == Eigen::Success ? std::sqrt(std::max(0.0, solver.eigenvalues()(0))) : 0.0;
+}
+
+bool has_stiffening(const BodySpec& body) {
+  return body.level == 2 && !body.modal->mass_nodes.empty() &&
+         std::ranges::all_of(body.modal->mass_nodes, [](const MassNode& n) { return !n.Q.empty(); });
+}
+
+double size_of(const ModalData& modal) {
+  return modal.integrals.I1 > 0.0 ? std::sqrt(1.5 * std::max(0.0, modal.integrals.I7.trace()) / modal.integrals.I1) : 0.0;
+}
+
+FlexibleLimits::FlexibleLimits(const Simulation& sim) : spec_(*sim.model().spec) {
+  const Model& m = sim.model();
+  for (std::size_t i = 0; i < m.user.size(); ++i) {
+    const BodySpec& spec = spec_.bodies[i];
+    if (m.user[i].n_modes == 0 || !spec.modal || has_stiffening(spec)) continue;
+    Body b;
+    b.user = static_cast<int>(i), b.node = m.find_node(spec.name);
+    b.omega = first_frequency(*spec.modal), b.size = size_of(*spec.modal);
+    for (std::size_t k = 0; k < spec.modal->nodes.size(); ++k)
+      if (moves(spec.modal->nodes[k])) b.points.push_back(static_cast<int>(k));
+    bodies_.push_back(std::move(b));
+  }
+}
+
+Diagnostic FlexibleLimits::rate_warning(const Body& b, double rate, bool before) const {
+  const BodySpec& body = spec_.bodies[static_cast<std::size_t>(b.user)];
+  const double ratio = rate / b.omega;
+  return {Code::beyond_the_model,
+          spec_.locate(body_path(body) + (before ? ".level" : "")),
+          {},
+          {},
+          "rates below a tenth of the first frequency leave less than 1 % of the stiffness out; stiffening is in level 2 of lumped masses with "
+          "second-order shapes Q alone",
+          {},
+          fmt::format("{} turns with {:.3g} rad/s{}, {:.2g} times its first frequency of {:.4g} Hz ({:.3g} rad/s): level {} has no centrifugal "
+                      "stiffening, of the order of (Omega/omega_1)^2 = {:.2g} times the stiffness of that mode",
+                      body.name, rate, before ? " by its initial rates and profiles" : "", ratio, b.omega / (2 * std::numbers::pi), b.omega,
+                      body.level, ratio * ratio),
+          0};
+}
+
+Warnings FlexibleLimits::expected(Simulation& sim, double t_end) {
+  Warnings found;
+  const Model& m = sim.model();
+  try {
+    for (Body& b : bodies_) {
+      b.expected = sim.observe().node(b.node).velocity.head<3>().norm();
+      for (int i = b.user; i >= 0; i = m.user[static_cast<std::size_t>(i)].parent) {
+        const UserBody& u = m.user[static_cast<std::size_t>(i)];
+        for (int j = 0; j < u.nv; ++j)
+          if (const MotionProfile* profile = sim.profile(u.v + j); profile && u.v_units[static_cast<std::size_t>(j)] == "rad/s")
+            b.expected += std::max(0.0, profile->largest_rate(sim.time(), t_end) - std::abs(sim.state().v[u.v + j]));
+      }
+      if (b.expected * b.expected > kStiffness * b.omega * b.omega) found.add(rate_warning(b, b.expected, true));
+    }
+  } catch (const NumericsError&) {  // a singular start: the run will tell
+    return {};
+  }
+  return found;
+}
+
+void FlexibleLimits::see(Simulation& sim) {
+  for (Body& b : bodies_) {
+    const double rate = sim.observe().node(b.node).velocity.head<3>().norm();
+    if (rate > b.rate) b.rate = rate, b.t_rate = sim.time();
+    const UserBody& u = sim.model().user[static_cast<std::size_t>(b.user)];
+    const ModalData& modal = *spec_.bodies[static_cast<std::size_t>(b.user)].modal;
+    for (const int k : b.points) {
+      const double d = (modal.nodes[static_cast<std::size_t>(k)].Phi * sim.state().q.segment(u.eta, u.n_modes)).norm();
+      if (d > b.deflection) b.deflection = d, b.t_deflection = sim.time(), b.point = k;
+    }
+  }
+}
+
+Warnings FlexibleLimits::seen() const {
+  Warnings found;
+  for (const Body& b : bodies_) {
+    const BodySpec& body = spec_.bodies[static_cast<std::size_t>(b.user)];
+    if (b.rate * b.rate > kStiffness * b.omega * b.omega && b.rate > kNews * b.expected) found.add(rate_warning(b, b.rate, false), b.t_rate);
+    if (b.deflection > kDeflection * b.size) {
+      const ModalNode& node = body.modal->nodes[static_cast<std::size_t>(b.point)];
+      found.add(Code::beyond_the_model, spec_.locate(fmt::format("{}.modal.nodes.{}", body_path(body), node.name)),
+                fmt::format("{}.{} is {:.3g} m away from its place in the undeformed body, {:.2g} % of its size of {:.3g} m: modes are linear, and "
+                            "foreshortening, of second order, is left out",
+                            body.name, node.name, b.deflection, 100.0 * b.deflection / b.size, b.size),
+                "results are good to about the square of that share", b.t_deflection);
+    }
+  }
+  return found;
+}
+
+}  // namespace cardan
