@@ -40,6 +40,7 @@ BenchModel read_model(const std::filesystem::path& file) {
     body.mass = b["mass"].get<double>();
     body.com = vector3(b["com"]);
     body.inertia_com = matrix3(b["inertia_com"]);
+    if (body.inertia_com.isZero(0.0)) body.type = "particle";
     const int parent = b["parent"].get<int>();
     if (parent >= 0) body.hinge.inboard_body = "b" + std::to_string(parent);
     body.hinge.onode_position = vector3(b["p_parent"]);

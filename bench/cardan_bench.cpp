@@ -52,9 +52,11 @@ struct Ring {
 void bench_model(const BenchModel& bm, const Registry& registry, double seconds, std::vector<Row>& rows) {
   const CompileOptions options{.merge_locked = true, .choose_frames = true, .node_wrenches = false, .world_wrenches = false};
   const auto spec = std::make_shared<const SystemSpec>(bm.spec);
+  double bytes = -heap_bytes();
   const auto model = compile(spec, registry, options);
   const Model& m = *model;
-  Workspace ws(m);
+  Workspace ws(m);  // all that a call needs
+  bytes += heap_bytes();
   Batch batch(m);
   const int n = static_cast<int>(m.bodies.size()) - 1, states = static_cast<int>(bm.states.size());
   const Ring ring(bm.states, batch.width());
@@ -105,7 +107,8 @@ void bench_model(const BenchModel& bm, const Registry& registry, double seconds,
       mass_matrix_inverse(m, ws, bm.states[s].q.data(), M.data()), worst(e_inverse_matrix, M * bm.states[s].tau, truth[s].Minv_tau);
     }
   }
-  const double bytes = static_cast<double>(ws.bytes()) / n, batch_bytes = static_cast<double>(batch.bytes()) / n / batch.width();
+  bytes /= n;
+  const double batch_bytes = static_cast<double>(batch.bytes()) / n / batch.width();
   const auto row = [&](const std::string& op, const std::string& call, double error, double per_body, const auto& timed) {
     rows.push_back({bm.name, op, call, n, time_ring(states, seconds, timed), error, per_body});
     return &rows.back().timing;

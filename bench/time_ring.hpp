@@ -1,5 +1,7 @@
 #pragma once
-// The stopwatch of the benchmark: the same for our program and for the peers, hence it knows nothing of Cardan.
+// The stopwatch of the benchmark, and its scale for memory: the same for our program and for the peers, hence it knows nothing of Cardan.
+#include <malloc.h>
+
 #include <algorithm>
 #include <chrono>
 #include <vector>
@@ -37,6 +39,12 @@ Timing time_ring(int states, double seconds, const Call& call) {
   } while (samples.size() < least || since(start) < seconds);
   std::sort(samples.begin(), samples.end());
   return {samples.front(), samples[samples.size() / 2]};
+}
+
+/// What the heap holds, in bytes: the difference around model and first call is what a program needs for them.
+inline double heap_bytes() {
+  const auto info = mallinfo2();
+  return static_cast<double>(info.uordblks + info.hblkhd);
 }
 
 }  // namespace cardan::bench

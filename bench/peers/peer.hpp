@@ -1,7 +1,6 @@
 #pragma once
 // What a program that measures another library needs: the models and the exact results as data, the map from the velocities
 // of the models to those of the peer, and the main program. Nothing of Cardan but the stopwatch.
-#include <malloc.h>
 
 #include <CLI/CLI.hpp>
 #include <Eigen/Dense>
@@ -165,11 +164,6 @@ struct Peer {
   virtual std::vector<Call> calls() = 0;
 };
 
-inline double heap_bytes() {
-  const auto info = mallinfo2();
-  return static_cast<double>(info.uordblks + info.hblkhd);
-}
-
 /// Largest relative error (2-norm) over the states whose results are known; infinite where it is not a number.
 inline double forward_error(const Call& call, const nlohmann::json& exact) {
   const char* key = call.op == "forward_dynamics" ? "vdot" : call.op == "inverse_dynamics" ? "tau" : call.op == "mass_matrix" ? "M_vdot" : "Minv_tau";
@@ -209,13 +203,13 @@ inline int run(int argc, char** argv, const std::string& program, const std::str
     if (!exact_file.empty()) std::ifstream(exact_file) >> exact;
     const int states = static_cast<int>(m.states.size());
     const double bodies = static_cast<double>(m.bodies.size());
-    double bytes = -heap_bytes();
+    double bytes = -cardan::bench::heap_bytes();
     const std::unique_ptr<Peer> peer = make(m);
-    bytes += heap_bytes();
+    bytes += cardan::bench::heap_bytes();
     const std::vector<Call> calls = peer->calls();
-    bytes -= heap_bytes();
+    bytes -= cardan::bench::heap_bytes();
     calls[0].run(0);
-    bytes += heap_bytes();
+    bytes += cardan::bench::heap_bytes();
     for (const Call& call : calls) {
       if (!only.empty() && call.op != only) continue;
       nlohmann::json row{{"model", m.name}, {"op", call.op}, {"call", call.name}, {"bodies", m.bodies.size()}};

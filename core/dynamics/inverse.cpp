@@ -171,7 +171,26 @@ Eigen::MatrixXd flexible_mass_matrix(const Model& model, Workspace& ws, const do
 
 }  // namespace
 
+/// Column by column as forward dynamics, refined. Of an entry and its mirror image that of the smaller column has the smaller error.
+static bool refined_inverse(const Model& model, Workspace& ws, const double* q, double* inverse) {
+  Eigen::Map<Eigen::MatrixXd> columns(inverse, model.nv, model.nv);
+  const Eigen::VectorXd rest = Eigen::VectorXd::Zero(model.nv);
+  Eigen::VectorXd unit = rest;
+  for (int j = 0; j < model.nv; ++j) {
+    unit[j] = 1.0;
+    if (!forward_dynamics(model, ws, Inputs{.q = q, .v = rest.data(), .tau = unit.data(), .vdot = rest.data(), .gravity = false}, columns.col(j).data())) return false;
+    unit[j] = 0.0;
+  }
+  for (int j = 0; j < model.nv; ++j)
+    for (int i = 0; i < j; ++i) {
+      const bool mine = columns.col(j).cwiseAbs().maxCoeff() < columns.col(i).cwiseAbs().maxCoeff();
+      (mine ? columns(j, i) : columns(i, j)) = mine ? columns(i, j) : columns(j, i);
+    }
+  return true;
+}
+
 bool mass_matrix_inverse(const Model& model, Workspace& ws, const double* q, double* inverse) {
+  if (model.has(Kernel::refine)) return refined_inverse(model, ws, q, inverse);
   const soa::Sweeps<double>& S = soa::sweeps<double>();
   const int nv = model.nv;
   ws.rest.assign(static_cast<std::size_t>(nv), 0.0);

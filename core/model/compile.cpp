@@ -184,14 +184,53 @@ class Groups {
   std::vector<int> first_, members_;  // those of k: members_[first_[k]] ... members_[first_[k + 1] - 1]
 };
 
+using Long = long double;
+using Mat3L = Eigen::Matrix<Long, 3, 3>;
+using Vec3L = Eigen::Matrix<Long, 3, 1>;
+
+/// CentralInertia on its way through frames: turned, moved and merged it is what it was, a particle stays one.
+struct Central {
+  Long m = 0;
+  Vec3L c = Vec3L::Zero();
+  Mat3L S = Mat3L::Zero();
+
+  static Central of(const BodySpec& b) {
+    Central out{b.mass, b.com.cast<Long>(), Mat3L::Zero()};
+    Mat3L J = b.inertia_com.cast<Long>();
+    if (b.modal) {
+      const ModalIntegrals& I = b.modal->integrals;
+      out.m = I.I1;
+      out.c = I.I2.cast<Long>() / out.m;
+      J = I.I7.cast<Long>() - out.m * (out.c.squaredNorm() * Mat3L::Identity() - out.c * out.c.transpose());
+    }
+    out.S = J.trace() / 2 * Mat3L::Identity() - J;
+    return out;
+  }
+  Central in(const Pose<double>& X) const {
+    const Mat3L R = to_eigen(X.R).cast<Long>();
+    return {m, R * c + to_eigen(X.p).cast<Long>(), R * S * R.transpose()};
+  }
+  void operator+=(const Central& b) {
+    if (m == 0) return void(*this = b);
+    const Vec3L d = b.c - c;
+    S += b.S + m * b.m / (m + b.m) * d * d.transpose();
+    c += b.m / (m + b.m) * d;
+    m += b.m;
+  }
+  CentralInertia down() const {
+    const Eigen::Matrix3d s = S.cast<double>();
+    return {static_cast<double>(m), from_eigen(Eigen::Vector3d(c.cast<double>())), symmetric(s)};
+  }
+};
+
 class Compiler {
  public:
-  Compiler(std::shared_ptr<const SystemSpec> spec, const Registry& registry, const CompileOptions& options)
-      : spec_(*spec), registry_(registry), options_(options) {
+  Compiler(std::shared_ptr<const SystemSpec> spec, const Registry& registry, const CompileOptions& options, bool graded)
+      : spec_(*spec), registry_(registry), options_(options), graded_(graded) {
     model_->spec = std::move(spec);
   }
 
-  std::shared_ptr<const Model> run() {
+  std::shared_ptr<Model> run() {
     hinges_ = validate(spec_, registry_, sink_);
     for (const auto& b : spec_.bodies) {
       const auto* family = registry_.body(b.type);
@@ -207,9 +246,11 @@ class Compiler {
     order_bodies();
     build_sweep_bodies();
     sink_.throw_if_any();
+    if (graded_) take_central_inertias();
     choose_frames();
     name_nodes();
     choose_kernels();
+    if (graded_) keep_central_inertias();
     write_program();
     return model_;
   }
@@ -445,6 +486,83 @@ class Compiler {
     return {{R[0], R[1], R[2], R[3], R[4], R[5], R[6], R[7], R[8]}, {out.p_OP[0], out.p_OP[1], out.p_OP[2]}};
   }
 
+  /// Of the sweep bodies, before their frames are chosen.
+  void take_central_inertias() {
+    Model& m = *model_;
+    central_.resize(m.bodies.size());
+    for (const int i : order_)
+      if (const UserBody& u = m.user[static_cast<std::size_t>(i)]; u.sweep > 0)
+        central_[static_cast<std::size_t>(u.sweep)] += Central::of(spec_.bodies[static_cast<std::size_t>(i)]).in(u.pose);
+    if (options_.choose_frames) turn_dense_frames();
+  }
+
+  // A light body between two heavy ones feels their tension along the line between its hinges, p x f with f along p. Where its inboard
+  // hinge lets it turn about that line (a ball), rounding of this couple would turn it: hence a frame whose x axis is p of the
+  // heaviest outboard part, in which the component is exactly zero.
+  void turn_dense_frames() {
+    Model& m = *model_;
+    const int n = static_cast<int>(m.bodies.size());
+    const Groups outboard(m.bodies, &SweepBody::parent, n), carried(m.user, &UserBody::sweep, n);
+    std::vector<Long> subtree(m.bodies.size(), 0);
+    for (std::size_t k = m.bodies.size() - 1; k > 0; --k) {
+      subtree[k] += central_[k].m;
+      subtree[static_cast<std::size_t>(m.bodies[k].parent)] += subtree[k];
+    }
+    for (int k = 1; k < n; ++k) {
+      SweepBody& b = m.bodies[static_cast<std::size_t>(k)];
+      if (b.nv < 2 || b.shape < CARDAN_SHAPE_BALL || b.shape == CARDAN_SHAPE_FREE || b.shape == CARDAN_SHAPE_FREE_BODY) continue;
+      const auto heaviest = std::ranges::max_element(outboard[k], {}, [&](int c) { return subtree[static_cast<std::size_t>(c)]; });
+      if (heaviest == outboard[k].end()) continue;
+      SweepBody& child = m.bodies[static_cast<std::size_t>(*heaviest)];
+      const Vec3L p = to_eigen(child.O.p).cast<Long>();
+      if ((p.array() != 0).count() < 2) continue;
+      Mat3L R;  // S in P
+      int least = 0;
+      p.cwiseAbs().minCoeff(&least);
+      R.col(0) = p.normalized();
+      R.col(1) = (Vec3L::Unit(least) - R.col(0) * R(least, 0)).normalized();
+      R.col(2) = R.col(0).cross(R.col(1));
+      const Pose<double> S{from_eigen(Eigen::Matrix3d(R.cast<double>())), {}}, back = inverse(S);
+      for (const int u : carried[k]) m.user[static_cast<std::size_t>(u)].pose = back * m.user[static_cast<std::size_t>(u)].pose;
+      for (const int c : outboard[k]) m.bodies[static_cast<std::size_t>(c)].O = back * m.bodies[static_cast<std::size_t>(c)].O;
+      child.O.p = {static_cast<double>(p.norm()), 0.0, 0.0};
+      b.M = to_inboard(back, b.M);
+      Central& central = central_[static_cast<std::size_t>(k)];
+      central.c = (R.transpose() * central.c).eval();
+      central.S = (R.transpose() * central.S * R).eval();
+      m.graded.turned.push_back({k, S.R});
+    }
+  }
+
+  /// As the sweeps read them, in the frames chosen.
+  void keep_central_inertias() {
+    Model& m = *model_;
+    std::vector<Central> swept = central_;
+    for (const int k : m.rotors) {
+      const SweepBody& b = m.bodies[static_cast<std::size_t>(k)];
+      Central& rotor = central_[static_cast<std::size_t>(k)];
+      rotor = rotor.in(b.O);
+      swept[static_cast<std::size_t>(b.parent)] += rotor;
+    }
+    for (std::size_t k = 0; k < m.bodies.size(); ++k) {
+      m.graded.own.push_back(central_[k].down());
+      m.graded.swept.push_back(swept[k].down());
+    }
+    std::vector<int> parts(m.bodies.size(), 0);  // user bodies and rotors that make up a sweep body
+    for (const UserBody& u : m.user) ++parts[static_cast<std::size_t>(u.sweep)];
+    for (const int k : m.rotors) ++parts[static_cast<std::size_t>(m.bodies[static_cast<std::size_t>(k)].parent)];
+    for (const UserNode& node : m.nodes) {  // a force at the mass centre of a body by itself has no couple, to the last bit
+      const auto k = static_cast<std::size_t>(node.sweep);
+      const UserBody& u = m.user[static_cast<std::size_t>(node.body)];
+      const BodySpec& spec = spec_.bodies[static_cast<std::size_t>(node.body)];
+      const Central own = Central::of(spec);
+      const std::string name = node.name == spec.name ? std::string() : node.name.substr(spec.name.size() + 1);
+      Vec3L arm = to_eigen(u.pose.R).cast<Long>() * (to_eigen(node_of(spec, name).pose.p).cast<Long>() - own.c);
+      if (parts[k] > 1) arm += own.in(u.pose).c - swept[k].c;
+      m.graded.arm.push_back(from_eigen(Eigen::Vector3d(arm.cast<double>())));
+    }
+  }
+
   // Frames of rigid bodies on one rotation, re-chosen so that the axis is a coordinate axis of the body and the constant
   // rotation between O and the inboard body vanishes or is one or two rotations in a plane (kernels_axis.hpp).
   void choose_frames() {
@@ -496,7 +614,7 @@ class Compiler {
       }
       const Pose<double> C{from_eigen(R_PS), from_eigen(Eigen::Vector3d(-slide * to_eigen(b.axis)))};  // S in P
       const Pose<double> back = inverse(C);
-      turn_inertia(C, i, b, a);
+      turn_inertia(C, i, b, a, graded_ ? &central_[static_cast<std::size_t>(k)] : nullptr);
       for (const int u : carried[k]) m.user[static_cast<std::size_t>(u)].pose = back * m.user[static_cast<std::size_t>(u)].pose;
       for (const int child : outboard[k]) m.bodies[static_cast<std::size_t>(child)].O = back * m.bodies[static_cast<std::size_t>(child)].O;
       b.O = pose_of(R_AS, R_AS * l);
@@ -513,34 +631,40 @@ class Compiler {
   // The inertia of body b seen from S (pose C in P), whose axis i is the hinge axis u, exactly: the inertia about a hinge may be
   // ten orders below the others, and a rotation that is orthogonal to round-off only would lose it. Hence long double, u kept
   // as it is, and the second moments S = (tr J/2) 1 - J in place of J: those of a slender body are small by themselves.
-  static void turn_inertia(const Pose<double>& C, int i, SweepBody& b, AxisBody& a) {
-    using L = long double;
-    using Mat = Eigen::Matrix<L, 3, 3>;
-    using Vec = Eigen::Matrix<L, 3, 1>;
-    const Mat R = to_eigen(C.R).cast<L>();
+  static void turn_inertia(const Pose<double>& C, int i, SweepBody& b, AxisBody& a, Central* central) {
+    const Mat3L R = to_eigen(C.R).cast<Long>();
     const int j = (i + 1) % 3, k = (i + 2) % 3;
-    Mat Q;
-    Q.col(i) = to_eigen(b.axis).cast<L>().normalized();
+    Mat3L Q;
+    Q.col(i) = to_eigen(b.axis).cast<Long>().normalized();
     Q.col(j) = (R.col(j) - Q.col(i) * Q.col(i).dot(R.col(j))).normalized();
     Q.col(k) = Q.col(i).cross(Q.col(j));
-    const RigidInertia<L> M = cast<L>(b.M);
-    Mat S;
+    const RigidInertia<Long> M = cast<Long>(b.M);
+    Mat3L S;
     S << 0.5L * ((M.J.yy - M.J.xx) + M.J.zz), -M.J.xy, -M.J.xz, -M.J.xy, 0.5L * ((M.J.xx - M.J.yy) + M.J.zz), -M.J.yz, -M.J.xz, -M.J.yz,
         0.5L * ((M.J.xx - M.J.zz) + M.J.yy);
-    const Vec d = to_eigen(C.p).cast<L>(), h = to_eigen(b.M.h).cast<L>();
+    const Vec3L d = to_eigen(C.p).cast<Long>(), h = to_eigen(b.M.h).cast<Long>();
     S += M.m * d * d.transpose() - d * h.transpose() - h * d.transpose();
     S = (Q.transpose() * S * Q).eval();
-    Vec h_S = Q.transpose() * (h - M.m * d);
-    const L noise = 1e-18L * S.trace(), noise_h = 1e-18L * (h.norm() + M.m * d.norm());  // round-off of the rotation itself
-    for (int r = 0; r < 3; ++r) {
-      if (std::abs(h_S[r]) < noise_h) h_S[r] = 0;
-      for (int c = 0; c < 3; ++c)
-        if (r != c && std::abs(S(r, c)) < noise) S(r, c) = 0;
+    Vec3L h_S = Q.transpose() * (h - M.m * d);
+    const auto without_noise = [](Mat3L& moments, Vec3L& first, Long size) {  // round-off of the rotation itself
+      const Long noise = 1e-18L * moments.trace();
+      for (int r = 0; r < 3; ++r) {
+        if (std::abs(first[r]) < 1e-18L * size) first[r] = 0;
+        for (int c = 0; c < 3; ++c)
+          if (r != c && std::abs(moments(r, c)) < noise) moments(r, c) = 0;
+      }
+    };
+    without_noise(S, h_S, h.norm() + M.m * d.norm());
+    if (central) {
+      const Long size = central->c.norm() + d.norm();
+      central->c = (Q.transpose() * (central->c - d)).eval();
+      central->S = (Q.transpose() * central->S * Q).eval();
+      without_noise(central->S, central->c, size);
     }
-    const auto down = [](L x) { return static_cast<double>(x); };
+    const auto down = [](Long x) { return static_cast<double>(x); };
     b.M.h = {down(h_S[0]), down(h_S[1]), down(h_S[2])};
     b.M.J = {down(S(1, 1) + S(2, 2)), down(S(0, 0) + S(2, 2)), down(S(0, 0) + S(1, 1)), down(-S(0, 1)), down(-S(0, 2)), down(-S(1, 2))};
-    const L second[6] = {S(0, 0), S(1, 1), S(2, 2), S(0, 1), S(0, 2), S(1, 2)};
+    const Long second[6] = {S(0, 0), S(1, 1), S(2, 2), S(0, 1), S(0, 2), S(1, 2)};
     std::transform(second, second + 6, a.S, down);
   }
 
@@ -742,16 +866,14 @@ class Compiler {
   std::vector<CheckedHinge> hinges_;  // of spec_.bodies
   std::shared_ptr<Model> model_ = std::make_shared<Model>();
   std::vector<int> order_;
+  const bool graded_;
+  std::vector<Central> central_;      // per sweep body, where `graded_`
 };
 
 }  // namespace
 
-std::shared_ptr<const Model> compile(const SystemSpec& spec, const Registry& registry, const CompileOptions& options) {
-  return compile(std::make_shared<const SystemSpec>(spec), registry, options);
-}
-
-std::shared_ptr<const Model> compile(std::shared_ptr<const SystemSpec> spec, const Registry& registry, const CompileOptions& options) {
-  return Compiler(std::move(spec), registry, options).run();
+std::shared_ptr<Model> assemble(std::shared_ptr<const SystemSpec> spec, const Registry& registry, const CompileOptions& options, bool graded) {
+  return Compiler(std::move(spec), registry, options, graded).run();
 }
 
 int Model::find_body(std::string_view wanted) const {

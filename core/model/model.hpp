@@ -44,7 +44,7 @@ struct Spring {
 };
 
 /// One line of the program of sweeps.
-enum class Kernel : std::uint8_t { hinge_records, outward, elastic, world, central_gravity, node_wrenches, inward, acceleration };
+enum class Kernel : std::uint8_t { hinge_records, outward, elastic, world, central_gravity, node_wrenches, inward, acceleration, refine };
 struct Op {
   Kernel kernel;
   int run = -1;                         // index of the run, -1 = all bodies
@@ -58,6 +58,7 @@ struct Model : SweepModel {
   std::vector<PlainRates> plain_rates;
   std::vector<int> curved;              // user indices of the others: q' is up to their hinge
   std::vector<Op> program;              // forward dynamics, in order of execution
+  std::string refinement;               // why Kernel::refine is in it; empty: it is not
   bool has(Kernel kernel) const {
     for (const Op& op : program)
       if (op.kernel == kernel) return true;
@@ -85,9 +86,12 @@ struct CompileOptions {
   bool world_wrenches = false;          // ... also such that are given in world axes
 };
 
-/// All user errors of a description end here: throws InputError with everything that was found.
+/// All user errors of a description end here: throws InputError with everything that was found. Where masses grow by large ratios
+/// per link it tries the model at some states, hence core/dynamics/compile.cpp.
 std::shared_ptr<const Model> compile(const SystemSpec& spec, const Registry& registry, const CompileOptions& options = {});
 /// The same; the model shares the description instead of keeping a copy.
 std::shared_ptr<const Model> compile(std::shared_ptr<const SystemSpec> spec, const Registry& registry, const CompileOptions& options = {});
+/// Its first part: numbers, frames, kernels, program. `graded`: with SweepModel::graded, for a tree of rigid bodies.
+std::shared_ptr<Model> assemble(std::shared_ptr<const SystemSpec> spec, const Registry& registry, const CompileOptions& options, bool graded);
 
 }  // namespace cardan

@@ -142,6 +142,27 @@ struct UserNode {
   NodeShapes shapes;                    // in the SWEEP frame of the body
 };
 
+/// A rigid inertia by its mass centre: a particle is one exactly, which m, h = m c and J, rounded one by one, cannot be.
+struct CentralInertia {
+  double m = 0.0;                       // [kg]
+  Vec3<double> c{};                     // [m] mass centre from B
+  Sym3<double> S{};                     // [kg m^2] second moments about it: integral of r r* dm, zero for a particle
+};
+
+/// A hinge record that is turned after its family filled it: the frame of the body is S, not P.
+struct TurnedRecord {
+  int body = 0;                         // sweep index
+  Mat3<double> R_PS;
+};
+
+/// What is kept of masses that grow by large ratios per link, for the refinement of v' (kernels_refine.hpp); empty in other models.
+struct GradedMasses {
+  std::vector<CentralInertia> swept;    // per sweep body, in B: with the rotors that are folded into it
+  std::vector<CentralInertia> own;      // without them; of a rotor: in the frame of its carrier
+  std::vector<Vec3<double>> arm;        // [m] per node: from the mass centre `swept` of its sweep body, B axes
+  std::vector<TurnedRecord> turned;
+};
+
 /// Gravity as the sweeps see it, world axes.
 struct GravityField {
   bool uniform = false, central = false;
@@ -166,6 +187,7 @@ struct SweepModel {
   std::vector<std::uint8_t> prescribed; // per v: 1 = follows a given motion; empty when none does
   std::vector<UserNode> nodes;
   GravityField field;
+  GradedMasses graded;
   bool rigid = true;                    // no body has a general kernel
   bool world = false;                   // the program keeps poses and velocities in the world
 

@@ -34,6 +34,7 @@ const char* name_of(Kernel kernel) {
     case Kernel::central_gravity: return "central gravity";
     case Kernel::node_wrenches: return "node wrenches";
     case Kernel::inward: return "inward";
+    case Kernel::refine: return "refinement of v'";
     default: return "acceleration";
   }
 }

@@ -19,6 +19,7 @@ void run_op(const Model& model, const Op& op, const Sweeps<T>& S, Workspace<T>& 
     case Kernel::node_wrenches: return S.node_wrenches(model, ws, in);
     case Kernel::inward: return S.inward(model, ws, in, *run, {.inertia = !again});
     case Kernel::acceleration: return S.acceleration(model, ws, in, *run, vdot);
+    case Kernel::refine: return S.refine(model, ws, in, vdot);
   }
 }
 

@@ -49,7 +49,7 @@ struct Hinge {
   Motion<T> H[NV > 0 ? NV : 1];  // columns of H*, at B
   Force<T> G[NV > 0 ? NV : 1];   // columns of the gain G = P H* D^-1
   T nu[NV > 0 ? NV : 1];         // D^-1 eps
-  T L[NV > 0 ? NV * (NV + 1) / 2 : 1];  // D = L L*, packed by rows
+  T L[NV > 0 ? NV * (NV + 1) / 2 : 1];  // D = L L*, packed by rows; D itself for NV = 1 in rigid kernels
 };
 
 /// How the modes of the inboard body move O: by [Jl psi; phi] at rho, in its axes about its origin. The sums over its modes are

@@ -29,6 +29,8 @@ struct Sweeps {
   /// P, D, G and z, eps, nu, tip to base. Sets Workspace::breakdown and stops where D is singular.
   void (*inward)(Bodies, Work, In, const Run&, InwardFor) = nullptr;
   void (*acceleration)(Bodies, Work, In, const Run&, T* vdot) = nullptr;
+  /// Takes v' of the whole program as a first guess and adds what is missing. Models with SweepModel::graded only.
+  void (*refine)(Bodies, Work, In, T* vdot) = nullptr;
   /// tau = H phi f with f in z (inverse dynamics).
   void (*gather)(Bodies, Work, In, const Run&, T* tau) = nullptr;
   /// Rigid trees: M, nv x nv. Needs hinge_records and outward; Workspace::composite with one entry per body.

@@ -1,6 +1,7 @@
 #pragma once
 // Definitions of sweeps.hpp; included only by the files that instantiate a scalar.
 #include "core/soa/gravity_field.hpp"
+#include "core/soa/kernels_refine.hpp"
 #include "core/soa/sincos.hpp"
 #include "core/soa/sweeps.hpp"
 
@@ -42,6 +43,25 @@ static void family_records(const SweepModel& model, Workspace<T>& ws, const Inpu
   }
 }
 
+/// A record of frame P becomes that of frame S: R_OS = R_OP R_PS, columns of H* and Hdot* v in S axes.
+template <class T>
+static void turn_record(const SweepModel& model, Workspace<T>& ws, const TurnedRecord& t) {
+  const SweepBody& b = model.bodies[static_cast<std::size_t>(t.body)];
+  for (int l = 0; l < kWidth<T>; ++l) {
+    cardan_hinge_out& record = ws.hinge_records(l)[b.dense];
+    double* R = record.R_OP;
+    const Mat3<double> turned = Mat3<double>{R[0], R[1], R[2], R[3], R[4], R[5], R[6], R[7], R[8]} * t.R_PS;
+    R[0] = turned.xx, R[1] = turned.xy, R[2] = turned.xz, R[3] = turned.yx, R[4] = turned.yy, R[5] = turned.yz;
+    R[6] = turned.zx, R[7] = turned.zy, R[8] = turned.zz;
+    const auto turn = [&](double* a) {
+      const Vec3<double> s = transpose_times(t.R_PS, Vec3<double>{a[0], a[1], a[2]});
+      a[0] = s.x, a[1] = s.y, a[2] = s.z;
+    };
+    for (int i = 0; i < 2 * b.nv; ++i) turn(record.Ht + 3 * i);
+    turn(record.Hdot_v), turn(record.Hdot_v + 3);
+  }
+}
+
 template <class T>
 static void hinge_records(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
   ws.articulated = false;
@@ -51,6 +71,7 @@ static void hinge_records(const SweepModel& model, Workspace<T>& ws, const Input
     sine_cosine(ws.angles.data(), ws.sines.data(), ws.cosines.data(), ws.angles.size());
   }
   for (const DenseBatch& batch : model.batches) family_records(model, ws, in, batch);
+  for (const TurnedRecord& t : model.graded.turned) turn_record(model, ws, t);
 }
 
 template <class T>
@@ -59,6 +80,7 @@ static void ground(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& i
   ground.z = Force<T>();
   ground.gamma.v = in.gravity && model.field.uniform ? -cast<T>(model.field.g) : Vec3<T>{T(0), T(0), T(0)};
   for (const int k : model.rotors) ws.axis(k).load = T(0);
+  for (Force<T>& load : ws.loads) load = Force<T>();
   ws.breakdown = {};
 }
 
@@ -104,6 +126,13 @@ static void world(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in
   }
 }
 
+/// z of body k less a load on it [moment about its mass centre c; force], which is kept for the refinement.
+template <class T>
+static void add_load(Workspace<T>& ws, int k, const Force<T>& load, const Vec3<T>& c) {
+  ws.loads[static_cast<std::size_t>(k)] += load;
+  ws.core(k).z -= Force<T>{load.n + cross(c, load.f), load.f};
+}
+
 // The force on mode k is -dU/d eta_k of the same potential: with F the force at the mass centre, Grad = mu/r^3 (3 rhat rhat* - 1)
 // and S = (tr J/2) 1 - J the second moments, f_k = I3_k . F/m + 1/2 Grad : dS_k - c . Grad I3_k.
 template <class T>
@@ -119,6 +148,15 @@ static void central_gravity(const SweepModel& model, Workspace<T>& ws, const Inp
     const RigidInertia<T> inertia =
         modal ? gravity_inertia(model.flexible[static_cast<std::size_t>(b.flexible)], b.n_modes, modal->M_rr, in.q + b.eta) : cast<T>(carrier == k ? b.M : b.M_sweep);
     if (!(inertia.m > T(0))) continue;
+    if (!model.graded.own.empty()) {  // the same about mass centres
+      const CentralInertia &own = model.graded.own[static_cast<std::size_t>(k)], &swept = model.graded.swept[static_cast<std::size_t>(carrier)];
+      const T trace(own.S.xx + own.S.yy + own.S.zz);
+      const Sym3<T> J{trace - T(own.S.xx), trace - T(own.S.yy), trace - T(own.S.zz), -T(own.S.xy), -T(own.S.xz), -T(own.S.yz)};
+      const Pose<T>& W = ws.pose_W(carrier);
+      const Force<T> pull = attraction(g, T(own.m), J, transpose_times(W.R, W.p - cast<T>(g.centre)) + cast<T>(own.c));
+      add_load(ws, carrier, {pull.n + cross(cast<T>(own.c - swept.c), pull.f), pull.f}, cast<T>(swept.c));
+      continue;
+    }
     Vec3<T> c, r;
     const Force<T> pull = attraction(g, inertia, ws.pose_W(carrier), c, r);
     body.z -= pull;
@@ -164,9 +202,21 @@ static void node_wrenches(const SweepModel& model, Workspace<T>& ws, const Input
       f = {at.R * load.f.n, at.R * load.f.f};
     }
     const Force<T> at_B{f.n + cross(at.rho, f.f), f.f};
+    const bool graded = !ws.loads.empty();
     if (b.kind == KernelKind::rotor) {
       ws.axis(k).load = ws.axis(k).load + dot(cast<T>(b.axis), at_B.n);
-      ws.core(b.parent).z -= to_inboard(pose_in_inboard(model, ws, k, in.q), at_B);
+      const Force<T> at_A = to_inboard(pose_in_inboard(model, ws, k, in.q), at_B);
+      if (graded) {
+        const Vec3<T> c = cast<T>(model.graded.swept[static_cast<std::size_t>(b.parent)].c);
+        add_load(ws, b.parent, {at_A.n - cross(c, at_A.f), at_A.f}, c);
+      } else {
+        ws.core(b.parent).z -= at_A;
+      }
+      continue;
+    }
+    if (graded) {
+      add_load(ws, k, {f.n + cross(cast<T>(model.graded.arm[static_cast<std::size_t>(load.node)]), f.f), f.f},
+               cast<T>(model.graded.swept[static_cast<std::size_t>(k)].c));
       continue;
     }
     body.z -= at_B;
@@ -202,6 +252,38 @@ static void acceleration(const SweepModel& model, Workspace<T>& ws, const Inputs
   for_kernel<T>(
       run.kind, [&]<int NV>() { acceleration_rigid<T, NV>(model, ws, in, vdot, run.begin, run.end); },
       [&]<int NV>() { acceleration_general<T, NV>(model, ws, in, vdot, run.begin, run.end); });
+}
+
+// With every pass the error of v' falls by a factor of the size of the relative error of the sweeps, which is what the first pass
+// finds. Each lane by itself, so that its bits do not depend on the others: a lane that has enough, or that a pass does not bring
+// nearer, keeps its v'.
+template <class T>
+static void refine(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* vdot) {
+  const auto nv = static_cast<std::size_t>(model.nv);
+  T* d = ws.correction.data();
+  T size(1e-300), rate(0), more(1);
+  for (std::size_t i = 0; i < nv; ++i) size = larger(magnitude(vdot[i]), size);
+  T before = size;
+  for (int pass = 1; pass <= kPasses; ++pass) {
+    rebase(model, ws);
+    ws.core(0).z = Force<T>();
+    for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) inward(model, ws, in, *run, {.inertia = false});
+    for (const Run& run : model.runs) acceleration(model, ws, in, run, d);
+    for (const int k : model.rotors) {  // all of v', not the rest
+      const auto i = static_cast<std::size_t>(model.bodies[static_cast<std::size_t>(k)].v);
+      d[i] = d[i] - vdot[i];
+    }
+    for (std::size_t i = 0; i < model.prescribed.size(); ++i)
+      if (model.prescribed[i]) d[i] = T(0);
+    T now(0);
+    for (std::size_t i = 0; i < nv; ++i) now = larger(magnitude(d[i]), now);
+    more = more * above(before, now);
+    for (std::size_t i = 0; i < nv; ++i) vdot[i] = vdot[i] + more * d[i];
+    if (pass == 1) rate = T(kRate) * now / size;
+    more = more * above(rate * now / size, T(kRefined));
+    before = now;
+    if (T(0.5) > more) return;
+  }
 }
 
 template <class T>
@@ -272,7 +354,10 @@ static void mass_matrix_inverse(const SweepModel& model, Workspace<T>& ws, const
 /// The table of one scalar, for the instruction set that the including file is compiled for.
 template <class T>
 static constexpr Sweeps<T> make_sweeps() {
-  return {ground<T>, at_rest<T>, hinge_records<T>, outward<T>, elastic<T>, world<T>, central_gravity<T>, node_wrenches<T>, inward<T>, acceleration<T>, gather<T>, mass_matrix<T>, mass_matrix_inverse<T>};
+  return {.ground = ground<T>, .at_rest = at_rest<T>, .hinge_records = hinge_records<T>, .outward = outward<T>, .elastic = elastic<T>,
+          .world = world<T>, .central_gravity = central_gravity<T>, .node_wrenches = node_wrenches<T>, .inward = inward<T>,
+          .acceleration = acceleration<T>, .refine = refine<T>, .gather = gather<T>, .mass_matrix = mass_matrix<T>,
+          .mass_matrix_inverse = mass_matrix_inverse<T>};
 }
 
 }  // namespace cardan::soa

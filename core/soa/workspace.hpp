@@ -110,6 +110,8 @@ class Workspace {
   bool articulated = false;               // ... and are still there
   std::vector<RigidInertia<T>> composite; // per body, for the mass matrix: only where it is asked for
   std::vector<T> rest;                    // nv zeros, likewise
+  std::vector<T> correction;              // of v', where it is refined (nv)
+  std::vector<Force<T>> loads;            // ... and what central gravity and wrenches on nodes do to each body: [moment about its mass centre; force]
   std::vector<T> sums;                    // of a pass over the modes of a body: a number for each row of FlexibleBody::UV
   std::vector<double> family;             // q and v of one lane, for families that are called lane by lane; empty for double
 

@@ -22,6 +22,8 @@ Workspace<T>::Workspace(const SweepModel& model) {
   modal_.assign(n, nullptr);
   n_dense_ = static_cast<std::size_t>(model.n_dense);
   dense_.resize(n_dense_ * kWidth<T>);
+  loads.resize(model.graded.swept.size());
+  if (!loads.empty()) correction.resize(static_cast<std::size_t>(model.nv), T(0));
   if (model.rigid) articulated_q.resize(static_cast<std::size_t>(model.nq));
   if constexpr (!std::is_same_v<T, double>) family.resize(static_cast<std::size_t>(model.nq + model.nv));
   struct Counts {
@@ -138,7 +140,7 @@ void Workspace<T>::require_world() {
 
 template <class T>
 std::size_t Workspace<T>::bytes() const {
-  return arena_bytes_ + 3 * angles.size() * sizeof(T) + family.size() * sizeof(double) + articulated_q.size() * sizeof(T) + composite.size() * sizeof(RigidInertia<T>) + (rest.size() + sums.size()) * sizeof(T) + dense_.size() * sizeof(cardan_hinge_out) + pose_W_.size() * sizeof(Pose<T>) + V_.size() * sizeof(Motion<T>);
+  return arena_bytes_ + 3 * angles.size() * sizeof(T) + family.size() * sizeof(double) + articulated_q.size() * sizeof(T) + composite.size() * sizeof(RigidInertia<T>) + (rest.size() + sums.size() + correction.size()) * sizeof(T) + loads.size() * sizeof(Force<T>) + dense_.size() * sizeof(cardan_hinge_out) + pose_W_.size() * sizeof(Pose<T>) + V_.size() * sizeof(Motion<T>);
 }
 
 }  // namespace cardan::soa

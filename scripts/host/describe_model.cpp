@@ -120,6 +120,8 @@ Json ops(const Scenario& s, bool measured) {
     all.push_back({{"name", op.name}, {"bodies", op.bodies}, {"flops", op.flops}, {"functions", op.functions}, {"bytes", op.bytes}});
     if (measured) all.back()["ns"] = op.ns;
   }
+  for (std::size_t i = 0; i < all.size(); ++i)
+    if (s.model->program[i].kernel == Kernel::refine) all[i]["reason"] = s.model->refinement;
   return all;
 }
 

@@ -109,7 +109,7 @@ std::string sweep_program(const Model& m, const State& state, bool measured) {
   sum.ns = 0.0;
   for (std::size_t i = 0; i < costs.size(); ++i) {
     const soa::OpCost& cost = costs[i];
-    std::string bodies;
+    std::string bodies = m.program[i].kernel == Kernel::refine ? m.refinement : std::string();
     if (const int r = m.program[i].run; r >= 0)
       for (const UserBody& u : m.user)
         if (!u.merged && u.sweep >= m.runs[static_cast<std::size_t>(r)].begin &&

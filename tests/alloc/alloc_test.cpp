@@ -84,6 +84,24 @@ TEST_P(ForwardDynamics, AllocatesNothing) {
 INSTANTIATE_TEST_SUITE_P(Files, ForwardDynamics, testing::ValuesIn(oracle::files()),
                          [](const auto& file) { return file.param.stem().string(); });
 
+TEST(Alloc, RefinementOfForwardDynamics) {  // masses that grow by large ratios, under gravity of a centre and a load
+  std::vector<BodySpec> bodies;
+  for (const double mass : {1e-6, 0.01, 100.0, 1e6}) {
+    const std::string i = std::to_string(bodies.size());
+    bodies.push_back(on(rigid("b" + i, mass, {0.1, 0, -1}, mass * diagonal({0.1, 0.15, 0.2})), bodies.empty() ? "" : bodies.back().name, "ball", {}, {0, 0, -0.5}));
+  }
+  const auto model = compiled(system(bodies, central_gravity(2e4, true, {3, -4, 20})), {.world_wrenches = true});
+  ASSERT_TRUE(model->has(Kernel::refine));
+  Workspace ws(*model);
+  const State s = model->initial_state();
+  const std::vector<NodeWrench> loads{{model->find_node("b2"), true, {{0, 0, 0}, {1, 2, 3}}}};
+  const Inputs in{.q = s.q.data(), .v = s.v.data(), .wrenches = loads};
+  Eigen::VectorXd vdot(model->nv);
+  bool ok = false;
+  EXPECT_EQ(mallocs_in([&] { ok = forward_dynamics(*model, ws, in, vdot.data()); }), 0);
+  EXPECT_TRUE(ok);
+}
+
 class Run : public testing::TestWithParam<const char*> {};
 
 // A tree with flexible bodies, ledgers, wrenches in both axes, springs, prescribed motion, a controller and an event.

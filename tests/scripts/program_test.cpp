@@ -310,6 +310,14 @@ TEST(Program, DescribeTellsTheProgramAndTheModes) {
   EXPECT_EQ(unloaded.find("node wrenches"), std::string::npos) << "a scene without loads has no op for them";
 }
 
+TEST(Program, DescribeTellsWhyAccelerationsAreRefined) {
+  const std::string graded = json::parse(run_program({"describe", "graded_masses", "--json"}, kMissions).out)["program"];
+  const std::string plain = json::parse(run_program({"describe", "pendulum", "--json"}, kMissions).out)["program"];
+  EXPECT_NE(graded.find("refinement of v'"), std::string::npos) << graded;
+  EXPECT_NE(graded.find("the mass of p3 is "), std::string::npos) << graded;
+  EXPECT_EQ(plain.find("refinement"), std::string::npos);
+}
+
 TEST(Program, PluginsAreLoadedAndChecked) {
   const TemporaryFolder dir;
   fs::copy(CARDAN_BINARY_DIR "/plugins/custom_cam.so", dir / "cam.so");
