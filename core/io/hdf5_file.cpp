@@ -1,6 +1,7 @@
 #include "core/io/hdf5_file.hpp"
 
 #include <hdf5.h>
+#include <sys/file.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -285,6 +286,7 @@ Hdf5File Hdf5File::create(const std::string& path) {
   cache.flash_incr_mode = H5C_flash_incr__off;
   cache.decr_mode = H5C_decr__off;
   H5Pset_mdc_config(access, &cache);
+  H5Pset_file_locking(access, false, true);  // HDF5 would lock readers out
   auto impl = std::make_unique<Impl>();
   impl->name = path;
   impl->file = H5Fcreate(path.c_str(), H5F_ACC_TRUNC, creation, access);
@@ -298,6 +300,8 @@ Hdf5File Hdf5File::create(const std::string& path) {
                       "",
                       0});
   H5Fset_libver_bounds(impl->file, H5F_LIBVER_V110, H5F_LIBVER_V110);  // an index that grows without moving
+  // A shared lock, as readers of HDF5 take it: they get in, and who asks for the exclusive one of a writer does not.
+  if (void* descriptor = nullptr; H5Fget_vfd_handle(impl->file, H5P_DEFAULT, &descriptor) >= 0) flock(*static_cast<int*>(descriptor), LOCK_SH | LOCK_NB);
   return Hdf5File(std::move(impl));
 }
 
@@ -325,6 +329,13 @@ Hdf5File Hdf5File::open(const std::string& path) {
 }
 
 const std::string& Hdf5File::file_name() const { return impl_->name; }
+
+void Hdf5File::rename(const std::string& path) {
+  std::error_code error;
+  std::filesystem::rename(impl_->name, path, error);
+  if (error) throw InputError({Code::cannot_write, {"", {path, 0, 0}}, "a file that can be replaced", error.message(), "", "", "", 0});
+  impl_->name = path;
+}
 
 void Hdf5File::flush() { impl_->wrote(H5Fflush(impl_->file, H5F_SCOPE_LOCAL), "/"); }
 
@@ -417,8 +428,8 @@ std::vector<std::size_t> Hdf5File::shape(const std::string& path) const {
   return {dims.begin(), dims.end()};
 }
 
-void Hdf5File::make_rows(const std::string& path, std::size_t columns, std::size_t rows_per_block) {
-  std::vector<hsize_t> now{0}, limit{H5S_UNLIMITED}, block{rows_per_block};
+void Hdf5File::make_rows(const std::string& path, std::size_t columns, std::size_t rows_per_block, std::size_t most_rows) {
+  std::vector<hsize_t> now{0}, limit{most_rows > 0 ? most_rows : H5S_UNLIMITED}, block{rows_per_block};
   if (columns > 0) {
     for (auto* dims : {&now, &limit, &block}) dims->push_back(columns);
   }

@@ -22,7 +22,8 @@ struct Hdf5Array {
 /// the path, makes missing groups, and throws NumericsError N0204 when the file does not take it (disk full).
 class Hdf5File {
  public:
-  /// A new file, in place of an old one. Throws InputError C0701 with the reason.
+  /// A new file, in place of an old one. While it is open others may read it, and are refused when they want to write to it. Throws
+  /// InputError C0701 with the reason.
   static Hdf5File create(const std::string& path);
   /// An existing file to write to, a new one if there is none. Throws InputError C0701.
   static Hdf5File update(const std::string& path);
@@ -34,6 +35,8 @@ class Hdf5File {
   ~Hdf5File();  // closes; `close()` before it tells of errors
 
   const std::string& file_name() const;
+  /// The open file takes this name in the same file system; whoever has open what stood there keeps it. Throws InputError C0701.
+  void rename(const std::string& path);
   void flush();  // what was written so far survives the end of the process, however it ends
   void close();
 
@@ -61,8 +64,9 @@ class Hdf5File {
 
   /// A dataset that grows along its first dimension, in blocks of `rows_per_block`: `columns` numbers per row, or a 1-D
   /// dataset when `columns` is 0. Not compressed: a compressed block moves when it grows, and a process killed between
-  /// two flushes then leaves a file that cannot be read.
-  void make_rows(const std::string& path, std::size_t columns, std::size_t rows_per_block);
+  /// two flushes then leaves a file that cannot be read. most_rows: no more will come (0: any number may); where one block holds them, the
+  /// dataset needs no index of blocks, which takes 0.3 kB.
+  void make_rows(const std::string& path, std::size_t columns, std::size_t rows_per_block, std::size_t most_rows = 0);
   /// Appends whole rows (row-major).
   void append_rows(const std::string& path, std::span<const double> values);
 

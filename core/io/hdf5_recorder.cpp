@@ -2,19 +2,22 @@
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
+#include <cstdio>
 #include <set>
 
 #include "core/base/diagnostic.hpp"
 #include "core/io/hdf5_file.hpp"
 #include "core/io/recorder.hpp"
+#include "core/io/result_folder.hpp"
 
 namespace cardan {
 namespace {
 
-constexpr std::size_t kRowsPerBlock = 256;  // rows buffered, and rows per compressed block of the file
+constexpr std::size_t kRowsPerBlock = 256;  // rows buffered, and rows per block of the file unless fewer are expected
 
-using Pairs = std::vector<std::pair<std::string, std::string>>;
+using Pairs = RunHeader::Pairs;
 using Clock = std::chrono::steady_clock;
 
 std::string now_utc() { return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr))); }
@@ -41,11 +44,15 @@ void expect_distinct(const std::vector<Channel>& channels) {
 
 class Hdf5Recorder final : public Recorder {
  public:
-  Hdf5Recorder(const std::string& path, double flush_period)
-      : file_(Hdf5File::create(path)), flush_period_(flush_period), last_flush_(Clock::now()) {}
+  Hdf5Recorder(const std::string& path, double flush_period, std::function<void()> ready)
+      : path_(path), file_(Hdf5File::create(name_before(path))), ready_(std::move(ready)), flush_period_(flush_period), last_flush_(Clock::now()) {}
 
   /// A run that is left without close() keeps its rows, but does not count as finished.
   ~Hdf5Recorder() override {
+    if (file_.file_name() != path_) {  // never begun
+      std::remove(file_.file_name().c_str());
+      return;
+    }
     try {
       if (!closed_) flush();
     } catch (const std::exception&) {  // nobody is left to tell
@@ -56,28 +63,43 @@ class Hdf5Recorder final : public Recorder {
     expect_distinct(channels);
     file_.make_group("/run");
     for (const auto& [key, text] : Pairs{{"scenario", header.scenario},
+                                         {"folder", header.folder},
                                          {"title", header.title},
                                          {"program_version", header.program_version},
                                          {"commit", header.commit},
                                          {"compiler", header.compiler},
                                          {"flags", header.flags},
+                                         {"sweeps", header.sweeps},
+                                         {"sweep_flags", header.sweep_flags},
                                          {"seed", std::to_string(header.seed)},
+                                         {"check_against_reference", header.check_against_reference ? "true" : "false"},
                                          {"integrator", header.integrator},
                                          {"started", now_utc()}})
       file_.set_attribute("/run", key, text);
-    write_pairs("/run/inputs", header.input_hashes);
-    write_pairs("/run/plugins", header.plugins);
-    file_.write("/spec/text", header.spec_text);
+    if (!header.until.empty()) file_.set_attribute("/run", "until", header.until);
+    file_.write("/run/command", header.command, {header.command.size()});
+    write_pairs("/run/settings", header.settings);
+    for (const auto& [path, files] : {std::pair{"/run/inputs", &header.inputs}, {"/run/plugins", &header.plugins}, {"/run/modal_files", &header.modal_files}}) {
+      Pairs hashes;
+      for (const InputFile& f : *files) hashes.emplace_back(f.name, f.sha256);
+      write_pairs(path, hashes);
+    }
+    Pairs texts;
+    for (const InputFile& f : header.inputs) texts.emplace_back(f.name, f.text);
+    write_pairs("/spec/files", texts);
     write_pairs("/spec/parameters", header.effective_parameters);
     write_pairs("/spec/defaults", header.defaults_used);
     file_.write("/spec/sweeps", header.sweep_program);
 
-    file_.make_rows("/time", 0, kRowsPerBlock);
+    // A run of few rows gets blocks that hold all of them: less to store, and no index of blocks.
+    const bool few = header.most_rows > 0 && header.most_rows <= kRowsPerBlock;
+    const std::size_t rows = few ? header.most_rows : kRowsPerBlock, limit = few ? rows : 0;
+    file_.make_rows("/time", 0, rows, limit);
     file_.set_attribute("/time", "unit", std::string("s"));
     file_.make_group("/channels");
     for (const auto& c : channels) {
       const std::string path = "/channels/" + c.path;
-      file_.make_rows(path, c.components.size(), kRowsPerBlock);
+      file_.make_rows(path, c.components.size(), rows, limit);
       file_.set_attribute(path, "unit", c.unit);
       file_.set_attribute(path, "frame", c.frame);
       file_.set_attribute(path, "components", c.components);
@@ -86,9 +108,11 @@ class Hdf5Recorder final : public Recorder {
       columns_.push_back({path, c.components.size()});
       width_ += c.components.size();
     }
-    times_.reserve(kRowsPerBlock);
-    values_.reserve(kRowsPerBlock * width_);
+    times_.reserve(rows);
+    values_.reserve(rows * width_);
     flush();
+    if (ready_) ready_();
+    file_.rename(path_);
   }
 
   void row(double t, std::span<const double> values) override {
@@ -121,10 +145,11 @@ class Hdf5Recorder final : public Recorder {
     last_flush_ = Clock::now();
   }
 
-  void close() override {
+  void close(std::string_view verdict) override {
     if (closed_) return;
-    guarded([this] {
+    guarded([&] {
       write_block();
+      if (!verdict.empty()) file_.set_attribute("/run", "verdict", std::string(verdict));
       file_.set_attribute("/run", "finished", now_utc());
       file_.close();
     });
@@ -173,7 +198,9 @@ class Hdf5Recorder final : public Recorder {
     }
   }
 
+  std::string path_;  // the name that the file gets
   Hdf5File file_;
+  std::function<void()> ready_;
   double flush_period_;
   Clock::time_point last_flush_;
   std::vector<Column> columns_;
@@ -184,8 +211,8 @@ class Hdf5Recorder final : public Recorder {
 
 }  // namespace
 
-std::unique_ptr<Recorder> make_hdf5_recorder(const std::string& path, double flush_period) {
-  return std::make_unique<Hdf5Recorder>(path, flush_period);
+std::unique_ptr<Recorder> make_hdf5_recorder(const std::string& path, double flush_period, std::function<void()> ready) {
+  return std::make_unique<Hdf5Recorder>(path, flush_period, std::move(ready));
 }
 
 }  // namespace cardan

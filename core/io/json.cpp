@@ -20,6 +20,7 @@ std::string checked(const Json& value, int indent) {
 }  // namespace
 
 std::string json_text(const Json& value) { return checked(value, 2) + "\n"; }
+std::string json_text_with_nulls(const Json& value) { return value.dump(2, ' ', false, Json::error_handler_t::replace) + "\n"; }
 std::string json_line(const Json& value) { return checked(value, -1); }
 
 Json to_json(const Diagnostic& d) {

@@ -13,6 +13,8 @@ using Json = nlohmann::ordered_json;  // keys stay in the order of insertion
 /// Indented text; numbers come back bit by bit. Throws NumericsError N0108 with the place of a number that is not
 /// finite (JSON has no NaN, and a silent null would pass for "not measured").
 std::string json_text(const Json& value);
+/// The same, but null for such a number.
+std::string json_text_with_nulls(const Json& value);
 /// The same without line breaks.
 std::string json_line(const Json& value);
 

@@ -1,9 +1,12 @@
 #pragma once
 // Where a run writes: channels are declared once, then one row per output time.
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 namespace cardan {
@@ -17,17 +20,29 @@ struct Channel {
   std::string meaning;                  // one line
 };
 
-/// Provenance: everything that is known before the first row.
+/// A file of the input: its name as the scenario gives it, the SHA-256 of its bytes and, where it is a text, the text.
+struct InputFile {
+  std::string name, sha256, text;
+};
+
+/// Provenance: everything that is known before the first row, and all that is needed to run it again.
 struct RunHeader {
-  std::string scenario, title, program_version, compiler, flags, commit;
+  using Pairs = std::vector<std::pair<std::string, std::string>>;
+  std::string scenario, folder, title;           // file of the scenario, and the absolute path of its folder
+  std::string program_version, commit, compiler, flags;
+  std::string sweeps, sweep_flags;               // instruction set of the sweeps, and the flags that these were compiled with
+  std::vector<std::string> command;              // the command line as given
+  Pairs settings;                                // --set: key, value
   std::uint64_t seed = 0;
-  std::vector<std::pair<std::string, std::string>> input_hashes;         // file, SHA-256
-  std::vector<std::pair<std::string, std::string>> plugins;              // file, SHA-256
-  std::vector<std::pair<std::string, std::string>> effective_parameters; // key path, value as read back from the model
-  std::vector<std::pair<std::string, std::string>> defaults_used;
-  std::string sweep_program;                                             // the program of sweeps that was executed
-  std::string spec_text;                                                 // the input files as read
+  std::string until;                             // --until in s, its shortest exact digits; empty: not given
+  bool check_against_reference = false;
+  std::vector<InputFile> inputs;                 // texts
+  std::vector<InputFile> plugins, modal_files;   // without their content
+  Pairs effective_parameters;                    // key path, value as read back from the model, with its unit
+  Pairs defaults_used;
+  std::string sweep_program;                     // the program of sweeps that was executed
   std::string integrator;
+  std::size_t most_rows = 0;                     // no more rows will come; 0: not known
 };
 
 class Recorder {
@@ -40,11 +55,14 @@ class Recorder {
   virtual void attach(const std::string& name, const std::string& text) = 0;
   virtual void restart_state(double t, std::span<const double> x) = 0;
   virtual void flush() = 0;
-  virtual void close() = 0;
+  /// `verdict`: how the run ended, in a word.
+  virtual void close(std::string_view verdict = {}) = 0;
 };
 
-/// HDF5 file; flushed every `flush_period` seconds of wall time. Throws InputError (C0701) when it cannot be created.
-std::unique_ptr<Recorder> make_hdf5_recorder(const std::string& path, double flush_period = 2.0);
+/// HDF5 file; flushed every `flush_period` seconds of wall time. It is made beside `path`; begin() gives it its name, in place of what
+/// stood there, once all that stands before the first row is on disk and `ready` has returned: until then, and where either fails, nothing
+/// is touched. Throws InputError (C0701) when it cannot be created.
+std::unique_ptr<Recorder> make_hdf5_recorder(const std::string& path, double flush_period = 2.0, std::function<void()> ready = {});
 /// Small text output for tests and pipes.
 std::unique_ptr<Recorder> make_text_recorder(const std::string& path);
 

@@ -23,7 +23,7 @@ std::string to_json(const Summary& s) {
   }
   for (const auto& f : s.figures) figures.push_back({{"name", f.name}, {"value", f.value}, {"unit", f.unit}});
   for (const auto& w : s.warnings.all()) warnings.push_back(to_json(w));
-  return json_text({{"scenario", s.scenario},
+  const Json all = {{"scenario", s.scenario},
                     {"verdict", name_of(s.verdict)},
                     {"failure", s.failure ? to_json(*s.failure) : Json()},
                     {"checks", checks},
@@ -54,7 +54,8 @@ std::string to_json(const Summary& s) {
                       {"n_q", s.model.n_q},
                       {"n_v", s.model.n_v},
                       {"n_modes", s.model.n_modes}}},
-                    {"versions", s.versions}});
+                    {"versions", s.versions}};
+  return s.verdict == Verdict::aborted ? json_text_with_nulls(all) : json_text(all);
 }
 
 }  // namespace cardan

@@ -60,7 +60,7 @@ struct Summary {
   std::map<std::string, std::string> versions;  // program, compiler, libraries
 };
 
-/// The text of summary.json. Throws NumericsError N0108 when a number is not finite.
+/// The text of summary.json. Throws NumericsError N0108 when a number is not finite; of a run that was aborted such numbers are null.
 std::string to_json(const Summary& summary);
 
 }  // namespace cardan

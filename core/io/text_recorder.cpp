@@ -63,7 +63,7 @@ class TextRecorder final : public Recorder {
     if (std::fflush(out_) != 0) fail();
   }
 
-  void close() override { flush(); }
+  void close(std::string_view) override { flush(); }
 
  private:
   void comment(const std::string& name, const std::string& text) {

@@ -6,10 +6,12 @@
 #include <cmath>
 #include <cstring>
 
+#include "core/base/activity.hpp"
 #include "core/base/units.hpp"
 #include "core/io/sha256.hpp"
 #include "core/io/yaml_reader.hpp"
 #include "core/model/schema.hpp"
+#include "core/model/validate.hpp"
 #include "scripts/host/lua_table.hpp"
 #include "scripts/host/modal_from_spec.hpp"
 #include "scripts/host/scenario.hpp"
@@ -36,6 +38,13 @@ std::optional<Quantity> read_quantity(const std::string& text, QuantityFault& fa
   fault = std::get<QuantityFault>(parse_quantity(text, "1"));
   fault.expected = "a number with a unit, or a text that does not begin like a number";
   return {};
+}
+
+/// "6 N m/rad": a value in SI with its unit.
+std::string with_unit(const std::string& value, const Dimension& dimension) {
+  const std::string text = describe(dimension);
+  const std::size_t open = text.find('[');
+  return open == std::string::npos ? value : value + " " + text.substr(open + 1, text.size() - open - 2);
 }
 
 bool begins_like_a_number(const std::string& text) { return text.find_first_of("0123456789+-.") == 0; }
@@ -66,7 +75,7 @@ class ParameterReader {
       case LUA_TNUMBER: {
         const Quantity given = quantity(value, name);
         const double x = set ? replaced(set->value, given.dimension) : given.value;
-        note(fmt::format("{}", x));
+        note(with_unit(fmt::format("{}", x), given.dimension));
         lua_pushnumber(L_, x);
         break;
       }
@@ -157,7 +166,8 @@ class ParameterReader {
       lua_rawseti(L_, -2, static_cast<lua_Integer>(i) + 1);
       text += fmt::format("{}{}", i > 0 ? ", " : "", all[i].value);
     }
-    note("[" + text + "]");
+    const bool alike = std::all_of(all.begin(), all.end(), [&](const Quantity& x) { return x.dimension == all[0].dimension; });
+    note(alike && !all.empty() ? with_unit("[" + text + "]", all[0].dimension) : "[" + text + "]");
   }
 
   lua_State* L_;
@@ -210,12 +220,38 @@ int parameters(lua_State* L, Scenario& s) {
 
 // ---- plugin, vehicle ----
 
+/// Refuses a file that is not the one of the run that is repeated.
+void expect_recorded(const Scenario& s, const std::string& name, const std::string& path, const Located& at) {
+  const auto recorded = s.recorded->hashes.find(name);
+  std::error_code ignored;
+  const std::string now = std::filesystem::is_regular_file(path, ignored) ? sha256_of_file(path) : "no file at " + in_quotes(path);
+  if (recorded == s.recorded->hashes.end() || recorded->second != now)
+    throw InputError(Diagnostic{Code::changed_input, at,
+                                fmt::format("{} with the SHA-256 that {} tells: {}", name, s.recorded->results,
+                                            recorded == s.recorded->hashes.end() ? "none" : recorded->second),
+                                now, "put the file of that run back", {}, {}, 0});
+}
+
+/// The files that modes are read from.
+void note_modal_files(Scenario& s, const SystemSpec& spec) {
+  for (const BodySpec& b : spec.bodies) {
+    const DocNode* file = b.modal_source ? b.modal_source->find("file") : nullptr;
+    if (!file || file->kind != DocNode::Kind::scalar) continue;
+    if (std::any_of(s.modal_files.begin(), s.modal_files.end(), [&](const InputFile& f) { return f.name == file->text; })) continue;
+    const std::string path = (std::filesystem::path(file->mark.file).parent_path() / file->text).string();
+    if (s.recorded) expect_recorded(s, file->text, path, {body_path(b) + ".modal.file", file->mark});
+    if (std::error_code ignored; std::filesystem::is_regular_file(path, ignored))  // else refused by who reads it
+      s.modal_files.push_back({file->text, sha256_of_file(path), {}});
+  }
+}
+
 int plugin(lua_State* L, Scenario& s) {
   expect_setup(L, s, "plugin", false);
   const std::string name = luaL_checkstring(L, 1);
   if (s.model) refuse(L, Code::lua_argument, "plugin", "plugins before the vehicle", in_quotes(name));
   const std::string path = ((s.folder.empty() ? std::filesystem::path(".") : s.folder) / name)
                                .string();  // with a slash: not a system library
+  if (s.recorded) expect_recorded(s, name, path, {"plugin", LuaHost::caller(L)});  // before anything in it can run
   load_plugin(path, s.registry, {"plugin", LuaHost::caller(L)});
   s.plugins.push_back({name, sha256_of_file(path), {}});
   return 0;
@@ -239,10 +275,13 @@ int vehicle(lua_State* L, Scenario& s) {
       set.used = true;
     }
   const std::string path = (s.folder / name).string();
-  if (!std::filesystem::is_regular_file(path))
+  const std::string* kept = s.lua.options().stored ? s.lua.options().stored(name) : nullptr;
+  if (!kept && (s.recorded || !std::filesystem::is_regular_file(path)))
     refuse(L, Code::file_not_found, "vehicle", "a vehicle in YAML, relative to the scenario", in_quotes(path));
-  const auto spec = std::make_shared<SystemSpec>(read_vehicle(path, s.registry, overrides));
+  const Activity activity("the vehicle " + name);
+  const auto spec = std::make_shared<SystemSpec>(kept ? vehicle_from_text(*kept, path, s.registry, overrides) : read_vehicle(path, s.registry, overrides));
   s.inputs.push_back({name, sha256(spec->source_text), spec->source_text});
+  note_modal_files(s, *spec);
   make_modes(*spec);
   CompileOptions options;
   options.node_wrenches = false;  // until a load is declared

@@ -425,6 +425,12 @@ void LuaHost::load(lua_State* L, const std::string& chunk, std::string_view text
 
 std::string LuaHost::read(const std::string& name, const Diagnostic& if_absent) const {
   namespace fs = std::filesystem;
+  if (options_.stored) {
+    const std::string* text = options_.stored(name);
+    if (!text) throw InputError(if_absent);
+    options_.loaded(name, *text);
+    return *text;
+  }
   std::error_code ignored;
   const fs::path root = fs::weakly_canonical(options_.folder.empty() ? fs::path(".") : options_.folder, ignored);
   const fs::path file = fs::weakly_canonical(root / name, ignored);

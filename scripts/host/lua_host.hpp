@@ -39,6 +39,8 @@ struct LuaOptions {
   std::function<void(std::string_view line)> print = [](std::string_view) {};
   std::filesystem::path output;                    ///< folder of the files that scripts write; empty: they write none
   const std::atomic<bool>* interrupt = nullptr;  ///< once true, the running call ends as if its budget were used up
+  /// Where it is given, files of the scenario folder come from here (null: there is none of this name) and not from the disk.
+  std::function<const std::string*(const std::string& name)> stored;
   /// Called with each file of the scenario folder that is read, before it runs: the inputs whose hash is recorded.
   std::function<void(const std::string& name, std::string_view text)> loaded = [](const std::string&,
                                                                                   std::string_view) {};

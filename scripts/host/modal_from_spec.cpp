@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <map>
 
+#include "core/base/activity.hpp"
 #include "core/model/doubts.hpp"
 #include "core/model/validate.hpp"
 #include "core/model/vehicle.hpp"
@@ -281,6 +282,7 @@ Diagnostic in_words_of_the_vehicle(Diagnostic d, const std::string& path, const 
 
 ModalData solve(const ModalSource& source, const std::string& path, SystemSpec& spec) {
   Warnings warnings;
+  const Activity activity("the modes of " + path.substr(0, path.rfind('.')));
   try {
     ModalData data = make_modal_data(source, &warnings);
     for (const Warning& w : warnings.all()) spec.warnings.add(in_words_of_the_vehicle(w.what, path, source, spec));

@@ -13,19 +13,22 @@ class Progress {
   ~Progress() { clear(); }
 
   void update(double t);
-  /// A line of output, above the bar.
-  void print(std::string_view line);
+  /// Takes the bar away, until the next update.
   void clear();
   double wall_s() const;
 
  private:
   using Clock = std::chrono::steady_clock;
-  std::string text(double t) const;
   Look look_;
   double t_end_;
   Clock::time_point start_ = Clock::now(), next_ = start_;
   bool shown_ = false;
+  double shown_t_ = 0.0;  // [s] where it was shown last, and the steps since
+  long steps_ = 0;
 };
+
+/// One line: t and t_end [s] with the same decimals, rate, time left; the mean step [s] where that is long. `wall`: seconds since the start.
+std::string progress_text(double t, double t_end, double wall, double step);
 
 /// What suits standard error.
 Progress::Look progress_look(bool quiet);

@@ -9,6 +9,9 @@
 namespace cardan {
 namespace {
 
+/// Ends a run from within a function of the script.
+struct Interrupted : std::exception {};
+
 constexpr double kInstant = 1e-9;  // [s] what is closer than this happens at the same time
 
 /// An error of a script during the run.
@@ -25,6 +28,12 @@ RunFailure failure_of(const Diagnostic& d, const std::string& actor, double t) {
 
 }  // namespace
 
+/// A call that came to nothing because somebody wants the run to end.
+bool MissionRun::is_interrupted(const InputError& e) const {
+  const std::atomic<bool>* interrupt = s_.lua.options().interrupt;
+  return interrupt && *interrupt && e.diagnostics().front().code == Code::lua_budget;
+}
+
 /// Calls a function of the script: what goes wrong in it is a failure of the run, in the name of `actor`.
 template <class F>
 void MissionRun::call(const std::string& actor, F&& function) {
@@ -32,6 +41,7 @@ void MissionRun::call(const std::string& actor, F&& function) {
   try {
     function();
   } catch (const InputError& e) {
+    if (is_interrupted(e)) throw Interrupted();
     if (!s_.fault) throw NumericsError(failure_of(e.diagnostics().front(), actor, s_.sim->time()));
   }
   if (s_.fault) throw NumericsError(*std::exchange(s_.fault, std::nullopt));
@@ -63,10 +73,13 @@ void MissionRun::run(double t_end, const std::function<void(double t)>& progress
   try {
     s_.sim->run(t_end, progress);
     end_of_run();
+  } catch (const Interrupted&) {
+    s_.sim->stop();
+    end_of_run();
   } catch (const NumericsError&) {
     end_of_run();
-    if (event_failure_) throw NumericsError(*event_failure_);
-    throw;
+    if (event_failure_ && !interrupted_in_event_) throw NumericsError(*event_failure_);
+    if (!interrupted_in_event_) throw;
   }
   s_.stage = Scenario::Stage::end;
 }
@@ -91,6 +104,7 @@ double MissionRun::crossing(const ScriptEvent& e, const std::string& actor, doub
   try {
     e.when.call({&t, 1}, {&value, 1});
   } catch (const InputError& error) {
+    interrupted_in_event_ = is_interrupted(error);
     event_failure_ = failure_of(error.diagnostics().front(), actor, s_.sim->time());
     value = std::nan("");
   }

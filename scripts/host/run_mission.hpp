@@ -26,7 +26,8 @@ class MissionRun {
   MissionRun(const MissionRun&) = delete;
   MissionRun& operator=(const MissionRun&) = delete;
 
-  /// Throws NumericsError. `progress` is called between steps. What went beyond the model is added to the scenario's warnings.
+  /// Throws NumericsError. `progress` is called between steps. What went beyond the model is added to the scenario's warnings. Ends
+  /// where a function of the script is interrupted (LuaOptions::interrupt).
   void run(double t_end, const std::function<void(double t)>& progress);
   /// After the run: the values of checks and figures. Throws NumericsError where a function of the script fails.
   std::vector<Check> checks();
@@ -35,6 +36,7 @@ class MissionRun {
  private:
   template <class F>
   void call(const std::string& actor, F&& function);
+  bool is_interrupted(const InputError&) const;
   void tick(const Controller&, const std::string& actor);
   void end_of_run();
   double crossing(const ScriptEvent&, const std::string& actor, double t, const double* q, const double* v);
@@ -48,6 +50,7 @@ class MissionRun {
   double phase_start_ = 0.0;
   FlexibleLimits limits_;
   std::optional<RunFailure> event_failure_;  // of a function inside the integrator, which knows nothing of scripts
+  bool interrupted_in_event_ = false;
 };
 
 /// What is recorded: bodies, hinges, modes, ledger, signals, and what the mission asks for.
@@ -63,7 +66,7 @@ class RangeRecorder final : public Recorder {
   void attach(const std::string& name, const std::string& text) override { recorder_.attach(name, text); }
   void restart_state(double t, std::span<const double> x) override { recorder_.restart_state(t, x); }
   void flush() override { recorder_.flush(); }
-  void close() override { recorder_.close(); }
+  void close(std::string_view verdict) override { recorder_.close(verdict); }
   const std::vector<Range>& ranges() const { return ranges_; }
 
  private:
@@ -72,11 +75,15 @@ class RangeRecorder final : public Recorder {
 };
 
 RunHeader run_header(const Scenario&);
+/// Instruction set of the sweeps that run: "x86-64-v3".
+std::string sweeps_name();
 /// Key path and value of each parameter as the model has it.
 std::vector<std::pair<std::string, std::string>> effective_parameters(const Model&);
 /// The program of sweeps, a line per op, with what it costs.
 std::string sweep_program(const Model&, const State&, bool measured = false);
 
+/// Of its input and of the simulation so far.
+Warnings run_warnings(const Scenario&);
 /// The part of the summary that the simulation knows.
 Summary run_summary(const Scenario&, double wall_s);
 /// What is printed at the end.

@@ -58,6 +58,12 @@ std::string modes_text(const std::vector<Range>& ranges) {
 
 }  // namespace
 
+Warnings run_warnings(const Scenario& s) {
+  Warnings all = s.warnings;
+  all.add(s.sim->warnings());
+  return all;
+}
+
 Summary run_summary(const Scenario& s, double wall_s) {
   const Model& m = *s.model;
   Summary out;
@@ -65,7 +71,7 @@ Summary run_summary(const Scenario& s, double wall_s) {
   const LedgerState& worst = s.sim->worst_ledger();
   out.ledger = {worst.linear_relative, worst.angular_relative, worst.energy_relative,
                 worst.linear_limit,    worst.angular_limit,    worst.energy_limit,    worst.pass};
-  out.warnings.add(s.warnings);
+  out.warnings = run_warnings(s);
   out.simulated_s = s.sim->time();
   out.wall_s = wall_s;
   const IntegratorStatistics i = s.sim->statistics();
@@ -79,7 +85,9 @@ Summary run_summary(const Scenario& s, double wall_s) {
   out.versions = {{"cardan", version::kNumber},
                   {"commit", version::kCommit},
                   {"compiler", version::kCompiler},
-                  {"sweeps", std::string("x86-64-") + soa::kernels().name},
+                  {"flags", version::kFlags},
+                  {"sweeps", sweeps_name()},
+                  {"sweep_flags", version::kSweepFlags},
                   {"Eigen", fmt::format("{}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION)},
                   {"Lua", LUA_VERSION_MAJOR "." LUA_VERSION_MINOR "." LUA_VERSION_RELEASE}};
   return out;

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "bodies/register.hpp"
+#include "core/base/activity.hpp"
 #include "core/base/units.hpp"
 #include "core/io/sha256.hpp"
 #include "core/model/schema.hpp"
@@ -31,6 +32,11 @@ LuaOptions lua_options(Scenario& s, const ScenarioOptions& options) {
   lua.print = options.print;
   lua.output = options.output;
   lua.interrupt = options.interrupt;
+  if (options.recorded)
+    lua.stored = [texts = &options.recorded->texts](const std::string& name) {
+      const auto found = texts->find(name);
+      return found == texts->end() ? nullptr : &found->second;
+    };
   lua.loaded = [&s](const std::string& name, std::string_view text) {
     s.inputs.push_back({name, sha256(text), std::string(text)});
   };
@@ -97,6 +103,7 @@ Scenario::Scenario(const ScenarioOptions& options)
       folder(file.parent_path()),
       settings(options.settings),
       seed(options.seed),
+      recorded(options.recorded),
       lua(lua_options(*this, options)) {
   register_hinges(registry);
   register_bodies(registry);
@@ -108,6 +115,7 @@ void Scenario::look_at_state() {
 }
 
 void Scenario::use_model(std::shared_ptr<const Model> compiled) {
+  const Activity activity(fmt::format("a simulation of {} bodies with {} velocities", compiled->user.size(), compiled->nv));
   const std::unique_ptr<Simulation> before = std::move(sim);
   model = std::move(compiled);
   sim = std::make_unique<Simulation>(model, mission.simulation);

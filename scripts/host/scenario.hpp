@@ -4,6 +4,7 @@
 #include <atomic>
 #include <filesystem>
 #include <limits>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -23,10 +24,18 @@ struct Setting {
   bool used = false;
 };
 
+/// Files of a run that is repeated (run_again.hpp), by their names in the scenario: texts are taken from here and not from the disk; plugins and
+/// modal files are refused where their SHA-256 is another.
+struct RecordedInputs {
+  std::string results;  // the file that tells this
+  std::map<std::string, std::string> texts, hashes;
+};
+
 struct ScenarioOptions {
   std::filesystem::path file;  ///< the script, or a folder with scenario.lua
   std::vector<Setting> settings;
   std::uint64_t seed = 0;
+  std::shared_ptr<const RecordedInputs> recorded;  ///< null: the files are read
   std::function<void(std::string_view line)> print = [](std::string_view) {};
   std::filesystem::path output;                  ///< folder of files that the script itself writes; empty: it writes none
   const std::atomic<bool>* interrupt = nullptr;  ///< once true, the script ends
@@ -81,11 +90,6 @@ struct Load {
   bool world_axes;
 };
 
-/// A file that the result depends on.
-struct InputFile {
-  std::string name, sha256, text;
-};
-
 struct Scenario {
   enum class Stage { setup, run, end };
 
@@ -97,12 +101,13 @@ struct Scenario {
   std::filesystem::path file, folder;
   std::vector<Setting> settings;
   std::uint64_t seed;
+  std::shared_ptr<const RecordedInputs> recorded;
 
   LuaHost lua;  // before everything that holds a Lua function
 
   // Declared
   Registry registry;
-  std::vector<InputFile> inputs, plugins;
+  std::vector<InputFile> inputs, plugins, modal_files;
   std::vector<std::string> parameter_names;
   std::vector<std::pair<std::string, std::string>> parameters;  // name, value: for the results
   MissionSpec mission;

@@ -29,7 +29,7 @@ class Workbench {
     void attach(const std::string&, const std::string&) override {}
     void restart_state(double, std::span<const double>) override {}
     void flush() override {}
-    void close() override {}
+    void close(std::string_view) override {}
   };
 
   Scenario& s_;

@@ -3,16 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <charconv>
 #include <cmath>
-#include <cstring>
-#include <fstream>
 #include <map>
 
 #include "core/base/diagnostic.hpp"
 #include "core/io/hdf5_file.hpp"
 #include "core/io/json.hpp"
+#include "core/io/result_folder.hpp"
 #include "core/io/summary.hpp"
 #include "scripts/report/page.hpp"
 
@@ -195,8 +193,7 @@ Json pairs(const Hdf5File& file, const std::string& path) {
 }
 
 /// A text, of a long one the beginning.
-std::string beginning(const Hdf5File& file, const std::string& path) {
-  std::string text = file.read_text(path);
+std::string beginning(std::string text, const char* path) {
   if (text.size() <= kTextBytes) return text;
   text.resize(text.rfind('\n', kTextBytes) == std::string::npos ? kTextBytes : text.rfind('\n', kTextBytes));
   return text + fmt::format("\n... the whole text is in the results file, {}\n", path);
@@ -229,18 +226,26 @@ Json summary_of(const Hdf5File& file) {
   return summary;
 }
 
+std::string input_texts(const Hdf5File& file) {
+  std::string all;
+  const auto texts = file.read_texts("/spec/files");
+  for (std::size_t i = 0; i + 1 < texts.size(); i += 2)
+    all += fmt::format("==> {} <==\n{}{}", texts[i], texts[i + 1], texts[i + 1].ends_with('\n') ? "\n" : "\n\n");
+  return all;
+}
+
 Json page_data(const Hdf5File& file) {
   Json run = Json::object();
-  for (const char* key : {"scenario", "title", "program_version", "commit", "compiler", "flags", "seed", "integrator",
-                          "started", "finished"})
+  for (const char* key : {"scenario", "title", "program_version", "commit", "compiler", "flags", "sweeps", "sweep_flags", "seed", "until", "integrator",
+                          "started", "finished", "verdict"})
     if (file.has_attribute("/run", key)) run[key] = file.text_attribute("/run", key);
   return {{"run", run},
           {"inputs", pairs(file, "/run/inputs")},
           {"plugins", pairs(file, "/run/plugins")},
           {"parameters", pairs(file, "/spec/parameters")},
           {"defaults", pairs(file, "/spec/defaults")},
-          {"sweeps", beginning(file, "/spec/sweeps")},
-          {"spec", beginning(file, "/spec/text")},
+          {"sweeps", beginning(file.read_text("/spec/sweeps"), "/spec/sweeps")},
+          {"spec", beginning(input_texts(file), "/spec/files")},
           {"summary", summary_of(file)},
           {"series", series(file)}};
 }
@@ -285,18 +290,7 @@ void write_report(const std::string& h5_path, const std::string& html_path) {
 
 void write_report(const std::string& h5_path, const std::string& html_path, const ChildLimits& limits) {
   const std::string html = in_bounded_child(h5_path, [&h5_path] { return report_page(Hdf5File::open(h5_path)); }, limits);
-  std::ofstream out(html_path, std::ios::binary);
-  out << html;
-  out.close();
-  if (!out)
-    throw InputError({Code::cannot_write,
-                      {"", {html_path, 0, 0}},
-                      "a file that can be written",
-                      std::strerror(errno),
-                      "is the folder there, and is there space?",
-                      "",
-                      "",
-                      0});
+  write_whole_file(html_path, html);
 }
 
 }  // namespace cardan

@@ -438,7 +438,7 @@ struct Rows : Recorder {
   void attach(const std::string&, const std::string&) override {}
   void restart_state(double, std::span<const double>) override {}
   void flush() override {}
-  void close() override {}
+  void close(std::string_view) override {}
 };
 
 // An output is evaluated once per row and never between; without a row, never.

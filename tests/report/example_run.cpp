@@ -68,13 +68,12 @@ void write_example_run(const std::string& path, int rows, bool finished) {
   h.flags = "-O3 -DNDEBUG -ffp-contract=off";
   h.seed = 42;
   h.integrator = "cvode_adams, relative tolerance 1e-9";
-  h.input_hashes = {{"scenario.lua", sha256("a")}, {"vehicle.yaml", sha256("b")}};
+  h.inputs = {{"scenario.lua", sha256("a"), ""}, {"vehicle.yaml", sha256("b"), "bodies:\n  bus:\n    mass: 1840 kg  # </script> <b>\n"}};
   h.effective_parameters = {{"bodies.bus.mass", "1840 kg"}, {"bodies.bus.inertia", "[2100, 1900, 2400] kg m^2"}};
   h.defaults_used = {{"gravity.gradient", "false"}};
   h.sweep_program =
       "position      base_to_tip   7 bodies\ninertia       tip_to_base   7 bodies\nacceleration  base_to_tip   7 "
       "bodies\n";
-  h.spec_text = "bodies:\n  bus:\n    mass: 1840 kg  # </script> <b>\n";
   const auto recorder = make_hdf5_recorder(path);
   recorder->begin(h, kChannels);
   for (int i = 0; i < rows; ++i) {

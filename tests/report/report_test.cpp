@@ -119,7 +119,8 @@ TEST(Report, OfThousandsOfChannelsShowsSomeOfEachGroup) {
   {
     RunHeader header;
     for (int i = 0; i < 20000; ++i) header.effective_parameters.emplace_back("bodies.b" + std::to_string(i) + ".mass", "1 kg");
-    for (int i = 0; i < 20000; ++i) header.spec_text += "  b" + std::to_string(i) + ": {mass: 1 kg}\n";
+    header.inputs = {{"vehicle.yaml", "", ""}};
+    for (int i = 0; i < 20000; ++i) header.inputs[0].text += "  b" + std::to_string(i) + ": {mass: 1 kg}\n";
     std::vector<Channel> channels;
     for (int i = 0; i < 8000; ++i)
       channels.push_back({"bodies/b" + std::to_string(i), {"x", "y", "z"}, "rad/s", "body", "angular velocity of a body of many"});
@@ -143,7 +144,7 @@ TEST(Report, OfThousandsOfChannelsShowsSomeOfEachGroup) {
   EXPECT_EQ(left_out, Json({{"bodies", {{"shown", shown["bodi"]}, {"channels", 8000}}}}));
   EXPECT_EQ(data["series"]["channels"][0]["path"], "bodies/b0") << "the first ones";
   EXPECT_EQ(data["parameters"].back()[0], "...");
-  EXPECT_NE(data["spec"].get<std::string>().find("/spec/text"), std::string::npos);
+  EXPECT_NE(data["spec"].get<std::string>().find("/spec/files"), std::string::npos);
   fs::remove(h5);
 }
 
@@ -238,7 +239,7 @@ TEST(Report, IsRefusedForResultsThatDoNotFit) {
   for (const char* name : {"components", "unit", "frame", "meaning"})
     EXPECT_EQ(answer([&](Hdf5File& file) { file.remove_attribute(channel, name); }), "C0702 " + channel) << name;
   EXPECT_EQ(answer([&](Hdf5File& file) { file.set_attribute(channel, "unit", 1.0); }), "C0702 " + channel + "@unit");
-  for (const char* path : {"/time", "/channels", "/spec/text", "/spec/parameters", "/run/inputs"})
+  for (const char* path : {"/time", "/channels", "/spec/files", "/spec/parameters", "/run/inputs"})
     EXPECT_EQ(answer([&](Hdf5File& file) { file.remove(path); }), std::string("C0702 ") + path);
   EXPECT_EQ(written("/spec/parameters", {4, 2}), "C0702 /spec/parameters");
   EXPECT_EQ(answer([&](Hdf5File& file) { file.write("/run/inputs", std::vector<std::string>{"a", "b", "c"}, {3}); }), "C0702 /run/inputs");

@@ -250,7 +250,7 @@ TEST(Program, AFullDiskIsAFailureOfTheRun) {
   const TemporaryFolder dir;
   const Finished run = run_program(
       {"run", "pendulum", "--out", dir.path(), "--quiet", "--set", "mission.output.rate=1000 Hz"}, kMissions, [] {
-        const rlimit limit{100'000, 100'000};  // [B] of one file; the results begin with about 80 000
+        const rlimit limit{200'000, 200'000};  // [B] of one file; the results begin with less than half of that
         setrlimit(RLIMIT_FSIZE, &limit);
       });
   EXPECT_EQ(run.exit_code, 3);
@@ -274,6 +274,9 @@ TEST(Program, ReportsAreMadeAgain) {
   EXPECT_EQ(run_program({"report", dir / "run.h5", "--out", dir / "again.html"}, dir.path()).exit_code, 0);
   EXPECT_EQ(file_text(dir / "again.html"), first);
   EXPECT_EQ(run_program({"report", dir / "absent.h5"}, dir.path()).exit_code, 2);
+  fs::remove(dir / "report.html");
+  EXPECT_EQ(run_program({"report", dir.path()}, "/").exit_code, 0) << "of the folder of results";
+  EXPECT_EQ(file_text(dir / "report.html"), first);
 }
 
 TEST(Program, CheckValidatesWithoutARun) {

@@ -4,33 +4,58 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <stdexcept>
+#include <utility>
 
 namespace cardan {
 
 Finished run_program(const std::vector<std::string>& arguments, const std::string& folder,
                      const std::function<void()>& in_child) {
-  const TemporaryFolder texts;
-  const std::string out = texts / "out", err = texts / "err", program = CARDAN_BINARY_DIR "/cardan";
+  return Started(arguments, folder, in_child).wait();
+}
+
+Started::Started(const std::vector<std::string>& arguments, const std::string& folder, const std::function<void()>& in_child)
+    : texts_(std::make_unique<TemporaryFolder>()) {
+  const std::string out = *texts_ / "out", err = *texts_ / "err", program = CARDAN_BINARY_DIR "/cardan";
   std::vector<char*> argv{const_cast<char*>(program.c_str())};
   for (const std::string& a : arguments) argv.push_back(const_cast<char*>(a.c_str()));
   argv.push_back(nullptr);
-  const pid_t child = fork();
-  if (child < 0) throw std::runtime_error("fork failed");
-  if (child == 0) {
+  child_ = fork();
+  if (child_ < 0) throw std::runtime_error("fork failed");
+  if (child_ == 0) {
     const int o = open(out.c_str(), O_CREAT | O_WRONLY, 0600), e = open(err.c_str(), O_CREAT | O_WRONLY, 0600);
     if (dup2(o, STDOUT_FILENO) < 0 || dup2(e, STDERR_FILENO) < 0 || chdir(folder.c_str()) != 0) _exit(99);
     if (in_child) in_child();
     execv(program.c_str(), argv.data());
     _exit(99);
   }
+}
+
+Started::~Started() {
+  if (child_ <= 0) return;
+  kill(child_, SIGKILL);
+  waitpid(child_, nullptr, 0);
+}
+
+void Started::send(int signal) const { kill(child_, signal); }
+
+Finished Started::wait() {
   int status = 0;
-  waitpid(child, &status, 0);
-  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, file_text(out), file_text(err)};
+  waitpid(std::exchange(child_, -1), &status, 0);
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, file_text(*texts_ / "out"), file_text(*texts_ / "err")};
+}
+
+bool wait_until(const std::function<bool()>& happened) {
+  for (int i = 0; i < 12000; ++i) {
+    if (happened()) return true;
+    usleep(10'000);
+  }
+  return false;
 }
 
 TemporaryFolder::TemporaryFolder() {

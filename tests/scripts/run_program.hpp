@@ -1,6 +1,7 @@
 #pragma once
 // The built program, run as a user does.
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,26 @@ struct Finished {
 /// Runs `cardan` with these arguments in `folder`; `in_child` is called in the new process before it begins.
 Finished run_program(const std::vector<std::string>& arguments, const std::string& folder,
                      const std::function<void()>& in_child = {});
+
+class TemporaryFolder;
+
+/// The same, while it goes on; killed at the end of the scope if it still does.
+class Started {
+ public:
+  Started(const std::vector<std::string>& arguments, const std::string& folder, const std::function<void()>& in_child = {});
+  ~Started();
+  Started(const Started&) = delete;
+  Started& operator=(const Started&) = delete;
+  void send(int signal) const;
+  Finished wait();
+
+ private:
+  std::unique_ptr<TemporaryFolder> texts_;
+  int child_ = -1;
+};
+
+/// Looks until `happened()`; false if it has not within two minutes.
+bool wait_until(const std::function<bool()>& happened);
 
 /// A fresh folder that the test removes by itself at its end.
 class TemporaryFolder {

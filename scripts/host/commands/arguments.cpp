@@ -1,9 +1,12 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <new>
 
+#include "core/base/activity.hpp"
 #include "core/base/units.hpp"
 #include "core/io/json.hpp"
+#include "scripts/host/run_again.hpp"
 #include "scripts/host/commands/commands.hpp"
 
 namespace cardan {
@@ -16,14 +19,19 @@ void ScenarioArguments::add_to(CLI::App& command, CommandLine& line, const char*
           "Override a value: slew_angle=\"20 deg\", vehicle.bodies.bus.mass=\"1700 kg\", mission.duration=\"50 s\"")
       ->type_name("KEY=VALUE")
       ->allow_extra_args(false);
-  command.add_option("--seed", seed, "Seed of the script's random numbers")->type_name("N");
+  command.add_option("--seed", seed, "Seed of the script's random numbers: a whole number, 0 by default")->type_name("N");
   command.add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
 }
 
 ScenarioOptions ScenarioArguments::options() const {
   ScenarioOptions o;
   o.file = file;
-  o.seed = seed;
+  if (!seed.empty()) {
+    const auto number = parse_seed(seed);
+    if (!number)
+      throw InputError(Diagnostic{Code::command_line, {"--seed", {}}, "a whole number from 0 to 18446744073709551615", in_quotes(seed), {}, {}, {}, 0});
+    o.seed = *number;
+  }
   for (const std::string& text : settings) {
     const std::size_t equals = text.find('=');
     if (equals == 0 || equals == std::string::npos)
@@ -49,6 +57,12 @@ int report_error(const std::exception& error, bool as_json, int wrong_input) {
   }
   if (const auto* numerics = dynamic_cast<const NumericsError*>(&error))
     return tell(3, numerics->what(), Json::array({to_json(numerics->failure())}));
+  if (dynamic_cast<const std::bad_alloc*>(&error)) {
+    const std::string& what = Activity::ended();
+    return report_error(InputError(Diagnostic{Code::no_memory, {}, {}, what.empty() ? "" : "no memory for " + what,
+                                              "a smaller input, or a larger limit (ulimit -v)", {}, {}, 0}),
+                        as_json, wrong_input);
+  }
   return tell(
       70,
       fmt::format("internal error: {}\nThis is a fault of Cardan. Please report it with this text and the scenario.\n",

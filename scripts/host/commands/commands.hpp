@@ -12,6 +12,7 @@ namespace cardan {
 
 struct CommandLine {
   std::function<int()> action;  // returns the exit code
+  std::vector<std::string> arguments;  // as given, the name of the program first
   bool json_errors = false;
 };
 
@@ -30,13 +31,15 @@ void add_version(CLI::App&, CommandLine&);
 struct ScenarioArguments {
   std::string file;
   std::vector<std::string> settings;
-  std::uint64_t seed = 0;
+  std::string seed;
 
   void add_to(CLI::App& command, CommandLine& line,
               const char* what = "The scenario: a Lua file, or a folder with scenario.lua", const char* type = "SCENARIO");
-  /// Throws InputError C0801 for a --set that is not key=value.
+  /// Throws InputError C0801 for a --set that is not key=value and a --seed that is no whole number of 64 bits.
   ScenarioOptions options() const;
 };
+
+inline constexpr int kNotWritten = 4;  // exit code: done, but a result or the text on standard output could not be written
 
 /// The exit code of a run that ends with this error (`wrong_input` for an InputError); what the user reads goes to standard
 /// error.

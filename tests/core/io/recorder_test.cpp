@@ -29,10 +29,13 @@ RunHeader example_header() {
   h.program_version = "0.1.0";
   h.commit = "abc";
   h.seed = std::numeric_limits<std::uint64_t>::max();
-  h.input_hashes = {{"vehicle.yaml", "00ff"}};
+  h.inputs = {{"vehicle.yaml", "00ff", "bodies:\n"}};
+  h.settings = {{"mission.duration", "5 s"}};
+  h.command = {"cardan", "run", "."};
+  h.sweeps = "x86-64-v3";
+  h.until = "0.1";
   h.effective_parameters = {{"bodies.bus.mass", "1200 kg"}, {"bodies.bus.inertia", "[1, 2, 3] kg m^2"}};
   h.sweep_program = "position base_to_tip\n";
-  h.spec_text = "bodies:\n";
   h.integrator = "rk4";
   return h;
 }
@@ -95,7 +98,7 @@ TEST(Hdf5Recorder, KeepsRowsUnitsAndProvenance) {
   recorder->restart_state(1.0, std::vector<double>{1, 2, 3});
   recorder->restart_state(99.9, std::vector<double>{4, 5, 6});
   recorder->attach("summary", "{}");
-  recorder->close();
+  recorder->close("passed");
   EXPECT_EQ(intact_rows(path), 1000u);
 
   const auto file = Hdf5File::open(path);
@@ -115,7 +118,12 @@ TEST(Hdf5Recorder, KeepsRowsUnitsAndProvenance) {
   EXPECT_EQ(file.read_texts("/spec/parameters")[1], "1200 kg");
   EXPECT_EQ(file.shape("/spec/parameters"), (std::vector<std::size_t>{2, 2}));
   EXPECT_EQ(file.shape("/spec/defaults"), (std::vector<std::size_t>{0, 2}));
-  EXPECT_EQ(file.read_text("/spec/text"), "bodies:\n");
+  EXPECT_EQ(file.read_texts("/spec/files"), (std::vector<std::string>{"vehicle.yaml", "bodies:\n"}));
+  EXPECT_EQ(file.read_texts("/run/command"), (std::vector<std::string>{"cardan", "run", "."}));
+  EXPECT_EQ(file.read_texts("/run/settings"), (std::vector<std::string>{"mission.duration", "5 s"}));
+  EXPECT_EQ(file.text_attribute("/run", "sweeps"), "x86-64-v3");
+  EXPECT_EQ(file.text_attribute("/run", "until"), "0.1");
+  EXPECT_EQ(file.text_attribute("/run", "verdict"), "passed");
   EXPECT_EQ(file.read_text("/spec/sweeps"), "position base_to_tip\n");
   EXPECT_EQ(file.read_doubles("/restart/t").values, std::vector<double>{99.9});
   EXPECT_EQ(file.read_doubles("/restart/x").values, (std::vector<double>{4, 5, 6}));
@@ -153,6 +161,66 @@ TEST(Hdf5Recorder, LeavesAReadableFileWhenTheProcessIsKilled) {
     ASSERT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
     EXPECT_EQ(intact_rows(path), kFlushed) << rows_after_flush << " rows after the flush";
   }
+}
+
+// Few rows in blocks that hold them all: the same promise, without an index of blocks.
+TEST(Hdf5Recorder, OfFewRowsLeavesAReadableFileWhenTheProcessIsKilled) {
+  const std::string path = scratch("killed_few.h5");
+  RunHeader few = example_header();
+  few.most_rows = 20;
+  for (const std::size_t flushed : {1u, 7u, 20u}) {
+    const int status = in_child([&] {
+      const auto recorder = make_hdf5_recorder(path, 1e9);
+      recorder->begin(few, kChannels);
+      for (std::size_t i = 0; i < 20; ++i) {
+        recorder->row(0.1 * static_cast<double>(i), example_row(i));
+        if (i + 1 == flushed / 2 || i + 1 == flushed) recorder->flush();
+      }
+      return raise(SIGKILL);
+    });
+    ASSERT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
+    EXPECT_EQ(intact_rows(path), flushed);
+  }
+}
+
+// 1000 channels of two numbers and 11 rows are 176 kB of numbers; what HDF5 and the descriptions of the channels add stays within 1 kB a
+// channel (blocks of 256 rows, of which 245 stay empty, with an index each: 5 kB).
+TEST(Hdf5Recorder, OfFewRowsAndManyChannelsStaysSmall) {
+  const std::string path = scratch("wide.h5");
+  RunHeader few = example_header();
+  few.most_rows = 12;
+  std::vector<Channel> channels;
+  for (int i = 0; i < 1000; ++i) channels.push_back({"hinges/b" + std::to_string(i) + "/angle", {"x", "y"}, "rad", "", "coordinate of the hinge of a body"});
+  const auto recorder = make_hdf5_recorder(path);
+  recorder->begin(few, channels);
+  for (int i = 0; i < 11; ++i) recorder->row(i, std::vector<double>(2000, i));
+  recorder->close();
+  EXPECT_LT(std::filesystem::file_size(path), 12u * 2000 * 8 + 1000u * 1024);
+  EXPECT_EQ(Hdf5File::open(path).read_doubles("/channels/hinges/b999/angle").values.back(), 10.0);
+}
+
+// Until the header is on disk the earlier file is whole, and where that comes to nothing it stays.
+TEST(Hdf5Recorder, TakesItsNameWhenTheHeaderIsWritten) {
+  const std::string path = scratch("named.h5"), beside = testing::TempDir() + ".cardan_recorder_named.h5.new";
+  std::ofstream(path) << "earlier";
+  {
+    const auto recorder = make_hdf5_recorder(path);
+    EXPECT_THROW(recorder->begin({}, {{"a", {"a"}, "", "", ""}, {"a", {"a"}, "", "", ""}}), InputError);
+    EXPECT_EQ(content(path), "earlier");
+  }
+  {
+    const auto recorder = make_hdf5_recorder(path, 2.0, [] { throw InputError({Code::cannot_write, {}, "", "", "", "", "", 0}); });
+    EXPECT_THROW(recorder->begin(example_header(), kChannels), InputError);
+  }
+  EXPECT_EQ(content(path), "earlier");
+  EXPECT_FALSE(std::filesystem::exists(beside));
+  bool was_earlier = false;
+  const auto recorder = make_hdf5_recorder(path, 2.0, [&] { was_earlier = content(path) == "earlier"; });
+  recorder->begin(example_header(), kChannels);
+  EXPECT_TRUE(was_earlier);
+  EXPECT_EQ(intact_rows(path), 0u) << "the file can be read from now on";
+  EXPECT_FALSE(std::filesystem::exists(beside));
+  recorder->close();
 }
 
 TEST(Hdf5Recorder, FlushesByItself) {

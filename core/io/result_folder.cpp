@@ -1,0 +1,76 @@
+#include "core/io/result_folder.hpp"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <system_error>
+
+#include "core/base/diagnostic.hpp"
+
+namespace cardan {
+namespace {
+
+namespace fs = std::filesystem;
+
+[[noreturn]] void cannot_write(const fs::path& path, std::string expected, std::string got, std::string hint) {
+  throw InputError(Diagnostic{
+      Code::cannot_write, {{}, {path.string(), 0, 0}}, std::move(expected), std::move(got), std::move(hint), {}, {}, 0});
+}
+
+std::string error_text() { return std::generic_category().message(errno); }
+
+const char* kind_of(fs::file_type type) {
+  switch (type) {
+    case fs::file_type::directory:
+      return "a folder of this name";
+    case fs::file_type::fifo:
+      return "a pipe of this name";
+    case fs::file_type::socket:
+      return "a socket of this name";
+    default:
+      return "a device of this name";
+  }
+}
+
+}  // namespace
+
+ResultFolder::ResultFolder(const fs::path& path, const std::vector<std::string_view>& names) : path_(path) {
+  constexpr const char* kElsewhere = "--out DIR chooses another";
+  std::error_code error;
+  fs::create_directories(path, error);
+  if (error) cannot_write(path, "a place that can be written to", error.message(), kElsewhere);
+  for (const std::string_view name : names) {
+    const fs::file_status there = fs::status(path / name, error);
+    if (fs::exists(there) && !fs::is_regular_file(there))
+      cannot_write(path / name, "a file, or nothing yet", kind_of(there.type()), "take it away, or choose another folder by --out DIR");
+  }
+  // The lock is on the folder itself, so that no file has to stand for it. Where a file system knows no such locks, runs go on
+  // without: they still cannot harm each other's open files, which only lose their names.
+  descriptor_ = open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (descriptor_ < 0) cannot_write(path, "a folder that can be opened", error_text(), kElsewhere);
+  if (flock(descriptor_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
+  close(descriptor_);
+  cannot_write(path, "a folder that no other run writes to", "a run that is going on", "wait for its end, or choose another folder by --out DIR");
+}
+
+ResultFolder::~ResultFolder() { close(descriptor_); }
+
+fs::path name_before(const fs::path& file) { return file.parent_path() / ("." + file.filename().string() + ".new"); }
+
+void write_whole_file(const fs::path& file, std::string_view text) {
+  const fs::path before = name_before(file);
+  std::remove(before.c_str());  // of a process that was killed; a pipe would be waited for
+  std::FILE* out = std::fopen(before.c_str(), "wbx");
+  bool good = out && std::fwrite(text.data(), 1, text.size(), out) == text.size();
+  std::string why = good ? "" : error_text();
+  if (out && std::fclose(out) != 0 && good) good = false, why = error_text();
+  if (good && std::rename(before.c_str(), file.c_str()) != 0) good = false, why = error_text();
+  if (good) return;
+  std::remove(before.c_str());
+  cannot_write(file, "a file that can be written", why, "is the folder there, and is there space?");
+}
+
+}  // namespace cardan

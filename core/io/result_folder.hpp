@@ -1,0 +1,35 @@
+#pragma once
+// The folder that results go to, and files that appear in it whole or not at all.
+#include <filesystem>
+#include <string_view>
+#include <vector>
+
+namespace cardan {
+
+/// A folder that this process alone writes results to: made where there is none, and held by a lock that ends with the object or, however
+/// that ends, with the process.
+class ResultFolder {
+ public:
+  /// Throws InputError C0701: the folder cannot be made, another run holds it, or one of `names` is there and can be no file (a folder,
+  /// a device, a pipe). Nothing in the folder is touched.
+  ResultFolder(const std::filesystem::path& path, const std::vector<std::string_view>& names);
+  ~ResultFolder();
+  ResultFolder(const ResultFolder&) = delete;
+  ResultFolder& operator=(const ResultFolder&) = delete;
+
+  const std::filesystem::path& path() const { return path_; }
+  std::filesystem::path operator/(std::string_view name) const { return path_ / name; }
+
+ private:
+  std::filesystem::path path_;
+  int descriptor_ = -1;
+};
+
+/// Where a file is written before it takes its name: hidden, in the same folder.
+std::filesystem::path name_before(const std::filesystem::path& file);
+
+/// Puts `text` in place of what is at `file`: it is written beside it and takes its name when it is whole, so that nobody sees a part of
+/// it and a failure leaves what was there. Throws InputError C0701.
+void write_whole_file(const std::filesystem::path& file, std::string_view text);
+
+}  // namespace cardan

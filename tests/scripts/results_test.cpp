@@ -1,0 +1,475 @@
+// What becomes of the results of a run: whatever happens to it, to the folder or to its output, none is lost and none is false.
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "core/io/hdf5_file.hpp"
+#include "tests/scripts/run_program.hpp"
+
+namespace cardan {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+const std::string kScripts = CARDAN_SOURCE_DIR "/tests/scripts", kMissions = kScripts + "/missions";
+constexpr const char* kLong = "mission.duration=10000 day";  // ended by the test
+
+void write(const std::string& path, const std::string& text) { std::ofstream(path) << text; }
+json summary_of(const std::string& out) { return json::parse(file_text(out + "/summary.json")); }
+
+void collect(const Hdf5File& file, const std::string& group, std::vector<std::pair<std::string, Hdf5Array<double>>>& all) {
+  for (const std::string& name : file.members(group)) {
+    const std::string path = group + "/" + name;
+    if (file.is_group(path))
+      collect(file, path, all);
+    else
+      all.emplace_back(path, file.read_doubles(path));
+  }
+}
+
+/// Rows of results; fails unless all channels have as many.
+std::size_t rows_of(const std::string& out) {
+  const Hdf5File file = Hdf5File::open(out + "/run.h5");
+  std::vector<std::pair<std::string, Hdf5Array<double>>> all;
+  collect(file, "/channels", all);
+  const std::size_t rows = file.shape("/time").at(0);
+  for (const auto& [path, values] : all) EXPECT_EQ(values.shape.at(0), rows) << path;
+  return rows;
+}
+
+auto channels_of(const std::string& out) {
+  std::vector<std::pair<std::string, std::vector<double>>> numbers;
+  std::vector<std::pair<std::string, Hdf5Array<double>>> all;
+  const Hdf5File file = Hdf5File::open(out + "/run.h5");
+  collect(file, "/channels", all);
+  for (auto& [path, values] : all) numbers.emplace_back(path, std::move(values.values));
+  numbers.emplace_back("/time", file.read_doubles("/time").values);
+  return numbers;
+}
+
+/// Names and bytes of all files.
+std::vector<std::pair<std::string, std::string>> content_of(const std::string& folder) {
+  std::vector<std::pair<std::string, std::string>> all;
+  for (const auto& entry : fs::directory_iterator(folder))
+    all.emplace_back(entry.path().filename().string(), entry.is_regular_file() ? file_text(entry.path()) : "");
+  std::sort(all.begin(), all.end());
+  return all;
+}
+
+/// A run that has written its header and goes on.
+void expect_under_way(const std::string& out) {
+  ASSERT_TRUE(wait_until([&] { return fs::exists(out + "/run.h5"); }));
+}
+
+void make_scenario(const TemporaryFolder& dir, const std::string& mission) {
+  fs::copy(kScripts + "/errors/pendulum.yaml", dir / "vehicle.yaml");
+  write(dir / "scenario.lua", mission);
+}
+
+TEST(Results, OfARunSurviveASecondOneIntoTheSameFolder) {
+  const TemporaryFolder dir;
+  Started first({"run", "pendulum", "--out", dir.path(), "--set", kLong, "--quiet"}, kMissions);
+  expect_under_way(dir.path());
+  const Finished second = run_program({"run", "pendulum", "--out", dir.path()}, kMissions);
+  EXPECT_EQ(second.exit_code, 2);
+  EXPECT_EQ(replaced(second.err, dir.path(), "DIR"),
+            "error[C0701]: result cannot be written\n"
+            "  --> DIR\n"
+            "  expected: a folder that no other run writes to\n"
+            "  got:      a run that is going on\n"
+            "  hint:     wait for its end, or choose another folder by --out DIR\n\n"
+            "1 error. Nothing was run.\n");
+  first.send(SIGTERM);
+  EXPECT_EQ(first.wait().exit_code, 143);
+  EXPECT_GT(rows_of(dir.path()), 0u);
+  EXPECT_EQ(summary_of(dir.path())["verdict"], "interrupted");
+  EXPECT_EQ(content_of(dir.path()).size(), 3u) << "nothing of the second is left";
+  EXPECT_EQ(run_program({"run", "pendulum", "--out", dir.path()}, kMissions).exit_code, 0) << "the folder is free again";
+}
+
+TEST(Results, ThatAReaderHasOpenStayWhatTheyAre) {
+  const TemporaryFolder dir;
+  ASSERT_EQ(run_program({"run", "pendulum", "--out", dir.path()}, kMissions).exit_code, 0);
+  const Hdf5File open = Hdf5File::open(dir / "run.h5");
+  ASSERT_EQ(run_program({"run", "pendulum", "--out", dir.path(), "--until", "1"}, kMissions).exit_code, 1);
+  EXPECT_EQ(open.read_doubles("/time").values.back(), 4.0);
+  EXPECT_EQ(Hdf5File::open(dir / "run.h5").read_doubles("/time").values.back(), 1.0);
+}
+
+TEST(Results, AreNotTouchedByARunThatIsRefused) {
+  const TemporaryFolder dir;
+  ASSERT_EQ(run_program({"run", "pendulum", "--out", dir.path()}, kMissions).exit_code, 0);
+  const auto before = content_of(dir.path());
+  using Arguments = std::vector<std::string>;
+  for (const Arguments& wrong :
+       {Arguments{"--until", "-3"}, {"--until", "0"}, {"--until", "nan"}, {"--until", "inf"}, {"--until", "1e400"}, {"--seed", "-1"}, {"--seed", "1e23"},
+        {"--seed", "99999999999999999999"}, {"--seed", "18446744073709551616"}, {"--seed", "0x1"}, {"--set", "no.such.thing=1"}, {"--again", dir / "run.h5"}}) {
+    Arguments all{"run", "pendulum", "--out", dir.path()};
+    all.insert(all.end(), wrong.begin(), wrong.end());
+    const Finished run = run_program(all, kMissions);
+    EXPECT_EQ(run.exit_code, 2) << wrong[1];
+    EXPECT_NE(run.err.find("Nothing was run."), std::string::npos) << run.err;
+    EXPECT_EQ(content_of(dir.path()), before) << wrong[1];
+  }
+  // What is noticed only when the header is written: a signal where there is a channel already.
+  const TemporaryFolder scene;
+  make_scenario(scene, "vehicle 'vehicle.yaml' mission { duration = 1 } signals { a = {}, ['a/b'] = {} }");
+  EXPECT_EQ(run_program({"run", ".", "--out", dir.path()}, scene.path()).exit_code, 2);
+  EXPECT_EQ(content_of(dir.path()), before);
+}
+
+TEST(Results, OfAnEarlierRunAreGoneWhenARunBegins) {
+  const TemporaryFolder dir;
+  ASSERT_EQ(run_program({"run", "pendulum", "--out", dir.path()}, kMissions).exit_code, 0);
+  const auto earlier = file_text(dir / "run.h5");
+  Started run({"run", "pendulum", "--out", dir.path(), "--set", kLong, "--quiet"}, kMissions);
+  ASSERT_TRUE(wait_until([&] { return file_text(dir / "run.h5") != earlier; }));
+  run.send(SIGKILL);
+  run.wait();
+  EXPECT_FALSE(fs::exists(dir / "summary.json")) << "a verdict about another run";
+  EXPECT_FALSE(fs::exists(dir / "report.html"));
+  rows_of(dir.path());
+}
+
+class Interrupted : public testing::TestWithParam<int> {};
+
+TEST_P(Interrupted, RunsEndInOrder) {
+  const TemporaryFolder dir;
+  Started run({"run", "pendulum", "--out", dir.path(), "--set", kLong}, kMissions, [] { signal(GetParam(), SIG_DFL); });
+  ASSERT_TRUE(wait_until([&] { return fs::exists(dir / "run.h5") && fs::file_size(dir / "run.h5") > 200'000; })) << "rows are on disk";
+  run.send(GetParam());
+  const Finished end = run.wait();
+  EXPECT_EQ(end.exit_code, 128 + GetParam());
+  EXPECT_NE(end.err.find("interrupted by SIG"), std::string::npos) << end.err;
+  const json summary = summary_of(dir.path());
+  EXPECT_EQ(summary["verdict"], "interrupted");
+  EXPECT_TRUE(summary["checks"].empty()) << "they are about the end, which was not reached";
+  EXPECT_LT(summary["simulated_s"], summary["planned_s"]);
+  EXPECT_TRUE(fs::exists(dir / "report.html"));
+  rows_of(dir.path());
+  const Hdf5File file = Hdf5File::open(dir / "run.h5");
+  EXPECT_EQ(file.read_doubles("/time").values.back(), summary["simulated_s"]) << "every row is there";
+  EXPECT_EQ(file.read_doubles("/restart/t").values.at(0), summary["simulated_s"]);
+  EXPECT_EQ(file.text_attribute("/run", "verdict"), "interrupted");
+  EXPECT_EQ(json::parse(file.read_text("/attachments/summary")), summary);
+}
+INSTANTIATE_TEST_SUITE_P(By, Interrupted, testing::Values(SIGINT, SIGTERM, SIGHUP), [](const auto& p) { return std::string(sigabbrev_np(p.param)); });
+
+TEST(Results, OfAScriptThatIsInterruptedAtWorkAreInOrder) {
+  const TemporaryFolder dir;
+  make_scenario(dir, "vehicle 'vehicle.yaml' mission { duration = 1000 }\n"
+                     "controller { name = 'slow', rate = '10 Hz', step = function() for i = 1, 4000000 do end end }");
+  Started run({"run", ".", "--out", "out"}, dir.path());
+  expect_under_way(dir / "out");
+  run.send(SIGTERM);
+  EXPECT_EQ(run.wait().exit_code, 143) << "not a fault of the script";
+  EXPECT_EQ(summary_of(dir / "out")["verdict"], "interrupted");
+}
+
+TEST(Results, SignalsThatTheStarterIgnoresStayIgnored) {
+  const TemporaryFolder dir;
+  Started run({"run", "pendulum", "--out", dir.path(), "--set", kLong, "--quiet"}, kMissions, [] { signal(SIGHUP, SIG_IGN); });  // as nohup does
+  expect_under_way(dir.path());
+  run.send(SIGHUP);
+  run.send(SIGTERM);
+  EXPECT_EQ(run.wait().exit_code, 143);
+}
+
+const std::string kTalking = "vehicle 'vehicle.yaml' mission { duration = 20 }\n"
+                             "controller { name = 'talk', rate = '100 Hz', step = function() print(('x'):rep(1000)) end }";
+
+TEST(Results, AreCompleteWhenNobodyReadsTheOutput) {
+  const TemporaryFolder dir;
+  make_scenario(dir, kTalking);
+  const Finished run = run_program({"run", ".", "--out", "out"}, dir.path(), [] {
+    int ends[2];
+    if (pipe(ends) != 0 || dup2(ends[1], STDOUT_FILENO) < 0) _exit(98);
+    close(ends[0]), close(ends[1]);
+  });
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_EQ(summary_of(dir / "out")["simulated_s"], 20.0);
+  EXPECT_EQ(rows_of(dir / "out"), 201u);
+}
+
+TEST(Results, AreCompleteWhenTheStandardStreamsAreClosed) {
+  const TemporaryFolder dir;
+  make_scenario(dir, kTalking);
+  const Finished run = run_program({"run", ".", "--out", "out"}, dir.path(), [] { close(0), close(1), close(2); });
+  EXPECT_EQ(run.exit_code, 0);
+  EXPECT_EQ(rows_of(dir / "out"), 201u);
+  EXPECT_EQ(run_program({"report", "out/run.h5"}, dir.path()).exit_code, 0) << "no line of text went into it";
+}
+
+/// A run that waits at its first tick until somebody reads what it prints: its folder can be changed under it meanwhile.
+class Waiting {
+ public:
+  Waiting(const std::vector<std::string>& arguments, const std::string& folder, const std::function<void()>& in_child = {}) {
+    if (pipe(ends_) != 0) throw std::runtime_error("no pipe");
+    run_.emplace(arguments, folder, [this, &in_child] {
+      dup2(ends_[1], STDOUT_FILENO), close(ends_[0]), close(ends_[1]);
+      if (in_child) in_child();
+    });
+    close(ends_[1]);
+  }
+  Finished go_on() {
+    char buffer[65536];
+    std::string out;
+    for (ssize_t n; (n = read(ends_[0], buffer, sizeof buffer)) > 0;) out.append(buffer, static_cast<std::size_t>(n));
+    close(ends_[0]);
+    Finished end = run_->wait();
+    end.out = out;
+    return end;
+  }
+
+ private:
+  int ends_[2];
+  std::optional<Started> run_;
+};
+const std::string kFillsThePipe = "controller { name = 'fill', rate = '1 Hz', step = function(t) if t == 0 then print(('x'):rep(200000)) end end }\n";
+
+TEST(Results, ThatCouldNotBeWrittenAreNamedAndTheOthersKept) {
+  for (const std::string lost : {"summary.json", "report.html"}) {
+    const TemporaryFolder dir;
+    make_scenario(dir, "vehicle 'vehicle.yaml' mission { duration = 3 }\n" + kFillsThePipe +
+                           "check { name = 'good', value = function() return 1 end, below = 2 }");
+    Waiting run({"run", ".", "--out", "out", "--quiet"}, dir.path());
+    expect_under_way(dir / "out");
+    fs::create_directory(dir / "out" / lost);
+    const Finished end = run.go_on();
+    EXPECT_EQ(end.exit_code, 4);
+    const std::string kept = lost == "summary.json" ? "out/run.h5, out/report.html" : "out/summary.json, out/run.h5";
+    EXPECT_EQ(end.err, "error[C0701]: result cannot be written\n  --> out/" + lost +
+                           "\n  expected: a file that can be written\n  got:      Is a directory\n"
+                           "  hint:     is the folder there, and is there space?\n\n1 result not written. Kept: " + kept + "\n");
+    EXPECT_NE(end.out.find("  pass  good"), std::string::npos) << "the verdicts are on the screen, with --quiet as well";
+    EXPECT_EQ(rows_of(dir / "out"), 31u);
+    EXPECT_EQ(fs::is_regular_file(dir / "out/summary.json"), lost != "summary.json");
+    EXPECT_EQ(fs::is_regular_file(dir / "out/report.html"), lost != "report.html");
+    EXPECT_EQ(Hdf5File::open(dir / "out/run.h5").text_attribute("/run", "verdict"), "passed");
+  }
+}
+
+TEST(Results, AFullDiskIsToldFirstAndWhatElseIsLost) {
+  const TemporaryFolder dir;
+  make_scenario(dir, "vehicle 'vehicle.yaml' mission { duration = '1 day', output = { rate = '1000 Hz' } }\n" + kFillsThePipe);
+  Waiting run({"run", ".", "--out", "out"}, dir.path(), [] {
+    const rlimit limit{400'000, 400'000};  // [B] of one file
+    setrlimit(RLIMIT_FSIZE, &limit);
+  });
+  expect_under_way(dir / "out");
+  fs::create_directory(dir / "out/summary.json");
+  const Finished end = run.go_on();
+  EXPECT_EQ(end.exit_code, 3);
+  EXPECT_EQ(end.err.find("failure[N0204]: the results cannot be written any more\n"), end.err.find("failure["));
+  EXPECT_LT(end.err.find("failure[N0204]"), end.err.find("error[C0701]")) << end.err;
+  EXPECT_NE(end.err.find("1 result not written. Kept: out/run.h5\n"), std::string::npos) << end.err;
+  EXPECT_EQ(end.err.find("Nothing was run"), std::string::npos);
+  EXPECT_GT(rows_of(dir / "out"), 0u);
+}
+
+TEST(Results, AreNotSentIntoPipesAndDevices) {
+  for (const std::string name : {"run.h5", "summary.json", "report.html"}) {
+    const TemporaryFolder dir;
+    ASSERT_EQ(mkfifo((dir / name).c_str(), 0600), 0);
+    const Finished run = run_program({"run", "pendulum", "--out", dir.path()}, kMissions);
+    EXPECT_EQ(run.exit_code, 2);
+    EXPECT_NE(run.err.find("got:      a pipe of this name"), std::string::npos) << run.err;
+    EXPECT_EQ(content_of(dir.path()).size(), 1u);
+  }
+  const TemporaryFolder dir;
+  fs::create_directory(dir / "report.html");
+  EXPECT_EQ(run_program({"run", "pendulum", "--out", dir.path()}, kMissions).exit_code, 2) << "before the run, not after it";
+}
+
+TEST(Results, CanBeReadWhileTheRunGoesOn) {
+  const TemporaryFolder dir;
+  Started run({"run", "pendulum", "--out", dir.path(), "--set", kLong, "--quiet"}, kMissions);
+  expect_under_way(dir.path());
+  EXPECT_NO_THROW(Hdf5File::open(dir / "run.h5").text_attribute("/run", "scenario"));
+  EXPECT_THROW(Hdf5File::update(dir / "run.h5"), InputError) << "who wants to write is refused";
+  EXPECT_EQ(run_program({"report", dir / "run.h5", "--out", dir / "so_far.html"}, dir.path()).exit_code, 0);
+  run.send(SIGTERM);
+  EXPECT_EQ(run.wait().exit_code, 143);
+}
+
+TEST(Results, ACheckThatIsNoNumberIsAFailureAndAllIsKept) {
+  const TemporaryFolder dir;
+  make_scenario(dir, "vehicle 'vehicle.yaml' mission { duration = 1 }\n"
+                     "check { name = 'lost', value = function() return 0/0 end, below = 2 }");
+  const Finished run = run_program({"run", ".", "--out", "out"}, dir.path());
+  EXPECT_EQ(run.exit_code, 3);
+  EXPECT_NE(run.err.find("failure[N0108]"), std::string::npos) << run.err;
+  EXPECT_EQ(summary_of(dir / "out")["verdict"], "aborted");
+  EXPECT_EQ(summary_of(dir / "out")["failure"]["code"], "N0108");
+  EXPECT_TRUE(fs::exists(dir / "out/report.html"));
+}
+
+TEST(Program, TextThatDoesNotReachStandardOutputIsAnExitCode) {
+  if (!fs::exists("/dev/full")) GTEST_SKIP() << "no /dev/full";
+  for (const char* command : {"describe", "check"}) {
+    const Finished run = run_program({command, "pendulum"}, kMissions, [] { dup2(open("/dev/full", O_WRONLY), STDOUT_FILENO); });
+    EXPECT_EQ(run.exit_code, 4);
+    EXPECT_NE(run.err.find("error[C0701]: result cannot be written\n  --> standard output\n  got:      No space left on device\n"), std::string::npos) << run.err;
+  }
+}
+
+// From limits at which the program hardly starts to one that is enough: what is short of memory says so.
+TEST(Program, SaysWhenMemoryIsShort) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml", "cardan: 1\nbodies:\n  wing:\n    type: modal_flexible\n    hinge: {type: free, to: world}\n    modal:\n"
+                              "      plate: {length: 8 m, width: 2 m, solid: {material: {E: 70 GPa, nu: 0.3, rho: 2700}, thickness: 1 cm}, elements_x: 40, elements_y: 20}\n"
+                              "      modes: {count: 10}\n");
+  write(dir / "scenario.lua", "vehicle 'vehicle.yaml' mission { duration = 1 }");
+  bool told = false;
+  for (rlim_t megabytes = 60; megabytes < 400; megabytes += 10) {
+    const Finished run = run_program({"run", ".", "--out", "out", "--quiet"}, dir.path(), [&] {
+      const rlimit limit{megabytes << 20, megabytes << 20};
+      setrlimit(RLIMIT_AS, &limit);
+    });
+    EXPECT_NE(run.exit_code, 70) << run.err;
+    told = told || (run.exit_code == 2 && run.err.find("error[C0802]: not enough memory\n  got:      no memory for ") == 0);
+    if (run.exit_code == 0) break;
+  }
+  EXPECT_TRUE(told);
+}
+
+// ---- provenance and repetition ----
+
+std::string value_of(const std::vector<std::string>& pairs, const std::string& key) {
+  for (std::size_t i = 0; i + 1 < pairs.size(); i += 2)
+    if (pairs[i] == key) return pairs[i + 1];
+  return "none";
+}
+
+TEST(Provenance, HasWhatTheCommandLineAsksForAndWhatCameOfIt) {
+  const TemporaryFolder dir;
+  make_scenario(dir, "local p = parameters { kp = '6 N m/rad', name = 'x', on = true }\nvehicle 'vehicle.yaml' mission { duration = 1 }\n"
+                     "initial { rod = { rate = 0.25 } }");
+  ASSERT_EQ(run_program({"run", ".", "--out", "out", "--set", "mission.output.rate=5 Hz", "--set", "vehicle.bodies.rod.hinge.initial.angle=30 deg", "--until",
+                         "0.7", "--seed", "18446744073709551615"},
+                        dir.path())
+                .exit_code,
+            0);
+  const Hdf5File file = Hdf5File::open(dir / "out/run.h5");
+  const auto command = file.read_texts("/run/command");
+  EXPECT_EQ(command.at(1), "run");
+  EXPECT_EQ(command.back(), "18446744073709551615");
+  const auto settings = file.read_texts("/run/settings");
+  EXPECT_EQ(value_of(settings, "mission.output.rate"), "5 Hz");
+  EXPECT_EQ(value_of(settings, "vehicle.bodies.rod.hinge.initial.angle"), "30 deg");
+  EXPECT_EQ(file.text_attribute("/run", "until"), "0.7");
+  EXPECT_EQ(file.text_attribute("/run", "seed"), "18446744073709551615");
+  EXPECT_EQ(fs::canonical(file.text_attribute("/run", "folder")), fs::canonical(dir.path()));
+  const auto parameters = file.read_texts("/spec/parameters");
+  EXPECT_EQ(value_of(parameters, "initial.rod.angle"), "0.5235987755982988 rad");
+  EXPECT_EQ(value_of(parameters, "initial.rod.rate"), "0.25 rad/s");
+  EXPECT_EQ(value_of(parameters, "mission.output.period"), "1/5 s");
+  EXPECT_EQ(value_of(parameters, "mission.duration"), "1 s");
+  EXPECT_EQ(value_of(parameters, "parameters.kp"), "6 N m/rad");
+  EXPECT_EQ(value_of(parameters, "parameters.on"), "true");
+  const auto files = file.read_texts("/spec/files");
+  EXPECT_EQ(value_of(files, "vehicle.yaml"), file_text(dir / "vehicle.yaml"));
+  EXPECT_EQ(value_of(files, "scenario.lua"), file_text(dir / "scenario.lua"));
+  // The sweeps contract, whatever the rest does: results name the flags of both.
+  EXPECT_NE(file.text_attribute("/run", "flags").find("-ffp-contract=off"), std::string::npos);
+  EXPECT_NE(file.text_attribute("/run", "sweep_flags").find("-ffp-contract=fast"), std::string::npos);
+  EXPECT_TRUE(file.text_attribute("/run", "sweeps").starts_with("x86-64-v"));
+}
+
+TEST(Again, RepeatsARunBitForBitFromItsResultsAlone) {
+  const TemporaryFolder dir;
+  fs::copy(kMissions + "/drive", dir / "scene", fs::copy_options::recursive);
+  ASSERT_NE(run_program({"run", "scene", "--out", "out", "--set", "mission.output.rate=7 Hz", "--set", "mission.integrator.relative=1e-7", "--until", "1.5",
+                         "--seed", "42", "--check-against-reference"},
+                        dir.path())
+                .exit_code,
+            2);
+  fs::remove_all(dir / "scene");  // the texts are inside
+  const Finished again = run_program({"run", "--again", "out/run.h5"}, dir.path());
+  EXPECT_LE(again.exit_code, 1) << again.err;
+  EXPECT_EQ(again.err.find("warning"), std::string::npos) << again.err;
+  EXPECT_EQ(channels_of(dir / "out"), channels_of(dir / "out/again"));
+  json a = summary_of(dir / "out"), b = summary_of(dir / "out/again");
+  a.erase("wall_s"), b.erase("wall_s");
+  EXPECT_EQ(a, b);
+  const Hdf5File first = Hdf5File::open(dir / "out/run.h5"), second = Hdf5File::open(dir / "out/again/run.h5");
+  for (const char* path : {"/run/settings", "/run/inputs", "/spec/files", "/spec/parameters", "/spec/defaults"})
+    EXPECT_EQ(first.read_texts(path), second.read_texts(path)) << path;
+  for (const char* key : {"seed", "until", "check_against_reference", "integrator", "sweeps"})
+    EXPECT_EQ(first.text_attribute("/run", key), second.text_attribute("/run", key)) << key;
+  ASSERT_LE(run_program({"run", "--again", "out/again", "--out", "third"}, dir.path()).exit_code, 1) << "a repetition can be repeated";
+  EXPECT_EQ(channels_of(dir / "out"), channels_of(dir / "third"));
+}
+
+TEST(Again, WithRequiredModulesNeedsNoFiles) {
+  const TemporaryFolder dir;
+  make_scenario(dir, "local gains = require 'lib.gains'\nvehicle 'vehicle.yaml' mission { duration = gains.duration }");
+  fs::create_directory(dir / "lib");
+  write(dir / "lib/gains.lua", "return { duration = 0.5 }");
+  ASSERT_EQ(run_program({"run", ".", "--out", "out"}, dir.path()).exit_code, 0);
+  write(dir / "lib/gains.lua", "return { duration = 0.7 }");
+  EXPECT_EQ(run_program({"run", "--again", "out/run.h5"}, dir.path()).exit_code, 0);
+  EXPECT_EQ(summary_of(dir / "out/again")["simulated_s"], 0.5);
+}
+
+TEST(Again, RefusesAPluginThatIsAnother) {
+  const TemporaryFolder dir;
+  fs::copy(CARDAN_BINARY_DIR "/plugins/custom_cam.so", dir / "cam.so");
+  write(dir / "vehicle.yaml",
+        "cardan: 1\nbodies:\n  slider: {mass: 1, inertia: [1, 1, 1], hinge: {type: custom_cam, to: world, axis: [0, 0, 1], a: 0.1, b: 0.2, c: 0.3}}\n");
+  write(dir / "scenario.lua", "plugin 'cam.so' vehicle 'vehicle.yaml' mission { duration = 1 } initial { slider = { rate = 1 } }");
+  ASSERT_EQ(run_program({"run", ".", "--out", "out"}, dir.path()).exit_code, 0);
+  ASSERT_EQ(run_program({"run", "--again", "out/run.h5"}, dir.path()).exit_code, 0);
+  EXPECT_EQ(channels_of(dir / "out"), channels_of(dir / "out/again"));
+  const auto before = content_of(dir / "out/again");
+  write(dir / "cam.so", "another");
+  const Finished run = run_program({"run", "--again", "out/run.h5"}, dir.path());
+  EXPECT_EQ(run.exit_code, 2);
+  EXPECT_NE(run.err.find("error[C0703]: a file of the run to be repeated has changed"), std::string::npos) << run.err;
+  fs::remove(dir / "cam.so");
+  EXPECT_NE(run_program({"run", "--again", "out/run.h5"}, dir.path()).err.find("error[C0703]"), std::string::npos);
+  EXPECT_EQ(content_of(dir / "out/again"), before);
+}
+
+TEST(Again, DoesNotOverwriteWhatItRepeats) {
+  const TemporaryFolder dir;
+  make_scenario(dir, "vehicle 'vehicle.yaml' mission { duration = 1 }");
+  ASSERT_EQ(run_program({"run", ".", "--out", "out"}, dir.path()).exit_code, 0);
+  const auto before = content_of(dir / "out");
+  const Finished run = run_program({"run", "--again", "out/run.h5", "--out", "./out/../out"}, dir.path());
+  EXPECT_EQ(run.exit_code, 2);
+  EXPECT_NE(run.err.find("error[C0801]"), std::string::npos) << run.err;
+  for (const char* option : {"--until", "--seed"}) EXPECT_EQ(run_program({"run", "--again", "out/run.h5", option, "1"}, dir.path()).exit_code, 2);
+  EXPECT_EQ(run_program({"run", "--again", "scenario.lua"}, dir.path()).exit_code, 2);
+  EXPECT_EQ(content_of(dir / "out"), before);
+}
+
+TEST(Again, WarnsWhereTheSweepsAreOthers) {
+  const TemporaryFolder dir;
+  make_scenario(dir, "vehicle 'vehicle.yaml' mission { duration = 1 }");
+  const auto with_v2 = [] { setenv("CARDAN_KERNELS", "v2", 1); };
+  if (run_program({"version"}, dir.path(), with_v2).exit_code != 0) GTEST_SKIP() << "no sweeps for v2";
+  ASSERT_EQ(run_program({"run", ".", "--out", "out"}, dir.path(), with_v2).exit_code, 0);
+  const Finished run = run_program({"run", "--again", "out/run.h5"}, dir.path());
+  if (Hdf5File::open(dir / "out/again/run.h5").text_attribute("/run", "sweeps") == "x86-64-v2") GTEST_SKIP() << "no other sweeps";
+  EXPECT_EQ(run.exit_code, 0);
+  EXPECT_NE(run.err.find("warning[W0601]: the run was made by another program: then x86-64-v2, now x86-64-v"), std::string::npos) << run.err;
+  EXPECT_EQ(summary_of(dir / "out/again")["warnings"][0]["code"], "W0601");
+  const Finished quiet = run_program({"run", "--again", "out/run.h5", "--quiet"}, dir.path());
+  EXPECT_EQ(quiet.err, "warnings: W0601; see out/again/summary.json\n");
+  const json data = json::parse(run_program({"run", "--again", "out/run.h5", "--quiet", "--json-errors"}, dir.path()).err);
+  EXPECT_EQ(data["warnings"][0]["path"], "sweeps");
+  EXPECT_EQ(data["exit_code"], 0);
+}
+
+}  // namespace
+}  // namespace cardan
