@@ -81,7 +81,7 @@ void bench_model(const BenchModel& bm, const Registry& registry, double seconds,
   Eigen::MatrixXd x(m.nq + m.nv, states);
   for (int k = 0; k < states; ++k) x.col(k) << bm.states[static_cast<std::size_t>(k)].q, bm.states[static_cast<std::size_t>(k)].v;
   Eigen::VectorXd xdot(m.nq + m.nv);
-  const auto right_hand_side = [&](int k) { ode.rhs(0.0, x.col(k).data(), xdot.data(), nullptr); };
+  const auto right_hand_side = [&](int k) { ode.rhs(0.0, x.col(k).data(), xdot.data()); };
   Eigen::VectorXd out(m.nv);
   Eigen::MatrixXd outs(m.nv, ring.size());
   const bool matrices = m.flexible.empty() && m.nv <= 128;

@@ -7,14 +7,17 @@
 namespace cardan {
 
 MotionProfile MotionProfile::hold(double rate) {
-  MotionProfile p;
-  p.points_ = {{0.0, rate}};
-  return p;
+  return rate_table({{0.0, rate}});
 }
 
 MotionProfile MotionProfile::rate_table(std::vector<std::pair<double, double>> points) {
   MotionProfile p;
   p.points_ = std::move(points);
+  p.travelled_.assign(p.points_.size(), 0.0);
+  for (std::size_t i = 1; i < p.points_.size(); ++i) {
+    const auto &a = p.points_[i - 1], &b = p.points_[i];
+    p.travelled_[i] = p.travelled_[i - 1] + 0.5 * (a.second + b.second) * (b.first - a.first);
+  }
   return p;
 }
 
@@ -53,14 +56,20 @@ double MotionProfile::largest_rate(double t_0, double t_1) const {
   return largest;
 }
 
-double MotionProfile::acceleration(double t) const {
+double MotionProfile::acceleration(double t, double since) const {
   if (points_.empty()) {
     const double w = 2.0 * std::numbers::pi * frequency_;
     return -amplitude_ * w * w * std::sin(w * t + phase_);
   }
-  const std::size_t i = after(points_, t);
+  const std::size_t i = after(points_, since);
   if (i == 0 || i == points_.size()) return 0.0;
   return (points_[i].second - points_[i - 1].second) / (points_[i].first - points_[i - 1].first);
+}
+
+double MotionProfile::integral(double t) const {
+  if (points_.empty()) return amplitude_ * std::sin(2.0 * std::numbers::pi * frequency_ * t + phase_);
+  const std::size_t i = after(points_, t), before = i == 0 ? 0 : i - 1;
+  return travelled_[before] + 0.5 * (points_[before].second + rate(t)) * (t - points_[before].first);
 }
 
 double MotionProfile::next_corner(double t) const {

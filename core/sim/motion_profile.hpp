@@ -1,6 +1,6 @@
 #pragma once
-// Motion of a prescribed velocity component as a function of time: rate and its derivative. Where the derivative jumps, the
-// integrator stops and starts again.
+// Motion of a prescribed velocity component as a function of time: rate, its derivative and its integral. Where the derivative
+// jumps, the integrator stops and starts again.
 #include <limits>
 #include <utility>
 #include <vector>
@@ -21,13 +21,18 @@ class MotionProfile {
   double rate(double t) const;
   /// Largest |rate| from t_0 to t_1; of a sine, over a full period.
   double largest_rate(double t_0, double t_1) const;
-  /// v' at t; at a corner, that of the stretch which begins there.
-  double acceleration(double t) const;
+  /// v' at t, on the stretch between two corners that holds at `since` <= t: a step that ends at a corner belongs to the stretch
+  /// before. At a corner, `since` is on the stretch which begins there.
+  double acceleration(double t, double since) const;
+  /// Integral of the rate.  [rad or m]
+  double travel(double from, double to) const { return integral(to) - integral(from); }
   /// First corner after t; infinity if there is none.
   double next_corner(double t) const;
 
  private:
+  double integral(double t) const;  // from the first point; of a sine, from where it is zero
   std::vector<std::pair<double, double>> points_;
+  std::vector<double> travelled_;   // from the first point to each
   double amplitude_ = 0.0, frequency_ = 0.0, phase_ = 0.0;
 };
 

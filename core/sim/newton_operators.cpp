@@ -19,38 +19,30 @@ bool has_quaternion(const UserBody& u) {
          u.hinge->shape == CARDAN_SHAPE_FREE_BODY;
 }
 
-/// Derivative of N(q) v + k (q/|q| - q) of a hinge with a quaternion.
-void quaternion_rates(const UserBody& u, double k, const Tangent* q, const Tangent* v, double* out) {
+/// Derivative of N(q) v of a hinge with a quaternion.
+void quaternion_rates(const UserBody& u, const Tangent* q, const Tangent* v, double* out) {
   const Tangent &w = q[0], &x = q[1], &y = q[2], &z = q[3], half(0.5);
-  const Tangent pull = Tangent(k) * (Tangent(1) / sqrt(w * w + x * x + y * y + z * z) - Tangent(1));
-  out[0] = (pull * w - half * (x * v[0] + y * v[1] + z * v[2])).d;
-  out[1] = (pull * x + half * (w * v[0] + y * v[2] - z * v[1])).d;
-  out[2] = (pull * y + half * (w * v[1] + z * v[0] - x * v[2])).d;
-  out[3] = (pull * z + half * (w * v[2] + x * v[1] - y * v[0])).d;
+  out[0] = (-half * (x * v[0] + y * v[1] + z * v[2])).d;
+  out[1] = (half * (w * v[0] + y * v[2] - z * v[1])).d;
+  out[2] = (half * (w * v[1] + z * v[0] - x * v[2])).d;
+  out[3] = (half * (w * v[2] + x * v[1] - y * v[0])).d;
   if (u.hinge->shape == CARDAN_SHAPE_BALL) return;
   Vec3<Tangent> shift{v[3], v[4], v[5]};
   if (u.hinge->shape == CARDAN_SHAPE_FREE_BODY) shift = rotation_of_quaternion(w, x, y, z) * shift;
   out[4] = shift.x.d, out[5] = shift.y.d, out[6] = shift.z.d;
 }
 
-/// The same of any other hinge, by coordinates and differences of eighth order. scratch: 4 nq + 2 nv numbers.
-void other_rates(const UserBody& u, double k, const Tangent* q, const Tangent* v, double* out, double* scratch) {
+/// The same of any other hinge, by coordinates and differences of eighth order. scratch: 3 nq + 2 nv numbers.
+void other_rates(const UserBody& u, const Tangent* q, const Tangent* v, double* out, double* scratch) {
   constexpr double kStep = 0.01;
-  double *at = scratch, *normal = at + u.nq, *sum = normal + u.nq, *work = sum + u.nq, *w = work + u.nq, *dw = w + u.nv;
+  double *at = scratch, *sum = at + u.nq, *work = sum + u.nq, *w = work + u.nq, *dw = w + u.nv;
   for (int i = 0; i < u.nq; ++i) at[i] = q[i].x;
   for (int i = 0; i < u.nv; ++i) w[i] = v[i].x, dw[i] = v[i].d;
   const void* packed = u.hinge_packed.data();
   u.hinge->qdot(packed, at, dw, out);
-  const auto rates = [&](double* to) {
-    u.hinge->qdot(packed, at, w, to);
-    if (!u.hinge->normalise) return;
-    std::copy_n(at, u.nq, normal);
-    u.hinge->normalise(packed, normal);
-    for (int i = 0; i < u.nq; ++i) to[i] += k * (normal[i] - at[i]);
-  };
   for (int i = 0; i < u.nq; ++i) {
     if (q[i].d == 0.0) continue;
-    soa::derivative([&](double s, double* to) { at[i] = q[i].x + s, rates(to); }, kStep, u.nq, sum, work);
+    soa::derivative([&](double s, double* to) { at[i] = q[i].x + s, u.hinge->qdot(packed, at, w, to); }, kStep, u.nq, sum, work);
     at[i] = q[i].x;
     for (int j = 0; j < u.nq; ++j) out[j] += q[i].d * sum[j];
   }
@@ -58,9 +50,8 @@ void other_rates(const UserBody& u, double k, const Tangent* q, const Tangent* v
 
 }  // namespace
 
-NewtonOperators::NewtonOperators(std::shared_ptr<const Model> model, double quaternion_stabilisation)
+NewtonOperators::NewtonOperators(std::shared_ptr<const Model> model)
     : model_(std::move(model)),
-      stabilisation_(quaternion_stabilisation),
       tangent_(*model_),
       tree_(model_),
       mass_(tree_),
@@ -68,11 +59,14 @@ NewtonOperators::NewtonOperators(std::shared_ptr<const Model> model, double quat
   const Model& m = *model_;
   q_t_.resize(idx(m.nq));
   for (const int i : m.curved)
-    scratch_.resize(std::max(scratch_.size(), idx(4 * m.user[idx(i)].nq + 2 * m.user[idx(i)].nv)));
+    scratch_.resize(std::max(scratch_.size(), idx(3 * m.user[idx(i)].nq + 2 * m.user[idx(i)].nv)));
   for (auto* x : {&v_t_, &tau_t_, &vdot_given_t_, &vdot_t_}) x->resize(idx(m.nv));
   for (Eigen::VectorXd* x : {&at_, &rhs_, &dv_}) x->setZero(m.nv);
   q_.resize(idx(m.nq)), W_.resize(idx(m.nv));
   for (int i = 0; m.has_prescribed() && i < m.nv; ++i) free_.push_back(is_free(i));
+  for (const PlainRates& r : m.plain_rates)
+    for (int i = 0; i < r.n; ++i)
+      if (!is_free(r.v + i)) given_q_.push_back(r.q + i);
 }
 
 /// visit(first coordinate, first velocity, modes, body).
@@ -87,8 +81,9 @@ bool NewtonOperators::jacobian_times(const soa::Inputs<double>& in, const double
   const double *dq = dx, *dv = dx + m.nq;
   for (int i = 0; i < m.nq; ++i) q_t_[idx(i)] = {in.q[i], dq[i]};
   for (int i = 0; i < m.nv; ++i)
-    v_t_[idx(i)] = {in.v[i], dv[i]}, tau_t_[idx(i)] = in.tau[i], vdot_given_t_[idx(i)] = in.vdot[i];
-  for (const Spring& s : m.springs) tau_t_[idx(s.v)].d -= s.stiffness * dq[s.q] + s.damping * dv[s.v];
+    v_t_[idx(i)] = {in.v[i], is_free(i) ? dv[i] : 0.0}, tau_t_[idx(i)] = in.tau[i], vdot_given_t_[idx(i)] = in.vdot[i];
+  for (const int i : given_q_) q_t_[idx(i)].d = 0.0;
+  for (const Spring& s : m.springs) tau_t_[idx(s.v)].d -= s.stiffness * q_t_[idx(s.q)].d + s.damping * v_t_[idx(s.v)].d;
   wrenches_t_.clear();
   for (const NodeWrench& w : in.wrenches)
     wrenches_t_.push_back({w.node, w.world_axes, {cast<Tangent>(w.f.n), cast<Tangent>(w.f.f)}});
@@ -101,13 +96,14 @@ bool NewtonOperators::jacobian_times(const soa::Inputs<double>& in, const double
   if (!forward_dynamics(m, tangent_, along, vdot_t_.data())) return false;
   for (int i = 0; i < m.nv; ++i) J_dx[m.nq + i] = vdot_t_[idx(i)].d;
   for (const PlainRates& r : m.plain_rates) std::copy_n(dv + r.v, r.n, J_dx + r.q);
+  for (const int i : given_q_) J_dx[i] = 0.0;
   for (const int i : m.curved) {
     const UserBody& u = m.user[idx(i)];
     const Tangent *q = q_t_.data() + u.q, *v = v_t_.data() + u.v;
     if (has_quaternion(u))
-      quaternion_rates(u, stabilisation_, q, v, J_dx + u.q);
+      quaternion_rates(u, q, v, J_dx + u.q);
     else
-      other_rates(u, stabilisation_, q, v, J_dx + u.q, scratch_.data());
+      other_rates(u, q, v, J_dx + u.q, scratch_.data());
   }
   return true;
 }
@@ -148,8 +144,10 @@ void NewtonOperators::precondition(const double* r, double* z) {
         for (int j = 0; j < n; ++j) rhs_[etadot + i] -= gamma_ * f.K[idx(j * n + i)] * r_q[eta + j];
   });
   inverse.mult(rhs_, dv_);
-  for (int i = 0; i < m.nv; ++i) dv[i] = is_free(i) ? dv_[i] : r_v[i];
+  for (int i = 0; i < m.nv; ++i) dv[i] = is_free(i) ? dv_[i] : 0.0;
   m.qdot(q_.data(), dv, dq);
+  for (int i = 0; i < m.nv; ++i)
+    if (!is_free(i)) dv[i] = r_v[i];  // a function of time: nothing depends on it
   for (int i = 0; i < m.nq; ++i) dq[i] = r_q[i] + gamma_ * dq[i];
 }
 

@@ -13,12 +13,11 @@ namespace cardan {
 /// User's order of q and v throughout; dx, r, z: nq numbers, then nv.
 class NewtonOperators {
  public:
-  /// quaternion_stabilisation: [1/s], as in f.
-  NewtonOperators(std::shared_ptr<const Model> model, double quaternion_stabilisation);
+  explicit NewtonOperators(std::shared_ptr<const Model> model);
 
   /// J dx by the sweeps on numbers with a derivative; any dx, also off the unit quaternions. in: q, v, tau of actuators
-  /// and springs, prescribed v', wrenches at this state; of these only the springs change with it between ticks. false:
-  /// a direction without inertia.
+  /// and springs, prescribed v', wrenches at this state; of these only the springs change with it between ticks. Prescribed
+  /// v, and the q that are their integrals, are functions of time: f does not depend on those of x. false: a direction without inertia.
   bool jacobian_times(const soa::Inputs<double>& in, const double* dx, double* J_dx);
 
   /// Articulated inertias with W = gamma C + gamma^2 K of the free components. moved: q counts anew; else those of the
@@ -36,7 +35,8 @@ class NewtonOperators {
   void each_flexible(const Visit& visit) const;
 
   std::shared_ptr<const Model> model_;
-  double stabilisation_, gamma_ = 0.0;
+  double gamma_ = 0.0;
+  std::vector<int> given_q_;         // coordinates that are functions of time
   // J dx
   soa::Workspace<soa::Tangent> tangent_;
   std::vector<soa::Tangent> q_t_, v_t_, tau_t_, vdot_given_t_, vdot_t_;

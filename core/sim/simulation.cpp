@@ -5,12 +5,17 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <stdexcept>
 
 #include "core/base/finite.hpp"
+#include "core/sim/fastest_motion.hpp"
 #include "core/sim/newton_operators.hpp"
 
 namespace cardan {
+namespace {
+constexpr double kLedgerSafety = 10.0;  // of a limit: estimates of errors are estimates, and a norm of many states hides one
+}  // namespace
 
 Simulation::Simulation(std::shared_ptr<const Model> model, const SimulationOptions& options)
     : model_(std::move(model)), options_(options), state_(model_->initial_state()), workspace_(*model_) {
@@ -21,11 +26,15 @@ Simulation::Simulation(std::shared_ptr<const Model> model, const SimulationOptio
   tau_total_.assign(nv, 0.0);
   vdot_given_.assign(nv, 0.0);
   vdot_ = Eigen::VectorXd::Zero(m.nv);
-  scratch_q_.assign(static_cast<std::size_t>(m.nq), 0.0);
-  for (std::size_t i = 0; i < m.user.size(); ++i)
-    if (m.user[i].nq > 0 && m.user[i].hinge->normalise) normalised_.push_back(static_cast<int>(i));
-  for (int i = 0; m.has_prescribed() && i < m.nv; ++i)
-    if (m.prescribed[static_cast<std::size_t>(i)]) prescribed_.push_back({i, MotionProfile::hold(state_.v[i])});
+  for (const UserBody& u : m.user) normalised_ = normalised_ || (u.nq > 0 && u.hinge->normalise);
+  x_given_.resize(static_cast<std::size_t>(m.nq + m.nv));
+  for (int i = 0; m.has_prescribed() && i < m.nv; ++i) {
+    if (!m.prescribed[static_cast<std::size_t>(i)]) continue;
+    int coordinate = -1;
+    for (const PlainRates& r : m.plain_rates)
+      if (i >= r.v && i < r.v + r.n) coordinate = r.q + i - r.v;
+    prescribed_.push_back({i, coordinate, MotionProfile::hold(state_.v[i])});
+  }
   // Impulse from outside is zero, and its rates need no world poses, when nothing touches the system but its own hinges.
   world_rates_ = m.gravity.kind != GravitySpec::Kind::none;
   for (std::size_t i = 0; i < m.user.size(); ++i) {
@@ -95,15 +104,129 @@ void Simulation::every(Rational period, std::function<void()> task, Rational off
   tasks_.push_back(std::move(task));
 }
 
-void Simulation::add_event(Event event) { events_.push_back(std::move(event)); }
+void Simulation::add_event(Event event) {
+  events_.push_back(std::move(event));
+  event_times_.resize(1000);
+}
+
+/// As many events as the ring holds, in less than 1e-7 of the time that is left: the end is more than 1e10 events away.
+void Simulation::expect_no_storm(const Event& event) {
+  double& earliest = event_times_[events_seen_ % event_times_.size()];
+  const double span = state_.t - earliest;
+  if (events_seen_ >= event_times_.size() && span <= 1e-7 * (t_end_ - state_.t))
+    fail({Code::event_storm, state_.t, "", "", fmt::format("{} events in the last {:.2g} s, the last of them \"{}\"", event_times_.size(), span, event.name),
+          "let the action leave the zero of `when` for good: a band (hysteresis), a latch, a smallest time between two events", ""});
+  earliest = state_.t;
+  ++events_seen_;
+}
+
+/// Looks once in so many steps whether the end can be reached at all.
+void Simulation::expect_progress() {
+  constexpr long kLook = 200'000;
+  if (steps_ - looked_at_ < kLook) return;
+  const double advanced = state_.t - t_looked_at_, left = t_end_ - state_.t;
+  looked_at_ = steps_, t_looked_at_ = state_.t;
+  if (!std::isfinite(left) || left <= 1e7 * advanced) return;
+  fail({Code::step_too_small, state_.t, "", "",
+        fmt::format("time does not advance: the last {} steps went {:.2g} s further, {:.3g} s are left", kLook, advanced, left),
+        "rates or a stiffness beyond all measure, or a max_step or step that is far too small", ""});
+}
+
+namespace {
+/// h times the rate that an explicit method stands: on the real axis, on the imaginary one (there as far as the error test lets it).
+struct Stability {
+  double decay, swing;
+};
+Stability stability_of(const std::string& method) {
+  if (method == "rk4") return {2.785, 2.828};
+  if (method == "dopri5") return {3.3, 1.6};
+  return {1.0, 1.0};  // the fixed-point iteration of Adams, about
+}
+const char* kFollowed = "cvode_bdf follows it as well unless it is damped out: fewer modes, or a locked hinge, if it does not matter";
+const char* kStiffHint =
+    "integrator.method = \"cvode_bdf\", above some fifty states with linear_solver = \"krylov\"; or a softer law, or a locked hinge";
+}  // namespace
+
+/// Before the first step: what springs, dampers and modes ask of an explicit method.
+void Simulation::foresee_stiffness(double t_end) {
+  const IntegratorOptions& i = options_.integrator;
+  if (i.method == "cvode_bdf") return;
+  const FastestMotion fastest = fastest_motion(model_, state_.q.data());
+  if (fastest.rate <= 0.0) return;
+  const Stability stable = stability_of(i.method);
+  const double h = (fastest.decays ? stable.decay : stable.swing) / fastest.rate, steps = (t_end - state_.t) / h;
+  const std::string cause = fastest.decays ? fmt::format("{} decays at {:.3g} 1/s", fastest.what, fastest.rate)
+                                           : fmt::format("{} swings at {:.3g} Hz", fastest.what, fastest.rate / (2.0 * std::numbers::pi));
+  if (i.method == "rk4" && i.fixed_step > h)
+    warn(Code::stiff_scene, {"integrator.step", {}}, fmt::format("{}: rk4 is unstable with steps above {:.3g} s", cause, h),
+         fmt::format("a step of {:.2g} s at most, or {}", h, kStiffHint));
+  else if (i.method != "rk4" && steps > (fastest.decays ? 1e6 : 1e7))
+    warn(Code::stiff_scene, {"integrator.method", {}},
+         fmt::format("{}: {} must take steps of {:.2g} s, {:.1e} of them to the end", cause, i.method, h, steps),
+         fastest.decays ? kStiffHint : kFollowed);
+}
+
+/// The integrator found that stability sets its steps.
+void Simulation::say_stiff() {
+  const FastestMotion fastest = warned_stiff_ ? FastestMotion{} : fastest_motion(model_, state_.q.data());
+  warned_stiff_ = true;
+  const double h = statistics().last_step;
+  warn(Code::stiff_scene, {"integrator.method", {}},
+       fmt::format("stability and not accuracy sets the steps of {}, {:.2g} s: {:.1e} of them are left{}", integrator_name(), h, (t_end_ - state_.t) / h,
+                   fastest.rate > 0 ? fmt::format("; fastest is {}, {:.3g} 1/s", fastest.what, fastest.rate) : std::string()),
+       kStiffHint);
+}
+
+/// "boom.angle" of a velocity component.
+std::string Simulation::name_of(int v_index) const {
+  for (const UserBody& u : model_->user) {
+    const int i = v_index - u.v, n = static_cast<int>(u.v_names.size());
+    if (i >= 0 && i < n) return u.name + "." + u.v_names[static_cast<std::size_t>(i)];
+    if (const int mode = v_index - u.etadot; u.n_modes > 0 && mode >= 0 && mode < u.n_modes) return fmt::format("{}, mode {}", u.name, mode + 1);
+  }
+  return "velocity " + std::to_string(v_index);
+}
 
 void Simulation::prescribe(int v_index, MotionProfile profile) {
   const auto p = std::ranges::find(prescribed_, v_index, &Prescribed::index);
-  if (p == prescribed_.end()) return;
+  if (p == prescribed_.end())
+    throw InputError(Diagnostic{Code::bad_initial_state, {"profile of " + name_of(v_index), {}}, "a component that is prescribed",
+                                "one that is free to move", "say so in the vehicle: hinge.prescribed", {}, {}, 0});
   p->profile = std::move(profile);
   p->given = true;
-  if (begun_) state_.v[v_index] = p->profile.rate(state_.t);
+  if (begun_) start_given_motion();
   changed();
+}
+
+/// Rates are those of the profiles from now on, coordinates go on from where they are.
+void Simulation::start_given_motion() {
+  for (Prescribed& p : prescribed_) {
+    double& v = state_.v[p.index];
+    if (!p.given && p.profile.rate(state_.t) != v) p.profile = MotionProfile::hold(v);
+    const double rate = p.profile.rate(state_.t), before = v;
+    if (std::abs(rate - before) > 1e-9 * std::max(std::abs(rate), std::abs(before)) && (begun_ || before != 0.0))
+      warn(Code::mission_doubt, {"profile of " + name_of(p.index), {}},
+           fmt::format("the rate is {:.6g} and the profile's {:.6g}: it jumps, and what that does to other bodies is left out", before, rate),
+           "let the profile begin with the rate that is there, and change it over a time");
+    v = rate;
+    p.t_0 = state_.t;
+    if (p.coordinate >= 0) p.q_0 = state_.q[p.coordinate];
+  }
+}
+
+void Simulation::give_motion(double t, double* q, double* v) const {
+  for (const Prescribed& p : prescribed_) {
+    v[p.index] = p.profile.rate(t);
+    if (p.coordinate >= 0) q[p.coordinate] = p.q_0 + p.profile.travel(p.t_0, t);
+  }
+}
+
+/// x as the physics sees it: prescribed components are functions of time and not what was integrated of them.
+const double* Simulation::with_given_motion(double t, const double* x) {
+  if (prescribed_.empty()) return x;
+  std::copy_n(x, x_given_.size(), x_given_.begin());
+  give_motion(t, x_given_.data(), x_given_.data() + model_->nq);
+  return x_given_.data();
 }
 
 const MotionProfile* Simulation::profile(int v_index) const {
@@ -145,19 +268,13 @@ void Simulation::set_wrench(int slot, const Force<double>& f) {
 void Simulation::make_integrator_once() {
   if (integrator_) return;
   x_.assign(static_cast<std::size_t>(model_->nq + model_->nv), 0.0);
-  y_.assign(7, 0.0);
   integrator_ = make_integrator(ode(), options_.integrator);
 }
 
-OdeProblem Simulation::ode() {
+std::vector<double> Simulation::absolute_tolerances() const {
   const Model& m = *model_;
-  OdeProblem ode;
-  ode.n = m.nq + m.nv;
-  ode.n_quadrature = options_.ledger ? 7 : 0;
-  ode.rhs = [this](double t, const double* x, double* xdot, double* ydot) { return rhs(t, x, xdot, ydot); };
-  if (!normalised_.empty()) ode.project = [this](double* x) { model_->normalise(x); };
-  const double absolute = options_.absolute_tolerance > 0 ? options_.absolute_tolerance : options_.integrator.relative_tolerance;
-  ode.absolute_tolerance.assign(static_cast<std::size_t>(ode.n), absolute);
+  const double absolute = options_.absolute_tolerance != 0 ? options_.absolute_tolerance : options_.integrator.relative_tolerance;
+  std::vector<double> all(static_cast<std::size_t>(m.nq + m.nv), absolute);
   // A mass-normalised modal coordinate that moves the body as much as 1 m of a rigid one is far larger than those in use:
   // eta counts as 1e-3 (slow modes) and as (1 rad/s / omega)^2 of that for fast ones, eta' as omega times it.
   for (const SweepBody& b : m.bodies) {
@@ -166,20 +283,40 @@ OdeProblem Simulation::ode() {
     for (int j = 0; j < b.n_modes; ++j) {
       const auto at = static_cast<std::size_t>(f.K_diagonal ? j : j * b.n_modes + j);
       const double w2 = std::max(1.0, f.K[at] / f.M_ee[static_cast<std::size_t>(j * b.n_modes + j)]);
-      ode.absolute_tolerance[static_cast<std::size_t>(b.eta + j)] = 1e-3 * absolute / w2;
-      ode.absolute_tolerance[static_cast<std::size_t>(m.nq + b.etadot + j)] = 1e-3 * absolute / std::sqrt(w2);
+      all[static_cast<std::size_t>(b.eta + j)] = 1e-3 * absolute / w2;
+      all[static_cast<std::size_t>(m.nq + b.etadot + j)] = 1e-3 * absolute / std::sqrt(w2);
     }
   }
+  return all;
+}
+
+OdeProblem Simulation::ode() {
+  const Model& m = *model_;
+  if (options_.absolute_tolerance != 0 && !(options_.absolute_tolerance > 0 && options_.absolute_tolerance <= 1))
+    throw InputError(Diagnostic{Code::out_of_range, {"integrator.absolute", {}}, "a number > 0 and at most 1",
+                                fmt::format("{:g}", options_.absolute_tolerance), {}, {}, {}, 0});
+  start_given_motion();
+  OdeProblem ode;
+  ode.n = m.nq + m.nv;
+  ode.n_quadrature = options_.ledger ? 7 : 0;
+  ode.rhs = [this](double t, const double* x, double* xdot) { return rhs(t, x, xdot); };
+  ode.integrands = [this](double t, const double* x, double* ydot) { integrands(t, x, ydot); };
+  if (normalised_ || !prescribed_.empty())
+    ode.project = [this](double t, double* x) {
+      if (normalised_) model_->normalise(x);
+      give_motion(t, x, x + model_->nq);
+    };
+  ode.absolute_tolerance = absolute_tolerances();
   ode.n_roots = static_cast<int>(events_.size());
   if (ode.n_roots > 0)
     ode.roots = [this](double t, const double* x, double* g) {
       for (std::size_t i = 0; i < events_.size(); ++i) g[i] = events_[i].function(t, x, x + model_->nq);
     };
   if (options_.integrator.linear_solver != "krylov") return ode;
-  newton_ = std::make_unique<NewtonOperators>(model_, options_.quaternion_stabilisation);
+  newton_ = std::make_unique<NewtonOperators>(model_);
   ode.jacobian_times = [this](double t, const double* x, const double* dx, double* J_dx) {
-    const double *q = x, *v = x + model_->nq;
-    apply_forces(t, q, v);
+    const double *q = with_given_motion(t, x), *v = q + model_->nq;
+    apply_forces(t, std::min(t, stretch_), q, v);
     return newton_->jacobian_times(inputs(q, v), dx, J_dx);
   };
   ode.prepare = [this](double, const double* x, double gamma, bool moved) { return newton_->prepare(x, gamma, moved); };
@@ -190,9 +327,13 @@ OdeProblem Simulation::ode() {
   return ode;
 }
 
-void Simulation::external_rates(const Inputs& in, const double* vdot, double* ydot) {
-  // Forces of actuators on a free root are forces from outside.
+// Force and moment about the world's origin from outside, and power. The workspace is that of rhs() at x, or near to it.
+void Simulation::integrands(double t, const double* x, double* ydot) {
   const Model& m = *model_;
+  const double *q = with_given_motion(t, x), *v = q + m.nq;
+  apply_forces(t, std::min(t, stretch_), q, v);
+  const Inputs in = inputs(q, v);
+  // Forces of actuators on a free root are forces from outside.
   const auto driven = [&](int root) {
     const UserBody& u = m.user[static_cast<std::size_t>(root)];
     for (int j = u.v; j < u.v + u.nv; ++j)
@@ -201,9 +342,9 @@ void Simulation::external_rates(const Inputs& in, const double* vdot, double* yd
   };
   ExternalLoads e;
   if (world_rates_ || std::ranges::any_of(roots_, driven))
-    e = observer_->external(in, vdot);
+    e = observer_->external(in, vdot_.data());
   else
-    e.power = observer_->internal_power(in, vdot);
+    e.power = observer_->internal_power(in, vdot_.data());
   for (int i = 0; i < 3; ++i) ydot[i] = e.force[i], ydot[3 + i] = e.moment[i];
   ydot[6] = e.power;
 }
@@ -212,7 +353,7 @@ const Observer& Simulation::observe() {
   if (!observed_) {
     breakdown_ = {};
     bad_rate_ = -1;
-    if (!evaluate(state_.t, state_.q.data(), state_.v.data(), vdot_.data())) fail(explain({Code::not_finite, state_.t, "", "", "", "", ""}));
+    if (!evaluate(state_.t, state_.t, state_.q.data(), state_.v.data(), vdot_.data())) fail(explain({Code::not_finite, state_.t, "", "", "", "", ""}));
     observer_->update(inputs(state_.q.data(), state_.v.data()), vdot_.data());
     observed_ = true;
   }
@@ -225,6 +366,24 @@ const Eigen::VectorXd& Simulation::vdot() {
 }
 
 void Simulation::begin_ledger() {
+  // At a rate of the absolute tolerances: what counts as no motion at all.
+  const std::vector<double> absolute = absolute_tolerances();
+  const Inputs creeping = inputs(state_.q.data(), absolute.data() + model_->nq);
+  if (options_.ledger && forward_dynamics(*model_, workspace_, creeping, vdot_.data())) {
+    observer_->update(creeping, nullptr);
+    const Momentum p = observer_->momentum();
+    least_linear_ = p.linear_magnitude;
+    least_angular_ = p.angular_magnitude;
+    least_energy_ = observer_->energy().kinetic;
+    for (const Spring& s : model_->springs) least_energy_ += 0.5 * s.stiffness * std::pow(absolute[static_cast<std::size_t>(s.q)], 2);
+    for (const SweepBody& b : model_->bodies)
+      for (int j = 0; j < b.n_modes; ++j) {
+        const FlexibleBody& f = model_->flexible[static_cast<std::size_t>(b.flexible)];
+        const auto at = static_cast<std::size_t>(f.K_diagonal ? j : j * b.n_modes + j);
+        least_energy_ += 0.5 * f.K[at] * std::pow(absolute[static_cast<std::size_t>(b.eta + j)], 2);
+      }
+  }
+  observed_ = false;
   const Observer& o = observe();
   momentum_0_ = o.momentum();
   energy_0_ = o.energy();
@@ -233,26 +392,54 @@ void Simulation::begin_ledger() {
   scale_energy_ = energy_0_.magnitude;
 }
 
+// Of a balance the exact motion keeps whatever the steps did to it before: its residual is the sum of what each step and the
+// round-off of each put in. docs/mathematics/integration.md, "What a ledger may show".
 LedgerState Simulation::ledger() {
-  LedgerState s;
-  if (!options_.ledger || !begun_) return s;
+  if (!options_.ledger || !begun_) return {};
+  if (ledger_known_) return ledger_;
+  LedgerState& s = ledger_ = {};
+  ledger_known_ = true;
   const Observer& o = observe();
   const Momentum p = o.momentum();
   const Energy e = o.energy();
-  const Eigen::Map<const Eigen::Matrix<double, 7, 1>> y(y_.data());
+  Eigen::Matrix<double, 7, 1> y = Eigen::Matrix<double, 7, 1>::Zero();
+  if (integrator_) integrator_->integrals(state_.t, y.data());
   s.linear = p.linear - momentum_0_.linear - y.head<3>();
   s.angular = p.angular - momentum_0_.angular - y.segment<3>(3);
   s.energy = e.total() - energy_0_.total() - y[6];
   scale_linear_ = std::max(scale_linear_, p.linear_magnitude);
   scale_angular_ = std::max(scale_angular_, p.angular_magnitude);
   scale_energy_ = std::max(scale_energy_, e.magnitude);
-  const auto relative = [](double residual, double scale) { return scale > 0 ? residual / scale : residual; };
-  s.linear_relative = relative(s.linear.norm(), scale_linear_);
-  s.angular_relative = relative(s.angular.norm(), scale_angular_);
-  s.energy_relative = relative(std::abs(s.energy), scale_energy_);
-  worst_ledger_.linear_relative = std::max(worst_ledger_.linear_relative, s.linear_relative);
-  worst_ledger_.angular_relative = std::max(worst_ledger_.angular_relative, s.angular_relative);
-  worst_ledger_.energy_relative = std::max(worst_ledger_.energy_relative, s.energy_relative);
+
+  const IntegratorStatistics counts = statistics();
+  const double relative = options_.integrator.relative_tolerance;
+  const double round_off = 4.0 * std::numeric_limits<double>::epsilon() * (100.0 + static_cast<double>(counts.steps));
+  const auto judge = [&](const char* name, double residual, double scale, double least, double allowed, double& over, double& limit,
+                         double& worst, double& worst_limit) {
+    const bool moves = !(scale <= least);
+    over = moves || !std::isfinite(residual) ? residual / scale : 0.0;
+    if (!std::isfinite(over)) over = std::numeric_limits<double>::max();  // the largest of all: summaries hold numbers
+    limit = moves ? kLedgerSafety * counts.error_sum * allowed / scale + round_off : 0.0;
+    if (!(over <= limit)) {
+      s.pass = false;
+      warn(Code::ledger_residual, {fmt::format("ledger of {}", name), {}},
+           over < std::numeric_limits<double>::max() ? fmt::format("a residual of {:.1e} of the largest sum of magnitudes; the errors of {} steps of {} explain {:.1e}", over,
+                                             counts.steps, integrator_name(), limit)
+                               : std::string("the residual is not a finite number"),
+           "a hinge or body of a plugin whose laws do not fit together, a state that was changed in the run, or a step too large (docs/mathematics/integration.md)");
+    }
+    worst = std::max(worst, over);
+    worst_limit = std::max(limit, worst_limit);
+  };
+  LedgerState& w = worst_ledger_;
+  judge("linear momentum", s.linear.norm(), scale_linear_, least_linear_, relative * scale_linear_ + least_linear_, s.linear_relative,
+        s.linear_limit, w.linear_relative, w.linear_limit);
+  judge("angular momentum", s.angular.norm(), scale_angular_, least_angular_, relative * scale_angular_ + least_angular_,
+        s.angular_relative, s.angular_limit, w.angular_relative, w.angular_limit);
+  judge("energy", std::abs(s.energy), scale_energy_, least_energy_,
+        2.0 * relative * scale_energy_ + 2.0 * std::sqrt(scale_energy_ * least_energy_) + least_energy_, s.energy_relative, s.energy_limit,
+        w.energy_relative, w.energy_limit);
+  w.pass = w.pass && s.pass;
   return s;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 // A run: model, state, integrator, clocked tasks, events and outputs. The page that computes one step is step.cpp.
 #include <functional>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -16,9 +17,8 @@ namespace cardan {
 
 struct SimulationOptions {
   IntegratorOptions integrator;
-  double absolute_tolerance = 0.0;        // [unit of each state]; 0 = the relative tolerance. Modes are scaled, see .cpp
-  double quaternion_stabilisation = 1.0;  // [1/s] pull of |q| towards 1 in q' (mathematics 13.1)
-  bool ledger = true;                     // integrate external impulse and work beside the state
+  double absolute_tolerance = 0.0;        // [unit of each state], up to 1; 0 = the relative tolerance. Modes are scaled, see .cpp
+  bool ledger = true;                     // integrate external impulse and work beside the state; no bit of the motion depends on it
 };
 
 class NewtonOperators;
@@ -71,6 +71,8 @@ class Simulation {
   /// A task that runs at every tick, in the order of these calls. Commands set by tasks hold until they are set again.
   void every(Rational period, std::function<void()> task, Rational offset = {});
   void add_event(Event event);
+  /// The motion of a prescribed component from now on; its coordinate goes on from where it is. InputError C0402 for a component
+  /// that is not prescribed.
   void prescribe(int v_index, MotionProfile profile);
   /// The motion that a prescribed component was given; null: it was given none (and holds its initial rate), or is free.
   const MotionProfile* profile(int v_index) const;
@@ -109,15 +111,20 @@ class Simulation {
   /// x' = f(t, x), x = [q; v], with the commands as they are when it is called: what the integrator is given. Refers to this.
   OdeProblem ode();
   std::string integrator_name() const;
+  /// Absolute tolerance of each state, [q; v], in its unit.
+  std::vector<double> absolute_tolerances() const;
   std::size_t workspace_bytes() const { return workspace_.bytes(); }
 
  private:
-  void changed() { restart_ = true, observed_ = false; }
-  bool rhs(double t, const double* x, double* xdot, double* ydot);
-  void apply_forces(double t, const double* q, const double* v);
-  bool evaluate(double t, const double* q, const double* v, double* vdot);
+  void changed() { restart_ = true, observed_ = ledger_known_ = false; }
+  bool rhs(double t, const double* x, double* xdot);
+  void integrands(double t, const double* x, double* ydot);
+  const double* with_given_motion(double t, const double* x);
+  void give_motion(double t, double* q, double* v) const;
+  void start_given_motion();
+  void apply_forces(double t, double since, const double* q, const double* v);
+  bool evaluate(double t, double since, const double* q, const double* v, double* vdot);
   Inputs inputs(const double* q, const double* v) const { return {q, v, tau_total_.data(), vdot_given_.data(), wrenches_}; }
-  void external_rates(const Inputs& in, const double* vdot, double* ydot);
   void make_integrator_once();
   void step(double t_stop);
   void tick();
@@ -125,7 +132,12 @@ class Simulation {
   void write_outputs();
   double next_corner() const;
   void begin_ledger();
+  void expect_progress();
+  void expect_no_storm(const Event& event);
+  void foresee_stiffness(double t_end);
+  void say_stiff();
   void expect_finite(const std::vector<double>& x);
+  std::string name_of(int v_index) const;
   void warn(Code code, Located at, std::string about, std::string hint);
   RunFailure not_finite(int state, double value) const;
   RunFailure explain(const RunFailure&) const;
@@ -142,17 +154,20 @@ class Simulation {
   std::vector<std::function<void()>> tasks_;
   std::vector<Event> events_;
   struct Prescribed {
-    int index;
+    int index;                             // into v
+    int coordinate;                        // into q, where that is the integral of v; else -1
     MotionProfile profile;
-    bool given = false;  // by prescribe()
+    bool given = false;                    // by prescribe(); else it keeps the rate it starts with
+    double t_0 = 0.0, q_0 = 0.0;           // where the integral starts: at the last start of the integrator
   };
   std::vector<Prescribed> prescribed_;
   std::vector<double> tau_, tau_total_;    // of actuators; with springs and dampers, which evaluate() sets where they act
-  std::vector<double> vdot_given_, x_, y_;
+  std::vector<double> vdot_given_, x_;
+  std::vector<double> x_given_;            // a state of the integrator with the given motions put in
+  double stretch_ = std::numeric_limits<double>::infinity();  // [s] during a step: a time on its stretch between two corners
   std::vector<NodeWrench> wrenches_;
   Eigen::VectorXd vdot_;
-  std::vector<int> normalised_;            // user bodies whose coordinates have a norm to keep
-  std::vector<double> scratch_q_;
+  bool normalised_ = false;                // some coordinates have a norm to keep
   std::vector<int> roots_;                 // user bodies on the world
   Recorder* recorder_ = nullptr;
   std::vector<Output> outputs_;
@@ -164,9 +179,14 @@ class Simulation {
   double vdot_bad_ = 0.0;                  // that value
   Momentum momentum_0_;
   Energy energy_0_;
-  Eigen::Matrix<double, 7, 1> external_0_ = Eigen::Matrix<double, 7, 1>::Zero();
   double scale_linear_ = 0.0, scale_angular_ = 0.0, scale_energy_ = 0.0;
-  LedgerState worst_ledger_;
+  double least_linear_ = 0.0, least_angular_ = 0.0, least_energy_ = 0.0;  // where every state moves by its absolute tolerance
+  long steps_ = 0, looked_at_ = 0;         // taken; when time was last seen to advance
+  double t_looked_at_ = 0.0, t_end_ = 0.0;
+  std::vector<double> event_times_;        // ring of the last ones
+  std::size_t events_seen_ = 0;
+  LedgerState ledger_, worst_ledger_;      // at the present state, if known
+  bool ledger_known_ = false, warned_stiff_ = false;
   Warnings warnings_;
   std::function<void(const Warning&)> told_;
 };

@@ -13,14 +13,16 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
   if (!begun_) {
     begun_ = true;
     schedule_.start(state_.t);
-    for (const auto& p : prescribed_) state_.v[p.index] = p.profile.rate(state_.t);
-    observed_ = false;
     begin_ledger();
+    foresee_stiffness(t_end);
   }
+  t_end_ = t_end;
+  looked_at_ = steps_, t_looked_at_ = state_.t;
   while (!stopped_) {
     if (schedule_.time() <= state_.t) tick();  // controllers, then outputs, in the order they were registered
     if (stopped_ || state_.t >= t_end) break;
     step(std::min({t_end, schedule_.time(), next_corner()}));
+    expect_progress();
     if (progress) progress(state_.t);
   }
   write_outputs();
@@ -29,58 +31,54 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
 // One step of the integrator towards t_stop: commands are constant, the right-hand side is smooth.
 void Simulation::step(double t_stop) {
   if (restart_) {
+    start_given_motion();
     std::copy_n(state_.q.data(), model_->nq, x_.begin());
     std::copy_n(state_.v.data(), model_->nv, x_.begin() + model_->nq);
-    integrator_->restart(state_.t, x_.data(), y_.data());
+    integrator_->restart(state_.t, x_.data());
     restart_ = false;
   }
   breakdown_ = {};
   bad_rate_ = -1;
   const double corner = next_corner();
   StepReport report;
+  stretch_ = state_.t;
   try {
-    report = integrator_->step(t_stop, x_.data(), y_.data());
+    report = integrator_->step(t_stop, x_.data());
   } catch (const NumericsError& e) {
     fail(explain(e.failure()));
   }
+  stretch_ = std::numeric_limits<double>::infinity();
+  ++steps_;
   expect_finite(x_);
   state_.t = report.t;
   std::copy_n(x_.begin(), model_->nq, state_.q.data());
   std::copy_n(x_.begin() + model_->nq, model_->nv, state_.v.data());
-  observed_ = false;
+  observed_ = ledger_known_ = false;
+  if (report.stiff) say_stiff();
   if (report.event) handle_events(report.crossed);
   if (report.t == corner) restart_ = true;  // v' of a prescribed motion jumps here
 }
 
-// x' = [ N(q) v + k (q/|q| - q) ; v' ],  v' = M^-1 (tau + springs - C + gravity + wrenches) by the articulated sweeps;
-// y' = external force, moment about the world origin, power.
-bool Simulation::rhs(double t, const double* x, double* xdot, double* ydot) {
+// x' = [ N(q) v ; v' ],  v' = M^-1 (tau + springs - C + gravity + wrenches) by the articulated sweeps.
+bool Simulation::rhs(double t, const double* x, double* xdot) {
   const Model& m = *model_;
-  const double *q = x, *v = x + m.nq;
-  if (!evaluate(t, q, v, xdot + m.nq)) return false;
+  const double *q = with_given_motion(t, x), *v = q + m.nq;
+  if (!evaluate(t, std::min(t, stretch_), q, v, xdot + m.nq)) return false;
+  if (!prescribed_.empty()) std::copy_n(xdot + m.nq, m.nv, vdot_.data());  // for the powers of these motions
   m.qdot(q, v, xdot);
-  if (!normalised_.empty()) {
-    std::copy_n(q, m.nq, scratch_q_.begin());
-    for (const int i : normalised_) {
-      const UserBody& u = m.user[static_cast<std::size_t>(i)];
-      u.hinge->normalise(u.hinge_packed.data(), scratch_q_.data() + u.q);
-      for (int j = u.q; j < u.q + u.nq; ++j) xdot[j] += options_.quaternion_stabilisation * (scratch_q_[static_cast<std::size_t>(j)] - q[j]);
-    }
-  }
-  if (ydot && options_.ledger) external_rates(inputs(q, v), xdot + m.nq, ydot);
   return true;
 }
 
 // Of actuators, springs and dampers; v' of prescribed motions.
-void Simulation::apply_forces(double t, const double* q, const double* v) {
+void Simulation::apply_forces(double t, double since, const double* q, const double* v) {
   for (const Spring& s : model_->springs) tau_total_[static_cast<std::size_t>(s.v)] = tau_[static_cast<std::size_t>(s.v)];
   for (const Spring& s : model_->springs) tau_total_[static_cast<std::size_t>(s.v)] -= s.stiffness * (q[s.q] - s.rest) + s.damping * v[s.v];
-  for (const auto& p : prescribed_) vdot_given_[static_cast<std::size_t>(p.index)] = p.profile.acceleration(t);
+  for (const auto& p : prescribed_) vdot_given_[static_cast<std::size_t>(p.index)] = p.profile.acceleration(t, since);
 }
 
-// v' at (t, q, v) with the commands as they are.
-bool Simulation::evaluate(double t, const double* q, const double* v, double* vdot) {
-  apply_forces(t, q, v);
+// v' at (t, q, v) with the commands as they are; `since`: on which stretch between two corners.
+bool Simulation::evaluate(double t, double since, const double* q, const double* v, double* vdot) {
+  apply_forces(t, since, q, v);
   if (!forward_dynamics(*model_, workspace_, inputs(q, v), vdot)) {
     breakdown_ = workspace_.breakdown;
     return false;
@@ -98,7 +96,10 @@ void Simulation::tick() {
 
 void Simulation::handle_events(std::span<const int> crossed) {
   for (std::size_t i = 0; i < events_.size() && !stopped_; ++i)
-    if (crossed[i] != 0 && (events_[i].direction == 0 || events_[i].direction == crossed[i])) events_[i].action();
+    if (crossed[i] != 0 && (events_[i].direction == 0 || events_[i].direction == crossed[i])) {
+      expect_no_storm(events_[i]);
+      events_[i].action();
+    }
 }
 
 }  // namespace cardan

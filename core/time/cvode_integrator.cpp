@@ -10,6 +10,7 @@
 #include <sunnonlinsol/sunnonlinsol_fixedpoint.h>
 
 #include <algorithm>
+#include <cmath>
 #include <exception>
 #include <limits>
 #include <stdexcept>
@@ -17,6 +18,7 @@
 
 #include "core/time/event_finder.hpp"
 #include "core/time/methods.hpp"
+#include "core/time/node_quadrature.hpp"
 
 namespace cardan {
 namespace {
@@ -56,11 +58,15 @@ class Cvode final : public Integrator {
         n_(std::max(problem_.n, 1)),  // CVODES cannot do without states: one that rests stands in
         x_(static_cast<std::size_t>(n_)),
         x_out_(x_),
-        y_(static_cast<std::size_t>(problem_.n_quadrature)),
-        scratch_(x_) {
+        quadrature_(problem_.n_quadrature),
+        rates_(static_cast<std::size_t>(problem_.n_quadrature)),
+        weights_(x_),
+        errors_(x_) {
     const bool stiff = options.method == "cvode_bdf";
     x_vector_ = wrap(x_);
     x_out_vector_ = wrap(x_out_);
+    weights_vector_ = wrap(weights_);
+    errors_vector_ = wrap(errors_);
     memory_.reset(CVodeCreate(stiff ? CV_BDF : CV_ADAMS, context_.get()));
     void* m = memory_.get();
     check(CVodeSetErrHandlerFn(
@@ -73,13 +79,6 @@ class Cvode final : public Integrator {
     check(CVodeSVtolerances(m, options.relative_tolerance, wrap(absolute).get()), "CVodeSVtolerances");  // copied
     check(CVodeSetMaxStep(m, options.max_step), "CVodeSetMaxStep");
     check(CVodeSetInitStep(m, options.initial_step), "CVodeSetInitStep");
-    if (problem_.n_quadrature > 0) {
-      y_vector_ = wrap(y_);
-      check(CVodeQuadInit(m, &Cvode::g, y_vector_.get()), "CVodeQuadInit");
-      // Under error control: the low orders after a start would leave residues in the balances.
-      check(CVodeQuadSStolerances(m, options.relative_tolerance, options.relative_tolerance), "CVodeQuadSStolerances");
-      check(CVodeSetQuadErrCon(m, SUNTRUE), "CVodeSetQuadErrCon");
-    }
     // Orders 3 to 5 are unstable for modes with little damping.
     if (stiff) check(CVodeSetStabLimDet(m, SUNTRUE), "CVodeSetStabLimDet");
     if (stiff && options.linear_solver == "krylov" && problem_.n > 0) {
@@ -88,26 +87,31 @@ class Cvode final : public Integrator {
       matrix_.reset(SUNDenseMatrix(n_, n_, context_.get()));
       linear_.reset(SUNLinSol_Dense(x_vector_.get(), matrix_.get(), context_.get()));
       check(CVodeSetLinearSolver(m, linear_.get(), matrix_.get()), "CVodeSetLinearSolver");
+      check(CVodeSetJacFn(m, &Cvode::jacobian), "CVodeSetJacFn");
     } else {
+      explicit_ = true;
       fixed_point_.reset(SUNNonlinSol_FixedPoint(x_vector_.get(), 0, context_.get()));
       check(CVodeSetNonlinearSolver(m, fixed_point_.get()), "CVodeSetNonlinearSolver");
     }
   }
 
-  void restart(double t, const double* x, const double* y) override {
+  void restart(double t, const double* x) override {
+    quadrature_.begin_stretch(t_);
     std::copy_n(x, problem_.n, x_.begin());
-    std::copy_n(y, problem_.n_quadrature, y_.begin());
     t_ = t;
     start_at(t);
     if (problem_.n_roots > 0) events_.restart(t, x_.data());
     ++restarts_;
   }
 
-  StepReport step(double t_stop, double* x, double* y) override {
+  StepReport step(double t_stop, double* x) override {
     StepReport report;
     report.t = t_;
     if (t_ < t_stop) {
-      if (t_ == t_internal_) advance(t_stop);  // else an event ended the last step inside of CVODES' own
+      if (t_ == t_internal_) {  // else an event ended the last step inside of CVODES' own
+        advance(t_stop);
+        report.stiff = explicit_ && steps_ % kStiffness == 0 && stiff();
+      }
       report.t = std::min(t_internal_, t_stop);
       if (problem_.n_roots > 0) {
         report.event = events_.find(report.t, [this](double t) { return state_at(t); });
@@ -115,16 +119,20 @@ class Cvode final : public Integrator {
       }
       t_ = report.t;
     }
-    write(t_, x, y);
+    interpolate(t_, x);
     return report;
   }
 
-  void interpolate(double t, double* x, double* y) override { write(t, x, y); }
+  void interpolate(double t, double* x) override { std::copy_n(state_at(t), problem_.n, x); }
+
+  void integrals(double t, double* y) override { quadrature_.at(t, y); }
 
   IntegratorStatistics statistics() const override {
     IntegratorStatistics s;
     s.steps = steps_;
     s.rhs_calls = rhs_calls_;
+    s.integrand_calls = integrand_calls_;
+    s.error_sum = error_sum_;
     s.rejected = rejected_before_ + rejected();
     s.root_evaluations = events_.evaluations();
     s.restarts = restarts_;
@@ -160,21 +168,20 @@ class Cvode final : public Integrator {
 
   // --- what CVODES calls: no exception may pass through its frames -------------------------------------------------
 
-  int evaluate(double t, const double* x, double* xdot, double* ydot) noexcept {
+  int evaluate(double t, const double* x, double* xdot) noexcept {
     constexpr int recoverable = 1, fatal = -1;
     try {
       ++rhs_calls_;
-      if (!problem_.rhs(t, x, xdot, ydot)) {
+      elsewhere_ = false;
+      if (!problem_.rhs(t, x, xdot)) {
         trouble_ = "the right-hand side cannot be evaluated";
         return recoverable;
       }
-      int bad = first_not_finite(xdot, problem_.n);
+      const int bad = first_not_finite(xdot, problem_.n);
       if (bad >= 0) trouble_ = fmt::format("the rate of state {} is {}", bad, xdot[bad]);
-      if (bad < 0 && ydot != nullptr) {
-        bad = first_not_finite(ydot, problem_.n_quadrature);
-        if (bad >= 0) trouble_ = fmt::format("the rate of integral {} is {}", bad, ydot[bad]);
-      }
-      return bad < 0 ? 0 : recoverable;
+      if (bad >= 0) return recoverable;
+      if (quadrature_.nodes() == 0) add_node(t, x);
+      return 0;
     } catch (...) {
       thrown_ = std::current_exception();
       return fatal;
@@ -182,12 +189,54 @@ class Cvode final : public Integrator {
   }
 
   static int f(double t, N_Vector x, N_Vector xdot, void* self) {
-    return static_cast<Cvode*>(self)->evaluate(t, N_VGetArrayPointer(x), N_VGetArrayPointer(xdot), nullptr);
+    return static_cast<Cvode*>(self)->evaluate(t, N_VGetArrayPointer(x), N_VGetArrayPointer(xdot));
   }
 
-  static int g(double t, N_Vector x, N_Vector ydot, void* self) {
+  /// J by differences, with the increments of CVODES' own. It is here because the integrands are taken from the last evaluation
+  /// of f: that of x, and not one that stepped aside for a column.
+  static int jacobian(double t, N_Vector x_vector, N_Vector xdot, SUNMatrix J, void* self, N_Vector, N_Vector, N_Vector) {
     auto* me = static_cast<Cvode*>(self);
-    return me->evaluate(t, N_VGetArrayPointer(x), me->scratch_.data(), N_VGetArrayPointer(ydot));
+    try {
+      return me->columns(t, N_VGetArrayPointer(x_vector), N_VGetArrayPointer(xdot), J);
+    } catch (...) {
+      me->thrown_ = std::current_exception();
+      return -1;
+    }
+  }
+
+  int columns(double t, double* x, const double* xdot, SUNMatrix J) {
+    constexpr double eps = std::numeric_limits<double>::epsilon();
+    take_rates(t, x);
+    double gamma = 0.0, size = 0.0;
+    CVodeGetCurrentGamma(memory_.get(), &gamma);
+    CVodeGetErrWeights(memory_.get(), weights_vector_.get());
+    for (int i = 0; i < n_; ++i) size += std::pow(xdot[i] * weights_[static_cast<std::size_t>(i)], 2);
+    const double least = size > 0.0 ? 1000.0 * std::abs(gamma) * eps * n_ * std::sqrt(size / n_) : 1.0;
+    for (int j = 0; j < n_; ++j) {
+      const double here = x[j], step = std::max(std::sqrt(eps) * std::abs(here), least / weights_[static_cast<std::size_t>(j)]);
+      double* column = SUNDenseMatrix_Column(J, j);
+      x[j] = here + step;
+      const int flag = evaluate(t, x, column);
+      x[j] = here;
+      if (flag != 0) return flag;
+      for (int i = 0; i < n_; ++i) column[i] = (column[i] - xdot[i]) / step;
+    }
+    elsewhere_ = true;
+    return 0;
+  }
+
+  // --- integrals: their rates at the ends of steps, from the last evaluation of f there -------------------------------
+
+  void take_rates(double t, const double* x) {
+    if (problem_.n_quadrature == 0 || elsewhere_) return;
+    ++integrand_calls_;
+    problem_.integrands(t, x, rates_.data());
+  }
+
+  void add_node(double t, const double* x) {
+    if (problem_.n_quadrature == 0) return;
+    take_rates(t, x);
+    quadrature_.add(t, rates_.data());
   }
 
   /// A part of Newton's equations that may refuse or throw; `out`: n numbers that must be finite, or null.
@@ -229,22 +278,27 @@ class Cvode final : public Integrator {
 
   // --- steps -------------------------------------------------------------------------------------------------------
 
-  /// x_ and y_ become the state at t.
+  /// x_ becomes the state at t.
   void start_at(double t) {
     rejected_before_ += rejected();
+    long failed = 0;
+    CVodeGetNumNonlinSolvConvFails(memory_.get(), &failed);
+    unconverged_before_ += failed;
     const LinearCounts linear = linear_counts();
     linear_before_.products += linear.products, linear_before_.iterations += linear.iterations;
     check(CVodeReInit(memory_.get(), t, x_vector_.get()), "CVodeReInit");
-    if (y_vector_) check(CVodeQuadReInit(memory_.get(), y_vector_.get()), "CVodeQuadReInit");
     t_internal_ = t;
-    stepped_ = false;
   }
 
   void advance(double t_stop) {
     constexpr double eps = std::numeric_limits<double>::epsilon();
     if (t_stop - t_ <= 8.0 * eps * std::max(std::abs(t_), std::abs(t_stop))) {  // too close for CVODES to start
-      integrals_at(t_);
+      quadrature_.begin_stretch(t_);
       return start_at(t_stop);
+    }
+    if (problem_.project && off_manifold()) {
+      x_ = x_out_;
+      start_at(t_);
     }
     trouble_.clear();
     check(CVodeSetStopTime(memory_.get(), t_stop), "CVodeSetStopTime");
@@ -252,8 +306,32 @@ class Cvode final : public Integrator {
     if (thrown_) std::rethrow_exception(std::exchange(thrown_, nullptr));
     if (flag < 0) fail(flag);
     if (t_internal_ != t_stop && t_internal_ - t_ <= 8.0 * eps * std::abs(t_)) fail(CV_ERR_FAILURE);
-    stepped_ = true;
     ++steps_;
+    if (problem_.n_quadrature == 0) return;
+    add_node(t_internal_, x_.data());
+    if (steps_ % kSampled != 0) return;
+    CVodeGetEstLocalErrors(memory_.get(), errors_vector_.get());
+    CVodeGetErrWeights(memory_.get(), weights_vector_.get());  // those of the next step
+    error_sum_ += kSampled * std::min(1.0, N_VWrmsNorm(errors_vector_.get(), weights_vector_.get()));
+  }
+
+  /// How far a projection moves x_ does not matter (f is linear in unit quaternions, the history is not touched), until it is
+  /// of the size of x_ itself and changes the weights of the error test.
+  bool off_manifold() {
+    constexpr double kFar = 0.1;
+    state_at(t_);
+    for (std::size_t i = 0; i < x_.size(); ++i)
+      if (std::abs(x_out_[i] - x_[i]) > kFar * std::max(1.0, std::abs(x_[i]))) return true;
+    return false;
+  }
+
+  /// Whether the fixed-point iteration has failed in a tenth of the steps since the last look: it converges while h times the
+  /// largest eigenvalue is about 1 at most.
+  bool stiff() {
+    long failed = 0;
+    CVodeGetNumNonlinSolvConvFails(memory_.get(), &failed);
+    failed += unconverged_before_;
+    return failed - std::exchange(unconverged_, failed) > kStiffness / 10;
   }
 
   [[noreturn]] void fail(int flag) const {
@@ -281,18 +359,8 @@ class Cvode final : public Integrator {
       x_out_ = x_;
     else
       check(CVodeGetDky(memory_.get(), t, 0, x_out_vector_.get()), "CVodeGetDky");
-    if (problem_.project) problem_.project(x_out_.data());
+    if (problem_.project) problem_.project(t, x_out_.data());
     return x_out_.data();
-  }
-
-  void integrals_at(double t) {
-    if (y_vector_ && stepped_) check(CVodeGetQuadDky(memory_.get(), t, 0, y_vector_.get()), "CVodeGetQuadDky");
-  }
-
-  void write(double t, double* x, double* y) {
-    std::copy_n(state_at(t), problem_.n, x);
-    integrals_at(t);
-    std::copy_n(y_.data(), problem_.n_quadrature, y);
   }
 
   long rejected() const {
@@ -319,16 +387,23 @@ class Cvode final : public Integrator {
   EventFinder events_;
   Owned<SUNContext, free_context> context_;  // outlives everything made in it
   int n_;
-  std::vector<double> x_, x_out_, y_, scratch_;
-  Vector x_vector_, x_out_vector_, y_vector_;
+  std::vector<double> x_, x_out_;
+  NodeQuadrature quadrature_;
+  std::vector<double> rates_;               // of the integrals
+  std::vector<double> weights_, errors_;    // of the last step, as CVODES has them
+  Vector x_vector_, x_out_vector_, weights_vector_, errors_vector_;
   Owned<SUNMatrix, SUNMatDestroy> matrix_;
   Owned<SUNLinearSolver, SUNLinSolFree> linear_;
   Owned<SUNNonlinearSolver, SUNNonlinSolFree> fixed_point_;
   std::unique_ptr<void, Freed<free_memory>> memory_;
   double t_ = 0.0, t_internal_ = 0.0;  // [s] reported to the caller; reached by CVODES, >= t_
-  bool stepped_ = false;               // since the last start
-  bool krylov_ = false;
+  bool krylov_ = false, explicit_ = false;
+  bool elsewhere_ = false;             // the last evaluation of f was that of a column of J
+  double error_sum_ = 0.0;
   LinearCounts linear_before_;
+  static constexpr int kSampled = 4;        // steps to each whose error is looked at
+  static constexpr long kStiffness = 1000;  // steps between two looks
+  long unconverged_ = 0, unconverged_before_ = 0, integrand_calls_ = 0;
   long steps_ = 0, rhs_calls_ = 0, restarts_ = 0, rejected_before_ = 0, setups_ = 0;
   std::string trouble_;  // why the right-hand side was refused last
   std::exception_ptr thrown_;

@@ -51,8 +51,8 @@ void check_time(const Method& m, const char* key, double value, bool fits) {
   if (!fits)
     refuse(Code::unsupported, key,
            m.adaptive ? fmt::format("no {}: {} chooses its steps", key, m.name)
-                      : fmt::format("no {}: {} takes equal steps of fixed_step", key, m.name),
-           fmt::format("{:g} s", value), m.adaptive ? "set relative_tolerance or max_step, or use rk4" : "use dopri5");
+                      : fmt::format("no {}: {} takes equal steps", key, m.name),
+           fmt::format("{:g} s", value), m.adaptive ? "set relative or max_step, or use rk4" : "set step, or use dopri5");
   if (!(value > 0.0)) refuse(Code::out_of_range, key, "a time > 0 s", fmt::format("{:g} s", value));
 }
 
@@ -73,19 +73,19 @@ std::unique_ptr<Integrator> make_integrator(OdeProblem problem, const Integrator
   const Method& method = find_method(options.method);
   check_time(method, "max_step", options.max_step, method.adaptive);
   check_time(method, "initial_step", options.initial_step, method.adaptive);
-  check_time(method, "fixed_step", options.fixed_step, !method.adaptive);
+  check_time(method, "step", options.fixed_step, !method.adaptive);
   check_linear_solver(method, options.linear_solver);
   if (!method.adaptive && options.fixed_step == 0.0)
-    refuse(Code::unsupported, "fixed_step", fmt::format("a step in seconds, which {} needs", method.name), "nothing");
+    refuse(Code::unsupported, "step", fmt::format("a step in seconds, which {} needs", method.name), "nothing");
 
   const double relative = options.relative_tolerance;
   if (method.adaptive && !(relative >= 1e-14 && relative < 1.0))
-    refuse(Code::out_of_range, "relative_tolerance", "a number from 1e-14 to 1", fmt::format("{:g}", relative));
+    refuse(Code::out_of_range, "relative", "a number from 1e-14 to 1", fmt::format("{:g}", relative));
   const auto& absolute = problem.absolute_tolerance;
   if (absolute.size() != static_cast<std::size_t>(problem.n))
     throw std::logic_error("make_integrator: one absolute tolerance per state is needed");
   if (!std::all_of(absolute.begin(), absolute.end(), [](double a) { return a > 0.0; }))
-    refuse(Code::out_of_range, "absolute_tolerance", "positive numbers",
+    refuse(Code::out_of_range, "absolute", "positive numbers",
            fmt::format("{:g}", *std::min_element(absolute.begin(), absolute.end())));
   return method.make(std::move(problem), options);
 }

@@ -14,12 +14,15 @@ namespace cardan {
 /// but for those of the linear solver "krylov".
 struct OdeProblem {
   int n = 0;             // number of states
-  int n_quadrature = 0;  // trailing integrals y' = g(t, x) that nothing depends on (CVODE controls their error too)
-  /// Fills xdot[n], and ydot[n_quadrature] unless that pointer is null (the integrator needs f alone there).
+  int n_quadrature = 0;  // integrals y' = g(t, x) beside the states, which nothing depends on: no error test, no step
+  /// Fills xdot[n].
   /// false: x is outside of what can be evaluated (the step is retried smaller; after repeated failure, the run fails).
-  std::function<bool(double t, const double* x, double* xdot, double* ydot)> rhs;
-  /// Brings an accepted state back on its manifold (unit quaternions); may be empty.
-  std::function<void(double* x)> project;
+  std::function<bool(double t, const double* x, double* xdot)> rhs;
+  /// g: fills ydot[n_quadrature]. rhs has been called just before, at this t and at x (Runge-Kutta) or as near to it as the
+  /// corrector comes (CVODES): what it found may be used.
+  std::function<void(double t, const double* x, double* ydot)> integrands;
+  /// Brings an accepted state of time t back on its manifold (unit quaternions, given motions); may be empty.
+  std::function<void(double t, double* x)> project;
   std::vector<double> absolute_tolerance;  // per state [unit of the state], > 0
   /// Event functions: `roots(t, x, g)` fills n_roots values; a sign change is located. May be empty.
   int n_roots = 0;
@@ -35,7 +38,7 @@ struct OdeProblem {
 };
 
 struct IntegratorOptions {
-  std::string method = "cvode_adams";  // cvode_adams, cvode_bdf, dopri5, rk4
+  std::string method = "dopri5";       // cvode_adams, cvode_bdf, dopri5, rk4
   double relative_tolerance = 1e-9;    // adaptive methods
   double max_step = 0.0;               // [s] 0 = none; adaptive methods
   double initial_step = 0.0;           // [s] 0 = the method's choice; adaptive methods
@@ -45,6 +48,10 @@ struct IntegratorOptions {
 
 struct IntegratorStatistics {
   long steps = 0, rhs_calls = 0, rejected = 0, root_evaluations = 0, restarts = 0;
+  long integrand_calls = 0;
+  /// Sum over the steps of the estimated error of each over what the tolerances allow, at most 1 of an adaptive method; where there
+  /// are integrals. rk4 estimates some of its steps.
+  double error_sum = 0.0;
   long jacobian_products = 0, preconditioner_setups = 0, linear_iterations = 0;  // krylov
   double last_step = 0.0;                                                        // [s]
   int last_order = 0;
@@ -55,6 +62,7 @@ struct StepReport {
   double t = 0.0;  // [s] reached
   bool event = false;
   std::span<const int> crossed;  // size n_roots when event; valid until the next step
+  bool stiff = false;            // explicit methods: of late stability and not accuracy has set the steps
 };
 
 /// Virtual is right here: one call per step, thousands of flops behind it.
@@ -62,16 +70,17 @@ struct StepReport {
 class Integrator {
  public:
   virtual ~Integrator() = default;
-  /// (Re)starts at (t, x, y); history is dropped. Call after every discontinuity. y: quadratures (n_quadrature).
-  /// An event just reported does not fire again, even if x was changed (a bounce); one that starts at zero does not
-  /// fire.
-  virtual void restart(double t, const double* x, const double* y) = 0;
+  /// (Re)starts at (t, x); history is dropped, integrals go on. Call after every discontinuity. An event just reported does
+  /// not fire again, even if x was changed (a bounce); one that starts at zero does not fire.
+  virtual void restart(double t, const double* x) = 0;
   /// One internal step towards t_stop, never past it: the right-hand side is not evaluated beyond t_stop. Ends exactly
-  /// at t_stop, or earlier at the end of an internal step or at the first event. x, y receive the state reached,
-  /// projected. Without a restart, t_stop must not decrease.
-  virtual StepReport step(double t_stop, double* x, double* y) = 0;
-  /// The state at t inside the last step (dense output); x, y as above.
-  virtual void interpolate(double t, double* x, double* y) = 0;
+  /// at t_stop, or earlier at the end of an internal step or at the first event. x receives the state reached, projected.
+  /// Without a restart, t_stop must not decrease.
+  virtual StepReport step(double t_stop, double* x) = 0;
+  /// The state at t inside the last step (dense output), projected.
+  virtual void interpolate(double t, double* x) = 0;
+  /// The integrals from the first start to t inside the last step; n_quadrature numbers.
+  virtual void integrals(double t, double* y) = 0;
   virtual IntegratorStatistics statistics() const = 0;
   virtual std::string_view name() const = 0;  // recorded in the result
 };

@@ -10,6 +10,7 @@
 
 #include "core/time/event_finder.hpp"
 #include "core/time/methods.hpp"
+#include "core/time/node_quadrature.hpp"
 
 namespace cardan {
 namespace {
@@ -78,55 +79,62 @@ class RungeKutta final : public Integrator {
       : problem_(std::move(problem)),
         options_(options),
         events_(problem_),
+        nodes_(problem_.n_quadrature),
         n_(problem_.n),
         n_all_(problem_.n + problem_.n_quadrature),
-        z0_(n_all_),
-        z1_(n_all_),
+        z0_(Eigen::ArrayXd::Zero(n_all_)),
+        z1_(Eigen::ArrayXd::Zero(n_all_)),
         work_(n_all_),
         zero_(Eigen::ArrayXd::Zero(n_all_)),
         k_(Eigen::ArrayXXd::Zero(n_all_, Method::rows)),
         absolute_(Eigen::Map<const Eigen::ArrayXd>(problem_.absolute_tolerance.data(), n_)) {}
 
-  void restart(double t, const double* x, const double* y) override {
+  void restart(double t, const double* x) override {
     if (!started_ || t != t1_) h_ = options_.initial_step;  // else the last step size is a good first guess
     started_ = true;
     slope_known_ = false;
+    if (problem_.n_quadrature > 0) {
+      integrals(t1_, z1_.data() + n_);
+      nodes_.begin_stretch_at(z1_.data() + n_);
+    }
+    staged_ = true;
     t0_ = t1_ = t;
     std::copy_n(x, n_, z1_.data());
-    std::copy_n(y, problem_.n_quadrature, z1_.data() + n_);
     if (problem_.n_roots > 0) events_.restart(t, z1_.data());
     ++statistics_.restarts;
   }
 
-  StepReport step(double t_stop, double* x, double* y) override {
+  StepReport step(double t_stop, double* x) override {
     StepReport report;
     if (t1_ < t_stop) {
       begin();
-      if constexpr (Method::adaptive)
-        adaptive_step(t_stop);
-      else
-        fixed_step(t_stop);
-      if (problem_.n_roots > 0) find_event(report);
       ++statistics_.steps;
+      if constexpr (Method::adaptive) {
+        adaptive_step(t_stop);
+        report.stiff = stiff();
+      } else {
+        fixed_step(t_stop);
+        if (problem_.n_quadrature > 0 && statistics_.steps % kSampled == 0) sample_error();
+      }
+      if (problem_.n_roots > 0) find_event(report);
+      if (problem_.n_quadrature > 0) add_node();
       statistics_.last_step = t1_ - t0_;
     }
     report.t = t1_;
-    write(z1_, x, y);
+    std::copy_n(z1_.data(), n_, x);
     return report;
   }
 
-  /// Order 4 for dopri5, the cubic Hermite polynomial for rk4.
-  void interpolate(double t, double* x, double* y) override {
-    const double h = t1_ - t0_;
-    if (h == 0.0) return write(z1_, x, y);
-    const double s = (t - t0_) / h, r = 1.0 - s;
-    work_.setZero();
-    if constexpr (Method::adaptive) add_slopes<kDense>(zero_, h, n_all_, work_);
-    work_ = z0_ + s * (z1_ - z0_ +
-                       r * (h * first_slope() - (z1_ - z0_) +
-                            s * (2.0 * (z1_ - z0_) - h * (first_slope() + last_slope()) + r * work_)));
-    if (problem_.project) problem_.project(work_.data());
-    write(work_, x, y);
+  void interpolate(double t, double* x) override {
+    dense_output(t);
+    if (t != t1_ && problem_.project) problem_.project(t, work_.data());
+    std::copy_n(work_.data(), n_, x);
+  }
+
+  void integrals(double t, double* y) override {
+    if (!staged_) return nodes_.at(t, y);
+    dense_output(t);
+    std::copy_n(work_.data() + n_, problem_.n_quadrature, y);
   }
 
   IntegratorStatistics statistics() const override {
@@ -139,16 +147,32 @@ class RungeKutta final : public Integrator {
   std::string_view name() const override { return Method::name; }
 
  private:
+  static constexpr int kSampled = 8;        // steps of rk4 to each that is estimated
+  static constexpr int kStiffness = 1000;   // steps to each whose stability is looked at
   static constexpr int kLast = Method::rows - 1, kError = Method::rows, kDense = Method::rows + 1;
 
   auto first_slope() const { return k_.col(0); }
   auto last_slope() const { return k_.col(kLast); }
 
-  bool finite(const auto& values) const { return all_finite(values.data(), n_all_); }
+  bool finite(const auto& values) const { return all_finite(values.data(), n_); }
 
-  void write(const Eigen::ArrayXd& z, double* x, double* y) const {
-    std::copy_n(z.data(), n_, x);
-    std::copy_n(z.data() + n_, problem_.n_quadrature, y);
+  /// work_ = states and integrals at t: of order 4 for dopri5, the cubic Hermite polynomial for rk4.
+  void dense_output(double t) {
+    const double h = t1_ - t0_;
+    if (t == t1_ || h == 0.0) return void(work_ = z1_);
+    const double s = (t - t0_) / h, r = 1.0 - s;
+    work_.setZero();
+    if constexpr (Method::adaptive) add_slopes<kDense>(zero_, h, n_all_, work_);
+    work_ = z0_ + s * (z1_ - z0_ +
+                       r * (h * first_slope() - (z1_ - z0_) +
+                            s * (2.0 * (z1_ - z0_) - h * (first_slope() + last_slope()) + r * work_)));
+  }
+
+  /// While a stretch is short, integrals are those of the tableau. From kPoints nodes on they go through the rates at the ends of the
+  /// steps, of all of it: one evaluation a step in place of four or five.
+  void add_node() {
+    nodes_.add(t1_, k_.col(kLast).data() + n_);
+    if (nodes_.nodes() + 1 >= NodeQuadrature::kPoints) staged_ = false;
   }
 
   /// The integrals have no use for a slope without weight.
@@ -161,7 +185,12 @@ class RungeKutta final : public Integrator {
   bool rhs(double t, const Eigen::ArrayXd& z, int stage) {
     ++statistics_.rhs_calls;
     double* slope = k_.col(stage).data();
-    return problem_.rhs(t, z.data(), slope, has_weight(stage) ? slope + n_ : nullptr);
+    if (!problem_.rhs(t, z.data(), slope)) return false;
+    if (problem_.n_quadrature > 0 && (stage == kLast || (staged_ && has_weight(stage)))) {
+      ++statistics_.integrand_calls;
+      problem_.integrands(t, z.data(), slope + n_);
+    }
+    return true;
   }
 
   /// out = z + h sum_j weight_j k_j, for the states alone or with the integrals.
@@ -179,7 +208,7 @@ class RungeKutta final : public Integrator {
       return rhs(t, work_, Row);
     } else {
       add_slopes<Row>(z0_, h, n_all_, z1_);
-      if (problem_.project) problem_.project(z1_.data());
+      if (problem_.project) problem_.project(t, z1_.data());
       return rhs(t, z1_, Row);
     }
   }
@@ -200,8 +229,8 @@ class RungeKutta final : public Integrator {
 
   std::string trouble() const {
     for (int s = 0; s < Method::rows; ++s)
-      if (const int i = first_not_finite(k_.col(s).data(), n_all_); i >= 0)
-        return fmt::format("the rate of {} {} is {}", i < n_ ? "state" : "integral", i < n_ ? i : i - n_, k_(i, s));
+      if (const int i = first_not_finite(k_.col(s).data(), n_); i >= 0)
+        return fmt::format("the rate of state {} is {}", i, k_(i, s));
     if (!finite(z1_)) return "the state overflows";
     return "the right-hand side cannot be evaluated";
   }
@@ -210,6 +239,7 @@ class RungeKutta final : public Integrator {
     if (!slope_known_ && (!rhs(t1_, z1_, kLast) || !finite(last_slope())))
       fail_integration(Code::integrator_failed, t1_,
                        finite(last_slope()) ? "the right-hand side cannot be evaluated at the start" : trouble(), {});
+    if (problem_.n_quadrature > 0 && nodes_.nodes() == 0) nodes_.add(t1_, k_.col(kLast).data() + n_);
     slope_known_ = true;
     t0_ = t1_;
     z0_.swap(z1_);
@@ -239,6 +269,7 @@ class RungeKutta final : public Integrator {
       if (error <= 1.0) {
         const double next = h * (rejections > 0 ? std::min(factor, 1.0) : factor);
         h_ = shortened ? std::max(next, h_) : next;
+        statistics_.error_sum += error;
         return;
       }
       ++statistics_.rejected;
@@ -251,12 +282,39 @@ class RungeKutta final : public Integrator {
     }
   }
 
-  /// Root mean square over the states of estimate / (absolute + relative * size).
+  /// Root mean square over the states of value / (absolute + relative * size).
+  double norm(const auto& value) const {
+    return std::sqrt((value / (absolute_ + options_.relative_tolerance * z0_.head(n_).abs().max(z1_.head(n_).abs()))).square().mean());
+  }
+
   double error_norm(double h) {
     if (n_ == 0) return 0.0;
     add_slopes<kError>(zero_, 1.0, n_, work_);
-    const auto scale = absolute_ + options_.relative_tolerance * z0_.head(n_).abs().max(z1_.head(n_).abs());
-    return h * std::sqrt((work_.head(n_) / scale).square().mean());
+    return h * norm(work_.head(n_));
+  }
+
+  /// The fourth and the fifth slope of rk4 share time and weight conditions: changing one for the other gives a result of order 3,
+  /// and the difference an estimate of some steps for all.
+  void sample_error() {
+    if (n_ == 0) return;
+    const double error = (t1_ - t0_) / 6.0 * norm(k_.col(kLast - 1).head(n_) - last_slope().head(n_));
+    statistics_.error_sum += kSampled * error;
+  }
+
+  /// Whether fifteen steps, none of them interrupted by six that are not, went to the end of the stability region (3.3 on the
+  /// negative real axis): h times the largest eigenvalue, as the last two slopes show it. Looked at once in kStiffness steps
+  /// and while it lasts. Hairer, Wanner 1996, Solving Ordinary Differential Equations II, IV.2.
+  bool stiff() requires(Method::adaptive) {
+    if ((statistics_.steps % kStiffness != 0 && at_the_limit_ == 0) || n_ == 0) return false;
+    add_slopes<kLast - 1>(z0_, t1_ - t0_, n_, work_);  // where the slope before the last was taken, at t1 too
+    const double apart = norm(z1_.head(n_) - work_.head(n_));
+    const double rate = norm(last_slope().head(n_) - k_.col(kLast - 1).head(n_));
+    if ((t1_ - t0_) * rate > 3.25 * apart) {
+      inside_ = 0;
+      return ++at_the_limit_ % 15 == 0;
+    }
+    if (++inside_ == 6) at_the_limit_ = inside_ = 0;
+    return false;
   }
 
   /// A hundredth of the time in which the state would change by its own size; Hairer, Norsett, Wanner 1993, II.4.
@@ -285,10 +343,13 @@ class RungeKutta final : public Integrator {
   OdeProblem problem_;
   IntegratorOptions options_;
   EventFinder events_;
+  NodeQuadrature nodes_;
+  bool staged_ = true;          // the integrals are in z1_, else in nodes_
   int n_, n_all_;
   double t0_ = 0.0, t1_ = 0.0;  // [s] of the last step
   double h_ = 0.0;              // [s] adaptive: the next step to try
   bool started_ = false, slope_known_ = false;
+  int at_the_limit_ = 0, inside_ = 0;  // steps: of stability; since then not
   Eigen::ArrayXd z0_, z1_, work_, zero_;  // states and integrals: step begin, step end, trial; zeros
   Eigen::ArrayXXd k_;                     // slopes, one column per stage
   Eigen::ArrayXd absolute_;

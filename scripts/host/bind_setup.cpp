@@ -334,7 +334,10 @@ void read_integrator(LuaTable& t, MissionSpec& m) {
     i.linear_solver = *x;
   else if (i.method == "cvode_bdf")
     m.defaults_used.emplace_back("mission.integrator.linear_solver", "dense");
-  if (const auto x = t.number("absolute")) options.absolute_tolerance = *x;
+  if (const auto x = t.number("absolute")) {
+    options.absolute_tolerance = *x;
+    if (!(*x > 0.0 && *x <= 1.0)) t.reject("absolute", "a number > 0 and at most 1");
+  }
   if (const auto x = t.number("step", "s")) i.fixed_step = *x;
   if (const auto x = t.number("initial_step", "s")) i.initial_step = *x;
   if (const auto x = t.number("max_step", "s")) i.max_step = *x;
@@ -346,7 +349,7 @@ void expect_legal(lua_State* L, const IntegratorOptions& options) {
   OdeProblem ode;
   ode.n = 1;
   ode.absolute_tolerance = {1.0};
-  ode.rhs = [](double, const double*, double* xdot, double*) {
+  ode.rhs = [](double, const double*, double* xdot) {
     *xdot = 0.0;
     return true;
   };

@@ -300,7 +300,7 @@ TEST(Program, DescribeHasAMassLedgerThatSumsUp) {
   const Finished text = run_program({"describe", "merged"}, kMissions);
   EXPECT_NE(text.out.find("merged with the body it is fixed to"), std::string::npos);
   EXPECT_NE(text.out.find("gravity: uniform [0, 0, -10] m/s^2"), std::string::npos);
-  EXPECT_NE(text.out.find("  mission.integrator.method = cvode_adams\n"), std::string::npos) << "every default is told";
+  EXPECT_NE(text.out.find("  mission.integrator.method = dopri5\n"), std::string::npos) << "every default is told";
 }
 
 TEST(Program, DescribeTellsTheProgramAndTheModes) {

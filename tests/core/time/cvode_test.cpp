@@ -22,7 +22,7 @@ TEST(Cvode, BdfFollowsItsTolerance) {
 /// y2' is 3e7 times faster than the solution; reference: Mazzia, Magherini 2008, Test Set for IVP Solvers, problem
 /// ROBER.
 TEST(Cvode, BdfSolvesRobertsonsKinetics) {
-  OdeProblem p = problem(3, [](double, const double* x, double* xdot, double*) {
+  OdeProblem p = problem(3, [](double, const double* x, double* xdot) {
     const double slow = 0.04 * x[0], middle = 1e4 * x[1] * x[2], fast = 3e7 * x[1] * x[1];
     xdot[0] = -slow + middle;
     xdot[1] = slow - middle - fast;
@@ -42,7 +42,7 @@ TEST(Cvode, BdfSolvesRobertsonsKinetics) {
 TEST(Cvode, BdfSolvesTheStiffVanDerPolEquation) {
   auto integrator = make_integrator(problem(
                                         2,
-                                        [](double, const double* x, double* xdot, double*) {
+                                        [](double, const double* x, double* xdot) {
                                           xdot[0] = x[1];
                                           xdot[1] = ((1.0 - x[0] * x[0]) * x[1] - x[0]) / 1e-6;
                                           return true;
@@ -61,7 +61,7 @@ TEST(Cvode, BdfIsNotHeldByItsStability) {
   constexpr double w = 1e4, zeta = 0.05;
   auto integrator = make_integrator(problem(
                                         2,
-                                        [](double t, const double* x, double* xdot, double*) {
+                                        [](double t, const double* x, double* xdot) {
                                           xdot[0] = x[1];
                                           xdot[1] = -w * w * (x[0] - std::cos(t)) - 2.0 * zeta * w * x[1];
                                           return true;

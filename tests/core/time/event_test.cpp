@@ -18,9 +18,9 @@ class EveryMethodEvents : public EveryMethod {
   /// Runs without restart and notes what is reported.
   static std::vector<Event> events(Integrator& integrator, Values x, double t_end) {
     std::vector<Event> found;
-    integrator.restart(0.0, x.data(), nullptr);
+    integrator.restart(0.0, x.data());
     for (double t = 0.0; t < t_end;) {
-      const StepReport report = integrator.step(t_end, x.data(), nullptr);
+      const StepReport report = integrator.step(t_end, x.data());
       EXPECT_GE(report.t, t);
       t = report.t;
       if (report.event) found.push_back({t, {report.crossed.begin(), report.crossed.end()}});
@@ -81,15 +81,15 @@ TEST_P(EveryMethodEvents, TheStateLiesOnTheSurface) {
   auto integrator = make_integrator(
       with_roots(oscillator(), 1, [](double, const double* x, double* g) { g[0] = x[0] * x[0] * x[0] - 0.1; }), o);
   double x[2] = {1.0, 0.0};
-  integrator->restart(0.0, x, nullptr);
+  integrator->restart(0.0, x);
   StepReport report;
-  while (!report.event) report = integrator->step(3.0, x, nullptr);
+  while (!report.event) report = integrator->step(3.0, x);
   EXPECT_NEAR(x[0], std::cbrt(0.1), 1e-12);
 }
 
 /// (t - 1)^2 - depth: two crossings, or none when it stays above.
 TEST_P(EveryMethodEvents, GrazingIsSeenFromBothSides) {
-  const OdeProblem parabola = problem(1, [](double t, const double*, double* xdot, double*) {
+  const OdeProblem parabola = problem(1, [](double t, const double*, double* xdot) {
     xdot[0] = 2.0 * (t - 1.0);
     return true;
   });
@@ -111,13 +111,13 @@ TEST_P(EveryMethodEvents, RestartAtAnEventDoesNotRepeatIt) {
   auto integrator = make(with_roots(oscillator(), 1, [](double, const double* x, double* g) { g[0] = x[0]; }));
   double x[2] = {1.0, 0.0}, t = 0.0;
   std::vector<double> times;
-  integrator->restart(0.0, x, nullptr);
+  integrator->restart(0.0, x);
   while (t < 10.0) {
-    const StepReport report = integrator->step(10.0, x, nullptr);
+    const StepReport report = integrator->step(10.0, x);
     t = report.t;
     if (!report.event) continue;
     times.push_back(t);
-    integrator->restart(t, x, nullptr);
+    integrator->restart(t, x);
   }
   ASSERT_EQ(times.size(), 3u);
   for (int k = 0; k < 3; ++k) EXPECT_NEAR(times[k], (k + 0.5) * kPi, 1e-8);
@@ -126,17 +126,17 @@ TEST_P(EveryMethodEvents, RestartAtAnEventDoesNotRepeatIt) {
 /// A ball dropped from 1 m that keeps half its speed: the surface is left to the side it came from.
 TEST_P(EveryMethodEvents, ABouncingBallBouncesOnTime) {
   const double gravity = 10.0, restitution = 0.5;
-  OdeProblem ball = problem(2, [&](double, const double* x, double* xdot, double*) {
+  OdeProblem ball = problem(2, [&](double, const double* x, double* xdot) {
     xdot[0] = x[1];
     xdot[1] = -gravity;
     return true;
   });
   auto integrator = make(with_roots(ball, 1, [](double, const double* x, double* g) { g[0] = x[0]; }));
   double x[2] = {1.0, 0.0}, t = 0.0, speed = std::sqrt(2.0 * gravity), due = speed / gravity;
-  integrator->restart(0.0, x, nullptr);
+  integrator->restart(0.0, x);
   int bounces = 0;
   while (bounces < 8) {
-    const StepReport report = integrator->step(2.0, x, nullptr);
+    const StepReport report = integrator->step(2.0, x);
     t = report.t;
     ASSERT_LT(t, 2.0) << "it fell through the floor";
     if (!report.event) continue;
@@ -146,7 +146,7 @@ TEST_P(EveryMethodEvents, ABouncingBallBouncesOnTime) {
     speed *= restitution;
     due += 2.0 * speed / gravity;
     x[1] = -restitution * x[1];
-    integrator->restart(t, x, nullptr);
+    integrator->restart(t, x);
   }
 }
 
@@ -162,10 +162,10 @@ TEST_P(EveryMethodEvents, ZeroExactlyAtTheStopIsReportedThereOnce) {
   auto integrator = make(with_roots(oscillator(), 1, [](double t, const double*, double* g) { g[0] = t - 0.5; }));
   double x[2] = {1.0, 0.0}, t = 0.0;
   int count = 0;
-  integrator->restart(0.0, x, nullptr);
+  integrator->restart(0.0, x);
   for (double stop : {0.5, 1.0})
     while (t < stop) {
-      const StepReport report = integrator->step(stop, x, nullptr);
+      const StepReport report = integrator->step(stop, x);
       t = report.t;
       if (!report.event) continue;
       ++count;

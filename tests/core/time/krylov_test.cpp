@@ -42,7 +42,7 @@ struct RodInverse {
 OdeProblem rod() {
   return problem(
       Rod::n,
-      [](double, const double* x, double* xdot, double*) {
+      [](double, const double* x, double* xdot) {
         Rod::times(x, xdot);
         return true;
       },
@@ -122,14 +122,14 @@ TEST(Krylov, StatisticsAddUpOverRestarts) {
 }
 
 TEST(Krylov, NoStatesAreFine) {
-  OdeProblem p = problem(0, [](double, const double*, double*, double*) { return true; });
+  OdeProblem p = problem(0, [](double, const double*, double*) { return true; });
   p.jacobian_times = [](double, const double*, const double*, double*) -> bool { throw std::logic_error("called"); };
   auto integrator = make_integrator(p, krylov());
   EXPECT_TRUE(integrate(*integrator, 0.0, {}, 1.0).empty());
 }
 
 OdeProblem decay() {
-  OdeProblem p = problem(1, [](double, const double* x, double* xdot, double*) {
+  OdeProblem p = problem(1, [](double, const double* x, double* xdot) {
     *xdot = -x[0];
     return true;
   });

@@ -20,15 +20,15 @@ TEST(MakeIntegrator, UnknownMethodListsTheMethods) {
 }
 
 TEST(MakeIntegrator, Rk4NeedsAStep) {
-  EXPECT_EQ(refusal(rk4(0.0)), "C0401 | integrator.fixed_step | a step in seconds, which rk4 needs | nothing | ");
+  EXPECT_EQ(refusal(rk4(0.0)), "C0401 | integrator.step | a step in seconds, which rk4 needs | nothing | ");
 }
 
 TEST(MakeIntegrator, AdaptiveMethodsRefuseAFixedStep) {
   for (const std::string method : {"cvode_adams", "cvode_bdf", "dopri5"}) {
     IntegratorOptions o = adaptive(method);
     o.fixed_step = 0.01;
-    EXPECT_EQ(refusal(o), "C0401 | integrator.fixed_step | no fixed_step: " + method +
-                              " chooses its steps | 0.01 s | set relative_tolerance or max_step, or use rk4");
+    EXPECT_EQ(refusal(o), "C0401 | integrator.step | no step: " + method +
+                              " chooses its steps | 0.01 s | set relative or max_step, or use rk4");
   }
 }
 
@@ -36,7 +36,7 @@ TEST(MakeIntegrator, Rk4RefusesAMaximumStep) {
   IntegratorOptions o = rk4(0.1);
   o.max_step = 1.0;
   EXPECT_EQ(refusal(o),
-            "C0401 | integrator.max_step | no max_step: rk4 takes equal steps of fixed_step | 1 s | use dopri5");
+            "C0401 | integrator.max_step | no max_step: rk4 takes equal steps | 1 s | set step, or use dopri5");
 }
 
 TEST(MakeIntegrator, LinearSolversAreOfBdfAlone) {

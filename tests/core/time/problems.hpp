@@ -14,7 +14,7 @@ namespace cardan::test {
 
 using Values = std::vector<double>;
 
-inline OdeProblem problem(int n, std::function<bool(double, const double*, double*, double*)> rhs,
+inline OdeProblem problem(int n, std::function<bool(double, const double*, double*)> rhs,
                           double absolute = 1e-12) {
   OdeProblem p;
   p.n = n;
@@ -27,7 +27,7 @@ inline OdeProblem problem(int n, std::function<bool(double, const double*, doubl
 inline OdeProblem oscillator(double absolute = 1e-12) {
   return problem(
       2,
-      [](double, const double* x, double* xdot, double*) {
+      [](double, const double* x, double* xdot) {
         xdot[0] = x[1];
         xdot[1] = -x[0];
         return true;
@@ -39,7 +39,7 @@ inline OdeProblem oscillator(double absolute = 1e-12) {
 inline OdeProblem exp_sin(double absolute = 1e-12) {
   return problem(
       1,
-      [](double t, const double* x, double* xdot, double*) {
+      [](double t, const double* x, double* xdot) {
         xdot[0] = x[0] * std::cos(t);
         return true;
       },
@@ -67,9 +67,10 @@ inline IntegratorOptions accurate(const std::string& method) {
 
 /// From (t0, x0) to t_end; events are passed over. Returns x, then the integrals (from zero).
 inline Values integrate(Integrator& integrator, double t0, Values x, double t_end, int n_quadrature = 0) {
+  integrator.restart(t0, x.data());
+  for (double t = t0; t < t_end;) t = integrator.step(t_end, x.data()).t;
   Values y(static_cast<std::size_t>(n_quadrature));
-  integrator.restart(t0, x.data(), y.data());
-  for (double t = t0; t < t_end;) t = integrator.step(t_end, x.data(), y.data()).t;
+  if (n_quadrature > 0) integrator.integrals(t_end, y.data());
   x.insert(x.end(), y.begin(), y.end());
   return x;
 }

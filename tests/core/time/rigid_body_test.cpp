@@ -11,7 +11,7 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
 OdeProblem torque_free_body(const Vector3d& inertia) {
-  OdeProblem p = problem(7, [inertia](double, const double* x, double* xdot, double*) {
+  OdeProblem p = problem(7, [inertia](double, const double* x, double* xdot) {
     const Quaterniond q(x[0], x[1], x[2], x[3]);
     const Vector3d w(x[4], x[5], x[6]);
     const Quaterniond rate = q * Quaterniond(0.0, w[0], w[1], w[2]);
@@ -23,7 +23,7 @@ OdeProblem torque_free_body(const Vector3d& inertia) {
     for (int i = 0; i < 3; ++i) xdot[4 + i] = acceleration[i];
     return true;
   });
-  p.project = [](double* x) {
+  p.project = [](double, double* x) {
     Eigen::Map<Eigen::Vector4d> q(x);
     q.normalize();
   };

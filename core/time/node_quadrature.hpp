@@ -1,0 +1,133 @@
+#pragma once
+// Integrals of rates that are known at the ends of steps alone, for methods whose right-hand side is never evaluated inside a step:
+// multistep methods. Each interval is integrated through the polynomial of its neighbours on both sides, of as many of them as make
+// it better. Nothing here feeds back: steps are what they would be without it. docs/mathematics/integration.md, "Integrals".
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <utility>
+#include <vector>
+
+namespace cardan {
+
+class NodeQuadrature {
+ public:
+  static constexpr std::size_t kPoints = 8;  // of a polynomial: at most
+
+  explicit NodeQuadrature(int n)
+      : n_(static_cast<std::size_t>(n)), sum_(n_), end_(n_), rates_(n_ * kHeld), corner_(n_ * kPoints), sums_(n_), total_(n_), before_(n_), least_(n_), best_(n_) {}
+
+  /// Of the present stretch, but for those that have served.
+  std::size_t nodes() const { return count_; }
+
+  /// The rates jump at t, which is not after the last node: what follows has nothing to do with what was before.
+  void begin_stretch(double t) {
+    at(t, end_.data());
+    begin_stretch_at(end_.data());
+  }
+  /// The same with the integrals up to here.
+  void begin_stretch_at(const double* y) {
+    std::copy_n(y, n_, sum_.begin());
+    count_ = done_ = 0;
+  }
+
+  /// The rates at t, after all nodes of this stretch. A step that is nothing beside the one before makes no node: differences over it
+  /// would be round-off.
+  void add(double t, const double* rates) {
+    if (count_ > 1 && t - times_[count_ - 1] < 1e-5 * (times_[count_ - 1] - times_[count_ - 2])) return;
+    times_[count_] = t;
+    std::copy_n(rates, n_, rates_.begin() + static_cast<std::ptrdiff_t>(n_ * count_));
+    ++count_;
+    if (count_ >= kPoints && count_ > done_ + kGroup + kAhead) {
+      const double* h = &times_[done_];
+      const auto [least, most] = std::minmax({h[1] - h[0], h[2] - h[1], h[3] - h[2]});
+      if (most < 2.0 * least) {  // one polynomial for all three
+        integrate(done_, done_ + kGroup, times_[done_ + kGroup]);
+        for (std::size_t i = 0; i < n_; ++i) sum_[i] += sums_[i];
+      } else {
+        at(times_[done_ + kGroup], end_.data());
+        sum_ = end_;
+      }
+      done_ += kGroup;
+    }
+    if (count_ < kHeld) return;
+    const std::size_t served = done_ - kBehind;
+    std::copy(times_.begin() + static_cast<std::ptrdiff_t>(served), times_.end(), times_.begin());
+    std::copy(rates_.begin() + static_cast<std::ptrdiff_t>(n_ * served), rates_.end(), rates_.begin());
+    count_ -= served, done_ -= served;
+  }
+
+  /// The integrals from the first start to t, which lies in one of the last intervals, at the end of the last or next to it.
+  void at(double t, double* y) {
+    std::copy(sum_.begin(), sum_.end(), y);
+    for (std::size_t k = done_; k + 1 < count_ && times_[k] < t; ++k) {
+      integrate(k, k + 1, k + 2 < count_ ? std::min(t, times_[k + 1]) : t);
+      for (std::size_t i = 0; i < n_; ++i) y[i] += sums_[i];
+    }
+  }
+
+ private:
+  static constexpr std::size_t kGroup = 3;   // intervals done at once
+  static constexpr std::size_t kAhead = 2;   // nodes beyond them at least
+  static constexpr std::size_t kBehind = 5;  // nodes kept before the first that is not done
+  static constexpr std::size_t kHeld = kBehind + kGroup + kAhead + 7;
+  // Gauss, Legendre: exact up to degree kPoints - 1.
+  static constexpr std::array<double, 4> kAbscissae = {-0.8611363115940526, -0.3399810435848563, 0.3399810435848563, 0.8611363115940526};
+  static constexpr std::array<double, 4> kWeights = {0.3478548451374538, 0.6521451548625461, 0.6521451548625461, 0.3478548451374538};
+
+  /// sums_ = integral from node k to b <= node m. Newton's polynomial, point by point outwards from the interval; of each
+  /// integral the terms while they do not grow: where neighbours are too far to tell, they do.
+  void integrate(std::size_t k, std::size_t m, double b) {
+    const double a = times_[k], middle = 0.5 * (a + times_[m]), half = 0.5 * (b - a);
+    std::array<double, kPoints> at;
+    std::array<double, 4> basis = {1.0, 1.0, 1.0, 1.0};
+    std::fill(least_.begin(), least_.end(), std::numeric_limits<double>::infinity());
+    std::fill(total_.begin(), total_.end(), 0.0);
+    std::size_t left = k, right = k;  // nodes [left, right] are in use
+    for (std::size_t p = 0, points = std::min(count_, kPoints); p < points; ++p) {
+      std::size_t node = k;
+      if (p > 0 && right < m)
+        node = ++right;
+      else if (p > 0)
+        node = left == 0 || (right + 1 < count_ && times_[right + 1] - middle < middle - times_[left - 1]) ? ++right : --left;
+      at[p] = times_[node];
+      double weight = 0.0;  // integral of (t - at[0]) .. (t - at[p - 1])
+      for (std::size_t g = 0; g < 4; ++g) {
+        if (p > 0) basis[g] *= a + half * (1.0 + kAbscissae[g]) - at[p - 1];
+        weight += half * kWeights[g] * basis[g];
+      }
+      // Divided differences that end at the last point: of order j in row j.
+      double* d = corner_.data() + n_ * p;
+      std::copy_n(rates_.begin() + static_cast<std::ptrdiff_t>(n_ * node), n_, sums_.begin());
+      for (std::size_t j = 0; j < p; ++j) {
+        double* row = corner_.data() + n_ * j;
+        const double over = 1.0 / (at[p] - at[p - 1 - j]);
+        for (std::size_t i = 0; i < n_; ++i) {
+          const double next = (sums_[i] - row[i]) * over;
+          row[i] = sums_[i];
+          sums_[i] = next;
+        }
+      }
+      std::copy(sums_.begin(), sums_.end(), d);
+      for (std::size_t i = 0; i < n_; ++i) {
+        const double term = weight * d[i], size = std::abs(term);
+        const double two = std::max(size, std::exchange(before_[i], size));  // one alone may be zero by chance
+        total_[i] += term;
+        if (p > m - k && !(two <= 10.0 * least_[i])) continue;
+        if (p > m - k) least_[i] = std::min(two, least_[i]);
+        best_[i] = total_[i];
+      }
+    }
+    sums_ = best_;
+  }
+
+  std::size_t n_;
+  std::vector<double> sum_, end_;          // of the intervals before node done_; scratch
+  std::array<double, kHeld> times_{};
+  std::vector<double> rates_;              // n at each node
+  std::size_t count_ = 0, done_ = 0;
+  std::vector<double> corner_, sums_, total_, before_, least_, best_;
+};
+
+}  // namespace cardan
