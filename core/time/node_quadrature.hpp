@@ -6,7 +6,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <utility>
 #include <vector>
 
 namespace cardan {
@@ -16,7 +15,7 @@ class NodeQuadrature {
   static constexpr std::size_t kPoints = 8;  // of a polynomial: at most
 
   explicit NodeQuadrature(int n)
-      : n_(static_cast<std::size_t>(n)), sum_(n_), end_(n_), rates_(n_ * kHeld), corner_(n_ * kPoints), sums_(n_), total_(n_), before_(n_), least_(n_), best_(n_) {}
+      : n_(static_cast<std::size_t>(n)), sum_(n_), end_(n_), rates_(stride_ * kHeld), sums_(n_) {}
 
   /// Of the present stretch, but for those that have served.
   std::size_t nodes() const { return count_; }
@@ -37,7 +36,7 @@ class NodeQuadrature {
   void add(double t, const double* rates) {
     if (count_ > 1 && t - times_[count_ - 1] < 1e-5 * (times_[count_ - 1] - times_[count_ - 2])) return;
     times_[count_] = t;
-    std::copy_n(rates, n_, rates_.begin() + static_cast<std::ptrdiff_t>(n_ * count_));
+    std::copy_n(rates, n_, rates_.begin() + static_cast<std::ptrdiff_t>(stride_ * count_));
     ++count_;
     if (count_ >= kPoints && count_ > done_ + kGroup + kAhead) {
       const double* h = &times_[done_];
@@ -54,7 +53,7 @@ class NodeQuadrature {
     if (count_ < kHeld) return;
     const std::size_t served = done_ - kBehind;
     std::copy(times_.begin() + static_cast<std::ptrdiff_t>(served), times_.end(), times_.begin());
-    std::copy(rates_.begin() + static_cast<std::ptrdiff_t>(n_ * served), rates_.end(), rates_.begin());
+    std::copy(rates_.begin() + static_cast<std::ptrdiff_t>(stride_ * served), rates_.end(), rates_.begin());
     count_ -= served, done_ -= served;
   }
 
@@ -76,58 +75,65 @@ class NodeQuadrature {
   static constexpr std::array<double, 4> kAbscissae = {-0.8611363115940526, -0.3399810435848563, 0.3399810435848563, 0.8611363115940526};
   static constexpr std::array<double, 4> kWeights = {0.3478548451374538, 0.6521451548625461, 0.6521451548625461, 0.3478548451374538};
 
-  /// sums_ = integral from node k to b <= node m. Newton's polynomial, point by point outwards from the interval; of each
+  /// sums_ = integral from node k to b, about node m. Newton's polynomial, point by point outwards from the interval; of each
   /// integral the terms while they do not grow: where neighbours are too far to tell, they do.
   void integrate(std::size_t k, std::size_t m, double b) {
     const double a = times_[k], middle = 0.5 * (a + times_[m]), half = 0.5 * (b - a);
-    std::array<double, kPoints> at;
+    const std::size_t points = std::min(count_, kPoints);
+    std::array<std::size_t, kPoints> node;
+    std::array<double, kPoints> at, weight;  // weight: integral of (t - at[0]) .. (t - at[p - 1])
+    std::array<std::array<double, kPoints>, kPoints> over;
     std::array<double, 4> basis = {1.0, 1.0, 1.0, 1.0};
-    std::fill(least_.begin(), least_.end(), std::numeric_limits<double>::infinity());
-    std::fill(total_.begin(), total_.end(), 0.0);
-    std::size_t left = k, right = k;  // nodes [left, right] are in use
-    for (std::size_t p = 0, points = std::min(count_, kPoints); p < points; ++p) {
-      std::size_t node = k;
+    for (std::size_t p = 0, left = k, right = k; p < points; ++p) {  // nodes [left, right] are in use
+      node[p] = k;
       if (p > 0 && right < m)
-        node = ++right;
+        node[p] = ++right;
       else if (p > 0)
-        node = left == 0 || (right + 1 < count_ && times_[right + 1] - middle < middle - times_[left - 1]) ? ++right : --left;
-      at[p] = times_[node];
-      double weight = 0.0;  // integral of (t - at[0]) .. (t - at[p - 1])
+        node[p] = left == 0 || (right + 1 < count_ && times_[right + 1] - middle < middle - times_[left - 1]) ? ++right : --left;
+      at[p] = times_[node[p]];
+      weight[p] = 0.0;
       for (std::size_t g = 0; g < 4; ++g) {
         if (p > 0) basis[g] *= a + half * (1.0 + kAbscissae[g]) - at[p - 1];
-        weight += half * kWeights[g] * basis[g];
+        weight[p] += half * kWeights[g] * basis[g];
       }
-      // Divided differences that end at the last point: of order j in row j.
-      double* d = corner_.data() + n_ * p;
-      std::copy_n(rates_.begin() + static_cast<std::ptrdiff_t>(n_ * node), n_, sums_.begin());
-      for (std::size_t j = 0; j < p; ++j) {
-        double* row = corner_.data() + n_ * j;
-        const double over = 1.0 / (at[p] - at[p - 1 - j]);
-        for (std::size_t i = 0; i < n_; ++i) {
-          const double next = (sums_[i] - row[i]) * over;
-          row[i] = sums_[i];
-          sums_[i] = next;
+      for (std::size_t j = 0; j < p; ++j) over[p][j] = 1.0 / (at[p] - at[p - 1 - j]);
+    }
+    for (std::size_t block = 0; block < stride_; block += kLanes) {
+      using Lanes = std::array<double, kLanes>;
+      std::array<Lanes, kPoints> difference;  // divided, of order j in row j, that end at the last point
+      Lanes total{}, best{}, before{}, least;
+      least.fill(std::numeric_limits<double>::infinity());
+      for (std::size_t p = 0; p < points; ++p) {
+        Lanes d;
+        std::copy_n(rates_.begin() + static_cast<std::ptrdiff_t>(stride_ * node[p] + block), kLanes, d.begin());
+        for (std::size_t j = 0; j < p; ++j)
+          for (std::size_t i = 0; i < kLanes; ++i) {
+            const double next = (d[i] - difference[j][i]) * over[p][j];
+            difference[j][i] = d[i];
+            d[i] = next;
+          }
+        difference[p] = d;
+        for (std::size_t i = 0; i < kLanes; ++i) {
+          const double term = weight[p] * d[i], size = std::abs(term);
+          const double two = std::max(size, before[i]);  // one alone may be zero by chance
+          before[i] = size;
+          total[i] += term;
+          const bool inside = p <= m - k, kept = inside || two <= 10.0 * least[i];
+          best[i] = kept ? total[i] : best[i];
+          least[i] = kept && !inside ? std::min(two, least[i]) : least[i];
         }
       }
-      std::copy(sums_.begin(), sums_.end(), d);
-      for (std::size_t i = 0; i < n_; ++i) {
-        const double term = weight * d[i], size = std::abs(term);
-        const double two = std::max(size, std::exchange(before_[i], size));  // one alone may be zero by chance
-        total_[i] += term;
-        if (p > m - k && !(two <= 10.0 * least_[i])) continue;
-        if (p > m - k) least_[i] = std::min(two, least_[i]);
-        best_[i] = total_[i];
-      }
+      std::copy_n(best.begin(), std::min(kLanes, n_ - block), sums_.begin() + static_cast<std::ptrdiff_t>(block));
     }
-    sums_ = best_;
   }
 
-  std::size_t n_;
+  static constexpr std::size_t kLanes = 8;
+  std::size_t n_, stride_ = (n_ + kLanes - 1) / kLanes * kLanes;  // of them; room for them at a node
   std::vector<double> sum_, end_;          // of the intervals before node done_; scratch
   std::array<double, kHeld> times_{};
-  std::vector<double> rates_;              // n at each node
+  std::vector<double> rates_;              // stride_ at each node
   std::size_t count_ = 0, done_ = 0;
-  std::vector<double> corner_, sums_, total_, before_, least_, best_;
+  std::vector<double> sums_;
 };
 
 }  // namespace cardan
