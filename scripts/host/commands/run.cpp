@@ -147,11 +147,6 @@ class RunCommand {
     MissionRun mission(*scenario_, *recorder_, std::move(outputs));
     Progress progress(progress_look(arguments_.quiet), t_end);
     progress_ = &progress;
-    if (!arguments_.quiet)
-      scenario_->sim->on_warning([&progress](const Warning& w) {  // at once: the run may be long
-        progress.clear();
-        fmt::print(stderr, "{}\n", render(w));
-      });
     const auto guarded = [&](const auto& part) {
       try {
         part();
@@ -172,7 +167,6 @@ class RunCommand {
     const double wall_s = progress.wall_s();
     progress.clear();
     progress_ = nullptr;
-    scenario_->sim->on_warning(nullptr);
     std::optional<RunFailure> failure = std::move(summary_.failure);
     summary_ = run_summary(*scenario_, wall_s);
     summary_.failure = std::move(failure);
