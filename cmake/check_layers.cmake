@@ -39,7 +39,7 @@ set(external
   "Eigen/|core/spatial core/linalg core/abi/family.hpp core/abi/laws.cpp core/model core/dynamics core/operators core/time core/reference core/sim bodies hinges plugins scripts/host tests bench"
   "fmt/|core/base core/linalg core/abi core/model core/dynamics core/operators core/io core/time core/sim bodies/modal/ scripts tests bench"
   "yaml-cpp/|core/io/yaml_reader.cpp tests"
-  "hdf5|core/io/hdf5_file.cpp"
+  "hdf5|core/io/hdf5_file.cpp tests/fuzz/hdf5_mutations.cpp"
   "nlohmann/|core/io/json.hpp tests bench"
   "openssl/|core/io/sha256.cpp"
   "cvodes/|core/time/cvode_integrator.cpp"

@@ -85,7 +85,7 @@ void limit(int resource, double value) {
 }
 
 /// [bytes] of addresses in use.
-double address_space() {
+[[maybe_unused]] double address_space() {
   double pages = 0.0;
   if (std::FILE* file = std::fopen("/proc/self/statm", "r")) {
     if (std::fscanf(file, "%lf", &pages) != 1) pages = 0.0;

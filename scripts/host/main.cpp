@@ -38,6 +38,7 @@ int main(int argc, char** argv) {
   add_describe(app, line);
   add_report(app, line);
   add_workbench(app, line);
+  add_modes(app, line);
   add_types(app, line);
   add_check_plugin(app, line);
   add_help(app, line);

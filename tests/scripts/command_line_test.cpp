@@ -48,7 +48,7 @@ TEST(CommandLine, AloneTellsTheCommands) {
     EXPECT_TRUE(has(alone.out, part)) << part << "\n" << alone.out;
   EXPECT_EQ(cardan({"--help"}).out, alone.out);
   EXPECT_EQ(cardan({"help"}).out, alone.out);
-  EXPECT_EQ(commands(), (std::vector<std::string>{"run", "check", "describe", "report", "workbench", "types", "check-plugin", "help", "completion",
+  EXPECT_EQ(commands(), (std::vector<std::string>{"run", "check", "describe", "report", "workbench", "modes", "types", "check-plugin", "help", "completion",
                                                   "version"}));
 }
 

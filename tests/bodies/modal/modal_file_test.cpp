@@ -7,6 +7,7 @@
 
 #include <Eigen/Dense>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -206,6 +207,34 @@ TEST(ModalFile, OfAnotherKindIsRefusedAtOnce) {
   std::ofstream(scratch("text.h5")) << "no HDF5";
   EXPECT_THROW(read_modal_file(scratch("text.h5")), InputError);
   std::filesystem::remove(pipe);
+}
+
+/// The script of docs/modal_files.md, as it is printed there.
+TEST(ModalFile, OfTheScriptInTheDocumentsIsRead) {
+  std::ifstream in(std::string(CARDAN_SOURCE_DIR) + "/docs/modal_files.md");
+  const std::string page{std::istreambuf_iterator<char>(in), {}};
+  const auto from = page.find("```python\n");
+  ASSERT_NE(from, std::string::npos);
+  const std::string folder = scratch("script");
+  std::filesystem::create_directories(folder);
+  std::ofstream(folder + "/write.py") << page.substr(from + 10, page.find("```", from + 10) - from - 10);
+  std::filesystem::remove(folder + "/wing.h5");
+  const auto run = [&](const std::string& command) { return std::system(("cd " + folder + " && " + command + " > said 2>&1").c_str()); };
+  std::string python;
+  for (const char* name : {"python3", "/usr/bin/python3"})
+    if (run(std::string(name) + " -c 'import h5py'") == 0) python = name;
+  if (python.empty()) GTEST_SKIP() << "h5py is not installed";
+  ASSERT_EQ(run(python + " write.py"), 0);
+  const ModalData d = read_modal_file(folder + "/wing.h5");
+  EXPECT_EQ(d.n_modes, 1);
+  EXPECT_EQ(d.source, "a cantilever of four masses");
+  EXPECT_DOUBLE_EQ(d.integrals.I1, 8.0);
+  // sum m r x phi with r = x e_x, phi = (x/L)^2 e_z: -e_y m sum x^3 / L^2
+  EXPECT_NEAR(d.integrals.I4(1, 0), -2.0 * 3.0 * (1 + 8 + 27 + 64) / 64.0, 1e-14);
+  EXPECT_NEAR(std::sqrt(d.K(0, 0) / d.integrals.I6(0, 0)), 3.141592653589793, 1e-14) << "0.5 Hz";
+  ASSERT_EQ(d.nodes.size(), 2u);
+  EXPECT_EQ(d.nodes[1].name, "tip");
+  EXPECT_DOUBLE_EQ(d.nodes[1].Psi(1, 0), -2.0 / 3.0);
 }
 
 TEST(Lumped, OfNoModesOrWithOneSecondOrderMatrixAreRefused) {

@@ -1,0 +1,176 @@
+// Readers of HDF5 files: modal files and results. Changed through the interface they are read in this process; with
+// flipped bytes, which can break HDF5 itself, by what users call.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "bodies/modal/modal_file.hpp"
+#include "bodies/modal/modal_integrals.hpp"
+#include "bodies/modal/modal_source.hpp"
+#include "core/base/diagnostic.hpp"
+#include "core/io/hdf5_file.hpp"
+#include "core/io/recorder.hpp"
+#include "core/io/summary.hpp"
+#include "scripts/report/report.hpp"
+#include "tests/fuzz/hdf5_mutations.hpp"
+
+namespace cardan {
+namespace {
+
+using fuzz::Keep;
+using fuzz::Random;
+
+std::string scratch(const std::string& name) { return testing::TempDir() + "cardan_fuzz_" + name; }
+
+ModalData lumped() {
+  std::vector<MassNode> masses(3);
+  for (std::size_t j = 0; j < 3; ++j) {
+    const double x = static_cast<double>(j);
+    masses[j].mass = 1.0 + x;
+    masses[j].position = {x, 0.5 * x * x, 0.1};
+    masses[j].Phi = (Eigen::MatrixXd(3, 2) << 0.1 * x, 0.2, x, -0.3 * x, 0.4, x * x).finished();
+    masses[j].Q.assign(3, Eigen::MatrixXd::Constant(2, 2, 0.01 * x));
+  }
+  masses[2].inertia = Eigen::Vector3d(0.1, 0.2, 0.25).asDiagonal();
+  masses[2].Psi = (Eigen::MatrixXd(3, 2) << 0, 0.1, 0.2, 0, 0.3, -0.1).finished();
+  ModalNode tip;
+  tip.name = "tip";
+  tip.Phi = masses[2].Phi;
+  return lumped_modal_data(masses, Eigen::Vector2d(4, 9).asDiagonal(), Eigen::Vector2d(0.1, 0.1).asDiagonal(), {tip});
+}
+
+ModalData beam() {
+  ModalSource source;
+  BeamModel model;
+  model.length = 2.0;
+  model.material = {70e9, 0.3, 2700.0};
+  model.section = rectangle_section(0.02, 0.01);
+  model.elements = 6;
+  source.model = model;
+  source.modes.count = 3;
+  return make_modal_data(source);
+}
+
+/// Bytes of modal files: lumped masses, a beam, a file without integrals.
+const std::vector<std::string>& modal_files() {
+  static const std::vector<std::string> all = [] {
+    std::vector<std::string> out;
+    const std::string path = scratch("modal_seed.h5");
+    for (int kind = 0; kind < 3; ++kind) {
+      write_modal_file(path, kind == 1 ? beam() : lumped());
+      Hdf5File file = Hdf5File::update(path);
+      if (kind != 0) file.remove_attribute("/", "content_hash");  // which hides what else is wrong
+      if (kind == 2) file.remove("/integrals");
+      file.close();
+      out.push_back(fuzz::content(path));
+      modal_data_of(Hdf5File::open(path));
+    }
+    Hdf5File::open(path);
+    return out;
+  }();
+  return all;
+}
+
+/// Bytes of results: finished with a summary, and as a killed run leaves them.
+const std::vector<std::string>& run_files() {
+  static const std::vector<std::string> all = [] {
+    std::vector<std::string> out;
+    const std::string path = scratch("run_seed.h5");
+    for (bool finished : {true, false}) {
+      const auto recorder = make_hdf5_recorder(path);
+      RunHeader header;
+      header.scenario = "scenario.lua";
+      header.title = "a run";
+      header.input_hashes = {{"scenario.lua", "abc"}};
+      header.effective_parameters = {{"bodies.bus.mass", "1 kg"}, {"bodies.arm.mass", "2 kg"}};
+      header.spec_text = "bodies:\n";
+      recorder->begin(header, {{"bodies/bus/rate", {"x", "y", "z"}, "rad/s", "body", "a rate"}, {"wheels/speed", {"w"}, "rad/s", "", "a speed"}});
+      for (int i = 0; i < 20; ++i) recorder->row(i, std::vector<double>{1.0 * i, 2.0, 3.0, 4.0});
+      Summary summary;
+      summary.checks.push_back({"c", 1.0, 2.0, true, "m", ""});
+      if (finished) recorder->attach("summary", to_json(summary));
+      if (finished) recorder->close(); else recorder->flush();
+      out.push_back(fuzz::content(path));
+      report_page(Hdf5File::open(path));
+    }
+    return out;
+  }();
+  return all;
+}
+
+template <class Read>
+void through_the_interface(const std::string& name, const std::vector<std::string>& seeds, const Read& read) {
+  const std::string path = scratch(name + ".h5");
+  fuzz::run(name, [&](Random& random, const Keep& keep) {
+    fuzz::write(path, random.of(seeds));
+    fuzz::mutate_hdf5(path, random);
+    keep(fuzz::content(path));
+    read(path);
+  });
+}
+
+template <class Read>
+void with_flipped_bytes(const std::string& name, const std::vector<std::string>& seeds, const Read& read) {
+  const std::string path = scratch(name + ".h5");
+  fuzz::run(name, [&](Random& random, const Keep& keep) {
+    const std::string bytes = fuzz::with_flipped_bytes(random.of(seeds), random);
+    keep(bytes);
+    fuzz::write(path, bytes);
+    read(path);
+  });
+}
+
+const ChildLimits kShort{1.0, std::size_t{1} << 30};
+
+TEST(Fuzz, ModalFile) {
+  through_the_interface("modal_file", modal_files(), [](const std::string& path) { modal_data_of(Hdf5File::open(path)); });
+}
+TEST(Fuzz, RunFile) {
+  through_the_interface("run_file", run_files(), [](const std::string& path) { report_page(Hdf5File::open(path)); });
+}
+TEST(Fuzz, BytesOfAModalFile) {
+  with_flipped_bytes("modal_bytes", modal_files(), [](const std::string& path) { read_modal_file(path, kShort); });
+}
+TEST(Fuzz, BytesOfARunFile) {
+  with_flipped_bytes("run_bytes", run_files(), [](const std::string& path) { write_report(path, scratch("page.html"), kShort); });
+}
+
+/// The code of the answer to a changed run file.
+template <class Change>
+std::string answer(const Change& change) {
+  const std::string path = scratch("changed.h5");
+  fuzz::write(path, run_files()[0]);
+  change(path);
+  try {
+    write_report(path, scratch("page.html"));
+  } catch (const InputError& e) {
+    return std::string(number_of(e.diagnostics().at(0).code)) + " " + e.diagnostics().at(0).at.key_path;
+  }
+  return "page";
+}
+
+TEST(HostileRun, WithLinksThatLeadElsewhereIsRefused) {
+  EXPECT_EQ(answer([](const std::string& p) { fuzz::link_group_into_itself(p, "/channels"); }), "C0702 /channels/again");
+  EXPECT_EQ(answer([](const std::string& p) { fuzz::link_group_into_itself(p, "/channels/bodies"); }), "C0702 /channels/bodies/again");
+  EXPECT_EQ(answer([](const std::string& p) { fuzz::link_softly(p, "/channels/bodies/again", "/channels"); }), "C0702 /channels/bodies/again");
+  EXPECT_EQ(answer([](const std::string& p) { fuzz::link_softly(p, "/time", "/channels/wheels/speed"); }), "C0702 /time");
+  EXPECT_EQ(answer([](const std::string& p) { fuzz::link_to_file(p, "/time", "/dev/zero"); }), "C0702 /time");
+  EXPECT_EQ(answer([](const std::string& p) { fuzz::make_external(p, "/time", "/dev/zero"); }), "C0702 /time");
+}
+
+TEST(HostileRun, WithDimensionsBeyondItsBytesIsRefused) {
+  for (int rank : {1, 2, 3}) {
+    EXPECT_EQ(answer([&](const std::string& p) { fuzz::make_huge(p, "/time", rank); }), "C0702 /time");
+    EXPECT_EQ(answer([&](const std::string& p) { fuzz::make_huge(p, "/spec/text", rank); }), "C0702 /spec/text");
+  }
+}
+
+TEST(HostileRun, WithAHugeModalMatrixIsRefused) {
+  const std::string path = scratch("huge.h5");
+  fuzz::write(path, modal_files()[1]);
+  fuzz::make_huge(path, "/K", 2);
+  EXPECT_THROW(read_modal_file(path), InputError);
+}
+
+}  // namespace
+}  // namespace cardan
