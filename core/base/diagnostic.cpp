@@ -6,6 +6,7 @@
 #include <array>
 #include <fstream>
 
+#include "core/base/excerpt.hpp"
 #include "core/base/utf8.hpp"
 
 namespace cardan {
@@ -22,7 +23,8 @@ constexpr std::array kEntries = {
 
 const Entry& entry(Code c) { return kEntries[static_cast<std::size_t>(c)]; }
 
-constexpr std::size_t kWidth = 100;  // longest excerpt of a source line
+constexpr std::size_t kWidth = 100;     // longest excerpt of a source line
+constexpr std::size_t kLongest = 4000;  // [B] of one text that are shown
 
 /// The line of the source file, without line ending and byte-order mark; tabs as spaces, what is not text as '?'.
 std::string source_line(const SourceMark& mark) {
@@ -65,7 +67,59 @@ std::size_t token_length(std::string_view line, std::size_t start) {
 
 bool continues_character(char c) { return (static_cast<unsigned char>(c) & 0xC0) == 0x80; }  // UTF-8
 
-/// The source line with the place underlined; a long line is cut around it.
+/// Text of files, scripts and the command line as it may be shown on a terminal: lines of UTF-8 without control characters, cut
+/// where it is long.
+std::string shown(std::string_view text) {
+  std::size_t cut = std::min(text.size(), kLongest);
+  while (cut < text.size() && cut > 0 && continues_character(text[cut])) --cut;
+  std::string out;
+  for (std::size_t from = 0; from <= cut;) {
+    const std::size_t to = std::min(text.find('\n', from), cut);
+    std::string line(text.substr(from, to - from));
+    std::replace(line.begin(), line.end(), '\t', ' ');
+    out += (from > 0 ? "\n" : "") + printable(line);
+    from = to + 1;
+  }
+  if (cut < text.size()) out += fmt::format(" ... ({} bytes more)", text.size() - cut);
+  return out;
+}
+
+void labelled(std::string& out, std::string_view label, std::string_view text) {
+  if (text.empty()) return;
+  std::string indented;
+  for (char ch : shown(text)) {
+    indented += ch;
+    if (ch == '\n') indented += "            ";
+  }
+  out += fmt::format("  {:<10}{}\n", fmt::format("{}:", label), indented);
+}
+
+/// "  --> scenario.lua:18:3", where there is a place.
+std::string place(const SourceMark& m) {
+  if (m.file.empty()) return {};
+  std::string out = "  --> " + shown(m.file);
+  if (m.line > 0) out += fmt::format(":{}", m.line);
+  if (m.line > 0 && m.column > 0) out += fmt::format(":{}", m.column);
+  return out + '\n';
+}
+
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t up = row[j];
+      row[j] = std::min({up + 1, row[j - 1] + 1, diagonal + (a[i - 1] == b[j - 1] ? 0u : 1u)});
+      diagonal = up;
+    }
+  }
+  return row[b.size()];
+}
+
+}  // namespace
+
 std::string excerpt(const SourceMark& mark, int span) {
   std::string line = source_line(mark);
   if (line.empty()) return {};
@@ -90,47 +144,15 @@ std::string excerpt(const SourceMark& mark, int span) {
   return out + fmt::format("      | {}{}\n", std::string(width(0, start), ' '), std::string(width(start, length), '^'));
 }
 
-void labelled(std::string& out, std::string_view label, std::string_view text) {
-  if (text.empty()) return;
-  std::string indented;
-  for (char ch : text) {
-    indented += ch;
-    if (ch == '\n') indented += "            ";
-  }
-  out += fmt::format("  {:<10}{}\n", fmt::format("{}:", label), indented);
-}
-
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t up = row[j];
-      row[j] = std::min({up + 1, row[j - 1] + 1, diagonal + (a[i - 1] == b[j - 1] ? 0u : 1u)});
-      diagonal = up;
-    }
-  }
-  return row[b.size()];
-}
-
-}  // namespace
-
 std::string_view number_of(Code c) { return entry(c).number; }
 std::string_view title_of(Code c) { return entry(c).title; }
 
 std::string render(const Diagnostic& d) {
   const char* kind = number_of(d.code).starts_with('W') ? "warning" : "error";
-  std::string out = fmt::format("{}[{}]: {}\n", kind, number_of(d.code), d.about.empty() ? title_of(d.code) : d.about);
+  std::string out = fmt::format("{}[{}]: {}\n", kind, number_of(d.code), d.about.empty() ? std::string(title_of(d.code)) : shown(d.about));
   const SourceMark& m = d.at.mark;
-  if (!m.file.empty()) {
-    out += "  --> " + m.file;
-    if (m.line > 0) out += fmt::format(":{}", m.line);
-    if (m.line > 0 && m.column > 0) out += fmt::format(":{}", m.column);
-    out += '\n';
-  }
-  if (!d.at.key_path.empty()) out += fmt::format("  at: {}\n", d.at.key_path);
+  out += place(m);
+  if (!d.at.key_path.empty()) out += fmt::format("  at: {}\n", shown(d.at.key_path));
   if (m.line > 0) out += excerpt(m, d.span);
   labelled(out, "expected", d.expected);
   labelled(out, "got", d.got);
@@ -169,7 +191,7 @@ std::string render(const RunFailure& f) {
   if (!f.body.empty()) out += fmt::format("   body: {}", f.body);
   if (!f.hinge.empty()) out += fmt::format("   hinge: {}", f.hinge);
   out += '\n';
-  if (!f.what.empty()) out += fmt::format("  {}\n", f.what);
+  if (!f.what.empty()) out += fmt::format("  {}\n", shown(f.what));
   if (!f.last_good.empty()) out += fmt::format("  last accepted state: {}\n", f.last_good);
   labelled(out, "hint", f.hint);
   return out;

@@ -29,7 +29,8 @@ inline std::string printable(std::string_view text) {
   while (!text.empty()) {
     const std::size_t length = utf8_character(text);
     const auto c = static_cast<unsigned char>(text[0]);
-    if (length == 0 || c < 0x20 || c == 0x7F)
+    const bool is_control = c < 0x20 || c == 0x7F || (c == 0xC2 && length == 2 && static_cast<unsigned char>(text[1]) < 0xA0);
+    if (length == 0 || is_control)
       out += '?';
     else
       out += text.substr(0, length);

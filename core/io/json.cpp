@@ -1,6 +1,8 @@
 #include "core/io/json.hpp"
 
+#include <charconv>
 #include <cmath>
+#include <string_view>
 
 namespace cardan {
 namespace {
@@ -37,12 +39,26 @@ Json to_json(const Diagnostic& d) {
 }
 
 Json to_json(const RunFailure& f) {
+  // Where a script failed its place is a line of `what`: "  --> scenario.lua:4".
+  constexpr std::string_view kArrow = "\n  --> ";
+  std::string file;
+  int line = 0;
+  if (const std::size_t at = f.what.find(kArrow); at != std::string::npos) {
+    const std::size_t first = at + kArrow.size();
+    file = f.what.substr(first, f.what.find('\n', first) - first);
+    if (const std::size_t colon = file.rfind(':'); colon != std::string::npos) {
+      std::from_chars(file.data() + colon + 1, file.data() + file.size(), line);
+      file.resize(colon);
+    }
+  }
   return {{"code", number_of(f.code)},
           {"title", title_of(f.code)},
           {"t", f.t},
           {"body", f.body},
           {"hinge", f.hinge},
           {"what", f.what},
+          {"file", file},
+          {"line", line},
           {"hint", f.hint},
           {"last_good", f.last_good}};
 }

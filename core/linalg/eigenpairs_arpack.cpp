@@ -11,6 +11,7 @@
 #include <numeric>
 #include <vector>
 
+#include "core/base/poll.hpp"
 #include "core/linalg/eigenpairs.hpp"
 
 namespace cardan {
@@ -46,6 +47,7 @@ Eigenpairs dense_pairs(const LinearOperator& inverse, const LinearOperator& mass
   MatrixXd A_inv(n, n), M(n, n);
   VectorXd column(n);
   for (int j = 0; j < n; ++j) {
+    Poll::now();
     inverse.mult(VectorXd::Unit(n, j), column);
     A_inv.col(j) = column;
     mass.mult(VectorXd::Unit(n, j), column);
@@ -75,6 +77,7 @@ Eigenpairs arpack_pairs(const LinearOperator& inverse, const LinearOperator& mas
                   n_lanczos, basis.data(), n, iparam, ipntr, workd.data(), workl.data(), static_cast<int>(workl.size()),
                   info);
     if (ido == 99) break;
+    Poll::now();
     x = work(0);
     if (ido == 2) {
       mass.mult(x, y);

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "core/base/diagnostic.hpp"
+#include "core/base/poll.hpp"
 #include "core/linalg/eigenpairs.hpp"
 
 namespace cardan::soa {
@@ -32,6 +33,7 @@ struct Expression::Node {
   Sort gives = Sort::unknown, takes = Sort::unknown;
   std::vector<double> scales;                     // of the terms of a sum
   std::vector<std::shared_ptr<const Node>> parts; // factors, or terms
+  int letters = 1;
 };
 
 namespace {
@@ -50,7 +52,11 @@ bool same(const Formula& a, const Formula& b) {
   return true;
 }
 
-Formula make(Node n) { return std::make_shared<const Node>(std::move(n)); }
+Formula make(Node n) {
+  if (!n.parts.empty()) n.letters = 0;
+  for (const Formula& part : n.parts) n.letters += part->letters;
+  return std::make_shared<const Node>(std::move(n));
+}
 Formula leaf_of(Kind kind, bool starred = false, const std::vector<int>& nodes = {}) {
   const KindFacts& f = facts(kind);
   Node n{.form = Form::leaf, .kind = kind, .starred = starred && !f.symmetric, .rows = {f.rows, {}}, .cols = {f.columns, {}}, .gives = f.gives, .takes = f.takes, .scales = {}, .parts = {}};
@@ -235,6 +241,7 @@ Eigen::VectorXd run(const TreeOperators& tree, const Formula& f, const Eigen::Ve
     case Form::identity:
     case Form::unit: return x;
     case Form::product: {
+      Poll::now();
       static const Formula mass = mass_of(), mass_inverse = *inverse_of(mass_of());
       const auto fused = same(f, mass) ? TreeOperators::Fused::mass : same(f, mass_inverse) ? TreeOperators::Fused::mass_inverse : TreeOperators::Fused::none;
       if (tree.has_fused(fused)) {
@@ -300,6 +307,11 @@ void same_tree(const Expression& a, const Expression& b, const char* sign) {
          a.tree()->model_pointer() == b.tree()->model_pointer() ? "operators taken at different times, or of different subgraphs" : "operators of two models",
          "take both from the same operators()");
 }
+void expect_room(const Formula& a, const Formula& b) {
+  if (const int n = a->letters + b->letters; n > Expression::kMaxLetters)
+    fail(Code::operator_shape, "a formula", fmt::format("at most {} letters", Expression::kMaxLetters), fmt::format("{}", n),
+         "(...):dense() makes a matrix of a part");
+}
 }  // namespace
 
 Expression operator*(const Expression& a, const Expression& b) {
@@ -309,6 +321,7 @@ Expression operator*(const Expression& a, const Expression& b) {
   if (a.formula_->cols != b.formula_->rows)
     fail(Code::operator_shape, a.text() + " * " + b.text(), "columns of the left operator = rows of the right one",
          fmt::format("{} times {}", a.shape(), b.shape()), "a star() may be missing");
+  expect_room(a.formula_, b.formula_);
   return {a.tree_, product_of({a.formula_, b.formula_})};
 }
 Expression operator*(double s, const Expression& a) {
@@ -327,6 +340,7 @@ Formula add(const TreeOperators& tree, const Expression& ea, const Formula& a, c
   if (x->rows != y->rows || x->cols != y->cols)
     fail(Code::operator_shape, ea.text() + (sign < 0 ? " - " : " + ") + eb.text(), "two operators of one shape",
          fmt::format("{} and {}", shape_of(tree, x), shape_of(tree, y)));
+  expect_room(x, y);
   return sum_of({{1.0, x}, {sign, y}});
 }
 }  // namespace
@@ -352,6 +366,7 @@ Eigen::MatrixXd Expression::dense() const {
   Eigen::VectorXd unit = Eigen::VectorXd::Zero(cols());
   for (Eigen::Index j = 0; j < out.cols(); ++j) {
     unit[j] = 1.0;
+    Poll::now();
     out.col(j) = run(*tree_, formula_, unit);
     unit[j] = 0.0;
   }
@@ -406,6 +421,7 @@ SpaceLabels Expression::row_labels() const { return labels_of(*tree_, formula_->
 SpaceLabels Expression::column_labels() const { return labels_of(*tree_, formula_->cols, formula_->takes); }
 Sort Expression::gives() const { return formula_->gives; }
 Sort Expression::takes() const { return formula_->takes; }
+int Expression::letters() const { return formula_->letters; }
 std::string Expression::text() const { return text_of(formula_); }
 std::string Expression::shape() const { return shape_of(*tree_, formula_); }
 

@@ -24,6 +24,9 @@ class Expression {
   /// H phi M phi* H*.
   static Expression mass(Tree tree);
 
+  /// The longest formula: more letters are refused (C0902). On paper some twenty are many; in a loop they double.
+  static constexpr int kMaxLetters = 4096;
+
   // Algebra. Errors C0902 name both operands and their shapes; operands of different trees do not mix.
   Expression star() const;
   /// By rule (operators.hpp); C0903 where there is none.
@@ -49,6 +52,7 @@ class Expression {
   /// At the level of accelerations: units rad/s^2, N m.
   SpaceLabels row_labels() const;
   SpaceLabels column_labels() const;
+  int letters() const;        ///< of the formula, which is what apply() goes through
   std::string text() const;   ///< "H phi M phi* H*"
   std::string shape() const;  ///< "hinge x body (12 x 34)"
   const Tree& tree() const { return tree_; }

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "core/base/diagnostic.hpp"
+#include "core/base/poll.hpp"
 #include "core/operators/apply.hpp"
 #include "core/operators/node_motion.hpp"
 #include "core/soa/kernels.hpp"
@@ -294,6 +295,7 @@ class Solver {
     double mu = 1e-2;
     int idle = 0;
     for (out.iterations = 0; out.iterations < iterations && !is_reached(e.norm()); ++out.iterations) {
+      Poll::now();
       const MatrixXd A_star = jacobian_star(q, error);
       const VectorXd gradient = A_star * e;
       const std::vector<std::uint8_t> free = free_to_follow(q, gradient);
@@ -360,6 +362,7 @@ class Solver {
     const auto length = [&](const VectorXd& d) { return std::sqrt(d.cwiseAbs2().cwiseQuotient(inverse_weight_).sum()); };
     double share = 1.0;
     for (int i = 0; i < kSecondaryIterations; ++i) {
+      Poll::now();
       const VectorXd d = way(best.q);
       const MatrixXd A_star = jacobian_star(best.q, errors(best.q));
       const std::vector<std::uint8_t> free = free_to_follow(best.q, d);

@@ -7,8 +7,10 @@
 #include <optional>
 
 #include "core/base/diagnostic.hpp"
+#include "core/base/poll.hpp"
 #include "core/dynamics/inverse.hpp"
 #include "core/operators/apply.hpp"
+#include "core/operators/components.hpp"
 #include "core/operators/node_motion.hpp"
 #include "core/operators/sensitivity.hpp"
 #include "core/soa/kernels_tangent.hpp"
@@ -24,9 +26,6 @@ constexpr const char* kXyz[] = {"x", "y", "z"};
 std::size_t idx(int i) { return static_cast<std::size_t>(i); }
 
 bool is_curved(const UserBody& u) { return u.nq > 0 && u.hinge->retract; }
-bool has_quaternion(const UserBody& u) {
-  return u.hinge->shape == CARDAN_SHAPE_BALL || u.hinge->shape == CARDAN_SHAPE_FREE || u.hinge->shape == CARDAN_SHAPE_FREE_BODY;
-}
 
 /// What the model is of: all bodies, or those of a tree.
 struct Scope {
@@ -54,12 +53,6 @@ Scope scope_of(const Model& m, const TreeOperators* blocks) {
 
 // ---- names ----
 
-/// The name of dtheta_j of a hinge: its coordinate where it has one of its own.
-std::string deviation_name(const UserBody& u, int j) {
-  if (!is_curved(u)) return u.q_names[idx(j)];
-  if (has_quaternion(u)) return j < 3 ? fmt::format("turn_{}", kXyz[j]) : fmt::format("shift_{}", kXyz[j - 3]);
-  return "d_" + u.v_names[idx(j)];
-}
 /// "rad/s" -> "rad".
 std::string without_second(const std::string& unit) { return unit.ends_with("/s") ? unit.substr(0, unit.size() - 2) : unit + " s"; }
 /// Dual to a velocity: W per unit of it.
@@ -172,13 +165,10 @@ PortList inputs_of(const Scope& scope, const std::vector<std::string>& wanted) {
       add_quantity(out, "inputs", text, colon, node_of(scope, "inputs", text, colon), kLoads);
       continue;
     }
-    if (const int u = m.find_body(text); u >= 0 && m.user[idx(u)].nv > 0 && scope.has(m.user[idx(u)].sweep)) {
-      add_hinge(m.user[idx(u)]);
-      continue;
-    }
-    const auto found = std::find(states.names.begin(), states.names.end(), text);
-    if (found == states.names.end()) unknown("inputs", text, scope.expected("a component of a hinge, a hinge, a mode, or NODE:force, NODE:torque"), states.names);
-    add(static_cast<int>(found - states.names.begin()) % scope.nv());
+    std::vector<int> found = components_of(m, text);
+    std::erase_if(found, [&](int v) { return scope.place[idx(v)] < 0; });
+    if (found.empty()) unknown("inputs", text, scope.expected("a component of a hinge, a hinge, a mode, or NODE:force, NODE:torque"), states.names);
+    for (const int v : found) add(scope.place[idx(v)]);
   }
   return out;
 }
@@ -390,6 +380,7 @@ LinearModel linearize(const Scope& scope, const OperatingPoint& at, const Linear
   Column column(scope, at, inputs, outputs);
   std::vector<Tangent> y(idx(ny), Tangent(0.0));
   const auto run = [&](MatrixXd& top, MatrixXd& bottom, int j) {
+    Poll::now();
     column.run(y.data());
     for (int i = 0; i < nv; ++i) top(nv + i, j) = column.vdot[idx(scope.components[idx(i)])].d;
     for (int i = 0; i < ny; ++i)

@@ -23,7 +23,8 @@ struct OperatingPoint {
   std::span<const NodeWrench<double>> wrenches = {};
 };
 
-/// Inputs and outputs by name. A name may stand for several; .x, .y, .z behind a node's quantity is one of three.
+/// Inputs and outputs by name. A name may stand for several; .x, .y, .z behind a node's quantity is one of three. Components of
+/// inputs are named as in components.hpp.
 ///
 ///   input     "wing.angle", "wing.rate"   force on that component of a hinge [N m | N]; of a given motion its acceleration
 ///             "wing"                      all components of the hinge

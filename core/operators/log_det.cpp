@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "core/base/poll.hpp"
+
 namespace cardan {
 
 namespace {
@@ -70,6 +72,7 @@ Eigen::VectorXd log_det_gradient(const TreeOperators& tree) {
   std::vector<double> u(idx(model.nv));
   PositionBlocks d;
   for (const Pass& pass : passes_of(tree, depth)) {
+    Poll::now();
     const auto moved = [&](int i) {
       const soa::OperatorBody& b = tree.bodies()[idx(i)];
       return pass.parity < 0 ? pass.component < b.nh : depth[idx(i)] % 2 == pass.parity && pass.component < b.m;

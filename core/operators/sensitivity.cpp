@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "core/base/poll.hpp"
 #include "core/operators/apply.hpp"
 #include "core/operators/node_motion.hpp"
 #include "core/soa/gravity_field.hpp"
@@ -191,6 +192,7 @@ InverseDerivatives Sensitivities::inverse() {
   InverseDerivatives out{MatrixXd(nv, nv), MatrixXd(nv, nv)};
   VectorXd unit = VectorXd::Zero(nv);
   for (int i = 0; i < nv; ++i) {
+    Poll::now();
     unit[i] = 1.0;
     inverse({.q = unit.data()}, out.q.col(i).data());
     inverse({.v = unit.data()}, out.v.col(i).data());
@@ -213,6 +215,7 @@ ForwardDerivatives Sensitivities::forward() {
 
 MatrixXd Sensitivities::minus_inverse_of(MatrixXd dtau) {
   for (Eigen::Index j = 0; j < dtau.cols(); ++j) {
+    Poll::now();
     work_ = -dtau.col(j);
     mass_inverse(work_.data(), dtau.col(j).data());
   }

@@ -5,6 +5,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "core/base/diagnostic.hpp"
@@ -290,9 +291,11 @@ std::vector<Pole> poles(const Eigen::MatrixXd& A) {
   std::vector<Pole> out;
   if (A.size() == 0) return out;
   const Eigen::VectorXcd values = Eigen::EigenSolver<MatrixXd>(A, false).eigenvalues();
+  // A rigid-body mode is a double zero, which rounding of A takes apart into poles of sqrt(eps |A|) anywhere about the origin.
+  const double rounding = 4.0 * std::sqrt(std::numeric_limits<double>::epsilon() * A.norm());
   for (const std::complex<double>& s : values) {
     const double size = std::abs(s);
-    out.push_back({s, size / (2.0 * std::numbers::pi), size > 0.0 ? -s.real() / size : 0.0});
+    out.push_back({s, size / (2.0 * std::numbers::pi), size > rounding ? -s.real() / size : 0.0});
   }
   std::stable_sort(out.begin(), out.end(), [](const Pole& a, const Pole& b) {
     return a.frequency != b.frequency ? a.frequency < b.frequency : a.value.imag() > b.value.imag();

@@ -44,7 +44,7 @@ int count_below(const TreeOperators& tree, double lambda);
 struct Pole {
   std::complex<double> value;  // [rad/s]
   double frequency = 0.0;      // [Hz] |value| / 2 pi
-  double damping = 0.0;        // [-] -Re / |value|; 0 at the origin
+  double damping = 0.0;        // [-] -Re / |value|; 0 where value is zero to rounding, < 4 sqrt(eps |A|)
 };
 /// Eigenvalues of A (square), by rising frequency, of a pair the one above the real axis first.
 std::vector<Pole> poles(const Eigen::MatrixXd& A);

@@ -166,6 +166,25 @@ int task_torque(lua_State* L) {
   push_vector(L, t.space->torque(F, tau_0), hinge_labels(*t.tree, Sort::force));
   return 1;
 }
+/// task:bias(v) = Jdot v: accelerations of the task at v' = 0
+int task_bias(lua_State* L) {
+  const LuaTask& t = to_task(L);
+  soa::Workspace<double> workspace(t.tree->model());
+  push_vector(L, soa::task_bias(*t.tree, t.space->task(), workspace, hinge_vector(L, 2, *t.tree, "the velocities")), t.motion);
+  return 1;
+}
+/// task:force_for(wanted, drift) = Lambda (wanted - drift)
+int task_force_for(lua_State* L) {
+  const LuaTask& t = to_task(L);
+  const VectorXd wanted = finite_vector(L, 2, t.space->rows(), "the wanted acceleration");
+  const VectorXd drift = lua_isnoneornil(L, 3) ? VectorXd(VectorXd::Zero(t.space->rows())) : finite_vector(L, 3, t.space->rows(), "the drift");
+  push_vector(L, t.space->force_for(wanted, drift), t.force);
+  return 1;
+}
+int task_require_full_rank(lua_State* L) {
+  to_task(L).space->require_full_rank();
+  return 0;
+}
 int task_text(lua_State* L) {
   const LuaTask& t = to_task(L);
   lua_pushstring(L, fmt::format("task of {} rows, rank {}, condition {:.3g}{}", t.space->rows(), t.space->rank(), t.space->condition(),
@@ -264,12 +283,12 @@ int hybrid(lua_State* L) {
   if (lua_type(L, 2) != LUA_TTABLE) refuse(L, Code::lua_argument, "hybrid", "a table {bias = , tau = , vdot = }", describe_value(L, 2));
   VectorXd parts[3] = {VectorXd::Zero(tree.size(Space::hinge)), VectorXd::Zero(tree.size(Space::hinge)), VectorXd::Zero(tree.size(Space::hinge))};
   constexpr const char* keys[] = {"bias", "tau", "vdot"};
-  for (lua_pushnil(L); lua_next(L, 2); lua_pop(L, 1)) {
-    const std::string key = lua_type(L, -2) == LUA_TSTRING ? lua_tostring(L, -2) : "";
+  for_each_key(L, 2, [&](int key_at, int value) {
+    const std::string key = lua_type(L, key_at) == LUA_TSTRING ? lua_tostring(L, key_at) : "";
     const auto k = std::find(std::begin(keys), std::end(keys), key) - std::begin(keys);
-    if (k == 3) refuse(L, Code::unknown_key, "hybrid", "bias, tau, vdot", describe_value(L, -2));
-    parts[k] = finite_vector(L, lua_gettop(L), parts[k].size(), ("hybrid." + key).c_str());
-  }
+    if (k == 3) refuse(L, Code::unknown_key, "hybrid", "bias, tau, vdot", describe_value(L, key_at));
+    parts[k] = finite_vector(L, value, parts[k].size(), ("hybrid." + key).c_str());
+  });
   const soa::Hybrid h = soa::hybrid_dynamics(tree, parts[0], parts[1], parts[2]);
   lua_newtable(L);
   push_vector(L, h.vdot, hinge_labels(tree, Sort::motion)), set(L, "vdot");
@@ -397,7 +416,8 @@ int study(lua_State* L) {
 using OS = soa::OperationalSpace;
 const std::vector<luaL_Reg> kTaskMethods = {
     {"compliance", method<task_compliance>}, {"inertia", method<task_inertia>}, {"rank", method<task_rank>}, {"condition", method<task_condition>},
-    {"rows", method<task_rows>}, {"torque", method<task_torque>},
+    {"rows", method<task_rows>}, {"torque", method<task_torque>}, {"bias", method<task_bias>}, {"force_for", method<task_force_for>},
+    {"require_full_rank", method<task_require_full_rank>},
     {"rates", method<task_map<&OS::rates, false, true, Sort::motion>>}, {"forces", method<task_map<&OS::forces, true, false, Sort::force>>},
     {"consistent_inverse", method<task_map<&OS::consistent_inverse, true, false, Sort::motion>>},
     {"task_part", method<task_map<&OS::task_part, false, true, Sort::force>>},

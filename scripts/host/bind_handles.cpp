@@ -52,17 +52,20 @@ std::string listed(const std::vector<std::string>& names) {
   return names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "));
 }
 
-/// Index of the component that argument `arg` names: 1, 2, ... or a name; the first one if absent.
-int component(lua_State* L, int arg, const std::vector<std::string>& names, const std::string& body) {
+/// Index of the component of a coordinate or velocity (`names` are its own) that argument `arg` names: 1, 2, ... or a name; the
+/// first one if absent. Where each coordinate has its rate, both names will do; the name of the body may stand before it.
+int component(lua_State* L, int arg, const std::vector<std::string>& names, const UserBody& u) {
+  const std::string& body = u.name;
   const int type = lua_type(L, arg);
   const auto n = static_cast<lua_Integer>(names.size());
   if (type == LUA_TNUMBER || type == LUA_TNONE || type == LUA_TNIL) {
     const lua_Integer i = type == LUA_TNUMBER ? lua_tointeger(L, arg) : 1;
     if (i >= 1 && i <= n) return static_cast<int>(i) - 1;
   } else if (type == LUA_TSTRING) {
-    const char* name = lua_tostring(L, arg);
+    std::string_view name = lua_tostring(L, arg);
+    if (name.starts_with(body) && name.substr(body.size()).starts_with('.')) name.remove_prefix(body.size() + 1);
     for (std::size_t i = 0; i < names.size(); ++i)
-      if (names[i] == name) return static_cast<int>(i);
+      if (names[i] == name || (u.nq == u.nv && (u.q_names[i] == name || u.v_names[i] == name))) return static_cast<int>(i);
   }
   const std::string word = type == LUA_TSTRING ? lua_tostring(L, arg) : "";
   refuse(L, Code::unknown_name, "hinge of " + body,
@@ -79,12 +82,11 @@ double command(lua_State* L, int arg, Scenario& s, const char* what, const std::
   const std::string got = fmt::format("{} of {} = {}", what, name, std::isnan(x) ? "nan" : x > 0 ? "inf" : "-inf");
   if (s.stage == Scenario::Stage::setup)
     refuse(L, Code::lua_argument, fmt::format("{} of {}", what, name), "a finite number", got);
-  const SourceMark at = LuaHost::caller(L);
   s.fault = RunFailure{Code::controller_nan,
                        s.sim->time(),
                        "",
                        "",
-                       fmt::format("{}: {}\n  --> {}:{}", s.actor, got, at.file, at.line),
+                       fmt::format("{}: {}{}", s.actor, got, place_of_failure(LuaHost::caller(L))),
                        "a division by zero, or the root of a negative number?",
                        ""};
   refuse(L, Code::lua_argument, fmt::format("{} of {}", what, name), "a finite number", got);
@@ -148,13 +150,13 @@ int body_mass(lua_State* L) {
 int hinge_q(lua_State* L) {
   const Handle& h = self<Kind::hinge>(L);
   const UserBody& u = h.user();
-  lua_pushnumber(L, h.scenario->q[u.q + component(L, 2, u.q_names, u.name)]);
+  lua_pushnumber(L, h.scenario->q[u.q + component(L, 2, u.q_names, u)]);
   return 1;
 }
 int hinge_v(lua_State* L) {
   const Handle& h = self<Kind::hinge>(L);
   const UserBody& u = h.user();
-  lua_pushnumber(L, h.scenario->v[u.v + component(L, 2, u.v_names, u.name)]);
+  lua_pushnumber(L, h.scenario->v[u.v + component(L, 2, u.v_names, u)]);
   return 1;
 }
 
@@ -166,7 +168,7 @@ int hinge_force(lua_State* L) {
   const UserBody& u = h.user();
   expect_state(L, s, "a command");
   const double x = command(L, 2, s, "force on hinge", u.name);
-  const int v = u.v + component(L, 3, u.v_names, u.name);
+  const int v = u.v + component(L, 3, u.v_names, u);
   if (is_prescribed(*s.model, v))
     refuse(L, Code::lua_argument, "hinge of " + u.name, "a component that is free to move", "a prescribed one",
            "its motion is given by :profile{...}; :applied() tells the force it needs");
@@ -177,7 +179,7 @@ int hinge_applied(lua_State* L) {
   const Handle& h = self<Kind::hinge>(L);
   Scenario& s = *h.scenario;
   expect_state(L, s, "the force on a hinge");
-  const int v = h.user().v + component(L, 2, h.user().v_names, h.user().name);
+  const int v = h.user().v + component(L, 2, h.user().v_names, h.user());
   if (!is_prescribed(*s.model, v)) {
     lua_pushnumber(L, s.sim->force(v));
     return 1;
@@ -235,7 +237,7 @@ int hinge_profile(lua_State* L) {
   sink.throw_if_any();
   t.has("component");
   lua_getfield(L, 2, "component");
-  const int c = component(L, lua_gettop(L), u.v_names, u.name), v = u.v + c;
+  const int c = component(L, lua_gettop(L), u.v_names, u), v = u.v + c;
   lua_pop(L, 1);
   const std::string &rate = u.v_units[static_cast<std::size_t>(c)], unit = rate.substr(0, rate.find('/'));
   if (!is_prescribed(*s.model, v))

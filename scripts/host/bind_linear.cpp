@@ -47,8 +47,12 @@ int linear_model(lua_State* L, const soa::TreeOperators& tree, const OperatingSt
   LuaHost::charge(L, 500LL * static_cast<std::int64_t>(tree.model().bodies.size() + static_cast<std::size_t>(nv)) * (2 * nv + 1));
   const soa::LinearModel linear =
       soa::linearize(tree, {.t = at.t, .v = at.v.data(), .tau = at.tau.data(), .vdot = at.vdot.data(), .wrenches = at.wrenches}, ports);
-  if (!file.empty()) write_linear_model(linear, output_file(L, file).string());
   lua_newtable(L);
+  if (!file.empty()) {
+    const std::filesystem::path path = output_file(L, file);
+    write_linear_model(linear, path.string());
+    push_path(L, path), set(L, "file");
+  }
   const Labels x = to_labels(linear.states), u = to_labels(linear.inputs), y = to_labels(linear.outputs), rates{x.names, {}};
   push_matrix(L, linear.A, rates, x), set(L, "A");
   push_matrix(L, linear.B, rates, u), set(L, "B");

@@ -14,17 +14,16 @@ namespace {
 /// The table of a declaration: its name, and at the end every fault at once.
 class Declaration {
  public:
-  Declaration(lua_State* L, const Scenario& s, const char* what) : table_(checked(L, s, what), 1, what, sink_) {}
+  Declaration(lua_State* L, Scenario& s, const char* what) : s_(s), table_(checked(L, s, what), 1, what, sink_) {}
 
   LuaTable& table() { return table_; }
-  template <class List>
-  std::string name(const List& others) {
-    const std::string name = table_.text("name").value_or("");
-    if (name.empty())
+  std::string name() {
+    name_ = table_.text("name").value_or("");
+    if (name_.empty())
       table_.reject("name", "a name");
-    else if (std::any_of(others.begin(), others.end(), [&](const auto& o) { return o.name == name; }))
+    else if (s_.names.contains({table_.path(), name_}))
       table_.reject("name", fmt::format("a name that no other {} has", table_.path()));
-    return name;
+    return name_;
   }
   LuaFunction function(const char* key, bool required) {
     auto f = table_.function(key);
@@ -34,6 +33,7 @@ class Declaration {
   void finish() {
     table_.finish();
     sink_.throw_if_any();
+    s_.names.insert({table_.path(), name_});
   }
 
  private:
@@ -41,14 +41,16 @@ class Declaration {
     expect_setup(L, s, what, true);
     return L;
   }
+  Scenario& s_;
   DiagnosticSink sink_;
   LuaTable table_;
+  std::string name_;
 };
 
 int controller(lua_State* L, Scenario& s) {
   Declaration d(L, s, "controller");
   Controller c;
-  c.name = d.name(s.controllers);
+  c.name = d.name();
   LuaTable& t = d.table();
   const Located here{"controller", LuaHost::caller(L)};
   const auto rate = t.number("rate", "Hz"), period = t.number("period", "s");
@@ -66,7 +68,7 @@ int controller(lua_State* L, Scenario& s) {
 int phase(lua_State* L, Scenario& s) {
   Declaration d(L, s, "phase");
   Phase p;
-  p.name = d.name(s.phases);
+  p.name = d.name();
   const auto duration = d.table().number("duration", "s");
   if (duration) p.duration = *duration;
   if (duration && !(*duration >= 0.0)) d.table().reject("duration", "a time >= 0");
@@ -81,7 +83,7 @@ int phase(lua_State* L, Scenario& s) {
 int event(lua_State* L, Scenario& s) {
   Declaration d(L, s, "event");
   ScriptEvent e;
-  e.name = d.name(s.events);
+  e.name = d.name();
   e.when = d.function("when", true);
   e.action = d.function("action", true);
   const std::string direction = d.table().choice("direction", {"rising", "falling", "both"}).value_or("both");
@@ -91,9 +93,9 @@ int event(lua_State* L, Scenario& s) {
   return 0;
 }
 
-Measure measure(Declaration& d, const std::vector<Measure>& others) {
+Measure measure(Declaration& d) {
   Measure m;
-  m.name = d.name(others);
+  m.name = d.name();
   m.unit = d.table().text("unit").value_or("1");
   if (!parse_unit(m.unit)) d.table().reject("unit", "a unit: deg, N m, 1", unit_hint(m.unit));
   m.value = d.function("value", true);
@@ -102,7 +104,7 @@ Measure measure(Declaration& d, const std::vector<Measure>& others) {
 
 int figure(lua_State* L, Scenario& s) {
   Declaration d(L, s, "figure");
-  Measure m = measure(d, s.figures);
+  Measure m = measure(d);
   d.finish();
   s.figures.push_back(std::move(m));
   return 0;
@@ -110,7 +112,7 @@ int figure(lua_State* L, Scenario& s) {
 
 int check(lua_State* L, Scenario& s) {
   Declaration d(L, s, "check");
-  Measure m = measure(d, s.checks);
+  Measure m = measure(d);
   LuaTable& t = d.table();
   const std::string unit = m.unit == "1" ? "" : " " + m.unit;
   int n = 0;  // limits are numbers in the unit of the check
@@ -122,7 +124,9 @@ int check(lua_State* L, Scenario& s) {
     if (!(m.low <= m.high)) t.reject("within", "{smallest, largest}");
   }
   if (const auto x = t.numbers("equal", 1)) {  // {x, tolerance = ...}
-    const double tolerance = t.table("equal")->number("tolerance").value_or(0.0);
+    auto equal = t.table("equal");
+    const double tolerance = equal->number("tolerance").value_or(0.0);
+    if (!(tolerance >= 0.0)) equal->reject("tolerance", "a number >= 0");
     m.low = (*x)[0] - tolerance, m.high = (*x)[0] + tolerance, ++n;
     m.condition = fmt::format("equal to {:.6g} within {:.3g}{}", (*x)[0], tolerance, unit);
   }
@@ -135,6 +139,9 @@ int check(lua_State* L, Scenario& s) {
 /// The function that stores the numbers of one signal: upvalues are the signal and its name.
 int store(lua_State* L) {
   auto& signal = *static_cast<Signal*>(lua_touserdata(L, lua_upvalueindex(1)));
+  if (signal.scenario->in_event_function)
+    refuse(L, Code::lua_argument, signal.channel.path, "signals stored by controllers, phases and actions", "one stored in an event's `when`",
+           "it is evaluated at trial states that are not part of the motion");
   const auto n = static_cast<int>(signal.values.size());
   if (lua_gettop(L) != n)
     refuse(L, Code::lua_argument, signal.channel.path, fmt::format("{} number{}", n, n == 1 ? "" : "s"),
@@ -142,7 +149,12 @@ int store(lua_State* L) {
   for (int i = 1; i <= n; ++i) {
     if (lua_type(L, i) != LUA_TNUMBER)
       refuse(L, Code::lua_argument, signal.channel.path, "a number", describe_value(L, i));
-    signal.values[static_cast<std::size_t>(i) - 1] = lua_tonumber(L, i);
+    const double x = lua_tonumber(L, i);
+    signal.values[static_cast<std::size_t>(i) - 1] = x;
+    if (!std::isfinite(x) && signal.scenario->sim)  // recorded as it is: a division by zero at one tick need not end the run
+      signal.scenario->sim->warnings().add(Code::mission_doubt, {"signals." + signal.channel.path, LuaHost::caller(L)},
+                                           fmt::format("signal {} is {}", signal.channel.path, std::isnan(x) ? "nan" : x > 0 ? "inf" : "-inf"),
+                                           "a division by zero, or the root of a negative number?", signal.scenario->sim->time());
   }
   return 0;
 }
@@ -168,6 +180,8 @@ int signals(lua_State* L, Scenario& s) {
   const int out = lua_gettop(L);
   for (const std::string& path : paths) {
     auto signal = std::make_unique<Signal>();
+    signal->scenario = &s;
+    signal->declared = LuaHost::caller(L);
     Channel& c = signal->channel;
     c.path = path;
     if (!is_channel_path(path)) {

@@ -10,6 +10,7 @@
 #include <cmath>
 
 #include "core/base/units.hpp"
+#include "core/operators/components.hpp"
 #include "core/operators/expression.hpp"
 #include "scripts/host/lua_table.hpp"
 
@@ -33,6 +34,7 @@ Expression& expression(lua_State* L, int index = 1) {
 }
 
 int push(lua_State* L, Expression e) {
+  LuaHost::charge(L, 10 * e.letters());  // a product or a sum copies the letters of its operands
   push_object<Expression>(L, kOperator, std::move(e));
   return 1;
 }
@@ -44,7 +46,7 @@ Labels labels(soa::SpaceLabels l, Sort sort) {
 
 /// The work of applying an expression once, as steps of the script's budget.
 void charge(lua_State* L, const Expression& e, double times = 1.0) {
-  const double numbers = 40.0 * (e.tree()->size(Space::body) + e.tree()->size(Space::hinge));
+  const double numbers = 4.0 * e.letters() * (e.tree()->size(Space::body) + e.tree()->size(Space::hinge) + 10);
   LuaHost::charge(L, static_cast<std::int64_t>(std::min(1e15, times * numbers)));
 }
 
@@ -149,15 +151,15 @@ int articulate(lua_State* L) {
   std::vector<std::uint8_t> free;
   if (!lua_isnoneornil(L, 2)) {
     if (lua_type(L, 2) != LUA_TTABLE) refuse(L, Code::lua_argument, "articulate", "a table {free = ..., W = ...}", describe_value(L, 2));
-    for (lua_pushnil(L); lua_next(L, 2); lua_pop(L, 1)) {
-      const std::string key = lua_type(L, -2) == LUA_TSTRING ? lua_tostring(L, -2) : "";
+    for_each_key(L, 2, [&](int key_at, int value) {
+      const std::string key = lua_type(L, key_at) == LUA_TSTRING ? lua_tostring(L, key_at) : "";
       if (key == "W")
-        W = finite_vector(L, lua_gettop(L), n, "W of articulate");
-      else if (key == "free") {
-        free = component_mask(L, *o.tree, names_at(L, lua_gettop(L), "free of articulate"), "free of articulate");
-      } else
-        refuse(L, Code::lua_argument, "articulate", "free, W", describe_value(L, -2));
-    }
+        W = finite_vector(L, value, n, "W of articulate");
+      else if (key == "free")
+        free = component_mask(L, *o.tree, names_at(L, value, "free of articulate"), "free of articulate");
+      else
+        refuse(L, Code::lua_argument, "articulate", "free, W", describe_value(L, key_at));
+    });
   }
   o.tree->articulate({.W = W.size() > 0 ? W.data() : nullptr, .free = free});
   return 0;
@@ -166,7 +168,7 @@ int operational_space(lua_State* L) {
   to_operators(L).tree->operational_space();
   return 0;
 }
-/// s:along(u): dH, dE_phi, dM where q moves by N(q) u; u: a vector over v, or the name of one component.
+/// s:along(u): dH, dE_phi, dM where q moves by N(q) u; u: a vector over v, or the name of a component (of several: their sum).
 int along(lua_State* L) {
   LuaOperators& o = to_operators(L);
   Eigen::VectorXd u = Eigen::VectorXd::Zero(o.tree->model().nv);
@@ -372,14 +374,23 @@ std::vector<int> node_indices(lua_State* L, const std::vector<std::string>& name
   return out;
 }
 
+std::vector<int> components_at(lua_State* L, const Model& m, const std::string& name, const char* what) {
+  std::vector<int> found = soa::components_of(m, name);
+  if (found.empty())
+    refuse(L, Code::unknown_name, what, fmt::format("a component, or a body for all of its hinge: {}", fmt::join(soa::component_names(m), ", ")),
+           in_quotes(name), did_you_mean(name, soa::component_names(m)));
+  return found;
+}
+
 std::vector<std::uint8_t> component_mask(lua_State* L, const TreeOperators& tree, const std::vector<std::string>& names, const char* what) {
-  const soa::SpaceLabels l = tree.labels(Space::hinge, Sort::motion);
-  std::vector<std::uint8_t> mask(l.names.size(), 0);
+  std::vector<std::uint8_t> mask(static_cast<std::size_t>(tree.size(Space::hinge)), 0);
   for (const std::string& name : names) {
-    const auto found = std::find(l.names.begin(), l.names.end(), name);
-    if (found == l.names.end())
-      refuse(L, Code::unknown_name, what, fmt::format("velocity components: {}", fmt::join(l.names, ", ")), in_quotes(name), did_you_mean(name, l.names));
-    mask[static_cast<std::size_t>(found - l.names.begin())] = 1;
+    bool takes_part = false;
+    for (const int v : components_at(L, tree.model(), name, what))
+      if (const int place = tree.place_of_velocity(v); place >= 0) mask[static_cast<std::size_t>(place)] = 1, takes_part = true;
+    if (!takes_part)
+      refuse(L, Code::unknown_name, what,
+             fmt::format("a component of the bodies that take part: {}", fmt::join(tree.labels(Space::hinge, Sort::motion).names, ", ")), in_quotes(name));
   }
   return mask;
 }
@@ -449,10 +460,15 @@ void bind_operators(Scenario& s) {
     lua_pushvalue(L, -1);
     lua_pushcclosure(L, method<operators_index>, 1);
     lua_setfield(L, -3, "__index");
-    lua_newtable(L);  // what completion offers
+    lua_newtable(L);  // what completion offers: methods, and letters
     for (const std::string& name : known_names(L, lua_absindex(L, -2))) {
       lua_pushstring(L, name.c_str());
-      lua_rawseti(L, -2, static_cast<lua_Integer>(lua_rawlen(L, -2)) + 1);
+      lua_pushvalue(L, -1);
+      if (lua_rawget(L, -4) == LUA_TNIL) {
+        lua_pop(L, 1);
+        lua_pushboolean(L, 1);
+      }
+      lua_rawset(L, -3);
     }
     lua_setfield(L, -3, "__members");
     lua_pop(L, 1);

@@ -6,6 +6,7 @@
 
 #include "core/operators/tree_operators.hpp"
 #include "scripts/host/lua_matrix.hpp"
+#include "scripts/host/lua_sandbox.hpp"
 #include "scripts/host/scenario.hpp"
 
 namespace cardan {
@@ -46,8 +47,27 @@ std::vector<std::string> names_at(lua_State* L, int first, const char* what);
 /// Indices into Model::nodes.
 std::vector<int> node_indices(lua_State* L, const std::vector<std::string>& names, const Model&);
 inline std::vector<int> nodes_at(lua_State* L, int first, const Model& m) { return node_indices(L, names_at(L, first, "nodes"), m); }
-/// 1 for these velocity components of the tree, by their names in the hinge space.
+/// Velocity components of the model that a name stands for (core/operators/components.hpp); C0208 if there are none.
+std::vector<int> components_at(lua_State* L, const Model&, const std::string& name, const char* what);
+/// 1 for these components of the tree.
 std::vector<std::uint8_t> component_mask(lua_State* L, const soa::TreeOperators&, const std::vector<std::string>& names, const char* what);
+
+/// f(key, value), indices on the stack, for each entry of the table at `index` in the order of `pairs`: which fault is told first
+/// does not depend on hashes.
+template <class F>
+void for_each_key(lua_State* L, int index, F&& f) {
+  const int table = lua_absindex(L, index);
+  const lua_Integer n = push_keys(L, table);
+  const int keys = lua_gettop(L);
+  for (lua_Integer i = 1; i <= n; ++i) {
+    lua_rawgeti(L, keys, i);
+    lua_pushvalue(L, -1);
+    lua_rawget(L, table);
+    f(keys + 1, keys + 2);
+    lua_settop(L, keys);
+  }
+  lua_settop(L, keys - 1);
+}
 
 /// The value at the top, or a number, into the table below it.
 inline void set(lua_State* L, const char* key) { lua_setfield(L, -2, key); }

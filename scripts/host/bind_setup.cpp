@@ -365,6 +365,25 @@ void expect_legal(lua_State* L, const IntegratorOptions& options) {
   }
 }
 
+/// What one call of a controller, an event, ... may spend.
+void read_budget(LuaTable& t, Scenario& s) {
+  LuaBudget budget = s.lua.call_budget();
+  if (const auto steps = t.number("steps")) {
+    if (*steps >= 1000.0 && *steps <= 1e15)
+      budget.steps = static_cast<std::int64_t>(*steps);
+    else
+      t.reject("steps", "a number of steps from 1000 to 1e15");
+  }
+  if (const auto time = t.number("time", "s")) {
+    if (*time > 0.0 && *time <= 1e9)
+      budget.seconds = *time;
+    else
+      t.reject("time", "a time > 0 s, at most 1e9 s");
+  }
+  t.finish();
+  s.lua.set_call_budget(budget);
+}
+
 std::string listed(const std::vector<std::string>& names) {
   return names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "));
 }
@@ -387,7 +406,10 @@ void read_output(LuaTable& t, lua_State* L, Scenario& s) {
       if (found == names.end())
         refuse(L, code, t.path() + "." + key, fmt::format("{}: {}", what, listed(names)), in_quotes(name),
                did_you_mean(name, names));
-      out.push_back(static_cast<int>(found - names.begin()));
+      const auto index = static_cast<int>(found - names.begin());
+      if (std::find(out.begin(), out.end(), index) != out.end())
+        refuse(L, Code::duplicate_name, t.path() + "." + key, "each name once", in_quotes(name));
+      out.push_back(index);
     }
   };
   all("reactions", Code::unknown_body, m.user, s.mission.reactions, "a body of the vehicle");
@@ -419,6 +441,7 @@ int mission(lua_State* L, Scenario& s) {
   const auto ledger = t.flag("ledger");
   s.mission.simulation.ledger = ledger.value_or(true);
   if (!ledger) s.mission.defaults_used.emplace_back("mission.ledger", "true");
+  if (auto budget = t.table("budget")) read_budget(*budget, s);
   t.finish();
   sink.throw_if_any();
   expect_legal(L, s.mission.simulation.integrator);
@@ -508,7 +531,7 @@ void bind_setup(Scenario& s) {
     return 1;
   });
   s.lua.bind("mission.time", [&s](lua_State* L) {
-    lua_pushnumber(L, s.sim ? s.sim->time() : 0.0);
+    lua_pushnumber(L, s.time());
     return 1;
   });
   s.lua.protect([&s](lua_State* L) {

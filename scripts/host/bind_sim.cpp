@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/base/units.hpp"
 #include "scripts/host/bind_linear.hpp"
 #include "scripts/host/bind_operators.hpp"
 #include "scripts/host/bind_sim.hpp"
@@ -49,7 +50,7 @@ Workbench& workbench(lua_State* L, const char* what) {
 }
 
 int t(lua_State* L) {
-  lua_pushnumber(L, scene(L).sim->time());
+  lua_pushnumber(L, scene(L).time());
   return 1;
 }
 int q(lua_State* L) {
@@ -72,10 +73,27 @@ int vdot(lua_State* L) {
   return 1;
 }
 
-double finite(lua_State* L, int index, const char* what) {
-  if (lua_type(L, index) != LUA_TNUMBER || !std::isfinite(lua_tonumber(L, index)))
-    refuse(L, Code::lua_argument, what, "a time in s", describe_value(L, index));
-  return lua_tonumber(L, index);
+/// A finite number of seconds, or a text with a unit: "5 min".
+double time_at(lua_State* L, int index, const char* what) {
+  if (lua_type(L, index) == LUA_TNUMBER && std::isfinite(lua_tonumber(L, index))) return lua_tonumber(L, index);
+  if (lua_type(L, index) != LUA_TSTRING) refuse(L, Code::lua_argument, what, "a time in s, or a text with a unit", describe_value(L, index));
+  const auto value = parse_quantity(lua_tostring(L, index), "s");
+  if (const double* seconds = std::get_if<double>(&value)) return *seconds;
+  const auto& fault = std::get<QuantityFault>(value);
+  refuse(L, fault.code, what, fault.expected, fault.got, fault.hint);
+}
+
+/// Of each hinge with a quaternion: no rotation belongs to the zero quaternion, and squares of what is far from 1 leave the range
+/// of numbers.
+void expect_quaternions(lua_State* L, const Model& m, const Eigen::VectorXd& q) {
+  for (const UserBody& u : m.user) {
+    const auto shape = u.hinge->shape;
+    if (u.nq == 0 || (shape != CARDAN_SHAPE_BALL && shape != CARDAN_SHAPE_FREE && shape != CARDAN_SHAPE_FREE_BODY)) continue;
+    const double norm = q.segment(u.q, 4).stableNorm();
+    if (!(norm >= 1e-6 && norm <= 1e6))
+      refuse(L, Code::non_unit_quaternion, "sim:state.q", fmt::format("a quaternion of body {} with a length from 1e-6 to 1e6; it is normalised", u.name),
+             fmt::format("length {:.6g}", norm));
+  }
 }
 
 /// sim:state() -> {t, q, v};  sim:state{t = , q = , v = } sets what is given.
@@ -83,7 +101,7 @@ int state(lua_State* L) {
   Scenario& s = scene(L);
   if (lua_isnoneornil(L, 2)) {
     lua_newtable(L);
-    lua_pushnumber(L, s.sim->time());
+    lua_pushnumber(L, s.time());
     lua_setfield(L, -2, "t");
     q(L);
     lua_setfield(L, -2, "q");
@@ -109,6 +127,7 @@ int state(lua_State* L) {
   read("v", state.v);
   table.finish();
   sink.throw_if_any();
+  expect_quaternions(L, *s.model, state.q);
   bench.set_state(std::move(state));
   return 0;
 }
@@ -129,7 +148,7 @@ int vehicle(lua_State* L) {
 int run_to(lua_State* L) {
   Workbench& bench = workbench(L, "sim:run_to");
   Scenario& s = bench.scenario();
-  const double to = finite(L, 2, "sim:run_to"), now = s.sim->time();
+  const double to = time_at(L, 2, "sim:run_to"), now = s.sim->time();
   if (bench.is_running()) refuse(L, Code::lua_argument, "sim:run_to", "a call between runs", "one from a controller, a phase or an event");
   if (!(to >= now))
     refuse(L, Code::lua_argument, "sim:run_to", fmt::format("a time from {} s on", now), describe_value(L, 2), "sim:state{t = ...} goes back");
@@ -148,7 +167,7 @@ int run_to(lua_State* L) {
 int text(lua_State* L) {
   const Scenario& s = scene(L);
   const std::string& title = s.mission.title.empty() ? s.model->name : s.mission.title;
-  lua_pushstring(L, fmt::format("sim: {}{}t = {} s, {} in q, {} in v", title, title.empty() ? "" : ", ", s.sim->time(),
+  lua_pushstring(L, fmt::format("sim: {}{}t = {} s, {} in q, {} in v", title, title.empty() ? "" : ", ", s.time(),
                                 s.model->nq, s.model->nv)
                         .c_str());
   return 1;

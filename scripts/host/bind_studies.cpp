@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "core/base/units.hpp"
 #include "core/operators/hybrid.hpp"
@@ -20,23 +21,6 @@ namespace cardan {
 namespace {
 
 using Eigen::VectorXd;
-
-/// Velocity component of "arm.rate", or of a coordinate whose rate it is: "arm.angle".
-int velocity_component(lua_State* L, const Model& m, const std::string& name, const char* what) {
-  const Labels v = velocity_labels(m), q = coordinate_labels(m);
-  const auto in_v = std::find(v.names.begin(), v.names.end(), name);
-  if (in_v != v.names.end()) return static_cast<int>(in_v - v.names.begin());
-  const auto in_q = std::find(q.names.begin(), q.names.end(), name);
-  const int at = static_cast<int>(in_q - q.names.begin());
-  if (in_q != q.names.end())
-    for (const PlainRates& r : m.plain_rates)
-      if (at >= r.q && at < r.q + r.n) return r.v + at - r.q;
-  for (const UserBody& u : m.user)  // behind the quaternion of a hinge
-    if (in_q != q.names.end() && u.nq == u.nv + 1 && at >= u.q + 4 && at < u.q + u.nq) return u.v + at - u.q - 1;
-  std::vector<std::string> known = v.names;
-  known.insert(known.end(), q.names.begin(), q.names.end());
-  refuse(L, Code::unknown_name, what, fmt::format("a component: {}", fmt::join(v.names, ", ")), in_quotes(name), did_you_mean(name, known));
-}
 
 soa::IkTarget target_of(lua_State* L, LuaTable& t, const Model& m) {
   t.require({"node"});
@@ -66,6 +50,33 @@ soa::IkTarget target_of(lua_State* L, LuaTable& t, const Model& m) {
   return out;
 }
 
+/// A line per mode: what moves, by its share of the kinetic energy, and what is strained, by its share of that energy.
+std::string modes_text(const soa::SystemModes& modes) {
+  constexpr double kNamed = 0.05;  // smaller shares are left out
+  const auto largest = [](const Eigen::VectorXd& shares, const std::vector<std::string>& names) {
+    std::vector<int> order(static_cast<std::size_t>(shares.size()));
+    std::iota(order.begin(), order.end(), 0);
+    std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return shares[a] > shares[b]; });
+    std::string out;
+    for (std::size_t i = 0; i < order.size() && i < 3 && shares[order[i]] >= kNamed; ++i)
+      out += fmt::format("{}{} {:.0f} %", i > 0 ? ", " : "", names[static_cast<std::size_t>(order[i])], 100.0 * shares[order[i]]);
+    return out;
+  };
+  const auto n = static_cast<int>(modes.frequency.size());
+  std::string out = fmt::format("{} rigid-body and {} elastic modes{}", modes.n_rigid, n - modes.first_elastic,
+                                modes.complete ? "" : "; that none was missed is not certain");
+  out += "\n   no      [Hz]  damping  moves (kinetic energy)                              strains";
+  for (int j = 0; j < n; ++j)
+    out += fmt::format("\n  {:>3}  {:>8.5g}  {:>7.4g}  {:<50}  {}", j + 1, modes.frequency[j], modes.damping[j], largest(modes.kinetic.col(j), modes.bodies),
+                       j < modes.first_elastic ? "-" : largest(modes.strain.col(j), modes.labels.names));
+  return out;
+}
+/// Upvalue: the text.
+int stored_text(lua_State* L) {
+  lua_pushvalue(L, lua_upvalueindex(1));
+  return 1;
+}
+
 }  // namespace
 
 int system_modes_study(lua_State* L, const soa::TreeOperators& tree, const OperatingState&) {
@@ -93,6 +104,11 @@ int system_modes_study(lua_State* L, const soa::TreeOperators& tree, const Opera
   push_matrix(L, modes.shapes, rows), set(L, "shapes");
   push_matrix(L, modes.strain, rows), set(L, "strain");
   push_matrix(L, modes.kinetic, {modes.bodies, {}}), set(L, "kinetic");
+  lua_newtable(L);  // as text: a table of the modes
+  const std::string text = modes_text(modes);
+  lua_pushlstring(L, text.data(), text.size());
+  lua_pushcclosure(L, stored_text, 1), set(L, "__tostring");
+  lua_setmetatable(L, -2);
   return 1;
 }
 
@@ -143,7 +159,7 @@ int inverse_kinematics_study(lua_State* L, const soa::TreeOperators& tree, const
   options.starts = static_cast<int>(table.integer("starts").value_or(options.starts));
   options.seed = static_cast<std::uint64_t>(table.integer("seed").value_or(static_cast<std::int64_t>(at.seed > 0 ? at.seed : options.seed)));
   options.dynamic = table.flag("dynamic").value_or(false);
-  for (const std::string& name : table.texts("free").value_or(std::vector<std::string>())) options.free.push_back(velocity_component(L, m, name, "inverse_kinematics.free"));
+  for (const std::string& name : table.texts("free").value_or(std::vector<std::string>())) for (const int v : components_at(L, m, name, "inverse_kinematics.free")) options.free.push_back(v);
   if (table.has("prefer")) {
     lua_getfield(L, 2, "prefer");
     options.prefer = to_vector(L, lua_gettop(L), m.nq, "inverse_kinematics.prefer");
@@ -154,13 +170,14 @@ int inverse_kinematics_study(lua_State* L, const soa::TreeOperators& tree, const
     const int limits = lua_gettop(L);
     if (!lua_istable(L, limits)) table.reject("limits", "{[component] = {lower, upper}}");
     if (lua_istable(L, limits)) {
-      DiagnosticSink inner;
-      for (lua_pushnil(L); lua_next(L, limits); lua_pop(L, 1)) {
-        const std::string name = lua_type(L, -2) == LUA_TSTRING ? lua_tostring(L, -2) : "";
-        const VectorXd range = to_vector(L, lua_gettop(L), 2, "inverse_kinematics.limits." + name);
-        options.limits.push_back({.v = velocity_component(L, m, name, "inverse_kinematics.limits"), .lower = range[0], .upper = range[1]});
-      }
-      std::sort(options.limits.begin(), options.limits.end(), [](const auto& a, const auto& b) { return a.v < b.v; });  // not the order of the table
+      for_each_key(L, limits, [&](int key, int value) {
+        const std::string name = lua_type(L, key) == LUA_TSTRING ? lua_tostring(L, key) : "";
+        const std::vector<int> v = components_at(L, m, name, "inverse_kinematics.limits");
+        if (v.size() != 1) refuse(L, Code::lua_argument, "inverse_kinematics.limits." + name, "one component", fmt::format("{} of them", v.size()));
+        const VectorXd range = to_vector(L, value, 2, "inverse_kinematics.limits." + name);
+        options.limits.push_back({.v = v[0], .lower = range[0], .upper = range[1]});
+      });
+      std::sort(options.limits.begin(), options.limits.end(), [](const auto& a, const auto& b) { return a.v < b.v; });  // that of v
     }
     lua_pop(L, 1);
   }
@@ -194,11 +211,11 @@ int interbody_forces_study(lua_State* L, const soa::TreeOperators& tree, const O
   VectorXd v = tree.from_model(at.v), vdot;
   if (!lua_isnoneornil(L, 2)) {
     if (lua_type(L, 2) != LUA_TTABLE) refuse(L, Code::lua_argument, "interbody_forces", "nothing, or a table {v = , vdot = }", describe_value(L, 2));
-    for (lua_pushnil(L); lua_next(L, 2); lua_pop(L, 1)) {
-      const std::string key = lua_type(L, -2) == LUA_TSTRING ? lua_tostring(L, -2) : "";
-      if (key != "v" && key != "vdot") refuse(L, Code::unknown_key, "interbody_forces", "v, vdot", describe_value(L, -2));
-      (key == "v" ? v : vdot) = finite_vector(L, lua_gettop(L), n, ("interbody_forces." + key).c_str());
-    }
+    for_each_key(L, 2, [&](int key_at, int value) {
+      const std::string key = lua_type(L, key_at) == LUA_TSTRING ? lua_tostring(L, key_at) : "";
+      if (key != "v" && key != "vdot") refuse(L, Code::unknown_key, "interbody_forces", "v, vdot", describe_value(L, key_at));
+      (key == "v" ? v : vdot) = finite_vector(L, value, n, ("interbody_forces." + key).c_str());
+    });
   }
   LuaHost::charge(L, 400LL * static_cast<std::int64_t>(m.bodies.size()));
   const VectorXd v_all = tree.to_model(v);

@@ -119,7 +119,7 @@ void try_start(Scenario& s) {
   for (const ScriptEvent& e : s.events) {
     double value = 0.0;
     s.actor = e.name;
-    s.in_event_function = true;
+    s.trial_time = t, s.in_event_function = true;
     e.when.call({&t, 1}, {&value, 1});
     s.in_event_function = false;
   }

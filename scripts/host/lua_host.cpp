@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cstdlib>
 #include <cstring>
 #include <exception>
@@ -13,6 +14,7 @@
 #include <new>
 #include <utility>
 
+#include "core/base/poll.hpp"
 #include "core/base/units.hpp"
 #include "scripts/host/lua_sandbox.hpp"
 
@@ -59,44 +61,36 @@ void make_failure_type(lua_State* L) {
   lua_pop(L, 1);
 }
 
-/// Runs `f`; a C++ exception becomes a Lua error that carries it. (Lua's own errors are no std::exception.)
-template <class F>
-int translated(lua_State* L, F&& f) {
-  std::exception_ptr failure;
-  try {
-    return f();
-  } catch (const std::exception&) {
-    failure = std::current_exception();
-  }
-  push_failure(L, std::move(failure));
-  return lua_error(L);
-}
-
 struct Call {
   void (*run)(lua_State*, const void*);
   const void* job;
 };
 
 /// "scenario.lua:18: text" -> chunk, line, text; line 0 if the message does not begin with a place. Of several places,
-/// as a message gets on its way through coroutines, the last one.
+/// as a message gets on its way through coroutines, the last one. Time grows with the length of the message.
 struct Placed {
   std::string chunk;
   int line = 0;
   std::string text;
 };
-Placed split_place(std::string message) {
-  Placed placed{{}, 0, std::move(message)};
-  for (std::size_t colon = placed.text.find(':'); colon != std::string::npos;
-       colon = placed.text.find(':', colon + 1)) {
-    const std::size_t end = placed.text.find_first_not_of("0123456789", colon + 1);
-    if (end == std::string::npos || end == colon + 1 || end > colon + 9 || placed.text.compare(end, 2, ": ") != 0)
-      continue;
-    const std::string chunk = placed.text.substr(0, colon);
-    if (chunk.find(' ') != std::string::npos && chunk.front() != '[') break;  // a text that has numbers of its own
-    placed = {chunk, std::stoi(placed.text.substr(colon + 1)), placed.text.substr(end + 2)};
-    colon = std::string::npos;  // from the start again
+Placed split_place(std::string_view message) {
+  std::string_view chunk, text = message;
+  int line = 0;
+  for (std::size_t colon = text.find(':'); colon != std::string_view::npos; colon = text.find(':', colon + 1)) {
+    const std::size_t end = text.find_first_not_of("0123456789", colon + 1);
+    if (end == std::string_view::npos) break;
+    if (end == colon + 1 || end > colon + 9 || text.substr(end, 2) != ": ") continue;
+    const std::string_view name = text.substr(0, colon);
+    if (name.find(' ') != std::string_view::npos && name.front() != '[') break;  // a text that has numbers of its own
+    chunk = name;
+    std::from_chars(text.data() + colon + 1, text.data() + end, line);
+    text.remove_prefix(end + 2);
+    colon = std::string_view::npos;  // from the start again
   }
-  return placed;
+  constexpr std::size_t kLongest = 16 << 10;
+  std::string kept(text.substr(0, kLongest));
+  if (text.size() > kLongest) kept += fmt::format(" ... ({} bytes more)", text.size() - kLongest);
+  return {std::string(chunk.substr(0, kLongest)), line, std::move(kept)};
 }
 
 bool is_script(const lua_Debug& frame) { return *frame.what != 'C' && *frame.source != '='; }
@@ -121,6 +115,11 @@ std::string hint_for(lua_State* L, const std::string& message) {
   return did_you_mean(name, globals);
 }
 
+/// For the key of a table that is a word of the language, which is what `until` in phase{...} runs into.
+std::string keyword_hint(const std::string& message) {
+  return message.ends_with("near 'until'") ? "`until` is a word of Lua: the key of a phase is `until_`" : "";
+}
+
 bool ends_with(const std::string& text, std::string_view end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
@@ -136,6 +135,24 @@ LuaHost::LuaHost(LuaOptions options) : options_(std::move(options)), state_(null
   protect([this](lua_State* L) {
     const auto* payload = static_cast<std::byte*>(lua_newuserdatauv(L, 1, 0));
     userdata_offset_ = payload - static_cast<std::byte*>(newest_userdata_);
+    const auto is_newest = [&](std::uint64_t before) {  // an object that was made since then, with at most two blocks before it
+      const std::uint64_t order = creation_order(L, -1);
+      return order > before && order <= created_;
+    };
+    std::uint64_t before = created_;
+    lua_newuserdatauv(L, 1, 0);
+    knows_order_ = is_newest(before);
+    before = created_;
+    lua_newtable(L);
+    knows_order_ = knows_order_ && is_newest(before);
+    before = created_;
+    lua_newthread(L);
+    knows_order_ = knows_order_ && is_newest(before);
+    before = created_;
+    lua_pushnil(L);
+    lua_pushcclosure(L, on_error, 1);
+    knows_order_ = knows_order_ && is_newest(before);
+    lua_settop(L, 0);
     make_failure_type(L);
     open_sandbox(L, options_.seed);
     lua_newtable(L);
@@ -183,6 +200,8 @@ void LuaHost::call_protected(void (*run)(lua_State*, const void*), const void* j
   meter_ = {budget, budget.steps,
             Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(budget.seconds)),
             Limit::none};
+  const bool time_counted = std::exchange(time_counts_, true);
+  const Poll look([this] { poll(); });
   lua_sethook(L, on_count, LUA_MASKCOUNT, kHookSteps);
   Call call{run, job};
   const int base = lua_gettop(L);
@@ -195,11 +214,30 @@ void LuaHost::call_protected(void (*run)(lua_State*, const void*), const void* j
   }
   const Meter spent = std::exchange(meter_, outer);
   running_ = L;
+  time_counts_ = time_counted;
   meter_.left =
       std::max<std::int64_t>(meter_.left - kHookSteps, -1);  // the outer count begins anew: what it had counted at most
   lua_sethook(L, on_count, LUA_MASKCOUNT, kHookSteps);
   if (status != LUA_OK) fail(L, status, base, spent);
   lua_settop(L, base);
+}
+
+/// Runs `f`; a C++ exception becomes a Lua error that carries it, that of a poll the end of the budget. (Lua's own errors are
+/// no std::exception.)
+template <class F>
+int LuaHost::translated(lua_State* L, F&& f) {
+  std::exception_ptr failure;
+  Limit limit = Limit::none;
+  try {
+    return f();
+  } catch (const Exhausted& end) {
+    limit = end.limit;
+  } catch (const std::exception&) {
+    failure = std::current_exception();
+  }
+  if (limit != Limit::none) of(L).exceed(L, limit);
+  push_failure(L, std::move(failure));
+  return lua_error(L);
 }
 
 int LuaHost::trampoline(lua_State* L) {
@@ -215,10 +253,13 @@ int LuaHost::dispatch(lua_State* L) {
   struct InBinding {  // C++ works on this thread, and its time is not the script's
     LuaHost& host;
     lua_State* const before;
+    const bool time_counted;
     const Clock::time_point start = Clock::now();
-    InBinding(LuaHost& h, lua_State* thread) : host(h), before(std::exchange(h.running_, thread)) {}
+    InBinding(LuaHost& h, lua_State* thread)
+        : host(h), before(std::exchange(h.running_, thread)), time_counted(std::exchange(h.time_counts_, false)) {}
     ~InBinding() {
       host.running_ = before;
+      host.time_counts_ = time_counted;
       host.meter_.deadline += Clock::now() - start;
     }
   };
@@ -242,9 +283,14 @@ void LuaHost::charge(lua_State* L, std::int64_t steps) {
   LuaHost& host = of(L);
   Meter& meter = host.meter_;
   meter.left = steps > meter.left ? -1 : meter.left - steps;
-  if (host.options_.interrupt && *host.options_.interrupt) host.exceed(L, Limit::interrupt);
+  if (host.is_interrupted()) host.exceed(L, Limit::interrupt);
   if (meter.left < 0) host.exceed(L, Limit::steps);
   if (Clock::now() > meter.deadline) host.exceed(L, Limit::seconds);
+}
+
+void LuaHost::poll() const {
+  if (is_interrupted()) throw Exhausted(Limit::interrupt);
+  if (time_counts_ && Clock::now() > meter_.deadline) throw Exhausted(Limit::seconds);
 }
 
 void LuaHost::exceed(lua_State* L, Limit limit) {
@@ -289,6 +335,7 @@ void* LuaHost::allocate(void* self, void* block, std::size_t old_size, std::size
 }
 
 std::uint64_t LuaHost::creation_order(lua_State* L, int index) const {
+  if (!knows_order_) luaL_error(L, "objects as keys have no order that is the same on every run with this Lua (%s)", LUA_RELEASE);
   const auto* block = static_cast<const std::byte*>(lua_topointer(L, index));
   if (lua_iscfunction(L, index)) {
     if (!lua_getupvalue(L, index, 1))
@@ -351,7 +398,7 @@ std::string LuaHost::traceback(lua_State* L) {
 
 /// Records the place of the error whose stack still stands on `L`: the one its message names, else the nearest script
 /// line.
-void LuaHost::locate(lua_State* L, std::string message) {
+void LuaHost::locate(lua_State* L, std::string_view message) {
   const Placed placed = split_place(message);
   fault_ = {placed.text, traceback(L), {}, caller(L)};
   const bool in_built_in =
@@ -365,7 +412,7 @@ int LuaHost::on_error(lua_State* L) {
   const int type = lua_type(L, 1);
   const bool has_text = type == LUA_TSTRING || type == LUA_TNUMBER || luaL_getmetafield(L, 1, "__tostring") != LUA_TNIL;
   host.locate(L,
-              has_text ? std::string(push_text(L, 1)) : fmt::format("error object is a {} value", luaL_typename(L, 1)));
+              has_text ? push_text(L, 1) : lua_pushfstring(L, "error object is a %s value", luaL_typename(L, 1)));
   host.fault_.hint = hint_for(L, host.fault_.message);
   lua_settop(L, 1);
   return 1;
@@ -380,7 +427,7 @@ void LuaHost::fail(lua_State* L, int status, int base, const Meter& meter) {
     }
   }
   Fault fault = std::exchange(fault_, {});
-  if (fault.message.empty() && lua_type(L, -1) == LUA_TSTRING) fault.message = lua_tostring(L, -1);
+  if (fault.message.empty() && lua_type(L, -1) == LUA_TSTRING) fault.message = split_place(lua_tostring(L, -1)).text;
   lua_settop(L, base);
   const bool is_memory = status == LUA_ERRMEM || ends_with(fault.message, "not enough memory");
   Diagnostic d{Code::lua_budget, {{}, fault.mark}, {}, {}, {}, fault.stack, {}};
@@ -409,18 +456,20 @@ void LuaHost::fail(lua_State* L, int status, int base, const Meter& meter) {
 
 void LuaHost::load(lua_State* L, const std::string& chunk, std::string_view text) {
   charge(L, static_cast<std::int64_t>(text.size()));
+  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);  // the byte-order mark of some editors
   const int status = luaL_loadbufferx(L, text.data(), text.size(), chunk.c_str(), "t");
   if (status == LUA_OK) return;
-  if (status != LUA_ERRSYNTAX) lua_error(L);
-  const Placed placed = split_place(lua_tostring(L, -1));
-  const std::string name = chunk.substr(1);
+  const std::string_view message = lua_type(L, -1) == LUA_TSTRING ? lua_tostring(L, -1) : "";
+  const bool too_deep = status == LUA_ERRRUN && message.find("C stack overflow") != std::string_view::npos;
+  if (status != LUA_ERRSYNTAX && !too_deep) lua_error(L);
+  const Placed placed = split_place(message);
   throw InputError(Diagnostic{Code::lua_syntax,
-                              {{}, placed.line > 0 ? mark_of(name, placed.line) : mark_of(name, 0)},
+                              {{}, mark_of(chunk.substr(1), placed.line)},
                               {},
                               {},
+                              too_deep ? "brackets, tables or functions more than about 200 deep in one another" : keyword_hint(placed.text),
                               {},
-                              {},
-                              fmt::format("{}: {}", title_of(Code::lua_syntax), placed.text)});
+                              fmt::format("{}: {}", title_of(Code::lua_syntax), too_deep ? "nested too deeply" : placed.text)});
 }
 
 std::string LuaHost::read(const std::string& name, const Diagnostic& if_absent) const {
@@ -435,8 +484,9 @@ std::string LuaHost::read(const std::string& name, const Diagnostic& if_absent) 
   const fs::path root = fs::weakly_canonical(options_.folder.empty() ? fs::path(".") : options_.folder, ignored);
   const fs::path file = fs::weakly_canonical(root / name, ignored);
   const bool is_inside = std::mismatch(root.begin(), root.end(), file.begin(), file.end()).first == root.end();
+  if (!is_inside || !fs::is_regular_file(file, ignored)) throw InputError(if_absent);  // opening a FIFO would wait
   std::ifstream in(file, std::ios::binary);
-  if (!is_inside || !fs::is_regular_file(file, ignored) || !in) throw InputError(if_absent);
+  if (!in) throw InputError(if_absent);
   std::string text{std::istreambuf_iterator<char>(in), {}};
   options_.loaded(name, text);
   return text;
@@ -456,14 +506,15 @@ int LuaHost::require(lua_State* L) {
     text = built_in->second;
     chunk = "=[" + name + "]";
   } else {
+    const bool has_name = name.find_first_of("/\\") == std::string::npos && ("." + name + ".").find("..") == std::string::npos;
     std::string file = name + ".lua", known;
     std::replace(file.begin(), file.end() - 4, '.', '/');
     for (const auto& [module, unused] : options_.built_in) known += (known.empty() ? ", or one of: " : ", ") + module;
+    const std::string wanted = has_name ? file + " in the scenario folder" + known
+                                        : "the name of a file of the scenario folder without .lua, with points for folders: lib.law";
     const Diagnostic absent{
-        Code::file_not_found, {"require", caller(L)}, file + " in the scenario folder" + known, in_quotes(name), {},
-        traceback(L),         "module not found"};
-    if (name.find_first_of("/\\") != std::string::npos || ("." + name + ".").find("..") != std::string::npos)
-      throw InputError(absent);
+        Code::file_not_found, {"require", caller(L)}, wanted, in_quotes(name), {}, traceback(L), "module not found"};
+    if (!has_name) throw InputError(absent);
     text = read(file, absent);
     chunk = "@" + file;
   }

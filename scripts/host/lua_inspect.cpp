@@ -64,10 +64,62 @@ std::string brief(lua_State* L, int index) {
   }
 }
 
+/// An array of tables that have the same names for plain values, as a table with a line each; empty for anything else. `keys` are
+/// those of the array.
+std::string rows_text(lua_State* L, int array, int keys, lua_Integer n) {
+  std::vector<std::string> names;
+  std::vector<std::vector<std::string>> lines;
+  const int top = lua_gettop(L);
+  const auto end = [&](std::string text) {
+    lua_settop(L, top);
+    return text;
+  };
+  for (lua_Integer i = 1; i <= n; ++i) {
+    if (lua_rawgeti(L, keys, i) != LUA_TNUMBER || !lua_isinteger(L, -1) || lua_tointeger(L, -1) != i) return end({});
+    if (lua_rawgeti(L, array, i) != LUA_TTABLE) return end({});
+    const int row = lua_gettop(L);
+    const lua_Integer columns = push_keys(L, row);
+    const int own = lua_gettop(L);
+    lines.emplace_back();
+    for (lua_Integer j = 1; j <= columns; ++j) {
+      if (lua_rawgeti(L, own, j) != LUA_TSTRING) return end({});
+      const std::string name = lua_tostring(L, -1);
+      if (i == 1) names.push_back(name);
+      if (j > static_cast<lua_Integer>(names.size()) || names[static_cast<std::size_t>(j) - 1] != name) return end({});
+      const int type = lua_rawget(L, row);
+      if (type == LUA_TTABLE || type == LUA_TFUNCTION || type == LUA_TUSERDATA || type == LUA_TTHREAD) return end({});
+      lines.back().push_back(type == LUA_TNUMBER && !lua_isinteger(L, -1) ? fmt::format("{:.6g}", lua_tonumber(L, -1)) : brief(L, -1));
+      lua_pop(L, 1);
+    }
+    if (lines.back().size() != names.size() || names.empty()) return end({});
+    lua_settop(L, top);
+    if (i == kShown) break;
+  }
+  std::vector<std::size_t> widths;
+  for (std::size_t j = 0; j < names.size(); ++j) {
+    widths.push_back(names[j].size());
+    for (const auto& line : lines) widths[j] = std::max(widths[j], line[j].size());
+  }
+  const std::size_t digits = std::to_string(lines.size()).size();
+  std::string out = std::string(digits + 2, ' ');
+  for (std::size_t j = 0; j < names.size(); ++j) out += fmt::format("  {:>{}}", names[j], widths[j]);
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    out += fmt::format("\n  {:>{}}", i + 1, digits);
+    for (std::size_t j = 0; j < names.size(); ++j) out += fmt::format("  {:>{}}", lines[i][j], widths[j]);
+  }
+  if (n > kShown) out += fmt::format("\n  ... {} more", n - kShown);
+  return out;
+}
+
 std::string table_text(lua_State* L, int table) {
   std::string out;
   const lua_Integer n = push_keys(L, table);
   const int keys = lua_gettop(L), key = keys + 1, value = keys + 2;
+  if (n > 1) out = rows_text(L, table, keys, n);
+  if (!out.empty()) {
+    lua_settop(L, keys - 1);
+    return out;
+  }
   for (lua_Integer i = 1; i <= std::min(n, kShown); ++i) {
     lua_rawgeti(L, keys, i);
     lua_pushvalue(L, key);
@@ -137,43 +189,160 @@ std::string value_text(lua_State* L, int index) {
     if (luaL_getmetafield(L, index, "__tostring") == LUA_TNIL) return table_text(L, index);
     lua_pop(L, 1);
   }
-  std::string text(push_text(L, index));
+  constexpr std::size_t kLongest = 64 << 10;  // [B]; print shows all
+  const std::string_view whole = push_text(L, index);
+  std::string text(whole.substr(0, kLongest));
+  if (whole.size() > kLongest) text += fmt::format("\n... ({} bytes more)", whole.size() - kLongest);
   lua_pop(L, 1);
   return text;
 }
 
-Completion complete(LuaHost& host, std::string_view line) {
-  const auto is_part = [](char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '_'; };
-  const auto name_before = [&](std::size_t end) {
-    while (end > 0 && is_part(line[end - 1])) --end;
+namespace {
+
+bool is_part(char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '_'; }
+
+/// Where the name that ends at `end` begins.
+std::size_t name_before(std::string_view line, std::size_t end) {
+  while (end > 0 && is_part(line[end - 1])) --end;
+  return end;
+}
+
+/// Where the text in quotes begins that the line ends in; npos if it ends outside of quotes.
+std::size_t open_quote(std::string_view line) {
+  std::size_t start = std::string_view::npos;
+  char quote = 0;
+  for (std::size_t i = 0; i < line.size(); ++i) {
+    if (quote != 0 && line[i] == '\\')
+      ++i;
+    else if (quote != 0 && line[i] == quote)
+      quote = 0;
+    else if (quote == 0 && (line[i] == '"' || line[i] == '\''))
+      quote = line[i], start = i + 1;
+  }
+  return quote != 0 ? start : std::string_view::npos;
+}
+
+/// Where the arguments begin that end at `end`: "(...)" or a text in quotes; `end` itself if there are none.
+std::size_t before_arguments(std::string_view line, std::size_t end) {
+  if (end == 0) return end;
+  const char last = line[end - 1];
+  if (last == '"' || last == '\'') {
+    const std::size_t quote = end < 2 ? std::string_view::npos : line.rfind(last, end - 2);
+    if (quote == std::string_view::npos) return end;
+    end = quote;
+  } else if (last == ')') {
+    int depth = 0;
+    std::size_t at = end;
+    do {
+      --at;
+      if ((line[at] == '"' || line[at] == '\'') && at > 0) {
+        at = line.rfind(line[at], at - 1);
+        if (at == std::string_view::npos) return end;
+      }
+      depth += line[at] == ')' ? 1 : line[at] == '(' ? -1 : 0;
+    } while (at > 0 && depth > 0);
+    if (depth > 0) return end;
+    end = at;
+  } else {
     return end;
-  };
+  }
+  while (end > 0 && line[end - 1] == ' ') --end;
+  return end;
+}
+
+/// A name on the way to the one that is unfinished: `hinge` in sat:hinge("wheel"):ra
+struct Link {
+  std::string_view name;
+  char joint = 0;  // before it; 0 for the first one
+  bool called = false;
+};
+
+/// The class of the first of the types that a function returns, or a field has; null if it is none.
+const ApiClass* class_of(const ApiReference& api, std::string_view type) {
+  return api.find_class(type.substr(0, type.find('|')));
+}
+const ApiClass* next_class(const ApiReference& api, const ApiClass& c, const Link& link) {
+  for (const ApiFunction* f : api.functions_of(c))
+    if (link.called && f->name == link.name) return f->results.empty() ? nullptr : class_of(api, f->results[0].type);
+  for (const ApiValue& f : c.fields)
+    if (!link.called && f.name == link.name) return class_of(api, f.type);
+  return nullptr;
+}
+/// Of the value at the top, by its metatable.
+const ApiClass* class_of_value(lua_State* L, const ApiReference& api) {
+  const ApiClass* c = nullptr;
+  if (luaL_getmetafield(L, -1, "__name") == LUA_TNIL) return c;
+  const std::string_view type = lua_type(L, -1) == LUA_TSTRING ? lua_tostring(L, -1) : "";
+  if (type.starts_with("cardan.")) c = api.find_class(type.substr(7));
+  lua_pop(L, 1);
+  return c;
+}
+
+}  // namespace
+
+Completion complete(LuaHost& host, std::string_view line, const CompletionSources& sources) {
   Completion c;
-  c.start = name_before(line.size());
+  const auto sorted = [&c] {
+    std::sort(c.names.begin(), c.names.end());
+    c.names.erase(std::unique(c.names.begin(), c.names.end()), c.names.end());
+    return c;
+  };
+  if (const std::size_t quote = open_quote(line); quote != std::string_view::npos) {
+    std::size_t end = quote - 1;
+    while (end > 0 && std::string_view(" ({[=").find(line[end - 1]) != std::string_view::npos) --end;
+    const std::size_t word = name_before(line, end);
+    c.start = quote;
+    for (std::string& name : sources.names(line.substr(word, end - word)))
+      if (name.starts_with(line.substr(quote))) c.names.push_back(std::move(name));
+    return sorted();
+  }
+  c.start = name_before(line, line.size());
   const std::string_view beginning = line.substr(c.start);
   if (!beginning.empty() && !is_name(beginning) && std::isdigit(static_cast<unsigned char>(beginning[0]))) return c;
-  std::vector<std::string_view> path;  // the names before, innermost first
-  char joint = 0;                      // '.' or ':' before the unfinished name
+  std::vector<Link> path;  // the names before, innermost first
+  char joint = 0;          // '.' or ':' before the unfinished name
   for (std::size_t at = c.start; at > 0 && (line[at - 1] == '.' || line[at - 1] == ':');) {
-    if (joint == 0) joint = line[at - 1];
-    else if (line[at - 1] == ':') return c;  // a:b.c is no expression
-    const std::size_t from = name_before(at - 1);
-    if (!is_name(line.substr(from, at - 1 - from))) return c;  // a call or an index: its value is not known
-    path.push_back(line.substr(from, at - 1 - from));
+    const std::size_t end = before_arguments(line, at - 1), from = name_before(line, end);
+    const Link link{line.substr(from, end - from), 0, end != at - 1};
+    if (joint == 0)
+      joint = line[at - 1];
+    else
+      path.back().joint = line[at - 1];
+    if (!path.empty() && path.back().joint == ':' && !path.back().called) return c;  // a:b.c is no expression
+    if (!is_name(link.name)) return c;  // an index: its value is not known
+    path.push_back(link);
     at = from;
   }
   host.protect([&](lua_State* L) {
     lua_pushglobaltable(L);
-    for (auto name = path.rbegin(); name != path.rend(); ++name)
-      if (!enter(L, *name)) return;
+    const ApiClass* type = nullptr;  // of what a call has returned
+    for (auto link = path.rbegin(); link != path.rend(); ++link) {
+      if (!type && !link->called) {
+        if (!enter(L, link->name)) return;
+        continue;
+      }
+      if (!sources.api) return;
+      if (!type && link->joint == 0) {  // a global function that is called
+        for (const ApiFunction& f : sources.api->functions())
+          if (f.name == link->name && !f.results.empty()) type = class_of(*sources.api, f.results[0].type);
+      } else if (const ApiClass* of = type ? type : class_of_value(L, *sources.api)) {
+        type = next_class(*sources.api, *of, *link);
+      }
+      if (!type) return;
+    }
+    if (type) {
+      for (const ApiFunction* f : sources.api->functions_of(*type))
+        if (joint == ':' && f->name.starts_with(beginning)) c.names.push_back(f->name);
+      for (const ApiValue& f : type->fields)
+        if (joint == '.' && is_name(f.name) && f.name.starts_with(beginning)) c.names.push_back(f.name);
+      return;
+    }
     if (path.empty())
       for (std::string_view word : kKeywords)
         if (word.substr(0, beginning.size()) == beginning) c.names.emplace_back(word);
     collect(L, beginning, joint == ':', c.names);
   });
-  std::sort(c.names.begin(), c.names.end());
-  c.names.erase(std::unique(c.names.begin(), c.names.end()), c.names.end());
-  return c;
+  return sorted();
 }
 
 }  // namespace cardan

@@ -11,7 +11,9 @@
 #include <memory>
 #include <new>
 
+#include "core/base/poll.hpp"
 #include "core/base/units.hpp"
+#include "core/base/utf8.hpp"
 #include "core/io/hdf5_file.hpp"
 #include "scripts/host/lua_function.hpp"
 
@@ -23,6 +25,9 @@ using SharedLabels = std::shared_ptr<const Labels>;  // null: none
 
 constexpr char kVector[] = "cardan.vector", kMatrix[] = "cardan.matrix";
 constexpr Index kShownRows = 40, kShownColumns = 12;
+constexpr Index kColumnsAtOnce = 64;  // of a product, between two looks at the person's wish to interrupt
+constexpr double kPerStep = 16.0;     // operations in the time of one step, 3e9 a second
+constexpr double kLevelTwo = 4.0;     // slower where each number is used once, as in a tridiagonalisation
 
 /// The userdata: this, then rows * cols numbers, column after column. A vector is one column.
 struct Block {
@@ -38,6 +43,10 @@ struct Block {
   Eigen::MatrixXd copy() { return map(); }
 };
 static_assert(sizeof(Block) % alignof(double) == 0);
+
+void charge_operations(lua_State* L, double operations) {
+  LuaHost::charge(L, static_cast<std::int64_t>(std::min(operations / kPerStep, 1e18)));
+}
 
 [[noreturn]] void misfit(lua_State* L, std::string where, std::string expected, std::string got, std::string hint = {}) {
   throw InputError(Diagnostic{Code::lua_argument,
@@ -135,9 +144,15 @@ int multiply(lua_State* L) {
     misfit(L, fmt::format("{} times {}", left, right), expected, fmt::format("{} and {}", left, right),
            a && b && a->is_vector ? "x:dot(y), or x:t() * A" : !a || !b ? "vector{1, 2} makes a vector of a table" : "");
   }
-  LuaHost::charge(L, a->size() * b->cols / 4);
+  charge_operations(L, 2.0 * static_cast<double>(a->size()) * static_cast<double>(b->cols));
   Block& out = push_block(L, b->is_vector, a->rows, b->cols, a->row_labels, b->is_vector ? nullptr : b->column_labels);
-  const Eigen::MatrixXd product = a->copy() * b->copy();
+  const Eigen::MatrixXd left = a->copy(), right = b->copy();
+  Eigen::MatrixXd product(left.rows(), right.cols());
+  for (Index j = 0; j < right.cols(); j += kColumnsAtOnce) {
+    Poll::now();
+    const Index n = std::min(kColumnsAtOnce, right.cols() - j);
+    product.middleCols(j, n).noalias() = left * right.middleCols(j, n);
+  }
   out.map() = product;
   return 1;
 }
@@ -199,7 +214,7 @@ int norm(lua_State* L) {
     for (Index i = 0; i < b.rows; ++i) squared += std::pow(std::scalbn(b.data()[i], -e), 2);
   } else {
     const Index n = std::min(b.rows, b.cols);
-    LuaHost::charge(L, n * (b.size() + n * n));
+    charge_operations(L, static_cast<double>(n) * (2.0 * static_cast<double>(b.size()) + 4.0 * static_cast<double>(n * n)));
     Eigen::MatrixXd A = b.copy().unaryExpr([e](double x) { return std::scalbn(x, -e); });
     const Eigen::MatrixXd AA = b.rows < b.cols ? Eigen::MatrixXd(A * A.transpose()) : Eigen::MatrixXd(A.transpose() * A);
     squared = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(AA, Eigen::EigenvaluesOnly).eigenvalues()[n - 1];
@@ -218,19 +233,36 @@ int solve(lua_State* L) {
     misfit(L, fmt::format("{}:solve({})", shape(A), shape(*b)), fmt::format("a right-hand side of {} rows", A.rows), "a " + shape(*b));
   const Eigen::MatrixXd rhs = b ? b->copy() : Eigen::MatrixXd(to_vector(L, 2, A.rows, "the right-hand side of " + shape(A)));
   const Index n = A.rows;
-  LuaHost::charge(L, n * n * (n + 3 * rhs.cols()) / 4);
+  charge_operations(L, static_cast<double>(n * n) * (static_cast<double>(n) + 2.0 * static_cast<double>(rhs.cols())));
   Eigen::MatrixXd scaled = A.copy();
-  Eigen::VectorXd row = Eigen::VectorXd::Ones(n), column = row;
-  const auto power = [](double m) { return m > 0.0 && std::isfinite(m) ? std::scalbn(1.0, -std::ilogb(m)) : 1.0; };
-  for (Index i = 0; i < n; ++i) scaled.row(i) *= row[i] = power(scaled.row(i).cwiseAbs().maxCoeff());
-  for (Index j = 0; j < n; ++j) scaled.col(j) *= column[j] = power(scaled.col(j).cwiseAbs().maxCoeff());
+  // Exponents and not powers: 2^1074, which brings the smallest numbers to 1, is none itself.
+  Eigen::VectorXi row = Eigen::VectorXi::Zero(n), column = row;
+  const auto exponent = [](double m) { return m > 0.0 && std::isfinite(m) ? -std::ilogb(m) : 0; };
+  const auto scale = [](auto&& part, int e) { part = part.unaryExpr([e](double x) { return std::scalbn(x, e); }).eval(); };
+  for (Index i = 0; i < n; ++i) scale(scaled.row(i), row[i] = exponent(scaled.row(i).cwiseAbs().maxCoeff()));
+  for (Index j = 0; j < n; ++j) scale(scaled.col(j), column[j] = exponent(scaled.col(j).cwiseAbs().maxCoeff()));
   Eigen::MatrixXd x(n, rhs.cols());
   if (n > 0) {
     const Eigen::PartialPivLU<Eigen::MatrixXd> lu(scaled);
     const double rcond = lu.rcond();
     if (!(rcond >= std::numeric_limits<double>::epsilon()))
       misfit(L, "solve", "a regular matrix", fmt::format("a {} that is singular: reciprocal condition number {:.2g}", shape(A), rcond));
-    x = column.asDiagonal() * lu.solve(row.asDiagonal() * rhs);
+    // y = S_c^-1 x of S_r A S_c y = S_r b. Of each S_r b the exponent is taken out too: it may leave the range of numbers though x
+    // does not.
+    Eigen::MatrixXd b_scaled(n, rhs.cols());
+    Eigen::VectorXi own(rhs.cols());
+    for (Index k = 0; k < rhs.cols(); ++k) {
+      int largest_exponent = std::numeric_limits<int>::min();
+      for (Index i = 0; i < n; ++i)
+        if (rhs(i, k) != 0.0 && std::isfinite(rhs(i, k))) largest_exponent = std::max(largest_exponent, std::ilogb(rhs(i, k)) + row[i]);
+      own[k] = largest_exponent == std::numeric_limits<int>::min() ? 0 : -largest_exponent;
+      for (Index i = 0; i < n; ++i) b_scaled(i, k) = std::scalbn(rhs(i, k), row[i] + own[k]);
+    }
+    x = lu.solve(b_scaled);
+    for (Index k = 0; k < rhs.cols(); ++k)
+      for (Index i = 0; i < n; ++i) x(i, k) = std::scalbn(x(i, k), column[i] - own[k]);
+    if (rhs.allFinite() && A.map().allFinite() && !x.allFinite())
+      misfit(L, "solve", "a solution within the range of numbers", "one that overflows", "other units?");
   }
   const bool is_vector = !b || b->is_vector;
   push_block(L, is_vector, n, x.cols(), A.column_labels, is_vector ? nullptr : b->column_labels).map() = x;
@@ -248,7 +280,7 @@ int eigenvalues(lua_State* L) {
     for (Index i = 0; i <= j; ++i)
       if (!(std::abs(a(i, j) - a(j, i)) <= limit))
         misfit(L, "eigenvalues", "a symmetric matrix", fmt::format("A({0}, {1}) = {2:.17g}, A({1}, {0}) = {3:.17g}", i + 1, j + 1, a(i, j), a(j, i)));
-  LuaHost::charge(L, n * n * n);
+  charge_operations(L, 4.0 / 3.0 * std::pow(static_cast<double>(n), 3) * kLevelTwo);
   Eigen::VectorXd values(n);
   if (n > 0) values = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(A.copy(), Eigen::EigenvaluesOnly).eigenvalues();
   push_vector(L, values);
@@ -442,29 +474,37 @@ std::string label(const SharedLabels& labels, Index i) {
   const bool has_name = labels && !labels->names.empty(), has_unit = labels && !labels->units.empty();
   std::string text = has_name ? labels->names[at] : std::to_string(i + 1);
   if (has_unit) text += " [" + labels->units[at] + "]";
-  return text;
+  return printable(text);
 }
 
-/// Lines of cells: numbers to the right, words before them to the left.
-std::string aligned(const std::vector<std::vector<std::string>>& lines, bool begins_with_words) {
+/// Lines of cells: numbers to the right, words before them to the left. In a window that is too narrow the columns stand in
+/// several blocks, the words before each.
+std::string aligned(const std::vector<std::vector<std::string>>& lines, bool begins_with_words, std::size_t window) {
   std::vector<std::size_t> widths;
   for (const auto& line : lines)
     for (std::size_t j = 0; j < line.size(); ++j) {
       if (j == widths.size()) widths.push_back(0);
       widths[j] = std::max(widths[j], line[j].size());
     }
+  const std::size_t first = begins_with_words ? 1 : 0, words = begins_with_words && !widths.empty() ? widths[0] + 2 : 0;
   std::string out;
-  for (const auto& line : lines) {
-    std::string text = "  ";
-    for (std::size_t j = 0; j < line.size(); ++j)
-      text += (j > 0 ? "  " : "") + (j == 0 && begins_with_words ? fmt::format("{:<{}}", line[j], widths[j])
-                                                                  : fmt::format("{:>{}}", line[j], widths[j]));
-    out += "\n" + text.substr(0, text.find_last_not_of(' ') + 1);
+  for (std::size_t from = first; from < widths.size() || from == first;) {
+    std::size_t to = from, width = words;
+    while (to < widths.size() && (window == 0 || to == from || 2 + width + widths[to] <= window)) width += widths[to++] + 2;
+    if (to - from < widths.size() - first)
+      out += from + 1 == to ? fmt::format("\n column {}", to - first) : fmt::format("\n columns {} to {}", from - first + 1, to - first);
+    for (const auto& line : lines) {
+      std::string text = "  ";
+      if (begins_with_words && !line.empty()) text += fmt::format("{:<{}}", line[0], words);
+      for (std::size_t j = from; j < std::min(to, line.size()); ++j) text += (j > from ? "  " : "") + fmt::format("{:>{}}", line[j], widths[j]);
+      out += "\n" + text.substr(0, text.find_last_not_of(' ') + 1);
+    }
+    from = std::max(to, from + 1);
   }
   return out;
 }
 
-std::string text_of(Block& b) {
+std::string text_of(Block& b, std::size_t window) {
   const Index shown_rows = std::min(b.rows, kShownRows), shown_columns = std::min(b.cols, kShownColumns);
   std::vector<std::vector<std::string>> lines;
   if (b.column_labels)
@@ -474,7 +514,7 @@ std::string text_of(Block& b) {
       lines.emplace_back(b.row_labels ? 1 : 0);
       for (Index j = 0; j < shown_columns; ++j) {
         const std::string& text = (*list)[static_cast<std::size_t>(j)];
-        lines.back().push_back(is_unit ? "[" + text + "]" : text);
+        lines.back().push_back(printable(is_unit ? "[" + text + "]" : text));
       }
     }
   for (Index i = 0; i < shown_rows; ++i) {
@@ -482,7 +522,7 @@ std::string text_of(Block& b) {
     if (b.row_labels) lines.back().push_back(label(b.row_labels, i));
     for (Index j = 0; j < shown_columns; ++j) lines.back().push_back(fmt::format("{:.6g}", b.map()(i, j)));
   }
-  std::string out = shape(b) + aligned(lines, b.row_labels != nullptr);
+  std::string out = shape(b) + aligned(lines, b.row_labels != nullptr, window);
   const auto more = [&out](const char* what, Index shown, Index all) {
     if (shown < all) out += fmt::format("\n  ({} {} to {} are not shown; :csv(file) writes all)", what, shown + 1, all);
   };
@@ -492,7 +532,7 @@ std::string text_of(Block& b) {
 }
 
 int to_text(lua_State* L) {
-  const std::string text = text_of(self(L));
+  const std::string text = text_of(self(L), LuaHost::of(L).options().width());
   lua_pushlstring(L, text.data(), text.size());
   return 1;
 }
@@ -529,7 +569,7 @@ int csv(lua_State* L) {
   out << text;
   out.close();
   if (!out) cannot_write(L, path.string(), "it cannot be written");
-  return 0;
+  return push_path(L, path);
 }
 
 /// A dataset in a file that may hold others: attributes row_names, row_units, column_names, column_units.
@@ -538,10 +578,19 @@ int hdf5(lua_State* L) {
   LuaHost::charge(L, b.size());
   const std::filesystem::path path = output_file(L, luaL_checkstring(L, 2));
   std::string name = luaL_checkstring(L, 3);
-  if (name.empty() || name.back() == '/' || name.find("//") != std::string::npos)
-    misfit(L, "hdf5", "the name of a dataset: mass_matrix, run1/mass_matrix", in_quotes(name));
-  if (name.front() != '/') name.insert(0, "/");
+  if (name.empty() || name.front() != '/') name.insert(0, "/");
+  const std::string expected = "the name of a dataset: mass_matrix, run1/mass_matrix";
+  for (std::size_t from = 1; from <= name.size();) {  // no empty part, none that HDF5 reads as a way
+    const std::size_t to = std::min(name.find('/', from), name.size());
+    const std::string part = name.substr(from, to - from);
+    if (part.empty() || part == "." || part == ".." || part.find('\0') != std::string::npos) misfit(L, "hdf5", expected, in_quotes(name));
+    from = to + 1;
+  }
   Hdf5File file = Hdf5File::update(path.string());
+  for (std::size_t slash = name.find('/', 1); slash != std::string::npos; slash = name.find('/', slash + 1)) {
+    const std::string folder = name.substr(0, slash);
+    if (file.has(folder) && !file.is_group(folder)) misfit(L, "hdf5", expected, fmt::format("{}: {} is a dataset", in_quotes(name), in_quotes(folder.substr(1))));
+  }
   file.remove(name);  // with the names and units of what it was
   const Eigen::MatrixXd row_major = b.map().transpose();
   std::vector<std::size_t> dims{static_cast<std::size_t>(b.rows)};
@@ -554,7 +603,7 @@ int hdf5(lua_State* L) {
   attributes(b.row_labels, b.is_vector ? "" : "row_");
   attributes(b.column_labels, "column_");
   file.close();
-  return 0;
+  return push_path(L, path);
 }
 
 // ---- the types ----
@@ -677,13 +726,25 @@ std::filesystem::path output_file(lua_State* L, const std::string& name) {
   const fs::path& output = LuaHost::of(L).options().output;
   if (output.empty()) cannot_write(L, name, "a script that writes no files; `cardan workbench` lets it");
   std::error_code error;
-  const fs::path root = fs::weakly_canonical(fs::absolute(output), error), file = fs::weakly_canonical(root / name, error);
+  fs::path root = fs::weakly_canonical(fs::absolute(output), error);
+  if (!root.has_filename()) root = root.parent_path();  // "out/"
+  const fs::path file = fs::weakly_canonical(root / name, error);
   const bool is_inside = std::mismatch(root.begin(), root.end(), file.begin(), file.end()).first == root.end();
   if (name.empty() || !is_inside || file == root) cannot_write(L, name, fmt::format("a name that leads out of {}", output.string()));
   fs::create_directories(file.parent_path(), error);
   if (error) cannot_write(L, file.string(), error.message());
   if (fs::is_directory(file, error)) cannot_write(L, file.string(), "a folder");
+  if (fs::is_symlink(fs::symlink_status(root / name, error)) && !fs::exists(root / name, error))
+    cannot_write(L, name, "a symbolic link to a place where nothing is");  // which weakly_canonical does not follow
+  if (fs::exists(file, error) && !fs::is_regular_file(file, error)) cannot_write(L, file.string(), "no regular file");
   return file;
+}
+
+int push_path(lua_State* L, const std::filesystem::path& path) {
+  std::error_code ignored;
+  const std::filesystem::path near = std::filesystem::proximate(path, ignored);
+  lua_pushstring(L, (near.empty() ? path : near).c_str());
+  return 1;
 }
 
 }  // namespace cardan

@@ -39,5 +39,7 @@ bool is_matrix(lua_State* L, int index);
 /// The path of a file that a script writes: inside of LuaOptions::output, whose folders are made. InputError C0701 where
 /// scripts write nothing, or the name leads out of it.
 std::filesystem::path output_file(lua_State* L, const std::string& name);
+/// Pushes what a function that writes a file returns: where it is, seen from the folder where the program runs.
+int push_path(lua_State* L, const std::filesystem::path& path);
 
 }  // namespace cardan

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <cstring>
+#include <new>
 #include <string_view>
 #include <tuple>
 #include <vector>
@@ -20,29 +21,46 @@ constexpr char kNumbers[] = "cardan.numbers";  // registry: object -> its number
 /// A key as it is ordered: numbers, strings, false, true, objects by creation. A view: the key itself stays in its
 /// table.
 struct Key {
-  enum Kind { number, text, truth, object } kind;
-  lua_Integer integer = 0;  // of an integer, a boolean
-  double real = 0.0;
+  enum Kind : std::uint8_t { number, text, truth, object } kind;
   bool is_integer = false;
-  std::string_view bytes;
-  std::uint64_t created = 0;
+  std::uint32_t size = 0;  // [B] of a text: the budget keeps all memory below 4 GiB
+  union {
+    lua_Integer integer;  // of an integer, a boolean
+    double real;
+    const char* bytes;
+    std::uint64_t created;
+  };
+  std::string_view text_bytes() const { return {bytes, size}; }
 };
+static_assert(sizeof(Key) == 16);
 
 Key key_at(lua_State* L, int index) {
+  Key key{};
   switch (lua_type(L, index)) {
     case LUA_TNUMBER:
-      if (lua_isinteger(L, index)) return {Key::number, lua_tointeger(L, index), 0.0, true, {}, 0};
-      return {Key::number, 0, lua_tonumber(L, index), false, {}, 0};
+      key.kind = Key::number;
+      key.is_integer = lua_isinteger(L, index) != 0;
+      if (key.is_integer)
+        key.integer = lua_tointeger(L, index);
+      else
+        key.real = lua_tonumber(L, index);
+      break;
     case LUA_TSTRING: {
       std::size_t n = 0;
-      const char* bytes = lua_tolstring(L, index, &n);
-      return {Key::text, 0, 0.0, false, {bytes, n}, 0};
+      key.kind = Key::text;
+      key.bytes = lua_tolstring(L, index, &n);
+      key.size = static_cast<std::uint32_t>(n);
+      break;
     }
     case LUA_TBOOLEAN:
-      return {Key::truth, lua_toboolean(L, index), 0.0, false, {}, 0};
+      key.kind = Key::truth;
+      key.integer = lua_toboolean(L, index);
+      break;
     default:
-      return {Key::object, 0, 0.0, false, {}, LuaHost::of(L).creation_order(L, index)};
+      key.kind = Key::object;
+      key.created = LuaHost::of(L).creation_order(L, index);
   }
+  return key;
 }
 
 bool number_less(const Key& a, const Key& b) {
@@ -59,7 +77,7 @@ bool operator<(const Key& a, const Key& b) {
     case Key::number:
       return number_less(a, b);
     case Key::text:
-      return a.bytes < b.bytes;
+      return a.text_bytes() < b.text_bytes();
     case Key::truth:
       return a.integer < b.integer;
     default:
@@ -114,14 +132,14 @@ int next(lua_State* L) {
   luaL_checktype(L, 1, LUA_TTABLE);
   lua_settop(L, 2);
   const bool from_start = lua_isnil(L, 2);
-  const Key after = from_start ? Key{Key::number, 0, 0.0, false, {}, 0} : key_at(L, 2);
+  const Key after = from_start ? Key{} : key_at(L, 2);
   lua_pushnil(L);  // 3: best so far
   Key best{};
   lua_Integer work = 0;
   for (lua_pushnil(L); lua_next(L, 1);) {
     lua_pop(L, 1);
     const Key key = key_at(L, -1);
-    work += 1 + static_cast<lua_Integer>(key.bytes.size() / 16);
+    work += 1 + static_cast<lua_Integer>(key.kind == Key::text ? key.size / 16 : 0);
     if ((!from_start && !(after < key)) || (!lua_isnil(L, 3) && !(key < best))) continue;
     best = key;
     lua_pushvalue(L, -1);
@@ -237,32 +255,40 @@ int sort(lua_State* L) {
 
 lua_Integer push_keys(lua_State* L, int table) {
   table = lua_absindex(L, table);
-  struct Entry {
-    Key key;
-    lua_Integer at;  // in the table of keys as found
-  };
-  std::vector<Entry> entries;
-  lua_Integer work = 0;
+  lua_Integer n = 0, work = 0;
+  bool in_order = true;  // 1, 2, 3, ... as they come: the keys of an array
   lua_newtable(L);
-  const int found = lua_gettop(L);
+  const int keys = lua_gettop(L);
   for (lua_pushnil(L); lua_next(L, table);) {
     lua_pop(L, 1);
-    entries.push_back({key_at(L, -1), static_cast<lua_Integer>(entries.size() + 1)});
-    work += 1 + static_cast<lua_Integer>(entries.back().key.bytes.size() / 16);
+    in_order = in_order && lua_isinteger(L, -1) && lua_tointeger(L, -1) == n + 1;
     lua_pushvalue(L, -1);
-    lua_rawseti(L, found, entries.back().at);
+    lua_rawseti(L, keys, ++n);
+    if (lua_type(L, -1) == LUA_TSTRING) work += static_cast<lua_Integer>(lua_rawlen(L, -1) / 16);
   }
-  LuaHost::charge(L, work);
-  std::sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) { return a.key < b.key; });
+  LuaHost::charge(L, n + work);
+  if (in_order) return n;
 
-  lua_createtable(L, static_cast<int>(std::min<std::size_t>(entries.size(), 1 << 20)), 0);
-  lua_Integer i = 0;
-  for (const Entry& entry : entries) {
-    lua_rawgeti(L, found, entry.at);
-    lua_rawseti(L, -2, ++i);
+  struct Entry {
+    Key key;
+    lua_Integer at;
+  };
+  const auto size = static_cast<std::size_t>(n);
+  auto* const entries = static_cast<Entry*>(lua_newuserdatauv(L, size * sizeof(Entry), 0));  // counts as the script's memory
+  for (lua_Integer i = 1; i <= n; ++i) {
+    lua_rawgeti(L, keys, i);
+    new (entries + i - 1) Entry{key_at(L, -1), i};
+    lua_pop(L, 1);
   }
-  lua_remove(L, found);
-  return i;
+  std::sort(entries, entries + size, [](const Entry& x, const Entry& y) { return x.key < y.key; });
+  lua_createtable(L, static_cast<int>(std::min<std::size_t>(size, 1 << 20)), 0);
+  for (std::size_t i = 0; i < size; ++i) {
+    lua_rawgeti(L, keys, entries[i].at);
+    lua_rawseti(L, -2, static_cast<lua_Integer>(i) + 1);
+  }
+  lua_replace(L, keys);
+  lua_settop(L, keys);
+  return n;
 }
 
 std::string_view push_text(lua_State* L, int index) {

@@ -6,6 +6,7 @@
 #include <array>
 #include <initializer_list>
 #include <string_view>
+#include <utility>
 
 #include "scripts/host/lua_host.hpp"
 
@@ -15,6 +16,7 @@ namespace {
 /// The library function that a wrapper replaces, called on the same frame: its messages name the right function.
 int original(lua_State* L) { return lua_tocfunction(L, lua_upvalueindex(1))(L); }
 
+constexpr char kResume[] = "cardan.resume", kClose[] = "cardan.close";  // registry: functions of the coroutine library
 constexpr lua_Integer kUnwinding = 200;  // a C++ exception costs about as much as that many instructions
 
 /// Wraps a library function so that it first spends Cost(L) steps.
@@ -41,16 +43,55 @@ lua_Integer repeats(lua_State* L) {
   return is_empty && lua_isstring(L, 1) ? lua_tointeger(L, 2) : 0;
 }
 lua_Integer moved(lua_State* L) { return span(lua_tointeger(L, 2), lua_tointeger(L, 3)); }
-lua_Integer length(lua_State* L) { return lua_istable(L, 1) ? luaL_len(L, 1) : 0; }
-lua_Integer inserted(lua_State* L) { return lua_gettop(L) > 2 ? span(lua_tointeger(L, 2), length(L)) : 0; }
-lua_Integer removed(lua_State* L) { return lua_gettop(L) > 1 ? span(lua_tointeger(L, 2), length(L)) : 0; }
-lua_Integer joined(lua_State* L) {  // concat(t, sep, i, j)
-  return span(luaL_optinteger(L, 3, 1), lua_isnoneornil(L, 4) ? length(L) : lua_tointeger(L, 4));
-}
-lua_Integer unpacked(lua_State* L) {
-  return span(luaL_optinteger(L, 2, 1), lua_isnoneornil(L, 3) ? length(L) : lua_tointeger(L, 3));
+/// The arguments first and last of concat and unpack: the length is asked for once, here, because __len may answer otherwise
+/// when it is asked again.
+template <int kFirst>
+lua_Integer range(lua_State* L) {
+  const int last = kFirst + 1;
+  if (lua_gettop(L) < last) lua_settop(L, last);
+  if (lua_isnil(L, last) && lua_istable(L, 1)) {
+    lua_pushinteger(L, luaL_len(L, 1));
+    lua_replace(L, last);
+  }
+  return span(luaL_optinteger(L, kFirst, 1), lua_tointeger(L, last));
 }
 lua_Integer unwinding(lua_State*) { return kUnwinding; }
+
+/// table.insert(t, [position,] value) and table.remove(t [, position]) as in the library, but with one length.
+int insert(lua_State* L) {
+  luaL_checktype(L, 1, LUA_TTABLE);
+  const lua_Integer end = static_cast<lua_Integer>(static_cast<lua_Unsigned>(luaL_len(L, 1)) + 1);
+  lua_Integer at = end;
+  if (lua_gettop(L) == 3) {
+    at = luaL_checkinteger(L, 2);
+    luaL_argcheck(L, static_cast<lua_Unsigned>(at) - 1u < static_cast<lua_Unsigned>(end), 2, "position out of bounds");
+    LuaHost::charge(L, span(at, end));
+    for (lua_Integer i = end; i > at; --i) {
+      lua_geti(L, 1, i - 1);
+      lua_seti(L, 1, i);
+    }
+  } else if (lua_gettop(L) != 2) {
+    return luaL_error(L, "wrong number of arguments to 'insert'");
+  }
+  lua_seti(L, 1, at);
+  return 0;
+}
+int remove(lua_State* L) {
+  luaL_checktype(L, 1, LUA_TTABLE);
+  const lua_Integer size = luaL_len(L, 1);
+  lua_Integer at = luaL_optinteger(L, 2, size);
+  if (at != size)
+    luaL_argcheck(L, static_cast<lua_Unsigned>(at) - 1u <= static_cast<lua_Unsigned>(size), 2, "position out of bounds");
+  LuaHost::charge(L, span(at, size));
+  lua_geti(L, 1, at);
+  for (; at < size; ++at) {
+    lua_geti(L, 1, at + 1);
+    lua_seti(L, 1, at);
+  }
+  lua_pushnil(L);
+  lua_seti(L, 1, at);
+  return 1;
+}
 lua_Integer new_thread(lua_State*) {
   return 1000;
 }  // what a short-lived coroutine can do before its own count is looked at
@@ -109,6 +150,43 @@ int catching(lua_State* L) {
   const int results = original(L);
   LuaHost::charge(L, lua_toboolean(L, -results) ? 0 : kUnwinding);
   return results;
+}
+
+/// coroutine.wrap: the library's closes a coroutine that failed without looking at the budget, and with its hooks off after the
+/// budget's end. Upvalue: the coroutine.
+int resume_wrapped(lua_State* L) {
+  const auto call = [L](const char* name, int arguments) {  // a function of the library that takes the coroutine first
+    lua_getfield(L, LUA_REGISTRYINDEX, name);
+    lua_insert(L, -arguments - 1);
+    lua_call(L, arguments, LUA_MULTRET);
+  };
+  lua_pushvalue(L, lua_upvalueindex(1));
+  lua_insert(L, 1);
+  call(kResume, lua_gettop(L));
+  if (lua_toboolean(L, 1)) return lua_gettop(L) - 1;
+  LuaHost::charge(L, kUnwinding);
+  lua_State* const co = lua_tothread(L, lua_upvalueindex(1));
+  if (lua_status(co) != LUA_OK && lua_status(co) != LUA_YIELD) {  // it failed: what it has to close is closed
+    lua_settop(L, 0);
+    lua_pushvalue(L, lua_upvalueindex(1));
+    call(kClose, 1);
+    LuaHost::charge(L, 0);
+  }
+  if (lua_type(L, -1) == LUA_TSTRING) {
+    luaL_where(L, 1);
+    lua_insert(L, -2);
+    lua_concat(L, 2);
+  }
+  return lua_error(L);
+}
+int wrap_coroutine(lua_State* L) {
+  luaL_checktype(L, 1, LUA_TFUNCTION);
+  LuaHost::charge(L, new_thread(L));
+  lua_State* const co = lua_newthread(L);
+  lua_pushvalue(L, 1);
+  lua_xmove(L, co, 1);
+  lua_pushcclosure(L, resume_wrapped, 1);
+  return 1;
 }
 
 /// End of pcall and xpcall, also after the function has yielded; `below` values of the stack are no results.
@@ -188,11 +266,11 @@ void open_sandbox(lua_State* L, std::uint64_t seed) {
   lua_pop(L, 3);
 
   open(L, LUA_TABLIBNAME, luaopen_table, {"concat", "insert", "move", "pack", "remove", "sort", "unpack"});
-  wrap(L, "concat", metered<joined>);
-  wrap(L, "insert", metered<inserted>);
-  wrap(L, "remove", metered<removed>);
+  wrap(L, "concat", metered<range<3>>);
+  wrap(L, "insert", insert);
+  wrap(L, "remove", remove);
   wrap(L, "move", metered<moved>);
-  wrap(L, "unpack", metered<unpacked>);
+  wrap(L, "unpack", metered<range<2>>);
   lua_pop(L, 1);
 
   open(L, LUA_MATHLIBNAME, luaopen_math,
@@ -211,8 +289,12 @@ void open_sandbox(lua_State* L, std::uint64_t seed) {
 
   open(L, LUA_COLIBNAME, luaopen_coroutine,
        {"close", "create", "isyieldable", "resume", "running", "status", "wrap", "yield"});
+  for (const auto& [field, key] : {std::pair{"resume", kResume}, {"close", kClose}}) {
+    lua_getfield(L, -1, field);
+    lua_setfield(L, LUA_REGISTRYINDEX, key);
+  }
   wrap(L, "create", metered<new_thread>);
-  wrap(L, "wrap", metered<new_thread>);
+  wrap(L, "wrap", wrap_coroutine);
   wrap(L, "yield", metered<unwinding>);  // in Lua as C++, a yield is an exception
   wrap(L, "resume", catching);
   wrap(L, "close", catching);

@@ -10,7 +10,6 @@ namespace cardan {
 namespace {
 
 /// Ends a run from within a function of the script.
-struct Interrupted : std::exception {};
 
 constexpr double kInstant = 1e-9;  // [s] what is closer than this happens at the same time
 
@@ -19,7 +18,7 @@ RunFailure failure_of(const Diagnostic& d, const std::string& actor, double t) {
   RunFailure f{Code::controller_error, t, "", "", "", d.hint, ""};
   if (d.code == Code::lua_budget) f.code = Code::controller_budget;
   f.what = fmt::format("{}: {}", actor, d.about.empty() ? title_of(d.code) : d.about);
-  if (!d.at.mark.file.empty()) f.what += fmt::format("\n  --> {}:{}", d.at.mark.file, d.at.mark.line);
+  f.what += place_of_failure(d.at.mark);
   if (!d.expected.empty()) f.what += "\n  expected: " + d.expected;
   if (!d.got.empty()) f.what += "\n  got:      " + d.got;
   if (!d.stack.empty()) f.what += "\n  stack:    " + d.stack;
@@ -28,12 +27,6 @@ RunFailure failure_of(const Diagnostic& d, const std::string& actor, double t) {
 
 }  // namespace
 
-/// A call that came to nothing because somebody wants the run to end.
-bool MissionRun::is_interrupted(const InputError& e) const {
-  const std::atomic<bool>* interrupt = s_.lua.options().interrupt;
-  return interrupt && *interrupt && e.diagnostics().front().code == Code::lua_budget;
-}
-
 /// Calls a function of the script: what goes wrong in it is a failure of the run, in the name of `actor`.
 template <class F>
 void MissionRun::call(const std::string& actor, F&& function) {
@@ -41,7 +34,7 @@ void MissionRun::call(const std::string& actor, F&& function) {
   try {
     function();
   } catch (const InputError& e) {
-    if (is_interrupted(e)) throw Interrupted();
+    if (s_.lua.is_interrupted()) throw;  // a person's wish, not a failure
     if (!s_.fault) throw NumericsError(failure_of(e.diagnostics().front(), actor, s_.sim->time()));
   }
   if (s_.fault) throw NumericsError(*std::exchange(s_.fault, std::nullopt));
@@ -70,16 +63,18 @@ MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Outpu
 
 void MissionRun::run(double t_end, const std::function<void(double t)>& progress) {
   s_.stage = Scenario::Stage::run;
+  event_interrupt_ = nullptr;
   try {
     s_.sim->run(t_end, progress);
     end_of_run();
-  } catch (const Interrupted&) {
-    s_.sim->stop();
+  } catch (const InputError&) {  // of a person who interrupts
     end_of_run();
+    throw;
   } catch (const NumericsError&) {
     end_of_run();
-    if (event_failure_ && !interrupted_in_event_) throw NumericsError(*event_failure_);
-    if (!interrupted_in_event_) throw;
+    if (event_interrupt_) std::rethrow_exception(std::exchange(event_interrupt_, nullptr));
+    if (event_failure_) throw NumericsError(*event_failure_);
+    throw;
   }
   s_.stage = Scenario::Stage::end;
 }
@@ -99,12 +94,12 @@ void MissionRun::tick(const Controller& c, const std::string& actor) {
 /// The function of an event at a trial state. It may not throw through the integrator: its failure is kept for run().
 double MissionRun::crossing(const ScriptEvent& e, const std::string& actor, double t, const double* q,
                             const double* v) {
-  s_.q = q, s_.v = v, s_.in_event_function = true;
+  s_.q = q, s_.v = v, s_.trial_time = t, s_.in_event_function = true;
   double value = std::nan("");
   try {
     e.when.call({&t, 1}, {&value, 1});
   } catch (const InputError& error) {
-    interrupted_in_event_ = is_interrupted(error);
+    if (s_.lua.is_interrupted()) event_interrupt_ = std::current_exception();
     event_failure_ = failure_of(error.diagnostics().front(), actor, s_.sim->time());
     value = std::nan("");
   }
@@ -140,7 +135,7 @@ bool MissionRun::is_over(const Phase& p) {
           lua_call(L, 1, 1);
           over = lua_toboolean(L, -1) != 0;
         },
-        kTickBudget);
+        s_.lua.call_budget());
   });
   return over;
 }

@@ -1,5 +1,6 @@
 #pragma once
 // Wires what a scenario declares to a simulation, runs it, and works out what it came to.
+#include <exception>
 #include <functional>
 #include <memory>
 #include <string>
@@ -36,7 +37,6 @@ class MissionRun {
  private:
   template <class F>
   void call(const std::string& actor, F&& function);
-  bool is_interrupted(const InputError&) const;
   void tick(const Controller&, const std::string& actor);
   void end_of_run();
   double crossing(const ScriptEvent&, const std::string& actor, double t, const double* q, const double* v);
@@ -50,7 +50,7 @@ class MissionRun {
   double phase_start_ = 0.0;
   FlexibleLimits limits_;
   std::optional<RunFailure> event_failure_;  // of a function inside the integrator, which knows nothing of scripts
-  bool interrupted_in_event_ = false;
+  std::exception_ptr event_interrupt_;       // likewise
 };
 
 /// What is recorded: bodies, hinges, modes, ledger, signals, and what the mission asks for.

@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 
 #include "bodies/register.hpp"
 #include "core/base/activity.hpp"
+#include "core/base/excerpt.hpp"
 #include "core/base/units.hpp"
 #include "core/io/sha256.hpp"
 #include "core/model/schema.hpp"
@@ -15,6 +17,7 @@
 #include "scripts/host/examine.hpp"
 #include "scripts/host/lua_matrix.hpp"
 #include "scripts/host/prelude.hpp"
+#include "scripts/host/run_mission.hpp"
 
 namespace cardan {
 namespace {
@@ -31,6 +34,7 @@ LuaOptions lua_options(Scenario& s, const ScenarioOptions& options) {
   lua.seed = options.seed;
   lua.print = options.print;
   lua.output = options.output;
+  lua.width = options.width;
   lua.interrupt = options.interrupt;
   if (options.recorded)
     lua.stored = [texts = &options.recorded->texts](const std::string& name) {
@@ -83,6 +87,25 @@ void expect_complete(const Scenario& s) {
   expect_known(s);
 }
 
+/// Signals share the tree of the results with what is recorded anyway: a name that is taken, or is the folder of another one.
+void expect_channels(Scenario& s) {
+  if (s.signals.empty()) return;
+  std::map<std::string, int> paths;  // how often
+  ++paths["reference/difference"];   // of --check-against-reference
+  for (const Output& o : mission_outputs(s)) ++paths[o.channel.path];
+  for (const auto& signal : s.signals) {
+    const std::string& path = signal->channel.path;
+    std::string other = paths[path] > 1 ? path : "";
+    for (std::size_t slash = path.find('/'); slash != std::string::npos && other.empty(); slash = path.find('/', slash + 1))
+      if (paths.contains(path.substr(0, slash))) other = path.substr(0, slash);
+    const auto below = paths.lower_bound(path + "/");
+    if (other.empty() && below != paths.end() && below->first.starts_with(path + "/")) other = below->first;
+    if (!other.empty())
+      throw InputError(Diagnostic{Code::duplicate_name, {"signals." + path, signal->declared}, "a name of its own in the tree of the results",
+                                  fmt::format("{} beside the channel {}", in_quotes(path), in_quotes(other)), {}, {}, {}, 0});
+  }
+}
+
 /// With all that scripts see, before any script.
 std::unique_ptr<Scenario> open_scenario(const ScenarioOptions& options) {
   auto s = std::make_unique<Scenario>(options);
@@ -129,6 +152,7 @@ std::unique_ptr<Scenario> load_scenario(const ScenarioOptions& options) {
   auto s = open_scenario(options);
   s->lua.run_file(s->file.filename().string());
   expect_complete(*s);
+  expect_channels(*s);
   examine(*s);
   return s;
 }
@@ -158,6 +182,13 @@ void refuse(lua_State* L, Code code, std::string key_path, std::string expected,
                               LuaHost::traceback(L),
                               {},
                               0});
+}
+
+std::string place_of_failure(const SourceMark& mark) {
+  if (mark.file.empty()) return {};
+  std::string out = fmt::format("\n  --> {}:{}\n{}", mark.file, mark.line, excerpt(mark));
+  while (out.ends_with('\n')) out.pop_back();
+  return out;
 }
 
 void expect_setup(lua_State* L, const Scenario& s, const char* what, bool needs_vehicle) {

@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -37,6 +38,7 @@ struct ScenarioOptions {
   std::uint64_t seed = 0;
   std::shared_ptr<const RecordedInputs> recorded;  ///< null: the files are read
   std::function<void(std::string_view line)> print = [](std::string_view) {};
+  std::function<std::size_t()> width = [] { return std::size_t{0}; };  ///< of the window; 0: none
   std::filesystem::path output;                  ///< folder of files that the script itself writes; empty: it writes none
   const std::atomic<bool>* interrupt = nullptr;  ///< once true, the script ends
 };
@@ -79,8 +81,11 @@ struct Measure {
   std::string condition;  // "below 0.01 deg"; empty for a figure
 };
 
+struct Scenario;
 /// Numbers of the script's own that are recorded.
 struct Signal {
+  Scenario* scenario;
+  SourceMark declared;
   Channel channel;
   std::vector<double> values;
 };
@@ -109,6 +114,7 @@ struct Scenario {
   Registry registry;
   std::vector<InputFile> inputs, plugins, modal_files;
   std::vector<std::string> parameter_names;
+  std::set<std::pair<std::string, std::string>> names;          // that declarations have taken: kind, name
   std::vector<std::pair<std::string, std::string>> parameters;  // name, value: for the results
   MissionSpec mission;
   std::vector<Controller> controllers;
@@ -128,6 +134,7 @@ struct Scenario {
   std::string_view phase;                   // name of the present one; empty before the first and after the last
   const double *q = nullptr, *v = nullptr;  // the state, or the trial state of an event function
   bool in_event_function = false;
+  double trial_time = 0.0;          // [s] of an event function
   std::string_view actor;           // whose function runs: `controller "attitude"`
   std::optional<RunFailure> fault;  // a command that is not finite; a script cannot catch it
   std::vector<double> scratch;
@@ -135,6 +142,8 @@ struct Scenario {
   /// Compiles again with what has been declared, and keeps the state, the commands and the motion profiles.
   void use_model(std::shared_ptr<const Model> compiled);
   void look_at_state();
+  /// What scripts see: the time, in an event function that of the trial state.
+  double time() const { return in_event_function ? trial_time : sim ? sim->time() : 0.0; }
 };
 
 /// Reads and runs the script: everything up to the run. Throws InputError.
@@ -156,6 +165,8 @@ void make_handle_type(lua_State* L, const char* type, const std::vector<luaL_Reg
 /// An error at the script line that runs now.
 [[noreturn]] void refuse(lua_State* L, Code code, std::string key_path, std::string expected, std::string got,
                          std::string hint = {});
+/// "\n  --> scenario.lua:4\n    4 | the line", for RunFailure::what; empty without a place.
+std::string place_of_failure(const SourceMark& mark);
 /// Refuses a declaration during the run, or before `vehicle` where it needs one.
 void expect_setup(lua_State* L, const Scenario&, const char* what, bool needs_vehicle);
 

@@ -1,10 +1,12 @@
 // Every script ends: each of these would run for minutes or for ever, or take all memory.
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <chrono>
 #include <string>
 #include <thread>
 
+#include "core/base/poll.hpp"
 #include "scripts/host/lua_host.hpp"
 
 namespace cardan {
@@ -55,6 +57,10 @@ INSTANTIATE_TEST_SUITE_P(
         "local mt = {} local function f() local a <close> = setmetatable({}, mt) local b <close> = setmetatable({}, "
         "mt) while true do end end "
         "mt.__close = f f()",
+        "local f = coroutine.wrap(function() local x <close> = setmetatable({}, {__close = function() while true do end "
+        "end}) while true do end end) f()",
+        "local f = coroutine.wrap(function() local x <close> = setmetatable({}, {__close = function() while true do end "
+        "end}) error('x') end) pcall(f)",
         "local co = coroutine.create(function() local x <close> = setmetatable({}, {__close = function() while true do "
         "end end}) "
         "coroutine.yield() end) coroutine.resume(co) coroutine.close(co)",
@@ -83,6 +89,15 @@ INSTANTIATE_TEST_SUITE_P(
         "table.insert(setmetatable({}, {__len = function() return 1 << 62 end}), 1, 0)",
         "table.insert(setmetatable({}, {__len = function() return 1 << 62 end}), 1.0, 0)",
         "table.remove(setmetatable({}, {__len = function() return 1 << 62 end}), 1)",
+        // lengths that differ from one question to the next
+        "local n = 0 table.insert(setmetatable({}, {__len = function() n = n + 1 return n == 1 and 1 or 1 << 50 end}), "
+        "1, 5) while true do end",
+        "local n = 0 table.remove(setmetatable({}, {__len = function() n = n + 1 return n == 1 and 1 or 1 << 50 end}), "
+        "1) while true do end",
+        "local n = 0 table.unpack(setmetatable({}, {__len = function() n = n + 1 return n == 1 and 1 or 1 << 50 end})) "
+        "while true do end",
+        "local n = 0 table.concat(setmetatable({''}, {__len = function() n = n + 1 return n == 1 and 1 or 1 << 50 end})) "
+        "while true do end",
         "table.concat(setmetatable({}, {__index = function() return '' end}), '', 1, 1 << 62)",
         "table.sort(setmetatable({}, {__len = function() return 1 << 62 end}))",
         "local t = {} for i = 1, 1000 do t[i] = i end while true do table.sort(t, function() return true end) end",
@@ -118,6 +133,52 @@ TEST(LuaBudget, DoesNotCountTheTimeOfBindings) {
     return 0;
   });
   EXPECT_NO_THROW(host.run_text("test.lua", "simulate() for i = 1, 10000 do end", {1'000'000, 0.5}));
+}
+
+TEST(LuaBudget, LongBindingsEndWhereThePersonInterrupts) {
+  std::atomic<bool> interrupt = false;
+  LuaOptions options;
+  options.interrupt = &interrupt;
+  LuaHost host(std::move(options));
+  int passes = 0;
+  host.bind("work", [&](lua_State*) {
+    for (;; ++passes) {
+      if (passes == 5) interrupt = true;
+      Poll::now();
+    }
+    return 0;
+  });
+  try {
+    host.run_text("test.lua", "\npcall(work)\nwhile true do end");
+    FAIL();
+  } catch (const InputError& e) {
+    EXPECT_EQ(render(e.diagnostics()[0]),
+              "error[C0504]: interrupted\n"
+              "  --> test.lua:2\n"
+              "  stack:    test.lua:2 in main chunk\n");
+  }
+  EXPECT_EQ(passes, 5);
+  interrupt = false;
+  EXPECT_NO_THROW(host.run_text("test.lua", "assert(true)")) << "the host goes on";
+}
+
+TEST(LuaBudget, LongMethodsEndByTheClock) {
+  LuaHost host;
+  const auto method = [](lua_State* L) {
+    return LuaHost::guarded(L, [](lua_State*) -> int {
+      for (;;) Poll::now();
+    });
+  };
+  host.protect([&](lua_State* L) {
+    lua_pushcfunction(L, method);
+    lua_setglobal(L, "method");
+  });
+  try {
+    host.run_text("test.lua", "pcall(method)", {1'000'000, 0.05});
+    FAIL();
+  } catch (const InputError& e) {
+    EXPECT_EQ(e.diagnostics()[0].expected, "at most 0.05 s in one call");
+  }
 }
 
 TEST(LuaBudget, IsFreshInEachCall) {

@@ -200,5 +200,39 @@ TEST(LuaExceptions, RunDestructors) {
   EXPECT_EQ(alive.use_count(), before);
 }
 
+TEST(LuaErrors, ALongTextIsCut) {
+  LuaHost host;
+  for (const char* text : {"error(('a:1: '):rep(400000), 0)", "error(('x'):rep(1e7), 0)", "error(('x:1: '):rep(4e5) .. ('y'):rep(1e6), 0)"}) {
+    try {
+      host.run_text("scenario.lua", text);
+      FAIL();
+    } catch (const InputError& e) {
+      EXPECT_LT(e.diagnostics()[0].about.size(), 20'000u);
+      EXPECT_LT(std::string(e.what()).size(), 20'000u);
+    }
+  }
+}
+
+TEST(LuaErrors, NothingGoesToTheTerminalAsItIs) {
+  const std::string shown = message_of("error('\\27[31mred\\xff \\u{9b}31m\\n  second', 0)");
+  EXPECT_EQ(shown,
+            "error[C0503]: Lua runtime error: ?[31mred? ?31m\n  second\n"
+            "  --> scenario.lua:1\n"
+            "  stack:    scenario.lua:1 in main chunk\n");
+}
+
+TEST(LuaErrors, TextsThatCannotBeParsedNameTheirFile) {
+  LuaHost host;
+  EXPECT_EQ(message_of(host, "return " + std::string(100'000, '{')),
+            "error[C0501]: Lua syntax error: nested too deeply\n"
+            "  --> scenario.lua\n"
+            "  hint:     brackets, tables or functions more than about 200 deep in one another\n");
+  EXPECT_EQ(message_of("phase { name = 'x',\n  until = function() end }"),
+            "error[C0501]: Lua syntax error: unexpected symbol near 'until'\n"
+            "  --> scenario.lua:2\n"
+            "  hint:     `until` is a word of Lua: the key of a phase is `until_`\n");
+  EXPECT_NO_THROW(host.run_text("scenario.lua", "\xEF\xBB\xBF" "assert(true)")) << "the byte-order mark of some editors";
+}
+
 }  // namespace
 }  // namespace cardan

@@ -72,7 +72,7 @@ TEST(LuaInspect, CompletesFieldsAlongAPath) {
   EXPECT_EQ(completed("child.", 6), (Names{"own", "wheel"})) << "through __index";
   EXPECT_EQ(completed("child.wheel.r", 12), Names{"rate"});
   EXPECT_EQ(completed("scene.none.x", 11), Names{});
-  EXPECT_EQ(completed("f().x", 4), Names{}) << "nothing is called";
+  EXPECT_EQ(completed("f().x", 4), Names{}) << "nothing is known about it";
   EXPECT_EQ(completed("loud.a.b", 7), Names{}) << "no metamethod runs";
   EXPECT_EQ(completed("loop.", 5), Names{});
 }
@@ -80,6 +80,53 @@ TEST(LuaInspect, CompletesFieldsAlongAPath) {
 TEST(LuaInspect, CompletesMethodsOfUserdata) {
   EXPECT_EQ(completed("A:e", 2), Names{"eigenvalues"});
   EXPECT_EQ(completed("v:", 2), (Names{"cols", "csv", "dot", "hdf5", "labels", "max_abs", "norm", "rows", "t", "table"})) << "by __members";
+}
+
+TEST(LuaInspect, ArraysOfLikeTablesAreShownAsATable) {
+  EXPECT_EQ(shown("{{re = 0.5, im = -1.0, name = 'a'}, {re = 10.25, im = 1.0, name = 'long'}}"),
+            "     im    name     re\n"
+            "  1  -1     \"a\"    0.5\n"
+            "  2   1  \"long\"  10.25");
+  EXPECT_EQ(shown("{{a = 1}, {b = 1}}"), "{{...}, {...}}") << "unlike";
+  EXPECT_EQ(shown("{{a = {}}, {a = {}}}"), "{{...}, {...}}") << "not plain";
+  EXPECT_EQ(shown("{{1, 2}, {3, 4}}"), "{{...}, {...}}") << "without names";
+}
+
+TEST(LuaInspect, AVeryLongTextIsCut) {
+  const std::string text = shown("('x'):rep(1e6)");
+  EXPECT_LT(text.size(), 100'000u);
+  EXPECT_TRUE(text.ends_with("bytes more)")) << text.substr(text.size() - 40);
+}
+
+TEST(LuaInspect, CompletesWhatCallsReturnAndNamesInQuotes) {
+  const ApiReference api({"---@class Hinge\nlocal Hinge = {}\n---@return number q\nfunction Hinge:angle() end\n"
+                          "---@return Scene scene\nfunction Hinge:scene() end\n\n"
+                          "---@class Scene\n---@field poles number\nlocal Scene = {}\n---@return Hinge hinge\nfunction Scene:hinge(name) end\n\n"
+                          "---@return Scene scene\nfunction vehicle(path) end\n"});
+  LuaHost host;
+  host.protect([](lua_State* L) {
+    lua_newuserdatauv(L, 1, 0);
+    luaL_newmetatable(L, "cardan.scene");
+    lua_setmetatable(L, -2);
+    lua_setglobal(L, "sat");
+  });
+  std::string asked;
+  const CompletionSources sources{&api, [&asked](std::string_view word) {
+                                    asked = word;
+                                    return Names{"wing_left", "wing_right", "bus"};
+                                  }};
+  const auto names = [&](const std::string& line) { return complete(host, line, sources).names; };
+  EXPECT_EQ(names("sat:hinge(\"wheel\"):"), (Names{"angle", "scene"}));
+  EXPECT_EQ(names("x = sat:hinge \"wheel\":an"), Names{"angle"});
+  EXPECT_EQ(names("sat:hinge('a)b'):scene():h"), Names{"hinge"});
+  EXPECT_EQ(names("sat:hinge('a'):scene()."), Names{"poles"});
+  EXPECT_EQ(names("vehicle 'v.yaml':hi"), Names{"hinge"});
+  EXPECT_EQ(names("sat:none():"), Names{});
+  EXPECT_EQ(names("sat:hinge(\"wi"), (Names{"wing_left", "wing_right"}));
+  EXPECT_EQ(asked, "hinge");
+  EXPECT_EQ(names("s:passive { 'bus', 'wing_l"), Names{"wing_left"});
+  EXPECT_EQ(names("f('done') .. 'b"), Names{"bus"});
+  EXPECT_EQ(complete(host, "sat:hinge(\"wi", sources).start, 11u);
 }
 
 }  // namespace

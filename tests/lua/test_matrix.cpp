@@ -220,5 +220,64 @@ TEST(LuaMatrix, BindingsPushAndReadThem) {
   EXPECT_EQ(b.fault("swap({1, 2}, {{1, 2}, {3, 4}})"), "the row | a matrix 1x2 or a table of as many rows | a matrix 2x2");
 }
 
+TEST(LuaMatrix, SolvesAtTheEndsOfTheRangeOfNumbers) {
+  Bench b;
+  EXPECT_EQ(b.number("matrix{{1e-310}}:solve{1e-300}[1]"), 1e-300 / 1e-310);
+  EXPECT_EQ(b.number("matrix{{5e-324}}:solve{5e-324}[1]"), 1.0);
+  EXPECT_EQ(b.number("matrix{{1e300}}:solve{1e300}[1]"), 1.0);
+  EXPECT_EQ(b.number("matrix{{5e-324, 0}, {0, 1e308}}:solve{1e-323, 1e308}[1]"), 2.0);
+  EXPECT_EQ(b.fault("matrix{{1e-310}}:solve{1}"), "solve | a solution within the range of numbers | one that overflows");
+}
+
+TEST(LuaMatrix, ControllersMaySolveLargeSystems) {  // a Kalman filter of 200 states: some products and solves in one call
+  Bench b;
+  b.host.protect(
+      [](lua_State* L) {
+        const std::string text =
+            "local n, rows = 200, {} for i = 1, n do rows[i] = {} for j = 1, n do rows[i][j] = i == j and n or math.sin(i * j) end end "
+            "local P = matrix(rows) local x = P:solve(P) x = P * x * P:t() + P assert(P:solve(x * P):rows() == n)";
+        if (luaL_loadbufferx(L, text.data(), text.size(), "@test.lua", "t") != LUA_OK) lua_error(L);
+        lua_call(L, 0, 0);
+      },
+      kCallBudget);
+}
+
+TEST(LuaMatrix, WrapsToTheWindow) {
+  LuaOptions options;
+  std::size_t width = 30;
+  options.width = [&width] { return width; };
+  Bench b(std::move(options));
+  const std::string make = "print(matrix({{1.25, 2.25, 3.25, 4.25, 5.25}, {1, 2, 3, 4, 5}}, {names = {'first', 'b'}}))";
+  EXPECT_EQ(b.run(make),
+            "matrix 2x5\n"
+            " columns 1 to 3\n"
+            "  first  1.25  2.25  3.25\n"
+            "  b         1     2     3\n"
+            " columns 4 to 5\n"
+            "  first  4.25  5.25\n"
+            "  b         4     5\n");
+  width = 10;
+  EXPECT_NE(b.run(make).find(" column 5\n  first  5.25\n"), std::string::npos);
+  width = 0;
+  EXPECT_EQ(b.run(make), "matrix 2x5\n  first  1.25  2.25  3.25  4.25  5.25\n  b         1     2     3     4     5\n");
+}
+
+TEST(LuaMatrix, WritesNothingOutsideOfItsFolder) {
+  const fs::path folder = fs::path(testing::TempDir()) / "lua_matrix_outside";
+  fs::remove_all(folder);
+  fs::create_directories(folder / "out");
+  fs::create_symlink(folder / "target", folder / "out/d.csv");
+  LuaOptions options;
+  options.output = folder / "out";
+  Bench b(std::move(options));
+  EXPECT_EQ(b.fault("vector{1}:csv('d.csv')"), "d.csv | a place that can be written to | a symbolic link to a place where nothing is");
+  EXPECT_FALSE(fs::exists(folder / "target"));
+  b.run("vector{1}:hdf5('a.h5', 'x')");
+  for (const char* name : {"x/z", ".", "..", "a/./b", "a//b", "", "a/", "a/../b"})
+    EXPECT_NE(b.fault(std::string("vector{1}:hdf5('a.h5', '") + name + "')").find("the name of a dataset"), std::string::npos) << name;
+  EXPECT_TRUE(b.run("print(vector{1}:csv('sub/m.csv'))").ends_with("out/sub/m.csv\n")) << "tells where it went";
+  fs::remove_all(folder);
+}
+
 }  // namespace
 }  // namespace cardan

@@ -1,5 +1,6 @@
 // What a script must not reach, and what must not differ from run to run.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <filesystem>
 #include <fstream>
@@ -221,6 +222,12 @@ TEST(LuaOrder, SortIsStableAndTakesAnyOrder) {
   EXPECT_EQ(attempt("table.sort({1, 'x'})"), "attempt to compare string with number");
 }
 
+TEST(LuaOrder, ArraysNeedNoOrder) {
+  EXPECT_EQ(output_of("local t = {} for i = 1, 1000 do t[i] = i * i end t.x = 1 t[-1] = 1 local n = 0 "
+                      "for k, v in pairs(t) do n = n + 1 if n > 1 and n < 1002 then assert(k == n - 1 and v == k * k) end end print(n)"),
+            "1002\n");
+}
+
 // ---- modules ----
 
 class LuaModules : public ::testing::Test {
@@ -283,6 +290,22 @@ TEST_F(LuaModules, ThatAreMissingAreNamed) {
               "  expected: lib/law.lua in the scenario folder, or one of: cardan.units\n"
               "  got:      \"lib.law\"\n"
               "  stack:    test.lua:2 in main chunk\n");
+  }
+}
+
+TEST_F(LuaModules, AFifoIsNotOpened) {  // which would wait for a writer
+  ASSERT_EQ(mkfifo((folder_ / "scenario/pipe.lua").c_str(), 0600), 0);
+  LuaHost host(options());
+  EXPECT_THROW(host.run_text("test.lua", "require 'pipe'"), InputError);
+}
+
+TEST_F(LuaModules, PathsAreToldFromNames) {
+  LuaHost host(options());
+  try {
+    host.run_text("test.lua", "require '../x'");
+    FAIL();
+  } catch (const InputError& e) {
+    EXPECT_EQ(e.diagnostics()[0].expected, "the name of a file of the scenario folder without .lua, with points for folders: lib.law");
   }
 }
 

@@ -152,9 +152,9 @@ TEST(LuaTable, IgnoresMetatables) {
             "none");
 }
 
-// ---- functions and records ----
+// ---- functions ----
 
-class LuaTick : public ::testing::Test {
+class LuaCall : public ::testing::Test {
  protected:
   /// The function that `text` returns.
   LuaFunction function(const std::string& text) {
@@ -167,76 +167,35 @@ class LuaTick : public ::testing::Test {
     host_.run_text("scenario.lua", "take(" + text + ")");
     return f;
   }
-  std::string fault_of(const std::string& body) {
-    const LuaFunction f = function("function(t, x) return " + body + " end");
-    std::array<double, 4> out{};
-    const auto fault = f.tick(0.0, input_, in_, output_, out);
-    return fault ? std::to_string(fault->kind) + ": " + fault->field + ": " + fault->expected + ": " + fault->got
-                 : "none";
-  }
-
   LuaHost host_;
-  LuaRecord input_{host_, {{"angle"}, {"rate", 3}}};
-  LuaRecord output_{host_, {{"torque", 3}, {"drive"}}};
-  const std::array<double, 4> in_{0.5, 1.0, 2.0, 3.0};
 };
 
-TEST_F(LuaTick, GivesNamedNumbersAndTakesNamedNumbers) {
-  const LuaFunction f =
-      function("function(t, x) return {torque = {-x.rate[1], -x.rate[2], -x.rate[3]}, drive = t + x.angle} end");
-  std::array<double, 4> out{};
-  EXPECT_FALSE(f.tick(10.0, input_, in_, output_, out));
-  EXPECT_EQ(out, (std::array<double, 4>{-1.0, -2.0, -3.0, 10.5}));
-  EXPECT_FALSE(f.tick(20.0, input_, std::array{0.0, 4.0, 5.0, 6.0}, output_, out));
-  EXPECT_EQ(out, (std::array<double, 4>{-4.0, -5.0, -6.0, 20.0}));
-}
-
-TEST_F(LuaTick, RestoresAnInputThatTheScriptHasChanged) {
-  const LuaFunction f = function(
-      "function(t, x) local sum = x.angle + #x.rate x.rate = 'gone' x.angle = nil return {torque = {0, 0, 0}, drive = "
-      "sum} end");
-  std::array<double, 4> out{};
-  for (int i = 0; i < 2; ++i) {
-    EXPECT_FALSE(f.tick(0.0, input_, in_, output_, out));
-    EXPECT_EQ(out[3], 3.5);
-  }
-}
-
-TEST_F(LuaTick, NamesTheFieldThatIsWrong) {
-  EXPECT_EQ(fault_of("{torque = {0, 0, 0}, drive = 0}"), "none");
-  EXPECT_EQ(fault_of("{torque = {0, 0 / 0, 0}, drive = 0}"), "4: torque[2]: a finite number: nan (number)");
-  EXPECT_EQ(fault_of("{torque = {0, 0, 0}, drive = 1 / 0}"), "4: drive: a finite number: inf (number)");
-  EXPECT_EQ(fault_of("{torque = {0, 0, 0}, drive = '1'}"), "3: drive: a finite number: \"1\" (string)");
-  EXPECT_EQ(fault_of("{torque = {0, 0, 0}}"), "1: drive: a finite number: nil");
-  EXPECT_EQ(fault_of("{torque = {0, 0}, drive = 0}"), "1: torque[3]: a finite number: nil");
-  EXPECT_EQ(fault_of("{torque = {0, 0, 0, 1}, drive = 0}"), "2: torque[4]: a finite number: 1 (number)");
-  EXPECT_EQ(fault_of("{drive = 0}"), "1: torque: an array of 3 numbers: nil");
-  EXPECT_EQ(fault_of("{torque = 5, drive = 0}"), "3: torque: an array of 3 numbers: 5 (number)");
-  EXPECT_EQ(fault_of("{torque = {0, 0, 0}, drive = 0, torqe = {}, other = 1}"),
-            "2: other: a table with torque, drive: 1 (number)");
-  EXPECT_EQ(fault_of("{torque = {0, 0, 0}, drive = 0, 7}"), "2: 1: a table with torque, drive: 7 (number)");
-  EXPECT_EQ(fault_of("nil"), "0: : a table with torque, drive: nil");
-}
-
-TEST_F(LuaTick, ThrowsWhatTheScriptRaises) {
-  const LuaFunction f = function("\nfunction(t, x)\n  return x.missing.field\nend");
-  std::array<double, 4> out{};
+TEST_F(LuaCall, ThrowsWhatTheScriptRaises) {
+  const LuaFunction f = function("\nfunction(t)\n  return t.missing.field\nend");
+  std::array<double, 1> out{};
   try {
-    f.tick(0.0, input_, in_, output_, out);
+    f.call(std::array{0.0}, out);
     FAIL();
   } catch (const InputError& e) {
     EXPECT_EQ(render(e.diagnostics()[0]),
-              "error[C0503]: Lua runtime error: attempt to index a nil value (field 'missing')\n"
+              "error[C0503]: Lua runtime error: attempt to index a number value (local 't')\n"
               "  --> scenario.lua:3\n"
               "  stack:    scenario.lua:3 in function of line 2\n");
   }
   EXPECT_EQ(f.defined_at().line, 2);
-  EXPECT_THROW(function("function() while true do end end").tick(0.0, input_, in_, output_, out, {100'000, 60.0}),
-               InputError);
-  EXPECT_EQ(fault_of("{torque = {0, 0, 0}, drive = 0}"), "none");  // and the host goes on
 }
 
-TEST_F(LuaTick, CallsWithPlainNumbers) {
+TEST_F(LuaCall, SpendsTheBudgetOfCalls) {
+  const LuaFunction f = function("function(n) for i = 1, n do end return n end");
+  std::array<double, 1> out{};
+  host_.set_call_budget({100'000, 60.0});
+  EXPECT_THROW(f.call(std::array{1e6}, out), InputError);
+  EXPECT_NO_THROW(f.call(std::array{1e4}, out)) << "and the host goes on";
+  host_.set_call_budget({10'000'000, 60.0});
+  EXPECT_NO_THROW(f.call(std::array{1e6}, out));
+}
+
+TEST_F(LuaCall, CallsWithPlainNumbers) {
   const LuaFunction f = function("function(a, b) return a + b, a - b, 'extra' end");
   std::array<double, 2> out{};
   f.call(std::array{5.0, 3.0}, out);
@@ -251,13 +210,12 @@ TEST_F(LuaTick, CallsWithPlainNumbers) {
   }
 }
 
-TEST_F(LuaTick, KeepsTheStackOfTheHostEmpty) {
-  const LuaFunction f =
-      function("function(t, x) if t > 5 then error('late') end return {torque = {t, 0 / (t - 3), 0}, drive = 0} end");
-  std::array<double, 4> out{};
+TEST_F(LuaCall, KeepsTheStackOfTheHostEmpty) {
+  const LuaFunction f = function("function(t) if t > 5 then error('late') end return t, 0 / (t - 3) end");
+  std::array<double, 2> out{};
   for (int i = 0; i < 10; ++i) {
     try {
-      f.tick(i, input_, in_, output_, out);
+      f.call(std::array{double(i)}, out);
     } catch (const InputError&) {
     }
   }

@@ -81,7 +81,11 @@ TEST(OperatorsInScripts, RefuseWithTheLineOfTheScript) {
   refused("local x = s:subtree('wing')", {"C0201", "wing_left"});
   refused("local x = s:nodes('nowhere')", {"C0202"});
   refused("local x = s.M + sim:operators().M", {"C0902", "different times"});
-  refused("s:along('wing_left.angle')", {"C0208", "wing_left.rate"});
+  refused("s:along('wing_left.angel')", {"C0208", "did you mean \"wing_left.angle\"?"});
+  std::string doubling = "local x = s.mass for i = 1, 40 do x = x + x end";  // 2^40 letters
+  refused(doubling, {"C0902", "at most 4096 letters", "look.lua:2"});
+  refused("local x = s.phi for i = 1, 40 do x = x * (x + x) end", {"C0902", "at most 4096 letters"});
+  refused("s:hybrid{zeta = 1, alpha = 2}", {"C0104", "got:      \"alpha\""});  // of several faults the same one is told on every run
   refused("local v = sim:v(); v[1] = 0 / 0; local x = s.mass * v", {"N0108", "finite"});
   refused("local x = s:momentum({0 / 0})", {"C0502"});
   refused("local x = s:subgraph{}", {"C0502"});
@@ -90,6 +94,72 @@ TEST(OperatorsInScripts, RefuseWithTheLineOfTheScript) {
   refused("local x = sim:inverse_kinematics{targets = {{node = 'bus', attitude = {0, 0, 0, 0}}}}", {"C0502", "unit quaternion"});
   refused("local x = sim:system_modes{elastic = -1}", {"C0502"});
   refused("local x = sim:linearize{inputs = {'wheel_9.angle'}}", {"C0208"});
+}
+
+TEST(OperatorsInScripts, AComponentHasTheSameNamesEverywhere) {
+  const Finished run = script(R"(
+local s = sim:operators()
+local function same(a, b, what) assert(a == b or (a - b):max_abs() == 0, what) end
+local function passive(...) return s:passive { ... }:coupling() end
+same(passive "wheel_1.rate", passive "wheel_1.angle", "coordinate")
+same(passive "wheel_1.rate", passive "wheel_1", "body of one component")
+same(passive "bus", s:floating_base():coupling(), "all of a hinge")
+same(passive("bus.turn_x", "bus.wy"), passive("bus.wx", "bus.turn_y"), "behind a quaternion")
+local function wings(...) s:articulate { free = { ... } } local d = s.D:dense() s:articulate() return d end
+same(wings("wing_left.eta"), wings("wing_left.eta_1", "wing_left.etadot_2", "wing_left.eta_3", "wing_left.eta_4", "wing_left.eta_5", "wing_left.eta_6", "wing_left.eta_7",
+  "wing_left.eta_8", "wing_left.eta_9", "wing_left.eta_10"), "all modes")
+local function plant(...) return sim:linearize { inputs = { ... } }.B end
+same(plant "wheel_2.rate", plant "wheel_2.angle", "input")
+same(plant "wheel_2", plant "wheel_2.angle", "input by body")
+s:along "wheel_1.angle"
+local along = s.mass_derivative:dense()
+s:along "wheel_1"
+same(s.mass_derivative:dense(), along, "along")
+local left = sim:vehicle():hinge "wing_left"
+assert(left:rate() == left:rate "angle" and left:angle "rate" == left:angle() and left:angle "wing_left.angle" == left:angle(1))
+)");
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+}
+
+TEST(OperatorsInScripts, TaskSpaceControlHasItsDrift) {  // Jdot v against a difference of J v along the motion
+  const Finished run = script(R"(
+local s, v = sim:operators(), sim:v()
+local names = sim:q():labels().names
+for i, name in ipairs(v:labels().names) do v[i] = name:find "rate$" and 0.1 * math.sin(3 * i) or 0 end  -- joints alone
+local task = s:task { nodes = { "hand.tool" }, rows = { 1, 2, 3 } }
+local bias = task:bias(v)
+assert(#bias == 3 and bias:max_abs() > 1e-3 and bias:labels().units[1] == "rad/s^2")
+local start, h = sim:state(), 1e-3
+local function rates(x)  -- of the tool, where every joint has moved on by x v; node axes
+  local q = sim:state().q
+  for i, name in ipairs(names) do if name:find "angle$" then q[i] = q[i] + x * v[(name:gsub("angle", "rate"))] end end
+  sim:state { q = q }
+  local r = sim:operators():task({ nodes = { "hand.tool" }, rows = { 1, 2, 3 } }):rates(v)
+  sim:state(start)
+  return r
+end
+local d = (8 * (rates(h) - rates(-h)) - (rates(2 * h) - rates(-2 * h))) * (1 / (12 * h))
+assert((d - bias):max_abs() < 1e-10, tostring(d) .. tostring(bias))  -- rates of 0.3 rad/s: (0.3 h)^4 and rounding over h
+local F = task:force_for({ 1, 2, 3 }, bias)
+assert((F - task:inertia() * (vector { 1, 2, 3 } - bias)):max_abs() == 0)
+task:require_full_rank()
+local twice = s:task { nodes = { "hand.tool", "hand.tool" } }
+local ok, why = pcall(twice.require_full_rank, twice)
+assert(not ok and tostring(why):find("rank 6 of 12 rows", 1, true), tostring(why))
+)", CARDAN_SOURCE_DIR "/scenarios/02_free_flying_arm");
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+}
+
+TEST(OperatorsInScripts, ModesSayWhatTheyAre) {
+  const Finished run = script(R"(
+local modes = tostring(sim:system_modes { elastic = 2 })
+assert(modes:find("10 rigid-body and 2 elastic modes", 1, true), modes)
+assert(modes:find("wing_left %d+ %%") and modes:find("wing_left.eta", 1, true), modes)
+for _, pole in ipairs(sim:linearize().poles) do  -- a pole that is zero to rounding has no damping
+  assert(pole.frequency > 0.1 and math.abs(pole.damping - 0.01) < 0.01 or pole.frequency < 1e-5 and pole.damping == 0)
+end
+)");
+  EXPECT_EQ(run.exit_code, 0) << run.err;
 }
 
 TEST(OperatorsInScripts, StandInAMissionToo) {  // inertia from the operators: a pendulum as a critically damped oscillator of 2 rad/s

@@ -232,6 +232,84 @@ TEST(Program, ErrorsAsJson) {
   EXPECT_EQ(line["errors"][0]["code"], "C0801");
 }
 
+TEST(Program, FailuresOfScriptsHaveTheirPlaceAsJson) {
+  const TemporaryFolder dir;
+  const json failed = json::parse(run_program({"run", "N0303_controller_error", "--out", dir.path(), "--json-errors"}, kErrors).err)["errors"][0];
+  EXPECT_EQ(failed["file"], "N0303_controller_error/scenario.lua");
+  EXPECT_EQ(failed["line"], 5);
+}
+
+/// A scenario of a pendulum with this text, by this command.
+Finished pendulum_with(const std::string& text, const std::string& command = "run") {
+  const TemporaryFolder dir;
+  fs::copy(kErrors + "/pendulum.yaml", dir / "vehicle.yaml");
+  write(dir / "scenario.lua", "local sat = vehicle 'vehicle.yaml'\n" + text);
+  return run_program({command, "."}, dir.path());
+}
+
+// The event is where the function of the time is zero, whatever tells the time: not at the tick before.
+TEST(Program, EventFunctionsSeeTheTrialTime) {
+  for (const char* time : {"t", "mission.time()", "sim:t()", "sim:state().t"}) {
+    const Finished run = pendulum_with(
+        "mission { duration = 1, output = { rate = '2 Hz' } }\n"
+        "controller { name = 'tick', rate = '10 Hz', step = function() end }\n"
+        "local at = 0\n"
+        "event { name = 'late', when = function(t) return " + std::string(time) + " - 0.55 end, action = function(t) at = t assert(mission.time() == t and sim:t() == t) end }\n"
+        "check { name = 'time', value = function() return at end, equal = { 0.55, tolerance = 1e-9 } }\n");
+    EXPECT_EQ(run.exit_code, 0) << time << run.out << run.err;
+  }
+  const Finished stored = pendulum_with(
+      "mission { duration = 1 }\nlocal s = signals { a = {} }\nevent { name = 'e', when = function(t) s.a(t) return 1 end, action = function() end }\n");
+  EXPECT_EQ(stored.exit_code, 3);
+  EXPECT_NE(stored.err.find("one stored in an event's `when`"), std::string::npos) << stored.err;
+}
+
+TEST(Program, WhatRunRefusesCheckRefuses) {
+  const std::vector<std::pair<std::string, std::vector<std::string>>> cases = {
+      {"mission { duration = 1 }\nsignals { a = {}, ['a/b'] = {} }", {"scenario.lua:3", "beside the channel"}},
+      {"mission { duration = 1 }\nsignals { ['ledger/energy'] = {} }", {"scenario.lua:3", "ledger/energy"}},
+      {"mission { duration = 1 }\nsignals { hinges = {} }", {"scenario.lua:3", "hinges/rod/angle"}},
+      {"mission { duration = 1 }\nsignals { a = {} }\nsignals { a = {} }", {"scenario.lua:3", "signals.a"}},
+      {"mission { duration = 1, output = { reactions = { 'rod', 'rod' } } }", {"scenario.lua:2", "mission.output.reactions", "\"rod\""}},
+      {"mission { duration = 1, output = { nodes = { 'rod.end', 'rod.end' } } }", {"scenario.lua:2", "mission.output.nodes"}}};
+  for (const auto& [text, parts] : cases)
+    for (const char* command : {"check", "run"}) {
+      const Finished run = pendulum_with(text, command);
+      EXPECT_EQ(run.exit_code, 2) << command << text << run.err;
+      EXPECT_NE(run.err.find("error[C0207]"), std::string::npos) << command << text << run.err;
+      for (const std::string& part : parts) EXPECT_NE(run.err.find(part), std::string::npos) << part << text << run.err;
+    }
+  const Finished legal = pendulum_with("mission { duration = 1 }\nsignals { a = {}, ['b/a'] = {}, ['b/c'] = {}, ['ledger_x'] = {} }", "check");
+  EXPECT_EQ(legal.exit_code, 0) << legal.err;
+  EXPECT_EQ(pendulum_with("mission { duration = 1 }\ncheck { name = 'x', value = print, equal = { 1, tolerance = -1 } }", "check").exit_code, 2);
+}
+
+TEST(Program, ASignalThatIsNotFiniteIsAWarning) {
+  const Finished run = pendulum_with(
+      "mission { duration = 1 }\nlocal s = signals { ['a/b'] = {} }\n"
+      "controller { name = 'c', rate = '10 Hz', step = function(t) s['a/b'](1 / (t - 0.5)) end }\n");
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_NE((run.out + run.err).find("warning[W0501]: signal a/b is inf"), std::string::npos) << run.out << run.err;
+}
+
+TEST(Program, TheBudgetOfACallIsTheMissions) {
+  const std::string loop = "controller { name = 'c', rate = '1 Hz', step = function() for i = 1, 1e6 do end end }\n";
+  const Finished small = pendulum_with("mission { duration = 1, budget = { steps = 1e5 } }\n" + loop);
+  EXPECT_EQ(small.exit_code, 3);
+  EXPECT_NE(small.err.find("at most 100000 steps in one call"), std::string::npos) << small.err;
+  EXPECT_EQ(pendulum_with("mission { duration = 1, budget = { steps = 1e7, time = '1 min' } }\n" + loop).exit_code, 0);
+  EXPECT_EQ(pendulum_with("mission { duration = 1, budget = { steps = 0 } }\n" + loop, "check").exit_code, 2);
+  EXPECT_EQ(pendulum_with("mission { duration = 1, budget = { time = '5 m' } }\n" + loop, "check").exit_code, 2);
+}
+
+TEST(Program, WhatScriptsPrintIsShownByCheckAndDescribe) {
+  for (const char* command : {"check", "describe"}) {
+    const Finished run = pendulum_with("mission { duration = 1 }\nprint('seen')", command);
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+    EXPECT_EQ(run.err, "seen\n") << command;
+  }
+}
+
 TEST(Program, ResultsThatCannotBeWrittenAreRefusedBeforeTheRun) {
   const TemporaryFolder dir;
   write(dir / "file", "");

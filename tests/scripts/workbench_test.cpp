@@ -166,6 +166,39 @@ TEST(Workbench, ScriptsWriteIntoTheFolderOfResults) {
   EXPECT_EQ(run_program({"run", "."}, dir.path()).exit_code, 2) << "a mission writes its results and nothing else";
 }
 
+TEST(Workbench, TellsWhereAFileWentAlsoOfTheFolderItStandsIn) {
+  const TemporaryFolder dir;
+  fs::copy(kPendulum, dir / "swing", fs::copy_options::recursive);
+  for (const std::string& here : {std::string("."), std::string("./"), std::string("scenario.lua"), std::string("../swing")}) {
+    const Finished run = piped({here}, "sim:q():csv('m.csv')\nsim:linearize{file = 'sub/plant.m'}.file\n", dir / "swing");
+    EXPECT_EQ(run.exit_code, 0) << here << run.err;
+    EXPECT_EQ(run.out, "out/swing/m.csv\nout/swing/sub/plant.m\n") << here;
+    EXPECT_TRUE(fs::exists(dir / "swing/out/swing/m.csv")) << here;
+    fs::remove_all(dir / "swing/out");
+  }
+}
+
+TEST(Workbench, StatesWithoutARotationAreRefused) {
+  const auto answer = [](const std::string& w, const std::string& of = "q[1], q[2], q[3], q[4] = ") {
+    const TemporaryFolder dir;
+    write(dir / "look.lua", "local q = sim:q() " + of + w + ", 0, 0, 0 sim:state { q = q } assert(sim:q()[1] == sim:q()[1])");
+    return run_program({"workbench", kMissions + "/free_body", "--script", dir / "look.lua"}, dir.path());
+  };
+  for (const char* w : {"0", "1e-200", "1e200"}) {
+    const Finished run = answer(w);
+    EXPECT_EQ(run.exit_code, 2) << w;
+    EXPECT_NE(run.err.find("error[C0304]"), std::string::npos) << run.err;
+    EXPECT_NE(run.err.find("a quaternion of body hub with a length from 1e-6 to 1e6"), std::string::npos) << run.err;
+  }
+  EXPECT_EQ(answer("1e-3").exit_code, 0);
+}
+
+TEST(Workbench, TimesMayHaveUnits) {
+  const Finished run = script("assert(sim:run_to('100 ms') == 0.1) assert(sim:run_to '0.5 s' == 0.5) local ok, why = pcall(sim.run_to, sim, '5 m') "
+                              "assert(not ok and tostring(why):find('time [s]', 1, true), tostring(why))");
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+}
+
 TEST(Workbench, OpensAVehicleWithoutAMission) {
   const TemporaryFolder dir;
   fs::copy(kPendulum + "/vehicle.yaml", dir / "vehicle.yaml");
@@ -311,6 +344,15 @@ TEST(WorkbenchTerminal, CompletesInterruptsAndRemembers) {
     t.type("\x03");
     ASSERT_TRUE(t.shows("interrupted")) << "between two steps\n" << t.seen();
     ASSERT_TRUE(t.shows("> "));
+    t.type("sim:vehicle():hinge(\"ro\t\"):an\t()\r");
+    ASSERT_TRUE(t.shows("rod\"):angle()\r\n")) << "a name in quotes, and what a call returns\n" << t.seen();
+    ASSERT_TRUE(t.shows("> "));
+    t.type("s = sim:operators()\r");
+    ASSERT_TRUE(t.shows("> "));
+    t.type("s:subt\t('rod')\r");
+    ASSERT_TRUE(t.shows("subtree('rod')\r\n") && t.shows("operators of the subtree of rod") && t.shows("> ")) << t.seen();
+    t.type("help\r");
+    ASSERT_TRUE(t.shows("tells about an object") && t.shows("controller(options)") && t.shows("> ")) << t.seen();
     t.type("if sim then\r");
     ASSERT_TRUE(t.shows(">> ")) << t.seen();
     t.type("print(6 * 7) end\r");
@@ -321,6 +363,27 @@ TEST(WorkbenchTerminal, CompletesInterruptsAndRemembers) {
   ASSERT_TRUE(t.shows("> ")) << t.seen();
   t.type("\x10\r");  // Ctrl-P: the line before
   ASSERT_TRUE(t.shows("print(6 * 7) end") && t.shows("> ")) << t.seen();
+  EXPECT_EQ(t.leave(), 0) << t.seen();
+}
+
+TEST(WorkbenchTerminal, AnInterruptedFunctionOfTheMissionIsNoFailure) {
+  const TemporaryFolder dir;
+  fs::copy(kPendulum + "/vehicle.yaml", dir / "vehicle.yaml");
+  write(dir / "scenario.lua",
+        "vehicle 'vehicle.yaml' mission { duration = 10, budget = { steps = 1e12, time = '1 h' } }\n"
+        "controller { name = 'slow', rate = '10 Hz', step = function(t) if t > 0.15 then print('wor' .. 'king') while true do end end end }\n"
+        "event { name = 'slow', when = function(t) if mission.time() > 100 then print('wor' .. 'king') while true do end end return 1 end, action = print }\n");
+  Terminal t({"workbench", dir.path()}, dir.path());
+  if (!t.is_there()) GTEST_SKIP() << "this system gives no pseudo-terminal (no /dev/pts)";
+  for (const char* start : {"sim:run_to(1)\r", "sim:state { t = 200 } sim:run_to(201)\r"}) {
+    ASSERT_TRUE(t.shows("> ")) << t.seen();
+    t.type(start);
+    ASSERT_TRUE(t.shows("working")) << t.seen();
+    t.type("\x03");
+    ASSERT_TRUE(t.shows("error[C0504]: interrupted\r\n")) << t.seen();
+  }
+  EXPECT_EQ(t.seen().find("exceeded its budget"), std::string::npos) << t.seen();
+  ASSERT_TRUE(t.shows("> "));
   EXPECT_EQ(t.leave(), 0) << t.seen();
 }
 

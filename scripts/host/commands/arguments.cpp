@@ -12,6 +12,7 @@
 namespace cardan {
 
 void ScenarioArguments::add_to(CLI::App& command, CommandLine& line, const char* what, const char* type) {
+  json_errors = &line.json_errors;
   command.add_option("file", file, what)->required()->type_name(type);
   command
       .add_option(
@@ -32,6 +33,7 @@ ScenarioOptions ScenarioArguments::options() const {
       throw InputError(Diagnostic{Code::command_line, {"--seed", {}}, "a whole number from 0 to 18446744073709551615", in_quotes(seed), {}, {}, {}, 0});
     o.seed = *number;
   }
+  if (!json_errors || !*json_errors) o.print = [](std::string_view text) { fmt::print(stderr, "{}\n", text); };
   for (const std::string& text : settings) {
     const std::size_t equals = text.find('=');
     if (equals == 0 || equals == std::string::npos)

@@ -33,6 +33,7 @@ struct ScenarioArguments {
   std::string file;
   std::vector<std::string> settings;
   std::string seed;
+  const bool* json_errors = nullptr;  // of the command line: what scripts print would spoil standard error
 
   void add_to(CLI::App& command, CommandLine& line,
               const char* what = "The scenario: a Lua file, or a folder with scenario.lua", const char* type = "SCENARIO");

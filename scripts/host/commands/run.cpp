@@ -152,6 +152,8 @@ class RunCommand {
         part();
       } catch (const NumericsError& e) {
         if (!summary_.failure) summary_.failure = e.failure();
+      } catch (const InputError&) {
+        if (!Interruption::flag()) fault_ = std::current_exception();
       } catch (const std::bad_alloc&) {
         if (!summary_.failure) summary_.failure = RunFailure{Code::no_memory_in_run, scenario_->sim->time(), "", "", "", "a smaller scenario, or a larger limit (ulimit -v)", ""};
       } catch (const std::exception&) {

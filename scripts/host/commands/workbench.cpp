@@ -1,6 +1,7 @@
 #include "scripts/host/workbench.hpp"
 
 #include <fmt/format.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -11,6 +12,7 @@
 #include <iterator>
 #include <limits>
 
+#include "scripts/host/bind_help.hpp"
 #include "scripts/host/commands/commands.hpp"
 #include "scripts/host/line_editor.hpp"
 #include "scripts/host/lua_inspect.hpp"
@@ -25,7 +27,20 @@ constexpr LuaBudget kPatience{std::numeric_limits<std::int64_t>::max() / 2, 1e9}
 
 std::atomic<bool> interrupt{false};
 static_assert(std::atomic<bool>::is_always_lock_free);  // so that a signal may set it
-void on_interrupt(int) { interrupt = true; }
+std::atomic<int> unanswered{0};
+static_assert(std::atomic<int>::is_always_lock_free);
+/// What runs looks at the flag between its parts. Where that takes too long, a large factorisation for one, the third Ctrl-C ends
+/// the program.
+void on_interrupt(int) {
+  if (interrupt && ++unanswered >= 2) _exit(130);
+  interrupt = true;
+}
+
+/// Of the window of a terminal, in characters; 0 where the output is none.
+std::size_t window_width() {
+  winsize size{};
+  return ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 ? size.ws_col : 0;
+}
 
 struct WorkbenchArguments {
   ScenarioArguments scenario;
@@ -36,6 +51,7 @@ class WorkbenchCommand {
  public:
   WorkbenchCommand(const WorkbenchArguments& a, bool json_errors)
       : json_errors_(json_errors), scenario_(load(a)), bench_(*scenario_) {
+    bind_help(*scenario_);
     scenario_->lua.bind("assert", [this](lua_State* L) { return check_assertion(L); });
   }
 
@@ -71,15 +87,16 @@ class WorkbenchCommand {
     LineEditor editor(
         state_file("workbench_history"),
         [this](std::string_view line) {
-          Completion c = complete(scenario_->lua, line);
+          Completion c = complete(scenario_->lua, line,
+                                  {&api_reference(), [this](std::string_view word) { return names_for(*scenario_, word); }});
           return LineEditor::Completion{c.start, std::move(c.names)};
         },
         interrupt);
-    fmt::print("The loaded scene is `sim`; TAB completes, Ctrl-C interrupts, Ctrl-D leaves.\n");
+    fmt::print("The loaded scene is `sim`; `help` tells what there is, TAB completes, Ctrl-C interrupts, Ctrl-D leaves.\n");
     std::string statement, line;
     for (;;) {
       std::fflush(stdout);
-      interrupt = false;
+      interrupt = false, unanswered = 0;
       const auto answer = editor.read(statement.empty() ? "> " : ">> ", line);
       if (answer == LineEditor::Answer::end) return 0;
       if (answer == LineEditor::Answer::interrupt) {
@@ -99,8 +116,9 @@ class WorkbenchCommand {
     ScenarioOptions options = a.scenario.options();
     options.print = [](std::string_view line) { fmt::print("{}\n", line); };
     options.interrupt = &interrupt;
-    const fs::path folder = fs::absolute(options.file).lexically_normal();
-    options.output = a.out.empty() ? fs::path("out") / (fs::is_directory(folder) ? folder : folder.parent_path()).filename() : fs::path(a.out);
+    options.width = window_width;
+    const fs::path script = fs::is_directory(options.file) ? options.file / "scenario.lua" : options.file;  // of `.` too its folder has a name
+    options.output = a.out.empty() ? fs::path("out") / fs::absolute(script).lexically_normal().parent_path().filename() : fs::path(a.out);
     const std::string ending = options.file.extension().string();
     return ending == ".yaml" || ending == ".yml" ? load_vehicle(options) : load_scenario(options);
   }

@@ -3,6 +3,8 @@ local allocation = {}
 
 --- `axes`: one unit vector for each actuator, body axes, not all in one plane. Returns a function that takes a body torque
 --- {x, y, z} to the commands of the actuators with the least sum of squares: u = A' (A A')^-1 torque.
+---@param axes number[][]
+---@return fun(torque: number[]): number[] share
 function allocation.least_norm(axes)
   local m = { { 0, 0, 0 }, { 0, 0, 0 }, { 0, 0, 0 } } -- A A'
   for _, a in ipairs(axes) do

@@ -3,6 +3,9 @@
 local quat = {}
 
 --- The product p q: first q, then p.
+---@param p number[]
+---@param q number[]
+---@return number[] product
 function quat.multiply(p, q)
   return {
     p[1] * q[1] - p[2] * q[2] - p[3] * q[3] - p[4] * q[4],
@@ -12,9 +15,15 @@ function quat.multiply(p, q)
   }
 end
 
+--- The inverse rotation.
+---@param q number[]
+---@return number[] conjugate
 function quat.conjugate(q) return { q[1], -q[2], -q[3], -q[4] } end
 
 --- A rotation by `angle` [rad] about `axis` (of any length).
+---@param axis number[]
+---@param angle number [rad]
+---@return number[] q
 function quat.from_axis_angle(axis, angle)
   local n = math.sqrt(axis[1] ^ 2 + axis[2] ^ 2 + axis[3] ^ 2)
   if n == 0 then error("quat.from_axis_angle: the zero vector is no axis", 2) end
@@ -23,6 +32,8 @@ function quat.from_axis_angle(axis, angle)
 end
 
 --- The rotation vector [rad] (axis times angle, at most pi) of q.
+---@param q number[]
+---@return number[] vector [rad]
 function quat.to_rotation_vector(q)
   local s = math.sqrt(q[2] ^ 2 + q[3] ^ 2 + q[4] ^ 2)
   if s < 1e-150 then return { 0.0, 0.0, 0.0 } end
@@ -32,9 +43,15 @@ function quat.to_rotation_vector(q)
 end
 
 --- The rotation vector [rad] that takes q_ref to q, in the axes of the body.
+---@param q_ref number[]
+---@param q number[]
+---@return number[] vector [rad]
 function quat.error(q_ref, q) return quat.to_rotation_vector(quat.multiply(quat.conjugate(q_ref), q)) end
 
 --- The components of v after the rotation q.
+---@param q number[]
+---@param v number[]
+---@return number[] v
 function quat.rotate(q, v)
   local w, x, y, z = q[1], q[2], q[3], q[4]
   local tx, ty, tz = 2 * (y * v[3] - z * v[2]), 2 * (z * v[1] - x * v[3]), 2 * (x * v[2] - y * v[1])

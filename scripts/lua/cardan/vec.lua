@@ -1,21 +1,51 @@
 --- Vectors as arrays of three numbers. Every function returns a new array.
 local vec = {}
 
+--- a + b.
+---@param a number[]
+---@param b number[]
+---@return number[] sum
 function vec.add(a, b) return { a[1] + b[1], a[2] + b[2], a[3] + b[3] } end
 
+--- a - b.
+---@param a number[]
+---@param b number[]
+---@return number[] difference
 function vec.sub(a, b) return { a[1] - b[1], a[2] - b[2], a[3] - b[3] } end
 
-function vec.scale(s, a) return { s * a[1], s * a[2], s * a[3] } end
+--- s a; the two may come in either order.
+---@param s number
+---@param a number[]
+---@return number[] product
+function vec.scale(s, a)
+  if type(a) == "number" then s, a = a, s end
+  if type(s) ~= "number" or type(a) == "number" or not a then
+    error("vec.scale: expected a number and an array of three numbers, got " .. type(s) .. " and " .. type(a), 2)
+  end
+  return { s * a[1], s * a[2], s * a[3] }
+end
 
+---@param a number[]
+---@param b number[]
+---@return number product
 function vec.dot(a, b) return a[1] * b[1] + a[2] * b[2] + a[3] * b[3] end
 
+--- a x b.
+---@param a number[]
+---@param b number[]
+---@return number[] product
 function vec.cross(a, b)
   return { a[2] * b[3] - a[3] * b[2], a[3] * b[1] - a[1] * b[3], a[1] * b[2] - a[2] * b[1] }
 end
 
+--- Its length.
+---@param a number[]
+---@return number length
 function vec.norm(a) return math.sqrt(vec.dot(a, a)) end
 
 --- The vector of length one along a.
+---@param a number[]
+---@return number[] unit
 function vec.unit(a)
   local n = vec.norm(a)
   if n == 0 then error("vec.unit: the zero vector has no direction", 2) end
