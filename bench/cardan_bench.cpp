@@ -30,7 +30,7 @@ struct Row {
   std::string model, op, call;   // call: a variant of the op, empty for the plain one
   int bodies;
   Timing timing;
-  double error;   // forward error, 2-norm relative; negative: not measured
+  double error;   // forward error, 2-norm relative; negative: not measured; infinite: not a number
   double bytes_per_body;
 };
 
@@ -202,7 +202,8 @@ int run(int argc, char** argv) {
       nlohmann::json row{{"program", "cardan"}, {"version", CARDAN_VERSION}, {"build", CARDAN_BUILD}, {"model", r.model}, {"op", r.op},
                          {"bodies", r.bodies}, {"ns_min", r.timing.min_ns}, {"ns_median", r.timing.median_ns}, {"bytes_per_body", r.bytes_per_body}};
       if (!r.call.empty()) row["call"] = r.call;
-      row["forward_error"] = r.error < 0 ? nlohmann::json() : nlohmann::json(r.error);
+      row["forward_error"] = r.error >= 0 && std::isfinite(r.error) ? nlohmann::json(r.error) : nlohmann::json();
+      if (!std::isfinite(r.error)) row["reason"] = "fails";  // JSON has no infinity: null alone means not measured
       j.push_back(row);
     }
     std::ofstream(out) << j.dump(1) << "\n";

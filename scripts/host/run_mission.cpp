@@ -9,8 +9,6 @@
 namespace cardan {
 namespace {
 
-/// Ends a run from within a function of the script.
-
 constexpr double kInstant = 1e-9;  // [s] what is closer than this happens at the same time
 
 /// An error of a script during the run.
@@ -173,29 +171,6 @@ std::vector<Figure> MissionRun::figures() {
   std::vector<Figure> all;
   for (const Measure& m : s_.figures) all.push_back({m.name, value(m, "figure"), m.unit});
   return all;
-}
-
-void RangeRecorder::begin(const RunHeader& header, const std::vector<Channel>& channels) {
-  for (const Channel& c : channels) {
-    std::vector<std::string> units;  // one for all, or one each
-    for (std::size_t from = 0; c.components.size() > 1 && from <= c.unit.size();) {
-      const std::size_t to = std::min(c.unit.find(' ', from), c.unit.size());
-      units.push_back(c.unit.substr(from, to - from));
-      from = to + 1;
-    }
-    for (std::size_t i = 0; i < c.components.size(); ++i)
-      ranges_.push_back(
-          {c.path, c.components[i], units.size() == c.components.size() ? units[i] : c.unit, HUGE_VAL, -HUGE_VAL});
-  }
-  recorder_.begin(header, channels);
-}
-
-void RangeRecorder::row(double t, std::span<const double> values) {
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    ranges_[i].least = std::min(ranges_[i].least, values[i]);
-    ranges_[i].largest = std::max(ranges_[i].largest, values[i]);
-  }
-  recorder_.row(t, values);
 }
 
 }  // namespace cardan

@@ -6,18 +6,12 @@
 #include <string>
 #include <vector>
 
-#include "core/io/recorder.hpp"
+#include "core/io/range_recorder.hpp"
 #include "core/io/summary.hpp"
 #include "core/sim/flexible_limits.hpp"
 #include "scripts/host/scenario.hpp"
 
 namespace cardan {
-
-/// Least and largest value of each recorded number, at output times.
-struct Range {
-  std::string path, component, unit;
-  double least, largest;
-};
 
 /// The controllers, phases and events of a scenario at work.
 class MissionRun {
@@ -57,22 +51,6 @@ class MissionRun {
 std::vector<Output> mission_outputs(Scenario&);
 /// One more: the largest relative difference of v' from that of the dense twin.
 Output reference_output(Scenario&);
-/// A recorder that hands everything on to `recorder` and keeps the range of each number.
-class RangeRecorder final : public Recorder {
- public:
-  explicit RangeRecorder(Recorder& recorder) : recorder_(recorder) {}
-  void begin(const RunHeader& header, const std::vector<Channel>& channels) override;
-  void row(double t, std::span<const double> values) override;
-  void attach(const std::string& name, const std::string& text) override { recorder_.attach(name, text); }
-  void restart_state(double t, std::span<const double> x) override { recorder_.restart_state(t, x); }
-  void flush() override { recorder_.flush(); }
-  void close(std::string_view verdict) override { recorder_.close(verdict); }
-  const std::vector<Range>& ranges() const { return ranges_; }
-
- private:
-  Recorder& recorder_;
-  std::vector<Range> ranges_;
-};
 
 RunHeader run_header(const Scenario&);
 /// Instruction set of the sweeps that run: "x86-64-v3".

@@ -35,7 +35,7 @@ std::string figures_text(const std::vector<Figure>& figures) {
 std::string hinges_text(const std::vector<Range>& ranges) {
   std::string text;
   for (const Range& r : ranges)
-    if (begins(r.path, "hinges/") && r.least <= r.largest) {
+    if (begins(r.path, "hinges/") && !(r.least > r.largest)) {
       const bool force = r.path.ends_with("/force");
       if (force && r.least == 0.0 && r.largest == 0.0) continue;
       const std::string name = r.path.substr(7) + (force ? "/" + r.component : "");

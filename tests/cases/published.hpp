@@ -9,6 +9,7 @@
 
 #include "core/sim/simulation.hpp"
 #include "tests/support/builders.hpp"
+#include "tests/support/worse.hpp"
 
 namespace cardan::test {
 
@@ -38,10 +39,10 @@ class Published {
   YAML::Node file_;
 };
 
-/// Largest difference of two vectors.
+/// Largest difference of two vectors, NaN where an entry is, infinite where their lengths differ.
 template <class A, class B>
 double apart(const Eigen::MatrixBase<A>& a, const Eigen::MatrixBase<B>& b) {
-  return (a - b).cwiseAbs().maxCoeff();
+  return distance(a, b);
 }
 
 /// What a case reaches, kept in the test report.

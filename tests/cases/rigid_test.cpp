@@ -24,7 +24,7 @@ TEST(BranchedTree, FallsFromRestAsFeatherstoneSays) {
   }
   const VectorXd want = ref.vector("qdd");
   const auto sim = run_of(system(bodies, uniform_gravity(-9.81 * Y)));
-  expect_within("qdd", apart(sim->vdot(), want) / want.cwiseAbs().maxCoeff(), ref.tolerance("rel"));
+  expect_within("qdd", apart(sim->vdot(), want) / largest(want), ref.tolerance("rel"));
 }
 
 // A body that turns about a fixed mass centre.
@@ -52,12 +52,12 @@ TEST(IntermediateAxis, FlipsWithTheEllipticPeriod) {
   double worst = 0.0;
   for (int t = 1; t <= 4; ++t) {
     sim.run(t);
-    worst = std::max(worst, apart(sim.state().v, ref.vector(fmt::format("omega at {} s", t))));
+    worst = worse(worst, apart(sim.state().v, ref.vector(fmt::format("omega at {} s", t))));
   }
   sim.run(half);
-  worst = std::max(worst, apart(sim.state().v, ref.vector("omega at half period")));
+  worst = worse(worst, apart(sim.state().v, ref.vector("omega at half period")));
   sim.run(2.0 * half);
-  worst = std::max(worst, apart(sim.state().v, start));
+  worst = worse(worst, apart(sim.state().v, start));
   expect_within("omega", worst, ref.tolerance("omega_abs"));
   ASSERT_FALSE(summit->empty() || over->empty());
   expect_within("period", std::abs(2.0 * (over->front() - summit->front()) / half - 1.0), ref.tolerance("period_rel"));
@@ -122,14 +122,14 @@ TEST(HeavyTop, NutatesWithTheEllipticPeriod) {
   const double energy = sim->observe().energy().total(), kinetic = sim->observe().energy().kinetic;
   double worst = 0.0;
   sim->run(0.1);
-  worst = std::max(worst, apart(com(), ref.vector("com at 0.1 s")));
+  worst = worse(worst, apart(com(), ref.vector("com at 0.1 s")));
   sim->run(0.2);
   const Eigen::Map<const Eigen::Vector4d> q(sim->state().q.data());
   const VectorXd want = ref.vector("quaternion at 0.2 s");
   expect_within("quaternion, published", std::min(apart(q, want), apart(-q, want)), 1e-5);  // printed with five digits
   for (const char* t : {"0.5", "1", "2"}) {
     sim->run(std::stod(t));
-    worst = std::max(worst, apart(com(), ref.vector(std::string("com at ") + t + " s")));
+    worst = worse(worst, apart(com(), ref.vector(std::string("com at ") + t + " s")));
   }
   expect_within("com", worst, ref.tolerance("com_abs"));
   ASSERT_EQ(maxima->size(), 2u);
@@ -138,7 +138,7 @@ TEST(HeavyTop, NutatesWithTheEllipticPeriod) {
   // The top starts on the y axis; it goes round the vertical once with each nutation.
   const double advance = std::abs(std::remainder(azimuth - 0.5 * std::numbers::pi, 2 * std::numbers::pi));
   expect_within("precession", std::abs(advance - ref.number("precession angle")), 1e-7);
-  expect_within("turning points", std::max(std::abs(height), std::abs(lowest - ref.vector("turning points")[0])),
+  expect_within("turning points", worse(std::abs(height), std::abs(lowest - ref.vector("turning points")[0])),
                 1e-10);
   expect_within("spin", std::abs(sim->state().v[1] / ref.number("spin rate") - 1.0), 1e-12);
   expect_within("energy", std::abs(sim->observe().energy().total() - energy) / kinetic, ref.tolerance("energy_rel"));
@@ -182,7 +182,7 @@ TEST(PlanarPendulum, KeepsItsPhaseOver845Periods) {
   double worst = 0.0;
   for (const char* t : {"1", "2", "5", "10"}) {
     sim->run(std::stod(t));
-    worst = std::max(
+    worst = worse(
         worst, apart(P1(), ref.vector(std::string(t) == "1" ? "P1 at 1 s [m]" : std::string("P1 at ") + t + " s")));
   }
   expect_within("P1 up to 10 s", worst, ref.tolerance("own_target_abs"));

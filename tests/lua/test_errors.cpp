@@ -8,6 +8,7 @@
 #include <string>
 
 #include "scripts/host/lua_host.hpp"
+#include "tests/support/scratch.hpp"
 
 namespace cardan {
 namespace {
@@ -36,7 +37,7 @@ TEST(LuaErrors, SyntaxErrorNamesTheLine) {
 }
 
 TEST(LuaErrors, ShowTheSourceLine) {
-  const auto folder = std::filesystem::path(testing::TempDir()) / "lua_errors";
+  const auto folder = std::filesystem::path(test::scratch("lua_errors"));
   std::filesystem::create_directories(folder);
   std::ofstream(folder / "scenario.lua") << "local wheel = {}\nprint(wheel.axis.x)\n";
   LuaOptions options;

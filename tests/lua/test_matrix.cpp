@@ -8,6 +8,7 @@
 
 #include "core/io/hdf5_file.hpp"
 #include "scripts/host/lua_matrix.hpp"
+#include "tests/support/scratch.hpp"
 
 namespace cardan {
 namespace {
@@ -159,7 +160,7 @@ TEST(LuaMatrix, TextHasNamesUnitsAndSixDigits) {
 }
 
 TEST(LuaMatrix, FilesHoldAllDigitsNamesAndUnits) {
-  const fs::path folder = fs::path(testing::TempDir()) / "cardan_lua_matrix";
+  const fs::path folder = test::scratch("matrix");
   fs::remove_all(folder);
   LuaOptions options;
   options.output = folder;

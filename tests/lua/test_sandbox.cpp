@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "scripts/host/lua_host.hpp"
+#include "tests/support/scratch.hpp"
 
 namespace cardan {
 namespace {
@@ -249,7 +250,7 @@ class LuaModules : public ::testing::Test {
     return o;
   }
   const std::filesystem::path folder_ =
-      std::filesystem::path(testing::TempDir()) / testing::UnitTest::GetInstance()->current_test_info()->name();
+      test::scratch(testing::UnitTest::GetInstance()->current_test_info()->name());
   std::string loaded_;
 };
 

@@ -13,16 +13,15 @@ inline std::vector<TreeOptions> kinds_of_trees() {
   return {{.bodies = 7, .flexible = 0.0}, {.bodies = 6, .flexible = 0.5}, {.bodies = 4, .flexible = 1.0}};
 }
 
-inline double largest(const MatrixXd& a) { return a.size() == 0 ? 0.0 : a.cwiseAbs().maxCoeff(); }
 /// |a - b| over the largest entry of either; sizes must agree.
 inline double differ(const MatrixXd& a, const MatrixXd& b, double at_least = 0.0) {
   if (a.rows() != b.rows() || a.cols() != b.cols()) return HUGE_VAL;
-  const double size = std::max({largest(a), largest(b), at_least});
-  return size > 0.0 ? largest(a - b) / size : 0.0;
+  return relative(largest(a - b), worse({largest(a), largest(b), at_least}));
 }
 /// Of a symmetric positive definite matrix in units in which its diagonal is 1.
 inline double scaled_condition(const MatrixXd& M) {
   if (M.size() == 0) return 1.0;
+  if (!M.allFinite()) return std::nan("");  // whose singular values would be anything
   const VectorXd d = M.diagonal().cwiseSqrt().cwiseInverse();
   const VectorXd s = (d.asDiagonal() * M * d.asDiagonal()).jacobiSvd().singularValues();
   return s[0] / s[s.size() - 1];

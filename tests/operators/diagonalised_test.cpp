@@ -57,9 +57,9 @@ TEST(Diagonalised, MapsEnergyAndPower) {
             S.block(b.v, b.v, b.nh + b.m, b.nh + b.m) = s.ops.S(static_cast<int>(i));
           }
           const MatrixXd L = one_plus * S;
-          const double power = std::abs(nu.dot(C)) / std::max(1e-300, nu.cwiseAbs().dot(C.cwiseAbs()) + largest(nu) * largest(C));
-          return std::max({std::abs(nu.squaredNorm() - twice_energy) / twice_energy, apart(L.transpose() * v, nu), apart(L * L.transpose(), M),
-                           largest(L * eps - s.tau) / std::max(largest(s.tau), largest(L) * largest(eps)), 1e-1 * power,
+          const double power = std::abs(nu.dot(C)) / worse(1e-300, nu.cwiseAbs().dot(C.cwiseAbs()) + largest(nu) * largest(C));
+          return worse({std::abs(nu.squaredNorm() - twice_energy) / twice_energy, apart(L.transpose() * v, nu), apart(L * L.transpose(), M),
+                           largest(L * eps - s.tau) / worse(largest(s.tau), largest(L) * largest(eps)), 1e-1 * power,
                            largest(L.transpose() * (back - v)) / largest(nu)});
         },
         kTrees);
@@ -88,7 +88,7 @@ TEST(Diagonalised, FormWithoutSquareRoots) {
           VectorXd back = VectorXd::Zero(v.size());
           form.to_velocity(nu, back);
           const double twice_energy = v.dot(mass_matrix(*s.model, s.ws, s.state.q.data()) * v);
-          return std::max({std::abs(nu.dot(C) - work) / std::max(1e-300, size), std::abs(nu.dot(Dnu) - twice_energy) / twice_energy, 1e-3 * apart(back, v)});
+          return worse({std::abs(nu.dot(C) - work) / worse(1e-300, size), std::abs(nu.dot(Dnu) - twice_energy) / twice_energy, 1e-3 * apart(back, v)});
         },
         kTrees);
 }
@@ -180,7 +180,7 @@ TEST(Diagonalised, Subtrees) {  // nu, its inverse and C of a subtree are those 
             form.to_velocity(nu, back);
             const double energy = v.dot(operators::apply(operators::mass, part, v));
             const double power = std::abs(nu.dot(C)) / (largest(nu) * (largest(C) + largest(nu)));  // rates of 1/s: C is of the size of nu
-            worst = std::max({worst, apart(back, v) / 1e2, std::abs(nu.squaredNorm() - energy) / energy, 1e-1 * power});
+            worst = worse({worst, apart(back, v) / 1e2, std::abs(nu.squaredNorm() - energy) / energy, 1e-1 * power});
             const UserBody& body = s.model->user[static_cast<std::size_t>(root.user)];
             const bool rigid = std::ranges::all_of(part.bodies(), [](const auto& b) { return b.m == 0; });
             if (!rigid || body.parent < 0) continue;
@@ -191,7 +191,7 @@ TEST(Diagonalised, Subtrees) {  // nu, its inverse and C of a subtree are those 
             other.articulate();
             Diagonalised same(other);
             const VectorXd w = alone->initial_state().v;
-            worst = std::max({worst, apart(same.from_velocity(w), nu), apart(same.coriolis(w), C, nu.norm()) / 10});
+            worst = worse({worst, apart(same.from_velocity(w), nu), apart(same.coriolis(w), C, nu.norm()) / 10});
           }
           return worst;
         },

@@ -40,7 +40,7 @@ TEST(Expressions, AreThoseOfTheTypes) {
     const Expression eH = leaf(Kind::H), ephi = leaf(Kind::phi), eM = leaf(Kind::M), eK = leaf(Kind::K), epsi = leaf(Kind::psi), one = Expression::unit(ops);
     const Expression whole = eH * ephi * eM * ephi.star() * eH.star(), left = one + eH * ephi * eK;
     double worst = 0.0;
-    const auto compare = [&](const Expression& a, const MatrixXd& b) { worst = std::max(worst, apart(a.dense(), b)); };
+    const auto compare = [&](const Expression& a, const MatrixXd& b) { worst = worse(worst, apart(a.dense(), b)); };
     compare(whole, dense(mass, *ops));
     compare(whole.inv(), dense(mass_inverse, *ops));
     compare(left, dense(I + H * phi * K, *ops));
@@ -192,10 +192,10 @@ TEST(Operators, SubgraphsAreTreesOfTheirOwn) {
               if (sub.place_of_velocity(v) >= 0) place[static_cast<std::size_t>(sub.place_of_velocity(v))] = v;
             for (int i = 0; i < part.rows(); ++i)
               for (int j = 0; j < part.cols(); ++j) restricted(i, j) = whole(place[static_cast<std::size_t>(i)], place[static_cast<std::size_t>(j)]);
-            worst = std::max({worst, apart(part, restricted), apart(innovations, part)});
+            worst = worse({worst, apart(part, restricted), apart(innovations, part)});
             TreeOperators way = ops->subgraph(ops->path(root.sweep, ops->bodies().back().sweep));
             way.articulate();
-            worst = std::max(worst, apart(dense(mass_innovations, way), dense(mass, way)));
+            worst = worse(worst, apart(dense(mass_innovations, way), dense(mass, way)));
           }
           return worst;
         },
@@ -221,7 +221,7 @@ TEST(Operators, HybridMaskKeepsTheIdentities) {  // components whose velocity is
     const MatrixXd given = MatrixXd::Identity(n, n) - one;
     const MatrixXd scaled = d.cwiseInverse().asDiagonal() * (expected + given * whole.diagonal().asDiagonal() * given) * d.cwiseInverse().asDiagonal();
     const VectorXd s = scaled.jacobiSvd().singularValues();
-    return std::max(apart(A, expected), (left - one).cwiseAbs().maxCoeff() / (s[0] / s[s.size() - 1]));
+    return worse(apart(A, expected), largest(left - one) / (s[0] / s[s.size() - 1]));
   });
 }
 
@@ -234,7 +234,7 @@ TEST(Operators, JointSpaceInertia) {  // (mass + W)^-1 by D = H P H* + W
     for (int i = 0; i < n; ++i) W[i] = whole(i, i) * (0.1 + 0.3 * (i % 4));
     ops->articulate({.W = W.data()});
     const MatrixXd sum = whole + MatrixXd(W.asDiagonal());
-    return std::max(apart(dense(mass_innovations, *ops), sum), apart(dense(inv(mass_innovations), *ops) * sum, MatrixXd::Identity(n, n)) / 1e3);
+    return worse(apart(dense(mass_innovations, *ops), sum), apart(dense(inv(mass_innovations), *ops) * sum, MatrixXd::Identity(n, n)) / 1e3);
   });
 }
 

@@ -75,7 +75,7 @@ TEST(Operators, OmegaFromItsBlocks) {
           const MatrixXd whole = dense(omega, s.ops), blocks = dense(Y, s.ops);
           double worst = 0.0;
           for (const auto& b : s.ops.bodies())
-            worst = std::max(worst, largest(whole.block(b.at, b.at, 6 + b.m, 6 + b.m) - blocks.block(b.at, b.at, 6 + b.m, 6 + b.m)));
+            worst = worse(worst, largest(whole.block(b.at, b.at, 6 + b.m, 6 + b.m) - blocks.block(b.at, b.at, 6 + b.m, 6 + b.m)));
           return worst / largest(whole);
         },
         kTrees);
@@ -106,7 +106,7 @@ TEST(Operators, FusedKernelsAndDenseTwinAgreeWithTheRules) {
           if (s.model->nv == 0) return 0.0;
           const MatrixXd A = dense<false>(mass, s.ops), fused = dense(mass, s.ops);
           const auto twin = reference::DenseTwin<double>(tree.spec).at(s.state.q, s.state.v);
-          return std::max(differ(fused, A, largest(A)), differ(twin.M, A, largest(A)));
+          return worse(differ(fused, A, largest(A)), differ(twin.M, A, largest(A)));
         },
         kTrees);
 }

@@ -28,7 +28,7 @@ NodeState node_at(const Model& m, const VectorXd& q, const std::string& name) {
 }
 double off(const Model& m, const VectorXd& q, const std::string& node, const IkTarget& t) {
   const NodeState n = node_at(m, q, node);
-  return std::max((n.position - t.position).norm(), (n.R_WN - t.R_WN).norm());
+  return worse((n.position - t.position).norm(), (n.R_WN - t.R_WN).norm());
 }
 
 /// Planar arm along x, links of length 1, hinges about z; its tip is node "tip".
@@ -95,7 +95,7 @@ TEST(InverseKinematics, RandomTreesReachWhatTheyStoodIn) {  // any hinge, flexib
       for (const UserBody& u : model->user)
         if (u.n_modes > 0 && (found.q - q).segment(u.eta, u.n_modes).norm() != 0.0) return HUGE_VAL;
       double worst = 0.0;
-      for (const IkTarget& t : targets) worst = std::max(worst, off(*model, found.q, model->nodes[static_cast<std::size_t>(t.node)].name, t) / std::max(1.0, t.position.norm()));
+      for (const IkTarget& t : targets) worst = worse(worst, off(*model, found.q, model->nodes[static_cast<std::size_t>(t.node)].name, t) / worse(1.0, t.position.norm()));
       return worst;
     }, 40);
 }

@@ -96,10 +96,10 @@ double check_against_differences(const RandomTree& tree) {
   double worst = apart(model.drift.tail(nv), y0.head(nv));
   VectorXd y = y0.tail(24);
   y.segment<3>(9).setZero();
-  worst = std::max(worst, apart(model.y0, y));
+  worst = worse(worst, apart(model.y0, y));
   for (int i = 0; i < n; ++i) {
-    const double size = std::max(J.row(i).cwiseAbs().maxCoeff(), 1e-3);
-    worst = std::max(worst, (mine.row(i) - J.row(i)).cwiseAbs().maxCoeff() / size);
+    const double size = worse(largest(J.row(i)), 1e-3);
+    worst = worse(worst, largest(mine.row(i) - J.row(i)) / size);
   }
   return worst;
 }
@@ -140,7 +140,7 @@ TEST(LinearModel, KinematicPart) {  // d^2/de dt of the deviation between two ne
       const VectorXd a = mixed(h), b = mixed(h / 2), c = mixed(h / 4), ab = (4.0 * b - a) / 3.0, bc = (4.0 * c - b) / 3.0;
       J.col(j) = (16.0 * bc - ab) / 15.0;
     }
-    return m.nv == 0 ? 0.0 : (mine - J).cwiseAbs().maxCoeff() / std::max(1.0, J.cwiseAbs().maxCoeff());
+    return m.nv == 0 ? 0.0 : largest(mine - J) / worse(1.0, largest(J));
   }, 20);
 }
 
@@ -172,7 +172,7 @@ TEST(LinearModel, Pendulum) {
   const LinearModel l = at_initial_state(*model, {{"bob.angle"}, {"bob.angle", "bob:velocity.y"}});
   const double J = 0.3 + 2.0 * 1.5 * 1.5;
   const MatrixXd A = (MatrixXd(2, 2) << 0.0, 1.0, -2.0 * 9.81 * 1.5 / J, -0.4 / J).finished();
-  EXPECT_LT((l.A - A).cwiseAbs().maxCoeff(), 1e-14);
+  EXPECT_LT(largest(l.A - A), 1e-14);
   EXPECT_NEAR(l.B(1, 0), 1.0 / J, 1e-15);
   EXPECT_EQ(l.C(0, 0), 1.0);
   EXPECT_EQ(l.outputs.names[1], "bob:velocity.y");
@@ -196,11 +196,11 @@ TEST(LinearModel, FlexibleArmHasTheModesOfTheSystem) {  // at rest, free of stre
     soa::TreeOperators ops(model);
     ops.at(model->initial_state().q.data());
     const soa::SystemModes modes = system_modes(ops, {.elastic = model->nv, .rigid = 0});
-    double worst = l.drift.cwiseAbs().maxCoeff();
+    double worst = largest(l.drift);
     const std::size_t elastic = idx(static_cast<int>(modes.frequency.size()));
     if (w.size() < elastic) return HUGE_VAL;
     for (std::size_t j = 0; j < elastic; ++j)
-      worst = std::max(worst, std::abs(w[w.size() - elastic + j] / (2.0 * std::numbers::pi * modes.frequency[static_cast<Eigen::Index>(j)]) - 1.0));
+      worst = worse(worst, std::abs(w[w.size() - elastic + j] / (2.0 * std::numbers::pi * modes.frequency[static_cast<Eigen::Index>(j)]) - 1.0));
     return worst;
   }, 15);
 }
@@ -212,7 +212,7 @@ TEST(LinearModel, CircularOrbit) {  // a particle in a central field: poles 0 an
   const auto model = compiled(system({body}, central_gravity(n * n * r * r * r, false)));
   const LinearModel l = at_initial_state(*model);
   const MatrixXd tidal = (MatrixXd(3, 3) << 2.0 * n * n, 0, 0, 0, -n * n, 0, 0, 0, -n * n).finished();
-  EXPECT_LT((l.A.bottomLeftCorner(3, 3) - tidal).cwiseAbs().maxCoeff(), 1e-17);
+  EXPECT_LT(largest(l.A.bottomLeftCorner(3, 3) - tidal), 1e-17);
   EXPECT_EQ(l.A.bottomRightCorner(3, 3).norm(), 0.0);
 }
 

@@ -13,7 +13,7 @@ using namespace cardan::soa;
 TEST(MassMatrix, ByCompositeInertias) {
   for_all_views(kinds_of_trees(), kIdentity, [](View& v, Scene&) {
     const MatrixXd products = matrix_of(v.M.cols(), [&](const VectorXd& x) { return mass_times(v.ops, x); });
-    return std::max(differ(mass_matrix(v.ops), v.M), differ(products, v.M));
+    return worse(differ(mass_matrix(v.ops), v.M), differ(products, v.M));
   });
 }
 
@@ -27,7 +27,7 @@ TEST(MassMatrix, InverseByItsBlocks) {
       const MatrixXd inverse = mass_matrix_inverse(v.ops), M = v.M(f, f);
       const VectorXd d = M.diagonal().cwiseSqrt();
       const MatrixXd one = d.asDiagonal() * (inverse(f, f) * M) * d.cwiseInverse().asDiagonal();
-      worst = std::max({worst, largest(one - MatrixXd::Identity(one.rows(), one.cols())) / scaled_condition(M), largest(inverse(p, Eigen::all)),
+      worst = worse({worst, largest(one - MatrixXd::Identity(one.rows(), one.cols())) / scaled_condition(M), largest(inverse(p, Eigen::all)),
                         differ(inverse, inverse.transpose())});
     }
     return worst;
@@ -64,7 +64,7 @@ TEST(OperationalSpace, BlocksOfOmega) {
     for (int a = 0; a < n; ++a)
       for (int b = 0; b < n; ++b) {
         const auto &x = v.ops.bodies()[static_cast<std::size_t>(a)], &y = v.ops.bodies()[static_cast<std::size_t>(b)];
-        worst = std::max(worst, largest(omega_block(v.ops, a, b) - whole.block(x.at, y.at, 6 + x.m, 6 + y.m)));
+        worst = worse(worst, largest(omega_block(v.ops, a, b) - whole.block(x.at, y.at, 6 + x.m, 6 + y.m)));
       }
     return worst / largest(whole) / v.condition();
   }, 60);
@@ -75,7 +75,7 @@ TEST(OperationalSpace, JacobianAndItsAdjoint) {
     prepare(v.ops);
     const Task task{v.nodes, {}};
     const MatrixXd J = v.jacobian(v.nodes);
-    return std::max(differ(task_jacobian(v.ops, task), J),
+    return worse(differ(task_jacobian(v.ops, task), J),
                     differ(matrix_of(J.cols(), [&](const VectorXd& x) { return task_rates(v.ops, task, x); }), J));
   });
 }
@@ -98,7 +98,7 @@ TEST(OperationalSpace, BiasOfATask) {  // Jdot v = the acceleration of the nodes
       VectorXd vdot(s.model->nv), none = VectorXd::Zero(s.model->nv);
       cardan::Inputs in{.q = s.state.q.data(), .v = s.state.v.data(), .tau = none.data(), .gravity = false};
       if (!forward_dynamics(*s.model, ws, in, vdot.data())) return HUGE_VAL;
-      scale = std::max({scale, largest(J * vdot), largest(want)});
+      scale = worse({scale, largest(J * vdot), largest(want)});
       return differ(task_bias(s.ops, task, ws, s.state.v), want, scale);
     }, kTrees);
 }
@@ -129,7 +129,7 @@ TEST(OperationalSpace, InertiaConsistentInverseAndNullSpace) {
     // T may cancel most of what it combines: what is left of the digits
     const double left = std::min(1.0, largest(J) / largest(task.T.cwiseAbs() * v.jacobian(task.nodes).cwiseAbs()));
     const double scale = v.condition() * os.condition() / (left * left);
-    return std::max({differ(os.compliance(), C), differ(os.inertia(), L), differ(got_bar, Jbar), differ(J * got_bar, MatrixXd::Identity(C.rows(), C.rows())),
+    return worse({differ(os.compliance(), C), differ(os.inertia(), L), differ(got_bar, Jbar), differ(J * got_bar, MatrixXd::Identity(C.rows(), C.rows())),
                      differ(N, one - Jbar * J, 1.0), differ(Nt, N.transpose(), 1.0), differ(xdd, C * F, largest(J * v.M.llt().solve(tau))),
                      differ(os.force_for(C * F, VectorXd::Zero(os.rows())), F)}) / scale;
   });
@@ -153,14 +153,14 @@ TEST(OperationalSpace, WithoutActuatorsOnSomeComponents) {  // J_g, M_g: those o
     const MatrixXd C = Jg * Mg.llt().solve(Jg.transpose());
     const MatrixXd rates = matrix_of(n, [&](const VectorXd& x) { return os.rates(x); });
     const MatrixXd forces = matrix_of(os.rows(), [&](const VectorXd& x) { return os.forces(x); });
-    double worst = std::max({differ(os.compliance(), C, largest(J * v.M.llt().solve(J.transpose()))), differ(rates(Eigen::all, a), Jg),
+    double worst = worse({differ(os.compliance(), C, largest(J * v.M.llt().solve(J.transpose()))), differ(rates(Eigen::all, a), Jg),
                              differ(forces, rates.transpose())}) / v.condition();
-    worst = std::max({worst, largest(rates(Eigen::all, p)), largest(forces(p, Eigen::all))});
+    worst = worse({worst, largest(rates(Eigen::all, p)), largest(forces(p, Eigen::all))});
     if (os.rank() < os.rows()) return worst;
     const VectorXd F = some_vector(s.tree.seed + 7, os.rows()), tau_0 = some_vector(s.tree.seed + 8, n);
     const VectorXd tau = os.torque(F, tau_0), xdd = J * v.M.llt().solve(tau);  // no force on p, and the task obeys
     const double size = largest(C) * largest(F) + largest(J * v.M.llt().solve(tau_0));
-    return std::max({worst, largest(tau(p)), differ(xdd, C * F, size) / (v.condition() * os.condition())});
+    return worse({worst, largest(tau(p)), differ(xdd, C * F, size) / (v.condition() * os.condition())});
   });
 }
 
@@ -200,8 +200,8 @@ TEST(OperationalSpace, TheTaskObeys) {
         for (int j = 0; !thrusters && j < root.nh; ++j)
           if (tau[root.v + j] != 0.0) return HUGE_VAL;
         const VectorXd after = accelerate();
-        const double size = std::max({largest(before), largest(vdot), largest(os.compliance()) * largest(tau)});
-        return std::max(differ(drift, before, size), differ(after, wanted, size)) / (scaled_condition(s.twin.M) * os.condition());
+        const double size = worse({largest(before), largest(vdot), largest(os.compliance()) * largest(tau)});
+        return worse(differ(drift, before, size), differ(after, wanted, size)) / (scaled_condition(s.twin.M) * os.condition());
       }, kTrees);
 }
 
@@ -272,8 +272,8 @@ TEST(OperationalSpace, FeltAtANodeAndParticipation) {
     const Participation p = participation(v.ops, node, u);
     const VectorXd share = shape.cwiseProduct(response) / mobility;
     // What sums of both signs have lost: J* u against its terms, the shares against 1.
-    const double cancelled = share.cwiseAbs().sum() * (v.J(node).cwiseAbs().transpose() * u.cwiseAbs()).maxCoeff() / shape.cwiseAbs().maxCoeff();
-    return std::max({differ(p.shape, shape), differ(p.response, response), differ(p.share, share), std::abs(p.share.sum() - 1.0),
+    const double cancelled = share.cwiseAbs().sum() * largest(v.J(node).cwiseAbs().transpose() * u.cwiseAbs()) / largest(shape);
+    return worse({differ(p.shape, shape), differ(p.response, response), differ(p.share, share), std::abs(p.share.sum() - 1.0),
                      std::abs(effective_inertia(v.ops, node, u) * mobility - 1.0)}) / cancelled / v.condition();
   });
 }

@@ -135,14 +135,14 @@ TEST(Part, InverseDynamicsAndInterBodyForces) {
     inverse_dynamics(*p.whole.model, dirty, p.whole.in(), out.data());
     const VectorXd tau = p.alone.inverse(vdot), forces = soa::interbody_forces(p.part, dirty, in), other = soa::interbody_forces(p.tree, p.alone.ws, alone);
     double worst = apart(soa::inverse_dynamics(p.part, dirty, in), tau);
-    worst = std::max(worst, apart(soa::bias(p.part, dirty, in), soa::bias(p.tree, p.alone.ws, alone), largest(tau)));
-    worst = std::max(worst, apart(through_hinges(p.part, forces), tau, largest(forces)));
+    worst = worse(worst, apart(soa::bias(p.part, dirty, in), soa::bias(p.tree, p.alone.ws, alone), largest(tau)));
+    worst = worse(worst, apart(through_hinges(p.part, forces), tau, largest(forces)));
     double size = largest(other);
     for (const soa::OperatorBody& b : p.tree.bodies()) {
       const int u = p.whole.model->find_body(p.alone.model->user[idx(b.user)].name);
       const soa::OperatorBody& mine = p.part.bodies()[idx(p.part.index_of(p.whole.model->user[idx(u)].sweep))];
       EXPECT_EQ(mine.user, u);
-      worst = std::max(worst, apart(forces.segment(mine.at, 6 + mine.m), other.segment(b.at, 6 + b.m), size));
+      worst = worse(worst, apart(forces.segment(mine.at, 6 + mine.m), other.segment(b.at, 6 + b.m), size));
     }
     return worst;
   });
@@ -174,7 +174,7 @@ TEST(InterBodyForces, AreThoseOfTheObserverAndOfTheBlocks) {
         const UserBody& u = m.user[idx(b.user)];
         if (m.bodies[idx(b.sweep)].pnode < 0) {
           const Vector6d at = f.segment<6>(b.at);
-          worst = std::max(worst, apart(to_eigen(to_outboard(u.pnode, force(at.data()))), to_eigen(observer.hinge_wrench(b.user)), size));
+          worst = worse(worst, apart(to_eigen(to_outboard(u.pnode, force(at.data()))), to_eigen(observer.hinge_wrench(b.user)), size));
         }
         if (options.flexible > 0.0 || options.gravity != GravitySpec::Kind::uniform) continue;
         const NodeState node = observer.node(m.find_node(u.name));
@@ -192,7 +192,7 @@ TEST(InterBodyForces, AreThoseOfTheObserverAndOfTheBlocks) {
           y.head<3>() -= node.R_WN.transpose() * (moment + (at.position - node.position).cross(push));
           y.tail<3>() -= node.R_WN.transpose() * push;
         }
-        worst = std::max(worst, apart(own.segment<6>(b.at), y, size));
+        worst = worse(worst, apart(own.segment<6>(b.at), y, size));
       }
       return worst;
     });
@@ -203,28 +203,28 @@ TEST(Part, Sensitivities) {
     Sensitivities mine(p.part), other(p.alone.model);
     mine.solve(p.whole.in()), other.solve(p.alone.in());
     const double condition = scaled_condition(mass_matrix(*p.alone.model, p.alone.ws, p.alone.state.q.data()));
-    double worst = std::max(apart(mine.vdot(), other.vdot()) / condition, apart(mine.tau(), other.tau(), largest(other.vdot())) / condition);
+    double worst = worse(apart(mine.vdot(), other.vdot()) / condition, apart(mine.tau(), other.tau(), largest(other.vdot())) / condition);
     mine.at(p.whole.in()), other.at(p.alone.in());
     const InverseDerivatives a = mine.inverse(), b = other.inverse();
-    worst = std::max({worst, apart(mine.tau(), other.tau()), apart(a.q, b.q), apart(a.v, b.v, 1.0)});
+    worst = worse({worst, apart(mine.tau(), other.tau()), apart(a.q, b.q), apart(a.v, b.v, 1.0)});
     const ForwardDerivatives c = mine.forward(), d = other.forward();
-    worst = std::max({worst, apart(c.q, d.q) / condition, apart(c.v, d.v, 1.0) / condition, apart(c.tau, d.tau) / condition});
+    worst = worse({worst, apart(c.q, d.q) / condition, apart(c.v, d.v, 1.0) / condition, apart(c.tau, d.tau) / condition});
     const VectorXd u = some_vector(p.spec.seed, p.n()), w = some_vector(p.spec.seed + 1, p.n());
     VectorXd x(p.n()), y(p.n());
     mine.mass(u.data(), w.data(), x.data()), other.mass(u.data(), w.data(), y.data());
-    worst = std::max(worst, apart(x, y, 1.0));
+    worst = worse(worst, apart(x, y, 1.0));
     const Direction along{.q = u.data(), .v = w.data(), .vdot = u.data(), .tau = w.data()};
     mine.forward(along, x.data()), other.forward(along, y.data());
-    worst = std::max(worst, apart(x, y) / condition);
+    worst = worse(worst, apart(x, y) / condition);
     for (std::size_t i = 0; i < p.alone.model->user.size(); ++i) {
       const UserBody& body = p.alone.model->user[i];
       if (body.sweep == 0) continue;
       const int here = p.whole.model->find_body(body.name), there = static_cast<int>(i);
       if (body.n_modes > 0)
-        worst = std::max({worst, apart(mine.inverse_in_stiffness(here), other.inverse_in_stiffness(there)),
+        worst = worse({worst, apart(mine.inverse_in_stiffness(here), other.inverse_in_stiffness(there)),
                           apart(mine.forward_in_stiffness(here, Sensitivities::Stiffness::full), other.forward_in_stiffness(there, Sensitivities::Stiffness::full)) / condition});
       else
-        worst = std::max({worst, apart(mine.inverse_in_inertia(here), other.inverse_in_inertia(there)),
+        worst = worse({worst, apart(mine.inverse_in_inertia(here), other.inverse_in_inertia(there)),
                           apart(mine.forward_in_inertia(here), other.forward_in_inertia(there)) / condition});
     }
     return worst;
@@ -236,12 +236,12 @@ double difference(const soa::LinearModel& a, const soa::LinearModel& b) {
   EXPECT_EQ(a.inputs.names, b.inputs.names);
   EXPECT_EQ(a.inputs.units, b.inputs.units);
   EXPECT_EQ(a.outputs.names, b.outputs.names);
-  double worst = std::max({apart(a.A, b.A, 1.0), apart(a.B, b.B, 1.0), apart(a.drift, b.drift, 1.0), apart(a.u0, b.u0, 1.0)});
+  double worst = worse({apart(a.A, b.A, 1.0), apart(a.B, b.B, 1.0), apart(a.drift, b.drift, 1.0), apart(a.u0, b.u0, 1.0)});
   for (Eigen::Index i = 0; i < b.C.rows(); ++i) {
-    const double size = std::max({1.0, largest(b.C.row(i)), largest(b.D.row(i)), largest(b.A)});
-    worst = std::max({worst, largest(a.C.row(i) - b.C.row(i)) / size, largest(a.D.row(i) - b.D.row(i)) / size});
+    const double size = worse({1.0, largest(b.C.row(i)), largest(b.D.row(i)), largest(b.A)});
+    worst = worse({worst, largest(a.C.row(i) - b.C.row(i)) / size, largest(a.D.row(i) - b.D.row(i)) / size});
   }
-  return std::max(worst, apart(a.y0, b.y0, 1.0));
+  return worse(worst, apart(a.y0, b.y0, 1.0));
 }
 
 TEST(Part, LinearModels) {
@@ -276,8 +276,8 @@ TEST(Part, DiagonalisedVelocitiesHybridDynamicsJdotAndModes) {
       Diagonalised mine(p.part, form), other(p.tree, form);
       const VectorXd& v = p.alone.state.v;
       const VectorXd C = other.coriolis(v), rate = other.rate(p.alone.in());
-      const double size = std::max(largest(C), largest(rate));
-      worst = std::max({worst, apart(mine.coriolis(v), C, size), apart(mine.rate(p.whole.in()), rate, size)});
+      const double size = worse(largest(C), largest(rate));
+      worst = worse({worst, apart(mine.coriolis(v), C, size), apart(mine.rate(p.whole.in()), rate, size)});
     }
     std::vector<soa::Drive> drives;
     for (const std::uint8_t f : free) drives.push_back(f ? soa::Drive::forced : soa::Drive::prescribed);
@@ -287,14 +287,14 @@ TEST(Part, DiagonalisedVelocitiesHybridDynamicsJdotAndModes) {
     const soa::Hybrid h = hybrid_dynamics(p.part, drives, dirty, p.whole.in(), p.alone.tau, p.alone.vdot_given);
     const soa::Hybrid same = hybrid_dynamics(p.tree, drives, p.alone.ws, p.alone.in(), p.alone.tau, p.alone.vdot_given);
     const double condition = scaled_condition(soa::mass_matrix(p.tree));
-    worst = std::max({worst, apart(h.vdot, same.vdot) / condition, apart(h.tau, same.tau) / condition});
+    worst = worse({worst, apart(h.vdot, same.vdot) / condition, apart(h.tau, same.tau) / condition});
     soa::Task here, there;
     for (const std::string& name : p.nodes()) here.nodes.push_back(p.whole.model->find_node(name)), there.nodes.push_back(p.alone.model->find_node(name));
-    worst = std::max(worst, apart(soa::task_bias(p.part, here, dirty, p.alone.state.v), soa::task_bias(p.tree, there, p.alone.ws, p.alone.state.v), 1.0));
+    worst = worse(worst, apart(soa::task_bias(p.part, here, dirty, p.alone.state.v), soa::task_bias(p.tree, there, p.alone.ws, p.alone.state.v), 1.0));
     const soa::SystemModesOptions options{.elastic = 3, .rigid = 2};
     const soa::SystemModes a = soa::system_modes(p.part, options), b = soa::system_modes(p.tree, options);
     EXPECT_EQ(a.n_rigid, b.n_rigid);
-    return std::max({worst, 1e-3 * apart(a.frequency, b.frequency), 1e-3 * apart(a.damping, b.damping, 1e-3)});
+    return worse({worst, 1e-3 * apart(a.frequency, b.frequency), 1e-3 * apart(a.damping, b.damping, 1e-3)});
   });
 }
 
@@ -321,7 +321,7 @@ TEST(Part, JdotAgreesWithADifferenceAlongTheMotion) {  // d/dt (J v) at constant
     const Vector6d V = soa::task_rates(part, task, v);
     rate.tail<3>() += V.head<3>().cross(Vector3d(V.tail<3>()));
     Workspace ws(m);
-    return apart(soa::task_bias(part, task, ws, v), rate, std::max(1.0, largest(V)));
+    return apart(soa::task_bias(part, task, ws, v), rate, worse(1.0, largest(V)));
   });
 }
 
@@ -351,11 +351,11 @@ TEST(Part, ComponentsThatAreNotFreeAreGiven) {
           Sensitivities mine(tree), other(given.model);
           mine.solve(in), other.solve(given.in());
           const ForwardDerivatives c = mine.forward(), d = other.forward();
-          double worst = std::max({apart(mine.vdot(), other.vdot(), 1.0), apart(c.q, d.q, 1.0), apart(c.v, d.v, 1.0), apart(c.tau, d.tau)});
+          double worst = worse({apart(mine.vdot(), other.vdot(), 1.0), apart(c.q, d.q, 1.0), apart(c.v, d.v, 1.0), apart(c.tau, d.tau)});
           const soa::OperatingPoint at{.q = in.q, .v = in.v, .tau = in.tau, .vdot = in.vdot, .wrenches = in.wrenches};
           const soa::OperatingPoint there{.q = given.state.q.data(), .v = given.state.v.data(), .tau = given.tau.data(), .vdot = given.vdot_given.data(), .wrenches = given.wrenches};
           soa::LinearPorts ports{.inputs = {}, .outputs = {p.nodes()[0] + ":acceleration"}};
-          return std::max(worst, difference(soa::linearize(tree, at, ports), soa::linearize(*given.model, there, ports))) / condition;
+          return worse(worst, difference(soa::linearize(tree, at, ports), soa::linearize(*given.model, there, ports))) / condition;
         },
         10);
 }
@@ -381,12 +381,12 @@ TEST(Part, InverseKinematicsMovesWhatTakesPart) {
           const soa::IkOptions options{.dynamic = dynamic, .starts = 1};
           const soa::IkResult mine = soa::inverse_kinematics(p.part, std::span(&target, 1), options);
           m.difference(p.whole.state.q.data(), mine.q.data(), d.data());
-          if (!mine.reached || largest(d - p.part.to_model(p.part.from_model(d))) > 1e-15) return HUGE_VAL;
+          if (!mine.reached || !(largest(d - p.part.to_model(p.part.from_model(d))) <= 1e-15)) return HUGE_VAL;
           soa::IkTarget other = target;
           other.node = own.find_node(name);
           const soa::IkResult same = soa::inverse_kinematics(p.alone.model, p.alone.state.q.data(), std::span(&other, 1), options);
           own.difference(p.alone.state.q.data(), same.q.data(), e.data());
-          if (apart(p.part.from_model(d), e, 1e-3) > 1e-6) return HUGE_VAL;
+          if (!(apart(p.part.from_model(d), e, 1e-3) <= 1e-6)) return HUGE_VAL;
           ++reached;
         }
         return 0.0;

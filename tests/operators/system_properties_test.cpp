@@ -23,11 +23,11 @@ TEST(MassProperties, OfTheTreeAndOfPathsAgainstTheTwin) {
       const Vector3d d = all.com - other.com;
       const Eigen::Matrix3d J = all.inertia + other.inertia + m * (d.squaredNorm() * Eigen::Matrix3d::Identity() - d * d.transpose());
       const Vector3d com = (all.mass * all.com + other.mass * other.com) / whole.mass;
-      return std::max({std::abs(all.mass + other.mass - whole.mass) / whole.mass, off(com, whole.com, 1.0 + whole.com.norm()),
+      return worse({std::abs(all.mass + other.mass - whole.mass) / whole.mass, off(com, whole.com, 1.0 + whole.com.norm()),
                        differ(J, whole.inertia)});
     }
     const auto twin = s.twin_of(v.ops);
-    return std::max(std::abs(all.mass - twin.total_mass) / twin.total_mass, off(all.com, twin.com, 1.0 + twin.com.norm()));
+    return worse(std::abs(all.mass - twin.total_mass) / twin.total_mass, off(all.com, twin.com, 1.0 + twin.com.norm()));
   });
 }
 
@@ -49,7 +49,7 @@ TEST(MassProperties, InertiaIsWhatTurnsStiffly) {  // angular momentum of a rigi
       const Vector3d h = Vector3d(turning.angular_momentum) - all.com.cross(Vector3d(turning.linear_momentum));
       const Placement frame = place_of_node(s.ops, s.model->find_node(root.name + ".tip"));
       const MassProperties seen = all.seen_from(frame);
-      return std::max({(h - all.inertia * w).norm() / h.norm(), turning.linear_momentum.norm() / (all.mass * (1.0 + all.com.norm())),
+      return worse({(h - all.inertia * w).norm() / h.norm(), turning.linear_momentum.norm() / (all.mass * (1.0 + all.com.norm())),
                        off(frame.p, tip.x, 1.0 + tip.x.norm()), differ(frame.R, tip.R),
                        off(frame.p + frame.R * seen.com, all.com, 1.0 + all.com.norm()), differ(frame.R * seen.inertia * frame.R.transpose(), all.inertia)});
     }, kTrees);
@@ -77,7 +77,7 @@ TEST(Momentum, MatrixProductsAndTwin) {
     double worst = 0.0;
     for (const About about : {About::world_origin, About::mass_centre}) {
       const MatrixXd A = momentum_matrix(v.ops, about);
-      worst = std::max({worst, differ(momentum(v.ops, about, x), A * x, largest(A)), differ(momentum_adjoint(v.ops, about, w), A.transpose() * w, largest(A))});
+      worst = worse({worst, differ(momentum(v.ops, about, x), A * x, largest(A)), differ(momentum_adjoint(v.ops, about, w), A.transpose() * w, largest(A))});
     }
     if (std::string_view(v.name) == "subtree") return worst;
     const SystemSpec spec = s.only(v.ops);
@@ -85,7 +85,7 @@ TEST(Momentum, MatrixProductsAndTwin) {
     Vector6d h, centroidal;
     h << twin.angular_momentum, twin.linear_momentum;
     centroidal << Vector3d(twin.angular_momentum) - Vector3d(twin.com).cross(Vector3d(twin.linear_momentum)), twin.linear_momentum;
-    return std::max({worst, differ(momentum(v.ops, About::world_origin, x), h, largest(momentum_matrix(v.ops, About::world_origin))),
+    return worse({worst, differ(momentum(v.ops, About::world_origin, x), h, largest(momentum_matrix(v.ops, About::world_origin))),
                      differ(momentum(v.ops, About::mass_centre, x), centroidal, largest(momentum_matrix(v.ops, About::world_origin)))});
   });
 }
@@ -105,8 +105,8 @@ TEST(Momentum, SharedAmongBodies) {
     const VectorXd x = some_vector(s.tree.seed, v.M.cols());
     const MomentumSharing shared = momentum_sharing(v.ops, x);
     double worst = differ(shared.total, momentum(v.ops, About::mass_centre, x), largest(shared.bodies));
-    if (shared.linear.size() > 0) worst = std::max(worst, std::abs(shared.linear.sum() - 1.0) / std::max(1.0, largest(shared.linear)));
-    if (shared.angular.size() > 0) worst = std::max(worst, std::abs(shared.angular.sum() - 1.0) / std::max(1.0, largest(shared.angular)));
+    if (shared.linear.size() > 0) worst = worse(worst, std::abs(shared.linear.sum() - 1.0) / worse(1.0, largest(shared.linear)));
+    if (shared.angular.size() > 0) worst = worse(worst, std::abs(shared.angular.sum() - 1.0) / worse(1.0, largest(shared.angular)));
     return worst;
   });
   // By hand: 1 kg and 3 kg in a row along x at rates 2 and 2 + 1.
@@ -129,7 +129,7 @@ TEST(ReflectedInertia, ByItsDefinitions) {
     const MatrixXd inverse = v.M.llt().solve(MatrixXd::Identity(v.M.rows(), v.M.cols()));
     double worst = 0.0;
     for (Eigen::Index k = 0; k < v.M.cols(); ++k)
-      worst = std::max({worst, std::abs(felt.others_locked[k] / v.M(k, k) - 1.0), std::abs(felt.others_free[k] * inverse(k, k) - 1.0) / v.condition()});
+      worst = worse({worst, std::abs(felt.others_locked[k] / v.M(k, k) - 1.0), std::abs(felt.others_free[k] * inverse(k, k) - 1.0) / v.condition()});
     for (const auto& b : v.ops.bodies()) {  // hold what is not outboard
       const std::vector<int> outboard = v.ops.subtree(b.sweep);
       std::vector<int> free;
@@ -139,7 +139,7 @@ TEST(ReflectedInertia, ByItsDefinitions) {
       const MatrixXd M = v.M(free, free), part = M.llt().solve(MatrixXd::Identity(M.rows(), M.cols()));
       for (std::size_t i = 0; i < free.size(); ++i)
         if (const int k = free[i]; k >= b.v && k < b.v + b.nh + b.m)
-          worst = std::max(worst, std::abs(felt.outboard_free[k] * part(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i)) - 1.0) / scaled_condition(M));
+          worst = worse(worst, std::abs(felt.outboard_free[k] * part(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i)) - 1.0) / scaled_condition(M));
     }
     return worst;
   });

@@ -34,7 +34,7 @@ struct States {
 double error_2norm(const MatrixXd& a, const MatrixXd& b) {
   double worst = 0.0;
   for (Eigen::Index k = 0; k < a.cols(); ++k)
-    if (b.col(k).norm() > 0.0) worst = std::max(worst, (a.col(k) - b.col(k)).norm() / b.col(k).norm());
+    worst = worse(worst, relative((a.col(k) - b.col(k)).norm(), b.col(k).norm()));
   return worst;
 }
 
@@ -60,7 +60,7 @@ TEST(Batch, AgreesWithOneStateAtATime) {
       // v' carries the condition of M; the forces that it takes do not
       Eigen::JacobiSVD<MatrixXd> svd(mass_matrix(*s.model, s.ws, states.q.col(0).data()));
       const double condition = s.model->nv > 0 ? svd.singularValues()(0) / svd.singularValues().tail<1>()(0) : 1.0;
-      return std::max(error_2norm(tau, one_tau), error_2norm(vdot, one_vdot) / std::max(1.0, 1e-2 * condition));
+      return worse(error_2norm(tau, one_tau), error_2norm(vdot, one_vdot) / worse(1.0, 1e-2 * condition));
     });
 }
 
@@ -76,7 +76,7 @@ TEST(Batch, WithoutVelocitiesItIsAtRest) {
     batch.forward_dynamics(in, given.data());
     in.v = nullptr;
     batch.forward_dynamics(in, left_out.data());
-    return (given - left_out).cwiseAbs().maxCoeff();
+    return largest(given - left_out);
   }, 20);
 }
 
@@ -96,7 +96,7 @@ TEST(Batch, AStateHasTheSameBitsWhereverItStands) {
       BatchInputs one{1, states.q.col(k).data(), states.v.col(k).data(), states.tau.col(k).data(), none.data(), true};
       fresh.forward_dynamics(one, alone.col(k).data());
     }
-    return std::max((together - alone).cwiseAbs().maxCoeff(), (together - reversed.rowwise().reverse()).cwiseAbs().maxCoeff());
+    return worse(largest(together - alone), largest(together - reversed.rowwise().reverse()));
   }, 20);
 }
 
@@ -108,7 +108,7 @@ TEST(MassMatrix, ItsInverseIsFormedWithoutIt) {
     MatrixXd inverse(nv, nv);
     if (!mass_matrix_inverse(*s.model, s.ws, s.state.q.data(), inverse.data())) return HUGE_VAL;
     if (inverse != inverse.transpose()) return HUGE_VAL;
-    return (mass_matrix(*s.model, s.ws, s.state.q.data()) * inverse - MatrixXd::Identity(nv, nv)).cwiseAbs().maxCoeff();
+    return largest(mass_matrix(*s.model, s.ws, s.state.q.data()) * inverse - MatrixXd::Identity(nv, nv));
   });
 }
 

@@ -81,7 +81,7 @@ TEST(Dynamics, AtTheSameQTheSameBits) {
     s.state.q = moved;
     s.inverse(again);
     s.state.q = q;
-    return std::max((again - anew).cwiseAbs().maxCoeff(), (s.forward() - anew).cwiseAbs().maxCoeff()) + 0.0 * other.sum();
+    return worse(largest(again - anew), largest(s.forward() - anew)) + 0.0 * other.sum();
   });
 }
 
@@ -92,7 +92,7 @@ TEST(Dynamics, InverseInvertsForward) {
       const VectorXd vdot = s.forward(), got = s.inverse(vdot);
       const MatrixXd M = mass_matrix(*s.model, s.ws, s.state.q.data());
       // The forces that cancel in it: M v' term by term.
-      return apart(got, s.tau, (M.cwiseAbs() * vdot.cwiseAbs()).maxCoeff());
+      return apart(got, s.tau, largest(M.cwiseAbs() * vdot.cwiseAbs()));
     });
 }
 
@@ -108,9 +108,9 @@ TEST(MassMatrix, IsPositiveDefiniteAndItsColumnsAreInverseDynamics) {
       VectorXd column(s.model->nv);
       inverse_dynamics(*s.model, s.ws, {.q = s.state.q.data(), .v = zero.data(), .vdot = unit.data()}, column.data(),
                        {.velocity = true, .gravity = true, .elastic = false});
-      worst = std::max(worst, (column - M.col(i)).cwiseAbs().maxCoeff());
+      worst = worse(worst, largest(column - M.col(i)));
     }
-    return worst / M.cwiseAbs().maxCoeff();
+    return worst / largest(M);
   });
 }
 
@@ -123,7 +123,7 @@ TEST(Dynamics, InvariantUnderBodyRelabelling) {
     std::reverse(other.loads.begin(), other.loads.end());
     Loaded a(tree), b(other);
     const VectorXd va = a.forward(), vb = b.forward();
-    return std::max(apart(by_body(*a.model, va), by_body(*b.model, vb)),
+    return worse(apart(by_body(*a.model, va), by_body(*b.model, vb)),
                     apart(a.node_accelerations(va), b.node_accelerations(vb)));
   });
 }
@@ -145,7 +145,7 @@ TEST(Dynamics, InvariantUnderWorldRotation) {
         if (l.world_axes) l.wrench << R * l.wrench.head<3>().eval(), R * l.wrench.tail<3>().eval();
       Loaded a(tree), b(other);
       const VectorXd va = a.forward(), vb = b.forward();
-      return std::max(apart(va, vb), apart(a.node_accelerations(va), b.node_accelerations(vb)));
+      return worse(apart(va, vb), apart(a.node_accelerations(va), b.node_accelerations(vb)));
     });
 }
 
@@ -235,8 +235,8 @@ TEST_P(GalileanInvariance, HoldsAtTenAndAtOrbitalSpeed) {
           moving.state.v.segment<3>(u.v + 3) += R.transpose() * (speed * Vector3d(0.6, -0.48, 0.64));
         }
       const VectorXd got = moving.forward();
-      worst = std::max({worst, apart(got, vdot), apart(moving.node_accelerations(got), nodes)});
-      worst = std::max(worst, apart(moving.inverse(vdot), still.inverse(vdot)));
+      worst = worse({worst, apart(got, vdot), apart(moving.node_accelerations(got), nodes)});
+      worst = worse(worst, apart(moving.inverse(vdot), still.inverse(vdot)));
     }
     return worst;
   });
@@ -266,15 +266,15 @@ TEST(DenseTwin, AgreesWithTheSweepsInForces) {
       const double size =
           twin.bias.size() == 0
               ? 1.0
-              : std::max({1.0, twin.bias.cwiseAbs().maxCoeff(), twin.gravity_force.cwiseAbs().maxCoeff()});
-      double worst = std::max(
+              : worse({1.0, largest(twin.bias), largest(twin.gravity_force)});
+      double worst = worse(
           {apart(mass_matrix(*s.model, s.ws, q), twin.M), apart(bias_force(*s.model, s.ws, q, v), twin.bias, size),
            apart(gravity_force(*s.model, s.ws, q), twin.gravity_force, size),
            apart(elastic_force(*s.model, q, v), twin.elastic_force, size),
            apart(external_force(*s.model, s.ws, q, s.wrenches), twin.external_force(for_twin(tree, twin)), size)});
       VectorXd qdot(s.model->nq);
       s.model->qdot(q, v, qdot.data());
-      return std::max(worst, apart(qdot, twin.qdot));
+      return worse(worst, apart(qdot, twin.qdot));
     });
 }
 
@@ -293,22 +293,22 @@ TEST(DenseTwin, AgreesWithTheSweepsInMotionAndReactions) {
       observer.update(s.in(), vdot.data());
       const auto wrenches = twin.hinge_wrenches(want, loads);
       double size = 0.0;
-      for (const auto& w : wrenches) size = std::max(size, w.cwiseAbs().maxCoeff());
+      for (const auto& w : wrenches) size = worse(size, largest(w));
       for (std::size_t k = 0; k < wrenches.size(); ++k)
-        worst = std::max(worst, apart(to_eigen(observer.hinge_wrench(static_cast<int>(k))), wrenches[k], size));
+        worst = worse(worst, apart(to_eigen(observer.hinge_wrench(static_cast<int>(k))), wrenches[k], size));
       const Energy e = observer.energy();
       const Momentum m = observer.momentum();
-      worst = std::max(worst, std::abs(e.kinetic - twin.kinetic_energy) / std::max(1.0, twin.kinetic_energy));
-      worst = std::max(worst, std::abs(e.gravity - twin.gravity_energy) / std::max(1.0, std::abs(twin.gravity_energy)));
-      worst = std::max(worst, std::abs(e.modal - twin.elastic_energy) / std::max(1.0, twin.elastic_energy));
-      worst = std::max({worst, apart(m.linear, twin.linear_momentum), apart(m.angular, twin.angular_momentum),
+      worst = worse(worst, std::abs(e.kinetic - twin.kinetic_energy) / worse(1.0, twin.kinetic_energy));
+      worst = worse(worst, std::abs(e.gravity - twin.gravity_energy) / worse(1.0, std::abs(twin.gravity_energy)));
+      worst = worse(worst, std::abs(e.modal - twin.elastic_energy) / worse(1.0, twin.elastic_energy));
+      worst = worse({worst, apart(m.linear, twin.linear_momentum), apart(m.angular, twin.angular_momentum),
                         apart(m.com, twin.com)});
       for (const Load& l : tree.loads) {
         const auto node = twin.node(l.body, l.node);
         const NodeState got = observer.node(s.model->find_node(l.body + "." + l.node));
-        worst = std::max({worst, apart(got.position, node.x), apart(got.R_WN, node.R),
+        worst = worse({worst, apart(got.position, node.x), apart(got.R_WN, node.R),
                           apart(got.velocity, node.velocity, 1.0),
-                          apart(got.acceleration, node.acceleration(want), want.cwiseAbs().maxCoeff())});
+                          apart(got.acceleration, node.acceleration(want), largest(want))});
       }
       return worst;
     });
@@ -335,7 +335,7 @@ TEST(Prescribed, ComponentsAgreeWithTheTwin) {
       VectorXd forces = want.tau;
       for (Eigen::Index i = 0; i < forces.size(); ++i)
         if (!given[static_cast<std::size_t>(i)]) forces[i] = 0.0;
-      return std::max(apart(vdot, want.vdot), apart(tau, forces, want.tau.cwiseAbs().maxCoeff()));
+      return worse(apart(vdot, want.vdot), apart(tau, forces, largest(want.tau)));
     });
 }
 
@@ -363,18 +363,18 @@ TEST(LockedHinges, MergedBodiesMoveAndReactLikeUnmergedOnes) {
     apart_bodies.merge_locked = false;
     Loaded a(tree), b(tree, apart_bodies);
     const VectorXd va = a.forward(), vb = b.forward();
-    double worst = std::max(apart(va, vb), apart(a.node_accelerations(va), b.node_accelerations(vb)));
+    double worst = worse(apart(va, vb), apart(a.node_accelerations(va), b.node_accelerations(vb)));
     Observer oa(*a.model, a.ws), ob(*b.model, b.ws);
     oa.update(a.in(), va.data());
     ob.update(b.in(), vb.data());
     double size = 0.0, difference = 0.0;
     for (int k = 0; k < static_cast<int>(tree.spec.bodies.size()); ++k) {
       const Vector6d wa = to_eigen(oa.hinge_wrench(k)), wb = to_eigen(ob.hinge_wrench(k));
-      size = std::max(size, wb.cwiseAbs().maxCoeff());
-      difference = std::max(difference, (wa - wb).cwiseAbs().maxCoeff());
+      size = worse(size, largest(wb));
+      difference = worse(difference, largest(wa - wb));
     }
-    worst = std::max(worst, difference / size);
-    return std::max(worst, std::abs(oa.energy().kinetic - ob.energy().kinetic) / std::max(1.0, ob.energy().kinetic));
+    worst = worse(worst, relative(difference, size));
+    return worse(worst, std::abs(oa.energy().kinetic - ob.energy().kinetic) / worse(1.0, ob.energy().kinetic));
   });
 }
 
@@ -409,7 +409,7 @@ TEST(LockedHinges, HeldAnywhereAreLockedHingesThere) {
                   }
                   Loaded a(tree), b(other);
                   const VectorXd va = a.forward(), vb = b.forward();
-                  return std::max(apart(va, vb), apart(a.node_accelerations(va), b.node_accelerations(vb)));
+                  return worse(apart(va, vb), apart(a.node_accelerations(va), b.node_accelerations(vb)));
                 });
 }
 
@@ -452,7 +452,7 @@ double error_with_heavy_tips(const std::string& hinge, const std::vector<Vector3
   observer.update(in, vdot.data());
   double worst = apart(vdot, want.cast<double>());
   for (std::size_t k = 0; k < wrenches.size(); ++k)
-    worst = std::max(worst, apart(to_eigen(observer.hinge_wrench(static_cast<int>(k))), wrenches[k].cast<double>()));
+    worst = worse(worst, apart(to_eigen(observer.hinge_wrench(static_cast<int>(k))), wrenches[k].cast<double>()));
   return worst;
 }
 

@@ -57,7 +57,7 @@ double jacobian_error(const RandomTree& tree) {
     VectorXd truth(s.ode.n), work(s.ode.n);
     soa::derivative([&](double h, double* out) { Eigen::Map<VectorXd>(out, s.ode.n) = s.rhs(s.x + h * d); }, 0.004,
                     s.ode.n, truth.data(), work.data());
-    worst = std::max(worst, apart(s.times(d), truth));
+    worst = worse(worst, apart(s.times(d), truth));
   }
   return worst;
 }
@@ -143,7 +143,7 @@ double preconditioner_error(const RandomTree& from) {
     if (!ode.precondition(r.data(), z.data()) || !ode.jacobian_times(0.0, x.data(), z.data(), Jz.data()))
       return HUGE_VAL;
     const VectorXd difference = z - gamma * Jz - r;
-    worst = std::max(worst, largest(difference) / std::max({largest(r), largest(z), gamma * largest(Jz)}));
+    worst = worse(worst, largest(difference) / worse({largest(r), largest(z), gamma * largest(Jz)}));
   }
   return worst;
 }

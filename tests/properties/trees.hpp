@@ -11,6 +11,7 @@
 #include "core/dynamics/observe.hpp"
 #include "tests/support/builders.hpp"
 #include "tests/support/random_tree.hpp"
+#include "tests/support/worse.hpp"
 
 namespace cardan::test {
 
@@ -37,7 +38,7 @@ inline void for_all_trees(const TreeOptions& options, double tolerance, const Pr
     RandomTree tree = random_tree(seed, options);
     const double error = error_of(property, tree);
     if (error <= tolerance) {
-      worst = std::max(worst, error);
+      worst = worse(worst, error);
       continue;
     }
     for (bool smaller = true; smaller;) {
@@ -73,19 +74,17 @@ inline ByBody by_body(const Model& model, const VectorXd& v) {
 
 /// Largest difference over the largest value, of all bodies together.
 inline double apart(const ByBody& a, const ByBody& b) {
-  double difference = 0.0, size = 0.0;
+  double difference = a.size() == b.size() ? 0.0 : HUGE_VAL, size = 0.0;
   for (const auto& [name, x] : a) {
-    if (x.size() == 0) continue;
-    difference = std::max(difference, (x - b.at(name)).cwiseAbs().maxCoeff());
-    size = std::max(size, x.cwiseAbs().maxCoeff());
+    difference = worse(difference, distance(x, b.at(name)));
+    size = worse(size, largest(x));
   }
-  return size > 0.0 ? difference / size : difference;
+  return relative(difference, size == 0.0 ? 1.0 : size);
 }
 template <class A, class B>
 double apart(const Eigen::MatrixBase<A>& a, const Eigen::MatrixBase<B>& b, double at_least = 0.0) {
-  if (a.size() == 0) return 0.0;
-  const double size = std::max(at_least, b.cwiseAbs().maxCoeff());
-  return (a - b).cwiseAbs().maxCoeff() / (size > 0.0 ? size : 1.0);
+  const double size = worse(at_least, largest(b));
+  return relative(distance(a, b), size == 0.0 ? 1.0 : size);
 }
 
 /// A compiled tree at its state under its loads.
@@ -143,12 +142,12 @@ class Loaded {
 };
 
 inline double apart(const std::map<std::string, Vector6d>& a, const std::map<std::string, Vector6d>& b) {
-  double difference = 0.0, size = 1e-300;
+  double difference = a.size() == b.size() ? 0.0 : HUGE_VAL, size = 0.0;
   for (const auto& [name, x] : a) {
-    difference = std::max(difference, (x - b.at(name)).cwiseAbs().maxCoeff());
-    size = std::max(size, x.cwiseAbs().maxCoeff());
+    difference = worse(difference, distance(x, b.at(name)));
+    size = worse(size, largest(x));
   }
-  return difference / size;
+  return relative(difference, size);
 }
 
 }  // namespace cardan::test

@@ -16,13 +16,14 @@
 #include "core/io/json.hpp"
 #include "core/io/recorder.hpp"
 #include "tests/report/example_run.hpp"
+#include "tests/support/scratch.hpp"
 
 namespace cardan {
 namespace {
 
 namespace fs = std::filesystem;
 
-std::string scratch(const std::string& name) { return testing::TempDir() + "cardan_report_" + name; }
+using test::scratch;
 
 std::string content(const std::string& path) {
   std::stringstream text;

@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/scratch.hpp"
+
 namespace cardan {
 
 struct Finished {
@@ -15,8 +17,6 @@ struct Finished {
 /// Runs `cardan` with these arguments in `folder`; `in_child` is called in the new process before it begins.
 Finished run_program(const std::vector<std::string>& arguments, const std::string& folder,
                      const std::function<void()>& in_child = {});
-
-class TemporaryFolder;
 
 /// The same, while it goes on; killed at the end of the scope if it still does.
 class Started {
@@ -35,20 +35,6 @@ class Started {
 
 /// Looks until `happened()`; false if it has not within two minutes.
 bool wait_until(const std::function<bool()>& happened);
-
-/// A fresh folder that the test removes by itself at its end.
-class TemporaryFolder {
- public:
-  TemporaryFolder();
-  ~TemporaryFolder();
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  std::string operator/(const std::string& name) const { return path_ + "/" + name; }
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
 
 std::string file_text(const std::string& path);
 std::string replaced(std::string text, const std::string& what, const std::string& with);

@@ -71,14 +71,14 @@ fs::path folder_of(const RunArguments& a, const fs::path& scenario) {
 
 Check reference_check(const std::vector<Range>& ranges) {
   Check c{"agreement with the dense reference",
-          0.0,
+          std::nan(""),  // NaN in any row, and no row at all, is no agreement
           kReferenceLimit,
           false,
           "1",
           fmt::format("below {:g}, at every output time", kReferenceLimit)};
   for (const Range& r : ranges)
     if (r.path == "reference/difference") c.value = std::min(r.largest, std::numeric_limits<double>::max());  // inf: no v' to compare with
-  c.pass = c.value <= c.limit;
+  c.pass = c.value >= 0.0 && c.value <= c.limit;
   c.most = c.limit;
   return c;
 }

@@ -7,10 +7,12 @@
 #include <nlohmann/json.hpp>
 
 #include "core/base/diagnostic.hpp"
+#include "tests/support/worse.hpp"
 
 namespace cardan {
 namespace {
 
+using test::largest;
 using Eigen::Matrix3d;
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
@@ -64,19 +66,19 @@ TEST_P(OracleIntegrals, AreReproduced) {
   const ModalIntegrals& I = c.data.integrals;
   const auto m = static_cast<std::size_t>(c.data.n_modes);
   const auto expect = [](const MatrixXd& got, const MatrixXd& want, double scale, const char* what) {
-    EXPECT_LE((got - want).cwiseAbs().maxCoeff(), kTolerance * scale) << what;
+    EXPECT_LE(largest(got - want), kTolerance * scale) << what;
   };
   EXPECT_NEAR(I.I1, number(e["I1"]), kTolerance * I.I1);
-  expect(I.I2, vector3(e["I2"]), I.I2.cwiseAbs().maxCoeff(), "I2");
+  expect(I.I2, vector3(e["I2"]), largest(I.I2), "I2");
   for (const auto& [got, name] : {std::pair{I.I3, "I3"}, {I.I4, "I4"}, {I.I6, "I6"}, {MatrixXd(I.I7), "I7"}})
-    expect(got, matrix(e[name]), matrix(e[name]).cwiseAbs().maxCoeff(), name);
+    expect(got, matrix(e[name]), largest(matrix(e[name])), name);
   for (std::size_t l = 0; l < m; ++l) {
     const MatrixXd I5_l = matrix(e["I5"][l]).transpose();
-    expect(I.I5[l], I5_l, I5_l.cwiseAbs().maxCoeff(), "I5");
-    expect(I.I8[l], matrix(e["I8"][l]), matrix(e["I8"][l]).cwiseAbs().maxCoeff(), "I8");
+    expect(I.I5[l], I5_l, largest(I5_l), "I5");
+    expect(I.I8[l], matrix(e["I8"][l]), largest(matrix(e["I8"][l])), "I8");
     for (std::size_t k = 0; k < m; ++k) {
       const MatrixXd I9_lk = matrix(e["I9"][l][k]);
-      expect(I.I9[l * m + k], I9_lk, I9_lk.cwiseAbs().maxCoeff(), "I9");
+      expect(I.I9[l * m + k], I9_lk, largest(I9_lk), "I9");
     }
   }
 }
@@ -111,11 +113,11 @@ TEST_P(OracleIntegrals, GiveTheMassMatrixAndItsDerivativesOfLevelOne) {
     }
     fill(dM, ww, tilde(I.I3.col(i)), we, MatrixXd::Zero(3, m), ee);
     const MatrixXd want = matrix(level["dM_fl_deta"][s]);
-    EXPECT_LE((dM - want).cwiseAbs().maxCoeff(), kTolerance * want.cwiseAbs().maxCoeff());
+    EXPECT_LE(largest(dM - want), kTolerance * largest(want));
     M += number(c.file["state"]["eta"][s]) * dM;
   }
   const MatrixXd want = matrix(level["M_fl"]);
-  EXPECT_LE((M - want).cwiseAbs().maxCoeff(), kTolerance * want.cwiseAbs().maxCoeff());
+  EXPECT_LE(largest(M - want), kTolerance * largest(want));
 }
 
 INSTANTIATE_TEST_SUITE_P(Files, OracleIntegrals,

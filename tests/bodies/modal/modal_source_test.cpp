@@ -11,10 +11,13 @@
 #include "bodies/modal/elements.hpp"
 #include "bodies/modal/modal_file.hpp"
 #include "bodies/modal/modal_integrals.hpp"
+#include "tests/support/worse.hpp"
+#include "tests/support/scratch.hpp"
 
 namespace cardan {
 namespace {
 
+using test::worse;
 using Eigen::Matrix3d;
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
@@ -101,9 +104,9 @@ TEST(BeamIntegrals, OfTheConsistentMassAreTheLimitOfLumpedMasses) {
     }
     const ModalIntegrals a = lumped_modal_data(lumps, d.K, d.C, {}).integrals;
     const ModalIntegrals& b = d.integrals;
-    double worst = std::max({(a.I3 - b.I3).norm(), (a.I4 - b.I4).norm(), (a.I6 - b.I6).norm()});
-    for (int l = 0; l < 4; ++l) worst = std::max({worst, (a.I5[l] - b.I5[l]).norm(), (a.I8[l] - b.I8[l]).norm()});
-    for (int i = 0; i < 16; ++i) worst = std::max(worst, (a.I9[i] - b.I9[i]).norm());
+    double worst = worse({(a.I3 - b.I3).norm(), (a.I4 - b.I4).norm(), (a.I6 - b.I6).norm()});
+    for (int l = 0; l < 4; ++l) worst = worse({worst, (a.I5[l] - b.I5[l]).norm(), (a.I8[l] - b.I8[l]).norm()});
+    for (int i = 0; i < 16; ++i) worst = worse(worst, (a.I9[i] - b.I9[i]).norm());
     return worst;
   };
   const double coarse = difference(20), fine = difference(40);
@@ -185,7 +188,7 @@ TEST(ModalSource, FreeModesAreOnMeanAxes) {
 }
 
 TEST(ModalFile, ReturnsWhatWasWritten) {
-  const std::string path = testing::TempDir() + "/cardan_modal_file.h5";
+  const std::string path = test::scratch("modal.h5");
   ModalSource s = wing(10, 4);
   const ModalData a = make_modal_data(s);
   write_modal_file(path, a);

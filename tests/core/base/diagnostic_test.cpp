@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <fstream>
 
+#include "tests/support/scratch.hpp"
+
 namespace cardan {
 namespace {
 
@@ -12,10 +14,14 @@ namespace {
 class SourceFile {
  public:
   explicit SourceFile(const std::string& text) {
-    std::filesystem::current_path(testing::TempDir());
+    std::filesystem::current_path(folder_.path());
     std::ofstream("source.txt", std::ios::binary) << text;
   }
-  ~SourceFile() { std::filesystem::remove("source.txt"); }
+  ~SourceFile() { std::filesystem::current_path(before_); }
+
+ private:
+  TemporaryFolder folder_;
+  std::filesystem::path before_ = std::filesystem::current_path();
 };
 
 Diagnostic at(int line, int column) {

@@ -8,11 +8,12 @@
 #include <numeric>
 
 #include "core/base/diagnostic.hpp"
+#include "tests/support/scratch.hpp"
 
 namespace cardan {
 namespace {
 
-std::string scratch(const std::string& name) { return testing::TempDir() + "cardan_hdf5_" + name; }
+using test::scratch;
 
 std::string error_of(const std::function<void()>& act) {
   try {

@@ -16,11 +16,12 @@
 
 #include "core/base/diagnostic.hpp"
 #include "core/io/hdf5_file.hpp"
+#include "tests/support/scratch.hpp"
 
 namespace cardan {
 namespace {
 
-std::string scratch(const std::string& name) { return testing::TempDir() + "cardan_recorder_" + name; }
+using test::scratch;
 
 RunHeader example_header() {
   RunHeader h;

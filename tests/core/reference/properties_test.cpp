@@ -6,9 +6,11 @@
 #include "core/reference/dense_dynamics.hpp"
 #include "core/reference/quad.hpp"
 #include "tests/support/oracle_reader.hpp"
+#include "tests/support/worse.hpp"
 
 namespace cardan::reference {
 namespace {
+using test::largest;
 using Vec = Eigen::VectorXd;
 
 oracle::Case file(const std::string& name) {
@@ -49,7 +51,7 @@ Vec free_q(const Eigen::Vector3d& position, const Vec& eta = {}) {
 
 void expect_near(const Vec& a, const Vec& b, double relative) {
   ASSERT_EQ(a.size(), b.size());
-  EXPECT_LE((a - b).cwiseAbs().maxCoeff(), relative * b.cwiseAbs().maxCoeff()) << a.transpose() << "\n"
+  EXPECT_LE(largest(a - b), relative * largest(b)) << a.transpose() << "\n"
                                                                                << b.transpose();
 }
 

@@ -8,6 +8,7 @@
 
 #include "core/base/diagnostic.hpp"
 #include "core/io/hdf5_file.hpp"
+#include "tests/support/scratch.hpp"
 
 namespace cardan {
 namespace {
@@ -45,7 +46,7 @@ TEST(LinearModelFile, JsonAndHdf5KeepEveryBit) {
   EXPECT_EQ(json["A"][1][0].get<double>(), -1.0 / 3.0);
   EXPECT_EQ(json["drift"][1].get<double>(), -3.0);
   EXPECT_EQ(json["state_units"][1], "rad/s");
-  const std::string path = (std::filesystem::temp_directory_path() / "cardan_linear_model_test.h5").string();
+  const std::string path = test::scratch("model.h5");
   write_linear_model(m, path);
   const Hdf5File file = Hdf5File::open(path);
   const auto A = file.read_doubles("/A");

@@ -1,5 +1,6 @@
 #include "tests/core/time/problems.hpp"
 #include "tests/support/malloc_counter.hpp"
+#include "tests/support/worse.hpp"
 
 namespace cardan::test {
 namespace {
@@ -26,7 +27,7 @@ double dense_error(const std::string& method, double h) {
     for (double s : {0.2, 0.4, 0.6, 0.8}) {
       const double middle = t + s * (end - t);
       integrator->interpolate(middle, &x);
-      worst = std::max(worst, std::abs(x - std::exp(std::sin(middle))));
+      worst = worse(worst, std::abs(x - std::exp(std::sin(middle))));
     }
     t = end;
   }

@@ -1,0 +1,32 @@
+#include "core/io/range_recorder.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace cardan {
+
+void RangeRecorder::begin(const RunHeader& header, const std::vector<Channel>& channels) {
+  for (const Channel& c : channels) {
+    std::vector<std::string> units;  // one for all, or one each
+    for (std::size_t from = 0; c.components.size() > 1 && from <= c.unit.size();) {
+      const std::size_t to = std::min(c.unit.find(' ', from), c.unit.size());
+      units.push_back(c.unit.substr(from, to - from));
+      from = to + 1;
+    }
+    for (std::size_t i = 0; i < c.components.size(); ++i)
+      ranges_.push_back(
+          {c.path, c.components[i], units.size() == c.components.size() ? units[i] : c.unit, HUGE_VAL, -HUGE_VAL});
+  }
+  recorder_.begin(header, channels);
+}
+
+void RangeRecorder::row(double t, std::span<const double> values) {
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    Range& r = ranges_[i];
+    r.least = std::isnan(values[i]) ? values[i] : std::min(r.least, values[i]);  // min(NaN, x) is NaN: it stays
+    r.largest = std::isnan(values[i]) ? values[i] : std::max(r.largest, values[i]);
+  }
+  recorder_.row(t, values);
+}
+
+}  // namespace cardan

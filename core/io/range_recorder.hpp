@@ -1,0 +1,30 @@
+#pragma once
+// Least and largest value of what is recorded.
+#include "core/io/recorder.hpp"
+
+namespace cardan {
+
+/// Least and largest value of one recorded number over the rows; both NaN once it was NaN, least > largest without rows.
+struct Range {
+  std::string path, component, unit;
+  double least, largest;
+};
+
+/// A recorder that hands everything on to `recorder` and keeps the range of each number.
+class RangeRecorder final : public Recorder {
+ public:
+  explicit RangeRecorder(Recorder& recorder) : recorder_(recorder) {}
+  void begin(const RunHeader& header, const std::vector<Channel>& channels) override;
+  void row(double t, std::span<const double> values) override;
+  void attach(const std::string& name, const std::string& text) override { recorder_.attach(name, text); }
+  void restart_state(double t, std::span<const double> x) override { recorder_.restart_state(t, x); }
+  void flush() override { recorder_.flush(); }
+  void close(std::string_view verdict) override { recorder_.close(verdict); }
+  const std::vector<Range>& ranges() const { return ranges_; }
+
+ private:
+  Recorder& recorder_;
+  std::vector<Range> ranges_;
+};
+
+}  // namespace cardan
