@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 
 #include "core/dynamics/inverse.hpp"
+#include "core/soa/field_at.hpp"
 #include "core/soa/gravity_field.hpp"
 
 namespace cardan {
@@ -127,6 +128,8 @@ NodeState Observer::node(int index) const {
   a.v += cross(V.w, cross(V.w, at.rho)) + 2.0 * cross(V.w, at.rate.v);
   const Motion<double> in_node{transpose_times(at.R, a.w), transpose_times(at.R, a.v)};
   s.specific_force = to_eigen(in_node.v);
+  if (in_.gravity && model_.field.central)  // a uniform field is in gamma already
+    s.specific_force -= s.R_WN.transpose() * to_eigen(soa::field_at(model_.field, W.p + W.R * at.rho));
   s.acceleration = to_eigen(in_node);
   if (in_.gravity && model_.gravity.kind == GravitySpec::Kind::uniform) {
     if (k == 0) s.acceleration.tail<3>().setZero();  // the ground stands still

@@ -15,7 +15,7 @@ struct NodeState {
   Eigen::Vector3d position;        // [m] world axes
   Vector6d velocity;               // [angular; linear] node axes
   Vector6d acceleration;           // true inertial acceleration of the point, [angular; classical linear], node axes
-  Eigen::Vector3d specific_force;  // [m/s^2] what an ideal accelerometer at the node reads, node axes (uniform gravity only)
+  Eigen::Vector3d specific_force;  // [m/s^2] what an ideal accelerometer at the node reads, node axes
 };
 
 struct Energy {

@@ -13,6 +13,7 @@
 #include "core/operators/components.hpp"
 #include "core/operators/node_motion.hpp"
 #include "core/operators/sensitivity.hpp"
+#include "core/soa/field_at.hpp"
 #include "core/soa/kernels_tangent.hpp"
 
 namespace cardan::soa {
@@ -347,9 +348,7 @@ class Column {
         case Port::acceleration: y[i] = component(node.R_WN * node.acceleration.v, p.axis); break;
         case Port::rate: y[i] = component(node.velocity.w, p.axis); break;
         case Port::specific_force: {
-          Vec3<Tangent> a = node.acceleration.v;
-          if (m_.field.uniform) a -= transpose_times(node.R_WN, cast<Tangent>(m_.field.g));
-          y[i] = component(a, p.axis);
+          y[i] = component(node.acceleration.v - transpose_times(node.R_WN, field_at(m_.field, node.position)), p.axis);
           break;
         }
         case Port::attitude: {  // dR = R dphi~

@@ -321,6 +321,9 @@ int node_acceleration(lua_State* L) {
   return push3(L, n.R_WN * n.acceleration.tail<3>());
 }
 
+int node_specific_force(lua_State* L) {
+  return push3(L, node_state(L, self<Kind::node>(L), "the specific force at a node").specific_force);
+}
 int node_angular_acceleration(lua_State* L) {
   return push3(L, node_state(L, self<Kind::node>(L), "the acceleration of a node").acceleration.head<3>());
 }
@@ -487,6 +490,7 @@ constexpr Method kMethods[] = {
     {Kind::node, "velocity", method<node_velocity>},
     {Kind::node, "acceleration", method<node_acceleration>},
     {Kind::node, "angular_acceleration", method<node_angular_acceleration>},
+    {Kind::node, "specific_force", method<node_specific_force>},
     {Kind::node, "load", method<node_load>},
     {Kind::load, "set", method<load_set>},
 };

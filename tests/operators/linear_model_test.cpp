@@ -214,6 +214,10 @@ TEST(LinearModel, CircularOrbit) {  // a particle in a central field: poles 0 an
   const MatrixXd tidal = (MatrixXd(3, 3) << 2.0 * n * n, 0, 0, 0, -n * n, 0, 0, 0, -n * n).finished();
   EXPECT_LT(largest(l.A.bottomLeftCorner(3, 3) - tidal), 1e-17);
   EXPECT_EQ(l.A.bottomRightCorner(3, 3).norm(), 0.0);
+  // In free fall an accelerometer reads nothing, wherever the orbit goes.
+  const LinearModel free_fall = at_initial_state(*model, {{}, {"sat:specific_force"}});
+  EXPECT_LT(largest(free_fall.y0), 1e-17);
+  EXPECT_LT(largest(free_fall.C), 1e-17);
 }
 
 TEST(LinearModel, RefusesUnknownNames) {

@@ -393,6 +393,9 @@ function Node:rate() end
 --- Node axes.
 ---@return number ax, number ay, number az [rad/s^2]
 function Node:angular_acceleration() end
+--- Acceleration less gravity there, as an accelerometer reads it; node axes.
+---@return number fx, number fy, number fz [m/s^2]
+function Node:specific_force() end
 --- World axes.
 ---@return number vx, number vy, number vz [m/s]
 function Node:velocity() end
