@@ -55,7 +55,7 @@ set(external
   "gtest/|tests"
   "dlfcn.h|core/abi/loader.cpp"
   "sched.h|bench"
-  "malloc.h|bench/peers/peer.hpp"
+  "malloc.h|bench/time_ring.hpp"
   "mujoco/|bench/peers/mujoco.cpp"
   "BulletDynamics/|bench/peers/bullet.cpp"
   "Simbody.h|bench/peers/simbody.cpp"

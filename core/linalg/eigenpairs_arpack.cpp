@@ -224,7 +224,7 @@ Eigenpairs lowest_eigenpairs(const SparseMatrix& K, const SparseMatrix& M, int k
     const VectorXd x = found.vectors.col(j);
     const double lambda = found.values(j);
     const double size = (K_norm + std::abs(lambda) * M_norm) * x.cwiseAbs().maxCoeff();
-    return (K * x - lambda * (M * x)).cwiseAbs().maxCoeff() / size;
+    return (K * x - lambda * (M * x)).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / size;
   };
   const int n_found = static_cast<int>(found.values.size());
   for (int j = 0; j < k; ++j) {

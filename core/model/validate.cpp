@@ -105,7 +105,7 @@ class Structure {
     }
   }
   void check_rotation(const Eigen::Matrix3d& R, const auto& at, const char* key) {
-    const double error = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+    const double error = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
     if (!(error < 1e-9) || R.determinant() < 0.0)
       report(Code::not_a_rotation, at(key), "an orthonormal right-handed matrix",
              fmt::format("an entry of R R^T - 1 is {:.3g}", error));

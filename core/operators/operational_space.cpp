@@ -243,7 +243,7 @@ Manipulability manipulability(const TreeOperators& tree, const Task& task) {
   Manipulability out{};
   if (J.size() > 0) out.singular_values = Eigen::JacobiSVD<MatrixXd>(J).singularValues();
   out.kinematic = J.rows() <= J.cols() ? out.singular_values.prod() : 0.0;
-  out.dynamic = J.rows() <= J.cols() ? std::sqrt(std::max(0.0, task_compliance(tree, task).determinant())) : 0.0;
+  out.dynamic = J.rows() <= J.cols() ? std::sqrt(std::max(task_compliance(tree, task).determinant(), 0.0)) : 0.0;
   return out;
 }
 

@@ -272,7 +272,7 @@ SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& op
     VectorXd r(n_stiff), Kr(n_stiff);
     for (int i = 0; i < n_stiff; ++i) r[i] = Kx[J.stiff[idx(i)]] - lambda * y[J.stiff[idx(i)]];
     compliance(r, Kr);
-    out.residual[c] = std::sqrt(std::max(0.0, r.dot(Kr))) / omega;
+    out.residual[c] = std::sqrt(std::max(r.dot(Kr), 0.0)) / omega;  // in this order NaN stays
     if (!(out.residual[c] <= kResidualLimit)) throw LinalgError(fmt::format("mode {} has a residual of {:.2g}", j + 1, out.residual[c]));
   }
   VectorXd V(tree.size(Space::body)), p(tree.size(Space::body));

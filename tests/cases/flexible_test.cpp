@@ -13,7 +13,7 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
-const Vector3d X = Vector3d::UnitX(), Z = Vector3d::UnitZ();
+const Vector3d X = Vector3d::UnitX(), Y = Vector3d::UnitY(), Z = Vector3d::UnitZ();
 
 /// rho A = EI = L = 1 for bending in the x-y plane, and everything else so stiff that the lowest 19 modes are of that
 /// kind.
@@ -38,8 +38,8 @@ BodySpec flexible(const std::string& name, std::shared_ptr<const ModalData> moda
   return b;
 }
 
-/// omega^2 of small motion about q = 0.
-VectorXd omega2(const SystemSpec& spec) {
+/// Small motion about q = 0: eigenvalues omega^2 ascending, eigenvectors of unit mass.
+Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> small_motion(const SystemSpec& spec) {
   const auto model = compiled(spec);
   Workspace ws(*model);
   const VectorXd zero = model->initial_state().q, none = VectorXd::Zero(model->nv);
@@ -49,9 +49,28 @@ VectorXd omega2(const SystemSpec& spec) {
     q[i] = 1.0;
     K.col(i) = -elastic_force(*model, q.data(), none.data());
   }
-  return Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd>(K, mass_matrix(*model, ws, zero.data()),
-                                                            Eigen::EigenvaluesOnly)
-      .eigenvalues();
+  return Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd>(K, mass_matrix(*model, ws, zero.data()));
+}
+VectorXd omega2(const SystemSpec& spec) { return small_motion(spec).eigenvalues(); }
+
+/// Circular frequency [rad/s] out of the times at which v[index] crosses zero downwards while `periods` periods pass.
+double frequency_in_time(Simulation& sim, int index, int periods, double expected) {
+  const auto times = crossings(sim, -1, [index](const double*, const double* v) { return v[index]; });
+  sim.run((periods + 1.25) * 2.0 * std::numbers::pi / expected);
+  if (static_cast<int>(times->size()) <= periods) return std::nan("");
+  return 2.0 * std::numbers::pi * periods / (times->at(static_cast<std::size_t>(periods)) - times->front());
+}
+
+/// A hub of inertia J about z with two equal beams on opposite sides, free to turn.
+SystemSpec hub_with_two_beams(double J, const std::shared_ptr<const ModalData>& modal) {
+  BodySpec right = on(flexible("right", modal), "hub", "locked"), left = on(flexible("left", modal), "hub", "locked");
+  left.hinge.onode_R = Eigen::AngleAxisd(std::numbers::pi, Z).toRotationMatrix();
+  return system({on(rigid("hub", 1.0, Vector3d::Zero(), diagonal({J, J, J})), "", "revolute", {Z}), right, left});
+}
+std::shared_ptr<const ModalData> beam_of_sixteen_modes() {
+  ModalSource source = plane_beam();
+  source.modes.count = 16;
+  return std::make_shared<const ModalData>(make_modal_data(source));
 }
 
 // 16 modes per beam leave out compliance of the order beta^4 sum_{k > 16} 4 / beta_k^8 < 1e-8 of the hub's coupling;
@@ -59,18 +78,12 @@ VectorXd omega2(const SystemSpec& spec) {
 // motion.
 TEST(HubWithTwoBeams, TurnsWithTheRootsOfRotationCoupledBending) {
   const Published ref("flex-hub-two-appendages");
-  ModalSource source = plane_beam();
-  source.modes.count = 16;
-  const auto modal = std::make_shared<const ModalData>(make_modal_data(source));
+  const auto modal = beam_of_sixteen_modes();
   const VectorXd clamped = ref.vector("limit j -> infinity");
   for (const int j10 : {1, 10, 100}) {
     const double j = 0.1 * j10, J = 2.0 * j;
     const VectorXd want = ref.vector(j10 == 1 ? "j=0.1" : j10 == 10 ? "j=1" : "j=10");
-    BodySpec right = on(flexible("right", modal), "hub", "locked"), left = on(flexible("left", modal), "hub", "locked");
-    left.hinge.onode_R = Eigen::AngleAxisd(std::numbers::pi, Z).toRotationMatrix();
-    const SystemSpec spec =
-        system({on(rigid("hub", 1.0, Vector3d::Zero(), diagonal({J, J, J})), "", "revolute", {Z}), right, left});
-    const VectorXd beta = omega2(spec).cwiseMax(0.0).array().pow(0.25);
+    const VectorXd beta = omega2(hub_with_two_beams(J, modal)).cwiseMax(0.0).array().pow(0.25);
     double coupled = 0.0, held = 0.0;
     for (int k = 0; k < 4; ++k) {
       held = worse(held, std::abs(beta[1 + 2 * k] / clamped[k] - 1.0));
@@ -79,6 +92,30 @@ TEST(HubWithTwoBeams, TurnsWithTheRootsOfRotationCoupledBending) {
     EXPECT_LE(beta[0], 1e-3);  // the hub turns freely; beta^4 = 1e-12 is rounding of K / M
     expect_within(fmt::format("j = {}: clamped roots", j).c_str(), held, ref.tolerance("rel"));
     expect_within(fmt::format("j = {}: coupled roots", j).c_str(), coupled, ref.tolerance("rel"));
+  }
+}
+
+// The same in time, as a satellite is simulated: let go at rest, bent as in one of the coupled modes, the hub must
+// swing with that frequency alone. Tips move by 1e-5 of a length: what is of second order shifts the frequency by
+// 1e-10.
+TEST(HubWithTwoBeams, SwingsInTimeWithTheRootsOfRotationCoupledBending) {
+  const Published ref("flex-hub-two-appendages");
+  const SystemSpec spec = hub_with_two_beams(0.2, beam_of_sixteen_modes());
+  const VectorXd want = ref.vector("j=0.1");
+  const auto modes = small_motion(spec);
+  for (int k = 0; k < 4; ++k) {
+    SimulationOptions options;
+    options.integrator = {.method = "dopri5", .relative_tolerance = 1e-11};
+    options.absolute_tolerance = 1e-16;
+    Simulation sim(compiled(spec), options);
+    for (int i = 0; i < sim.model().nq; ++i) sim.q(i) = 5e-6 * modes.eigenvectors()(i, 2 + 2 * k);
+    const double energy = sim.observe().energy().total();
+    const double beta = std::sqrt(frequency_in_time(sim, 0, 3, want[k] * want[k]));
+    expect_within(fmt::format("root {}", k + 1).c_str(), std::abs(beta / want[k] - 1.0), ref.tolerance("rel"));
+    expect_within("energy", std::abs(sim.observe().energy().total() / energy - 1.0),
+                  1e-8);  // 1e-11 per step, 1e3 steps
+    const Momentum momentum = sim.observe().momentum();
+    expect_within("angular momentum", momentum.angular.norm() / momentum.angular_magnitude, 1e-8);
   }
 }
 
@@ -106,10 +143,9 @@ TEST(CantileverWithTipMass, HasTheRootsOfItsPayload) {
 // rounding.
 class Blade {
  public:
-  explicit Blade(int n_modes) {
+  explicit Blade(int n_modes, int cells = 60) {
     std::vector<double> beta;
     for (int k = 0; k < n_modes; ++k) beta.push_back(root(k));
-    constexpr int cells = 60;
     const double gauss[] = {-std::sqrt(0.6), 0.0, std::sqrt(0.6)}, weight[] = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
     std::vector<MassNode> nodes;
     MatrixXd shortening = MatrixXd::Zero(n_modes, n_modes);  // int_0^x w_k' w_l'
@@ -140,14 +176,24 @@ class Blade {
     modal_ = std::make_shared<const ModalData>(lumped_modal_data(std::move(nodes), K.asDiagonal(), {}, {}));
   }
 
-  /// Flap frequencies at this rate of spin, root at this distance from the axis: eta'' = -A eta by central differences;
-  /// the error of the differences is 1e-9 (the motion is odd in eta, third order).
-  VectorXd flap(double spin, double root) const {
+  SystemSpec spinning(double spin, double root) const {
     BodySpec blade = on(flexible("blade", modal_), "", "revolute", {Z});
     blade.level = 2;
     blade.hinge.pnode_position = -root * X;
     blade.hinge.prescribed = {0};
-    const auto model = compiled(system({blade}));
+    blade.hinge.v = {spin};
+    return system({blade});
+  }
+
+  /// Flap frequencies at this rate of spin, root at this distance from the axis: eta'' = -A eta by central differences;
+  /// the error of the differences is 1e-9 (the motion is odd in eta, third order).
+  VectorXd flap(double spin, double root) const {
+    VectorXd squares = tangent(spin, root).eigenvalues().real();
+    std::sort(squares.begin(), squares.end());
+    return squares.cwiseSqrt();
+  }
+  MatrixXd tangent(double spin, double root) const {
+    const auto model = compiled(spinning(spin, root));
     Workspace ws(*model);
     const int m = modal_->n_modes;
     VectorXd v = VectorXd::Zero(1 + m);
@@ -166,12 +212,9 @@ class Blade {
       };
       A.col(k) = -(accelerations(h) - accelerations(-h)) / (2.0 * h);
     }
-    VectorXd squares = A.eigenvalues().real();
-    std::sort(squares.begin(), squares.end());
-    return squares.cwiseSqrt();
+    return A;
   }
 
- private:
   /// Roots of cos b cosh b = -1 by Newton on cos b + 1 / cosh b.
   static double root(int k) {
     double b = (k + 0.5) * std::numbers::pi;
@@ -191,6 +234,8 @@ class Blade {
     const double c = rest(b), r = 1.0 - c;
     return b * (0.5 * (c * std::exp(b * x) - (1.0 + r) * std::exp(-b * x)) + std::sin(b * x) + r * std::cos(b * x));
   }
+
+ private:
   std::shared_ptr<const ModalData> modal_;
 };
 
@@ -209,6 +254,175 @@ TEST(SpinningBlade, StiffensLikeWrightsBeam) {
       }
     }
   expect_within("flap frequencies", worst, ref.tolerance("rel"));
+}
+
+// In time, spinning six times as fast as it bends at rest: bent as in one of its flap modes and let go.
+TEST(SpinningBlade, FlapsInTimeWithTheFrequencyOfWrightsBeam) {
+  const Published ref("flex-rotating-beam-wright");
+  const double spin = 6.0;
+  const Blade blade(8, 20);
+  const VectorXd want = ref.vector("eta=6, hub 0");
+  const Eigen::EigenSolver<MatrixXd> modes(blade.tangent(spin, 0.0));
+  for (int k = 0; k < 3; ++k) {
+    Eigen::Index nearest = 0;
+    (modes.eigenvalues().real().array().sqrt() - want[k]).abs().minCoeff<Eigen::PropagateNaN>(&nearest);
+    const VectorXd shape = modes.eigenvectors().col(nearest).real();
+    SimulationOptions options;
+    options.integrator = {.method = "dopri5", .relative_tolerance = 1e-9};
+    options.absolute_tolerance = 1e-13;
+    Simulation sim(compiled(blade.spinning(spin, 0.0)), options);
+    sim.prescribe(0, MotionProfile::hold(spin));
+    for (Eigen::Index i = 0; i < shape.size(); ++i) sim.q(1 + static_cast<int>(i)) = 1e-5 * shape[i];
+    Eigen::Index largest_mode = 0;
+    shape.cwiseAbs().maxCoeff<Eigen::PropagateNaN>(&largest_mode);
+    const double got = frequency_in_time(sim, 1 + static_cast<int>(largest_mode), 2, want[k]);
+    expect_within(fmt::format("flap frequency {}", k + 1).c_str(), std::abs(got / want[k] - 1.0), ref.tolerance("rel"));
+  }
+}
+
+// The spin-up of Kane, Ryan and Banerjee (1987): analytic clamped-free modes of bending in the plane of rotation with
+// the shortening as second-order field, and one of stretching: the shape that a load growing with x causes, which
+// leaves out 6e-5 of the extension. Shear (3 EI / (GA L^2) = 4e-5) and the sections' rotary inertia are left out.
+TEST(KaneSpinUp, LagsBehindAndEndsStraightAndStretched) {
+  const Published ref("flex-kane-spinup");
+  const auto given = [&](const char* name) { return ref.model()[name].as<double>(); };
+  const double L = given("length_m"), EA = given("EA_N"), EI = given("EI_Nm2"), rhoA = given("rhoA_kgm");
+  constexpr int n_bend = 4, n = n_bend + 1, cells = 15;
+  const double gauss[] = {-std::sqrt(0.6), 0.0, std::sqrt(0.6)}, weight[] = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
+  std::vector<MassNode> nodes;
+  MatrixXd shortening = MatrixXd::Zero(n, n);  // int_0^x w_k' w_l' dx
+  double reached = 0.0;
+  const auto shorten_to = [&](double s) {
+    const double half = 0.5 * (s - reached), mid = 0.5 * (s + reached);
+    for (int p = 0; p < 3; ++p) {
+      VectorXd slopes = VectorXd::Zero(n);
+      for (int k = 0; k < n_bend; ++k) slopes[k] = Blade::slope(Blade::root(k), mid + half * gauss[p]) / L;
+      shortening += 2.0 * half * L * weight[p] * slopes * slopes.transpose();
+    }
+    reached = s;
+  };
+  const auto shapes_at = [&](double s) {
+    MatrixXd Phi = MatrixXd::Zero(3, n);
+    for (int k = 0; k < n_bend; ++k) Phi(1, k) = Blade::shape(Blade::root(k), s);
+    Phi(0, n_bend) = 0.5 * s * (3.0 - s * s);
+    return Phi;
+  };
+  for (int c = 0; c < cells; ++c)
+    for (int g = 0; g < 3; ++g) {
+      const double s = (c + 0.5 + 0.5 * gauss[g]) / cells;
+      shorten_to(s);
+      MassNode node;
+      node.mass = weight[g] / cells * rhoA * L;
+      node.position = s * L * X;
+      node.Phi = shapes_at(s);
+      node.Q = {-shortening, MatrixXd::Zero(n, n), MatrixXd::Zero(n, n)};
+      nodes.push_back(node);
+    }
+  shorten_to(1.0);
+  VectorXd K(n);
+  for (int k = 0; k < n_bend; ++k) K[k] = EI / std::pow(L, 3) * std::pow(Blade::root(k), 4);
+  K[n_bend] = 1.2 * EA / L;  // integral of (1.5 (1 - s^2))^2
+  const auto modal = std::make_shared<const ModalData>(lumped_modal_data(std::move(nodes), K.asDiagonal(), {}, {}));
+
+  // The rate 0.4 t - 6 / (2 pi) sin(2 pi t / 15) is that of two hinges on one axis, a ramp and a sine; after 15 s the
+  // sine has rate 0 and stops.
+  BodySpec ramp = on(rigid("ramp", 1.0, Vector3d::Zero(), diagonal({1, 1, 1})), "", "revolute", {Z});
+  BodySpec sine = on(rigid("sine", 1.0, Vector3d::Zero(), diagonal({1, 1, 1})), "ramp", "revolute", {Z});
+  ramp.hinge.prescribed = sine.hinge.prescribed = {0};
+  BodySpec beam = on(flexible("beam", modal), "sine", "locked");
+  beam.level = 2;
+  const auto sim = run_of(system({ramp, sine, beam}), "dopri5", 1e-8);
+  sim->prescribe(0, MotionProfile::rate_table({{0.0, 0.0}, {15.0, 6.0}}));
+  sim->prescribe(
+      1, MotionProfile::sine(6.0 * 15.0 / std::pow(2.0 * std::numbers::pi, 2), 1.0 / 15.0, 0.5 * std::numbers::pi));
+  const MatrixXd tip_shapes = shapes_at(1.0);
+  const auto tip = [&] {
+    const VectorXd eta = sim->state().q.tail(n);
+    Vector3d u = tip_shapes * eta;
+    u.x() -= 0.5 * eta.dot(shortening * eta);
+    return u;
+  };
+  double lag = 0.0, ahead = 0.0, turned = 0.0;
+  for (int i = 1; i <= 1000; ++i) {
+    sim->run(0.02 * i);
+    if (i == 750) {
+      turned = sim->state().q[0] + sim->state().q[1];
+      sim->prescribe(1, MotionProfile::hold());
+    }
+    lag = worse(lag, -tip().y()), ahead = worse(ahead, tip().y());
+  }
+  expect_within("rotation at 15 s", std::abs(turned / ref.number("rotation at 15 s") - 1.0), 1e-8);
+  expect_within("rotation at 20 s",
+                std::abs((sim->state().q[0] + sim->state().q[1]) / ref.number("rotation at 20 s") - 1.0), 1e-8);
+  expect_within("lag", std::abs(lag - ref.number("largest transverse lag")), ref.tolerance("lag_m"));
+  expect_within("ahead", ahead, ref.tolerance("lag_m"));
+  expect_within("deflection at the end", std::abs(tip().y() - ref.number("steady transverse")), ref.tolerance("lag_m"));
+  expect_within("extension", std::abs(tip().x() / ref.number("steady axial tip extension") - 1.0),
+                ref.tolerance("extension_rel"));
+}
+
+// Momentum and mass centre of a free beam do not know how it bends. Its moment and force make it turn and bend far
+// beyond what modes can follow, and beyond where levels 0 and 1 have a mass matrix. Shapes: Legendre polynomials, which
+// are orthogonal to rigid motion. The sections' published rotary inertia, which the shape alone would feel, is left
+// out.
+TEST(FreeFlyingBeam, KeepsMomentumAndMassCentreUnderLargeDeformation) {
+  const Published ref("flex-free-beam-invariants");
+  const auto given = [&](const char* name) { return ref.model()[name].as<double>(); };
+  const double L = given("length_m"), EI = given("EI_Nm2"), rhoA = given("rhoA_kgm");
+  constexpr int n = 5, cells = 10;
+  const auto polynomial = [](int k, double x) { return std::legendre(static_cast<unsigned>(k), x); };
+  // P_k' = k (k + 1) / 2 at x = 1 and, with the sign of (-1)^(k + 1), at -1; P_k'' by P_k' = (2 k - 1) P_(k-1) +
+  // P_(k-2)'.
+  const std::function<double(int, double)> slope = [&](int k, double x) {
+    return k < 1 ? 0.0 : (2 * k - 1) * polynomial(k - 1, x) + slope(k - 2, x);
+  };
+  const std::function<double(int, double)> curvature = [&](int k, double x) {
+    return k < 2 ? 0.0 : (2 * k - 1) * slope(k - 1, x) + curvature(k - 2, x);
+  };
+  const double gauss[] = {-std::sqrt(0.6), 0.0, std::sqrt(0.6)}, weight[] = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
+  std::vector<MassNode> nodes;
+  MatrixXd K = MatrixXd::Zero(n, n);
+  for (int c = 0; c < cells; ++c)
+    for (int g = 0; g < 3; ++g) {
+      const double s = (c + 0.5 + 0.5 * gauss[g]) / cells, x = 2.0 * s - 1.0;
+      MassNode node;
+      node.mass = weight[g] / cells * rhoA * L;
+      node.position = s * L * X;
+      node.Phi = MatrixXd::Zero(3, n);
+      VectorXd bend(n);
+      for (int k = 0; k < n; ++k) node.Phi(1, k) = polynomial(k + 2, x), bend[k] = curvature(k + 2, x) * 4.0 / (L * L);
+      K += weight[g] / cells * L * EI * bend * bend.transpose();
+      nodes.push_back(node);
+    }
+  ModalNode lower;
+  lower.name = "lower";
+  lower.Phi = lower.Psi = MatrixXd::Zero(3, n);
+  for (int k = 0; k < n; ++k) lower.Phi(1, k) = polynomial(k + 2, -1.0), lower.Psi(2, k) = slope(k + 2, -1.0) * 2.0 / L;
+  BodySpec body =
+      on(flexible("beam", std::make_shared<const ModalData>(lumped_modal_data(std::move(nodes), K, {}, {lower}))), "",
+         "planar", {X, Y});
+  body.level = 2;
+  body.hinge.q = {6.0, 0.0, std::atan2(8.0, -6.0)};  // from (6, 0) to (0, 8)
+  SimulationOptions options;
+  options.integrator = {.method = "dopri5", .relative_tolerance = 1e-12};
+  Simulation sim(compiled(system({body}), {.world_wrenches = true}), options);
+  const int load = sim.add_wrench(sim.model().find_node("beam.lower"), true);
+  sim.set_wrench(load, {{0.0, 0.0, 80.0}, {8.0, 0.0, 0.0}});
+  const auto com = [&] { return Eigen::Vector2d(sim.observe().momentum().com.head<2>()); };
+  sim.run(2.5);
+  expect_within("mass centre at 2.5 s [m]", apart(com(), ref.vector("centre of mass at 2.5 s")),
+                ref.tolerance("com_m"));
+  sim.set_wrench(load, {});
+  const VectorXd want = ref.vector("linear momentum");
+  double momentum = apart(sim.observe().momentum().linear.head<2>(), want), bent = 0.0;
+  for (int t = 3; t <= 10; ++t) {
+    sim.run(t);
+    momentum = worse(momentum, apart(sim.observe().momentum().linear.head<2>(), want));
+    bent = worse(bent, largest(sim.state().q.tail(n)));
+  }
+  expect_within("momentum", momentum / want.norm(), ref.tolerance("momentum_rel"));
+  expect_within("mass centre at 10 s [m]", apart(com(), ref.vector("centre of mass at 10 s")), ref.tolerance("com_m"));
+  EXPECT_GT(bent, 1.0) << "[m] else this is no large motion";
 }
 
 }  // namespace

@@ -67,18 +67,18 @@ TEST(IntermediateAxis, FlipsWithTheEllipticPeriod) {
 
 struct Method {
   const char* name;
-  double relative, step, loss;  // loss: how far it stays behind the tolerance of the case
+  double relative, step;
 };
 class SymmetricTop : public testing::TestWithParam<Method> {};
 
 // All four methods. rk4 with 0.25 ms: (5 rad/s h)^4 / 120 * 5 = 1e-13. CVODE controls the error of a step, of some
-// hundred here.
+// hundred here, and is asked for what a double just holds.
 TEST_P(SymmetricTop, RunsOnItsBodyConeAndItsSpaceCone) {
-  const auto [method, relative, step, loss] = GetParam();
+  const auto [method, relative, step] = GetParam();
   const Published ref("rigid-symmetric-free-top");
   const double It = ref.model()["inertia_transverse_kgm2"].as<double>(),
                Ia = ref.model()["inertia_axial_kgm2"].as<double>();
-  const double tolerance = loss * ref.tolerance("omega_abs");
+  const double tolerance = ref.tolerance("omega_abs");
   const auto sim =
       run_of(tumbling({It, It, Ia}, Published::as_vector(ref.initial()["omega_body_rads"])), method, relative, step);
   const Vector3d H = sim->observe().momentum().angular.normalized();
@@ -97,9 +97,8 @@ TEST_P(SymmetricTop, RunsOnItsBodyConeAndItsSpaceCone) {
   expect_within("cone at the end", std::abs(std::acos(H.dot(axis())) - ref.number("cone half angle")), tolerance);
 }
 INSTANTIATE_TEST_SUITE_P(By, SymmetricTop,
-                         testing::Values(Method{"rk4", 1e-9, 2.5e-4, 1.0}, Method{"dopri5", 1e-13, 0.0, 1.0},
-                                         Method{"cvode_adams", 1e-13, 0.0, 10.0},
-                                         Method{"cvode_bdf", 1e-12, 0.0, 200.0}),
+                         testing::Values(Method{"rk4", 1e-9, 2.5e-4}, Method{"dopri5", 1e-13, 0.0},
+                                         Method{"cvode_adams", 1e-15, 0.0}, Method{"cvode_bdf", 1e-15, 0.0}),
                          [](const auto& method) { return std::string(method.param.name); });
 
 TEST(HeavyTop, NutatesWithTheEllipticPeriod) {
@@ -138,8 +137,7 @@ TEST(HeavyTop, NutatesWithTheEllipticPeriod) {
   // The top starts on the y axis; it goes round the vertical once with each nutation.
   const double advance = std::abs(std::remainder(azimuth - 0.5 * std::numbers::pi, 2 * std::numbers::pi));
   expect_within("precession", std::abs(advance - ref.number("precession angle")), 1e-7);
-  expect_within("turning points", worse(std::abs(height), std::abs(lowest - ref.vector("turning points")[0])),
-                1e-10);
+  expect_within("turning points", worse(std::abs(height), std::abs(lowest - ref.vector("turning points")[0])), 1e-10);
   expect_within("spin", std::abs(sim->state().v[1] / ref.number("spin rate") - 1.0), 1e-12);
   expect_within("energy", std::abs(sim->observe().energy().total() - energy) / kinetic, ref.tolerance("energy_rel"));
 }
@@ -182,8 +180,8 @@ TEST(PlanarPendulum, KeepsItsPhaseOver845Periods) {
   double worst = 0.0;
   for (const char* t : {"1", "2", "5", "10"}) {
     sim->run(std::stod(t));
-    worst = worse(
-        worst, apart(P1(), ref.vector(std::string(t) == "1" ? "P1 at 1 s [m]" : std::string("P1 at ") + t + " s")));
+    worst = worse(worst,
+                  apart(P1(), ref.vector(std::string(t) == "1" ? "P1 at 1 s [m]" : std::string("P1 at ") + t + " s")));
   }
   expect_within("P1 up to 10 s", worst, ref.tolerance("own_target_abs"));
   // At a quarter of a period it is lowest and fastest: 4.4 m/s times the error of phase.
@@ -237,6 +235,190 @@ TEST(DoublePendulum, SwingsWithItsTwoFrequencies) {
   const VectorXd omega = modes.eigenvalues().cwiseSqrt();
   expect_within("omega_1", std::abs(omega[0] / ref.number("omega_1") - 1.0), ref.tolerance("rel"));
   expect_within("omega_2", std::abs(omega[1] / ref.number("omega_2") - 1.0), ref.tolerance("rel"));
+}
+
+Eigen::Matrix3d from_rpy(const VectorXd& rpy) {
+  return (Eigen::AngleAxisd(rpy[2], Z) * Eigen::AngleAxisd(rpy[1], Y) * Eigen::AngleAxisd(rpy[0], X))
+      .toRotationMatrix();
+}
+Eigen::Matrix3d tensor(const YAML::Node& i) {
+  const auto at = [&](const char* name) { return i[name].as<double>(); };
+  Eigen::Matrix3d I;
+  I << at("ixx"), at("ixy"), at("ixz"), at("ixy"), at("iyy"), at("iyz"), at("ixz"), at("iyz"), at("izz");
+  return I;
+}
+/// Largest |a / b - 1| over the entries.
+double by_entry(const VectorXd& a, const VectorXd& b) { return largest(a.cwiseQuotient(b).array() - 1.0); }
+
+/// The published inertias of three links are about no mass centre: 1.69 > 0.25 + 0.25, which the engine refuses. Mass
+/// matrix, momentum and forces are linear in them, so that f(I) = 2 f(I + c) - f(I + 2 c) of two arms whose links have
+/// c in each direction more. c = 3 kg m^2 costs one digit of sixteen.
+class EtsVii : public testing::Test {
+ protected:
+  SystemSpec arm(double more) const {
+    const YAML::Node model = ref.model();
+    const auto body = [](const std::string& name, const YAML::Node& b, double c) {
+      return rigid(name, b["mass"].as<double>(), Published::as_vector(b["com"]),
+                   tensor(b["inertia"]) + c * Eigen::Matrix3d::Identity());
+    };
+    std::vector<BodySpec> bodies{on(body("Base_SC", model["base"], 0.0), "", "free")};
+    const VectorXd q = Published::as_vector(ref.initial()["q_rad"]);
+    for (std::size_t i = 0; i < 6; ++i) {
+      const YAML::Node joint = model["joints"][i];
+      bodies.push_back(on(body(joint["child"].as<std::string>(), model["links"][i], more),
+                          joint["parent"].as<std::string>(), "revolute", {Published::as_vector(joint["axis"])},
+                          Published::as_vector(joint["origin_m"])));
+      bodies.back().hinge.onode_R = from_rpy(Published::as_vector(joint["origin_rpy_rad"]));
+      bodies.back().hinge.q = {q[static_cast<Eigen::Index>(i)]};
+    }
+    return system(bodies);
+  }
+  /// f of the published arm.
+  template <class F>
+  auto published(F&& f) const {
+    return (2.0 * f(arm(3.0)) - f(arm(6.0))).eval();
+  }
+  const Published ref{"rigid-ets7-free-floating"};
+  const double rel = ref.tolerance("rel");
+};
+
+TEST_F(EtsVii, KeepsItsMomentumZeroWithThePublishedMotionOfItsBase) {
+  const VectorXd rates = Published::as_vector(ref.initial()["qd_rads"]);
+  // The base at the world's origin, axes parallel: its rows of M are the momentum.
+  const Eigen::MatrixXd M = published([](const SystemSpec& spec) {
+    const auto model = compiled(spec);
+    Workspace ws(*model);
+    return mass_matrix(*model, ws, model->initial_state().q.data());
+  });
+  const VectorXd base = -M.topLeftCorner(6, 6).llt().solve(M.topRightCorner(6, 6) * rates);
+  expect_within("angular", by_entry(base.head<3>(), ref.vector("base angular velocity")), rel);
+  expect_within("linear", by_entry(base.tail<3>(), ref.vector("base linear velocity")), rel);
+  double size = 0.0;
+  const Eigen::Matrix<double, 6, 1> momentum = published([&](const SystemSpec& spec) {
+    const auto sim = run_of(spec);
+    for (int i = 0; i < 3; ++i)
+      sim->v(i) = ref.vector("base angular velocity")[i], sim->v(3 + i) = ref.vector("base linear velocity")[i];
+    for (int i = 0; i < 6; ++i) sim->v(6 + i) = rates[i];
+    const Momentum h = sim->observe().momentum();
+    expect_within("total mass", std::abs(h.mass / ref.number("total mass") - 1.0), rel);
+    expect_within("mass centre", by_entry(h.com, ref.vector("centre of mass")), rel);
+    size = worse(h.linear_magnitude, h.angular_magnitude);
+    return (Eigen::Matrix<double, 6, 1>() << h.angular, h.linear).finished();
+  });
+  expect_within("momentum", largest(momentum) / size, rel);
+}
+
+TEST_F(EtsVii, NeedsThePublishedTorquesToAccelerateAsPublished) {
+  const VectorXd given = ref.vector("accelerations from rest"), torque = ref.vector("joint torques");
+  VectorXd vdot(12);  // [angular; linear; joints]
+  vdot << given.segment<3>(3), given.head<3>(), given.tail<6>();
+  const VectorXd tau = published([&](const SystemSpec& spec) {
+    const auto model = compiled(spec);
+    Workspace ws(*model);
+    const State s = model->initial_state();
+    Inputs in;
+    in.q = s.q.data(), in.v = s.v.data(), in.vdot = vdot.data();
+    VectorXd out(12);
+    inverse_dynamics(*model, ws, in, out.data());
+    return out;
+  });
+  expect_within("joints", by_entry(tau.tail<6>(), torque), rel);
+  expect_within("base", largest(tau.head<6>()) / largest(torque), rel);
+  const Eigen::MatrixXd M = published([](const SystemSpec& spec) {
+    const auto model = compiled(spec);
+    Workspace ws(*model);
+    return mass_matrix(*model, ws, model->initial_state().q.data());
+  });
+  expect_within("accelerations", by_entry(M.llt().solve((VectorXd(12) << VectorXd::Zero(6), torque).finished()), vdot),
+                rel);
+}
+
+// Dropped over the equator with the rotating Earth, without air. In the plane of the equator J2 multiplies the central
+// field by 1 + 1.5 J2 (a / r)^2: its value at the start is taken. On the way down the factor grows by 2e-6, which is 2
+// mm of the 4.4 km fallen, and nothing for the attitude.
+TEST(TumblingBrick, TurnsAndFallsLikeCaseTwoOfTheNesc) {
+  const Published ref("rigid-nesc-atmos02-tumbling-brick");
+  const YAML::Node earth = ref.model()["earth"], brick = ref.model()["body"];
+  const double a = earth["radius_m"].as<double>(), r = a + ref.initial()["altitude_m"].as<double>(),
+               rate = earth["rate_rads"].as<double>(), J2 = earth["J2"].as<double>();
+  const double mu = earth["mu_m3s2"].as<double>() * (1.0 + 1.5 * J2 * std::pow(a / r, 2));
+  BodySpec body = on(rigid("brick", brick["mass_kg"].as<double>(), Vector3d::Zero(),
+                           diagonal(Published::as_vector(brick["inertia_diag_kgm2"]))),
+                     "", "free");
+  // Columns: north, east, down in inertial axes, at the longitude that is at this angle from inertial x.
+  const auto local = [](double angle) {
+    Eigen::Matrix3d R;
+    R << Z, Vector3d(-std::sin(angle), std::cos(angle), 0.0), Vector3d(-std::cos(angle), -std::sin(angle), 0.0);
+    return R;
+  };
+  const Eigen::Quaterniond start(local(0.0));
+  const Vector3d omega = kDegree * Published::as_vector(ref.initial()["omega_body_wrt_inertial_degs"]);
+  body.hinge.q = {start.w(), start.x(), start.y(), start.z(), r, 0.0, 0.0};
+  body.hinge.v = {omega[0], omega[1], omega[2], 0.0, rate * r, 0.0};
+  const auto sim = run_of(system({body}, central_gravity(mu, false)));
+  sim->run(30.0);
+  const State& s = sim->state();
+  expect_within("rates [deg/s]", apart(s.v.head<3>() / kDegree, ref.vector("body rates at 30 s, tools 01/04")),
+                ref.tolerance("rate_degs"));
+  const Eigen::Matrix3d R = local(std::atan2(s.q[5], s.q[4])).transpose() * quaternion(s.q.data()).toRotationMatrix();
+  const Vector3d euler(std::atan2(R(1, 0), R(0, 0)), -std::asin(R(2, 0)), std::atan2(R(2, 1), R(2, 2)));
+  expect_within("yaw, pitch, roll [deg]", apart(euler / kDegree, ref.vector("yaw,pitch,roll")),
+                ref.tolerance("euler_deg"));
+  expect_within("altitude [ft]", std::abs((s.q.tail<3>().norm() - a) / 0.3048 - ref.number("altitude")), 0.01);
+}
+
+// The Earth turns by prescription and carries the pivot; the bob falls towards its centre. The latitude is that of the
+// plumb line, which the rotation tilts. From rest the bob swings in a narrow ellipse, which adds 3/8 of its semi-axes'
+// product over l^2 per radian of swing: 7e-4 of the precession, within the tolerance.
+TEST(FoucaultPendulum, TurnsWithTheSineOfTheLatitude) {
+  const Published ref("rigid-foucault");
+  const double length = ref.model()["length_m"].as<double>(), rate = ref.model()["earth_rate_rads"].as<double>(),
+               latitude = ref.model()["latitude_deg"].as<double>() * kDegree, R = 6.371e6;
+  // Where the plumb line has this latitude, and with which mu gravity and rotation together have this size.
+  const double g = ref.model()["gravity_ms2"].as<double>();
+  double mu = g * R * R, geocentric = latitude;
+  Vector3d pivot, down;
+  for (int i = 0; i < 20; ++i) {
+    pivot = R * Vector3d(std::cos(geocentric), 0.0, std::sin(geocentric));
+    down = -mu / (R * R * R) * pivot + rate * rate * Vector3d(pivot.x(), 0.0, 0.0);
+    mu *= g / down.norm();
+    geocentric += latitude - std::atan2(-down.z(), -down.x());
+  }
+  const Vector3d up = -down.normalized(), east = Y, north = up.cross(east);
+  BodySpec earth = on(rigid("earth", 1.0, pivot, diagonal({1, 1, 1})), "", "revolute", {Z});
+  earth.hinge.prescribed = {0};
+  earth.hinge.v = {rate};
+  BodySpec bob = on(particle("bob", 28.0, -length * up), "earth", "universal", {east, north}, pivot);
+  bob.hinge.q = {std::asin(ref.initial()["amplitude_m"].as<double>() / length),
+                 0.0};  // a turn about east: to the south or north
+  const auto sim = run_of(system({earth, bob}, central_gravity(mu, false)), "dopri5", 1e-11);
+  sim->prescribe(0, MotionProfile::hold(rate));
+  // In the Earth's axes, from the pivot: east and north.
+  const auto at = [=](const double* q) {
+    const Vector3d r = -length * (Eigen::AngleAxisd(q[1], east) * Eigen::AngleAxisd(q[2], north) * up);
+    return Eigen::Vector2d(r.dot(east), r.dot(north));
+  };
+  const Eigen::Vector2d start = at(sim->state().q.data());
+  const double amplitude = start.norm();
+  double azimuth = 0.0;  // clockwise from the start, seen from above, at the farthest points on the side of the start
+  const auto farthest = crossings(
+      *sim, -1,
+      [=](const double* q, const double* v) {
+        const double h = 1e-6 / amplitude, ahead[] = {q[0], q[1] + h * v[1], q[2] + h * v[2]},
+                     behind[] = {q[0], q[1] - h * v[1], q[2] - h * v[2]};
+        return at(ahead).squaredNorm() - at(behind).squaredNorm();  // the rate of the distance squared
+      },
+      [&] {
+        const Eigen::Vector2d p = at(sim->state().q.data());
+        if (p.dot(start) > 0.0) azimuth = std::atan2(p.x() * start.y() - p.y() * start.x(), p.dot(start));
+      });
+  sim->run(3600.0);
+  ASSERT_GT(farthest->size(), 430u);  // twice per swing of 16.4 s
+  const std::size_t last =
+      farthest->size() - (farthest->size() % 2 == 0 ? 1 : 2);  // counted from 0: the odd ones are on its side
+  expect_within("precession",
+                std::abs(azimuth / kDegree / (farthest->at(last) / 3600.0) / ref.number("plane precession") - 1.0),
+                ref.tolerance("rel"));
 }
 
 }  // namespace

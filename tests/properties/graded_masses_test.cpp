@@ -154,12 +154,12 @@ TEST_P(GradedChains, KeepTheDigitsOfForwardDynamics) {
       const RandomState& s = states[static_cast<std::size_t>(i)];
       const VectorXd vdot = exact(twin, s);
       const double error = apart(forward(*m, s), vdot), lanes = apart(in_lanes.col(i), vdot);
-      without = std::max(without, apart(forward(*plain, s), vdot));
-      worst = std::max(worst, error), worst_lanes = std::max(worst_lanes, lanes);
+      without = worse(without, apart(forward(*plain, s), vdot));
+      worst = worse(worst, error), worst_lanes = worse(worst_lanes, lanes);
       if (error <= kEnough && lanes <= kEnough) continue;
       const double allowed = 100 * of_inputs(spec, s, vdot, rng);
-      EXPECT_LE(error, std::max(kEnough, allowed)) << "model " << model << " state " << i;
-      EXPECT_LE(lanes, std::max(kEnough, allowed)) << "in lanes; model " << model << " state " << i;
+      EXPECT_LE(error, worse(kEnough, allowed)) << "model " << model << " state " << i;
+      EXPECT_LE(lanes, worse(kEnough, allowed)) << "in lanes; model " << model << " state " << i;
     }
   }
   RecordProperty("worst", fmt::format("{:.1e}, lanes {:.1e}, without refinement {:.1e}, refined {} of 6", worst, worst_lanes, without, refined));

@@ -29,10 +29,10 @@ double distance(const Eigen::MatrixBase<A>& a, const Eigen::MatrixBase<B>& b) {
   return a.rows() == b.rows() && a.cols() == b.cols() ? largest(a - b) : HUGE_VAL;
 }
 
-/// error / size, 0 where there is no error; NaN where size is not finite, beside which nothing would be large.
+/// |error| / size, 0 where there is no error; NaN where size is not finite, beside which nothing would be large.
 inline double relative(double error, double size) {
   if (!std::isfinite(size)) return std::numeric_limits<double>::quiet_NaN();
-  return error == 0.0 ? 0.0 : error / size;
+  return error == 0.0 ? 0.0 : std::abs(error) / size;
 }
 
 }  // namespace cardan::test

@@ -14,15 +14,13 @@
 namespace cardan {
 namespace {
 
-using test::largest;
 using Eigen::Matrix3d;
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
+using test::largest;
 
-double relative(const MatrixXd& got, const MatrixXd& want) {
-  return largest(got - want) / largest(want);
-}
+double relative(const MatrixXd& got, const MatrixXd& want) { return largest(got - want) / largest(want); }
 
 BeamModel beam() {
   BeamModel b;

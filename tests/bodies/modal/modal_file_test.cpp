@@ -15,6 +15,7 @@
 #include "bodies/modal/modal_integrals.hpp"
 #include "bodies/modal/modal_source.hpp"
 #include "core/io/hdf5_file.hpp"
+#include "tests/support/scratch.hpp"
 
 namespace cardan {
 namespace {
@@ -24,7 +25,7 @@ using Shape = std::vector<std::size_t>;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-std::string scratch(const std::string& name) { return testing::TempDir() + "cardan_modal_" + name; }
+using test::scratch;
 
 /// Two modes on three masses, one with a moment of inertia that turns.
 ModalData lumped() {

@@ -12,10 +12,10 @@
 namespace cardan {
 namespace {
 
-using test::largest;
 using Eigen::Matrix3d;
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
+using test::largest;
 using Json = nlohmann::json;
 
 double number(const Json& j) { return std::stod(j.get<std::string>()); }

@@ -11,16 +11,16 @@
 #include "bodies/modal/elements.hpp"
 #include "bodies/modal/modal_file.hpp"
 #include "bodies/modal/modal_integrals.hpp"
-#include "tests/support/worse.hpp"
 #include "tests/support/scratch.hpp"
+#include "tests/support/worse.hpp"
 
 namespace cardan {
 namespace {
 
-using test::worse;
 using Eigen::Matrix3d;
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
+using test::worse;
 
 /// Cantilever of round section without rotary inertia, EI = rho A = L = 1: pairs of modes in y and z.
 ModalSource round_beam(int elements, int count) {
