@@ -13,6 +13,7 @@
 #include "core/reference/dense_dynamics.hpp"
 #include "core/reference/quad.hpp"
 #include "tests/support/builders.hpp"
+#include "tests/support/worse.hpp"
 
 namespace cardan::test {
 namespace {
