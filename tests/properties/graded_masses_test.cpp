@@ -108,7 +108,9 @@ double of_inputs(SystemSpec spec, RandomState s, const VectorXd& vdot, std::mt19
   }
   touch_all(s.q);
   touch_all(s.v);
-  return apart(truth(spec, s), vdot);
+  const double moved = apart(truth(spec, s), vdot);
+  EXPECT_TRUE(std::isfinite(moved)) << "as a limit it would let anything pass";
+  return moved;
 }
 double of_inputs(const SystemSpec& spec, const RandomState& s, const VectorXd& vdot, std::mt19937_64& rng) {
   return of_inputs(spec, s, vdot, rng, [](const SystemSpec& d, const RandomState& x) { return exact(DenseTwin<Quad>(d), x); });
