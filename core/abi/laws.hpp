@@ -6,14 +6,23 @@
 #include <vector>
 
 #include "core/abi/cardan_abi.h"
+#include "core/abi/trial.hpp"
 
 namespace cardan {
 
-/// Checks, at `samples` random parameters, coordinates and rates: R is a rotation; Ht v is the velocity of (R, l) along
+/// What is wrong with the table as such, before any of its functions is called: null pointers, absurd counts, names and
+/// units that cannot be shown, a shape that does not go with nq and nv. Each is told as "member: what".
+std::vector<std::string> hinge_table_faults(const cardan_hinge_family& family);
+
+/// The faults of the table; if there are none, the laws at `samples` random parameters, coordinates (to 30 rad or m
+/// either side of zero, and `zero` itself) and rates (0.1 to 10): R is a rotation; Ht v is the velocity of (R, l) along
 /// qdot; Hdot_v and map_dot are derivatives of Ht; retract and difference are inverse and consistent with qdot; qdot is
-/// linear in v; the declared shape is true; nothing is NaN. Each entry names the law, the error and the sample.
-std::vector<std::string> hinge_law_violations(const cardan_hinge_family& family, int samples = 8,
-                                              std::uint64_t seed = 1);
+/// linear in v; the functions are pure; the declared shape is what the sweeps compute by their own formulas; nothing is
+/// NaN. A hinge may have a domain: where its record is not finite beyond 1 rad or m nothing is asked. Each entry names
+/// the law, the error and the sample. `before` is told of each call.
+std::vector<std::string> hinge_law_violations(
+    const cardan_hinge_family& family, int samples = 40, std::uint64_t seed = 1,
+    const TellPhase& before = [](std::string_view) {});
 
 /// Random legal parameters of a family, packed; empty if the schema cannot be satisfied at random.
 std::vector<double> random_packed(const cardan_hinge_family& family, std::uint64_t seed);

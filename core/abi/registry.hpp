@@ -31,8 +31,19 @@ class Registry {
   std::vector<const cardan_body_family*> bodies_;
 };
 
-/// Opens a plugin, checks its version, runs the executable laws on its families and registers them.
-/// Throws InputError (C0601 ... C0604). The library stays loaded until the process ends.
+/// A hinge of a plugin, and what is wrong with it.
+struct PluginFamily {
+  const cardan_hinge_family* family;
+  std::string type;  ///< "no. 2" where the table has no type that can be shown
+  std::vector<std::string> violations;
+};
+
+/// Opens a plugin, checks its version and its tables, and runs the executable laws on its families; all this in a process of its own
+/// first, so that a plugin that crashes, never returns or ends the process is answered. Throws InputError (C0601 ... C0604). The
+/// library stays loaded until the process ends.
+std::vector<PluginFamily> examine_plugin(const std::string& path, int samples, const Located& at = {});
+
+/// The same with fewer samples; then registers the families. Throws C0604 for the first violation as well.
 void load_plugin(const std::string& path, Registry& registry, const Located& at = {});
 
 }  // namespace cardan

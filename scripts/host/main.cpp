@@ -1,11 +1,14 @@
 // The program `cardan`. Exit codes: 0 done, 1 a check failed, 2 wrong input, 3 numerics, 4 a result could not be written, 70 a fault of ours,
 // 128 + n ended by signal n.
+#include <fmt/format.h>
+#include <unistd.h>
+
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
+#include <stdexcept>
 #include <system_error>
-
-#include <fmt/format.h>
 
 #include "scripts/host/commands/commands.hpp"
 #include "scripts/host/commands/streams.hpp"
@@ -20,9 +23,9 @@ int with_output(int code, bool as_json) {
   return report_error(InputError(Diagnostic{Code::cannot_write, {{}, {"standard output", 0, 0}}, {}, std::string(why), {}, {}, {}, 0}), as_json, kNotWritten);
 }
 
-}  // namespace
+bool main_is_over = false;
 
-int main(int argc, char** argv) {
+int cardan_main(int argc, char** argv) {
   using namespace cardan;
   open_standard_streams();
   std::signal(SIGXFSZ, SIG_IGN);  // a limit on the size of files is answered like a full disk
@@ -60,5 +63,20 @@ int main(int argc, char** argv) {
     return with_output(0, line.json_errors);
   } catch (const std::exception& e) {
     return report_error(e, line.json_errors);
+  } catch (...) {
+    return report_error(std::runtime_error("an exception that is none of ours; is a plugin loaded?"), line.json_errors);
   }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  std::atexit([] {  // a plugin that calls exit() must not look like a run that went well
+    if (main_is_over) return;
+    std::fputs("internal error: the process was ended from inside (exit); is a plugin loaded?\n", stderr);
+    _exit(70);
+  });
+  const int code = cardan_main(argc, argv);
+  main_is_over = true;
+  return code;
 }

@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "core/abi/laws.hpp"
 #include "core/abi/registry.hpp"
 #include "scripts/host/commands/commands.hpp"
@@ -7,19 +9,20 @@
 namespace cardan {
 namespace {
 
-constexpr int kSamples = 64;
+constexpr int kSamples = 1000;
 
 int check_plugin(const std::string& path) {
-  Registry registry;
-  load_plugin(path, registry);  // the laws at a few samples; its errors tell the first violation
-  int violated = 0;
-  for (const Registry::Entry& entry : registry.hinges()) {
-    const auto violations = hinge_law_violations(*entry.family, kSamples);
-    fmt::print("{:<6}hinge {}: {}\n", violations.empty() ? "ok" : "FAIL", entry.family->type, entry.family->summary);
-    for (const std::string& v : violations) fmt::print("      {}\n", v);
-    violated += violations.empty() ? 0 : 1;
+  bool good = true;
+  for (const PluginFamily& f : examine_plugin(path, kSamples)) {
+    const bool readable = f.family->summary && hinge_table_faults(*f.family).empty();
+    fmt::print("{:<6}hinge {}: {}\n", f.violations.empty() ? "ok" : "FAIL", f.type,
+               readable ? f.family->summary : "its table is refused");
+    constexpr std::size_t kMost = 20;
+    for (std::size_t i = 0; i < std::min(f.violations.size(), kMost); ++i) fmt::print("      {}\n", f.violations[i]);
+    if (f.violations.size() > kMost) fmt::print("      and {} more\n", f.violations.size() - kMost);
+    good = good && f.violations.empty();
   }
-  return violated == 0 ? 0 : 1;
+  return good ? 0 : 1;
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
-// `cardan completion bash`: a script that completes commands, options and files, made from the declarations of the commands.
+// `cardan completion bash`: a script that completes commands, options and files, made from the declarations of the
+// commands.
 #include <fmt/format.h>
 
 #include "bodies/register.hpp"
@@ -84,7 +85,8 @@ _cardan() {
 }  // namespace
 
 void add_completion(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("completion", "Print a script that completes command lines: eval \"$(cardan completion bash)\"");
+  auto* command = app.add_subcommand("completion",
+                                     "Print a script that completes command lines: eval \"$(cardan completion bash)\"");
   auto shell = std::make_shared<std::string>();
   command->add_option("shell", *shell, "bash or zsh")->required()->type_name("SHELL");
   command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
