@@ -166,7 +166,7 @@ class ModeDoubts {
 
  private:
   using Vector6 = Eigen::Matrix<double, 6, 1>;
-  static constexpr double kNear = 1.5, kMatters = 0.05, kLittle = 0.5, kCritical = 1.0, kRounding = 1e-9, kLargeBytes = 5e8;
+  static constexpr double kNear = 1.5, kMatters = 0.1, kLittle = 0.5, kCritical = 1.0, kRounding = 1e-9, kLargeBytes = 5e8;
   static const char* direction(Eigen::Index d) {
     constexpr std::array names = {"rotation about x", "rotation about y", "rotation about z", "translation along x", "translation along y",
                                   "translation along z"};

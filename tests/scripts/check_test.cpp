@@ -121,9 +121,10 @@ TEST_F(Physics, ASpunBoomIsToldOfBeforeTheRun) {
 }
 
 TEST_F(Physics, ASpunBoomIsToldOfAfterTheRunWhereNobodyKnewBefore) {
-  write(boom("cantilever", 2, "{type: revolute, to: hub.mount, at: root, axis: [0, 0, 1]}"),
+  write(boom("cantilever", 2, "{type: revolute, to: hub.mount, at: root, axis: [0, 0, 1]}", "{E: 120 GPa, rho: 1600}",
+             "      nodes: {tip: {position: [15, 0, 0]}}\n"),
         "local v = vehicle \"v.yaml\"\nmission { duration = 1, integrator = { method = \"dopri5\" } }\n"
-        "controller { name = \"spin\", rate = 10, step = function(t) v:hinge(\"boom\"):torque(6000) end }\n");
+        "controller { name = \"spin\", rate = 10, step = function(t) v:hinge(\"boom\"):torque(10000) end }\n");
   EXPECT_EQ(codes(), "");
   const Finished f = run({"run", ".", "--out", "o"});
   ASSERT_EQ(f.exit_code, 0) << f.err;
