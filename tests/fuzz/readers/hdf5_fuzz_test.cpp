@@ -81,9 +81,8 @@ const std::vector<std::string>& run_files() {
       RunHeader header;
       header.scenario = "scenario.lua";
       header.title = "a run";
-      header.input_hashes = {{"scenario.lua", "abc"}};
+      header.inputs = {{"scenario.lua", "abc", "bodies:\n"}};
       header.effective_parameters = {{"bodies.bus.mass", "1 kg"}, {"bodies.arm.mass", "2 kg"}};
-      header.spec_text = "bodies:\n";
       recorder->begin(header, {{"bodies/bus/rate", {"x", "y", "z"}, "rad/s", "body", "a rate"}, {"wheels/speed", {"w"}, "rad/s", "", "a speed"}});
       for (int i = 0; i < 20; ++i) recorder->row(i, std::vector<double>{1.0 * i, 2.0, 3.0, 4.0});
       Summary summary;
