@@ -7,9 +7,12 @@
 
 #include <algorithm>
 #include <csignal>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <stdexcept>
 
 #include "core/io/hdf5_file.hpp"
 #include "tests/scripts/run_program.hpp"
