@@ -14,6 +14,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "core/base/diagnostic.hpp"
 #include "core/io/hdf5_file.hpp"
 #include "tests/scripts/run_program.hpp"
 
@@ -246,7 +247,7 @@ TEST(Results, ThatCouldNotBeWrittenAreNamedAndTheOthersKept) {
                            "check { name = 'good', value = function() return 1 end, below = 2 }");
     Waiting run({"run", ".", "--out", "out", "--quiet"}, dir.path());
     expect_under_way(dir / "out");
-    fs::create_directory(dir / "out" / lost);
+    fs::create_directory(dir / ("out/" + lost));
     const Finished end = run.go_on();
     EXPECT_EQ(end.exit_code, 4);
     const std::string kept = lost == "summary.json" ? "out/run.h5, out/report.html" : "out/summary.json, out/run.h5";
