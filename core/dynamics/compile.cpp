@@ -1,6 +1,8 @@
 // compile(): assemble(), and where masses grow by large ratios per link a try at some states, after which v' is refined or not.
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <random>
 
 #include "core/dynamics/forward.hpp"
@@ -11,8 +13,9 @@ namespace {
 
 constexpr double kGrowth = 100.0;   // of masses: below it no model was found to lose more than 1e-12 of v' (docs/mathematics/tree_algorithms.md, 10)
 constexpr int kWindow = 6;          // hinge velocities between the two bodies, those of the outboard body counted
-constexpr int kStates = 16;         // tried
-constexpr double kLoss = 2e-14;     // of v' at any of them: refined from here on. At others it may be ten times as large
+constexpr int kStates = 32;         // tried
+constexpr double kLoss = 3e-14;     // of v' at any of them: refined from here on. At others it may be a few times as large
+constexpr double kLong = 50.0;      // bodies: beyond, rounding that refinement is not for grows as the root of their number
 
 struct Growth {
   double ratio = 0.0;
@@ -81,7 +84,7 @@ std::shared_ptr<const Model> compile(std::shared_ptr<const SystemSpec> spec, con
   if (!(most.ratio > kGrowth)) return model;
   const std::shared_ptr<Model> graded = assemble(std::move(spec), registry, options, true);
   const double lost = loss(*graded);
-  if (!(lost > kLoss)) return model;
+  if (!(lost > kLoss * std::max(1.0, std::sqrt(static_cast<double>(model->bodies.size()) / kLong)))) return model;
   graded->program.push_back({Kernel::refine});
   graded->refinement = fmt::format("the mass of {} is {:.3g} times that of {}, few hinges inboard of it: without, v' loses up to {:.1e} of itself",
                                    name_of(*graded, most.body), most.ratio, name_of(*graded, most.ancestor), lost);
