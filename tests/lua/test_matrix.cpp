@@ -264,7 +264,7 @@ TEST(LuaMatrix, WrapsToTheWindow) {
 }
 
 TEST(LuaMatrix, WritesNothingOutsideOfItsFolder) {
-  const fs::path folder = fs::path(testing::TempDir()) / "lua_matrix_outside";
+  const fs::path folder = test::scratch("outside");
   fs::remove_all(folder);
   fs::create_directories(folder / "out");
   fs::create_symlink(folder / "target", folder / "out/d.csv");

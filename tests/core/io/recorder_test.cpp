@@ -202,7 +202,7 @@ TEST(Hdf5Recorder, OfFewRowsAndManyChannelsStaysSmall) {
 
 // Until the header is on disk the earlier file is whole, and where that comes to nothing it stays.
 TEST(Hdf5Recorder, TakesItsNameWhenTheHeaderIsWritten) {
-  const std::string path = scratch("named.h5"), beside = testing::TempDir() + ".cardan_recorder_named.h5.new";
+  const std::string path = scratch("named.h5"), beside = scratch(".named.h5.new");
   std::ofstream(path) << "earlier";
   {
     const auto recorder = make_hdf5_recorder(path);

@@ -5,6 +5,7 @@
 
 #include "scripts/host/scenario.hpp"
 #include "tests/fuzz/fuzz.hpp"
+#include "tests/support/scratch.hpp"
 
 namespace cardan {
 namespace {
@@ -28,7 +29,7 @@ TEST(Fuzz, Mission) {
   const std::vector<std::string> seeds = fuzz::sources({"tests/scripts/errors", "tests/scripts/missions", "tests/fuzz", "scenarios"}, ".lua");
   ASSERT_GT(seeds.size(), 30u);
   // The vehicles that the missions name, in the folders where they look for them.
-  const fs::path folder = fs::path(testing::TempDir()) / "cardan_fuzz_missions";
+  const fs::path folder = test::scratch("missions");
   fs::remove_all(folder);
   fs::create_directories(folder / "mission");
   for (const char* from : {"tests/scripts/errors", "tests/scripts/missions", "tests/fuzz/seeds"})

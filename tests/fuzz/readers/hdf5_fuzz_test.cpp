@@ -13,6 +13,7 @@
 #include "core/io/summary.hpp"
 #include "scripts/report/report.hpp"
 #include "tests/fuzz/hdf5_mutations.hpp"
+#include "tests/support/scratch.hpp"
 
 namespace cardan {
 namespace {
@@ -20,7 +21,7 @@ namespace {
 using fuzz::Keep;
 using fuzz::Random;
 
-std::string scratch(const std::string& name) { return testing::TempDir() + "cardan_fuzz_" + name; }
+using test::scratch;
 
 ModalData lumped() {
   std::vector<MassNode> masses(3);
