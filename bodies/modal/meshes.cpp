@@ -15,7 +15,7 @@ using Eigen::Vector3d;
 
 constexpr int kYokeElements = 8;  // per arm
 // Rounding of K grows with the fourth power of the number of elements of a beam; memory of a plate with its unknowns.
-constexpr int kMostBeamElements = 2000;
+constexpr int kMostBeamElements = 4000;
 constexpr double kMostUnknowns = 150'000, kBytesPerUnknown = 12e3;  // of a plate, factor and modes
 constexpr double kThickPlate = 0.1, kDeepBeam = 0.1;  // thickness over the shorter side, depth over length: errors of some percent
 constexpr double kSoftest = 1e5, kStiffest = 2e12, kDensest = 25e3;  // [Pa], [Pa], [kg/m^3] foams, carbon, osmium: beyond lie typing errors

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/base/units.hpp"
@@ -29,6 +30,9 @@ class Doubts {
  private:
   void springs(const BodySpec& body) {
     const HingeSpec& hinge = body.hinge;
+    if (hinge.locked && std::any_of(hinge.v.begin(), hinge.v.end(), [](double v) { return v != 0.0; }))
+      found_.add(Code::no_effect, spec_.locate(body_path(body) + ".hinge.initial"),
+                 fmt::format("the hinge is locked: its initial velocity ({:g}) is not taken", fmt::join(hinge.v, ", ")));
     for (std::size_t i = 0; i < hinge.springs.size(); ++i) {
       const SpringDamper& s = hinge.springs[i];
       const std::string path = s.at.key_path.empty() ? fmt::format("{}.hinge.springs[{}]", body_path(body), i) : s.at.key_path;

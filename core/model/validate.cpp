@@ -335,15 +335,12 @@ void check_initial_values(const SystemSpec& spec, const BodySpec& body, const ca
   }
 }
 
-/// What is held can neither be given a motion nor begin with one.
+/// What is held cannot be given a motion.
 void check_locked(const SystemSpec& spec, const BodySpec& body, DiagnosticSink& sink) {
   const std::string path = body_path(body) + ".hinge";
   if (!body.hinge.prescribed.empty())
     sink.report(Code::wrong_type, spec.locate(path + ".prescribed"), "locked or prescribed, not both", "locked: true and prescribed components",
                 "`locked` holds all components at their initial coordinates; a component that is prescribed stands still until it gets a profile");
-  if (std::any_of(body.hinge.v.begin(), body.hinge.v.end(), [](double v) { return v != 0.0; }))
-    sink.report(Code::bad_initial_state, spec.locate(path + ".initial"), "no initial velocity: the hinge is locked",
-                fmt::format("velocities {:g}", fmt::join(body.hinge.v, ", ")), "take `locked` or the velocity away");
 }
 
 void check_components(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family,

@@ -60,9 +60,9 @@ Diagnostic FlexibleLimits::rate_warning(const Body& b, double rate, bool before)
           "rates below a tenth of the first frequency leave less than 1 % of the stiffness out; stiffening is in level 2 of lumped masses with "
           "second-order shapes Q alone",
           {},
-          fmt::format("{} turns with {:.3g} rad/s{}, {:.2g} times its first frequency of {:.4g} Hz ({:.3g} rad/s): level {} has no centrifugal "
+          fmt::format("{} {} {:.3g} rad/s{}, {:.2g} times its first frequency of {:.4g} Hz ({:.3g} rad/s): level {} has no centrifugal "
                       "stiffening, of the order of (Omega/omega_1)^2 = {:.2g} times the stiffness of that mode",
-                      body.name, rate, before ? " by its initial rates and profiles" : "", ratio, b.omega / (2 * std::numbers::pi), b.omega,
+                      body.name, before ? "may turn with up to" : "turns with", rate, before ? " by its initial rates and profiles" : "", ratio, b.omega / (2 * std::numbers::pi), b.omega,
                       body.level, ratio * ratio),
           0};
 }

@@ -278,7 +278,7 @@ std::string description_text(const Json& d) {
                          mode["reason"].get<std::string>().empty() ? "" : ": " + mode["reason"].get<std::string>());
     }
     std::string shares;
-    for (std::size_t k = 0; k < 6; ++k) shares += fmt::format("{:>9.3g}", body["rigid_mass"][k].get<double>() > 0 ? 100.0 * kept[k] / body["rigid_mass"][k].get<double>() : 0.0);
+    for (std::size_t k = 0; k < 6; ++k) shares += fmt::format("{:>9.3g}", kept[k] > 1e-9 * body["rigid_mass"][k].get<double>() ? 100.0 * kept[k] / body["rigid_mass"][k].get<double>() : 0.0);
     if (i > 0) out += fmt::format("  {:<34}{}  kept, % of the whole body\n", "", shares);
   }
 

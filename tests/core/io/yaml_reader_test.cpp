@@ -347,6 +347,7 @@ TEST(Override, SetsAValue) {
                                             {"bodies.bus.com[2]", "0.2"},
                                             {"bodies.wheel.hinge.axis", "[1, 0, 0]"},
                                             {"bodies.wheel.hinge.locked", "true"},
+                                            {"bodies.wheel.hinge.prescribed", "false"},
                                             {"gravity", "none"}});
   EXPECT_EQ(spec.bodies[0].mass, 1700.0);
   EXPECT_EQ(spec.bodies[0].com.z(), 0.2);
