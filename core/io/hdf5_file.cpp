@@ -307,7 +307,8 @@ Hdf5File Hdf5File::create(const std::string& path) {
 
 Hdf5File Hdf5File::update(const std::string& path) {
   start_library();
-  if (!std::filesystem::exists(path)) return create(path);
+  std::error_code ignored;
+  if (!std::filesystem::exists(path, ignored)) return create(path);
   auto impl = std::make_unique<Impl>();
   impl->name = path;
   impl->file = H5Fopen(path.c_str(), H5F_ACC_RDWR, H5P_DEFAULT);

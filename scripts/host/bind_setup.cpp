@@ -276,7 +276,8 @@ int vehicle(lua_State* L, Scenario& s) {
     }
   const std::string path = (s.folder / name).string();
   const std::string* kept = s.lua.options().stored ? s.lua.options().stored(name) : nullptr;
-  if (!kept && (s.recorded || !std::filesystem::is_regular_file(path)))
+  std::error_code unusable;  // a name too long for a file, say
+  if (!kept && (s.recorded || !std::filesystem::is_regular_file(path, unusable)))
     refuse(L, Code::file_not_found, "vehicle", "a vehicle in YAML, relative to the scenario", in_quotes(path));
   const Activity activity("the vehicle " + name);
   const auto spec = std::make_shared<SystemSpec>(kept ? vehicle_from_text(*kept, path, s.registry, overrides) : read_vehicle(path, s.registry, overrides));

@@ -33,7 +33,8 @@ int write_modes(const ModesArguments& a) {
                                 legal.empty() ? "a vehicle with a flexible body" : fmt::format("a flexible body: {}", fmt::join(legal, ", ")),
                                 in_quotes(a.body), did_you_mean(a.body, legal), {}, {}, 0});
   const std::string out = a.out.empty() ? a.body + ".h5" : a.out;
-  if (std::filesystem::exists(out) && !std::filesystem::is_regular_file(out))
+  std::error_code ignored;
+  if (std::filesystem::exists(out, ignored) && !std::filesystem::is_regular_file(out, ignored))
     throw InputError(Diagnostic{Code::cannot_write, {"", {out, 0, 0}}, "a file", "a folder, a pipe or a device", "--out chooses another", {}, {}, 0});
   write_modal_file(out, *modes);
   fmt::print("{}\n{} modes, {:.6g} kg, {} nodes, {} mass nodes\n", modes->source, modes->n_modes, modes->integrals.I1,

@@ -57,7 +57,8 @@ class WorkbenchCommand {
 
   int run_script(const std::string& path) {
     std::ifstream in(path, std::ios::binary);
-    if (!in || fs::is_directory(path))
+    std::error_code ignored;
+    if (!in || fs::is_directory(path, ignored))
       throw InputError(Diagnostic{Code::file_not_found, {"--script", {path, 0, 0}}, "a Lua file", {}, {}, {}, {}, 0});
     const std::string text{std::istreambuf_iterator<char>(in), {}};
     return guarded([&] { scenario_->lua.run_text(path, text, kPatience); });
