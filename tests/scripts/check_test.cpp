@@ -52,7 +52,8 @@ class Physics : public testing::Test {
   /// The codes of the warnings that `describe` lists, in order.
   std::string codes() {
     std::string all;
-    for (const json& w : describe()["warnings"]) all += w["code"].get<std::string>() + " ";
+    const json description = describe();
+    for (const json& w : description["warnings"]) all += w["code"].get<std::string>() + " ";
     return all;
   }
   TemporaryFolder folder_;
