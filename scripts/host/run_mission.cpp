@@ -65,6 +65,7 @@ void MissionRun::run(double t_end, const std::function<void(double t)>& progress
   try {
     s_.sim->run(t_end, progress);
     end_of_run();
+    if (scripts_act(s_)) s_.warnings.add(still_hinges(*s_.sim));
   } catch (const InputError&) {  // of a person who interrupts
     end_of_run();
     throw;
@@ -77,10 +78,7 @@ void MissionRun::run(double t_end, const std::function<void(double t)>& progress
   s_.stage = Scenario::Stage::end;
 }
 
-void MissionRun::end_of_run() {
-  s_.warnings.add(limits_.seen());
-  if (scripts_act(s_)) s_.warnings.add(still_hinges(*s_.sim));
-}
+void MissionRun::end_of_run() { s_.warnings.add(limits_.seen()); }
 
 void MissionRun::tick(const Controller& c, const std::string& actor) {
   advance_phase();
