@@ -1,6 +1,6 @@
 /* The plugin contract: the only header a plugin needs. C11 and C++20; nothing of Cardan is linked.
  *
- * Rules: majors must match; the host accepts a smaller struct_size and treats missing tail members as absent; fields are
+ * Rules: majors must match; a struct_size (of families and of the plugin) that is too small is refused; fields are
  * appended at struct ends only; no exceptions, no C++ types, no ownership across the line; no load-time constructors.
  * Call contexts: [setup] before the run, may allocate; [step: pure] inside a right-hand side, no allocation, no state,
  * called from any thread. All numbers in SI; matrices column-major unless stated. */
@@ -73,7 +73,7 @@ typedef struct cardan_hinge_family {
   const char* type;    /* "acme/helix"; no slash is reserved for built-ins */
   const char* summary; /* one line for `describe` and the documentation */
   uint32_t nq, nv;
-  uint32_t shape;       /* cardan_hinge_shape; a declared fact, verified by the laws */
+  uint32_t shape;       /* cardan_hinge_shape; a declared fact: the laws compare R, l, Ht, N with the host's own formulas */
   uint32_t params_size; /* bytes of the packed parameters, trivially copyable, align 8 */
   const cardan_param_desc* params;
   uint32_t n_params;
@@ -135,7 +135,7 @@ typedef struct cardan_body_family {
   void (*bias)(const void* packed, const double* eta, const double* etadot, const double* omega, double* b);
 } cardan_body_family;
 
-/* One plugin: name, version and its families, asked for by kind ("hinge", "body") and index until null. */
+/* One plugin: name, version and its families, asked for by kind ("hinge"; no other kind yet) and index until null. */
 typedef struct cardan_plugin {
   uint32_t struct_size, abi_major, abi_minor;
   const char *name, *version, *licence;

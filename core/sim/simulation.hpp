@@ -105,6 +105,8 @@ class Simulation {
   /// What did not stop the run: of the run itself, and what its owner adds.
   Warnings& warnings() { return warnings_; }
   const Warnings& warnings() const { return warnings_; }
+  /// Adds one at the present time, and tells it if it is the first of its kind.
+  void warn(Code code, Located at, std::string about, std::string hint);
   /// Called with each warning of the run when it comes up first, so that it can be told while the run goes on.
   void on_warning(std::function<void(const Warning&)> told) { told_ = std::move(told); }
   IntegratorStatistics statistics() const;
@@ -138,7 +140,6 @@ class Simulation {
   void say_stiff();
   void expect_finite(const std::vector<double>& x);
   std::string name_of(int v_index) const;
-  void warn(Code code, Located at, std::string about, std::string hint);
   RunFailure not_finite(int state, double value) const;
   RunFailure explain(const RunFailure&) const;
   [[noreturn]] void fail(RunFailure failure);

@@ -71,6 +71,9 @@ class NodeQuadrature {
   static constexpr std::size_t kAhead = 2;   // nodes beyond them at least
   static constexpr std::size_t kBehind = 5;  // nodes kept before the first that is not done
   static constexpr std::size_t kHeld = kBehind + kGroup + kAhead + 7;
+  /// Of the interval: neighbours that are closer to one another tell more of the errors of the rates than of their derivatives, which the
+  /// interval multiplies by its length over theirs. Steps that end at an instant of the schedule can be that short.
+  static constexpr double kApart = 0.01;
   // Gauss, Legendre: exact up to degree kPoints - 1.
   static constexpr std::array<double, 4> kAbscissae = {-0.8611363115940526, -0.3399810435848563, 0.3399810435848563, 0.8611363115940526};
   static constexpr std::array<double, 4> kWeights = {0.3478548451374538, 0.6521451548625461, 0.6521451548625461, 0.3478548451374538};
@@ -79,17 +82,27 @@ class NodeQuadrature {
   /// integral the terms while they do not grow: where neighbours are too far to tell, they do.
   void integrate(std::size_t k, std::size_t m, double b) {
     const double a = times_[k], middle = 0.5 * (a + times_[m]), half = 0.5 * (b - a);
-    const std::size_t points = std::min(count_, kPoints);
+    const double apart = kApart * (times_[m] - a);
+    std::size_t points = std::min(count_, kPoints);
     std::array<std::size_t, kPoints> node;
     std::array<double, kPoints> at, weight;  // weight: integral of (t - at[0]) .. (t - at[p - 1])
     std::array<std::array<double, kPoints>, kPoints> over;
     std::array<double, 4> basis = {1.0, 1.0, 1.0, 1.0};
-    for (std::size_t p = 0, left = k, right = k; p < points; ++p) {  // nodes [left, right] are in use
+    for (std::size_t p = 0, left = k, right = k; p < points; ++p) {  // nodes [left, right] are in use or passed over
       node[p] = k;
-      if (p > 0 && right < m)
+      if (p > 0 && right < m) {
         node[p] = ++right;
-      else if (p > 0)
-        node[p] = left == 0 || (right + 1 < count_ && times_[right + 1] - middle < middle - times_[left - 1]) ? ++right : --left;
+      } else if (p > 0) {
+        std::size_t before = left, after = right + 1;  // the next ones at each side: before - 1 and after
+        while (before > 0 && times_[left] - times_[before - 1] < apart) --before;
+        while (after < count_ && times_[after] - times_[right] < apart) ++after;
+        if (before == 0 && after >= count_) {
+          points = p;
+          break;
+        }
+        const bool forwards = before == 0 || (after < count_ && times_[after] - middle < middle - times_[before - 1]);
+        node[p] = forwards ? right = after : left = before - 1;
+      }
       at[p] = times_[node[p]];
       weight[p] = 0.0;
       for (std::size_t g = 0; g < 4; ++g) {

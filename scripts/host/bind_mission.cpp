@@ -152,9 +152,9 @@ int store(lua_State* L) {
     const double x = lua_tonumber(L, i);
     signal.values[static_cast<std::size_t>(i) - 1] = x;
     if (!std::isfinite(x) && signal.scenario->sim)  // recorded as it is: a division by zero at one tick need not end the run
-      signal.scenario->sim->warnings().add(Code::mission_doubt, {"signals." + signal.channel.path, LuaHost::caller(L)},
-                                           fmt::format("signal {} is {}", signal.channel.path, std::isnan(x) ? "nan" : x > 0 ? "inf" : "-inf"),
-                                           "a division by zero, or the root of a negative number?", signal.scenario->sim->time());
+      signal.scenario->sim->warn(Code::mission_doubt, {"signals." + signal.channel.path, LuaHost::caller(L)},
+                                 fmt::format("signal {} is {}", signal.channel.path, std::isnan(x) ? "nan" : x > 0 ? "inf" : "-inf"),
+                                 "a division by zero, or the root of a negative number?");
   }
   return 0;
 }

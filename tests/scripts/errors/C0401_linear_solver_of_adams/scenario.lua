@@ -1,3 +1,3 @@
 -- exit: 2
 local sat = vehicle "../pendulum.yaml"
-mission { duration = 1, integrator = { linear_solver = "krylov" } }
+mission { duration = 1, integrator = { method = "cvode_adams", linear_solver = "krylov" } }
