@@ -8,7 +8,7 @@
 namespace cardan {
 
 /// Reads and validates. Faults go to the sink; the result is of use only if there are none. The sources of modes are
-/// handed on as written (BodySpec::modal_source), for scripts/host to turn into modal data.
+/// handed on as written (BodySpec::modal_source), for bodies/vehicle to turn into modal data.
 SystemSpec vehicle_from_doc(const DocNode& root, const Registry& registry, DiagnosticSink& sink);
 
 /// Inertia about the mass centre from `[xx, yy, zz]` or `{xx, yy, zz, xy, xz, yz, about}`, for a body or a point mass.

@@ -7,7 +7,7 @@
 #include <thread>
 
 #include "core/base/poll.hpp"
-#include "scripts/host/lua_host.hpp"
+#include "scripts/lua/host.hpp"
 
 namespace cardan {
 namespace {

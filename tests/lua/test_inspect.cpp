@@ -1,8 +1,8 @@
 // What a prompt shows of values, and how it completes names.
 #include <gtest/gtest.h>
 
-#include "scripts/host/lua_inspect.hpp"
-#include "scripts/host/lua_matrix.hpp"
+#include "scripts/lua/inspect.hpp"
+#include "scripts/lua/matrix.hpp"
 
 namespace cardan {
 namespace {

@@ -7,7 +7,7 @@
 #include <iterator>
 
 #include "core/io/hdf5_file.hpp"
-#include "scripts/host/lua_matrix.hpp"
+#include "scripts/lua/matrix.hpp"
 #include "tests/support/scratch.hpp"
 
 namespace cardan {

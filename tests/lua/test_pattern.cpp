@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "scripts/host/lua_host.hpp"
+#include "scripts/lua/host.hpp"
 
 namespace cardan {
 namespace {

@@ -1,7 +1,7 @@
 // The annotated Lua that help and completion read.
 #include <gtest/gtest.h>
 
-#include "scripts/host/lua_reference.hpp"
+#include "scripts/lua/reference.hpp"
 
 namespace cardan {
 namespace {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "scripts/host/lua_host.hpp"
+#include "scripts/lua/host.hpp"
 #include "tests/support/scratch.hpp"
 
 namespace cardan {

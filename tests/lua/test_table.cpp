@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "scripts/host/lua_table.hpp"
+#include "scripts/lua/table.hpp"
 
 namespace cardan {
 namespace {

@@ -1,4 +1,4 @@
-#include "scripts/host/modal_from_spec.hpp"
+#include "bodies/vehicle/modal_from_spec.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "scripts/host/progress.hpp"
+#include "scripts/commands/progress.hpp"
 
 #include <gtest/gtest.h>
 

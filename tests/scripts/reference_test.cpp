@@ -1,4 +1,4 @@
-// One source for editor, help and completion: what scripts find is what scripts/lua/cardan/meta.lua says, and what the documents list.
+// One source for editor, help and completion: what scripts find is what scripts/prelude/cardan/meta.lua says, and what the documents list.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -27,7 +27,7 @@ struct Meta {
 };
 Meta read_meta() {
   Meta m;
-  std::ifstream in(CARDAN_SOURCE_DIR "/scripts/lua/cardan/meta.lua");
+  std::ifstream in(CARDAN_SOURCE_DIR "/scripts/prelude/cardan/meta.lua");
   std::string open;
   for (std::string line; std::getline(in, line);) {
     std::istringstream words(line);
@@ -110,7 +110,7 @@ TEST(ScriptReference, HasEveryGlobalOfTheProgram) {
   known.insert({"sim", "mission", "vec", "quat", "allocation", "help"});
   EXPECT_EQ(found, known);
   for (const char* module : {"vec", "quat", "allocation"}) {
-    std::ifstream in(std::string(CARDAN_SOURCE_DIR "/scripts/lua/cardan/") + module + ".lua");
+    std::ifstream in(std::string(CARDAN_SOURCE_DIR "/scripts/prelude/cardan/") + module + ".lua");
     const std::string text{std::istreambuf_iterator<char>(in), {}};
     const Finished names = look(std::string("local n = {} for k in pairs(") + module + ") do n[#n + 1] = k end print('one of: ' .. table.concat(n, ', '))");
     for (const std::string& name : offered(names.out, "one of: ")) EXPECT_NE(text.find(std::string("function ") + module + "." + name), std::string::npos) << name;

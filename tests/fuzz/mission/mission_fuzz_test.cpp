@@ -3,7 +3,7 @@
 
 #include <filesystem>
 
-#include "scripts/host/scenario.hpp"
+#include "scripts/bindings/open.hpp"
 #include "tests/fuzz/fuzz.hpp"
 #include "tests/support/scratch.hpp"
 

@@ -5,7 +5,7 @@
 #include "core/io/yaml_reader.hpp"
 #include "core/model/model.hpp"
 #include "hinges/register.hpp"
-#include "scripts/host/modal_from_spec.hpp"
+#include "bodies/vehicle/modal_from_spec.hpp"
 #include "tests/fuzz/fuzz.hpp"
 
 namespace cardan {

@@ -1,0 +1,323 @@
+#include "bodies/vehicle/modal_from_spec.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <filesystem>
+#include <map>
+
+#include "core/base/activity.hpp"
+#include "core/model/doubts.hpp"
+#include "core/model/validate.hpp"
+#include "core/model/vehicle.hpp"
+
+namespace cardan {
+namespace {
+
+using Kind = DocNode::Kind;
+
+class ModalReader {
+ public:
+  explicit ModalReader(ReadContext& context) : context_(context) {}
+
+  ModalSource read(const DocRef& modal) {
+    ModalSource source;
+    source.at = modal.at();
+    MapReader map(modal, context_);
+    const auto form = map.one({"beam", "plate", "lumped", "file"});
+    if (form) {
+      const auto& [kind, value] = *form;
+      if (kind == 0) source.model = read_beam(value);
+      if (kind == 1) source.model = read_plate(value);
+      if (kind == 2) source.model = read_lumped(value);
+      if (kind == 3) source.model = read_file(value);
+      if (kind <= 1) read_solution(map, source);
+    }
+    if (form || !map.is_map()) map.finish();
+    return source;
+  }
+
+ private:
+  BeamModel read_beam(const DocRef& value) {
+    BeamModel beam;
+    MapReader map(value, context_);
+    beam.length = map.number("length", "m");
+    beam.material = read_material(map, "material");
+    beam.section = read_section(map);
+    beam.elements = map.integer("elements", 1, beam.elements);
+    beam.rotary_inertia = map.flag("rotary_inertia", beam.rotary_inertia);
+    map.finish();
+    return beam;
+  }
+
+  PlateModel read_plate(const DocRef& value) {
+    PlateModel plate;
+    MapReader map(value, context_);
+    plate.length = map.number("length", "m");
+    plate.width = map.number("width", "m");
+    if (const auto panel = map.one({"solid", "sandwich"})) {
+      MapReader layers(panel->second, context_);
+      if (panel->first == 0)
+        plate.panel = SolidPanel{read_material(layers, "material"), layers.number("thickness", "m")};
+      else
+        plate.panel = SandwichPanel{read_material(layers, "face"), layers.number("face_thickness", "m"),
+                                    layers.number("core_thickness", "m"), layers.number("core_density", "kg/m^3"),
+                                    layers.number("added_mass", "kg/m^2", 0.0)};
+      layers.finish();
+    }
+    plate.elements_x = map.integer("elements_x", 1, plate.elements_x);
+    plate.elements_y = map.integer("elements_y", 2, plate.elements_y);
+    plate.rotary_inertia = map.flag("rotary_inertia", plate.rotary_inertia);
+    if (const auto yoke = map.find("yoke")) {
+      MapReader reader(*yoke, context_);
+      plate.yoke.length = reader.number("length", "m");
+      plate.yoke.spread = reader.number("spread", "m");
+      plate.yoke.material = read_material(reader, "material");
+      plate.yoke.section = read_section(reader);
+      reader.finish();
+    }
+    map.finish();
+    return plate;
+  }
+
+  Material read_material(MapReader& around, std::string_view key) {
+    Material material;
+    if (const auto value = around.require(key, "{E, nu, rho}")) {
+      MapReader map(*value, context_);
+      material.E = map.number("E", "Pa");
+      material.nu = map.number("nu", "1", material.nu);
+      material.rho = map.number("rho", "kg/m^3");
+      map.finish();
+    }
+    return material;
+  }
+
+  BeamSection read_section(MapReader& around) {
+    BeamSection section;
+    const auto value = around.require("section", "{rectangle: ...}, {tube: ...} or {area, Iy, Iz, J}");
+    if (!value) return section;
+    MapReader map(*value, context_);
+    const auto by_sizes = [&](const DocRef& form, const char* first, const char* second, auto make) {
+      MapReader sizes(form, context_);
+      const double a = sizes.number(first, "m"), b = sizes.number(second, "m");
+      const bool shear = sizes.flag("shear", false);
+      sizes.finish();
+      if (std::isnan(a) || std::isnan(b)) return;  // told already
+      try {
+        section = make(a, b, shear);
+      } catch (const InputError& e) {
+        for (Diagnostic d : e.diagnostics()) {
+          const std::string key = d.at.key_path.substr(d.at.key_path.rfind('.') + 1);
+          d.at = {fmt::format("{}.{}", form.path, key), form.node->find(key) ? form.node->find(key)->mark : form.node->mark};
+          context_.sink.report(std::move(d));
+        }
+      }
+    };
+    if (const auto rectangle = map.find("rectangle")) {
+      by_sizes(*rectangle, "width", "height", rectangle_section);
+    } else if (const auto tube = map.find("tube")) {
+      by_sizes(*tube, "radius", "wall", tube_section);
+    } else {
+      section.area = map.number("area", "m^2");
+      section.Iy = map.number("Iy", "m^4");
+      section.Iz = map.number("Iz", "m^4");
+      section.J = map.number("J", "m^4");
+      section.shear_y = map.number("shear_y", "1", 0.0);
+      section.shear_z = map.number("shear_z", "1", 0.0);
+    }
+    map.finish();
+    return section;
+  }
+
+  FileModel read_file(const DocRef& value) {
+    const std::filesystem::path path = read_text(value, "the name of a modal file", context_);
+    return {(std::filesystem::path(value.node->mark.file).parent_path() / path).string()};
+  }
+
+  LumpedModel read_lumped(const DocRef& value) {
+    LumpedModel lumped;
+    MapReader map(value, context_);
+    if (const auto masses = map.require("masses", "a list of {mass, position, inertia, Phi, Psi}"))
+      for (const DocRef& item : items(*masses, "a list of {mass, position, inertia, Phi, Psi}")) {
+        MassNode node;
+        MapReader reader(item, context_);
+        node.mass = reader.number("mass", "kg");
+        node.position = reader.vector("position", "m");
+        if (const auto inertia = reader.find("inertia")) node.inertia = read_point_inertia(*inertia, node.mass);
+        read_shapes(reader, node.Phi, node.Psi);
+        if (const auto Q = reader.find("Q"))
+          for (const DocRef& matrix : items(*Q, "a list of 3 matrices")) node.Q.push_back(read_matrix(matrix));
+        reader.finish();
+        lumped.mass_nodes.push_back(std::move(node));
+      }
+    if (const auto K = map.require("K", "modal stiffness: a list of rows")) lumped.K = read_matrix(*K);
+    if (const auto C = map.find("C"))
+      lumped.C = read_matrix(*C);
+    else
+      lumped.C = Eigen::MatrixXd::Zero(lumped.K.rows(), lumped.K.cols());
+    if (const auto nodes = map.find("nodes")) {
+      MapReader names(*nodes, context_);
+      for (std::size_t i = 0; i < nodes->node->keys.size(); ++i) {
+        ModalNode node;
+        node.name = nodes->node->keys[i].name;
+        MapReader reader(nodes->item(i), context_);
+        node.position = reader.vector("position", "m");
+        if (const auto orientation = reader.find("orientation")) node.R_BN = read_orientation(*orientation, context_);
+        read_shapes(reader, node.Phi, node.Psi);
+        reader.finish();
+        lumped.nodes.push_back(std::move(node));
+      }
+    }
+    map.finish();
+    return lumped;
+  }
+
+  /// About the point, where its mass centre is; zero: none.
+  Eigen::Matrix3d read_point_inertia(const DocRef& value, double mass) {
+    const Eigen::Matrix3d I = read_inertia(value, mass, Eigen::Vector3d::Zero(), context_);
+    if (!I.allFinite()) return I;  // told already
+    if (InertiaFault fault = inertia_fault(I, true); !fault.expected.empty())
+      context_.sink.report(Code::unphysical_inertia, value.at(), std::move(fault.expected), std::move(fault.got), std::move(fault.hint));
+    return I;
+  }
+
+  void read_shapes(MapReader& map, Eigen::MatrixXd& Phi, Eigen::MatrixXd& Psi) {
+    if (const auto value = map.find("Phi")) Phi = read_matrix(*value);
+    if (const auto value = map.find("Psi")) Psi = read_matrix(*value);
+  }
+
+  std::vector<DocRef> items(const DocRef& list, std::string_view expected) {
+    std::vector<DocRef> out;
+    if (list.node->kind == Kind::list)
+      for (std::size_t i = 0; i < list.node->items.size(); ++i) out.push_back(list.item(i));
+    else
+      context_.sink.report(Code::wrong_type, list.at(), std::string(expected), describe(*list.node));
+    return out;
+  }
+
+  /// A list of rows of equal length, SI.
+  Eigen::MatrixXd read_matrix(const DocRef& value) {
+    const std::vector<DocRef> rows = items(value, "a list of rows");
+    Eigen::MatrixXd matrix;
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const std::size_t columns = i == 0 ? 0 : static_cast<std::size_t>(matrix.cols());
+      const std::vector<double> row = read_numbers(rows[i], "1", columns, context_);
+      if (row.empty()) return {};
+      if (i == 0) matrix.resize(static_cast<Eigen::Index>(rows.size()), static_cast<Eigen::Index>(row.size()));
+      for (std::size_t j = 0; j < row.size(); ++j)
+        matrix(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) = row[j];
+    }
+    return matrix;
+  }
+
+  /// What beams and plates have in common: what is held, which modes are kept, their damping, points and masses.
+  void read_solution(MapReader& map, ModalSource& source) {
+    static const std::vector<std::string> kBoundaries = {"cantilever", "free", "craig_bampton"};
+    if (const auto boundary = map.find("boundary")) {
+      const int choice = read_choice(*boundary, kBoundaries, "what is held", Code::wrong_type, context_);
+      if (choice >= 0) source.boundary = static_cast<Boundary>(choice);
+    } else {
+      map.note_default("boundary", kBoundaries[0]);
+    }
+    if (const auto modes = map.require("modes", "at least one of {count, max_frequency, effective_mass}")) {
+      MapReader reader(*modes, context_);
+      if (const auto count = reader.find("count")) source.modes.count = read_integer(*count, 1, context_);
+      if (const auto limit = reader.find("max_frequency"))
+        source.modes.max_frequency = read_number(*limit, "Hz", context_);
+      if (const auto share = reader.find("effective_mass"))
+        source.modes.effective_mass = read_number(*share, "1", context_);
+      reader.finish();
+    }
+    if (const auto damping = map.find("damping"); damping && damping->node->kind == Kind::list)
+      source.damping = read_numbers(*damping, "1", 0, context_);
+    else
+      source.damping = {map.number("damping", "1", source.damping[0])};
+    if (const auto nodes = map.find("nodes")) {
+      MapReader names(*nodes, context_);
+      for (std::size_t i = 0; i < nodes->node->keys.size(); ++i) {
+        const std::string& name = nodes->node->keys[i].name;
+        MapReader reader(nodes->item(i), context_);
+        source.points.push_back({name, reader.vector("position", "m"), reader.flag("interface", false)});
+        reader.finish();
+      }
+    }
+    if (const auto masses = map.find("masses"))
+      for (const DocRef& item : items(*masses, "a list of {mass, position, inertia}")) {
+        MapReader reader(item, context_);
+        PointMass point{reader.number("mass", "kg"), reader.vector("position", "m"), Eigen::Matrix3d::Zero()};
+        if (const auto inertia = reader.find("inertia")) point.inertia = read_point_inertia(*inertia, point.mass);
+        reader.finish();
+        source.masses.push_back(std::move(point));
+      }
+  }
+
+  ReadContext& context_;
+};
+
+/// Equal texts describe equal modes.
+std::string text_of(const DocNode& node) {
+  std::string out =
+      fmt::format("{} {} {} {} ", static_cast<int>(node.kind), node.items.size(), node.text.size(), node.text);
+  for (const DocKey& key : node.keys) out += fmt::format("{} {} ", key.name.size(), key.name);
+  for (const DocNode& item : node.items) out += text_of(item);
+  return out;
+}
+
+/// bodies/modal names the fields of its own structures: here they get the key and the place that the user wrote.
+Diagnostic in_words_of_the_vehicle(Diagnostic d, const std::string& path, const ModalSource& source,
+                                   const SystemSpec& spec) {
+  std::string field = d.at.key_path.starts_with(path + ".") ? d.at.key_path.substr(path.size() + 1) : "";
+  if (field.starts_with("panel.")) field.replace(0, 5, spec.marks.count(path + ".plate.solid") ? "solid" : "sandwich");
+  for (std::size_t i = 0; i < source.points.size(); ++i)
+    if (const std::string point = fmt::format("points[{}]", i); field.starts_with(point))
+      field.replace(0, point.size(), "nodes." + source.points[i].name);
+  const bool in_a_file = !d.at.mark.file.empty() && d.at.mark.file != spec.source_file;
+  const SourceMark mark = d.at.mark;
+  d.at = spec.locate(path);
+  for (const char* model : {".", ".plate.", ".beam.", ".lumped."})
+    if (spec.marks.count(path + model + field)) d.at = spec.locate(path + model + field);
+  if (in_a_file) d.at.mark = mark;
+  return d;
+}
+
+ModalData solve(const ModalSource& source, const std::string& path, SystemSpec& spec) {
+  Warnings warnings;
+  const Activity activity("the modes of " + path.substr(0, path.rfind('.')));
+  try {
+    ModalData data = make_modal_data(source, &warnings);
+    for (const Warning& w : warnings.all()) spec.warnings.add(in_words_of_the_vehicle(w.what, path, source, spec));
+    return data;
+  } catch (const InputError& e) {
+    std::vector<Diagnostic> all = e.diagnostics();
+    for (Diagnostic& d : all) d = in_words_of_the_vehicle(std::move(d), path, source, spec);
+    throw InputError(std::move(all));
+  }
+}
+
+}  // namespace
+
+ModalSource read_modal_source(const DocRef& modal, ReadContext& context) { return ModalReader(context).read(modal); }
+
+void make_modes(SystemSpec& spec) {
+  DiagnosticSink sink;
+  ReadContext context{sink, spec.defaults_used};
+  std::map<std::string, ModalSource> sources;  // by body
+  for (const BodySpec& body : spec.bodies)
+    if (body.modal_source && !body.modal)
+      sources.emplace(body.name, read_modal_source({body.modal_source.get(), body_path(body) + ".modal"}, context));
+  sink.throw_if_any();
+
+  std::map<std::string, std::shared_ptr<const ModalData>> solved;  // by text
+  for (BodySpec& body : spec.bodies) {
+    const auto source = sources.find(body.name);
+    if (source == sources.end()) continue;
+    auto& data = solved[text_of(*body.modal_source)];
+    if (!data) data = std::make_shared<const ModalData>(solve(source->second, body_path(body) + ".modal", spec));
+    body.modal = data;
+  }
+  validate(spec, sink);
+  sink.throw_if_any();
+  spec.warnings.add(doubts(spec));
+}
+
+}  // namespace cardan

@@ -1,0 +1,25 @@
+#pragma once
+// What the files that bind share: each makes the functions and types that scripts see of one thing.
+#include <string>
+#include <vector>
+
+#include "scripts/mission/scenario.hpp"
+
+namespace cardan {
+
+void bind_setup(Scenario&);    // parameters, plugin, vehicle, mission, initial
+void bind_handles(Scenario&);  // bodies, hinges, modes, nodes, loads
+void bind_mission(Scenario&);  // controller, phase, event, check, figure, signals, stop
+
+/// Pushes the handle of the vehicle.
+void push_vehicle(lua_State* L, Scenario&);
+/// Makes the metatable of a type of userdata without uservalues; a method that does not exist is answered with those that do.
+void make_handle_type(lua_State* L, const char* type, const std::vector<luaL_Reg>& methods, lua_CFunction text);
+
+/// An error at the script line that runs now.
+[[noreturn]] void refuse(lua_State* L, Code code, std::string key_path, std::string expected, std::string got,
+                         std::string hint = {});
+/// Refuses a declaration during the run, or before `vehicle` where it needs one.
+void expect_setup(lua_State* L, const Scenario&, const char* what, bool needs_vehicle);
+
+}  // namespace cardan

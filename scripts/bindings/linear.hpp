@@ -1,0 +1,13 @@
+#pragma once
+// Linear models for scripts.
+#include "scripts/bindings/operators.hpp"
+
+namespace cardan {
+
+/// Pushes the table of `linearize{inputs = {...}, outputs = {...}}`, whose argument (or nothing) is at index 2. Forces, loads and given
+/// motions are those of the state.
+int linear_model(lua_State* L, const soa::TreeOperators&, const OperatingState&);
+/// Of the scenario now.
+int push_linear_model(lua_State* L, Scenario&);
+
+}  // namespace cardan

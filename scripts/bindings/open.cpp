@@ -1,0 +1,119 @@
+#include "scripts/bindings/open.hpp"
+
+#include <fmt/format.h>
+
+#include <map>
+
+#include "core/base/units.hpp"
+#include "core/model/schema.hpp"
+#include "scripts/bindings/bind.hpp"
+#include "scripts/bindings/operators.hpp"
+#include "scripts/bindings/sim.hpp"
+#include "scripts/lua/matrix.hpp"
+#include "scripts/mission/examine.hpp"
+#include "scripts/mission/mission_run.hpp"
+
+namespace cardan {
+namespace {
+
+[[noreturn]] void fail(const Scenario& s, Code code, std::string key_path, std::string expected, std::string got,
+                       std::string hint) {
+  throw InputError(Diagnostic{code,
+                              {std::move(key_path), {s.file.string(), 0, 0}},
+                              std::move(expected),
+                              std::move(got),
+                              std::move(hint),
+                              {},
+                              {},
+                              0});
+}
+
+void expect_known(const Scenario& s) {
+  for (const Setting& set : s.settings) {
+    if (set.used) continue;
+    std::string known;
+    for (const std::string& name : s.parameter_names) known += name + ", ";
+    throw InputError(Diagnostic{
+        Code::unknown_name,
+        {set.key, {fmt::format("--set {}={}", set.key, set.value), 0, 0}},
+        (known.empty() ? "" : "a parameter (" + known.substr(0, known.size() - 2) + "), ") +
+            "bodies..., gravity... or another key path of the vehicle (vehicle....), or mission....",
+        in_quotes(set.key),
+        did_you_mean(set.key, s.parameter_names),
+        {},
+        {},
+        0});
+  }
+}
+
+/// What only the whole script can tell.
+void expect_complete(const Scenario& s) {
+  if (!s.model)
+    fail(s, Code::empty_system, "vehicle", "a vehicle", "none", "begin with: local sat = vehicle \"vehicle.yaml\"");
+  if (!s.mission.declared)
+    fail(s, Code::missing_key, "mission", "a mission with its duration", "none",
+         "mission { title = ..., duration = \"400 s\" }");
+  expect_known(s);
+}
+
+/// Signals share the tree of the results with what is recorded anyway: a name that is taken, or is the folder of another one.
+void expect_channels(Scenario& s) {
+  if (s.signals.empty()) return;
+  std::map<std::string, int> paths;  // how often
+  ++paths["reference/difference"];   // of --check-against-reference
+  for (const Output& o : mission_outputs(s)) ++paths[o.channel.path];
+  for (const auto& signal : s.signals) {
+    const std::string& path = signal->channel.path;
+    std::string other = paths[path] > 1 ? path : "";
+    for (std::size_t slash = path.find('/'); slash != std::string::npos && other.empty(); slash = path.find('/', slash + 1))
+      if (paths.contains(path.substr(0, slash))) other = path.substr(0, slash);
+    const auto below = paths.lower_bound(path + "/");
+    if (other.empty() && below != paths.end() && below->first.starts_with(path + "/")) other = below->first;
+    if (!other.empty())
+      throw InputError(Diagnostic{Code::duplicate_name, {"signals." + path, signal->declared}, "a name of its own in the tree of the results",
+                                  fmt::format("{} beside the channel {}", in_quotes(path), in_quotes(other)), {}, {}, {}, 0});
+  }
+}
+
+/// quat, vec, allocation.
+void run_prelude(Scenario& s) {
+  s.lua.run_text("[cardan]",
+                 "for _, name in ipairs { 'quat', 'vec', 'allocation' } do _G[name] = require('cardan.' .. name) end");
+}
+
+/// With all that scripts see, before any script.
+std::unique_ptr<Scenario> open_scenario(const ScenarioOptions& options) {
+  auto s = std::make_unique<Scenario>(options);
+  open_matrices(s->lua);
+  bind_setup(*s);
+  bind_handles(*s);
+  bind_operators(*s);
+  bind_sim(*s, nullptr);
+  bind_mission(*s);
+  run_prelude(*s);
+  return s;
+}
+
+}  // namespace
+
+std::unique_ptr<Scenario> load_scenario(const ScenarioOptions& options) {
+  auto s = open_scenario(options);
+  s->lua.run_file(s->file.filename().string());
+  expect_complete(*s);
+  expect_channels(*s);
+  examine(*s);
+  return s;
+}
+
+std::unique_ptr<Scenario> load_vehicle(const ScenarioOptions& options) {
+  auto s = open_scenario(options);
+  s->lua.protect([&](lua_State* L) {
+    lua_getglobal(L, "vehicle");
+    lua_pushstring(L, s->file.filename().c_str());
+    lua_call(L, 1, 0);
+  });
+  expect_known(*s);
+  return s;
+}
+
+}  // namespace cardan

@@ -1,0 +1,216 @@
+// The global `sim`: the scene as it stands, in a mission and at the workbench.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/base/units.hpp"
+#include "scripts/bindings/bind.hpp"
+#include "scripts/bindings/linear.hpp"
+#include "scripts/bindings/operators.hpp"
+#include "scripts/bindings/sim.hpp"
+#include "scripts/bindings/studies.hpp"
+#include "scripts/lua/table.hpp"
+#include "scripts/mission/workbench.hpp"
+
+namespace cardan {
+namespace {
+
+constexpr char kType[] = "cardan.sim";
+
+void append(Labels& labels, const std::string& body, const std::vector<std::string>& names, const std::vector<std::string>& units) {
+  for (const std::string& name : names) labels.names.push_back(body + "." + name);
+  labels.units.insert(labels.units.end(), units.begin(), units.end());
+}
+void append_modes(Labels& labels, const UserBody& u, const char* name, const char* unit) {
+  for (int j = 1; j <= u.n_modes; ++j) labels.names.push_back(fmt::format("{}.{}_{}", u.name, name, j));
+  labels.units.insert(labels.units.end(), static_cast<std::size_t>(u.n_modes), unit);
+}
+
+// ---- methods of sim ----
+
+/// The scene; its workbench is null in a mission.
+struct Sim {
+  Scenario* scenario;
+  Workbench* bench;
+};
+
+Sim& sim(lua_State* L) {
+  auto* s = static_cast<Sim*>(luaL_testudata(L, 1, kType));
+  if (!s) refuse(L, Code::lua_argument, "sim", "sim before a colon", describe_value(L, 1), "methods are called with a colon: sim:q()");
+  return *s;
+}
+Scenario& scene(lua_State* L) {
+  Scenario& s = *sim(L).scenario;
+  if (!s.sim) refuse(L, Code::lua_argument, "sim", "a call after `vehicle`", "one before it");
+  return s;
+}
+Workbench& workbench(lua_State* L, const char* what) {
+  if (!sim(L).bench) refuse(L, Code::lua_argument, what, "a call at the workbench", "one in a mission", "a mission sets its state by initial{...} and runs by itself");
+  return *sim(L).bench;
+}
+
+int t(lua_State* L) {
+  lua_pushnumber(L, scene(L).time());
+  return 1;
+}
+int q(lua_State* L) {
+  const Scenario& s = scene(L);
+  push_vector(L, Eigen::Map<const Eigen::VectorXd>(s.q, s.model->nq), coordinate_labels(*s.model));
+  return 1;
+}
+int v(lua_State* L) {
+  const Scenario& s = scene(L);
+  push_vector(L, Eigen::Map<const Eigen::VectorXd>(s.v, s.model->nv), velocity_labels(*s.model));
+  return 1;
+}
+int vdot(lua_State* L) {
+  const Scenario& s = scene(L);
+  if (s.in_event_function) refuse(L, Code::lua_argument, "sim:vdot", "coordinates, inside of an event's `when`", "v'");
+  Labels labels = velocity_labels(*s.model);
+  for (std::string& unit : labels.units) unit = unit.ends_with("/s") ? unit + "^2" : unit + "/s";
+  for (std::string& name : labels.names) name += "'";
+  push_vector(L, s.sim->vdot(), std::move(labels));
+  return 1;
+}
+
+/// A finite number of seconds, or a text with a unit: "5 min".
+double time_at(lua_State* L, int index, const char* what) {
+  if (lua_type(L, index) == LUA_TNUMBER && std::isfinite(lua_tonumber(L, index))) return lua_tonumber(L, index);
+  if (lua_type(L, index) != LUA_TSTRING) refuse(L, Code::lua_argument, what, "a time in s, or a text with a unit", describe_value(L, index));
+  const auto value = parse_quantity(lua_tostring(L, index), "s");
+  if (const double* seconds = std::get_if<double>(&value)) return *seconds;
+  const auto& fault = std::get<QuantityFault>(value);
+  refuse(L, fault.code, what, fault.expected, fault.got, fault.hint);
+}
+
+/// Of each hinge with a quaternion: no rotation belongs to the zero quaternion, and squares of what is far from 1 leave the range
+/// of numbers.
+void expect_quaternions(lua_State* L, const Model& m, const Eigen::VectorXd& q) {
+  for (const UserBody& u : m.user) {
+    const auto shape = u.hinge->shape;
+    if (u.nq == 0 || (shape != CARDAN_SHAPE_BALL && shape != CARDAN_SHAPE_FREE && shape != CARDAN_SHAPE_FREE_BODY)) continue;
+    const double norm = q.segment(u.q, 4).stableNorm();
+    if (!(norm >= 1e-6 && norm <= 1e6))
+      refuse(L, Code::non_unit_quaternion, "sim:state.q", fmt::format("a quaternion of body {} with a length from 1e-6 to 1e6; it is normalised", u.name),
+             fmt::format("length {:.6g}", norm));
+  }
+}
+
+/// sim:state() -> {t, q, v};  sim:state{t = , q = , v = } sets what is given.
+int state(lua_State* L) {
+  Scenario& s = scene(L);
+  if (lua_isnoneornil(L, 2)) {
+    lua_newtable(L);
+    lua_pushnumber(L, s.time());
+    lua_setfield(L, -2, "t");
+    q(L);
+    lua_setfield(L, -2, "q");
+    v(L);
+    lua_setfield(L, -2, "v");
+    return 1;
+  }
+  Workbench& bench = workbench(L, "sim:state{...}");
+  if (bench.is_running())
+    refuse(L, Code::lua_argument, "sim:state", "a call between runs", "one from a controller, a phase or an event");
+  DiagnosticSink sink;
+  LuaTable table(L, 2, "sim:state", sink);
+  State state = s.sim->state();
+  const auto read = [&](const char* key, Eigen::VectorXd& x) {
+    if (!table.has(key)) return;
+    lua_getfield(L, 2, key);
+    x = to_vector(L, -1, x.size(), std::string("sim:state.") + key);
+    lua_pop(L, 1);
+    if (!x.allFinite()) table.reject(key, "finite numbers");
+  };
+  if (const auto time = table.number("t", "s")) state.t = *time;
+  read("q", state.q);
+  read("v", state.v);
+  table.finish();
+  sink.throw_if_any();
+  expect_quaternions(L, *s.model, state.q);
+  bench.set_state(std::move(state));
+  return 0;
+}
+
+/// Studies about the present state.
+template <int (*kPush)(lua_State*, Scenario&)>
+int study(lua_State* L) {
+  Scenario& s = scene(L);
+  return at_script_line(L, [&s](lua_State* l) { return kPush(l, s); });
+}
+
+int vehicle(lua_State* L) {
+  push_vehicle(L, scene(L));
+  return 1;
+}
+
+/// sim:run_to(t) -> the time that was reached
+int run_to(lua_State* L) {
+  Workbench& bench = workbench(L, "sim:run_to");
+  Scenario& s = bench.scenario();
+  const double to = time_at(L, 2, "sim:run_to"), now = s.sim->time();
+  if (bench.is_running()) refuse(L, Code::lua_argument, "sim:run_to", "a call between runs", "one from a controller, a phase or an event");
+  if (!(to >= now))
+    refuse(L, Code::lua_argument, "sim:run_to", fmt::format("a time from {} s on", now), describe_value(L, 2), "sim:state{t = ...} goes back");
+  if (s.sim->stopped())
+    refuse(L, Code::lua_argument, "sim:run_to", "a run that goes on", "one that stop() has ended", "sim:state{...} begins another");
+  try {
+    bench.run_to(to, [L](double) { LuaHost::charge(L, 0); });
+  } catch (const NumericsError& e) {
+    RunFailure f = e.failure();
+    f.what += "\n  stack:    " + LuaHost::traceback(L);
+    throw NumericsError(f);
+  }
+  return t(L);
+}
+
+int text(lua_State* L) {
+  const Scenario& s = scene(L);
+  const std::string& title = s.mission.title.empty() ? s.model->name : s.mission.title;
+  lua_pushstring(L, fmt::format("sim: {}{}t = {} s, {} in q, {} in v", title, title.empty() ? "" : ", ", s.time(),
+                                s.model->nq, s.model->nv)
+                        .c_str());
+  return 1;
+}
+
+template <lua_CFunction kFunction>
+int method(lua_State* L) {
+  return LuaHost::guarded(L, kFunction);
+}
+
+const std::vector<luaL_Reg> kMethods = {
+    {"t", method<t>},         {"q", method<q>},           {"v", method<v>},          {"vdot", method<vdot>},
+    {"operators", method<study<push_operators>>}, {"linearize", method<study<push_linear_model>>}, {"system_modes", method<study<push_modes>>},
+    {"derivatives", method<study<push_derivatives>>}, {"inverse_kinematics", method<study<push_inverse_kinematics>>}, {"state", method<state>}, {"vehicle", method<vehicle>}, {"run_to", method<run_to>}};
+
+}  // namespace
+
+Labels coordinate_labels(const Model& m) {
+  Labels all;
+  for (const UserBody& u : m.user) {
+    append(all, u.name, u.q_names, u.q_units);
+    append_modes(all, u, "eta", "1");
+  }
+  return all;
+}
+
+Labels velocity_labels(const Model& m) {
+  Labels all;
+  for (const UserBody& u : m.user) {
+    append(all, u.name, u.v_names, u.v_units);
+    append_modes(all, u, "etadot", "1/s");
+  }
+  return all;
+}
+
+void bind_sim(Scenario& scenario, Workbench* bench) {
+  scenario.lua.protect([&](lua_State* L) {
+    if (luaL_getmetatable(L, kType) == LUA_TNIL) make_handle_type(L, kType, kMethods, method<text>);
+    *static_cast<Sim*>(lua_newuserdatauv(L, sizeof(Sim), 0)) = {&scenario, bench};
+    luaL_setmetatable(L, kType);
+    lua_setglobal(L, "sim");
+  });
+}
+
+}  // namespace cardan

@@ -1,0 +1,241 @@
+// Modes of the assembled system, derivatives of the equations of motion, inverse kinematics and inter-body forces in scripts.
+#include "scripts/bindings/bind.hpp"
+#include "scripts/bindings/studies.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "core/base/units.hpp"
+#include "core/operators/hybrid.hpp"
+#include "core/operators/inverse_kinematics.hpp"
+#include "core/operators/sensitivity.hpp"
+#include "core/operators/system_modes.hpp"
+#include "scripts/bindings/operators.hpp"
+#include "scripts/bindings/sim.hpp"
+#include "scripts/lua/table.hpp"
+
+namespace cardan {
+namespace {
+
+using Eigen::VectorXd;
+
+soa::IkTarget target_of(lua_State* L, LuaTable& t, const Model& m) {
+  t.require({"node"});
+  const auto node = t.text("node");
+  const auto position = t.numbers("position", 3, "m"), attitude = t.numbers("attitude", 4);
+  soa::IkTarget out;
+  if (node) out.node = node_indices(L, {*node}, m).front();
+  if (attitude && std::abs(Eigen::Map<const Eigen::Vector4d>(attitude->data()).norm() - 1.0) > 1e-6) t.reject("attitude", "a unit quaternion w, x, y, z");
+  if (!position && !attitude) t.reject("position", "a position, an attitude, or both");
+  if (position) out.position = Eigen::Map<const Eigen::Vector3d>(position->data());
+  if (attitude) out.R_WN = Eigen::Quaterniond((*attitude)[0], (*attitude)[1], (*attitude)[2], (*attitude)[3]).normalized().toRotationMatrix();
+  out.rows = {attitude.has_value(), attitude.has_value(), attitude.has_value(), position.has_value(), position.has_value(), position.has_value()};
+  if (const auto rows = t.numbers("rows", 0)) {  // of [rotation; position] in target axes
+    std::array<bool, 6> picked{};
+    for (const double r : *rows) {
+      const int i = static_cast<int>(r) - 1;
+      if (i < 0 || i > 5 || !out.rows[static_cast<std::size_t>(i)])
+        t.reject("rows", "rows 1 ... 3 of an attitude and 4 ... 6 of a position that are given");
+      else
+        picked[static_cast<std::size_t>(i)] = true;
+    }
+    out.rows = picked;
+  }
+  out.rotation_weight = t.number("rotation_weight").value_or(1.0);
+  out.position_weight = t.number("position_weight").value_or(1.0);
+  t.finish();
+  return out;
+}
+
+/// A line per mode: what moves, by its share of the kinetic energy, and what is strained, by its share of that energy.
+std::string modes_text(const soa::SystemModes& modes) {
+  constexpr double kNamed = 0.05;  // smaller shares are left out
+  const auto largest = [](const Eigen::VectorXd& shares, const std::vector<std::string>& names) {
+    std::vector<int> order(static_cast<std::size_t>(shares.size()));
+    std::iota(order.begin(), order.end(), 0);
+    std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return shares[a] > shares[b]; });
+    std::string out;
+    for (std::size_t i = 0; i < order.size() && i < 3 && shares[order[i]] >= kNamed; ++i)
+      out += fmt::format("{}{} {:.0f} %", i > 0 ? ", " : "", names[static_cast<std::size_t>(order[i])], 100.0 * shares[order[i]]);
+    return out;
+  };
+  const auto n = static_cast<int>(modes.frequency.size());
+  std::string out = fmt::format("{} rigid-body and {} elastic modes{}", modes.n_rigid, n - modes.first_elastic,
+                                modes.complete ? "" : "; that none was missed is not certain");
+  out += "\n   no      [Hz]  damping  moves (kinetic energy)                              strains";
+  for (int j = 0; j < n; ++j)
+    out += fmt::format("\n  {:>3}  {:>8.5g}  {:>7.4g}  {:<50}  {}", j + 1, modes.frequency[j], modes.damping[j], largest(modes.kinetic.col(j), modes.bodies),
+                       j < modes.first_elastic ? "-" : largest(modes.strain.col(j), modes.labels.names));
+  return out;
+}
+/// Upvalue: the text.
+int stored_text(lua_State* L) {
+  lua_pushvalue(L, lua_upvalueindex(1));
+  return 1;
+}
+
+}  // namespace
+
+int system_modes_study(lua_State* L, const soa::TreeOperators& tree, const OperatingState&) {
+  soa::SystemModesOptions options;
+  if (!lua_isnoneornil(L, 2)) {
+    DiagnosticSink sink;
+    LuaTable table(L, 2, "system_modes", sink);
+    options.elastic = static_cast<int>(table.integer("elastic").value_or(options.elastic));
+    options.rigid = static_cast<int>(table.integer("rigid").value_or(options.rigid));
+    if (options.elastic < 0) table.reject("elastic", "a number of modes");
+    if (options.rigid < 0) table.reject("rigid", "a number of modes");
+    table.finish();
+    sink.throw_if_any();
+  }
+  LuaHost::charge(L, 20000LL * (tree.size(soa::Space::body) + 1));
+  const soa::SystemModes modes = soa::system_modes(tree, options);
+  Labels rows = to_labels(modes.labels);
+  rows.units.clear();
+  lua_newtable(L);
+  lua_pushinteger(L, modes.n_rigid), set(L, "n_rigid");
+  lua_pushinteger(L, modes.first_elastic + 1), set(L, "first_elastic");
+  lua_pushboolean(L, modes.complete), set(L, "complete");
+  push_vector(L, modes.frequency, {{}, std::vector<std::string>(static_cast<std::size_t>(modes.frequency.size()), "Hz")}), set(L, "frequency");
+  push_vector(L, modes.damping), set(L, "damping");
+  push_matrix(L, modes.shapes, rows), set(L, "shapes");
+  push_matrix(L, modes.strain, rows), set(L, "strain");
+  push_matrix(L, modes.kinetic, {modes.bodies, {}}), set(L, "kinetic");
+  lua_newtable(L);  // as text: a table of the modes
+  const std::string text = modes_text(modes);
+  lua_pushlstring(L, text.data(), text.size());
+  lua_pushcclosure(L, stored_text, 1), set(L, "__tostring");
+  lua_setmetatable(L, -2);
+  return 1;
+}
+
+int derivatives_study(lua_State* L, const soa::TreeOperators& tree, const OperatingState& at) {
+  lua_settop(L, 2);
+  const Model& m = tree.model();
+  Sensitivities about(tree);
+  about.solve(at.inputs(tree.q().data()));
+  const Labels names{tree.labels(soa::Space::hinge, soa::Sort::unknown).names, {}};
+  lua_newtable(L);
+  if (lua_isnoneornil(L, 2)) {
+    LuaHost::charge(L, 400LL * static_cast<std::int64_t>(m.bodies.size()) * (4 * tree.size(soa::Space::hinge) + 1));
+    const InverseDerivatives inverse = about.inverse();
+    const ForwardDerivatives forward = about.forward();
+    push_matrix(L, inverse.q, names, names), set(L, "tau_q");
+    push_matrix(L, inverse.v, names, names), set(L, "tau_v");
+    push_matrix(L, forward.q, names, names), set(L, "vdot_q");
+    push_matrix(L, forward.v, names, names), set(L, "vdot_v");
+    push_matrix(L, forward.tau, names, names), set(L, "vdot_tau");
+    return 1;
+  }
+  const std::string name = lua_type(L, 2) == LUA_TSTRING ? lua_tostring(L, 2) : "";
+  const int body = m.find_body(name);
+  if (name.empty() || body < 0) refuse(L, Code::unknown_body, "derivatives", "a body of the vehicle", describe_value(L, 2));
+  if (m.user[static_cast<std::size_t>(body)].n_modes > 0) {
+    push_matrix(L, about.inverse_in_stiffness(body), names), set(L, "tau");
+    push_matrix(L, about.forward_in_stiffness(body), names), set(L, "vdot");
+    return 1;
+  }
+  const Labels parameters{{"m", "hx", "hy", "hz", "Jxx", "Jyy", "Jzz", "Jxy", "Jxz", "Jyz"},
+                          {"kg", "kg m", "kg m", "kg m", "kg m^2", "kg m^2", "kg m^2", "kg m^2", "kg m^2", "kg m^2"}};
+  push_matrix(L, about.inverse_in_inertia(body), names, parameters), set(L, "tau");
+  push_matrix(L, about.forward_in_inertia(body), names, parameters), set(L, "vdot");
+  return 1;
+}
+
+int inverse_kinematics_study(lua_State* L, const soa::TreeOperators& tree, const OperatingState& at) {
+  const Model& m = tree.model();
+  DiagnosticSink sink;
+  LuaTable table(L, 2, "inverse_kinematics", sink);
+  table.require({"targets"});
+  std::vector<soa::IkTarget> targets;
+  for (LuaTable& t : table.tables("targets")) targets.push_back(target_of(L, t, m));
+  if (table.has("targets") && targets.empty()) table.reject("targets", "one target or more");
+  soa::IkOptions options;
+  options.tolerance = table.number("tolerance").value_or(options.tolerance);
+  options.iterations = static_cast<int>(table.integer("iterations").value_or(options.iterations));
+  options.starts = static_cast<int>(table.integer("starts").value_or(options.starts));
+  options.seed = static_cast<std::uint64_t>(table.integer("seed").value_or(static_cast<std::int64_t>(at.seed > 0 ? at.seed : options.seed)));
+  options.dynamic = table.flag("dynamic").value_or(false);
+  for (const std::string& name : table.texts("free").value_or(std::vector<std::string>())) for (const int v : components_at(L, m, name, "inverse_kinematics.free")) options.free.push_back(v);
+  if (table.has("prefer")) {
+    lua_getfield(L, 2, "prefer");
+    options.prefer = to_vector(L, lua_gettop(L), m.nq, "inverse_kinematics.prefer");
+    lua_pop(L, 1);
+  }
+  if (table.has("limits")) {
+    lua_getfield(L, 2, "limits");
+    const int limits = lua_gettop(L);
+    if (!lua_istable(L, limits)) table.reject("limits", "{[component] = {lower, upper}}");
+    if (lua_istable(L, limits)) {
+      for_each_key(L, limits, [&](int key, int value) {
+        const std::string name = lua_type(L, key) == LUA_TSTRING ? lua_tostring(L, key) : "";
+        const std::vector<int> v = components_at(L, m, name, "inverse_kinematics.limits");
+        if (v.size() != 1) refuse(L, Code::lua_argument, "inverse_kinematics.limits." + name, "one component", fmt::format("{} of them", v.size()));
+        const VectorXd range = to_vector(L, value, 2, "inverse_kinematics.limits." + name);
+        options.limits.push_back({.v = v[0], .lower = range[0], .upper = range[1]});
+      });
+      std::sort(options.limits.begin(), options.limits.end(), [](const auto& a, const auto& b) { return a.v < b.v; });  // that of v
+    }
+    lua_pop(L, 1);
+  }
+  table.finish();
+  sink.throw_if_any();
+  LuaHost::charge(L, 1000LL * static_cast<std::int64_t>(m.bodies.size()) * options.starts);
+  const soa::IkResult r = soa::inverse_kinematics(tree, targets, options);
+  const Labels v = velocity_labels(m);
+  lua_newtable(L);
+  lua_pushboolean(L, r.reached), set(L, "reached");
+  push_vector(L, r.q, coordinate_labels(m)), set(L, "q");
+  set_number(L, "residual", r.residual);
+  push_matrix(L, r.error, {{"rx", "ry", "rz", "x", "y", "z"}, {"rad", "rad", "rad", "m", "m", "m"}}), set(L, "error");
+  lua_newtable(L);
+  for (std::size_t i = 0; i < r.at_limit.size(); ++i) {
+    lua_pushstring(L, v.names[static_cast<std::size_t>(r.at_limit[i])].c_str());
+    lua_rawseti(L, -2, static_cast<lua_Integer>(i) + 1);
+  }
+  set(L, "at_limit");
+  lua_pushboolean(L, r.stationary), set(L, "stationary");
+  lua_pushinteger(L, r.iterations), set(L, "iterations");
+  lua_pushinteger(L, r.starts), set(L, "starts");
+  lua_pushinteger(L, static_cast<lua_Integer>(r.seed)), set(L, "seed");
+  lua_pushstring(L, r.message.c_str()), set(L, "message");
+  return 1;
+}
+
+int interbody_forces_study(lua_State* L, const soa::TreeOperators& tree, const OperatingState& at) {
+  const Model& m = tree.model();
+  const int n = tree.size(soa::Space::hinge);
+  VectorXd v = tree.from_model(at.v), vdot;
+  if (!lua_isnoneornil(L, 2)) {
+    if (lua_type(L, 2) != LUA_TTABLE) refuse(L, Code::lua_argument, "interbody_forces", "nothing, or a table {v = , vdot = }", describe_value(L, 2));
+    for_each_key(L, 2, [&](int key_at, int value) {
+      const std::string key = lua_type(L, key_at) == LUA_TSTRING ? lua_tostring(L, key_at) : "";
+      if (key != "v" && key != "vdot") refuse(L, Code::unknown_key, "interbody_forces", "v, vdot", describe_value(L, key_at));
+      (key == "v" ? v : vdot) = finite_vector(L, value, n, ("interbody_forces." + key).c_str());
+    });
+  }
+  LuaHost::charge(L, 400LL * static_cast<std::int64_t>(m.bodies.size()));
+  const VectorXd v_all = tree.to_model(v);
+  Inputs in = at.inputs(tree.q().data());
+  in.v = v_all.data();
+  if (vdot.size() == 0) {  // what the forces of the state do
+    Sensitivities about(tree);
+    about.solve(in);
+    vdot = about.vdot();
+  }
+  const VectorXd vdot_all = tree.to_model(vdot);
+  in.vdot = vdot_all.data();
+  Workspace workspace(m);
+  push_vector(L, soa::interbody_forces(tree, workspace, in), to_labels(tree.labels(soa::Space::body, soa::Sort::force)));
+  return 1;
+}
+
+int push_modes(lua_State* L, Scenario& s) { return study_of_now(L, s, "system_modes", system_modes_study); }
+int push_derivatives(lua_State* L, Scenario& s) { return study_of_now(L, s, "derivatives", derivatives_study); }
+int push_inverse_kinematics(lua_State* L, Scenario& s) { return study_of_now(L, s, "inverse_kinematics", inverse_kinematics_study); }
+
+}  // namespace cardan

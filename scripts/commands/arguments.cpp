@@ -1,0 +1,75 @@
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <new>
+
+#include "core/base/activity.hpp"
+#include "core/base/units.hpp"
+#include "core/io/json.hpp"
+#include "scripts/mission/run_again.hpp"
+#include "scripts/commands/commands.hpp"
+
+namespace cardan {
+
+void ScenarioArguments::add_to(CLI::App& command, CommandLine& line, const char* what, const char* type) {
+  json_errors = &line.json_errors;
+  command.add_option("file", file, what)->required()->type_name(type);
+  command
+      .add_option(
+          "--set", settings,
+          "Override a value: slew_angle=\"20 deg\", vehicle.bodies.bus.mass=\"1700 kg\", mission.duration=\"50 s\"")
+      ->type_name("KEY=VALUE")
+      ->allow_extra_args(false);
+  command.add_option("--seed", seed, "Seed of the script's random numbers: a whole number, 0 by default")->type_name("N");
+  command.add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
+}
+
+ScenarioOptions ScenarioArguments::options() const {
+  ScenarioOptions o;
+  o.file = file;
+  if (!seed.empty()) {
+    const auto number = parse_seed(seed);
+    if (!number)
+      throw InputError(Diagnostic{Code::command_line, {"--seed", {}}, "a whole number from 0 to 18446744073709551615", in_quotes(seed), {}, {}, {}, 0});
+    o.seed = *number;
+  }
+  if (!json_errors || !*json_errors) o.print = [](std::string_view text) { fmt::print(stderr, "{}\n", text); };
+  for (const std::string& text : settings) {
+    const std::size_t equals = text.find('=');
+    if (equals == 0 || equals == std::string::npos)
+      throw InputError(Diagnostic{
+          Code::command_line, {"--set", {}}, "key=value", in_quotes(text), "--set slew_angle=\"20 deg\"", {}, {}, 0});
+    o.settings.push_back({text.substr(0, equals), text.substr(equals + 1)});
+  }
+  return o;
+}
+
+int report_error(const std::exception& error, bool as_json, int wrong_input) {
+  const auto tell = [&](int code, const std::string& text, Json errors) {
+    if (as_json)
+      fmt::print(stderr, "{}", json_text({{"exit_code", code}, {"errors", std::move(errors)}}));
+    else
+      fmt::print(stderr, "{}", text);
+    return code;
+  };
+  if (const auto* input = dynamic_cast<const InputError*>(&error)) {
+    Json all = Json::array();
+    for (const Diagnostic& d : input->diagnostics()) all.push_back(to_json(d));
+    return tell(wrong_input, input->what(), std::move(all));
+  }
+  if (const auto* numerics = dynamic_cast<const NumericsError*>(&error))
+    return tell(3, numerics->what(), Json::array({to_json(numerics->failure())}));
+  if (dynamic_cast<const std::bad_alloc*>(&error)) {
+    const std::string& what = Activity::ended();
+    return report_error(InputError(Diagnostic{Code::no_memory, {}, {}, what.empty() ? "" : "no memory for " + what,
+                                              "a smaller input, or a larger limit (ulimit -v)", {}, {}, 0}),
+                        as_json, wrong_input);
+  }
+  return tell(
+      70,
+      fmt::format("internal error: {}\nThis is a fault of Cardan. Please report it with this text and the scenario.\n",
+                  error.what()),
+      Json::array({{{"title", "internal error"}, {"what", error.what()}}}));
+}
+
+}  // namespace cardan

@@ -1,0 +1,34 @@
+#include <fmt/format.h>
+
+#include "scripts/bindings/open.hpp"
+#include "scripts/commands/commands.hpp"
+#include "scripts/mission/examine.hpp"
+
+namespace cardan {
+namespace {
+
+std::string count(std::size_t n, const char* what) { return fmt::format("{} {}{}", n, what, n == 1 ? "" : "s"); }
+std::string bodies(std::size_t n) { return n == 1 ? "1 body" : fmt::format("{} bodies", n); }
+
+}  // namespace
+
+void add_check(CLI::App& app, CommandLine& line) {
+  auto* command = app.add_subcommand("check", "Validate a scenario without running it");
+  auto arguments = std::make_shared<ScenarioArguments>();
+  arguments->add_to(*command, line);
+  command->callback([&line, arguments] {
+    line.action = [arguments] {
+      const auto s = load_scenario(arguments->options());
+      try_start(*s);
+      fmt::print("ok: {}, {} coordinates, {} velocities, {}, {}, {}, {}, {:g} s{}\n", bodies(s->model->user.size()),
+                 s->model->nq, s->model->nv, count(static_cast<std::size_t>(s->model->n_modes), "mode"),
+                 count(s->controllers.size(), "controller"), count(s->events.size(), "event"),
+                 count(s->checks.size(), "check"), s->mission.duration,
+                 s->warnings.empty() ? "" : fmt::format(", {}", count(s->warnings.all().size(), "warning")));
+      fmt::print(stderr, "{}", render(s->warnings));
+      return 0;
+    };
+  });
+}
+
+}  // namespace cardan

@@ -1,0 +1,103 @@
+// `cardan completion bash`: a script that completes commands, options and files, made from the declarations of the
+// commands.
+#include <fmt/format.h>
+
+#include "bodies/register.hpp"
+#include "core/abi/registry.hpp"
+#include "core/base/units.hpp"
+#include "hinges/register.hpp"
+#include "scripts/commands/commands.hpp"
+
+namespace cardan {
+namespace {
+
+/// What completes an argument by its type name: words, endings of files, or folders.
+std::string candidates(const CLI::App& app, const std::string& type) {
+  if (type == "SCENARIO") return "_cardan_files lua";
+  if (type == "SCENARIO|VEHICLE") return "_cardan_files lua yaml yml";
+  if (type == "SCRIPT") return "_cardan_files lua";
+  if (type == "RESULTS") return "_cardan_files h5";
+  if (type == "PAGE") return "_cardan_files html";
+  if (type == "PLUGIN") return "_cardan_files so";
+  if (type == "DIR") return "_cardan_files";
+  std::string words;
+  const auto add = [&](const std::string& word) { words += (words.empty() ? "" : " ") + word; };
+  if (type == "SHELL") words = "bash zsh";
+  if (type == "TYPE") {
+    Registry registry;
+    register_bodies(registry);
+    register_hinges(registry);
+    for (const auto& types : {registry.body_types(), registry.hinge_types()})
+      for (const std::string& name : types) add(name);
+  }
+  if (type == "TOPIC") {
+    for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) add(command->get_name());
+    for (const char* topic : {"errors", "man"}) add(topic);
+    for (const Code code : kAllCodes) add(std::string(number_of(code)));
+  }
+  return words.empty() ? ":" : fmt::format("_cardan_words {}", words);
+}
+
+/// The branch of the script for one command: values of its options, its options, its argument.
+std::string case_of(const CLI::App& app, const CLI::App& command) {
+  std::string flags, values, positional = ":";
+  for (const CLI::Option* option : command.get_options()) {
+    std::string names;
+    for (const std::string& name : option->get_lnames()) {
+      flags += " --" + name;
+      names += (names.empty() ? "--" : "|--") + name;
+    }
+    if (option->get_positional()) positional = candidates(app, option->get_type_name());
+    if (!names.empty() && option->get_items_expected_max() > 0)
+      values += fmt::format("        {}) {}; return ;;\n", names, candidates(app, option->get_type_name()));
+  }
+  return fmt::format(
+      "    {})\n      case \"$previous\" in\n{}        *) ;;\n      esac\n"
+      "      if [[ $current == -* ]]; then _cardan_words{}; else {}; fi ;;\n",
+      command.get_name(), values, flags, positional);
+}
+
+std::string script(const CLI::App& app, bool zsh) {
+  std::string commands, cases;
+  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
+    commands += " " + command->get_name();
+    cases += case_of(app, *command);
+  }
+  std::string out = zsh ? "autoload -Uz +X compinit bashcompinit && compinit -u && bashcompinit\n" : "";
+  out += R"(_cardan_words() { COMPREPLY=($(compgen -W "$*" -- "$current")); }
+_cardan_files() {
+  local IFS=$'\n' ending
+  compopt -o filenames 2> /dev/null
+  COMPREPLY=($(compgen -d -- "$current"))
+  for ending in "$@"; do COMPREPLY+=($(compgen -f -X "!*.$ending" -- "$current")); done
+}
+_cardan() {
+  local current=${COMP_WORDS[COMP_CWORD]} previous=${COMP_WORDS[COMP_CWORD-1]}
+  COMPREPLY=()
+)";
+  out += fmt::format(
+      "  if [ \"$COMP_CWORD\" -eq 1 ]; then _cardan_words{} --help --version; return; fi\n"
+      "  case \"${{COMP_WORDS[1]}}\" in\n{}  esac\n}}\ncomplete -F _cardan cardan\n",
+      commands, cases);
+  return out;
+}
+
+}  // namespace
+
+void add_completion(CLI::App& app, CommandLine& line) {
+  auto* command = app.add_subcommand("completion",
+                                     "Print a script that completes command lines: eval \"$(cardan completion bash)\"");
+  auto shell = std::make_shared<std::string>();
+  command->add_option("shell", *shell, "bash or zsh")->required()->type_name("SHELL");
+  command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
+  command->callback([&app, &line, shell] {
+    line.action = [&app, shell] {
+      if (*shell != "bash" && *shell != "zsh")
+        throw InputError(Diagnostic{Code::command_line, {}, "bash or zsh", in_quotes(*shell), {}, {}, {}, 0});
+      fmt::print("{}", script(app, *shell == "zsh"));
+      return 0;
+    };
+  });
+}
+
+}  // namespace cardan

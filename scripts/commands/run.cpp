@@ -1,0 +1,365 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <new>
+
+#include "core/base/activity.hpp"
+#include "core/base/units.hpp"
+#include "core/io/json.hpp"
+#include "core/io/result_folder.hpp"
+#include "scripts/bindings/open.hpp"
+#include "scripts/commands/commands.hpp"
+#include "scripts/commands/streams.hpp"
+#include "scripts/commands/progress.hpp"
+#include "scripts/mission/run_again.hpp"
+#include "scripts/commands/interrupt.hpp"
+#include "scripts/mission/mission_run.hpp"
+#include "scripts/report/report.hpp"
+
+namespace cardan {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr double kReferenceLimit =
+    1e-9;  // rounding of both sides on stiff or badly scaled systems stays below; an error does not
+constexpr const char* kResults = "run.h5";
+constexpr const char* kSummary = "summary.json";
+constexpr const char* kReport = "report.html";
+constexpr int kBySignal = 128;  // exit code: + its number, as shells count
+
+struct RunArguments {
+  ScenarioArguments scenario;
+  std::string out, again;
+  std::optional<double> until;
+  bool quiet = false, check_against_reference = false, json_errors = false;
+  std::vector<std::string> command;
+};
+
+[[noreturn]] void wrong_line(std::string option, std::string expected, std::string got, std::string hint = {}) {
+  throw InputError(Diagnostic{
+      Code::command_line, {std::move(option), {}}, std::move(expected), std::move(got), std::move(hint), {}, {}, 0});
+}
+
+/// What is to be run: as the command line says, or as results say.
+RecordedRun job_of(const RunArguments& a) {
+  if (a.again.empty() == a.scenario.file.empty())
+    wrong_line("cardan run", "a scenario, or --again with the results of a run", a.again.empty() ? "neither" : "both");
+  RecordedRun job;
+  if (a.again.empty()) {
+    job.options = a.scenario.options();
+    job.command = a.command;
+    job.until = a.until;
+    job.check_against_reference = a.check_against_reference;
+    if (job.until && !(*job.until > 0.0 && std::isfinite(*job.until)))
+      wrong_line("--until", "a finite time > 0 s", fmt::format("{}", *job.until));
+  } else {
+    if (!a.scenario.settings.empty() || !a.scenario.seed.empty() || a.until || a.check_against_reference)
+      wrong_line("--again", "the run as it was: beside --again only --out, --quiet and --json-errors", "an option that changes it");
+    job = read_recorded_run(a.again);
+  }
+  return job;
+}
+
+/// Default: out/<name of the scenario's folder>, of a repetition the folder `again` beside the results.
+fs::path folder_of(const RunArguments& a, const fs::path& scenario) {
+  if (!a.out.empty()) return a.out;
+  return a.again.empty() ? fs::path("out") / fs::absolute(scenario).lexically_normal().parent_path().filename()
+                         : fs::path(a.again).parent_path() / "again";
+}
+
+Check reference_check(const std::vector<Range>& ranges) {
+  Check c{"agreement with the dense reference",
+          std::nan(""),  // NaN in any row, and no row at all, is no agreement
+          kReferenceLimit,
+          false,
+          "1",
+          fmt::format("below {:g}, at every output time", kReferenceLimit)};
+  for (const Range& r : ranges)
+    if (r.path == "reference/difference") c.value = std::min(r.largest, std::numeric_limits<double>::max());  // inf: no v' to compare with
+  c.pass = c.value >= 0.0 && c.value <= c.limit;
+  c.most = c.limit;
+  return c;
+}
+
+const char* name_of_signal(int number) { return number == SIGINT ? "SIGINT (Ctrl-C)" : number == SIGTERM ? "SIGTERM" : "SIGHUP"; }
+
+class RunCommand {
+ public:
+  explicit RunCommand(const RunArguments& a) : arguments_(a), job_(job_of(a)), scenario_(load()) {}
+
+  int execute() {
+    const double t_end = job_.until.value_or(scenario_->mission.duration);
+    std::vector<Output> outputs = mission_outputs(*scenario_);
+    if (job_.check_against_reference) outputs.push_back(reference_output(*scenario_));
+    std::vector<Channel> channels;
+    for (const Output& o : outputs) channels.push_back(o.channel);
+    RunHeader header = run_header(*scenario_);
+    header.command = job_.command;
+    header.until = job_.until ? fmt::format("{}", *job_.until) : "";
+    header.check_against_reference = job_.check_against_reference;
+    header.most_rows = most_rows(t_end);
+    const fs::path path = folder_of(arguments_, scenario_->file);
+    if (std::error_code none; !arguments_.again.empty() && fs::equivalent(path / kResults, arguments_.again, none))
+      wrong_line("--out", "another folder than that of the results to be repeated", in_quotes(path.string()));
+
+    folder_.emplace(path, std::vector<std::string_view>{kResults, kSummary, kReport});
+    const Interruption interruption;
+    file_ = make_hdf5_recorder((*folder_ / kResults).string(), 2.0, [this] {
+      for (const char* of_an_earlier_run : {kSummary, kReport}) remove_file(*folder_ / of_an_earlier_run);
+    });
+    RangeRecorder recorder(*file_);
+    recorder_ = &recorder;
+    {
+      const Activity activity(fmt::format("the recorder of {} channels", channels.size()));
+      recorder.begin(header, channels);
+    }
+    tell_warnings();
+
+    run(t_end, std::move(outputs));
+    keep(kSummary, [&] { write_whole_file(*folder_ / kSummary, summary_json()); });
+    if (!disk_is_full()) {
+      if (keep(kResults, [&] { close_results(); })) keep(kReport, [&] { write_report((*folder_ / kResults).string(), (*folder_ / kReport).string()); });
+    } else {  // the rows up to the last flush
+      kept_.insert(kept_.begin(), (*folder_ / kResults).string());
+    }
+    const int code = exit_code();
+    tell(code);
+    return code;
+  }
+
+ private:
+  std::unique_ptr<Scenario> load() {
+    ScenarioOptions options = job_.options;
+    options.interrupt = &Interruption::flag();
+    options.print = [this](std::string_view line) {
+      if (progress_) progress_->clear();
+      say(fmt::format("{}\n", line));
+    };
+    auto scenario = load_scenario(options);
+    scenario->warnings.add(job_.warnings);
+    return scenario;
+  }
+
+  /// To the end, to a failure or to a signal; what was reached is kept whatever happens.
+  void run(double t_end, std::vector<Output> outputs) {
+    MissionRun mission(*scenario_, *recorder_, std::move(outputs));
+    Progress progress(progress_look(arguments_.quiet), t_end);
+    progress_ = &progress;
+    const auto guarded = [&](const auto& part) {
+      try {
+        part();
+      } catch (const NumericsError& e) {
+        if (!summary_.failure) summary_.failure = e.failure();
+      } catch (const InputError&) {
+        if (!Interruption::flag()) fault_ = std::current_exception();
+      } catch (const std::bad_alloc&) {
+        if (!summary_.failure) summary_.failure = RunFailure{Code::no_memory_in_run, scenario_->sim->time(), "", "", "", "a smaller scenario, or a larger limit (ulimit -v)", ""};
+      } catch (const std::exception&) {
+        fault_ = std::current_exception();
+      }
+    };
+    guarded([&] {
+      mission.run(t_end, [&](double t) {
+        if (Interruption::flag()) scenario_->sim->stop();
+        progress.update(t);
+      });
+    });
+    const double wall_s = progress.wall_s();
+    progress.clear();
+    progress_ = nullptr;
+    std::optional<RunFailure> failure = std::move(summary_.failure);
+    summary_ = run_summary(*scenario_, wall_s);
+    summary_.failure = std::move(failure);
+    summary_.planned_s = t_end;
+    const bool interrupted = Interruption::flag() && !summary_.failure;
+    if (!summary_.failure && !fault_ && !interrupted) {
+      guarded([&] {
+        summary_.checks = mission.checks();
+        summary_.figures = mission.figures();
+      });
+      if (job_.check_against_reference) summary_.checks.push_back(reference_check(recorder_->ranges()));
+    }
+    if (!disk_is_full()) guarded([&] { keep_state(); });
+    if (summary_.failure && !disk_is_full()) summary_.failure->last_good = (*folder_ / kResults).string() + ":/restart";
+    const bool good = std::all_of(summary_.checks.begin(), summary_.checks.end(), [](const Check& c) { return c.pass; });
+    summary_.verdict = summary_.failure || fault_ ? Verdict::aborted : interrupted ? Verdict::interrupted : good ? Verdict::passed : Verdict::failed;
+  }
+
+  bool disk_is_full() const { return summary_.failure && summary_.failure->code == Code::disk_full; }
+
+  void keep_state() {
+    const State& state = scenario_->sim->state();
+    std::vector<double> x(state.q.begin(), state.q.end());
+    x.insert(x.end(), state.v.begin(), state.v.end());
+    recorder_->restart_state(state.t, x);
+  }
+
+  /// A number that is not finite is a failure of the run.
+  std::string summary_json() {
+    if (!text_.empty()) return text_;
+    try {
+      text_ = to_json(summary_);
+    } catch (const NumericsError& e) {
+      if (!summary_.failure) summary_.failure = e.failure();
+      summary_.verdict = Verdict::aborted;
+      text_ = to_json(summary_);
+    }
+    return text_;
+  }
+
+  void close_results() {
+    recorder_->attach("summary", summary_json());
+    recorder_->close(name_of(summary_.verdict));
+  }
+
+  /// One of the results; what keeps it from being written is told at the end, with what else there is.
+  template <class Write>
+  bool keep(const char* name, const Write& write) {
+    const std::string path = (*folder_ / name).string();
+    const auto lost = [&](const std::string& why) {
+      unwritten_.push_back(Diagnostic{Code::cannot_write, {{}, {path, 0, 0}}, "a file that can be written", why, {}, {}, {}, 0});
+      return false;
+    };
+    try {
+      write();
+      kept_.push_back(path);
+      return true;
+    } catch (const InputError& e) {
+      unwritten_.insert(unwritten_.end(), e.diagnostics().begin(), e.diagnostics().end());
+      return false;
+    } catch (const NumericsError& e) {
+      return lost(e.failure().what);
+    } catch (const std::exception& e) {
+      return lost(e.what());
+    }
+  }
+
+  static void remove_file(const fs::path& path) {
+    std::error_code error;
+    fs::remove(path, error);
+    if (error) throw InputError(Diagnostic{Code::cannot_write, {{}, {path.string(), 0, 0}}, "a file of an earlier run that can be removed", error.message(), {}, {}, {}, 0});
+  }
+
+  int exit_code() const {
+    switch (summary_.verdict) {
+      case Verdict::aborted:
+        return fault_ ? 70 : 3;
+      case Verdict::interrupted:
+        return kBySignal + Interruption::signal();
+      case Verdict::failed:
+        return 1;
+      case Verdict::passed:
+        break;
+    }
+    return unwritten_.empty() ? 0 : kNotWritten;
+  }
+
+  void tell(int code) {
+    if (arguments_.json_errors) {
+      tell_as_data(code);
+    } else {
+      tell_late_warnings();
+      complain(count_of_warnings());
+      if (summary_.failure) complain(render(*summary_.failure));
+      if (summary_.verdict == Verdict::interrupted)
+        complain(fmt::format("interrupted by {} at t = {:.6g} of {:g} s\n", name_of_signal(Interruption::signal()), summary_.simulated_s, summary_.planned_s));
+      for (const Diagnostic& d : unwritten_) complain(render(d) + "\n");
+      if (!unwritten_.empty())
+        complain(fmt::format("{} result{} not written. Kept: {}\n", unwritten_.size(), unwritten_.size() == 1 ? "" : "s",
+                             kept_.empty() ? "nothing" : fmt::format("{}", fmt::join(kept_, ", "))));
+    }
+    const bool ended = summary_.verdict != Verdict::aborted;
+    if (ended && (!arguments_.quiet || summary_.verdict == Verdict::failed || !unwritten_.empty())) {
+      say(fmt::format("{}\n", summary_text(*scenario_, summary_, recorder_->ranges())));
+      say(fmt::format("{}\n", fmt::join(kept_, "\n")));
+    }
+    if (fault_) std::rethrow_exception(fault_);
+  }
+
+  void tell_as_data(int code) {
+    Json errors = Json::array(), warnings = Json::array();
+    if (summary_.failure) errors.push_back(to_json(*summary_.failure));
+    for (const Diagnostic& d : unwritten_) errors.push_back(to_json(d));
+    for (const Warning& w : summary_.warnings.all()) warnings.push_back(to_json(w));
+    if (errors.empty() && warnings.empty() && summary_.verdict != Verdict::interrupted) return;
+    complain(json_text({{"exit_code", code}, {"verdict", name_of(summary_.verdict)}, {"errors", errors}, {"warnings", warnings}, {"kept", kept_}}));
+  }
+
+  /// Those of the input at once, those of the run when each comes up first; with --quiet none but the line at the end.
+  void tell_warnings() {
+    if (arguments_.quiet || arguments_.json_errors) return;
+    scenario_->sim->on_warning([this](const Warning& w) { tell_warning(w); });
+    for (const Warning& w : scenario_->warnings.all()) tell_warning(w);
+    told_ = scenario_->warnings.all().size();
+  }
+
+  /// What the end of the run added to those of the input.
+  void tell_late_warnings() const {
+    if (arguments_.quiet) return;
+    const std::vector<Warning>& all = scenario_->warnings.all();
+    for (std::size_t i = told_; i < all.size(); ++i) tell_warning(all[i]);
+  }
+  void tell_warning(const Warning& w) const {
+    if (progress_) progress_->clear();
+    complain(render(w.what) + "\n");
+  }
+
+  /// How many there were of each.
+  std::string count_of_warnings() const {
+    std::string codes;
+    for (const Warning& w : summary_.warnings.all()) {
+      codes += fmt::format("{}{}", codes.empty() ? "" : ", ", number_of(w.what.code));
+      if (w.count > 1) codes += fmt::format(" ({} times)", w.count);
+    }
+    return codes.empty() ? codes : fmt::format("warnings: {}; see {}\n", codes, (*folder_ / kSummary).string());
+  }
+
+  /// Start, end and one per period between them; one more for round-off.
+  std::size_t most_rows(double t_end) const {
+    const Rational& period = scenario_->mission.output_period;
+    const double rows = t_end * static_cast<double>(period.denominator) / static_cast<double>(period.numerator) + 3;
+    return static_cast<std::size_t>(std::clamp(rows, 1.0, 1e9));
+  }
+
+  RunArguments arguments_;
+  RecordedRun job_;
+  Progress* progress_ = nullptr;
+  std::unique_ptr<Scenario> scenario_;
+  std::optional<ResultFolder> folder_;
+  std::unique_ptr<Recorder> file_;
+  RangeRecorder* recorder_ = nullptr;
+  Summary summary_;
+  std::string text_;                       // of summary.json
+  std::exception_ptr fault_;               // of ours, during the run
+  std::size_t told_ = 0;                   // warnings of the scenario that were told before the run
+  std::vector<std::string> kept_;          // files
+  std::vector<Diagnostic> unwritten_;
+};
+
+}  // namespace
+
+void add_run(CLI::App& app, CommandLine& line) {
+  auto* command = app.add_subcommand("run", "Run a scenario; writes run.h5, report.html and summary.json");
+  auto a = std::make_shared<RunArguments>();
+  a->scenario.add_to(*command, line);
+  command->get_option("file")->required(false);
+  command->add_option("--again", a->again, "Instead of a scenario: repeat the run that made these results: run.h5, or the folder it is in")->type_name("RESULTS");
+  command->add_option("--out", a->out, "Folder of the results; default: out/<folder of the scenario>, with --again `again` beside the results")->type_name("DIR");
+  command->add_option("--until", a->until, "End of the run in s, instead of the mission's duration")->type_name("SECONDS");
+  command->add_flag("--quiet", a->quiet, "No progress, and a summary only if a check failed");
+  command->add_flag("--check-against-reference", a->check_against_reference,
+                    "Compare with the dense twin at every output time (slow)");
+  command->callback([&line, a] {
+    line.action = [&line, a] {
+      a->json_errors = line.json_errors;
+      a->command = line.arguments;
+      if (std::error_code ignored; fs::is_directory(a->again, ignored)) a->again = (fs::path(a->again) / kResults).string();
+      return RunCommand(*a).execute();
+    };
+  });
+}
+
+}  // namespace cardan

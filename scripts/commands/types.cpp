@@ -1,0 +1,159 @@
+// `cardan types`: the types of bodies and hinges, from their own tables, those of plugins as well.
+#include <fmt/format.h>
+
+#include <utility>
+
+#include "bodies/register.hpp"
+#include "core/abi/registry.hpp"
+#include "core/base/units.hpp"
+#include "core/io/json.hpp"
+#include "hinges/register.hpp"
+#include "scripts/commands/commands.hpp"
+
+namespace cardan {
+namespace {
+
+std::string kind_of(const cardan_param_desc& p) {
+  switch (p.kind) {
+    case CARDAN_NUMBER:
+      return "number";
+    case CARDAN_TEXT:
+      return "text";
+    case CARDAN_VECTOR:
+      return "vector of 3";
+    case CARDAN_UNIT_VECTOR:
+      return "axis, 3 numbers of any length";
+    default:
+      break;
+  }
+  const char* what = p.kind == CARDAN_UNIT_VECTORS ? "axes" : "vectors";
+  return p.count > 0 ? fmt::format("list of {} {}", p.count, what) : fmt::format("list of {}", what);
+}
+
+std::string unit_of(const std::string& unit) { return unit == "1" || unit.empty() ? "" : fmt::format(" [{}]", unit); }
+
+std::string default_of(const cardan_param_desc& p) {
+  if (p.required) return "required";
+  if (p.kind == CARDAN_NUMBER) return fmt::format("default {:g}", p.fallback[0]);
+  if (p.kind == CARDAN_VECTOR || p.kind == CARDAN_UNIT_VECTOR)
+    return fmt::format("default [{:g}, {:g}, {:g}]", p.fallback[0], p.fallback[1], p.fallback[2]);
+  return "optional";
+}
+
+Json components(const char* const* names, const char* const* units, std::uint32_t n) {
+  Json all = Json::array();
+  for (std::uint32_t i = 0; i < n; ++i) all.push_back({{"name", names[i]}, {"unit", units[i]}});
+  return all;
+}
+
+Json to_json(const Registry::Entry& e) {
+  const cardan_hinge_family& f = *e.family;
+  Json parameters = Json::array();
+  for (std::uint32_t i = 0; i < f.n_params; ++i) {
+    const cardan_param_desc& p = f.params[i];
+    parameters.push_back({{"name", p.name},
+                          {"kind", kind_of(p)},
+                          {"unit", p.unit ? p.unit : ""},
+                          {"default", default_of(p)},
+                          {"meaning", p.meaning ? p.meaning : ""}});
+  }
+  return {{"type", f.type},
+          {"summary", f.summary},
+          {"origin", e.origin},
+          {"parameters", parameters},
+          {"coordinates", components(f.q_names, f.q_units, f.nq)},
+          {"velocities", components(f.v_names, f.v_units, f.nv)}};
+}
+
+std::string list_text(const Json& types) {
+  std::string out = "bodies (keys: docs/scenario.md)\n";
+  for (const Json& b : types["bodies"])
+    out += fmt::format("  {:<16}{}\n", b["type"].get<std::string>(), b["summary"].get<std::string>());
+  out += "\nhinges                dof\n";
+  for (const Json& h : types["hinges"])
+    out += fmt::format("  {:<20}{:>3}  {}\n", h["type"].get<std::string>(), h["velocities"].size(),
+                       h["summary"].get<std::string>());
+  return out + "\ncardan types NAME tells the parameters and the names of the components.\n";
+}
+
+std::string components_text(const char* title, const Json& components) {
+  std::string out;
+  for (const Json& c : components)
+    out += fmt::format("  {:<14}{}{}\n", std::exchange(title, ""), c["name"].get<std::string>(),
+                       unit_of(c["unit"].get<std::string>()));
+  return out;
+}
+
+std::string hinge_text(const Json& h) {
+  std::string out = fmt::format("hinge {}: {}\n", h["type"].get<std::string>(), h["summary"].get<std::string>());
+  const char* title = "parameters";
+  for (const Json& p : h["parameters"]) {
+    out += fmt::format("  {:<14}{}: {}{}, {}\n", std::exchange(title, ""), p["name"].get<std::string>(),
+                       p["kind"].get<std::string>(), unit_of(p["unit"].get<std::string>()),
+                       p["default"].get<std::string>());
+    out += fmt::format("  {:<16}{}\n", "", p["meaning"].get<std::string>());
+  }
+  out += components_text("coordinates", h["coordinates"]) + components_text("velocities", h["velocities"]);
+  if (h["origin"] != "built-in") out += fmt::format("  {:<14}{}\n", "plugin", h["origin"].get<std::string>());
+  return out;
+}
+
+struct TypesArguments {
+  std::string name;
+  std::vector<std::string> plugins;
+  bool as_json = false;
+};
+
+int tell_types(const TypesArguments& a) {
+  Registry registry;
+  register_hinges(registry);
+  register_bodies(registry);
+  for (const std::string& path : a.plugins) load_plugin(path, registry);
+  Json types{{"bodies", Json::array()}, {"hinges", Json::array()}};
+  std::vector<std::string> legal;
+  for (const std::string& body : registry.body_types()) {
+    legal.push_back(body);
+    if (a.name.empty() || a.name == body)
+      types["bodies"].push_back({{"type", body}, {"summary", registry.body(body)->summary}});
+  }
+  for (const Registry::Entry& e : registry.hinges()) {
+    legal.emplace_back(e.family->type);
+    if (a.name.empty() || a.name == e.family->type) types["hinges"].push_back(to_json(e));
+  }
+  if (types["bodies"].empty() && types["hinges"].empty())
+    throw InputError(Diagnostic{Code::command_line,
+                                {},
+                                fmt::format("one of: {}", fmt::join(legal, ", ")),
+                                in_quotes(a.name),
+                                did_you_mean(a.name, legal),
+                                {},
+                                {},
+                                0});
+  if (a.as_json)
+    fmt::print("{}", json_text(types));
+  else if (a.name.empty())
+    fmt::print("{}", list_text(types));
+  else {
+    for (const Json& b : types["bodies"])
+      fmt::print("body {}: {}\n  keys: docs/scenario.md, Bodies\n", b["type"].get<std::string>(),
+                 b["summary"].get<std::string>());
+    for (const Json& h : types["hinges"]) fmt::print("{}", hinge_text(h));
+  }
+  return 0;
+}
+
+}  // namespace
+
+void add_types(CLI::App& app, CommandLine& line) {
+  auto* command = app.add_subcommand("types", "List the types of bodies and hinges, or tell the parameters of one");
+  auto a = std::make_shared<TypesArguments>();
+  command->add_option("name", a->name, "A type; without it, all are listed")->type_name("TYPE");
+  command->add_option("--plugin", a->plugins, "Load this plugin first (may be repeated)")
+      ->type_name("PLUGIN")
+      ->allow_extra_args(false);
+  command->add_flag("--json", a->as_json, "As JSON");
+  command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
+  command->callback([&line, a] { line.action = [a] { return tell_types(*a); }; });
+}
+
+}  // namespace cardan

@@ -1,0 +1,77 @@
+#include "scripts/lua/function.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/base/units.hpp"
+
+namespace cardan {
+
+LuaRef LuaRef::pop(lua_State* L) {
+  LuaRef r;
+  r.ref_ = luaL_ref(L, LUA_REGISTRYINDEX);
+  r.host_ = &LuaHost::of(L);
+  return r;
+}
+
+LuaRef::~LuaRef() {
+  if (host_) luaL_unref(host_->state(), LUA_REGISTRYINDEX, ref_);  // allocates nothing, raises nothing
+}
+
+std::string describe_value(lua_State* L, int index) {
+  switch (lua_type(L, index)) {
+    case LUA_TSTRING: {
+      std::size_t n = 0;
+      const char* text = lua_tolstring(L, index, &n);
+      return in_quotes({text, n}) + " (string)";
+    }
+    case LUA_TNUMBER:
+      if (lua_isinteger(L, index)) return fmt::format("{} (number)", lua_tointeger(L, index));
+      if (std::isnan(lua_tonumber(L, index))) return "nan (number)";  // its sign differs between processors
+      return fmt::format("{} (number)", lua_tonumber(L, index));
+    case LUA_TBOOLEAN:
+      return lua_toboolean(L, index) ? "true (boolean)" : "false (boolean)";
+    default:
+      return luaL_typename(L, index);
+  }
+}
+
+// ---- calls ----
+
+SourceMark LuaFunction::defined_at() const {
+  SourceMark mark;
+  host_->protect([&](lua_State* L) {
+    push(L);
+    mark = host_->definition(L, -1);
+  });
+  return mark;
+}
+
+void LuaFunction::call(std::span<const double> in, std::span<double> out) const {
+  host_->protect(
+      [&](lua_State* L) {
+        luaL_checkstack(L, static_cast<int>(in.size() + out.size()) + LUA_MINSTACK, nullptr);
+        push(L);
+        for (const double x : in) lua_pushnumber(L, x);
+        lua_call(L, static_cast<int>(in.size()), static_cast<int>(out.size()));
+        for (std::size_t i = 0; i < out.size(); ++i) {
+          const int at = static_cast<int>(i) + 1;
+          out[i] = lua_tonumber(L, at);
+          if (lua_type(L, at) == LUA_TNUMBER && std::isfinite(out[i])) continue;
+          push(L);
+          throw InputError(Diagnostic{Code::lua_runtime,
+                                      {fmt::format("result {}", at), host_->definition(L, -1)},
+                                      "a finite number",
+                                      describe_value(L, at),
+                                      {},
+                                      {},
+                                      {},
+                                      0});
+        }
+      },
+      host_->call_budget());
+}
+
+}  // namespace cardan

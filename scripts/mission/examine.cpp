@@ -1,0 +1,128 @@
+#include "scripts/mission/examine.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "core/model/validate.hpp"
+#include "core/operators/system_properties.hpp"
+#include "core/sim/flexible_limits.hpp"
+
+namespace cardan {
+namespace {
+
+// A tick takes a microsecond at best, and the integrator starts again after it: some 10 us. A day at least, and minutes.
+constexpr double kTooManyTicks = 1e10, kManyTicks = 1e7;
+constexpr double kLargeBytes = 2e9;
+
+double seconds(const Rational& r) { return static_cast<double>(r.numerator) / static_cast<double>(r.denominator); }
+
+std::string bytes_text(double bytes) {
+  const char* units[] = {"B", "kB", "MB", "GB", "TB", "PB"};
+  int i = 0;
+  for (; bytes >= 1000.0 && i < 5; ++i) bytes /= 1000.0;
+  return fmt::format("{:.3g} {}", bytes, units[i]);
+}
+
+/// A body nearer to the centre than its radius of gyration: the law of the force makes no sense there.
+void expect_away_from_centre(const Scenario& s) {
+  const Model& m = *s.model;
+  if (m.gravity.kind != GravitySpec::Kind::central) return;
+  soa::TreeOperators tree(s.model);
+  tree.at(s.sim->state().q.data());
+  const soa::Placements placed(tree);
+  for (std::size_t i = 0; i < tree.bodies().size(); ++i) {
+    const UserBody& u = m.user[static_cast<std::size_t>(tree.bodies()[i].user)];
+    const BodySpec& b = m.spec->bodies[static_cast<std::size_t>(tree.bodies()[i].user)];
+    const Eigen::Matrix<double, 6, 6> M = tree.M(static_cast<int>(i)).topLeftCorner<6, 6>();  // [J, m c~; -m c~, m]
+    const double mass = M(3, 3);
+    if (mass <= 0.0) continue;
+    const Eigen::Vector3d com = Eigen::Vector3d(M(2, 4), M(0, 5), M(1, 3)) / mass;
+    const double gyration = std::sqrt(std::max(0.0, 0.5 * M.topLeftCorner<3, 3>().trace() / mass - com.squaredNorm()));
+    const soa::Placement &frame = placed.bodies[i], &reference = placed.reference;
+    const double distance = (reference.p + reference.R * (frame.p + frame.R * com) - m.gravity.centre).norm();
+    if (distance > gyration) continue;
+    throw InputError(Diagnostic{Code::bad_initial_state,
+                                m.spec->locate(body_path(b) + ".hinge.initial"),
+                                "mass centres away from the centre of the field",
+                                fmt::format("body {} is at the centre of gravity.central: its mass centre is {:.3g} m from it, its radius of gyration "
+                                            "{:.3g} m",
+                                            u.name, distance, gyration),
+                                "give its orbit: initial: {position: [7000 km, 0, 0], velocity: [0, 7.5 km/s, 0]}, or `initial` in the mission",
+                                {},
+                                {},
+                                0});
+  }
+}
+
+void look_at_ticks(Scenario& s) {
+  for (const Controller& c : s.controllers) {
+    const double ticks = s.mission.duration / seconds(c.period);
+    const std::string got = fmt::format("a tick every {:.3g} s: {:.3g} of them in {:g} s", seconds(c.period), ticks, s.mission.duration);
+    if (ticks > kTooManyTicks)
+      throw InputError(Diagnostic{Code::out_of_range, c.at, fmt::format("at most {:g} ticks in a run", kTooManyTicks), got,
+                                  "did you mean another unit?", {}, {}, 0});
+    if (ticks > kManyTicks)
+      s.warnings.add(Code::mission_doubt, c.at, fmt::format("controller \"{}\" has {}, and the integrator starts again after each", c.name, got),
+                     "ten times the fastest motion of interest is enough");
+  }
+}
+
+void look_at_sizes(Scenario& s) {
+  const double columns = 4.0 * s.model->nv + 2.0 * s.model->nq, rows = s.mission.duration / seconds(s.mission.output_period);
+  if (rows * columns * sizeof(double) > kLargeBytes)
+    s.warnings.add(Code::large_run, {"mission.output", {s.file.string(), 0, 0}},
+                   fmt::format("{:.3g} rows of about {:g} numbers: run.h5 will take about {}", rows, columns,
+                               bytes_text(rows * columns * sizeof(double))),
+                   "a lower mission.output.rate");
+  const IntegratorOptions& i = s.mission.simulation.integrator;
+  const double n = s.model->nq + s.model->nv, dense = 3.0 * n * n * sizeof(double);  // Jacobian, its saved copy, Newton matrix
+  if (i.method == "cvode_bdf" && i.linear_solver != "krylov" && dense > kLargeBytes)
+    s.warnings.add(Code::large_run, {"mission.integrator.linear_solver", {s.file.string(), 0, 0}},
+                   fmt::format("{:g} states: the dense matrices of cvode_bdf take about {}", n, bytes_text(dense)),
+                   "linear_solver = \"krylov\" needs none");
+}
+
+}  // namespace
+
+Warnings still_hinges(const Simulation& sim) {
+  Warnings found;
+  const Model& m = sim.model();
+  for (std::size_t i = 0; i < m.user.size(); ++i)
+    for (const int c : m.spec->bodies[i].hinge.prescribed) {
+      const UserBody& u = m.user[i];
+      if (sim.profile(u.v + c) || sim.state().v[u.v + c] != 0.0) continue;
+      found.add(Code::no_effect, m.spec->locate(body_path(m.spec->bodies[i]) + ".hinge.prescribed"),
+                fmt::format("{} of {} is prescribed, and nothing gives it a motion: it stands still", u.v_names[static_cast<std::size_t>(c)], u.name),
+                fmt::format("sat:hinge(\"{}\"):profile{{...}}, or `locked: true`", u.name));
+    }
+  return found;
+}
+
+bool scripts_act(const Scenario& s) { return !s.controllers.empty() || !s.phases.empty() || !s.events.empty(); }
+
+void examine(Scenario& s) {
+  s.warnings.add(s.model->spec->warnings);
+  expect_away_from_centre(s);
+  look_at_ticks(s);
+  if (!scripts_act(s)) s.warnings.add(still_hinges(*s.sim));
+  look_at_sizes(s);
+  s.warnings.add(FlexibleLimits(*s.sim).expected(*s.sim, s.mission.duration));
+}
+
+void try_start(Scenario& s) {
+  for (int i = 0; i < s.model->nv; ++i)
+    if (const MotionProfile* profile = s.sim->profile(i)) s.sim->v(i) = profile->rate(s.sim->time());
+  s.look_at_state();
+  s.sim->vdot();
+  const double t = s.sim->time();
+  for (const ScriptEvent& e : s.events) {
+    double value = 0.0;
+    s.actor = e.name;
+    s.trial_time = t, s.in_event_function = true;
+    e.when.call({&t, 1}, {&value, 1});
+    s.in_event_function = false;
+  }
+}
+
+}  // namespace cardan

@@ -1,0 +1,20 @@
+#pragma once
+// What can be said about a scenario before it runs.
+#include "scripts/mission/scenario.hpp"
+
+namespace cardan {
+
+/// The warnings of the vehicle, and those that need the mission and the initial state: rates beyond what linear modes can tell,
+/// prescribed hinges that nothing moves, ticks, results and matrices that grow large. Into Scenario::warnings. Throws InputError for
+/// a body at the centre of a central field and for a controller that would never get through.
+void examine(Scenario&);
+
+/// Prescribed components that stand still and were given no motion.
+Warnings still_hinges(const Simulation&);
+/// True if the script has functions that run during the mission: what stands still before it may move then.
+bool scripts_act(const Scenario&);
+
+/// What a run does first: forward dynamics at the initial state, and each event's function. Throws NumericsError, InputError.
+void try_start(Scenario&);
+
+}  // namespace cardan

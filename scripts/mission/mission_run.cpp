@@ -1,0 +1,174 @@
+#include "scripts/mission/mission_run.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "scripts/mission/examine.hpp"
+
+namespace cardan {
+namespace {
+
+constexpr double kInstant = 1e-9;  // [s] what is closer than this happens at the same time
+
+/// An error of a script during the run.
+RunFailure failure_of(const Diagnostic& d, const std::string& actor, double t) {
+  RunFailure f{Code::controller_error, t, "", "", "", d.hint, ""};
+  if (d.code == Code::lua_budget) f.code = Code::controller_budget;
+  f.what = fmt::format("{}: {}", actor, d.about.empty() ? title_of(d.code) : d.about);
+  f.what += place_of_failure(d.at.mark);
+  if (!d.expected.empty()) f.what += "\n  expected: " + d.expected;
+  if (!d.got.empty()) f.what += "\n  got:      " + d.got;
+  if (!d.stack.empty()) f.what += "\n  stack:    " + d.stack;
+  return f;
+}
+
+}  // namespace
+
+/// Calls a function of the script: what goes wrong in it is a failure of the run, in the name of `actor`.
+template <class F>
+void MissionRun::call(const std::string& actor, F&& function) {
+  s_.actor = actor;
+  try {
+    function();
+  } catch (const InputError& e) {
+    if (s_.lua.is_interrupted()) throw;  // a person's wish, not a failure
+    if (!s_.fault) throw NumericsError(failure_of(e.diagnostics().front(), actor, s_.sim->time()));
+  }
+  if (s_.fault) throw NumericsError(*std::exchange(s_.fault, std::nullopt));
+}
+
+MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Output> outputs)
+    : s_(scenario), limits_(*scenario.sim) {
+  Simulation& sim = *s_.sim;
+  for (const ScriptEvent& e : s_.events) {
+    const std::string actor = fmt::format("event \"{}\"", e.name);
+    sim.add_event(
+        {e.name, [this, &e, actor](double t, const double* q, const double* v) { return crossing(e, actor, t, q, v); },
+         e.direction,
+         [this, &e, actor] {
+           const double t = s_.sim->time();
+           call(actor, [&] { e.action.call({&t, 1}, {}); });
+         }});
+  }
+  for (const Controller& c : s_.controllers)
+    sim.every(c.period, [this, &c, actor = fmt::format("controller \"{}\"", c.name)] { tick(c, actor); });
+  if (s_.controllers.empty() && !s_.phases.empty()) sim.every(s_.mission.output_period, [this] { advance_phase(); });
+  sim.record(recorder, std::move(outputs), s_.mission.output_period);
+  if (limits_.needed()) sim.every(s_.mission.output_period, [this] { limits_.see(*s_.sim); });
+  limits_.expected(sim, s_.mission.duration);  // told before the run: what is seen is news where it exceeds that
+}
+
+void MissionRun::run(double t_end, const std::function<void(double t)>& progress) {
+  s_.stage = Scenario::Stage::run;
+  event_interrupt_ = nullptr;
+  try {
+    s_.sim->run(t_end, progress);
+    end_of_run();
+    if (scripts_act(s_)) s_.warnings.add(still_hinges(*s_.sim));
+  } catch (const InputError&) {  // of a person who interrupts
+    end_of_run();
+    throw;
+  } catch (const NumericsError&) {
+    end_of_run();
+    if (event_interrupt_) std::rethrow_exception(std::exchange(event_interrupt_, nullptr));
+    if (event_failure_) throw NumericsError(*event_failure_);
+    throw;
+  }
+  s_.stage = Scenario::Stage::end;
+}
+
+void MissionRun::end_of_run() { s_.warnings.add(limits_.seen()); }
+
+void MissionRun::tick(const Controller& c, const std::string& actor) {
+  advance_phase();
+  if (s_.sim->stopped()) return;
+  const double t = s_.sim->time();
+  call(actor, [&] { c.step.call({&t, 1}, {}); });
+}
+
+/// The function of an event at a trial state. It may not throw through the integrator: its failure is kept for run().
+double MissionRun::crossing(const ScriptEvent& e, const std::string& actor, double t, const double* q,
+                            const double* v) {
+  s_.q = q, s_.v = v, s_.trial_time = t, s_.in_event_function = true;
+  double value = std::nan("");
+  try {
+    e.when.call({&t, 1}, {&value, 1});
+  } catch (const InputError& error) {
+    if (s_.lua.is_interrupted()) event_interrupt_ = std::current_exception();
+    event_failure_ = failure_of(error.diagnostics().front(), actor, s_.sim->time());
+    value = std::nan("");
+  }
+  s_.in_event_function = false;
+  s_.look_at_state();
+  return value;
+}
+
+void MissionRun::advance_phase() {
+  while (phase_ <= s_.phases.size() && !s_.phases.empty()) {
+    if (phase_ > 0) {
+      const Phase& present = s_.phases[phase_ - 1];
+      if (!is_over(present)) return;
+      call_phase(present.exit, present);
+    }
+    const bool was_last = phase_++ == s_.phases.size();
+    phase_start_ = s_.sim->time();
+    s_.phase = was_last ? std::string_view() : s_.phases[phase_ - 1].name;
+    if (!was_last) call_phase(s_.phases[phase_ - 1].enter, s_.phases[phase_ - 1]);
+  }
+}
+
+bool MissionRun::is_over(const Phase& p) {
+  const double t = s_.sim->time();
+  if (t - phase_start_ >= p.duration - kInstant) return true;
+  if (!p.until) return false;
+  bool over = false;
+  call(fmt::format("phase \"{}\"", p.name), [&] {
+    s_.lua.protect(
+        [&](lua_State* L) {
+          p.until.push(L);
+          lua_pushnumber(L, t);
+          lua_call(L, 1, 1);
+          over = lua_toboolean(L, -1) != 0;
+        },
+        s_.lua.call_budget());
+  });
+  return over;
+}
+
+void MissionRun::call_phase(const LuaFunction& f, const Phase& p) {
+  if (!f) return;
+  const double t = s_.sim->time();
+  call(fmt::format("phase \"{}\"", p.name), [&] { f.call({&t, 1}, {}); });
+}
+
+double MissionRun::value(const Measure& m, const char* what) {
+  double x = 0.0;
+  call(fmt::format("{} \"{}\"", what, m.name), [&] { m.value.call({}, {&x, 1}); });
+  return x;
+}
+
+std::vector<Check> MissionRun::checks() {
+  std::vector<Check> all;
+  for (const Measure& m : s_.checks) {
+    Check c;
+    c.name = m.name;
+    c.unit = m.unit;
+    c.detail = m.condition;
+    c.value = value(m, "check");
+    c.pass = m.low <= c.value && c.value <= m.high;
+    c.least = m.low, c.most = m.high;
+    // Of two limits the nearer one.
+    c.limit = std::isinf(m.high) || std::abs(c.value - m.low) < std::abs(c.value - m.high) ? m.low : m.high;
+    all.push_back(std::move(c));
+  }
+  return all;
+}
+
+std::vector<Figure> MissionRun::figures() {
+  std::vector<Figure> all;
+  for (const Measure& m : s_.figures) all.push_back({m.name, value(m, "figure"), m.unit});
+  return all;
+}
+
+}  // namespace cardan

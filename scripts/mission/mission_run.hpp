@@ -1,0 +1,70 @@
+#pragma once
+// Wires what a scenario declares to a simulation, runs it, and works out what it came to.
+#include <exception>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/io/range_recorder.hpp"
+#include "core/io/summary.hpp"
+#include "core/sim/flexible_limits.hpp"
+#include "scripts/mission/scenario.hpp"
+
+namespace cardan {
+
+/// The controllers, phases and events of a scenario at work.
+class MissionRun {
+ public:
+  /// `recorder` must outlive the run.
+  MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Output> outputs);
+  MissionRun(const MissionRun&) = delete;
+  MissionRun& operator=(const MissionRun&) = delete;
+
+  /// Throws NumericsError. `progress` is called between steps. What went beyond the model is added to the scenario's warnings. Ends
+  /// where a function of the script is interrupted (LuaOptions::interrupt).
+  void run(double t_end, const std::function<void(double t)>& progress);
+  /// After the run: the values of checks and figures. Throws NumericsError where a function of the script fails.
+  std::vector<Check> checks();
+  std::vector<Figure> figures();
+
+ private:
+  template <class F>
+  void call(const std::string& actor, F&& function);
+  void tick(const Controller&, const std::string& actor);
+  void end_of_run();
+  double crossing(const ScriptEvent&, const std::string& actor, double t, const double* q, const double* v);
+  void advance_phase();
+  bool is_over(const Phase&);
+  void call_phase(const LuaFunction&, const Phase&);
+  double value(const Measure&, const char* what);
+
+  Scenario& s_;
+  std::size_t phase_ = 0;  // 1 + index of the present one; 0 = not begun
+  double phase_start_ = 0.0;
+  FlexibleLimits limits_;
+  std::optional<RunFailure> event_failure_;  // of a function inside the integrator, which knows nothing of scripts
+  std::exception_ptr event_interrupt_;       // likewise
+};
+
+/// What is recorded: bodies, hinges, modes, ledger, signals, and what the mission asks for.
+std::vector<Output> mission_outputs(Scenario&);
+/// One more: the largest relative difference of v' from that of the dense twin.
+Output reference_output(Scenario&);
+
+RunHeader run_header(const Scenario&);
+/// Instruction set of the sweeps that run: "x86-64-v3".
+std::string sweeps_name();
+/// Key path and value of each parameter as the model has it.
+std::vector<std::pair<std::string, std::string>> effective_parameters(const Model&);
+/// The program of sweeps, a line per op, with what it costs.
+std::string sweep_program(const Model&, const State&, bool measured = false);
+
+/// Of its input and of the simulation so far.
+Warnings run_warnings(const Scenario&);
+/// The part of the summary that the simulation knows.
+Summary run_summary(const Scenario&, double wall_s);
+/// What is printed at the end.
+std::string summary_text(const Scenario&, const Summary&, const std::vector<Range>&);
+
+}  // namespace cardan

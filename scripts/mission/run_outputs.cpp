@@ -1,0 +1,160 @@
+// The channels of a run. What nobody asked for is not computed.
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+
+#include "scripts/mission/mission_run.hpp"
+
+namespace cardan {
+namespace {
+
+/// Unit of the force that is dual to a velocity.
+std::string force_unit(const std::string& velocity_unit) { return velocity_unit == "m/s" ? "N" : "N m"; }
+
+/// One unit if all are equal, else one each.
+std::string units_of(std::vector<std::string> units) {
+  const bool equal = std::all_of(units.begin(), units.end(), [&](const auto& u) { return u == units[0]; });
+  if (equal) return units.empty() ? "1" : units[0];
+  for (auto& u : units) u.erase(std::remove(u.begin(), u.end(), ' '), u.end());  // spaces separate the units
+  return fmt::format("{}", fmt::join(units, " "));
+}
+
+bool has_attitude(const UserBody& u) { return u.nq >= 4 && u.q_names[0] == "qw"; }
+
+class Outputs {
+ public:
+  explicit Outputs(Scenario& s) : s_(s), sim_(*s.sim), model_(*s.model) {}
+
+  std::vector<Output> all() {
+    for (std::size_t i = 0; i < model_.user.size(); ++i) {
+      const UserBody& u = model_.user[i];
+      if (has_attitude(u)) body(u);
+      if (u.nv > 0) hinge(u, static_cast<int>(i));
+      if (u.n_modes > 0) modes(u);
+    }
+    for (const int i : s_.mission.reactions) reaction(i);
+    for (const int i : s_.mission.nodes) node(i);
+    for (const auto& signal : s_.signals)
+      out_.push_back(
+          {signal->channel, [&values = signal->values](double* x) { std::copy(values.begin(), values.end(), x); }});
+    if (s_.mission.simulation.ledger) ledger();
+    return std::move(out_);
+  }
+
+ private:
+  void add(const std::string& path, std::vector<std::string> components, std::string unit, std::string frame,
+           std::string meaning, std::function<void(double*)> fill) {
+    out_.push_back(
+        {{path, std::move(components), std::move(unit), std::move(frame), std::move(meaning)}, std::move(fill)});
+  }
+  // Functions outlive this object: they hold what they read.
+  static void put(double* x, const Eigen::Vector3d& a) { Eigen::Map<Eigen::Vector3d>(x, 3) = a; }
+
+  void body(const UserBody& u) {
+    const int node = model_.find_node(u.name);
+    const std::string path = "bodies/" + u.name + "/";
+    const auto last = std::make_shared<Eigen::Quaterniond>(1, 0, 0, 0);
+    add(path + "attitude", {"w", "x", "y", "z"}, "1", "world", "orientation of the body, quaternion body into world",
+        [=, &sim = sim_](double* x) {
+          Eigen::Quaterniond q(sim.observe().node(node).R_WN);
+          if (q.dot(*last) < 0) q.coeffs() = -q.coeffs();  // no jumps between q and -q
+          *last = q;
+          x[0] = q.w(), x[1] = q.x(), x[2] = q.y(), x[3] = q.z();
+        });
+    add(path + "rate", {"x", "y", "z"}, "rad/s", "body " + u.name, "angular velocity",
+        [=, &sim = sim_](double* x) { put(x, sim.observe().node(node).velocity.head<3>()); });
+    if (u.nq == 4) return;  // a ball hinge: its place is that of the inboard body
+    add(path + "position", {"x", "y", "z"}, "m", "world", "position of the origin of the body",
+        [=, &sim = sim_](double* x) { put(x, sim.observe().node(node).position); });
+    add(path + "velocity", {"x", "y", "z"}, "m/s", "world", "velocity of the origin of the body",
+        [=, &sim = sim_](double* x) {
+          const NodeState n = sim.observe().node(node);
+          put(x, n.R_WN * n.velocity.tail<3>());
+        });
+  }
+
+  void hinge(const UserBody& u, int index) {
+    const std::string path = "hinges/" + u.name + "/";
+    if (!has_attitude(u)) {
+      for (int j = 0; j < u.nq; ++j)
+        add(path + u.q_names[static_cast<std::size_t>(j)], {u.q_names[static_cast<std::size_t>(j)]},
+            u.q_units[static_cast<std::size_t>(j)], "", "coordinate of the hinge",
+            [&sim = sim_, i = u.q + j](double* x) { *x = sim.state().q[i]; });
+      for (int j = 0; j < u.nv; ++j)
+        add(path + u.v_names[static_cast<std::size_t>(j)], {u.v_names[static_cast<std::size_t>(j)]},
+            u.v_units[static_cast<std::size_t>(j)], "", "velocity of the hinge",
+            [&sim = sim_, i = u.v + j](double* x) { *x = sim.state().v[i]; });
+    }
+    std::vector<std::string> units;
+    for (const auto& unit : u.v_units) units.push_back(force_unit(unit));
+    const bool prescribed = !model_.spec->bodies[static_cast<std::size_t>(index)].hinge.prescribed.empty();
+    if (has_attitude(u) && !prescribed) return;
+    add(path + "force", u.v_names, units_of(units), "",
+        prescribed ? "force of the actuators; of prescribed components, that which the motion needs"
+                   : "force of the actuators, springs and dampers not included",
+        [&s = s_, &sim = sim_, &u, prescribed](double* x) {
+          for (int j = 0; j < u.nv; ++j) x[j] = sim.force(u.v + j);
+          if (!prescribed) return;
+          sim.observe().prescribed_forces(s.scratch.data());
+          for (int j = 0; j < u.nv; ++j)
+            if (s.model->prescribed[static_cast<std::size_t>(u.v + j)])
+              x[j] = s.scratch[static_cast<std::size_t>(u.v + j)];
+        });
+  }
+
+  void modes(const UserBody& u) {
+    std::vector<std::string> names;
+    for (int j = 1; j <= u.n_modes; ++j) names.push_back(std::to_string(j));
+    add("modes/" + u.name + "/eta", names, "1", "", "modal coordinates",
+        [&sim = sim_, &u](double* x) { std::copy_n(sim.state().q.data() + u.eta, u.n_modes, x); });
+    add("modes/" + u.name + "/etadot", names, "1/s", "", "rates of the modal coordinates",
+        [&sim = sim_, &u](double* x) { std::copy_n(sim.state().v.data() + u.etadot, u.n_modes, x); });
+  }
+
+  void reaction(int i) {
+    const std::string& name = model_.user[static_cast<std::size_t>(i)].name;
+    add("reactions/" + name, {"mx", "my", "mz", "fx", "fy", "fz"}, units_of({"N m", "N m", "N m", "N", "N", "N"}),
+        "pnode of " + name, "moment and force that the inboard hinge transmits to the body",
+        [&sim = sim_, i](double* x) {
+          const Force<double> f = sim.observe().hinge_wrench(i);
+          x[0] = f.n.x, x[1] = f.n.y, x[2] = f.n.z, x[3] = f.f.x, x[4] = f.f.y, x[5] = f.f.z;
+        });
+  }
+
+  void node(int i) {
+    const std::string path = "nodes/" + model_.nodes[static_cast<std::size_t>(i)].name + "/";
+    add(path + "position", {"x", "y", "z"}, "m", "world", "position of the node",
+        [&sim = sim_, i](double* x) { put(x, sim.observe().node(i).position); });
+    add(path + "velocity", {"x", "y", "z"}, "m/s", "world", "velocity of the node", [&sim = sim_, i](double* x) {
+      const NodeState n = sim.observe().node(i);
+      put(x, n.R_WN * n.velocity.tail<3>());
+    });
+    add(path + "acceleration", {"x", "y", "z"}, "m/s^2", "world", "acceleration of the node",
+        [&sim = sim_, i](double* x) {
+          const NodeState n = sim.observe().node(i);
+          put(x, n.R_WN * n.acceleration.tail<3>());
+        });
+  }
+
+  void ledger() {
+    const auto one = [this](const char* name, double LedgerState::*residual) {
+      add(std::string("ledger/") + name, {"residual"}, "1", "",
+          "balance error over the largest sum of magnitudes over bodies",
+          [&sim = sim_, residual](double* x) { *x = sim.ledger().*residual; });
+    };
+    one("linear_momentum", &LedgerState::linear_relative);
+    one("angular_momentum", &LedgerState::angular_relative);
+    one("energy", &LedgerState::energy_relative);
+  }
+
+  Scenario& s_;
+  Simulation& sim_;
+  const Model& model_;
+  std::vector<Output> out_;
+};
+
+}  // namespace
+
+std::vector<Output> mission_outputs(Scenario& s) { return Outputs(s).all(); }
+
+}  // namespace cardan

@@ -1,0 +1,130 @@
+// --check-against-reference: v' of the sweeps against the dense twin, which shares no formula with them.
+//
+// The twin solves a dense mass matrix and loses digits where masses differ by many orders and the sweeps do not. So it is
+// never blamed in double alone: what disagrees there, or is ill-conditioned, is formed once more in 113 bits (some hundred
+// times the work, at the rows concerned). A hinge of a plugin gives the same doubles to both.
+#include <cmath>
+#include <optional>
+#include <type_traits>
+
+#include "core/reference/dense_dynamics.hpp"
+#include "core/reference/quad.hpp"
+#include "scripts/mission/mission_run.hpp"
+
+namespace cardan {
+namespace {
+
+using reference::ForeignHinge;
+using reference::ForeignHinges;
+using reference::ForeignMotion;
+
+/// A hinge type that the twin does not know, by the kinematics of its family: one link of the chain is not independent
+/// then.
+ForeignHinges foreign_hinges(const Model& m) {
+  ForeignHinges all;
+  for (std::size_t i = 0; i < m.user.size(); ++i) {
+    const UserBody& u = m.user[i];
+    if (reference::hinge_size(u.hinge_type).nq >= 0) continue;
+    // Instances of one type differ in their parameters: found again by the place of their description.
+    const auto motion = [&m](const HingeSpec& hinge, const Eigen::VectorXd& q, const Eigen::VectorXd& v) {
+      std::size_t at = 0;
+      while (m.spec->bodies[at].hinge.at.key_path != hinge.at.key_path) ++at;
+      const UserBody& user = m.user[at];
+      cardan_hinge_out out{};
+      const std::uint32_t zero = 0;
+      user.hinge->kinematics(user.hinge_packed.data(), 1, &zero, &zero, q.data(), v.data(), &out);
+      ForeignMotion f;
+      f.R = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(out.R_OP);
+      f.p = Eigen::Map<const Eigen::Vector3d>(out.p_OP);
+      f.Ht = Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic>>(out.Ht, 6, user.hinge->nv);
+      f.Hdot_v = Eigen::Map<const Eigen::Matrix<double, 6, 1>>(out.Hdot_v);
+      f.qdot.resize(user.hinge->nq);
+      user.hinge->qdot(user.hinge_packed.data(), q.data(), v.data(), f.qdot.data());
+      return f;
+    };
+    all[u.hinge_type] = ForeignHinge{static_cast<int>(u.hinge->nq), static_cast<int>(u.hinge->nv), motion};
+  }
+  return all;
+}
+
+/// Below this difference the twin in double is believed; the limit of the check is 1e-9.
+constexpr double kSure = 1e-11;
+/// Below this reciprocal condition of M with a unit diagonal v' of the twin in double may lack half of its digits.
+constexpr double kSound = 1e-10;
+
+/// Largest |v' - v'_twin| over the largest |v'| that any one force (gravity, velocity terms, springs, modes, commands)
+/// causes by itself: v' may be small because large forces cancel, and rounding is of the size of each of them. Infinite
+/// where one of them is no number or the twin finds no v'. `sound`: false where T may be too short for this mass matrix.
+template <class T>
+double difference(Scenario& s, const reference::DenseTwin<T>& twin, bool& sound) {
+  using reference::MatX, reference::VecX;
+  Simulation& sim = *s.sim;
+  const Model& m = *s.model;
+  const reference::DenseState<T> state = twin.at(sim.state().q.cast<T>(), sim.state().v.cast<T>());
+  const Observer& observer = sim.observe();
+  VecX<T> tau(m.nv);
+  for (int i = 0; i < m.nv; ++i) tau[i] = T(sim.force(i));
+  reference::NodeWrenches<T> wrenches;
+  for (const NodeWrench& w : sim.wrenches()) {
+    const UserNode& node = m.nodes[static_cast<std::size_t>(w.node)];
+    const std::string& body = m.user[static_cast<std::size_t>(node.body)].name;
+    Eigen::VectorXd f = to_eigen(w.f);
+    if (w.world_axes) {
+      const Eigen::Matrix3d R = observer.node(w.node).R_WN.transpose();
+      f << R * f.head<3>(), R * f.tail<3>();
+    }
+    wrenches.push_back({body, node.name == body ? "" : node.name.substr(body.size() + 1), f.cast<T>()});
+  }
+  const VecX<T> vdot = sim.vdot().cast<T>();
+  std::vector<bool> prescribed(static_cast<std::size_t>(m.nv), false);
+  for (std::size_t i = 0; i < m.prescribed.size(); ++i) prescribed[i] = m.prescribed[i] != 0;
+
+  const VecX<T> unit = state.M.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::LLT<MatX<T>> M(unit.asDiagonal() * state.M * unit.asDiagonal());
+  sound = M.info() == Eigen::Success;
+  if (!sound) return HUGE_VAL;
+  if constexpr (std::is_same_v<T, double>) sound = M.rcond() > kSound;
+  const auto largest = [](const VecX<T>& x) { return static_cast<double>(x.cwiseAbs().template maxCoeff<Eigen::PropagateNaN>()); };
+  const double apart = largest(vdot - state.hybrid(tau, prescribed, vdot, wrenches).vdot);
+  double scale = largest(vdot);
+  for (const VecX<T>& force :
+       {tau, state.bias, state.gravity_force, state.elastic_force, state.hinge_force, state.external_force(wrenches)})
+    scale = std::max(scale, largest(unit.cwiseProduct(M.solve(unit.cwiseProduct(force)))));
+  if (apart == 0.0) return 0.0;
+  const double relative = apart / scale;
+  return std::isfinite(relative) ? relative : HUGE_VAL;
+}
+
+/// The twin in double and, where that is not enough to blame anybody, in 113 bits: made when it is first asked for.
+class Judge {
+ public:
+  explicit Judge(const Scenario& s) : foreign_(foreign_hinges(*s.model)), twin_(*s.model->spec, foreign_) {}
+  double difference(Scenario& s) {
+    if (s.model->nv == 0) return 0.0;  // nothing can move
+    bool sound = false;
+    double apart = HUGE_VAL;
+    try {
+      apart = cardan::difference(s, twin_, sound);
+    } catch (const NumericsError&) {  // no Cholesky factor of the free components in double
+      sound = false;
+    }
+    if (sound && apart < kSure) return apart;
+    if (!exact_) exact_.emplace(*s.model->spec, foreign_);
+    return cardan::difference(s, *exact_, sound);
+  }
+
+ private:
+  ForeignHinges foreign_;
+  reference::DenseTwin<double> twin_;
+  std::optional<reference::DenseTwin<reference::Quad>> exact_;
+};
+
+}  // namespace
+
+Output reference_output(Scenario& s) {
+  const auto judge = std::make_shared<Judge>(s);
+  return {{"reference/difference", {"difference"}, "1", "", "largest difference of v' from the dense twin, relative"},
+          [&s, judge](double* x) { *x = judge->difference(s); }};
+}
+
+}  // namespace cardan

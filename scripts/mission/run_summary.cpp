@@ -1,0 +1,114 @@
+// What a run comes to, as data and as text.
+#include <fmt/format.h>
+#include <lua.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+
+#include "core/base/version.hpp"
+#include "core/soa/kernels.hpp"
+#include "scripts/mission/mission_run.hpp"
+
+namespace cardan {
+namespace {
+
+bool begins(const std::string& text, std::string_view with) { return text.starts_with(with); }
+
+std::string with_unit(double value, const std::string& unit) {
+  return fmt::format("{:.6g}{}", value, unit == "1" ? "" : " " + unit);
+}
+
+std::string checks_text(const std::vector<Check>& checks) {
+  std::string text;
+  for (const Check& c : checks)
+    text += fmt::format("  {:<6}{:<44}{:>20}   {}\n", c.pass ? "pass" : "FAIL", c.name, with_unit(c.value, c.unit),
+                        c.detail);
+  return text.empty() ? text : "\nchecks\n" + text;
+}
+
+std::string figures_text(const std::vector<Figure>& figures) {
+  std::string text;
+  for (const Figure& f : figures) text += fmt::format("  {:<50}{:>20}\n", f.name, with_unit(f.value, f.unit));
+  return text.empty() ? text : "\nfigures\n" + text;
+}
+
+std::string hinges_text(const std::vector<Range>& ranges) {
+  std::string text;
+  for (const Range& r : ranges)
+    if (begins(r.path, "hinges/") && !(r.least > r.largest)) {
+      const bool force = r.path.ends_with("/force");
+      if (force && r.least == 0.0 && r.largest == 0.0) continue;
+      const std::string name = r.path.substr(7) + (force ? "/" + r.component : "");
+      text += fmt::format("  {:<44}{:>14.6g}{:>14.6g} {}\n", name, r.least, r.largest, r.unit);
+    }
+  return text.empty() ? text : fmt::format("\n{:<46}{:>14}{:>14}\n", "hinges", "least", "largest") + text;
+}
+
+std::string modes_text(const std::vector<Range>& ranges) {
+  std::string text, body;
+  for (const Range& r : ranges) {
+    if (!begins(r.path, "modes/") || !r.path.ends_with("/eta")) continue;
+    const std::string name = r.path.substr(6, r.path.rfind('/') - 6);
+    if (name != body) text += fmt::format("{}  {:<20}", text.empty() ? "" : "\n", name);
+    body = name;
+    text += fmt::format(" {:.2e}", std::max(std::abs(r.least), std::abs(r.largest)));
+  }
+  return text.empty() ? text : "\nmodes: largest |eta| of each\n" + text + "\n";
+}
+
+}  // namespace
+
+Warnings run_warnings(const Scenario& s) {
+  Warnings all = s.warnings;
+  all.add(s.sim->warnings());
+  return all;
+}
+
+Summary run_summary(const Scenario& s, double wall_s) {
+  const Model& m = *s.model;
+  Summary out;
+  out.scenario = s.file.filename().string();
+  const LedgerState& worst = s.sim->worst_ledger();
+  out.ledger = {worst.linear_relative, worst.angular_relative, worst.energy_relative,
+                worst.linear_limit,    worst.angular_limit,    worst.energy_limit,    worst.pass};
+  out.warnings = run_warnings(s);
+  out.simulated_s = s.sim->time();
+  out.wall_s = wall_s;
+  const IntegratorStatistics i = s.sim->statistics();
+  out.steps = i.steps, out.rhs_calls = i.rhs_calls, out.restarts = i.restarts;
+  out.jacobian_products = i.jacobian_products, out.preconditioner_setups = i.preconditioner_setups;
+  out.linear_iterations = i.linear_iterations;
+  out.model.bodies = static_cast<int>(m.user.size());
+  out.model.hinges =
+      static_cast<int>(std::count_if(m.user.begin(), m.user.end(), [](const UserBody& u) { return u.nv > 0; }));
+  out.model.n_q = m.nq, out.model.n_v = m.nv, out.model.n_modes = m.n_modes;
+  out.versions = {{"cardan", version::kNumber},
+                  {"commit", version::kCommit},
+                  {"compiler", version::kCompiler},
+                  {"flags", version::kFlags},
+                  {"sweeps", sweeps_name()},
+                  {"sweep_flags", version::kSweepFlags},
+                  {"Eigen", fmt::format("{}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION)},
+                  {"Lua", LUA_VERSION_MAJOR "." LUA_VERSION_MINOR "." LUA_VERSION_RELEASE}};
+  return out;
+}
+
+std::string summary_text(const Scenario& s, const Summary& sum, const std::vector<Range>& ranges) {
+  std::string text = s.mission.title.empty() ? "" : s.mission.title + "\n";
+  text += checks_text(sum.checks) + figures_text(sum.figures) + hinges_text(ranges) + modes_text(ranges);
+  if (s.mission.simulation.ledger)
+    text += fmt::format(
+        "\nledgers: largest residual over the sum of magnitudes\n  linear momentum {:.1e}   angular momentum {:.1e}   "
+        "energy {:.1e}\n",
+        sum.ledger.linear_momentum, sum.ledger.angular_momentum, sum.ledger.energy);
+  text += fmt::format(
+      "\n{:.6g} s simulated in {:.3g} s ({:.4g} times real time), {}\n{} steps, {} function calls, {} restarts\n",
+      sum.simulated_s, sum.wall_s, sum.wall_s > 0 ? sum.simulated_s / sum.wall_s : 0.0, s.sim->integrator_name(),
+      sum.steps, sum.rhs_calls, sum.restarts);
+  if (sum.preconditioner_setups > 0)
+    text += fmt::format("{} products J v, {} preconditioners, {} linear iterations\n", sum.jacobian_products, sum.preconditioner_setups,
+                        sum.linear_iterations);
+  return text;
+}
+
+}  // namespace cardan

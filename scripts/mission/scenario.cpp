@@ -1,0 +1,76 @@
+#include "scripts/mission/scenario.hpp"
+
+#include <fmt/format.h>
+
+#include "bodies/register.hpp"
+#include "core/base/activity.hpp"
+#include "core/base/excerpt.hpp"
+#include "core/io/sha256.hpp"
+#include "hinges/register.hpp"
+#include "scripts/prelude/prelude.hpp"
+
+namespace cardan {
+namespace {
+
+std::filesystem::path script_of(const std::filesystem::path& file) {
+  std::error_code ignored;
+  return std::filesystem::is_directory(file, ignored) ? file / "scenario.lua" : file;
+}
+
+LuaOptions lua_options(Scenario& s, const ScenarioOptions& options) {
+  LuaOptions lua;
+  lua.folder = script_of(options.file).parent_path();
+  lua.built_in = prelude_modules();
+  lua.seed = options.seed;
+  lua.print = options.print;
+  lua.output = options.output;
+  lua.width = options.width;
+  lua.interrupt = options.interrupt;
+  if (options.recorded)
+    lua.stored = [texts = &options.recorded->texts](const std::string& name) {
+      const auto found = texts->find(name);
+      return found == texts->end() ? nullptr : &found->second;
+    };
+  lua.loaded = [&s](const std::string& name, std::string_view text) {
+    s.inputs.push_back({name, sha256(text), std::string(text)});
+  };
+  return lua;
+}
+
+}  // namespace
+
+Scenario::Scenario(const ScenarioOptions& options)
+    : file(script_of(options.file)),
+      folder(file.parent_path()),
+      settings(options.settings),
+      seed(options.seed),
+      recorded(options.recorded),
+      lua(lua_options(*this, options)) {
+  register_hinges(registry);
+  register_bodies(registry);
+}
+
+void Scenario::look_at_state() {
+  q = sim->state().q.data();
+  v = sim->state().v.data();
+}
+
+void Scenario::use_model(std::shared_ptr<const Model> compiled) {
+  const Activity activity(fmt::format("a simulation of {} bodies with {} velocities", compiled->user.size(), compiled->nv));
+  const std::unique_ptr<Simulation> before = std::move(sim);
+  model = std::move(compiled);
+  sim = std::make_unique<Simulation>(model, mission.simulation);
+  for (const Load& load : loads) sim->add_wrench(load.node, load.world_axes);
+  if (before) sim->take_over(*before);
+  scratch.assign(static_cast<std::size_t>(model->nv), 0.0);
+  look_at_state();
+}
+
+std::string place_of_failure(const SourceMark& mark) {
+  if (mark.file.empty()) return {};
+  std::string out = fmt::format("\n  --> {}:{}\n{}", mark.file, mark.line, excerpt(mark));
+  while (out.ends_with('\n')) out.pop_back();
+  return out;
+}
+
+}  // namespace cardan

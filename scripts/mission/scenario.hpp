@@ -1,0 +1,152 @@
+#pragma once
+// A scenario: what its script declares (bindings/setup.cpp, mission.cpp), and what the handles of the script read and set
+// (bindings/handles.cpp). Names are resolved when a handle is made; a tick works with numbers only.
+#include <atomic>
+#include <filesystem>
+#include <limits>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/base/warnings.hpp"
+#include "core/sim/simulation.hpp"
+#include "scripts/lua/function.hpp"
+#include "scripts/lua/host.hpp"
+
+namespace cardan {
+
+/// One `--set key=value`.
+struct Setting {
+  std::string key, value;
+  bool used = false;
+};
+
+/// Files of a run that is repeated (run_again.hpp), by their names in the scenario: texts are taken from here and not from the disk; plugins and
+/// modal files are refused where their SHA-256 is another.
+struct RecordedInputs {
+  std::string results;  // the file that tells this
+  std::map<std::string, std::string> texts, hashes;
+};
+
+struct ScenarioOptions {
+  std::filesystem::path file;  ///< the script, or a folder with scenario.lua
+  std::vector<Setting> settings;
+  std::uint64_t seed = 0;
+  std::shared_ptr<const RecordedInputs> recorded;  ///< null: the files are read
+  std::function<void(std::string_view line)> print = [](std::string_view) {};
+  std::function<std::size_t()> width = [] { return std::size_t{0}; };  ///< of the window; 0: none
+  std::filesystem::path output;                  ///< folder of files that the script itself writes; empty: it writes none
+  const std::atomic<bool>* interrupt = nullptr;  ///< once true, the script ends
+};
+
+struct MissionSpec {
+  bool declared = false;
+  std::string title;
+  double duration = 0.0;  // [s]
+  Rational output_period{1, 10};
+  std::vector<int> reactions;                                      // user bodies
+  std::vector<int> nodes;                                          // indices into Model::nodes
+  std::vector<std::pair<std::string, std::string>> defaults_used;  // key path, value
+  SimulationOptions simulation;
+};
+
+struct Controller {
+  std::string name;
+  Rational period;
+  Located at;
+  LuaFunction step;
+};
+
+struct Phase {
+  std::string name;
+  double duration = std::numeric_limits<double>::infinity();  // [s]
+  LuaFunction until, enter, exit;                             // each may be absent
+};
+
+struct ScriptEvent {
+  std::string name;
+  LuaFunction when, action;
+  int direction = 0;  // +1 rising, -1 falling, 0 both
+};
+
+/// A number that the script works out at the end; a check if it has limits.
+struct Measure {
+  std::string name, unit;
+  LuaFunction value;
+  double low = -std::numeric_limits<double>::infinity(), high = std::numeric_limits<double>::infinity();
+  std::string condition;  // "below 0.01 deg"; empty for a figure
+};
+
+struct Scenario;
+/// Numbers of the script's own that are recorded.
+struct Signal {
+  Scenario* scenario;
+  SourceMark declared;
+  Channel channel;
+  std::vector<double> values;
+};
+
+struct Load {
+  int node;
+  bool world_axes;
+};
+
+struct Scenario {
+  enum class Stage { setup, run, end };
+
+  explicit Scenario(const ScenarioOptions& options);
+  Scenario(const Scenario&) = delete;
+  Scenario& operator=(const Scenario&) = delete;
+
+  // Given
+  std::filesystem::path file, folder;
+  std::vector<Setting> settings;
+  std::uint64_t seed;
+  std::shared_ptr<const RecordedInputs> recorded;
+
+  LuaHost lua;  // before everything that holds a Lua function
+
+  // Declared
+  Registry registry;
+  std::vector<InputFile> inputs, plugins, modal_files;
+  std::vector<std::string> parameter_names;
+  std::set<std::pair<std::string, std::string>> names;          // that declarations have taken: kind, name
+  std::vector<std::pair<std::string, std::string>> parameters;  // name, value: for the results
+  MissionSpec mission;
+  std::vector<Controller> controllers;
+  std::vector<Phase> phases;
+  std::vector<ScriptEvent> events;
+  std::vector<Measure> checks, figures;
+  std::vector<std::unique_ptr<Signal>> signals;
+  std::vector<Load> loads;
+  Warnings warnings;  // of vehicle and mission, and of what the run did to the model; the simulation has its own
+
+  // The system
+  std::shared_ptr<const Model> model;  // null before `vehicle`
+  std::unique_ptr<Simulation> sim;
+
+  // What handles see
+  Stage stage = Stage::setup;
+  std::string_view phase;                   // name of the present one; empty before the first and after the last
+  const double *q = nullptr, *v = nullptr;  // the state, or the trial state of an event function
+  bool in_event_function = false;
+  double trial_time = 0.0;          // [s] of an event function
+  std::string_view actor;           // whose function runs: `controller "attitude"`
+  std::optional<RunFailure> fault;  // a command that is not finite; a script cannot catch it
+  std::vector<double> scratch;
+
+  /// Compiles again with what has been declared, and keeps the state, the commands and the motion profiles.
+  void use_model(std::shared_ptr<const Model> compiled);
+  void look_at_state();
+  /// What scripts see: the time, in an event function that of the trial state.
+  double time() const { return in_event_function ? trial_time : sim ? sim->time() : 0.0; }
+};
+
+/// "\n  --> scenario.lua:4\n    4 | the line", for RunFailure::what; empty without a place.
+std::string place_of_failure(const SourceMark& mark);
+
+}  // namespace cardan
