@@ -372,6 +372,6 @@ ModalData read_modal_file(const std::string& path, const ChildLimits& limits) {
   return data;
 }
 
-ModalData read_modal_file(const std::string& path) { return read_modal_file(path, ChildLimits::for_file(path)); }
+ModalData read_modal_file(const std::string& path) { return read_modal_file(path, limits_for_file(path)); }
 
 }  // namespace cardan

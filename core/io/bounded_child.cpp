@@ -2,11 +2,7 @@
 
 #include <fmt/format.h>
 #include <signal.h>
-#include <sys/resource.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
-#include <cerrno>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -54,77 +50,34 @@ RunFailure read_failure(ByteReader& in) {
 /// What the child sends: the kind of its answer, then the answer.
 std::string answer_of(const std::function<std::string()>& work, const ChildLimits& limits) {
   ByteWriter out;
-  const auto kind = [&](Answer a) { out.number(static_cast<std::size_t>(a)); };
+  const auto begin = [&](Answer kind) {
+    out = {};  // what was written before memory ran out is no answer
+    out.number(static_cast<std::size_t>(kind));
+  };
   try {
     const std::string bytes = work();
-    kind(Answer::bytes);
+    begin(Answer::bytes);
     out.raw(bytes.data(), bytes.size());
   } catch (const InputError& e) {
-    kind(Answer::input_error);
+    begin(Answer::input_error);
     out.number(e.diagnostics().size());
     for (const Diagnostic& d : e.diagnostics()) write(out, d);
   } catch (const NumericsError& e) {
-    kind(Answer::numerics_error);
+    begin(Answer::numerics_error);
     write(out, e.failure());
   } catch (const std::bad_alloc&) {
-    kind(Answer::other);
+    begin(Answer::other);
     out.text(fmt::format("it takes more than {} MiB of memory to read", limits.memory >> 20));
   } catch (const std::exception& e) {
-    kind(Answer::other);
+    begin(Answer::other);
     out.text(e.what());
   }
   return out.take();
 }
 
-void limit(int resource, double value) {
-  rlimit limits{};
-  getrlimit(static_cast<__rlimit_resource>(resource), &limits);
-  const auto wanted = static_cast<rlim_t>(value);
-  if (limits.rlim_max == RLIM_INFINITY || wanted < limits.rlim_max) limits.rlim_cur = wanted;
-  setrlimit(static_cast<__rlimit_resource>(resource), &limits);
-}
-
-/// [bytes] of addresses in use.
-[[maybe_unused]] double address_space() {
-  double pages = 0.0;
-  if (std::FILE* file = std::fopen("/proc/self/statm", "r")) {
-    if (std::fscanf(file, "%lf", &pages) != 1) pages = 0.0;
-    std::fclose(file);
-  }
-  return pages * static_cast<double>(sysconf(_SC_PAGESIZE));
-}
-
-[[noreturn]] void child(int pipe, const std::function<std::string()>& work, const ChildLimits& limits) {
-  for (int signal : {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL, SIGXCPU}) ::signal(signal, SIG_DFL);
-  limit(RLIMIT_CORE, 0.0);
-  limit(RLIMIT_CPU, std::ceil(limits.cpu_s));
-#ifndef CARDAN_ADDRESS_CHECKS
-  limit(RLIMIT_AS, address_space() + static_cast<double>(limits.memory));
-  if (!std::freopen("/dev/null", "w", stderr)) _exit(1);  // what a dying library prints is answered by the parent
-#endif
-  const std::string answer = answer_of(work, limits);
-  for (std::size_t sent = 0; sent < answer.size();) {
-    const ssize_t n = ::write(pipe, answer.data() + sent, answer.size() - sent);
-    if (n < 0 && errno != EINTR) _exit(1);
-    if (n > 0) sent += static_cast<std::size_t>(n);
-  }
-  _exit(0);  // no destructor, no buffer of the parent's
-}
-
-std::string all_of(int pipe, std::size_t most) {
-  std::string bytes;
-  char block[1 << 16];
-  for (;;) {
-    const ssize_t n = ::read(pipe, block, sizeof block);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0 || bytes.size() > most) return bytes;
-    bytes.append(block, static_cast<std::size_t>(n));
-  }
-}
-
 }  // namespace
 
-ChildLimits ChildLimits::for_file(const std::string& path) {
+ChildLimits limits_for_file(const std::string& path) {
   std::error_code none;
   const auto size = std::filesystem::file_size(path, none);
   const double bytes = none ? 0.0 : static_cast<double>(size);
@@ -136,38 +89,20 @@ ChildLimits ChildLimits::for_file(const std::string& path) {
 
 std::string in_bounded_child(const std::string& file, const std::function<std::string()>& work,
                              const ChildLimits& limits) {
-  int pipe[2];
-  if (::pipe(pipe) != 0) refuse(file, fmt::format("no pipe to a process that reads it: {}", std::strerror(errno)), "");
-  const pid_t pid = ::fork();
-  if (pid < 0) {
-    const int why = errno;
-    ::close(pipe[0]);
-    ::close(pipe[1]);
-    refuse(file, fmt::format("no process to read it: {}", std::strerror(why)), "");
-  }
-  if (pid == 0) {
-    ::close(pipe[0]);
-    child(pipe[1], work, limits);
-  }
-  ::close(pipe[1]);
-  const std::string bytes = all_of(pipe[0], limits.memory);
-  ::close(pipe[0]);  // before the wait: a child that writes without end ends here
-  int status = 0;
-  pid_t ended = 0;
-  while ((ended = ::waitpid(pid, &status, 0)) < 0 && errno == EINTR) {
-  }
-  if (ended == pid && WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)
+  const ChildEnd end = run_in_child([&](const Say& say) { say(answer_of(work, limits)); }, limits);
+  if (end.how == ChildEnd::How::not_started) refuse(file, fmt::format("no process to read it: {}", std::strerror(end.status)), "");
+  if (end.how == ChildEnd::How::late) refuse(file, fmt::format("reading it takes more than {:g} s", limits.wall_s));
+  if (end.how == ChildEnd::How::killed && end.status == SIGXCPU)
     refuse(file, fmt::format("reading it takes more than {:g} s of processor time", std::ceil(limits.cpu_s)));
-  if (ended == pid && WIFSIGNALED(status))
-    refuse(file, fmt::format("the library that reads it crashed ({})", strsignal(WTERMSIG(status))));
-  if (ended == pid && status != 0) refuse(file, "the library that reads it gave up");
+  if (end.how == ChildEnd::How::killed) refuse(file, fmt::format("the library that reads it crashed ({})", strsignal(end.status)));
+  if (end.status != 0) refuse(file, "the library that reads it gave up");
   try {
-    ByteReader in(bytes);
+    ByteReader in(end.said);
     switch (static_cast<Answer>(in.number())) {
       case Answer::bytes:
-        return bytes.substr(bytes.size() - in.left());
+        return end.said.substr(end.said.size() - in.left());
       case Answer::input_error: {
-        std::vector<Diagnostic> all(std::min(in.number(), bytes.size()));
+        std::vector<Diagnostic> all(std::min(in.number(), end.said.size()));
         for (Diagnostic& d : all) d = read_diagnostic(in);
         throw InputError(std::move(all));
       }

@@ -7,23 +7,12 @@
 #include <string>
 #include <utility>
 
-#if defined(__SANITIZE_ADDRESS__)
-#define CARDAN_ADDRESS_CHECKS 1  // these reserve terabytes of addresses: memory is not limited then
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer)
-#define CARDAN_ADDRESS_CHECKS 1
-#endif
-#endif
+#include "core/base/child_process.hpp"
 
 namespace cardan {
 
-struct ChildLimits {
-  double cpu_s = 20.0;                      // of processor time, so that a busy machine changes nothing
-  std::size_t memory = std::size_t{4} << 30;  // [bytes] beyond what the parent has, and of the answer
-
-  /// Enough to read a sound file of this size on a slow machine.
-  static ChildLimits for_file(const std::string& path);
-};
+/// Enough to read a sound file of this size on a slow machine.
+ChildLimits limits_for_file(const std::string& path);
 
 /// What `work` returns, computed in a child process. InputError and NumericsError thrown by it are thrown here again. A
 /// child that crashes, exceeds a limit or throws anything else: InputError C0702 that names `file` and tells why.

@@ -91,7 +91,7 @@ RecordedRun read_recorded_run(const std::string& h5_path) {
     Reader(h5_path).read();
     return std::string();
   };
-  in_bounded_child(h5_path, probe, ChildLimits::for_file(h5_path));
+  in_bounded_child(h5_path, probe, limits_for_file(h5_path));
   return Reader(h5_path).read();
 }
 

@@ -285,7 +285,7 @@ std::string report_page(const Hdf5File& file) {
 }
 
 void write_report(const std::string& h5_path, const std::string& html_path) {
-  write_report(h5_path, html_path, ChildLimits::for_file(h5_path));
+  write_report(h5_path, html_path, limits_for_file(h5_path));
 }
 
 void write_report(const std::string& h5_path, const std::string& html_path, const ChildLimits& limits) {

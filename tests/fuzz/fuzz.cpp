@@ -15,7 +15,7 @@
 #include <fstream>
 
 #include "core/base/diagnostic.hpp"
-#include "core/io/bounded_child.hpp"
+#include "core/base/child_process.hpp"
 #include "core/io/json.hpp"
 
 namespace cardan::fuzz {
@@ -23,7 +23,7 @@ namespace {
 
 constexpr double kSeconds = 10.0;          // of the default run
 constexpr int kMostCpu = 60;               // [s] of one input
-constexpr double kMostMemory = 6.0 * (1 << 30);  // [bytes] of the whole program
+[[maybe_unused]] constexpr double kMostMemory = 6.0 * (1 << 30);  // [bytes] of the whole program
 
 char current[128] = "";  // which input is tried, for the handler
 

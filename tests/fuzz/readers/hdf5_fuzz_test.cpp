@@ -13,6 +13,7 @@
 #include "core/io/summary.hpp"
 #include "scripts/report/report.hpp"
 #include "tests/fuzz/hdf5_mutations.hpp"
+#include "tests/support/modal_samples.hpp"
 #include "tests/support/scratch.hpp"
 
 namespace cardan {
@@ -21,36 +22,9 @@ namespace {
 using fuzz::Keep;
 using fuzz::Random;
 
+using test::beam;
+using test::lumped;
 using test::scratch;
-
-ModalData lumped() {
-  std::vector<MassNode> masses(3);
-  for (std::size_t j = 0; j < 3; ++j) {
-    const double x = static_cast<double>(j);
-    masses[j].mass = 1.0 + x;
-    masses[j].position = {x, 0.5 * x * x, 0.1};
-    masses[j].Phi = (Eigen::MatrixXd(3, 2) << 0.1 * x, 0.2, x, -0.3 * x, 0.4, x * x).finished();
-    masses[j].Q.assign(3, Eigen::MatrixXd::Constant(2, 2, 0.01 * x));
-  }
-  masses[2].inertia = Eigen::Vector3d(0.1, 0.2, 0.25).asDiagonal();
-  masses[2].Psi = (Eigen::MatrixXd(3, 2) << 0, 0.1, 0.2, 0, 0.3, -0.1).finished();
-  ModalNode tip;
-  tip.name = "tip";
-  tip.Phi = masses[2].Phi;
-  return lumped_modal_data(masses, Eigen::Vector2d(4, 9).asDiagonal(), Eigen::Vector2d(0.1, 0.1).asDiagonal(), {tip});
-}
-
-ModalData beam() {
-  ModalSource source;
-  BeamModel model;
-  model.length = 2.0;
-  model.material = {70e9, 0.3, 2700.0};
-  model.section = rectangle_section(0.02, 0.01);
-  model.elements = 6;
-  source.model = model;
-  source.modes.count = 3;
-  return make_modal_data(source);
-}
 
 /// Bytes of modal files: lumped masses, a beam, a file without integrals.
 const std::vector<std::string>& modal_files() {
@@ -121,7 +95,7 @@ void with_flipped_bytes(const std::string& name, const std::vector<std::string>&
   });
 }
 
-const ChildLimits kShort{1.0, std::size_t{1} << 30};
+const ChildLimits kShort{.cpu_s = 1.0, .memory = std::size_t{1} << 30};
 
 TEST(Fuzz, ModalFile) {
   through_the_interface("modal_file", modal_files(), [](const std::string& path) { modal_data_of(Hdf5File::open(path)); });

@@ -1,0 +1,44 @@
+#pragma once
+// Work that may crash, never end or end its process, done in a copy of this one: what happens to the copy does not happen here.
+#include <cstddef>
+#include <functional>
+#include <limits>
+#include <string>
+#include <string_view>
+
+namespace cardan {
+
+#if defined(__SANITIZE_ADDRESS__)
+#define CARDAN_ADDRESS_CHECKS 1  // these reserve terabytes of addresses: memory is not limited then
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer)
+#define CARDAN_ADDRESS_CHECKS 1
+#endif
+#endif
+
+struct ChildLimits {
+  double cpu_s = 20.0;                                      // of processor time, so that a busy machine changes nothing
+  double wall_s = std::numeric_limits<double>::infinity();  // [s] in all: a child that waits for ever computes nothing
+  std::size_t memory = std::size_t{4} << 30;                // [bytes] beyond what this process has, and of the answer
+};
+
+struct ChildEnd {
+  enum class How {
+    ended,       // by itself, `status` is its exit status: 0 when the work returned
+    killed,      // by the signal `status`
+    late,        // wall_s were over
+    not_started  // there is no such process; `status` is errno
+  };
+  How how;
+  int status;
+  std::string said;  // all that the work gave to `say`
+};
+
+/// Hands bytes to the parent at once: they are there even if the next statement crashes.
+using Say = std::function<void(std::string_view)>;
+
+/// Runs `work` in a copy of this process that prints nothing, leaves no core and flushes nothing of this process's. An
+/// exception of the work ends the child with a status other than 0, as do exit() and _exit() with theirs.
+ChildEnd run_in_child(const std::function<void(const Say&)>& work, const ChildLimits& limits);
+
+}  // namespace cardan
