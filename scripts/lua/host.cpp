@@ -319,12 +319,17 @@ void* LuaHost::allocate(void* self, void* block, std::size_t old_size, std::size
     std::int64_t& left = host.meter_.left;
     left = std::max<std::int64_t>(left - static_cast<std::int64_t>(growth / 64), -1);
     if (host.memory_ + growth > host.options_.memory_bytes || (left < 0 && growth > kLargeBlock)) {
+      host.machine_is_short_ = false;
       if (host.running_ && host.meter_.exceeded == Limit::none) host.locate(host.running_, {});
       return nullptr;
     }
   }
   auto* const fresh = static_cast<std::byte*>(std::realloc(start, wanted));
-  if (!fresh) return nullptr;
+  if (!fresh) {
+    host.machine_is_short_ = true;
+    if (host.running_ && host.meter_.exceeded == Limit::none) host.locate(host.running_, {});
+    return nullptr;
+  }
   host.memory_ += wanted - held;
   if (!block) {
     ++host.created_;
@@ -440,6 +445,10 @@ void LuaHost::fail(lua_State* L, int status, int base, const Meter& meter) {
     d.expected = fmt::format("at most {} steps in one call", meter.budget.steps);
     d.got = "a script that is still running";
     d.hint = "a loop that does not end?";
+  } else if (is_memory && machine_is_short_) {
+    d.code = Code::no_memory;
+    d.got = fmt::format("no more memory for a script that holds {} MiB", memory_ >> 20);
+    d.hint = "a larger limit (ulimit -v), or a script that keeps less";
   } else if (is_memory) {
     d.expected = fmt::format("at most {} MiB of memory", options_.memory_bytes >> 20);
     d.got = "a script that asks for more";

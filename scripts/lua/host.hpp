@@ -145,6 +145,7 @@ class LuaHost {
 
   LuaOptions options_;
   std::size_t memory_ = 0;     // [B] in use
+  bool machine_is_short_ = false;  // the last block that was refused was refused by the machine, not by the budget
   std::uint64_t created_ = 0;  // serial number of the newest block
   void* newest_userdata_ = nullptr;
   bool knows_order_ = true;  // creation_order() has been found right for one object of each kind

@@ -15,6 +15,7 @@ constexpr double kInstant = 1e-9;  // [s] what is closer than this happens at th
 RunFailure failure_of(const Diagnostic& d, const std::string& actor, double t) {
   RunFailure f{Code::controller_error, t, "", "", "", d.hint, ""};
   if (d.code == Code::lua_budget) f.code = Code::controller_budget;
+  if (d.code == Code::no_memory) f.code = Code::no_memory_in_run;
   f.what = fmt::format("{}: {}", actor, d.about.empty() ? title_of(d.code) : d.about);
   f.what += place_of_failure(d.at.mark);
   if (!d.expected.empty()) f.what += "\n  expected: " + d.expected;

@@ -351,6 +351,29 @@ TEST(Program, SaysWhenMemoryIsShort) {
   EXPECT_TRUE(told);
 }
 
+/// The machine gives less than the 256 MiB that a script may have: that is what is said, and what was recorded is kept.
+TEST(Program, SaysWhenMemoryIsShortInTheRun) {
+  const TemporaryFolder dir;
+  make_scenario(dir, "vehicle 'vehicle.yaml' mission { duration = 10 } local all = {} "
+                     "controller { rate = '1 Hz', name = 'hoard', step = function(t) if t > 2 then for i = 1, 1e7 do all[#all + 1] = i end end end }");
+  bool told = false;
+  for (rlim_t megabytes = 60; megabytes < 400 && !told; megabytes += 10) {
+    const Finished run = run_program({"run", ".", "--out", "out", "--quiet"}, dir.path(), [&] {
+      alarm(20);
+      const rlimit limit{megabytes << 20, megabytes << 20};
+      setrlimit(RLIMIT_AS, &limit);
+    });
+    if (run.exit_code != 3 || run.err.find("C0701") != std::string::npos) continue;  // too little to begin with, or for HDF5 beside the script
+    told = true;
+    EXPECT_EQ(run.err.find("failure[N0205]: not enough memory during the run\n  t = 3 s\n  controller \"hoard\": not enough memory\n  --> ./scenario.lua:1\n"), 0u)
+        << run.err;
+    EXPECT_NE(run.err.find("no more memory for a script that holds"), std::string::npos) << run.err;
+    EXPECT_EQ(Hdf5File::open(dir / "out/run.h5").read_doubles("/time").values.back(), 2.9) << "the last row before the tick";
+    EXPECT_EQ(summary_of(dir / "out").at("verdict"), "aborted");
+  }
+  EXPECT_TRUE(told);
+}
+
 // ---- provenance and repetition ----
 
 std::string value_of(const std::vector<std::string>& pairs, const std::string& key) {
@@ -447,6 +470,39 @@ TEST(Again, RefusesAPluginThatIsAnother) {
   fs::remove(dir / "cam.so");
   EXPECT_NE(run_program({"run", "--again", "out/run.h5"}, dir.path()).err.find("error[C0703]"), std::string::npos);
   EXPECT_EQ(content_of(dir / "out/again"), before);
+}
+
+TEST(Again, RefusesAModalFileThatIsAnother) {
+  const TemporaryFolder dir;
+  const auto wing = [](const char* thickness) {
+    return std::string("cardan: 1\nbodies:\n  wing:\n    type: modal_flexible\n    hinge: {type: free, to: world, initial: {angular_velocity: [0.1, 0, 0]}}\n    modal:\n"
+                       "      beam: {length: 2 m, material: {E: 70 GPa, nu: 0.3, rho: 2700}, section: {rectangle: {width: 20 mm, height: ") +
+           thickness + "}}, elements: 4}\n      modes: {count: 2}\n";
+  };
+  const auto write_modes = [&](const char* thickness) {
+    write(dir / "source.yaml", wing(thickness));
+    const Finished modes = run_program({"modes", "source.yaml", "wing", "--out", "wing.h5"}, dir.path());
+    ASSERT_EQ(modes.exit_code, 0) << modes.err;
+  };
+  write_modes("10 mm");
+  write(dir / "vehicle.yaml",
+        "cardan: 1\nbodies:\n  wing:\n    type: modal_flexible\n    modal: {file: wing.h5}\n    hinge: {type: free, to: world, initial: {angular_velocity: [0.1, 0, 0]}}\n");
+  write(dir / "scenario.lua", "vehicle 'vehicle.yaml' mission { duration = 1 }");
+  ASSERT_EQ(run_program({"run", ".", "--out", "out"}, dir.path()).exit_code, 0);
+  ASSERT_EQ(run_program({"run", "--again", "out/run.h5"}, dir.path()).exit_code, 0);
+  EXPECT_EQ(channels_of(dir / "out"), channels_of(dir / "out/again"));
+  const auto before = content_of(dir / "out/again");
+  const std::string same = file_text(dir / "wing.h5");
+  write_modes("11 mm");
+  const Finished run = run_program({"run", "--again", "out/run.h5"}, dir.path());
+  EXPECT_EQ(run.exit_code, 2);
+  EXPECT_NE(run.err.find("error[C0703]: a file of the run to be repeated has changed"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("wing.h5"), std::string::npos) << run.err;
+  fs::remove(dir / "wing.h5");
+  EXPECT_NE(run_program({"run", "--again", "out/run.h5"}, dir.path()).err.find("error[C0703]"), std::string::npos);
+  EXPECT_EQ(content_of(dir / "out/again"), before) << "what was there is kept";
+  write(dir / "wing.h5", same);
+  EXPECT_EQ(run_program({"run", "--again", "out/run.h5"}, dir.path()).exit_code, 0) << "the same bytes are the same file";
 }
 
 TEST(Again, DoesNotOverwriteWhatItRepeats) {

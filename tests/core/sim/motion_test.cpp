@@ -7,6 +7,7 @@
 #include "core/sim/fastest_motion.hpp"
 #include "core/sim/simulation.hpp"
 #include "tests/support/builders.hpp"
+#include "tests/support/modal_samples.hpp"
 
 namespace cardan::test {
 namespace {
@@ -150,6 +151,43 @@ TEST(Ledger, SaysWhenABalanceDoesNotClose) {
   EXPECT_NE(told.front().find("W0402"), std::string::npos) << told.front();
   EXPECT_NE(told.front().find("explain"), std::string::npos) << told.front();
   for (std::size_t i = 1; i < told.size(); ++i) EXPECT_NE(told[i], told[i - 1]);
+}
+
+/// The force that a given motion needs works: on its modes as well as on its hinges, and on a mode whose own motion is free it does none.
+TEST(Ledger, CountsTheWorkOfModesWhoseMotionIsGiven) {
+  BodySpec base = on(rigid("base", 10.0, {0.1, 0, 0}, diagonal({2, 3, 4})), "", "free");
+  base.hinge.v = {0.3, -0.2, 0.1, 0.1, 0, 0};
+  BodySpec panel;
+  panel.name = "panel", panel.type = "modal_flexible", panel.level = 1;
+  panel.modal = std::make_shared<const ModalData>(lumped());
+  panel.prescribed_modes = {0};
+  panel = on(panel, "base", "revolute", {{0, 0.6, 0.8}}, {0.5, 0, 0.2});
+  panel.hinge.v = {0.4};
+  for (const double relative : {1e-6, 1e-9})
+    for (const std::string& method : kMethods) {
+      Simulation sim(compiled(system({base, panel})), by(method, relative, relative == 1e-6 ? 0.02 : 0.005));
+      const int rate = sim.model().user[1].etadot;
+      sim.prescribe(rate, MotionProfile::sine(0.05, 1.3, 0.2));
+      const double before = sim.observe().energy().total();
+      sim.run(5.0);
+      const LedgerState l = sim.ledger();
+      EXPECT_TRUE(l.pass) << method << render(sim.warnings());
+      EXPECT_LT(std::max({l.linear_relative, l.angular_relative, l.energy_relative}), 2e3 * relative) << method;
+      // The balance is none of nothing: the mode puts energy in and takes it out.
+      EXPECT_GT(std::abs(sim.observe().energy().total() - before), 1e-3 * before) << method;
+    }
+}
+
+/// Energies beyond the largest number: there is no residual, and that is no reason to pass.
+TEST(Ledger, ThatIsNotANumberDoesNotPass) {
+  BodySpec flying = on(particle("flying", 1e10, {}), "", "translational");
+  flying.hinge.v = {1e152, 0, 0};  // m v^2 overflows, v does not
+  Simulation sim(compiled(system({flying})), by("rk4"));  // methods that choose their steps find none
+  sim.run(0.1);
+  EXPECT_FALSE(sim.ledger().pass);
+  EXPECT_FALSE(sim.worst_ledger().pass);
+  EXPECT_NE(render(sim.warnings()).find("the residual is not a finite number"), std::string::npos) << render(sim.warnings());
+  EXPECT_TRUE(std::isfinite(sim.ledger().energy_relative)) << "summaries hold numbers";
 }
 
 TEST(Ledger, OfWhatDoesNotMoveIsZero) {
