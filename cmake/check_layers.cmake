@@ -66,13 +66,13 @@ set(external
   "Simbody.h|bench/peers/simbody.cpp"
   "kdl/|bench/peers/kdl.cpp"
   "dart/|bench/peers/dart.cpp"
-  "unistd.h|core/abi/trial.cpp core/io/bounded_child.cpp core/io/result_folder.cpp scripts/commands/ scripts/main.cpp tests bench"
-  "sys/|core/abi/trial.cpp core/io/bounded_child.cpp core/io/result_folder.cpp core/io/hdf5_file.cpp scripts/commands/ tests bench"
+  "unistd.h|core/base/child_process.cpp core/io/result_folder.cpp scripts/commands/ scripts/main.cpp tests bench"
+  "sys/|core/base/child_process.cpp core/io/result_folder.cpp core/io/hdf5_file.cpp scripts/commands/ tests bench"
   "valgrind/|bench/operation_count.hpp"
-  "fcntl.h|core/abi/trial.cpp core/io/result_folder.cpp scripts/commands/ tests"
-  "signal.h|core/abi/trial.cpp core/io/bounded_child.cpp tests"
+  "fcntl.h|core/base/child_process.cpp core/io/result_folder.cpp scripts/commands/ tests"
+  "signal.h|core/base/child_process.cpp core/abi/trial.cpp core/io/bounded_child.cpp tests"
   "pty.h|tests"
-  "poll.h|scripts/commands/ tests"
+  "poll.h|core/base/child_process.cpp scripts/commands/ tests"
   "stdint.h|core/abi/cardan_abi.h")
 
 # The longest row of `table` whose name begins `path`: its right-hand side in `out`; `found` tells whether there is one.
