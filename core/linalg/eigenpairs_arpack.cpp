@@ -26,6 +26,7 @@ constexpr double kOffset = 1e-9;          // relative, of the shift of their inv
 constexpr double kTie = 1e-6;             // relative
 constexpr double kResidualLimit = 1e-10;  // backward error; a converged pair has about 1e-15
 constexpr int kMaxRestarts = 1000;
+constexpr double kLargest = 1e150;  // of a vector: its square is finite
 
 /// Fixed start vector with entries in (-1, 1): splitmix64 (Steele, Lea, Flood 2014) from a fixed seed.
 VectorXd start_vector(int n) {
@@ -88,6 +89,8 @@ Eigenpairs arpack_pairs(const LinearOperator& inverse, const LinearOperator& mas
         mass.mult(x, Mx);
       inverse.mult(Mx, y);
     }
+    if (!(y.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < kLargest))
+      throw LinalgError("the factor gives values that are not finite, or too large: the stiffness is nearly singular");
     work(1) = y;
   }
   if (info == 1)
@@ -156,6 +159,11 @@ void refine(const SparseMatrix& K, const SparseMatrix& M, const auto& shifted, i
 }
 
 }  // namespace
+
+/// What BLAS and LAPACK call when an argument is wrong. Theirs writes a line and ends the process, with status 0.
+extern "C" [[gnu::visibility("default")]] void xerbla_(const char* routine, const int* argument, std::size_t length) {
+  throw LinalgError(fmt::format("{}: argument {} is wrong", std::string_view(routine, length), *argument));
+}
 
 Eigenpairs lowest_eigenpairs(const LinearOperator& inverse, const LinearOperator& mass, int k, double sigma) {
   const int n = inverse.rows;

@@ -1,5 +1,5 @@
 // CHOLMOD (Chen, Davis, Hager, Rajamanickam 2008), its simplicial L D L* with the AMD ordering: deterministic, one
-// thread.
+// thread. Built instead of sparse_eigen.cpp with the CMake option CARDAN_CHOLMOD.
 #include <cholmod.h>
 #include <fmt/format.h>
 
@@ -80,6 +80,10 @@ Eigen::MatrixXd SparseFactor::solve(const Eigen::MatrixXd& b) const {
   Eigen::MatrixXd result = Eigen::Map<const Eigen::MatrixXd>(static_cast<const double*>(x->x), b.rows(), b.cols());
   cholmod_free_dense(&x, &impl_->common);
   return result;
+}
+
+std::string SparseFactor::origin() {
+  return fmt::format("CHOLMOD {}.{}.{} (parts are GPL)", CHOLMOD_MAIN_VERSION, CHOLMOD_SUB_VERSION, CHOLMOD_SUBSUB_VERSION);
 }
 
 int SparseFactor::negative_pivots() const {

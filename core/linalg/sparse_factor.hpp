@@ -2,13 +2,15 @@
 // L D L* of a sparse symmetric matrix, for many right-hand sides.
 #include <Eigen/SparseCore>
 #include <memory>
+#include <string>
 
 namespace cardan {
 
 using SparseMatrix = Eigen::SparseMatrix<double>;  // compressed columns, 32-bit indices
 
 /// Factor of A = A* with a fill-reducing permutation and no pivoting for size: exact for definite A, and good enough
-/// for an indefinite shift that is not an eigenvalue (bisection counts, shift-invert inside the spectrum).
+/// for an indefinite shift that is not an eigenvalue (bisection counts, shift-invert inside the spectrum). The same bits
+/// every time. What others cost: docs/adr/0015-a-factor-free-of-the-gpl.md.
 class SparseFactor {
  public:
   /// Reads the lower triangle of A. Throws LinalgError when a pivot is zero or not finite.
@@ -25,6 +27,8 @@ class SparseFactor {
     int row;
   };
   Pivot smallest_pivot() const;
+  /// Whose factor is built in: "Eigen 3.4.0", or "CHOLMOD 3.0.14 (parts are GPL)" with the CMake option CARDAN_CHOLMOD.
+  static std::string origin();
 
  private:
   struct Impl;

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "core/linalg/sparse_factor.hpp"
 #include "core/soa/kernels.hpp"
 #include "scripts/commands/commands.hpp"
 
@@ -10,8 +11,8 @@ namespace cardan {
 void add_version(CLI::App& app, CommandLine& line) {
   const auto tell = [&line] {
     line.action = [] {
-      fmt::print("cardan {} ({})\n{}\n{}\nsweeps: x86-64-{}\n", version::kNumber, *version::kCommit ? version::kCommit : "no commit",
-                 version::kCompiler, version::kFlags, soa::kernels().name);
+      fmt::print("cardan {} ({})\n{}\n{}\nsweeps: x86-64-{}\nfactors of finite-element models: {}\n", version::kNumber, *version::kCommit ? version::kCommit : "no commit",
+                 version::kCompiler, version::kFlags, soa::kernels().name, SparseFactor::origin());
       return 0;
     };
   };

@@ -8,6 +8,9 @@
 #include <cstring>
 #include <numbers>
 
+extern "C" void dgemv_(const char* transposed, const int* rows, const int* columns, const double* alpha, const double* A, const int* lda,
+                       const double* x, const int* x_step, const double* beta, double* y, const int* y_step, std::size_t text_length);
+
 namespace cardan {
 namespace {
 
@@ -141,6 +144,24 @@ TEST(LowestEigenpairs, RefuseWhatCannotBe) {
   EXPECT_THROW(lowest_eigenpairs(chain(60), SparseMatrix(60, 60), 2, 0.0), LinalgError);
 }
 
+TEST(LowestEigenpairs, RefuseWhatIsNotFiniteAndEndNoProcess) {
+  const auto mass = [](const VectorXd& x, VectorXd& y) { y = x; };
+  for (const double bad : {std::nan(""), HUGE_VAL, 1e200}) {
+    const auto inverse = [&](const VectorXd& x, VectorXd& y) { y = x, y(3) = bad; };
+    EXPECT_THROW(lowest_eigenpairs({90, 90, inverse, inverse}, {90, 90, mass, mass}, 3, 0.0), LinalgError);
+  }
+  // LAPACK's answer to a wrong argument, through a Fortran routine, is an error of ours.
+  const int n = 2, one = 1;
+  const double a[4] = {}, x[2] = {}, scale = 1.0;
+  double y[2] = {};
+  try {
+    dgemv_("?", &n, &n, &scale, a, &n, x, &one, &scale, y, &one, 1);
+    FAIL() << "a transposition of '?'";
+  } catch (const LinalgError& e) {
+    EXPECT_EQ(std::string(e.what()).find("DGEMV"), 0u) << e.what();
+  }
+}
+
 TEST(SparseFactorisation, SolvesAndCountsNegativeEigenvalues) {
   const int n = 40;
   const MatrixXd b = MatrixXd::Random(n, 2);
@@ -160,6 +181,25 @@ TEST(SparseFactorisation, TellsOfASingularMatrix) {
   EXPECT_GT(SparseFactor(repeated(chain(5), 2)).smallest_pivot().ratio, 0.1);
   EXPECT_THROW(SparseFactor(chain(6, true)), LinalgError);  // integers: the last pivot is exactly zero
   EXPECT_THROW(SparseFactor(SparseMatrix(3, 4)), LinalgError);
+  SparseMatrix A = identity(5);
+  A.coeffRef(2, 2) = 0.0;
+  try {
+    SparseFactor factor(A);
+    FAIL() << "a zero pivot";
+  } catch (const LinalgError& e) {
+    EXPECT_EQ(e.row, 2);
+  }
+}
+
+TEST(SparseFactorisation, IsTheSameBitForBitEveryTimeAndLeavesOutWhatIsZero) {
+  SparseMatrix with_zeros = repeated(chain(40), 3);
+  for (int j = 0; j < 120; ++j) with_zeros.coeffRef(j, 0) += 0.0, with_zeros.coeffRef(0, j) += 0.0;
+  with_zeros.makeCompressed();
+  const MatrixXd b = MatrixXd::Random(120, 1), x = SparseFactor(repeated(chain(40), 3)).solve(b);
+  for (const SparseMatrix& A : {repeated(chain(40), 3), with_zeros}) {
+    const MatrixXd again = SparseFactor(A).solve(b);
+    EXPECT_EQ(std::memcmp(x.data(), again.data(), sizeof(double) * 120), 0);
+  }
 }
 
 }  // namespace
