@@ -21,6 +21,9 @@ struct PlateSection {
 PlateSection plate_section(const SolidPanel&, bool rotary_inertia);
 PlateSection plate_section(const SandwichPanel&, bool rotary_inertia);
 
+/// For pictures: at most `most` + 1 of the numbers 0 ... n, evenly spread, with both ends.
+std::vector<int> some_of(int n, int most);
+
 /// Rectangle x0 <= x <= x0 + length, |y| <= width / 2, of nx by ny elements; returns the nodes of its edge x = x0, y
 /// ascending.
 std::vector<int> add_plate(FeBuilder&, double x0, double length, double width, int nx, int ny, const PlateSection&);

@@ -1,6 +1,8 @@
 #include "bodies/modal/fe_model.hpp"
 
 #include <Eigen/Dense>
+#include <algorithm>
+#include <map>
 #include <utility>
 
 namespace cardan {
@@ -41,6 +43,30 @@ MassField FeModel::mass_field(const MatrixXd& shapes) const {
     field.Psi[a] = Q[a] * shapes;
   }
   return field;
+}
+
+ModalDrawing FeModel::drawing(const MatrixXd& shapes) const {
+  std::map<int, int> points;  // node -> point
+  std::vector<std::pair<int, int>> pieces;
+  for (const std::vector<int>& line : lines)
+    for (std::size_t i = 0; i < line.size(); ++i) {
+      points.emplace(line[i], 0);
+      if (i > 0) pieces.emplace_back(line[i - 1], line[i]);
+    }
+  ModalDrawing out;
+  out.points.resize(static_cast<Eigen::Index>(points.size()), 3);
+  out.lines.resize(static_cast<Eigen::Index>(pieces.size()), 2);
+  out.shapes.assign(static_cast<std::size_t>(std::min(shapes.cols(), kMostPictured)), out.points);
+  int row = 0;
+  for (auto& [node, point] : points) {
+    point = row++;
+    out.points.row(point) = nodes[static_cast<std::size_t>(node)].transpose();
+    for (std::size_t j = 0; j < out.shapes.size(); ++j)
+      out.shapes[j].row(point) = shapes.block<3, 1>(6 * node, static_cast<Eigen::Index>(j)).transpose();
+  }
+  for (std::size_t i = 0; i < pieces.size(); ++i)
+    out.lines.row(static_cast<Eigen::Index>(i)) << points[pieces[i].first], points[pieces[i].second];
+  return out;
 }
 
 int FeBuilder::add_node(const Vector3d& position) {

@@ -2,6 +2,7 @@
 // A finite-element model in body axes: what every generator builds and every solution reads.
 #include <Eigen/Core>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "bodies/modal/modal_integrals.hpp"
@@ -24,6 +25,7 @@ struct FeModel {
   SparseMatrix N[3], Q[3];                     // p x 6 n each: x, y, z
   double element_size = 0.0;                   // [m] diagonal of the largest element
   std::vector<int> root_nodes;                 // what Boundary::cantilever holds
+  std::vector<std::vector<int>> lines;         // for pictures: rows of nodes, a few hundred nodes in all however fine the mesh
   std::string description;                     // "beam 10 m, 40 elements"
 
   int n_dofs() const { return 6 * static_cast<int>(nodes.size()); }
@@ -31,6 +33,9 @@ struct FeModel {
   int find_node(const Eigen::Vector3d& position) const;
   /// 6 n x 6: nodal values of the unit rigid motions, rotation about the origin and translation (angular first).
   RigidShapes rigid_shapes() const;
+  /// The nodes on `lines` with the shapes of the first modes there (at most kMostPictured).
+  ModalDrawing drawing(const Eigen::MatrixXd& shapes) const;
+  static constexpr Eigen::Index kMostPictured = 30;
   /// The points with the interpolated shapes of nodal vectors (6 n x m).
   MassField mass_field(const Eigen::MatrixXd& shapes) const;
 };
@@ -50,6 +55,7 @@ class FeBuilder {
   const FeModel& mesh() const { return model_; }  ///< nodes and element size so far; the matrices come with finish()
   /// K: 6 k x 6 k in body axes [N/m, N, N m].
   void add_element(const std::vector<int>& nodes, const Eigen::MatrixXd& K, const std::vector<Point>& points);
+  void add_line(std::vector<int> nodes) { model_.lines.push_back(std::move(nodes)); }
   void add_mass(int node, double mass, const Eigen::Matrix3d& inertia);
   FeModel finish(std::vector<int> root_nodes, std::string description);
 

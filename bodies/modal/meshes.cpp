@@ -2,7 +2,9 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <numbers>
 
 #include "bodies/modal/elements.hpp"
@@ -104,6 +106,12 @@ FeModel with_masses(FeBuilder& builder, const std::vector<PointMass>& masses, st
 
 }  // namespace
 
+std::vector<int> some_of(int n, int most) {
+  std::vector<int> out;
+  for (int i = 0, count = std::min(n, most); i <= count; ++i) out.push_back(static_cast<int>(std::int64_t{i} * n / count));
+  return out;
+}
+
 FeModel beam_mesh(const BeamModel& beam, const std::vector<PointMass>& masses, const Located& at, Warnings* warnings) {
   const Checks check{at, warnings};
   check.positive("length", beam.length, "m");
@@ -119,6 +127,7 @@ FeModel beam_mesh(const BeamModel& beam, const std::vector<PointMass>& masses, c
   for (int i = 0; i <= beam.elements; ++i) builder.add_node({beam.length * i / beam.elements, 0, 0});
   for (int i = 0; i < beam.elements; ++i)
     add_beam(builder, i, i + 1, Vector3d::UnitY(), beam.material, beam.section, beam.rotary_inertia);
+  builder.add_line(some_of(beam.elements, 40));
   return with_masses(
       builder, masses, {0},
       fmt::format("beam {} m, {} elements, {} dofs", beam.length, beam.elements, 6 * (beam.elements + 1)), at);
@@ -177,13 +186,17 @@ FeModel plate_mesh(const PlateModel& plate, const std::vector<PointMass>& masses
     const int half = plate.elements_y / 2;
     const int offset = static_cast<int>(std::lround(0.5 * yoke.spread / plate.width * plate.elements_y));
     const auto arm = [&](int to) {
+      std::vector<int> line{root};
       int from = root;
       for (int i = 1; i < kYokeElements; ++i) {
         const int next = builder.add_node(builder.node(to) * (static_cast<double>(i) / kYokeElements));
         beam(from, next);
         from = next;
+        line.push_back(next);
       }
       beam(from, to);
+      line.push_back(to);
+      builder.add_line(std::move(line));
     };
     arm(edge[half - offset]);
     if (offset > 0) arm(edge[half + offset]);

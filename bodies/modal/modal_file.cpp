@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 
@@ -16,7 +17,7 @@ namespace cardan {
 namespace {
 
 constexpr const char* kSchema = "cardan-modal/1";
-constexpr double kMostModes = 1000, kMostItems = 1e6;
+constexpr double kMostModes = 1000, kMostItems = 1e6, kMostDrawn = 5000;
 
 using Shape = std::vector<std::size_t>;
 using Array = Hdf5Array<double>;
@@ -228,8 +229,14 @@ void io_list(Archive& archive, const std::string& path, std::vector<Item>& list,
 
 /// What a file may leave out.
 struct Parts {
-  bool integrals = true, nodes = true, mass_nodes = true, audit = true;
+  bool integrals = true, nodes = true, mass_nodes = true, audit = true, drawing = true;
 };
+/// Of data at hand: a drawing that is empty is not there.
+Parts parts_of(const ModalData& d) {
+  Parts parts;
+  parts.drawing = d.drawing.points.rows() > 0;
+  return parts;
+}
 
 void io(Archive& a, ModalData& d, const Parts& parts) {
   io_whole(a, "/n_modes", d.n_modes, 1, kMostModes);
@@ -281,6 +288,16 @@ void io(Archive& a, ModalData& d, const Parts& parts) {
       a.text(path + "/kind", r.kind, true);
       a.text(path + "/reason", r.reason, true);
     });
+  if (parts.drawing) {
+    auto n = static_cast<std::size_t>(d.drawing.points.rows()), k = static_cast<std::size_t>(d.drawing.lines.rows());
+    std::size_t pictured = d.drawing.shapes.size();
+    io_whole(a, "/drawing/count", n, 0, kMostDrawn);
+    io_whole(a, "/drawing/line_count", k, 0, kMostDrawn);
+    io_whole(a, "/drawing/mode_count", pictured, 0, static_cast<double>(m));
+    io(a, "/drawing/points", d.drawing.points, n, 3, true);
+    io(a, "/drawing/lines", d.drawing.lines, k, 2, true);
+    io(a, "/drawing/shapes", d.drawing.shapes, pictured, n, 3, true);
+  }
 }
 
 /// The content of an open file with the right shapes, and the hash written beside it (empty: none).
@@ -291,13 +308,14 @@ std::string read(const Hdf5File& file, ModalData& data) {
     refuse({"", {name, 0, 0}}, "schema", Code::bad_result_file, kSchema, in_quotes(printable(schema)),
            "write the file with this version of the program");
   Reader reader(file);
-  const Parts parts{file.has("/integrals"), file.has("/nodes"), file.has("/mass_nodes"), file.has("/audit")};
+  const Parts parts{file.has("/integrals"), file.has("/nodes"), file.has("/mass_nodes"), file.has("/audit"), file.has("/drawing")};
   if (!parts.integrals && !parts.mass_nodes) bad(name, "/integrals", "integrals, or mass nodes to compute them from", "neither");
   io(reader, data, parts);
   if (!parts.integrals) {
     ModalData lumped = lumped_modal_data(std::move(data.mass_nodes), std::move(data.K), std::move(data.C), std::move(data.nodes));
     if (!data.source.empty()) lumped.source = std::move(data.source);
     lumped.audit = std::move(data.audit);
+    lumped.drawing = std::move(data.drawing);
     data = std::move(lumped);
   }
   return file.has_attribute("/", "content_hash") ? file.text_attribute("/", "content_hash") : "";
@@ -314,6 +332,12 @@ void check(ModalData& data, const std::string& stored_hash, const std::string& f
   for (const ModeRecord& r : data.audit)
     if (!std::isfinite(r.frequency) || !r.effective_mass.allFinite())
       bad(file, "/audit", "finite frequencies and effective masses", "a value that is not finite");
+  const ModalDrawing& d = data.drawing;
+  const bool drawn = d.shapes.empty() || d.shapes[0].rows() == d.points.rows();
+  const bool finite = std::all_of(d.shapes.begin(), d.shapes.end(), [](const Eigen::MatrixXd& s) { return s.allFinite(); });
+  if (!drawn || !finite || !d.points.allFinite() || !(d.lines.array() >= 0.0).all() || !(d.lines.array() < static_cast<double>(d.points.rows())).all() ||
+      d.lines != d.lines.array().floor().matrix())
+    bad(file, "/drawing", "finite points and shapes, and lines between points that are there", "others");
   data.source = printable(data.source);
   data.content_hash = content_hash(data);
   if (!stored_hash.empty() && stored_hash != data.content_hash)
@@ -326,7 +350,7 @@ void check(ModalData& data, const std::string& stored_hash, const std::string& f
 std::string content_hash(const ModalData& data) {
   ModalData copy = data;
   Hasher hasher;
-  io(hasher, copy, {});
+  io(hasher, copy, parts_of(data));
   return hasher.digest();
 }
 
@@ -337,7 +361,7 @@ void write_modal_file(const std::string& path, const ModalData& data) {
   file.set_attribute("/", "content_hash", content_hash(data));
   file.set_attribute("/", "units", std::string("SI; body axes; modal coordinates scaled so that I6 is the modal mass"));
   Writer writer(file);
-  io(writer, copy, {});
+  io(writer, copy, parts_of(data));
   file.close();
 }
 

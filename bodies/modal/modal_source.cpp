@@ -235,6 +235,7 @@ ModalData solve(const FeModel& model, const ModalSource& source, const Warnings&
     n.Psi = shapes.middleRows(6 * node + 3, 3);
     data.nodes.push_back(std::move(n));
   }
+  data.drawing = model.drawing(shapes);
   if (warnings)
     for (Warning w : shape.all()) {
       w.what.about += fmt::format("; the first mode has {:.4g} Hz", std::sqrt(omega2(0)) / (2 * std::numbers::pi));

@@ -172,6 +172,17 @@ std::vector<int> add_plate(FeBuilder& builder, double x0, double length, double 
       builder.add_element({at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)}, element.K(),
                           element.points(centre));
     }
+  const std::vector<int> xs = some_of(nx, 32), ys = some_of(ny, 12);
+  for (const int j : ys) {
+    std::vector<int> line;
+    for (const int i : xs) line.push_back(at(i, j));
+    builder.add_line(std::move(line));
+  }
+  for (const int i : xs) {
+    std::vector<int> line;
+    for (const int j : ys) line.push_back(at(i, j));
+    builder.add_line(std::move(line));
+  }
   return {node.begin(), node.begin() + ny + 1};
 }
 

@@ -191,6 +191,34 @@ struct Hdf5File::Impl {
     Handle set = new_dataset(path, type, space);
     wrote(H5Dwrite(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, data), path);
   }
+  void make_rows(const std::string& path, hid_t type, std::size_t columns, std::size_t rows_per_block, std::size_t most_rows) {
+    std::vector<hsize_t> now{0}, limit{most_rows > 0 ? most_rows : H5S_UNLIMITED}, block{rows_per_block};
+    if (columns > 0) {
+      for (auto* dims : {&now, &limit, &block}) dims->push_back(columns);
+    }
+    Handle space(H5Screate_simple(static_cast<int>(now.size()), now.data(), limit.data()), H5Sclose);
+    Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
+    H5Pset_chunk(properties, static_cast<int>(block.size()), block.data());
+    new_dataset(path, type, space, properties);
+  }
+  void append_rows(const std::string& path, hid_t type, std::size_t n, const void* values) const {
+    Handle set = dataset(path);
+    std::vector<hsize_t> size, start, count;
+    {
+      Handle space(H5Dget_space(set), H5Sclose);
+      size = count = dimensions(space);
+    }
+    start.assign(size.size(), 0);
+    start[0] = size[0];
+    count[0] = n / (size.size() > 1 ? size[1] : 1);
+    size[0] += count[0];
+    wrote(H5Dset_extent(set, size.data()), path);
+    Handle in_file(H5Dget_space(set), H5Sclose);
+    H5Sselect_hyperslab(in_file, H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr);
+    Handle in_memory(H5Screate_simple(static_cast<int>(count.size()), count.data(), nullptr), H5Sclose);
+    wrote(H5Dwrite(set, type, in_memory, in_file, H5P_DEFAULT, values), path);
+    wrote(set.close(), path);  // the numbers go to disk here, what makes them visible in flush()
+  }
   template <class T>
   Hdf5Array<T> read(const std::string& path, hid_t type) const {
     Handle set = dataset(path);
@@ -248,7 +276,7 @@ struct Hdf5File::Impl {
     if (H5Aexists(owner, key.c_str()) > 0) wrote(H5Adelete(owner, key.c_str()), where);
     Handle space = new_space(shape);
     Handle attribute(wrote(H5Acreate2(owner, key.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT), where), H5Aclose);
-    wrote(H5Awrite(attribute, type, data), where);
+    if (product(shape) > 0) wrote(H5Awrite(attribute, type, data), where);
   }
   Handle attribute(const std::string& path, const std::string& key) const {
     Handle owner = object(path);
@@ -400,6 +428,10 @@ void Hdf5File::write(const std::string& path, std::span<const double> values, co
 void Hdf5File::write(const std::string& path, std::span<const std::int64_t> values) {
   impl_->write(path, H5T_NATIVE_INT64, {values.size()}, values.data());
 }
+void Hdf5File::write(const std::string& path, std::span<const std::int64_t> values, const std::vector<std::size_t>& shape) {
+  expect_size(values.size(), shape, path);
+  impl_->write(path, H5T_NATIVE_INT64, shape, values.data());
+}
 void Hdf5File::write(const std::string& path, const std::string& text) {
   const char* raw = text.c_str();
   impl_->write(path, new_string_type(), {}, &raw);
@@ -430,33 +462,16 @@ std::vector<std::size_t> Hdf5File::shape(const std::string& path) const {
 }
 
 void Hdf5File::make_rows(const std::string& path, std::size_t columns, std::size_t rows_per_block, std::size_t most_rows) {
-  std::vector<hsize_t> now{0}, limit{most_rows > 0 ? most_rows : H5S_UNLIMITED}, block{rows_per_block};
-  if (columns > 0) {
-    for (auto* dims : {&now, &limit, &block}) dims->push_back(columns);
-  }
-  Handle space(H5Screate_simple(static_cast<int>(now.size()), now.data(), limit.data()), H5Sclose);
-  Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
-  H5Pset_chunk(properties, static_cast<int>(block.size()), block.data());
-  impl_->new_dataset(path, H5T_NATIVE_DOUBLE, space, properties);
+  impl_->make_rows(path, H5T_NATIVE_DOUBLE, columns, rows_per_block, most_rows);
 }
-
+void Hdf5File::make_text_rows(const std::string& path, std::size_t columns, std::size_t rows_per_block) {
+  impl_->make_rows(path, new_string_type(), columns, rows_per_block, 0);
+}
 void Hdf5File::append_rows(const std::string& path, std::span<const double> values) {
-  Handle set = impl_->dataset(path);
-  std::vector<hsize_t> size, start, count;
-  {
-    Handle space(H5Dget_space(set), H5Sclose);
-    size = count = dimensions(space);
-  }
-  start.assign(size.size(), 0);
-  start[0] = size[0];
-  count[0] = values.size() / (size.size() > 1 ? size[1] : 1);
-  size[0] += count[0];
-  impl_->wrote(H5Dset_extent(set, size.data()), path);
-  Handle in_file(H5Dget_space(set), H5Sclose);
-  H5Sselect_hyperslab(in_file, H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr);
-  Handle in_memory(H5Screate_simple(static_cast<int>(count.size()), count.data(), nullptr), H5Sclose);
-  impl_->wrote(H5Dwrite(set, H5T_NATIVE_DOUBLE, in_memory, in_file, H5P_DEFAULT, values.data()), path);
-  impl_->wrote(set.close(), path);  // the numbers go to disk here, what makes them visible in flush()
+  impl_->append_rows(path, H5T_NATIVE_DOUBLE, values.size(), values.data());
+}
+void Hdf5File::append_rows(const std::string& path, const std::vector<std::string>& texts) {
+  impl_->append_rows(path, new_string_type(), texts.size(), pointers(texts).data());
 }
 
 void Hdf5File::set_attribute(const std::string& path, const std::string& name, const std::string& text) {

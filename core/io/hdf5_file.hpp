@@ -53,6 +53,7 @@ class Hdf5File {
   void write(const std::string& path, std::span<const double> values);  // 1-D
   void write(const std::string& path, std::span<const double> values, const std::vector<std::size_t>& shape);
   void write(const std::string& path, std::span<const std::int64_t> values);  // 1-D
+  void write(const std::string& path, std::span<const std::int64_t> values, const std::vector<std::size_t>& shape);
   void write(const std::string& path, const std::string& text);               // UTF-8, of any length
   void write(const std::string& path, const std::vector<std::string>& texts, const std::vector<std::size_t>& shape);
 
@@ -67,8 +68,11 @@ class Hdf5File {
   /// two flushes then leaves a file that cannot be read. most_rows: no more will come (0: any number may); where one block holds them, the
   /// dataset needs no index of blocks, which takes 0.3 kB.
   void make_rows(const std::string& path, std::size_t columns, std::size_t rows_per_block, std::size_t most_rows = 0);
+  /// The same of texts: rows of `columns` each.
+  void make_text_rows(const std::string& path, std::size_t columns, std::size_t rows_per_block);
   /// Appends whole rows (row-major).
   void append_rows(const std::string& path, std::span<const double> values);
+  void append_rows(const std::string& path, const std::vector<std::string>& texts);
 
   /// Attributes of a group or dataset ("/" is the file's root).
   void set_attribute(const std::string& path, const std::string& name, const std::string& text);

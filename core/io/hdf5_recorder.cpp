@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cstdio>
 #include <set>
@@ -16,6 +17,8 @@ namespace cardan {
 namespace {
 
 constexpr std::size_t kRowsPerBlock = 256;  // rows buffered, and rows per block of the file unless fewer are expected
+constexpr std::size_t kNotesPerBlock = 64, kMostNotes = 10'000, kMostNoteBytes = 1000;
+constexpr std::size_t kMostPictureNumbers = 500'000;  // 4 MB
 
 using Pairs = RunHeader::Pairs;
 using Clock = std::chrono::steady_clock;
@@ -40,6 +43,14 @@ void expect_distinct(const std::vector<Channel>& channels) {
                           "",
                           "",
                           0});
+}
+
+/// A text of at most kMostNoteBytes, of a longer one the beginning.
+std::string beginning(const std::string& text) {
+  if (text.size() <= kMostNoteBytes) return text;
+  std::size_t end = kMostNoteBytes - 3;
+  while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xC0) == 0x80) --end;  // not in the middle of a character
+  return text.substr(0, end) + "...";
 }
 
 class Hdf5Recorder final : public Recorder {
@@ -91,6 +102,16 @@ class Hdf5Recorder final : public Recorder {
     write_pairs("/spec/defaults", header.defaults_used);
     file_.write("/spec/sweeps", header.sweep_program);
 
+    write_pictures(header.mode_pictures);
+    for (const NoteKind& kind : note_kinds()) {
+      const std::string path = notes_path(kind);
+      file_.make_rows(path + "/t", 0, kNotesPerBlock);
+      file_.set_attribute(path + "/t", "unit", std::string("s"));
+      file_.make_text_rows(path + "/text", kind.columns.size(), kNotesPerBlock);
+      file_.set_attribute(path + "/text", "columns", kind.columns);
+      file_.write(path + "/left_out", 0.0);
+    }
+
     // A run of few rows gets blocks that hold all of them: less to store, and no index of blocks.
     const bool few = header.most_rows > 0 && header.most_rows <= kRowsPerBlock;
     const std::size_t rows = few ? header.most_rows : kRowsPerBlock, limit = few ? rows : 0;
@@ -124,10 +145,23 @@ class Hdf5Recorder final : public Recorder {
     if (full) ++blocks_;
     // By the clock, and after 1, 2, 4, ... blocks: a disk that is soon full keeps about half of the rows at least.
     const bool doubled = full && (blocks_ & (blocks_ - 1)) == 0;
-    if (doubled || std::chrono::duration<double>(Clock::now() - last_flush_).count() >= flush_period_)
+    if (doubled || is_flush_due())
       flush();
     else if (full)
       guarded([this] { write_block(); });
+  }
+
+  void note(Note kind, double t, const std::vector<std::string>& texts) override {
+    if (closed_) return;
+    Notes& notes = notes_[static_cast<std::size_t>(kind)];
+    if (texts.size() != note_kinds()[static_cast<std::size_t>(kind)].columns.size())
+      throw std::invalid_argument("Recorder::note: a text for each column");
+    if (++notes.count <= kMostNotes) {
+      notes.t.push_back(t);
+      for (const std::string& text : texts) notes.texts.push_back(beginning(text));
+    }
+    // Lines and some warnings come from the middle of a script, which no failure of the disk may leave.
+    if ((kind == Note::phase || kind == Note::event) && is_flush_due()) flush();
   }
 
   void attach(const std::string& name, const std::string& text) override {
@@ -144,6 +178,7 @@ class Hdf5Recorder final : public Recorder {
   void flush() override {
     guarded([this] {
       write_block();
+      write_notes();
       file_.flush();
     });
     last_flush_ = Clock::now();
@@ -153,6 +188,7 @@ class Hdf5Recorder final : public Recorder {
     if (closed_) return;
     guarded([&] {
       write_block();
+      write_notes();
       if (!verdict.empty()) file_.set_attribute("/run", "verdict", std::string(verdict));
       file_.set_attribute("/run", "finished", now_utc());
       file_.close();
@@ -165,6 +201,56 @@ class Hdf5Recorder final : public Recorder {
     std::string path;
     std::size_t width;
   };
+
+  struct Notes {
+    std::size_t count = 0, left_out = 0;  // so far; as the file has it
+    std::vector<double> t;                // not yet in the file
+    std::vector<std::string> texts;
+  };
+
+  static std::string notes_path(const NoteKind& kind) { return std::string("/run/") + kind.name; }
+  bool is_flush_due() const { return std::chrono::duration<double>(Clock::now() - last_flush_).count() >= flush_period_; }
+
+  /// Datasets in /mode_shapes/0 ... : all that stands before the first row is of bounded size.
+  void write_pictures(const std::vector<ModePicture>& pictures) {
+    std::vector<std::string> left_out;
+    std::size_t n = 0, numbers = 0;
+    file_.make_group("/mode_shapes");
+    for (const ModePicture& p : pictures) {
+      numbers += p.shapes.size();
+      if (numbers > kMostPictureNumbers) {
+        left_out.insert(left_out.end(), p.bodies.begin(), p.bodies.end());
+        continue;
+      }
+      const std::string path = fmt::format("/mode_shapes/{}", n++);
+      const std::size_t points = p.points.size() / 3;
+      file_.write(path + "/points", p.points, {points, 3});
+      file_.set_attribute(path + "/points", "unit", std::string("m"));
+      file_.write(path + "/lines", p.lines, {p.lines.size() / 2, 2});
+      file_.write(path + "/frequency", p.frequency);
+      file_.set_attribute(path + "/frequency", "unit", std::string("Hz"));
+      file_.write(path + "/shapes", p.shapes, {p.frequency.size(), points, 3});
+      file_.set_attribute(path + "/shapes", "unit", std::string("m"));
+      file_.set_attribute(path, "bodies", p.bodies);
+      file_.set_attribute(path, "source", p.source);
+    }
+    file_.set_attribute("/mode_shapes", "left_out", left_out);
+  }
+
+  void write_notes() {
+    for (const NoteKind& kind : note_kinds()) {
+      Notes& notes = notes_[static_cast<std::size_t>(kind.kind)];
+      const std::string path = notes_path(kind);
+      if (!notes.t.empty()) {
+        file_.append_rows(path + "/t", notes.t);
+        file_.append_rows(path + "/text", notes.texts);
+        notes.t.clear(), notes.texts.clear();
+      }
+      const std::size_t left_out = notes.count > kMostNotes ? notes.count - kMostNotes : 0;
+      if (left_out != notes.left_out) file_.write(path + "/left_out", static_cast<double>(left_out));
+      notes.left_out = left_out;
+    }
+  }
 
   void write_pairs(const std::string& path, const Pairs& pairs) {
     std::vector<std::string> texts;
@@ -210,6 +296,7 @@ class Hdf5Recorder final : public Recorder {
   std::vector<Column> columns_;
   std::size_t width_ = 0, blocks_ = 0;  // blocks: that were full
   std::vector<double> times_, values_, block_;  // rows not yet in the file
+  std::array<Notes, 4> notes_;                  // by Note
   bool closed_ = false;
 };
 

@@ -16,6 +16,7 @@ class RangeRecorder final : public Recorder {
   explicit RangeRecorder(Recorder& recorder) : recorder_(recorder) {}
   void begin(const RunHeader& header, const std::vector<Channel>& channels) override;
   void row(double t, std::span<const double> values) override;
+  void note(Note kind, double t, const std::vector<std::string>& texts) override { recorder_.note(kind, t, texts); }
   void attach(const std::string& name, const std::string& text) override { recorder_.attach(name, text); }
   void restart_state(double t, std::span<const double> x) override { recorder_.restart_state(t, x); }
   void flush() override { recorder_.flush(); }

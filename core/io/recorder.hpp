@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/warnings.hpp"
+
 namespace cardan {
 
 /// One recorded quantity: `size` numbers per row. Path below /channels: "bodies/bus/attitude".
@@ -23,6 +25,16 @@ struct Channel {
 /// A file of the input: its name as the scenario gives it, the SHA-256 of its bytes and, where it is a text, the text.
 struct InputFile {
   std::string name, sha256, text;
+};
+
+/// Modes of a body as a picture: points of its mesh, undeformed, lines between them, and how far each mode moves them. Body axes.
+struct ModePicture {
+  std::vector<std::string> bodies;               // that have these modes
+  std::string source;                            // one line
+  std::vector<double> frequency;                 // [Hz] of each of the first modes: those that are pictured
+  std::vector<double> points;                    // [m] points x 3
+  std::vector<std::int64_t> lines;               // lines x 2: indices of points; may be empty
+  std::vector<double> shapes;                    // [m per unit of the modal coordinate] modes x points x 3
 };
 
 /// Provenance: everything that is known before the first row, and all that is needed to run it again.
@@ -43,7 +55,23 @@ struct RunHeader {
   std::string sweep_program;                     // the program of sweeps that was executed
   std::string integrator;
   std::size_t most_rows = 0;                     // no more rows will come; 0: not known
+  std::vector<ModePicture> mode_pictures;
 };
+
+/// What happens in a run, beside its rows.
+enum class Note {
+  phase,    // begins: its name, empty after the last
+  event,    // its name; "rising" or "falling"
+  printed,  // a line; by whom
+  warning   // code, what, key path, place, what to do; of each kind the first
+};
+/// What the texts of a note are called: in run.h5 the columns of /run/events and so on.
+struct NoteKind {
+  Note kind;
+  const char* name;                 // of the list: "events"
+  std::vector<std::string> columns;
+};
+const std::vector<NoteKind>& note_kinds();  ///< in the order of Note
 
 class Recorder {
  public:
@@ -51,6 +79,9 @@ class Recorder {
   virtual void begin(const RunHeader& header, const std::vector<Channel>& channels) = 0;
   /// One row: the numbers of all channels in order of declaration. Throws NumericsError (N0204) when the disk is full.
   virtual void row(double t, std::span<const double> values) = 0;
+  /// t: simulated time [s], NaN before the run; texts: one for each column of its kind. Of each kind the first 10000 are kept and the
+  /// others counted, and of each text the first 1000 bytes. Where there is no list for them they are dropped.
+  virtual void note(Note, double t, const std::vector<std::string>& texts) { static_cast<void>(t), static_cast<void>(texts); }
   /// The state to resume from, and texts that are known at the end ("summary" -> JSON).
   virtual void attach(const std::string& name, const std::string& text) = 0;
   virtual void restart_state(double t, std::span<const double> x) = 0;
@@ -58,6 +89,8 @@ class Recorder {
   /// `verdict`: how the run ended, in a word.
   virtual void close(std::string_view verdict = {}) = 0;
 };
+
+void note(Recorder&, const Warning&);
 
 /// HDF5 file; flushed every `flush_period` seconds of wall time. It is made beside `path`; begin() gives it its name, in place of what
 /// stood there, once all that stands before the first row is on disk and `ready` has returned: until then, and where either fails, nothing

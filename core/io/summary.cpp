@@ -25,6 +25,7 @@ std::string to_json(const Summary& s) {
   for (const auto& w : s.warnings.all()) warnings.push_back(to_json(w));
   const Json all = {{"scenario", s.scenario},
                     {"verdict", name_of(s.verdict)},
+                    {"ended_by", s.ended_by},
                     {"failure", s.failure ? to_json(*s.failure) : Json()},
                     {"checks", checks},
                     {"ledger",

@@ -48,6 +48,7 @@ std::string_view name_of(Verdict);  ///< "passed"
 struct Summary {
   std::string scenario;
   Verdict verdict = Verdict::passed;
+  std::string ended_by;  // "the planned end", "stop() in event \"docked\"", "SIGTERM", "N0101: ..."
   std::optional<RunFailure> failure;
   std::vector<Check> checks;
   Ledger ledger;

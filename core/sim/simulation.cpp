@@ -88,7 +88,9 @@ RunFailure Simulation::explain(const RunFailure& failure) const {
 void Simulation::warn(Code code, Located at, std::string about, std::string hint) {
   const std::size_t before = warnings_.all().size();
   warnings_.add(code, std::move(at), std::move(about), std::move(hint), state_.t);
-  if (told_ && warnings_.all().size() > before) told_(warnings_.all().back());
+  if (warnings_.all().size() == before) return;
+  if (recorder_) note(*recorder_, warnings_.all().back());
+  if (told_) told_(warnings_.all().back());
 }
 
 void Simulation::take_over(const Simulation& other) {
@@ -247,6 +249,7 @@ int Simulation::add_wrench(int node, bool world_axes) {
 
 void Simulation::record(Recorder& recorder, std::vector<Output> outputs, Rational period) {
   recorder_ = &recorder;
+  for (const Warning& w : warnings_.all()) note(recorder, w);
   outputs_ = std::move(outputs);
   std::size_t n = 0;
   for (const Output& o : outputs_) n += o.channel.components.size();

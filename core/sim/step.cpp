@@ -98,6 +98,7 @@ void Simulation::handle_events(std::span<const int> crossed) {
   for (std::size_t i = 0; i < events_.size() && !stopped_; ++i)
     if (crossed[i] != 0 && (events_[i].direction == 0 || events_[i].direction == crossed[i])) {
       expect_no_storm(events_[i]);
+      if (recorder_) recorder_->note(Note::event, state_.t, {events_[i].name, crossed[i] > 0 ? "rising" : "falling"});
       events_[i].action();
     }
 }

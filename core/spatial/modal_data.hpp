@@ -49,6 +49,13 @@ struct ModeRecord {
   std::string kind, reason;                             // "normal", "Craig-Bampton"; why it is kept or not
 };
 
+/// What is drawn of the modes: some points of the mesh, lines between them, and how far each of the first modes moves the points.
+struct ModalDrawing {
+  Eigen::MatrixXd points;                               // n x 3 [m] undeformed, body axes; no rows: nothing is known
+  Eigen::MatrixXd lines;                                // k x 2: indices of points
+  std::vector<Eigen::MatrixXd> shapes;                  // of n x 3 [m] per unit modal coordinate
+};
+
 struct ModalData {
   int n_modes = 0;
   ModalIntegrals integrals;
@@ -56,6 +63,7 @@ struct ModalData {
   std::vector<ModalNode> nodes;
   std::vector<MassNode> mass_nodes;                     // empty when the source is a consistent-mass model
   std::vector<ModeRecord> audit;
+  ModalDrawing drawing;
   std::string source;                                   // one line: "plate 12.0 x 2.4 m, 40 x 8 elements, 2214 dofs, ARPACK shift-invert"
   std::string content_hash;
 };

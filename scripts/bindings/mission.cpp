@@ -214,6 +214,7 @@ int stop(lua_State* L, Scenario& s) {
   if (s.stage != Scenario::Stage::run || s.in_event_function)
     refuse(L, Code::lua_argument, "stop", "a call from a controller, a phase or an event's action",
            "one from elsewhere");
+  s.stopped_by = s.actor;
   s.sim->stop();
   return 0;
 }

@@ -116,6 +116,7 @@ class RunCommand {
       const Activity activity(fmt::format("the recorder of {} channels", channels.size()));
       recorder.begin(header, channels);
     }
+    for (const std::string& line : printed_) recorder.note(Note::printed, std::nan(""), {line, "the scenario"});
     tell_warnings();
 
     run(t_end, std::move(outputs));
@@ -137,6 +138,10 @@ class RunCommand {
     options.print = [this](std::string_view line) {
       if (progress_) progress_->clear();
       say(fmt::format("{}\n", line));
+      if (recorder_)
+        recorder_->note(Note::printed, scenario_->sim->time(), {std::string(line), std::string(scenario_->actor)});
+      else
+        printed_.emplace_back(line);
     };
     auto scenario = load_scenario(options);
     scenario->warnings.add(job_.warnings);
@@ -186,6 +191,15 @@ class RunCommand {
     if (summary_.failure && !disk_is_full()) summary_.failure->last_good = (*folder_ / kResults).string() + ":/restart";
     const bool good = std::all_of(summary_.checks.begin(), summary_.checks.end(), [](const Check& c) { return c.pass; });
     summary_.verdict = summary_.failure || fault_ ? Verdict::aborted : interrupted ? Verdict::interrupted : good ? Verdict::passed : Verdict::failed;
+    summary_.ended_by = what_ended();
+  }
+
+  /// In a few words.
+  std::string what_ended() const {
+    if (summary_.failure) return fmt::format("{}: {}", number_of(summary_.failure->code), title_of(summary_.failure->code));
+    if (fault_) return "an internal error";
+    if (summary_.verdict == Verdict::interrupted) return name_of_signal(Interruption::signal());
+    return scenario_->sim->stopped() ? "stop() in " + scenario_->stopped_by : "the planned end";
   }
 
   bool disk_is_full() const { return summary_.failure && summary_.failure->code == Code::disk_full; }
@@ -327,10 +341,11 @@ class RunCommand {
   RunArguments arguments_;
   RecordedRun job_;
   Progress* progress_ = nullptr;
+  RangeRecorder* recorder_ = nullptr;
+  std::vector<std::string> printed_;       // lines, before the recorder was there
   std::unique_ptr<Scenario> scenario_;
   std::optional<ResultFolder> folder_;
   std::unique_ptr<Recorder> file_;
-  RangeRecorder* recorder_ = nullptr;
   Summary summary_;
   std::string text_;                       // of summary.json
   std::exception_ptr fault_;               // of ours, during the run

@@ -24,12 +24,21 @@ RunFailure failure_of(const Diagnostic& d, const std::string& actor, double t) {
   return f;
 }
 
+/// Whose function runs, as long as this is there.
+struct Acting {
+  Acting(Scenario& s, const std::string& actor) : scenario(s) { scenario.actor = actor; }
+  ~Acting() { scenario.actor = {}; }
+  Acting(const Acting&) = delete;
+  Acting& operator=(const Acting&) = delete;
+  Scenario& scenario;
+};
+
 }  // namespace
 
 /// Calls a function of the script: what goes wrong in it is a failure of the run, in the name of `actor`.
 template <class F>
 void MissionRun::call(const std::string& actor, F&& function) {
-  s_.actor = actor;
+  const Acting acting(s_, actor);
   try {
     function();
   } catch (const InputError& e) {
@@ -40,7 +49,7 @@ void MissionRun::call(const std::string& actor, F&& function) {
 }
 
 MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Output> outputs)
-    : s_(scenario), limits_(*scenario.sim) {
+    : s_(scenario), recorder_(recorder), limits_(*scenario.sim) {
   Simulation& sim = *s_.sim;
   for (const ScriptEvent& e : s_.events) {
     const std::string actor = fmt::format("event \"{}\"", e.name);
@@ -57,6 +66,7 @@ MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Outpu
   if (s_.controllers.empty() && !s_.phases.empty()) sim.every(s_.mission.output_period, [this] { advance_phase(); });
   sim.record(recorder, std::move(outputs), s_.mission.output_period);
   if (limits_.needed()) sim.every(s_.mission.output_period, [this] { limits_.see(*s_.sim); });
+  note_warnings();
   limits_.expected(sim, s_.mission.duration);  // told before the run: what is seen is news where it exceeds that
 }
 
@@ -67,6 +77,7 @@ void MissionRun::run(double t_end, const std::function<void(double t)>& progress
     s_.sim->run(t_end, progress);
     end_of_run();
     if (scripts_act(s_)) s_.warnings.add(still_hinges(*s_.sim));
+    note_warnings();
   } catch (const InputError&) {  // of a person who interrupts
     end_of_run();
     throw;
@@ -79,7 +90,14 @@ void MissionRun::run(double t_end, const std::function<void(double t)>& progress
   s_.stage = Scenario::Stage::end;
 }
 
-void MissionRun::end_of_run() { s_.warnings.add(limits_.seen()); }
+void MissionRun::end_of_run() {
+  s_.warnings.add(limits_.seen());
+  note_warnings();
+}
+
+void MissionRun::note_warnings() {
+  for (; noted_ < s_.warnings.all().size(); ++noted_) note(recorder_, s_.warnings.all()[noted_]);
+}
 
 void MissionRun::tick(const Controller& c, const std::string& actor) {
   advance_phase();
@@ -93,6 +111,7 @@ double MissionRun::crossing(const ScriptEvent& e, const std::string& actor, doub
                             const double* v) {
   s_.q = q, s_.v = v, s_.trial_time = t, s_.in_event_function = true;
   double value = std::nan("");
+  const Acting acting(s_, actor);
   try {
     e.when.call({&t, 1}, {&value, 1});
   } catch (const InputError& error) {
@@ -115,6 +134,7 @@ void MissionRun::advance_phase() {
     const bool was_last = phase_++ == s_.phases.size();
     phase_start_ = s_.sim->time();
     s_.phase = was_last ? std::string_view() : s_.phases[phase_ - 1].name;
+    recorder_.note(Note::phase, phase_start_, {std::string(s_.phase)});
     if (!was_last) call_phase(s_.phases[phase_ - 1].enter, s_.phases[phase_ - 1]);
   }
 }

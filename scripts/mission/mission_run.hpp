@@ -33,6 +33,7 @@ class MissionRun {
   void call(const std::string& actor, F&& function);
   void tick(const Controller&, const std::string& actor);
   void end_of_run();
+  void note_warnings();  // those of the scenario that the recorder does not know yet
   double crossing(const ScriptEvent&, const std::string& actor, double t, const double* q, const double* v);
   void advance_phase();
   bool is_over(const Phase&);
@@ -40,6 +41,8 @@ class MissionRun {
   double value(const Measure&, const char* what);
 
   Scenario& s_;
+  Recorder& recorder_;
+  std::size_t noted_ = 0;  // warnings of the scenario
   std::size_t phase_ = 0;  // 1 + index of the present one; 0 = not begun
   double phase_start_ = 0.0;
   FlexibleLimits limits_;

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "core/base/version.hpp"
+#include "core/sim/mode_pictures.hpp"
 #include "core/soa/cost.hpp"
 #include "core/soa/kernels.hpp"
 #include "scripts/mission/mission_run.hpp"
@@ -205,6 +206,7 @@ RunHeader run_header(const Scenario& s) {
   h.defaults_used = s.model->spec->defaults_used;
   h.defaults_used.insert(h.defaults_used.end(), s.mission.defaults_used.begin(), s.mission.defaults_used.end());
   h.sweep_program = sweep_program(*s.model, s.sim->state());
+  h.mode_pictures = mode_pictures(*s.model->spec);
   h.integrator = integrator_text(s.mission.simulation);
   return h;
 }

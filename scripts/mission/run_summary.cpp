@@ -101,6 +101,7 @@ std::string summary_text(const Scenario& s, const Summary& sum, const std::vecto
         "\nledgers: largest residual over the sum of magnitudes\n  linear momentum {:.1e}   angular momentum {:.1e}   "
         "energy {:.1e}\n",
         sum.ledger.linear_momentum, sum.ledger.angular_momentum, sum.ledger.energy);
+  if (sum.ended_by.starts_with("stop()")) text += fmt::format("\nended at t = {:.6g} of {:.6g} s by {}\n", sum.simulated_s, sum.planned_s, sum.ended_by);
   text += fmt::format(
       "\n{:.6g} s simulated in {:.3g} s ({:.4g} times real time), {}\n{} steps, {} function calls, {} restarts\n",
       sum.simulated_s, sum.wall_s, sum.wall_s > 0 ? sum.simulated_s / sum.wall_s : 0.0, s.sim->integrator_name(),

@@ -136,6 +136,7 @@ struct Scenario {
   bool in_event_function = false;
   double trial_time = 0.0;          // [s] of an event function
   std::string_view actor;           // whose function runs: `controller "attitude"`
+  std::string stopped_by;           // the actor that called stop()
   std::optional<RunFailure> fault;  // a command that is not finite; a script cannot catch it
   std::vector<double> scratch;
 

@@ -2,10 +2,12 @@
 import "uplot/dist/uPlot.min.css";
 import "./style.css";
 import { shareOfLimit } from "./format.mjs";
+import { bands, ending, groupsOf, instants, story, warningsOf } from "./happenings.mjs";
 import { byUnit, draw, inkOf, pretty } from "./plots.js";
+import { drawShape } from "./shapes.js";
 
 const data = JSON.parse(document.getElementById("run").textContent);
-const { run, summary, series } = data;
+const { run, summary, series, notes } = data;
 const page = document.getElementById("page");
 
 const kGroups = { pointing: "Pointing", bodies: "Bodies", wheels: "Wheels", hinges: "Hinges", modes: "Modes", ledger: "Ledgers",
@@ -49,9 +51,8 @@ function verdict() {
 
 /// What a glance must not miss beside the verdict.
 function cautions() {
-  if (!summary) return [];
-  const n = (summary.warnings || []).length + (summary.warnings_left_out || 0);
-  return [(summary.ledger || {}).verdict === "fail" ? element("span.badge.fail", "balances do not close") : null,
+  const n = warningsOf(summary, notes).length + ((summary || {}).warnings_left_out || 0);
+  return [((summary || {}).ledger || {}).verdict === "fail" ? element("span.badge.fail", "balances do not close") : null,
           n ? element("span.badge.open", n === 1 ? "1 warning" : `${n} warnings`) : null];
 }
 
@@ -65,15 +66,24 @@ function header() {
     degrees.setAttribute("aria-pressed", String(inDegrees));
     redraw();
   };
+  const shown = element("button", "marks");
+  shown.setAttribute("aria-pressed", "true");
+  shown.title = "phases, events and warnings on the plots";
+  shown.onclick = () => {
+    withMarks = !withMarks;
+    shown.setAttribute("aria-pressed", String(withMarks));
+    redraw();
+  };
   const light = element("button", "light / dark");
   light.onclick = () => setTheme(theme === "dark" ? "light" : "dark");
   return element("header",
     element("div.title", element("h1", run.title || run.scenario || "Run"), verdict(), ...cautions().filter(Boolean)),
-    element("div.facts", element("span", facts.filter(Boolean).join("  ·  ")), element("span.buttons", degrees, light)));
+    element("p.ending", ending({ run, summary, last: series.t[series.t.length - 1] })),
+    element("div.facts", element("span", facts.filter(Boolean).join("  ·  ")), element("span.buttons", happened ? shown : null, degrees, light)));
 }
 
 function figures() {
-  if (!summary) return element("p.note", "The run wrote no summary: it was stopped, or is still going on. Shown is what had been saved.");
+  if (!summary) return null;
   const m = summary.model || {};
   const rate = summary.wall_s > 0 ? ` (${number(summary.simulated_s / summary.wall_s, 3)} × real time)` : "";
   const items = [
@@ -94,16 +104,16 @@ function failure() {
   if (!f) return null;
   const rows = [["at", f.t !== undefined ? `t = ${number(f.t, 6)} s` : ""], ["body", f.body], ["hinge", f.hinge], ["what", f.what], ["hint", f.hint],
                 ["last accepted state", f.last_good]].filter(([, value]) => value);
-  return element("section", element("h2", `${f.code}: ${f.title}`), table(["", ""], rows.map(([key, value]) => row(key, value)), ".plain.headless"));
+  return element("section", element("h2", `${f.code}: ${f.title}`), table(["", ""], rows.map(([key, value]) => row(key, element("td.text", value))), ".plain.headless"));
 }
 
 function warnings() {
-  const all = (summary && summary.warnings) || [];
+  const all = warningsOf(summary, notes);
   if (!all.length) return null;
   const rows = all.map((w) => row(
-    element("td.warning", w.code), [w.about, element("small", [w.path, place(w.file, w.line)].filter(Boolean).join(", "))], w.hint || "",
+    element("td.warning", w.code), [w.about, element("small", [w.path, w.place || place(w.file, w.line)].filter(Boolean).join(", "))], w.hint || "",
     cell(number(w.count)), cell(typeof w.t === "number" ? withUnit(w.t, "s") : "before the run")));
-  const more = summary.warnings_left_out;
+  const more = summary ? summary.warnings_left_out : notes.left_out.warnings;
   return element("section", element("h2", "Warnings"), table(["code", "what", "what to do", "times", "first at"], rows),
     more ? element("p.note", `${number(more)} more kinds are not listed.`) : "");
 }
@@ -139,65 +149,111 @@ function balances() {
     ledger.length ? element("section", element("h2", "Balances"), table(head, ledger)) : null);
 }
 
+/// Phases, events, warnings and printed lines in order of time.
+function happenings() {
+  const all = story(notes), more = Object.entries(notes.left_out).map(([list, n]) => `${number(n)} more ${list}`);
+  if (!all.length) return null;
+  const rows = all.map(({ t, kind, text, more }) => row(cell(t === null ? "before the run" : withUnit(t, "s")), element("td.kind." + kind, kind),
+                                                        kind === "printed" ? element("code", text) : text, element("td.more", more)));
+  const section = element("section.story", element("h2", "What happened"), table(["t", "", "", ""], rows, ".headless"),
+    more.length ? element("p.note", more.join(", ") + " are not listed.") : "");
+  section.id = "group-story";
+  return section;
+}
+
+// --- what is drawn once it is seen, or printed
+
+const waiting = new Map();  // holder -> function that draws
+const seen = new IntersectionObserver((entries) => entries.filter((e) => e.isIntersecting).forEach((e) => drawNow(e.target)), { rootMargin: "600px" });
+function lazily(holder, work) {
+  waiting.set(holder, work);
+  seen.observe(holder);
+}
+function drawNow(holder) {
+  seen.unobserve(holder);
+  const work = waiting.get(holder);
+  waiting.delete(holder);
+  if (work) work();
+}
+const drawAll = () => [...waiting.keys()].forEach(drawNow);
+
+// --- mode shapes
+
+function modeShapes() {
+  const { pictures, left_out: without, modes_left_out: more } = data.mode_shapes;
+  if (!pictures.length && !without.length) return null;
+  const parts = pictures.map((picture) => [
+    element("h3", picture.bodies.join(", "), element("span.unit", `  ${picture.source ? picture.source + ", " : ""}${number(picture.size)} m`)),
+    element("div.grid.shapes", picture.shapes.map((none, j) => {
+      const holder = element("div.shape");
+      lazily(holder, () => drawShape(holder, picture, j));
+      return element("figure", element("figcaption", element("b", `mode ${j + 1}`), element("span", withUnit(picture.frequency[j], "Hz"))), holder);
+    }))]);
+  const note = [`Undeformed and deformed; the size of the deformation and its sign mean nothing.`,
+                more ? `${number(more)} modes are not shown.` : "", without.length ? `No room was left for the modes of ${without.join(", ")}.` : ""];
+  const section = element("section", element("h2", "Mode shapes"), element("p.note", note.filter(Boolean).join(" ")), ...parts.flat());
+  section.id = "group-shapes";
+  return section;
+}
+
 // --- plots
 
 let theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
-let inDegrees = false;
+let inDegrees = false, withMarks = true;
+const lastTime = series.t.length ? series.t[series.t.length - 1] : 0;
+const marked = { bands: bands(notes.phases, Math.max(lastTime, (summary || {}).simulated_s || 0)), instants: instants(notes) };
+const happened = marked.bands.length + marked.instants.length > 0;
 const figuresDrawn = [];  // {holder, channel, unit, indices, plot}
 
-/// Channels by the first folder of their path; the groups that are known come first, in their order.
-function groups() {
-  const found = new Map();
-  for (const channel of series.channels) {
-    const key = channel.path.includes("/") ? channel.path.split("/")[0] : "other";
-    if (!found.has(key)) found.set(key, []);
-    found.get(key).push(channel);
-  }
-  const known = Object.keys(kGroups);
-  const rank = (key) => (known.includes(key) ? known.indexOf(key) : known.length);
-  return [...found].sort((a, b) => rank(a[0]) - rank(b[0]));
+function plotsOf(channel) {
+  return byUnit(channel).map(([unit, indices]) => {
+    const figure = { holder: element("div.plot"), channel, unit, indices };
+    figuresDrawn.push(figure);
+    lazily(figure.holder, () => drawOne(figure));
+    const frame = channel.frame ? `, in ${channel.frame} axes` : "";
+    return element("figure", element("figcaption", element("b", channel.name), element("span", channel.meaning + frame)), figure.holder);
+  });
 }
 
-function plotSection([key, channels]) {
-  const plots = channels.flatMap((channel) => byUnit(channel).map(([unit, indices]) => {
-    const holder = element("div.plot");
-    figuresDrawn.push({ holder, channel, unit, indices });
-    const name = channel.path.split("/").slice(channel.path.includes("/") ? 1 : 0).join(" · ");
-    const frame = channel.frame ? `, in ${channel.frame} axes` : "";
-    return element("figure", element("figcaption", element("b", name), element("span", channel.meaning + frame)), holder);
-  }));
+/// Channels that do not move, with their values.
+function stillList(still, open) {
+  if (!still.length) return null;
+  const rows = still.map(({ path, unit, components, values }) => row(path, components.map((name, k) =>
+    [components.length > 1 ? name + " " : "", number(values[k], 6), k + 1 < components.length ? ",  " : ""]).flat().join(""),
+    unit === "-" || unit === "1" ? "" : pretty(unit)));
+  const title = series.rows === 1 ? `Values of the one row (${still.length})` : series.rows === 0 ? `Channels without a row (${still.length})`
+                                  : `Not drawn, as it does not move (${still.length})`;
+  const list = details(title, table(["channel", "value", "unit"], rows, ".plain"));
+  list.open = open;
+  return list;
+}
+
+function plotSection({ key, parts }) {
+  const drawn = parts.filter(({ channels }) => channels.length), still = parts.flatMap((part) => part.still);
+  const blocks = drawn.map(({ name, channels }) => [name ? element("h3", name) : "", element("div.grid" + (name ? ".part" : ""), channels.flatMap(plotsOf))]);
   const left = (series.left_out || {})[key];
-  const note = left ? element("p.note", `${number(left.shown)} of ${number(left.channels)} channels are shown; all are in the results file.`) : "";
-  const section = element("section.group", element("h2", groupTitle(key)), note, element("div.grid", plots));
+  const note = left ? element("p.note", `${number(left.shown)} of ${number(left.channels)} channels that move are shown; all are in the results file.`) : "";
+  const section = element("section.group", element("h2", groupTitle(key)), note, ...blocks.flat(), ...[stillList(still, !drawn.length)].filter(Boolean));
   section.id = "group-" + key;
   return section;
 }
 
 function navigation(all) {
-  const link = ([key]) => {
-    const a = element("a", groupTitle(key));
+  const link = (key, title) => {
+    const a = element("a", title);
     a.href = "#group-" + key;
     return a;
   };
-  return element("nav", all.map(link), element("span.hint", "drag to zoom · double click to reset · click a name to hide"));
+  const legend = [marked.bands.length ? "bands: phases" : "", notes.events.length ? "dashed: events" : "", notes.warnings.some(([t]) => t !== null) ? "dotted: warnings" : ""];
+  return element("nav", all.map(({ key }) => link(key, groupTitle(key))), data.mode_shapes.pictures.length ? link("shapes", "Mode shapes") : null,
+    element("span.hint", [...legend, "drag to zoom", "double click to reset", "click a name to hide"].filter(Boolean).join(" · ")));
 }
 
 function drawOne(figure) {
   if (figure.plot) figure.plot.destroy();
-  figure.plot = draw(figure.holder, { ...figure, t: series.t, theme, inDegrees, width: figure.holder.clientWidth });
+  figure.plot = draw(figure.holder, { ...figure, t: series.t, theme, inDegrees, width: figure.holder.clientWidth, happened: withMarks && happened ? marked : null });
 }
-
-/// What was drawn is drawn anew; of many plots those out of sight wait until they are scrolled to, or printed.
-const kAtOnce = 60;
-const seen = new IntersectionObserver((entries) => {
-  for (const entry of entries)
-    if (entry.isIntersecting) {
-      seen.unobserve(entry.target);
-      drawOne(figuresDrawn.find(({ holder }) => holder === entry.target));
-    }
-}, { rootMargin: "600px" });
 const redraw = () => figuresDrawn.filter(({ plot }) => plot).forEach(drawOne);
-const drawAll = () => figuresDrawn.filter(({ plot }) => !plot).forEach(drawOne);
 
 function setTheme(next) {
   theme = next;
@@ -232,11 +288,11 @@ function provenance() {
 
 // --- the page
 
-const all = groups();
-page.append(header(), ...[figures(), failure(), checks(), warnings(), balances()].filter(Boolean), navigation(all), ...all.map(plotSection), provenance());
+const all = groupsOf(series.channels, series.still, Object.keys(kGroups));
+const more = series.still_left_out ? element("p.note", `${number(series.still_left_out)} more channels that do not move are not listed.`) : null;
+page.append(...[header(), figures(), failure(), checks(), warnings(), balances(), happenings(), navigation(all), ...all.map(plotSection), more, modeShapes(),
+                provenance()].filter(Boolean));
 document.documentElement.dataset.theme = theme;
-if (figuresDrawn.length <= kAtOnce) drawAll();
-else figuresDrawn.forEach(({ holder }) => seen.observe(holder));
 
 let pending = 0;
 addEventListener("resize", () => {
@@ -254,6 +310,7 @@ if (location.hash === "#selftest") {
   setTimeout(() => {  // after uPlot's own queue
     for (const { holder, plot } of figuresDrawn) holder.dataset.ink = inkOf(plot).join(" ");
     document.body.dataset.plots = figuresDrawn.length;
+    document.body.dataset.shapes = document.querySelectorAll("svg path.deformed, svg .deformed.point").length;
     document.body.dataset.drawn = figuresDrawn.filter(({ holder }) => holder.dataset.ink.split(" ").every((n) => n !== "0")).length;
   });
 }

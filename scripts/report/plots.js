@@ -1,6 +1,7 @@
 // Plots of a run: one per channel and unit, with linked cursors and zoom.
 import uPlot from "uplot";
 import { tickTexts } from "./format.mjs";
+import { marks } from "./marks.js";
 
 const kHeight = 240;
 const kPalette = {  // distinct in both themes and for colour-blind eyes
@@ -60,7 +61,7 @@ function decadeSplits(self, axisIndex, min, max) {
 }
 
 /// Draws one plot into `parent`; `width` in CSS pixels.
-export function draw(parent, { t, channel, unit, indices, theme, inDegrees, width }) {
+export function draw(parent, { t, channel, unit, indices, theme, inDegrees, width, happened }) {
   const style = getComputedStyle(document.documentElement);
   const ink = style.getPropertyValue("--muted").trim(), grid = style.getPropertyValue("--grid").trim();
   const font = "12px " + style.getPropertyValue("--font");
@@ -74,6 +75,7 @@ export function draw(parent, { t, channel, unit, indices, theme, inDegrees, widt
                  grid: { stroke: grid, width: 1 }, ticks: { stroke: grid, size: 4, width: 1 } };
   const options = {
     width, height: kHeight,
+    plugins: happened ? [marks(happened)] : [],
     padding: [10, 14, 0, 4],
     cursor: { sync: { key: "run", scales: ["x", null] }, drag: { x: true, y: false }, points: { size: 6 } },
     scales: { x: { time: false }, y: log ? { range: decadeRange } : {} },

@@ -74,10 +74,38 @@ void write_example_run(const std::string& path, int rows, bool finished) {
   h.sweep_program =
       "position      base_to_tip   7 bodies\ninertia       tip_to_base   7 bodies\nacceleration  base_to_tip   7 "
       "bodies\n";
+  // A strip of 2 x 5 points whose tip goes up, and five points without lines.
+  ModePicture strip{{"wing_left", "wing_right"}, "plate 4 x 1 m", {0.31, 1.9}, {}, {}, {}}, dots{{"boom"}, "", {2.5}, {}, {}, {}};
+  for (int i = 0; i < 5; ++i)
+    for (int j = 0; j < 2; ++j) {
+      strip.points.insert(strip.points.end(), {1.0 * i, 1.0 * j, 0.0});
+      if (i > 0) strip.lines.insert(strip.lines.end(), {2 * i + j - 2, 2 * i + j});
+      if (j > 0) strip.lines.insert(strip.lines.end(), {2 * i, 2 * i + 1});
+    }
+  for (int mode = 1; mode <= 2; ++mode)
+    for (int i = 0; i < 10; ++i) strip.shapes.insert(strip.shapes.end(), {0.0, 0.0, std::sin(0.4 * mode * (i / 2))});
+  for (int i = 0; i < 5; ++i) {
+    dots.points.insert(dots.points.end(), {0.0, 0.5 * i, 0.0});
+    dots.shapes.insert(dots.shapes.end(), {0.01 * i * i, 0.0, 0.0});
+  }
+  h.mode_pictures = {strip, dots};
   const auto recorder = make_hdf5_recorder(path);
   recorder->begin(h, kChannels);
+  recorder->note(Note::printed, NAN, {"a line of the script <b>", "the scenario"});
+  recorder->note(Note::phase, 0.0, {"slew"});
+  bool settles = false, half = false;
   for (int i = 0; i < rows; ++i) {
-    const double t = kEnd * i / (rows - 1);
+    const double t = rows > 1 ? kEnd * i / (rows - 1) : 0.0;
+    if (t >= 45.0 && !half) {
+      half = true;
+      recorder->note(Note::event, 45.0, {"half way", "rising"});
+      recorder->note(Note::warning, 45.0, {"W0301", "eta 1 reaches 0.3 m, 5 % of its length <b>", "bodies.wing_left", "vehicle.yaml:12", "level: 2"});
+    }
+    if (t >= 90.0 && !settles) {
+      settles = true;
+      recorder->note(Note::phase, 90.0, {"settle"});
+      recorder->note(Note::printed, 90.0, {"settling", "phase \"settle\""});
+    }
     recorder->row(t, signals(t, i));
   }
   if (finished) {
@@ -90,7 +118,8 @@ void write_example_run(const std::string& path, int rows, bool finished) {
     s.warnings.add(Code::beyond_the_model, {"bodies.wing_left", {"vehicle.yaml", 12, 5}}, "eta 1 reaches 0.3 m, 5 % of its length <b>",
                    "level: 2", 31.25);
     s.warnings.add(Code::mission_doubt, {}, "the mission ends before its last phase");
-    s.simulated_s = kEnd;
+    s.simulated_s = s.planned_s = kEnd;
+    s.ended_by = "the planned end";
     s.wall_s = 3.418;
     s.steps = 48211;
     s.rhs_calls = 91830;

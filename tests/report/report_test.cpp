@@ -44,6 +44,14 @@ Json data_of(const std::string& html) {
   return Json::parse(html.substr(from, html.find("</script>", from) - from));
 }
 
+/// A channel of the page by its path.
+Json channel_of(const Json& data, const std::string& path) {
+  for (const Json& c : data["series"]["channels"])
+    if (c["path"] == path) return c;
+  ADD_FAILURE() << path << " is not drawn";
+  return {};
+}
+
 TEST(Report, StandsAlone) {
   const std::string html = report_of(2000);
   EXPECT_EQ(html.find("http:"), std::string::npos);
@@ -57,8 +65,7 @@ TEST(Report, ShowsTheNumbersOfAShortRunAsTheyAre) {
   EXPECT_EQ(data["series"]["stretch"], 1);
   ASSERT_EQ(data["series"]["t"].size(), 50u);
   const auto recorded = Hdf5File::open(scratch("run.h5")).read_doubles("/channels/bodies/bus/rate");
-  const Json& rate = data["series"]["channels"][1];
-  EXPECT_EQ(rate["path"], "bodies/bus/rate");
+  const Json rate = channel_of(data, "bodies/bus/rate");
   EXPECT_EQ(rate["components"][2], "z");
   for (std::size_t i = 0; i < 50; ++i)  // 5 digits
     EXPECT_NEAR(rate["values"][2][i].get<double>(), recorded.values[3 * i + 2],
@@ -68,7 +75,7 @@ TEST(Report, ShowsTheNumbersOfAShortRunAsTheyAre) {
 // A variation of 1 m on an orbit's 7000 km must not be rounded away.
 TEST(Report, KeepsSmallVariationsOnLargeValues) {
   const Json data = data_of(report_of(50));
-  const Json& distance = data["series"]["channels"][2]["values"][1];
+  const Json distance = channel_of(data, "bodies/bus/pose")["values"][1];
   const auto recorded = Hdf5File::open(scratch("run.h5")).read_doubles("/channels/bodies/bus/pose");
   for (std::size_t i = 0; i < 50; ++i) EXPECT_NEAR(distance[i].get<double>(), recorded.values[2 * i + 1], 1e-4);
 }
@@ -79,7 +86,7 @@ TEST(Report, ThinsLongSeriesWithoutLosingExtremes) {
   const Json data = data_of(html);
   EXPECT_GT(data["series"]["stretch"].get<int>(), 1);
   const auto recorded = Hdf5File::open(scratch("run.h5")).read_doubles("/channels/modes/wing_left");
-  const Json& modes = data["series"]["channels"][6]["values"];
+  const Json modes = channel_of(data, "modes/wing_left")["values"];
   for (std::size_t k = 0; k < 6; ++k) {
     ASSERT_EQ(modes[k].size(), data["series"]["t"].size());
     double low = 0, high = 0, shown_low = 0, shown_high = 0;
@@ -149,10 +156,131 @@ TEST(Report, OfThousandsOfChannelsShowsSomeOfEachGroup) {
   fs::remove(h5);
 }
 
-/// What node prints of an expression with the functions of format.mjs.
+TEST(Report, HasTheAnglesOfAnAttitude) {
+  const Json channels = data_of(report_of(500))["series"]["channels"];
+  ASSERT_EQ(channels[0]["path"], "bodies/bus/attitude");
+  const Json& angles = channels[1];
+  EXPECT_EQ(angles["path"], "bodies/bus/attitude angles");
+  EXPECT_EQ(angles["unit"], "deg");
+  EXPECT_EQ(angles["components"], Json({"turn", "yaw", "pitch", "roll"}));
+  EXPECT_NE(angles["meaning"].get<std::string>().find("about z, then the new y, then the new x"), std::string::npos) << "the convention";
+  EXPECT_EQ(angles["values"][0][0], 0.0);
+  const double axis = std::sqrt(0.27 * 0.27 + 0.53 * 0.53 + 0.8 * 0.8);  // of the example, not quite 1
+  EXPECT_NEAR(angles["values"][0].back().get<double>(), 2 * std::atan(axis * std::tan(0.5236 / 2)) * 180 / M_PI, 1e-3) << "of the slew";
+}
+
+// Rest, rounding beside it and a row that is not a number: what does not move is not drawn, and named with its value.
+TEST(Report, LeavesOutWhatDoesNotMoveAndListsIt) {
+  const std::string h5 = scratch("still.h5"), html = scratch("still.html");
+  const auto recorder = make_hdf5_recorder(h5);
+  recorder->begin({}, {{"hinges/a/angle", {"angle"}, "rad", "", "moves"},
+                       {"hinges/b/angle", {"angle"}, "rad", "", "rounding"},
+                       {"hinges/c/rate", {"x", "y"}, "rad/s", "", "rest"},
+                       {"hinges/d/rate", {"x", "y"}, "rad/s", "", "one of them moves"},
+                       {"hinges/e/rate", {"x"}, "rad/s", "", "one is not a number"},
+                       {"hinges/f/rate", {"x"}, "rad/s", "", "none is a number"},
+                       {"ledger/energy", {"residual"}, "1", "", "small"},
+                       {"ledger/work", {"residual"}, "1", "", "large"}});
+  for (int i = 0; i < 30; ++i) {
+    const double x = std::sin(0.3 * i);
+    recorder->row(i, std::vector<double>{x, 0.5 + 1e-15 * x, 0.25, -0.125, 1.0, x, i == 3 ? NAN : 1.0, NAN, 1e-17 * x, 1.0});
+  }
+  recorder->close();
+  write_report(h5, html);
+  const Json data = data_of(content(html))["series"];
+  std::vector<std::string> drawn;
+  for (const Json& c : data["channels"]) drawn.push_back(c["path"]);
+  EXPECT_EQ(drawn, (std::vector<std::string>{"hinges/a/angle", "hinges/d/rate", "hinges/e/rate", "ledger/energy"}));
+  const Json& still = data["still"]["hinges"];
+  ASSERT_EQ(still.size(), 3u);
+  EXPECT_EQ(still[0]["path"], "hinges/b/angle");
+  EXPECT_NEAR(still[0]["values"][0].get<double>(), 0.5, 1e-9);
+  EXPECT_EQ(still[1]["values"], Json({0.25, -0.125}));
+  EXPECT_TRUE(still[2]["values"][0].is_null());
+  EXPECT_EQ(data["still"]["ledger"][0]["values"], Json({1.0}));
+  EXPECT_EQ(data["still_left_out"], 0);
+}
+
+TEST(Report, OfOneRowListsItsValues) {
+  const Json data = data_of(report_of(1))["series"];
+  EXPECT_TRUE(data["channels"].empty());
+  EXPECT_EQ(data["still"]["bodies"].size(), 3u);
+}
+
+TEST(Report, OfThousandsOfChannelsThatDoNotMoveStaysSmall) {
+  const std::string h5 = scratch("rest.h5"), html = scratch("rest.html");
+  std::vector<Channel> channels;
+  for (int i = 0; i < 8000; ++i) channels.push_back({"bodies/b" + std::to_string(i) + "/rate", {"x", "y", "z"}, "rad/s", "body", "at rest"});
+  RunHeader header;
+  header.most_rows = 4;
+  const auto recorder = make_hdf5_recorder(h5);
+  recorder->begin(header, channels);
+  for (int i = 0; i < 4; ++i) recorder->row(i, std::vector<double>(24000, 1.0));
+  recorder->close();
+  write_report(h5, html);
+  EXPECT_LT(fs::file_size(html), 400'000u);
+  const Json data = data_of(content(html))["series"];
+  EXPECT_EQ(data["still"]["bodies"].size() + data["still_left_out"].get<std::size_t>(), 8000u);
+  fs::remove(h5);
+}
+
+TEST(Report, TellsWhatHappened) {
+  const Json notes = data_of(report_of(200))["notes"];
+  EXPECT_EQ(notes["phases"], Json::parse(R"([[0.0, "slew"], [90.0, "settle"]])"));
+  EXPECT_EQ(notes["events"], Json::parse(R"([[45.0, "half way", "rising"]])"));
+  EXPECT_EQ(notes["printed"][0], Json::parse(R"([null, "a line of the script <b>", "the scenario"])"));
+  EXPECT_EQ(notes["warnings"][0][1], "W0301");
+  EXPECT_EQ(notes["left_out"], Json::object());
+}
+
+TEST(Report, BoundsWhatHappened) {
+  const std::string h5 = scratch("chatty.h5"), html = scratch("chatty.html");
+  const auto recorder = make_hdf5_recorder(h5);
+  recorder->begin({}, {{"x", {"x"}, "m", "", ""}});
+  for (int i = 0; i < 20'000; ++i) recorder->note(Note::printed, i, {"a line that a controller prints at each of its ticks", "controller"});
+  recorder->close();
+  write_report(h5, html);
+  EXPECT_LT(fs::file_size(html), 300'000u);
+  const Json notes = data_of(content(html))["notes"];
+  EXPECT_GT(notes["printed"].size(), 500u);
+  EXPECT_EQ(static_cast<double>(notes["printed"].size()) + notes["left_out"]["printed"].get<double>(), 20'000.0);
+}
+
+TEST(Report, HasTheShapesOfModes) {
+  const Json shapes = data_of(report_of(20))["mode_shapes"];
+  ASSERT_EQ(shapes["pictures"].size(), 2u);
+  const Json& strip = shapes["pictures"][0];
+  EXPECT_EQ(strip["bodies"], Json({"wing_left", "wing_right"}));
+  EXPECT_EQ(strip["size"], 4.0);
+  EXPECT_EQ(strip["frequency"], Json({0.31, 1.9}));
+  EXPECT_EQ(strip["points"][0], -500) << "about the middle, in thousandths of the size";
+  EXPECT_EQ(strip["points"].size(), 30u);
+  EXPECT_EQ(strip["shapes"][0].back(), 1000) << "the tip moves most";
+  EXPECT_EQ(shapes["modes_left_out"], 0);
+}
+
+// A mesh finer than any that is recorded: as many modes as there is room for.
+TEST(Report, BoundsTheShapesOfModes) {
+  const std::string h5 = scratch("fine.h5"), html = scratch("fine.html");
+  RunHeader header;
+  header.mode_pictures = {{{"a"}, "", std::vector<double>(30, 1.0), std::vector<double>(3 * 2000), {}, std::vector<double>(30 * 3 * 2000, 0.5)},
+                          {{"b"}, "", std::vector<double>(30, 1.0), std::vector<double>(3 * 2000), {}, std::vector<double>(30 * 3 * 2000, 0.5)}};
+  const auto recorder = make_hdf5_recorder(h5);
+  recorder->begin(header, {{"x", {"x"}, "m", "", ""}});
+  recorder->close();
+  write_report(h5, html);
+  EXPECT_LT(fs::file_size(html), 600'000u);
+  const Json shapes = data_of(content(html))["mode_shapes"];
+  EXPECT_EQ(shapes["pictures"].size(), 1u);
+  EXPECT_EQ(shapes["pictures"][0]["shapes"].size() + shapes["modes_left_out"].get<std::size_t>(), 30u);
+  EXPECT_EQ(shapes["left_out"], Json({"b"}));
+}
+
+/// What node prints of an expression with the functions of format.mjs and happenings.mjs.
 std::string in_node(const std::string& expression) {
   const std::string program = scratch("format.mjs"), out = scratch("format.txt");
   std::ofstream(program) << "import { tickTexts, shareOfLimit } from '" CARDAN_SOURCE_DIR "/scripts/report/format.mjs';\n"
+                         << "import * as happenings from '" CARDAN_SOURCE_DIR "/scripts/report/happenings.mjs';\n"
                          << "console.log(JSON.stringify(" << expression << "));\n";
   EXPECT_EQ(std::system(("node " + program + " > " + out).c_str()), 0);
   std::string text = content(out);
@@ -191,6 +319,38 @@ TEST(ReportFormat, SharesOfALimitAreBelowOneWhereACheckPasses) {
   EXPECT_EQ(in_node("shareOfLimit({value: 1, limit: 2, detail: 'below 2 deg'})"), "0.5") << "of an older version";
   EXPECT_EQ(in_node("shareOfLimit({value: 100, limit: 3, detail: 'above 3'})"), "0.03");
   EXPECT_EQ(in_node("shareOfLimit({value: 1, limit: 2, detail: 'within 1 ... 2'})"), "null");
+}
+
+TEST(ReportHappenings, SayHowARunEnded) {
+  const auto ending = [](const std::string& summary) { return in_node("happenings.ending({run: {}, last: 3, summary: " + summary + "})"); };
+  EXPECT_EQ(ending("{verdict: 'passed', simulated_s: 4, planned_s: 4, ended_by: 'the planned end'}"), R"("Reached its planned end at t = 4 s.")");
+  EXPECT_EQ(ending("{verdict: 'failed', simulated_s: 1.5, planned_s: 4, ended_by: 'stop() in event \"x\"', checks: [{verdict: 'fail'}, {verdict: 'pass'}]}"),
+            R"("Ended at t = 1.5 s of 4 s by stop() in event \"x\"; a check failed.")");
+  EXPECT_EQ(ending("{verdict: 'interrupted', simulated_s: 1, planned_s: 4, ended_by: 'SIGTERM'}"),
+            R"("Interrupted at t = 1 s of 4 s by SIGTERM; checks were not worked out.")");
+  EXPECT_EQ(ending("{verdict: 'aborted', simulated_s: 1, planned_s: 4, failure: {code: 'N0101', title: 'a title'}}"),
+            R"("Ended at t = 1 s of 4 s by an error, N0101: a title; checks were not worked out.")");
+  EXPECT_EQ(ending("null"), R"("Not finished: the run is still going on, or was killed. The last row that was saved is at t = 3 s.")");
+  EXPECT_EQ(ending("{verdict: 'passed', simulated_s: 4}"), R"("Reached its planned end at t = 4 s.")") << "of an earlier version";
+}
+
+TEST(ReportHappenings, AreInOrderOfTime) {
+  const std::string notes = "{phases: [[0, 'a'], [2, 'b'], [3, '']], events: [[2.5, 'e', 'rising']], printed: [[null, 'p', 's'], [2.5, 'q', 'c']], "
+                            "warnings: [[1, 'W1', 'w', 'k', 'f:1', 'h'], [null, 'W2', 'v', '', '', '']]}";
+  EXPECT_EQ(in_node("happenings.bands(" + notes + ".phases, 9)"), R"([{"from":0,"to":2,"name":"a"},{"from":2,"to":3,"name":"b"}])");
+  EXPECT_EQ(in_node("happenings.bands([[1, 'a']], 9)"), R"([{"from":1,"to":9,"name":"a"}])");
+  EXPECT_EQ(in_node("happenings.instants(" + notes + ").map(({t, kind, text}) => [t, kind, text])"),
+            R"([[1,"warning","W1: w"],[2.5,"event","event \"e\", rising"]])");
+  EXPECT_EQ(in_node("happenings.story(" + notes + ").map(({t, text}) => [t, text])"),
+            R"([[null,"W2: v"],[null,"p"],[0,"a"],[1,"W1: w"],[2,"b"],[2.5,"e"],[2.5,"q"],[3,"the last phase is over"]])");
+  EXPECT_EQ(in_node("happenings.warningsOf(null, " + notes + ")[0]"), R"({"t":1,"code":"W1","about":"w","path":"k","place":"f:1","hint":"h"})");
+}
+
+TEST(ReportHappenings, GroupChannelsByBody) {
+  EXPECT_EQ(in_node("happenings.groupsOf([{path: 'x'}, {path: 'hinges/a/angle'}, {path: 'own/y'}, {path: 'hinges/b/angle'}, {path: 'hinges/a/rate'}], "
+                    "{hinges: [{path: 'hinges/b/rate'}]}, ['hinges']).map(({key, parts}) => [key, parts.map(({name, channels, still}) => "
+                    "[name, channels.map((c) => c.name), still.map((c) => c.name)])])"),
+            R"([["hinges",[["a",["angle","rate"],[]],["b",["angle"],["rate"]]]],["other",[["",["x"],[]]]],["own",[["",["y"],[]]]]])");
 }
 
 TEST(Report, TellsWhenResultsOrPageCannotBeUsed) {
@@ -244,6 +404,23 @@ TEST(Report, IsRefusedForResultsThatDoNotFit) {
     EXPECT_EQ(answer([&](Hdf5File& file) { file.remove(path); }), std::string("C0702 ") + path);
   EXPECT_EQ(written("/spec/parameters", {4, 2}), "C0702 /spec/parameters");
   EXPECT_EQ(answer([&](Hdf5File& file) { file.write("/run/inputs", std::vector<std::string>{"a", "b", "c"}, {3}); }), "C0702 /run/inputs");
+  EXPECT_EQ(answer([](Hdf5File& file) { file.remove("/run/events"); }), "page") << "of an earlier version";
+  EXPECT_EQ(answer([](Hdf5File& file) { file.remove("/mode_shapes"); }), "page") << "of an earlier version";
+  for (const char* path : {"/run/events/t", "/run/events/text", "/run/printed/left_out", "/mode_shapes/0/points", "/mode_shapes/0/lines",
+                           "/mode_shapes/0/frequency", "/mode_shapes/0/shapes"}) {
+    EXPECT_EQ(answer([&](Hdf5File& file) { file.remove(path); }), std::string("C0702 ") + path);
+    EXPECT_EQ(written(path, {4, 4, 4, 4}), std::string("C0702 ") + path);
+    EXPECT_EQ(answer([&](Hdf5File& file) { file.write(path, std::string("a text")); }), std::string("C0702 ") + path);
+  }
+  EXPECT_EQ(answer([](Hdf5File& file) { file.remove_attribute("/mode_shapes/0", "bodies"); }), "C0702 /mode_shapes/0");
+  EXPECT_EQ(answer([](Hdf5File& file) { file.write("/mode_shapes/0/lines", std::vector<double>{0, 10}, {1, 2}); }), "C0702 /mode_shapes/0/lines");
+  EXPECT_EQ(answer([](Hdf5File& file) { file.write("/mode_shapes/0/lines", std::vector<double>{NAN, -1}, {1, 2}); }), "C0702 /mode_shapes/0/lines");
+  EXPECT_EQ(answer([](Hdf5File& file) { file.write("/mode_shapes/1/points", std::vector<double>(15, HUGE_VAL), {5, 3}); }), "C0702 /mode_shapes/1/points");
+  EXPECT_EQ(answer([](Hdf5File& file) { file.write("/mode_shapes/1/points", std::vector<double>(15, 1e308), {5, 3}); }), "page");
+  EXPECT_EQ(answer([](Hdf5File& file) { file.write("/mode_shapes/other", 1.0); }), "C0702 /mode_shapes/other");
+  EXPECT_EQ(answer([](Hdf5File& file) { file.write("/run/events/text", std::vector<std::string>{"a", "b", "c", "d"}, {4, 1}); }), "C0702 /run/events/text");
+  for (const double count : {-1.0, double(NAN), 1e300})
+    EXPECT_EQ(answer([&](Hdf5File& file) { file.write("/run/printed/left_out", count); }), "C0702 /run/printed/left_out");
   for (const char* name : {"scenario", "title", "seed", "started"})
     EXPECT_EQ(answer([&](Hdf5File& file) { file.remove_attribute("/run", name); }), "page") << name;
   for (const char* text : {"", "{", "[]", "3", "{\"checks\": 3}", "{\"checks\": [3]}", "{\"checks\": [{\"value\": 1}]}",
@@ -286,15 +463,19 @@ class ReportInBrowser : public testing::Test {
 TEST_F(ReportInBrowser, DrawsEverySeriesOfEveryPlot) {
   report_of(5000);
   const std::string dom = shown_in_browser(scratch("report.html"));
-  EXPECT_EQ(captured(dom, "data-plots=\"(\\d+)\""), "13");  // 12 channels, one of them with two units
-  EXPECT_EQ(captured(dom, "data-drawn=\"(\\d+)\""), "13");
+  EXPECT_EQ(captured(dom, "data-plots=\"(\\d+)\""), "14");  // 12 channels, one of them with two units, and the angles of the attitude
+  EXPECT_EQ(captured(dom, "data-drawn=\"(\\d+)\""), "14");
+  EXPECT_EQ(captured(dom, "data-shapes=\"(\\d+)\""), "7") << "two modes as lines, five points of another";
+  EXPECT_NE(dom.find("Reached its planned end at t = 240 s."), std::string::npos);
+  EXPECT_NE(dom.find("<code>a line of the script &lt;b&gt;</code>"), std::string::npos);
+  EXPECT_NE(dom.find("half way"), std::string::npos);
   const std::regex ink("data-ink=\"([^\"]*)\"");
   int series = 0;
   for (std::sregex_iterator it(dom.begin(), dom.end(), ink), end; it != end; ++it) {
     std::istringstream counts((*it)[1].str());
     for (int n = 0; counts >> n; ++series) EXPECT_GT(n, 10) << "hundreds of pixels, less where others lie on top";
   }
-  EXPECT_EQ(series, 4 + 3 + 2 + 4 + 4 + 2 + 6 + 6 + 3 + 3 + 3 + 2);
+  EXPECT_EQ(series, 4 + 4 + 3 + 2 + 4 + 4 + 2 + 6 + 6 + 3 + 3 + 3 + 2);
   EXPECT_NE(dom.find("all 3 checks passed"), std::string::npos);
   EXPECT_NE(dom.find("&lt;/script&gt;"), std::string::npos) << "names are shown as text";
   EXPECT_EQ(dom.find("<b>name</b>"), std::string::npos) << "names are not read as markup";
@@ -316,12 +497,13 @@ TEST_F(ReportInBrowser, DrawsEverySeriesOfEveryPlot) {
 }
 
 TEST_F(ReportInBrowser, ShowsARunThatDidNotFinish) {
-  for (const int rows : {300, 0}) {
+  for (const int rows : {300, 1, 0}) {
     report_of(rows, false);
     const std::string dom = shown_in_browser(scratch("report.html"));
-    EXPECT_EQ(captured(dom, "data-drawn=\"(\\d+)\""), "13") << rows << " rows";
-    EXPECT_NE(dom.find("not finished"), std::string::npos);
-    EXPECT_NE(dom.find("The run wrote no summary"), std::string::npos);
+    EXPECT_EQ(captured(dom, "data-drawn=\"(\\d+)\""), rows > 1 ? "14" : "0") << rows << " rows";
+    EXPECT_NE(dom.find("Not finished: the run is still going on, or was killed."), std::string::npos);
+    EXPECT_NE(dom.find(rows == 0 ? "Channels without a row" : rows == 1 ? "Values of the one row" : "at t = 240 s"), std::string::npos) << rows;
+    EXPECT_EQ(dom.find("<td class=\"warning\">W0301</td>") != std::string::npos, rows > 1) << "noted before the end";
   }
 }
 

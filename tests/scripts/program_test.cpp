@@ -355,6 +355,8 @@ TEST(Program, ReportsAreMadeAgain) {
   fs::remove(dir / "report.html");
   EXPECT_EQ(run_program({"report", dir.path()}, "/").exit_code, 0) << "of the folder of results";
   EXPECT_EQ(file_text(dir / "report.html"), first);
+  const TemporaryFolder empty;
+  EXPECT_EQ(run_program({"report", empty.path()}, "/").exit_code, 2) << "of a folder without results";
 }
 
 TEST(Program, CheckValidatesWithoutARun) {

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <csignal>
 #include <ctime>
 #include <cstring>
@@ -14,6 +15,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
+#include <tuple>
 
 #include "core/base/diagnostic.hpp"
 #include "core/io/hdf5_file.hpp"
@@ -304,6 +306,109 @@ TEST(Results, CanBeReadWhileTheRunGoesOn) {
   EXPECT_EQ(run_program({"report", dir / "run.h5", "--out", dir / "so_far.html"}, dir.path()).exit_code, 0);
   run.send(SIGTERM);
   EXPECT_EQ(run.wait().exit_code, 143);
+}
+
+TEST(Results, HoldWhatHappened) {
+  const TemporaryFolder dir;
+  const Finished run = run_program({"run", "phases", "--out", dir.path()}, kMissions);
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  const Hdf5File file = Hdf5File::open(dir / "run.h5");
+  EXPECT_EQ(file.read_texts("/run/phases/text"), (std::vector<std::string>{"push", "coast", "empty", "brake"}));
+  EXPECT_EQ(file.read_doubles("/run/phases/t").values, (std::vector<double>{0.0, 0.3, 3.5, 3.5}));
+  EXPECT_EQ(file.read_texts("/run/events/text"), (std::vector<std::string>{"rest", "falling"}));
+  EXPECT_NEAR(file.read_doubles("/run/events/t").values.at(0), 3.8, 1e-9);
+  EXPECT_EQ(summary_of(dir.path())["ended_by"], "stop() in event \"rest\"");
+  EXPECT_NE(run.out.find("ended at t = 3.8 of 100 s by stop() in event \"rest\""), std::string::npos) << run.out;
+}
+
+/// The column `k` of a list of what happened.
+std::vector<std::string> noted(const Hdf5File& file, const std::string& list, std::size_t k) {
+  const std::vector<std::string> all = file.read_texts("/run/" + list + "/text");
+  std::vector<std::string> out;
+  for (std::size_t i = k, columns = file.shape("/run/" + list + "/text").at(1); i < all.size(); i += columns) out.push_back(all[i]);
+  return out;
+}
+
+constexpr const char* kTalks = R"(
+local sat = vehicle 'vehicle.yaml'
+print 'before'
+mission { duration = 2 }
+local log = signals { x = {} }
+phase { name = 'first', duration = 1, enter = function() print('enters', 1) end }
+controller { name = 'c', rate = '1 Hz', step = function(t) log.x(0/0) if t == 1 then print 'tick <b>\0' end end }
+event { name = 'half', when = function(t) return t - 0.5 end, action = function() print 'action' end }
+event { name = 'looks', when = function(t) if t == 0 then print 'trial' end return 1 end, action = function() end }
+figure { name = 'f', value = function() print 'at the end' return 1 end }
+)";
+
+TEST(Results, HoldPrintedLinesAndWarningsWithTheirTimes) {
+  const TemporaryFolder dir;
+  make_scenario(dir, kTalks);
+  ASSERT_EQ(run_program({"run", ".", "--out", "out", "--quiet"}, dir.path()).exit_code, 0);
+  const Hdf5File file = Hdf5File::open(dir / "out/run.h5");
+  const auto lines = noted(file, "printed", 0), by = noted(file, "printed", 1);
+  const auto t = file.read_doubles("/run/printed/t").values;
+  const auto at = [&](const std::string& line) { return static_cast<std::size_t>(std::find(lines.begin(), lines.end(), line) - lines.begin()); };
+  ASSERT_EQ(lines.size(), t.size());
+  for (const auto& [line, who, when] : {std::tuple<std::string, std::string, double>{"enters\t1", "phase \"first\"", 0.0}, {"action", "event \"half\"", 0.5},
+                                        {"at the end", "figure \"f\"", 2.0}}) {
+    ASSERT_LT(at(line), lines.size()) << line;
+    EXPECT_EQ(by[at(line)], who);
+    EXPECT_NEAR(t[at(line)], when, 1e-9) << line;
+  }
+  ASSERT_LT(at("before"), lines.size());
+  EXPECT_TRUE(std::isnan(t[at("before")]));
+  ASSERT_LT(at("trial"), lines.size());
+  EXPECT_EQ(by[at("trial")], "event \"looks\"");
+  const auto codes = noted(file, "warnings", 0);
+  EXPECT_EQ(std::count(codes.begin(), codes.end(), "W0501"), 1) << "of each kind the first";
+  EXPECT_EQ(noted(file, "phases", 0), (std::vector<std::string>{"first", ""}));
+  EXPECT_EQ(summary_of(dir / "out")["ended_by"], "the planned end");
+}
+
+TEST(Results, OfAKilledRunHoldWhatHappened) {
+  const TemporaryFolder dir;
+  make_scenario(dir, std::string(kTalks) + "controller { name = 'busy', rate = '10 Hz', step = function(t) local x = 0 for i = 1, 1e5 do x = x + i end end }");
+  Started run({"run", ".", "--out", "out", "--quiet", "--set", kLong}, dir.path());
+  expect_under_way(dir / "out");
+  ASSERT_TRUE(wait_until([&] {
+    try {
+      return Hdf5File::open(dir / "out/run.h5").shape("/run/phases/t").at(0) == 2;
+    } catch (const InputError&) {  // in the middle of a flush
+      return false;
+    }
+  }));
+  run.send(SIGKILL);
+  run.wait();
+  const Hdf5File file = Hdf5File::open(dir / "out/run.h5");
+  const auto warnings = noted(file, "warnings", 1);
+  EXPECT_EQ(std::count(warnings.begin(), warnings.end(), "signal x is nan"), 1);
+  EXPECT_EQ(noted(file, "events", 0), std::vector<std::string>{"half"});
+  EXPECT_GE(noted(file, "printed", 0).size(), 3u);
+  EXPECT_EQ(run_program({"report", "out"}, dir.path()).exit_code, 0);
+}
+
+TEST(Results, TellWhatEndedARun) {
+  const TemporaryFolder dir;
+  Started run({"run", "pendulum", "--out", dir.path(), "--set", kLong, "--quiet"}, kMissions);
+  expect_under_way(dir.path());
+  run.send(SIGTERM);
+  run.wait();
+  EXPECT_EQ(summary_of(dir.path())["ended_by"], "SIGTERM");
+  make_scenario(dir, "vehicle 'vehicle.yaml' mission { duration = 1 }\n"
+                     "controller { name = 'c', rate = '10 Hz', step = function(t) if t > 0.5 then error 'oh' end end }");
+  EXPECT_EQ(run_program({"run", ".", "--out", "out"}, dir.path()).exit_code, 3);
+  EXPECT_TRUE(summary_of(dir / "out")["ended_by"].get<std::string>().starts_with("N0303: "));
+}
+
+TEST(Results, HoldTheShapesOfModes) {
+  const TemporaryFolder dir;
+  run_program({"run", "flexible", "--out", dir.path(), "--until", "0.1"}, kMissions);  // its checks are for the whole of it
+  const Hdf5File file = Hdf5File::open(dir / "run.h5");
+  ASSERT_FALSE(file.members("/mode_shapes").empty());
+  const auto shape = file.shape("/mode_shapes/0/shapes"), points = file.shape("/mode_shapes/0/points");
+  EXPECT_EQ(shape, (std::vector<std::size_t>{file.shape("/mode_shapes/0/frequency").at(0), points.at(0), 3}));
+  EXPECT_GT(file.shape("/mode_shapes/0/lines").at(0), 0u);
 }
 
 TEST(Results, ACheckThatIsNoNumberIsAFailureAndAllIsKept) {

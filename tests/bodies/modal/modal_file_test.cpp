@@ -96,6 +96,29 @@ TEST(ModalFile, OfAnotherShapeIsRefusedBeforeItIsRead) {
       EXPECT_EQ(with(data, path, zeros(shape), shape), "C0702") << path << fmt::format(" {}", shape.size());
 }
 
+TEST(ModalFile, MayHaveNoDrawingButNoneThatCannotBe) {
+  const ModalData data = beam();
+  const std::size_t n = static_cast<std::size_t>(data.drawing.points.rows()), k = static_cast<std::size_t>(data.drawing.lines.rows());
+  EXPECT_EQ(n, 9u);
+  EXPECT_EQ(k, 8u);
+  EXPECT_EQ(answer(data, [](Hdf5File& file) { file.remove("/drawing"); }), "accepted");
+  EXPECT_EQ(answer(data, [](Hdf5File& file) { file.remove("/drawing/shapes"); }), "accepted");
+  EXPECT_EQ(answer(data, [](Hdf5File& file) { file.remove("/drawing/points"); }), "C0702");
+  for (double count : {-1.0, 1e18, 5001.0, kNaN, 0.5}) {
+    EXPECT_EQ(with(data, "/drawing/count", {count}, {}), "C0702") << count;
+    EXPECT_EQ(with(data, "/drawing/line_count", {count}, {}), "C0702") << count;
+    EXPECT_EQ(with(data, "/drawing/mode_count", {count}, {}), "C0702") << count;
+  }
+  EXPECT_EQ(with(data, "/drawing/mode_count", {4.0}, {}), "C0702") << "more than there are";
+  EXPECT_EQ(with(data, "/drawing/lines", Values(2 * k, 9.0), {k, 2}), "C0702") << "points that are not there";
+  EXPECT_EQ(with(data, "/drawing/lines", Values(2 * k, 0.5), {k, 2}), "C0702");
+  EXPECT_EQ(with(data, "/drawing/lines", Values(2 * k, -1.0), {k, 2}), "C0702");
+  EXPECT_EQ(with(data, "/drawing/lines", Values(2 * k, kNaN), {k, 2}), "C0702");
+  EXPECT_EQ(with(data, "/drawing/points", Values(3 * n, kNaN), {n, 3}), "C0702");
+  EXPECT_EQ(with(data, "/drawing/shapes", Values(9 * n, HUGE_VAL), {3, n, 3}), "C0702");
+  EXPECT_EQ(with(data, "/drawing/shapes", Values(9 * n, 0.0), {3, 3, n}), "C0702");
+}
+
 TEST(ModalFile, WithCountsThatCannotBeIsRefused) {
   const ModalData data = lumped();
   for (const char* path : {"/n_modes", "/nodes/count", "/mass_nodes/count", "/audit/count"})

@@ -187,6 +187,26 @@ TEST(ModalSource, FreeModesAreOnMeanAxes) {
   EXPECT_GT(d.nodes[0].Phi.norm(), 0.0) << "the root moves";
 }
 
+// The wing's plate as 33 x 9 points, its arms of 8 elements and the root; modes beyond the first thirty and points of finer meshes are not drawn.
+TEST(ModalSource, DrawsItsMesh) {
+  const ModalData d = make_modal_data(wing());
+  const ModalDrawing& drawing = d.drawing;
+  EXPECT_LT(drawing.points.rows(), 500);
+  EXPECT_GT(drawing.points.rows(), 300);
+  ASSERT_EQ(static_cast<int>(drawing.shapes.size()), std::min(d.n_modes, 30));
+  const ModalNode& tip = d.nodes.back();
+  int found = 0;
+  for (Eigen::Index i = 0; i < drawing.points.rows(); ++i)
+    if ((drawing.points.row(i).transpose() - tip.position).norm() < 1e-12) {
+      ++found;
+      for (std::size_t j = 0; j < drawing.shapes.size(); ++j)
+        EXPECT_EQ(Eigen::Vector3d(drawing.shapes[j].row(i).transpose()), Eigen::Vector3d(tip.Phi.col(static_cast<Eigen::Index>(j))));
+    }
+  EXPECT_EQ(found, 1) << "the corner is on the lines, with the displacement of its node";
+  EXPECT_TRUE((drawing.lines.array() >= 0.0).all() && (drawing.lines.array() < static_cast<double>(drawing.points.rows())).all());
+  EXPECT_EQ(make_modal_data(round_beam(100, 3)).drawing.points.rows(), 41);
+}
+
 TEST(ModalFile, ReturnsWhatWasWritten) {
   const std::string path = test::scratch("modal.h5");
   ModalSource s = wing(10, 4);
@@ -201,6 +221,8 @@ TEST(ModalFile, ReturnsWhatWasWritten) {
   EXPECT_EQ(a.integrals.rotary_ww.back(), b.integrals.rotary_ww.back());
   EXPECT_EQ(a.nodes.back().Psi, b.nodes.back().Psi);
   EXPECT_EQ(a.audit.back().reason, b.audit.back().reason);
+  EXPECT_EQ(a.drawing.lines, b.drawing.lines);
+  EXPECT_EQ(a.drawing.shapes.back(), b.drawing.shapes.back());
 
   MassNode node;
   node.mass = 1.0;

@@ -103,7 +103,7 @@ TEST(Hdf5Recorder, KeepsRowsUnitsAndProvenance) {
   EXPECT_EQ(intact_rows(path), 1000u);
 
   const auto file = Hdf5File::open(path);
-  EXPECT_EQ(file.members("/"), (std::vector<std::string>{"run", "spec", "time", "channels", "restart", "attachments"}));
+  EXPECT_EQ(file.members("/"), (std::vector<std::string>{"run", "spec", "mode_shapes", "time", "channels", "restart", "attachments"}));
   const std::string speed = "/channels/wheels/speed";
   EXPECT_EQ(file.text_attribute(speed, "unit"), "rad/s");
   EXPECT_EQ(file.texts_attribute(speed, "components"), (std::vector<std::string>{"w1", "w2"}));
@@ -266,6 +266,73 @@ TEST(Hdf5Recorder, StopsWithoutLossWhenTheDiskIsFull) {
     EXPECT_GT(rows, 0u);
     EXPECT_EQ(rows % 300, 0u) << "a flush was torn";
   }
+}
+
+// Lists of times and texts, which grow while the run goes on.
+TEST(Hdf5Recorder, KeepsWhatHappenedInARunThatIsKilled) {
+  const std::string path = scratch("notes.h5");
+  const auto line = [](int i) { return "line " + std::to_string(i) + " of a text that takes some bytes \xc3\xa9"; };
+  for (const int flushed : {0, 1, 63, 64, 65, 700}) {
+    const int status = in_child([&] {
+      const auto recorder = make_hdf5_recorder(path, 1e9);
+      recorder->begin(example_header(), kChannels);
+      recorder->note(Note::warning, NAN, {"W0301", "beyond the model", "bodies.wing", "vehicle.yaml:12", "level: 2"});
+      for (int i = 0; i < flushed + 500; ++i) {
+        if (i == flushed / 2 || i == flushed) recorder->flush();
+        recorder->note(Note::printed, 0.1 * i, {line(i), "controller \"a\""});
+        if (i % 10 == 0) recorder->note(Note::event, 0.1 * i, {"touch", "rising"});
+      }
+      return raise(SIGKILL);
+    });
+    ASSERT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
+    const auto file = Hdf5File::open(path);
+    EXPECT_TRUE(std::isnan(file.read_doubles("/run/warnings/t").values.at(0)));
+    EXPECT_EQ(file.read_texts("/run/warnings/text"), (std::vector<std::string>{"W0301", "beyond the model", "bodies.wing", "vehicle.yaml:12", "level: 2"}));
+    EXPECT_EQ(file.texts_attribute("/run/warnings/text", "columns"), (std::vector<std::string>{"code", "about", "path", "place", "hint"}));
+    EXPECT_EQ(file.shape("/run/phases/text"), (std::vector<std::size_t>{0, 1}));
+    const auto t = file.read_doubles("/run/printed/t").values;
+    const auto texts = file.read_texts("/run/printed/text");
+    ASSERT_EQ(t.size(), static_cast<std::size_t>(flushed));
+    ASSERT_EQ(texts.size(), 2 * t.size());
+    for (int i = 0; i < flushed; ++i) {
+      EXPECT_EQ(t[static_cast<std::size_t>(i)], 0.1 * i);
+      EXPECT_EQ(texts[2 * static_cast<std::size_t>(i)], line(i));
+    }
+    EXPECT_EQ(file.shape("/run/events/text"), (std::vector<std::size_t>{(static_cast<std::size_t>(flushed) + 9) / 10, 2}));
+  }
+}
+
+TEST(Hdf5Recorder, BoundsWhatHappened) {
+  const std::string path = scratch("many_notes.h5");
+  const auto recorder = make_hdf5_recorder(path);
+  recorder->begin(example_header(), kChannels);
+  std::string huge(5000, 'x');
+  huge.replace(996, 2, "\xc3\xa9");  // a character where it is cut
+  for (int i = 0; i < 10'123; ++i) recorder->note(Note::printed, i, {i == 7 ? huge : "x", ""});
+  EXPECT_THROW(recorder->note(Note::phase, 0.0, {"one", "too many"}), std::invalid_argument);
+  recorder->close();
+  const auto file = Hdf5File::open(path);
+  EXPECT_EQ(file.shape("/run/printed/text"), (std::vector<std::size_t>{10'000, 2}));
+  EXPECT_EQ(file.read_doubles("/run/printed/left_out").values.at(0), 123.0);
+  EXPECT_EQ(file.read_texts("/run/printed/text").at(14), huge.substr(0, 996) + "...");
+}
+
+TEST(Hdf5Recorder, KeepsPicturesOfModes) {
+  const std::string path = scratch("pictures.h5");
+  RunHeader header = example_header();
+  header.mode_pictures = {{{"left", "right"}, "a beam", {0.5, 3.0}, {0, 0, 0, 1, 0, 0}, {0, 1}, {0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 2, 0}},
+                          {{"huge"}, "", std::vector<double>(200, 1.0), std::vector<double>(3000), {}, std::vector<double>(600'000)}};
+  const auto recorder = make_hdf5_recorder(path);
+  recorder->begin(header, kChannels);
+  recorder->close();
+  const auto file = Hdf5File::open(path);
+  EXPECT_EQ(file.members("/mode_shapes"), std::vector<std::string>{"0"});
+  EXPECT_EQ(file.texts_attribute("/mode_shapes", "left_out"), std::vector<std::string>{"huge"});
+  EXPECT_EQ(file.texts_attribute("/mode_shapes/0", "bodies"), (std::vector<std::string>{"left", "right"}));
+  EXPECT_EQ(file.shape("/mode_shapes/0/shapes"), (std::vector<std::size_t>{2, 2, 3}));
+  EXPECT_EQ(file.read_doubles("/mode_shapes/0/shapes").values, header.mode_pictures[0].shapes);
+  EXPECT_EQ(file.read_integers("/mode_shapes/0/lines").values, header.mode_pictures[0].lines);
+  EXPECT_EQ(file.read_doubles("/mode_shapes/0/frequency").values, header.mode_pictures[0].frequency);
 }
 
 TEST(Hdf5Recorder, RefusesAChannelThatIsAFolder) {

@@ -58,8 +58,13 @@ const std::vector<std::string>& run_files() {
       header.title = "a run";
       header.inputs = {{"scenario.lua", "abc", "bodies:\n"}};
       header.effective_parameters = {{"bodies.bus.mass", "1 kg"}, {"bodies.arm.mass", "2 kg"}};
-      recorder->begin(header, {{"bodies/bus/rate", {"x", "y", "z"}, "rad/s", "body", "a rate"}, {"wheels/speed", {"w"}, "rad/s", "", "a speed"}});
-      for (int i = 0; i < 20; ++i) recorder->row(i, std::vector<double>{1.0 * i, 2.0, 3.0, 4.0});
+      header.mode_pictures = {{{"wing"}, "a beam", {0.5, 3.0}, {0, 0, 0, 1, 0, 0}, {0, 1}, {0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 2, 0}}};
+      recorder->begin(header, {{"bodies/bus/attitude", {"w", "x", "y", "z"}, "1", "world", "an attitude"}, {"bodies/bus/rate", {"x", "y", "z"}, "rad/s", "body", "a rate"}, {"wheels/speed", {"w"}, "rad/s", "", "a speed"}});
+      recorder->note(Note::phase, 0.0, {"slew"});
+      recorder->note(Note::event, 1.5, {"touch", "rising"});
+      recorder->note(Note::printed, NAN, {"a line", "the scenario"});
+      recorder->note(Note::warning, 2.0, {"W0301", "beyond the model", "bodies.wing", "vehicle.yaml:3", "level: 2"});
+      for (int i = 0; i < 20; ++i) recorder->row(i, std::vector<double>{1.0, 0.1 * i, 0.0, 0.0, 1.0 * i, 2.0, 3.0, 1.0 * i});
       Summary summary;
       summary.checks.push_back({"c", 1.0, 2.0, true, "m", ""});
       if (finished) recorder->attach("summary", to_json(summary));
