@@ -1,5 +1,6 @@
 // Phases as bands, events and warnings as lines on every plot; the cursor tells what they are.
 const kReach = 6;      // CSS pixels within which the cursor finds a line
+const kFew = 15;       // lines in sight; more of them are paler and without labels
 const kApart = 3;      // CSS pixels between two lines that are drawn
 const kLabelRoom = 14; // CSS pixels that a label beside a line takes
 
@@ -47,13 +48,15 @@ export function marks({ bands, instants }) {
       const text = b > a ? shortened(ctx, name, b - a - 6 * px) : "";
       if (text) ctx.fillText(text, a + 3 * px, top + 2 * px);
     }
-    let drawn = -Infinity, labelled = -Infinity;
+    const many = instants.filter(({ t }) => x(t) >= left && x(t) <= left + width).length > kFew;
+    let drawn = -Infinity, labelled = many ? Infinity : -Infinity;
     for (const { t, kind, label } of instants) {
       const at = x(t);
       if (at < left || at > left + width || at - drawn < kApart * px) continue;
       drawn = at;
       ctx.strokeStyle = ctx.fillStyle = style(kind === "warning" ? "--open" : "--muted");
       ctx.setLineDash(kind === "warning" ? [px, 3 * px] : [5 * px, 3 * px]);
+      ctx.globalAlpha = many ? 0.4 : 1;
       ctx.lineWidth = px;
       ctx.beginPath();
       ctx.moveTo(at + 0.5, top);
