@@ -31,6 +31,19 @@ export function instants(notes) {
   return [...events, ...warnings].filter(({ t }) => t !== null).sort((a, b) => a.t - b.t);
 }
 
+/// What the cursor tells at time t: the phase, and the instants within `reach` of it, of many the first.
+export function told({ bands, instants }, t, reach) {
+  const kMost = 6, near = instants.filter((mark) => Math.abs(mark.t - t) <= reach);
+  return [...bands.filter(({ from, to }) => from <= t && t <= to).map(({ name }) => `phase "${name}"`),
+          ...near.slice(0, kMost).map((mark) => `${seconds(mark.t)}  ${mark.text}`), ...(near.length > kMost ? [`and ${near.length - kMost} more`] : [])];
+}
+
+/// The axis along which a mode moves the points (x, y, z of each), where it is nearly one: "x", "y", "z", or "".
+export function axisOf(shape) {
+  const squares = [0, 1, 2].map((k) => shape.reduce((sum, u, i) => sum + (i % 3 === k ? u * u : 0), 0)), all = squares[0] + squares[1] + squares[2];
+  return ["x", "y", "z"].find((none, k) => squares[k] > 0.98 * all) || "";
+}
+
 /// All of it as a list in order of time, what was before the run first: [{t, kind, text, more}].
 export function story(notes) {
   const all = [

@@ -2,7 +2,7 @@
 import "uplot/dist/uPlot.min.css";
 import "./style.css";
 import { shareOfLimit } from "./format.mjs";
-import { bands, ending, groupsOf, instants, story, warningsOf } from "./happenings.mjs";
+import { axisOf, bands, ending, groupsOf, instants, story, warningsOf } from "./happenings.mjs";
 import { byUnit, draw, inkOf, pretty } from "./plots.js";
 import { drawShape } from "./shapes.js";
 
@@ -187,7 +187,8 @@ function modeShapes() {
     element("div.grid.shapes", picture.shapes.map((none, j) => {
       const holder = element("div.shape");
       lazily(holder, () => drawShape(holder, picture, j));
-      return element("figure", element("figcaption", element("b", `mode ${j + 1}`), element("span", withUnit(picture.frequency[j], "Hz"))), holder);
+      const axis = axisOf(picture.shapes[j]);
+      return element("figure", element("figcaption", element("b", `mode ${j + 1}`), element("span", withUnit(picture.frequency[j], "Hz"), axis ? `, along ${axis}` : "")), holder);
     }))]);
   const note = [`Undeformed and deformed; the size of the deformation and its sign mean nothing.`,
                 more ? `${number(more)} modes are not shown.` : "", without.length ? `No room was left for the modes of ${without.join(", ")}.` : ""];

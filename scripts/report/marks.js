@@ -1,4 +1,6 @@
 // Phases as bands, events and warnings as lines on every plot; the cursor tells what they are.
+import { told } from "./happenings.mjs";
+
 const kReach = 6;      // CSS pixels within which the cursor finds a line
 const kFew = 15;       // lines in sight; more of them are paler and without labels
 const kApart = 3;      // CSS pixels between two lines that are drawn
@@ -75,10 +77,8 @@ export function marks({ bands, instants }) {
   const tell = (u) => {
     const { left, top } = u.cursor;
     const here = left >= 0 && u.over.matches(":hover");
-    const t = here ? u.posToVal(left, "x") : NaN;
-    const lines = here ? [...bands.filter(({ from, to }) => from <= t && t <= to).map(({ name }) => `phase "${name}"`),
-                          ...instants.filter((mark) => Math.abs(u.valToPos(mark.t, "x") - left) <= kReach).slice(0, 6)
-                                     .map((mark) => `${Number(mark.t.toPrecision(7))} s  ${mark.text}`)] : [];
+    const reach = Math.abs(u.posToVal(left + kReach, "x") - u.posToVal(left, "x"));
+    const lines = here ? told({ bands, instants }, u.posToVal(left, "x"), reach) : [];
     tip.textContent = lines.join("\n");
     tip.style.display = lines.length ? "" : "none";
     if (!lines.length) return;

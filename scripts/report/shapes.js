@@ -30,5 +30,5 @@ export function drawShape(parent, picture, j) {
   };
   const drawing = picture.lines.length ? `<path d="${path(still)}" class="undeformed"/><path d="${path(bent)}" class="deformed"/>`
                                        : still.map(dots).join("");  // only points are known
-  parent.innerHTML = `<svg viewBox="0 0 ${kWidth} ${kHeight}" role="img" aria-label="mode ${j + 1}">${drawing}</svg>`;  // numbers alone: nothing to escape
+  parent.innerHTML = `<svg viewBox="0 0 ${kWidth} ${kHeight}" role="img" stroke-width="${picture.lines.length > 200 ? 0.8 : 1.6}" aria-label="mode ${j + 1}">${drawing}</svg>`;  // numbers alone: nothing to escape
 }

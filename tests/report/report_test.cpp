@@ -346,6 +346,21 @@ TEST(ReportHappenings, AreInOrderOfTime) {
   EXPECT_EQ(in_node("happenings.warningsOf(null, " + notes + ")[0]"), R"({"t":1,"code":"W1","about":"w","path":"k","place":"f:1","hint":"h"})");
 }
 
+TEST(ReportHappenings, NameTheAxisOfAMode) {
+  EXPECT_EQ(in_node("happenings.axisOf([0, 0, 1, 0, 0, -5])"), R"("z")");
+  EXPECT_EQ(in_node("happenings.axisOf([0, 1, 0, 0.05, -5, 0])"), R"("y")");
+  EXPECT_EQ(in_node("happenings.axisOf([0, 1, 1])"), R"("")");
+  EXPECT_EQ(in_node("happenings.axisOf([0, 0, 0])"), R"("")");
+}
+
+TEST(ReportHappenings, AreToldAtTheCursor) {
+  const std::string marks = "{bands: [{from: 0, to: 2, name: 'a'}, {from: 2, to: 3, name: 'b'}], instants: [{t: 1, text: 'x'}, {t: 1.2, text: 'y'}]}";
+  EXPECT_EQ(in_node("happenings.told(" + marks + ", 1.1, 0.15)"), R"(["phase \"a\"","1 s  x","1.2 s  y"])");
+  EXPECT_EQ(in_node("happenings.told(" + marks + ", 2.5, 0.15)"), R"(["phase \"b\""])");
+  EXPECT_EQ(in_node("happenings.told(" + marks + ", 4, 0.15)"), "[]");
+  EXPECT_EQ(in_node("happenings.told({bands: [], instants: Array(9).fill({t: 1, text: 'x'})}, 1, 0).length"), "7");
+}
+
 TEST(ReportHappenings, GroupChannelsByBody) {
   EXPECT_EQ(in_node("happenings.groupsOf([{path: 'x'}, {path: 'hinges/a/angle'}, {path: 'own/y'}, {path: 'hinges/b/angle'}, {path: 'hinges/a/rate'}], "
                     "{hinges: [{path: 'hinges/b/rate'}]}, ['hinges']).map(({key, parts}) => [key, parts.map(({name, channels, still}) => "
