@@ -23,7 +23,7 @@ set(layers
   "core/sim|core"
   "hinges|core/base core/spatial core/abi"
   "bodies|core/base core/spatial core/abi"
-  "bodies/modal/|core/base core/spatial core/linalg core/io/bounded_child core/io/hdf5_file"
+  "bodies/modal/|core/base core/spatial core/linalg core/io/bounded_child core/io/hdf5_file core/io/sha256"
   "plugins|core/base core/spatial core/abi"
   "tests/plugins|core/base core/spatial core/abi"
   "bodies/vehicle/|core/base core/spatial core/abi core/model core/io/yaml_reader bodies/modal/"

@@ -396,6 +396,22 @@ ModalData read_modal_file(const std::string& path, const ChildLimits& limits) {
   return data;
 }
 
+std::string modal_bytes(const ModalData& data) {
+  ModalData copy = data;
+  ByteWriter bytes;
+  Sender sender(bytes);
+  io(sender, copy, {});
+  return bytes.take();
+}
+
+ModalData modal_data_of_bytes(const std::string& content) {
+  ModalData data;
+  ByteReader bytes(content);
+  Receiver receiver(bytes, "");
+  io(receiver, data, {});
+  return data;
+}
+
 ModalData read_modal_file(const std::string& path) { return read_modal_file(path, limits_for_file(path)); }
 
 }  // namespace cardan

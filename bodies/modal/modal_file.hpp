@@ -26,4 +26,9 @@ ModalData read_modal_file(const std::string& path, const ChildLimits& limits);
 /// The same from an open file, in this process: for a file whose bytes are sound.
 ModalData modal_data_of(const Hdf5File& file);
 
+/// The members as bytes for this build alone, and back; the content hash is not among them. modal_data_of_bytes() throws
+/// std::out_of_range or InputError where the bytes are others.
+std::string modal_bytes(const ModalData& data);
+ModalData modal_data_of_bytes(const std::string& bytes);
+
 }  // namespace cardan

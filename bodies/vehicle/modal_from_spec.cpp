@@ -280,13 +280,13 @@ Diagnostic in_words_of_the_vehicle(Diagnostic d, const std::string& path, const 
   return d;
 }
 
-ModalData solve(const ModalSource& source, const std::string& path, SystemSpec& spec) {
+ModeCache::Modes solve(const ModalSource& source, const std::string& path, SystemSpec& spec, const ModeCache& cache) {
   Warnings warnings;
   const Activity activity("the modes of " + path.substr(0, path.rfind('.')));
   try {
-    ModalData data = make_modal_data(source, &warnings);
+    ModeCache::Modes modes = cache.make(source, &warnings);
     for (const Warning& w : warnings.all()) spec.warnings.add(in_words_of_the_vehicle(w.what, path, source, spec));
-    return data;
+    return modes;
   } catch (const InputError& e) {
     std::vector<Diagnostic> all = e.diagnostics();
     for (Diagnostic& d : all) d = in_words_of_the_vehicle(std::move(d), path, source, spec);
@@ -298,7 +298,7 @@ ModalData solve(const ModalSource& source, const std::string& path, SystemSpec& 
 
 ModalSource read_modal_source(const DocRef& modal, ReadContext& context) { return ModalReader(context).read(modal); }
 
-void make_modes(SystemSpec& spec) {
+std::vector<std::string> make_modes(SystemSpec& spec, const ModeCache& cache) {
   DiagnosticSink sink;
   ReadContext context{sink, spec.defaults_used};
   std::map<std::string, ModalSource> sources;  // by body
@@ -307,17 +307,20 @@ void make_modes(SystemSpec& spec) {
       sources.emplace(body.name, read_modal_source({body.modal_source.get(), body_path(body) + ".modal"}, context));
   sink.throw_if_any();
 
-  std::map<std::string, std::shared_ptr<const ModalData>> solved;  // by text
+  std::map<std::string, std::shared_ptr<const ModeCache::Modes>> solved;  // by text
+  std::vector<std::string> from_cache;
   for (BodySpec& body : spec.bodies) {
     const auto source = sources.find(body.name);
     if (source == sources.end()) continue;
-    auto& data = solved[text_of(*body.modal_source)];
-    if (!data) data = std::make_shared<const ModalData>(solve(source->second, body_path(body) + ".modal", spec));
-    body.modal = data;
+    auto& modes = solved[text_of(*body.modal_source)];
+    if (!modes) modes = std::make_shared<const ModeCache::Modes>(solve(source->second, body_path(body) + ".modal", spec, cache));
+    body.modal = {modes, &modes->data};
+    if (modes->from_cache) from_cache.push_back(body.name);
   }
   validate(spec, sink);
   sink.throw_if_any();
   spec.warnings.add(doubts(spec));
+  return from_cache;
 }
 
 }  // namespace cardan

@@ -284,7 +284,7 @@ int vehicle(lua_State* L, Scenario& s) {
   const auto spec = std::make_shared<SystemSpec>(kept ? vehicle_from_text(*kept, path, s.registry, overrides) : read_vehicle(path, s.registry, overrides));
   s.inputs.push_back({name, sha256(spec->source_text), spec->source_text});
   note_modal_files(s, *spec);
-  make_modes(*spec);
+  s.modes_from_cache = make_modes(*spec, ModeCache::of_user());
   CompileOptions options;
   options.node_wrenches = false;  // until a load is declared
   s.use_model(compile(spec, s.registry, options));

@@ -20,7 +20,7 @@ void add_describe(CLI::App& app, CommandLine& line) {
     line.action = [arguments, as_json, measured, n_modes] {
       const auto s = load_scenario(arguments->options());
       const Json description = describe_model(*s, *measured, *n_modes);
-      fmt::print("{}", *as_json ? json_text(description) : description_text(description));
+      fmt::print("{}", *as_json ? json_text(description) : modes_line(*s) + description_text(description));
       return 0;
     };
   });

@@ -118,6 +118,7 @@ class RunCommand {
     }
     for (const std::string& line : printed_) recorder.note(Note::printed, std::nan(""), {line, "the scenario"});
     tell_warnings();
+    if (!arguments_.quiet && !arguments_.json_errors) say(modes_line(*scenario_));
 
     run(t_end, std::move(outputs));
     keep(kSummary, [&] { write_whole_file(*folder_ / kSummary, summary_json()); });

@@ -311,4 +311,8 @@ std::string description_text(const Json& d) {
   return out;
 }
 
+std::string modes_line(const Scenario& s) {
+  return s.modes_from_cache.empty() ? "" : fmt::format("modes of {}: from the cache\n", fmt::join(s.modes_from_cache, ", "));
+}
+
 }  // namespace cardan

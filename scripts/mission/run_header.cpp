@@ -92,6 +92,7 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
     if (b.modal) {
       add(path + "level", std::to_string(b.level));
       add(path + "modal", b.modal->source);
+      add(path + "modal_content", b.modal->content_hash);
       for (int j = 0; j < u.n_modes; ++j) {
         const double w = std::sqrt(b.modal->K(j, j) / b.modal->integrals.I6(j, j));
         add(fmt::format("{}modes[{}]", path, j),

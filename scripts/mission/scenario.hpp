@@ -113,6 +113,7 @@ struct Scenario {
   // Declared
   Registry registry;
   std::vector<InputFile> inputs, plugins, modal_files;
+  std::vector<std::string> modes_from_cache;  // bodies
   std::vector<std::string> parameter_names;
   std::set<std::pair<std::string, std::string>> names;          // that declarations have taken: kind, name
   std::vector<std::pair<std::string, std::string>> parameters;  // name, value: for the results

@@ -432,6 +432,39 @@ TEST(Program, TextThatDoesNotReachStandardOutputIsAnExitCode) {
   }
 }
 
+std::string value_of(const std::vector<std::string>& pairs, const std::string& key) {
+  for (std::size_t i = 0; i + 1 < pairs.size(); i += 2)
+    if (pairs[i] == key) return pairs[i + 1];
+  return "none";
+}
+
+TEST(Program, TakesModesFromTheCacheFromItsSecondStartAndResultsAreTheSame) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml", "cardan: 1\nbodies:\n  wing:\n    type: modal_flexible\n    hinge: {type: free, to: world, initial: {wx: 0.1}}\n    modal:\n"
+                              "      plate: {length: 8 m, width: 2 m, solid: {material: {E: 70 GPa, nu: 0.3, rho: 2700}, thickness: 1 cm}, elements_x: 8, elements_y: 4}\n"
+                              "      modes: {count: 3}\n");
+  write(dir / "scenario.lua", "vehicle 'vehicle.yaml' mission { duration = 1 }");
+  const auto run = [&](const std::string& out, const std::string& cache, const char* flag) {
+    const Finished done = run_program({"run", ".", "--out", out, flag}, dir.path(), [&] { setenv("CARDAN_CACHE", cache.c_str(), 1); });
+    EXPECT_EQ(done.exit_code, 0) << done.err;
+    return done.out;
+  };
+  const std::string line = "modes of wing: from the cache\n", verbose = "--check-against-reference";
+  EXPECT_EQ(run("first", dir / "cache", verbose.c_str()).find(line), std::string::npos);
+  EXPECT_NE(run("second", dir / "cache", verbose.c_str()).find(line), std::string::npos);
+  EXPECT_EQ(run("quiet", dir / "cache", "--quiet").find(line), std::string::npos);
+  EXPECT_EQ(run("off", "off", verbose.c_str()).find(line), std::string::npos);
+  EXPECT_EQ(run("nowhere", "/proc/cardan", verbose.c_str()).find(line), std::string::npos);
+  const Hdf5File first = Hdf5File::open(dir / "first/run.h5");
+  const std::string content = value_of(first.read_texts("/spec/parameters"), "bodies.wing.modal_content");
+  EXPECT_EQ(content.size(), 16u);
+  for (const char* other : {"second", "quiet", "off", "nowhere"}) {
+    const Hdf5File file = Hdf5File::open(dir / other + "/run.h5");
+    EXPECT_EQ(file.read_texts("/spec/parameters"), first.read_texts("/spec/parameters"));
+    EXPECT_EQ(file.read_doubles("/modes/wing/eta").values, first.read_doubles("/modes/wing/eta").values) << other;
+  }
+}
+
 // From limits at which the program hardly starts to one that is enough: what is short of memory says so.
 TEST(Program, SaysWhenMemoryIsShort) {
   const TemporaryFolder dir;
@@ -478,12 +511,6 @@ TEST(Program, SaysWhenMemoryIsShortInTheRun) {
 }
 
 // ---- provenance and repetition ----
-
-std::string value_of(const std::vector<std::string>& pairs, const std::string& key) {
-  for (std::size_t i = 0; i + 1 < pairs.size(); i += 2)
-    if (pairs[i] == key) return pairs[i + 1];
-  return "none";
-}
 
 TEST(Provenance, HasWhatTheCommandLineAsksForAndWhatCameOfIt) {
   const TemporaryFolder dir;
