@@ -20,7 +20,7 @@ int with_output(int code, bool as_json) {
   using namespace cardan;
   const std::string_view why = output_fault();
   if (why.empty() || code != 0) return code;
-  return report_error(InputError(Diagnostic{Code::cannot_write, {{}, {"standard output", 0, 0}}, {}, std::string(why), {}, {}, {}, 0}), as_json, kNotWritten);
+  return report_error(InputError(Diagnostic{Code::cannot_write, {{}, {"standard output"}}, {}, std::string(why)}), as_json, kNotWritten);
 }
 
 bool main_is_over = false;

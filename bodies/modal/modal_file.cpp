@@ -7,7 +7,7 @@
 #include <cstdint>
 
 #include "bodies/modal/modal_check.hpp"
-#include "bodies/modal/modal_integrals.hpp"
+#include "bodies/modal/lumped.hpp"
 #include "bodies/modal/refuse.hpp"
 #include "core/base/units.hpp"
 #include "core/base/utf8.hpp"

@@ -1,7 +1,6 @@
 #pragma once
 // Inertia invariants of a body from masses that move with its modes (docs/mathematics/modes.md, section 3).
 #include <Eigen/Core>
-#include <string>
 #include <vector>
 
 #include "core/spatial/modal_data.hpp"
@@ -20,10 +19,5 @@ struct MassField {
 
 /// I1 ... I9 and the first-order rotary terms, as exact sums over the points.
 ModalIntegrals modal_integrals(const MassField& field);
-
-/// A body given by lumped masses and modes, as it stands. C may be empty (none). Shapes of zero size count as zero.
-/// Throws InputError as check_stiffness(), check_mass_node() and check_nodes() do.
-ModalData lumped_modal_data(std::vector<MassNode> mass_nodes, Eigen::MatrixXd K, Eigen::MatrixXd C,
-                            std::vector<ModalNode> nodes);
 
 }  // namespace cardan

@@ -6,18 +6,14 @@
 #include <string_view>
 #include <vector>
 
-namespace cardan {
+#include "core/base/source_mark.hpp"
 
-/// A place in a text file. Lines and columns count from 1; 0 = unknown.
-struct SourceMark {
-  std::string file;
-  int line = 0, column = 0;
-};
+namespace cardan {
 
 /// A value of the input: the path of its key or object ("bodies.panel_1.hinge.type") and where it stands.
 struct Located {
-  std::string key_path;
-  SourceMark mark;
+  std::string key_path{};
+  SourceMark mark{};
 };
 
 /// One entry of error_codes.inc.
@@ -30,14 +26,15 @@ enum class Code {
 std::string_view number_of(Code);  ///< "C0204"
 std::string_view title_of(Code);   ///< "unknown hinge type"
 
-/// One answer: where, which key, what was expected, what was got, what now.
+/// One answer: where, which key, what was expected, what was got, what now. What does not apply is left out, from the end or by name:
+/// Diagnostic{Code::wrong_type, at, "a number", "a text"}, {.code = Code::cannot_write, .at = at, .got = why}.
 struct Diagnostic {
-  Code code;
-  Located at;
-  std::string expected, got, hint;
-  std::string stack;  ///< Lua traceback or the like, one line per frame
-  std::string about;  ///< overrides the title when the code alone says too little
-  int span = 0;       ///< characters to underline at mark.column; 0 = to the end of the word
+  Code code{};
+  Located at{};
+  std::string expected{}, got{}, hint{};
+  std::string stack{};  ///< Lua traceback or the like, one line per frame
+  std::string about{};  ///< overrides the title when the code alone says too little
+  int span = 0;         ///< characters to underline at mark.column; 0 = to the end of the word
 };
 
 /// The text of one diagnostic, with the line of the source file where that can be read. Format: docs/errors.md.

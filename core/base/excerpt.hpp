@@ -1,7 +1,7 @@
 #pragma once
 #include <string>
 
-#include "core/base/diagnostic.hpp"
+#include "core/base/source_mark.hpp"
 
 namespace cardan {
 

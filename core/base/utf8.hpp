@@ -39,4 +39,7 @@ inline std::string printable(std::string_view text) {
   return out;
 }
 
+/// True of the bytes of a character behind its first.
+inline bool continues_character(char c) { return (static_cast<unsigned char>(c) & 0xC0) == 0x80; }
+
 }  // namespace cardan

@@ -20,7 +20,7 @@ void Warnings::add(Diagnostic warning, double t) {
 }
 
 void Warnings::add(Code code, Located at, std::string about, std::string hint, double t) {
-  add(Diagnostic{code, std::move(at), {}, {}, std::move(hint), {}, std::move(about), 0}, t);
+  add(Diagnostic{code, std::move(at), {}, {}, std::move(hint), {}, std::move(about)}, t);
 }
 
 void Warnings::add(const Warnings& others) {

@@ -30,7 +30,7 @@ constexpr const char* kNesting = "at most 64 levels";
 
 [[noreturn]] void fail(Code code, SourceMark mark, std::string expected, std::string got, std::string hint = {}) {
   throw InputError(
-      Diagnostic{code, {"", std::move(mark)}, std::move(expected), std::move(got), std::move(hint), {}, {}, 0});
+      Diagnostic{code, {"", std::move(mark)}, std::move(expected), std::move(got), std::move(hint)});
 }
 
 /// yaml-cpp counts from zero, and knows no place (-1) of nodes that it made itself.
@@ -315,14 +315,13 @@ void apply_override(DocNode& root, std::string_view key_path, std::string_view v
   const std::vector<std::string> parts = split_path(key_path);
   if (parts.empty())
     throw InputError(Diagnostic{Code::unknown_key, {std::string(key_path), mark}, "names divided by points, and [index]",
-                                in_quotes(std::string(key_path)), "", {}, {}, 0});
+        in_quotes(std::string(key_path))});
   for (const std::string& part : parts) {
     const std::string around = path;
     path += node->kind == DocNode::Kind::list ? fmt::format("[{}]", part)
                                               : fmt::format("{}{}", path.empty() ? "" : ".", part);
     const auto refuse = [&](std::string expected, std::string hint) {
-      throw InputError(Diagnostic{
-          Code::unknown_key, {path, mark}, std::move(expected), in_quotes(part), std::move(hint), {}, {}, 0});
+      throw InputError(Diagnostic{Code::unknown_key, {path, mark}, std::move(expected), in_quotes(part), std::move(hint)});
     };
     if (node->kind == DocNode::Kind::list) {
       std::size_t index = 0;

@@ -11,8 +11,6 @@
 namespace cardan {
 namespace {
 
-constexpr double kMeanAxes = 1e-9;  // of sqrt(mass times modal mass): rounding of modes that are orthogonal to the rigid motions
-
 class Doubts {
  public:
   explicit Doubts(const SystemSpec& spec) : spec_(spec) {}
@@ -65,14 +63,5 @@ class Doubts {
 }  // namespace
 
 Warnings doubts(const SystemSpec& spec) { return Doubts(spec).all(); }
-
-bool has_mean_axes(const ModalData& modal) {
-  const ModalIntegrals& I = modal.integrals;
-  for (int j = 0; j < modal.n_modes; ++j) {
-    const double m = I.I6(j, j), about = std::sqrt(std::max(0.0, I.I7.trace()) * m);
-    if (I.I3.col(j).norm() > kMeanAxes * std::sqrt(I.I1 * m) || I.I4.col(j).norm() > kMeanAxes * about) return false;
-  }
-  return modal.n_modes > 0;
-}
 
 }  // namespace cardan

@@ -31,6 +31,9 @@ struct UserBody {
   int q = 0, nq = 0, v = 0, nv = 0;     // hinge coordinates (0 when locked)
   int n_modes = 0, eta = 0, etadot = 0;
   std::vector<std::string> q_names, v_names, q_units, v_units;
+
+  /// True where the coordinates are a quaternion, and after it perhaps a position: a fact of the family. False of a locked hinge.
+  bool has_attitude() const { return nq > 0 && hinge->shape >= CARDAN_SHAPE_BALL && hinge->shape <= CARDAN_SHAPE_FREE_BODY; }
 };
 
 /// Coordinates whose rates are velocities as they stand: q'[q ... q + n) = v[v ... v + n).

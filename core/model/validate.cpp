@@ -12,12 +12,12 @@
 
 #include "core/abi/param_values.hpp"
 #include "core/base/units.hpp"
-#include "core/model/doubts.hpp"
 #include "core/model/schema.hpp"
 
 namespace cardan {
 namespace {
 
+constexpr double kMeanAxes = 1e-9;  // of sqrt(mass times modal mass): rounding of modes that are orthogonal to the rigid motions
 constexpr double kTriangleTolerance = 1e-6;  // relative; moments are typed with a finite number of digits
 
 /// Positive definite, and the pivots of L D L* say so well above round-off.
@@ -456,6 +456,15 @@ std::vector<CheckedHinge> validate(const SystemSpec& spec, const Registry& regis
 std::vector<double> pack_hinge(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family,
                                DiagnosticSink& sink) {
   return HingeParams(spec, body, family, sink).packed();
+}
+
+bool has_mean_axes(const ModalData& modal) {
+  const ModalIntegrals& I = modal.integrals;
+  for (int j = 0; j < modal.n_modes; ++j) {
+    const double m = I.I6(j, j), about = std::sqrt(std::max(0.0, I.I7.trace()) * m);
+    if (I.I3.col(j).norm() > kMeanAxes * std::sqrt(I.I1 * m) || I.I4.col(j).norm() > kMeanAxes * about) return false;
+  }
+  return modal.n_modes > 0;
 }
 
 }  // namespace cardan

@@ -36,4 +36,8 @@ InertiaFault inertia_fault(const Eigen::Matrix3d& I, bool point);
 /// "bodies.<name>", the key path of a body.
 std::string body_path(const BodySpec& body);
 
+/// True if nothing holds the frame of these modes to a point of the body: mean axes, sum m phi = 0 and sum m r x phi = 0 (I3 = I4 =
+/// 0). A hinge on such a frame moves no mode and is moved by none.
+bool has_mean_axes(const ModalData& modal);
+
 }  // namespace cardan

@@ -2,13 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
 #include <cctype>
-#include <span>
 
 #include "core/base/units.hpp"
+#include "core/model/initial.hpp"
 #include "core/model/validate.hpp"
 
 namespace cardan {
@@ -169,7 +167,7 @@ class VehicleReader {
     const cardan_hinge_family* family = registry_.hinge(hinge.type);
     if (!family) return;  // reported by validate(); the other keys depend on the type
     for (uint32_t i = 0; i < family->n_params; ++i) read_param(map, family->params[i], hinge);
-    if (const auto initial = map.find("initial")) read_initial(*initial, *family, hinge);
+    if (const auto initial = map.find("initial")) read_initial_values(*initial, *family, hinge);
     if (family->nv > 0) {
       if (const auto prescribed = map.find("prescribed")) read_prescribed(*prescribed, *family, hinge);
       if (const auto spring = map.find("spring")) read_spring(*spring, *family, hinge);
@@ -249,61 +247,12 @@ class VehicleReader {
     hinge.params.emplace(desc.name, std::move(param));
   }
 
-  /// Coordinates and velocities that are written as one value.
-  struct Group {
-    const char* key;
-    std::array<const char*, 4> names;
-    const char* unit;
-    std::size_t size;
-  };
-  static constexpr Group kGroups[] = {{"quaternion_wxyz", {"qw", "qx", "qy", "qz"}, "1", 4},
-                                      {"position", {"x", "y", "z", ""}, "m", 3},
-                                      {"angular_velocity", {"wx", "wy", "wz", ""}, "rad/s", 3},
-                                      {"velocity", {"vx", "vy", "vz", ""}, "m/s", 3}};
-
-  void read_initial(const DocRef& value, const cardan_hinge_family& family, HingeSpec& hinge) {
+  void read_initial_values(const DocRef& value, const cardan_hinge_family& family, HingeSpec& hinge) {
+    hinge.q.assign(family.nq, 0.0), hinge.v.assign(family.nv, 0.0);
+    if (family.shape >= CARDAN_SHAPE_BALL && family.shape <= CARDAN_SHAPE_FREE_BODY) hinge.q[0] = 1.0;  // no rotation
     MapReader map(value, context_);
-    hinge.q = read_state(map, {family.q_names, family.nq}, family.q_units);
-    hinge.v = read_state(map, {family.v_names, family.nv}, family.v_units);
+    read_initial(map, family, hinge.q.data(), hinge.v.data());
     map.finish();
-  }
-  std::vector<double> read_state(MapReader& map, std::span<const char* const> names, const char* const* units) {
-    std::vector<double> values(names.size(), 0.0);
-    for (std::size_t i = 0; i < names.size();) {
-      const Group* group = group_at(names.subspan(i));
-      if (!group) {
-        if (const auto given = map.find(names[i])) values[i] = read_number(*given, units[i], context_);
-        ++i;
-        continue;
-      }
-      if (group->size == 4) {
-        read_attitude(map, values.data() + i);
-      } else if (const auto given = map.find(group->key)) {
-        const Eigen::Vector3d v = read_vector(*given, group->unit, context_);
-        std::copy(v.begin(), v.end(), values.begin() + static_cast<std::ptrdiff_t>(i));
-      }
-      i += group->size;
-    }
-    return values;
-  }
-  static const Group* group_at(std::span<const char* const> names) {
-    for (const Group& group : kGroups)
-      if (names.size() >= group.size && std::equal(group.names.begin(), group.names.begin() + group.size, names.begin(),
-                                                   [](std::string_view a, std::string_view b) { return a == b; }))
-        return &group;
-    return nullptr;
-  }
-  void read_attitude(MapReader& map, double* q) {
-    const auto quaternion = map.find("quaternion_wxyz"), orientation = map.find("orientation");
-    Eigen::Vector4d wxyz(1.0, 0.0, 0.0, 0.0);
-    if (quaternion) wxyz = read_quaternion_wxyz(*quaternion, context_);
-    if (orientation) {
-      const Eigen::Quaterniond r(read_orientation(*orientation, context_));
-      wxyz << r.w(), r.x(), r.y(), r.z();
-    }
-    if (quaternion && orientation)
-      context_.sink.report(Code::wrong_type, orientation->at(), "quaternion_wxyz or orientation, not both", "both");
-    std::copy(wxyz.begin(), wxyz.end(), q);
   }
 
   /// Index of a velocity component by its name, or by that of its coordinate; -1 after a fault.

@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include "core/abi/cardan_abi.h"
-
 namespace cardan::soa {
 namespace {
 
@@ -11,7 +9,7 @@ namespace {
 std::vector<std::string> names_of(const UserBody& u, int j) {
   const auto at = static_cast<std::size_t>(j);
   std::vector<std::string> out{u.v_names[at], deviation_name(u, j)};
-  if (u.nq == u.nv + 1 && j >= 3) out.push_back(u.q_names[at + 1]);  // x, y, z behind a quaternion
+  if (u.has_attitude() && j >= 3) out.push_back(u.q_names[at + 1]);  // x, y, z behind a quaternion
   return out;
 }
 
@@ -20,8 +18,7 @@ std::vector<std::string> names_of(const UserBody& u, int j) {
 std::string deviation_name(const UserBody& u, int j) {
   const bool is_curved = u.nq > 0 && u.hinge->retract;
   if (!is_curved) return u.q_names[static_cast<std::size_t>(j)];
-  const auto shape = u.hinge->shape;
-  if (shape != CARDAN_SHAPE_BALL && shape != CARDAN_SHAPE_FREE && shape != CARDAN_SHAPE_FREE_BODY) return "d_" + u.v_names[static_cast<std::size_t>(j)];
+  if (!u.has_attitude()) return "d_" + u.v_names[static_cast<std::size_t>(j)];
   return fmt::format("{}_{}", j < 3 ? "turn" : "shift", "xyz"[j % 3]);
 }
 

@@ -8,7 +8,7 @@ namespace cardan::reference {
 namespace {
 
 [[noreturn]] void refuse(Code code, const Located& at, std::string expected, std::string got) {
-  throw InputError(Diagnostic{code, at, std::move(expected), std::move(got), {}, {}, {}, 0});
+  throw InputError(Diagnostic{code, at, std::move(expected), std::move(got)});
 }
 
 template <class T>

@@ -105,7 +105,7 @@ std::string linear_model_json(const LinearModel& m) {
 
 void write_linear_model(const LinearModel& m, const std::string& path) {
   const auto refuse = [&](std::string expected, std::string got) {
-    throw InputError(Diagnostic{Code::cannot_write, {"file of the linear model", {}}, std::move(expected), std::move(got), {}, {}, {}, 0});
+    throw InputError(Diagnostic{Code::cannot_write, {"file of the linear model", {}}, std::move(expected), std::move(got)});
   };
   for_matrices(m, [&](const char* name, const Eigen::MatrixXd& A) {
     if (!A.allFinite()) throw NumericsError(RunFailure{Code::not_finite, m.t, "", "", std::string("linear model, ") + name, "", ""});

@@ -56,6 +56,7 @@ class Simulation {
   Simulation& operator=(const Simulation&) = delete;
 
   const Model& model() const { return *model_; }
+  const std::shared_ptr<const Model>& shared_model() const { return model_; }
   const State& state() const { return state_; }
   double time() const { return state_.t; }
 
@@ -64,6 +65,7 @@ class Simulation {
   void set_state(const State& state);
   /// Before the run: how to integrate.
   void set_options(const SimulationOptions& options) { options_ = options; }
+  const SimulationOptions& options() const { return options_; }
   /// State, commands and motion profiles of another simulation of the same vehicle.
   void take_over(const Simulation& other);
   double& q(int i) { return changed(), state_.q[i]; }

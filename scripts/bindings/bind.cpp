@@ -1,16 +1,28 @@
 #include "scripts/bindings/bind.hpp"
 
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "core/base/units.hpp"
+
 namespace cardan {
+namespace {
+
+/// __index of the method tables: a method that does not exist.
+int unknown_method(lua_State* L) {
+  std::vector<std::string> names;
+  for (lua_pushnil(L); lua_next(L, 1); lua_pop(L, 1)) names.emplace_back(lua_tostring(L, -2));
+  std::sort(names.begin(), names.end());
+  const std::string name = lua_type(L, 2) == LUA_TSTRING ? lua_tostring(L, 2) : luaL_typename(L, 2);
+  refuse(L, Code::unknown_name, "method", "one of: " + listed(names), in_quotes(name), did_you_mean(name, names));
+}
+
+}  // namespace
 
 void refuse(lua_State* L, Code code, std::string key_path, std::string expected, std::string got, std::string hint) {
-  throw InputError(Diagnostic{code,
-                              {std::move(key_path), LuaHost::caller(L)},
-                              std::move(expected),
-                              std::move(got),
-                              std::move(hint),
-                              LuaHost::traceback(L),
-                              {},
-                              0});
+  throw InputError(Diagnostic{code, {std::move(key_path), LuaHost::caller(L)}, std::move(expected), std::move(got), std::move(hint),
+      LuaHost::traceback(L)});
 }
 
 void expect_setup(lua_State* L, const Scenario& s, const char* what, bool needs_vehicle) {
@@ -20,6 +32,29 @@ void expect_setup(lua_State* L, const Scenario& s, const char* what, bool needs_
   if (needs_vehicle && !s.model)
     refuse(L, Code::lua_argument, what, "a vehicle before it", "no vehicle yet",
            "begin with: local sat = vehicle \"vehicle.yaml\"");
+}
+
+std::string listed(const std::vector<std::string>& names) {
+  return names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "));
+}
+
+void make_handle_type(lua_State* L, const char* type, const std::vector<luaL_Reg>& methods, lua_CFunction text) {
+  luaL_newmetatable(L, type);
+  lua_newtable(L);
+  for (const luaL_Reg& m : methods) {
+    lua_pushcfunction(L, m.func);
+    lua_setfield(L, -2, m.name);
+  }
+  lua_newtable(L);
+  lua_pushcfunction(L, method<unknown_method>);
+  lua_setfield(L, -2, "__index");
+  lua_setmetatable(L, -2);
+  lua_setfield(L, -2, "__index");
+  lua_pushcfunction(L, text);
+  lua_setfield(L, -2, "__tostring");
+  lua_pushboolean(L, 0);
+  lua_setfield(L, -2, "__metatable");
+  lua_pop(L, 1);
 }
 
 }  // namespace cardan

@@ -7,15 +7,20 @@
 
 namespace cardan {
 
-void bind_setup(Scenario&);    // parameters, plugin, vehicle, mission, initial
-void bind_handles(Scenario&);  // bodies, hinges, modes, nodes, loads
-void bind_mission(Scenario&);  // controller, phase, event, check, figure, signals, stop
+void bind_parameters(Scenario&);
+void bind_vehicle(Scenario&);       // plugin, vehicle
+void bind_mission(Scenario&);       // mission
+void bind_initial(Scenario&);
+void bind_declarations(Scenario&);  // controller, phase, event, check, figure, signals, stop
+void bind_handles(Scenario&);       // bodies, hinges, modes, nodes, loads
 
 /// Pushes the handle of the vehicle.
 void push_vehicle(lua_State* L, Scenario&);
 /// Makes the metatable of a type of userdata without uservalues; a method that does not exist is answered with those that do.
 void make_handle_type(lua_State* L, const char* type, const std::vector<luaL_Reg>& methods, lua_CFunction text);
 
+/// "bus, wing"; "none"
+std::string listed(const std::vector<std::string>& names);
 /// An error at the script line that runs now.
 [[noreturn]] void refuse(lua_State* L, Code code, std::string key_path, std::string expected, std::string got,
                          std::string hint = {});

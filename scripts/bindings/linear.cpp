@@ -3,7 +3,7 @@
 #include "core/operators/linear_model.hpp"
 #include "core/operators/system_modes.hpp"
 #include "core/sim/linear_model_file.hpp"
-#include "scripts/bindings/operators.hpp"
+#include "scripts/bindings/operator_methods.hpp"
 #include "scripts/lua/table.hpp"
 
 namespace cardan {

@@ -1,6 +1,6 @@
 #pragma once
 // Linear models for scripts.
-#include "scripts/bindings/operators.hpp"
+#include "scripts/bindings/operator_methods.hpp"
 
 namespace cardan {
 

@@ -1,237 +1,188 @@
-// What happens during the mission, as a script declares it: controllers, phases, events, signals, checks.
+// mission { ... }: how long, by which integrator, what is recorded.
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
+#include <cstring>
 
 #include "core/base/units.hpp"
 #include "scripts/bindings/bind.hpp"
 #include "scripts/lua/table.hpp"
-#include "scripts/mission/scenario.hpp"
 
 namespace cardan {
 namespace {
 
-/// The table of a declaration: its name, and at the end every fault at once.
-class Declaration {
- public:
-  Declaration(lua_State* L, Scenario& s, const char* what) : s_(s), table_(checked(L, s, what), 1, what, sink_) {}
-
-  LuaTable& table() { return table_; }
-  std::string name() {
-    name_ = table_.text("name").value_or("");
-    if (name_.empty())
-      table_.reject("name", "a name");
-    else if (s_.names.contains({table_.path(), name_}))
-      table_.reject("name", fmt::format("a name that no other {} has", table_.path()));
-    return name_;
-  }
-  LuaFunction function(const char* key, bool required) {
-    auto f = table_.function(key);
-    if (required) table_.require({key});
-    return f ? std::move(*f) : LuaFunction();
-  }
-  void finish() {
-    table_.finish();
-    sink_.throw_if_any();
-    s_.names.insert({table_.path(), name_});
-  }
-
- private:
-  static lua_State* checked(lua_State* L, const Scenario& s, const char* what) {
-    expect_setup(L, s, what, true);
-    return L;
-  }
-  Scenario& s_;
-  DiagnosticSink sink_;
-  LuaTable table_;
-  std::string name_;
-};
-
-int controller(lua_State* L, Scenario& s) {
-  Declaration d(L, s, "controller");
-  Controller c;
-  c.name = d.name();
-  LuaTable& t = d.table();
-  const Located here{"controller", LuaHost::caller(L)};
-  const auto rate = t.number("rate", "Hz"), period = t.number("period", "s");
-  if (rate.has_value() == period.has_value())
-    t.reject("rate", "a rate, or a period");
-  else
-    c.period = rate ? period_from_hertz(*rate, here) : period_from_seconds(*period, here);
-  c.at = {fmt::format("controller {}.{}", c.name, rate ? "rate" : "period"), here.mark};
-  c.step = d.function("step", true);
-  d.finish();
-  s.controllers.push_back(std::move(c));
-  return 0;
-}
-
-int phase(lua_State* L, Scenario& s) {
-  Declaration d(L, s, "phase");
-  Phase p;
-  p.name = d.name();
-  const auto duration = d.table().number("duration", "s");
-  if (duration) p.duration = *duration;
-  if (duration && !(*duration >= 0.0)) d.table().reject("duration", "a time >= 0");
-  p.until = d.function("until_", false);
-  p.enter = d.function("enter", false);
-  p.exit = d.function("exit_", false);
-  d.finish();
-  s.phases.push_back(std::move(p));
-  return 0;
-}
-
-int event(lua_State* L, Scenario& s) {
-  Declaration d(L, s, "event");
-  ScriptEvent e;
-  e.name = d.name();
-  e.when = d.function("when", true);
-  e.action = d.function("action", true);
-  const std::string direction = d.table().choice("direction", {"rising", "falling", "both"}).value_or("both");
-  e.direction = direction == "rising" ? 1 : direction == "falling" ? -1 : 0;
-  d.finish();
-  s.events.push_back(std::move(e));
-  return 0;
-}
-
-Measure measure(Declaration& d) {
-  Measure m;
-  m.name = d.name();
-  m.unit = d.table().text("unit").value_or("1");
-  if (!parse_unit(m.unit)) d.table().reject("unit", "a unit: deg, N m, 1", unit_hint(m.unit));
-  m.value = d.function("value", true);
-  return m;
-}
-
-int figure(lua_State* L, Scenario& s) {
-  Declaration d(L, s, "figure");
-  Measure m = measure(d);
-  d.finish();
-  s.figures.push_back(std::move(m));
-  return 0;
-}
-
-int check(lua_State* L, Scenario& s) {
-  Declaration d(L, s, "check");
-  Measure m = measure(d);
-  LuaTable& t = d.table();
-  const std::string unit = m.unit == "1" ? "" : " " + m.unit;
-  int n = 0;  // limits are numbers in the unit of the check
-  if (const auto x = t.number("below")) m.high = *x, m.condition = fmt::format("below {:.6g}{}", *x, unit), ++n;
-  if (const auto x = t.number("above")) m.low = *x, m.condition = fmt::format("above {:.6g}{}", *x, unit), ++n;
-  if (const auto x = t.numbers("within", 2)) {
-    m.low = (*x)[0], m.high = (*x)[1], ++n;
-    m.condition = fmt::format("within {:.6g} ... {:.6g}{}", m.low, m.high, unit);
-    if (!(m.low <= m.high)) t.reject("within", "{smallest, largest}");
-  }
-  if (const auto x = t.numbers("equal", 1)) {  // {x, tolerance = ...}
-    auto equal = t.table("equal");
-    const double tolerance = equal->number("tolerance").value_or(0.0);
-    if (!(tolerance >= 0.0)) equal->reject("tolerance", "a number >= 0");
-    m.low = (*x)[0] - tolerance, m.high = (*x)[0] + tolerance, ++n;
-    m.condition = fmt::format("equal to {:.6g} within {:.3g}{}", (*x)[0], tolerance, unit);
-  }
-  if (n != 1) t.reject("below", "exactly one of below, above, within, equal");
-  d.finish();
-  s.checks.push_back(std::move(m));
-  return 0;
-}
-
-/// The function that stores the numbers of one signal: upvalues are the signal and its name.
-int store(lua_State* L) {
-  auto& signal = *static_cast<Signal*>(lua_touserdata(L, lua_upvalueindex(1)));
-  if (signal.scenario->in_event_function)
-    refuse(L, Code::lua_argument, signal.channel.path, "signals stored by controllers, phases and actions", "one stored in an event's `when`",
-           "it is evaluated at trial states that are not part of the motion");
-  const auto n = static_cast<int>(signal.values.size());
-  if (lua_gettop(L) != n)
-    refuse(L, Code::lua_argument, signal.channel.path, fmt::format("{} number{}", n, n == 1 ? "" : "s"),
-           fmt::format("{} values", lua_gettop(L)));
-  for (int i = 1; i <= n; ++i) {
-    if (lua_type(L, i) != LUA_TNUMBER)
-      refuse(L, Code::lua_argument, signal.channel.path, "a number", describe_value(L, i));
-    const double x = lua_tonumber(L, i);
-    signal.values[static_cast<std::size_t>(i) - 1] = x;
-    if (!std::isfinite(x) && signal.scenario->sim)  // recorded as it is: a division by zero at one tick need not end the run
-      signal.scenario->sim->warn(Code::mission_doubt, {"signals." + signal.channel.path, LuaHost::caller(L)},
-                                 fmt::format("signal {} is {}", signal.channel.path, std::isnan(x) ? "nan" : x > 0 ? "inf" : "-inf"),
-                                 "a division by zero, or the root of a negative number?");
-  }
-  return 0;
-}
-int guarded_store(lua_State* L) { return LuaHost::guarded(L, store); }
-
-bool is_channel_path(const std::string& path) {
-  return !path.empty() && path.front() != '/' && path.back() != '/' && path.find("//") == std::string::npos &&
-         std::all_of(path.begin(), path.end(), [](char c) {
-           return std::isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '-' || c == '/';
-         });
-}
-
-int signals(lua_State* L, Scenario& s) {
-  expect_setup(L, s, "signals", false);
-  DiagnosticSink sink;
-  LuaTable all(L, 1, "signals", sink);
-  sink.throw_if_any();
-  std::vector<std::string> paths;
-  for (lua_pushnil(L); lua_next(L, 1); lua_pop(L, 1))
-    paths.emplace_back(lua_type(L, -2) == LUA_TSTRING ? lua_tostring(L, -2) : "");
-  std::sort(paths.begin(), paths.end());
-  lua_newtable(L);
-  const int out = lua_gettop(L);
-  for (const std::string& path : paths) {
-    auto signal = std::make_unique<Signal>();
-    signal->scenario = &s;
-    signal->declared = LuaHost::caller(L);
-    Channel& c = signal->channel;
-    c.path = path;
-    if (!is_channel_path(path)) {
-      all.reject(path, "a name of letters, digits, `_`, `-`, with `/` between folders: pointing/error");
-      continue;
+/// `--set mission.integrator.method=cvode_bdf`: into the table, before it is read.
+void apply_settings(lua_State* L, int table, Scenario& s) {
+  for (Setting& set : s.settings) {
+    if (!set.key.starts_with("mission.")) continue;
+    set.used = true;
+    lua_pushvalue(L, table);
+    std::string rest = set.key.substr(std::strlen("mission."));
+    for (std::size_t dot; (dot = rest.find('.')) != std::string::npos; rest = rest.substr(dot + 1)) {
+      const std::string key = rest.substr(0, dot);
+      if (lua_getfield(L, -1, key.c_str()) != LUA_TTABLE) {
+        lua_pop(L, 1);
+        lua_newtable(L);
+        lua_pushvalue(L, -1);
+        lua_setfield(L, -3, key.c_str());
+      }
+      lua_remove(L, -2);
     }
-    auto t = all.table(path);
-    if (!t) continue;
-    c.unit = t->text("unit").value_or("1");
-    if (!parse_unit(c.unit)) t->reject("unit", "a unit: deg, N m, 1", unit_hint(c.unit));
-    c.frame = t->text("frame").value_or("");
-    c.meaning = t->text("meaning").value_or("");
-    c.components = t->texts("components").value_or(std::vector<std::string>{path.substr(path.rfind('/') + 1)});
-    if (c.components.empty()) t->reject("components", "at least one name");
-    t->finish();
-    signal->values.assign(c.components.size(), std::nan(""));
-    lua_pushlightuserdata(L, signal.get());
-    lua_pushcclosure(L, guarded_store, 1);
-    lua_setfield(L, out, path.c_str());
-    s.signals.push_back(std::move(signal));
+    if (set.value == "true" || set.value == "false")
+      lua_pushboolean(L, set.value == "true");
+    else if (const auto number = parse_number(set.value))
+      lua_pushnumber(L, *number);
+    else
+      lua_pushlstring(L, set.value.data(), set.value.size());
+    lua_setfield(L, -2, rest.c_str());
+    lua_pop(L, 1);
   }
-  all.finish();
-  sink.throw_if_any();
-  lua_pushvalue(L, out);
-  return 1;
 }
 
-int stop(lua_State* L, Scenario& s) {
-  if (s.stage != Scenario::Stage::run || s.in_event_function)
-    refuse(L, Code::lua_argument, "stop", "a call from a controller, a phase or an event's action",
-           "one from elsewhere");
-  s.stopped_by = s.actor;
-  s.sim->stop();
+void read_integrator(LuaTable& t, MissionSpec& m) {
+  SimulationOptions& options = m.simulation;
+  IntegratorOptions& i = options.integrator;
+  const auto method = t.text("method");
+  const auto relative = t.number("relative");
+  if (method) i.method = *method;
+  if (relative) i.relative_tolerance = *relative;
+  if (!method) m.defaults_used.emplace_back("mission.integrator.method", i.method);
+  if (!relative && i.method != "rk4")
+    m.defaults_used.emplace_back("mission.integrator.relative", fmt::format("{:g}", i.relative_tolerance));
+  if (const auto x = t.text("linear_solver"))
+    i.linear_solver = *x;
+  else if (i.method == "cvode_bdf")
+    m.defaults_used.emplace_back("mission.integrator.linear_solver", "dense");
+  if (const auto x = t.number("absolute")) {
+    options.absolute_tolerance = *x;
+    if (!(*x > 0.0 && *x <= 1.0)) t.reject("absolute", "a number > 0 and at most 1");
+  }
+  if (const auto x = t.number("step", "s")) i.fixed_step = *x;
+  if (const auto x = t.number("initial_step", "s")) i.initial_step = *x;
+  if (const auto x = t.number("max_step", "s")) i.max_step = *x;
+  t.finish();
+}
+
+/// Makes an integrator for one state, so that options that do not fit are refused here, with the place.
+void expect_legal(lua_State* L, const IntegratorOptions& options) {
+  OdeProblem ode;
+  ode.n = 1;
+  ode.absolute_tolerance = {1.0};
+  ode.rhs = [](double, const double*, double* xdot) {
+    *xdot = 0.0;
+    return true;
+  };
+  try {
+    make_integrator(std::move(ode), options);
+  } catch (const InputError& e) {
+    std::vector<Diagnostic> all = e.diagnostics();
+    for (Diagnostic& d : all) {
+      d.at.key_path = d.at.key_path.empty() ? "mission.integrator" : "mission." + d.at.key_path;
+      d.at.mark = LuaHost::caller(L);
+    }
+    throw InputError(std::move(all));
+  }
+}
+
+/// What one call of a controller, an event, ... may spend.
+void read_budget(LuaTable& t, Scenario& s) {
+  LuaBudget budget = s.lua.call_budget();
+  if (const auto steps = t.number("steps")) {
+    if (*steps >= 1000.0 && *steps <= 1e15)
+      budget.steps = static_cast<std::int64_t>(*steps);
+    else
+      t.reject("steps", "a number of steps from 1000 to 1e15");
+  }
+  if (const auto time = t.number("time", "s")) {
+    if (*time > 0.0 && *time <= 1e9)
+      budget.seconds = *time;
+    else
+      t.reject("time", "a time > 0 s, at most 1e9 s");
+  }
+  t.finish();
+  s.lua.set_call_budget(budget);
+}
+
+void read_output(LuaTable& t, lua_State* L, Scenario& s) {
+  const Model& m = *s.model;
+  const SourceMark here = LuaHost::caller(L);
+  if (t.has("rate") && t.has("period")) t.reject("period", "rate or period, not both");
+  if (!t.has("rate") && !t.has("period")) s.mission.defaults_used.emplace_back("mission.output.rate", "10 Hz");
+  if (const auto rate = t.number("rate", "Hz"))
+    s.mission.output_period = period_from_hertz(*rate, {t.path() + ".rate", here});
+  if (const auto period = t.number("period", "s"))
+    s.mission.output_period = period_from_seconds(*period, {t.path() + ".period", here});
+  const auto all = [&](const char* key, Code code, const auto& objects, std::vector<int>& out, const char* what) {
+    std::vector<std::string> names;
+    for (const auto& o : objects) names.push_back(o.name);
+    const auto wanted = t.texts(key);
+    for (const std::string& name : wanted ? *wanted : std::vector<std::string>{}) {
+      const auto found = std::find(names.begin(), names.end(), name);
+      if (found == names.end())
+        refuse(L, code, t.path() + "." + key, fmt::format("{}: {}", what, listed(names)), in_quotes(name),
+               did_you_mean(name, names));
+      const auto index = static_cast<int>(found - names.begin());
+      if (std::find(out.begin(), out.end(), index) != out.end())
+        refuse(L, Code::duplicate_name, t.path() + "." + key, "each name once", in_quotes(name));
+      out.push_back(index);
+    }
+  };
+  all("reactions", Code::unknown_body, m.user, s.mission.reactions, "a body of the vehicle");
+  all("nodes", Code::unknown_node, m.nodes, s.mission.nodes, "a node of the vehicle");
+  t.finish();
+}
+
+int mission(lua_State* L, Scenario& s) {
+  lua_remove(L, 1);  // the table `mission`, which is called
+  expect_setup(L, s, "mission", true);
+  if (s.mission.declared) refuse(L, Code::lua_argument, "mission", "one mission", "a second one");
+  s.mission.declared = true;
+  DiagnosticSink sink;
+  if (lua_istable(L, 1)) apply_settings(L, 1, s);
+  LuaTable t(L, 1, "mission", sink);
+  t.require({"duration"});
+  s.mission.title = t.text("title").value_or("");
+  s.mission.duration = t.number("duration", "s").value_or(1.0);
+  if (!(s.mission.duration > 0.0)) t.reject("duration", "a time > 0");
+  const auto part = [&](const char* key) {  // an absent table is an empty one: its defaults are used
+    if (!t.has(key)) {
+      lua_newtable(L);
+      lua_setfield(L, 1, key);
+    }
+    return t.table(key);
+  };
+  if (auto i = part("integrator")) read_integrator(*i, s.mission);
+  if (auto o = part("output")) read_output(*o, L, s);
+  const auto ledger = t.flag("ledger");
+  s.mission.simulation.ledger = ledger.value_or(true);
+  if (!ledger) s.mission.defaults_used.emplace_back("mission.ledger", "true");
+  if (auto budget = t.table("budget")) read_budget(*budget, s);
+  t.finish();
+  sink.throw_if_any();
+  expect_legal(L, s.mission.simulation.integrator);
+  s.sim->set_options(s.mission.simulation);
   return 0;
 }
 
 }  // namespace
 
+/// `mission { ... }` declares; `mission.phase()` and `mission.time()` ask.
 void bind_mission(Scenario& s) {
-  const auto bind = [&s](const char* name, int (*f)(lua_State*, Scenario&)) {
-    s.lua.bind(name, [&s, f](lua_State* L) { return f(L, s); });
-  };
-  bind("controller", controller);
-  bind("phase", phase);
-  bind("event", event);
-  bind("check", check);
-  bind("figure", figure);
-  bind("signals", signals);
-  bind("stop", stop);
+  s.lua.bind("mission.phase", [&s](lua_State* L) {
+    lua_pushlstring(L, s.phase.data(), s.phase.size());
+    return 1;
+  });
+  s.lua.bind("mission.time", [&s](lua_State* L) {
+    lua_pushnumber(L, s.time());
+    return 1;
+  });
+  s.lua.protect([&s](lua_State* L) {
+    lua_getglobal(L, "mission");
+    lua_newtable(L);
+    s.lua.push(L, [&s](lua_State* state) { return mission(state, s); });
+    lua_setfield(L, -2, "__call");
+    lua_setmetatable(L, -2);
+  });
 }
 
 }  // namespace cardan

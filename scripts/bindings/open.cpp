@@ -18,14 +18,7 @@ namespace {
 
 [[noreturn]] void fail(const Scenario& s, Code code, std::string key_path, std::string expected, std::string got,
                        std::string hint) {
-  throw InputError(Diagnostic{code,
-                              {std::move(key_path), {s.file.string(), 0, 0}},
-                              std::move(expected),
-                              std::move(got),
-                              std::move(hint),
-                              {},
-                              {},
-                              0});
+  throw InputError(Diagnostic{code, {std::move(key_path), {s.file.string()}}, std::move(expected), std::move(got), std::move(hint)});
 }
 
 void expect_known(const Scenario& s) {
@@ -33,16 +26,9 @@ void expect_known(const Scenario& s) {
     if (set.used) continue;
     std::string known;
     for (const std::string& name : s.parameter_names) known += name + ", ";
-    throw InputError(Diagnostic{
-        Code::unknown_name,
-        {set.key, {fmt::format("--set {}={}", set.key, set.value), 0, 0}},
-        (known.empty() ? "" : "a parameter (" + known.substr(0, known.size() - 2) + "), ") +
-            "bodies..., gravity... or another key path of the vehicle (vehicle....), or mission....",
-        in_quotes(set.key),
-        did_you_mean(set.key, s.parameter_names),
-        {},
-        {},
-        0});
+    throw InputError(Diagnostic{Code::unknown_name, {set.key, {fmt::format("--set {}={}", set.key, set.value)}},
+        (known.empty() ? "" : "a parameter (" + known.substr(0, known.size() - 2) + "), ") + "bodies..., gravity... or another key path of the vehicle (vehicle....), or mission....",
+        in_quotes(set.key), did_you_mean(set.key, s.parameter_names)});
   }
 }
 
@@ -70,8 +56,8 @@ void expect_channels(Scenario& s) {
     const auto below = paths.lower_bound(path + "/");
     if (other.empty() && below != paths.end() && below->first.starts_with(path + "/")) other = below->first;
     if (!other.empty())
-      throw InputError(Diagnostic{Code::duplicate_name, {"signals." + path, signal->declared}, "a name of its own in the tree of the results",
-                                  fmt::format("{} beside the channel {}", in_quotes(path), in_quotes(other)), {}, {}, {}, 0});
+      throw InputError(Diagnostic{Code::duplicate_name, {"signals." + path, signal->declared},
+          "a name of its own in the tree of the results", fmt::format("{} beside the channel {}", in_quotes(path), in_quotes(other))});
   }
 }
 
@@ -82,22 +68,25 @@ void run_prelude(Scenario& s) {
 }
 
 /// With all that scripts see, before any script.
-std::unique_ptr<Scenario> open_scenario(const ScenarioOptions& options) {
+std::unique_ptr<Scenario> bare_scenario(const ScenarioOptions& options) {
   auto s = std::make_unique<Scenario>(options);
   open_matrices(s->lua);
-  bind_setup(*s);
+  bind_parameters(*s);
+  bind_vehicle(*s);
+  bind_mission(*s);
+  bind_initial(*s);
+  bind_declarations(*s);
   bind_handles(*s);
   bind_operators(*s);
   bind_sim(*s, nullptr);
-  bind_mission(*s);
   run_prelude(*s);
   return s;
 }
 
 }  // namespace
 
-std::unique_ptr<Scenario> load_scenario(const ScenarioOptions& options) {
-  auto s = open_scenario(options);
+std::unique_ptr<Scenario> open_scenario(const ScenarioOptions& options) {
+  auto s = bare_scenario(options);
   s->lua.run_file(s->file.filename().string());
   expect_complete(*s);
   expect_channels(*s);
@@ -105,8 +94,8 @@ std::unique_ptr<Scenario> load_scenario(const ScenarioOptions& options) {
   return s;
 }
 
-std::unique_ptr<Scenario> load_vehicle(const ScenarioOptions& options) {
-  auto s = open_scenario(options);
+std::unique_ptr<Scenario> open_vehicle(const ScenarioOptions& options) {
+  auto s = bare_scenario(options);
   s->lua.protect([&](lua_State* L) {
     lua_getglobal(L, "vehicle");
     lua_pushstring(L, s->file.filename().c_str());

@@ -7,8 +7,8 @@
 namespace cardan {
 
 /// Reads and runs the script: everything up to the run. Throws InputError.
-std::unique_ptr<Scenario> load_scenario(const ScenarioOptions& options);
+std::unique_ptr<Scenario> open_scenario(const ScenarioOptions& options);
 /// A vehicle alone, without a mission: `options.file` is the YAML file.
-std::unique_ptr<Scenario> load_vehicle(const ScenarioOptions& options);
+std::unique_ptr<Scenario> open_vehicle(const ScenarioOptions& options);
 
 }  // namespace cardan

@@ -1,12 +1,5 @@
 #pragma once
-// Spatial operators in scripts: what the files that bind them share.
-#include <functional>
-#include <new>
-#include <utility>
-
-#include "core/operators/tree_operators.hpp"
-#include "scripts/lua/matrix.hpp"
-#include "scripts/lua/sandbox.hpp"
+// Spatial operators in scripts.
 #include "scripts/mission/scenario.hpp"
 
 namespace cardan {
@@ -15,89 +8,5 @@ namespace cardan {
 void bind_operators(Scenario&);
 /// Pushes the operators at the present state; argument 2 may name the last stage to compute ("position", "inertia").
 int push_operators(lua_State* L, Scenario&);
-
-/// What analyses of dynamics read beside q, at the moment when the operators were made; the model's order.
-struct OperatingState {
-  double t = 0.0;                    // [s]
-  Eigen::VectorXd v, tau;            // tau: of actuators
-  Eigen::VectorXd vdot;              // of given motions
-  std::vector<NodeWrench> wrenches;
-  std::uint64_t seed = 0;            // of the scenario
-  Inputs inputs(const double* q) const { return {.q = q, .v = v.data(), .tau = tau.data(), .vdot = vdot.data(), .wrenches = wrenches}; }
-};
-OperatingState present_state(const Scenario&);
-/// The operators of a tree, or of a part of it.
-struct LuaOperators {
-  std::shared_ptr<soa::TreeOperators> tree;
-  std::string of;  // "the whole tree", "the subtree of boom"
-  std::shared_ptr<const OperatingState> at;
-};
-/// What can be asked of a tree or a part of it at a state; arguments from the second on.
-using Study = int (*)(lua_State*, const soa::TreeOperators&, const OperatingState&);
-/// Of the whole tree, now.
-int study_of_now(lua_State* L, Scenario&, const char* what, Study study);
-/// Argument 1.
-LuaOperators& to_operators(lua_State* L);
-Labels to_labels(soa::SpaceLabels l);
-/// As to_vector, and finite: what is not a number would go on quietly.
-Eigen::VectorXd finite_vector(lua_State* L, int index, Eigen::Index size, const char* what);
-
-/// Texts of the table at `first`, or the arguments from there on.
-std::vector<std::string> names_at(lua_State* L, int first, const char* what);
-/// Indices into Model::nodes.
-std::vector<int> node_indices(lua_State* L, const std::vector<std::string>& names, const Model&);
-inline std::vector<int> nodes_at(lua_State* L, int first, const Model& m) { return node_indices(L, names_at(L, first, "nodes"), m); }
-/// Velocity components of the model that a name stands for (core/operators/components.hpp); C0208 if there are none.
-std::vector<int> components_at(lua_State* L, const Model&, const std::string& name, const char* what);
-/// 1 for these components of the tree.
-std::vector<std::uint8_t> component_mask(lua_State* L, const soa::TreeOperators&, const std::vector<std::string>& names, const char* what);
-
-/// f(key, value), indices on the stack, for each entry of the table at `index` in the order of `pairs`: which fault is told first
-/// does not depend on hashes.
-template <class F>
-void for_each_key(lua_State* L, int index, F&& f) {
-  const int table = lua_absindex(L, index);
-  const lua_Integer n = push_keys(L, table);
-  const int keys = lua_gettop(L);
-  for (lua_Integer i = 1; i <= n; ++i) {
-    lua_rawgeti(L, keys, i);
-    lua_pushvalue(L, -1);
-    lua_rawget(L, table);
-    f(keys + 1, keys + 2);
-    lua_settop(L, keys);
-  }
-  lua_settop(L, keys - 1);
-}
-
-/// The value at the top, or a number, into the table below it.
-inline void set(lua_State* L, const char* key) { lua_setfield(L, -2, key); }
-inline void set_number(lua_State* L, const char* key, double x) {
-  lua_pushnumber(L, x);
-  lua_setfield(L, -2, key);
-}
-
-/// A C++ object as a userdata of `type`, whose __gc is collect<T>.
-template <class T, class... Args>
-void push_object(lua_State* L, const char* type, Args&&... args) {
-  void* memory = lua_newuserdatauv(L, sizeof(T), 0);
-  new (memory) T{std::forward<Args>(args)...};
-  luaL_setmetatable(L, type);
-}
-template <class T>
-int collect(lua_State* L) {
-  static_cast<T*>(lua_touserdata(L, 1))->~T();
-  return 0;
-}
-
-/// A method whose errors, which know no script, are given its line.
-int at_script_line(lua_State* L, const std::function<int(lua_State*)>& function);
-template <lua_CFunction kFunction>
-int operator_method(lua_State* L) {
-  return LuaHost::guarded(L, [](lua_State* l) { return at_script_line(l, kFunction); });
-}
-
-// bind_analyses.cpp: methods of operators(), and the types of what they return.
-const std::vector<luaL_Reg>& analysis_methods();
-void make_analysis_types(lua_State* L);
 
 }  // namespace cardan

@@ -6,7 +6,9 @@
 
 #include "core/base/units.hpp"
 #include "scripts/bindings/bind.hpp"
+#include "scripts/bindings/labels.hpp"
 #include "scripts/bindings/linear.hpp"
+#include "scripts/bindings/operator_methods.hpp"
 #include "scripts/bindings/operators.hpp"
 #include "scripts/bindings/sim.hpp"
 #include "scripts/bindings/studies.hpp"
@@ -17,15 +19,6 @@ namespace cardan {
 namespace {
 
 constexpr char kType[] = "cardan.sim";
-
-void append(Labels& labels, const std::string& body, const std::vector<std::string>& names, const std::vector<std::string>& units) {
-  for (const std::string& name : names) labels.names.push_back(body + "." + name);
-  labels.units.insert(labels.units.end(), units.begin(), units.end());
-}
-void append_modes(Labels& labels, const UserBody& u, const char* name, const char* unit) {
-  for (int j = 1; j <= u.n_modes; ++j) labels.names.push_back(fmt::format("{}.{}_{}", u.name, name, j));
-  labels.units.insert(labels.units.end(), static_cast<std::size_t>(u.n_modes), unit);
-}
 
 // ---- methods of sim ----
 
@@ -88,8 +81,7 @@ double time_at(lua_State* L, int index, const char* what) {
 /// of numbers.
 void expect_quaternions(lua_State* L, const Model& m, const Eigen::VectorXd& q) {
   for (const UserBody& u : m.user) {
-    const auto shape = u.hinge->shape;
-    if (u.nq == 0 || (shape != CARDAN_SHAPE_BALL && shape != CARDAN_SHAPE_FREE && shape != CARDAN_SHAPE_FREE_BODY)) continue;
+    if (!u.has_attitude()) continue;
     const double norm = q.segment(u.q, 4).stableNorm();
     if (!(norm >= 1e-6 && norm <= 1e6))
       refuse(L, Code::non_unit_quaternion, "sim:state.q", fmt::format("a quaternion of body {} with a length from 1e-6 to 1e6; it is normalised", u.name),
@@ -174,35 +166,12 @@ int text(lua_State* L) {
   return 1;
 }
 
-template <lua_CFunction kFunction>
-int method(lua_State* L) {
-  return LuaHost::guarded(L, kFunction);
-}
-
 const std::vector<luaL_Reg> kMethods = {
     {"t", method<t>},         {"q", method<q>},           {"v", method<v>},          {"vdot", method<vdot>},
     {"operators", method<study<push_operators>>}, {"linearize", method<study<push_linear_model>>}, {"system_modes", method<study<push_modes>>},
     {"derivatives", method<study<push_derivatives>>}, {"inverse_kinematics", method<study<push_inverse_kinematics>>}, {"state", method<state>}, {"vehicle", method<vehicle>}, {"run_to", method<run_to>}};
 
 }  // namespace
-
-Labels coordinate_labels(const Model& m) {
-  Labels all;
-  for (const UserBody& u : m.user) {
-    append(all, u.name, u.q_names, u.q_units);
-    append_modes(all, u, "eta", "1");
-  }
-  return all;
-}
-
-Labels velocity_labels(const Model& m) {
-  Labels all;
-  for (const UserBody& u : m.user) {
-    append(all, u.name, u.v_names, u.v_units);
-    append_modes(all, u, "etadot", "1/s");
-  }
-  return all;
-}
 
 void bind_sim(Scenario& scenario, Workbench* bench) {
   scenario.lua.protect([&](lua_State* L) {

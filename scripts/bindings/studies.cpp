@@ -14,8 +14,8 @@
 #include "core/operators/inverse_kinematics.hpp"
 #include "core/operators/sensitivity.hpp"
 #include "core/operators/system_modes.hpp"
-#include "scripts/bindings/operators.hpp"
-#include "scripts/bindings/sim.hpp"
+#include "scripts/bindings/labels.hpp"
+#include "scripts/bindings/operator_methods.hpp"
 #include "scripts/lua/table.hpp"
 
 namespace cardan {

@@ -1,5 +1,5 @@
 #pragma once
-#include "scripts/bindings/operators.hpp"
+#include "scripts/bindings/operator_methods.hpp"
 
 namespace cardan {
 

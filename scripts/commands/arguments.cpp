@@ -30,15 +30,14 @@ ScenarioOptions ScenarioArguments::options() const {
   if (!seed.empty()) {
     const auto number = parse_seed(seed);
     if (!number)
-      throw InputError(Diagnostic{Code::command_line, {"--seed", {}}, "a whole number from 0 to 18446744073709551615", in_quotes(seed), {}, {}, {}, 0});
+      throw InputError(Diagnostic{Code::command_line, {"--seed", {}}, "a whole number from 0 to 18446744073709551615", in_quotes(seed)});
     o.seed = *number;
   }
   if (!json_errors || !*json_errors) o.print = [](std::string_view text) { fmt::print(stderr, "{}\n", text); };
   for (const std::string& text : settings) {
     const std::size_t equals = text.find('=');
     if (equals == 0 || equals == std::string::npos)
-      throw InputError(Diagnostic{
-          Code::command_line, {"--set", {}}, "key=value", in_quotes(text), "--set slew_angle=\"20 deg\"", {}, {}, 0});
+      throw InputError(Diagnostic{Code::command_line, {"--set", {}}, "key=value", in_quotes(text), "--set slew_angle=\"20 deg\""});
     o.settings.push_back({text.substr(0, equals), text.substr(equals + 1)});
   }
   return o;
@@ -62,7 +61,7 @@ int report_error(const std::exception& error, bool as_json, int wrong_input) {
   if (dynamic_cast<const std::bad_alloc*>(&error)) {
     const std::string& what = Activity::ended();
     return report_error(InputError(Diagnostic{Code::no_memory, {}, {}, what.empty() ? "" : "no memory for " + what,
-                                              "a smaller input, or a larger limit (ulimit -v)", {}, {}, 0}),
+        "a smaller input, or a larger limit (ulimit -v)"}),
                         as_json, wrong_input);
   }
   return tell(

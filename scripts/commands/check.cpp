@@ -18,7 +18,7 @@ void add_check(CLI::App& app, CommandLine& line) {
   arguments->add_to(*command, line);
   command->callback([&line, arguments] {
     line.action = [arguments] {
-      const auto s = load_scenario(arguments->options());
+      const auto s = open_scenario(arguments->options());
       try_start(*s);
       fmt::print("ok: {}, {} coordinates, {} velocities, {}, {}, {}, {}, {:g} s{}\n", bodies(s->model->user.size()),
                  s->model->nq, s->model->nv, count(static_cast<std::size_t>(s->model->n_modes), "mode"),

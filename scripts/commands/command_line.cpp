@@ -56,15 +56,8 @@ void expect_command(const CLI::App& app, const std::vector<std::string>& argumen
   const std::vector<std::string> names = commands_of(app);
   if (std::ranges::find(names, word) != names.end()) return;
   const std::string command = command_for(word);
-  throw InputError(Diagnostic{
-      Code::command_line,
-      {},
-      fmt::format("a command: {}", fmt::join(names, ", ")),
-      in_quotes(word),
-      command.empty() ? near_word(word, names) : fmt::format("did you mean \"cardan {} {}\"?", command, word),
-      {},
-      {},
-      0});
+  throw InputError(Diagnostic{Code::command_line, {}, fmt::format("a command: {}", fmt::join(names, ", ")), in_quotes(word),
+      command.empty() ? near_word(word, names) : fmt::format("did you mean \"cardan {} {}\"?", command, word)});
 }
 
 Diagnostic wrong_command_line(const CLI::App& app, const CLI::ParseError& error) {
@@ -88,19 +81,12 @@ Diagnostic wrong_command_line(const CLI::App& app, const CLI::ParseError& error)
         hint = fmt::format("an option of {}{}", fmt::join(others, ", "),
                            chosen.empty() ? "; options follow the command" : "");
     }
-    return Diagnostic{Code::command_line,
-                      {},
-                      fmt::format("an option of {}: {}", called, fmt::join(legal, ", ")),
-                      in_quotes(name),
-                      hint.empty() ? more : hint,
-                      {},
-                      {},
-                      0};
+    return Diagnostic{Code::command_line, {}, fmt::format("an option of {}: {}", called, fmt::join(legal, ", ")), in_quotes(name),
+        hint.empty() ? more : hint};
   }
   if (!rest.empty())
-    return Diagnostic{
-        Code::command_line, {}, fmt::format("nothing more for {}", called), in_quotes(rest.front()), more, {}, {}, 0};
-  return Diagnostic{Code::command_line, {}, {}, error.what(), more, {}, {}, 0};
+    return Diagnostic{Code::command_line, {}, fmt::format("nothing more for {}", called), in_quotes(rest.front()), more};
+  return Diagnostic{Code::command_line, {}, {}, error.what(), more};
 }
 
 }  // namespace cardan

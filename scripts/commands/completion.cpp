@@ -93,7 +93,7 @@ void add_completion(CLI::App& app, CommandLine& line) {
   command->callback([&app, &line, shell] {
     line.action = [&app, shell] {
       if (*shell != "bash" && *shell != "zsh")
-        throw InputError(Diagnostic{Code::command_line, {}, "bash or zsh", in_quotes(*shell), {}, {}, {}, 0});
+        throw InputError(Diagnostic{Code::command_line, {}, "bash or zsh", in_quotes(*shell)});
       fmt::print("{}", script(app, *shell == "zsh"));
       return 0;
     };

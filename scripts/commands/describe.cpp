@@ -2,7 +2,8 @@
 
 #include "scripts/bindings/open.hpp"
 #include "scripts/commands/commands.hpp"
-#include "scripts/mission/describe_model.hpp"
+#include "core/sim/description.hpp"
+#include "scripts/mission/describe_scenario.hpp"
 
 namespace cardan {
 
@@ -18,8 +19,8 @@ void add_describe(CLI::App& app, CommandLine& line) {
   command->add_option("--modes", *n_modes, "So many modes of the assembled system (default: 10, of up to 400 velocities)")->check(CLI::Range(0, 1000));
   command->callback([&line, arguments, as_json, measured, n_modes] {
     line.action = [arguments, as_json, measured, n_modes] {
-      const auto s = load_scenario(arguments->options());
-      const Json description = describe_model(*s, *measured, *n_modes);
+      const auto s = open_scenario(arguments->options());
+      const Json description = describe_scenario(*s, *measured, *n_modes);
       fmt::print("{}", *as_json ? json_text(description) : modes_line(*s) + description_text(description));
       return 0;
     };

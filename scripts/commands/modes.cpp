@@ -21,7 +21,7 @@ struct ModesArguments {
 int write_modes(const ModesArguments& a) {
   const ScenarioOptions options = a.scenario.options();
   const std::string ending = options.file.extension().string();
-  const auto s = ending == ".yaml" || ending == ".yml" ? load_vehicle(options) : load_scenario(options);
+  const auto s = ending == ".yaml" || ending == ".yml" ? open_vehicle(options) : open_scenario(options);
   const ModalData* modes = nullptr;
   std::vector<std::string> legal;
   for (const BodySpec& body : s->model->spec->bodies) {
@@ -31,12 +31,12 @@ int write_modes(const ModesArguments& a) {
   }
   if (!modes)
     throw InputError(Diagnostic{Code::unknown_body, {"body", {}},
-                                legal.empty() ? "a vehicle with a flexible body" : fmt::format("a flexible body: {}", fmt::join(legal, ", ")),
-                                in_quotes(a.body), did_you_mean(a.body, legal), {}, {}, 0});
+        legal.empty() ? "a vehicle with a flexible body" : fmt::format("a flexible body: {}", fmt::join(legal, ", ")), in_quotes(a.body),
+        did_you_mean(a.body, legal)});
   const std::string out = a.out.empty() ? a.body + ".h5" : a.out;
   std::error_code ignored;
   if (std::filesystem::exists(out, ignored) && !std::filesystem::is_regular_file(out, ignored))
-    throw InputError(Diagnostic{Code::cannot_write, {"", {out, 0, 0}}, "a file", "a folder, a pipe or a device", "--out chooses another", {}, {}, 0});
+    throw InputError(Diagnostic{Code::cannot_write, {"", {out}}, "a file", "a folder, a pipe or a device", "--out chooses another"});
   write_modal_file(out, *modes);
   fmt::print("{}\n{} modes, {:.6g} kg, {} nodes, {} mass nodes\n", modes->source, modes->n_modes, modes->integrals.I1,
              modes->nodes.size(), modes->mass_nodes.size());

@@ -10,21 +10,22 @@
 #include "core/base/units.hpp"
 #include "core/io/json.hpp"
 #include "core/io/result_folder.hpp"
+#include "core/sim/outputs.hpp"
+#include "core/sim/reference_check.hpp"
 #include "scripts/bindings/open.hpp"
 #include "scripts/commands/commands.hpp"
-#include "scripts/commands/streams.hpp"
-#include "scripts/commands/progress.hpp"
-#include "scripts/mission/run_again.hpp"
 #include "scripts/commands/interrupt.hpp"
+#include "scripts/commands/progress.hpp"
+#include "scripts/commands/streams.hpp"
+#include "scripts/mission/describe_scenario.hpp"
 #include "scripts/mission/mission_run.hpp"
+#include "scripts/mission/run_again.hpp"
 #include "scripts/report/report.hpp"
 
 namespace cardan {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kReferenceLimit =
-    1e-9;  // rounding of both sides on stiff or badly scaled systems stays below; an error does not
 constexpr const char* kResults = "run.h5";
 constexpr const char* kSummary = "summary.json";
 constexpr const char* kReport = "report.html";
@@ -39,8 +40,7 @@ struct RunArguments {
 };
 
 [[noreturn]] void wrong_line(std::string option, std::string expected, std::string got, std::string hint = {}) {
-  throw InputError(Diagnostic{
-      Code::command_line, {std::move(option), {}}, std::move(expected), std::move(got), std::move(hint), {}, {}, 0});
+  throw InputError(Diagnostic{Code::command_line, {std::move(option), {}}, std::move(expected), std::move(got), std::move(hint)});
 }
 
 /// What is to be run: as the command line says, or as results say.
@@ -70,20 +70,6 @@ fs::path folder_of(const RunArguments& a, const fs::path& scenario) {
                          : fs::path(a.again).parent_path() / "again";
 }
 
-Check reference_check(const std::vector<Range>& ranges) {
-  Check c{"agreement with the dense reference",
-          std::nan(""),  // NaN in any row, and no row at all, is no agreement
-          kReferenceLimit,
-          false,
-          "1",
-          fmt::format("below {:g}, at every output time", kReferenceLimit)};
-  for (const Range& r : ranges)
-    if (r.path == "reference/difference") c.value = std::min(r.largest, std::numeric_limits<double>::max());  // inf: no v' to compare with
-  c.pass = c.value >= 0.0 && c.value <= c.limit;
-  c.most = c.limit;
-  return c;
-}
-
 const char* name_of_signal(int number) { return number == SIGINT ? "SIGINT (Ctrl-C)" : number == SIGTERM ? "SIGTERM" : "SIGHUP"; }
 
 class RunCommand {
@@ -93,9 +79,8 @@ class RunCommand {
   int execute() {
     const double t_end = job_.until.value_or(scenario_->mission.duration);
     std::vector<Output> outputs = mission_outputs(*scenario_);
-    if (job_.check_against_reference) outputs.push_back(reference_output(*scenario_));
-    std::vector<Channel> channels;
-    for (const Output& o : outputs) channels.push_back(o.channel);
+    if (job_.check_against_reference) outputs.push_back(reference_output(*scenario_->sim));
+    const std::vector<Channel> channels = channels_of(outputs);
     RunHeader header = run_header(*scenario_);
     header.command = job_.command;
     header.until = job_.until ? fmt::format("{}", *job_.until) : "";
@@ -144,7 +129,7 @@ class RunCommand {
       else
         printed_.emplace_back(line);
     };
-    auto scenario = load_scenario(options);
+    auto scenario = open_scenario(options);
     scenario->warnings.add(job_.warnings);
     return scenario;
   }
@@ -235,7 +220,7 @@ class RunCommand {
   bool keep(const char* name, const Write& write) {
     const std::string path = (*folder_ / name).string();
     const auto lost = [&](const std::string& why) {
-      unwritten_.push_back(Diagnostic{Code::cannot_write, {{}, {path, 0, 0}}, "a file that can be written", why, {}, {}, {}, 0});
+      unwritten_.push_back(Diagnostic{Code::cannot_write, {{}, {path}}, "a file that can be written", why});
       return false;
     };
     try {
@@ -255,7 +240,8 @@ class RunCommand {
   static void remove_file(const fs::path& path) {
     std::error_code error;
     fs::remove(path, error);
-    if (error) throw InputError(Diagnostic{Code::cannot_write, {{}, {path.string(), 0, 0}}, "a file of an earlier run that can be removed", error.message(), {}, {}, {}, 0});
+    if (error) throw InputError(Diagnostic{Code::cannot_write, {{}, {path.string()}}, "a file of an earlier run that can be removed",
+        error.message()});
   }
 
   int exit_code() const {

@@ -7,6 +7,7 @@
 #include "core/abi/registry.hpp"
 #include "core/base/units.hpp"
 #include "core/io/json.hpp"
+#include "core/model/initial.hpp"
 #include "hinges/register.hpp"
 #include "scripts/commands/commands.hpp"
 
@@ -46,6 +47,14 @@ Json components(const char* const* names, const char* const* units, std::uint32_
   return all;
 }
 
+/// What `initial` also takes as one list.
+Json groups(const std::vector<ComponentGroup>& all, const char* const* names) {
+  Json out = Json::array();
+  for (const ComponentGroup& g : all)
+    out.push_back({{"names", g.names}, {"unit", g.unit}, {"components", std::vector<std::string>(names + g.first, names + g.first + g.size)}});
+  return out;
+}
+
 Json to_json(const Registry::Entry& e) {
   const cardan_hinge_family& f = *e.family;
   Json parameters = Json::array();
@@ -62,7 +71,9 @@ Json to_json(const Registry::Entry& e) {
           {"origin", e.origin},
           {"parameters", parameters},
           {"coordinates", components(f.q_names, f.q_units, f.nq)},
-          {"velocities", components(f.v_names, f.v_units, f.nv)}};
+          {"velocities", components(f.v_names, f.v_units, f.nv)},
+          {"coordinate_groups", groups(coordinate_groups(f), f.q_names)},
+          {"velocity_groups", groups(velocity_groups(f), f.v_names)}};
 }
 
 std::string list_text(const Json& types) {
@@ -76,11 +87,14 @@ std::string list_text(const Json& types) {
   return out + "\ncardan types NAME tells the parameters and the names of the components.\n";
 }
 
-std::string components_text(const char* title, const Json& components) {
+std::string components_text(const char* title, const Json& components, const Json& groups) {
   std::string out;
   for (const Json& c : components)
     out += fmt::format("  {:<14}{}{}\n", std::exchange(title, ""), c["name"].get<std::string>(),
                        unit_of(c["unit"].get<std::string>()));
+  for (const Json& g : groups)
+    out += fmt::format("  {:<14}[{}] together: {}\n", "", fmt::join(g["components"].get<std::vector<std::string>>(), ", "),
+                       fmt::join(g["names"].get<std::vector<std::string>>(), " or "));
   return out;
 }
 
@@ -93,7 +107,8 @@ std::string hinge_text(const Json& h) {
                        p["default"].get<std::string>());
     out += fmt::format("  {:<16}{}\n", "", p["meaning"].get<std::string>());
   }
-  out += components_text("coordinates", h["coordinates"]) + components_text("velocities", h["velocities"]);
+  out += components_text("coordinates", h["coordinates"], h["coordinate_groups"]) +
+         components_text("velocities", h["velocities"], h["velocity_groups"]);
   if (h["origin"] != "built-in") out += fmt::format("  {:<14}{}\n", "plugin", h["origin"].get<std::string>());
   return out;
 }
@@ -121,14 +136,8 @@ int tell_types(const TypesArguments& a) {
     if (a.name.empty() || a.name == e.family->type) types["hinges"].push_back(to_json(e));
   }
   if (types["bodies"].empty() && types["hinges"].empty())
-    throw InputError(Diagnostic{Code::command_line,
-                                {},
-                                fmt::format("one of: {}", fmt::join(legal, ", ")),
-                                in_quotes(a.name),
-                                did_you_mean(a.name, legal),
-                                {},
-                                {},
-                                0});
+    throw InputError(Diagnostic{Code::command_line, {}, fmt::format("one of: {}", fmt::join(legal, ", ")), in_quotes(a.name),
+        did_you_mean(a.name, legal)});
   if (a.as_json)
     fmt::print("{}", json_text(types));
   else if (a.name.empty())

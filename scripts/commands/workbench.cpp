@@ -62,7 +62,7 @@ class WorkbenchCommand {
     std::ifstream in(path, std::ios::binary);
     std::error_code ignored;
     if (!in || fs::is_directory(path, ignored))
-      throw InputError(Diagnostic{Code::file_not_found, {"--script", {path, 0, 0}}, "a Lua file", {}, {}, {}, {}, 0});
+      throw InputError(Diagnostic{Code::file_not_found, {"--script", {path}}, "a Lua file"});
     const std::string text{std::istreambuf_iterator<char>(in), {}};
     return guarded([&] { scenario_->lua.run_text(path, text, kPatience); });
   }
@@ -124,7 +124,7 @@ class WorkbenchCommand {
     const fs::path script = fs::is_directory(options.file) ? options.file / "scenario.lua" : options.file;  // of `.` too its folder has a name
     options.output = a.out.empty() ? fs::path("out") / fs::absolute(script).lexically_normal().parent_path().filename() : fs::path(a.out);
     const std::string ending = options.file.extension().string();
-    return ending == ".yaml" || ending == ".yml" ? load_vehicle(options) : load_scenario(options);
+    return ending == ".yaml" || ending == ".yml" ? open_vehicle(options) : open_scenario(options);
   }
 
   /// Pushes the function of an expression or a statement, or what is wrong with it.

@@ -16,7 +16,6 @@
 
 #include "core/base/poll.hpp"
 #include "core/base/units.hpp"
-#include "scripts/lua/sandbox.hpp"
 
 namespace cardan {
 namespace {
@@ -154,7 +153,7 @@ LuaHost::LuaHost(LuaOptions options) : options_(std::move(options)), state_(null
     knows_order_ = knows_order_ && is_newest(before);
     lua_settop(L, 0);
     make_failure_type(L);
-    open_sandbox(L, options_.seed);
+    open_libraries(L);
     lua_newtable(L);
     lua_setfield(L, LUA_REGISTRYINDEX, kModules);
   });
@@ -417,7 +416,7 @@ int LuaHost::on_error(lua_State* L) {
   const int type = lua_type(L, 1);
   const bool has_text = type == LUA_TSTRING || type == LUA_TNUMBER || luaL_getmetafield(L, 1, "__tostring") != LUA_TNIL;
   host.locate(L,
-              has_text ? push_text(L, 1) : lua_pushfstring(L, "error object is a %s value", luaL_typename(L, 1)));
+              has_text ? luaL_tolstring(L, 1, nullptr) : lua_pushfstring(L, "error object is a %s value", luaL_typename(L, 1)));
   host.fault_.hint = hint_for(L, host.fault_.message);
   lua_settop(L, 1);
   return 1;

@@ -132,6 +132,7 @@ class LuaHost {
   static int dispatch(lua_State* L);
   template <class F>
   static int translated(lua_State* L, F&& f);
+  void open_libraries(lua_State* L);  // sandbox.cpp
   void poll() const;
   int require(lua_State* L);
 
@@ -159,5 +160,11 @@ class LuaHost {
   std::unique_ptr<lua_State, void (*)(lua_State*)> state_;
   lua_State* running_ = nullptr;  // the thread that C++ may use now
 };
+
+/// LuaHost::guarded as a method of userdata.
+template <lua_CFunction kFunction>
+int method(lua_State* L) {
+  return LuaHost::guarded(L, kFunction);
+}
 
 }  // namespace cardan

@@ -49,14 +49,8 @@ void charge_operations(lua_State* L, double operations) {
 }
 
 [[noreturn]] void misfit(lua_State* L, std::string where, std::string expected, std::string got, std::string hint = {}) {
-  throw InputError(Diagnostic{Code::lua_argument,
-                              {std::move(where), LuaHost::caller(L)},
-                              std::move(expected),
-                              std::move(got),
-                              std::move(hint),
-                              LuaHost::traceback(L),
-                              {},
-                              0});
+  throw InputError(Diagnostic{Code::lua_argument, {std::move(where), LuaHost::caller(L)}, std::move(expected), std::move(got),
+      std::move(hint), LuaHost::traceback(L)});
 }
 
 Block* block_at(lua_State* L, int index) {
@@ -540,7 +534,8 @@ int to_text(lua_State* L) {
 // ---- files ----
 
 [[noreturn]] void cannot_write(lua_State* L, const std::string& path, const std::string& why) {
-  throw InputError(Diagnostic{Code::cannot_write, {path, LuaHost::caller(L)}, "a place that can be written to", why, {}, LuaHost::traceback(L), {}, 0});
+  throw InputError(Diagnostic{Code::cannot_write, {path, LuaHost::caller(L)}, "a place that can be written to", why, {},
+      LuaHost::traceback(L)});
 }
 
 std::string csv_field(const std::string& text) {
@@ -607,11 +602,6 @@ int hdf5(lua_State* L) {
 }
 
 // ---- the types ----
-
-template <lua_CFunction kFunction>
-int method(lua_State* L) {
-  return LuaHost::guarded(L, kFunction);
-}
 
 int collected(lua_State* L) {
   static_cast<Block*>(lua_touserdata(L, 1))->~Block();

@@ -239,8 +239,13 @@ void open(lua_State* L, const char* name, lua_CFunction opener, std::initializer
   keep_only(L, functions);
 }
 
-}  // namespace
-
+/// Opens the safe part of the standard library and replaces what is unsafe, unbounded or differs between runs:
+/// - absent: os, io, debug, package, dofile, loadfile, collectgarbage, warn, string.dump;
+/// - pairs, next: numbers ascending, strings by their bytes, false, true, then other keys in order of creation;
+/// - tostring, string.format: "table: #1" by order of first printing, never an address;
+/// - setmetatable refuses finalisers (they run outside the budget) and weak tables (they show when memory is collected);
+/// - load takes text only; math.randomseed needs a seed; table.sort is stable;
+/// - each function that can work long is charged to the budget, patterns included; pcall does not catch a budget's end.
 void open_sandbox(lua_State* L, std::uint64_t seed) {
   open(L, LUA_GNAME, luaopen_base,
        {"_G",     "_VERSION", "assert",       "error",    "getmetatable", "ipairs", "load",
@@ -302,5 +307,9 @@ void open_sandbox(lua_State* L, std::uint64_t seed) {
 
   open_order(L);
 }
+
+}  // namespace
+
+void LuaHost::open_libraries(lua_State* L) { open_sandbox(L, options_.seed); }
 
 }  // namespace cardan

@@ -21,14 +21,8 @@ LuaTable::LuaTable(lua_State* L, int index, std::string path, DiagnosticSink& si
 std::string LuaTable::path_of(const std::string& key) const { return path_.empty() ? key : path_ + "." + key; }
 
 void LuaTable::report(const std::string& path, std::string expected, std::string got, std::string hint, Code code) {
-  sink_->report(Diagnostic{code,
-                           {path, LuaHost::caller(L_)},
-                           std::move(expected),
-                           std::move(got),
-                           std::move(hint),
-                           LuaHost::traceback(L_),
-                           {},
-                           0});
+  sink_->report(Diagnostic{code, {path, LuaHost::caller(L_)}, std::move(expected), std::move(got), std::move(hint),
+      LuaHost::traceback(L_)});
 }
 
 int LuaTable::get(const std::string& key) {

@@ -42,16 +42,12 @@ void expect_away_from_centre(const Scenario& s) {
     const soa::Placement &frame = placed.bodies[i], &reference = placed.reference;
     const double distance = (reference.p + reference.R * (frame.p + frame.R * com) - m.gravity.centre).norm();
     if (distance > gyration) continue;
-    throw InputError(Diagnostic{Code::bad_initial_state,
-                                m.spec->locate(body_path(b) + ".hinge.initial"),
-                                "mass centres away from the centre of the field",
-                                fmt::format("body {} is at the centre of gravity.central: its mass centre is {:.3g} m from it, its radius of gyration "
+    throw InputError(Diagnostic{Code::bad_initial_state, m.spec->locate(body_path(b) + ".hinge.initial"),
+        "mass centres away from the centre of the field",
+        fmt::format("body {} is at the centre of gravity.central: its mass centre is {:.3g} m from it, its radius of gyration "
                                             "{:.3g} m",
                                             u.name, distance, gyration),
-                                "give its orbit: initial: {position: [7000 km, 0, 0], velocity: [0, 7.5 km/s, 0]}, or `initial` in the mission",
-                                {},
-                                {},
-                                0});
+        "give its orbit: initial: {position: [7000 km, 0, 0], velocity: [0, 7.5 km/s, 0]}, or `initial` in the mission"});
   }
 }
 
@@ -61,7 +57,7 @@ void look_at_ticks(Scenario& s) {
     const std::string got = fmt::format("a tick every {:.3g} s: {:.3g} of them in {:g} s", seconds(c.period), ticks, s.mission.duration);
     if (ticks > kTooManyTicks)
       throw InputError(Diagnostic{Code::out_of_range, c.at, fmt::format("at most {:g} ticks in a run", kTooManyTicks), got,
-                                  "did you mean another unit?", {}, {}, 0});
+          "did you mean another unit?"});
     if (ticks > kManyTicks)
       s.warnings.add(Code::mission_doubt, c.at, fmt::format("controller \"{}\" has {}, and the integrator starts again after each", c.name, got),
                      "ten times the fastest motion of interest is enough");

@@ -50,18 +50,10 @@ class MissionRun {
   std::exception_ptr event_interrupt_;       // likewise
 };
 
-/// What is recorded: bodies, hinges, modes, ledger, signals, and what the mission asks for.
+/// What is recorded: bodies, hinges, modes, ledger, what the mission asks for, and signals.
 std::vector<Output> mission_outputs(Scenario&);
-/// One more: the largest relative difference of v' from that of the dense twin.
-Output reference_output(Scenario&);
-
+/// All that is known of the origin of the results.
 RunHeader run_header(const Scenario&);
-/// Instruction set of the sweeps that run: "x86-64-v3".
-std::string sweeps_name();
-/// Key path and value of each parameter as the model has it.
-std::vector<std::pair<std::string, std::string>> effective_parameters(const Model&);
-/// The program of sweeps, a line per op, with what it costs.
-std::string sweep_program(const Model&, const State&, bool measured = false);
 
 /// Of its input and of the simulation so far.
 Warnings run_warnings(const Scenario&);

@@ -10,7 +10,7 @@
 #include "core/io/bounded_child.hpp"
 #include "core/io/hdf5_file.hpp"
 #include "core/io/sha256.hpp"
-#include "core/soa/kernels.hpp"
+#include "core/sim/run_header.hpp"
 #include "scripts/mission/mission_run.hpp"
 
 namespace cardan {
@@ -65,8 +65,7 @@ class Reader {
   }
 
   [[noreturn]] void wrong(const char* path, std::string expected, std::string got, std::string hint) const {
-    throw InputError(Diagnostic{
-        Code::bad_result_file, {path, {file_.file_name(), 0, 0}}, std::move(expected), std::move(got), std::move(hint), {}, {}, 0});
+    throw InputError(Diagnostic{Code::bad_result_file, {path, {file_.file_name()}}, std::move(expected), std::move(got), std::move(hint)});
   }
 
   void compare(const char* what, const std::string& then, const std::string& now, RecordedRun& run) const {

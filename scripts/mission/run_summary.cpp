@@ -6,7 +6,7 @@
 #include <algorithm>
 
 #include "core/base/version.hpp"
-#include "core/soa/kernels.hpp"
+#include "core/sim/run_header.hpp"
 #include "scripts/mission/mission_run.hpp"
 
 namespace cardan {

@@ -1,5 +1,5 @@
 #pragma once
-// A scenario: what its script declares (bindings/setup.cpp, mission.cpp), and what the handles of the script read and set
+// A scenario: what its script declares (bindings/mission.cpp, declarations.cpp), and what the handles of the script read and set
 // (bindings/handles.cpp). Names are resolved when a handle is made; a tick works with numbers only.
 #include <atomic>
 #include <filesystem>

@@ -10,7 +10,7 @@
 #include <numbers>
 #include <sstream>
 
-#include "bodies/modal/modal_integrals.hpp"
+#include "bodies/modal/lumped.hpp"
 #include "core/dynamics/forward.hpp"
 #include "core/sim/simulation.hpp"
 #include "core/soa/cost.hpp"

@@ -2,7 +2,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "bodies/modal/modal_integrals.hpp"
+#include "bodies/modal/lumped.hpp"
 #include "bodies/modal/modal_source.hpp"
 #include "core/dynamics/inverse.hpp"
 #include "tests/cases/published.hpp"

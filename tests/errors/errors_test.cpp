@@ -14,7 +14,7 @@
 #include "core/io/yaml_reader.hpp"
 #include "core/model/validate.hpp"
 #include "hinges/register.hpp"
-#include "bodies/vehicle/modal_from_spec.hpp"
+#include "bodies/vehicle/load_vehicle.hpp"
 
 namespace cardan {
 namespace {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <random>
 
-#include "bodies/modal/modal_integrals.hpp"
+#include "bodies/modal/lumped.hpp"
 #include "core/reference/dense_dynamics.hpp"
 #include "core/reference/quad.hpp"
 #include "tests/properties/trees.hpp"

@@ -173,6 +173,10 @@ TEST(CommandLine, ListsTheTypesWithTheirParameters) {
   const json free = json::parse(cardan({"types", "free", "--json"}).out)["hinges"][0];
   EXPECT_EQ(free["coordinates"].size(), 7u);
   EXPECT_EQ(free["velocities"].size(), 6u);
+  EXPECT_EQ(cardan({"types", "translational"}).out,
+            "hinge translational: three translations in the axes of the inboard node, no rotation\n"
+            "  coordinates   x [m]\n                y [m]\n                z [m]\n                [x, y, z] together: position\n"
+            "  velocities    vx [m/s]\n                vy [m/s]\n                vz [m/s]\n                [vx, vy, vz] together: velocity\n");
 }
 
 TEST(CommandLine, ListsTheTypesOfAPlugin) {

@@ -6,7 +6,7 @@
 #include <fstream>
 #include <map>
 
-#include "bodies/modal/modal_integrals.hpp"
+#include "bodies/modal/lumped.hpp"
 
 namespace cardan::oracle {
 namespace {

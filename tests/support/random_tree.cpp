@@ -6,7 +6,7 @@
 #include <random>
 #include <set>
 
-#include "bodies/modal/modal_integrals.hpp"
+#include "bodies/modal/lumped.hpp"
 
 namespace cardan::test {
 namespace {

@@ -60,8 +60,8 @@ function mission.phase() end
 ---@return number t [s]
 function mission.time() end
 
---- Initial values by body: coordinates and velocities of its hinge by name, or attitude (quaternion_wxyz), position,
---- rate (angular_velocity), velocity as arrays, and eta, etadot of its modes. Before the run.
+--- Initial values by body, as `initial` of a hinge in the vehicle: coordinates and velocities of its hinge by name, or attitude
+--- (quaternion_wxyz, orientation), position, rate (angular_velocity), velocity as a whole, and eta, etadot of its modes. Before the run.
 ---@param values table<string, table<string, quantity|quantity[]>> { bus = { rate = {0, 0, "1 deg/s"} }, wing = { angle = "5 deg" } }
 function initial(values) end
 

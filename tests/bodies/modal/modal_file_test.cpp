@@ -12,7 +12,7 @@
 #include <fstream>
 #include <limits>
 
-#include "bodies/modal/modal_integrals.hpp"
+#include "bodies/modal/lumped.hpp"
 #include "bodies/modal/modal_source.hpp"
 #include "core/io/hdf5_file.hpp"
 #include "tests/support/modal_samples.hpp"

@@ -1,4 +1,4 @@
-#include "bodies/modal/modal_integrals.hpp"
+#include "bodies/modal/lumped.hpp"
 
 #include <gtest/gtest.h>
 

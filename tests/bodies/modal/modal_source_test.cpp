@@ -10,7 +10,7 @@
 
 #include "bodies/modal/elements.hpp"
 #include "bodies/modal/modal_file.hpp"
-#include "bodies/modal/modal_integrals.hpp"
+#include "bodies/modal/lumped.hpp"
 #include "tests/support/scratch.hpp"
 #include "tests/support/worse.hpp"
 

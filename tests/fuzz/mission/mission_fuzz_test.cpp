@@ -40,7 +40,7 @@ TEST(Fuzz, Mission) {
   const auto load = [&](const std::string& text, ScenarioOptions options) {
     fuzz::write(file.string(), text);
     options.file = file;
-    load_scenario(options);
+    open_scenario(options);
   };
   std::vector<std::string> good;
   for (const std::string& seed : seeds) {

@@ -5,7 +5,8 @@
 #include "core/io/yaml_reader.hpp"
 #include "core/model/model.hpp"
 #include "hinges/register.hpp"
-#include "bodies/vehicle/modal_from_spec.hpp"
+#include "bodies/vehicle/load_vehicle.hpp"
+#include "bodies/vehicle/modal_reader.hpp"
 #include "tests/fuzz/fuzz.hpp"
 
 namespace cardan {

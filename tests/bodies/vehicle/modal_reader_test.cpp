@@ -1,4 +1,5 @@
-#include "bodies/vehicle/modal_from_spec.hpp"
+#include "bodies/vehicle/load_vehicle.hpp"
+#include "bodies/vehicle/modal_reader.hpp"
 
 #include <gtest/gtest.h>
 

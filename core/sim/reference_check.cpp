@@ -1,15 +1,19 @@
-// --check-against-reference: v' of the sweeps against the dense twin, which shares no formula with them.
-//
-// The twin solves a dense mass matrix and loses digits where masses differ by many orders and the sweeps do not. So it is
-// never blamed in double alone: what disagrees there, or is ill-conditioned, is formed once more in 113 bits (some hundred
-// times the work, at the rows concerned). A hinge of a plugin gives the same doubles to both.
+#include "core/sim/reference_check.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <type_traits>
 
 #include "core/reference/dense_dynamics.hpp"
 #include "core/reference/quad.hpp"
-#include "scripts/mission/mission_run.hpp"
+
+// The twin solves a dense mass matrix and loses digits where masses differ by many orders and the sweeps do not. So it is
+// never blamed in double alone: what disagrees there, or is ill-conditioned, is formed once more in 113 bits (some hundred
+// times the work, at the rows concerned). A hinge of a plugin gives the same doubles to both.
 
 namespace cardan {
 namespace {
@@ -47,7 +51,8 @@ ForeignHinges foreign_hinges(const Model& m) {
   return all;
 }
 
-/// Below this difference the twin in double is believed; the limit of the check is 1e-9.
+constexpr char kPath[] = "reference/difference";
+/// Below this difference the twin in double is believed; the limit of the check is kReferenceLimit.
 constexpr double kSure = 1e-11;
 /// Below this reciprocal condition of M with a unit diagonal v' of the twin in double may lack half of its digits.
 constexpr double kSound = 1e-10;
@@ -56,10 +61,9 @@ constexpr double kSound = 1e-10;
 /// causes by itself: v' may be small because large forces cancel, and rounding is of the size of each of them. Infinite
 /// where one of them is no number or the twin finds no v'. `sound`: false where T may be too short for this mass matrix.
 template <class T>
-double difference(Scenario& s, const reference::DenseTwin<T>& twin, bool& sound) {
+double difference(Simulation& sim, const reference::DenseTwin<T>& twin, bool& sound) {
   using reference::MatX, reference::VecX;
-  Simulation& sim = *s.sim;
-  const Model& m = *s.model;
+  const Model& m = sim.model();
   const reference::DenseState<T> state = twin.at(sim.state().q.cast<T>(), sim.state().v.cast<T>());
   const Observer& observer = sim.observe();
   VecX<T> tau(m.nv);
@@ -98,19 +102,19 @@ double difference(Scenario& s, const reference::DenseTwin<T>& twin, bool& sound)
 /// The twin in double and, where that is not enough to blame anybody, in 113 bits: made when it is first asked for.
 class Judge {
  public:
-  explicit Judge(const Scenario& s) : foreign_(foreign_hinges(*s.model)), twin_(*s.model->spec, foreign_) {}
-  double difference(Scenario& s) {
-    if (s.model->nv == 0) return 0.0;  // nothing can move
+  explicit Judge(const Model& m) : foreign_(foreign_hinges(m)), twin_(*m.spec, foreign_) {}
+  double difference(Simulation& sim) {
+    if (sim.model().nv == 0) return 0.0;  // nothing can move
     bool sound = false;
     double apart = HUGE_VAL;
     try {
-      apart = cardan::difference(s, twin_, sound);
+      apart = cardan::difference(sim, twin_, sound);
     } catch (const NumericsError&) {  // no Cholesky factor of the free components in double
       sound = false;
     }
     if (sound && apart < kSure) return apart;
-    if (!exact_) exact_.emplace(*s.model->spec, foreign_);
-    return cardan::difference(s, *exact_, sound);
+    if (!exact_) exact_.emplace(*sim.model().spec, foreign_);
+    return cardan::difference(sim, *exact_, sound);
   }
 
  private:
@@ -121,10 +125,24 @@ class Judge {
 
 }  // namespace
 
-Output reference_output(Scenario& s) {
-  const auto judge = std::make_shared<Judge>(s);
-  return {{"reference/difference", {"difference"}, "1", "", "largest difference of v' from the dense twin, relative"},
-          [&s, judge](double* x) { *x = judge->difference(s); }};
+Output reference_output(Simulation& sim) {
+  const auto judge = std::make_shared<Judge>(sim.model());
+  return {{kPath, {"difference"}, "1", "", "largest difference of v' from the dense twin, relative"},
+          [&sim, judge](double* x) { *x = judge->difference(sim); }};
+}
+
+Check reference_check(const std::vector<Range>& ranges) {
+  Check c{"agreement with the dense reference",
+          std::nan(""),  // NaN in any row, and no row at all, is no agreement
+          kReferenceLimit,
+          false,
+          "1",
+          fmt::format("below {:g}, at every output time", kReferenceLimit)};
+  for (const Range& r : ranges)
+    if (r.path == kPath) c.value = std::min(r.largest, std::numeric_limits<double>::max());  // inf: no v' to compare with
+  c.pass = c.value >= 0.0 && c.value <= c.limit;
+  c.most = c.limit;
+  return c;
 }
 
 }  // namespace cardan

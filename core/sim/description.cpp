@@ -1,21 +1,18 @@
-#include "scripts/mission/describe_model.hpp"
+#include "core/sim/description.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
+#include <cmath>
 #include <numbers>
 
 #include "core/linalg/linear_operator.hpp"
 #include "core/operators/system_modes.hpp"
 #include "core/sim/flexible_limits.hpp"
 #include "core/soa/cost.hpp"
-#include "scripts/mission/mission_run.hpp"
 
 namespace cardan {
 namespace {
-
-constexpr double kRoundOff = 1e-12;  // [kg, kg m^2] effective masses below are shown as zero
 
 Json vector(const Eigen::Vector3d& a) { return {a.x(), a.y(), a.z()}; }
 
@@ -46,9 +43,9 @@ Json bodies(const Model& m) {
 }
 
 /// Mass, mass centre and inertia of each body and of all; flexible bodies undeformed.
-Json masses(Scenario& s) {
-  const Model& m = *s.model;
-  const Observer& observer = s.sim->observe();
+Json masses(Simulation& sim) {
+  const Model& m = sim.model();
+  const Observer& observer = sim.observe();
   struct Part {
     double mass;
     Eigen::Vector3d com;
@@ -112,16 +109,14 @@ Json modes(const Model& m) {
   return all;
 }
 
-Json ops(const Scenario& s, bool measured) {
+Json ops(const Model& m, const std::vector<soa::OpCost>& costs, bool measured) {
   Json all = Json::array();
-  std::vector<soa::OpCost> costs = soa::op_costs(*s.model, s.sim->state());
-  if (measured) soa::measure(*s.model, s.sim->state(), costs);
   for (const soa::OpCost& op : costs) {
     all.push_back({{"name", op.name}, {"bodies", op.bodies}, {"flops", op.flops}, {"functions", op.functions}, {"bytes", op.bytes}});
     if (measured) all.back()["ns"] = op.ns;
   }
   for (std::size_t i = 0; i < all.size(); ++i)
-    if (s.model->program[i].kernel == Kernel::refine) all[i]["reason"] = s.model->refinement;
+    if (m.program[i].kernel == Kernel::refine) all[i]["reason"] = m.refinement;
   return all;
 }
 
@@ -150,9 +145,9 @@ Json not_modelled(const Model& m) {
 }
 
 /// Small vibrations of the assembled system about the initial state, and who takes part most in each.
-Json system_modes(const Scenario& s, int elastic) {
-  soa::TreeOperators tree(s.model);
-  tree.at(s.sim->state().q.data());
+Json system_modes(const Simulation& sim, int elastic) {
+  soa::TreeOperators tree(sim.shared_model());
+  tree.at(sim.state().q.data());
   const auto largest = [](const Eigen::VectorXd& shares, const std::vector<std::string>& names) {
     Eigen::Index i = 0;
     const double share = shares.maxCoeff(&i);
@@ -184,12 +179,6 @@ int modes_worth_telling(const Model& m, int asked) {
   return (springs || m.n_modes > 0) && m.nv <= kSmall ? kDefault : 0;
 }
 
-Json warnings(const Warnings& all) {
-  Json out = Json::array();
-  for (const Warning& w : all.all()) out.push_back(to_json(w));
-  return out;
-}
-
 std::string gravity_text(const GravitySpec& g) {
   if (g.kind == GravitySpec::Kind::none) return "none";
   if (g.kind == GravitySpec::Kind::uniform)
@@ -197,118 +186,148 @@ std::string gravity_text(const GravitySpec& g) {
   return fmt::format("central, mu = {:.10g} m^3/s^2, gradient {}", g.mu, g.gradient ? "on" : "off");
 }
 
-std::string listed(const Json& names) {
-  return fmt::format("{}", fmt::join(names.get<std::vector<std::string>>(), ", "));
+std::string text_of(const Vec3<double>& a) { return fmt::format("[{:.10g}, {:.10g}, {:.10g}]", a.x, a.y, a.z); }
+
+std::string text_of(const Eigen::Vector3d& a) { return text_of(from_eigen(a)); }
+
+std::string text_of(const ParamValue& p) {
+  return std::visit(
+      [](const auto& x) -> std::string {
+        using T = std::decay_t<decltype(x)>;
+        if constexpr (std::is_same_v<T, std::vector<double>>)
+          return fmt::format("[{:.10g}]", fmt::join(x, ", "));
+        else if constexpr (std::is_same_v<T, double>)
+          return fmt::format("{:.10g}", x);
+        else
+          return fmt::format("{}", x);
+      },
+      p.value);
+}
+
+std::string text_of(const Eigen::Matrix3d& R) {
+  return fmt::format("[{}, {}, {}]", text_of(Eigen::Vector3d(R.row(0))), text_of(Eigen::Vector3d(R.row(1))), text_of(Eigen::Vector3d(R.row(2))));
+}
+
+/// In the words of the schema of its family.
+std::string parameter_unit(const cardan_hinge_family& family, const std::string& name) {
+  for (std::uint32_t i = 0; i < family.n_params; ++i)
+    if (name == family.params[i].name) return family.params[i].unit && *family.params[i].unit && family.params[i].unit != std::string_view("1") ? std::string(" ") + family.params[i].unit : std::string();
+  return {};
+}
+
+std::string program_text(const Model& m, const std::vector<soa::OpCost>& costs, bool measured) {
+  const auto time = [&](double ns) { return measured ? fmt::format("{:>8.0f}", ns) : std::string(); };
+  std::string text = fmt::format("{:<52}{:>8}{:>8}{:>8}{:>9}{}  bodies\n", "", "bodies", "flops", "sin/cos", "bytes", measured ? "      ns" : "");
+  soa::OpCost sum;
+  sum.ns = 0.0;
+  for (std::size_t i = 0; i < costs.size(); ++i) {
+    const soa::OpCost& cost = costs[i];
+    std::string bodies = m.program[i].kernel == Kernel::refine ? m.refinement : std::string();
+    if (const int r = m.program[i].run; r >= 0)
+      for (const UserBody& u : m.user)
+        if (!u.merged && u.sweep >= m.runs[static_cast<std::size_t>(r)].begin &&
+            u.sweep < m.runs[static_cast<std::size_t>(r)].end)
+          bodies += (bodies.empty() ? "" : ", ") + u.name;
+    text += fmt::format("{:<52}{:>8}{:>8}{:>8}{:>9}{}  {}\n", cost.name, cost.bodies, cost.flops, cost.functions, cost.bytes, time(cost.ns), bodies);
+    sum.flops += cost.flops, sum.functions += cost.functions, sum.ns += cost.ns;
+  }
+  return text + fmt::format("{:<60}{:>8}{:>8}{:>9}{}  (bytes: all working memory)\n", "one evaluation of v'", sum.flops, sum.functions,
+                            soa::workspace_bytes(m), time(sum.ns));
 }
 
 }  // namespace
 
-Json describe_model(Scenario& s, bool measured, int n_modes) {
-  const Model& m = *s.model;
-  n_modes = modes_worth_telling(m, n_modes);
-  Json controllers = Json::array(), defaults = Json::object();
-  for (const Controller& c : s.controllers)
-    controllers.push_back(
-        {{"name", c.name},
-         {"period_s", static_cast<double>(c.period.numerator) / static_cast<double>(c.period.denominator)}});
-  const RunHeader header = run_header(s);
-  for (const auto& [key, value] : header.defaults_used) defaults[key] = value;
-  return {
-      {"vehicle", m.name},
-      {"mission", {{"title", s.mission.title}, {"duration_s", s.mission.duration}, {"integrator", header.integrator}}},
-      {"controllers", controllers},
-      {"n_q", m.nq},
-      {"n_v", m.nv},
-      {"bodies", bodies(m)},
-      {"masses", masses(s)},
-      {"modes", modes(m)},
-      {"system_modes", n_modes > 0 ? system_modes(s, n_modes) : Json()},
-      {"gravity", gravity_text(m.gravity)},
-      {"program", measured ? sweep_program(m, s.sim->state(), true) : header.sweep_program},
-      {"workspace_bytes", soa::workspace_bytes(m)},
-      {"ops", ops(s, measured)},
-      {"not_modelled", not_modelled(m)},
-      {"warnings", warnings(s.warnings)},
-      {"defaults", defaults}};
+std::vector<std::pair<std::string, std::string>> effective_parameters(const Model& m) {
+  std::vector<std::pair<std::string, std::string>> all;
+  const auto add = [&](std::string key, std::string value) { all.emplace_back(std::move(key), std::move(value)); };
+  const GravitySpec& g = m.gravity;
+  if (g.kind == GravitySpec::Kind::none) add("gravity", "none");
+  if (g.kind == GravitySpec::Kind::uniform) add("gravity.uniform", text_of(g.g) + " m/s^2");
+  if (g.kind == GravitySpec::Kind::central) {
+    add("gravity.central.mu", fmt::format("{:.10g} m^3/s^2", g.mu));
+    add("gravity.central.centre", text_of(g.centre) + " m");
+    add("gravity.central.gradient", g.gradient ? "true" : "false");
+  }
+  for (std::size_t i = 0; i < m.user.size(); ++i) {
+    const UserBody& u = m.user[i];
+    const BodySpec& b = m.spec->bodies[i];
+    const std::string path = "bodies." + u.name + ".";
+    add(path + "type", u.type);
+    add(path + "mass", fmt::format("{:.10g} kg", u.mass));
+    if (!b.modal && u.mass > 0) {
+      const RigidInertia<double>& M = u.M;
+      const Eigen::Vector3d c = to_eigen(M.h) / M.m;
+      const Eigen::Matrix3d J =
+          to_eigen(M.J) - M.m * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
+      add(path + "com", text_of(c) + " m");
+      add(path + "inertia", fmt::format("xx {:.10g}, yy {:.10g}, zz {:.10g}, xy {:.10g}, xz {:.10g}, yz {:.10g} kg m^2",
+                                        J(0, 0), J(1, 1), J(2, 2), J(0, 1), J(0, 2), J(1, 2)));
+    }
+    if (b.modal) {
+      add(path + "level", std::to_string(b.level));
+      add(path + "modal", b.modal->source);
+      add(path + "modal_content", b.modal->content_hash);
+      for (int j = 0; j < u.n_modes; ++j) {
+        const double w = std::sqrt(b.modal->K(j, j) / b.modal->integrals.I6(j, j));
+        add(fmt::format("{}modes[{}]", path, j),
+            fmt::format("{:.8g} Hz, damping {:.4g}", w / (2 * std::numbers::pi),
+                        w > 0 ? b.modal->C(j, j) / (2 * w * b.modal->integrals.I6(j, j)) : 0.0));
+      }
+    }
+    const std::string hinge = path + "hinge.";
+    add(hinge + "type", b.hinge.locked ? u.hinge_type + ", locked" : u.hinge_type);
+    add(hinge + "to", u.parent < 0 ? "world" : m.user[static_cast<std::size_t>(u.parent)].name);
+    add(hinge + "onode", text_of(u.onode.p) + " m");
+    add(hinge + "pnode", text_of(u.pnode.p) + " m");
+    for (const auto& [name, value] : b.hinge.params) add(hinge + name, text_of(value) + (u.hinge ? parameter_unit(*u.hinge, name) : ""));
+    for (const int c : b.hinge.prescribed) add(hinge + "prescribed", u.v_names[static_cast<std::size_t>(c)]);
+    for (const Spring& s : m.springs)
+      if (s.v >= u.v && s.v < u.v + u.nv) {
+        const auto component = static_cast<std::size_t>(s.v - u.v);
+        const bool slides = u.v_units[component] == "m/s";
+        add(fmt::format("{}spring.{}", hinge, u.v_names[component]),
+            fmt::format("stiffness {:.10g} {}, rest {:.10g} {}, damping {:.10g} {}", s.stiffness, slides ? "N/m" : "N m/rad", s.rest,
+                        slides ? "m" : "rad", s.damping, slides ? "N s/m" : "N m s/rad"));
+      }
+    for (const NodeSpec& n : b.nodes) {
+      add(fmt::format("{}nodes.{}.position", path, n.name), text_of(n.position) + " m");
+      if (n.R_BN != Eigen::Matrix3d::Identity()) add(fmt::format("{}nodes.{}.orientation", path, n.name), "rows " + text_of(n.R_BN));
+    }
+  }
+  return all;
 }
 
-std::string description_text(const Json& d) {
-  std::string out = fmt::format("{}\n\nbodies: {} coordinates, {} velocities\n", d["vehicle"].get<std::string>(),
-                                d["n_q"].get<int>(), d["n_v"].get<int>());
-  for (const Json& b : d["bodies"]) {
-    std::string notes;
-    const auto note = [&](const std::string& text) { notes += (notes.empty() ? "" : "; ") + text; };
-    if (!b["level"].is_null()) note(fmt::format("{} modes, level {}", b["modes"].get<int>(), b["level"].get<int>()));
-    if (b["locked"].get<bool>()) note("locked");
-    if (b["merged"].get<bool>()) note("merged with the body it is fixed to");
-    if (!b["prescribed"].empty()) note("prescribed: " + listed(b["prescribed"]));
-    out += fmt::format("  {:<18}{:<16}{:<14} to {:<22}{:>2} dof  {}\n", b["name"].get<std::string>(),
-                       b["type"].get<std::string>(), b["hinge"].get<std::string>(), b["to"].get<std::string>(),
-                       b["velocities"].size(), notes);
-  }
+std::string integrator_text(const SimulationOptions& options) {
+  const IntegratorOptions& i = options.integrator;
+  if (i.fixed_step > 0) return fmt::format("{}, step {:g} s", i.method, i.fixed_step);
+  std::string text = i.method;
+  if (!i.linear_solver.empty()) text += fmt::format(", {} linear solver", i.linear_solver);
+  text += fmt::format(", relative tolerance {:g}", i.relative_tolerance);
+  if (options.absolute_tolerance > 0) text += fmt::format(", absolute tolerance {:g}", options.absolute_tolerance);
+  if (i.max_step > 0) text += fmt::format(", largest step {:g} s", i.max_step);
+  return text;
+}
 
-  const Json& masses = d["masses"];
-  const auto triple = [](const Json& a) {
-    return fmt::format("{:>12.5g}{:>12.5g}{:>12.5g}", a[0].get<double>(), a[1].get<double>(), a[2].get<double>());
-  };
-  out += fmt::format("\nmasses at the initial state, flexible bodies undeformed\n  {:<18}{:>12}{:>36}\n", "",
-                     "mass [kg]", "mass centre, world axes [m]");
-  for (const Json& row : masses["bodies"])
-    out += fmt::format("  {:<18}{:>12.6g}{}\n", row["name"].get<std::string>(), row["mass"].get<double>(),
-                       triple(row["com_world"]));
-  out += fmt::format("  {:<18}{:>12.6g}{}\n", "total", masses["total"].get<double>(), triple(masses["com_world"]));
-  const char* title = "inertia about the mass centre, world axes [kg m^2]";
-  for (const Json& row : masses["inertia_world_about_com"])
-    out += fmt::format("  {:<52}{}\n", std::exchange(title, ""), triple(row));
+std::string sweep_program(const Model& m, const State& state) { return program_text(m, soa::op_costs(m, state), false); }
 
-  for (const Json& body : d["modes"]) {
-    out += fmt::format("\nmodes of {}: {}\n  {:>4}{:>12}  {:<16}{:>54}  kept\n", body["body"].get<std::string>(),
-                       body["source"].get<std::string>(), "", "[Hz]", "kind",
-                       "effective mass rx ry rz [kg m^2], x y z [kg]");
-    int i = 0;
-    std::array<double, 6> kept{};
-    for (const Json& mode : body["audit"]) {
-      for (std::size_t k = 0; k < 6; ++k)
-        if (mode["kept"].get<bool>()) kept[k] += mode["effective_mass"][k].get<double>();
-      std::string mass;
-      for (const Json& x : mode["effective_mass"])
-        mass += fmt::format("{:>9.3g}", x.get<double>() > kRoundOff ? x.get<double>() : 0.0);
-      out += fmt::format("  {:>4}{:>12.5g}  {:<16}{}  {}{}\n", ++i, mode["frequency_hz"].get<double>(),
-                         mode["kind"].get<std::string>(), mass, mode["kept"].get<bool>() ? "yes" : "no",
-                         mode["reason"].get<std::string>().empty() ? "" : ": " + mode["reason"].get<std::string>());
-    }
-    std::string shares;
-    for (std::size_t k = 0; k < 6; ++k) shares += fmt::format("{:>9.3g}", kept[k] > 1e-9 * body["rigid_mass"][k].get<double>() ? 100.0 * kept[k] / body["rigid_mass"][k].get<double>() : 0.0);
-    if (i > 0) out += fmt::format("  {:<34}{}  kept, % of the whole body\n", "", shares);
-  }
-
-  if (const Json& system = d["system_modes"]; !system.is_null()) {
-    out += "\nmodes of the whole about the initial state, at rest, without gravity and preload\n";
-    if (system.contains("why_not")) out += "  not found: " + system["why_not"].get<std::string>() + "\n";
-    int i = system.value("rigid", 0);
-    if (i > 0) out += fmt::format("  1 ... {}: without stiffness\n", i);
-    const auto part = [](const Json& p) { return fmt::format("{} {:.0f} %", p["name"].get<std::string>(), 100.0 * p["share"].get<double>()); };
-    if (!system.value("modes", Json::array()).empty())
-      out += fmt::format("  {:>4}{:>12}{:>12}  {:<32}{}\n", "", "[Hz]", "damping [%]", "most of the motion", "most of the strain");
-    for (const Json& mode : system.value("modes", Json::array()))
-      out += fmt::format("  {:>4}{:>12.5g}{:>12.3g}  {:<32}{}\n", ++i, mode["frequency_hz"].get<double>(), 100.0 * mode["damping"].get<double>(),
-                         part(mode["kinetic"]), part(mode["strain"]));
-  }
-
-  out += fmt::format("\ngravity: {}\n\nprogram of sweeps, in order\n", d["gravity"].get<std::string>());
-  std::string program = d["program"].get<std::string>();
-  for (std::size_t from = 0, to; (to = program.find('\n', from)) != std::string::npos; from = to + 1)
-    out += "  " + program.substr(from, to - from) + "\n";
-  out += fmt::format("\nintegrator: {}\n", d["mission"]["integrator"].get<std::string>());
-  out += "\nnot modelled\n";
-  for (const Json& item : d["not_modelled"]) out += "  " + item.get<std::string>() + "\n";
-  if (!d["warnings"].empty()) out += "\nwarnings\n";
-  for (const Json& w : d["warnings"])
-    out += fmt::format("  {} {}: {}\n", w["code"].get<std::string>(), w["path"].get<std::string>(), w["about"].get<std::string>());
-  out += d["defaults"].empty() ? "" : "\ndefaults used\n";
-  for (const auto& [key, value] : d["defaults"].items())
-    out += fmt::format("  {} = {}\n", key, value.get<std::string>());
-  return out;
+Json describe(Simulation& sim, bool measured, int n_modes) {
+  const Model& m = sim.model();
+  n_modes = modes_worth_telling(m, n_modes);
+  std::vector<soa::OpCost> costs = soa::op_costs(m, sim.state());
+  if (measured) soa::measure(m, sim.state(), costs);
+  return {{"vehicle", m.name},
+          {"integrator", integrator_text(sim.options())},
+          {"n_q", m.nq},
+          {"n_v", m.nv},
+          {"bodies", bodies(m)},
+          {"masses", masses(sim)},
+          {"modes", modes(m)},
+          {"system_modes", n_modes > 0 ? system_modes(sim, n_modes) : Json()},
+          {"gravity", gravity_text(m.gravity)},
+          {"program", program_text(m, costs, measured)},
+          {"workspace_bytes", soa::workspace_bytes(m)},
+          {"ops", ops(m, costs, measured)},
+          {"not_modelled", not_modelled(m)}};
 }
 
 std::string modes_line(const Scenario& s) {

@@ -1,9 +1,11 @@
-// The channels of a run. What nobody asked for is not computed.
+#include "core/sim/outputs.hpp"
+
 #include <fmt/format.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
+#include <memory>
 
-#include "scripts/mission/mission_run.hpp"
 
 namespace cardan {
 namespace {
@@ -19,25 +21,20 @@ std::string units_of(std::vector<std::string> units) {
   return fmt::format("{}", fmt::join(units, " "));
 }
 
-bool has_attitude(const UserBody& u) { return u.nq >= 4 && u.q_names[0] == "qw"; }
-
 class Outputs {
  public:
-  explicit Outputs(Scenario& s) : s_(s), sim_(*s.sim), model_(*s.model) {}
+  explicit Outputs(Simulation& sim) : sim_(sim), model_(sim.model()) {}
 
-  std::vector<Output> all() {
+  std::vector<Output> all(const OutputOptions& wanted) {
     for (std::size_t i = 0; i < model_.user.size(); ++i) {
       const UserBody& u = model_.user[i];
-      if (has_attitude(u)) body(u);
+      if (u.has_attitude()) body(u);
       if (u.nv > 0) hinge(u, static_cast<int>(i));
       if (u.n_modes > 0) modes(u);
     }
-    for (const int i : s_.mission.reactions) reaction(i);
-    for (const int i : s_.mission.nodes) node(i);
-    for (const auto& signal : s_.signals)
-      out_.push_back(
-          {signal->channel, [&values = signal->values](double* x) { std::copy(values.begin(), values.end(), x); }});
-    if (s_.mission.simulation.ledger) ledger();
+    for (const int i : wanted.reactions) reaction(i);
+    for (const int i : wanted.nodes) node(i);
+    if (sim_.options().ledger) ledger();
     return std::move(out_);
   }
 
@@ -63,7 +60,7 @@ class Outputs {
         });
     add(path + "rate", {"x", "y", "z"}, "rad/s", "body " + u.name, "angular velocity",
         [=, &sim = sim_](double* x) { put(x, sim.observe().node(node).velocity.head<3>()); });
-    if (u.nq == 4) return;  // a ball hinge: its place is that of the inboard body
+    if (u.hinge->shape == CARDAN_SHAPE_BALL) return;  // a ball hinge: its place is that of the inboard body
     add(path + "position", {"x", "y", "z"}, "m", "world", "position of the origin of the body",
         [=, &sim = sim_](double* x) { put(x, sim.observe().node(node).position); });
     add(path + "velocity", {"x", "y", "z"}, "m/s", "world", "velocity of the origin of the body",
@@ -75,7 +72,7 @@ class Outputs {
 
   void hinge(const UserBody& u, int index) {
     const std::string path = "hinges/" + u.name + "/";
-    if (!has_attitude(u)) {
+    if (!u.has_attitude()) {
       for (int j = 0; j < u.nq; ++j)
         add(path + u.q_names[static_cast<std::size_t>(j)], {u.q_names[static_cast<std::size_t>(j)]},
             u.q_units[static_cast<std::size_t>(j)], "", "coordinate of the hinge",
@@ -88,17 +85,16 @@ class Outputs {
     std::vector<std::string> units;
     for (const auto& unit : u.v_units) units.push_back(force_unit(unit));
     const bool prescribed = !model_.spec->bodies[static_cast<std::size_t>(index)].hinge.prescribed.empty();
-    if (has_attitude(u) && !prescribed) return;
+    if (u.has_attitude() && !prescribed) return;
     add(path + "force", u.v_names, units_of(units), "",
         prescribed ? "force of the actuators; of prescribed components, that which the motion needs"
                    : "force of the actuators, springs and dampers not included",
-        [&s = s_, &sim = sim_, &u, prescribed](double* x) {
+        [&sim = sim_, &u, all = std::vector<double>(prescribed ? static_cast<std::size_t>(model_.nv) : 0)](double* x) mutable {
           for (int j = 0; j < u.nv; ++j) x[j] = sim.force(u.v + j);
-          if (!prescribed) return;
-          sim.observe().prescribed_forces(s.scratch.data());
+          if (all.empty()) return;
+          sim.observe().prescribed_forces(all.data());
           for (int j = 0; j < u.nv; ++j)
-            if (s.model->prescribed[static_cast<std::size_t>(u.v + j)])
-              x[j] = s.scratch[static_cast<std::size_t>(u.v + j)];
+            if (sim.model().prescribed[static_cast<std::size_t>(u.v + j)]) x[j] = all[static_cast<std::size_t>(u.v + j)];
         });
   }
 
@@ -147,7 +143,6 @@ class Outputs {
     one("energy", &LedgerState::energy_relative);
   }
 
-  Scenario& s_;
   Simulation& sim_;
   const Model& model_;
   std::vector<Output> out_;
@@ -155,6 +150,12 @@ class Outputs {
 
 }  // namespace
 
-std::vector<Output> mission_outputs(Scenario& s) { return Outputs(s).all(); }
+std::vector<Output> standard_outputs(Simulation& sim, const OutputOptions& wanted) { return Outputs(sim).all(wanted); }
+
+std::vector<Channel> channels_of(const std::vector<Output>& outputs) {
+  std::vector<Channel> channels;
+  for (const Output& o : outputs) channels.push_back(o.channel);
+  return channels;
+}
 
 }  // namespace cardan

@@ -13,6 +13,7 @@
 #include "bodies/modal/elements.hpp"
 #include "bodies/modal/modal_check.hpp"
 #include "bodies/modal/modal_file.hpp"
+#include "bodies/modal/lumped.hpp"
 #include "bodies/modal/modal_integrals.hpp"
 #include "bodies/modal/mode_audit.hpp"
 #include "bodies/modal/refuse.hpp"

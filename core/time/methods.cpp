@@ -1,11 +1,9 @@
-#include "core/time/integrator.hpp"
+#include "core/time/methods.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <stdexcept>
-
-#include "core/time/methods.hpp"
 
 namespace cardan {
 namespace {

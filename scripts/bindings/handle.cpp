@@ -1,0 +1,109 @@
+#include "scripts/bindings/handle.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+
+namespace cardan {
+namespace {
+
+constexpr const char* kTypes[] = {"cardan.vehicle", "cardan.body", "cardan.hinge", "cardan.modes", "cardan.node", "cardan.load"};
+constexpr const char* kWords[] = {"vehicle", "body", "hinge", "modes", "node", "load"};
+
+/// hinge "rod": angle
+int handle_text(lua_State* L) {
+  const auto& h = *static_cast<Handle*>(lua_touserdata(L, 1));
+  const Model& m = *h.scenario->model;
+  const char* word = kWords[static_cast<int>(h.kind)];
+  const auto named = [&](const std::string& name, const std::string& rest = {}) { return fmt::format("{} \"{}\"{}", word, name, rest); };
+  const auto node = [&](int i) { return m.nodes[static_cast<std::size_t>(i)].name; };
+  std::string text;
+  switch (h.kind) {
+    case Kind::vehicle: {
+      std::vector<std::string> names;
+      for (const UserBody& u : m.user) names.push_back(u.name);
+      text = fmt::format("vehicle: {}", listed(names));
+      break;
+    }
+    case Kind::hinge:
+      text = named(h.user().name, ": " + (h.user().nq > 0 ? listed(h.user().q_names) : "locked"));
+      break;
+    case Kind::modes:
+      text = named(h.user().name, fmt::format(": {}", h.user().n_modes));
+      break;
+    case Kind::node:
+      text = named(node(h.index));
+      break;
+    case Kind::load:
+      text = named(node(h.scenario->loads[static_cast<std::size_t>(h.index)].node));
+      break;
+    default:
+      text = named(h.user().name);
+  }
+  lua_pushlstring(L, text.data(), text.size());
+  return 1;
+}
+
+}  // namespace
+
+Handle& handle_of(lua_State* L, Kind kind) {
+  auto* h = static_cast<Handle*>(lua_touserdata(L, 1));
+  const char* word = kWords[static_cast<int>(kind)];
+  if (!h || lua_rawlen(L, 1) != sizeof(Handle) || h->kind != kind)
+    refuse(L, Code::lua_argument, word, fmt::format("a {} before a colon", word), describe_value(L, 1), "methods are called with a colon: wheel:rate()");
+  return *h;
+}
+
+void push_handle(lua_State* L, Kind kind, int index, Scenario& s) {
+  auto* h = static_cast<Handle*>(lua_newuserdatauv(L, sizeof(Handle), 0));
+  *h = {kind, index, &s};
+  luaL_setmetatable(L, kTypes[static_cast<int>(kind)]);
+}
+
+void expect_state(lua_State* L, const Scenario& s, const char* what) {
+  if (s.in_event_function)
+    refuse(L, Code::lua_argument, what, "hinge and mode coordinates, and t, inside of an event's `when`", what,
+           "an event is located by its function at trial states, where nothing else is known");
+}
+
+double command(lua_State* L, int arg, Scenario& s, const char* what, const std::string& name) {
+  if (lua_type(L, arg) != LUA_TNUMBER)
+    refuse(L, Code::lua_argument, fmt::format("{} of {}", what, name), "a number", describe_value(L, arg));
+  const double x = lua_tonumber(L, arg);
+  if (std::isfinite(x)) return x;
+  const std::string got = fmt::format("{} of {} = {}", what, name, std::isnan(x) ? "nan" : x > 0 ? "inf" : "-inf");
+  if (s.stage == Scenario::Stage::setup)
+    refuse(L, Code::lua_argument, fmt::format("{} of {}", what, name), "a finite number", got);
+  s.fault = RunFailure{Code::controller_nan,
+                       s.sim->time(),
+                       "",
+                       "",
+                       fmt::format("{}: {}{}", s.actor, got, place_of_failure(LuaHost::caller(L))),
+                       "a division by zero, or the root of a negative number?",
+                       ""};
+  refuse(L, Code::lua_argument, fmt::format("{} of {}", what, name), "a finite number", got);
+}
+
+int push3(lua_State* L, const Eigen::Vector3d& x) {
+  for (int i = 0; i < 3; ++i) lua_pushnumber(L, x[i]);
+  return 3;
+}
+int push_quaternion(lua_State* L, const Eigen::Matrix3d& R) {
+  Eigen::Quaterniond q(R);
+  if (q.w() < 0) q.coeffs() = -q.coeffs();
+  for (double x : {q.w(), q.x(), q.y(), q.z()}) lua_pushnumber(L, x);
+  return 4;
+}
+
+void bind_handles(Scenario& s) {
+  s.lua.protect([](lua_State* L) {
+    int kind = 0;
+    for (const auto& methods : {vehicle_methods(), body_methods(), hinge_methods(), modes_methods(), node_methods(), load_methods()})
+      make_handle_type(L, kTypes[kind++], methods, method<handle_text>);
+  });
+}
+
+void push_vehicle(lua_State* L, Scenario& s) { push_handle(L, Kind::vehicle, 0, s); }
+
+}  // namespace cardan

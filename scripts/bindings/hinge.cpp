@@ -1,0 +1,161 @@
+// A hinge: sat:hinge "wing_left".
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "core/base/units.hpp"
+#include "scripts/bindings/handle.hpp"
+#include "scripts/lua/table.hpp"
+
+namespace cardan {
+namespace {
+
+/// Index of the component of a coordinate or velocity (`names` are its own) that argument `arg` names: 1, 2, ... or a name; the
+/// first one if absent. Where each coordinate has its rate, both names will do; the name of the body may stand before it.
+int component(lua_State* L, int arg, const std::vector<std::string>& names, const UserBody& u) {
+  const std::string& body = u.name;
+  const int type = lua_type(L, arg);
+  const auto n = static_cast<lua_Integer>(names.size());
+  if (type == LUA_TNUMBER || type == LUA_TNONE || type == LUA_TNIL) {
+    const lua_Integer i = type == LUA_TNUMBER ? lua_tointeger(L, arg) : 1;
+    if (i >= 1 && i <= n) return static_cast<int>(i) - 1;
+  } else if (type == LUA_TSTRING) {
+    std::string_view name = lua_tostring(L, arg);
+    if (name.starts_with(body) && name.substr(body.size()).starts_with('.')) name.remove_prefix(body.size() + 1);
+    for (std::size_t i = 0; i < names.size(); ++i)
+      if (names[i] == name || (u.nq == u.nv && (u.q_names[i] == name || u.v_names[i] == name))) return static_cast<int>(i);
+  }
+  const std::string word = type == LUA_TSTRING ? lua_tostring(L, arg) : "";
+  refuse(L, Code::unknown_name, "hinge of " + body,
+         n == 0 ? "a hinge that moves" : fmt::format("1 to {}, or a name: {}", n, listed(names)),
+         type == LUA_TNONE ? "the first component" : describe_value(L, arg), did_you_mean(word, names));
+}
+
+int hinge_q(lua_State* L) {
+  const Handle& h = self<Kind::hinge>(L);
+  const UserBody& u = h.user();
+  lua_pushnumber(L, h.scenario->q[u.q + component(L, 2, u.q_names, u)]);
+  return 1;
+}
+int hinge_v(lua_State* L) {
+  const Handle& h = self<Kind::hinge>(L);
+  const UserBody& u = h.user();
+  lua_pushnumber(L, h.scenario->v[u.v + component(L, 2, u.v_names, u)]);
+  return 1;
+}
+
+bool is_prescribed(const Model& m, int v) { return m.has_prescribed() && m.prescribed[static_cast<std::size_t>(v)]; }
+
+int hinge_force(lua_State* L) {
+  const Handle& h = self<Kind::hinge>(L);
+  Scenario& s = *h.scenario;
+  const UserBody& u = h.user();
+  expect_state(L, s, "a command");
+  const double x = command(L, 2, s, "force on hinge", u.name);
+  const int v = u.v + component(L, 3, u.v_names, u);
+  if (is_prescribed(*s.model, v))
+    refuse(L, Code::lua_argument, "hinge of " + u.name, "a component that is free to move", "a prescribed one",
+           "its motion is given by :profile{...}; :applied() tells the force it needs");
+  s.sim->set_force(v, x);
+  return 0;
+}
+int hinge_applied(lua_State* L) {
+  const Handle& h = self<Kind::hinge>(L);
+  Scenario& s = *h.scenario;
+  expect_state(L, s, "the force on a hinge");
+  const int v = h.user().v + component(L, 2, h.user().v_names, h.user());
+  if (!is_prescribed(*s.model, v)) {
+    lua_pushnumber(L, s.sim->force(v));
+    return 1;
+  }
+  s.sim->observe().prescribed_forces(s.scratch.data());
+  lua_pushnumber(L, s.scratch[static_cast<std::size_t>(v)]);
+  return 1;
+}
+int hinge_reaction(lua_State* L) {
+  const Handle& h = self<Kind::hinge>(L);
+  expect_state(L, *h.scenario, "the reaction of a hinge");
+  const Force<double> f = h.scenario->sim->observe().hinge_wrench(h.index);
+  for (double x : {f.n.x, f.n.y, f.n.z, f.f.x, f.f.y, f.f.z}) lua_pushnumber(L, x);
+  return 6;
+}
+
+/// {{t, rate}, ...} with rising t.
+std::vector<std::pair<double, double>> rate_points(lua_State* L, LuaTable& t, const std::string& unit) {
+  std::vector<std::pair<double, double>> points;
+  lua_getfield(L, 2, "rate_table");
+  const int table = lua_gettop(L);
+  const auto number = [&](lua_Integer i, const char* as) {
+    const int type = lua_rawgeti(L, -1, i);
+    double x = std::nan("");
+    if (type == LUA_TNUMBER) x = lua_tonumber(L, -1);
+    if (type == LUA_TSTRING) {
+      const auto value = parse_quantity(lua_tostring(L, -1), as);
+      if (const double* got = std::get_if<double>(&value)) x = *got;
+    }
+    lua_pop(L, 1);
+    return x;
+  };
+  bool good = lua_istable(L, table) && lua_rawlen(L, table) > 0;
+  for (lua_Integer i = 1; good && i <= static_cast<lua_Integer>(lua_rawlen(L, table)); ++i) {
+    good = lua_rawgeti(L, table, i) == LUA_TTABLE && lua_rawlen(L, -1) == 2;
+    if (good) points.emplace_back(number(1, "s"), number(2, unit.c_str()));
+    good = good && std::isfinite(points.back().first) && std::isfinite(points.back().second) &&
+           (i == 1 || points.back().first > points[points.size() - 2].first);
+    lua_pop(L, 1);
+  }
+  lua_pop(L, 1);
+  if (!good)
+    t.reject("rate_table", fmt::format("{{{{t, rate}}, ...}} in s and {}, at least one point, t rising", unit));
+  return points;
+}
+
+int hinge_profile(lua_State* L) {
+  const Handle& h = self<Kind::hinge>(L);
+  Scenario& s = *h.scenario;
+  const UserBody& u = h.user();
+  expect_state(L, s, "a profile");
+  lua_settop(L, 2);
+  DiagnosticSink sink;
+  LuaTable t(L, 2, "profile of " + u.name, sink);
+  sink.throw_if_any();
+  t.has("component");
+  lua_getfield(L, 2, "component");
+  const int c = component(L, lua_gettop(L), u.v_names, u), v = u.v + c;
+  lua_pop(L, 1);
+  const std::string &rate = u.v_units[static_cast<std::size_t>(c)], unit = rate.substr(0, rate.find('/'));
+  if (!is_prescribed(*s.model, v))
+    refuse(L, Code::lua_argument, "profile of " + u.name, "a component that is prescribed", "one that is free to move",
+           fmt::format("say so in the vehicle: bodies.{}.hinge.prescribed: [{}]", u.name,
+                       u.v_names[static_cast<std::size_t>(c)]));
+  MotionProfile profile;
+  if (int(t.has("rate_table")) + int(t.has("sine")) + int(t.has("hold")) != 1) {
+    t.reject("rate_table", "exactly one of rate_table, sine, hold");
+  } else if (t.has("rate_table")) {
+    profile = MotionProfile::rate_table(rate_points(L, t, rate));
+  } else if (const auto hold = t.number("hold", rate)) {
+    profile = MotionProfile::hold(*hold);
+  } else if (auto sine = t.table("sine")) {
+    sine->require({"amplitude", "frequency"});
+    profile =
+        MotionProfile::sine(sine->number("amplitude", unit).value_or(0.0),
+                            sine->number("frequency", "Hz").value_or(0.0), sine->number("phase", "rad").value_or(0.0));
+    sine->finish();
+  }
+  t.finish();
+  sink.throw_if_any();
+  s.sim->prescribe(v, std::move(profile));
+  return 0;
+}
+
+}  // namespace
+
+const std::vector<luaL_Reg>& hinge_methods() {
+  static const std::vector<luaL_Reg> all = {{"angle", method<hinge_q>}, {"q", method<hinge_q>}, {"rate", method<hinge_v>},
+                                            {"v", method<hinge_v>}, {"torque", method<hinge_force>}, {"force", method<hinge_force>},
+                                            {"applied", method<hinge_applied>}, {"reaction", method<hinge_reaction>},
+                                            {"profile", method<hinge_profile>}};
+  return all;
+}
+
+}  // namespace cardan

@@ -1,0 +1,83 @@
+// initial { ... }: the state that a mission begins with, in the grammar of the vehicle's `initial`.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "core/model/initial.hpp"
+#include "scripts/bindings/bind.hpp"
+#include "scripts/lua/function.hpp"
+#include "scripts/lua/sandbox.hpp"
+
+namespace cardan {
+namespace {
+
+constexpr int kDeepest = 10;
+
+/// The value at `index` as a document: numbers and texts, arrays, tables with names. What is none of these is empty.
+DocNode document(lua_State* L, int index, const SourceMark& mark, int depth = 0) {
+  DocNode node;
+  node.mark = mark;
+  index = lua_absindex(L, index);
+  luaL_checkstack(L, 8, nullptr);
+  const int type = lua_type(L, index);
+  if (type == LUA_TNUMBER || type == LUA_TSTRING) {
+    node.kind = DocNode::Kind::scalar;
+    node.text = type == LUA_TNUMBER ? fmt::format("{}", lua_tonumber(L, index)) : lua_tostring(L, index);
+  } else if (type == LUA_TTABLE && depth < kDeepest) {
+    const lua_Integer n = push_keys(L, index);
+    node.kind = lua_rawlen(L, index) > 0 ? DocNode::Kind::list : DocNode::Kind::map;
+    for (lua_Integer i = 1; i <= n; ++i) {
+      lua_rawgeti(L, -1, i);
+      if (node.kind == DocNode::Kind::map) node.keys.push_back({lua_type(L, -1) == LUA_TSTRING ? lua_tostring(L, -1) : describe_value(L, -1), mark});
+      lua_rawget(L, index);
+      node.items.push_back(document(L, -1, mark, depth + 1));
+      lua_pop(L, 1);
+    }
+    lua_pop(L, 1);
+  }
+  return node;
+}
+
+void read_modes(MapReader& map, const char* key, const char* unit, int n, double* x) {
+  if (n == 0) return;
+  if (const auto given = map.find(key)) {
+    const std::vector<double> values = read_numbers(*given, unit, static_cast<std::size_t>(n), map.context());
+    std::copy(values.begin(), values.end(), x);
+  }
+}
+
+int initial(lua_State* L, Scenario& s) {
+  expect_setup(L, s, "initial", true);
+  const DocNode given = document(L, 1, LuaHost::caller(L));
+  DiagnosticSink sink;
+  std::vector<std::pair<std::string, std::string>> no_defaults;
+  ReadContext context{sink, no_defaults};
+  MapReader bodies({&given, "initial"}, context);
+  State state = s.sim->state();
+  for (const UserBody& u : s.model->user) {
+    const auto value = bodies.find(u.name);
+    if (!value) continue;
+    MapReader map(*value, context);
+    if (u.nq > 0) read_initial(map, *u.hinge, state.q.data() + u.q, state.v.data() + u.v);
+    read_modes(map, "eta", "1", u.n_modes, state.q.data() + u.eta);
+    read_modes(map, "etadot", "1/s", u.n_modes, state.v.data() + u.etadot);
+    map.finish();
+  }
+  bodies.finish();
+  if (!sink.empty()) {
+    std::vector<Diagnostic> all = sink.all();
+    for (Diagnostic& d : all) d.stack = LuaHost::traceback(L);
+    throw InputError(std::move(all));
+  }
+  s.sim->set_state(state);
+  s.look_at_state();
+  return 0;
+}
+
+}  // namespace
+
+void bind_initial(Scenario& s) {
+  s.lua.bind("initial", [&s](lua_State* L) { return initial(L, s); });
+}
+
+}  // namespace cardan

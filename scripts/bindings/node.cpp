@@ -1,0 +1,89 @@
+// A node, sat:node "bus.camera", and a load on it.
+#include <algorithm>
+
+#include "scripts/bindings/handle.hpp"
+#include "scripts/lua/table.hpp"
+
+namespace cardan {
+namespace {
+
+NodeState node_state(lua_State* L, const Handle& h, const char* what) {
+  expect_state(L, *h.scenario, what);
+  return h.scenario->sim->observe().node(h.index);
+}
+int node_position(lua_State* L) {
+  return push3(L, node_state(L, self<Kind::node>(L), "the position of a node").position);
+}
+int node_attitude(lua_State* L) {
+  return push_quaternion(L, node_state(L, self<Kind::node>(L), "the attitude of a node").R_WN);
+}
+int node_rate(lua_State* L) {
+  return push3(L, node_state(L, self<Kind::node>(L), "the rate of a node").velocity.head<3>());
+}
+int node_velocity(lua_State* L) {
+  const NodeState n = node_state(L, self<Kind::node>(L), "the velocity of a node");
+  return push3(L, n.R_WN * n.velocity.tail<3>());
+}
+int node_acceleration(lua_State* L) {
+  const NodeState n = node_state(L, self<Kind::node>(L), "the acceleration of a node");
+  return push3(L, n.R_WN * n.acceleration.tail<3>());
+}
+
+int node_specific_force(lua_State* L) {
+  return push3(L, node_state(L, self<Kind::node>(L), "the specific force at a node").specific_force);
+}
+int node_angular_acceleration(lua_State* L) {
+  return push3(L, node_state(L, self<Kind::node>(L), "the acceleration of a node").acceleration.head<3>());
+}
+
+int node_load(lua_State* L) {
+  const Handle& h = self<Kind::node>(L);
+  Scenario& s = *h.scenario;
+  expect_setup(L, s, "load", true);
+  lua_settop(L, 2);
+  if (lua_isnil(L, 2)) {
+    lua_newtable(L);
+    lua_replace(L, 2);
+  }
+  DiagnosticSink sink;
+  LuaTable t(L, 2, "load", sink);
+  const bool world_axes = t.choice("axes", {"node", "world"}).value_or("node") == "world";
+  t.finish();
+  sink.throw_if_any();
+  s.loads.push_back({h.index, world_axes});
+  CompileOptions options;  // a scene without loads has no op for them
+  options.world_wrenches = std::any_of(s.loads.begin(), s.loads.end(), [](const Load& l) { return l.world_axes; });
+  s.use_model(compile(s.model->spec, s.registry, options));
+  push_handle(L, Kind::load, static_cast<int>(s.loads.size()) - 1, s);
+  return 1;
+}
+
+int load_set(lua_State* L) {
+  const Handle& h = self<Kind::load>(L);
+  Scenario& s = *h.scenario;
+  expect_state(L, s, "a command");
+  const std::string& node =
+      s.model->nodes[static_cast<std::size_t>(s.loads[static_cast<std::size_t>(h.index)].node)].name;
+  double x[6];
+  for (int i = 0; i < 6; ++i) x[i] = command(L, i + 2, s, "load on node", node);
+  s.sim->set_wrench(h.index, {{x[0], x[1], x[2]}, {x[3], x[4], x[5]}});
+  return 0;
+}
+
+}  // namespace
+
+const std::vector<luaL_Reg>& node_methods() {
+  static const std::vector<luaL_Reg> all = {{"position", method<node_position>}, {"attitude", method<node_attitude>},
+                                            {"rate", method<node_rate>}, {"velocity", method<node_velocity>},
+                                            {"acceleration", method<node_acceleration>},
+                                            {"angular_acceleration", method<node_angular_acceleration>},
+                                            {"specific_force", method<node_specific_force>}, {"load", method<node_load>}};
+  return all;
+}
+
+const std::vector<luaL_Reg>& load_methods() {
+  static const std::vector<luaL_Reg> all = {{"set", method<load_set>}};
+  return all;
+}
+
+}  // namespace cardan

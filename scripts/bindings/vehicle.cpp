@@ -1,0 +1,148 @@
+// plugin "...", vehicle "...", and what can be asked of a vehicle.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+
+#include "bodies/vehicle/load_vehicle.hpp"
+#include "core/base/activity.hpp"
+#include "core/base/units.hpp"
+#include "core/io/sha256.hpp"
+#include "core/model/validate.hpp"
+#include "scripts/bindings/handle.hpp"
+#include "scripts/bindings/linear.hpp"
+#include "scripts/bindings/operator_methods.hpp"
+#include "scripts/bindings/operators.hpp"
+#include "scripts/bindings/studies.hpp"
+
+namespace cardan {
+namespace {
+
+/// Refuses a file that is not the one of the run that is repeated.
+void expect_recorded(const Scenario& s, const std::string& name, const std::string& path, const Located& at) {
+  const auto recorded = s.recorded->hashes.find(name);
+  std::error_code ignored;
+  const std::string now = std::filesystem::is_regular_file(path, ignored) ? sha256_of_file(path) : "no file at " + in_quotes(path);
+  if (recorded == s.recorded->hashes.end() || recorded->second != now)
+    throw InputError(Diagnostic{Code::changed_input, at,
+        fmt::format("{} with the SHA-256 that {} tells: {}", name, s.recorded->results, recorded == s.recorded->hashes.end() ? "none" : recorded->second),
+        now, "put the file of that run back"});
+}
+
+/// The files that modes are read from.
+void note_modal_files(Scenario& s, const SystemSpec& spec) {
+  for (const BodySpec& b : spec.bodies) {
+    const DocNode* file = b.modal_source ? b.modal_source->find("file") : nullptr;
+    if (!file || file->kind != DocNode::Kind::scalar) continue;
+    if (std::any_of(s.modal_files.begin(), s.modal_files.end(), [&](const InputFile& f) { return f.name == file->text; })) continue;
+    const std::string path = (std::filesystem::path(file->mark.file).parent_path() / file->text).string();
+    if (s.recorded) expect_recorded(s, file->text, path, {body_path(b) + ".modal.file", file->mark});
+    if (std::error_code ignored; std::filesystem::is_regular_file(path, ignored))  // else refused by who reads it
+      s.modal_files.push_back({file->text, sha256_of_file(path), {}});
+  }
+}
+
+int plugin(lua_State* L, Scenario& s) {
+  expect_setup(L, s, "plugin", false);
+  const std::string name = luaL_checkstring(L, 1);
+  if (s.model) refuse(L, Code::lua_argument, "plugin", "plugins before the vehicle", in_quotes(name));
+  const std::string path = ((s.folder.empty() ? std::filesystem::path(".") : s.folder) / name)
+                               .string();  // with a slash: not a system library
+  if (s.recorded) expect_recorded(s, name, path, {"plugin", LuaHost::caller(L)});  // before anything in it can run
+  load_plugin(path, s.registry, {"plugin", LuaHost::caller(L)});
+  s.plugins.push_back({name, sha256_of_file(path), {}});
+  return 0;
+}
+
+/// The key path inside the vehicle of a --set; empty: it is about something else. As in messages, or with "vehicle." before it.
+std::string_view vehicle_path(std::string_view key) {
+  if (key.starts_with("vehicle.")) return key.substr(std::strlen("vehicle."));
+  return key.starts_with("bodies.") || key.starts_with("gravity.") ? key : std::string_view();
+}
+
+int vehicle(lua_State* L, Scenario& s) {
+  expect_setup(L, s, "vehicle", false);
+  const std::string name = luaL_checkstring(L, 1);
+  if (s.model)
+    refuse(L, Code::lua_argument, "vehicle", "one vehicle", "a second one", "a vehicle may hold several free bodies");
+  Overrides overrides;
+  for (Setting& set : s.settings)
+    if (const std::string_view path = vehicle_path(set.key); !path.empty()) {
+      overrides.emplace_back(path, set.value);
+      set.used = true;
+    }
+  const std::string path = (s.folder / name).string();
+  const std::string* kept = s.lua.options().stored ? s.lua.options().stored(name) : nullptr;
+  std::error_code unusable;  // a name too long for a file, say
+  if (!kept && (s.recorded || !std::filesystem::is_regular_file(path, unusable)))
+    refuse(L, Code::file_not_found, "vehicle", "a vehicle in YAML, relative to the scenario", in_quotes(path));
+  const Activity activity("the vehicle " + name);
+  const auto spec = std::make_shared<SystemSpec>(kept ? vehicle_from_text(*kept, path, s.registry, overrides) : read_vehicle(path, s.registry, overrides));
+  s.inputs.push_back({name, sha256(spec->source_text), spec->source_text});
+  note_modal_files(s, *spec);
+  s.modes_from_cache = make_modes(*spec, ModeCache::of_user());
+  CompileOptions options;
+  options.node_wrenches = false;  // until a load is declared
+  s.use_model(compile(spec, s.registry, options));
+  push_vehicle(L, s);
+  return 1;
+}
+
+template <class Objects>
+int find(lua_State* L, const Objects& objects, Code code, const char* key_path, const char* what) {
+  std::vector<std::string> names;
+  for (const auto& o : objects) names.push_back(o.name);
+  if (lua_type(L, 2) != LUA_TSTRING)
+    refuse(L, Code::lua_argument, key_path, std::string("the name of ") + what, describe_value(L, 2));
+  const std::string name = lua_tostring(L, 2);
+  const auto found = std::find(names.begin(), names.end(), name);
+  if (found == names.end())
+    refuse(L, code, key_path, fmt::format("{}: {}", what, listed(names)), in_quotes(name), did_you_mean(name, names));
+  return static_cast<int>(found - names.begin());
+}
+
+template <Kind kKind>
+int vehicle_part(lua_State* L) {
+  Handle& h = self<Kind::vehicle>(L);
+  Scenario& s = *h.scenario;
+  const Model& m = *s.model;
+  const int index = kKind == Kind::node ? find(L, m.nodes, Code::unknown_node, "vehicle:node", "a node of the vehicle")
+                                        : find(L, m.user, Code::unknown_body, "vehicle:body", "a body of the vehicle");
+  if (kKind == Kind::modes && m.user[static_cast<std::size_t>(index)].n_modes == 0)
+    refuse(L, Code::unknown_name, "vehicle:modes", "a flexible body", describe_value(L, 2));
+  push_handle(L, kKind, index, s);
+  return 1;
+}
+int vehicle_mass(lua_State* L) {
+  double mass = 0.0;
+  for (const UserBody& u : self<Kind::vehicle>(L).scenario->model->user) mass += u.mass;
+  lua_pushnumber(L, mass);
+  return 1;
+}
+
+/// Studies about the present state.
+template <int (*kPush)(lua_State*, Scenario&)>
+int vehicle_study(lua_State* L) {
+  Scenario& s = *self<Kind::vehicle>(L).scenario;
+  return at_script_line(L, [&s](lua_State* l) { return kPush(l, s); });
+}
+
+}  // namespace
+
+const std::vector<luaL_Reg>& vehicle_methods() {
+  static const std::vector<luaL_Reg> all = {{"body", method<vehicle_part<Kind::body>>}, {"hinge", method<vehicle_part<Kind::hinge>>},
+                                            {"modes", method<vehicle_part<Kind::modes>>}, {"node", method<vehicle_part<Kind::node>>},
+                                            {"mass", method<vehicle_mass>}, {"operators", method<vehicle_study<push_operators>>},
+                                            {"linearize", method<vehicle_study<push_linear_model>>},
+                                            {"system_modes", method<vehicle_study<push_modes>>},
+                                            {"derivatives", method<vehicle_study<push_derivatives>>},
+                                            {"inverse_kinematics", method<vehicle_study<push_inverse_kinematics>>}};
+  return all;
+}
+
+void bind_vehicle(Scenario& s) {
+  s.lua.bind("plugin", [&s](lua_State* L) { return plugin(L, s); });
+  s.lua.bind("vehicle", [&s](lua_State* L) { return vehicle(L, s); });
+}
+
+}  // namespace cardan

@@ -1,0 +1,28 @@
+#include "scripts/mission/describe_scenario.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "core/sim/description.hpp"
+#include "scripts/mission/mission_run.hpp"
+
+namespace cardan {
+
+Json describe_scenario(Scenario& s, bool measured, int n_modes) {
+  Json out = describe(*s.sim, measured, n_modes);
+  out["mission"] = {{"title", s.mission.title}, {"duration_s", s.mission.duration}, {"integrator", out["integrator"]}};
+  out["controllers"] = Json::array();
+  for (const Controller& c : s.controllers)
+    out["controllers"].push_back({{"name", c.name}, {"period_s", static_cast<double>(c.period.numerator) / static_cast<double>(c.period.denominator)}});
+  out["warnings"] = Json::array();
+  for (const Warning& w : s.warnings.all()) out["warnings"].push_back(to_json(w));
+  out["defaults"] = Json::object();
+  for (const auto& [key, value] : run_header(s).defaults_used) out["defaults"][key] = value;
+  return out;
+}
+
+std::string modes_line(const Scenario& s) {
+  return s.modes_from_cache.empty() ? "" : fmt::format("modes of {}: from the cache\n", fmt::join(s.modes_from_cache, ", "));
+}
+
+}  // namespace cardan
