@@ -59,7 +59,7 @@ Vector inverse(const Model& model, const soa::Inputs<Quad>& in) {
 std::vector<Exact> exact(const BenchModel& bm, const Registry& registry) {
   const CompileOptions options{.merge_locked = false, .choose_frames = false, .node_wrenches = false, .world_wrenches = false};
   // Where masses are graded, particles are to be particles: m, h, J rounded one by one are not. Refined from their mass centres.
-  const bool graded = compile(bm.spec, registry)->has(Kernel::refine);
+  const bool graded = compile(bm.spec, registry)->has(OpCode::refine);
   const auto model = assemble(std::make_shared<const SystemSpec>(bm.spec), registry, options, graded);
   const Vector rest(static_cast<std::size_t>(model->nv), Quad(0));
   std::vector<Exact> results;

@@ -1,11 +1,13 @@
 // Runs cardan-bench and the peers that are built, in turn on the same models (A B A B), and puts their figures side by side.
 //   cardan-bench-report [--models DIR] [--only SUBSTRING] [--rounds R] [--seconds S] [--out FILE.json] [--table FILE.md]
+//                       [--against BUILD]  instead: the cardan-bench of another build and ours, in turn; ends with 1 where ours is slower
 // All on one core. Hard models are for their errors: one round, forward dynamics. Ends with 1 where a result is wrong.
 #include <fmt/format.h>
 #include <sched.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -13,6 +15,9 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <tuple>
+
+#include "bench/pairs.hpp"
 
 namespace cardan::bench {
 namespace {
@@ -53,6 +58,27 @@ std::string quoted(const std::string& text) {
   return out + "'";
 }
 
+bool call(const fs::path& program, const std::vector<std::string>& arguments) {
+  std::string line = quoted(program.string());
+  for (const std::string& a : arguments) line += " " + quoted(a);
+  return std::system((line + " >/dev/null").c_str()) == 0;
+}
+
+/// The .json files of a folder whose name contains `only`.
+std::vector<fs::path> models_of(const fs::path& folder, const std::string& only) {
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::directory_iterator(folder))
+    if (entry.path().extension() == ".json" && entry.path().stem().string().find(only) != std::string::npos) files.push_back(entry.path());
+  const auto key = [](const fs::path& file) {  // chain_7 before chain_30
+    const std::string name = file.stem().string();
+    const std::size_t bar = std::min(name.rfind('_'), name.size() - 1);
+    return std::make_pair(name.substr(0, bar), std::atoi(name.c_str() + bar + 1));
+  };
+  std::sort(files.begin(), files.end(), [&](const fs::path& a, const fs::path& b) { return key(a) < key(b); });
+  if (files.empty()) throw std::runtime_error("no model whose name contains \"" + only + "\" in " + folder.string());
+  return files;
+}
+
 class Report {
  public:
   Report(fs::path models, std::string only, double seconds, fs::path scratch)
@@ -63,17 +89,9 @@ class Report {
       for (const auto& entry : fs::directory_iterator(here / "peers"))
         if (const std::string name = entry.path().filename().string(); name.rfind("peer-", 0) == 0) programs_.push_back({name.substr(5), entry.path()});
     std::sort(programs_.begin() + 1, programs_.end(), [](const Program& a, const Program& b) { return a.name < b.name; });
-    for (const auto& entry : fs::directory_iterator(models_))
-      if (entry.path().extension() == ".json" && entry.path().stem().string().find(only_) != std::string::npos) files_.push_back(entry.path());
-    const auto key = [](const fs::path& file) {  // chain_7 before chain_30
-      const std::string name = file.stem().string();
-      const std::size_t bar = std::min(name.rfind('_'), name.size() - 1);
-      return std::make_pair(name.substr(0, bar), std::atoi(name.c_str() + bar + 1));
-    };
-    std::sort(files_.begin(), files_.end(), [&](const fs::path& a, const fs::path& b) { return key(a) < key(b); });
-    if (files_.empty()) throw std::runtime_error("no model whose name contains \"" + only_ + "\" in " + models_.string());
+    files_ = models_of(models_, only_);
     fs::create_directories(scratch_);
-    if (!call(programs_[0], {"--models", models_.string(), "--only", only_, "--exact", scratch_.string()}))
+    if (!call(programs_[0].file, {"--models", models_.string(), "--only", only_, "--exact", scratch_.string()}))
       throw std::runtime_error("cardan-bench gave no exact results");
   }
 
@@ -126,18 +144,12 @@ class Report {
   }
 
  private:
-  static bool call(const Program& program, const std::vector<std::string>& arguments) {
-    std::string line = quoted(program.file.string());
-    for (const std::string& a : arguments) line += " " + quoted(a);
-    return std::system((line + " >/dev/null").c_str()) == 0;
-  }
-
   void gather(const Program& program, std::vector<std::string> arguments, const std::string& model) {
     const fs::path out = scratch_ / "rows.out";
     fs::remove(out);
     arguments.insert(arguments.end(), {"--out", out.string()});
     json list;
-    if (call(program, arguments))
+    if (call(program.file, arguments))
       std::ifstream(out) >> list;
     else
       list = {{{"program", program.name}, {"model", model}, {"reason", "ended with an error"}}};
@@ -302,9 +314,50 @@ class Report {
   std::vector<Figure> figures_;
 };
 
+/// The cardan-bench of `before` and ours in turn, A B A B, on the models (files) given: a table, 1 where something became slower.
+int against(const fs::path& before, const std::vector<std::string>& models, int rounds, double seconds, const fs::path& scratch) {
+  const fs::path programs[] = {before / "cardan-bench", fs::canonical("/proc/self/exe").parent_path() / "cardan-bench"};
+  if (!fs::exists(programs[0])) throw std::runtime_error(programs[0].string() + " is not there: build its target cardan-bench first");
+  using Key = std::tuple<std::string, std::string, std::string>;  // model, op, call
+  std::vector<Key> order;
+  std::map<Key, std::array<std::vector<double>, 2>> times;
+  fs::create_directories(scratch);
+  const fs::path out = scratch / "rows.out";
+  for (int r = 0; r < rounds; ++r) {
+    fmt::print(stderr, "round {} of {}\n", r + 1, rounds);
+    for (const std::string& model : models)
+      for (std::size_t p = 0; p < 2; ++p) {
+        fs::remove(out);
+        if (!call(programs[p], {"--models", model, "--seconds", fmt::format("{}", seconds), "--out", out.string()}))
+          throw std::runtime_error(programs[p].string() + " ended with an error on " + model);
+        json list;
+        std::ifstream(out) >> list;
+        for (const json& row : list) {
+          if (!row.contains("ns_min")) continue;
+          const Key key{row["model"], row["op"], row.value("call", "")};
+          if (!times.contains(key)) order.push_back(key);
+          times[key][p].push_back(row["ns_min"]);
+        }
+      }
+  }
+  fmt::print("| model | operation | before, ns | after, ns | ratio | spread | |\n|---|---|---:|---:|---:|---:|---|\n");
+  int slower = 0;
+  for (const Key& key : order) {
+    const auto& [a, b] = times[key];
+    if (a.size() != b.size()) continue;  // one of the two does not have it
+    const Verdict v = judge(a, b);
+    const auto& [model, op, variant] = key;
+    slower += v.slower;
+    fmt::print("| {} | {} | {:.0f} | {:.0f} | {:.3f} | {:.3f} | {} |\n", model, variant.empty() ? op : op + ", " + variant, *std::ranges::min_element(a),
+               *std::ranges::min_element(b), v.ratio, v.spread, v.slower ? "slower" : "");
+  }
+  fmt::print(stderr, "{} of {} figures are more than {:.0f} % slower beyond the spread of their pairs\n", slower, order.size(), 100 * kAllowed);
+  return slower > 0 ? 1 : 0;
+}
+
 int run(int argc, char** argv) {
   CLI::App app("Compares Cardan with the peers that are built.");
-  std::string models = CARDAN_SOURCE_DIR "/tests/reference/bench", only, out = "bench.json", table = "bench.md";
+  std::string models = CARDAN_SOURCE_DIR "/tests/reference/bench", only, out = "bench.json", table = "bench.md", before;
   int rounds = 5;
   double seconds = 0.1;
   app.add_option("--models", models, "folder of models in the schema cardan-bench/1");
@@ -313,6 +366,7 @@ int run(int argc, char** argv) {
   app.add_option("--seconds", seconds, "time spent on each figure and round");
   app.add_option("--out", out, "the rows");
   app.add_option("--table", table, "the same for reading");
+  app.add_option("--against", before, "folder of another build: its cardan-bench and ours in turn, ends with 1 where ours is slower");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
@@ -323,7 +377,14 @@ int run(int argc, char** argv) {
   CPU_SET(sched_getcpu(), &one);
   sched_setaffinity(0, sizeof one, &one);
 
-  Report report(models, only, seconds, fs::absolute(out).parent_path() / (fs::path(out).stem().string() + "_exact"));
+  const fs::path scratch = fs::absolute(out).parent_path() / (fs::path(out).stem().string() + "_exact");
+  if (!before.empty()) {
+    std::vector<std::string> files;
+    for (const fs::path& file : models_of(models, only))
+      if (file.stem().string().rfind("hard_", 0) != 0) files.push_back(file.string());
+    return against(before, files, rounds, seconds, scratch);
+  }
+  Report report(models, only, seconds, scratch);
   for (int r = 0; r < rounds; ++r) {
     fmt::print(stderr, "round {} of {}\n", r + 1, rounds);
     report.round(r);

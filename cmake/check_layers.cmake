@@ -36,7 +36,7 @@ set(layers
   "scripts/report/|core/base core/io"
   "scripts/commands/|core bodies/modal/ bodies/register.hpp hinges/register.hpp scripts/lua/ scripts/mission/ scripts/bindings/ scripts/report/"
   "scripts/main.cpp|core/base scripts/commands/"
-  "tests|core bodies hinges scripts"
+  "tests|core bodies hinges scripts bench/pairs.hpp"
   "bench|core bodies hinges"
   "bench/peers|bench/time_ring.hpp")
 

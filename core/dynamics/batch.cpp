@@ -139,9 +139,9 @@ class PassesOf : public Batch::Passes {
 }  // namespace
 
 Batch::Batch(const Model& model) {
-  if (soa::kernels().eight.outward)
+  if (soa::instruction_set().eight.outward)
     passes_ = std::make_unique<PassesOf<soa::Lanes<8>>>(model);
-  else if (soa::kernels().four.outward)
+  else if (soa::instruction_set().four.outward)
     passes_ = std::make_unique<PassesOf<soa::Lanes<4>>>(model);
   else
     passes_ = std::make_unique<PassesOf<double>>(model);

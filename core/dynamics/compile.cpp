@@ -26,12 +26,12 @@ struct Growth {
 Growth growth(const Model& m) {
   Growth most;
   for (int k = 1; k < static_cast<int>(m.bodies.size()); ++k) {
-    const SweepBody* b = &m.bodies[static_cast<std::size_t>(k)];
-    if (b->kind == KernelKind::rotor) continue;
+    const SweepBody* b = &m.bodies[k];
+    if (b->kind == BodyKernel::rotor) continue;
     const double mass = b->M_sweep.m;
     for (int velocities = b->nv; velocities <= kWindow && b->parent > 0; velocities += b->nv) {
       const int a = b->parent;
-      b = &m.bodies[static_cast<std::size_t>(a)];
+      b = &m.bodies[a];
       if (const double ratio = mass / b->M_sweep.m; ratio > most.ratio) most = {ratio, k, a};
     }
   }
@@ -66,9 +66,7 @@ double loss(const Model& m) {
 }
 
 std::string name_of(const Model& m, int k) {
-  for (const UserBody& u : m.user)
-    if (u.sweep == k && !u.merged) return u.name;
-  return "world";
+  return k > 0 ? m.user[m.owner[k]].name : "world";
 }
 
 }  // namespace
@@ -85,7 +83,7 @@ std::shared_ptr<const Model> compile(std::shared_ptr<const SystemSpec> spec, con
   const std::shared_ptr<Model> graded = assemble(std::move(spec), registry, options, true);
   const double lost = loss(*graded);
   if (!(lost > kLoss * std::max(1.0, std::sqrt(static_cast<double>(model->bodies.size()) / kLong)))) return model;
-  graded->program.push_back({Kernel::refine});
+  graded->program.push_back({OpCode::refine});
   graded->refinement = fmt::format("the mass of {} is {:.3g} times that of {}, few hinges inboard of it: without, v' loses up to {:.1e} of itself",
                                    name_of(*graded, most.body), most.ratio, name_of(*graded, most.ancestor), lost);
   return graded;

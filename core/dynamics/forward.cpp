@@ -31,15 +31,13 @@ template bool forward_dynamics(const Model&, soa::Workspace<soa::Tangent>&, cons
 
 RunFailure describe_breakdown(const Model& model, const soa::Breakdown& bad, double t) {
   RunFailure f{Code::singular_hinge, t, "", "", "", "", ""};
-  for (const auto& u : model.user) {
-    if (u.sweep != bad.body || u.merged) continue;
-    f.body = u.name;
-    f.hinge = u.name + "." + u.hinge_type;
-    const bool mode = bad.component < 0;
-    if (mode) f.code = Code::singular_mass;
-    const std::string direction = mode ? "its modes" : u.v_names[static_cast<std::size_t>(bad.component)];
-    f.what = fmt::format("{} = {:.3g}, limit {:.3g}, direction: {}", mode ? "modal inertia" : "D", bad.value, bad.limit, direction);
-  }
+  const UserBody& u = model.user[model.owner[bad.body]];
+  f.body = u.name;
+  f.hinge = u.name + "." + u.hinge_type;
+  const bool mode = bad.component < 0;
+  if (mode) f.code = Code::singular_mass;
+  const std::string direction = mode ? "its modes" : u.v_names[bad.component];
+  f.what = fmt::format("{} = {:.3g}, limit {:.3g}, direction: {}", mode ? "modal inertia" : "D", bad.value, bad.limit, direction);
   f.hint = "a body without mass or inertia in that direction, or a value that is not finite; see docs/errors.md";
   return f;
 }

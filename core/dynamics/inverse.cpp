@@ -28,12 +28,12 @@ void inverse_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inpu
     return;
   }
   for (const int k : part->rotors_left_out)
-    if (const SweepBody& rotor = model.bodies[static_cast<std::size_t>(k)]; central && rotor.M.m > 0.0) {
+    if (const SweepBody& rotor = model.bodies[k]; central && rotor.M.m > 0.0) {
       Vec3<T> c, r;
       ws.core(rotor.parent).z += soa::attraction(model.field, cast<T>(rotor.M_sweep), ws.pose_W(rotor.parent), c, r);
     }
   for (const soa::NodeWrench<T>& w : in.wrenches) {
-    if (!part->takes_part[static_cast<std::size_t>(model.nodes[static_cast<std::size_t>(w.node)].sweep)]) continue;
+    if (!part->takes_part[model.nodes[w.node].sweep]) continue;
     use.wrenches = {&w, 1};
     S.node_wrenches(model, ws, use);
   }
@@ -61,7 +61,7 @@ Eigen::VectorXd elastic_force(const Model& model, const double* q, const double*
   Eigen::VectorXd tau = Eigen::VectorXd::Zero(model.nv);
   for (const auto& u : model.user) {
     if (u.n_modes == 0) continue;
-    const ModalData& d = *model.flexible[static_cast<std::size_t>(model.bodies[static_cast<std::size_t>(u.sweep)].flexible)].data;
+    const ModalData& d = *model.flexible[model.bodies[u.sweep].flexible].data;
     auto part = tau.segment(u.etadot, u.n_modes);
     if (d.K.size() > 0) part -= d.K * Eigen::Map<const Eigen::VectorXd>(q + u.eta, u.n_modes);
     if (d.C.size() > 0) part -= d.C * Eigen::Map<const Eigen::VectorXd>(v + u.etadot, u.n_modes);
@@ -83,7 +83,7 @@ using Matrix6X = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 
 /// First six rows of Phi*(p, k): [X, A] (6 x (6 + mp)).
 Matrix6X phi_star_rows(const Model& model, const Workspace& ws, int k, const double* q) {
-  const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+  const SweepBody& b = model.bodies[k];
   Matrix6X rows(6, 6 + b.n_parent_modes);
   for (int j = 0; j < 6; ++j) {
     double e[6] = {};
@@ -91,7 +91,7 @@ Matrix6X phi_star_rows(const Model& model, const Workspace& ws, int k, const dou
     rows.col(j) = to_eigen(to_outboard(soa::pose_in_inboard(model, ws, k, q), motion(e)));
   }
   for (int j = 0; j < b.n_parent_modes; ++j) {
-    const double* s = model.shapes[static_cast<std::size_t>(b.onode)].columns.data() + 6 * j;
+    const double* s = model.shapes[b.onode].columns.data() + 6 * j;
     rows.col(6 + j) = to_eigen(to_outboard(ws.X(k), soa::motion_of_node(*ws.modal_of(k)->node, s)));
   }
   return rows;
@@ -110,22 +110,22 @@ Eigen::MatrixXd flexible_mass_matrix(const Model& model, Workspace& ws, const do
   std::vector<Eigen::MatrixXd> R(static_cast<std::size_t>(n));  // composite inertia, (6 + m) square
   std::vector<Matrix6X> A(static_cast<std::size_t>(n));
   for (int k = 1; k < n; ++k) {
-    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
-    Eigen::MatrixXd& M = R[static_cast<std::size_t>(k)];
+    const SweepBody& b = model.bodies[k];
+    Eigen::MatrixXd& M = R[k];
     M.setZero(6 + b.n_modes, 6 + b.n_modes);
     M.topLeftCorner<6, 6>() = to_eigen(b.n_modes > 0 ? ws.core(k).P : articulated(b.M));
     if (b.n_modes > 0) {
       const auto& modal = *ws.modal_of(k);
-      const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
+      const FlexibleBody& f = model.flexible[b.flexible];
       const double *M_ee = modal.P_ee ? modal.P_ee : f.M_ee.data(), *M_re = modal.P_re ? modal.P_re : f.M_re.data();
       M.topRightCorner(6, b.n_modes) = Eigen::Map<const Matrix6X>(M_re, 6, b.n_modes);
       M.bottomLeftCorner(b.n_modes, 6) = M.topRightCorner(6, b.n_modes).transpose();
       M.bottomRightCorner(b.n_modes, b.n_modes) = Eigen::Map<const Eigen::MatrixXd>(M_ee, b.n_modes, b.n_modes);
     }
-    A[static_cast<std::size_t>(k)] = phi_star_rows(model, ws, k, q);
+    A[k] = phi_star_rows(model, ws, k, q);
   }
   const auto H_star = [&](int k) {  // (6 + m) x (nv + m) of mathematics 3.8
-    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    const SweepBody& b = model.bodies[k];
     Eigen::MatrixXd H = Eigen::MatrixXd::Zero(6 + b.n_modes, b.nv + b.n_modes);
     for (int j = 0; j < b.nv; ++j) H.col(j).head<6>() = to_eigen(soa::hinge_column(model, ws, k, j));
     if (b.n_modes > 0) {
@@ -137,7 +137,7 @@ Eigen::MatrixXd flexible_mass_matrix(const Model& model, Workspace& ws, const do
   // Columns of a block in the user's v: hinge then modes of one body stand side by side.
   Eigen::MatrixXd mass = Eigen::MatrixXd::Zero(model.nv, model.nv);
   const auto place = [&](int j, int k, const Eigen::MatrixXd& block) {
-    const SweepBody &bj = model.bodies[static_cast<std::size_t>(j)], &bk = model.bodies[static_cast<std::size_t>(k)];
+    const SweepBody &bj = model.bodies[j], &bk = model.bodies[k];
     const auto index = [](const SweepBody& b, Eigen::Index i) { return i < b.nv ? b.v + i : b.etadot + i - b.nv; };
     for (Eigen::Index r = 0; r < block.rows(); ++r)
       for (Eigen::Index c = 0; c < block.cols(); ++c) {
@@ -146,21 +146,21 @@ Eigen::MatrixXd flexible_mass_matrix(const Model& model, Workspace& ws, const do
       }
   };
   for (int k = n - 1; k >= 1; --k) {
-    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
-    const auto& Rk = R[static_cast<std::size_t>(k)];
+    const SweepBody& b = model.bodies[k];
+    const auto& Rk = R[k];
     if (b.parent > 0) {
-      const auto& Ak = A[static_cast<std::size_t>(k)];
+      const auto& Ak = A[k];
       const Eigen::Index size = Ak.cols();
-      Eigen::MatrixXd& Rp = R[static_cast<std::size_t>(b.parent)];
+      Eigen::MatrixXd& Rp = R[b.parent];
       Rp.topLeftCorner(size, size) += Ak.transpose() * Rk.topLeftCorner<6, 6>() * Ak;  // size < 6 + m when O does not deform
     }
     const Eigen::MatrixXd H = H_star(k);
     Eigen::MatrixXd X = Rk * H;
     place(k, k, H.transpose() * X);
-    for (int j = k; model.bodies[static_cast<std::size_t>(j)].parent > 0;) {
-      const int p = model.bodies[static_cast<std::size_t>(j)].parent;
-      const Eigen::MatrixXd up = A[static_cast<std::size_t>(j)].transpose() * X.topRows<6>();
-      X = Eigen::MatrixXd::Zero(6 + model.bodies[static_cast<std::size_t>(p)].n_modes, H.cols());
+    for (int j = k; model.bodies[j].parent > 0;) {
+      const int p = model.bodies[j].parent;
+      const Eigen::MatrixXd up = A[j].transpose() * X.topRows<6>();
+      X = Eigen::MatrixXd::Zero(6 + model.bodies[p].n_modes, H.cols());
       X.topRows(up.rows()) = up;
       j = p;
       place(j, k, H_star(j).transpose() * X);
@@ -189,33 +189,47 @@ static bool refined_inverse(const Model& model, Workspace& ws, const double* q, 
   return true;
 }
 
-bool mass_matrix_inverse(const Model& model, Workspace& ws, const double* q, double* inverse) {
-  if (model.has(Kernel::refine)) return refined_inverse(model, ws, q, inverse);
+bool articulate_at_rest(const Model& model, Workspace& ws, const double* q) {
   const soa::Sweeps<double>& S = soa::sweeps<double>();
-  const int nv = model.nv;
-  ws.rest.assign(static_cast<std::size_t>(nv), 0.0);
-  Inputs in{.q = q, .v = ws.rest.data(), .vdot = ws.rest.data(), .gravity = false};
+  ws.rest.assign(model.nv, 0.0);
+  const Inputs in{.q = q, .v = ws.rest.data(), .vdot = ws.rest.data(), .gravity = false};
   S.ground(model, ws, in);
   S.hinge_records(model, ws, in);
+  for (const Run& run : model.runs) S.outward(model, ws, in, run, {.velocity = false});
+  for (auto run = model.runs.rbegin(); run != model.runs.rend() && ws.breakdown.body == 0; ++run) S.inward(model, ws, in, *run, {.bias = false});
+  return ws.breakdown.body == 0;
+}
+
+void mass_inverse(const Model& model, Workspace& ws, const double* q, const double* f, double* vdot) {
+  const soa::Sweeps<double>& S = soa::sweeps<double>();
+  const Inputs in{.q = q, .v = ws.rest.data(), .tau = f, .vdot = ws.rest.data(), .gravity = false};
+  S.ground(model, ws, in);
   S.at_rest(model, ws);
-  for (const Run& run : model.runs)
-    if (!model.rigid || !is_axis(run.kind)) S.outward(model, ws, in, run, {.velocity = false});
+  for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.inward(model, ws, in, *run, {.inertia = false});
+  for (const Run& run : model.runs) S.acceleration(model, ws, in, run, vdot);
+}
+
+bool mass_matrix_inverse(const Model& model, Workspace& ws, const double* q, double* inverse) {
+  if (model.has(OpCode::refine)) return refined_inverse(model, ws, q, inverse);
+  const soa::Sweeps<double>& S = soa::sweeps<double>();
+  const int nv = model.nv;
   if (model.rigid) {
+    ws.rest.assign(nv, 0.0);
+    const Inputs in{.q = q, .v = ws.rest.data(), .vdot = ws.rest.data(), .gravity = false};
+    S.ground(model, ws, in);
+    S.hinge_records(model, ws, in);
+    S.at_rest(model, ws);
+    for (const Run& run : model.runs)
+      if (!is_axis(run.kind)) S.outward(model, ws, in, run, {.velocity = false});
     S.mass_matrix_inverse(model, ws, in, inverse);
     return ws.breakdown.body == 0;
   }
-  for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) {
-    S.inward(model, ws, in, *run, {.bias = false});
-    if (ws.breakdown.body != 0) return false;
-  }
-  std::vector<double> unit(static_cast<std::size_t>(nv), 0.0);
-  in.tau = unit.data();
+  if (!articulate_at_rest(model, ws, q)) return false;
+  std::vector<double> unit(nv, 0.0);
   for (int j = 0; j < nv; ++j) {
-    unit[static_cast<std::size_t>(j)] = 1.0;
-    S.at_rest(model, ws);
-    for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.inward(model, ws, in, *run, {.inertia = false});
-    for (const Run& run : model.runs) S.acceleration(model, ws, in, run, inverse + static_cast<std::ptrdiff_t>(nv) * j);
-    unit[static_cast<std::size_t>(j)] = 0.0;
+    unit[j] = 1.0;
+    mass_inverse(model, ws, q, unit.data(), inverse + static_cast<std::ptrdiff_t>(nv) * j);
+    unit[j] = 0.0;
   }
   for (int j = 0; j < nv; ++j)  // symmetric by nature; exactly so
     for (int i = 0; i < j; ++i) inverse[nv * i + j] = inverse[nv * j + i] = 0.5 * (inverse[nv * i + j] + inverse[nv * j + i]);

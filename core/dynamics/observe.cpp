@@ -17,7 +17,7 @@ DeformedNode<double> deformed(const Model& model, const UserNode& node, const In
   at.R = node.shapes.pose.R;
   at.rho = node.shapes.pose.p;
   if (node.shapes.deforms()) {
-    const SweepBody& b = model.bodies[static_cast<std::size_t>(model.user[static_cast<std::size_t>(node.body)].sweep)];
+    const SweepBody& b = model.bodies[model.user[node.body].sweep];
     soa::deform<double>(node.shapes, in.q + b.eta, in.v + b.etadot, at);
   }
   return at;
@@ -26,11 +26,11 @@ DeformedNode<double> deformed(const Model& model, const UserNode& node, const In
 
 Observer::Observer(const Model& model, Workspace& workspace) : model_(model), ws_(workspace) {
   ws_.require_world();
-  poses_given_ = model.has(Kernel::world);
+  poses_given_ = model.has(OpCode::world);
   prescribed_tau_.resize(static_cast<std::size_t>(model.nv));
   for (const SweepBody& b : model.bodies)
     for (int j = b.etadot; model.has_prescribed() && j < b.etadot + b.n_modes; ++j)
-      if (model.prescribed[static_cast<std::size_t>(j)] && !inverse_) {
+      if (model.prescribed[j] && !inverse_) {
         inverse_ = std::make_unique<Workspace>(model);
         all_tau_.resize(static_cast<std::size_t>(model.nv));
       }
@@ -41,15 +41,15 @@ Observer::Observer(const Model& model, Workspace& workspace) : model_(model), ws
     const SweepBody& b = model.bodies[k];
     inertia_[k] = b.M;
     if (b.n_modes == 0) continue;
-    M_re_[k] = model.flexible[static_cast<std::size_t>(b.flexible)].M_re;
-    M_ee_[k] = model.flexible[static_cast<std::size_t>(b.flexible)].M_ee;
+    M_re_[k] = model.flexible[b.flexible].M_re;
+    M_ee_[k] = model.flexible[b.flexible].M_ee;
   }
   moment_.resize(model.bodies.size());
   mass_.resize(model.bodies.size());
   for (std::size_t k = model.bodies.size() - 1; k > 0; --k) {
     const SweepBody& b = model.bodies[k];
-    mass_[k] += b.n_modes > 0 ? model.flexible[static_cast<std::size_t>(b.flexible)].data->integrals.I1 : b.M.m;
-    mass_[static_cast<std::size_t>(b.parent)] += mass_[k];
+    mass_[k] += b.n_modes > 0 ? model.flexible[b.flexible].data->integrals.I1 : b.M.m;
+    mass_[b.parent] += mass_[k];
   }
 }
 
@@ -61,7 +61,7 @@ void Observer::update(const Inputs& in, const double* vdot) {
   for (std::size_t k = 1; k < model_.bodies.size(); ++k) {
     const SweepBody& b = model_.bodies[k];
     if (b.n_modes == 0) continue;
-    const FlexibleBody& f = model_.flexible[static_cast<std::size_t>(b.flexible)];
+    const FlexibleBody& f = model_.flexible[b.flexible];
     double M[10];
     f.family->mass(f.packed.data(), in.q + b.eta, M, f.M_re_constant ? nullptr : M_re_[k].data(), f.M_ee_constant ? nullptr : M_ee_[k].data());
     inertia_[k] = {M[0], {M[1], M[2], M[3]}, {M[4], M[5], M[6], M[7], M[8], M[9]}};
@@ -70,7 +70,7 @@ void Observer::update(const Inputs& in, const double* vdot) {
 
 // What the sweeps do not form of a rotor: they fold it into its carrier.
 void Observer::complete_rotor(int k) {
-  const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
+  const SweepBody& b = model_.bodies[k];
   const soa::Core<double>& carrier = ws_.core(b.parent);
   soa::Core<double>& body = ws_.core(k);
   const Pose<double> X = soa::pose_in_inboard(model_, ws_, k, in_.q);
@@ -86,14 +86,14 @@ void Observer::complete_rotor(int k) {
     body.z -= soa::attraction(model_.field, b.M, ws_.pose_W(k), c, r);
   }
   for (const NodeWrench& load : in_.wrenches) {
-    const UserNode& node = model_.nodes[static_cast<std::size_t>(load.node)];
+    const UserNode& node = model_.nodes[load.node];
     if (node.sweep == k) body.z -= wrench_at_B(load);
   }
 }
 
 /// A wrench on a node of a body that does not deform there, referred to B.
 Force<double> Observer::wrench_at_B(const NodeWrench& load) const {
-  const UserNode& node = model_.nodes[static_cast<std::size_t>(load.node)];
+  const UserNode& node = model_.nodes[load.node];
   const Pose<double>& N = node.shapes.pose;
   const Mat3<double>& R_WB = ws_.pose_W(node.sweep).R;
   const Force<double> f = load.world_axes ? Force<double>{transpose_times(R_WB, load.f.n), transpose_times(R_WB, load.f.f)}
@@ -102,14 +102,14 @@ Force<double> Observer::wrench_at_B(const NodeWrench& load) const {
 }
 
 Pose<double> Observer::body_pose(int i) const {
-  const UserBody& u = model_.user[static_cast<std::size_t>(i)];
+  const UserBody& u = model_.user[i];
   return ws_.pose_W(u.sweep) * u.pose;
 }
 
 NodeState Observer::node(int index) const {
-  const UserNode& node = model_.nodes[static_cast<std::size_t>(index)];
-  const int k = model_.user[static_cast<std::size_t>(node.body)].sweep;
-  const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
+  const UserNode& node = model_.nodes[index];
+  const int k = model_.user[node.body].sweep;
+  const SweepBody& b = model_.bodies[k];
   const DeformedNode<double> at = deformed(model_, node, in_);
   const Pose<double>& W = ws_.pose_W(k);
   NodeState s;
@@ -139,9 +139,9 @@ NodeState Observer::node(int index) const {
 }
 
 RigidInertia<double> Observer::inertia_for_gravity(int k) const {
-  const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
+  const SweepBody& b = model_.bodies[k];
   if (b.n_modes == 0) return b.M;
-  return soa::gravity_inertia(model_.flexible[static_cast<std::size_t>(b.flexible)], b.n_modes, ws_.modal_of(k)->M_rr, in_.q + b.eta);
+  return soa::gravity_inertia(model_.flexible[b.flexible], b.n_modes, ws_.modal_of(k)->M_rr, in_.q + b.eta);
 }
 
 Energy Observer::energy() const {
@@ -151,25 +151,25 @@ Energy Observer::energy() const {
     e.magnitude += std::abs(value);
   };
   for (int k = 1; k < static_cast<int>(model_.bodies.size()); ++k) {
-    const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
-    const RigidInertia<double>& M = inertia_[static_cast<std::size_t>(k)];
+    const SweepBody& b = model_.bodies[k];
+    const RigidInertia<double>& M = inertia_[k];
     const Motion<double>& V = ws_.V(k);
     double T = 0.5 * dot(V, M * V);
     if (b.n_modes > 0) {
       const double* rate = in_.v + b.etadot;
       const auto n = b.n_modes;
       for (int j = 0; j < n; ++j) {
-        T += rate[j] * dot(V, force_column(M_re_[static_cast<std::size_t>(k)].data(), j));
-        for (int i = 0; i < n; ++i) T += 0.5 * rate[j] * rate[i] * M_ee_[static_cast<std::size_t>(k)][static_cast<std::size_t>(n * j + i)];
+        T += rate[j] * dot(V, force_column(M_re_[k].data(), j));
+        for (int i = 0; i < n; ++i) T += 0.5 * rate[j] * rate[i] * M_ee_[k][n * j + i];
       }
-      const FlexibleBody& f = model_.flexible[static_cast<std::size_t>(b.flexible)];
+      const FlexibleBody& f = model_.flexible[b.flexible];
       const double* eta = in_.q + b.eta;
       double U = 0.0;
       if (f.K_diagonal)
-        for (int j = 0; j < n; ++j) U += 0.5 * f.K[static_cast<std::size_t>(j)] * eta[j] * eta[j];
+        for (int j = 0; j < n; ++j) U += 0.5 * f.K[j] * eta[j] * eta[j];
       else
         for (int j = 0; j < n; ++j)
-          for (int i = 0; i < n; ++i) U += 0.5 * f.K[static_cast<std::size_t>(n * j + i)] * eta[j] * eta[i];
+          for (int i = 0; i < n; ++i) U += 0.5 * f.K[n * j + i] * eta[j] * eta[i];
       add(e.modal, U);
     }
     add(e.kinetic, T);
@@ -188,10 +188,10 @@ Energy Observer::energy() const {
 Momentum Observer::momentum() const {
   Momentum m;
   for (int k = 1; k < static_cast<int>(model_.bodies.size()); ++k) {
-    const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
-    const RigidInertia<double>& M = inertia_[static_cast<std::size_t>(k)];
+    const SweepBody& b = model_.bodies[k];
+    const RigidInertia<double>& M = inertia_[k];
     Force<double> h = M * ws_.V(k);
-    for (int j = 0; j < b.n_modes; ++j) h += in_.v[b.etadot + j] * force_column(M_re_[static_cast<std::size_t>(k)].data(), j);
+    for (int j = 0; j < b.n_modes; ++j) h += in_.v[b.etadot + j] * force_column(M_re_[k].data(), j);
     const Force<double> in_W = to_inboard(ws_.pose_W(k), h);
     const Eigen::Vector3d linear = to_eigen(in_W.f), angular = to_eigen(in_W.n);
     m.linear += linear;
@@ -208,7 +208,7 @@ Momentum Observer::momentum() const {
 // f = P delta + z; with modes f = P_rr (delta + C eta'') + P_re' eta'' + z (the parts caused by v'; 4.10). What hangs on a node
 // of a body that is eliminated through its nodes tells by itself what it transmits: C phi + e, in the axes of that body.
 Force<double> Observer::wrench_on_sweep_body(int k) const {
-  const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
+  const SweepBody& b = model_.bodies[k];
   const soa::Core<double>& core = ws_.core(k);
   const auto through_root = [](const soa::NodeRoot<double>& root) {
     double f[6];
@@ -222,7 +222,7 @@ Force<double> Observer::wrench_on_sweep_body(int k) const {
     return {transpose_times(X.R, f.n - cross(X.p, f.f)), transpose_times(X.R, f.f)};
   }
   if (b.n_modes == 0) return core.z + core.P * core.delta;
-  const FlexibleBody& flexible = model_.flexible[static_cast<std::size_t>(b.flexible)];
+  const FlexibleBody& flexible = model_.flexible[b.flexible];
   const double *M_re = flexible.M_re.data(), *P_re = modal->P_re ? modal->P_re : M_re;
   double by_modes[6], moved[6] = {};
   soa::sum_columns(P_re, modal->accel, b.n_modes, by_modes);
@@ -235,7 +235,7 @@ Force<double> Observer::wrench_on_sweep_body(int k) const {
 
 // The wrench that a body receives through its inboard hinge, referred to the sweep frame that carries it.
 Force<double> Observer::wrench_in_host(int i) const {
-  const UserBody& u = model_.user[static_cast<std::size_t>(i)];
+  const UserBody& u = model_.user[i];
   if (!u.merged) return wrench_on_sweep_body(u.sweep);
   const soa::Core<double>& host = ws_.core(u.sweep);
   const Motion<double> gamma = host.gamma + host.delta;
@@ -246,7 +246,7 @@ Force<double> Observer::wrench_in_host(int i) const {
     f -= soa::attraction(model_.field, M, ws_.pose_W(u.sweep), c, r);
   }
   for (const NodeWrench& load : in_.wrenches) {
-    const UserNode& node = model_.nodes[static_cast<std::size_t>(load.node)];
+    const UserNode& node = model_.nodes[load.node];
     if (node.body != i) continue;
     f -= wrench_at_B(load);
   }
@@ -260,12 +260,12 @@ Force<double> Observer::wrench_in_host(int i) const {
 }
 
 Force<double> Observer::hinge_wrench(int i) const {
-  const UserBody& u = model_.user[static_cast<std::size_t>(i)];
+  const UserBody& u = model_.user[i];
   const Force<double> f = wrench_in_host(i);
-  const SweepBody& b = model_.bodies[static_cast<std::size_t>(u.sweep)];
+  const SweepBody& b = model_.bodies[u.sweep];
   Pose<double> P = u.pose * u.pnode;
   if (!u.merged && b.pnode >= 0) {
-    const NodeShapes& shapes = model_.shapes[static_cast<std::size_t>(b.pnode)];
+    const NodeShapes& shapes = model_.shapes[b.pnode];
     P = shapes.pose;
     if (shapes.deforms()) {
       DeformedNode<double> at{};
@@ -284,15 +284,15 @@ void Observer::prescribed_forces(double* tau) const {
     in.vdot = vdot_;
     inverse_dynamics(model_, *inverse_, in, all_tau_.data());
     for (int i = 0; i < model_.nv; ++i)
-      if (model_.prescribed[static_cast<std::size_t>(i)]) tau[i] = all_tau_[static_cast<std::size_t>(i)];
+      if (model_.prescribed[i]) tau[i] = all_tau_[i];
     return;
   }
   for (int k = 1; k < static_cast<int>(model_.bodies.size()); ++k) {
-    const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
+    const SweepBody& b = model_.bodies[k];
     if (!b.has_prescribed) continue;
     const Force<double> f = wrench_on_sweep_body(k);
     for (int j = 0; j < b.nv; ++j)
-      if (model_.prescribed[static_cast<std::size_t>(b.v + j)]) tau[b.v + j] = dot(soa::hinge_column(model_, ws_, k, j), f);
+      if (model_.prescribed[b.v + j]) tau[b.v + j] = dot(soa::hinge_column(model_, ws_, k, j), f);
   }
 }
 
@@ -300,12 +300,12 @@ void Observer::prescribed_forces(double* tau) const {
 Vec3<double> Observer::first_moment() {
   std::ranges::fill(moment_, Vec3<double>{});
   for (int k = static_cast<int>(model_.bodies.size()) - 1; k > 0; --k) {
-    const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
+    const SweepBody& b = model_.bodies[k];
     Vec3<double> own = b.M.h;
     if (b.n_modes > 0)
       own = ws_.modal_of(k)->M_rr.h;
-    moment_[static_cast<std::size_t>(b.parent)] +=
-        soa::moment_in_inboard(model_, ws_, k, moment_[static_cast<std::size_t>(k)] + own, mass_[static_cast<std::size_t>(k)]);
+    moment_[b.parent] +=
+        soa::moment_in_inboard(model_, ws_, k, moment_[k] + own, mass_[k]);
   }
   return moment_[0];
 }
@@ -334,8 +334,8 @@ ExternalLoads Observer::external(const Inputs& in, const double* vdot) {
     add(to_inboard(W, soa::attraction(model_.field, M, W, c, r)));
   }
   for (const NodeWrench& load : in_.wrenches) {
-    const UserNode& node = model_.nodes[static_cast<std::size_t>(load.node)];
-    const int k = model_.user[static_cast<std::size_t>(node.body)].sweep;
+    const UserNode& node = model_.nodes[load.node];
+    const int k = model_.user[node.body].sweep;
     if (k == 0) continue;
     const DeformedNode<double> at = deformed(model_, node, in_);
     const Pose<double> N = ws_.pose_W(k) * Pose<double>{at.R, at.rho};
@@ -359,24 +359,24 @@ double Observer::actuator_power() const {
   double power = 0.0;
   if (in_.tau)
     for (int i = 0; i < model_.nv; ++i)
-      if (!model_.has_prescribed() || !model_.prescribed[static_cast<std::size_t>(i)]) power += in_.tau[i] * in_.v[i];
+      if (!model_.has_prescribed() || !model_.prescribed[i]) power += in_.tau[i] * in_.v[i];
   for (const Spring& spring : model_.springs)  // tau holds their forces too; the stored part is in the energy
     power += spring.stiffness * (in_.q[spring.q] - spring.rest) * in_.v[spring.v];
   if (model_.has_prescribed()) {
     std::vector<double>& tau = prescribed_tau_;
     prescribed_forces(tau.data());
-    for (int i = 0; i < model_.nv; ++i) power += tau[static_cast<std::size_t>(i)] * in_.v[i];
+    for (int i = 0; i < model_.nv; ++i) power += tau[i] * in_.v[i];
   }
   for (const SweepBody& b : model_.bodies) {  // modal dampers take energy out
     if (b.n_modes == 0) continue;
-    const FlexibleBody& f = model_.flexible[static_cast<std::size_t>(b.flexible)];
+    const FlexibleBody& f = model_.flexible[b.flexible];
     const double* rate = in_.v + b.etadot;
     for (int j = 0; j < b.n_modes; ++j) {
       if (f.K_diagonal) {
-        power -= f.C[static_cast<std::size_t>(j)] * rate[j] * rate[j];
+        power -= f.C[j] * rate[j] * rate[j];
         continue;
       }
-      for (int i = 0; i < b.n_modes; ++i) power -= f.C[static_cast<std::size_t>(b.n_modes * j + i)] * rate[j] * rate[i];
+      for (int i = 0; i < b.n_modes; ++i) power -= f.C[b.n_modes * j + i] * rate[j] * rate[i];
     }
   }
   return power;

@@ -4,15 +4,14 @@ namespace cardan {
 
 namespace {
 
-std::size_t idx(int i) { return static_cast<std::size_t>(i); }
 
 /// The stretches of the runs whose bodies are marked.
 std::vector<Run> cut(const std::vector<Run>& runs, const std::vector<std::uint8_t>& marked) {
   std::vector<Run> out;
   for (const Run& run : runs)
     for (int k = run.begin; k < run.end; ++k) {
-      if (!marked[idx(k)]) continue;
-      if (k > run.begin && marked[idx(k - 1)])
+      if (!marked[k]) continue;
+      if (k > run.begin && marked[k - 1])
         ++out.back().end;
       else
         out.push_back({k, k + 1, run.kind, run.prescribed});
@@ -25,15 +24,15 @@ std::vector<Run> cut(const std::vector<Run>& runs, const std::vector<std::uint8_
 Part part_of(const SweepModel& model, std::span<const int> sweep_bodies) {
   Part out;
   out.takes_part.assign(model.bodies.size(), 0);
-  for (const int k : sweep_bodies) out.takes_part[idx(k)] = 1;
+  for (const int k : sweep_bodies) out.takes_part[k] = 1;
   std::vector<std::uint8_t> still(model.bodies.size(), 0);
   for (const int k : sweep_bodies)
-    if (const int inboard = model.bodies[idx(k)].parent; !out.takes_part[idx(inboard)])
-      for (int p = inboard; p > 0 && !still[idx(p)]; p = model.bodies[idx(p)].parent) still[idx(p)] = 1;
+    if (const int inboard = model.bodies[k].parent; !out.takes_part[inboard])
+      for (int p = inboard; p > 0 && !still[p]; p = model.bodies[p].parent) still[p] = 1;
   out.runs = cut(model.runs, out.takes_part);
   out.still = cut(model.runs, still);
   for (const int k : model.rotors)
-    if (!out.takes_part[idx(k)] && out.takes_part[idx(model.bodies[idx(k)].parent)]) out.rotors_left_out.push_back(k);
+    if (!out.takes_part[k] && out.takes_part[model.bodies[k].parent]) out.rotors_left_out.push_back(k);
   return out;
 }
 

@@ -45,7 +45,7 @@ void outward(const SweepModel& model, const soa::Sweeps<T>& S, soa::Workspace<T>
     for (int k = run.begin; k < run.end; ++k) ws.core(k).gamma.v = held(ws.core(k).gamma.v);
   for (const Run& run : part->runs) S.outward(model, ws, in, run, what);
   for (const int k : part->rotors_left_out) {
-    const SweepBody& rotor = model.bodies[static_cast<std::size_t>(k)];
+    const SweepBody& rotor = model.bodies[k];
     soa::Core<T>& carrier = ws.core(rotor.parent);
     const RigidInertia<T> M = cast<T>(rotor.M_sweep);
     carrier.z -= M * carrier.gamma + gyroscopic(M, carrier.w);
@@ -57,8 +57,8 @@ template <class T>
 void world(const SweepModel& model, const soa::Sweeps<T>& S, soa::Workspace<T>& ws, const soa::Inputs<T>& in, const Part* part) {
   S.world(model, ws, in);
   for (int k = 1; part && k < static_cast<int>(model.bodies.size()); ++k) {
-    const int inboard = model.bodies[static_cast<std::size_t>(k)].parent;
-    if (part->takes_part[static_cast<std::size_t>(k)]) {
+    const int inboard = model.bodies[k].parent;
+    if (part->takes_part[k]) {
       const Pose<T> X = soa::pose_in_inboard(model, ws, k, in.q);
       ws.pose_W(k) = ws.pose_W(inboard) * X;
       ws.V(k) = soa::velocity_of(model, ws, in, k, X, ws.V(inboard));

@@ -47,9 +47,9 @@ struct Spring {
 };
 
 /// One line of the program of sweeps.
-enum class Kernel : std::uint8_t { hinge_records, outward, elastic, world, central_gravity, node_wrenches, inward, acceleration, refine };
+enum class OpCode : std::uint8_t { hinge_records, outward, elastic, world, central_gravity, node_wrenches, inward, acceleration, refine };
 struct Op {
-  Kernel kernel;
+  OpCode code;
   int run = -1;                         // index of the run, -1 = all bodies
 };
 
@@ -58,13 +58,14 @@ struct Model : SweepModel {
   std::vector<Spring> springs;
   GravitySpec gravity;
   std::vector<UserBody> user;           // in the user's order
+  std::vector<int> owner;               // per sweep body: the user's body whose hinge is its hinge; -1: the ground
   std::vector<PlainRates> plain_rates;
   std::vector<int> curved;              // user indices of the others: q' is up to their hinge
   std::vector<Op> program;              // forward dynamics, in order of execution
-  std::string refinement;               // why Kernel::refine is in it; empty: it is not
-  bool has(Kernel kernel) const {
+  std::string refinement;               // why OpCode::refine is in it; empty: it is not
+  bool has(OpCode code) const {
     for (const Op& op : program)
-      if (op.kernel == kernel) return true;
+      if (op.code == code) return true;
     return false;
   }
   std::shared_ptr<const SystemSpec> spec;

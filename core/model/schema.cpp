@@ -173,7 +173,7 @@ Eigen::Matrix3d read_euler(const DocRef& value, ReadContext& context) {
   const Eigen::Vector3d angle = read_vector(*angles, "rad", context);
   Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
   for (int i = 0; i < 3; ++i)
-    R = R * Eigen::AngleAxisd(angle[i], Eigen::Vector3d::Unit(axes[static_cast<std::size_t>(i)] - 'x'));
+    R = R * Eigen::AngleAxisd(angle[i], Eigen::Vector3d::Unit(axes[i] - 'x'));
   return R;
 }
 

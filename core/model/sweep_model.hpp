@@ -16,13 +16,13 @@ struct ModalData;
 
 /// Which kernel serves a body: the shape of its hinge, and whether the body, its nodes or its motion are anything but rigid
 /// and free. General kernels take any shape.
-enum class KernelKind : std::uint8_t { fixed, rotation, slide, screw, dense1, dense2, dense3, dense4, dense5, dense6,
+enum class BodyKernel : std::uint8_t { fixed, rotation, slide, screw, dense1, dense2, dense3, dense4, dense5, dense6,
                                        free,                                 // six degrees of freedom: kernels_free.hpp
                                        axis_x, axis_y, axis_z, tilt, tilt2,  // AxisBody: kernels_axis.hpp
                                        rotor,                                // AxisBody: axisymmetric, folded into its carrier
                                        general0, general1, general2, general3, general4, general5, general6 };
-static constexpr bool is_general(KernelKind k) { return k >= KernelKind::general0; }
-static constexpr bool is_axis(KernelKind k) { return k >= KernelKind::axis_x && k <= KernelKind::rotor; }
+static constexpr bool is_general(BodyKernel k) { return k >= BodyKernel::general0; }
+static constexpr bool is_axis(BodyKernel k) { return k >= BodyKernel::axis_x && k <= BodyKernel::rotor; }
 
 /// Deformation of a node: columns [Psi; Phi] (6 x m, column-major) over the undeformed pose in the body frame.
 struct NodeShapes {
@@ -75,7 +75,7 @@ struct FlexibleBody {
 /// What the sweeps read of one body. Index 0 is the ground.
 struct SweepBody {
   int parent = 0;                       // sweep index, < own index
-  KernelKind kind = KernelKind::fixed;
+  BodyKernel kind = BodyKernel::fixed;
   std::uint8_t nv = 0;
   std::uint8_t shape = 0;               // cardan_hinge_shape
   int q = 0, v = 0;                     // offsets of the hinge coordinates in the user's q and v
@@ -97,7 +97,7 @@ struct SweepBody {
 
 /// What the axis kernels read of one body (rigid, one rotation about a coordinate axis of its frame), parallel to `bodies`.
 struct AxisBody {
-  KernelKind kind = KernelKind::fixed;
+  BodyKernel kind = BodyKernel::fixed;
   bool leaf = false;                                        // nothing hangs on it but rotors: its P is constant
   int parent = 0, q = 0, v = 0;
   int angle = 0;                                            // place of its sine and cosine in the workspace
@@ -122,7 +122,7 @@ struct AxisAngle {
 /// A maximal stretch of consecutive bodies with one kernel, all or none with given motions.
 struct Run {
   int begin, end;
-  KernelKind kind;
+  BodyKernel kind;
   bool prescribed = false;              // given motions move its bodies: of their hinges, their modes, or the modes they hang on
 };
 

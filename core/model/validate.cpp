@@ -151,7 +151,7 @@ class Structure {
              did_you_mean(hinge.inboard_body, legal));
       return -1;
     }
-    check_node_name(spec_.bodies[static_cast<std::size_t>(inboard->second)], hinge.inboard_node, at, ".to");
+    check_node_name(spec_.bodies[inboard->second], hinge.inboard_node, at, ".to");
     return inboard->second;
   }
   void check_node_name(const BodySpec& body, const std::string& node, const auto& at, const char* key) {
@@ -169,13 +169,13 @@ class Structure {
 
   void check_cycles() {
     const int n = static_cast<int>(inboard_.size());
-    const auto inboard = [&](int i) { return inboard_[static_cast<std::size_t>(i)]; };
-    const auto body = [&](int i) -> const BodySpec& { return spec_.bodies[static_cast<std::size_t>(i)]; };
+    const auto inboard = [&](int i) { return inboard_[i]; };
+    const auto body = [&](int i) -> const BodySpec& { return spec_.bodies[i]; };
     std::vector<int> seen_from(inboard_.size(), -1);  // the body whose way to the world led here first
     for (int start = 0; start < n; ++start) {
       int i = start;
-      for (; i >= 0 && seen_from[static_cast<std::size_t>(i)] < 0; i = inboard(i)) seen_from[static_cast<std::size_t>(i)] = start;
-      if (i < 0 || seen_from[static_cast<std::size_t>(i)] != start) continue;  // ended at the world, or in what was seen before
+      for (; i >= 0 && seen_from[i] < 0; i = inboard(i)) seen_from[i] = start;
+      if (i < 0 || seen_from[i] != start) continue;  // ended at the world, or in what was seen before
       std::string names = body(i).name + " -> ";
       for (int k = inboard(i); k != i; k = inboard(k)) names += body(k).name + " -> ";
       report(Code::cycle, body_path(body(i)) + ".hinge.to", "inboard bodies that lead to the world", names + body(i).name,
@@ -390,7 +390,7 @@ void check_attachment(const SystemSpec& spec, const BodySpec& body, int inboard,
                 "hinge converges with far fewer modes");
   };
   check(body, hinge.body_node, ".at");
-  if (inboard >= 0) check(spec.bodies[static_cast<std::size_t>(inboard)], hinge.inboard_node, ".to");
+  if (inboard >= 0) check(spec.bodies[inboard], hinge.inboard_node, ".to");
 }
 
 }  // namespace

@@ -17,8 +17,8 @@ std::vector<std::string> names_of(const UserBody& u, int j) {
 
 std::string deviation_name(const UserBody& u, int j) {
   const bool is_curved = u.nq > 0 && u.hinge->retract;
-  if (!is_curved) return u.q_names[static_cast<std::size_t>(j)];
-  if (!u.has_attitude()) return "d_" + u.v_names[static_cast<std::size_t>(j)];
+  if (!is_curved) return u.q_names[j];
+  if (!u.has_attitude()) return "d_" + u.v_names[j];
   return fmt::format("{}_{}", j < 3 ? "turn" : "shift", "xyz"[j % 3]);
 }
 

@@ -14,7 +14,6 @@ using soa::OperatorBody;
 using soa::PositionBlocks;
 using soa::TreeOperators;
 
-std::size_t idx(int i) { return static_cast<std::size_t>(i); }
 
 /// S^-1 x, S^-* x.
 template <class X>
@@ -41,13 +40,13 @@ template <class Visit>
 void scatter(const TreeOperators& tree, const VectorXd& v, const Visit& visit) {
   std::vector<VectorXd> V(tree.bodies().size());
   for (int i = 0; i < static_cast<int>(V.size()); ++i) {
-    const OperatorBody& b = tree.bodies()[idx(i)];
+    const OperatorBody& b = tree.bodies()[i];
     VectorXd x = VectorXd::Zero(6 + b.m);
-    if (b.parent >= 0) x.head<6>() = tree.A(i) * V[idx(b.parent)];
+    if (b.parent >= 0) x.head<6>() = tree.A(i) * V[b.parent];
     for (int j = 0; j < b.nh + b.m; ++j)
       if (!tree.is_free(b.v + j)) x += v[b.v + j] * tree.Ht_all(i).col(j);
     visit(i, x);
-    V[idx(i)] = x + tree.Ht(i) * v.segment(b.v, b.nh + b.m);
+    V[i] = x + tree.Ht(i) * v.segment(b.v, b.nh + b.m);
   }
 }
 
@@ -57,40 +56,40 @@ void riccati_rates(const TreeOperators& tree, const PositionBlocks& direction, R
   tree.require(soa::Kind::P);
   const std::size_t n = tree.bodies().size();
   for (auto* x : {&rates.P, &rates.P_plus, &rates.D, &rates.G, &rates.S}) x->resize(n);
-  for (std::size_t i = 0; i < n; ++i) rates.P[i] = direction.M[idx(tree.bodies()[i].sweep)];
+  for (std::size_t i = 0; i < n; ++i) rates.P[i] = direction.M[tree.bodies()[i].sweep];
   for (int i = static_cast<int>(n) - 1; i >= 0; --i) {
-    const OperatorBody& b = tree.bodies()[idx(i)];
+    const OperatorBody& b = tree.bodies()[i];
     const MatrixXd &H = tree.Ht(i), &P = tree.P(i), &G = tree.G(i), &P_plus = tree.P_plus(i), &S = tree.S(i);
-    MatrixXd dH = direction.Ht[idx(b.sweep)];
+    MatrixXd dH = direction.Ht[b.sweep];
     for (int j = 0; j < b.nh + b.m; ++j)
       if (!tree.is_free(b.v + j)) dH.col(j).setZero();
-    const MatrixXd &dP = rates.P[idx(i)], PdH = P * dH, dPH = dP * H;
-    MatrixXd& dD = rates.D[idx(i)];
+    const MatrixXd &dP = rates.P[i], PdH = P * dH, dPH = dP * H;
+    MatrixXd& dD = rates.D[i];
     dD = H.transpose() * PdH;
     dD = (dD + dD.transpose() + H.transpose() * dPH).eval();
     MatrixXd half = dD;  // S^-1 dD S^-*
     solve(S, half);
     half.transposeInPlace();
     solve(S, half);
-    rates.S[idx(i)] = S * low(half);
+    rates.S[i] = S * low(half);
     MatrixXd gain = (dPH + PdH - G * dD).transpose();  // times D^-1 from the right
     solve(S, gain);
     solve_star(S, gain);
-    rates.G[idx(i)] = gain.transpose();
+    rates.G[i] = gain.transpose();
     const MatrixXd loss = G * (dH.transpose() * P_plus), tau_bar = MatrixXd::Identity(P.rows(), P.cols()) - G * H.transpose();
-    MatrixXd& dP_plus = rates.P_plus[idx(i)];
+    MatrixXd& dP_plus = rates.P_plus[i];
     dP_plus = tau_bar * dP * tau_bar.transpose() - loss - loss.transpose();
     if (b.parent < 0) continue;
-    const soa::Matrix6X &A = tree.A(i), &dA = direction.A[idx(b.sweep)];
+    const soa::Matrix6X &A = tree.A(i), &dA = direction.A[b.sweep];
     const MatrixXd turned = dA.transpose() * (P_plus.topLeftCorner<6, 6>() * A);
-    rates.P[idx(b.parent)] += turned + turned.transpose() + A.transpose() * (dP_plus.topLeftCorner<6, 6>() * A);
+    rates.P[b.parent] += turned + turned.transpose() + A.transpose() * (dP_plus.topLeftCorner<6, 6>() * A);
   }
 }
 
 Diagonalised::Diagonalised(const TreeOperators& tree, Form form) : tree_(tree), normalised_(form == Form::normalised), ws_(tree.model()) {}
 
 void Diagonalised::clear_given(int i, VectorXd& x) const {
-  const OperatorBody& b = tree_.bodies()[idx(i)];
+  const OperatorBody& b = tree_.bodies()[i];
   for (int j = b.v; j < b.v + b.nh + b.m; ++j)
     if (!tree_.is_free(j)) x[j] = 0.0;
 }
@@ -99,7 +98,7 @@ VectorXd Diagonalised::from_velocity(const VectorXd& v) const {
   tree_.require(soa::Kind::G);
   VectorXd nu(v.size());
   scatter(tree_, v, [&](int i, const VectorXd& x) {
-    const OperatorBody& b = tree_.bodies()[idx(i)];
+    const OperatorBody& b = tree_.bodies()[i];
     auto part = nu.segment(b.v, b.nh + b.m);
     part = v.segment(b.v, b.nh + b.m);
     clear_given(i, nu);
@@ -112,7 +111,7 @@ VectorXd Diagonalised::from_velocity(const VectorXd& v) const {
 void Diagonalised::to_velocity(const VectorXd& nu, VectorXd& v) const {
   tree_.require(soa::Kind::G);
   scatter(tree_, v, [&](int i, const VectorXd& x) {
-    const OperatorBody& b = tree_.bodies()[idx(i)];
+    const OperatorBody& b = tree_.bodies()[i];
     VectorXd rate = nu.segment(b.v, b.nh + b.m);
     if (normalised_) solve_star(tree_.S(i), rate);
     rate -= tree_.G(i).transpose() * x;
@@ -124,7 +123,7 @@ void Diagonalised::to_velocity(const VectorXd& nu, VectorXd& v) const {
 VectorXd Diagonalised::eps(const VectorXd& tau) const {
   VectorXd out = innovations(tree_, tau);
   for (int i = 0; i < static_cast<int>(tree_.bodies().size()); ++i) {
-    const OperatorBody& b = tree_.bodies()[idx(i)];
+    const OperatorBody& b = tree_.bodies()[i];
     clear_given(i, out);
     if (normalised_) solve(tree_.S(i), out.segment(b.v, b.nh + b.m));
   }
@@ -142,13 +141,13 @@ VectorXd Diagonalised::drift(const VectorXd& v, const double* given_vdot) {
   std::vector<VectorXd> V(n), dV(n);  // dV: rate of its components at constant free v
   VectorXd out(v.size());
   for (int i = 0; i < static_cast<int>(n); ++i) {
-    const OperatorBody& b = tree_.bodies()[idx(i)];
-    const soa::Matrix6X& dA = d.A[idx(b.sweep)];
-    const MatrixXd &H = tree_.Ht_all(i), &dH = d.Ht[idx(b.sweep)], &S = tree_.S(i), &G = tree_.G(i);
+    const OperatorBody& b = tree_.bodies()[i];
+    const soa::Matrix6X& dA = d.A[b.sweep];
+    const MatrixXd &H = tree_.Ht_all(i), &dH = d.Ht[b.sweep], &S = tree_.S(i), &G = tree_.G(i);
     VectorXd x = VectorXd::Zero(6 + b.m), dx = x, free = v.segment(b.v, b.nh + b.m);
     if (b.parent >= 0) {
-      x.head<6>() = tree_.A(i) * V[idx(b.parent)];
-      dx.head<6>() = tree_.A(i) * dV[idx(b.parent)] + dA * V[idx(b.parent)];
+      x.head<6>() = tree_.A(i) * V[b.parent];
+      dx.head<6>() = tree_.A(i) * dV[b.parent] + dA * V[b.parent];
     }
     for (int j = 0; j < b.nh + b.m; ++j)
       if (!tree_.is_free(b.v + j)) {
@@ -157,13 +156,13 @@ VectorXd Diagonalised::drift(const VectorXd& v, const double* given_vdot) {
         free[j] = 0.0;
       }
     auto part = out.segment(b.v, b.nh + b.m);
-    part = rates.G[idx(i)].transpose() * x + G.transpose() * dx;
+    part = rates.G[i].transpose() * x + G.transpose() * dx;
     if (normalised_)
-      part = (S.transpose() * part + rates.S[idx(i)].transpose() * (free + G.transpose() * x)).eval();
+      part = (S.transpose() * part + rates.S[i].transpose() * (free + G.transpose() * x)).eval();
     else
       part = (tree_.D(i) * part).eval();
-    V[idx(i)] = x + H * free;
-    dV[idx(i)] = dx + dH * free;
+    V[i] = x + H * free;
+    dV[i] = dx + dH * free;
   }
   return out;
 }
@@ -187,7 +186,7 @@ VectorXd Diagonalised::rate(const Inputs& in) {
   VectorXd out = eps(missing) + drift(v, accelerations.data());
   if (!normalised_)
     for (int i = 0; i < static_cast<int>(tree_.bodies().size()); ++i) {
-      const OperatorBody& b = tree_.bodies()[idx(i)];
+      const OperatorBody& b = tree_.bodies()[i];
       solve(tree_.S(i), out.segment(b.v, b.nh + b.m));
       solve_star(tree_.S(i), out.segment(b.v, b.nh + b.m));
     }

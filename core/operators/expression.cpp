@@ -174,7 +174,7 @@ std::optional<Formula> inverse_of(const Formula& f) {
     Node bare = *f;
     const auto one = std::find_if(bare.parts.begin(), bare.parts.end(), [](const Formula& p) { return p->form == Form::identity; });
     if (one == bare.parts.end()) return std::nullopt;
-    const double s = bare.scales[static_cast<std::size_t>(one - bare.parts.begin())];
+    const double s = bare.scales[one - bare.parts.begin()];
     std::rotate(bare.scales.begin(), bare.scales.begin() + (one - bare.parts.begin()), bare.scales.end());
     std::rotate(bare.parts.begin(), one, bare.parts.end());
     for (double& scale : bare.scales) scale /= s;

@@ -19,13 +19,12 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-std::size_t idx(int i) { return static_cast<std::size_t>(i); }
 bool is_free(Drive drive) { return drive == Drive::forced || drive == Drive::passive; }
 VectorXd inverse_mass_times(const TreeOperators& tree, const VectorXd& tau) { return operators::apply(operators::mass_inverse, tree, tau); }
 
 /// What the hinge of a rotor transmits, at its origin: the sweeps know of its carrier only. After inverse dynamics.
 Force<double> force_on_rotor(const Model& model, const Workspace<double>& ws, const Inputs<double>& in, int k) {
-  const SweepBody& b = model.bodies[idx(k)];
+  const SweepBody& b = model.bodies[k];
   Vec3<double> w;
   Motion<double> gamma;
   motion_of_body(model, ws, in, k, in.vdot, After::inverse, w, gamma);
@@ -35,7 +34,7 @@ Force<double> force_on_rotor(const Model& model, const Workspace<double>& ws, co
     f -= attraction(model.field, b.M, ws.pose_W(k), c, r);
   }
   for (const NodeWrench<double>& load : in.wrenches) {
-    const UserNode& node = model.nodes[idx(load.node)];
+    const UserNode& node = model.nodes[load.node];
     if (node.sweep != k) continue;
     const Mat3<double> R = load.world_axes ? transpose(ws.pose_W(k).R) : node.shapes.pose.R;
     f -= to_inboard(Pose<double>{Mat3<double>::identity(), node.shapes.pose.p}, Force<double>{R * load.f.n, R * load.f.f});
@@ -66,22 +65,22 @@ Hybrid hybrid_dynamics(const TreeOperators& tree, const VectorXd& bias, const Ve
   VectorXd z(gamma.size()), eps = tau - bias, nu(tau.size()), delta(gamma.size());
   tree.apply(Kind::M, false, gamma.data(), z.data());
   for (int i = n - 1; i >= 0; --i) {
-    const OperatorBody& b = bodies[idx(i)];
+    const OperatorBody& b = bodies[i];
     auto own = z.segment(b.at, 6 + b.m);
     auto innovation = eps.segment(b.v, b.nh + b.m);
     innovation.noalias() -= tree.Ht(i).transpose() * own;
     own.noalias() += tree.G(i) * innovation;  // z+
     if (b.parent < 0) continue;
-    const OperatorBody& p = bodies[idx(b.parent)];
+    const OperatorBody& p = bodies[b.parent];
     z.segment(p.at, 6 + p.m).noalias() += tree.A(i).transpose() * z.segment<6>(b.at);
   }
   tree.apply_inverse(Kind::D, eps.data(), nu.data());
   VectorXd arriving, f;
   for (int i = 0; i < n; ++i) {
-    const OperatorBody& b = bodies[idx(i)];
+    const OperatorBody& b = bodies[i];
     arriving.setZero(6 + b.m);  // delta+
     if (b.parent >= 0) {
-      const OperatorBody& p = bodies[idx(b.parent)];
+      const OperatorBody& p = bodies[b.parent];
       arriving.head<6>().noalias() = tree.A(i) * delta.segment(p.at, 6 + p.m);
     }
     const VectorXd solved = nu.segment(b.v, b.nh + b.m) - tree.G(i).transpose() * arriving;
@@ -126,9 +125,9 @@ VectorXd interbody_forces(const TreeOperators& tree, Workspace<double>& ws, cons
   inverse_dynamics(tree, ws, use);
   VectorXd out(tree.size(Space::body));
   for (const OperatorBody& b : tree.bodies()) {
-    const SweepBody& body = model.bodies[idx(b.sweep)];
-    const Force<double> f = body.kind == KernelKind::rotor ? force_on_rotor(model, ws, use, b.sweep) : ws.core(b.sweep).z;
-    out.segment<6>(b.at) = to_eigen(to_outboard(model.user[idx(b.user)].pose, f));
+    const SweepBody& body = model.bodies[b.sweep];
+    const Force<double> f = body.kind == BodyKernel::rotor ? force_on_rotor(model, ws, use, b.sweep) : ws.core(b.sweep).z;
+    out.segment<6>(b.at) = to_eigen(to_outboard(model.user[b.user].pose, f));
     for (int j = 0; j < b.m; ++j) out[b.at + 6 + j] = ws.modal_of(b.sweep)->z[j];
   }
   return out;
@@ -143,8 +142,8 @@ Hybrid hybrid_dynamics(const TreeOperators& tree, std::span<const Drive> drives,
   for (int j = 0; j < tree.model().nv; ++j) {
     const int place = tree.place_of_velocity(j);
     if (place < 0) continue;
-    const Drive drive = drives[idx(place)];
-    const auto name = [&] { return tree.labels(Space::hinge, Sort::motion).names[idx(place)]; };
+    const Drive drive = drives[place];
+    const auto name = [&] { return tree.labels(Space::hinge, Sort::motion).names[place]; };
     if (is_free(drive) != tree.is_free(place))
       throw InputError(Diagnostic{Code::operator_shape, {"drive of " + name(), {}}, "the mask that the tree was articulated with",
                                   is_free(drive) ? "free" : "not free", "articulate({.free = free_mask(drives)}) first", {}, {}, 0});
@@ -204,7 +203,7 @@ MatrixXd Unactuated::coupling() const {
 }
 
 std::vector<std::uint8_t> base_mask(const TreeOperators& tree) {
-  std::vector<std::uint8_t> mask(idx(tree.size(Space::hinge)), 0);
+  std::vector<std::uint8_t> mask((tree.size(Space::hinge)), 0);
   for (const OperatorBody& b : tree.bodies())
     if (b.parent < 0) std::fill_n(mask.begin() + b.v, b.nh, std::uint8_t{1});
   return mask;

@@ -26,7 +26,6 @@ constexpr double kStationary = 1e-9;   // |J* e| over |J| |e|
 constexpr double kNullSpaceStep = 1e-7; // the distance to the preferred posture is flat to round-off below
 constexpr int kSecondaryIterations = 100;
 
-std::size_t idx(int i) { return static_cast<std::size_t>(i); }
 
 [[noreturn]] void refuse(Code code, std::string what, std::string expected, std::string got) {
   throw InputError(Diagnostic{code, {"inverse kinematics: " + std::move(what), {}}, std::move(expected), std::move(got), {}, {}, {}, 0});
@@ -68,20 +67,20 @@ class Solver {
  public:
   /// part: null, all may move.
   Solver(const std::shared_ptr<const Model>& model, const TreeOperators* part, std::span<const IkTarget> targets, const IkOptions& options)
-      : m_(*model), targets_(targets), options_(options), tree_(model), ws_(m_), zeros_(idx(m_.nv), 0.0), coordinate_(idx(m_.nv), -1),
-        movable_(idx(m_.nv), 0), turns_(idx(m_.nv), 0) {
+      : m_(*model), targets_(targets), options_(options), tree_(model), ws_(m_), zeros_(m_.nv, 0.0), coordinate_(m_.nv, -1),
+        movable_(m_.nv, 0), turns_(m_.nv, 0) {
     ws_.require_world();
     for (const PlainRates& r : m_.plain_rates)
-      for (int i = 0; i < r.n; ++i) coordinate_[idx(r.v + i)] = r.q + i;
+      for (int i = 0; i < r.n; ++i) coordinate_[r.v + i] = r.q + i;
     for (const UserBody& u : m_.user)
       for (int j = 0; j < u.nv; ++j) {
-        movable_[idx(u.v + j)] = options.free.empty() && may_move(part, u.v + j);
-        turns_[idx(u.v + j)] = u.v_units[idx(j)] == "rad/s";
+        movable_[u.v + j] = options.free.empty() && may_move(part, u.v + j);
+        turns_[u.v + j] = u.v_units[j] == "rad/s";
       }
     for (const int v : options.free) {
       if (v < 0 || v >= m_.nv) refuse(Code::out_of_range, "free", fmt::format("components 0 to {}", m_.nv - 1), fmt::format("{}", v));
       if (!may_move(part, v)) refuse(Code::unsupported, "free", "components of bodies that take part, free in the tree", name_of(v));
-      movable_[idx(v)] = 1;
+      movable_[v] = 1;
     }
     std::vector<int> nodes;
     for (const IkTarget& t : targets) nodes.push_back(t.node);
@@ -93,15 +92,15 @@ class Solver {
     }
     for (const IkTarget& t : targets) {
       for (int i = 0; i < 6; ++i)
-        if (t.rows[idx(i)]) ++rows_;
+        if (t.rows[i]) ++rows_;
       scale_ = std::max(scale_, t.position_weight * t.position.norm());
       const bool rotation = (t.R_WN.transpose() * t.R_WN - Eigen::Matrix3d::Identity()).norm() < 1e-6 && t.R_WN.determinant() > 0.0;
-      if (!rotation) refuse(Code::not_a_rotation, "target on " + m_.nodes[idx(t.node)].name, "a rotation matrix", "another matrix");
+      if (!rotation) refuse(Code::not_a_rotation, "target on " + m_.nodes[t.node].name, "a rotation matrix", "another matrix");
     }
     lower_.setConstant(m_.nv, -std::numeric_limits<double>::infinity());
     upper_ = -lower_;
     for (const IkLimit& l : options.limits) {
-      if (l.v < 0 || l.v >= m_.nv || coordinate_[idx(l.v)] < 0)
+      if (l.v < 0 || l.v >= m_.nv || coordinate_[l.v] < 0)
         refuse(Code::unsupported, "limits", "a component with a coordinate of its own", fmt::format("velocity component {}", l.v));
       if (!may_move(part, l.v)) refuse(Code::unsupported, "limits", "components of bodies that take part, free in the tree", name_of(l.v));
       if (!(l.lower <= l.upper)) refuse(Code::out_of_range, "limits", "lower <= upper", fmt::format("{:g} ... {:g}", l.lower, l.upper));
@@ -136,10 +135,10 @@ class Solver {
       if (starts > 0) {
         VectorXd d = VectorXd::Zero(m_.nv);
         for (int v = 0; v < m_.nv; ++v) {
-          if (!movable_[idx(v)]) continue;
+          if (!movable_[v]) continue;
           const double r = random();
           const bool within = std::isfinite(lower_[v]) && std::isfinite(upper_[v]);
-          d[v] = within ? 0.5 * (lower_[v] + upper_[v] + r * (upper_[v] - lower_[v])) - first[coordinate_[idx(v)]] : r * (turns_[idx(v)] ? std::numbers::pi : room);
+          d[v] = within ? 0.5 * (lower_[v] + upper_[v] + r * (upper_[v] - lower_[v])) - first[coordinate_[v]] : r * (turns_[v] ? std::numbers::pi : room);
         }
         q = clamped(moved(first, d));
       }
@@ -175,7 +174,7 @@ class Solver {
     const int place = part->place_of_velocity(v);
     return place >= 0 && part->is_free(place);
   }
-  std::string name_of(int v) const { return tree_.labels(Space::hinge, Sort::motion).names[idx(tree_.place_of_velocity(v))]; }
+  std::string name_of(int v) const { return tree_.labels(Space::hinge, Sort::motion).names[tree_.place_of_velocity(v)]; }
   VectorXd moved(const VectorXd& q, const VectorXd& d) const {
     VectorXd out(m_.nq);
     m_.retract(q.data(), d.data(), out.data());
@@ -184,7 +183,7 @@ class Solver {
   VectorXd clamped(VectorXd q) const {
     m_.normalise(q.data());
     for (const IkLimit& l : options_.limits) {
-      double& x = q[coordinate_[idx(l.v)]];
+      double& x = q[coordinate_[l.v]];
       x = std::clamp(x, lower_[l.v], upper_[l.v]);
     }
     return q;
@@ -199,12 +198,12 @@ class Solver {
     for (const Run& run : m_.runs) S.outward(m_, ws_, in, run, {.velocity = false});
     S.world(m_, ws_, in);
     for (int k = 0; k < static_cast<int>(held_.size()); ++k)
-      ws_.pose_W(k) = held_[idx(k)] ? *held_[idx(k)] : ws_.pose_W(m_.bodies[idx(k)].parent) * pose_in_inboard(m_, ws_, k, in.q);
+      ws_.pose_W(k) = held_[k] ? *held_[k] : ws_.pose_W(m_.bodies[k].parent) * pose_in_inboard(m_, ws_, k, in.q);
   }
 
   /// 6 x targets, [rotation; position] in target axes.
   MatrixXd errors(const VectorXd& q) {
-    place_bodies(std::span(q.data(), idx(m_.nq)));
+    place_bodies(std::span(q.data(), m_.nq));
     const Inputs<double> in{.q = q.data(), .v = zeros_.data(), .gravity = false};
     MatrixXd out(6, targets_.size());
     nodes_.clear();
@@ -222,7 +221,7 @@ class Solver {
     int r = 0;
     for (std::size_t i = 0; i < targets_.size(); ++i)
       for (int k = 0; k < 6; ++k)
-        if (targets_[i].rows[idx(k)])
+        if (targets_[i].rows[k])
           out[r++] = (k < 3 ? targets_[i].rotation_weight : targets_[i].position_weight) * errors(k, static_cast<Eigen::Index>(i));
     return out;
   }
@@ -241,7 +240,7 @@ class Solver {
       const IkTarget& t = targets_[i];
       const Eigen::Matrix3d turn = left_jacobian_inverse(errors.col(static_cast<Eigen::Index>(i)).head<3>()), shift = t.R_WN.transpose() * to_eigen(nodes_[i].R_WN);
       for (int k = 0; k < 6; ++k) {
-        if (!t.rows[idx(k)]) continue;
+        if (!t.rows[k]) continue;
         Vector6 wrench = Vector6::Zero();
         if (k < 3)
           wrench.head<3>() = t.rotation_weight * turn.row(k).transpose();
@@ -251,7 +250,7 @@ class Solver {
         by.apply_nodes({&node, 1}, false, wrench.data(), f.data());
         by.apply(Kind::phi, false, f.data(), gathered.data());
         by.apply(Kind::H, false, gathered.data(), tau.data());
-        for (int v = 0; v < m_.nv; ++v) out(v, r) = movable_[idx(v)] ? tau[by.place_of_velocity(v)] : 0.0;
+        for (int v = 0; v < m_.nv; ++v) out(v, r) = movable_[v] ? tau[by.place_of_velocity(v)] : 0.0;
         ++r;
       }
     }
@@ -262,8 +261,8 @@ class Solver {
   std::vector<std::uint8_t> free_to_follow(const VectorXd& q, const VectorXd& wish) const {
     std::vector<std::uint8_t> out = movable_;
     for (const IkLimit& l : options_.limits) {
-      const double x = q[coordinate_[idx(l.v)]];
-      if ((x <= lower_[l.v] && wish[l.v] < 0.0) || (x >= upper_[l.v] && wish[l.v] > 0.0)) out[idx(l.v)] = 0;
+      const double x = q[coordinate_[l.v]];
+      if ((x <= lower_[l.v] && wish[l.v] < 0.0) || (x >= upper_[l.v] && wish[l.v] > 0.0)) out[l.v] = 0;
     }
     return out;
   }
@@ -271,14 +270,14 @@ class Solver {
   MatrixXd weighted(const MatrixXd& A_star, const std::vector<std::uint8_t>& free, bool dynamic) {
     MatrixXd out = A_star;
     for (int v = 0; v < m_.nv; ++v)
-      if (!free[idx(v)]) out.row(v).setZero();
+      if (!free[v]) out.row(v).setZero();
     if (!dynamic) return inverse_weight_.asDiagonal() * out;
     TreeOperators& by = part_ ? *part_ : tree_;
     const int n = by.size(Space::hinge);
-    std::vector<std::uint8_t> mask(idx(n));
+    std::vector<std::uint8_t> mask(n);
     VectorXd solved(n);
     for (int v = 0; v < m_.nv; ++v)
-      if (const int place = by.place_of_velocity(v); place >= 0) mask[idx(place)] = free[idx(v)];
+      if (const int place = by.place_of_velocity(v); place >= 0) mask[place] = free[v];
     by.articulate({.W = nullptr, .free = mask});
     for (int r = 0; r < rows_; ++r) {
       operators::apply(operators::mass_inverse, by, by.from_model(out.col(r)).data(), solved.data());  // 0 where not free
@@ -302,7 +301,7 @@ class Solver {
       const MatrixXd Z = weighted(A_star, free, options_.dynamic);
       double pull = 0.0, size = 0.0;
       for (int v = 0; v < m_.nv; ++v)
-        if (free[idx(v)]) pull += gradient[v] * gradient[v], size += A_star.row(v).squaredNorm();
+        if (free[v]) pull += gradient[v] * gradient[v], size += A_star.row(v).squaredNorm();
       if (!(std::sqrt(pull) > kStationary * std::sqrt(size) * e.norm())) {
         out.stationary = true;
         break;
@@ -316,7 +315,7 @@ class Solver {
         VectorXd d = Z * damped.ldlt().solve(e);
         double turn = 0.0;
         for (int v = 0; v < m_.nv; ++v)
-          if (turns_[idx(v)]) turn = std::max(turn, std::abs(d[v]));
+          if (turns_[v]) turn = std::max(turn, std::abs(d[v]));
         if (turn > options_.step) d *= options_.step / turn;
         const VectorXd trial = clamped(moved(q, d));
         const MatrixXd error_there = errors(trial);
@@ -343,7 +342,7 @@ class Solver {
     out.error = error;
     for (std::size_t i = 0; i < targets_.size(); ++i)
       for (int k = 0; k < 6; ++k)
-        if (!targets_[i].rows[idx(k)]) out.error(k, static_cast<Eigen::Index>(i)) = 0.0;
+        if (!targets_[i].rows[k]) out.error(k, static_cast<Eigen::Index>(i)) = 0.0;
     out.q = std::move(q);
     return out;
   }
@@ -356,7 +355,7 @@ class Solver {
       VectorXd d(m_.nv);
       m_.difference(q.data(), options_.prefer.data(), d.data());
       for (int v = 0; v < m_.nv; ++v)
-        if (!movable_[idx(v)]) d[v] = 0.0;
+        if (!movable_[v]) d[v] = 0.0;
       return d;
     };
     const auto length = [&](const VectorXd& d) { return std::sqrt(d.cwiseAbs2().cwiseQuotient(inverse_weight_).sum()); };
@@ -368,7 +367,7 @@ class Solver {
       const std::vector<std::uint8_t> free = free_to_follow(best.q, d);
       VectorXd wish = d;
       for (int v = 0; v < m_.nv; ++v)
-        if (!free[idx(v)]) wish[v] = 0.0;
+        if (!free[v]) wish[v] = 0.0;
       const MatrixXd Z = weighted(A_star, free, false);
       const MatrixXd kernel = A_star.transpose() * Z;
       const Eigen::CompleteOrthogonalDecomposition<MatrixXd> factor(kernel);
@@ -379,7 +378,7 @@ class Solver {
       for (; share > 1e-4 && !nearer; share *= 0.5) {
         double turn = 0.0;
         for (int v = 0; v < m_.nv; ++v)
-          if (turns_[idx(v)]) turn = std::max(turn, std::abs(step[v]));
+          if (turns_[v]) turn = std::max(turn, std::abs(step[v]));
         IkResult next = descend(clamped(moved(best.q, std::min(share, options_.step / std::max(turn, 1e-300)) * step)), 20);
         spent += next.iterations + 1;
         nearer = next.reached && length(way(next.q)) < length(d);
@@ -397,11 +396,11 @@ class Solver {
   void report(IkResult& r) const {
     std::string limits;
     for (const IkLimit& l : options_.limits) {
-      const double x = r.q[coordinate_[idx(l.v)]];
+      const double x = r.q[coordinate_[l.v]];
       if ((x > lower_[l.v] && x < upper_[l.v]) || std::find(r.at_limit.begin(), r.at_limit.end(), l.v) != r.at_limit.end()) continue;
       r.at_limit.push_back(l.v);
       for (const UserBody& u : m_.user)
-        if (l.v >= u.v && l.v < u.v + u.nv) limits += fmt::format("{}{}.{} = {:.6g}", limits.empty() ? "; at limits: " : ", ", u.name, u.v_names[idx(l.v - u.v)], x);
+        if (l.v >= u.v && l.v < u.v + u.nv) limits += fmt::format("{}{}.{} = {:.6g}", limits.empty() ? "; at limits: " : ", ", u.name, u.v_names[l.v - u.v], x);
     }
     if (r.reached) {
       r.message = fmt::format("reached in {} iterations, {} start{}: residual {:.2g}{}", r.iterations, r.starts, r.starts == 1 ? "" : "s", r.residual, limits);
@@ -410,7 +409,7 @@ class Solver {
     std::string nearest;
     for (std::size_t i = 0; i < targets_.size(); ++i) {
       const Vector6 e = r.error.col(static_cast<Eigen::Index>(i));
-      nearest += fmt::format("{}{} off by {:.3g} rad, {:.3g} m", i == 0 ? "" : "; ", m_.nodes[idx(targets_[i].node)].name, e.head<3>().norm(), e.tail<3>().norm());
+      nearest += fmt::format("{}{} off by {:.3g} rad, {:.3g} m", i == 0 ? "" : "; ", m_.nodes[targets_[i].node].name, e.head<3>().norm(), e.tail<3>().norm());
     }
     r.message = fmt::format("{} from {} start{} (seed {}, {} iterations): residual {:.3g}, nearest: {}{}",
                             r.stationary ? "cannot be reached" : "not reached, iterations used up,", r.starts, r.starts == 1 ? "" : "s", r.seed, r.iterations,

@@ -24,7 +24,6 @@ using Eigen::VectorXd;
 
 constexpr const char* kXyz[] = {"x", "y", "z"};
 
-std::size_t idx(int i) { return static_cast<std::size_t>(i); }
 
 bool is_curved(const UserBody& u) { return u.nq > 0 && u.hinge->retract; }
 
@@ -36,18 +35,18 @@ struct Scope {
   std::vector<std::uint8_t> given = {};    // per velocity component of the model
   int nv() const { return static_cast<int>(components.size()); }
   const Part* part() const { return blocks ? blocks->part() : nullptr; }
-  bool has(int sweep) const { return !part() || part()->takes_part[idx(sweep)] != 0; }
+  bool has(int sweep) const { return !part() || part()->takes_part[sweep] != 0; }
   /// Of those that are asked for by name.
   std::string expected(std::string what) const { return part() ? what + ", of the bodies that take part" : what; }
 };
 Scope scope_of(const Model& m, const TreeOperators* blocks) {
   Scope out{m, blocks};
-  out.place.resize(idx(m.nv)), out.given.resize(idx(m.nv));
-  out.components.resize(idx(blocks ? blocks->size(Space::hinge) : m.nv));
+  out.place.resize(m.nv), out.given.resize(m.nv);
+  out.components.resize(blocks ? blocks->size(Space::hinge) : m.nv);
   for (int v = 0; v < m.nv; ++v) {
-    const int i = out.place[idx(v)] = blocks ? blocks->place_of_velocity(v) : v;
-    if (i >= 0) out.components[idx(i)] = v;
-    out.given[idx(v)] = i >= 0 && ((m.has_prescribed() && m.prescribed[idx(v)]) || (blocks && !blocks->is_free(i)));
+    const int i = out.place[v] = blocks ? blocks->place_of_velocity(v) : v;
+    if (i >= 0) out.components[i] = v;
+    out.given[v] = i >= 0 && ((m.has_prescribed() && m.prescribed[v]) || (blocks && !blocks->is_free(i)));
   }
   return out;
 }
@@ -62,17 +61,17 @@ std::string force_unit(const std::string& rate) { return rate == "rad/s" ? "N m"
 SpaceLabels state_labels(const Scope& scope) {
   SpaceLabels out;
   const int nv = scope.nv();
-  out.names.resize(idx(2 * nv)), out.units.resize(idx(2 * nv));
-  const auto put = [&](int i, std::string name, std::string unit) { out.names[idx(i)] = std::move(name), out.units[idx(i)] = std::move(unit); };
+  out.names.resize(2 * nv), out.units.resize(2 * nv);
+  const auto put = [&](int i, std::string name, std::string unit) { out.names[i] = std::move(name), out.units[i] = std::move(unit); };
   for (const UserBody& u : scope.m.user) {
     if (!scope.has(u.sweep)) continue;
     for (int j = 0; j < u.nv; ++j) {
-      const int i = scope.place[idx(u.v + j)];
-      put(i, u.name + "." + deviation_name(u, j), is_curved(u) ? without_second(u.v_units[idx(j)]) : u.q_units[idx(j)]);
-      put(nv + i, u.name + "." + u.v_names[idx(j)], u.v_units[idx(j)]);
+      const int i = scope.place[u.v + j];
+      put(i, u.name + "." + deviation_name(u, j), is_curved(u) ? without_second(u.v_units[j]) : u.q_units[j]);
+      put(nv + i, u.name + "." + u.v_names[j], u.v_units[j]);
     }
     for (int j = 0; j < u.n_modes; ++j) {
-      const int i = scope.place[idx(u.etadot + j)];
+      const int i = scope.place[u.etadot + j];
       put(i, fmt::format("{}.eta_{}", u.name, j + 1), "1");
       put(nv + i, fmt::format("{}.etadot_{}", u.name, j + 1), "1/s");
     }
@@ -137,7 +136,7 @@ void add_quantity(PortList& out, const char* side, const std::string& text, std:
 int node_of(const Scope& scope, const char* side, const std::string& text, std::size_t colon) {
   const std::string name = text.substr(0, colon);
   const int node = scope.m.find_node(name);
-  if (node >= 0 && scope.has(scope.m.nodes[idx(node)].sweep)) return node;
+  if (node >= 0 && scope.has(scope.m.nodes[node].sweep)) return node;
   std::vector<std::string> legal;
   for (const UserNode& n : scope.m.nodes)
     if (scope.has(n.sweep)) legal.push_back(n.name);
@@ -149,14 +148,14 @@ PortList inputs_of(const Scope& scope, const std::vector<std::string>& wanted) {
   const SpaceLabels states = state_labels(scope);
   PortList out;
   const auto add = [&](int i) {  // component of the hinge space
-    const std::string &name = states.names[idx(i)], &rate = states.units[idx(scope.nv() + i)];
-    const int v = scope.components[idx(i)];
+    const std::string &name = states.names[i], &rate = states.units[scope.nv() + i];
+    const int v = scope.components[i];
     out.ports.push_back({Port::hinge, v, 0});
     out.labels.names.push_back(name);
-    out.labels.units.push_back(!scope.given[idx(v)] ? force_unit(rate) : rate == "1/s" ? "1/s^2" : rate + "^2");
+    out.labels.units.push_back(!scope.given[v] ? force_unit(rate) : rate == "1/s" ? "1/s^2" : rate + "^2");
   };
   const auto add_hinge = [&](const UserBody& u) {
-    for (int j = 0; j < u.nv; ++j) add(scope.place[idx(u.v + j)]);
+    for (int j = 0; j < u.nv; ++j) add(scope.place[u.v + j]);
   };
   if (wanted.empty())
     for (const UserBody& u : m.user)
@@ -167,9 +166,9 @@ PortList inputs_of(const Scope& scope, const std::vector<std::string>& wanted) {
       continue;
     }
     std::vector<int> found = components_of(m, text);
-    std::erase_if(found, [&](int v) { return scope.place[idx(v)] < 0; });
+    std::erase_if(found, [&](int v) { return scope.place[v] < 0; });
     if (found.empty()) unknown("inputs", text, scope.expected("a component of a hinge, a hinge, a mode, or NODE:force, NODE:torque"), states.names);
-    for (const int v : found) add(scope.place[idx(v)]);
+    for (const int v : found) add(scope.place[v]);
   }
   return out;
 }
@@ -180,7 +179,7 @@ PortList outputs_of(const Scope& scope, const std::vector<std::string>& wanted) 
   PortList out;
   const auto add = [&](int i) {
     out.ports.push_back({Port::state, i, 0});
-    out.labels.names.push_back(states.names[idx(i)]), out.labels.units.push_back(states.units[idx(i)]);
+    out.labels.names.push_back(states.names[i]), out.labels.units.push_back(states.units[i]);
   };
   for (int i = 0; wanted.empty() && i < 2 * scope.nv(); ++i) add(i);
   for (const std::string& text : wanted) {
@@ -191,11 +190,11 @@ PortList outputs_of(const Scope& scope, const std::vector<std::string>& wanted) 
         add_quantity(out, "outputs", text, colon, node_of(scope, "outputs", text, colon), kSeen);
       continue;
     }
-    if (const int i = m.find_body(text); i >= 0 && m.user[idx(i)].nv + m.user[idx(i)].n_modes > 0 && scope.has(m.user[idx(i)].sweep)) {
-      const UserBody& u = m.user[idx(i)];
+    if (const int i = m.find_body(text); i >= 0 && m.user[i].nv + m.user[i].n_modes > 0 && scope.has(m.user[i].sweep)) {
+      const UserBody& u = m.user[i];
       for (const int side : {0, scope.nv()}) {
-        for (int j = 0; j < u.nv; ++j) add(side + scope.place[idx(u.v + j)]);
-        for (int j = 0; j < u.n_modes; ++j) add(side + scope.place[idx(u.etadot + j)]);
+        for (int j = 0; j < u.nv; ++j) add(side + scope.place[u.v + j]);
+        for (int j = 0; j < u.n_modes; ++j) add(side + scope.place[u.etadot + j]);
       }
       continue;
     }
@@ -215,14 +214,14 @@ Force<Tangent> momentum(const Scope& scope, Workspace<Tangent>& ws, const Inputs
   Force<Tangent> sum{{0, 0, 0}, {0, 0, 0}};
   for (int k = 1; k < static_cast<int>(m.bodies.size()); ++k) {
     if (!scope.has(k)) continue;
-    const SweepBody& b = m.bodies[idx(k)];
+    const SweepBody& b = m.bodies[k];
     Force<Tangent> h;
     if (const Modal<Tangent>* modal = ws.modal_of(k); modal && b.n_modes > 0) {
       h = modal->M_rr * ws.V(k);
-      const FlexibleBody& f = m.flexible[idx(b.flexible)];
+      const FlexibleBody& f = m.flexible[b.flexible];
       for (int j = 0; j < b.n_modes; ++j) {
         Tangent column[6];
-        for (int i = 0; i < 6; ++i) column[i] = modal->P_re ? modal->P_re[6 * j + i] : Tangent(f.M_re[idx(6 * j + i)]);
+        for (int i = 0; i < 6; ++i) column[i] = modal->P_re ? modal->P_re[6 * j + i] : Tangent(f.M_re[6 * j + i]);
         h += in.v[b.etadot + j] * force_column(column, 0);
       }
     } else {
@@ -237,17 +236,17 @@ Force<Tangent> momentum(const Scope& scope, Workspace<Tangent>& ws, const Inputs
 class Column {
  public:
   Column(const Scope& scope, const OperatingPoint& at, const PortList& inputs, const PortList& outputs)
-      : scope_(scope), m_(scope.m), at_(at), inputs_(inputs), outputs_(outputs), ws_(m_), q(idx(m_.nq)), v(idx(m_.nv), 0.0), vdot(idx(m_.nv), 0.0),
-        u(inputs.ports.size()), tau_(idx(m_.nv)), given_(idx(m_.nv)), back_(idx(m_.nv), 0.0), residual_(scope.nv()), solved_(scope.nv()) {
-    for (int i = 0; i < m_.nq; ++i) q[idx(i)] = at.q[i];
-    for (const int i : scope.components) v[idx(i)] = at.v[i];
+      : scope_(scope), m_(scope.m), at_(at), inputs_(inputs), outputs_(outputs), ws_(m_), q(m_.nq), v(m_.nv, 0.0), vdot(m_.nv, 0.0),
+        u(inputs.ports.size()), tau_(m_.nv), given_(m_.nv), back_(m_.nv, 0.0), residual_(scope.nv()), solved_(scope.nv()) {
+    for (int i = 0; i < m_.nq; ++i) q[i] = at.q[i];
+    for (const int i : scope.components) v[i] = at.v[i];
     for (const NodeWrench<double>& w : at.wrenches)
       wrenches_.push_back({w.node, w.world_axes, {cast<Tangent>(w.f.n), cast<Tangent>(w.f.f)}});
     for (std::size_t i = 0; i < u.size(); ++i) {
       u[i] = 0.0;
       if (inputs.ports[i].kind != Port::hinge) wrenches_.push_back({inputs.ports[i].index, false, {{0, 0, 0}, {0, 0, 0}}});
     }
-    if (!scope.blocks && !wrenches_.empty() && !m_.has(Kernel::node_wrenches))
+    if (!scope.blocks && !wrenches_.empty() && !m_.has(OpCode::node_wrenches))
       throw InputError(Diagnostic{Code::unsupported, {"inputs of the linear model", {}}, "a model compiled with loads on nodes", "one without",
                                   "CompileOptions::node_wrenches", {}, {}, 0});
     looks_ = outputs.has({Port::position, Port::velocity, Port::acceleration, Port::attitude, Port::rate, Port::specific_force});
@@ -258,14 +257,14 @@ class Column {
   /// vdot and y, values and derivatives.
   void run(Tangent* y) {
     for (int i = 0; i < m_.nv; ++i) {
-      tau_[idx(i)] = at_.tau && !scope_.given[idx(i)] ? at_.tau[i] : 0.0;
-      given_[idx(i)] = at_.vdot && scope_.given[idx(i)] ? at_.vdot[i] : 0.0;
+      tau_[i] = at_.tau && !scope_.given[i] ? at_.tau[i] : 0.0;
+      given_[i] = at_.vdot && scope_.given[i] ? at_.vdot[i] : 0.0;
     }
     std::size_t load = at_.wrenches.size();
     for (std::size_t i = 0; i < u.size(); ++i) {
       const Port& p = inputs_.ports[i];
       if (p.kind == Port::hinge) {
-        Tangent& x = (scope_.given[idx(p.index)] ? given_ : tau_)[idx(p.index)];
+        Tangent& x = (scope_.given[p.index] ? given_ : tau_)[p.index];
         x = x + u[i];
         continue;
       }
@@ -274,7 +273,7 @@ class Column {
       (p.axis == 0 ? part.x : p.axis == 1 ? part.y : part.z) = u[i];
     }
     for (const Spring& s : m_.springs)
-      tau_[idx(s.v)] = tau_[idx(s.v)] - (Tangent(s.stiffness) * (q[idx(s.q)] - Tangent(s.rest)) + Tangent(s.damping) * v[idx(s.v)]);
+      tau_[s.v] = tau_[s.v] - (Tangent(s.stiffness) * (q[s.q] - Tangent(s.rest)) + Tangent(s.damping) * v[s.v]);
     Inputs<Tangent> in{.q = q.data(), .v = v.data(), .tau = tau_.data(), .vdot = given_.data(), .wrenches = wrenches_};
     if (scope_.blocks)
       solve(in);
@@ -303,15 +302,15 @@ class Column {
   /// v' = M^-1 (tau - ID) of the free components, first its value, then d v' = M^-1 (d tau - d ID) at that v'.
   void solve(Inputs<Tangent>& in) {
     in.vdot = vdot.data();
-    for (const int i : scope_.components) vdot[idx(i)] = {scope_.given[idx(i)] || !solved_once_ ? given_[idx(i)].x : vdot[idx(i)].x, given_[idx(i)].d};
+    for (const int i : scope_.components) vdot[i] = {scope_.given[i] || !solved_once_ ? given_[i].x : vdot[i].x, given_[i].d};
     const auto respond = [&](double Tangent::*part) {
       inverse_dynamics(m_, ws_, in, back_.data(), {}, scope_.part());
       for (int i = 0; i < scope_.nv(); ++i) {
-        const std::size_t at = idx(scope_.components[idx(i)]);
+        const std::size_t at = (scope_.components[i]);
         residual_[i] = tau_[at].*part - back_[at].*part;
       }
       operators::apply(operators::mass_inverse, *scope_.blocks, residual_.data(), solved_.data());
-      for (int i = 0; i < scope_.nv(); ++i) vdot[idx(scope_.components[idx(i)])].*part += solved_[i];
+      for (int i = 0; i < scope_.nv(); ++i) vdot[scope_.components[i]].*part += solved_[i];
     };
     if (!solved_once_) respond(&Tangent::x);
     solved_once_ = true;
@@ -377,63 +376,63 @@ LinearModel linearize(const Scope& scope, const OperatingPoint& at, const Linear
   out.drift.setZero(n), out.u0.setZero(nu), out.y0.setZero(ny);
 
   Column column(scope, at, inputs, outputs);
-  std::vector<Tangent> y(idx(ny), Tangent(0.0));
+  std::vector<Tangent> y(ny, Tangent(0.0));
   const auto run = [&](MatrixXd& top, MatrixXd& bottom, int j) {
     Poll::now();
     column.run(y.data());
-    for (int i = 0; i < nv; ++i) top(nv + i, j) = column.vdot[idx(scope.components[idx(i)])].d;
+    for (int i = 0; i < nv; ++i) top(nv + i, j) = column.vdot[scope.components[i]].d;
     for (int i = 0; i < ny; ++i)
-      if (outputs.ports[idx(i)].kind != Port::state) bottom(i, j) = y[idx(i)].d;
+      if (outputs.ports[i].kind != Port::state) bottom(i, j) = y[i].d;
   };
-  std::vector<double> unit(idx(m.nv), 0.0), rate(idx(m.nq));
+  std::vector<double> unit(m.nv, 0.0), rate(m.nq);
   for (int j = 0; j < nv; ++j) {
-    double& along = unit[idx(scope.components[idx(j)])];
+    double& along = unit[scope.components[j]];
     along = 1.0;
     m.qdot(at.q, unit.data(), rate.data());
     along = 0.0;
-    for (int i = 0; i < m.nq; ++i) column.q[idx(i)].d = rate[idx(i)];
+    for (int i = 0; i < m.nq; ++i) column.q[i].d = rate[i];
     run(out.A, out.C, j);
   }
   for (Tangent& x : column.q) x.d = 0.0;
   for (int j = 0; j < nv; ++j) {
-    Tangent& along = column.v[idx(scope.components[idx(j)])];
+    Tangent& along = column.v[scope.components[j]];
     along.d = 1.0;
     run(out.A, out.C, nv + j);
     along.d = 0.0;
   }
   for (int j = 0; j < nu; ++j) {
-    column.u[idx(j)].d = 1.0;
+    column.u[j].d = 1.0;
     run(out.B, out.D, j);
-    column.u[idx(j)].d = 0.0;
+    column.u[j].d = 0.0;
   }
   column.run(y.data());
 
   const Eigen::SparseMatrix<double> kinematics = kinematic_rates(m, at.q, at.v);
   for (int j = 0; j < nv; ++j)
-    for (Eigen::SparseMatrix<double>::InnerIterator x(kinematics, scope.components[idx(j)]); x; ++x)
-      out.A(scope.place[idx(static_cast<int>(x.row()))], j) = x.value();  // of the same hinge
+    for (Eigen::SparseMatrix<double>::InnerIterator x(kinematics, scope.components[j]); x; ++x)
+      out.A(scope.place[static_cast<int>(x.row())], j) = x.value();  // of the same hinge
   out.A.topRightCorner(nv, nv).setIdentity();
   for (int i = 0; i < nv; ++i) {
-    const int v = scope.components[idx(i)];
-    out.drift[i] = at.v[v], out.drift[nv + i] = column.vdot[idx(v)].x;
+    const int v = scope.components[i];
+    out.drift[i] = at.v[v], out.drift[nv + i] = column.vdot[v].x;
   }
   for (int j = 0; j < nu; ++j) {
-    const Port& p = inputs.ports[idx(j)];
+    const Port& p = inputs.ports[j];
     if (p.kind != Port::hinge) continue;
-    const double* from = scope.given[idx(p.index)] ? at.vdot : at.tau;
+    const double* from = scope.given[p.index] ? at.vdot : at.tau;
     out.u0[j] = from ? from[p.index] : 0.0;
   }
   VectorXd theta = VectorXd::Zero(m.nv);  // the coordinates where dtheta is theirs
   for (const PlainRates& r : m.plain_rates)
     for (int i = 0; i < r.n; ++i) theta[r.v + i] = at.q[r.q + i];
   for (int i = 0; i < ny; ++i) {
-    const Port& p = outputs.ports[idx(i)];
+    const Port& p = outputs.ports[i];
     if (p.kind == Port::state) {
       out.C(i, p.index) = 1.0;
-      const int v = scope.components[idx(p.index % nv)];
+      const int v = scope.components[p.index % nv];
       out.y0[i] = p.index < nv ? theta[v] : at.v[v];
     } else {
-      out.y0[i] = y[idx(i)].x;
+      out.y0[i] = y[i].x;
     }
   }
   return out;
@@ -449,11 +448,11 @@ LinearModel linearize(const TreeOperators& tree, const OperatingPoint& at, const
   OperatingPoint use = at;
   use.q = tree.q().data();
   const bool loads = !at.wrenches.empty() || std::ranges::any_of(ports.inputs, [](const std::string& name) { return name.find(':') != std::string::npos; });
-  if (tree.whole() && !tree.is_masked() && (!loads || m.has(Kernel::node_wrenches))) return linearize(m, use, ports);
+  if (tree.whole() && !tree.is_masked() && (!loads || m.has(OpCode::node_wrenches))) return linearize(m, use, ports);
   TreeOperators blocks = tree.subgraph(tree.sweep_bodies());
   const Scope marks = scope_of(m, &tree);
   std::vector<std::uint8_t> free;
-  for (const int v : marks.components) free.push_back(!marks.given[idx(v)]);
+  for (const int v : marks.components) free.push_back(!marks.given[v]);
   blocks.articulate({.free = free});
   return linearize(scope_of(m, &blocks), use, ports);
 }

@@ -12,22 +12,21 @@ using Eigen::MatrixXd;
 using soa::PositionBlocks;
 using soa::TreeOperators;
 
-std::size_t idx(int i) { return static_cast<std::size_t>(i); }
 
 /// tr(A B) of square A.
 double trace_of_product(const MatrixXd& A, const MatrixXd& B) { return A.cwiseProduct(B.transpose()).sum(); }
 
 /// 2 tr(Y(p) dPhi P+ Phi*): body i is moved against its inboard body.
 double shift_term(const TreeOperators& tree, int i, const PositionBlocks& d) {
-  const soa::OperatorBody& b = tree.bodies()[idx(i)];
+  const soa::OperatorBody& b = tree.bodies()[i];
   if (b.parent < 0) return 0.0;
   const soa::Matrix6X felt = tree.P_plus(i).topLeftCorner<6, 6>() * tree.A(i);
-  return 2.0 * trace_of_product(d.A[idx(b.sweep)].transpose() * felt, tree.Y(b.parent));
+  return 2.0 * trace_of_product(d.A[b.sweep].transpose() * felt, tree.Y(b.parent));
 }
 
 /// tr(Y dM) + 2 tr(G* dH*) - 2 tr(Y+ G dH P+): inertia and hinge map of body i.
 double own_term(const TreeOperators& tree, int i, const PositionBlocks& d) {
-  const auto k = idx(tree.bodies()[idx(i)].sweep);
+  const auto k = (tree.bodies()[i].sweep);
   const MatrixXd &dHt = d.Ht[k], &G = tree.G(i);
   return trace_of_product(tree.Y(i), d.M[k]) + 2.0 * G.cwiseProduct(dHt).sum() -
          2.0 * trace_of_product(tree.Y_plus(i) * G, dHt.transpose() * tree.P_plus(i));
@@ -55,7 +54,7 @@ std::vector<Pass> passes_of(const TreeOperators& tree, const std::vector<int>& d
 
 std::vector<int> depths(const TreeOperators& tree) {
   std::vector<int> depth;
-  for (const soa::OperatorBody& b : tree.bodies()) depth.push_back(b.parent < 0 ? 0 : depth[idx(b.parent)] + 1);
+  for (const soa::OperatorBody& b : tree.bodies()) depth.push_back(b.parent < 0 ? 0 : depth[b.parent] + 1);
   return depth;
 }
 
@@ -69,27 +68,27 @@ Eigen::VectorXd log_det_gradient(const TreeOperators& tree) {
   const std::vector<int> depth = depths(tree);
   const int n = static_cast<int>(depth.size());
   Eigen::VectorXd gradient = Eigen::VectorXd::Zero(tree.size(soa::Space::hinge));
-  std::vector<double> u(idx(model.nv));
+  std::vector<double> u(model.nv);
   PositionBlocks d;
   for (const Pass& pass : passes_of(tree, depth)) {
     Poll::now();
     const auto moved = [&](int i) {
-      const soa::OperatorBody& b = tree.bodies()[idx(i)];
-      return pass.parity < 0 ? pass.component < b.nh : depth[idx(i)] % 2 == pass.parity && pass.component < b.m;
+      const soa::OperatorBody& b = tree.bodies()[i];
+      return pass.parity < 0 ? pass.component < b.nh : depth[i] % 2 == pass.parity && pass.component < b.m;
     };
     std::ranges::fill(u, 0.0);
     for (int i = 0; i < n; ++i) {
-      const SweepBody& b = model.bodies[idx(tree.bodies()[idx(i)].sweep)];
-      if (moved(i)) u[idx((pass.parity < 0 ? b.v : b.etadot) + pass.component)] = 1.0;
+      const SweepBody& b = model.bodies[tree.bodies()[i].sweep];
+      if (moved(i)) u[(pass.parity < 0 ? b.v : b.etadot) + pass.component] = 1.0;
     }
     tree.derivatives(u.data(), d);
     for (int i = 0; i < n; ++i) {
-      const soa::OperatorBody& b = tree.bodies()[idx(i)];
+      const soa::OperatorBody& b = tree.bodies()[i];
       if (moved(i)) {
         double& g = gradient[(pass.parity < 0 ? b.v : b.etadot) + pass.component];
         g += shift_term(tree, i, d) + own_term(tree, i, d);
       } else if (pass.parity >= 0 && b.parent >= 0 && moved(b.parent)) {
-        gradient[tree.bodies()[idx(b.parent)].etadot + pass.component] += shift_term(tree, i, d);
+        gradient[tree.bodies()[b.parent].etadot + pass.component] += shift_term(tree, i, d);
       }
     }
   }

@@ -13,7 +13,6 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-std::size_t idx(int i) { return static_cast<std::size_t>(i); }
 int hinge_size(const OperatorBody& b) { return b.nh + b.m; }
 
 /// Every pair of bodies was written once, on one side of the diagonal: the other side, tile by tile (a long row is far apart in memory).
@@ -40,10 +39,10 @@ VectorXd body_velocities(const TreeOperators& tree, const VectorXd& v) {
   require_size(tree, "velocities", Space::hinge, v.size());
   VectorXd V(tree.size(Space::body));
   for (int i = 0; i < static_cast<int>(tree.bodies().size()); ++i) {
-    const OperatorBody& b = tree.bodies()[idx(i)];
+    const OperatorBody& b = tree.bodies()[i];
     V.segment(b.at, 6 + b.m).noalias() = tree.Ht_all(i) * v.segment(b.v, hinge_size(b));
     if (b.parent < 0) continue;
-    const OperatorBody& p = tree.bodies()[idx(b.parent)];
+    const OperatorBody& p = tree.bodies()[b.parent];
     V.segment<6>(b.at).noalias() += tree.A(i) * V.segment(p.at, 6 + p.m);
   }
   return V;
@@ -54,10 +53,10 @@ VectorXd hinge_forces(const TreeOperators& tree, VectorXd f) {
   require_size(tree, "forces on bodies", Space::body, f.size());
   VectorXd tau(tree.size(Space::hinge));
   for (int i = static_cast<int>(tree.bodies().size()) - 1; i >= 0; --i) {
-    const OperatorBody& b = tree.bodies()[idx(i)];
+    const OperatorBody& b = tree.bodies()[i];
     tau.segment(b.v, hinge_size(b)).noalias() = tree.Ht_all(i).transpose() * f.segment(b.at, 6 + b.m);
     if (b.parent < 0) continue;
-    const OperatorBody& p = tree.bodies()[idx(b.parent)];
+    const OperatorBody& p = tree.bodies()[b.parent];
     f.segment(p.at, 6 + p.m).noalias() += tree.A(i).transpose() * f.segment<6>(b.at);
   }
   return tau;
@@ -73,14 +72,14 @@ VectorXd mass_times(const TreeOperators& tree, const VectorXd& v) {
 std::vector<MatrixXd> composite_inertias(const TreeOperators& tree) {
   tree.require(Kind::M);
   const int n = static_cast<int>(tree.bodies().size());
-  std::vector<MatrixXd> R(idx(n));
-  for (int i = 0; i < n; ++i) R[idx(i)] = tree.M(i);
+  std::vector<MatrixXd> R(n);
+  for (int i = 0; i < n; ++i) R[i] = tree.M(i);
   for (int i = n - 1; i >= 0; --i) {
-    const int p = tree.bodies()[idx(i)].parent;
+    const int p = tree.bodies()[i].parent;
     if (p < 0) continue;
-    const MatrixXd shifted = R[idx(i)].topLeftCorner<6, 6>() * tree.A(i);
-    R[idx(p)].noalias() += tree.A(i).transpose() * shifted;
-    R[idx(p)].triangularView<Eigen::StrictlyUpper>() = R[idx(p)].transpose().eval();
+    const MatrixXd shifted = R[i].topLeftCorner<6, 6>() * tree.A(i);
+    R[p].noalias() += tree.A(i).transpose() * shifted;
+    R[p].triangularView<Eigen::StrictlyUpper>() = R[p].transpose().eval();
   }
   return R;
 }
@@ -89,14 +88,14 @@ MatrixXd mass_matrix(const TreeOperators& tree) {
   const std::vector<MatrixXd> R = composite_inertias(tree);
   MatrixXd mass = MatrixXd::Zero(tree.size(Space::hinge), tree.size(Space::hinge));
   for (int k = static_cast<int>(tree.bodies().size()) - 1; k >= 0; --k) {
-    const OperatorBody& b = tree.bodies()[idx(k)];
+    const OperatorBody& b = tree.bodies()[k];
     const int nk = hinge_size(b);
-    MatrixXd X = R[idx(k)] * tree.Ht_all(k);
+    MatrixXd X = R[k] * tree.Ht_all(k);
     mass.block(b.v, b.v, nk, nk).noalias() = tree.Ht_all(k).transpose() * X;
-    for (int j = k; tree.bodies()[idx(j)].parent >= 0;) {
+    for (int j = k; tree.bodies()[j].parent >= 0;) {
       X = (tree.A(j).transpose() * X.topRows<6>()).eval();
-      j = tree.bodies()[idx(j)].parent;
-      const OperatorBody& a = tree.bodies()[idx(j)];
+      j = tree.bodies()[j].parent;
+      const OperatorBody& a = tree.bodies()[j];
       mass.block(a.v, b.v, hinge_size(a), nk).noalias() = tree.Ht_all(j).transpose() * X;
     }
   }
@@ -111,13 +110,13 @@ MatrixXd mass_matrix_inverse(const TreeOperators& tree) {
   const int n = static_cast<int>(tree.bodies().size());
   MatrixXd inverse = MatrixXd::Zero(tree.size(Space::hinge), tree.size(Space::hinge));
   const auto place = [&](int i, int j, const MatrixXd& block) {
-    const int vi = tree.bodies()[idx(i)].v, vj = tree.bodies()[idx(j)].v;
+    const int vi = tree.bodies()[i].v, vj = tree.bodies()[j].v;
     inverse.block(vi, vj, block.rows(), block.cols()) = block;
   };
-  std::vector<MatrixXd> W(idx(n));                  // of body j, at the body that it has reached
-  std::vector<std::vector<int>> arrived(idx(n));    // the bodies whose W stands at c, by child of c
+  std::vector<MatrixXd> W(n);                  // of body j, at the body that it has reached
+  std::vector<std::vector<int>> arrived(n);    // the bodies whose W stands at c, by child of c
   for (int c = n - 1; c >= 0; --c) {
-    const OperatorBody& b = tree.bodies()[idx(c)];
+    const OperatorBody& b = tree.bodies()[c];
     const int size = hinge_size(b);
     MatrixXd D_inverse = MatrixXd::Zero(size, size);
     for (int j = 0; j < size; ++j) D_inverse(j, j) = tree.is_free(b.v + j) ? 1.0 : 0.0;
@@ -127,20 +126,20 @@ MatrixXd mass_matrix_inverse(const TreeOperators& tree) {
     const MatrixXd GY = G.transpose() * tree.Y_plus(c);
     place(c, c, D_inverse + GY * G);
     const MatrixXd row = D_inverse * tree.Ht(c).transpose() - GY + GY * G * tree.Ht(c).transpose();  // D^-1 H - G* Y+ tau_bar
-    for (const int j : arrived[idx(c)]) {
-      place(c, j, -row * W[idx(j)]);
-      W[idx(j)] -= (G * (tree.Ht(c).transpose() * W[idx(j)])).eval();  // tau_bar(c)
+    for (const int j : arrived[c]) {
+      place(c, j, -row * W[j]);
+      W[j] -= (G * (tree.Ht(c).transpose() * W[j])).eval();  // tau_bar(c)
     }
     if (b.parent < 0) continue;
-    W[idx(c)] = G;
-    std::vector<int>& here = arrived[idx(c)];
+    W[c] = G;
+    std::vector<int>& here = arrived[c];
     here.push_back(c);
-    for (const int j : here) W[idx(j)] = (tree.A(c).transpose() * W[idx(j)].topRows<6>()).eval();
-    std::vector<int>& there = arrived[idx(b.parent)];
+    for (const int j : here) W[j] = (tree.A(c).transpose() * W[j].topRows<6>()).eval();
+    std::vector<int>& there = arrived[b.parent];
     if (!there.empty())
       for (const int j : here) {
-        const MatrixXd YW = tree.Y(b.parent) * W[idx(j)];
-        for (const int i : there) place(i, j, W[idx(i)].transpose() * YW);
+        const MatrixXd YW = tree.Y(b.parent) * W[j];
+        for (const int i : there) place(i, j, W[i].transpose() * YW);
       }
     there.insert(there.end(), here.begin(), here.end());
     here.clear(), here.shrink_to_fit();

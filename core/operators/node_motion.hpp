@@ -19,8 +19,8 @@ enum class After : std::uint8_t { forward, inverse };
 /// w and gamma of a sweep body, its axes; of a rotor, which is folded into its carrier, by hand.
 template <class T>
 void motion_of_body(const Model& model, const Workspace<T>& ws, const Inputs<T>& in, int k, const T* vdot, After after, Vec3<T>& w, Motion<T>& gamma) {
-  const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
-  if (b.kind != KernelKind::rotor) {
+  const SweepBody& b = model.bodies[k];
+  if (b.kind != BodyKernel::rotor) {
     w = ws.core(k).w, gamma = ws.core(k).gamma;
     if (after == After::forward) gamma += ws.core(k).delta;
     return;
@@ -37,9 +37,9 @@ void motion_of_body(const Model& model, const Workspace<T>& ws, const Inputs<T>&
 /// Reads a workspace after S.world(), and for the acceleration after dynamics with `in` and v' (else null).
 template <class T>
 NodeMotion<T> node_motion(const Model& model, const Workspace<T>& ws, const Inputs<T>& in, int node_index, const T* vdot, After after = After::forward) {
-  const UserNode& node = model.nodes[static_cast<std::size_t>(node_index)];
-  const int k = model.user[static_cast<std::size_t>(node.body)].sweep;
-  const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+  const UserNode& node = model.nodes[node_index];
+  const int k = model.user[node.body].sweep;
+  const SweepBody& b = model.bodies[k];
   DeformedNode<T> at{};
   at.R = cast<T>(node.shapes.pose.R), at.rho = cast<T>(node.shapes.pose.p);
   at.rate = at.bias = Motion<T>{{T(0), T(0), T(0)}, {T(0), T(0), T(0)}};

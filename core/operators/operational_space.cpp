@@ -18,9 +18,8 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-std::size_t idx(int i) { return static_cast<std::size_t>(i); }
 
-int body_of(const TreeOperators& tree, int node) { return tree.index_of(tree.model().nodes[idx(node)].sweep); }
+int body_of(const TreeOperators& tree, int node) { return tree.index_of(tree.model().nodes[node].sweep); }
 
 /// psi(p, i) W, p the inboard body of i.
 void walk(const TreeOperators& tree, int i, MatrixXd& W) {
@@ -59,32 +58,32 @@ MatrixXd compliance(const TreeOperators& tree, std::span<const int> nodes) {
   tree.require_nodes(nodes);
   const int s = static_cast<int>(nodes.size());
   MatrixXd C = MatrixXd::Zero(6 * s, 6 * s);
-  std::vector<MatrixXd> W(idx(s));
+  std::vector<MatrixXd> W(s);
   std::vector<std::vector<int>> arrived(tree.bodies().size());
   const auto meet = [&](int body, int a) {  // a with those that are here, then a is here
-    std::vector<int>& here = arrived[idx(body)];
+    std::vector<int>& here = arrived[body];
     if (!here.empty()) {
-      const MatrixXd YW = tree.Y(body) * W[idx(a)];
-      for (const int b : here) C.block<6, 6>(6 * b, 6 * a).noalias() = W[idx(b)].transpose() * YW;
+      const MatrixXd YW = tree.Y(body) * W[a];
+      for (const int b : here) C.block<6, 6>(6 * b, 6 * a).noalias() = W[b].transpose() * YW;
     }
   };
   for (int a = 0; a < s; ++a) {
-    const int body = body_of(tree, nodes[idx(a)]);
-    W[idx(a)] = tree.Bt(nodes[idx(a)]).transpose();
+    const int body = body_of(tree, nodes[a]);
+    W[a] = tree.Bt(nodes[a]).transpose();
     meet(body, a);
-    const MatrixXd own = W[idx(a)].transpose() * tree.Y(body) * W[idx(a)];
+    const MatrixXd own = W[a].transpose() * tree.Y(body) * W[a];
     C.block<6, 6>(6 * a, 6 * a) = 0.5 * (own + own.transpose());
-    arrived[idx(body)].push_back(a);
+    arrived[body].push_back(a);
   }
   for (int i = static_cast<int>(tree.bodies().size()) - 1; i >= 0; --i) {
-    const int p = tree.bodies()[idx(i)].parent;
-    if (p < 0 || arrived[idx(i)].empty()) continue;
-    std::vector<int> here = std::move(arrived[idx(i)]);
+    const int p = tree.bodies()[i].parent;
+    if (p < 0 || arrived[i].empty()) continue;
+    std::vector<int> here = std::move(arrived[i]);
     for (const int a : here) {
-      walk(tree, i, W[idx(a)]);
+      walk(tree, i, W[a]);
       meet(p, a);
     }
-    arrived[idx(p)].insert(arrived[idx(p)].end(), here.begin(), here.end());
+    arrived[p].insert(arrived[p].end(), here.begin(), here.end());
   }
   for (int a = 0; a < s; ++a)
     for (int b = 0; b < a; ++b) {  // each pair met once, in either order
@@ -102,12 +101,12 @@ MatrixXd omega_block(const TreeOperators& tree, int a, int b) {
     if (i < 0 || i >= n)
       throw InputError(Diagnostic{Code::unknown_body, {"block of Omega", {}}, fmt::format("an index below {}", n), fmt::format("{}", i), {}, {},
                                   {}, 0});
-  const auto size = [&](int i) { return 6 + tree.bodies()[idx(i)].m; };
+  const auto size = [&](int i) { return 6 + tree.bodies()[i].m; };
   MatrixXd Wa = MatrixXd::Identity(size(a), size(a)), Wb = MatrixXd::Identity(size(b), size(b));
   for (int i = a, j = b;;) {
     if (i == j) return Wa.transpose() * tree.Y(i) * Wb;
     int& outer = i > j ? i : j;  // parents have lower indices
-    const int parent = tree.bodies()[idx(outer)].parent;
+    const int parent = tree.bodies()[outer].parent;
     if (parent < 0) return MatrixXd::Zero(size(a), size(b));
     walk(tree, outer, i > j ? Wa : Wb);
     outer = parent;
@@ -255,7 +254,7 @@ Participation participation(const TreeOperators& tree, int node, const Eigen::Ma
   out.share = out.shape.cwiseProduct(out.response);
   const double mobility = out.share.sum();
   if (!(mobility > 1e-14 * out.share.cwiseAbs().sum()))
-    throw NumericsError(RunFailure{Code::singular_task, 0.0, tree.model().nodes[idx(node)].name, {}, "u* Lambda^-1 u = 0",
+    throw NumericsError(RunFailure{Code::singular_task, 0.0, tree.model().nodes[node].name, {}, "u* Lambda^-1 u = 0",
                                    "the node cannot move along u", ""});
   out.share /= mobility;
   return out;

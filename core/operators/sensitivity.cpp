@@ -16,7 +16,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using soa::Tangent;
 
-std::size_t idx(int i) { return static_cast<std::size_t>(i); }
 
 void copy_or_zero(const double* from, VectorXd& to) {
   if (from)
@@ -41,11 +40,11 @@ Sensitivities::Sensitivities(std::shared_ptr<const Model> model, const soa::Tree
     : model_(std::move(model)), springs_(springs == Springs::included), ws_(*model_), inertia_(*model_), tangent_(*model_), tree_(model_) {
   const soa::TreeOperators& of = tree ? *tree : tree_;
   const int nv = model_->nv;
-  component_.resize(idx(of.size(soa::Space::hinge)));
-  place_.resize(idx(nv));
+  component_.resize(of.size(soa::Space::hinge));
+  place_.resize(nv);
   for (int v = 0; v < nv; ++v)
-    if ((place_[idx(v)] = of.place_of_velocity(v)) >= 0) component_[idx(place_[idx(v)])] = v;
-  for (int i = 0; i < size(); ++i) given_.push_back((model_->has_prescribed() && model_->prescribed[idx(component_[idx(i)])]) || !of.is_free(i));
+    if ((place_[v] = of.place_of_velocity(v)) >= 0) component_[place_[v]] = v;
+  for (int i = 0; i < size(); ++i) given_.push_back((model_->has_prescribed() && model_->prescribed[component_[i]]) || !of.is_free(i));
   if (!of.whole() || of.is_masked()) {
     bodies_ = of.sweep_bodies();
     part_ = std::make_shared<const Part>(part_of(*model_, bodies_));
@@ -53,13 +52,13 @@ Sensitivities::Sensitivities(std::shared_ptr<const Model> model, const soa::Tree
   for (VectorXd* x : {&q_, &rate_}) x->setZero(model_->nq);
   for (VectorXd* x : {&v_, &vdot_, &tau_, &masked_, &work_}) x->setZero(size());
   for (VectorXd* x : {&v_all_, &vdot_all_, &tau_all_, &zeros_}) x->setZero(nv);
-  q_t_.resize(idx(model_->nq));
-  for (std::vector<Tangent>* x : {&v_t_, &vdot_t_, &tau_t_}) x->assign(idx(nv), Tangent(0.0));
+  q_t_.resize(model_->nq);
+  for (std::vector<Tangent>* x : {&v_t_, &vdot_t_, &tau_t_}) x->assign(nv, Tangent(0.0));
   if (model_->world || model_->field.central) ws_.require_world();
 }
 
 const double* Sensitivities::on_model(const VectorXd& x, VectorXd& all) const {
-  for (int i = 0; i < size(); ++i) all[component_[idx(i)]] = x[i];
+  for (int i = 0; i < size(); ++i) all[component_[i]] = x[i];
   return all.data();
 }
 
@@ -75,8 +74,8 @@ void Sensitivities::set_rate(const double* u) {
 void Sensitivities::at(const Inputs& in) {
   std::copy(in.q, in.q + model_->nq, q_.data());
   for (int i = 0; i < size(); ++i) {
-    v_[i] = in.v[component_[idx(i)]];
-    vdot_[i] = in.vdot ? in.vdot[component_[idx(i)]] : 0.0;
+    v_[i] = in.v[component_[i]];
+    vdot_[i] = in.vdot ? in.vdot[component_[i]] : 0.0;
   }
   gravity_ = in.gravity;
   wrenches_.assign(in.wrenches.begin(), in.wrenches.end());
@@ -89,19 +88,19 @@ void Sensitivities::at(const Inputs& in) {
 void Sensitivities::evaluate() {
   inverse_dynamics(*model_, ws_, {.q = q_.data(), .v = on_model(v_, v_all_), .vdot = on_model(vdot_, vdot_all_), .wrenches = wrenches_, .gravity = gravity_},
                    tau_all_.data(), {}, part_.get());
-  for (int i = 0; i < size(); ++i) tau_[i] = tau_all_[component_[idx(i)]];
+  for (int i = 0; i < size(); ++i) tau_[i] = tau_all_[component_[i]];
   for (const Spring& s : model_->springs)
-    if (const int i = place_[idx(s.v)]; springs_ && i >= 0) tau_[i] += s.stiffness * (q_[s.q] - s.rest) + s.damping * v_[i];
+    if (const int i = place_[s.v]; springs_ && i >= 0) tau_[i] += s.stiffness * (q_[s.q] - s.rest) + s.damping * v_[i];
 }
 
 void Sensitivities::solve(const Inputs& in) {
-  for (int i = 0; i < size(); ++i) masked_[i] = in.vdot && given_[idx(i)] ? in.vdot[component_[idx(i)]] : 0.0;
+  for (int i = 0; i < size(); ++i) masked_[i] = in.vdot && given_[i] ? in.vdot[component_[i]] : 0.0;
   Inputs use = in;
   VectorXd vdot = VectorXd::Zero(model_->nv);
   use.vdot = on_model(masked_, vdot);
   if (part_) {
     at(use);
-    for (int i = 0; i < size(); ++i) work_[i] = (in.tau ? in.tau[component_[idx(i)]] : 0.0) - tau_[i];
+    for (int i = 0; i < size(); ++i) work_[i] = (in.tau ? in.tau[component_[i]] : 0.0) - tau_[i];
     VectorXd solved(size());
     mass_inverse(work_.data(), solved.data());
     vdot_ += solved;
@@ -121,27 +120,27 @@ void Sensitivities::solve(const Inputs& in) {
 void Sensitivities::inverse(const Direction& along, double* dtau) {
   const Model& m = *model_;
   set_rate(along.q);
-  for (int i = 0; i < m.nq; ++i) q_t_[idx(i)] = {q_[i], rate_[i]};
+  for (int i = 0; i < m.nq; ++i) q_t_[i] = {q_[i], rate_[i]};
   for (int i = 0; i < size(); ++i) {
-    const std::size_t at = idx(component_[idx(i)]);
+    const std::size_t at = (component_[i]);
     v_t_[at] = {v_[i], along.v ? along.v[i] : 0.0};
     vdot_t_[at] = {vdot_[i], along.vdot ? along.vdot[i] : 0.0};
   }
   inverse_dynamics(m, tangent_, {.q = q_t_.data(), .v = v_t_.data(), .vdot = vdot_t_.data(), .wrenches = wrenches_t_, .gravity = gravity_}, tau_t_.data(), {},
                    part_.get());
-  for (int i = 0; i < size(); ++i) dtau[i] = tau_t_[idx(component_[idx(i)])].d;
+  for (int i = 0; i < size(); ++i) dtau[i] = tau_t_[component_[i]].d;
   for (const Spring& s : m.springs)
-    if (const int i = place_[idx(s.v)]; springs_ && i >= 0) dtau[i] += s.stiffness * rate_[s.q] + (along.v ? s.damping * along.v[i] : 0.0);
+    if (const int i = place_[s.v]; springs_ && i >= 0) dtau[i] += s.stiffness * rate_[s.q] + (along.v ? s.damping * along.v[i] : 0.0);
 }
 
 void Sensitivities::mass(const double* u, const double* w, double* dM_w) {
   const Model& m = *model_;
   set_rate(u);
-  for (int i = 0; i < m.nq; ++i) q_t_[idx(i)] = {q_[i], rate_[i]};
-  for (int i = 0; i < size(); ++i) v_t_[idx(component_[idx(i)])] = 0.0, vdot_t_[idx(component_[idx(i)])] = w[i];
+  for (int i = 0; i < m.nq; ++i) q_t_[i] = {q_[i], rate_[i]};
+  for (int i = 0; i < size(); ++i) v_t_[component_[i]] = 0.0, vdot_t_[component_[i]] = w[i];
   inverse_dynamics(m, tangent_, {.q = q_t_.data(), .v = v_t_.data(), .vdot = vdot_t_.data()}, tau_t_.data(),
                    {.velocity = false, .gravity = false, .elastic = false}, part_.get());
-  for (int i = 0; i < size(); ++i) dM_w[i] = tau_t_[idx(component_[idx(i)])].d;
+  for (int i = 0; i < size(); ++i) dM_w[i] = tau_t_[component_[i]].d;
 }
 
 // P, D, G at q: as in a step, without velocities and loads.
@@ -155,36 +154,23 @@ void Sensitivities::articulate() {
     articulated_ = true;
     return;
   }
-  const soa::Sweeps<double>& S = soa::sweeps<double>();
-  const Inputs in{.q = q_.data(), .v = zeros_.data(), .vdot = zeros_.data(), .gravity = false};
-  S.ground(*model_, inertia_, in);
-  S.hinge_records(*model_, inertia_, in);
-  for (const Run& run : model_->runs) S.outward(*model_, inertia_, in, run, {.velocity = false});
-  for (auto run = model_->runs.rbegin(); run != model_->runs.rend(); ++run) {
-    S.inward(*model_, inertia_, in, *run, {.bias = false});
-    if (inertia_.breakdown.body != 0) throw NumericsError(describe_breakdown(*model_, inertia_.breakdown, 0.0));
-  }
+  if (!articulate_at_rest(*model_, inertia_, q_.data())) throw NumericsError(describe_breakdown(*model_, inertia_.breakdown, 0.0));
   articulated_ = true;
 }
 
 void Sensitivities::mass_inverse(const double* f, double* out) {
   articulate();
   if (part_) return operators::apply(operators::mass_inverse, *sub_, f, out);
-  const soa::Sweeps<double>& S = soa::sweeps<double>();
-  const Inputs in{.q = q_.data(), .v = zeros_.data(), .tau = f, .vdot = zeros_.data(), .gravity = false};
-  S.ground(*model_, inertia_, in);
-  S.at_rest(*model_, inertia_);
-  for (auto run = model_->runs.rbegin(); run != model_->runs.rend(); ++run) S.inward(*model_, inertia_, in, *run, {.inertia = false});
-  for (const Run& run : model_->runs) S.acceleration(*model_, inertia_, in, run, out);
+  cardan::mass_inverse(*model_, inertia_, q_.data(), f, out);
 }
 
 void Sensitivities::forward(const Direction& along, double* dvdot) {
-  for (int i = 0; i < size(); ++i) masked_[i] = along.vdot && given_[idx(i)] ? along.vdot[i] : 0.0;
+  for (int i = 0; i < size(); ++i) masked_[i] = along.vdot && given_[i] ? along.vdot[i] : 0.0;
   inverse({.q = along.q, .v = along.v, .vdot = masked_.data()}, work_.data());
   for (int i = 0; i < size(); ++i) work_[i] = (along.tau ? along.tau[i] : 0.0) - work_[i];
   mass_inverse(work_.data(), dvdot);
   for (int i = 0; i < size(); ++i)
-    if (given_[idx(i)]) dvdot[i] = masked_[i];
+    if (given_[i]) dvdot[i] = masked_[i];
 }
 
 InverseDerivatives Sensitivities::inverse() {
@@ -228,8 +214,8 @@ const UserBody& Sensitivities::user(int body) const {
   if (body < 0 || body >= static_cast<int>(model_->user.size()))
     throw InputError(Diagnostic{Code::unknown_body, {"sensitivity in a body's parameters", {}}, fmt::format("an index below {}", model_->user.size()),
                                 fmt::format("{}", body), {}, {}, {}, 0});
-  const UserBody& u = model_->user[idx(body)];
-  if (part_ && !part_->takes_part[idx(u.sweep)])
+  const UserBody& u = model_->user[body];
+  if (part_ && !part_->takes_part[u.sweep])
     throw InputError(Diagnostic{Code::unknown_body, {"sensitivity in a body's parameters", {}}, "a body that takes part", "\"" + u.name + "\"", {}, {}, {}, 0});
   return u;
 }
@@ -252,7 +238,7 @@ void Sensitivities::inverse_in_inertia(int body, const RigidInertia<double>& cha
   std::fill(dtau, dtau + size(), 0.0);
   const int k = u.sweep;
   if (k == 0) return;  // fixed to the ground
-  const SweepBody& b = m.bodies[idx(k)];
+  const SweepBody& b = m.bodies[k];
   Vec3<double> w;
   Motion<double> gamma;
   soa::motion_of_body(m, ws_, {.q = q_.data(), .v = v_all_.data()}, k, vdot_all_.data(), soa::After::inverse, w, gamma);
@@ -268,10 +254,10 @@ void Sensitivities::inverse_in_inertia(int body, const RigidInertia<double>& cha
   // H phi f with f on one body
   const soa::TreeOperators& ops = tree();
   int i = ops.index_of(k);
-  const Pose<double>& frame = m.user[idx(ops.bodies()[idx(i)].user)].pose;
+  const Pose<double>& frame = m.user[ops.bodies()[i].user].pose;
   VectorXd up = to_eigen(to_outboard(frame, f));
   while (true) {
-    const soa::OperatorBody& at = ops.bodies()[idx(i)];
+    const soa::OperatorBody& at = ops.bodies()[i];
     Eigen::Map<VectorXd>(dtau + at.v, at.nh + at.m) = ops.Ht_all(i).transpose() * up;
     if (at.parent < 0) return;
     up = (ops.A(i).transpose() * up.head<6>()).eval();
@@ -290,7 +276,7 @@ MatrixXd Sensitivities::inverse_in_stiffness(int body, Stiffness which) const {
   const UserBody& u = user(body);
   const int m = u.n_modes, columns = which == Stiffness::diagonal ? m : m * (m + 1) / 2;
   MatrixXd out = MatrixXd::Zero(size(), columns);
-  const int first = m > 0 ? place_[idx(u.etadot)] : 0;
+  const int first = m > 0 ? place_[u.etadot] : 0;
   int column = 0;
   for (int i = 0; i < m; ++i)
     for (int j = which == Stiffness::diagonal ? i : 0; j <= i; ++j, ++column) {
@@ -340,7 +326,7 @@ Eigen::Matrix3d minus_tilde(const double* a) {
 Eigen::SparseMatrix<double> kinematic_rates(const Model& model, const double* q, const double* v) {
   std::vector<Eigen::Triplet<double>> entries;
   for (const int i : model.curved) {
-    const UserBody& u = model.user[idx(i)];
+    const UserBody& u = model.user[i];
     MatrixXd C = MatrixXd::Zero(u.nv, u.nv);
     switch (u.hinge->shape) {
       case CARDAN_SHAPE_FREE_BODY:

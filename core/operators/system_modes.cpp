@@ -23,7 +23,6 @@ constexpr int kFew = 32;
 constexpr int kDense = 1000;
 constexpr double kGap = 1e-4;  // of neighbouring eigenvalues, for the count
 
-std::size_t idx(int i) { return static_cast<std::size_t>(i); }
 
 /// K and C of the hinge space: per body [springs, diagonal; modes, diagonal or full].
 struct Joint {
@@ -45,9 +44,9 @@ Joint joint_of(const TreeOperators& tree) {
   Joint J;
   J.K.setZero(n), J.C.setZero(n);
   J.K_modes.resize(tree.bodies().size()), J.C_modes = J.K_modes, J.K_modes_inverse = J.K_modes;
-  std::vector<std::uint8_t> moves(idx(n), 1);
+  std::vector<std::uint8_t> moves(n, 1);
   for (int v = 0; v < model.nv; ++v)
-    if (const int i = tree.place_of_velocity(v); i >= 0 && model.has_prescribed()) moves[idx(i)] = model.prescribed[idx(v)] == 0;
+    if (const int i = tree.place_of_velocity(v); i >= 0 && model.has_prescribed()) moves[i] = model.prescribed[v] == 0;
   for (const Spring& s : model.springs)
     if (const int i = tree.place_of_velocity(s.v); i >= 0) J.K[i] += s.stiffness, J.C[i] += s.damping;
   const auto refuse = [](const std::string& what, const std::string& got) {
@@ -56,7 +55,7 @@ Joint joint_of(const TreeOperators& tree) {
   for (std::size_t i = 0; i < tree.bodies().size(); ++i) {
     const OperatorBody& b = tree.bodies()[i];
     if (b.m == 0) continue;
-    const FlexibleBody& f = model.flexible[idx(model.bodies[idx(b.sweep)].flexible)];
+    const FlexibleBody& f = model.flexible[model.bodies[b.sweep].flexible];
     if (f.K_diagonal) {
       J.K.segment(b.etadot, b.m) = Eigen::Map<const VectorXd>(f.K.data(), b.m);
       J.C.segment(b.etadot, b.m) = Eigen::Map<const VectorXd>(f.C.data(), b.m);
@@ -64,22 +63,22 @@ Joint joint_of(const TreeOperators& tree) {
     }
     MatrixXd K = Eigen::Map<const MatrixXd>(f.K.data(), b.m, b.m), C = Eigen::Map<const MatrixXd>(f.C.data(), b.m, b.m);
     for (int j = 0; j < b.m; ++j)
-      if (!moves[idx(b.etadot + j)]) {  // held: its own row is left as a one that nobody reads
+      if (!moves[b.etadot + j]) {  // held: its own row is left as a one that nobody reads
         K.row(j).setZero(), K.col(j).setZero(), C.row(j).setZero(), C.col(j).setZero();
         K(j, j) = 1.0;
       }
     const Eigen::LLT<MatrixXd> factor(K);
-    if (factor.info() != Eigen::Success) refuse(model.user[idx(b.user)].name, "a modal stiffness matrix that is not positive definite");
+    if (factor.info() != Eigen::Success) refuse(model.user[b.user].name, "a modal stiffness matrix that is not positive definite");
     J.K.segment(b.etadot, b.m) = K.diagonal(), J.C.segment(b.etadot, b.m) = C.diagonal();
     J.K_modes[i] = std::move(K), J.C_modes[i] = std::move(C);
     J.K_modes_inverse[i] = factor.solve(MatrixXd::Identity(b.m, b.m));
   }
   for (int i = 0; i < n; ++i) {
-    if (!moves[idx(i)]) {
+    if (!moves[i]) {
       J.K[i] = J.C[i] = 0.0;
       continue;
     }
-    if (!(J.K[i] >= 0.0)) refuse(tree.labels(Space::hinge, Sort::unknown).names[idx(i)], fmt::format("{:g}", J.K[i]));
+    if (!(J.K[i] >= 0.0)) refuse(tree.labels(Space::hinge, Sort::unknown).names[i], fmt::format("{:g}", J.K[i]));
     J.free.push_back(i);
     (J.K[i] > 0.0 ? J.stiff : J.slack).push_back(i);
   }
@@ -99,22 +98,22 @@ int count_below(const TreeOperators& given, double lambda) {
   given.require(Kind::H);
   const TreeOperators tree = same(given);  // all components take part
   const Joint J = joint_of(tree);
-  std::vector<std::uint8_t> free(idx(tree.size(Space::hinge)), 0);
-  for (const int i : J.free) free[idx(i)] = 1;
+  std::vector<std::uint8_t> free((tree.size(Space::hinge)), 0);
+  for (const int i : J.free) free[i] = 1;
   std::vector<MatrixXd> P;
   for (int i = 0; i < static_cast<int>(tree.bodies().size()); ++i) P.push_back(tree.M(i));
   int count = 0;
   for (int i = static_cast<int>(P.size()) - 1; i >= 0; --i) {
-    const OperatorBody& b = tree.bodies()[idx(i)];
+    const OperatorBody& b = tree.bodies()[i];
     std::vector<int> columns;
     for (int j = 0; j < b.nh + b.m; ++j)
-      if (free[idx(b.v + j)]) columns.push_back(j);
-    MatrixXd& at = P[idx(i)];
+      if (free[b.v + j]) columns.push_back(j);
+    MatrixXd& at = P[i];
     if (!columns.empty()) {
       const MatrixXd Ht = tree.Ht(i)(Eigen::all, columns), PH = at * Ht;
       MatrixXd K = MatrixXd::Zero(b.nh + b.m, b.nh + b.m);
       K.diagonal() = J.K.segment(b.v, b.nh + b.m);
-      if (J.K_modes[idx(i)].size() > 0) K.bottomRightCorner(b.m, b.m) = J.K_modes[idx(i)];
+      if (J.K_modes[i].size() > 0) K.bottomRightCorner(b.m, b.m) = J.K_modes[i];
       MatrixXd D = Ht.transpose() * PH - K(columns, columns) / lambda;
       const VectorXd scale = D.cwiseAbs().rowwise().maxCoeff().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();  // a congruence: pivots compare
       const MatrixXd PHs = PH * scale.asDiagonal();
@@ -123,7 +122,7 @@ int count_below(const TreeOperators& given, double lambda) {
       const MatrixXd U = PHs * pivots.eigenvectors();
       at.noalias() -= U * pivots.eigenvalues().cwiseInverse().asDiagonal() * U.transpose();
     }
-    if (b.parent >= 0) P[idx(b.parent)].noalias() += tree.A(i).transpose() * at.topLeftCorner<6, 6>() * tree.A(i);
+    if (b.parent >= 0) P[b.parent].noalias() += tree.A(i).transpose() * at.topLeftCorner<6, 6>() * tree.A(i);
   }
   return count;
 }
@@ -147,18 +146,18 @@ SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& op
       operators::apply(operators::mass, whole, x.data(), Mx.data());
   };
   if (n_slack > 0) {
-    std::vector<std::uint8_t> only(idx(n), 0);
-    for (const int i : J.slack) only[idx(i)] = 1;
+    std::vector<std::uint8_t> only(n, 0);
+    for (const int i : J.slack) only[i] = 1;
     slack.articulate({.W = nullptr, .free = only});
   }
   VectorXd y(n), z(n), u(n);
   /// Rigid-body mode of slack component j: (1 - H psi K)* S^-* of a unit vector, X* M X = 1 by the innovations factors of M_uu.
   const auto rigid_mode = [&](int j) {
-    const int at = J.slack[idx(j)];
+    const int at = J.slack[j];
     VectorXd unit = VectorXd::Zero(n), x(n);
     unit[at] = 1.0;
     for (int i = 0; i < static_cast<int>(tree.bodies().size()); ++i) {
-      const OperatorBody& b = slack.bodies()[idx(i)];
+      const OperatorBody& b = slack.bodies()[i];
       if (at < b.v || at >= b.v + b.nh + b.m) continue;
       auto part = unit.segment(b.v, b.nh + b.m);
       slack.S(i).triangularView<Eigen::Lower>().transpose().solveInPlace(part);
@@ -189,13 +188,13 @@ SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& op
   VectorXd whole_x(n);
   const auto spread = [&](const VectorXd& x_s) {
     whole_x.setZero();
-    for (int i = 0; i < n_stiff; ++i) whole_x[J.stiff[idx(i)]] = x_s[i];
+    for (int i = 0; i < n_stiff; ++i) whole_x[J.stiff[i]] = x_s[i];
   };
   const auto reduced_mass = [&](const VectorXd& x_s, VectorXd& y_s) {
     spread(x_s);
     follow(whole_x);
     mass(whole_x, y);
-    for (int i = 0; i < n_stiff; ++i) y_s[i] = y[J.stiff[idx(i)]];
+    for (int i = 0; i < n_stiff; ++i) y_s[i] = y[J.stiff[i]];
   };
   const auto compliance = [&](const VectorXd& f_s, VectorXd& x_s) {
     spread(f_s);
@@ -210,7 +209,7 @@ SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& op
     for (const OperatorBody& b : tree.bodies())
       for (int j = b.v; j < b.v + b.nh; ++j)
         if (J.K[j] > 0.0) whole_x[j] /= J.K[j];
-    for (int i = 0; i < n_stiff; ++i) x_s[i] = whole_x[J.stiff[idx(i)]];
+    for (int i = 0; i < n_stiff; ++i) x_s[i] = whole_x[J.stiff[i]];
   };
 
   Eigenpairs found;
@@ -254,7 +253,7 @@ SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& op
   out.frequency.setZero(k), out.damping.setZero(k), out.residual.setZero(k);
   out.shapes.setZero(n, k), out.kinetic.setZero(static_cast<Eigen::Index>(tree.bodies().size()), k), out.strain.setZero(n, k);
   out.labels = tree.labels(Space::hinge, Sort::unknown);
-  for (const OperatorBody& b : tree.bodies()) out.bodies.push_back(tree.model().user[idx(b.user)].name);
+  for (const OperatorBody& b : tree.bodies()) out.bodies.push_back(tree.model().user[b.user].name);
 
   for (int j = 0; j < out.first_elastic; ++j) out.shapes.col(j) = X.cols() == n_slack ? VectorXd(X.col(j)) : rigid_mode(j);
   for (int j = 0; j < taken; ++j) {
@@ -270,7 +269,7 @@ SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& op
     out.strain.col(c) = x.cwiseProduct(Kx) / lambda;
     mass(x, y);
     VectorXd r(n_stiff), Kr(n_stiff);
-    for (int i = 0; i < n_stiff; ++i) r[i] = Kx[J.stiff[idx(i)]] - lambda * y[J.stiff[idx(i)]];
+    for (int i = 0; i < n_stiff; ++i) r[i] = Kx[J.stiff[i]] - lambda * y[J.stiff[i]];
     compliance(r, Kr);
     out.residual[c] = std::sqrt(std::max(r.dot(Kr), 0.0)) / omega;  // in this order NaN stays
     if (!(out.residual[c] <= kResidualLimit)) throw LinalgError(fmt::format("mode {} has a residual of {:.2g}", j + 1, out.residual[c]));

@@ -17,7 +17,6 @@ using Eigen::VectorXd;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
-std::size_t idx(int i) { return static_cast<std::size_t>(i); }
 
 /// The antisymmetric part.
 Vector3d vector_of(const Matrix3d& a) { return 0.5 * Vector3d(a(2, 1) - a(1, 2), a(0, 2) - a(2, 0), a(1, 0) - a(0, 1)); }
@@ -85,19 +84,19 @@ struct Frames {
 Placements::Placements(const TreeOperators& tree) {
   const PositionBlocks& blocks = tree.position_blocks();
   const int n = static_cast<int>(tree.bodies().size());
-  const auto step = [&](int sweep) { return placement_of(blocks.A[idx(sweep)].leftCols<6>()); };
+  const auto step = [&](int sweep) { return placement_of(blocks.A[sweep].leftCols<6>()); };
   const auto in_world = [&](int sweep) {
     Placement out = step(sweep);
-    for (int k = tree.model().bodies[idx(sweep)].parent; k > 0; k = tree.model().bodies[idx(k)].parent) out = step(k) * out;
+    for (int k = tree.model().bodies[sweep].parent; k > 0; k = tree.model().bodies[k].parent) out = step(k) * out;
     return out;
   };
-  bodies.resize(idx(n));
+  bodies.resize(n);
   for (int i = 0; i < n; ++i) {
-    const OperatorBody& b = tree.bodies()[idx(i)];
+    const OperatorBody& b = tree.bodies()[i];
     if (i == 0)
       reference = in_world(b.sweep);
     else
-      bodies[idx(i)] = b.parent >= 0 ? bodies[idx(b.parent)] * step(b.sweep) : inverse(reference) * in_world(b.sweep);
+      bodies[i] = b.parent >= 0 ? bodies[b.parent] * step(b.sweep) : inverse(reference) * in_world(b.sweep);
   }
 }
 
@@ -116,8 +115,8 @@ MassProperties mass_properties(const TreeOperators& tree) {
 Placement place_of_node(const TreeOperators& tree, int node) {
   tree.require_nodes(std::span(&node, 1));
   const Placements at(tree);
-  const int body = tree.index_of(tree.model().nodes[idx(node)].sweep);
-  return at.reference * at.bodies[idx(body)] * placement_of(tree.Bt(node).leftCols<6>());
+  const int body = tree.index_of(tree.model().nodes[node].sweep);
+  return at.reference * at.bodies[body] * placement_of(tree.Bt(node).leftCols<6>());
 }
 
 Matrix6X momentum_matrix(const TreeOperators& tree, About about) {
@@ -125,9 +124,9 @@ Matrix6X momentum_matrix(const TreeOperators& tree, About about) {
   const std::vector<MatrixXd> R = composite_inertias(tree);
   Matrix6X out(6, tree.size(Space::hinge));
   for (int i = 0; i < static_cast<int>(tree.bodies().size()); ++i) {
-    const OperatorBody& b = tree.bodies()[idx(i)];
-    const Matrix6X momenta = R[idx(i)].topRows<6>() * tree.Ht_all(i);
-    for (int j = 0; j < b.nh + b.m; ++j) out.col(b.v + j) = carried(frames.bodies[idx(i)], momenta.col(j));
+    const OperatorBody& b = tree.bodies()[i];
+    const Matrix6X momenta = R[i].topRows<6>() * tree.Ht_all(i);
+    for (int j = 0; j < b.nh + b.m; ++j) out.col(b.v + j) = carried(frames.bodies[i], momenta.col(j));
   }
   return out;
 }
@@ -140,8 +139,8 @@ Matrix6X body_momenta(const TreeOperators& tree, About about, const VectorXd& v)
   const VectorXd V = body_velocities(tree, v);
   Matrix6X out(6, static_cast<Eigen::Index>(tree.bodies().size()));
   for (int i = 0; i < out.cols(); ++i) {
-    const OperatorBody& b = tree.bodies()[idx(i)];
-    out.col(i) = carried(frames.bodies[idx(i)], tree.M(i).topRows<6>() * V.segment(b.at, 6 + b.m));
+    const OperatorBody& b = tree.bodies()[i];
+    out.col(i) = carried(frames.bodies[i], tree.M(i).topRows<6>() * V.segment(b.at, 6 + b.m));
   }
   return out;
 }
@@ -154,8 +153,8 @@ VectorXd momentum_adjoint(const TreeOperators& tree, About about, const Vector6&
   const Frames frames(tree, about);
   VectorXd f(tree.size(Space::body));
   for (int i = 0; i < static_cast<int>(tree.bodies().size()); ++i) {
-    const OperatorBody& b = tree.bodies()[idx(i)];
-    const Placement& at = frames.bodies[idx(i)];
+    const OperatorBody& b = tree.bodies()[i];
+    const Placement& at = frames.bodies[i];
     Vector6 V;
     V << at.R.transpose() * w.head<3>(), at.R.transpose() * (w.tail<3>() + Vector3d(w.head<3>()).cross(at.p));
     f.segment(b.at, 6 + b.m).noalias() = tree.M(i).leftCols<6>() * V;
@@ -183,9 +182,9 @@ ReflectedInertia reflected_inertia(const TreeOperators& tree) {
   const int n = tree.size(Space::hinge);
   ReflectedInertia out{VectorXd(n), VectorXd(n), VectorXd(n)};
   for (int i = 0; i < static_cast<int>(tree.bodies().size()); ++i) {
-    const OperatorBody& b = tree.bodies()[idx(i)];
+    const OperatorBody& b = tree.bodies()[i];
     const int size = b.nh + b.m;
-    out.others_locked.segment(b.v, size) = (tree.Ht_all(i).transpose() * R[idx(i)] * tree.Ht_all(i)).diagonal();
+    out.others_locked.segment(b.v, size) = (tree.Ht_all(i).transpose() * R[i] * tree.Ht_all(i)).diagonal();
     const VectorXd above = (tree.G(i).transpose() * tree.Y_plus(i) * tree.G(i)).diagonal();
     const MatrixXd S_inverse = tree.S(i).triangularView<Eigen::Lower>().solve(MatrixXd::Identity(size, size));
     for (int j = 0; j < size; ++j) {

@@ -20,7 +20,6 @@ using Eigen::VectorXd;
 using ConstVector = Map<const VectorXd>;
 using Vector = Map<VectorXd>;
 
-std::size_t idx(int i) { return static_cast<std::size_t>(i); }
 
 /// The upper triangle of a symmetric matrix from the lower one.
 void mirror(MatrixXd& a) {
@@ -37,21 +36,13 @@ void store(const Motion<T>& V, double* out) {
   out[0] = part(V.w.x), out[1] = part(V.w.y), out[2] = part(V.w.z), out[3] = part(V.v.x), out[4] = part(V.v.y), out[5] = part(V.v.z);
 }
 
-/// By sweep index: the user's body that stands for the whole rigid group, whose frame is that of the blocks; -1 for the ground.
-std::vector<int> owners(const Model& model) {
-  std::vector<int> owner(model.bodies.size(), -1);
-  for (std::size_t u = 0; u < model.user.size(); ++u)
-    if (!model.user[u].merged && model.user[u].sweep > 0) owner[idx(model.user[u].sweep)] = static_cast<int>(u);
-  return owner;
-}
-
-/// Inertia of each rigid group in the user's frame of the body that stands for it: of a single body as it was given, to the last bit.
-std::vector<RigidInertia<double>> rigid_inertias(const Model& model, const std::vector<int>& owner) {
+/// Inertia of each rigid group in the user's frame of the body that owns it, which is that of the blocks: of a single body as it was given, to the last bit.
+std::vector<RigidInertia<double>> rigid_inertias(const Model& model) {
   std::vector<RigidInertia<double>> out(model.bodies.size());
   for (const UserBody& u : model.user) {
     if (u.sweep == 0 || u.n_modes > 0) continue;
-    RigidInertia<double>& sum = out[idx(u.sweep)];
-    sum = u.merged ? sum + to_inboard(inverse(model.user[idx(owner[idx(u.sweep)])].pose) * u.pose, u.M) : sum + u.M;
+    RigidInertia<double>& sum = out[u.sweep];
+    sum = u.merged ? sum + to_inboard(inverse(model.user[model.owner[u.sweep]].pose) * u.pose, u.M) : sum + u.M;
   }
   return out;
 }
@@ -80,15 +71,14 @@ template <class T>
 void read_blocks(const Model& model, const Workspace<T>& ws, const T* q, PositionBlocks& out) {
   const std::size_t n = model.bodies.size();
   out.A.resize(n), out.Ht.resize(n), out.M.resize(n);
-  const std::vector<int> owner = owners(model);
-  const std::vector<RigidInertia<double>> rigid_bodies = rigid_inertias(model, owner);
-  const auto frame = [&](int k) { return k == 0 ? Pose<double>{} : model.user[idx(owner[idx(k)])].pose; };
+  const std::vector<RigidInertia<double>> rigid_bodies = rigid_inertias(model);
+  const auto frame = [&](int k) { return k == 0 ? Pose<double>{} : model.user[model.owner[k]].pose; };
   for (int k = 1; k < static_cast<int>(n); ++k) {
-    const SweepBody& b = model.bodies[idx(k)];
-    const int m = b.n_modes, mp = b.parent > 0 ? model.bodies[idx(b.parent)].n_modes : 0;
+    const SweepBody& b = model.bodies[k];
+    const int m = b.n_modes, mp = b.parent > 0 ? model.bodies[b.parent].n_modes : 0;
     const Pose<T> to_user = cast<T>(frame(k)), from_parent = inverse(cast<T>(frame(b.parent)));
     const Pose<T> X_sweep = pose_in_inboard(model, ws, k, q), X = from_parent * X_sweep * to_user;
-    Matrix6X& A = out.A[idx(k)];
+    Matrix6X& A = out.A[k];
     A.setZero(6, 6 + mp);
     for (int j = 0; j < 6; ++j) {
       Motion<T> unit{};
@@ -98,25 +88,25 @@ void read_blocks(const Model& model, const Workspace<T>& ws, const T* q, Positio
     const Modal<T>* modal = ws.modal_of(k);
     if (b.onode >= 0)
       for (int j = 0; j < mp; ++j) {
-        const double* s = model.shapes[idx(b.onode)].columns.data() + 6 * j;
+        const double* s = model.shapes[b.onode].columns.data() + 6 * j;
         const Vec3<T> turn = modal->node->Jl * Vec3<T>{T(s[0]), T(s[1]), T(s[2])};
         const Motion<T> in_A{turn, Vec3<T>{T(s[3]), T(s[4]), T(s[5])} - cross(turn, modal->node->rho)};
         store(to_outboard(to_user, to_outboard(X_sweep, in_A)), A.col(6 + j).data());
       }
-    MatrixXd& Ht = out.Ht[idx(k)];
+    MatrixXd& Ht = out.Ht[k];
     Ht.setZero(6 + m, b.nv + m);
     if (is_axis(b.kind))
-      store(axis_column<T>(model.user[idx(owner[idx(k)])]), Ht.col(0).data());
+      store(axis_column<T>(model.user[model.owner[k]]), Ht.col(0).data());
     else
       for (int j = 0; j < b.nv; ++j) store(to_outboard(to_user, hinge_column(model, ws, k, j)), Ht.col(j).data());
     for (int j = 0; j < m; ++j) {
       if (modal->C) store(-T(1) * to_outboard(to_user, motion_column(modal->C, j)), Ht.col(b.nv + j).data());
       Ht(6 + j, b.nv + j) = part(T(1));
     }
-    MatrixXd& M = out.M[idx(k)];
+    MatrixXd& M = out.M[k];
     M.setZero(6 + m, 6 + m);
     if (m == 0) {
-      if constexpr (std::is_same_v<T, double>) M = to_eigen(articulated(rigid_bodies[idx(k)]));
+      if constexpr (std::is_same_v<T, double>) M = to_eigen(articulated(rigid_bodies[k]));
       continue;
     }
     const RigidInertia<T>& rigid = modal->M_rr;
@@ -125,16 +115,16 @@ void read_blocks(const Model& model, const Workspace<T>& ws, const T* q, Positio
     for (int i = 0; i < 10; ++i) r[i] = part(mass[i]);
     M.topLeftCorner<6, 6>() = to_eigen(articulated(RigidInertia<double>{r[0], {r[1], r[2], r[3]}, {r[4], r[5], r[6], r[7], r[8], r[9]}}));
     for (int j = 0; j < m; ++j) {
-      const FlexibleBody& f = model.flexible[idx(b.flexible)];  // its frame is the user's
-      for (int i = 0; i < 6; ++i) M(i, 6 + j) = M(6 + j, i) = part(modal->P_re ? modal->P_re[6 * j + i] : T(f.M_re[idx(6 * j + i)]));
-      for (int i = 0; i < m; ++i) M(6 + i, 6 + j) = part(modal->P_ee ? modal->P_ee[m * j + i] : T(f.M_ee[idx(m * j + i)]));
+      const FlexibleBody& f = model.flexible[b.flexible];  // its frame is the user's
+      for (int i = 0; i < 6; ++i) M(i, 6 + j) = M(6 + j, i) = part(modal->P_re ? modal->P_re[6 * j + i] : T(f.M_re[6 * j + i]));
+      for (int i = 0; i < m; ++i) M(6 + i, 6 + j) = part(modal->P_ee ? modal->P_ee[m * j + i] : T(f.M_ee[m * j + i]));
     }
   }
 }
 
 /// B* of a node: [X_j, Gamma_j] in node axes (mathematics 3.1).
 Matrix6X node_block(const Model& model, const UserNode& node, const Pose<double>& body_frame, const double* q) {
-  const SweepBody& b = model.bodies[idx(node.sweep)];
+  const SweepBody& b = model.bodies[node.sweep];
   Matrix6X Bt = Matrix6X::Zero(6, 6 + b.n_modes);
   Pose<double> N = node.shapes.pose;
   if (node.shapes.deforms()) {
@@ -166,7 +156,7 @@ std::string_view name_of(Stage stage) {
 }
 
 struct TreeOperators::Sweeping {
-  explicit Sweeping(const Model& model) : position(model), zeros(idx(model.nv), 0.0) {}
+  explicit Sweeping(const Model& model) : position(model), zeros(model.nv, 0.0) {}
   Workspace<double> position;                   // of the blocks and the mass matrix
   std::unique_ptr<Workspace<double>> inertia;   // of the inverse, once it was asked for: P, D, G stay there
   std::vector<double> zeros;
@@ -183,30 +173,29 @@ TreeOperators::~TreeOperators() = default;
 TreeOperators::TreeOperators(TreeOperators&&) noexcept = default;
 
 void TreeOperators::number(const std::vector<int>& sweep_bodies) {
-  const std::vector<int> owner = owners(*model_);
   index_.assign(model_->bodies.size(), -1);
-  place_.assign(idx(model_->nv), -1);
+  place_.assign(model_->nv, -1);
   bodies_.clear();
   for (const int k : sweep_bodies) {  // ascending: inboard before outboard
-    const SweepBody& b = model_->bodies[idx(k)];
-    index_[idx(k)] = static_cast<int>(bodies_.size());
-    bodies_.push_back({.sweep = k, .user = owner[idx(k)], .parent = b.parent > 0 ? index_[idx(b.parent)] : -1, .nh = b.nv, .m = b.n_modes});
+    const SweepBody& b = model_->bodies[k];
+    index_[k] = static_cast<int>(bodies_.size());
+    bodies_.push_back({.sweep = k, .user = model_->owner[k], .parent = b.parent > 0 ? index_[b.parent] : -1, .nh = b.nv, .m = b.n_modes});
   }
   n_hinge_ = n_body_ = 0;
   for (std::size_t u = 0; u < model_->user.size(); ++u) {  // places: the user's order
     const UserBody& user = model_->user[u];
     if (user.merged || user.sweep == 0 || index_of(user.sweep) < 0) continue;
-    OperatorBody& b = bodies_[idx(index_of(user.sweep))];
+    OperatorBody& b = bodies_[index_of(user.sweep)];
     b.at = n_body_, n_body_ += 6 + b.m;
     b.v = n_hinge_, b.etadot = n_hinge_ + b.nh, n_hinge_ += b.nh + b.m;
-    for (int j = 0; j < b.nh; ++j) place_[idx(user.v + j)] = b.v + j;
-    for (int j = 0; j < b.m; ++j) place_[idx(user.etadot + j)] = b.etadot + j;
+    for (int j = 0; j < b.nh; ++j) place_[user.v + j] = b.v + j;
+    for (int j = 0; j < b.m; ++j) place_[user.etadot + j] = b.etadot + j;
   }
   nodes_.clear();
   for (std::size_t j = 0; j < model_->nodes.size(); ++j)
     if (const int k = model_->nodes[j].sweep; k > 0 && index_of(k) >= 0) nodes_.push_back(static_cast<int>(j));
-  std::size_t widest = 6;
-  for (const OperatorBody& b : bodies_) widest = std::max(widest, idx(6 + b.nh + b.m));
+  int widest = 6;
+  for (const OperatorBody& b : bodies_) widest = std::max(widest, 6 + b.nh + b.m);
   work_.resize(3 * widest);
 }
 
@@ -247,7 +236,7 @@ std::vector<int> TreeOperators::sweep_bodies() const {
 std::vector<int> TreeOperators::subtree(int sweep_body) const {
   std::vector<int> out{sweep_body};
   for (int k = sweep_body + 1; k < static_cast<int>(model_->bodies.size()); ++k)
-    if (std::binary_search(out.begin(), out.end(), model_->bodies[idx(k)].parent)) out.push_back(k);
+    if (std::binary_search(out.begin(), out.end(), model_->bodies[k].parent)) out.push_back(k);
   return out;
 }
 
@@ -256,7 +245,7 @@ std::vector<int> TreeOperators::path(int a, int b) const {
   while (a != b) {  // parents have lower indices
     int& deeper = a > b ? a : b;
     out.push_back(deeper);
-    deeper = model_->bodies[idx(deeper)].parent;
+    deeper = model_->bodies[deeper].parent;
   }
   if (a > 0) out.push_back(a);
   std::sort(out.begin(), out.end());
@@ -272,11 +261,10 @@ void TreeOperators::at(const double* q) {
   // The memory of the last q, unless a subgraph holds on to it.
   auto blocks = position_ && position_.use_count() == 1 ? std::move(position_) : std::make_shared<PositionBlocks>();
   read_blocks(model, sweeping_->position, q, *blocks);
-  const std::vector<int> owner = owners(model);
   blocks->Bt.resize(model.nodes.size());
   for (std::size_t j = 0; j < model.nodes.size(); ++j)
     if (const UserNode& node = model.nodes[j]; node.sweep > 0)
-      blocks->Bt[j] = node_block(model, node, model.user[idx(owner[idx(node.sweep)])].pose, q);
+      blocks->Bt[j] = node_block(model, node, model.user[model.owner[node.sweep]].pose, q);
   position_ = std::move(blocks);
   has_inertia_ = has_operational_space_ = has_direction_ = false;
   sweeping_->articulated = false;
@@ -287,9 +275,9 @@ void TreeOperators::at(const double* q) {
 void TreeOperators::derivatives(const double* u, PositionBlocks& out) const {
   require(Kind::H);
   const Model& model = *model_;
-  std::vector<double> rate(idx(model.nq));
+  std::vector<double> rate(model.nq);
   model.qdot(q_.data(), u, rate.data());
-  std::vector<Tangent> q(idx(model.nq)), zeros(idx(model.nv), Tangent(0.0));
+  std::vector<Tangent> q(model.nq), zeros(model.nv, Tangent(0.0));
   for (std::size_t i = 0; i < q.size(); ++i) q[i] = {q_[i], rate[i]};
   if (!tangent_) tangent_ = std::make_unique<Workspace<Tangent>>(model);
   pose(model, *tangent_, q.data(), zeros.data());
@@ -313,8 +301,8 @@ void TreeOperators::mask_hinges() {
   Ht_free_.clear(), dHt_free_.clear();
   if (!masked_) return;
   for (std::size_t i = 0; i < bodies_.size(); ++i) {
-    Ht_free_.push_back(position_->Ht[idx(bodies_[i].sweep)]);
-    if (has_direction_) dHt_free_.push_back(direction_->Ht[idx(bodies_[i].sweep)]);
+    Ht_free_.push_back(position_->Ht[bodies_[i].sweep]);
+    if (has_direction_) dHt_free_.push_back(direction_->Ht[bodies_[i].sweep]);
     for (int j = 0; j < bodies_[i].nh + bodies_[i].m; ++j) {
       if (is_free(bodies_[i].v + j)) continue;
       Ht_free_.back().col(j).setZero();
@@ -333,8 +321,8 @@ void TreeOperators::articulate(const Articulate& options) {
   inertia_.resize(bodies_.size());
   for (std::size_t i = 0; i < bodies_.size(); ++i) inertia_[i].P = M(static_cast<int>(i));
   for (int i = static_cast<int>(bodies_.size()) - 1; i >= 0; --i) {
-    const OperatorBody& b = bodies_[idx(i)];
-    Inertia& x = inertia_[idx(i)];
+    const OperatorBody& b = bodies_[i];
+    Inertia& x = inertia_[i];
     const MatrixXd& H_star = Ht(i);
     const int n = b.nh + b.m;
     const MatrixXd PH = x.P * H_star;
@@ -365,7 +353,7 @@ void TreeOperators::articulate(const Articulate& options) {
     x.P_plus.selfadjointView<Eigen::Lower>().rankUpdate(U.transpose(), -1.0);  // P - G D G*
     mirror(x.P_plus);
     if (b.parent >= 0) {
-      MatrixXd& P = inertia_[idx(b.parent)].P;
+      MatrixXd& P = inertia_[b.parent].P;
       const MatrixXd shifted = x.P_plus.topLeftCorner<6, 6>() * A(i);
       P.noalias() += A(i).transpose() * shifted;
       mirror(P);
@@ -384,7 +372,7 @@ void TreeOperators::operational_space() {
     const int size = 6 + b.m;
     MatrixXd &Y = Y_[i], &up = Y_plus_[i];
     up.setZero(size, size);
-    if (b.parent >= 0) up.topLeftCorner<6, 6>() = A(static_cast<int>(i)) * Y_[idx(b.parent)] * A(static_cast<int>(i)).transpose();
+    if (b.parent >= 0) up.topLeftCorner<6, 6>() = A(static_cast<int>(i)) * Y_[b.parent] * A(static_cast<int>(i)).transpose();
     MatrixXd root = Ht(static_cast<int>(i)).transpose();  // S^-1 H
     x.S.triangularView<Eigen::Lower>().solveInPlace(root);
     const MatrixXd tau_bar = MatrixXd::Identity(size, size) - x.G * Ht(static_cast<int>(i)).transpose();
@@ -397,9 +385,9 @@ void TreeOperators::operational_space() {
 void TreeOperators::require_nodes(std::span<const int> nodes) const {
   for (const int j : nodes) {
     const bool known = j >= 0 && j < static_cast<int>(model_->nodes.size());
-    if (!known || model_->nodes[idx(j)].sweep == 0 || index_of(model_->nodes[idx(j)].sweep) < 0)
+    if (!known || model_->nodes[j].sweep == 0 || index_of(model_->nodes[j].sweep) < 0)
       throw InputError(Diagnostic{Code::unknown_node, {"nodes of B", {}}, "nodes on bodies that take part and can move",
-                                  known ? "\"" + model_->nodes[idx(j)].name + "\"" : fmt::format("index {}", j), {}, {}, {}, 0});
+                                  known ? "\"" + model_->nodes[j].name + "\"" : fmt::format("index {}", j), {}, {}, {}, 0});
   }
 }
 
@@ -446,7 +434,7 @@ SpaceLabels TreeOperators::node_labels(std::span<const int> nodes, Sort sort) co
   SpaceLabels out;
   for (const int j : nodes)
     for (int r = 0; r < 6; ++r) {
-      out.names.push_back(fmt::format("{}:{}", model_->nodes[idx(j)].name, (sort == Sort::force ? kForceAxes : kAxes)[r]));
+      out.names.push_back(fmt::format("{}:{}", model_->nodes[j].name, (sort == Sort::force ? kForceAxes : kAxes)[r]));
       out.units.push_back(unit_of(r < 3 ? "rad/s" : "m/s", sort));
     }
   return out;
@@ -455,12 +443,12 @@ SpaceLabels TreeOperators::node_labels(std::span<const int> nodes, Sort sort) co
 SpaceLabels TreeOperators::labels(Space space, Sort sort) const {
   if (space == Space::node) return node_labels(nodes_, sort);
   SpaceLabels out;
-  out.names.resize(idx(size(space))), out.units.resize(out.names.size());
-  const auto put = [&](int i, std::string name, std::string_view rate) { out.names[idx(i)] = std::move(name), out.units[idx(i)] = unit_of(rate, sort); };
+  out.names.resize(size(space)), out.units.resize(out.names.size());
+  const auto put = [&](int i, std::string name, std::string_view rate) { out.names[i] = std::move(name), out.units[i] = unit_of(rate, sort); };
   for (const OperatorBody& b : bodies_) {
-    const UserBody& u = model_->user[idx(b.user)];
+    const UserBody& u = model_->user[b.user];
     if (space == Space::hinge)
-      for (int j = 0; j < b.nh; ++j) put(b.v + j, u.name + "." + u.v_names[idx(j)], u.v_units[idx(j)]);
+      for (int j = 0; j < b.nh; ++j) put(b.v + j, u.name + "." + u.v_names[j], u.v_units[j]);
     else
       for (int r = 0; r < 6; ++r) put(b.at + r, fmt::format("{}:{}", u.name, (sort == Sort::force ? kForceAxes : kAxes)[r]), r < 3 ? "rad/s" : "m/s");
     const int first = space == Space::hinge ? b.etadot : b.at + 6;
@@ -472,20 +460,20 @@ SpaceLabels TreeOperators::labels(Space space, Sort sort) const {
 void TreeOperators::apply(Kind kind, bool star, const double* x, double* y) const {
   require(kind);
   const int n = static_cast<int>(bodies_.size());
-  const auto body = [&](const double* a, int i) { return ConstVector(a + bodies_[idx(i)].at, 6 + bodies_[idx(i)].m); };
-  const auto body_of = [&](double* a, int i) { return Vector(a + bodies_[idx(i)].at, 6 + bodies_[idx(i)].m); };
-  const auto rigid = [&](const double* a, int i) { return Map<const Eigen::Matrix<double, 6, 1>>(a + bodies_[idx(i)].at); };
-  const auto rigid_of = [&](double* a, int i) { return Map<Eigen::Matrix<double, 6, 1>>(a + bodies_[idx(i)].at); };
-  const auto hinge = [&](const double* a, int i) { return ConstVector(a + bodies_[idx(i)].v, bodies_[idx(i)].nh + bodies_[idx(i)].m); };
-  const auto hinge_of = [&](double* a, int i) { return Vector(a + bodies_[idx(i)].v, bodies_[idx(i)].nh + bodies_[idx(i)].m); };
-  const auto parent = [&](int i) { return bodies_[idx(i)].parent; };
+  const auto body = [&](const double* a, int i) { return ConstVector(a + bodies_[i].at, 6 + bodies_[i].m); };
+  const auto body_of = [&](double* a, int i) { return Vector(a + bodies_[i].at, 6 + bodies_[i].m); };
+  const auto rigid = [&](const double* a, int i) { return Map<const Eigen::Matrix<double, 6, 1>>(a + bodies_[i].at); };
+  const auto rigid_of = [&](double* a, int i) { return Map<Eigen::Matrix<double, 6, 1>>(a + bodies_[i].at); };
+  const auto hinge = [&](const double* a, int i) { return ConstVector(a + bodies_[i].v, bodies_[i].nh + bodies_[i].m); };
+  const auto hinge_of = [&](double* a, int i) { return Vector(a + bodies_[i].v, bodies_[i].nh + bodies_[i].m); };
+  const auto parent = [&](int i) { return bodies_[i].parent; };
   double *const w0 = work_.data(), *const w1 = w0 + work_.size() / 3;
   const auto blocks = [&](const auto& matrix) {
     for (int i = 0; i < n; ++i) body_of(y, i).noalias() = matrix(i) * body(x, i);
   };
   // tau_bar f = f - G (H f) into w1; tau_bar* V = V - H* (G* V) likewise.
   const auto relaxed = [&](int i, const auto& f) {
-    const int size = 6 + bodies_[idx(i)].m, nh = bodies_[idx(i)].nh + bodies_[idx(i)].m;
+    const int size = 6 + bodies_[i].m, nh = bodies_[i].nh + bodies_[i].m;
     Vector h(w0, nh), out(w1, size);
     h.noalias() = Ht(i).transpose() * f;
     out = f;
@@ -553,7 +541,7 @@ void TreeOperators::apply(Kind kind, bool star, const double* x, double* y) cons
           if (parent(i) < 0) continue;
           Eigen::Matrix<double, 6, 1> V;
           V.noalias() = A(i) * body(from, parent(i));
-          Vector h(w0, bodies_[idx(i)].nh + bodies_[idx(i)].m);
+          Vector h(w0, bodies_[i].nh + bodies_[i].m);
           h.noalias() = G(i).topRows<6>().transpose() * V;
           rigid_of(y, i) += V;
           body_of(y, i).noalias() -= Ht(i) * h;
@@ -567,13 +555,13 @@ void TreeOperators::apply(Kind kind, bool star, const double* x, double* y) cons
     case Kind::tau_bar:
       for (int i = 0; i < n; ++i) {
         if (star) {
-          Vector h(w0, bodies_[idx(i)].nh + bodies_[idx(i)].m);
+          Vector h(w0, bodies_[i].nh + bodies_[i].m);
           h.noalias() = G(i).transpose() * body(x, i);
           body_of(y, i) = body(x, i);
           body_of(y, i).noalias() -= Ht(i) * h;
         } else {
           relaxed(i, body(x, i));
-          body_of(y, i) = ConstVector(w1, 6 + bodies_[idx(i)].m);
+          body_of(y, i) = ConstVector(w1, 6 + bodies_[i].m);
         }
       }
       return;
@@ -606,7 +594,7 @@ void TreeOperators::apply_nodes(std::span<const int> nodes, bool star, const dou
   require(Kind::B);
   if (!star) Vector(y, n_body_).setZero();
   for (std::size_t j = 0; j < nodes.size(); ++j) {
-    const OperatorBody& b = bodies_[idx(index_of(model_->nodes[idx(nodes[j])].sweep))];
+    const OperatorBody& b = bodies_[index_of(model_->nodes[nodes[j]].sweep)];
     if (star)
       Map<Eigen::Matrix<double, 6, 1>>(y + 6 * j).noalias() = Bt(nodes[j]) * ConstVector(x + b.at, 6 + b.m);
     else
@@ -617,12 +605,12 @@ void TreeOperators::apply_nodes(std::span<const int> nodes, bool star, const dou
 void TreeOperators::apply_inverse(Kind kind, const double* x, double* y) const {
   require(kind);
   for (int i = 0; i < static_cast<int>(bodies_.size()); ++i) {
-    const OperatorBody& b = bodies_[idx(i)];
+    const OperatorBody& b = bodies_[i];
     if (kind == Kind::M) {
       const Eigen::LLT<MatrixXd> factor(M(i));
       if (factor.info() != Eigen::Success)
         throw InputError(Diagnostic{Code::no_inverse, {"operator M", {}}, "a positive definite inertia of each body",
-                                    "that of " + model_->user[idx(b.user)].name + " is singular", {}, {}, {}, 0});
+                                    "that of " + model_->user[b.user].name + " is singular", {}, {}, {}, 0});
       Vector(y + b.at, 6 + b.m) = factor.solve(ConstVector(x + b.at, 6 + b.m));
       continue;
     }
@@ -653,20 +641,9 @@ void TreeOperators::apply_fused(Fused kernel, const double* x, double* y) const 
     return;
   }
   if (!s.inertia) s.inertia = std::make_unique<Workspace<double>>(model);
-  Workspace<double>& ws = *s.inertia;
-  const Inputs<double> in{.q = q_.data(), .v = s.zeros.data(), .tau = x, .gravity = false};
-  if (!s.articulated) {
-    pose(model, ws, q_.data(), s.zeros.data());
-    for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) {
-      S.inward(model, ws, in, *run, {.bias = false});
-      if (ws.breakdown.body != 0) throw NumericsError(describe_breakdown(model, ws.breakdown, 0.0));
-    }
-    s.articulated = true;
-  }
-  S.ground(model, ws, in);
-  S.at_rest(model, ws);
-  for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.inward(model, ws, in, *run, {.inertia = false});
-  for (const Run& run : model.runs) S.acceleration(model, ws, in, run, y);
+  if (!s.articulated && !articulate_at_rest(model, *s.inertia, q_.data())) throw NumericsError(describe_breakdown(model, s.inertia->breakdown, 0.0));
+  s.articulated = true;
+  mass_inverse(model, *s.inertia, q_.data(), x, y);
 }
 
 double TreeOperators::log_det() const {

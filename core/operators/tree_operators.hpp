@@ -163,9 +163,9 @@ class TreeOperators {
   SpaceLabels labels(Space space, Sort sort) const;
   SpaceLabels node_labels(std::span<const int> nodes, Sort sort) const;
   /// Index into bodies() of a sweep body; -1 when it takes no part.
-  int index_of(int sweep_body) const { return index_[static_cast<std::size_t>(sweep_body)]; }
+  int index_of(int sweep_body) const { return index_[sweep_body]; }
   /// Place in the hinge space of the velocity component v of the model; -1 when it takes no part.
-  int place_of_velocity(int v) const { return place_[static_cast<std::size_t>(v)]; }
+  int place_of_velocity(int v) const { return place_[v]; }
   /// A vector of the hinge space as nv numbers of the model, zero where nobody takes part; and back.
   Eigen::VectorXd to_model(const Eigen::VectorXd& x) const;
   Eigen::VectorXd from_model(const Eigen::VectorXd& x) const;
@@ -173,26 +173,26 @@ class TreeOperators {
 
   // Blocks of body i (index into bodies()) ------------------------------------------------------------------------------------
   const Matrix6X& A(int i) const { return position_->A[sweep(i)]; }
-  const Eigen::MatrixXd& Ht(int i) const { return masked_ ? Ht_free_[static_cast<std::size_t>(i)] : position_->Ht[sweep(i)]; }
+  const Eigen::MatrixXd& Ht(int i) const { return masked_ ? Ht_free_[i] : position_->Ht[sweep(i)]; }
   /// H* with the columns of all components, free or not.
   const Eigen::MatrixXd& Ht_all(int i) const { return position_->Ht[sweep(i)]; }
   const Eigen::MatrixXd& M(int i) const { return position_->M[sweep(i)]; }
-  const Eigen::MatrixXd& P(int i) const { return inertia_[static_cast<std::size_t>(i)].P; }
-  const Eigen::MatrixXd& P_plus(int i) const { return inertia_[static_cast<std::size_t>(i)].P_plus; }
-  const Eigen::MatrixXd& D(int i) const { return inertia_[static_cast<std::size_t>(i)].D; }
-  const Eigen::MatrixXd& G(int i) const { return inertia_[static_cast<std::size_t>(i)].G; }
+  const Eigen::MatrixXd& P(int i) const { return inertia_[i].P; }
+  const Eigen::MatrixXd& P_plus(int i) const { return inertia_[i].P_plus; }
+  const Eigen::MatrixXd& D(int i) const { return inertia_[i].D; }
+  const Eigen::MatrixXd& G(int i) const { return inertia_[i].G; }
   /// Lower Cholesky factor of D; rows of components that are not free are those of the unit matrix.
-  const Eigen::MatrixXd& S(int i) const { return inertia_[static_cast<std::size_t>(i)].S; }
-  const Eigen::MatrixXd& Y(int i) const { return Y_[static_cast<std::size_t>(i)]; }
-  const Eigen::MatrixXd& Y_plus(int i) const { return Y_plus_[static_cast<std::size_t>(i)]; }
-  const Matrix6X& Bt(int node) const { return position_->Bt[static_cast<std::size_t>(node)]; }  ///< by index into Model::nodes
+  const Eigen::MatrixXd& S(int i) const { return inertia_[i].S; }
+  const Eigen::MatrixXd& Y(int i) const { return Y_[i]; }
+  const Eigen::MatrixXd& Y_plus(int i) const { return Y_plus_[i]; }
+  const Matrix6X& Bt(int node) const { return position_->Bt[node]; }  ///< by index into Model::nodes
   const Matrix6X& dA(int i) const { return direction_->A[sweep(i)]; }
-  const Eigen::MatrixXd& dHt(int i) const { return masked_ ? dHt_free_[static_cast<std::size_t>(i)] : direction_->Ht[sweep(i)]; }
+  const Eigen::MatrixXd& dHt(int i) const { return masked_ ? dHt_free_[i] : direction_->Ht[sweep(i)]; }
   const Eigen::MatrixXd& dM(int i) const { return direction_->M[sweep(i)]; }
   bool is_weighted() const { return weighted_; }  ///< D has a W beside H P H*
   /// Blocks of all bodies of the model, also of those that take no part: by sweep index. Needs Position.
   const PositionBlocks& position_blocks() const { return require(Kind::H), *position_; }
-  bool is_free(int hinge_component) const { return free_.empty() || free_[static_cast<std::size_t>(hinge_component)] != 0; }
+  bool is_free(int hinge_component) const { return free_.empty() || free_[hinge_component] != 0; }
 
   // Products -----------------------------------------------------------------------------------------------------------------
   /// y = A x or y = A* x for one operator, O(N); x and y must not overlap.
@@ -219,7 +219,7 @@ class TreeOperators {
   };
   struct Sweeping;  // workspaces of the fused kernels
   TreeOperators() = default;
-  std::size_t sweep(int i) const { return static_cast<std::size_t>(bodies_[static_cast<std::size_t>(i)].sweep); }
+  std::size_t sweep(int i) const { return static_cast<std::size_t>(bodies_[i].sweep); }
   void number(const std::vector<int>& sweep_bodies);
   void mask_hinges();
 

@@ -116,7 +116,7 @@ Json ops(const Model& m, const std::vector<soa::OpCost>& costs, bool measured) {
     if (measured) all.back()["ns"] = op.ns;
   }
   for (std::size_t i = 0; i < all.size(); ++i)
-    if (m.program[i].kernel == Kernel::refine) all[i]["reason"] = m.refinement;
+    if (m.program[i].code == OpCode::refine) all[i]["reason"] = m.refinement;
   return all;
 }
 
@@ -222,7 +222,7 @@ std::string program_text(const Model& m, const std::vector<soa::OpCost>& costs, 
   sum.ns = 0.0;
   for (std::size_t i = 0; i < costs.size(); ++i) {
     const soa::OpCost& cost = costs[i];
-    std::string bodies = m.program[i].kernel == Kernel::refine ? m.refinement : std::string();
+    std::string bodies = m.program[i].code == OpCode::refine ? m.refinement : std::string();
     if (const int r = m.program[i].run; r >= 0)
       for (const UserBody& u : m.user)
         if (!u.merged && u.sweep >= m.runs[static_cast<std::size_t>(r)].begin &&

@@ -11,7 +11,6 @@
 namespace cardan {
 namespace {
 
-std::size_t idx(int i) { return static_cast<std::size_t>(i); }
 
 /// y = K x (damping: C x) over the velocity components.
 void forces(const Model& m, bool damping, const Eigen::VectorXd& x, Eigen::VectorXd& y) {
@@ -19,11 +18,11 @@ void forces(const Model& m, bool damping, const Eigen::VectorXd& x, Eigen::Vecto
   for (const Spring& s : m.springs) y[s.v] += std::max(0.0, damping ? s.damping : s.stiffness) * x[s.v];
   for (const SweepBody& b : m.bodies) {
     if (b.n_modes == 0) continue;
-    const FlexibleBody& f = m.flexible[idx(b.flexible)];
+    const FlexibleBody& f = m.flexible[b.flexible];
     const auto& K = damping ? f.C : f.K;
     for (int i = 0; i < b.n_modes; ++i)
       for (int j = 0; j < b.n_modes; ++j)
-        if (!f.K_diagonal || i == j) y[b.etadot + i] += K[idx(f.K_diagonal ? i : j * b.n_modes + i)] * x[b.etadot + j];
+        if (!f.K_diagonal || i == j) y[b.etadot + i] += K[f.K_diagonal ? i : j * b.n_modes + i] * x[b.etadot + j];
   }
 }
 
@@ -31,7 +30,7 @@ std::string owner(const Model& m, int v, bool damping) {
   for (const UserBody& u : m.user) {
     const int n = static_cast<int>(u.v_names.size());
     if (v >= u.v && v < u.v + n)
-      return fmt::format("the {} of {}.{}", damping ? "damper" : "spring", u.name, u.v_names[idx(v - u.v)]);
+      return fmt::format("the {} of {}.{}", damping ? "damper" : "spring", u.name, u.v_names[v - u.v]);
     if (v >= u.etadot && v < u.etadot + u.n_modes) return fmt::format("{}mode {} of {}", damping ? "the damping of " : "", v - u.etadot + 1, u.name);
   }
   return "velocity " + std::to_string(v);
@@ -46,7 +45,7 @@ FastestMotion fastest_motion(std::shared_ptr<const Model> model, const double* q
   for (const SweepBody& b : m.bodies) any = any || b.n_modes > 0;
   if (!any) return fastest;
   std::vector<std::uint8_t> free;
-  for (int i = 0; m.has_prescribed() && i < m.nv; ++i) free.push_back(!m.prescribed[idx(i)]);
+  for (int i = 0; m.has_prescribed() && i < m.nv; ++i) free.push_back(!m.prescribed[i]);
   soa::TreeOperators tree(model);
   operators::Erased<std::remove_const_t<decltype(operators::mass_inverse)>> inverse_of(tree);
   try {
@@ -58,7 +57,7 @@ FastestMotion fastest_motion(std::shared_ptr<const Model> model, const double* q
   const LinearOperator& inverse = inverse_of;
   for (const bool damping : {false, true}) {
     Eigen::VectorXd x(m.nv), y(m.nv), f(m.nv);
-    for (int i = 0; i < m.nv; ++i) x[i] = free.empty() || free[idx(i)] ? 1.0 + 0.1 * std::sin(3.7 * i) : 0.0;
+    for (int i = 0; i < m.nv; ++i) x[i] = free.empty() || free[i] ? 1.0 + 0.1 * std::sin(3.7 * i) : 0.0;
     double value = 0.0;
     for (int k = 0; k < 20; ++k) {  // power iteration, in the norm of K where M^-1 K is symmetric
       forces(m, damping, x, f);
@@ -66,7 +65,7 @@ FastestMotion fastest_motion(std::shared_ptr<const Model> model, const double* q
       if (!(before > 0.0)) break;
       inverse.mult(f, y);
       for (int i = 0; i < m.nv; ++i)
-        if (!free.empty() && !free[idx(i)]) y[i] = 0.0;
+        if (!free.empty() && !free[i]) y[i] = 0.0;
       value = f.dot(y) / before;
       if (!(y.norm() > 0.0) || !std::isfinite(y.norm())) break;
       x = y / y.norm();

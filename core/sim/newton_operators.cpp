@@ -12,7 +12,6 @@ namespace {
 
 using soa::Tangent;
 
-std::size_t idx(int i) { return static_cast<std::size_t>(i); }
 
 bool has_quaternion(const UserBody& u) {
   return u.hinge->shape == CARDAN_SHAPE_BALL || u.hinge->shape == CARDAN_SHAPE_FREE ||
@@ -57,12 +56,12 @@ NewtonOperators::NewtonOperators(std::shared_ptr<const Model> model)
       mass_(tree_),
       inverse_(tree_) {
   const Model& m = *model_;
-  q_t_.resize(idx(m.nq));
+  q_t_.resize(m.nq);
   for (const int i : m.curved)
-    scratch_.resize(std::max(scratch_.size(), idx(3 * m.user[idx(i)].nq + 2 * m.user[idx(i)].nv)));
-  for (auto* x : {&v_t_, &tau_t_, &vdot_given_t_, &vdot_t_}) x->resize(idx(m.nv));
+    scratch_.resize(std::max<std::size_t>(scratch_.size(), 3 * m.user[i].nq + 2 * m.user[i].nv));
+  for (auto* x : {&v_t_, &tau_t_, &vdot_given_t_, &vdot_t_}) x->resize(m.nv);
   for (Eigen::VectorXd* x : {&at_, &rhs_, &dv_}) x->setZero(m.nv);
-  q_.resize(idx(m.nq)), W_.resize(idx(m.nv));
+  q_.resize(m.nq), W_.resize(m.nv);
   for (int i = 0; m.has_prescribed() && i < m.nv; ++i) free_.push_back(is_free(i));
   for (const PlainRates& r : m.plain_rates)
     for (int i = 0; i < r.n; ++i)
@@ -73,17 +72,17 @@ NewtonOperators::NewtonOperators(std::shared_ptr<const Model> model)
 template <class Visit>
 void NewtonOperators::each_flexible(const Visit& visit) const {
   for (const SweepBody& b : model_->bodies)
-    if (b.n_modes > 0) visit(b.eta, b.etadot, b.n_modes, model_->flexible[idx(b.flexible)]);
+    if (b.n_modes > 0) visit(b.eta, b.etadot, b.n_modes, model_->flexible[b.flexible]);
 }
 
 bool NewtonOperators::jacobian_times(const soa::Inputs<double>& in, const double* dx, double* J_dx) {
   const Model& m = *model_;
   const double *dq = dx, *dv = dx + m.nq;
-  for (int i = 0; i < m.nq; ++i) q_t_[idx(i)] = {in.q[i], dq[i]};
+  for (int i = 0; i < m.nq; ++i) q_t_[i] = {in.q[i], dq[i]};
   for (int i = 0; i < m.nv; ++i)
-    v_t_[idx(i)] = {in.v[i], is_free(i) ? dv[i] : 0.0}, tau_t_[idx(i)] = in.tau[i], vdot_given_t_[idx(i)] = in.vdot[i];
-  for (const int i : given_q_) q_t_[idx(i)].d = 0.0;
-  for (const Spring& s : m.springs) tau_t_[idx(s.v)].d -= s.stiffness * q_t_[idx(s.q)].d + s.damping * v_t_[idx(s.v)].d;
+    v_t_[i] = {in.v[i], is_free(i) ? dv[i] : 0.0}, tau_t_[i] = in.tau[i], vdot_given_t_[i] = in.vdot[i];
+  for (const int i : given_q_) q_t_[i].d = 0.0;
+  for (const Spring& s : m.springs) tau_t_[s.v].d -= s.stiffness * q_t_[s.q].d + s.damping * v_t_[s.v].d;
   wrenches_t_.clear();
   for (const NodeWrench& w : in.wrenches)
     wrenches_t_.push_back({w.node, w.world_axes, {cast<Tangent>(w.f.n), cast<Tangent>(w.f.f)}});
@@ -94,11 +93,11 @@ bool NewtonOperators::jacobian_times(const soa::Inputs<double>& in, const double
                                    .wrenches = wrenches_t_,
                                    .gravity = in.gravity};
   if (!forward_dynamics(m, tangent_, along, vdot_t_.data())) return false;
-  for (int i = 0; i < m.nv; ++i) J_dx[m.nq + i] = vdot_t_[idx(i)].d;
+  for (int i = 0; i < m.nv; ++i) J_dx[m.nq + i] = vdot_t_[i].d;
   for (const PlainRates& r : m.plain_rates) std::copy_n(dv + r.v, r.n, J_dx + r.q);
   for (const int i : given_q_) J_dx[i] = 0.0;
   for (const int i : m.curved) {
-    const UserBody& u = m.user[idx(i)];
+    const UserBody& u = m.user[i];
     const Tangent *q = q_t_.data() + u.q, *v = v_t_.data() + u.v;
     if (has_quaternion(u))
       quaternion_rates(u, q, v, J_dx + u.q);
@@ -111,11 +110,11 @@ bool NewtonOperators::jacobian_times(const soa::Inputs<double>& in, const double
 bool NewtonOperators::prepare(const double* q, double gamma, bool moved) {
   gamma_ = gamma;
   std::fill(W_.begin(), W_.end(), 0.0);
-  for (const Spring& s : model_->springs) W_[idx(s.v)] += gamma * (s.damping + gamma * s.stiffness);
+  for (const Spring& s : model_->springs) W_[s.v] += gamma * (s.damping + gamma * s.stiffness);
   each_flexible([&](int, int etadot, int n, const FlexibleBody& f) {
     for (int j = 0; j < n; ++j) {
-      const auto at = idx(f.K_diagonal ? j : j * n + j);
-      W_[idx(etadot + j)] = gamma * (f.C[at] + gamma * f.K[at]);
+      const auto at = (f.K_diagonal ? j : j * n + j);
+      W_[etadot + j] = gamma * (f.C[at] + gamma * f.K[at]);
     }
   });
   for (double& w : W_) w = std::max(w, 0.0);  // what drives away is left out: D stays definite
@@ -139,9 +138,9 @@ void NewtonOperators::precondition(const double* r, double* z) {
   each_flexible([&](int eta, int etadot, int n, const FlexibleBody& f) {
     for (int i = 0; i < n; ++i)
       if (f.K_diagonal)
-        rhs_[etadot + i] -= gamma_ * f.K[idx(i)] * r_q[eta + i];
+        rhs_[etadot + i] -= gamma_ * f.K[i] * r_q[eta + i];
       else
-        for (int j = 0; j < n; ++j) rhs_[etadot + i] -= gamma_ * f.K[idx(j * n + i)] * r_q[eta + j];
+        for (int j = 0; j < n; ++j) rhs_[etadot + i] -= gamma_ * f.K[j * n + i] * r_q[eta + j];
   });
   inverse.mult(rhs_, dv_);
   for (int i = 0; i < m.nv; ++i) dv[i] = is_free(i) ? dv_[i] : 0.0;

@@ -20,7 +20,7 @@ constexpr double kLedgerSafety = 10.0;  // of a limit: estimates of errors are e
 Simulation::Simulation(std::shared_ptr<const Model> model, const SimulationOptions& options)
     : model_(std::move(model)), options_(options), state_(model_->initial_state()), workspace_(*model_) {
   const Model& m = *model_;
-  soa::kernels();  // refused before the run where the wished ones cannot run here
+  soa::instruction_set();  // refused before the run where the wished ones cannot run here
   const auto nv = static_cast<std::size_t>(m.nv);
   tau_.assign(nv, 0.0);
   tau_total_.assign(nv, 0.0);
@@ -237,7 +237,7 @@ const MotionProfile* Simulation::profile(int v_index) const {
 }
 
 int Simulation::add_wrench(int node, bool world_axes) {
-  if (!model_->has(Kernel::node_wrenches) || (world_axes && !model_->has(Kernel::world)))
+  if (!model_->has(OpCode::node_wrenches) || (world_axes && !model_->has(OpCode::world)))
     throw std::logic_error("add_wrench: compile the model with CompileOptions::node_wrenches, in world axes also world_wrenches");
   NodeWrench w;
   w.node = node;

@@ -206,6 +206,9 @@ static void add_rows(const double* rows, const T* w, int n, int m, const T* x, T
   for (; r + 12 <= n; r += 12, x = out) add_twelve_rows(rows + m * r, w + r, m, x, out);
   if (r < n) add_rows(rows + m * r, w + r, m, x, out);
 }
+/// Scalar product of six numbers.
+template <class X, class Y>
+CARDAN_INLINE auto dot_six(const X* x, const Y* y) { return (x[0] * y[0] + x[1] * y[1] + x[2] * y[2]) + (x[3] * y[3] + x[4] * y[4] + x[5] * y[5]); }
 /// x_j += w . [column j] of an array stored column by column.
 template <class T>
 static void add_columns(const T* a, const T* w, int m, T* x) {

@@ -12,29 +12,29 @@
 namespace cardan::soa {
 namespace {
 
-const char* name_of(KernelKind kind) {
+const char* name_of(BodyKernel kind) {
   switch (kind) {
-    case KernelKind::fixed: return "fixed";
-    case KernelKind::rotation: return "rotation";
-    case KernelKind::slide: return "slide";
-    case KernelKind::screw: return "screw";
-    case KernelKind::free: return "free";
+    case BodyKernel::fixed: return "fixed";
+    case BodyKernel::rotation: return "rotation";
+    case BodyKernel::slide: return "slide";
+    case BodyKernel::screw: return "screw";
+    case BodyKernel::free: return "free";
     default: break;
   }
   if (is_axis(kind)) return "rotation about a coordinate axis";
   return is_general(kind) ? "general" : "dense";
 }
 
-const char* name_of(Kernel kernel) {
-  switch (kernel) {
-    case Kernel::hinge_records: return "hinge coordinates";
-    case Kernel::outward: return "outward";
-    case Kernel::elastic: return "elastic forces";
-    case Kernel::world: return "world poses";
-    case Kernel::central_gravity: return "central gravity";
-    case Kernel::node_wrenches: return "node wrenches";
-    case Kernel::inward: return "inward";
-    case Kernel::refine: return "refinement of v'";
+const char* name_of(OpCode code) {
+  switch (code) {
+    case OpCode::hinge_records: return "hinge coordinates";
+    case OpCode::outward: return "outward";
+    case OpCode::elastic: return "elastic forces";
+    case OpCode::world: return "world poses";
+    case OpCode::central_gravity: return "central gravity";
+    case OpCode::node_wrenches: return "node wrenches";
+    case OpCode::inward: return "inward";
+    case OpCode::refine: return "refinement of v'";
     default: return "acceleration";
   }
 }
@@ -57,9 +57,9 @@ std::vector<OpCost> op_costs(const Model& model, const State& state, std::span<c
   for (const Op& op : model.program) {
     Counted::flops = Counted::functions = 0;
     OpCost cost;
-    const Run* run = op.run >= 0 ? &model.runs[static_cast<std::size_t>(op.run)] : nullptr;
+    const Run* run = op.run >= 0 ? &model.runs[op.run] : nullptr;
     cost.bodies = run ? run->end - run->begin : static_cast<int>(model.bodies.size()) - 1;
-    cost.name = name_of(op.kernel);
+    cost.name = name_of(op.code);
     run_op(model, op, S, ws, in, vdot.data());
     if (run) cost.name += std::string(" (") + name_of(run->kind) + ")";
     for (int k = run ? run->begin : 1; run && k < run->end; ++k) cost.bytes += sizes.record_bytes(k);

@@ -24,12 +24,17 @@ bool runs_here(std::string_view name) {
          __builtin_cpu_supports("avx512cd") && __builtin_cpu_supports("avx512vl");
 }
 
-const Kernels& pick() {
+// Those that are built are called (CARDAN_KERNELS).
+[[maybe_unused]] InstructionSet v2() { return {"v2", sweeps_v2(), {}, {}}; }
+[[maybe_unused]] InstructionSet v3() { return {"v3", sweeps_v3(), lanes_v3(), {}}; }
+[[maybe_unused]] InstructionSet v4() { return {"v4", sweeps_v4(), {}, lanes_v4()}; }
+
+InstructionSet pick() {
   struct Built {
     const char* name;
-    const Kernels& (*set)();
+    InstructionSet (*set)();
   };
-#define SET(name) Built{#name, kernels_##name}
+#define SET(name) Built{#name, name}
   constexpr Built built[] = {CARDAN_KERNELS};  // core/CMakeLists.txt; the best comes last
 #undef SET
   const char* wish = std::getenv("CARDAN_KERNELS");
@@ -48,8 +53,8 @@ const Kernels& pick() {
 
 }  // namespace
 
-const Kernels& kernels() {
-  static const Kernels& picked = pick();
+const InstructionSet& instruction_set() {
+  static const InstructionSet picked = pick();
   return picked;
 }
 

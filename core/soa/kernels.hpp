@@ -5,27 +5,30 @@
 namespace cardan::soa {
 
 /// The sweeps of one instruction set: one state at a time, and as many as its registers hold side by side (none on v2).
-struct Kernels {
+struct InstructionSet {
   const char* name;                  // "v2", "v3", "v4"
   Sweeps<double> one;
   Sweeps<Lanes<4>> four;             // v3
   Sweeps<Lanes<8>> eight;            // v4
 };
-const Kernels& kernels_v2();
-const Kernels& kernels_v3();
-const Kernels& kernels_v4();
+// One file each: half a minute to compile.
+const Sweeps<double>& sweeps_v2();
+const Sweeps<double>& sweeps_v3();
+const Sweeps<double>& sweeps_v4();
+const Sweeps<Lanes<4>>& lanes_v3();
+const Sweeps<Lanes<8>>& lanes_v4();
 
 /// The best that the processor can run, or that named by the environment variable CARDAN_KERNELS: InputError where it cannot run
 /// that, or there is none of that name.
-const Kernels& kernels();
+const InstructionSet& instruction_set();
 
 template <class T>
 const Sweeps<T>& sweeps();
 template <>
-inline const Sweeps<double>& sweeps<double>() { return kernels().one; }
+inline const Sweeps<double>& sweeps<double>() { return instruction_set().one; }
 template <>
-inline const Sweeps<Lanes<4>>& sweeps<Lanes<4>>() { return kernels().four; }
+inline const Sweeps<Lanes<4>>& sweeps<Lanes<4>>() { return instruction_set().four; }
 template <>
-inline const Sweeps<Lanes<8>>& sweeps<Lanes<8>>() { return kernels().eight; }
+inline const Sweeps<Lanes<8>>& sweeps<Lanes<8>>() { return instruction_set().eight; }
 
 }  // namespace cardan::soa

@@ -7,7 +7,7 @@ namespace cardan::soa {
 template <class T, int NV>
 static void acceleration_rigid(const SweepModel& model, Workspace<T>& ws, const Inputs<T>&, T* vdot, int begin, int end) {
   for (int k = begin; k < end; ++k) {
-    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    const SweepBody& b = model.bodies[k];
     Core<T>& body = ws.core(k);
     const Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
     const Motion<T> delta = to_outboard(ws.X(k), ws.core(b.parent).delta);
@@ -23,7 +23,7 @@ static void acceleration_rigid(const SweepModel& model, Workspace<T>& ws, const 
 template <class T, int NV>
 static void acceleration_general(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* vdot, int begin, int end) {
   for (int k = begin; k < end; ++k) {
-    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    const SweepBody& b = model.bodies[k];
     Core<T>& body = ws.core(k);
     const Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
     Modal<T>& modal = ws.template modal<NV>(k);
@@ -35,14 +35,14 @@ static void acceleration_general(const SweepModel& model, Workspace<T>& ws, cons
     for (int j = 0; j < NV; ++j) {
       const T a = hinge.nu[j] - dot(delta, hinge.G[j]);  // zero for a prescribed component: its v' is inside gamma_b
       after += a * hinge.H[j];
-      vdot[b.v + j] = given && model.prescribed[static_cast<std::size_t>(b.v + j)] ? in.vdot[b.v + j] : a;
+      vdot[b.v + j] = given && model.prescribed[b.v + j] ? in.vdot[b.v + j] : a;
     }
     body.delta = after;
     if (b.n_modes == 0) continue;
     acceleration_of_modes(model, ws, b, body, modal, after);
     for (int j = 0; j < b.n_modes; ++j) vdot[b.etadot + j] = modal.accel[j];
     for (int j = 0; given && j < b.n_modes; ++j)
-      if (model.prescribed[static_cast<std::size_t>(b.etadot + j)]) vdot[b.etadot + j] = in.vdot[b.etadot + j];
+      if (model.prescribed[b.etadot + j]) vdot[b.etadot + j] = in.vdot[b.etadot + j];
     if (modal.C) {
       T moved[6];
       sum_columns(modal.C, modal.accel, b.n_modes, moved);
@@ -55,7 +55,7 @@ static void acceleration_general(const SweepModel& model, Workspace<T>& ws, cons
 template <class T, int NV>
 static void gather_rigid(const SweepModel& model, Workspace<T>& ws, T* tau, int begin, int end) {
   for (int k = end - 1; k >= begin; --k) {
-    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    const SweepBody& b = model.bodies[k];
     const Core<T>& body = ws.core(k);
     const Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
     for (int j = 0; j < NV; ++j) tau[b.v + j] = dot(hinge.H[j], body.z);
@@ -66,7 +66,7 @@ static void gather_rigid(const SweepModel& model, Workspace<T>& ws, T* tau, int 
 template <class T, int NV>
 static void gather_general(const SweepModel& model, Workspace<T>& ws, T* tau, int begin, int end) {
   for (int k = end - 1; k >= begin; --k) {
-    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    const SweepBody& b = model.bodies[k];
     const Core<T>& body = ws.core(k);
     const Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
     const Modal<T>& modal = ws.template modal<NV>(k);
@@ -74,7 +74,7 @@ static void gather_general(const SweepModel& model, Workspace<T>& ws, T* tau, in
     if (b.n_modes > 0 && !modal.P_re) {
       T gamma[6];
       store(body.gamma, gamma);
-      add_rows(model.flexible[static_cast<std::size_t>(b.flexible)].M_re_rows.data(), gamma, b.n_modes, modal.z, modal.z);
+      add_rows(model.flexible[b.flexible].M_re_rows.data(), gamma, b.n_modes, modal.z, modal.z);
     }
     for (int j = 0; j < b.n_modes; ++j) {
       T force = modal.z[j];
@@ -86,7 +86,7 @@ static void gather_general(const SweepModel& model, Workspace<T>& ws, T* tau, in
     if (modal.node) {
       T y[6];
       on_node(*modal.node, at_inboard, y);
-      add_to_modes(model.shapes[static_cast<std::size_t>(b.onode)].columns.data(), y, b.n_parent_modes, ws.modal_of(b.parent)->z);
+      add_to_modes(model.shapes[b.onode].columns.data(), y, b.n_parent_modes, ws.modal_of(b.parent)->z);
     }
   }
 }

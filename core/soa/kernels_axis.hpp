@@ -296,12 +296,12 @@ CARDAN_INLINE void gather_rotor(const AxisBody& b, Core<T>& carrier, const AxisR
 
 /// Calls visit<I, TILT>() of an axis kernel.
 template <class Visit>
-CARDAN_INLINE auto for_axis(KernelKind kind, const Visit& visit) {
+CARDAN_INLINE auto for_axis(BodyKernel kind, const Visit& visit) {
   switch (kind) {
-    case KernelKind::axis_x: return visit.template operator()<0, Tilt::none>();
-    case KernelKind::axis_y: return visit.template operator()<1, Tilt::none>();
-    case KernelKind::axis_z: return visit.template operator()<2, Tilt::none>();
-    case KernelKind::tilt: return visit.template operator()<2, Tilt::beta>();
+    case BodyKernel::axis_x: return visit.template operator()<0, Tilt::none>();
+    case BodyKernel::axis_y: return visit.template operator()<1, Tilt::none>();
+    case BodyKernel::axis_z: return visit.template operator()<2, Tilt::none>();
+    case BodyKernel::tilt: return visit.template operator()<2, Tilt::beta>();
     default: return visit.template operator()<2, Tilt::alpha_beta>();
   }
 }
@@ -309,8 +309,8 @@ template <class T, OutwardFor For>
 static void outward_axes(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
   const T *cosines = ws.cosines.data(), *sines = ws.sines.data();
   for (int n = begin; n < end; ++n) {
-    const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(n)];
-    if (b.kind == KernelKind::rotor) continue;
+    const AxisBody& b = model.axis_bodies[n];
+    if (b.kind == BodyKernel::rotor) continue;
     for_axis(b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) { outward_axis<T, I, TILT, For>(b, ws.core(b.parent), ws.axis(n), cosines[b.angle], sines[b.angle], in); });
   }
 }
@@ -318,14 +318,14 @@ template <class T, InwardFor For>
 static void inward_axes(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
   const T *cosines = ws.cosines.data(), *sines = ws.sines.data();
   for (int n = end - 1; n >= begin; --n) {
-    const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(n)];
-    if (b.kind == KernelKind::rotor) {
+    const AxisBody& b = model.axis_bodies[n];
+    if (b.kind == BodyKernel::rotor) {
       if constexpr (For.bias) inward_rotor(b, ws.core(b.parent), ws.axis(n), in);
       continue;
     }
     const bool regular = for_axis(b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
       const T c = cosines[b.angle], s = sines[b.angle];
-      const AxisBody& carrier = model.axis_bodies[static_cast<std::size_t>(b.parent)];
+      const AxisBody& carrier = model.axis_bodies[b.parent];
       return inward_axis<T, I, TILT, For>(b, carrier, ws.core(b.parent), ws.axis(n), c, s, in, n, ws.breakdown);
     });
     if (!regular) return;
@@ -336,8 +336,8 @@ static void acceleration_axes(const SweepModel& model, Workspace<T>& ws, T* vdot
   const T *cosines = ws.cosines.data(), *sines = ws.sines.data();
   Motion<T> delta = ws.core(begin - 1).delta;  // of body n - 1: of a chain it need not be read again
   for (int n = begin; n < end; ++n) {
-    const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(n)];
-    if (b.kind == KernelKind::rotor) {
+    const AxisBody& b = model.axis_bodies[n];
+    if (b.kind == BodyKernel::rotor) {
       acceleration_rotor(b, ws.core(b.parent), ws.axis(n), vdot);
       continue;
     }
@@ -350,9 +350,9 @@ static void gather_axes(const SweepModel& model, Workspace<T>& ws, const Inputs<
   const T *cosines = ws.cosines.data(), *sines = ws.sines.data();
   Force<T> z = ws.core(end - 1).z;  // of body n: of a chain it need not be read again
   for (int n = end - 1; n >= begin; --n) {
-    const AxisBody& b = model.axis_bodies[static_cast<std::size_t>(n)];
+    const AxisBody& b = model.axis_bodies[n];
     Core<T>& inboard = ws.core(b.parent);
-    if (b.kind == KernelKind::rotor) {
+    if (b.kind == BodyKernel::rotor) {
       gather_rotor(b, inboard, ws.axis(n), in, tau);
       z = ws.core(n - 1).z;
       continue;

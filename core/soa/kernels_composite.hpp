@@ -31,10 +31,10 @@ CARDAN_INLINE RigidInertia<T> inertia_to_inboard(const AxisBody& b, const T& c, 
 /// Column j of H* at B, of any body.
 template <class T>
 static Motion<T> hinge_column(const SweepModel& model, const Workspace<T>& ws, int k, int j) {
-  const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+  const SweepBody& b = model.bodies[k];
   const Vec3<T> none{T(0), T(0), T(0)};
   if (is_axis(b.kind)) return {cast<T>(b.axis), none};
-  if (b.kind != KernelKind::free) return ws.H(k)[j];
+  if (b.kind != BodyKernel::free) return ws.H(k)[j];
   const Vec3<T> unit{T(j % 3 == 0), T(j % 3 == 1), T(j % 3 == 2)};
   if (j < 3) return {unit, none};
   return {none, b.shape == CARDAN_SHAPE_FREE ? transpose_times(ws.X(k).R, cast<T>(b.O.R) * unit) : unit};
@@ -46,15 +46,15 @@ static void mass_matrix(const SweepModel& model, Workspace<T>& ws, const Inputs<
   const int n = static_cast<int>(model.bodies.size()), nv = model.nv;
   RigidInertia<T>* R = ws.composite.data();
   const T *cosines = ws.cosines.data(), *sines = ws.sines.data();
-  for (int k = 1; k < n; ++k) R[k] = cast<T>(model.bodies[static_cast<std::size_t>(k)].M_sweep);
+  for (int k = 1; k < n; ++k) R[k] = cast<T>(model.bodies[k].M_sweep);
   for (int i = 0; i < nv * nv; ++i) M[i] = T(0);
   const auto put = [&](int row, int column, const T& value) { M[nv * column + row] = M[nv * row + column] = value; };
   // The wrench f at body p and all bodies inboard of it, projected on their hinges: column v of M.
   const auto project = [&](int p, Force<T> f, int v) {
     while (p > 0) {
-      const SweepBody& b = model.bodies[static_cast<std::size_t>(p)];
+      const SweepBody& b = model.bodies[p];
       if (is_axis(b.kind)) {
-        const AxisBody& a = model.axis_bodies[static_cast<std::size_t>(p)];
+        const AxisBody& a = model.axis_bodies[p];
         for_axis(a.kind, [&]<int I, Tilt TILT>() {
           put(a.v, v, at<I>(f.n));
           if (a.parent > 0) f = force_to_inboard<T, I, TILT>(a, cosines[a.angle], sines[a.angle], f);
@@ -67,7 +67,7 @@ static void mass_matrix(const SweepModel& model, Workspace<T>& ws, const Inputs<
     }
   };
   for (int k = n - 1; k >= 1; --k) {
-    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    const SweepBody& b = model.bodies[k];
     if (!is_axis(b.kind)) {
       if (b.parent > 0) R[b.parent] = R[b.parent] + to_inboard(ws.X(k), R[k]);
       for (int j = 0; j < b.nv; ++j) {
@@ -77,8 +77,8 @@ static void mass_matrix(const SweepModel& model, Workspace<T>& ws, const Inputs<
       }
       continue;
     }
-    const AxisBody& a = model.axis_bodies[static_cast<std::size_t>(k)];
-    if (a.kind == KernelKind::rotor) {  // its inertia is part of the carrier's
+    const AxisBody& a = model.axis_bodies[k];
+    if (a.kind == BodyKernel::rotor) {  // its inertia is part of the carrier's
       const T Ja(a.J_axial);
       put(a.v, a.v, Ja);
       project(a.parent, {Ja * rotor_axis<T>(a), {T(0), T(0), T(0)}}, a.v);

@@ -21,7 +21,7 @@ static Motion<T> free_twist(const SweepBody& b, const Mat3<T>& R_OP, const T* v)
 template <class T, OutwardFor For>
 static void outward_free(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
   for (int k = begin; k < end; ++k) {
-    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    const SweepBody& b = model.bodies[k];
     FreeRecord<T>& body = ws.free(k);
     const Core<T>& inboard = ws.core(b.parent);
     const Mat3<T> R_OP = free_rotation(b, in.q), R_O = cast<T>(b.O.R);
@@ -87,7 +87,7 @@ static bool factor_free(const ArticulatedInertia<T>& P, T* L, Breakdown& breakdo
 template <class T, InwardFor For>
 static void inward_free(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
   for (int k = end - 1; k >= begin; --k) {
-    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    const SweepBody& b = model.bodies[k];
     FreeRecord<T>& body = ws.free(k);
     if constexpr (For.inertia) {
       Breakdown bad;
@@ -113,7 +113,7 @@ static void inward_free(const SweepModel& model, Workspace<T>& ws, const Inputs<
 template <class T>
 static void acceleration_free(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* vdot, int begin, int end) {
   for (int k = begin; k < end; ++k) {
-    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    const SweepBody& b = model.bodies[k];
     FreeRecord<T>& body = ws.free(k);
     const Force<T>& z = body.core.z;
     const T* L = body.L;
@@ -136,7 +136,7 @@ static void acceleration_free(const SweepModel& model, Workspace<T>& ws, const I
 template <class T>
 static void gather_free(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* tau, int begin, int end) {
   for (int k = end - 1; k >= begin; --k) {
-    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    const SweepBody& b = model.bodies[k];
     FreeRecord<T>& body = ws.free(k);
     const Force<T>& z = body.core.z;
     const Vec3<T> linear = b.shape == CARDAN_SHAPE_FREE ? free_rotation(b, in.q) * z.f : z.f;

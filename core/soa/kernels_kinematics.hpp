@@ -77,7 +77,7 @@ static void hinge_frame(const Workspace<T>& ws, const SweepBody& b, const T* q, 
 template <class T, int NV, OutwardFor For>
 static void outward_rigid(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
   for (int k = begin; k < end; ++k) {
-    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    const SweepBody& b = model.bodies[k];
     Core<T>& body = ws.core(k);
     const Core<T>& inboard = ws.core(b.parent);
     Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
@@ -185,22 +185,22 @@ static void family_inertia(const FlexibleBody& f, int m, const T* eta, const T* 
 
 /// Level 0 (FlexibleBody::constant): only the mass centre moves, mc = I2 + M_ve eta, and
 /// b = [omega x (J omega + M_we eta'); omega x (omega x mc) + 2 omega x M_ve eta'; 0]. x, v: M_re eta, M_re eta'.
-template <class T, OutwardFor For>
+template <bool Velocity, class T>
 static RigidInertia<T> constant_inertia(const FlexibleBody& f, const T* x, const T* v, const Vec3<T>& w, Force<T>& b) {
   RigidInertia<T> M = cast<T>(f.M_rr);
   M.h += Vec3<T>{x[3], x[4], x[5]};
-  if constexpr (For.velocity)
+  if constexpr (Velocity)
     b = {cross(w, M.J * w + Vec3<T>{v[0], v[1], v[2]}), cross(w, cross(w, M.h) + T(2) * Vec3<T>{v[3], v[4], v[5]})};
   return M;
 }
 
 /// What the modes of a body do, in one pass over them: M_re eta and M_re eta' of a constant body, and how they move its nodes.
-template <class T, OutwardFor For>
+template <bool Velocity, class T>
 static void sum_modes(Workspace<T>& ws, const SweepBody& b, const FlexibleBody& f, const T* q, const T* v, T* M_re_eta, T* M_re_etadot) {
   const std::size_t nodes = f.attached.size(), own = f.constant ? 6 : 0;
   const int rows = static_cast<int>(own + 6 * nodes);
   const T *eta = q + b.eta, *etadot = v + b.etadot;
-  if constexpr (kWidth<T> == 1 && For.velocity)  // of lanes the registers hold no more than six
+  if constexpr (kWidth<T> == 1 && Velocity)  // of lanes the registers hold no more than six
     if (f.constant && nodes == 1) {
       T x[12], rate[12];
       sum_columns_of<Twelve<T>>(f.shapes.data(), 12, eta, etadot, b.n_modes, x, rate);
@@ -210,7 +210,7 @@ static void sum_modes(Workspace<T>& ws, const SweepBody& b, const FlexibleBody& 
       return;
     }
   const auto sum = [&](std::size_t at, T* moved, T* rate) {
-    if constexpr (For.velocity) {
+    if constexpr (Velocity) {
       sum_columns_of<Six<T>>(f.shapes.data() + at, rows, eta, etadot, b.n_modes, moved, rate);
     } else {
       sum_columns_of<Six<T>>(f.shapes.data() + at, rows, eta, b.n_modes, moved);
@@ -225,43 +225,43 @@ static void sum_modes(Workspace<T>& ws, const SweepBody& b, const FlexibleBody& 
 }
 
 /// M_fl(eta), b and z = M_fl gamma_b + b of a flexible body. Families compute in double.
-template <class T, OutwardFor For>
-static void flexible_inertia(const SweepModel& model, Workspace<T>& ws, const SweepBody& b, const Inputs<T>& in, Core<T>& body, Modal<T>& modal) {
-  const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
+template <bool Velocity, class T>
+static void flexible_inertia(const SweepModel& model, Workspace<T>& ws, const SweepBody& b, const Inputs<T>& in, bool given, Core<T>& body, Modal<T>& modal) {
+  const FlexibleBody& f = model.flexible[b.flexible];
   const int m = b.n_modes;
-  const T *eta = in.q + b.eta, *etadot = For.velocity ? in.v + b.etadot : nullptr;
+  const T *eta = in.q + b.eta, *etadot = Velocity ? in.v + b.etadot : nullptr;
   RigidInertia<T> M;
   Force<T> bias{};
   T x[6], v[6];
   if (!f.attached.empty())
-    sum_modes<T, For>(ws, b, f, in.q, in.v, x, v);
-  else if (f.constant && For.velocity)  // nothing hangs there: most bodies
+    sum_modes<Velocity>(ws, b, f, in.q, in.v, x, v);
+  else if (f.constant && Velocity)  // nothing hangs there: most bodies
     sum_columns_of<Six<T>>(f.shapes.data(), 6, eta, etadot, m, x, v);
   else if (f.constant)
     sum_columns_of<Six<T>>(f.shapes.data(), 6, eta, m, x);
   if (f.constant) {
-    M = constant_inertia<T, For>(f, x, v, body.w, bias);
+    M = constant_inertia<Velocity>(f, x, v, body.w, bias);
   } else {
     T M_rr[10];
     family_inertia(f, m, eta, etadot, body.w, modal, M_rr);
     M = {M_rr[0], {M_rr[1], M_rr[2], M_rr[3]}, {M_rr[4], M_rr[5], M_rr[6], M_rr[7], M_rr[8], M_rr[9]}};
-    if constexpr (For.velocity) bias = {{modal.b[0], modal.b[1], modal.b[2]}, {modal.b[3], modal.b[4], modal.b[5]}};
+    if constexpr (Velocity) bias = {{modal.b[0], modal.b[1], modal.b[2]}, {modal.b[3], modal.b[4], modal.b[5]}};
   }
   if (modal.P_re && f.M_re_constant)
-    for (int i = 0; i < 6 * m; ++i) modal.P_re[i] = T(f.M_re[static_cast<std::size_t>(i)]);
+    for (int i = 0; i < 6 * m; ++i) modal.P_re[i] = T(f.M_re[i]);
   if (modal.P_ee && f.M_ee_constant)
-    for (int i = 0; i < m * m; ++i) modal.P_ee[i] = T(f.M_ee[static_cast<std::size_t>(i)]);
+    for (int i = 0; i < m * m; ++i) modal.P_ee[i] = T(f.M_ee[i]);
   modal.M_rr = M;
   const Motion<T>& g = body.gamma;
   body.z = M * g;
-  if constexpr (For.velocity) body.z += bias;
+  if constexpr (Velocity) body.z += bias;
   body.P = articulated(M);
-  for (int j = 0; j < m; ++j) modal.z[j] = For.velocity && !f.constant ? modal.b[6 + j] : T(0);
+  for (int j = 0; j < m; ++j) modal.z[j] = Velocity && !f.constant ? modal.b[6 + j] : T(0);
   if (modal.P_re) {  // else M_re is constant, and M_re* gamma is taken in where z is used
     const T gamma[6] = {g.w.x, g.w.y, g.w.z, g.v.x, g.v.y, g.v.z};
     add_columns(modal.P_re, gamma, m, modal.z);
   }
-  if constexpr (For.vdot) {
+  if (given) {
     const T* accel = in.vdot + b.etadot;
     T force[6];
     if (modal.P_re)
@@ -273,18 +273,18 @@ static void flexible_inertia(const SweepModel& model, Workspace<T>& ws, const Sw
       if (f.M_ee_identity && f.M_ee_constant)
         modal.z[j] = modal.z[j] + accel[j];
       else
-        for (int i = 0; i < m; ++i) modal.z[i] = modal.z[i] + (modal.P_ee ? modal.P_ee[m * j + i] : T(f.M_ee[static_cast<std::size_t>(m * j + i)])) * accel[j];
+        for (int i = 0; i < m; ++i) modal.z[i] = modal.z[i] + (modal.P_ee ? modal.P_ee[m * j + i] : T(f.M_ee[m * j + i])) * accel[j];
     }
   }
 }
 
-/// Flexible bodies, bodies on deforming nodes, prescribed motion: mathematics 3.8 in gamma form.
-template <class T, int NV, OutwardFor For>
-static void outward_general(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int begin, int end) {
+/// Flexible bodies, bodies on deforming nodes, prescribed motion: mathematics 3.8 in gamma form. `given`: with H* v' of Inputs::vdot.
+template <class T, int NV, bool Velocity>
+static void outward_general(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, bool given, int begin, int end) {
   const Vec3<T> none{T(0), T(0), T(0)};
   for (int k = begin; k < end; ++k) {
-    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
-    const SweepBody& parent = model.bodies[static_cast<std::size_t>(b.parent)];
+    const SweepBody& b = model.bodies[k];
+    const SweepBody& parent = model.bodies[b.parent];
     Core<T>& body = ws.core(k);
     const Core<T>& inboard = ws.core(b.parent);
     Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
@@ -294,24 +294,24 @@ static void outward_general(const SweepModel& model, Workspace<T>& ws, const Inp
 
     // O on the inboard body: pose, angular velocity and gamma in the inboard body's axes.
     Mat3<T> R_O = cast<T>(b.O.R);
-    Vec3<T> p_O = cast<T>(b.O.p), w_O = For.velocity ? inboard.w : none;
+    Vec3<T> p_O = cast<T>(b.O.p), w_O = Velocity ? inboard.w : none;
     Motion<T> gamma_O{inboard.gamma.w, inboard.gamma.v};
     DeformedNode<T> at_O;
-    const NodeShapes* shapes_O = b.onode >= 0 ? &model.shapes[static_cast<std::size_t>(b.onode)] : nullptr;
+    const NodeShapes* shapes_O = b.onode >= 0 ? &model.shapes[b.onode] : nullptr;
     if (shapes_O) {
       deform<T>(shapes_O->pose, modal.node->moved, modal.node->rate, at_O);
       R_O = at_O.R;
       p_O = at_O.rho;
     }
     gamma_O.v += cross(inboard.gamma.w, p_O);
-    if constexpr (For.velocity) gamma_O.v += cross(inboard.w, cross(inboard.w, p_O));
+    if constexpr (Velocity) gamma_O.v += cross(inboard.w, cross(inboard.w, p_O));
     if (shapes_O) {
-      if constexpr (For.velocity) {
+      if constexpr (Velocity) {
         gamma_O.w += cross(inboard.w, at_O.rate.w) + at_O.bias.w;
         gamma_O.v += T(2) * cross(inboard.w, at_O.rate.v);
         w_O += at_O.rate.w;
       }
-      if constexpr (For.vdot)
+      if (given)
         for (int j = 0; j < b.n_parent_modes; ++j) gamma_O += in.vdot[parent.etadot + j] * node_column(*shapes_O, at_O, j);
     }
 
@@ -320,37 +320,37 @@ static void outward_general(const SweepModel& model, Workspace<T>& ws, const Inp
     const Vec3<T> lever = R_O * h.l, p_P = p_O + lever;
     Motion<T> rate{}, push{};
     for (int j = 0; j < NV; ++j) {
-      if constexpr (For.velocity) rate += in.v[b.v + j] * h.H[j];
-      if constexpr (For.vdot) push += in.vdot[b.v + j] * h.H[j];
+      if constexpr (Velocity) rate += in.v[b.v + j] * h.H[j];
+      if (given) push += in.vdot[b.v + j] * h.H[j];
     }
     const Vec3<T> w1 = transpose_times(R_P, w_O);
     Vec3<T> w_P = w1 + rate.w;
     Motion<T> gamma_P{transpose_times(R_P, gamma_O.w), transpose_times(R_P, gamma_O.v + cross(gamma_O.w, lever))};
-    if constexpr (For.velocity) {
+    if constexpr (Velocity) {
       gamma_P.w += cross(w1, rate.w) + h.Hdot_w;
       gamma_P.v += transpose_times(R_P, cross(w_O, cross(w_O, lever))) + T(2) * cross(w1, rate.v) + h.s;
     }
-    if constexpr (For.vdot) gamma_P += push;
+    if (given) gamma_P += push;
 
     // From P to B (X_B), undoing the deformation of the pnode.
     Mat3<T> R_AB = R_P;
     Vec3<T> p_AB = p_P;
     if (b.pnode >= 0) {
-      const NodeShapes& shapes = model.shapes[static_cast<std::size_t>(b.pnode)];
+      const NodeShapes& shapes = model.shapes[b.pnode];
       DeformedNode<T> at_P;
-      deform<T>(shapes, in.q + b.eta, For.velocity ? in.v + b.etadot : nullptr, at_P);
+      deform<T>(shapes, in.q + b.eta, Velocity ? in.v + b.etadot : nullptr, at_P);
       const Vec3<T>& rho = at_P.rho;
       body.w = at_P.R * w_P;
-      if constexpr (For.velocity) body.w -= at_P.rate.w;
+      if constexpr (Velocity) body.w -= at_P.rate.w;
       Motion<T> g{at_P.R * gamma_P.w, at_P.R * gamma_P.v};
-      if constexpr (For.velocity) {
+      if constexpr (Velocity) {
         g.w -= cross(body.w, at_P.rate.w) + at_P.bias.w;
         g.v -= cross(body.w, cross(body.w, rho)) + T(2) * cross(body.w, at_P.rate.v);
       }
       if (modal.C)
         for (int j = 0; j < b.n_modes; ++j) {
           const Motion<T> column = node_column(shapes, at_P, j);
-          if constexpr (For.vdot) g -= in.vdot[b.etadot + j] * column;
+          if (given) g -= in.vdot[b.etadot + j] * column;
           const Vec3<T> at_B = column.v - cross(column.w, rho);
           T* C = modal.C + 6 * j;
           C[0] = column.w.x, C[1] = column.w.y, C[2] = column.w.z, C[3] = at_B.x, C[4] = at_B.y, C[5] = at_B.z;
@@ -368,19 +368,19 @@ static void outward_general(const SweepModel& model, Workspace<T>& ws, const Inp
       for (int j = 0; j < NV; ++j) hinge.H[j] = h.H[j];
     }
     ws.X(k) = {R_AB, p_AB};
-    set_acceleration_field(body.E, For.velocity ? body.w : none, body.gamma.w);
+    set_acceleration_field(body.E, Velocity ? body.w : none, body.gamma.w);
 
     if (modal.node) modal.node->Jl = at_O.Jl, modal.node->rho = at_O.rho;
 
     if (b.n_modes == 0) {
       const RigidInertia<T> M = cast<T>(b.M_sweep);
       body.z = M * body.gamma;
-      if constexpr (For.velocity) body.z += gyroscopic(M, body.w);
+      if constexpr (Velocity) body.z += gyroscopic(M, body.w);
       body.P = articulated(M);
       body.P.J = cast<T>(b.J_P);
       continue;
     }
-    flexible_inertia<T, For>(model, ws, b, in, body, modal);
+    flexible_inertia<Velocity>(model, ws, b, in, given, body, modal);
   }
 }
 
@@ -390,7 +390,7 @@ static void elastic(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& 
   for (std::size_t k = 1; k < model.bodies.size(); ++k) {
     const SweepBody& b = model.bodies[k];
     if (b.n_modes == 0) continue;
-    const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
+    const FlexibleBody& f = model.flexible[b.flexible];
     Modal<T>& modal = *ws.modal_of(static_cast<int>(k));
     const int m = b.n_modes;
     const T *eta = in.q + b.eta, *etadot = in.v + b.etadot;

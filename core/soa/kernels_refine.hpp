@@ -14,9 +14,9 @@ namespace cardan::soa {
 template <class T>
 static void rebase(const SweepModel& model, Workspace<T>& ws) {
   for (int k = 1; k < static_cast<int>(model.bodies.size()); ++k) {
-    if (model.bodies[static_cast<std::size_t>(k)].kind == KernelKind::rotor) continue;
-    const CentralInertia& M = model.graded.swept[static_cast<std::size_t>(k)];
-    const Force<T>& load = ws.loads[static_cast<std::size_t>(k)];
+    if (model.bodies[k].kind == BodyKernel::rotor) continue;
+    const CentralInertia& M = model.graded.swept[k];
+    const Force<T>& load = ws.loads[k];
     Core<T>& body = ws.core(k);
     Mat3<T>& E = body.E;
     const Vec3<T> w = body.delta.w;

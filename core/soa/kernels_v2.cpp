@@ -4,8 +4,8 @@
 
 namespace cardan::soa {
 
-const Kernels& kernels_v2() {
-  static constexpr Kernels set{"v2", make_sweeps<double>(), {}, {}};
+const Sweeps<double>& sweeps_v2() {
+  static constexpr Sweeps<double> set = make_sweeps<double>();
   return set;
 }
 

@@ -4,8 +4,8 @@
 
 namespace cardan::soa {
 
-const Kernels& kernels_v3() {
-  static constexpr Kernels set{"v3", make_sweeps<double>(), make_sweeps<Lanes<4>>(), {}};
+const Sweeps<double>& sweeps_v3() {
+  static constexpr Sweeps<double> set = make_sweeps<double>();
   return set;
 }
 

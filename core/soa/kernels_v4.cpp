@@ -4,8 +4,8 @@
 
 namespace cardan::soa {
 
-const Kernels& kernels_v4() {
-  static constexpr Kernels set{"v4", make_sweeps<double>(), {}, make_sweeps<Lanes<8>>()};
+const Sweeps<double>& sweeps_v4() {
+  static constexpr Sweeps<double> set = make_sweeps<double>();
   return set;
 }
 

@@ -54,7 +54,9 @@ inline constexpr int kWidth = 1;
 template <int W>
 inline constexpr int kWidth<Lanes<W>> = W;
 
-/// By lanes, 1 where x > limit, else 0 (kernels_articulated.hpp).
+/// 1 where x > limit, else 0: kernels choose by arithmetic, so that lanes need no branch.
+template <class T>
+static T above(const T& x, const T& limit) { return x > limit ? T(1) : T(0); }
 template <int W>
 [[gnu::always_inline]] inline Lanes<W> above(const Lanes<W>& x, const Lanes<W>& limit) {
   return Lanes<W>(x.x > limit.x ? Lanes<W>(1.0).x : Lanes<W>(0.0).x);

@@ -7,19 +7,19 @@ namespace cardan::soa {
 
 template <class T>
 void run_op(const Model& model, const Op& op, const Sweeps<T>& S, Workspace<T>& ws, const Inputs<T>& in, T* vdot, bool again = false) {
-  const Run* run = op.run >= 0 ? &model.runs[static_cast<std::size_t>(op.run)] : nullptr;
-  switch (op.kernel) {
-    case Kernel::hinge_records:
+  const Run* run = op.run >= 0 ? &model.runs[op.run] : nullptr;
+  switch (op.code) {
+    case OpCode::hinge_records:
       if (!again || !model.batches.empty()) S.hinge_records(model, ws, in);
       return;
-    case Kernel::outward: return S.outward(model, ws, in, *run, {.vdot = run->prescribed, .inertia = !again});
-    case Kernel::elastic: return S.elastic(model, ws, in);
-    case Kernel::world: return S.world(model, ws, in);
-    case Kernel::central_gravity: return S.central_gravity(model, ws, in);
-    case Kernel::node_wrenches: return S.node_wrenches(model, ws, in);
-    case Kernel::inward: return S.inward(model, ws, in, *run, {.inertia = !again});
-    case Kernel::acceleration: return S.acceleration(model, ws, in, *run, vdot);
-    case Kernel::refine: return S.refine(model, ws, in, vdot);
+    case OpCode::outward: return S.outward(model, ws, in, *run, {.vdot = run->prescribed, .inertia = !again});
+    case OpCode::elastic: return S.elastic(model, ws, in);
+    case OpCode::world: return S.world(model, ws, in);
+    case OpCode::central_gravity: return S.central_gravity(model, ws, in);
+    case OpCode::node_wrenches: return S.node_wrenches(model, ws, in);
+    case OpCode::inward: return S.inward(model, ws, in, *run, {.inertia = !again});
+    case OpCode::acceleration: return S.acceleration(model, ws, in, *run, vdot);
+    case OpCode::refine: return S.refine(model, ws, in, vdot);
   }
 }
 

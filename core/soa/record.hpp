@@ -78,8 +78,8 @@ struct NodeRoot {
 static inline std::size_t by_nodes_size(int n) { return static_cast<std::size_t>(2 * 36 * n * n + 16 * 6 * n); }
 template <class T>
 struct ByNodes {
-  T *B, *A, *inverse, *u, *t, *e, *X, *MV;
-  ByNodes(T* at, int N) : B(at), A(B + N * N), inverse(A + N * N), u(inverse + N), t(u + N), e(t + N), X(e + N), MV(X + 6 * N) {}
+  T *B, *A, *inverse, *u, *t, *e, *XC, *MV;
+  ByNodes(T* at, int N) : B(at), A(B + N * N), inverse(A + N * N), u(inverse + N), t(u + N), e(t + N), XC(e + N), MV(XC + 6 * N) {}
 };
 
 /// Pointers into the arena of what only flexible bodies, and bodies that hang on a deforming node, have. m = own modes.

@@ -44,23 +44,23 @@ struct Sweeps {
 template <class T>
 static Pose<T> pose_in_inboard(const SweepModel& model, const Workspace<T>& ws, int k, const T* q) {
   using std::cos, std::sin;
-  const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+  const SweepBody& b = model.bodies[k];
   if (!is_axis(b.kind)) return ws.X(k);
-  const AxisBody& a = model.axis_bodies[static_cast<std::size_t>(k)];
+  const AxisBody& a = model.axis_bodies[k];
   const T angle = q[b.q] + T(a.q0);
-  const bool rotor = b.kind == KernelKind::rotor;
-  const T s = rotor ? T(sin(angle)) : ws.sines[static_cast<std::size_t>(a.angle)], c = rotor ? T(cos(angle)) : ws.cosines[static_cast<std::size_t>(a.angle)];
+  const bool rotor = b.kind == BodyKernel::rotor;
+  const T s = rotor ? T(sin(angle)) : ws.sines[a.angle], c = rotor ? T(cos(angle)) : ws.cosines[a.angle];
   return {cast<T>(b.O.R) * rotation_about(cast<T>(b.axis), s, c), cast<T>(b.O.p)};
 }
 /// Spatial velocity of B, B axes, where the inboard body has V_inboard (its axes). X: pose of B in A. Needs outward.
 template <class T>
 static Motion<T> velocity_of(const SweepModel& model, const Workspace<T>& ws, const Inputs<T>& in, int k, const Pose<T>& X, const Motion<T>& V_inboard) {
-  const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+  const SweepBody& b = model.bodies[k];
   Motion<T> V_A = V_inboard;
   const Modal<T>* modal = ws.modal_of(k);
   if (modal && modal->node) {
     T s[6];
-    sum_columns(model.shapes[static_cast<std::size_t>(b.onode)].columns.data(), in.v + model.bodies[static_cast<std::size_t>(b.parent)].etadot, b.n_parent_modes, s);
+    sum_columns(model.shapes[b.onode].columns.data(), in.v + model.bodies[b.parent].etadot, b.n_parent_modes, s);
     V_A += motion_of_node(*modal->node, s);
   }
   Motion<T> V = to_outboard(X, V_A);
@@ -72,11 +72,11 @@ static Motion<T> velocity_of(const SweepModel& model, const Workspace<T>& ws, co
 /// R_AB r + m p_AB: the first moment r of the mass m about B, in the axes of A and about its origin.
 template <class T>
 static Vec3<T> moment_in_inboard(const SweepModel& model, const Workspace<T>& ws, int k, const Vec3<T>& r, const T& m) {
-  const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+  const SweepBody& b = model.bodies[k];
   if (!is_axis(b.kind)) return ws.X(k).R * r + m * ws.X(k).p;
   Vec3<T> turned = r;  // of a rotor it lies along the axis
-  if (b.kind != KernelKind::rotor) {
-    const auto at = static_cast<std::size_t>(model.axis_bodies[static_cast<std::size_t>(k)].angle);
+  if (b.kind != BodyKernel::rotor) {
+    const auto at = static_cast<std::size_t>(model.axis_bodies[k].angle);
     const T c = ws.cosines[at], s = ws.sines[at];
     const Vec3<T> u = cast<T>(b.axis);
     turned = c * r + s * cross(u, r) + ((T(1) - c) * dot(u, r)) * u;

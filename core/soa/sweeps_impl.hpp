@@ -8,16 +8,16 @@
 namespace cardan::soa {
 
 /// Number of hinge velocities a kernel is compiled for.
-static constexpr int size_of(KernelKind k) {
-  if (is_general(k)) return static_cast<int>(k) - static_cast<int>(KernelKind::general0);
-  if (k == KernelKind::fixed) return 0;
+static constexpr int size_of(BodyKernel k) {
+  if (is_general(k)) return static_cast<int>(k) - static_cast<int>(BodyKernel::general0);
+  if (k == BodyKernel::fixed) return 0;
   if (is_axis(k)) return 1;
-  if (k <= KernelKind::screw) return 1;
-  return static_cast<int>(k) - static_cast<int>(KernelKind::dense1) + 1;
+  if (k <= BodyKernel::screw) return 1;
+  return static_cast<int>(k) - static_cast<int>(BodyKernel::dense1) + 1;
 }
 
 template <class T, class Rigid, class General>
-static void for_kernel(KernelKind kind, const Rigid& rigid, const General& general) {
+static void for_kernel(BodyKernel kind, const Rigid& rigid, const General& general) {
   with_hinge_size<T>(size_of(kind), [&]<int NV>() {
     if (is_general(kind))
       general.template operator()<NV>();
@@ -46,7 +46,7 @@ static void family_records(const SweepModel& model, Workspace<T>& ws, const Inpu
 /// A record of frame P becomes that of frame S: R_OS = R_OP R_PS, columns of H* and Hdot* v in S axes.
 template <class T>
 static void turn_record(const SweepModel& model, Workspace<T>& ws, const TurnedRecord& t) {
-  const SweepBody& b = model.bodies[static_cast<std::size_t>(t.body)];
+  const SweepBody& b = model.bodies[t.body];
   for (int l = 0; l < kWidth<T>; ++l) {
     cardan_hinge_out& record = ws.hinge_records(l)[b.dense];
     double* R = record.R_OP;
@@ -90,7 +90,7 @@ static void at_rest(const SweepModel& model, Workspace<T>& ws) {
     ws.core(k).z = Force<T>();
     ws.core(k).gamma = Motion<T>();
     if (Modal<T>* modal = ws.modal_of(k))
-      for (int j = 0; j < model.bodies[static_cast<std::size_t>(k)].n_modes; ++j) modal->z[j] = T(0);
+      for (int j = 0; j < model.bodies[k].n_modes; ++j) modal->z[j] = T(0);
   }
 }
 
@@ -99,10 +99,10 @@ static void outward(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& 
   const auto pass = [&]<OutwardFor For>() {
     if (is_axis(run.kind))
       return outward_axes<T, For>(model, ws, in, run.begin, run.end);
-    if (run.kind == KernelKind::free) return outward_free<T, For>(model, ws, in, run.begin, run.end);
+    if (run.kind == BodyKernel::free) return outward_free<T, For>(model, ws, in, run.begin, run.end);
     for_kernel<T>(
         run.kind, [&]<int NV>() { outward_rigid<T, NV, For>(model, ws, in, run.begin, run.end); },
-        [&]<int NV>() { outward_general<T, NV, For>(model, ws, in, run.begin, run.end); });
+        [&]<int NV>() { outward_general<T, NV, For.velocity>(model, ws, in, For.vdot, run.begin, run.end); });
   };
   if (!what.inertia && what.vdot)  // inverse dynamics
     what.velocity ? pass.template operator()<OutwardFor{true, true, false}>() : pass.template operator()<OutwardFor{true, false, false}>();
@@ -119,7 +119,7 @@ static void world(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in
   ws.pose_W(0) = Pose<T>();
   ws.V(0) = Motion<T>();
   for (int k = 1; k < static_cast<int>(model.bodies.size()); ++k) {
-    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    const SweepBody& b = model.bodies[k];
     const Pose<T> X = pose_in_inboard(model, ws, k, in.q);
     ws.pose_W(k) = ws.pose_W(b.parent) * X;
     ws.V(k) = velocity_of(model, ws, in, k, X, ws.V(b.parent));
@@ -129,7 +129,7 @@ static void world(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in
 /// z of body k less a load on it [moment about its mass centre c; force], which is kept for the refinement.
 template <class T>
 static void add_load(Workspace<T>& ws, int k, const Force<T>& load, const Vec3<T>& c) {
-  ws.loads[static_cast<std::size_t>(k)] += load;
+  ws.loads[k] += load;
   ws.core(k).z -= Force<T>{load.n + cross(c, load.f), load.f};
 }
 
@@ -141,15 +141,15 @@ static void central_gravity(const SweepModel& model, Workspace<T>& ws, const Inp
   if (!in.gravity) return;
   const GravityField& g = model.field;
   for (int k = 1; k < static_cast<int>(model.bodies.size()); ++k) {
-    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
-    const int carrier = b.kind == KernelKind::rotor ? b.parent : k;  // the pull on a rotor has no moment about its axis
+    const SweepBody& b = model.bodies[k];
+    const int carrier = b.kind == BodyKernel::rotor ? b.parent : k;  // the pull on a rotor has no moment about its axis
     Core<T>& body = ws.core(carrier);
     Modal<T>* modal = b.n_modes > 0 ? ws.modal_of(k) : nullptr;
     const RigidInertia<T> inertia =
-        modal ? gravity_inertia(model.flexible[static_cast<std::size_t>(b.flexible)], b.n_modes, modal->M_rr, in.q + b.eta) : cast<T>(carrier == k ? b.M : b.M_sweep);
+        modal ? gravity_inertia(model.flexible[b.flexible], b.n_modes, modal->M_rr, in.q + b.eta) : cast<T>(carrier == k ? b.M : b.M_sweep);
     if (!(inertia.m > T(0))) continue;
     if (!model.graded.own.empty()) {  // the same about mass centres
-      const CentralInertia &own = model.graded.own[static_cast<std::size_t>(k)], &swept = model.graded.swept[static_cast<std::size_t>(carrier)];
+      const CentralInertia &own = model.graded.own[k], &swept = model.graded.swept[carrier];
       const T trace(own.S.xx + own.S.yy + own.S.zz);
       const Sym3<T> J{trace - T(own.S.xx), trace - T(own.S.yy), trace - T(own.S.zz), -T(own.S.xy), -T(own.S.xz), -T(own.S.yz)};
       const Pose<T>& W = ws.pose_W(carrier);
@@ -163,7 +163,7 @@ static void central_gravity(const SweepModel& model, Workspace<T>& ws, const Inp
     if (!modal) continue;
     const Vec3<T> field = (T(1) / inertia.m) * pull.f;
     const T r2 = dot(r, r), k3 = T(g.mu) / (r2 * sqrt(r2));
-    const FlexibleBody& flexible = model.flexible[static_cast<std::size_t>(b.flexible)];
+    const FlexibleBody& flexible = model.flexible[b.flexible];
     const T* eta = in.q + b.eta;
     for (int j = 0; j < b.n_modes; ++j) {
       const double* constant = flexible.M_re.data() + 6 * j;
@@ -185,10 +185,10 @@ static void central_gravity(const SweepModel& model, Workspace<T>& ws, const Inp
 template <class T>
 static void node_wrenches(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
   for (const NodeWrench<T>& load : in.wrenches) {
-    const UserNode& node = model.nodes[static_cast<std::size_t>(load.node)];
+    const UserNode& node = model.nodes[load.node];
     const int k = node.sweep;
     if (k == 0) continue;
-    const SweepBody& b = model.bodies[static_cast<std::size_t>(k)];
+    const SweepBody& b = model.bodies[k];
     Core<T>& body = ws.core(k);
     DeformedNode<T> at;
     at.R = cast<T>(node.shapes.pose.R);
@@ -203,11 +203,11 @@ static void node_wrenches(const SweepModel& model, Workspace<T>& ws, const Input
     }
     const Force<T> at_B{f.n + cross(at.rho, f.f), f.f};
     const bool graded = !ws.loads.empty();
-    if (b.kind == KernelKind::rotor) {
+    if (b.kind == BodyKernel::rotor) {
       ws.axis(k).load = ws.axis(k).load + dot(cast<T>(b.axis), at_B.n);
       const Force<T> at_A = to_inboard(pose_in_inboard(model, ws, k, in.q), at_B);
       if (graded) {
-        const Vec3<T> c = cast<T>(model.graded.swept[static_cast<std::size_t>(b.parent)].c);
+        const Vec3<T> c = cast<T>(model.graded.swept[b.parent].c);
         add_load(ws, b.parent, {at_A.n - cross(c, at_A.f), at_A.f}, c);
       } else {
         ws.core(b.parent).z -= at_A;
@@ -215,8 +215,8 @@ static void node_wrenches(const SweepModel& model, Workspace<T>& ws, const Input
       continue;
     }
     if (graded) {
-      add_load(ws, k, {f.n + cross(cast<T>(model.graded.arm[static_cast<std::size_t>(load.node)]), f.f), f.f},
-               cast<T>(model.graded.swept[static_cast<std::size_t>(k)].c));
+      add_load(ws, k, {f.n + cross(cast<T>(model.graded.arm[load.node]), f.f), f.f},
+               cast<T>(model.graded.swept[k].c));
       continue;
     }
     body.z -= at_B;
@@ -231,10 +231,10 @@ static void inward(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& i
   const auto pass = [&]<InwardFor For>() {
     if (is_axis(run.kind))
       return inward_axes<T, For>(model, ws, in, run.begin, run.end);
-    if (run.kind == KernelKind::free) return inward_free<T, For>(model, ws, in, run.begin, run.end);
+    if (run.kind == BodyKernel::free) return inward_free<T, For>(model, ws, in, run.begin, run.end);
     for_kernel<T>(
         run.kind, [&]<int NV>() { inward_rigid<T, NV, For>(model, ws, in, run.begin, run.end); },
-        [&]<int NV>() { inward_general<T, NV, For>(model, ws, in, run.begin, run.end); });
+        [&]<int NV>() { inward_general<T, NV>(model, ws, in, For, run.begin, run.end); });
   };
   if (what.inertia && what.bias)
     pass.template operator()<InwardFor{true, true}>();
@@ -248,7 +248,7 @@ template <class T>
 static void acceleration(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, T* vdot) {
   if (is_axis(run.kind))
     return acceleration_axes<T>(model, ws, vdot, run.begin, run.end);
-  if (run.kind == KernelKind::free) return acceleration_free<T>(model, ws, in, vdot, run.begin, run.end);
+  if (run.kind == BodyKernel::free) return acceleration_free<T>(model, ws, in, vdot, run.begin, run.end);
   for_kernel<T>(
       run.kind, [&]<int NV>() { acceleration_rigid<T, NV>(model, ws, in, vdot, run.begin, run.end); },
       [&]<int NV>() { acceleration_general<T, NV>(model, ws, in, vdot, run.begin, run.end); });
@@ -270,7 +270,7 @@ static void refine(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& i
     for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) inward(model, ws, in, *run, {.inertia = false});
     for (const Run& run : model.runs) acceleration(model, ws, in, run, d);
     for (const int k : model.rotors) {  // all of v', not the rest
-      const auto i = static_cast<std::size_t>(model.bodies[static_cast<std::size_t>(k)].v);
+      const auto i = static_cast<std::size_t>(model.bodies[k].v);
       d[i] = d[i] - vdot[i];
     }
     for (std::size_t i = 0; i < model.prescribed.size(); ++i)
@@ -290,7 +290,7 @@ template <class T>
 static void gather(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, T* tau) {
   if (is_axis(run.kind))
     return gather_axes<T>(model, ws, in, tau, run.begin, run.end);
-  if (run.kind == KernelKind::free) return gather_free<T>(model, ws, in, tau, run.begin, run.end);
+  if (run.kind == BodyKernel::free) return gather_free<T>(model, ws, in, tau, run.begin, run.end);
   for_kernel<T>(
       run.kind, [&]<int NV>() { gather_rigid<T, NV>(model, ws, tau, run.begin, run.end); },
       [&]<int NV>() { gather_general<T, NV>(model, ws, tau, run.begin, run.end); });
@@ -303,9 +303,9 @@ template <class T>
 static void mass_matrix_inverse(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* inverse) {
   const int n = static_cast<int>(model.bodies.size()), nv = model.nv;
   for (int k = 1; k < n; ++k)
-    if (is_axis(model.bodies[static_cast<std::size_t>(k)].kind)) {
-      const AxisBody& a = model.axis_bodies[static_cast<std::size_t>(k)];
-      if (!a.leaf && a.kind != KernelKind::rotor) start(a, ws.core(k).P);
+    if (is_axis(model.bodies[k].kind)) {
+      const AxisBody& a = model.axis_bodies[k];
+      if (!a.leaf && a.kind != BodyKernel::rotor) start(a, ws.core(k).P);
       ws.axis(k).nu = T(0);
     }
   for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) {
@@ -316,13 +316,13 @@ static void mass_matrix_inverse(const SweepModel& model, Workspace<T>& ws, const
   Inputs<T> use = in;
   use.tau = unit;
   for (int k = 1; k < n; ++k) {
-    const SweepBody& own = model.bodies[static_cast<std::size_t>(k)];
+    const SweepBody& own = model.bodies[k];
     for (int v = own.v; v < own.v + own.nv; ++v) {
       T* column = inverse + static_cast<std::ptrdiff_t>(nv) * v;
       unit[v] = T(1);
-      for (int p = k; p > 0; p = model.bodies[static_cast<std::size_t>(p)].parent) {
-        const SweepBody& b = model.bodies[static_cast<std::size_t>(p)];
-        if (b.kind == KernelKind::free && p != k) break;  // six free components without force let nothing through
+      for (int p = k; p > 0; p = model.bodies[p].parent) {
+        const SweepBody& b = model.bodies[p];
+        if (b.kind == BodyKernel::free && p != k) break;  // six free components without force let nothing through
         if (is_axis(b.kind))
           inward_axes<T, InwardFor{false, true}>(model, ws, use, p, p + 1);
         else
@@ -334,15 +334,15 @@ static void mass_matrix_inverse(const SweepModel& model, Workspace<T>& ws, const
         acceleration(model, ws, in, {run.begin, run.end < k + 1 ? run.end : k + 1, run.kind}, column);
       }
       for (int i = 1; i <= k; ++i) {
-        const SweepBody& b = model.bodies[static_cast<std::size_t>(i)];
+        const SweepBody& b = model.bodies[i];
         for (int l = b.v; l < b.v + b.nv; ++l) inverse[static_cast<std::ptrdiff_t>(nv) * l + v] = column[l];
       }
-      for (int p = k; p > 0; p = model.bodies[static_cast<std::size_t>(p)].parent) {  // z = 0, nu = 0 again
-        const SweepBody& b = model.bodies[static_cast<std::size_t>(p)];
+      for (int p = k; p > 0; p = model.bodies[p].parent) {  // z = 0, nu = 0 again
+        const SweepBody& b = model.bodies[p];
         ws.core(p).z = Force<T>();
         if (is_axis(b.kind))
           ws.axis(p).nu = T(0);
-        else if (b.kind == KernelKind::free)
+        else if (b.kind == BodyKernel::free)
           for (T& x : ws.free(p).tau) x = T(0);
         else
           inward(model, ws, use, {p, p + 1, b.kind}, {.inertia = false});

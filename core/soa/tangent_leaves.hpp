@@ -37,8 +37,8 @@ inline void dense_record(const cardan_hinge_family& f, const void* packed, const
   const auto nq = static_cast<int>(f.nq), nv = static_cast<int>(f.nv);
   std::vector<double> x(f.nq), w(f.nv), moved(f.nv);
   double sum[kRecord], work[kRecord];
-  for (int i = 0; i < nq; ++i) x[static_cast<std::size_t>(i)] = q[i].x;
-  for (int i = 0; i < nv; ++i) w[static_cast<std::size_t>(i)] = v[i].x;
+  for (int i = 0; i < nq; ++i) x[i] = q[i].x;
+  for (int i = 0; i < nv; ++i) w[i] = v[i].x;
   const auto record = [&](const double* at, const double* rates, double* to) {
     cardan_hinge_out one{};
     f.kinematics(packed, 1, &zero, &zero, at, rates, &one);
@@ -46,7 +46,7 @@ inline void dense_record(const cardan_hinge_family& f, const void* packed, const
   };
   for (int i = 0; i < nq; ++i) {
     if (q[i].d == 0.0) continue;
-    double& coordinate = x[static_cast<std::size_t>(i)];
+    double& coordinate = x[i];
     const double at = coordinate;
     derivative([&](double s, double* to) { coordinate = at + s, record(x.data(), w.data(), to); }, kHingeStep, kRecord, sum, work);
     coordinate = at;
@@ -57,7 +57,7 @@ inline void dense_record(const cardan_hinge_family& f, const void* packed, const
   if (size == 0.0 || change == 0.0) return;
   const double h = size / change;
   for (const double side : {1.0, -1.0}) {
-    for (int i = 0; i < nv; ++i) moved[static_cast<std::size_t>(i)] = v[i].x + side * h * v[i].d;
+    for (int i = 0; i < nv; ++i) moved[i] = v[i].x + side * h * v[i].d;
     record(x.data(), moved.data(), work);
     for (int k = 48; k < kRecord; ++k) out[k] += side * work[k] / (2.0 * h);
   }
@@ -101,7 +101,7 @@ static inline void family_inertia(const FlexibleBody& f, int m, const Tangent* e
   };
   all(0.0, value);
   double moved = 0.0;  // [sqrt(kg) m] of a unit step, by the modal mass
-  for (int i = 0; i < m; ++i) moved += std::abs(eta[i].d) * std::sqrt(f.M_ee[static_cast<std::size_t>(m * i + i)]);
+  for (int i = 0; i < m; ++i) moved += std::abs(eta[i].d) * std::sqrt(f.M_ee[m * i + i]);
   for (int i = 0; i < n + nb; ++i) slope[i] = 0.0;
   if (moved > 0.0) {
     const double size = std::sqrt(0.5 * (f.M_rr.J.xx + f.M_rr.J.yy + f.M_rr.J.zz));

@@ -58,28 +58,28 @@ class Workspace {
  public:
   explicit Workspace(const SweepModel& model);
 
-  CARDAN_INLINE Core<T>& core(int k) { return *reinterpret_cast<Core<T>*>(arena_.get() + offset_[static_cast<std::size_t>(k)]); }
+  CARDAN_INLINE Core<T>& core(int k) { return *reinterpret_cast<Core<T>*>(arena_.get() + offset_[k]); }
   CARDAN_INLINE const Core<T>& core(int k) const { return const_cast<Workspace*>(this)->core(k); }
   template <int NV>
   CARDAN_INLINE Hinge<T, NV>& hinge(int k) {
-    return reinterpret_cast<RigidRecord<T, NV>*>(arena_.get() + offset_[static_cast<std::size_t>(k)])->hinge;
+    return reinterpret_cast<RigidRecord<T, NV>*>(arena_.get() + offset_[k])->hinge;
   }
   template <int NV>
   CARDAN_INLINE Modal<T>& modal(int k) {
-    return reinterpret_cast<GeneralRecord<T, NV>*>(arena_.get() + offset_[static_cast<std::size_t>(k)])->modal;
+    return reinterpret_cast<GeneralRecord<T, NV>*>(arena_.get() + offset_[k])->modal;
   }
-  CARDAN_INLINE AxisRecord<T>& axis(int k) { return *reinterpret_cast<AxisRecord<T>*>(arena_.get() + offset_[static_cast<std::size_t>(k)]); }
+  CARDAN_INLINE AxisRecord<T>& axis(int k) { return *reinterpret_cast<AxisRecord<T>*>(arena_.get() + offset_[k]); }
   CARDAN_INLINE const AxisRecord<T>& axis(int k) const { return const_cast<Workspace*>(this)->axis(k); }
-  CARDAN_INLINE FreeRecord<T>& free(int k) { return *reinterpret_cast<FreeRecord<T>*>(arena_.get() + offset_[static_cast<std::size_t>(k)]); }
+  CARDAN_INLINE FreeRecord<T>& free(int k) { return *reinterpret_cast<FreeRecord<T>*>(arena_.get() + offset_[k]); }
   // Access by run-time kind, for what is not in the inner loop.
   /// Pose of B in A of a body with a stored pose (not an axis record).
-  CARDAN_INLINE Pose<T>& X(int k) { return *reinterpret_cast<Pose<T>*>(arena_.get() + offset_[static_cast<std::size_t>(k)] + sizeof(Core<T>)); }
+  CARDAN_INLINE Pose<T>& X(int k) { return *reinterpret_cast<Pose<T>*>(arena_.get() + offset_[k] + sizeof(Core<T>)); }
   CARDAN_INLINE const Pose<T>& X(int k) const { return const_cast<Workspace*>(this)->X(k); }
   /// Columns of H* at B, likewise.
-  CARDAN_INLINE Motion<T>* H(int k) { return reinterpret_cast<Motion<T>*>(arena_.get() + offset_[static_cast<std::size_t>(k)] + sizeof(Core<T>) + sizeof(Pose<T>)); }
+  CARDAN_INLINE Motion<T>* H(int k) { return reinterpret_cast<Motion<T>*>(arena_.get() + offset_[k] + sizeof(Core<T>) + sizeof(Pose<T>)); }
   CARDAN_INLINE const Motion<T>* H(int k) const { return const_cast<Workspace*>(this)->H(k); }
-  CARDAN_INLINE Modal<T>* modal_of(int k) { return modal_[static_cast<std::size_t>(k)]; }  ///< null for bodies of rigid kernels
-  CARDAN_INLINE const Modal<T>* modal_of(int k) const { return modal_[static_cast<std::size_t>(k)]; }
+  CARDAN_INLINE Modal<T>* modal_of(int k) { return modal_[k]; }  ///< null for bodies of rigid kernels
+  CARDAN_INLINE const Modal<T>* modal_of(int k) const { return modal_[k]; }
 
   /// Records of the dense hinges, all of one lane side by side.
   CARDAN_INLINE cardan_hinge_out* hinge_records(int lane) { return dense_.data() + static_cast<std::size_t>(lane) * n_dense_; }
@@ -94,10 +94,10 @@ class Workspace {
   /// Poses and velocities in the world: only where an op asks for them (gravity of a centre, outputs).
   void require_world();
   CARDAN_INLINE bool has_world() const { return !pose_W_.empty(); }
-  CARDAN_INLINE Pose<T>& pose_W(int k) { return pose_W_[static_cast<std::size_t>(k)]; }
-  CARDAN_INLINE const Pose<T>& pose_W(int k) const { return pose_W_[static_cast<std::size_t>(k)]; }
-  CARDAN_INLINE Motion<T>& V(int k) { return V_[static_cast<std::size_t>(k)]; }  ///< spatial velocity of B, B axes
-  CARDAN_INLINE const Motion<T>& V(int k) const { return V_[static_cast<std::size_t>(k)]; }
+  CARDAN_INLINE Pose<T>& pose_W(int k) { return pose_W_[k]; }
+  CARDAN_INLINE const Pose<T>& pose_W(int k) const { return pose_W_[k]; }
+  CARDAN_INLINE Motion<T>& V(int k) { return V_[k]; }  ///< spatial velocity of B, B axes
+  CARDAN_INLINE const Motion<T>& V(int k) const { return V_[k]; }
 
   Breakdown breakdown;
   std::size_t bytes() const;  ///< all of it

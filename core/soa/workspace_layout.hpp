@@ -38,15 +38,15 @@ Workspace<T>::Workspace(const SweepModel& model) {
     if (!f.attached.empty()) sums.resize(std::max(sums.size(), 6 + 6 * f.attached.size()), T(0));
   for (std::size_t k = 1; k < n; ++k) {
     const SweepBody& b = model.bodies[k];
-    if (b.onode >= 0) ee_changes[static_cast<std::size_t>(b.parent)] = true;
-    if (b.pnode >= 0 && model.shapes[static_cast<std::size_t>(b.pnode)].deforms()) ee_changes[k] = true;
+    if (b.onode >= 0) ee_changes[b.parent] = true;
+    if (b.pnode >= 0 && model.shapes[b.pnode].deforms()) ee_changes[k] = true;
   }
   std::size_t total = round(sizeof(Core<T>));  // ground
   for (std::size_t k = 1; k < n; ++k) {
     const SweepBody& b = model.bodies[k];
     offset_[k] = total;
     std::size_t record = 0;
-    if (is_axis(b.kind) || b.kind == KernelKind::free) {
+    if (is_axis(b.kind) || b.kind == BodyKernel::free) {
       total += round(is_axis(b.kind) ? sizeof(AxisRecord<T>) : sizeof(FreeRecord<T>));
       continue;
     }
@@ -56,22 +56,22 @@ Workspace<T>::Workspace(const SweepModel& model) {
     const auto m = static_cast<std::size_t>(b.n_modes);
     Counts c{};
     if (m > 0) {
-      const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
+      const FlexibleBody& f = model.flexible[b.flexible];
       bool masked = false;
       if (model.has_prescribed())
-        for (int j = 0; j < b.n_modes; ++j) masked = masked || model.prescribed[static_cast<std::size_t>(b.etadot + j)];
+        for (int j = 0; j < b.n_modes; ++j) masked = masked || model.prescribed[b.etadot + j];
       c.m = m;
       c.ee = !f.by_nodes && (!f.M_ee_constant || ee_changes[k] || masked) ? m * m : 0;
       c.re = c.ee > 0 || !f.M_re_constant ? 6 * m : 0;
       c.U = c.ee > 0 || (c.re > 0 && !f.M_ee_identity) ? 6 * m : 0;
       c.b = f.constant ? 0 : 6 + m;
-      c.C = b.pnode >= 0 && model.shapes[static_cast<std::size_t>(b.pnode)].deforms() ? 6 * m : 0;
+      c.C = b.pnode >= 0 && model.shapes[b.pnode].deforms() ? 6 * m : 0;
       c.by_nodes = f.by_nodes ? by_nodes_size(static_cast<int>(f.attached.size())) : 0;
     }
     if (b.onode >= 0) {
       c.node = sizeof(ModalNode<T>) / sizeof(T);
-      const SweepBody& inboard = model.bodies[static_cast<std::size_t>(b.parent)];
-      c.root = model.flexible[static_cast<std::size_t>(inboard.flexible)].by_nodes ? sizeof(NodeRoot<T>) / sizeof(T) : 0;
+      const SweepBody& inboard = model.bodies[b.parent];
+      c.root = model.flexible[inboard.flexible].by_nodes ? sizeof(NodeRoot<T>) / sizeof(T) : 0;
     }
     counts[k] = c;
     modal_at[k] = total;
@@ -85,10 +85,10 @@ Workspace<T>::Workspace(const SweepModel& model) {
     const SweepBody& b = model.bodies[k];
     if (is_axis(b.kind)) {
       auto* record = new (arena_.get() + offset_[k]) AxisRecord<T>();
-      if (b.kind != KernelKind::rotor) record->core.P = cast<T>(model.axis_bodies[k].P);  // a leaf's stays
+      if (b.kind != BodyKernel::rotor) record->core.P = cast<T>(model.axis_bodies[k].P);  // a leaf's stays
       continue;
     }
-    if (b.kind == KernelKind::free) {
+    if (b.kind == BodyKernel::free) {
       new (arena_.get() + offset_[k]) FreeRecord<T>();
       continue;
     }
@@ -120,7 +120,7 @@ Workspace<T>::Workspace(const SweepModel& model) {
       modal.C = take(c.C);
       modal.by_nodes = take(c.by_nodes);
       if (c.by_nodes > 0) {
-        const FlexibleBody& f = model.flexible[static_cast<std::size_t>(b.flexible)];
+        const FlexibleBody& f = model.flexible[b.flexible];
         const ByNodes<T> w(modal.by_nodes, 6 * static_cast<int>(f.attached.size()));
         for (std::size_t i = 0; i < f.MV.size(); ++i) w.MV[i] = T(f.MV[i]);
       }

@@ -91,7 +91,7 @@ TEST(Alloc, RefinementOfForwardDynamics) {  // masses that grow by large ratios,
     bodies.push_back(on(rigid("b" + i, mass, {0.1, 0, -1}, mass * diagonal({0.1, 0.15, 0.2})), bodies.empty() ? "" : bodies.back().name, "ball", {}, {0, 0, -0.5}));
   }
   const auto model = compiled(system(bodies, central_gravity(2e4, true, {3, -4, 20})), {.world_wrenches = true});
-  ASSERT_TRUE(model->has(Kernel::refine));
+  ASSERT_TRUE(model->has(OpCode::refine));
   Workspace ws(*model);
   const State s = model->initial_state();
   const std::vector<NodeWrench> loads{{model->find_node("b2"), true, {{0, 0, 0}, {1, 2, 3}}}};

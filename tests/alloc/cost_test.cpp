@@ -72,23 +72,23 @@ TEST(Cost, TheProgramOfAnUnforcedSceneIsItsHingesAndTheThreeSweeps) {
   CompileOptions bare;
   bare.node_wrenches = false;
   const auto model = compiled(chain(5), bare);
-  for (const Kernel k : {Kernel::elastic, Kernel::world, Kernel::central_gravity, Kernel::node_wrenches})
+  for (const OpCode k : {OpCode::elastic, OpCode::world, OpCode::central_gravity, OpCode::node_wrenches})
     EXPECT_FALSE(model->has(k));
   EXPECT_EQ(model->program.size(), 1 + 3 * model->runs.size());
 }
 
 TEST(Cost, AnOpIsThereForWhatNeedsIt) {
   SystemSpec spec = chain(2, "ball");
-  EXPECT_TRUE(compiled(spec)->has(Kernel::node_wrenches));
-  EXPECT_FALSE(compiled(spec)->has(Kernel::world));
+  EXPECT_TRUE(compiled(spec)->has(OpCode::node_wrenches));
+  EXPECT_FALSE(compiled(spec)->has(OpCode::world));
   CompileOptions with_world;
   with_world.world_wrenches = true;
-  EXPECT_TRUE(compiled(spec, with_world)->has(Kernel::world));
+  EXPECT_TRUE(compiled(spec, with_world)->has(OpCode::world));
   spec.gravity = uniform_gravity({0, 0, -9.81});
-  EXPECT_FALSE(compiled(spec)->has(Kernel::central_gravity));
+  EXPECT_FALSE(compiled(spec)->has(OpCode::central_gravity));
   spec.gravity = central_gravity(1.0, true, {100, 0, 0});
-  EXPECT_TRUE(compiled(spec)->has(Kernel::central_gravity));
-  EXPECT_TRUE(compiled(spec)->has(Kernel::world));
+  EXPECT_TRUE(compiled(spec)->has(OpCode::central_gravity));
+  EXPECT_TRUE(compiled(spec)->has(OpCode::world));
 }
 
 // ---- operations ----
@@ -104,9 +104,9 @@ struct Costs {
     for (const soa::OpCost& op : ops) sum += op.flops;
     return sum;
   }
-  long flops(Kernel kernel) const {
+  long flops(OpCode code) const {
     long sum = 0;
-    for (std::size_t i = 0; i < ops.size(); ++i) sum += model->program[i].kernel == kernel ? ops[i].flops : 0;
+    for (std::size_t i = 0; i < ops.size(); ++i) sum += model->program[i].code == code ? ops[i].flops : 0;
     return sum;
   }
   const Run* run(std::size_t i) const { return model->program[i].run < 0 ? nullptr : &model->runs[static_cast<std::size_t>(model->program[i].run)]; }
@@ -182,7 +182,7 @@ std::vector<std::string> added_ops(const Costs& less, const Costs& more) {
   std::vector<std::string> added;
   std::size_t i = 0;
   for (std::size_t j = 0; j < more.ops.size(); ++j) {
-    if (i < less.ops.size() && less.model->program[i].kernel == more.model->program[j].kernel && less.ops[i].name == more.ops[j].name) {
+    if (i < less.ops.size() && less.model->program[i].code == more.model->program[j].code && less.ops[i].name == more.ops[j].name) {
       EXPECT_EQ(more.ops[j].flops, less.ops[i].flops) << more.ops[j].name;
       EXPECT_EQ(more.ops[j].bytes, less.ops[i].bytes) << more.ops[j].name;
       ++i;
@@ -227,8 +227,8 @@ TEST(Cost, AWheelIsAFractionOfABody) {
     ASSERT_TRUE(body.model->rotors.empty());
     EXPECT_LE(rotor.flops() - base.flops(), 40) << carrier;
     EXPECT_LE(6 * (rotor.flops() - base.flops()), body.flops() - base.flops()) << carrier;
-    EXPECT_EQ(rotor.flops(Kernel::hinge_records), base.flops(Kernel::hinge_records)) << carrier;
-    EXPECT_EQ(rotor.flops(Kernel::outward), base.flops(Kernel::outward)) << carrier;
+    EXPECT_EQ(rotor.flops(OpCode::hinge_records), base.flops(OpCode::hinge_records)) << carrier;
+    EXPECT_EQ(rotor.flops(OpCode::outward), base.flops(OpCode::outward)) << carrier;
     EXPECT_EQ(rotor.bytes - base.bytes, rounded(sizeof(soa::AxisRecord<double>)) + sizeof(double)) << carrier;  // its q
   }
 }
@@ -250,13 +250,13 @@ TEST(Cost, ARunOfWheelsHasNoOutwardOp) {
   const auto outward_runs = [](const Costs& c) {
     std::vector<int> bodies;
     for (std::size_t i = 0; i < c.ops.size(); ++i)
-      if (c.model->program[i].kernel == Kernel::outward) bodies.push_back(c.run(i)->begin);
+      if (c.model->program[i].code == OpCode::outward) bodies.push_back(c.run(i)->begin);
     return bodies;
   };
   const BodySpec bus = base_scene()[0];
   const Costs wheels = costs(system({bus, wheel("bus")}), no_loads());
   EXPECT_EQ(outward_runs(wheels), std::vector<int>{1});
-  EXPECT_FALSE(wheels.model->has(Kernel::hinge_records));  // nor a sine
+  EXPECT_FALSE(wheels.model->has(OpCode::hinge_records));  // nor a sine
   EXPECT_EQ(wheels.ops.size(), 2u + 3u);
   // Together with a body that turns the run has one again, whichever of them comes first.
   for (const auto& scene : {std::vector{bus, wheel("bus"), base_scene()[1]}, std::vector{bus, base_scene()[1], wheel("bus")}}) {
@@ -294,8 +294,8 @@ TEST(Cost, CentralGravityAddsItsTwoOps) {
   const Costs none = costs(system(scene)), central = costs(system(scene, central_gravity(4e14, true, {7e6, 0, 0}))),
               plain = costs(system(scene, central_gravity(4e14, false, {7e6, 0, 0})));
   EXPECT_EQ(added_ops(none, central), (std::vector<std::string>{"world poses", "central gravity"}));
-  EXPECT_GT(central.flops(Kernel::central_gravity), plain.flops(Kernel::central_gravity));  // the gradient
-  EXPECT_EQ(central.flops(Kernel::world), plain.flops(Kernel::world));
+  EXPECT_GT(central.flops(OpCode::central_gravity), plain.flops(OpCode::central_gravity));  // the gradient
+  EXPECT_EQ(central.flops(OpCode::world), plain.flops(OpCode::world));
   // a pose and a velocity of each body and of the ground
   const std::size_t bodies = none.model->bodies.size();
   EXPECT_EQ(central.bytes - none.bytes, bodies * (sizeof(Pose<double>) + sizeof(Motion<double>)));
@@ -309,8 +309,8 @@ TEST(Cost, LoadsCostWhereTheyAre) {
   EXPECT_EQ(none.bytes, without.bytes);
   const auto of = [&](const std::vector<std::string>& nodes) {
     const Costs loaded = costs(scene, {}, nodes);
-    EXPECT_EQ(loaded.flops() - loaded.flops(Kernel::node_wrenches), none.flops());
-    return loaded.flops(Kernel::node_wrenches);
+    EXPECT_EQ(loaded.flops() - loaded.flops(OpCode::node_wrenches), none.flops());
+    return loaded.flops(OpCode::node_wrenches);
   };
   // Two vectors turned (15 each), the moment about the origin (9 + 3), z (6).
   EXPECT_EQ(of({"bus"}), 48);
@@ -354,7 +354,7 @@ TEST(Cost, APrescribedHingeIsPaidByItsBody) {
     for (BodySpec& b : rest)
       if (b.hinge.inboard_body == prescribed) b.hinge.inboard_body = "bus";  // the antenna, when the panel is the one
     EXPECT_EQ(others(given, false), others(costs(system(rest)), false)) << prescribed;
-    EXPECT_EQ(given.flops(Kernel::elastic), free.flops(Kernel::elastic));
+    EXPECT_EQ(given.flops(OpCode::elastic), free.flops(OpCode::elastic));
   }
 }
 
@@ -405,7 +405,7 @@ TEST(Cost, ALowerLevelIsNoDearer) {
         }
         const std::string which = fmt::format("{} modes, rotary inertia {}, something on the tip {}", modes, rotary, loaded);
         EXPECT_EQ(c[0].model->flexible[0].by_nodes, loaded && modes > 6) << which;
-        EXPECT_LE(c[0].flops() - c[0].flops(Kernel::outward), c[1].flops() - c[1].flops(Kernel::outward)) << which;
+        EXPECT_LE(c[0].flops() - c[0].flops(OpCode::outward), c[1].flops() - c[1].flops(OpCode::outward)) << which;
         EXPECT_LE(c[1].flops(), c[2].flops()) << which;
         if (!c[0].model->flexible[0].by_nodes) {
           EXPECT_LE(c[0].bytes, c[1].bytes) << which;
@@ -418,13 +418,13 @@ TEST(Cost, AFlexibleBodyLeavesTheRigidOnesAsTheyAre) {
   const Costs rigid_scene = costs(system(base_scene()));
   for (const int level : {0, 1, 2}) {
     const Costs flexible = costs(system(with(base_scene(), beam("bus", level, 6))));
-    long flops = flexible.flops(Kernel::hinge_records);
+    long flops = flexible.flops(OpCode::hinge_records);
     std::size_t bytes = 0;
     for (std::size_t i = 0; i < flexible.ops.size(); ++i) {
       const cardan::Run* run = flexible.run(i);
       if (!run || is_general(run->kind)) continue;
       flops += flexible.ops[i].flops;
-      if (flexible.model->program[i].kernel == Kernel::outward) bytes += flexible.ops[i].bytes;
+      if (flexible.model->program[i].code == OpCode::outward) bytes += flexible.ops[i].bytes;
     }
     EXPECT_EQ(flops, rigid_scene.flops());
     EXPECT_EQ(bytes, rounded(sizeof(soa::FreeRecord<double>)) + 2 * rounded(sizeof(soa::AxisRecord<double>)));

@@ -119,7 +119,7 @@ double of_inputs(const SystemSpec& spec, const RandomState& s, const VectorXd& v
 /// The same model, its program without refinement.
 std::shared_ptr<Model> unrefined(const Model& m) {
   auto without = std::make_shared<Model>(m);
-  std::erase_if(without->program, [](const Op& op) { return op.kernel == Kernel::refine; });
+  std::erase_if(without->program, [](const Op& op) { return op.code == OpCode::refine; });
   return without;
 }
 VectorXd forward(const Model& m, const RandomState& s) {
@@ -143,7 +143,7 @@ TEST_P(GradedChains, KeepTheDigitsOfForwardDynamics) {
   for (int model = 0; model < 6; ++model) {
     const SystemSpec spec = chain(c, rng);
     const auto m = compiled(spec);
-    refined += m->has(Kernel::refine);
+    refined += m->has(OpCode::refine);
     const auto plain = unrefined(*m);
     const DenseTwin<Quad> twin(spec);
     Batch batch(*m);
@@ -205,7 +205,7 @@ TEST(GradedMasses, KeepTheirDigitsUnderLoadsWithWheelsAndGivenMotions) {
       if (given) spec.bodies[1].hinge.prescribed = {0};
       // a central field is expanded about the mass centre of what is merged: another (L / r)^3 than that of its parts
       const auto m = compiled(spec, {.merge_locked = !central, .world_wrenches = true});
-      refined += m->has(Kernel::refine);
+      refined += m->has(OpCode::refine);
       const std::vector<bool> prescribed = [&] {
         std::vector<bool> all(static_cast<std::size_t>(m->nv), false);
         for (std::size_t i = 0; i < m->prescribed.size(); ++i) all[i] = m->prescribed[i] != 0;
@@ -333,7 +333,7 @@ TEST(GradedMasses, AreSeenInTheUsersFrames) {
   std::mt19937_64 rng(4);
   const SystemSpec spec = chain({"balls", 4, 1e6, Order::growing}, rng);
   const auto m = compiled(spec);
-  ASSERT_TRUE(m->has(Kernel::refine) && m->graded.turned.size() == 3);
+  ASSERT_TRUE(m->has(OpCode::refine) && m->graded.turned.size() == 3);
   const RandomState s = random_state(*m, rng);
   const auto at = DenseTwin<Quad>(spec).at(s.q.cast<Quad>(), s.v.cast<Quad>());
   const VectorXd exact_vdot = at.forward(s.tau.cast<Quad>()).cast<double>();
@@ -365,12 +365,12 @@ TEST(GradedMasses, AreSeenInTheUsersFrames) {
 // Who does not need it has nothing of it: no op, no memory, no numbers beside the model.
 TEST(GradedMasses, AloneHaveTheOpAndItsMemory) {
   const auto m = compiled(pendulum());
-  ASSERT_TRUE(m->has(Kernel::refine));
+  ASSERT_TRUE(m->has(OpCode::refine));
   EXPECT_NE(m->refinement.find("p3"), std::string::npos) << m->refinement;
   SystemSpec other = pendulum();
   for (std::size_t i = 0; i < 4; ++i) other.bodies[i].mass = std::pow(10.0, 3.0 - static_cast<double>(i));
   const auto plain = compiled(other);
-  EXPECT_FALSE(plain->has(Kernel::refine));
+  EXPECT_FALSE(plain->has(OpCode::refine));
   EXPECT_TRUE(plain->refinement.empty() && plain->graded.swept.empty() && plain->graded.arm.empty());
   const Workspace with(*m), without(*plain);
   EXPECT_EQ(with.bytes() - without.bytes(), 4 * sizeof(double) + 5 * sizeof(Force<double>));
@@ -378,7 +378,7 @@ TEST(GradedMasses, AloneHaveTheOpAndItsMemory) {
   const auto yoke = compiled(system({on(rigid("yoke", 5.0, {0, 0, 0.1}, diagonal({0.1, 0.1, 0.05})), "", "revolute", {{0, 0, 1}}),
                                      on(rigid("payload", 1000.0, {0, 0, 0.5}, diagonal({200, 210, 220})), "yoke", "revolute", {{1, 0, 0}}, {0, 0, 0.2})},
                                     uniform_gravity({0, 0, -9.81})));
-  EXPECT_FALSE(yoke->has(Kernel::refine)) << yoke->refinement;
+  EXPECT_FALSE(yoke->has(OpCode::refine)) << yoke->refinement;
 }
 
 }  // namespace

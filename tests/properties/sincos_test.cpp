@@ -103,8 +103,8 @@ TEST(SinesOfTheSweeps, HaveTheSameBitsInLanes) {
       ASSERT_EQ(c[i], c_lanes[i]) << x[i];
     }
   };
-  if (soa::kernels().four.hinge_records) with(soa::kernels().four, x, s_lanes, c_lanes), same();
-  if (soa::kernels().eight.hinge_records) with(soa::kernels().eight, x, s_lanes, c_lanes), same();
+  if (soa::instruction_set().four.hinge_records) with(soa::instruction_set().four, x, s_lanes, c_lanes), same();
+  if (soa::instruction_set().eight.hinge_records) with(soa::instruction_set().eight, x, s_lanes, c_lanes), same();
 }
 
 TEST(SinesOfTheSweeps, OfWhatIsNoNumberAreNone) {

@@ -1,0 +1,200 @@
+#include "core/model/flexible_constants.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
+
+namespace cardan {
+namespace {
+
+std::vector<double> columns_of(const Eigen::MatrixXd& Phi, const Eigen::MatrixXd& Psi, int m) {
+  const auto zero = [](const Eigen::MatrixXd& a) { return a.size() == 0 || a.isZero(0.0); };
+  if (m == 0 || (zero(Phi) && zero(Psi))) return {};
+  std::vector<double> c(static_cast<std::size_t>(6 * m), 0.0);
+  Eigen::Map<Eigen::MatrixXd> out(c.data(), 6, m);
+  if (Psi.size() > 0) out.topRows<3>() = Psi;
+  if (Phi.size() > 0) out.bottomRows<3>() = Phi;
+  return c;
+}
+
+}  // namespace
+
+NodeShapes shapes_of(const ModalNode& n, int n_modes) {
+  NodeShapes s{{from_eigen(n.R_BN), from_eigen(n.position)}, 0, columns_of(n.Phi, n.Psi, n_modes)};
+  if (s.deforms()) s.n_modes = n_modes;
+  return s;
+}
+
+NodeShapes node_of(const BodySpec& body, const std::string& node) {
+  if (node.empty()) return {};
+  if (body.modal)
+    for (const auto& n : body.modal->nodes)
+      if (n.name == node) return shapes_of(n, body.modal->n_modes);
+  for (const auto& n : body.nodes)
+    if (n.name == node) return {{from_eigen(n.R_BN), from_eigen(n.position)}, 0, {}};
+  return {};
+}
+
+FlexibleBody flexible_of(const BodySpec& body, const cardan_body_family& family, DiagnosticSink& sink) {
+  const ModalData& d = *body.modal;
+  const ModalIntegrals& I = d.integrals;
+  const auto m = static_cast<std::uint32_t>(d.n_modes);
+  const auto flat = [](const auto& list) {
+    std::vector<double> out;
+    for (const auto& a : list) out.insert(out.end(), a.data(), a.data() + a.size());
+    return out;
+  };
+  const std::vector<double> I5 = flat(I.I5), I8 = flat(I.I8), I9 = flat(I.I9), ww = flat(I.rotary_ww),
+                            we = flat(I.rotary_we), ee = flat(I.rotary_ee);
+  std::vector<double> mass, position, inertia, Phi, Psi, Q;
+  bool any_inertia = false, any_Psi = false, any_Q = false;
+  for (const auto& n : d.mass_nodes) {
+    any_inertia = any_inertia || !n.inertia.isZero(0.0);
+    any_Psi = any_Psi || (n.Psi.size() > 0 && !n.inertia.isZero(0.0));
+    any_Q = any_Q || !n.Q.empty();
+  }
+  const auto append = [&](std::vector<double>& to, const Eigen::MatrixXd& a, Eigen::Index rows, Eigen::Index cols) {
+    const Eigen::MatrixXd full = a.size() > 0 ? a : Eigen::MatrixXd::Zero(rows, cols);
+    to.insert(to.end(), full.data(), full.data() + full.size());
+  };
+  for (const auto& n : d.mass_nodes) {
+    mass.push_back(n.mass);
+    append(position, n.position, 3, 1);
+    append(inertia, n.inertia, 3, 3);
+    append(Phi, n.Phi, 3, m);
+    append(Psi, n.Psi, 3, m);
+    for (std::size_t i = 0; i < 3 && any_Q; ++i) append(Q, n.Q.empty() ? Eigen::MatrixXd() : n.Q[i], m, m);
+  }
+  cardan_modal_view view{};
+  view.struct_size = sizeof view;
+  view.n_modes = m;
+  view.level = static_cast<std::uint32_t>(body.level);
+  view.I1 = I.I1;
+  view.I2 = I.I2.data();
+  view.I3 = I.I3.data();
+  view.I4 = I.I4.data();
+  view.I5 = I5.data();
+  view.I6 = I.I6.data();
+  view.I7 = I.I7.data();
+  view.I8 = I8.data();
+  view.I9 = I9.empty() ? nullptr : I9.data();
+  view.rotary_ww = ww.empty() ? nullptr : ww.data();
+  view.rotary_we = we.empty() ? nullptr : we.data();
+  view.rotary_ee = ee.empty() ? nullptr : ee.data();
+  view.n_mass_nodes = static_cast<std::uint32_t>(d.mass_nodes.size());
+  view.node_mass = mass.data();
+  view.node_position = position.data();
+  view.node_inertia = any_inertia ? inertia.data() : nullptr;
+  view.node_Phi = Phi.data();
+  view.node_Psi = any_Psi ? Psi.data() : nullptr;
+  view.node_Q = any_Q ? Q.data() : nullptr;
+
+  FlexibleBody f;
+  f.family = &family;
+  f.level = body.level;
+  f.data = body.modal;
+  f.packed.resize((family.packed_size(&view) + 7) / 8);
+  if (family.pack(&view, f.packed.data()) != 0) {
+    sink.report({Code::bad_modal_data, body.at, "lumped masses or the integrals I9 for level 2 (at most 128 modes with nodal rotary inertia)",
+                 "modal data without them",
+                 "level 2 takes `lumped`, and a `plate` with `rotary_inertia: false` and no yoke; a `beam` has rotary inertia at every node: take level 1", "", "", 0});
+    return f;
+  }
+  cardan_body_facts facts{};
+  facts.struct_size = sizeof facts;
+  family.facts(f.packed.data(), &facts);
+  f.M_ee_constant = facts.m_ee_constant;
+  f.M_re_constant = facts.m_re_constant;
+  f.constant = facts.m_ee_constant && facts.m_re_constant && facts.j_constant;
+  f.M_re.resize(6 * m);
+  f.M_ee.resize(m * m);
+  double M_rr[10];
+  const std::vector<double> eta(m, 0.0);
+  family.mass(f.packed.data(), eta.data(), M_rr, f.M_re.data(), f.M_ee.data());
+  f.M_rr = {M_rr[0], {M_rr[1], M_rr[2], M_rr[3]}, {M_rr[4], M_rr[5], M_rr[6], M_rr[7], M_rr[8], M_rr[9]}};
+  const Eigen::Map<const Eigen::MatrixXd> M_ee(f.M_ee.data(), m, m), M_re(f.M_re.data(), 6, m);
+  f.M_ee_identity = (M_ee - Eigen::MatrixXd::Identity(m, m)).cwiseAbs().maxCoeff() == 0.0;
+  const Eigen::LLT<Eigen::MatrixXd> llt(M_ee);
+  if (llt.info() != Eigen::Success) {
+    sink.report({Code::bad_modal_data, body.at, "a positive definite modal mass matrix", "one that is not", "are two modes equal?", "", "", 0});
+    return f;
+  }
+  const Eigen::MatrixXd L = llt.matrixL(), U = llt.solve(M_re.transpose());
+  f.L_ee.assign(L.data(), L.data() + L.size());
+  const Eigen::MatrixXd M_re_rows = M_re.transpose();
+  f.M_re_rows.assign(M_re_rows.data(), M_re_rows.data() + M_re_rows.size());
+  f.U.assign(U.data(), U.data() + U.size());
+  const Eigen::Matrix<double, 6, 6> gram = M_re * U;
+  f.gramian = {symmetric(gram.topLeftCorner<3, 3>()), from_eigen(Eigen::Matrix3d(gram.topRightCorner<3, 3>())),
+               symmetric(gram.bottomRightCorner<3, 3>())};
+  const auto diagonal = [](const Eigen::MatrixXd& a) { return a.size() == 0 || Eigen::MatrixXd(a - Eigen::MatrixXd(a.diagonal().asDiagonal())).isZero(0.0); };
+  f.K_diagonal = diagonal(d.K) && diagonal(d.C);
+  const auto store = [&](Stream& to, const Eigen::MatrixXd& a) {
+    const Eigen::MatrixXd full = a.size() > 0 ? a : Eigen::MatrixXd::Zero(m, m);
+    for (std::uint32_t j = 0; j < m; ++j)
+      for (std::uint32_t i = 0; i < m; ++i)
+        if (!f.K_diagonal || i == j) to.push_back(full(i, j));
+  };
+  store(f.K, d.K);
+  store(f.C, d.C);
+  return f;
+}
+
+void add_inertia_derivatives(FlexibleBody& f) {
+  const ModalIntegrals& I = f.data->integrals;
+  const auto append = [](std::vector<double>& to, const Eigen::Matrix3d& d) {
+    for (const double x : {d(0, 0), d(1, 1), d(2, 2), d(0, 1), d(0, 2), d(1, 2)}) to.push_back(x);
+  };
+  for (std::size_t k = 0; k < I.I8.size(); ++k) {
+    Eigen::Matrix3d d = I.I8[k] + I.I8[k].transpose();
+    if (!I.rotary_ww.empty()) d += I.rotary_ww[k];
+    append(f.dJ, d);
+  }
+  if (f.level == 2)
+    for (const Eigen::Matrix3d& a : I.I9) append(f.d2J, a + a.transpose());
+}
+
+void prepare_nodes(Model& m) {
+  for (std::size_t k = 1; k < m.bodies.size(); ++k)
+    if (m.bodies[k].onode >= 0) m.flexible[m.bodies[m.bodies[k].parent].flexible].attached.push_back(static_cast<int>(k));
+  for (const SweepBody& b : m.bodies) {
+    if (b.n_modes == 0) continue;
+    FlexibleBody& f = m.flexible[b.flexible];
+    bool masked = false;
+    for (int j = b.etadot; m.has_prescribed() && j < b.etadot + b.n_modes; ++j) masked = masked || m.prescribed[j];
+    const bool moves_at_P = b.pnode >= 0 && m.shapes[b.pnode].deforms();
+    // With more than six modes per node the factor of P_ee takes more operations (and more time from six on); 6 n <= m must hold.
+    f.by_nodes = f.M_ee_constant && !moves_at_P && !masked && !f.attached.empty() && b.n_modes > 6 * static_cast<int>(f.attached.size());
+    const Eigen::Index n = static_cast<Eigen::Index>(6 * f.attached.size()), modes = b.n_modes;
+    const Eigen::Map<const Eigen::MatrixXd> M_re(f.M_re.data(), 6, modes), U(f.U.data(), modes, 6);
+    Eigen::MatrixXd S(n, modes);
+    for (std::size_t c = 0; c < f.attached.size(); ++c) {
+      const SweepBody& child = m.bodies[f.attached[c]];
+      S.middleRows<6>(static_cast<Eigen::Index>(6 * c)) =
+          Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic>>(m.shapes[child.onode].columns.data(), 6, modes);
+    }
+    const auto append = [](const Eigen::MatrixXd& a, auto& to) { to.insert(to.end(), a.data(), a.data() + a.size()); };
+    const auto below = [](const Eigen::MatrixXd& top, const Eigen::MatrixXd& bottom) {
+      Eigen::MatrixXd both(top.rows() + bottom.rows(), bottom.cols());
+      both << top, bottom;
+      return both;
+    };
+    append(f.constant ? below(M_re, S) : S, f.shapes);
+    Eigen::MatrixXd V(modes, 0);
+    if (f.by_nodes) {
+      const Eigen::Map<const Eigen::MatrixXd> L(f.L_ee.data(), modes, modes);
+      // L^-1 S* = Z R by reflections (nothing is squared): V = L^-* Z, Q = R*
+      const Eigen::HouseholderQR<Eigen::MatrixXd> qr(L.triangularView<Eigen::Lower>().solve(S.transpose()));
+      const Eigen::MatrixXd Z = qr.householderQ() * Eigen::MatrixXd::Identity(modes, n);
+      const Eigen::MatrixXd R = qr.matrixQR().topRows(n).triangularView<Eigen::Upper>();
+      V = L.transpose().triangularView<Eigen::Upper>().solve(Z);
+      append(M_re * V, f.MV);
+      append(R, f.Q);
+    }
+    if (!f.M_re_constant && !f.by_nodes) continue;
+    const Eigen::MatrixXd columns = f.M_re_constant ? below(U.transpose(), V.transpose()) : V.transpose();
+    append(columns, f.UV_columns);
+    append(columns.transpose(), f.UV);
+  }
+}
+
+}  // namespace cardan

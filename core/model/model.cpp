@@ -1,0 +1,70 @@
+#include "core/model/model.hpp"
+
+#include <algorithm>
+
+namespace cardan {
+
+int Model::find_body(std::string_view wanted) const {
+  for (std::size_t i = 0; i < user.size(); ++i)
+    if (user[i].name == wanted) return static_cast<int>(i);
+  return -1;
+}
+
+int Model::find_node(std::string_view wanted) const {
+  for (std::size_t i = 0; i < nodes.size(); ++i)
+    if (nodes[i].name == wanted) return static_cast<int>(i);
+  return -1;
+}
+
+State Model::initial_state() const {
+  State s;
+  s.q = Eigen::VectorXd::Zero(nq);
+  s.v = Eigen::VectorXd::Zero(nv);
+  for (std::size_t i = 0; i < user.size(); ++i) {
+    const UserBody& u = user[i];
+    const BodySpec& b = spec->bodies[i];
+    if (u.nq > 0) {
+      if (u.hinge->zero) u.hinge->zero(u.hinge_packed.data(), s.q.data() + u.q);
+      for (std::size_t j = 0; j < b.hinge.q.size() && j < static_cast<std::size_t>(u.nq); ++j) s.q[u.q + static_cast<int>(j)] = b.hinge.q[j];
+      for (std::size_t j = 0; j < b.hinge.v.size() && j < static_cast<std::size_t>(u.nv); ++j) s.v[u.v + static_cast<int>(j)] = b.hinge.v[j];
+    }
+    for (std::size_t j = 0; j < b.eta.size() && j < static_cast<std::size_t>(u.n_modes); ++j) s.q[u.eta + static_cast<int>(j)] = b.eta[j];
+    for (std::size_t j = 0; j < b.etadot.size() && j < static_cast<std::size_t>(u.n_modes); ++j) s.v[u.etadot + static_cast<int>(j)] = b.etadot[j];
+  }
+  return s;
+}
+
+void Model::qdot(const double* q, const double* v, double* out) const {
+  for (const PlainRates& r : plain_rates) std::copy_n(v + r.v, r.n, out + r.q);
+  for (const int i : curved) {
+    const UserBody& u = user[i];
+    u.hinge->qdot(u.hinge_packed.data(), q + u.q, v + u.v, out + u.q);
+  }
+}
+
+void Model::normalise(double* q) const {
+  for (const auto& u : user)
+    if (u.nq > 0 && u.hinge->normalise) u.hinge->normalise(u.hinge_packed.data(), q + u.q);
+}
+
+void Model::retract(const double* q, const double* d, double* out) const {
+  for (const auto& u : user) {
+    if (u.nq > 0 && u.hinge->retract)
+      u.hinge->retract(u.hinge_packed.data(), q + u.q, d + u.v, out + u.q);
+    else
+      for (int j = 0; j < u.nq; ++j) out[u.q + j] = q[u.q + j] + d[u.v + j];
+    for (int j = 0; j < u.n_modes; ++j) out[u.eta + j] = q[u.eta + j] + d[u.etadot + j];
+  }
+}
+
+void Model::difference(const double* q1, const double* q2, double* d) const {
+  for (const auto& u : user) {
+    if (u.nq > 0 && u.hinge->difference)
+      u.hinge->difference(u.hinge_packed.data(), q1 + u.q, q2 + u.q, d + u.v);
+    else
+      for (int j = 0; j < u.nq; ++j) d[u.v + j] = q2[u.q + j] - q1[u.q + j];
+    for (int j = 0; j < u.n_modes; ++j) d[u.etadot + j] = q2[u.eta + j] - q1[u.eta + j];
+  }
+}
+
+}  // namespace cardan
