@@ -23,7 +23,8 @@ inline Verdict judge(const std::vector<double>& before, const std::vector<double
   std::vector<double> ratios;
   for (std::size_t i = 0; i < before.size(); ++i) {
     ratios.push_back(after[i] / before[i]);
-    if (!(before[i] > 0.0 && after[i] > 0.0 && std::isfinite(ratios.back()))) return {ratios.back(), 0.0, true};
+    const auto is_time = [](double x) { return x > 0.0 && std::isfinite(x); };
+    if (!is_time(before[i]) || !is_time(after[i])) return {ratios.back(), 0.0, true};
   }
   std::sort(ratios.begin(), ratios.end());
   const auto quantile = [&](double part) {  // linear between neighbours

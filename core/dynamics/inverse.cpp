@@ -200,7 +200,7 @@ bool articulate_at_rest(const Model& model, Workspace& ws, const double* q) {
   return ws.breakdown.body == 0;
 }
 
-void mass_inverse(const Model& model, Workspace& ws, const double* q, const double* f, double* vdot) {
+void solve_mass(const Model& model, Workspace& ws, const double* q, const double* f, double* vdot) {
   const soa::Sweeps<double>& S = soa::sweeps<double>();
   const Inputs in{.q = q, .v = ws.rest.data(), .tau = f, .vdot = ws.rest.data(), .gravity = false};
   S.ground(model, ws, in);
@@ -228,7 +228,7 @@ bool mass_matrix_inverse(const Model& model, Workspace& ws, const double* q, dou
   std::vector<double> unit(nv, 0.0);
   for (int j = 0; j < nv; ++j) {
     unit[j] = 1.0;
-    mass_inverse(model, ws, q, unit.data(), inverse + static_cast<std::ptrdiff_t>(nv) * j);
+    solve_mass(model, ws, q, unit.data(), inverse + static_cast<std::ptrdiff_t>(nv) * j);
     unit[j] = 0.0;
   }
   for (int j = 0; j < nv; ++j)  // symmetric by nature; exactly so

@@ -24,10 +24,10 @@ void inverse_dynamics(const Model& model, soa::Workspace<T>& workspace, const so
 Eigen::MatrixXd mass_matrix(const Model& model, Workspace& workspace, const double* q);
 /// The same into M (nv x nv, column-major); allocates nothing in trees of rigid bodies.
 void mass_matrix(const Model& model, Workspace& workspace, const double* q, double* M);
-/// P, D and G at q without velocities, loads and gravity, for mass_inverse. False: a direction without inertia (Workspace::breakdown).
+/// P, D and G at q without velocities, loads and gravity, for solve_mass. False: a direction without inertia (Workspace::breakdown).
 bool articulate_at_rest(const Model& model, Workspace& workspace, const double* q);
 /// vdot = M^-1 f (nv each) at the q of articulate_at_rest, O(N). Components with a given motion get 0.
-void mass_inverse(const Model& model, Workspace& workspace, const double* q, const double* f, double* vdot);
+void solve_mass(const Model& model, Workspace& workspace, const double* q, const double* f, double* vdot);
 
 /// M^-1 into `inverse` (nv x nv, column-major), O(N^2) from the articulated quantities; M is not formed. Rows and columns of
 /// prescribed components are zero. False at a direction without inertia.

@@ -1,9 +1,7 @@
 #include "core/dynamics/part.hpp"
 
 namespace cardan {
-
 namespace {
-
 
 /// The stretches of the runs whose bodies are marked.
 std::vector<Run> cut(const std::vector<Run>& runs, const std::vector<std::uint8_t>& marked) {

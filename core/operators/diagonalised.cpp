@@ -5,7 +5,6 @@
 #include "core/operators/hybrid.hpp"
 
 namespace cardan {
-
 namespace {
 
 using Eigen::MatrixXd;
@@ -13,7 +12,6 @@ using Eigen::VectorXd;
 using soa::OperatorBody;
 using soa::PositionBlocks;
 using soa::TreeOperators;
-
 
 /// S^-1 x, S^-* x.
 template <class X>

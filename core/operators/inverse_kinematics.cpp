@@ -26,7 +26,6 @@ constexpr double kStationary = 1e-9;   // |J* e| over |J| |e|
 constexpr double kNullSpaceStep = 1e-7; // the distance to the preferred posture is flat to round-off below
 constexpr int kSecondaryIterations = 100;
 
-
 [[noreturn]] void refuse(Code code, std::string what, std::string expected, std::string got) {
   throw InputError(Diagnostic{code, {"inverse kinematics: " + std::move(what), {}}, std::move(expected), std::move(got), {}, {}, {}, 0});
 }

@@ -24,7 +24,6 @@ using Eigen::VectorXd;
 
 constexpr const char* kXyz[] = {"x", "y", "z"};
 
-
 bool is_curved(const UserBody& u) { return u.nq > 0 && u.hinge->retract; }
 
 /// What the model is of: all bodies, or those of a tree.

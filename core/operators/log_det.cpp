@@ -5,13 +5,11 @@
 #include "core/base/poll.hpp"
 
 namespace cardan {
-
 namespace {
 
 using Eigen::MatrixXd;
 using soa::PositionBlocks;
 using soa::TreeOperators;
-
 
 /// tr(A B) of square A.
 double trace_of_product(const MatrixXd& A, const MatrixXd& B) { return A.cwiseProduct(B.transpose()).sum(); }

@@ -18,7 +18,6 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-
 int body_of(const TreeOperators& tree, int node) { return tree.index_of(tree.model().nodes[node].sweep); }
 
 /// psi(p, i) W, p the inboard body of i.

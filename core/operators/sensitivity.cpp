@@ -9,13 +9,11 @@
 #include "core/soa/kernels_tangent.hpp"
 
 namespace cardan {
-
 namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using soa::Tangent;
-
 
 void copy_or_zero(const double* from, VectorXd& to) {
   if (from)
@@ -161,7 +159,7 @@ void Sensitivities::articulate() {
 void Sensitivities::mass_inverse(const double* f, double* out) {
   articulate();
   if (part_) return operators::apply(operators::mass_inverse, *sub_, f, out);
-  cardan::mass_inverse(*model_, inertia_, q_.data(), f, out);
+  solve_mass(*model_, inertia_, q_.data(), f, out);
 }
 
 void Sensitivities::forward(const Direction& along, double* dvdot) {

@@ -23,7 +23,6 @@ constexpr int kFew = 32;
 constexpr int kDense = 1000;
 constexpr double kGap = 1e-4;  // of neighbouring eigenvalues, for the count
 
-
 /// K and C of the hinge space: per body [springs, diagonal; modes, diagonal or full].
 struct Joint {
   VectorXd K, C;                                        // diagonals, n

@@ -17,7 +17,6 @@ using Eigen::VectorXd;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
-
 /// The antisymmetric part.
 Vector3d vector_of(const Matrix3d& a) { return 0.5 * Vector3d(a(2, 1) - a(1, 2), a(0, 2) - a(2, 0), a(1, 0) - a(0, 1)); }
 

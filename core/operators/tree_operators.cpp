@@ -7,11 +7,10 @@
 #include <type_traits>
 
 #include "core/base/diagnostic.hpp"
-#include "core/dynamics/forward.hpp"
+#include "core/dynamics/inverse.hpp"
 #include "core/soa/kernels_tangent.hpp"
 
 namespace cardan::soa {
-
 namespace {
 
 using Eigen::Map;
@@ -19,7 +18,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using ConstVector = Map<const VectorXd>;
 using Vector = Map<VectorXd>;
-
 
 /// The upper triangle of a symmetric matrix from the lower one.
 void mirror(MatrixXd& a) {
@@ -457,139 +455,6 @@ SpaceLabels TreeOperators::labels(Space space, Sort sort) const {
   return out;
 }
 
-void TreeOperators::apply(Kind kind, bool star, const double* x, double* y) const {
-  require(kind);
-  const int n = static_cast<int>(bodies_.size());
-  const auto body = [&](const double* a, int i) { return ConstVector(a + bodies_[i].at, 6 + bodies_[i].m); };
-  const auto body_of = [&](double* a, int i) { return Vector(a + bodies_[i].at, 6 + bodies_[i].m); };
-  const auto rigid = [&](const double* a, int i) { return Map<const Eigen::Matrix<double, 6, 1>>(a + bodies_[i].at); };
-  const auto rigid_of = [&](double* a, int i) { return Map<Eigen::Matrix<double, 6, 1>>(a + bodies_[i].at); };
-  const auto hinge = [&](const double* a, int i) { return ConstVector(a + bodies_[i].v, bodies_[i].nh + bodies_[i].m); };
-  const auto hinge_of = [&](double* a, int i) { return Vector(a + bodies_[i].v, bodies_[i].nh + bodies_[i].m); };
-  const auto parent = [&](int i) { return bodies_[i].parent; };
-  double *const w0 = work_.data(), *const w1 = w0 + work_.size() / 3;
-  const auto blocks = [&](const auto& matrix) {
-    for (int i = 0; i < n; ++i) body_of(y, i).noalias() = matrix(i) * body(x, i);
-  };
-  // tau_bar f = f - G (H f) into w1; tau_bar* V = V - H* (G* V) likewise.
-  const auto relaxed = [&](int i, const auto& f) {
-    const int size = 6 + bodies_[i].m, nh = bodies_[i].nh + bodies_[i].m;
-    Vector h(w0, nh), out(w1, size);
-    h.noalias() = Ht(i).transpose() * f;
-    out = f;
-    out.noalias() -= G(i) * h;
-    return Map<const Eigen::Matrix<double, 6, 1>>(w1);
-  };
-  const auto map = [&](const auto& H_star) {  // H f or H* v
-    for (int i = 0; i < n; ++i)
-      if (star)
-        body_of(y, i).noalias() = H_star(i) * hinge(x, i);
-      else
-        hinge_of(y, i).noalias() = H_star(i).transpose() * body(x, i);
-  };
-  const auto shift = [&](const auto& A_of) {  // one step towards the base, or away from it
-    Vector(y, n_body_).setZero();
-    for (int i = 0; i < n; ++i) {
-      if (parent(i) < 0) continue;
-      if (star)
-        rigid_of(y, i).noalias() = A_of(i) * body(x, parent(i));
-      else
-        body_of(y, parent(i)).noalias() += A_of(i).transpose() * rigid(x, i);
-    }
-  };
-  switch (kind) {
-    case Kind::H: return map([&](int i) -> const MatrixXd& { return Ht(i); });
-    case Kind::dH: return map([&](int i) -> const MatrixXd& { return dHt(i); });
-    case Kind::E_phi: return shift([&](int i) -> const Matrix6X& { return A(i); });
-    case Kind::dE_phi: return shift([&](int i) -> const Matrix6X& { return dA(i); });
-    case Kind::M: return blocks([&](int i) -> const MatrixXd& { return M(i); });
-    case Kind::dM: return blocks([&](int i) -> const MatrixXd& { return dM(i); });
-    case Kind::P: return blocks([&](int i) -> const MatrixXd& { return P(i); });
-    case Kind::P_plus: return blocks([&](int i) -> const MatrixXd& { return P_plus(i); });
-    case Kind::Y: return blocks([&](int i) -> const MatrixXd& { return Y(i); });
-    case Kind::Y_plus: return blocks([&](int i) -> const MatrixXd& { return Y_plus(i); });
-    case Kind::D:
-      for (int i = 0; i < n; ++i) hinge_of(y, i).noalias() = D(i) * hinge(x, i);
-      return;
-    case Kind::G:
-      for (int i = 0; i < n; ++i)
-        if (star)
-          hinge_of(y, i).noalias() = G(i).transpose() * body(x, i);
-        else
-          body_of(y, i).noalias() = G(i) * hinge(x, i);
-      return;
-    case Kind::phi:
-      std::copy(x, x + n_body_, y);
-      if (star) {
-        for (int i = 0; i < n; ++i)
-          if (parent(i) >= 0) rigid_of(y, i).noalias() += A(i) * body(y, parent(i));
-      } else {
-        for (int i = n - 1; i >= 0; --i)
-          if (parent(i) >= 0) body_of(y, parent(i)).noalias() += A(i).transpose() * rigid(y, i);
-      }
-      return;
-    case Kind::psi:
-    case Kind::E_psi: {
-      const bool whole = kind == Kind::psi;
-      if (whole)
-        std::copy(x, x + n_body_, y);
-      else
-        Vector(y, n_body_).setZero();
-      const double* from = whole ? y : x;
-      if (star) {
-        for (int i = 0; i < n; ++i) {  // tau_bar* [A V(p); 0]
-          if (parent(i) < 0) continue;
-          Eigen::Matrix<double, 6, 1> V;
-          V.noalias() = A(i) * body(from, parent(i));
-          Vector h(w0, bodies_[i].nh + bodies_[i].m);
-          h.noalias() = G(i).topRows<6>().transpose() * V;
-          rigid_of(y, i) += V;
-          body_of(y, i).noalias() -= Ht(i) * h;
-        }
-      } else {
-        for (int i = n - 1; i >= 0; --i)
-          if (parent(i) >= 0) body_of(y, parent(i)).noalias() += A(i).transpose() * relaxed(i, body(from, i));
-      }
-      return;
-    }
-    case Kind::tau_bar:
-      for (int i = 0; i < n; ++i) {
-        if (star) {
-          Vector h(w0, bodies_[i].nh + bodies_[i].m);
-          h.noalias() = G(i).transpose() * body(x, i);
-          body_of(y, i) = body(x, i);
-          body_of(y, i).noalias() -= Ht(i) * h;
-        } else {
-          relaxed(i, body(x, i));
-          body_of(y, i) = ConstVector(w1, 6 + bodies_[i].m);
-        }
-      }
-      return;
-    case Kind::K:
-      if (star) {
-        for (int i = 0; i < n; ++i) {
-          if (parent(i) < 0) {
-            hinge_of(y, i).setZero();
-            continue;
-          }
-          Eigen::Matrix<double, 6, 1> V;
-          V.noalias() = A(i) * body(x, parent(i));
-          hinge_of(y, i).noalias() = G(i).topRows<6>().transpose() * V;
-        }
-      } else {
-        Vector(y, n_body_).setZero();
-        for (int i = 0; i < n; ++i) {
-          if (parent(i) < 0) continue;
-          Eigen::Matrix<double, 6, 1> f;
-          f.noalias() = G(i).topRows<6>() * hinge(x, i);
-          body_of(y, parent(i)).noalias() += A(i).transpose() * f;
-        }
-      }
-      return;
-    case Kind::B: return apply_nodes(nodes_, star, x, y);
-  }
-}
-
 void TreeOperators::apply_nodes(std::span<const int> nodes, bool star, const double* x, double* y) const {
   require(Kind::B);
   if (!star) Vector(y, n_body_).setZero();
@@ -643,7 +508,7 @@ void TreeOperators::apply_fused(Fused kernel, const double* x, double* y) const 
   if (!s.inertia) s.inertia = std::make_unique<Workspace<double>>(model);
   if (!s.articulated && !articulate_at_rest(model, *s.inertia, q_.data())) throw NumericsError(describe_breakdown(model, s.inertia->breakdown, 0.0));
   s.articulated = true;
-  mass_inverse(model, *s.inertia, q_.data(), x, y);
+  solve_mass(model, *s.inertia, q_.data(), x, y);
 }
 
 double TreeOperators::log_det() const {

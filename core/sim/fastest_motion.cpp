@@ -11,7 +11,6 @@
 namespace cardan {
 namespace {
 
-
 /// y = K x (damping: C x) over the velocity components.
 void forces(const Model& m, bool damping, const Eigen::VectorXd& x, Eigen::VectorXd& y) {
   y.setZero(m.nv);

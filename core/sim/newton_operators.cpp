@@ -7,11 +7,9 @@
 #include "core/spatial/rotation.hpp"
 
 namespace cardan {
-
 namespace {
 
 using soa::Tangent;
-
 
 bool has_quaternion(const UserBody& u) {
   return u.hinge->shape == CARDAN_SHAPE_BALL || u.hinge->shape == CARDAN_SHAPE_FREE ||
