@@ -330,8 +330,4 @@ Json describe(Simulation& sim, bool measured, int n_modes) {
           {"not_modelled", not_modelled(m)}};
 }
 
-std::string modes_line(const Scenario& s) {
-  return s.modes_from_cache.empty() ? "" : fmt::format("modes of {}: from the cache\n", fmt::join(s.modes_from_cache, ", "));
-}
-
 }  // namespace cardan
