@@ -153,9 +153,9 @@ TEST(ModeCache, IsDoneWithoutWhereNothingCanBeWritten) {
 }
 
 TEST(ModeCache, IsBoundedAndThrowsAwayWhatWasNotUsedForLongest) {
-  const auto beam = [](int elements) {
+  const auto beam = [](int decimetres) {  // files of one size
     ModalSource s;
-    s.model = BeamModel{5.0, {7e10, 0.3, 2700.0}, tube_section(0.03, 0.002), elements, true};
+    s.model = BeamModel{0.1 * decimetres, {7e10, 0.3, 2700.0}, tube_section(0.03, 0.002), 10, true};
     s.modes.count = 4;
     return s;
   };
@@ -163,11 +163,11 @@ TEST(ModeCache, IsBoundedAndThrowsAwayWhatWasNotUsedForLongest) {
   ModeCache(folder.path()).make(beam(10));
   const std::uintmax_t size = fs::file_size(only_file(folder.path()));
   const ModeCache cache(folder.path(), 5 * size + size / 2);
-  const auto age = [&](int elements, int minutes) {
-    fs::last_write_time(folder.path() / fs::path(ModeCache::name_of(beam(elements))), fs::file_time_type::clock::now() - std::chrono::minutes(minutes));
+  const auto age = [&](int length, int minutes) {
+    fs::last_write_time(folder.path() / fs::path(ModeCache::name_of(beam(length))), fs::file_time_type::clock::now() - std::chrono::minutes(minutes));
   };
-  for (int elements = 11; elements < 15; ++elements) cache.make(beam(elements));
-  for (int elements = 10; elements < 15; ++elements) age(elements, 100 - elements);
+  for (int length = 11; length < 15; ++length) cache.make(beam(length));
+  for (int length = 10; length < 15; ++length) age(length, 100 - length);
   write(folder / "abandoned.unfinished", "x");
   write(folder / "just begun.unfinished", "x");
   write(folder / "not ours.txt", "x");
@@ -181,8 +181,8 @@ TEST(ModeCache, IsBoundedAndThrowsAwayWhatWasNotUsedForLongest) {
   for (const auto& entry : fs::directory_iterator(folder.path()))
     if (entry.path().extension() == ".modes") total += entry.file_size();
   EXPECT_LE(total, 5 * size + size / 2);
-  for (const int elements : {10, 13, 14, 20, 21}) EXPECT_TRUE(fs::exists(folder.path() / fs::path(ModeCache::name_of(beam(elements))))) << elements;
-  for (const int elements : {11, 12}) EXPECT_FALSE(fs::exists(folder.path() / fs::path(ModeCache::name_of(beam(elements))))) << elements;
+  for (const int length : {10, 13, 14, 20, 21}) EXPECT_TRUE(fs::exists(folder.path() / fs::path(ModeCache::name_of(beam(length))))) << length;
+  for (const int length : {11, 12}) EXPECT_FALSE(fs::exists(folder.path() / fs::path(ModeCache::name_of(beam(length))))) << length;
   EXPECT_FALSE(fs::exists(folder / "abandoned.unfinished"));
   EXPECT_TRUE(fs::exists(folder / "just begun.unfinished"));
   EXPECT_TRUE(fs::exists(folder / "not ours.txt"));
