@@ -27,7 +27,8 @@ BenchModel read_model(const std::filesystem::path& file) {
   json j;
   std::ifstream(file) >> j;
   if (j.value("schema", "") != "cardan-bench/1")
-    throw InputError(Diagnostic{Code::bad_result_file, {"schema", {file.string(), 0, 0}}, "\"cardan-bench/1\"", j.value("schema", "nothing"), "", "", "", 0});
+    throw InputError(Diagnostic{
+        Code::bad_result_file, {"schema", {file.string(), 0, 0}}, "\"cardan-bench/1\"", j.value("schema", "nothing"), "", "", "", 0});
   BenchModel model;
   model.name = file.stem().string();
   model.spec.name = model.name;
@@ -190,7 +191,8 @@ BenchModel hub_appendages(int n, int m, int level) {
     body.hinge.inboard_body = "hub";
     const double angle = 2.0 * M_PI * k / n;
     body.hinge.onode_position = {std::cos(angle), std::sin(angle), 0.1 * k};
-    body.hinge.onode_R = Eigen::Matrix3d::Identity() + std::sin(angle) * tilde({0, 0, 1}) + (1 - std::cos(angle)) * tilde({0, 0, 1}) * tilde({0, 0, 1});
+    body.hinge.onode_R =
+        Eigen::Matrix3d::Identity() + std::sin(angle) * tilde({0, 0, 1}) + (1 - std::cos(angle)) * tilde({0, 0, 1}) * tilde({0, 0, 1});
     if (k % 2 == 1) {  // every other one turns about its length
       body.hinge.type = "revolute";
       body.hinge.params["axis"] = numbers({1.0, 0.0, 0.0});
@@ -211,7 +213,8 @@ BenchModel hub_appendages(int n, int m, int level) {
     }
     const auto size = static_cast<Eigen::Index>(v.size());
     const auto any = [&] { return Eigen::VectorXd(Eigen::VectorXd::NullaryExpr(size, [&] { return random(); })); };
-    model.states.push_back({Eigen::Map<Eigen::VectorXd>(q.data(), static_cast<Eigen::Index>(q.size())), Eigen::Map<Eigen::VectorXd>(v.data(), size), any(), any()});
+    model.states.push_back({Eigen::Map<Eigen::VectorXd>(q.data(), static_cast<Eigen::Index>(q.size())),
+                            Eigen::Map<Eigen::VectorXd>(v.data(), size), any(), any()});
   }
   return model;
 }

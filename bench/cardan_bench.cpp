@@ -27,10 +27,10 @@ namespace cardan::bench {
 namespace {
 
 struct Row {
-  std::string model, op, call;   // call: a variant of the op, empty for the plain one
+  std::string model, op, call;  // call: a variant of the op, empty for the plain one
   int bodies;
   Timing timing;
-  double error;   // forward error, 2-norm relative; negative: not measured; infinite: not a number
+  double error;  // forward error, 2-norm relative; negative: not measured; infinite: not a number
   double bytes_per_body;
 };
 
@@ -123,7 +123,8 @@ void bench_model(const BenchModel& bm, const Registry& registry, double seconds,
   per_sample(row("inverse_dynamics", lanes, e_batch_inverse, batch_bytes, [&](int) { batch.inverse_dynamics(all, outs.data()); }));
   if (!matrices) return;
   row("mass_matrix", "", e_matrix, bytes, [&](int k) { mass_matrix(m, ws, bm.states[static_cast<std::size_t>(k)].q.data(), M.data()); });
-  row("mass_matrix_inverse", "", e_inverse_matrix, bytes, [&](int k) { mass_matrix_inverse(m, ws, bm.states[static_cast<std::size_t>(k)].q.data(), M.data()); });
+  row("mass_matrix_inverse", "", e_inverse_matrix, bytes,
+      [&](int k) { mass_matrix_inverse(m, ws, bm.states[static_cast<std::size_t>(k)].q.data(), M.data()); });
 }
 
 int run(int argc, char** argv) {
@@ -154,13 +155,15 @@ int run(int argc, char** argv) {
     return 0;
   }
   std::vector<Row> rows;
-  fmt::print("{:28} {:35} {:>7} {:>12} {:>12} {:>9} {:>9} {:>8}\n", "model", "op", "bodies", "min ns", "median ns", "ns/body", "error", "B/body");
+  fmt::print("{:28} {:35} {:>7} {:>12} {:>12} {:>9} {:>9} {:>8}\n", "model", "op", "bodies", "min ns", "median ns", "ns/body", "error",
+             "B/body");
   std::size_t printed = 0;
   const auto print_new_rows = [&] {
     for (; printed < rows.size(); ++printed) {
       const Row& r = rows[printed];
-      fmt::print("{:28} {:35} {:7} {:12.0f} {:12.0f} {:9.1f} {:>9} {:8.0f}\n", r.model, r.call.empty() ? r.op : r.op + " " + r.call, r.bodies, r.timing.min_ns, r.timing.median_ns,
-                 r.timing.min_ns / r.bodies, r.error < 0 ? "-" : fmt::format("{:.1e}", r.error), r.bytes_per_body);
+      fmt::print("{:28} {:35} {:7} {:12.0f} {:12.0f} {:9.1f} {:>9} {:8.0f}\n", r.model, r.call.empty() ? r.op : r.op + " " + r.call,
+                 r.bodies, r.timing.min_ns, r.timing.median_ns, r.timing.min_ns / r.bodies,
+                 r.error < 0 ? "-" : fmt::format("{:.1e}", r.error), r.bytes_per_body);
     }
   };
   const auto bench = [&](const BenchModel& bm) {
@@ -176,7 +179,8 @@ int run(int argc, char** argv) {
     for (int level = 0; level <= (appendages * modes <= 20 ? 2 : 1); ++level)
       if (std::filesystem::is_directory(models)) bench(hub_appendages(appendages, modes, level));
   if (std::filesystem::is_directory(models) && std::string("step_overhead").find(only) != std::string::npos)
-    for (const StepOverhead& s : step_overheads(registry, seconds)) rows.push_back({s.model, s.op, "", s.bodies, {s.min_ns, s.median_ns}, -1.0, 0.0});
+    for (const StepOverhead& s : step_overheads(registry, seconds))
+      rows.push_back({s.model, s.op, "", s.bodies, {s.min_ns, s.median_ns}, -1.0, 0.0});
   print_new_rows();
 
   // Growth: exponent of time in the number of bodies between the smallest and largest of a family.
@@ -199,8 +203,15 @@ int run(int argc, char** argv) {
   if (!out.empty()) {
     nlohmann::json j = nlohmann::json::array();
     for (const Row& r : rows) {
-      nlohmann::json row{{"program", "cardan"}, {"version", CARDAN_VERSION}, {"build", CARDAN_BUILD}, {"model", r.model}, {"op", r.op},
-                         {"bodies", r.bodies}, {"ns_min", r.timing.min_ns}, {"ns_median", r.timing.median_ns}, {"bytes_per_body", r.bytes_per_body}};
+      nlohmann::json row{{"program", "cardan"},
+                         {"version", CARDAN_VERSION},
+                         {"build", CARDAN_BUILD},
+                         {"model", r.model},
+                         {"op", r.op},
+                         {"bodies", r.bodies},
+                         {"ns_min", r.timing.min_ns},
+                         {"ns_median", r.timing.median_ns},
+                         {"bytes_per_body", r.bytes_per_body}};
       if (!r.call.empty()) row["call"] = r.call;
       row["forward_error"] = r.error >= 0 && std::isfinite(r.error) ? nlohmann::json(r.error) : nlohmann::json();
       if (!std::isfinite(r.error)) row["reason"] = "fails";  // JSON has no infinity: null alone means not measured

@@ -1,6 +1,6 @@
 #include "bench/exact.hpp"
 
-#ifdef __clang__   // no quadmath.h; the same format, slower
+#ifdef __clang__  // no quadmath.h; the same format, slower
 #include <boost/multiprecision/cpp_bin_float.hpp>
 #else
 #include <boost/multiprecision/float128.hpp>

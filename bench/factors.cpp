@@ -145,7 +145,8 @@ Factored by_mumps(const SparseMatrix& A, int ordering) {
   const auto data = std::make_shared<Data>();
   for (int j = 0; j < A.outerSize(); ++j)
     for (SparseMatrix::InnerIterator it(A, j); it; ++it)
-      if (it.row() >= j) data->row.push_back(static_cast<int>(it.row()) + 1), data->column.push_back(j + 1), data->value.push_back(it.value());
+      if (it.row() >= j)
+        data->row.push_back(static_cast<int>(it.row()) + 1), data->column.push_back(j + 1), data->value.push_back(it.value());
   DMUMPS_STRUC_C& id = data->id;
   id.job = -1, id.par = 1, id.sym = 2, id.comm_fortran = -987654;
   dmumps_c(&id);
@@ -210,8 +211,8 @@ void measure(const std::string& shape, double unknowns, const std::string& name,
   for (int j = 0; j < A.outerSize(); ++j) norm = std::max(norm, A.col(j).cwiseAbs().sum());
   const double error = (A * x - b).lpNorm<Eigen::Infinity>() / (norm * x.lpNorm<Eigen::Infinity>() + b.lpNorm<Eigen::Infinity>());
   fmt::print("| {} | {} | {} | {:.3g} | {} | {:.3g} | {:.0f} | {:.1g} | {} |\n", shape, A.rows(), name, factored - begin,
-             factor.entries > 0 ? fmt::format("{:.3g}", 1e-6 * factor.entries) : "-", 1e3 * (solved - before), 1e-6 * (memory("VmHWM") - held), error,
-             factor.negative < 0 ? "-" : fmt::format("{}", factor.negative));
+             factor.entries > 0 ? fmt::format("{:.3g}", 1e-6 * factor.entries) : "-", 1e3 * (solved - before),
+             1e-6 * (memory("VmHWM") - held), error, factor.negative < 0 ? "-" : fmt::format("{}", factor.negative));
   std::fflush(stdout);
 }
 
@@ -228,7 +229,9 @@ int main(int argc, char** argv) {
   app.add_option("--unknowns", sizes, "about so many");
   app.add_option("--only", only, "methods with this in their name");
   CLI11_PARSE(app, argc, argv);
-  fmt::print("| shape | unknowns | factor | CPU, s | entries, 1e6 | solve, ms | memory, MB | error | negative pivots |\n|---|---|---|---|---|---|---|---|---|\n");
+  fmt::print(
+      "| shape | unknowns | factor | CPU, s | entries, 1e6 | solve, ms | memory, MB | error | negative pivots "
+      "|\n|---|---|---|---|---|---|---|---|---|\n");
   std::fflush(stdout);
   for (const std::string& shape : shapes)
     for (const double size : sizes)

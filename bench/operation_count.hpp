@@ -53,7 +53,8 @@ inline std::optional<int> run_under_callgrind(const std::string& program, std::v
 #ifdef CARDAN_HAS_CALLGRIND
   const std::filesystem::path dumps = std::filesystem::temp_directory_path() / ("cardan_operations." + std::to_string(getpid()));
   std::filesystem::create_directories(dumps);
-  arguments.insert(arguments.begin(), {"valgrind", "-q", "--tool=callgrind", "--collect-atstart=no", "--callgrind-out-file=" + (dumps / "out").string(), program});
+  arguments.insert(arguments.begin(), {"valgrind", "-q", "--tool=callgrind", "--collect-atstart=no",
+                                       "--callgrind-out-file=" + (dumps / "out").string(), program});
   arguments.insert(arguments.end(), {"--dumps", dumps.string()});
   std::vector<char*> argv;
   for (std::string& a : arguments) argv.push_back(a.data());

@@ -61,17 +61,17 @@ struct Scene {
     for (int j = 1; j <= 8; ++j) nodes.push_back(tree.nodes()[static_cast<std::size_t>(j * all / 8 - 1)]);
   }
   std::shared_ptr<const Model> model;
-  TreeOperators tree, base;                    // all free; the hinges of the roots alone
+  TreeOperators tree, base;  // all free; the hinges of the roots alone
   Sensitivities sensitivities;
   std::unique_ptr<Diagonalised> diagonalised;
   Workspace workspace;
-  std::vector<int> nodes;                      // eight, spread over the bodies
+  std::vector<int> nodes;  // eight, spread over the bodies
   VectorXd q, v, tau, x, y;
 };
 
 struct Method {
   const char* name;
-  int power;                                   // what the text claims
+  int power;  // what the text claims
   std::function<void(Scene&)> call;
 };
 
@@ -100,14 +100,19 @@ std::vector<Method> methods() {
       {"Inertia, OperationalSpace", 1, [](Scene& s) { s.tree.articulate(), s.tree.operational_space(); }},
       {"Direction", 1, [](Scene& s) { s.tree.along(s.v.data()); }},
       {"compliance of 8 nodes", 1, [](Scene& s) { compliance(s.tree, s.nodes); }},
-      {"task of 8 nodes, its torque", 1, [](Scene& s) {
+      {"task of 8 nodes, its torque", 1,
+       [](Scene& s) {
          const OperationalSpace space(s.tree, {s.nodes, {}});
          space.torque(VectorXd::Ones(space.rows()), s.tau);
        }},
       {"participation", 1, [](Scene& s) { participation(s.tree, s.nodes.back(), u); }},
       {"hybrid dynamics, base free", 1, [](Scene& s) { hybrid_dynamics(s.base, s.tau, s.tau, s.v); }},
-      {"inter-body forces", 1, [](Scene& s) { s.y = interbody_forces(s.tree, s.workspace, {.q = s.q.data(), .v = s.v.data(), .vdot = s.v.data()}); }},
-      {"generalised Jacobian", 1, [](Scene& s) { Unactuated(s.base).generalised_jacobian({{s.nodes.back()}, {}}); }},
+      {"inter-body forces", 1,
+       [](Scene& s) { s.y = interbody_forces(s.tree, s.workspace, {.q = s.q.data(), .v = s.v.data(), .vdot = s.v.data()}); }},
+      {"generalised Jacobian", 1,
+       [](Scene& s) {
+         Unactuated(s.base).generalised_jacobian({{s.nodes.back()}, {}});
+       }},
       {"mass properties", 1, [](Scene& s) { mass_properties(s.tree); }},
       {"momentum matrix, centroidal", 1, [](Scene& s) { momentum_matrix(s.tree, About::mass_centre); }},
       {"reflected inertia", 1, [](Scene& s) { reflected_inertia(s.tree); }},
@@ -193,7 +198,8 @@ int main(int argc, char** argv) {
     if (!code) fmt::print(stderr, "cardan-bench-operators: --count needs Valgrind (Debian: valgrind), here and where this was built\n");
     return code.value_or(77);
   } else {
-    bad = run([&](const std::function<void()>& call) { return 1e-3 * time_ring(1, seconds, [&](int) { call(); }).min_ns; }, "us", only, largest);
+    bad = run([&](const std::function<void()>& call) { return 1e-3 * time_ring(1, seconds, [&](int) { call(); }).min_ns; }, "us", only,
+              largest);
   }
   if (bad > 0) fmt::print("{} exponents above 1.1\n", bad);
   return bad > 0;

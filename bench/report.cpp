@@ -37,8 +37,8 @@ struct Program {
 struct Figure {
   std::string model, op, program, call, reason;  // reason: why there is nothing, or why the result is none
   int bodies = 0;
-  double error = -1.0, bytes = -1.0;             // negative: not measured
-  std::vector<double> min_ns, median_ns;         // per round; empty: the model was refused
+  double error = -1.0, bytes = -1.0;      // negative: not measured
+  std::vector<double> min_ns, median_ns;  // per round; empty: the model was refused
   json row;
 
   bool ours() const { return program == "cardan"; }
@@ -87,7 +87,8 @@ class Report {
     programs_.push_back({"cardan", here / "cardan-bench"});
     if (fs::is_directory(here / "peers"))
       for (const auto& entry : fs::directory_iterator(here / "peers"))
-        if (const std::string name = entry.path().filename().string(); name.rfind("peer-", 0) == 0) programs_.push_back({name.substr(5), entry.path()});
+        if (const std::string name = entry.path().filename().string(); name.rfind("peer-", 0) == 0)
+          programs_.push_back({name.substr(5), entry.path()});
     std::sort(programs_.begin() + 1, programs_.end(), [](const Program& a, const Program& b) { return a.name < b.name; });
     files_ = models_of(models_, only_);
     fs::create_directories(scratch_);
@@ -100,14 +101,16 @@ class Report {
       const bool hard = file.stem().string().rfind("hard_", 0) == 0;
       if (hard && number > 0) continue;
       for (const Program& p : programs_) {
-        std::vector<std::string> arguments{p.name == "cardan" ? "--models" : "--model", file.string(), "--seconds", fmt::format("{}", hard ? 0 : seconds_)};
+        std::vector<std::string> arguments{p.name == "cardan" ? "--models" : "--model", file.string(), "--seconds",
+                                           fmt::format("{}", hard ? 0 : seconds_)};
         if (p.name != "cardan" && number == 0) arguments.insert(arguments.end(), {"--exact", (scratch_ / file.filename()).string()});
         if (p.name != "cardan" && hard) arguments.insert(arguments.end(), {"--op", "forward_dynamics"});
         gather(p, arguments, file.stem().string());
       }
     }
     if (number == 0 && only_.empty())
-      gather(programs_[0], {"--models", models_.string(), "--only", "flexible_chain", "--seconds", fmt::format("{}", seconds_)}, "flexible_chain");
+      gather(programs_[0], {"--models", models_.string(), "--only", "flexible_chain", "--seconds", fmt::format("{}", seconds_)},
+             "flexible_chain");
   }
 
   /// What is wrong, one line each.
@@ -116,7 +119,8 @@ class Report {
     for (const Figure& f : figures_) {
       const double limit = f.ours() ? kOurLimit : kLimit;
       if (f.error > limit && (f.ours() || !f.hard())) out += fmt::format("{}, {}, {}: error {:.1e}\n", f.model, f.op, f.name(), f.error);
-      if (!f.reason.empty() && (f.ours() || (!f.hard() && !f.min_ns.empty()))) out += fmt::format("{}, {}, {}: {}\n", f.model, f.op, f.name(), f.reason);
+      if (!f.reason.empty() && (f.ours() || (!f.hard() && !f.min_ns.empty())))
+        out += fmt::format("{}, {}, {}: {}\n", f.model, f.op, f.name(), f.reason);
     }
     return out;
   }
@@ -134,10 +138,12 @@ class Report {
   std::string markdown() const {
     std::string out = "# Benchmark\n\n| program | version | build |\n|---|---|---|\n";
     for (const Program& p : programs_)
-      if (const auto f = std::find_if(figures_.begin(), figures_.end(), [&](const Figure& x) { return x.program == p.name; }); f != figures_.end())
+      if (const auto f = std::find_if(figures_.begin(), figures_.end(), [&](const Figure& x) { return x.program == p.name; });
+          f != figures_.end())
         out += fmt::format("| {} | {} | {} |\n", p.name, f->row.value("version", ""), f->row.value("build", ""));
-    out += "\nNanoseconds per call, minimum. Ratio: theirs over ours, of the minima; in brackets the least and the largest over the\n"
-           "rounds. Error: relative, 2-norm, against 113 bits on the same doubles.\n";
+    out +=
+        "\nNanoseconds per call, minimum. Ratio: theirs over ours, of the minima; in brackets the least and the largest over the\n"
+        "rounds. Error: relative, 2-norm, against 113 bits on the same doubles.\n";
     out += summary();
     for (const std::string& op : ops()) out += details(op);
     return out + hard_models() + growth() + refusals();
@@ -182,7 +188,9 @@ class Report {
       if (x.ours() && x.model == f.model && x.op == f.op && !x.min_ns.empty()) return &x;
     return nullptr;
   }
-  static std::string number(double x) { return x < 10 ? fmt::format("{:.2f}", x) : x < 100 ? fmt::format("{:.1f}", x) : fmt::format("{:.0f}", x); }
+  static std::string number(double x) {
+    return x < 10 ? fmt::format("{:.2f}", x) : x < 100 ? fmt::format("{:.1f}", x) : fmt::format("{:.0f}", x);
+  }
   /// "ratio | [least, largest]"
   std::string ratio(const Figure& f) const {
     const Figure* ours = base(f);
@@ -198,8 +206,9 @@ class Report {
 
   /// Per model and operation: we and the fastest peer.
   std::string summary() const {
-    std::string out = "\n## The fastest peer\n\n| model | operation | ours, ns | error | fastest peer | ns | ratio | over rounds | error |\n"
-                      "|---|---|---:|---:|---|---:|---:|---|---:|\n";
+    std::string out =
+        "\n## The fastest peer\n\n| model | operation | ours, ns | error | fastest peer | ns | ratio | over rounds | error |\n"
+        "|---|---|---:|---:|---|---:|---:|---|---:|\n";
     std::size_t n = 0;
     for (const Figure& f : figures_) {
       if (base(f) != &f || f.hard()) continue;
@@ -208,16 +217,18 @@ class Report {
         if (!x.ours() && x.model == f.model && x.op == f.op && !x.min_ns.empty() && (!best || x.best() < best->best())) best = &x;
       if (!best) continue;
       ++n;
-      out += fmt::format("| {} | {} | {:.0f} | {} | {} | {:.0f} | {} | {} |\n", f.model, f.op, f.best(), error(f), best->name(), best->best(),
-                         ratio(*best), error(*best));
+      out += fmt::format("| {} | {} | {:.0f} | {} | {} | {:.0f} | {} | {} |\n", f.model, f.op, f.best(), error(f), best->name(),
+                         best->best(), ratio(*best), error(*best));
     }
     return n > 0 ? out : "";
   }
 
   /// Every program and call of an operation, fastest first within a model.
   std::string details(const std::string& op) const {
-    std::string out = fmt::format("\n## {}\n\n| model | program, call | ns | median | per body | ratio | over rounds | error | bytes per body |\n"
-                                  "|---|---|---:|---:|---:|---:|---|---:|---:|\n", op);
+    std::string out = fmt::format(
+        "\n## {}\n\n| model | program, call | ns | median | per body | ratio | over rounds | error | bytes per body |\n"
+        "|---|---|---:|---:|---:|---:|---|---:|---:|\n",
+        op);
     std::vector<const Figure*> list;
     std::map<std::string, std::size_t> order;  // of the models
     for (const Figure& f : figures_)
@@ -229,8 +240,8 @@ class Report {
       return std::make_pair(order[a->model], a->best()) < std::make_pair(order[b->model], b->best());
     });
     for (const Figure* f : list)
-      out += fmt::format("| {} | {} | {:.0f} | {:.0f} | {:.1f} | {} | {} | {} |\n", f->model, f->name(), f->best(), f->median(), f->best() / f->bodies,
-                         ratio(*f), error(*f), f->bytes >= 0 ? fmt::format("{:.0f}", f->bytes) : "-");
+      out += fmt::format("| {} | {} | {:.0f} | {:.0f} | {:.1f} | {} | {} | {} |\n", f->model, f->name(), f->best(), f->median(),
+                         f->best() / f->bodies, ratio(*f), error(*f), f->bytes >= 0 ? fmt::format("{:.0f}", f->bytes) : "-");
     return out;
   }
 
@@ -263,7 +274,8 @@ class Report {
   /// Exponent of time in the number of bodies between neighbours of a family: chain, tree, flexible chains of equal modes.
   std::string growth() const {
     const auto family = [](const std::string& model) {
-      return model.rfind("flexible_chain_", 0) == 0 ? "flexible_chain" + model.substr(model.find("_modes")) : model.substr(0, model.rfind('_'));
+      return model.rfind("flexible_chain_", 0) == 0 ? "flexible_chain" + model.substr(model.find("_modes"))
+                                                    : model.substr(0, model.rfind('_'));
     };
     std::map<std::string, std::map<int, std::string>> members;  // family, bodies -> model
     for (const Figure& f : figures_)
@@ -274,7 +286,8 @@ class Report {
       out += out.empty() ? "\n## Growth\n\nExponent of time in the number of bodies; 1 is linear.\n" : "";
       out += "\n| " + name + " |";
       std::string rule = "\n|---|";
-      for (auto b = std::next(list.begin()); b != list.end(); ++b) out += fmt::format(" {} to {} |", std::prev(b)->first, b->first), rule += "---:|";
+      for (auto b = std::next(list.begin()); b != list.end(); ++b)
+        out += fmt::format(" {} to {} |", std::prev(b)->first, b->first), rule += "---:|";
       out += rule + "\n";
       std::set<std::pair<std::string, std::string>> seen;
       for (const Figure& row : figures_) {
@@ -288,7 +301,8 @@ class Report {
         for (auto b = std::next(list.begin()); b != list.end(); ++b) {
           const auto a = std::prev(b);
           const double from = time(a->second), to = time(b->second);
-          out += from > 0 && to > 0 ? fmt::format(" {:.2f} |", std::log(to / from) / std::log(static_cast<double>(b->first) / a->first)) : " - |";
+          out += from > 0 && to > 0 ? fmt::format(" {:.2f} |", std::log(to / from) / std::log(static_cast<double>(b->first) / a->first))
+                                    : " - |";
         }
         out += "\n";
       }
@@ -348,10 +362,11 @@ int against(const fs::path& before, const std::vector<std::string>& models, int 
     const Verdict v = judge(a, b);
     const auto& [model, op, variant] = key;
     slower += v.slower;
-    fmt::print("| {} | {} | {:.0f} | {:.0f} | {:.3f} | {:.3f} | {} |\n", model, variant.empty() ? op : op + ", " + variant, *std::ranges::min_element(a),
-               *std::ranges::min_element(b), v.ratio, v.spread, v.slower ? "slower" : "");
+    fmt::print("| {} | {} | {:.0f} | {:.0f} | {:.3f} | {:.3f} | {} |\n", model, variant.empty() ? op : op + ", " + variant,
+               *std::ranges::min_element(a), *std::ranges::min_element(b), v.ratio, v.spread, v.slower ? "slower" : "");
   }
-  fmt::print(stderr, "{} of {} figures are more than {:.0f} % slower beyond the spread of their pairs\n", slower, order.size(), 100 * kAllowed);
+  fmt::print(stderr, "{} of {} figures are more than {:.0f} % slower beyond the spread of their pairs\n", slower, order.size(),
+             100 * kAllowed);
   return slower > 0 ? 1 : 0;
 }
 

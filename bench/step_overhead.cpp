@@ -75,11 +75,11 @@ std::vector<StepOverhead> step_overheads(const Registry& registry, double second
   Inputs in;
   in.q = at.q.data(), in.v = at.v.data();
   const double left_of_forward_dynamics = repeated(0.1 * seconds, [&] {
-    constexpr int calls = 1000;
-    const auto begin = Clock::now();
-    for (int k = 0; k < calls; ++k) forward_dynamics(*without_sweeps, ws, in, vdot.data());
-    return nanoseconds_since(begin) / calls;
-  }).first;
+                                            constexpr int calls = 1000;
+                                            const auto begin = Clock::now();
+                                            for (int k = 0; k < calls; ++k) forward_dynamics(*without_sweeps, ws, in, vdot.data());
+                                            return nanoseconds_since(begin) / calls;
+                                          }).first;
 
   std::vector<StepOverhead> all;
   const auto add = [&](const std::string& op, double min_ns, double median_ns) {

@@ -58,8 +58,8 @@ int compare(double relative, double t_end, int repeats, int largest, const std::
   Registry registry;
   register_hinges(registry);
   register_bodies(registry);
-  fmt::print("{:>6} {:>7} {:>9} {:>7} {:>9} {:>9} {:>9} {:>7} {:>10}\n", "states", "solver", "cpu, s", "steps", "f",
-             "J v", "linear", "precond", "error");
+  fmt::print("{:>6} {:>7} {:>9} {:>7} {:>9} {:>9} {:>9} {:>7} {:>10}\n", "states", "solver", "cpu, s", "steps", "f", "J v", "linear",
+             "precond", "error");
   for (const auto& [bodies, modes] : {std::pair{3, 4}, {5, 9}, {10, 14}, {25, 19}}) {
     const auto model = compile(stiff_chain(bodies, modes), registry);
     const int n = model->nq + model->nv;
@@ -75,16 +75,13 @@ int compare(double relative, double t_end, int repeats, int largest, const std::
         Outcome& best = *solver == 'd' ? dense : krylov;
         if (best.x.size() == 0 || now.seconds < best.seconds) best = now;
       }
-    for (const auto& [name, o] :
-         {std::pair<const char*, const Outcome&>{"dense", dense}, {"krylov", krylov}, {"dopri5", truth}}) {
+    for (const auto& [name, o] : {std::pair<const char*, const Outcome&>{"dense", dense}, {"krylov", krylov}, {"dopri5", truth}}) {
       if (o.x.size() == 0) continue;
       // of the coordinates alone, over the largest of them
-      const double error = against_dopri5 ? (o.x - truth.x).head(model->nq).cwiseAbs().maxCoeff() /
-                                                truth.x.head(model->nq).cwiseAbs().maxCoeff()
-                                          : NAN;
-      fmt::print("{:>6} {:>7} {:>9.4f} {:>7} {:>9} {:>9} {:>9} {:>7} {:>10.1e}\n", n, name, o.seconds, o.counts.steps,
-                 o.counts.rhs_calls, o.counts.jacobian_products, o.counts.linear_iterations,
-                 o.counts.preconditioner_setups, error);
+      const double error =
+          against_dopri5 ? (o.x - truth.x).head(model->nq).cwiseAbs().maxCoeff() / truth.x.head(model->nq).cwiseAbs().maxCoeff() : NAN;
+      fmt::print("{:>6} {:>7} {:>9.4f} {:>7} {:>9} {:>9} {:>9} {:>7} {:>10.1e}\n", n, name, o.seconds, o.counts.steps, o.counts.rhs_calls,
+                 o.counts.jacobian_products, o.counts.linear_iterations, o.counts.preconditioner_setups, error);
       std::fflush(stdout);
     }
   }

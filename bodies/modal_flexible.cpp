@@ -26,13 +26,13 @@ struct Packed {
   std::uint32_t rotary, quadratic, nodal;  // rotary terms, second-order field Q, nodal form in use
   double I1;
   // offsets into the doubles that follow the header
-  std::uint32_t I2, J, M_re, M_ee;  // 3; 6: I7; 6 m: [I4_k; I3_k]; m m
-  std::uint32_t dJ;                 // 6 m: I8_k + I8_k* + rotary_ww_k
-  std::uint32_t W, Z;               // 3 m m: W_lk = I5_lk + rotary_we_lk, index (l m + k); W_lk - W_kl (only with rotary terms)
-  std::uint32_t d2J;                // 6 m m: d2 M_ww / d eta_k d eta_l
-  std::uint32_t dM_ee;              // m m m: entry (k, l) of rotary_ee_i, symmetric in k and l, at (l m + i) m + k
-  std::uint32_t mass, position, inertia;     // nodal form, per node: 1, 3, 9 (row-major)
-  std::uint32_t Phi, Psi, Q;                 // per node 3 rows of m; 3 matrices m x m, symmetrised
+  std::uint32_t I2, J, M_re, M_ee;        // 3; 6: I7; 6 m: [I4_k; I3_k]; m m
+  std::uint32_t dJ;                       // 6 m: I8_k + I8_k* + rotary_ww_k
+  std::uint32_t W, Z;                     // 3 m m: W_lk = I5_lk + rotary_we_lk, index (l m + k); W_lk - W_kl (only with rotary terms)
+  std::uint32_t d2J;                      // 6 m m: d2 M_ww / d eta_k d eta_l
+  std::uint32_t dM_ee;                    // m m m: entry (k, l) of rotary_ee_i, symmetric in k and l, at (l m + i) m + k
+  std::uint32_t mass, position, inertia;  // nodal form, per node: 1, 3, 9 (row-major)
+  std::uint32_t Phi, Psi, Q;              // per node 3 rows of m; 3 matrices m x m, symmetrised
   std::uint32_t has_inertia, has_Psi, unused;
 
   const double* at(std::uint32_t offset) const { return reinterpret_cast<const double*>(this + 1) + offset; }
@@ -117,7 +117,8 @@ int pack(const cardan_modal_view* v, void* out) {
         }
         const std::uint32_t first = (3 * j + r) * m * m;
         for (std::uint32_t k = 0; p.quadratic && k < m; ++k)
-          for (std::uint32_t l = 0; l < m; ++l) data[p.Q + first + k * m + l] = 0.5 * (v->node_Q[first + k * m + l] + v->node_Q[first + l * m + k]);
+          for (std::uint32_t l = 0; l < m; ++l)
+            data[p.Q + first + k * m + l] = 0.5 * (v->node_Q[first + k * m + l] + v->node_Q[first + l * m + k]);
       }
     return 0;
   }
@@ -209,10 +210,10 @@ void write_rr(double m, const V3& mc, const double* J, double* M_rr) {
 // A mass node at (eta, eta'): everything the nodal form needs (mathematics 3.2, 3.4, 3.6).
 struct NodeState {
   double mass;
-  V3 rho, rho_rate, quadratic_rate;              // quadratic_rate = eta'* Q eta'
+  V3 rho, rho_rate, quadratic_rate;                     // quadratic_rate = eta'* Q eta'
   double Phi[3][kMaxNodalModes], W[3][kMaxNodalModes];  // effective shapes by rows: Phi + Q eta, Jl Psi
   M3 I;
-  V3 w_rel, w_rel_rate;                          // W eta', dJl(theta; theta') theta'
+  V3 w_rel, w_rel_rate;  // W eta', dJl(theta; theta') theta'
 };
 
 // rate may be null: then no rates.
@@ -417,8 +418,15 @@ void bias(const void* packed, const double* eta, const double* etadot, const dou
 }  // namespace
 
 const cardan_body_family& modal_flexible_family() {
-  static constexpr cardan_body_family family{sizeof(cardan_body_family), "modal_flexible",
-                                             "flexible body: floating frame and modal coordinates", 1, packed_size, pack, facts, mass, bias};
+  static constexpr cardan_body_family family{sizeof(cardan_body_family),
+                                             "modal_flexible",
+                                             "flexible body: floating frame and modal coordinates",
+                                             1,
+                                             packed_size,
+                                             pack,
+                                             facts,
+                                             mass,
+                                             bias};
   return family;
 }
 

@@ -25,16 +25,10 @@ struct Ball : QuaternionKinematics {
   static Eigen::Matrix<double, 6, 3> map_dot(const Packed&, const double*, const double*) noexcept {
     return Eigen::Matrix<double, 6, 3>::Zero();
   }
-  static void qdot(const Packed&, const double* q, const double* v, double* qd) noexcept {
-    QuaternionKinematics::qdot(q, v, qd);
-  }
+  static void qdot(const Packed&, const double* q, const double* v, double* qd) noexcept { QuaternionKinematics::qdot(q, v, qd); }
   static void normalise(const Packed&, double* q) noexcept { QuaternionKinematics::normalise(q); }
-  static void retract(const Packed&, const double* q, const double* d, double* out) noexcept {
-    QuaternionKinematics::retract(q, d, out);
-  }
-  static void difference(const Packed&, const double* a, const double* b, double* d) noexcept {
-    QuaternionKinematics::difference(a, b, d);
-  }
+  static void retract(const Packed&, const double* q, const double* d, double* out) noexcept { QuaternionKinematics::retract(q, d, out); }
+  static void difference(const Packed&, const double* a, const double* b, double* d) noexcept { QuaternionKinematics::difference(a, b, d); }
 };
 
 }  // namespace

@@ -67,8 +67,7 @@ struct Gimbal {
     out.Ht.col(0).head<3>() = c.h1;
     out.Ht.col(1).head<3>() = c.h2;
     out.Ht.col(2).head<3>() = c.u3;
-    out.Hdot_v.head<3>() =
-        -(c.h2 * v[1] + c.u3 * v[2]).cross(c.h1 * v[0]) - (c.u3 * v[2]).cross(c.h2 * v[1]);
+    out.Hdot_v.head<3>() = -(c.h2 * v[1] + c.u3 * v[2]).cross(c.h1 * v[0]) - (c.u3 * v[2]).cross(c.h2 * v[1]);
   }
   static Eigen::Matrix<double, 6, 3> map_dot(const Packed& p, const double* q, const double* u) noexcept {
     const Columns c = columns(p, q);

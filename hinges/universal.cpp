@@ -22,12 +22,11 @@ struct Universal {
 
   static bool pack(const Params& params, Packed& p) {
     for (int i = 0; i < 2; ++i) Eigen::Map<Eigen::Vector3d>(p.u + 3 * i) = params.vector("axes", i);
-    if (nearly_parallel(axis(p, 0), axis(p, 1))) return params.fail("axes", "two axes that are not parallel (the sine of their angle > 1e-5)");
+    if (nearly_parallel(axis(p, 0), axis(p, 1)))
+      return params.fail("axes", "two axes that are not parallel (the sine of their angle > 1e-5)");
     return true;
   }
-  static Eigen::Map<const Eigen::Vector3d> axis(const Packed& p, int i) {
-    return Eigen::Map<const Eigen::Vector3d>(p.u + 3 * i);
-  }
+  static Eigen::Map<const Eigen::Vector3d> axis(const Packed& p, int i) { return Eigen::Map<const Eigen::Vector3d>(p.u + 3 * i); }
   static void kinematics(const Packed& p, const double* q, const double* v, HingeOut<2>& out) noexcept {
     const Eigen::Vector3d u1 = axis(p, 0), u2 = axis(p, 1);
     const Eigen::Matrix3d R2 = rotation_about_axis(u2, q[1]);

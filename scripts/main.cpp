@@ -1,5 +1,5 @@
-// The program `cardan`. Exit codes: 0 done, 1 a check failed, 2 wrong input, 3 numerics, 4 a result could not be written, 70 a fault of ours,
-// 128 + n ended by signal n.
+// The program `cardan`. Exit codes: 0 done, 1 a check failed, 2 wrong input, 3 numerics, 4 a result could not be written, 70 a fault of
+// ours, 128 + n ended by signal n.
 #include <fmt/format.h>
 #include <unistd.h>
 

@@ -118,7 +118,9 @@ class Check {
     const std::size_t digit = field.find_first_of("0123456789", field.rfind("level", 0) == 0 ? 6 : 0);
     seen_.insert(digit == std::string::npos || field[digit - 1] != '/' ? field : field.substr(0, digit - 1));
   }
-  json input(const char* field) const { return case_.json.contains("input") && case_.json["input"].contains(field) ? case_.json["input"][field] : json(); }
+  json input(const char* field) const {
+    return case_.json.contains("input") && case_.json["input"].contains(field) ? case_.json["input"][field] : json();
+  }
 
   // M and bias of one body: B = P on free_body, so that M_fl is the mass matrix. The file's bias is the textbook one;
   // the system's bias is the same in both forms.

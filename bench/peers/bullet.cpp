@@ -103,7 +103,8 @@ struct Bullet : Peer {
       sets.push_back({vector(root.position + root.R * b.com), vector(v.head<3>()), vector(v.tail<3>()),
                       vector(f.tail<3>() + b.mass * m.gravity), vector(f.head<3>()), quaternion((root.R * axes[0]).transpose()), all});
     }
-    return {{"forward_dynamics", "computeAccelerationsArticulatedBodyAlgorithm", [this](int k) { forward_dynamics(k); }, [this](int k) {
+    return {{"forward_dynamics", "computeAccelerationsArticulatedBodyAlgorithm", [this](int k) { forward_dynamics(k); },
+             [this](int k) {
                // v' itself, base first, is left in the scratch behind one number per hinge; a fixed base has six zeros there
                const double* vdot = &scratch_r[mb->getNumDofs() + (base ? 0 : 6)];
                return sets[static_cast<std::size_t>(k)].map.our_acceleration(Eigen::Map<const Eigen::VectorXd>(vdot, m.nv));

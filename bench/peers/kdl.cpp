@@ -32,7 +32,8 @@ KDL::Chain chain_of(const Model& m) {
     const Body& b = m.bodies[i];
     const KDL::Frame tip = i + 1 < m.bodies.size() ? frame(m.bodies[i + 1]) : KDL::Frame::Identity();
     const Eigen::Matrix3d& J = b.inertia;
-    const KDL::RigidBodyInertia inertia(b.mass, vector(b.com), KDL::RotationalInertia(J(0, 0), J(1, 1), J(2, 2), J(0, 1), J(0, 2), J(1, 2)));
+    const KDL::RigidBodyInertia inertia(b.mass, vector(b.com),
+                                        KDL::RotationalInertia(J(0, 0), J(1, 1), J(2, 2), J(0, 1), J(0, 2), J(1, 2)));
     chain.addSegment(KDL::Segment(KDL::Joint(type[b.axis]), tip, tip.Inverse() * inertia));
   }
   return chain;
@@ -57,9 +58,16 @@ struct Kdl : Peer {
   std::vector<Set> sets;
 
   Kdl(const Model& model)
-      : m(model), chain(chain_of(m)), gravity(vector(m.gravity)), hybrid(chain, KDL::Twist(-gravity, KDL::Vector::Zero()), 1),
-        forward(chain, gravity), inverse(chain, gravity), matrices(chain, gravity),
-        result(static_cast<unsigned>(m.nv)), constraint_torque(static_cast<unsigned>(m.nv)), mass(m.nv),
+      : m(model),
+        chain(chain_of(m)),
+        gravity(vector(m.gravity)),
+        hybrid(chain, KDL::Twist(-gravity, KDL::Vector::Zero()), 1),
+        forward(chain, gravity),
+        inverse(chain, gravity),
+        matrices(chain, gravity),
+        result(static_cast<unsigned>(m.nv)),
+        constraint_torque(static_cast<unsigned>(m.nv)),
+        mass(m.nv),
         wrenches(m.bodies.size(), KDL::Wrench::Zero()) {
     KDL::SetToZero(constraints);
   }

@@ -77,8 +77,16 @@ inline Model read_model(const std::string& file) {
   Model m{name.substr(0, name.rfind('.')), to_vector(j["gravity"]), 0, 0, {}, {}};
   for (const auto& b : j["bodies"]) {
     const bool free = b["hinge"] == "free";
-    const Body body{b["parent"], free, free ? -1 : b["axis"].get<int>(), to_matrix(b["R_parent"]), to_vector(b["p_parent"]),
-                    b["mass"], to_vector(b["com"]), to_matrix(b["inertia_com"]), m.nq, m.nv};
+    const Body body{b["parent"],
+                    free,
+                    free ? -1 : b["axis"].get<int>(),
+                    to_matrix(b["R_parent"]),
+                    to_vector(b["p_parent"]),
+                    b["mass"],
+                    to_vector(b["com"]),
+                    to_matrix(b["inertia_com"]),
+                    m.nq,
+                    m.nv};
     if (free && !(m.bodies.empty() && body.R.isIdentity(0) && body.p.isZero(0)))
       throw Refused("free hinges only of the first body and in the inertial frame");
     m.bodies.push_back(body);
@@ -95,7 +103,9 @@ struct Root {
   Eigen::Vector3d position, omega, velocity;
   Root(const State& s)
       : R(Eigen::Quaterniond(s.q[3], s.q[4], s.q[5], s.q[6]).toRotationMatrix()),
-        position(s.q.head<3>()), omega(s.v.head<3>()), velocity(s.v.segment<3>(3)) {}
+        position(s.q.head<3>()),
+        omega(s.v.head<3>()),
+        velocity(s.v.segment<3>(3)) {}
 };
 
 inline Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& a) {
@@ -166,7 +176,10 @@ struct Peer {
 
 /// Largest relative error (2-norm) over the states whose results are known; infinite where it is not a number.
 inline double forward_error(const Call& call, const nlohmann::json& exact) {
-  const char* key = call.op == "forward_dynamics" ? "vdot" : call.op == "inverse_dynamics" ? "tau" : call.op == "mass_matrix" ? "M_vdot" : "Minv_tau";
+  const char* key = call.op == "forward_dynamics"   ? "vdot"
+                    : call.op == "inverse_dynamics" ? "tau"
+                    : call.op == "mass_matrix"      ? "M_vdot"
+                                                    : "Minv_tau";
   double error = 0.0;
   for (int k = 0; k < static_cast<int>(exact.size()); ++k) {
     const Eigen::VectorXd truth = to_vector(exact[static_cast<std::size_t>(k)][key]);

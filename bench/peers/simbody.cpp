@@ -46,16 +46,16 @@ struct Simbody : peer::Peer {
     for (const peer::Body& b : m.bodies) {
       const Eigen::Matrix3d c = peer::cross_matrix(b.com);
       const Eigen::Matrix3d J = b.inertia - b.mass * c * c;  // about the body origin
-      const SimTK::Body::Rigid body(SimTK::MassProperties(
-          b.mass, vec3(b.com), SimTK::Inertia(J(0, 0), J(1, 1), J(2, 2), J(0, 1), J(0, 2), J(1, 2))));
+      const SimTK::Body::Rigid body(
+          SimTK::MassProperties(b.mass, vec3(b.com), SimTK::Inertia(J(0, 0), J(1, 1), J(2, 2), J(0, 1), J(0, 2), J(1, 2))));
       SimTK::MobilizedBody& parent = b.parent < 0 ? matter.updGround() : bodies[static_cast<std::size_t>(b.parent)];
       if (b.free) {
         bodies.push_back(SimTK::MobilizedBody::Free(parent, SimTK::Transform(), body, SimTK::Transform()));
       } else {  // a pin turns about the z axes of its two frames
         Eigen::Matrix3d Z;
         for (int i = 0; i < 3; ++i) Z.col(i) = Eigen::Vector3d::Unit((b.axis + 1 + i) % 3);
-        bodies.push_back(SimTK::MobilizedBody::Pin(parent, SimTK::Transform(rotation(b.R * Z), vec3(b.p)), body,
-                                                   SimTK::Transform(rotation(Z))));
+        bodies.push_back(
+            SimTK::MobilizedBody::Pin(parent, SimTK::Transform(rotation(b.R * Z), vec3(b.p)), body, SimTK::Transform(rotation(Z))));
       }
     }
     state = system.realizeTopology();

@@ -32,15 +32,14 @@ Eigen::Matrix4d bending_stiffness(double EI, double L, double phi) {
 
 RowVector4d deflection(double s, double L, double phi) {  // s = x / L
   const double s2 = s * s, s3 = s2 * s;
-  return RowVector4d(1 - 3 * s2 + 2 * s3 + phi * (1 - s), L * (s - 2 * s2 + s3 + 0.5 * phi * (s - s2)),
-                     3 * s2 - 2 * s3 + phi * s, L * (s3 - s2 + 0.5 * phi * (s2 - s))) /
+  return RowVector4d(1 - 3 * s2 + 2 * s3 + phi * (1 - s), L * (s - 2 * s2 + s3 + 0.5 * phi * (s - s2)), 3 * s2 - 2 * s3 + phi * s,
+                     L * (s3 - s2 + 0.5 * phi * (s2 - s))) /
          (1 + phi);
 }
 
 RowVector4d section_rotation(double s, double L, double phi) {
   const double s2 = s * s;
-  return RowVector4d(6 / L * (s2 - s), 1 - 4 * s + 3 * s2 + phi * (1 - s), 6 / L * (s - s2), 3 * s2 - 2 * s + phi * s) /
-         (1 + phi);
+  return RowVector4d(6 / L * (s2 - s), 1 - 4 * s + 3 * s2 + phi * (1 - s), 6 / L * (s - s2), 3 * s2 - 2 * s + phi * s) / (1 + phi);
 }
 
 // Element dofs: (u, v, w, theta_x, theta_y, theta_z) of both ends. In the x-z plane the slope is -theta_y.
@@ -48,10 +47,8 @@ constexpr std::array<int, 4> kPlaneY = {1, 5, 7, 11}, kPlaneZ = {2, 4, 8, 10};
 const RowVector4d kSignY(1, 1, 1, 1), kSignZ(1, -1, 1, -1);
 
 // Gauss points on (0, 1), exact to degree 7: the square of a cubic.
-constexpr std::array<double, 4> kGaussAt = {0.06943184420297371, 0.33000947820757187, 0.66999052179242813,
-                                            0.93056815579702629};
-constexpr std::array<double, 4> kGaussWeight = {0.17392742256872693, 0.32607257743127307, 0.32607257743127307,
-                                                0.17392742256872693};
+constexpr std::array<double, 4> kGaussAt = {0.06943184420297371, 0.33000947820757187, 0.66999052179242813, 0.93056815579702629};
+constexpr std::array<double, 4> kGaussWeight = {0.17392742256872693, 0.32607257743127307, 0.32607257743127307, 0.17392742256872693};
 
 }  // namespace
 
@@ -74,18 +71,12 @@ BeamSection tube_section(double outer_radius, double wall, bool shear) {
            fmt::format("{:g} m", wall));
   const double inner = outer_radius - wall, m2 = std::pow(inner / outer_radius, 2);
   const double I = std::numbers::pi / 4.0 * (std::pow(outer_radius, 4) - std::pow(inner, 4));
-  const double kappa =
-      6 * (1 + kNu) * (1 + m2) * (1 + m2) / ((7 + 6 * kNu) * (1 + m2) * (1 + m2) + (20 + 12 * kNu) * m2);
-  return {std::numbers::pi * (outer_radius * outer_radius - inner * inner),
-          I,
-          I,
-          2 * I,
-          shear ? kappa : 0.0,
-          shear ? kappa : 0.0};
+  const double kappa = 6 * (1 + kNu) * (1 + m2) * (1 + m2) / ((7 + 6 * kNu) * (1 + m2) * (1 + m2) + (20 + 12 * kNu) * m2);
+  return {std::numbers::pi * (outer_radius * outer_radius - inner * inner), I, I, 2 * I, shear ? kappa : 0.0, shear ? kappa : 0.0};
 }
 
-void add_beam(FeBuilder& builder, int from, int to, const Vector3d& y_axis, const Material& material,
-              const BeamSection& section, bool rotary_inertia) {
+void add_beam(FeBuilder& builder, int from, int to, const Vector3d& y_axis, const Material& material, const BeamSection& section,
+              bool rotary_inertia) {
   const Vector3d span = builder.node(to) - builder.node(from);
   const double L = span.norm(), E = material.E, G = E / (2 * (1 + material.nu)), A = section.area;
   Matrix3d R;  // element axes to body axes

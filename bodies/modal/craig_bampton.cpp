@@ -9,8 +9,7 @@ namespace cardan {
 
 using Eigen::MatrixXd;
 
-FeModes craig_bampton(const FeModel& model, const std::vector<int>& held, const std::vector<int>& interface, int count,
-                      const Located& at) {
+FeModes craig_bampton(const FeModel& model, const std::vector<int>& held, const std::vector<int>& interface, int count, const Located& at) {
   std::vector<int> fixed = held;
   fixed.insert(fixed.end(), interface.begin(), interface.end());
   const FeModes inner = normal_modes(model, fixed, count, RigidModes::refuse, at);

@@ -46,14 +46,12 @@ MatrixXd rigid_motions(const FeModel& model, const std::vector<int>& held) {
   return gram.matrixU().solve<Eigen::OnTheRight>(free);
 }
 
-SparseFactor stiffness_factor(const FeModel& model, const SparseMatrix& K, const std::vector<int>& dofs,
-                              const Located& at) {
+SparseFactor stiffness_factor(const FeModel& model, const SparseMatrix& K, const std::vector<int>& dofs, const Located& at) {
   const auto mechanism = [&](int row) {
     const auto& node = model.nodes[dofs[row] / 6];
     refuse(at, {}, Code::fe_model, "a structure without mechanisms",
-           fmt::format("no stiffness against {} {} at ({:.4g}, {:.4g}, {:.4g}) m",
-                       dofs[row] % 6 < 3 ? "displacement" : "rotation", "xyz"[dofs[row] % 3], node.x(), node.y(),
-                       node.z()));
+           fmt::format("no stiffness against {} {} at ({:.4g}, {:.4g}, {:.4g}) m", dofs[row] % 6 < 3 ? "displacement" : "rotation",
+                       "xyz"[dofs[row] % 3], node.x(), node.y(), node.z()));
   };
   try {
     SparseFactor factor(K);
@@ -117,15 +115,13 @@ MatrixXd FreePart::expand(const MatrixXd& x) const {
   return full;
 }
 
-FeModes normal_modes(const FeModel& model, const std::vector<int>& held, int count, RigidModes policy,
-                     const Located& at) {
+FeModes normal_modes(const FeModel& model, const std::vector<int>& held, int count, RigidModes policy, const Located& at) {
   const FreePart free(model.n_dofs(), held);
   const MatrixXd rigid = rigid_motions(model, held);
   const int n_rigid = static_cast<int>(rigid.cols());
   if (n_rigid > 0 && policy == RigidModes::refuse)
     refuse(at, {}, Code::rigid_body_mode, "a body that cannot move as a rigid one",
-           fmt::format("{} rigid-body motion{}", n_rigid, n_rigid == 1 ? "" : "s"),
-           "hold the root, or choose the free boundary");
+           fmt::format("{} rigid-body motion{}", n_rigid, n_rigid == 1 ? "" : "s"), "hold the root, or choose the free boundary");
   const SparseMatrix K = free.block(model.K), M = free.block(model.M);
   double sigma = 0.0;
   if (n_rigid > 0)
@@ -141,8 +137,7 @@ FeModes normal_modes(const FeModel& model, const std::vector<int>& held, int cou
   }
   if (n_rigid > 0 && !(std::abs(pairs.values(n_rigid - 1)) < 1e-4 * pairs.values(n_rigid)))
     refuse(at, {}, Code::fe_model, fmt::format("{} rigid-body modes", n_rigid),
-           fmt::format("eigenvalue {} is {:.3g} rad^2/s^2, the next {:.3g}", n_rigid, pairs.values(n_rigid - 1),
-                       pairs.values(n_rigid)));
+           fmt::format("eigenvalue {} is {:.3g} rad^2/s^2, the next {:.3g}", n_rigid, pairs.values(n_rigid - 1), pairs.values(n_rigid)));
 
   FeModes modes{pairs.values.tail(count), free.expand(pairs.vectors.rightCols(count)), beyond.values, free.expand(beyond.vectors)};
   if (n_rigid > 0) modes.shapes -= (rigid * (rigid.transpose() * (model.M * modes.shapes))).eval();

@@ -26,8 +26,7 @@ FeModes normal_modes(const FeModel&, const std::vector<int>& held, int count, Ri
 
 /// Craig and Bampton (1968): `count` lowest modes with `held` and `interface` at rest, and one static mode for each dof
 /// of `interface`, the two sets then orthogonalised into count + interface.size() modes.
-FeModes craig_bampton(const FeModel&, const std::vector<int>& held, const std::vector<int>& interface, int count,
-                      const Located& at);
+FeModes craig_bampton(const FeModel&, const std::vector<int>& held, const std::vector<int>& interface, int count, const Located& at);
 
 /// The six dofs of each node.
 std::vector<int> dofs_of(const std::vector<int>& nodes);

@@ -8,8 +8,7 @@
 namespace cardan {
 
 /// Two-node beam between `from` and `to`; `y_axis` (not parallel to it) fixes the section axes: z along x cross y_axis.
-void add_beam(FeBuilder&, int from, int to, const Eigen::Vector3d& y_axis, const Material&, const BeamSection&,
-              bool rotary_inertia);
+void add_beam(FeBuilder&, int from, int to, const Eigen::Vector3d& y_axis, const Material&, const BeamSection&, bool rotary_inertia);
 
 /// Stiffness and mass of a thin plate per unit area, symmetric about its mid-plane.
 struct PlateSection {

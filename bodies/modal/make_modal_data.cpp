@@ -11,9 +11,9 @@
 
 #include "bodies/modal/eigen_modes.hpp"
 #include "bodies/modal/elements.hpp"
+#include "bodies/modal/lumped.hpp"
 #include "bodies/modal/modal_check.hpp"
 #include "bodies/modal/modal_file.hpp"
-#include "bodies/modal/lumped.hpp"
 #include "bodies/modal/modal_integrals.hpp"
 #include "bodies/modal/mode_audit.hpp"
 #include "bodies/modal/refuse.hpp"
@@ -27,11 +27,9 @@ void check_choice(const ModalSource& source) {
   const ModeChoice& c = source.modes;
   const auto in_range = [](double x, double most) { return x >= 0.0 && x <= most; };
   if (c.count < 0 || c.count > kMostModes)
-    refuse(source.at, "modes.count", Code::out_of_range, fmt::format("0 ... {}", kMostModes),
-           fmt::format("{}", c.count));
+    refuse(source.at, "modes.count", Code::out_of_range, fmt::format("0 ... {}", kMostModes), fmt::format("{}", c.count));
   if (!in_range(c.max_frequency, INFINITY))
-    refuse(source.at, "modes.max_frequency", Code::out_of_range, "a number >= 0 [Hz]",
-           fmt::format("{}", c.max_frequency));
+    refuse(source.at, "modes.max_frequency", Code::out_of_range, "a number >= 0 [Hz]", fmt::format("{}", c.max_frequency));
   if (!in_range(c.effective_mass, 1.0))
     refuse(source.at, "modes.effective_mass", Code::out_of_range, "0 ... 1", fmt::format("{}", c.effective_mass));
   if (c.count == 0 && c.max_frequency == 0.0 && c.effective_mass == 0.0)
@@ -46,15 +44,13 @@ FeModes candidates(const FeModel& model, const std::vector<int>& held, RigidMode
   const ModeChoice& choice = source.modes;
   const int n_free = static_cast<int>(FreePart(model.n_dofs(), held).dofs.size());
   if (choice.count > 0 || choice.max_frequency == 0.0)
-    return normal_modes(model, held, choice.count > 0 ? choice.count : std::min(kForEffectiveMass, n_free / 2), rigid,
-                        source.at);
+    return normal_modes(model, held, choice.count > 0 ? choice.count : std::min(kForEffectiveMass, n_free / 2), rigid, source.at);
   const double limit = std::pow(2 * std::numbers::pi * choice.max_frequency, 2);
   for (int count = std::min(kFirstBatch, n_free / 2);; count = std::min(2 * count, n_free / 2)) {
     FeModes modes = normal_modes(model, held, count, rigid, source.at);
     if (modes.omega2(count - 1) > limit) return modes;
     if (count >= n_free / 2 || 2 * count > kMostModes)
-      refuse(source.at, "modes.max_frequency", Code::out_of_range,
-             fmt::format("a limit that keeps fewer than {} modes", count + 1),
+      refuse(source.at, "modes.max_frequency", Code::out_of_range, fmt::format("a limit that keeps fewer than {} modes", count + 1),
              fmt::format("{} Hz, above mode {} at {:.6g} Hz", choice.max_frequency, count,
                          std::sqrt(modes.omega2(count - 1)) / (2 * std::numbers::pi)),
              "refine the mesh or lower the limit");
@@ -118,8 +114,8 @@ class ModeDoubts {
       const double share = mass.cwiseQuotient(rigid_).maxCoeff(&d);
       if (frequency > kNear * highest || share < kMatters) return;
       add(Code::truncated_modes, "modes",
-          fmt::format("a mode at {:.4g} Hz with {:.3g} % of the effective mass in {} is left out; the highest one kept has {:.4g} Hz", frequency,
-                      100.0 * share, direction(d), highest),
+          fmt::format("a mode at {:.4g} Hz with {:.3g} % of the effective mass in {} is left out; the highest one kept has {:.4g} Hz",
+                      frequency, 100.0 * share, direction(d), highest),
           "keep it, or the others of its frequency move without it");
     };
     for (const ModeRecord& r : audit)
@@ -142,17 +138,19 @@ class ModeDoubts {
         short_of += fmt::format("{}{:.3g} % in {}", short_of.empty() ? "" : ", ", 100.0 * kept(d) / rigid_(d), direction(d));
     if (!short_of.empty())
       add(Code::truncated_modes, "modes.effective_mass",
-          fmt::format("{:.4g} % is of what the {} modes computed carry, up to {:.4g} Hz; of the mass of the body they carry {}", 100.0 * wanted,
-                      audit.size(), audit.back().frequency, short_of),
+          fmt::format("{:.4g} % is of what the {} modes computed carry, up to {:.4g} Hz; of the mass of the body they carry {}",
+                      100.0 * wanted, audit.size(), audit.back().frequency, short_of),
           "`count` or `max_frequency` beside it computes more modes");
   }
 
   /// First-order rotary terms are n_modes matrices of n_modes squared, here and in the compiled model.
   void memory(int n_modes) {
-    const bool rotary = std::any_of(model_.point_inertia.begin(), model_.point_inertia.end(), [](const Eigen::Matrix3d& J) { return !J.isZero(0.0); });
+    const bool rotary =
+        std::any_of(model_.point_inertia.begin(), model_.point_inertia.end(), [](const Eigen::Matrix3d& J) { return !J.isZero(0.0); });
     const double bytes = 3.0 * std::pow(n_modes, 3) * sizeof(double);
     if (rotary && bytes > kLargeBytes)
-      add(Code::large_run, "modes", fmt::format("the rotary inertia of {} modes takes about {:.2g} GB, and each step reads a third of it", n_modes, bytes / 1e9),
+      add(Code::large_run, "modes",
+          fmt::format("the rotary inertia of {} modes takes about {:.2g} GB, and each step reads a third of it", n_modes, bytes / 1e9),
           "keep fewer modes");
   }
 
@@ -169,8 +167,8 @@ class ModeDoubts {
   using Vector6 = Eigen::Matrix<double, 6, 1>;
   static constexpr double kNear = 1.5, kMatters = 0.1, kLittle = 0.5, kCritical = 1.0, kRounding = 1e-9, kLargeBytes = 5e8;
   static const char* direction(Eigen::Index d) {
-    constexpr std::array names = {"rotation about x", "rotation about y", "rotation about z", "translation along x", "translation along y",
-                                  "translation along z"};
+    constexpr std::array names = {"rotation about x",    "rotation about y",    "rotation about z",
+                                  "translation along x", "translation along y", "translation along z"};
     return names[static_cast<std::size_t>(d)];
   }
   void add(Code code, const char* field, std::string about, std::string hint) {
@@ -192,10 +190,8 @@ ModalData solve(const FeModel& model, const ModalSource& source, const Warnings&
   if (source.boundary == Boundary::craig_bampton) {
     for (const auto& [point, node] : points)
       if (point.interface)
-        interface.insert(interface.end(),
-                         {6 * node, 6 * node + 1, 6 * node + 2, 6 * node + 3, 6 * node + 4, 6 * node + 5});
-    if (interface.empty())
-      refuse(source.at, "points", Code::fe_model, "a point with `interface`, for the craig_bampton boundary", "none");
+        interface.insert(interface.end(), {6 * node, 6 * node + 1, 6 * node + 2, 6 * node + 3, 6 * node + 4, 6 * node + 5});
+    if (interface.empty()) refuse(source.at, "points", Code::fe_model, "a point with `interface`, for the craig_bampton boundary", "none");
   }
   std::vector<int> fixed = held;
   fixed.insert(fixed.end(), interface.begin(), interface.end());
@@ -223,7 +219,7 @@ ModalData solve(const FeModel& model, const ModalSource& source, const Warnings&
   data.n_modes = static_cast<int>(kept.size());
   if (warnings) ModeDoubts(model, source, *warnings).memory(data.n_modes);
   data.integrals = modal_integrals(model.mass_field(shapes));
-  data.integrals.I6.setIdentity();  // what the modes are normalised to; the sum differs by rounding
+  data.integrals.I6.setIdentity();                                     // what the modes are normalised to; the sum differs by rounding
   if (free) data.integrals.I3.setZero(), data.integrals.I4.setZero();  // mean axes, likewise
   data.K = omega2.asDiagonal();
   data.C = damping_matrix(source, omega2);

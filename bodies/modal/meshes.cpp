@@ -23,7 +23,9 @@ constexpr double kThickPlate = 0.1, kDeepBeam = 0.1;  // thickness over the shor
 constexpr double kSoftest = 1e5, kStiffest = 2e12, kDensest = 25e3;  // [Pa], [Pa], [kg/m^3] foams, carbon, osmium: beyond lie typing errors
 
 std::string bytes_text(double bytes) {
-  return bytes >= 1e12 ? fmt::format("{:.3g} TB", bytes / 1e12) : bytes >= 1e9 ? fmt::format("{:.3g} GB", bytes / 1e9) : fmt::format("{:.3g} MB", bytes / 1e6);
+  return bytes >= 1e12  ? fmt::format("{:.3g} TB", bytes / 1e12)
+         : bytes >= 1e9 ? fmt::format("{:.3g} GB", bytes / 1e9)
+                        : fmt::format("{:.3g} MB", bytes / 1e6);
 }
 
 /// Collects the same question for one model: is the value inside its range?
@@ -44,8 +46,7 @@ struct Checks {
   void material(const std::string& field, const Material& m) const {
     positive(field + ".E", m.E, "Pa");
     positive(field + ".rho", m.rho, "kg/m^3");
-    if (!(m.nu > -1.0 && m.nu < 0.5))
-      refuse(at, field + ".nu", Code::out_of_range, "-1 < nu < 0.5", fmt::format("{}", m.nu));
+    if (!(m.nu > -1.0 && m.nu < 0.5)) refuse(at, field + ".nu", Code::out_of_range, "-1 < nu < 0.5", fmt::format("{}", m.nu));
     if (m.E < kSoftest || m.E > kStiffest)
       doubt(Code::unusual_value, field + ".E", fmt::format("E = {:g} Pa: solids have {:g} ... {:g} Pa", m.E, kSoftest, kStiffest),
             "a number without unit is in Pa: 70 GPa");
@@ -60,7 +61,8 @@ struct Checks {
       if (shear > 0.0 || depth < kDeepBeam * length) return;
       const double part = 2.0 * (1.0 + m.nu) * 1.2 * std::pow(std::numbers::pi * r / (2.0 * length), 2);
       doubt(Code::outside_theory, field,
-            fmt::format("bending in {}: the section is {:.3g} m deep (sqrt(12 I/A)) on a length of {:.3g} m, and shear is left out: the first frequency "
+            fmt::format("bending in {}: the section is {:.3g} m deep (sqrt(12 I/A)) on a length of {:.3g} m, and shear is left out: the "
+                        "first frequency "
                         "is too high by about {:.2g} %",
                         name, depth, length, 50.0 * part),
             "shear: true (a Timoshenko beam)");
@@ -75,7 +77,9 @@ struct Checks {
     if (thickness >= side)
       refuse(at, field, Code::out_of_range, "a plate: thinner than its shorter side", got, "a block is a rigid body, or a beam");
     if (thickness > kThickPlate * side)
-      doubt(Code::outside_theory, field, got + fmt::format(": the theory of thin plates leaves out shear, good to some percent up to {:g} of the shorter side", kThickPlate),
+      doubt(Code::outside_theory, field,
+            got + fmt::format(": the theory of thin plates leaves out shear, good to some percent up to {:g} of the shorter side",
+                              kThickPlate),
             "results are too stiff");
   }
   void section(const std::string& field, const BeamSection& s) const {
@@ -89,8 +93,8 @@ struct Checks {
 };
 
 /// Adds the lumped masses to the finished mesh (nodes and elements known, so the nearest node can be looked up).
-FeModel with_masses(FeBuilder& builder, const std::vector<PointMass>& masses, std::vector<int> root,
-                    std::string description, const Located& at) {
+FeModel with_masses(FeBuilder& builder, const std::vector<PointMass>& masses, std::vector<int> root, std::string description,
+                    const Located& at) {
   for (std::size_t i = 0; i < masses.size(); ++i) {
     const std::string field = fmt::format("masses[{}]", i);
     const PointMass& m = masses[i];
@@ -125,12 +129,10 @@ FeModel beam_mesh(const BeamModel& beam, const std::vector<PointMass>& masses, c
 
   FeBuilder builder;
   for (int i = 0; i <= beam.elements; ++i) builder.add_node({beam.length * i / beam.elements, 0, 0});
-  for (int i = 0; i < beam.elements; ++i)
-    add_beam(builder, i, i + 1, Vector3d::UnitY(), beam.material, beam.section, beam.rotary_inertia);
+  for (int i = 0; i < beam.elements; ++i) add_beam(builder, i, i + 1, Vector3d::UnitY(), beam.material, beam.section, beam.rotary_inertia);
   builder.add_line(some_of(beam.elements, 40));
-  return with_masses(
-      builder, masses, {0},
-      fmt::format("beam {} m, {} elements, {} dofs", beam.length, beam.elements, 6 * (beam.elements + 1)), at);
+  return with_masses(builder, masses, {0},
+                     fmt::format("beam {} m, {} elements, {} dofs", beam.length, beam.elements, 6 * (beam.elements + 1)), at);
 }
 
 FeModel plate_mesh(const PlateModel& plate, const std::vector<PointMass>& masses, const Located& at, Warnings* warnings) {
@@ -140,8 +142,7 @@ FeModel plate_mesh(const PlateModel& plate, const std::vector<PointMass>& masses
   check.at_least("elements_x", plate.elements_x, 1);
   check.at_least("elements_y", plate.elements_y, 1);
   if (plate.elements_y % 2 != 0)
-    refuse(at, "elements_y", Code::out_of_range, "an even number: the root is at mid-width",
-           fmt::format("{}", plate.elements_y));
+    refuse(at, "elements_y", Code::out_of_range, "an even number: the root is at mid-width", fmt::format("{}", plate.elements_y));
   if (const auto* solid = std::get_if<SolidPanel>(&plate.panel)) {
     check.material("panel.material", solid->material);
     check.positive("panel.thickness", solid->thickness, "m");
@@ -159,19 +160,17 @@ FeModel plate_mesh(const PlateModel& plate, const std::vector<PointMass>& masses
   if (unknowns > kMostUnknowns)
     refuse(at, plate.elements_x > plate.elements_y ? "elements_x" : "elements_y", Code::out_of_range,
            fmt::format("a mesh of at most {:g} unknowns (six at each node)", kMostUnknowns),
-           fmt::format("{} x {} elements: {:.3g} unknowns, about {}", plate.elements_x, plate.elements_y, unknowns, bytes_text(kBytesPerUnknown * unknowns)),
+           fmt::format("{} x {} elements: {:.3g} unknowns, about {}", plate.elements_x, plate.elements_y, unknowns,
+                       bytes_text(kBytesPerUnknown * unknowns)),
            "frequencies converge with the square of the element size");
   const Yoke& yoke = plate.yoke;
   check.at_least("yoke.length", yoke.length, 0.0);
 
   FeBuilder builder;
   const int root = yoke.length > 0 ? builder.add_node(Vector3d::Zero()) : plate.elements_y / 2;
-  const PlateSection section =
-      std::visit([&](const auto& panel) { return plate_section(panel, plate.rotary_inertia); }, plate.panel);
-  const std::vector<int> edge =
-      add_plate(builder, yoke.length, plate.length, plate.width, plate.elements_x, plate.elements_y, section);
-  std::string description =
-      fmt::format("plate {} x {} m, {} x {} elements", plate.length, plate.width, plate.elements_x, plate.elements_y);
+  const PlateSection section = std::visit([&](const auto& panel) { return plate_section(panel, plate.rotary_inertia); }, plate.panel);
+  const std::vector<int> edge = add_plate(builder, yoke.length, plate.length, plate.width, plate.elements_x, plate.elements_y, section);
+  std::string description = fmt::format("plate {} x {} m, {} x {} elements", plate.length, plate.width, plate.elements_x, plate.elements_y);
   if (yoke.length > 0) {
     check.material("yoke.material", yoke.material);
     check.section("yoke.section", yoke.section);

@@ -118,8 +118,7 @@ void compare(const ModalData& data, const Located& at) {
   const auto same = [&](const auto& a, const auto& b, const char* name) {
     const double scale = std::max(largest(a), largest(b));
     bool fits = a.size() == b.size();
-    for (std::size_t i = 0; fits && i < a.size(); ++i)
-      fits = a[i].size() == 0 || (a[i] - b[i]).cwiseAbs().maxCoeff() <= kFit * scale;
+    for (std::size_t i = 0; fits && i < a.size(); ++i) fits = a[i].size() == 0 || (a[i] - b[i]).cwiseAbs().maxCoeff() <= kFit * scale;
     if (!fits)
       bad(at, fmt::format("{}: the sum over the mass nodes", name), "another one",
           "leave `integrals` out: they are computed from the mass nodes");
@@ -205,7 +204,8 @@ void check_integrals(const ModalData& data, const Located& at) {
   if (const double least = smallest_of_mass_matrix(I); !(least > -kFit))
     bad(at, "I1 ... I7 of some body: a mass matrix without negative eigenvalues",
         fmt::format("eigenvalue {:.3g} of that with a unit diagonal", least), "is a sign wrong, or are the moments not about the origin?");
-  const double of_I5 = kFit * largest(I.I5), of_I8 = kFit * std::max(largest(I.I8), I.I4.cwiseAbs().maxCoeff()), of_I9 = kFit * largest(I.I9);
+  const double of_I5 = kFit * largest(I.I5), of_I8 = kFit * std::max(largest(I.I8), I.I4.cwiseAbs().maxCoeff()),
+               of_I9 = kFit * largest(I.I9);
   for (std::size_t l = 0; l < m; ++l) {
     const auto column = static_cast<Eigen::Index>(l);
     for (std::size_t k = 0; k <= l; ++k) {

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <cstdint>
 
-#include "bodies/modal/modal_check.hpp"
 #include "bodies/modal/lumped.hpp"
+#include "bodies/modal/modal_check.hpp"
 #include "bodies/modal/refuse.hpp"
 #include "core/base/units.hpp"
 #include "core/base/utf8.hpp"
@@ -71,7 +71,8 @@ class AnyReader : public Archive {
     if (optional && !got.empty() && got[0] == 0) return false;
     Shape column = got;
     column.push_back(1);
-    if (got != expected && !(expected.empty() && got == Shape{1}) && column != expected) refuse_value(path, text_of(expected), text_of(got));
+    if (got != expected && !(expected.empty() && got == Shape{1}) && column != expected)
+      refuse_value(path, text_of(expected), text_of(got));
     return true;
   }
 
@@ -188,11 +189,10 @@ void io(Archive& archive, const std::string& path, Eigen::Matrix<double, R, C>& 
 
 /// `count` matrices of rows x cols.
 template <int R, int C>
-void io(Archive& archive, const std::string& path, std::vector<Eigen::Matrix<double, R, C>>& list, std::size_t count,
-        std::size_t rows, std::size_t cols, bool optional = false) {
+void io(Archive& archive, const std::string& path, std::vector<Eigen::Matrix<double, R, C>>& list, std::size_t count, std::size_t rows,
+        std::size_t cols, bool optional = false) {
   Array a{{list.size(), 0, 0}, {}};
-  if (!list.empty())
-    a.shape = {list.size(), static_cast<std::size_t>(list[0].rows()), static_cast<std::size_t>(list[0].cols())};
+  if (!list.empty()) a.shape = {list.size(), static_cast<std::size_t>(list[0].rows()), static_cast<std::size_t>(list[0].cols())};
   if (archive.reads()) a.shape = {count, rows, cols};
   for (const auto& A : list) append(A, a.values);
   archive.numbers(path, a, optional);
@@ -335,8 +335,8 @@ void check(ModalData& data, const std::string& stored_hash, const std::string& f
   const ModalDrawing& d = data.drawing;
   const bool drawn = d.shapes.empty() || d.shapes[0].rows() == d.points.rows();
   const bool finite = std::all_of(d.shapes.begin(), d.shapes.end(), [](const Eigen::MatrixXd& s) { return s.allFinite(); });
-  if (!drawn || !finite || !d.points.allFinite() || !(d.lines.array() >= 0.0).all() || !(d.lines.array() < static_cast<double>(d.points.rows())).all() ||
-      d.lines != d.lines.array().floor().matrix())
+  if (!drawn || !finite || !d.points.allFinite() || !(d.lines.array() >= 0.0).all() ||
+      !(d.lines.array() < static_cast<double>(d.points.rows())).all() || d.lines != d.lines.array().floor().matrix())
     bad(file, "/drawing", "finite points and shapes, and lines between points that are there", "others");
   data.source = printable(data.source);
   data.content_hash = content_hash(data);
@@ -373,15 +373,18 @@ ModalData modal_data_of(const Hdf5File& file) {
 }
 
 ModalData read_modal_file(const std::string& path, const ChildLimits& limits) {
-  const std::string answer = in_bounded_child(path, [&path] {
-    ModalData data;
-    const std::string hash = read(Hdf5File::open(path), data);
-    ByteWriter bytes;
-    bytes.text(hash);
-    Sender sender(bytes);
-    io(sender, data, {});
-    return bytes.take();
-  }, limits);
+  const std::string answer = in_bounded_child(
+      path,
+      [&path] {
+        ModalData data;
+        const std::string hash = read(Hdf5File::open(path), data);
+        ByteWriter bytes;
+        bytes.text(hash);
+        Sender sender(bytes);
+        io(sender, data, {});
+        return bytes.take();
+      },
+      limits);
   ModalData data;
   std::string hash;
   try {

@@ -32,15 +32,13 @@ void keep_effective(std::vector<ModeRecord>& records, double share, const Eigen:
       if (!records[i].kept) continue;
       sum += records[i].effective_mass(d);
       if (needed[i].empty())
-        needed[i] = fmt::format("{:.3g} % of the effective mass in {}", 100 * records[i].effective_mass(d) / total,
-                                kDirections[d]);
+        needed[i] = fmt::format("{:.3g} % of the effective mass in {}", 100 * records[i].effective_mass(d) / total, kDirections[d]);
     }
   }
   for (std::size_t i = 0; i < records.size(); ++i) {
     if (!records[i].kept) continue;
     records[i].kept = !needed[i].empty();
-    records[i].reason =
-        records[i].kept ? needed[i] : fmt::format("no direction needs it to reach {:.3g} %", 100 * share);
+    records[i].reason = records[i].kept ? needed[i] : fmt::format("no direction needs it to reach {:.3g} %", 100 * share);
   }
 }
 
@@ -69,8 +67,7 @@ std::vector<ModeRecord> audit_modes(const FeModel& model, const FeModes& modes, 
     }
     records.push_back(std::move(r));
   }
-  if (choice.effective_mass > 0)
-    keep_effective(records, choice.effective_mass, (R.transpose() * (model.M * R)).diagonal());
+  if (choice.effective_mass > 0) keep_effective(records, choice.effective_mass, (R.transpose() * (model.M * R)).diagonal());
   return records;
 }
 

@@ -103,12 +103,13 @@ class Content {
 
 /// What the last bits may depend on: the block sizes of Eigen's products follow the caches, libm's functions the instructions.
 std::string processor() {
-  return fmt::format("{} {} {} {} {} {}", Eigen::l1CacheSize(), Eigen::l2CacheSize(), Eigen::l3CacheSize(), bool(__builtin_cpu_supports("fma")),
-                     bool(__builtin_cpu_supports("avx2")), bool(__builtin_cpu_supports("avx512f")));
+  return fmt::format("{} {} {} {} {} {}", Eigen::l1CacheSize(), Eigen::l2CacheSize(), Eigen::l3CacheSize(),
+                     bool(__builtin_cpu_supports("fma")), bool(__builtin_cpu_supports("avx2")), bool(__builtin_cpu_supports("avx512f")));
 }
 
 /// Texts of a warning, its place below that of the source.
-constexpr std::string Diagnostic::*kTexts[] = {&Diagnostic::expected, &Diagnostic::got, &Diagnostic::hint, &Diagnostic::stack, &Diagnostic::about};
+constexpr std::string Diagnostic::*kTexts[] = {&Diagnostic::expected, &Diagnostic::got, &Diagnostic::hint, &Diagnostic::stack,
+                                               &Diagnostic::about};
 
 std::string pack(const ModalSource& source, const ModalData& data, const Warnings& warnings) {
   ByteWriter bytes;

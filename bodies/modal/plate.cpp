@@ -19,17 +19,14 @@ using Eigen::MatrixXd;
 using Eigen::RowVectorXd;
 using Eigen::Vector3d;
 
-constexpr double kDrilling =
-    1e-2;  // share of the shear stiffness in the drilling penalty: enough to hold, too weak to lock
+constexpr double kDrilling = 1e-2;  // share of the shear stiffness in the drilling penalty: enough to hold, too weak to lock
 
 constexpr std::array<int, 12> kPowerX = {0, 1, 0, 2, 1, 0, 3, 2, 1, 0, 3, 1};
 constexpr std::array<int, 12> kPowerY = {0, 0, 1, 0, 1, 2, 0, 1, 2, 3, 1, 3};
 
 // Gauss points on (-1, 1), exact to degree 7: the square of the bending polynomial has degree 6 in each direction.
-constexpr std::array<double, 4> kGaussAt = {-0.86113631159405258, -0.33998104358485626, 0.33998104358485626,
-                                            0.86113631159405258};
-constexpr std::array<double, 4> kGaussWeight = {0.34785484513745386, 0.65214515486254614, 0.65214515486254614,
-                                                0.34785484513745386};
+constexpr std::array<double, 4> kGaussAt = {-0.86113631159405258, -0.33998104358485626, 0.33998104358485626, 0.86113631159405258};
+constexpr std::array<double, 4> kGaussWeight = {0.34785484513745386, 0.65214515486254614, 0.65214515486254614, 0.34785484513745386};
 
 // Corners in the order of the element's nodes, in (-1, 1)^2.
 constexpr std::array<double, 4> kCornerX = {-1, 1, 1, -1}, kCornerY = {-1, -1, 1, 1};
@@ -71,8 +68,7 @@ class PlateElement {
       p.position = centre + Vector3d(a_ * xi, b_ * eta, 0);
       p.inertia.diagonal() << section_.rotary * area, section_.rotary * area, 0;
       p.N = p.Q = MatrixXd::Zero(3, 24);
-      for (int c = 0; c < 4; ++c)
-        p.N(0, 6 * c) = p.N(1, 6 * c + 1) = 0.25 * (1 + xi * kCornerX[c]) * (1 + eta * kCornerY[c]);
+      for (int c = 0; c < 4; ++c) p.N(0, 6 * c) = p.N(1, 6 * c + 1) = 0.25 * (1 + xi * kCornerX[c]) * (1 + eta * kCornerY[c]);
       p.N.row(2) = bending(xi, eta, 0, 0);
       p.Q.row(0) = bending(xi, eta, 0, 1);
       p.Q.row(1) = -bending(xi, eta, 1, 0);
@@ -146,8 +142,8 @@ Matrix3d plane_stress(double Et, double nu) {
 
 PlateSection plate_section(const SolidPanel& p, bool rotary_inertia) {
   const double h = p.thickness, h3 = h * h * h / 12;
-  return {plane_stress(p.material.E * h, p.material.nu), plane_stress(p.material.E * h3, p.material.nu),
-          p.material.rho * h, rotary_inertia ? p.material.rho * h3 : 0.0};
+  return {plane_stress(p.material.E * h, p.material.nu), plane_stress(p.material.E * h3, p.material.nu), p.material.rho * h,
+          rotary_inertia ? p.material.rho * h3 : 0.0};
 }
 
 PlateSection plate_section(const SandwichPanel& p, bool rotary_inertia) {
@@ -158,8 +154,7 @@ PlateSection plate_section(const SandwichPanel& p, bool rotary_inertia) {
           rotary_inertia ? p.face.rho * faces + p.core_density * h * h * h / 12 : 0.0};
 }
 
-std::vector<int> add_plate(FeBuilder& builder, double x0, double length, double width, int nx, int ny,
-                           const PlateSection& section) {
+std::vector<int> add_plate(FeBuilder& builder, double x0, double length, double width, int nx, int ny, const PlateSection& section) {
   const double dx = length / nx, dy = width / ny;
   std::vector<int> node;
   for (int i = 0; i <= nx; ++i)
@@ -169,8 +164,7 @@ std::vector<int> add_plate(FeBuilder& builder, double x0, double length, double 
   for (int i = 0; i < nx; ++i)
     for (int j = 0; j < ny; ++j) {
       const Vector3d centre(x0 + (i + 0.5) * dx, -0.5 * width + (j + 0.5) * dy, 0);
-      builder.add_element({at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)}, element.K(),
-                          element.points(centre));
+      builder.add_element({at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)}, element.K(), element.points(centre));
     }
   const std::vector<int> xs = some_of(nx, 32), ys = some_of(ny, 12);
   for (const int j : ys) {

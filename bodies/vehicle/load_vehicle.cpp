@@ -14,16 +14,14 @@ namespace {
 
 /// Equal texts describe equal modes.
 std::string text_of(const DocNode& node) {
-  std::string out =
-      fmt::format("{} {} {} {} ", static_cast<int>(node.kind), node.items.size(), node.text.size(), node.text);
+  std::string out = fmt::format("{} {} {} {} ", static_cast<int>(node.kind), node.items.size(), node.text.size(), node.text);
   for (const DocKey& key : node.keys) out += fmt::format("{} {} ", key.name.size(), key.name);
   for (const DocNode& item : node.items) out += text_of(item);
   return out;
 }
 
 /// bodies/modal names the fields of its own structures: here they get the key and the place that the user wrote.
-Diagnostic in_words_of_the_vehicle(Diagnostic d, const std::string& path, const ModalSource& source,
-                                   const SystemSpec& spec) {
+Diagnostic in_words_of_the_vehicle(Diagnostic d, const std::string& path, const ModalSource& source, const SystemSpec& spec) {
   std::string field = d.at.key_path.starts_with(path + ".") ? d.at.key_path.substr(path.size() + 1) : "";
   if (field.starts_with("panel.")) field.replace(0, 5, spec.marks.count(path + ".plate.solid") ? "solid" : "sandwich");
   for (std::size_t i = 0; i < source.points.size(); ++i)

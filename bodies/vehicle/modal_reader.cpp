@@ -57,9 +57,9 @@ class ModalReader {
       if (panel->first == 0)
         plate.panel = SolidPanel{read_material(layers, "material"), layers.number("thickness", "m")};
       else
-        plate.panel = SandwichPanel{read_material(layers, "face"), layers.number("face_thickness", "m"),
-                                    layers.number("core_thickness", "m"), layers.number("core_density", "kg/m^3"),
-                                    layers.number("added_mass", "kg/m^2", 0.0)};
+        plate.panel =
+            SandwichPanel{read_material(layers, "face"), layers.number("face_thickness", "m"), layers.number("core_thickness", "m"),
+                          layers.number("core_density", "kg/m^3"), layers.number("added_mass", "kg/m^2", 0.0)};
       layers.finish();
     }
     plate.elements_x = map.integer("elements_x", 1, plate.elements_x);
@@ -201,8 +201,7 @@ class ModalReader {
       const std::vector<double> row = read_numbers(rows[i], "1", columns, context_);
       if (row.empty()) return {};
       if (i == 0) matrix.resize(static_cast<Eigen::Index>(rows.size()), static_cast<Eigen::Index>(row.size()));
-      for (std::size_t j = 0; j < row.size(); ++j)
-        matrix(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) = row[j];
+      for (std::size_t j = 0; j < row.size(); ++j) matrix(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) = row[j];
     }
     return matrix;
   }
@@ -219,10 +218,8 @@ class ModalReader {
     if (const auto modes = map.require("modes", "at least one of {count, max_frequency, effective_mass}")) {
       MapReader reader(*modes, context_);
       if (const auto count = reader.find("count")) source.modes.count = read_integer(*count, 1, context_);
-      if (const auto limit = reader.find("max_frequency"))
-        source.modes.max_frequency = read_number(*limit, "Hz", context_);
-      if (const auto share = reader.find("effective_mass"))
-        source.modes.effective_mass = read_number(*share, "1", context_);
+      if (const auto limit = reader.find("max_frequency")) source.modes.max_frequency = read_number(*limit, "Hz", context_);
+      if (const auto share = reader.find("effective_mass")) source.modes.effective_mass = read_number(*share, "1", context_);
       reader.finish();
     }
     if (const auto damping = map.find("damping"); damping && damping->node->kind == Kind::list)

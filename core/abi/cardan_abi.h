@@ -28,9 +28,9 @@ enum cardan_hinge_shape {
 };
 
 enum cardan_param_kind {
-  CARDAN_NUMBER = 0,      /* one number */
-  CARDAN_VECTOR = 1,      /* 3 numbers */
-  CARDAN_VECTORS = 2,     /* a list of vectors of 3 */
+  CARDAN_NUMBER = 0,  /* one number */
+  CARDAN_VECTOR = 1,  /* 3 numbers */
+  CARDAN_VECTORS = 2, /* a list of vectors of 3 */
   CARDAN_TEXT = 3,
   CARDAN_UNIT_VECTOR = 4, /* 3 numbers, normalised by the host; zero is refused */
   CARDAN_UNIT_VECTORS = 5
@@ -39,12 +39,12 @@ enum cardan_param_kind {
 /* One parameter of a family: drives the check of the input, the error messages and the documentation. */
 typedef struct cardan_param_desc {
   const char* name;
-  uint32_t kind;        /* cardan_param_kind */
-  const char* unit;     /* "m", "rad", "m/rad", "kg", "1" */
-  uint32_t required;    /* 1: an error when absent */
-  double fallback[3];   /* value when absent: the number, or the vector */
-  uint32_t count;       /* VECTORS kinds: how many vectors; 0 = any */
-  const char* meaning;  /* one line */
+  uint32_t kind;       /* cardan_param_kind */
+  const char* unit;    /* "m", "rad", "m/rad", "kg", "1" */
+  uint32_t required;   /* 1: an error when absent */
+  double fallback[3];  /* value when absent: the number, or the vector */
+  uint32_t count;      /* VECTORS kinds: how many vectors; 0 = any */
+  const char* meaning; /* one line */
 } cardan_param_desc;
 
 /* The checked values of one instance. Names are those of the schema; a call with another name returns null. */
@@ -77,16 +77,16 @@ typedef struct cardan_hinge_family {
   uint32_t params_size; /* bytes of the packed parameters, trivially copyable, align 8 */
   const cardan_param_desc* params;
   uint32_t n_params;
-  const char* const* q_names; /* nq names, for results */
-  const char* const* v_names; /* nv names */
-  const char* const* q_units; /* nq units ("rad", "m", "1") */
-  const char* const* v_units; /* nv units */
-  int (*pack)(const cardan_param_values*, void* packed); /* [setup] 0 = done */
+  const char* const* q_names;                                  /* nq names, for results */
+  const char* const* v_names;                                  /* nv names */
+  const char* const* q_units;                                  /* nq units ("rad", "m", "1") */
+  const char* const* v_units;                                  /* nv units */
+  int (*pack)(const cardan_param_values*, void* packed);       /* [setup] 0 = done */
   int (*axis)(const void* packed, double u[3], double* pitch); /* [setup] rotation, slide, screw only (else null) */
   void (*zero)(const void* packed, double* q);                 /* [setup] (optional) initial q; default 0 */
   /* [step: pure] Hinge j of the batch reads q + iq[j], v + iv[j] and its parameters at packed + j * params_size. */
-  void (*kinematics)(const void* packed, uint32_t n, const uint32_t* iq, const uint32_t* iv, const double* q,
-                     const double* v, cardan_hinge_out* out);
+  void (*kinematics)(const void* packed, uint32_t n, const uint32_t* iq, const uint32_t* iv, const double* q, const double* v,
+                     cardan_hinge_out* out);
   void (*qdot)(const void* packed, const double* q, const double* v, double* qdot); /* [step: pure] qdot = N(q) v */
   /* Derivative of Ht along u (q moves by N(q) u), 6 x nv. map_dot(q, v) v = Hdot_v. */
   void (*map_dot)(const void* packed, const double* q, const double* u, double* Ht_dot); /* [step: pure] */
@@ -105,9 +105,9 @@ typedef struct cardan_modal_view {
   const double *rotary_ww, *rotary_we, *rotary_ee; /* m of 3 x 3; m of 3 x m; m of m x m; null: no rotary terms */
   uint32_t n_mass_nodes;                           /* lumped masses, for the nodal form */
   const double *node_mass, *node_position;         /* n; 3 n */
-  const double *node_inertia;                      /* 9 n, or null */
+  const double* node_inertia;                      /* 9 n, or null */
   const double *node_Phi, *node_Psi;               /* 3 x m each; node_Psi may be null */
-  const double *node_Q;                            /* 3 matrices m x m per node, or null */
+  const double* node_Q;                            /* 3 matrices m x m per node, or null */
 } cardan_modal_view;
 
 typedef struct cardan_body_facts {

@@ -47,28 +47,34 @@ class Params {
 };
 
 template <class F>
-inline constexpr bool kIsAxisHinge =
-    F::shape == CARDAN_SHAPE_ROTATION || F::shape == CARDAN_SHAPE_SLIDE || F::shape == CARDAN_SHAPE_SCREW;
+inline constexpr bool kIsAxisHinge = F::shape == CARDAN_SHAPE_ROTATION || F::shape == CARDAN_SHAPE_SLIDE || F::shape == CARDAN_SHAPE_SCREW;
 
 /// The laws that a model of this concept must obey are executable: core/abi/laws.hpp.
 template <class F>
-concept HingeFamily = requires(const typename F::Packed& p, const double* q, const double* v, HingeOut<F::nv>& out,
-                               double* qdot, const Params& params, typename F::Packed& packed) {
+concept HingeFamily = requires(const typename F::Packed& p, const double* q, const double* v, HingeOut<F::nv>& out, double* qdot,
+                               const Params& params, typename F::Packed& packed) {
   { F::type } -> std::convertible_to<std::string_view>;
   { F::summary } -> std::convertible_to<std::string_view>;
   requires F::nv >= 0 && F::nv <= 6 && F::nq >= F::nv;
   requires std::is_trivially_copyable_v<typename F::Packed>;
   { F::pack(params, packed) } -> std::convertible_to<bool>;
   requires kIsAxisHinge<F> || requires {
-    { F::kinematics(p, q, v, out) } noexcept;
-    { F::map_dot(p, q, v) } noexcept -> std::convertible_to<Eigen::Matrix<double, 6, F::nv>>;
+    { F::kinematics(p, q, v, out) }
+    noexcept;
+    { F::map_dot(p, q, v) }
+    noexcept->std::convertible_to<Eigen::Matrix<double, 6, F::nv>>;
   };
   requires F::nq == F::nv || requires {
-    { F::qdot(p, q, v, qdot) } noexcept;
-    { F::normalise(p, qdot) } noexcept;
-    { F::retract(p, q, v, qdot) } noexcept;
-    { F::difference(p, q, q, qdot) } noexcept;
-    { F::zero(p, qdot) } noexcept;
+    { F::qdot(p, q, v, qdot) }
+    noexcept;
+    { F::normalise(p, qdot) }
+    noexcept;
+    { F::retract(p, q, v, qdot) }
+    noexcept;
+    { F::difference(p, q, q, qdot) }
+    noexcept;
+    { F::zero(p, qdot) }
+    noexcept;
   };
 };
 
@@ -101,8 +107,8 @@ void axis_kinematics(const AxisParams& p, double q, HingeOut<1>& out) noexcept {
 }
 
 template <HingeFamily F>
-void kinematics(const void* packed, std::uint32_t n, const std::uint32_t* iq, const std::uint32_t* iv, const double* q,
-                const double* v, cardan_hinge_out* out) {
+void kinematics(const void* packed, std::uint32_t n, const std::uint32_t* iq, const std::uint32_t* iv, const double* q, const double* v,
+                cardan_hinge_out* out) {
   const auto* p = static_cast<const typename F::Packed*>(packed);
   for (std::uint32_t j = 0; j < n; ++j) {
     HingeOut<F::nv> o;
@@ -175,12 +181,8 @@ const cardan_hinge_family& hinge_table() {
     if constexpr (F::nq != F::nv) {
       t.zero = [](const void* p, double* q) { F::zero(*static_cast<const P*>(p), q); };
       t.normalise = [](const void* p, double* q) { F::normalise(*static_cast<const P*>(p), q); };
-      t.retract = [](const void* p, const double* q, const double* d, double* out) {
-        F::retract(*static_cast<const P*>(p), q, d, out);
-      };
-      t.difference = [](const void* p, const double* a, const double* b, double* d) {
-        F::difference(*static_cast<const P*>(p), a, b, d);
-      };
+      t.retract = [](const void* p, const double* q, const double* d, double* out) { F::retract(*static_cast<const P*>(p), q, d, out); };
+      t.difference = [](const void* p, const double* a, const double* b, double* d) { F::difference(*static_cast<const P*>(p), a, b, d); };
     }
     return t;
   }();

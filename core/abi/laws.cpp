@@ -40,10 +40,9 @@ class TableFaults {
       expect(!missing, name, "null, and every hinge needs it");
     expect(f_.nv <= 6 && f_.nq >= f_.nv && f_.nq <= kMostCoordinates, "nq, nv",
            fmt::format("nq = {}, nv = {}, expected nv <= 6 and nv <= nq <= {}", f_.nq, f_.nv, kMostCoordinates));
-    expect(f_.params_size <= kMostBytes, "params_size",
-           fmt::format("{}, expected at most {} bytes", f_.params_size, kMostBytes));
-    expect(f_.nq == f_.nv || (f_.retract && f_.difference && f_.normalise && f_.zero),
-           "zero, normalise, retract, difference", "null, and nq > nv needs all four");
+    expect(f_.params_size <= kMostBytes, "params_size", fmt::format("{}, expected at most {} bytes", f_.params_size, kMostBytes));
+    expect(f_.nq == f_.nv || (f_.retract && f_.difference && f_.normalise && f_.zero), "zero, normalise, retract, difference",
+           "null, and nq > nv needs all four");
     shape();
     if (!found_.empty()) return found_;  // counts to go by
     names("q_names", "q_units", f_.q_names, f_.q_units, f_.nq);
@@ -69,8 +68,8 @@ class TableFaults {
     expect(parse_unit(std::string_view(value, strnlen(value, 100))).has_value(), member,
            "no unit: " + in_quotes(std::string_view(value, strnlen(value, 100))));
   }
-  void names(const std::string& names_member, const std::string& units_member, const char* const* list,
-             const char* const* units, std::uint32_t n) {
+  void names(const std::string& names_member, const std::string& units_member, const char* const* list, const char* const* units,
+             std::uint32_t n) {
     if (n == 0) return;
     expect(list, names_member, "null");
     expect(units, units_member, "null");
@@ -83,8 +82,7 @@ class TableFaults {
     struct Size {
       std::uint32_t nq, nv;
     };
-    constexpr Size kSizes[] = {{0, 0}, {1, 1}, {1, 1}, {1, 1},
-                               {4, 3}, {7, 6}, {7, 6}};  // by cardan_hinge_shape, but DENSE
+    constexpr Size kSizes[] = {{0, 0}, {1, 1}, {1, 1}, {1, 1}, {4, 3}, {7, 6}, {7, 6}};  // by cardan_hinge_shape, but DENSE
     expect(f_.shape <= CARDAN_SHAPE_DENSE, "shape", fmt::format("{}, expected one of cardan_hinge_shape", f_.shape));
     if (f_.shape >= CARDAN_SHAPE_DENSE) return;
     const Size s = kSizes[f_.shape];
@@ -94,8 +92,7 @@ class TableFaults {
     expect(!axis || f_.axis, "axis", "null, and shapes with an axis need it");
   }
   void parameters() {
-    expect(f_.n_params <= kMostParameters, "n_params",
-           fmt::format("{}, expected at most {}", f_.n_params, kMostParameters));
+    expect(f_.n_params <= kMostParameters, "n_params", fmt::format("{}, expected at most {}", f_.n_params, kMostParameters));
     expect(f_.n_params == 0 || f_.params, "params", "null");
     if (f_.n_params > kMostParameters || !f_.params) return;
     for (std::uint32_t i = 0; i < f_.n_params; ++i) {
@@ -103,8 +100,7 @@ class TableFaults {
       const std::string member = fmt::format("params[{}].", i);
       text(member + "name", p.name, true);
       text(member + "meaning", p.meaning, false);
-      expect(p.kind <= CARDAN_UNIT_VECTORS, member + "kind",
-             fmt::format("{}, expected one of cardan_param_kind", p.kind));
+      expect(p.kind <= CARDAN_UNIT_VECTORS, member + "kind", fmt::format("{}, expected one of cardan_param_kind", p.kind));
       if (p.kind != CARDAN_TEXT) unit(member + "unit", p.unit);
       expect(p.count <= kMostVectors, member + "count", fmt::format("{}, expected at most {}", p.count, kMostVectors));
     }
@@ -123,15 +119,12 @@ struct Record {
   VectorXd Hdot_v;
 
   bool finite() const { return R.allFinite() && l.allFinite() && Ht.allFinite() && Hdot_v.allFinite(); }
-  double distance(const Record& o) const {
-    return (R - o.R).norm() + (l - o.l).norm() + (Ht - o.Ht).norm() + (Hdot_v - o.Hdot_v).norm();
-  }
+  double distance(const Record& o) const { return (R - o.R).norm() + (l - o.l).norm() + (Ht - o.Ht).norm() + (Hdot_v - o.Hdot_v).norm(); }
 };
 
 Record record(const cardan_hinge_out& out, Eigen::Index nv) {
-  return {Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(out.R_OP),
-          Eigen::Map<const Vector3d>(out.p_OP), Eigen::Map<const MatrixXd>(out.Ht, 6, nv),
-          Eigen::Map<const Eigen::Matrix<double, 6, 1>>(out.Hdot_v)};
+  return {Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(out.R_OP), Eigen::Map<const Vector3d>(out.p_OP),
+          Eigen::Map<const MatrixXd>(out.Ht, 6, nv), Eigen::Map<const Eigen::Matrix<double, 6, 1>>(out.Hdot_v)};
 }
 
 constexpr double kStep = 3e-4;  // of the differences, in a coordinate [rad, m]: h^4 / 30 and eps / h are below 1e-12
@@ -251,8 +244,7 @@ struct Declared {
   VectorXd qdot;
   double axis = 1.0;  // its length
 };
-Declared declared(const cardan_hinge_family& f, const void* packed, const VectorXd& q, const VectorXd& v,
-                  const TellPhase& before) {
+Declared declared(const cardan_hinge_family& f, const void* packed, const VectorXd& q, const VectorXd& v, const TellPhase& before) {
   const auto nv = static_cast<Eigen::Index>(f.nv);
   Declared d{{Matrix3d::Identity(), Vector3d::Zero(), MatrixXd::Zero(6, nv), VectorXd::Zero(6)}, v};
   if (f.nv == 0) return d;
@@ -292,9 +284,7 @@ ParamTable random_parameters(const cardan_hinge_family& family, std::mt19937_64&
   ParamTable table;
   for (std::uint32_t i = 0; i < family.n_params; ++i) {
     const auto& d = family.params[i];
-    const std::uint32_t n_vectors = d.kind == CARDAN_VECTOR || d.kind == CARDAN_UNIT_VECTOR ? 1u
-                                    : d.count                                               ? d.count
-                                                                                            : 1u;
+    const std::uint32_t n_vectors = d.kind == CARDAN_VECTOR || d.kind == CARDAN_UNIT_VECTOR ? 1u : d.count ? d.count : 1u;
     if (d.kind == CARDAN_TEXT) {  // optional texts stay absent
       if (d.required) table.texts[d.name] = "";
       continue;
@@ -305,8 +295,7 @@ ParamTable random_parameters(const cardan_hinge_family& family, std::mt19937_64&
     }
     MatrixXd m(3, n_vectors);
     for (std::uint32_t k = 0; k < n_vectors; ++k) m.col(k) = random_vector(rng, 3);
-    if (orthonormal && n_vectors <= 3)
-      m = Eigen::HouseholderQR<MatrixXd>(m).householderQ() * MatrixXd::Identity(3, n_vectors);
+    if (orthonormal && n_vectors <= 3) m = Eigen::HouseholderQR<MatrixXd>(m).householderQ() * MatrixXd::Identity(3, n_vectors);
     if (d.kind == CARDAN_UNIT_VECTOR || d.kind == CARDAN_UNIT_VECTORS) m.colwise().normalize();
     table.numbers[d.name].assign(m.data(), m.data() + m.size());
   }
@@ -328,8 +317,7 @@ Packed packed_with_margin(const cardan_hinge_family& family, ParamTable table) {
   if (family.pack(&values, bytes) != 0) return {};
   std::size_t end = out.block.size() * sizeof(double);
   while (end > family.params_size && bytes[end - 1] == kMark) --end;
-  if (end > family.params_size)
-    out.fault = fmt::format("pack writes {} bytes, params_size is {}", end, family.params_size);
+  if (end > family.params_size) out.fault = fmt::format("pack writes {} bytes, params_size is {}", end, family.params_size);
   out.block.resize((family.params_size + sizeof(double) - 1) / sizeof(double) + 1);
   return out;
 }
@@ -337,8 +325,7 @@ Packed packed_with_margin(const cardan_hinge_family& family, ParamTable table) {
 Packed random_instance(const cardan_hinge_family& family, std::uint64_t seed) {
   std::mt19937_64 rng(seed);
   for (const bool orthonormal : {false, true})
-    if (Packed packed = packed_with_margin(family, random_parameters(family, rng, orthonormal)); !packed.block.empty())
-      return packed;
+    if (Packed packed = packed_with_margin(family, random_parameters(family, rng, orthonormal)); !packed.block.empty()) return packed;
   return {};
 }
 
@@ -374,49 +361,42 @@ class Laws {
   /// `scale` is the size of what was subtracted, so that the limit is one of relative precision.
   void law(const char* name, double error, double limit, double scale = 0.0) {
     error /= 1.0 + scale;
-    if (!(error <= limit))
-      found_.push_back(fmt::format("{}: error {:.2g} (limit {:.0e}, sample {})", name, error, limit, sample_));
+    if (!(error <= limit)) found_.push_back(fmt::format("{}: error {:.2g} (limit {:.0e}, sample {})", name, error, limit, sample_));
   }
 
-  void expect(const Instance& hinge, const std::vector<double>& packed, const VectorXd& q, const VectorXd& v,
-              const VectorXd& u, const VectorXd& d, bool far) {
+  void expect(const Instance& hinge, const std::vector<double>& packed, const VectorXd& q, const VectorXd& v, const VectorXd& u,
+              const VectorXd& d, bool far) {
     if (far && !(hinge.inside_of_domain(q, v) && hinge.inside_of_domain(q, u))) return;
     const Record r = hinge.at(q, v);
     const auto of_v = hinge.along(q, v, v), of_u = hinge.along(q, u, v);
     const double l = r.l.norm(), rate = v.norm() + u.norm();
-    law("R is a rotation", (r.R.transpose() * r.R - Matrix3d::Identity()).norm() + std::abs(r.R.determinant() - 1.0),
-        1e-13);
+    law("R is a rotation", (r.R.transpose() * r.R - Matrix3d::Identity()).norm() + std::abs(r.R.determinant() - 1.0), 1e-13);
     const VectorXd h = r.Ht * v;
     const Matrix3d Rdot = of_v.rate([](const Record& x) { return x.R; });
     const Vector3d ldot = of_v.rate([](const Record& x) { return x.l; });
     law("angular part of Ht v = vee(R* dR/dt)", (vee(r.R.transpose() * Rdot) - h.head<3>()).norm(), 1e-9, h.norm());
     law("linear part of Ht v = R* dl/dt", (r.R.transpose() * ldot - h.tail<3>()).norm(), 1e-9, h.norm() + l * rate);
     const double map = r.Ht.norm(), turn = map * rate;  // sizes of Ht and of its derivative
-    const MatrixXd Hdot = of_v.rate([](const Record&x) { return x.Ht; }),
-                   Hdot_u = of_u.rate([](const Record&x) { return x.Ht; });
+    const MatrixXd Hdot = of_v.rate([](const Record&x) { return x.Ht; }), Hdot_u = of_u.rate([](const Record&x) { return x.Ht; });
     const MatrixXd map_v = hinge.map_dot(q, v), map_u = hinge.map_dot(q, u);
     law("Hdot_v = (d/dt Ht) v", (Hdot * v - r.Hdot_v).norm(), 1e-9, turn * v.norm() + r.Hdot_v.norm());
     law("map_dot(q, v) v = Hdot_v", (map_v * v - r.Hdot_v).norm(), 1e-12, map_v.norm() * v.norm() + turn * v.norm());
     law("map_dot(q, u) is the derivative of Ht along u", (map_u - Hdot_u).norm(), 1e-9, turn + map_u.norm());
-    law("map_dot is linear in u", (hinge.map_dot(q, v + 2.0 * u) - map_v - 2.0 * map_u).norm(), 1e-12,
-        map_v.norm() + map_u.norm() + turn);
+    law("map_dot is linear in u", (hinge.map_dot(q, v + 2.0 * u) - map_v - 2.0 * map_u).norm(), 1e-12, map_v.norm() + map_u.norm() + turn);
     const VectorXd qdot = hinge.qdot(q, v), qdot_u = hinge.qdot(q, u);
-    law("qdot is linear in v", (hinge.qdot(q, v + 2.0 * u) - qdot - 2.0 * qdot_u).norm(), 1e-12,
-        qdot.norm() + qdot_u.norm());
+    law("qdot is linear in v", (hinge.qdot(q, v + 2.0 * u) - qdot - 2.0 * qdot_u).norm(), 1e-12, qdot.norm() + qdot_u.norm());
 
     const Record other = hinge.at(q, u);
-    law("R, l and Ht do not depend on v", (other.R - r.R).norm() + (other.l - r.l).norm() + (other.Ht - r.Ht).norm(),
-        0.0);
+    law("R, l and Ht do not depend on v", (other.R - r.R).norm() + (other.l - r.l).norm() + (other.Ht - r.Ht).norm(), 0.0);
     law("kinematics is a function of its arguments", hinge.at(q, v).distance(r), 0.0);
-    law("kinematics of many hinges is that of each", hinge.in_batch(q, v).distance(r), 1e-14,
-        l + map + r.Hdot_v.norm());
+    law("kinematics of many hinges is that of each", hinge.in_batch(q, v).distance(r), 1e-14, l + map + r.Hdot_v.norm());
 
     const double position = q.norm();
     law("normalise leaves what is normalised", (hinge.normalise(q) - q).norm(), 1e-15, position);
     law("difference(q, retract(q, d)) = d", (hinge.difference(q, hinge.retract(q, d)) - d).norm(), 1e-12, position);
     const double e = 1e-4;
-    law("retract(q, e v) moves along qdot",
-        (hinge.retract(q, e * d) - hinge.retract(q, -e * d) - 2.0 * e * hinge.qdot(q, d)).norm() / e, 1e-7);
+    law("retract(q, e v) moves along qdot", (hinge.retract(q, e * d) - hinge.retract(q, -e * d) - 2.0 * e * hinge.qdot(q, d)).norm() / e,
+        1e-7);
 
     if (f_.shape < CARDAN_SHAPE_DENSE || f_.nv == 0) {
       const Declared shape = declared(f_, packed.data(), q, v, before_);
@@ -424,8 +404,7 @@ class Laws {
       law("the declared shape is true: R", (shape.record.R - r.R).norm(), 1e-12, position);
       law("the declared shape is true: l", (shape.record.l - r.l).norm(), 1e-12, position);
       law("the declared shape is true: Ht", (shape.record.Ht - r.Ht).norm(), 1e-12, position);
-      law("the declared shape is true: Hdot_v", (shape.record.Hdot_v - r.Hdot_v).norm(), 1e-12,
-          position + turn * v.norm());
+      law("the declared shape is true: Hdot_v", (shape.record.Hdot_v - r.Hdot_v).norm(), 1e-12, position + turn * v.norm());
       law("the declared shape is true: qdot", (shape.qdot - qdot).norm(), 1e-12, position + rate);
     }
   }
@@ -442,12 +421,7 @@ class Laws {
 
 std::vector<std::string> hinge_table_faults(const cardan_hinge_family& family) { return TableFaults(family).all(); }
 
-std::vector<double> random_packed(const cardan_hinge_family& family, std::uint64_t seed) {
-  return random_instance(family, seed).block;
-}
-
-std::vector<std::string> hinge_law_violations(const cardan_hinge_family& family, int samples, std::uint64_t seed,
-                                              const TellPhase& before) {
+std::vector<std::string> hinge_law_violations(const cardan_hinge_family& family, int samples, std::uint64_t seed, const TellPhase& before) {
   if (auto faults = hinge_table_faults(family); !faults.empty()) return faults;
   Laws laws(family, seed, before);
   for (int i = 0; i < samples; ++i)

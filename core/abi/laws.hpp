@@ -21,10 +21,6 @@ std::vector<std::string> hinge_table_faults(const cardan_hinge_family& family);
 /// NaN. A hinge may have a domain: where its record is not finite beyond 1 rad or m nothing is asked. Each entry names
 /// the law, the error and the sample. `before` is told of each call.
 std::vector<std::string> hinge_law_violations(
-    const cardan_hinge_family& family, int samples = 40, std::uint64_t seed = 1,
-    const TellPhase& before = [](std::string_view) {});
-
-/// Random legal parameters of a family, packed; empty if the schema cannot be satisfied at random.
-std::vector<double> random_packed(const cardan_hinge_family& family, std::uint64_t seed);
+    const cardan_hinge_family& family, int samples = 40, std::uint64_t seed = 1, const TellPhase& before = [](std::string_view) {});
 
 }  // namespace cardan

@@ -35,8 +35,7 @@ class Plugin {
     } catch (const InputError&) {
       throw;
     } catch (const std::exception& e) {
-      refuse(Code::plugin_law, "functions that throw nothing", fmt::format("an exception in {}: {}", what, e.what()),
-             "");
+      refuse(Code::plugin_law, "functions that throw nothing", fmt::format("an exception in {}: {}", what, e.what()), "");
     } catch (...) {
       refuse(Code::plugin_law, "functions that throw nothing", fmt::format("an exception in {}", what), "");
     }
@@ -53,8 +52,7 @@ class Plugin {
 
   /// The hinges of the library, each with a table that can be read.
   std::vector<const cardan_hinge_family*> hinges() const {
-    const std::string file =
-        path_.find('/') == std::string::npos ? "./" + path_ : path_;  // the folders of the system are not searched
+    const std::string file = path_.find('/') == std::string::npos ? "./" + path_ : path_;  // the folders of the system are not searched
     void* library = guarded(kLoading, [&] { return dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL); });
     if (!library) {
       const char* why = dlerror();
@@ -62,8 +60,7 @@ class Plugin {
              "give the path of the .so file, relative to the scenario");
     }
     const auto entry = reinterpret_cast<cardan_plugin_entry_fn>(dlsym(library, "cardan_plugin_entry"));
-    if (!entry)
-      refuse(Code::plugin_not_a_plugin, "a library that exports cardan_plugin_entry", path_, "see docs/plugins.md");
+    if (!entry) refuse(Code::plugin_not_a_plugin, "a library that exports cardan_plugin_entry", path_, "see docs/plugins.md");
     const cardan_host host{sizeof(cardan_host), CARDAN_ABI_MAJOR, CARDAN_ABI_MINOR};
     const cardan_plugin* plugin = guarded("cardan_plugin_entry", [&] { return entry(&host); });
     expect_version(plugin);
@@ -86,15 +83,13 @@ class Plugin {
     // The first three members stand at the same place in every version; what another major means by the rest is
     // unknown.
     if (plugin->abi_major != CARDAN_ABI_MAJOR || plugin->abi_minor > CARDAN_ABI_MINOR)
-      refuse(Code::plugin_version,
-             fmt::format("ABI {}.0 to {}.{}", CARDAN_ABI_MAJOR, CARDAN_ABI_MAJOR, CARDAN_ABI_MINOR),
+      refuse(Code::plugin_version, fmt::format("ABI {}.0 to {}.{}", CARDAN_ABI_MAJOR, CARDAN_ABI_MAJOR, CARDAN_ABI_MINOR),
              fmt::format("ABI {}.{}", plugin->abi_major, plugin->abi_minor), hint);
     if (plugin->struct_size < sizeof(cardan_plugin))
       refuse(Code::plugin_not_a_plugin, fmt::format("a cardan_plugin of {} bytes", sizeof(cardan_plugin)),
              fmt::format("struct_size = {}", plugin->struct_size), "struct_size is sizeof(cardan_plugin)");
     if (!plugin->name || !plugin->version || !plugin->licence || !plugin->family)
-      refuse(Code::plugin_not_a_plugin, "a name, a version, a licence and the function family", "a null pointer",
-             "see docs/plugins.md");
+      refuse(Code::plugin_not_a_plugin, "a name, a version, a licence and the function family", "a null pointer", "see docs/plugins.md");
   }
 
   std::string path_;
@@ -111,8 +106,7 @@ std::vector<PluginFamily> families(const Plugin& plugin, const TellPhase& phase,
   for (const cardan_hinge_family* hinge : plugin.hinges()) {
     const std::string type = type_of(*hinge, all.size());
     const auto violations = plugin.guarded(fmt::format("hinge \"{}\"", type), [&] {
-      return hinge_law_violations(*hinge, samples, 1,
-                                  [&](std::string_view call) { phase(fmt::format("{} of hinge \"{}\"", call, type)); });
+      return hinge_law_violations(*hinge, samples, 1, [&](std::string_view call) { phase(fmt::format("{} of hinge \"{}\"", call, type)); });
     });
     all.push_back({hinge, type, violations});
   }
@@ -136,11 +130,10 @@ void load_plugin(const std::string& path, Registry& registry, const Located& at)
   const Plugin here(path, at, silent);
   for (const PluginFamily& f : examine_plugin(path, kSamples, at)) {
     const auto same = [&](const Registry::Entry& e) { return e.family == f.family; };
-    if (std::any_of(registry.hinges().begin(), registry.hinges().end(), same))
-      continue;  // a plugin named twice is no error
+    if (std::any_of(registry.hinges().begin(), registry.hinges().end(), same)) continue;  // a plugin named twice is no error
     if (!f.violations.empty())
-      here.refuse(Code::plugin_law, fmt::format("hinge \"{}\" to obey the laws of a hinge", f.type),
-                  f.violations.front(), fmt::format("the whole list: cardan check-plugin {}", path));
+      here.refuse(Code::plugin_law, fmt::format("hinge \"{}\" to obey the laws of a hinge", f.type), f.violations.front(),
+                  fmt::format("the whole list: cardan check-plugin {}", path));
     registry.add(*f.family, path);
   }
 }

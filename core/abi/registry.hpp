@@ -23,7 +23,7 @@ class Registry {
   const std::vector<Entry>& hinges() const { return hinges_; }
 
   void add(const cardan_body_family& family, std::string origin = "built-in");
-  const cardan_body_family* body(std::string_view type) const;    ///< null if unknown
+  const cardan_body_family* body(std::string_view type) const;  ///< null if unknown
   std::vector<std::string> body_types() const;
 
  private:

@@ -17,7 +17,6 @@ inline constexpr ChildLimits kTrialLimits{.cpu_s = 5.0, .wall_s = 20.0};
 
 /// Runs `work` in a copy of this process, silently. Empty if it returned or threw a std::exception; else how it ended,
 /// and in which phase: "Segmentation fault, in pack of hinge \"acme/arc\"". Empty also where no copy can be made.
-std::optional<std::string> end_in_child(const std::function<void(const TellPhase&)>& work,
-                                        const ChildLimits& limits = kTrialLimits);
+std::optional<std::string> end_in_child(const std::function<void(const TellPhase&)>& work, const ChildLimits& limits = kTrialLimits);
 
 }  // namespace cardan

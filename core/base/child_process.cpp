@@ -48,8 +48,7 @@ void write_all(int pipe, std::string_view bytes) {
 }
 
 [[noreturn]] void child(int pipe, const std::function<void(const Say&)>& work, const ChildLimits& limits) {
-  for (const int s : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGXCPU, SIGALRM, SIGPIPE, SIGINT, SIGTERM})
-    ::signal(s, SIG_DFL);
+  for (const int s : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGXCPU, SIGALRM, SIGPIPE, SIGINT, SIGTERM}) ::signal(s, SIG_DFL);
   const double cpu_s = std::ceil(limits.cpu_s);
   limit(RLIMIT_CORE, 0.0, 0.0);
   limit(RLIMIT_CPU, cpu_s, cpu_s + 1.0);  // SIGXCPU, and SIGKILL for who ignores it

@@ -136,8 +136,7 @@ void DiagnosticSink::report(Diagnostic d) {
   const auto concerns = [&](const Diagnostic& earlier) {  // the same value, or a part of it
     const std::string& path = earlier.at.key_path;
     return !d.at.key_path.empty() && path.starts_with(d.at.key_path) &&
-           (path.size() == d.at.key_path.size() || path[d.at.key_path.size()] == '.' ||
-            path[d.at.key_path.size()] == '[');
+           (path.size() == d.at.key_path.size() || path[d.at.key_path.size()] == '.' || path[d.at.key_path.size()] == '[');
   };
   if (!full() && std::none_of(all_.begin(), all_.end(), concerns)) all_.push_back(std::move(d));
 }

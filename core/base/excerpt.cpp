@@ -10,7 +10,7 @@
 namespace cardan {
 namespace {
 
-constexpr std::size_t kWidth = 100;     // longest excerpt of a source line
+constexpr std::size_t kWidth = 100;  // longest excerpt of a source line
 
 /// The line of the source file, without line ending and byte-order mark; tabs as spaces, what is not text as '?'.
 std::string source_line(const SourceMark& mark) {
@@ -43,8 +43,7 @@ std::size_t token_length(std::string_view line, std::size_t start) {
   }
   std::size_t end = 1;
   const auto ends = [](std::string_view tail) {
-    return tail[0] == ',' || tail[0] == ']' || tail[0] == '}' || tail.starts_with(" #") || tail.starts_with(": ") ||
-           tail == ":";
+    return tail[0] == ',' || tail[0] == ']' || tail[0] == '}' || tail.starts_with(" #") || tail.starts_with(": ") || tail == ":";
   };
   while (end < rest.size() && !ends(rest.substr(end))) ++end;
   while (rest[end - 1] == ' ' && end > 1) --end;
@@ -71,8 +70,7 @@ std::string excerpt(const SourceMark& mark, int span) {
   length = std::min(length, line.size() - start);
   const auto width = [&](std::size_t from, std::size_t count) {
     return count - static_cast<std::size_t>(std::count_if(line.begin() + static_cast<std::ptrdiff_t>(from),
-                                                          line.begin() + static_cast<std::ptrdiff_t>(from + count),
-                                                          continues_character));
+                                                          line.begin() + static_cast<std::ptrdiff_t>(from + count), continues_character));
   };
   return out + fmt::format("      | {}{}\n", std::string(width(0, start), ' '), std::string(width(start, length), '^'));
 }

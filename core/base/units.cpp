@@ -112,10 +112,10 @@ Unit multiply(const Unit& a, const Unit& b, int power) {
 struct Sign {
   std::string_view printed, ascii;
 };
-constexpr Sign kSigns[] = {
-    {"\u00B7", "*"},    {"\u22C5", "*"},    {"\u2219", "*"},   {"\u00D7", "*"},       {"\u00A0", " "},       {"\u202F", " "},
-    {"\u00B0", "deg"},  {"\u2032", "arcmin"}, {"\u2033", "arcsec"}, {"\u00B5", "u"},  {"\u03BC", "u"},       {"\u2212", "-"},
-    {"\u207B\u00B9", "^-1"}, {"\u207B\u00B2", "^-2"}, {"\u207B\u00B3", "^-3"}, {"\u00B2", "^2"}, {"\u00B3", "^3"}, {"\u2074", "^4"}};
+constexpr Sign kSigns[] = {{"\u00B7", "*"},  {"\u22C5", "*"},   {"\u2219", "*"},         {"\u00D7", "*"},         {"\u00A0", " "},
+                           {"\u202F", " "},  {"\u00B0", "deg"}, {"\u2032", "arcmin"},    {"\u2033", "arcsec"},    {"\u00B5", "u"},
+                           {"\u03BC", "u"},  {"\u2212", "-"},   {"\u207B\u00B9", "^-1"}, {"\u207B\u00B2", "^-2"}, {"\u207B\u00B3", "^-3"},
+                           {"\u00B2", "^2"}, {"\u00B3", "^3"},  {"\u2074", "^4"}};
 
 std::string ascii_notation(std::string_view text) {
   std::string out;
@@ -223,21 +223,59 @@ std::optional<Leading> leading_number(std::string_view text) {
 struct Word {
   std::string_view name, unit, value;
 };
-constexpr Word kWords[] = {
-    {"metre", "m", ""},        {"meter", "m", ""},       {"gram", "g", ""},         {"kilogram", "kg", ""},
-    {"kilo", "kg", ""},        {"tonne", "t", ""},       {"second", "s", ""},       {"sec", "s", ""},
-    {"minute", "min", ""},     {"hour", "h", ""},        {"hr", "h", ""},           {"ampere", "A", ""},
-    {"amp", "A", ""},          {"kelvin", "K", ""},      {"radian", "rad", ""},     {"degree", "deg", ""},
-    {"arcminute", "arcmin", ""}, {"arcsecond", "arcsec", ""}, {"revolution", "rev", ""}, {"turn", "rev", ""},
-    {"hertz", "Hz", ""},       {"newton", "N", ""},      {"joule", "J", ""},        {"watt", "W", ""},
-    {"pascal", "Pa", ""},      {"volt", "V", ""},        {"percent", "%", ""},      {"kph", "km/h", ""},
-    {"kmh", "km/h", ""},       {"lb", "kg", "0.45359237"}, {"lbm", "kg", "0.45359237"}, {"pound", "kg", "0.45359237"},
-    {"oz", "kg", "0.028349523125"}, {"slug", "kg", "14.593903"}, {"ft", "m", "0.3048"}, {"foot", "m", "0.3048"},
-    {"feet", "m", "0.3048"},   {"in", "m", "0.0254"},    {"inch", "m", "0.0254"},   {"inches", "m", "0.0254"},
-    {"yd", "m", "0.9144"},     {"mile", "m", "1609.344"}, {"nmi", "m", "1852"},     {"au", "m", "149597870700"},
-    {"lbf", "N", "4.4482216152605"}, {"kgf", "N", "9.80665"}, {"psi", "Pa", "6894.757293168"}, {"bar", "Pa", "1e5"},
-    {"atm", "Pa", "101325"},   {"week", "s", "604800"},  {"year", "s", "31557600"}, {"gon", "deg", "0.9"},
-    {"mas", "arcsec", "0.001"}};
+constexpr Word kWords[] = {{"metre", "m", ""},
+                           {"meter", "m", ""},
+                           {"gram", "g", ""},
+                           {"kilogram", "kg", ""},
+                           {"kilo", "kg", ""},
+                           {"tonne", "t", ""},
+                           {"second", "s", ""},
+                           {"sec", "s", ""},
+                           {"minute", "min", ""},
+                           {"hour", "h", ""},
+                           {"hr", "h", ""},
+                           {"ampere", "A", ""},
+                           {"amp", "A", ""},
+                           {"kelvin", "K", ""},
+                           {"radian", "rad", ""},
+                           {"degree", "deg", ""},
+                           {"arcminute", "arcmin", ""},
+                           {"arcsecond", "arcsec", ""},
+                           {"revolution", "rev", ""},
+                           {"turn", "rev", ""},
+                           {"hertz", "Hz", ""},
+                           {"newton", "N", ""},
+                           {"joule", "J", ""},
+                           {"watt", "W", ""},
+                           {"pascal", "Pa", ""},
+                           {"volt", "V", ""},
+                           {"percent", "%", ""},
+                           {"kph", "km/h", ""},
+                           {"kmh", "km/h", ""},
+                           {"lb", "kg", "0.45359237"},
+                           {"lbm", "kg", "0.45359237"},
+                           {"pound", "kg", "0.45359237"},
+                           {"oz", "kg", "0.028349523125"},
+                           {"slug", "kg", "14.593903"},
+                           {"ft", "m", "0.3048"},
+                           {"foot", "m", "0.3048"},
+                           {"feet", "m", "0.3048"},
+                           {"in", "m", "0.0254"},
+                           {"inch", "m", "0.0254"},
+                           {"inches", "m", "0.0254"},
+                           {"yd", "m", "0.9144"},
+                           {"mile", "m", "1609.344"},
+                           {"nmi", "m", "1852"},
+                           {"au", "m", "149597870700"},
+                           {"lbf", "N", "4.4482216152605"},
+                           {"kgf", "N", "9.80665"},
+                           {"psi", "Pa", "6894.757293168"},
+                           {"bar", "Pa", "1e5"},
+                           {"atm", "Pa", "101325"},
+                           {"week", "s", "604800"},
+                           {"year", "s", "31557600"},
+                           {"gon", "deg", "0.9"},
+                           {"mas", "arcsec", "0.001"}};
 
 std::string lower(std::string_view text) {
   std::string out(text);
@@ -272,8 +310,7 @@ std::vector<std::string> meanings(std::string_view name) {
   if (const Word* w = word(name); w && w->value.empty()) out.emplace_back(w->unit);
   if (name == "per") out.emplace_back("/");
   split_products(name, "", 4, out);
-  if (name.size() > 1 && name.back() == 's' && symbol(name.substr(0, name.size() - 1)))
-    out.emplace_back(name.substr(0, name.size() - 1));
+  if (name.size() > 1 && name.back() == 's' && symbol(name.substr(0, name.size() - 1))) out.emplace_back(name.substr(0, name.size() - 1));
   const std::string small = lower(name);
   const auto same = [&](const std::string& legal) {
     if (lower(legal) == small) out.push_back(legal);
@@ -344,8 +381,7 @@ std::string conversions(std::string_view text) {
   while (!text.empty()) {
     const std::size_t length = std::min(text.find_first_of(kPunctuation), text.size());
     const Word* w = length > 0 && !symbol(text.substr(0, length)) ? word(text.substr(0, length)) : nullptr;
-    if (w && !w->value.empty())
-      out += fmt::format("{}1 {} is {} {}", out.empty() ? "" : ", ", text.substr(0, length), w->value, w->unit);
+    if (w && !w->value.empty()) out += fmt::format("{}1 {} is {} {}", out.empty() ? "" : ", ", text.substr(0, length), w->value, w->unit);
     text.remove_prefix(std::max<std::size_t>(length, 1));
   }
   return out;
@@ -355,8 +391,7 @@ std::string number_hint(std::string_view text) {
   const std::string_view digits = text.substr(!text.empty() && (text[0] == '-' || text[0] == '+') ? 1 : 0);
   if (digits.size() > 1 && digits[0] == '0' && is_digit(digits[1]))
     return "a leading zero means octal to some readers; write the number without it";
-  if (digits.size() > 1 && digits[0] == '0' &&
-      (digits[1] == 'x' || digits[1] == 'X' || digits[1] == 'o' || digits[1] == 'b'))
+  if (digits.size() > 1 && digits[0] == '0' && (digits[1] == 'x' || digits[1] == 'X' || digits[1] == 'o' || digits[1] == 'b'))
     return "only decimal numbers are read";
   if (digits.empty() || !is_digit(digits[0])) return {};
   if (text.find('_') != std::string_view::npos) return "write the digits without `_`";
@@ -383,8 +418,7 @@ std::string unit_hint(std::string_view text, const Dimension* wanted) {
 
 std::string describe(const Dimension& dimension) {
   for (const NamedDimension& n : kNamed)
-    if (n.exponents == dimension.exponents)
-      return n.unit.empty() ? std::string(n.name) : fmt::format("{} [{}]", n.name, n.unit);
+    if (n.exponents == dimension.exponents) return n.unit.empty() ? std::string(n.name) : fmt::format("{} [{}]", n.name, n.unit);
   std::string unit;
   for (std::size_t i = 0; i < 6; ++i) {
     const int e = dimension.exponents[i];
@@ -424,8 +458,7 @@ std::variant<double, QuantityFault> parse_quantity(std::string_view original, st
     Dimension without_angle = got->dimension;
     without_angle.exponents[5] = wanted.dimension.exponents[5];
     if (without_angle == wanted.dimension) hint = "an angle counts as a unit here: rad, deg or rev";
-    return QuantityFault{Code::wrong_unit, expected, fmt::format("{}: {}", in_quotes(trimmed(original)), describe(got->dimension)),
-                         hint};
+    return QuantityFault{Code::wrong_unit, expected, fmt::format("{}: {}", in_quotes(trimmed(original)), describe(got->dimension)), hint};
   }
   const double value = number->value * got->factor;
   if (!std::isfinite(value)) return QuantityFault{Code::bad_number, expected, in_quotes(trimmed(original)), "too large"};
@@ -435,8 +468,7 @@ std::variant<double, QuantityFault> parse_quantity(std::string_view original, st
 std::string in_quotes(std::string_view text) {
   constexpr std::size_t kLongest = 60;
   std::size_t shown = std::min(text.size(), kLongest);
-  while (shown < text.size() && (static_cast<unsigned char>(text[shown]) & 0xC0) == 0x80)
-    --shown;  // whole UTF-8 characters
+  while (shown < text.size() && (static_cast<unsigned char>(text[shown]) & 0xC0) == 0x80) --shown;  // whole UTF-8 characters
   return fmt::format("\"{}{}\"", printable(text.substr(0, shown)), shown < text.size() ? "..." : "");
 }
 

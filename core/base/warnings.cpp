@@ -8,8 +8,8 @@ namespace cardan {
 
 void Warnings::add(Diagnostic warning, double t) {
   const auto same = [&](const Warning& w) {
-    return w.what.code == warning.code && w.what.at.key_path == warning.at.key_path &&
-           w.what.at.mark.file == warning.at.mark.file && w.what.at.mark.line == warning.at.mark.line;
+    return w.what.code == warning.code && w.what.at.key_path == warning.at.key_path && w.what.at.mark.file == warning.at.mark.file &&
+           w.what.at.mark.line == warning.at.mark.line;
   };
   if (const auto earlier = std::find_if(all_.begin(), all_.end(), same); earlier != all_.end())
     ++earlier->count;

@@ -12,8 +12,8 @@ namespace cardan {
 /// A Diagnostic whose code is a W of error_codes.inc: `about` says what with its numbers, `hint` what to do.
 struct Warning {
   Diagnostic what;
-  long count = 1;                                         // how often it was added
-  double t = std::numeric_limits<double>::quiet_NaN();    // [s] simulated time of the first; NaN: before the run
+  long count = 1;                                       // how often it was added
+  double t = std::numeric_limits<double>::quiet_NaN();  // [s] simulated time of the first; NaN: before the run
 };
 
 /// Warnings in the order of their first appearance, one for each code and key path. At most kLimit are kept, the others counted.

@@ -26,15 +26,15 @@ class Batch {
   ~Batch();
   Batch(Batch&&) noexcept;
 
-  int width() const;             ///< states in one pass
+  int width() const;  ///< states in one pass
   /// vdot: nv x n. Returns how many states had a direction without inertia; their columns are not a number, and `failed`
   /// (n entries, may be null) is 1 for them.
   int forward_dynamics(const BatchInputs& in, double* vdot, std::uint8_t* failed = nullptr);
   /// tau: nv x n, as inverse_dynamics (inverse.hpp) for each state.
   void inverse_dynamics(const BatchInputs& in, double* tau);
-  std::size_t bytes() const;     ///< of working memory
+  std::size_t bytes() const;  ///< of working memory
 
-  struct Passes;                 // of one width
+  struct Passes;  // of one width
 
  private:
   std::unique_ptr<Passes> passes_;

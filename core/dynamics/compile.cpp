@@ -11,11 +11,12 @@
 namespace cardan {
 namespace {
 
-constexpr double kGrowth = 100.0;   // of masses: below it no model was found to lose more than 1e-12 of v' (docs/mathematics/tree_algorithms.md, 10)
-constexpr int kWindow = 6;          // hinge velocities between the two bodies, those of the outboard body counted
-constexpr int kStates = 32;         // tried
-constexpr double kLoss = 3e-14;     // of v' at any of them: refined from here on. At others it may be a few times as large
-constexpr double kLong = 50.0;      // bodies: beyond, rounding that refinement is not for grows as the root of their number
+constexpr double kGrowth =
+    100.0;  // of masses: below it no model was found to lose more than 1e-12 of v' (docs/mathematics/tree_algorithms.md, 10)
+constexpr int kWindow = 6;       // hinge velocities between the two bodies, those of the outboard body counted
+constexpr int kStates = 32;      // tried
+constexpr double kLoss = 3e-14;  // of v' at any of them: refined from here on. At others it may be a few times as large
+constexpr double kLong = 50.0;   // bodies: beyond, rounding that refinement is not for grows as the root of their number
 
 struct Growth {
   double ratio = 0.0;
@@ -65,9 +66,7 @@ double loss(const Model& m) {
   return worst;
 }
 
-std::string name_of(const Model& m, int k) {
-  return k > 0 ? m.user[m.owner[k]].name : "world";
-}
+std::string name_of(const Model& m, int k) { return k > 0 ? m.user[m.owner[k]].name : "world"; }
 
 }  // namespace
 
@@ -84,8 +83,9 @@ std::shared_ptr<const Model> compile(std::shared_ptr<const SystemSpec> spec, con
   const double lost = loss(*graded);
   if (!(lost > kLoss * std::max(1.0, std::sqrt(static_cast<double>(model->bodies.size()) / kLong)))) return model;
   graded->program.push_back({OpCode::refine});
-  graded->refinement = fmt::format("the mass of {} is {:.3g} times that of {}, few hinges inboard of it: without, v' loses up to {:.1e} of itself",
-                                   name_of(*graded, most.body), most.ratio, name_of(*graded, most.ancestor), lost);
+  graded->refinement =
+      fmt::format("the mass of {} is {:.3g} times that of {}, few hinges inboard of it: without, v' loses up to {:.1e} of itself",
+                  name_of(*graded, most.body), most.ratio, name_of(*graded, most.ancestor), lost);
   return graded;
 }
 

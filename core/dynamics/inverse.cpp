@@ -40,9 +40,12 @@ void inverse_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inpu
   for (auto run = part->runs.rbegin(); run != part->runs.rend(); ++run) S.gather(model, ws, use, *run, tau);
 }
 template void inverse_dynamics(const Model&, soa::Workspace<double>&, const soa::Inputs<double>&, double*, InverseTerms, const Part*);
-template void inverse_dynamics(const Model&, soa::Workspace<soa::Lanes<4>>&, const soa::Inputs<soa::Lanes<4>>&, soa::Lanes<4>*, InverseTerms, const Part*);
-template void inverse_dynamics(const Model&, soa::Workspace<soa::Lanes<8>>&, const soa::Inputs<soa::Lanes<8>>&, soa::Lanes<8>*, InverseTerms, const Part*);
-template void inverse_dynamics(const Model&, soa::Workspace<soa::Tangent>&, const soa::Inputs<soa::Tangent>&, soa::Tangent*, InverseTerms, const Part*);
+template void inverse_dynamics(const Model&, soa::Workspace<soa::Lanes<4>>&, const soa::Inputs<soa::Lanes<4>>&, soa::Lanes<4>*,
+                               InverseTerms, const Part*);
+template void inverse_dynamics(const Model&, soa::Workspace<soa::Lanes<8>>&, const soa::Inputs<soa::Lanes<8>>&, soa::Lanes<8>*,
+                               InverseTerms, const Part*);
+template void inverse_dynamics(const Model&, soa::Workspace<soa::Tangent>&, const soa::Inputs<soa::Tangent>&, soa::Tangent*, InverseTerms,
+                               const Part*);
 
 Eigen::VectorXd gravity_force(const Model& model, Workspace& ws, const double* q) {
   Eigen::VectorXd tau(model.nv);
@@ -178,7 +181,9 @@ static bool refined_inverse(const Model& model, Workspace& ws, const double* q, 
   Eigen::VectorXd unit = rest;
   for (int j = 0; j < model.nv; ++j) {
     unit[j] = 1.0;
-    if (!forward_dynamics(model, ws, Inputs{.q = q, .v = rest.data(), .tau = unit.data(), .vdot = rest.data(), .gravity = false}, columns.col(j).data())) return false;
+    if (!forward_dynamics(model, ws, Inputs{.q = q, .v = rest.data(), .tau = unit.data(), .vdot = rest.data(), .gravity = false},
+                          columns.col(j).data()))
+      return false;
     unit[j] = 0.0;
   }
   for (int j = 0; j < model.nv; ++j)
@@ -196,7 +201,8 @@ bool articulate_at_rest(const Model& model, Workspace& ws, const double* q) {
   S.ground(model, ws, in);
   S.hinge_records(model, ws, in);
   for (const Run& run : model.runs) S.outward(model, ws, in, run, {.velocity = false});
-  for (auto run = model.runs.rbegin(); run != model.runs.rend() && ws.breakdown.body == 0; ++run) S.inward(model, ws, in, *run, {.bias = false});
+  for (auto run = model.runs.rbegin(); run != model.runs.rend() && ws.breakdown.body == 0; ++run)
+    S.inward(model, ws, in, *run, {.bias = false});
   return ws.breakdown.body == 0;
 }
 

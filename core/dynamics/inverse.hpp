@@ -11,14 +11,15 @@ namespace cardan {
 struct InverseTerms {
   bool velocity = true;  // bias C(q, v)
   bool gravity = true;
-  bool elastic = true;   // K eta + C eta' of the modes
+  bool elastic = true;  // K eta + C eta' of the modes
 };
 
 /// tau = M v' + C - gravity - elastic - external, nv numbers, with v' = in.vdot (null = 0). Hinge springs are not part of it.
 /// Of a part: tau of its bodies alone is written, in.v and in.vdot must be zero for the others. Afterwards the workspace holds
 /// gamma with v' inside, and in z the forces that the hinges transmit (of rotors: in that of their carrier).
 template <class T>
-void inverse_dynamics(const Model& model, soa::Workspace<T>& workspace, const soa::Inputs<T>& in, T* tau, InverseTerms terms = {}, const Part* part = nullptr);
+void inverse_dynamics(const Model& model, soa::Workspace<T>& workspace, const soa::Inputs<T>& in, T* tau, InverseTerms terms = {},
+                      const Part* part = nullptr);
 
 /// Mass matrix M = H phi M phi* H*, nv x nv, by the composite body inertia (Lyapunov recursion, 4.3), O(N^2).
 Eigen::MatrixXd mass_matrix(const Model& model, Workspace& workspace, const double* q);

@@ -63,7 +63,8 @@ void Observer::update(const Inputs& in, const double* vdot) {
     if (b.n_modes == 0) continue;
     const FlexibleBody& f = model_.flexible[b.flexible];
     double M[10];
-    f.family->mass(f.packed.data(), in.q + b.eta, M, f.M_re_constant ? nullptr : M_re_[k].data(), f.M_ee_constant ? nullptr : M_ee_[k].data());
+    f.family->mass(f.packed.data(), in.q + b.eta, M, f.M_re_constant ? nullptr : M_re_[k].data(),
+                   f.M_ee_constant ? nullptr : M_ee_[k].data());
     inertia_[k] = {M[0], {M[1], M[2], M[3]}, {M[4], M[5], M[6], M[7], M[8], M[9]}};
   }
 }
@@ -132,8 +133,10 @@ NodeState Observer::node(int index) const {
     s.specific_force -= s.R_WN.transpose() * to_eigen(soa::field_at(model_.field, W.p + W.R * at.rho));
   s.acceleration = to_eigen(in_node);
   if (in_.gravity && model_.gravity.kind == GravitySpec::Kind::uniform) {
-    if (k == 0) s.acceleration.tail<3>().setZero();  // the ground stands still
-    else s.acceleration.tail<3>() += s.R_WN.transpose() * model_.gravity.g;
+    if (k == 0)
+      s.acceleration.tail<3>().setZero();  // the ground stands still
+    else
+      s.acceleration.tail<3>() += s.R_WN.transpose() * model_.gravity.g;
   }
   return s;
 }
@@ -302,10 +305,8 @@ Vec3<double> Observer::first_moment() {
   for (int k = static_cast<int>(model_.bodies.size()) - 1; k > 0; --k) {
     const SweepBody& b = model_.bodies[k];
     Vec3<double> own = b.M.h;
-    if (b.n_modes > 0)
-      own = ws_.modal_of(k)->M_rr.h;
-    moment_[b.parent] +=
-        soa::moment_in_inboard(model_, ws_, k, moment_[k] + own, mass_[k]);
+    if (b.n_modes > 0) own = ws_.modal_of(k)->M_rr.h;
+    moment_[b.parent] += soa::moment_in_inboard(model_, ws_, k, moment_[k] + own, mass_[k]);
   }
   return moment_[0];
 }

@@ -21,22 +21,22 @@ struct NodeState {
 struct Energy {
   double kinetic = 0.0, gravity = 0.0, modal = 0.0, springs = 0.0;  // [J]
   double total() const { return kinetic + gravity + modal + springs; }
-  double magnitude = 0.0;                                          // [J] sum of the magnitudes over bodies
+  double magnitude = 0.0;  // [J] sum of the magnitudes over bodies
 };
 
 struct Momentum {
-  Eigen::Vector3d linear = Eigen::Vector3d::Zero();                // [N s] world axes
-  Eigen::Vector3d angular = Eigen::Vector3d::Zero();               // [N m s] about the world origin, world axes
-  Eigen::Vector3d com = Eigen::Vector3d::Zero();                   // [m] mass centre, world axes
-  double mass = 0.0;                                               // [kg]
-  double linear_magnitude = 0.0, angular_magnitude = 0.0;          // sums of the magnitudes over bodies
+  Eigen::Vector3d linear = Eigen::Vector3d::Zero();        // [N s] world axes
+  Eigen::Vector3d angular = Eigen::Vector3d::Zero();       // [N m s] about the world origin, world axes
+  Eigen::Vector3d com = Eigen::Vector3d::Zero();           // [m] mass centre, world axes
+  double mass = 0.0;                                       // [kg]
+  double linear_magnitude = 0.0, angular_magnitude = 0.0;  // sums of the magnitudes over bodies
 };
 
 /// Forces on the system from outside and the power they bring in, for the ledgers of momentum and energy.
 struct ExternalLoads {
-  Eigen::Vector3d force = Eigen::Vector3d::Zero();                 // [N] world axes
-  Eigen::Vector3d moment = Eigen::Vector3d::Zero();                // [N m] about the world origin
-  double power = 0.0;                                              // [W] of actuators, wrenches, prescribed motion, dampers
+  Eigen::Vector3d force = Eigen::Vector3d::Zero();   // [N] world axes
+  Eigen::Vector3d moment = Eigen::Vector3d::Zero();  // [N m] about the world origin
+  double power = 0.0;                                // [W] of actuators, wrenches, prescribed motion, dampers
 };
 
 /// Reads a workspace in which forward_dynamics(in) has just run. Keeps scratch, so make one and use it again.
@@ -48,7 +48,7 @@ class Observer {
   void update(const Inputs& in, const double* vdot);
 
   NodeState node(int index) const;
-  Pose<double> body_pose(int user_body) const;      ///< user's body frame in the world
+  Pose<double> body_pose(int user_body) const;  ///< user's body frame in the world
   Energy energy() const;
   Momentum momentum() const;
   /// Wrench [moment; force] that the inboard hinge transmits to the body at P, P axes; also inside merged bodies.
@@ -72,13 +72,13 @@ class Observer {
   Workspace& ws_;
   Inputs in_;
   const double* vdot_ = nullptr;
-  std::vector<RigidInertia<double>> inertia_;       // rigid part of M_fl per sweep body
-  std::vector<std::vector<double>> M_re_, M_ee_;    // flexible bodies
-  std::unique_ptr<Workspace> inverse_;              // for prescribed_forces, only where modes are prescribed
+  std::vector<RigidInertia<double>> inertia_;     // rigid part of M_fl per sweep body
+  std::vector<std::vector<double>> M_re_, M_ee_;  // flexible bodies
+  std::unique_ptr<Workspace> inverse_;            // for prescribed_forces, only where modes are prescribed
   mutable std::vector<double> all_tau_, prescribed_tau_;
-  std::vector<double> mass_;                        // [kg] of a sweep body and all outboard of it
-  bool poses_given_ = false;                        // forward dynamics leaves poses in the world
-  std::vector<Vec3<double>> moment_;                // scratch of first_moment()
+  std::vector<double> mass_;          // [kg] of a sweep body and all outboard of it
+  bool poses_given_ = false;          // forward dynamics leaves poses in the world
+  std::vector<Vec3<double>> moment_;  // scratch of first_moment()
 };
 
 }  // namespace cardan

@@ -16,17 +16,21 @@ namespace cardan {
 struct Part {
   std::vector<std::uint8_t> takes_part;  // by sweep index
   std::vector<Run> runs;                 // those that take part, base to tip
-  std::vector<Run> still;                // what they hang on and all inboard of it, base to tip (of bodies in between also such that take part)
-  std::vector<int> rotors_left_out;      // rotors whose carrier takes part and they do not: M_sweep of the carrier has their inertia
+  std::vector<Run> still;            // what they hang on and all inboard of it, base to tip (of bodies in between also such that take part)
+  std::vector<int> rotors_left_out;  // rotors whose carrier takes part and they do not: M_sweep of the carrier has their inertia
 };
 Part part_of(const SweepModel& model, std::span<const int> sweep_bodies);
 
 /// What stands still has no derivative, also where q moves what it hangs on.
 template <class T>
-T held(const T& x) { return x; }
+T held(const T& x) {
+  return x;
+}
 inline soa::Tangent held(const soa::Tangent& x) { return x.x; }
 template <class T>
-Vec3<T> held(const Vec3<T>& a) { return {held(a.x), held(a.y), held(a.z)}; }
+Vec3<T> held(const Vec3<T>& a) {
+  return {held(a.x), held(a.y), held(a.z)};
+}
 template <class T>
 Pose<T> held(const Pose<T>& X) {
   const Mat3<T>& R = X.R;
@@ -35,7 +39,8 @@ Pose<T> held(const Pose<T>& X) {
 
 /// Base to tip over all bodies, or over those of a part (then in.v and in.vdot are zero for the others).
 template <class T>
-void outward(const SweepModel& model, const soa::Sweeps<T>& S, soa::Workspace<T>& ws, const soa::Inputs<T>& in, soa::OutwardFor what, const Part* part) {
+void outward(const SweepModel& model, const soa::Sweeps<T>& S, soa::Workspace<T>& ws, const soa::Inputs<T>& in, soa::OutwardFor what,
+             const Part* part) {
   if (!part) {
     for (const Run& run : model.runs) S.outward(model, ws, in, run, what);
     return;

@@ -21,15 +21,13 @@ enum class Answer : std::size_t { bytes, input_error, numerics_error, other };
 
 void write(ByteWriter& out, const Diagnostic& d) {
   out.number(static_cast<std::size_t>(d.code));
-  for (const std::string* text : {&d.at.key_path, &d.at.mark.file, &d.expected, &d.got, &d.hint, &d.stack, &d.about})
-    out.text(*text);
+  for (const std::string* text : {&d.at.key_path, &d.at.mark.file, &d.expected, &d.got, &d.hint, &d.stack, &d.about}) out.text(*text);
   for (int number : {d.at.mark.line, d.at.mark.column, d.span}) out.number(static_cast<std::size_t>(number));
 }
 Diagnostic read_diagnostic(ByteReader& in) {
   Diagnostic d{};
   d.code = static_cast<Code>(in.number());
-  for (std::string* text : {&d.at.key_path, &d.at.mark.file, &d.expected, &d.got, &d.hint, &d.stack, &d.about})
-    *text = in.text();
+  for (std::string* text : {&d.at.key_path, &d.at.mark.file, &d.expected, &d.got, &d.hint, &d.stack, &d.about}) *text = in.text();
   for (int* number : {&d.at.mark.line, &d.at.mark.column, &d.span}) *number = static_cast<int>(in.number());
   return d;
 }
@@ -87,8 +85,7 @@ ChildLimits limits_for_file(const std::string& path) {
   return limits;
 }
 
-std::string in_bounded_child(const std::string& file, const std::function<std::string()>& work,
-                             const ChildLimits& limits) {
+std::string in_bounded_child(const std::string& file, const std::function<std::string()>& work, const ChildLimits& limits) {
   const ChildEnd end = run_in_child([&](const Say& say) { say(answer_of(work, limits)); }, limits);
   if (end.how == ChildEnd::How::not_started) refuse(file, fmt::format("no process to read it: {}", std::strerror(end.status)), "");
   if (end.how == ChildEnd::How::late) refuse(file, fmt::format("reading it takes more than {:g} s", limits.wall_s));

@@ -16,8 +16,7 @@ ChildLimits limits_for_file(const std::string& path);
 
 /// What `work` returns, computed in a child process. InputError and NumericsError thrown by it are thrown here again. A
 /// child that crashes, exceeds a limit or throws anything else: InputError C0702 that names `file` and tells why.
-std::string in_bounded_child(const std::string& file, const std::function<std::string()>& work,
-                             const ChildLimits& limits);
+std::string in_bounded_child(const std::string& file, const std::function<std::string()>& work, const ChildLimits& limits);
 
 /// Numbers and texts in a row of bytes, as a child answers.
 class ByteWriter {

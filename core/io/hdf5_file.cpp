@@ -62,13 +62,11 @@ std::vector<hsize_t> dimensions(hid_t space) {
 
 template <class Shape>
 std::size_t product(const Shape& shape) {
-  return std::accumulate(shape.begin(), shape.end(), std::size_t{1},
-                         [](std::size_t a, auto b) { return a * static_cast<std::size_t>(b); });
+  return std::accumulate(shape.begin(), shape.end(), std::size_t{1}, [](std::size_t a, auto b) { return a * static_cast<std::size_t>(b); });
 }
 
 void expect_size(std::size_t n, const std::vector<std::size_t>& shape, const std::string& path) {
-  if (product(shape) != n)
-    throw std::invalid_argument("Hdf5File::write " + path + ": shape and number of values differ");
+  if (product(shape) != n) throw std::invalid_argument("Hdf5File::write " + path + ": shape and number of values differ");
 }
 
 Handle new_string_type() {
@@ -86,8 +84,7 @@ std::vector<const char*> pointers(std::span<const std::string> texts) {
 
 Handle new_space(const std::vector<std::size_t>& shape) {
   const std::vector<hsize_t> dims(shape.begin(), shape.end());
-  return {dims.empty() ? H5Screate(H5S_SCALAR) : H5Screate_simple(static_cast<int>(dims.size()), dims.data(), nullptr),
-          H5Sclose};
+  return {dims.empty() ? H5Screate(H5S_SCALAR) : H5Screate_simple(static_cast<int>(dims.size()), dims.data(), nullptr), H5Sclose};
 }
 
 }  // namespace
@@ -107,8 +104,7 @@ struct Hdf5File::Impl {
   }
   [[noreturn]] void cannot_write(const std::string& path) const {
     broken = true;
-    throw NumericsError({Code::disk_full, 0.0, "", "", name + ":" + path + ": " + reason(),
-                         "free space, or write to another disk", ""});
+    throw NumericsError({Code::disk_full, 0.0, "", "", name + ":" + path + ": " + reason(), "free space, or write to another disk", ""});
   }
   /// The results of writing calls pass through here.
   template <class Id>
@@ -227,8 +223,7 @@ struct Hdf5File::Impl {
     if (kind != H5T_FLOAT && kind != H5T_INTEGER) cannot_read(path, "numbers", "another type of data");
     Handle space(H5Dget_space(set), H5Sclose);
     const auto dims = dimensions(space);
-    Hdf5Array<T> out{{dims.begin(), dims.end()},
-                     std::vector<T>(count_of(path, dims, H5Tget_size(stored), H5Dget_storage_size(set)))};
+    Hdf5Array<T> out{{dims.begin(), dims.end()}, std::vector<T>(count_of(path, dims, H5Tget_size(stored), H5Dget_storage_size(set)))};
     if (!out.values.empty() && H5Dread(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, out.values.data()) < 0)
       cannot_read(path, "numbers", reason());
     return out;
@@ -269,8 +264,7 @@ struct Hdf5File::Impl {
     return path == "/" || H5Iget_type(Handle(H5Oopen(file, path.c_str(), H5P_DEFAULT), H5Oclose)) == H5I_GROUP;
   }
 
-  void set_attribute(const std::string& path, const std::string& key, hid_t type, const std::vector<std::size_t>& shape,
-                     const void* data) {
+  void set_attribute(const std::string& path, const std::string& key, hid_t type, const std::vector<std::size_t>& shape, const void* data) {
     const std::string where = path + "@" + key;
     Handle owner = object(path);
     if (H5Aexists(owner, key.c_str()) > 0) wrote(H5Adelete(owner, key.c_str()), where);
@@ -287,7 +281,8 @@ struct Hdf5File::Impl {
     Handle from = attribute(path, key);
     Handle stored(H5Aget_type(from), H5Tclose);
     Handle space(H5Aget_space(from), H5Sclose);
-    return strings(path + "@" + key, stored, space, H5Aget_storage_size(from), [&](hid_t type, void* to) { return H5Aread(from, type, to); });
+    return strings(path + "@" + key, stored, space, H5Aget_storage_size(from),
+                   [&](hid_t type, void* to) { return H5Aread(from, type, to); });
   }
 };
 
@@ -329,7 +324,8 @@ Hdf5File Hdf5File::create(const std::string& path) {
                       0});
   H5Fset_libver_bounds(impl->file, H5F_LIBVER_V110, H5F_LIBVER_V110);  // an index that grows without moving
   // A shared lock, as readers of HDF5 take it: they get in, and who asks for the exclusive one of a writer does not.
-  if (void* descriptor = nullptr; H5Fget_vfd_handle(impl->file, H5P_DEFAULT, &descriptor) >= 0) flock(*static_cast<int*>(descriptor), LOCK_SH | LOCK_NB);
+  if (void* descriptor = nullptr; H5Fget_vfd_handle(impl->file, H5P_DEFAULT, &descriptor) >= 0)
+    flock(*static_cast<int*>(descriptor), LOCK_SH | LOCK_NB);
   return Hdf5File(std::move(impl));
 }
 
@@ -436,18 +432,13 @@ void Hdf5File::write(const std::string& path, const std::string& text) {
   const char* raw = text.c_str();
   impl_->write(path, new_string_type(), {}, &raw);
 }
-void Hdf5File::write(const std::string& path, const std::vector<std::string>& texts,
-                     const std::vector<std::size_t>& shape) {
+void Hdf5File::write(const std::string& path, const std::vector<std::string>& texts, const std::vector<std::size_t>& shape) {
   expect_size(texts.size(), shape, path);
   impl_->write(path, new_string_type(), shape, pointers(texts).data());
 }
 
-Hdf5Array<double> Hdf5File::read_doubles(const std::string& path) const {
-  return impl_->read<double>(path, H5T_NATIVE_DOUBLE);
-}
-Hdf5Array<std::int64_t> Hdf5File::read_integers(const std::string& path) const {
-  return impl_->read<std::int64_t>(path, H5T_NATIVE_INT64);
-}
+Hdf5Array<double> Hdf5File::read_doubles(const std::string& path) const { return impl_->read<double>(path, H5T_NATIVE_DOUBLE); }
+Hdf5Array<std::int64_t> Hdf5File::read_integers(const std::string& path) const { return impl_->read<std::int64_t>(path, H5T_NATIVE_INT64); }
 std::string Hdf5File::read_text(const std::string& path) const {
   const auto texts = impl_->read_texts(path);
   return texts.empty() ? std::string{} : texts.front();
@@ -503,14 +494,6 @@ std::string Hdf5File::text_attribute(const std::string& path, const std::string&
 }
 std::vector<std::string> Hdf5File::texts_attribute(const std::string& path, const std::string& name) const {
   return impl_->text_attributes(path, name);
-}
-double Hdf5File::number_attribute(const std::string& path, const std::string& name) const {
-  Handle from = impl_->attribute(path, name);
-  Handle space(H5Aget_space(from), H5Sclose);
-  double value = 0.0;
-  if (H5Sget_simple_extent_type(space) == H5S_NULL || product(dimensions(space)) != 1 || H5Aread(from, H5T_NATIVE_DOUBLE, &value) < 0)
-    impl_->cannot_read(path + "@" + name, "one number", reason());
-  return value;
 }
 
 }  // namespace cardan

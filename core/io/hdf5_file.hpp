@@ -54,7 +54,7 @@ class Hdf5File {
   void write(const std::string& path, std::span<const double> values, const std::vector<std::size_t>& shape);
   void write(const std::string& path, std::span<const std::int64_t> values);  // 1-D
   void write(const std::string& path, std::span<const std::int64_t> values, const std::vector<std::size_t>& shape);
-  void write(const std::string& path, const std::string& text);               // UTF-8, of any length
+  void write(const std::string& path, const std::string& text);  // UTF-8, of any length
   void write(const std::string& path, const std::vector<std::string>& texts, const std::vector<std::size_t>& shape);
 
   Hdf5Array<double> read_doubles(const std::string& path) const;  // any numeric dataset, converted
@@ -84,7 +84,6 @@ class Hdf5File {
   bool has_attribute(const std::string& path, const std::string& name) const;
   std::string text_attribute(const std::string& path, const std::string& name) const;
   std::vector<std::string> texts_attribute(const std::string& path, const std::string& name) const;
-  double number_attribute(const std::string& path, const std::string& name) const;
 
  private:
   struct Impl;

@@ -30,8 +30,7 @@ void expect_distinct(const std::vector<Channel>& channels) {
   std::set<std::string> paths;
   for (const auto& c : channels)
     if (!paths.insert(c.path).second)
-      throw InputError(
-          {Code::duplicate_name, {c.path, {}}, "channel paths that differ", "the same path twice", "", "", "", 0});
+      throw InputError({Code::duplicate_name, {c.path, {}}, "channel paths that differ", "the same path twice", "", "", "", 0});
   for (const auto& path : paths)
     for (auto end = path.find('/'); end != std::string::npos; end = path.find('/', end + 1))
       if (paths.contains(path.substr(0, end)))
@@ -56,7 +55,11 @@ std::string beginning(const std::string& text) {
 class Hdf5Recorder final : public Recorder {
  public:
   Hdf5Recorder(const std::string& path, double flush_period, std::function<void()> ready)
-      : path_(path), file_(Hdf5File::create(name_before(path))), ready_(std::move(ready)), flush_period_(flush_period), last_flush_(Clock::now()) {}
+      : path_(path),
+        file_(Hdf5File::create(name_before(path))),
+        ready_(std::move(ready)),
+        flush_period_(flush_period),
+        last_flush_(Clock::now()) {}
 
   /// A run that is left without close() keeps its rows, but does not count as finished.
   ~Hdf5Recorder() override {
@@ -90,7 +93,8 @@ class Hdf5Recorder final : public Recorder {
     if (!header.until.empty()) file_.set_attribute("/run", "until", header.until);
     file_.write("/run/command", header.command, {header.command.size()});
     write_pairs("/run/settings", header.settings);
-    for (const auto& [path, files] : {std::pair{"/run/inputs", &header.inputs}, {"/run/plugins", &header.plugins}, {"/run/modal_files", &header.modal_files}}) {
+    for (const auto& [path, files] :
+         {std::pair{"/run/inputs", &header.inputs}, {"/run/plugins", &header.plugins}, {"/run/modal_files", &header.modal_files}}) {
       Pairs hashes;
       for (const InputFile& f : *files) hashes.emplace_back(f.name, f.sha256);
       write_pairs(path, hashes);
@@ -137,8 +141,7 @@ class Hdf5Recorder final : public Recorder {
   }
 
   void row(double t, std::span<const double> values) override {
-    if (values.size() != width_)
-      throw std::invalid_argument("Recorder::row: a row is as wide as the channels declared");
+    if (values.size() != width_) throw std::invalid_argument("Recorder::row: a row is as wide as the channels declared");
     times_.push_back(t);
     values_.insert(values_.end(), values.begin(), values.end());
     const bool full = times_.size() == kRowsPerBlock;
@@ -294,7 +297,7 @@ class Hdf5Recorder final : public Recorder {
   double flush_period_;
   Clock::time_point last_flush_;
   std::vector<Column> columns_;
-  std::size_t width_ = 0, blocks_ = 0;  // blocks: that were full
+  std::size_t width_ = 0, blocks_ = 0;          // blocks: that were full
   std::vector<double> times_, values_, block_;  // rows not yet in the file
   std::array<Notes, 4> notes_;                  // by Note
   bool closed_ = false;

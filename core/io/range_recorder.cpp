@@ -14,8 +14,7 @@ void RangeRecorder::begin(const RunHeader& header, const std::vector<Channel>& c
       from = to + 1;
     }
     for (std::size_t i = 0; i < c.components.size(); ++i)
-      ranges_.push_back(
-          {c.path, c.components[i], units.size() == c.components.size() ? units[i] : c.unit, HUGE_VAL, -HUGE_VAL});
+      ranges_.push_back({c.path, c.components[i], units.size() == c.components.size() ? units[i] : c.unit, HUGE_VAL, -HUGE_VAL});
   }
   recorder_.begin(header, channels);
 }

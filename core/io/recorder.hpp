@@ -29,32 +29,32 @@ struct InputFile {
 
 /// Modes of a body as a picture: points of its mesh, undeformed, lines between them, and how far each mode moves them. Body axes.
 struct ModePicture {
-  std::vector<std::string> bodies;               // that have these modes
-  std::string source;                            // one line
-  std::vector<double> frequency;                 // [Hz] of each of the first modes: those that are pictured
-  std::vector<double> points;                    // [m] points x 3
-  std::vector<std::int64_t> lines;               // lines x 2: indices of points; may be empty
-  std::vector<double> shapes;                    // [m per unit of the modal coordinate] modes x points x 3
+  std::vector<std::string> bodies;  // that have these modes
+  std::string source;               // one line
+  std::vector<double> frequency;    // [Hz] of each of the first modes: those that are pictured
+  std::vector<double> points;       // [m] points x 3
+  std::vector<std::int64_t> lines;  // lines x 2: indices of points; may be empty
+  std::vector<double> shapes;       // [m per unit of the modal coordinate] modes x points x 3
 };
 
 /// Provenance: everything that is known before the first row, and all that is needed to run it again.
 struct RunHeader {
   using Pairs = std::vector<std::pair<std::string, std::string>>;
-  std::string scenario, folder, title;           // file of the scenario, and the absolute path of its folder
+  std::string scenario, folder, title;  // file of the scenario, and the absolute path of its folder
   std::string program_version, commit, compiler, flags;
-  std::string sweeps, sweep_flags;               // instruction set of the sweeps, and the flags that these were compiled with
-  std::vector<std::string> command;              // the command line as given
-  Pairs settings;                                // --set: key, value
+  std::string sweeps, sweep_flags;   // instruction set of the sweeps, and the flags that these were compiled with
+  std::vector<std::string> command;  // the command line as given
+  Pairs settings;                    // --set: key, value
   std::uint64_t seed = 0;
-  std::string until;                             // --until in s, its shortest exact digits; empty: not given
+  std::string until;  // --until in s, its shortest exact digits; empty: not given
   bool check_against_reference = false;
-  std::vector<InputFile> inputs;                 // texts
-  std::vector<InputFile> plugins, modal_files;   // without their content
-  Pairs effective_parameters;                    // key path, value as read back from the model, with its unit
+  std::vector<InputFile> inputs;                // texts
+  std::vector<InputFile> plugins, modal_files;  // without their content
+  Pairs effective_parameters;                   // key path, value as read back from the model, with its unit
   Pairs defaults_used;
-  std::string sweep_program;                     // the program of sweeps that was executed
+  std::string sweep_program;  // the program of sweeps that was executed
   std::string integrator;
-  std::size_t most_rows = 0;                     // no more rows will come; 0: not known
+  std::size_t most_rows = 0;  // no more rows will come; 0: not known
   std::vector<ModePicture> mode_pictures;
 };
 
@@ -68,7 +68,7 @@ enum class Note {
 /// What the texts of a note are called: in run.h5 the columns of /run/events and so on.
 struct NoteKind {
   Note kind;
-  const char* name;                 // of the list: "events"
+  const char* name;  // of the list: "events"
   std::vector<std::string> columns;
 };
 const std::vector<NoteKind>& note_kinds();  ///< in the order of Note

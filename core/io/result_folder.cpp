@@ -52,7 +52,8 @@ ResultFolder::ResultFolder(const fs::path& path, const std::vector<std::string_v
   if (descriptor_ < 0) cannot_write(path, "a folder that can be opened", error_text(), kElsewhere);
   if (flock(descriptor_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
   close(descriptor_);
-  cannot_write(path, "a folder that no other run writes to", "a run that is going on", "wait for its end, or choose another folder by --out DIR");
+  cannot_write(path, "a folder that no other run writes to", "a run that is going on",
+               "wait for its end, or choose another folder by --out DIR");
 }
 
 ResultFolder::~ResultFolder() { close(descriptor_); }

@@ -14,8 +14,7 @@ namespace {
 
 class TextRecorder final : public Recorder {
  public:
-  explicit TextRecorder(const std::string& path)
-      : path_(path), out_(path == "-" ? stdout : std::fopen(path.c_str(), "w")) {
+  explicit TextRecorder(const std::string& path) : path_(path), out_(path == "-" ? stdout : std::fopen(path.c_str(), "w")) {
     if (!out_)
       throw InputError({Code::cannot_write,
                         {"", {path, 0, 0}},
@@ -76,8 +75,7 @@ class TextRecorder final : public Recorder {
   }
 
   [[noreturn]] void fail() const {
-    throw NumericsError(
-        {Code::disk_full, t_, "", "", path_ + ": " + std::strerror(errno), "free space, or write to another disk", ""});
+    throw NumericsError({Code::disk_full, t_, "", "", path_ + ": " + std::strerror(errno), "free space, or write to another disk", ""});
   }
 
   std::string path_, line_;

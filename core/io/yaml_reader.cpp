@@ -29,8 +29,7 @@ constexpr std::string_view kMarks = ",[]{}:?\"'&*!";
 constexpr const char* kNesting = "at most 64 levels";
 
 [[noreturn]] void fail(Code code, SourceMark mark, std::string expected, std::string got, std::string hint = {}) {
-  throw InputError(
-      Diagnostic{code, {"", std::move(mark)}, std::move(expected), std::move(got), std::move(hint)});
+  throw InputError(Diagnostic{code, {"", std::move(mark)}, std::move(expected), std::move(got), std::move(hint)});
 }
 
 /// yaml-cpp counts from zero, and knows no place (-1) of nodes that it made itself.
@@ -59,10 +58,8 @@ SourceMark first_bad_byte(std::string_view text, const std::string& file) {
 /// What helps with the terse messages of yaml-cpp.
 std::string hint_for(const std::string& message, bool has_tab) {
   if (has_tab) return "indent with spaces: there is a tab in this file";
-  if (message.find("flow not found") != std::string::npos)
-    return "a bracket opened before this place is not closed, or a comma is missing";
-  if (message == "illegal map value")
-    return "look at the indentation, and for a `:` inside of a text that is not quoted";
+  if (message.find("flow not found") != std::string::npos) return "a bracket opened before this place is not closed, or a comma is missing";
+  if (message == "illegal map value") return "look at the indentation, and for a `:` inside of a text that is not quoted";
   return {};
 }
 
@@ -98,18 +95,15 @@ class Tree : public YAML::EventHandler {
   void OnAlias(const YAML::Mark& mark, YAML::anchor_t anchor) override {
     nodes_[add(Kind::empty, mark, "", 0)].alias_of = anchors_.at(anchor);
   }
-  void OnScalar(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
-                const std::string& value) override {
+  void OnScalar(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor, const std::string& value) override {
     nodes_[add(Kind::scalar, mark, tag, anchor)].text = value;
     if (tag == "!") last_in_quotes_ = static_cast<std::size_t>(mark.pos);
   }
-  void OnSequenceStart(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
-                       YAML::EmitterStyle::value style) override {
+  void OnSequenceStart(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor, YAML::EmitterStyle::value style) override {
     open(add(Kind::list, mark, tag, anchor), style);
   }
   void OnSequenceEnd() override { open_.pop_back(); }
-  void OnMapStart(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
-                  YAML::EmitterStyle::value style) override {
+  void OnMapStart(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor, YAML::EmitterStyle::value style) override {
     open(add(Kind::map, mark, tag, anchor), style);
   }
   void OnMapEnd() override { open_.pop_back(); }
@@ -168,8 +162,8 @@ class Converter {
     if (depth > kDeepest) fail(Code::yaml_syntax, mark_of(node), kNesting, "deeper nesting, or an alias of itself");
     bytes_ += node.text.size();
     if (++count_ > kMostNodes || bytes_ > kMostBytes)
-      fail(Code::yaml_syntax, mark_of(node),
-           fmt::format("at most {} values and {} MiB of text", kMostNodes, kMostBytes >> 20), "more, counting aliases");
+      fail(Code::yaml_syntax, mark_of(node), fmt::format("at most {} values and {} MiB of text", kMostNodes, kMostBytes >> 20),
+           "more, counting aliases");
     out.text = node.text;
     if (node.kind == DocNode::Kind::list) {
       for (int i = node.first; i >= 0; i = next(i)) {
@@ -193,16 +187,13 @@ class Converter {
     std::unordered_map<std::string_view, int> first_line;
     for (int i = node.first; i >= 0; i = next(next(i))) {
       const SourceMark mark = mark_of(resolved(i));
-      if (resolved(i).kind != DocNode::Kind::scalar)
-        fail(Code::yaml_syntax, mark, "a key that is one word", "a list, a map or nothing");
+      if (resolved(i).kind != DocNode::Kind::scalar) fail(Code::yaml_syntax, mark, "a key that is one word", "a list, a map or nothing");
       const std::string& key = resolved(i).text;
       bytes_ += key.size();
       if (key.size() > kLongestKey)
-        fail(Code::yaml_syntax, mark, fmt::format("a key of at most {} bytes", kLongestKey),
-             fmt::format("{} bytes", key.size()));
+        fail(Code::yaml_syntax, mark, fmt::format("a key of at most {} bytes", kLongestKey), fmt::format("{} bytes", key.size()));
       if (key == "<<")
-        fail(Code::yaml_syntax, mark, "a key", "a merge key `<<`",
-             "write the keys out; whole values may be repeated by &name and *name");
+        fail(Code::yaml_syntax, mark, "a key", "a merge key `<<`", "write the keys out; whole values may be repeated by &name and *name");
       path_.push_back(path_.empty() ? key : "." + key);
       if (const auto [first, is_new] = first_line.emplace(key, mark.line); is_new) {
         map.items.push_back(convert(next(i), mark, depth + 1));
@@ -273,8 +264,7 @@ DocNode parse_yaml(std::string_view text, const std::string& file) {
     fail(Code::yaml_syntax, bad, "text in UTF-8", "a byte that is not text", "is this a YAML file?");
   if (const auto marks = std::ranges::count_if(text, [](char c) { return kMarks.find(c) != std::string_view::npos; });
       marks > static_cast<std::ptrdiff_t>(kMostMarks))
-    fail(Code::yaml_syntax, {file, 0, 0}, fmt::format("at most {} of the characters {}", kMostMarks, kMarks),
-         fmt::format("{}", marks));
+    fail(Code::yaml_syntax, {file, 0, 0}, fmt::format("at most {} of the characters {}", kMostMarks, kMarks), fmt::format("{}", marks));
   DiagnosticSink sink;
   try {
     std::istringstream stream{std::string(text)};
@@ -290,8 +280,7 @@ DocNode parse_yaml(std::string_view text, const std::string& file) {
     sink.throw_if_any();
     return root;
   } catch (const YAML::Exception& e) {
-    fail(Code::yaml_syntax, mark_of(e.mark, file), "YAML", e.msg,
-         hint_for(e.msg, text.find('\t') != std::string_view::npos));
+    fail(Code::yaml_syntax, mark_of(e.mark, file), "YAML", e.msg, hint_for(e.msg, text.find('\t') != std::string_view::npos));
   }
 }
 
@@ -302,8 +291,7 @@ std::string read_text_file(const std::string& path) {
   while (text.size() <= kMostBytes && (in.read(block, sizeof block) || in.gcount() > 0))
     text.append(block, static_cast<std::size_t>(in.gcount()));
   if (!in.eof() && text.size() <= kMostBytes)
-    fail(Code::file_not_found, {path, 0, 0}, "a file that can be read",
-         std::error_code(errno, std::generic_category()).message());
+    fail(Code::file_not_found, {path, 0, 0}, "a file that can be read", std::error_code(errno, std::generic_category()).message());
   return text;
 }
 
@@ -314,12 +302,11 @@ void apply_override(DocNode& root, std::string_view key_path, std::string_view v
   bool named_by_users = false;  // the keys of this map are names of bodies or nodes
   const std::vector<std::string> parts = split_path(key_path);
   if (parts.empty())
-    throw InputError(Diagnostic{Code::unknown_key, {std::string(key_path), mark}, "names divided by points, and [index]",
-        in_quotes(std::string(key_path))});
+    throw InputError(Diagnostic{
+        Code::unknown_key, {std::string(key_path), mark}, "names divided by points, and [index]", in_quotes(std::string(key_path))});
   for (const std::string& part : parts) {
     const std::string around = path;
-    path += node->kind == DocNode::Kind::list ? fmt::format("[{}]", part)
-                                              : fmt::format("{}{}", path.empty() ? "" : ".", part);
+    path += node->kind == DocNode::Kind::list ? fmt::format("[{}]", part) : fmt::format("{}{}", path.empty() ? "" : ".", part);
     const auto refuse = [&](std::string expected, std::string hint) {
       throw InputError(Diagnostic{Code::unknown_key, {path, mark}, std::move(expected), in_quotes(part), std::move(hint)});
     };
@@ -349,8 +336,7 @@ void apply_override(DocNode& root, std::string_view key_path, std::string_view v
   set_marks(*node, mark);
 }
 
-SystemSpec vehicle_from_text(std::string_view text, const std::string& file, const Registry& registry,
-                             const Overrides& overrides) {
+SystemSpec vehicle_from_text(std::string_view text, const std::string& file, const Registry& registry, const Overrides& overrides) {
   DocNode root = parse_yaml(text, file);
   if (root.kind == DocNode::Kind::empty) fail(Code::empty_system, {file, 0, 0}, "a vehicle", "an empty file");
   for (const auto& [key_path, value] : overrides) apply_override(root, key_path, value);

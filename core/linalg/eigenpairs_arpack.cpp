@@ -74,9 +74,8 @@ Eigenpairs arpack_pairs(const LinearOperator& inverse, const LinearOperator& mas
   int iparam[11] = {1, 0, kMaxRestarts, 1, 0, 0, 3, 0, 0, 0, 0}, ipntr[14] = {};
   const auto work = [&](int slot) { return workd.segment(ipntr[slot] - 1, n); };
   for (;;) {
-    arpack::saupd(ido, arpack::bmat::generalized, n, arpack::which::largest_algebraic, k, 0.0, residual.data(),
-                  n_lanczos, basis.data(), n, iparam, ipntr, workd.data(), workl.data(), static_cast<int>(workl.size()),
-                  info);
+    arpack::saupd(ido, arpack::bmat::generalized, n, arpack::which::largest_algebraic, k, 0.0, residual.data(), n_lanczos, basis.data(), n,
+                  iparam, ipntr, workd.data(), workl.data(), static_cast<int>(workl.size()), info);
     if (ido == 99) break;
     Poll::now();
     x = work(0);
@@ -93,15 +92,14 @@ Eigenpairs arpack_pairs(const LinearOperator& inverse, const LinearOperator& mas
       throw LinalgError("the factor gives values that are not finite, or too large: the stiffness is nearly singular");
     work(1) = y;
   }
-  if (info == 1)
-    throw LinalgError(fmt::format("{} of {} eigenpairs converged in {} restarts", iparam[4], k, kMaxRestarts));
+  if (info == 1) throw LinalgError(fmt::format("{} of {} eigenpairs converged in {} restarts", iparam[4], k, kMaxRestarts));
   if (info != 0) throw LinalgError(fmt::format("ARPACK dsaupd returned {}", info));
   std::vector<int> select(static_cast<std::size_t>(n_lanczos));
   Eigenpairs out{VectorXd(k), MatrixXd(n, k)};
   // sigma = 0 here: the values come back as 1/nu.
-  arpack::seupd(1, arpack::howmny::ritz_vectors, select.data(), out.values.data(), out.vectors.data(), n, 0.0,
-                arpack::bmat::generalized, n, arpack::which::largest_algebraic, k, 0.0, residual.data(), n_lanczos,
-                basis.data(), n, iparam, ipntr, workd.data(), workl.data(), static_cast<int>(workl.size()), info);
+  arpack::seupd(1, arpack::howmny::ritz_vectors, select.data(), out.values.data(), out.vectors.data(), n, 0.0, arpack::bmat::generalized, n,
+                arpack::which::largest_algebraic, k, 0.0, residual.data(), n_lanczos, basis.data(), n, iparam, ipntr, workd.data(),
+                workl.data(), static_cast<int>(workl.size()), info);
   if (info != 0) throw LinalgError(fmt::format("ARPACK dseupd returned {}", info));
   out.values = out.values.cwiseInverse();
   return out;
@@ -171,8 +169,7 @@ Eigenpairs lowest_eigenpairs(const LinearOperator& inverse, const LinearOperator
   const int n_lanczos = std::max(2 * k + 8, 24);
   Eigenpairs found = n_lanczos >= n ? dense_pairs(inverse, mass, k) : arpack_pairs(inverse, mass, k, n_lanczos);
   if (!(found.values.minCoeff() > 0.0))
-    throw LinalgError(
-        fmt::format("fewer than {} finite eigenvalues above {}: too few degrees of freedom carry mass", k, sigma));
+    throw LinalgError(fmt::format("fewer than {} finite eigenvalues above {}: too few degrees of freedom carry mass", k, sigma));
 
   std::vector<int> order(static_cast<std::size_t>(k));
   std::iota(order.begin(), order.end(), 0);
@@ -212,8 +209,7 @@ Eigenpairs lowest_eigenpairs(const SparseMatrix& K, const SparseMatrix& M, int k
     return SparseFactor(A);
   };
   const SparseFactor factor = shifted(sigma);
-  if (factor.negative_pivots() > 0)
-    throw LinalgError(fmt::format("{} eigenvalues lie below the shift", factor.negative_pivots()));
+  if (factor.negative_pivots() > 0) throw LinalgError(fmt::format("{} eigenvalues lie below the shift", factor.negative_pivots()));
   const auto solve = [&](const VectorXd& x, VectorXd& y) { y = factor.solve(x); };
   const auto multiply = [&](const VectorXd& x, VectorXd& y) { y.noalias() = M * x; };
 
@@ -253,8 +249,7 @@ Eigenpairs lowest_eigenpairs(const SparseMatrix& K, const SparseMatrix& M, int k
   if (below > 0) {
     const double mu = 0.5 * (found.values(below - 1) + found.values(below));
     const int there = shifted(mu).negative_pivots();
-    if (there != below)
-      throw LinalgError(fmt::format("{} eigenvalues found below {:.6g}, but there are {}", below, mu, there));
+    if (there != below) throw LinalgError(fmt::format("{} eigenvalues found below {:.6g}, but there are {}", below, mu, there));
   }
   if (beyond) *beyond = {found.values.tail(n_found - k), found.vectors.rightCols(n_found - k)};
   found.values.conservativeResize(k);

@@ -13,8 +13,7 @@ class MultiplyRef {
   MultiplyRef() = default;
   template <class F>
   MultiplyRef(const F& f)  // NOLINT: a view converts
-      : object_(&f),
-        call_([](const void* o, const Eigen::VectorXd& x, Eigen::VectorXd& y) { (*static_cast<const F*>(o))(x, y); }) {}
+      : object_(&f), call_([](const void* o, const Eigen::VectorXd& x, Eigen::VectorXd& y) { (*static_cast<const F*>(o))(x, y); }) {}
   void operator()(const Eigen::VectorXd& x, Eigen::VectorXd& y) const { call_(object_, x, y); }
 
  private:

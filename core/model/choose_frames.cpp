@@ -63,10 +63,10 @@ double best_turn(const Model& m, std::span<const int> outboard, int i, const Eig
     if (found) continue;
     found = true;
     const int j = (i + 1) % 3, h = (i + 2) % 3;
-    if (std::hypot(a[j], a[h]) < 1e-12) continue;           // parallel or opposite: nothing to gain
+    if (std::hypot(a[j], a[h]) < 1e-12) continue;  // parallel or opposite: nothing to gain
     if (std::abs(a[i]) < 1e-15 || i != 1) {
       // rotate so that the component across the axis points along x (i = z), z (i = x), or any coordinate axis
-      const double now = std::atan2(a[h], a[j]);              // angle in the j, h plane
+      const double now = std::atan2(a[h], a[j]);                    // angle in the j, h plane
       const double wanted = i == 0 ? 0.5 * std::numbers::pi : 0.0;  // i = 0: j = y, h = z -> along z;  i = 2: j = x -> along x
       best = now - wanted;
     }

@@ -31,7 +31,12 @@ class Compiler {
     model_->name = spec_.name;
     model_->gravity = spec_.gravity;
     const GravitySpec& g = spec_.gravity;
-    model_->field = {g.kind == GravitySpec::Kind::uniform, g.kind == GravitySpec::Kind::central, from_eigen(g.g), g.mu, from_eigen(g.centre), g.gradient};
+    model_->field = {g.kind == GravitySpec::Kind::uniform,
+                     g.kind == GravitySpec::Kind::central,
+                     from_eigen(g.g),
+                     g.mu,
+                     from_eigen(g.centre),
+                     g.gradient};
     number_coordinates();
     order_bodies();
     build_sweep_bodies();
@@ -120,8 +125,7 @@ class Compiler {
     const std::size_t n = model_->user.size();
     std::vector<int> depth(n, -1), path;
     for (std::size_t i = 0; i < n; ++i) {
-      for (int k = static_cast<int>(i); k >= 0 && depth[k] < 0; k = model_->user[k].parent)
-        path.push_back(k);
+      for (int k = static_cast<int>(i); k >= 0 && depth[k] < 0; k = model_->user[k].parent) path.push_back(k);
       for (; !path.empty(); path.pop_back()) {
         const int parent = model_->user[path.back()].parent;
         depth[path.back()] = parent < 0 ? 0 : depth[parent] + 1;
@@ -200,8 +204,8 @@ class Compiler {
         b.flexible = static_cast<int>(m.flexible.size());
         m.flexible.push_back(flexible_of(spec, *registry_.body(spec.type), sink_));
         if (m.field.central) add_inertia_derivatives(m.flexible.back());
-        const bool at_origin = P.pose.p.x == 0 && P.pose.p.y == 0 && P.pose.p.z == 0 &&
-                               (to_eigen(P.pose.R) - Eigen::Matrix3d::Identity()).isZero(0.0);
+        const bool at_origin =
+            P.pose.p.x == 0 && P.pose.p.y == 0 && P.pose.p.z == 0 && (to_eigen(P.pose.R) - Eigen::Matrix3d::Identity()).isZero(0.0);
         if (P.deforms() || !at_origin) {
           b.pnode = static_cast<int>(m.shapes.size());
           m.shapes.push_back(P);
@@ -215,7 +219,8 @@ class Compiler {
       for (const int c : spec.prescribed_modes)
         if (c >= 0 && c < u.n_modes) prescribed[u.etadot + c] = 1;
       for (const auto& s : spec.hinge.springs)
-        if (s.component >= 0 && s.component < u.nv) m.springs.push_back({u.q + s.component, u.v + s.component, s.stiffness, s.rest, s.damping});
+        if (s.component >= 0 && s.component < u.nv)
+          m.springs.push_back({u.q + s.component, u.v + s.component, s.stiffness, s.rest, s.damping});
       u.sweep = static_cast<int>(m.bodies.size());
       m.bodies.push_back(b);
       m.owner.push_back(i);
@@ -347,7 +352,8 @@ class Compiler {
 
 }  // namespace
 
-std::shared_ptr<Model> assemble(std::shared_ptr<const SystemSpec> spec, const Registry& registry, const CompileOptions& options, bool graded) {
+std::shared_ptr<Model> assemble(std::shared_ptr<const SystemSpec> spec, const Registry& registry, const CompileOptions& options,
+                                bool graded) {
   return Compiler(std::move(spec), registry, options, graded).run();
 }
 

@@ -48,12 +48,14 @@ class Doubts {
     if (!flexible.modal || flexible.modal->n_modes == 0 || !node.empty() || position.isZero(0.0)) return;
     std::string nodes;
     for (const ModalNode& n : flexible.modal->nodes) nodes += (nodes.empty() ? "" : ", ") + n.name;
-    found_.add(Code::frame_attachment, spec_.locate(body_path(body) + key),
-               fmt::format("the hinge is fixed to the undeformed frame of {}, {:.4g} m from its origin: bending of {} does not move this point, and "
-                           "forces there bend nothing",
-                           flexible.name, position.norm(), flexible.name),
-               fmt::format("give the point a node in {}.modal and name that{}", body_path(flexible),
-                           nodes.empty() ? "" : fmt::format(" (there are: {})", nodes)));
+    found_.add(
+        Code::frame_attachment, spec_.locate(body_path(body) + key),
+        fmt::format(
+            "the hinge is fixed to the undeformed frame of {}, {:.4g} m from its origin: bending of {} does not move this point, and "
+            "forces there bend nothing",
+            flexible.name, position.norm(), flexible.name),
+        fmt::format("give the point a node in {}.modal and name that{}", body_path(flexible),
+                    nodes.empty() ? "" : fmt::format(" (there are: {})", nodes)));
   }
 
   const SystemSpec& spec_;

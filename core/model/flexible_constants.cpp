@@ -43,8 +43,8 @@ FlexibleBody flexible_of(const BodySpec& body, const cardan_body_family& family,
     for (const auto& a : list) out.insert(out.end(), a.data(), a.data() + a.size());
     return out;
   };
-  const std::vector<double> I5 = flat(I.I5), I8 = flat(I.I8), I9 = flat(I.I9), ww = flat(I.rotary_ww),
-                            we = flat(I.rotary_we), ee = flat(I.rotary_ee);
+  const std::vector<double> I5 = flat(I.I5), I8 = flat(I.I8), I9 = flat(I.I9), ww = flat(I.rotary_ww), we = flat(I.rotary_we),
+                            ee = flat(I.rotary_ee);
   std::vector<double> mass, position, inertia, Phi, Psi, Q;
   bool any_inertia = false, any_Psi = false, any_Q = false;
   for (const auto& n : d.mass_nodes) {
@@ -94,9 +94,11 @@ FlexibleBody flexible_of(const BodySpec& body, const cardan_body_family& family,
   f.data = body.modal;
   f.packed.resize((family.packed_size(&view) + 7) / 8);
   if (family.pack(&view, f.packed.data()) != 0) {
-    sink.report({Code::bad_modal_data, body.at, "lumped masses or the integrals I9 for level 2 (at most 128 modes with nodal rotary inertia)",
-                 "modal data without them",
-                 "level 2 takes `lumped`, and a `plate` with `rotary_inertia: false` and no yoke; a `beam` has rotary inertia at every node: take level 1", "", "", 0});
+    sink.report({Code::bad_modal_data, body.at,
+                 "lumped masses or the integrals I9 for level 2 (at most 128 modes with nodal rotary inertia)", "modal data without them",
+                 "level 2 takes `lumped`, and a `plate` with `rotary_inertia: false` and no yoke; a `beam` has rotary inertia at every "
+                 "node: take level 1",
+                 "", "", 0});
     return f;
   }
   cardan_body_facts facts{};
@@ -115,7 +117,8 @@ FlexibleBody flexible_of(const BodySpec& body, const cardan_body_family& family,
   f.M_ee_identity = (M_ee - Eigen::MatrixXd::Identity(m, m)).cwiseAbs().maxCoeff() == 0.0;
   const Eigen::LLT<Eigen::MatrixXd> llt(M_ee);
   if (llt.info() != Eigen::Success) {
-    sink.report({Code::bad_modal_data, body.at, "a positive definite modal mass matrix", "one that is not", "are two modes equal?", "", "", 0});
+    sink.report(
+        {Code::bad_modal_data, body.at, "a positive definite modal mass matrix", "one that is not", "are two modes equal?", "", "", 0});
     return f;
   }
   const Eigen::MatrixXd L = llt.matrixL(), U = llt.solve(M_re.transpose());
@@ -126,7 +129,9 @@ FlexibleBody flexible_of(const BodySpec& body, const cardan_body_family& family,
   const Eigen::Matrix<double, 6, 6> gram = M_re * U;
   f.gramian = {symmetric(gram.topLeftCorner<3, 3>()), from_eigen(Eigen::Matrix3d(gram.topRightCorner<3, 3>())),
                symmetric(gram.bottomRightCorner<3, 3>())};
-  const auto diagonal = [](const Eigen::MatrixXd& a) { return a.size() == 0 || Eigen::MatrixXd(a - Eigen::MatrixXd(a.diagonal().asDiagonal())).isZero(0.0); };
+  const auto diagonal = [](const Eigen::MatrixXd& a) {
+    return a.size() == 0 || Eigen::MatrixXd(a - Eigen::MatrixXd(a.diagonal().asDiagonal())).isZero(0.0);
+  };
   f.K_diagonal = diagonal(d.K) && diagonal(d.C);
   const auto store = [&](Stream& to, const Eigen::MatrixXd& a) {
     const Eigen::MatrixXd full = a.size() > 0 ? a : Eigen::MatrixXd::Zero(m, m);

@@ -14,7 +14,9 @@ namespace {
 
 using Names = std::span<const char* const>;
 
-bool has_quaternion(const cardan_hinge_family& family) { return family.shape >= CARDAN_SHAPE_BALL && family.shape <= CARDAN_SHAPE_FREE_BODY; }
+bool has_quaternion(const cardan_hinge_family& family) {
+  return family.shape >= CARDAN_SHAPE_BALL && family.shape <= CARDAN_SHAPE_FREE_BODY;
+}
 
 /// Appends the group if the three components stand side by side.
 void add_vector(std::vector<ComponentGroup>& groups, Names names, Names units, const std::array<const char*, 3>& components,
@@ -68,8 +70,8 @@ void read_components(MapReader& map, Names names, Names units, const std::vector
   Eigen::Map<Eigen::Vector4d> q(x);
   if (!q.allFinite()) return;  // told already
   if (std::abs(q.norm() - 1.0) > 1e-6)
-    context.sink.report(Code::non_unit_quaternion, map.ref().at(), "w, x, y, z of length 1 within 1e-6", fmt::format("length {:.6g}", q.norm()),
-                        "what is not given stays: 1, 0, 0, 0 at first");
+    context.sink.report(Code::non_unit_quaternion, map.ref().at(), "w, x, y, z of length 1 within 1e-6",
+                        fmt::format("length {:.6g}", q.norm()), "what is not given stays: 1, 0, 0, 0 at first");
   q.normalize();
 }
 

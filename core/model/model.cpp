@@ -25,11 +25,14 @@ State Model::initial_state() const {
     const BodySpec& b = spec->bodies[i];
     if (u.nq > 0) {
       if (u.hinge->zero) u.hinge->zero(u.hinge_packed.data(), s.q.data() + u.q);
-      for (std::size_t j = 0; j < b.hinge.q.size() && j < static_cast<std::size_t>(u.nq); ++j) s.q[u.q + static_cast<int>(j)] = b.hinge.q[j];
-      for (std::size_t j = 0; j < b.hinge.v.size() && j < static_cast<std::size_t>(u.nv); ++j) s.v[u.v + static_cast<int>(j)] = b.hinge.v[j];
+      for (std::size_t j = 0; j < b.hinge.q.size() && j < static_cast<std::size_t>(u.nq); ++j)
+        s.q[u.q + static_cast<int>(j)] = b.hinge.q[j];
+      for (std::size_t j = 0; j < b.hinge.v.size() && j < static_cast<std::size_t>(u.nv); ++j)
+        s.v[u.v + static_cast<int>(j)] = b.hinge.v[j];
     }
     for (std::size_t j = 0; j < b.eta.size() && j < static_cast<std::size_t>(u.n_modes); ++j) s.q[u.eta + static_cast<int>(j)] = b.eta[j];
-    for (std::size_t j = 0; j < b.etadot.size() && j < static_cast<std::size_t>(u.n_modes); ++j) s.v[u.etadot + static_cast<int>(j)] = b.etadot[j];
+    for (std::size_t j = 0; j < b.etadot.size() && j < static_cast<std::size_t>(u.n_modes); ++j)
+      s.v[u.etadot + static_cast<int>(j)] = b.etadot[j];
   }
   return s;
 }

@@ -18,17 +18,17 @@ namespace cardan {
 /// A body as the user named it.
 struct UserBody {
   std::string name, type, hinge_type;
-  int sweep = 0;                        // the sweep body that carries it (shared when merged; 0: fixed to the ground)
-  bool merged = false;                  // rigidly part of another sweep body
-  int parent = -1;                      // user index of the inboard body, -1 = world
-  Pose<double> pose;                    // user's body frame in the sweep frame
-  Pose<double> pnode, onode;            // P in the user's body frame; O in the inboard user's frame (undeformed)
-  Pose<double> merged_hinge;            // P in O when the hinge is fixed
-  RigidInertia<double> M;               // own inertia in the user's frame (rigid)
-  double mass = 0.0;                    // [kg]
+  int sweep = 0;              // the sweep body that carries it (shared when merged; 0: fixed to the ground)
+  bool merged = false;        // rigidly part of another sweep body
+  int parent = -1;            // user index of the inboard body, -1 = world
+  Pose<double> pose;          // user's body frame in the sweep frame
+  Pose<double> pnode, onode;  // P in the user's body frame; O in the inboard user's frame (undeformed)
+  Pose<double> merged_hinge;  // P in O when the hinge is fixed
+  RigidInertia<double> M;     // own inertia in the user's frame (rigid)
+  double mass = 0.0;          // [kg]
   const cardan_hinge_family* hinge = nullptr;
   std::vector<double> hinge_packed;
-  int q = 0, nq = 0, v = 0, nv = 0;     // hinge coordinates (0 when locked)
+  int q = 0, nq = 0, v = 0, nv = 0;  // hinge coordinates (0 when locked)
   int n_modes = 0, eta = 0, etadot = 0;
   std::vector<std::string> q_names, v_names, q_units, v_units;
 
@@ -42,7 +42,7 @@ struct PlainRates {
 };
 
 struct Spring {
-  int q, v;                             // tau[v] -= k (q[q] - rest) + c v[v]
+  int q, v;  // tau[v] -= k (q[q] - rest) + c v[v]
   double stiffness, rest, damping;
 };
 
@@ -50,19 +50,19 @@ struct Spring {
 enum class OpCode : std::uint8_t { hinge_records, outward, elastic, world, central_gravity, node_wrenches, inward, acceleration, refine };
 struct Op {
   OpCode code;
-  int run = -1;                         // index of the run, -1 = all bodies
+  int run = -1;  // index of the run, -1 = all bodies
 };
 
 struct Model : SweepModel {
   std::string name;
   std::vector<Spring> springs;
   GravitySpec gravity;
-  std::vector<UserBody> user;           // in the user's order
-  std::vector<int> owner;               // per sweep body: the user's body whose hinge is its hinge; -1: the ground
+  std::vector<UserBody> user;  // in the user's order
+  std::vector<int> owner;      // per sweep body: the user's body whose hinge is its hinge; -1: the ground
   std::vector<PlainRates> plain_rates;
-  std::vector<int> curved;              // user indices of the others: q' is up to their hinge
-  std::vector<Op> program;              // forward dynamics, in order of execution
-  std::string refinement;               // why OpCode::refine is in it; empty: it is not
+  std::vector<int> curved;  // user indices of the others: q' is up to their hinge
+  std::vector<Op> program;  // forward dynamics, in order of execution
+  std::string refinement;   // why OpCode::refine is in it; empty: it is not
   bool has(OpCode code) const {
     for (const Op& op : program)
       if (op.code == code) return true;
@@ -84,10 +84,10 @@ struct Model : SweepModel {
 };
 
 struct CompileOptions {
-  bool merge_locked = true;             // rigid bodies fixed to rigid bodies become one
-  bool choose_frames = true;            // re-choose the frames of rigid bodies for the axis kernels (results stay in the user's)
-  bool node_wrenches = true;            // the program takes wrenches on nodes
-  bool world_wrenches = false;          // ... also such that are given in world axes
+  bool merge_locked = true;     // rigid bodies fixed to rigid bodies become one
+  bool choose_frames = true;    // re-choose the frames of rigid bodies for the axis kernels (results stay in the user's)
+  bool node_wrenches = true;    // the program takes wrenches on nodes
+  bool world_wrenches = false;  // ... also such that are given in world axes
 };
 
 /// All user errors of a description end here: throws InputError with everything that was found. Where masses grow by large ratios
@@ -96,6 +96,7 @@ std::shared_ptr<const Model> compile(const SystemSpec& spec, const Registry& reg
 /// The same; the model shares the description instead of keeping a copy.
 std::shared_ptr<const Model> compile(std::shared_ptr<const SystemSpec> spec, const Registry& registry, const CompileOptions& options = {});
 /// Its first part: numbers, frames, kernels, program. `graded`: with SweepModel::graded, for a tree of rigid bodies.
-std::shared_ptr<Model> assemble(std::shared_ptr<const SystemSpec> spec, const Registry& registry, const CompileOptions& options, bool graded);
+std::shared_ptr<Model> assemble(std::shared_ptr<const SystemSpec> spec, const Registry& registry, const CompileOptions& options,
+                                bool graded);
 
 }  // namespace cardan

@@ -22,9 +22,7 @@ std::string with_unit(std::string value, std::string_view unit) {
   return unit.empty() || unit == "1" ? value : fmt::format("{} {}", value, unit);
 }
 
-std::string vector_text(const Eigen::Vector3d& v) {
-  return fmt::format("[{:.6g}, {:.6g}, {:.6g}]", v.x(), v.y(), v.z());
-}
+std::string vector_text(const Eigen::Vector3d& v) { return fmt::format("[{:.6g}, {:.6g}, {:.6g}]", v.x(), v.y(), v.z()); }
 
 }  // namespace
 
@@ -50,8 +48,7 @@ std::string describe(const DocNode& node) {
 std::string one_of(const std::vector<std::string>& names) {
   constexpr std::size_t kMost = 30;
   std::string out;
-  for (std::size_t i = 0; i < std::min(names.size(), kMost); ++i)
-    out += (i == 0 ? "" : i + 1 == names.size() ? " or " : ", ") + names[i];
+  for (std::size_t i = 0; i < std::min(names.size(), kMost); ++i) out += (i == 0 ? "" : i + 1 == names.size() ? " or " : ", ") + names[i];
   return names.size() > kMost ? fmt::format("{} or one of {} more", out, names.size() - kMost) : out;
 }
 
@@ -90,8 +87,7 @@ int read_integer(const DocRef& value, int least, ReadContext& context) {
   bool too_large = false;
   if (value.node->kind == Kind::scalar) {
     const auto number = parse_number(value.node->text);
-    if (number && *number == std::floor(*number) && *number >= least && *number <= kMost)
-      return static_cast<int>(*number);
+    if (number && *number == std::floor(*number) && *number >= least && *number <= kMost) return static_cast<int>(*number);
     too_large = number && *number > kMost;
   }
   context.sink.report(Code::out_of_range, value.at(),
@@ -113,8 +109,7 @@ bool read_flag(const DocRef& value, ReadContext& context) {
   return false;
 }
 
-int read_choice(const DocRef& value, const std::vector<std::string>& legal, std::string_view what, Code code,
-                ReadContext& context) {
+int read_choice(const DocRef& value, const std::vector<std::string>& legal, std::string_view what, Code code, ReadContext& context) {
   const DocNode& node = *value.node;
   const std::string expected = fmt::format("{}: {}", what, one_of(legal));
   if (node.kind != Kind::scalar) {
@@ -151,8 +146,7 @@ Eigen::Vector3d read_direction(const DocRef& value, ReadContext& context) {
   const Eigen::Vector3d axis = read_vector(value, "1", context);
   const double length = axis.stableNorm();
   if (length > 0.0) return axis / length;
-  if (length == 0.0)
-    context.sink.report(Code::out_of_range, value.at(), "a direction: not all three zero", vector_text(axis));
+  if (length == 0.0) context.sink.report(Code::out_of_range, value.at(), "a direction: not all three zero", vector_text(axis));
   return Eigen::Vector3d::UnitX();
 }
 
@@ -164,16 +158,14 @@ Eigen::Matrix3d read_euler(const DocRef& value, ReadContext& context) {
   if (!sequence || !angles) return Eigen::Matrix3d::Identity();
   std::string axes = read_text(*sequence, "three axes, such as zyx or 313", context);
   for (char& c : axes) c = c >= '1' && c <= '3' ? static_cast<char>('x' + (c - '1')) : c;
-  if (axes.size() != 3 || axes.find_first_not_of("xyz") != std::string::npos || axes[0] == axes[1] ||
-      axes[1] == axes[2]) {
+  if (axes.size() != 3 || axes.find_first_not_of("xyz") != std::string::npos || axes[0] == axes[1] || axes[1] == axes[2]) {
     context.sink.report(Code::out_of_range, sequence->at(), "three axes, no two neighbours equal, such as zyx or 313",
                         describe(*sequence->node));
     return Eigen::Matrix3d::Identity();
   }
   const Eigen::Vector3d angle = read_vector(*angles, "rad", context);
   Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
-  for (int i = 0; i < 3; ++i)
-    R = R * Eigen::AngleAxisd(angle[i], Eigen::Vector3d::Unit(axes[i] - 'x'));
+  for (int i = 0; i < 3; ++i) R = R * Eigen::AngleAxisd(angle[i], Eigen::Vector3d::Unit(axes[i] - 'x'));
   return R;
 }
 
@@ -239,8 +231,7 @@ std::optional<DocRef> MapReader::require(std::string_view key, std::string_view 
   auto value = find(key);
   if (value || !is_map()) return value;
   const std::string path = map_.path.empty() ? std::string(key) : fmt::format("{}.{}", map_.path, key);
-  context_.sink.report(Code::missing_key, {path, map_.node->mark}, fmt::format("{}: {}", key, expected), "no such key",
-                       std::string(hint));
+  context_.sink.report(Code::missing_key, {path, map_.node->mark}, fmt::format("{}: {}", key, expected), "no such key", std::string(hint));
   return {};
 }
 
@@ -256,8 +247,7 @@ std::optional<std::pair<std::size_t, DocRef>> MapReader::one(const std::vector<s
     }
     found.emplace(i, *value);
   }
-  if (!found && is_map())
-    context_.sink.report(Code::missing_key, map_.at(), "one of the keys " + one_of(keys), describe(*map_.node));
+  if (!found && is_map()) context_.sink.report(Code::missing_key, map_.at(), "one of the keys " + one_of(keys), describe(*map_.node));
   return found;
 }
 
@@ -305,15 +295,13 @@ void MapReader::finish(std::string_view hint) {
     if (std::find(asked_.begin(), asked_.end(), key.name) != asked_.end()) continue;
     std::string near = did_you_mean(key.name, asked_);
     if (near.empty()) near = hint;
-    context_.sink.report(Code::unknown_key, {map_.item(i).path, key.mark}, "one of the keys " + one_of(asked_),
-                         in_quotes(key.name), near);
+    context_.sink.report(Code::unknown_key, {map_.item(i).path, key.mark}, "one of the keys " + one_of(asked_), in_quotes(key.name), near);
   }
 }
 
 void MapReader::note_default(std::string_view key, std::string value) {
   if (!is_map()) return;
-  context_.defaults_used.emplace_back(map_.path.empty() ? std::string(key) : fmt::format("{}.{}", map_.path, key),
-                                      std::move(value));
+  context_.defaults_used.emplace_back(map_.path.empty() ? std::string(key) : fmt::format("{}.{}", map_.path, key), std::move(value));
 }
 
 }  // namespace cardan

@@ -45,8 +45,7 @@ std::string read_text(const DocRef& value, std::string_view expected, ReadContex
 /// `true` or `false`, nothing else.
 bool read_flag(const DocRef& value, ReadContext& context);
 /// Index of the text among `legal`, or -1 after a fault (reported as `code`).
-int read_choice(const DocRef& value, const std::vector<std::string>& legal, std::string_view what, Code code,
-                ReadContext& context);
+int read_choice(const DocRef& value, const std::vector<std::string>& legal, std::string_view what, Code code, ReadContext& context);
 /// Rotation from one of {rotvec}, {quaternion_wxyz}, {axis, angle}, {euler: {sequence, angles}}, {matrix}: the matrix
 /// that takes components in the axes described to components in the axes they are described in.
 Eigen::Matrix3d read_orientation(const DocRef& value, ReadContext& context);

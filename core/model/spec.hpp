@@ -28,31 +28,31 @@ using ParamValues = std::map<std::string, ParamValue, std::less<>>;
 /// A point of a body where hinges, wrenches and sensors attach. Node axes N.
 struct NodeSpec {
   std::string name;
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();     // [m] body axes, undeformed
-  Eigen::Matrix3d R_BN = Eigen::Matrix3d::Identity();     // node axes to body axes, undeformed
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // [m] body axes, undeformed
+  Eigen::Matrix3d R_BN = Eigen::Matrix3d::Identity();  // node axes to body axes, undeformed
   Located at;
 };
 
 /// A linear spring and damper in parallel with one velocity component of a hinge: tau = -k (q - rest) - c v.
 struct SpringDamper {
   int component = 0;
-  double stiffness = 0.0, rest = 0.0, damping = 0.0;      // [N m/rad | N/m], [rad | m], [N m s/rad | N s/m]
+  double stiffness = 0.0, rest = 0.0, damping = 0.0;  // [N m/rad | N/m], [rad | m], [N m s/rad | N s/m]
   Located at;
 };
 
 /// Inboard hinge of a body: joins onode O (on the inboard body, or on the world) to pnode P (on the body).
 struct HingeSpec {
   std::string type = "locked";
-  std::string inboard_body;                               // "" = world
-  std::string inboard_node;                               // "" = origin of the inboard body (or of the world)
-  std::string body_node;                                  // "" = origin of the body
+  std::string inboard_body;  // "" = world
+  std::string inboard_node;  // "" = origin of the inboard body (or of the world)
+  std::string body_node;     // "" = origin of the body
   // O and P may also be given in place, without a node name; used when the name is empty:
-  Eigen::Vector3d onode_position = Eigen::Vector3d::Zero(), pnode_position = Eigen::Vector3d::Zero();      // [m]
-  Eigen::Matrix3d onode_R = Eigen::Matrix3d::Identity(), pnode_R = Eigen::Matrix3d::Identity();            // node axes to body axes
-  ParamValues params;                                     // checked against the family's schema by compile()
-  std::vector<double> q, v;                               // initial values; empty = the family's zero
-  bool locked = false;                                    // held at q: no velocity components
-  std::vector<int> prescribed;                            // velocity components whose motion is given as a function of time
+  Eigen::Vector3d onode_position = Eigen::Vector3d::Zero(), pnode_position = Eigen::Vector3d::Zero();  // [m]
+  Eigen::Matrix3d onode_R = Eigen::Matrix3d::Identity(), pnode_R = Eigen::Matrix3d::Identity();        // node axes to body axes
+  ParamValues params;           // checked against the family's schema by compile()
+  std::vector<double> q, v;     // initial values; empty = the family's zero
+  bool locked = false;          // held at q: no velocity components
+  std::vector<int> prescribed;  // velocity components whose motion is given as a function of time
   std::vector<SpringDamper> springs;
   Located at;
 };
@@ -76,21 +76,21 @@ struct BodySpec {
 
 struct GravitySpec {
   enum class Kind { none, uniform, central } kind = Kind::none;
-  Eigen::Vector3d g = Eigen::Vector3d::Zero();            // [m/s^2] uniform, world axes
-  double mu = 0.0;                                        // [m^3/s^2] central
-  Eigen::Vector3d centre = Eigen::Vector3d::Zero();       // [m] world axes
-  bool gradient = true;                                   // torque on each body and force on its modes
+  Eigen::Vector3d g = Eigen::Vector3d::Zero();       // [m/s^2] uniform, world axes
+  double mu = 0.0;                                   // [m^3/s^2] central
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();  // [m] world axes
+  bool gradient = true;                              // torque on each body and force on its modes
   Located at;
 };
 
 struct SystemSpec {
   std::string name;
-  std::vector<BodySpec> bodies;                           // in the user's order, which is that of q, v and the results
+  std::vector<BodySpec> bodies;  // in the user's order, which is that of q, v and the results
   GravitySpec gravity;
-  std::string source_file, source_text;                   // where it was read from, and its bytes (hashed in results)
+  std::string source_file, source_text;                            // where it was read from, and its bytes (hashed in results)
   std::vector<std::pair<std::string, std::string>> defaults_used;  // key path, value: what `describe` lists
-  std::map<std::string, SourceMark, std::less<>> marks;   // key path of each value of the input and where it stands
-  Warnings warnings;                                      // of reading and of making the modes
+  std::map<std::string, SourceMark, std::less<>> marks;            // key path of each value of the input and where it stands
+  Warnings warnings;                                               // of reading and of making the modes
 
   /// The key path with its place; with that of the nearest object around it where it has none of its own.
   Located locate(std::string key_path) const {

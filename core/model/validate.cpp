@@ -17,7 +17,7 @@
 namespace cardan {
 namespace {
 
-constexpr double kMeanAxes = 1e-9;  // of sqrt(mass times modal mass): rounding of modes that are orthogonal to the rigid motions
+constexpr double kMeanAxes = 1e-9;           // of sqrt(mass times modal mass): rounding of modes that are orthogonal to the rigid motions
 constexpr double kTriangleTolerance = 1e-6;  // relative; moments are typed with a finite number of digits
 
 /// Positive definite, and the pivots of L D L* say so well above round-off.
@@ -78,8 +78,7 @@ class Structure {
     if (!(body.mass > 0.0) || !std::isfinite(body.mass))
       return report(Code::non_positive_mass, at(".mass"), "mass > 0", fmt::format("{:g} kg", body.mass),
                     body.mass == 0.0 ? "join what has no mass to a body that has some" : "");
-    if (!body.com.allFinite())
-      return report(Code::out_of_range, at(".com"), "three finite numbers", "a value that is not finite");
+    if (!body.com.allFinite()) return report(Code::out_of_range, at(".com"), "three finite numbers", "a value that is not finite");
     if (body.type == "rigid") check_inertia(body, at);
   }
 
@@ -89,7 +88,8 @@ class Structure {
     // A tensor about any point of a body obeys these laws too: taking `about: origin` away may help, adding it cannot.
     const bool shifted = spec_.marks.count(body_path(body) + ".inertia.about") && !body.com.isZero();
     report(Code::unphysical_inertia, at(".inertia"), fault.expected, fault.got,
-           shifted ? "about: origin takes mass (|c|^2 1 - c c^T) off the tensor given, c = com; leave it out if the tensor is about the mass centre"
+           shifted ? "about: origin takes mass (|c|^2 1 - c c^T) off the tensor given, c = com; leave it out if the tensor is about the "
+                     "mass centre"
                    : fault.hint);
   }
 
@@ -99,31 +99,26 @@ class Structure {
       const auto at = [&](const char* key) { return fmt::format("{}.nodes.{}{}", body_path(body), node.name, key); };
       if (!seen.insert(node.name).second)
         report(Code::duplicate_name, at(""), "a name of its own for each node of a body", in_quotes(node.name));
-      if (!node.position.allFinite())
-        report(Code::out_of_range, at(".position"), "three finite numbers", "a value that is not finite");
+      if (!node.position.allFinite()) report(Code::out_of_range, at(".position"), "three finite numbers", "a value that is not finite");
       check_rotation(node.R_BN, at, ".orientation");
     }
   }
   void check_rotation(const Eigen::Matrix3d& R, const auto& at, const char* key) {
     const double error = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
     if (!(error < 1e-9) || R.determinant() < 0.0)
-      report(Code::not_a_rotation, at(key), "an orthonormal right-handed matrix",
-             fmt::format("an entry of R R^T - 1 is {:.3g}", error));
+      report(Code::not_a_rotation, at(key), "an orthonormal right-handed matrix", fmt::format("an entry of R R^T - 1 is {:.3g}", error));
   }
 
   void check_flexible(const BodySpec& body, const auto& at) {
-    if (body.level < 0 || body.level > 2)
-      report(Code::out_of_range, at(".level"), "0, 1 or 2", fmt::format("{}", body.level));
+    if (body.level < 0 || body.level > 2) report(Code::out_of_range, at(".level"), "0, 1 or 2", fmt::format("{}", body.level));
     if (!body.modal) {
-      if (!body.modal_source)
-        report(Code::missing_key, at(".modal"), "modal: where the modes come from", "no such key");
+      if (!body.modal_source) report(Code::missing_key, at(".modal"), "modal: where the modes come from", "no such key");
       return;
     }
     const auto size_fits = [&](const std::vector<double>& values, const char* name) {
       if (!values.empty() && values.size() != static_cast<std::size_t>(body.modal->n_modes))
         report(Code::bad_initial_state, fmt::format("{}.initial.{}", at(""), name),
-               fmt::format("{} values, one for each mode kept", body.modal->n_modes),
-               fmt::format("{} values", values.size()));
+               fmt::format("{} values, one for each mode kept", body.modal->n_modes), fmt::format("{} values", values.size()));
     };
     size_fits(body.eta, "eta");
     size_fits(body.etadot, "etadot");
@@ -189,8 +184,7 @@ class Structure {
       report(Code::out_of_range, "gravity.uniform", "three finite numbers", "a value that is not finite");
     if (gravity.kind != GravitySpec::Kind::central) return;
     if (!(gravity.mu > 0.0) || !std::isfinite(gravity.mu))
-      report(Code::out_of_range, "gravity.central.mu", "a gravitational parameter > 0",
-             fmt::format("{:g} m^3/s^2", gravity.mu));
+      report(Code::out_of_range, "gravity.central.mu", "a gravitational parameter > 0", fmt::format("{:g} m^3/s^2", gravity.mu));
     if (!gravity.centre.allFinite())
       report(Code::out_of_range, "gravity.central.centre", "three finite numbers", "a value that is not finite");
   }
@@ -223,18 +217,16 @@ class HingeParams {
   void fault(Code code, const std::string& name, std::string expected, std::string got, std::string hint = {}) {
     failed_ = true;
     const std::string path = body_path(body_) + ".hinge";
-    sink_.report(code, spec_.locate(name.empty() ? path : fmt::format("{}.{}", path, name)), std::move(expected),
-                 std::move(got), std::move(hint));
+    sink_.report(code, spec_.locate(name.empty() ? path : fmt::format("{}.{}", path, name)), std::move(expected), std::move(got),
+                 std::move(hint));
   }
 
   void read(const cardan_param_desc& desc) {
     const auto given = given_.find(desc.name);
     if (given == given_.end()) {
-      if (desc.required)
-        return fault(Code::missing_key, desc.name, fmt::format("{}: {}", desc.name, desc.meaning), "no such key");
+      if (desc.required) return fault(Code::missing_key, desc.name, fmt::format("{}: {}", desc.name, desc.meaning), "no such key");
       if (desc.kind == CARDAN_NUMBER) table_.numbers[desc.name] = {desc.fallback[0]};
-      if (desc.kind == CARDAN_VECTOR || desc.kind == CARDAN_UNIT_VECTOR)
-        table_.numbers[desc.name] = {desc.fallback, desc.fallback + 3};
+      if (desc.kind == CARDAN_VECTOR || desc.kind == CARDAN_UNIT_VECTOR) table_.numbers[desc.name] = {desc.fallback, desc.fallback + 3};
       return;
     }
     const ParamValue& value = given->second;
@@ -314,14 +306,13 @@ class HingeParams {
   bool failed_ = false;
 };
 
-void check_initial_values(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family,
-                          DiagnosticSink& sink) {
+void check_initial_values(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink) {
   const HingeSpec& hinge = body.hinge;
   const auto at = [&] { return spec.locate(body_path(body) + ".hinge.initial"); };
   const auto fits = [&](const std::vector<double>& values, uint32_t n, const char* what) {
     if (!values.empty() && values.size() != n)
-      sink.report(Code::bad_initial_state, at(),
-                  fmt::format("{} {} of hinge type {}", n, what, family.type), fmt::format("{} values", values.size()));
+      sink.report(Code::bad_initial_state, at(), fmt::format("{} {} of hinge type {}", n, what, family.type),
+                  fmt::format("{} values", values.size()));
     else if (!std::all_of(values.begin(), values.end(), [](double x) { return std::isfinite(x); }))
       sink.report(Code::bad_initial_state, at(), "finite numbers", "a value that is not finite");
   };
@@ -330,8 +321,7 @@ void check_initial_values(const SystemSpec& spec, const BodySpec& body, const ca
   if (family.shape >= CARDAN_SHAPE_BALL && family.shape <= CARDAN_SHAPE_FREE_BODY && hinge.q.size() == family.nq) {
     const double norm = Eigen::Map<const Eigen::Vector4d>(hinge.q.data()).norm();
     if (!(std::abs(norm - 1.0) < 1e-6))
-      sink.report(Code::non_unit_quaternion, at(), "w^2 + x^2 + y^2 + z^2 = 1 (within 1e-06)",
-                  fmt::format("length {:.9g}", norm));
+      sink.report(Code::non_unit_quaternion, at(), "w^2 + x^2 + y^2 + z^2 = 1 (within 1e-06)", fmt::format("length {:.9g}", norm));
   }
 }
 
@@ -339,12 +329,12 @@ void check_initial_values(const SystemSpec& spec, const BodySpec& body, const ca
 void check_locked(const SystemSpec& spec, const BodySpec& body, DiagnosticSink& sink) {
   const std::string path = body_path(body) + ".hinge";
   if (!body.hinge.prescribed.empty())
-    sink.report(Code::wrong_type, spec.locate(path + ".prescribed"), "locked or prescribed, not both", "locked: true and prescribed components",
-                "`locked` holds all components at their initial coordinates; a component that is prescribed stands still until it gets a profile");
+    sink.report(
+        Code::wrong_type, spec.locate(path + ".prescribed"), "locked or prescribed, not both", "locked: true and prescribed components",
+        "`locked` holds all components at their initial coordinates; a component that is prescribed stands still until it gets a profile");
 }
 
-void check_components(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family,
-                      DiagnosticSink& sink) {
+void check_components(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink) {
   const HingeSpec& hinge = body.hinge;
   if (hinge.locked) check_locked(spec, body, sink);
   if (hinge.prescribed.empty() && hinge.springs.empty()) return;
@@ -362,8 +352,7 @@ void check_components(const SystemSpec& spec, const BodySpec& body, const cardan
     const std::string at = spring.at.key_path.empty() ? fmt::format("{}.springs[{}]", path, i) : spring.at.key_path;
     if (!exists(spring.component, at)) continue;
     if (!(spring.damping >= 0.0) || !std::isfinite(spring.damping))
-      sink.report(Code::out_of_range, spec.locate(at + ".damping"), "damping >= 0",
-                  fmt::format("{:g}", spring.damping));
+      sink.report(Code::out_of_range, spec.locate(at + ".damping"), "damping >= 0", fmt::format("{:g}", spring.damping));
     if (!std::isfinite(spring.stiffness) || !std::isfinite(spring.rest))
       sink.report(Code::out_of_range, spec.locate(at), "finite numbers", "a value that is not finite");
     if (spring.stiffness != 0.0 && family.nq != family.nv)
@@ -374,8 +363,7 @@ void check_components(const SystemSpec& spec, const BodySpec& body, const cardan
 }
 
 /// A hinge that transmits a force needs a material point on both sides: the frame of mean axes is none.
-void check_attachment(const SystemSpec& spec, const BodySpec& body, int inboard, const cardan_hinge_family& family,
-                      DiagnosticSink& sink) {
+void check_attachment(const SystemSpec& spec, const BodySpec& body, int inboard, const cardan_hinge_family& family, DiagnosticSink& sink) {
   const HingeSpec& hinge = body.hinge;
   if (family.nv == 6 && !hinge.locked && hinge.springs.empty()) return;
   const auto check = [&](const BodySpec& flexible, const std::string& node, const char* key) {
@@ -386,7 +374,8 @@ void check_attachment(const SystemSpec& spec, const BodySpec& body, int inboard,
                 nodes.empty() ? fmt::format("a node of {}, which has none", flexible.name)
                               : fmt::format("a node of {}: {}", flexible.name, one_of(nodes)),
                 "its floating frame",
-                "modes of `boundary: free` leave the frame at rest, so that a hinge on it neither moves them nor is moved; a cantilever held at the "
+                "modes of `boundary: free` leave the frame at rest, so that a hinge on it neither moves them nor is moved; a cantilever "
+                "held at the "
                 "hinge converges with far fewer modes");
   };
   check(body, hinge.body_node, ".at");
@@ -405,7 +394,8 @@ InertiaFault inertia_fault(const Eigen::Matrix3d& I, bool point) {
   const Eigen::Vector3d p = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(I, Eigen::EigenvaluesOnly).eigenvalues();
   const std::string moments = fmt::format("{:.6g}, {:.6g}, {:.6g} kg m^2 about the mass centre", p[2], p[1], p[0]);
   if (point ? p[0] < -kTriangleTolerance * p[2] : !(p[0] > 0.0))
-    return {point ? "principal moments >= 0" : "principal moments > 0", moments, p[2] == 0.0 ? "a body without extent is `type: particle`" : ""};
+    return {point ? "principal moments >= 0" : "principal moments > 0", moments,
+            p[2] == 0.0 ? "a body without extent is `type: particle`" : ""};
   const double excess = p[2] - p[0] - p[1];
   if (!(excess > (p[0] + p[1]) * kTriangleTolerance)) return {};
   InertiaFault fault{"principal moments that satisfy the triangle inequality",
@@ -419,9 +409,10 @@ InertiaFault inertia_fault(const Eigen::Matrix3d& I, bool point) {
   if (possible(diagonal))
     fault.hint = possible(other_sign)
                      ? "products of inertia are the entries of the tensor, xy = - sum m x y: with the other sign it would be possible"
-                     : fmt::format("its products are too large for its moments (a flat body, one moment the sum of the others, has none out of its "
-                                   "plane); {:.3g} kg m^2 more in each moment would do, {:.2g} % of the largest",
-                                   excess, 100.0 * excess / p[2]);
+                     : fmt::format(
+                           "its products are too large for its moments (a flat body, one moment the sum of the others, has none out of its "
+                           "plane); {:.3g} kg m^2 more in each moment would do, {:.2g} % of the largest",
+                           excess, 100.0 * excess / p[2]);
   return fault;
 }
 
@@ -441,8 +432,8 @@ std::vector<CheckedHinge> validate(const SystemSpec& spec, const Registry& regis
       std::vector<std::string> types = registry.hinge_types();
       std::sort(types.begin(), types.end());
       sink.report(Code::unknown_hinge_type, spec.locate(body_path(body) + ".hinge.type"),
-                  fmt::format("a hinge type: {}, or one from a loaded plugin", fmt::join(types, ", ")),
-                  in_quotes(body.hinge.type), did_you_mean(body.hinge.type, types));
+                  fmt::format("a hinge type: {}, or one from a loaded plugin", fmt::join(types, ", ")), in_quotes(body.hinge.type),
+                  did_you_mean(body.hinge.type, types));
       continue;
     }
     hinges[i] = {structure.inboard()[i], family, pack_hinge(spec, body, *family, sink)};
@@ -453,8 +444,7 @@ std::vector<CheckedHinge> validate(const SystemSpec& spec, const Registry& regis
   return hinges;
 }
 
-std::vector<double> pack_hinge(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family,
-                               DiagnosticSink& sink) {
+std::vector<double> pack_hinge(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink) {
   return HingeParams(spec, body, family, sink).packed();
 }
 

@@ -23,8 +23,7 @@ std::vector<CheckedHinge> validate(const SystemSpec& spec, const Registry& regis
 
 /// The parameters of a hinge checked against the schema of its family, defaults filled in, unit vectors normalised, and
 /// packed for its kinematics (core/abi/param_values.hpp). Faults go to the sink; then empty.
-std::vector<double> pack_hinge(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family,
-                               DiagnosticSink& sink);
+std::vector<double> pack_hinge(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink);
 
 /// Why no body has this tensor about its mass centre; empty texts: one can.
 struct InertiaFault {

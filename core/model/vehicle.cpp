@@ -33,16 +33,15 @@ std::vector<std::pair<std::string, DocRef>> named_items(const DocRef& map, ReadC
     if (is_name(key.name) && key.name != "world")
       items.emplace_back(key.name, map.item(i));
     else
-      context.sink.report(Code::bad_name, {map.item(i).path, key.mark},
-                          "a letter, then letters, digits, `_` and `-`; not `world`", in_quotes(key.name));
+      context.sink.report(Code::bad_name, {map.item(i).path, key.mark}, "a letter, then letters, digits, `_` and `-`; not `world`",
+                          in_quotes(key.name));
   }
   return items;
 }
 
 class VehicleReader {
  public:
-  VehicleReader(const Registry& registry, DiagnosticSink& sink)
-      : registry_(registry), context_{sink, spec_.defaults_used} {}
+  VehicleReader(const Registry& registry, DiagnosticSink& sink) : registry_(registry), context_{sink, spec_.defaults_used} {}
 
   SystemSpec read(const DocNode& root) {
     spec_.source_file = root.mark.file;
@@ -50,8 +49,7 @@ class VehicleReader {
     MapReader top({&root, ""}, context_);
     if (const auto version = top.require("cardan", "1, the version of this grammar", "begin the file with `cardan: 1`"))
       if (version->node->text != "1")
-        context_.sink.report(Code::out_of_range, version->at(), "1, the version of this grammar",
-                             describe(*version->node));
+        context_.sink.report(Code::out_of_range, version->at(), "1, the version of this grammar", describe(*version->node));
     spec_.name = top.text("name", "a text", "vehicle");
     if (const auto gravity = top.find("gravity"))
       read_gravity(*gravity);
@@ -110,8 +108,7 @@ class VehicleReader {
       read_hinge(*hinge, body);
     // Of a body of unknown type only the type is reported: which keys it may have depends on it.
     if (body.type == "rigid" || body.type == "particle" || body.type == "modal_flexible")
-      map.finish(body.type == "modal_flexible" ? "mass and nodes of a flexible body are those of its modal source"
-                                               : "");
+      map.finish(body.type == "modal_flexible" ? "mass and nodes of a flexible body are those of its modal source" : "");
     spec_.bodies.push_back(std::move(body));
   }
 
@@ -119,8 +116,8 @@ class VehicleReader {
     body.mass = map.number("mass", "kg");
     body.com = map.vector("com", "m", Eigen::Vector3d::Zero());
     if (body.type != "particle") {
-      const auto inertia = map.require("inertia", "[xx, yy, zz] or {xx, yy, zz, xy, xz, yz, about} in kg m^2",
-                                       "a body without extent is `type: particle`");
+      const auto inertia =
+          map.require("inertia", "[xx, yy, zz] or {xx, yy, zz, xy, xz, yz, about} in kg m^2", "a body without extent is `type: particle`");
       if (inertia) body.inertia_com = read_inertia(*inertia, body.mass, body.com, context_);
     }
     if (const auto nodes = map.find("nodes"))
@@ -180,9 +177,8 @@ class VehicleReader {
     if (to.node->kind == Kind::list) {
       std::string names;
       for (const DocNode& item : to.node->items) names += (names.empty() ? "" : " and ") + describe(item);
-      context_.sink.report(
-          Code::two_parents, to.at(), "one body, body.node or world", names,
-          "the hinges of a vehicle form a tree: hang the body on one of them");
+      context_.sink.report(Code::two_parents, to.at(), "one body, body.node or world", names,
+                           "the hinges of a vehicle form a tree: hang the body on one of them");
       return;
     }
     std::string name;
@@ -215,8 +211,7 @@ class VehicleReader {
   void read_param(MapReader& map, const cardan_param_desc& desc, HingeSpec& hinge) {
     const auto value = map.find(desc.name);
     if (!value) {  // what is required is missed by validate()
-      if (!desc.required && desc.kind == CARDAN_NUMBER)
-        map.note_default(desc.name, fmt::format("{:.6g} {}", desc.fallback[0], desc.unit));
+      if (!desc.required && desc.kind == CARDAN_NUMBER) map.note_default(desc.name, fmt::format("{:.6g} {}", desc.fallback[0], desc.unit));
       return;
     }
     ParamValue param{0.0, value->at()};
@@ -259,8 +254,7 @@ class VehicleReader {
   int read_component(const DocRef& value, const cardan_hinge_family& family) {
     std::vector<std::string> legal(family.v_names, family.v_names + family.nv);
     if (family.nq == family.nv) legal.insert(legal.end(), family.q_names, family.q_names + family.nq);
-    const int i = read_choice(value, legal, fmt::format("a component of hinge type {}", family.type),
-                              Code::unknown_name, context_);
+    const int i = read_choice(value, legal, fmt::format("a component of hinge type {}", family.type), Code::unknown_name, context_);
     return i < 0 ? i : i % static_cast<int>(family.nv);
   }
 
@@ -277,8 +271,7 @@ class VehicleReader {
 
   void read_springs(const DocRef& value, const cardan_hinge_family& family, HingeSpec& hinge) {
     if (value.node->kind != Kind::list) {
-      context_.sink.report(Code::wrong_type, value.at(), "a list of springs", describe(*value.node),
-                           "one spring alone: spring: {...}");
+      context_.sink.report(Code::wrong_type, value.at(), "a list of springs", describe(*value.node), "one spring alone: spring: {...}");
       return;
     }
     for (std::size_t i = 0; i < value.node->items.size(); ++i) read_spring(value.item(i), family, hinge);
@@ -288,8 +281,8 @@ class VehicleReader {
     SpringDamper spring;
     spring.at = value.at();
     if (family.nv > 1) {
-      const auto component = map.require(
-          "component", "which component of the hinge: " + one_of({family.v_names, family.v_names + family.nv}));
+      const auto component =
+          map.require("component", "which component of the hinge: " + one_of({family.v_names, family.v_names + family.nv}));
       spring.component = component ? read_component(*component, family) : -1;
       if (spring.component < 0) return;
     } else if (const auto component = map.find("component")) {

@@ -48,11 +48,17 @@ struct Rules {
   std::ptrdiff_t stride;
 
   template <Kind K, bool Star>
-  void operator()(Leaf<K, Star>, const double* x, double* y, double*) const { tree.apply(K, Star, x, y); }
+  void operator()(Leaf<K, Star>, const double* x, double* y, double*) const {
+    tree.apply(K, Star, x, y);
+  }
   template <Kind K>
-  void operator()(BlockInverse<K>, const double* x, double* y, double*) const { tree.apply_inverse(K, x, y); }
+  void operator()(BlockInverse<K>, const double* x, double* y, double*) const {
+    tree.apply_inverse(K, x, y);
+  }
   template <Space S>
-  void operator()(Identity<S>, const double* x, double* y, double*) const { std::copy(x, x + tree.size(S), y); }
+  void operator()(Identity<S>, const double* x, double* y, double*) const {
+    std::copy(x, x + tree.size(S), y);
+  }
   template <class A>
   void operator()(Minus<A>, const double* x, double* y, double* room) const {
     (*this)(A{}, x, y, room);
@@ -73,7 +79,9 @@ struct Rules {
 
  private:
   template <class A>
-  void factors(Product<A>, const double* x, double* y, double*, double*, double* room) const { (*this)(A{}, x, y, room); }
+  void factors(Product<A>, const double* x, double* y, double*, double*, double* room) const {
+    (*this)(A{}, x, y, room);
+  }
   /// Right to left, between two vectors.
   template <class A, class B, class... Rest>
   void factors(Product<A, B, Rest...>, const double* x, double* y, double* mine, double* other, double* room) const {
@@ -85,17 +93,27 @@ struct Rules {
 template <class E>
 void require_stages(E, const TreeOperators&) {}
 template <Kind K, bool Star>
-void require_stages(Leaf<K, Star>, const TreeOperators& tree) { tree.require(K); }
+void require_stages(Leaf<K, Star>, const TreeOperators& tree) {
+  tree.require(K);
+}
 template <Kind K>
-void require_stages(BlockInverse<K>, const TreeOperators& tree) { tree.require(K); }
+void require_stages(BlockInverse<K>, const TreeOperators& tree) {
+  tree.require(K);
+}
 template <class... F>
 void require_stages(Product<F...>, const TreeOperators& tree);
 template <class A, class B>
-void require_stages(Sum<A, B>, const TreeOperators& tree) { require_stages(A{}, tree), require_stages(B{}, tree); }
+void require_stages(Sum<A, B>, const TreeOperators& tree) {
+  require_stages(A{}, tree), require_stages(B{}, tree);
+}
 template <class A>
-void require_stages(Minus<A>, const TreeOperators& tree) { require_stages(A{}, tree); }
+void require_stages(Minus<A>, const TreeOperators& tree) {
+  require_stages(A{}, tree);
+}
 template <class... F>
-void require_stages(Product<F...>, const TreeOperators& tree) { (require_stages(F{}, tree), ...); }
+void require_stages(Product<F...>, const TreeOperators& tree) {
+  (require_stages(F{}, tree), ...);
+}
 
 }  // namespace detail
 
@@ -112,8 +130,14 @@ void apply(E e, const TreeOperators& tree, const double* x, double* y) {
 template <bool Fuse = true, Expression E>
 Eigen::VectorXd apply(E e, const TreeOperators& tree, const Eigen::VectorXd& x) {
   if (x.size() != tree.size(Shape<E>::cols))
-    throw InputError(Diagnostic{Code::operator_shape, {"operator expression", {}}, fmt::format("a vector of {}", tree.size(Shape<E>::cols)),
-                                fmt::format("one of {}", x.size()), {}, {}, {}, 0});
+    throw InputError(Diagnostic{Code::operator_shape,
+                                {"operator expression", {}},
+                                fmt::format("a vector of {}", tree.size(Shape<E>::cols)),
+                                fmt::format("one of {}", x.size()),
+                                {},
+                                {},
+                                {},
+                                0});
   Eigen::VectorXd y(tree.size(Shape<E>::rows));
   apply<Fuse>(e, tree, x.data(), y.data());
   return y;
@@ -153,6 +177,8 @@ class Erased {
   LinearOperator view_;
 };
 template <Expression E>
-Erased<E> erase(E, const TreeOperators& tree) { return Erased<E>(tree); }
+Erased<E> erase(E, const TreeOperators& tree) {
+  return Erased<E>(tree);
+}
 
 }  // namespace cardan::operators

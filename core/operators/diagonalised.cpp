@@ -15,9 +15,13 @@ using soa::TreeOperators;
 
 /// S^-1 x, S^-* x.
 template <class X>
-void solve(const MatrixXd& S, X&& x) { S.triangularView<Eigen::Lower>().solveInPlace(x); }
+void solve(const MatrixXd& S, X&& x) {
+  S.triangularView<Eigen::Lower>().solveInPlace(x);
+}
 template <class X>
-void solve_star(const MatrixXd& S, X&& x) { S.triangularView<Eigen::Lower>().transpose().solveInPlace(x); }
+void solve_star(const MatrixXd& S, X&& x) {
+  S.triangularView<Eigen::Lower>().transpose().solveInPlace(x);
+}
 
 /// Strict lower triangle and half the diagonal: S low(S^-1 dD S^-*) is dS of D = S S*.
 MatrixXd low(const MatrixXd& a) {

@@ -22,7 +22,8 @@ class Diagonalised {
  public:
   enum class Form : std::uint8_t {
     normalised,  ///< as above
-    rates        ///< nu = (1 + H phi K)* v, no square roots, units of v: T = 1/2 nu* D nu, D nu' + C = eps = (1 - H psi K) tau, nu* C = 1/2 nu* D' nu
+    rates  ///< nu = (1 + H phi K)* v, no square roots, units of v: T = 1/2 nu* D nu, D nu' + C = eps = (1 - H psi K) tau, nu* C = 1/2 nu*
+           ///< D' nu
   };
   explicit Diagonalised(const soa::TreeOperators& tree, Form form = Form::normalised);
 
@@ -32,9 +33,9 @@ class Diagonalised {
   Eigen::VectorXd eps(const Eigen::VectorXd& tau) const;
   /// C at q of the tree: velocity terms alone; given components move uniformly.
   Eigen::VectorXd coriolis(const Eigen::VectorXd& v);
-  /// nu' of the whole right-hand side: in.tau, gravity, elastic forces, wrenches, v' of given components in in.vdot; nv numbers of the model
-  /// each, of which those of bodies that take part are read. q is that of the tree.
-  /// Springs of hinges are part of in.tau, as in forward dynamics.
+  /// nu' of the whole right-hand side: in.tau, gravity, elastic forces, wrenches, v' of given components in in.vdot; nv numbers of the
+  /// model each, of which those of bodies that take part are read. q is that of the tree. Springs of hinges are part of in.tau, as in
+  /// forward dynamics.
   Eigen::VectorXd rate(const Inputs& in);
 
  private:

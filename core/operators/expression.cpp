@@ -31,8 +31,8 @@ struct Expression::Node {
   bool starred = false;
   Stack rows, cols;
   Sort gives = Sort::unknown, takes = Sort::unknown;
-  std::vector<double> scales;                     // of the terms of a sum
-  std::vector<std::shared_ptr<const Node>> parts; // factors, or terms
+  std::vector<double> scales;                      // of the terms of a sum
+  std::vector<std::shared_ptr<const Node>> parts;  // factors, or terms
   int letters = 1;
 };
 
@@ -44,8 +44,8 @@ using Form = Node::Form;
 
 bool same(const Formula& a, const Formula& b) {
   if (a == b) return true;
-  if (a->form != b->form || a->kind != b->kind || a->starred != b->starred || a->rows != b->rows || a->cols != b->cols || a->scales != b->scales ||
-      a->parts.size() != b->parts.size())
+  if (a->form != b->form || a->kind != b->kind || a->starred != b->starred || a->rows != b->rows || a->cols != b->cols ||
+      a->scales != b->scales || a->parts.size() != b->parts.size())
     return false;
   for (std::size_t i = 0; i < a->parts.size(); ++i)
     if (!same(a->parts[i], b->parts[i])) return false;
@@ -59,7 +59,15 @@ Formula make(Node n) {
 }
 Formula leaf_of(Kind kind, bool starred = false, const std::vector<int>& nodes = {}) {
   const KindFacts& f = facts(kind);
-  Node n{.form = Form::leaf, .kind = kind, .starred = starred && !f.symmetric, .rows = {f.rows, {}}, .cols = {f.columns, {}}, .gives = f.gives, .takes = f.takes, .scales = {}, .parts = {}};
+  Node n{.form = Form::leaf,
+         .kind = kind,
+         .starred = starred && !f.symmetric,
+         .rows = {f.rows, {}},
+         .cols = {f.columns, {}},
+         .gives = f.gives,
+         .takes = f.takes,
+         .scales = {},
+         .parts = {}};
   if (f.columns == Space::node) n.cols.nodes = nodes;
   if (n.starred) {
     std::swap(n.rows, n.cols);
@@ -68,13 +76,29 @@ Formula leaf_of(Kind kind, bool starred = false, const std::vector<int>& nodes =
   return make(std::move(n));
 }
 Formula block_inverse(Kind kind) {
-  return make({.form = Form::block_inverse, .kind = kind, .starred = false, .rows = {facts(kind).rows, {}}, .cols = {facts(kind).columns, {}}, .gives = facts(kind).takes, .takes = facts(kind).gives, .scales = {}, .parts = {}});
+  return make({.form = Form::block_inverse,
+               .kind = kind,
+               .starred = false,
+               .rows = {facts(kind).rows, {}},
+               .cols = {facts(kind).columns, {}},
+               .gives = facts(kind).takes,
+               .takes = facts(kind).gives,
+               .scales = {},
+               .parts = {}});
 }
-Formula identity_of(const Stack& s) { return make({.form = Form::identity, .kind = Kind::H, .starred = false, .rows = s, .cols = s, .scales = {}, .parts = {}}); }
+Formula identity_of(const Stack& s) {
+  return make({.form = Form::identity, .kind = Kind::H, .starred = false, .rows = s, .cols = s, .scales = {}, .parts = {}});
+}
 
 /// A product without brackets, without identities, of one factor or more.
 Formula product_of(const std::vector<Formula>& factors) {
-  Node n{.form = Form::product, .kind = Kind::H, .starred = false, .rows = factors.front()->rows, .cols = factors.back()->cols, .scales = {}, .parts = {}};
+  Node n{.form = Form::product,
+         .kind = Kind::H,
+         .starred = false,
+         .rows = factors.front()->rows,
+         .cols = factors.back()->cols,
+         .scales = {},
+         .parts = {}};
   double scale = 1.0;
   const auto add = [&](const auto& self, const Formula& f) -> void {
     if (f->form == Form::product)
@@ -93,10 +117,24 @@ Formula product_of(const std::vector<Formula>& factors) {
   }
   const Formula bare = n.parts.empty() ? identity_of(n.rows) : n.parts.size() == 1 ? n.parts[0] : make(n);
   if (scale == 1.0) return bare;
-  return make({.form = Form::sum, .kind = Kind::H, .starred = false, .rows = bare->rows, .cols = bare->cols, .gives = bare->gives, .takes = bare->takes, .scales = {scale}, .parts = {bare}});
+  return make({.form = Form::sum,
+               .kind = Kind::H,
+               .starred = false,
+               .rows = bare->rows,
+               .cols = bare->cols,
+               .gives = bare->gives,
+               .takes = bare->takes,
+               .scales = {scale},
+               .parts = {bare}});
 }
 Formula sum_of(const std::vector<std::pair<double, Formula>>& terms) {
-  Node n{.form = Form::sum, .kind = Kind::H, .starred = false, .rows = terms[0].second->rows, .cols = terms[0].second->cols, .scales = {}, .parts = {}};
+  Node n{.form = Form::sum,
+         .kind = Kind::H,
+         .starred = false,
+         .rows = terms[0].second->rows,
+         .cols = terms[0].second->cols,
+         .scales = {},
+         .parts = {}};
   for (const auto& [s, f] : terms) {
     if (f->form == Form::sum) {
       for (std::size_t i = 0; i < f->parts.size(); ++i) n.parts.push_back(f->parts[i]), n.scales.push_back(s * f->scales[i]);
@@ -118,16 +156,19 @@ Formula sum_of(const std::vector<std::pair<double, Formula>>& terms) {
 
 Formula star_of(const Formula& f) {
   switch (f->form) {
-    case Form::leaf: return leaf_of(f->kind, !f->starred, f->kind == Kind::B ? (f->starred ? f->rows.nodes : f->cols.nodes) : std::vector<int>{});
+    case Form::leaf:
+      return leaf_of(f->kind, !f->starred, f->kind == Kind::B ? (f->starred ? f->rows.nodes : f->cols.nodes) : std::vector<int>{});
     case Form::block_inverse:
     case Form::identity:
-    case Form::unit: return f;
+    case Form::unit:
+      return f;
     case Form::product: {
       std::vector<Formula> turned;
       for (auto p = f->parts.rbegin(); p != f->parts.rend(); ++p) turned.push_back(star_of(*p));
       return product_of(turned);
     }
-    case Form::sum: break;
+    case Form::sum:
+      break;
   }
   std::vector<std::pair<double, Formula>> terms;
   for (std::size_t i = 0; i < f->parts.size(); ++i) terms.emplace_back(f->scales[i], star_of(f->parts[i]));
@@ -137,19 +178,20 @@ Formula star_of(const Formula& f) {
 Formula one(Space space) { return identity_of({space, {}}); }
 Formula H_phi_K() { return product_of({leaf_of(Kind::H), leaf_of(Kind::phi), leaf_of(Kind::K)}); }
 Formula H_psi_K() { return product_of({leaf_of(Kind::H), leaf_of(Kind::psi), leaf_of(Kind::K)}); }
-Formula mass_of() { return product_of({leaf_of(Kind::H), leaf_of(Kind::phi), leaf_of(Kind::M), leaf_of(Kind::phi, true), leaf_of(Kind::H, true)}); }
+Formula mass_of() {
+  return product_of({leaf_of(Kind::H), leaf_of(Kind::phi), leaf_of(Kind::M), leaf_of(Kind::phi, true), leaf_of(Kind::H, true)});
+}
 
 /// Pairs of an operator and its inverse, as in operators.hpp.
 const std::vector<std::pair<Formula, Formula>>& rules() {
   static const std::vector<std::pair<Formula, Formula>> all = [] {
     const Formula I_hinge = one(Space::hinge), I_body = one(Space::body);
     const Formula left = sum_of({{1.0, I_hinge}, {1.0, H_phi_K()}}), right = sum_of({{1.0, I_hinge}, {-1.0, H_psi_K()}});
-    std::vector<std::pair<Formula, Formula>> out = {
-        {leaf_of(Kind::phi), sum_of({{1.0, I_body}, {-1.0, leaf_of(Kind::E_phi)}})},
-        {leaf_of(Kind::psi), sum_of({{1.0, I_body}, {-1.0, leaf_of(Kind::E_psi)}})},
-        {left, right},
-        {leaf_of(Kind::D), block_inverse(Kind::D)},
-        {leaf_of(Kind::M), block_inverse(Kind::M)}};
+    std::vector<std::pair<Formula, Formula>> out = {{leaf_of(Kind::phi), sum_of({{1.0, I_body}, {-1.0, leaf_of(Kind::E_phi)}})},
+                                                    {leaf_of(Kind::psi), sum_of({{1.0, I_body}, {-1.0, leaf_of(Kind::E_psi)}})},
+                                                    {left, right},
+                                                    {leaf_of(Kind::D), block_inverse(Kind::D)},
+                                                    {leaf_of(Kind::M), block_inverse(Kind::M)}};
     const std::size_t n = out.size();
     for (std::size_t i = 0; i < n; ++i) out.emplace_back(out[i].second, out[i].first);
     out.emplace_back(mass_of(), product_of({star_of(right), block_inverse(Kind::D), right}));
@@ -195,16 +237,20 @@ std::optional<Formula> inverse_of(const Formula& f) {
 
 std::string text_of(const Formula& f) {
   switch (f->form) {
-    case Form::leaf: return std::string(facts(f->kind).name) + (f->starred ? "*" : "");
-    case Form::block_inverse: return std::string(facts(f->kind).name) + "^-1";
+    case Form::leaf:
+      return std::string(facts(f->kind).name) + (f->starred ? "*" : "");
+    case Form::block_inverse:
+      return std::string(facts(f->kind).name) + "^-1";
     case Form::identity:
-    case Form::unit: return "I";
+    case Form::unit:
+      return "I";
     case Form::product: {
       std::string out;
       for (const Formula& p : f->parts) out += (out.empty() ? "" : " ") + (p->form == Form::sum ? "(" + text_of(p) + ")" : text_of(p));
       return out;
     }
-    case Form::sum: break;
+    case Form::sum:
+      break;
   }
   std::string out;
   for (std::size_t i = 0; i < f->parts.size(); ++i) {
@@ -216,7 +262,9 @@ std::string text_of(const Formula& f) {
   return out;
 }
 
-int size_of(const TreeOperators& tree, const Stack& s) { return s.space == Space::node ? 6 * static_cast<int>(s.nodes.size()) : tree.size(s.space); }
+int size_of(const TreeOperators& tree, const Stack& s) {
+  return s.space == Space::node ? 6 * static_cast<int>(s.nodes.size()) : tree.size(s.space);
+}
 
 std::string_view name_of(Space s) { return s == Space::hinge ? "hinge" : s == Space::body ? "body" : "node"; }
 std::string shape_of(const TreeOperators& tree, const Formula& f) {
@@ -237,13 +285,18 @@ Eigen::VectorXd run(const TreeOperators& tree, const Formula& f, const Eigen::Ve
       else
         tree.apply(f->kind, f->starred, x.data(), y.data());
       return y;
-    case Form::block_inverse: tree.apply_inverse(f->kind, x.data(), y.data()); return y;
+    case Form::block_inverse:
+      tree.apply_inverse(f->kind, x.data(), y.data());
+      return y;
     case Form::identity:
-    case Form::unit: return x;
+    case Form::unit:
+      return x;
     case Form::product: {
       Poll::now();
       static const Formula mass = mass_of(), mass_inverse = *inverse_of(mass_of());
-      const auto fused = same(f, mass) ? TreeOperators::Fused::mass : same(f, mass_inverse) ? TreeOperators::Fused::mass_inverse : TreeOperators::Fused::none;
+      const auto fused = same(f, mass)           ? TreeOperators::Fused::mass
+                         : same(f, mass_inverse) ? TreeOperators::Fused::mass_inverse
+                                                 : TreeOperators::Fused::none;
       if (tree.has_fused(fused)) {
         tree.apply_fused(fused, x.data(), y.data());
         return y;
@@ -252,7 +305,8 @@ Eigen::VectorXd run(const TreeOperators& tree, const Formula& f, const Eigen::Ve
       for (auto p = f->parts.rbegin(); p != f->parts.rend(); ++p) y = run(tree, *p, y);
       return y;
     }
-    case Form::sum: break;
+    case Form::sum:
+      break;
   }
   y.setZero();
   for (std::size_t i = 0; i < f->parts.size(); ++i) y += f->scales[i] * run(tree, f->parts[i], x);
@@ -283,7 +337,8 @@ Expression Expression::identity(Tree tree, Space space) {
   return {std::move(tree), std::move(f)};
 }
 Expression Expression::unit(Tree tree) {
-  return {std::move(tree), make({.form = Form::unit, .kind = Kind::H, .starred = false, .rows = {}, .cols = {}, .scales = {}, .parts = {}})};
+  return {std::move(tree),
+          make({.form = Form::unit, .kind = Kind::H, .starred = false, .rows = {}, .cols = {}, .scales = {}, .parts = {}})};
 }
 Expression Expression::mass(Tree tree) { return {std::move(tree), mass_of()}; }
 
@@ -291,20 +346,23 @@ Expression Expression::star() const { return {tree_, star_of(formula_)}; }
 
 Expression Expression::inv() const {
   if (formula_->rows != formula_->cols)
-    fail(Code::no_inverse, "inverse of " + text(), "a square operator", shape(), "only products of square operators and the mass matrix have an inverse");
+    fail(Code::no_inverse, "inverse of " + text(), "a square operator", shape(),
+         "only products of square operators and the mass matrix have an inverse");
   if (tree_->is_weighted() && same(formula_, mass_of()))
     fail(Code::no_inverse, "inverse of " + text(), "articulate() without W", "D = H P H* + W",
          "with it, ((I + H phi K) D (I + H phi K)*):inv() is the inverse of mass + W");
   if (const auto f = inverse_of(formula_)) return {tree_, *f};
-  fail(Code::no_inverse, "inverse of " + text(), "an operator whose inverse a rule gives: phi, psi, D, M, mass, I + H phi K, products of these",
-       "no rule for it", "(...):dense() gives a matrix, and solve() its inverse");
+  fail(Code::no_inverse, "inverse of " + text(),
+       "an operator whose inverse a rule gives: phi, psi, D, M, mass, I + H phi K, products of these", "no rule for it",
+       "(...):dense() gives a matrix, and solve() its inverse");
 }
 
 namespace {
 void same_tree(const Expression& a, const Expression& b, const char* sign) {
   if (a.tree() != b.tree())
     fail(Code::operator_shape, a.text() + sign + b.text(), "two operators of one tree at one q",
-         a.tree()->model_pointer() == b.tree()->model_pointer() ? "operators taken at different times, or of different subgraphs" : "operators of two models",
+         a.tree()->model_pointer() == b.tree()->model_pointer() ? "operators taken at different times, or of different subgraphs"
+                                                                : "operators of two models",
          "take both from the same operators()");
 }
 void expect_room(const Formula& a, const Formula& b) {
@@ -325,7 +383,8 @@ Expression operator*(const Expression& a, const Expression& b) {
   return {a.tree_, product_of({a.formula_, b.formula_})};
 }
 Expression operator*(double s, const Expression& a) {
-  if (a.formula_->form == Form::unit) fail(Code::operator_shape, fmt::format("{:g} * I", s), "I in a sum or product with an operator", "I alone");
+  if (a.formula_->form == Form::unit)
+    fail(Code::operator_shape, fmt::format("{:g} * I", s), "I in a sum or product with an operator", "I alone");
   return {a.tree_, sum_of({{s, a.formula_}})};
 }
 namespace {
@@ -356,7 +415,8 @@ Expression operator-(const Expression& a, const Expression& b) {
 Eigen::VectorXd Expression::apply(const Eigen::VectorXd& x) const {
   require_stages(*tree_, formula_);
   if (formula_->form != Form::unit && x.size() != cols())
-    fail(Code::operator_shape, text(), fmt::format("a vector of {} ({} space)", cols(), name_of(formula_->cols.space)), fmt::format("one of {}", x.size()));
+    fail(Code::operator_shape, text(), fmt::format("a vector of {} ({} space)", cols(), name_of(formula_->cols.space)),
+         fmt::format("one of {}", x.size()));
   return run(*tree_, formula_, x);
 }
 
@@ -399,8 +459,8 @@ Eigen::VectorXd Expression::eigenvalues(int k) const {
   for (int i = 0; i < n; ++i) a[i] = std::sin(1.0 + i), b[i] = std::cos(2.0 + 3.0 * i);
   const double left = a.dot(apply(b)), right = b.dot(apply(a));
   if (std::abs(left - right) > 1e-9 * (std::abs(left) + std::abs(right)))
-    fail(Code::operator_shape, "eigenvalues of " + text(), "a symmetric operator", fmt::format("x* A y = {:.6g}, y* A x = {:.6g}", left, right),
-         "(A:star() * A):eig(k) gives the squares of the singular values");
+    fail(Code::operator_shape, "eigenvalues of " + text(), "a symmetric operator",
+         fmt::format("x* A y = {:.6g}, y* A x = {:.6g}", left, right), "(A:star() * A):eig(k) gives the squares of the singular values");
   if (n <= kDense) {
     const Eigen::MatrixXd A = dense();
     Eigen::VectorXd all = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(0.5 * (A + A.transpose()), Eigen::EigenvaluesOnly).eigenvalues();

@@ -47,7 +47,7 @@ class Expression {
   // What it is
   int rows() const;
   int cols() const;
-  Sort gives() const;         ///< motions or forces, where the formula says so
+  Sort gives() const;  ///< motions or forces, where the formula says so
   Sort takes() const;
   /// At the level of accelerations: units rad/s^2, N m.
   SpaceLabels row_labels() const;
@@ -57,7 +57,7 @@ class Expression {
   std::string shape() const;  ///< "hinge x body (12 x 34)"
   const Tree& tree() const { return tree_; }
 
-  struct Node;                // one node of the formula, immutable
+  struct Node;  // one node of the formula, immutable
 
  private:
   using Formula = std::shared_ptr<const Node>;

@@ -145,13 +145,19 @@ Hybrid hybrid_dynamics(const TreeOperators& tree, std::span<const Drive> drives,
     const Drive drive = drives[place];
     const auto name = [&] { return tree.labels(Space::hinge, Sort::motion).names[place]; };
     if (is_free(drive) != tree.is_free(place))
-      throw InputError(Diagnostic{Code::operator_shape, {"drive of " + name(), {}}, "the mask that the tree was articulated with",
-                                  is_free(drive) ? "free" : "not free", "articulate({.free = free_mask(drives)}) first", {}, {}, 0});
+      throw InputError(Diagnostic{Code::operator_shape,
+                                  {"drive of " + name(), {}},
+                                  "the mask that the tree was articulated with",
+                                  is_free(drive) ? "free" : "not free",
+                                  "articulate({.free = free_mask(drives)}) first",
+                                  {},
+                                  {},
+                                  0});
     if (drive == Drive::passive) known_tau[place] = 0.0;
     if (drive == Drive::locked) known_vdot[place] = 0.0;
     if (drive == Drive::locked && in.v && in.v[j] != 0.0)
-      throw InputError(Diagnostic{Code::out_of_range, {"velocity of " + name(), {}}, "0: it is locked", fmt::format("{:g}", in.v[j]), {},
-                                  {}, {}, 0});
+      throw InputError(
+          Diagnostic{Code::out_of_range, {"velocity of " + name(), {}}, "0: it is locked", fmt::format("{:g}", in.v[j]), {}, {}, {}, 0});
   }
   return hybrid_dynamics(tree, bias(tree, ws, in), known_tau, known_vdot);
 }
@@ -187,8 +193,7 @@ VectorXd Unactuated::task_rates(const Task& task, const VectorXd& v, const Vecto
 
 MatrixXd Unactuated::generalised_jacobian(const Task& task) const {
   MatrixXd J(task.rows(), tree_->size(Space::hinge));
-  for (int r = 0; r < task.rows(); ++r)
-    J.row(r) = reduced_forces(task_forces(*tree_, task, VectorXd::Unit(task.rows(), r))).transpose();
+  for (int r = 0; r < task.rows(); ++r) J.row(r) = reduced_forces(task_forces(*tree_, task, VectorXd::Unit(task.rows(), r))).transpose();
   return J;
 }
 
@@ -213,12 +218,19 @@ VectorXd base_momenta(const TreeOperators& tree, const Eigen::Matrix<double, 6, 
   tree.require(Kind::H);
   const auto roots = std::count_if(tree.bodies().begin(), tree.bodies().end(), [](const OperatorBody& b) { return b.parent < 0; });
   if (!tree.whole() || roots != 1 || tree.bodies()[0].nh != 6)
-    throw InputError(Diagnostic{Code::unsupported, {"momenta of the base", {}}, "one root on a hinge of six degrees",
-                                fmt::format("{} roots", roots), {}, {}, {}, 0});
+    throw InputError(Diagnostic{Code::unsupported,
+                                {"momenta of the base", {}},
+                                "one root on a hinge of six degrees",
+                                fmt::format("{} roots", roots),
+                                {},
+                                {},
+                                {},
+                                0});
   const OperatorBody& b = tree.bodies()[0];
   const Placement body = Placements(tree).reference;  // that of the root
-  Eigen::Matrix<double, 6, 1> f;  // at the base, its axes
-  f << body.R.transpose() * (momentum.head<3>() - body.p.cross(Eigen::Vector3d(momentum.tail<3>()))), body.R.transpose() * momentum.tail<3>();
+  Eigen::Matrix<double, 6, 1> f;                      // at the base, its axes
+  f << body.R.transpose() * (momentum.head<3>() - body.p.cross(Eigen::Vector3d(momentum.tail<3>()))),
+      body.R.transpose() * momentum.tail<3>();
   VectorXd out = VectorXd::Zero(tree.size(Space::hinge));
   out.segment(b.v, 6).noalias() = tree.Ht_all(0).topLeftCorner(6, 6).transpose() * f;
   return out;

@@ -22,8 +22,8 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 
-constexpr double kStationary = 1e-9;   // |J* e| over |J| |e|
-constexpr double kNullSpaceStep = 1e-7; // the distance to the preferred posture is flat to round-off below
+constexpr double kStationary = 1e-9;     // |J* e| over |J| |e|
+constexpr double kNullSpaceStep = 1e-7;  // the distance to the preferred posture is flat to round-off below
 constexpr int kSecondaryIterations = 100;
 
 [[noreturn]] void refuse(Code code, std::string what, std::string expected, std::string got) {
@@ -66,8 +66,15 @@ class Solver {
  public:
   /// part: null, all may move.
   Solver(const std::shared_ptr<const Model>& model, const TreeOperators* part, std::span<const IkTarget> targets, const IkOptions& options)
-      : m_(*model), targets_(targets), options_(options), tree_(model), ws_(m_), zeros_(m_.nv, 0.0), coordinate_(m_.nv, -1),
-        movable_(m_.nv, 0), turns_(m_.nv, 0) {
+      : m_(*model),
+        targets_(targets),
+        options_(options),
+        tree_(model),
+        ws_(m_),
+        zeros_(m_.nv, 0.0),
+        coordinate_(m_.nv, -1),
+        movable_(m_.nv, 0),
+        turns_(m_.nv, 0) {
     ws_.require_world();
     for (const PlainRates& r : m_.plain_rates)
       for (int i = 0; i < r.n; ++i) coordinate_[r.v + i] = r.q + i;
@@ -87,7 +94,8 @@ class Solver {
     if (part && !part->whole()) {
       bodies_ = part->sweep_bodies();
       place_bodies(part->q());
-      for (int k = 0; k < static_cast<int>(m_.bodies.size()); ++k) held_.push_back(part->index_of(k) < 0 ? std::optional(ws_.pose_W(k)) : std::nullopt);
+      for (int k = 0; k < static_cast<int>(m_.bodies.size()); ++k)
+        held_.push_back(part->index_of(k) < 0 ? std::optional(ws_.pose_W(k)) : std::nullopt);
     }
     for (const IkTarget& t : targets) {
       for (int i = 0; i < 6; ++i)
@@ -114,7 +122,8 @@ class Solver {
     expect_size("prefer", options.prefer, m_.nq);
     inverse_weight_ = VectorXd::Ones(m_.nv);
     if (options.weight.size() > 0) {
-      if (!(options.weight.minCoeff() > 0.0)) refuse(Code::out_of_range, "weight", "positive numbers", fmt::format("{:g}", options.weight.minCoeff()));
+      if (!(options.weight.minCoeff() > 0.0))
+        refuse(Code::out_of_range, "weight", "positive numbers", fmt::format("{:g}", options.weight.minCoeff()));
       inverse_weight_ = options.weight.cwiseInverse();
     }
   }
@@ -137,7 +146,8 @@ class Solver {
           if (!movable_[v]) continue;
           const double r = random();
           const bool within = std::isfinite(lower_[v]) && std::isfinite(upper_[v]);
-          d[v] = within ? 0.5 * (lower_[v] + upper_[v] + r * (upper_[v] - lower_[v])) - first[coordinate_[v]] : r * (turns_[v] ? std::numbers::pi : room);
+          d[v] = within ? 0.5 * (lower_[v] + upper_[v] + r * (upper_[v] - lower_[v])) - first[coordinate_[v]]
+                        : r * (turns_[v] ? std::numbers::pi : room);
         }
         q = clamped(moved(first, d));
       }
@@ -156,12 +166,12 @@ class Solver {
   std::span<const IkTarget> targets_;
   const IkOptions& options_;
   TreeOperators tree_;
-  std::vector<int> bodies_;              // that take part; empty: all
-  std::optional<TreeOperators> part_;    // theirs, at the q of the last jacobian_star()
+  std::vector<int> bodies_;                        // that take part; empty: all
+  std::optional<TreeOperators> part_;              // theirs, at the q of the last jacobian_star()
   std::vector<std::optional<Pose<double>>> held_;  // by sweep index: where those stand that take no part; empty: none
   Workspace<double> ws_;
   std::vector<double> zeros_;
-  std::vector<int> coordinate_;          // per velocity component: the coordinate with q' = v, or -1
+  std::vector<int> coordinate_;  // per velocity component: the coordinate with q' = v, or -1
   std::vector<std::uint8_t> movable_, turns_;
   VectorXd lower_, upper_, inverse_weight_;
   int rows_ = 0;
@@ -210,7 +220,8 @@ class Solver {
       const IkTarget& t = targets_[i];
       nodes_.push_back(node_motion<double>(m_, ws_, in, t.node, nullptr));
       const Eigen::Matrix3d R = to_eigen(nodes_.back().R_WN);
-      out.col(static_cast<Eigen::Index>(i)) << rotation_vector(R.transpose() * t.R_WN), t.R_WN.transpose() * (t.position - to_eigen(nodes_.back().position));
+      out.col(static_cast<Eigen::Index>(i)) << rotation_vector(R.transpose() * t.R_WN),
+          t.R_WN.transpose() * (t.position - to_eigen(nodes_.back().position));
     }
     return out;
   }
@@ -237,7 +248,8 @@ class Solver {
     int r = 0;
     for (std::size_t i = 0; i < targets_.size(); ++i) {
       const IkTarget& t = targets_[i];
-      const Eigen::Matrix3d turn = left_jacobian_inverse(errors.col(static_cast<Eigen::Index>(i)).head<3>()), shift = t.R_WN.transpose() * to_eigen(nodes_[i].R_WN);
+      const Eigen::Matrix3d turn = left_jacobian_inverse(errors.col(static_cast<Eigen::Index>(i)).head<3>()),
+                            shift = t.R_WN.transpose() * to_eigen(nodes_[i].R_WN);
       for (int k = 0; k < 6; ++k) {
         if (!t.rows[k]) continue;
         Vector6 wrench = Vector6::Zero();
@@ -399,20 +411,23 @@ class Solver {
       if ((x > lower_[l.v] && x < upper_[l.v]) || std::find(r.at_limit.begin(), r.at_limit.end(), l.v) != r.at_limit.end()) continue;
       r.at_limit.push_back(l.v);
       for (const UserBody& u : m_.user)
-        if (l.v >= u.v && l.v < u.v + u.nv) limits += fmt::format("{}{}.{} = {:.6g}", limits.empty() ? "; at limits: " : ", ", u.name, u.v_names[l.v - u.v], x);
+        if (l.v >= u.v && l.v < u.v + u.nv)
+          limits += fmt::format("{}{}.{} = {:.6g}", limits.empty() ? "; at limits: " : ", ", u.name, u.v_names[l.v - u.v], x);
     }
     if (r.reached) {
-      r.message = fmt::format("reached in {} iterations, {} start{}: residual {:.2g}{}", r.iterations, r.starts, r.starts == 1 ? "" : "s", r.residual, limits);
+      r.message = fmt::format("reached in {} iterations, {} start{}: residual {:.2g}{}", r.iterations, r.starts, r.starts == 1 ? "" : "s",
+                              r.residual, limits);
       return;
     }
     std::string nearest;
     for (std::size_t i = 0; i < targets_.size(); ++i) {
       const Vector6 e = r.error.col(static_cast<Eigen::Index>(i));
-      nearest += fmt::format("{}{} off by {:.3g} rad, {:.3g} m", i == 0 ? "" : "; ", m_.nodes[targets_[i].node].name, e.head<3>().norm(), e.tail<3>().norm());
+      nearest += fmt::format("{}{} off by {:.3g} rad, {:.3g} m", i == 0 ? "" : "; ", m_.nodes[targets_[i].node].name, e.head<3>().norm(),
+                             e.tail<3>().norm());
     }
     r.message = fmt::format("{} from {} start{} (seed {}, {} iterations): residual {:.3g}, nearest: {}{}",
-                            r.stationary ? "cannot be reached" : "not reached, iterations used up,", r.starts, r.starts == 1 ? "" : "s", r.seed, r.iterations,
-                            r.residual, nearest, limits);
+                            r.stationary ? "cannot be reached" : "not reached, iterations used up,", r.starts, r.starts == 1 ? "" : "s",
+                            r.seed, r.iterations, r.residual, nearest, limits);
   }
 };
 
@@ -434,7 +449,8 @@ IkTarget IkTarget::at_pose(int node, const Vector3d& x, const Eigen::Matrix3d& R
   return t;
 }
 
-IkResult inverse_kinematics(const std::shared_ptr<const Model>& model, const double* q, std::span<const IkTarget> targets, const IkOptions& options) {
+IkResult inverse_kinematics(const std::shared_ptr<const Model>& model, const double* q, std::span<const IkTarget> targets,
+                            const IkOptions& options) {
   return Solver(model, nullptr, targets, options).run(q);
 }
 IkResult inverse_kinematics(const TreeOperators& tree, std::span<const IkTarget> targets, const IkOptions& options) {

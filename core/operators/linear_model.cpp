@@ -29,9 +29,9 @@ bool is_curved(const UserBody& u) { return u.nq > 0 && u.hinge->retract; }
 /// What the model is of: all bodies, or those of a tree.
 struct Scope {
   const Model& m;
-  const TreeOperators* blocks = nullptr;   // articulated, by which v' is found; null: all bodies, by the sweeps of forward dynamics
+  const TreeOperators* blocks = nullptr;         // articulated, by which v' is found; null: all bodies, by the sweeps of forward dynamics
   std::vector<int> components = {}, place = {};  // of the hinge space: velocity component of the model; and back, -1 for others
-  std::vector<std::uint8_t> given = {};    // per velocity component of the model
+  std::vector<std::uint8_t> given = {};          // per velocity component of the model
   int nv() const { return static_cast<int>(components.size()); }
   const Part* part() const { return blocks ? blocks->part() : nullptr; }
   bool has(int sweep) const { return !part() || part()->takes_part[sweep] != 0; }
@@ -55,7 +55,9 @@ Scope scope_of(const Model& m, const TreeOperators* blocks) {
 /// "rad/s" -> "rad".
 std::string without_second(const std::string& unit) { return unit.ends_with("/s") ? unit.substr(0, unit.size() - 2) : unit + " s"; }
 /// Dual to a velocity: W per unit of it.
-std::string force_unit(const std::string& rate) { return rate == "rad/s" ? "N m" : rate == "m/s" ? "N" : rate == "1/s" ? "J" : "W/(" + rate + ")"; }
+std::string force_unit(const std::string& rate) {
+  return rate == "rad/s" ? "N m" : rate == "m/s" ? "N" : rate == "1/s" ? "J" : "W/(" + rate + ")";
+}
 
 SpaceLabels state_labels(const Scope& scope) {
   SpaceLabels out;
@@ -82,7 +84,20 @@ SpaceLabels state_labels(const Scope& scope) {
 
 /// One number that goes in or comes out.
 struct Port {
-  enum Kind { hinge, force, torque, state, position, velocity, acceleration, attitude, rate, specific_force, linear_momentum, angular_momentum } kind;
+  enum Kind {
+    hinge,
+    force,
+    torque,
+    state,
+    position,
+    velocity,
+    acceleration,
+    attitude,
+    rate,
+    specific_force,
+    linear_momentum,
+    angular_momentum
+  } kind;
   int index;  // velocity component of the model, node, or state
   int axis;   // of three
 };
@@ -90,7 +105,8 @@ struct PortList {
   std::vector<Port> ports;
   SpaceLabels labels;
   bool has(std::initializer_list<Port::Kind> kinds) const {
-    return std::any_of(ports.begin(), ports.end(), [&](const Port& p) { return std::find(kinds.begin(), kinds.end(), p.kind) != kinds.end(); });
+    return std::any_of(ports.begin(), ports.end(),
+                       [&](const Port& p) { return std::find(kinds.begin(), kinds.end(), p.kind) != kinds.end(); });
   }
 };
 
@@ -100,13 +116,20 @@ struct Quantity {
   const char* unit;
 };
 constexpr Quantity kLoads[] = {{"force", Port::force, "N"}, {"torque", Port::torque, "N m"}};
-constexpr Quantity kSeen[] = {{"position", Port::position, "m"},   {"velocity", Port::velocity, "m/s"}, {"acceleration", Port::acceleration, "m/s^2"},
-                              {"attitude", Port::attitude, "rad"}, {"rate", Port::rate, "rad/s"},       {"specific_force", Port::specific_force, "m/s^2"}};
+constexpr Quantity kSeen[] = {
+    {"position", Port::position, "m"},   {"velocity", Port::velocity, "m/s"}, {"acceleration", Port::acceleration, "m/s^2"},
+    {"attitude", Port::attitude, "rad"}, {"rate", Port::rate, "rad/s"},       {"specific_force", Port::specific_force, "m/s^2"}};
 constexpr Quantity kMomentum[] = {{"linear", Port::linear_momentum, "N s"}, {"angular", Port::angular_momentum, "N m s"}};
 
 [[noreturn]] void unknown(const char* side, const std::string& text, std::string expected, const std::vector<std::string>& legal) {
-  throw InputError(Diagnostic{Code::unknown_name, {fmt::format("{} of the linear model", side), {}}, std::move(expected), "\"" + text + "\"",
-                              did_you_mean(text, legal), {}, {}, 0});
+  throw InputError(Diagnostic{Code::unknown_name,
+                              {fmt::format("{} of the linear model", side), {}},
+                              std::move(expected),
+                              "\"" + text + "\"",
+                              did_you_mean(text, legal),
+                              {},
+                              {},
+                              0});
 }
 
 /// "tip:force.x" behind the colon: one or three of a list of quantities.
@@ -166,7 +189,8 @@ PortList inputs_of(const Scope& scope, const std::vector<std::string>& wanted) {
     }
     std::vector<int> found = components_of(m, text);
     std::erase_if(found, [&](int v) { return scope.place[v] < 0; });
-    if (found.empty()) unknown("inputs", text, scope.expected("a component of a hinge, a hinge, a mode, or NODE:force, NODE:torque"), states.names);
+    if (found.empty())
+      unknown("inputs", text, scope.expected("a component of a hinge, a hinge, a mode, or NODE:force, NODE:torque"), states.names);
     for (const int v : found) add(scope.place[v]);
   }
   return out;
@@ -235,8 +259,21 @@ Force<Tangent> momentum(const Scope& scope, Workspace<Tangent>& ws, const Inputs
 class Column {
  public:
   Column(const Scope& scope, const OperatingPoint& at, const PortList& inputs, const PortList& outputs)
-      : scope_(scope), m_(scope.m), at_(at), inputs_(inputs), outputs_(outputs), ws_(m_), q(m_.nq), v(m_.nv, 0.0), vdot(m_.nv, 0.0),
-        u(inputs.ports.size()), tau_(m_.nv), given_(m_.nv), back_(m_.nv, 0.0), residual_(scope.nv()), solved_(scope.nv()) {
+      : scope_(scope),
+        m_(scope.m),
+        at_(at),
+        inputs_(inputs),
+        outputs_(outputs),
+        ws_(m_),
+        q(m_.nq),
+        v(m_.nv, 0.0),
+        vdot(m_.nv, 0.0),
+        u(inputs.ports.size()),
+        tau_(m_.nv),
+        given_(m_.nv),
+        back_(m_.nv, 0.0),
+        residual_(scope.nv()),
+        solved_(scope.nv()) {
     for (int i = 0; i < m_.nq; ++i) q[i] = at.q[i];
     for (const int i : scope.components) v[i] = at.v[i];
     for (const NodeWrench<double>& w : at.wrenches)
@@ -246,8 +283,14 @@ class Column {
       if (inputs.ports[i].kind != Port::hinge) wrenches_.push_back({inputs.ports[i].index, false, {{0, 0, 0}, {0, 0, 0}}});
     }
     if (!scope.blocks && !wrenches_.empty() && !m_.has(OpCode::node_wrenches))
-      throw InputError(Diagnostic{Code::unsupported, {"inputs of the linear model", {}}, "a model compiled with loads on nodes", "one without",
-                                  "CompileOptions::node_wrenches", {}, {}, 0});
+      throw InputError(Diagnostic{Code::unsupported,
+                                  {"inputs of the linear model", {}},
+                                  "a model compiled with loads on nodes",
+                                  "one without",
+                                  "CompileOptions::node_wrenches",
+                                  {},
+                                  {},
+                                  0});
     looks_ = outputs.has({Port::position, Port::velocity, Port::acceleration, Port::attitude, Port::rate, Port::specific_force});
     if (looks_) ws_.require_world();
     if (outputs.has({Port::linear_momentum, Port::angular_momentum})) moving_.emplace(m_), moving_->require_world();
@@ -341,10 +384,18 @@ class Column {
       }
       if (p.index != seen) node = node_motion(m_, ws_, in, seen = p.index, vdot.data(), scope_.blocks ? After::inverse : After::forward);
       switch (p.kind) {
-        case Port::position: y[i] = component(node.position, p.axis); break;
-        case Port::velocity: y[i] = component(node.R_WN * node.velocity.v, p.axis); break;
-        case Port::acceleration: y[i] = component(node.R_WN * node.acceleration.v, p.axis); break;
-        case Port::rate: y[i] = component(node.velocity.w, p.axis); break;
+        case Port::position:
+          y[i] = component(node.position, p.axis);
+          break;
+        case Port::velocity:
+          y[i] = component(node.R_WN * node.velocity.v, p.axis);
+          break;
+        case Port::acceleration:
+          y[i] = component(node.R_WN * node.acceleration.v, p.axis);
+          break;
+        case Port::rate:
+          y[i] = component(node.velocity.w, p.axis);
+          break;
         case Port::specific_force: {
           y[i] = component(node.acceleration.v - transpose_times(node.R_WN, field_at(m_.field, node.position)), p.axis);
           break;
@@ -353,10 +404,13 @@ class Column {
           const Mat3<Tangent>& R = node.R_WN;
           const Vec3<double> cx{R.xx.x, R.yx.x, R.zx.x}, cy{R.xy.x, R.yy.x, R.zy.x}, cz{R.xz.x, R.yz.x, R.zz.x};
           const Vec3<double> dx{R.xx.d, R.yx.d, R.zx.d}, dy{R.xy.d, R.yy.d, R.zy.d}, dz{R.xz.d, R.yz.d, R.zz.d};
-          y[i] = {0.0, p.axis == 0 ? 0.5 * (dot(cz, dy) - dot(cy, dz)) : p.axis == 1 ? 0.5 * (dot(cx, dz) - dot(cz, dx)) : 0.5 * (dot(cy, dx) - dot(cx, dy))};
+          y[i] = {0.0, p.axis == 0   ? 0.5 * (dot(cz, dy) - dot(cy, dz))
+                       : p.axis == 1 ? 0.5 * (dot(cx, dz) - dot(cz, dx))
+                                     : 0.5 * (dot(cy, dx) - dot(cx, dy))};
           break;
         }
-        default: break;
+        default:
+          break;
       }
     }
   }
@@ -439,14 +493,17 @@ LinearModel linearize(const Scope& scope, const OperatingPoint& at, const Linear
 
 }  // namespace
 
-LinearModel linearize(const Model& m, const OperatingPoint& at, const LinearPorts& ports) { return linearize(scope_of(m, nullptr), at, ports); }
+LinearModel linearize(const Model& m, const OperatingPoint& at, const LinearPorts& ports) {
+  return linearize(scope_of(m, nullptr), at, ports);
+}
 
 LinearModel linearize(const TreeOperators& tree, const OperatingPoint& at, const LinearPorts& ports) {
   tree.require(Kind::H);
   const Model& m = tree.model();
   OperatingPoint use = at;
   use.q = tree.q().data();
-  const bool loads = !at.wrenches.empty() || std::ranges::any_of(ports.inputs, [](const std::string& name) { return name.find(':') != std::string::npos; });
+  const bool loads = !at.wrenches.empty() ||
+                     std::ranges::any_of(ports.inputs, [](const std::string& name) { return name.find(':') != std::string::npos; });
   if (tree.whole() && !tree.is_masked() && (!loads || m.has(OpCode::node_wrenches))) return linearize(m, use, ports);
   TreeOperators blocks = tree.subgraph(tree.sweep_bodies());
   const Scope marks = scope_of(m, &tree);

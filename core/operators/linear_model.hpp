@@ -15,11 +15,11 @@ namespace cardan::soa {
 
 /// Where the model is taken, in the user's order; units as in Model.
 struct OperatingPoint {
-  double t = 0.0;                                // [s]
+  double t = 0.0;  // [s]
   const double* q = nullptr;
   const double* v = nullptr;
-  const double* tau = nullptr;                   // forces of actuators, without springs; null = 0
-  const double* vdot = nullptr;                  // of given motions, the others not read; null = 0
+  const double* tau = nullptr;   // forces of actuators, without springs; null = 0
+  const double* vdot = nullptr;  // of given motions, the others not read; null = 0
   std::span<const NodeWrench<double>> wrenches = {};
 };
 
@@ -37,23 +37,23 @@ struct OperatingPoint {
 ///             "bus.tip:rate", ":specific_force"                           node axes; what a gyro and an accelerometer read
 ///             "momentum:linear", "momentum:angular"                       of the system, about the world's origin, world axes
 struct LinearPorts {
-  std::vector<std::string> inputs, outputs;      // inputs empty: all hinge components; outputs empty: all states
+  std::vector<std::string> inputs, outputs;  // inputs empty: all hinge components; outputs empty: all states
 };
 
 struct LinearModel {
   std::string system;
-  double t = 0.0;                                // [s]
-  Eigen::MatrixXd A, B, C, D;                    // n x n, n x nu, ny x n, ny x nu; n = 2 nv
-  Eigen::VectorXd drift;                         // n: [v; v'] at the point; zero in equilibrium
-  Eigen::VectorXd u0, y0;                        // inputs and outputs there (0 for components with no coordinate of their own)
+  double t = 0.0;              // [s]
+  Eigen::MatrixXd A, B, C, D;  // n x n, n x nu, ny x n, ny x nu; n = 2 nv
+  Eigen::VectorXd drift;       // n: [v; v'] at the point; zero in equilibrium
+  Eigen::VectorXd u0, y0;      // inputs and outputs there (0 for components with no coordinate of their own)
   SpaceLabels states, inputs, outputs;
 };
 
 /// InputError C0208 for an unknown name, C0401 where the model was compiled without loads on nodes; NumericsError at a direction
 /// without inertia. O(N) for each of 2 nv + nu directions.
 LinearModel linearize(const Model& model, const OperatingPoint& at, const LinearPorts& ports = {});
-/// The same of the bodies that take part in `tree`, at its q (at.q is not read; the rest of `at` is the model's): states, inputs and outputs
-/// are theirs, momentum is that of them together, a name of another is C0208. What is not free in the tree is a given motion too (a
+/// The same of the bodies that take part in `tree`, at its q (at.q is not read; the rest of `at` is the model's): states, inputs and
+/// outputs are theirs, momentum is that of them together, a name of another is C0208. What is not free in the tree is a given motion too (a
 /// diagonal W of it plays no part). Needs Position; loads on nodes whatever the model was compiled for.
 LinearModel linearize(const TreeOperators& tree, const OperatingPoint& at, const LinearPorts& ports = {});
 

@@ -29,9 +29,14 @@ void mirror(MatrixXd& a) {
 void require_size(const TreeOperators& tree, const char* what, Space space, Eigen::Index size) {
   if (size == tree.size(space)) return;
   constexpr const char* names[] = {"hinge", "body", "node"};
-  throw InputError(Diagnostic{Code::operator_shape, {what, {}},
+  throw InputError(Diagnostic{Code::operator_shape,
+                              {what, {}},
                               fmt::format("{} numbers ({} space)", tree.size(space), names[static_cast<int>(space)]),
-                              fmt::format("{}", size), {}, {}, {}, 0});
+                              fmt::format("{}", size),
+                              {},
+                              {},
+                              {},
+                              0});
 }
 
 VectorXd body_velocities(const TreeOperators& tree, const VectorXd& v) {
@@ -113,8 +118,8 @@ MatrixXd mass_matrix_inverse(const TreeOperators& tree) {
     const int vi = tree.bodies()[i].v, vj = tree.bodies()[j].v;
     inverse.block(vi, vj, block.rows(), block.cols()) = block;
   };
-  std::vector<MatrixXd> W(n);                  // of body j, at the body that it has reached
-  std::vector<std::vector<int>> arrived(n);    // the bodies whose W stands at c, by child of c
+  std::vector<MatrixXd> W(n);                // of body j, at the body that it has reached
+  std::vector<std::vector<int>> arrived(n);  // the bodies whose W stands at c, by child of c
   for (int c = n - 1; c >= 0; --c) {
     const OperatorBody& b = tree.bodies()[c];
     const int size = hinge_size(b);

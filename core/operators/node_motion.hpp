@@ -7,10 +7,10 @@ namespace cardan::soa {
 
 template <class T>
 struct NodeMotion {
-  Mat3<T> R_WN;              // node axes to world axes
-  Vec3<T> position;          // [m] world axes
-  Motion<T> velocity;        // [angular; linear] node axes
-  Motion<T> acceleration;    // true acceleration of the point, [angular; classical linear], node axes; only if asked for
+  Mat3<T> R_WN;            // node axes to world axes
+  Vec3<T> position;        // [m] world axes
+  Motion<T> velocity;      // [angular; linear] node axes
+  Motion<T> acceleration;  // true acceleration of the point, [angular; classical linear], node axes; only if asked for
 };
 
 /// What the workspace has been through: forward dynamics leaves gamma_b and delta, a pass outward with v' gamma as a whole.
@@ -18,7 +18,8 @@ enum class After : std::uint8_t { forward, inverse };
 
 /// w and gamma of a sweep body, its axes; of a rotor, which is folded into its carrier, by hand.
 template <class T>
-void motion_of_body(const Model& model, const Workspace<T>& ws, const Inputs<T>& in, int k, const T* vdot, After after, Vec3<T>& w, Motion<T>& gamma) {
+void motion_of_body(const Model& model, const Workspace<T>& ws, const Inputs<T>& in, int k, const T* vdot, After after, Vec3<T>& w,
+                    Motion<T>& gamma) {
   const SweepBody& b = model.bodies[k];
   if (b.kind != BodyKernel::rotor) {
     w = ws.core(k).w, gamma = ws.core(k).gamma;
@@ -36,7 +37,8 @@ void motion_of_body(const Model& model, const Workspace<T>& ws, const Inputs<T>&
 
 /// Reads a workspace after S.world(), and for the acceleration after dynamics with `in` and v' (else null).
 template <class T>
-NodeMotion<T> node_motion(const Model& model, const Workspace<T>& ws, const Inputs<T>& in, int node_index, const T* vdot, After after = After::forward) {
+NodeMotion<T> node_motion(const Model& model, const Workspace<T>& ws, const Inputs<T>& in, int node_index, const T* vdot,
+                          After after = After::forward) {
   const UserNode& node = model.nodes[node_index];
   const int k = model.user[node.body].sweep;
   const SweepBody& b = model.bodies[k];

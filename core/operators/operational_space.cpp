@@ -98,8 +98,8 @@ MatrixXd omega_block(const TreeOperators& tree, int a, int b) {
   const int n = static_cast<int>(tree.bodies().size());
   for (const int i : {a, b})
     if (i < 0 || i >= n)
-      throw InputError(Diagnostic{Code::unknown_body, {"block of Omega", {}}, fmt::format("an index below {}", n), fmt::format("{}", i), {}, {},
-                                  {}, 0});
+      throw InputError(
+          Diagnostic{Code::unknown_body, {"block of Omega", {}}, fmt::format("an index below {}", n), fmt::format("{}", i), {}, {}, {}, 0});
   const auto size = [&](int i) { return 6 + tree.bodies()[i].m; };
   MatrixXd Wa = MatrixXd::Identity(size(a), size(a)), Wb = MatrixXd::Identity(size(b), size(b));
   for (int i = a, j = b;;) {
@@ -118,8 +118,8 @@ Task Task::of_rows(std::vector<int> nodes, std::span<const int> rows) {
   out.T = MatrixXd::Zero(static_cast<Eigen::Index>(rows.size()), all);
   for (std::size_t r = 0; r < rows.size(); ++r) {
     if (rows[r] < 0 || rows[r] >= all)
-      throw InputError(Diagnostic{Code::out_of_range, {"rows of a task", {}}, fmt::format("0 ... {}", all - 1), fmt::format("{}", rows[r]), {},
-                                  {}, {}, 0});
+      throw InputError(Diagnostic{
+          Code::out_of_range, {"rows of a task", {}}, fmt::format("0 ... {}", all - 1), fmt::format("{}", rows[r]), {}, {}, {}, 0});
     out.T(static_cast<Eigen::Index>(r), rows[r]) = 1.0;
   }
   return out;
@@ -162,7 +162,8 @@ VectorXd task_bias(const TreeOperators& tree, const Task& task, Workspace<double
   world(model, S, ws, in, tree.part());
   VectorXd a(6 * static_cast<Eigen::Index>(task.nodes.size()));
   for (std::size_t j = 0; j < task.nodes.size(); ++j)
-    a.segment<6>(6 * static_cast<Eigen::Index>(j)) = to_eigen(node_motion<double>(model, ws, in, task.nodes[j], none.data(), After::inverse).acceleration);
+    a.segment<6>(6 * static_cast<Eigen::Index>(j)) =
+        to_eigen(node_motion<double>(model, ws, in, task.nodes[j], none.data(), After::inverse).acceleration);
   return task.T.size() > 0 ? VectorXd(task.T * a) : a;
 }
 
@@ -171,15 +172,17 @@ OperationalSpace::OperationalSpace(const TreeOperators& tree, Task task, const T
   require_task(tree, task_);
   compliance_ = task_compliance(tree, task_);
   if (passive) {
-    if (passive->model_pointer() != tree.model_pointer() || passive->size(Space::hinge) != tree.size(Space::hinge) || passive->q() != tree.q())
-      throw InputError(Diagnostic{Code::operator_shape, {"operational space", {}}, "a second tree of the same bodies at the same q", "another",
-                                  {}, {}, {}, 0});
+    if (passive->model_pointer() != tree.model_pointer() || passive->size(Space::hinge) != tree.size(Space::hinge) ||
+        passive->q() != tree.q())
+      throw InputError(Diagnostic{
+          Code::operator_shape, {"operational space", {}}, "a second tree of the same bodies at the same q", "another", {}, {}, {}, 0});
     compliance_ -= task_compliance(*passive, task_);
   }
   const int r = rows();
   VectorXd unit(r);  // 1 / scale; rows that cannot move stay as they are
   const double largest = r > 0 ? compliance_.diagonal().maxCoeff() : 0.0;
-  for (int i = 0; i < r; ++i) unit[i] = compliance_(i, i) > 0.0 && compliance_(i, i) > 1e-30 * largest ? 1.0 / std::sqrt(compliance_(i, i)) : 0.0;
+  for (int i = 0; i < r; ++i)
+    unit[i] = compliance_(i, i) > 0.0 && compliance_(i, i) > 1e-30 * largest ? 1.0 / std::sqrt(compliance_(i, i)) : 0.0;
   const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(MatrixXd(unit.asDiagonal() * compliance_ * unit.asDiagonal()));
   VectorXd weights = VectorXd::Zero(r);
   const double limit = r > 0 ? tolerance * std::max(eigen.eigenvalues()[r - 1], 0.0) : 0.0;
@@ -193,8 +196,13 @@ OperationalSpace::OperationalSpace(const TreeOperators& tree, Task task, const T
 
 void OperationalSpace::require_full_rank() const {
   if (rank_ == rows()) return;
-  throw NumericsError(RunFailure{Code::singular_task, 0.0, {}, {}, fmt::format("rank {} of {} rows", rank_, rows()),
-                                 "fewer rows, or another posture; the generalised inverse is there all the same", ""});
+  throw NumericsError(RunFailure{Code::singular_task,
+                                 0.0,
+                                 {},
+                                 {},
+                                 fmt::format("rank {} of {} rows", rank_, rows()),
+                                 "fewer rows, or another posture; the generalised inverse is there all the same",
+                                 ""});
 }
 
 VectorXd OperationalSpace::actuated(VectorXd x) const {
@@ -253,8 +261,8 @@ Participation participation(const TreeOperators& tree, int node, const Eigen::Ma
   out.share = out.shape.cwiseProduct(out.response);
   const double mobility = out.share.sum();
   if (!(mobility > 1e-14 * out.share.cwiseAbs().sum()))
-    throw NumericsError(RunFailure{Code::singular_task, 0.0, tree.model().nodes[node].name, {}, "u* Lambda^-1 u = 0",
-                                   "the node cannot move along u", ""});
+    throw NumericsError(
+        RunFailure{Code::singular_task, 0.0, tree.model().nodes[node].name, {}, "u* Lambda^-1 u = 0", "the node cannot move along u", ""});
   out.share /= mobility;
   return out;
 }

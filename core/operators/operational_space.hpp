@@ -53,17 +53,17 @@ class OperationalSpace {
   const Eigen::MatrixXd& compliance() const { return compliance_; }  ///< Lambda^-1, r x r
   const Eigen::MatrixXd& inertia() const { return inertia_; }        ///< Lambda, r x r
   int rows() const { return static_cast<int>(compliance_.rows()); }
-  int rank() const { return rank_; }                                 ///< < rows: Lambda is a generalised inverse
+  int rank() const { return rank_; }               ///< < rows: Lambda is a generalised inverse
   double condition() const { return condition_; }  ///< largest over smallest eigenvalue that counts, rows scaled
   /// Error N0401 telling the rank where it is below the rows.
   void require_full_rank() const;
 
-  Eigen::VectorXd rates(const Eigen::VectorXd& v) const;            ///< J v, r (J_g v with passive components)
-  Eigen::VectorXd forces(const Eigen::VectorXd& F) const;           ///< J* F, hinge space
-  Eigen::VectorXd consistent_inverse(const Eigen::VectorXd& x) const;   ///< J# x = M^-1 J* Lambda x, hinge space
-  Eigen::VectorXd task_part(const Eigen::VectorXd& tau) const;      ///< J#* tau = Lambda J M^-1 tau, r: the task forces in tau
-  Eigen::VectorXd null_motion(const Eigen::VectorXd& v) const;      ///< N v, N = 1 - J# J: motion that leaves the task alone
-  Eigen::VectorXd null_forces(const Eigen::VectorXd& tau) const;    ///< N* tau: forces that do not accelerate the task
+  Eigen::VectorXd rates(const Eigen::VectorXd& v) const;               ///< J v, r (J_g v with passive components)
+  Eigen::VectorXd forces(const Eigen::VectorXd& F) const;              ///< J* F, hinge space
+  Eigen::VectorXd consistent_inverse(const Eigen::VectorXd& x) const;  ///< J# x = M^-1 J* Lambda x, hinge space
+  Eigen::VectorXd task_part(const Eigen::VectorXd& tau) const;         ///< J#* tau = Lambda J M^-1 tau, r: the task forces in tau
+  Eigen::VectorXd null_motion(const Eigen::VectorXd& v) const;         ///< N v, N = 1 - J# J: motion that leaves the task alone
+  Eigen::VectorXd null_forces(const Eigen::VectorXd& tau) const;       ///< N* tau: forces that do not accelerate the task
   /// F = Lambda (wanted - drift), r: accelerations of the task wanted, and without F (drift = J v' + Jdot v of the v' that happens
   /// without it).
   Eigen::VectorXd force_for(const Eigen::VectorXd& wanted, const Eigen::VectorXd& drift) const { return inertia_ * (wanted - drift); }
@@ -71,8 +71,8 @@ class OperationalSpace {
   Eigen::VectorXd torque(const Eigen::VectorXd& F, const Eigen::VectorXd& tau_0) const { return forces(F) + null_forces(tau_0); }
 
  private:
-  Eigen::VectorXd actuated(Eigen::VectorXd x) const;                // zero on passive components
-  Eigen::VectorXd respond(const Eigen::VectorXd& tau) const;        // M^-1 tau, M_g^-1 tau
+  Eigen::VectorXd actuated(Eigen::VectorXd x) const;          // zero on passive components
+  Eigen::VectorXd respond(const Eigen::VectorXd& tau) const;  // M^-1 tau, M_g^-1 tau
   const TreeOperators* tree_;
   const TreeOperators* passive_;
   Task task_;

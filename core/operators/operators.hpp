@@ -58,11 +58,13 @@ template <class A>
 struct Shape<Minus<A>> : Shape<A> {};
 
 template <class E>
-concept Expression = requires { Shape<E>::rows; };
+concept Expression = requires {
+  Shape<E>::rows;
+};
 template <class E>
 concept Operand = Expression<E> || std::is_same_v<E, Unit>;
 template <class A, class B>
-inline constexpr bool kSameShape = Shape<A>::rows == Shape<B>::rows && Shape<A>::cols == Shape<B>::cols;
+inline constexpr bool kSameShape = Shape<A>::rows == Shape<B>::rows&& Shape<A>::cols == Shape<B>::cols;
 
 // --- the letters ----------------------------------------------------------------------------------------------------------------
 inline constexpr Leaf<Kind::H> H;
@@ -118,26 +120,42 @@ constexpr auto operator*(A, B) {
   return typename detail::Join<typename detail::Factors<A>::type, typename detail::Factors<B>::type>::type{};
 }
 template <Expression A>
-constexpr A operator*(A, Unit) { return {}; }
+constexpr A operator*(A, Unit) {
+  return {};
+}
 template <Expression B>
-constexpr B operator*(Unit, B) { return {}; }
+constexpr B operator*(Unit, B) {
+  return {};
+}
 template <Expression A, Expression B>
 constexpr Sum<A, B> operator+(A, B) {
   static_assert(kSameShape<A, B>, "operators of different shapes cannot be added");
   return {};
 }
 template <Expression A>
-constexpr auto operator+(A a, Unit) { return a + Identity<Shape<A>::rows>{}; }
+constexpr auto operator+(A a, Unit) {
+  return a + Identity<Shape<A>::rows>{};
+}
 template <Expression B>
-constexpr auto operator+(Unit, B b) { return Identity<Shape<B>::rows>{} + b; }
+constexpr auto operator+(Unit, B b) {
+  return Identity<Shape<B>::rows>{} + b;
+}
 template <Expression A>
-constexpr Minus<A> operator-(A) { return {}; }
+constexpr Minus<A> operator-(A) {
+  return {};
+}
 template <Expression A>
-constexpr A operator-(Minus<A>) { return {}; }
+constexpr A operator-(Minus<A>) {
+  return {};
+}
 template <Operand A, Expression B>
-constexpr auto operator-(A a, B b) { return a + (-b); }
+constexpr auto operator-(A a, B b) {
+  return a + (-b);
+}
 template <Expression A>
-constexpr auto operator-(A a, Unit) { return a + Minus<Identity<Shape<A>::rows>>{}; }
+constexpr auto operator-(A a, Unit) {
+  return a + Minus<Identity<Shape<A>::rows>>{};
+}
 
 // --- star: pushed to the leaves -------------------------------------------------------------------------------------------------
 template <Kind K, bool Star>
@@ -148,22 +166,34 @@ constexpr auto star(Leaf<K, Star>) {
     return Leaf<K, !Star>{};
 }
 template <Kind K>
-constexpr BlockInverse<K> star(BlockInverse<K>) { return {}; }
+constexpr BlockInverse<K> star(BlockInverse<K>) {
+  return {};
+}
 template <Space S>
-constexpr Identity<S> star(Identity<S>) { return {}; }
+constexpr Identity<S> star(Identity<S>) {
+  return {};
+}
 constexpr Unit star(Unit) { return {}; }
 template <class A, class B>
 constexpr auto star(Sum<A, B>);
 template <class A>
 constexpr auto star(Minus<A>);
 template <class A>
-constexpr auto star(Product<A>) { return star(A{}); }
+constexpr auto star(Product<A>) {
+  return star(A{});
+}
 template <class A, class B, class... Rest>
-constexpr auto star(Product<A, B, Rest...>) { return star(typename detail::Simplify<Product<B, Rest...>>::type{}) * star(A{}); }
+constexpr auto star(Product<A, B, Rest...>) {
+  return star(typename detail::Simplify<Product<B, Rest...>>::type{}) * star(A{});
+}
 template <class A, class B>
-constexpr auto star(Sum<A, B>) { return star(A{}) + star(B{}); }
+constexpr auto star(Sum<A, B>) {
+  return star(A{}) + star(B{});
+}
 template <class A>
-constexpr auto star(Minus<A>) { return -star(A{}); }
+constexpr auto star(Minus<A>) {
+  return -star(A{});
+}
 
 // --- inverses by rule -------------------------------------------------------------------------------------------------------------
 namespace detail {
@@ -175,9 +205,13 @@ using One = Identity<Space::hinge>;
 struct NoRule {};
 /// The inverse of E where a rule of its own gives it.
 template <class E>
-constexpr NoRule rule(E) { return {}; }
+constexpr NoRule rule(E) {
+  return {};
+}
 template <Space S>
-constexpr Identity<S> rule(Identity<S> e) { return e; }
+constexpr Identity<S> rule(Identity<S> e) {
+  return e;
+}
 constexpr auto rule(Leaf<Kind::phi>) { return I - E_phi; }
 constexpr auto rule(Leaf<Kind::psi>) { return I - E_psi; }
 constexpr auto rule(decltype(I - E_phi)) { return phi; }
@@ -185,7 +219,9 @@ constexpr auto rule(decltype(I - E_psi)) { return psi; }
 constexpr auto rule(Leaf<Kind::D>) { return BlockInverse<Kind::D>{}; }
 constexpr auto rule(Leaf<Kind::M>) { return BlockInverse<Kind::M>{}; }
 template <Kind K>
-constexpr Leaf<K> rule(BlockInverse<K>) { return {}; }
+constexpr Leaf<K> rule(BlockInverse<K>) {
+  return {};
+}
 constexpr auto rule(decltype(I + H * phi * K)) { return I - H * psi * K; }
 constexpr auto rule(decltype(I - H * psi * K)) { return I + H * phi * K; }
 constexpr auto rule(MassType) { return star(I - H * psi * K) * BlockInverse<Kind::D>{} * (I - H * psi * K); }
@@ -200,9 +236,13 @@ template <Expression E>
 constexpr auto inv(E e);
 namespace detail {
 template <class A>
-constexpr auto inv_product(Product<A>) { return inv(A{}); }
+constexpr auto inv_product(Product<A>) {
+  return inv(A{});
+}
 template <class A, class B, class... Rest>
-constexpr auto inv_product(Product<A, B, Rest...>) { return inv(typename Simplify<Product<B, Rest...>>::type{}) * inv(A{}); }
+constexpr auto inv_product(Product<A, B, Rest...>) {
+  return inv(typename Simplify<Product<B, Rest...>>::type{}) * inv(A{});
+}
 template <class E>
 struct IsProduct : std::false_type {};
 template <class... F>

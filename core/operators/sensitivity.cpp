@@ -84,8 +84,10 @@ void Sensitivities::at(const Inputs& in) {
 }
 
 void Sensitivities::evaluate() {
-  inverse_dynamics(*model_, ws_, {.q = q_.data(), .v = on_model(v_, v_all_), .vdot = on_model(vdot_, vdot_all_), .wrenches = wrenches_, .gravity = gravity_},
-                   tau_all_.data(), {}, part_.get());
+  inverse_dynamics(
+      *model_, ws_,
+      {.q = q_.data(), .v = on_model(v_, v_all_), .vdot = on_model(vdot_, vdot_all_), .wrenches = wrenches_, .gravity = gravity_},
+      tau_all_.data(), {}, part_.get());
   for (int i = 0; i < size(); ++i) tau_[i] = tau_all_[component_[i]];
   for (const Spring& s : model_->springs)
     if (const int i = place_[s.v]; springs_ && i >= 0) tau_[i] += s.stiffness * (q_[s.q] - s.rest) + s.damping * v_[i];
@@ -124,8 +126,8 @@ void Sensitivities::inverse(const Direction& along, double* dtau) {
     v_t_[at] = {v_[i], along.v ? along.v[i] : 0.0};
     vdot_t_[at] = {vdot_[i], along.vdot ? along.vdot[i] : 0.0};
   }
-  inverse_dynamics(m, tangent_, {.q = q_t_.data(), .v = v_t_.data(), .vdot = vdot_t_.data(), .wrenches = wrenches_t_, .gravity = gravity_}, tau_t_.data(), {},
-                   part_.get());
+  inverse_dynamics(m, tangent_, {.q = q_t_.data(), .v = v_t_.data(), .vdot = vdot_t_.data(), .wrenches = wrenches_t_, .gravity = gravity_},
+                   tau_t_.data(), {}, part_.get());
   for (int i = 0; i < size(); ++i) dtau[i] = tau_t_[component_[i]].d;
   for (const Spring& s : m.springs)
     if (const int i = place_[s.v]; springs_ && i >= 0) dtau[i] += s.stiffness * rate_[s.q] + (along.v ? s.damping * along.v[i] : 0.0);
@@ -192,7 +194,8 @@ ForwardDerivatives Sensitivities::forward() {
     out.tau = minus_inverse_of(-MatrixXd::Identity(size(), size()));
     return out;
   }
-  if (!mass_matrix_inverse(*model_, inertia_, q_.data(), out.tau.data())) throw NumericsError(describe_breakdown(*model_, inertia_.breakdown, 0.0));
+  if (!mass_matrix_inverse(*model_, inertia_, q_.data(), out.tau.data()))
+    throw NumericsError(describe_breakdown(*model_, inertia_.breakdown, 0.0));
   articulated_ = false;
   return out;
 }
@@ -210,11 +213,18 @@ MatrixXd Sensitivities::minus_inverse_of(MatrixXd dtau) {
 
 const UserBody& Sensitivities::user(int body) const {
   if (body < 0 || body >= static_cast<int>(model_->user.size()))
-    throw InputError(Diagnostic{Code::unknown_body, {"sensitivity in a body's parameters", {}}, fmt::format("an index below {}", model_->user.size()),
-                                fmt::format("{}", body), {}, {}, {}, 0});
+    throw InputError(Diagnostic{Code::unknown_body,
+                                {"sensitivity in a body's parameters", {}},
+                                fmt::format("an index below {}", model_->user.size()),
+                                fmt::format("{}", body),
+                                {},
+                                {},
+                                {},
+                                0});
   const UserBody& u = model_->user[body];
   if (part_ && !part_->takes_part[u.sweep])
-    throw InputError(Diagnostic{Code::unknown_body, {"sensitivity in a body's parameters", {}}, "a body that takes part", "\"" + u.name + "\"", {}, {}, {}, 0});
+    throw InputError(Diagnostic{
+        Code::unknown_body, {"sensitivity in a body's parameters", {}}, "a body that takes part", "\"" + u.name + "\"", {}, {}, {}, 0});
   return u;
 }
 
@@ -232,7 +242,8 @@ void Sensitivities::inverse_in_inertia(int body, const RigidInertia<double>& cha
   const Model& m = *model_;
   const UserBody& u = user(body);
   if (u.n_modes > 0)
-    throw InputError(Diagnostic{Code::unsupported, {"sensitivity in the inertia of " + u.name, {}}, "a rigid body", "a flexible one", {}, {}, {}, 0});
+    throw InputError(
+        Diagnostic{Code::unsupported, {"sensitivity in the inertia of " + u.name, {}}, "a rigid body", "a flexible one", {}, {}, {}, 0});
   std::fill(dtau, dtau + size(), 0.0);
   const int k = u.sweep;
   if (k == 0) return;  // fixed to the ground
@@ -243,8 +254,10 @@ void Sensitivities::inverse_in_inertia(int body, const RigidInertia<double>& cha
   const RigidInertia<double> dM = to_inboard(u.pose, change);
   Force<double> f = dM * gamma + gyroscopic(dM, w);
   if (gravity_ && m.field.central && b.M.m > 0.0) {
-    const RigidInertia<Tangent> M{{b.M.m, dM.m}, {{b.M.h.x, dM.h.x}, {b.M.h.y, dM.h.y}, {b.M.h.z, dM.h.z}},
-                                  {{b.M.J.xx, dM.J.xx}, {b.M.J.yy, dM.J.yy}, {b.M.J.zz, dM.J.zz}, {b.M.J.xy, dM.J.xy}, {b.M.J.xz, dM.J.xz}, {b.M.J.yz, dM.J.yz}}};
+    const RigidInertia<Tangent> M{
+        {b.M.m, dM.m},
+        {{b.M.h.x, dM.h.x}, {b.M.h.y, dM.h.y}, {b.M.h.z, dM.h.z}},
+        {{b.M.J.xx, dM.J.xx}, {b.M.J.yy, dM.J.yy}, {b.M.J.zz, dM.J.zz}, {b.M.J.xy, dM.J.xy}, {b.M.J.xz, dM.J.xz}, {b.M.J.yz, dM.J.yz}}};
     Vec3<Tangent> c, r;
     const Force<Tangent> pull = soa::attraction(m.field, M, cast<Tangent>(ws_.pose_W(k)), c, r);
     f -= Force<double>{{pull.n.x.d, pull.n.y.d, pull.n.z.d}, {pull.f.x.d, pull.f.y.d, pull.f.z.d}};
@@ -315,9 +328,7 @@ MatrixXd rates_by_differences(const cardan_hinge_family& f, const void* packed, 
   return C;
 }
 
-Eigen::Matrix3d minus_tilde(const double* a) {
-  return (Eigen::Matrix3d() << 0, a[2], -a[1], -a[2], 0, a[0], a[1], -a[0], 0).finished();
-}
+Eigen::Matrix3d minus_tilde(const double* a) { return (Eigen::Matrix3d() << 0, a[2], -a[1], -a[2], 0, a[0], a[1], -a[0], 0).finished(); }
 
 }  // namespace
 
@@ -332,8 +343,11 @@ Eigen::SparseMatrix<double> kinematic_rates(const Model& model, const double* q,
         C.bottomRightCorner<3, 3>() = minus_tilde(v + u.v);
         [[fallthrough]];
       case CARDAN_SHAPE_FREE:
-      case CARDAN_SHAPE_BALL: C.topLeftCorner<3, 3>() = minus_tilde(v + u.v); break;
-      default: C = rates_by_differences(*u.hinge, u.hinge_packed.data(), q + u.q, v + u.v);
+      case CARDAN_SHAPE_BALL:
+        C.topLeftCorner<3, 3>() = minus_tilde(v + u.v);
+        break;
+      default:
+        C = rates_by_differences(*u.hinge, u.hinge_packed.data(), q + u.q, v + u.v);
     }
     for (int c = 0; c < u.nv; ++c)
       for (int r = 0; r < u.nv; ++r)

@@ -14,7 +14,7 @@ namespace cardan {
 
 /// What changes, numbers of the hinge space (nv in the order of v for a whole tree); null: does not change.
 struct Direction {
-  const double* q = nullptr;     // tangent vector u
+  const double* q = nullptr;  // tangent vector u
   const double* v = nullptr;
   const double* vdot = nullptr;  // of inverse dynamics; of forward dynamics the prescribed components alone are read
   const double* tau = nullptr;   // of forward dynamics
@@ -22,10 +22,10 @@ struct Direction {
 
 /// Hinge space squared (nv x nv) each: column i is the derivative along component i.
 struct InverseDerivatives {
-  Eigen::MatrixXd q, v;          // dtau/dq, dtau/dv; dtau/dv' is the mass matrix
+  Eigen::MatrixXd q, v;  // dtau/dq, dtau/dv; dtau/dv' is the mass matrix
 };
 struct ForwardDerivatives {
-  Eigen::MatrixXd q, v, tau;     // dv'/dq, dv'/dv, dv'/dtau = M^-1. Rows of prescribed components are zero
+  Eigen::MatrixXd q, v, tau;  // dv'/dq, dv'/dv, dv'/dtau = M^-1. Rows of prescribed components are zero
 };
 
 /// At one point (q, v, v', wrenches), set by at() or solve(). Gravity of every kind, elastic forces and wrenches on nodes take part: those
@@ -46,7 +46,7 @@ class Sensitivities {
   void at(const Inputs& in);
   /// The point with v' from in.tau by forward dynamics. NumericsError where a free direction has no inertia.
   void solve(const Inputs& in);
-  const Eigen::VectorXd& tau() const { return tau_; }    ///< of inverse dynamics at the point
+  const Eigen::VectorXd& tau() const { return tau_; }  ///< of inverse dynamics at the point
   const Eigen::VectorXd& vdot() const { return vdot_; }
 
   // Along one direction, O(N)
@@ -69,7 +69,8 @@ class Sensitivities {
   Eigen::MatrixXd forward_in_inertia(int body);
   /// Along one change of that inertia.
   void inverse_in_inertia(int body, const RigidInertia<double>& change, double* dtau);
-  /// Modal stiffness of a flexible body with m modes. Diagonal: nv x m. Full: nv x m (m + 1) / 2, lower triangle by rows; K_ij and K_ji move together.
+  /// Modal stiffness of a flexible body with m modes. Diagonal: nv x m. Full: nv x m (m + 1) / 2, lower triangle by rows; K_ij and K_ji
+  /// move together.
   enum class Stiffness : bool { diagonal, full };
   Eigen::MatrixXd inverse_in_stiffness(int body, Stiffness which = Stiffness::diagonal) const;
   Eigen::MatrixXd forward_in_stiffness(int body, Stiffness which = Stiffness::diagonal);
@@ -87,16 +88,16 @@ class Sensitivities {
 
   std::shared_ptr<const Model> model_;
   bool springs_, gravity_ = true, articulated_ = false, posed_ = false;
-  std::shared_ptr<const Part> part_;       // null: all bodies
-  std::vector<int> bodies_;                // sweep indices, of the part; M^-1 is then by its blocks, of all bodies by sweeps
-  std::vector<int> component_, place_;     // of the hinge space: velocity component of the model; and back, -1 for others
-  std::vector<std::uint8_t> given_;        // per component
-  Eigen::VectorXd q_, v_, vdot_, tau_, rate_, masked_, work_;           // but for q and its rate of the hinge space
-  Eigen::VectorXd v_all_, vdot_all_, tau_all_, zeros_;                  // nv numbers, zero for who takes no part
+  std::shared_ptr<const Part> part_;    // null: all bodies
+  std::vector<int> bodies_;             // sweep indices, of the part; M^-1 is then by its blocks, of all bodies by sweeps
+  std::vector<int> component_, place_;  // of the hinge space: velocity component of the model; and back, -1 for others
+  std::vector<std::uint8_t> given_;     // per component
+  Eigen::VectorXd q_, v_, vdot_, tau_, rate_, masked_, work_;  // but for q and its rate of the hinge space
+  Eigen::VectorXd v_all_, vdot_all_, tau_all_, zeros_;         // nv numbers, zero for who takes no part
   std::vector<NodeWrench> wrenches_;
   std::vector<soa::NodeWrench<soa::Tangent>> wrenches_t_;
   std::vector<soa::Tangent> q_t_, v_t_, vdot_t_, tau_t_;
-  Workspace ws_, inertia_;             // of inverse dynamics at the point; P, D, G there
+  Workspace ws_, inertia_;  // of inverse dynamics at the point; P, D, G there
   soa::Workspace<soa::Tangent> tangent_;
   soa::TreeOperators tree_;
   std::optional<soa::TreeOperators> sub_;  // of bodies_, at q

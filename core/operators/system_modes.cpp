@@ -25,14 +25,15 @@ constexpr double kGap = 1e-4;  // of neighbouring eigenvalues, for the count
 
 /// K and C of the hinge space: per body [springs, diagonal; modes, diagonal or full].
 struct Joint {
-  VectorXd K, C;                                        // diagonals, n
+  VectorXd K, C;                                            // diagonals, n
   std::vector<MatrixXd> K_modes, C_modes, K_modes_inverse;  // per body, m x m; empty where diagonal
-  std::vector<int> free, stiff, slack;                  // components that move; those with and without stiffness
+  std::vector<int> free, stiff, slack;                      // components that move; those with and without stiffness
 
   VectorXd times(const TreeOperators& tree, const VectorXd& diagonal, const std::vector<MatrixXd>& blocks, const VectorXd& x) const {
     VectorXd y = diagonal.cwiseProduct(x);
     for (std::size_t i = 0; i < blocks.size(); ++i)
-      if (const OperatorBody& b = tree.bodies()[i]; blocks[i].size() > 0) y.segment(b.etadot, b.m).noalias() = blocks[i] * x.segment(b.etadot, b.m);
+      if (const OperatorBody& b = tree.bodies()[i]; blocks[i].size() > 0)
+        y.segment(b.etadot, b.m).noalias() = blocks[i] * x.segment(b.etadot, b.m);
     return y;
   }
 };
@@ -136,7 +137,7 @@ SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& op
   out.first_elastic = std::min(std::max(options.rigid, 0), n_slack);
   const int wanted = std::min(std::max(options.elastic, 0), n_stiff);
 
-  TreeOperators whole = same(tree), slack = same(tree);  // their stages are their own
+  TreeOperators whole = same(tree), slack = same(tree);                                 // their stages are their own
   const bool fused = tree.model().rigid && tree.has_fused(TreeOperators::Fused::mass);  // else M_fl(eta) would be formed at each product
   const auto mass = [&](const VectorXd& x, VectorXd& Mx) {
     if (fused)

@@ -15,16 +15,16 @@ struct SystemModesOptions {
 
 /// Rigid-body modes first, then elastic ones with rising frequency.
 struct SystemModes {
-  int n_rigid = 0;                  // all zeros of the spectrum, = components without stiffness; of the first options.rigid there are shapes
-  int first_elastic = 0;            // columns before it are rigid-body modes
-  Eigen::VectorXd frequency;        // [Hz] k; 0 for rigid-body modes
-  Eigen::VectorXd damping;          // [-] k: x* C x / (2 omega), C of dampers and modes; 0 for rigid-body modes
-  Eigen::MatrixXd shapes;           // n x k, hinge space, X* M X = 1; given motions do not move
-  Eigen::MatrixXd kinetic;          // bodies x k: share of each body in the kinetic energy, columns sum to 1
-  Eigen::MatrixXd strain;           // n x k: share of each component's stiffness in the strain energy; 0 for rigid-body modes
-  Eigen::VectorXd residual;         // k: |K x - lambda M x| over omega in the norm of K^-1
-  bool complete = false;            // Sylvester: as many eigenvalues lie below as were found. False: no gap to count in
-  SpaceLabels labels;               // of the rows of shapes and strain; shapes are scaled by mass, so units are left open
+  int n_rigid = 0;            // all zeros of the spectrum, = components without stiffness; of the first options.rigid there are shapes
+  int first_elastic = 0;      // columns before it are rigid-body modes
+  Eigen::VectorXd frequency;  // [Hz] k; 0 for rigid-body modes
+  Eigen::VectorXd damping;    // [-] k: x* C x / (2 omega), C of dampers and modes; 0 for rigid-body modes
+  Eigen::MatrixXd shapes;     // n x k, hinge space, X* M X = 1; given motions do not move
+  Eigen::MatrixXd kinetic;    // bodies x k: share of each body in the kinetic energy, columns sum to 1
+  Eigen::MatrixXd strain;     // n x k: share of each component's stiffness in the strain energy; 0 for rigid-body modes
+  Eigen::VectorXd residual;   // k: |K x - lambda M x| over omega in the norm of K^-1
+  bool complete = false;      // Sylvester: as many eigenvalues lie below as were found. False: no gap to count in
+  SpaceLabels labels;         // of the rows of shapes and strain; shapes are scaled by mass, so units are left open
   std::vector<std::string> bodies;  // of the rows of kinetic
 };
 

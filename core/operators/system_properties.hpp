@@ -19,9 +19,9 @@ struct Placements {
 };
 
 struct MassProperties {
-  double mass = 0.0;                                        // [kg]
-  Eigen::Vector3d com = Eigen::Vector3d::Zero();            // [m] from the world's origin
-  Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();        // [kg m^2] about the mass centre, the tensor (products with their sign)
+  double mass = 0.0;                                  // [kg]
+  Eigen::Vector3d com = Eigen::Vector3d::Zero();      // [m] from the world's origin
+  Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();  // [kg m^2] about the mass centre, the tensor (products with their sign)
   /// As seen from a frame in the world: com from its origin, all in its axes.
   MassProperties seen_from(const Placement& frame) const;
 };
@@ -50,9 +50,9 @@ MomentumSharing momentum_sharing(const TreeOperators& tree, const Eigen::VectorX
 
 /// The inertia felt at each velocity component, kg m^2, kg, or 1 (modes, by their scale).
 struct ReflectedInertia {
-  Eigen::VectorXd others_locked;   // M_kk = (H R H*)_kk: composite
-  Eigen::VectorXd outboard_free;   // 1 / (D^-1)_kk: what is inboard held, all else of the body and outboard free
-  Eigen::VectorXd others_free;     // 1 / (M^-1)_kk, M^-1 = D^-1 + G* Y+ G on the diagonal
+  Eigen::VectorXd others_locked;  // M_kk = (H R H*)_kk: composite
+  Eigen::VectorXd outboard_free;  // 1 / (D^-1)_kk: what is inboard held, all else of the body and outboard free
+  Eigen::VectorXd others_free;    // 1 / (M^-1)_kk, M^-1 = D^-1 + G* Y+ G on the diagonal
 };
 /// Needs OperationalSpace. Of components that are not free the last two are infinite.
 ReflectedInertia reflected_inertia(const TreeOperators& tree);

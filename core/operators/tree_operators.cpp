@@ -34,7 +34,8 @@ void store(const Motion<T>& V, double* out) {
   out[0] = part(V.w.x), out[1] = part(V.w.y), out[2] = part(V.w.z), out[3] = part(V.v.x), out[4] = part(V.v.y), out[5] = part(V.v.z);
 }
 
-/// Inertia of each rigid group in the user's frame of the body that owns it, which is that of the blocks: of a single body as it was given, to the last bit.
+/// Inertia of each rigid group in the user's frame of the body that owns it, which is that of the blocks: of a single body as it was given,
+/// to the last bit.
 std::vector<RigidInertia<double>> rigid_inertias(const Model& model) {
   std::vector<RigidInertia<double>> out(model.bodies.size());
   for (const UserBody& u : model.user) {
@@ -45,8 +46,8 @@ std::vector<RigidInertia<double>> rigid_inertias(const Model& model) {
   return out;
 }
 
-/// H* of one rotation about an axis of P, user's frame. From the axis as it was given, not from the frame that the sweeps chose: where the inertia
-/// about it is small, a last bit of its direction counts.
+/// H* of one rotation about an axis of P, user's frame. From the axis as it was given, not from the frame that the sweeps chose: where the
+/// inertia about it is small, a last bit of its direction counts.
 template <class T>
 Motion<T> axis_column(const UserBody& u) {
   double axis[3], pitch;
@@ -155,8 +156,8 @@ std::string_view name_of(Stage stage) {
 
 struct TreeOperators::Sweeping {
   explicit Sweeping(const Model& model) : position(model), zeros(model.nv, 0.0) {}
-  Workspace<double> position;                   // of the blocks and the mass matrix
-  std::unique_ptr<Workspace<double>> inertia;   // of the inverse, once it was asked for: P, D, G stay there
+  Workspace<double> position;                  // of the blocks and the mass matrix
+  std::unique_ptr<Workspace<double>> inertia;  // of the inverse, once it was asked for: P, D, G stay there
   std::vector<double> zeros;
   bool articulated = false;
 };
@@ -202,7 +203,8 @@ TreeOperators TreeOperators::subgraph(std::vector<int> sweep_bodies) const {
   sweep_bodies.erase(std::unique(sweep_bodies.begin(), sweep_bodies.end()), sweep_bodies.end());
   for (const int k : sweep_bodies)
     if (k < 1 || k >= static_cast<int>(index_.size()) || index_of(k) < 0)
-      throw InputError(Diagnostic{Code::unknown_body, {"subgraph", {}}, "bodies of the tree", fmt::format("sweep index {}", k), {}, {}, {}, 0});
+      throw InputError(
+          Diagnostic{Code::unknown_body, {"subgraph", {}}, "bodies of the tree", fmt::format("sweep index {}", k), {}, {}, {}, 0});
   TreeOperators sub;
   sub.model_ = model_;
   sub.q_ = q_;
@@ -252,7 +254,8 @@ std::vector<int> TreeOperators::path(int a, int b) const {
 
 void TreeOperators::at(const double* q) {
   if (!whole_)
-    throw InputError(Diagnostic{Code::unsupported, {"operators", {}}, "the whole tree", "a subgraph", "move the tree, then take the subgraph again", {}, {}, 0});
+    throw InputError(Diagnostic{
+        Code::unsupported, {"operators", {}}, "the whole tree", "a subgraph", "move the tree, then take the subgraph again", {}, {}, 0});
   const Model& model = *model_;
   q_.assign(q, q + model.nq);
   pose(model, sweeping_->position, q, sweeping_->zeros.data());
@@ -325,7 +328,8 @@ void TreeOperators::articulate(const Articulate& options) {
     const int n = b.nh + b.m;
     const MatrixXd PH = x.P * H_star;
     x.D = H_star.transpose() * PH;
-    VectorXd made_of = (H_star.cwiseAbs().transpose() * x.P.cwiseAbs() * H_star.cwiseAbs()).diagonal();  // what round-off of D is measured by
+    VectorXd made_of =
+        (H_star.cwiseAbs().transpose() * x.P.cwiseAbs() * H_star.cwiseAbs()).diagonal();  // what round-off of D is measured by
     if (options.W) {
       x.D.diagonal() += ConstVector(options.W + b.v, n);
       made_of += ConstVector(options.W + b.v, n).cwiseAbs();
@@ -341,7 +345,8 @@ void TreeOperators::articulate(const Articulate& options) {
     for (int j = 0; j < n; ++j) {
       const double pivot = factored(j, j) - x.S.row(j).head(j).squaredNorm();
       if (const double limit = kPivotLimit * made_of[j]; !(pivot > limit))
-        throw NumericsError(describe_breakdown(*model_, {.body = b.sweep, .component = j < b.nh ? j : -1, .value = pivot, .limit = limit}, 0.0));
+        throw NumericsError(
+            describe_breakdown(*model_, {.body = b.sweep, .component = j < b.nh ? j : -1, .value = pivot, .limit = limit}, 0.0));
       x.S(j, j) = std::sqrt(pivot);
       for (int r = j + 1; r < n; ++r) x.S(r, j) = (factored(r, j) - x.S.row(r).head(j).dot(x.S.row(j).head(j))) / x.S(j, j);
     }
@@ -384,23 +389,29 @@ void TreeOperators::require_nodes(std::span<const int> nodes) const {
   for (const int j : nodes) {
     const bool known = j >= 0 && j < static_cast<int>(model_->nodes.size());
     if (!known || model_->nodes[j].sweep == 0 || index_of(model_->nodes[j].sweep) < 0)
-      throw InputError(Diagnostic{Code::unknown_node, {"nodes of B", {}}, "nodes on bodies that take part and can move",
-                                  known ? "\"" + model_->nodes[j].name + "\"" : fmt::format("index {}", j), {}, {}, {}, 0});
+      throw InputError(Diagnostic{Code::unknown_node,
+                                  {"nodes of B", {}},
+                                  "nodes on bodies that take part and can move",
+                                  known ? "\"" + model_->nodes[j].name + "\"" : fmt::format("index {}", j),
+                                  {},
+                                  {},
+                                  {},
+                                  0});
   }
-}
-
-void TreeOperators::select_nodes(std::vector<int> nodes) {
-  require_nodes(nodes);
-  nodes_ = std::move(nodes);
 }
 
 bool TreeOperators::has(Stage stage) const {
   switch (stage) {
-    case Stage::none: return true;
-    case Stage::position: return position_ != nullptr;
-    case Stage::inertia: return has_inertia_;
-    case Stage::operational_space: return has_operational_space_;
-    case Stage::direction: return has_direction_;
+    case Stage::none:
+      return true;
+    case Stage::position:
+      return position_ != nullptr;
+    case Stage::inertia:
+      return has_inertia_;
+    case Stage::operational_space:
+      return has_operational_space_;
+    case Stage::direction:
+      return has_direction_;
   }
   return false;
 }
@@ -409,8 +420,14 @@ void TreeOperators::require(Kind kind) const {
   const Stage need = facts(kind).stage;
   if (has(need)) return;
   constexpr std::string_view call[] = {"", "at(q)", "articulate()", "operational_space()", "along(u)"};
-  throw InputError(Diagnostic{Code::operator_stage, {std::string("operator ") + std::string(facts(kind).name), {}}, fmt::format("stage {}", name_of(need)),
-                              "not computed at this q", fmt::format("call {} first", call[static_cast<std::size_t>(need)]), {}, {}, 0});
+  throw InputError(Diagnostic{Code::operator_stage,
+                              {std::string("operator ") + std::string(facts(kind).name), {}},
+                              fmt::format("stage {}", name_of(need)),
+                              "not computed at this q",
+                              fmt::format("call {} first", call[static_cast<std::size_t>(need)]),
+                              {},
+                              {},
+                              0});
 }
 
 int TreeOperators::size(Space space) const {
@@ -442,13 +459,16 @@ SpaceLabels TreeOperators::labels(Space space, Sort sort) const {
   if (space == Space::node) return node_labels(nodes_, sort);
   SpaceLabels out;
   out.names.resize(size(space)), out.units.resize(out.names.size());
-  const auto put = [&](int i, std::string name, std::string_view rate) { out.names[i] = std::move(name), out.units[i] = unit_of(rate, sort); };
+  const auto put = [&](int i, std::string name, std::string_view rate) {
+    out.names[i] = std::move(name), out.units[i] = unit_of(rate, sort);
+  };
   for (const OperatorBody& b : bodies_) {
     const UserBody& u = model_->user[b.user];
     if (space == Space::hinge)
       for (int j = 0; j < b.nh; ++j) put(b.v + j, u.name + "." + u.v_names[j], u.v_units[j]);
     else
-      for (int r = 0; r < 6; ++r) put(b.at + r, fmt::format("{}:{}", u.name, (sort == Sort::force ? kForceAxes : kAxes)[r]), r < 3 ? "rad/s" : "m/s");
+      for (int r = 0; r < 6; ++r)
+        put(b.at + r, fmt::format("{}:{}", u.name, (sort == Sort::force ? kForceAxes : kAxes)[r]), r < 3 ? "rad/s" : "m/s");
     const int first = space == Space::hinge ? b.etadot : b.at + 6;
     for (int j = 0; j < b.m; ++j) put(first + j, fmt::format("{}.etadot_{}", u.name, j + 1), "1/s");
   }
@@ -474,8 +494,14 @@ void TreeOperators::apply_inverse(Kind kind, const double* x, double* y) const {
     if (kind == Kind::M) {
       const Eigen::LLT<MatrixXd> factor(M(i));
       if (factor.info() != Eigen::Success)
-        throw InputError(Diagnostic{Code::no_inverse, {"operator M", {}}, "a positive definite inertia of each body",
-                                    "that of " + model_->user[b.user].name + " is singular", {}, {}, {}, 0});
+        throw InputError(Diagnostic{Code::no_inverse,
+                                    {"operator M", {}},
+                                    "a positive definite inertia of each body",
+                                    "that of " + model_->user[b.user].name + " is singular",
+                                    {},
+                                    {},
+                                    {},
+                                    0});
       Vector(y + b.at, 6 + b.m) = factor.solve(ConstVector(x + b.at, 6 + b.m));
       continue;
     }
@@ -506,7 +532,8 @@ void TreeOperators::apply_fused(Fused kernel, const double* x, double* y) const 
     return;
   }
   if (!s.inertia) s.inertia = std::make_unique<Workspace<double>>(model);
-  if (!s.articulated && !articulate_at_rest(model, *s.inertia, q_.data())) throw NumericsError(describe_breakdown(model, s.inertia->breakdown, 0.0));
+  if (!s.articulated && !articulate_at_rest(model, *s.inertia, q_.data()))
+    throw NumericsError(describe_breakdown(model, s.inertia->breakdown, 0.0));
   s.articulated = true;
   solve_mass(model, *s.inertia, q_.data(), x, y);
 }

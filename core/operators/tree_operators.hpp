@@ -94,12 +94,12 @@ struct PositionBlocks {
 
 /// A body that takes part.
 struct OperatorBody {
-  int sweep = 0;                // index into Model::bodies
-  int user = 0;                 // index into Model::user
-  int parent = -1;              // index into TreeOperators::bodies(), -1 where the subgraph ends
-  int nh = 0, m = 0;            // hinge velocities, modes
-  int v = 0, etadot = 0;        // places in the hinge space
-  int at = 0;                   // place in the body space
+  int sweep = 0;          // index into Model::bodies
+  int user = 0;           // index into Model::user
+  int parent = -1;        // index into TreeOperators::bodies(), -1 where the subgraph ends
+  int nh = 0, m = 0;      // hinge velocities, modes
+  int v = 0, etadot = 0;  // places in the hinge space
+  int at = 0;             // place in the body space
 };
 
 /// Names and units of the numbers of a space; no units where the sort is unknown.
@@ -126,8 +126,8 @@ class TreeOperators {
   /// Position: blocks at q (nq numbers, user's order). Whole trees only: a subgraph stays where it was made.
   void at(const double* q);
   struct Articulate {
-    const double* W = nullptr;               // per hinge-space component: D = H P H* + diag(W) (armature, implicit springs; mathematics 4.9)
-    std::span<const std::uint8_t> free = {}; // per component: 0 = its velocity is given: no row and no column in D, G, K; empty: all free
+    const double* W = nullptr;  // per hinge-space component: D = H P H* + diag(W) (armature, implicit springs; mathematics 4.9)
+    std::span<const std::uint8_t> free = {};  // per component: 0 = its velocity is given: no row and no column in D, G, K; empty: all free
   };
   /// Inertia: P, D, G, P+ (Riccati, mathematics 4.4). NumericsError where D is singular.
   void articulate(const Articulate& options);
@@ -140,8 +140,6 @@ class TreeOperators {
   PositionBlocks derivatives(const double* u) const;
   /// Into memory that is there.
   void derivatives(const double* u, PositionBlocks& out) const;
-  /// The nodes of B: indices into Model::nodes whose body takes part; first all of them.
-  void select_nodes(std::vector<int> nodes);
   /// Error (C0202) naming the first of these that is no node of a body that takes part.
   void require_nodes(std::span<const int> nodes) const;
   /// Error (C0901) naming the operator and the missing stage.
@@ -151,7 +149,7 @@ class TreeOperators {
   // What it is -------------------------------------------------------------------------------------------------------------
   const Model& model() const { return *model_; }
   const std::shared_ptr<const Model>& model_pointer() const { return model_; }
-  const std::vector<OperatorBody>& bodies() const { return bodies_; }   ///< inboard before outboard
+  const std::vector<OperatorBody>& bodies() const { return bodies_; }  ///< inboard before outboard
   const std::vector<int>& nodes() const { return nodes_; }
   const std::vector<double>& q() const { return q_; }
   bool whole() const { return whole_; }

@@ -21,7 +21,7 @@ class Product {
   void hinge_map() {  // H f or H* v
     for (int i = 0; i < n; ++i)
       if (adjoint)
-        body(y, i).noalias() = (t.*Block)(i) * hinge(x, i);
+        body(y, i).noalias() = (t.*Block)(i)*hinge(x, i);
       else
         hinge(y, i).noalias() = (t.*Block)(i).transpose() * body(x, i);
   }
@@ -31,14 +31,14 @@ class Product {
     for (int i = 0; i < n; ++i) {
       if (parent(i) < 0) continue;
       if (adjoint)
-        rigid(y, i).noalias() = (t.*Block)(i) * body(x, parent(i));
+        rigid(y, i).noalias() = (t.*Block)(i)*body(x, parent(i));
       else
         body(y, parent(i)).noalias() += (t.*Block)(i).transpose() * rigid(x, i);
     }
   }
   template <auto Block>
   void diagonal() {  // body by body
-    for (int i = 0; i < n; ++i) body(y, i).noalias() = (t.*Block)(i) * body(x, i);
+    for (int i = 0; i < n; ++i) body(y, i).noalias() = (t.*Block)(i)*body(x, i);
   }
   void D() {
     for (int i = 0; i < n; ++i) hinge(y, i).noalias() = t.D(i) * hinge(x, i);
@@ -148,9 +148,9 @@ class Product {
 
 /// In the order of Kind.
 constexpr void (Product::*kProducts[])() = {
-    &Product::hinge_map<&TreeOperators::Ht>,   // H
+    &Product::hinge_map<&TreeOperators::Ht>,  // H
     &Product::phi,
-    &Product::shift<&TreeOperators::A>,        // E_phi
+    &Product::shift<&TreeOperators::A>,  // E_phi
     &Product::diagonal<&TreeOperators::M>,
     &Product::B,
     &Product::diagonal<&TreeOperators::P>,

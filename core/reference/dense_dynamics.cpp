@@ -63,8 +63,7 @@ VecX<T> mode_rates(const DenseBody<T>& b, const VecX<T>& v) {
 
 /// Moves the frame of a body to one of its deforming points.
 template <class T>
-Frame<T> to_point(const Frame<T>& B, const DenseBody<T>& b, const ModalPoint<T>& p, const VecX<T>& q,
-                  const VecX<T>& v) {
+Frame<T> to_point(const Frame<T>& B, const DenseBody<T>& b, const ModalPoint<T>& p, const VecX<T>& q, const VecX<T>& v) {
   const VecX<T> rates = mode_rates(b, v);
   return compose(B, node_motion(p, modes(b, q), rates), rates, mode_column(b));
 }
@@ -80,9 +79,7 @@ struct Field {
   T k{0};                       // 3 mu / (2 r^4)
 
   T energy(const T& mass, const Mat3<T>& S) const { return mass * potential - (gradient * S).trace() / 2; }
-  Vec3<T> force(const T& mass, const Mat3<T>& S) const {
-    return mass * g + k * (2 * S * n + (S.trace() - 5 * n.dot(S * n)) * n);
-  }
+  Vec3<T> force(const T& mass, const Mat3<T>& S) const { return mass * g + k * (2 * S * n + (S.trace() - 5 * n.dot(S * n)) * n); }
   /// Sum of m rho x (gradient rho).
   Vec3<T> torque(const Mat3<T>& S) const {
     const Mat3<T> A = S * gradient;
@@ -153,8 +150,7 @@ DenseTwin<T>::DenseTwin(DenseModel<T> model) : model_(std::make_shared<const Den
       throw InputError(Diagnostic{Code::unsupported, b.hinge.at, expected, got});
     };
     for (const SpringDamper& s : b.hinge.springs)
-      if (s.stiffness != 0.0 && b.size.nq != b.size.nv)
-        refuse("a hinge whose velocities are the rates of its coordinates", "a spring");
+      if (s.stiffness != 0.0 && b.size.nq != b.size.nv) refuse("a hinge whose velocities are the rates of its coordinates", "a spring");
     inertia_.emplace_back();
     if (b.n_modes == 0 || (b.level == 2 && !b.masses.empty())) continue;
     if (b.level == 2 && b.modal->integrals.I9.empty()) refuse("mass nodes or the integral I9 for level 2", "neither");
@@ -199,8 +195,7 @@ void DenseTwin<T>::set_kinematics(DenseState<T>& s) const {
   for (const int k : model_->outward) {
     const DenseBody<T>& b = model_->bodies[k];
     const bool on_world = b.parent < 0;
-    const Frame<T> O = to_point(on_world ? world : s.bodies[b.parent], on_world ? nothing : model_->bodies[b.parent],
-                                b.onode, s.q_, s.v_);
+    const Frame<T> O = to_point(on_world ? world : s.bodies[b.parent], on_world ? nothing : model_->bodies[b.parent], b.onode, s.q_, s.v_);
     const VecX<T> hq = hinge_q(b, s.q_), hv = hinge_v(b, s.v_), rates = mode_rates(b, s.v_);
     RelativeMotion<T> hinge;
     VecX<T> qdot;
@@ -380,8 +375,8 @@ VecX<T> DenseState<T>::inverse(const VecX<T>& vdot, const NodeWrenches<T>& wrenc
 }
 
 template <class T>
-HybridResult<T> DenseState<T>::hybrid(const VecX<T>& tau, const std::vector<bool>& prescribed,
-                                      const VecX<T>& vdot_prescribed, const NodeWrenches<T>& wrenches) const {
+HybridResult<T> DenseState<T>::hybrid(const VecX<T>& tau, const std::vector<bool>& prescribed, const VecX<T>& vdot_prescribed,
+                                      const NodeWrenches<T>& wrenches) const {
   std::vector<int> free;
   HybridResult<T> out{VecX<T>::Zero(tau.size()), tau};
   for (int i = 0; i < static_cast<int>(tau.size()); ++i) {

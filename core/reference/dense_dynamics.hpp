@@ -55,8 +55,8 @@ struct HybridResult {
 template <class T>
 class DenseState {
  public:
-  MatX<T> M;                                                      // nv x nv
-  VecX<T> bias, gravity_force, elastic_force, hinge_force, qdot;  // elastic: modes; hinge: springs and dampers
+  MatX<T> M;                                                                 // nv x nv
+  VecX<T> bias, gravity_force, elastic_force, hinge_force, qdot;             // elastic: modes; hinge: springs and dampers
   T total_mass{0}, kinetic_energy{0}, gravity_energy{0}, elastic_energy{0};  // elastic: modes and hinge springs
   Vec3<T> com, linear_momentum, angular_momentum;                            // world axes, about the world's origin
   std::vector<Frame<T>> bodies;                                              // frame B of each
@@ -96,8 +96,7 @@ class DenseState {
 template <class T>
 class DenseTwin {
  public:
-  explicit DenseTwin(const SystemSpec& spec, const ForeignHinges& foreign = {})
-      : DenseTwin(dense_model<T>(spec, foreign)) {}
+  explicit DenseTwin(const SystemSpec& spec, const ForeignHinges& foreign = {}) : DenseTwin(dense_model<T>(spec, foreign)) {}
   explicit DenseTwin(DenseModel<T> model);
   int nq() const { return model_->nq; }
   int nv() const { return model_->nv; }

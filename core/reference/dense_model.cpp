@@ -57,14 +57,12 @@ void set_hinge(DenseBody<T>& b, const ForeignHinges& foreign) {
   b.size = hinge_size(b.hinge.type);
   if (b.size.nq < 0) {
     const auto it = foreign.find(b.hinge.type);
-    if (it == foreign.end())
-      refuse(Code::unsupported, b.hinge.at, "a hinge type known to the dense twin", b.hinge.type);
+    if (it == foreign.end()) refuse(Code::unsupported, b.hinge.at, "a hinge type known to the dense twin", b.hinge.type);
     b.foreign = it->second;
     b.size = {b.foreign->nq, b.foreign->nv};
   } else {
     b.shape.axes = hinge_axes<T>(b.hinge);
-    if (const auto it = b.hinge.params.find("pitch"); it != b.hinge.params.end())
-      b.shape.pitch = T(std::get<double>(it->second.value));
+    if (const auto it = b.hinge.params.find("pitch"); it != b.hinge.params.end()) b.shape.pitch = T(std::get<double>(it->second.value));
   }
   if (!b.hinge.locked) return;
   b.held = VecX<T>::Zero(b.size.nq);
@@ -85,8 +83,7 @@ DenseBody<T> dense_body(const BodySpec& spec, const ForeignHinges& foreign) {
     b.K = modal.K.cast<T>();
     b.C = modal.C.size() > 0 ? modal.C.cast<T>().eval() : MatX<T>::Zero(b.n_modes, b.n_modes);
     for (const MassNode& node : modal.mass_nodes) b.masses.push_back(mass_point<T>(node, b.n_modes));
-    for (const ModalNode& n : modal.nodes)
-      b.nodes.push_back(point<T>(n.name, n.position, n.R_BN, b.n_modes, n.Phi, n.Psi));
+    for (const ModalNode& n : modal.nodes) b.nodes.push_back(point<T>(n.name, n.position, n.R_BN, b.n_modes, n.Phi, n.Psi));
   } else if (spec.type == "rigid" || spec.type == "particle") {
     b.masses.push_back(mass_point<T>({spec.mass, spec.com, spec.inertia_com, {}, {}, {}}, 0));
     for (const NodeSpec& n : spec.nodes) b.nodes.push_back(point<T>(n.name, n.position, n.R_BN, 0));
@@ -94,8 +91,8 @@ DenseBody<T> dense_body(const BodySpec& spec, const ForeignHinges& foreign) {
     refuse(Code::unsupported, spec.at, "a body type known to the dense twin", spec.type);
   }
   set_hinge(b, foreign);
-  b.pnode = spec.hinge.body_node.empty() ? point<T>("", spec.hinge.pnode_position, spec.hinge.pnode_R, b.n_modes)
-                                         : b.node(spec.hinge.body_node);
+  b.pnode =
+      spec.hinge.body_node.empty() ? point<T>("", spec.hinge.pnode_position, spec.hinge.pnode_R, b.n_modes) : b.node(spec.hinge.body_node);
   return b;
 }
 

@@ -52,8 +52,7 @@ T stumpff(int n, const T& x) {
   T term(1);
   for (int i = 2; i <= n; ++i) term /= i;
   T sum = term;
-  for (int i = n + 2; abs(term) > std::numeric_limits<T>::epsilon() * abs(sum) / 16; i += 2)
-    sum += term *= -x / (i * (i - 1));
+  for (int i = n + 2; abs(term) > std::numeric_limits<T>::epsilon() * abs(sum) / 16; i += 2) sum += term *= -x / (i * (i - 1));
   return sum;
 }
 

@@ -26,12 +26,9 @@ ModalInertia<T>::ModalInertia(const std::vector<MassPoint<T>>& points)
 
 template <class T>
 ModalInertia<T>::ModalInertia(const ModalIntegrals& I)
-    : n_modes_(static_cast<int>(I.I3.cols())),
-      mass_(MatX<T>::Zero(6 + n_modes_, 6 + n_modes_)),
-      slope_(n_modes_, mass_) {
+    : n_modes_(static_cast<int>(I.I3.cols())), mass_(MatX<T>::Zero(6 + n_modes_, 6 + n_modes_)), slope_(n_modes_, mass_) {
   const int m = n_modes_;
-  const auto fill = [&](MatX<T>& M, const Mat3<T>& ww, const Vec3<T>& first_moment, const MatX<T>& we,
-                        const MatX<T>& ee) {
+  const auto fill = [&](MatX<T>& M, const Mat3<T>& ww, const Vec3<T>& first_moment, const MatX<T>& we, const MatX<T>& ee) {
     M.topLeftCorner(3, 3) = ww;
     M.block(0, 3, 3, 3) = tilde(first_moment);
     M.block(0, 6, 3, m) = we;
@@ -67,8 +64,7 @@ std::vector<MatX<T>> ModalInertia<T>::mass_derivatives(const VecX<T>& eta, int l
       out[k].block(3, 0, 3, 3) = slope_[k].block(3, 0, 3, 3);
     }
     if (level == 2)
-      for (int l = 0; l < n_modes_; ++l)
-        out[k].topLeftCorner(3, 3) += eta[l] * (square_[l * n_modes_ + k] + square_[k * n_modes_ + l]);
+      for (int l = 0; l < n_modes_; ++l) out[k].topLeftCorner(3, 3) += eta[l] * (square_[l * n_modes_ + k] + square_[k * n_modes_ + l]);
   }
   return out;
 }

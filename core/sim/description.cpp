@@ -16,9 +16,7 @@ namespace {
 
 Json vector(const Eigen::Vector3d& a) { return {a.x(), a.y(), a.z()}; }
 
-std::string node_name(const std::string& body, const std::string& node) {
-  return node.empty() ? body : body + "." + node;
-}
+std::string node_name(const std::string& body, const std::string& node) { return node.empty() ? body : body + "." + node; }
 
 Json bodies(const Model& m) {
   Json all = Json::array();
@@ -79,8 +77,7 @@ Json masses(Simulation& sim) {
   for (std::size_t i = 0; i < parts.size(); ++i) {
     const Part& p = parts[i];
     J += p.R_WB * (p.J_origin - about(p.mass, p.com)) * p.R_WB.transpose() + about(p.mass, p.com_W - com);
-    rows.push_back(
-        {{"name", m.user[i].name}, {"mass", p.mass}, {"com_body", vector(p.com)}, {"com_world", vector(p.com_W)}});
+    rows.push_back({{"name", m.user[i].name}, {"mass", p.mass}, {"com_body", vector(p.com)}, {"com_world", vector(p.com_W)}});
   }
   Json inertia = Json::array();
   for (int r = 0; r < 3; ++r) inertia.push_back(vector(J.row(r)));
@@ -131,9 +128,10 @@ Json not_modelled(const Model& m) {
     if (b.level == 0) all.push_back(b.name + ": deformation does not change its inertia (level 0)");
     if (b.level == 1) all.push_back(b.name + ": inertia to first order in the deformation (level 1)");
     if (const double w = first_frequency(*b.modal); !has_stiffening(b))
-      all.push_back(fmt::format("{}: centrifugal stiffening, of the order of (Omega/omega_1)^2 of the stiffness of its first mode ({:.4g} Hz): 1 % at "
-                                "{:.3g} rad/s, all of it at {:.3g} rad/s",
-                                b.name, w / (2 * std::numbers::pi), 0.1 * w, w));
+      all.push_back(fmt::format(
+          "{}: centrifugal stiffening, of the order of (Omega/omega_1)^2 of the stiffness of its first mode ({:.4g} Hz): 1 % at "
+          "{:.3g} rad/s, all of it at {:.3g} rad/s",
+          b.name, w / (2 * std::numbers::pi), 0.1 * w, w));
   }
   std::string rigid;
   for (const BodySpec& b : m.spec->bodies)
@@ -181,8 +179,7 @@ int modes_worth_telling(const Model& m, int asked) {
 
 std::string gravity_text(const GravitySpec& g) {
   if (g.kind == GravitySpec::Kind::none) return "none";
-  if (g.kind == GravitySpec::Kind::uniform)
-    return fmt::format("uniform [{:g}, {:g}, {:g}] m/s^2", g.g.x(), g.g.y(), g.g.z());
+  if (g.kind == GravitySpec::Kind::uniform) return fmt::format("uniform [{:g}, {:g}, {:g}] m/s^2", g.g.x(), g.g.y(), g.g.z());
   return fmt::format("central, mu = {:.10g} m^3/s^2, gradient {}", g.mu, g.gradient ? "on" : "off");
 }
 
@@ -205,19 +202,24 @@ std::string text_of(const ParamValue& p) {
 }
 
 std::string text_of(const Eigen::Matrix3d& R) {
-  return fmt::format("[{}, {}, {}]", text_of(Eigen::Vector3d(R.row(0))), text_of(Eigen::Vector3d(R.row(1))), text_of(Eigen::Vector3d(R.row(2))));
+  return fmt::format("[{}, {}, {}]", text_of(Eigen::Vector3d(R.row(0))), text_of(Eigen::Vector3d(R.row(1))),
+                     text_of(Eigen::Vector3d(R.row(2))));
 }
 
 /// In the words of the schema of its family.
 std::string parameter_unit(const cardan_hinge_family& family, const std::string& name) {
   for (std::uint32_t i = 0; i < family.n_params; ++i)
-    if (name == family.params[i].name) return family.params[i].unit && *family.params[i].unit && family.params[i].unit != std::string_view("1") ? std::string(" ") + family.params[i].unit : std::string();
+    if (name == family.params[i].name)
+      return family.params[i].unit && *family.params[i].unit && family.params[i].unit != std::string_view("1")
+                 ? std::string(" ") + family.params[i].unit
+                 : std::string();
   return {};
 }
 
 std::string program_text(const Model& m, const std::vector<soa::OpCost>& costs, bool measured) {
   const auto time = [&](double ns) { return measured ? fmt::format("{:>8.0f}", ns) : std::string(); };
-  std::string text = fmt::format("{:<52}{:>8}{:>8}{:>8}{:>9}{}  bodies\n", "", "bodies", "flops", "sin/cos", "bytes", measured ? "      ns" : "");
+  std::string text =
+      fmt::format("{:<52}{:>8}{:>8}{:>8}{:>9}{}  bodies\n", "", "bodies", "flops", "sin/cos", "bytes", measured ? "      ns" : "");
   soa::OpCost sum;
   sum.ns = 0.0;
   for (std::size_t i = 0; i < costs.size(); ++i) {
@@ -225,10 +227,10 @@ std::string program_text(const Model& m, const std::vector<soa::OpCost>& costs, 
     std::string bodies = m.program[i].code == OpCode::refine ? m.refinement : std::string();
     if (const int r = m.program[i].run; r >= 0)
       for (const UserBody& u : m.user)
-        if (!u.merged && u.sweep >= m.runs[static_cast<std::size_t>(r)].begin &&
-            u.sweep < m.runs[static_cast<std::size_t>(r)].end)
+        if (!u.merged && u.sweep >= m.runs[static_cast<std::size_t>(r)].begin && u.sweep < m.runs[static_cast<std::size_t>(r)].end)
           bodies += (bodies.empty() ? "" : ", ") + u.name;
-    text += fmt::format("{:<52}{:>8}{:>8}{:>8}{:>9}{}  {}\n", cost.name, cost.bodies, cost.flops, cost.functions, cost.bytes, time(cost.ns), bodies);
+    text += fmt::format("{:<52}{:>8}{:>8}{:>8}{:>9}{}  {}\n", cost.name, cost.bodies, cost.flops, cost.functions, cost.bytes, time(cost.ns),
+                        bodies);
     sum.flops += cost.flops, sum.functions += cost.functions, sum.ns += cost.ns;
   }
   return text + fmt::format("{:<60}{:>8}{:>8}{:>9}{}  (bytes: all working memory)\n", "one evaluation of v'", sum.flops, sum.functions,
@@ -257,11 +259,10 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
     if (!b.modal && u.mass > 0) {
       const RigidInertia<double>& M = u.M;
       const Eigen::Vector3d c = to_eigen(M.h) / M.m;
-      const Eigen::Matrix3d J =
-          to_eigen(M.J) - M.m * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
+      const Eigen::Matrix3d J = to_eigen(M.J) - M.m * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
       add(path + "com", text_of(c) + " m");
-      add(path + "inertia", fmt::format("xx {:.10g}, yy {:.10g}, zz {:.10g}, xy {:.10g}, xz {:.10g}, yz {:.10g} kg m^2",
-                                        J(0, 0), J(1, 1), J(2, 2), J(0, 1), J(0, 2), J(1, 2)));
+      add(path + "inertia", fmt::format("xx {:.10g}, yy {:.10g}, zz {:.10g}, xy {:.10g}, xz {:.10g}, yz {:.10g} kg m^2", J(0, 0), J(1, 1),
+                                        J(2, 2), J(0, 1), J(0, 2), J(1, 2)));
     }
     if (b.modal) {
       add(path + "level", std::to_string(b.level));
@@ -269,9 +270,8 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
       add(path + "modal_content", b.modal->content_hash);
       for (int j = 0; j < u.n_modes; ++j) {
         const double w = std::sqrt(b.modal->K(j, j) / b.modal->integrals.I6(j, j));
-        add(fmt::format("{}modes[{}]", path, j),
-            fmt::format("{:.8g} Hz, damping {:.4g}", w / (2 * std::numbers::pi),
-                        w > 0 ? b.modal->C(j, j) / (2 * w * b.modal->integrals.I6(j, j)) : 0.0));
+        add(fmt::format("{}modes[{}]", path, j), fmt::format("{:.8g} Hz, damping {:.4g}", w / (2 * std::numbers::pi),
+                                                             w > 0 ? b.modal->C(j, j) / (2 * w * b.modal->integrals.I6(j, j)) : 0.0));
       }
     }
     const std::string hinge = path + "hinge.";

@@ -10,15 +10,13 @@ namespace {
 
 constexpr double kRoundOff = 1e-12;  // [kg, kg m^2] effective masses below are shown as zero
 
-std::string listed(const Json& names) {
-  return fmt::format("{}", fmt::join(names.get<std::vector<std::string>>(), ", "));
-}
+std::string listed(const Json& names) { return fmt::format("{}", fmt::join(names.get<std::vector<std::string>>(), ", ")); }
 
 }  // namespace
 
 std::string description_text(const Json& d) {
-  std::string out = fmt::format("{}\n\nbodies: {} coordinates, {} velocities\n", d["vehicle"].get<std::string>(),
-                                d["n_q"].get<int>(), d["n_v"].get<int>());
+  std::string out = fmt::format("{}\n\nbodies: {} coordinates, {} velocities\n", d["vehicle"].get<std::string>(), d["n_q"].get<int>(),
+                                d["n_v"].get<int>());
   for (const Json& b : d["bodies"]) {
     std::string notes;
     const auto note = [&](const std::string& text) { notes += (notes.empty() ? "" : "; ") + text; };
@@ -26,43 +24,40 @@ std::string description_text(const Json& d) {
     if (b["locked"].get<bool>()) note("locked");
     if (b["merged"].get<bool>()) note("merged with the body it is fixed to");
     if (!b["prescribed"].empty()) note("prescribed: " + listed(b["prescribed"]));
-    out += fmt::format("  {:<18}{:<16}{:<14} to {:<22}{:>2} dof  {}\n", b["name"].get<std::string>(),
-                       b["type"].get<std::string>(), b["hinge"].get<std::string>(), b["to"].get<std::string>(),
-                       b["velocities"].size(), notes);
+    out += fmt::format("  {:<18}{:<16}{:<14} to {:<22}{:>2} dof  {}\n", b["name"].get<std::string>(), b["type"].get<std::string>(),
+                       b["hinge"].get<std::string>(), b["to"].get<std::string>(), b["velocities"].size(), notes);
   }
 
   const Json& masses = d["masses"];
   const auto triple = [](const Json& a) {
     return fmt::format("{:>12.5g}{:>12.5g}{:>12.5g}", a[0].get<double>(), a[1].get<double>(), a[2].get<double>());
   };
-  out += fmt::format("\nmasses at the initial state, flexible bodies undeformed\n  {:<18}{:>12}{:>36}\n", "",
-                     "mass [kg]", "mass centre, world axes [m]");
+  out += fmt::format("\nmasses at the initial state, flexible bodies undeformed\n  {:<18}{:>12}{:>36}\n", "", "mass [kg]",
+                     "mass centre, world axes [m]");
   for (const Json& row : masses["bodies"])
-    out += fmt::format("  {:<18}{:>12.6g}{}\n", row["name"].get<std::string>(), row["mass"].get<double>(),
-                       triple(row["com_world"]));
+    out += fmt::format("  {:<18}{:>12.6g}{}\n", row["name"].get<std::string>(), row["mass"].get<double>(), triple(row["com_world"]));
   out += fmt::format("  {:<18}{:>12.6g}{}\n", "total", masses["total"].get<double>(), triple(masses["com_world"]));
   const char* title = "inertia about the mass centre, world axes [kg m^2]";
-  for (const Json& row : masses["inertia_world_about_com"])
-    out += fmt::format("  {:<52}{}\n", std::exchange(title, ""), triple(row));
+  for (const Json& row : masses["inertia_world_about_com"]) out += fmt::format("  {:<52}{}\n", std::exchange(title, ""), triple(row));
 
   for (const Json& body : d["modes"]) {
     out += fmt::format("\nmodes of {}: {}\n  {:>4}{:>12}  {:<16}{:>54}  kept\n", body["body"].get<std::string>(),
-                       body["source"].get<std::string>(), "", "[Hz]", "kind",
-                       "effective mass rx ry rz [kg m^2], x y z [kg]");
+                       body["source"].get<std::string>(), "", "[Hz]", "kind", "effective mass rx ry rz [kg m^2], x y z [kg]");
     int i = 0;
     std::array<double, 6> kept{};
     for (const Json& mode : body["audit"]) {
       for (std::size_t k = 0; k < 6; ++k)
         if (mode["kept"].get<bool>()) kept[k] += mode["effective_mass"][k].get<double>();
       std::string mass;
-      for (const Json& x : mode["effective_mass"])
-        mass += fmt::format("{:>9.3g}", x.get<double>() > kRoundOff ? x.get<double>() : 0.0);
-      out += fmt::format("  {:>4}{:>12.5g}  {:<16}{}  {}{}\n", ++i, mode["frequency_hz"].get<double>(),
-                         mode["kind"].get<std::string>(), mass, mode["kept"].get<bool>() ? "yes" : "no",
+      for (const Json& x : mode["effective_mass"]) mass += fmt::format("{:>9.3g}", x.get<double>() > kRoundOff ? x.get<double>() : 0.0);
+      out += fmt::format("  {:>4}{:>12.5g}  {:<16}{}  {}{}\n", ++i, mode["frequency_hz"].get<double>(), mode["kind"].get<std::string>(),
+                         mass, mode["kept"].get<bool>() ? "yes" : "no",
                          mode["reason"].get<std::string>().empty() ? "" : ": " + mode["reason"].get<std::string>());
     }
     std::string shares;
-    for (std::size_t k = 0; k < 6; ++k) shares += fmt::format("{:>9.3g}", kept[k] > 1e-9 * body["rigid_mass"][k].get<double>() ? 100.0 * kept[k] / body["rigid_mass"][k].get<double>() : 0.0);
+    for (std::size_t k = 0; k < 6; ++k)
+      shares += fmt::format(
+          "{:>9.3g}", kept[k] > 1e-9 * body["rigid_mass"][k].get<double>() ? 100.0 * kept[k] / body["rigid_mass"][k].get<double>() : 0.0);
     if (i > 0) out += fmt::format("  {:<34}{}  kept, % of the whole body\n", "", shares);
   }
 
@@ -71,12 +66,14 @@ std::string description_text(const Json& d) {
     if (system.contains("why_not")) out += "  not found: " + system["why_not"].get<std::string>() + "\n";
     int i = system.value("rigid", 0);
     if (i > 0) out += fmt::format("  1 ... {}: without stiffness\n", i);
-    const auto part = [](const Json& p) { return fmt::format("{} {:.0f} %", p["name"].get<std::string>(), 100.0 * p["share"].get<double>()); };
+    const auto part = [](const Json& p) {
+      return fmt::format("{} {:.0f} %", p["name"].get<std::string>(), 100.0 * p["share"].get<double>());
+    };
     if (!system.value("modes", Json::array()).empty())
       out += fmt::format("  {:>4}{:>12}{:>12}  {:<32}{}\n", "", "[Hz]", "damping [%]", "most of the motion", "most of the strain");
     for (const Json& mode : system.value("modes", Json::array()))
-      out += fmt::format("  {:>4}{:>12.5g}{:>12.3g}  {:<32}{}\n", ++i, mode["frequency_hz"].get<double>(), 100.0 * mode["damping"].get<double>(),
-                         part(mode["kinetic"]), part(mode["strain"]));
+      out += fmt::format("  {:>4}{:>12.5g}{:>12.3g}  {:<32}{}\n", ++i, mode["frequency_hz"].get<double>(),
+                         100.0 * mode["damping"].get<double>(), part(mode["kinetic"]), part(mode["strain"]));
   }
 
   out += fmt::format("\ngravity: {}\n\nprogram of sweeps, in order\n", d["gravity"].get<std::string>());
@@ -91,8 +88,7 @@ std::string description_text(const Json& d) {
   for (const Json& w : warnings)
     out += fmt::format("  {} {}: {}\n", w["code"].get<std::string>(), w["path"].get<std::string>(), w["about"].get<std::string>());
   out += d["defaults"].empty() ? "" : "\ndefaults used\n";
-  for (const auto& [key, value] : d["defaults"].items())
-    out += fmt::format("  {} = {}\n", key, value.get<std::string>());
+  for (const auto& [key, value] : d["defaults"].items()) out += fmt::format("  {} = {}\n", key, value.get<std::string>());
   return out;
 }
 

@@ -28,9 +28,9 @@ void forces(const Model& m, bool damping, const Eigen::VectorXd& x, Eigen::Vecto
 std::string owner(const Model& m, int v, bool damping) {
   for (const UserBody& u : m.user) {
     const int n = static_cast<int>(u.v_names.size());
-    if (v >= u.v && v < u.v + n)
-      return fmt::format("the {} of {}.{}", damping ? "damper" : "spring", u.name, u.v_names[v - u.v]);
-    if (v >= u.etadot && v < u.etadot + u.n_modes) return fmt::format("{}mode {} of {}", damping ? "the damping of " : "", v - u.etadot + 1, u.name);
+    if (v >= u.v && v < u.v + n) return fmt::format("the {} of {}.{}", damping ? "damper" : "spring", u.name, u.v_names[v - u.v]);
+    if (v >= u.etadot && v < u.etadot + u.n_modes)
+      return fmt::format("{}mode {} of {}", damping ? "the damping of " : "", v - u.etadot + 1, u.name);
   }
   return "velocity " + std::to_string(v);
 }

@@ -8,9 +8,9 @@
 namespace cardan {
 
 struct FastestMotion {
-  double rate = 0.0;    // [1/s] of decay, or angular frequency [rad/s]; 0: nothing is elastic or damped
+  double rate = 0.0;  // [1/s] of decay, or angular frequency [rad/s]; 0: nothing is elastic or damped
   bool decays = false;
-  std::string what;     // "the damper of boom.angle"
+  std::string what;  // "the damper of boom.angle"
 };
 
 /// Of M v' = -K q - C v, M at q, prescribed components held: the largest eigenvalue of M^-1 C or the root of that of M^-1 K, by

@@ -13,9 +13,9 @@
 namespace cardan {
 namespace {
 
-constexpr double kStiffness = 0.01;   // (Omega / omega_1)^2: half a percent of the frequency
-constexpr double kDeflection = 0.1;   // of the size: foreshortening, about 0.6 d^2 / L of a cantilever, is then 0.6 % of it
-constexpr double kNews = 1.05;        // a rate seen is told again where it exceeds the expected one by more
+constexpr double kStiffness = 0.01;  // (Omega / omega_1)^2: half a percent of the frequency
+constexpr double kDeflection = 0.1;  // of the size: foreshortening, about 0.6 d^2 / L of a cantilever, is then 0.6 % of it
+constexpr double kNews = 1.05;       // a rate seen is told again where it exceeds the expected one by more
 
 bool moves(const ModalNode& node) { return (node.Phi.size() > 0 && !node.Phi.isZero(0.0)); }
 
@@ -23,7 +23,8 @@ bool moves(const ModalNode& node) { return (node.Phi.size() > 0 && !node.Phi.isZ
 
 double first_frequency(const ModalData& modal) {
   if (modal.n_modes == 0) return std::numeric_limits<double>::infinity();
-  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> solver(modal.K, modal.integrals.I6, Eigen::EigenvaluesOnly | Eigen::Ax_lBx);
+  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> solver(modal.K, modal.integrals.I6,
+                                                                         Eigen::EigenvaluesOnly | Eigen::Ax_lBx);
   return solver.info() == Eigen::Success ? std::sqrt(std::max(0.0, solver.eigenvalues()(0))) : 0.0;
 }
 
@@ -53,18 +54,19 @@ FlexibleLimits::FlexibleLimits(const Simulation& sim) : spec_(*sim.model().spec)
 Diagnostic FlexibleLimits::rate_warning(const Body& b, double rate, bool before) const {
   const BodySpec& body = spec_.bodies[static_cast<std::size_t>(b.user)];
   const double ratio = rate / b.omega;
-  return {Code::beyond_the_model,
-          spec_.locate(body_path(body) + (before ? ".level" : "")),
-          {},
-          {},
-          "rates below a tenth of the first frequency leave less than 1 % of the stiffness out; stiffening is in level 2 of lumped masses with "
-          "second-order shapes Q alone",
-          {},
-          fmt::format("{} {} {:.3g} rad/s{}, {:.2g} times its first frequency of {:.4g} Hz ({:.3g} rad/s): level {} has no centrifugal "
-                      "stiffening, of the order of (Omega/omega_1)^2 = {:.2g} times the stiffness of that mode",
-                      body.name, before ? "may turn with up to" : "turns with", rate, before ? " by its initial rates and profiles" : "", ratio, b.omega / (2 * std::numbers::pi), b.omega,
-                      body.level, ratio * ratio),
-          0};
+  return {
+      Code::beyond_the_model,
+      spec_.locate(body_path(body) + (before ? ".level" : "")),
+      {},
+      {},
+      "rates below a tenth of the first frequency leave less than 1 % of the stiffness out; stiffening is in level 2 of lumped masses with "
+      "second-order shapes Q alone",
+      {},
+      fmt::format("{} {} {:.3g} rad/s{}, {:.2g} times its first frequency of {:.4g} Hz ({:.3g} rad/s): level {} has no centrifugal "
+                  "stiffening, of the order of (Omega/omega_1)^2 = {:.2g} times the stiffness of that mode",
+                  body.name, before ? "may turn with up to" : "turns with", rate, before ? " by its initial rates and profiles" : "", ratio,
+                  b.omega / (2 * std::numbers::pi), b.omega, body.level, ratio * ratio),
+      0};
 }
 
 Warnings FlexibleLimits::expected(Simulation& sim, double t_end) {
@@ -104,13 +106,15 @@ Warnings FlexibleLimits::seen() const {
   Warnings found;
   for (const Body& b : bodies_) {
     const BodySpec& body = spec_.bodies[static_cast<std::size_t>(b.user)];
-    if (b.rate * b.rate > kStiffness * b.omega * b.omega && b.rate > kNews * b.expected) found.add(rate_warning(b, b.rate, false), b.t_rate);
+    if (b.rate * b.rate > kStiffness * b.omega * b.omega && b.rate > kNews * b.expected)
+      found.add(rate_warning(b, b.rate, false), b.t_rate);
     if (b.deflection > kDeflection * b.size) {
       const ModalNode& node = body.modal->nodes[static_cast<std::size_t>(b.point)];
       found.add(Code::beyond_the_model, spec_.locate(fmt::format("{}.modal.nodes.{}", body_path(body), node.name)),
-                fmt::format("{}.{} is {:.3g} m away from its place in the undeformed body, {:.2g} % of its size of {:.3g} m: modes are linear, and "
-                            "foreshortening, of second order, is left out",
-                            body.name, node.name, b.deflection, 100.0 * b.deflection / b.size, b.size),
+                fmt::format(
+                    "{}.{} is {:.3g} m away from its place in the undeformed body, {:.2g} % of its size of {:.3g} m: modes are linear, and "
+                    "foreshortening, of second order, is left out",
+                    body.name, node.name, b.deflection, 100.0 * b.deflection / b.size, b.size),
                 "results are good to about the square of that share", b.t_deflection);
     }
   }

@@ -33,13 +33,13 @@ class FlexibleLimits {
 
  private:
   struct Body {
-    int user = 0, node = 0;                      // node at the origin of its frame
-    double omega = 0.0, size = 0.0;              // [rad/s] first frequency, [m]
-    std::vector<int> points;                     // its nodes that deform: index into the modal data
-    double expected = 0.0;                       // [rad/s]
-    double rate = 0.0, t_rate = 0.0;             // [rad/s] largest seen, and when [s]
-    double deflection = 0.0, t_deflection = 0.0; // [m] likewise, |Phi eta|
-    int point = -1;                              // of that deflection
+    int user = 0, node = 0;                       // node at the origin of its frame
+    double omega = 0.0, size = 0.0;               // [rad/s] first frequency, [m]
+    std::vector<int> points;                      // its nodes that deform: index into the modal data
+    double expected = 0.0;                        // [rad/s]
+    double rate = 0.0, t_rate = 0.0;              // [rad/s] largest seen, and when [s]
+    double deflection = 0.0, t_deflection = 0.0;  // [m] likewise, |Phi eta|
+    int point = -1;                               // of that deflection
   };
   Diagnostic rate_warning(const Body& body, double rate, bool before) const;
   const SystemSpec& spec_;

@@ -54,7 +54,8 @@ std::string linear_model_script(const LinearModel& m) {
   std::string name = m.system;
   for (char& c : name)
     if (static_cast<unsigned char>(c) < ' ') c = ' ';
-  std::string out = fmt::format("% {}: x' = A x + B u, y = C x + D u, deviations about the state at t; drift = x' there. SI units.\n", name);
+  std::string out =
+      fmt::format("% {}: x' = A x + B u, y = C x + D u, deviations about the state at t; drift = x' there. SI units.\n", name);
   out += fmt::format("t = {:.17g};\n", m.t);
   for_matrices(m, [&](const char* matrix, const Eigen::MatrixXd& A) {
     if (A.size() == 0) {

@@ -6,9 +6,7 @@
 
 namespace cardan {
 
-MotionProfile MotionProfile::hold(double rate) {
-  return rate_table({{0.0, rate}});
-}
+MotionProfile MotionProfile::hold(double rate) { return rate_table({{0.0, rate}}); }
 
 MotionProfile MotionProfile::rate_table(std::vector<std::pair<double, double>> points) {
   MotionProfile p;
@@ -32,7 +30,8 @@ MotionProfile MotionProfile::sine(double amplitude, double frequency, double pha
 namespace {
 // Index of the first point after t.
 std::size_t after(const std::vector<std::pair<double, double>>& points, double t) {
-  return static_cast<std::size_t>(std::upper_bound(points.begin(), points.end(), t, [](double x, const auto& p) { return x < p.first; }) - points.begin());
+  return static_cast<std::size_t>(std::upper_bound(points.begin(), points.end(), t, [](double x, const auto& p) { return x < p.first; }) -
+                                  points.begin());
 }
 }  // namespace
 

@@ -32,7 +32,7 @@ class MotionProfile {
  private:
   double integral(double t) const;  // from the first point; of a sine, from where it is zero
   std::vector<std::pair<double, double>> points_;
-  std::vector<double> travelled_;   // from the first point to each
+  std::vector<double> travelled_;  // from the first point to each
   double amplitude_ = 0.0, frequency_ = 0.0, phase_ = 0.0;
 };
 

@@ -12,8 +12,7 @@ namespace {
 using soa::Tangent;
 
 bool has_quaternion(const UserBody& u) {
-  return u.hinge->shape == CARDAN_SHAPE_BALL || u.hinge->shape == CARDAN_SHAPE_FREE ||
-         u.hinge->shape == CARDAN_SHAPE_FREE_BODY;
+  return u.hinge->shape == CARDAN_SHAPE_BALL || u.hinge->shape == CARDAN_SHAPE_FREE || u.hinge->shape == CARDAN_SHAPE_FREE_BODY;
 }
 
 /// Derivative of N(q) v of a hinge with a quaternion.
@@ -48,15 +47,10 @@ void other_rates(const UserBody& u, const Tangent* q, const Tangent* v, double* 
 }  // namespace
 
 NewtonOperators::NewtonOperators(std::shared_ptr<const Model> model)
-    : model_(std::move(model)),
-      tangent_(*model_),
-      tree_(model_),
-      mass_(tree_),
-      inverse_(tree_) {
+    : model_(std::move(model)), tangent_(*model_), tree_(model_), mass_(tree_), inverse_(tree_) {
   const Model& m = *model_;
   q_t_.resize(m.nq);
-  for (const int i : m.curved)
-    scratch_.resize(std::max<std::size_t>(scratch_.size(), 3 * m.user[i].nq + 2 * m.user[i].nv));
+  for (const int i : m.curved) scratch_.resize(std::max<std::size_t>(scratch_.size(), 3 * m.user[i].nq + 2 * m.user[i].nv));
   for (auto* x : {&v_t_, &tau_t_, &vdot_given_t_, &vdot_t_}) x->resize(m.nv);
   for (Eigen::VectorXd* x : {&at_, &rhs_, &dv_}) x->setZero(m.nv);
   q_.resize(m.nq), W_.resize(m.nv);
@@ -77,13 +71,11 @@ bool NewtonOperators::jacobian_times(const soa::Inputs<double>& in, const double
   const Model& m = *model_;
   const double *dq = dx, *dv = dx + m.nq;
   for (int i = 0; i < m.nq; ++i) q_t_[i] = {in.q[i], dq[i]};
-  for (int i = 0; i < m.nv; ++i)
-    v_t_[i] = {in.v[i], is_free(i) ? dv[i] : 0.0}, tau_t_[i] = in.tau[i], vdot_given_t_[i] = in.vdot[i];
+  for (int i = 0; i < m.nv; ++i) v_t_[i] = {in.v[i], is_free(i) ? dv[i] : 0.0}, tau_t_[i] = in.tau[i], vdot_given_t_[i] = in.vdot[i];
   for (const int i : given_q_) q_t_[i].d = 0.0;
   for (const Spring& s : m.springs) tau_t_[s.v].d -= s.stiffness * q_t_[s.q].d + s.damping * v_t_[s.v].d;
   wrenches_t_.clear();
-  for (const NodeWrench& w : in.wrenches)
-    wrenches_t_.push_back({w.node, w.world_axes, {cast<Tangent>(w.f.n), cast<Tangent>(w.f.f)}});
+  for (const NodeWrench& w : in.wrenches) wrenches_t_.push_back({w.node, w.world_axes, {cast<Tangent>(w.f.n), cast<Tangent>(w.f.f)}});
   const soa::Inputs<Tangent> along{.q = q_t_.data(),
                                    .v = v_t_.data(),
                                    .tau = tau_t_.data(),

@@ -28,15 +28,13 @@ class NewtonOperators {
   void precondition(const double* r, double* z);
 
  private:
-  bool is_free(int v) const {
-    return !model_->has_prescribed() || model_->prescribed[static_cast<std::size_t>(v)] == 0;
-  }
+  bool is_free(int v) const { return !model_->has_prescribed() || model_->prescribed[static_cast<std::size_t>(v)] == 0; }
   template <class Visit>
   void each_flexible(const Visit& visit) const;
 
   std::shared_ptr<const Model> model_;
   double gamma_ = 0.0;
-  std::vector<int> given_q_;         // coordinates that are functions of time
+  std::vector<int> given_q_;  // coordinates that are functions of time
   // J dx
   soa::Workspace<soa::Tangent> tangent_;
   std::vector<soa::Tangent> q_t_, v_t_, tau_t_, vdot_given_t_, vdot_t_;
@@ -46,7 +44,7 @@ class NewtonOperators {
   soa::TreeOperators tree_;
   operators::Erased<std::remove_const_t<decltype(operators::mass)>> mass_;
   operators::Erased<std::remove_const_t<decltype(operators::mass_inverse)>> inverse_;  // of mass + W, once there is a W
-  std::vector<double> q_;  // of the last prepare
+  std::vector<double> q_;                                                              // of the last prepare
   std::vector<double> W_;
   std::vector<std::uint8_t> free_;  // empty: all
   Eigen::VectorXd at_, rhs_, dv_;

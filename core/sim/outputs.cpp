@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <memory>
 
-
 namespace cardan {
 namespace {
 
@@ -39,10 +38,9 @@ class Outputs {
   }
 
  private:
-  void add(const std::string& path, std::vector<std::string> components, std::string unit, std::string frame,
-           std::string meaning, std::function<void(double*)> fill) {
-    out_.push_back(
-        {{path, std::move(components), std::move(unit), std::move(frame), std::move(meaning)}, std::move(fill)});
+  void add(const std::string& path, std::vector<std::string> components, std::string unit, std::string frame, std::string meaning,
+           std::function<void(double*)> fill) {
+    out_.push_back({{path, std::move(components), std::move(unit), std::move(frame), std::move(meaning)}, std::move(fill)});
   }
   // Functions outlive this object: they hold what they read.
   static void put(double* x, const Eigen::Vector3d& a) { Eigen::Map<Eigen::Vector3d>(x, 3) = a; }
@@ -63,24 +61,21 @@ class Outputs {
     if (u.hinge->shape == CARDAN_SHAPE_BALL) return;  // a ball hinge: its place is that of the inboard body
     add(path + "position", {"x", "y", "z"}, "m", "world", "position of the origin of the body",
         [=, &sim = sim_](double* x) { put(x, sim.observe().node(node).position); });
-    add(path + "velocity", {"x", "y", "z"}, "m/s", "world", "velocity of the origin of the body",
-        [=, &sim = sim_](double* x) {
-          const NodeState n = sim.observe().node(node);
-          put(x, n.R_WN * n.velocity.tail<3>());
-        });
+    add(path + "velocity", {"x", "y", "z"}, "m/s", "world", "velocity of the origin of the body", [=, &sim = sim_](double* x) {
+      const NodeState n = sim.observe().node(node);
+      put(x, n.R_WN * n.velocity.tail<3>());
+    });
   }
 
   void hinge(const UserBody& u, int index) {
     const std::string path = "hinges/" + u.name + "/";
     if (!u.has_attitude()) {
       for (int j = 0; j < u.nq; ++j)
-        add(path + u.q_names[static_cast<std::size_t>(j)], {u.q_names[static_cast<std::size_t>(j)]},
-            u.q_units[static_cast<std::size_t>(j)], "", "coordinate of the hinge",
-            [&sim = sim_, i = u.q + j](double* x) { *x = sim.state().q[i]; });
+        add(path + u.q_names[static_cast<std::size_t>(j)], {u.q_names[static_cast<std::size_t>(j)]}, u.q_units[static_cast<std::size_t>(j)],
+            "", "coordinate of the hinge", [&sim = sim_, i = u.q + j](double* x) { *x = sim.state().q[i]; });
       for (int j = 0; j < u.nv; ++j)
-        add(path + u.v_names[static_cast<std::size_t>(j)], {u.v_names[static_cast<std::size_t>(j)]},
-            u.v_units[static_cast<std::size_t>(j)], "", "velocity of the hinge",
-            [&sim = sim_, i = u.v + j](double* x) { *x = sim.state().v[i]; });
+        add(path + u.v_names[static_cast<std::size_t>(j)], {u.v_names[static_cast<std::size_t>(j)]}, u.v_units[static_cast<std::size_t>(j)],
+            "", "velocity of the hinge", [&sim = sim_, i = u.v + j](double* x) { *x = sim.state().v[i]; });
     }
     std::vector<std::string> units;
     for (const auto& unit : u.v_units) units.push_back(force_unit(unit));
@@ -109,9 +104,8 @@ class Outputs {
 
   void reaction(int i) {
     const std::string& name = model_.user[static_cast<std::size_t>(i)].name;
-    add("reactions/" + name, {"mx", "my", "mz", "fx", "fy", "fz"}, units_of({"N m", "N m", "N m", "N", "N", "N"}),
-        "pnode of " + name, "moment and force that the inboard hinge transmits to the body",
-        [&sim = sim_, i](double* x) {
+    add("reactions/" + name, {"mx", "my", "mz", "fx", "fy", "fz"}, units_of({"N m", "N m", "N m", "N", "N", "N"}), "pnode of " + name,
+        "moment and force that the inboard hinge transmits to the body", [&sim = sim_, i](double* x) {
           const Force<double> f = sim.observe().hinge_wrench(i);
           x[0] = f.n.x, x[1] = f.n.y, x[2] = f.n.z, x[3] = f.f.x, x[4] = f.f.y, x[5] = f.f.z;
         });
@@ -125,17 +119,15 @@ class Outputs {
       const NodeState n = sim.observe().node(i);
       put(x, n.R_WN * n.velocity.tail<3>());
     });
-    add(path + "acceleration", {"x", "y", "z"}, "m/s^2", "world", "acceleration of the node",
-        [&sim = sim_, i](double* x) {
-          const NodeState n = sim.observe().node(i);
-          put(x, n.R_WN * n.acceleration.tail<3>());
-        });
+    add(path + "acceleration", {"x", "y", "z"}, "m/s^2", "world", "acceleration of the node", [&sim = sim_, i](double* x) {
+      const NodeState n = sim.observe().node(i);
+      put(x, n.R_WN * n.acceleration.tail<3>());
+    });
   }
 
   void ledger() {
     const auto one = [this](const char* name, double LedgerState::*residual) {
-      add(std::string("ledger/") + name, {"residual"}, "1", "",
-          "balance error over the largest sum of magnitudes over bodies",
+      add(std::string("ledger/") + name, {"residual"}, "1", "", "balance error over the largest sum of magnitudes over bodies",
           [&sim = sim_, residual](double* x) { *x = sim.ledger().*residual; });
     };
     one("linear_momentum", &LedgerState::linear_relative);

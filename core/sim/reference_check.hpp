@@ -8,8 +8,7 @@
 
 namespace cardan {
 
-inline constexpr double kReferenceLimit =
-    1e-9;  // rounding of both sides on stiff or badly scaled systems stays below; an error does not
+inline constexpr double kReferenceLimit = 1e-9;  // rounding of both sides on stiff or badly scaled systems stays below; an error does not
 
 /// A channel of its own, `reference/difference`: the largest |v' - v' of the twin|, relative. Costs a dense solution per row. Refers to
 /// the simulation.

@@ -27,7 +27,9 @@ std::vector<std::pair<std::string, std::string>> initial_values(const Model& m, 
 
 }  // namespace
 
-std::string quantity_text(double x, const std::string& unit) { return unit.empty() || unit == "1" ? fmt::format("{}", x) : fmt::format("{} {}", x, unit); }
+std::string quantity_text(double x, const std::string& unit) {
+  return unit.empty() || unit == "1" ? fmt::format("{}", x) : fmt::format("{} {}", x, unit);
+}
 
 std::string sweeps_name() { return std::string("x86-64-") + soa::instruction_set().name; }
 

@@ -59,13 +59,11 @@ int Schedule::add(Rational period, Rational offset) {
     return std::abs(r.numerator) <= Rational::kLargest && r.denominator > 0 && r.denominator <= Rational::kLargest;
   };
   if (!fits(period) || !fits(offset) || period.numerator <= 0)
-    throw std::logic_error(
-        "Schedule::add: period and offset must be fractions of numbers up to 1e9, the period positive");
+    throw std::logic_error("Schedule::add: period and offset must be fractions of numbers up to 1e9, the period positive");
   const std::int64_t unit = std::lcm(period.denominator, offset.denominator);
   if (unit > std::int64_t{1} << 53)  // parts of a second are exact as doubles: what coincides has the same time
     throw std::logic_error("Schedule::add: period and offset have no common unit of time");
-  entries_.push_back(
-      {offset.numerator * (unit / offset.denominator), period.numerator * (unit / period.denominator), unit, 0});
+  entries_.push_back({offset.numerator * (unit / offset.denominator), period.numerator * (unit / period.denominator), unit, 0});
   ticks_.reserve(entries_.size());
   look_ahead();
   return static_cast<int>(entries_.size()) - 1;

@@ -47,9 +47,7 @@ class Schedule {
   /// double.
   struct Instant {
     std::int64_t whole, part, unit;
-    double seconds() const {
-      return static_cast<double>(whole) + static_cast<double>(part) / static_cast<double>(unit);
-    }
+    double seconds() const { return static_cast<double>(whole) + static_cast<double>(part) / static_cast<double>(unit); }
   };
   struct Entry {
     std::int64_t first, step, unit;  // tick k at (first + k * step) / unit seconds

@@ -116,7 +116,8 @@ void Simulation::expect_no_storm(const Event& event) {
   double& earliest = event_times_[events_seen_ % event_times_.size()];
   const double span = state_.t - earliest;
   if (events_seen_ >= event_times_.size() && span <= 1e-7 * (t_end_ - state_.t))
-    fail({Code::event_storm, state_.t, "", "", fmt::format("{} events in the last {:.2g} s, the last of them \"{}\"", event_times_.size(), span, event.name),
+    fail({Code::event_storm, state_.t, "", "",
+          fmt::format("{} events in the last {:.2g} s, the last of them \"{}\"", event_times_.size(), span, event.name),
           "let the action leave the zero of `when` for good: a band (hysteresis), a latch, a smallest time between two events", ""});
   earliest = state_.t;
   ++events_seen_;
@@ -174,7 +175,8 @@ void Simulation::say_stiff() {
   warned_stiff_ = true;
   const double h = statistics().last_step;
   warn(Code::stiff_scene, {"integrator.method", {}},
-       fmt::format("stability and not accuracy sets the steps of {}, {:.2g} s: {:.1e} of them are left{}", integrator_name(), h, (t_end_ - state_.t) / h,
+       fmt::format("stability and not accuracy sets the steps of {}, {:.2g} s: {:.1e} of them are left{}", integrator_name(), h,
+                   (t_end_ - state_.t) / h,
                    fastest.rate > 0 ? fmt::format("; fastest is {}, {:.3g} 1/s", fastest.what, fastest.rate) : std::string()),
        kStiffHint);
 }
@@ -184,7 +186,8 @@ std::string Simulation::name_of(int v_index) const {
   for (const UserBody& u : model_->user) {
     const int i = v_index - u.v, n = static_cast<int>(u.v_names.size());
     if (i >= 0 && i < n) return u.name + "." + u.v_names[static_cast<std::size_t>(i)];
-    if (const int mode = v_index - u.etadot; u.n_modes > 0 && mode >= 0 && mode < u.n_modes) return fmt::format("{}, mode {}", u.name, mode + 1);
+    if (const int mode = v_index - u.etadot; u.n_modes > 0 && mode >= 0 && mode < u.n_modes)
+      return fmt::format("{}, mode {}", u.name, mode + 1);
   }
   return "velocity " + std::to_string(v_index);
 }
@@ -192,8 +195,11 @@ std::string Simulation::name_of(int v_index) const {
 void Simulation::prescribe(int v_index, MotionProfile profile) {
   const auto p = std::ranges::find(prescribed_, v_index, &Prescribed::index);
   if (p == prescribed_.end())
-    throw InputError(Diagnostic{Code::bad_initial_state, {"profile of " + name_of(v_index), {}}, "a component that is prescribed",
-        "one that is free to move", "say so in the vehicle: hinge.prescribed"});
+    throw InputError(Diagnostic{Code::bad_initial_state,
+                                {"profile of " + name_of(v_index), {}},
+                                "a component that is prescribed",
+                                "one that is free to move",
+                                "say so in the vehicle: hinge.prescribed"});
   p->profile = std::move(profile);
   p->given = true;
   if (begun_) start_given_motion();
@@ -208,7 +214,8 @@ void Simulation::start_given_motion() {
     const double rate = p.profile.rate(state_.t), before = v;
     if (std::abs(rate - before) > 1e-9 * std::max(std::abs(rate), std::abs(before)) && (begun_ || before != 0.0))
       warn(Code::mission_doubt, {"profile of " + name_of(p.index), {}},
-           fmt::format("the rate is {:.6g} and the profile's {:.6g}: it jumps, and what that does to other bodies is left out", before, rate),
+           fmt::format("the rate is {:.6g} and the profile's {:.6g}: it jumps, and what that does to other bodies is left out", before,
+                       rate),
            "let the profile begin with the rate that is there, and change it over a time");
     v = rate;
     p.t_0 = state_.t;
@@ -296,8 +303,8 @@ std::vector<double> Simulation::absolute_tolerances() const {
 OdeProblem Simulation::ode() {
   const Model& m = *model_;
   if (options_.absolute_tolerance != 0 && !(options_.absolute_tolerance > 0 && options_.absolute_tolerance <= 1))
-    throw InputError(Diagnostic{Code::out_of_range, {"integrator.absolute", {}}, "a number > 0 and at most 1",
-        fmt::format("{:g}", options_.absolute_tolerance)});
+    throw InputError(Diagnostic{
+        Code::out_of_range, {"integrator.absolute", {}}, "a number > 0 and at most 1", fmt::format("{:g}", options_.absolute_tolerance)});
   start_given_motion();
   OdeProblem ode;
   ode.n = m.nq + m.nv;
@@ -356,7 +363,8 @@ const Observer& Simulation::observe() {
   if (!observed_) {
     breakdown_ = {};
     bad_rate_ = -1;
-    if (!evaluate(state_.t, state_.t, state_.q.data(), state_.v.data(), vdot_.data())) fail(explain({Code::not_finite, state_.t, "", "", "", "", ""}));
+    if (!evaluate(state_.t, state_.t, state_.q.data(), state_.v.data(), vdot_.data()))
+      fail(explain({Code::not_finite, state_.t, "", "", "", "", ""}));
     observer_->update(inputs(state_.q.data(), state_.v.data()), vdot_.data());
     observed_ = true;
   }
@@ -426,10 +434,12 @@ LedgerState Simulation::ledger() {
     if (!(over <= limit)) {
       s.pass = false;
       warn(Code::ledger_residual, {fmt::format("ledger of {}", name), {}},
-           over < std::numeric_limits<double>::max() ? fmt::format("a residual of {:.1e} of the largest sum of magnitudes; the errors of {} steps of {} explain {:.1e}", over,
-                                             counts.steps, integrator_name(), limit)
-                               : std::string("the residual is not a finite number"),
-           "a hinge or body of a plugin whose laws do not fit together, a state that was changed in the run, or a step too large (docs/mathematics/integration.md)");
+           over < std::numeric_limits<double>::max()
+               ? fmt::format("a residual of {:.1e} of the largest sum of magnitudes; the errors of {} steps of {} explain {:.1e}", over,
+                             counts.steps, integrator_name(), limit)
+               : std::string("the residual is not a finite number"),
+           "a hinge or body of a plugin whose laws do not fit together, a state that was changed in the run, or a step too large "
+           "(docs/mathematics/integration.md)");
     }
     worst = std::max(worst, over);
     worst_limit = std::max(limit, worst_limit);

@@ -17,8 +17,8 @@ namespace cardan {
 
 struct SimulationOptions {
   IntegratorOptions integrator;
-  double absolute_tolerance = 0.0;        // [unit of each state], up to 1; 0 = the relative tolerance. Modes are scaled, see .cpp
-  bool ledger = true;                     // integrate external impulse and work beside the state; no bit of the motion depends on it
+  double absolute_tolerance = 0.0;  // [unit of each state], up to 1; 0 = the relative tolerance. Modes are scaled, see .cpp
+  bool ledger = true;               // integrate external impulse and work beside the state; no bit of the motion depends on it
 };
 
 class NewtonOperators;
@@ -27,19 +27,19 @@ class NewtonOperators;
 struct Event {
   std::string name;
   std::function<double(double t, const double* q, const double* v)> function;
-  int direction = 0;                      // +1 rising, -1 falling, 0 both
-  std::function<void()> action;           // may change commands and state, and stop the run
+  int direction = 0;             // +1 rising, -1 falling, 0 both
+  std::function<void()> action;  // may change commands and state, and stop the run
 };
 
 /// Residuals of the balances so far: quantity now - at the start - what came from outside. Each over the largest sum of
 /// magnitudes over bodies so far.
 struct LedgerState {
   Eigen::Vector3d linear = Eigen::Vector3d::Zero(), angular = Eigen::Vector3d::Zero();  // [N s], [N m s] residual
-  double energy = 0.0;                                                                 // [J] residual
-  double linear_relative = 0.0, angular_relative = 0.0, energy_relative = 0.0;         // [-]
+  double energy = 0.0;                                                                  // [J] residual
+  double linear_relative = 0.0, angular_relative = 0.0, energy_relative = 0.0;          // [-]
   /// [-] What the errors of the steps so far explain of each, over the same sums of magnitudes.
   double linear_limit = 0.0, angular_limit = 0.0, energy_limit = 0.0;
-  bool pass = true;                                                                    // none is above its limit, all are numbers
+  bool pass = true;  // none is above its limit, all are numbers
 };
 
 /// Quantities written at each output time.
@@ -157,38 +157,38 @@ class Simulation {
   std::vector<std::function<void()>> tasks_;
   std::vector<Event> events_;
   struct Prescribed {
-    int index;                             // into v
-    int coordinate;                        // into q, where that is the integral of v; else -1
+    int index;       // into v
+    int coordinate;  // into q, where that is the integral of v; else -1
     MotionProfile profile;
-    bool given = false;                    // by prescribe(); else it keeps the rate it starts with
-    double t_0 = 0.0, q_0 = 0.0;           // where the integral starts: at the last start of the integrator
+    bool given = false;           // by prescribe(); else it keeps the rate it starts with
+    double t_0 = 0.0, q_0 = 0.0;  // where the integral starts: at the last start of the integrator
   };
   std::vector<Prescribed> prescribed_;
-  std::vector<double> tau_, tau_total_;    // of actuators; with springs and dampers, which evaluate() sets where they act
+  std::vector<double> tau_, tau_total_;  // of actuators; with springs and dampers, which evaluate() sets where they act
   std::vector<double> vdot_given_, x_;
-  std::vector<double> x_given_;            // a state of the integrator with the given motions put in
+  std::vector<double> x_given_;                               // a state of the integrator with the given motions put in
   double stretch_ = std::numeric_limits<double>::infinity();  // [s] during a step: a time on its stretch between two corners
   std::vector<NodeWrench> wrenches_;
   Eigen::VectorXd vdot_;
-  bool normalised_ = false;                // some coordinates have a norm to keep
-  std::vector<int> roots_;                 // user bodies on the world
+  bool normalised_ = false;  // some coordinates have a norm to keep
+  std::vector<int> roots_;   // user bodies on the world
   Recorder* recorder_ = nullptr;
   std::vector<Output> outputs_;
   std::vector<double> row_;
   double last_output_ = -1.0;
   bool restart_ = true, observed_ = false, stopped_ = false, begun_ = false, world_rates_ = false;
   soa::Breakdown breakdown_;
-  int bad_rate_ = -1;                      // index into v' of a value that is not finite, in the last step
-  double vdot_bad_ = 0.0;                  // that value
+  int bad_rate_ = -1;      // index into v' of a value that is not finite, in the last step
+  double vdot_bad_ = 0.0;  // that value
   Momentum momentum_0_;
   Energy energy_0_;
   double scale_linear_ = 0.0, scale_angular_ = 0.0, scale_energy_ = 0.0;
   double least_linear_ = 0.0, least_angular_ = 0.0, least_energy_ = 0.0;  // where every state moves by its absolute tolerance
-  long steps_ = 0, looked_at_ = 0;         // taken; when time was last seen to advance
+  long steps_ = 0, looked_at_ = 0;                                        // taken; when time was last seen to advance
   double t_looked_at_ = 0.0, t_end_ = 0.0;
-  std::vector<double> event_times_;        // ring of the last ones
+  std::vector<double> event_times_;  // ring of the last ones
   std::size_t events_seen_ = 0;
-  LedgerState ledger_, worst_ledger_;      // at the present state, if known
+  LedgerState ledger_, worst_ledger_;  // at the present state, if known
   bool ledger_known_ = false, warned_stiff_ = false;
   Warnings warnings_;
   std::function<void(const Warning&)> told_;

@@ -22,15 +22,23 @@ namespace cardan::soa {
 
 /// Column j of a 6 x m array as a force, and as a motion.
 template <class T>
-static Force<T> force_column(const T* a, int j) { return {{a[6 * j], a[6 * j + 1], a[6 * j + 2]}, {a[6 * j + 3], a[6 * j + 4], a[6 * j + 5]}}; }
+static Force<T> force_column(const T* a, int j) {
+  return {{a[6 * j], a[6 * j + 1], a[6 * j + 2]}, {a[6 * j + 3], a[6 * j + 4], a[6 * j + 5]}};
+}
 template <class T>
-static Motion<T> motion_column(const T* a, int j) { return {{a[6 * j], a[6 * j + 1], a[6 * j + 2]}, {a[6 * j + 3], a[6 * j + 4], a[6 * j + 5]}}; }
+static Motion<T> motion_column(const T* a, int j) {
+  return {{a[6 * j], a[6 * j + 1], a[6 * j + 2]}, {a[6 * j + 3], a[6 * j + 4], a[6 * j + 5]}};
+}
 
 /// And back.
 template <class T>
-static void store(const Force<T>& f, T* out) { out[0] = f.n.x, out[1] = f.n.y, out[2] = f.n.z, out[3] = f.f.x, out[4] = f.f.y, out[5] = f.f.z; }
+static void store(const Force<T>& f, T* out) {
+  out[0] = f.n.x, out[1] = f.n.y, out[2] = f.n.z, out[3] = f.f.x, out[4] = f.f.y, out[5] = f.f.z;
+}
 template <class T>
-static void store(const Motion<T>& f, T* out) { out[0] = f.w.x, out[1] = f.w.y, out[2] = f.w.z, out[3] = f.v.x, out[4] = f.v.y, out[5] = f.v.z; }
+static void store(const Motion<T>& f, T* out) {
+  out[0] = f.w.x, out[1] = f.w.y, out[2] = f.w.z, out[3] = f.v.x, out[4] = f.v.y, out[5] = f.v.z;
+}
 
 /// f(From), ..., f(N - 1), the index a constant: loops over small matrices that are to stay in registers. gcc leaves loops in
 /// triangles rolled, and each is a branch mispredicted. Their bodies are CARDAN_INLINE_BODY, else they become functions.
@@ -171,7 +179,9 @@ static void sum_columns_of(const E* a, int stride, const T* x, const T* y, int m
 }
 /// out = sum_j x_j [column j] of a 6 x m array.
 template <class E, class X, class T>
-static void sum_columns(const E* a, const X* x, int m, T* out) { sum_columns_of<Six<T>>(a, 6, x, m, out); }
+static void sum_columns(const E* a, const X* x, int m, T* out) {
+  sum_columns_of<Six<T>>(a, 6, x, m, out);
+}
 /// The same of a `rows` x m array of constants, rows a multiple of six.
 template <class T>
 static void sum_columns(const double* a, int rows, const T* x, int m, T* out) {
@@ -191,7 +201,8 @@ static void add_rows(const double* rows, const T* w, int m, const T* x, T* out) 
 /// The same of twelve rows.
 template <class T>
 static void add_twelve_rows(const double* rows, const T* w, int m, const T* x, T* out) {
-  const T w0 = w[0], w1 = w[1], w2 = w[2], w3 = w[3], w4 = w[4], w5 = w[5], w6 = w[6], w7 = w[7], w8 = w[8], w9 = w[9], w10 = w[10], w11 = w[11];
+  const T w0 = w[0], w1 = w[1], w2 = w[2], w3 = w[3], w4 = w[4], w5 = w[5], w6 = w[6], w7 = w[7], w8 = w[8], w9 = w[9], w10 = w[10],
+          w11 = w[11];
   CARDAN_INDEPENDENT
   for (int j = 0; j < m; ++j)
     out[j] = (x[j] + (w0 * T(rows[j]) + w1 * T(rows[m + j]) + w2 * T(rows[2 * m + j])) +
@@ -208,7 +219,9 @@ static void add_rows(const double* rows, const T* w, int n, int m, const T* x, T
 }
 /// Scalar product of six numbers.
 template <class X, class Y>
-CARDAN_INLINE auto dot_six(const X* x, const Y* y) { return (x[0] * y[0] + x[1] * y[1] + x[2] * y[2]) + (x[3] * y[3] + x[4] * y[4] + x[5] * y[5]); }
+CARDAN_INLINE auto dot_six(const X* x, const Y* y) {
+  return (x[0] * y[0] + x[1] * y[1] + x[2] * y[2]) + (x[3] * y[3] + x[4] * y[4] + x[5] * y[5]);
+}
 /// x_j += w . [column j] of an array stored column by column.
 template <class T>
 static void add_columns(const T* a, const T* w, int m, T* x) {

@@ -14,12 +14,18 @@ namespace {
 
 const char* name_of(BodyKernel kind) {
   switch (kind) {
-    case BodyKernel::fixed: return "fixed";
-    case BodyKernel::rotation: return "rotation";
-    case BodyKernel::slide: return "slide";
-    case BodyKernel::screw: return "screw";
-    case BodyKernel::free: return "free";
-    default: break;
+    case BodyKernel::fixed:
+      return "fixed";
+    case BodyKernel::rotation:
+      return "rotation";
+    case BodyKernel::slide:
+      return "slide";
+    case BodyKernel::screw:
+      return "screw";
+    case BodyKernel::free:
+      return "free";
+    default:
+      break;
   }
   if (is_axis(kind)) return "rotation about a coordinate axis";
   return is_general(kind) ? "general" : "dense";
@@ -27,15 +33,24 @@ const char* name_of(BodyKernel kind) {
 
 const char* name_of(OpCode code) {
   switch (code) {
-    case OpCode::hinge_records: return "hinge coordinates";
-    case OpCode::outward: return "outward";
-    case OpCode::elastic: return "elastic forces";
-    case OpCode::world: return "world poses";
-    case OpCode::central_gravity: return "central gravity";
-    case OpCode::node_wrenches: return "node wrenches";
-    case OpCode::inward: return "inward";
-    case OpCode::refine: return "refinement of v'";
-    default: return "acceleration";
+    case OpCode::hinge_records:
+      return "hinge coordinates";
+    case OpCode::outward:
+      return "outward";
+    case OpCode::elastic:
+      return "elastic forces";
+    case OpCode::world:
+      return "world poses";
+    case OpCode::central_gravity:
+      return "central gravity";
+    case OpCode::node_wrenches:
+      return "node wrenches";
+    case OpCode::inward:
+      return "inward";
+    case OpCode::refine:
+      return "refinement of v'";
+    default:
+      return "acceleration";
   }
 }
 

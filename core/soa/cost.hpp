@@ -9,12 +9,12 @@
 namespace cardan::soa {
 
 struct OpCost {
-  std::string name;    // "outward (rotation about z)"
-  int bodies = 0;      // bodies it works on
-  long flops = 0;      // additions, multiplications, divisions, roots; without what families compute
-  long functions = 0;  // sines and cosines
+  std::string name;       // "outward (rotation about z)"
+  int bodies = 0;         // bodies it works on
+  long flops = 0;         // additions, multiplications, divisions, roots; without what families compute
+  long functions = 0;     // sines and cosines
   std::size_t bytes = 0;  // records of its bodies in double
-  double ns = -1.0;    // measured; negative: not
+  double ns = -1.0;       // measured; negative: not
 };
 
 /// One entry per op of model.program, in order. The state only has to be valid. Loads cost where they are given: none by default.

@@ -10,10 +10,10 @@ struct Counted {
   static inline thread_local long flops = 0, functions = 0;
 
   Counted() = default;
-  Counted(double value) : x(value) {}            // NOLINT: a number is a number
-  Counted(int value) : x(value) {}               // NOLINT
+  Counted(double value) : x(value) {}  // NOLINT: a number is a number
+  Counted(int value) : x(value) {}     // NOLINT
   explicit operator double() const { return x; }
-  Counted operator-() const { return {-x}; }     // a sign is free
+  Counted operator-() const { return {-x}; }  // a sign is free
 };
 inline Counted counted(double x) {
   ++Counted::flops;

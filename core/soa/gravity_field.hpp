@@ -9,9 +9,13 @@ namespace cardan::soa {
 
 /// Six numbers xx yy zz xy xz yz as a symmetric matrix, and its multiple.
 template <class T>
-static Sym3<T> inertia_derivative(const double* d) { return {T(d[0]), T(d[1]), T(d[2]), T(d[3]), T(d[4]), T(d[5])}; }
+static Sym3<T> inertia_derivative(const double* d) {
+  return {T(d[0]), T(d[1]), T(d[2]), T(d[3]), T(d[4]), T(d[5])};
+}
 template <class T>
-static Sym3<T> scaled(const T& s, const Sym3<T>& m) { return {s * m.xx, s * m.yy, s * m.zz, s * m.xy, s * m.xz, s * m.yz}; }
+static Sym3<T> scaled(const T& s, const Sym3<T>& m) {
+  return {s * m.xx, s * m.yy, s * m.zz, s * m.xy, s * m.xz, s * m.yz};
+}
 
 /// Wrench on a body of mass m and moments J about its mass centre, there. The field is expanded about that: m g_c, and with the
 /// gradient also -dU2/dr and the torque 3 mu/r^3 rhat x (J rhat), all from one potential U2 = 3 mu r*J r/(2 r^5) - mu tr J/(2 r^3)

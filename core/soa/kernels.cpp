@@ -34,7 +34,8 @@ InstructionSet pick() {
     const char* name;
     InstructionSet (*set)();
   };
-#define SET(name) Built{#name, name}
+#define SET(name) \
+  Built { #name, name }
   constexpr Built built[] = {CARDAN_KERNELS};  // core/CMakeLists.txt; the best comes last
 #undef SET
   const char* wish = std::getenv("CARDAN_KERNELS");
@@ -47,8 +48,14 @@ InstructionSet pick() {
     if (name.empty() || name == one.name) picked = &one;
   }
   if (picked) return picked->set();
-  throw InputError(Diagnostic{Code::out_of_range, {"environment variable CARDAN_KERNELS", {}}, "one of those that are built and that this processor runs: " + offered,
-                              "\"" + name + "\"", "leave it out: the best of them is taken", "", "", 0});
+  throw InputError(Diagnostic{Code::out_of_range,
+                              {"environment variable CARDAN_KERNELS", {}},
+                              "one of those that are built and that this processor runs: " + offered,
+                              "\"" + name + "\"",
+                              "leave it out: the best of them is taken",
+                              "",
+                              "",
+                              0});
 }
 
 }  // namespace

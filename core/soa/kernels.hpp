@@ -6,10 +6,10 @@ namespace cardan::soa {
 
 /// The sweeps of one instruction set: one state at a time, and as many as its registers hold side by side (none on v2).
 struct InstructionSet {
-  const char* name;                  // "v2", "v3", "v4"
+  const char* name;  // "v2", "v3", "v4"
   Sweeps<double> one;
-  Sweeps<Lanes<4>> four;             // v3
-  Sweeps<Lanes<8>> eight;            // v4
+  Sweeps<Lanes<4>> four;   // v3
+  Sweeps<Lanes<8>> eight;  // v4
 };
 // One file each: half a minute to compile.
 const Sweeps<double>& sweeps_v2();
@@ -25,10 +25,16 @@ const InstructionSet& instruction_set();
 template <class T>
 const Sweeps<T>& sweeps();
 template <>
-inline const Sweeps<double>& sweeps<double>() { return instruction_set().one; }
+inline const Sweeps<double>& sweeps<double>() {
+  return instruction_set().one;
+}
 template <>
-inline const Sweeps<Lanes<4>>& sweeps<Lanes<4>>() { return instruction_set().four; }
+inline const Sweeps<Lanes<4>>& sweeps<Lanes<4>>() {
+  return instruction_set().four;
+}
 template <>
-inline const Sweeps<Lanes<8>>& sweeps<Lanes<8>>() { return instruction_set().eight; }
+inline const Sweeps<Lanes<8>>& sweeps<Lanes<8>>() {
+  return instruction_set().eight;
+}
 
 }  // namespace cardan::soa

@@ -82,7 +82,8 @@ static void inward_rigid(const SweepModel& model, Workspace<T>& ws, const Inputs
       if constexpr (NV == 1) {  // one column: D is a number, the innermost case
         const Force<T> PH = body.P * hinge.H[0];
         const T D = dot(hinge.H[0], PH);
-        const T scale = (P.J.xx + P.J.yy + P.J.zz) * dot(hinge.H[0].w, hinge.H[0].w) + (P.M.xx + P.M.yy + P.M.zz) * dot(hinge.H[0].v, hinge.H[0].v);
+        const T scale =
+            (P.J.xx + P.J.yy + P.J.zz) * dot(hinge.H[0].w, hinge.H[0].w) + (P.M.xx + P.M.yy + P.M.zz) * dot(hinge.H[0].v, hinge.H[0].v);
         if (!(D > T(kPivotLimit) * scale)) {
           ws.breakdown = {k, 0, static_cast<double>(D), kPivotLimit * static_cast<double>(scale)};
           return;
@@ -157,7 +158,8 @@ static bool inertia_general(const SweepModel& model, Workspace<T>& ws, int k) {
     ArticulatedInertia<T> P = modal.P_r;
     for (int j = 0; j < NV; ++j) subtract_outer(P, half[j], half[j]);
     if (modal.node)
-      add_to_mode_blocks(ws.X(k), *modal.node, model.shapes[b.onode].columns.data(), b.n_parent_modes, P, inboard.P, *ws.modal_of(b.parent));
+      add_to_mode_blocks(ws.X(k), *modal.node, model.shapes[b.onode].columns.data(), b.n_parent_modes, P, inboard.P,
+                         *ws.modal_of(b.parent));
     else
       inboard.P += to_inboard(ws.X(k), P);
   }

@@ -35,7 +35,8 @@ CARDAN_INLINE constexpr void turn(Sym3<T>& m, const T& c, const T& s) {
   entry<I, J>(m) = c * ij - s * ik;
   entry<I, K>(m) = s * ij + c * ik;
 }
-/// The same of the 2 x 2 block in the plane of a matrix that is not symmetric: its trace and its skew part stay, the rest turns twice as far.
+/// The same of the 2 x 2 block in the plane of a matrix that is not symmetric: its trace and its skew part stay, the rest turns twice as
+/// far.
 template <class T>
 CARDAN_INLINE constexpr void turn_block(T& jj, T& jk, T& kj, T& kk, const T& c, const T& s) {
   const T cs = c * s, ss = s * s, d = jj - kk, t = jk + kj, e = ss * d + cs * t, f = cs * d - ss * t;
@@ -73,12 +74,15 @@ CARDAN_INLINE constexpr void tilt(const AxisBody& b, V& v) {  // O axes -> inboa
 /// P <- what it starts from: one copy where the numbers have the same type.
 CARDAN_INLINE void start(const AxisBody& b, ArticulatedInertia<double>& P) { P = b.P; }
 template <class T>
-CARDAN_INLINE void start(const AxisBody& b, ArticulatedInertia<T>& P) { P = cast<T>(b.P); }
+CARDAN_INLINE void start(const AxisBody& b, ArticulatedInertia<T>& P) {
+  P = cast<T>(b.P);
+}
 
 /// Base to tip: w, gamma_b, E, z = M gamma_b + b. The moment is the axial part of E S with the second moments S of the body
 /// (2 S = tr J 1 - 2 J): M gamma + b = [ (E S)_axial + h x gamma.v ; m gamma.v + E h ].
 template <class T, int I, Tilt TILT, OutwardFor For>
-CARDAN_INLINE void outward_axis(const AxisBody& b, const Core<T>& inboard, AxisRecord<T>& body, const T& c, const T& s, const Inputs<T>& in) {
+CARDAN_INLINE void outward_axis(const AxisBody& b, const Core<T>& inboard, AxisRecord<T>& body, const T& c, const T& s,
+                                const Inputs<T>& in) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   Vec3<T> a = inboard.gamma.v + inboard.E * Vec3<T>{T(b.p[0]), T(b.p[1]), T(b.p[2])};
   Vec3<T> g = inboard.gamma.w;
@@ -133,7 +137,8 @@ CARDAN_INLINE Force<T> force_to_inboard(const AxisBody& b, const T& c, const T& 
 template <class T>
 CARDAN_INLINE void set_sum(ArticulatedInertia<T>& to, const ArticulatedInertia<T>& a, const ArticulatedInertia<double>& b) {
   const auto symmetric = [](Sym3<T>& x, const Sym3<T>& y, const Sym3<double>& z) {
-    x.xx = y.xx + T(z.xx), x.yy = y.yy + T(z.yy), x.zz = y.zz + T(z.zz), x.xy = y.xy + T(z.xy), x.xz = y.xz + T(z.xz), x.yz = y.yz + T(z.yz);
+    x.xx = y.xx + T(z.xx), x.yy = y.yy + T(z.yy), x.zz = y.zz + T(z.zz), x.xy = y.xy + T(z.xy), x.xz = y.xz + T(z.xz),
+    x.yz = y.yz + T(z.yz);
   };
   symmetric(to.J, a.J, b.J);
   symmetric(to.M, a.M, b.M);
@@ -187,7 +192,8 @@ CARDAN_INLINE bool inward_axis(const AxisBody& b, const AxisBody& carrier, Core<
     turn<I>(M, c, s);
     // shift by l: B1 = B + l~ M; J1 = J - B1 l~ - (B l~)*
     const T lj(b.l[0]), lk(b.l[1]);
-    const T mii = entry<I, I>(M), mij = entry<I, J>(M), mik = entry<I, K>(M), mjj = entry<J, J>(M), mjk = entry<J, K>(M), mkk = entry<K, K>(M);
+    const T mii = entry<I, I>(M), mij = entry<I, J>(M), mik = entry<I, K>(M), mjj = entry<J, J>(M), mjk = entry<J, K>(M),
+            mkk = entry<K, K>(M);
     ArticulatedInertia<T> Q;
     const T ii_ = lj * mik - lk * mij, ij_ = lj * mjk - lk * mjj, ik_ = lj * mkk - lk * mjk;
     const T cji = bji + lk * mii, cjj = bjj + lk * mij, cjk = bjk + lk * mik;
@@ -213,7 +219,7 @@ CARDAN_INLINE bool inward_axis(const AxisBody& b, const AxisBody& carrier, Core<
       tilt<TILT, T>(b, Q.B);
       tilt<TILT, T>(b, Q.M);
     }
-    if (kWidth<T> > 1 && b.first)
+    if (kWidth < T >> 1 && b.first)
       set_sum(inboard.P, Q, carrier.P);
     else
       inboard.P += Q;
@@ -249,7 +255,8 @@ CARDAN_INLINE Motion<T> motion_to_outboard(const AxisBody& b, const T& c, const 
 
 /// v' = nu - G* delta+, delta = delta+ + e_i v'.
 template <class T, int I, Tilt TILT>
-CARDAN_INLINE Motion<T> acceleration_axis(const AxisBody& b, const Motion<T>& inboard, AxisRecord<T>& body, const T& c, const T& s, T* vdot) {
+CARDAN_INLINE Motion<T> acceleration_axis(const AxisBody& b, const Motion<T>& inboard, AxisRecord<T>& body, const T& c, const T& s,
+                                          T* vdot) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   Motion<T> d = motion_to_outboard<T, I, TILT>(b, c, s, inboard);
   const T linear = dot(d.v, body.G.f);  // beside the angular part: the way through both is what the next body waits for
@@ -271,7 +278,9 @@ CARDAN_INLINE Force<T> gather_axis(const AxisBody& b, const Force<T>& z, const T
 // seen from its carrier A, which M_sweep of the carrier holds. What is its own is the spin (J_axial = Ja, tau with the moment of
 // its loads):  z_A += [ Ja q' (w x u) + u (tau - Ja u* gamma_w) ; 0 ],  P_A -= Ja u u*,  v' = tau / Ja - u* (gamma_w + delta_w).
 template <class T>
-CARDAN_INLINE Vec3<T> rotor_axis(const AxisBody& b) { return {T(b.u[0]), T(b.u[1]), T(b.u[2])}; }
+CARDAN_INLINE Vec3<T> rotor_axis(const AxisBody& b) {
+  return {T(b.u[0]), T(b.u[1]), T(b.u[2])};
+}
 template <class T>
 CARDAN_INLINE void inward_rotor(const AxisBody& b, Core<T>& carrier, AxisRecord<T>& body, const Inputs<T>& in) {
   const Vec3<T> u = rotor_axis<T>(b);
@@ -298,11 +307,16 @@ CARDAN_INLINE void gather_rotor(const AxisBody& b, Core<T>& carrier, const AxisR
 template <class Visit>
 CARDAN_INLINE auto for_axis(BodyKernel kind, const Visit& visit) {
   switch (kind) {
-    case BodyKernel::axis_x: return visit.template operator()<0, Tilt::none>();
-    case BodyKernel::axis_y: return visit.template operator()<1, Tilt::none>();
-    case BodyKernel::axis_z: return visit.template operator()<2, Tilt::none>();
-    case BodyKernel::tilt: return visit.template operator()<2, Tilt::beta>();
-    default: return visit.template operator()<2, Tilt::alpha_beta>();
+    case BodyKernel::axis_x:
+      return visit.template operator()<0, Tilt::none>();
+    case BodyKernel::axis_y:
+      return visit.template operator()<1, Tilt::none>();
+    case BodyKernel::axis_z:
+      return visit.template operator()<2, Tilt::none>();
+    case BodyKernel::tilt:
+      return visit.template operator()<2, Tilt::beta>();
+    default:
+      return visit.template operator()<2, Tilt::alpha_beta>();
   }
 }
 template <class T, OutwardFor For>
@@ -311,7 +325,10 @@ static void outward_axes(const SweepModel& model, Workspace<T>& ws, const Inputs
   for (int n = begin; n < end; ++n) {
     const AxisBody& b = model.axis_bodies[n];
     if (b.kind == BodyKernel::rotor) continue;
-    for_axis(b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) { outward_axis<T, I, TILT, For>(b, ws.core(b.parent), ws.axis(n), cosines[b.angle], sines[b.angle], in); });
+    for_axis(
+        b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
+          outward_axis<T, I, TILT, For>(b, ws.core(b.parent), ws.axis(n), cosines[b.angle], sines[b.angle], in);
+        });
   }
 }
 template <class T, InwardFor For>
@@ -323,11 +340,12 @@ static void inward_axes(const SweepModel& model, Workspace<T>& ws, const Inputs<
       if constexpr (For.bias) inward_rotor(b, ws.core(b.parent), ws.axis(n), in);
       continue;
     }
-    const bool regular = for_axis(b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
-      const T c = cosines[b.angle], s = sines[b.angle];
-      const AxisBody& carrier = model.axis_bodies[b.parent];
-      return inward_axis<T, I, TILT, For>(b, carrier, ws.core(b.parent), ws.axis(n), c, s, in, n, ws.breakdown);
-    });
+    const bool regular = for_axis(
+        b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
+          const T c = cosines[b.angle], s = sines[b.angle];
+          const AxisBody& carrier = model.axis_bodies[b.parent];
+          return inward_axis<T, I, TILT, For>(b, carrier, ws.core(b.parent), ws.axis(n), c, s, in, n, ws.breakdown);
+        });
     if (!regular) return;
   }
 }
@@ -342,7 +360,10 @@ static void acceleration_axes(const SweepModel& model, Workspace<T>& ws, T* vdot
       continue;
     }
     if (b.parent != n - 1) delta = ws.core(b.parent).delta;
-    delta = for_axis(b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) { return acceleration_axis<T, I, TILT>(b, delta, ws.axis(n), cosines[b.angle], sines[b.angle], vdot); });
+    delta = for_axis(
+        b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
+          return acceleration_axis<T, I, TILT>(b, delta, ws.axis(n), cosines[b.angle], sines[b.angle], vdot);
+        });
   }
 }
 template <class T>
@@ -357,7 +378,9 @@ static void gather_axes(const SweepModel& model, Workspace<T>& ws, const Inputs<
       z = ws.core(n - 1).z;
       continue;
     }
-    const Force<T> f = for_axis(b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) { return gather_axis<T, I, TILT>(b, z, cosines[b.angle], sines[b.angle], tau); });
+    const Force<T> f = for_axis(
+        b.kind, [&]<int I, Tilt TILT>()
+                    __attribute__((always_inline)) { return gather_axis<T, I, TILT>(b, z, cosines[b.angle], sines[b.angle], tau); });
     z = inboard.z + f;
     inboard.z = z;
     if (b.parent != n - 1) z = ws.core(n - 1).z;

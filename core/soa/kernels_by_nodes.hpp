@@ -95,7 +95,8 @@ CARDAN_INLINE void carry_root(const T (&W)[6][6], const Pose<T>& X, const ModalN
 
 /// What passes the hinge to the node: the factor of P_r with the hinge reflected out of it. The columns left out are the first NV.
 template <class T, int NV>
-static void take_root(const ArticulatedInertia<T>& P, const Hinge<T, NV>& hinge, const Pose<T>& X, const ModalNode<T>& node, NodeRoot<T>& root) {
+static void take_root(const ArticulatedInertia<T>& P, const Hinge<T, NV>& hinge, const Pose<T>& X, const ModalNode<T>& node,
+                      NodeRoot<T>& root) {
   T W[6][6];
   factor_root(P, W, root);
   unrolled<NV>([&](const auto j) CARDAN_INLINE_BODY { reflect<j == 0>(hinge.H[j], j, j, W, root); });
@@ -153,8 +154,8 @@ static Force<T> take_root_of_force(const Force<T>& z, const T* tau, const Hinge<
 }
 /// The same where some of the nv components of the hinge are `fixed`.
 template <class T>
-static Force<T> take_root_of_force(const Force<T>& z, const T* tau, const Motion<T>* H, const Force<T>* G, int nv, const std::uint8_t* fixed,
-                                   const Pose<T>& X, NodeRoot<T>& root) {
+static Force<T> take_root_of_force(const Force<T>& z, const T* tau, const Motion<T>* H, const Force<T>* G, int nv,
+                                   const std::uint8_t* fixed, const Pose<T>& X, NodeRoot<T>& root) {
   T zeta[6];
   const Force<T> unreached = reach_root(z, root, zeta);
   Force<T> e = unreached;
@@ -189,8 +190,9 @@ static void with_node_count(const SweepModel& model, const FlexibleBody& f, cons
     visit(six, std::integral_constant<int, 0>{});
 }
 
-/// P_r of a body through its outboard nodes, from that of the body by itself (free_modes). V: the combinations of modes that move the nodes, V* M_ee V = 1, by Q.
-/// With C of the outboard bodies side by side, N the same on the shapes of the nodes, B = Q* N, X~* C = C - M_re V B:
+/// P_r of a body through its outboard nodes, from that of the body by itself (free_modes). V: the combinations of modes that move the
+/// nodes, V* M_ee V = 1, by Q. With C of the outboard bodies side by side, N the same on the shapes of the nodes, B = Q* N, X~* C = C -
+/// M_re V B:
 ///   A = 1 + B* B,   P_r = M_rr - M_re M_ee^-1 M_re* + (X~* C) A^-1 (X~* C)*.
 /// A >= 1 whatever the outboard bodies weigh: its factor L D L* needs no pivots, and nothing is subtracted.
 template <class T>
@@ -274,7 +276,8 @@ static void eliminate_by_nodes(const SweepModel& model, Workspace<T>& ws, const 
 /// t <- V* eps_e - Q* e and u <- L^-1 (zeta + B* t), given `seen` = V* eps_e, from which M_re* gamma is taken here where it is
 /// constant. The result joins z_r: (X~* C L^-*) D^-1 u - M_re V Q* e.
 template <class T>
-static Force<T> bias_by_nodes(const SweepModel& model, const Workspace<T>& ws, const SweepBody& b, const Core<T>& body, const Modal<T>& modal, const T* seen) {
+static Force<T> bias_by_nodes(const SweepModel& model, const Workspace<T>& ws, const SweepBody& b, const Core<T>& body,
+                              const Modal<T>& modal, const T* seen) {
   const FlexibleBody& f = model.flexible[b.flexible];
   T gamma[6];
   store(body.gamma, gamma);
@@ -326,7 +329,8 @@ static Force<T> bias_by_nodes(const SweepModel& model, const Workspace<T>& ws, c
 /// phi = A^-1 (zeta + B* t + (X~* C)* dl), dl = delta of the body; force = -(B phi + Q* e), eta'' = y - U dl + V force. In these
 /// combinations of the modes the acceleration is t - (M_re V)* dl - B phi; Q takes it to the nodes, and no mode is touched.
 template <class T>
-static void acceleration_by_nodes(const SweepModel& model, const Workspace<T>& ws, const SweepBody& b, Modal<T>& modal, const T* dl, T* force) {
+static void acceleration_by_nodes(const SweepModel& model, const Workspace<T>& ws, const SweepBody& b, Modal<T>& modal, const T* dl,
+                                  T* force) {
   const FlexibleBody& f = model.flexible[b.flexible];
   with_node_count(model, f, [&](const auto N, const auto first) {
     const ByNodes<T> w(modal.by_nodes, N);
@@ -350,8 +354,7 @@ static void acceleration_by_nodes(const SweepModel& model, const Workspace<T>& w
       unrolled<6>([&](const auto r) CARDAN_INLINE_BODY {
         const T *x = w.MV + 6 * (d + r), *B = w.B + N * (d + r);
         T by_phi(0);
-        for (int a = d; a < N; a += 6)
-          by_phi = by_phi + dot_six(B + a, w.u + a);
+        for (int a = d; a < N; a += 6) by_phi = by_phi + dot_six(B + a, w.u + a);
         force[d + r] = w.e[d + r] - by_phi;
         w.t[d + r] = (w.t[d + r] - dot_six(x, dl)) - by_phi;
       });

@@ -9,7 +9,9 @@ namespace cardan::soa {
 
 /// R_OP of the quaternion.
 template <class T>
-static Mat3<T> free_rotation(const SweepBody& b, const T* q) { return rotation_of_quaternion(q[b.q], q[b.q + 1], q[b.q + 2], q[b.q + 3]); }
+static Mat3<T> free_rotation(const SweepBody& b, const T* q) {
+  return rotation_of_quaternion(q[b.q], q[b.q + 1], q[b.q + 2], q[b.q + 3]);
+}
 
 /// Relative twist H* v at P, P axes: `free` gives its linear velocity in O axes, `free_body` in P axes.
 template <class T>

@@ -101,8 +101,8 @@ static void outward_rigid(const SweepModel& model, Workspace<T>& ws, const Input
       const Vec3<T> w1 = transpose_times(X.R, wA);
       body.w = w1 + rate.w;
       gamma.w = transpose_times(X.R, inboard.gamma.w) + cross(w1, rate.w) + h.Hdot_w;
-      gamma.v = transpose_times(X.R, inboard.gamma.v + cross(inboard.gamma.w, p) + cross(wA, cross(wA, p))) +
-                T(2) * cross(w1, rate.v) + h.s;
+      gamma.v =
+          transpose_times(X.R, inboard.gamma.v + cross(inboard.gamma.w, p) + cross(wA, cross(wA, p))) + T(2) * cross(w1, rate.v) + h.s;
     } else {
       gamma = to_outboard(X, inboard.gamma);
       body.w = {T(0), T(0), T(0)};
@@ -123,11 +123,11 @@ static void outward_rigid(const SweepModel& model, Workspace<T>& ws, const Input
 template <class T>
 struct DeformedNode {
   CARDAN_INLINE DeformedNode() {}
-  Mat3<T> Jl;           // angular velocity = Jl theta'
-  Mat3<T> R;            // N in B
-  Vec3<T> rho;          // [m]
-  Motion<T> rate;       // [W eta'; Phi eta']
-  Motion<T> bias;       // [dJl(theta; theta') theta'; 0]
+  Mat3<T> Jl;      // angular velocity = Jl theta'
+  Mat3<T> R;       // N in B
+  Vec3<T> rho;     // [m]
+  Motion<T> rate;  // [W eta'; Phi eta']
+  Motion<T> bias;  // [dJl(theta; theta') theta'; 0]
 };
 
 /// x, v: the sums of [psi; phi] times eta and eta'.
@@ -161,8 +161,7 @@ static Motion<T> node_column(const NodeShapes& s, const DeformedNode<T>& d, int 
 /// The family's functions, in double.
 static inline void family_inertia(const FlexibleBody& f, int, const double* eta, const double* etadot, const Vec3<double>& w,
                                   Modal<double>& modal, double* M_rr) {
-  f.family->mass(f.packed.data(), eta, M_rr, f.M_re_constant ? nullptr : modal.P_re,
-                 modal.P_ee && !f.M_ee_constant ? modal.P_ee : nullptr);
+  f.family->mass(f.packed.data(), eta, M_rr, f.M_re_constant ? nullptr : modal.P_re, modal.P_ee && !f.M_ee_constant ? modal.P_ee : nullptr);
   if (etadot) f.family->bias(f.packed.data(), eta, etadot, &w.x, modal.b);
 }
 /// Any other scalar: lane by lane through double.
@@ -189,8 +188,7 @@ template <bool Velocity, class T>
 static RigidInertia<T> constant_inertia(const FlexibleBody& f, const T* x, const T* v, const Vec3<T>& w, Force<T>& b) {
   RigidInertia<T> M = cast<T>(f.M_rr);
   M.h += Vec3<T>{x[3], x[4], x[5]};
-  if constexpr (Velocity)
-    b = {cross(w, M.J * w + Vec3<T>{v[0], v[1], v[2]}), cross(w, cross(w, M.h) + T(2) * Vec3<T>{v[3], v[4], v[5]})};
+  if constexpr (Velocity) b = {cross(w, M.J * w + Vec3<T>{v[0], v[1], v[2]}), cross(w, cross(w, M.h) + T(2) * Vec3<T>{v[3], v[4], v[5]})};
   return M;
 }
 
@@ -226,7 +224,8 @@ static void sum_modes(Workspace<T>& ws, const SweepBody& b, const FlexibleBody& 
 
 /// M_fl(eta), b and z = M_fl gamma_b + b of a flexible body. Families compute in double.
 template <bool Velocity, class T>
-static void flexible_inertia(const SweepModel& model, Workspace<T>& ws, const SweepBody& b, const Inputs<T>& in, bool given, Core<T>& body, Modal<T>& modal) {
+static void flexible_inertia(const SweepModel& model, Workspace<T>& ws, const SweepBody& b, const Inputs<T>& in, bool given, Core<T>& body,
+                             Modal<T>& modal) {
   const FlexibleBody& f = model.flexible[b.flexible];
   const int m = b.n_modes;
   const T *eta = in.q + b.eta, *etadot = Velocity ? in.v + b.etadot : nullptr;

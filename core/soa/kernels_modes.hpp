@@ -83,7 +83,7 @@ template <class T>
 static bool eliminate_modes(const SweepModel& model, const SweepBody& b, Core<T>& body, Modal<T>& modal, Breakdown& bad) {
   const int m = b.n_modes;
   T *L = modal.P_ee, *U = modal.U;  // lower triangle, column-major
-  if (modal.C) {  // P_re' and P_ee' of a body whose pnode deforms: P_ee - C* P_re - P_re'* C
+  if (modal.C) {                    // P_re' and P_ee' of a body whose pnode deforms: P_ee - C* P_re - P_re'* C
     for (int j = 0; j < m; ++j) {
       const Force<T> old = force_column(modal.P_re, j);
       store(old, U + 6 * j);
@@ -91,7 +91,8 @@ static bool eliminate_modes(const SweepModel& model, const SweepBody& b, Core<T>
     }
     for (int j = 0; j < m; ++j)
       for (int i = j; i < m; ++i)
-        L[m * j + i] = L[m * j + i] - dot(motion_column(modal.C, i), force_column(U, j)) - dot(motion_column(modal.C, j), force_column(modal.P_re, i));
+        L[m * j + i] =
+            L[m * j + i] - dot(motion_column(modal.C, i), force_column(U, j)) - dot(motion_column(modal.C, j), force_column(modal.P_re, i));
   }
   const std::uint8_t* fixed = model.has_prescribed() ? model.prescribed.data() + b.etadot : nullptr;
   for (int j = 0; fixed && j < m; ++j) {
@@ -171,7 +172,8 @@ static Force<T> bias_of_modes(const SweepModel& model, Workspace<T>& ws, const S
 
 /// eta'' = nu_e - U dl, dl = delta of the body (and gamma_b, where that is not in nu_e).
 template <class T>
-static void acceleration_of_modes(const SweepModel& model, Workspace<T>& ws, const SweepBody& b, const Core<T>& body, Modal<T>& modal, const Motion<T>& dl) {
+static void acceleration_of_modes(const SweepModel& model, Workspace<T>& ws, const SweepBody& b, const Core<T>& body, Modal<T>& modal,
+                                  const Motion<T>& dl) {
   const FlexibleBody& f = model.flexible[b.flexible];
   const int m = b.n_modes;
   T* x = modal.accel;
@@ -207,8 +209,8 @@ static void acceleration_of_modes(const SweepModel& model, Workspace<T>& ws, con
 
 /// A* P+ A, A = X (motion of the node) S: joins the blocks of the inboard modes.
 template <class T>
-static void add_to_mode_blocks(const Pose<T>& X, const ModalNode<T>& node, const double* S, int m, const ArticulatedInertia<T>& P, ArticulatedInertia<T>& P_rr,
-                        Modal<T>& inboard) {
+static void add_to_mode_blocks(const Pose<T>& X, const ModalNode<T>& node, const double* S, int m, const ArticulatedInertia<T>& P,
+                               ArticulatedInertia<T>& P_rr, Modal<T>& inboard) {
   const ArticulatedInertia<T> P_O = to_inboard({X.R, X.p - node.rho}, P);
   P_rr += shift(node.rho, P_O);
   T Q[36], W[36];  // P+ between shapes of the node; between them and the frame of the inboard body

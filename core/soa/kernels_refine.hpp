@@ -36,12 +36,16 @@ static void rebase(const SweepModel& model, Workspace<T>& ws) {
 
 /// |x| and the larger of two, by lanes.
 template <class T>
-static T magnitude(const T& x) { return (T(2) * above(x, T(0)) - T(1)) * x; }
+static T magnitude(const T& x) {
+  return (T(2) * above(x, T(0)) - T(1)) * x;
+}
 template <class T>
-static T larger(const T& a, const T& b) { return b + above(a, b) * (a - b); }
+static T larger(const T& a, const T& b) {
+  return b + above(a, b) * (a - b);
+}
 
-static constexpr int kPasses = 5;         // at most: enough for ratios of 1e12 between neighbours on balls
-static constexpr double kRefined = 1e-15; // of v': what may be left
+static constexpr int kPasses = 5;          // at most: enough for ratios of 1e12 between neighbours on balls
+static constexpr double kRefined = 1e-15;  // of v': what may be left
 /// A pass leaves of the error at most this many times the relative error of the sweeps (measured: 1 to 20, most with balls and six
 /// degrees of freedom).
 static constexpr double kRate = 32.0;

@@ -10,9 +10,13 @@ namespace cardan::soa {
 template <int W>
 struct PackOf;
 template <>
-struct PackOf<4> { using type [[gnu::vector_size(32)]] = double; };
+struct PackOf<4> {
+  using type [[gnu::vector_size(32)]] = double;
+};
 template <>
-struct PackOf<8> { using type [[gnu::vector_size(64)]] = double; };
+struct PackOf<8> {
+  using type [[gnu::vector_size(64)]] = double;
+};
 
 template <int W>
 struct alignas(8 * W) Lanes {
@@ -56,7 +60,9 @@ inline constexpr int kWidth<Lanes<W>> = W;
 
 /// 1 where x > limit, else 0: kernels choose by arithmetic, so that lanes need no branch.
 template <class T>
-static T above(const T& x, const T& limit) { return x > limit ? T(1) : T(0); }
+static T above(const T& x, const T& limit) {
+  return x > limit ? T(1) : T(0);
+}
 template <int W>
 [[gnu::always_inline]] inline Lanes<W> above(const Lanes<W>& x, const Lanes<W>& limit) {
   return Lanes<W>(x.x > limit.x ? Lanes<W>(1.0).x : Lanes<W>(0.0).x);
@@ -65,14 +71,22 @@ template <int W>
 /// Lane i of a number.
 [[gnu::always_inline]] inline double lane(const double& a, int) { return a; }
 template <int W>
-[[gnu::always_inline]] inline double lane(const Lanes<W>& a, int i) { return a.x[i]; }
+[[gnu::always_inline]] inline double lane(const Lanes<W>& a, int i) {
+  return a.x[i];
+}
 template <class T>
-[[gnu::always_inline]] inline double lane(const T& a, int) { return static_cast<double>(a); }
+[[gnu::always_inline]] inline double lane(const T& a, int) {
+  return static_cast<double>(a);
+}
 [[gnu::always_inline]] inline void set_lane(double& a, int, double value) { a = value; }
 template <int W>
-[[gnu::always_inline]] inline void set_lane(Lanes<W>& a, int i, double value) { a.x[i] = value; }
+[[gnu::always_inline]] inline void set_lane(Lanes<W>& a, int i, double value) {
+  a.x[i] = value;
+}
 template <class T>
-[[gnu::always_inline]] inline void set_lane(T& a, int, double value) { a = T(value); }
+[[gnu::always_inline]] inline void set_lane(T& a, int, double value) {
+  a = T(value);
+}
 
 /// By lanes: functions that branch on their argument.
 template <int W>

@@ -12,14 +12,22 @@ void run_op(const Model& model, const Op& op, const Sweeps<T>& S, Workspace<T>& 
     case OpCode::hinge_records:
       if (!again || !model.batches.empty()) S.hinge_records(model, ws, in);
       return;
-    case OpCode::outward: return S.outward(model, ws, in, *run, {.vdot = run->prescribed, .inertia = !again});
-    case OpCode::elastic: return S.elastic(model, ws, in);
-    case OpCode::world: return S.world(model, ws, in);
-    case OpCode::central_gravity: return S.central_gravity(model, ws, in);
-    case OpCode::node_wrenches: return S.node_wrenches(model, ws, in);
-    case OpCode::inward: return S.inward(model, ws, in, *run, {.inertia = !again});
-    case OpCode::acceleration: return S.acceleration(model, ws, in, *run, vdot);
-    case OpCode::refine: return S.refine(model, ws, in, vdot);
+    case OpCode::outward:
+      return S.outward(model, ws, in, *run, {.vdot = run->prescribed, .inertia = !again});
+    case OpCode::elastic:
+      return S.elastic(model, ws, in);
+    case OpCode::world:
+      return S.world(model, ws, in);
+    case OpCode::central_gravity:
+      return S.central_gravity(model, ws, in);
+    case OpCode::node_wrenches:
+      return S.node_wrenches(model, ws, in);
+    case OpCode::inward:
+      return S.inward(model, ws, in, *run, {.inertia = !again});
+    case OpCode::acceleration:
+      return S.acceleration(model, ws, in, *run, vdot);
+    case OpCode::refine:
+      return S.refine(model, ws, in, vdot);
   }
 }
 

@@ -30,9 +30,9 @@ CARDAN_INLINE constexpr void set_acceleration_field(Mat3<T>& E, const Vec3<T>& w
 template <class T>
 struct AxisRecord {
   Core<T> core;
-  Force<T> G;               // gain P H* D^-1; component i of G.n is 1 and not stored
-  T inverse_D, nu;          // [1/(kg m^2)], [rad/s^2]
-  T load;                   // [N m] rotor: moment of node wrenches about its axis
+  Force<T> G;       // gain P H* D^-1; component i of G.n is 1 and not stored
+  T inverse_D, nu;  // [1/(kg m^2)], [rad/s^2]
+  T load;           // [N m] rotor: moment of node wrenches about its axis
 };
 
 /// Six degrees of freedom: D = H P H* with an invertible H, so that P = L d L* is all there is to factor.
@@ -40,16 +40,16 @@ template <class T>
 struct FreeRecord {
   Core<T> core;
   Pose<T> X;
-  T L[21];                  // of P, by rows: below the diagonal L, on it 1/d
-  T tau[6];                 // wrench of the hinge forces at P
+  T L[21];   // of P, by rows: below the diagonal L, on it 1/d
+  T tau[6];  // wrench of the hinge forces at P
 };
 
 template <class T, int NV>
 struct Hinge {
-  Motion<T> H[NV > 0 ? NV : 1];  // columns of H*, at B
-  Force<T> G[NV > 0 ? NV : 1];   // columns of the gain G = P H* D^-1
-  T nu[NV > 0 ? NV : 1];         // D^-1 eps
-  T L[NV > 0 ? NV * (NV + 1) / 2 : 1];  // D = L L*, packed by rows; D itself for NV = 1 in rigid kernels
+  Motion<T> H[NV > 0 ? NV : 1];       // columns of H*, at B
+  Force<T> G[NV > 0 ? NV : 1];        // columns of the gain G = P H* D^-1
+  T nu[NV > 0 ? NV : 1];              // D^-1 eps
+  T L[NV > 0 ? NV*(NV + 1) / 2 : 1];  // D = L L*, packed by rows; D itself for NV = 1 in rigid kernels
 };
 
 /// How the modes of the inboard body move O: by [Jl psi; phi] at rho, in its axes about its origin. The sums over its modes are
@@ -57,7 +57,7 @@ struct Hinge {
 template <class T>
 struct ModalNode {
   Mat3<T> Jl;
-  Vec3<T> rho;                // [m]
+  Vec3<T> rho;                    // [m]
   T moved[6], rate[6], accel[6];  // [rad, m]: sum of [psi; phi] times eta, eta', eta''
 };
 
@@ -65,12 +65,12 @@ struct ModalNode {
 /// and z+ = C zeta + e. No P+ and no z+ is formed.
 template <class T>
 struct NodeRoot {
-  T L[36], inverse[6];    // P_r = L L*, columns; 1 / L_jj, 0 where P_r has no inertia
-  T v[36], scale[6];      // reflections 1 - scale v v* that take the hinge out of L, one per hinge velocity
-  T C[36];                // columns, moment about the origin of the inboard body, in its axes
-  T N[36];                // rows: the same columns as forces on the node's shapes
-  T zeta[6], phi[6];      // what goes through the hinge in the end: C phi + e
-  T e[6], e_N[6];         // at the origin of the inboard body; on the node's shapes
+  T L[36], inverse[6];  // P_r = L L*, columns; 1 / L_jj, 0 where P_r has no inertia
+  T v[36], scale[6];    // reflections 1 - scale v v* that take the hinge out of L, one per hinge velocity
+  T C[36];              // columns, moment about the origin of the inboard body, in its axes
+  T N[36];              // rows: the same columns as forces on the node's shapes
+  T zeta[6], phi[6];    // what goes through the hinge in the end: C phi + e
+  T e[6], e_N[6];       // at the origin of the inboard body; on the node's shapes
 };
 
 /// Work of a body with n outboard hinges on deforming nodes, N = 6 n: B (N x N), A (N x N), its inverse
@@ -86,23 +86,23 @@ struct ByNodes {
 /// Null where the body has none.
 template <class T>
 struct Modal {
-  T *P_re, *P_ee;      // 6 x m, m x m (column-major): modal blocks of P; each null where the block of M_fl stays constant
-  T* U;                // m x 6 (row j: 6 numbers): L^-1 P_re'* where P_ee' = L D L* is factored, else M_ee^-1 M_re*
-  T *z, *nu, *accel;   // m each: residual (without M_re* gamma where P_re is null), nu_e of it (with a factor P_ee': L^-1 eps_e), eta''
-  T* C;                // 6 x m: X_B Gamma_P, null when the pnode does not deform
-  ModalNode<T>* node;  // null when the onode does not deform
-  NodeRoot<T>* root;   // null unless the inboard body is eliminated through its nodes
-  T* by_nodes;         // work of eliminate_by_nodes, null unless the body is eliminated through its outboard nodes
-  T* b;                // 6 + m: velocity terms of the family
-  RigidInertia<T> M_rr;       // of M_fl(eta)
+  T *P_re, *P_ee;        // 6 x m, m x m (column-major): modal blocks of P; each null where the block of M_fl stays constant
+  T* U;                  // m x 6 (row j: 6 numbers): L^-1 P_re'* where P_ee' = L D L* is factored, else M_ee^-1 M_re*
+  T *z, *nu, *accel;     // m each: residual (without M_re* gamma where P_re is null), nu_e of it (with a factor P_ee': L^-1 eps_e), eta''
+  T* C;                  // 6 x m: X_B Gamma_P, null when the pnode does not deform
+  ModalNode<T>* node;    // null when the onode does not deform
+  NodeRoot<T>* root;     // null unless the inboard body is eliminated through its nodes
+  T* by_nodes;           // work of eliminate_by_nodes, null unless the body is eliminated through its outboard nodes
+  T* b;                  // 6 + m: velocity terms of the family
+  RigidInertia<T> M_rr;  // of M_fl(eta)
   ArticulatedInertia<T> P_r;  // after the modes are eliminated
-  double* family;      // eta, eta', M_re, M_ee, b of one lane, for the family's functions; null for double, which needs no copy
+  double* family;             // eta, eta', M_re, M_ee, b of one lane, for the family's functions; null for double, which needs no copy
 };
 
 template <class T, int NV>
 struct RigidRecord {
   Core<T> core;
-  Pose<T> X;                // [-, m] B in A: Phi* = X_BA
+  Pose<T> X;  // [-, m] B in A: Phi* = X_BA
   Hinge<T, NV> hinge;
 };
 template <class T, int NV>

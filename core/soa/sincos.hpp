@@ -13,8 +13,7 @@ namespace cardan::soa {
 /// s[i], c[i] = sin, cos of x[i].
 static inline void sine_cosine(const double* x, double* s, double* c, std::size_t n) {
   constexpr double kTwoOverPi = 6.36619772367581382433e-01, kRound = 6755399441055744.0, kLargest = 1e5;  // kRound = 1.5 * 2^52
-  constexpr double kPart1 = 1.57079632673412561417e+00, kPart2 = 6.07710050630396597660e-11,
-                   kPart3 = 2.02226624879595063154e-21;
+  constexpr double kPart1 = 1.57079632673412561417e+00, kPart2 = 6.07710050630396597660e-11, kPart3 = 2.02226624879595063154e-21;
   constexpr auto kLargestBits = __builtin_bit_cast(std::uint64_t, kLargest);
   std::uint64_t outside = 0;  // its sign bit is set by an angle of kLargest or more
   for (std::size_t i = 0; i < n; ++i) {
@@ -22,11 +21,15 @@ static inline void sine_cosine(const double* x, double* s, double* c, std::size_
     const double a = x[i] - quadrant * kPart1, w = quadrant * kPart2, r = a - w;
     const double tail = (a - r) - w - quadrant * kPart3;  // x = r + tail
     const double z = r * r;
-    const double ps = 8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 + z * (2.75573137070700676789e-06 +
-                      z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)));
+    const double ps = 8.33333333332248946124e-03 +
+                      z * (-1.98412698298579493134e-04 +
+                           z * (2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)));
     const double sine = r + (z * r * (-1.66666666666666324348e-01 + z * ps) + tail * (1.0 - 0.5 * z));
-    const double pc = z * (4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 +
-                      z * (-2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)))));
+    const double pc =
+        z * (4.16666666666666019037e-02 +
+             z * (-1.38888888888741095749e-03 +
+                  z * (2.48015872894767294178e-05 +
+                       z * (-2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)))));
     const double half = 0.5 * z, head = 1.0 - half;
     const double cosine = head + (((1.0 - head) - half) + (z * pc - r * tail));
     // The two low bits of the rounded quadrant stand in the low bits of `shifted`: bit 0 exchanges sine and cosine, the

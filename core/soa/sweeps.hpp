@@ -54,7 +54,8 @@ static Pose<T> pose_in_inboard(const SweepModel& model, const Workspace<T>& ws, 
 }
 /// Spatial velocity of B, B axes, where the inboard body has V_inboard (its axes). X: pose of B in A. Needs outward.
 template <class T>
-static Motion<T> velocity_of(const SweepModel& model, const Workspace<T>& ws, const Inputs<T>& in, int k, const Pose<T>& X, const Motion<T>& V_inboard) {
+static Motion<T> velocity_of(const SweepModel& model, const Workspace<T>& ws, const Inputs<T>& in, int k, const Pose<T>& X,
+                             const Motion<T>& V_inboard) {
   const SweepBody& b = model.bodies[k];
   Motion<T> V_A = V_inboard;
   const Modal<T>* modal = ws.modal_of(k);

@@ -97,8 +97,7 @@ static void at_rest(const SweepModel& model, Workspace<T>& ws) {
 template <class T>
 static void outward(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, OutwardFor what) {
   const auto pass = [&]<OutwardFor For>() {
-    if (is_axis(run.kind))
-      return outward_axes<T, For>(model, ws, in, run.begin, run.end);
+    if (is_axis(run.kind)) return outward_axes<T, For>(model, ws, in, run.begin, run.end);
     if (run.kind == BodyKernel::free) return outward_free<T, For>(model, ws, in, run.begin, run.end);
     for_kernel<T>(
         run.kind, [&]<int NV>() { outward_rigid<T, NV, For>(model, ws, in, run.begin, run.end); },
@@ -174,7 +173,8 @@ static void central_gravity(const SweepModel& model, Workspace<T>& ws, const Inp
         f = f - k3 * (T(3) * dot(c, r) * dot(r, I3) / r2 - dot(c, I3));
         // 1/2 Grad : dS = k3/2 (tr dJ - 3 rhat* dJ rhat)
         Sym3<T> dJ = inertia_derivative<T>(flexible.dJ.data() + 6 * j);
-        for (int l = 0; l < b.n_modes && !flexible.d2J.empty(); ++l) dJ += scaled(eta[l], inertia_derivative<T>(flexible.d2J.data() + 6 * (j * b.n_modes + l)));
+        for (int l = 0; l < b.n_modes && !flexible.d2J.empty(); ++l)
+          dJ += scaled(eta[l], inertia_derivative<T>(flexible.d2J.data() + 6 * (j * b.n_modes + l)));
         f = f + T(0.5) * k3 * (dJ.xx + dJ.yy + dJ.zz - T(3) * dot(r, dJ * r) / r2);
       }
       modal->z[j] = modal->z[j] - f;
@@ -215,8 +215,7 @@ static void node_wrenches(const SweepModel& model, Workspace<T>& ws, const Input
       continue;
     }
     if (graded) {
-      add_load(ws, k, {f.n + cross(cast<T>(model.graded.arm[load.node]), f.f), f.f},
-               cast<T>(model.graded.swept[k].c));
+      add_load(ws, k, {f.n + cross(cast<T>(model.graded.arm[load.node]), f.f), f.f}, cast<T>(model.graded.swept[k].c));
       continue;
     }
     body.z -= at_B;
@@ -229,8 +228,7 @@ static void node_wrenches(const SweepModel& model, Workspace<T>& ws, const Input
 template <class T>
 static void inward(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, InwardFor what) {
   const auto pass = [&]<InwardFor For>() {
-    if (is_axis(run.kind))
-      return inward_axes<T, For>(model, ws, in, run.begin, run.end);
+    if (is_axis(run.kind)) return inward_axes<T, For>(model, ws, in, run.begin, run.end);
     if (run.kind == BodyKernel::free) return inward_free<T, For>(model, ws, in, run.begin, run.end);
     for_kernel<T>(
         run.kind, [&]<int NV>() { inward_rigid<T, NV, For>(model, ws, in, run.begin, run.end); },
@@ -246,8 +244,7 @@ static void inward(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& i
 
 template <class T>
 static void acceleration(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, T* vdot) {
-  if (is_axis(run.kind))
-    return acceleration_axes<T>(model, ws, vdot, run.begin, run.end);
+  if (is_axis(run.kind)) return acceleration_axes<T>(model, ws, vdot, run.begin, run.end);
   if (run.kind == BodyKernel::free) return acceleration_free<T>(model, ws, in, vdot, run.begin, run.end);
   for_kernel<T>(
       run.kind, [&]<int NV>() { acceleration_rigid<T, NV>(model, ws, in, vdot, run.begin, run.end); },
@@ -288,8 +285,7 @@ static void refine(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& i
 
 template <class T>
 static void gather(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, T* tau) {
-  if (is_axis(run.kind))
-    return gather_axes<T>(model, ws, in, tau, run.begin, run.end);
+  if (is_axis(run.kind)) return gather_axes<T>(model, ws, in, tau, run.begin, run.end);
   if (run.kind == BodyKernel::free) return gather_free<T>(model, ws, in, tau, run.begin, run.end);
   for_kernel<T>(
       run.kind, [&]<int NV>() { gather_rigid<T, NV>(model, ws, tau, run.begin, run.end); },
@@ -354,9 +350,19 @@ static void mass_matrix_inverse(const SweepModel& model, Workspace<T>& ws, const
 /// The table of one scalar, for the instruction set that the including file is compiled for.
 template <class T>
 static constexpr Sweeps<T> make_sweeps() {
-  return {.ground = ground<T>, .at_rest = at_rest<T>, .hinge_records = hinge_records<T>, .outward = outward<T>, .elastic = elastic<T>,
-          .world = world<T>, .central_gravity = central_gravity<T>, .node_wrenches = node_wrenches<T>, .inward = inward<T>,
-          .acceleration = acceleration<T>, .refine = refine<T>, .gather = gather<T>, .mass_matrix = mass_matrix<T>,
+  return {.ground = ground<T>,
+          .at_rest = at_rest<T>,
+          .hinge_records = hinge_records<T>,
+          .outward = outward<T>,
+          .elastic = elastic<T>,
+          .world = world<T>,
+          .central_gravity = central_gravity<T>,
+          .node_wrenches = node_wrenches<T>,
+          .inward = inward<T>,
+          .acceleration = acceleration<T>,
+          .refine = refine<T>,
+          .gather = gather<T>,
+          .mass_matrix = mass_matrix<T>,
           .mass_matrix_inverse = mass_matrix_inverse<T>};
 }
 

@@ -12,8 +12,8 @@ struct Tangent {
   double x, d;
 
   Tangent() = default;
-  constexpr Tangent(double value) : x(value), d(0.0) {}                              // NOLINT: a constant
-  constexpr Tangent(int value) : Tangent(static_cast<double>(value)) {}              // NOLINT
+  constexpr Tangent(double value) : x(value), d(0.0) {}                  // NOLINT: a constant
+  constexpr Tangent(int value) : Tangent(static_cast<double>(value)) {}  // NOLINT
   constexpr Tangent(double value, double derivative) : x(value), d(derivative) {}
   explicit operator double() const { return x; }
   friend Tangent operator-(const Tangent& a) { return {-a.x, -a.d}; }

@@ -26,17 +26,17 @@ template <class T>
 struct Inputs {
   const T* q = nullptr;
   const T* v = nullptr;
-  const T* tau = nullptr;                        // generalised forces of actuators, dual to v
-  const T* vdot = nullptr;                       // all components (inverse dynamics); prescribed ones, the others zero (forward)
+  const T* tau = nullptr;   // generalised forces of actuators, dual to v
+  const T* vdot = nullptr;  // all components (inverse dynamics); prescribed ones, the others zero (forward)
   std::span<const NodeWrench<T>> wrenches = {};
-  bool gravity = true;                           // false: leave gravity out
+  bool gravity = true;  // false: leave gravity out
 };
 
 /// What a pass is made for: base to tip, tip to base.
 struct OutwardFor {
-  bool vdot = false;      // add H* v' of Inputs::vdot (prescribed motion, inverse dynamics)
-  bool velocity = true;   // velocity terms; false: as if v = 0
-  bool inertia = true;    // P starts from M; false: it is not wanted, or is there (then only with velocity)
+  bool vdot = false;     // add H* v' of Inputs::vdot (prescribed motion, inverse dynamics)
+  bool velocity = true;  // velocity terms; false: as if v = 0
+  bool inertia = true;   // P starts from M; false: it is not wanted, or is there (then only with velocity)
 };
 struct InwardFor {
   bool inertia = true;  // P, D, G: functions of q only
@@ -87,7 +87,8 @@ class Workspace {
   CARDAN_INLINE T hinge_number(int i, int at) const {
     T a(0);
     for (int l = 0; l < kWidth<T>; ++l)
-      set_lane(a, l, reinterpret_cast<const double*>(dense_.data() + static_cast<std::size_t>(l) * n_dense_ + static_cast<std::size_t>(i))[at]);
+      set_lane(a, l,
+               reinterpret_cast<const double*>(dense_.data() + static_cast<std::size_t>(l) * n_dense_ + static_cast<std::size_t>(i))[at]);
     return a;
   }
 
@@ -100,20 +101,20 @@ class Workspace {
   CARDAN_INLINE const Motion<T>& V(int k) const { return V_[k]; }
 
   Breakdown breakdown;
-  std::size_t bytes() const;  ///< all of it
+  std::size_t bytes() const;               ///< all of it
   std::size_t record_bytes(int k) const {  ///< of the record of one body
     const auto i = static_cast<std::size_t>(k);
     return (i + 1 < offset_.size() ? offset_[i + 1] : arena_bytes_) - offset_[i];
   }
-  std::vector<T> angles, sines, cosines;  // of the axis hinges, computed in one go; filled up to a multiple of 8
-  std::vector<T> articulated_q;           // P, D, G and poses are those of this q; only of trees of rigid bodies
-  bool articulated = false;               // ... and are still there
-  std::vector<RigidInertia<T>> composite; // per body, for the mass matrix: only where it is asked for
-  std::vector<T> rest;                    // nv zeros, likewise
-  std::vector<T> correction;              // of v', where it is refined (nv)
-  std::vector<Force<T>> loads;            // ... and what central gravity and wrenches on nodes do to each body: [moment about its mass centre; force]
-  std::vector<T> sums;                    // of a pass over the modes of a body: a number for each row of FlexibleBody::UV
-  std::vector<double> family;             // q and v of one lane, for families that are called lane by lane; empty for double
+  std::vector<T> angles, sines, cosines;   // of the axis hinges, computed in one go; filled up to a multiple of 8
+  std::vector<T> articulated_q;            // P, D, G and poses are those of this q; only of trees of rigid bodies
+  bool articulated = false;                // ... and are still there
+  std::vector<RigidInertia<T>> composite;  // per body, for the mass matrix: only where it is asked for
+  std::vector<T> rest;                     // nv zeros, likewise
+  std::vector<T> correction;               // of v', where it is refined (nv)
+  std::vector<Force<T>> loads;  // ... and what central gravity and wrenches on nodes do to each body: [moment about its mass centre; force]
+  std::vector<T> sums;          // of a pass over the modes of a body: a number for each row of FlexibleBody::UV
+  std::vector<double> family;   // q and v of one lane, for families that are called lane by lane; empty for double
 
  private:
   struct Free {
@@ -134,13 +135,20 @@ class Workspace {
 template <class T, class Visit>
 static void with_hinge_size(int nv, const Visit& visit) {
   switch (nv) {
-    case 0: return visit.template operator()<0>();
-    case 1: return visit.template operator()<1>();
-    case 2: return visit.template operator()<2>();
-    case 3: return visit.template operator()<3>();
-    case 4: return visit.template operator()<4>();
-    case 5: return visit.template operator()<5>();
-    default: return visit.template operator()<6>();
+    case 0:
+      return visit.template operator()<0>();
+    case 1:
+      return visit.template operator()<1>();
+    case 2:
+      return visit.template operator()<2>();
+    case 3:
+      return visit.template operator()<3>();
+    case 4:
+      return visit.template operator()<4>();
+    case 5:
+      return visit.template operator()<5>();
+    default:
+      return visit.template operator()<6>();
   }
 }
 

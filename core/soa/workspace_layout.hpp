@@ -140,7 +140,10 @@ void Workspace<T>::require_world() {
 
 template <class T>
 std::size_t Workspace<T>::bytes() const {
-  return arena_bytes_ + 3 * angles.size() * sizeof(T) + family.size() * sizeof(double) + articulated_q.size() * sizeof(T) + composite.size() * sizeof(RigidInertia<T>) + (rest.size() + sums.size() + correction.size()) * sizeof(T) + loads.size() * sizeof(Force<T>) + dense_.size() * sizeof(cardan_hinge_out) + pose_W_.size() * sizeof(Pose<T>) + V_.size() * sizeof(Motion<T>);
+  return arena_bytes_ + 3 * angles.size() * sizeof(T) + family.size() * sizeof(double) + articulated_q.size() * sizeof(T) +
+         composite.size() * sizeof(RigidInertia<T>) + (rest.size() + sums.size() + correction.size()) * sizeof(T) +
+         loads.size() * sizeof(Force<T>) + dense_.size() * sizeof(cardan_hinge_out) + pose_W_.size() * sizeof(Pose<T>) +
+         V_.size() * sizeof(Motion<T>);
 }
 
 }  // namespace cardan::soa

@@ -25,9 +25,10 @@ CARDAN_INLINE constexpr RigidInertia<T> operator+(const RigidInertia<T>& a, cons
 /// Inertia about the origin from that about the mass centre p: J = J_c - m p~ p~ (parallel axis theorem).
 template <class T>
 static constexpr RigidInertia<T> about_origin(const T& m, const Vec3<T>& p, const Sym3<T>& J_c) {
-  return {m, m * p,
-          {J_c.xx + m * (p.y * p.y + p.z * p.z), J_c.yy + m * (p.x * p.x + p.z * p.z),
-           J_c.zz + m * (p.x * p.x + p.y * p.y), J_c.xy - m * p.x * p.y, J_c.xz - m * p.x * p.z, J_c.yz - m * p.y * p.z}};
+  return {m,
+          m * p,
+          {J_c.xx + m * (p.y * p.y + p.z * p.z), J_c.yy + m * (p.x * p.x + p.z * p.z), J_c.zz + m * (p.x * p.x + p.y * p.y),
+           J_c.xy - m * p.x * p.y, J_c.xz - m * p.x * p.z, J_c.yz - m * p.y * p.z}};
 }
 /// The same body seen from frame A, where B stands at the pose AB: phi M phi*.
 template <class T>
@@ -51,7 +52,9 @@ CARDAN_INLINE constexpr Force<T> gyroscopic(const RigidInertia<T>& M, const Vec3
 }
 
 template <class T, class S>
-CARDAN_INLINE constexpr Sym3<T> cast(const Sym3<S>& m) { return {T(m.xx), T(m.yy), T(m.zz), T(m.xy), T(m.xz), T(m.yz)}; }
+CARDAN_INLINE constexpr Sym3<T> cast(const Sym3<S>& m) {
+  return {T(m.xx), T(m.yy), T(m.zz), T(m.xy), T(m.xz), T(m.yz)};
+}
 template <class T, class S>
 static constexpr RigidInertia<T> cast(const RigidInertia<S>& M) {
   return {T(M.m), cast<T>(M.h), {T(M.J.xx), T(M.J.yy), T(M.J.zz), T(M.J.xy), T(M.J.xz), T(M.J.yz)}};
@@ -66,13 +69,17 @@ struct ArticulatedInertia {
 };
 
 template <class T, class S>
-CARDAN_INLINE constexpr ArticulatedInertia<T> cast(const ArticulatedInertia<S>& P) { return {cast<T>(P.J), cast<T>(P.B), cast<T>(P.M)}; }
+CARDAN_INLINE constexpr ArticulatedInertia<T> cast(const ArticulatedInertia<S>& P) {
+  return {cast<T>(P.J), cast<T>(P.B), cast<T>(P.M)};
+}
 template <class T>
 CARDAN_INLINE constexpr Force<T> operator*(const ArticulatedInertia<T>& P, const Motion<T>& V) {
   return {P.J * V.w + P.B * V.v, transpose_times(P.B, V.w) + P.M * V.v};
 }
 template <class T>
-CARDAN_INLINE constexpr ArticulatedInertia<T> operator+(const ArticulatedInertia<T>& a, const ArticulatedInertia<T>& b) { return {a.J + b.J, a.B + b.B, a.M + b.M}; }
+CARDAN_INLINE constexpr ArticulatedInertia<T> operator+(const ArticulatedInertia<T>& a, const ArticulatedInertia<T>& b) {
+  return {a.J + b.J, a.B + b.B, a.M + b.M};
+}
 template <class T>
 CARDAN_INLINE constexpr ArticulatedInertia<T>& operator+=(ArticulatedInertia<T>& a, const ArticulatedInertia<T>& b) {
   a.J += b.J;
@@ -98,9 +105,8 @@ template <class T>
 static constexpr void subtract_outer(ArticulatedInertia<T>& P, const Force<T>& a, const Force<T>& b) {
   P.J = {P.J.xx - a.n.x * b.n.x, P.J.yy - a.n.y * b.n.y, P.J.zz - a.n.z * b.n.z,
          P.J.xy - a.n.x * b.n.y, P.J.xz - a.n.x * b.n.z, P.J.yz - a.n.y * b.n.z};
-  P.B = {P.B.xx - a.n.x * b.f.x, P.B.xy - a.n.x * b.f.y, P.B.xz - a.n.x * b.f.z,
-         P.B.yx - a.n.y * b.f.x, P.B.yy - a.n.y * b.f.y, P.B.yz - a.n.y * b.f.z,
-         P.B.zx - a.n.z * b.f.x, P.B.zy - a.n.z * b.f.y, P.B.zz - a.n.z * b.f.z};
+  P.B = {P.B.xx - a.n.x * b.f.x, P.B.xy - a.n.x * b.f.y, P.B.xz - a.n.x * b.f.z, P.B.yx - a.n.y * b.f.x, P.B.yy - a.n.y * b.f.y,
+         P.B.yz - a.n.y * b.f.z, P.B.zx - a.n.z * b.f.x, P.B.zy - a.n.z * b.f.y, P.B.zz - a.n.z * b.f.z};
   P.M = {P.M.xx - a.f.x * b.f.x, P.M.yy - a.f.y * b.f.y, P.M.zz - a.f.z * b.f.z,
          P.M.xy - a.f.x * b.f.y, P.M.xz - a.f.x * b.f.z, P.M.yz - a.f.y * b.f.z};
 }

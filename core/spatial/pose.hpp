@@ -14,9 +14,13 @@ struct Pose {
 
 /// X_AB X_BC: frame C in A.
 template <class T>
-static constexpr Pose<T> operator*(const Pose<T>& AB, const Pose<T>& BC) { return {AB.R * BC.R, AB.p + AB.R * BC.p}; }
+static constexpr Pose<T> operator*(const Pose<T>& AB, const Pose<T>& BC) {
+  return {AB.R * BC.R, AB.p + AB.R * BC.p};
+}
 template <class T>
-static constexpr Pose<T> inverse(const Pose<T>& AB) { return {transpose(AB.R), -transpose_times(AB.R, AB.p)}; }
+static constexpr Pose<T> inverse(const Pose<T>& AB) {
+  return {transpose(AB.R), -transpose_times(AB.R, AB.p)};
+}
 
 /// phi* with a change of axes: V_B = X_BA V_A, from A to the frame B fixed to the same body.
 template <class T>
@@ -42,14 +46,20 @@ CARDAN_INLINE constexpr Force<T> to_outboard(const Pose<T>& AB, const Force<T>& 
 }
 
 template <class T, class S>
-CARDAN_INLINE constexpr Vec3<T> cast(const Vec3<S>& a) { return {T(a.x), T(a.y), T(a.z)}; }
+CARDAN_INLINE constexpr Vec3<T> cast(const Vec3<S>& a) {
+  return {T(a.x), T(a.y), T(a.z)};
+}
 template <class T, class S>
 static constexpr Mat3<T> cast(const Mat3<S>& a) {
   return {T(a.xx), T(a.xy), T(a.xz), T(a.yx), T(a.yy), T(a.yz), T(a.zx), T(a.zy), T(a.zz)};
 }
 template <class T, class S>
-static constexpr Pose<T> cast(const Pose<S>& a) { return {cast<T>(a.R), cast<T>(a.p)}; }
+static constexpr Pose<T> cast(const Pose<S>& a) {
+  return {cast<T>(a.R), cast<T>(a.p)};
+}
 template <class T, class S>
-CARDAN_INLINE constexpr Motion<T> cast(const Motion<S>& a) { return {cast<T>(a.w), cast<T>(a.v)}; }
+CARDAN_INLINE constexpr Motion<T> cast(const Motion<S>& a) {
+  return {cast<T>(a.w), cast<T>(a.v)};
+}
 
 }  // namespace cardan

@@ -148,21 +148,17 @@ class Cvode final : public Integrator {
   std::string_view name() const override { return name_; }
 
  private:
-  Vector wrap(std::vector<double>& v) {
-    return Vector(N_VMake_Serial(static_cast<sunindextype>(v.size()), v.data(), context_.get()));
-  }
+  Vector wrap(std::vector<double>& v) { return Vector(N_VMake_Serial(static_cast<sunindextype>(v.size()), v.data(), context_.get())); }
 
   /// GMRES, preconditioned from the left.
   void use_krylov() {
     constexpr int kSubspace = 10;  // products before CVODES asks for a new preconditioner, or a smaller step
     void* m = memory_.get();
     const bool preconditioned = static_cast<bool>(problem_.prepare);
-    linear_.reset(
-        SUNLinSol_SPGMR(x_vector_.get(), preconditioned ? SUN_PREC_LEFT : SUN_PREC_NONE, kSubspace, context_.get()));
+    linear_.reset(SUNLinSol_SPGMR(x_vector_.get(), preconditioned ? SUN_PREC_LEFT : SUN_PREC_NONE, kSubspace, context_.get()));
     check(CVodeSetLinearSolver(m, linear_.get(), nullptr), "CVodeSetLinearSolver");
     if (problem_.jacobian_times) check(CVodeSetJacTimes(m, nullptr, &Cvode::jacobian_times), "CVodeSetJacTimes");
-    if (preconditioned)
-      check(CVodeSetPreconditioner(m, &Cvode::prepare, &Cvode::precondition), "CVodeSetPreconditioner");
+    if (preconditioned) check(CVodeSetPreconditioner(m, &Cvode::prepare, &Cvode::precondition), "CVodeSetPreconditioner");
     krylov_ = true;
   }
 
@@ -256,9 +252,8 @@ class Cvode final : public Integrator {
   static int jacobian_times(N_Vector dx, N_Vector J_dx, double t, N_Vector x, N_Vector, void* self, N_Vector) {
     auto* me = static_cast<Cvode*>(self);
     double* out = N_VGetArrayPointer(J_dx);
-    return me->solve_part("J v cannot be evaluated", out, [&] {
-      return me->problem_.jacobian_times(t, N_VGetArrayPointer(x), N_VGetArrayPointer(dx), out);
-    });
+    return me->solve_part("J v cannot be evaluated", out,
+                          [&] { return me->problem_.jacobian_times(t, N_VGetArrayPointer(x), N_VGetArrayPointer(dx), out); });
   }
 
   static int prepare(double t, N_Vector x, N_Vector, int same_jacobian, int* moved, double gamma, void* self) {
@@ -389,8 +384,8 @@ class Cvode final : public Integrator {
   int n_;
   std::vector<double> x_, x_out_;
   NodeQuadrature quadrature_;
-  std::vector<double> rates_;               // of the integrals
-  std::vector<double> weights_, errors_;    // of the last step, as CVODES has them
+  std::vector<double> rates_;             // of the integrals
+  std::vector<double> weights_, errors_;  // of the last step, as CVODES has them
   Vector x_vector_, x_out_vector_, weights_vector_, errors_vector_;
   Owned<SUNMatrix, SUNMatDestroy> matrix_;
   Owned<SUNLinearSolver, SUNLinSolFree> linear_;
@@ -398,7 +393,7 @@ class Cvode final : public Integrator {
   std::unique_ptr<void, Freed<free_memory>> memory_;
   double t_ = 0.0, t_internal_ = 0.0;  // [s] reported to the caller; reached by CVODES, >= t_
   bool krylov_ = false, explicit_ = false;
-  bool elsewhere_ = false;             // the last evaluation of f was that of a column of J
+  bool elsewhere_ = false;  // the last evaluation of f was that of a column of J
   double error_sum_ = 0.0;
   LinearCounts linear_before_;
   static constexpr int kSampled = 4;        // steps to each whose error is looked at

@@ -38,12 +38,12 @@ struct OdeProblem {
 };
 
 struct IntegratorOptions {
-  std::string method = "dopri5";       // cvode_adams, cvode_bdf, dopri5, rk4
-  double relative_tolerance = 1e-9;    // adaptive methods
-  double max_step = 0.0;               // [s] 0 = none; adaptive methods
-  double initial_step = 0.0;           // [s] 0 = the method's choice; adaptive methods
-  double fixed_step = 0.0;             // [s] rk4 only
-  std::string linear_solver = {};      // of Newton's equations, cvode_bdf only: dense (when empty), krylov
+  std::string method = "dopri5";     // cvode_adams, cvode_bdf, dopri5, rk4
+  double relative_tolerance = 1e-9;  // adaptive methods
+  double max_step = 0.0;             // [s] 0 = none; adaptive methods
+  double initial_step = 0.0;         // [s] 0 = the method's choice; adaptive methods
+  double fixed_step = 0.0;           // [s] rk4 only
+  std::string linear_solver = {};    // of Newton's equations, cvode_bdf only: dense (when empty), krylov
 };
 
 struct IntegratorStatistics {

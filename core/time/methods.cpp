@@ -48,8 +48,7 @@ void check_time(const Method& m, const char* key, double value, bool fits) {
   if (value == 0.0) return;
   if (!fits)
     refuse(Code::unsupported, key,
-           m.adaptive ? fmt::format("no {}: {} chooses its steps", key, m.name)
-                      : fmt::format("no {}: {} takes equal steps", key, m.name),
+           m.adaptive ? fmt::format("no {}: {} chooses its steps", key, m.name) : fmt::format("no {}: {} takes equal steps", key, m.name),
            fmt::format("{:g} s", value), m.adaptive ? "set relative or max_step, or use rk4" : "set step, or use dopri5");
   if (!(value > 0.0)) refuse(Code::out_of_range, key, "a time > 0 s", fmt::format("{:g} s", value));
 }
@@ -59,10 +58,9 @@ void check_linear_solver(const Method& m, const std::string& name) {
   if (name.empty() || std::find(legal.begin(), legal.end(), name) != legal.end()) return;
   const std::string got = fmt::format("\"{}\"", name);
   if (legal.empty())
-    refuse(Code::unsupported, "linear_solver", fmt::format("no linear_solver: {} solves no linear equations", m.name),
-           got, "use cvode_bdf");
-  refuse(Code::unsupported, "linear_solver", fmt::format("a linear solver: {}", fmt::join(legal, ", ")), got,
-         did_you_mean(name, legal));
+    refuse(Code::unsupported, "linear_solver", fmt::format("no linear_solver: {} solves no linear equations", m.name), got,
+           "use cvode_bdf");
+  refuse(Code::unsupported, "linear_solver", fmt::format("a linear solver: {}", fmt::join(legal, ", ")), got, did_you_mean(name, legal));
 }
 
 }  // namespace
@@ -83,8 +81,7 @@ std::unique_ptr<Integrator> make_integrator(OdeProblem problem, const Integrator
   if (absolute.size() != static_cast<std::size_t>(problem.n))
     throw std::logic_error("make_integrator: one absolute tolerance per state is needed");
   if (!std::all_of(absolute.begin(), absolute.end(), [](double a) { return a > 0.0; }))
-    refuse(Code::out_of_range, "absolute", "positive numbers",
-           fmt::format("{:g}", *std::min_element(absolute.begin(), absolute.end())));
+    refuse(Code::out_of_range, "absolute", "positive numbers", fmt::format("{:g}", *std::min_element(absolute.begin(), absolute.end())));
   return method.make(std::move(problem), options);
 }
 

@@ -14,8 +14,7 @@ class NodeQuadrature {
  public:
   static constexpr std::size_t kPoints = 8;  // of a polynomial: at most
 
-  explicit NodeQuadrature(int n)
-      : n_(static_cast<std::size_t>(n)), sum_(n_), end_(n_), rates_(stride_ * kHeld), sums_(n_) {}
+  explicit NodeQuadrature(int n) : n_(static_cast<std::size_t>(n)), sum_(n_), end_(n_), rates_(stride_ * kHeld), sums_(n_) {}
 
   /// Of the present stretch, but for those that have served.
   std::size_t nodes() const { return count_; }
@@ -142,9 +141,9 @@ class NodeQuadrature {
 
   static constexpr std::size_t kLanes = 8;
   std::size_t n_, stride_ = (n_ + kLanes - 1) / kLanes * kLanes;  // of them; room for them at a node
-  std::vector<double> sum_, end_;          // of the intervals before node done_; scratch
+  std::vector<double> sum_, end_;                                 // of the intervals before node done_; scratch
   std::array<double, kHeld> times_{};
-  std::vector<double> rates_;              // stride_ at each node
+  std::vector<double> rates_;  // stride_ at each node
   std::size_t count_ = 0, done_ = 0;
   std::vector<double> sums_;
 };

@@ -24,8 +24,7 @@ struct Rk4 {
   static constexpr int order = 4, rows = 5;
   static constexpr bool adaptive = false;
   static constexpr double c[] = {0.0, 1.0 / 2, 1.0 / 2, 1.0, 1.0};
-  static constexpr double a[rows][rows] = {
-      {}, {1.0 / 2}, {0.0, 1.0 / 2}, {0.0, 0.0, 1.0}, {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6}};
+  static constexpr double a[rows][rows] = {{}, {1.0 / 2}, {0.0, 1.0 / 2}, {0.0, 0.0, 1.0}, {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6}};
 };
 
 /// Dormand, Prince 1980: order 5 with an estimate of order 4; dense output of order 4 by Shampine 1986.
@@ -41,8 +40,7 @@ struct Dopri5 {
                                            {19372.0 / 6561, -25360.0 / 2187, 64448.0 / 6561, -212.0 / 729},
                                            {9017.0 / 3168, -355.0 / 33, 46732.0 / 5247, 49.0 / 176, -5103.0 / 18656},
                                            {35.0 / 384, 0.0, 500.0 / 1113, 125.0 / 192, -2187.0 / 6784, 11.0 / 84}};
-  static constexpr double error[rows] = {71.0 / 57600,      0.0,        -71.0 / 16695, 71.0 / 1920,
-                                         -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
+  static constexpr double error[rows] = {71.0 / 57600, 0.0, -71.0 / 16695, 71.0 / 1920, -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
   static constexpr double dense[rows] = {-12715105075.0 / 11282082432,  0.0,
                                          87487479700.0 / 32700410799,   -10690763975.0 / 1880347072,
                                          701980252875.0 / 199316789632, -1453857185.0 / 822651844,
@@ -61,8 +59,8 @@ constexpr double weight(int j) {
 /// out[i] = z[i] + h sum_j weight_j k_j[i] over slopes that stand one after the other at k, `stride` apart: one loop, its sum
 /// unrolled from the last slope to the first, nothing for a weight of zero.
 template <class Method, int Row, int... Slopes>
-void combine(std::integer_sequence<int, Slopes...>, const double* __restrict z, double h, const double* __restrict k,
-             std::size_t stride, std::size_t size, double* __restrict out) {
+void combine(std::integer_sequence<int, Slopes...>, const double* __restrict z, double h, const double* __restrict k, std::size_t stride,
+             std::size_t size, double* __restrict out) {
   constexpr auto w = [](int j) { return weight<Method, Row>(j); };
   constexpr int last = static_cast<int>(sizeof...(Slopes)) - 1;
   for (std::size_t i = 0; i < size; ++i) {
@@ -147,8 +145,8 @@ class RungeKutta final : public Integrator {
   std::string_view name() const override { return Method::name; }
 
  private:
-  static constexpr int kSampled = 8;        // steps of rk4 to each that is estimated
-  static constexpr int kStiffness = 1000;   // steps to each whose stability is looked at
+  static constexpr int kSampled = 8;       // steps of rk4 to each that is estimated
+  static constexpr int kStiffness = 1000;  // steps to each whose stability is looked at
   static constexpr int kLast = Method::rows - 1, kError = Method::rows, kDense = Method::rows + 1;
 
   auto first_slope() const { return k_.col(0); }
@@ -164,8 +162,7 @@ class RungeKutta final : public Integrator {
     work_.setZero();
     if constexpr (Method::adaptive) add_slopes<kDense>(zero_, h, n_all_, work_);
     work_ = z0_ + s * (z1_ - z0_ +
-                       r * (h * first_slope() - (z1_ - z0_) +
-                            s * (2.0 * (z1_ - z0_) - h * (first_slope() + last_slope()) + r * work_)));
+                       r * (h * first_slope() - (z1_ - z0_) + s * (2.0 * (z1_ - z0_) - h * (first_slope() + last_slope()) + r * work_)));
   }
 
   /// While a stretch is short, integrals are those of the tableau. From kPoints nodes on they go through the rates at the ends of the
@@ -229,8 +226,7 @@ class RungeKutta final : public Integrator {
 
   std::string trouble() const {
     for (int s = 0; s < Method::rows; ++s)
-      if (const int i = first_not_finite(k_.col(s).data(), n_); i >= 0)
-        return fmt::format("the rate of state {} is {}", i, k_(i, s));
+      if (const int i = first_not_finite(k_.col(s).data(), n_); i >= 0) return fmt::format("the rate of state {} is {}", i, k_(i, s));
     if (!finite(z1_)) return "the state overflows";
     return "the right-hand side cannot be evaluated";
   }
@@ -344,12 +340,12 @@ class RungeKutta final : public Integrator {
   IntegratorOptions options_;
   EventFinder events_;
   NodeQuadrature nodes_;
-  bool staged_ = true;          // the integrals are in z1_, else in nodes_
+  bool staged_ = true;  // the integrals are in z1_, else in nodes_
   int n_, n_all_;
   double t0_ = 0.0, t1_ = 0.0;  // [s] of the last step
   double h_ = 0.0;              // [s] adaptive: the next step to try
   bool started_ = false, slope_known_ = false;
-  int at_the_limit_ = 0, inside_ = 0;  // steps: of stability; since then not
+  int at_the_limit_ = 0, inside_ = 0;     // steps: of stability; since then not
   Eigen::ArrayXd z0_, z1_, work_, zero_;  // states and integrals: step begin, step end, trial; zeros
   Eigen::ArrayXXd k_;                     // slopes, one column per stage
   Eigen::ArrayXd absolute_;

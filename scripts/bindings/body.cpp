@@ -14,9 +14,7 @@ NodeState state_of(lua_State* L, Scenario& s, const std::string& node, const cha
   expect_state(L, s, what);
   return s.sim->observe().node(s.model->find_node(node));
 }
-NodeState body_state(lua_State* L, Handle& h, const char* what) {
-  return state_of(L, *h.scenario, h.user().name, what);
-}
+NodeState body_state(lua_State* L, Handle& h, const char* what) { return state_of(L, *h.scenario, h.user().name, what); }
 
 int body_attitude(lua_State* L) {
   Handle& h = self<Kind::body>(L);
@@ -32,9 +30,7 @@ int body_rate(lua_State* L) {
   for (int i = 0; i < 3; ++i) lua_pushnumber(L, h.scenario->v[u.v + i]);
   return 3;
 }
-int body_position(lua_State* L) {
-  return push3(L, body_state(L, self<Kind::body>(L), "the position of a body").position);
-}
+int body_position(lua_State* L) { return push3(L, body_state(L, self<Kind::body>(L), "the position of a body").position); }
 int body_velocity(lua_State* L) {
   const NodeState n = body_state(L, self<Kind::body>(L), "the velocity of a body");
   return push3(L, n.R_WN * n.velocity.tail<3>());
@@ -47,8 +43,10 @@ int body_mass(lua_State* L) {
 }  // namespace
 
 const std::vector<luaL_Reg>& body_methods() {
-  static const std::vector<luaL_Reg> all = {{"attitude", method<body_attitude>}, {"rate", method<body_rate>},
-                                            {"position", method<body_position>}, {"velocity", method<body_velocity>},
+  static const std::vector<luaL_Reg> all = {{"attitude", method<body_attitude>},
+                                            {"rate", method<body_rate>},
+                                            {"position", method<body_position>},
+                                            {"velocity", method<body_velocity>},
                                             {"mass", method<body_mass>}};
   return all;
 }

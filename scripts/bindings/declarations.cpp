@@ -141,20 +141,22 @@ int check(lua_State* L, Scenario& s) {
 int store(lua_State* L) {
   auto& signal = *static_cast<Signal*>(lua_touserdata(L, lua_upvalueindex(1)));
   if (signal.scenario->in_event_function)
-    refuse(L, Code::lua_argument, signal.channel.path, "signals stored by controllers, phases and actions", "one stored in an event's `when`",
-           "it is evaluated at trial states that are not part of the motion");
+    refuse(L, Code::lua_argument, signal.channel.path, "signals stored by controllers, phases and actions",
+           "one stored in an event's `when`", "it is evaluated at trial states that are not part of the motion");
   const auto n = static_cast<int>(signal.values.size());
   if (lua_gettop(L) != n)
     refuse(L, Code::lua_argument, signal.channel.path, fmt::format("{} number{}", n, n == 1 ? "" : "s"),
            fmt::format("{} values", lua_gettop(L)));
   for (int i = 1; i <= n; ++i) {
-    if (lua_type(L, i) != LUA_TNUMBER)
-      refuse(L, Code::lua_argument, signal.channel.path, "a number", describe_value(L, i));
+    if (lua_type(L, i) != LUA_TNUMBER) refuse(L, Code::lua_argument, signal.channel.path, "a number", describe_value(L, i));
     const double x = lua_tonumber(L, i);
     signal.values[static_cast<std::size_t>(i) - 1] = x;
     if (!std::isfinite(x) && signal.scenario->sim)  // recorded as it is: a division by zero at one tick need not end the run
       signal.scenario->sim->warn(Code::mission_doubt, {"signals." + signal.channel.path, LuaHost::caller(L)},
-                                 fmt::format("signal {} is {}", signal.channel.path, std::isnan(x) ? "nan" : x > 0 ? "inf" : "-inf"),
+                                 fmt::format("signal {} is {}", signal.channel.path,
+                                             std::isnan(x) ? "nan"
+                                             : x > 0       ? "inf"
+                                                           : "-inf"),
                                  "a division by zero, or the root of a negative number?");
   }
   return 0;
@@ -163,9 +165,8 @@ int guarded_store(lua_State* L) { return LuaHost::guarded(L, store); }
 
 bool is_channel_path(const std::string& path) {
   return !path.empty() && path.front() != '/' && path.back() != '/' && path.find("//") == std::string::npos &&
-         std::all_of(path.begin(), path.end(), [](char c) {
-           return std::isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '-' || c == '/';
-         });
+         std::all_of(path.begin(), path.end(),
+                     [](char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '-' || c == '/'; });
 }
 
 int signals(lua_State* L, Scenario& s) {
@@ -174,8 +175,7 @@ int signals(lua_State* L, Scenario& s) {
   LuaTable all(L, 1, "signals", sink);
   sink.throw_if_any();
   std::vector<std::string> paths;
-  for (lua_pushnil(L); lua_next(L, 1); lua_pop(L, 1))
-    paths.emplace_back(lua_type(L, -2) == LUA_TSTRING ? lua_tostring(L, -2) : "");
+  for (lua_pushnil(L); lua_next(L, 1); lua_pop(L, 1)) paths.emplace_back(lua_type(L, -2) == LUA_TSTRING ? lua_tostring(L, -2) : "");
   std::sort(paths.begin(), paths.end());
   lua_newtable(L);
   const int out = lua_gettop(L);
@@ -212,8 +212,7 @@ int signals(lua_State* L, Scenario& s) {
 
 int stop(lua_State* L, Scenario& s) {
   if (s.stage != Scenario::Stage::run || s.in_event_function)
-    refuse(L, Code::lua_argument, "stop", "a call from a controller, a phase or an event's action",
-           "one from elsewhere");
+    refuse(L, Code::lua_argument, "stop", "a call from a controller, a phase or an event's action", "one from elsewhere");
   s.stopped_by = s.actor;
   s.sim->stop();
   return 0;

@@ -34,9 +34,12 @@ LuaDiagonalised& to_diagonalised(lua_State* L) {
 int diagonalised(lua_State* L) {
   LuaOperators& o = to_operators(L);
   const std::string form = lua_isnoneornil(L, 2) ? "normalised" : lua_type(L, 2) == LUA_TSTRING ? lua_tostring(L, 2) : "";
-  if (form != "normalised" && form != "rates") refuse(L, Code::lua_argument, "diagonalised", "\"normalised\" (default) or \"rates\"", describe_value(L, 2));
+  if (form != "normalised" && form != "rates")
+    refuse(L, Code::lua_argument, "diagonalised", "\"normalised\" (default) or \"rates\"", describe_value(L, 2));
   o.tree->require(soa::Kind::D);
-  push_object<LuaDiagonalised>(L, kDiagonalised, o.tree, std::make_unique<Diagonalised>(*o.tree, form == "rates" ? Diagonalised::Form::rates : Diagonalised::Form::normalised));
+  push_object<LuaDiagonalised>(
+      L, kDiagonalised, o.tree,
+      std::make_unique<Diagonalised>(*o.tree, form == "rates" ? Diagonalised::Form::rates : Diagonalised::Form::normalised));
   return 1;
 }
 int nu_of(lua_State* L) {

@@ -51,7 +51,8 @@ Handle& handle_of(lua_State* L, Kind kind) {
   auto* h = static_cast<Handle*>(lua_touserdata(L, 1));
   const char* word = kWords[static_cast<int>(kind)];
   if (!h || lua_rawlen(L, 1) != sizeof(Handle) || h->kind != kind)
-    refuse(L, Code::lua_argument, word, fmt::format("a {} before a colon", word), describe_value(L, 1), "methods are called with a colon: wheel:rate()");
+    refuse(L, Code::lua_argument, word, fmt::format("a {} before a colon", word), describe_value(L, 1),
+           "methods are called with a colon: wheel:rate()");
   return *h;
 }
 
@@ -73,8 +74,7 @@ double command(lua_State* L, int arg, Scenario& s, const char* what, const std::
   const double x = lua_tonumber(L, arg);
   if (std::isfinite(x)) return x;
   const std::string got = fmt::format("{} of {} = {}", what, name, std::isnan(x) ? "nan" : x > 0 ? "inf" : "-inf");
-  if (s.stage == Scenario::Stage::setup)
-    refuse(L, Code::lua_argument, fmt::format("{} of {}", what, name), "a finite number", got);
+  if (s.stage == Scenario::Stage::setup) refuse(L, Code::lua_argument, fmt::format("{} of {}", what, name), "a finite number", got);
   s.fault = RunFailure{Code::controller_nan,
                        s.sim->time(),
                        "",

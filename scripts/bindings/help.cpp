@@ -1,6 +1,6 @@
 // `help` at the prompt: what annotated Lua (scripts/prelude/cardan) says about objects, functions and names.
-#include "scripts/bindings/bind.hpp"
 #include "scripts/bindings/help.hpp"
+#include "scripts/bindings/bind.hpp"
 
 #include <fmt/format.h>
 
@@ -93,7 +93,8 @@ std::string text_of_name(lua_State* L, const std::string& name) {
     out = fmt::format("{}: of Lua 5.4: {}", name, fmt::join(names, ", "));
   }
   if (out.empty())
-    refuse(L, Code::unknown_name, "help", "an object, a function, or a name; `help` alone lists them", in_quotes(name), did_you_mean(name, api.topics()));
+    refuse(L, Code::unknown_name, "help", "an object, a function, or a name; `help` alone lists them", in_quotes(name),
+           did_you_mean(name, api.topics()));
   return out;
 }
 
@@ -103,12 +104,21 @@ int help(lua_State* L) {
   std::string text;
   switch (lua_type(L, 1)) {
     case LUA_TNONE:
-    case LUA_TNIL: text = api_reference().overview(); break;
-    case LUA_TSTRING: text = text_of_name(L, lua_tostring(L, 1)); break;
-    case LUA_TFUNCTION: text = text_of_function(L, 1); break;
+    case LUA_TNIL:
+      text = api_reference().overview();
+      break;
+    case LUA_TSTRING:
+      text = text_of_name(L, lua_tostring(L, 1));
+      break;
+    case LUA_TFUNCTION:
+      text = text_of_function(L, 1);
+      break;
     case LUA_TUSERDATA:
-    case LUA_TTABLE: text = text_of_object(L, 1); break;
-    default: text = describe_value(L, 1);
+    case LUA_TTABLE:
+      text = text_of_object(L, 1);
+      break;
+    default:
+      text = describe_value(L, 1);
   }
   lua_pushlstring(L, text.data(), text.size());
   return 1;
@@ -142,7 +152,8 @@ void bind_help(Scenario& s) {
 
 std::vector<std::string> names_for(const Scenario& s, std::string_view word) {
   constexpr std::array<std::string_view, 8> kBodies = {"hinge", "body", "modes", "subtree", "path", "subgraph", "derivatives", "reactions"};
-  constexpr std::array<std::string_view, 7> kNodes = {"node", "nodes", "compliance", "manipulability", "effective_inertia", "participation", "load"};
+  constexpr std::array<std::string_view, 7> kNodes = {"node",          "nodes", "compliance", "manipulability", "effective_inertia",
+                                                      "participation", "load"};
   const auto is_one_of = [&](const auto& words) { return std::find(words.begin(), words.end(), word) != words.end(); };
   if (word == "help") return api_reference().topics();
   std::vector<std::string> out;

@@ -26,8 +26,7 @@ int component(lua_State* L, int arg, const std::vector<std::string>& names, cons
       if (names[i] == name || (u.nq == u.nv && (u.q_names[i] == name || u.v_names[i] == name))) return static_cast<int>(i);
   }
   const std::string word = type == LUA_TSTRING ? lua_tostring(L, arg) : "";
-  refuse(L, Code::unknown_name, "hinge of " + body,
-         n == 0 ? "a hinge that moves" : fmt::format("1 to {}, or a name: {}", n, listed(names)),
+  refuse(L, Code::unknown_name, "hinge of " + body, n == 0 ? "a hinge that moves" : fmt::format("1 to {}, or a name: {}", n, listed(names)),
          type == LUA_TNONE ? "the first component" : describe_value(L, arg), did_you_mean(word, names));
 }
 
@@ -105,8 +104,7 @@ std::vector<std::pair<double, double>> rate_points(lua_State* L, LuaTable& t, co
     lua_pop(L, 1);
   }
   lua_pop(L, 1);
-  if (!good)
-    t.reject("rate_table", fmt::format("{{{{t, rate}}, ...}} in s and {}, at least one point, t rising", unit));
+  if (!good) t.reject("rate_table", fmt::format("{{{{t, rate}}, ...}} in s and {}, at least one point, t rising", unit));
   return points;
 }
 
@@ -126,8 +124,7 @@ int hinge_profile(lua_State* L) {
   const std::string &rate = u.v_units[static_cast<std::size_t>(c)], unit = rate.substr(0, rate.find('/'));
   if (!is_prescribed(*s.model, v))
     refuse(L, Code::lua_argument, "profile of " + u.name, "a component that is prescribed", "one that is free to move",
-           fmt::format("say so in the vehicle: bodies.{}.hinge.prescribed: [{}]", u.name,
-                       u.v_names[static_cast<std::size_t>(c)]));
+           fmt::format("say so in the vehicle: bodies.{}.hinge.prescribed: [{}]", u.name, u.v_names[static_cast<std::size_t>(c)]));
   MotionProfile profile;
   if (int(t.has("rate_table")) + int(t.has("sine")) + int(t.has("hold")) != 1) {
     t.reject("rate_table", "exactly one of rate_table, sine, hold");
@@ -137,9 +134,8 @@ int hinge_profile(lua_State* L) {
     profile = MotionProfile::hold(*hold);
   } else if (auto sine = t.table("sine")) {
     sine->require({"amplitude", "frequency"});
-    profile =
-        MotionProfile::sine(sine->number("amplitude", unit).value_or(0.0),
-                            sine->number("frequency", "Hz").value_or(0.0), sine->number("phase", "rad").value_or(0.0));
+    profile = MotionProfile::sine(sine->number("amplitude", unit).value_or(0.0), sine->number("frequency", "Hz").value_or(0.0),
+                                  sine->number("phase", "rad").value_or(0.0));
     sine->finish();
   }
   t.finish();
@@ -151,8 +147,9 @@ int hinge_profile(lua_State* L) {
 }  // namespace
 
 const std::vector<luaL_Reg>& hinge_methods() {
-  static const std::vector<luaL_Reg> all = {{"angle", method<hinge_q>}, {"q", method<hinge_q>}, {"rate", method<hinge_v>},
-                                            {"v", method<hinge_v>}, {"torque", method<hinge_force>}, {"force", method<hinge_force>},
+  static const std::vector<luaL_Reg> all = {{"angle", method<hinge_q>},         {"q", method<hinge_q>},
+                                            {"rate", method<hinge_v>},          {"v", method<hinge_v>},
+                                            {"torque", method<hinge_force>},    {"force", method<hinge_force>},
                                             {"applied", method<hinge_applied>}, {"reaction", method<hinge_reaction>},
                                             {"profile", method<hinge_profile>}};
   return all;

@@ -28,7 +28,8 @@ DocNode document(lua_State* L, int index, const SourceMark& mark, int depth = 0)
     node.kind = lua_rawlen(L, index) > 0 ? DocNode::Kind::list : DocNode::Kind::map;
     for (lua_Integer i = 1; i <= n; ++i) {
       lua_rawgeti(L, -1, i);
-      if (node.kind == DocNode::Kind::map) node.keys.push_back({lua_type(L, -1) == LUA_TSTRING ? lua_tostring(L, -1) : describe_value(L, -1), mark});
+      if (node.kind == DocNode::Kind::map)
+        node.keys.push_back({lua_type(L, -1) == LUA_TSTRING ? lua_tostring(L, -1) : describe_value(L, -1), mark});
       lua_rawget(L, index);
       node.items.push_back(document(L, -1, mark, depth + 1));
       lua_pop(L, 1);

@@ -21,7 +21,10 @@ void push_poles(lua_State* L, const Eigen::MatrixXd& A) {
   lua_createtable(L, static_cast<int>(all.size()), 0);
   for (std::size_t i = 0; i < all.size(); ++i) {
     lua_createtable(L, 0, 4);
-    for (const auto& [key, value] : {std::pair{"re", all[i].value.real()}, {"im", all[i].value.imag()}, {"frequency", all[i].frequency}, {"damping", all[i].damping}}) {
+    for (const auto& [key, value] : {std::pair{"re", all[i].value.real()},
+                                     {"im", all[i].value.imag()},
+                                     {"frequency", all[i].frequency},
+                                     {"damping", all[i].damping}}) {
       lua_pushnumber(L, value);
       lua_setfield(L, -2, key);
     }

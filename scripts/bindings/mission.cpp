@@ -108,10 +108,8 @@ void read_output(LuaTable& t, lua_State* L, Scenario& s) {
   const SourceMark here = LuaHost::caller(L);
   if (t.has("rate") && t.has("period")) t.reject("period", "rate or period, not both");
   if (!t.has("rate") && !t.has("period")) s.mission.defaults_used.emplace_back("mission.output.rate", "10 Hz");
-  if (const auto rate = t.number("rate", "Hz"))
-    s.mission.output_period = period_from_hertz(*rate, {t.path() + ".rate", here});
-  if (const auto period = t.number("period", "s"))
-    s.mission.output_period = period_from_seconds(*period, {t.path() + ".period", here});
+  if (const auto rate = t.number("rate", "Hz")) s.mission.output_period = period_from_hertz(*rate, {t.path() + ".rate", here});
+  if (const auto period = t.number("period", "s")) s.mission.output_period = period_from_seconds(*period, {t.path() + ".period", here});
   const auto all = [&](const char* key, Code code, const auto& objects, std::vector<int>& out, const char* what) {
     std::vector<std::string> names;
     for (const auto& o : objects) names.push_back(o.name);
@@ -119,8 +117,7 @@ void read_output(LuaTable& t, lua_State* L, Scenario& s) {
     for (const std::string& name : wanted ? *wanted : std::vector<std::string>{}) {
       const auto found = std::find(names.begin(), names.end(), name);
       if (found == names.end())
-        refuse(L, code, t.path() + "." + key, fmt::format("{}: {}", what, listed(names)), in_quotes(name),
-               did_you_mean(name, names));
+        refuse(L, code, t.path() + "." + key, fmt::format("{}: {}", what, listed(names)), in_quotes(name), did_you_mean(name, names));
       const auto index = static_cast<int>(found - names.begin());
       if (std::find(out.begin(), out.end(), index) != out.end())
         refuse(L, Code::duplicate_name, t.path() + "." + key, "each name once", in_quotes(name));

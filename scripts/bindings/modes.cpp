@@ -13,8 +13,7 @@ int mode(lua_State* L, const UserBody& u) {
   int is_integer = 0;
   const lua_Integer i = lua_tointegerx(L, 2, &is_integer);
   if (!is_integer || i < 1 || i > u.n_modes)
-    refuse(L, Code::unknown_name, "modes of " + u.name, fmt::format("a mode: 1 to {}", u.n_modes),
-           describe_value(L, 2));
+    refuse(L, Code::unknown_name, "modes of " + u.name, fmt::format("a mode: 1 to {}", u.n_modes), describe_value(L, 2));
   return static_cast<int>(i) - 1;
 }
 int modes_eta(lua_State* L) {
@@ -43,8 +42,8 @@ int modes_frequency(lua_State* L) {
 }  // namespace
 
 const std::vector<luaL_Reg>& modes_methods() {
-  static const std::vector<luaL_Reg> all = {{"eta", method<modes_eta>}, {"etadot", method<modes_etadot>}, {"count", method<modes_count>},
-                                            {"frequency", method<modes_frequency>}};
+  static const std::vector<luaL_Reg> all = {
+      {"eta", method<modes_eta>}, {"etadot", method<modes_etadot>}, {"count", method<modes_count>}, {"frequency", method<modes_frequency>}};
   return all;
 }
 

@@ -12,7 +12,6 @@ using soa::TreeOperators;
 
 const Labels kMomentum{{"hx", "hy", "hz", "px", "py", "pz"}, {"N m s", "N m s", "N m s", "N s", "N s", "N s"}};
 
-
 Labels body_labels(const TreeOperators& tree) {
   Labels out;
   for (const soa::OperatorBody& b : tree.bodies()) out.names.push_back(tree.model().user[static_cast<std::size_t>(b.user)].name);
@@ -29,7 +28,8 @@ int mass_properties(lua_State* L) {
 }
 soa::About about_at(lua_State* L, int arg) {
   const std::string word = lua_isnoneornil(L, arg) ? "world" : lua_type(L, arg) == LUA_TSTRING ? lua_tostring(L, arg) : "";
-  if (word != "world" && word != "com") refuse(L, Code::lua_argument, "momentum", "about \"world\" (default) or \"com\"", describe_value(L, arg));
+  if (word != "world" && word != "com")
+    refuse(L, Code::lua_argument, "momentum", "about \"world\" (default) or \"com\"", describe_value(L, arg));
   return word == "com" ? soa::About::mass_centre : soa::About::world_origin;
 }
 int momentum(lua_State* L) {
@@ -66,8 +66,10 @@ int reflected_inertia(lua_State* L) {
 }  // namespace
 
 const std::vector<luaL_Reg>& momentum_methods() {
-  static const std::vector<luaL_Reg> all = {{"mass_properties", placed<mass_properties>}, {"momentum", placed<momentum>},
-                                            {"momentum_matrix", placed<momentum_matrix>}, {"momentum_sharing", placed<momentum_sharing>},
+  static const std::vector<luaL_Reg> all = {{"mass_properties", placed<mass_properties>},
+                                            {"momentum", placed<momentum>},
+                                            {"momentum_matrix", placed<momentum_matrix>},
+                                            {"momentum_sharing", placed<momentum_sharing>},
                                             {"reflected_inertia", placed<reflected_inertia>}};
   return all;
 }

@@ -11,15 +11,9 @@ NodeState node_state(lua_State* L, const Handle& h, const char* what) {
   expect_state(L, *h.scenario, what);
   return h.scenario->sim->observe().node(h.index);
 }
-int node_position(lua_State* L) {
-  return push3(L, node_state(L, self<Kind::node>(L), "the position of a node").position);
-}
-int node_attitude(lua_State* L) {
-  return push_quaternion(L, node_state(L, self<Kind::node>(L), "the attitude of a node").R_WN);
-}
-int node_rate(lua_State* L) {
-  return push3(L, node_state(L, self<Kind::node>(L), "the rate of a node").velocity.head<3>());
-}
+int node_position(lua_State* L) { return push3(L, node_state(L, self<Kind::node>(L), "the position of a node").position); }
+int node_attitude(lua_State* L) { return push_quaternion(L, node_state(L, self<Kind::node>(L), "the attitude of a node").R_WN); }
+int node_rate(lua_State* L) { return push3(L, node_state(L, self<Kind::node>(L), "the rate of a node").velocity.head<3>()); }
 int node_velocity(lua_State* L) {
   const NodeState n = node_state(L, self<Kind::node>(L), "the velocity of a node");
   return push3(L, n.R_WN * n.velocity.tail<3>());
@@ -62,8 +56,7 @@ int load_set(lua_State* L) {
   const Handle& h = self<Kind::load>(L);
   Scenario& s = *h.scenario;
   expect_state(L, s, "a command");
-  const std::string& node =
-      s.model->nodes[static_cast<std::size_t>(s.loads[static_cast<std::size_t>(h.index)].node)].name;
+  const std::string& node = s.model->nodes[static_cast<std::size_t>(s.loads[static_cast<std::size_t>(h.index)].node)].name;
   double x[6];
   for (int i = 0; i < 6; ++i) x[i] = command(L, i + 2, s, "load on node", node);
   s.sim->set_wrench(h.index, {{x[0], x[1], x[2]}, {x[3], x[4], x[5]}});
@@ -73,11 +66,14 @@ int load_set(lua_State* L) {
 }  // namespace
 
 const std::vector<luaL_Reg>& node_methods() {
-  static const std::vector<luaL_Reg> all = {{"position", method<node_position>}, {"attitude", method<node_attitude>},
-                                            {"rate", method<node_rate>}, {"velocity", method<node_velocity>},
+  static const std::vector<luaL_Reg> all = {{"position", method<node_position>},
+                                            {"attitude", method<node_attitude>},
+                                            {"rate", method<node_rate>},
+                                            {"velocity", method<node_velocity>},
                                             {"acceleration", method<node_acceleration>},
                                             {"angular_acceleration", method<node_angular_acceleration>},
-                                            {"specific_force", method<node_specific_force>}, {"load", method<node_load>}};
+                                            {"specific_force", method<node_specific_force>},
+                                            {"load", method<node_load>}};
   return all;
 }
 

@@ -16,8 +16,7 @@
 namespace cardan {
 namespace {
 
-[[noreturn]] void fail(const Scenario& s, Code code, std::string key_path, std::string expected, std::string got,
-                       std::string hint) {
+[[noreturn]] void fail(const Scenario& s, Code code, std::string key_path, std::string expected, std::string got, std::string hint) {
   throw InputError(Diagnostic{code, {std::move(key_path), {s.file.string()}}, std::move(expected), std::move(got), std::move(hint)});
 }
 
@@ -26,19 +25,20 @@ void expect_known(const Scenario& s) {
     if (set.used) continue;
     std::string known;
     for (const std::string& name : s.parameter_names) known += name + ", ";
-    throw InputError(Diagnostic{Code::unknown_name, {set.key, {fmt::format("--set {}={}", set.key, set.value)}},
-        (known.empty() ? "" : "a parameter (" + known.substr(0, known.size() - 2) + "), ") + "bodies..., gravity... or another key path of the vehicle (vehicle....), or mission....",
-        in_quotes(set.key), did_you_mean(set.key, s.parameter_names)});
+    throw InputError(Diagnostic{Code::unknown_name,
+                                {set.key, {fmt::format("--set {}={}", set.key, set.value)}},
+                                (known.empty() ? "" : "a parameter (" + known.substr(0, known.size() - 2) + "), ") +
+                                    "bodies..., gravity... or another key path of the vehicle (vehicle....), or mission....",
+                                in_quotes(set.key),
+                                did_you_mean(set.key, s.parameter_names)});
   }
 }
 
 /// What only the whole script can tell.
 void expect_complete(const Scenario& s) {
-  if (!s.model)
-    fail(s, Code::empty_system, "vehicle", "a vehicle", "none", "begin with: local sat = vehicle \"vehicle.yaml\"");
+  if (!s.model) fail(s, Code::empty_system, "vehicle", "a vehicle", "none", "begin with: local sat = vehicle \"vehicle.yaml\"");
   if (!s.mission.declared)
-    fail(s, Code::missing_key, "mission", "a mission with its duration", "none",
-         "mission { title = ..., duration = \"400 s\" }");
+    fail(s, Code::missing_key, "mission", "a mission with its duration", "none", "mission { title = ..., duration = \"400 s\" }");
   expect_known(s);
 }
 
@@ -56,15 +56,16 @@ void expect_channels(Scenario& s) {
     const auto below = paths.lower_bound(path + "/");
     if (other.empty() && below != paths.end() && below->first.starts_with(path + "/")) other = below->first;
     if (!other.empty())
-      throw InputError(Diagnostic{Code::duplicate_name, {"signals." + path, signal->declared},
-          "a name of its own in the tree of the results", fmt::format("{} beside the channel {}", in_quotes(path), in_quotes(other))});
+      throw InputError(Diagnostic{Code::duplicate_name,
+                                  {"signals." + path, signal->declared},
+                                  "a name of its own in the tree of the results",
+                                  fmt::format("{} beside the channel {}", in_quotes(path), in_quotes(other))});
   }
 }
 
 /// quat, vec, allocation.
 void run_prelude(Scenario& s) {
-  s.lua.run_text("[cardan]",
-                 "for _, name in ipairs { 'quat', 'vec', 'allocation' } do _G[name] = require('cardan.' .. name) end");
+  s.lua.run_text("[cardan]", "for _, name in ipairs { 'quat', 'vec', 'allocation' } do _G[name] = require('cardan.' .. name) end");
 }
 
 /// With all that scripts see, before any script.

@@ -21,7 +21,8 @@ Expression* operator_at(lua_State* L, int index) { return static_cast<Expression
 
 Expression& expression(lua_State* L, int index = 1) {
   if (auto* e = operator_at(L, index)) return *e;
-  refuse(L, Code::lua_argument, "operator", "an operator before a colon", describe_value(L, index), "methods are called with a colon: s.phi:star()");
+  refuse(L, Code::lua_argument, "operator", "an operator before a colon", describe_value(L, index),
+         "methods are called with a colon: s.phi:star()");
 }
 
 /// Without units where the formula does not say what it gives.
@@ -51,7 +52,8 @@ Labels result_labels(const Expression& e, const Labels& of_vector) {
   // a factor of s lower: "rad/s" is written for "rad/s^2" times s, "N m s" for "N m" times s
   const bool of_motion = e.takes() == Sort::motion;
   bool lower = true;
-  for (std::size_t i = 0; i < expected.units.size(); ++i) lower = lower && (of_motion ? of_vector.units[i] + "^2" == expected.units[i] : of_vector.units[i] == expected.units[i] + " s");
+  for (std::size_t i = 0; i < expected.units.size(); ++i)
+    lower = lower && (of_motion ? of_vector.units[i] + "^2" == expected.units[i] : of_vector.units[i] == expected.units[i] + " s");
   if (!lower) {
     out.units.clear();
     return out;
@@ -93,8 +95,9 @@ int multiply(lua_State* L) {
 std::pair<Expression&, Expression&> both(lua_State* L, const char* sign) {
   auto *a = operator_at(L, 1), *b = operator_at(L, 2);
   if (!a || !b)
-    refuse(L, Code::operator_shape, fmt::format("{} {} {}", a ? a->text() : describe_value(L, 1), sign, b ? b->text() : describe_value(L, 2)),
-           "two operators", describe_value(L, a ? 2 : 1), "s.I is the identity");
+    refuse(L, Code::operator_shape,
+           fmt::format("{} {} {}", a ? a->text() : describe_value(L, 1), sign, b ? b->text() : describe_value(L, 2)), "two operators",
+           describe_value(L, a ? 2 : 1), "s.I is the identity");
   return {*a, *b};
 }
 int add(lua_State* L) {
@@ -148,9 +151,9 @@ int operator_text(lua_State* L) {
   return 1;
 }
 
-const std::vector<luaL_Reg> kOperatorMethods = {
-    {"star", placed<star>}, {"inv", placed<inv>}, {"dense", placed<dense>}, {"norm", placed<norm>}, {"eig", placed<eig>},
-    {"rows", placed<rows>}, {"cols", placed<cols>}, {"text", placed<formula>}};
+const std::vector<luaL_Reg> kOperatorMethods = {{"star", placed<star>}, {"inv", placed<inv>},     {"dense", placed<dense>},
+                                                {"norm", placed<norm>}, {"eig", placed<eig>},     {"rows", placed<rows>},
+                                                {"cols", placed<cols>}, {"text", placed<formula>}};
 
 }  // namespace
 
@@ -163,8 +166,8 @@ int push_operator(lua_State* L, Expression e) {
 void make_operator_type(lua_State* L) {
   make_type<Expression>(L, kOperator, kOperatorMethods, placed<operator_text>);
   luaL_getmetatable(L, kOperator);
-  for (const luaL_Reg& m : std::initializer_list<luaL_Reg>{{"__mul", placed<multiply>}, {"__add", placed<add>}, {"__sub", placed<subtract>},
-                                                           {"__unm", placed<negate>}}) {
+  for (const luaL_Reg& m : std::initializer_list<luaL_Reg>{
+           {"__mul", placed<multiply>}, {"__add", placed<add>}, {"__sub", placed<subtract>}, {"__unm", placed<negate>}}) {
     lua_pushcfunction(L, m.func);
     lua_setfield(L, -2, m.name);
   }

@@ -27,9 +27,12 @@ Labels velocity_labels_of(const TreeOperators& tree) {
     if (unit.ends_with("^2")) unit.resize(unit.size() - 2);
   return out;
 }
-VectorXd hinge_vector(lua_State* L, int arg, const TreeOperators& tree, const char* what) { return finite_vector(L, arg, tree.size(Space::hinge), what); }
+VectorXd hinge_vector(lua_State* L, int arg, const TreeOperators& tree, const char* what) {
+  return finite_vector(L, arg, tree.size(Space::hinge), what);
+}
 
-std::shared_ptr<TreeOperators> articulated_for(lua_State* L, const TreeOperators& tree, const std::vector<std::string>& names, const char* what) {
+std::shared_ptr<TreeOperators> articulated_for(lua_State* L, const TreeOperators& tree, const std::vector<std::string>& names,
+                                               const char* what) {
   std::vector<int> bodies;
   for (const soa::OperatorBody& b : tree.bodies()) bodies.push_back(b.sweep);
   auto part = std::make_shared<TreeOperators>(tree.subgraph(bodies));
@@ -67,7 +70,9 @@ std::vector<int> node_indices(lua_State* L, const std::vector<std::string>& name
   std::vector<int> out;
   for (const std::string& name : names) {
     const int j = m.find_node(name);
-    if (j < 0) refuse(L, Code::unknown_node, "nodes", fmt::format("nodes of the vehicle: {}", fmt::join(known, ", ")), in_quotes(name), did_you_mean(name, known));
+    if (j < 0)
+      refuse(L, Code::unknown_node, "nodes", fmt::format("nodes of the vehicle: {}", fmt::join(known, ", ")), in_quotes(name),
+             did_you_mean(name, known));
     out.push_back(j);
   }
   return out;
@@ -76,8 +81,9 @@ std::vector<int> node_indices(lua_State* L, const std::vector<std::string>& name
 std::vector<int> components_at(lua_State* L, const Model& m, const std::string& name, const char* what) {
   std::vector<int> found = soa::components_of(m, name);
   if (found.empty())
-    refuse(L, Code::unknown_name, what, fmt::format("a component, or a body for all of its hinge: {}", fmt::join(soa::component_names(m), ", ")),
-           in_quotes(name), did_you_mean(name, soa::component_names(m)));
+    refuse(L, Code::unknown_name, what,
+           fmt::format("a component, or a body for all of its hinge: {}", fmt::join(soa::component_names(m), ", ")), in_quotes(name),
+           did_you_mean(name, soa::component_names(m)));
   return found;
 }
 
@@ -89,7 +95,8 @@ std::vector<std::uint8_t> component_mask(lua_State* L, const TreeOperators& tree
       if (const int place = tree.place_of_velocity(v); place >= 0) mask[static_cast<std::size_t>(place)] = 1, takes_part = true;
     if (!takes_part)
       refuse(L, Code::unknown_name, what,
-             fmt::format("a component of the bodies that take part: {}", fmt::join(tree.labels(Space::hinge, Sort::motion).names, ", ")), in_quotes(name));
+             fmt::format("a component of the bodies that take part: {}", fmt::join(tree.labels(Space::hinge, Sort::motion).names, ", ")),
+             in_quotes(name));
   }
   return mask;
 }
@@ -110,13 +117,18 @@ int at_script_line(lua_State* L, const std::function<int(lua_State*)>& function)
 
 LuaOperators& to_operators(lua_State* L) {
   if (auto* o = static_cast<LuaOperators*>(luaL_testudata(L, 1, kOperators))) return *o;
-  refuse(L, Code::lua_argument, "operators", "the result of operators() before a colon", describe_value(L, 1), "s = sim:operators(); s:subtree(\"boom\")");
+  refuse(L, Code::lua_argument, "operators", "the result of operators() before a colon", describe_value(L, 1),
+         "s = sim:operators(); s:subtree(\"boom\")");
 }
 
 OperatingState present_state(const Scenario& s) {
   const int nv = s.model->nv;
-  OperatingState out{.t = s.sim->time(), .v = Eigen::Map<const Eigen::VectorXd>(s.v, nv), .tau = Eigen::VectorXd(nv), .vdot = Eigen::VectorXd::Zero(nv),
-                     .wrenches = {s.sim->wrenches().begin(), s.sim->wrenches().end()}, .seed = s.seed};
+  OperatingState out{.t = s.sim->time(),
+                     .v = Eigen::Map<const Eigen::VectorXd>(s.v, nv),
+                     .tau = Eigen::VectorXd(nv),
+                     .vdot = Eigen::VectorXd::Zero(nv),
+                     .wrenches = {s.sim->wrenches().begin(), s.sim->wrenches().end()},
+                     .seed = s.seed};
   for (int i = 0; i < nv; ++i) out.tau[i] = s.sim->force(i);
   if (s.model->has_prescribed()) out.vdot = s.sim->vdot();
   return out;

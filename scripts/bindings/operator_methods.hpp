@@ -15,11 +15,11 @@ namespace cardan {
 
 /// What analyses of dynamics read beside q, at the moment when the operators were made; the model's order.
 struct OperatingState {
-  double t = 0.0;                    // [s]
-  Eigen::VectorXd v, tau;            // tau: of actuators
-  Eigen::VectorXd vdot;              // of given motions
+  double t = 0.0;          // [s]
+  Eigen::VectorXd v, tau;  // tau: of actuators
+  Eigen::VectorXd vdot;    // of given motions
   std::vector<NodeWrench> wrenches;
-  std::uint64_t seed = 0;            // of the scenario
+  std::uint64_t seed = 0;  // of the scenario
   Inputs inputs(const double* q) const { return {.q = q, .v = v.data(), .tau = tau.data(), .vdot = vdot.data(), .wrenches = wrenches}; }
 };
 OperatingState present_state(const Scenario&);
@@ -100,7 +100,8 @@ int placed(lua_State* L) {
 soa::TreeOperators& tree_of(lua_State* L);
 soa::TreeOperators& tree_with_Y(lua_State* L);
 /// A part of the tree of its own, at the same q, whose free components are those that are named.
-std::shared_ptr<soa::TreeOperators> articulated_for(lua_State* L, const soa::TreeOperators& tree, const std::vector<std::string>& names, const char* what);
+std::shared_ptr<soa::TreeOperators> articulated_for(lua_State* L, const soa::TreeOperators& tree, const std::vector<std::string>& names,
+                                                    const char* what);
 /// A finite vector over the velocity components of the tree.
 Eigen::VectorXd hinge_vector(lua_State* L, int arg, const soa::TreeOperators& tree, const char* what);
 
@@ -121,14 +122,14 @@ void make_type(lua_State* L, const char* type, const std::vector<luaL_Reg>& meth
 }
 
 // More methods of operators(), and the types of what they return; each in the file of its name.
-const std::vector<luaL_Reg>& task_methods();         // compliance, task spaces, effective inertia
-const std::vector<luaL_Reg>& momentum_methods();     // mass properties, momentum, inertia felt at hinges
-const std::vector<luaL_Reg>& passive_methods();      // hybrid dynamics, components without actuator
-const std::vector<luaL_Reg>& diagonalised_methods(); // log det M, diagonalised velocities
+const std::vector<luaL_Reg>& task_methods();          // compliance, task spaces, effective inertia
+const std::vector<luaL_Reg>& momentum_methods();      // mass properties, momentum, inertia felt at hinges
+const std::vector<luaL_Reg>& passive_methods();       // hybrid dynamics, components without actuator
+const std::vector<luaL_Reg>& diagonalised_methods();  // log det M, diagonalised velocities
 void make_task_type(lua_State* L);
 void make_passive_type(lua_State* L);
 void make_diagonalised_type(lua_State* L);
-void make_operator_type(lua_State* L);               // operator.cpp: one operator, a formula of letters
+void make_operator_type(lua_State* L);  // operator.cpp: one operator, a formula of letters
 int push_operator(lua_State* L, soa::Expression e);
 
 }  // namespace cardan

@@ -29,7 +29,8 @@ int sweep_body(lua_State* L, int arg, const Model& m, const char* what) {
   const std::string name = lua_type(L, arg) == LUA_TSTRING ? lua_tostring(L, arg) : "";
   const int body = m.find_body(name);
   if (name.empty() || body < 0)
-    refuse(L, Code::unknown_body, what, fmt::format("a body of the vehicle: {}", fmt::join(names, ", ")), describe_value(L, arg), did_you_mean(name, names));
+    refuse(L, Code::unknown_body, what, fmt::format("a body of the vehicle: {}", fmt::join(names, ", ")), describe_value(L, arg),
+           did_you_mean(name, names));
   const int k = m.user[static_cast<std::size_t>(body)].sweep;
   if (k == 0) refuse(L, Code::unknown_body, what, "a body that can move", in_quotes(name) + ", fixed to the world");
   return k;
@@ -153,7 +154,8 @@ int log_det(lua_State* L) {
 /// Of argument 2.
 Space space_at(lua_State* L, const char* what, const char* fallback) {
   const std::string name = lua_type(L, 2) == LUA_TSTRING ? lua_tostring(L, 2) : fallback;
-  if (name != "hinge" && name != "body" && name != "node") refuse(L, Code::lua_argument, what, "\"hinge\", \"body\" or \"node\"", describe_value(L, 2));
+  if (name != "hinge" && name != "body" && name != "node")
+    refuse(L, Code::lua_argument, what, "\"hinge\", \"body\" or \"node\"", describe_value(L, 2));
   return name == "hinge" ? Space::hinge : name == "body" ? Space::body : Space::node;
 }
 int size(lua_State* L) {
@@ -177,12 +179,21 @@ int study(lua_State* L) {
   return kStudy(L, *o.tree, *o.at);
 }
 
-const std::vector<luaL_Reg> kOperatorsMethods = {
-    {"subtree", placed<subtree>}, {"path", placed<path>}, {"subgraph", placed<subgraph>}, {"nodes", placed<nodes>},
-    {"along", placed<along>}, {"articulate", placed<articulate>}, {"operational_space", placed<operational_space>},
-    {"log_det", placed<log_det>}, {"size", placed<size>}, {"names", placed<names>}, {"linearize", placed<study<linear_model>>},
-    {"derivatives", placed<study<derivatives_study>>}, {"system_modes", placed<study<system_modes_study>>},
-    {"inverse_kinematics", placed<study<inverse_kinematics_study>>}, {"interbody_forces", placed<study<interbody_forces_study>>}};
+const std::vector<luaL_Reg> kOperatorsMethods = {{"subtree", placed<subtree>},
+                                                 {"path", placed<path>},
+                                                 {"subgraph", placed<subgraph>},
+                                                 {"nodes", placed<nodes>},
+                                                 {"along", placed<along>},
+                                                 {"articulate", placed<articulate>},
+                                                 {"operational_space", placed<operational_space>},
+                                                 {"log_det", placed<log_det>},
+                                                 {"size", placed<size>},
+                                                 {"names", placed<names>},
+                                                 {"linearize", placed<study<linear_model>>},
+                                                 {"derivatives", placed<study<derivatives_study>>},
+                                                 {"system_modes", placed<study<system_modes_study>>},
+                                                 {"inverse_kinematics", placed<study<inverse_kinematics_study>>},
+                                                 {"interbody_forces", placed<study<interbody_forces_study>>}};
 
 }  // namespace
 
@@ -190,7 +201,8 @@ int push_operators(lua_State* L, Scenario& s) {
   auto tree = tree_of_now(L, s, "operators");
   const std::string stage = lua_isnoneornil(L, 2) ? "inertia" : lua_type(L, 2) == LUA_TSTRING ? lua_tostring(L, 2) : "";
   if (stage != "position" && stage != "inertia")
-    refuse(L, Code::lua_argument, "operators", "no argument, or the last stage to compute: \"position\", \"inertia\"", describe_value(L, 2));
+    refuse(L, Code::lua_argument, "operators", "no argument, or the last stage to compute: \"position\", \"inertia\"",
+           describe_value(L, 2));
   if (stage == "inertia") tree->articulate();
   LuaHost::charge(L, 200 * (tree->size(Space::body) + 1));
   push_object<LuaOperators>(L, kOperators, std::move(tree), "the whole tree", std::make_shared<const OperatingState>(present_state(s)));
@@ -204,7 +216,8 @@ void bind_operators(Scenario& s) {
     make_passive_type(L);
     make_diagonalised_type(L);
     std::vector<luaL_Reg> methods = kOperatorsMethods;
-    for (const auto& more : {task_methods(), momentum_methods(), passive_methods(), diagonalised_methods()}) methods.insert(methods.end(), more.begin(), more.end());
+    for (const auto& more : {task_methods(), momentum_methods(), passive_methods(), diagonalised_methods()})
+      methods.insert(methods.end(), more.begin(), more.end());
     make_type<LuaOperators>(L, kOperators, methods, placed<operators_text>);
     luaL_getmetatable(L, kOperators);
     lua_getfield(L, -1, "__index");  // the table of methods: letters come first

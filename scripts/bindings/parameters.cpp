@@ -23,8 +23,7 @@ std::optional<Quantity> read_quantity(const std::string& text, QuantityFault& fa
     if (!number) continue;
     const std::size_t unit_at = text.find_first_not_of(' ', cut);
     if (unit_at == std::string::npos) return Quantity{*number, {}};
-    if (const auto unit = parse_unit(std::string_view(text).substr(unit_at)))
-      return Quantity{*number * unit->factor, unit->dimension};
+    if (const auto unit = parse_unit(std::string_view(text).substr(unit_at))) return Quantity{*number * unit->factor, unit->dimension};
   }
   fault = std::get<QuantityFault>(parse_quantity(text, "1"));
   fault.expected = "a number with a unit, or a text that does not begin like a number";
@@ -71,16 +70,14 @@ class ParameterReader {
         break;
       }
       default:
-        report(name, Code::wrong_type, "a number, a text, an array of numbers, true or false",
-               describe_value(L_, value));
+        report(name, Code::wrong_type, "a number, a text, an array of numbers, true or false", describe_value(L_, value));
         lua_pushnil(L_);
     }
   }
 
  private:
   Setting* setting() {
-    const auto found =
-        std::find_if(s_.settings.rbegin(), s_.settings.rend(), [&](const Setting& x) { return x.key == name_; });
+    const auto found = std::find_if(s_.settings.rbegin(), s_.settings.rend(), [&](const Setting& x) { return x.key == name_; });
     if (found == s_.settings.rend()) return nullptr;
     for (Setting& x : s_.settings) x.used = x.used || x.key == name_;
     return &*found;
@@ -88,19 +85,17 @@ class ParameterReader {
   void note(std::string value) { s_.parameters.emplace_back("parameters." + name_, std::move(value)); }
 
   void report(const std::string& path, Code code, std::string expected, std::string got, std::string hint = {}) {
-    sink_.report(code, {"parameters." + path, LuaHost::caller(L_)}, std::move(expected), std::move(got),
-                 std::move(hint));
+    sink_.report(code, {"parameters." + path, LuaHost::caller(L_)}, std::move(expected), std::move(got), std::move(hint));
   }
   void report_setting(Code code, std::string expected, std::string got, std::string hint = {}) {
     const Setting& set = *setting();
-    sink_.report(code, {"parameters." + name_, {fmt::format("--set {}={}", set.key, set.value), 0, 0}},
-                 std::move(expected), std::move(got), std::move(hint));
+    sink_.report(code, {"parameters." + name_, {fmt::format("--set {}={}", set.key, set.value), 0, 0}}, std::move(expected), std::move(got),
+                 std::move(hint));
   }
 
   Quantity quantity(int index, const std::string& path) {
     QuantityFault fault;
-    if (lua_type(L_, index) == LUA_TNUMBER && std::isfinite(lua_tonumber(L_, index)))
-      return {lua_tonumber(L_, index), {}};
+    if (lua_type(L_, index) == LUA_TNUMBER && std::isfinite(lua_tonumber(L_, index))) return {lua_tonumber(L_, index), {}};
     if (lua_type(L_, index) != LUA_TSTRING) {
       report(path, Code::wrong_type, "a finite number, or a text with a unit", describe_value(L_, index));
     } else if (const auto x = read_quantity(lua_tostring(L_, index), fault)) {
@@ -118,16 +113,14 @@ class ParameterReader {
     if (!x)
       report_setting(fault.code, describe(dimension), fault.got, fault.hint);
     else if (x->dimension != dimension && x->dimension != Dimension{})
-      report_setting(Code::wrong_unit, describe(dimension),
-                     fmt::format("{}: {}", in_quotes(text), describe(x->dimension)));
+      report_setting(Code::wrong_unit, describe(dimension), fmt::format("{}: {}", in_quotes(text), describe(x->dimension)));
     else
       return x->value;
     return 0.0;
   }
 
   void push_flag(const Setting* set, bool flag) {
-    if (set && set->value != "true" && set->value != "false")
-      report_setting(Code::wrong_type, "true or false", in_quotes(set->value));
+    if (set && set->value != "true" && set->value != "false") report_setting(Code::wrong_type, "true or false", in_quotes(set->value));
     if (set) flag = set->value == "true";
     note(flag ? "true" : "false");
     lua_pushboolean(L_, flag);
@@ -145,8 +138,7 @@ class ParameterReader {
     if (set) {
       const DocNode list = parse_yaml(set->value, fmt::format("--set {}={}", set->key, set->value));
       if (list.kind != DocNode::Kind::list || list.items.size() != all.size())
-        report_setting(Code::wrong_type, fmt::format("a list of {} numbers: [1, 0, 0]", all.size()),
-                       in_quotes(set->value));
+        report_setting(Code::wrong_type, fmt::format("a list of {} numbers: [1, 0, 0]", all.size()), in_quotes(set->value));
       else
         for (std::size_t i = 0; i < all.size(); ++i) all[i].value = replaced(list.items[i].text, all[i].dimension);
     }
@@ -178,8 +170,7 @@ int parameters(lua_State* L, Scenario& s) {
     if (lua_type(L, -2) == LUA_TSTRING)
       names.emplace_back(lua_tostring(L, -2));
     else
-      sink.report(Code::wrong_type, {"parameters", LuaHost::caller(L)}, "names and their values",
-                  "a value without a name");
+      sink.report(Code::wrong_type, {"parameters", LuaHost::caller(L)}, "names and their values", "a value without a name");
   }
   std::sort(names.begin(), names.end());
   lua_newtable(L);
@@ -187,8 +178,7 @@ int parameters(lua_State* L, Scenario& s) {
   ParameterReader reader(L, s, sink);
   for (const std::string& name : names) {
     if (std::find(s.parameter_names.begin(), s.parameter_names.end(), name) != s.parameter_names.end())
-      sink.report(Code::duplicate_name, {"parameters." + name, LuaHost::caller(L)}, "each parameter once",
-                  in_quotes(name));
+      sink.report(Code::duplicate_name, {"parameters." + name, LuaHost::caller(L)}, "each parameter once", in_quotes(name));
     lua_getfield(L, 1, name.c_str());
     reader.read(name, lua_gettop(L));
     lua_setfield(L, out, name.c_str());
@@ -201,8 +191,7 @@ int parameters(lua_State* L, Scenario& s) {
     const std::string name = luaL_tolstring(state, 2, nullptr);
     std::string known;
     for (const std::string& n : names) known += (known.empty() ? "" : ", ") + n;
-    refuse(state, Code::unknown_name, "parameters." + name, "a parameter: " + known, in_quotes(name),
-           did_you_mean(name, names));
+    refuse(state, Code::unknown_name, "parameters." + name, "a parameter: " + known, in_quotes(name), did_you_mean(name, names));
   });
   lua_setfield(L, -2, "__index");
   lua_setmetatable(L, out);

@@ -28,7 +28,8 @@ int bias(lua_State* L) {
 int hybrid(lua_State* L) {
   const TreeOperators& tree = tree_of(L);
   if (lua_type(L, 2) != LUA_TTABLE) refuse(L, Code::lua_argument, "hybrid", "a table {bias = , tau = , vdot = }", describe_value(L, 2));
-  VectorXd parts[3] = {VectorXd::Zero(tree.size(Space::hinge)), VectorXd::Zero(tree.size(Space::hinge)), VectorXd::Zero(tree.size(Space::hinge))};
+  VectorXd parts[3] = {VectorXd::Zero(tree.size(Space::hinge)), VectorXd::Zero(tree.size(Space::hinge)),
+                       VectorXd::Zero(tree.size(Space::hinge))};
   constexpr const char* keys[] = {"bias", "tau", "vdot"};
   for_each_key(L, 2, [&](int key_at, int value) {
     const std::string key = lua_type(L, key_at) == LUA_TSTRING ? lua_tostring(L, key_at) : "";
@@ -73,7 +74,8 @@ int passive_velocities(lua_State* L) {
 int passive_jacobian(lua_State* L) {
   const LuaPassive& p = to_passive(L);
   const std::vector<int> nodes = nodes_at(L, 2, p.tree->model());
-  push_matrix(L, p.system->generalised_jacobian({.nodes = nodes, .T = {}}), to_labels(p.tree->node_labels(nodes, Sort::motion)), hinge_labels(*p.tree, Sort::motion));
+  push_matrix(L, p.system->generalised_jacobian({.nodes = nodes, .T = {}}), to_labels(p.tree->node_labels(nodes, Sort::motion)),
+              hinge_labels(*p.tree, Sort::motion));
   return 1;
 }
 int passive_forces(lua_State* L) {
@@ -99,15 +101,17 @@ int passive_text(lua_State* L) {
   return 1;
 }
 
-const std::vector<luaL_Reg> kPassiveMethods = {
-    {"velocities", placed<passive_velocities>}, {"jacobian", placed<passive_jacobian>}, {"forces", placed<passive_forces>},
-    {"mass", placed<passive_mass>}, {"coupling", placed<passive_coupling>}};
+const std::vector<luaL_Reg> kPassiveMethods = {{"velocities", placed<passive_velocities>},
+                                               {"jacobian", placed<passive_jacobian>},
+                                               {"forces", placed<passive_forces>},
+                                               {"mass", placed<passive_mass>},
+                                               {"coupling", placed<passive_coupling>}};
 
 }  // namespace
 
 const std::vector<luaL_Reg>& passive_methods() {
-  static const std::vector<luaL_Reg> all = {{"bias", placed<bias>}, {"hybrid", placed<hybrid>}, {"passive", placed<passive>},
-                                            {"floating_base", placed<floating_base>}};
+  static const std::vector<luaL_Reg> all = {
+      {"bias", placed<bias>}, {"hybrid", placed<hybrid>}, {"passive", placed<passive>}, {"floating_base", placed<floating_base>}};
   return all;
 }
 

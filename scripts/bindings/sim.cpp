@@ -39,7 +39,9 @@ Scenario& scene(lua_State* L) {
   return s;
 }
 Workbench& workbench(lua_State* L, const char* what) {
-  if (!sim(L).bench) refuse(L, Code::lua_argument, what, "a call at the workbench", "one in a mission", "a mission sets its state by initial{...} and runs by itself");
+  if (!sim(L).bench)
+    refuse(L, Code::lua_argument, what, "a call at the workbench", "one in a mission",
+           "a mission sets its state by initial{...} and runs by itself");
   return *sim(L).bench;
 }
 
@@ -70,7 +72,8 @@ int vdot(lua_State* L) {
 /// A finite number of seconds, or a text with a unit: "5 min".
 double time_at(lua_State* L, int index, const char* what) {
   if (lua_type(L, index) == LUA_TNUMBER && std::isfinite(lua_tonumber(L, index))) return lua_tonumber(L, index);
-  if (lua_type(L, index) != LUA_TSTRING) refuse(L, Code::lua_argument, what, "a time in s, or a text with a unit", describe_value(L, index));
+  if (lua_type(L, index) != LUA_TSTRING)
+    refuse(L, Code::lua_argument, what, "a time in s, or a text with a unit", describe_value(L, index));
   const auto value = parse_quantity(lua_tostring(L, index), "s");
   if (const double* seconds = std::get_if<double>(&value)) return *seconds;
   const auto& fault = std::get<QuantityFault>(value);
@@ -84,7 +87,8 @@ void expect_quaternions(lua_State* L, const Model& m, const Eigen::VectorXd& q) 
     if (!u.has_attitude()) continue;
     const double norm = q.segment(u.q, 4).stableNorm();
     if (!(norm >= 1e-6 && norm <= 1e6))
-      refuse(L, Code::non_unit_quaternion, "sim:state.q", fmt::format("a quaternion of body {} with a length from 1e-6 to 1e6; it is normalised", u.name),
+      refuse(L, Code::non_unit_quaternion, "sim:state.q",
+             fmt::format("a quaternion of body {} with a length from 1e-6 to 1e6; it is normalised", u.name),
              fmt::format("length {:.6g}", norm));
   }
 }
@@ -103,8 +107,7 @@ int state(lua_State* L) {
     return 1;
   }
   Workbench& bench = workbench(L, "sim:state{...}");
-  if (bench.is_running())
-    refuse(L, Code::lua_argument, "sim:state", "a call between runs", "one from a controller, a phase or an event");
+  if (bench.is_running()) refuse(L, Code::lua_argument, "sim:state", "a call between runs", "one from a controller, a phase or an event");
   DiagnosticSink sink;
   LuaTable table(L, 2, "sim:state", sink);
   State state = s.sim->state();
@@ -144,7 +147,8 @@ int run_to(lua_State* L) {
   const double to = time_at(L, 2, "sim:run_to"), now = s.sim->time();
   if (bench.is_running()) refuse(L, Code::lua_argument, "sim:run_to", "a call between runs", "one from a controller, a phase or an event");
   if (!(to >= now))
-    refuse(L, Code::lua_argument, "sim:run_to", fmt::format("a time from {} s on", now), describe_value(L, 2), "sim:state{t = ...} goes back");
+    refuse(L, Code::lua_argument, "sim:run_to", fmt::format("a time from {} s on", now), describe_value(L, 2),
+           "sim:state{t = ...} goes back");
   if (s.sim->stopped())
     refuse(L, Code::lua_argument, "sim:run_to", "a run that goes on", "one that stop() has ended", "sim:state{...} begins another");
   try {
@@ -160,16 +164,23 @@ int run_to(lua_State* L) {
 int text(lua_State* L) {
   const Scenario& s = scene(L);
   const std::string& title = s.mission.title.empty() ? s.model->name : s.mission.title;
-  lua_pushstring(L, fmt::format("sim: {}{}t = {} s, {} in q, {} in v", title, title.empty() ? "" : ", ", s.time(),
-                                s.model->nq, s.model->nv)
-                        .c_str());
+  lua_pushstring(
+      L, fmt::format("sim: {}{}t = {} s, {} in q, {} in v", title, title.empty() ? "" : ", ", s.time(), s.model->nq, s.model->nv).c_str());
   return 1;
 }
 
-const std::vector<luaL_Reg> kMethods = {
-    {"t", method<t>},         {"q", method<q>},           {"v", method<v>},          {"vdot", method<vdot>},
-    {"operators", method<study<push_operators>>}, {"linearize", method<study<push_linear_model>>}, {"system_modes", method<study<push_modes>>},
-    {"derivatives", method<study<push_derivatives>>}, {"inverse_kinematics", method<study<push_inverse_kinematics>>}, {"state", method<state>}, {"vehicle", method<vehicle>}, {"run_to", method<run_to>}};
+const std::vector<luaL_Reg> kMethods = {{"t", method<t>},
+                                        {"q", method<q>},
+                                        {"v", method<v>},
+                                        {"vdot", method<vdot>},
+                                        {"operators", method<study<push_operators>>},
+                                        {"linearize", method<study<push_linear_model>>},
+                                        {"system_modes", method<study<push_modes>>},
+                                        {"derivatives", method<study<push_derivatives>>},
+                                        {"inverse_kinematics", method<study<push_inverse_kinematics>>},
+                                        {"state", method<state>},
+                                        {"vehicle", method<vehicle>},
+                                        {"run_to", method<run_to>}};
 
 }  // namespace
 

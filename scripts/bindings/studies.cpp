@@ -1,6 +1,6 @@
 // Modes of the assembled system, derivatives of the equations of motion, inverse kinematics and inter-body forces in scripts.
-#include "scripts/bindings/bind.hpp"
 #include "scripts/bindings/studies.hpp"
+#include "scripts/bindings/bind.hpp"
 
 #include <fmt/format.h>
 
@@ -29,11 +29,14 @@ soa::IkTarget target_of(lua_State* L, LuaTable& t, const Model& m) {
   const auto position = t.numbers("position", 3, "m"), attitude = t.numbers("attitude", 4);
   soa::IkTarget out;
   if (node) out.node = node_indices(L, {*node}, m).front();
-  if (attitude && std::abs(Eigen::Map<const Eigen::Vector4d>(attitude->data()).norm() - 1.0) > 1e-6) t.reject("attitude", "a unit quaternion w, x, y, z");
+  if (attitude && std::abs(Eigen::Map<const Eigen::Vector4d>(attitude->data()).norm() - 1.0) > 1e-6)
+    t.reject("attitude", "a unit quaternion w, x, y, z");
   if (!position && !attitude) t.reject("position", "a position, an attitude, or both");
   if (position) out.position = Eigen::Map<const Eigen::Vector3d>(position->data());
-  if (attitude) out.R_WN = Eigen::Quaterniond((*attitude)[0], (*attitude)[1], (*attitude)[2], (*attitude)[3]).normalized().toRotationMatrix();
-  out.rows = {attitude.has_value(), attitude.has_value(), attitude.has_value(), position.has_value(), position.has_value(), position.has_value()};
+  if (attitude)
+    out.R_WN = Eigen::Quaterniond((*attitude)[0], (*attitude)[1], (*attitude)[2], (*attitude)[3]).normalized().toRotationMatrix();
+  out.rows = {attitude.has_value(), attitude.has_value(), attitude.has_value(),
+              position.has_value(), position.has_value(), position.has_value()};
   if (const auto rows = t.numbers("rows", 0)) {  // of [rotation; position] in target axes
     std::array<bool, 6> picked{};
     for (const double r : *rows) {
@@ -68,7 +71,8 @@ std::string modes_text(const soa::SystemModes& modes) {
                                 modes.complete ? "" : "; that none was missed is not certain");
   out += "\n   no      [Hz]  damping  moves (kinetic energy)                              strains";
   for (int j = 0; j < n; ++j)
-    out += fmt::format("\n  {:>3}  {:>8.5g}  {:>7.4g}  {:<50}  {}", j + 1, modes.frequency[j], modes.damping[j], largest(modes.kinetic.col(j), modes.bodies),
+    out += fmt::format("\n  {:>3}  {:>8.5g}  {:>7.4g}  {:<50}  {}", j + 1, modes.frequency[j], modes.damping[j],
+                       largest(modes.kinetic.col(j), modes.bodies),
                        j < modes.first_elastic ? "-" : largest(modes.strain.col(j), modes.labels.names));
   return out;
 }
@@ -100,7 +104,8 @@ int system_modes_study(lua_State* L, const soa::TreeOperators& tree, const Opera
   lua_pushinteger(L, modes.n_rigid), set(L, "n_rigid");
   lua_pushinteger(L, modes.first_elastic + 1), set(L, "first_elastic");
   lua_pushboolean(L, modes.complete), set(L, "complete");
-  push_vector(L, modes.frequency, {{}, std::vector<std::string>(static_cast<std::size_t>(modes.frequency.size()), "Hz")}), set(L, "frequency");
+  push_vector(L, modes.frequency, {{}, std::vector<std::string>(static_cast<std::size_t>(modes.frequency.size()), "Hz")}),
+      set(L, "frequency");
   push_vector(L, modes.damping), set(L, "damping");
   push_matrix(L, modes.shapes, rows), set(L, "shapes");
   push_matrix(L, modes.strain, rows), set(L, "strain");
@@ -158,9 +163,11 @@ int inverse_kinematics_study(lua_State* L, const soa::TreeOperators& tree, const
   options.tolerance = table.number("tolerance").value_or(options.tolerance);
   options.iterations = static_cast<int>(table.integer("iterations").value_or(options.iterations));
   options.starts = static_cast<int>(table.integer("starts").value_or(options.starts));
-  options.seed = static_cast<std::uint64_t>(table.integer("seed").value_or(static_cast<std::int64_t>(at.seed > 0 ? at.seed : options.seed)));
+  options.seed =
+      static_cast<std::uint64_t>(table.integer("seed").value_or(static_cast<std::int64_t>(at.seed > 0 ? at.seed : options.seed)));
   options.dynamic = table.flag("dynamic").value_or(false);
-  for (const std::string& name : table.texts("free").value_or(std::vector<std::string>())) for (const int v : components_at(L, m, name, "inverse_kinematics.free")) options.free.push_back(v);
+  for (const std::string& name : table.texts("free").value_or(std::vector<std::string>()))
+    for (const int v : components_at(L, m, name, "inverse_kinematics.free")) options.free.push_back(v);
   if (table.has("prefer")) {
     lua_getfield(L, 2, "prefer");
     options.prefer = to_vector(L, lua_gettop(L), m.nq, "inverse_kinematics.prefer");
@@ -174,7 +181,8 @@ int inverse_kinematics_study(lua_State* L, const soa::TreeOperators& tree, const
       for_each_key(L, limits, [&](int key, int value) {
         const std::string name = lua_type(L, key) == LUA_TSTRING ? lua_tostring(L, key) : "";
         const std::vector<int> v = components_at(L, m, name, "inverse_kinematics.limits");
-        if (v.size() != 1) refuse(L, Code::lua_argument, "inverse_kinematics.limits." + name, "one component", fmt::format("{} of them", v.size()));
+        if (v.size() != 1)
+          refuse(L, Code::lua_argument, "inverse_kinematics.limits." + name, "one component", fmt::format("{} of them", v.size()));
         const VectorXd range = to_vector(L, value, 2, "inverse_kinematics.limits." + name);
         options.limits.push_back({.v = v[0], .lower = range[0], .upper = range[1]});
       });
@@ -211,7 +219,8 @@ int interbody_forces_study(lua_State* L, const soa::TreeOperators& tree, const O
   const int n = tree.size(soa::Space::hinge);
   VectorXd v = tree.from_model(at.v), vdot;
   if (!lua_isnoneornil(L, 2)) {
-    if (lua_type(L, 2) != LUA_TTABLE) refuse(L, Code::lua_argument, "interbody_forces", "nothing, or a table {v = , vdot = }", describe_value(L, 2));
+    if (lua_type(L, 2) != LUA_TTABLE)
+      refuse(L, Code::lua_argument, "interbody_forces", "nothing, or a table {v = , vdot = }", describe_value(L, 2));
     for_each_key(L, 2, [&](int key_at, int value) {
       const std::string key = lua_type(L, key_at) == LUA_TSTRING ? lua_tostring(L, key_at) : "";
       if (key != "v" && key != "vdot") refuse(L, Code::unknown_key, "interbody_forces", "v, vdot", describe_value(L, key_at));

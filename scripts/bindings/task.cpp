@@ -21,7 +21,8 @@ int compliance(lua_State* L) {
   const TreeOperators& tree = tree_with_Y(L);
   const std::vector<int> nodes = nodes_at(L, 2, tree.model());
   LuaHost::charge(L, 2000LL * static_cast<long long>(nodes.size() * (nodes.size() + 1)));
-  push_matrix(L, soa::compliance(tree, nodes), to_labels(tree.node_labels(nodes, Sort::motion)), to_labels(tree.node_labels(nodes, Sort::force)));
+  push_matrix(L, soa::compliance(tree, nodes), to_labels(tree.node_labels(nodes, Sort::motion)),
+              to_labels(tree.node_labels(nodes, Sort::force)));
   return 1;
 }
 
@@ -58,7 +59,8 @@ int task(lua_State* L) {
     out.motion = out.force = {};
     for (const double r : *rows) {
       const int i = static_cast<int>(r) - 1;
-      if (i < 0 || i >= all || static_cast<double>(i + 1) != r) refuse(L, Code::out_of_range, "task.rows", fmt::format("1 ... {}", all), fmt::format("{:g}", r));
+      if (i < 0 || i >= all || static_cast<double>(i + 1) != r)
+        refuse(L, Code::out_of_range, "task.rows", fmt::format("1 ... {}", all), fmt::format("{:g}", r));
       picked.push_back(i);
       for (auto* l : {&out.motion, &out.force}) {
         const soa::SpaceLabels& from = l == &out.motion ? motion : force;
@@ -114,7 +116,8 @@ int task_map(lua_State* L) {
 int task_torque(lua_State* L) {
   const LuaTask& t = to_task(L);
   const VectorXd F = finite_vector(L, 2, t.space->rows(), "the task force");
-  const VectorXd tau_0 = lua_isnoneornil(L, 3) ? VectorXd(VectorXd::Zero(t.tree->size(Space::hinge))) : hinge_vector(L, 3, *t.tree, "the posture's forces");
+  const VectorXd tau_0 =
+      lua_isnoneornil(L, 3) ? VectorXd(VectorXd::Zero(t.tree->size(Space::hinge))) : hinge_vector(L, 3, *t.tree, "the posture's forces");
   push_vector(L, t.space->torque(F, tau_0), hinge_labels(*t.tree, Sort::force));
   return 1;
 }
@@ -129,7 +132,8 @@ int task_bias(lua_State* L) {
 int task_force_for(lua_State* L) {
   const LuaTask& t = to_task(L);
   const VectorXd wanted = finite_vector(L, 2, t.space->rows(), "the wanted acceleration");
-  const VectorXd drift = lua_isnoneornil(L, 3) ? VectorXd(VectorXd::Zero(t.space->rows())) : finite_vector(L, 3, t.space->rows(), "the drift");
+  const VectorXd drift =
+      lua_isnoneornil(L, 3) ? VectorXd(VectorXd::Zero(t.space->rows())) : finite_vector(L, 3, t.space->rows(), "the drift");
   push_vector(L, t.space->force_for(wanted, drift), t.force);
   return 1;
 }
@@ -140,7 +144,8 @@ int task_require_full_rank(lua_State* L) {
 int task_text(lua_State* L) {
   const LuaTask& t = to_task(L);
   lua_pushstring(L, fmt::format("task of {} rows, rank {}, condition {:.3g}{}", t.space->rows(), t.space->rank(), t.space->condition(),
-                                t.passive ? ", with passive components" : "").c_str());
+                                t.passive ? ", with passive components" : "")
+                        .c_str());
   return 1;
 }
 
@@ -174,22 +179,29 @@ int participation(lua_State* L) {
 }
 
 using OS = soa::OperationalSpace;
-const std::vector<luaL_Reg> kTaskMethods = {
-    {"compliance", placed<task_compliance>}, {"inertia", placed<task_inertia>}, {"rank", placed<task_rank>},
-    {"condition", placed<task_condition>}, {"rows", placed<task_rows>}, {"torque", placed<task_torque>}, {"bias", placed<task_bias>},
-    {"force_for", placed<task_force_for>}, {"require_full_rank", placed<task_require_full_rank>},
-    {"rates", placed<task_map<&OS::rates, false, true, Sort::motion>>},
-    {"forces", placed<task_map<&OS::forces, true, false, Sort::force>>},
-    {"consistent_inverse", placed<task_map<&OS::consistent_inverse, true, false, Sort::motion>>},
-    {"task_part", placed<task_map<&OS::task_part, false, true, Sort::force>>},
-    {"null_motion", placed<task_map<&OS::null_motion, false, false, Sort::motion>>},
-    {"null_forces", placed<task_map<&OS::null_forces, false, false, Sort::force>>}};
+const std::vector<luaL_Reg> kTaskMethods = {{"compliance", placed<task_compliance>},
+                                            {"inertia", placed<task_inertia>},
+                                            {"rank", placed<task_rank>},
+                                            {"condition", placed<task_condition>},
+                                            {"rows", placed<task_rows>},
+                                            {"torque", placed<task_torque>},
+                                            {"bias", placed<task_bias>},
+                                            {"force_for", placed<task_force_for>},
+                                            {"require_full_rank", placed<task_require_full_rank>},
+                                            {"rates", placed<task_map<&OS::rates, false, true, Sort::motion>>},
+                                            {"forces", placed<task_map<&OS::forces, true, false, Sort::force>>},
+                                            {"consistent_inverse", placed<task_map<&OS::consistent_inverse, true, false, Sort::motion>>},
+                                            {"task_part", placed<task_map<&OS::task_part, false, true, Sort::force>>},
+                                            {"null_motion", placed<task_map<&OS::null_motion, false, false, Sort::motion>>},
+                                            {"null_forces", placed<task_map<&OS::null_forces, false, false, Sort::force>>}};
 
 }  // namespace
 
 const std::vector<luaL_Reg>& task_methods() {
-  static const std::vector<luaL_Reg> all = {{"compliance", placed<compliance>}, {"task", placed<task>},
-                                            {"effective_inertia", placed<effective_inertia>}, {"manipulability", placed<manipulability>},
+  static const std::vector<luaL_Reg> all = {{"compliance", placed<compliance>},
+                                            {"task", placed<task>},
+                                            {"effective_inertia", placed<effective_inertia>},
+                                            {"manipulability", placed<manipulability>},
                                             {"participation", placed<participation>}};
   return all;
 }

@@ -25,8 +25,9 @@ void expect_recorded(const Scenario& s, const std::string& name, const std::stri
   const std::string now = std::filesystem::is_regular_file(path, ignored) ? sha256_of_file(path) : "no file at " + in_quotes(path);
   if (recorded == s.recorded->hashes.end() || recorded->second != now)
     throw InputError(Diagnostic{Code::changed_input, at,
-        fmt::format("{} with the SHA-256 that {} tells: {}", name, s.recorded->results, recorded == s.recorded->hashes.end() ? "none" : recorded->second),
-        now, "put the file of that run back"});
+                                fmt::format("{} with the SHA-256 that {} tells: {}", name, s.recorded->results,
+                                            recorded == s.recorded->hashes.end() ? "none" : recorded->second),
+                                now, "put the file of that run back"});
 }
 
 /// The files that modes are read from.
@@ -46,9 +47,9 @@ int plugin(lua_State* L, Scenario& s) {
   expect_setup(L, s, "plugin", false);
   const std::string name = luaL_checkstring(L, 1);
   if (s.model) refuse(L, Code::lua_argument, "plugin", "plugins before the vehicle", in_quotes(name));
-  const std::string path = ((s.folder.empty() ? std::filesystem::path(".") : s.folder) / name)
-                               .string();  // with a slash: not a system library
-  if (s.recorded) expect_recorded(s, name, path, {"plugin", LuaHost::caller(L)});  // before anything in it can run
+  const std::string path =
+      ((s.folder.empty() ? std::filesystem::path(".") : s.folder) / name).string();  // with a slash: not a system library
+  if (s.recorded) expect_recorded(s, name, path, {"plugin", LuaHost::caller(L)});    // before anything in it can run
   load_plugin(path, s.registry, {"plugin", LuaHost::caller(L)});
   s.plugins.push_back({name, sha256_of_file(path), {}});
   return 0;
@@ -63,8 +64,7 @@ std::string_view vehicle_path(std::string_view key) {
 int vehicle(lua_State* L, Scenario& s) {
   expect_setup(L, s, "vehicle", false);
   const std::string name = luaL_checkstring(L, 1);
-  if (s.model)
-    refuse(L, Code::lua_argument, "vehicle", "one vehicle", "a second one", "a vehicle may hold several free bodies");
+  if (s.model) refuse(L, Code::lua_argument, "vehicle", "one vehicle", "a second one", "a vehicle may hold several free bodies");
   Overrides overrides;
   for (Setting& set : s.settings)
     if (const std::string_view path = vehicle_path(set.key); !path.empty()) {
@@ -77,7 +77,8 @@ int vehicle(lua_State* L, Scenario& s) {
   if (!kept && (s.recorded || !std::filesystem::is_regular_file(path, unusable)))
     refuse(L, Code::file_not_found, "vehicle", "a vehicle in YAML, relative to the scenario", in_quotes(path));
   const Activity activity("the vehicle " + name);
-  const auto spec = std::make_shared<SystemSpec>(kept ? vehicle_from_text(*kept, path, s.registry, overrides) : read_vehicle(path, s.registry, overrides));
+  const auto spec = std::make_shared<SystemSpec>(kept ? vehicle_from_text(*kept, path, s.registry, overrides)
+                                                      : read_vehicle(path, s.registry, overrides));
   s.inputs.push_back({name, sha256(spec->source_text), spec->source_text});
   note_modal_files(s, *spec);
   s.modes_from_cache = make_modes(*spec, ModeCache::of_user());
@@ -92,8 +93,7 @@ template <class Objects>
 int find(lua_State* L, const Objects& objects, Code code, const char* key_path, const char* what) {
   std::vector<std::string> names;
   for (const auto& o : objects) names.push_back(o.name);
-  if (lua_type(L, 2) != LUA_TSTRING)
-    refuse(L, Code::lua_argument, key_path, std::string("the name of ") + what, describe_value(L, 2));
+  if (lua_type(L, 2) != LUA_TSTRING) refuse(L, Code::lua_argument, key_path, std::string("the name of ") + what, describe_value(L, 2));
   const std::string name = lua_tostring(L, 2);
   const auto found = std::find(names.begin(), names.end(), name);
   if (found == names.end())
@@ -130,9 +130,12 @@ int vehicle_study(lua_State* L) {
 }  // namespace
 
 const std::vector<luaL_Reg>& vehicle_methods() {
-  static const std::vector<luaL_Reg> all = {{"body", method<vehicle_part<Kind::body>>}, {"hinge", method<vehicle_part<Kind::hinge>>},
-                                            {"modes", method<vehicle_part<Kind::modes>>}, {"node", method<vehicle_part<Kind::node>>},
-                                            {"mass", method<vehicle_mass>}, {"operators", method<vehicle_study<push_operators>>},
+  static const std::vector<luaL_Reg> all = {{"body", method<vehicle_part<Kind::body>>},
+                                            {"hinge", method<vehicle_part<Kind::hinge>>},
+                                            {"modes", method<vehicle_part<Kind::modes>>},
+                                            {"node", method<vehicle_part<Kind::node>>},
+                                            {"mass", method<vehicle_mass>},
+                                            {"operators", method<vehicle_study<push_operators>>},
                                             {"linearize", method<vehicle_study<push_linear_model>>},
                                             {"system_modes", method<vehicle_study<push_modes>>},
                                             {"derivatives", method<vehicle_study<push_derivatives>>},

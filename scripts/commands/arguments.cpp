@@ -6,8 +6,8 @@
 #include "core/base/activity.hpp"
 #include "core/base/units.hpp"
 #include "core/io/json.hpp"
-#include "scripts/mission/run_again.hpp"
 #include "scripts/commands/commands.hpp"
+#include "scripts/mission/run_again.hpp"
 
 namespace cardan {
 
@@ -15,9 +15,8 @@ void ScenarioArguments::add_to(CLI::App& command, CommandLine& line, const char*
   json_errors = &line.json_errors;
   command.add_option("file", file, what)->required()->type_name(type);
   command
-      .add_option(
-          "--set", settings,
-          "Override a value: slew_angle=\"20 deg\", vehicle.bodies.bus.mass=\"1700 kg\", mission.duration=\"50 s\"")
+      .add_option("--set", settings,
+                  "Override a value: slew_angle=\"20 deg\", vehicle.bodies.bus.mass=\"1700 kg\", mission.duration=\"50 s\"")
       ->type_name("KEY=VALUE")
       ->allow_extra_args(false);
   command.add_option("--seed", seed, "Seed of the script's random numbers: a whole number, 0 by default")->type_name("N");
@@ -60,14 +59,13 @@ int report_error(const std::exception& error, bool as_json, int wrong_input) {
     return tell(3, numerics->what(), Json::array({to_json(numerics->failure())}));
   if (dynamic_cast<const std::bad_alloc*>(&error)) {
     const std::string& what = Activity::ended();
-    return report_error(InputError(Diagnostic{Code::no_memory, {}, {}, what.empty() ? "" : "no memory for " + what,
-        "a smaller input, or a larger limit (ulimit -v)"}),
-                        as_json, wrong_input);
+    return report_error(
+        InputError(Diagnostic{
+            Code::no_memory, {}, {}, what.empty() ? "" : "no memory for " + what, "a smaller input, or a larger limit (ulimit -v)"}),
+        as_json, wrong_input);
   }
   return tell(
-      70,
-      fmt::format("internal error: {}\nThis is a fault of Cardan. Please report it with this text and the scenario.\n",
-                  error.what()),
+      70, fmt::format("internal error: {}\nThis is a fault of Cardan. Please report it with this text and the scenario.\n", error.what()),
       Json::array({{{"title", "internal error"}, {"what", error.what()}}}));
 }
 

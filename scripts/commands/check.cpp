@@ -20,10 +20,9 @@ void add_check(CLI::App& app, CommandLine& line) {
     line.action = [arguments] {
       const auto s = open_scenario(arguments->options());
       try_start(*s);
-      fmt::print("ok: {}, {} coordinates, {} velocities, {}, {}, {}, {}, {:g} s{}\n", bodies(s->model->user.size()),
-                 s->model->nq, s->model->nv, count(static_cast<std::size_t>(s->model->n_modes), "mode"),
-                 count(s->controllers.size(), "controller"), count(s->events.size(), "event"),
-                 count(s->checks.size(), "check"), s->mission.duration,
+      fmt::print("ok: {}, {} coordinates, {} velocities, {}, {}, {}, {}, {:g} s{}\n", bodies(s->model->user.size()), s->model->nq,
+                 s->model->nv, count(static_cast<std::size_t>(s->model->n_modes), "mode"), count(s->controllers.size(), "controller"),
+                 count(s->events.size(), "event"), count(s->checks.size(), "check"), s->mission.duration,
                  s->warnings.empty() ? "" : fmt::format(", {}", count(s->warnings.all().size(), "warning")));
       fmt::print(stderr, "{}", render(s->warnings));
       return 0;

@@ -15,8 +15,7 @@ int check_plugin(const std::string& path) {
   bool good = true;
   for (const PluginFamily& f : examine_plugin(path, kSamples)) {
     const bool readable = f.family->summary && hinge_table_faults(*f.family).empty();
-    fmt::print("{:<6}hinge {}: {}\n", f.violations.empty() ? "ok" : "FAIL", f.type,
-               readable ? f.family->summary : "its table is refused");
+    fmt::print("{:<6}hinge {}: {}\n", f.violations.empty() ? "ok" : "FAIL", f.type, readable ? f.family->summary : "its table is refused");
     constexpr std::size_t kMost = 20;
     for (std::size_t i = 0; i < std::min(f.violations.size(), kMost); ++i) fmt::print("      {}\n", f.violations[i]);
     if (f.violations.size() > kMost) fmt::print("      and {} more\n", f.violations.size() - kMost);

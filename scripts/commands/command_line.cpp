@@ -14,8 +14,7 @@ namespace fs = std::filesystem;
 
 std::vector<std::string> commands_of(const CLI::App& app) {
   std::vector<std::string> names;
-  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
-    names.push_back(command->get_name());
+  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) names.push_back(command->get_name());
   return names;
 }
 
@@ -56,8 +55,11 @@ void expect_command(const CLI::App& app, const std::vector<std::string>& argumen
   const std::vector<std::string> names = commands_of(app);
   if (std::ranges::find(names, word) != names.end()) return;
   const std::string command = command_for(word);
-  throw InputError(Diagnostic{Code::command_line, {}, fmt::format("a command: {}", fmt::join(names, ", ")), in_quotes(word),
-      command.empty() ? near_word(word, names) : fmt::format("did you mean \"cardan {} {}\"?", command, word)});
+  throw InputError(Diagnostic{Code::command_line,
+                              {},
+                              fmt::format("a command: {}", fmt::join(names, ", ")),
+                              in_quotes(word),
+                              command.empty() ? near_word(word, names) : fmt::format("did you mean \"cardan {} {}\"?", command, word)});
 }
 
 Diagnostic wrong_command_line(const CLI::App& app, const CLI::ParseError& error) {
@@ -74,18 +76,18 @@ Diagnostic wrong_command_line(const CLI::App& app, const CLI::ParseError& error)
       std::vector<std::string> others;
       for (const CLI::App* other : app.get_subcommands([](const CLI::App*) { return true; })) {
         const auto names = options_of(*other);
-        if (name != "--help" && name != "-h" && std::ranges::find(names, name) != names.end())
-          others.push_back(other->get_name());
+        if (name != "--help" && name != "-h" && std::ranges::find(names, name) != names.end()) others.push_back(other->get_name());
       }
       if (!others.empty())
-        hint = fmt::format("an option of {}{}", fmt::join(others, ", "),
-                           chosen.empty() ? "; options follow the command" : "");
+        hint = fmt::format("an option of {}{}", fmt::join(others, ", "), chosen.empty() ? "; options follow the command" : "");
     }
-    return Diagnostic{Code::command_line, {}, fmt::format("an option of {}: {}", called, fmt::join(legal, ", ")), in_quotes(name),
-        hint.empty() ? more : hint};
+    return Diagnostic{Code::command_line,
+                      {},
+                      fmt::format("an option of {}: {}", called, fmt::join(legal, ", ")),
+                      in_quotes(name),
+                      hint.empty() ? more : hint};
   }
-  if (!rest.empty())
-    return Diagnostic{Code::command_line, {}, fmt::format("nothing more for {}", called), in_quotes(rest.front()), more};
+  if (!rest.empty()) return Diagnostic{Code::command_line, {}, fmt::format("nothing more for {}", called), in_quotes(rest.front()), more};
   return Diagnostic{Code::command_line, {}, {}, error.what(), more};
 }
 

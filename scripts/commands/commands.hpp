@@ -11,7 +11,7 @@
 namespace cardan {
 
 struct CommandLine {
-  std::function<int()> action;  // returns the exit code
+  std::function<int()> action;         // returns the exit code
   std::vector<std::string> arguments;  // as given, the name of the program first
   bool json_errors = false;
 };
@@ -35,8 +35,8 @@ struct ScenarioArguments {
   std::string seed;
   const bool* json_errors = nullptr;  // of the command line: what scripts print would spoil standard error
 
-  void add_to(CLI::App& command, CommandLine& line,
-              const char* what = "The scenario: a Lua file, or a folder with scenario.lua", const char* type = "SCENARIO");
+  void add_to(CLI::App& command, CommandLine& line, const char* what = "The scenario: a Lua file, or a folder with scenario.lua",
+              const char* type = "SCENARIO");
   /// Throws InputError C0801 for a --set that is not key=value and a --seed that is no whole number of 64 bits.
   ScenarioOptions options() const;
 };

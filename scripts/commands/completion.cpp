@@ -85,15 +85,13 @@ _cardan() {
 }  // namespace
 
 void add_completion(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("completion",
-                                     "Print a script that completes command lines: eval \"$(cardan completion bash)\"");
+  auto* command = app.add_subcommand("completion", "Print a script that completes command lines: eval \"$(cardan completion bash)\"");
   auto shell = std::make_shared<std::string>();
   command->add_option("shell", *shell, "bash or zsh")->required()->type_name("SHELL");
   command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
   command->callback([&app, &line, shell] {
     line.action = [&app, shell] {
-      if (*shell != "bash" && *shell != "zsh")
-        throw InputError(Diagnostic{Code::command_line, {}, "bash or zsh", in_quotes(*shell)});
+      if (*shell != "bash" && *shell != "zsh") throw InputError(Diagnostic{Code::command_line, {}, "bash or zsh", in_quotes(*shell)});
       fmt::print("{}", script(app, *shell == "zsh"));
       return 0;
     };

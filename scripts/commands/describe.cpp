@@ -1,22 +1,22 @@
 #include <fmt/format.h>
 
+#include "core/sim/description.hpp"
 #include "scripts/bindings/open.hpp"
 #include "scripts/commands/commands.hpp"
-#include "core/sim/description.hpp"
 #include "scripts/mission/describe_scenario.hpp"
 
 namespace cardan {
 
 void add_describe(CLI::App& app, CommandLine& line) {
-  auto* command =
-      app.add_subcommand("describe", "Tell what a scenario is made of: bodies, masses, modes, program of sweeps");
+  auto* command = app.add_subcommand("describe", "Tell what a scenario is made of: bodies, masses, modes, program of sweeps");
   auto arguments = std::make_shared<ScenarioArguments>();
   auto as_json = std::make_shared<bool>(false), measured = std::make_shared<bool>(false);
   auto n_modes = std::make_shared<int>(-1);
   arguments->add_to(*command, line);
   command->add_flag("--json", *as_json, "As JSON");
   command->add_flag("--measure", *measured, "Time each op of the program as well");
-  command->add_option("--modes", *n_modes, "So many modes of the assembled system (default: 10, of up to 400 velocities)")->check(CLI::Range(0, 1000));
+  command->add_option("--modes", *n_modes, "So many modes of the assembled system (default: 10, of up to 400 velocities)")
+      ->check(CLI::Range(0, 1000));
   command->callback([&line, arguments, as_json, measured, n_modes] {
     line.action = [arguments, as_json, measured, n_modes] {
       const auto s = open_scenario(arguments->options());

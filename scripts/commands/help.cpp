@@ -59,8 +59,7 @@ std::string error_text(Code code) {
 std::string codes_text() {
   std::string out;
   for (const Code code : kAllCodes) out += fmt::format("{}  {}\n", number_of(code), title_of(code));
-  return out +
-         "\nC: the input is wrong, N: the numbers failed, W: a warning. cardan help C0107 tells more about one.\n";
+  return out + "\nC: the input is wrong, N: the numbers failed, W: a warning. cardan help C0107 tells more about one.\n";
 }
 
 // ---- the manual page ----
@@ -74,8 +73,7 @@ std::string roff(const std::string& text) {
 std::string usage(const CLI::App& command) {
   std::string out = command.get_name() + " [OPTIONS]";
   for (const CLI::Option* option : command.get_options())
-    if (option->get_positional())
-      out += option->get_required() ? " " + option->get_type_name() : " [" + option->get_type_name() + "]";
+    if (option->get_positional()) out += option->get_required() ? " " + option->get_type_name() : " [" + option->get_type_name() + "]";
   return out;
 }
 
@@ -91,9 +89,8 @@ std::string option_name(const CLI::Option& option) {
 }
 
 std::string manual(const CLI::App& app) {
-  std::string out =
-      fmt::format(".TH CARDAN 1 \"\" \"cardan {}\" \"User commands\"\n.SH NAME\ncardan \\- {}\n.SH SYNOPSIS\n",
-                  version::kNumber, roff("simulator of spacecraft made of rigid and flexible bodies"));
+  std::string out = fmt::format(".TH CARDAN 1 \"\" \"cardan {}\" \"User commands\"\n.SH NAME\ncardan \\- {}\n.SH SYNOPSIS\n",
+                                version::kNumber, roff("simulator of spacecraft made of rigid and flexible bodies"));
   for (const CLI::App* command : commands_of(app)) out += fmt::format(".B cardan {}\n.br\n", roff(usage(*command)));
   out += ".SH COMMANDS\n";
   for (const CLI::App* command : commands_of(app)) {
@@ -109,8 +106,7 @@ std::string manual(const CLI::App& app) {
                                       {"70", "a fault of Cardan"}})
     out += fmt::format(".TP\n.B {}\n{}\n", code, meaning);
   out += ".SH ERRORS AND WARNINGS\nMore about one by\n.BR \"cardan help\" \" CODE.\"\n";
-  for (const Code code : kAllCodes)
-    out += fmt::format(".TP\n.B {}\n{}\n", number_of(code), roff(std::string(title_of(code))));
+  for (const Code code : kAllCodes) out += fmt::format(".TP\n.B {}\n{}\n", number_of(code), roff(std::string(title_of(code))));
   return out;
 }
 
@@ -139,9 +135,11 @@ int help(const CLI::App& app, const std::string& topic) {
   else if (topic == "man")
     fmt::print("{}", manual(app));
   else
-    throw InputError(
-        Diagnostic{Code::command_line, {}, "a command, an error code like C0107, \"errors\" or \"man\"", in_quotes(topic),
-            did_you_mean(std::isdigit(static_cast<unsigned char>(topic.back())) ? as_code : topic, legal)});
+    throw InputError(Diagnostic{Code::command_line,
+                                {},
+                                "a command, an error code like C0107, \"errors\" or \"man\"",
+                                in_quotes(topic),
+                                did_you_mean(std::isdigit(static_cast<unsigned char>(topic.back())) ? as_code : topic, legal)});
   return 0;
 }
 
@@ -149,10 +147,8 @@ int help(const CLI::App& app, const std::string& topic) {
 
 std::string overview(const CLI::App& app) {
   std::string out = fmt::format(
-      "cardan {}: simulator of spacecraft made of rigid and flexible bodies\n\nusage: cardan COMMAND [ARGUMENTS]\n\n",
-      version::kNumber);
-  for (const CLI::App* command : commands_of(app))
-    out += fmt::format("  {:<14}{}\n", command->get_name(), command->get_description());
+      "cardan {}: simulator of spacecraft made of rigid and flexible bodies\n\nusage: cardan COMMAND [ARGUMENTS]\n\n", version::kNumber);
+  for (const CLI::App* command : commands_of(app)) out += fmt::format("  {:<14}{}\n", command->get_name(), command->get_description());
   return out +
          "\nA scenario is a Lua file about a vehicle in YAML (README.md has a first one):\n\n"
          "  cardan check scenario.lua             is it right?\n"
@@ -164,8 +160,7 @@ std::string overview(const CLI::App& app) {
 }
 
 void add_help(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand(
-      "help", "Explain a command or an error code; \"errors\" lists the codes, \"man\" is the manual page");
+  auto* command = app.add_subcommand("help", "Explain a command or an error code; \"errors\" lists the codes, \"man\" is the manual page");
   auto topic = std::make_shared<std::string>();
   command->add_option("topic", *topic, "A command, an error code, \"errors\" or \"man\"")->type_name("TOPIC");
   command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");

@@ -108,7 +108,8 @@ LineEditor::LineEditor(const std::filesystem::path& history_file, Completer comp
   el_set(e, EL_EDITOR, "emacs");
   el_set(e, EL_HIST, history, h);
   el_set(e, EL_GETCFN, &Impl::read_character);
-  el_wset(e, EL_ADDFN, L"cardan-complete", L"complete a name", &Impl::complete);  // of narrow texts libedit keeps copies and never frees them
+  el_wset(e, EL_ADDFN, L"cardan-complete", L"complete a name",
+          &Impl::complete);  // of narrow texts libedit keeps copies and never frees them
   el_set(e, EL_BIND, "^I", "cardan-complete", nullptr);
   el_set(e, EL_BIND, "^R", "em-inc-search-prev", nullptr);
   el_source(e, nullptr);  // ~/.editrc

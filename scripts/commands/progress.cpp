@@ -15,7 +15,7 @@ constexpr auto kBarPeriod = std::chrono::milliseconds(100);
 constexpr auto kLinePeriod = std::chrono::seconds(10);
 constexpr int kWidth = 30;  // characters of the bar
 
-constexpr double kDay = 86400;       // [s]
+constexpr double kDay = 86400;     // [s]
 constexpr double kLongWait = 600;  // [s] from here on the steps are shown: are they what was expected?
 
 /// How long it takes yet.
@@ -24,8 +24,7 @@ std::string wait_text(double seconds) {
   if (seconds >= 2 * 365.25 * kDay) return fmt::format("{:.0f} years", seconds / (365.25 * kDay));
   if (seconds >= 2 * kDay) return fmt::format("{:.0f} days", seconds / kDay);
   const long s = static_cast<long>(seconds + 0.5);
-  return s < 3600 ? fmt::format("{}:{:02}", s / 60, s % 60)
-                  : fmt::format("{}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60);
+  return s < 3600 ? fmt::format("{}:{:02}", s / 60, s % 60) : fmt::format("{}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60);
 }
 
 }  // namespace

@@ -27,7 +27,8 @@ class Progress {
   long steps_ = 0;
 };
 
-/// One line: t and t_end [s] with the same decimals, rate, time left; the mean step [s] where that is long. `wall`: seconds since the start.
+/// One line: t and t_end [s] with the same decimals, rate, time left; the mean step [s] where that is long. `wall`: seconds since the
+/// start.
 std::string progress_text(double t, double t_end, double wall, double step);
 
 /// What suits standard error.

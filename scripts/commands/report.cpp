@@ -37,8 +37,7 @@ void add_report(CLI::App& app, CommandLine& line) {
     line.action = [h5, html] {
       std::error_code ignored;
       if (std::filesystem::is_directory(*h5, ignored)) *h5 = (std::filesystem::path(*h5) / "run.h5").string();
-      const std::string page =
-          html->empty() ? (std::filesystem::path(*h5).parent_path() / "report.html").string() : *html;
+      const std::string page = html->empty() ? (std::filesystem::path(*h5).parent_path() / "report.html").string() : *html;
       write_report_of_present_rows(*h5, page);
       fmt::print("{}\n", page);
       return 0;

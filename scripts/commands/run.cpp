@@ -108,7 +108,8 @@ class RunCommand {
     run(t_end, std::move(outputs));
     keep(kSummary, [&] { write_whole_file(*folder_ / kSummary, summary_json()); });
     if (!disk_is_full()) {
-      if (keep(kResults, [&] { close_results(); })) keep(kReport, [&] { write_report((*folder_ / kResults).string(), (*folder_ / kReport).string()); });
+      if (keep(kResults, [&] { close_results(); }))
+        keep(kReport, [&] { write_report((*folder_ / kResults).string(), (*folder_ / kReport).string()); });
     } else {  // the rows up to the last flush
       kept_.insert(kept_.begin(), (*folder_ / kResults).string());
     }
@@ -147,7 +148,9 @@ class RunCommand {
       } catch (const InputError&) {
         if (!Interruption::flag()) fault_ = std::current_exception();
       } catch (const std::bad_alloc&) {
-        if (!summary_.failure) summary_.failure = RunFailure{Code::no_memory_in_run, scenario_->sim->time(), "", "", "", "a smaller scenario, or a larger limit (ulimit -v)", ""};
+        if (!summary_.failure)
+          summary_.failure = RunFailure{
+              Code::no_memory_in_run, scenario_->sim->time(), "", "", "", "a smaller scenario, or a larger limit (ulimit -v)", ""};
       } catch (const std::exception&) {
         fault_ = std::current_exception();
       }
@@ -176,7 +179,10 @@ class RunCommand {
     if (!disk_is_full()) guarded([&] { keep_state(); });
     if (summary_.failure && !disk_is_full()) summary_.failure->last_good = (*folder_ / kResults).string() + ":/restart";
     const bool good = std::all_of(summary_.checks.begin(), summary_.checks.end(), [](const Check& c) { return c.pass; });
-    summary_.verdict = summary_.failure || fault_ ? Verdict::aborted : interrupted ? Verdict::interrupted : good ? Verdict::passed : Verdict::failed;
+    summary_.verdict = summary_.failure || fault_ ? Verdict::aborted
+                       : interrupted              ? Verdict::interrupted
+                       : good                     ? Verdict::passed
+                                                  : Verdict::failed;
     summary_.ended_by = what_ended();
   }
 
@@ -240,8 +246,9 @@ class RunCommand {
   static void remove_file(const fs::path& path) {
     std::error_code error;
     fs::remove(path, error);
-    if (error) throw InputError(Diagnostic{Code::cannot_write, {{}, {path.string()}}, "a file of an earlier run that can be removed",
-        error.message()});
+    if (error)
+      throw InputError(
+          Diagnostic{Code::cannot_write, {{}, {path.string()}}, "a file of an earlier run that can be removed", error.message()});
   }
 
   int exit_code() const {
@@ -266,7 +273,8 @@ class RunCommand {
       complain(count_of_warnings());
       if (summary_.failure) complain(render(*summary_.failure));
       if (summary_.verdict == Verdict::interrupted)
-        complain(fmt::format("interrupted by {} at t = {:.6g} of {:g} s\n", name_of_signal(Interruption::signal()), summary_.simulated_s, summary_.planned_s));
+        complain(fmt::format("interrupted by {} at t = {:.6g} of {:g} s\n", name_of_signal(Interruption::signal()), summary_.simulated_s,
+                             summary_.planned_s));
       for (const Diagnostic& d : unwritten_) complain(render(d) + "\n");
       if (!unwritten_.empty())
         complain(fmt::format("{} result{} not written. Kept: {}\n", unwritten_.size(), unwritten_.size() == 1 ? "" : "s",
@@ -286,7 +294,8 @@ class RunCommand {
     for (const Diagnostic& d : unwritten_) errors.push_back(to_json(d));
     for (const Warning& w : summary_.warnings.all()) warnings.push_back(to_json(w));
     if (errors.empty() && warnings.empty() && summary_.verdict != Verdict::interrupted) return;
-    complain(json_text({{"exit_code", code}, {"verdict", name_of(summary_.verdict)}, {"errors", errors}, {"warnings", warnings}, {"kept", kept_}}));
+    complain(json_text(
+        {{"exit_code", code}, {"verdict", name_of(summary_.verdict)}, {"errors", errors}, {"warnings", warnings}, {"kept", kept_}}));
   }
 
   /// Those of the input at once, those of the run when each comes up first; with --quiet none but the line at the end.
@@ -329,15 +338,15 @@ class RunCommand {
   RecordedRun job_;
   Progress* progress_ = nullptr;
   RangeRecorder* recorder_ = nullptr;
-  std::vector<std::string> printed_;       // lines, before the recorder was there
+  std::vector<std::string> printed_;  // lines, before the recorder was there
   std::unique_ptr<Scenario> scenario_;
   std::optional<ResultFolder> folder_;
   std::unique_ptr<Recorder> file_;
   Summary summary_;
-  std::string text_;                       // of summary.json
-  std::exception_ptr fault_;               // of ours, during the run
-  std::size_t told_ = 0;                   // warnings of the scenario that were told before the run
-  std::vector<std::string> kept_;          // files
+  std::string text_;               // of summary.json
+  std::exception_ptr fault_;       // of ours, during the run
+  std::size_t told_ = 0;           // warnings of the scenario that were told before the run
+  std::vector<std::string> kept_;  // files
   std::vector<Diagnostic> unwritten_;
 };
 
@@ -348,12 +357,14 @@ void add_run(CLI::App& app, CommandLine& line) {
   auto a = std::make_shared<RunArguments>();
   a->scenario.add_to(*command, line);
   command->get_option("file")->required(false);
-  command->add_option("--again", a->again, "Instead of a scenario: repeat the run that made these results: run.h5, or the folder it is in")->type_name("RESULTS");
-  command->add_option("--out", a->out, "Folder of the results; default: out/<folder of the scenario>, with --again `again` beside the results")->type_name("DIR");
+  command->add_option("--again", a->again, "Instead of a scenario: repeat the run that made these results: run.h5, or the folder it is in")
+      ->type_name("RESULTS");
+  command
+      ->add_option("--out", a->out, "Folder of the results; default: out/<folder of the scenario>, with --again `again` beside the results")
+      ->type_name("DIR");
   command->add_option("--until", a->until, "End of the run in s, instead of the mission's duration")->type_name("SECONDS");
   command->add_flag("--quiet", a->quiet, "No progress, and a summary only if a check failed");
-  command->add_flag("--check-against-reference", a->check_against_reference,
-                    "Compare with the dense twin at every output time (slow)");
+  command->add_flag("--check-against-reference", a->check_against_reference, "Compare with the dense twin at every output time (slow)");
   command->callback([&line, a] {
     line.action = [&line, a] {
       a->json_errors = line.json_errors;

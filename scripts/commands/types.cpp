@@ -51,7 +51,8 @@ Json components(const char* const* names, const char* const* units, std::uint32_
 Json groups(const std::vector<ComponentGroup>& all, const char* const* names) {
   Json out = Json::array();
   for (const ComponentGroup& g : all)
-    out.push_back({{"names", g.names}, {"unit", g.unit}, {"components", std::vector<std::string>(names + g.first, names + g.first + g.size)}});
+    out.push_back(
+        {{"names", g.names}, {"unit", g.unit}, {"components", std::vector<std::string>(names + g.first, names + g.first + g.size)}});
   return out;
 }
 
@@ -78,20 +79,17 @@ Json to_json(const Registry::Entry& e) {
 
 std::string list_text(const Json& types) {
   std::string out = "bodies (keys: docs/scenario.md)\n";
-  for (const Json& b : types["bodies"])
-    out += fmt::format("  {:<16}{}\n", b["type"].get<std::string>(), b["summary"].get<std::string>());
+  for (const Json& b : types["bodies"]) out += fmt::format("  {:<16}{}\n", b["type"].get<std::string>(), b["summary"].get<std::string>());
   out += "\nhinges                dof\n";
   for (const Json& h : types["hinges"])
-    out += fmt::format("  {:<20}{:>3}  {}\n", h["type"].get<std::string>(), h["velocities"].size(),
-                       h["summary"].get<std::string>());
+    out += fmt::format("  {:<20}{:>3}  {}\n", h["type"].get<std::string>(), h["velocities"].size(), h["summary"].get<std::string>());
   return out + "\ncardan types NAME tells the parameters and the names of the components.\n";
 }
 
 std::string components_text(const char* title, const Json& components, const Json& groups) {
   std::string out;
   for (const Json& c : components)
-    out += fmt::format("  {:<14}{}{}\n", std::exchange(title, ""), c["name"].get<std::string>(),
-                       unit_of(c["unit"].get<std::string>()));
+    out += fmt::format("  {:<14}{}{}\n", std::exchange(title, ""), c["name"].get<std::string>(), unit_of(c["unit"].get<std::string>()));
   for (const Json& g : groups)
     out += fmt::format("  {:<14}[{}] together: {}\n", "", fmt::join(g["components"].get<std::vector<std::string>>(), ", "),
                        fmt::join(g["names"].get<std::vector<std::string>>(), " or "));
@@ -102,9 +100,8 @@ std::string hinge_text(const Json& h) {
   std::string out = fmt::format("hinge {}: {}\n", h["type"].get<std::string>(), h["summary"].get<std::string>());
   const char* title = "parameters";
   for (const Json& p : h["parameters"]) {
-    out += fmt::format("  {:<14}{}: {}{}, {}\n", std::exchange(title, ""), p["name"].get<std::string>(),
-                       p["kind"].get<std::string>(), unit_of(p["unit"].get<std::string>()),
-                       p["default"].get<std::string>());
+    out += fmt::format("  {:<14}{}: {}{}, {}\n", std::exchange(title, ""), p["name"].get<std::string>(), p["kind"].get<std::string>(),
+                       unit_of(p["unit"].get<std::string>()), p["default"].get<std::string>());
     out += fmt::format("  {:<16}{}\n", "", p["meaning"].get<std::string>());
   }
   out += components_text("coordinates", h["coordinates"], h["coordinate_groups"]) +
@@ -128,24 +125,22 @@ int tell_types(const TypesArguments& a) {
   std::vector<std::string> legal;
   for (const std::string& body : registry.body_types()) {
     legal.push_back(body);
-    if (a.name.empty() || a.name == body)
-      types["bodies"].push_back({{"type", body}, {"summary", registry.body(body)->summary}});
+    if (a.name.empty() || a.name == body) types["bodies"].push_back({{"type", body}, {"summary", registry.body(body)->summary}});
   }
   for (const Registry::Entry& e : registry.hinges()) {
     legal.emplace_back(e.family->type);
     if (a.name.empty() || a.name == e.family->type) types["hinges"].push_back(to_json(e));
   }
   if (types["bodies"].empty() && types["hinges"].empty())
-    throw InputError(Diagnostic{Code::command_line, {}, fmt::format("one of: {}", fmt::join(legal, ", ")), in_quotes(a.name),
-        did_you_mean(a.name, legal)});
+    throw InputError(Diagnostic{
+        Code::command_line, {}, fmt::format("one of: {}", fmt::join(legal, ", ")), in_quotes(a.name), did_you_mean(a.name, legal)});
   if (a.as_json)
     fmt::print("{}", json_text(types));
   else if (a.name.empty())
     fmt::print("{}", list_text(types));
   else {
     for (const Json& b : types["bodies"])
-      fmt::print("body {}: {}\n  keys: docs/scenario.md, Bodies\n", b["type"].get<std::string>(),
-                 b["summary"].get<std::string>());
+      fmt::print("body {}: {}\n  keys: docs/scenario.md, Bodies\n", b["type"].get<std::string>(), b["summary"].get<std::string>());
     for (const Json& h : types["hinges"]) fmt::print("{}", hinge_text(h));
   }
   return 0;
@@ -157,9 +152,7 @@ void add_types(CLI::App& app, CommandLine& line) {
   auto* command = app.add_subcommand("types", "List the types of bodies and hinges, or tell the parameters of one");
   auto a = std::make_shared<TypesArguments>();
   command->add_option("name", a->name, "A type; without it, all are listed")->type_name("TYPE");
-  command->add_option("--plugin", a->plugins, "Load this plugin first (may be repeated)")
-      ->type_name("PLUGIN")
-      ->allow_extra_args(false);
+  command->add_option("--plugin", a->plugins, "Load this plugin first (may be repeated)")->type_name("PLUGIN")->allow_extra_args(false);
   command->add_flag("--json", a->as_json, "As JSON");
   command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
   command->callback([&line, a] { line.action = [a] { return tell_types(*a); }; });

@@ -11,8 +11,9 @@ namespace cardan {
 void add_version(CLI::App& app, CommandLine& line) {
   const auto tell = [&line] {
     line.action = [] {
-      fmt::print("cardan {} ({})\n{}\n{}\nsweeps: x86-64-{}\nfactors of finite-element models: {}\n", version::kNumber, *version::kCommit ? version::kCommit : "no commit",
-                 version::kCompiler, version::kFlags, soa::instruction_set().name, SparseFactor::origin());
+      fmt::print("cardan {} ({})\n{}\n{}\nsweeps: x86-64-{}\nfactors of finite-element models: {}\n", version::kNumber,
+                 *version::kCommit ? version::kCommit : "no commit", version::kCompiler, version::kFlags, soa::instruction_set().name,
+                 SparseFactor::origin());
       return 0;
     };
   };

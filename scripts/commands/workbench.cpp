@@ -51,8 +51,7 @@ struct WorkbenchArguments {
 
 class WorkbenchCommand {
  public:
-  WorkbenchCommand(const WorkbenchArguments& a, bool json_errors)
-      : json_errors_(json_errors), scenario_(load(a)), bench_(*scenario_) {
+  WorkbenchCommand(const WorkbenchArguments& a, bool json_errors) : json_errors_(json_errors), scenario_(load(a)), bench_(*scenario_) {
     bind_sim(*scenario_, &bench_);
     bind_help(*scenario_);
     scenario_->lua.bind("assert", [this](lua_State* L) { return check_assertion(L); });
@@ -61,8 +60,7 @@ class WorkbenchCommand {
   int run_script(const std::string& path) {
     std::ifstream in(path, std::ios::binary);
     std::error_code ignored;
-    if (!in || fs::is_directory(path, ignored))
-      throw InputError(Diagnostic{Code::file_not_found, {"--script", {path}}, "a Lua file"});
+    if (!in || fs::is_directory(path, ignored)) throw InputError(Diagnostic{Code::file_not_found, {"--script", {path}}, "a Lua file"});
     const std::string text{std::istreambuf_iterator<char>(in), {}};
     return guarded([&] { scenario_->lua.run_text(path, text, kPatience); });
   }
@@ -91,8 +89,8 @@ class WorkbenchCommand {
     LineEditor editor(
         state_file("workbench_history"),
         [this](std::string_view line) {
-          Completion c = complete(scenario_->lua, line,
-                                  {&api_reference(), [this](std::string_view word) { return names_for(*scenario_, word); }});
+          Completion c =
+              complete(scenario_->lua, line, {&api_reference(), [this](std::string_view word) { return names_for(*scenario_, word); }});
           return LineEditor::Completion{c.start, std::move(c.names)};
         },
         interrupt);
@@ -121,7 +119,8 @@ class WorkbenchCommand {
     options.print = [](std::string_view line) { fmt::print("{}\n", line); };
     options.interrupt = &interrupt;
     options.width = window_width;
-    const fs::path script = fs::is_directory(options.file) ? options.file / "scenario.lua" : options.file;  // of `.` too its folder has a name
+    const fs::path script =
+        fs::is_directory(options.file) ? options.file / "scenario.lua" : options.file;  // of `.` too its folder has a name
     options.output = a.out.empty() ? fs::path("out") / fs::absolute(script).lexically_normal().parent_path().filename() : fs::path(a.out);
     const std::string ending = options.file.extension().string();
     return ending == ".yaml" || ending == ".yml" ? open_vehicle(options) : open_scenario(options);

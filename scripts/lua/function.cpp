@@ -40,15 +40,6 @@ std::string describe_value(lua_State* L, int index) {
 
 // ---- calls ----
 
-SourceMark LuaFunction::defined_at() const {
-  SourceMark mark;
-  host_->protect([&](lua_State* L) {
-    push(L);
-    mark = host_->definition(L, -1);
-  });
-  return mark;
-}
-
 void LuaFunction::call(std::span<const double> in, std::span<double> out) const {
   host_->protect(
       [&](lua_State* L) {
@@ -61,8 +52,8 @@ void LuaFunction::call(std::span<const double> in, std::span<double> out) const 
           out[i] = lua_tonumber(L, at);
           if (lua_type(L, at) == LUA_TNUMBER && std::isfinite(out[i])) continue;
           push(L);
-          throw InputError(Diagnostic{Code::lua_runtime, {fmt::format("result {}", at), host_->definition(L, -1)}, "a finite number",
-              describe_value(L, at)});
+          throw InputError(Diagnostic{
+              Code::lua_runtime, {fmt::format("result {}", at), host_->definition(L, -1)}, "a finite number", describe_value(L, at)});
         }
       },
       host_->call_budget());

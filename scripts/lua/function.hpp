@@ -38,8 +38,6 @@ class LuaFunction : public LuaRef {
  public:
   LuaFunction() = default;
   explicit LuaFunction(LuaRef function) : LuaRef(std::move(function)) {}
-  /// Where the script defines it.
-  SourceMark defined_at() const;
   /// Numbers in, numbers out, within the host's call_budget(). Errors: as LuaHost::run_file; C0503 if a result is missing or not
   /// a finite number.
   void call(std::span<const double> in, std::span<double> out) const;

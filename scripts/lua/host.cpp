@@ -161,8 +161,7 @@ LuaHost::LuaHost(LuaOptions options) : options_(std::move(options)), state_(null
 }
 
 void LuaHost::run_file(const std::string& name, const LuaBudget& budget) {
-  const std::string text =
-      read(name, {Code::file_not_found, {{}, {(options_.folder / name).string()}}, "a Lua file", {}, {}, {}, {}});
+  const std::string text = read(name, {Code::file_not_found, {{}, {(options_.folder / name).string()}}, "a Lua file", {}, {}, {}, {}});
   run_text(name, text, budget);
 }
 
@@ -196,8 +195,7 @@ void LuaHost::bind(const std::string& name, Binding function) {
 void LuaHost::call_protected(void (*run)(lua_State*, const void*), const void* job, const LuaBudget& budget) {
   lua_State* const L = running_;
   const Meter outer = meter_;
-  meter_ = {budget, budget.steps,
-            Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(budget.seconds)),
+  meter_ = {budget, budget.steps, Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(budget.seconds)),
             Limit::none};
   const bool time_counted = std::exchange(time_counts_, true);
   const Poll look([this] { poll(); });
@@ -214,8 +212,7 @@ void LuaHost::call_protected(void (*run)(lua_State*, const void*), const void* j
   const Meter spent = std::exchange(meter_, outer);
   running_ = L;
   time_counts_ = time_counted;
-  meter_.left =
-      std::max<std::int64_t>(meter_.left - kHookSteps, -1);  // the outer count begins anew: what it had counted at most
+  meter_.left = std::max<std::int64_t>(meter_.left - kHookSteps, -1);  // the outer count begins anew: what it had counted at most
   lua_sethook(L, on_count, LUA_MASKCOUNT, kHookSteps);
   if (status != LUA_OK) fail(L, status, base, spent);
   lua_settop(L, base);
@@ -342,8 +339,7 @@ std::uint64_t LuaHost::creation_order(lua_State* L, int index) const {
   if (!knows_order_) luaL_error(L, "objects as keys have no order that is the same on every run with this Lua (%s)", LUA_RELEASE);
   const auto* block = static_cast<const std::byte*>(lua_topointer(L, index));
   if (lua_iscfunction(L, index)) {
-    if (!lua_getupvalue(L, index, 1))
-      return reinterpret_cast<std::uintptr_t>(block);  // no object: its place in the library
+    if (!lua_getupvalue(L, index, 1)) return reinterpret_cast<std::uintptr_t>(block);  // no object: its place in the library
     lua_pop(L, 1);
   } else if (lua_isthread(L, index)) {
     block = static_cast<const std::byte*>(lua_getextraspace(lua_tothread(L, index)));
@@ -405,8 +401,7 @@ std::string LuaHost::traceback(lua_State* L) {
 void LuaHost::locate(lua_State* L, std::string_view message) {
   const Placed placed = split_place(message);
   fault_ = {placed.text, traceback(L), {}, caller(L)};
-  const bool in_built_in =
-      !placed.chunk.empty() && placed.chunk.front() == '[' && placed.chunk.rfind("[string", 0) != 0;
+  const bool in_built_in = !placed.chunk.empty() && placed.chunk.front() == '[' && placed.chunk.rfind("[string", 0) != 0;
   if (placed.line > 0 && (!in_built_in || fault_.mark.file.empty())) fault_.mark = mark_of(placed.chunk, placed.line);
 }
 
@@ -415,8 +410,7 @@ int LuaHost::on_error(lua_State* L) {
   if (is_exhausted(L) || luaL_testudata(L, 1, kFailure)) return 1;
   const int type = lua_type(L, 1);
   const bool has_text = type == LUA_TSTRING || type == LUA_TNUMBER || luaL_getmetafield(L, 1, "__tostring") != LUA_TNIL;
-  host.locate(L,
-              has_text ? luaL_tolstring(L, 1, nullptr) : lua_pushfstring(L, "error object is a %s value", luaL_typename(L, 1)));
+  host.locate(L, has_text ? luaL_tolstring(L, 1, nullptr) : lua_pushfstring(L, "error object is a %s value", luaL_typename(L, 1)));
   host.fault_.hint = hint_for(L, host.fault_.message);
   lua_settop(L, 1);
   return 1;
@@ -471,13 +465,14 @@ void LuaHost::load(lua_State* L, const std::string& chunk, std::string_view text
   const bool too_deep = status == LUA_ERRRUN && message.find("C stack overflow") != std::string_view::npos;
   if (status != LUA_ERRSYNTAX && !too_deep) lua_error(L);
   const Placed placed = split_place(message);
-  throw InputError(Diagnostic{Code::lua_syntax,
-                              {{}, mark_of(chunk.substr(1), placed.line)},
-                              {},
-                              {},
-                              too_deep ? "brackets, tables or functions more than about 200 deep in one another" : keyword_hint(placed.text),
-                              {},
-                              fmt::format("{}: {}", title_of(Code::lua_syntax), too_deep ? "nested too deeply" : placed.text)});
+  throw InputError(
+      Diagnostic{Code::lua_syntax,
+                 {{}, mark_of(chunk.substr(1), placed.line)},
+                 {},
+                 {},
+                 too_deep ? "brackets, tables or functions more than about 200 deep in one another" : keyword_hint(placed.text),
+                 {},
+                 fmt::format("{}: {}", title_of(Code::lua_syntax), too_deep ? "nested too deeply" : placed.text)});
 }
 
 std::string LuaHost::read(const std::string& name, const Diagnostic& if_absent) const {
@@ -520,8 +515,7 @@ int LuaHost::require(lua_State* L) {
     for (const auto& [module, unused] : options_.built_in) known += (known.empty() ? ", or one of: " : ", ") + module;
     const std::string wanted = has_name ? file + " in the scenario folder" + known
                                         : "the name of a file of the scenario folder without .lua, with points for folders: lib.law";
-    const Diagnostic absent{
-        Code::file_not_found, {"require", caller(L)}, wanted, in_quotes(name), {}, traceback(L), "module not found"};
+    const Diagnostic absent{Code::file_not_found, {"require", caller(L)}, wanted, in_quotes(name), {}, traceback(L), "module not found"};
     if (!has_name) throw InputError(absent);
     text = read(file, absent);
     chunk = "@" + file;

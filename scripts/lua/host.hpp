@@ -40,13 +40,12 @@ struct LuaOptions {
   std::size_t memory_bytes = std::size_t{256} << 20;
   std::function<void(std::string_view line)> print = [](std::string_view) {};
   std::function<std::size_t()> width = [] { return std::size_t{0}; };  ///< of the window, in characters; 0: tables do not wrap
-  std::filesystem::path output;                    ///< folder of the files that scripts write; empty: they write none
-  const std::atomic<bool>* interrupt = nullptr;  ///< once true, the running call ends as if its budget were used up
+  std::filesystem::path output;                                        ///< folder of the files that scripts write; empty: they write none
+  const std::atomic<bool>* interrupt = nullptr;                        ///< once true, the running call ends as if its budget were used up
   /// Where it is given, files of the scenario folder come from here (null: there is none of this name) and not from the disk.
   std::function<const std::string*(const std::string& name)> stored;
   /// Called with each file of the scenario folder that is read, before it runs: the inputs whose hash is recorded.
-  std::function<void(const std::string& name, std::string_view text)> loaded = [](const std::string&,
-                                                                                  std::string_view) {};
+  std::function<void(const std::string& name, std::string_view text)> loaded = [](const std::string&, std::string_view) {};
 };
 
 /// One per thread; neither copied nor moved.
@@ -76,8 +75,7 @@ class LuaHost {
   template <class Job>
   void protect(Job&& job, const LuaBudget& budget = kSetupBudget) {
     using Plain = std::remove_reference_t<Job>;
-    call_protected([](lua_State* L, const void* data) { (*static_cast<Plain*>(const_cast<void*>(data)))(L); },
-                   std::addressof(job), budget);
+    call_protected([](lua_State* L, const void* data) { (*static_cast<Plain*>(const_cast<void*>(data)))(L); }, std::addressof(job), budget);
   }
 
   // For library functions and bindings, inside protect.
@@ -145,11 +143,11 @@ class LuaHost {
   std::string read(const std::string& name, const Diagnostic& if_absent) const;
 
   LuaOptions options_;
-  std::size_t memory_ = 0;     // [B] in use
+  std::size_t memory_ = 0;         // [B] in use
   bool machine_is_short_ = false;  // the last block that was refused was refused by the machine, not by the budget
-  std::uint64_t created_ = 0;  // serial number of the newest block
+  std::uint64_t created_ = 0;      // serial number of the newest block
   void* newest_userdata_ = nullptr;
-  bool knows_order_ = true;  // creation_order() has been found right for one object of each kind
+  bool knows_order_ = true;             // creation_order() has been found right for one object of each kind
   std::ptrdiff_t userdata_offset_ = 0;  // from a userdata's block to its payload
   Meter meter_;
   bool time_counts_ = true;  // false in a Binding: what C++ works there is not the script's

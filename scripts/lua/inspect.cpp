@@ -13,9 +13,9 @@ namespace cardan {
 namespace {
 
 constexpr lua_Integer kShown = 100;  // entries of a table
-constexpr std::array<std::string_view, 22> kKeywords = {
-    "and", "break", "do", "else", "elseif", "end", "false", "for", "function", "goto", "if",
-    "in",  "local", "nil", "not", "or",     "repeat", "return", "then", "true", "until", "while"};
+constexpr std::array<std::string_view, 22> kKeywords = {"and",      "break",  "do",   "else", "elseif", "end",  "false", "for",
+                                                        "function", "goto",   "if",   "in",   "local",  "nil",  "not",   "or",
+                                                        "repeat",   "return", "then", "true", "until",  "while"};
 
 std::string number_text(lua_State* L, int index) {
   if (lua_isinteger(L, index)) return std::to_string(lua_tointeger(L, index));
@@ -258,9 +258,7 @@ struct Link {
 };
 
 /// The class of the first of the types that a function returns, or a field has; null if it is none.
-const ApiClass* class_of(const ApiReference& api, std::string_view type) {
-  return api.find_class(type.substr(0, type.find('|')));
-}
+const ApiClass* class_of(const ApiReference& api, std::string_view type) { return api.find_class(type.substr(0, type.find('|'))); }
 const ApiClass* next_class(const ApiReference& api, const ApiClass& c, const Link& link) {
   for (const ApiFunction* f : api.functions_of(c))
     if (link.called && f->name == link.name) return f->results.empty() ? nullptr : class_of(api, f->results[0].type);
@@ -309,7 +307,7 @@ Completion complete(LuaHost& host, std::string_view line, const CompletionSource
     else
       path.back().joint = line[at - 1];
     if (!path.empty() && path.back().joint == ':' && !path.back().called) return c;  // a:b.c is no expression
-    if (!is_name(link.name)) return c;  // an index: its value is not known
+    if (!is_name(link.name)) return c;                                               // an index: its value is not known
     path.push_back(link);
     at = from;
   }

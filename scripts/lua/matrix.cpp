@@ -49,8 +49,12 @@ void charge_operations(lua_State* L, double operations) {
 }
 
 [[noreturn]] void misfit(lua_State* L, std::string where, std::string expected, std::string got, std::string hint = {}) {
-  throw InputError(Diagnostic{Code::lua_argument, {std::move(where), LuaHost::caller(L)}, std::move(expected), std::move(got),
-      std::move(hint), LuaHost::traceback(L)});
+  throw InputError(Diagnostic{Code::lua_argument,
+                              {std::move(where), LuaHost::caller(L)},
+                              std::move(expected),
+                              std::move(got),
+                              std::move(hint),
+                              LuaHost::traceback(L)});
 }
 
 Block* block_at(lua_State* L, int index) {
@@ -87,14 +91,11 @@ SharedLabels shared(Labels labels, Index n) {
 Block& push_block(lua_State* L, bool is_vector, Index rows, Index cols, SharedLabels row_labels, SharedLabels column_labels) {
   LuaHost::charge(L, rows * cols / 8);
   const std::size_t bytes = sizeof(Block) + static_cast<std::size_t>(rows * cols) * sizeof(double);
-  auto* b = new (lua_newuserdatauv(L, bytes, 0))
-      Block{rows, cols, is_vector, false, std::move(row_labels), std::move(column_labels)};
+  auto* b = new (lua_newuserdatauv(L, bytes, 0)) Block{rows, cols, is_vector, false, std::move(row_labels), std::move(column_labels)};
   luaL_setmetatable(L, is_vector ? kVector : kMatrix);
   return *b;
 }
-Block& push_like(lua_State* L, const Block& b) {
-  return push_block(L, b.is_vector, b.rows, b.cols, b.row_labels, b.column_labels);
-}
+Block& push_like(lua_State* L, const Block& b) { return push_block(L, b.is_vector, b.rows, b.cols, b.row_labels, b.column_labels); }
 
 /// Of a sum: those of both where they agree, or of the one that has some.
 SharedLabels merged(const SharedLabels& a, const SharedLabels& b) {
@@ -110,13 +111,17 @@ int elementwise(lua_State* L, const char* word, F&& f) {
   if (!a || !b || a->is_vector != b->is_vector || a->rows != b->rows || a->cols != b->cols)
     misfit(L, fmt::format("{} {} {}", shape_at(L, 1), word, shape_at(L, 2)), "two of the same shape",
            fmt::format("{} and {}", shape_at(L, 1), shape_at(L, 2)));
-  Block& out = push_block(L, a->is_vector, a->rows, a->cols, merged(a->row_labels, b->row_labels),
-                          merged(a->column_labels, b->column_labels));
+  Block& out =
+      push_block(L, a->is_vector, a->rows, a->cols, merged(a->row_labels, b->row_labels), merged(a->column_labels, b->column_labels));
   std::transform(a->data(), a->data() + a->size(), b->data(), out.data(), f);
   return 1;
 }
-int add(lua_State* L) { return elementwise(L, "plus", [](double x, double y) { return x + y; }); }
-int subtract(lua_State* L) { return elementwise(L, "minus", [](double x, double y) { return x - y; }); }
+int add(lua_State* L) {
+  return elementwise(L, "plus", [](double x, double y) { return x + y; });
+}
+int subtract(lua_State* L) {
+  return elementwise(L, "minus", [](double x, double y) { return x - y; });
+}
 
 template <class F>
 int each(lua_State* L, Block& b, F&& f) {
@@ -124,7 +129,9 @@ int each(lua_State* L, Block& b, F&& f) {
   std::transform(b.data(), b.data() + b.size(), out.data(), f);
   return 1;
 }
-int negate(lua_State* L) { return each(L, self(L), [](double x) { return -x; }); }
+int negate(lua_State* L) {
+  return each(L, self(L), [](double x) { return -x; });
+}
 
 int multiply(lua_State* L) {
   Block *a = block_at(L, 1), *b = block_at(L, 2);
@@ -136,7 +143,9 @@ int multiply(lua_State* L) {
                                      ? "a number or a matrix on the left"
                                      : fmt::format("a number, a vector of {} or a matrix of {} rows on the right", a->cols, a->cols);
     misfit(L, fmt::format("{} times {}", left, right), expected, fmt::format("{} and {}", left, right),
-           a && b && a->is_vector ? "x:dot(y), or x:t() * A" : !a || !b ? "vector{1, 2} makes a vector of a table" : "");
+           a && b && a->is_vector ? "x:dot(y), or x:t() * A"
+           : !a || !b             ? "vector{1, 2} makes a vector of a table"
+                                  : "");
   }
   charge_operations(L, 2.0 * static_cast<double>(a->size()) * static_cast<double>(b->cols));
   Block& out = push_block(L, b->is_vector, a->rows, b->cols, a->row_labels, b->is_vector ? nullptr : b->column_labels);
@@ -154,8 +163,8 @@ int multiply(lua_State* L) {
 int divide(lua_State* L) {
   Block* a = block_at(L, 1);
   if (!a || lua_type(L, 2) != LUA_TNUMBER)
-    misfit(L, fmt::format("{} divided by {}", shape_at(L, 1), shape_at(L, 2)), "a number on the right",
-           shape_at(L, 2), "A:solve(b) is A^-1 b");
+    misfit(L, fmt::format("{} divided by {}", shape_at(L, 1), shape_at(L, 2)), "a number on the right", shape_at(L, 2),
+           "A:solve(b) is A^-1 b");
   return each(L, *a, [k = lua_tonumber(L, 2)](double x) { return x / k; });
 }
 
@@ -273,7 +282,8 @@ int eigenvalues(lua_State* L) {
   for (Index j = 0; j < n; ++j)
     for (Index i = 0; i <= j; ++i)
       if (!(std::abs(a(i, j) - a(j, i)) <= limit))
-        misfit(L, "eigenvalues", "a symmetric matrix", fmt::format("A({0}, {1}) = {2:.17g}, A({1}, {0}) = {3:.17g}", i + 1, j + 1, a(i, j), a(j, i)));
+        misfit(L, "eigenvalues", "a symmetric matrix",
+               fmt::format("A({0}, {1}) = {2:.17g}, A({1}, {0}) = {3:.17g}", i + 1, j + 1, a(i, j), a(j, i)));
   charge_operations(L, 4.0 / 3.0 * std::pow(static_cast<double>(n), 3) * kLevelTwo);
   Eigen::VectorXd values(n);
   if (n > 0) values = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(A.copy(), Eigen::EigenvaluesOnly).eigenvalues();
@@ -490,7 +500,8 @@ std::string aligned(const std::vector<std::vector<std::string>>& lines, bool beg
     for (const auto& line : lines) {
       std::string text = "  ";
       if (begins_with_words && !line.empty()) text += fmt::format("{:<{}}", line[0], words);
-      for (std::size_t j = from; j < std::min(to, line.size()); ++j) text += (j > from ? "  " : "") + fmt::format("{:>{}}", line[j], widths[j]);
+      for (std::size_t j = from; j < std::min(to, line.size()); ++j)
+        text += (j > from ? "  " : "") + fmt::format("{:>{}}", line[j], widths[j]);
       out += "\n" + text.substr(0, text.find_last_not_of(' ') + 1);
     }
     from = std::max(to, from + 1);
@@ -534,8 +545,8 @@ int to_text(lua_State* L) {
 // ---- files ----
 
 [[noreturn]] void cannot_write(lua_State* L, const std::string& path, const std::string& why) {
-  throw InputError(Diagnostic{Code::cannot_write, {path, LuaHost::caller(L)}, "a place that can be written to", why, {},
-      LuaHost::traceback(L)});
+  throw InputError(
+      Diagnostic{Code::cannot_write, {path, LuaHost::caller(L)}, "a place that can be written to", why, {}, LuaHost::traceback(L)});
 }
 
 std::string csv_field(const std::string& text) {
@@ -584,7 +595,8 @@ int hdf5(lua_State* L) {
   Hdf5File file = Hdf5File::update(path.string());
   for (std::size_t slash = name.find('/', 1); slash != std::string::npos; slash = name.find('/', slash + 1)) {
     const std::string folder = name.substr(0, slash);
-    if (file.has(folder) && !file.is_group(folder)) misfit(L, "hdf5", expected, fmt::format("{}: {} is a dataset", in_quotes(name), in_quotes(folder.substr(1))));
+    if (file.has(folder) && !file.is_group(folder))
+      misfit(L, "hdf5", expected, fmt::format("{}: {} is a dataset", in_quotes(name), in_quotes(folder.substr(1))));
   }
   file.remove(name);  // with the names and units of what it was
   const Eigen::MatrixXd row_major = b.map().transpose();
@@ -608,16 +620,12 @@ int collected(lua_State* L) {
   return 0;
 }
 
-constexpr luaL_Reg kBoth[] = {{"t", method<transpose>},   {"norm", method<norm>},     {"max_abs", method<max_abs>},
-                              {"rows", method<rows>},     {"cols", method<cols>},     {"table", method<table>},
-                              {"labels", method<labels>}, {"csv", method<csv>},       {"hdf5", method<hdf5>},
-                              {nullptr, nullptr}};
+constexpr luaL_Reg kBoth[] = {{"t", method<transpose>}, {"norm", method<norm>},   {"max_abs", method<max_abs>}, {"rows", method<rows>},
+                              {"cols", method<cols>},   {"table", method<table>}, {"labels", method<labels>},   {"csv", method<csv>},
+                              {"hdf5", method<hdf5>},   {nullptr, nullptr}};
 constexpr luaL_Reg kOfVectors[] = {{"dot", method<dot>}, {nullptr, nullptr}};
-constexpr luaL_Reg kOfMatrices[] = {{"set", method<set>},
-                                    {"column", method<column>},
-                                    {"solve", method<solve>},
-                                    {"eigenvalues", method<eigenvalues>},
-                                    {nullptr, nullptr}};
+constexpr luaL_Reg kOfMatrices[] = {
+    {"set", method<set>}, {"column", method<column>}, {"solve", method<solve>}, {"eigenvalues", method<eigenvalues>}, {nullptr, nullptr}};
 constexpr luaL_Reg kOperators[] = {{"__add", method<add>},          {"__sub", method<subtract>}, {"__mul", method<multiply>},
                                    {"__div", method<divide>},       {"__unm", method<negate>},   {"__eq", method<is_equal>},
                                    {"__len", method<rows>},         {"__call", method<call>},    {"__newindex", method<set_index>},

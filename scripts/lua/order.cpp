@@ -225,8 +225,7 @@ int sort(lua_State* L) {
 
   lua_createtable(L, static_cast<int>(n), 0);  // 3: the values
   const auto size = static_cast<std::size_t>(n);
-  auto* order = static_cast<lua_Integer*>(
-      lua_newuserdatauv(L, 2 * size * sizeof(lua_Integer), 0));  // 4: counts as the script's memory
+  auto* order = static_cast<lua_Integer*>(lua_newuserdatauv(L, 2 * size * sizeof(lua_Integer), 0));  // 4: counts as the script's memory
   lua_Integer* merged = order + size;
   for (lua_Integer i = 1; i <= n; ++i) {
     lua_geti(L, 1, i);
@@ -334,8 +333,7 @@ void open_order(lua_State* L) {
   lua_setmetatable(L, -2);
   lua_setfield(L, LUA_REGISTRYINDEX, kNumbers);
 
-  constexpr luaL_Reg kGlobals[] = {
-      {"pairs", pairs}, {"next", next}, {"tostring", to_string}, {"print", print}, {nullptr, nullptr}};
+  constexpr luaL_Reg kGlobals[] = {{"pairs", pairs}, {"next", next}, {"tostring", to_string}, {"print", print}, {nullptr, nullptr}};
   lua_pushglobaltable(L);
   luaL_setfuncs(L, kGlobals, 0);
   lua_getfield(L, -1, "table");

@@ -357,8 +357,7 @@ int gmatch(lua_State* L) {
 }
 
 /// Adds a replacement text, in which %0 ... %9 stand for the match and its captures.
-void add_replacement(lua_State* L, luaL_Buffer* out, const Matcher& m, std::string_view replacement, const char* s,
-                     const char* e) {
+void add_replacement(lua_State* L, luaL_Buffer* out, const Matcher& m, std::string_view replacement, const char* s, const char* e) {
   for (std::size_t i = 0; i < replacement.size(); ++i) {
     if (replacement[i] != '%') {
       luaL_addchar(out, replacement[i]);
@@ -434,8 +433,7 @@ int gsub(lua_State* L) {
 }  // namespace
 
 void open_patterns(lua_State* L) {
-  constexpr luaL_Reg kFunctions[] = {
-      {"find", find}, {"match", match}, {"gmatch", gmatch}, {"gsub", gsub}, {nullptr, nullptr}};
+  constexpr luaL_Reg kFunctions[] = {{"find", find}, {"match", match}, {"gmatch", gmatch}, {"gsub", gsub}, {nullptr, nullptr}};
   luaL_setfuncs(L, kFunctions, 0);
 }
 

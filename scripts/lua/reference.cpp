@@ -153,7 +153,8 @@ ApiReference::ApiReference(const std::vector<std::string>& files) {
         f.text = open->text;
         text = text.substr(0, text.rfind(')'));
         const std::size_t colon = text.find(':');
-        f.parameters.push_back({std::string(text.substr(0, colon)), std::string(trimmed(text.substr(std::min(text.size(), colon + 1)))), {}, false});
+        f.parameters.push_back(
+            {std::string(text.substr(0, colon)), std::string(trimmed(text.substr(std::min(text.size(), colon + 1)))), {}, false});
         functions_.push_back(std::move(f));
       } else if (starts("---@")) {
         continue;
@@ -196,7 +197,8 @@ ApiReference::ApiReference(const std::vector<std::string>& files) {
         const std::size_t dot = left.find('.'), from = right.find('.');
         const auto c = classes_.find(left.substr(0, dot));
         if (c == classes_.end() || from == std::string::npos) continue;
-        const auto same = std::find_if(c->second.functions.begin(), c->second.functions.end(), [&](const ApiFunction& f) { return f.name == right.substr(from + 1); });
+        const auto same = std::find_if(c->second.functions.begin(), c->second.functions.end(),
+                                       [&](const ApiFunction& f) { return f.name == right.substr(from + 1); });
         if (same == c->second.functions.end()) continue;
         ApiFunction alias = *same;
         alias.name = left.substr(dot + 1);

@@ -19,7 +19,7 @@ struct ApiFunction {
   std::string owner;  // "Vehicle", "vec"; empty for a global function
   char joint = '.';   // of owner and name: '.' or ':'
   std::string name;
-  std::string text;   // lines of the description
+  std::string text;  // lines of the description
   std::vector<ApiValue> parameters, results;
   std::string signature() const;  // "hinge:force(value, [component])"
   std::string summary() const;    // the first sentence

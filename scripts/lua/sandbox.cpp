@@ -17,7 +17,7 @@ namespace {
 int original(lua_State* L) { return lua_tocfunction(L, lua_upvalueindex(1))(L); }
 
 constexpr char kResume[] = "cardan.resume", kClose[] = "cardan.close";  // registry: functions of the coroutine library
-constexpr lua_Integer kUnwinding = 200;  // a C++ exception costs about as much as that many instructions
+constexpr lua_Integer kUnwinding = 200;                                 // a C++ exception costs about as much as that many instructions
 
 /// Wraps a library function so that it first spends Cost(L) steps.
 template <lua_Integer (*Cost)(lua_State*)>
@@ -80,8 +80,7 @@ int remove(lua_State* L) {
   luaL_checktype(L, 1, LUA_TTABLE);
   const lua_Integer size = luaL_len(L, 1);
   lua_Integer at = luaL_optinteger(L, 2, size);
-  if (at != size)
-    luaL_argcheck(L, static_cast<lua_Unsigned>(at) - 1u <= static_cast<lua_Unsigned>(size), 2, "position out of bounds");
+  if (at != size) luaL_argcheck(L, static_cast<lua_Unsigned>(at) - 1u <= static_cast<lua_Unsigned>(size), 2, "position out of bounds");
   LuaHost::charge(L, span(at, size));
   lua_geti(L, 1, at);
   for (; at < size; ++at) {
@@ -92,9 +91,7 @@ int remove(lua_State* L) {
   lua_seti(L, 1, at);
   return 1;
 }
-lua_Integer new_thread(lua_State*) {
-  return 1000;
-}  // what a short-lived coroutine can do before its own count is looked at
+lua_Integer new_thread(lua_State*) { return 1000; }  // what a short-lived coroutine can do before its own count is looked at
 
 /// Replaces a field of the table at the top; the original becomes the wrapper's first upvalue.
 void wrap(lua_State* L, const char* name, lua_CFunction wrapper) {
@@ -248,9 +245,8 @@ void open(lua_State* L, const char* name, lua_CFunction opener, std::initializer
 /// - each function that can work long is charged to the budget, patterns included; pcall does not catch a budget's end.
 void open_sandbox(lua_State* L, std::uint64_t seed) {
   open(L, LUA_GNAME, luaopen_base,
-       {"_G",     "_VERSION", "assert",       "error",    "getmetatable", "ipairs", "load",
-        "next",   "pairs",    "pcall",        "print",    "rawequal",     "rawget", "rawlen",
-        "rawset", "select",   "setmetatable", "tonumber", "tostring",     "type",   "xpcall"});
+       {"_G",       "_VERSION", "assert", "error",  "getmetatable", "ipairs",       "load",     "next",     "pairs", "pcall", "print",
+        "rawequal", "rawget",   "rawlen", "rawset", "select",       "setmetatable", "tonumber", "tostring", "type",  "xpcall"});
   wrap(L, "tonumber", metered<length_of_texts>);
   wrap(L, "setmetatable", set_metatable);
   wrap(L, "load", load);
@@ -259,8 +255,8 @@ void open_sandbox(lua_State* L, std::uint64_t seed) {
   lua_pop(L, 1);
 
   open(L, LUA_STRLIBNAME, luaopen_string,
-       {"byte", "char", "find", "format", "gmatch", "gsub", "len", "lower", "match", "pack", "packsize", "rep",
-        "reverse", "sub", "unpack", "upper"});
+       {"byte", "char", "find", "format", "gmatch", "gsub", "len", "lower", "match", "pack", "packsize", "rep", "reverse", "sub", "unpack",
+        "upper"});
   wrap(L, "rep", metered<repeats>);
   for (const char* name : {"byte", "packsize", "unpack"}) wrap(L, name, metered<length_of_texts>);
   open_patterns(L);
@@ -278,10 +274,9 @@ void open_sandbox(lua_State* L, std::uint64_t seed) {
   wrap(L, "unpack", metered<range<2>>);
   lua_pop(L, 1);
 
-  open(L, LUA_MATHLIBNAME, luaopen_math,
-       {"abs",  "acos",   "asin",       "atan", "ceil",       "cos", "deg",        "exp",  "floor",
-        "fmod", "huge",   "log",        "max",  "maxinteger", "min", "mininteger", "modf", "pi",
-        "rad",  "random", "randomseed", "sin",  "sqrt",       "tan", "tointeger",  "type", "ult"});
+  open(L, LUA_MATHLIBNAME, luaopen_math, {"abs",  "acos",   "asin",       "atan", "ceil",       "cos", "deg",        "exp",  "floor",
+                                          "fmod", "huge",   "log",        "max",  "maxinteger", "min", "mininteger", "modf", "pi",
+                                          "rad",  "random", "randomseed", "sin",  "sqrt",       "tan", "tointeger",  "type", "ult"});
   lua_getfield(L, -1, "randomseed");
   lua_pushinteger(L, static_cast<lua_Integer>(seed));
   lua_call(L, 1, 0);
@@ -292,8 +287,7 @@ void open_sandbox(lua_State* L, std::uint64_t seed) {
   for (const char* name : {"codepoint", "len", "offset"}) wrap(L, name, metered<length_of_texts>);
   lua_pop(L, 1);
 
-  open(L, LUA_COLIBNAME, luaopen_coroutine,
-       {"close", "create", "isyieldable", "resume", "running", "status", "wrap", "yield"});
+  open(L, LUA_COLIBNAME, luaopen_coroutine, {"close", "create", "isyieldable", "resume", "running", "status", "wrap", "yield"});
   for (const auto& [field, key] : {std::pair{"resume", kResume}, {"close", kClose}}) {
     lua_getfield(L, -1, field);
     lua_setfield(L, LUA_REGISTRYINDEX, key);

@@ -21,8 +21,8 @@ LuaTable::LuaTable(lua_State* L, int index, std::string path, DiagnosticSink& si
 std::string LuaTable::path_of(const std::string& key) const { return path_.empty() ? key : path_ + "." + key; }
 
 void LuaTable::report(const std::string& path, std::string expected, std::string got, std::string hint, Code code) {
-  sink_->report(Diagnostic{code, {path, LuaHost::caller(L_)}, std::move(expected), std::move(got), std::move(hint),
-      LuaHost::traceback(L_)});
+  sink_->report(
+      Diagnostic{code, {path, LuaHost::caller(L_)}, std::move(expected), std::move(got), std::move(hint), LuaHost::traceback(L_)});
 }
 
 int LuaTable::get(const std::string& key) {
@@ -49,8 +49,7 @@ std::optional<double> LuaTable::quantity(const std::string& path, std::string_vi
     report(path, fault.expected, fault.got, fault.hint, fault.code);
     return {};
   }
-  report(path,
-         unit == "1" ? std::string("a finite number") : fmt::format("a number in {}, or a text with a unit", unit),
+  report(path, unit == "1" ? std::string("a finite number") : fmt::format("a number in {}, or a text with a unit", unit),
          describe_value(L_, -1));
   return {};
 }
@@ -201,8 +200,7 @@ void LuaTable::finish() {
   std::sort(unknown.begin(), unknown.end());  // their order in the table differs from run to run
   std::sort(known_.begin(), known_.end());
   for (const std::string& key : unknown)
-    report(path_of(key), fmt::format("one of the keys: {}", fmt::join(known_, ", ")), in_quotes(key),
-           did_you_mean(key, known_));
+    report(path_of(key), fmt::format("one of the keys: {}", fmt::join(known_, ", ")), in_quotes(key), did_you_mean(key, known_));
 }
 
 }  // namespace cardan

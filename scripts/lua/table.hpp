@@ -48,8 +48,7 @@ class LuaTable {
  private:
   int get(const std::string& key);  // pushes the value, returns its type
   std::string path_of(const std::string& key) const;
-  void report(const std::string& path, std::string expected, std::string got, std::string hint = {},
-              Code code = Code::lua_argument);
+  void report(const std::string& path, std::string expected, std::string got, std::string hint = {}, Code code = Code::lua_argument);
   std::optional<double> quantity(const std::string& path, std::string_view unit);  // of the value at the top
 
   lua_State* L_;

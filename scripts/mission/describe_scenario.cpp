@@ -13,7 +13,8 @@ Json describe_scenario(Scenario& s, bool measured, int n_modes) {
   out["mission"] = {{"title", s.mission.title}, {"duration_s", s.mission.duration}, {"integrator", out["integrator"]}};
   out["controllers"] = Json::array();
   for (const Controller& c : s.controllers)
-    out["controllers"].push_back({{"name", c.name}, {"period_s", static_cast<double>(c.period.numerator) / static_cast<double>(c.period.denominator)}});
+    out["controllers"].push_back(
+        {{"name", c.name}, {"period_s", static_cast<double>(c.period.numerator) / static_cast<double>(c.period.denominator)}});
   out["warnings"] = Json::array();
   for (const Warning& w : s.warnings.all()) out["warnings"].push_back(to_json(w));
   out["defaults"] = Json::object();

@@ -42,11 +42,11 @@ void expect_away_from_centre(const Scenario& s) {
     const soa::Placement &frame = placed.bodies[i], &reference = placed.reference;
     const double distance = (reference.p + reference.R * (frame.p + frame.R * com) - m.gravity.centre).norm();
     if (distance > gyration) continue;
-    throw InputError(Diagnostic{Code::bad_initial_state, m.spec->locate(body_path(b) + ".hinge.initial"),
-        "mass centres away from the centre of the field",
+    throw InputError(Diagnostic{
+        Code::bad_initial_state, m.spec->locate(body_path(b) + ".hinge.initial"), "mass centres away from the centre of the field",
         fmt::format("body {} is at the centre of gravity.central: its mass centre is {:.3g} m from it, its radius of gyration "
-                                            "{:.3g} m",
-                                            u.name, distance, gyration),
+                    "{:.3g} m",
+                    u.name, distance, gyration),
         "give its orbit: initial: {position: [7000 km, 0, 0], velocity: [0, 7.5 km/s, 0]}, or `initial` in the mission"});
   }
 }
@@ -57,9 +57,10 @@ void look_at_ticks(Scenario& s) {
     const std::string got = fmt::format("a tick every {:.3g} s: {:.3g} of them in {:g} s", seconds(c.period), ticks, s.mission.duration);
     if (ticks > kTooManyTicks)
       throw InputError(Diagnostic{Code::out_of_range, c.at, fmt::format("at most {:g} ticks in a run", kTooManyTicks), got,
-          "did you mean another unit?"});
+                                  "did you mean another unit?"});
     if (ticks > kManyTicks)
-      s.warnings.add(Code::mission_doubt, c.at, fmt::format("controller \"{}\" has {}, and the integrator starts again after each", c.name, got),
+      s.warnings.add(Code::mission_doubt, c.at,
+                     fmt::format("controller \"{}\" has {}, and the integrator starts again after each", c.name, got),
                      "ten times the fastest motion of interest is enough");
   }
 }
@@ -89,7 +90,8 @@ Warnings still_hinges(const Simulation& sim) {
       const UserBody& u = m.user[i];
       if (sim.profile(u.v + c) || sim.state().v[u.v + c] != 0.0) continue;
       found.add(Code::no_effect, m.spec->locate(body_path(m.spec->bodies[i]) + ".hinge.prescribed"),
-                fmt::format("{} of {} is prescribed, and nothing gives it a motion: it stands still", u.v_names[static_cast<std::size_t>(c)], u.name),
+                fmt::format("{} of {} is prescribed, and nothing gives it a motion: it stands still",
+                            u.v_names[static_cast<std::size_t>(c)], u.name),
                 fmt::format("sat:hinge(\"{}\"):profile{{...}}, or `locked: true`", u.name));
     }
   return found;

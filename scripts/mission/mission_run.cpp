@@ -55,13 +55,12 @@ MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Outpu
   Simulation& sim = *s_.sim;
   for (const ScriptEvent& e : s_.events) {
     const std::string actor = fmt::format("event \"{}\"", e.name);
-    sim.add_event(
-        {e.name, [this, &e, actor](double t, const double* q, const double* v) { return crossing(e, actor, t, q, v); },
-         e.direction,
-         [this, &e, actor] {
-           const double t = s_.sim->time();
-           call(actor, [&] { e.action.call({&t, 1}, {}); });
-         }});
+    sim.add_event({e.name, [this, &e, actor](double t, const double* q, const double* v) { return crossing(e, actor, t, q, v); },
+                   e.direction,
+                   [this, &e, actor] {
+                     const double t = s_.sim->time();
+                     call(actor, [&] { e.action.call({&t, 1}, {}); });
+                   }});
   }
   for (const Controller& c : s_.controllers)
     sim.every(c.period, [this, &c, actor = fmt::format("controller \"{}\"", c.name)] { tick(c, actor); });
@@ -109,8 +108,7 @@ void MissionRun::tick(const Controller& c, const std::string& actor) {
 }
 
 /// The function of an event at a trial state. It may not throw through the integrator: its failure is kept for run().
-double MissionRun::crossing(const ScriptEvent& e, const std::string& actor, double t, const double* q,
-                            const double* v) {
+double MissionRun::crossing(const ScriptEvent& e, const std::string& actor, double t, const double* q, const double* v) {
   s_.q = q, s_.v = v, s_.trial_time = t, s_.in_event_function = true;
   double value = std::nan("");
   const Acting acting(s_, actor);

@@ -32,7 +32,8 @@ class Reader {
     for (std::size_t i = 0; i < files.size(); ++i) {
       const auto& [name, text] = files[i];
       if (i >= hashes.size() || hashes[i].first != name || hashes[i].second != sha256(text))
-        wrong("/spec/files", "texts that have the recorded hashes", in_quotes(name) + " has another", "the results were changed after the run");
+        wrong("/spec/files", "texts that have the recorded hashes", in_quotes(name) + " has another",
+              "the results were changed after the run");
       inputs->texts[name] = text;
     }
     for (const char* path : {"/run/plugins", "/run/modal_files"})
@@ -70,8 +71,10 @@ class Reader {
 
   void compare(const char* what, const std::string& then, const std::string& now, RecordedRun& run) const {
     if (then == now) return;
-    run.warnings.add(Code::other_program, {what, {file_.file_name(), 0, 0}}, fmt::format("the run was made by another program: then {}, now {}", then, now),
-                     what == std::string_view("sweeps") ? "CARDAN_KERNELS chooses the instruction set: v2, v3, v4" : "the last bits may differ");
+    run.warnings.add(
+        Code::other_program, {what, {file_.file_name(), 0, 0}},
+        fmt::format("the run was made by another program: then {}, now {}", then, now),
+        what == std::string_view("sweeps") ? "CARDAN_KERNELS chooses the instruction set: v2, v3, v4" : "the last bits may differ");
   }
 
   Hdf5File file_;

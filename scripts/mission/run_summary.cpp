@@ -14,15 +14,12 @@ namespace {
 
 bool begins(const std::string& text, std::string_view with) { return text.starts_with(with); }
 
-std::string with_unit(double value, const std::string& unit) {
-  return fmt::format("{:.6g}{}", value, unit == "1" ? "" : " " + unit);
-}
+std::string with_unit(double value, const std::string& unit) { return fmt::format("{:.6g}{}", value, unit == "1" ? "" : " " + unit); }
 
 std::string checks_text(const std::vector<Check>& checks) {
   std::string text;
   for (const Check& c : checks)
-    text += fmt::format("  {:<6}{:<44}{:>20}   {}\n", c.pass ? "pass" : "FAIL", c.name, with_unit(c.value, c.unit),
-                        c.detail);
+    text += fmt::format("  {:<6}{:<44}{:>20}   {}\n", c.pass ? "pass" : "FAIL", c.name, with_unit(c.value, c.unit), c.detail);
   return text.empty() ? text : "\nchecks\n" + text;
 }
 
@@ -69,8 +66,13 @@ Summary run_summary(const Scenario& s, double wall_s) {
   Summary out;
   out.scenario = s.file.filename().string();
   const LedgerState& worst = s.sim->worst_ledger();
-  out.ledger = {worst.linear_relative, worst.angular_relative, worst.energy_relative,
-                worst.linear_limit,    worst.angular_limit,    worst.energy_limit,    worst.pass};
+  out.ledger = {worst.linear_relative,
+                worst.angular_relative,
+                worst.energy_relative,
+                worst.linear_limit,
+                worst.angular_limit,
+                worst.energy_limit,
+                worst.pass};
   out.warnings = run_warnings(s);
   out.simulated_s = s.sim->time();
   out.wall_s = wall_s;
@@ -79,8 +81,7 @@ Summary run_summary(const Scenario& s, double wall_s) {
   out.jacobian_products = i.jacobian_products, out.preconditioner_setups = i.preconditioner_setups;
   out.linear_iterations = i.linear_iterations;
   out.model.bodies = static_cast<int>(m.user.size());
-  out.model.hinges =
-      static_cast<int>(std::count_if(m.user.begin(), m.user.end(), [](const UserBody& u) { return u.nv > 0; }));
+  out.model.hinges = static_cast<int>(std::count_if(m.user.begin(), m.user.end(), [](const UserBody& u) { return u.nv > 0; }));
   out.model.n_q = m.nq, out.model.n_v = m.nv, out.model.n_modes = m.n_modes;
   out.versions = {{"cardan", version::kNumber},
                   {"commit", version::kCommit},
@@ -101,11 +102,11 @@ std::string summary_text(const Scenario& s, const Summary& sum, const std::vecto
         "\nledgers: largest residual over the sum of magnitudes\n  linear momentum {:.1e}   angular momentum {:.1e}   "
         "energy {:.1e}\n",
         sum.ledger.linear_momentum, sum.ledger.angular_momentum, sum.ledger.energy);
-  if (sum.ended_by.starts_with("stop()")) text += fmt::format("\nended at t = {:.6g} of {:.6g} s by {}\n", sum.simulated_s, sum.planned_s, sum.ended_by);
-  text += fmt::format(
-      "\n{:.6g} s simulated in {:.3g} s ({:.4g} times real time), {}\n{} steps, {} function calls, {} restarts\n",
-      sum.simulated_s, sum.wall_s, sum.wall_s > 0 ? sum.simulated_s / sum.wall_s : 0.0, s.sim->integrator_name(),
-      sum.steps, sum.rhs_calls, sum.restarts);
+  if (sum.ended_by.starts_with("stop()"))
+    text += fmt::format("\nended at t = {:.6g} of {:.6g} s by {}\n", sum.simulated_s, sum.planned_s, sum.ended_by);
+  text += fmt::format("\n{:.6g} s simulated in {:.3g} s ({:.4g} times real time), {}\n{} steps, {} function calls, {} restarts\n",
+                      sum.simulated_s, sum.wall_s, sum.wall_s > 0 ? sum.simulated_s / sum.wall_s : 0.0, s.sim->integrator_name(), sum.steps,
+                      sum.rhs_calls, sum.restarts);
   if (sum.preconditioner_setups > 0)
     text += fmt::format("{} products J v, {} preconditioners, {} linear iterations\n", sum.jacobian_products, sum.preconditioner_setups,
                         sum.linear_iterations);

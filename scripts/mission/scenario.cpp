@@ -31,9 +31,7 @@ LuaOptions lua_options(Scenario& s, const ScenarioOptions& options) {
       const auto found = texts->find(name);
       return found == texts->end() ? nullptr : &found->second;
     };
-  lua.loaded = [&s](const std::string& name, std::string_view text) {
-    s.inputs.push_back({name, sha256(text), std::string(text)});
-  };
+  lua.loaded = [&s](const std::string& name, std::string_view text) { s.inputs.push_back({name, sha256(text), std::string(text)}); };
   return lua;
 }
 

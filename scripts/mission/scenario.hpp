@@ -25,8 +25,8 @@ struct Setting {
   bool used = false;
 };
 
-/// Files of a run that is repeated (run_again.hpp), by their names in the scenario: texts are taken from here and not from the disk; plugins and
-/// modal files are refused where their SHA-256 is another.
+/// Files of a run that is repeated (run_again.hpp), by their names in the scenario: texts are taken from here and not from the disk;
+/// plugins and modal files are refused where their SHA-256 is another.
 struct RecordedInputs {
   std::string results;  // the file that tells this
   std::map<std::string, std::string> texts, hashes;

@@ -15,8 +15,8 @@ struct AttitudeAngles {
 
 /// Of `rows` quaternions w, x, y, z (body into world, of any length) from the first of them: q_0* q. turn is the angle of that
 /// rotation, 0 to 180 deg. yaw, pitch, roll are its 3-2-1 (Tait-Bryan) angles, R = R_z(yaw) R_y(pitch) R_x(roll): about z, then the new y,
-/// then the new x. Of the two triples for a rotation, and of their turns by 360 deg, each row takes what is nearest to the row before, so that
-/// pitch goes on beyond 90 deg and yaw and roll beyond 180 deg; where pitch is +-90 deg, yaw stays.
+/// then the new x. Of the two triples for a rotation, and of their turns by 360 deg, each row takes what is nearest to the row before, so
+/// that pitch goes on beyond 90 deg and yaw and roll beyond 180 deg; where pitch is +-90 deg, yaw stays.
 AttitudeAngles attitude_angles(std::span<const double> quaternions, std::size_t rows);
 
 }  // namespace cardan

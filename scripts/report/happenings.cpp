@@ -51,14 +51,16 @@ Json notes_of(const Hdf5File& file, const NoteKind& kind, Json& left_out) {
 std::vector<double> numbers_of(const Hdf5File& file, const std::string& path, const std::vector<std::size_t>& shape) {
   if (file.shape(path) != shape) bad_content(file, path, "a shape that fits to the others", "another one");
   std::vector<double> values = file.read_doubles(path).values;
-  if (!std::all_of(values.begin(), values.end(), [](double x) { return std::isfinite(x); })) bad_content(file, path, "finite numbers", "others");
+  if (!std::all_of(values.begin(), values.end(), [](double x) { return std::isfinite(x); }))
+    bad_content(file, path, "finite numbers", "others");
   return values;
 }
 
 /// In thousandths of `scale`.
 Json thousandths(std::span<const double> values, double scale) {
   Json out = Json::array();
-  for (const double x : values) out.push_back(scale > 0.0 ? static_cast<int>(std::lround(std::clamp(x / scale, -1.0, 1.0) * kThousand)) : 0);
+  for (const double x : values)
+    out.push_back(scale > 0.0 ? static_cast<int>(std::lround(std::clamp(x / scale, -1.0, 1.0) * kThousand)) : 0);
   return out;
 }
 

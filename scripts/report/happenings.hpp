@@ -10,9 +10,9 @@ class Hdf5File;
 /// {list: how many are not here}. Lists that the file does not have (of an earlier version) are empty. Throws InputError C0702.
 Json happenings(const Hdf5File& file);
 
-/// pictures [{bodies, source, size [m], frequency [Hz], points, lines, shapes}], left_out: names of bodies, modes_left_out: a number. points: x, y, z of each in
-/// thousandths of size about their middle; lines: pairs of indices; shapes: of each mode x, y, z of each point in thousandths of the largest
-/// displacement. Throws InputError C0702.
+/// pictures [{bodies, source, size [m], frequency [Hz], points, lines, shapes}], left_out: names of bodies, modes_left_out: a number.
+/// points: x, y, z of each in thousandths of size about their middle; lines: pairs of indices; shapes: of each mode x, y, z of each point
+/// in thousandths of the largest displacement. Throws InputError C0702.
 Json mode_shapes(const Hdf5File& file);
 
 }  // namespace cardan

@@ -46,7 +46,8 @@ bool is_like(const Json& value, const Json& pattern) {
   if (pattern.is_null()) return true;
   if (pattern.is_number()) return value.is_number() || value.is_null();
   if (pattern.is_array())
-    return value.is_array() && (pattern.empty() || std::all_of(value.begin(), value.end(), [&](const Json& item) { return is_like(item, pattern[0]); }));
+    return value.is_array() &&
+           (pattern.empty() || std::all_of(value.begin(), value.end(), [&](const Json& item) { return is_like(item, pattern[0]); }));
   if (!pattern.is_object()) return value.type() == pattern.type();
   if (!value.is_object() || (pattern.contains("name") && !value.contains("name"))) return false;
   for (const auto& [key, like] : pattern.items())
@@ -77,8 +78,8 @@ std::string input_texts(const Hdf5File& file) {
 
 Json page_data(const Hdf5File& file) {
   Json run = Json::object();
-  for (const char* key : {"scenario", "title", "program_version", "commit", "compiler", "flags", "sweeps", "sweep_flags", "seed", "until", "integrator",
-                          "started", "finished", "verdict"})
+  for (const char* key : {"scenario", "title", "program_version", "commit", "compiler", "flags", "sweeps", "sweep_flags", "seed", "until",
+                          "integrator", "started", "finished", "verdict"})
     if (file.has_attribute("/run", key)) run[key] = file.text_attribute("/run", key);
   return {{"run", run},
           {"inputs", pairs(file, "/run/inputs")},
@@ -127,12 +128,11 @@ std::string report_page(const Hdf5File& file) {
                                {"@script@", replaced(page::script(), "</script", "<\\/script")}});
 }
 
-void write_report(const std::string& h5_path, const std::string& html_path) {
-  write_report(h5_path, html_path, limits_for_file(h5_path));
-}
+void write_report(const std::string& h5_path, const std::string& html_path) { write_report(h5_path, html_path, limits_for_file(h5_path)); }
 
 void write_report(const std::string& h5_path, const std::string& html_path, const ChildLimits& limits) {
-  const std::string html = in_bounded_child(h5_path, [&h5_path] { return report_page(Hdf5File::open(h5_path)); }, limits);
+  const std::string html = in_bounded_child(
+      h5_path, [&h5_path] { return report_page(Hdf5File::open(h5_path)); }, limits);
   write_whole_file(html_path, html);
 }
 

@@ -30,10 +30,10 @@ void bad_content(const Hdf5File& file, const std::string& path, const std::strin
 
 namespace {
 
-constexpr double kPageBytes = 1.6e6;    // for the numbers of all plots
-constexpr double kBytesPerNumber = 9;   // as text, with its comma
-constexpr double kFewestPoints = 100;   // of a plot that is drawn
-constexpr std::size_t kStillBytes = 80'000;  // of the list of what does not move
+constexpr double kPageBytes = 1.6e6;                               // for the numbers of all plots
+constexpr double kBytesPerNumber = 9;                              // as text, with its comma
+constexpr double kFewestPoints = 100;                              // of a plot that is drawn
+constexpr std::size_t kStillBytes = 80'000;                        // of the list of what does not move
 constexpr double kBytesPerChannel = 300, kBytesPerComponent = 15;  // path, unit, meaning; names
 
 /// How rows become points of a plot: all of them, or the extremes of every `stretch` rows and the last row.
@@ -41,18 +41,14 @@ struct Thinning {
   std::size_t rows = 0, stretch = 1;
 
   Thinning(std::size_t n_rows, std::size_t n_components, double bytes) : rows(n_rows) {
-    const double points =
-        std::clamp(bytes / kBytesPerNumber / static_cast<double>(n_components + 1), kFewestPoints, 4000.0);
-    if (static_cast<double>(rows) > points)
-      stretch = static_cast<std::size_t>(std::ceil(2.0 * static_cast<double>(rows) / points));
+    const double points = std::clamp(bytes / kBytesPerNumber / static_cast<double>(n_components + 1), kFewestPoints, 4000.0);
+    if (static_cast<double>(rows) > points) stretch = static_cast<std::size_t>(std::ceil(2.0 * static_cast<double>(rows) / points));
   }
 };
 
 Json times(std::span<const double> t, const Thinning& thin) {
   Json out = Json::array();
-  const auto put = [&](std::size_t row) {
-    out.push_back(rounded(t[row], std::abs(t[thin.rows - 1]), std::abs(t[thin.rows - 1]) / 1e3));
-  };
+  const auto put = [&](std::size_t row) { out.push_back(rounded(t[row], std::abs(t[thin.rows - 1]), std::abs(t[thin.rows - 1]) / 1e3)); };
   for (std::size_t row = 0; row < thin.rows; row += thin.stretch) {
     put(row);
     if (thin.stretch > 1) put(std::min(row + thin.stretch / 2, thin.rows - 1));
@@ -68,9 +64,7 @@ Json points(std::span<const double> values, std::size_t components, std::size_t 
   for (std::size_t row = 0; row < thin.rows; ++row)
     if (std::isfinite(at(row))) low = std::min(low, at(row)), high = std::max(high, at(row));
   Json out = Json::array();
-  const auto put = [&](std::size_t row) {
-    out.push_back(rounded(at(row), std::max(std::abs(low), std::abs(high)), high - low));
-  };
+  const auto put = [&](std::size_t row) { out.push_back(rounded(at(row), std::max(std::abs(low), std::abs(high)), high - low)); };
   for (std::size_t first = 0; first < thin.rows; first += thin.stretch) {
     const std::size_t end = std::min(first + thin.stretch, thin.rows);
     std::size_t smallest = first, largest = first, missing = end;
@@ -199,17 +193,18 @@ Json channel(std::string path, std::string unit, std::string frame, std::string 
              std::span<const double> data, const Thinning& thin) {
   Json values = Json::array();
   for (std::size_t k = 0; k < components.size(); ++k) values.push_back(points(data, components.size(), k, thin));
-  return {{"path", std::move(path)}, {"unit", std::move(unit)}, {"frame", std::move(frame)}, {"meaning", std::move(meaning)},
-          {"components", components}, {"values", std::move(values)}};
+  return {{"path", std::move(path)},       {"unit", std::move(unit)},  {"frame", std::move(frame)},
+          {"meaning", std::move(meaning)}, {"components", components}, {"values", std::move(values)}};
 }
 
 Json angles_channel(const std::string& path, std::span<const double> quaternions, const Thinning& thin) {
   const AttitudeAngles angles = attitude_angles(quaternions, thin.rows);
-  std::string meaning = "from the first attitude: turn, the angle of the rotation (0 to 180 deg); yaw, pitch, roll, its 3-2-1 angles (about z, then "
-                        "the new y, then the new x), continued beyond 180 deg";
+  std::string meaning =
+      "from the first attitude: turn, the angle of the rotation (0 to 180 deg); yaw, pitch, roll, its 3-2-1 angles (about z, then "
+      "the new y, then the new x), continued beyond 180 deg";
   if (angles.jumps > 0)
-    meaning += fmt::format(". The lines are broken at {} place{} where an angle goes more than 90 deg from one row to the next", angles.jumps,
-                           angles.jumps == 1 ? "" : "s");
+    meaning += fmt::format(". The lines are broken at {} place{} where an angle goes more than 90 deg from one row to the next",
+                           angles.jumps, angles.jumps == 1 ? "" : "s");
   return channel(path + " angles", "deg", "", meaning, {"turn", "yaw", "pitch", "roll"}, angles.rows, thin);
 }
 
@@ -244,8 +239,11 @@ Json series(const Hdf5File& file) {
                   shape.size() == 2 ? fmt::format("rows of {}", shape[1]) : fmt::format("an array of rank {}", shape.size()));
     rows = std::min(rows, shape[0]);  // a killed run may have one more row in some
     const std::string name = path.substr(root.size() + 1);
-    all.push_back({path, name.find('/') == std::string::npos ? "other" : name.substr(0, name.find('/')), names,
-                   units_of(file.text_attribute(path, "unit"), names), {}});
+    all.push_back({path,
+                   name.find('/') == std::string::npos ? "other" : name.substr(0, name.find('/')),
+                   names,
+                   units_of(file.text_attribute(path, "unit"), names),
+                   {}});
   }
   for (ChannelSize& c : all) c.ranges = ranges_of(rows_of(file, c.path, rows, c.components), c.components, rows);
 

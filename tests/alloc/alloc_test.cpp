@@ -88,7 +88,8 @@ TEST(Alloc, RefinementOfForwardDynamics) {  // masses that grow by large ratios,
   std::vector<BodySpec> bodies;
   for (const double mass : {1e-6, 0.01, 100.0, 1e6}) {
     const std::string i = std::to_string(bodies.size());
-    bodies.push_back(on(rigid("b" + i, mass, {0.1, 0, -1}, mass * diagonal({0.1, 0.15, 0.2})), bodies.empty() ? "" : bodies.back().name, "ball", {}, {0, 0, -0.5}));
+    bodies.push_back(on(rigid("b" + i, mass, {0.1, 0, -1}, mass * diagonal({0.1, 0.15, 0.2})), bodies.empty() ? "" : bodies.back().name,
+                        "ball", {}, {0, 0, -0.5}));
   }
   const auto model = compiled(system(bodies, central_gravity(2e4, true, {3, -4, 20})), {.world_wrenches = true});
   ASSERT_TRUE(model->has(OpCode::refine));
@@ -108,12 +109,8 @@ class Run : public testing::TestWithParam<const char*> {};
 // The first 0.3 s warm up: the integrator makes its memory there.
 TEST_P(Run, AllocatesNothingOnceItIsUnderWay) {
   for (const int level : {0, 1, 2}) {
-    const RandomTree tree = random_tree(3, {.bodies = 8,
-                                            .flexible = 0.6,
-                                            .level = level,
-                                            .prescribed = 0.15,
-                                            .springs = true,
-                                            .gravity = GravitySpec::Kind::central});
+    const RandomTree tree = random_tree(
+        3, {.bodies = 8, .flexible = 0.6, .level = level, .prescribed = 0.15, .springs = true, .gravity = GravitySpec::Kind::central});
     CompileOptions with_world;
     with_world.world_wrenches = true;
     SimulationOptions run;
@@ -125,23 +122,20 @@ TEST_P(Run, AllocatesNothingOnceItIsUnderWay) {
     ASSERT_TRUE(m.has_prescribed() && m.n_modes > 4);
     for (std::size_t i = 0; i < m.prescribed.size(); ++i)
       if (m.prescribed[i]) sim.prescribe(static_cast<int>(i), MotionProfile::sine(0.05, 1.0, 0.0));
-    const int in_node = sim.add_wrench(m.find_node("b1.tip"), false),
-              in_world = sim.add_wrench(m.find_node("b2.tip"), true);
+    const int in_node = sim.add_wrench(m.find_node("b1.tip"), false), in_world = sim.add_wrench(m.find_node("b2.tip"), true);
     sim.every({1, 20}, [&] {
       sim.set_wrench(in_node, {{0.1, 0, 0}, {0, std::sin(sim.time()), 0}});
       sim.set_wrench(in_world, {{0, 0.1, 0}, {std::cos(sim.time()), 0, 0}});
     });
     int events = 0;
-    sim.add_event(
-        {"beat", [](double t, const double*, const double*) { return std::sin(20.0 * t); }, 0, [&] { ++events; }});
+    sim.add_event({"beat", [](double t, const double*, const double*) { return std::sin(20.0 * t); }, 0, [&] { ++events; }});
     sim.run(0.3);
     const int before = events;
     EXPECT_EQ(mallocs_in([&] { sim.run(1.0); }), 0) << "level " << level;
     EXPECT_GT(events, before);
   }
 }
-INSTANTIATE_TEST_SUITE_P(By, Run, testing::Values("rk4", "dopri5"),
-                         [](const auto& method) { return std::string(method.param); });
+INSTANTIATE_TEST_SUITE_P(By, Run, testing::Values("rk4", "dopri5"), [](const auto& method) { return std::string(method.param); });
 
 }  // namespace
 }  // namespace cardan::test

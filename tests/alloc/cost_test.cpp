@@ -29,8 +29,7 @@ SystemSpec chain(int n, const std::string& hinge = "revolute") {
   for (int i = 0; i < n; ++i) {
     bodies.push_back(on(rigid(fmt::format("b{}", i), 1.0 + i % 3, Vector3d(0.1, 0.2, 0.5), diagonal({1, 1.5, 2})),
                         i == 0 ? "" : fmt::format("b{}", i - 1), hinge,
-                        hinge == "revolute" ? std::vector<Vector3d>{Vector3d::Unit(i % 3)} : std::vector<Vector3d>{},
-                        Vector3d(0, 0, 1)));
+                        hinge == "revolute" ? std::vector<Vector3d>{Vector3d::Unit(i % 3)} : std::vector<Vector3d>{}, Vector3d(0, 0, 1)));
   }
   return system(bodies);
 }
@@ -72,8 +71,7 @@ TEST(Cost, TheProgramOfAnUnforcedSceneIsItsHingesAndTheThreeSweeps) {
   CompileOptions bare;
   bare.node_wrenches = false;
   const auto model = compiled(chain(5), bare);
-  for (const OpCode k : {OpCode::elastic, OpCode::world, OpCode::central_gravity, OpCode::node_wrenches})
-    EXPECT_FALSE(model->has(k));
+  for (const OpCode k : {OpCode::elastic, OpCode::world, OpCode::central_gravity, OpCode::node_wrenches}) EXPECT_FALSE(model->has(k));
   EXPECT_EQ(model->program.size(), 1 + 3 * model->runs.size());
 }
 
@@ -109,11 +107,14 @@ struct Costs {
     for (std::size_t i = 0; i < ops.size(); ++i) sum += model->program[i].code == code ? ops[i].flops : 0;
     return sum;
   }
-  const Run* run(std::size_t i) const { return model->program[i].run < 0 ? nullptr : &model->runs[static_cast<std::size_t>(model->program[i].run)]; }
+  const Run* run(std::size_t i) const {
+    return model->program[i].run < 0 ? nullptr : &model->runs[static_cast<std::size_t>(model->program[i].run)];
+  }
 };
 
 /// Loads: one node wrench per entry, on that node.
-Costs costs(const SystemSpec& spec, const CompileOptions& options = {}, const std::vector<std::string>& loads = {}, bool world_axes = false) {
+Costs costs(const SystemSpec& spec, const CompileOptions& options = {}, const std::vector<std::string>& loads = {},
+            bool world_axes = false) {
   Costs c;
   c.model = compiled(spec, options);
   std::vector<NodeWrench> wrenches;
@@ -209,8 +210,8 @@ TEST(Cost, OperationsGrowLinearly) {
 TEST(Cost, ALeafIsNoDearerThanAnInnerBody) {
   const auto scene = [](const std::string& second_to) {
     const auto body = [](const std::string& name) { return rigid(name, 1, {0.1, 0.2, 0.3}, diagonal({1, 1.5, 2})); };
-    return costs(system({on(body("a"), "", "revolute", {Z}, X), on(body("b"), "a", "revolute", {Z}, X),
-                         on(body("c"), second_to, "revolute", {Z}, X)}));
+    return costs(system(
+        {on(body("a"), "", "revolute", {Z}, X), on(body("b"), "a", "revolute", {Z}, X), on(body("c"), second_to, "revolute", {Z}, X)}));
   };
   EXPECT_LE(scene("a").flops(), scene("b").flops());
   EXPECT_LE(scene("a").bytes, scene("b").bytes);
@@ -222,7 +223,8 @@ TEST(Cost, ALeafIsNoDearerThanAnInnerBody) {
 TEST(Cost, AWheelIsAFractionOfABody) {
   const Costs base = costs(system(base_scene()));
   for (const char* carrier : {"bus", "panel", "antenna"}) {
-    const Costs rotor = costs(system(with(base_scene(), wheel(carrier)))), body = costs(system(with(base_scene(), not_axisymmetric(carrier))));
+    const Costs rotor = costs(system(with(base_scene(), wheel(carrier)))),
+                body = costs(system(with(base_scene(), not_axisymmetric(carrier))));
     ASSERT_EQ(rotor.model->rotors.size(), 1u);
     ASSERT_TRUE(body.model->rotors.empty());
     EXPECT_LE(rotor.flops() - base.flops(), 40) << carrier;

@@ -133,8 +133,7 @@ TEST(CantileverWithTipMass, HasTheRootsOfItsPayload) {
     BodySpec payload = on(particle("payload", std::stod(r), Vector3d::Zero()), "beam", "locked");
     payload.hinge.inboard_node = "tip";
     const VectorXd beta = omega2(system({flexible("beam", modal), payload})).array().pow(0.25);
-    expect_within(fmt::format("r = {}", r).c_str(), largest(beta.head<3>().cwiseQuotient(want).array() - 1.0),
-                  ref.tolerance("rel"));
+    expect_within(fmt::format("r = {}", r).c_str(), largest(beta.head<3>().cwiseQuotient(want).array() - 1.0), ref.tolerance("rel"));
   }
 }
 
@@ -223,9 +222,7 @@ class Blade {
   }
   /// cosh bx - cos bx - r (sinh bx - sin bx), r = (cosh b + cos b) / (sinh b + sin b), without the difference of large
   /// numbers.
-  static double rest(double b) {
-    return (std::sin(b) - std::cos(b) - std::exp(-b)) / (std::sinh(b) + std::sin(b));
-  }  // 1 - r
+  static double rest(double b) { return (std::sin(b) - std::cos(b) - std::exp(-b)) / (std::sinh(b) + std::sin(b)); }  // 1 - r
   static double shape(double b, double x) {
     const double c = rest(b), r = 1.0 - c;
     return 0.5 * (c * std::exp(b * x) + (1.0 + r) * std::exp(-b * x)) - std::cos(b * x) + r * std::sin(b * x);
@@ -244,8 +241,7 @@ TEST(SpinningBlade, StiffensLikeWrightsBeam) {
   const Blade blade(14);
   double worst = 0.0;
   for (const int hub : {0, 1})
-    for (const int eta :
-         hub == 0 ? std::vector<int>{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12} : std::vector<int>{1, 3, 6, 12}) {
+    for (const int eta : hub == 0 ? std::vector<int>{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12} : std::vector<int>{1, 3, 6, 12}) {
       const VectorXd want = ref.vector(fmt::format("eta={}, hub {}", eta, hub)), got = blade.flap(eta, hub);
       for (int k = 0; k < 3; ++k) {
         const double error = std::abs(got[k] / want[k] - 1.0);
@@ -333,8 +329,7 @@ TEST(KaneSpinUp, LagsBehindAndEndsStraightAndStretched) {
   beam.level = 2;
   const auto sim = run_of(system({ramp, sine, beam}), "dopri5", 1e-8);
   sim->prescribe(0, MotionProfile::rate_table({{0.0, 0.0}, {15.0, 6.0}}));
-  sim->prescribe(
-      1, MotionProfile::sine(6.0 * 15.0 / std::pow(2.0 * std::numbers::pi, 2), 1.0 / 15.0, 0.5 * std::numbers::pi));
+  sim->prescribe(1, MotionProfile::sine(6.0 * 15.0 / std::pow(2.0 * std::numbers::pi, 2), 1.0 / 15.0, 0.5 * std::numbers::pi));
   const MatrixXd tip_shapes = shapes_at(1.0);
   const auto tip = [&] {
     const VectorXd eta = sim->state().q.tail(n);
@@ -352,13 +347,11 @@ TEST(KaneSpinUp, LagsBehindAndEndsStraightAndStretched) {
     lag = worse(lag, -tip().y()), ahead = worse(ahead, tip().y());
   }
   expect_within("rotation at 15 s", std::abs(turned / ref.number("rotation at 15 s") - 1.0), 1e-8);
-  expect_within("rotation at 20 s",
-                std::abs((sim->state().q[0] + sim->state().q[1]) / ref.number("rotation at 20 s") - 1.0), 1e-8);
+  expect_within("rotation at 20 s", std::abs((sim->state().q[0] + sim->state().q[1]) / ref.number("rotation at 20 s") - 1.0), 1e-8);
   expect_within("lag", std::abs(lag - ref.number("largest transverse lag")), ref.tolerance("lag_m"));
   expect_within("ahead", ahead, ref.tolerance("lag_m"));
   expect_within("deflection at the end", std::abs(tip().y() - ref.number("steady transverse")), ref.tolerance("lag_m"));
-  expect_within("extension", std::abs(tip().x() / ref.number("steady axial tip extension") - 1.0),
-                ref.tolerance("extension_rel"));
+  expect_within("extension", std::abs(tip().x() / ref.number("steady axial tip extension") - 1.0), ref.tolerance("extension_rel"));
 }
 
 // Momentum and mass centre of a free beam do not know how it bends. Its moment and force make it turn and bend by more
@@ -398,8 +391,7 @@ TEST(FreeFlyingBeam, KeepsMomentumAndMassCentreUnderLargeDeformation) {
   lower.Phi = lower.Psi = MatrixXd::Zero(3, n);
   for (int k = 0; k < n; ++k) lower.Phi(1, k) = polynomial(k + 2, -1.0), lower.Psi(2, k) = slope(k + 2, -1.0) * 2.0 / L;
   BodySpec body =
-      on(flexible("beam", std::make_shared<const ModalData>(lumped_modal_data(std::move(nodes), K, {}, {lower}))), "",
-         "planar", {X, Y});
+      on(flexible("beam", std::make_shared<const ModalData>(lumped_modal_data(std::move(nodes), K, {}, {lower}))), "", "planar", {X, Y});
   body.level = 2;
   body.hinge.q = {6.0, 0.0, std::atan2(8.0, -6.0)};  // from (6, 0) to (0, 8)
   SimulationOptions options;
@@ -409,8 +401,7 @@ TEST(FreeFlyingBeam, KeepsMomentumAndMassCentreUnderLargeDeformation) {
   sim.set_wrench(load, {{0.0, 0.0, 80.0}, {8.0, 0.0, 0.0}});
   const auto com = [&] { return Eigen::Vector2d(sim.observe().momentum().com.head<2>()); };
   sim.run(2.5);
-  expect_within("mass centre at 2.5 s [m]", apart(com(), ref.vector("centre of mass at 2.5 s")),
-                ref.tolerance("com_m"));
+  expect_within("mass centre at 2.5 s [m]", apart(com(), ref.vector("centre of mass at 2.5 s")), ref.tolerance("com_m"));
   sim.set_wrench(load, {});
   const VectorXd want = ref.vector("linear momentum");
   double momentum = apart(sim.observe().momentum().linear.head<2>(), want), bent = 0.0;

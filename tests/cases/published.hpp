@@ -15,8 +15,7 @@ namespace cardan::test {
 
 class Published {
  public:
-  explicit Published(const std::string& id)
-      : file_(YAML::LoadFile(CARDAN_SOURCE_DIR "/tests/reference/cases/" + id + ".yaml")) {}
+  explicit Published(const std::string& id) : file_(YAML::LoadFile(CARDAN_SOURCE_DIR "/tests/reference/cases/" + id + ".yaml")) {}
 
   /// The value whose quantity begins with this text.
   YAML::Node at(const std::string& quantity) const {
@@ -52,8 +51,8 @@ inline void expect_within(const char* what, double error, double tolerance) {
 }
 
 /// Tight tolerances by default: the cases ask for 1e-7 ... 1e-12.
-inline std::unique_ptr<Simulation> run_of(const SystemSpec& spec, const std::string& method = "dopri5",
-                                          double relative = 1e-13, double fixed_step = 0.0) {
+inline std::unique_ptr<Simulation> run_of(const SystemSpec& spec, const std::string& method = "dopri5", double relative = 1e-13,
+                                          double fixed_step = 0.0) {
   SimulationOptions options;
   options.integrator.method = method;
   options.integrator.relative_tolerance = relative;

@@ -76,15 +76,14 @@ class SymmetricTop : public testing::TestWithParam<Method> {};
 TEST_P(SymmetricTop, RunsOnItsBodyConeAndItsSpaceCone) {
   const auto [method, relative, step] = GetParam();
   const Published ref("rigid-symmetric-free-top");
-  const double It = ref.model()["inertia_transverse_kgm2"].as<double>(),
-               Ia = ref.model()["inertia_axial_kgm2"].as<double>();
+  const double It = ref.model()["inertia_transverse_kgm2"].as<double>(), Ia = ref.model()["inertia_axial_kgm2"].as<double>();
   const double tolerance = ref.tolerance("omega_abs");
   SimulationOptions options;
   options.integrator.method = method;
   options.integrator.relative_tolerance = relative;
   (method == std::string("rk4") ? options.integrator.fixed_step : options.integrator.max_step) = step;
-  const auto sim = std::make_unique<Simulation>(
-      compiled(tumbling({It, It, Ia}, Published::as_vector(ref.initial()["omega_body_rads"]))), options);
+  const auto sim =
+      std::make_unique<Simulation>(compiled(tumbling({It, It, Ia}, Published::as_vector(ref.initial()["omega_body_rads"]))), options);
   const Vector3d H = sim->observe().momentum().angular.normalized();
   // The symmetry axis seen along H.
   const auto axis = [&] { return Vector3d(quaternion(sim->state().q.data()) * Z); };
@@ -92,32 +91,26 @@ TEST_P(SymmetricTop, RunsOnItsBodyConeAndItsSpaceCone) {
   expect_within("cone", std::abs(std::acos(H.dot(axis())) - ref.number("cone half angle")), 1e-15);
   sim->run(1.0);
   expect_within("omega", apart(sim->state().v, ref.vector("omega_body at 1 s")), tolerance);
-  expect_within("nutation",
-                std::abs(std::atan2(sim->state().v[1], sim->state().v[0]) - (ref.number("body nutation rate"))),
-                tolerance);
+  expect_within("nutation", std::abs(std::atan2(sim->state().v[1], sim->state().v[0]) - (ref.number("body nutation rate"))), tolerance);
   const double turned = std::atan2(e2.dot(axis()), e1.dot(axis()));
-  expect_within("precession", std::abs(std::remainder(turned - ref.number("precession rate"), 2 * std::numbers::pi)),
-                tolerance);
+  expect_within("precession", std::abs(std::remainder(turned - ref.number("precession rate"), 2 * std::numbers::pi)), tolerance);
   expect_within("cone at the end", std::abs(std::acos(H.dot(axis())) - ref.number("cone half angle")), tolerance);
 }
 INSTANTIATE_TEST_SUITE_P(By, SymmetricTop,
-                         testing::Values(Method{"rk4", 1e-9, 2.5e-4}, Method{"dopri5", 1e-13, 0.0},
-                                         Method{"cvode_adams", 1e-14, 5e-4}, Method{"cvode_bdf", 1e-14, 2e-4}),
+                         testing::Values(Method{"rk4", 1e-9, 2.5e-4}, Method{"dopri5", 1e-13, 0.0}, Method{"cvode_adams", 1e-14, 5e-4},
+                                         Method{"cvode_bdf", 1e-14, 2e-4}),
                          [](const auto& method) { return std::string(method.param.name); });
 
 TEST(HeavyTop, NutatesWithTheEllipticPeriod) {
   const Published ref("rigid-heavy-top-fast");
-  BodySpec top =
-      on(rigid("top", 15.0, Y, diagonal(Published::as_vector(ref.model()["inertia_com_diag_kgm2"]))), "", "ball");
+  BodySpec top = on(rigid("top", 15.0, Y, diagonal(Published::as_vector(ref.model()["inertia_com_diag_kgm2"]))), "", "ball");
   const VectorXd omega = Published::as_vector(ref.initial()["omega_body_rads"]);
   top.hinge.v = {omega[0], omega[1], omega[2]};
   const auto sim = run_of(system({top}, uniform_gravity(-9.81 * Z)));
   // Turning points: the mass centre neither rises nor falls.
   double azimuth = 0.0, height = 1.0, lowest = 1.0;
   const auto com = [&] { return Vector3d(quaternion(sim->state().q.data()) * Y); };
-  const auto rise = [](const double* q, const double* v) {
-    return (quaternion(q) * Vector3d(v[0], v[1], v[2]).cross(Y)).z();
-  };
+  const auto rise = [](const double* q, const double* v) { return (quaternion(q) * Vector3d(v[0], v[1], v[2]).cross(Y)).z(); };
   const auto maxima = crossings(*sim, -1, rise, [&] {
     if (azimuth == 0.0) azimuth = std::atan2(com().y(), com().x()), height = com().z();
   });
@@ -136,8 +129,7 @@ TEST(HeavyTop, NutatesWithTheEllipticPeriod) {
   }
   expect_within("com", worst, ref.tolerance("com_abs"));
   ASSERT_EQ(maxima->size(), 2u);
-  expect_within("nutation period", std::abs(maxima->front() / ref.number("nutation period") - 1.0),
-                ref.tolerance("nutation_period_rel"));
+  expect_within("nutation period", std::abs(maxima->front() / ref.number("nutation period") - 1.0), ref.tolerance("nutation_period_rel"));
   // The top starts on the y axis; it goes round the vertical once with each nutation.
   const double advance = std::abs(std::remainder(azimuth - 0.5 * std::numbers::pi, 2 * std::numbers::pi));
   expect_within("precession", std::abs(advance - ref.number("precession angle")), 1e-7);
@@ -163,8 +155,7 @@ TEST(SphericalPendulum, AdvancesItsApsides) {
   const auto rise = [](const double* q, const double* v) {
     return std::sin(q[0]) * std::cos(q[1]) * v[0] + std::cos(q[0]) * std::sin(q[1]) * v[1];
   };
-  const auto maxima =
-      crossings(*sim, -1, rise, [&] { azimuth = std::atan2(bob_at().y(), bob_at().x()), highest = bob_at().z(); });
+  const auto maxima = crossings(*sim, -1, rise, [&] { azimuth = std::atan2(bob_at().y(), bob_at().x()), highest = bob_at().z(); });
   crossings(*sim, +1, rise, [&] { lowest = bob_at().z(); });
   sim->run(1.2);
   ASSERT_EQ(maxima->size(), 1u);
@@ -184,8 +175,7 @@ TEST(PlanarPendulum, KeepsItsPhaseOver845Periods) {
   double worst = 0.0;
   for (const char* t : {"1", "2", "5", "10"}) {
     sim->run(std::stod(t));
-    worst = worse(worst,
-                  apart(P1(), ref.vector(std::string(t) == "1" ? "P1 at 1 s [m]" : std::string("P1 at ") + t + " s")));
+    worst = worse(worst, apart(P1(), ref.vector(std::string(t) == "1" ? "P1 at 1 s [m]" : std::string("P1 at ") + t + " s")));
   }
   expect_within("P1 up to 10 s", worst, ref.tolerance("own_target_abs"));
   // At a quarter of a period it is lowest and fastest: 4.4 m/s times the error of phase.
@@ -198,8 +188,8 @@ TEST(Babyboot, KeepsSevenDigitsOverTenChaoticSeconds) {
   const Published ref("rigid-chaotic-babyboot");
   // The rod only swings, so its other moments do not enter.
   BodySpec A = on(rigid("A", 0.01, -0.075 * Z, diagonal({5e-6, 5e-6, 1e-6})), "", "revolute", {X});
-  BodySpec B = on(rigid("B", 0.1, -0.2 * Z, diagonal(Published::as_vector(ref.model()["plate_B"]["inertia_xyz_kgm2"]))),
-                  "A", "revolute", {Z});
+  BodySpec B =
+      on(rigid("B", 0.1, -0.2 * Z, diagonal(Published::as_vector(ref.model()["plate_B"]["inertia_xyz_kgm2"]))), "A", "revolute", {Z});
   A.hinge.q = {90.0 * kDegree};
   B.hinge.q = {1.0 * kDegree};
   const auto sim = run_of(system({A, B}, uniform_gravity(-9.81 * Z)));
@@ -219,9 +209,9 @@ TEST(Babyboot, KeepsSevenDigitsOverTenChaoticSeconds) {
 // K = -d(gravity force)/dq by differences of order four: error h^4 q'''' = 1e-11, rounding 1e-16 * 20 N m / h = 2e-12.
 TEST(DoublePendulum, SwingsWithItsTwoFrequencies) {
   const Published ref("rigid-double-pendulum-modes");
-  const auto model = compiled(system(
-      {on(particle("one", 1.0, -Z), "", "revolute", {X}), on(particle("two", 1.0, -Z), "one", "revolute", {X}, -Z)},
-      uniform_gravity(-9.81 * Z)));
+  const auto model =
+      compiled(system({on(particle("one", 1.0, -Z), "", "revolute", {X}), on(particle("two", 1.0, -Z), "one", "revolute", {X}, -Z)},
+                      uniform_gravity(-9.81 * Z)));
   Workspace ws(*model);
   const double h = 1e-3;
   Eigen::Matrix2d K;
@@ -242,8 +232,7 @@ TEST(DoublePendulum, SwingsWithItsTwoFrequencies) {
 }
 
 Eigen::Matrix3d from_rpy(const VectorXd& rpy) {
-  return (Eigen::AngleAxisd(rpy[2], Z) * Eigen::AngleAxisd(rpy[1], Y) * Eigen::AngleAxisd(rpy[0], X))
-      .toRotationMatrix();
+  return (Eigen::AngleAxisd(rpy[2], Z) * Eigen::AngleAxisd(rpy[1], Y) * Eigen::AngleAxisd(rpy[0], X)).toRotationMatrix();
 }
 Eigen::Matrix3d tensor(const YAML::Node& i) {
   const auto at = [&](const char* name) { return i[name].as<double>(); };
@@ -262,16 +251,14 @@ class EtsVii : public testing::Test {
   SystemSpec arm(double more) const {
     const YAML::Node model = ref.model();
     const auto body = [](const std::string& name, const YAML::Node& b, double c) {
-      return rigid(name, b["mass"].as<double>(), Published::as_vector(b["com"]),
-                   tensor(b["inertia"]) + c * Eigen::Matrix3d::Identity());
+      return rigid(name, b["mass"].as<double>(), Published::as_vector(b["com"]), tensor(b["inertia"]) + c * Eigen::Matrix3d::Identity());
     };
     std::vector<BodySpec> bodies{on(body("Base_SC", model["base"], 0.0), "", "free")};
     const VectorXd q = Published::as_vector(ref.initial()["q_rad"]);
     for (std::size_t i = 0; i < 6; ++i) {
       const YAML::Node joint = model["joints"][i];
-      bodies.push_back(on(body(joint["child"].as<std::string>(), model["links"][i], more),
-                          joint["parent"].as<std::string>(), "revolute", {Published::as_vector(joint["axis"])},
-                          Published::as_vector(joint["origin_m"])));
+      bodies.push_back(on(body(joint["child"].as<std::string>(), model["links"][i], more), joint["parent"].as<std::string>(), "revolute",
+                          {Published::as_vector(joint["axis"])}, Published::as_vector(joint["origin_m"])));
       bodies.back().hinge.onode_R = from_rpy(Published::as_vector(joint["origin_rpy_rad"]));
       bodies.back().hinge.q = {q[static_cast<Eigen::Index>(i)]};
     }
@@ -300,8 +287,7 @@ TEST_F(EtsVii, KeepsItsMomentumZeroWithThePublishedMotionOfItsBase) {
   double size = 0.0;
   const Eigen::Matrix<double, 6, 1> momentum = published([&](const SystemSpec& spec) {
     const auto sim = run_of(spec);
-    for (int i = 0; i < 3; ++i)
-      sim->v(i) = ref.vector("base angular velocity")[i], sim->v(3 + i) = ref.vector("base linear velocity")[i];
+    for (int i = 0; i < 3; ++i) sim->v(i) = ref.vector("base angular velocity")[i], sim->v(3 + i) = ref.vector("base linear velocity")[i];
     for (int i = 0; i < 6; ++i) sim->v(6 + i) = rates[i];
     const Momentum h = sim->observe().momentum();
     expect_within("total mass", std::abs(h.mass / ref.number("total mass") - 1.0), rel);
@@ -333,8 +319,7 @@ TEST_F(EtsVii, NeedsThePublishedTorquesToAccelerateAsPublished) {
     Workspace ws(*model);
     return mass_matrix(*model, ws, model->initial_state().q.data());
   });
-  expect_within("accelerations", by_entry(M.llt().solve((VectorXd(12) << VectorXd::Zero(6), torque).finished()), vdot),
-                rel);
+  expect_within("accelerations", by_entry(M.llt().solve((VectorXd(12) << VectorXd::Zero(6), torque).finished()), vdot), rel);
 }
 
 // Dropped over the equator with the rotating Earth, without air. In the plane of the equator J2 multiplies the central
@@ -343,12 +328,12 @@ TEST_F(EtsVii, NeedsThePublishedTorquesToAccelerateAsPublished) {
 TEST(TumblingBrick, TurnsAndFallsLikeCaseTwoOfTheNesc) {
   const Published ref("rigid-nesc-atmos02-tumbling-brick");
   const YAML::Node earth = ref.model()["earth"], brick = ref.model()["body"];
-  const double a = earth["radius_m"].as<double>(), r = a + ref.initial()["altitude_m"].as<double>(),
-               rate = earth["rate_rads"].as<double>(), J2 = earth["J2"].as<double>();
+  const double a = earth["radius_m"].as<double>(), r = a + ref.initial()["altitude_m"].as<double>(), rate = earth["rate_rads"].as<double>(),
+               J2 = earth["J2"].as<double>();
   const double mu = earth["mu_m3s2"].as<double>() * (1.0 + 1.5 * J2 * std::pow(a / r, 2));
-  BodySpec body = on(rigid("brick", brick["mass_kg"].as<double>(), Vector3d::Zero(),
-                           diagonal(Published::as_vector(brick["inertia_diag_kgm2"]))),
-                     "", "free");
+  BodySpec body =
+      on(rigid("brick", brick["mass_kg"].as<double>(), Vector3d::Zero(), diagonal(Published::as_vector(brick["inertia_diag_kgm2"]))), "",
+         "free");
   // Columns: north, east, down in inertial axes, at the longitude that is at this angle from inertial x.
   const auto local = [](double angle) {
     Eigen::Matrix3d R;
@@ -362,12 +347,10 @@ TEST(TumblingBrick, TurnsAndFallsLikeCaseTwoOfTheNesc) {
   const auto sim = run_of(system({body}, central_gravity(mu, false)));
   sim->run(30.0);
   const State& s = sim->state();
-  expect_within("rates [deg/s]", apart(s.v.head<3>() / kDegree, ref.vector("body rates at 30 s, tools 01/04")),
-                ref.tolerance("rate_degs"));
+  expect_within("rates [deg/s]", apart(s.v.head<3>() / kDegree, ref.vector("body rates at 30 s, tools 01/04")), ref.tolerance("rate_degs"));
   const Eigen::Matrix3d R = local(std::atan2(s.q[5], s.q[4])).transpose() * quaternion(s.q.data()).toRotationMatrix();
   const Vector3d euler(std::atan2(R(1, 0), R(0, 0)), -std::asin(R(2, 0)), std::atan2(R(2, 1), R(2, 2)));
-  expect_within("yaw, pitch, roll [deg]", apart(euler / kDegree, ref.vector("yaw,pitch,roll")),
-                ref.tolerance("euler_deg"));
+  expect_within("yaw, pitch, roll [deg]", apart(euler / kDegree, ref.vector("yaw,pitch,roll")), ref.tolerance("euler_deg"));
   expect_within("altitude [ft]", std::abs((s.q.tail<3>().norm() - a) / 0.3048 - ref.number("altitude")), 0.01);
 }
 
@@ -393,8 +376,7 @@ TEST(FoucaultPendulum, TurnsWithTheSineOfTheLatitude) {
   earth.hinge.prescribed = {0};
   earth.hinge.v = {rate};
   BodySpec bob = on(particle("bob", 28.0, -length * up), "earth", "universal", {east, north}, pivot);
-  bob.hinge.q = {std::asin(ref.initial()["amplitude_m"].as<double>() / length),
-                 0.0};  // a turn about east: to the south or north
+  bob.hinge.q = {std::asin(ref.initial()["amplitude_m"].as<double>() / length), 0.0};  // a turn about east: to the south or north
   const auto sim = run_of(system({earth, bob}, central_gravity(mu, false)), "dopri5", 1e-11);
   sim->prescribe(0, MotionProfile::hold(rate));
   // In the Earth's axes, from the pivot: east and north.
@@ -417,11 +399,9 @@ TEST(FoucaultPendulum, TurnsWithTheSineOfTheLatitude) {
         if (p.dot(start) > 0.0) azimuth = std::atan2(p.x() * start.y() - p.y() * start.x(), p.dot(start));
       });
   sim->run(3600.0);
-  ASSERT_GT(farthest->size(), 430u);  // twice per swing of 16.4 s
-  const std::size_t last =
-      farthest->size() - (farthest->size() % 2 == 0 ? 1 : 2);  // counted from 0: the odd ones are on its side
-  expect_within("precession",
-                std::abs(azimuth / kDegree / (farthest->at(last) / 3600.0) / ref.number("plane precession") - 1.0),
+  ASSERT_GT(farthest->size(), 430u);                                                // twice per swing of 16.4 s
+  const std::size_t last = farthest->size() - (farthest->size() % 2 == 0 ? 1 : 2);  // counted from 0: the odd ones are on its side
+  expect_within("precession", std::abs(azimuth / kDegree / (farthest->at(last) / 3600.0) / ref.number("plane precession") - 1.0),
                 ref.tolerance("rel"));
 }
 

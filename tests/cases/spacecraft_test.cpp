@@ -32,10 +32,8 @@ TEST(ReactionWheels, TurnTheHubInOrbit) {
   const Published ref("rigid-basilisk-rw-balanced");
   const YAML::Node hub_data = ref.model()["hub"], wheels = ref.model()["wheels"];
   const double J = wheels["spin_inertia_kgm2"].as<double>(), wheel_mass = 1.0;
-  const Vector3d c = Published::as_vector(hub_data["com_in_body_m"]),
-                 omega = Published::as_vector(ref.initial()["omega_body"]);
-  const Vector3d r_C = Published::as_vector(ref.initial()["r_C_m"]),
-                 v_C = Published::as_vector(ref.initial()["v_C_ms"]);
+  const Vector3d c = Published::as_vector(hub_data["com_in_body_m"]), omega = Published::as_vector(ref.initial()["omega_body"]);
+  const Vector3d r_C = Published::as_vector(ref.initial()["r_C_m"]), v_C = Published::as_vector(ref.initial()["v_C_ms"]);
   const Matrix3d sphere = J * Matrix3d::Identity();
   const Matrix3d whole = diagonal(Published::as_vector(hub_data["inertia_diag_about_com_kgm2"]));
   BodySpec hub = on(rigid("hub", hub_data["mass_kg"].as<double>() - 3 * wheel_mass, c, whole - 3 * sphere), "", "free");
@@ -49,8 +47,7 @@ TEST(ReactionWheels, TurnTheHubInOrbit) {
     bodies.back().hinge.v = {wheels["speeds_rpm"][at].as<double>() * kRpm};
   }
   const auto sim = run_of(system(bodies, central_gravity(ref.model()["mu_m3s2"].as<double>(), false)));
-  for (int i = 0; i < 3; ++i)
-    sim->set_force(6 + i, ref.model()["motor_torque_Nm"][static_cast<std::size_t>(i)].as<double>());
+  for (int i = 0; i < 3; ++i) sim->set_force(6 + i, ref.model()["motor_torque_Nm"][static_cast<std::size_t>(i)].as<double>());
   sim->run(0.5);
   for (int i = 0; i < 3; ++i) sim->set_force(6 + i, 0.0);
   sim->run(1.0);
@@ -92,23 +89,19 @@ TEST(ReactionWheel, TakesUpWhatTheHubGives) {
 TEST(HingedPanels, ReactOnTheirHub) {
   const Published ref("rigid-basilisk-planar-hinged-panels");
   // Motion in the plane: the other moments do not enter.
-  std::vector<BodySpec> bodies = {
-      on(rigid("hub", 750.0, Vector3d::Zero(), diagonal({600, 600, 600})), "", "planar", {X, Y})};
+  std::vector<BodySpec> bodies = {on(rigid("hub", 750.0, Vector3d::Zero(), diagonal({600, 600, 600})), "", "planar", {X, Y})};
   for (const auto& p : ref.model()["panels"]) {
     const Vector3d com(p["com_from_hinge_m"][0].as<double>(), p["com_from_hinge_m"][1].as<double>(), 0.0);
     const Vector3d at(p["hinge_in_hub_m"][0].as<double>(), p["hinge_in_hub_m"][1].as<double>(), 0.0);
     const double I = p["inertia_about_hinge_axis_at_com_kgm2"].as<double>();
     BodySpec panel =
-        on(rigid(fmt::format("panel_{}", bodies.size()), p["mass_kg"].as<double>(), com, diagonal({I, I, I})), "hub",
-           "revolute", {Z}, at);
+        on(rigid(fmt::format("panel_{}", bodies.size()), p["mass_kg"].as<double>(), com, diagonal({I, I, I})), "hub", "revolute", {Z}, at);
     panel.hinge.springs = {{0, p["spring_Nmrad"].as<double>(), 0.0, p["damper_Nms"].as<double>(), {}}};
     bodies.push_back(panel);
   }
   const auto sim = run_of(system(bodies));
   const int thruster = sim->add_wrench(sim->model().find_node("hub"), false);
-  const auto push = [&](double fx, double fy, double torque) {
-    sim->set_wrench(thruster, {{0, 0, torque}, {fx, fy, 0}});
-  };
+  const auto push = [&](double fx, double fy, double torque) { sim->set_wrench(thruster, {{0, 0, torque}, {fx, fy, 0}}); };
   double position = 0.0, angle = 0.0;
   const auto check = [&](double t, const char* quantity) {
     sim->run(t);
@@ -134,9 +127,7 @@ TEST(HingedPanels, ReactOnTheirHub) {
 
 TEST(AsymmetricHub, TumblesAlongItsOrbit) {
   const Published ref("rigid-torquefree-asym-basilisk");
-  BodySpec hub =
-      on(rigid("hub", 100.0, Vector3d::Zero(), diagonal(Published::as_vector(ref.model()["inertia_diag_kgm2"]))), "",
-         "free");
+  BodySpec hub = on(rigid("hub", 100.0, Vector3d::Zero(), diagonal(Published::as_vector(ref.model()["inertia_diag_kgm2"]))), "", "free");
   const VectorXd omega = Published::as_vector(ref.initial()["omega_body_rads"]);
   hub.hinge.q = joined(kIdentity, Published::as_vector(ref.initial()["r_m"]));
   hub.hinge.v = joined(omega, Published::as_vector(ref.initial()["v_ms"]));
@@ -186,8 +177,8 @@ TEST(GravityGradient, LibratesWithTheEllipticPeriod) {
     const auto back = crossings(*sim, -1, [n](const double*, const double* v) { return v[2] - n; });
     sim->run(1.05 * want[i] / (n * std::sqrt(3 * K)));
     ASSERT_EQ(back->size(), 1u);
-    expect_within(fmt::format("period from {} deg", amplitudes[i]).c_str(),
-                  std::abs(back->front() * n * std::sqrt(3 * K) / want[i] - 1.0), ref.tolerance("rel"));
+    expect_within(fmt::format("period from {} deg", amplitudes[i]).c_str(), std::abs(back->front() * n * std::sqrt(3 * K) / want[i] - 1.0),
+                  ref.tolerance("rel"));
   }
 }
 

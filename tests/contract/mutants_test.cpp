@@ -49,23 +49,22 @@ struct Curve {
   static Vector6d map_dot(const Packed&, const double* q, const double* u) noexcept {
     const Matrix3d R_PO = rotation(*q).transpose();
     Vector6d d = Vector6d::Zero();
-    d.tail<3>() =
-        *u * (R_PO * Vector3d(2, 0, -std::sin(*q)) - Vector3d::UnitZ().cross(R_PO * Vector3d(2 * *q, 0, std::cos(*q))));
+    d.tail<3>() = *u * (R_PO * Vector3d(2, 0, -std::sin(*q)) - Vector3d::UnitZ().cross(R_PO * Vector3d(2 * *q, 0, std::cos(*q))));
     return d;
   }
 };
 const Table& curve() { return hinge_table<Curve>(); }
 
 /// A function of C that does what the family's does, then changes the record of hinge j at coordinate q and rate v.
-#define CHANGED_RECORD(base, ...)                                                                           \
-  [](const void* p, std::uint32_t n, const std::uint32_t* iq, const std::uint32_t* iv, const double* all_q, \
-     const double* all_v, cardan_hinge_out* out) {                                                          \
-    (base).kinematics(p, n, iq, iv, all_q, all_v, out);                                                     \
-    for (std::uint32_t j = 0; j < n; ++j) {                                                                 \
-      [[maybe_unused]] const double q = all_q[iq[j]], v = all_v[iv[j]];                                     \
-      [[maybe_unused]] cardan_hinge_out& o = out[j];                                                        \
-      __VA_ARGS__                                                                                           \
-    }                                                                                                       \
+#define CHANGED_RECORD(base, ...)                                                                                                \
+  [](const void* p, std::uint32_t n, const std::uint32_t* iq, const std::uint32_t* iv, const double* all_q, const double* all_v, \
+     cardan_hinge_out* out) {                                                                                                    \
+    (base).kinematics(p, n, iq, iv, all_q, all_v, out);                                                                          \
+    for (std::uint32_t j = 0; j < n; ++j) {                                                                                      \
+      [[maybe_unused]] const double q = all_q[iq[j]], v = all_v[iv[j]];                                                          \
+      [[maybe_unused]] cardan_hinge_out& o = out[j];                                                                             \
+      __VA_ARGS__                                                                                                                \
+    }                                                                                                                            \
   }
 
 struct Mutant {
@@ -75,8 +74,7 @@ struct Mutant {
 };
 
 template <class Change>
-Mutant mutant(const std::string& name, const std::string& law, const Table& base, const Change& change,
-              bool alone = false) {
+Mutant mutant(const std::string& name, const std::string& law, const Table& base, const Change& change, bool alone = false) {
   Mutant m{name, law, base, alone};
   change(m.table);
   return m;
@@ -107,8 +105,8 @@ void scalar_last(Table& t) {
     double a[kMost]{};
     Name::base().zero(p, a), back(a, q, static_cast<int>(Name::base().nq));
   };
-  t.kinematics = [](const void* p, std::uint32_t n, const std::uint32_t* iq, const std::uint32_t* iv, const double* q,
-                    const double* v, cardan_hinge_out* out) {
+  t.kinematics = [](const void* p, std::uint32_t n, const std::uint32_t* iq, const std::uint32_t* iv, const double* q, const double* v,
+                    cardan_hinge_out* out) {
     for (std::uint32_t j = 0; j < n; ++j) {
       double a[kMost]{};
       permuted(q + iq[j], a, static_cast<int>(Name::base().nq));
@@ -118,8 +116,7 @@ void scalar_last(Table& t) {
   };
   t.qdot = [](const void* p, const double* q, const double* v, double* qdot) {
     double a[kMost]{}, d[kMost]{};
-    permuted(q, a, static_cast<int>(Name::base().nq)), Name::base().qdot(p, a, v, d),
-        back(d, qdot, static_cast<int>(Name::base().nq));
+    permuted(q, a, static_cast<int>(Name::base().nq)), Name::base().qdot(p, a, v, d), back(d, qdot, static_cast<int>(Name::base().nq));
   };
   t.map_dot = [](const void* p, const double* q, const double* u, double* out) {
     double a[kMost]{};
@@ -127,13 +124,11 @@ void scalar_last(Table& t) {
   };
   t.normalise = [](const void* p, double* q) {
     double a[kMost]{};
-    permuted(q, a, static_cast<int>(Name::base().nq)), Name::base().normalise(p, a),
-        back(a, q, static_cast<int>(Name::base().nq));
+    permuted(q, a, static_cast<int>(Name::base().nq)), Name::base().normalise(p, a), back(a, q, static_cast<int>(Name::base().nq));
   };
   t.retract = [](const void* p, const double* q, const double* d, double* out) {
     double a[kMost]{}, b[kMost]{};
-    permuted(q, a, static_cast<int>(Name::base().nq)), Name::base().retract(p, a, d, b),
-        back(b, out, static_cast<int>(Name::base().nq));
+    permuted(q, a, static_cast<int>(Name::base().nq)), Name::base().retract(p, a, d, b), back(b, out, static_cast<int>(Name::base().nq));
   };
   t.difference = [](const void* p, const double* q1, const double* q2, double* d) {
     double a[kMost]{}, b[kMost]{};
@@ -150,10 +145,8 @@ std::vector<Mutant> mutants() {
   add("AScaledRotation", "R is a rotation", curve(), [](Table& t) {
     t.kinematics = CHANGED_RECORD(curve(), for (double& r : o.R_OP) r *= 1 + 1e-12;);
   });
-  add("ATurnTheOtherWay", "angular part of Ht v", curve(),
-      [](Table& t) { t.kinematics = CHANGED_RECORD(curve(), o.Ht[2] = -1;); });
-  add("ADriftTheOtherWay", "linear part of Ht v", curve(),
-      [](Table& t) { t.kinematics = CHANGED_RECORD(curve(), o.Ht[5] = -o.Ht[5];); });
+  add("ATurnTheOtherWay", "angular part of Ht v", curve(), [](Table& t) { t.kinematics = CHANGED_RECORD(curve(), o.Ht[2] = -1;); });
+  add("ADriftTheOtherWay", "linear part of Ht v", curve(), [](Table& t) { t.kinematics = CHANGED_RECORD(curve(), o.Ht[5] = -o.Ht[5];); });
   add("ADoubledRateOfTheMap", "Hdot_v = (d/dt Ht) v", curve(), [](Table& t) {
     t.kinematics = CHANGED_RECORD(curve(), for (double& h : o.Hdot_v) h *= 2;);
   });
@@ -181,9 +174,8 @@ std::vector<Mutant> mutants() {
       for (int i = 0; i < 6; ++i) out[i] *= 1 + 1e-10 * *u;
     };
   });
-  add("RatesThatAreNotLinear", "qdot is linear in v", curve(), [](Table& t) {
-    t.qdot = [](const void*, const double*, const double* v, double* qdot) { *qdot = *v + 1e-11 * *v * *v; };
-  });
+  add("RatesThatAreNotLinear", "qdot is linear in v", curve(),
+      [](Table& t) { t.qdot = [](const void*, const double*, const double* v, double* qdot) { *qdot = *v + 1e-11 * *v * *v; }; });
   add(
       "AMapThatKnowsTheRate", "R, l and Ht do not depend on v", curve(),
       [](Table& t) { t.kinematics = CHANGED_RECORD(curve(), o.Ht[5] += 1e-13 * v;); }, true);
@@ -192,8 +184,8 @@ std::vector<Mutant> mutants() {
   add(
       "ABatchThatReadsTheFirstHinge", "kinematics of many hinges is that of each", curve(),
       [](Table& t) {
-        t.kinematics = [](const void* p, std::uint32_t n, const std::uint32_t* iq, const std::uint32_t* iv,
-                          const double* q, const double* v, cardan_hinge_out* out) {
+        t.kinematics = [](const void* p, std::uint32_t n, const std::uint32_t* iq, const std::uint32_t* iv, const double* q,
+                          const double* v, cardan_hinge_out* out) {
           for (std::uint32_t j = 0; j < n; ++j) curve().kinematics(p, 1, iq, iv + j, q, v, out + j);
         };
       },
@@ -232,9 +224,8 @@ std::vector<Mutant> mutants() {
       [](Table& t) { t.kinematics = CHANGED_RECORD(curve(), if (q > 18) o.Ht[5] *= 1.5;); });
   add("AKinkOnTheNegativeSide", "linear part of Ht v", curve(),
       [](Table& t) { t.kinematics = CHANGED_RECORD(curve(), if (q < -5) o.Ht[5] *= 1.5;); });
-  add("ARateThatSaturates", "qdot is linear in v", curve(), [](Table& t) {
-    t.qdot = [](const void*, const double*, const double* v, double* qdot) { *qdot = std::min(*v, 5.0); };
-  });
+  add("ARateThatSaturates", "qdot is linear in v", curve(),
+      [](Table& t) { t.qdot = [](const void*, const double*, const double* v, double* qdot) { *qdot = std::min(*v, 5.0); }; });
   add("NoNumberAtZero", "linear part of Ht v", curve(),
       [](Table& t) { t.kinematics = CHANGED_RECORD(curve(), o.p_OP[2] = q == 0 ? NAN : o.p_OP[2];); });
 
@@ -244,14 +235,13 @@ std::vector<Mutant> mutants() {
   add(
       "ARotationThatStartsTurned", "the declared shape is true: R", built_in("revolute"),
       [](Table& t) {
-        t.kinematics = [](const void* p, std::uint32_t n, const std::uint32_t* iq, const std::uint32_t* iv,
-                          const double* q, const double* v, cardan_hinge_out* out) {
+        t.kinematics = [](const void* p, std::uint32_t n, const std::uint32_t* iq, const std::uint32_t* iv, const double* q,
+                          const double* v, cardan_hinge_out* out) {
           for (std::uint32_t j = 0; j < n; ++j) {
             const double turned = q[iq[j]] + 0.1;
             const std::uint32_t zero = 0;
             built_in("revolute")
-                .kinematics(static_cast<const char*>(p) + j * built_in("revolute").params_size, 1, &zero, iv + j,
-                            &turned, v, out + j);
+                .kinematics(static_cast<const char*>(p) + j * built_in("revolute").params_size, 1, &zero, iv + j, &turned, v, out + j);
           }
         };
       },
@@ -281,8 +271,8 @@ std::vector<Mutant> mutants() {
   add(
       "AFixedHingeThatIsTurned", "the declared shape is true: R", built_in("locked"),
       [](Table& t) {
-        t.kinematics = [](const void*, std::uint32_t n, const std::uint32_t*, const std::uint32_t*, const double*,
-                          const double*, cardan_hinge_out* out) {
+        t.kinematics = [](const void*, std::uint32_t n, const std::uint32_t*, const std::uint32_t*, const double*, const double*,
+                          cardan_hinge_out* out) {
           for (std::uint32_t j = 0; j < n; ++j) out[j] = {{0, -1, 0, 1, 0, 0, 0, 0, 1}, {}, {}, {}};
         };
       },
@@ -299,8 +289,7 @@ class HingeMutant : public testing::TestWithParam<Mutant> {};
 
 TEST_P(HingeMutant, IsRefusedByItsLaw) {
   const auto violations = hinge_law_violations(GetParam().table);
-  const auto of_law = std::count_if(violations.begin(), violations.end(),
-                                    [](const std::string& v) { return v.find(GetParam().law) == 0; });
+  const auto of_law = std::count_if(violations.begin(), violations.end(), [](const std::string& v) { return v.find(GetParam().law) == 0; });
   EXPECT_GT(of_law, 0) << (violations.empty() ? "nothing" : violations.front());
   for (const std::string& v : violations) EXPECT_TRUE(!GetParam().alone || v.find(GetParam().law) == 0) << v;
 }
@@ -325,14 +314,11 @@ TEST(HingeLaws, LetAGoodHingePass) {
 // have one.
 TEST(HingeLaws, AskNothingOutsideOfADomain) {
   Table circle = curve();
-  circle.kinematics = [](const void*, std::uint32_t n, const std::uint32_t* iq, const std::uint32_t* iv,
-                         const double* q, const double* v, cardan_hinge_out* out) {
+  circle.kinematics = [](const void*, std::uint32_t n, const std::uint32_t* iq, const std::uint32_t* iv, const double* q, const double* v,
+                         cardan_hinge_out* out) {
     for (std::uint32_t j = 0; j < n; ++j) {
       const double x = q[iq[j]], z = std::sqrt(4 - x * x), rate = v[iv[j]];
-      out[j] = {{1, 0, 0, 0, 1, 0, 0, 0, 1},
-                {x, 0, z},
-                {0, 0, 0, 1, 0, -x / z},
-                {0, 0, 0, 0, 0, -4 / (z * z * z) * rate * rate}};
+      out[j] = {{1, 0, 0, 0, 1, 0, 0, 0, 1}, {x, 0, z}, {0, 0, 0, 1, 0, -x / z}, {0, 0, 0, 0, 0, -4 / (z * z * z) * rate * rate}};
     }
   };
   circle.map_dot = [](const void*, const double* q, const double* u, double* out) {

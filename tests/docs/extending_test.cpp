@@ -28,8 +28,9 @@ namespace {
 std::string point() {
   const std::string folder = test::scratch("point");
   std::filesystem::create_directories(folder);
-  std::ofstream(folder + "/vehicle.yaml") << "cardan: 1\nbodies:\n  stone: {type: particle, mass: 3 kg, hinge: {type: translational, to: world, "
-                                             "initial: {x: 10, velocity: [3, 4, 0]}}}\n";
+  std::ofstream(folder + "/vehicle.yaml")
+      << "cardan: 1\nbodies:\n  stone: {type: particle, mass: 3 kg, hinge: {type: translational, to: world, "
+         "initial: {x: 10, velocity: [3, 4, 0]}}}\n";
   std::ofstream(folder + "/scenario.lua") << "vehicle 'vehicle.yaml'\nmission { duration = 1 }\n";
   return folder;
 }
@@ -79,7 +80,8 @@ TEST(ExtendingPages, TheKeyIsReadInItsUnitAndRefusedOutOfItsRange) {
   DiagnosticSink sink;
   std::vector<std::pair<std::string, std::string>> defaults;
   ReadContext context{sink, defaults};
-  const DocNode good = parse_yaml("{absorptance: 30 %, area: 20000 cm^2}", "test.yaml"), bad = parse_yaml("{absorptance: 3, aera: 2}", "test.yaml");
+  const DocNode good = parse_yaml("{absorptance: 30 %, area: 20000 cm^2}", "test.yaml"),
+                bad = parse_yaml("{absorptance: 3, aera: 2}", "test.yaml");
   const PaintSpec paint = read_paint({&good, "paint"}, context);
   EXPECT_TRUE(sink.empty());
   EXPECT_DOUBLE_EQ(paint.absorptance, 0.3);

@@ -10,11 +10,11 @@
 #include <sstream>
 #include <string>
 
+#include "bodies/vehicle/load_vehicle.hpp"
 #include "core/base/diagnostic.hpp"
 #include "core/io/yaml_reader.hpp"
 #include "core/model/validate.hpp"
 #include "hinges/register.hpp"
-#include "bodies/vehicle/load_vehicle.hpp"
 
 namespace cardan {
 namespace {
@@ -61,8 +61,7 @@ TEST_P(Errors, AreToldWithTheirWholeText) {
   const fs::path expected = kFolder / (GetParam() + ".expected.txt");
   if (std::getenv("CARDAN_UPDATE_EXPECTED")) std::ofstream(expected, std::ios::binary) << text;
   EXPECT_EQ(text, text_of(expected));
-  EXPECT_NE(text.find("error[" + GetParam().substr(0, 5) + "]"), std::string::npos)
-      << "the file is named after its code";
+  EXPECT_NE(text.find("error[" + GetParam().substr(0, 5) + "]"), std::string::npos) << "the file is named after its code";
 }
 INSTANTIATE_TEST_SUITE_P(Vehicle, Errors, testing::ValuesIn(cases()), [](const auto& c) {
   std::string name = c.param;

@@ -50,7 +50,7 @@ std::pair<double, double> errors(double step) {
 TEST(ExtendingTheEngine, TheIntegratorIsOfOrderTwo) {
   const auto [t_coarse, y_coarse] = errors(0.02);
   const auto [t_fine, y_fine] = errors(0.01);
-  EXPECT_LT(t_fine, 1e-4);  // h^2/6 over a time of 1.6
+  EXPECT_LT(t_fine, 1e-4);                   // h^2/6 over a time of 1.6
   EXPECT_NEAR(t_coarse / t_fine, 4.0, 0.4);  // half the step, a quarter of the error, but for terms of the next order
   EXPECT_NEAR(y_coarse / y_fine, 4.0, 0.4);
 }

@@ -14,15 +14,15 @@
 #include <filesystem>
 #include <fstream>
 
-#include "core/base/diagnostic.hpp"
 #include "core/base/child_process.hpp"
+#include "core/base/diagnostic.hpp"
 #include "core/io/json.hpp"
 
 namespace cardan::fuzz {
 namespace {
 
-constexpr double kSeconds = 10.0;          // of the default run
-constexpr int kMostCpu = 60;               // [s] of one input
+constexpr double kSeconds = 10.0;                                 // of the default run
+constexpr int kMostCpu = 60;                                      // [s] of one input
 [[maybe_unused]] constexpr double kMostMemory = 6.0 * (1 << 30);  // [bytes] of the whole program
 
 char current[128] = "";  // which input is tried, for the handler
@@ -102,15 +102,18 @@ void run(const std::string& name, const std::function<void(Random&, const Keep&)
     write(kept, input);
     ADD_FAILURE() << "input " << i << " of " << name << ", kept in " << kept << ": " << fault;
   }
-  fmt::print("fuzz {}: {} inputs from {} on, {} taken, {} refused with a typed error, {} failed\n", name, i - first, first, good, refused, failed);
+  fmt::print("fuzz {}: {} inputs from {} on, {} taken, {} refused with a typed error, {} failed\n", name, i - first, first, good, refused,
+             failed);
   std::fflush(stdout);
 }
 
 namespace {
 
-const std::vector<std::string> kNumbers = {"0",     "-0",     "1",       "-1",     "2",        "3",         "1e308",  "-1e308", "1e309",   "5e-324",
-                                           "1e-310", "nan",    "inf",     "-inf",   "1e9",      "2147483648", "4294967296", "9223372036854775808", "0x10", "1e",
-                                           "1_000", "0.1.2",  ".5",      "5.",     "1e-1000",  "00",        "1e1",    "100000000", "1,5",     "+1"};
+const std::vector<std::string> kNumbers = {"0",       "-0",     "1",     "-1",         "2",          "3",
+                                           "1e308",   "-1e308", "1e309", "5e-324",     "1e-310",     "nan",
+                                           "inf",     "-inf",   "1e9",   "2147483648", "4294967296", "9223372036854775808",
+                                           "0x10",    "1e",     "1_000", "0.1.2",      ".5",         "5.",
+                                           "1e-1000", "00",     "1e1",   "100000000",  "1,5",        "+1"};
 const std::vector<std::string> kBytes = {"\0", "\xff", "\xc3", "\xed\xa0\x80", "\t", "\r\n", "\xef\xbb\xbf", "\x1b[31m", "\x7f"};
 
 /// Beginnings and ends of words and numbers.
@@ -200,7 +203,8 @@ void mutate_once(std::string& text, const std::vector<std::string>& others, cons
 
 }  // namespace
 
-std::string mutated(const std::string& text, const std::vector<std::string>& others, const std::vector<std::string>& words, Random& random) {
+std::string mutated(const std::string& text, const std::vector<std::string>& others, const std::vector<std::string>& words,
+                    Random& random) {
   std::string out = text;
   for (std::size_t n = 1 + random.below(random.one_in(3) ? 8 : 2); n > 0; --n) mutate_once(out, others, words, random);
   return out;
@@ -216,7 +220,8 @@ std::string with_flipped_bytes(std::string bytes, Random& random) {
   }
   if (random.one_in(20)) {
     const std::size_t at = random.below(bytes.size()), end = std::min(bytes.size(), at + 1 + random.below(512));
-    std::fill(bytes.begin() + static_cast<std::ptrdiff_t>(at), bytes.begin() + static_cast<std::ptrdiff_t>(end), random.one_in(2) ? '\0' : '\xff');
+    std::fill(bytes.begin() + static_cast<std::ptrdiff_t>(at), bytes.begin() + static_cast<std::ptrdiff_t>(end),
+              random.one_in(2) ? '\0' : '\xff');
   }
   if (random.one_in(50)) bytes.resize(random.below(bytes.size()));
   return bytes;

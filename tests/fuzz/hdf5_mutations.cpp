@@ -35,35 +35,59 @@ Content content_of(hid_t file) {
   return out;
 }
 
-const double kOdd[] = {0.0, -0.0, -1.0, 1e308, -1e308, 5e-324, 1e18, 1e9, 0.5, std::numeric_limits<double>::quiet_NaN(),
-                       HUGE_VAL, -HUGE_VAL, 2147483648.0, 3.0, 1e-310};
+const double kOdd[] = {0.0,      -0.0,      -1.0,         1e308, -1e308, 5e-324, 1e18, 1e9, 0.5, std::numeric_limits<double>::quiet_NaN(),
+                       HUGE_VAL, -HUGE_VAL, 2147483648.0, 3.0,   1e-310};
 
 std::vector<hsize_t> odd_shape(const std::vector<hsize_t>& shape, Random& random) {
   std::vector<hsize_t> out = shape;
   switch (random.below(6)) {
-    case 0: out.push_back(1 + random.below(3)); break;
-    case 1: if (!out.empty()) out.pop_back(); break;
-    case 2: out = {0}; break;
-    case 3: out.clear(); break;
-    default: if (!out.empty()) { hsize_t& n = out[random.below(out.size())]; n = random.one_in(2) ? n + 1 : random.below(12); }
+    case 0:
+      out.push_back(1 + random.below(3));
+      break;
+    case 1:
+      if (!out.empty()) out.pop_back();
+      break;
+    case 2:
+      out = {0};
+      break;
+    case 3:
+      out.clear();
+      break;
+    default:
+      if (!out.empty()) {
+        hsize_t& n = out[random.below(out.size())];
+        n = random.one_in(2) ? n + 1 : random.below(12);
+      }
   }
   return out;
 }
 
 hid_t odd_type(Random& random) {
   switch (random.below(7)) {
-    case 0: return H5Tcopy(H5T_NATIVE_INT32);
-    case 1: return H5Tcopy(H5T_IEEE_F32BE);
-    case 2: return H5Tcopy(H5T_NATIVE_UINT8);
-    case 3: { const hid_t t = H5Tcopy(H5T_C_S1); H5Tset_size(t, 1 + random.below(40)); return t; }
-    case 4: { const hid_t t = H5Tcopy(H5T_C_S1); H5Tset_size(t, H5T_VARIABLE); return t; }
+    case 0:
+      return H5Tcopy(H5T_NATIVE_INT32);
+    case 1:
+      return H5Tcopy(H5T_IEEE_F32BE);
+    case 2:
+      return H5Tcopy(H5T_NATIVE_UINT8);
+    case 3: {
+      const hid_t t = H5Tcopy(H5T_C_S1);
+      H5Tset_size(t, 1 + random.below(40));
+      return t;
+    }
+    case 4: {
+      const hid_t t = H5Tcopy(H5T_C_S1);
+      H5Tset_size(t, H5T_VARIABLE);
+      return t;
+    }
     case 5: {
       const hid_t t = H5Tcreate(H5T_COMPOUND, 16);
       H5Tinsert(t, "a", 0, H5T_NATIVE_DOUBLE);
       H5Tinsert(t, "b", 8, H5T_NATIVE_INT64);
       return t;
     }
-    default: return H5Tcopy(H5T_STD_REF_OBJ);
+    default:
+      return H5Tcopy(H5T_STD_REF_OBJ);
   }
 }
 
@@ -173,7 +197,8 @@ void change_attribute(hid_t file, const std::pair<std::string, std::string>& att
   H5Adelete(owner, attribute.second.c_str());
   if (!random.one_in(3)) {
     const hid_t type = random.one_in(2) ? odd_type(random) : H5Tcopy(H5T_NATIVE_DOUBLE);
-    const hid_t space = random.one_in(5) ? H5Screate(H5S_NULL) : space_of(random.one_in(2) ? std::vector<hsize_t>{} : std::vector<hsize_t>{1 + random.below(9)});
+    const hid_t space = random.one_in(5) ? H5Screate(H5S_NULL)
+                                         : space_of(random.one_in(2) ? std::vector<hsize_t>{} : std::vector<hsize_t>{1 + random.below(9)});
     const hid_t a = H5Acreate2(owner, attribute.second.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT);
     if (a >= 0) {
       const std::vector<char> zeros(static_cast<std::size_t>(H5Aget_storage_size(a)) + 64, 0);
@@ -191,9 +216,14 @@ void change_links(hid_t file, const Content& content, Random& random) {
   const std::string any = random.one_in(2) || content.datasets.empty() ? random.of(content.groups) : random.of(content.datasets);
   H5Ldelete(file, name.c_str(), H5P_DEFAULT);
   switch (random.below(4)) {
-    case 0: H5Lcreate_soft(any.c_str(), file, name.c_str(), H5P_DEFAULT, H5P_DEFAULT); break;
-    case 1: H5Lcreate_external("/dev/zero", any.c_str(), file, name.c_str(), H5P_DEFAULT, H5P_DEFAULT); break;
-    default: H5Lcreate_hard(file, any.c_str(), file, name.c_str(), H5P_DEFAULT, H5P_DEFAULT);
+    case 0:
+      H5Lcreate_soft(any.c_str(), file, name.c_str(), H5P_DEFAULT, H5P_DEFAULT);
+      break;
+    case 1:
+      H5Lcreate_external("/dev/zero", any.c_str(), file, name.c_str(), H5P_DEFAULT, H5P_DEFAULT);
+      break;
+    default:
+      H5Lcreate_hard(file, any.c_str(), file, name.c_str(), H5P_DEFAULT, H5P_DEFAULT);
   }
 }
 

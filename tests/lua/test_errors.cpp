@@ -110,8 +110,7 @@ TEST(LuaErrors, CoroutinesKeepTheInnerPlace) {
 
 TEST(LuaErrors, BuiltInModulesBlameTheCaller) {
   LuaOptions options;
-  options.built_in = {
-      {"cardan.law", "return {gain = function(x) if x < 0 then error('gain must be positive') end end}"}};
+  options.built_in = {{"cardan.law", "return {gain = function(x) if x < 0 then error('gain must be positive') end end}"}};
   LuaHost host(std::move(options));
   EXPECT_EQ(message_of(host, "local law = require 'cardan.law'\nlaw.gain(-1)"),
             "error[C0503]: Lua runtime error: gain must be positive\n"
@@ -127,9 +126,7 @@ TEST(LuaExceptions, PassThroughScriptsUnchanged) {
     throw InputError(std::vector<Diagnostic>{{Code::unknown_body, {"body", {}}, "a body", "\"bus\"", {}, {}, {}, 0},
                                              {Code::unknown_node, {"node", {}}, "a node", "\"tip\"", {}, {}, {}, 0}});
   });
-  host.bind("run.failing", [](lua_State*) -> int {
-    throw NumericsError({Code::singular_hinge, 12.5, "panel", "root", "D = 0", {}, {}});
-  });
+  host.bind("run.failing", [](lua_State*) -> int { throw NumericsError({Code::singular_hinge, 12.5, "panel", "root", "D = 0", {}, {}}); });
   host.bind("standard", [](lua_State*) -> int { throw std::out_of_range("index 5"); });
 
   try {
@@ -152,9 +149,7 @@ TEST(LuaExceptions, PassThroughScriptsUnchanged) {
 
 TEST(LuaExceptions, CanBeCaughtByScripts) {
   LuaHost host;
-  host.bind("failing", [](lua_State*) -> int {
-    throw NumericsError({Code::singular_hinge, 12.5, {}, {}, "D = 0", {}, {}});
-  });
+  host.bind("failing", [](lua_State*) -> int { throw NumericsError({Code::singular_hinge, 12.5, {}, {}, "D = 0", {}, {}}); });
   EXPECT_EQ(message_of(host,
                        "local ok, e = pcall(failing) assert(not ok and tostring(e):find('N0107', 1, true)) "
                        "assert(getmetatable(e) == false)"),
@@ -203,7 +198,8 @@ TEST(LuaExceptions, RunDestructors) {
 
 TEST(LuaErrors, ALongTextIsCut) {
   LuaHost host;
-  for (const char* text : {"error(('a:1: '):rep(400000), 0)", "error(('x'):rep(1e7), 0)", "error(('x:1: '):rep(4e5) .. ('y'):rep(1e6), 0)"}) {
+  for (const char* text :
+       {"error(('a:1: '):rep(400000), 0)", "error(('x'):rep(1e7), 0)", "error(('x:1: '):rep(4e5) .. ('y'):rep(1e6), 0)"}) {
     try {
       host.run_text("scenario.lua", text);
       FAIL();
@@ -232,7 +228,10 @@ TEST(LuaErrors, TextsThatCannotBeParsedNameTheirFile) {
             "error[C0501]: Lua syntax error: unexpected symbol near 'until'\n"
             "  --> scenario.lua:2\n"
             "  hint:     `until` is a word of Lua: the key of a phase is `until_`\n");
-  EXPECT_NO_THROW(host.run_text("scenario.lua", "\xEF\xBB\xBF" "assert(true)")) << "the byte-order mark of some editors";
+  EXPECT_NO_THROW(host.run_text("scenario.lua",
+                                "\xEF\xBB\xBF"
+                                "assert(true)"))
+      << "the byte-order mark of some editors";
 }
 
 }  // namespace

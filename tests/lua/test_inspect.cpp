@@ -99,10 +99,11 @@ TEST(LuaInspect, AVeryLongTextIsCut) {
 }
 
 TEST(LuaInspect, CompletesWhatCallsReturnAndNamesInQuotes) {
-  const ApiReference api({"---@class Hinge\nlocal Hinge = {}\n---@return number q\nfunction Hinge:angle() end\n"
-                          "---@return Scene scene\nfunction Hinge:scene() end\n\n"
-                          "---@class Scene\n---@field poles number\nlocal Scene = {}\n---@return Hinge hinge\nfunction Scene:hinge(name) end\n\n"
-                          "---@return Scene scene\nfunction vehicle(path) end\n"});
+  const ApiReference api(
+      {"---@class Hinge\nlocal Hinge = {}\n---@return number q\nfunction Hinge:angle() end\n"
+       "---@return Scene scene\nfunction Hinge:scene() end\n\n"
+       "---@class Scene\n---@field poles number\nlocal Scene = {}\n---@return Hinge hinge\nfunction Scene:hinge(name) end\n\n"
+       "---@return Scene scene\nfunction vehicle(path) end\n"});
   LuaHost host;
   host.protect([](lua_State* L) {
     lua_newuserdatauv(L, 1, 0);

@@ -61,7 +61,8 @@ TEST(LuaMatrix, ReadsAndSetsEntriesFromOne) {
 TEST(LuaMatrix, ComputesAsOnPaper) {
   Bench b;
   b.run("A, B, x = matrix{{1, 2}, {3, 4}}, matrix{{0, 1}, {1, 0}}, vector{5, 6}");
-  EXPECT_EQ(b.run("print(A * B == matrix{{2, 1}, {4, 3}}, B * A == matrix{{3, 4}, {1, 2}}, A * x == vector{17, 39})"), "true\ttrue\ttrue\n");
+  EXPECT_EQ(b.run("print(A * B == matrix{{2, 1}, {4, 3}}, B * A == matrix{{3, 4}, {1, 2}}, A * x == vector{17, 39})"),
+            "true\ttrue\ttrue\n");
   EXPECT_EQ(b.run("print(A:t() == matrix{{1, 3}, {2, 4}}, x:t() * A == matrix{{23, 34}}, x:dot(x))"), "true\ttrue\t61.0\n");
   EXPECT_EQ(b.run("print(2 * A - A == A, A * 2 == A + A, -x + x == vector{0, 0}, x / 2 == vector{2.5, 3})"), "true\ttrue\ttrue\ttrue\n");
   EXPECT_EQ(b.run("print(A == B, A == x, vector{1} == matrix{{1}})"), "false\tfalse\tfalse\n");
@@ -129,15 +130,19 @@ TEST(LuaMatrix, ShapesThatDoNotFitAreNamed) {
 
 TEST(LuaMatrix, LabelsFollowTheAlgebra) {
   Bench b;
-  b.run("A = matrix({{1, 2}, {3, 4}}, {names = {'a', 'b'}, units = {'N m', 'N'}}, {names = {'x', 'y'}, units = {'rad', 'm'}})"
-        "v = vector({1, 2}, {names = {'x', 'y'}})");
+  b.run(
+      "A = matrix({{1, 2}, {3, 4}}, {names = {'a', 'b'}, units = {'N m', 'N'}}, {names = {'x', 'y'}, units = {'rad', 'm'}})"
+      "v = vector({1, 2}, {names = {'x', 'y'}})");
   EXPECT_EQ(b.run("print(A['b']['x'], A('b', 'y'), v['y'])"), "3.0\t4.0\t2.0\n");
   EXPECT_EQ(b.run("local l = (A * v):labels() print(l.names[2], l.units[1])"), "b\tN m\n");
   EXPECT_EQ(b.run("local r, c = A:t():labels() print(r.names[1], c.units[2])"), "x\tN\n");
   EXPECT_EQ(b.run("print(A:solve{1, 2}:labels().names[1], (2 * v):labels().names[2], A[1]:labels().units[2])"), "x\ty\tm\n");
-  EXPECT_EQ(b.run("local w = vector({1, 2}, {names = {'p', 'q'}}) print((v + w):labels().names, (v + vector{1, 2}):labels().names[1])"), "nil\tx\n")
+  EXPECT_EQ(b.run("local w = vector({1, 2}, {names = {'p', 'q'}}) print((v + w):labels().names, (v + vector{1, 2}):labels().names[1])"),
+            "nil\tx\n")
       << "labels that differ say nothing of the sum";
-  EXPECT_EQ(b.fault("return v['z']"), "vector of 2 | a name of its labels, or a method: cols, csv, dot, hdf5, labels, max_abs, norm, rows, t, table | \"z\" (string)");
+  EXPECT_EQ(
+      b.fault("return v['z']"),
+      "vector of 2 | a name of its labels, or a method: cols, csv, dot, hdf5, labels, max_abs, norm, rows, t, table | \"z\" (string)");
   EXPECT_EQ(b.fault("return A('a', 'xx')"), "column of matrix 2x2 | 1 to 2, or one of its names | \"xx\" (string)");
   EXPECT_EQ(b.fault("return vector({1, 2}, {names = {'a'}})"),
             "labels of the vector.names | {names = {...}, units = {...}} with 2 texts each | 1 of them");
@@ -145,7 +150,8 @@ TEST(LuaMatrix, LabelsFollowTheAlgebra) {
 
 TEST(LuaMatrix, TextHasNamesUnitsAndSixDigits) {
   Bench b;
-  EXPECT_EQ(b.run("print(matrix({{1, 1 / 3}, {-2e-10, 4}}, {names = {'alpha', 'b'}, units = {'N m', 'N'}}, {names = {'x', 'y'}, units = {'rad', 'm'}}))"),
+  EXPECT_EQ(b.run("print(matrix({{1, 1 / 3}, {-2e-10, 4}}, {names = {'alpha', 'b'}, units = {'N m', 'N'}}, {names = {'x', 'y'}, units = "
+                  "{'rad', 'm'}}))"),
             "matrix 2x2\n"
             "                    x         y\n"
             "                [rad]       [m]\n"
@@ -156,7 +162,8 @@ TEST(LuaMatrix, TextHasNamesUnitsAndSixDigits) {
   const std::string large = b.run("local t = {} for i = 1, 41 do t[i] = {} for j = 1, 13 do t[i][j] = j end end print(matrix(t))");
   EXPECT_EQ(std::count(large.begin(), large.end(), '\n'), 1 + 40 + 2);
   EXPECT_EQ(large.find(" 13\n"), std::string::npos);
-  EXPECT_NE(large.find("  (rows 41 to 41 are not shown; :csv(file) writes all)\n  (columns 13 to 13 are not shown"), std::string::npos) << large;
+  EXPECT_NE(large.find("  (rows 41 to 41 are not shown; :csv(file) writes all)\n  (columns 13 to 13 are not shown"), std::string::npos)
+      << large;
 }
 
 TEST(LuaMatrix, FilesHoldAllDigitsNamesAndUnits) {
@@ -165,9 +172,10 @@ TEST(LuaMatrix, FilesHoldAllDigitsNamesAndUnits) {
   LuaOptions options;
   options.output = folder;
   Bench b(std::move(options));
-  b.run("A = matrix({{1, 0.1}, {3, 1e-20}, {5, 6}}, {names = {'a', 'b', 'c, d'}}, {names = {'x', 'y'}, units = {'rad', 'm'}})"
-        "A:csv('sub/a.csv') vector{1, 2}:csv('v.csv') A:hdf5('all.h5', 'first/A')"
-        "vector({7, 8}, {names = {'p', 'q'}, units = {'N', 'm'}}):hdf5('all.h5', 'v') vector{9}:hdf5('all.h5', 'v2')");
+  b.run(
+      "A = matrix({{1, 0.1}, {3, 1e-20}, {5, 6}}, {names = {'a', 'b', 'c, d'}}, {names = {'x', 'y'}, units = {'rad', 'm'}})"
+      "A:csv('sub/a.csv') vector{1, 2}:csv('v.csv') A:hdf5('all.h5', 'first/A')"
+      "vector({7, 8}, {names = {'p', 'q'}, units = {'N', 'm'}}):hdf5('all.h5', 'v') vector{9}:hdf5('all.h5', 'v2')");
   const auto text = [&](const char* name) {
     std::ifstream in(folder / name);
     return std::string(std::istreambuf_iterator<char>(in), {});
@@ -200,7 +208,9 @@ TEST(LuaMatrix, MemoryAndWorkCountForTheBudget) {
   b.run("t = {} for i = 1, 300 do t[i] = i end x = vector(t)");
   b.run("for i = 1, 100 do local A = x * 2 A = matrix{x:table()}:t() * matrix{x:table()} end");  // garbage is collected
   EXPECT_THROW(b.run("local all = {} for i = 1, 100 do all[i] = matrix{x:table()}:t() * matrix{x:table()} end"), InputError);
-  EXPECT_THROW(b.host.run_text("test.lua", "local A = matrix{x:table()} local B = A:t() * A for i = 1, 1e9 do B = B * 1 end", {1'000'000, 60.0}), InputError);
+  EXPECT_THROW(
+      b.host.run_text("test.lua", "local A = matrix{x:table()} local B = A:t() * A for i = 1, 1e9 do B = B * 1 end", {1'000'000, 60.0}),
+      InputError);
 }
 
 TEST(LuaMatrix, BindingsPushAndReadThem) {

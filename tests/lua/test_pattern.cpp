@@ -72,8 +72,7 @@ class LuaPattern : public ::testing::Test {
   void compare(const std::string& subject, const std::string& pattern) {
     std::string ours;
     host_.protect([&](lua_State* L) { ours = probe(L, subject, pattern); });
-    ASSERT_EQ(ours, probe(library_.get(), subject, pattern))
-        << "subject \"" << subject << "\", pattern \"" << pattern << '"';
+    ASSERT_EQ(ours, probe(library_.get(), subject, pattern)) << "subject \"" << subject << "\", pattern \"" << pattern << '"';
   }
 
   LuaHost host_;
@@ -247,9 +246,8 @@ TEST_F(LuaPattern, AgreesWithTheLibraryOnRandomCases) {
     return text;
   };
   const std::vector<std::string> letters = {"a", "b", "ab", "(", ")", "[", "]", " ", "1", "A", "-", "%", "^"};
-  const std::vector<std::string> pieces = {"a",      "b", "%a", "%d", "%W", ".", "[ab]", "[^a]", "[%w-]",
-                                           "*",      "+", "-",  "?",  "(",  ")", "()",   "%1",   "%b()",
-                                           "%f[%w]", "^", "$",  "%",  "[",  "]", "1"};
+  const std::vector<std::string> pieces = {"a", "b", "%a", "%d", "%W",   ".",      "[ab]", "[^a]", "[%w-]", "*", "+", "-", "?",
+                                           "(", ")", "()", "%1", "%b()", "%f[%w]", "^",    "$",    "%",     "[", "]", "1"};
   for (int i = 0; i < 1500; ++i) {
     const std::string subject = pick(letters, 10);
     compare(subject, pick(pieces, 6));
@@ -266,17 +264,16 @@ TEST_F(LuaPattern, StopsAtTheLibrarysDepth) {
 }
 
 TEST_F(LuaPattern, TakesNumbersAsTexts) {
-  for (const char* call : {"return string.find(12345, 34)", "return string.gsub(121, 1, 3)", "return ('x'):find()",
-                           "return ('x'):gsub('x')", "return ('x'):gmatch()", "return string.find({}, 'x')",
-                           "return ('x'):find('x', 'y')"}) {
+  for (const char* call :
+       {"return string.find(12345, 34)", "return string.gsub(121, 1, 3)", "return ('x'):find()", "return ('x'):gsub('x')",
+        "return ('x'):gmatch()", "return string.find({}, 'x')", "return ('x'):find('x', 'y')"}) {
     std::string results[2];
     const auto run = [&](lua_State* L) {
       luaL_loadstring(L, call);
       const int base = lua_gettop(L);
       const int status = lua_pcall(L, 0, LUA_MULTRET, 0);
       std::string text = std::to_string(status);
-      for (int i = base; i <= lua_gettop(L); ++i)
-        text += std::string(" ") + luaL_tolstring(L, i, nullptr), lua_pop(L, 1);
+      for (int i = base; i <= lua_gettop(L); ++i) text += std::string(" ") + luaL_tolstring(L, i, nullptr), lua_pop(L, 1);
       lua_settop(L, base - 1);
       return text;
     };

@@ -96,7 +96,8 @@ TEST(ApiReference, ClassesHaveWhatTheirParentsHave) {
 
 TEST(ApiReference, HasAnOverview) {
   const std::string all = example().overview();
-  for (const char* part : {"wheel(name)", "Finds one", "mission(options)", "vec", "Numbers"}) EXPECT_NE(all.find(part), std::string::npos) << part << "\n" << all;
+  for (const char* part : {"wheel(name)", "Finds one", "mission(options)", "vec", "Numbers"})
+    EXPECT_NE(all.find(part), std::string::npos) << part << "\n" << all;
   EXPECT_EQ(all.find("SpinOptions"), std::string::npos);
 }
 

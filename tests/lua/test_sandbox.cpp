@@ -30,18 +30,16 @@ std::string attempt(const std::string& body) {
 }
 
 TEST(LuaSandbox, HasNoDoorToTheOutside) {
-  for (const char* name : {"os", "io", "debug", "package", "dofile", "loadfile", "loadstring", "collectgarbage", "warn",
-                           "string.dump", "module", "ffi", "jit", "arg"})
+  for (const char* name : {"os", "io", "debug", "package", "dofile", "loadfile", "loadstring", "collectgarbage", "warn", "string.dump",
+                           "module", "ffi", "jit", "arg"})
     EXPECT_EQ(output_of(std::string("print(") + name + " == nil)"), "true\n") << name;
 }
 
 TEST(LuaSandbox, OffersExactlyTheListedNames) {
-  EXPECT_EQ(
-      output_of(
-          "local names = {} for name in pairs(_G) do names[#names + 1] = name end print(table.concat(names, ' '))"),
-      "_G _VERSION assert coroutine error getmetatable ipairs load math next pairs pcall print rawequal rawget rawlen "
-      "rawset "
-      "require select setmetatable string table tonumber tostring type utf8 xpcall\n");
+  EXPECT_EQ(output_of("local names = {} for name in pairs(_G) do names[#names + 1] = name end print(table.concat(names, ' '))"),
+            "_G _VERSION assert coroutine error getmetatable ipairs load math next pairs pcall print rawequal rawget rawlen "
+            "rawset "
+            "require select setmetatable string table tonumber tostring type utf8 xpcall\n");
 }
 
 TEST(LuaSandbox, RefusesBinaryChunks) {
@@ -74,16 +72,12 @@ TEST(LuaSandbox, ShowsNoAddress) {
   EXPECT_EQ(output_of("local a, b = {}, {} print(b, a, b, tostring(b)) print(('%s|%10s'):format(a, b)) print(print, "
                       "coroutine.create(print))"),
             "table: #1\ttable: #2\ttable: #1\ttable: #1\ntable: #2| table: #1\nfunction: #3\tthread: #4\n");
-  EXPECT_EQ(attempt("return ('%p'):format({})"),
-            "test.lua:1: format '%p' is not available to scripts: addresses differ from run to run");
+  EXPECT_EQ(attempt("return ('%p'):format({})"), "test.lua:1: format '%p' is not available to scripts: addresses differ from run to run");
   EXPECT_EQ(attempt("return ('%%%5.1f %-p'):format(1, {})"),
             "test.lua:1: format '%p' is not available to scripts: addresses differ from run to run");
-  EXPECT_EQ(
-      output_of(
-          "print(setmetatable({}, {__name = 'body'}), setmetatable({}, {__tostring = function() return 'panel' end}))"),
-      "body: #1\tpanel\n");
-  EXPECT_EQ(output_of("print(('%s %s %s %d %5.2f %q'):format(nil, true, 1.5, 3, 2.345, 'a\\n'))"),
-            "nil true 1.5 3  2.35 \"a\\\n\"\n");
+  EXPECT_EQ(output_of("print(setmetatable({}, {__name = 'body'}), setmetatable({}, {__tostring = function() return 'panel' end}))"),
+            "body: #1\tpanel\n");
+  EXPECT_EQ(output_of("print(('%s %s %s %d %5.2f %q'):format(nil, true, 1.5, 3, 2.345, 'a\\n'))"), "nil true 1.5 3  2.35 \"a\\\n\"\n");
 }
 
 TEST(LuaSandbox, DrawsTheRandomNumbersOfTheSeed) {
@@ -244,13 +238,10 @@ class LuaModules : public ::testing::Test {
     LuaOptions o;
     o.folder = folder_ / "scenario";
     o.built_in = {{"cardan.units", "return {deg = math.pi / 180}"}};
-    o.loaded = [this](const std::string& name, std::string_view text) {
-      loaded_ += name + "=" + std::string(text) + ";";
-    };
+    o.loaded = [this](const std::string& name, std::string_view text) { loaded_ += name + "=" + std::string(text) + ";"; };
     return o;
   }
-  const std::filesystem::path folder_ =
-      test::scratch(testing::UnitTest::GetInstance()->current_test_info()->name());
+  const std::filesystem::path folder_ = test::scratch(testing::UnitTest::GetInstance()->current_test_info()->name());
   std::string loaded_;
 };
 
@@ -267,8 +258,8 @@ TEST_F(LuaModules, AreReadOnceAndReported) {
 
 TEST_F(LuaModules, CannotBeOutsideTheFolder) {
   std::filesystem::create_symlink(folder_ / "secret.lua", folder_ / "scenario/link.lua");
-  for (const std::string name : {"../secret", "..secret", "...secret", "lib/../../secret", "/etc/passwd", "link", "",
-                                 ".", "..", "lib..tool", ".law", "law.", "\\\\secret"}) {
+  for (const std::string name : {"../secret", "..secret", "...secret", "lib/../../secret", "/etc/passwd", "link", "", ".", "..",
+                                 "lib..tool", ".law", "law.", "\\\\secret"}) {
     LuaHost host(options());
     EXPECT_THROW(host.run_text("test.lua", "require('" + name + "')"), InputError) << name;
   }

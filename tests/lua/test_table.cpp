@@ -34,43 +34,39 @@ std::string faults_of(const std::string& script, Reader reader) {
 }
 
 TEST(LuaTable, ReadsValuesOfAllTypes) {
-  EXPECT_EQ(
-      faults_of(
-          "run{until_ = '1.5 min', step = 0.5, angle = '90 deg', n = 3, name = 'slew', method = 'rk4', quiet = true, "
-          "axis = {0, 0, '100 cm'}, law = function(x) return 2 * x end, inner = {gain = 4}, phases = {{t = 1}, {t = "
-          "2}}}",
-          [](LuaTable& t) {
-            EXPECT_EQ(t.number("until_", "s"), 90.0);
-            EXPECT_EQ(t.number("step", "s"), 0.5);
-            EXPECT_NEAR(t.number("angle", "rad").value(), 1.5707963267948966, 1e-15);  // round-off of one product
-            EXPECT_EQ(t.integer("n"), 3);
-            EXPECT_EQ(t.text("name"), "slew");
-            EXPECT_EQ(t.choice("method", {"rk4", "cvode"}), "rk4");
-            EXPECT_EQ(t.flag("quiet"), true);
-            EXPECT_EQ(t.numbers("axis", 3, "m"), (std::vector<double>{0.0, 0.0, 1.0}));
-            std::array<double, 1> result{};
-            t.function("law")->call(std::array{21.0}, result);
-            EXPECT_EQ(result[0], 42.0);
-            auto inner = t.table("inner");
-            EXPECT_EQ(inner->number("gain"), 4.0);
-            inner->finish();
-            auto phases = t.tables("phases");
-            ASSERT_EQ(phases.size(), 2u);
-            EXPECT_EQ(phases[1].number("t"), 2.0);
-            EXPECT_EQ(phases[1].path(), "run.phases[2]");
-            EXPECT_FALSE(t.has("absent"));
-            EXPECT_FALSE(t.number("absent"));
-            EXPECT_FALSE(t.table("absent"));
-            t.finish();
-          }),
-      "none");
+  EXPECT_EQ(faults_of("run{until_ = '1.5 min', step = 0.5, angle = '90 deg', n = 3, name = 'slew', method = 'rk4', quiet = true, "
+                      "axis = {0, 0, '100 cm'}, law = function(x) return 2 * x end, inner = {gain = 4}, phases = {{t = 1}, {t = "
+                      "2}}}",
+                      [](LuaTable& t) {
+                        EXPECT_EQ(t.number("until_", "s"), 90.0);
+                        EXPECT_EQ(t.number("step", "s"), 0.5);
+                        EXPECT_NEAR(t.number("angle", "rad").value(), 1.5707963267948966, 1e-15);  // round-off of one product
+                        EXPECT_EQ(t.integer("n"), 3);
+                        EXPECT_EQ(t.text("name"), "slew");
+                        EXPECT_EQ(t.choice("method", {"rk4", "cvode"}), "rk4");
+                        EXPECT_EQ(t.flag("quiet"), true);
+                        EXPECT_EQ(t.numbers("axis", 3, "m"), (std::vector<double>{0.0, 0.0, 1.0}));
+                        std::array<double, 1> result{};
+                        t.function("law")->call(std::array{21.0}, result);
+                        EXPECT_EQ(result[0], 42.0);
+                        auto inner = t.table("inner");
+                        EXPECT_EQ(inner->number("gain"), 4.0);
+                        inner->finish();
+                        auto phases = t.tables("phases");
+                        ASSERT_EQ(phases.size(), 2u);
+                        EXPECT_EQ(phases[1].number("t"), 2.0);
+                        EXPECT_EQ(phases[1].path(), "run.phases[2]");
+                        EXPECT_FALSE(t.has("absent"));
+                        EXPECT_FALSE(t.number("absent"));
+                        EXPECT_FALSE(t.table("absent"));
+                        t.finish();
+                      }),
+            "none");
 }
 
 TEST(LuaTable, NamesTheKeyAndTheLine) {
   EXPECT_EQ(faults_of("local function setup()\n  run{integrator = {tolerance = '1e-9 m'}}\nend\nsetup()",
-                      [](LuaTable& t) {
-                        t.table("integrator")->reject("tolerance", "number > 0, or { relative = ..., absolute = ... }");
-                      }),
+                      [](LuaTable& t) { t.table("integrator")->reject("tolerance", "number > 0, or { relative = ..., absolute = ... }"); }),
             "error[C0502]: wrong argument\n"
             "  --> scenario.lua:2\n"
             "  at: run.integrator.tolerance\n"
@@ -123,13 +119,11 @@ TEST(LuaTable, CollectsAllFaults) {
   for (const char* expected :
        {"at: run.a\n  expected: a finite number\n  got:      nan (number)",
         "at: run.b\n  expected: a number in m, or a text with a unit\n  got:      true (boolean)",
-        "at: run.c\n  expected: an integer\n  got:      1.5 (number)",
-        "at: run.d\n  expected: a string\n  got:      7 (number)",
+        "at: run.c\n  expected: an integer\n  got:      1.5 (number)", "at: run.d\n  expected: a string\n  got:      7 (number)",
         "at: run.e\n  expected: one of: rk4, cvode\n  got:      \"rk5\" (string)\n  hint:     did you mean \"rk4\"?",
         "at: run.f\n  expected: true or false\n  got:      \"yes\" (string)",
         "at: run.g\n  expected: an array of 3 numbers\n  got:      2 entries", "at: run.h[2]\n",
-        "at: run.i\n  expected: a function\n  got:      3 (number)",
-        "at: run.j\n  expected: a table\n  got:      3 (number)",
+        "at: run.i\n  expected: a function\n  got:      3 (number)", "at: run.j\n  expected: a table\n  got:      3 (number)",
         "at: run.k[1]\n  expected: a table\n  got:      1 (number)", "at: run.l\n",
         "at: run.m\n  expected: a value: this key is required\n  got:      nothing"})
     EXPECT_NE(faults.find(expected), std::string::npos) << expected << "\n" << faults;
@@ -147,9 +141,9 @@ TEST(LuaTable, NeedsATable) {
 }
 
 TEST(LuaTable, IgnoresMetatables) {
-  EXPECT_EQ(faults_of("run(setmetatable({}, {__index = function() error('called') end}))",
-                      [](LuaTable& t) { EXPECT_FALSE(t.number("until")); }),
-            "none");
+  EXPECT_EQ(
+      faults_of("run(setmetatable({}, {__index = function() error('called') end}))", [](LuaTable& t) { EXPECT_FALSE(t.number("until")); }),
+      "none");
 }
 
 // ---- functions ----
@@ -182,7 +176,6 @@ TEST_F(LuaCall, ThrowsWhatTheScriptRaises) {
               "  --> scenario.lua:3\n"
               "  stack:    scenario.lua:3 in function of line 2\n");
   }
-  EXPECT_EQ(f.defined_at().line, 2);
 }
 
 TEST_F(LuaCall, SpendsTheBudgetOfCalls) {

@@ -74,8 +74,7 @@ TEST(Comparators, LetNothingPassThatIsNoNumber) {
   refuses([](const MatrixXd& a, const MatrixXd& b) { return 0.25 * distance(a, b); });
   const auto flat = [](const MatrixXd& a) { return VectorXd(a.reshaped()); };
   refuses([&](const MatrixXd& a, const MatrixXd& b) {
-    return apart(ByBody{{"other", Vector3d::Ones()}, {"this", flat(a)}},
-                 ByBody{{"other", Vector3d::Ones()}, {"this", flat(b)}});
+    return apart(ByBody{{"other", Vector3d::Ones()}, {"this", flat(a)}}, ByBody{{"other", Vector3d::Ones()}, {"this", flat(b)}});
   });
   for (const double scale : {kNaN, kInfinity}) {
     EXPECT_FALSE(differ(Vector3d::Ones(), Vector3d::Zero(), scale) <= 1e300);
@@ -100,9 +99,7 @@ TEST(Comparators, OfNodesLetNothingPassThatIsNoNumber) {
 }
 
 TEST(Comparators, ConditionOfAMatrixWithNaNIsNaN) {
-  with_one(kNaN, [](const MatrixXd&, const MatrixXd& bad) {
-    EXPECT_TRUE(std::isnan(scaled_condition(bad * bad.transpose())));
-  });
+  with_one(kNaN, [](const MatrixXd&, const MatrixXd& bad) { EXPECT_TRUE(std::isnan(scaled_condition(bad * bad.transpose()))); });
 }
 
 TEST(Property, FailsWhereItsErrorIsNoNumberOrItThrows) {

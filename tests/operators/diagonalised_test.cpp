@@ -23,7 +23,6 @@ std::vector<TreeOptions> kinds_with_gravity() {
 }
 TreeOptions hybrid_trees() { return {.bodies = 6, .flexible = 0.4, .prescribed = 0.3}; }
 
-
 struct Scene : Loaded {
   explicit Scene(const RandomTree& tree) : Loaded(tree), ops(model) { move(state.q); }
   void move(const VectorXd& q) {
@@ -59,8 +58,8 @@ TEST(Diagonalised, MapsEnergyAndPower) {
           const MatrixXd L = one_plus * S;
           const double power = std::abs(nu.dot(C)) / worse(1e-300, nu.cwiseAbs().dot(C.cwiseAbs()) + largest(nu) * largest(C));
           return worse({std::abs(nu.squaredNorm() - twice_energy) / twice_energy, apart(L.transpose() * v, nu), apart(L * L.transpose(), M),
-                           largest(L * eps - s.tau) / worse(largest(s.tau), largest(L) * largest(eps)), 1e-1 * power,
-                           largest(L.transpose() * (back - v)) / largest(nu)});
+                        largest(L * eps - s.tau) / worse(largest(s.tau), largest(L) * largest(eps)), 1e-1 * power,
+                        largest(L.transpose() * (back - v)) / largest(nu)});
         },
         kTrees);
 }
@@ -88,7 +87,8 @@ TEST(Diagonalised, FormWithoutSquareRoots) {
           VectorXd back = VectorXd::Zero(v.size());
           form.to_velocity(nu, back);
           const double twice_energy = v.dot(mass_matrix(*s.model, s.ws, s.state.q.data()) * v);
-          return worse({std::abs(nu.dot(C) - work) / worse(1e-300, size), std::abs(nu.dot(Dnu) - twice_energy) / twice_energy, 1e-3 * apart(back, v)});
+          return worse({std::abs(nu.dot(C) - work) / worse(1e-300, size), std::abs(nu.dot(Dnu) - twice_energy) / twice_energy,
+                        1e-3 * apart(back, v)});
         },
         kTrees);
 }

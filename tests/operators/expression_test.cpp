@@ -37,7 +37,8 @@ TEST(Expressions, AreThoseOfTheTypes) {
   for_all_trees(options, kSame, [](const RandomTree& tree) {
     const auto ops = at_initial_state(tree);
     const auto leaf = [&](Kind k) { return Expression::leaf(ops, k); };
-    const Expression eH = leaf(Kind::H), ephi = leaf(Kind::phi), eM = leaf(Kind::M), eK = leaf(Kind::K), epsi = leaf(Kind::psi), one = Expression::unit(ops);
+    const Expression eH = leaf(Kind::H), ephi = leaf(Kind::phi), eM = leaf(Kind::M), eK = leaf(Kind::K), epsi = leaf(Kind::psi),
+                     one = Expression::unit(ops);
     const Expression whole = eH * ephi * eM * ephi.star() * eH.star(), left = one + eH * ephi * eK;
     double worst = 0.0;
     const auto compare = [&](const Expression& a, const MatrixXd& b) { worst = worse(worst, apart(a.dense(), b)); };
@@ -77,8 +78,8 @@ TEST(Expressions, NormsAndEigenvalues) {
 TEST(Expressions, NormsOfManyBodiesWithoutAMatrix) {  // a chain of 400 revolute hinges: by ARPACK
   std::vector<BodySpec> bodies;
   for (int k = 0; k < 400; ++k)
-    bodies.push_back(on(rigid(fmt::format("b{}", k), 1.0, {0.5, 0, 0}, diagonal({0.01, 0.09, 0.09})), k ? fmt::format("b{}", k - 1) : "", "revolute",
-                        {{0, 0, 1}}, k ? Vector3d(1, 0, 0) : Vector3d::Zero()));
+    bodies.push_back(on(rigid(fmt::format("b{}", k), 1.0, {0.5, 0, 0}, diagonal({0.01, 0.09, 0.09})), k ? fmt::format("b{}", k - 1) : "",
+                        "revolute", {{0, 0, 1}}, k ? Vector3d(1, 0, 0) : Vector3d::Zero()));
   const auto model = compiled(system(bodies));
   auto ops = std::make_shared<TreeOperators>(model);
   const VectorXd q = VectorXd::Constant(model->nq, 0.01);
@@ -191,7 +192,8 @@ TEST(Operators, SubgraphsAreTreesOfTheirOwn) {
             for (int v = 0; v < ops->model().nv; ++v)
               if (sub.place_of_velocity(v) >= 0) place[static_cast<std::size_t>(sub.place_of_velocity(v))] = v;
             for (int i = 0; i < part.rows(); ++i)
-              for (int j = 0; j < part.cols(); ++j) restricted(i, j) = whole(place[static_cast<std::size_t>(i)], place[static_cast<std::size_t>(j)]);
+              for (int j = 0; j < part.cols(); ++j)
+                restricted(i, j) = whole(place[static_cast<std::size_t>(i)], place[static_cast<std::size_t>(j)]);
             worst = worse({worst, apart(part, restricted), apart(innovations, part)});
             TreeOperators way = ops->subgraph(ops->path(root.sweep, ops->bodies().back().sweep));
             way.articulate();
@@ -219,7 +221,8 @@ TEST(Operators, HybridMaskKeepsTheIdentities) {  // components whose velocity is
     const VectorXd d = whole.diagonal().cwiseSqrt();
     const MatrixXd left = d.asDiagonal() * (inverse * A) * d.cwiseInverse().asDiagonal();
     const MatrixXd given = MatrixXd::Identity(n, n) - one;
-    const MatrixXd scaled = d.cwiseInverse().asDiagonal() * (expected + given * whole.diagonal().asDiagonal() * given) * d.cwiseInverse().asDiagonal();
+    const MatrixXd scaled =
+        d.cwiseInverse().asDiagonal() * (expected + given * whole.diagonal().asDiagonal() * given) * d.cwiseInverse().asDiagonal();
     const VectorXd s = scaled.jacobiSvd().singularValues();
     return worse(apart(A, expected), largest(left - one) / (s[0] / s[s.size() - 1]));
   });
@@ -234,7 +237,8 @@ TEST(Operators, JointSpaceInertia) {  // (mass + W)^-1 by D = H P H* + W
     for (int i = 0; i < n; ++i) W[i] = whole(i, i) * (0.1 + 0.3 * (i % 4));
     ops->articulate({.W = W.data()});
     const MatrixXd sum = whole + MatrixXd(W.asDiagonal());
-    return worse(apart(dense(mass_innovations, *ops), sum), apart(dense(inv(mass_innovations), *ops) * sum, MatrixXd::Identity(n, n)) / 1e3);
+    return worse(apart(dense(mass_innovations, *ops), sum),
+                 apart(dense(inv(mass_innovations), *ops) * sum, MatrixXd::Identity(n, n)) / 1e3);
   });
 }
 

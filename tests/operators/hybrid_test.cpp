@@ -12,24 +12,27 @@ using namespace cardan::soa;
 
 TEST(Hybrid, AnyMaskAgainstTheTwin) {  // inside hinges and among modes; wrenches, gravity, elasticity, velocities
   for (std::vector<TreeOptions> kinds = kinds_of_trees(); const TreeOptions& options : kinds)
-    for_all_trees(options, kIdentity, [](const RandomTree& tree) {
-      Scene s(tree);
-      const int n = s.model->nv;
-      if (n == 0) return 0.0;
-      const std::vector<std::uint8_t> mask = some_mask(tree.seed, n);
-      std::vector<bool> given(static_cast<std::size_t>(n));
-      for (std::size_t i = 0; i < given.size(); ++i) given[i] = mask[i] == 0;
-      const VectorXd tau = some_vector(tree.seed + 1, n), vdot = some_vector(tree.seed + 2, n);
-      const auto want = s.twin.hybrid(tau, given, vdot, s.twin_wrenches());
-      prepare(s.ops, mask);
-      cardan::Workspace ws(*s.model);
-      const std::vector<cardan::NodeWrench> wrenches = s.wrenches();
-      const VectorXd known = bias(s.ops, ws, {.v = s.state.v.data(), .wrenches = wrenches});
-      const Hybrid got = hybrid_dynamics(s.ops, known, tau, vdot);
-      const std::vector<int> f = where(mask, 1);
-      const double forces = worse(largest(known), largest(s.twin.bias));
-      return worse(differ(got.vdot, want.vdot), differ(got.tau, want.tau, forces)) / scaled_condition(s.twin.M(f, f));
-    }, kTrees);
+    for_all_trees(
+        options, kIdentity,
+        [](const RandomTree& tree) {
+          Scene s(tree);
+          const int n = s.model->nv;
+          if (n == 0) return 0.0;
+          const std::vector<std::uint8_t> mask = some_mask(tree.seed, n);
+          std::vector<bool> given(static_cast<std::size_t>(n));
+          for (std::size_t i = 0; i < given.size(); ++i) given[i] = mask[i] == 0;
+          const VectorXd tau = some_vector(tree.seed + 1, n), vdot = some_vector(tree.seed + 2, n);
+          const auto want = s.twin.hybrid(tau, given, vdot, s.twin_wrenches());
+          prepare(s.ops, mask);
+          cardan::Workspace ws(*s.model);
+          const std::vector<cardan::NodeWrench> wrenches = s.wrenches();
+          const VectorXd known = bias(s.ops, ws, {.v = s.state.v.data(), .wrenches = wrenches});
+          const Hybrid got = hybrid_dynamics(s.ops, known, tau, vdot);
+          const std::vector<int> f = where(mask, 1);
+          const double forces = worse(largest(known), largest(s.twin.bias));
+          return worse(differ(got.vdot, want.vdot), differ(got.tau, want.tau, forces)) / scaled_condition(s.twin.M(f, f));
+        },
+        kTrees);
 }
 
 TEST(Hybrid, OnSubgraphs) {
@@ -46,7 +49,8 @@ TEST(Hybrid, OnSubgraphs) {
       const auto rest = reference::DenseTwin<double>(s.tree.spec).at(s.state.q, moving);
       const VectorXd want = rest.inverse(VectorXd::Zero(s.model->nv))(v.components);
       known = bias(v.ops, ws, {.v = s.state.v.data()});
-      if (const double error = differ(known, want, worse(largest(rest.bias), largest(rest.gravity_force))); !(error <= kIdentity)) return error;
+      if (const double error = differ(known, want, worse(largest(rest.bias), largest(rest.gravity_force))); !(error <= kIdentity))
+        return error;
     }
     const VectorXd tau = some_vector(s.tree.seed + 1, n), vdot = some_vector(s.tree.seed + 2, n);
     const Hybrid got = hybrid_dynamics(v.ops, known, tau, vdot);
@@ -92,7 +96,10 @@ TEST(Hybrid, DrivesByName) {
     return Code::yaml_syntax;
   };
   EXPECT_EQ(code([&] { hybrid_dynamics(ops, drives, ws, {.q = q, .v = moving}, junk, junk); }), Code::out_of_range);
-  EXPECT_EQ(code([&] { hybrid_dynamics(ops, std::vector{Drive::forced, Drive::forced}, ws, {.q = q, .v = v}, junk, junk); }), Code::operator_shape);
+  EXPECT_EQ(code([&] {
+              hybrid_dynamics(ops, std::vector{Drive::forced, Drive::forced}, ws, {.q = q, .v = v}, junk, junk);
+            }),
+            Code::operator_shape);
   EXPECT_EQ(code([&] { hybrid_dynamics(ops, std::vector{Drive::forced}, ws, {.q = q, .v = v}, junk, junk); }), Code::operator_shape);
   EXPECT_EQ(code([&] { hybrid_dynamics(ops, VectorXd::Zero(3), junk, junk); }), Code::operator_shape);
   TreeOperators upper = ops.subgraph({1});
@@ -112,16 +119,18 @@ TEST(Unactuated, AgainstTheBlocksOfTheMassMatrix) {
       prepare(v.ops, mask);
       const Unactuated u(v.ops);
       const Task task{v.nodes, {}};
-      const MatrixXd J = v.jacobian(v.nodes), Mpp = v.M(p, p), Mpa = v.M(p, a), back = Mpp.llt().solve(Mpa), Jg = J(Eigen::all, a) - J(Eigen::all, p) * back;
+      const MatrixXd J = v.jacobian(v.nodes), Mpp = v.M(p, p), Mpa = v.M(p, a), back = Mpp.llt().solve(Mpa),
+                     Jg = J(Eigen::all, a) - J(Eigen::all, p) * back;
       const MatrixXd Mg = v.M(a, a) - Mpa.transpose() * back;
       const VectorXd rates = some_vector(s.tree.seed, n), momenta = some_vector(s.tree.seed + 1, n), tau = some_vector(s.tree.seed + 2, n);
       VectorXd want = rates;
       want(p) = VectorXd(Mpp.llt().solve(VectorXd(momenta(p))) - back * rates(a));
       const MatrixXd got_Jg = u.generalised_jacobian(task), coupling = u.coupling();
       const MatrixXd Mg_got = matrix_of(n, [&](const VectorXd& x) { return u.reduced_mass_times(x); });
-      double worst = worse({differ(u.velocities(rates, momenta), want), differ(got_Jg(Eigen::all, a), Jg, largest(J)), largest(got_Jg(Eigen::all, p)),
-                               differ(u.task_rates(task, rates, momenta), J * want), differ(coupling(p, a), -back, 1.0), largest(coupling(a, Eigen::all)),
-                               differ(Mg_got(a, a), Mg, largest(v.M)), differ(u.reduced_forces(tau)(a), tau(a) - back.transpose() * tau(p))});
+      double worst =
+          worse({differ(u.velocities(rates, momenta), want), differ(got_Jg(Eigen::all, a), Jg, largest(J)), largest(got_Jg(Eigen::all, p)),
+                 differ(u.task_rates(task, rates, momenta), J * want), differ(coupling(p, a), -back, 1.0), largest(coupling(a, Eigen::all)),
+                 differ(Mg_got(a, a), Mg, largest(v.M)), differ(u.reduced_forces(tau)(a), tau(a) - back.transpose() * tau(p))});
       return worst / scaled_condition(Mpp);
     });
 }
@@ -130,27 +139,30 @@ TEST(Unactuated, MomentumOfAFloatingBase) {  // what is asked for is what the sy
   std::vector<TreeOptions> kinds = floating_trees();
   for (TreeOptions& options : kinds) {
     options.roots = 1;
-    for_all_trees(options, kIdentity, [](const RandomTree& tree) {
-      Scene s(tree);
-      prepare(s.ops, base_mask(s.ops));
-      const Unactuated u(s.ops);
-      const VectorXd rates = some_vector(tree.seed, s.model->nv);
-      Vector6d h = some_vector(tree.seed + 5, 6);
-      const double size = largest(momentum_matrix(s.ops, About::world_origin));
-      double worst = 0.0;
-      for (int zero = 0; zero < 2; ++zero, h.setZero()) {
-        const VectorXd v = u.velocities(rates, base_momenta(s.ops, h));
-        const auto moving = reference::DenseTwin<double>(tree.spec).at(s.state.q, v);
-        Vector6d got;
-        got << moving.angular_momentum, moving.linear_momentum;
-        worst = worse(worst, largest(got - h) / (size * worse(1.0, largest(v))));
-      }
-      const std::vector<std::uint8_t> base = base_mask(s.ops);
-      const std::vector<int> p = where(base, 1);
-      const MatrixXd Mpp = s.twin.M(p, p);
-      const double log_det = std::log(Mpp.determinant());
-      return worse(worst, std::abs(u.log_det() - log_det) / worse(1.0, std::abs(log_det))) / scaled_condition(Mpp);
-    }, kTrees);
+    for_all_trees(
+        options, kIdentity,
+        [](const RandomTree& tree) {
+          Scene s(tree);
+          prepare(s.ops, base_mask(s.ops));
+          const Unactuated u(s.ops);
+          const VectorXd rates = some_vector(tree.seed, s.model->nv);
+          Vector6d h = some_vector(tree.seed + 5, 6);
+          const double size = largest(momentum_matrix(s.ops, About::world_origin));
+          double worst = 0.0;
+          for (int zero = 0; zero < 2; ++zero, h.setZero()) {
+            const VectorXd v = u.velocities(rates, base_momenta(s.ops, h));
+            const auto moving = reference::DenseTwin<double>(tree.spec).at(s.state.q, v);
+            Vector6d got;
+            got << moving.angular_momentum, moving.linear_momentum;
+            worst = worse(worst, largest(got - h) / (size * worse(1.0, largest(v))));
+          }
+          const std::vector<std::uint8_t> base = base_mask(s.ops);
+          const std::vector<int> p = where(base, 1);
+          const MatrixXd Mpp = s.twin.M(p, p);
+          const double log_det = std::log(Mpp.determinant());
+          return worse(worst, std::abs(u.log_det() - log_det) / worse(1.0, std::abs(log_det))) / scaled_condition(Mpp);
+        },
+        kTrees);
   }
 }
 

@@ -2,8 +2,8 @@
 // forests. Each is a statement about matrices: the composed form is applied to unit vectors. Scales: the size of the largest
 // term on either side; what contains an inverse is compared after multiplication by the operator, so that no condition number
 // enters but that of D.
-#include "core/reference/dense_dynamics.hpp"
 #include "core/operators/apply.hpp"
+#include "core/reference/dense_dynamics.hpp"
 #include "tests/operators/compare.hpp"
 
 namespace cardan::test {
@@ -114,17 +114,22 @@ TEST(Operators, FusedKernelsAndDenseTwinAgreeWithTheRules) {
 TEST(Operators, Adjoints) {  // x . (A y) = (A* x) . y for every leaf and kind of expression
   const auto check = [](auto e) {
     for (const TreeOptions& options : kinds_of_trees())
-      for_all_trees(options, kIdentity, [&](const RandomTree& tree) {
-        Scene s(tree);
-        std::vector<double> u(static_cast<std::size_t>(s.model->nv), 0.3);
-        s.ops.along(u.data());
-        const MatrixXd a = dense(e, s.ops), b = dense(star(e), s.ops);
-        return largest(a) > 0.0 ? differ(a.transpose(), b, largest(a)) : largest(b);
-      }, 20);
+      for_all_trees(
+          options, kIdentity,
+          [&](const RandomTree& tree) {
+            Scene s(tree);
+            std::vector<double> u(static_cast<std::size_t>(s.model->nv), 0.3);
+            s.ops.along(u.data());
+            const MatrixXd a = dense(e, s.ops), b = dense(star(e), s.ops);
+            return largest(a) > 0.0 ? differ(a.transpose(), b, largest(a)) : largest(b);
+          },
+          20);
   };
-  check(H), check(phi), check(E_phi), check(M), check(B), check(P), check(P_plus), check(D), check(G), check(tau_bar), check(K), check(E_psi);
+  check(H), check(phi), check(E_phi), check(M), check(B), check(P), check(P_plus), check(D), check(G), check(tau_bar), check(K),
+      check(E_psi);
   check(psi), check(Y), check(Y_plus), check(dH), check(dE_phi), check(dM);
-  check(mass), check(mass_inverse), check(mass_innovations), check(omega), check(jacobian), check(I - H * psi * K), check(-(H * phi)), check(inv(M));
+  check(mass), check(mass_inverse), check(mass_innovations), check(omega), check(jacobian), check(I - H * psi * K), check(-(H * phi)),
+      check(inv(M));
 }
 
 }  // namespace

@@ -35,8 +35,8 @@ double off(const Model& m, const VectorXd& q, const std::string& node, const IkT
 std::shared_ptr<const Model> arm(int links) {
   std::vector<BodySpec> bodies;
   for (int i = 0; i < links; ++i)
-    bodies.push_back(on(rigid("link" + std::to_string(i), 1.0, {0.5, 0, 0}, diagonal({0.1, 0.1, 0.1})), i == 0 ? "" : "link" + std::to_string(i - 1), "revolute",
-                        {Vector3d::UnitZ()}, Vector3d(i == 0 ? 0.0 : 1.0, 0, 0)));
+    bodies.push_back(on(rigid("link" + std::to_string(i), 1.0, {0.5, 0, 0}, diagonal({0.1, 0.1, 0.1})),
+                        i == 0 ? "" : "link" + std::to_string(i - 1), "revolute", {Vector3d::UnitZ()}, Vector3d(i == 0 ? 0.0 : 1.0, 0, 0)));
   NodeSpec tip;
   tip.name = "tip", tip.position = Vector3d::UnitX();
   bodies.back().nodes.push_back(tip);
@@ -61,7 +61,8 @@ TEST(InverseKinematics, TwoPosesOnABranchedTree) {
     for (int i = 0; i < model->nv; ++i) d[i] = 1.2 * std::sin(7.0 * seed + 3.0 * i);
     model->retract(q0.data(), d.data(), q.data());
     const NodeState l = node_at(*model, q, "l3"), r = node_at(*model, q, "r3");
-    const std::vector<IkTarget> targets{IkTarget::at_pose(model->find_node("l3"), l.position, l.R_WN), IkTarget::at_pose(model->find_node("r3"), r.position, r.R_WN)};
+    const std::vector<IkTarget> targets{IkTarget::at_pose(model->find_node("l3"), l.position, l.R_WN),
+                                        IkTarget::at_pose(model->find_node("r3"), r.position, r.R_WN)};
     const IkResult found = inverse_kinematics(model, q0.data(), targets);
     EXPECT_TRUE(found.reached) << found.message;
     EXPECT_LT(found.residual, 1e-12);
@@ -77,27 +78,32 @@ TEST(InverseKinematics, TwoPosesOnABranchedTree) {
 
 TEST(InverseKinematics, RandomTreesReachWhatTheyStoodIn) {  // any hinge, flexible bodies with their modes held
   for (const double flexible : {0.0, 0.5})
-    for_all_trees({.bodies = 5, .flexible = flexible, .level = 1}, 1e-11, [](const RandomTree& tree) {
-      const auto model = compiled(tree.spec);
-      const State s = model->initial_state();
-      std::vector<IkTarget> targets;
-      for (const std::string& name : {model->user.back().name, model->user.front().name}) {
-        if (model->nodes[static_cast<std::size_t>(model->find_node(name))].sweep == 0) continue;
-        const NodeState n = node_at(*model, s.q, name);
-        targets.push_back(IkTarget::at_pose(model->find_node(name), n.position, n.R_WN));
-      }
-      VectorXd d = VectorXd::Zero(model->nv), q(model->nq);
-      for (const UserBody& u : model->user)
-        for (int j = 0; j < u.nv; ++j) d[u.v + j] = 0.15 * ((3 * (u.v + j)) % 5 - 2);
-      model->retract(s.q.data(), d.data(), q.data());
-      const IkResult found = inverse_kinematics(model, q.data(), targets, {.tolerance = 3e-13});
-      if (!found.reached) return HUGE_VAL;
-      for (const UserBody& u : model->user)
-        if (u.n_modes > 0 && (found.q - q).segment(u.eta, u.n_modes).norm() != 0.0) return HUGE_VAL;
-      double worst = 0.0;
-      for (const IkTarget& t : targets) worst = worse(worst, off(*model, found.q, model->nodes[static_cast<std::size_t>(t.node)].name, t) / worse(1.0, t.position.norm()));
-      return worst;
-    }, 40);
+    for_all_trees(
+        {.bodies = 5, .flexible = flexible, .level = 1}, 1e-11,
+        [](const RandomTree& tree) {
+          const auto model = compiled(tree.spec);
+          const State s = model->initial_state();
+          std::vector<IkTarget> targets;
+          for (const std::string& name : {model->user.back().name, model->user.front().name}) {
+            if (model->nodes[static_cast<std::size_t>(model->find_node(name))].sweep == 0) continue;
+            const NodeState n = node_at(*model, s.q, name);
+            targets.push_back(IkTarget::at_pose(model->find_node(name), n.position, n.R_WN));
+          }
+          VectorXd d = VectorXd::Zero(model->nv), q(model->nq);
+          for (const UserBody& u : model->user)
+            for (int j = 0; j < u.nv; ++j) d[u.v + j] = 0.15 * ((3 * (u.v + j)) % 5 - 2);
+          model->retract(s.q.data(), d.data(), q.data());
+          const IkResult found = inverse_kinematics(model, q.data(), targets, {.tolerance = 3e-13});
+          if (!found.reached) return HUGE_VAL;
+          for (const UserBody& u : model->user)
+            if (u.n_modes > 0 && (found.q - q).segment(u.eta, u.n_modes).norm() != 0.0) return HUGE_VAL;
+          double worst = 0.0;
+          for (const IkTarget& t : targets)
+            worst =
+                worse(worst, off(*model, found.q, model->nodes[static_cast<std::size_t>(t.node)].name, t) / worse(1.0, t.position.norm()));
+          return worst;
+        },
+        40);
 }
 
 TEST(InverseKinematics, WhatIsOutOfReachIsSaid) {
@@ -156,7 +162,8 @@ TEST(InverseKinematics, Limits) {
 TEST(InverseKinematics, RowsChooseWhatCounts) {  // a node on a ball hinge that shall point its z along the target's: any turn about it
   const auto model = compiled(system({on(rigid("dish", 1.0, {0, 0, 0.1}, diagonal({1, 1, 1})), "", "ball")}));
   const VectorXd q = model->initial_state().q;
-  IkTarget t = IkTarget::at_attitude(model->find_node("dish"), Eigen::AngleAxisd(2.0, Vector3d(0.3, 1.0, -0.4).normalized()).toRotationMatrix());
+  IkTarget t =
+      IkTarget::at_attitude(model->find_node("dish"), Eigen::AngleAxisd(2.0, Vector3d(0.3, 1.0, -0.4).normalized()).toRotationMatrix());
   t.rows[2] = false;
   const IkResult found = inverse_kinematics(model, q.data(), {&t, 1});
   EXPECT_TRUE(found.reached) << found.message;
@@ -178,7 +185,8 @@ TEST(InverseKinematics, PrefersThePostureNearAnother) {
   EXPECT_LT(found.residual, 2e-12);
   // Lagrange: the way to the preferred posture has no part in the null space of J
   const double a = found.q[0], b = a + found.q[1], c = b + found.q[2];
-  const Vector3d jx{-std::sin(a) - std::sin(b) - std::sin(c), -std::sin(b) - std::sin(c), -std::sin(c)}, jy{std::cos(a) + std::cos(b) + std::cos(c), std::cos(b) + std::cos(c), std::cos(c)};
+  const Vector3d jx{-std::sin(a) - std::sin(b) - std::sin(c), -std::sin(b) - std::sin(c), -std::sin(c)},
+      jy{std::cos(a) + std::cos(b) + std::cos(c), std::cos(b) + std::cos(c), std::cos(c)};
   const Vector3d null = jx.cross(jy).normalized();
   EXPECT_NEAR(null.dot(options.prefer - found.q), 0.0, 2e-7);
   EXPECT_LT(found.null_space_step, 2e-7);

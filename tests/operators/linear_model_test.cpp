@@ -12,8 +12,8 @@
 namespace cardan::test {
 namespace {
 
-using soa::LinearModel;
 using soa::linearize;
+using soa::LinearModel;
 
 std::size_t idx(int i) { return static_cast<std::size_t>(i); }
 
@@ -52,8 +52,8 @@ class Truth {
     const Momentum p = observer_.momentum();
     if (R_.size() == 0) R_ = n.R_WN;
     const Eigen::AngleAxisd turn(Eigen::Matrix3d(R_.transpose() * n.R_WN));
-    out << acceleration, n.position, n.R_WN * n.velocity.tail<3>(), n.R_WN * n.acceleration.tail<3>(), turn.angle() * turn.axis(), n.velocity.head<3>(),
-        n.specific_force, p.linear, p.angular;
+    out << acceleration, n.position, n.R_WN * n.velocity.tail<3>(), n.R_WN * n.acceleration.tail<3>(), turn.angle() * turn.axis(),
+        n.velocity.head<3>(), n.specific_force, p.linear, p.angular;
     return out;
   }
 
@@ -75,10 +75,12 @@ double check_against_differences(const RandomTree& tree) {
   const LinearModel names = linearize(m, {.q = at.state.q.data(), .v = at.state.v.data()});
   for (int i = 0; i < nv; ++i) ports.inputs.push_back(names.states.names[idx(nv + i)]);
   ports.inputs.insert(ports.inputs.end(), {on + ":force", on + ":torque"});
-  for (const char* what : {":position", ":velocity", ":acceleration", ":attitude", ":rate", ":specific_force"}) ports.outputs.push_back(seen + what);
+  for (const char* what : {":position", ":velocity", ":acceleration", ":attitude", ":rate", ":specific_force"})
+    ports.outputs.push_back(seen + what);
   ports.outputs.insert(ports.outputs.end(), {"momentum:linear", "momentum:angular"});
   const LinearModel model = linearize(
-      m, {.q = at.state.q.data(), .v = at.state.v.data(), .tau = at.tau.data(), .vdot = at.vdot_given.data(), .wrenches = at.wrenches}, ports);
+      m, {.q = at.state.q.data(), .v = at.state.v.data(), .tau = at.tau.data(), .vdot = at.vdot_given.data(), .wrenches = at.wrenches},
+      ports);
   EXPECT_EQ(model.B.cols(), nv + 6);
   EXPECT_EQ(model.C.rows(), 24);
 
@@ -108,7 +110,8 @@ TEST(LinearModel, AgreesWithDifferencesOfTheTrueRightHandSide) {
   for (const GravitySpec::Kind gravity : {GravitySpec::Kind::uniform, GravitySpec::Kind::central, GravitySpec::Kind::none})
     for (const double flexible : {0.0, 0.5})
       for (const double prescribed : {0.0, 0.2})
-        for_all_trees({.bodies = 5, .flexible = flexible, .prescribed = prescribed, .springs = true, .gravity = gravity}, 1e-8, check_against_differences, 12);
+        for_all_trees({.bodies = 5, .flexible = flexible, .prescribed = prescribed, .springs = true, .gravity = gravity}, 1e-8,
+                      check_against_differences, 12);
 }
 
 TEST(LinearModel, SeenFromWheels) {  // bodies that the sweeps fold into their carrier
@@ -116,32 +119,35 @@ TEST(LinearModel, SeenFromWheels) {  // bodies that the sweeps fold into their c
 }
 
 TEST(LinearModel, KinematicPart) {  // d^2/de dt of the deviation between two neighbours that both move with v
-  for_all_trees({.bodies = 4, .hinges = {"ball", "free", "free_body", "gimbal", "planar"}}, 1e-8, [](const RandomTree& tree) {
-    Loaded at(tree);
-    const Model& m = *at.model;
-    const MatrixXd mine = linearize(m, {.q = at.state.q.data(), .v = at.state.v.data()}).A.topLeftCorner(m.nv, m.nv);
-    MatrixXd J(m.nv, m.nv);
-    const auto moved = [&](const VectorXd& q, const VectorXd& d) {
-      VectorXd out(m.nq);
-      m.retract(q.data(), d.data(), out.data());
-      return out;
-    };
-    const auto apart_after = [&](double t, double e, int j) -> VectorXd {
-      VectorXd d(m.nv);
-      const VectorXd a = moved(at.state.q, t * at.state.v), b = moved(moved(at.state.q, e * VectorXd::Unit(m.nv, j)), t * at.state.v);
-      m.difference(a.data(), b.data(), d.data());
-      return d;
-    };
-    for (int j = 0; j < m.nv; ++j) {
-      const auto mixed = [&](double h) -> VectorXd {
-        return (apart_after(h, h, j) - apart_after(-h, h, j) - apart_after(h, -h, j) + apart_after(-h, -h, j)) / (4.0 * h * h);
-      };
-      const double h = 0.02;  // Richardson: sixth order
-      const VectorXd a = mixed(h), b = mixed(h / 2), c = mixed(h / 4), ab = (4.0 * b - a) / 3.0, bc = (4.0 * c - b) / 3.0;
-      J.col(j) = (16.0 * bc - ab) / 15.0;
-    }
-    return m.nv == 0 ? 0.0 : largest(mine - J) / worse(1.0, largest(J));
-  }, 20);
+  for_all_trees(
+      {.bodies = 4, .hinges = {"ball", "free", "free_body", "gimbal", "planar"}}, 1e-8,
+      [](const RandomTree& tree) {
+        Loaded at(tree);
+        const Model& m = *at.model;
+        const MatrixXd mine = linearize(m, {.q = at.state.q.data(), .v = at.state.v.data()}).A.topLeftCorner(m.nv, m.nv);
+        MatrixXd J(m.nv, m.nv);
+        const auto moved = [&](const VectorXd& q, const VectorXd& d) {
+          VectorXd out(m.nq);
+          m.retract(q.data(), d.data(), out.data());
+          return out;
+        };
+        const auto apart_after = [&](double t, double e, int j) -> VectorXd {
+          VectorXd d(m.nv);
+          const VectorXd a = moved(at.state.q, t * at.state.v), b = moved(moved(at.state.q, e * VectorXd::Unit(m.nv, j)), t * at.state.v);
+          m.difference(a.data(), b.data(), d.data());
+          return d;
+        };
+        for (int j = 0; j < m.nv; ++j) {
+          const auto mixed = [&](double h) -> VectorXd {
+            return (apart_after(h, h, j) - apart_after(-h, h, j) - apart_after(h, -h, j) + apart_after(-h, -h, j)) / (4.0 * h * h);
+          };
+          const double h = 0.02;  // Richardson: sixth order
+          const VectorXd a = mixed(h), b = mixed(h / 2), c = mixed(h / 4), ab = (4.0 * b - a) / 3.0, bc = (4.0 * c - b) / 3.0;
+          J.col(j) = (16.0 * bc - ab) / 15.0;
+        }
+        return m.nv == 0 ? 0.0 : largest(mine - J) / worse(1.0, largest(J));
+      },
+      20);
 }
 
 /// Imaginary parts of the poles with a positive one, ascending.
@@ -182,27 +188,37 @@ TEST(LinearModel, Pendulum) {
 }
 
 TEST(LinearModel, FlexibleArmHasTheModesOfTheSystem) {  // at rest, free of stress: the poles are i omega of system_modes
-  TreeOptions options{.bodies = 5, .roots = 1, .flexible = 1.0, .level = 1, .damping = false, .springs = true, .hinges = {"revolute", "universal"},
+  TreeOptions options{.bodies = 5,
+                      .roots = 1,
+                      .flexible = 1.0,
+                      .level = 1,
+                      .damping = false,
+                      .springs = true,
+                      .hinges = {"revolute", "universal"},
                       .gravity = GravitySpec::Kind::none};
-  for_all_trees(options, 1e-9, [](const RandomTree& tree) {
-    SystemSpec spec = tree.spec;
-    for (BodySpec& b : spec.bodies) {
-      b.eta.clear(), b.etadot.clear(), b.hinge.v.clear();
-      for (SpringDamper& s : b.hinge.springs) s.damping = 0.0, s.rest = b.hinge.q.empty() ? 0.0 : b.hinge.q[idx(s.component)];
-    }
-    const auto model = compiled(spec);
-    const LinearModel l = at_initial_state(*model);
-    const std::vector<double> w = frequencies(l.A);
-    soa::TreeOperators ops(model);
-    ops.at(model->initial_state().q.data());
-    const soa::SystemModes modes = system_modes(ops, {.elastic = model->nv, .rigid = 0});
-    double worst = largest(l.drift);
-    const std::size_t elastic = idx(static_cast<int>(modes.frequency.size()));
-    if (w.size() < elastic) return HUGE_VAL;
-    for (std::size_t j = 0; j < elastic; ++j)
-      worst = worse(worst, std::abs(w[w.size() - elastic + j] / (2.0 * std::numbers::pi * modes.frequency[static_cast<Eigen::Index>(j)]) - 1.0));
-    return worst;
-  }, 15);
+  for_all_trees(
+      options, 1e-9,
+      [](const RandomTree& tree) {
+        SystemSpec spec = tree.spec;
+        for (BodySpec& b : spec.bodies) {
+          b.eta.clear(), b.etadot.clear(), b.hinge.v.clear();
+          for (SpringDamper& s : b.hinge.springs) s.damping = 0.0, s.rest = b.hinge.q.empty() ? 0.0 : b.hinge.q[idx(s.component)];
+        }
+        const auto model = compiled(spec);
+        const LinearModel l = at_initial_state(*model);
+        const std::vector<double> w = frequencies(l.A);
+        soa::TreeOperators ops(model);
+        ops.at(model->initial_state().q.data());
+        const soa::SystemModes modes = system_modes(ops, {.elastic = model->nv, .rigid = 0});
+        double worst = largest(l.drift);
+        const std::size_t elastic = idx(static_cast<int>(modes.frequency.size()));
+        if (w.size() < elastic) return HUGE_VAL;
+        for (std::size_t j = 0; j < elastic; ++j)
+          worst = worse(
+              worst, std::abs(w[w.size() - elastic + j] / (2.0 * std::numbers::pi * modes.frequency[static_cast<Eigen::Index>(j)]) - 1.0));
+        return worst;
+      },
+      15);
 }
 
 TEST(LinearModel, CircularOrbit) {  // a particle in a central field: poles 0 and +-i n (Clohessy & Wiltshire), in-plane n twice

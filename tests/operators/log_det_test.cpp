@@ -60,7 +60,8 @@ TEST(LogDet, GradientIsTheAdjointOfTheRiccatiRates) {
           ops.at(state.q.data());
           VectorXd u(model->nv), W(model->nv);
           std::vector<std::uint8_t> free(static_cast<std::size_t>(model->nv));
-          for (int i = 0; i < model->nv; ++i) u[i] = std::sin(1.0 + i), W[i] = 0.1 + 0.05 * (i % 3), free[static_cast<std::size_t>(i)] = i % 4 != 1;
+          for (int i = 0; i < model->nv; ++i)
+            u[i] = std::sin(1.0 + i), W[i] = 0.1 + 0.05 * (i % 3), free[static_cast<std::size_t>(i)] = i % 4 != 1;
           ops.articulate({.W = W.data(), .free = free});
           ops.operational_space();
           RiccatiRates rates;

@@ -27,8 +27,8 @@ TEST(MassMatrix, InverseByItsBlocks) {
       const MatrixXd inverse = mass_matrix_inverse(v.ops), M = v.M(f, f);
       const VectorXd d = M.diagonal().cwiseSqrt();
       const MatrixXd one = d.asDiagonal() * (inverse(f, f) * M) * d.cwiseInverse().asDiagonal();
-      worst = worse({worst, largest(one - MatrixXd::Identity(one.rows(), one.cols())) / scaled_condition(M), largest(inverse(p, Eigen::all)),
-                        differ(inverse, inverse.transpose())});
+      worst = worse({worst, largest(one - MatrixXd::Identity(one.rows(), one.cols())) / scaled_condition(M),
+                     largest(inverse(p, Eigen::all)), differ(inverse, inverse.transpose())});
     }
     return worst;
   });
@@ -56,18 +56,21 @@ TEST(OperationalSpace, ComplianceOfTheFreeComponents) {
 }
 
 TEST(OperationalSpace, BlocksOfOmega) {
-  for_all_views(kinds_of_trees(), kIdentity, [](View& v, Scene&) {
-    prepare(v.ops);
-    const MatrixXd whole = operators::dense(operators::omega, v.ops);
-    double worst = 0.0;
-    const int n = static_cast<int>(v.ops.bodies().size());
-    for (int a = 0; a < n; ++a)
-      for (int b = 0; b < n; ++b) {
-        const auto &x = v.ops.bodies()[static_cast<std::size_t>(a)], &y = v.ops.bodies()[static_cast<std::size_t>(b)];
-        worst = worse(worst, largest(omega_block(v.ops, a, b) - whole.block(x.at, y.at, 6 + x.m, 6 + y.m)));
-      }
-    return worst / largest(whole) / v.condition();
-  }, 60);
+  for_all_views(
+      kinds_of_trees(), kIdentity,
+      [](View& v, Scene&) {
+        prepare(v.ops);
+        const MatrixXd whole = operators::dense(operators::omega, v.ops);
+        double worst = 0.0;
+        const int n = static_cast<int>(v.ops.bodies().size());
+        for (int a = 0; a < n; ++a)
+          for (int b = 0; b < n; ++b) {
+            const auto &x = v.ops.bodies()[static_cast<std::size_t>(a)], &y = v.ops.bodies()[static_cast<std::size_t>(b)];
+            worst = worse(worst, largest(omega_block(v.ops, a, b) - whole.block(x.at, y.at, 6 + x.m, 6 + y.m)));
+          }
+        return worst / largest(whole) / v.condition();
+      },
+      60);
 }
 
 TEST(OperationalSpace, JacobianAndItsAdjoint) {
@@ -76,31 +79,34 @@ TEST(OperationalSpace, JacobianAndItsAdjoint) {
     const Task task{v.nodes, {}};
     const MatrixXd J = v.jacobian(v.nodes);
     return worse(differ(task_jacobian(v.ops, task), J),
-                    differ(matrix_of(J.cols(), [&](const VectorXd& x) { return task_rates(v.ops, task, x); }), J));
+                 differ(matrix_of(J.cols(), [&](const VectorXd& x) { return task_rates(v.ops, task, x); }), J));
   });
 }
 
 TEST(OperationalSpace, BiasOfATask) {  // Jdot v = the acceleration of the nodes at v' = 0
   for (const TreeOptions& options : kinds_of_trees())
-    for_all_trees(options, kIdentity, [](const RandomTree& tree) {
-      Scene s(tree);
-      if (s.model->nv == 0) return 0.0;
-      cardan::Workspace ws(*s.model);
-      Task task;
-      VectorXd want(6 * static_cast<Eigen::Index>(tree.spec.bodies.size()));
-      double scale = 1e-3;
-      for (const BodySpec& b : tree.spec.bodies) {
-        want.segment<6>(6 * static_cast<Eigen::Index>(task.nodes.size())) = s.twin.node(b.name, "tip").acceleration_bias;
-        task.nodes.push_back(s.model->find_node(b.name + ".tip"));
-      }
-      // it is a difference: the size is that of what it is the difference of
-      const MatrixXd J = task_jacobian(s.ops, task);
-      VectorXd vdot(s.model->nv), none = VectorXd::Zero(s.model->nv);
-      cardan::Inputs in{.q = s.state.q.data(), .v = s.state.v.data(), .tau = none.data(), .gravity = false};
-      if (!forward_dynamics(*s.model, ws, in, vdot.data())) return HUGE_VAL;
-      scale = worse({scale, largest(J * vdot), largest(want)});
-      return differ(task_bias(s.ops, task, ws, s.state.v), want, scale);
-    }, kTrees);
+    for_all_trees(
+        options, kIdentity,
+        [](const RandomTree& tree) {
+          Scene s(tree);
+          if (s.model->nv == 0) return 0.0;
+          cardan::Workspace ws(*s.model);
+          Task task;
+          VectorXd want(6 * static_cast<Eigen::Index>(tree.spec.bodies.size()));
+          double scale = 1e-3;
+          for (const BodySpec& b : tree.spec.bodies) {
+            want.segment<6>(6 * static_cast<Eigen::Index>(task.nodes.size())) = s.twin.node(b.name, "tip").acceleration_bias;
+            task.nodes.push_back(s.model->find_node(b.name + ".tip"));
+          }
+          // it is a difference: the size is that of what it is the difference of
+          const MatrixXd J = task_jacobian(s.ops, task);
+          VectorXd vdot(s.model->nv), none = VectorXd::Zero(s.model->nv);
+          cardan::Inputs in{.q = s.state.q.data(), .v = s.state.v.data(), .tau = none.data(), .gravity = false};
+          if (!forward_dynamics(*s.model, ws, in, vdot.data())) return HUGE_VAL;
+          scale = worse({scale, largest(J * vdot), largest(want)});
+          return differ(task_bias(s.ops, task, ws, s.state.v), want, scale);
+        },
+        kTrees);
 }
 
 /// Rows of a task that a tree can surely move: as many as its rank allows is for the other test.
@@ -118,7 +124,8 @@ TEST(OperationalSpace, InertiaConsistentInverseAndNullSpace) {
     prepare(v.ops);
     const Task task = some_task(v, s.tree.seed);
     const OperationalSpace os(v.ops, task);
-    const MatrixXd J = task.T * v.jacobian(task.nodes), MiJ = v.M.llt().solve(J.transpose()), C = J * MiJ, one = MatrixXd::Identity(v.M.cols(), v.M.cols());
+    const MatrixXd J = task.T * v.jacobian(task.nodes), MiJ = v.M.llt().solve(J.transpose()), C = J * MiJ,
+                   one = MatrixXd::Identity(v.M.cols(), v.M.cols());
     if (os.rank() < os.rows()) return differ(os.compliance() * os.inertia() * os.compliance(), C) / v.condition();
     const MatrixXd L = C.llt().solve(MatrixXd::Identity(C.rows(), C.rows())), Jbar = MiJ * L;
     const MatrixXd got_bar = matrix_of(os.rows(), [&](const VectorXd& x) { return os.consistent_inverse(x); });
@@ -129,9 +136,11 @@ TEST(OperationalSpace, InertiaConsistentInverseAndNullSpace) {
     // T may cancel most of what it combines: what is left of the digits
     const double left = std::min(1.0, largest(J) / largest(task.T.cwiseAbs() * v.jacobian(task.nodes).cwiseAbs()));
     const double scale = v.condition() * os.condition() / (left * left);
-    return worse({differ(os.compliance(), C), differ(os.inertia(), L), differ(got_bar, Jbar), differ(J * got_bar, MatrixXd::Identity(C.rows(), C.rows())),
-                     differ(N, one - Jbar * J, 1.0), differ(Nt, N.transpose(), 1.0), differ(xdd, C * F, largest(J * v.M.llt().solve(tau))),
-                     differ(os.force_for(C * F, VectorXd::Zero(os.rows())), F)}) / scale;
+    return worse({differ(os.compliance(), C), differ(os.inertia(), L), differ(got_bar, Jbar),
+                  differ(J * got_bar, MatrixXd::Identity(C.rows(), C.rows())), differ(N, one - Jbar * J, 1.0),
+                  differ(Nt, N.transpose(), 1.0), differ(xdd, C * F, largest(J * v.M.llt().solve(tau))),
+                  differ(os.force_for(C * F, VectorXd::Zero(os.rows())), F)}) /
+           scale;
   });
 }
 
@@ -143,7 +152,11 @@ TEST(OperationalSpace, WithoutActuatorsOnSomeComponents) {  // J_g, M_g: those o
     const std::vector<int> a = where(passive, 0), p = where(passive, 1);
     if (a.size() < 4) return 0.0;
     prepare(v.ops);
-    TreeOperators other = v.ops.subgraph([&] { std::vector<int> all; for (const auto& b : v.ops.bodies()) all.push_back(b.sweep); return all; }());
+    TreeOperators other = v.ops.subgraph([&] {
+      std::vector<int> all;
+      for (const auto& b : v.ops.bodies()) all.push_back(b.sweep);
+      return all;
+    }());
     prepare(other, passive);
     const Task task = some_task(v, s.tree.seed);
     const OperationalSpace os(v.ops, task, &other);
@@ -154,7 +167,8 @@ TEST(OperationalSpace, WithoutActuatorsOnSomeComponents) {  // J_g, M_g: those o
     const MatrixXd rates = matrix_of(n, [&](const VectorXd& x) { return os.rates(x); });
     const MatrixXd forces = matrix_of(os.rows(), [&](const VectorXd& x) { return os.forces(x); });
     double worst = worse({differ(os.compliance(), C, largest(J * v.M.llt().solve(J.transpose()))), differ(rates(Eigen::all, a), Jg),
-                             differ(forces, rates.transpose())}) / v.condition();
+                          differ(forces, rates.transpose())}) /
+                   v.condition();
     worst = worse({worst, largest(rates(Eigen::all, p)), largest(forces(p, Eigen::all))});
     if (os.rank() < os.rows()) return worst;
     const VectorXd F = some_vector(s.tree.seed + 7, os.rows()), tau_0 = some_vector(s.tree.seed + 8, n);
@@ -168,41 +182,44 @@ TEST(OperationalSpace, WithoutActuatorsOnSomeComponents) {  // J_g, M_g: those o
 TEST(OperationalSpace, TheTaskObeys) {
   for (const bool thrusters : {true, false})
     for (const TreeOptions& options : floating_trees())
-      for_all_trees(options, kIdentity, [&](const RandomTree& tree) {
-        Scene s(tree);
-        const Eigen::Index n = s.model->nv;
-        prepare(s.ops);
-        TreeOperators base(s.model);
-        base.at(s.state.q.data());
-        std::vector<std::uint8_t> mask(static_cast<std::size_t>(n), 0);
-        const auto& root = s.ops.bodies()[0];
-        std::fill_n(mask.begin() + root.v, root.nh, std::uint8_t{1});
-        prepare(base, mask);
-        const int tip = s.model->find_node(tree.spec.bodies.back().name + ".tip");
-        const int rows[] = {0, 4};
-        const Task task = Task::of_rows({tip}, rows);
-        const OperationalSpace os(s.ops, task, thrusters ? nullptr : &base);
-        if (os.rank() < os.rows() || os.condition() > 1e6) return 0.0;
-        cardan::Workspace ws(*s.model);
-        const std::vector<cardan::NodeWrench> wrenches = s.wrenches();
-        VectorXd tau = VectorXd::Zero(n), vdot(n);
-        const auto accelerate = [&] {
-          const cardan::Inputs in{.q = s.state.q.data(), .v = s.state.v.data(), .tau = tau.data(), .wrenches = wrenches};
-          if (!forward_dynamics(*s.model, ws, in, vdot.data())) return VectorXd(VectorXd::Constant(2, NAN));
-          Observer observer(*s.model, ws);
-          observer.update(in, vdot.data());
-          return VectorXd(task.T * observer.node(tip).acceleration);
-        };
-        const VectorXd before = accelerate();
-        const VectorXd drift = task_rates(s.ops, task, vdot) + task_bias(s.ops, task, ws, s.state.v);
-        const VectorXd wanted = some_vector(tree.seed, 2), posture = some_vector(tree.seed + 1, n);
-        tau = os.torque(os.force_for(wanted, drift), posture);
-        for (int j = 0; !thrusters && j < root.nh; ++j)
-          if (tau[root.v + j] != 0.0) return HUGE_VAL;
-        const VectorXd after = accelerate();
-        const double size = worse({largest(before), largest(vdot), largest(os.compliance()) * largest(tau)});
-        return worse(differ(drift, before, size), differ(after, wanted, size)) / (scaled_condition(s.twin.M) * os.condition());
-      }, kTrees);
+      for_all_trees(
+          options, kIdentity,
+          [&](const RandomTree& tree) {
+            Scene s(tree);
+            const Eigen::Index n = s.model->nv;
+            prepare(s.ops);
+            TreeOperators base(s.model);
+            base.at(s.state.q.data());
+            std::vector<std::uint8_t> mask(static_cast<std::size_t>(n), 0);
+            const auto& root = s.ops.bodies()[0];
+            std::fill_n(mask.begin() + root.v, root.nh, std::uint8_t{1});
+            prepare(base, mask);
+            const int tip = s.model->find_node(tree.spec.bodies.back().name + ".tip");
+            const int rows[] = {0, 4};
+            const Task task = Task::of_rows({tip}, rows);
+            const OperationalSpace os(s.ops, task, thrusters ? nullptr : &base);
+            if (os.rank() < os.rows() || os.condition() > 1e6) return 0.0;
+            cardan::Workspace ws(*s.model);
+            const std::vector<cardan::NodeWrench> wrenches = s.wrenches();
+            VectorXd tau = VectorXd::Zero(n), vdot(n);
+            const auto accelerate = [&] {
+              const cardan::Inputs in{.q = s.state.q.data(), .v = s.state.v.data(), .tau = tau.data(), .wrenches = wrenches};
+              if (!forward_dynamics(*s.model, ws, in, vdot.data())) return VectorXd(VectorXd::Constant(2, NAN));
+              Observer observer(*s.model, ws);
+              observer.update(in, vdot.data());
+              return VectorXd(task.T * observer.node(tip).acceleration);
+            };
+            const VectorXd before = accelerate();
+            const VectorXd drift = task_rates(s.ops, task, vdot) + task_bias(s.ops, task, ws, s.state.v);
+            const VectorXd wanted = some_vector(tree.seed, 2), posture = some_vector(tree.seed + 1, n);
+            tau = os.torque(os.force_for(wanted, drift), posture);
+            for (int j = 0; !thrusters && j < root.nh; ++j)
+              if (tau[root.v + j] != 0.0) return HUGE_VAL;
+            const VectorXd after = accelerate();
+            const double size = worse({largest(before), largest(vdot), largest(os.compliance()) * largest(tau)});
+            return worse(differ(drift, before, size), differ(after, wanted, size)) / (scaled_condition(s.twin.M) * os.condition());
+          },
+          kTrees);
 }
 
 // Two links of length 1 in a plane, hinges about z.
@@ -274,7 +291,8 @@ TEST(OperationalSpace, FeltAtANodeAndParticipation) {
     // What sums of both signs have lost: J* u against its terms, the shares against 1.
     const double cancelled = share.cwiseAbs().sum() * largest(v.J(node).cwiseAbs().transpose() * u.cwiseAbs()) / largest(shape);
     return worse({differ(p.shape, shape), differ(p.response, response), differ(p.share, share), std::abs(p.share.sum() - 1.0),
-                     std::abs(effective_inertia(v.ops, node, u) * mobility - 1.0)}) / cancelled / v.condition();
+                  std::abs(effective_inertia(v.ops, node, u) * mobility - 1.0)}) /
+           cancelled / v.condition();
   });
 }
 

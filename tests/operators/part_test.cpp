@@ -92,7 +92,8 @@ void for_all_parts(const std::vector<TreeOptions>& kinds, double tolerance, cons
           const int n = static_cast<int>(at.model->bodies.size());
           double worst = 0.0;
           if (n < 3) return worst;
-          const int some = 1 + static_cast<int>(tree.seed % static_cast<unsigned>(n - 1)), other = 1 + static_cast<int>((tree.seed / 3) % static_cast<unsigned>(n - 1));
+          const int some = 1 + static_cast<int>(tree.seed % static_cast<unsigned>(n - 1)),
+                    other = 1 + static_cast<int>((tree.seed / 3) % static_cast<unsigned>(n - 1));
           std::vector<int> gaps;
           for (int k = 1; k < n; ++k)
             if ((tree.seed + static_cast<unsigned>(k * k)) % 3 != 0) gaps.push_back(k);
@@ -113,7 +114,12 @@ void for_all_parts(const std::vector<TreeOptions>& kinds, double tolerance, cons
 std::vector<TreeOptions> all_kinds(double prescribed = 0.2) {
   std::vector<TreeOptions> out;
   for (const GravitySpec::Kind gravity : {GravitySpec::Kind::uniform, GravitySpec::Kind::central}) {
-    out.push_back({.bodies = 7, .flexible = 0.0, .wheels = 0.6, .springs = true, .hinges = {"revolute", "ball", "free", "universal"}, .gravity = gravity});
+    out.push_back({.bodies = 7,
+                   .flexible = 0.0,
+                   .wheels = 0.6,
+                   .springs = true,
+                   .hinges = {"revolute", "ball", "free", "universal"},
+                   .gravity = gravity});
     out.push_back({.bodies = 7, .flexible = 0.4, .prescribed = prescribed, .springs = true, .gravity = gravity});
     out.push_back({.bodies = 4, .flexible = 1.0, .springs = true, .gravity = gravity});
   }
@@ -126,14 +132,16 @@ TEST(Part, InverseDynamicsAndInterBodyForces) {
     rotors_left_out += p.part.part()->rotors_left_out.size();
     for (const cardan::Run& run : p.part.part()->still)
       for (int k = run.begin; k < run.end; ++k) gaps += p.part.part()->takes_part[idx(k)];
-    const VectorXd vdot = some_vector(p.spec.seed, p.n()), all = p.part.to_model(vdot) + VectorXd::Ones(p.whole.model->nv) - p.part.to_model(VectorXd::Ones(p.n()));
+    const VectorXd vdot = some_vector(p.spec.seed, p.n()),
+                   all = p.part.to_model(vdot) + VectorXd::Ones(p.whole.model->nv) - p.part.to_model(VectorXd::Ones(p.n()));
     Inputs in = p.whole.in(), alone = p.alone.in();
     in.vdot = all.data();  // not zero where nobody takes part
     alone.vdot = vdot.data();
     Workspace dirty(*p.whole.model);
     VectorXd out(p.whole.model->nv);
     inverse_dynamics(*p.whole.model, dirty, p.whole.in(), out.data());
-    const VectorXd tau = p.alone.inverse(vdot), forces = soa::interbody_forces(p.part, dirty, in), other = soa::interbody_forces(p.tree, p.alone.ws, alone);
+    const VectorXd tau = p.alone.inverse(vdot), forces = soa::interbody_forces(p.part, dirty, in),
+                   other = soa::interbody_forces(p.tree, p.alone.ws, alone);
     double worst = apart(soa::inverse_dynamics(p.part, dirty, in), tau);
     worst = worse(worst, apart(soa::bias(p.part, dirty, in), soa::bias(p.tree, p.alone.ws, alone), largest(tau)));
     worst = worse(worst, apart(through_hinges(p.part, forces), tau, largest(forces)));
@@ -222,10 +230,12 @@ TEST(Part, Sensitivities) {
       const int here = p.whole.model->find_body(body.name), there = static_cast<int>(i);
       if (body.n_modes > 0)
         worst = worse({worst, apart(mine.inverse_in_stiffness(here), other.inverse_in_stiffness(there)),
-                          apart(mine.forward_in_stiffness(here, Sensitivities::Stiffness::full), other.forward_in_stiffness(there, Sensitivities::Stiffness::full)) / condition});
+                       apart(mine.forward_in_stiffness(here, Sensitivities::Stiffness::full),
+                             other.forward_in_stiffness(there, Sensitivities::Stiffness::full)) /
+                           condition});
       else
         worst = worse({worst, apart(mine.inverse_in_inertia(here), other.inverse_in_inertia(there)),
-                          apart(mine.forward_in_inertia(here), other.forward_in_inertia(there)) / condition});
+                       apart(mine.forward_in_inertia(here), other.forward_in_inertia(there)) / condition});
     }
     return worst;
   });
@@ -253,12 +263,14 @@ TEST(Part, LinearModels) {
         for (const std::string& name : p.part.labels(Space::hinge, soa::Sort::motion).names) ports.inputs.push_back(name);
         for (std::size_t i = 0; i < nodes.size(); i += 2) {
           ports.inputs.push_back(nodes[i] + ":force");
-          for (const char* what : {":position", ":velocity", ":acceleration", ":attitude", ":rate", ":specific_force"}) ports.outputs.push_back(nodes[i] + what);
+          for (const char* what : {":position", ":velocity", ":acceleration", ":attitude", ":rate", ":specific_force"})
+            ports.outputs.push_back(nodes[i] + what);
         }
         ports.outputs.push_back(p.part.labels(Space::hinge, soa::Sort::motion).names[0]);
         ports.outputs.insert(ports.outputs.end(), {"momentum:linear", "momentum:angular"});
         const auto at = [](const Loaded& s) {
-          return soa::OperatingPoint{.q = s.state.q.data(), .v = s.state.v.data(), .tau = s.tau.data(), .vdot = s.vdot_given.data(), .wrenches = s.wrenches};
+          return soa::OperatingPoint{
+              .q = s.state.q.data(), .v = s.state.v.data(), .tau = s.tau.data(), .vdot = s.vdot_given.data(), .wrenches = s.wrenches};
         };
         const double condition = scaled_condition(mass_matrix(*p.alone.model, p.alone.ws, p.alone.state.q.data()));
         return difference(soa::linearize(p.part, at(p.whole), ports), soa::linearize(*p.alone.model, at(p.alone), ports)) / condition;
@@ -289,8 +301,10 @@ TEST(Part, DiagonalisedVelocitiesHybridDynamicsJdotAndModes) {
     const double condition = scaled_condition(soa::mass_matrix(p.tree));
     worst = worse({worst, apart(h.vdot, same.vdot) / condition, apart(h.tau, same.tau) / condition});
     soa::Task here, there;
-    for (const std::string& name : p.nodes()) here.nodes.push_back(p.whole.model->find_node(name)), there.nodes.push_back(p.alone.model->find_node(name));
-    worst = worse(worst, apart(soa::task_bias(p.part, here, dirty, p.alone.state.v), soa::task_bias(p.tree, there, p.alone.ws, p.alone.state.v), 1.0));
+    for (const std::string& name : p.nodes())
+      here.nodes.push_back(p.whole.model->find_node(name)), there.nodes.push_back(p.alone.model->find_node(name));
+    worst = worse(worst, apart(soa::task_bias(p.part, here, dirty, p.alone.state.v),
+                               soa::task_bias(p.tree, there, p.alone.ws, p.alone.state.v), 1.0));
     const soa::SystemModesOptions options{.elastic = 3, .rigid = 2};
     const soa::SystemModes a = soa::system_modes(p.part, options), b = soa::system_modes(p.tree, options);
     EXPECT_EQ(a.n_rigid, b.n_rigid);
@@ -299,30 +313,34 @@ TEST(Part, DiagonalisedVelocitiesHybridDynamicsJdotAndModes) {
 }
 
 TEST(Part, JdotAgreesWithADifferenceAlongTheMotion) {  // d/dt (J v) at constant v, world axes turned with the node
-  for_all_trees({.bodies = 5, .flexible = 0.4, .hinges = {"revolute", "universal", "prismatic", "planar"}}, 1e-8, [](const RandomTree& tree) {
-    Loaded s(tree);
-    const Model& m = *s.model;
-    TreeOperators ops(s.model);
-    const std::vector<int> bodies = [&] { ops.at(s.state.q.data()); return ops.path(static_cast<int>(m.bodies.size()) - 1, 0); }();
-    TreeOperators part = ops.subgraph(bodies);
-    const VectorXd v = part.from_model(s.state.v), all = part.to_model(v);
-    if (v.size() == 0) return 0.0;
-    VectorXd qdot(m.nq);
-    m.qdot(s.state.q.data(), all.data(), qdot.data());
-    const soa::Task task{{part.nodes().back()}, {}};
-    Vector6d rate, work;
-    soa::derivative(
-        [&](double t, double* out) {
-          const VectorXd q = s.state.q + t * qdot;
-          ops.at(q.data());
-          Eigen::Map<Vector6d>(out, 6) = soa::task_rates(ops.subgraph(bodies), task, v);
-        },
-        1e-2, 6, rate.data(), work.data());
-    const Vector6d V = soa::task_rates(part, task, v);
-    rate.tail<3>() += V.head<3>().cross(Vector3d(V.tail<3>()));
-    Workspace ws(m);
-    return apart(soa::task_bias(part, task, ws, v), rate, worse(1.0, largest(V)));
-  });
+  for_all_trees({.bodies = 5, .flexible = 0.4, .hinges = {"revolute", "universal", "prismatic", "planar"}}, 1e-8,
+                [](const RandomTree& tree) {
+                  Loaded s(tree);
+                  const Model& m = *s.model;
+                  TreeOperators ops(s.model);
+                  const std::vector<int> bodies = [&] {
+                    ops.at(s.state.q.data());
+                    return ops.path(static_cast<int>(m.bodies.size()) - 1, 0);
+                  }();
+                  TreeOperators part = ops.subgraph(bodies);
+                  const VectorXd v = part.from_model(s.state.v), all = part.to_model(v);
+                  if (v.size() == 0) return 0.0;
+                  VectorXd qdot(m.nq);
+                  m.qdot(s.state.q.data(), all.data(), qdot.data());
+                  const soa::Task task{{part.nodes().back()}, {}};
+                  Vector6d rate, work;
+                  soa::derivative(
+                      [&](double t, double* out) {
+                        const VectorXd q = s.state.q + t * qdot;
+                        ops.at(q.data());
+                        Eigen::Map<Vector6d>(out, 6) = soa::task_rates(ops.subgraph(bodies), task, v);
+                      },
+                      1e-2, 6, rate.data(), work.data());
+                  const Vector6d V = soa::task_rates(part, task, v);
+                  rate.tail<3>() += V.head<3>().cross(Vector3d(V.tail<3>()));
+                  Workspace ws(m);
+                  return apart(soa::task_bias(part, task, ws, v), rate, worse(1.0, largest(V)));
+                });
 }
 
 // What is not free in a tree counts as given: the same as where the model gives it.
@@ -353,7 +371,11 @@ TEST(Part, ComponentsThatAreNotFreeAreGiven) {
           const ForwardDerivatives c = mine.forward(), d = other.forward();
           double worst = worse({apart(mine.vdot(), other.vdot(), 1.0), apart(c.q, d.q, 1.0), apart(c.v, d.v, 1.0), apart(c.tau, d.tau)});
           const soa::OperatingPoint at{.q = in.q, .v = in.v, .tau = in.tau, .vdot = in.vdot, .wrenches = in.wrenches};
-          const soa::OperatingPoint there{.q = given.state.q.data(), .v = given.state.v.data(), .tau = given.tau.data(), .vdot = given.vdot_given.data(), .wrenches = given.wrenches};
+          const soa::OperatingPoint there{.q = given.state.q.data(),
+                                          .v = given.state.v.data(),
+                                          .tau = given.tau.data(),
+                                          .vdot = given.vdot_given.data(),
+                                          .wrenches = given.wrenches};
           soa::LinearPorts ports{.inputs = {}, .outputs = {p.nodes()[0] + ":acceleration"}};
           return worse(worst, difference(soa::linearize(tree, at, ports), soa::linearize(*given.model, there, ports))) / condition;
         },
@@ -410,16 +432,18 @@ TEST(Part, NamesOfOthersAreRefused) {
   spec.gravity.kind = GravitySpec::Kind::uniform;
   spec.gravity.g = {0.0, 0.0, -9.81};
   for (const char* name : {"a", "b", "c"})
-    spec.bodies.push_back(on(rigid(name, 1.0, {0.5, 0.0, 0.0}, diagonal({0.1, 0.2, 0.3})), spec.bodies.empty() ? "" : spec.bodies.back().name, "revolute",
-                             {Vector3d::UnitY()}, {1.0, 0.0, 0.0}));
+    spec.bodies.push_back(on(rigid(name, 1.0, {0.5, 0.0, 0.0}, diagonal({0.1, 0.2, 0.3})),
+                             spec.bodies.empty() ? "" : spec.bodies.back().name, "revolute", {Vector3d::UnitY()}, {1.0, 0.0, 0.0}));
   const auto model = compiled(spec);
   const State s = model->initial_state();
   TreeOperators tree(model);
   tree.at(s.q.data());
   const TreeOperators part = tree.subgraph(tree.subtree(2));
   const soa::OperatingPoint at{.q = s.q.data(), .v = s.v.data()};
-  for (const char* name : {"a", "a.angle", "a:force"}) EXPECT_EQ(code([&] { linearize(part, at, {.inputs = {name}, .outputs = {}}); }), Code::unknown_name) << name;
-  for (const char* name : {"a", "a.rate", "a:position"}) EXPECT_EQ(code([&] { linearize(part, at, {.inputs = {}, .outputs = {name}}); }), Code::unknown_name) << name;
+  for (const char* name : {"a", "a.angle", "a:force"})
+    EXPECT_EQ(code([&] { linearize(part, at, {.inputs = {name}, .outputs = {}}); }), Code::unknown_name) << name;
+  for (const char* name : {"a", "a.rate", "a:position"})
+    EXPECT_EQ(code([&] { linearize(part, at, {.inputs = {}, .outputs = {name}}); }), Code::unknown_name) << name;
   EXPECT_EQ(linearize(part, at, {.inputs = {"b"}, .outputs = {"c:position"}}).A.rows(), 4);
   Sensitivities about(part);
   about.at({.q = s.q.data(), .v = s.v.data()});

@@ -26,8 +26,8 @@ std::vector<TreeOptions> kinds_with_springs() {
   return {rigid, mixed, flexible, central};
 }
 
-/// Twins at 113 bits are slow: small trees. In a central field what sweeps and twin define alike: no merged bodies (a field is expanded about the
-/// mass centre of what is merged), level 1, or level 2 without nodal rotary inertia.
+/// Twins at 113 bits are slow: small trees. In a central field what sweeps and twin define alike: no merged bodies (a field is expanded
+/// about the mass centre of what is merged), level 1, or level 2 without nodal rotary inertia.
 std::vector<TreeOptions> kinds_of_small_trees() {
   std::vector<TreeOptions> out = kinds_with_springs();
   for (TreeOptions& o : out) o.bodies = 3;
@@ -96,9 +96,8 @@ TEST(Sensitivity, OfInverseDynamicsAgainstTheTwin) {
           s.sens.at(s.at_vdot());
           VectorXd got(s.model->nv);
           s.sens.inverse({.q = u.data(), .v = w.data(), .vdot = a.data()}, got.data());
-          const VectorXd want = slope([&](const Quad& h) {
-            return twin_tau(twin, tree, q + h * rate, v + h * w.cast<Quad>(), vdot + h * a.cast<Quad>());
-          });
+          const VectorXd want =
+              slope([&](const Quad& h) { return twin_tau(twin, tree, q + h * rate, v + h * w.cast<Quad>(), vdot + h * a.cast<Quad>()); });
           return worse(differ(got, want), differ(s.sens.tau(), twin_tau(twin, tree, q, v, vdot).cast<double>()));
         },
         kTwins);
@@ -153,13 +152,16 @@ TEST(Sensitivity, OfForwardDynamicsAgainstTheArticulatedSweeps) {
           for (int i = 0; i < m.nq; ++i) q.push_back({s.state.q[i], rate[i]});
           for (int i = 0; i < m.nv; ++i) {
             const bool given = m.has_prescribed() && m.prescribed[static_cast<std::size_t>(i)];
-            v.push_back({s.state.v[i], w[i]}), tau.push_back({s.tau[i], f[i]}), vdot.push_back(given ? Tangent{s.vdot_given[i], a[i]} : Tangent(0.0));
+            v.push_back({s.state.v[i], w[i]}), tau.push_back({s.tau[i], f[i]}),
+                vdot.push_back(given ? Tangent{s.vdot_given[i], a[i]} : Tangent(0.0));
           }
           std::vector<soa::NodeWrench<Tangent>> wrenches;
           for (const NodeWrench& x : s.wrenches) wrenches.push_back({x.node, x.world_axes, {cast<Tangent>(x.f.n), cast<Tangent>(x.f.f)}});
           soa::Workspace<Tangent> ws(m);
           ws.require_world();
-          if (!forward_dynamics(m, ws, {.q = q.data(), .v = v.data(), .tau = tau.data(), .vdot = vdot.data(), .wrenches = wrenches}, out.data())) return HUGE_VAL;
+          if (!forward_dynamics(m, ws, {.q = q.data(), .v = v.data(), .tau = tau.data(), .vdot = vdot.data(), .wrenches = wrenches},
+                                out.data()))
+            return HUGE_VAL;
           for (int i = 0; i < m.nv; ++i) direct[i] = out[static_cast<std::size_t>(i)].d;
           return differ(got, direct);
         },
@@ -183,9 +185,9 @@ TEST(Sensitivity, MatricesAreMadeOfDirections) {  // and d v' = - M^-1 d ID, M d
           s.sens.inverse({.q = u.data(), .v = w.data()}, tau.data());
           s.sens.forward({.q = u.data(), .v = w.data(), .tau = f.data()}, vdot.data());
           const double size = largest(inverse.q) + largest(inverse.v);
-          return worse({differ(inverse.q * u + inverse.v * w, tau, size), differ(M * (forward.q * u + forward.v * w + forward.tau * f), f - tau, size),
-                           differ(M * forward.q, -inverse.q, largest(M) * largest(forward.q)),
-                           differ(M * vdot, f - tau, size)});
+          return worse({differ(inverse.q * u + inverse.v * w, tau, size),
+                        differ(M * (forward.q * u + forward.v * w + forward.tau * f), f - tau, size),
+                        differ(M * forward.q, -inverse.q, largest(M) * largest(forward.q)), differ(M * vdot, f - tau, size)});
         },
         kTrees);
 }
@@ -204,7 +206,8 @@ TEST(Sensitivity, MassMatrixByExpressionBySweepAndByTheTwin) {
           s.sens.at(s.in());
           VectorXd swept(s.model->nv);
           s.sens.mass(u.data(), w.data(), swept.data());
-          return differ(operators::apply(operators::mass_derivative, ops, w), swept, largest(mass_matrix(*s.model, s.ws, s.state.q.data())));
+          return differ(operators::apply(operators::mass_derivative, ops, w), swept,
+                        largest(mass_matrix(*s.model, s.ws, s.state.q.data())));
         },
         kTrees);
   for (const TreeOptions& options : kinds_of_small_trees())
@@ -271,7 +274,8 @@ TEST(Sensitivity, InTheInertiaOfABody) {
         12);
 }
 
-/// The same by models with another inertia of the body, in every kind of tree: merged bodies in a central field, wheels that cease to be wheels.
+/// The same by models with another inertia of the body, in every kind of tree: merged bodies in a central field, wheels that cease to be
+/// wheels.
 TEST(Sensitivity, InTheInertiaOfABodyAgainstOtherModels) {
   std::vector<TreeOptions> kinds = kinds_with_springs();
   kinds.push_back({.bodies = 5, .flexible = 0.0, .wheels = 0.5, .locked = 0.3, .gravity = GravitySpec::Kind::central});
@@ -356,7 +360,8 @@ TEST(Sensitivity, InModalStiffness) {
         for (std::size_t b = 0; b < tree.spec.bodies.size(); ++b) {
           if (!tree.spec.bodies[b].modal) continue;
           const int m = tree.spec.bodies[b].modal->n_modes, body = static_cast<int>(b);
-          const MatrixXd full = s.sens.inverse_in_stiffness(body, Sensitivities::Stiffness::full), diagonal = s.sens.inverse_in_stiffness(body);
+          const MatrixXd full = s.sens.inverse_in_stiffness(body, Sensitivities::Stiffness::full),
+                         diagonal = s.sens.inverse_in_stiffness(body);
           for (int i = 0, column = 0; i < m; ++i)
             for (int j = 0; j <= i; ++j, ++column) {
               RandomTree stiffer = tree;  // tau is linear in K: one whole step is the derivative
@@ -414,8 +419,9 @@ TEST(Sensitivity, DerivativesAreGalileanInvariant) {
 TEST(Sensitivity, ParametersReachToTheGroundOnly) {
   std::vector<BodySpec> bodies;
   for (int i = 0; i < 60; ++i)
-    bodies.push_back(on(rigid("b" + std::to_string(i), 1.0, {0.1, 0.2, 0.3}, diagonal({1.0, 1.1, 1.2})), i > 0 ? "b" + std::to_string(i - 1) : "",
-                        i % 3 ? "revolute" : "ball", i % 3 ? std::vector<Vector3d>{Vector3d(0, i % 2, 1)} : std::vector<Vector3d>{}, {0.4, 0.0, 0.1}));
+    bodies.push_back(on(rigid("b" + std::to_string(i), 1.0, {0.1, 0.2, 0.3}, diagonal({1.0, 1.1, 1.2})),
+                        i > 0 ? "b" + std::to_string(i - 1) : "", i % 3 ? "revolute" : "ball",
+                        i % 3 ? std::vector<Vector3d>{Vector3d(0, i % 2, 1)} : std::vector<Vector3d>{}, {0.4, 0.0, 0.1}));
   const auto model = compiled(system(std::move(bodies), uniform_gravity({0, 0, -9.8})));
   Sensitivities s(model);
   const State state = model->initial_state();

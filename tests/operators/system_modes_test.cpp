@@ -32,35 +32,34 @@ MatrixXd stiffness(const Model& m) {
 TEST(SystemModes, AgreeWithTheDenseProblem) {
   for (const double flexible : {0.0, 0.5, 1.0})
     for (const double prescribed : {0.0, 0.2})
-      for_all_trees(
-          {.bodies = 7, .flexible = flexible, .modes = 0, .prescribed = prescribed, .springs = true}, 1e-9,
-          [](const RandomTree& tree) {
-            const auto model = compiled(tree.spec);
-            TreeOperators ops(model);
-            ops.at(model->initial_state().q.data());
-            const MatrixXd M = dense<false>(mass, ops), K = stiffness(*model);
-            std::vector<int> free;
-            for (int v = 0; v < model->nv; ++v)
-              if (!model->has_prescribed() || !model->prescribed[static_cast<std::size_t>(v)]) free.push_back(v);
-            const SystemModes modes = system_modes(ops, {.elastic = model->nv, .rigid = model->nv});
-            if (modes.frequency.size() != static_cast<Eigen::Index>(free.size())) return HUGE_VAL;
-            if (free.empty()) return 0.0;
-            const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> reference(K(free, free), M(free, free));
-            const VectorXd lambda = reference.eigenvalues();
-            const double size = largest(lambda);
-            double worst = 0.0;
-            for (Eigen::Index j = 0; j < lambda.size(); ++j) {
-              const double mine = std::pow(2.0 * std::numbers::pi * modes.frequency[j], 2);
-              worst = worse(worst, relative(mine - lambda[j], worse(std::abs(lambda[j]), 1e-6 * size)));
-            }
-            const MatrixXd X = modes.shapes;
-            const MatrixXd one = MatrixXd::Identity(X.cols(), X.cols());
-            worst = worse(worst, largest(X.transpose() * M * X - one));
-            worst = worse(worst, largest(modes.kinetic.colwise().sum().array() - 1.0));
-            if (modes.frequency.size() > modes.first_elastic)
-              worst = worse(worst, largest(modes.strain.rightCols(X.cols() - modes.first_elastic).colwise().sum().array() - 1.0));
-            return worse(worst, (K * X.leftCols(modes.first_elastic)).cwiseAbs().sum());
-          });
+      for_all_trees({.bodies = 7, .flexible = flexible, .modes = 0, .prescribed = prescribed, .springs = true}, 1e-9,
+                    [](const RandomTree& tree) {
+                      const auto model = compiled(tree.spec);
+                      TreeOperators ops(model);
+                      ops.at(model->initial_state().q.data());
+                      const MatrixXd M = dense<false>(mass, ops), K = stiffness(*model);
+                      std::vector<int> free;
+                      for (int v = 0; v < model->nv; ++v)
+                        if (!model->has_prescribed() || !model->prescribed[static_cast<std::size_t>(v)]) free.push_back(v);
+                      const SystemModes modes = system_modes(ops, {.elastic = model->nv, .rigid = model->nv});
+                      if (modes.frequency.size() != static_cast<Eigen::Index>(free.size())) return HUGE_VAL;
+                      if (free.empty()) return 0.0;
+                      const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> reference(K(free, free), M(free, free));
+                      const VectorXd lambda = reference.eigenvalues();
+                      const double size = largest(lambda);
+                      double worst = 0.0;
+                      for (Eigen::Index j = 0; j < lambda.size(); ++j) {
+                        const double mine = std::pow(2.0 * std::numbers::pi * modes.frequency[j], 2);
+                        worst = worse(worst, relative(mine - lambda[j], worse(std::abs(lambda[j]), 1e-6 * size)));
+                      }
+                      const MatrixXd X = modes.shapes;
+                      const MatrixXd one = MatrixXd::Identity(X.cols(), X.cols());
+                      worst = worse(worst, largest(X.transpose() * M * X - one));
+                      worst = worse(worst, largest(modes.kinetic.colwise().sum().array() - 1.0));
+                      if (modes.frequency.size() > modes.first_elastic)
+                        worst = worse(worst, largest(modes.strain.rightCols(X.cols() - modes.first_elastic).colwise().sum().array() - 1.0));
+                      return worse(worst, (K * X.leftCols(modes.first_elastic)).cwiseAbs().sum());
+                    });
 }
 
 TEST(SystemModes, OfASubgraph) {  // the operators carry over: what is not in the set is ground
@@ -76,12 +75,14 @@ TEST(SystemModes, OfASubgraph) {  // the operators carry over: what is not in th
     MatrixXd K = MatrixXd::Zero(n, n);
     for (int v = 0; v < model->nv; ++v)
       for (int w = 0; w < model->nv; ++w)
-        if (part.place_of_velocity(v) >= 0 && part.place_of_velocity(w) >= 0) K(part.place_of_velocity(v), part.place_of_velocity(w)) = K_whole(v, w);
+        if (part.place_of_velocity(v) >= 0 && part.place_of_velocity(w) >= 0)
+          K(part.place_of_velocity(v), part.place_of_velocity(w)) = K_whole(v, w);
     const VectorXd lambda = Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd>(K, M).eigenvalues();
     const SystemModes modes = system_modes(part, {.elastic = n, .rigid = n});
     double worst = 0.0;
     for (int j = 0; j < n; ++j)
-      worst = worse(worst, relative(std::pow(2.0 * std::numbers::pi * modes.frequency[j], 2) - lambda[j], worse(lambda[j], 1e-6 * lambda[n - 1])));
+      worst = worse(worst,
+                    relative(std::pow(2.0 * std::numbers::pi * modes.frequency[j], 2) - lambda[j], worse(lambda[j], 1e-6 * lambda[n - 1])));
     return worst;
   });
 }
@@ -92,13 +93,14 @@ SpringDamper spring(double stiffness, double damping) {
   return s;
 }
 BodySpec mass_on_spring(int i, double k, double c = 0.0) {
-  BodySpec b = on(rigid("m" + std::to_string(i), 2.0, Vector3d::Zero(), diagonal({1, 1, 1})), i == 0 ? "" : "m" + std::to_string(i - 1), "prismatic",
-                  {Vector3d::UnitX()});
+  BodySpec b = on(rigid("m" + std::to_string(i), 2.0, Vector3d::Zero(), diagonal({1, 1, 1})), i == 0 ? "" : "m" + std::to_string(i - 1),
+                  "prismatic", {Vector3d::UnitX()});
   if (k > 0.0) b.hinge.springs.push_back(spring(k, c));
   return b;
 }
 
-// n masses m on a line, springs k, the first to ground or free: omega = 2 sqrt(k/m) sin((2j - 1) pi / (4 n + 2)), 2 sqrt(k/m) sin(j pi / (2 n)).
+// n masses m on a line, springs k, the first to ground or free: omega = 2 sqrt(k/m) sin((2j - 1) pi / (4 n + 2)), 2 sqrt(k/m) sin(j pi / (2
+// n)).
 void check_chain(int n, bool free, int wanted) {
   std::vector<BodySpec> bodies;
   for (int i = 0; i < n; ++i) bodies.push_back(mass_on_spring(i, free && i == 0 ? 0.0 : 50.0));
@@ -125,7 +127,8 @@ TEST(SystemModes, UniformChain) {
 
 TEST(SystemModes, RigidModesOfAFreeBase) {
   BodySpec base = on(rigid("base", 3.0, {0.1, 0.2, 0.0}, diagonal({1, 2, 3})), "", "free");
-  BodySpec arm = on(rigid("arm", 1.0, {0.5, 0.0, 0.0}, diagonal({0.1, 0.4, 0.4})), "base", "revolute", {Vector3d::UnitZ()}, {1.0, 0.0, 0.0});
+  BodySpec arm =
+      on(rigid("arm", 1.0, {0.5, 0.0, 0.0}, diagonal({0.1, 0.4, 0.4})), "base", "revolute", {Vector3d::UnitZ()}, {1.0, 0.0, 0.0});
   arm.hinge.springs.push_back(spring(20.0, 0.3));
   const auto model = compiled(system({base, arm}));
   TreeOperators ops(model);
@@ -146,7 +149,8 @@ TEST(SystemModes, RigidModesOfAFreeBase) {
 TEST(SystemModes, EqualAppendagesComeAllOfThem) {  // 40 equal wings on a heavy hub: a cluster of 39 equal modes
   std::vector<BodySpec> bodies{on(rigid("hub", 1e3, Vector3d::Zero(), diagonal({500, 500, 500})), "", "locked")};
   for (int i = 0; i < 40; ++i) {
-    BodySpec b = on(rigid("w" + std::to_string(i), 1.0, {0.5, 0.0, 0.0}, diagonal({0.1, 0.2, 0.2})), "hub", "revolute", {Vector3d::UnitZ()});
+    BodySpec b =
+        on(rigid("w" + std::to_string(i), 1.0, {0.5, 0.0, 0.0}, diagonal({0.1, 0.2, 0.2})), "hub", "revolute", {Vector3d::UnitZ()});
     b.hinge.springs.push_back(spring(9.0 + (i < 3 ? i : 0), 0.0));
     bodies.push_back(b);
   }
@@ -163,7 +167,8 @@ TEST(SystemModes, EqualAppendagesComeAllOfThem) {  // 40 equal wings on a heavy 
 TEST(SystemModes, HundredsOfEqualAppendages) {  // two distinct eigenvalues for 300 modes: nothing for Lanczos to iterate on
   std::vector<BodySpec> bodies{on(rigid("hub", 1e3, Vector3d::Zero(), diagonal({500, 500, 500})), "", "free")};
   for (int i = 0; i < 300; ++i) {
-    BodySpec b = on(rigid("w" + std::to_string(i), 1.0, {0.5, 0.0, 0.0}, diagonal({0.1, 0.2, 0.2})), "hub", "revolute", {Vector3d::UnitZ()});
+    BodySpec b =
+        on(rigid("w" + std::to_string(i), 1.0, {0.5, 0.0, 0.0}, diagonal({0.1, 0.2, 0.2})), "hub", "revolute", {Vector3d::UnitZ()});
     b.hinge.springs.push_back(spring(9.0, 0.0));
     bodies.push_back(b);
   }

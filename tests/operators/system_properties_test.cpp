@@ -24,7 +24,7 @@ TEST(MassProperties, OfTheTreeAndOfPathsAgainstTheTwin) {
       const Eigen::Matrix3d J = all.inertia + other.inertia + m * (d.squaredNorm() * Eigen::Matrix3d::Identity() - d * d.transpose());
       const Vector3d com = (all.mass * all.com + other.mass * other.com) / whole.mass;
       return worse({std::abs(all.mass + other.mass - whole.mass) / whole.mass, off(com, whole.com, 1.0 + whole.com.norm()),
-                       differ(J, whole.inertia)});
+                    differ(J, whole.inertia)});
     }
     const auto twin = s.twin_of(v.ops);
     return worse(std::abs(all.mass - twin.total_mass) / twin.total_mass, off(all.com, twin.com, 1.0 + twin.com.norm()));
@@ -35,30 +35,35 @@ TEST(MassProperties, InertiaIsWhatTurnsStiffly) {  // angular momentum of a rigi
   std::vector<TreeOptions> kinds = floating_trees();
   for (TreeOptions& options : kinds) {
     options.roots = 1;
-    for_all_trees(options, kIdentity, [](const RandomTree& tree) {
-      Scene s(tree);
-      const MassProperties all = mass_properties(s.ops);
-      const UserBody& root = s.model->user[static_cast<std::size_t>(s.ops.bodies()[0].user)];
-      const auto tip = s.twin.node(root.name, "tip");
-      const Vector3d w(0.3, -0.5, 0.8);
-      Vector6d at_tip;
-      at_tip << tip.R.transpose() * w, tip.R.transpose() * w.cross(Vector3d(tip.x) - all.com);
-      VectorXd v = VectorXd::Zero(s.model->nv);
-      v.segment<6>(root.v) = tip.J.middleCols(root.v, 6).fullPivLu().solve(at_tip);
-      const auto turning = reference::DenseTwin<double>(tree.spec).at(s.state.q, v);
-      const Vector3d h = Vector3d(turning.angular_momentum) - all.com.cross(Vector3d(turning.linear_momentum));
-      const Placement frame = place_of_node(s.ops, s.model->find_node(root.name + ".tip"));
-      const MassProperties seen = all.seen_from(frame);
-      return worse({(h - all.inertia * w).norm() / h.norm(), turning.linear_momentum.norm() / (all.mass * (1.0 + all.com.norm())),
-                       off(frame.p, tip.x, 1.0 + tip.x.norm()), differ(frame.R, tip.R),
-                       off(frame.p + frame.R * seen.com, all.com, 1.0 + all.com.norm()), differ(frame.R * seen.inertia * frame.R.transpose(), all.inertia)});
-    }, kTrees);
+    for_all_trees(
+        options, kIdentity,
+        [](const RandomTree& tree) {
+          Scene s(tree);
+          const MassProperties all = mass_properties(s.ops);
+          const UserBody& root = s.model->user[static_cast<std::size_t>(s.ops.bodies()[0].user)];
+          const auto tip = s.twin.node(root.name, "tip");
+          const Vector3d w(0.3, -0.5, 0.8);
+          Vector6d at_tip;
+          at_tip << tip.R.transpose() * w, tip.R.transpose() * w.cross(Vector3d(tip.x) - all.com);
+          VectorXd v = VectorXd::Zero(s.model->nv);
+          v.segment<6>(root.v) = tip.J.middleCols(root.v, 6).fullPivLu().solve(at_tip);
+          const auto turning = reference::DenseTwin<double>(tree.spec).at(s.state.q, v);
+          const Vector3d h = Vector3d(turning.angular_momentum) - all.com.cross(Vector3d(turning.linear_momentum));
+          const Placement frame = place_of_node(s.ops, s.model->find_node(root.name + ".tip"));
+          const MassProperties seen = all.seen_from(frame);
+          return worse({(h - all.inertia * w).norm() / h.norm(), turning.linear_momentum.norm() / (all.mass * (1.0 + all.com.norm())),
+                        off(frame.p, tip.x, 1.0 + tip.x.norm()), differ(frame.R, tip.R),
+                        off(frame.p + frame.R * seen.com, all.com, 1.0 + all.com.norm()),
+                        differ(frame.R * seen.inertia * frame.R.transpose(), all.inertia)});
+        },
+        kTrees);
   }
 }
 
 TEST(MassProperties, KeepTheirDigitsInOrbit) {
-  std::vector<BodySpec> bodies = {on(rigid("bus", 800.0, {0.1, 0.2, -0.1}, diagonal({300, 350, 400})), "", "free_body"),
-                                  on(rigid("wing", 40.0, {0.0, 2.0, 0.0}, diagonal({30, 5, 33})), "bus", "revolute", {{0, 1, 0}}, {0.0, 1.0, 0.0})};
+  std::vector<BodySpec> bodies = {
+      on(rigid("bus", 800.0, {0.1, 0.2, -0.1}, diagonal({300, 350, 400})), "", "free_body"),
+      on(rigid("wing", 40.0, {0.0, 2.0, 0.0}, diagonal({30, 5, 33})), "bus", "revolute", {{0, 1, 0}}, {0.0, 1.0, 0.0})};
   const auto near = compiled(system(bodies));
   State state = near->initial_state();
   TreeOperators here(near), far(near);
@@ -77,7 +82,8 @@ TEST(Momentum, MatrixProductsAndTwin) {
     double worst = 0.0;
     for (const About about : {About::world_origin, About::mass_centre}) {
       const MatrixXd A = momentum_matrix(v.ops, about);
-      worst = worse({worst, differ(momentum(v.ops, about, x), A * x, largest(A)), differ(momentum_adjoint(v.ops, about, w), A.transpose() * w, largest(A))});
+      worst = worse({worst, differ(momentum(v.ops, about, x), A * x, largest(A)),
+                     differ(momentum_adjoint(v.ops, about, w), A.transpose() * w, largest(A))});
     }
     if (std::string_view(v.name) == "subtree") return worst;
     const SystemSpec spec = s.only(v.ops);
@@ -86,7 +92,7 @@ TEST(Momentum, MatrixProductsAndTwin) {
     h << twin.angular_momentum, twin.linear_momentum;
     centroidal << Vector3d(twin.angular_momentum) - Vector3d(twin.com).cross(Vector3d(twin.linear_momentum)), twin.linear_momentum;
     return worse({worst, differ(momentum(v.ops, About::world_origin, x), h, largest(momentum_matrix(v.ops, About::world_origin))),
-                     differ(momentum(v.ops, About::mass_centre, x), centroidal, largest(momentum_matrix(v.ops, About::world_origin)))});
+                  differ(momentum(v.ops, About::mass_centre, x), centroidal, largest(momentum_matrix(v.ops, About::world_origin)))});
   });
 }
 
@@ -96,7 +102,8 @@ TEST(Momentum, OfASubtreeIsTheDifference) {  // of the whole and of what is left
     VectorXd all = VectorXd::Zero(s.model->nv);
     const VectorXd x = some_vector(s.tree.seed, v.M.cols());
     for (std::size_t i = 0; i < v.components.size(); ++i) all[v.components[i]] = x[static_cast<Eigen::Index>(i)];
-    return differ(momentum(v.ops, About::world_origin, x), momentum(s.ops, About::world_origin, all), largest(momentum_matrix(s.ops, About::world_origin)));
+    return differ(momentum(v.ops, About::world_origin, x), momentum(s.ops, About::world_origin, all),
+                  largest(momentum_matrix(s.ops, About::world_origin)));
   });
 }
 
@@ -118,7 +125,7 @@ TEST(Momentum, SharedAmongBodies) {
   const MomentumSharing shared = momentum_sharing(ops, Eigen::Vector2d(2.0, 1.0));
   EXPECT_NEAR(shared.linear[0], 2.0 / 11.0, 1e-15);
   EXPECT_NEAR(shared.linear[1], 9.0 / 11.0, 1e-15);
-  EXPECT_EQ(shared.angular.size(), 0);  // none
+  EXPECT_EQ(shared.angular.size(), 0);                                            // none
   EXPECT_EQ(momentum_sharing(ops, Eigen::Vector2d(3.0, -4.0)).linear.size(), 0);  // 3 and -3
 }
 
@@ -129,7 +136,8 @@ TEST(ReflectedInertia, ByItsDefinitions) {
     const MatrixXd inverse = v.M.llt().solve(MatrixXd::Identity(v.M.rows(), v.M.cols()));
     double worst = 0.0;
     for (Eigen::Index k = 0; k < v.M.cols(); ++k)
-      worst = worse({worst, std::abs(felt.others_locked[k] / v.M(k, k) - 1.0), std::abs(felt.others_free[k] * inverse(k, k) - 1.0) / v.condition()});
+      worst = worse(
+          {worst, std::abs(felt.others_locked[k] / v.M(k, k) - 1.0), std::abs(felt.others_free[k] * inverse(k, k) - 1.0) / v.condition()});
     for (const auto& b : v.ops.bodies()) {  // hold what is not outboard
       const std::vector<int> outboard = v.ops.subtree(b.sweep);
       std::vector<int> free;
@@ -139,7 +147,8 @@ TEST(ReflectedInertia, ByItsDefinitions) {
       const MatrixXd M = v.M(free, free), part = M.llt().solve(MatrixXd::Identity(M.rows(), M.cols()));
       for (std::size_t i = 0; i < free.size(); ++i)
         if (const int k = free[i]; k >= b.v && k < b.v + b.nh + b.m)
-          worst = worse(worst, std::abs(felt.outboard_free[k] * part(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i)) - 1.0) / scaled_condition(M));
+          worst = worse(worst, std::abs(felt.outboard_free[k] * part(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i)) - 1.0) /
+                                   scaled_condition(M));
     }
     return worst;
   });

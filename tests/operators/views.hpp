@@ -21,10 +21,10 @@ inline std::vector<TreeOptions> floating_trees() {
 struct View {
   const char* name;
   TreeOperators ops;
-  MatrixXd M;                           // of the twin
-  std::vector<int> components;          // of the model's v
-  std::vector<int> nodes;               // the tips that take part
-  std::function<MatrixXd(int)> J;       // of a node, 6 x components, of the twin
+  MatrixXd M;                      // of the twin
+  std::vector<int> components;     // of the model's v
+  std::vector<int> nodes;          // the tips that take part
+  std::function<MatrixXd(int)> J;  // of a node, 6 x components, of the twin
   MatrixXd jacobian(const std::vector<int>& of) const {
     MatrixXd out(6 * static_cast<Eigen::Index>(of.size()), M.cols());
     for (std::size_t i = 0; i < of.size(); ++i) out.middleRows<6>(6 * static_cast<Eigen::Index>(i)) = J(of[i]);
@@ -126,8 +126,8 @@ class Scene {
 };
 
 /// The worst error over the views of each tree.
-inline void for_all_views(const std::vector<TreeOptions>& kinds, double tolerance,
-                          const std::function<double(View&, Scene&)>& property, int count = kTrees) {
+inline void for_all_views(const std::vector<TreeOptions>& kinds, double tolerance, const std::function<double(View&, Scene&)>& property,
+                          int count = kTrees) {
   for (const TreeOptions& options : kinds)
     for_all_trees(
         options, tolerance,

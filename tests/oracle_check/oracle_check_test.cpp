@@ -22,8 +22,7 @@ json vector_file(const std::string& name) {
 int verdict(const json& file) {
   const std::string path = test::scratch("vector.json"), report = test::scratch("report.txt");
   std::ofstream(path) << file.dump();
-  const int status = std::system(
-      fmt::format("'{}/tests/oracle_check' '{}' '{}' > /dev/null", CARDAN_BINARY_DIR, path, report).c_str());
+  const int status = std::system(fmt::format("'{}/tests/oracle_check' '{}' '{}' > /dev/null", CARDAN_BINARY_DIR, path, report).c_str());
   return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
@@ -35,13 +34,10 @@ json& first_number(json& j) { return j.is_structured() ? first_number(j.begin().
 std::vector<json::json_pointer> fields_of(const json& expected, const json::json_pointer& at) {
   std::vector<json::json_pointer> out;
   for (const auto& [key, value] : expected.items()) {
-    if (key == "derivative_point_vdot" || key == "body" || key == "constraints" || key == "integrals" ||
-        key == "dM_fl_deta")
-      continue;
+    if (key == "derivative_point_vdot" || key == "body" || key == "constraints" || key == "integrals" || key == "dM_fl_deta") continue;
     const bool list_of_things = value.is_array() && !value.empty() && value[0].is_object();
     if (value.is_object() || list_of_things) {
-      const auto more =
-          list_of_things ? fields_of(value.back(), at / key / (value.size() - 1)) : fields_of(value, at / key);
+      const auto more = list_of_things ? fields_of(value.back(), at / key / (value.size() - 1)) : fields_of(value, at / key);
       out.insert(out.end(), more.begin(), more.end());
     } else {
       out.push_back(at / key);
@@ -60,13 +56,11 @@ TEST_P(OracleCheck, SeesEachWrongNumberAndEachMissingField) {
   EXPECT_GE(fields.size(), 6u);
   for (const auto& field : fields) {
     const std::string name = field.to_string();
-    const bool closed =
-        loops && (name.find("vdot") != std::string::npos || name.find("acceleration") != std::string::npos);
+    const bool closed = loops && (name.find("vdot") != std::string::npos || name.find("acceleration") != std::string::npos);
     json bad = good;
     json& value = bad["expected"][field];
     json& number = first_number(value);
-    for (const std::string& wrong :
-         {fmt::format("{:.17g}", 1.0 + 2.0 * std::stod(number.get<std::string>())), std::string("nan")}) {
+    for (const std::string& wrong : {fmt::format("{:.17g}", 1.0 + 2.0 * std::stod(number.get<std::string>())), std::string("nan")}) {
       number = wrong;
       EXPECT_EQ(verdict(bad), closed ? kSkip : kFail) << name << " = " << wrong;
     }
@@ -81,8 +75,8 @@ TEST_P(OracleCheck, SeesEachWrongNumberAndEachMissingField) {
 // A chain; a loop, whose open tree counts; a body and a tree at three levels; more than nine components: no
 // derivatives.
 INSTANTIATE_TEST_SUITE_P(Of, OracleCheck,
-                         testing::Values("14_chain_3r", "44_fourbar", "53_body_levels_translational",
-                                         "58_levels_deforming_attachment", "25_flex_free_free_8"),
+                         testing::Values("14_chain_3r", "44_fourbar", "53_body_levels_translational", "58_levels_deforming_attachment",
+                                         "25_flex_free_free_8"),
                          [](const auto& file) { return "File" + file.param; });
 
 }  // namespace

@@ -33,8 +33,7 @@ struct States {
 
 double error_2norm(const MatrixXd& a, const MatrixXd& b) {
   double worst = 0.0;
-  for (Eigen::Index k = 0; k < a.cols(); ++k)
-    worst = worse(worst, relative((a.col(k) - b.col(k)).norm(), b.col(k).norm()));
+  for (Eigen::Index k = 0; k < a.cols(); ++k) worst = worse(worst, relative((a.col(k) - b.col(k)).norm(), b.col(k).norm()));
   return worst;
 }
 
@@ -65,56 +64,64 @@ TEST(Batch, AgreesWithOneStateAtATime) {
 }
 
 TEST(Batch, WithoutVelocitiesItIsAtRest) {
-  for_all_trees({.bodies = 6}, 0.0, [](const RandomTree& tree) {
-    Loaded s(tree);
-    Batch batch(*s.model);
-    const States states(s, batch.width() + 1, tree.seed);
-    const MatrixXd rest = MatrixXd::Zero(s.model->nv, states.q.cols());
-    MatrixXd given = rest, left_out = rest;
-    BatchInputs in = states.in(rest);
-    in.v = rest.data();
-    batch.forward_dynamics(in, given.data());
-    in.v = nullptr;
-    batch.forward_dynamics(in, left_out.data());
-    return largest(given - left_out);
-  }, 20);
+  for_all_trees(
+      {.bodies = 6}, 0.0,
+      [](const RandomTree& tree) {
+        Loaded s(tree);
+        Batch batch(*s.model);
+        const States states(s, batch.width() + 1, tree.seed);
+        const MatrixXd rest = MatrixXd::Zero(s.model->nv, states.q.cols());
+        MatrixXd given = rest, left_out = rest;
+        BatchInputs in = states.in(rest);
+        in.v = rest.data();
+        batch.forward_dynamics(in, given.data());
+        in.v = nullptr;
+        batch.forward_dynamics(in, left_out.data());
+        return largest(given - left_out);
+      },
+      20);
 }
 
 TEST(Batch, AStateHasTheSameBitsWhereverItStands) {
-  for_all_trees({.bodies = 8}, 0.0, [](const RandomTree& tree) {
-    Loaded s(tree);
-    Batch batch(*s.model), fresh(*s.model);
-    const int n = batch.width() + 1;
-    const States states(s, n, tree.seed);
-    const MatrixXd none = MatrixXd::Zero(s.model->nv, n);
-    MatrixXd together(s.model->nv, n), alone(s.model->nv, n), reversed(s.model->nv, n);
-    batch.forward_dynamics(states.in(none), together.data());
-    States back = states;
-    back.q = states.q.rowwise().reverse().eval(), back.v = states.v.rowwise().reverse().eval(), back.tau = states.tau.rowwise().reverse().eval();
-    batch.forward_dynamics(back.in(none), reversed.data());
-    for (int k = 0; k < n; ++k) {
-      BatchInputs one{1, states.q.col(k).data(), states.v.col(k).data(), states.tau.col(k).data(), none.data(), true};
-      fresh.forward_dynamics(one, alone.col(k).data());
-    }
-    return worse(largest(together - alone), largest(together - reversed.rowwise().reverse()));
-  }, 20);
+  for_all_trees(
+      {.bodies = 8}, 0.0,
+      [](const RandomTree& tree) {
+        Loaded s(tree);
+        Batch batch(*s.model), fresh(*s.model);
+        const int n = batch.width() + 1;
+        const States states(s, n, tree.seed);
+        const MatrixXd none = MatrixXd::Zero(s.model->nv, n);
+        MatrixXd together(s.model->nv, n), alone(s.model->nv, n), reversed(s.model->nv, n);
+        batch.forward_dynamics(states.in(none), together.data());
+        States back = states;
+        back.q = states.q.rowwise().reverse().eval(), back.v = states.v.rowwise().reverse().eval(),
+        back.tau = states.tau.rowwise().reverse().eval();
+        batch.forward_dynamics(back.in(none), reversed.data());
+        for (int k = 0; k < n; ++k) {
+          BatchInputs one{1, states.q.col(k).data(), states.v.col(k).data(), states.tau.col(k).data(), none.data(), true};
+          fresh.forward_dynamics(one, alone.col(k).data());
+        }
+        return worse(largest(together - alone), largest(together - reversed.rowwise().reverse()));
+      },
+      20);
 }
 
 TEST(MassMatrix, ItsInverseIsFormedWithoutIt) {
   for (const double flexible : {0.0, 0.4})
     for_all_trees({.bodies = 9, .roots = 1, .flexible = flexible, .floating = true}, 1e-10, [](const RandomTree& tree) {
-    Loaded s(tree);
-    const int nv = s.model->nv;
-    MatrixXd inverse(nv, nv);
-    if (!mass_matrix_inverse(*s.model, s.ws, s.state.q.data(), inverse.data())) return HUGE_VAL;
-    if (inverse != inverse.transpose()) return HUGE_VAL;
-    return largest(mass_matrix(*s.model, s.ws, s.state.q.data()) * inverse - MatrixXd::Identity(nv, nv));
-  });
+      Loaded s(tree);
+      const int nv = s.model->nv;
+      MatrixXd inverse(nv, nv);
+      if (!mass_matrix_inverse(*s.model, s.ws, s.state.q.data(), inverse.data())) return HUGE_VAL;
+      if (inverse != inverse.transpose()) return HUGE_VAL;
+      return largest(mass_matrix(*s.model, s.ws, s.state.q.data()) * inverse - MatrixXd::Identity(nv, nv));
+    });
 }
 
 TEST(Batch, AStateWithoutInertiaIsToldAndHarmsNoOther) {
   // A point on a universal hinge: with the second angle at a right angle it lies on the first axis and has no inertia about it.
-  const auto model = compiled(system({on(particle("point", 2.0, {0, 0, 1}), "", "universal", {{1, 0, 0}, {0, 1, 0}})}, uniform_gravity({0, 0, -9.81})));
+  const auto model =
+      compiled(system({on(particle("point", 2.0, {0, 0, 1}), "", "universal", {{1, 0, 0}, {0, 1, 0}})}, uniform_gravity({0, 0, -9.81})));
   Batch batch(*model);
   const int n = 2 * batch.width() + 1, bad = 1;
   MatrixXd q(2, n), v = MatrixXd::Ones(2, n), out(2, n), good(2, n);

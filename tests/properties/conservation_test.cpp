@@ -68,8 +68,8 @@ double open_balance(const RandomTree& tree) {
 
 TEST(Energy, BalanceMatchesPower) {
   for (const auto kind : {GravitySpec::Kind::none, GravitySpec::Kind::uniform})
-    for_all_trees({.bodies = 5, .flexible = 0.5, .locked = 0.1, .prescribed = 0.2, .springs = true, .gravity = kind},
-                  1e-10, open_balance, 12);
+    for_all_trees({.bodies = 5, .flexible = 0.5, .locked = 0.1, .prescribed = 0.2, .springs = true, .gravity = kind}, 1e-10, open_balance,
+                  12);
 }
 
 // The pull of a centre and the torque of its gradient come from one potential, for rigid bodies and for the modes of
@@ -121,8 +121,7 @@ TEST(Flexible, StiffLimitIsRigid) {
     sim.run(0.5);
     const Observer& o = sim.observe();
     VectorXd x(24);
-    for (int k = 0; k < 2; ++k)
-      x.segment<12>(12 * k) << to_eigen(o.body_pose(k).R).reshaped(), to_eigen(o.body_pose(k).p);
+    for (int k = 0; k < 2; ++k) x.segment<12>(12 * k) << to_eigen(o.body_pose(k).R).reshaped(), to_eigen(o.body_pose(k).p);
     return x;
   };
   const VectorXd rigid_end = end(0.0, true);
@@ -144,8 +143,7 @@ TEST(Determinism, SameRunGivesTheSameBits) {
     x << sim.state().q, sim.state().v;
     return x;
   };
-  for (const char* method : {"rk4", "dopri5", "cvode_adams", "cvode_bdf"})
-    EXPECT_EQ(largest(run(method) - run(method)), 0.0) << method;
+  for (const char* method : {"rk4", "dopri5", "cvode_adams", "cvode_bdf"}) EXPECT_EQ(largest(run(method) - run(method)), 0.0) << method;
 }
 
 }  // namespace

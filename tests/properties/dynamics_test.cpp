@@ -118,13 +118,11 @@ TEST(Dynamics, InvariantUnderBodyRelabelling) {
   for_all_trees({}, kAccelerations, [](const RandomTree& tree) {
     RandomTree other = tree;
     std::mt19937 engine(tree.seed);
-    for (std::size_t i = other.spec.bodies.size(); i > 1; --i)
-      std::swap(other.spec.bodies[i - 1], other.spec.bodies[engine() % i]);
+    for (std::size_t i = other.spec.bodies.size(); i > 1; --i) std::swap(other.spec.bodies[i - 1], other.spec.bodies[engine() % i]);
     std::reverse(other.loads.begin(), other.loads.end());
     Loaded a(tree), b(other);
     const VectorXd va = a.forward(), vb = b.forward();
-    return worse(apart(by_body(*a.model, va), by_body(*b.model, vb)),
-                    apart(a.node_accelerations(va), b.node_accelerations(vb)));
+    return worse(apart(by_body(*a.model, va), by_body(*b.model, vb)), apart(a.node_accelerations(va), b.node_accelerations(vb)));
   });
 }
 
@@ -157,8 +155,7 @@ RandomTree rooted_at(const RandomTree& tree, const std::string& new_root) {
     return *std::find_if(t.spec.bodies.begin(), t.spec.bodies.end(), [&](const BodySpec& b) { return b.name == name; });
   };
   std::vector<std::string> path = {new_root};
-  while (!tree.spec.find(path.back())->hinge.inboard_body.empty())
-    path.push_back(tree.spec.find(path.back())->hinge.inboard_body);
+  while (!tree.spec.find(path.back())->hinge.inboard_body.empty()) path.push_back(tree.spec.find(path.back())->hinge.inboard_body);
   for (std::size_t i = 0; i + 1 < path.size(); ++i) {
     const HingeSpec& old = tree.spec.find(path[i])->hinge;
     HingeSpec turned = old;
@@ -203,10 +200,7 @@ RandomTree rooted_at(const RandomTree& tree, const std::string& new_root) {
 }
 
 TEST(Dynamics, InvariantUnderBaseChange) {
-  TreeOptions options{.roots = 1,
-                      .floating = true,
-                      .locked = 0.1,
-                      .hinges = {"revolute", "prismatic", "helical", "cylindrical", "locked"}};
+  TreeOptions options{.roots = 1, .floating = true, .locked = 0.1, .hinges = {"revolute", "prismatic", "helical", "cylindrical", "locked"}};
   for_all_trees(options, kAccelerations, [](const RandomTree& tree) {
     RandomTree at_rest = tree;
     at_rest.tau[tree.spec.bodies[0].name].head(6).setZero();  // a floating root has no actuators
@@ -263,15 +257,11 @@ TEST(DenseTwin, AgreesWithTheSweepsInForces) {
       Loaded s(tree);
       const double *q = s.state.q.data(), *v = s.state.v.data();
       const auto twin = reference::DenseTwin<double>(tree.spec).at(s.state.q, s.state.v);
-      const double size =
-          twin.bias.size() == 0
-              ? 1.0
-              : worse({1.0, largest(twin.bias), largest(twin.gravity_force)});
-      double worst = worse(
-          {apart(mass_matrix(*s.model, s.ws, q), twin.M), apart(bias_force(*s.model, s.ws, q, v), twin.bias, size),
-           apart(gravity_force(*s.model, s.ws, q), twin.gravity_force, size),
-           apart(elastic_force(*s.model, q, v), twin.elastic_force, size),
-           apart(external_force(*s.model, s.ws, q, s.wrenches), twin.external_force(for_twin(tree, twin)), size)});
+      const double size = twin.bias.size() == 0 ? 1.0 : worse({1.0, largest(twin.bias), largest(twin.gravity_force)});
+      double worst = worse({apart(mass_matrix(*s.model, s.ws, q), twin.M), apart(bias_force(*s.model, s.ws, q, v), twin.bias, size),
+                            apart(gravity_force(*s.model, s.ws, q), twin.gravity_force, size),
+                            apart(elastic_force(*s.model, q, v), twin.elastic_force, size),
+                            apart(external_force(*s.model, s.ws, q, s.wrenches), twin.external_force(for_twin(tree, twin)), size)});
       VectorXd qdot(s.model->nq);
       s.model->qdot(q, v, qdot.data());
       return worse(worst, apart(qdot, twin.qdot));
@@ -301,14 +291,12 @@ TEST(DenseTwin, AgreesWithTheSweepsInMotionAndReactions) {
       worst = worse(worst, std::abs(e.kinetic - twin.kinetic_energy) / worse(1.0, twin.kinetic_energy));
       worst = worse(worst, std::abs(e.gravity - twin.gravity_energy) / worse(1.0, std::abs(twin.gravity_energy)));
       worst = worse(worst, std::abs(e.modal - twin.elastic_energy) / worse(1.0, twin.elastic_energy));
-      worst = worse({worst, apart(m.linear, twin.linear_momentum), apart(m.angular, twin.angular_momentum),
-                        apart(m.com, twin.com)});
+      worst = worse({worst, apart(m.linear, twin.linear_momentum), apart(m.angular, twin.angular_momentum), apart(m.com, twin.com)});
       for (const Load& l : tree.loads) {
         const auto node = twin.node(l.body, l.node);
         const NodeState got = observer.node(s.model->find_node(l.body + "." + l.node));
-        worst = worse({worst, apart(got.position, node.x), apart(got.R_WN, node.R),
-                          apart(got.velocity, node.velocity, 1.0),
-                          apart(got.acceleration, node.acceleration(want), largest(want))});
+        worst = worse({worst, apart(got.position, node.x), apart(got.R_WN, node.R), apart(got.velocity, node.velocity, 1.0),
+                       apart(got.acceleration, node.acceleration(want), largest(want))});
       }
       return worst;
     });
@@ -380,37 +368,37 @@ TEST(LockedHinges, MergedBodiesMoveAndReactLikeUnmergedOnes) {
 
 // `locked: true` at q is the hinge `locked` with the displacement at q put into O.
 TEST(LockedHinges, HeldAnywhereAreLockedHingesThere) {
-  for_all_trees({.locked = 0.5, .hinges = {"revolute", "prismatic", "helical", "ball", "translational"}},
-                kAccelerations, [](const RandomTree& tree) {
-                  RandomTree other = tree;
-                  for (BodySpec& b : other.spec.bodies) {
-                    HingeSpec& h = b.hinge;
-                    const BodySpec* inboard = other.spec.find(h.inboard_body);
-                    if (!h.locked || !inboard || inboard->modal || h.inboard_node.empty()) continue;
-                    const auto node = std::find_if(inboard->nodes.begin(), inboard->nodes.end(),
-                                                   [&](const NodeSpec& n) { return n.name == h.inboard_node; });
-                    Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
-                    Vector3d p = Vector3d::Zero();
-                    if (h.type == "ball") R = quaternion(h.q.data()).toRotationMatrix();
-                    if (h.type == "translational") p = Vector3d(h.q.data());
-                    if (h.params.count("axis") > 0) {
-                      const Vector3d u(std::get<std::vector<double>>(h.params["axis"].value).data());
-                      if (h.type != "prismatic") R = Eigen::AngleAxisd(h.q[0], u).toRotationMatrix();
-                      if (h.type == "prismatic") p = h.q[0] * u;
-                      if (h.type == "helical") p = h.q[0] * std::get<double>(h.params["pitch"].value) * u;
-                    }
-                    h.onode_position = node->position + node->R_BN * p;
-                    h.onode_R = node->R_BN * R;
-                    h.inboard_node.clear();
-                    h.type = "locked";
-                    h.locked = false;
-                    h.params.clear();
-                    h.q.clear(), h.v.clear();
-                  }
-                  Loaded a(tree), b(other);
-                  const VectorXd va = a.forward(), vb = b.forward();
-                  return worse(apart(va, vb), apart(a.node_accelerations(va), b.node_accelerations(vb)));
-                });
+  for_all_trees(
+      {.locked = 0.5, .hinges = {"revolute", "prismatic", "helical", "ball", "translational"}}, kAccelerations, [](const RandomTree& tree) {
+        RandomTree other = tree;
+        for (BodySpec& b : other.spec.bodies) {
+          HingeSpec& h = b.hinge;
+          const BodySpec* inboard = other.spec.find(h.inboard_body);
+          if (!h.locked || !inboard || inboard->modal || h.inboard_node.empty()) continue;
+          const auto node =
+              std::find_if(inboard->nodes.begin(), inboard->nodes.end(), [&](const NodeSpec& n) { return n.name == h.inboard_node; });
+          Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
+          Vector3d p = Vector3d::Zero();
+          if (h.type == "ball") R = quaternion(h.q.data()).toRotationMatrix();
+          if (h.type == "translational") p = Vector3d(h.q.data());
+          if (h.params.count("axis") > 0) {
+            const Vector3d u(std::get<std::vector<double>>(h.params["axis"].value).data());
+            if (h.type != "prismatic") R = Eigen::AngleAxisd(h.q[0], u).toRotationMatrix();
+            if (h.type == "prismatic") p = h.q[0] * u;
+            if (h.type == "helical") p = h.q[0] * std::get<double>(h.params["pitch"].value) * u;
+          }
+          h.onode_position = node->position + node->R_BN * p;
+          h.onode_R = node->R_BN * R;
+          h.inboard_node.clear();
+          h.type = "locked";
+          h.locked = false;
+          h.params.clear();
+          h.q.clear(), h.v.clear();
+        }
+        Loaded a(tree), b(other);
+        const VectorXd va = a.forward(), vb = b.forward();
+        return worse(apart(va, vb), apart(a.node_accelerations(va), b.node_accelerations(vb)));
+      });
 }
 
 /// A boom on a hinge to the world, with `tips` rigid bodies on deforming nodes of it, some 1 kg of boom against tips of any
@@ -420,18 +408,21 @@ double error_with_heavy_tips(const std::string& hinge, const std::vector<Vector3
   const auto any = [&](double size) { return size * (static_cast<double>(random()) / 2147483648.0 - 1.0); };
   const auto shapes = [&](double size) { return MatrixXd(MatrixXd::NullaryExpr(3, modes, [&] { return any(size); })); };
   std::vector<MassNode> masses;
-  for (int i = 0; i < modes + 6; ++i) masses.push_back({1.0 / (modes + 6), Vector3d(any(1.0), any(0.3), any(0.3)), Eigen::Matrix3d::Zero(), shapes(1.0), {}, {}});
+  for (int i = 0; i < modes + 6; ++i)
+    masses.push_back({1.0 / (modes + 6), Vector3d(any(1.0), any(0.3), any(0.3)), Eigen::Matrix3d::Zero(), shapes(1.0), {}, {}});
   std::vector<ModalNode> nodes;
-  for (int i = 0; i < tips; ++i) nodes.push_back({"tip" + std::to_string(i), Vector3d(1.0 + i, 0.2, 0.1 * i), Eigen::Matrix3d::Identity(), shapes(0.5), shapes(0.5)});
+  for (int i = 0; i < tips; ++i)
+    nodes.push_back({"tip" + std::to_string(i), Vector3d(1.0 + i, 0.2, 0.1 * i), Eigen::Matrix3d::Identity(), shapes(0.5), shapes(0.5)});
   BodySpec boom;
   boom.name = "boom";
   boom.type = "modal_flexible";
   boom.level = level;
-  boom.modal = std::make_shared<const ModalData>(
-      lumped_modal_data(masses, VectorXd::LinSpaced(modes, 10.0, 500.0).asDiagonal(), MatrixXd(), nodes));
+  boom.modal =
+      std::make_shared<const ModalData>(lumped_modal_data(masses, VectorXd::LinSpaced(modes, 10.0, 500.0).asDiagonal(), MatrixXd(), nodes));
   std::vector<BodySpec> bodies = {on(boom, "", "revolute", {Vector3d(0.3, 1.0, -0.2)})};
   for (int i = 0; i < tips; ++i) {
-    BodySpec tip = on(rigid("payload" + std::to_string(i), mass / (1 + i), Vector3d(0.1, -0.2, 0.3), mass * diagonal({0.5, 0.6, 0.7})), "boom", hinge, axes);
+    BodySpec tip = on(rigid("payload" + std::to_string(i), mass / (1 + i), Vector3d(0.1, -0.2, 0.3), mass * diagonal({0.5, 0.6, 0.7})),
+                      "boom", hinge, axes);
     tip.hinge.inboard_node = nodes[static_cast<std::size_t>(i)].name;
     bodies.push_back(tip);
   }
@@ -460,9 +451,9 @@ double error_with_heavy_tips(const std::string& hinge, const std::vector<Vector3
 // stay of the size they have with a light one, and so must the rounding.
 TEST(Flexible, HeavyPayloadsOnDeformingNodesLoseNoDigits) {
   const Vector3d x = Vector3d::UnitX(), y = Vector3d::UnitY(), z = Vector3d::UnitZ();
-  const std::pair<const char*, std::vector<Vector3d>> hinges[] = {{"locked", {}},          {"revolute", {z}},   {"revolute", {Vector3d(0.3, -0.5, 0.7)}},
-                                                                  {"prismatic", {x + y}},  {"ball", {}},        {"universal", {x, y}},
-                                                                  {"free", {}}};
+  const std::pair<const char*, std::vector<Vector3d>> hinges[] = {
+      {"locked", {}},        {"revolute", {z}}, {"revolute", {Vector3d(0.3, -0.5, 0.7)}}, {"prismatic", {x + y}}, {"ball", {}},
+      {"universal", {x, y}}, {"free", {}}};
   for (const auto& [hinge, axes] : hinges)
     for (const int tips : {1, 2})
       for (const int level : {0, 1, 2})
@@ -516,18 +507,17 @@ TEST(Flexible, ZeroModesIsBitwiseRigid) {
 }
 
 TEST(Determinism, SameBitsFromAFreshAndFromAUsedWorkspace) {
-  for_all_trees({.locked = 0.1, .prescribed = 0.1, .gravity = GravitySpec::Kind::central}, 0.0,
-                [](const RandomTree& tree) {
-                  Loaded a(tree), b(tree);
-                  const VectorXd first = a.forward();
-                  b.state.q *= 0.9;  // what another state leaves behind must not matter
-                  b.state.v *= -2.0;
-                  b.forward();
-                  mass_matrix(*b.model, b.ws, b.state.q.data());
-                  b.inverse(b.vdot_given);
-                  b.state = a.state;
-                  return (b.forward() - first).cwiseAbs().sum() + (a.forward() - first).cwiseAbs().sum();
-                });
+  for_all_trees({.locked = 0.1, .prescribed = 0.1, .gravity = GravitySpec::Kind::central}, 0.0, [](const RandomTree& tree) {
+    Loaded a(tree), b(tree);
+    const VectorXd first = a.forward();
+    b.state.q *= 0.9;  // what another state leaves behind must not matter
+    b.state.v *= -2.0;
+    b.forward();
+    mass_matrix(*b.model, b.ws, b.state.q.data());
+    b.inverse(b.vdot_given);
+    b.state = a.state;
+    return (b.forward() - first).cwiseAbs().sum() + (a.forward() - first).cwiseAbs().sum();
+  });
 }
 
 }  // namespace

@@ -151,7 +151,8 @@ TEST_P(GradedChains, KeepTheDigitsOfForwardDynamics) {
     for (int i = 0; i < 5; ++i) states.push_back(random_state(*m, rng));
     const auto many = static_cast<Eigen::Index>(states.size());
     Eigen::MatrixXd q(m->nq, many), v(m->nv, many), in_lanes(m->nv, many);
-    for (Eigen::Index i = 0; i < many; ++i) q.col(i) = states[static_cast<std::size_t>(i)].q, v.col(i) = states[static_cast<std::size_t>(i)].v;
+    for (Eigen::Index i = 0; i < many; ++i)
+      q.col(i) = states[static_cast<std::size_t>(i)].q, v.col(i) = states[static_cast<std::size_t>(i)].v;
     EXPECT_EQ(batch.forward_dynamics({.n = static_cast<int>(many), .q = q.data(), .v = v.data()}, in_lanes.data(), nullptr), 0);
     for (Eigen::Index i = 0; i < many; ++i) {
       const RandomState& s = states[static_cast<std::size_t>(i)];
@@ -165,21 +166,21 @@ TEST_P(GradedChains, KeepTheDigitsOfForwardDynamics) {
       EXPECT_LE(lanes, worse(kEnough, allowed)) << "in lanes; model " << model << " state " << i;
     }
   }
-  RecordProperty("worst", fmt::format("{:.1e}, lanes {:.1e}, without refinement {:.1e}, refined {} of 6", worst, worst_lanes, without, refined));
+  RecordProperty("worst",
+                 fmt::format("{:.1e}, lanes {:.1e}, without refinement {:.1e}, refined {} of 6", worst, worst_lanes, without, refined));
 }
 
 std::vector<Chain> chains() {
   std::vector<Chain> all;
-  for (const char* kind : {"pendulum", "planar_particles", "planar_rigid", "spatial_particles", "spatial_rigid", "balls", "balls_along_the_rod", "free_root"})
+  for (const char* kind :
+       {"pendulum", "planar_particles", "planar_rigid", "spatial_particles", "spatial_rigid", "balls", "balls_along_the_rod", "free_root"})
     for (const int bodies : {3, 4, 6})
       for (const double ratio : {1e6, 1e9, 1e12})
         for (const Order order : {Order::growing, Order::mixed, Order::shrinking})
           if (order != Order::shrinking || bodies == 4) all.push_back({kind, bodies, ratio, order});
   return all;
 }
-INSTANTIATE_TEST_SUITE_P(All, GradedChains, testing::ValuesIn(chains()), [](const auto& p) {
-  return name_of(p.param);
-});
+INSTANTIATE_TEST_SUITE_P(All, GradedChains, testing::ValuesIn(chains()), [](const auto& p) { return name_of(p.param); });
 
 // Growing chains with all that enters the residual beside inertia: forces on nodes (at mass centres and elsewhere, in node axes and in
 // world axes), a central field with its gradient, wheels and merged bodies, a prescribed hinge.
@@ -241,7 +242,10 @@ TEST(GradedMasses, KeepTheirDigitsUnderLoadsWithWheelsAndGivenMotions) {
           for (const char* node : {"com", "tip"}) {
             const double size = spec.bodies[static_cast<std::size_t>(k)].mass;
             const bool couple = spec.bodies[static_cast<std::size_t>(k)].type != "particle";
-            NodeWrench w{m->find_node("b" + std::to_string(k) + "." + node), k % 2 == 0, {from_eigen(Vector3d(couple ? size * random_vector(rng) : Vector3d(0, 0, 0))), from_eigen(Vector3d(5.0 * size * random_vector(rng)))}};
+            NodeWrench w{m->find_node("b" + std::to_string(k) + "." + node),
+                         k % 2 == 0,
+                         {from_eigen(Vector3d(couple ? size * random_vector(rng) : Vector3d(0, 0, 0))),
+                          from_eigen(Vector3d(5.0 * size * random_vector(rng)))}};
             loads.push_back(w);
           }
         const Inputs in{.q = s.q.data(), .v = s.v.data(), .tau = s.tau.data(), .vdot = vdot_given.data(), .wrenches = loads};
@@ -250,7 +254,8 @@ TEST(GradedMasses, KeepTheirDigitsUnderLoadsWithWheelsAndGivenMotions) {
         const VectorXd expected = reference_of(spec, s, loads);
         const double error = apart(vdot, expected);
         if (error <= kEnough) continue;
-        EXPECT_LE(error, 100 * of_inputs(spec, s, expected, rng, [&](const SystemSpec& d, const RandomState& x) { return reference_of(d, x, loads); }))
+        EXPECT_LE(error, 100 * of_inputs(spec, s, expected, rng,
+                                         [&](const SystemSpec& d, const RandomState& x) { return reference_of(d, x, loads); }))
             << kind << " model " << model << " state " << i;
       }
     }
@@ -262,8 +267,8 @@ SystemSpec pendulum() {
   std::vector<BodySpec> bodies;
   for (const double mass : {1e-6, 0.01, 100.0, 1e6}) {
     const auto i = bodies.size();
-    bodies.push_back(on(particle("p" + std::to_string(i), mass, {0, 0, -1}), i > 0 ? "p" + std::to_string(i - 1) : "", "revolute", {{0, 1, 0}},
-                        i > 0 ? Vector3d(0, 0, -1) : Vector3d(0, 0, 0)));
+    bodies.push_back(on(particle("p" + std::to_string(i), mass, {0, 0, -1}), i > 0 ? "p" + std::to_string(i - 1) : "", "revolute",
+                        {{0, 1, 0}}, i > 0 ? Vector3d(0, 0, -1) : Vector3d(0, 0, 0)));
   }
   return system(std::move(bodies), uniform_gravity({0, 0, -9.81}));
 }
@@ -375,9 +380,10 @@ TEST(GradedMasses, AloneHaveTheOpAndItsMemory) {
   const Workspace with(*m), without(*plain);
   EXPECT_EQ(with.bytes() - without.bytes(), 4 * sizeof(double) + 5 * sizeof(Force<double>));
   // heavy on light, yet nothing is lost: a satellite on a yoke of a hundredth of its mass
-  const auto yoke = compiled(system({on(rigid("yoke", 5.0, {0, 0, 0.1}, diagonal({0.1, 0.1, 0.05})), "", "revolute", {{0, 0, 1}}),
-                                     on(rigid("payload", 1000.0, {0, 0, 0.5}, diagonal({200, 210, 220})), "yoke", "revolute", {{1, 0, 0}}, {0, 0, 0.2})},
-                                    uniform_gravity({0, 0, -9.81})));
+  const auto yoke =
+      compiled(system({on(rigid("yoke", 5.0, {0, 0, 0.1}, diagonal({0.1, 0.1, 0.05})), "", "revolute", {{0, 0, 1}}),
+                       on(rigid("payload", 1000.0, {0, 0, 0.5}, diagonal({200, 210, 220})), "yoke", "revolute", {{1, 0, 0}}, {0, 0, 0.2})},
+                      uniform_gravity({0, 0, -9.81})));
   EXPECT_FALSE(yoke->has(OpCode::refine)) << yoke->refinement;
 }
 

@@ -55,8 +55,8 @@ double jacobian_error(const RandomTree& tree) {
   for (const double turn : {0.3, 1.9}) {
     const VectorXd d = direction(s.ode.n, turn);
     VectorXd truth(s.ode.n), work(s.ode.n);
-    soa::derivative([&](double h, double* out) { Eigen::Map<VectorXd>(out, s.ode.n) = s.rhs(s.x + h * d); }, 0.004,
-                    s.ode.n, truth.data(), work.data());
+    soa::derivative([&](double h, double* out) { Eigen::Map<VectorXd>(out, s.ode.n) = s.rhs(s.x + h * d); }, 0.004, s.ode.n, truth.data(),
+                    work.data());
     worst = worse(worst, apart(s.times(d), truth));
   }
   return worst;
@@ -140,8 +140,7 @@ double preconditioner_error(const RandomTree& from) {
     if (!ode.prepare(0.0, x.data(), gamma, moved)) return HUGE_VAL;
     moved = false;
     const VectorXd r = direction(ode.n, gamma);
-    if (!ode.precondition(r.data(), z.data()) || !ode.jacobian_times(0.0, x.data(), z.data(), Jz.data()))
-      return HUGE_VAL;
+    if (!ode.precondition(r.data(), z.data()) || !ode.jacobian_times(0.0, x.data(), z.data(), Jz.data())) return HUGE_VAL;
     const VectorXd difference = z - gamma * Jz - r;
     worst = worse(worst, largest(difference) / worse({largest(r), largest(z), gamma * largest(Jz)}));
   }
@@ -161,8 +160,7 @@ TEST(Preconditioner, IsTheInverseAtRest) {
 /// A free bus with a tree of flexible panels on springs: 8 panels of 20 modes, the slowest at some 100 rad/s, damped.
 SystemSpec flexible_scene() {
   const BodySpec panel =
-      random_tree(3, {.bodies = 1, .roots = 1, .flexible = 1.0, .level = 1, .modes = 20, .hinges = {"revolute"}})
-          .spec.bodies[0];
+      random_tree(3, {.bodies = 1, .roots = 1, .flexible = 1.0, .level = 1, .modes = 20, .hinges = {"revolute"}}).spec.bodies[0];
   auto modal = std::make_shared<ModalData>(*panel.modal);
   modal->K *= 1e4;
   modal->C = 2e-3 * modal->K;
@@ -173,9 +171,7 @@ SystemSpec flexible_scene() {
     b.name = "p" + std::to_string(i);
     b.modal = modal;
     b.eta.assign(20, 0.0), b.etadot.assign(20, 0.0);
-    b.hinge = on(BodySpec{}, i < 2 ? "bus" : "p" + std::to_string(i - 2), "revolute", {Vector3d::UnitZ()},
-                 {1.0 + i % 2, 0.2, 0.0})
-                  .hinge;
+    b.hinge = on(BodySpec{}, i < 2 ? "bus" : "p" + std::to_string(i - 2), "revolute", {Vector3d::UnitZ()}, {1.0 + i % 2, 0.2, 0.0}).hinge;
     b.hinge.q = {0.1};
     b.hinge.springs.push_back({.component = 0, .stiffness = 500.0 + 10.0 * i, .rest = 0.0, .damping = 20.0, .at = {}});
     bodies.push_back(b);

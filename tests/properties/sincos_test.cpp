@@ -69,7 +69,8 @@ std::vector<double> angles() {
   };
   for (long k = 1; k <= 200; ++k) next_to(k);
   for (int i = 0; i < 600; ++i) next_to(static_cast<long>(rng() % 127323));  // up to 1e5
-  for (int i = 0; i < 3000; ++i) all.push_back(std::ldexp(1.0 + static_cast<double>(rng() >> 12) * 0x1p-52, static_cast<int>(rng() % 47) - 30));
+  for (int i = 0; i < 3000; ++i)
+    all.push_back(std::ldexp(1.0 + static_cast<double>(rng() >> 12) * 0x1p-52, static_cast<int>(rng() % 47) - 30));
   const std::size_t n = all.size();
   for (std::size_t i = 0; i < n; ++i) all.push_back(-all[i]);
   return all;

@@ -53,8 +53,7 @@ inline void for_all_trees(const TreeOptions& options, double tolerance, const Pr
     }
     std::string what;
     const double left = error_of(property, tree, &what);
-    ADD_FAILURE() << fmt::format("error {:.2e} (limit {:.0e}); cut down to {:.2e} {}:\n{}", error, tolerance, left,
-                                 what, describe(tree));
+    ADD_FAILURE() << fmt::format("error {:.2e} (limit {:.0e}); cut down to {:.2e} {}:\n{}", error, tolerance, left, what, describe(tree));
     return;
   }
   ::testing::Test::RecordProperty("worst", fmt::format("{:.1e} of {:.0e}", worst, tolerance));
@@ -91,9 +90,7 @@ double apart(const Eigen::MatrixBase<A>& a, const Eigen::MatrixBase<B>& b, doubl
 class Loaded {
  public:
   explicit Loaded(const RandomTree& tree, CompileOptions options = {})
-      : model((options.world_wrenches = true, compiled(tree.spec, options))),
-        ws(*model),
-        state(model->initial_state()) {
+      : model((options.world_wrenches = true, compiled(tree.spec, options))), ws(*model), state(model->initial_state()) {
     tau = in_user_order(*model, tree.tau);
     vdot_given = in_user_order(*model, tree.vdot);
     for (std::size_t i = 0; i < model->prescribed.size(); ++i)
@@ -113,8 +110,7 @@ class Loaded {
   }
   VectorXd forward() {
     VectorXd out(model->nv);
-    if (!forward_dynamics(*model, ws, in(), out.data()))
-      throw NumericsError(describe_breakdown(*model, ws.breakdown, 0.0));
+    if (!forward_dynamics(*model, ws, in(), out.data())) throw NumericsError(describe_breakdown(*model, ws.breakdown, 0.0));
     return out;
   }
   VectorXd inverse(const VectorXd& vdot) {
@@ -129,8 +125,7 @@ class Loaded {
     Observer observer(*model, ws);
     observer.update(in(), vdot.data());
     std::map<std::string, Vector6d> out;
-    for (std::size_t i = 0; i < model->nodes.size(); ++i)
-      out[model->nodes[i].name] = observer.node(static_cast<int>(i)).acceleration;
+    for (std::size_t i = 0; i < model->nodes.size(); ++i) out[model->nodes[i].name] = observer.node(static_cast<int>(i)).acceleration;
     return out;
   }
 

@@ -6,7 +6,6 @@
 #include <functional>
 #include <numbers>
 
-
 namespace cardan {
 namespace {
 
@@ -53,7 +52,8 @@ TEST(AttitudeAngles, GoOnBeyondAWholeTurn) {
       const auto angles = angles_of(100, [&](int i) { return about(axis, step * i); });
       EXPECT_EQ(angles.jumps, 0u);
       for (int i = 0; i < 100; ++i) {
-        for (int k = 0; k < 3; ++k) EXPECT_NEAR(at(angles, i, 1 + k), k == 2 - axis ? step * i : 0.0, 1e-6) << "axis " << axis << " row " << i;
+        for (int k = 0; k < 3; ++k)
+          EXPECT_NEAR(at(angles, i, 1 + k), k == 2 - axis ? step * i : 0.0, 1e-6) << "axis " << axis << " row " << i;
         const double turn = std::abs(std::remainder(step * i, 360.0));
         EXPECT_NEAR(at(angles, i, 0), turn, 1e-6);
       }
@@ -68,7 +68,8 @@ TEST(AttitudeAngles, DoNotDependOnTheSignOfTheQuaternion) {
     return q;
   });
   EXPECT_EQ(angles.jumps, 0u);
-  for (int i = 0; i < 90; ++i) EXPECT_NEAR(std::remainder(at(angles, i, 1) - at(angles, 0, 1), 360.0), std::remainder(at(angles, i, 1), 360.0), 1e-9);
+  for (int i = 0; i < 90; ++i)
+    EXPECT_NEAR(std::remainder(at(angles, i, 1) - at(angles, 0, 1), 360.0), std::remainder(at(angles, i, 1), 360.0), 1e-9);
 }
 
 TEST(AttitudeAngles, BreakWhereNobodyKnowsWhichWayItWent) {
@@ -79,7 +80,9 @@ TEST(AttitudeAngles, BreakWhereNobodyKnowsWhichWayItWent) {
 }
 
 TEST(AttitudeAngles, OfNoAttitudeAreNone) {
-  const auto angles = angles_of(4, [](int i) { return i == 0 ? Quaternion{0, 0, 0, 0} : i == 2 ? Quaternion{NAN, 0, 0, 1} : about(2, 30.0 * i); });
+  const auto angles = angles_of(4, [](int i) {
+    return i == 0 ? Quaternion{0, 0, 0, 0} : i == 2 ? Quaternion{NAN, 0, 0, 1} : about(2, 30.0 * i);
+  });
   EXPECT_TRUE(std::isnan(at(angles, 0, 0)));
   EXPECT_EQ(at(angles, 1, 1), 0.0) << "the first that is one is the reference";
   EXPECT_TRUE(std::isnan(at(angles, 2, 1)));

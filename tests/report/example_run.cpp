@@ -39,16 +39,14 @@ std::vector<double> signals(double t, int i) {
   const double angle = kAngle * s * s * s * (10 - 15 * s + 6 * s * s), ring = std::exp(-0.02 * t) * std::sin(0.9 * t);
   const double rate = kAngle / 90.0 * 30 * s * s * (1 - s) * (1 - s);
   const double torque = (s < 1 ? 0.9 * std::sin(2 * M_PI * s) : 0.0) + 0.05 * ring;
-  std::vector<double> v{std::cos(angle / 2), 0.27 * std::sin(angle / 2), 0.53 * std::sin(angle / 2),
-                        0.8 * std::sin(angle / 2)};
+  std::vector<double> v{std::cos(angle / 2), 0.27 * std::sin(angle / 2), 0.53 * std::sin(angle / 2), 0.8 * std::sin(angle / 2)};
   for (double c : {0.27, 0.53, 0.8}) v.push_back(c * rate + 2e-4 * ring * c);
   v.insert(v.end(), {angle, 7e6 + std::sin(0.1 * t)});
   for (int k = 0; k < 4; ++k) v.push_back(150 + 40 * k + (k % 2 ? -1 : 1) * 9e3 * rate);
   for (int k = 0; k < 4; ++k) v.push_back((k % 2 ? -0.4 : 0.4) * torque * (1 + 0.1 * k));
   v.insert(v.end(), {0.004 * t, -0.004 * t});
   for (int wing = 0; wing < 2; ++wing)
-    for (int k = 1; k <= 6; ++k)
-      v.push_back((wing ? -1 : 1) * 0.02 / k * std::exp(-0.01 * k * t) * std::sin(0.9 * k * t + wing));
+    for (int k = 1; k <= 6; ++k) v.push_back((wing ? -1 : 1) * 0.02 / k * std::exp(-0.01 * k * t) * std::sin(0.9 * k * t + wing));
   for (double c : {1e-15, 3e-14, 4e-12}) v.push_back(c * (1 + std::sin(12.9898 * i)) * (1 + t / 30));
   for (double c : {0.27, 0.53, 0.8}) v.push_back((kAngle - angle) * c * 57.3 * (s < 1) + 0.01 * ring);
   for (double c : {0.27, 0.53, 0.8}) v.push_back(c * torque);
@@ -99,7 +97,8 @@ void write_example_run(const std::string& path, int rows, bool finished) {
     if (t >= 45.0 && !half) {
       half = true;
       recorder->note(Note::event, 45.0, {"half way", "rising"});
-      recorder->note(Note::warning, 45.0, {"W0301", "eta 1 reaches 0.3 m, 5 % of its length <b>", "bodies.wing_left", "vehicle.yaml:12", "level: 2"});
+      recorder->note(Note::warning, 45.0,
+                     {"W0301", "eta 1 reaches 0.3 m, 5 % of its length <b>", "bodies.wing_left", "vehicle.yaml:12", "level: 2"});
     }
     if (t >= 90.0 && !settles) {
       settles = true;

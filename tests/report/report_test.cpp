@@ -68,8 +68,7 @@ TEST(Report, ShowsTheNumbersOfAShortRunAsTheyAre) {
   const Json rate = channel_of(data, "bodies/bus/rate");
   EXPECT_EQ(rate["components"][2], "z");
   for (std::size_t i = 0; i < 50; ++i)  // 5 digits
-    EXPECT_NEAR(rate["values"][2][i].get<double>(), recorded.values[3 * i + 2],
-                1e-4 * std::abs(recorded.values[3 * i + 2]));
+    EXPECT_NEAR(rate["values"][2][i].get<double>(), recorded.values[3 * i + 2], 1e-4 * std::abs(recorded.values[3 * i + 2]));
 }
 
 // A variation of 1 m on an orbit's 7000 km must not be rounded away.
@@ -105,8 +104,9 @@ TEST(Report, ThinsLongSeriesWithoutLosingExtremes) {
 // A signal that decays passes through the smallest numbers there are.
 TEST(Report, ShowsTheSmallestAndTheLargestNumbers) {
   const std::string h5 = scratch("extreme.h5"), html = scratch("extreme.html");
-  const std::vector<double> values{5e-324, 1e-310, -2.2250738585072011e-308, std::numeric_limits<double>::max(),
-                                   std::numeric_limits<double>::lowest(), HUGE_VAL, NAN, 0.0};
+  const std::vector<double> values{
+      5e-324, 1e-310, -2.2250738585072011e-308, std::numeric_limits<double>::max(), std::numeric_limits<double>::lowest(), HUGE_VAL,
+      NAN,    0.0};
   const auto recorder = make_hdf5_recorder(h5);
   recorder->begin({}, {{"x", {"value"}, "m", "", "extremes"}});
   for (std::size_t i = 0; i < values.size(); ++i) recorder->row(static_cast<double>(i), std::span(&values[i], 1));
@@ -210,7 +210,8 @@ TEST(Report, OfOneRowListsItsValues) {
 TEST(Report, OfThousandsOfChannelsThatDoNotMoveStaysSmall) {
   const std::string h5 = scratch("rest.h5"), html = scratch("rest.html");
   std::vector<Channel> channels;
-  for (int i = 0; i < 8000; ++i) channels.push_back({"bodies/b" + std::to_string(i) + "/rate", {"x", "y", "z"}, "rad/s", "body", "at rest"});
+  for (int i = 0; i < 8000; ++i)
+    channels.push_back({"bodies/b" + std::to_string(i) + "/rate", {"x", "y", "z"}, "rad/s", "body", "at rest"});
   RunHeader header;
   header.most_rows = 4;
   const auto recorder = make_hdf5_recorder(h5);
@@ -263,8 +264,9 @@ TEST(Report, HasTheShapesOfModes) {
 TEST(Report, BoundsTheShapesOfModes) {
   const std::string h5 = scratch("fine.h5"), html = scratch("fine.html");
   RunHeader header;
-  header.mode_pictures = {{{"a"}, "", std::vector<double>(30, 1.0), std::vector<double>(3 * 2000), {}, std::vector<double>(30 * 3 * 2000, 0.5)},
-                          {{"b"}, "", std::vector<double>(30, 1.0), std::vector<double>(3 * 2000), {}, std::vector<double>(30 * 3 * 2000, 0.5)}};
+  header.mode_pictures = {
+      {{"a"}, "", std::vector<double>(30, 1.0), std::vector<double>(3 * 2000), {}, std::vector<double>(30 * 3 * 2000, 0.5)},
+      {{"b"}, "", std::vector<double>(30, 1.0), std::vector<double>(3 * 2000), {}, std::vector<double>(30 * 3 * 2000, 0.5)}};
   const auto recorder = make_hdf5_recorder(h5);
   recorder->begin(header, {{"x", {"x"}, "m", "", ""}});
   recorder->close();
@@ -323,8 +325,10 @@ TEST(ReportFormat, SharesOfALimitAreBelowOneWhereACheckPasses) {
 
 TEST(ReportHappenings, SayHowARunEnded) {
   const auto ending = [](const std::string& summary) { return in_node("happenings.ending({run: {}, last: 3, summary: " + summary + "})"); };
-  EXPECT_EQ(ending("{verdict: 'passed', simulated_s: 4, planned_s: 4, ended_by: 'the planned end'}"), R"("Reached its planned end at t = 4 s.")");
-  EXPECT_EQ(ending("{verdict: 'failed', simulated_s: 1.5, planned_s: 4, ended_by: 'stop() in event \"x\"', checks: [{verdict: 'fail'}, {verdict: 'pass'}]}"),
+  EXPECT_EQ(ending("{verdict: 'passed', simulated_s: 4, planned_s: 4, ended_by: 'the planned end'}"),
+            R"("Reached its planned end at t = 4 s.")");
+  EXPECT_EQ(ending("{verdict: 'failed', simulated_s: 1.5, planned_s: 4, ended_by: 'stop() in event \"x\"', checks: [{verdict: 'fail'}, "
+                   "{verdict: 'pass'}]}"),
             R"("Ended at t = 1.5 s of 4 s by stop() in event \"x\"; a check failed.")");
   EXPECT_EQ(ending("{verdict: 'interrupted', simulated_s: 1, planned_s: 4, ended_by: 'SIGTERM'}"),
             R"("Interrupted at t = 1 s of 4 s by SIGTERM; checks were not worked out.")");
@@ -335,15 +339,17 @@ TEST(ReportHappenings, SayHowARunEnded) {
 }
 
 TEST(ReportHappenings, AreInOrderOfTime) {
-  const std::string notes = "{phases: [[0, 'a'], [2, 'b'], [3, '']], events: [[2.5, 'e', 'rising']], printed: [[null, 'p', 's'], [2.5, 'q', 'c']], "
-                            "warnings: [[1, 'W1', 'w', 'k', 'f:1', 'h'], [null, 'W2', 'v', '', '', '']]}";
+  const std::string notes =
+      "{phases: [[0, 'a'], [2, 'b'], [3, '']], events: [[2.5, 'e', 'rising']], printed: [[null, 'p', 's'], [2.5, 'q', 'c']], "
+      "warnings: [[1, 'W1', 'w', 'k', 'f:1', 'h'], [null, 'W2', 'v', '', '', '']]}";
   EXPECT_EQ(in_node("happenings.bands(" + notes + ".phases, 9)"), R"([{"from":0,"to":2,"name":"a"},{"from":2,"to":3,"name":"b"}])");
   EXPECT_EQ(in_node("happenings.bands([[1, 'a']], 9)"), R"([{"from":1,"to":9,"name":"a"}])");
   EXPECT_EQ(in_node("happenings.instants(" + notes + ").map(({t, kind, text}) => [t, kind, text])"),
             R"([[1,"warning","W1: w"],[2.5,"event","event \"e\", rising"]])");
   EXPECT_EQ(in_node("happenings.story(" + notes + ").map(({t, text}) => [t, text])"),
             R"([[null,"W2: v"],[null,"p"],[0,"a"],[1,"W1: w"],[2,"b"],[2.5,"e"],[2.5,"q"],[3,"the last phase is over"]])");
-  EXPECT_EQ(in_node("happenings.warningsOf(null, " + notes + ")[0]"), R"({"t":1,"code":"W1","about":"w","path":"k","place":"f:1","hint":"h"})");
+  EXPECT_EQ(in_node("happenings.warningsOf(null, " + notes + ")[0]"),
+            R"({"t":1,"code":"W1","about":"w","path":"k","place":"f:1","hint":"h"})");
 }
 
 TEST(ReportHappenings, NameTheAxisOfAMode) {
@@ -354,7 +360,8 @@ TEST(ReportHappenings, NameTheAxisOfAMode) {
 }
 
 TEST(ReportHappenings, AreToldAtTheCursor) {
-  const std::string marks = "{bands: [{from: 0, to: 2, name: 'a'}, {from: 2, to: 3, name: 'b'}], instants: [{t: 1, text: 'x'}, {t: 1.2, text: 'y'}]}";
+  const std::string marks =
+      "{bands: [{from: 0, to: 2, name: 'a'}, {from: 2, to: 3, name: 'b'}], instants: [{t: 1, text: 'x'}, {t: 1.2, text: 'y'}]}";
   EXPECT_EQ(in_node("happenings.told(" + marks + ", 1.1, 0.15)"), R"(["phase \"a\"","1 s  x","1.2 s  y"])");
   EXPECT_EQ(in_node("happenings.told(" + marks + ", 2.5, 0.15)"), R"(["phase \"b\""])");
   EXPECT_EQ(in_node("happenings.told(" + marks + ", 4, 0.15)"), "[]");
@@ -362,7 +369,8 @@ TEST(ReportHappenings, AreToldAtTheCursor) {
 }
 
 TEST(ReportHappenings, GroupChannelsByBody) {
-  EXPECT_EQ(in_node("happenings.groupsOf([{path: 'x'}, {path: 'hinges/a/angle'}, {path: 'own/y'}, {path: 'hinges/b/angle'}, {path: 'hinges/a/rate'}], "
+  EXPECT_EQ(in_node("happenings.groupsOf([{path: 'x'}, {path: 'hinges/a/angle'}, {path: 'own/y'}, {path: 'hinges/b/angle'}, {path: "
+                    "'hinges/a/rate'}], "
                     "{hinges: [{path: 'hinges/b/rate'}]}, ['hinges']).map(({key, parts}) => [key, parts.map(({name, channels, still}) => "
                     "[name, channels.map((c) => c.name), still.map((c) => c.name)])])"),
             R"([["hinges",[["a",["angle","rate"],[]],["b",["angle"],["rate"]]]],["other",[["",["x"],[]]]],["own",[["",["y"],[]]]]])");
@@ -428,12 +436,24 @@ TEST(Report, IsRefusedForResultsThatDoNotFit) {
     EXPECT_EQ(answer([&](Hdf5File& file) { file.write(path, std::string("a text")); }), std::string("C0702 ") + path);
   }
   EXPECT_EQ(answer([](Hdf5File& file) { file.remove_attribute("/mode_shapes/0", "bodies"); }), "C0702 /mode_shapes/0");
-  EXPECT_EQ(answer([](Hdf5File& file) { file.write("/mode_shapes/0/lines", std::vector<double>{0, 10}, {1, 2}); }), "C0702 /mode_shapes/0/lines");
-  EXPECT_EQ(answer([](Hdf5File& file) { file.write("/mode_shapes/0/lines", std::vector<double>{NAN, -1}, {1, 2}); }), "C0702 /mode_shapes/0/lines");
-  EXPECT_EQ(answer([](Hdf5File& file) { file.write("/mode_shapes/1/points", std::vector<double>(15, HUGE_VAL), {5, 3}); }), "C0702 /mode_shapes/1/points");
+  EXPECT_EQ(answer([](Hdf5File& file) {
+              file.write("/mode_shapes/0/lines", std::vector<double>{0, 10}, {1, 2});
+            }),
+            "C0702 /mode_shapes/0/lines");
+  EXPECT_EQ(answer([](Hdf5File& file) {
+              file.write("/mode_shapes/0/lines", std::vector<double>{NAN, -1}, {1, 2});
+            }),
+            "C0702 /mode_shapes/0/lines");
+  EXPECT_EQ(answer([](Hdf5File& file) {
+              file.write("/mode_shapes/1/points", std::vector<double>(15, HUGE_VAL), {5, 3});
+            }),
+            "C0702 /mode_shapes/1/points");
   EXPECT_EQ(answer([](Hdf5File& file) { file.write("/mode_shapes/1/points", std::vector<double>(15, 1e308), {5, 3}); }), "page");
   EXPECT_EQ(answer([](Hdf5File& file) { file.write("/mode_shapes/other", 1.0); }), "C0702 /mode_shapes/other");
-  EXPECT_EQ(answer([](Hdf5File& file) { file.write("/run/events/text", std::vector<std::string>{"a", "b", "c", "d"}, {4, 1}); }), "C0702 /run/events/text");
+  EXPECT_EQ(answer([](Hdf5File& file) {
+              file.write("/run/events/text", std::vector<std::string>{"a", "b", "c", "d"}, {4, 1});
+            }),
+            "C0702 /run/events/text");
   for (const double count : {-1.0, double(NAN), 1e300})
     EXPECT_EQ(answer([&](Hdf5File& file) { file.write("/run/printed/left_out", count); }), "C0702 /run/printed/left_out");
   for (const char* name : {"scenario", "title", "seed", "started"})
@@ -456,8 +476,8 @@ std::string shown_in_browser(const std::string& html_path) {
   const std::string command =
       "timeout 120 chromium --headless --no-sandbox --disable-gpu --disable-quic --no-first-run "
       "--disable-background-networking --disable-component-update --disable-sync --user-data-dir=" +
-      profile + " --window-size=1400,2000 --virtual-time-budget=10000 --dump-dom 'file://" + html_path +
-      "#selftest' > " + dom + " 2> /dev/null";
+      profile + " --window-size=1400,2000 --virtual-time-budget=10000 --dump-dom 'file://" + html_path + "#selftest' > " + dom +
+      " 2> /dev/null";
   EXPECT_EQ(std::system(command.c_str()), 0);
   fs::remove_all(profile);
   return content(dom);
@@ -499,7 +519,8 @@ TEST_F(ReportInBrowser, DrawsEverySeriesOfEveryPlot) {
   EXPECT_NE(dom.find("<td>thr_a error</td>"), std::string::npos) << "names as they were given";
   EXPECT_NE(dom.find("wing_left</b>"), std::string::npos);
   EXPECT_NE(dom.find("2 warnings</span>"), std::string::npos);
-  EXPECT_NE(dom.find("<td class=\"warning\">W0301</td><td>eta 1 reaches 0.3 m, 5 % of its length &lt;b&gt;<small>bodies.wing_left, vehicle.yaml:12</small></td>"
+  EXPECT_NE(dom.find("<td class=\"warning\">W0301</td><td>eta 1 reaches 0.3 m, 5 % of its length &lt;b&gt;<small>bodies.wing_left, "
+                     "vehicle.yaml:12</small></td>"
                      "<td>level: 2</td>"),
             std::string::npos);
   EXPECT_NE(dom.find("before the run"), std::string::npos);
@@ -517,7 +538,11 @@ TEST_F(ReportInBrowser, ShowsARunThatDidNotFinish) {
     const std::string dom = shown_in_browser(scratch("report.html"));
     EXPECT_EQ(captured(dom, "data-drawn=\"(\\d+)\""), rows > 1 ? "14" : "0") << rows << " rows";
     EXPECT_NE(dom.find("Not finished: the run is still going on, or was killed."), std::string::npos);
-    EXPECT_NE(dom.find(rows == 0 ? "Channels without a row" : rows == 1 ? "Values of the one row" : "at t = 240 s"), std::string::npos) << rows;
+    EXPECT_NE(dom.find(rows == 0   ? "Channels without a row"
+                       : rows == 1 ? "Values of the one row"
+                                   : "at t = 240 s"),
+              std::string::npos)
+        << rows;
     EXPECT_EQ(dom.find("<td class=\"warning\">W0301</td>") != std::string::npos, rows > 1) << "noted before the end";
   }
 }

@@ -33,7 +33,6 @@ bodies:
          "      masses: [{mass: 5 kg, position: [15, 0, 0], inertia: [0.1, 0.2, 0.2]}]\n    hinge: " + hinge + "\n";
 }
 
-
 class Physics : public testing::Test {
  protected:
   void write(const std::string& vehicle, const std::string& mission = kMission) {
@@ -80,7 +79,8 @@ TEST_F(Physics, BoomOnAHubHasTheFrequencyOfEulerAndBernoulli) {
   write(boom("free", 8, "{type: locked, to: hub.mount}"));
   const Finished refused = check();
   EXPECT_EQ(refused.exit_code, 2);
-  EXPECT_TRUE(has(refused.err, "C0324") && has(refused.err, "bodies.boom.hinge.at") && has(refused.err, "a node of boom: root")) << refused.err;
+  EXPECT_TRUE(has(refused.err, "C0324") && has(refused.err, "bodies.boom.hinge.at") && has(refused.err, "a node of boom: root"))
+      << refused.err;
 }
 
 TEST_F(Physics, AFreeBodyMayFlyOnItsMeanAxes) {
@@ -107,7 +107,9 @@ TEST_F(Physics, ASpunBoomIsToldOfBeforeTheRun) {
   // The first frequency with the root held is 0.57 Hz, 3.6 rad/s.
   write(vehicle);
   EXPECT_EQ(codes(), "W0303 ") << "prescribed, without a motion";
-  const std::string turn = "local v = vehicle \"v.yaml\"\nmission { duration = 1, integrator = { method = \"dopri5\" } }\nv:hinge(\"boom\"):profile{ rate_table = { {0, 0}, {0.5, ";
+  const std::string turn =
+      "local v = vehicle \"v.yaml\"\nmission { duration = 1, integrator = { method = \"dopri5\" } }\nv:hinge(\"boom\"):profile{ rate_table "
+      "= { {0, 0}, {0.5, ";
   write(vehicle, turn + "20} } }\n");
   const json w = describe()["warnings"];
   ASSERT_EQ(w.size(), 1u) << w;
@@ -123,8 +125,8 @@ TEST_F(Physics, ASpunBoomIsToldOfBeforeTheRun) {
 
 TEST_F(Physics, ASpunBoomIsToldOfAfterTheRunWhereNobodyKnewBefore) {
   // The drive is told in the first tick: to 3 rad/s in a second, 0.8 times the first frequency with the root held.
-  write(replaced(boom("cantilever", 2, "{type: revolute, to: hub.mount, at: root, axis: [0, 0, 1], prescribed: true}", "{E: 120 GPa, rho: 1600}",
-                      "      nodes: {tip: {position: [15, 0, 0]}}\n"),
+  write(replaced(boom("cantilever", 2, "{type: revolute, to: hub.mount, at: root, axis: [0, 0, 1], prescribed: true}",
+                      "{E: 120 GPa, rho: 1600}", "      nodes: {tip: {position: [15, 0, 0]}}\n"),
                  "{type: free, to: world}", "{type: locked, to: world}"),
         "local v = vehicle \"v.yaml\"\nmission { duration = 1, integrator = { method = \"dopri5\" } }\n"
         "controller { name = \"spin\", rate = 1, step = function(t)\n"
@@ -167,7 +169,8 @@ TEST_F(Physics, UnusualValuesAreToldWithTheirConsequence) {
   EXPECT_EQ(codes(), "W0302 ");
   write(boom("cantilever", 1, "{type: locked, to: hub.mount}"));
   EXPECT_EQ(codes(), "W0305 ") << "one plane of bending without the other";
-  write(boom("cantilever", 4, "{type: revolute, to: hub.mount, axis: [0, 0, 1], locked: true, spring: {stiffness: 5}, initial: {rate: 1}}"));
+  write(
+      boom("cantilever", 4, "{type: revolute, to: hub.mount, axis: [0, 0, 1], locked: true, spring: {stiffness: 5}, initial: {rate: 1}}"));
   EXPECT_EQ(codes(), "W0303 W0303 ") << "the spring, and the rate";
   write(boom("cantilever", 4, "{type: revolute, to: hub.mount, at: root, axis: [0, 0, 1], spring: {stiffness: -5}}"));
   EXPECT_EQ(codes(), "W0302 ");
@@ -189,7 +192,9 @@ TEST_F(Physics, SingularStartsAreFoundByCheck) {
   EXPECT_EQ(particle.exit_code, 3);
   EXPECT_TRUE(has(particle.err, "N0107")) << particle.err;
 
-  const std::string orbit = "cardan: 1\ngravity: {central: {mu: 398600.4418 km^3/s^2}}\nbodies:\n  bus: {mass: 60 kg, inertia: [9, 9, 9], com: [0, 0, 0.1], hinge: {type: free, to: world";
+  const std::string orbit =
+      "cardan: 1\ngravity: {central: {mu: 398600.4418 km^3/s^2}}\nbodies:\n  bus: {mass: 60 kg, inertia: [9, 9, 9], com: [0, 0, 0.1], "
+      "hinge: {type: free, to: world";
   write(orbit + "}}\n");
   const Finished centre = check();
   EXPECT_EQ(centre.exit_code, 2);
@@ -247,9 +252,10 @@ TEST_F(Physics, AnOverrideTakesThePathOfTheMessages) {
 // ---- rates of the modes are recorded ----
 
 TEST_F(Physics, TheEnergyOfAVibrationFollowsFromTheResults) {
-  write(replaced(replaced(boom("cantilever", 2, "{type: locked, to: world}", "{E: 120 GPa, rho: 1600}", "      damping: 0\n"), "    modal:\n",
-                          "    initial: {eta: [0.01, 0]}\n    modal:\n"),
-                 "  hub: {mass: 300 kg, inertia: [60, 75, 80], nodes: {mount: {position: [0.5, 0, 0]}}, hinge: {type: free, to: world}}\n", ""),
+  write(replaced(replaced(boom("cantilever", 2, "{type: locked, to: world}", "{E: 120 GPa, rho: 1600}", "      damping: 0\n"),
+                          "    modal:\n", "    initial: {eta: [0.01, 0]}\n    modal:\n"),
+                 "  hub: {mass: 300 kg, inertia: [60, 75, 80], nodes: {mount: {position: [0.5, 0, 0]}}, hinge: {type: free, to: world}}\n",
+                 ""),
         "vehicle \"v.yaml\"\nmission { duration = 2, integrator = { method = \"dopri5\", relative = 1e-10 }, output = { rate = 10 } }\n");
   const Finished f = run({"run", ".", "--out", "o"});
   ASSERT_EQ(f.exit_code, 0) << f.err;

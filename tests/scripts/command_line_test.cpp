@@ -48,8 +48,8 @@ TEST(CommandLine, AloneTellsTheCommands) {
     EXPECT_TRUE(has(alone.out, part)) << part << "\n" << alone.out;
   EXPECT_EQ(cardan({"--help"}).out, alone.out);
   EXPECT_EQ(cardan({"help"}).out, alone.out);
-  EXPECT_EQ(commands(), (std::vector<std::string>{"run", "check", "describe", "report", "workbench", "modes", "types", "check-plugin", "help", "completion",
-                                                  "version"}));
+  EXPECT_EQ(commands(), (std::vector<std::string>{"run", "check", "describe", "report", "workbench", "modes", "types", "check-plugin",
+                                                  "help", "completion", "version"}));
 }
 
 TEST(CommandLine, TakesVersionAsAnOptionToo) {
@@ -118,8 +118,7 @@ TEST(CommandLine, TheManualPageHasEveryCommandAndOption) {
   for (const std::string& name : commands()) {
     EXPECT_TRUE(has(plain, ".SS " + name + " ")) << name;
     std::istringstream help(cardan({"help", name}).out);
-    for (std::string word; help >> word;)
-      EXPECT_TRUE(!word.starts_with("--") || has(plain, word)) << name << " " << word;
+    for (std::string word; help >> word;) EXPECT_TRUE(!word.starts_with("--") || has(plain, word)) << name << " " << word;
   }
   std::ofstream(dir / "cardan.1") << page;
   if (std::system("command -v groff > /dev/null") != 0) GTEST_SKIP() << "groff is not installed";
@@ -159,7 +158,8 @@ TEST(CommandLine, BashCompletesCommandsOptionsAndFiles) {
 TEST(CommandLine, ListsTheTypesWithTheirParameters) {
   const Finished list = cardan({"types"});
   EXPECT_EQ(list.exit_code, 0) << list.err;
-  for (const char* part : {"  rigid ", "  modal_flexible ", "  revolute              1  rotation about one axis\n", "  free                  6  "})
+  for (const char* part :
+       {"  rigid ", "  modal_flexible ", "  revolute              1  rotation about one axis\n", "  free                  6  "})
     EXPECT_TRUE(has(list.out, part)) << part << "\n" << list.out;
   EXPECT_EQ(cardan({"types", "helical"}).out,
             "hinge helical: screw: rotation about an axis with an advance of pitch metres per radian\n"
@@ -173,10 +173,11 @@ TEST(CommandLine, ListsTheTypesWithTheirParameters) {
   const json free = json::parse(cardan({"types", "free", "--json"}).out)["hinges"][0];
   EXPECT_EQ(free["coordinates"].size(), 7u);
   EXPECT_EQ(free["velocities"].size(), 6u);
-  EXPECT_EQ(cardan({"types", "translational"}).out,
-            "hinge translational: three translations in the axes of the inboard node, no rotation\n"
-            "  coordinates   x [m]\n                y [m]\n                z [m]\n                [x, y, z] together: position\n"
-            "  velocities    vx [m/s]\n                vy [m/s]\n                vz [m/s]\n                [vx, vy, vz] together: velocity\n");
+  EXPECT_EQ(
+      cardan({"types", "translational"}).out,
+      "hinge translational: three translations in the axes of the inboard node, no rotation\n"
+      "  coordinates   x [m]\n                y [m]\n                z [m]\n                [x, y, z] together: position\n"
+      "  velocities    vx [m/s]\n                vy [m/s]\n                vz [m/s]\n                [vx, vy, vz] together: velocity\n");
 }
 
 TEST(CommandLine, ListsTheTypesOfAPlugin) {

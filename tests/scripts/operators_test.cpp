@@ -146,7 +146,8 @@ task:require_full_rank()
 local twice = s:task { nodes = { "hand.tool", "hand.tool" } }
 local ok, why = pcall(twice.require_full_rank, twice)
 assert(not ok and tostring(why):find("rank 6 of 12 rows", 1, true), tostring(why))
-)", CARDAN_SOURCE_DIR "/scenarios/02_free_flying_arm");
+)",
+                              CARDAN_SOURCE_DIR "/scenarios/02_free_flying_arm");
   EXPECT_EQ(run.exit_code, 0) << run.err;
 }
 
@@ -259,8 +260,11 @@ assert(#r.q == #sim:q() and (r.q - sim:q()):max_abs() < 7)
 for i, name in ipairs(r.q:labels().names) do assert(r.q[i] == sim:q()[i] or name == "wing_left.angle", name) end
 )");
   EXPECT_EQ(run.exit_code, 0) << run.err;
-  for (const auto& [statement, code] : std::vector<std::pair<std::string, std::string>>{{"linearize{inputs = {'bus:force'}}", "C0208"}, {"linearize{outputs = {'wheel_1.rate'}}", "C0208"},
-                                                                                        {"derivatives('bus')", "C0201"}, {"bias({1, 2})", "C0502"}, {"interbody_forces{w = 1}", "C0104"}}) {
+  for (const auto& [statement, code] : std::vector<std::pair<std::string, std::string>>{{"linearize{inputs = {'bus:force'}}", "C0208"},
+                                                                                        {"linearize{outputs = {'wheel_1.rate'}}", "C0208"},
+                                                                                        {"derivatives('bus')", "C0201"},
+                                                                                        {"bias({1, 2})", "C0502"},
+                                                                                        {"interbody_forces{w = 1}", "C0104"}}) {
     const Finished refused = script("local x = sim:operators():subtree('wing_left'):" + statement);
     EXPECT_EQ(refused.exit_code, 2) << statement << refused.err;
     EXPECT_NE(refused.err.find(code), std::string::npos) << statement << "\n" << refused.err;
@@ -283,7 +287,8 @@ assert(math.abs(X - x - 0.2) < 1e-10 and math.abs(Y - y + 0.3) < 1e-10 and math.
 local far = sim:inverse_kinematics { targets = { { node = "hand.tool", position = { 50, 0, 0 } } }, free = arm, starts = 2 }
 assert(not far.reached and far.residual > 40 and far.message:find("cannot be reached"))
 assert(not pcall(sim.inverse_kinematics, sim, { targets = { { node = "hand.tool" } } }))
-)", CARDAN_SOURCE_DIR "/scenarios/02_free_flying_arm");
+)",
+                              CARDAN_SOURCE_DIR "/scenarios/02_free_flying_arm");
   EXPECT_EQ(run.exit_code, 0) << run.err;
 }
 

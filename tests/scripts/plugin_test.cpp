@@ -44,8 +44,7 @@ TEST(Plugins, InCAsPrintedInTheDocuments) {
   // no energy.
   std::ofstream(dir / "vehicle.yaml")
       << "cardan: 1\nbodies:\n  a: {mass: 2, inertia: [1, 1, 1], hinge: {type: acme/arc, radius: 0.4 m, to: world}}\n";
-  std::ofstream(dir / "scenario.lua")
-      << "plugin 'arc.so' vehicle 'vehicle.yaml' mission { duration = 1 } initial { a = { rate = 3 } }\n";
+  std::ofstream(dir / "scenario.lua") << "plugin 'arc.so' vehicle 'vehicle.yaml' mission { duration = 1 } initial { a = { rate = 3 } }\n";
   const Finished run = run_program({"run", ".", "--out", "out", "--quiet", "--check-against-reference"}, dir.path());
   EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
   EXPECT_NEAR(Hdf5File::open(dir / "out/run.h5").read_doubles("/channels/hinges/a/angle").values.back(), 3.0, 1e-8);
@@ -94,28 +93,27 @@ TEST_P(FaultyPlugin, IsAnswered) {
   EXPECT_TRUE(has(alone.exit_code == 1 ? alone.out : alone.err, text)) << alone.out << alone.err;
   EXPECT_FALSE(has(alone.err, "check-plugin p.so")) << "no hint at what ran just now";
 }
-INSTANTIATE_TEST_SUITE_P(
-    Every, FaultyPlugin,
-    testing::Values(Fault{"refuses", "C0603", "it refused"}, Fault{"other_major", "C0603", "ABI 99."},
-                    Fault{"newer_minor", "C0603", "ABI 1.99"}, Fault{"null_name", "C0602", "a null pointer"},
-                    Fault{"null_family", "C0602", "a null pointer"}, Fault{"short_plugin", "C0602", "struct_size = 8"},
-                    Fault{"endless_families", "C0602", "a table again at index 1"},
-                    Fault{"null_type", "C0604", "type: null"}, Fault{"null_params", "C0604", "params: null"},
-                    Fault{"many_params", "C0604", "n_params: 1000000"}, Fault{"null_units", "C0604", "v_units: null"},
-                    Fault{"small_params", "C0604", "pack writes 8 bytes, params_size is 0"},
-                    Fault{"law", "C0604", "linear part of Ht v"},
-                    Fault{"crash_load", "C0601", "Segmentation fault, in the loading of the library"},
-                    Fault{"crash_entry", "C0604", "Segmentation fault, in cardan_plugin_entry"},
-                    Fault{"crash_family", "C0604", "Segmentation fault, in family(\"hinge\", 0)"},
-                    Fault{"crash_pack", "C0604", "Segmentation fault, in pack of hinge \"faulty/slide\""},
-                    Fault{"abort_kinematics", "C0604", "Aborted, in kinematics of hinge \"faulty/slide\""},
-                    Fault{"exit_pack", "C0604", "the process was ended (exit), in pack of"},
-                    Fault{"exit_kinematics", "C0604", "the process was ended (exit), in kinematics"},
-                    Fault{"throw_entry", "C0604", "an exception in cardan_plugin_entry"},
-                    Fault{"throw_qdot", "C0604", "an exception in hinge \"faulty/slide\""},
-                    Fault{"error_pack", "C0604", "no luck today"},
-                    Fault{"loop_kinematics", "C0604", ", in kinematics of hinge \"faulty/slide\""}),
-    [](const auto& tested) { return std::string(tested.param.name); });
+INSTANTIATE_TEST_SUITE_P(Every, FaultyPlugin,
+                         testing::Values(Fault{"refuses", "C0603", "it refused"}, Fault{"other_major", "C0603", "ABI 99."},
+                                         Fault{"newer_minor", "C0603", "ABI 1.99"}, Fault{"null_name", "C0602", "a null pointer"},
+                                         Fault{"null_family", "C0602", "a null pointer"}, Fault{"short_plugin", "C0602", "struct_size = 8"},
+                                         Fault{"endless_families", "C0602", "a table again at index 1"},
+                                         Fault{"null_type", "C0604", "type: null"}, Fault{"null_params", "C0604", "params: null"},
+                                         Fault{"many_params", "C0604", "n_params: 1000000"}, Fault{"null_units", "C0604", "v_units: null"},
+                                         Fault{"small_params", "C0604", "pack writes 8 bytes, params_size is 0"},
+                                         Fault{"law", "C0604", "linear part of Ht v"},
+                                         Fault{"crash_load", "C0601", "Segmentation fault, in the loading of the library"},
+                                         Fault{"crash_entry", "C0604", "Segmentation fault, in cardan_plugin_entry"},
+                                         Fault{"crash_family", "C0604", "Segmentation fault, in family(\"hinge\", 0)"},
+                                         Fault{"crash_pack", "C0604", "Segmentation fault, in pack of hinge \"faulty/slide\""},
+                                         Fault{"abort_kinematics", "C0604", "Aborted, in kinematics of hinge \"faulty/slide\""},
+                                         Fault{"exit_pack", "C0604", "the process was ended (exit), in pack of"},
+                                         Fault{"exit_kinematics", "C0604", "the process was ended (exit), in kinematics"},
+                                         Fault{"throw_entry", "C0604", "an exception in cardan_plugin_entry"},
+                                         Fault{"throw_qdot", "C0604", "an exception in hinge \"faulty/slide\""},
+                                         Fault{"error_pack", "C0604", "no luck today"},
+                                         Fault{"loop_kinematics", "C0604", ", in kinematics of hinge \"faulty/slide\""}),
+                         [](const auto& tested) { return std::string(tested.param.name); });
 
 // At 0.75 m, where no sample was: the run cannot be answered by a law any more, but it does not end with success.
 TEST(Plugins, ThatEndTheProcessDoNotEndItWithSuccess) {

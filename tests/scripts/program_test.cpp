@@ -33,8 +33,7 @@ std::vector<std::string> folders_of(const std::string& path) {
 json summary_of(const std::string& out) { return json::parse(file_text(out + "/summary.json")); }
 
 /// All rows of all channels of a result, path after path.
-void collect(const Hdf5File& file, const std::string& group,
-             std::vector<std::pair<std::string, std::vector<double>>>& all) {
+void collect(const Hdf5File& file, const std::string& group, std::vector<std::pair<std::string, std::vector<double>>>& all) {
   for (const std::string& name : file.members(group)) {
     const std::string path = group + "/" + name;
     if (file.is_group(path))
@@ -74,8 +73,7 @@ TEST_P(Answer, IsAsExpected) {
   std::istringstream script(file_text(kErrors + "/" + GetParam() + "/scenario.lua"));
   std::vector<std::string> arguments{"run", GetParam()};
   int exit_code = 0;
-  for (std::string line;
-       std::getline(script, line) && line.starts_with("-- ");) {  // -- exit: 2, -- argument: --set a=b
+  for (std::string line; std::getline(script, line) && line.starts_with("-- ");) {  // -- exit: 2, -- argument: --set a=b
     if (line.starts_with("-- exit: ")) exit_code = std::stoi(line.substr(9));
     if (line.starts_with("-- argument: ")) arguments.push_back(line.substr(13));
   }
@@ -98,10 +96,9 @@ TEST(Program, AFailedCheckIsExitCodeOneWithATable) {
   fs::copy(kErrors + "/pendulum.yaml", dir / "vehicle.yaml");
   const Finished run = run_program({"run", ".", "--out", "out"}, dir.path());
   EXPECT_EQ(run.exit_code, 1);
-  EXPECT_NE(
-      run.out.find("  pass  good                                                           1   below 2\n"
-                   "  FAIL  bad                                                        3 deg   within 1 ... 2 deg\n"),
-      std::string::npos)
+  EXPECT_NE(run.out.find("  pass  good                                                           1   below 2\n"
+                         "  FAIL  bad                                                        3 deg   within 1 ... 2 deg\n"),
+            std::string::npos)
       << run.out;
   const json checks = summary_of(dir / "out")["checks"];
   EXPECT_EQ(checks[0]["verdict"], "pass");
@@ -117,8 +114,7 @@ TEST(Program, AFolderThatIsCopiedRunsUnchanged) {
   const Finished there = run_program({"run", "scenario.lua"}, dir / "elsewhere");
   EXPECT_EQ(here.exit_code, 0) << here.err;
   EXPECT_EQ(there.exit_code, 0) << there.err;
-  EXPECT_EQ(channels_of(dir / "a"), channels_of(dir / "elsewhere/out/elsewhere"))
-      << "the default folder is out/<folder of the scenario>";
+  EXPECT_EQ(channels_of(dir / "a"), channels_of(dir / "elsewhere/out/elsewhere")) << "the default folder is out/<folder of the scenario>";
 }
 
 TEST(Program, SweepsThatDoNotExistAreRefusedBeforeTheRun) {
@@ -127,7 +123,8 @@ TEST(Program, SweepsThatDoNotExistAreRefusedBeforeTheRun) {
   const Finished run = run_program({"run", "drive", "--out", dir / "out"}, kMissions);
   EXPECT_EQ(run.exit_code, 2);
   const std::string expected = "expected: one of those that are built and that this processor runs: ";
-  for (const std::string& part : {std::string("error[C0301]"), std::string("at: environment variable CARDAN_KERNELS"), expected, std::string("got:      \"v5\"")})
+  for (const std::string& part :
+       {std::string("error[C0301]"), std::string("at: environment variable CARDAN_KERNELS"), expected, std::string("got:      \"v5\"")})
     EXPECT_NE(run.err.find(part), std::string::npos) << part << "\n" << run.err;
   EXPECT_FALSE(fs::exists(dir / "out"));
   std::istringstream offered(run.err.substr(std::min(run.err.size(), run.err.find(expected) + expected.size())));
@@ -146,8 +143,7 @@ TEST(Program, SweepsThatDoNotExistAreRefusedBeforeTheRun) {
 
 TEST(Program, TwoRunsGiveTheSameBits) {
   const TemporaryFolder dir;
-  for (const char* out : {"a", "b"})
-    ASSERT_EQ(run_program({"run", "drive", "--out", dir / out}, kMissions).exit_code, 0);
+  for (const char* out : {"a", "b"}) ASSERT_EQ(run_program({"run", "drive", "--out", dir / out}, kMissions).exit_code, 0);
   EXPECT_EQ(channels_of(dir / "a"), channels_of(dir / "b"));
   json a = summary_of(dir / "a"), b = summary_of(dir / "b");
   a.erase("wall_s"), b.erase("wall_s");
@@ -156,17 +152,15 @@ TEST(Program, TwoRunsGiveTheSameBits) {
 
 TEST(Program, SetReplacesParametersVehicleAndMission) {
   const TemporaryFolder dir;
-  const Finished run = run_program(
-      {"run", "pendulum", "--out", dir.path(), "--set", "start=-10 deg", "--set", "vehicle.bodies.rod.mass=4 kg",
-       "--set", "mission.integrator.method=cvode_bdf", "--set", "list=[3, 4 km]"},
-      kMissions);
+  const Finished run =
+      run_program({"run", "pendulum", "--out", dir.path(), "--set", "start=-10 deg", "--set", "vehicle.bodies.rod.mass=4 kg", "--set",
+                   "mission.integrator.method=cvode_bdf", "--set", "list=[3, 4 km]"},
+                  kMissions);
   EXPECT_EQ(run.exit_code, 1) << "the period is another: " << run.err;
   const Hdf5File file = Hdf5File::open(dir / "run.h5");
   EXPECT_NEAR(file.read_doubles("/channels/hinges/rod/angle").values.front(), -10 * M_PI / 180, 1e-15);
   const auto parameters = file.read_texts("/spec/parameters");
-  const auto value = [&](const std::string& key) {
-    return *(std::find(parameters.begin(), parameters.end(), key) + 1);
-  };
+  const auto value = [&](const std::string& key) { return *(std::find(parameters.begin(), parameters.end(), key) + 1); };
   EXPECT_EQ(value("bodies.rod.mass"), "4 kg");
   EXPECT_EQ(value("parameters.list"), "[3, 4000]");
   EXPECT_EQ(file.text_attribute("/run", "integrator"), "cvode_bdf, relative tolerance 1e-10");
@@ -185,8 +179,10 @@ TEST(Program, MissionsRunByKrylov) {
     }
     EXPECT_EQ(channels_of(dir / "a"), channels_of(dir / "b"));
     const json summary = summary_of(dir / "a");
-    for (const char* count : {"jacobian_products", "preconditioner_setups", "linear_iterations"}) EXPECT_GT(summary[count], 0) << mission << count;
-    EXPECT_EQ(Hdf5File::open(dir / "a/run.h5").text_attribute("/run", "integrator"), "cvode_bdf, krylov linear solver, relative tolerance 1e-12");
+    for (const char* count : {"jacobian_products", "preconditioner_setups", "linear_iterations"})
+      EXPECT_GT(summary[count], 0) << mission << count;
+    EXPECT_EQ(Hdf5File::open(dir / "a/run.h5").text_attribute("/run", "integrator"),
+              "cvode_bdf, krylov linear solver, relative tolerance 1e-12");
   }
 }
 
@@ -204,9 +200,7 @@ TEST(Program, SeedDecidesRandomNumbers) {
   const TemporaryFolder dir;
   fs::copy(kErrors + "/pendulum.yaml", dir / "vehicle.yaml");
   write(dir / "scenario.lua", "vehicle 'vehicle.yaml' mission { duration = 1 } print(math.random(1000000))");
-  const auto drawn = [&](const char* seed) {
-    return run_program({"run", ".", "--quiet", "--seed", seed, "--out", "out"}, dir.path()).out;
-  };
+  const auto drawn = [&](const char* seed) { return run_program({"run", ".", "--quiet", "--seed", seed, "--out", "out"}, dir.path()).out; };
   const std::string first = drawn("1");
   EXPECT_EQ(drawn("1"), first);
   EXPECT_NE(drawn("2"), first);
@@ -234,7 +228,8 @@ TEST(Program, ErrorsAsJson) {
 
 TEST(Program, FailuresOfScriptsHaveTheirPlaceAsJson) {
   const TemporaryFolder dir;
-  const json failed = json::parse(run_program({"run", "N0303_controller_error", "--out", dir.path(), "--json-errors"}, kErrors).err)["errors"][0];
+  const json failed =
+      json::parse(run_program({"run", "N0303_controller_error", "--out", dir.path(), "--json-errors"}, kErrors).err)["errors"][0];
   EXPECT_EQ(failed["file"], "N0303_controller_error/scenario.lua");
   EXPECT_EQ(failed["line"], 5);
 }
@@ -254,12 +249,15 @@ TEST(Program, EventFunctionsSeeTheTrialTime) {
         "mission { duration = 1, output = { rate = '2 Hz' } }\n"
         "controller { name = 'tick', rate = '10 Hz', step = function() end }\n"
         "local at = 0\n"
-        "event { name = 'late', when = function(t) return " + std::string(time) + " - 0.55 end, action = function(t) at = t assert(mission.time() == t and sim:t() == t) end }\n"
+        "event { name = 'late', when = function(t) return " +
+        std::string(time) +
+        " - 0.55 end, action = function(t) at = t assert(mission.time() == t and sim:t() == t) end }\n"
         "check { name = 'time', value = function() return at end, equal = { 0.55, tolerance = 1e-9 } }\n");
     EXPECT_EQ(run.exit_code, 0) << time << run.out << run.err;
   }
   const Finished stored = pendulum_with(
-      "mission { duration = 1 }\nlocal s = signals { a = {} }\nevent { name = 'e', when = function(t) s.a(t) return 1 end, action = function() end }\n");
+      "mission { duration = 1 }\nlocal s = signals { a = {} }\nevent { name = 'e', when = function(t) s.a(t) return 1 end, action = "
+      "function() end }\n");
   EXPECT_EQ(stored.exit_code, 3);
   EXPECT_NE(stored.err.find("one stored in an event's `when`"), std::string::npos) << stored.err;
 }
@@ -279,9 +277,11 @@ TEST(Program, WhatRunRefusesCheckRefuses) {
       EXPECT_NE(run.err.find("error[C0207]"), std::string::npos) << command << text << run.err;
       for (const std::string& part : parts) EXPECT_NE(run.err.find(part), std::string::npos) << part << text << run.err;
     }
-  const Finished legal = pendulum_with("mission { duration = 1 }\nsignals { a = {}, ['b/a'] = {}, ['b/c'] = {}, ['ledger_x'] = {} }", "check");
+  const Finished legal =
+      pendulum_with("mission { duration = 1 }\nsignals { a = {}, ['b/a'] = {}, ['b/c'] = {}, ['ledger_x'] = {} }", "check");
   EXPECT_EQ(legal.exit_code, 0) << legal.err;
-  EXPECT_EQ(pendulum_with("mission { duration = 1 }\ncheck { name = 'x', value = print, equal = { 1, tolerance = -1 } }", "check").exit_code, 2);
+  EXPECT_EQ(
+      pendulum_with("mission { duration = 1 }\ncheck { name = 'x', value = print, equal = { 1, tolerance = -1 } }", "check").exit_code, 2);
 }
 
 TEST(Program, ASignalThatIsNotFiniteIsAWarning) {
@@ -326,8 +326,8 @@ TEST(Program, ResultsThatCannotBeWrittenAreRefusedBeforeTheRun) {
 
 TEST(Program, AFullDiskIsAFailureOfTheRun) {
   const TemporaryFolder dir;
-  const Finished run = run_program(
-      {"run", "pendulum", "--out", dir.path(), "--quiet", "--set", "mission.output.rate=1000 Hz"}, kMissions, [] {
+  const Finished run =
+      run_program({"run", "pendulum", "--out", dir.path(), "--quiet", "--set", "mission.output.rate=1000 Hz"}, kMissions, [] {
         const rlimit limit{200'000, 200'000};  // [B] of one file; the results begin with less than half of that
         setrlimit(RLIMIT_FSIZE, &limit);
       });
@@ -338,8 +338,8 @@ TEST(Program, AFullDiskIsAFailureOfTheRun) {
 
 TEST(Program, AKilledRunLeavesResultsThatCanBeRead) {
   const TemporaryFolder dir;
-  const Finished run = run_program({"run", "pendulum", "--out", dir.path(), "--set", "mission.duration=100 day"},
-                                   kMissions, [] { alarm(4); });
+  const Finished run =
+      run_program({"run", "pendulum", "--out", dir.path(), "--set", "mission.duration=100 day"}, kMissions, [] { alarm(4); });
   EXPECT_EQ(run.exit_code, -1) << "killed by the alarm";
   const auto time = Hdf5File::open(dir / "run.h5").read_doubles("/time").values;
   EXPECT_GT(time.size(), 100u);
@@ -407,8 +407,7 @@ TEST(Program, PluginsAreLoadedAndChecked) {
   write(dir / "vehicle.yaml",
         "cardan: 1\nbodies:\n  slider: {mass: 1, inertia: [1, 1, 1], hinge: {type: custom_cam, to: world, axis: [0, 0, "
         "1], a: 0.1, b: 0.2, c: 0.3}}\n");
-  write(dir / "scenario.lua",
-        "plugin 'cam.so' vehicle 'vehicle.yaml' mission { duration = 1 } initial { slider = { rate = 1 } }");
+  write(dir / "scenario.lua", "plugin 'cam.so' vehicle 'vehicle.yaml' mission { duration = 1 } initial { slider = { rate = 1 } }");
   const Finished check = run_program({"check-plugin", "cam.so"}, dir.path(), {});
   EXPECT_EQ(check.exit_code, 0) << check.err;
   EXPECT_TRUE(check.out.starts_with("ok    hinge custom_cam: ")) << check.out;

@@ -75,12 +75,23 @@ Finished look(const std::string& text) {
 
 TEST(ScriptReference, HasEveryMethodThatObjectsHave) {
   const Meta meta = read_meta();
-  const std::map<std::string, std::string> objects = {
-      {"Sim", "sim"}, {"Vehicle", "sat"}, {"Body", "sat:body 'bus'"}, {"Hinge", "sat:hinge 'wing_left'"}, {"Modes", "sat:modes 'wing_left'"},
-      {"Node", "sat:node 'bus'"}, {"Load", "sat:node('bus'):load {}"}, {"Vector", "vector {1}"}, {"Matrix", "matrix {{1}}"},
-      {"Operators", "sim:operators()"}, {"Operator", "sim:operators().phi"}, {"Task", "sim:operators():task { nodes = {'bus'} }"},
-      {"Passive", "sim:operators():floating_base()"}, {"Diagonalised", "sim:operators():diagonalised()"}};
-  std::string script = "local sat = sim:vehicle()\nlocal function ask(name, x) local ok, why = pcall(function() return x.no_such_name end) print(name .. '|' .. tostring(why):gsub('\\n', '~')) end\n";
+  const std::map<std::string, std::string> objects = {{"Sim", "sim"},
+                                                      {"Vehicle", "sat"},
+                                                      {"Body", "sat:body 'bus'"},
+                                                      {"Hinge", "sat:hinge 'wing_left'"},
+                                                      {"Modes", "sat:modes 'wing_left'"},
+                                                      {"Node", "sat:node 'bus'"},
+                                                      {"Load", "sat:node('bus'):load {}"},
+                                                      {"Vector", "vector {1}"},
+                                                      {"Matrix", "matrix {{1}}"},
+                                                      {"Operators", "sim:operators()"},
+                                                      {"Operator", "sim:operators().phi"},
+                                                      {"Task", "sim:operators():task { nodes = {'bus'} }"},
+                                                      {"Passive", "sim:operators():floating_base()"},
+                                                      {"Diagonalised", "sim:operators():diagonalised()"}};
+  std::string script =
+      "local sat = sim:vehicle()\nlocal function ask(name, x) local ok, why = pcall(function() return x.no_such_name end) print(name .. "
+      "'|' .. tostring(why):gsub('\\n', '~')) end\n";
   for (const auto& [name, expression] : objects) script += "ask('" + name + "', " + expression + ")\n";
   const Finished run = look(script);
   ASSERT_EQ(run.exit_code, 0) << run.err;
@@ -101,10 +112,12 @@ TEST(ScriptReference, HasEveryMethodThatObjectsHave) {
 
 TEST(ScriptReference, HasEveryGlobalOfTheProgram) {
   const Meta meta = read_meta();
-  const Finished run = look("local names = {} for name in pairs(_G) do names[#names + 1] = name end print('one of: ' .. table.concat(names, ', '))");
+  const Finished run =
+      look("local names = {} for name in pairs(_G) do names[#names + 1] = name end print('one of: ' .. table.concat(names, ', '))");
   Names found = offered(run.out, "one of: ");
-  for (const char* of_lua : {"_G", "_VERSION", "assert", "coroutine", "error", "getmetatable", "ipairs", "load", "math", "next", "pairs", "pcall", "print", "rawequal", "rawget",
-                             "rawlen", "rawset", "require", "select", "setmetatable", "string", "table", "tonumber", "tostring", "type", "utf8", "xpcall"})
+  for (const char* of_lua : {"_G",     "_VERSION",     "assert", "coroutine", "error",    "getmetatable", "ipairs", "load",   "math",
+                             "next",   "pairs",        "pcall",  "print",     "rawequal", "rawget",       "rawlen", "rawset", "require",
+                             "select", "setmetatable", "string", "table",     "tonumber", "tostring",     "type",   "utf8",   "xpcall"})
     found.erase(of_lua);
   Names known = meta.functions.at("");
   known.insert({"sim", "mission", "vec", "quat", "allocation", "help"});
@@ -112,8 +125,10 @@ TEST(ScriptReference, HasEveryGlobalOfTheProgram) {
   for (const char* module : {"vec", "quat", "allocation"}) {
     std::ifstream in(std::string(CARDAN_SOURCE_DIR "/scripts/prelude/cardan/") + module + ".lua");
     const std::string text{std::istreambuf_iterator<char>(in), {}};
-    const Finished names = look(std::string("local n = {} for k in pairs(") + module + ") do n[#n + 1] = k end print('one of: ' .. table.concat(n, ', '))");
-    for (const std::string& name : offered(names.out, "one of: ")) EXPECT_NE(text.find(std::string("function ") + module + "." + name), std::string::npos) << name;
+    const Finished names =
+        look(std::string("local n = {} for k in pairs(") + module + ") do n[#n + 1] = k end print('one of: ' .. table.concat(n, ', '))");
+    for (const std::string& name : offered(names.out, "one of: "))
+      EXPECT_NE(text.find(std::string("function ") + module + "." + name), std::string::npos) << name;
   }
 }
 
@@ -121,13 +136,21 @@ TEST(ScriptReference, HasEveryKeyOfTheTablesThatAreRead) {
   const Meta meta = read_meta();
   const std::string begin = "local sat = vehicle 'vehicle.yaml'\nlocal f = function() end\n";
   const std::map<std::string, std::string> tables = {
-      {"MissionOptions", "mission { duration = 1, _no = 1 }"}, {"IntegratorOptions", "mission { duration = 1, integrator = { _no = 1 } }"},
-      {"OutputOptions", "mission { duration = 1, output = { _no = 1 } }"}, {"BudgetOptions", "mission { duration = 1, budget = { _no = 1 } }"},
-      {"ControllerOptions", "controller { name = 'a', rate = 1, step = f, _no = 1 }"}, {"PhaseOptions", "phase { name = 'a', _no = 1 }"},
-      {"EventOptions", "event { name = 'a', when = f, action = f, _no = 1 }"}, {"CheckOptions", "check { name = 'a', value = f, below = 1, _no = 1 }"},
-      {"FigureOptions", "figure { name = 'a', value = f, _no = 1 }"}, {"SignalOptions", "signals { a = { _no = 1 } }"},
-      {"LoadOptions", "sat:node('rod'):load { _no = 1 }"}, {"LinearPorts", "sim:linearize { _no = 1 }"}, {"ModesOptions", "sim:system_modes { _no = 1 }"},
-      {"IkTask", "sim:inverse_kinematics { targets = {}, _no = 1 }"}, {"IkTarget", "sim:inverse_kinematics { targets = {{ node = 'rod', position = {1, 2, 3}, _no = 1 }} }"},
+      {"MissionOptions", "mission { duration = 1, _no = 1 }"},
+      {"IntegratorOptions", "mission { duration = 1, integrator = { _no = 1 } }"},
+      {"OutputOptions", "mission { duration = 1, output = { _no = 1 } }"},
+      {"BudgetOptions", "mission { duration = 1, budget = { _no = 1 } }"},
+      {"ControllerOptions", "controller { name = 'a', rate = 1, step = f, _no = 1 }"},
+      {"PhaseOptions", "phase { name = 'a', _no = 1 }"},
+      {"EventOptions", "event { name = 'a', when = f, action = f, _no = 1 }"},
+      {"CheckOptions", "check { name = 'a', value = f, below = 1, _no = 1 }"},
+      {"FigureOptions", "figure { name = 'a', value = f, _no = 1 }"},
+      {"SignalOptions", "signals { a = { _no = 1 } }"},
+      {"LoadOptions", "sat:node('rod'):load { _no = 1 }"},
+      {"LinearPorts", "sim:linearize { _no = 1 }"},
+      {"ModesOptions", "sim:system_modes { _no = 1 }"},
+      {"IkTask", "sim:inverse_kinematics { targets = {}, _no = 1 }"},
+      {"IkTarget", "sim:inverse_kinematics { targets = {{ node = 'rod', position = {1, 2, 3}, _no = 1 }} }"},
       {"TaskOptions", "sim:operators():task { nodes = {'rod'}, _no = 1 }"}};
   for (const auto& [name, statement] : tables) {
     const TemporaryFolder dir;
@@ -141,15 +164,16 @@ TEST(ScriptReference, HasEveryKeyOfTheTablesThatAreRead) {
 TEST(ScriptReference, TheDocumentsListEveryMethod) {
   const Meta meta = read_meta();
   std::string text;
-  for (const char* page : {"scenario_lua.md", "workbench.md", "operators.md"}) text += file_text(std::string(CARDAN_SOURCE_DIR "/docs/") + page);
+  for (const char* page : {"scenario_lua.md", "workbench.md", "operators.md"})
+    text += file_text(std::string(CARDAN_SOURCE_DIR "/docs/") + page);
   for (const auto& [name, functions] : meta.functions)
     for (const std::string& f : functions) {
-      const bool listed = text.find(":" + f + "(") != std::string::npos || text.find(":" + f + "{") != std::string::npos || text.find("`" + f) != std::string::npos ||
-                          text.find("." + f + "(") != std::string::npos;
+      const bool listed = text.find(":" + f + "(") != std::string::npos || text.find(":" + f + "{") != std::string::npos ||
+                          text.find("`" + f) != std::string::npos || text.find("." + f + "(") != std::string::npos;
       EXPECT_TRUE(listed) << name << " " << f;
     }
-  for (const char* table : {"MissionOptions", "IntegratorOptions", "OutputOptions", "BudgetOptions", "ControllerOptions", "PhaseOptions", "EventOptions", "CheckOptions", "FigureOptions",
-                            "SignalOptions", "ProfileOptions", "IkTarget"})
+  for (const char* table : {"MissionOptions", "IntegratorOptions", "OutputOptions", "BudgetOptions", "ControllerOptions", "PhaseOptions",
+                            "EventOptions", "CheckOptions", "FigureOptions", "SignalOptions", "ProfileOptions", "IkTarget"})
     for (const std::string& key : meta.fields.at(table)) EXPECT_NE(text.find(key), std::string::npos) << table << " " << key;
 }
 

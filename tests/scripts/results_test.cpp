@@ -116,9 +116,18 @@ TEST(Results, AreNotTouchedByARunThatIsRefused) {
   ASSERT_EQ(run_program({"run", "pendulum", "--out", dir.path()}, kMissions).exit_code, 0);
   const auto before = content_of(dir.path());
   using Arguments = std::vector<std::string>;
-  for (const Arguments& wrong :
-       {Arguments{"--until", "-3"}, {"--until", "0"}, {"--until", "nan"}, {"--until", "inf"}, {"--until", "1e400"}, {"--seed", "-1"}, {"--seed", "1e23"},
-        {"--seed", "99999999999999999999"}, {"--seed", "18446744073709551616"}, {"--seed", "0x1"}, {"--set", "no.such.thing=1"}, {"--again", dir / "run.h5"}}) {
+  for (const Arguments& wrong : {Arguments{"--until", "-3"},
+                                 {"--until", "0"},
+                                 {"--until", "nan"},
+                                 {"--until", "inf"},
+                                 {"--until", "1e400"},
+                                 {"--seed", "-1"},
+                                 {"--seed", "1e23"},
+                                 {"--seed", "99999999999999999999"},
+                                 {"--seed", "18446744073709551616"},
+                                 {"--seed", "0x1"},
+                                 {"--set", "no.such.thing=1"},
+                                 {"--again", dir / "run.h5"}}) {
     Arguments all{"run", "pendulum", "--out", dir.path()};
     all.insert(all.end(), wrong.begin(), wrong.end());
     const Finished run = run_program(all, kMissions);
@@ -168,12 +177,14 @@ TEST_P(Interrupted, RunsEndInOrder) {
   EXPECT_EQ(file.text_attribute("/run", "verdict"), "interrupted");
   EXPECT_EQ(json::parse(file.read_text("/attachments/summary")), summary);
 }
-INSTANTIATE_TEST_SUITE_P(By, Interrupted, testing::Values(SIGINT, SIGTERM, SIGHUP), [](const auto& p) { return std::string(sigabbrev_np(p.param)); });
+INSTANTIATE_TEST_SUITE_P(By, Interrupted, testing::Values(SIGINT, SIGTERM, SIGHUP),
+                         [](const auto& p) { return std::string(sigabbrev_np(p.param)); });
 
 TEST(Results, OfAScriptThatIsInterruptedAtWorkAreInOrder) {
   const TemporaryFolder dir;
-  make_scenario(dir, "vehicle 'vehicle.yaml' mission { duration = 1000 }\n"
-                     "controller { name = 'slow', rate = '10 Hz', step = function() for i = 1, 4000000 do end end }");
+  make_scenario(dir,
+                "vehicle 'vehicle.yaml' mission { duration = 1000 }\n"
+                "controller { name = 'slow', rate = '10 Hz', step = function() for i = 1, 4000000 do end end }");
   Started run({"run", ".", "--out", "out"}, dir.path());
   expect_under_way(dir / "out");
   run.send(SIGTERM);
@@ -183,15 +194,17 @@ TEST(Results, OfAScriptThatIsInterruptedAtWorkAreInOrder) {
 
 TEST(Results, SignalsThatTheStarterIgnoresStayIgnored) {
   const TemporaryFolder dir;
-  Started run({"run", "pendulum", "--out", dir.path(), "--set", kLong, "--quiet"}, kMissions, [] { signal(SIGHUP, SIG_IGN); });  // as nohup does
+  Started run({"run", "pendulum", "--out", dir.path(), "--set", kLong, "--quiet"}, kMissions,
+              [] { signal(SIGHUP, SIG_IGN); });  // as nohup does
   expect_under_way(dir.path());
   run.send(SIGHUP);
   run.send(SIGTERM);
   EXPECT_EQ(run.wait().exit_code, 143);
 }
 
-const std::string kTalking = "vehicle 'vehicle.yaml' mission { duration = 20 }\n"
-                             "controller { name = 'talk', rate = '100 Hz', step = function() print(('x'):rep(1000)) end }";
+const std::string kTalking =
+    "vehicle 'vehicle.yaml' mission { duration = 20 }\n"
+    "controller { name = 'talk', rate = '100 Hz', step = function() print(('x'):rep(1000)) end }";
 
 TEST(Results, AreCompleteWhenNobodyReadsTheOutput) {
   const TemporaryFolder dir;
@@ -240,7 +253,8 @@ class Waiting {
   int ends_[2];
   std::optional<Started> run_;
 };
-const std::string kFillsThePipe = "controller { name = 'fill', rate = '1 Hz', step = function(t) if t == 0 then print(('x'):rep(200000)) end end }\n";
+const std::string kFillsThePipe =
+    "controller { name = 'fill', rate = '1 Hz', step = function(t) if t == 0 then print(('x'):rep(200000)) end end }\n";
 
 TEST(Results, ThatCouldNotBeWrittenAreNamedAndTheOthersKept) {
   for (const std::string lost : {"summary.json", "report.html"}) {
@@ -255,7 +269,8 @@ TEST(Results, ThatCouldNotBeWrittenAreNamedAndTheOthersKept) {
     const std::string kept = lost == "summary.json" ? "out/run.h5, out/report.html" : "out/summary.json, out/run.h5";
     EXPECT_EQ(end.err, "error[C0701]: result cannot be written\n  --> out/" + lost +
                            "\n  expected: a file that can be written\n  got:      Is a directory\n"
-                           "  hint:     is the folder there, and is there space?\n\n1 result not written. Kept: " + kept + "\n");
+                           "  hint:     is the folder there, and is there space?\n\n1 result not written. Kept: " +
+                           kept + "\n");
     EXPECT_NE(end.out.find("  pass  good"), std::string::npos) << "the verdicts are on the screen, with --quiet as well";
     EXPECT_EQ(rows_of(dir / "out"), 31u);
     EXPECT_EQ(fs::is_regular_file(dir / "out/summary.json"), lost != "summary.json");
@@ -347,9 +362,12 @@ TEST(Results, HoldPrintedLinesAndWarningsWithTheirTimes) {
   const Hdf5File file = Hdf5File::open(dir / "out/run.h5");
   const auto lines = noted(file, "printed", 0), by = noted(file, "printed", 1);
   const auto t = file.read_doubles("/run/printed/t").values;
-  const auto at = [&](const std::string& line) { return static_cast<std::size_t>(std::find(lines.begin(), lines.end(), line) - lines.begin()); };
+  const auto at = [&](const std::string& line) {
+    return static_cast<std::size_t>(std::find(lines.begin(), lines.end(), line) - lines.begin());
+  };
   ASSERT_EQ(lines.size(), t.size());
-  for (const auto& [line, who, when] : {std::tuple<std::string, std::string, double>{"enters\t1", "phase \"first\"", 0.0}, {"action", "event \"half\"", 0.5},
+  for (const auto& [line, who, when] : {std::tuple<std::string, std::string, double>{"enters\t1", "phase \"first\"", 0.0},
+                                        {"action", "event \"half\"", 0.5},
                                         {"at the end", "figure \"f\"", 2.0}}) {
     ASSERT_LT(at(line), lines.size()) << line;
     EXPECT_EQ(by[at(line)], who);
@@ -367,7 +385,9 @@ TEST(Results, HoldPrintedLinesAndWarningsWithTheirTimes) {
 
 TEST(Results, OfAKilledRunHoldWhatHappened) {
   const TemporaryFolder dir;
-  make_scenario(dir, std::string(kTalks) + "controller { name = 'busy', rate = '10 Hz', step = function(t) local x = 0 for i = 1, 1e5 do x = x + i end end }");
+  make_scenario(dir,
+                std::string(kTalks) +
+                    "controller { name = 'busy', rate = '10 Hz', step = function(t) local x = 0 for i = 1, 1e5 do x = x + i end end }");
   Started run({"run", ".", "--out", "out", "--quiet", "--set", kLong}, dir.path());
   expect_under_way(dir / "out");
   ASSERT_TRUE(wait_until([&] {
@@ -394,8 +414,9 @@ TEST(Results, TellWhatEndedARun) {
   run.send(SIGTERM);
   run.wait();
   EXPECT_EQ(summary_of(dir.path())["ended_by"], "SIGTERM");
-  make_scenario(dir, "vehicle 'vehicle.yaml' mission { duration = 1 }\n"
-                     "controller { name = 'c', rate = '10 Hz', step = function(t) if t > 0.5 then error 'oh' end end }");
+  make_scenario(dir,
+                "vehicle 'vehicle.yaml' mission { duration = 1 }\n"
+                "controller { name = 'c', rate = '10 Hz', step = function(t) if t > 0.5 then error 'oh' end end }");
   EXPECT_EQ(run_program({"run", ".", "--out", "out"}, dir.path()).exit_code, 3);
   EXPECT_TRUE(summary_of(dir / "out")["ended_by"].get<std::string>().starts_with("N0303: "));
 }
@@ -412,8 +433,9 @@ TEST(Results, HoldTheShapesOfModes) {
 
 TEST(Results, ACheckThatIsNoNumberIsAFailureAndAllIsKept) {
   const TemporaryFolder dir;
-  make_scenario(dir, "vehicle 'vehicle.yaml' mission { duration = 1 }\n"
-                     "check { name = 'lost', value = function() return 0/0 end, below = 2 }");
+  make_scenario(dir,
+                "vehicle 'vehicle.yaml' mission { duration = 1 }\n"
+                "check { name = 'lost', value = function() return 0/0 end, below = 2 }");
   const Finished run = run_program({"run", ".", "--out", "out"}, dir.path());
   EXPECT_EQ(run.exit_code, 3);
   EXPECT_NE(run.err.find("failure[N0303]"), std::string::npos) << run.err;
@@ -427,7 +449,9 @@ TEST(Program, TextThatDoesNotReachStandardOutputIsAnExitCode) {
   for (const char* command : {"describe", "check"}) {
     const Finished run = run_program({command, "pendulum"}, kMissions, [] { dup2(open("/dev/full", O_WRONLY), STDOUT_FILENO); });
     EXPECT_EQ(run.exit_code, 4);
-    EXPECT_NE(run.err.find("error[C0701]: result cannot be written\n  --> standard output\n  got:      No space left on device\n"), std::string::npos) << run.err;
+    EXPECT_NE(run.err.find("error[C0701]: result cannot be written\n  --> standard output\n  got:      No space left on device\n"),
+              std::string::npos)
+        << run.err;
   }
 }
 
@@ -439,9 +463,11 @@ std::string value_of(const std::vector<std::string>& pairs, const std::string& k
 
 TEST(Program, TakesModesFromTheCacheFromItsSecondStartAndResultsAreTheSame) {
   const TemporaryFolder dir;
-  write(dir / "vehicle.yaml", "cardan: 1\nbodies:\n  wing:\n    type: modal_flexible\n    hinge: {type: free, to: world, initial: {wx: 0.1}}\n    modal:\n"
-                              "      plate: {length: 8 m, width: 2 m, solid: {material: {E: 70 GPa, nu: 0.3, rho: 2700}, thickness: 1 cm}, elements_x: 8, elements_y: 4}\n"
-                              "      modes: {count: 3}\n");
+  write(dir / "vehicle.yaml",
+        "cardan: 1\nbodies:\n  wing:\n    type: modal_flexible\n    hinge: {type: free, to: world, initial: {wx: 0.1}}\n    modal:\n"
+        "      plate: {length: 8 m, width: 2 m, solid: {material: {E: 70 GPa, nu: 0.3, rho: 2700}, thickness: 1 cm}, elements_x: 8, "
+        "elements_y: 4}\n"
+        "      modes: {count: 3}\n");
   write(dir / "scenario.lua", "vehicle 'vehicle.yaml' mission { duration = 1 }");
   const auto run = [&](const std::string& out, const std::string& cache, bool quiet = false) {
     std::vector<std::string> arguments = {"run", ".", "--out", out};
@@ -469,9 +495,11 @@ TEST(Program, TakesModesFromTheCacheFromItsSecondStartAndResultsAreTheSame) {
 // From limits at which the program hardly starts to one that is enough: what is short of memory says so.
 TEST(Program, SaysWhenMemoryIsShort) {
   const TemporaryFolder dir;
-  write(dir / "vehicle.yaml", "cardan: 1\nbodies:\n  wing:\n    type: modal_flexible\n    hinge: {type: free, to: world}\n    modal:\n"
-                              "      plate: {length: 8 m, width: 2 m, solid: {material: {E: 70 GPa, nu: 0.3, rho: 2700}, thickness: 1 cm}, elements_x: 40, elements_y: 20}\n"
-                              "      modes: {count: 10}\n");
+  write(dir / "vehicle.yaml",
+        "cardan: 1\nbodies:\n  wing:\n    type: modal_flexible\n    hinge: {type: free, to: world}\n    modal:\n"
+        "      plate: {length: 8 m, width: 2 m, solid: {material: {E: 70 GPa, nu: 0.3, rho: 2700}, thickness: 1 cm}, elements_x: 40, "
+        "elements_y: 20}\n"
+        "      modes: {count: 10}\n");
   write(dir / "scenario.lua", "vehicle 'vehicle.yaml' mission { duration = 1 }");
   bool told = false;
   for (rlim_t megabytes = 60; megabytes < 400; megabytes += 10) {
@@ -491,8 +519,10 @@ TEST(Program, SaysWhenMemoryIsShort) {
 /// The machine gives less than the 256 MiB that a script may have: that is what is said, and what was recorded is kept.
 TEST(Program, SaysWhenMemoryIsShortInTheRun) {
   const TemporaryFolder dir;
-  make_scenario(dir, "vehicle 'vehicle.yaml' mission { duration = 10 } local all = {} "
-                     "controller { rate = '1 Hz', name = 'hoard', step = function(t) if t > 2 then for i = 1, 1e7 do all[#all + 1] = i end end end }");
+  make_scenario(
+      dir,
+      "vehicle 'vehicle.yaml' mission { duration = 10 } local all = {} "
+      "controller { rate = '1 Hz', name = 'hoard', step = function(t) if t > 2 then for i = 1, 1e7 do all[#all + 1] = i end end end }");
   bool told = false;
   for (rlim_t megabytes = 60; megabytes < 400 && !told; megabytes += 10) {
     const Finished run = run_program({"run", ".", "--out", "out", "--quiet"}, dir.path(), [&] {
@@ -500,9 +530,12 @@ TEST(Program, SaysWhenMemoryIsShortInTheRun) {
       const rlimit limit{megabytes << 20, megabytes << 20};
       setrlimit(RLIMIT_AS, &limit);
     });
-    if (run.exit_code != 3 || run.err.find("C0701") != std::string::npos) continue;  // too little to begin with, or for HDF5 beside the script
+    if (run.exit_code != 3 || run.err.find("C0701") != std::string::npos)
+      continue;  // too little to begin with, or for HDF5 beside the script
     told = true;
-    EXPECT_EQ(run.err.find("failure[N0205]: not enough memory during the run\n  t = 3 s\n  controller \"hoard\": not enough memory\n  --> ./scenario.lua:1\n"), 0u)
+    EXPECT_EQ(run.err.find("failure[N0205]: not enough memory during the run\n  t = 3 s\n  controller \"hoard\": not enough memory\n  --> "
+                           "./scenario.lua:1\n"),
+              0u)
         << run.err;
     EXPECT_NE(run.err.find("no more memory for a script that holds"), std::string::npos) << run.err;
     EXPECT_EQ(Hdf5File::open(dir / "out/run.h5").read_doubles("/time").values.back(), 2.9) << "the last row before the tick";
@@ -515,10 +548,11 @@ TEST(Program, SaysWhenMemoryIsShortInTheRun) {
 
 TEST(Provenance, HasWhatTheCommandLineAsksForAndWhatCameOfIt) {
   const TemporaryFolder dir;
-  make_scenario(dir, "local p = parameters { kp = '6 N m/rad', name = 'x', on = true }\nvehicle 'vehicle.yaml' mission { duration = 1 }\n"
-                     "initial { rod = { rate = 0.25 } }");
-  ASSERT_EQ(run_program({"run", ".", "--out", "out", "--set", "mission.output.rate=5 Hz", "--set", "vehicle.bodies.rod.hinge.initial.angle=30 deg", "--until",
-                         "0.7", "--seed", "18446744073709551615"},
+  make_scenario(dir,
+                "local p = parameters { kp = '6 N m/rad', name = 'x', on = true }\nvehicle 'vehicle.yaml' mission { duration = 1 }\n"
+                "initial { rod = { rate = 0.25 } }");
+  ASSERT_EQ(run_program({"run", ".", "--out", "out", "--set", "mission.output.rate=5 Hz", "--set",
+                         "vehicle.bodies.rod.hinge.initial.angle=30 deg", "--until", "0.7", "--seed", "18446744073709551615"},
                         dir.path())
                 .exit_code,
             0);
@@ -551,8 +585,8 @@ TEST(Provenance, HasWhatTheCommandLineAsksForAndWhatCameOfIt) {
 TEST(Again, RepeatsARunBitForBitFromItsResultsAlone) {
   const TemporaryFolder dir;
   fs::copy(kMissions + "/drive", dir / "scene", fs::copy_options::recursive);
-  ASSERT_NE(run_program({"run", "scene", "--out", "out", "--set", "mission.output.rate=7 Hz", "--set", "mission.integrator.relative=1e-7", "--until", "1.5",
-                         "--seed", "42", "--check-against-reference"},
+  ASSERT_NE(run_program({"run", "scene", "--out", "out", "--set", "mission.output.rate=7 Hz", "--set", "mission.integrator.relative=1e-7",
+                         "--until", "1.5", "--seed", "42", "--check-against-reference"},
                         dir.path())
                 .exit_code,
             2);
@@ -588,7 +622,8 @@ TEST(Again, RefusesAPluginThatIsAnother) {
   const TemporaryFolder dir;
   fs::copy(CARDAN_BINARY_DIR "/plugins/custom_cam.so", dir / "cam.so");
   write(dir / "vehicle.yaml",
-        "cardan: 1\nbodies:\n  slider: {mass: 1, inertia: [1, 1, 1], hinge: {type: custom_cam, to: world, axis: [0, 0, 1], a: 0.1, b: 0.2, c: 0.3}}\n");
+        "cardan: 1\nbodies:\n  slider: {mass: 1, inertia: [1, 1, 1], hinge: {type: custom_cam, to: world, axis: [0, 0, 1], a: 0.1, b: 0.2, "
+        "c: 0.3}}\n");
   write(dir / "scenario.lua", "plugin 'cam.so' vehicle 'vehicle.yaml' mission { duration = 1 } initial { slider = { rate = 1 } }");
   ASSERT_EQ(run_program({"run", ".", "--out", "out"}, dir.path()).exit_code, 0);
   ASSERT_EQ(run_program({"run", "--again", "out/run.h5"}, dir.path()).exit_code, 0);
@@ -606,8 +641,10 @@ TEST(Again, RefusesAPluginThatIsAnother) {
 TEST(Again, RefusesAModalFileThatIsAnother) {
   const TemporaryFolder dir;
   const auto wing = [](const char* thickness) {
-    return std::string("cardan: 1\nbodies:\n  wing:\n    type: modal_flexible\n    hinge: {type: free, to: world, initial: {angular_velocity: [0.1, 0, 0]}}\n    modal:\n"
-                       "      beam: {length: 2 m, material: {E: 70 GPa, nu: 0.3, rho: 2700}, section: {rectangle: {width: 20 mm, height: ") +
+    return std::string(
+               "cardan: 1\nbodies:\n  wing:\n    type: modal_flexible\n    hinge: {type: free, to: world, initial: {angular_velocity: "
+               "[0.1, 0, 0]}}\n    modal:\n"
+               "      beam: {length: 2 m, material: {E: 70 GPa, nu: 0.3, rho: 2700}, section: {rectangle: {width: 20 mm, height: ") +
            thickness + "}}, elements: 4}\n      modes: {count: 2}\n";
   };
   const auto write_modes = [&](const char* thickness) {
@@ -617,7 +654,8 @@ TEST(Again, RefusesAModalFileThatIsAnother) {
   };
   write_modes("10 mm");
   write(dir / "vehicle.yaml",
-        "cardan: 1\nbodies:\n  wing:\n    type: modal_flexible\n    modal: {file: wing.h5}\n    hinge: {type: free, to: world, initial: {angular_velocity: [0.1, 0, 0]}}\n");
+        "cardan: 1\nbodies:\n  wing:\n    type: modal_flexible\n    modal: {file: wing.h5}\n    hinge: {type: free, to: world, initial: "
+        "{angular_velocity: [0.1, 0, 0]}}\n");
   write(dir / "scenario.lua", "vehicle 'vehicle.yaml' mission { duration = 1 }");
   ASSERT_EQ(run_program({"run", ".", "--out", "out"}, dir.path()).exit_code, 0);
   ASSERT_EQ(run_program({"run", "--again", "out/run.h5"}, dir.path()).exit_code, 0);
@@ -644,7 +682,8 @@ TEST(Again, DoesNotOverwriteWhatItRepeats) {
   const Finished run = run_program({"run", "--again", "out/run.h5", "--out", "./out/../out"}, dir.path());
   EXPECT_EQ(run.exit_code, 2);
   EXPECT_NE(run.err.find("error[C0801]"), std::string::npos) << run.err;
-  for (const char* option : {"--until", "--seed"}) EXPECT_EQ(run_program({"run", "--again", "out/run.h5", option, "1"}, dir.path()).exit_code, 2);
+  for (const char* option : {"--until", "--seed"})
+    EXPECT_EQ(run_program({"run", "--again", "out/run.h5", option, "1"}, dir.path()).exit_code, 2);
   EXPECT_EQ(run_program({"run", "--again", "scenario.lua"}, dir.path()).exit_code, 2);
   EXPECT_EQ(content_of(dir / "out"), before);
 }
@@ -658,7 +697,8 @@ TEST(Again, WarnsWhereTheSweepsAreOthers) {
   const Finished run = run_program({"run", "--again", "out/run.h5"}, dir.path());
   if (Hdf5File::open(dir / "out/again/run.h5").text_attribute("/run", "sweeps") == "x86-64-v2") GTEST_SKIP() << "no other sweeps";
   EXPECT_EQ(run.exit_code, 0);
-  EXPECT_NE(run.err.find("warning[W0601]: the run was made by another program: then x86-64-v2, now x86-64-v"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("warning[W0601]: the run was made by another program: then x86-64-v2, now x86-64-v"), std::string::npos)
+      << run.err;
   EXPECT_EQ(summary_of(dir / "out/again")["warnings"][0]["code"], "W0601");
   const Finished quiet = run_program({"run", "--again", "out/run.h5", "--quiet"}, dir.path());
   EXPECT_EQ(quiet.err, "warnings: W0601; see out/again/summary.json\n");

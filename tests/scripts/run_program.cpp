@@ -14,8 +14,7 @@
 
 namespace cardan {
 
-Finished run_program(const std::vector<std::string>& arguments, const std::string& folder,
-                     const std::function<void()>& in_child) {
+Finished run_program(const std::vector<std::string>& arguments, const std::string& folder, const std::function<void()>& in_child) {
   return Started(arguments, folder, in_child).wait();
 }
 
@@ -64,8 +63,7 @@ std::string file_text(const std::string& path) {
 }
 
 std::string replaced(std::string text, const std::string& what, const std::string& with) {
-  for (std::size_t at = 0; (at = text.find(what, at)) != std::string::npos; at += with.size())
-    text.replace(at, what.size(), with);
+  for (std::size_t at = 0; (at = text.find(what, at)) != std::string::npos; at += with.size()) text.replace(at, what.size(), with);
   return text;
 }
 

@@ -15,8 +15,7 @@ struct Finished {
 };
 
 /// Runs `cardan` with these arguments in `folder`; `in_child` is called in the new process before it begins.
-Finished run_program(const std::vector<std::string>& arguments, const std::string& folder,
-                     const std::function<void()>& in_child = {});
+Finished run_program(const std::vector<std::string>& arguments, const std::string& folder, const std::function<void()>& in_child = {});
 
 /// The same, while it goes on; killed at the end of the scope if it still does.
 class Started {

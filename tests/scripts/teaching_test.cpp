@@ -35,9 +35,7 @@ std::string vehicle_of(const std::string& page) {
 const std::regex kNumber("[-+]?[0-9]+([.][0-9]+)?(e[-+]?[0-9]+)?");
 
 /// The text with # for each number and without the widths of columns.
-std::string words_of(const std::string& text) {
-  return std::regex_replace(std::regex_replace(text, kNumber, "#"), std::regex(" +"), " ");
-}
+std::string words_of(const std::string& text) { return std::regex_replace(std::regex_replace(text, kNumber, "#"), std::regex(" +"), " "); }
 std::vector<double> numbers_of(const std::string& text) {
   std::vector<double> numbers;
   for (std::sregex_iterator i(text.begin(), text.end(), kNumber), end; i != end; ++i) numbers.push_back(std::stod(i->str()));

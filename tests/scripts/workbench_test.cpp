@@ -1,6 +1,6 @@
 // `cardan workbench`: a script, lines from a pipe, and a person at a terminal.
-#include <gtest/gtest.h>
 #include <fcntl.h>
+#include <gtest/gtest.h>
 #include <poll.h>
 #include <pty.h>
 #include <signal.h>
@@ -128,20 +128,24 @@ TEST(Workbench, ExitCodesTellWhoseFaultItWas) {
     int exit_code;
     std::vector<std::string> parts;
   };
-  for (const Case& c : std::vector<Case>{
-           {"print(1)", 0, {}},
-           {"local function inner()\n  assert(1 == 2, 'numbers differ')\nend\ninner()", 1,
-            {"error[C0503]: Lua runtime error: numbers differ", "look.lua:2", "look.lua:2 in function 'inner'  <  look.lua:4 in main chunk"}},
-           {"assert(false)", 1, {"assertion failed!", "look.lua:1"}},
-           {"assert(sim:t() == 0) error('my own')", 2, {"error[C0503]: Lua runtime error: my own", "look.lua:1"}},
-           {"pcall(assert, false, 'caught') local x = nil + 1", 2, {"arithmetic on a nil value"}},
-           {"local x =", 2, {"error[C0501]: Lua syntax error", "look.lua:1"}},
-           {"sim:state { q = { 1, 2 } }", 2, {"error[C0502]", "at: sim:state.q", "expected: a vector or a table of 1 numbers", "got:      a table of 2"}},
-           {"sim:state { angle = 1 }", 2, {"sim:state.angle"}},
-           {"sim:state { q = { 0/0 } }", 2, {"finite numbers"}},
-           {"sim:stat()", 2, {"did you mean \"state\"?"}},
-           {"io.open('x')", 2, {"scripts have no `io`"}},
-           {"vector{1}:csv('../x')", 2, {"error[C0701]", "a name that leads out of"}}}) {
+  for (const Case& c :
+       std::vector<Case>{{"print(1)", 0, {}},
+                         {"local function inner()\n  assert(1 == 2, 'numbers differ')\nend\ninner()",
+                          1,
+                          {"error[C0503]: Lua runtime error: numbers differ", "look.lua:2",
+                           "look.lua:2 in function 'inner'  <  look.lua:4 in main chunk"}},
+                         {"assert(false)", 1, {"assertion failed!", "look.lua:1"}},
+                         {"assert(sim:t() == 0) error('my own')", 2, {"error[C0503]: Lua runtime error: my own", "look.lua:1"}},
+                         {"pcall(assert, false, 'caught') local x = nil + 1", 2, {"arithmetic on a nil value"}},
+                         {"local x =", 2, {"error[C0501]: Lua syntax error", "look.lua:1"}},
+                         {"sim:state { q = { 1, 2 } }",
+                          2,
+                          {"error[C0502]", "at: sim:state.q", "expected: a vector or a table of 1 numbers", "got:      a table of 2"}},
+                         {"sim:state { angle = 1 }", 2, {"sim:state.angle"}},
+                         {"sim:state { q = { 0/0 } }", 2, {"finite numbers"}},
+                         {"sim:stat()", 2, {"did you mean \"state\"?"}},
+                         {"io.open('x')", 2, {"scripts have no `io`"}},
+                         {"vector{1}:csv('../x')", 2, {"error[C0701]", "a name that leads out of"}}}) {
     const Finished run = script(c.text);
     EXPECT_EQ(run.exit_code, c.exit_code) << c.text << run.err;
     for (const std::string& part : c.parts) EXPECT_NE(run.err.find(part), std::string::npos) << part << "\n" << run.err;
@@ -194,15 +198,17 @@ TEST(Workbench, StatesWithoutARotationAreRefused) {
 }
 
 TEST(Workbench, TimesMayHaveUnits) {
-  const Finished run = script("assert(sim:run_to('100 ms') == 0.1) assert(sim:run_to '0.5 s' == 0.5) local ok, why = pcall(sim.run_to, sim, '5 m') "
-                              "assert(not ok and tostring(why):find('time [s]', 1, true), tostring(why))");
+  const Finished run = script(
+      "assert(sim:run_to('100 ms') == 0.1) assert(sim:run_to '0.5 s' == 0.5) local ok, why = pcall(sim.run_to, sim, '5 m') "
+      "assert(not ok and tostring(why):find('time [s]', 1, true), tostring(why))");
   EXPECT_EQ(run.exit_code, 0) << run.err;
 }
 
 TEST(Workbench, OpensAVehicleWithoutAMission) {
   const TemporaryFolder dir;
   fs::copy(kPendulum + "/vehicle.yaml", dir / "vehicle.yaml");
-  const Finished run = piped({"vehicle.yaml", "--set", "vehicle.bodies.rod.mass=3 kg"}, "sim\nsim:vehicle():mass()\nsim:run_to(1)\n", dir.path());
+  const Finished run =
+      piped({"vehicle.yaml", "--set", "vehicle.bodies.rod.mass=3 kg"}, "sim\nsim:vehicle():mass()\nsim:run_to(1)\n", dir.path());
   EXPECT_EQ(run.exit_code, 0) << run.err;
   EXPECT_EQ(run.out, "sim: pendulum, t = 0 s, 1 in q, 1 in v\n3.0\n1.0\n");
 }
@@ -369,10 +375,12 @@ TEST(WorkbenchTerminal, CompletesInterruptsAndRemembers) {
 TEST(WorkbenchTerminal, AnInterruptedFunctionOfTheMissionIsNoFailure) {
   const TemporaryFolder dir;
   fs::copy(kPendulum + "/vehicle.yaml", dir / "vehicle.yaml");
-  write(dir / "scenario.lua",
-        "vehicle 'vehicle.yaml' mission { duration = 10, budget = { steps = 1e12, time = '1 h' } }\n"
-        "controller { name = 'slow', rate = '10 Hz', step = function(t) if t > 0.15 then print('wor' .. 'king') while true do end end end }\n"
-        "event { name = 'slow', when = function(t) if mission.time() > 100 then print('wor' .. 'king') while true do end end return 1 end, action = print }\n");
+  write(
+      dir / "scenario.lua",
+      "vehicle 'vehicle.yaml' mission { duration = 10, budget = { steps = 1e12, time = '1 h' } }\n"
+      "controller { name = 'slow', rate = '10 Hz', step = function(t) if t > 0.15 then print('wor' .. 'king') while true do end end end }\n"
+      "event { name = 'slow', when = function(t) if mission.time() > 100 then print('wor' .. 'king') while true do end end return 1 end, "
+      "action = print }\n");
   Terminal t({"workbench", dir.path()}, dir.path());
   if (!t.is_there()) GTEST_SKIP() << "this system gives no pseudo-terminal (no /dev/pts)";
   for (const char* start : {"sim:run_to(1)\r", "sim:state { t = 200 } sim:run_to(201)\r"}) {

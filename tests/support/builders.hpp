@@ -32,8 +32,7 @@ inline ParamValues along(const std::vector<Eigen::Vector3d>& axes) {
 
 inline Eigen::Matrix3d diagonal(const Eigen::Vector3d& moments) { return moments.asDiagonal(); }
 
-inline BodySpec rigid(const std::string& name, double mass, const Eigen::Vector3d& com,
-                      const Eigen::Matrix3d& inertia_com) {
+inline BodySpec rigid(const std::string& name, double mass, const Eigen::Vector3d& com, const Eigen::Matrix3d& inertia_com) {
   BodySpec b;
   b.name = name;
   b.mass = mass;
@@ -48,8 +47,7 @@ inline BodySpec particle(const std::string& name, double mass, const Eigen::Vect
 }
 
 /// The body on a hinge at `onode` of `inboard` ("" = world), P at the origin of the body.
-inline BodySpec on(BodySpec body, const std::string& inboard, const std::string& type,
-                   const std::vector<Eigen::Vector3d>& axes = {},
+inline BodySpec on(BodySpec body, const std::string& inboard, const std::string& type, const std::vector<Eigen::Vector3d>& axes = {},
                    const Eigen::Vector3d& onode = Eigen::Vector3d::Zero()) {
   body.hinge.inboard_body = inboard;
   body.hinge.type = type;

@@ -41,8 +41,8 @@ struct Draft {
 
   void add_node(const std::string& name, const json& j) {
     if (modal)
-      modal->nodes.push_back({name, vector<double>(j["pos"]), rotation(j), shapes(j, "Phi", modal->n_modes),
-                              shapes(j, "Psi", modal->n_modes)});
+      modal->nodes.push_back(
+          {name, vector<double>(j["pos"]), rotation(j), shapes(j, "Phi", modal->n_modes), shapes(j, "Psi", modal->n_modes)});
     else
       body.nodes.push_back({name, vector<double>(j["pos"]), rotation(j), {}});
   }
@@ -97,9 +97,8 @@ ParamValues hinge_params(const json& hinge) {
 }
 
 int hinge_nq(const std::string& type) {
-  static const std::map<std::string, int> sizes = {{"locked", 0}, {"cylindrical", 2},   {"universal", 2},
-                                                   {"gimbal", 3}, {"ball", 4},          {"planar", 3},
-                                                   {"free", 7},   {"translational", 3}, {"free_body", 7}};
+  static const std::map<std::string, int> sizes = {{"locked", 0}, {"cylindrical", 2}, {"universal", 2},     {"gimbal", 3},   {"ball", 4},
+                                                   {"planar", 3}, {"free", 7},        {"translational", 3}, {"free_body", 7}};
   const auto it = sizes.find(type);
   return it == sizes.end() ? 1 : it->second;
 }

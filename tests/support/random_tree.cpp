@@ -28,9 +28,7 @@ class Random {
     for (double& e : x) e = between(-size, size);
     return x;
   }
-  MatrixXd matrix(Eigen::Index rows, Eigen::Index cols, double size) {
-    return vector(rows * cols, size).reshaped(rows, cols);
-  }
+  MatrixXd matrix(Eigen::Index rows, Eigen::Index cols, double size) { return vector(rows * cols, size).reshaped(rows, cols); }
   Matrix3d rotation() { return Eigen::Quaterniond(Eigen::Vector4d(vector(4)).normalized()).toRotationMatrix(); }
   /// A tensor of inertia: that of some points.
   Matrix3d inertia(double mass, double size) {
@@ -53,10 +51,10 @@ void set_hinge(HingeSpec& h, const std::string& type, Random& random) {
   struct Shape {
     int axes, nq, nv;
   };
-  static const std::map<std::string, Shape> shapes = {
-      {"locked", {0, 0, 0}},        {"revolute", {1, 1, 1}},  {"prismatic", {1, 1, 1}}, {"helical", {1, 1, 1}},
-      {"cylindrical", {1, 2, 2}},   {"universal", {2, 2, 2}}, {"gimbal", {3, 3, 3}},    {"planar", {2, 3, 3}},
-      {"translational", {0, 3, 3}}, {"ball", {0, 4, 3}},      {"free", {0, 7, 6}},      {"free_body", {0, 7, 6}}};
+  static const std::map<std::string, Shape> shapes = {{"locked", {0, 0, 0}},  {"revolute", {1, 1, 1}},    {"prismatic", {1, 1, 1}},
+                                                      {"helical", {1, 1, 1}}, {"cylindrical", {1, 2, 2}}, {"universal", {2, 2, 2}},
+                                                      {"gimbal", {3, 3, 3}},  {"planar", {2, 3, 3}},      {"translational", {0, 3, 3}},
+                                                      {"ball", {0, 4, 3}},    {"free", {0, 7, 6}},        {"free_body", {0, 7, 6}}};
   const Shape& shape = shapes.at(type);
   h.type = type;
   if (shape.axes > 0) {
@@ -219,13 +217,11 @@ RandomTree without(const RandomTree& tree, const std::string& body) {
 }
 
 std::string describe(const RandomTree& tree) {
-  std::string out =
-      fmt::format("seed {}, {} bodies, {} loads\n", tree.seed, tree.spec.bodies.size(), tree.loads.size());
+  std::string out = fmt::format("seed {}, {} bodies, {} loads\n", tree.seed, tree.spec.bodies.size(), tree.loads.size());
   for (const BodySpec& b : tree.spec.bodies)
     out += fmt::format("  {} {}{} on {}{} to {}\n", b.name, b.type,
-                       b.modal ? fmt::format(" ({} modes, level {})", b.modal->n_modes, b.level) : "",
-                       b.hinge.locked ? "locked " : "", b.hinge.type,
-                       b.hinge.inboard_body.empty() ? "world" : b.hinge.inboard_body);
+                       b.modal ? fmt::format(" ({} modes, level {})", b.modal->n_modes, b.level) : "", b.hinge.locked ? "locked " : "",
+                       b.hinge.type, b.hinge.inboard_body.empty() ? "world" : b.hinge.inboard_body);
   return out;
 }
 

@@ -10,9 +10,8 @@
 
 namespace cardan::test {
 
-inline const std::vector<std::string> kAllHinges = {"revolute",  "prismatic",     "helical", "cylindrical",
-                                                    "universal", "gimbal",        "ball",    "planar",
-                                                    "locked",    "translational", "free",    "free_body"};
+inline const std::vector<std::string> kAllHinges = {"revolute", "prismatic", "helical", "cylindrical",   "universal", "gimbal",
+                                                    "ball",     "planar",    "locked",  "translational", "free",      "free_body"};
 
 struct TreeOptions {
   int bodies = 8;

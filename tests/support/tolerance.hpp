@@ -80,8 +80,7 @@ class Comparator {
     if (name == "linear_momentum" || name == "angular_momentum_about_ground_origin")
       return std::max({own("linear_momentum"), own("angular_momentum_about_ground_origin"),
                        1e-3 * std::sqrt(2.0 * own("kinetic_energy") * own("total_mass"))});
-    if (name == "power_nuC")
-      return own("diagonalised/nu") * scale("diagonalised/C") * static_cast<double>(at("diagonalised/nu").size());
+    if (name == "power_nuC") return own("diagonalised/nu") * scale("diagonalised/C") * static_cast<double>(at("diagonalised/nu").size());
     if (!at(field).is_array()) return std::max(own(field), 1e-6 * largest_energy());
     if (own(field) > 1e-30) return own(field);
     const double group = largest_of_unit(field);
@@ -89,9 +88,7 @@ class Comparator {
   }
 
  private:
-  static nlohmann::json::json_pointer pointer(const std::string& field) {
-    return nlohmann::json::json_pointer("/" + field);
-  }
+  static nlohmann::json::json_pointer pointer(const std::string& field) { return nlohmann::json::json_pointer("/" + field); }
   static std::string last(const std::string& field) { return field.substr(field.rfind('/') + 1); }
   /// max(a, |b|); infinite when b is not a number.
   template <class T>
@@ -105,8 +102,7 @@ class Comparator {
   double largest_energy() const {
     double out = 0.0;
     for (const char* e : {"kinetic_energy", "gravity_potential", "elastic_energy"})
-      for (const char* at : {"", "level0/", "level1/", "level2/"})
-        out = std::max(out, own_or_zero(std::string(at) + e));
+      for (const char* at : {"", "level0/", "level1/", "level2/"}) out = std::max(out, own_or_zero(std::string(at) + e));
     return out;
   }
 
@@ -124,9 +120,7 @@ class Comparator {
         for (const auto& node : at("nodes")) out = std::max(out, largest(node.at(key)));
       return out;
     };
-    const auto is = [&](std::initializer_list<const char*> names) {
-      return std::find(names.begin(), names.end(), name) != names.end();
-    };
+    const auto is = [&](std::initializer_list<const char*> names) { return std::find(names.begin(), names.end(), name) != names.end(); };
     if (is({"bias", "gravity_force", "elastic_force", "external_force", "inverse_dynamics_tau", "tau_prescribed"})) {
       const double input = file_.contains("input") ? largest(file_["input"]["tau"]) : 0.0;
       const std::string level = prefix.rfind("level", 0) == 0 ? prefix : "";
@@ -134,8 +128,7 @@ class Comparator {
                                     "inverse_dynamics_tau", "hybrid/tau_prescribed"}));
     }
     if (name == "velocity") return std::max(largest(file_["state"]["v"]), of_nodes("velocity"));
-    if (name == "vdot" || name == "classical_acceleration")
-      return std::max(among({"vdot"}), of_nodes("classical_acceleration"));
+    if (name == "vdot" || name == "classical_acceleration") return std::max(among({"vdot"}), of_nodes("classical_acceleration"));
     if (prefix == "diagonalised/") return among({"diagonalised/C", "diagonalised/epsilon_for_tau"});
     return 0.0;
   }
@@ -150,8 +143,8 @@ inline double reachable(const std::string& name, const std::string& field) {
   // 37: 1e-6 rad from gimbal lock, condition of order 1e12: what contains M^-1 keeps 3 digits (v' is judged by
   // residual).
   if (name == "37_gimbal_near_lock" &&
-      (starts("hinge_wrench") || starts("osi_nodes") || starts("log_det_M") || starts("grad_log_det_M") ||
-       starts("diagonalised") || starts("hybrid/tau") || starts("hybrid_by_operators/tau") || field.find("acceleration") != std::string::npos))
+      (starts("hinge_wrench") || starts("osi_nodes") || starts("log_det_M") || starts("grad_log_det_M") || starts("diagonalised") ||
+       starts("hybrid/tau") || starts("hybrid_by_operators/tau") || field.find("acceleration") != std::string::npos))
     return 1e-2;
   // 36: wrenches of size 3 remain from body forces of size 3e8, so 1e-16 of those is 1e-7 of the scale.
   if (name == "36_mass_ratio_flex" && starts("hinge_wrench")) return 1e-5;

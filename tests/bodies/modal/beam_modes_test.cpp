@@ -74,8 +74,7 @@ TEST_P(BeamModes, ConvergeWithOrderFour) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Published, BeamModes,
-                         testing::Values(Roots{"modal-beam-cantilever", true, false},
-                                         Roots{"modal-beam-free-free", false, false},
+                         testing::Values(Roots{"modal-beam-cantilever", true, false}, Roots{"modal-beam-free-free", false, false},
                                          Roots{"modal-beam-clamped-pinned", true, true}),
                          [](const auto& roots_of) {
                            std::string name = roots_of.param.id;
@@ -160,9 +159,9 @@ TEST(BeamElement, BothPlanesAxialAndTorsionFollowTheirOwnStiffness) {
     return ((omega / w).array() - 1.0).abs().minCoeff<Eigen::PropagateNaN>() < tolerance;
   };
   const double bending = std::pow(1.875104068711961, 2);
-  EXPECT_TRUE(contains(bending * std::sqrt(1e4 * 1e-4 / 2.0), 1e-6));  // x-y plane: Iz
-  EXPECT_TRUE(contains(bending * std::sqrt(1e4 * 3e-4 / 2.0), 1e-6));  // x-z plane: Iy
-  const double quarter_wave = 0.5 * std::numbers::pi;                  // linear shapes: error (k h)^2 / 24
+  EXPECT_TRUE(contains(bending * std::sqrt(1e4 * 1e-4 / 2.0), 1e-6));                      // x-y plane: Iz
+  EXPECT_TRUE(contains(bending * std::sqrt(1e4 * 3e-4 / 2.0), 1e-6));                      // x-z plane: Iy
+  const double quarter_wave = 0.5 * std::numbers::pi;                                      // linear shapes: error (k h)^2 / 24
   EXPECT_TRUE(contains(quarter_wave * std::sqrt(1e4 * 2e-4 / 2.5 / (2.0 * 4e-4)), 1e-4));  // torsion: G J / (rho Ip)
   EXPECT_TRUE(contains(quarter_wave * std::sqrt(1e4 / 2.0), 1e-4));                        // axial: E / rho
 }
@@ -181,8 +180,7 @@ TEST(BeamElement, AnObliqueBeamIsTheTurnedBeam) {
   const FeModel straight = build(Eigen::Matrix3d::Identity()), oblique = build(turn.toRotationMatrix());
   Eigen::MatrixXd T = Eigen::MatrixXd::Zero(12, 12);
   for (int i = 0; i < 4; ++i) T.block<3, 3>(3 * i, 3 * i) = turn.toRotationMatrix();
-  const Eigen::MatrixXd K = T * Eigen::MatrixXd(straight.K) * T.transpose(),
-                        M = T * Eigen::MatrixXd(straight.M) * T.transpose();
+  const Eigen::MatrixXd K = T * Eigen::MatrixXd(straight.K) * T.transpose(), M = T * Eigen::MatrixXd(straight.M) * T.transpose();
   EXPECT_LE(largest(Eigen::MatrixXd(oblique.K) - K), 1e-13 * largest(K));
   EXPECT_LE(largest(Eigen::MatrixXd(oblique.M) - M), 1e-13 * largest(M));
 }

@@ -45,9 +45,7 @@ FeModel wing(int nx = 10, int ny = 4) {
 
 class Meshes : public testing::TestWithParam<int> {
  protected:
-  FeModel model() const {
-    return GetParam() == 0 ? beam_mesh(beam(), {{0.7, {2, 0, 0}, Matrix3d::Zero()}}, {}) : wing();
-  }
+  FeModel model() const { return GetParam() == 0 ? beam_mesh(beam(), {{0.7, {2, 0, 0}, Matrix3d::Zero()}}, {}) : wing(); }
 };
 
 // K sums terms that cancel; each is as large as the stiffest entry times the size of the body.
@@ -232,8 +230,7 @@ TEST(CraigBampton, ServesALoadAtTheInterfaceThatNormalModesMiss) {
   const auto with_load = [&](const FeModes& modes) {
     MatrixXd M = MatrixXd::Identity(modes.omega2.size(), modes.omega2.size());
     const MatrixXd at_tip = modes.shapes(tip, Eigen::all);
-    M += load * at_tip.topRows(3).transpose() * at_tip.topRows(3) +
-         0.5 * at_tip.bottomRows(3).transpose() * at_tip.bottomRows(3);
+    M += load * at_tip.topRows(3).transpose() * at_tip.topRows(3) + 0.5 * at_tip.bottomRows(3).transpose() * at_tip.bottomRows(3);
     const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> s(MatrixXd(modes.omega2.asDiagonal()), M);
     return VectorXd(s.eigenvalues().head(4));
   };
@@ -242,9 +239,7 @@ TEST(CraigBampton, ServesALoadAtTheInterfaceThatNormalModesMiss) {
   EXPECT_LE(relative(cb.shapes.transpose() * (bare.M * cb.shapes), MatrixXd::Identity(10, 10)), 1e-10);
   EXPECT_LE(relative(cb.shapes.transpose() * (bare.K * cb.shapes), cb.omega2.asDiagonal()), 1e-9);
   EXPECT_LE(largest((with_load(cb) - truth).array() / truth.array()), 2e-3);
-  EXPECT_GE(largest((with_load(normal_modes(bare, dofs_of({0}), 10, RigidModes::refuse, {})) - truth).array() /
-                    truth.array()),
-            1e-2);
+  EXPECT_GE(largest((with_load(normal_modes(bare, dofs_of({0}), 10, RigidModes::refuse, {})) - truth).array() / truth.array()), 1e-2);
   // Static stiffness at the interface is exact: Phi K^-1 Phi* is the tip's flexibility L^3 / (3 EI) + L / (kappa G A).
   const VectorXd y = cb.shapes.row(tip[1]);
   const double EI = 70e9 * b.section.Iz, GA = 5.0 / 6 * 70e9 / 2.66 * b.section.area;

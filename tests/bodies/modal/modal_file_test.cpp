@@ -70,30 +70,28 @@ TEST(ModalFile, OfAnotherShapeIsRefusedBeforeItIsRead) {
     for (std::size_t k : shape) n *= k;
     return Values(n, 0.0);
   };
-  const std::vector<std::pair<std::string, std::vector<Shape>>> wrong = {
-      {"/K", {{}, {2}, {3, 3}, {1, 1}, {2, 2, 1}, {0, 0}}},
-      {"/C", {{3, 3}, {2}}},
-      {"/integrals/I1", {{2}, {1, 1}}},
-      {"/integrals/I2", {{4}, {3, 3}, {0}}},
-      {"/integrals/I3", {{3, 9}, {2, 3}, {0, 0}, {6}}},
-      {"/integrals/I4", {{0, 0}}},
-      {"/integrals/I5", {{2, 1, 2}, {2, 3, 3}, {1, 3, 2}, {0, 0, 0}}},
-      {"/integrals/I6", {{0, 0}, {3, 3}}},
-      {"/integrals/I7", {{2, 2}, {9}}},
-      {"/integrals/I8", {{2, 10, 10}, {3, 3, 3}, {0, 0, 0}, {2, 3}}},
-      {"/integrals/I9", {{4, 10, 10}, {2, 3, 3}, {4, 9}}},
-      {"/integrals/rotary_ww", {{2, 10, 10}, {1, 3, 3}, {0, 3, 3}}},
-      {"/integrals/rotary_we", {{2, 3, 3}}},
-      {"/integrals/rotary_ee", {{2, 2, 3}, {0, 2, 2}}},
-      {"/nodes/0/Phi", {{3, 9}, {2, 2}}},
-      {"/nodes/1/R_BN", {{9}, {3, 4}}},
-      {"/nodes/0/position", {{2}, {3, 3}}},
-      {"/mass_nodes/1/Q", {{1, 2, 2}, {3, 3, 3}, {3, 2}}},
-      {"/mass_nodes/0/inertia", {{3}}},
-      {"/mass_nodes/2/mass", {{3}}}};
+  const std::vector<std::pair<std::string, std::vector<Shape>>> wrong = {{"/K", {{}, {2}, {3, 3}, {1, 1}, {2, 2, 1}, {0, 0}}},
+                                                                         {"/C", {{3, 3}, {2}}},
+                                                                         {"/integrals/I1", {{2}, {1, 1}}},
+                                                                         {"/integrals/I2", {{4}, {3, 3}, {0}}},
+                                                                         {"/integrals/I3", {{3, 9}, {2, 3}, {0, 0}, {6}}},
+                                                                         {"/integrals/I4", {{0, 0}}},
+                                                                         {"/integrals/I5", {{2, 1, 2}, {2, 3, 3}, {1, 3, 2}, {0, 0, 0}}},
+                                                                         {"/integrals/I6", {{0, 0}, {3, 3}}},
+                                                                         {"/integrals/I7", {{2, 2}, {9}}},
+                                                                         {"/integrals/I8", {{2, 10, 10}, {3, 3, 3}, {0, 0, 0}, {2, 3}}},
+                                                                         {"/integrals/I9", {{4, 10, 10}, {2, 3, 3}, {4, 9}}},
+                                                                         {"/integrals/rotary_ww", {{2, 10, 10}, {1, 3, 3}, {0, 3, 3}}},
+                                                                         {"/integrals/rotary_we", {{2, 3, 3}}},
+                                                                         {"/integrals/rotary_ee", {{2, 2, 3}, {0, 2, 2}}},
+                                                                         {"/nodes/0/Phi", {{3, 9}, {2, 2}}},
+                                                                         {"/nodes/1/R_BN", {{9}, {3, 4}}},
+                                                                         {"/nodes/0/position", {{2}, {3, 3}}},
+                                                                         {"/mass_nodes/1/Q", {{1, 2, 2}, {3, 3, 3}, {3, 2}}},
+                                                                         {"/mass_nodes/0/inertia", {{3}}},
+                                                                         {"/mass_nodes/2/mass", {{3}}}};
   for (const auto& [path, shapes] : wrong)
-    for (const Shape& shape : shapes)
-      EXPECT_EQ(with(data, path, zeros(shape), shape), "C0702") << path << fmt::format(" {}", shape.size());
+    for (const Shape& shape : shapes) EXPECT_EQ(with(data, path, zeros(shape), shape), "C0702") << path << fmt::format(" {}", shape.size());
 }
 
 TEST(ModalFile, MayHaveNoDrawingButNoneThatCannotBe) {

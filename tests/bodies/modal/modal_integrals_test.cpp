@@ -89,8 +89,7 @@ TEST_P(OracleIntegrals, GiveTheMassMatrixAndItsDerivativesOfLevelOne) {
   const Eigen::Index m = c.data.n_modes;
   const Json& level = c.file["expected"]["level1"];
   MatrixXd M = MatrixXd::Zero(6 + m, 6 + m);
-  const auto fill = [m](MatrixXd& A, const Matrix3d& ww, const Matrix3d& wv, const MatrixXd& we, const MatrixXd& ve,
-                        const MatrixXd& ee) {
+  const auto fill = [m](MatrixXd& A, const Matrix3d& ww, const Matrix3d& wv, const MatrixXd& we, const MatrixXd& ve, const MatrixXd& ee) {
     A.block(0, 0, 3, 3) += ww;
     A.block(0, 3, 3, 3) += wv;
     A.block(3, 0, 3, 3) += wv.transpose();
@@ -121,8 +120,7 @@ TEST_P(OracleIntegrals, GiveTheMassMatrixAndItsDerivativesOfLevelOne) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Files, OracleIntegrals,
-                         testing::Values("53_body_levels_translational", "54_body_levels_rotary",
-                                         "55_body_levels_6_modes"),
+                         testing::Values("53_body_levels_translational", "54_body_levels_rotary", "55_body_levels_6_modes"),
                          [](const auto& file) { return std::string(file.param); });
 
 std::vector<MassNode> two_nodes() {
@@ -143,8 +141,7 @@ std::string code_of(const MatrixXd& K, const MatrixXd& C, std::vector<MassNode> 
 }
 
 TEST(LumpedModalData, AcceptsMissingShapesAndMissingDamping) {
-  const ModalData d =
-      lumped_modal_data(two_nodes(), MatrixXd::Constant(1, 1, 4.0), {}, {{"tip", {1, 0, 0}, Matrix3d::Identity(), {}, {}}});
+  const ModalData d = lumped_modal_data(two_nodes(), MatrixXd::Constant(1, 1, 4.0), {}, {{"tip", {1, 0, 0}, Matrix3d::Identity(), {}, {}}});
   EXPECT_EQ(d.integrals.I3, Vector3d::UnitZ());
   EXPECT_EQ(d.integrals.I4, -Vector3d::UnitY());
   EXPECT_TRUE(d.C.isZero(0.0));

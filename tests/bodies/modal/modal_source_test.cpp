@@ -9,8 +9,8 @@
 #include <numbers>
 
 #include "bodies/modal/elements.hpp"
-#include "bodies/modal/modal_file.hpp"
 #include "bodies/modal/lumped.hpp"
+#include "bodies/modal/modal_file.hpp"
 #include "tests/support/scratch.hpp"
 #include "tests/support/worse.hpp"
 
@@ -60,8 +60,7 @@ TEST(BeamIntegrals, OfUniformCantileverModesAreTheClosedForms) {
   const double x[2] = {1.875104068711961, 4.694091132974175};
   const ModalNode& tip = d.nodes.at(1);
   EXPECT_EQ(tip.name, "tip");
-  for (int k = 0; k < 4;
-       ++k) {  // the tip's rotation is the largest entry, and theta_y stands before theta_z: z before y
+  for (int k = 0; k < 4; ++k) {  // the tip's rotation is the largest entry, and theta_y stands before theta_z: z before y
     const int direction = 2 - k % 2;
     const double r = x[k / 2], sigma = (std::cosh(r) + std::cos(r)) / (std::sinh(r) + std::sin(r));
     const double tip_value = tip.Phi(direction, k),
@@ -187,7 +186,8 @@ TEST(ModalSource, FreeModesAreOnMeanAxes) {
   EXPECT_GT(d.nodes[0].Phi.norm(), 0.0) << "the root moves";
 }
 
-// The wing's plate as 33 x 9 points, its arms of 8 elements and the root; modes beyond the first thirty and points of finer meshes are not drawn.
+// The wing's plate as 33 x 9 points, its arms of 8 elements and the root; modes beyond the first thirty and points of finer meshes are not
+// drawn.
 TEST(ModalSource, DrawsItsMesh) {
   const ModalData d = make_modal_data(wing());
   const ModalDrawing& drawing = d.drawing;
@@ -287,12 +287,8 @@ TEST(ModalSourceErrors, TellWhichKeyIsWrong) {
   EXPECT_EQ(beam_with([](auto& s, auto&) { s.masses = {{1.0, {1, 3, 0}, {}}}; }), "C0323 wing.masses[0].position");
   EXPECT_EQ(plate_with([](auto&, auto&) {}), "accepted");
   EXPECT_EQ(plate_with([](auto&, auto& p) { p.elements_y = 3; }), "C0301 wing.elements_y");
-  EXPECT_EQ(plate_with([](auto&, auto& p) {
-              p.panel = SolidPanel{{1e9, 0.3, 1000}, 0.0};
-            }),
-            "C0301 wing.panel.thickness");
-  EXPECT_EQ(plate_with([](auto&, auto& p) { std::get<SandwichPanel>(p.panel).face_thickness = 0; }),
-            "C0301 wing.panel.face_thickness");
+  EXPECT_EQ(plate_with([](auto&, auto& p) { p.panel = SolidPanel{{1e9, 0.3, 1000}, 0.0}; }), "C0301 wing.panel.thickness");
+  EXPECT_EQ(plate_with([](auto&, auto& p) { std::get<SandwichPanel>(p.panel).face_thickness = 0; }), "C0301 wing.panel.face_thickness");
   EXPECT_EQ(plate_with([](auto&, auto& p) { p.yoke.spread = 3.0; }), "C0301 wing.yoke.spread");
   EXPECT_EQ(plate_with([](auto&, auto& p) { p.yoke.section = {}; }), "C0301 wing.yoke.section.area");
   ModalSource s;
@@ -313,7 +309,8 @@ TEST(ManyModes, OfASmallMeshAreThoseOfADenseSolver) {
   const FeModel mesh = beam_mesh(std::get<BeamModel>(s.model), {}, {});
   const Eigen::Index n = mesh.n_dofs() - 6;
   const MatrixXd K = MatrixXd(mesh.K).bottomRightCorner(n, n), M = MatrixXd(mesh.M).bottomRightCorner(n, n);
-  const Eigen::VectorXd exact = Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd>(K, M, Eigen::EigenvaluesOnly | Eigen::Ax_lBx).eigenvalues();
+  const Eigen::VectorXd exact =
+      Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd>(K, M, Eigen::EigenvaluesOnly | Eigen::Ax_lBx).eigenvalues();
   for (Eigen::Index j = 20; j < 120; ++j)  // of the lowest the dense solver has few digits
     EXPECT_NEAR(d.K(j, j), exact(j), 1e-7 * exact(j)) << j;
 }
@@ -356,8 +353,8 @@ TEST(Doubts, OfModesThatAreLeftOut) {
   const Warnings one_plane = of(round_beam(20, 1));
   ASSERT_EQ(one_plane.all().size(), 1u);
   EXPECT_EQ(one_plane.all()[0].what.code, Code::truncated_modes);
-  EXPECT_NE(one_plane.all()[0].what.about.find("97"), std::string::npos) << "the first mode of the other plane has 97 % of the rotation: "
-                                                                          << one_plane.all()[0].what.about;
+  EXPECT_NE(one_plane.all()[0].what.about.find("97"), std::string::npos)
+      << "the first mode of the other plane has 97 % of the rotation: " << one_plane.all()[0].what.about;
   EXPECT_TRUE(of(round_beam(20, 2)).empty());
   EXPECT_TRUE(of(round_beam(20, 8)).empty());
 }

@@ -86,13 +86,19 @@ TEST(ModeCache, KnowsASourceByItsContentAndNotByItsPlace) {
       [](ModalSource& s) { std::get<PlateModel>(s.model).rotary_inertia = false; },
       [](ModalSource& s) { std::get<SandwichPanel>(std::get<PlateModel>(s.model).panel).face.E *= 1.1; },
       [](ModalSource& s) { std::get<SandwichPanel>(std::get<PlateModel>(s.model).panel).added_mass = 0.0; },
-      [](ModalSource& s) { std::get<PlateModel>(s.model).panel = SolidPanel{{7e10, 0.3, 2700.0}, 2e-4}; },
+      [](ModalSource& s) {
+        std::get<PlateModel>(s.model).panel = SolidPanel{{7e10, 0.3, 2700.0}, 2e-4};
+      },
       [](ModalSource& s) { std::get<PlateModel>(s.model).yoke.section.J *= 2; },
-      [](ModalSource& s) { s.model = BeamModel{5.0, {7e10, 0.3, 2700.0}, tube_section(0.03, 0.002), 10, true}; },
+      [](ModalSource& s) {
+        s.model = BeamModel{5.0, {7e10, 0.3, 2700.0}, tube_section(0.03, 0.002), 10, true};
+      },
       [](ModalSource& s) { s.boundary = Boundary::free; },
       [](ModalSource& s) { s.modes.count = 4; },
       [](ModalSource& s) { s.modes.max_frequency = 100.0; },
-      [](ModalSource& s) { s.damping = {0.005, 0.005, 0.005}; },
+      [](ModalSource& s) {
+        s.damping = {0.005, 0.005, 0.005};
+      },
       [](ModalSource& s) { s.points[0].name = "top"; },
       [](ModalSource& s) { s.points[0].interface = true; },
       [](ModalSource& s) { s.points.push_back(s.points[0]); },
@@ -121,7 +127,11 @@ TEST(ModeCache, PassesOverWhatIsDamagedOrForeignAndReplacesIt) {
   const TemporaryFolder elsewhere;
   ModeCache(elsewhere.path()).make(other);
 
-  std::vector<std::string> bad = {"", "cardan-modes/1 ", sound.substr(0, sound.size() / 2), sound + "x", "some other program's file\n",
+  std::vector<std::string> bad = {"",
+                                  "cardan-modes/1 ",
+                                  sound.substr(0, sound.size() / 2),
+                                  sound + "x",
+                                  "some other program's file\n",
                                   content_of(only_file(elsewhere.path())).replace(0, 12, "cardan-other")};
   for (std::size_t i = 0; i < sound.size(); i += 1 + sound.size() / 40) {
     bad.push_back(sound);
@@ -164,7 +174,8 @@ TEST(ModeCache, IsBoundedAndThrowsAwayWhatWasNotUsedForLongest) {
   const std::uintmax_t size = fs::file_size(only_file(folder.path()));
   const ModeCache cache(folder.path(), 5 * size + size / 2);
   const auto age = [&](int length, int minutes) {
-    fs::last_write_time(folder.path() / fs::path(ModeCache::name_of(beam(length))), fs::file_time_type::clock::now() - std::chrono::minutes(minutes));
+    fs::last_write_time(folder.path() / fs::path(ModeCache::name_of(beam(length))),
+                        fs::file_time_type::clock::now() - std::chrono::minutes(minutes));
   };
   for (int length = 11; length < 15; ++length) cache.make(beam(length));
   for (int length = 10; length < 15; ++length) age(length, 100 - length);
@@ -181,7 +192,8 @@ TEST(ModeCache, IsBoundedAndThrowsAwayWhatWasNotUsedForLongest) {
   for (const auto& entry : fs::directory_iterator(folder.path()))
     if (entry.path().extension() == ".modes") total += entry.file_size();
   EXPECT_LE(total, 5 * size + size / 2);
-  for (const int length : {10, 13, 14, 20, 21}) EXPECT_TRUE(fs::exists(folder.path() / fs::path(ModeCache::name_of(beam(length))))) << length;
+  for (const int length : {10, 13, 14, 20, 21})
+    EXPECT_TRUE(fs::exists(folder.path() / fs::path(ModeCache::name_of(beam(length))))) << length;
   for (const int length : {11, 12}) EXPECT_FALSE(fs::exists(folder.path() / fs::path(ModeCache::name_of(beam(length))))) << length;
   EXPECT_FALSE(fs::exists(folder / "abandoned.unfinished"));
   EXPECT_TRUE(fs::exists(folder / "just begun.unfinished"));

@@ -63,17 +63,22 @@ TEST(InitialValues, AreGivenByEachNameOfAGroup) {
       for (const std::string& name : g.names) {
         const Values x = read(*f, fmt::format("{}: {}", name, list_of(g.size, 0.5)));
         for (std::size_t i = 0; i < f->nq; ++i)
-          EXPECT_EQ(x.q[i], i >= g.first && i < g.first + g.size ? 0.5 : i == 0 && f->nq > f->nv ? 1.0 : 0.0) << f->type << " " << name << " " << i;
+          EXPECT_EQ(x.q[i], i >= g.first && i < g.first + g.size ? 0.5
+                            : i == 0 && f->nq > f->nv            ? 1.0
+                                                                 : 0.0)
+              << f->type << " " << name << " " << i;
         ++seen;
       }
     for (const ComponentGroup& g : velocity_groups(*f))
       for (const std::string& name : g.names) {
         const Values x = read(*f, fmt::format("{}: {}", name, list_of(g.size, 0.5)));
-        for (std::size_t i = 0; i < f->nv; ++i) EXPECT_EQ(x.v[i], i >= g.first && i < g.first + g.size ? 0.5 : 0.0) << f->type << " " << name << " " << i;
+        for (std::size_t i = 0; i < f->nv; ++i)
+          EXPECT_EQ(x.v[i], i >= g.first && i < g.first + g.size ? 0.5 : 0.0) << f->type << " " << name << " " << i;
         ++seen;
       }
   }
-  EXPECT_EQ(seen, 3 * 2 + 3 + 3 * 2 + 3) << "attitude: ball, free, free_body; position: translational and the last two; their rates likewise";
+  EXPECT_EQ(seen, 3 * 2 + 3 + 3 * 2 + 3)
+      << "attitude: ball, free, free_body; position: translational and the last two; their rates likewise";
 }
 
 Code code_of(const std::string& type, const std::string& text) {

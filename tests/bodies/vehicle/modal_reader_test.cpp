@@ -1,5 +1,5 @@
-#include "bodies/vehicle/load_vehicle.hpp"
 #include "bodies/vehicle/modal_reader.hpp"
+#include "bodies/vehicle/load_vehicle.hpp"
 
 #include <gtest/gtest.h>
 

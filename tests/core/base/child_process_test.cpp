@@ -59,15 +59,16 @@ TEST(ChildProcess, TakesNoMoreMemoryThanItMay) {
 #endif
   const auto take = [](std::size_t bytes) {
     return run_in_child(
-        [&](const Say& say) {
-          try {
-            std::vector<char> all(bytes, 'x');
-            say(all.back() == 'x' ? "taken" : "");
-          } catch (const std::bad_alloc&) {
-            say("refused");
-          }
-        },
-        {.memory = std::size_t{64} << 20}).said;
+               [&](const Say& say) {
+                 try {
+                   std::vector<char> all(bytes, 'x');
+                   say(all.back() == 'x' ? "taken" : "");
+                 } catch (const std::bad_alloc&) {
+                   say("refused");
+                 }
+               },
+               {.memory = std::size_t{64} << 20})
+        .said;
   };
   EXPECT_EQ(take(std::size_t{16} << 20), "taken");
   EXPECT_EQ(take(std::size_t{65} << 20), "refused");

@@ -52,19 +52,16 @@ TEST(Diagnostic, WithoutAPlaceLeavesItOut) {
   Diagnostic d = at(0, 0);
   d.at = {};
   d.hint.clear();
-  EXPECT_EQ(render(d),
-            "error[C0204]: unknown hinge type\n  expected: a hinge type: ball or free\n  got:      \"bal\"\n");
+  EXPECT_EQ(render(d), "error[C0204]: unknown hinge type\n  expected: a hinge type: ball or free\n  got:      \"bal\"\n");
 }
 
 TEST(Diagnostic, OfALineWithoutColumnShowsTheLine) {
   const SourceFile file("run{}\n");
-  EXPECT_NE(render(at(1, 0)).find("  --> source.txt:1\n  at: bodies.panel.hinge.type\n    1 | run{}\n  expected"),
-            std::string::npos);
+  EXPECT_NE(render(at(1, 0)).find("  --> source.txt:1\n  at: bodies.panel.hinge.type\n    1 | run{}\n  expected"), std::string::npos);
 }
 
 TEST(Diagnostic, OfAFileThatIsGoneStillNamesThePlace) {
-  EXPECT_NE(render(at(3, 4)).find("  --> source.txt:3:4\n  at: bodies.panel.hinge.type\n  expected"),
-            std::string::npos);
+  EXPECT_NE(render(at(3, 4)).find("  --> source.txt:3:4\n  at: bodies.panel.hinge.type\n  expected"), std::string::npos);
 }
 
 std::string marked(const std::string& line, int column) {
@@ -133,8 +130,8 @@ TEST(DiagnosticSink, StopsAtTwenty) {
 }
 
 TEST(RunFailure, SaysWhenWhereAndWhatIsLeft) {
-  EXPECT_EQ(render(RunFailure{Code::singular_hinge, 12.4471, "panel_2", "panel_2.root",
-                              "D = 3.1e-19 kg m^2, limit 1e-12", "massless tip body?", "out/run.h5"}),
+  EXPECT_EQ(render(RunFailure{Code::singular_hinge, 12.4471, "panel_2", "panel_2.root", "D = 3.1e-19 kg m^2, limit 1e-12",
+                              "massless tip body?", "out/run.h5"}),
             "failure[N0107]: articulated hinge inertia is singular\n"
             "  t = 12.4471 s   body: panel_2   hinge: panel_2.root\n"
             "  D = 3.1e-19 kg m^2, limit 1e-12\n"

@@ -53,14 +53,24 @@ TEST(BoundedChild, HandsOverWhatWasThrown) {
 }
 
 TEST(BoundedChild, ThatDiesIsAnError) {
-  EXPECT_EQ(answer([]() -> std::string { std::raise(SIGKILL); return ""; }), "C0702: the library that reads it crashed (Killed)");
+  EXPECT_EQ(answer([]() -> std::string {
+              std::raise(SIGKILL);
+              return "";
+            }),
+            "C0702: the library that reads it crashed (Killed)");
   EXPECT_EQ(answer([]() -> std::string { std::_Exit(3); }), "C0702: the library that reads it gave up");
   EXPECT_EQ(answer([]() -> std::string { std::_Exit(0); }), "C0702: the process that reads it gave half an answer");
 }
 
 TEST(BoundedChild, ThatComputesForEverIsEnded) {
   volatile bool on = true;
-  EXPECT_EQ(answer([&]() -> std::string { while (on) {} return ""; }, {.cpu_s = 1.0}),
+  EXPECT_EQ(answer(
+                [&]() -> std::string {
+                  while (on) {
+                  }
+                  return "";
+                },
+                {.cpu_s = 1.0}),
             "C0702: reading it takes more than 1 s of processor time");
 }
 

@@ -42,8 +42,7 @@ TEST(RangeRecorder, IsEmptyWithoutRows) {
 }
 
 TEST(RangeRecorder, KeepsANaNFirstInTheMiddleOrLast) {
-  for (const auto& values :
-       {std::initializer_list<double>{kNaN, 1.0, 2.0}, {1.0, kNaN, 2.0}, {1.0, 2.0, kNaN}, {kNaN, kNaN}}) {
+  for (const auto& values : {std::initializer_list<double>{kNaN, 1.0, 2.0}, {1.0, kNaN, 2.0}, {1.0, 2.0, kNaN}, {kNaN, kNaN}}) {
     const Range r = range_of(values);
     EXPECT_TRUE(std::isnan(r.least));
     EXPECT_TRUE(std::isnan(r.largest));

@@ -193,7 +193,8 @@ TEST(Hdf5Recorder, OfFewRowsAndManyChannelsStaysSmall) {
   RunHeader few = example_header();
   few.most_rows = 12;
   std::vector<Channel> channels;
-  for (int i = 0; i < 1000; ++i) channels.push_back({"hinges/b" + std::to_string(i) + "/angle", {"x", "y"}, "rad", "", "coordinate of the hinge of a body"});
+  for (int i = 0; i < 1000; ++i)
+    channels.push_back({"hinges/b" + std::to_string(i) + "/angle", {"x", "y"}, "rad", "", "coordinate of the hinge of a body"});
   const auto recorder = make_hdf5_recorder(path);
   recorder->begin(few, channels);
   for (int i = 0; i < 11; ++i) recorder->row(i, std::vector<double>(2000, i));
@@ -287,7 +288,8 @@ TEST(Hdf5Recorder, KeepsWhatHappenedInARunThatIsKilled) {
     ASSERT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
     const auto file = Hdf5File::open(path);
     EXPECT_TRUE(std::isnan(file.read_doubles("/run/warnings/t").values.at(0)));
-    EXPECT_EQ(file.read_texts("/run/warnings/text"), (std::vector<std::string>{"W0301", "beyond the model", "bodies.wing", "vehicle.yaml:12", "level: 2"}));
+    EXPECT_EQ(file.read_texts("/run/warnings/text"),
+              (std::vector<std::string>{"W0301", "beyond the model", "bodies.wing", "vehicle.yaml:12", "level: 2"}));
     EXPECT_EQ(file.texts_attribute("/run/warnings/text", "columns"), (std::vector<std::string>{"code", "about", "path", "place", "hint"}));
     EXPECT_EQ(file.shape("/run/phases/text"), (std::vector<std::size_t>{0, 1}));
     const auto t = file.read_doubles("/run/printed/t").values;
@@ -345,8 +347,7 @@ TEST(TextRecorder, WritesOneLinePerRowWithUnitsAndExactNumbers) {
   const std::string path = scratch("run.csv");
   {
     const auto recorder = make_text_recorder(path);
-    recorder->begin(example_header(),
-                    {{"bus/rate", {"x", "y"}, "rad/s", "", ""}, {"pose", {"a", "l"}, "rad m", "", ""}});
+    recorder->begin(example_header(), {{"bus/rate", {"x", "y"}, "rad/s", "", ""}, {"pose", {"a", "l"}, "rad m", "", ""}});
     recorder->row(0.1, std::vector<double>{1.0 / 3.0, -2, 5e-324, 1e300});
     recorder->attach("summary", "{\n}");
     recorder->close();
@@ -373,9 +374,7 @@ TEST(TextRecorder, TellsWhenTheDiskIsFull) {
   }
 }
 
-TEST(TextRecorder, TellsWhenTheFileCannotBeCreated) {
-  EXPECT_THROW(make_text_recorder("/nowhere/run.csv"), InputError);
-}
+TEST(TextRecorder, TellsWhenTheFileCannotBeCreated) { EXPECT_THROW(make_text_recorder("/nowhere/run.csv"), InputError); }
 
 }  // namespace
 }  // namespace cardan

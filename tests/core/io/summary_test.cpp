@@ -95,8 +95,7 @@ TEST(Summary, RefusesNumbersThatAreNotFinite) {
 }
 
 TEST(Json, TellsAnErrorToTools) {
-  const Json j =
-      to_json(Diagnostic{Code::unknown_key, {"bodies.bus.mas", {"v.yaml", 3, 5}}, "mass", "mas", "h"});
+  const Json j = to_json(Diagnostic{Code::unknown_key, {"bodies.bus.mas", {"v.yaml", 3, 5}}, "mass", "mas", "h"});
   EXPECT_EQ(j["code"], "C0104");
   EXPECT_EQ(j["title"], "unknown key");
   EXPECT_EQ(j["at"], "bodies.bus.mas");

@@ -113,8 +113,7 @@ TEST(Vehicle, KeepsThePlaceOfEachValue) {
 TEST(Vehicle, ListsTheDefaultsItUsed) {
   const auto defaults = with_hinge("type: helical, to: world, axis: [0, 0, 1], pitch: 1 mm/rev").defaults_used;
   const auto has = [&](const char* key, const char* value) {
-    return std::find(defaults.begin(), defaults.end(), std::pair<std::string, std::string>(key, value)) !=
-           defaults.end();
+    return std::find(defaults.begin(), defaults.end(), std::pair<std::string, std::string>(key, value)) != defaults.end();
   };
   EXPECT_TRUE(has("name", "vehicle"));
   EXPECT_TRUE(has("gravity", "none"));
@@ -126,9 +125,7 @@ TEST(Vehicle, ListsTheDefaultsItUsed) {
 
 TEST(Inertia, IsAboutTheMassCentreUnlessSaidOtherwise) {
   const Eigen::Matrix3d I =
-      with_body("mass: 2, com: [1, 2, 3], inertia: {xx: 40, yy: 50, zz: 60, xy: -1, xz: 2, yz: 3}")
-          .bodies[0]
-          .inertia_com;
+      with_body("mass: 2, com: [1, 2, 3], inertia: {xx: 40, yy: 50, zz: 60, xy: -1, xz: 2, yz: 3}").bodies[0].inertia_com;
   Eigen::Matrix3d given;
   given << 40, -1, 2, -1, 50, 3, 2, 3, 60;
   EXPECT_EQ(I, given);
@@ -150,26 +147,21 @@ TEST(Inertia, AboutTheOriginIsShifted) {
   for (int i = 0; i < 4; ++i) add(about_origin, masses[i], points[i]), add(about_com, masses[i], points[i] - com);
   std::ostringstream text;
   text.precision(17);
-  text << "mass: " << mass << ", com: [" << com.x() << ", " << com.y() << ", " << com.z()
-       << "], inertia: {xx: " << about_origin(0, 0) << ", yy: " << about_origin(1, 1) << ", zz: " << about_origin(2, 2)
-       << ", xy: " << about_origin(0, 1) << ", xz: " << about_origin(0, 2) << ", yz: " << about_origin(1, 2)
-       << ", about: origin}";
+  text << "mass: " << mass << ", com: [" << com.x() << ", " << com.y() << ", " << com.z() << "], inertia: {xx: " << about_origin(0, 0)
+       << ", yy: " << about_origin(1, 1) << ", zz: " << about_origin(2, 2) << ", xy: " << about_origin(0, 1)
+       << ", xz: " << about_origin(0, 2) << ", yz: " << about_origin(1, 2) << ", about: origin}";
   // Entries of order 100 cancel to order 1.
   EXPECT_LT(largest(with_body(text.str()).bodies[0].inertia_com - about_com), 1e-13);
 }
 
 Eigen::Matrix3d orientation(const std::string& text) {
-  return with_body(fmt::format("mass: 1, inertia: [1, 1, 1], nodes: {{n: {{orientation: {{{}}}}}}}", text))
-      .bodies[0]
-      .nodes[0]
-      .R_BN;
+  return with_body(fmt::format("mass: 1, inertia: [1, 1, 1], nodes: {{n: {{orientation: {{{}}}}}}}", text)).bodies[0].nodes[0].R_BN;
 }
 
 TEST(Orientation, TakesNodeAxesToBodyAxes) {
   // A quarter turn about z: the node's x axis is the body's y axis.
   for (const char* text :
-       {"rotvec: [0, 0, 90 deg]", "axis: [0, 0, 5], angle: 90 deg",
-        "quaternion_wxyz: [0.70710678118654757, 0, 0, 0.70710678118654757]",
+       {"rotvec: [0, 0, 90 deg]", "axis: [0, 0, 5], angle: 90 deg", "quaternion_wxyz: [0.70710678118654757, 0, 0, 0.70710678118654757]",
         "euler: {sequence: zyx, angles: [90 deg, 0, 0]}", "matrix: [[0, -1, 0], [1, 0, 0], [0, 0, 1]]"})
     EXPECT_LT((orientation(text) * Eigen::Vector3d::UnitX() - Eigen::Vector3d::UnitY()).norm(), kExact) << text;
 }
@@ -178,8 +170,7 @@ TEST(Orientation, EulerAnglesTurnAboutTheMovedAxes) {
   // zyx = yaw, then pitch about the new y, then roll about the newest x.
   using Eigen::AngleAxisd, Eigen::Vector3d;
   const Eigen::Matrix3d R =
-      (AngleAxisd(0.1, Vector3d::UnitZ()) * AngleAxisd(0.2, Vector3d::UnitY()) * AngleAxisd(0.3, Vector3d::UnitX()))
-          .toRotationMatrix();
+      (AngleAxisd(0.1, Vector3d::UnitZ()) * AngleAxisd(0.2, Vector3d::UnitY()) * AngleAxisd(0.3, Vector3d::UnitX())).toRotationMatrix();
   EXPECT_LT((orientation("euler: {sequence: zyx, angles: [0.1, 0.2, 0.3]}") - R).norm(), kExact);
   EXPECT_LT((orientation("euler: {sequence: 321, angles: [0.1, 0.2, 0.3]}") - R).norm(), kExact);
 }
@@ -191,8 +182,7 @@ TEST(Orientation, AsInitialAttitudeIsAQuaternion) {
 }
 
 TEST(Quaternion, WithinTheToleranceIsMadeUnit) {
-  const auto q =
-      with_hinge("type: ball, to: world, initial: {quaternion_wxyz: [0.8000005, 0, 0.6, 0]}").bodies[0].hinge.q;
+  const auto q = with_hinge("type: ball, to: world, initial: {quaternion_wxyz: [0.8000005, 0, 0.6, 0]}").bodies[0].hinge.q;
   EXPECT_NEAR(q[0] * q[0] + q[2] * q[2], 1.0, kExact);
 }
 
@@ -202,30 +192,22 @@ TEST(Hinge, OfEachTypeIsRead) {
             std::vector<double>{0.002});
   const HingeSpec helical = with_hinge("type: helical, to: world, axis: [1, 0, 0], pitch: 2 mm/rev").bodies[0].hinge;
   EXPECT_DOUBLE_EQ(std::get<double>(helical.params.at("pitch").value), 1e-3 / kPi);
-  EXPECT_EQ(
-      with_hinge(
-          "type: cylindrical, to: world, axis: [1, 0, 0], springs: [{component: displacement, stiffness: 3 N/mm}]")
-          .bodies[0]
-          .hinge.springs.at(0)
-          .component,
-      1);
+  EXPECT_EQ(with_hinge("type: cylindrical, to: world, axis: [1, 0, 0], springs: [{component: displacement, stiffness: 3 N/mm}]")
+                .bodies[0]
+                .hinge.springs.at(0)
+                .component,
+            1);
   const HingeSpec universal = with_hinge("type: universal, to: world, axes: [[1, 0, 0], [0, 0, 2]]").bodies[0].hinge;
   EXPECT_EQ(std::get<std::vector<double>>(universal.params.at("axes").value), (std::vector<double>{1, 0, 0, 0, 0, 2}));
-  EXPECT_EQ(std::get<std::string>(
-                with_hinge("type: gimbal, to: world, sequence: \"313\"").bodies[0].hinge.params.at("sequence").value),
+  EXPECT_EQ(std::get<std::string>(with_hinge("type: gimbal, to: world, sequence: \"313\"").bodies[0].hinge.params.at("sequence").value),
             "313");
-  EXPECT_EQ(
-      with_hinge("type: gimbal, to: world, axes: [[1, 0, 0], [0, 0, 2], [0, 1, 0]], prescribed: [rate_3, angle_1]")
-          .bodies[0]
-          .hinge.prescribed,
-      (std::vector<int>{2, 0}));
-  EXPECT_EQ(with_hinge("type: planar, to: world, axes: [[1, 0, 0], [0, 1, 0]], initial: {y: 1 cm, angle: 1, vx: 2}")
+  EXPECT_EQ(with_hinge("type: gimbal, to: world, axes: [[1, 0, 0], [0, 0, 2], [0, 1, 0]], prescribed: [rate_3, angle_1]")
                 .bodies[0]
-                .hinge.q,
+                .hinge.prescribed,
+            (std::vector<int>{2, 0}));
+  EXPECT_EQ(with_hinge("type: planar, to: world, axes: [[1, 0, 0], [0, 1, 0]], initial: {y: 1 cm, angle: 1, vx: 2}").bodies[0].hinge.q,
             (std::vector<double>{0, 0.01, 1}));
-  EXPECT_EQ(with_hinge("type: translational, to: world, initial: {position: [1, 2, 3], velocity: [4, 5, 6]}")
-                .bodies[0]
-                .hinge.v,
+  EXPECT_EQ(with_hinge("type: translational, to: world, initial: {position: [1, 2, 3], velocity: [4, 5, 6]}").bodies[0].hinge.v,
             (std::vector<double>{4, 5, 6}));
   EXPECT_EQ(with_hinge("type: free_body, to: world, locked: true").bodies[0].hinge.locked, true);
 }
@@ -276,8 +258,7 @@ TEST(Yaml, AnchorsAreResolved) {
 TEST(Yaml, AliasesOfAliasesDoNotFillTheMemory) {
   std::string text = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n";
   for (int i = 1; i < 12; ++i)
-    text +=
-        fmt::format("a{0}: &a{0} [*a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}]\n", i, i - 1);
+    text += fmt::format("a{0}: &a{0} [*a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}]\n", i, i - 1);
   EXPECT_EQ(first_fault(text), "C0101 ");
 }
 
@@ -295,9 +276,7 @@ TEST(Yaml, ThatBeginsWithACommaIsRefused) {
 }
 
 // The tokens of a bracket are held until it closes.
-TEST(Yaml, OfCommasAloneIsRefusedBeforeItIsTakenApart) {
-  EXPECT_EQ(first_fault("[" + std::string(15u << 20, ',')), "C0101 ");
-}
+TEST(Yaml, OfCommasAloneIsRefusedBeforeItIsTakenApart) { EXPECT_EQ(first_fault("[" + std::string(15u << 20, ',')), "C0101 "); }
 
 TEST(Yaml, WithAQuoteThatIsNotClosedIsRefused) {
   const std::string good = "cardan: 1\nbodies: {b: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world}}}\n";
@@ -308,9 +287,7 @@ TEST(Yaml, WithAQuoteThatIsNotClosedIsRefused) {
     EXPECT_EQ(first_fault(good + end), "none") << end;
 }
 
-TEST(Yaml, WithAnEndlessKeyIsRefused) {
-  EXPECT_EQ(first_fault("? " + std::string(2000, 'k') + "\n: 1\n"), "C0101 ");
-}
+TEST(Yaml, WithAnEndlessKeyIsRefused) { EXPECT_EQ(first_fault("? " + std::string(2000, 'k') + "\n: 1\n"), "C0101 "); }
 
 TEST(Yaml, OfTooManyBytesIsRefused) { EXPECT_EQ(first_fault(std::string(20u << 20, '#')), "C0101 "); }
 
@@ -324,8 +301,8 @@ TEST(Yaml, WithByteOrderMarkAndCrlfIsRead) {
 TEST(Yaml, OfManyBodiesIsReadInReasonableTime) {
   std::string text = "cardan: 1\nbodies:\n";
   for (int i = 0; i < 2000; ++i)
-    text += fmt::format("  b{}: {{mass: 1, inertia: [1, 1, 1], hinge: {{type: revolute, axis: [0, 0, 1], to: {}}}}}\n",
-                        i, i == 0 ? "world" : fmt::format("b{}", i - 1));
+    text += fmt::format("  b{}: {{mass: 1, inertia: [1, 1, 1], hinge: {{type: revolute, axis: [0, 0, 1], to: {}}}}}\n", i,
+                        i == 0 ? "world" : fmt::format("b{}", i - 1));
   EXPECT_EQ(read(text).bodies.size(), 2000u);
 }
 
@@ -351,28 +328,25 @@ TEST(Override, SetsAValue) {
                                             {"gravity", "none"}});
   EXPECT_EQ(spec.bodies[0].mass, 1700.0);
   EXPECT_EQ(spec.bodies[0].com.z(), 0.2);
-  EXPECT_EQ(std::get<std::vector<double>>(spec.bodies[1].hinge.params.at("axis").value),
-            (std::vector<double>{1, 0, 0}));
+  EXPECT_EQ(std::get<std::vector<double>>(spec.bodies[1].hinge.params.at("axis").value), (std::vector<double>{1, 0, 0}));
   EXPECT_TRUE(spec.bodies[1].hinge.locked);
   EXPECT_EQ(spec.gravity.kind, GravitySpec::Kind::none);
 }
 
 TEST(Override, MakesTheObjectsItNeeds) {
-  const SystemSpec spec = read(
-      "cardan: 1\nbodies: {b: {mass: 1, inertia: [1, 1, 1], hinge: {type: revolute, to: world, axis: [0, 0, 1]}}}\n",
-      {{"bodies.b.hinge.initial.angle", "5 deg"}});
+  const SystemSpec spec =
+      read("cardan: 1\nbodies: {b: {mass: 1, inertia: [1, 1, 1], hinge: {type: revolute, to: world, axis: [0, 0, 1]}}}\n",
+           {{"bodies.b.hinge.initial.angle", "5 deg"}});
   EXPECT_DOUBLE_EQ(spec.bodies[0].hinge.q.at(0), kPi / 36);
 }
 
 TEST(Override, IsCheckedAgainstTheSchema) {
   EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.masss", "1"}}), "C0104 bodies.bus.masss");
   EXPECT_EQ(first_fault(kSatellite, {{"bodies.bsu.mass", "1"}}), "C0104 bodies.bsu");
-  EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.nodes.sadle.position", "[0, 0, 0]"}}),
-            "C0104 bodies.bus.nodes.sadle");
+  EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.nodes.sadle.position", "[0, 0, 0]"}}), "C0104 bodies.bus.nodes.sadle");
   EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.com[3]", "1"}}), "C0104 bodies.bus.com[3]");
   for (const char* index : {"0x1", "1e0", "-1", "", " 0", "0 ", "18446744073709551616"})
-    EXPECT_EQ(first_fault(kSatellite, {{fmt::format("bodies.bus.com[{}]", index), "1"}}),
-              fmt::format("C0104 bodies.bus.com[{}]", index));
+    EXPECT_EQ(first_fault(kSatellite, {{fmt::format("bodies.bus.com[{}]", index), "1"}}), fmt::format("C0104 bodies.bus.com[{}]", index));
   for (const char* path : {"bodies.bus.com[0", "bodies.bus.com[0]1", "bodies.bus.com[", "bodies.bus[com"})
     EXPECT_EQ(first_fault(kSatellite, {{path, "1"}}), fmt::format("C0104 {}", path));
   EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.mass.value", "1"}}), "C0104 bodies.bus.mass.value");
@@ -406,11 +380,8 @@ TEST(Vehicle, OfADamagedFileIsReadOrRefused) {
                                 ",",   "\"",   "'",     "#",    "&a",           "*a",    "<<: ", "|",    ">",  "? ",
                                 "!",   "~",    "---\n", "010",  "-1",           "1e400", "nan",  "deg",  "kg", "world",
                                 "bus", "null", "true",  "\x80", "\xEF\xBB\xBF", "\x01",  "axis", "hinge"};
-  std::uint32_t state =
-      12345;  // a linear congruential generator: the same mutations everywhere (Numerical Recipes constants)
-  const auto random = [&](std::size_t n) {
-    return static_cast<std::size_t>((state = state * 1664525u + 1013904223u) >> 8) % n;
-  };
+  std::uint32_t state = 12345;  // a linear congruential generator: the same mutations everywhere (Numerical Recipes constants)
+  const auto random = [&](std::size_t n) { return static_cast<std::size_t>((state = state * 1664525u + 1013904223u) >> 8) % n; };
   int read_well = 0, refused = 0;
   for (int i = 0; i < 4000; ++i) {
     std::string text = original;

@@ -44,8 +44,7 @@ SparseMatrix repeated(const SparseMatrix& A, int copies) {
   std::vector<Eigen::Triplet<double>> t;
   for (int c = 0; c < copies; ++c)
     for (int j = 0; j < n; ++j)
-      for (SparseMatrix::InnerIterator it(A, j); it; ++it)
-        t.emplace_back(c * n + static_cast<int>(it.row()), c * n + j, it.value());
+      for (SparseMatrix::InnerIterator it(A, j); it; ++it) t.emplace_back(c * n + static_cast<int>(it.row()), c * n + j, it.value());
   SparseMatrix B(copies * n, copies * n);
   B.setFromTriplets(t.begin(), t.end());
   return B;
@@ -74,8 +73,7 @@ TEST(LowestEigenpairs, AgreeBetweenTheDenseAndTheIterativeWay) {
     for (int k = 1; k <= 4; ++k) {
       EXPECT_NEAR(found.values(k - 1) / chain_value(k, n), 1.0, 1e-12);
       VectorXd shape(n);
-      for (int i = 0; i < n; ++i)
-        shape(i) = std::sin(k * std::numbers::pi * (i + 1) / (n + 1)) * std::sqrt(2.0 / (n + 1));
+      for (int i = 0; i < n; ++i) shape(i) = std::sin(k * std::numbers::pi * (i + 1) / (n + 1)) * std::sqrt(2.0 / (n + 1));
       Eigen::Index largest = 0;  // the first of the entries that tie
       while (std::abs(shape(largest)) < (1 - 1e-6) * test::largest(shape)) ++largest;
       if (shape(largest) < 0) shape = -shape;

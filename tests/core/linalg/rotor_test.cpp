@@ -52,8 +52,7 @@ TEST_P(FreeRotor, HasThePublishedFrequencies) {
   EXPECT_NEAR(f(6) / case_values(id, "f7 published")[0], 1.0, 1e-9);
   const std::vector<double> want = case_values(id, listed);
   ASSERT_GE(want.size(), 14u);
-  for (std::size_t k = 0; k < want.size(); ++k)
-    EXPECT_NEAR(f(6 + static_cast<int>(k)), want[k], 0.5e-6 + 1e-9 * want[k]) << "f" << 7 + k;
+  for (std::size_t k = 0; k < want.size(); ++k) EXPECT_NEAR(f(6 + static_cast<int>(k)), want[k], 0.5e-6 + 1e-9 * want[k]) << "f" << 7 + k;
 }
 INSTANTIATE_TEST_SUITE_P(Of, FreeRotor,
                          testing::Values(Rotor{"ansys", "modal-rotor-ansys-pair", "f7..f24", 1.0},

@@ -130,8 +130,7 @@ class Evaluation {
     if (case_.name == "39_collinear_chain" && field == "bias") return 1e5;
     // 40: a hinge inertia of 1e-10 as a projection of one of 1 kg m^2, in everything that contains M^-1.
     const bool contains_inverse = field == "vdot" || field == "osi_nodes" || field.rfind("hybrid/", 0) == 0 ||
-                                  field.rfind("hinge_wrench", 0) == 0 ||
-                                  field.find("acceleration") != std::string::npos;
+                                  field.rfind("hinge_wrench", 0) == 0 || field.find("acceleration") != std::string::npos;
     return case_.name == "40_tiny_inertia_about_hinge" && contains_inverse ? 1e7 : 1.0;
   }
   void judge(const std::string& field, double error) {
@@ -189,8 +188,7 @@ class Evaluation {
     if (input().contains("vdot_for_inverse_dynamics"))
       array("inverse_dynamics_tau", state_.inverse(oracle::vector<T>(input()["vdot_for_inverse_dynamics"]), wrenches));
     const std::vector<VecX<T>> hinge = state_.hinge_wrenches(vdot, wrenches);
-    for (std::size_t k = 0; k < hinge.size(); ++k)
-      array("hinge_wrench_on_body_at_pnode/" + std::to_string(k), hinge[k]);
+    for (std::size_t k = 0; k < hinge.size(); ++k) array("hinge_wrench_on_body_at_pnode/" + std::to_string(k), hinge[k]);
     if (input().contains("hybrid")) check_hybrid(tau, wrenches);
   }
 
@@ -248,18 +246,14 @@ class Evaluation {
 class TwinOracle : public ::testing::TestWithParam<std::filesystem::path> {
  protected:
   oracle::Case case_ = oracle::read(GetParam());
-  std::vector<int> levels() const {
-    return case_.schema == "cardan-oracle/1" ? std::vector<int>{2} : std::vector<int>{0, 1, 2};
-  }
+  std::vector<int> levels() const { return case_.schema == "cardan-oracle/1" ? std::vector<int>{2} : std::vector<int>{0, 1, 2}; }
 };
 
 class TwinOracleLevels : public TwinOracle {};
 
 TEST_P(TwinOracle, DoubleReproducesTheFile) {
   for (const int level : levels())
-    Evaluation<double>(case_, level,
-                       dense_model<double>(oracle::at_level(case_.spec, level), {{"custom_cam", custom_cam()}}))
-        .check_all();
+    Evaluation<double>(case_, level, dense_model<double>(oracle::at_level(case_.spec, level), {{"custom_cam", custom_cam()}})).check_all();
 }
 
 TEST_P(TwinOracle, QuadReproducesAllItsDigits) {
@@ -278,8 +272,7 @@ TEST_P(TwinOracleLevels, ComeFromIntegralsAlone) {
     b.modal = bare;
   }
   for (const int level : levels())
-    if (level < 2 || !rotary)
-      Evaluation<double>(case_, level, dense_model<double>(oracle::at_level(case_.spec, level))).check_all();
+    if (level < 2 || !rotary) Evaluation<double>(case_, level, dense_model<double>(oracle::at_level(case_.spec, level))).check_all();
 }
 
 std::vector<std::filesystem::path> open_trees(bool with_levels) {

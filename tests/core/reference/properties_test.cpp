@@ -13,9 +13,7 @@ namespace {
 using test::largest;
 using Vec = Eigen::VectorXd;
 
-oracle::Case file(const std::string& name) {
-  return oracle::read(CARDAN_SOURCE_DIR "/tests/reference/oracle/" + name + ".json");
-}
+oracle::Case file(const std::string& name) { return oracle::read(CARDAN_SOURCE_DIR "/tests/reference/oracle/" + name + ".json"); }
 
 ParamValues axis(double x, double y, double z) {
   ParamValues out;
@@ -51,8 +49,7 @@ Vec free_q(const Eigen::Vector3d& position, const Vec& eta = {}) {
 
 void expect_near(const Vec& a, const Vec& b, double relative) {
   ASSERT_EQ(a.size(), b.size());
-  EXPECT_LE(largest(a - b), relative * largest(b)) << a.transpose() << "\n"
-                                                                               << b.transpose();
+  EXPECT_LE(largest(a - b), relative * largest(b)) << a.transpose() << "\n" << b.transpose();
 }
 
 // A rigid body of eight points with the gradient, against the exact field summed over the same points: what is left out
@@ -69,8 +66,7 @@ TEST(TwinCentralGravity, GradientIsThatOfTheFieldSummedOverTheMasses) {
   for (int i = 0; i < 8; ++i) b.mass += masses[i], b.com += masses[i] * points[i];
   b.com /= b.mass;
   b.inertia_com.setZero();
-  for (int i = 0; i < 8; ++i)
-    b.inertia_com -= masses[i] * tilde<double>(points[i] - b.com) * tilde<double>(points[i] - b.com);
+  for (int i = 0; i < 8; ++i) b.inertia_com -= masses[i] * tilde<double>(points[i] - b.com) * tilde<double>(points[i] - b.com);
 
   const Vec q = free_q({-2000.0, 1500.0, 1000.0}), v = Vec::Zero(6);
   const DenseState<double> s = DenseTwin<double>(spec).at(q, v);
@@ -132,8 +128,7 @@ TEST(TwinCentralGravity, ForceIsTheGradientOfItsEnergyAtEveryLevel) {
       for (int i = 0; i < twin.nv(); ++i) {
         const VecX<Quad> qdot = twin.at(q, VecX<Quad>::Unit(twin.nv(), i)).qdot;
         const VecX<Quad> still = VecX<Quad>::Zero(twin.nv());
-        const Quad slope =
-            (twin.at(q + h * qdot, still).gravity_energy - twin.at(q - h * qdot, still).gravity_energy) / (2 * h);
+        const Quad slope = (twin.at(q + h * qdot, still).gravity_energy - twin.at(q - h * qdot, still).gravity_energy) / (2 * h);
         EXPECT_NEAR(static_cast<double>(Quad(force[i] + slope)), 0.0, 1e-15 * static_cast<double>(force.norm()))
             << name << ", level " << level << ", component " << i;
       }
@@ -194,9 +189,7 @@ TEST(TwinTree, BodiesMayComeBeforeTheirParents) {
   std::reverse(reversed.bodies.begin(), reversed.bodies.end());
   Vec q(c.q.size()), v(c.v.size()), tau(c.v.size());
   int iq = 0, iv = 0;
-  const auto put = [](Vec& to, int end, const Vec& from, int begin, int n) {
-    to.segment(end - begin - n, n) = from.segment(begin, n);
-  };
+  const auto put = [](Vec& to, int end, const Vec& from, int begin, int n) { to.segment(end - begin - n, n) = from.segment(begin, n); };
   std::vector<std::pair<int, int>> blocks;
   for (const BodySpec& b : c.spec.bodies) {
     const int nq = static_cast<int>(b.hinge.q.size()), nv = static_cast<int>(b.hinge.v.size());

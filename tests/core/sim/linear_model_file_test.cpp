@@ -31,8 +31,8 @@ soa::LinearModel sample() {
 
 TEST(LinearModelFile, Script) {
   const std::string text = linear_model_script(sample());
-  for (const char* line : {"t = 0.10000000000000001;\n", "A = [\n  0 1;\n  -0.33333333333333331 1e-300;\n];\n", "state_names = {'wing.angle'; 'wing.rate'};\n",
-                           "input_units = {'N m'};\n", "output_names = {'tip'''};\n"})
+  for (const char* line : {"t = 0.10000000000000001;\n", "A = [\n  0 1;\n  -0.33333333333333331 1e-300;\n];\n",
+                           "state_names = {'wing.angle'; 'wing.rate'};\n", "input_units = {'N m'};\n", "output_names = {'tip'''};\n"})
     EXPECT_NE(text.find(line), std::string::npos) << line << text;
   soa::LinearModel none = sample();
   none.B.resize(2, 0), none.D.resize(1, 0), none.u0.resize(0), none.inputs = {};

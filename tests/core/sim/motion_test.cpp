@@ -72,8 +72,10 @@ struct Scene {
 SystemSpec orbit(const std::string& hinge, const Vector3d& inertia, bool gradient) {
   BodySpec s = on(rigid("s", 60.0, Vector3d::Zero(), diagonal(inertia)), "", hinge);
   const bool turns = hinge == "free";
-  if (turns) s.hinge.q = {1, 0, 0, 0, kRadius, 0, 0}, s.hinge.v = {0, 0, 0, 0, kRadius * kMeanMotion, 0};
-  else s.hinge.q = {kRadius, 0, 0}, s.hinge.v = {0, kRadius * kMeanMotion, 0};
+  if (turns)
+    s.hinge.q = {1, 0, 0, 0, kRadius, 0, 0}, s.hinge.v = {0, 0, 0, 0, kRadius * kMeanMotion, 0};
+  else
+    s.hinge.q = {kRadius, 0, 0}, s.hinge.v = {0, kRadius * kMeanMotion, 0};
   return system({s}, central_gravity(kMu, gradient));
 }
 
@@ -181,7 +183,7 @@ TEST(Ledger, CountsTheWorkOfModesWhoseMotionIsGiven) {
 /// Energies beyond the largest number: there is no residual, and that is no reason to pass.
 TEST(Ledger, ThatIsNotANumberDoesNotPass) {
   BodySpec flying = on(particle("flying", 1e10, {}), "", "translational");
-  flying.hinge.v = {1e152, 0, 0};  // m v^2 overflows, v does not
+  flying.hinge.v = {1e152, 0, 0};                         // m v^2 overflows, v does not
   Simulation sim(compiled(system({flying})), by("rk4"));  // methods that choose their steps find none
   sim.run(0.1);
   EXPECT_FALSE(sim.ledger().pass);
@@ -263,18 +265,20 @@ TEST(Steps, AreThoseOfTheEquationsOfMotion) {
     double t_end;
   };
   const double day = 10.0 * 2.0 * M_PI / kMeanMotion;
-  for (const Case& c : {Case{"orbit, translational", orbit("translational", {100, 100, 100}, false), {100, 100, 100}, true, day},
-                        Case{"orbit, free", orbit("free", {100, 100, 100}, false), {100, 100, 100}, true, day},
-                        Case{"libration", stick, {0.4, 100, 100}, true, day}, Case{"slow turn", system({slow}), {100, 100, 100}, false, 56770.0}})
+  for (const Case& c :
+       {Case{"orbit, translational", orbit("translational", {100, 100, 100}, false), {100, 100, 100}, true, day},
+        Case{"orbit, free", orbit("free", {100, 100, 100}, false), {100, 100, 100}, true, day},
+        Case{"libration", stick, {0.4, 100, 100}, true, day}, Case{"slow turn", system({slow}), {100, 100, 100}, false, 56770.0}})
     for (const std::string method : {"dopri5", "cvode_adams", "cvode_bdf"})
       for (const double relative : {1e-6, 1e-9}) {
         const SimulationOptions options = by(method, relative);
         Simulation sim(compiled(c.spec), options);
         const long by_hand = steps_by_hand(sim, c.J, c.central, options.integrator, c.t_end);
         sim.run(c.t_end);
-        fmt::print("{:<21} {:<12} {:>6.0e} {:>7} steps, by hand {:>7} {:>8} calls\n", c.name, method, relative, sim.statistics().steps, by_hand,
-                   sim.statistics().rhs_calls);
-        EXPECT_LE(static_cast<double>(sim.statistics().steps), 1.5 * static_cast<double>(by_hand)) << c.name << ", " << method << ", " << relative;
+        fmt::print("{:<21} {:<12} {:>6.0e} {:>7} steps, by hand {:>7} {:>8} calls\n", c.name, method, relative, sim.statistics().steps,
+                   by_hand, sim.statistics().rhs_calls);
+        EXPECT_LE(static_cast<double>(sim.statistics().steps), 1.5 * static_cast<double>(by_hand))
+            << c.name << ", " << method << ", " << relative;
       }
 }
 

@@ -47,8 +47,7 @@ TEST(Rationals, RefusedRatesSayWhatToDo) {
       hertz(f);
     } catch (const InputError& e) {
       const Diagnostic& d = e.diagnostics().front();
-      return std::string(number_of(d.code)) + " | " + d.at.key_path + " | " + d.expected + " | " + d.got + " | " +
-             d.hint;
+      return std::string(number_of(d.code)) + " | " + d.at.key_path + " | " + d.expected + " | " + d.got + " | " + d.hint;
     }
     return std::string("accepted");
   };

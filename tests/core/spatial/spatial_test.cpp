@@ -31,7 +31,9 @@ struct Random {
   RigidInertia<double> inertia() {
     return about_origin(1.5 + number(), vec3(), Sym3<double>{2 + 0.3 * number(), 2.2, 1.9, 0.2 * number(), 0.1 * number(), 0.3 * number()});
   }
-  ArticulatedInertia<double> articulated() { return {sym3(), {number(), number(), number(), number(), number(), number(), number(), number(), number()}, sym3()}; }
+  ArticulatedInertia<double> articulated() {
+    return {sym3(), {number(), number(), number(), number(), number(), number(), number(), number(), number()}, sym3()};
+  }
 };
 
 Matrix3d tilde_of(const Vector3d& a) {
@@ -103,10 +105,12 @@ TEST(Rotations, OfAxisQuaternionAndVectorAgreeWithEigen) {
     const Matrix3d R = Eigen::AngleAxisd(angle, axis).toRotationMatrix();
     EXPECT_SAME(to_eigen(rotation_about(from_eigen(axis), std::sin(angle), std::cos(angle))), R);
     const Vec3<double> t = from_eigen(Vector3d(angle * axis));
-    EXPECT_SAME(to_eigen(rotation_of_vector(rotation_coefficients(dot(t, t)), t)), R) << "series and closed form, on either side of |t| = 1";
+    EXPECT_SAME(to_eigen(rotation_of_vector(rotation_coefficients(dot(t, t)), t)), R)
+        << "series and closed form, on either side of |t| = 1";
     const double c = std::cos(angle / 2), s = std::sin(angle / 2);
     EXPECT_SAME(to_eigen(rotation_of_quaternion(c, s * axis.x(), s * axis.y(), s * axis.z())), R) << "(w, x, y, z)";
-    EXPECT_SAME(to_eigen(rotation_of_quaternion(-3 * c, -3 * s * axis.x(), -3 * s * axis.y(), -3 * s * axis.z())), R) << "of any length and sign";
+    EXPECT_SAME(to_eigen(rotation_of_quaternion(-3 * c, -3 * s * axis.x(), -3 * s * axis.y(), -3 * s * axis.z())), R)
+        << "of any length and sign";
   }
 }
 

@@ -10,13 +10,11 @@ double oscillator_error(const std::string& method, double tolerance) {
 
 /// An error per step near the tolerance adds up over some hundred (Adams) or thousand (BDF) steps.
 TEST(Cvode, AdamsFollowsItsTolerance) {
-  for (double tolerance : {1e-4, 1e-6, 1e-8, 1e-10, 1e-12})
-    EXPECT_LT(oscillator_error("cvode_adams", tolerance), 5e2 * tolerance);
+  for (double tolerance : {1e-4, 1e-6, 1e-8, 1e-10, 1e-12}) EXPECT_LT(oscillator_error("cvode_adams", tolerance), 5e2 * tolerance);
 }
 
 TEST(Cvode, BdfFollowsItsTolerance) {
-  for (double tolerance : {1e-4, 1e-6, 1e-8, 1e-10})
-    EXPECT_LT(oscillator_error("cvode_bdf", tolerance), 2e3 * tolerance);
+  for (double tolerance : {1e-4, 1e-6, 1e-8, 1e-10}) EXPECT_LT(oscillator_error("cvode_bdf", tolerance), 2e3 * tolerance);
 }
 
 /// y2' is 3e7 times faster than the solution; reference: Mazzia, Magherini 2008, Test Set for IVP Solvers, problem

@@ -46,8 +46,7 @@ TEST_P(EveryMethodEvents, CrossingsHaveTimeAndDirection) {
 }
 
 TEST_P(EveryMethodEvents, AFunctionOfTimeIsLocatedToTwelveDigits) {
-  auto integrator =
-      make(with_roots(oscillator(), 1, [](double t, const double*, double* g) { g[0] = std::cos(t * t) - 0.3; }));
+  auto integrator = make(with_roots(oscillator(), 1, [](double t, const double*, double* g) { g[0] = std::cos(t * t) - 0.3; }));
   const auto found = events(*integrator, {1.0, 0.0}, 2.0);
   ASSERT_EQ(found.size(), 1u);
   EXPECT_NEAR(found[0].t, std::sqrt(std::acos(0.3)), 1e-12);
@@ -78,8 +77,8 @@ TEST_P(EveryMethodEvents, SeveralInOneStepComeInOrder) {
 /// Not the interpolant but a step of its own gives the state at the event: on the surface also with a coarse step.
 TEST_P(EveryMethodEvents, TheStateLiesOnTheSurface) {
   IntegratorOptions o = GetParam() == "rk4" ? rk4(0.5) : adaptive(GetParam(), 1e-6);
-  auto integrator = make_integrator(
-      with_roots(oscillator(), 1, [](double, const double* x, double* g) { g[0] = x[0] * x[0] * x[0] - 0.1; }), o);
+  auto integrator =
+      make_integrator(with_roots(oscillator(), 1, [](double, const double* x, double* g) { g[0] = x[0] * x[0] * x[0] - 0.1; }), o);
   double x[2] = {1.0, 0.0};
   integrator->restart(0.0, x);
   StepReport report;
@@ -200,8 +199,7 @@ TEST_P(EveryMethodEvents, NanInAnEventFunctionEndsTheRun) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(, EveryMethodEvents, testing::Values("cvode_adams", "cvode_bdf", "dopri5", "rk4"),
-                         parameter_name);
+INSTANTIATE_TEST_SUITE_P(, EveryMethodEvents, testing::Values("cvode_adams", "cvode_bdf", "dopri5", "rk4"), parameter_name);
 
 }  // namespace
 }  // namespace cardan::test

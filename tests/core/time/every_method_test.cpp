@@ -199,9 +199,7 @@ RunFailure failure_of(Integrator& integrator, Values x, double t_end) {
   return {};
 }
 
-bool is_integration_failure(const RunFailure& f) {
-  return f.code == Code::step_too_small || f.code == Code::integrator_failed;
-}
+bool is_integration_failure(const RunFailure& f) { return f.code == Code::step_too_small || f.code == Code::integrator_failed; }
 
 TEST_P(EveryMethod, NanEndsTheRunAndNamesTheState) {
   for (double t_bad : {-1.0, 0.5}) {  // from the start; on the way

@@ -52,16 +52,14 @@ OdeProblem rod() {
 
 double rod_error(Integrator& integrator) {
   Values x(Rod::n);
-  for (int i = 0; i < Rod::n; ++i)
-    x[static_cast<std::size_t>(i)] = Rod::shape(i) + 0.5 * (i % 2);  // and what dies out at once
+  for (int i = 0; i < Rod::n; ++i) x[static_cast<std::size_t>(i)] = Rod::shape(i) + 0.5 * (i % 2);  // and what dies out at once
   Values slow(Rod::n);
   double weight = 0.0;  // of the slowest mode in x
   for (int i = 0; i < Rod::n; ++i) weight += x[static_cast<std::size_t>(i)] * Rod::shape(i) * 2.0 / (Rod::n + 1);
   x = integrate(integrator, 0.0, x, 0.5);
   double error = 0.0;
   for (int i = 0; i < Rod::n; ++i)
-    error = worse(error,
-                     std::abs(x[static_cast<std::size_t>(i)] - weight * std::exp(-0.5 * Rod::decay()) * Rod::shape(i)));
+    error = worse(error, std::abs(x[static_cast<std::size_t>(i)] - weight * std::exp(-0.5 * Rod::decay()) * Rod::shape(i)));
   return error;
 }
 
@@ -150,10 +148,7 @@ OdeProblem decay() {
 TEST(Krylov, ExceptionsPass) {
   for (const int which : {0, 1, 2}) {
     OdeProblem p = decay();
-    if (which == 0)
-      p.jacobian_times = [](double, const double*, const double*, double*) -> bool {
-        throw std::domain_error("thrown");
-      };
+    if (which == 0) p.jacobian_times = [](double, const double*, const double*, double*) -> bool { throw std::domain_error("thrown"); };
     if (which == 1) p.prepare = [](double, const double*, double, bool) -> bool { throw std::domain_error("thrown"); };
     if (which == 2) p.precondition = [](const double*, double*) -> bool { throw std::domain_error("thrown"); };
     auto integrator = make_integrator(p, krylov());

@@ -27,16 +27,15 @@ TEST(MakeIntegrator, AdaptiveMethodsRefuseAFixedStep) {
   for (const std::string method : {"cvode_adams", "cvode_bdf", "dopri5"}) {
     IntegratorOptions o = adaptive(method);
     o.fixed_step = 0.01;
-    EXPECT_EQ(refusal(o), "C0401 | integrator.step | no step: " + method +
-                              " chooses its steps | 0.01 s | set relative or max_step, or use rk4");
+    EXPECT_EQ(refusal(o),
+              "C0401 | integrator.step | no step: " + method + " chooses its steps | 0.01 s | set relative or max_step, or use rk4");
   }
 }
 
 TEST(MakeIntegrator, Rk4RefusesAMaximumStep) {
   IntegratorOptions o = rk4(0.1);
   o.max_step = 1.0;
-  EXPECT_EQ(refusal(o),
-            "C0401 | integrator.max_step | no max_step: rk4 takes equal steps | 1 s | set step, or use dopri5");
+  EXPECT_EQ(refusal(o), "C0401 | integrator.max_step | no max_step: rk4 takes equal steps | 1 s | set step, or use dopri5");
 }
 
 TEST(MakeIntegrator, LinearSolversAreOfBdfAlone) {
@@ -46,14 +45,12 @@ TEST(MakeIntegrator, LinearSolversAreOfBdfAlone) {
     EXPECT_EQ(refusal(o), "accepted") << name;
   }
   o.linear_solver = "krilov";
-  EXPECT_EQ(
-      refusal(o),
-      "C0401 | integrator.linear_solver | a linear solver: dense, krylov | \"krilov\" | did you mean \"krylov\"?");
+  EXPECT_EQ(refusal(o), "C0401 | integrator.linear_solver | a linear solver: dense, krylov | \"krilov\" | did you mean \"krylov\"?");
   for (const std::string method : {"cvode_adams", "dopri5", "rk4"}) {
     o = method == "rk4" ? rk4(0.1) : adaptive(method);
     o.linear_solver = "dense";
-    EXPECT_EQ(refusal(o), "C0401 | integrator.linear_solver | no linear_solver: " + method +
-                              " solves no linear equations | \"dense\" | use cvode_bdf");
+    EXPECT_EQ(refusal(o),
+              "C0401 | integrator.linear_solver | no linear_solver: " + method + " solves no linear equations | \"dense\" | use cvode_bdf");
   }
 }
 

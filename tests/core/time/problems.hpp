@@ -14,8 +14,7 @@ namespace cardan::test {
 
 using Values = std::vector<double>;
 
-inline OdeProblem problem(int n, std::function<bool(double, const double*, double*)> rhs,
-                          double absolute = 1e-12) {
+inline OdeProblem problem(int n, std::function<bool(double, const double*, double*)> rhs, double absolute = 1e-12) {
   OdeProblem p;
   p.n = n;
   p.rhs = std::move(rhs);
@@ -61,9 +60,7 @@ inline IntegratorOptions rk4(double h) {
 }
 
 /// Each method at settings that give about nine digits on the smooth problems here.
-inline IntegratorOptions accurate(const std::string& method) {
-  return method == "rk4" ? rk4(2e-3) : adaptive(method, 1e-11);
-}
+inline IntegratorOptions accurate(const std::string& method) { return method == "rk4" ? rk4(2e-3) : adaptive(method, 1e-11); }
 
 /// From (t0, x0) to t_end; events are passed over. Returns x, then the integrals (from zero).
 inline Values integrate(Integrator& integrator, double t0, Values x, double t_end, int n_quadrature = 0) {

@@ -83,16 +83,14 @@ TEST_P(EveryMethodRigidBody, AsymmetricBodyFollowsEllipticFunctions) {
   const double rate = std::sqrt((i3 - i2) * (hh - tt * i1) / (i1 * i2 * i3));
   const double m = (i2 - i1) * (tt * i3 - hh) / ((i3 - i2) * (hh - tt * i1));
   const Vector3d f = jacobi(rate * t, m);
-  const Vector3d exact(std::sqrt((tt * i3 - hh) / (i1 * (i3 - i1))) * f[1],
-                       std::sqrt((tt * i3 - hh) / (i2 * (i3 - i2))) * f[0],
+  const Vector3d exact(std::sqrt((tt * i3 - hh) / (i1 * (i3 - i1))) * f[1], std::sqrt((tt * i3 - hh) / (i2 * (i3 - i2))) * f[0],
                        std::sqrt((hh - tt * i1) / (i3 * (i3 - i1))) * f[2]);
   EXPECT_LT((spin(x) - exact).norm(), 1e-7);
   const Vector3d momentum = attitude(x) * inertia.cwiseProduct(spin(x));
   EXPECT_LT((momentum - h).norm(), 1e-7);
 }
 
-INSTANTIATE_TEST_SUITE_P(, EveryMethodRigidBody, testing::Values("cvode_adams", "cvode_bdf", "dopri5", "rk4"),
-                         parameter_name);
+INSTANTIATE_TEST_SUITE_P(, EveryMethodRigidBody, testing::Values("cvode_adams", "cvode_bdf", "dopri5", "rk4"), parameter_name);
 
 }  // namespace
 }  // namespace cardan::test

@@ -36,17 +36,11 @@ double dense_error(const std::string& method, double h) {
 
 double slope(double coarse, double fine) { return std::log2(coarse / fine); }
 
-TEST(RungeKutta, Rk4ConvergesWithOrderFour) {
-  EXPECT_NEAR(slope(end_error("rk4", 0.04), end_error("rk4", 0.02)), 4.0, 0.1);
-}
+TEST(RungeKutta, Rk4ConvergesWithOrderFour) { EXPECT_NEAR(slope(end_error("rk4", 0.04), end_error("rk4", 0.02)), 4.0, 0.1); }
 
-TEST(RungeKutta, Dopri5ConvergesWithOrderFive) {
-  EXPECT_NEAR(slope(end_error("dopri5", 0.08), end_error("dopri5", 0.04)), 5.0, 0.2);
-}
+TEST(RungeKutta, Dopri5ConvergesWithOrderFive) { EXPECT_NEAR(slope(end_error("dopri5", 0.08), end_error("dopri5", 0.04)), 5.0, 0.2); }
 
-TEST(RungeKutta, DenseOutputOfRk4HasOrderFour) {
-  EXPECT_NEAR(slope(dense_error("rk4", 0.04), dense_error("rk4", 0.02)), 4.0, 0.2);
-}
+TEST(RungeKutta, DenseOutputOfRk4HasOrderFour) { EXPECT_NEAR(slope(dense_error("rk4", 0.04), dense_error("rk4", 0.02)), 4.0, 0.2); }
 
 TEST(RungeKutta, DenseOutputOfDopri5HasOrderFour) {  // its error per step is h^5
   EXPECT_NEAR(slope(dense_error("dopri5", 0.08), dense_error("dopri5", 0.04)), 5.0, 0.3);

@@ -59,7 +59,9 @@ const std::vector<std::string>& run_files() {
       header.inputs = {{"scenario.lua", "abc", "bodies:\n"}};
       header.effective_parameters = {{"bodies.bus.mass", "1 kg"}, {"bodies.arm.mass", "2 kg"}};
       header.mode_pictures = {{{"wing"}, "a beam", {0.5, 3.0}, {0, 0, 0, 1, 0, 0}, {0, 1}, {0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 2, 0}}};
-      recorder->begin(header, {{"bodies/bus/attitude", {"w", "x", "y", "z"}, "1", "world", "an attitude"}, {"bodies/bus/rate", {"x", "y", "z"}, "rad/s", "body", "a rate"}, {"wheels/speed", {"w"}, "rad/s", "", "a speed"}});
+      recorder->begin(header, {{"bodies/bus/attitude", {"w", "x", "y", "z"}, "1", "world", "an attitude"},
+                               {"bodies/bus/rate", {"x", "y", "z"}, "rad/s", "body", "a rate"},
+                               {"wheels/speed", {"w"}, "rad/s", "", "a speed"}});
       recorder->note(Note::phase, 0.0, {"slew"});
       recorder->note(Note::event, 1.5, {"touch", "rising"});
       recorder->note(Note::printed, NAN, {"a line", "the scenario"});
@@ -68,7 +70,10 @@ const std::vector<std::string>& run_files() {
       Summary summary;
       summary.checks.push_back({"c", 1.0, 2.0, true, "m", ""});
       if (finished) recorder->attach("summary", to_json(summary));
-      if (finished) recorder->close(); else recorder->flush();
+      if (finished)
+        recorder->close();
+      else
+        recorder->flush();
       recorder.reset();  // closes the file
       out.push_back(fuzz::content(path));
       report_page(Hdf5File::open(path));
@@ -132,7 +137,8 @@ std::string answer(const Change& change) {
 TEST(HostileRun, WithLinksThatLeadElsewhereIsRefused) {
   EXPECT_EQ(answer([](const std::string& p) { fuzz::link_group_into_itself(p, "/channels"); }), "C0702 /channels/again");
   EXPECT_EQ(answer([](const std::string& p) { fuzz::link_group_into_itself(p, "/channels/bodies"); }), "C0702 /channels/bodies/again");
-  EXPECT_EQ(answer([](const std::string& p) { fuzz::link_softly(p, "/channels/bodies/again", "/channels"); }), "C0702 /channels/bodies/again");
+  EXPECT_EQ(answer([](const std::string& p) { fuzz::link_softly(p, "/channels/bodies/again", "/channels"); }),
+            "C0702 /channels/bodies/again");
   EXPECT_EQ(answer([](const std::string& p) { fuzz::link_softly(p, "/time", "/channels/wheels/speed"); }), "C0702 /time");
   EXPECT_EQ(answer([](const std::string& p) { fuzz::link_to_file(p, "/time", "/dev/zero"); }), "C0702 /time");
   EXPECT_EQ(answer([](const std::string& p) { fuzz::make_external(p, "/time", "/dev/zero"); }), "C0702 /time");

@@ -2,11 +2,11 @@
 #include <gtest/gtest.h>
 
 #include "bodies/register.hpp"
+#include "bodies/vehicle/load_vehicle.hpp"
+#include "bodies/vehicle/modal_reader.hpp"
 #include "core/io/yaml_reader.hpp"
 #include "core/model/model.hpp"
 #include "hinges/register.hpp"
-#include "bodies/vehicle/load_vehicle.hpp"
-#include "bodies/vehicle/modal_reader.hpp"
 #include "tests/fuzz/fuzz.hpp"
 
 namespace cardan {
@@ -15,19 +15,122 @@ namespace {
 using fuzz::Keep;
 using fuzz::Random;
 
-const std::vector<std::string> kWords = {
-    "cardan", "name", "gravity", "uniform", "central", "mu", "centre", "gradient", "none", "bodies", "type", "rigid", "particle", "modal_flexible", "mass", "com",
-    "inertia", "about", "origin", "nodes", "position", "orientation", "axis", "angle", "rotvec", "quaternion_wxyz", "euler", "sequence", "zyx", "angles", "matrix",
-    "hinge", "to", "at", "root", "world", "free", "ball", "revolute", "prismatic", "universal", "gimbal", "planar", "cylindrical", "helical", "translational",
-    "locked", "free_body", "axes", "pitch", "initial", "rate", "velocity", "prescribed", "true", "false", "spring", "springs", "component", "stiffness", "damping",
-    "rest", "level", "modal", "beam", "plate", "lumped", "file", "length", "width", "material", "E", "nu", "rho", "section", "tube", "rectangle", "radius", "wall",
-    "elements", "boundary", "cantilever", "craig_bampton", "interface", "modes", "count", "max_frequency", "effective_mass", "masses", "Phi", "Psi", "Q", "K", "C",
-    "kg", "m", "deg", "rad/s", "N m/rad", "GPa", "%", "km^3/s^2", "rpm", "null", "~", "*a", "&a", "<<", "!!int", "---"};
+const std::vector<std::string> kWords = {"cardan",
+                                         "name",
+                                         "gravity",
+                                         "uniform",
+                                         "central",
+                                         "mu",
+                                         "centre",
+                                         "gradient",
+                                         "none",
+                                         "bodies",
+                                         "type",
+                                         "rigid",
+                                         "particle",
+                                         "modal_flexible",
+                                         "mass",
+                                         "com",
+                                         "inertia",
+                                         "about",
+                                         "origin",
+                                         "nodes",
+                                         "position",
+                                         "orientation",
+                                         "axis",
+                                         "angle",
+                                         "rotvec",
+                                         "quaternion_wxyz",
+                                         "euler",
+                                         "sequence",
+                                         "zyx",
+                                         "angles",
+                                         "matrix",
+                                         "hinge",
+                                         "to",
+                                         "at",
+                                         "root",
+                                         "world",
+                                         "free",
+                                         "ball",
+                                         "revolute",
+                                         "prismatic",
+                                         "universal",
+                                         "gimbal",
+                                         "planar",
+                                         "cylindrical",
+                                         "helical",
+                                         "translational",
+                                         "locked",
+                                         "free_body",
+                                         "axes",
+                                         "pitch",
+                                         "initial",
+                                         "rate",
+                                         "velocity",
+                                         "prescribed",
+                                         "true",
+                                         "false",
+                                         "spring",
+                                         "springs",
+                                         "component",
+                                         "stiffness",
+                                         "damping",
+                                         "rest",
+                                         "level",
+                                         "modal",
+                                         "beam",
+                                         "plate",
+                                         "lumped",
+                                         "file",
+                                         "length",
+                                         "width",
+                                         "material",
+                                         "E",
+                                         "nu",
+                                         "rho",
+                                         "section",
+                                         "tube",
+                                         "rectangle",
+                                         "radius",
+                                         "wall",
+                                         "elements",
+                                         "boundary",
+                                         "cantilever",
+                                         "craig_bampton",
+                                         "interface",
+                                         "modes",
+                                         "count",
+                                         "max_frequency",
+                                         "effective_mass",
+                                         "masses",
+                                         "Phi",
+                                         "Psi",
+                                         "Q",
+                                         "K",
+                                         "C",
+                                         "kg",
+                                         "m",
+                                         "deg",
+                                         "rad/s",
+                                         "N m/rad",
+                                         "GPa",
+                                         "%",
+                                         "km^3/s^2",
+                                         "rpm",
+                                         "null",
+                                         "~",
+                                         "*a",
+                                         "&a",
+                                         "<<",
+                                         "!!int",
+                                         "---"};
 
 /// Small enough that thousands of inputs take seconds: finite elements are the business of other tests.
 bool is_small(const ModalSource& source) {
   if (const auto* beam = std::get_if<BeamModel>(&source.model)) return beam->elements <= 12 && source.modes.count <= 6;
-  if (const auto* plate = std::get_if<PlateModel>(&source.model)) return plate->elements_x <= 4 && plate->elements_y <= 4 && source.modes.count <= 6;
+  if (const auto* plate = std::get_if<PlateModel>(&source.model))
+    return plate->elements_x <= 4 && plate->elements_y <= 4 && source.modes.count <= 6;
   return true;
 }
 
@@ -45,7 +148,8 @@ void read(const std::string& text, const Overrides& overrides, const Registry& r
 }
 
 TEST(Fuzz, Vehicle) {
-  const std::vector<std::string> seeds = fuzz::sources({"tests/errors", "tests/scripts", "tests/fuzz", "docs/operators", "scenarios"}, ".yaml");
+  const std::vector<std::string> seeds =
+      fuzz::sources({"tests/errors", "tests/scripts", "tests/fuzz", "docs/operators", "scenarios"}, ".yaml");
   Registry registry;
   register_hinges(registry);
   register_bodies(registry);
@@ -63,8 +167,10 @@ TEST(Fuzz, Vehicle) {
     const std::string text = fuzz::mutated(random.of(random.one_in(4) ? seeds : good), seeds, kWords, random);
     Overrides overrides;
     if (random.one_in(6)) {
-      const std::string key = random.of(std::vector<std::string>{"bodies.bus.mass", "bodies.bus.inertia[1]", "bodies.b.hinge.initial", "gravity.uniform", "name"});
-      overrides.emplace_back(fuzz::mutated(key, seeds, kWords, random), fuzz::mutated("[1, 2, 3]", {"12 kg", ",", "{a: 1}"}, kWords, random));
+      const std::string key = random.of(
+          std::vector<std::string>{"bodies.bus.mass", "bodies.bus.inertia[1]", "bodies.b.hinge.initial", "gravity.uniform", "name"});
+      overrides.emplace_back(fuzz::mutated(key, seeds, kWords, random),
+                             fuzz::mutated("[1, 2, 3]", {"12 kg", ",", "{a: 1}"}, kWords, random));
     }
     keep(text + (overrides.empty() ? "" : "\n# --set " + overrides[0].first + "=" + overrides[0].second));
     read(text, overrides, registry);

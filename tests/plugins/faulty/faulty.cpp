@@ -41,15 +41,14 @@ int pack(const cardan_param_values* values, void* out) {
   std::memcpy(out, values->numbers(values, "gain", nullptr), sizeof(double));
   return 0;
 }
-void kinematics(const void* p, std::uint32_t n, const std::uint32_t* iq, const std::uint32_t*, const double* q,
-                const double*, cardan_hinge_out* out) {
+void kinematics(const void* p, std::uint32_t n, const std::uint32_t* iq, const std::uint32_t*, const double* q, const double*,
+                cardan_hinge_out* out) {
   misbehave("kinematics");
   for (std::uint32_t j = 0; j < n; ++j) {
     double gain;
     std::memcpy(&gain, static_cast<const char*>(p) + j * sizeof gain, sizeof gain);
     if (fault("law")) gain = -gain;
-    out[j] = {
-        {1, 0, 0, 0, 1, 0, 0, 0, 1}, {fault("law") ? -gain * q[iq[j]] : gain * q[iq[j]], 0, 0}, {0, 0, 0, gain}, {}};
+    out[j] = {{1, 0, 0, 0, 1, 0, 0, 0, 1}, {fault("law") ? -gain * q[iq[j]] : gain * q[iq[j]], 0, 0}, {0, 0, 0, gain}, {}};
   }
   if (fault("late_exit") && q[iq[0]] > 0.7499999 && q[iq[0]] < 0.7500001) std::exit(0);  // none of the samples is there, a run can be
 }
