@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -14,6 +15,9 @@
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
+#include <utility>
+
+#include "core/base/poll.hpp"
 
 namespace cardan {
 namespace {
@@ -48,7 +52,9 @@ void write_all(int pipe, std::string_view bytes) {
 }
 
 [[noreturn]] void child(int pipe, const std::function<void(const Say&)>& work, const ChildLimits& limits) {
-  for (const int s : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGXCPU, SIGALRM, SIGPIPE, SIGINT, SIGTERM}) ::signal(s, SIG_DFL);
+  for (const int s : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGXCPU, SIGALRM, SIGPIPE}) ::signal(s, SIG_DFL);
+  for (const int s : {SIGINT, SIGTERM, SIGHUP}) ::signal(s, SIG_IGN);  // the parent decides what they mean for this one
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   const double cpu_s = std::ceil(limits.cpu_s);
   limit(RLIMIT_CORE, 0.0, 0.0);
   limit(RLIMIT_CPU, cpu_s, cpu_s + 1.0);  // SIGXCPU, and SIGKILL for who ignores it
@@ -69,12 +75,45 @@ void write_all(int pipe, std::string_view bytes) {
   _exit(status);
 }
 
-/// What is left of a time [ms], for poll().
-int left(Clock::time_point start, double seconds) {
-  if (!std::isfinite(seconds)) return -1;
-  const double passed = std::chrono::duration<double>(Clock::now() - start).count();
-  return static_cast<int>(std::clamp(1e3 * (seconds - passed), 0.0, 1e9));
-}
+/// The parent's side. A child that is left before it ended is killed.
+class Running {
+ public:
+  Running(pid_t pid, int pipe) : pid_(pid), pipe_(pipe) {}
+  Running(const Running&) = delete;
+  Running& operator=(const Running&) = delete;
+  ~Running() {
+    hang_up();
+    if (pid_ < 0) return;
+    ::kill(pid_, SIGKILL);
+    while (::waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {
+    }
+  }
+
+  /// Waits some milliseconds for more of what it says; false: there will be no more.
+  bool listen(std::string& said, int milliseconds) const {
+    pollfd more{pipe_, POLLIN, 0};
+    const int ready = ::poll(&more, 1, milliseconds);
+    if (ready == 0 || (ready < 0 && errno == EINTR)) return true;
+    char block[1 << 16];
+    const ssize_t n = ready < 0 ? -1 : ::read(pipe_, block, sizeof block);
+    if (n > 0) said.append(block, static_cast<std::size_t>(n));
+    return n > 0 || (n < 0 && errno == EINTR);
+  }
+  /// A child that says more then ends of SIGPIPE.
+  void hang_up() {
+    if (pipe_ >= 0) ::close(std::exchange(pipe_, -1));
+  }
+  /// Its status, once it has ended.
+  bool has_ended(int& status) {
+    const pid_t ended = ::waitpid(pid_, &status, WNOHANG);
+    if (ended != 0) pid_ = -1;
+    return ended != 0;
+  }
+
+ private:
+  pid_t pid_;
+  int pipe_;
+};
 
 }  // namespace
 
@@ -83,6 +122,7 @@ ChildEnd run_in_child(const std::function<void(const Say&)>& work, const ChildLi
   if (::pipe(pipe) != 0) return {ChildEnd::How::not_started, errno, {}};
   std::fflush(nullptr);
   const Clock::time_point start = Clock::now();
+  const auto late = [&] { return std::chrono::duration<double>(Clock::now() - start).count() > limits.wall_s; };
   const pid_t pid = ::fork();
   if (pid < 0) {
     const int why = errno;
@@ -94,37 +134,22 @@ ChildEnd run_in_child(const std::function<void(const Say&)>& work, const ChildLi
     child(pipe[1], work, limits);
   }
   ::close(pipe[1]);
-  ChildEnd end{ChildEnd::How::ended, 0, {}};
-  for (char block[1 << 16]; end.said.size() <= limits.memory;) {
-    pollfd said{pipe[0], POLLIN, 0};
-    const int ready = ::poll(&said, 1, left(start, limits.wall_s));
-    if (ready < 0 && errno == EINTR) continue;
-    if (ready == 0) end.how = ChildEnd::How::late;
-    if (ready <= 0) break;
-    const ssize_t n = ::read(pipe[0], block, sizeof block);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) break;
-    end.said.append(block, static_cast<std::size_t>(n));
+  Running running(pid, pipe[0]);
+  ChildEnd end{ChildEnd::How::late, 0, {}};
+  while (running.listen(end.said, 50) && end.said.size() <= limits.memory) {
+    Poll::now();
+    if (late()) return end;
   }
-  ::close(pipe[0]);  // before the wait: a child that writes without end ends here
+  running.hang_up();
   timespec pause{0, 50'000};
-  int status = 0;
-  for (;;) {  // its end of the pipe may be closed by a child that goes on
-    const pid_t ended = ::waitpid(pid, &status, std::isfinite(limits.wall_s) ? WNOHANG : 0);
-    if (ended == pid || (ended < 0 && errno != EINTR)) break;
-    if (left(start, limits.wall_s) == 0) {
-      end.how = ChildEnd::How::late;
-      ::kill(pid, SIGKILL);
-      while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {
-      }
-      break;
+  for (int status = 0; !late(); nanosleep(&pause, nullptr)) {  // its end of the pipe may be closed by a child that goes on
+    if (running.has_ended(status)) {
+      const bool killed = WIFSIGNALED(status);
+      return {killed ? ChildEnd::How::killed : ChildEnd::How::ended, killed ? WTERMSIG(status) : WEXITSTATUS(status), std::move(end.said)};
     }
-    if (ended == 0) nanosleep(&pause, nullptr);
+    Poll::now();
     pause.tv_nsec = std::min(2 * pause.tv_nsec, 5'000'000L);
   }
-  if (end.how == ChildEnd::How::late) return end;
-  if (WIFSIGNALED(status)) return {ChildEnd::How::killed, WTERMSIG(status), std::move(end.said)};
-  end.status = WEXITSTATUS(status);
   return end;
 }
 

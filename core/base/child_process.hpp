@@ -38,7 +38,8 @@ struct ChildEnd {
 using Say = std::function<void(std::string_view)>;
 
 /// Runs `work` in a copy of this process that prints nothing, leaves no core and flushes nothing of this process's. An
-/// exception of the work ends the child with a status other than 0, as do exit() and _exit() with theirs.
+/// exception of the work ends the child with a status other than 0, as do exit() and _exit() with theirs. Interrupts (SIGINT, SIGTERM,
+/// SIGHUP) are this process's: it looks at Poll::now() while it waits, and what that throws ends the child and is thrown on.
 ChildEnd run_in_child(const std::function<void(const Say&)>& work, const ChildLimits& limits);
 
 }  // namespace cardan

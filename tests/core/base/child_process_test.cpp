@@ -10,6 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "core/base/poll.hpp"
+
 namespace cardan {
 namespace {
 
@@ -51,6 +53,34 @@ TEST(ChildProcess, EndsThatComputesForEverAlsoIfItIgnoresTheSignal) {
   const ChildEnd stubborn = run_in_child([&](const Say&) { std::signal(SIGXCPU, SIG_IGN), compute(); }, {.cpu_s = 1.0});
   EXPECT_EQ(stubborn.how, How::killed);
   EXPECT_EQ(stubborn.status, SIGKILL);
+}
+
+/// Ctrl-C goes to both. It is no crash of the work: the child goes on until its parent has looked whether to end it.
+TEST(ChildProcess, LeavesInterruptsToItsParent) {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+    const ChildEnd end = run_in_child([&](const Say& say) { std::raise(signal), say("went on"); }, {});
+    EXPECT_EQ(end.how, How::ended) << signal;
+    EXPECT_EQ(end.said, "went on") << signal;
+  }
+  struct Stop {};
+  int looked = 0;
+  pid_t child = 0;
+  const std::string path = testing::TempDir() + "cardan_child_of_" + std::to_string(::getpid());
+  const Poll poll([&] {
+    std::FILE* file = std::fopen(path.c_str(), "r");
+    if (!file || std::fscanf(file, "%d", &child) != 1) child = 0;
+    if (file) std::fclose(file);
+    if (child > 0 && ++looked > 2) throw Stop();
+  });
+  const auto wait = [&](const Say&) {
+    std::FILE* file = std::fopen(path.c_str(), "w");
+    std::fprintf(file, "%d ", ::getpid());
+    std::fclose(file);
+    ::pause();
+  };
+  EXPECT_THROW(run_in_child(wait, {}), Stop);
+  EXPECT_EQ(::kill(child, 0), -1) << "the child is gone";
+  std::remove(path.c_str());
 }
 
 TEST(ChildProcess, TakesNoMoreMemoryThanItMay) {
