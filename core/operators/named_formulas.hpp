@@ -1,5 +1,6 @@
 #pragma once
-// Formulas of the letters that have a name of their own. The same by type: operators.hpp.
+// Formulas of the letters that have a name of their own, as values (Jain 2011: operational space, Jacobian, sensitivities). The same by
+// type, with the spaces of each: operators.hpp. The tree must have reached the stage of its letters (C0901).
 #include <memory>
 #include <string_view>
 
@@ -7,8 +8,8 @@
 
 namespace cardan::soa {
 
-Expression omega_formula(std::shared_ptr<const TreeOperators> tree);            ///< psi* H* D^-1 H psi
-Expression jacobian_formula(std::shared_ptr<const TreeOperators> tree);         ///< B* phi* H*
+Expression omega_formula(std::shared_ptr<const TreeOperators> tree);     ///< psi* H* D^-1 H psi: body forces to body accelerations
+Expression jacobian_formula(std::shared_ptr<const TreeOperators> tree);  ///< B* phi* H*: hinge rates to those of the nodes, node axes
 Expression mass_derivative_formula(std::shared_ptr<const TreeOperators> tree);  ///< of H phi M phi* H*, along the direction of along()
 
 struct NamedFormula {
