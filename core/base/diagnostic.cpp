@@ -80,6 +80,11 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
 std::string_view number_of(Code c) { return entry(c).number; }
 std::string_view title_of(Code c) { return entry(c).title; }
 
+std::optional<Code> find_code(std::string_view number) {
+  const auto found = std::ranges::find(kEntries, number, &Entry::number);
+  return found == kEntries.end() ? std::nullopt : std::optional(static_cast<Code>(found - kEntries.begin()));
+}
+
 std::string render(const Diagnostic& d) {
   const char* kind = number_of(d.code).starts_with('W') ? "warning" : "error";
   std::string out = fmt::format("{}[{}]: {}\n", kind, number_of(d.code), d.about.empty() ? std::string(title_of(d.code)) : shown(d.about));

@@ -2,6 +2,7 @@
 // What a user sees when the input is wrong or the numbers fail. One type, one renderer, whatever the source: YAML,
 // Lua, a plugin or the command line.
 #include <exception>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -25,6 +26,8 @@ enum class Code {
 
 std::string_view number_of(Code);  ///< "C0204"
 std::string_view title_of(Code);   ///< "unknown hinge type"
+/// The code with this number; empty if there is none.
+std::optional<Code> find_code(std::string_view number);
 
 /// One answer: where, which key, what was expected, what was got, what now. What does not apply is left out, from the end or by name:
 /// Diagnostic{Code::wrong_type, at, "a number", "a text"}, {.code = Code::cannot_write, .at = at, .got = why}.

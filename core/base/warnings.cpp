@@ -32,6 +32,21 @@ void Warnings::add(const Warnings& others) {
   left_out_ += others.left_out_;
 }
 
+void Warnings::remember(Archive& archive) {
+  std::size_t n = all_.size();
+  archive(n, left_out_);
+  if (n > kLimit) archive.wrong("more warnings than are kept");
+  all_.resize(n);
+  for (Warning& w : all_) {
+    std::string code(number_of(w.what.code));
+    archive(code, w.what.at.key_path, w.what.at.mark.file, w.what.at.mark.line, w.what.at.mark.column, w.what.about, w.what.hint, w.count,
+            w.t);
+    const auto known = find_code(code);
+    if (!known) archive.wrong("no such code: " + code);
+    w.what.code = *known;
+  }
+}
+
 std::string render(const Warning& w) {
   std::string text = render(w.what);
   if (w.count > 1)

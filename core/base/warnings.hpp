@@ -5,6 +5,7 @@
 #include <limits>
 #include <vector>
 
+#include "core/base/checkpoint.hpp"
 #include "core/base/diagnostic.hpp"
 
 namespace cardan {
@@ -25,6 +26,7 @@ class Warnings {
   void add(Code code, Located at, std::string about, std::string hint = {}, double t = std::numeric_limits<double>::quiet_NaN());
   void add(const Warnings& others);
   const std::vector<Warning>& all() const { return all_; }
+  void remember(Archive& archive);
   bool empty() const { return all_.empty(); }
   /// Kinds that found no room in all().
   long left_out() const { return left_out_; }

@@ -17,7 +17,7 @@ namespace cardan {
 namespace {
 
 constexpr std::size_t kRowsPerBlock = 256;  // rows buffered, and rows per block of the file unless fewer are expected
-constexpr std::size_t kNotesPerBlock = 64, kMostNotes = 10'000, kMostNoteBytes = 1000;
+constexpr std::size_t kNotesPerBlock = 64, kCheckpointsPerBlock = 16, kMostNotes = 10'000, kMostNoteBytes = 1000;
 constexpr std::size_t kMostPictureNumbers = 500'000;  // 4 MB
 
 using Pairs = RunHeader::Pairs;
@@ -86,10 +86,12 @@ class Hdf5Recorder final : public Recorder {
                                          {"sweeps", header.sweeps},
                                          {"sweep_flags", header.sweep_flags},
                                          {"seed", std::to_string(header.seed)},
+                                         {"format", std::to_string(kResultFormat)},
                                          {"check_against_reference", header.check_against_reference ? "true" : "false"},
                                          {"integrator", header.integrator},
                                          {"started", now_utc()}})
       file_.set_attribute("/run", key, text);
+    if (!header.resumed.empty()) file_.set_attribute("/run", "resumed", header.resumed);
     if (!header.until.empty()) file_.set_attribute("/run", "until", header.until);
     file_.write("/run/command", header.command, {header.command.size()});
     write_pairs("/run/settings", header.settings);
@@ -115,6 +117,10 @@ class Hdf5Recorder final : public Recorder {
       file_.set_attribute(path + "/text", "columns", kind.columns);
       file_.write(path + "/left_out", 0.0);
     }
+
+    file_.make_rows("/restart/checkpoints/t", 0, kCheckpointsPerBlock);
+    file_.set_attribute("/restart/checkpoints/t", "unit", std::string("s"));
+    file_.make_text_rows("/restart/checkpoints/text", 1, kCheckpointsPerBlock);
 
     // A run of few rows gets blocks that hold all of them: less to store, and no index of blocks.
     const bool few = header.most_rows > 0 && header.most_rows <= kRowsPerBlock;
@@ -178,10 +184,18 @@ class Hdf5Recorder final : public Recorder {
     });
   }
 
+  void checkpoint(double t, const std::string& text) override {
+    if (closed_) return;
+    checkpoint_times_.push_back(t);
+    checkpoints_.push_back(text);
+    if (is_flush_due() || checkpoints_.size() == kCheckpointsPerBlock) flush();
+  }
+
   void flush() override {
     guarded([this] {
       write_block();
       write_notes();
+      write_checkpoints();
       file_.flush();
     });
     last_flush_ = Clock::now();
@@ -192,6 +206,7 @@ class Hdf5Recorder final : public Recorder {
     guarded([&] {
       write_block();
       write_notes();
+      write_checkpoints();
       if (!verdict.empty()) file_.set_attribute("/run", "verdict", std::string(verdict));
       file_.set_attribute("/run", "finished", now_utc());
       file_.close();
@@ -255,6 +270,14 @@ class Hdf5Recorder final : public Recorder {
     }
   }
 
+  /// After the rows and notes up to them.
+  void write_checkpoints() {
+    if (checkpoints_.empty()) return;
+    file_.append_rows("/restart/checkpoints/t", checkpoint_times_);
+    file_.append_rows("/restart/checkpoints/text", checkpoints_);
+    checkpoint_times_.clear(), checkpoints_.clear();
+  }
+
   void write_pairs(const std::string& path, const Pairs& pairs) {
     std::vector<std::string> texts;
     for (const auto& [key, value] : pairs) texts.insert(texts.end(), {key, value});
@@ -299,11 +322,25 @@ class Hdf5Recorder final : public Recorder {
   std::vector<Column> columns_;
   std::size_t width_ = 0, blocks_ = 0;          // blocks: that were full
   std::vector<double> times_, values_, block_;  // rows not yet in the file
-  std::array<Notes, 4> notes_;                  // by Note
+  std::vector<double> checkpoint_times_;        // of those not yet in the file
+  std::vector<std::string> checkpoints_;
+  std::array<Notes, 4> notes_;  // by Note
   bool closed_ = false;
 };
 
 }  // namespace
+
+int result_format(const Hdf5File& results) {
+  if (!results.has("/run") || !results.has_attribute("/run", "format")) return 1;
+  const std::string text = results.text_attribute("/run", "format");
+  for (int known = 1; known <= kResultFormat; ++known)
+    if (text == std::to_string(known)) return known;
+  throw InputError(Diagnostic{Code::bad_result_file,
+                              {"/run@format", {results.file_name()}},
+                              fmt::format("results of a format up to {}", kResultFormat),
+                              fmt::format("format {}", text),
+                              "a newer cardan wrote them: use that one"});
+}
 
 std::unique_ptr<Recorder> make_hdf5_recorder(const std::string& path, double flush_period, std::function<void()> ready) {
   return std::make_unique<Hdf5Recorder>(path, flush_period, std::move(ready));

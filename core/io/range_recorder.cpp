@@ -25,7 +25,14 @@ void RangeRecorder::row(double t, std::span<const double> values) {
     r.least = std::isnan(values[i]) ? values[i] : std::min(r.least, values[i]);  // min(NaN, x) is NaN: it stays
     r.largest = std::isnan(values[i]) ? values[i] : std::max(r.largest, values[i]);
   }
+  ++counts_.rows;
   recorder_.row(t, values);
+}
+
+void RangeRecorder::note(Note kind, double t, const std::vector<std::string>& texts) {
+  if (deaf_) return;
+  ++counts_.notes[static_cast<std::size_t>(kind)];
+  recorder_.note(kind, t, texts);
 }
 
 }  // namespace cardan

@@ -1,5 +1,8 @@
 #pragma once
-// Least and largest value of what is recorded.
+// Least and largest value of what is recorded, and how much of it there is.
+#include <array>
+
+#include "core/base/checkpoint.hpp"
 #include "core/io/recorder.hpp"
 
 namespace cardan {
@@ -10,22 +13,37 @@ struct Range {
   double least, largest;
 };
 
+/// The block of a checkpoint that holds RangeRecorder::Counts.
+inline constexpr const char* kRecorderCounts = "recorder";
+
 /// A recorder that hands everything on to `recorder` and keeps the range of each number.
 class RangeRecorder final : public Recorder {
  public:
   explicit RangeRecorder(Recorder& recorder) : recorder_(recorder) {}
   void begin(const RunHeader& header, const std::vector<Channel>& channels) override;
   void row(double t, std::span<const double> values) override;
-  void note(Note kind, double t, const std::vector<std::string>& texts) override { recorder_.note(kind, t, texts); }
+  void note(Note kind, double t, const std::vector<std::string>& texts) override;
+  void checkpoint(double t, const std::string& text) override { recorder_.checkpoint(t, text); }
   void attach(const std::string& name, const std::string& text) override { recorder_.attach(name, text); }
   void restart_state(double t, std::span<const double> x) override { recorder_.restart_state(t, x); }
   void flush() override { recorder_.flush(); }
   void close(std::string_view verdict) override { recorder_.close(verdict); }
   const std::vector<Range>& ranges() const { return ranges_; }
+  /// Rows and notes of each kind so far.
+  struct Counts {
+    std::size_t rows = 0;
+    std::array<std::size_t, 4> notes{};  // by Note
+    void remember(Archive& archive) { archive(rows, std::span(notes)); }
+  };
+  const Counts& counts() const { return counts_; }
+  /// While true, notes go nowhere: they are known already.
+  void set_deaf(bool deaf) { deaf_ = deaf; }
 
  private:
   Recorder& recorder_;
   std::vector<Range> ranges_;
+  Counts counts_;
+  bool deaf_ = false;
 };
 
 }  // namespace cardan

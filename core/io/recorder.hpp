@@ -22,6 +22,12 @@ struct Channel {
   std::string meaning;                  // one line
 };
 
+/// Of the layout of run.h5, as /run@format says: a program reads its own and all below. docs/results.md, "Versions".
+inline constexpr int kResultFormat = 2;
+class Hdf5File;
+/// The format of results; 1 of those that do not say. Throws InputError C0702 where this program does not know it.
+int result_format(const Hdf5File& results);
+
 /// A file of the input: its name as the scenario gives it, the SHA-256 of its bytes and, where it is a text, the text.
 struct InputFile {
   std::string name, sha256, text;
@@ -55,6 +61,7 @@ struct RunHeader {
   std::string sweep_program;  // the program of sweeps that was executed
   std::string integrator;
   std::size_t most_rows = 0;  // no more rows will come; 0: not known
+  std::string resumed;        // times [s] at which the run was resumed: "40, 120"; empty: never
   std::vector<ModePicture> mode_pictures;
 };
 
@@ -85,6 +92,9 @@ class Recorder {
   /// The state to resume from, and texts that are known at the end ("summary" -> JSON).
   virtual void attach(const std::string& name, const std::string& text) = 0;
   virtual void restart_state(double t, std::span<const double> x) = 0;
+  /// All that a run goes on from at t, as one text (checkpoint_text.hpp); kept beside the rows so far. Dropped where there is no place for
+  /// it.
+  virtual void checkpoint(double t, const std::string& text) { static_cast<void>(t), static_cast<void>(text); }
   virtual void flush() = 0;
   /// `verdict`: how the run ended, in a word.
   virtual void close(std::string_view verdict = {}) = 0;

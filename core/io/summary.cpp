@@ -48,6 +48,7 @@ std::string to_json(const Summary& s) {
       {"figures", figures},
       {"warnings", warnings},
       {"warnings_left_out", s.warnings.left_out()},
+      {"kept_outside_persist", s.kept_elsewhere},
       {"model",
        {{"bodies", s.model.bodies}, {"hinges", s.model.hinges}, {"n_q", s.model.n_q}, {"n_v", s.model.n_v}, {"n_modes", s.model.n_modes}}},
       {"versions", s.versions}};

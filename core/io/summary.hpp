@@ -57,6 +57,7 @@ struct Summary {
   long jacobian_products = 0, preconditioner_setups = 0, linear_iterations = 0;  // of the linear solver "krylov", else 0
   std::vector<Figure> figures;
   Warnings warnings;
+  std::vector<std::string> kept_elsewhere;  // variables of the script that change outside of persist{}: the run cannot be resumed
   ModelSize model;
   std::map<std::string, std::string> versions;  // program, compiler, libraries
 };

@@ -28,6 +28,9 @@ class FlexibleLimits {
   /// Before the run: the rate of each body at the initial state and what its profiles add to it. Empty where that state is singular.
   Warnings expected(Simulation& sim, double t_end);
   void see(Simulation& sim);
+  void remember(Archive& archive) {
+    for (Body& b : bodies_) archive(b.rate, b.t_rate, b.deflection, b.t_deflection, b.point);
+  }
   /// After the run: what was seen beyond what expected() has told.
   Warnings seen() const;
 

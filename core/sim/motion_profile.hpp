@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/checkpoint.hpp"
 #include "core/base/diagnostic.hpp"
 
 namespace cardan {
@@ -28,6 +29,8 @@ class MotionProfile {
   double travel(double from, double to) const { return integral(to) - integral(from); }
   /// First corner after t; infinity if there is none.
   double next_corner(double t) const;
+
+  void remember(Archive& archive) { archive(points_, travelled_, amplitude_, frequency_, phase_); }
 
  private:
   double integral(double t) const;  // from the first point; of a sine, from where it is zero

@@ -79,6 +79,17 @@ void Schedule::start(double t) {
   look_ahead();
 }
 
+void Schedule::remember(Archive& archive) {
+  std::size_t n = entries_.size();
+  archive(n);
+  if (n != entries_.size()) archive.wrong("another number of clocked tasks");
+  for (Entry& e : entries_) {
+    archive(e.k);
+    if (e.k < 0) archive.wrong("a tick before the first");
+  }
+  look_ahead();
+}
+
 void Schedule::look_ahead() {
   if (!entries_.empty()) time_ = earliest().instant().seconds();
 }

@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "core/base/checkpoint.hpp"
 #include "core/base/diagnostic.hpp"
 
 namespace cardan {
@@ -36,6 +37,8 @@ class Schedule {
   int add(Rational period, Rational offset = {});
   /// The next tick of each entry becomes its first at or after t [s] (the start of a run that does not begin at zero).
   void start(double t);
+  /// Which tick of each entry is the next.
+  void remember(Archive& archive);
   /// Time of the next instant [s]; infinity if there are no entries.
   double time() const { return time_; }
   /// Passes that instant: the entries that tick there, in the order of add(). Valid until the next call; allocates

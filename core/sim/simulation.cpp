@@ -13,10 +13,6 @@
 #include "core/sim/newton_operators.hpp"
 
 namespace cardan {
-namespace {
-constexpr double kLedgerSafety = 10.0;  // of a limit: estimates of errors are estimates, and a norm of many states hides one
-}  // namespace
-
 Simulation::Simulation(std::shared_ptr<const Model> model, const SimulationOptions& options)
     : model_(std::move(model)), options_(options), state_(model_->initial_state()), workspace_(*model_) {
   const Model& m = *model_;
@@ -308,7 +304,7 @@ OdeProblem Simulation::ode() {
   start_given_motion();
   OdeProblem ode;
   ode.n = m.nq + m.nv;
-  ode.n_quadrature = options_.ledger ? 7 : 0;
+  ode.n_quadrature = options_.ledger ? Balances::kIntegrals : 0;
   ode.rhs = [this](double t, const double* x, double* xdot) { return rhs(t, x, xdot); };
   ode.integrands = [this](double t, const double* x, double* ydot) { integrands(t, x, ydot); };
   if (normalised_ || !prescribed_.empty())
@@ -317,6 +313,11 @@ OdeProblem Simulation::ode() {
       give_motion(t, x, x + model_->nq);
     };
   ode.absolute_tolerance = absolute_tolerances();
+  ode.group.assign(static_cast<std::size_t>(ode.n), 0);
+  for (const SweepBody& b : m.bodies) {
+    std::fill_n(ode.group.begin() + b.eta, b.n_modes, 1);
+    std::fill_n(ode.group.begin() + m.nq + b.etadot, b.n_modes, 1);
+  }
   ode.n_roots = static_cast<int>(events_.size());
   if (ode.n_roots > 0)
     ode.roots = [this](double t, const double* x, double* g) {
@@ -377,83 +378,39 @@ const Eigen::VectorXd& Simulation::vdot() {
 }
 
 void Simulation::begin_ledger() {
-  // At a rate of the absolute tolerances: what counts as no motion at all.
   const std::vector<double> absolute = absolute_tolerances();
   const Inputs creeping = inputs(state_.q.data(), absolute.data() + model_->nq);
   if (options_.ledger && forward_dynamics(*model_, workspace_, creeping, vdot_.data())) {
     observer_->update(creeping, nullptr);
-    const Momentum p = observer_->momentum();
-    least_linear_ = p.linear_magnitude;
-    least_angular_ = p.angular_magnitude;
-    least_energy_ = observer_->energy().kinetic;
-    for (const Spring& s : model_->springs) least_energy_ += 0.5 * s.stiffness * std::pow(absolute[static_cast<std::size_t>(s.q)], 2);
+    double energy = observer_->energy().kinetic;
+    for (const Spring& s : model_->springs) energy += 0.5 * s.stiffness * std::pow(absolute[static_cast<std::size_t>(s.q)], 2);
     for (const SweepBody& b : model_->bodies)
       for (int j = 0; j < b.n_modes; ++j) {
         const FlexibleBody& f = model_->flexible[static_cast<std::size_t>(b.flexible)];
         const auto at = static_cast<std::size_t>(f.K_diagonal ? j : j * b.n_modes + j);
-        least_energy_ += 0.5 * f.K[at] * std::pow(absolute[static_cast<std::size_t>(b.eta + j)], 2);
+        energy += 0.5 * f.K[at] * std::pow(absolute[static_cast<std::size_t>(b.eta + j)], 2);
       }
+    const Momentum p = observer_->momentum();
+    balances_.set_least(p.linear_magnitude, p.angular_magnitude, energy);
   }
   observed_ = false;
   const Observer& o = observe();
-  momentum_0_ = o.momentum();
-  energy_0_ = o.energy();
-  scale_linear_ = momentum_0_.linear_magnitude;
-  scale_angular_ = momentum_0_.angular_magnitude;
-  scale_energy_ = energy_0_.magnitude;
+  balances_.begin(o.momentum(), o.energy());
 }
 
-// Of a balance the exact motion keeps whatever the steps did to it before: its residual is the sum of what each step and the
-// round-off of each put in. docs/mathematics/integration.md, "What a ledger may show".
 LedgerState Simulation::ledger() {
   if (!options_.ledger || !begun_) return {};
   if (ledger_known_) return ledger_;
-  LedgerState& s = ledger_ = {};
   ledger_known_ = true;
   const Observer& o = observe();
-  const Momentum p = o.momentum();
-  const Energy e = o.energy();
-  Eigen::Matrix<double, 7, 1> y = Eigen::Matrix<double, 7, 1>::Zero();
+  Balances::Integrals y = Balances::Integrals::Zero();
   if (integrator_) integrator_->integrals(state_.t, y.data());
-  s.linear = p.linear - momentum_0_.linear - y.head<3>();
-  s.angular = p.angular - momentum_0_.angular - y.segment<3>(3);
-  s.energy = e.total() - energy_0_.total() - y[6];
-  scale_linear_ = std::max(scale_linear_, p.linear_magnitude);
-  scale_angular_ = std::max(scale_angular_, p.angular_magnitude);
-  scale_energy_ = std::max(scale_energy_, e.magnitude);
-
-  const IntegratorStatistics counts = statistics();
-  const double relative = options_.integrator.relative_tolerance;
-  const double round_off = 4.0 * std::numeric_limits<double>::epsilon() * (100.0 + static_cast<double>(counts.steps));
-  const auto judge = [&](const char* name, double residual, double scale, double least, double allowed, double& over, double& limit,
-                         double& worst, double& worst_limit) {
-    const bool moves = !(scale <= least);
-    over = moves || !std::isfinite(residual) ? residual / scale : 0.0;
-    if (!std::isfinite(over)) over = std::numeric_limits<double>::max();  // the largest of all: summaries hold numbers
-    limit = moves ? kLedgerSafety * counts.error_sum * allowed / scale + round_off : 0.0;
-    if (!(over <= limit)) {
-      s.pass = false;
-      warn(Code::ledger_residual, {fmt::format("ledger of {}", name), {}},
-           over < std::numeric_limits<double>::max()
-               ? fmt::format("a residual of {:.1e} of the largest sum of magnitudes; the errors of {} steps of {} explain {:.1e}", over,
-                             counts.steps, integrator_name(), limit)
-               : std::string("the residual is not a finite number"),
-           "a hinge or body of a plugin whose laws do not fit together, a state that was changed in the run, or a step too large "
-           "(docs/mathematics/integration.md)");
-    }
-    worst = std::max(worst, over);
-    worst_limit = std::max(limit, worst_limit);
-  };
-  LedgerState& w = worst_ledger_;
-  judge("linear momentum", s.linear.norm(), scale_linear_, least_linear_, relative * scale_linear_ + least_linear_, s.linear_relative,
-        s.linear_limit, w.linear_relative, w.linear_limit);
-  judge("angular momentum", s.angular.norm(), scale_angular_, least_angular_, relative * scale_angular_ + least_angular_,
-        s.angular_relative, s.angular_limit, w.angular_relative, w.angular_limit);
-  judge("energy", std::abs(s.energy), scale_energy_, least_energy_,
-        2.0 * relative * scale_energy_ + 2.0 * std::sqrt(scale_energy_ * least_energy_) + least_energy_, s.energy_relative, s.energy_limit,
-        w.energy_relative, w.energy_limit);
-  w.pass = w.pass && s.pass;
-  return s;
+  ledger_ = balances_.look(o.momentum(), o.energy(), y, statistics(), options_.integrator.relative_tolerance);
+  for (const auto& [name, sentence] : balances_.beyond(integrator_name()))
+    warn(Code::ledger_residual, {fmt::format("ledger of {}", name), {}}, sentence,
+         "a hinge or body of a plugin whose laws do not fit together, a state that was changed in the run, or a step too large "
+         "(docs/mathematics/integration.md)");
+  return ledger_;
 }
 
 void Simulation::write_outputs() {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "core/base/warnings.hpp"
-#include "core/dynamics/observe.hpp"
 #include "core/io/recorder.hpp"
+#include "core/sim/balances.hpp"
 #include "core/sim/motion_profile.hpp"
 #include "core/sim/schedule.hpp"
 #include "core/time/integrator.hpp"
@@ -29,17 +29,6 @@ struct Event {
   std::function<double(double t, const double* q, const double* v)> function;
   int direction = 0;             // +1 rising, -1 falling, 0 both
   std::function<void()> action;  // may change commands and state, and stop the run
-};
-
-/// Residuals of the balances so far: quantity now - at the start - what came from outside. Each over the largest sum of
-/// magnitudes over bodies so far.
-struct LedgerState {
-  Eigen::Vector3d linear = Eigen::Vector3d::Zero(), angular = Eigen::Vector3d::Zero();  // [N s], [N m s] residual
-  double energy = 0.0;                                                                  // [J] residual
-  double linear_relative = 0.0, angular_relative = 0.0, energy_relative = 0.0;          // [-]
-  /// [-] What the errors of the steps so far explain of each, over the same sums of magnitudes.
-  double linear_limit = 0.0, angular_limit = 0.0, energy_limit = 0.0;
-  bool pass = true;  // none is above its limit, all are numbers
 };
 
 /// Quantities written at each output time.
@@ -97,13 +86,21 @@ class Simulation {
   /// last accepted state are written.
   void run(double t_end, const std::function<void(double t)>& progress = {});
 
+  // Checkpoints ------------------------------------------------------------------------------------------------------
+  /// Between steps: all that the run goes on from. The integrator starts anew, whether or not anybody keeps the checkpoint: a run that
+  /// makes checkpoints at certain instants has the same bits after each of them as one that is resumed there.
+  Checkpoint checkpoint();
+  /// Before run(): goes on from a checkpoint of a simulation with the same model, options, tasks, events and wrenches. CheckpointFault
+  /// where it does not fit.
+  void resume(const Checkpoint& checkpoint);
+
   // What there is to see, between steps -------------------------------------------------------------------------------
   /// v' and all derived quantities at the present state; cheap when nothing changed since the last call.
   const Observer& observe();
   const Eigen::VectorXd& vdot();
   LedgerState ledger();
   /// Largest relative residuals seen at outputs and at the end.
-  const LedgerState& worst_ledger() const { return worst_ledger_; }
+  const LedgerState& worst_ledger() const { return balances_.worst(); }
   /// What did not stop the run: of the run itself, and what its owner adds.
   Warnings& warnings() { return warnings_; }
   const Warnings& warnings() const { return warnings_; }
@@ -130,6 +127,8 @@ class Simulation {
   bool evaluate(double t, double since, const double* q, const double* v, double* vdot);
   Inputs inputs(const double* q, const double* v) const { return {q, v, tau_total_.data(), vdot_given_.data(), wrenches_}; }
   void make_integrator_once();
+  void remember(Archive& archive);
+  void start_anew(Archive& archive);
   void step(double t_stop);
   void tick();
   void handle_events(std::span<const int> crossed);
@@ -180,16 +179,13 @@ class Simulation {
   soa::Breakdown breakdown_;
   int bad_rate_ = -1;      // index into v' of a value that is not finite, in the last step
   double vdot_bad_ = 0.0;  // that value
-  Momentum momentum_0_;
-  Energy energy_0_;
-  double scale_linear_ = 0.0, scale_angular_ = 0.0, scale_energy_ = 0.0;
-  double least_linear_ = 0.0, least_angular_ = 0.0, least_energy_ = 0.0;  // where every state moves by its absolute tolerance
-  long steps_ = 0, looked_at_ = 0;                                        // taken; when time was last seen to advance
+  Balances balances_;
+  LedgerState ledger_;  // at the present state, if known
+  bool ledger_known_ = false, warned_stiff_ = false;
+  long steps_ = 0, looked_at_ = 0;  // taken; when time was last seen to advance
   double t_looked_at_ = 0.0, t_end_ = 0.0;
   std::vector<double> event_times_;  // ring of the last ones
   std::size_t events_seen_ = 0;
-  LedgerState ledger_, worst_ledger_;  // at the present state, if known
-  bool ledger_known_ = false, warned_stiff_ = false;
   Warnings warnings_;
   std::function<void(const Warning&)> told_;
 };

@@ -76,7 +76,12 @@ class Cvode final : public Integrator {
     check(CVodeSetUserData(m, this), "CVodeSetUserData");
     std::vector<double> absolute = problem_.absolute_tolerance;
     absolute.resize(x_.size(), 1.0);
-    check(CVodeSVtolerances(m, options.relative_tolerance, wrap(absolute).get()), "CVodeSVtolerances");  // copied
+    group_weights_ = group_weights(problem_.group);
+    relative_ = options.relative_tolerance;
+    if (group_weights_.empty())
+      check(CVodeSVtolerances(m, relative_, wrap(absolute).get()), "CVodeSVtolerances");  // copied
+    else
+      check(CVodeWFtolerances(m, &Cvode::error_weights), "CVodeWFtolerances");
     check(CVodeSetMaxStep(m, options.max_step), "CVodeSetMaxStep");
     check(CVodeSetInitStep(m, options.initial_step), "CVodeSetInitStep");
     // Orders 3 to 5 are unstable for modes with little damping.
@@ -126,6 +131,14 @@ class Cvode final : public Integrator {
   void interpolate(double t, double* x) override { std::copy_n(state_at(t), problem_.n, x); }
 
   void integrals(double t, double* y) override { quadrature_.at(t, y); }
+
+  void remember(Archive& archive) override {
+    std::vector<double> y(rates_);
+    quadrature_.at(t_, y.data());
+    archive(std::span(y), error_sum_, linear_before_.products, linear_before_.iterations, unconverged_, unconverged_before_,
+            integrand_calls_, steps_, rhs_calls_, restarts_, rejected_before_, setups_, events_);
+    if (archive.reading()) quadrature_.begin_stretch_at(y.data());
+  }
 
   IntegratorStatistics statistics() const override {
     IntegratorStatistics s;
@@ -182,6 +195,15 @@ class Cvode final : public Integrator {
       thrown_ = std::current_exception();
       return fatal;
     }
+  }
+
+  static int error_weights(N_Vector x_vector, N_Vector weights, void* self) {
+    const auto* me = static_cast<Cvode*>(self);
+    const double* x = N_VGetArrayPointer(x_vector);
+    double* w = N_VGetArrayPointer(weights);
+    for (std::size_t i = 0; i < me->group_weights_.size(); ++i)
+      w[i] = me->group_weights_[i] / (me->relative_ * std::abs(x[i]) + me->problem_.absolute_tolerance[i]);
+    return 0;
   }
 
   static int f(double t, N_Vector x, N_Vector xdot, void* self) {
@@ -384,7 +406,9 @@ class Cvode final : public Integrator {
   int n_;
   std::vector<double> x_, x_out_;
   NodeQuadrature quadrature_;
-  std::vector<double> rates_;             // of the integrals
+  std::vector<double> rates_;          // of the integrals
+  std::vector<double> group_weights_;  // empty: one group
+  double relative_ = 0.0;
   std::vector<double> weights_, errors_;  // of the last step, as CVODES has them
   Vector x_vector_, x_out_vector_, weights_vector_, errors_vector_;
   Owned<SUNMatrix, SUNMatDestroy> matrix_;

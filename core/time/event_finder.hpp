@@ -33,6 +33,9 @@ class EventFinder {
     evaluate(t, x, g_begin_);
   }
 
+  /// What a restart at the same time keeps.
+  void remember(Archive& archive) { archive(std::span(quiet_), quiet_until_, evaluations_); }
+
   /// Looks at (end of the last search, t_end]. `state_at(t)` gives the state at t in that interval, or at its end.
   /// true: t_end becomes the time of the event, crossed() the directions.
   template <class StateAt>

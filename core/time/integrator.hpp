@@ -8,6 +8,8 @@
 #include <string_view>
 #include <vector>
 
+#include "core/base/checkpoint.hpp"
+
 namespace cardan {
 
 /// x' = f(t, x) with what an integrator may need besides. All functions are set once before the run; none may allocate,
@@ -24,6 +26,9 @@ struct OdeProblem {
   /// Brings an accepted state of time t back on its manifold (unit quaternions, given motions); may be empty.
   std::function<void(double t, double* x)> project;
   std::vector<double> absolute_tolerance;  // per state [unit of the state], > 0
+  /// Groups of states (coordinates and rates of hinges, of modes): the error norm is the root mean square over the groups of the root mean
+  /// square in each, so that many smooth states of one kind do not dilute the errors of another. A number per state; empty: one group.
+  std::vector<int> group;
   /// Event functions: `roots(t, x, g)` fills n_roots values; a sign change is located. May be empty.
   int n_roots = 0;
   std::function<void(double t, const double* x, double* g)> roots;
@@ -55,6 +60,11 @@ struct IntegratorStatistics {
   long jacobian_products = 0, preconditioner_setups = 0, linear_iterations = 0;  // krylov
   double last_step = 0.0;                                                        // [s]
   int last_order = 0;
+
+  void remember(Archive& archive) {
+    archive(steps, rhs_calls, rejected, root_evaluations, restarts, integrand_calls, error_sum, jacobian_products, preconditioner_setups,
+            linear_iterations, last_step, last_order);
+  }
 };
 
 /// Where a step ended, and which event functions crossed zero there: +1 rising, -1 falling, 0 not.
@@ -64,6 +74,9 @@ struct StepReport {
   std::span<const int> crossed;  // size n_roots when event; valid until the next step
   bool stiff = false;            // explicit methods: of late stability and not accuracy has set the steps
 };
+
+/// Factors of the states in a root mean square over all of them that make it the one over groups; empty for one group.
+std::vector<double> group_weights(const std::vector<int>& group);
 
 /// Virtual is right here: one call per step, thousands of flops behind it.
 /// step() throws NumericsError N0201 (step too small), N0202 (rhs or method failed), N0108 (event function not finite).
@@ -81,6 +94,9 @@ class Integrator {
   virtual void interpolate(double t, double* x) = 0;
   /// The integrals from the first start to t inside the last step; n_quadrature numbers.
   virtual void integrals(double t, double* y) = 0;
+  /// What a restart keeps of all that was before it: the next step, counts, integrals. Right after restart(), on both sides: there it is
+  /// written, or taken over by a new integrator of the same method and problem, which goes on with the same bits.
+  virtual void remember(Archive& archive) = 0;
   virtual IntegratorStatistics statistics() const = 0;
   virtual std::string_view name() const = 0;  // recorded in the result
 };

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <map>
 #include <stdexcept>
 
 namespace cardan {
@@ -64,6 +66,16 @@ void check_linear_solver(const Method& m, const std::string& name) {
 }
 
 }  // namespace
+
+std::vector<double> group_weights(const std::vector<int>& group) {
+  std::map<int, double> sizes;
+  for (const int g : group) sizes[g] += 1.0;
+  if (sizes.size() < 2) return {};
+  std::vector<double> weights;
+  for (const int g : group)
+    weights.push_back(std::sqrt(static_cast<double>(group.size()) / (static_cast<double>(sizes.size()) * sizes[g])));
+  return weights;
+}
 
 std::unique_ptr<Integrator> make_integrator(OdeProblem problem, const IntegratorOptions& options) {
   const Method& method = find_method(options.method);

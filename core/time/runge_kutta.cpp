@@ -85,7 +85,10 @@ class RungeKutta final : public Integrator {
         work_(n_all_),
         zero_(Eigen::ArrayXd::Zero(n_all_)),
         k_(Eigen::ArrayXXd::Zero(n_all_, Method::rows)),
-        absolute_(Eigen::Map<const Eigen::ArrayXd>(problem_.absolute_tolerance.data(), n_)) {}
+        absolute_(Eigen::Map<const Eigen::ArrayXd>(problem_.absolute_tolerance.data(), n_)) {
+    const std::vector<double> weights = group_weights(problem_.group);
+    weight_ = Eigen::Map<const Eigen::ArrayXd>(weights.data(), static_cast<Eigen::Index>(weights.size()));
+  }
 
   void restart(double t, const double* x) override {
     if (!started_ || t != t1_) h_ = options_.initial_step;  // else the last step size is a good first guess
@@ -133,6 +136,11 @@ class RungeKutta final : public Integrator {
     if (!staged_) return nodes_.at(t, y);
     dense_output(t);
     std::copy_n(work_.data() + n_, problem_.n_quadrature, y);
+  }
+
+  void remember(Archive& archive) override {
+    archive(h_, at_the_limit_, inside_, statistics_, std::span(z1_.data() + n_, static_cast<std::size_t>(n_all_ - n_)), events_);
+    if (archive.reading()) nodes_.begin_stretch_at(z1_.data() + n_);
   }
 
   IntegratorStatistics statistics() const override {
@@ -278,9 +286,10 @@ class RungeKutta final : public Integrator {
     }
   }
 
-  /// Root mean square over the states of value / (absolute + relative * size).
+  /// Root mean square over the states, or over their groups, of value / (absolute + relative * size).
   double norm(const auto& value) const {
-    return std::sqrt((value / (absolute_ + options_.relative_tolerance * z0_.head(n_).abs().max(z1_.head(n_).abs()))).square().mean());
+    const auto error = value / (absolute_ + options_.relative_tolerance * z0_.head(n_).abs().max(z1_.head(n_).abs()));
+    return std::sqrt(weight_.size() == 0 ? error.square().mean() : (weight_ * error).square().mean());
   }
 
   double error_norm(double h) {
@@ -348,7 +357,7 @@ class RungeKutta final : public Integrator {
   int at_the_limit_ = 0, inside_ = 0;     // steps: of stability; since then not
   Eigen::ArrayXd z0_, z1_, work_, zero_;  // states and integrals: step begin, step end, trial; zeros
   Eigen::ArrayXXd k_;                     // slopes, one column per stage
-  Eigen::ArrayXd absolute_;
+  Eigen::ArrayXd absolute_, weight_;      // weight_: of groups, or empty
   IntegratorStatistics statistics_;
 };
 

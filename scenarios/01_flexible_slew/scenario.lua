@@ -56,7 +56,8 @@ local log = signals {
   ["wheels/torque"] = { unit = "N m", components = { "1", "2", "3", "4" }, meaning = "motor torque on the wheels" },
 }
 
-local error_now, settled_worst, settled_from = 0, 0, p.slew_time + p.settle_time - 30
+local seen = persist { error = 0, settled_worst = 0 }   -- [deg] of the attitude, for figures and checks
+local settled_from = p.slew_time + p.settle_time - 30
 
 controller {
   name = "attitude",
@@ -79,9 +80,9 @@ controller {
       local command = math.max(-p.torque_limit, math.min(p.torque_limit, share))
       wheels[i]:torque(command)
     end
-    error_now = math.deg(vec.norm(e))
-    if t >= settled_from then settled_worst = math.max(settled_worst, error_now) end
-    log["pointing/error"](error_now)
+    seen.error = math.deg(vec.norm(e))
+    if t >= settled_from then seen.settled_worst = math.max(seen.settled_worst, seen.error) end
+    log["pointing/error"](seen.error)
     log["pointing/rate_error"](math.deg(w[1]), math.deg(w[2]), math.deg(w[3]))
     local rpm = 30 / math.pi
     log["wheels/speed"](wheels[1]:rate() * rpm, wheels[2]:rate() * rpm, wheels[3]:rate() * rpm, wheels[4]:rate() * rpm)
@@ -99,11 +100,11 @@ event {
   action = function(t) print(string.format("left wing half way at t = %.6f s", t)) end,
 }
 
-figure { name = "pointing error, final", unit = "deg", value = function() return error_now end }
-figure { name = "pointing error, worst of the last 30 s", unit = "deg", value = function() return settled_worst end }
+figure { name = "pointing error, final", unit = "deg", value = function() return seen.error end }
+figure { name = "pointing error, worst of the last 30 s", unit = "deg", value = function() return seen.settled_worst end }
 
-check { name = "pointing error, final", unit = "deg", value = function() return error_now end, below = 0.005 }
-check { name = "pointing error, worst of the last 30 s", unit = "deg", value = function() return settled_worst end, below = 0.01 }
+check { name = "pointing error, final", unit = "deg", value = function() return seen.error end, below = 0.005 }
+check { name = "pointing error, worst of the last 30 s", unit = "deg", value = function() return seen.settled_worst end, below = 0.01 }
 check {
   name = "largest wheel speed", unit = "rpm", below = 6000,
   value = function()

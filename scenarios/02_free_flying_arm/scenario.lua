@@ -31,13 +31,14 @@ local tool, base = sat:node "hand.tool", sat:body "servicer"
 
 local function position() return { tool:position() } end
 local function attitude() return { tool:attitude() } end          -- tool axes to world axes
-local start, aim
+-- What the controller remembers from tick to tick: start and aim of the tool, errors [m], [deg], the torques [N m] that move the tool.
+local m = persist { error = 0, angle = 0, worst = 0, task = vector { 0, 0, 0, 0, 0, 0, 0 } }
 
 -- Rest-to-rest profile: position, velocity, acceleration at t.
 local function reference(t)
   local T = p.move_time
   local s = math.min(t / T, 1.0)
-  return vec.add(start, vec.scale(s ^ 3 * (10 - 15 * s + 6 * s * s), p.move)),
+  return vec.add(m.start, vec.scale(s ^ 3 * (10 - 15 * s + 6 * s * s), p.move)),
          vec.scale(30 / T * s * s * (1 - s) ^ 2, p.move), vec.scale(60 / T ^ 2 * s * (1 - s) * (1 - 2 * s), p.move)
 end
 
@@ -48,21 +49,19 @@ local log = signals {
   ["arm/manipulability"] = { unit = "1", meaning = "smallest over largest singular value of A, in units of the tool" },
 }
 
-local error_now, angle_now, worst = 0, 0, 0
-local task = vector { 0, 0, 0, 0, 0, 0, 0 }         -- [N m] what moves the tool
 
 controller {
   name = "tool",
   rate = "50 Hz",
   step = function(t)
-    if not start then start, aim = position(), attitude() end
+    if not m.start then m.start, m.aim = position(), attitude() end
     -- what the tool should do, as [angular; linear] in tool axes
     local x, v, a = reference(t)
     local to_tool = quat.conjugate(attitude())
     local function in_tool(world) return quat.rotate(to_tool, world) end
     local k, d = p.bandwidth ^ 2, 2 * p.bandwidth
     local e, rate = vec.sub(position(), x), vec.sub({ tool:velocity() }, v)
-    local turn, spin = quat.error(aim, attitude()), { tool:rate() }
+    local turn, spin = quat.error(m.aim, attitude()), { tool:rate() }
     local wanted = vec.sub(a, vec.add(vec.scale(k, e), vec.scale(d, rate)))
     local linear = in_tool(vec.sub(wanted, { tool:acceleration() }))
     local present = { tool:angular_acceleration() }
@@ -84,15 +83,15 @@ controller {
     for i, hinge in ipairs(hinges) do tau_0[i] = -p.posture_damping * hinge:rate() end
     tau_0 = vector(tau_0)
     local null = tau_0 - At * gram:solve(A * tau_0)
-    task = task + step
-    local torque = task + null
+    m.task = m.task + step
+    local torque = m.task + null
     for i, hinge in ipairs(hinges) do hinge:torque(torque[i]) end
 
-    error_now, angle_now = vec.norm(e), math.deg(vec.norm(turn))
-    worst = math.max(worst, error_now)
+    m.error, m.angle = vec.norm(e), math.deg(vec.norm(turn))
+    m.worst = math.max(m.worst, m.error)
     local values = gram:eigenvalues()
     log["tool/position_error"](e[1], e[2], e[3])
-    log["tool/attitude_error"](angle_now)
+    log["tool/attitude_error"](m.angle)
     log["arm/torque"](table.unpack(torque:table()))
     log["arm/manipulability"](math.sqrt(values[1] / values[6]))
   end,
@@ -100,8 +99,8 @@ controller {
 
 figure { name = "turn of the servicer", unit = "deg",
          value = function() return math.deg(vec.norm(quat.to_rotation_vector { base:attitude() })) end }
-figure { name = "largest position error on the way", unit = "mm", value = function() return 1000 * worst end }
+figure { name = "largest position error on the way", unit = "mm", value = function() return 1000 * m.worst end }
 
-check { name = "largest position error on the way", unit = "mm", value = function() return 1000 * worst end, below = 0.1 }
-check { name = "position error, final", unit = "mm", value = function() return 1000 * error_now end, below = 0.001 }
-check { name = "attitude error of the tool, final", unit = "deg", value = function() return angle_now end, below = 0.001 }
+check { name = "largest position error on the way", unit = "mm", value = function() return 1000 * m.worst end, below = 0.1 }
+check { name = "position error, final", unit = "mm", value = function() return 1000 * m.error end, below = 0.001 }
+check { name = "attitude error of the tool, final", unit = "deg", value = function() return m.angle end, below = 0.001 }

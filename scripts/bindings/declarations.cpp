@@ -169,6 +169,16 @@ bool is_channel_path(const std::string& path) {
                      [](char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '-' || c == '/'; });
 }
 
+/// persist{...}: the table itself, which is in every checkpoint.
+int persist(lua_State* L, Scenario& s) {
+  expect_setup(L, s, "persist", false);
+  if (!lua_istable(L, 1) || lua_gettop(L) != 1)
+    refuse(L, Code::lua_argument, "persist", "one table", lua_gettop(L) == 0 ? "nothing" : describe_value(L, 1),
+           "local memory = persist { integral = 0.0 }, and then memory.integral");
+  s.persistent.declare(L, 1);
+  return 1;
+}
+
 int signals(lua_State* L, Scenario& s) {
   expect_setup(L, s, "signals", false);
   DiagnosticSink sink;
@@ -230,6 +240,7 @@ void bind_declarations(Scenario& s) {
   bind("check", check);
   bind("figure", figure);
   bind("signals", signals);
+  bind("persist", persist);
   bind("stop", stop);
 }
 

@@ -2,7 +2,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
+#include <numeric>
 
 #include "core/base/units.hpp"
 #include "scripts/bindings/bind.hpp"
@@ -129,6 +131,33 @@ void read_output(LuaTable& t, lua_State* L, Scenario& s) {
   t.finish();
 }
 
+/// A tenth of the duration, in whole periods of the output.
+Rational usual_checkpoint_period(const MissionSpec& m) {
+  const Rational& output = m.output_period;
+  const double rows = m.duration * static_cast<double>(output.denominator) / static_cast<double>(output.numerator);
+  const auto most = static_cast<double>(Rational::kLargest / output.numerator);
+  const auto n = static_cast<std::int64_t>(std::clamp(std::ceil(0.1 * rows), 1.0, std::max(most, 1.0))) * output.numerator;
+  const std::int64_t common = std::gcd(n, output.denominator);
+  return {n / common, output.denominator / common};
+}
+
+void read_checkpoint(LuaTable& t, lua_State* L, MissionSpec& m) {
+  const auto period = t.number("period", "s");
+  const bool never = t.flag("never").value_or(false);
+  if (never && period) t.reject("period", "period or never, not both");
+  if (period && *period > 0.0)
+    m.checkpoint_period = period_from_seconds(*period, {t.path() + ".period", LuaHost::caller(L)});
+  else if (period)
+    t.reject("period", "a time > 0");
+  else if (!never)
+    m.checkpoint_period = usual_checkpoint_period(m);
+  if (!never && !period)
+    m.defaults_used.emplace_back("mission.checkpoint.period",
+                                 fmt::format("{:.10g} s", static_cast<double>(m.checkpoint_period->numerator) /
+                                                              static_cast<double>(m.checkpoint_period->denominator)));
+  t.finish();
+}
+
 int mission(lua_State* L, Scenario& s) {
   lua_remove(L, 1);  // the table `mission`, which is called
   expect_setup(L, s, "mission", true);
@@ -150,6 +179,7 @@ int mission(lua_State* L, Scenario& s) {
   };
   if (auto i = part("integrator")) read_integrator(*i, s.mission);
   if (auto o = part("output")) read_output(*o, L, s);
+  if (auto c = part("checkpoint")) read_checkpoint(*c, L, s.mission);
   const auto ledger = t.flag("ledger");
   s.mission.simulation.ledger = ledger.value_or(true);
   if (!ledger) s.mission.defaults_used.emplace_back("mission.ledger", "true");

@@ -3,6 +3,7 @@
 #include "scripts/bindings/open.hpp"
 #include "scripts/commands/commands.hpp"
 #include "scripts/mission/examine.hpp"
+#include "scripts/mission/mission_run.hpp"
 
 namespace cardan {
 namespace {
@@ -18,12 +19,20 @@ void add_check(CLI::App& app, CommandLine& line) {
   arguments->add_to(*command, line);
   command->callback([&line, arguments] {
     line.action = [arguments] {
-      const auto s = open_scenario(arguments->options());
+      ScenarioOptions options = arguments->options();
+      bool quiet = false;
+      options.print = [&quiet, print = options.print](std::string_view text) {
+        if (!quiet) print(text);
+      };
+      const auto s = open_scenario(options);
       try_start(*s);
+      quiet = true;  // what functions of the run say is said in a run
+      const std::vector<std::string> elsewhere = kept_elsewhere_at_start(*s);
       fmt::print("ok: {}, {} coordinates, {} velocities, {}, {}, {}, {}, {:g} s{}\n", bodies(s->model->user.size()), s->model->nq,
                  s->model->nv, count(static_cast<std::size_t>(s->model->n_modes), "mode"), count(s->controllers.size(), "controller"),
                  count(s->events.size(), "event"), count(s->checks.size(), "check"), s->mission.duration,
                  s->warnings.empty() ? "" : fmt::format(", {}", count(s->warnings.all().size(), "warning")));
+      if (!elsewhere.empty() && s->mission.checkpoint_period) fmt::print("{}", kept_elsewhere_text(elsewhere));
       fmt::print(stderr, "{}", render(s->warnings));
       return 0;
     };

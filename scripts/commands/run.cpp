@@ -8,6 +8,7 @@
 
 #include "core/base/activity.hpp"
 #include "core/base/units.hpp"
+#include "core/io/checkpoint_text.hpp"
 #include "core/io/json.hpp"
 #include "core/io/result_folder.hpp"
 #include "core/sim/outputs.hpp"
@@ -33,8 +34,8 @@ constexpr int kBySignal = 128;  // exit code: + its number, as shells count
 
 struct RunArguments {
   ScenarioArguments scenario;
-  std::string out, again;
-  std::optional<double> until;
+  std::string out, again, resume;
+  std::optional<double> until, at;
   bool quiet = false, check_against_reference = false, json_errors = false;
   std::vector<std::string> command;
 };
@@ -45,29 +46,38 @@ struct RunArguments {
 
 /// What is to be run: as the command line says, or as results say.
 RecordedRun job_of(const RunArguments& a) {
-  if (a.again.empty() == a.scenario.file.empty())
-    wrong_line("cardan run", "a scenario, or --again with the results of a run", a.again.empty() ? "neither" : "both");
+  const int given = !a.scenario.file.empty() + !a.again.empty() + !a.resume.empty();
+  if (given != 1)
+    wrong_line("cardan run", "a scenario, or --again or --resume with the results of a run", given == 0 ? "none of them" : "more than one");
+  if (a.at && a.resume.empty()) wrong_line("--at", "--resume beside it", "none");
   RecordedRun job;
-  if (a.again.empty()) {
+  if (!a.scenario.file.empty()) {
     job.options = a.scenario.options();
     job.command = a.command;
     job.until = a.until;
     job.check_against_reference = a.check_against_reference;
-    if (job.until && !(*job.until > 0.0 && std::isfinite(*job.until)))
-      wrong_line("--until", "a finite time > 0 s", fmt::format("{}", *job.until));
   } else {
-    if (!a.scenario.settings.empty() || !a.scenario.seed.empty() || a.until || a.check_against_reference)
-      wrong_line("--again", "the run as it was: beside --again only --out, --quiet and --json-errors", "an option that changes it");
-    job = read_recorded_run(a.again);
+    const bool resumes = !a.resume.empty();
+    if (!a.scenario.settings.empty() || !a.scenario.seed.empty() || (a.until && !resumes) || a.check_against_reference)
+      wrong_line(resumes ? "--resume" : "--again",
+                 resumes ? "the run as it was: beside --resume only --at, --until, --out, --quiet and --json-errors"
+                         : "the run as it was: beside --again only --out, --quiet and --json-errors",
+                 "an option that changes it");
+    job = resumes ? read_run_to_resume(a.resume, a.at) : read_recorded_run(a.again);
+    if (a.until) job.until = a.until;
   }
+  const double start = job.resume ? job.resume->t : 0.0;
+  if (job.until && !(*job.until > start && std::isfinite(*job.until)))
+    wrong_line("--until", fmt::format("a finite time > {:g} s", start), fmt::format("{}", *job.until));
   return job;
 }
 
-/// Default: out/<name of the scenario's folder>, of a repetition the folder `again` beside the results.
+/// Default: out/<name of the scenario's folder>, of a repetition the folder `again`, of a run that goes on `resumed` beside the results.
 fs::path folder_of(const RunArguments& a, const fs::path& scenario) {
   if (!a.out.empty()) return a.out;
-  return a.again.empty() ? fs::path("out") / fs::absolute(scenario).lexically_normal().parent_path().filename()
-                         : fs::path(a.again).parent_path() / "again";
+  if (!a.again.empty()) return fs::path(a.again).parent_path() / "again";
+  if (!a.resume.empty()) return fs::path(a.resume).parent_path() / "resumed";
+  return fs::path("out") / fs::absolute(scenario).lexically_normal().parent_path().filename();
 }
 
 const char* name_of_signal(int number) { return number == SIGINT ? "SIGINT (Ctrl-C)" : number == SIGTERM ? "SIGTERM" : "SIGHUP"; }
@@ -80,15 +90,17 @@ class RunCommand {
     const double t_end = job_.until.value_or(scenario_->mission.duration);
     std::vector<Output> outputs = mission_outputs(*scenario_);
     if (job_.check_against_reference) outputs.push_back(reference_output(*scenario_->sim));
-    const std::vector<Channel> channels = channels_of(outputs);
+    channels_ = channels_of(outputs);
     RunHeader header = run_header(*scenario_);
     header.command = job_.command;
     header.until = job_.until ? fmt::format("{}", *job_.until) : "";
     header.check_against_reference = job_.check_against_reference;
     header.most_rows = most_rows(t_end);
     const fs::path path = folder_of(arguments_, scenario_->file);
-    if (std::error_code none; !arguments_.again.empty() && fs::equivalent(path / kResults, arguments_.again, none))
-      wrong_line("--out", "another folder than that of the results to be repeated", in_quotes(path.string()));
+    if (job_.resume) header.resumed = job_.resume->resumed;
+    for (const std::string& results : {arguments_.again, arguments_.resume})
+      if (std::error_code none; !results.empty() && fs::weakly_canonical(path / kResults, none) == fs::weakly_canonical(results, none))
+        wrong_line("--out", "another folder than that of the results to be repeated or resumed", in_quotes(path.string()));
 
     folder_.emplace(path, std::vector<std::string_view>{kResults, kSummary, kReport});
     const Interruption interruption;
@@ -98,9 +110,10 @@ class RunCommand {
     RangeRecorder recorder(*file_);
     recorder_ = &recorder;
     {
-      const Activity activity(fmt::format("the recorder of {} channels", channels.size()));
-      recorder.begin(header, channels);
+      const Activity activity(fmt::format("the recorder of {} channels", channels_.size()));
+      recorder.begin(header, channels_);
     }
+    recorder.set_deaf(job_.resume != nullptr);  // what is known before the run is known from the results
     for (const std::string& line : printed_) recorder.note(Note::printed, std::nan(""), {line, "the scenario"});
     tell_warnings();
     if (!arguments_.quiet && !arguments_.json_errors) say(modes_line(*scenario_));
@@ -138,6 +151,14 @@ class RunCommand {
   /// To the end, to a failure or to a signal; what was reached is kept whatever happens.
   void run(double t_end, std::vector<Output> outputs) {
     MissionRun mission(*scenario_, *recorder_, std::move(outputs));
+    mission.on_checkpoint([this](double t, Checkpoint checkpoint) {
+      Archive more;
+      RangeRecorder::Counts counts = recorder_->counts();
+      more.block(kRecorderCounts)(counts);
+      checkpoint.merge(Checkpoint(more.checkpoint()));
+      recorder_->checkpoint(t, checkpoint_text(checkpoint));
+    });
+    if (job_.resume) resume(mission);
     Progress progress(progress_look(arguments_.quiet), t_end);
     progress_ = &progress;
     const auto guarded = [&](const auto& part) {
@@ -168,6 +189,7 @@ class RunCommand {
     summary_ = run_summary(*scenario_, wall_s);
     summary_.failure = std::move(failure);
     summary_.planned_s = t_end;
+    summary_.kept_elsewhere = mission.kept_elsewhere();
     const bool interrupted = Interruption::flag() && !summary_.failure;
     if (!summary_.failure && !fault_ && !interrupted) {
       guarded([&] {
@@ -184,6 +206,42 @@ class RunCommand {
                        : good                     ? Verdict::passed
                                                   : Verdict::failed;
     summary_.ended_by = what_ended();
+  }
+
+  /// Everything up to the checkpoint as the results have it, then the state of all that goes on.
+  void resume(MissionRun& mission) {
+    const ResumePoint& from = *job_.resume;
+    recorder_->set_deaf(false);
+    const auto misfit = [&](const std::string& path, std::string got) {
+      throw InputError(Diagnostic{Code::bad_result_file,
+                                  {path, {arguments_.resume}},
+                                  "what the scenario in these results makes",
+                                  std::move(got),
+                                  "made by another program?"});
+    };
+    std::vector<const ResumePoint::Column*> columns;
+    for (const Channel& c : channels_) {
+      const auto found = from.columns.find(c.path);
+      if (found == from.columns.end() || found->second.components != c.components)
+        misfit("/channels/" + c.path, "another channel, or none");
+      columns.push_back(&found->second);
+    }
+    for (const ResumePoint::Noted& n : from.notes) recorder_->note(n.note, n.t, n.texts);
+    std::vector<double> row;
+    for (std::size_t i = 0; i < from.times.size(); ++i) {
+      row.clear();
+      for (const ResumePoint::Column* c : columns) {
+        const auto first = c->values.begin() + static_cast<std::ptrdiff_t>(i * c->components.size());
+        row.insert(row.end(), first, first + static_cast<std::ptrdiff_t>(c->components.size()));
+      }
+      recorder_->row(from.times[i], row);
+    }
+    for (const auto& [t, text] : from.checkpoints) recorder_->checkpoint(t, text);
+    try {
+      mission.resume(from.checkpoint);
+    } catch (const CheckpointFault& fault) {
+      misfit("/restart/checkpoints/text", fault.what());
+    }
   }
 
   /// In a few words.
@@ -338,6 +396,7 @@ class RunCommand {
   RecordedRun job_;
   Progress* progress_ = nullptr;
   RangeRecorder* recorder_ = nullptr;
+  std::vector<Channel> channels_;
   std::vector<std::string> printed_;  // lines, before the recorder was there
   std::unique_ptr<Scenario> scenario_;
   std::optional<ResultFolder> folder_;
@@ -360,7 +419,16 @@ void add_run(CLI::App& app, CommandLine& line) {
   command->add_option("--again", a->again, "Instead of a scenario: repeat the run that made these results: run.h5, or the folder it is in")
       ->type_name("RESULTS");
   command
-      ->add_option("--out", a->out, "Folder of the results; default: out/<folder of the scenario>, with --again `again` beside the results")
+      ->add_option(
+          "--resume", a->resume,
+          "Instead of a scenario: go on from the last checkpoint of the run that made these results, with the same bits as if it had "
+          "never stopped: run.h5, or the folder it is in")
+      ->type_name("RESULTS");
+  command->add_option("--at", a->at, "With --resume: from the last checkpoint at or before this time in s")->type_name("SECONDS");
+  command
+      ->add_option("--out", a->out,
+                   "Folder of the results; default: out/<folder of the scenario>, beside the results `again` with --again, `resumed` with "
+                   "--resume")
       ->type_name("DIR");
   command->add_option("--until", a->until, "End of the run in s, instead of the mission's duration")->type_name("SECONDS");
   command->add_flag("--quiet", a->quiet, "No progress, and a summary only if a check failed");
@@ -369,7 +437,8 @@ void add_run(CLI::App& app, CommandLine& line) {
     line.action = [&line, a] {
       a->json_errors = line.json_errors;
       a->command = line.arguments;
-      if (std::error_code ignored; fs::is_directory(a->again, ignored)) a->again = (fs::path(a->again) / kResults).string();
+      for (std::string* results : {&a->again, &a->resume})
+        if (std::error_code ignored; fs::is_directory(*results, ignored)) *results = (fs::path(*results) / kResults).string();
       return RunCommand(*a).execute();
     };
   });

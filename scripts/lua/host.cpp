@@ -358,7 +358,8 @@ std::uint64_t LuaHost::creation_order(lua_State* L, int index) const {
 SourceMark LuaHost::mark_of(const std::string& chunk, int line) const {
   std::error_code ignored;
   const std::filesystem::path file = options_.folder / chunk;
-  return {std::filesystem::is_regular_file(file, ignored) ? file.string() : chunk, line, 0};
+  const bool there = (options_.stored && options_.stored(chunk)) || std::filesystem::is_regular_file(file, ignored);
+  return {there ? file.string() : chunk, line, 0};
 }
 
 SourceMark LuaHost::caller(lua_State* L) {

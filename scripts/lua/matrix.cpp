@@ -671,6 +671,14 @@ Labels row_labels(lua_State* L, int index) {
   const Block* b = block_at(L, index);
   return b && b->row_labels ? *b->row_labels : Labels{};
 }
+Labels column_labels(lua_State* L, int index) {
+  const Block* b = block_at(L, index);
+  return b && b->column_labels ? *b->column_labels : Labels{};
+}
+std::span<double> numbers_of(lua_State* L, int index) {
+  Block* b = block_at(L, index);
+  return b ? std::span(b->data(), static_cast<std::size_t>(b->size())) : std::span<double>();
+}
 bool is_vector(lua_State* L, int index) { return luaL_testudata(L, index, kVector) != nullptr; }
 bool is_matrix(lua_State* L, int index) { return luaL_testudata(L, index, kMatrix) != nullptr; }
 

@@ -3,6 +3,7 @@
 // Lua's own memory, so that the budget counts them; operations cost steps as their arithmetic does.
 #include <Eigen/Core>
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -30,8 +31,11 @@ Eigen::VectorXd to_vector(lua_State* L, int index, Eigen::Index size, const std:
 /// The matrix, or table of rows, at `index`.
 Eigen::MatrixXd to_matrix(lua_State* L, int index, Eigen::Index rows, Eigen::Index cols, const std::string& what);
 
-/// Of the rows; empty for anything but a vector or a matrix.
+/// Of the rows or columns; empty for anything but a vector or a matrix.
 Labels row_labels(lua_State* L, int index);
+Labels column_labels(lua_State* L, int index);
+/// The numbers of a vector or matrix themselves, column after column; empty for anything else.
+std::span<double> numbers_of(lua_State* L, int index);
 
 bool is_vector(lua_State* L, int index);
 bool is_matrix(lua_State* L, int index);

@@ -123,4 +123,21 @@ void try_start(Scenario& s) {
   }
 }
 
+std::vector<std::string> kept_elsewhere_at_start(Scenario& s) {
+  s.stage = Scenario::Stage::run;
+  s.persistent.seal();
+  const double t = s.sim->time();
+  const auto call = [&](const LuaFunction& f, const std::string& actor) {
+    if (!f) return;
+    s.actor = actor;
+    f.call({&t, 1}, {});
+  };
+  if (!s.phases.empty()) {
+    s.phase = s.phases[0].name;
+    call(s.phases[0].enter, s.phases[0].name);
+  }
+  for (const Controller& c : s.controllers) call(c.step, c.name);
+  return s.persistent.elsewhere();
+}
+
 }  // namespace cardan

@@ -67,12 +67,16 @@ MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Outpu
   if (s_.controllers.empty() && !s_.phases.empty()) sim.every(s_.mission.output_period, [this] { advance_phase(); });
   sim.record(recorder, std::move(outputs), s_.mission.output_period);
   if (limits_.needed()) sim.every(s_.mission.output_period, [this] { limits_.see(*s_.sim); });
+  if (const auto& period = s_.mission.checkpoint_period)
+    sim.every(
+        *period, [this] { make_checkpoint(); }, *period);  // after all others
   note_warnings();
   limits_.expected(sim, s_.mission.duration);  // told before the run: what is seen is news where it exceeds that
 }
 
 void MissionRun::run(double t_end, const std::function<void(double t)>& progress) {
   s_.stage = Scenario::Stage::run;
+  s_.persistent.seal();
   event_interrupt_ = nullptr;
   try {
     s_.sim->run(t_end, progress);
@@ -91,7 +95,37 @@ void MissionRun::run(double t_end, const std::function<void(double t)>& progress
   s_.stage = Scenario::Stage::end;
 }
 
+void MissionRun::remember(Archive& a) {
+  a.block("mission")(phase_, phase_start_, noted_, s_.warnings, limits_);
+  if (phase_ > s_.phases.size() + 1 || noted_ > s_.warnings.all().size()) a.wrong("more phases or warnings than there are");
+  s_.phase = phase_ == 0 || phase_ > s_.phases.size() ? std::string_view() : s_.phases[phase_ - 1].name;
+  a.block("signals");
+  for (const auto& signal : s_.signals) a(std::span(signal->values));
+  a.block("script")(s_.persistent);
+  a.block(kKeptElsewhere)(elsewhere_);
+}
+
+void MissionRun::make_checkpoint() {
+  if (s_.sim->stopped()) return;
+  if (elsewhere_.empty() && scripts_act(s_)) elsewhere_ = s_.persistent.elsewhere();
+  Archive all;
+  remember(all);
+  Checkpoint checkpoint = all.checkpoint();
+  checkpoint.merge(s_.sim->checkpoint());
+  if (keep_) keep_(s_.sim->time(), std::move(checkpoint));
+}
+
+void MissionRun::resume(const Checkpoint& checkpoint) {
+  s_.persistent.seal();
+  Archive all(checkpoint);
+  remember(all);
+  all.finish();
+  s_.sim->resume(checkpoint);
+  s_.look_at_state();
+}
+
 void MissionRun::end_of_run() {
+  if (elsewhere_.empty() && scripts_act(s_)) elsewhere_ = s_.persistent.elsewhere();
   s_.warnings.add(limits_.seen());
   note_warnings();
 }

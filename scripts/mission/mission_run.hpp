@@ -24,6 +24,12 @@ class MissionRun {
   /// Throws NumericsError. `progress` is called between steps. What went beyond the model is added to the scenario's warnings. Ends
   /// where a function of the script is interrupted (LuaOptions::interrupt).
   void run(double t_end, const std::function<void(double t)>& progress);
+  /// Called at each checkpoint with all that the run goes on from at t, before it does.
+  void on_checkpoint(std::function<void(double t, Checkpoint checkpoint)> keep) { keep_ = std::move(keep); }
+  /// Before run(): goes on from a checkpoint of the same scenario. CheckpointFault where it does not fit.
+  void resume(const Checkpoint& checkpoint);
+  /// What the script keeps outside of persist{}, so that no checkpoint holds it: names of variables and fields. Of the last look.
+  const std::vector<std::string>& kept_elsewhere() const { return elsewhere_; }
   /// After the run: the values of checks and figures. Throws NumericsError where a function of the script fails.
   std::vector<Check> checks();
   std::vector<Figure> figures();
@@ -33,6 +39,8 @@ class MissionRun {
   void call(const std::string& actor, F&& function);
   void tick(const Controller&, const std::string& actor);
   void end_of_run();
+  void remember(Archive& archive);
+  void make_checkpoint();
   void note_warnings();  // those of the scenario that the recorder does not know yet
   double crossing(const ScriptEvent&, const std::string& actor, double t, const double* q, const double* v);
   void advance_phase();
@@ -46,6 +54,8 @@ class MissionRun {
   std::size_t phase_ = 0;  // 1 + index of the present one; 0 = not begun
   double phase_start_ = 0.0;
   FlexibleLimits limits_;
+  std::function<void(double t, Checkpoint checkpoint)> keep_;
+  std::vector<std::string> elsewhere_;
   std::optional<RunFailure> event_failure_;  // of a function inside the integrator, which knows nothing of scripts
   std::exception_ptr event_interrupt_;       // likewise
 };
@@ -55,10 +65,15 @@ std::vector<Output> mission_outputs(Scenario&);
 /// All that is known of the origin of the results.
 RunHeader run_header(const Scenario&);
 
+/// The block of a checkpoint with the names of what it does not hold.
+inline constexpr const char* kKeptElsewhere = "kept elsewhere";
+
 /// Of its input and of the simulation so far.
 Warnings run_warnings(const Scenario&);
 /// The part of the summary that the simulation knows.
 Summary run_summary(const Scenario&, double wall_s);
+/// A line for the person.
+std::string kept_elsewhere_text(const std::vector<std::string>& names);
 /// What is printed at the end.
 std::string summary_text(const Scenario&, const Summary&, const std::vector<Range>&);
 

@@ -1,6 +1,7 @@
 #include "scripts/mission/run_again.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <charconv>
 #include <filesystem>
@@ -8,7 +9,9 @@
 #include "core/base/units.hpp"
 #include "core/base/version.hpp"
 #include "core/io/bounded_child.hpp"
+#include "core/io/checkpoint_text.hpp"
 #include "core/io/hdf5_file.hpp"
+#include "core/io/range_recorder.hpp"
 #include "core/io/sha256.hpp"
 #include "core/sim/run_header.hpp"
 #include "scripts/mission/mission_run.hpp"
@@ -20,9 +23,45 @@ using Pairs = std::vector<std::pair<std::string, std::string>>;
 
 class Reader {
  public:
-  explicit Reader(const std::string& path) : file_(Hdf5File::open(path)) {}
+  explicit Reader(const std::string& path) : file_(Hdf5File::open(path)), format_(result_format(file_)) {}
 
-  RecordedRun read() {
+  RecordedRun to_resume(std::optional<double> at) const {
+    RecordedRun run = read();
+    const char* const texts = "/restart/checkpoints/text";
+    if (format_ < 2) refuse("results with checkpoints", "results of format 1, which have none", "run the scenario with this program");
+    const std::vector<double> times = file_.read_doubles("/restart/checkpoints/t").values;
+    const std::vector<std::string> all = file_.read_texts(texts);
+    std::size_t n = std::min(times.size(), all.size());
+    while (n > 0 && at && times[n - 1] > *at) --n;
+    if (n == 0)
+      refuse("a checkpoint", at && !times.empty() ? fmt::format("the first one at t = {:g} s", times[0]) : std::string("none"),
+             "mission.checkpoint.period says when they are made; --again begins at the start");
+    auto point = std::make_shared<ResumePoint>();
+    try {
+      point->t = times[n - 1];
+      point->checkpoint = checkpoint_of(all[n - 1]);
+      for (std::size_t i = 0; i < n; ++i) point->checkpoints.emplace_back(times[i], all[i]);
+      RangeRecorder::Counts counts;
+      std::vector<std::string> elsewhere;
+      Archive from(point->checkpoint);
+      from.block(kRecorderCounts)(counts);
+      from.block(kKeptElsewhere)(elsewhere);
+      from.finish();
+      if (!elsewhere.empty())
+        refuse("a script that keeps what it remembers in persist{}", fmt::format("variables that change: {}", fmt::join(elsewhere, ", ")),
+               "local memory = persist { integral = 0.0 }, and memory.integral in the functions; --again begins at the start");
+      read_rows(*point, counts.rows);
+      read_notes(*point, counts);
+    } catch (const CheckpointFault& fault) {
+      wrong(texts, "a checkpoint of this program", fault.what(), {});
+    }
+    point->resumed = file_.has_attribute("/run", "resumed") ? text("resumed") + ", " : "";
+    point->resumed += fmt::format("{}", point->t);
+    run.resume = std::move(point);
+    return run;
+  }
+
+  RecordedRun read() const {
     RecordedRun run;
     if (!file_.has("/spec/files") || !file_.has("/run/command"))
       wrong("/spec/files", "the texts of the input files", "results without them", "only results of cardan run can be repeated");
@@ -77,7 +116,41 @@ class Reader {
         what == std::string_view("sweeps") ? "CARDAN_KERNELS chooses the instruction set: v2, v3, v4" : "the last bits may differ");
   }
 
+  [[noreturn]] void refuse(std::string expected, std::string got, std::string hint) const {
+    throw InputError(Diagnostic{
+        Code::not_resumable, {"/restart/checkpoints", {file_.file_name()}}, std::move(expected), std::move(got), std::move(hint)});
+  }
+
+  void read_rows(ResumePoint& point, std::size_t n) const {
+    point.times = file_.read_doubles("/time").values;
+    if (point.times.size() < n) wrong("/time", fmt::format("{} rows before the checkpoint", n), fmt::format("{}", point.times.size()), {});
+    point.times.resize(n);
+    for (const std::string& path : file_.datasets("/channels")) {
+      Hdf5Array<double> values = file_.read_doubles(path);
+      ResumePoint::Column& c = point.columns[path.substr(std::string_view("/channels/").size())];
+      c.components = file_.texts_attribute(path, "components");
+      if (values.shape.size() != 2 || values.shape[0] < n || values.shape[1] != c.components.size())
+        wrong(path.c_str(), fmt::format("{} rows of {} numbers", n, c.components.size()), "another shape", {});
+      c.values = std::move(values.values);
+    }
+  }
+
+  void read_notes(ResumePoint& point, const RangeRecorder::Counts& counts) const {
+    for (const NoteKind& kind : note_kinds()) {
+      const std::string path = std::string("/run/") + kind.name;
+      const std::vector<double> times = file_.read_doubles(path + "/t").values;
+      const std::vector<std::string> texts = file_.read_texts(path + "/text");
+      const std::size_t columns = kind.columns.size(), n = std::min(counts.notes[static_cast<std::size_t>(kind.kind)], times.size());
+      if (texts.size() < n * columns) wrong(path.c_str(), "a row for each time", "fewer", {});
+      for (std::size_t i = 0; i < n; ++i) {
+        const auto first = texts.begin() + static_cast<std::ptrdiff_t>(i * columns);
+        point.notes.push_back({kind.kind, times[i], {first, first + static_cast<std::ptrdiff_t>(columns)}});
+      }
+    }
+  }
+
   Hdf5File file_;
+  int format_;
 };
 
 }  // namespace
@@ -88,13 +161,25 @@ std::optional<std::uint64_t> parse_seed(std::string_view text) {
   return error == std::errc() && end == text.data() + text.size() ? std::optional(seed) : std::nullopt;
 }
 
-RecordedRun read_recorded_run(const std::string& h5_path) {
-  const auto probe = [&h5_path] {  // what breaks the library that reads it breaks it here
-    Reader(h5_path).read();
+namespace {
+/// What breaks the library that reads a file breaks it in a child.
+template <class Read>
+RecordedRun read_safely(const std::string& h5_path, const Read& read) {
+  const auto probe = [&] {
+    read();
     return std::string();
   };
   in_bounded_child(h5_path, probe, limits_for_file(h5_path));
-  return Reader(h5_path).read();
+  return read();
+}
+}  // namespace
+
+RecordedRun read_recorded_run(const std::string& h5_path) {
+  return read_safely(h5_path, [&] { return Reader(h5_path).read(); });
+}
+
+RecordedRun read_run_to_resume(const std::string& h5_path, std::optional<double> at) {
+  return read_safely(h5_path, [&] { return Reader(h5_path).to_resume(at); });
 }
 
 }  // namespace cardan

@@ -12,6 +12,26 @@
 
 namespace cardan {
 
+/// Where a run is resumed, and what its results hold up to there.
+struct ResumePoint {
+  double t = 0.0;  // [s]
+  Checkpoint checkpoint;
+  struct Column {
+    std::vector<std::string> components;
+    std::vector<double> values;  // row-major
+  };
+  std::vector<double> times;              // [s] of the rows
+  std::map<std::string, Column> columns;  // by the path of the channel
+  struct Noted {
+    Note note;
+    double t;
+    std::vector<std::string> texts;
+  };
+  std::vector<Noted> notes;
+  std::vector<std::pair<double, std::string>> checkpoints;  // up to this one: time, text
+  std::string resumed;                                      // RunHeader::resumed, this time included
+};
+
 /// What run.h5 tells about how it was made.
 struct RecordedRun {
   std::shared_ptr<const RecordedInputs> inputs;
@@ -19,7 +39,8 @@ struct RecordedRun {
   std::vector<std::string> command;
   std::optional<double> until;  // [s]
   bool check_against_reference = false;
-  Warnings warnings;  // W0601 where this program, or the sweeps that it would run, are others
+  std::shared_ptr<const ResumePoint> resume;  // null: from the start
+  Warnings warnings;                          // W0601 where this program, or the sweeps that it would run, are others
 };
 
 /// A whole number from 0 to 2^64 - 1 in decimal digits, and nothing else.
@@ -27,5 +48,8 @@ std::optional<std::uint64_t> parse_seed(std::string_view text);
 
 /// Throws InputError C0702: no results, damaged, or made before results kept what a repetition needs.
 RecordedRun read_recorded_run(const std::string& h5_path);
+/// The same, to go on from its last checkpoint, or from the last at or before `at` [s]. C0704 where there is none, or one that does not
+/// hold all that the script keeps.
+RecordedRun read_run_to_resume(const std::string& h5_path, std::optional<double> at);
 
 }  // namespace cardan

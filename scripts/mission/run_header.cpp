@@ -32,6 +32,7 @@ std::vector<std::pair<std::string, std::string>> mission_values(const Scenario& 
   if (i.max_step > 0) add("integrator.max_step", quantity_text(i.max_step, "s"));
   if (i.fixed_step > 0) add("integrator.step", quantity_text(i.fixed_step, "s"));
   add("output.period", seconds(m.output_period));
+  add("checkpoint.period", m.checkpoint_period ? seconds(*m.checkpoint_period) : "never");
   if (!m.reactions.empty()) add("output.reactions", names(m.reactions, s.model->user));
   if (!m.nodes.empty()) add("output.nodes", names(m.nodes, s.model->nodes));
   add("ledger", m.simulation.ledger ? "true" : "false");

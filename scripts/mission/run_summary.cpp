@@ -1,5 +1,6 @@
 // What a run comes to, as data and as text.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <lua.h>
 
 #include <Eigen/Core>
@@ -110,7 +111,12 @@ std::string summary_text(const Scenario& s, const Summary& sum, const std::vecto
   if (sum.preconditioner_setups > 0)
     text += fmt::format("{} products J v, {} preconditioners, {} linear iterations\n", sum.jacobian_products, sum.preconditioner_setups,
                         sum.linear_iterations);
+  if (!sum.kept_elsewhere.empty() && s.mission.checkpoint_period) text += kept_elsewhere_text(sum.kept_elsewhere);
   return text;
+}
+
+std::string kept_elsewhere_text(const std::vector<std::string>& names) {
+  return fmt::format("cannot be resumed: kept outside of persist{{}}: {}\n", fmt::join(names, ", "));
 }
 
 }  // namespace cardan

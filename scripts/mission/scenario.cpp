@@ -43,7 +43,8 @@ Scenario::Scenario(const ScenarioOptions& options)
       settings(options.settings),
       seed(options.seed),
       recorded(options.recorded),
-      lua(lua_options(*this, options)) {
+      lua(lua_options(*this, options)),
+      persistent(lua) {
   register_hinges(registry);
   register_bodies(registry);
 }

@@ -16,6 +16,7 @@
 #include "core/sim/simulation.hpp"
 #include "scripts/lua/function.hpp"
 #include "scripts/lua/host.hpp"
+#include "scripts/lua/persist.hpp"
 
 namespace cardan {
 
@@ -48,6 +49,7 @@ struct MissionSpec {
   std::string title;
   double duration = 0.0;  // [s]
   Rational output_period{1, 10};
+  std::optional<Rational> checkpoint_period;                       // empty: never
   std::vector<int> reactions;                                      // user bodies
   std::vector<int> nodes;                                          // indices into Model::nodes
   std::vector<std::pair<std::string, std::string>> defaults_used;  // key path, value
@@ -109,6 +111,7 @@ struct Scenario {
   std::shared_ptr<const RecordedInputs> recorded;
 
   LuaHost lua;  // before everything that holds a Lua function
+  Persistent persistent;
 
   // Declared
   Registry registry;

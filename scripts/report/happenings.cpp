@@ -32,7 +32,7 @@ Json notes_of(const Hdf5File& file, const NoteKind& kind, Json& left_out) {
   const std::size_t rows = std::min(t.values.size(), shape[0]);  // a killed run may have one more in one of them
   std::size_t bytes = 0, row = 0;
   for (; row < rows && bytes < kNoteBytes; ++row) {
-    Json one = {std::isfinite(t.values[row]) ? Json(t.values[row]) : Json()};
+    Json one = Json::array({std::isfinite(t.values[row]) ? Json(t.values[row]) : Json()});
     for (std::size_t k = 0; k < kind.columns.size(); ++k) {
       const std::string& text = texts[row * kind.columns.size() + k];
       bytes += text.size() + 10;

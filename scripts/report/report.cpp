@@ -7,6 +7,7 @@
 #include "core/base/diagnostic.hpp"
 #include "core/io/hdf5_file.hpp"
 #include "core/io/json.hpp"
+#include "core/io/recorder.hpp"
 #include "core/io/result_folder.hpp"
 #include "core/io/summary.hpp"
 #include "scripts/report/happenings.hpp"
@@ -119,6 +120,7 @@ std::string filled(std::string_view html, const std::vector<std::pair<std::strin
 }  // namespace
 
 std::string report_page(const Hdf5File& file) {
+  result_format(file);  // refuses what it does not know
   const Json data = page_data(file);
   const std::string title = data["run"].value("title", "");
   return filled(page::html(), {{"@title@", replaced(replaced(title, "&", "&amp;"), "<", "&lt;")},

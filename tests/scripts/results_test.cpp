@@ -10,7 +10,6 @@
 #include <csignal>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
@@ -29,37 +28,12 @@ using nlohmann::json;
 const std::string kScripts = CARDAN_SOURCE_DIR "/tests/scripts", kMissions = kScripts + "/missions";
 constexpr const char* kLong = "mission.duration=10000 day";  // ended by the test
 
-void write(const std::string& path, const std::string& text) { std::ofstream(path) << text; }
-json summary_of(const std::string& out) { return json::parse(file_text(out + "/summary.json")); }
-
-void collect(const Hdf5File& file, const std::string& group, std::vector<std::pair<std::string, Hdf5Array<double>>>& all) {
-  for (const std::string& name : file.members(group)) {
-    const std::string path = group + "/" + name;
-    if (file.is_group(path))
-      collect(file, path, all);
-    else
-      all.emplace_back(path, file.read_doubles(path));
-  }
-}
-
 /// Rows of results; fails unless all channels have as many.
 std::size_t rows_of(const std::string& out) {
   const Hdf5File file = Hdf5File::open(out + "/run.h5");
-  std::vector<std::pair<std::string, Hdf5Array<double>>> all;
-  collect(file, "/channels", all);
   const std::size_t rows = file.shape("/time").at(0);
-  for (const auto& [path, values] : all) EXPECT_EQ(values.shape.at(0), rows) << path;
+  for (const std::string& path : file.datasets("/channels")) EXPECT_EQ(file.shape(path).at(0), rows) << path;
   return rows;
-}
-
-auto channels_of(const std::string& out) {
-  std::vector<std::pair<std::string, std::vector<double>>> numbers;
-  std::vector<std::pair<std::string, Hdf5Array<double>>> all;
-  const Hdf5File file = Hdf5File::open(out + "/run.h5");
-  collect(file, "/channels", all);
-  for (auto& [path, values] : all) numbers.emplace_back(path, std::move(values.values));
-  numbers.emplace_back("/time", file.read_doubles("/time").values);
-  return numbers;
 }
 
 /// Names and bytes of all files.

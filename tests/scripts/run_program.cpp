@@ -12,6 +12,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "core/io/hdf5_file.hpp"
+
 namespace cardan {
 
 Finished run_program(const std::vector<std::string>& arguments, const std::string& folder, const std::function<void()>& in_child) {
@@ -60,6 +62,17 @@ bool wait_until(const std::function<bool()>& happened) {
 std::string file_text(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(in), {}};
+}
+
+void write(const std::string& path, const std::string& text) { std::ofstream(path) << text; }
+
+nlohmann::json summary_of(const std::string& out) { return nlohmann::json::parse(file_text(out + "/summary.json")); }
+
+std::map<std::string, std::vector<double>> channels_of(const std::string& out) {
+  const Hdf5File file = Hdf5File::open(out + "/run.h5");
+  std::map<std::string, std::vector<double>> all{{"/time", file.read_doubles("/time").values}};
+  for (const std::string& path : file.datasets("/channels")) all[path] = file.read_doubles(path).values;
+  return all;
 }
 
 std::string replaced(std::string text, const std::string& what, const std::string& with) {

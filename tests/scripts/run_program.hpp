@@ -1,7 +1,9 @@
 #pragma once
 // The built program, run as a user does.
 #include <functional>
+#include <map>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -36,6 +38,11 @@ class Started {
 bool wait_until(const std::function<bool()>& happened);
 
 std::string file_text(const std::string& path);
+void write(const std::string& path, const std::string& text);
+/// Of the results in the folder `out`.
+nlohmann::json summary_of(const std::string& out);
+/// All channels and the times, by their paths.
+std::map<std::string, std::vector<double>> channels_of(const std::string& out);
 std::string replaced(std::string text, const std::string& what, const std::string& with);
 
 }  // namespace cardan

@@ -9,7 +9,6 @@
 
 #include <chrono>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -24,8 +23,6 @@ using nlohmann::json;
 
 const std::string kMissions = CARDAN_SOURCE_DIR "/tests/scripts/missions";
 const std::string kPendulum = kMissions + "/pendulum", kPhases = kMissions + "/phases";
-
-void write(const std::string& path, const std::string& text) { std::ofstream(path) << text; }
 
 /// The lines through a pipe; what is told about errors stands between the values, as a person sees it.
 Finished piped(const std::vector<std::string>& arguments, const std::string& lines, const std::string& folder, bool mixed = false) {

@@ -37,6 +37,10 @@ function vehicle(path) end
 ---@field reactions? string[] bodies whose hinge reaction is recorded
 ---@field nodes? string[] nodes whose motion is recorded
 
+---@class CheckpointOptions
+---@field period? quantity [s] default a tenth of the duration, in whole periods of the output
+---@field never? boolean no checkpoints: the run cannot be resumed
+
 ---@class BudgetOptions
 ---@field steps? number of one call of a controller, phase, event, check or figure, default 1e8: about half a second
 ---@field time? quantity [s] of one call, default 10 s
@@ -46,6 +50,7 @@ function vehicle(path) end
 ---@field duration quantity [s]
 ---@field integrator? IntegratorOptions
 ---@field output? OutputOptions
+---@field checkpoint? CheckpointOptions when the run is made so that it can be resumed
 ---@field ledger? boolean balance of momentum and energy, default true
 ---@field budget? BudgetOptions what one call of a function of the mission may spend
 
@@ -75,6 +80,13 @@ function initial(values) end
 ---@param declarations table<string, SignalOptions> by name; "pointing/error" puts it into a folder
 ---@return table<string, fun(...: number)> store for each name the function that stores its numbers
 function signals(declarations) end
+
+--- A table that controllers, phases and actions change, and that is in every checkpoint, so that a run can be resumed: numbers, texts,
+--- truths, vectors, matrices and tables of these. What is kept in other variables is in none.
+---@generic T: table
+---@param memory T its values at the start
+---@return T memory the same table
+function persist(memory) end
 
 ---@class ControllerOptions
 ---@field name string

@@ -15,6 +15,39 @@ TEST_P(EveryMethod, FollowsTheOscillator) {
   EXPECT_EQ(integrator->name(), GetParam());
 }
 
+/// An oscillator among 400 states that rest: in one group with it they hide its error, sqrt(201) in the norm, and the steps grow; in a
+/// group of their own they take part in it by sqrt(2), whatever their number.
+TEST_P(EveryMethod, DoesNotLetManySmoothStatesDiluteTheOthers) {
+  if (GetParam() == "rk4") GTEST_SKIP() << "has no error test";
+  const auto steps_with = [&](int still, bool grouped) {
+    OdeProblem p = oscillator();
+    p.n = 2 + still;
+    p.absolute_tolerance.assign(static_cast<std::size_t>(p.n), 1e-8);
+    if (grouped) {
+      p.group.assign(static_cast<std::size_t>(p.n), 1);
+      p.group[0] = p.group[1] = 0;
+    }
+    p.rhs = [n = p.n](double, const double* x, double* xdot) {
+      std::fill_n(xdot, n, 0.0);
+      xdot[0] = x[1], xdot[1] = -x[0];
+      return true;
+    };
+    IntegratorOptions options;
+    options.method = GetParam();
+    options.relative_tolerance = 1e-8;
+    const auto integrator = make_integrator(p, options);
+    Values x(static_cast<std::size_t>(p.n), 1.0);
+    integrate(*integrator, 0.0, x, 20.0);
+    return static_cast<double>(integrator->statistics().steps);
+  };
+  const double alone = steps_with(0, false), diluted = steps_with(400, false);
+  EXPECT_LT(diluted, 0.9 * alone);
+  if (GetParam() == "dopri5") {  // the others change their order too
+    EXPECT_GT(steps_with(40, true), 0.9 * alone);
+  }
+  EXPECT_NEAR(steps_with(400, true), steps_with(40, true), 0.03 * alone);
+}
+
 /// Stops that come early, late, closely together and at one unit in the last place.
 TEST_P(EveryMethod, NeverEvaluatesBeyondTheStop) {
   double t_stop = 0.0;

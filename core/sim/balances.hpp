@@ -1,0 +1,51 @@
+#pragma once
+// The ledger of a run: momentum and energy, beside what came in from outside.
+#include <Eigen/Core>
+#include <array>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/dynamics/observe.hpp"
+#include "core/time/integrator.hpp"
+
+namespace cardan {
+
+/// Residuals of the balances so far: quantity now - at the start - what came from outside. Each over the largest sum of
+/// magnitudes over bodies so far.
+struct LedgerState {
+  Eigen::Vector3d linear = Eigen::Vector3d::Zero(), angular = Eigen::Vector3d::Zero();  // [N s], [N m s] residual
+  double energy = 0.0;                                                                  // [J] residual
+  double linear_relative = 0.0, angular_relative = 0.0, energy_relative = 0.0;          // [-]
+  /// [-] What the errors of the steps so far explain of each, over the same sums of magnitudes.
+  double linear_limit = 0.0, angular_limit = 0.0, energy_limit = 0.0;
+  bool pass = true;  // none is above its limit, all are numbers
+
+  void remember(Archive&);
+};
+
+/// Of a balance the exact motion keeps whatever the steps did to it before: its residual is the sum of what each step and the
+/// round-off of each put in. docs/mathematics/integration.md, "What a ledger may show".
+class Balances {
+ public:
+  static constexpr int kIntegrals = 7;  // of the force [N s] and of its moment about the world's origin [N m s], work [J]
+  using Integrals = Eigen::Matrix<double, kIntegrals, 1>;
+
+  /// Linear and angular momentum and energy at a rate of the absolute tolerances: what counts as no motion at all.
+  void set_least(double linear, double angular, double energy) { least_ = {linear, angular, energy}; }
+  void begin(const Momentum&, const Energy&);
+  /// What has become of them after so many steps with such errors, at this relative tolerance.
+  const LedgerState& look(const Momentum&, const Energy&, const Integrals&, const IntegratorStatistics&, double relative);
+  const LedgerState& worst() const { return worst_; }
+  /// One sentence for each that was beyond its limit at the last look: its name and the sentence.
+  std::vector<std::pair<std::string, std::string>> beyond(const std::string& method) const;
+  void remember(Archive&);
+
+ private:
+  Integrals start_ = Integrals::Zero();      // momenta and energy
+  std::array<double, 3> scale_{}, least_{};  // linear, angular, energy
+  LedgerState now_, worst_;
+  long steps_ = 0;  // at the last look
+};
+
+}  // namespace cardan

@@ -1,0 +1,52 @@
+// What a simulation goes on from.
+#include <algorithm>
+
+#include "core/sim/simulation.hpp"
+
+namespace cardan {
+
+void Simulation::remember(Archive& a) {
+  const auto numbers = [](Eigen::VectorXd& x) { return std::span(x.data(), static_cast<std::size_t>(x.size())); };
+  a.block("state")(state_.t, numbers(state_.q), numbers(state_.v));
+  a.block("commands")(std::span(tau_));
+  for (NodeWrench& w : wrenches_) a(w.f.n.x, w.f.n.y, w.f.n.z, w.f.f.x, w.f.f.y, w.f.f.z);
+  a.block("given motion");
+  for (Prescribed& p : prescribed_) a(p.profile, p.given, p.t_0, p.q_0);
+  a.block("schedule")(schedule_);
+  a.block("run")(steps_, last_output_, warned_stiff_, std::span(event_times_), events_seen_);
+  a.block("ledger")(balances_);
+  a.block("warnings")(warnings_);
+}
+
+/// A new integrator at the present state, with what the archive has of the one before.
+void Simulation::start_anew(Archive& archive) {
+  make_integrator_once();
+  std::copy_n(state_.q.data(), model_->nq, x_.begin());
+  std::copy_n(state_.v.data(), model_->nv, x_.begin() + model_->nq);
+  integrator_->restart(state_.t, x_.data());
+  integrator_->remember(archive.block("integrator"));
+  restart_ = false;
+}
+
+Checkpoint Simulation::checkpoint() {
+  start_given_motion();
+  Archive all;
+  remember(all);
+  start_anew(all);  // the integrator ends what it had begun
+  all.finish();
+  resume(all.checkpoint());
+  return all.checkpoint();
+}
+
+void Simulation::resume(const Checkpoint& checkpoint) {
+  Archive all(checkpoint);
+  remember(all);
+  tau_total_ = tau_;
+  changed();
+  integrator_.reset();
+  start_anew(all);
+  all.finish();
+  begun_ = true;
+}
+
+}  // namespace cardan

@@ -1,0 +1,550 @@
+#include "scripts/lua/persist.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <functional>
+#include <set>
+#include <utility>
+
+#include "core/base/utf8.hpp"
+#include "scripts/lua/matrix.hpp"
+
+namespace cardan {
+namespace {
+
+constexpr std::size_t kRandomWords = 4;  // of the generator of Lua 5.4, xoshiro256**
+constexpr int kDeepest = 200;            // tables in tables
+constexpr char kModules[] = "cardan.modules";
+
+std::string hex(std::string_view bytes) {
+  std::string out;
+  for (const char c : bytes) out += fmt::format("{:02x}", static_cast<unsigned char>(c));
+  return out;
+}
+
+bool is_utf8(std::string_view text) {
+  while (!text.empty()) {
+    const std::size_t n = utf8_character(text);
+    if (n == 0) return false;
+    text.remove_prefix(n);
+  }
+  return true;
+}
+
+bool is_plain(int type) { return type == LUA_TNIL || type == LUA_TBOOLEAN || type == LUA_TNUMBER || type == LUA_TSTRING; }
+bool is_numbers(lua_State* L, int index) { return is_vector(L, index) || is_matrix(L, index); }
+
+/// A plain value: "true", "i12", "f0.1", "stext", "x" and bytes in hexadecimal.
+std::string plain_text(lua_State* L, int index) {
+  switch (lua_type(L, index)) {
+    case LUA_TBOOLEAN:
+      return lua_toboolean(L, index) ? "true" : "false";
+    case LUA_TNUMBER:
+      return lua_isinteger(L, index) ? fmt::format("i{}", lua_tointeger(L, index)) : fmt::format("f{}", lua_tonumber(L, index));
+    case LUA_TSTRING: {
+      std::size_t n = 0;
+      const char* text = lua_tolstring(L, index, &n);
+      return is_utf8({text, n}) ? "s" + std::string(text, n) : "x" + hex({text, n});
+    }
+    default:
+      return "nil";
+  }
+}
+
+/// Keys of the table at `index`, as plain texts in their order; `others`: there are keys that are none.
+std::vector<std::string> keys_of(lua_State* L, int index, bool* others = nullptr) {
+  index = lua_absindex(L, index);
+  std::vector<std::string> keys;
+  for (lua_pushnil(L); lua_next(L, index); lua_pop(L, 1)) {
+    if (is_plain(lua_type(L, -2)))
+      keys.push_back(plain_text(L, -2));
+    else if (others)
+      *others = true;
+  }
+  std::sort(keys.begin(), keys.end());
+  return keys;
+}
+
+/// Pushes it.
+bool push_plain(lua_State* L, const std::string& text) {
+  if (text == "true" || text == "false" || text == "nil") {
+    if (text == "nil")
+      lua_pushnil(L);
+    else
+      lua_pushboolean(L, text == "true");
+    return true;
+  }
+  if (text.empty()) return false;
+  const std::string rest = text.substr(1);
+  char* end = nullptr;
+  switch (text[0]) {
+    case 'i':
+      lua_pushinteger(L, std::strtoll(rest.c_str(), &end, 10));
+      return *end == '\0';
+    case 'f': {
+      double x = 0.0;
+      const auto [last, error] = std::from_chars(rest.data(), rest.data() + rest.size(), x);
+      lua_pushnumber(L, x);
+      return error == std::errc() && last == rest.data() + rest.size();
+    }
+    case 's':
+      lua_pushlstring(L, rest.data(), rest.size());
+      return true;
+    case 'x': {
+      std::string bytes;
+      for (std::size_t i = 0; i + 1 < rest.size(); i += 2) bytes += static_cast<char>(std::strtoul(rest.substr(i, 2).c_str(), nullptr, 16));
+      lua_pushlstring(L, bytes.data(), bytes.size());
+      return true;
+    }
+    default:
+      return false;
+  }
+}
+
+}  // namespace
+
+// ---- what has changed ----
+
+/// Everything that functions of the script can reach: globals, modules and what C++ holds, their fields and upvalues.
+class Persistent::Walk {
+ public:
+  Walk(const Persistent& of, lua_State* L) : of_(of), L_(L) {}
+
+  Slots run() {
+    lua_newtable(L_);  // what is still to be looked at, and for each its name
+    queue_ = lua_gettop(L_);
+    lua_rawgeti(L_, LUA_REGISTRYINDEX, LUA_RIDX_GLOBALS);
+    later("");
+    lua_getfield(L_, LUA_REGISTRYINDEX, kModules);
+    later("require");
+    work();
+    const auto n = static_cast<lua_Integer>(lua_rawlen(L_, LUA_REGISTRYINDEX));
+    for (lua_Integer i = LUA_RIDX_LAST + 1; i <= n; ++i) {  // what C++ holds and no name leads to
+      lua_rawgeti(L_, LUA_REGISTRYINDEX, i);
+      later("");
+      work();
+    }
+    lua_settop(L_, queue_ - 1);
+    return std::move(slots_);
+  }
+
+ private:
+  /// Takes the value at the top.
+  void later(const std::string& name) {
+    if (!(lua_istable(L_, -1) || lua_isfunction(L_, -1)) || !seen_.insert(lua_topointer(L_, -1)).second) {
+      lua_pop(L_, 1);
+      return;
+    }
+    names_.push_back(name);
+    lua_rawseti(L_, queue_, static_cast<lua_Integer>(names_.size()));
+  }
+
+  void work() {
+    for (; done_ < names_.size(); ++done_) {
+      lua_rawgeti(L_, queue_, static_cast<lua_Integer>(done_) + 1);
+      const std::string name = names_[done_];
+      if (lua_istable(L_, -1))
+        table(name);
+      else
+        function(name);
+      lua_settop(L_, queue_);
+    }
+  }
+
+  void table(const std::string& name) {
+    const int at = lua_gettop(L_);
+    const void* self = lua_topointer(L_, at);
+    const bool kept = of_.numbers_.contains(self);  // tables that the run has put into declared ones: Writer
+    std::map<std::string, Slot>& fields = slots_[self];
+    if (lua_getmetatable(L_, at)) {
+      fields["metatable"] = {name + " (its metatable)", fmt::format("{}", lua_topointer(L_, -1))};
+      later(name);
+    }
+    if (fields_of(at) > kManyFields) {
+      if (!kept) fields["fields"] = {name + " (its fields)", fingerprint_of_fields(at)};
+      return;
+    }
+    const auto field = [&](const std::string& key, const std::string& shown, bool plain) {  // the value is at the top, and goes
+      const std::string full = name.empty() ? shown : name + "." + shown;
+      const bool held = kept && plain && (is_plain(lua_type(L_, -1)) || lua_istable(L_, -1) || is_numbers(L_, -1));
+      if (!held) fields[key] = {full, value()};
+      later(full);
+    };
+    bool others = false;
+    for (const std::string& key : keys_of(L_, at, &others)) {
+      push_plain(L_, key);
+      lua_rawget(L_, at);
+      field(key, key == "true" || key == "false" ? key : key.substr(1), true);
+    }
+    if (!others) return;
+    for (lua_pushnil(L_); lua_next(L_, at); lua_pop(L_, 1)) {
+      if (is_plain(lua_type(L_, -2))) continue;
+      lua_pushvalue(L_, -1);
+      field(fmt::format("{}", lua_topointer(L_, -3)), lua_typename(L_, lua_type(L_, -3)), false);
+    }
+  }
+
+  std::size_t fields_of(int at) {
+    std::size_t n = 0;
+    for (lua_pushnil(L_); lua_next(L_, at); lua_pop(L_, 1)) ++n;
+    return n;
+  }
+
+  /// Of a large table as a whole, whatever the order of its keys; what is in it is looked at as well.
+  std::string fingerprint_of_fields(int at) {
+    std::size_t sum = 0, n = 0;
+    for (lua_pushnil(L_); lua_next(L_, at); lua_pop(L_, 1), ++n) {
+      lua_pushvalue(L_, -2);
+      const std::string key = value();
+      lua_pop(L_, 1);
+      sum += std::hash<std::string>()(key + "=" + value());
+    }
+    return fmt::format("{} fields, {}", n, sum);
+  }
+
+  /// A variable is named with the place of the first function that keeps it.
+  void function(const std::string& name) {
+    const int at = lua_gettop(L_);
+    const bool in_lua = !lua_iscfunction(L_, at);
+    const SourceMark mark = in_lua ? of_.host_.definition(L_, at) : SourceMark{};
+    const std::string file = mark.file.substr(mark.file.rfind('/') + 1);
+    for (int n = 1; const char* variable = lua_getupvalue(L_, at, n); ++n) {
+      const std::string called = in_lua ? variable : name;
+      const auto [slot, fresh] = slots_[lua_upvalueid(L_, at, n)].try_emplace("");
+      std::pair<std::string, int>& place = places_[&slot->second];
+      if (fresh || std::pair(file, mark.line) < place) {
+        place = {file, mark.line};
+        slot->second = {in_lua ? fmt::format("{} ({}:{})", called, file, mark.line) : called, value()};
+      }
+      later(called);
+    }
+  }
+
+  /// Of the value at the top.
+  std::string value() {
+    const int type = lua_type(L_, -1);
+    if (type == LUA_TSTRING) {
+      std::size_t n = 0;
+      const char* s = lua_tolstring(L_, -1, &n);
+      return n <= kLongText ? std::string(s, n) : fmt::format("{} bytes, {}", n, std::hash<std::string_view>()({s, n}));
+    }
+    if (is_plain(type)) return plain_text(L_, -1);
+    std::string text = fmt::format("{} {}", lua_typename(L_, type), lua_topointer(L_, -1));
+    if (type == LUA_TTHREAD && lua_status(lua_tothread(L_, -1)) == LUA_YIELD)
+      text += fmt::format(" {}", ++serial_);                        // inside a function: it can go on anywhere
+    if (of_.numbers_.contains(lua_topointer(L_, -1))) return text;  // its numbers are in a declared table
+    for (const double x : numbers_of(L_, -1)) text += fmt::format(" {}", x);
+    return text;
+  }
+
+  static constexpr std::size_t kManyFields = 1000, kLongText = 64;
+
+  const Persistent& of_;
+  lua_State* L_;
+  int queue_ = 0;
+  std::vector<std::string> names_;
+  std::set<const void*> seen_;
+  std::map<const Slot*, std::pair<std::string, int>> places_;
+  std::size_t done_ = 0;
+  Slots slots_;
+  static inline long serial_ = 0;
+};
+
+// ---- tables as texts ----
+
+class Persistent::Writer {
+ public:
+  Writer(const Persistent& of, lua_State* L) : of_(of), L_(L) {}
+
+  /// The value at the top, which stays there; `name`: what it is called, `fresh`: in a table that the run has made.
+  void value(const std::string& name, bool fresh, int depth) {
+    if (depth > kDeepest)
+      throw InputError(Diagnostic{Code::lua_argument, {"persist", {}}, fmt::format("tables at most {} deep", kDeepest), "deeper ones"});
+    luaL_checkstack(L_, LUA_MINSTACK, nullptr);
+    const bool table = lua_istable(L_, -1), numbers = !table && is_numbers(L_, -1);
+    if (is_plain(lua_type(L_, -1))) return texts.push_back(plain_text(L_, -1));
+    if (!table && !numbers) {
+      if (fresh) loose.push_back(name);
+      return void(texts.emplace_back("as set up"));
+    }
+    const void* self = lua_topointer(L_, -1);
+    const auto [again, first] = written_.emplace(self, written_.size());
+    if (!first) return texts.push_back(fmt::format("again {}", again->second));
+    const auto of_setup = of_.numbers_.find(self);
+    const std::string which = of_setup == of_.numbers_.end() ? "new" : fmt::format("{}", of_setup->second);
+    if (table) {
+      texts.push_back("table " + which);
+      const bool made = which == "new";
+      if (made && lua_getmetatable(L_, -1)) {
+        loose.push_back(name + " (its metatable)");
+        lua_pop(L_, 1);
+      }
+      bool others = false;
+      const std::vector<std::string> keys = keys_of(L_, -1, &others);
+      if (others) loose.push_back(name + " (keys that are neither numbers nor texts)");
+      for (const std::string& key : keys) {
+        texts.push_back(key);
+        push_plain(L_, key);
+        lua_rawget(L_, -2);
+        value(name + "." + key.substr(1), made, depth + 1);
+        lua_pop(L_, 1);
+      }
+      texts.emplace_back("end");
+      return;
+    }
+    const std::span<const double> x = numbers_of(L_, -1);
+    const Labels rows = row_labels(L_, -1), columns = column_labels(L_, -1);
+    const std::size_t n_rows = is_vector(L_, -1) ? x.size() : to_matrix(L_, -1, kAnySize, kAnySize, "matrix").rows();
+    texts.push_back(fmt::format("{} {} {} {}", is_vector(L_, -1) ? "vector" : "matrix", which, n_rows, n_rows > 0 ? x.size() / n_rows : 0));
+    for (const double number : x) texts.push_back(fmt::format("f{}", number));
+    for (const Labels* labels : {&rows, &columns})
+      for (const auto* list : {&labels->names, &labels->units}) {
+        texts.push_back(fmt::format("i{}", list->size()));
+        for (const std::string& text : *list) texts.push_back("s" + text);
+      }
+  }
+
+  std::vector<std::string> texts;
+  std::vector<std::string> loose;  // what the texts cannot hold
+
+ private:
+  const Persistent& of_;
+  lua_State* L_;
+  std::map<const void*, std::size_t> written_;
+};
+
+class Persistent::Reader {
+ public:
+  Reader(const Persistent& of, lua_State* L, const Archive& archive, const std::vector<std::string>& texts)
+      : of_(of), L_(L), archive_(archive), texts_(texts) {
+    lua_newtable(L);
+    read_ = lua_gettop(L);
+  }
+
+  /// Pushes the next one. Where it is "as set up", nothing: false.
+  bool value(int depth) {
+    luaL_checkstack(L_, LUA_MINSTACK, nullptr);
+    const std::string& text = next();
+    if (text == "as set up") return false;
+    if (const std::size_t space = text.find(' '); text.starts_with("again ")) {
+      lua_rawgeti(L_, read_, std::strtol(text.c_str() + space, nullptr, 10) + 1);
+      if (lua_isnil(L_, -1)) archive_.wrong("a table is not there: " + text);
+    } else if (text.starts_with("table ")) {
+      table(text, depth);
+    } else if (text.starts_with("vector ") || text.starts_with("matrix ")) {
+      numbers(text);
+    } else if (!push_plain(L_, text)) {
+      archive_.wrong("not a value: " + text);
+    }
+    return true;
+  }
+
+ private:
+  const std::string& next() {
+    if (at_ == texts_.size()) archive_.wrong("a value is missing");
+    return texts_[at_++];
+  }
+
+  /// The object of set-up with this number, or false.
+  bool push_object(const std::string& which) {
+    if (which == "new") return false;
+    const std::size_t number = std::strtoul(which.c_str(), nullptr, 10);
+    if (number < 1 || number > of_.numbers_.size()) archive_.wrong("a table that set-up does not make: " + which);
+    of_.objects_.push(L_);
+    lua_rawgeti(L_, -1, static_cast<lua_Integer>(number));
+    lua_remove(L_, -2);
+    return true;
+  }
+
+  void read(int index) {  // the object at `index` has the next number
+    lua_pushvalue(L_, index);
+    lua_rawseti(L_, read_, static_cast<lua_Integer>(++n_read_));
+  }
+
+  void table(const std::string& text, int depth) {
+    if (depth > kDeepest) archive_.wrong("tables too deep");
+    if (push_object(text.substr(6))) {
+      if (!lua_istable(L_, -1)) archive_.wrong("no table of set-up: " + text);
+      for (const std::string& key : keys_of(L_, -1)) {  // what a checkpoint holds goes, what is as set up stays
+        push_plain(L_, key);
+        lua_pushvalue(L_, -1);
+        const int type = lua_rawget(L_, -3);
+        const bool held = is_plain(type) || type == LUA_TTABLE || is_numbers(L_, -1);
+        lua_pop(L_, 1);
+        if (!held) {
+          lua_pop(L_, 1);
+          continue;
+        }
+        lua_pushnil(L_);
+        lua_rawset(L_, -3);
+      }
+    } else {
+      lua_newtable(L_);
+    }
+    const int self = lua_gettop(L_);
+    read(self);
+    while (true) {
+      const std::string key = next();
+      if (key == "end") return;
+      if (key == "nil" || !push_plain(L_, key) || (lua_isnumber(L_, -1) && std::isnan(lua_tonumber(L_, -1))))
+        archive_.wrong("not a key: " + key);
+      if (value(depth + 1))
+        lua_rawset(L_, self);
+      else
+        lua_pop(L_, 1);
+    }
+  }
+
+  void numbers(const std::string& text) {
+    char which[16] = "";
+    std::size_t rows = 0, columns = 0;
+    if (std::sscanf(text.c_str(), "%*s %15s %zu %zu", which, &rows, &columns) != 3 || rows > texts_.size() || columns > texts_.size() ||
+        rows * columns > texts_.size())
+      archive_.wrong("not a matrix: " + text);
+    Eigen::MatrixXd x(static_cast<Eigen::Index>(rows), static_cast<Eigen::Index>(columns));
+    for (Eigen::Index i = 0; i < x.size(); ++i) {
+      const std::string& number = next();
+      if (!push_plain(L_, number) || lua_type(L_, -1) != LUA_TNUMBER) archive_.wrong("not a number: " + number);
+      x(i) = lua_tonumber(L_, -1);
+      lua_pop(L_, 1);
+    }
+    Labels labels[2];
+    for (Labels& l : labels)
+      for (auto* list : {&l.names, &l.units}) {
+        const std::size_t n = std::strtoul(next().c_str() + 1, nullptr, 10);
+        for (std::size_t i = 0; i < n; ++i) list->push_back(next().substr(1));
+      }
+    if (push_object(which)) {
+      const std::span<double> own = numbers_of(L_, -1);
+      if (own.size() != rows * columns) archive_.wrong("another size than at set-up: " + text);
+      std::copy_n(x.data(), own.size(), own.begin());
+    } else if (text.starts_with("vector")) {
+      push_vector(L_, x, labels[0]);
+    } else {
+      push_matrix(L_, x, labels[0], labels[1]);
+    }
+    read(lua_gettop(L_));
+  }
+
+  const Persistent& of_;
+  lua_State* L_;
+  const Archive& archive_;
+  const std::vector<std::string>& texts_;
+  std::size_t at_ = 0, n_read_ = 0;
+  int read_;
+};
+
+// ---- the whole ----
+
+Persistent::Persistent(LuaHost& host) : host_(host) {
+  host_.protect([this](lua_State* L) {
+    lua_getglobal(L, "math");
+    lua_getfield(L, -1, "random");
+    lua_getupvalue(L, -1, 1);
+    if (lua_rawlen(L, -1) == kRandomWords * sizeof(std::uint64_t)) random_ = LuaRef::pop(L);
+  });
+}
+
+void Persistent::declare(lua_State* L, int index) {
+  lua_pushvalue(L, index);
+  declared_.push_back(LuaRef::pop(L));
+}
+
+void Persistent::seal() {
+  if (std::exchange(sealed_, true)) return;
+  host_.protect([this](lua_State* L) {
+    lua_newtable(L);
+    const int list = lua_gettop(L);
+    const std::function<void(int)> collect = [&](int depth) {  // the value at the top, and what is in it
+      luaL_checkstack(L, LUA_MINSTACK, nullptr);
+      const bool table = lua_istable(L, -1);
+      if ((!table && !is_numbers(L, -1)) || depth > kDeepest) return;
+      if (!numbers_.emplace(lua_topointer(L, -1), numbers_.size() + 1).second) return;
+      lua_pushvalue(L, -1);
+      lua_rawseti(L, list, static_cast<lua_Integer>(numbers_.size()));
+      if (!table) return;
+      for (const std::string& key : keys_of(L, -1)) {
+        push_plain(L, key);
+        lua_rawget(L, -2);
+        collect(depth + 1);
+        lua_pop(L, 1);
+      }
+    };
+    for (const LuaRef& table : declared_) {
+      table.push(L);
+      collect(0);
+      lua_pop(L, 1);
+    }
+    objects_ = LuaRef::pop(L);
+    at_seal_ = Walk(*this, L).run();
+  });
+}
+
+void Persistent::remember(Archive& archive) {
+  std::vector<std::string> texts, random(kRandomWords);
+  std::size_t n = declared_.size();
+  host_.protect([&](lua_State* L) {
+    if (archive.reading()) return;
+    Writer writer(*this, L);
+    for (const LuaRef& table : declared_) {
+      table.push(L);
+      writer.value("persist", false, 0);
+      lua_pop(L, 1);
+    }
+    texts = std::move(writer.texts);
+    if (!random_) return;
+    random_.push(L);
+    std::uint64_t words[kRandomWords];
+    std::memcpy(words, lua_touserdata(L, -1), sizeof words);
+    for (std::size_t i = 0; i < kRandomWords; ++i) random[i] = fmt::format("{:016x}", words[i]);
+  });
+  archive(n, texts, std::span(random));
+  if (!archive.reading()) return;
+  if (n != declared_.size()) archive.wrong("another number of persist{} tables");
+  host_.protect([&](lua_State* L) {
+    Reader reader(*this, L, archive, texts);
+    for (std::size_t i = 0; i < declared_.size(); ++i)
+      if (reader.value(0)) lua_pop(L, 1);
+    if (!random_) return;
+    random_.push(L);
+    std::uint64_t words[kRandomWords];
+    for (std::size_t i = 0; i < kRandomWords; ++i) words[i] = std::strtoull(random[i].c_str(), nullptr, 16);
+    std::memcpy(lua_touserdata(L, -1), words, sizeof words);
+  });
+}
+
+std::vector<std::string> Persistent::elsewhere() {
+  Slots now;
+  std::set<std::string> names;
+  host_.protect([&](lua_State* L) {
+    now = Walk(*this, L).run();
+    Writer writer(*this, L);
+    for (const LuaRef& table : declared_) {
+      table.push(L);
+      writer.value("persist", false, 0);
+      lua_pop(L, 1);
+    }
+    names.insert(writer.loose.begin(), writer.loose.end());
+  });
+  for (const auto& [self, fields] : now) {
+    const auto before = at_seal_.find(self);
+    if (before == at_seal_.end()) continue;  // new: so is the variable that leads here
+    for (const auto& [key, slot] : fields) {
+      const auto old = before->second.find(key);
+      if (old == before->second.end() || old->second.value != slot.value) names.insert(slot.name);
+    }
+    for (const auto& [key, slot] : before->second)
+      if (!fields.contains(key)) names.insert(slot.name);
+  }
+  std::vector<std::string> sorted(names.begin(), names.end());
+  if (sorted.size() > kMost) sorted.resize(kMost);
+  return sorted;
+}
+
+}  // namespace cardan

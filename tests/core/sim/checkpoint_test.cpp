@@ -1,0 +1,166 @@
+// A run goes on from a checkpoint with the same bits as if it had never stopped.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include "core/io/checkpoint_text.hpp"
+#include "core/sim/simulation.hpp"
+#include "tests/support/builders.hpp"
+#include "tests/support/modal_samples.hpp"
+
+namespace cardan::test {
+namespace {
+
+using Eigen::VectorXd;
+
+const std::vector<std::string> kMethods = {"rk4", "dopri5", "cvode_adams", "cvode_bdf", "cvode_bdf krylov"};
+
+/// A free base with a flexible boom, a sprung arm, a wheel on a profile with corners, a wrench on the arm; commands at 8 Hz; an event that
+/// turns the wrench over.
+SystemSpec spacecraft() {
+  BodySpec base = on(rigid("base", 10.0, {0.1, 0, 0}, diagonal({2, 3, 4})), "", "free");
+  base.hinge.v = {0.3, -0.2, 0.1, 0.05, 0, 0};
+  BodySpec arm = on(rigid("arm", 2.0, {0.5, 0, 0.1}, diagonal({0.1, 0.3, 0.3})), "base", "revolute", {{0, 0, 1}}, {0.5, 0, 0});
+  arm.hinge.q = {0.4};
+  SpringDamper spring;
+  spring.stiffness = 3.0, spring.damping = 0.05;
+  arm.hinge.springs = {spring};
+  BodySpec wheel = on(rigid("wheel", 1.5, {0, 0.1, 0}, diagonal({0.2, 0.1, 0.2})), "base", "revolute", {{1, 0, 0}}, {-0.5, 0, 0});
+  wheel.hinge.prescribed = {0};
+  BodySpec boom = on(BodySpec(), "base", "revolute", {{0, 1, 0}}, {0, 0.4, 0});
+  boom.name = "boom", boom.type = "modal_flexible", boom.level = 0;
+  boom.modal = std::make_shared<const ModalData>(lumped());
+  return system({base, arm, wheel, boom});
+}
+
+struct Scene {
+  explicit Scene(const std::string& method)
+      : sim(compiled(spacecraft(), {.node_wrenches = true, .world_wrenches = true}), options(method)) {
+    const Model& m = sim.model();
+    sim.prescribe(m.user[2].v, MotionProfile::rate_table({{0.13, 0.0}, {0.57, 1.1}, {1.01, -0.4}}));
+    slot = sim.add_wrench(m.find_node("arm"), true);
+    const int arm = m.user[1].v, q = m.user[1].q;
+    sim.every({1, 8}, [this, arm] { sim.set_force(arm, 0.5 * std::cos(3.0 * sim.time())); });
+    sim.add_event({"arm passes", [q](double, const double* x, const double*) { return x[q] - 0.3; }, 0,
+                   [this] {
+                     Force<double> f = sim.wrenches()[static_cast<std::size_t>(slot)].f;
+                     f.f.x = f.f.x > 0.0 ? -0.2 : 0.2;
+                     sim.set_wrench(slot, f);
+                   }});
+    sim.every({1, 10}, [this] { made.emplace_back(sim.time(), sim.checkpoint()); }, {1, 10});
+  }
+  static SimulationOptions options(const std::string& method) {
+    SimulationOptions o;
+    o.integrator.method = method.substr(0, method.find(' '));
+    if (method.ends_with("krylov")) o.integrator.linear_solver = "krylov";
+    o.integrator.relative_tolerance = 1e-7;
+    if (method == "rk4") o.integrator.fixed_step = 0.007;
+    return o;
+  }
+  Simulation sim;
+  int slot = 0;
+  std::vector<std::pair<double, Checkpoint>> made;
+};
+
+void expect_same(Simulation& a, Simulation& b, const std::string& what) {
+  EXPECT_TRUE(a.state().q == b.state().q && a.state().v == b.state().v) << what;
+  EXPECT_EQ(a.time(), b.time()) << what;
+  const IntegratorStatistics x = a.statistics(), y = b.statistics();
+  EXPECT_EQ(x.steps, y.steps) << what;
+  EXPECT_EQ(x.rhs_calls, y.rhs_calls) << what;
+  EXPECT_EQ(x.restarts, y.restarts) << what;
+  EXPECT_EQ(x.root_evaluations, y.root_evaluations) << what;
+  EXPECT_EQ(x.rejected, y.rejected) << what;
+  EXPECT_EQ(x.error_sum, y.error_sum) << what;
+  EXPECT_EQ(a.ledger().energy, b.ledger().energy) << what;
+  EXPECT_TRUE(a.ledger().angular == b.ledger().angular) << what;
+  EXPECT_EQ(a.worst_ledger().energy_limit, b.worst_ledger().energy_limit) << what;
+  EXPECT_EQ(checkpoint_text(a.checkpoint()), checkpoint_text(b.checkpoint())) << what;
+}
+
+TEST(Checkpoint, IsWhereARunGoesOnBitForBit) {
+  for (const std::string& method : kMethods) {
+    Scene whole(method);
+    whole.sim.run(2.0);
+    ASSERT_EQ(whole.made.size(), 20u) << method;
+    EXPECT_TRUE(whole.sim.ledger().pass) << method;
+    for (const std::size_t at : {0u, 4u, 9u, 18u}) {
+      const auto& [t, checkpoint] = whole.made[at];
+      Scene rest(method);
+      rest.sim.resume(checkpoint_of(checkpoint_text(checkpoint)));
+      EXPECT_EQ(rest.sim.time(), t) << method;
+      rest.sim.run(2.0);
+      ASSERT_EQ(rest.made.size(), whole.made.size() - at - 1) << method;
+      for (std::size_t i = 0; i < rest.made.size(); ++i)
+        EXPECT_EQ(rest.made[i].second, whole.made[at + 1 + i].second) << method << " from " << t << " s at " << rest.made[i].first << " s";
+      Scene again(method);
+      again.sim.resume(checkpoint);
+      again.sim.run(2.0);
+      expect_same(rest.sim, again.sim, method);
+    }
+  }
+}
+
+/// Resumed at 100 ticks drawn at random, one after the other, each from the checkpoint of the run before: the end is the same.
+TEST(Checkpoint, SurvivesAHundredInterruptions) {
+  std::mt19937 random(7);
+  Scene whole("dopri5");
+  whole.sim.run(12.0);
+  auto part = std::make_unique<Scene>("dopri5");
+  part->sim.run(0.1);
+  Checkpoint last = part->made.back().second;
+  int tick = 1, interruptions = 0;
+  while (tick < 120) {
+    part = std::make_unique<Scene>("dopri5");
+    part->sim.resume(last);
+    const int next = std::min(120, tick + 1 + static_cast<int>(random() % 2 == 0 && 120 - tick > 100 - interruptions));
+    part->sim.run(0.1 * next);
+    last = part->made.back().second;
+    tick = next, ++interruptions;
+  }
+  EXPECT_GE(interruptions, 100);
+  EXPECT_EQ(last, whole.made.back().second);
+  EXPECT_TRUE(part->sim.state().q == whole.sim.state().q && part->sim.state().v == whole.sim.state().v);
+}
+
+TEST(Checkpoint, OfAnotherModelIsRefused) {
+  Scene scene("dopri5");
+  scene.sim.run(0.2);
+  Checkpoint made = scene.made.back().second;
+  Simulation other(compiled(system({on(rigid("a", 1.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "free")})), {});
+  EXPECT_THROW(other.resume(made), CheckpointFault);
+  made["state"].numbers.pop_back();
+  EXPECT_THROW(Scene("dopri5").sim.resume(made), CheckpointFault);
+  made = scene.made.back().second;
+  made.erase("ledger");
+  EXPECT_THROW(Scene("dopri5").sim.resume(made), CheckpointFault);
+  made = scene.made.back().second;
+  made["schedule"].numbers[1] = -1.0;
+  EXPECT_THROW(Scene("dopri5").sim.resume(made), CheckpointFault);
+  made["schedule"].numbers[1] = 0.5;
+  EXPECT_THROW(Scene("dopri5").sim.resume(made), CheckpointFault);
+}
+
+TEST(CheckpointText, KeepsEveryBit) {
+  constexpr double inf = std::numeric_limits<double>::infinity();
+  Checkpoint all;
+  all["a"].numbers = {0.0, -0.0, 0.1, -1e308, 5e-324, inf, -inf, 0x1.fffffffffffffp+52};
+  all["b"].texts = {"", "a \"text\"\n", "\xc3\xa4"};
+  const Checkpoint back = checkpoint_of(checkpoint_text(all));
+  EXPECT_EQ(back, all);
+  EXPECT_TRUE(std::signbit(back.at("a").numbers[1]));
+  all["a"].numbers = {std::nan("")};
+  EXPECT_TRUE(std::isnan(checkpoint_of(checkpoint_text(all)).at("a").numbers.at(0)));
+}
+
+TEST(CheckpointText, OfAnotherKindIsRefused) {
+  for (const char* text :
+       {"", "{}", "[1, 2]", R"({"format": 2, "blocks": {}})", R"({"format": 1, "blocks": {"a": {"numbers": ["x"], "texts": []}}})",
+        R"({"format": 1, "blocks": {"a": {"numbers": [1]}}})", R"({"format": 1, "blocks": {"a": {"numbers": [1], "texts": [1]}}})"})
+    EXPECT_THROW(checkpoint_of(text), CheckpointFault) << text;
+}
+
+}  // namespace
+}  // namespace cardan::test

@@ -1,0 +1,222 @@
+// cardan run --resume: a run that stopped goes on from its last checkpoint, and nobody can tell from the results.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <csignal>
+#include <filesystem>
+
+#include "core/io/hdf5_file.hpp"
+#include "core/io/recorder.hpp"
+#include "tests/scripts/run_program.hpp"
+
+namespace cardan {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+const std::string kScripts = CARDAN_SOURCE_DIR "/tests/scripts";
+
+/// A pendulum on a controller that remembers, draws and records; phases, events, a line, a warning.
+const char* kMission = R"lua(
+local sat = vehicle "vehicle.yaml"
+mission { duration = 6, output = { rate = "10 Hz" }, checkpoint = { period = "0.5 s" } }
+local rod = sat:hinge "rod"
+local m = persist { integral = 0, draws = {}, filter = vector { 0, 0 }, crossings = 0 }
+local log = signals { ["own/numbers"] = { components = { "integral", "draw", "filter" } }, ["own/odd"] = {} }
+controller { name = "c", rate = "20 Hz", step = function(t)
+  m.integral = m.integral + 0.05 * rod:angle()
+  m.draws[#m.draws % 5 + 1] = math.random()
+  m.filter[1] = 0.9 * m.filter[1] + 0.1 * rod:rate()
+  rod:torque(-0.3 * m.integral - 0.2 * m.filter[1] + 0.01 * (m.draws[1] - 0.5) + (mission.phase() == "push" and 0.5 or 0))
+  log["own/numbers"](m.integral, m.draws[1], m.filter[1])
+  if t == 1.25 then log["own/odd"](0 / 0) print "odd" end
+end }
+phase { name = "swing", duration = 1.7 }
+phase { name = "push", until_ = function(t) return m.crossings >= 3 end, enter = function() print("pushes") end }
+phase { name = "rest" }
+event { name = "passes", when = function() return rod:angle() - 0.05 end, action = function() m.crossings = m.crossings + 1 end }
+check { name = "crossings", value = function() return m.crossings end, above = 2 }
+figure { name = "integral", value = function() return m.integral end }
+)lua";
+
+void make_scenario(const TemporaryFolder& dir, const std::string& mission) {
+  fs::copy(kScripts + "/errors/pendulum.yaml", dir / "vehicle.yaml");
+  write(dir / "scenario.lua", mission);
+}
+
+/// Equal but for the time that it took.
+void expect_same_results(const std::string& a, const std::string& b) {
+  EXPECT_EQ(json(channels_of(a)).dump(), json(channels_of(b)).dump());  // NaN too
+  json x = summary_of(a), y = summary_of(b);
+  x.erase("wall_s"), y.erase("wall_s");
+  EXPECT_EQ(x, y);
+  const Hdf5File first = Hdf5File::open(a + "/run.h5"), second = Hdf5File::open(b + "/run.h5");
+  for (const NoteKind& kind : note_kinds()) {
+    const std::string path = std::string("/run/") + kind.name;
+    EXPECT_EQ(first.read_texts(path + "/text"), second.read_texts(path + "/text")) << path;
+    EXPECT_EQ(json(first.read_doubles(path + "/t").values).dump(), json(second.read_doubles(path + "/t").values).dump()) << path;
+  }
+  EXPECT_EQ(first.read_texts("/restart/checkpoints/text"), second.read_texts("/restart/checkpoints/text"));
+}
+
+TEST(Resume, GoesOnAsIfTheRunHadNeverStopped) {
+  for (const std::string method : {"dopri5", "rk4", "cvode_adams", "cvode_bdf"}) {
+    const TemporaryFolder dir;
+    make_scenario(dir, kMission);
+    std::vector<std::string> options{"--set", "mission.integrator.method=" + method, "--seed", "5"};
+    if (method == "rk4") options.insert(options.end(), {"--set", "mission.integrator.step=0.01 s"});
+    const auto run = [&](std::vector<std::string> arguments) {
+      arguments.insert(arguments.begin(), "run");
+      arguments.insert(arguments.end(), options.begin(), options.end());
+      return run_program(arguments, dir.path());
+    };
+    const Finished whole = run({dir.path(), "--out", "whole"});
+    ASSERT_LE(whole.exit_code, 1) << whole.err;
+    EXPECT_EQ(whole.out.find("cannot be resumed"), std::string::npos) << whole.out;
+    ASSERT_LE(run({dir.path(), "--out", "part", "--until", "2.83"}).exit_code, 1);
+    fs::remove(dir / "scenario.lua");  // the texts are in the results
+    fs::remove(dir / "vehicle.yaml");
+    const Finished rest = run_program({"run", "--resume", "part", "--until", "4.1"}, dir.path());
+    ASSERT_LE(rest.exit_code, 1) << rest.err;
+    const Finished end = run_program({"run", "--resume", "part/resumed", "--until", "6", "--out", "end"}, dir.path());
+    ASSERT_LE(end.exit_code, 1) << end.err;
+    expect_same_results(dir / "whole", dir / "end");
+    EXPECT_EQ(Hdf5File::open(dir / "end/run.h5").text_attribute("/run", "resumed"), "2.5, 4");
+    const Finished early = run_program({"run", "--resume", "part", "--at", "1.4", "--until", "6", "--out", "early"}, dir.path());
+    ASSERT_LE(early.exit_code, 1) << early.err;
+    expect_same_results(dir / "whole", dir / "early");
+  }
+}
+
+TEST(Resume, GoesOnFromWhatASignalOrAKillLeft) {
+  for (const int signal : {SIGTERM, SIGKILL}) {
+    const TemporaryFolder dir;
+    make_scenario(dir, kMission);
+    Started run({"run", ".", "--set", "mission.duration=1000 day", "--out", "out"}, dir.path());
+    const std::string results = dir / "out/run.h5";
+    // What a killed run has is what was flushed last.
+    ASSERT_TRUE(wait_until([&] { return fs::exists(results) && fs::file_size(results) > 1'000'000; }));
+    run.send(signal);
+    run.wait();
+    const double t = Hdf5File::open(results).read_doubles("/restart/checkpoints/t").values.back();
+    const std::string until = std::to_string(t + 20);
+    const Finished rest = run_program({"run", "--resume", "out/run.h5", "--until", until, "--out", "rest"}, dir.path());
+    ASSERT_LE(rest.exit_code, 1) << rest.err;
+    const auto resumed = channels_of(dir / "rest"), before = channels_of(dir / "out");
+    for (const auto& [path, values] : before) {  // what was recorded before stands
+      const std::size_t rows = before.at("/time").size(), width = values.size() / rows;
+      const std::size_t kept = static_cast<std::size_t>(std::lround(10 * t)) + 1;
+      ASSERT_GE(values.size(), kept * width) << path;
+      for (std::size_t i = 0; i < kept * width; ++i)
+        ASSERT_TRUE(values[i] == resumed.at(path)[i] || (std::isnan(values[i]) && std::isnan(resumed.at(path)[i]))) << path;
+    }
+    EXPECT_NEAR(resumed.at("/time").back(), t + 20, 1e-6);
+  }
+}
+
+/// The answer to --resume, without writing anything.
+std::string refused(const TemporaryFolder& dir, const std::vector<std::string>& more = {}) {
+  std::vector<std::string> arguments{"run", "--resume", "out", "--out", "new"};
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  const Finished run = run_program(arguments, dir.path());
+  EXPECT_EQ(run.exit_code, 2);
+  EXPECT_FALSE(fs::exists(dir / "new/summary.json"));
+  return run.err;
+}
+
+TEST(Resume, IsRefusedWhereTheScriptKeepsMoreThanPersist) {
+  const TemporaryFolder dir;
+  make_scenario(dir, replaced(kMission, "local m = persist {", "local m = {"));
+  const Finished run = run_program({"run", ".", "--out", "out"}, dir.path());
+  EXPECT_NE(run.out.find("cannot be resumed: kept outside of persist{}: m.crossings, m.draws.1"), std::string::npos) << run.out;
+  const json kept = summary_of(dir / "out")["kept_outside_persist"];
+  EXPECT_NE(std::find(kept.begin(), kept.end(), "m.integral"), kept.end()) << kept;
+  const std::string err = refused(dir);
+  EXPECT_NE(err.find("error[C0704]: a run that cannot be resumed\n"), std::string::npos) << err;
+  EXPECT_NE(err.find("  at: /restart/checkpoints\n"
+                     "  expected: a script that keeps what it remembers in persist{}\n"
+                     "  got:      variables that change: m.crossings, m.draws.1"),
+            std::string::npos)
+      << err;
+  EXPECT_NE(err.find("  hint:     local memory = persist { integral = 0.0 }"), std::string::npos) << err;
+  const Finished check = run_program({"check", "."}, dir.path());
+  EXPECT_EQ(check.exit_code, 0) << check.err;
+  EXPECT_NE(check.out.find("cannot be resumed: kept outside of persist{}: m.draws.1, m.integral"), std::string::npos) << check.out;
+}
+
+TEST(Resume, NeedsACheckpoint) {
+  const TemporaryFolder dir;
+  make_scenario(dir, kMission);
+  ASSERT_LE(run_program({"run", ".", "--out", "out"}, dir.path()).exit_code, 1);
+  EXPECT_NE(refused(dir, {"--at", "0.3"}).find("got:      the first one at t = 0.5 s"), std::string::npos);
+  EXPECT_NE(refused(dir, {"--until", "6"}).find("expected: a finite time > 6 s"), std::string::npos);
+  EXPECT_NE(refused(dir, {"--seed", "3"}).find("error[C0801]"), std::string::npos);
+  EXPECT_EQ(run_program({"run", ".", "--resume", "out"}, dir.path()).exit_code, 2);
+  EXPECT_EQ(run_program({"run", "--again", "out", "--resume", "out"}, dir.path()).exit_code, 2);
+  EXPECT_EQ(run_program({"run", ".", "--at", "1"}, dir.path()).exit_code, 2);
+  EXPECT_EQ(run_program({"run", "--resume", "out", "--out", "./new/../out"}, dir.path()).exit_code, 2);
+  fs::remove_all(dir / "out");
+  write(dir / "scenario.lua", replaced(kMission, R"(period = "0.5 s")", "never = true"));
+  ASSERT_LE(run_program({"run", ".", "--out", "out"}, dir.path()).exit_code, 1);
+  EXPECT_NE(refused(dir).find("expected: a checkpoint\n  got:      none"), std::string::npos);
+}
+
+TEST(Resume, RefusesADamagedCheckpoint) {
+  const TemporaryFolder dir;
+  make_scenario(dir, kMission);
+  ASSERT_LE(run_program({"run", ".", "--out", "out"}, dir.path()).exit_code, 1);
+  const auto with_last = [&](const std::string& what, const std::string& with) {
+    fs::copy_file(dir / "out/run.h5", dir / "out/good.h5", fs::copy_options::overwrite_existing);
+    {
+      Hdf5File file = Hdf5File::update(dir / "out/run.h5");
+      auto texts = file.read_texts("/restart/checkpoints/text");
+      EXPECT_NE(texts.back().find(what), std::string::npos) << what;
+      texts.back() = replaced(texts.back(), what, with);
+      file.remove("/restart/checkpoints/text");
+      file.write("/restart/checkpoints/text", texts, {texts.size(), 1});
+      file.close();
+    }
+    const std::string err = refused(dir);
+    fs::rename(dir / "out/good.h5", dir / "out/run.h5");
+    return err;
+  };
+  EXPECT_NE(with_last(R"("format":1)", R"("format":7)").find("format 7: this program reads 1"), std::string::npos);
+  EXPECT_NE(with_last(R"("schedule")", R"("shedule")").find("block schedule: there is none"), std::string::npos);
+  EXPECT_NE(with_last(R"("table 1")", R"("table 8")").find("a table that set-up does not make"), std::string::npos);
+  EXPECT_NE(with_last("{", "").find("error[C0702]"), std::string::npos);
+}
+
+TEST(Resume, OfResultsOfANewerFormatIsRefusedAsIsTheirReport) {
+  const TemporaryFolder dir;
+  make_scenario(dir, kMission);
+  ASSERT_LE(run_program({"run", ".", "--out", "out"}, dir.path()).exit_code, 1);
+  Hdf5File file = Hdf5File::update(dir / "out/run.h5");
+  file.set_attribute("/run", "format", std::string("3"));
+  file.close();
+  EXPECT_NE(refused(dir).find("  expected: results of a format up to 2\n  got:      format 3"), std::string::npos);
+  const Finished report = run_program({"report", "out/run.h5", "--out", "page.html"}, dir.path());
+  EXPECT_EQ(report.exit_code, 2);
+  EXPECT_NE(report.err.find("format 3"), std::string::npos) << report.err;
+}
+
+TEST(Checkpoints, OfAMissionAreTenUnlessItSaysOtherwise) {
+  const TemporaryFolder dir;
+  make_scenario(dir, "vehicle 'vehicle.yaml' mission { duration = 7, output = { rate = '3 Hz' } }");
+  ASSERT_EQ(run_program({"run", ".", "--out", "out"}, dir.path()).exit_code, 0);
+  const auto times = Hdf5File::open(dir / "out/run.h5").read_doubles("/restart/checkpoints/t").values;
+  ASSERT_EQ(times.size(), 7u);  // every third output: 21 rows
+  EXPECT_EQ(times[0], 1.0);
+  EXPECT_EQ(times[6], 7.0);
+  for (const auto& [text, expected] : {std::pair{"period = '-1 s'", "a time > 0"},
+                                       {"period = '1 s', never = true", "period or never, not both"},
+                                       {"perod = 1", "did you mean \"period\"?"}}) {
+    write(dir / "scenario.lua", std::string("vehicle 'vehicle.yaml' mission { duration = 7, checkpoint = { ") + text + " } }");
+    const Finished run = run_program({"check", "."}, dir.path());
+    EXPECT_EQ(run.exit_code, 2);
+    EXPECT_NE(run.err.find(expected), std::string::npos) << run.err;
+  }
+}
+
+}  // namespace
+}  // namespace cardan
