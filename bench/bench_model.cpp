@@ -7,6 +7,8 @@
 #include <random>
 
 #include "bodies/modal/modal_integrals.hpp"
+#include "bodies/vehicle/load_vehicle.hpp"
+#include "core/model/model.hpp"
 
 namespace cardan::bench {
 namespace {
@@ -27,8 +29,7 @@ BenchModel read_model(const std::filesystem::path& file) {
   json j;
   std::ifstream(file) >> j;
   if (j.value("schema", "") != "cardan-bench/1")
-    throw InputError(Diagnostic{
-        Code::bad_result_file, {"schema", {file.string(), 0, 0}}, "\"cardan-bench/1\"", j.value("schema", "nothing"), "", "", "", 0});
+    refuse(Code::bad_result_file, {"schema", {file.string(), 0, 0}}, "\"cardan-bench/1\"", j.value("schema", "nothing"));
   BenchModel model;
   model.name = file.stem().string();
   model.spec.name = model.name;
@@ -217,6 +218,28 @@ BenchModel hub_appendages(int n, int m, int level) {
                             Eigen::Map<Eigen::VectorXd>(v.data(), size), any(), any()});
   }
   return model;
+}
+
+BenchModel vehicle_model(const std::string& name, const std::filesystem::path& vehicle, const Registry& registry) {
+  const std::shared_ptr<const SystemSpec> spec = load_vehicle(vehicle.string(), registry);
+  const auto model = compile(spec, registry);
+  std::mt19937_64 rng(7);
+  const auto random = [&] { return -1.0 + 2.0 * static_cast<double>(rng() >> 11) * 0x1.0p-53; };
+  BenchModel out{name, *spec, {}};
+  for (int s = 0; s < 16; ++s) {
+    const auto any = [&](double hinge, double mode) {
+      Eigen::VectorXd x(model->nv);
+      for (double& e : x) e = hinge * random();
+      for (const UserBody& u : model->user)
+        for (int j = u.etadot; j < u.etadot + u.n_modes; ++j) x[j] *= mode / hinge;
+      return x;
+    };
+    const Eigen::VectorXd u = any(1.0, 0.01);
+    BenchState at{Eigen::VectorXd(model->nq), any(0.3, 0.1), any(1.0, 1.0), any(1.0, 1.0)};
+    model->retract(model->initial_state().q.data(), u.data(), at.q.data());
+    out.states.push_back(std::move(at));
+  }
+  return out;
 }
 
 }  // namespace cardan::bench

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/abi/registry.hpp"
 #include "core/model/spec.hpp"
 
 namespace cardan::bench {
@@ -30,5 +31,8 @@ BenchModel flexible_chain(int bodies, int modes);
 /// A free-flying rigid hub with `appendages` flexible bodies of `modes` mass-normalised modes on it, cantilevered at their
 /// roots; every other one turns on a revolute hinge. "hub_2x5", with "_level_1" where the level is not 0.
 BenchModel hub_appendages(int appendages, int modes, int level);
+
+/// A vehicle in YAML with 16 random states about its initial one, its modes at rest or nearly so.
+BenchModel vehicle_model(const std::string& name, const std::filesystem::path& vehicle, const Registry& registry);
 
 }  // namespace cardan::bench

@@ -178,7 +178,11 @@ int run(int argc, char** argv) {
   for (const auto& [appendages, modes] : {std::pair{2, 5}, {2, 10}, {2, 20}, {2, 40}, {8, 10}, {16, 10}})
     for (int level = 0; level <= (appendages * modes <= 20 ? 2 : 1); ++level)
       if (std::filesystem::is_directory(models)) bench(hub_appendages(appendages, modes, level));
-  if (std::filesystem::is_directory(models) && std::string("step_overhead").find(only) != std::string::npos)
+  const bool made = std::filesystem::is_directory(models);
+  const std::string wings = "flexible_spacecraft";  // with wings of plates, as in a scenario
+  if (made && wings.find(only) != std::string::npos)
+    bench(vehicle_model(wings, CARDAN_SOURCE_DIR "/scenarios/01_flexible_slew/vehicle.yaml", registry));
+  if (made && std::string("step_overhead").find(only) != std::string::npos)
     for (const StepOverhead& s : step_overheads(registry, seconds))
       rows.push_back({s.model, s.op, "", s.bodies, {s.min_ns, s.median_ns}, -1.0, 0.0});
   print_new_rows();

@@ -23,6 +23,7 @@ namespace cardan::bench {
 namespace {
 
 using namespace operators;
+using namespace operators::letters;
 using Eigen::VectorXd;
 
 /// Body k hangs on body (k - 1) / 2 (tree) or k - 1 (chain); hinges in turn of one, two and three degrees of freedom.
@@ -51,10 +52,10 @@ struct Scene {
     q.resize(m->nq);
     m->retract(m->initial_state().q.data(), d.data(), q.data());
     v = VectorXd::LinSpaced(m->nv, -0.5, 1.0), tau = VectorXd::LinSpaced(m->nv, 2.0, -1.0);
-    for (soa::TreeOperators* t : {&tree, &base}) t->at(q.data());
+    for (operators::TreeOperators* t : {&tree, &base}) t->at(q.data());
     tree.articulate();
     tree.operational_space();
-    base.articulate({.free = soa::base_mask(base)});
+    base.articulate({.free = operators::base_mask(base)});
     diagonalised = std::make_unique<Diagonalised>(tree);
     sensitivities.solve({.q = q.data(), .v = v.data(), .tau = tau.data()});
     const auto all = static_cast<int>(tree.nodes().size());
@@ -121,8 +122,8 @@ std::vector<Method> methods() {
       {"gradient of log det M", 1, [](Scene& s) { s.y = log_det_gradient(s.tree); }},
       {"nu of v", 1, [](Scene& s) { s.y = s.diagonalised->from_velocity(s.v); }},
       {"C(q, nu)", 1, [](Scene& s) { s.y = s.diagonalised->coriolis(s.v); }},
-      {"mass matrix by composites", 2, [](Scene& s) { soa::mass_matrix(s.tree); }},
-      {"its explicit inverse", 2, [](Scene& s) { soa::mass_matrix_inverse(s.tree); }},
+      {"mass matrix by composites", 2, [](Scene& s) { operators::mass_matrix(s.tree); }},
+      {"its explicit inverse", 2, [](Scene& s) { operators::mass_matrix_inverse(s.tree); }},
   };
 }
 

@@ -1,5 +1,6 @@
 // Runs cardan-bench and the peers that are built, in turn on the same models (A B A B), and puts their figures side by side.
 //   cardan-bench-report [--models DIR] [--only SUBSTRING] [--rounds R] [--seconds S] [--out FILE.json] [--table FILE.md]
+//                       [--into DOCUMENT.md]  also between the marks of a document
 //                       [--against BUILD]  instead: the cardan-bench of another build and ours, in turn; ends with 1 where ours is slower
 // All on one core. Hard models are for their errors: one round, forward dynamics. Ends with 1 where a result is wrong.
 #include <fmt/format.h>
@@ -15,6 +16,8 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <sstream>
+#include <string_view>
 #include <tuple>
 
 #include "bench/pairs.hpp"
@@ -75,8 +78,13 @@ std::vector<fs::path> models_of(const fs::path& folder, const std::string& only)
     return std::make_pair(name.substr(0, bar), std::atoi(name.c_str() + bar + 1));
   };
   std::sort(files.begin(), files.end(), [&](const fs::path& a, const fs::path& b) { return key(a) < key(b); });
-  if (files.empty()) throw std::runtime_error("no model whose name contains \"" + only + "\" in " + folder.string());
   return files;
+}
+
+/// A folder of no models: cardan-bench then takes only those that it makes itself.
+fs::path nothing_in(const fs::path& scratch) {
+  fs::create_directories(scratch / "none");
+  return scratch / "none";
 }
 
 class Report {
@@ -91,6 +99,7 @@ class Report {
           programs_.push_back({name.substr(5), entry.path()});
     std::sort(programs_.begin() + 1, programs_.end(), [](const Program& a, const Program& b) { return a.name < b.name; });
     files_ = models_of(models_, only_);
+    if (files_.empty()) throw std::runtime_error("no model whose name contains \"" + only_ + "\" in " + models_.string());
     fs::create_directories(scratch_);
     if (!call(programs_[0].file, {"--models", models_.string(), "--only", only_, "--exact", scratch_.string()}))
       throw std::runtime_error("cardan-bench gave no exact results");
@@ -109,8 +118,8 @@ class Report {
       }
     }
     if (number == 0 && only_.empty())
-      gather(programs_[0], {"--models", models_.string(), "--only", "flexible_chain", "--seconds", fmt::format("{}", seconds_)},
-             "flexible_chain");
+      for (const char* made : {"flexible_", "hub_", "step_"})
+        gather(programs_[0], {"--models", nothing_in(scratch_).string(), "--only", made, "--seconds", fmt::format("{}", seconds_)}, made);
   }
 
   /// What is wrong, one line each.
@@ -136,16 +145,18 @@ class Report {
   }
 
   std::string markdown() const {
-    std::string out = "# Benchmark\n\n| program | version | build |\n|---|---|---|\n";
+    std::string out = "| program | version | build |\n|---|---|---|\n";
     for (const Program& p : programs_)
       if (const auto f = std::find_if(figures_.begin(), figures_.end(), [&](const Figure& x) { return x.program == p.name; });
           f != figures_.end())
         out += fmt::format("| {} | {} | {} |\n", p.name, f->row.value("version", ""), f->row.value("build", ""));
     out +=
-        "\nNanoseconds per call, minimum. Ratio: theirs over ours, of the minima; in brackets the least and the largest over the\n"
-        "rounds. Error: relative, 2-norm, against 113 bits on the same doubles.\n";
-    out += summary();
-    for (const std::string& op : ops()) out += details(op);
+        "\nTimes: ns per call, the minimum. Ratio: theirs over ours, of the minima; in brackets the least and the largest over the "
+        "rounds.\n"
+        "Error: relative, 2-norm, against 113 bits on the same doubles. B/body: what model and first call took from the heap, over "
+        "bodies;\n"
+        "of a `Batch` its own memory for each state.\n";
+    for (const std::string& op : ops()) out += table(op);
     return out + hard_models() + growth() + refusals();
   }
 
@@ -191,58 +202,56 @@ class Report {
   static std::string number(double x) {
     return x < 10 ? fmt::format("{:.2f}", x) : x < 100 ? fmt::format("{:.1f}", x) : fmt::format("{:.0f}", x);
   }
-  /// "ratio | [least, largest]"
+  /// "ratio (least to largest)"
   std::string ratio(const Figure& f) const {
     const Figure* ours = base(f);
-    if (!ours || ours == &f) return " | ";
+    if (!ours || ours == &f) return "-";
     double least = INFINITY, largest = 0.0;
     for (std::size_t r = 0; r < std::min(f.min_ns.size(), ours->min_ns.size()); ++r) {
       least = std::min(least, f.min_ns[r] / ours->min_ns[r]);
       largest = std::max(largest, f.min_ns[r] / ours->min_ns[r]);
     }
-    return fmt::format("{} | [{}, {}]", number(f.best() / ours->best()), number(least), number(largest));
+    return fmt::format("{} ({} to {})", number(f.best() / ours->best()), number(least), number(largest));
   }
   static std::string error(const Figure& f) { return f.error >= 0 ? fmt::format("{:.1e}", f.error) : f.reason.empty() ? "-" : f.reason; }
 
-  /// Per model and operation: we and the fastest peer.
-  std::string summary() const {
-    std::string out =
-        "\n## The fastest peer\n\n| model | operation | ours, ns | error | fastest peer | ns | ratio | over rounds | error |\n"
-        "|---|---|---:|---:|---|---:|---:|---|---:|\n";
-    std::size_t n = 0;
-    for (const Figure& f : figures_) {
-      if (base(f) != &f || f.hard()) continue;
-      const Figure* best = nullptr;
-      for (const Figure& x : figures_)
-        if (!x.ours() && x.model == f.model && x.op == f.op && !x.min_ns.empty() && (!best || x.best() < best->best())) best = &x;
-      if (!best) continue;
-      ++n;
-      out += fmt::format("| {} | {} | {:.0f} | {} | {} | {:.0f} | {} | {} |\n", f.model, f.op, f.best(), error(f), best->name(),
-                         best->best(), ratio(*best), error(*best));
-    }
-    return n > 0 ? out : "";
-  }
-
-  /// Every program and call of an operation, fastest first within a model.
-  std::string details(const std::string& op) const {
-    std::string out = fmt::format(
-        "\n## {}\n\n| model | program, call | ns | median | per body | ratio | over rounds | error | bytes per body |\n"
-        "|---|---|---:|---:|---:|---:|---|---:|---:|\n",
-        op);
-    std::vector<const Figure*> list;
-    std::map<std::string, std::size_t> order;  // of the models
-    for (const Figure& f : figures_)
-      if (f.op == op && !f.hard() && !f.min_ns.empty()) {
-        list.push_back(&f);
-        order.try_emplace(f.model, order.size());
+  /// One row a model; for each of our calls, and for the fastest of each other program: time (of others as a ratio), error, memory.
+  std::string table(const std::string& op) const {
+    std::vector<std::string> columns, models;                            // columns: our calls, then programs
+    std::map<std::pair<std::string, std::string>, const Figure*> cells;  // model, column
+    const auto once = [](std::vector<std::string>& list, const std::string& x) {
+      if (std::ranges::find(list, x) == list.end()) list.push_back(x);
+    };
+    for (const bool ours : {true, false})
+      for (const Figure& f : figures_) {
+        if (f.op != op || f.hard() || f.min_ns.empty() || f.ours() != ours) continue;
+        const std::string column = ours ? f.call : f.program;
+        once(columns, column), once(models, f.model);
+        const Figure*& cell = cells[{f.model, column}];
+        if (!cell || f.best() < cell->best()) cell = &f;
       }
-    std::stable_sort(list.begin(), list.end(), [&](const Figure* a, const Figure* b) {
-      return std::make_pair(order[a->model], a->best()) < std::make_pair(order[b->model], b->best());
-    });
-    for (const Figure* f : list)
-      out += fmt::format("| {} | {} | {:.0f} | {:.0f} | {:.1f} | {} | {} | {} |\n", f->model, f->name(), f->best(), f->median(),
-                         f->best() / f->bodies, ratio(*f), error(*f), f->bytes >= 0 ? fmt::format("{:.0f}", f->bytes) : "-");
-    return out;
+    if (models.empty()) return "";
+    std::string head, rule, rows;
+    for (const std::string& c : columns) {
+      const bool ours = std::ranges::any_of(cells, [&](const auto& x) { return x.first.second == c && x.second->ours(); });
+      head += fmt::format(" {}, {} | error | B/body |", c == op ? "ours" : c, ours ? "ns" : "ratio"), rule += "---:|---:|---:|";
+    }
+    for (const std::string& model : models) {
+      rows += "\n| " + model + " |";
+      for (const std::string& column : columns) {
+        const auto at = cells.find({model, column});
+        const Figure* f = at == cells.end() ? nullptr : at->second;
+        rows += !f ? " - | - | - |"
+                   : fmt::format(" {} | {} | {} |", f->ours() ? number(f->best()) : ratio(*f), error(*f),
+                                 f->bytes > 0 ? fmt::format("{:.0f}", f->bytes) : "-");
+      }
+    }
+    return "\n### " + words(op) + "\n\n| model |" + head + "\n|---|" + rule + rows + "\n";
+  }
+  static std::string words(std::string op) {
+    std::ranges::replace(op, '_', ' ');
+    op[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(op[0])));
+    return op;
   }
 
   std::string hard_models() const {
@@ -260,7 +269,7 @@ class Report {
       cells[{f.model, f.name()}] = error(f);
     }
     if (models.empty()) return "";
-    std::string out = "\n## Errors of forward dynamics on hard models\n\n| model |";
+    std::string out = "\n### Errors of forward dynamics on hard models\n\n| model |";
     for (const std::string& c : columns) out += " " + c + " |";
     out += "\n|---|";
     for (std::size_t i = 0; i < columns.size(); ++i) out += "---:|";
@@ -274,8 +283,9 @@ class Report {
   /// Exponent of time in the number of bodies between neighbours of a family: chain, tree, flexible chains of equal modes.
   std::string growth() const {
     const auto family = [](const std::string& model) {
-      return model.rfind("flexible_chain_", 0) == 0 ? "flexible_chain" + model.substr(model.find("_modes"))
-                                                    : model.substr(0, model.rfind('_'));
+      const auto is = [&](const char* prefix) { return model.rfind(prefix, 0) == 0; };
+      if (is("flexible_chain_")) return "flexible_chain" + model.substr(model.find("_modes"));
+      return is("chain_") || is("tree_") ? model.substr(0, model.rfind('_')) : model;
     };
     std::map<std::string, std::map<int, std::string>> members;  // family, bodies -> model
     for (const Figure& f : figures_)
@@ -283,7 +293,7 @@ class Report {
     std::string out;
     for (const auto& [name, list] : members) {
       if (list.size() < 2) continue;
-      out += out.empty() ? "\n## Growth\n\nExponent of time in the number of bodies; 1 is linear.\n" : "";
+      out += out.empty() ? "\n### Growth\n\nExponent of time in the number of bodies; 1 is linear.\n" : "";
       out += "\n| " + name + " |";
       std::string rule = "\n|---|";
       for (auto b = std::next(list.begin()); b != list.end(); ++b)
@@ -314,7 +324,7 @@ class Report {
     std::map<std::string, std::vector<std::string>> why;
     for (const Figure& f : figures_)
       if (f.min_ns.empty() && !f.reason.empty()) why[f.program + ": " + f.reason].push_back(f.model);
-    std::string out = why.empty() ? "" : "\n## Refused\n\n";
+    std::string out = why.empty() ? "" : "\n### Refused\n\n";
     for (const auto& [reason, models] : why) out += fmt::format("- {} ({})\n", reason, fmt::join(models, ", "));
     return out;
   }
@@ -328,8 +338,13 @@ class Report {
   std::vector<Figure> figures_;
 };
 
-/// The cardan-bench of `before` and ours in turn, A B A B, on the models (files) given: a table, 1 where something became slower.
-int against(const fs::path& before, const std::vector<std::string>& models, int rounds, double seconds, const fs::path& scratch) {
+/// Made by the program itself: what it does with modes, a spacecraft with wings of plates among them, and steps.
+constexpr const char* kMade[] = {
+    "flexible_chain_10_modes_5", "flexible_chain_10_modes_40", "hub_2x10", "hub_8x10", "flexible_spacecraft", "step_overhead"};
+
+/// The cardan-bench of `before` and ours in turn, A B A B, on models (--models, --only): a table, 1 where something became slower.
+int against(const fs::path& before, const std::vector<std::array<std::string, 2>>& models, int rounds, double seconds,
+            const fs::path& scratch) {
   const fs::path programs[] = {before / "cardan-bench", fs::canonical("/proc/self/exe").parent_path() / "cardan-bench"};
   if (!fs::exists(programs[0])) throw std::runtime_error(programs[0].string() + " is not there: build its target cardan-bench first");
   using Key = std::tuple<std::string, std::string, std::string>;  // model, op, call
@@ -339,15 +354,15 @@ int against(const fs::path& before, const std::vector<std::string>& models, int 
   const fs::path out = scratch / "rows.out";
   for (int r = 0; r < rounds; ++r) {
     fmt::print(stderr, "round {} of {}\n", r + 1, rounds);
-    for (const std::string& model : models)
+    for (const auto& [model, only] : models)
       for (std::size_t p = 0; p < 2; ++p) {
         fs::remove(out);
-        if (!call(programs[p], {"--models", model, "--seconds", fmt::format("{}", seconds), "--out", out.string()}))
-          throw std::runtime_error(programs[p].string() + " ended with an error on " + model);
+        if (!call(programs[p], {"--models", model, "--only", only, "--seconds", fmt::format("{}", seconds), "--out", out.string()}))
+          throw std::runtime_error(programs[p].string() + " ended with an error on " + model + " " + only);
         json list;
         std::ifstream(out) >> list;
         for (const json& row : list) {
-          if (!row.contains("ns_min")) continue;
+          if (!row.contains("ns_min") || row["ns_min"] <= 0.0) continue;  // a difference of times may be nothing
           const Key key{row["model"], row["op"], row.value("call", "")};
           if (!times.contains(key)) order.push_back(key);
           times[key][p].push_back(row["ns_min"]);
@@ -370,9 +385,21 @@ int against(const fs::path& before, const std::vector<std::string>& models, int 
   return slower > 0 ? 1 : 0;
 }
 
+/// Puts `figures` between the two marks of a document.
+void put_into(const fs::path& document, const std::string& figures) {
+  constexpr std::string_view begin = "<!-- figures -->\n", end = "<!-- end of figures -->";
+  std::stringstream text;
+  text << std::ifstream(document).rdbuf();
+  const std::string all = text.str();
+  const std::size_t from = all.find(begin), to = all.find(end);
+  if (from == std::string::npos || to == std::string::npos || to < from)
+    throw std::runtime_error(document.string() + " has no place between <!-- figures --> and <!-- end of figures -->");
+  std::ofstream(document) << all.substr(0, from + begin.size()) << "\n" << figures << "\n" << all.substr(to);
+}
+
 int run(int argc, char** argv) {
   CLI::App app("Compares Cardan with the peers that are built.");
-  std::string models = CARDAN_SOURCE_DIR "/tests/reference/bench", only, out = "bench.json", table = "bench.md", before;
+  std::string models = CARDAN_SOURCE_DIR "/tests/reference/bench", only, out = "bench.json", table = "bench.md", before, document;
   int rounds = 5;
   double seconds = 0.1;
   app.add_option("--models", models, "folder of models in the schema cardan-bench/1");
@@ -381,6 +408,7 @@ int run(int argc, char** argv) {
   app.add_option("--seconds", seconds, "time spent on each figure and round");
   app.add_option("--out", out, "the rows");
   app.add_option("--table", table, "the same for reading");
+  app.add_option("--into", document, "a document: the same between its marks <!-- figures --> and <!-- end of figures -->");
   app.add_option("--against", before, "folder of another build: its cardan-bench and ours in turn, ends with 1 where ours is slower");
   try {
     app.parse(argc, argv);
@@ -394,10 +422,12 @@ int run(int argc, char** argv) {
 
   const fs::path scratch = fs::absolute(out).parent_path() / (fs::path(out).stem().string() + "_exact");
   if (!before.empty()) {
-    std::vector<std::string> files;
+    std::vector<std::array<std::string, 2>> all;
     for (const fs::path& file : models_of(models, only))
-      if (file.stem().string().rfind("hard_", 0) != 0) files.push_back(file.string());
-    return against(before, files, rounds, seconds, scratch);
+      if (file.stem().string().rfind("hard_", 0) != 0) all.push_back({file.string(), ""});
+    for (const std::string made : kMade)
+      if (made.find(only) != std::string::npos) all.push_back({nothing_in(scratch).string(), made});
+    return against(before, all, rounds, seconds, scratch);
   }
   Report report(models, only, seconds, scratch);
   for (int r = 0; r < rounds; ++r) {
@@ -406,6 +436,7 @@ int run(int argc, char** argv) {
   }
   std::ofstream(out) << report.rows().dump(1) << "\n";
   std::ofstream(table) << report.markdown();
+  if (!document.empty()) put_into(document, report.markdown());
   fmt::print("{}", report.markdown());
   const std::string faults = report.faults();
   fmt::print(stderr, "{}", faults);

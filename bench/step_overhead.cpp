@@ -1,6 +1,7 @@
 #include "bench/step_overhead.hpp"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 
 #include "bench/bench_model.hpp"
@@ -50,15 +51,21 @@ class Run {
   Simulation sim_;
 };
 
-/// Minimum and median of what `ns` measures, over so many seconds.
-template <class Measurement>
-std::pair<double, double> repeated(double seconds, Measurement&& ns) {
-  std::vector<double> samples;
-  const auto begin = Clock::now();
-  do samples.push_back(ns());
-  while (nanoseconds_since(begin) < 1e9 * seconds);
+/// Minimum and median.
+std::pair<double, double> least_and_middle(std::vector<double> samples) {
   std::ranges::sort(samples);
   return {samples.front(), samples[samples.size() / 2]};
+}
+
+/// What some runs take, measured in turn for so many seconds: samples of each.
+template <std::size_t N, class Measurement>
+std::array<std::vector<double>, N> in_turn(double seconds, Measurement&& ns) {
+  std::array<std::vector<double>, N> samples;
+  const auto begin = Clock::now();
+  do
+    for (std::size_t i = 0; i < N; ++i) samples[i].push_back(ns(i));
+  while (samples[0].size() < 5 || nanoseconds_since(begin) < 1e9 * seconds * N);
+  return samples;
 }
 
 }  // namespace
@@ -74,16 +81,20 @@ std::vector<StepOverhead> step_overheads(const Registry& registry, double second
   Eigen::VectorXd vdot(model->nv);
   Inputs in;
   in.q = at.q.data(), in.v = at.v.data();
-  const double left_of_forward_dynamics = repeated(0.1 * seconds, [&] {
-                                            constexpr int calls = 1000;
-                                            const auto begin = Clock::now();
-                                            for (int k = 0; k < calls; ++k) forward_dynamics(*without_sweeps, ws, in, vdot.data());
-                                            return nanoseconds_since(begin) / calls;
-                                          }).first;
+  const double left_of_forward_dynamics = least_and_middle(in_turn<1>(0.1 * seconds,
+                                                                      [&](std::size_t) {
+                                                                        constexpr int calls = 1000;
+                                                                        const auto begin = Clock::now();
+                                                                        for (int k = 0; k < calls; ++k)
+                                                                          forward_dynamics(*without_sweeps, ws, in, vdot.data());
+                                                                        return nanoseconds_since(begin) / calls;
+                                                                      })[0])
+                                              .first;
 
   std::vector<StepOverhead> all;
-  const auto add = [&](const std::string& op, double min_ns, double median_ns) {
-    all.push_back({model->name, op, static_cast<int>(model->bodies.size()) - 1, min_ns, median_ns});
+  const auto add = [&](const std::string& op, std::vector<double> samples, double less = 0.0) {
+    const auto [least, middle] = least_and_middle(std::move(samples));
+    all.push_back({model->name, op, static_cast<int>(model->bodies.size()) - 1, least - less, middle - less});
   };
   for (const std::string method : {"rk4", "dopri5"}) {
     const double evaluations = method == "rk4" ? 4.0 : 6.0;  // of the right-hand side in a step
@@ -91,12 +102,16 @@ std::vector<StepOverhead> step_overheads(const Registry& registry, double second
     options.integrator.method = method;
     (method == "rk4" ? options.integrator.fixed_step : options.integrator.max_step) = 0.01;
     options.ledger = false;
-    const auto bare = repeated(seconds, Run(without_sweeps, options)), plain = repeated(seconds, Run(model, options));
+    Run bare(without_sweeps, options), plain(model, options);
     options.ledger = true;
-    const auto with_ledger = repeated(seconds, Run(model, options));
-    const double rest = evaluations * left_of_forward_dynamics;
-    add("step_overhead_" + method, bare.first - rest, bare.second - rest);
-    add("step_ledger_" + method, with_ledger.first - plain.first, with_ledger.second - plain.second);
+    Run with_ledger(model, options);
+    Run* runs[] = {&bare, &plain, &with_ledger};
+    auto samples = in_turn<3>(seconds, [&](std::size_t i) { return (*runs[i])(); });
+    for (std::size_t i = 0; i < samples[1].size(); ++i) samples[2][i] -= samples[1][i];  // what the machine does besides is in both
+    add("step_" + method, samples[1]);
+    add("step_overhead_" + method, samples[0], evaluations * left_of_forward_dynamics);
+    const double middle = least_and_middle(samples[2]).second;
+    all.push_back({model->name, "step_ledger_" + method, static_cast<int>(model->bodies.size()) - 1, middle, middle});
   }
   return all;
 }

@@ -227,33 +227,33 @@ class Check {
   // Along every component: of M by the operator expression, of log det M, of the forces of inverse dynamics.
   void derivatives(const std::shared_ptr<const Model>& model, const Inputs& in) {
     if (model->nv > 9) return;  // then the files have none
-    soa::TreeOperators tree(model);
+    operators::TreeOperators tree(model);
     tree.at(in.q);
     tree.articulate();
     tree.operational_space();
-    array("grad_log_det_M", log_det_gradient(tree));
+    array("grad_log_det_M", operators::log_det_gradient(tree));
     VectorXd unit = VectorXd::Zero(model->nv);
     for (int i = 0; i < model->nv; ++i) {
       unit[i] = 1.0;
       tree.along(unit.data());
-      array(fmt::format("dM_dtheta/{}", i), operators::dense(operators::mass_derivative, tree));
+      array(fmt::format("dM_dtheta/{}", i), operators::dense(operators::letters::mass_derivative, tree));
       unit[i] = 0.0;
     }
     const VectorXd vdot = oracle::vector<double>(compare_.at("derivative_point_vdot"));
     Inputs point = in;
     point.vdot = vdot.data(), point.wrenches = {};
-    Sensitivities sensitivities(model);
+    operators::Sensitivities sensitivities(model);
     sensitivities.at(point);
-    const InverseDerivatives d = sensitivities.inverse();
+    const operators::InverseDerivatives d = sensitivities.inverse();
     array("dtau_dtheta", d.q);
     array("dtau_dv", d.v);
   }
 
   void diagonalised(const std::shared_ptr<const Model>& model, const Inputs& in) {
-    soa::TreeOperators tree(model);
+    operators::TreeOperators tree(model);
     tree.at(in.q);
     tree.articulate();
-    Diagonalised form(tree);
+    operators::Diagonalised form(tree);
     const VectorXd nu = form.from_velocity(case_.v), C = form.coriolis(case_.v);
     array("diagonalised/nu", nu);
     array("diagonalised/C", C);
@@ -263,7 +263,7 @@ class Check {
 
   // The operators at q, their analyses and what the file knows of them.
   void operators(const std::shared_ptr<const Model>& model, const std::vector<int>& nodes) {
-    soa::TreeOperators tree(model);
+    operators::TreeOperators tree(model);
     tree.at(case_.q.data());
     tree.articulate();
     tree.operational_space();
@@ -275,11 +275,11 @@ class Check {
       for (std::size_t r = 0; r < 6; ++r) rows.push_back(static_cast<Eigen::Index>(6 * i + r));
     }
     MatrixXd osi = MatrixXd::Zero(6 * static_cast<Eigen::Index>(nodes.size()), 6 * static_cast<Eigen::Index>(nodes.size()));
-    osi(rows, rows) = soa::compliance(tree, moving);
+    osi(rows, rows) = operators::compliance(tree, moving);
     array("osi_nodes", osi);
     for (std::size_t i = 0; i < nodes.size(); ++i) {
       const std::string field = fmt::format("nodes/{}/J", i);
-      if (model->nodes[static_cast<std::size_t>(nodes[i])].sweep > 0) array(field, soa::task_jacobian(tree, {{nodes[i]}, {}}));
+      if (model->nodes[static_cast<std::size_t>(nodes[i])].sweep > 0) array(field, operators::task_jacobian(tree, {{nodes[i]}, {}}));
     }
     scalar("log_det_M", tree.log_det());
     for (std::size_t k = 0; k < model->user.size(); ++k) {
@@ -287,10 +287,10 @@ class Check {
       if (u.merged || u.nv + u.n_modes == 0) continue;
       array(fmt::format("D_blocks/{}", k), tree.D(tree.index_of(u.sweep)));
     }
-    const soa::MassProperties whole = soa::mass_properties(tree);
+    const operators::MassProperties whole = operators::mass_properties(tree);
     scalar("total_mass", whole.mass);
     array("com", whole.com);
-    const Vector6d h = soa::momentum(tree, soa::About::world_origin, case_.v);
+    const Vector6d h = operators::momentum(tree, operators::About::world_origin, case_.v);
     array("linear_momentum", h.tail<3>());
     array("angular_momentum_about_ground_origin", h.head<3>());
   }
@@ -339,14 +339,14 @@ class Check {
   // The same with the mask given to the operators of the free system.
   void by_operators(const Inputs& in, const std::vector<int>& given, const VectorXd& vdot) {
     const auto model = compile(case_.spec, registry());
-    soa::TreeOperators tree(model);
+    operators::TreeOperators tree(model);
     tree.at(case_.q.data());
     std::vector<std::uint8_t> mask(static_cast<std::size_t>(model->nv), 1);
     std::vector<bool> free(mask.size(), true);
     for (const int i : given) mask[static_cast<std::size_t>(i)] = 0, free[static_cast<std::size_t>(i)] = false;
     tree.articulate({.free = mask});
     Workspace ws(*model);
-    const soa::Hybrid out = soa::hybrid_dynamics(tree, soa::bias(tree, ws, in), case_.tau, vdot);
+    const operators::Hybrid out = operators::hybrid_dynamics(tree, operators::bias(tree, ws, in), case_.tau, vdot);
     judge("hybrid_by_operators/vdot",
           case_.name == "37_gimbal_near_lock" ? compare_.residual(out.vdot, free) : compare_.error("hybrid/vdot", out.vdot));
     judge("hybrid_by_operators/tau_prescribed", compare_.error("hybrid/tau_prescribed", VectorXd(out.tau(given))));

@@ -29,7 +29,7 @@ std::string text_of(const Shape& shape) {
 }
 
 [[noreturn]] void bad(const std::string& file, const std::string& path, const std::string& expected, std::string got) {
-  refuse({path, {file, 0, 0}}, {}, Code::bad_result_file, fmt::format("{}: {}", path, expected), std::move(got));
+  refuse({path, {file}}, {}, Code::bad_result_file, fmt::format("{}: {}", path, expected), std::move(got));
 }
 
 /// The things done with the one list of members below: write it, read it, hash it, hand it from one process to another.
@@ -305,7 +305,7 @@ std::string read(const Hdf5File& file, ModalData& data) {
   const std::string& name = file.file_name();
   const std::string schema = file.has_attribute("/", "schema") ? file.text_attribute("/", "schema") : "none";
   if (schema != kSchema)
-    refuse({"", {name, 0, 0}}, "schema", Code::bad_result_file, kSchema, in_quotes(printable(schema)),
+    refuse({"", {name}}, "schema", Code::bad_result_file, kSchema, in_quotes(printable(schema)),
            "write the file with this version of the program");
   Reader reader(file);
   const Parts parts{file.has("/integrals"), file.has("/nodes"), file.has("/mass_nodes"), file.has("/audit"), file.has("/drawing")};

@@ -12,7 +12,7 @@ namespace cardan {
                                 std::string hint = {}) {
   Located where = at;
   if (!field.empty()) where.key_path += (where.key_path.empty() ? "" : ".") + field;
-  throw InputError(Diagnostic{code, where, std::move(expected), std::move(got), std::move(hint)});
+  refuse(code, where, std::move(expected), std::move(got), std::move(hint));
 }
 
 }  // namespace cardan

@@ -23,7 +23,7 @@ class Plugin {
   }
 
   [[noreturn]] void refuse(Code code, std::string expected, std::string got, std::string hint) const {
-    throw InputError(Diagnostic{code, at_, std::move(expected), std::move(got), std::move(hint)});
+    cardan::refuse(code, at_, std::move(expected), std::move(got), std::move(hint));
   }
 
   /// Foreign code throws nothing; where it does, that is its fault and told as such.

@@ -6,11 +6,8 @@ namespace cardan {
 
 namespace {
 [[noreturn]] void taken(const char* type, std::string origin) {
-  throw InputError(Diagnostic{Code::duplicate_name,
-                              {type, {std::move(origin)}},
-                              "a type that is not taken yet",
-                              std::string("\"") + type + "\"",
-                              "prefix the type with the name of the plugin: \"acme/...\""});
+  refuse(Code::duplicate_name, {type, {std::move(origin)}}, "a type that is not taken yet", std::string("\"") + type + "\"",
+         "prefix the type with the name of the plugin: \"acme/...\"");
 }
 }  // namespace
 

@@ -10,6 +10,11 @@
 
 namespace cardan {
 
+/// q begins with a unit quaternion w, x, y, z.
+inline bool has_quaternion(const cardan_hinge_family& family) {
+  return family.shape >= CARDAN_SHAPE_BALL && family.shape <= CARDAN_SHAPE_FREE_BODY;
+}
+
 class Registry {
  public:
   struct Entry {

@@ -123,6 +123,10 @@ std::string did_you_mean(std::string_view word, const std::vector<std::string>& 
 InputError::InputError(Diagnostic one) : all_{std::move(one)}, text_(render(all_)) {}
 InputError::InputError(std::vector<Diagnostic> all) : all_(std::move(all)), text_(render(all_)) {}
 
+void refuse(Code code, Located at, std::string expected, std::string got, std::string hint) {
+  throw InputError(Diagnostic{code, std::move(at), std::move(expected), std::move(got), std::move(hint)});
+}
+
 std::string render(const RunFailure& f) {
   std::string out = fmt::format("failure[{}]: {}\n", number_of(f.code), title_of(f.code));
   out += fmt::format("  t = {:.6g} s", f.t);

@@ -59,15 +59,17 @@ class InputError : public std::exception {
   std::vector<Diagnostic> all_;
   std::string text_;
 };
+/// Throws the InputError of this one answer.
+[[noreturn]] void refuse(Code code, Located at, std::string expected = {}, std::string got = {}, std::string hint = {});
 
 /// The numbers failed during a run (exit code 3): what, where, when.
 struct RunFailure {
-  Code code;
+  Code code{};
   double t = 0.0;  // [s]
-  std::string body, hinge;
-  std::string what;  ///< the quantity with its value and limit: "D = 3.1e-19 kg m^2, limit 1e-12, direction wing.angle"
-  std::string hint;
-  std::string last_good;  ///< where the last accepted state was written
+  std::string body{}, hinge{};
+  std::string what{};  ///< the quantity with its value and limit: "D = 3.1e-19 kg m^2, limit 1e-12, direction wing.angle"
+  std::string hint{};
+  std::string last_good{};  ///< where the last accepted state was written
 };
 std::string render(const RunFailure&);
 

@@ -465,6 +465,10 @@ std::variant<double, QuantityFault> parse_quantity(std::string_view original, st
   return value;
 }
 
+std::string force_unit(std::string_view rate) {
+  return rate == "rad/s" ? "N m" : rate == "m/s" ? "N" : rate == "1/s" ? "J" : fmt::format("W/({})", rate);
+}
+
 std::string in_quotes(std::string_view text) {
   constexpr std::size_t kLongest = 60;
   std::size_t shown = std::min(text.size(), kLongest);

@@ -46,6 +46,9 @@ struct QuantityFault {
 /// "12 kg" -> 12; a bare number is taken as SI. `unit` is the SI unit that is expected, in the notation of parse_unit.
 std::variant<double, QuantityFault> parse_quantity(std::string_view text, std::string_view unit);
 
+/// Unit of the force that is dual to a velocity in `rate`, such that their product is in W: "rad/s" gives "N m".
+std::string force_unit(std::string_view rate);
+
 /// The text between quotation marks, cut at 60 characters, control characters as '?': for `got`.
 std::string in_quotes(std::string_view text);
 

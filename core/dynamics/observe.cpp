@@ -3,27 +3,10 @@
 #include <Eigen/Geometry>
 
 #include "core/dynamics/inverse.hpp"
-#include "core/soa/field_at.hpp"
+#include "core/dynamics/node_motion.hpp"
 #include "core/soa/gravity_field.hpp"
 
 namespace cardan {
-namespace {
-using soa::DeformedNode;
-using soa::force_column;
-using soa::motion_column;
-
-DeformedNode<double> deformed(const Model& model, const UserNode& node, const Inputs& in) {
-  DeformedNode<double> at{};
-  at.R = node.shapes.pose.R;
-  at.rho = node.shapes.pose.p;
-  if (node.shapes.deforms()) {
-    const SweepBody& b = model.bodies[model.user[node.body].sweep];
-    soa::deform<double>(node.shapes, in.q + b.eta, in.v + b.etadot, at);
-  }
-  return at;
-}
-}  // namespace
-
 Observer::Observer(const Model& model, Workspace& workspace) : model_(model), ws_(workspace) {
   ws_.require_world();
   poses_given_ = model.has(OpCode::world);
@@ -71,35 +54,11 @@ void Observer::update(const Inputs& in, const double* vdot) {
 
 // What the sweeps do not form of a rotor: they fold it into its carrier.
 void Observer::complete_rotor(int k) {
-  const SweepBody& b = model_.bodies[k];
-  const soa::Core<double>& carrier = ws_.core(b.parent);
   soa::Core<double>& body = ws_.core(k);
-  const Pose<double> X = soa::pose_in_inboard(model_, ws_, k, in_.q);
-  const Vec3<double> w1 = transpose_times(X.R, carrier.w), rate = in_.v[b.v] * b.axis;
-  body.w = w1 + rate;
-  body.gamma = {transpose_times(X.R, carrier.gamma.w) + cross(w1, rate), transpose_times(X.R, carrier.gamma.v + carrier.E * X.p)};
-  body.delta = to_outboard(X, carrier.delta);
-  if (vdot_) body.delta.w += vdot_[b.v] * b.axis;
-  body.P = articulated(b.M);
-  body.z = b.M * body.gamma + gyroscopic(b.M, body.w);
-  if (in_.gravity && model_.field.central && b.M.m > 0) {
-    Vec3<double> c, r;
-    body.z -= soa::attraction(model_.field, b.M, ws_.pose_W(k), c, r);
-  }
-  for (const NodeWrench& load : in_.wrenches) {
-    const UserNode& node = model_.nodes[load.node];
-    if (node.sweep == k) body.z -= wrench_at_B(load);
-  }
-}
-
-/// A wrench on a node of a body that does not deform there, referred to B.
-Force<double> Observer::wrench_at_B(const NodeWrench& load) const {
-  const UserNode& node = model_.nodes[load.node];
-  const Pose<double>& N = node.shapes.pose;
-  const Mat3<double>& R_WB = ws_.pose_W(node.sweep).R;
-  const Force<double> f = load.world_axes ? Force<double>{transpose_times(R_WB, load.f.n), transpose_times(R_WB, load.f.f)}
-                                          : Force<double>{N.R * load.f.n, N.R * load.f.f};
-  return {f.n + cross(N.p, f.f), f.f};
+  const BodyMotion<double> moves = motion_of_body(model_, ws_, in_, k, vdot_, After::forward);
+  body.w = moves.w, body.gamma = moves.gamma, body.delta = moves.delta;
+  body.P = articulated(model_.bodies[k].M);
+  body.z = bias_of_rotor(model_, ws_, in_, k, body.w, body.gamma);
 }
 
 Pose<double> Observer::body_pose(int i) const {
@@ -108,37 +67,8 @@ Pose<double> Observer::body_pose(int i) const {
 }
 
 NodeState Observer::node(int index) const {
-  const UserNode& node = model_.nodes[index];
-  const int k = model_.user[node.body].sweep;
-  const SweepBody& b = model_.bodies[k];
-  const DeformedNode<double> at = deformed(model_, node, in_);
-  const Pose<double>& W = ws_.pose_W(k);
-  NodeState s;
-  s.R_WN = to_eigen(W.R * at.R);
-  s.position = to_eigen(W.p + W.R * at.rho);
-  const Motion<double>& V = ws_.V(k);
-  const Motion<double> velocity{V.w + at.rate.w, V.v + cross(V.w, at.rho) + at.rate.v};
-  s.velocity = to_eigen(Motion<double>{transpose_times(at.R, velocity.w), transpose_times(at.R, velocity.v)});
-  if (!vdot_) return s;
-  const soa::Core<double>& core = ws_.core(k);
-  const Motion<double> gamma = core.gamma + core.delta;
-  Motion<double> a{gamma.w, gamma.v + cross(gamma.w, at.rho)};
-  if (node.shapes.deforms())
-    for (int j = 0; j < b.n_modes; ++j) a += vdot_[b.etadot + j] * soa::node_column(node.shapes, at, j);
-  a.w += cross(V.w, at.rate.w) + at.bias.w;
-  a.v += cross(V.w, cross(V.w, at.rho)) + 2.0 * cross(V.w, at.rate.v);
-  const Motion<double> in_node{transpose_times(at.R, a.w), transpose_times(at.R, a.v)};
-  s.specific_force = to_eigen(in_node.v);
-  if (in_.gravity && model_.field.central)  // a uniform field is in gamma already
-    s.specific_force -= s.R_WN.transpose() * to_eigen(soa::field_at(model_.field, W.p + W.R * at.rho));
-  s.acceleration = to_eigen(in_node);
-  if (in_.gravity && model_.gravity.kind == GravitySpec::Kind::uniform) {
-    if (k == 0)
-      s.acceleration.tail<3>().setZero();  // the ground stands still
-    else
-      s.acceleration.tail<3>() += s.R_WN.transpose() * model_.gravity.g;
-  }
-  return s;
+  const NodeMotion<double> at = node_motion<double>(model_, ws_, in_, index, vdot_);
+  return {to_eigen(at.R_WN), to_eigen(at.position), to_eigen(at.velocity), to_eigen(at.acceleration), to_eigen(at.specific_force)};
 }
 
 RigidInertia<double> Observer::inertia_for_gravity(int k) const {
@@ -162,7 +92,7 @@ Energy Observer::energy() const {
       const double* rate = in_.v + b.etadot;
       const auto n = b.n_modes;
       for (int j = 0; j < n; ++j) {
-        T += rate[j] * dot(V, force_column(M_re_[k].data(), j));
+        T += rate[j] * dot(V, soa::force_column(M_re_[k].data(), j));
         for (int i = 0; i < n; ++i) T += 0.5 * rate[j] * rate[i] * M_ee_[k][n * j + i];
       }
       const FlexibleBody& f = model_.flexible[b.flexible];
@@ -194,7 +124,7 @@ Momentum Observer::momentum() const {
     const SweepBody& b = model_.bodies[k];
     const RigidInertia<double>& M = inertia_[k];
     Force<double> h = M * ws_.V(k);
-    for (int j = 0; j < b.n_modes; ++j) h += in_.v[b.etadot + j] * force_column(M_re_[k].data(), j);
+    for (int j = 0; j < b.n_modes; ++j) h += in_.v[b.etadot + j] * soa::force_column(M_re_[k].data(), j);
     const Force<double> in_W = to_inboard(ws_.pose_W(k), h);
     const Eigen::Vector3d linear = to_eigen(in_W.f), angular = to_eigen(in_W.n);
     m.linear += linear;
@@ -251,7 +181,7 @@ Force<double> Observer::wrench_in_host(int i) const {
   for (const NodeWrench& load : in_.wrenches) {
     const UserNode& node = model_.nodes[load.node];
     if (node.body != i) continue;
-    f -= wrench_at_B(load);
+    f -= wrench_at_B(model_, ws_, load);
   }
   for (std::size_t c = 0; c < model_.user.size(); ++c) {
     const UserBody& child = model_.user[c];
@@ -271,7 +201,7 @@ Force<double> Observer::hinge_wrench(int i) const {
     const NodeShapes& shapes = model_.shapes[b.pnode];
     P = shapes.pose;
     if (shapes.deforms()) {
-      DeformedNode<double> at{};
+      soa::DeformedNode<double> at{};
       soa::deform<double>(shapes, in_.q + b.eta, in_.v + b.etadot, at);
       P = {at.R, at.rho};
     }
@@ -338,13 +268,12 @@ ExternalLoads Observer::external(const Inputs& in, const double* vdot) {
     const UserNode& node = model_.nodes[load.node];
     const int k = model_.user[node.body].sweep;
     if (k == 0) continue;
-    const DeformedNode<double> at = deformed(model_, node, in_);
+    const soa::DeformedNode<double> at = deformed(model_, node, in_);
     const Pose<double> N = ws_.pose_W(k) * Pose<double>{at.R, at.rho};
     const Force<double> f = load.world_axes ? load.f : Force<double>{N.R * load.f.n, N.R * load.f.f};  // world axes, at the node
     add({f.n + cross(N.p, f.f), f.f});
-    const Motion<double>& V = ws_.V(k);
-    const Motion<double> at_node{ws_.pose_W(k).R * (V.w + at.rate.w), ws_.pose_W(k).R * (V.v + cross(V.w, at.rho) + at.rate.v)};
-    e.power += dot(at_node, f);
+    const Motion<double> at_node = velocity_at(ws_.V(k), at);
+    e.power += dot(Motion<double>{ws_.pose_W(k).R * at_node.w, ws_.pose_W(k).R * at_node.v}, f);
   }
   e.power += actuator_power();
   return e;

@@ -64,7 +64,6 @@ class Observer {
   double actuator_power() const;
   Force<double> wrench_on_sweep_body(int k) const;  // of the inboard hinge, at B
   Force<double> wrench_in_host(int user_body) const;
-  Force<double> wrench_at_B(const NodeWrench& load) const;
   RigidInertia<double> inertia_for_gravity(int k) const;
   void complete_rotor(int k);
   Vec3<double> first_moment();

@@ -37,10 +37,12 @@ Pose<T> held(const Pose<T>& X) {
   return {{held(R.xx), held(R.xy), held(R.xz), held(R.yx), held(R.yy), held(R.yz), held(R.zx), held(R.zy), held(R.zz)}, held(X.p)};
 }
 
-/// Base to tip over all bodies, or over those of a part (then in.v and in.vdot are zero for the others).
+/// Ground, hinge records and, base to tip, all bodies, or those of a part (then in.v and in.vdot are zero for the others).
 template <class T>
 void outward(const SweepModel& model, const soa::Sweeps<T>& S, soa::Workspace<T>& ws, const soa::Inputs<T>& in, soa::OutwardFor what,
-             const Part* part) {
+             const Part* part = nullptr) {
+  S.ground(model, ws, in);
+  S.hinge_records(model, ws, in);
   if (!part) {
     for (const Run& run : model.runs) S.outward(model, ws, in, run, what);
     return;

@@ -16,7 +16,7 @@ namespace {
 enum class Answer : std::size_t { bytes, input_error, numerics_error, other };
 
 [[noreturn]] void refuse(const std::string& file, std::string got, std::string hint = "the file is damaged") {
-  throw InputError({Code::bad_result_file, {"", {file, 0, 0}}, "a file that can be read", std::move(got), std::move(hint), "", "", 0});
+  refuse(Code::bad_result_file, {"", {file}}, "a file that can be read", std::move(got), std::move(hint));
 }
 
 void write(ByteWriter& out, const Diagnostic& d) {

@@ -100,11 +100,12 @@ struct Hdf5File::Impl {
   }
 
   [[noreturn]] void cannot_read(const std::string& path, const std::string& expected, const std::string& got) const {
-    throw InputError({Code::bad_result_file, {path, {name, 0, 0}}, expected, got, "", "", "", 0});
+    refuse(Code::bad_result_file, {path, {name}}, expected, got);
   }
   [[noreturn]] void cannot_write(const std::string& path) const {
     broken = true;
-    throw NumericsError({Code::disk_full, 0.0, "", "", name + ":" + path + ": " + reason(), "free space, or write to another disk", ""});
+    throw NumericsError(
+        {.code = Code::disk_full, .what = name + ":" + path + ": " + reason(), .hint = "free space, or write to another disk"});
   }
   /// The results of writing calls pass through here.
   template <class Id>
@@ -314,14 +315,7 @@ Hdf5File Hdf5File::create(const std::string& path) {
   impl->name = path;
   impl->file = H5Fcreate(path.c_str(), H5F_ACC_TRUNC, creation, access);
   if (impl->file < 0)
-    throw InputError({Code::cannot_write,
-                      {"", {path, 0, 0}},
-                      "a file that can be written",
-                      reason(),
-                      "is the folder there, and may it be written to?",
-                      "",
-                      "",
-                      0});
+    refuse(Code::cannot_write, {"", {path}}, "a file that can be written", reason(), "is the folder there, and may it be written to?");
   H5Fset_libver_bounds(impl->file, H5F_LIBVER_V110, H5F_LIBVER_V110);  // an index that grows without moving
   // A shared lock, as readers of HDF5 take it: they get in, and who asks for the exclusive one of a writer does not.
   if (void* descriptor = nullptr; H5Fget_vfd_handle(impl->file, H5P_DEFAULT, &descriptor) >= 0)
@@ -336,8 +330,7 @@ Hdf5File Hdf5File::update(const std::string& path) {
   auto impl = std::make_unique<Impl>();
   impl->name = path;
   impl->file = H5Fopen(path.c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
-  if (impl->file < 0)
-    throw InputError({Code::cannot_write, {"", {path, 0, 0}}, "an HDF5 file that can be written", reason(), "", "", "", 0});
+  if (impl->file < 0) refuse(Code::cannot_write, {"", {path}}, "an HDF5 file that can be written", reason());
   return Hdf5File(std::move(impl));
 }
 
@@ -358,7 +351,7 @@ const std::string& Hdf5File::file_name() const { return impl_->name; }
 void Hdf5File::rename(const std::string& path) {
   std::error_code error;
   std::filesystem::rename(impl_->name, path, error);
-  if (error) throw InputError({Code::cannot_write, {"", {path, 0, 0}}, "a file that can be replaced", error.message(), "", "", "", 0});
+  if (error) refuse(Code::cannot_write, {"", {path}}, "a file that can be replaced", error.message());
   impl_->name = path;
 }
 

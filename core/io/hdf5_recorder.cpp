@@ -29,19 +29,11 @@ std::string now_utc() { return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(
 void expect_distinct(const std::vector<Channel>& channels) {
   std::set<std::string> paths;
   for (const auto& c : channels)
-    if (!paths.insert(c.path).second)
-      throw InputError({Code::duplicate_name, {c.path, {}}, "channel paths that differ", "the same path twice", "", "", "", 0});
+    if (!paths.insert(c.path).second) refuse(Code::duplicate_name, {c.path}, "channel paths that differ", "the same path twice");
   for (const auto& path : paths)
     for (auto end = path.find('/'); end != std::string::npos; end = path.find('/', end + 1))
       if (paths.contains(path.substr(0, end)))
-        throw InputError({Code::duplicate_name,
-                          {path, {}},
-                          "a channel or a folder of channels",
-                          "\"" + path.substr(0, end) + "\" is both",
-                          "",
-                          "",
-                          "",
-                          0});
+        refuse(Code::duplicate_name, {path}, "a channel or a folder of channels", "\"" + path.substr(0, end) + "\" is both");
 }
 
 /// A text of at most kMostNoteBytes, of a longer one the beginning.
@@ -135,6 +127,7 @@ class Hdf5Recorder final : public Recorder {
       file_.set_attribute(path, "frame", c.frame);
       file_.set_attribute(path, "components", c.components);
       file_.set_attribute(path, "meaning", c.meaning);
+      if (!c.commands.empty()) file_.set_attribute(path, "commands", c.commands);
       file_.set_attribute(path, "shape", fmt::format("time x {}", c.components.size()));
       columns_.push_back({path, c.components.size()});
       width_ += c.components.size();

@@ -20,6 +20,7 @@ struct Channel {
   std::string unit;                     // one unit for all, or one per component separated by spaces
   std::string frame;                    // axes of a vector ("world", "body bus"); "" = none
   std::string meaning;                  // one line
+  std::string commands{};               // path of the attitude that this one commands, "bodies/bus/attitude"; "" = none
 };
 
 /// Of the layout of run.h5, as /run@format says: a program reads its own and all below. docs/results.md, "Versions".
@@ -27,6 +28,9 @@ inline constexpr int kResultFormat = 2;
 class Hdf5File;
 /// The format of results; 1 of those that do not say. Throws InputError C0702 where this program does not know it.
 int result_format(const Hdf5File& results);
+
+/// Whether the numbers with these names are a quaternion.
+inline bool is_attitude(const std::vector<std::string>& components) { return components == std::vector<std::string>{"w", "x", "y", "z"}; }
 
 /// A file of the input: its name as the scenario gives it, the SHA-256 of its bytes and, where it is a text, the text.
 struct InputFile {

@@ -16,7 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 
 [[noreturn]] void cannot_write(const fs::path& path, std::string expected, std::string got, std::string hint) {
-  throw InputError(Diagnostic{Code::cannot_write, {{}, {path.string()}}, std::move(expected), std::move(got), std::move(hint)});
+  refuse(Code::cannot_write, {{}, {path.string()}}, std::move(expected), std::move(got), std::move(hint));
 }
 
 std::string error_text() { return std::generic_category().message(errno); }

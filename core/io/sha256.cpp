@@ -20,7 +20,7 @@ std::string sha256(std::string_view bytes) {
 std::string sha256_of_file(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
   std::string bytes{std::istreambuf_iterator<char>(in), {}};
-  if (!in) throw InputError({Code::file_not_found, {"", {path, 0, 0}}, "a file that can be read", "", "", "", "", 0});
+  if (!in) refuse(Code::file_not_found, {"", {path}}, "a file that can be read");
   return sha256(bytes);
 }
 

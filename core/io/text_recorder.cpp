@@ -16,14 +16,8 @@ class TextRecorder final : public Recorder {
  public:
   explicit TextRecorder(const std::string& path) : path_(path), out_(path == "-" ? stdout : std::fopen(path.c_str(), "w")) {
     if (!out_)
-      throw InputError({Code::cannot_write,
-                        {"", {path, 0, 0}},
-                        "a file that can be written",
-                        std::strerror(errno),
-                        "is the folder there, and may it be written to?",
-                        "",
-                        "",
-                        0});
+      refuse(Code::cannot_write, {"", {path}}, "a file that can be written", std::strerror(errno),
+             "is the folder there, and may it be written to?");
   }
 
   ~TextRecorder() override {

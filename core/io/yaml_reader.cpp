@@ -29,7 +29,7 @@ constexpr std::string_view kMarks = ",[]{}:?\"'&*!";
 constexpr const char* kNesting = "at most 64 levels";
 
 [[noreturn]] void fail(Code code, SourceMark mark, std::string expected, std::string got, std::string hint = {}) {
-  throw InputError(Diagnostic{code, {"", std::move(mark)}, std::move(expected), std::move(got), std::move(hint)});
+  refuse(code, {"", std::move(mark)}, std::move(expected), std::move(got), std::move(hint));
 }
 
 /// yaml-cpp counts from zero, and knows no place (-1) of nodes that it made itself.
@@ -302,13 +302,12 @@ void apply_override(DocNode& root, std::string_view key_path, std::string_view v
   bool named_by_users = false;  // the keys of this map are names of bodies or nodes
   const std::vector<std::string> parts = split_path(key_path);
   if (parts.empty())
-    throw InputError(Diagnostic{
-        Code::unknown_key, {std::string(key_path), mark}, "names divided by points, and [index]", in_quotes(std::string(key_path))});
+    refuse(Code::unknown_key, {std::string(key_path), mark}, "names divided by points, and [index]", in_quotes(std::string(key_path)));
   for (const std::string& part : parts) {
     const std::string around = path;
     path += node->kind == DocNode::Kind::list ? fmt::format("[{}]", part) : fmt::format("{}{}", path.empty() ? "" : ".", part);
     const auto refuse = [&](std::string expected, std::string hint) {
-      throw InputError(Diagnostic{Code::unknown_key, {path, mark}, std::move(expected), in_quotes(part), std::move(hint)});
+      cardan::refuse(Code::unknown_key, {path, mark}, std::move(expected), in_quotes(part), std::move(hint));
     };
     if (node->kind == DocNode::Kind::list) {
       std::size_t index = 0;

@@ -9,14 +9,12 @@
 #include <span>
 #include <string_view>
 
+#include "core/abi/registry.hpp"
+
 namespace cardan {
 namespace {
 
 using Names = std::span<const char* const>;
-
-bool has_quaternion(const cardan_hinge_family& family) {
-  return family.shape >= CARDAN_SHAPE_BALL && family.shape <= CARDAN_SHAPE_FREE_BODY;
-}
 
 /// Appends the group if the three components stand side by side.
 void add_vector(std::vector<ComponentGroup>& groups, Names names, Names units, const std::array<const char*, 3>& components,

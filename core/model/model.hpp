@@ -33,7 +33,7 @@ struct UserBody {
   std::vector<std::string> q_names, v_names, q_units, v_units;
 
   /// True where the coordinates are a quaternion, and after it perhaps a position: a fact of the family. False of a locked hinge.
-  bool has_attitude() const { return nq > 0 && hinge->shape >= CARDAN_SHAPE_BALL && hinge->shape <= CARDAN_SHAPE_FREE_BODY; }
+  bool has_attitude() const { return nq > 0 && has_quaternion(*hinge); }
 };
 
 /// Coordinates whose rates are velocities as they stand: q'[q ... q + n) = v[v ... v + n).

@@ -318,7 +318,7 @@ void check_initial_values(const SystemSpec& spec, const BodySpec& body, const ca
   };
   fits(hinge.q, family.nq, "coordinates");
   fits(hinge.v, family.nv, "velocities");
-  if (family.shape >= CARDAN_SHAPE_BALL && family.shape <= CARDAN_SHAPE_FREE_BODY && hinge.q.size() == family.nq) {
+  if (has_quaternion(family) && hinge.q.size() == family.nq) {
     const double norm = Eigen::Map<const Eigen::Vector4d>(hinge.q.data()).norm();
     if (!(std::abs(norm - 1.0) < 1e-6))
       sink.report(Code::non_unit_quaternion, at(), "w^2 + x^2 + y^2 + z^2 = 1 (within 1e-06)", fmt::format("length {:.9g}", norm));

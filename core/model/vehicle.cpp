@@ -244,7 +244,7 @@ class VehicleReader {
 
   void read_initial_values(const DocRef& value, const cardan_hinge_family& family, HingeSpec& hinge) {
     hinge.q.assign(family.nq, 0.0), hinge.v.assign(family.nv, 0.0);
-    if (family.shape >= CARDAN_SHAPE_BALL && family.shape <= CARDAN_SHAPE_FREE_BODY) hinge.q[0] = 1.0;  // no rotation
+    if (has_quaternion(family)) hinge.q[0] = 1.0;  // no rotation
     MapReader map(value, context_);
     read_initial(map, family, hinge.q.data(), hinge.v.data());
     map.finish();

@@ -9,15 +9,13 @@
 
 namespace cardan::operators {
 
-using soa::TreeOperators;
-
 /// Which sweeps give E.
 template <class E>
 inline constexpr TreeOperators::Fused kFused = TreeOperators::Fused::none;
 template <>
-inline constexpr TreeOperators::Fused kFused<std::remove_const_t<decltype(mass)>> = TreeOperators::Fused::mass;
+inline constexpr TreeOperators::Fused kFused<std::remove_const_t<decltype(letters::mass)>> = TreeOperators::Fused::mass;
 template <>
-inline constexpr TreeOperators::Fused kFused<std::remove_const_t<decltype(mass_inverse)>> = TreeOperators::Fused::mass_inverse;
+inline constexpr TreeOperators::Fused kFused<std::remove_const_t<decltype(letters::mass_inverse)>> = TreeOperators::Fused::mass_inverse;
 
 namespace detail {
 
@@ -119,7 +117,7 @@ void require_stages(Product<F...>, const TreeOperators& tree) {
 
 /// y = E x, O(N). x, y: tree.size() numbers of the columns' and of the rows' space; they must not overlap. Error C0901 where a
 /// stage of the tree is missing. Fuse = false: by the rules alone (for tests).
-template <bool Fuse = true, Expression E>
+template <bool Fuse = true, Symbolic E>
 void apply(E e, const TreeOperators& tree, const double* x, double* y) {
   detail::require_stages(e, tree);
   const auto stride = static_cast<std::size_t>(std::max({tree.size(Space::hinge), tree.size(Space::body), tree.size(Space::node)}));
@@ -127,24 +125,18 @@ void apply(E e, const TreeOperators& tree, const double* x, double* y) {
 }
 
 /// E x. Error C0902 for a vector of another size.
-template <bool Fuse = true, Expression E>
+template <bool Fuse = true, Symbolic E>
 Eigen::VectorXd apply(E e, const TreeOperators& tree, const Eigen::VectorXd& x) {
   if (x.size() != tree.size(Shape<E>::cols))
-    throw InputError(Diagnostic{Code::operator_shape,
-                                {"operator expression", {}},
-                                fmt::format("a vector of {}", tree.size(Shape<E>::cols)),
-                                fmt::format("one of {}", x.size()),
-                                {},
-                                {},
-                                {},
-                                0});
+    refuse(Code::operator_shape, {"operator expression"}, fmt::format("a vector of {}", tree.size(Shape<E>::cols)),
+           fmt::format("one of {}", x.size()));
   Eigen::VectorXd y(tree.size(Shape<E>::rows));
   apply<Fuse>(e, tree, x.data(), y.data());
   return y;
 }
 
 /// The matrix of E, column by column: for tests and small analyses.
-template <bool Fuse = true, Expression E>
+template <bool Fuse = true, Symbolic E>
 Eigen::MatrixXd dense(E e, const TreeOperators& tree) {
   Eigen::MatrixXd A(tree.size(Shape<E>::rows), tree.size(Shape<E>::cols));
   Eigen::VectorXd unit = Eigen::VectorXd::Zero(A.cols());
@@ -158,7 +150,7 @@ Eigen::MatrixXd dense(E e, const TreeOperators& tree) {
 
 /// An expression over a tree as the one run-time view that Krylov methods, ARPACK and J v of CVODE take. The view refers to this
 /// and to the tree, which must outlive it.
-template <Expression E>
+template <Symbolic E>
 class Erased {
  public:
   explicit Erased(const TreeOperators& tree)
@@ -176,7 +168,7 @@ class Erased {
   Call<decltype(star(E{}))> mult_transpose_;
   LinearOperator view_;
 };
-template <Expression E>
+template <Symbolic E>
 Erased<E> erase(E, const TreeOperators& tree) {
   return Erased<E>(tree);
 }

@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-namespace cardan::soa {
+namespace cardan::operators {
 namespace {
 
 /// The names of component j of a hinge, the first one that of its velocity.
@@ -54,4 +54,4 @@ std::vector<std::string> component_names(const Model& model) {
   return out;
 }
 
-}  // namespace cardan::soa
+}  // namespace cardan::operators

@@ -4,14 +4,11 @@
 #include "core/operators/apply.hpp"
 #include "core/operators/hybrid.hpp"
 
-namespace cardan {
+namespace cardan::operators {
 namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-using soa::OperatorBody;
-using soa::PositionBlocks;
-using soa::TreeOperators;
 
 /// S^-1 x, S^-* x.
 template <class X>
@@ -32,8 +29,7 @@ MatrixXd low(const MatrixXd& a) {
 
 /// (1 - H psi K) f.
 VectorXd innovations(const TreeOperators& tree, const VectorXd& f) {
-  namespace op = operators;
-  return operators::apply(op::I - op::H * op::psi * op::K, tree, f);
+  return apply(letters::I - letters::H * letters::psi * letters::K, tree, f);
 }
 
 /// Base to tip: what reaches each body but for its own free components, x = Phi* V(p) + H*_p v_p. visit(i, x) sets those of v;
@@ -55,7 +51,7 @@ void scatter(const TreeOperators& tree, const VectorXd& v, const Visit& visit) {
 }  // namespace
 
 void riccati_rates(const TreeOperators& tree, const PositionBlocks& direction, RiccatiRates& rates) {
-  tree.require(soa::Kind::P);
+  tree.require(Kind::P);
   const std::size_t n = tree.bodies().size();
   for (auto* x : {&rates.P, &rates.P_plus, &rates.D, &rates.G, &rates.S}) x->resize(n);
   for (std::size_t i = 0; i < n; ++i) rates.P[i] = direction.M[tree.bodies()[i].sweep];
@@ -82,7 +78,7 @@ void riccati_rates(const TreeOperators& tree, const PositionBlocks& direction, R
     MatrixXd& dP_plus = rates.P_plus[i];
     dP_plus = tau_bar * dP * tau_bar.transpose() - loss - loss.transpose();
     if (b.parent < 0) continue;
-    const soa::Matrix6X &A = tree.A(i), &dA = direction.A[b.sweep];
+    const Matrix6X &A = tree.A(i), &dA = direction.A[b.sweep];
     const MatrixXd turned = dA.transpose() * (P_plus.topLeftCorner<6, 6>() * A);
     rates.P[b.parent] += turned + turned.transpose() + A.transpose() * (dP_plus.topLeftCorner<6, 6>() * A);
   }
@@ -97,7 +93,7 @@ void Diagonalised::clear_given(int i, VectorXd& x) const {
 }
 
 VectorXd Diagonalised::from_velocity(const VectorXd& v) const {
-  tree_.require(soa::Kind::G);
+  tree_.require(Kind::G);
   VectorXd nu(v.size());
   scatter(tree_, v, [&](int i, const VectorXd& x) {
     const OperatorBody& b = tree_.bodies()[i];
@@ -111,7 +107,7 @@ VectorXd Diagonalised::from_velocity(const VectorXd& v) const {
 }
 
 void Diagonalised::to_velocity(const VectorXd& nu, VectorXd& v) const {
-  tree_.require(soa::Kind::G);
+  tree_.require(Kind::G);
   scatter(tree_, v, [&](int i, const VectorXd& x) {
     const OperatorBody& b = tree_.bodies()[i];
     VectorXd rate = nu.segment(b.v, b.nh + b.m);
@@ -144,7 +140,7 @@ VectorXd Diagonalised::drift(const VectorXd& v, const double* given_vdot) {
   VectorXd out(v.size());
   for (int i = 0; i < static_cast<int>(n); ++i) {
     const OperatorBody& b = tree_.bodies()[i];
-    const soa::Matrix6X& dA = d.A[b.sweep];
+    const Matrix6X& dA = d.A[b.sweep];
     const MatrixXd &H = tree_.Ht_all(i), &dH = d.Ht[b.sweep], &S = tree_.S(i), &G = tree_.G(i);
     VectorXd x = VectorXd::Zero(6 + b.m), dx = x, free = v.segment(b.v, b.nh + b.m);
     if (b.parent >= 0) {
@@ -171,7 +167,7 @@ VectorXd Diagonalised::drift(const VectorXd& v, const double* given_vdot) {
 
 VectorXd Diagonalised::coriolis(const VectorXd& v) {
   const VectorXd all = tree_.to_model(v);
-  const VectorXd C = soa::bias(tree_, ws_, {.v = all.data(), .gravity = false});  // with what the modes' springs and dampers do
+  const VectorXd C = bias(tree_, ws_, {.v = all.data(), .gravity = false});  // with what the modes' springs and dampers do
   return eps(C + tree_.from_model(elastic_force(tree_.model(), tree_.q().data(), all.data()))) - drift(v, nullptr);
 }
 
@@ -182,7 +178,7 @@ VectorXd Diagonalised::rate(const Inputs& in) {
     if (const int place = tree_.place_of_velocity(i); in.vdot && place >= 0 && !tree_.is_free(place)) given[i] = in.vdot[i];
   Inputs use = in;
   use.vdot = given.data();
-  VectorXd missing = -soa::inverse_dynamics(tree_, ws_, use);
+  VectorXd missing = -inverse_dynamics(tree_, ws_, use);
   if (in.tau) missing += tree_.from_model(Eigen::Map<const VectorXd>(in.tau, model.nv));
   const VectorXd v = tree_.from_model(Eigen::Map<const VectorXd>(in.v, model.nv)), accelerations = tree_.from_model(given);
   VectorXd out = eps(missing) + drift(v, accelerations.data());
@@ -195,4 +191,4 @@ VectorXd Diagonalised::rate(const Inputs& in) {
   return out;
 }
 
-}  // namespace cardan
+}  // namespace cardan::operators

@@ -6,14 +6,14 @@
 #include "core/dynamics/inverse.hpp"
 #include "core/operators/tree_operators.hpp"
 
-namespace cardan {
+namespace cardan::operators {
 
 /// Rates of P, P+, D, G, S of each body along a direction, from the derivatives of H, Phi, M along it (TreeOperators::derivatives): the
 /// Riccati recursion differentiated, O(N). Index: TreeOperators::bodies().
 struct RiccatiRates {
   std::vector<Eigen::MatrixXd> P, P_plus, D, G, S;
 };
-void riccati_rates(const soa::TreeOperators& tree, const soa::PositionBlocks& direction, RiccatiRates& rates);
+void riccati_rates(const TreeOperators& tree, const PositionBlocks& direction, RiccatiRates& rates);
 
 /// Vectors are of the hinge space; entries of given (prescribed) components are zero in nu, eps, C. O(N) each. The tree, a whole one or a
 /// subgraph, must outlive this; at() and articulate() of it move this along. T = 1/2 nu* nu and nu* C = 0 where no component is given a
@@ -25,7 +25,7 @@ class Diagonalised {
     rates  ///< nu = (1 + H phi K)* v, no square roots, units of v: T = 1/2 nu* D nu, D nu' + C = eps = (1 - H psi K) tau, nu* C = 1/2 nu*
            ///< D' nu
   };
-  explicit Diagonalised(const soa::TreeOperators& tree, Form form = Form::normalised);
+  explicit Diagonalised(const TreeOperators& tree, Form form = Form::normalised);
 
   Eigen::VectorXd from_velocity(const Eigen::VectorXd& v) const;
   /// v of nu; `v` holds the given components beforehand and all of them afterwards.
@@ -41,11 +41,11 @@ class Diagonalised {
  private:
   Eigen::VectorXd drift(const Eigen::VectorXd& v, const double* given_vdot);
   void clear_given(int i, Eigen::VectorXd& x) const;
-  const soa::TreeOperators& tree_;
+  const TreeOperators& tree_;
   bool normalised_;
   Workspace ws_;
-  soa::PositionBlocks direction_;  // kept for their memory
+  PositionBlocks direction_;  // kept for their memory
   RiccatiRates rates_;
 };
 
-}  // namespace cardan
+}  // namespace cardan::operators

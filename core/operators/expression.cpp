@@ -11,14 +11,15 @@
 #include "core/base/diagnostic.hpp"
 #include "core/base/poll.hpp"
 #include "core/linalg/eigenpairs.hpp"
+#include "core/operators/operators.hpp"
 
-namespace cardan::soa {
+namespace cardan::operators {
 
 namespace {
 /// A space, with the nodes where it is that of nodes.
 struct Stack {
   Space space = Space::hinge;
-  std::vector<int> nodes;
+  std::vector<int> nodes{};
   bool operator==(const Stack&) const = default;
 };
 constexpr int kDense = 300;  // up to this size a matrix is formed for norms and eigenvalues
@@ -29,10 +30,10 @@ struct Expression::Node {
   Form form = Form::leaf;
   Kind kind = Kind::H;
   bool starred = false;
-  Stack rows, cols;
+  Stack rows{}, cols{};
   Sort gives = Sort::unknown, takes = Sort::unknown;
-  std::vector<double> scales;                      // of the terms of a sum
-  std::vector<std::shared_ptr<const Node>> parts;  // factors, or terms
+  std::vector<double> scales{};                      // of the terms of a sum
+  std::vector<std::shared_ptr<const Node>> parts{};  // factors, or terms
   int letters = 1;
 };
 
@@ -65,9 +66,7 @@ Formula leaf_of(Kind kind, bool starred = false, const std::vector<int>& nodes =
          .rows = {f.rows, {}},
          .cols = {f.columns, {}},
          .gives = f.gives,
-         .takes = f.takes,
-         .scales = {},
-         .parts = {}};
+         .takes = f.takes};
   if (f.columns == Space::node) n.cols.nodes = nodes;
   if (n.starred) {
     std::swap(n.rows, n.cols);
@@ -78,27 +77,16 @@ Formula leaf_of(Kind kind, bool starred = false, const std::vector<int>& nodes =
 Formula block_inverse(Kind kind) {
   return make({.form = Form::block_inverse,
                .kind = kind,
-               .starred = false,
                .rows = {facts(kind).rows, {}},
                .cols = {facts(kind).columns, {}},
                .gives = facts(kind).takes,
-               .takes = facts(kind).gives,
-               .scales = {},
-               .parts = {}});
+               .takes = facts(kind).gives});
 }
-Formula identity_of(const Stack& s) {
-  return make({.form = Form::identity, .kind = Kind::H, .starred = false, .rows = s, .cols = s, .scales = {}, .parts = {}});
-}
+Formula identity_of(const Stack& s) { return make({.form = Form::identity, .rows = s, .cols = s}); }
 
 /// A product without brackets, without identities, of one factor or more.
 Formula product_of(const std::vector<Formula>& factors) {
-  Node n{.form = Form::product,
-         .kind = Kind::H,
-         .starred = false,
-         .rows = factors.front()->rows,
-         .cols = factors.back()->cols,
-         .scales = {},
-         .parts = {}};
+  Node n{.form = Form::product, .rows = factors.front()->rows, .cols = factors.back()->cols};
   double scale = 1.0;
   const auto add = [&](const auto& self, const Formula& f) -> void {
     if (f->form == Form::product)
@@ -118,8 +106,6 @@ Formula product_of(const std::vector<Formula>& factors) {
   const Formula bare = n.parts.empty() ? identity_of(n.rows) : n.parts.size() == 1 ? n.parts[0] : make(n);
   if (scale == 1.0) return bare;
   return make({.form = Form::sum,
-               .kind = Kind::H,
-               .starred = false,
                .rows = bare->rows,
                .cols = bare->cols,
                .gives = bare->gives,
@@ -128,13 +114,7 @@ Formula product_of(const std::vector<Formula>& factors) {
                .parts = {bare}});
 }
 Formula sum_of(const std::vector<std::pair<double, Formula>>& terms) {
-  Node n{.form = Form::sum,
-         .kind = Kind::H,
-         .starred = false,
-         .rows = terms[0].second->rows,
-         .cols = terms[0].second->cols,
-         .scales = {},
-         .parts = {}};
+  Node n{.form = Form::sum, .rows = terms[0].second->rows, .cols = terms[0].second->cols};
   for (const auto& [s, f] : terms) {
     if (f->form == Form::sum) {
       for (std::size_t i = 0; i < f->parts.size(); ++i) n.parts.push_back(f->parts[i]), n.scales.push_back(s * f->scales[i]);
@@ -175,26 +155,46 @@ Formula star_of(const Formula& f) {
   return sum_of(terms);
 }
 
-Formula one(Space space) { return identity_of({space, {}}); }
-Formula H_phi_K() { return product_of({leaf_of(Kind::H), leaf_of(Kind::phi), leaf_of(Kind::K)}); }
-Formula H_psi_K() { return product_of({leaf_of(Kind::H), leaf_of(Kind::psi), leaf_of(Kind::K)}); }
-Formula mass_of() {
-  return product_of({leaf_of(Kind::H), leaf_of(Kind::phi), leaf_of(Kind::M), leaf_of(Kind::phi, true), leaf_of(Kind::H, true)});
+/// The same formula as its type says (operators.hpp); `nodes`: those of B.
+struct Written {
+  std::vector<int> nodes{};
+  template <Kind Of, bool Star>
+  Formula operator()(Leaf<Of, Star>) const {
+    return leaf_of(Of, Star, nodes);
+  }
+  template <Kind Of>
+  Formula operator()(BlockInverse<Of>) const {
+    return block_inverse(Of);
+  }
+  template <Space S>
+  Formula operator()(Identity<S>) const {
+    return identity_of({S, {}});
+  }
+  template <class A>
+  Formula operator()(Minus<A>) const {
+    return sum_of({{-1.0, (*this)(A{})}});
+  }
+  template <class A, class B>
+  Formula operator()(Sum<A, B>) const {
+    return sum_of({{1.0, (*this)(A{})}, {1.0, (*this)(B{})}});
+  }
+  template <class... F>
+  Formula operator()(Product<F...>) const {
+    return product_of({(*this)(F{})...});
+  }
+};
+const Formula& mass_of() {
+  static const Formula written = Written{}(letters::mass);
+  return written;
 }
 
-/// Pairs of an operator and its inverse, as in operators.hpp.
+/// Pairs of an operator and its inverse, by the rules of operators.hpp.
 const std::vector<std::pair<Formula, Formula>>& rules() {
   static const std::vector<std::pair<Formula, Formula>> all = [] {
-    const Formula I_hinge = one(Space::hinge), I_body = one(Space::body);
-    const Formula left = sum_of({{1.0, I_hinge}, {1.0, H_phi_K()}}), right = sum_of({{1.0, I_hinge}, {-1.0, H_psi_K()}});
-    std::vector<std::pair<Formula, Formula>> out = {{leaf_of(Kind::phi), sum_of({{1.0, I_body}, {-1.0, leaf_of(Kind::E_phi)}})},
-                                                    {leaf_of(Kind::psi), sum_of({{1.0, I_body}, {-1.0, leaf_of(Kind::E_psi)}})},
-                                                    {left, right},
-                                                    {leaf_of(Kind::D), block_inverse(Kind::D)},
-                                                    {leaf_of(Kind::M), block_inverse(Kind::M)}};
-    const std::size_t n = out.size();
-    for (std::size_t i = 0; i < n; ++i) out.emplace_back(out[i].second, out[i].first);
-    out.emplace_back(mass_of(), product_of({star_of(right), block_inverse(Kind::D), right}));
+    std::vector<std::pair<Formula, Formula>> out;
+    using namespace letters;
+    const auto both_ways = [&](auto... e) { (out.emplace_back(Written{}(e), Written{}(inv(e))), ...); };
+    both_ways(phi, psi, I + H * phi * K, D, M, inv(phi), inv(psi), inv(I + H * phi * K), inv(D), inv(M), mass);
     return out;
   }();
   return all;
@@ -273,7 +273,7 @@ std::string shape_of(const TreeOperators& tree, const Formula& f) {
 }
 
 [[noreturn]] void fail(Code code, const std::string& where, std::string expected, std::string got, std::string hint = {}) {
-  throw InputError(Diagnostic{code, {where, {}}, std::move(expected), std::move(got), std::move(hint), {}, {}, 0});
+  refuse(code, {where}, std::move(expected), std::move(got), std::move(hint));
 }
 
 Eigen::VectorXd run(const TreeOperators& tree, const Formula& f, const Eigen::VectorXd& x) {
@@ -293,10 +293,10 @@ Eigen::VectorXd run(const TreeOperators& tree, const Formula& f, const Eigen::Ve
       return x;
     case Form::product: {
       Poll::now();
-      static const Formula mass = mass_of(), mass_inverse = *inverse_of(mass_of());
-      const auto fused = same(f, mass)           ? TreeOperators::Fused::mass
-                         : same(f, mass_inverse) ? TreeOperators::Fused::mass_inverse
-                                                 : TreeOperators::Fused::none;
+      static const Formula inverse = Written{}(letters::mass_inverse);
+      const auto fused = same(f, mass_of()) ? TreeOperators::Fused::mass
+                         : same(f, inverse) ? TreeOperators::Fused::mass_inverse
+                                            : TreeOperators::Fused::none;
       if (tree.has_fused(fused)) {
         tree.apply_fused(fused, x.data(), y.data());
         return y;
@@ -336,11 +336,15 @@ Expression Expression::identity(Tree tree, Space space) {
   Formula f = identity_of({space, space == Space::node ? tree->nodes() : std::vector<int>{}});
   return {std::move(tree), std::move(f)};
 }
-Expression Expression::unit(Tree tree) {
-  return {std::move(tree),
-          make({.form = Form::unit, .kind = Kind::H, .starred = false, .rows = {}, .cols = {}, .scales = {}, .parts = {}})};
+Expression Expression::unit(Tree tree) { return {std::move(tree), make({.form = Form::unit})}; }
+std::span<const Expression::Named> Expression::named() {
+  static constexpr auto of = []<auto E>(Tree tree)->Expression { return {tree, Written{tree->nodes()}(E)}; };
+  static const Named all[] = {{"mass", [](Tree t) { return of.operator()<letters::mass>(std::move(t)); }},
+                              {"omega", [](Tree t) { return of.operator()<letters::omega>(std::move(t)); }},
+                              {"jacobian", [](Tree t) { return of.operator()<letters::jacobian>(std::move(t)); }},
+                              {"mass_derivative", [](Tree t) { return of.operator()<letters::mass_derivative>(std::move(t)); }}};
+  return all;
 }
-Expression Expression::mass(Tree tree) { return {std::move(tree), mass_of()}; }
 
 Expression Expression::star() const { return {tree_, star_of(formula_)}; }
 
@@ -485,4 +489,4 @@ int Expression::letters() const { return formula_->letters; }
 std::string Expression::text() const { return text_of(formula_); }
 std::string Expression::shape() const { return shape_of(*tree_, formula_); }
 
-}  // namespace cardan::soa
+}  // namespace cardan::operators

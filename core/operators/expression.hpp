@@ -3,12 +3,14 @@
 // same rules for star() and inv(), O(N), matrix-free. An expression refers to the operators of one tree at one q.
 #include <Eigen/Core>
 #include <memory>
+#include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/operators/tree_operators.hpp"
 
-namespace cardan::soa {
+namespace cardan::operators {
 
 class Expression {
  public:
@@ -21,8 +23,12 @@ class Expression {
   static Expression identity(Tree tree, Space space);
   /// 1 of whichever space it meets in a sum; as a factor it is left out.
   static Expression unit(Tree tree);
-  /// H phi M phi* H*.
-  static Expression mass(Tree tree);
+  /// The formulas of operators.hpp that have a name, in its words: "mass", "omega", "jacobian", "mass_derivative".
+  struct Named {
+    std::string_view name;
+    Expression (*of)(Tree);
+  };
+  static std::span<const Named> named();
 
   /// The longest formula: more letters are refused (C0902). On paper some twenty are many; in a loop they double.
   static constexpr int kMaxLetters = 4096;
@@ -66,4 +72,4 @@ class Expression {
   Formula formula_;
 };
 
-}  // namespace cardan::soa
+}  // namespace cardan::operators

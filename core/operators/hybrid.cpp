@@ -6,13 +6,12 @@
 #include <algorithm>
 
 #include "core/dynamics/inverse.hpp"
+#include "core/dynamics/node_motion.hpp"
 #include "core/operators/apply.hpp"
 #include "core/operators/mass_matrix.hpp"
-#include "core/operators/node_motion.hpp"
 #include "core/operators/system_properties.hpp"
-#include "core/soa/gravity_field.hpp"
 
-namespace cardan::soa {
+namespace cardan::operators {
 
 namespace {
 
@@ -20,26 +19,12 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 bool is_free(Drive drive) { return drive == Drive::forced || drive == Drive::passive; }
-VectorXd inverse_mass_times(const TreeOperators& tree, const VectorXd& tau) { return operators::apply(operators::mass_inverse, tree, tau); }
+VectorXd inverse_mass_times(const TreeOperators& tree, const VectorXd& tau) { return apply(letters::mass_inverse, tree, tau); }
 
 /// What the hinge of a rotor transmits, at its origin: the sweeps know of its carrier only. After inverse dynamics.
-Force<double> force_on_rotor(const Model& model, const Workspace<double>& ws, const Inputs<double>& in, int k) {
-  const SweepBody& b = model.bodies[k];
-  Vec3<double> w;
-  Motion<double> gamma;
-  motion_of_body(model, ws, in, k, in.vdot, After::inverse, w, gamma);
-  Force<double> f = b.M * gamma + gyroscopic(b.M, w);
-  if (in.gravity && model.field.central && b.M.m > 0.0) {
-    Vec3<double> c, r;
-    f -= attraction(model.field, b.M, ws.pose_W(k), c, r);
-  }
-  for (const NodeWrench<double>& load : in.wrenches) {
-    const UserNode& node = model.nodes[load.node];
-    if (node.sweep != k) continue;
-    const Mat3<double> R = load.world_axes ? transpose(ws.pose_W(k).R) : node.shapes.pose.R;
-    f -= to_inboard(Pose<double>{Mat3<double>::identity(), node.shapes.pose.p}, Force<double>{R * load.f.n, R * load.f.f});
-  }
-  return f;
+Force<double> force_on_rotor(const Model& model, const Workspace& ws, const Inputs& in, int k) {
+  const BodyMotion<double> moves = motion_of_body(model, ws, in, k, in.vdot, After::inverse);
+  return bias_of_rotor(model, ws, in, k, moves.w, moves.gamma + moves.delta);
 }
 
 }  // namespace
@@ -95,7 +80,7 @@ Hybrid hybrid_dynamics(const TreeOperators& tree, const VectorXd& bias, const Ve
   return out;
 }
 
-VectorXd inverse_dynamics(const TreeOperators& tree, Workspace<double>& ws, const Inputs<double>& in) {
+VectorXd inverse_dynamics(const TreeOperators& tree, Workspace& ws, const Inputs& in) {
   tree.require(Kind::H);
   const Model& model = tree.model();
   const auto taking_part = [&](const double* x) {
@@ -103,22 +88,22 @@ VectorXd inverse_dynamics(const TreeOperators& tree, Workspace<double>& ws, cons
   };
   const VectorXd v = taking_part(in.v), vdot = taking_part(in.vdot);
   VectorXd tau(model.nv);
-  Inputs<double> use = in;
+  Inputs use = in;
   use.q = tree.q().data(), use.v = v.data(), use.vdot = in.vdot ? vdot.data() : nullptr, use.tau = nullptr;
   cardan::inverse_dynamics(model, ws, use, tau.data(), {}, tree.part());
   return tree.from_model(tau);
 }
 
-VectorXd bias(const TreeOperators& tree, Workspace<double>& ws, const Inputs<double>& in) {
-  Inputs<double> use = in;
+VectorXd bias(const TreeOperators& tree, Workspace& ws, const Inputs& in) {
+  Inputs use = in;
   use.vdot = nullptr;
   return inverse_dynamics(tree, ws, use);
 }
 
-VectorXd interbody_forces(const TreeOperators& tree, Workspace<double>& ws, const Inputs<double>& in) {
+VectorXd interbody_forces(const TreeOperators& tree, Workspace& ws, const Inputs& in) {
   const Model& model = tree.model();
   const VectorXd still = VectorXd::Zero(model.nv);
-  Inputs<double> use = in;
+  Inputs use = in;
   use.q = tree.q().data();
   if (!in.v) use.v = still.data();
   if (!in.vdot) use.vdot = still.data();
@@ -133,8 +118,8 @@ VectorXd interbody_forces(const TreeOperators& tree, Workspace<double>& ws, cons
   return out;
 }
 
-Hybrid hybrid_dynamics(const TreeOperators& tree, std::span<const Drive> drives, Workspace<double>& ws, const Inputs<double>& in,
-                       const VectorXd& tau, const VectorXd& vdot) {
+Hybrid hybrid_dynamics(const TreeOperators& tree, std::span<const Drive> drives, Workspace& ws, const Inputs& in, const VectorXd& tau,
+                       const VectorXd& vdot) {
   require_size(tree, "drives", Space::hinge, static_cast<Eigen::Index>(drives.size()));
   require_size(tree, "forces", Space::hinge, tau.size());
   require_size(tree, "accelerations", Space::hinge, vdot.size());
@@ -145,19 +130,12 @@ Hybrid hybrid_dynamics(const TreeOperators& tree, std::span<const Drive> drives,
     const Drive drive = drives[place];
     const auto name = [&] { return tree.labels(Space::hinge, Sort::motion).names[place]; };
     if (is_free(drive) != tree.is_free(place))
-      throw InputError(Diagnostic{Code::operator_shape,
-                                  {"drive of " + name(), {}},
-                                  "the mask that the tree was articulated with",
-                                  is_free(drive) ? "free" : "not free",
-                                  "articulate({.free = free_mask(drives)}) first",
-                                  {},
-                                  {},
-                                  0});
+      refuse(Code::operator_shape, {"drive of " + name()}, "the mask that the tree was articulated with",
+             is_free(drive) ? "free" : "not free", "articulate({.free = free_mask(drives)}) first");
     if (drive == Drive::passive) known_tau[place] = 0.0;
     if (drive == Drive::locked) known_vdot[place] = 0.0;
     if (drive == Drive::locked && in.v && in.v[j] != 0.0)
-      throw InputError(
-          Diagnostic{Code::out_of_range, {"velocity of " + name(), {}}, "0: it is locked", fmt::format("{:g}", in.v[j]), {}, {}, {}, 0});
+      refuse(Code::out_of_range, {"velocity of " + name()}, "0: it is locked", fmt::format("{:g}", in.v[j]));
   }
   return hybrid_dynamics(tree, bias(tree, ws, in), known_tau, known_vdot);
 }
@@ -188,7 +166,7 @@ VectorXd Unactuated::reduced_forces(const VectorXd& tau) const {
 }
 
 VectorXd Unactuated::task_rates(const Task& task, const VectorXd& v, const VectorXd& momenta) const {
-  return soa::task_rates(*tree_, task, velocities(v, momenta));
+  return operators::task_rates(*tree_, task, velocities(v, momenta));
 }
 
 MatrixXd Unactuated::generalised_jacobian(const Task& task) const {
@@ -218,14 +196,7 @@ VectorXd base_momenta(const TreeOperators& tree, const Eigen::Matrix<double, 6, 
   tree.require(Kind::H);
   const auto roots = std::count_if(tree.bodies().begin(), tree.bodies().end(), [](const OperatorBody& b) { return b.parent < 0; });
   if (!tree.whole() || roots != 1 || tree.bodies()[0].nh != 6)
-    throw InputError(Diagnostic{Code::unsupported,
-                                {"momenta of the base", {}},
-                                "one root on a hinge of six degrees",
-                                fmt::format("{} roots", roots),
-                                {},
-                                {},
-                                {},
-                                0});
+    refuse(Code::unsupported, {"momenta of the base"}, "one root on a hinge of six degrees", fmt::format("{} roots", roots));
   const OperatorBody& b = tree.bodies()[0];
   const Placement body = Placements(tree).reference;  // that of the root
   Eigen::Matrix<double, 6, 1> f;                      // at the base, its axes
@@ -236,4 +207,4 @@ VectorXd base_momenta(const TreeOperators& tree, const Eigen::Matrix<double, 6, 
   return out;
 }
 
-}  // namespace cardan::soa
+}  // namespace cardan::operators

@@ -6,7 +6,7 @@
 #include "core/operators/operational_space.hpp"
 #include "core/operators/tree_operators.hpp"
 
-namespace cardan::soa {
+namespace cardan::operators {
 
 /// What is known of a velocity component.
 enum class Drive : std::uint8_t {
@@ -30,7 +30,7 @@ Hybrid hybrid_dynamics(const TreeOperators& tree, const Eigen::VectorXd& bias, c
 
 /// The same by the kind of drive, with bias(): tau of passive and v' of locked components count as 0 whatever is given. Error C0301 where a
 /// locked component moves (in.v), C0902 where the drives do not match the mask of the tree.
-Hybrid hybrid_dynamics(const TreeOperators& tree, std::span<const Drive> drives, Workspace<double>& workspace, const Inputs<double>& in,
+Hybrid hybrid_dynamics(const TreeOperators& tree, std::span<const Drive> drives, Workspace& workspace, const Inputs& in,
                        const Eigen::VectorXd& tau, const Eigen::VectorXd& vdot);
 
 // By the sweeps of inverse dynamics over the bodies that take part, O(N). in: v, vdot (nv numbers of the model, null: 0), wrenches,
@@ -38,12 +38,12 @@ Hybrid hybrid_dynamics(const TreeOperators& tree, std::span<const Drive> drives,
 // workspace: of the model. Hinge springs are no part of it.
 
 /// M v' + C - gravity - elastic - external.
-Eigen::VectorXd inverse_dynamics(const TreeOperators& tree, Workspace<double>& workspace, const Inputs<double>& in);
+Eigen::VectorXd inverse_dynamics(const TreeOperators& tree, Workspace& workspace, const Inputs& in);
 /// The same at v' = 0.
-Eigen::VectorXd bias(const TreeOperators& tree, Workspace<double>& workspace, const Inputs<double>& in);
+Eigen::VectorXd bias(const TreeOperators& tree, Workspace& workspace, const Inputs& in);
 /// f = phi (M alpha + b - f_ext), body space: the wrench [moment; force] that the hinge transmits to each body, at the origin and in the
 /// axes of its frame, and the modal rows, which hold the elastic forces K eta + C eta'. tau = H f. alpha: accelerations less gravity.
-Eigen::VectorXd interbody_forces(const TreeOperators& tree, Workspace<double>& workspace, const Inputs<double>& in);
+Eigen::VectorXd interbody_forces(const TreeOperators& tree, Workspace& workspace, const Inputs& in);
 
 /// A system of which some components p carry no actuator, or are determined by momentum; the others are a. The tree must be
 /// articulated with free = p. All by operators, O(N) per product.
@@ -82,4 +82,4 @@ std::vector<std::uint8_t> base_mask(const TreeOperators& tree);
 /// space, zero but for the root. Error C0401 for another base.
 Eigen::VectorXd base_momenta(const TreeOperators& tree, const Eigen::Matrix<double, 6, 1>& momentum);
 
-}  // namespace cardan::soa
+}  // namespace cardan::operators

@@ -10,11 +10,11 @@
 
 #include "core/base/diagnostic.hpp"
 #include "core/base/poll.hpp"
+#include "core/dynamics/node_motion.hpp"
 #include "core/operators/apply.hpp"
-#include "core/operators/node_motion.hpp"
 #include "core/soa/kernels.hpp"
 
-namespace cardan::soa {
+namespace cardan::operators {
 namespace {
 
 using Eigen::MatrixXd;
@@ -27,7 +27,7 @@ constexpr double kNullSpaceStep = 1e-7;  // the distance to the preferred postur
 constexpr int kSecondaryIterations = 100;
 
 [[noreturn]] void refuse(Code code, std::string what, std::string expected, std::string got) {
-  throw InputError(Diagnostic{code, {"inverse kinematics: " + std::move(what), {}}, std::move(expected), std::move(got), {}, {}, {}, 0});
+  cardan::refuse(code, {"inverse kinematics: " + std::move(what)}, std::move(expected), std::move(got));
 }
 
 /// log of a rotation, also near a half turn.
@@ -169,7 +169,7 @@ class Solver {
   std::vector<int> bodies_;                        // that take part; empty: all
   std::optional<TreeOperators> part_;              // theirs, at the q of the last jacobian_star()
   std::vector<std::optional<Pose<double>>> held_;  // by sweep index: where those stand that take no part; empty: none
-  Workspace<double> ws_;
+  Workspace ws_;
   std::vector<double> zeros_;
   std::vector<int> coordinate_;  // per velocity component: the coordinate with q' = v, or -1
   std::vector<std::uint8_t> movable_, turns_;
@@ -200,11 +200,9 @@ class Solver {
 
   /// Poses in the world.
   void place_bodies(std::span<const double> q) {
-    const Sweeps<double>& S = sweeps<double>();
-    const Inputs<double> in{.q = q.data(), .v = zeros_.data(), .gravity = false};
-    S.ground(m_, ws_, in);
-    S.hinge_records(m_, ws_, in);
-    for (const Run& run : m_.runs) S.outward(m_, ws_, in, run, {.velocity = false});
+    const soa::Sweeps<double>& S = soa::sweeps<double>();
+    const Inputs in{.q = q.data(), .v = zeros_.data(), .gravity = false};
+    outward(m_, S, ws_, in, {.velocity = false});
     S.world(m_, ws_, in);
     for (int k = 0; k < static_cast<int>(held_.size()); ++k)
       ws_.pose_W(k) = held_[k] ? *held_[k] : ws_.pose_W(m_.bodies[k].parent) * pose_in_inboard(m_, ws_, k, in.q);
@@ -213,7 +211,7 @@ class Solver {
   /// 6 x targets, [rotation; position] in target axes.
   MatrixXd errors(const VectorXd& q) {
     place_bodies(std::span(q.data(), m_.nq));
-    const Inputs<double> in{.q = q.data(), .v = zeros_.data(), .gravity = false};
+    const Inputs in{.q = q.data(), .v = zeros_.data(), .gravity = false};
     MatrixXd out(6, targets_.size());
     nodes_.clear();
     for (std::size_t i = 0; i < targets_.size(); ++i) {
@@ -291,7 +289,7 @@ class Solver {
       if (const int place = by.place_of_velocity(v); place >= 0) mask[place] = free[v];
     by.articulate({.W = nullptr, .free = mask});
     for (int r = 0; r < rows_; ++r) {
-      operators::apply(operators::mass_inverse, by, by.from_model(out.col(r)).data(), solved.data());  // 0 where not free
+      apply(letters::mass_inverse, by, by.from_model(out.col(r)).data(), solved.data());  // 0 where not free
       out.col(r) = by.to_model(solved);
     }
     return out;
@@ -458,4 +456,4 @@ IkResult inverse_kinematics(const TreeOperators& tree, std::span<const IkTarget>
   return Solver(tree.model_pointer(), &tree, targets, options).run(tree.q().data());
 }
 
-}  // namespace cardan::soa
+}  // namespace cardan::operators

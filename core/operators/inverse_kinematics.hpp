@@ -11,7 +11,7 @@
 
 #include "core/operators/tree_operators.hpp"
 
-namespace cardan::soa {
+namespace cardan::operators {
 
 /// A node and where it should be. Error rows [rotation; position] in target axes: log(R_now* R_target), R_target* (x_target - x_now).
 struct IkTarget {
@@ -66,4 +66,4 @@ IkResult inverse_kinematics(const std::shared_ptr<const Model>& model, const dou
 /// bodies that take part. Targets on, limits and free components of other bodies are errors (C0202, C0401).
 IkResult inverse_kinematics(const TreeOperators& tree, std::span<const IkTarget> targets, const IkOptions& options = {});
 
-}  // namespace cardan::soa
+}  // namespace cardan::operators

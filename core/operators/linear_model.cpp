@@ -8,19 +8,21 @@
 
 #include "core/base/diagnostic.hpp"
 #include "core/base/poll.hpp"
+#include "core/base/units.hpp"
 #include "core/dynamics/inverse.hpp"
+#include "core/dynamics/node_motion.hpp"
 #include "core/operators/apply.hpp"
 #include "core/operators/components.hpp"
-#include "core/operators/node_motion.hpp"
 #include "core/operators/sensitivity.hpp"
 #include "core/soa/field_at.hpp"
 #include "core/soa/kernels_tangent.hpp"
 
-namespace cardan::soa {
+namespace cardan::operators {
 namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+using soa::Tangent;
 
 constexpr const char* kXyz[] = {"x", "y", "z"};
 
@@ -54,10 +56,6 @@ Scope scope_of(const Model& m, const TreeOperators* blocks) {
 
 /// "rad/s" -> "rad".
 std::string without_second(const std::string& unit) { return unit.ends_with("/s") ? unit.substr(0, unit.size() - 2) : unit + " s"; }
-/// Dual to a velocity: W per unit of it.
-std::string force_unit(const std::string& rate) {
-  return rate == "rad/s" ? "N m" : rate == "m/s" ? "N" : rate == "1/s" ? "J" : "W/(" + rate + ")";
-}
 
 SpaceLabels state_labels(const Scope& scope) {
   SpaceLabels out;
@@ -122,14 +120,8 @@ constexpr Quantity kSeen[] = {
 constexpr Quantity kMomentum[] = {{"linear", Port::linear_momentum, "N s"}, {"angular", Port::angular_momentum, "N m s"}};
 
 [[noreturn]] void unknown(const char* side, const std::string& text, std::string expected, const std::vector<std::string>& legal) {
-  throw InputError(Diagnostic{Code::unknown_name,
-                              {fmt::format("{} of the linear model", side), {}},
-                              std::move(expected),
-                              "\"" + text + "\"",
-                              did_you_mean(text, legal),
-                              {},
-                              {},
-                              0});
+  refuse(Code::unknown_name, {fmt::format("{} of the linear model", side)}, std::move(expected), "\"" + text + "\"",
+         did_you_mean(text, legal));
 }
 
 /// "tip:force.x" behind the colon: one or three of a list of quantities.
@@ -232,20 +224,20 @@ PortList outputs_of(const Scope& scope, const std::vector<std::string>& wanted) 
 // ---- the derivatives ----
 
 /// Momentum about the world's origin, world axes. `ws` has been through pose and world of this q, v.
-Force<Tangent> momentum(const Scope& scope, Workspace<Tangent>& ws, const Inputs<Tangent>& in) {
+Force<Tangent> momentum(const Scope& scope, soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in) {
   const Model& m = scope.m;
   Force<Tangent> sum{{0, 0, 0}, {0, 0, 0}};
   for (int k = 1; k < static_cast<int>(m.bodies.size()); ++k) {
     if (!scope.has(k)) continue;
     const SweepBody& b = m.bodies[k];
     Force<Tangent> h;
-    if (const Modal<Tangent>* modal = ws.modal_of(k); modal && b.n_modes > 0) {
+    if (const soa::Modal<Tangent>* modal = ws.modal_of(k); modal && b.n_modes > 0) {
       h = modal->M_rr * ws.V(k);
       const FlexibleBody& f = m.flexible[b.flexible];
       for (int j = 0; j < b.n_modes; ++j) {
         Tangent column[6];
         for (int i = 0; i < 6; ++i) column[i] = modal->P_re ? modal->P_re[6 * j + i] : Tangent(f.M_re[6 * j + i]);
-        h += in.v[b.etadot + j] * force_column(column, 0);
+        h += in.v[b.etadot + j] * soa::force_column(column, 0);
       }
     } else {
       h = cast<Tangent>(b.M) * ws.V(k);
@@ -276,21 +268,14 @@ class Column {
         solved_(scope.nv()) {
     for (int i = 0; i < m_.nq; ++i) q[i] = at.q[i];
     for (const int i : scope.components) v[i] = at.v[i];
-    for (const NodeWrench<double>& w : at.wrenches)
-      wrenches_.push_back({w.node, w.world_axes, {cast<Tangent>(w.f.n), cast<Tangent>(w.f.f)}});
+    for (const NodeWrench& w : at.wrenches) wrenches_.push_back({w.node, w.world_axes, {cast<Tangent>(w.f.n), cast<Tangent>(w.f.f)}});
     for (std::size_t i = 0; i < u.size(); ++i) {
       u[i] = 0.0;
       if (inputs.ports[i].kind != Port::hinge) wrenches_.push_back({inputs.ports[i].index, false, {{0, 0, 0}, {0, 0, 0}}});
     }
     if (!scope.blocks && !wrenches_.empty() && !m_.has(OpCode::node_wrenches))
-      throw InputError(Diagnostic{Code::unsupported,
-                                  {"inputs of the linear model", {}},
-                                  "a model compiled with loads on nodes",
-                                  "one without",
-                                  "CompileOptions::node_wrenches",
-                                  {},
-                                  {},
-                                  0});
+      refuse(Code::unsupported, {"inputs of the linear model"}, "a model compiled with loads on nodes", "one without",
+             "CompileOptions::node_wrenches");
     looks_ = outputs.has({Port::position, Port::velocity, Port::acceleration, Port::attitude, Port::rate, Port::specific_force});
     if (looks_) ws_.require_world();
     if (outputs.has({Port::linear_momentum, Port::angular_momentum})) moving_.emplace(m_), moving_->require_world();
@@ -316,7 +301,7 @@ class Column {
     }
     for (const Spring& s : m_.springs)
       tau_[s.v] = tau_[s.v] - (Tangent(s.stiffness) * (q[s.q] - Tangent(s.rest)) + Tangent(s.damping) * v[s.v]);
-    Inputs<Tangent> in{.q = q.data(), .v = v.data(), .tau = tau_.data(), .vdot = given_.data(), .wrenches = wrenches_};
+    soa::Inputs<Tangent> in{.q = q.data(), .v = v.data(), .tau = tau_.data(), .vdot = given_.data(), .wrenches = wrenches_};
     if (scope_.blocks)
       solve(in);
     else if (!forward_dynamics(m_, ws_, in, vdot.data()))
@@ -329,7 +314,7 @@ class Column {
   const Model& m_;
   const OperatingPoint& at_;
   const PortList &inputs_, &outputs_;
-  Workspace<Tangent> ws_;
+  soa::Workspace<Tangent> ws_;
 
  public:
   std::vector<Tangent> q, v, vdot, u;
@@ -337,12 +322,12 @@ class Column {
  private:
   std::vector<Tangent> tau_, given_, back_;
   VectorXd residual_, solved_;
-  std::vector<NodeWrench<Tangent>> wrenches_;
-  std::optional<Workspace<Tangent>> moving_;  // poses and inertias as they are before the inward sweep
+  std::vector<soa::NodeWrench<Tangent>> wrenches_;
+  std::optional<soa::Workspace<Tangent>> moving_;  // poses and inertias as they are before the inward sweep
   bool looks_ = false, solved_once_ = false;
 
   /// v' = M^-1 (tau - ID) of the free components, first its value, then d v' = M^-1 (d tau - d ID) at that v'.
-  void solve(Inputs<Tangent>& in) {
+  void solve(soa::Inputs<Tangent>& in) {
     in.vdot = vdot.data();
     for (const int i : scope_.components) vdot[i] = {scope_.given[i] || !solved_once_ ? given_[i].x : vdot[i].x, given_[i].d};
     const auto respond = [&](double Tangent::*part) {
@@ -351,7 +336,7 @@ class Column {
         const std::size_t at = (scope_.components[i]);
         residual_[i] = tau_[at].*part - back_[at].*part;
       }
-      operators::apply(operators::mass_inverse, *scope_.blocks, residual_.data(), solved_.data());
+      apply(letters::mass_inverse, *scope_.blocks, residual_.data(), solved_.data());
       for (int i = 0; i < scope_.nv(); ++i) vdot[scope_.components[i]].*part += solved_[i];
     };
     if (!solved_once_) respond(&Tangent::x);
@@ -360,15 +345,13 @@ class Column {
     if (looks_) inverse_dynamics(m_, ws_, in, back_.data(), {}, scope_.part());
   }
 
-  void look(const Inputs<Tangent>& in, Tangent* y) {
-    const Sweeps<Tangent>& S = sweeps<Tangent>();
+  void look(const soa::Inputs<Tangent>& in, Tangent* y) {
+    const soa::Sweeps<Tangent>& S = soa::sweeps<Tangent>();
     const Part* part = scope_.part();
     Force<Tangent> h{{0, 0, 0}, {0, 0, 0}};
     if (looks_) world(m_, S, ws_, in, part);
     if (moving_) {
-      S.ground(m_, *moving_, in);
-      S.hinge_records(m_, *moving_, in);
-      for (const Run& run : m_.runs) S.outward(m_, *moving_, in, run, {.velocity = false});
+      outward(m_, S, *moving_, in, {.velocity = false});
       world(m_, S, *moving_, in, part);
       h = momentum(scope_, *moving_, in);
     }
@@ -396,10 +379,9 @@ class Column {
         case Port::rate:
           y[i] = component(node.velocity.w, p.axis);
           break;
-        case Port::specific_force: {
-          y[i] = component(node.acceleration.v - transpose_times(node.R_WN, field_at(m_.field, node.position)), p.axis);
+        case Port::specific_force:
+          y[i] = component(node.specific_force, p.axis);
           break;
-        }
         case Port::attitude: {  // dR = R dphi~
           const Mat3<Tangent>& R = node.R_WN;
           const Vec3<double> cx{R.xx.x, R.yx.x, R.zx.x}, cy{R.xy.x, R.yy.x, R.zy.x}, cz{R.xz.x, R.yz.x, R.zz.x};
@@ -513,4 +495,4 @@ LinearModel linearize(const TreeOperators& tree, const OperatingPoint& at, const
   return linearize(scope_of(m, &blocks), use, ports);
 }
 
-}  // namespace cardan::soa
+}  // namespace cardan::operators

@@ -11,7 +11,7 @@
 #include "core/dynamics/forward.hpp"
 #include "core/operators/tree_operators.hpp"
 
-namespace cardan::soa {
+namespace cardan::operators {
 
 /// Where the model is taken, in the user's order; units as in Model.
 struct OperatingPoint {
@@ -20,7 +20,7 @@ struct OperatingPoint {
   const double* v = nullptr;
   const double* tau = nullptr;   // forces of actuators, without springs; null = 0
   const double* vdot = nullptr;  // of given motions, the others not read; null = 0
-  std::span<const NodeWrench<double>> wrenches = {};
+  std::span<const NodeWrench> wrenches = {};
 };
 
 /// Inputs and outputs by name. A name may stand for several; .x, .y, .z behind a node's quantity is one of three. Components of
@@ -57,4 +57,4 @@ LinearModel linearize(const Model& model, const OperatingPoint& at, const Linear
 /// diagonal W of it plays no part). Needs Position; loads on nodes whatever the model was compiled for.
 LinearModel linearize(const TreeOperators& tree, const OperatingPoint& at, const LinearPorts& ports = {});
 
-}  // namespace cardan::soa
+}  // namespace cardan::operators

@@ -4,21 +4,19 @@
 
 #include "core/base/poll.hpp"
 
-namespace cardan {
+namespace cardan::operators {
 namespace {
 
 using Eigen::MatrixXd;
-using soa::PositionBlocks;
-using soa::TreeOperators;
 
 /// tr(A B) of square A.
 double trace_of_product(const MatrixXd& A, const MatrixXd& B) { return A.cwiseProduct(B.transpose()).sum(); }
 
 /// 2 tr(Y(p) dPhi P+ Phi*): body i is moved against its inboard body.
 double shift_term(const TreeOperators& tree, int i, const PositionBlocks& d) {
-  const soa::OperatorBody& b = tree.bodies()[i];
+  const OperatorBody& b = tree.bodies()[i];
   if (b.parent < 0) return 0.0;
-  const soa::Matrix6X felt = tree.P_plus(i).topLeftCorner<6, 6>() * tree.A(i);
+  const Matrix6X felt = tree.P_plus(i).topLeftCorner<6, 6>() * tree.A(i);
   return 2.0 * trace_of_product(d.A[b.sweep].transpose() * felt, tree.Y(b.parent));
 }
 
@@ -52,7 +50,7 @@ std::vector<Pass> passes_of(const TreeOperators& tree, const std::vector<int>& d
 
 std::vector<int> depths(const TreeOperators& tree) {
   std::vector<int> depth;
-  for (const soa::OperatorBody& b : tree.bodies()) depth.push_back(b.parent < 0 ? 0 : depth[b.parent] + 1);
+  for (const OperatorBody& b : tree.bodies()) depth.push_back(b.parent < 0 ? 0 : depth[b.parent] + 1);
   return depth;
 }
 
@@ -61,17 +59,17 @@ std::vector<int> depths(const TreeOperators& tree) {
 int log_det_passes(const TreeOperators& tree) { return static_cast<int>(passes_of(tree, depths(tree)).size()); }
 
 Eigen::VectorXd log_det_gradient(const TreeOperators& tree) {
-  tree.require(soa::Kind::Y);
+  tree.require(Kind::Y);
   const Model& model = tree.model();
   const std::vector<int> depth = depths(tree);
   const int n = static_cast<int>(depth.size());
-  Eigen::VectorXd gradient = Eigen::VectorXd::Zero(tree.size(soa::Space::hinge));
+  Eigen::VectorXd gradient = Eigen::VectorXd::Zero(tree.size(Space::hinge));
   std::vector<double> u(model.nv);
   PositionBlocks d;
   for (const Pass& pass : passes_of(tree, depth)) {
     Poll::now();
     const auto moved = [&](int i) {
-      const soa::OperatorBody& b = tree.bodies()[i];
+      const OperatorBody& b = tree.bodies()[i];
       return pass.parity < 0 ? pass.component < b.nh : depth[i] % 2 == pass.parity && pass.component < b.m;
     };
     std::ranges::fill(u, 0.0);
@@ -81,7 +79,7 @@ Eigen::VectorXd log_det_gradient(const TreeOperators& tree) {
     }
     tree.derivatives(u.data(), d);
     for (int i = 0; i < n; ++i) {
-      const soa::OperatorBody& b = tree.bodies()[i];
+      const OperatorBody& b = tree.bodies()[i];
       if (moved(i)) {
         double& g = gradient[(pass.parity < 0 ? b.v : b.etadot) + pass.component];
         g += shift_term(tree, i, d) + own_term(tree, i, d);
@@ -93,4 +91,4 @@ Eigen::VectorXd log_det_gradient(const TreeOperators& tree) {
   return gradient;
 }
 
-}  // namespace cardan
+}  // namespace cardan::operators

@@ -6,7 +6,7 @@
 
 #include "core/base/diagnostic.hpp"
 
-namespace cardan::soa {
+namespace cardan::operators {
 
 namespace {
 
@@ -29,14 +29,8 @@ void mirror(MatrixXd& a) {
 void require_size(const TreeOperators& tree, const char* what, Space space, Eigen::Index size) {
   if (size == tree.size(space)) return;
   constexpr const char* names[] = {"hinge", "body", "node"};
-  throw InputError(Diagnostic{Code::operator_shape,
-                              {what, {}},
-                              fmt::format("{} numbers ({} space)", tree.size(space), names[static_cast<int>(space)]),
-                              fmt::format("{}", size),
-                              {},
-                              {},
-                              {},
-                              0});
+  refuse(Code::operator_shape, {what}, fmt::format("{} numbers ({} space)", tree.size(space), names[static_cast<int>(space)]),
+         fmt::format("{}", size));
 }
 
 VectorXd body_velocities(const TreeOperators& tree, const VectorXd& v) {
@@ -153,4 +147,4 @@ MatrixXd mass_matrix_inverse(const TreeOperators& tree) {
   return inverse;
 }
 
-}  // namespace cardan::soa
+}  // namespace cardan::operators

@@ -3,7 +3,7 @@
 // (Lyapunov) and by blocks. All components of v count, free or not, but in mass_matrix_inverse(). Hinge space, user's order.
 #include "core/operators/tree_operators.hpp"
 
-namespace cardan::soa {
+namespace cardan::operators {
 
 /// Error C0902 naming `what` where a vector has not the size of the space.
 void require_size(const TreeOperators& tree, const char* what, Space space, Eigen::Index size);
@@ -24,4 +24,4 @@ Eigen::MatrixXd mass_matrix(const TreeOperators& tree);
 /// without M. Needs OperationalSpace. With W in articulate(): of M + W.
 Eigen::MatrixXd mass_matrix_inverse(const TreeOperators& tree);
 
-}  // namespace cardan::soa
+}  // namespace cardan::operators

@@ -7,11 +7,11 @@
 #include <Eigen/SVD>
 #include <limits>
 
+#include "core/dynamics/node_motion.hpp"
 #include "core/operators/apply.hpp"
 #include "core/operators/mass_matrix.hpp"
-#include "core/operators/node_motion.hpp"
 
-namespace cardan::soa {
+namespace cardan::operators {
 
 namespace {
 
@@ -26,11 +26,11 @@ void walk(const TreeOperators& tree, int i, MatrixXd& W) {
   W = (tree.A(i).transpose() * W.topRows<6>()).eval();
 }
 
-InputError wrong_size(const char* what, Eigen::Index want, Eigen::Index got) {
-  return InputError(Diagnostic{Code::operator_shape, {what, {}}, fmt::format("{} numbers", want), fmt::format("{}", got), {}, {}, {}, 0});
+void expect_size(const char* what, Eigen::Index want, Eigen::Index got) {
+  if (got != want) refuse(Code::operator_shape, {what}, fmt::format("{} numbers", want), fmt::format("{}", got));
 }
 
-VectorXd inverse_mass_times(const TreeOperators& tree, const VectorXd& tau) { return operators::apply(operators::mass_inverse, tree, tau); }
+VectorXd inverse_mass_times(const TreeOperators& tree, const VectorXd& tau) { return apply(letters::mass_inverse, tree, tau); }
 
 VectorXd free_part(const TreeOperators& tree, VectorXd x) {
   for (int j = 0; j < x.size(); ++j)
@@ -46,7 +46,7 @@ MatrixXd task_compliance(const TreeOperators& tree, const Task& task) {
 void require_task(const TreeOperators& tree, const Task& task) {
   tree.require_nodes(task.nodes);
   const auto all = 6 * static_cast<Eigen::Index>(task.nodes.size());
-  if (task.T.size() > 0 && task.T.cols() != all) throw wrong_size("columns of the task's matrix", all, task.T.cols());
+  if (task.T.size() > 0) expect_size("columns of the task's matrix", all, task.T.cols());
 }
 
 }  // namespace
@@ -97,9 +97,7 @@ MatrixXd omega_block(const TreeOperators& tree, int a, int b) {
   tree.require(Kind::Y);
   const int n = static_cast<int>(tree.bodies().size());
   for (const int i : {a, b})
-    if (i < 0 || i >= n)
-      throw InputError(
-          Diagnostic{Code::unknown_body, {"block of Omega", {}}, fmt::format("an index below {}", n), fmt::format("{}", i), {}, {}, {}, 0});
+    if (i < 0 || i >= n) refuse(Code::unknown_body, {"block of Omega"}, fmt::format("an index below {}", n), fmt::format("{}", i));
   const auto size = [&](int i) { return 6 + tree.bodies()[i].m; };
   MatrixXd Wa = MatrixXd::Identity(size(a), size(a)), Wb = MatrixXd::Identity(size(b), size(b));
   for (int i = a, j = b;;) {
@@ -118,8 +116,7 @@ Task Task::of_rows(std::vector<int> nodes, std::span<const int> rows) {
   out.T = MatrixXd::Zero(static_cast<Eigen::Index>(rows.size()), all);
   for (std::size_t r = 0; r < rows.size(); ++r) {
     if (rows[r] < 0 || rows[r] >= all)
-      throw InputError(Diagnostic{
-          Code::out_of_range, {"rows of a task", {}}, fmt::format("0 ... {}", all - 1), fmt::format("{}", rows[r]), {}, {}, {}, 0});
+      refuse(Code::out_of_range, {"rows of a task"}, fmt::format("0 ... {}", all - 1), fmt::format("{}", rows[r]));
     out.T(static_cast<Eigen::Index>(r), rows[r]) = 1.0;
   }
   return out;
@@ -135,7 +132,7 @@ VectorXd task_rates(const TreeOperators& tree, const Task& task, const VectorXd&
 
 VectorXd task_forces(const TreeOperators& tree, const Task& task, const VectorXd& F) {
   require_task(tree, task);
-  if (F.size() != task.rows()) throw wrong_size("forces of a task", task.rows(), F.size());
+  expect_size("forces of a task", task.rows(), F.size());
   const VectorXd wrenches = task.T.size() > 0 ? VectorXd(task.T.transpose() * F) : F;
   VectorXd f(tree.size(Space::body));
   tree.apply_nodes(task.nodes, false, wrenches.data(), f.data());
@@ -148,16 +145,14 @@ MatrixXd task_jacobian(const TreeOperators& tree, const Task& task) {
   return J;
 }
 
-VectorXd task_bias(const TreeOperators& tree, const Task& task, Workspace<double>& ws, const VectorXd& v) {
+VectorXd task_bias(const TreeOperators& tree, const Task& task, Workspace& ws, const VectorXd& v) {
   require_task(tree, task);
   require_size(tree, "velocities", Space::hinge, v.size());
   const Model& model = tree.model();
   const VectorXd all = tree.to_model(v), none = VectorXd::Zero(model.nv);
-  const Inputs<double> in{.q = tree.q().data(), .v = all.data(), .vdot = none.data(), .gravity = false};
-  const Sweeps<double>& S = sweeps<double>();
+  const Inputs in{.q = tree.q().data(), .v = all.data(), .vdot = none.data(), .gravity = false};
+  const soa::Sweeps<double>& S = soa::sweeps<double>();
   ws.require_world();
-  S.ground(model, ws, in);
-  S.hinge_records(model, ws, in);
   outward(model, S, ws, in, {.vdot = true, .inertia = false}, tree.part());
   world(model, S, ws, in, tree.part());
   VectorXd a(6 * static_cast<Eigen::Index>(task.nodes.size()));
@@ -174,8 +169,7 @@ OperationalSpace::OperationalSpace(const TreeOperators& tree, Task task, const T
   if (passive) {
     if (passive->model_pointer() != tree.model_pointer() || passive->size(Space::hinge) != tree.size(Space::hinge) ||
         passive->q() != tree.q())
-      throw InputError(Diagnostic{
-          Code::operator_shape, {"operational space", {}}, "a second tree of the same bodies at the same q", "another", {}, {}, {}, 0});
+      refuse(Code::operator_shape, {"operational space"}, "a second tree of the same bodies at the same q", "another");
     compliance_ -= task_compliance(*passive, task_);
   }
   const int r = rows();
@@ -196,13 +190,9 @@ OperationalSpace::OperationalSpace(const TreeOperators& tree, Task task, const T
 
 void OperationalSpace::require_full_rank() const {
   if (rank_ == rows()) return;
-  throw NumericsError(RunFailure{Code::singular_task,
-                                 0.0,
-                                 {},
-                                 {},
-                                 fmt::format("rank {} of {} rows", rank_, rows()),
-                                 "fewer rows, or another posture; the generalised inverse is there all the same",
-                                 ""});
+  throw NumericsError({.code = Code::singular_task,
+                       .what = fmt::format("rank {} of {} rows", rank_, rows()),
+                       .hint = "fewer rows, or another posture; the generalised inverse is there all the same"});
 }
 
 VectorXd OperationalSpace::actuated(VectorXd x) const {
@@ -228,7 +218,7 @@ VectorXd OperationalSpace::forces(const VectorXd& F) const {
 VectorXd OperationalSpace::respond(const VectorXd& tau) const { return actuated(inverse_mass_times(*tree_, actuated(tau))); }
 
 VectorXd OperationalSpace::consistent_inverse(const VectorXd& x) const {
-  if (x.size() != rows()) throw wrong_size("rates of a task", rows(), x.size());
+  expect_size("rates of a task", rows(), x.size());
   return respond(forces(inertia_ * x));
 }
 
@@ -261,10 +251,12 @@ Participation participation(const TreeOperators& tree, int node, const Eigen::Ma
   out.share = out.shape.cwiseProduct(out.response);
   const double mobility = out.share.sum();
   if (!(mobility > 1e-14 * out.share.cwiseAbs().sum()))
-    throw NumericsError(
-        RunFailure{Code::singular_task, 0.0, tree.model().nodes[node].name, {}, "u* Lambda^-1 u = 0", "the node cannot move along u", ""});
+    throw NumericsError({.code = Code::singular_task,
+                         .body = tree.model().nodes[node].name,
+                         .what = "u* Lambda^-1 u = 0",
+                         .hint = "the node cannot move along u"});
   out.share /= mobility;
   return out;
 }
 
-}  // namespace cardan::soa
+}  // namespace cardan::operators

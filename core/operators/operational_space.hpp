@@ -4,7 +4,7 @@
 #include "core/dynamics/forward.hpp"
 #include "core/operators/tree_operators.hpp"
 
-namespace cardan::soa {
+namespace cardan::operators {
 
 /// Lambda^-1 = J M^-1 J* = B* Omega B of s nodes (indices into Model::nodes; any, of any bodies, repeated ones too), 6s x 6s,
 /// symmetric: [rad/s^2; m/s^2] per [N m; N], node axes. Accelerations of the nodes under wrenches on them, system at rest. Without
@@ -33,7 +33,7 @@ Eigen::MatrixXd task_jacobian(const TreeOperators& tree, const Task& task);
 
 /// Jdot v, r: accelerations of the task at v' = 0 (classical, node axes; gravity plays no part), by one sweep base to tip, O(N). v: of the
 /// hinge space; `workspace`: of the model.
-Eigen::VectorXd task_bias(const TreeOperators& tree, const Task& task, Workspace<double>& workspace, const Eigen::VectorXd& v);
+Eigen::VectorXd task_bias(const TreeOperators& tree, const Task& task, Workspace& workspace, const Eigen::VectorXd& v);
 
 /// The operational space inertia of a task, and what is controlled with it.
 ///
@@ -101,4 +101,4 @@ struct Participation {
 };
 Participation participation(const TreeOperators& tree, int node, const Eigen::Matrix<double, 6, 1>& u);
 
-}  // namespace cardan::soa
+}  // namespace cardan::operators

@@ -3,6 +3,7 @@
 // star() and inv() into empty types. The formula is the type: nothing is stored, nothing is formed, copying is free; apply.hpp
 // reads the type. What each leaf is, its frames, shapes and units: tree_operators.hpp, docs/operators.md.
 //
+//   using namespace letters;
 //   constexpr auto mass = H * phi * M * star(phi) * star(H);
 //   constexpr auto mass_inverse = inv(mass);          // (1 - H psi K)* D^-1 (1 - H psi K), by rule
 //
@@ -12,9 +13,6 @@
 #include "core/operators/tree_operators.hpp"
 
 namespace cardan::operators {
-
-using soa::Kind;
-using soa::Space;
 
 template <Kind K, bool Star = false>
 struct Leaf {};
@@ -37,8 +35,8 @@ template <class E>
 struct Shape;
 template <Kind K, bool Star>
 struct Shape<Leaf<K, Star>> {
-  static constexpr Space rows = Star ? soa::facts(K).columns : soa::facts(K).rows;
-  static constexpr Space cols = Star ? soa::facts(K).rows : soa::facts(K).columns;
+  static constexpr Space rows = Star ? facts(K).columns : facts(K).rows;
+  static constexpr Space cols = Star ? facts(K).rows : facts(K).columns;
 };
 template <Kind K>
 struct Shape<BlockInverse<K>> : Shape<Leaf<K>> {};
@@ -58,15 +56,16 @@ template <class A>
 struct Shape<Minus<A>> : Shape<A> {};
 
 template <class E>
-concept Expression = requires {
+concept Symbolic = requires {
   Shape<E>::rows;
 };
 template <class E>
-concept Operand = Expression<E> || std::is_same_v<E, Unit>;
+concept Operand = Symbolic<E> || std::is_same_v<E, Unit>;
 template <class A, class B>
 inline constexpr bool kSameShape = Shape<A>::rows == Shape<B>::rows&& Shape<A>::cols == Shape<B>::cols;
 
 // --- the letters ----------------------------------------------------------------------------------------------------------------
+namespace letters {
 inline constexpr Leaf<Kind::H> H;
 inline constexpr Leaf<Kind::phi> phi;
 inline constexpr Leaf<Kind::E_phi> E_phi;
@@ -86,6 +85,7 @@ inline constexpr Leaf<Kind::dH> dH;
 inline constexpr Leaf<Kind::dE_phi> dE_phi;
 inline constexpr Leaf<Kind::dM> dM;
 inline constexpr Unit I;
+}  // namespace letters
 
 // --- products and sums ----------------------------------------------------------------------------------------------------------
 namespace detail {
@@ -114,45 +114,45 @@ struct Simplify<Product<A>> {
 }  // namespace detail
 
 /// A B: products are flat, however they were bracketed.
-template <Expression A, Expression B>
+template <Symbolic A, Symbolic B>
 constexpr auto operator*(A, B) {
   static_assert(Shape<A>::cols == Shape<B>::rows, "the columns of the left operator and the rows of the right one are different spaces");
   return typename detail::Join<typename detail::Factors<A>::type, typename detail::Factors<B>::type>::type{};
 }
-template <Expression A>
+template <Symbolic A>
 constexpr A operator*(A, Unit) {
   return {};
 }
-template <Expression B>
+template <Symbolic B>
 constexpr B operator*(Unit, B) {
   return {};
 }
-template <Expression A, Expression B>
+template <Symbolic A, Symbolic B>
 constexpr Sum<A, B> operator+(A, B) {
   static_assert(kSameShape<A, B>, "operators of different shapes cannot be added");
   return {};
 }
-template <Expression A>
+template <Symbolic A>
 constexpr auto operator+(A a, Unit) {
   return a + Identity<Shape<A>::rows>{};
 }
-template <Expression B>
+template <Symbolic B>
 constexpr auto operator+(Unit, B b) {
   return Identity<Shape<B>::rows>{} + b;
 }
-template <Expression A>
+template <Symbolic A>
 constexpr Minus<A> operator-(A) {
   return {};
 }
-template <Expression A>
+template <Symbolic A>
 constexpr A operator-(Minus<A>) {
   return {};
 }
-template <Operand A, Expression B>
+template <Operand A, Symbolic B>
 constexpr auto operator-(A a, B b) {
   return a + (-b);
 }
-template <Expression A>
+template <Symbolic A>
 constexpr auto operator-(A a, Unit) {
   return a + Minus<Identity<Shape<A>::rows>>{};
 }
@@ -160,7 +160,7 @@ constexpr auto operator-(A a, Unit) {
 // --- star: pushed to the leaves -------------------------------------------------------------------------------------------------
 template <Kind K, bool Star>
 constexpr auto star(Leaf<K, Star>) {
-  if constexpr (soa::facts(K).symmetric)
+  if constexpr (facts(K).symmetric)
     return Leaf<K>{};
   else
     return Leaf<K, !Star>{};
@@ -197,6 +197,7 @@ constexpr auto star(Minus<A>) {
 
 // --- inverses by rule -------------------------------------------------------------------------------------------------------------
 namespace detail {
+using namespace letters;
 using MassType = Product<Leaf<Kind::H>, Leaf<Kind::phi>, Leaf<Kind::M>, Leaf<Kind::phi, true>, Leaf<Kind::H, true>>;
 using HphiK = Product<Leaf<Kind::H>, Leaf<Kind::phi>, Leaf<Kind::K>>;
 using HpsiK = Product<Leaf<Kind::H>, Leaf<Kind::psi>, Leaf<Kind::K>>;
@@ -232,7 +233,7 @@ inline constexpr bool kHasRule = !std::is_same_v<decltype(rule(E{})), NoRule>;
 /// The inverse, by rule and never by a factorisation of the whole: of phi, psi, 1 - E_phi, 1 - E_psi; of D and M (block by
 /// block); 1 + H phi K <-> 1 - H psi K; of the mass matrix H phi M phi* H* by its innovations factorisation; of products of
 /// square operators; of the adjoint of each. Anything else does not compile.
-template <Expression E>
+template <Symbolic E>
 constexpr auto inv(E e);
 namespace detail {
 template <class A>
@@ -254,7 +255,7 @@ struct Negated<Minus<A>> : std::true_type {
   using type = A;
 };
 }  // namespace detail
-template <Expression E>
+template <Symbolic E>
 constexpr auto inv(E e) {
   static_assert(Shape<E>::rows == Shape<E>::cols, "only square operators have an inverse");
   if constexpr (detail::kHasRule<E>)
@@ -270,6 +271,7 @@ constexpr auto inv(E e) {
 }
 
 // --- what is written often --------------------------------------------------------------------------------------------------------
+namespace letters {
 /// Mass matrix, Newton-Euler factorisation, hinge x hinge (mathematics 4.1).
 inline constexpr auto mass = H * phi * M * star(phi) * star(H);
 /// The same by its innovations factorisation, square factors (4.5).
@@ -282,5 +284,6 @@ inline constexpr auto mass_derivative = H * phi * (dE_phi * phi * M + dM + M * s
 inline constexpr auto omega = star(psi) * star(H) * inv(D) * H * psi;
 /// Jacobian of the selected nodes, node x hinge.
 inline constexpr auto jacobian = star(B) * star(phi) * star(H);
+}  // namespace letters
 
 }  // namespace cardan::operators

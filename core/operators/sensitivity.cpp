@@ -3,12 +3,12 @@
 #include <fmt/format.h>
 
 #include "core/base/poll.hpp"
+#include "core/dynamics/node_motion.hpp"
 #include "core/operators/apply.hpp"
-#include "core/operators/node_motion.hpp"
 #include "core/soa/gravity_field.hpp"
 #include "core/soa/kernels_tangent.hpp"
 
-namespace cardan {
+namespace cardan::operators {
 namespace {
 
 using Eigen::MatrixXd;
@@ -32,13 +32,13 @@ RigidInertia<double> unit_inertia(int p) {
 }  // namespace
 
 Sensitivities::Sensitivities(std::shared_ptr<const Model> model, Springs springs) : Sensitivities(std::move(model), nullptr, springs) {}
-Sensitivities::Sensitivities(const soa::TreeOperators& tree, Springs springs) : Sensitivities(tree.model_pointer(), &tree, springs) {}
+Sensitivities::Sensitivities(const TreeOperators& tree, Springs springs) : Sensitivities(tree.model_pointer(), &tree, springs) {}
 
-Sensitivities::Sensitivities(std::shared_ptr<const Model> model, const soa::TreeOperators* tree, Springs springs)
+Sensitivities::Sensitivities(std::shared_ptr<const Model> model, const TreeOperators* tree, Springs springs)
     : model_(std::move(model)), springs_(springs == Springs::included), ws_(*model_), inertia_(*model_), tangent_(*model_), tree_(model_) {
-  const soa::TreeOperators& of = tree ? *tree : tree_;
+  const TreeOperators& of = tree ? *tree : tree_;
   const int nv = model_->nv;
-  component_.resize(of.size(soa::Space::hinge));
+  component_.resize(of.size(Space::hinge));
   place_.resize(nv);
   for (int v = 0; v < nv; ++v)
     if ((place_[v] = of.place_of_velocity(v)) >= 0) component_[place_[v]] = v;
@@ -160,7 +160,7 @@ void Sensitivities::articulate() {
 
 void Sensitivities::mass_inverse(const double* f, double* out) {
   articulate();
-  if (part_) return operators::apply(operators::mass_inverse, *sub_, f, out);
+  if (part_) return apply(letters::mass_inverse, *sub_, f, out);
   solve_mass(*model_, inertia_, q_.data(), f, out);
 }
 
@@ -213,22 +213,15 @@ MatrixXd Sensitivities::minus_inverse_of(MatrixXd dtau) {
 
 const UserBody& Sensitivities::user(int body) const {
   if (body < 0 || body >= static_cast<int>(model_->user.size()))
-    throw InputError(Diagnostic{Code::unknown_body,
-                                {"sensitivity in a body's parameters", {}},
-                                fmt::format("an index below {}", model_->user.size()),
-                                fmt::format("{}", body),
-                                {},
-                                {},
-                                {},
-                                0});
+    refuse(Code::unknown_body, {"sensitivity in a body's parameters"}, fmt::format("an index below {}", model_->user.size()),
+           fmt::format("{}", body));
   const UserBody& u = model_->user[body];
   if (part_ && !part_->takes_part[u.sweep])
-    throw InputError(Diagnostic{
-        Code::unknown_body, {"sensitivity in a body's parameters", {}}, "a body that takes part", "\"" + u.name + "\"", {}, {}, {}, 0});
+    refuse(Code::unknown_body, {"sensitivity in a body's parameters"}, "a body that takes part", "\"" + u.name + "\"");
   return u;
 }
 
-const soa::TreeOperators& Sensitivities::tree() {
+const TreeOperators& Sensitivities::tree() {
   if (!posed_) {
     sub_.reset();  // lets go of the blocks of the last q
     tree_.at(q_.data());
@@ -241,18 +234,15 @@ const soa::TreeOperators& Sensitivities::tree() {
 void Sensitivities::inverse_in_inertia(int body, const RigidInertia<double>& change, double* dtau) {
   const Model& m = *model_;
   const UserBody& u = user(body);
-  if (u.n_modes > 0)
-    throw InputError(
-        Diagnostic{Code::unsupported, {"sensitivity in the inertia of " + u.name, {}}, "a rigid body", "a flexible one", {}, {}, {}, 0});
+  if (u.n_modes > 0) refuse(Code::unsupported, {"sensitivity in the inertia of " + u.name}, "a rigid body", "a flexible one");
   std::fill(dtau, dtau + size(), 0.0);
   const int k = u.sweep;
   if (k == 0) return;  // fixed to the ground
   const SweepBody& b = m.bodies[k];
-  Vec3<double> w;
-  Motion<double> gamma;
-  soa::motion_of_body(m, ws_, {.q = q_.data(), .v = v_all_.data()}, k, vdot_all_.data(), soa::After::inverse, w, gamma);
+  const BodyMotion<double> moves =
+      motion_of_body<double>(m, ws_, {.q = q_.data(), .v = v_all_.data()}, k, vdot_all_.data(), After::inverse);
   const RigidInertia<double> dM = to_inboard(u.pose, change);
-  Force<double> f = dM * gamma + gyroscopic(dM, w);
+  Force<double> f = dM * (moves.gamma + moves.delta) + gyroscopic(dM, moves.w);
   if (gravity_ && m.field.central && b.M.m > 0.0) {
     const RigidInertia<Tangent> M{
         {b.M.m, dM.m},
@@ -263,12 +253,12 @@ void Sensitivities::inverse_in_inertia(int body, const RigidInertia<double>& cha
     f -= Force<double>{{pull.n.x.d, pull.n.y.d, pull.n.z.d}, {pull.f.x.d, pull.f.y.d, pull.f.z.d}};
   }
   // H phi f with f on one body
-  const soa::TreeOperators& ops = tree();
+  const TreeOperators& ops = tree();
   int i = ops.index_of(k);
   const Pose<double>& frame = m.user[ops.bodies()[i].user].pose;
   VectorXd up = to_eigen(to_outboard(frame, f));
   while (true) {
-    const soa::OperatorBody& at = ops.bodies()[i];
+    const OperatorBody& at = ops.bodies()[i];
     Eigen::Map<VectorXd>(dtau + at.v, at.nh + at.m) = ops.Ht_all(i).transpose() * up;
     if (at.parent < 0) return;
     up = (ops.A(i).transpose() * up.head<6>()).eval();
@@ -358,4 +348,4 @@ Eigen::SparseMatrix<double> kinematic_rates(const Model& model, const double* q,
   return out;
 }
 
-}  // namespace cardan
+}  // namespace cardan::operators

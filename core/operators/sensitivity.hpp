@@ -10,7 +10,7 @@
 #include "core/operators/tree_operators.hpp"
 #include "core/soa/tangent.hpp"
 
-namespace cardan {
+namespace cardan::operators {
 
 /// What changes, numbers of the hinge space (nv in the order of v for a whole tree); null: does not change.
 struct Direction {
@@ -40,7 +40,7 @@ class Sensitivities {
   explicit Sensitivities(std::shared_ptr<const Model> model, Springs springs = Springs::included);
   /// Of the bodies that take part in `tree`. Prescribed are the components that the model gives and those that are not free in the tree
   /// (a diagonal W of it plays no part). The tree is not needed afterwards.
-  explicit Sensitivities(const soa::TreeOperators& tree, Springs springs = Springs::included);
+  explicit Sensitivities(const TreeOperators& tree, Springs springs = Springs::included);
 
   /// The point with v' = in.vdot (null = 0).
   void at(const Inputs& in);
@@ -76,10 +76,10 @@ class Sensitivities {
   Eigen::MatrixXd forward_in_stiffness(int body, Stiffness which = Stiffness::diagonal);
 
  private:
-  Sensitivities(std::shared_ptr<const Model> model, const soa::TreeOperators* tree, Springs springs);
+  Sensitivities(std::shared_ptr<const Model> model, const TreeOperators* tree, Springs springs);
   void evaluate();
   void articulate();
-  const soa::TreeOperators& tree();
+  const TreeOperators& tree();
   const UserBody& user(int body) const;
   Eigen::MatrixXd minus_inverse_of(Eigen::MatrixXd dtau);
   int size() const { return static_cast<int>(component_.size()); }
@@ -99,8 +99,8 @@ class Sensitivities {
   std::vector<soa::Tangent> q_t_, v_t_, vdot_t_, tau_t_;
   Workspace ws_, inertia_;  // of inverse dynamics at the point; P, D, G there
   soa::Workspace<soa::Tangent> tangent_;
-  soa::TreeOperators tree_;
-  std::optional<soa::TreeOperators> sub_;  // of bodies_, at q
+  TreeOperators tree_;
+  std::optional<TreeOperators> sub_;  // of bodies_, at q
 };
 
 /// C_kin of the linearised kinematics, nv x nv, block-diagonal: with q + dq = retract(q, theta),
@@ -109,4 +109,4 @@ class Sensitivities {
 /// eighth order of their retract and difference.
 Eigen::SparseMatrix<double> kinematic_rates(const Model& model, const double* q, const double* v);
 
-}  // namespace cardan
+}  // namespace cardan::operators

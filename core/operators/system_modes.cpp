@@ -12,7 +12,7 @@
 #include "core/linalg/eigenpairs.hpp"
 #include "core/operators/apply.hpp"
 
-namespace cardan::soa {
+namespace cardan::operators {
 namespace {
 
 using Eigen::MatrixXd;
@@ -50,7 +50,7 @@ Joint joint_of(const TreeOperators& tree) {
   for (const Spring& s : model.springs)
     if (const int i = tree.place_of_velocity(s.v); i >= 0) J.K[i] += s.stiffness, J.C[i] += s.damping;
   const auto refuse = [](const std::string& what, const std::string& got) {
-    throw InputError(Diagnostic{Code::unsupported, {"modes of " + what, {}}, "a stiffness >= 0", got, {}, {}, {}, 0});
+    cardan::refuse(Code::unsupported, {"modes of " + what}, "a stiffness >= 0", got);
   };
   for (std::size_t i = 0; i < tree.bodies().size(); ++i) {
     const OperatorBody& b = tree.bodies()[i];
@@ -143,7 +143,7 @@ SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& op
     if (fused)
       tree.apply_fused(TreeOperators::Fused::mass, x.data(), Mx.data());
     else
-      operators::apply(operators::mass, whole, x.data(), Mx.data());
+      apply(letters::mass, whole, x.data(), Mx.data());
   };
   if (n_slack > 0) {
     std::vector<std::uint8_t> only(n, 0);
@@ -162,7 +162,7 @@ SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& op
       auto part = unit.segment(b.v, b.nh + b.m);
       slack.S(i).triangularView<Eigen::Lower>().transpose().solveInPlace(part);
     }
-    operators::apply(star(operators::I - operators::H * operators::psi * operators::K), slack, unit.data(), x.data());
+    apply(star(letters::I - letters::H * letters::psi * letters::K), slack, unit.data(), x.data());
     return x;
   };
   // M_uu^-1 = X X*: where the rigid-body modes are few, by them; else by the innovations factors at each product.
@@ -182,7 +182,7 @@ SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& op
     mass(x, y);
     z.setZero();
     for (const int i : J.slack) z[i] = y[i];
-    operators::apply(operators::mass_inverse, slack, z.data(), u.data());
+    apply(letters::mass_inverse, slack, z.data(), u.data());
     for (const int i : J.slack) x[i] -= u[i];
   };
   VectorXd whole_x(n);
@@ -276,7 +276,7 @@ SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& op
   }
   VectorXd V(tree.size(Space::body)), p(tree.size(Space::body));
   for (int c = 0; c < k; ++c) {
-    operators::apply(star(operators::phi) * star(operators::H), whole, out.shapes.col(c).data(), V.data());
+    apply(star(letters::phi) * star(letters::H), whole, out.shapes.col(c).data(), V.data());
     whole.apply(Kind::M, false, V.data(), p.data());
     for (std::size_t i = 0; i < tree.bodies().size(); ++i) {
       const OperatorBody& b = tree.bodies()[i];
@@ -302,4 +302,4 @@ std::vector<Pole> poles(const Eigen::MatrixXd& A) {
   return out;
 }
 
-}  // namespace cardan::soa
+}  // namespace cardan::operators

@@ -6,7 +6,7 @@
 
 #include "core/operators/tree_operators.hpp"
 
-namespace cardan::soa {
+namespace cardan::operators {
 
 struct SystemModesOptions {
   int elastic = 10;  // how many elastic modes, lowest first
@@ -49,4 +49,4 @@ struct Pole {
 /// Eigenvalues of A (square), by rising frequency, of a pair the one above the real axis first.
 std::vector<Pole> poles(const Eigen::MatrixXd& A);
 
-}  // namespace cardan::soa
+}  // namespace cardan::operators

@@ -6,7 +6,7 @@
 #include "core/base/diagnostic.hpp"
 #include "core/operators/mass_matrix.hpp"
 
-namespace cardan::soa {
+namespace cardan::operators {
 
 namespace {
 
@@ -196,4 +196,4 @@ ReflectedInertia reflected_inertia(const TreeOperators& tree) {
   return out;
 }
 
-}  // namespace cardan::soa
+}  // namespace cardan::operators

@@ -3,7 +3,7 @@
 // felt at a hinge. Deformed bodies count as they stand. World axes unless told otherwise. All O(N); all components of v, free or not.
 #include "core/operators/tree_operators.hpp"
 
-namespace cardan::soa {
+namespace cardan::operators {
 
 /// A frame: axes to those of another, origin in it [m].
 struct Placement {
@@ -57,4 +57,4 @@ struct ReflectedInertia {
 /// Needs OperationalSpace. Of components that are not free the last two are infinite.
 ReflectedInertia reflected_inertia(const TreeOperators& tree);
 
-}  // namespace cardan::soa
+}  // namespace cardan::operators

@@ -7,15 +7,17 @@
 #include <type_traits>
 
 #include "core/base/diagnostic.hpp"
+#include "core/base/units.hpp"
 #include "core/dynamics/inverse.hpp"
 #include "core/soa/kernels_tangent.hpp"
 
-namespace cardan::soa {
+namespace cardan::operators {
 namespace {
 
 using Eigen::Map;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+using soa::Tangent;
 using ConstVector = Map<const VectorXd>;
 using Vector = Map<VectorXd>;
 
@@ -55,19 +57,9 @@ Motion<T> axis_column(const UserBody& u) {
   return cast<T>(to_inboard(u.pnode, Motion<double>{{axis[0], axis[1], axis[2]}, {0.0, 0.0, 0.0}}));
 }
 
-/// Base to tip with v = 0: poses, hinge maps and M_fl at q, in T.
-template <class T>
-void pose(const Model& model, Workspace<T>& ws, const T* q, const T* zeros) {
-  const Sweeps<T>& S = sweeps<T>();
-  const Inputs<T> in{.q = q, .v = zeros, .gravity = false};
-  S.ground(model, ws, in);
-  S.hinge_records(model, ws, in);
-  for (const Run& run : model.runs) S.outward(model, ws, in, run, {.velocity = false});
-}
-
 /// The blocks of all bodies, or their derivatives, from a workspace that pose() has filled.
 template <class T>
-void read_blocks(const Model& model, const Workspace<T>& ws, const T* q, PositionBlocks& out) {
+void read_blocks(const Model& model, const soa::Workspace<T>& ws, const T* q, PositionBlocks& out) {
   const std::size_t n = model.bodies.size();
   out.A.resize(n), out.Ht.resize(n), out.M.resize(n);
   const std::vector<RigidInertia<double>> rigid_bodies = rigid_inertias(model);
@@ -84,7 +76,7 @@ void read_blocks(const Model& model, const Workspace<T>& ws, const T* q, Positio
       (j == 0 ? unit.w.x : j == 1 ? unit.w.y : j == 2 ? unit.w.z : j == 3 ? unit.v.x : j == 4 ? unit.v.y : unit.v.z) = T(1);
       store(to_outboard(X, unit), A.col(j).data());
     }
-    const Modal<T>* modal = ws.modal_of(k);
+    const soa::Modal<T>* modal = ws.modal_of(k);
     if (b.onode >= 0)
       for (int j = 0; j < mp; ++j) {
         const double* s = model.shapes[b.onode].columns.data() + 6 * j;
@@ -99,7 +91,7 @@ void read_blocks(const Model& model, const Workspace<T>& ws, const T* q, Positio
     else
       for (int j = 0; j < b.nv; ++j) store(to_outboard(to_user, hinge_column(model, ws, k, j)), Ht.col(j).data());
     for (int j = 0; j < m; ++j) {
-      if (modal->C) store(-T(1) * to_outboard(to_user, motion_column(modal->C, j)), Ht.col(b.nv + j).data());
+      if (modal->C) store(-T(1) * to_outboard(to_user, soa::motion_column(modal->C, j)), Ht.col(b.nv + j).data());
       Ht(6 + j, b.nv + j) = part(T(1));
     }
     MatrixXd& M = out.M[k];
@@ -128,7 +120,7 @@ Matrix6X node_block(const Model& model, const UserNode& node, const Pose<double>
   Pose<double> N = node.shapes.pose;
   if (node.shapes.deforms()) {
     double x[6];
-    sum_columns(node.shapes.columns.data(), q + b.eta, node.shapes.n_modes, x);
+    soa::sum_columns(node.shapes.columns.data(), q + b.eta, node.shapes.n_modes, x);
     const Vec3<double> theta{x[0], x[1], x[2]};
     const auto c = cardan::rotation_coefficients<double>(dot(theta, theta));
     N = {rotation_of_vector(c, theta) * node.shapes.pose.R, node.shapes.pose.p + Vec3<double>{x[3], x[4], x[5]}};
@@ -156,8 +148,8 @@ std::string_view name_of(Stage stage) {
 
 struct TreeOperators::Sweeping {
   explicit Sweeping(const Model& model) : position(model), zeros(model.nv, 0.0) {}
-  Workspace<double> position;                  // of the blocks and the mass matrix
-  std::unique_ptr<Workspace<double>> inertia;  // of the inverse, once it was asked for: P, D, G stay there
+  Workspace position;                  // of the blocks and the mass matrix
+  std::unique_ptr<Workspace> inertia;  // of the inverse, once it was asked for: P, D, G stay there
   std::vector<double> zeros;
   bool articulated = false;
 };
@@ -203,8 +195,7 @@ TreeOperators TreeOperators::subgraph(std::vector<int> sweep_bodies) const {
   sweep_bodies.erase(std::unique(sweep_bodies.begin(), sweep_bodies.end()), sweep_bodies.end());
   for (const int k : sweep_bodies)
     if (k < 1 || k >= static_cast<int>(index_.size()) || index_of(k) < 0)
-      throw InputError(
-          Diagnostic{Code::unknown_body, {"subgraph", {}}, "bodies of the tree", fmt::format("sweep index {}", k), {}, {}, {}, 0});
+      refuse(Code::unknown_body, {"subgraph"}, "bodies of the tree", fmt::format("sweep index {}", k));
   TreeOperators sub;
   sub.model_ = model_;
   sub.q_ = q_;
@@ -253,12 +244,11 @@ std::vector<int> TreeOperators::path(int a, int b) const {
 }
 
 void TreeOperators::at(const double* q) {
-  if (!whole_)
-    throw InputError(Diagnostic{
-        Code::unsupported, {"operators", {}}, "the whole tree", "a subgraph", "move the tree, then take the subgraph again", {}, {}, 0});
+  if (!whole_) refuse(Code::unsupported, {"operators"}, "the whole tree", "a subgraph", "move the tree, then take the subgraph again");
   const Model& model = *model_;
   q_.assign(q, q + model.nq);
-  pose(model, sweeping_->position, q, sweeping_->zeros.data());
+  outward(model, soa::sweeps<double>(), sweeping_->position, Inputs{.q = q, .v = sweeping_->zeros.data(), .gravity = false},
+          {.velocity = false});
   // The memory of the last q, unless a subgraph holds on to it.
   auto blocks = position_ && position_.use_count() == 1 ? std::move(position_) : std::make_shared<PositionBlocks>();
   read_blocks(model, sweeping_->position, q, *blocks);
@@ -280,8 +270,8 @@ void TreeOperators::derivatives(const double* u, PositionBlocks& out) const {
   model.qdot(q_.data(), u, rate.data());
   std::vector<Tangent> q(model.nq), zeros(model.nv, Tangent(0.0));
   for (std::size_t i = 0; i < q.size(); ++i) q[i] = {q_[i], rate[i]};
-  if (!tangent_) tangent_ = std::make_unique<Workspace<Tangent>>(model);
-  pose(model, *tangent_, q.data(), zeros.data());
+  if (!tangent_) tangent_ = std::make_unique<soa::Workspace<Tangent>>(model);
+  outward(model, soa::sweeps<Tangent>(), *tangent_, {.q = q.data(), .v = zeros.data(), .gravity = false}, {.velocity = false});
   read_blocks(model, *tangent_, q.data(), out);
 }
 
@@ -344,7 +334,7 @@ void TreeOperators::articulate(const Articulate& options) {
     x.S.setZero(n, n);
     for (int j = 0; j < n; ++j) {
       const double pivot = factored(j, j) - x.S.row(j).head(j).squaredNorm();
-      if (const double limit = kPivotLimit * made_of[j]; !(pivot > limit))
+      if (const double limit = soa::kPivotLimit * made_of[j]; !(pivot > limit))
         throw NumericsError(
             describe_breakdown(*model_, {.body = b.sweep, .component = j < b.nh ? j : -1, .value = pivot, .limit = limit}, 0.0));
       x.S(j, j) = std::sqrt(pivot);
@@ -389,14 +379,8 @@ void TreeOperators::require_nodes(std::span<const int> nodes) const {
   for (const int j : nodes) {
     const bool known = j >= 0 && j < static_cast<int>(model_->nodes.size());
     if (!known || model_->nodes[j].sweep == 0 || index_of(model_->nodes[j].sweep) < 0)
-      throw InputError(Diagnostic{Code::unknown_node,
-                                  {"nodes of B", {}},
-                                  "nodes on bodies that take part and can move",
-                                  known ? "\"" + model_->nodes[j].name + "\"" : fmt::format("index {}", j),
-                                  {},
-                                  {},
-                                  {},
-                                  0});
+      refuse(Code::unknown_node, {"nodes of B"}, "nodes on bodies that take part and can move",
+             known ? "\"" + model_->nodes[j].name + "\"" : fmt::format("index {}", j));
   }
 }
 
@@ -420,14 +404,8 @@ void TreeOperators::require(Kind kind) const {
   const Stage need = facts(kind).stage;
   if (has(need)) return;
   constexpr std::string_view call[] = {"", "at(q)", "articulate()", "operational_space()", "along(u)"};
-  throw InputError(Diagnostic{Code::operator_stage,
-                              {std::string("operator ") + std::string(facts(kind).name), {}},
-                              fmt::format("stage {}", name_of(need)),
-                              "not computed at this q",
-                              fmt::format("call {} first", call[static_cast<std::size_t>(need)]),
-                              {},
-                              {},
-                              0});
+  refuse(Code::operator_stage, {std::string("operator ") + std::string(facts(kind).name)}, fmt::format("stage {}", name_of(need)),
+         "not computed at this q", fmt::format("call {} first", call[static_cast<std::size_t>(need)]));
 }
 
 int TreeOperators::size(Space space) const {
@@ -439,7 +417,7 @@ namespace {
 std::string unit_of(std::string_view rate, Sort sort) {
   if (sort == Sort::unknown) return "";
   if (sort == Sort::motion) return fmt::format("{}^2", rate);
-  return rate == "m/s" ? "N" : "N m";
+  return force_unit(rate);
 }
 constexpr std::string_view kAxes[] = {"wx", "wy", "wz", "vx", "vy", "vz"};
 constexpr std::string_view kForceAxes[] = {"nx", "ny", "nz", "fx", "fy", "fz"};
@@ -494,14 +472,8 @@ void TreeOperators::apply_inverse(Kind kind, const double* x, double* y) const {
     if (kind == Kind::M) {
       const Eigen::LLT<MatrixXd> factor(M(i));
       if (factor.info() != Eigen::Success)
-        throw InputError(Diagnostic{Code::no_inverse,
-                                    {"operator M", {}},
-                                    "a positive definite inertia of each body",
-                                    "that of " + model_->user[b.user].name + " is singular",
-                                    {},
-                                    {},
-                                    {},
-                                    0});
+        refuse(Code::no_inverse, {"operator M"}, "a positive definite inertia of each body",
+               "that of " + model_->user[b.user].name + " is singular");
       Vector(y + b.at, 6 + b.m) = factor.solve(ConstVector(x + b.at, 6 + b.m));
       continue;
     }
@@ -521,17 +493,15 @@ bool TreeOperators::has_fused(Fused kernel) const {
 
 void TreeOperators::apply_fused(Fused kernel, const double* x, double* y) const {
   const Model& model = *model_;
-  const Sweeps<double>& S = sweeps<double>();
+  const soa::Sweeps<double>& S = soa::sweeps<double>();
   Sweeping& s = *sweeping_;
   if (kernel == Fused::mass) {
-    const Inputs<double> in{.q = q_.data(), .v = s.zeros.data(), .vdot = x, .gravity = false};
-    S.ground(model, s.position, in);
-    S.hinge_records(model, s.position, in);
-    for (const Run& run : model.runs) S.outward(model, s.position, in, run, {.vdot = true, .velocity = false, .inertia = false});
+    const Inputs in{.q = q_.data(), .v = s.zeros.data(), .vdot = x, .gravity = false};
+    outward(model, S, s.position, in, {.vdot = true, .velocity = false, .inertia = false});
     for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.gather(model, s.position, in, *run, y);
     return;
   }
-  if (!s.inertia) s.inertia = std::make_unique<Workspace<double>>(model);
+  if (!s.inertia) s.inertia = std::make_unique<Workspace>(model);
   if (!s.articulated && !articulate_at_rest(model, *s.inertia, q_.data()))
     throw NumericsError(describe_breakdown(model, s.inertia->breakdown, 0.0));
   s.articulated = true;
@@ -551,4 +521,4 @@ double* TreeOperators::scratch(std::size_t count) const {
   return scratch_.data();
 }
 
-}  // namespace cardan::soa
+}  // namespace cardan::operators

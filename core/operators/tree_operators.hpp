@@ -15,12 +15,12 @@
 #include <string_view>
 #include <vector>
 
+#include "core/dynamics/forward.hpp"
 #include "core/dynamics/part.hpp"
 #include "core/model/model.hpp"
 #include "core/soa/tangent.hpp"
-#include "core/soa/workspace.hpp"
 
-namespace cardan::soa {
+namespace cardan::operators {
 
 enum class Space : std::uint8_t { hinge, body, node };
 
@@ -232,7 +232,7 @@ class TreeOperators {
   bool has_inertia_ = false, has_operational_space_ = false, has_direction_ = false;
   std::shared_ptr<PositionBlocks> position_;  // shared with subgraphs: never written while it is
   std::unique_ptr<PositionBlocks> direction_;
-  mutable std::unique_ptr<Workspace<Tangent>> tangent_;  // of derivatives, once they were asked for
+  mutable std::unique_ptr<soa::Workspace<soa::Tangent>> tangent_;  // of derivatives, once they were asked for
   std::vector<Eigen::MatrixXd> Ht_free_, dHt_free_;
   std::vector<Inertia> inertia_;
   std::vector<Eigen::MatrixXd> Y_, Y_plus_;
@@ -240,4 +240,4 @@ class TreeOperators {
   mutable std::vector<double> scratch_, work_;
 };
 
-}  // namespace cardan::soa
+}  // namespace cardan::operators

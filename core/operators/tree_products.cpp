@@ -4,7 +4,7 @@
 
 #include "core/operators/tree_operators.hpp"
 
-namespace cardan::soa {
+namespace cardan::operators {
 namespace {
 
 using Eigen::Map, Eigen::MatrixXd;
@@ -177,4 +177,4 @@ void TreeOperators::apply(Kind kind, bool star, const double* x, double* y) cons
   (product.*kProducts[static_cast<std::size_t>(kind)])();
 }
 
-}  // namespace cardan::soa
+}  // namespace cardan::operators

@@ -146,9 +146,7 @@ VecX<T> solve(const MatX<T>& M, const VecX<T>& rhs) {
 template <class T>
 DenseTwin<T>::DenseTwin(DenseModel<T> model) : model_(std::make_shared<const DenseModel<T>>(std::move(model))) {
   for (const DenseBody<T>& b : model_->bodies) {
-    const auto refuse = [&](const char* expected, const char* got) {
-      throw InputError(Diagnostic{Code::unsupported, b.hinge.at, expected, got});
-    };
+    const auto refuse = [&](const char* expected, const char* got) { cardan::refuse(Code::unsupported, b.hinge.at, expected, got); };
     for (const SpringDamper& s : b.hinge.springs)
       if (s.stiffness != 0.0 && b.size.nq != b.size.nv) refuse("a hinge whose velocities are the rates of its coordinates", "a spring");
     inertia_.emplace_back();
@@ -333,7 +331,7 @@ template <class T>
 int DenseState<T>::index(std::string_view body) const {
   for (std::size_t k = 0; k < model_->bodies.size(); ++k)
     if (model_->bodies[k].name == body) return static_cast<int>(k);
-  throw InputError(Diagnostic{Code::unknown_body, {}, "the name of a body", std::string(body)});
+  refuse(Code::unknown_body, {}, "the name of a body", std::string(body));
 }
 
 template <class T>

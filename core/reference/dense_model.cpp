@@ -7,10 +7,6 @@
 namespace cardan::reference {
 namespace {
 
-[[noreturn]] void refuse(Code code, const Located& at, std::string expected, std::string got) {
-  throw InputError(Diagnostic{code, at, std::move(expected), std::move(got)});
-}
-
 template <class T>
 ModalPoint<T> point(const std::string& name, const Eigen::Vector3d& position, const Eigen::Matrix3d& R, int n_modes,
                     const Eigen::MatrixXd& Phi = {}, const Eigen::MatrixXd& Psi = {}) {

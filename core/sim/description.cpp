@@ -144,7 +144,7 @@ Json not_modelled(const Model& m) {
 
 /// Small vibrations of the assembled system about the initial state, and who takes part most in each.
 Json system_modes(const Simulation& sim, int elastic) {
-  soa::TreeOperators tree(sim.shared_model());
+  operators::TreeOperators tree(sim.shared_model());
   tree.at(sim.state().q.data());
   const auto largest = [](const Eigen::VectorXd& shares, const std::vector<std::string>& names) {
     Eigen::Index i = 0;
@@ -152,7 +152,7 @@ Json system_modes(const Simulation& sim, int elastic) {
     return Json{{"name", names[static_cast<std::size_t>(i)]}, {"share", share}};
   };
   try {
-    const soa::SystemModes found = soa::system_modes(tree, {elastic, 0});
+    const operators::SystemModes found = operators::system_modes(tree, {elastic, 0});
     Json rows = Json::array();
     for (Eigen::Index j = found.first_elastic; j < found.frequency.size(); ++j)
       rows.push_back({{"frequency_hz", found.frequency(j)},

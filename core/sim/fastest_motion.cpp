@@ -45,8 +45,8 @@ FastestMotion fastest_motion(std::shared_ptr<const Model> model, const double* q
   if (!any) return fastest;
   std::vector<std::uint8_t> free;
   for (int i = 0; m.has_prescribed() && i < m.nv; ++i) free.push_back(!m.prescribed[i]);
-  soa::TreeOperators tree(model);
-  operators::Erased<std::remove_const_t<decltype(operators::mass_inverse)>> inverse_of(tree);
+  operators::TreeOperators tree(model);
+  operators::Erased<std::remove_const_t<decltype(operators::letters::mass_inverse)>> inverse_of(tree);
   try {
     tree.at(q);
     tree.articulate({.free = free});

@@ -10,8 +10,8 @@
 namespace cardan {
 namespace {
 
-using soa::LinearModel;
-using soa::SpaceLabels;
+using operators::LinearModel;
+using operators::SpaceLabels;
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 template <class Visit>
@@ -106,10 +106,10 @@ std::string linear_model_json(const LinearModel& m) {
 
 void write_linear_model(const LinearModel& m, const std::string& path) {
   const auto refuse = [&](std::string expected, std::string got) {
-    throw InputError(Diagnostic{Code::cannot_write, {"file of the linear model", {}}, std::move(expected), std::move(got)});
+    cardan::refuse(Code::cannot_write, {"file of the linear model"}, std::move(expected), std::move(got));
   };
   for_matrices(m, [&](const char* name, const Eigen::MatrixXd& A) {
-    if (!A.allFinite()) throw NumericsError(RunFailure{Code::not_finite, m.t, "", "", std::string("linear model, ") + name, "", ""});
+    if (!A.allFinite()) throw NumericsError({.code = Code::not_finite, .t = m.t, .what = std::string("linear model, ") + name});
   });
   if (path.ends_with(".h5")) return write_hdf5(m, path);
   if (!path.ends_with(".m") && !path.ends_with(".json")) refuse("a name that ends in .h5, .m or .json", "\"" + path + "\"");

@@ -6,10 +6,10 @@
 namespace cardan {
 
 /// By the ending of `path`. InputError C0701 for another ending or where the file cannot be written; N0108 for a number that is not finite.
-void write_linear_model(const soa::LinearModel& model, const std::string& path);
+void write_linear_model(const operators::LinearModel& model, const std::string& path);
 
 // The texts.
-std::string linear_model_script(const soa::LinearModel& model);  ///< .m
-std::string linear_model_json(const soa::LinearModel& model);
+std::string linear_model_script(const operators::LinearModel& model);  ///< .m
+std::string linear_model_json(const operators::LinearModel& model);
 
 }  // namespace cardan

@@ -11,10 +11,6 @@ namespace {
 
 using soa::Tangent;
 
-bool has_quaternion(const UserBody& u) {
-  return u.hinge->shape == CARDAN_SHAPE_BALL || u.hinge->shape == CARDAN_SHAPE_FREE || u.hinge->shape == CARDAN_SHAPE_FREE_BODY;
-}
-
 /// Derivative of N(q) v of a hinge with a quaternion.
 void quaternion_rates(const UserBody& u, const Tangent* q, const Tangent* v, double* out) {
   const Tangent &w = q[0], &x = q[1], &y = q[2], &z = q[3], half(0.5);
@@ -89,7 +85,7 @@ bool NewtonOperators::jacobian_times(const soa::Inputs<double>& in, const double
   for (const int i : m.curved) {
     const UserBody& u = m.user[i];
     const Tangent *q = q_t_.data() + u.q, *v = v_t_.data() + u.v;
-    if (has_quaternion(u))
+    if (u.has_attitude())
       quaternion_rates(u, q, v, J_dx + u.q);
     else
       other_rates(u, q, v, J_dx + u.q, scratch_.data());

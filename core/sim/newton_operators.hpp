@@ -41,10 +41,10 @@ class NewtonOperators {
   std::vector<soa::NodeWrench<soa::Tangent>> wrenches_t_;
   std::vector<double> scratch_;
   // the approximate inverse
-  soa::TreeOperators tree_;
-  operators::Erased<std::remove_const_t<decltype(operators::mass)>> mass_;
-  operators::Erased<std::remove_const_t<decltype(operators::mass_inverse)>> inverse_;  // of mass + W, once there is a W
-  std::vector<double> q_;                                                              // of the last prepare
+  operators::TreeOperators tree_;
+  operators::Erased<std::remove_const_t<decltype(operators::letters::mass)>> mass_;
+  operators::Erased<std::remove_const_t<decltype(operators::letters::mass_inverse)>> inverse_;  // of mass + W, once there is a W
+  std::vector<double> q_;                                                                       // of the last prepare
   std::vector<double> W_;
   std::vector<std::uint8_t> free_;  // empty: all
   Eigen::VectorXd at_, rhs_, dv_;

@@ -6,11 +6,10 @@
 #include <algorithm>
 #include <memory>
 
+#include "core/base/units.hpp"
+
 namespace cardan {
 namespace {
-
-/// Unit of the force that is dual to a velocity.
-std::string force_unit(const std::string& velocity_unit) { return velocity_unit == "m/s" ? "N" : "N m"; }
 
 /// One unit if all are equal, else one each.
 std::string units_of(std::vector<std::string> units) {

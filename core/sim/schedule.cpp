@@ -16,13 +16,7 @@ __extension__ using Wide = __int128;  // products of two 64-bit numbers
 
 Rational period(double value, bool is_hertz, const Located& at) {
   const auto refuse = [&](std::string expected, std::string hint) {
-    Diagnostic d{};
-    d.code = Code::out_of_range;
-    d.at = at;
-    d.expected = std::move(expected);
-    d.got = fmt::format("{} {}", value, is_hertz ? "Hz" : "s");
-    d.hint = std::move(hint);
-    throw InputError(std::move(d));
+    cardan::refuse(Code::out_of_range, at, std::move(expected), fmt::format("{} {}", value, is_hertz ? "Hz" : "s"), std::move(hint));
   };
   if (!(value > 0.0) || !std::isfinite(value)) refuse(is_hertz ? "a rate > 0 Hz" : "a period > 0 s", {});
   const std::optional<Rational> ratio = to_rational(value);

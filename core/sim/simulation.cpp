@@ -191,11 +191,8 @@ std::string Simulation::name_of(int v_index) const {
 void Simulation::prescribe(int v_index, MotionProfile profile) {
   const auto p = std::ranges::find(prescribed_, v_index, &Prescribed::index);
   if (p == prescribed_.end())
-    throw InputError(Diagnostic{Code::bad_initial_state,
-                                {"profile of " + name_of(v_index), {}},
-                                "a component that is prescribed",
-                                "one that is free to move",
-                                "say so in the vehicle: hinge.prescribed"});
+    refuse(Code::bad_initial_state, {"profile of " + name_of(v_index)}, "a component that is prescribed", "one that is free to move",
+           "say so in the vehicle: hinge.prescribed");
   p->profile = std::move(profile);
   p->given = true;
   if (begun_) start_given_motion();
@@ -299,8 +296,7 @@ std::vector<double> Simulation::absolute_tolerances() const {
 OdeProblem Simulation::ode() {
   const Model& m = *model_;
   if (options_.absolute_tolerance != 0 && !(options_.absolute_tolerance > 0 && options_.absolute_tolerance <= 1))
-    throw InputError(Diagnostic{
-        Code::out_of_range, {"integrator.absolute", {}}, "a number > 0 and at most 1", fmt::format("{:g}", options_.absolute_tolerance)});
+    refuse(Code::out_of_range, {"integrator.absolute"}, "a number > 0 and at most 1", fmt::format("{:g}", options_.absolute_tolerance));
   start_given_motion();
   OdeProblem ode;
   ode.n = m.nq + m.nv;

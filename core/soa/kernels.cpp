@@ -48,14 +48,9 @@ InstructionSet pick() {
     if (name.empty() || name == one.name) picked = &one;
   }
   if (picked) return picked->set();
-  throw InputError(Diagnostic{Code::out_of_range,
-                              {"environment variable CARDAN_KERNELS", {}},
-                              "one of those that are built and that this processor runs: " + offered,
-                              "\"" + name + "\"",
-                              "leave it out: the best of them is taken",
-                              "",
-                              "",
-                              0});
+  refuse(Code::out_of_range, {"environment variable CARDAN_KERNELS"},
+         "one of those that are built and that this processor runs: " + offered, "\"" + name + "\"",
+         "leave it out: the best of them is taken");
 }
 
 }  // namespace

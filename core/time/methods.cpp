@@ -26,13 +26,7 @@ const std::vector<Method>& methods() {
 }
 
 [[noreturn]] void refuse(Code code, std::string key, std::string expected, std::string got, std::string hint = {}) {
-  Diagnostic d{};
-  d.code = code;
-  d.at.key_path = "integrator." + key;
-  d.expected = std::move(expected);
-  d.got = std::move(got);
-  d.hint = std::move(hint);
-  throw InputError(std::move(d));
+  cardan::refuse(code, {"integrator." + key}, std::move(expected), std::move(got), std::move(hint));
 }
 
 const Method& find_method(const std::string& name) {

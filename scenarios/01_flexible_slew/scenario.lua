@@ -50,6 +50,7 @@ local spin = { { c, c, c }, { -c, c, c }, { -c, -c, c }, { c, -c, c } }
 local inertia = { 10063, 1403, 9742 }   -- [kg m^2] of the whole satellite about its mass centre (`cardan describe`)
 
 local log = signals {
+  ["pointing/commanded"] = { components = { "w", "x", "y", "z" }, commands = "bodies/bus/attitude", meaning = "commanded attitude, body into world" },
   ["pointing/error"] = { unit = "deg", meaning = "angle between commanded and true attitude" },
   ["pointing/rate_error"] = { unit = "deg/s", components = { "x", "y", "z" }, meaning = "body rate minus commanded rate" },
   ["wheels/speed"] = { unit = "rpm", components = { "1", "2", "3", "4" }, meaning = "wheel speed relative to the bus" },
@@ -64,8 +65,8 @@ controller {
   rate = "10 Hz",
   step = function(t)
     local angle, rate, accel = reference(t)
-    local q = { bus:attitude() }
-    local e = quat.error(quat.from_axis_angle(axis, angle), q)      -- rotation vector from commanded to true, body axes
+    local q, commanded = { bus:attitude() }, quat.from_axis_angle(axis, angle)
+    local e = quat.error(commanded, q)      -- rotation vector from commanded to true, body axes
     local wx, wy, wz = bus:rate()
     local w = { wx - rate * axis[1], wy - rate * axis[2], wz - rate * axis[3] }
     local torque = {}
@@ -82,6 +83,7 @@ controller {
     end
     seen.error = math.deg(vec.norm(e))
     if t >= settled_from then seen.settled_worst = math.max(seen.settled_worst, seen.error) end
+    log["pointing/commanded"](table.unpack(commanded))
     log["pointing/error"](seen.error)
     log["pointing/rate_error"](math.deg(w[1]), math.deg(w[2]), math.deg(w[3]))
     local rpm = 30 / math.pi

@@ -20,11 +20,6 @@ int unknown_method(lua_State* L) {
 
 }  // namespace
 
-void refuse(lua_State* L, Code code, std::string key_path, std::string expected, std::string got, std::string hint) {
-  throw InputError(Diagnostic{
-      code, {std::move(key_path), LuaHost::caller(L)}, std::move(expected), std::move(got), std::move(hint), LuaHost::traceback(L)});
-}
-
 void expect_setup(lua_State* L, const Scenario& s, const char* what, bool needs_vehicle) {
   if (s.stage != Scenario::Stage::setup)
     refuse(L, Code::lua_argument, what, "a declaration before the run", "one during the run", "move it to the top level of the script");

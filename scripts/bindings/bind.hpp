@@ -21,8 +21,6 @@ void make_handle_type(lua_State* L, const char* type, const std::vector<luaL_Reg
 
 /// "bus, wing"; "none"
 std::string listed(const std::vector<std::string>& names);
-/// An error at the script line that runs now.
-[[noreturn]] void refuse(lua_State* L, Code code, std::string key_path, std::string expected, std::string got, std::string hint = {});
 /// Refuses a declaration during the run, or before `vehicle` where it needs one.
 void expect_setup(lua_State* L, const Scenario&, const char* what, bool needs_vehicle);
 

@@ -207,6 +207,9 @@ int signals(lua_State* L, Scenario& s) {
     c.meaning = t->text("meaning").value_or("");
     c.components = t->texts("components").value_or(std::vector<std::string>{path.substr(path.rfind('/') + 1)});
     if (c.components.empty()) t->reject("components", "at least one name");
+    c.commands = t->text("commands").value_or("");
+    if (!c.commands.empty() && !is_attitude(c.components))
+      t->reject("components", R"({ "w", "x", "y", "z" } of what commands an attitude)");
     t->finish();
     signal->values.assign(c.components.size(), std::nan(""));
     lua_pushlightuserdata(L, signal.get());

@@ -9,22 +9,19 @@ namespace cardan {
 namespace {
 
 using Eigen::VectorXd;
-using soa::Sort;
-using soa::Space;
-using soa::TreeOperators;
 
 constexpr char kDiagonalised[] = "cardan.diagonalised";
 
 int log_det_gradient(lua_State* L) {
   const TreeOperators& tree = tree_with_Y(L);
-  LuaHost::charge(L, 100LL * log_det_passes(tree) * tree.size(Space::body));
-  push_vector(L, cardan::log_det_gradient(tree), names_alone(tree));
+  LuaHost::charge(L, 100LL * operators::log_det_passes(tree) * tree.size(Space::body));
+  push_vector(L, operators::log_det_gradient(tree), names_alone(tree));
   return 1;
 }
 
 struct LuaDiagonalised {
   std::shared_ptr<TreeOperators> tree;
-  std::unique_ptr<Diagonalised> system;
+  std::unique_ptr<operators::Diagonalised> system;
 };
 LuaDiagonalised& to_diagonalised(lua_State* L) {
   if (auto* d = static_cast<LuaDiagonalised*>(luaL_testudata(L, 1, kDiagonalised))) return *d;
@@ -36,10 +33,11 @@ int diagonalised(lua_State* L) {
   const std::string form = lua_isnoneornil(L, 2) ? "normalised" : lua_type(L, 2) == LUA_TSTRING ? lua_tostring(L, 2) : "";
   if (form != "normalised" && form != "rates")
     refuse(L, Code::lua_argument, "diagonalised", "\"normalised\" (default) or \"rates\"", describe_value(L, 2));
-  o.tree->require(soa::Kind::D);
+  o.tree->require(operators::Kind::D);
   push_object<LuaDiagonalised>(
       L, kDiagonalised, o.tree,
-      std::make_unique<Diagonalised>(*o.tree, form == "rates" ? Diagonalised::Form::rates : Diagonalised::Form::normalised));
+      std::make_unique<operators::Diagonalised>(
+          *o.tree, form == "rates" ? operators::Diagonalised::Form::rates : operators::Diagonalised::Form::normalised));
   return 1;
 }
 int nu_of(lua_State* L) {

@@ -164,7 +164,7 @@ std::vector<std::string> names_for(const Scenario& s, std::string_view word) {
   if (is_one_of(kBodies)) return out;
   for (const UserNode& n : s.model->nodes) out.push_back(n.name);
   if (is_one_of(kNodes)) return out;
-  for (const std::string& name : soa::component_names(*s.model)) out.push_back(name);
+  for (const std::string& name : operators::component_names(*s.model)) out.push_back(name);
   return out;
 }
 

@@ -17,7 +17,7 @@ void push_texts(lua_State* L, const std::vector<std::string>& texts) {
   }
 }
 void push_poles(lua_State* L, const Eigen::MatrixXd& A) {
-  const std::vector<soa::Pole> all = soa::poles(A);
+  const std::vector<operators::Pole> all = operators::poles(A);
   lua_createtable(L, static_cast<int>(all.size()), 0);
   for (std::size_t i = 0; i < all.size(); ++i) {
     lua_createtable(L, 0, 4);
@@ -34,8 +34,8 @@ void push_poles(lua_State* L, const Eigen::MatrixXd& A) {
 
 }  // namespace
 
-int linear_model(lua_State* L, const soa::TreeOperators& tree, const OperatingState& at) {
-  soa::LinearPorts ports;
+int linear_model(lua_State* L, const TreeOperators& tree, const OperatingState& at) {
+  operators::LinearPorts ports;
   std::string file;
   if (!lua_isnoneornil(L, 2)) {
     DiagnosticSink sink;
@@ -46,10 +46,10 @@ int linear_model(lua_State* L, const soa::TreeOperators& tree, const OperatingSt
     table.finish();
     sink.throw_if_any();
   }
-  const int nv = tree.size(soa::Space::hinge);
+  const int nv = tree.size(Space::hinge);
   LuaHost::charge(L, 500LL * static_cast<std::int64_t>(tree.model().bodies.size() + static_cast<std::size_t>(nv)) * (2 * nv + 1));
-  const soa::LinearModel linear =
-      soa::linearize(tree, {.t = at.t, .v = at.v.data(), .tau = at.tau.data(), .vdot = at.vdot.data(), .wrenches = at.wrenches}, ports);
+  const operators::LinearModel linear = operators::linearize(
+      tree, {.t = at.t, .v = at.v.data(), .tau = at.tau.data(), .vdot = at.vdot.data(), .wrenches = at.wrenches}, ports);
   lua_newtable(L);
   if (!file.empty()) {
     const std::filesystem::path path = output_file(L, file);

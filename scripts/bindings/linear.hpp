@@ -6,7 +6,7 @@ namespace cardan {
 
 /// Pushes the table of `linearize{inputs = {...}, outputs = {...}}`, whose argument (or nothing) is at index 2. Forces, loads and given
 /// motions are those of the state.
-int linear_model(lua_State* L, const soa::TreeOperators&, const OperatingState&);
+int linear_model(lua_State* L, const operators::TreeOperators&, const OperatingState&);
 /// Of the scenario now.
 int push_linear_model(lua_State* L, Scenario&);
 

@@ -6,45 +6,42 @@ namespace cardan {
 namespace {
 
 using Eigen::VectorXd;
-using soa::Sort;
-using soa::Space;
-using soa::TreeOperators;
 
 const Labels kMomentum{{"hx", "hy", "hz", "px", "py", "pz"}, {"N m s", "N m s", "N m s", "N s", "N s", "N s"}};
 
 Labels body_labels(const TreeOperators& tree) {
   Labels out;
-  for (const soa::OperatorBody& b : tree.bodies()) out.names.push_back(tree.model().user[static_cast<std::size_t>(b.user)].name);
+  for (const operators::OperatorBody& b : tree.bodies()) out.names.push_back(tree.model().user[static_cast<std::size_t>(b.user)].name);
   return out;
 }
 
 int mass_properties(lua_State* L) {
-  const soa::MassProperties p = soa::mass_properties(tree_of(L));
+  const operators::MassProperties p = operators::mass_properties(tree_of(L));
   lua_newtable(L);
   set_number(L, "mass", p.mass);
   push_vector(L, p.com, {{"x", "y", "z"}, {"m", "m", "m"}}), set(L, "com");
   push_matrix(L, p.inertia, {{"x", "y", "z"}, {"kg m^2", "kg m^2", "kg m^2"}}), set(L, "inertia");
   return 1;
 }
-soa::About about_at(lua_State* L, int arg) {
+operators::About about_at(lua_State* L, int arg) {
   const std::string word = lua_isnoneornil(L, arg) ? "world" : lua_type(L, arg) == LUA_TSTRING ? lua_tostring(L, arg) : "";
   if (word != "world" && word != "com")
     refuse(L, Code::lua_argument, "momentum", "about \"world\" (default) or \"com\"", describe_value(L, arg));
-  return word == "com" ? soa::About::mass_centre : soa::About::world_origin;
+  return word == "com" ? operators::About::mass_centre : operators::About::world_origin;
 }
 int momentum(lua_State* L) {
   const TreeOperators& tree = tree_of(L);
-  push_vector(L, soa::momentum(tree, about_at(L, 3), hinge_vector(L, 2, tree, "the velocities")), kMomentum);
+  push_vector(L, operators::momentum(tree, about_at(L, 3), hinge_vector(L, 2, tree, "the velocities")), kMomentum);
   return 1;
 }
 int momentum_matrix(lua_State* L) {
   const TreeOperators& tree = tree_of(L);
-  push_matrix(L, soa::momentum_matrix(tree, about_at(L, 2)), kMomentum, velocity_labels_of(tree));
+  push_matrix(L, operators::momentum_matrix(tree, about_at(L, 2)), kMomentum, velocity_labels_of(tree));
   return 1;
 }
 int momentum_sharing(lua_State* L) {
   const TreeOperators& tree = tree_of(L);
-  const soa::MomentumSharing m = soa::momentum_sharing(tree, hinge_vector(L, 2, tree, "the velocities"));
+  const operators::MomentumSharing m = operators::momentum_sharing(tree, hinge_vector(L, 2, tree, "the velocities"));
   lua_newtable(L);
   push_matrix(L, m.bodies, kMomentum, body_labels(tree)), set(L, "bodies");
   push_vector(L, m.total, kMomentum), set(L, "total");
@@ -54,7 +51,7 @@ int momentum_sharing(lua_State* L) {
 }
 int reflected_inertia(lua_State* L) {
   const TreeOperators& tree = tree_with_Y(L);
-  const soa::ReflectedInertia r = soa::reflected_inertia(tree);
+  const operators::ReflectedInertia r = operators::reflected_inertia(tree);
   const Labels names = names_alone(tree);
   lua_newtable(L);
   push_vector(L, r.others_locked, names), set(L, "others_locked");

@@ -17,7 +17,7 @@ namespace cardan {
 namespace {
 
 [[noreturn]] void fail(const Scenario& s, Code code, std::string key_path, std::string expected, std::string got, std::string hint) {
-  throw InputError(Diagnostic{code, {std::move(key_path), {s.file.string()}}, std::move(expected), std::move(got), std::move(hint)});
+  refuse(code, {std::move(key_path), {s.file.string()}}, std::move(expected), std::move(got), std::move(hint));
 }
 
 void expect_known(const Scenario& s) {
@@ -25,12 +25,10 @@ void expect_known(const Scenario& s) {
     if (set.used) continue;
     std::string known;
     for (const std::string& name : s.parameter_names) known += name + ", ";
-    throw InputError(Diagnostic{Code::unknown_name,
-                                {set.key, {fmt::format("--set {}={}", set.key, set.value)}},
-                                (known.empty() ? "" : "a parameter (" + known.substr(0, known.size() - 2) + "), ") +
-                                    "bodies..., gravity... or another key path of the vehicle (vehicle....), or mission....",
-                                in_quotes(set.key),
-                                did_you_mean(set.key, s.parameter_names)});
+    refuse(Code::unknown_name, {set.key, {fmt::format("--set {}={}", set.key, set.value)}},
+           (known.empty() ? "" : "a parameter (" + known.substr(0, known.size() - 2) + "), ") +
+               "bodies..., gravity... or another key path of the vehicle (vehicle....), or mission....",
+           in_quotes(set.key), did_you_mean(set.key, s.parameter_names));
   }
 }
 
@@ -47,19 +45,24 @@ void expect_channels(Scenario& s) {
   if (s.signals.empty()) return;
   std::map<std::string, int> paths;  // how often
   ++paths["reference/difference"];   // of --check-against-reference
-  for (const Output& o : mission_outputs(s)) ++paths[o.channel.path];
+  std::vector<std::string> attitudes;
+  for (const Output& o : mission_outputs(s)) {
+    ++paths[o.channel.path];
+    if (is_attitude(o.channel.components) && o.channel.commands.empty()) attitudes.push_back(o.channel.path);
+  }
   for (const auto& signal : s.signals) {
-    const std::string& path = signal->channel.path;
+    const std::string &path = signal->channel.path, &commanded = signal->channel.commands;
+    if (!commanded.empty() && std::ranges::find(attitudes, commanded) == attitudes.end())
+      refuse(Code::unknown_name, {"signals." + path + ".commands", signal->declared},
+             fmt::format("an attitude that is recorded: {}", listed(attitudes)), in_quotes(commanded), did_you_mean(commanded, attitudes));
     std::string other = paths[path] > 1 ? path : "";
     for (std::size_t slash = path.find('/'); slash != std::string::npos && other.empty(); slash = path.find('/', slash + 1))
       if (paths.contains(path.substr(0, slash))) other = path.substr(0, slash);
     const auto below = paths.lower_bound(path + "/");
     if (other.empty() && below != paths.end() && below->first.starts_with(path + "/")) other = below->first;
     if (!other.empty())
-      throw InputError(Diagnostic{Code::duplicate_name,
-                                  {"signals." + path, signal->declared},
-                                  "a name of its own in the tree of the results",
-                                  fmt::format("{} beside the channel {}", in_quotes(path), in_quotes(other))});
+      refuse(Code::duplicate_name, {"signals." + path, signal->declared}, "a name of its own in the tree of the results",
+             fmt::format("{} beside the channel {}", in_quotes(path), in_quotes(other)));
   }
 }
 

@@ -10,9 +10,7 @@
 namespace cardan {
 namespace {
 
-using soa::Expression;
-using soa::Sort;
-using soa::Space;
+using operators::Expression;
 
 constexpr char kOperator[] = "cardan.operator";
 
@@ -26,7 +24,7 @@ Expression& expression(lua_State* L, int index = 1) {
 }
 
 /// Without units where the formula does not say what it gives.
-Labels labels(soa::SpaceLabels l, Sort sort) {
+Labels labels(operators::SpaceLabels l, Sort sort) {
   if (sort == Sort::unknown) l.units.clear();
   return to_labels(std::move(l));
 }
@@ -42,7 +40,7 @@ void charge(lua_State* L, const Expression& e, double times = 1.0) {
 Labels result_labels(const Expression& e, const Labels& of_vector) {
   Labels out = labels(e.row_labels(), e.gives());
   if (out.units.empty() || of_vector.units.empty() || e.takes() == Sort::unknown) return out;
-  const soa::SpaceLabels expected = e.column_labels();
+  const operators::SpaceLabels expected = e.column_labels();
   const auto all = [&](const std::string& more) {
     for (std::size_t i = 0; i < expected.units.size(); ++i)
       if (of_vector.units[i] + more != expected.units[i]) return false;

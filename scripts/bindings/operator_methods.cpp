@@ -8,14 +8,11 @@
 namespace cardan {
 
 using Eigen::VectorXd;
-using soa::Sort;
-using soa::Space;
-using soa::TreeOperators;
 
 TreeOperators& tree_of(lua_State* L) { return *to_operators(L).tree; }
 TreeOperators& tree_with_Y(lua_State* L) {
   TreeOperators& tree = tree_of(L);
-  if (!tree.has(soa::Stage::operational_space)) tree.operational_space();
+  if (!tree.has(operators::Stage::operational_space)) tree.operational_space();
   return tree;
 }
 
@@ -34,7 +31,7 @@ VectorXd hinge_vector(lua_State* L, int arg, const TreeOperators& tree, const ch
 std::shared_ptr<TreeOperators> articulated_for(lua_State* L, const TreeOperators& tree, const std::vector<std::string>& names,
                                                const char* what) {
   std::vector<int> bodies;
-  for (const soa::OperatorBody& b : tree.bodies()) bodies.push_back(b.sweep);
+  for (const operators::OperatorBody& b : tree.bodies()) bodies.push_back(b.sweep);
   auto part = std::make_shared<TreeOperators>(tree.subgraph(bodies));
   part->articulate({.free = component_mask(L, tree, names, what)});
   return part;
@@ -46,7 +43,7 @@ Eigen::VectorXd finite_vector(lua_State* L, int index, Eigen::Index size, const 
   return x;
 }
 
-Labels to_labels(soa::SpaceLabels l) { return {std::move(l.names), std::move(l.units)}; }
+Labels to_labels(operators::SpaceLabels l) { return {std::move(l.names), std::move(l.units)}; }
 
 std::vector<std::string> names_at(lua_State* L, int first, const char* what) {
   std::vector<std::string> names;
@@ -79,11 +76,11 @@ std::vector<int> node_indices(lua_State* L, const std::vector<std::string>& name
 }
 
 std::vector<int> components_at(lua_State* L, const Model& m, const std::string& name, const char* what) {
-  std::vector<int> found = soa::components_of(m, name);
+  std::vector<int> found = operators::components_of(m, name);
   if (found.empty())
     refuse(L, Code::unknown_name, what,
-           fmt::format("a component, or a body for all of its hinge: {}", fmt::join(soa::component_names(m), ", ")), in_quotes(name),
-           did_you_mean(name, soa::component_names(m)));
+           fmt::format("a component, or a body for all of its hinge: {}", fmt::join(operators::component_names(m), ", ")), in_quotes(name),
+           did_you_mean(name, operators::component_names(m)));
   return found;
 }
 

@@ -13,6 +13,8 @@
 
 namespace cardan {
 
+using operators::Sort, operators::Space, operators::TreeOperators;
+
 /// What analyses of dynamics read beside q, at the moment when the operators were made; the model's order.
 struct OperatingState {
   double t = 0.0;          // [s]
@@ -25,20 +27,20 @@ struct OperatingState {
 OperatingState present_state(const Scenario&);
 /// The operators of a tree, or of a part of it.
 struct LuaOperators {
-  std::shared_ptr<soa::TreeOperators> tree;
+  std::shared_ptr<TreeOperators> tree;
   std::string of;  // "the whole tree", "the subtree of boom"
   std::shared_ptr<const OperatingState> at;
 };
 /// What can be asked of a tree or a part of it at a state; arguments from the second on.
-using Study = int (*)(lua_State*, const soa::TreeOperators&, const OperatingState&);
+using Study = int (*)(lua_State*, const TreeOperators&, const OperatingState&);
 /// The whole tree where the scene is now.
-std::shared_ptr<soa::TreeOperators> tree_of_now(lua_State* L, Scenario&, const char* what);
+std::shared_ptr<TreeOperators> tree_of_now(lua_State* L, Scenario&, const char* what);
 /// Of the whole tree, now.
 int study_of_now(lua_State* L, Scenario&, const char* what, Study study);
 inline constexpr char kOperators[] = "cardan.operators";  // the type of the userdata that holds one
 /// Argument 1.
 LuaOperators& to_operators(lua_State* L);
-Labels to_labels(soa::SpaceLabels l);
+Labels to_labels(operators::SpaceLabels l);
 /// As to_vector, and finite: what is not a number would go on quietly.
 Eigen::VectorXd finite_vector(lua_State* L, int index, Eigen::Index size, const char* what);
 
@@ -50,7 +52,7 @@ inline std::vector<int> nodes_at(lua_State* L, int first, const Model& m) { retu
 /// Velocity components of the model that a name stands for (core/operators/components.hpp); C0208 if there are none.
 std::vector<int> components_at(lua_State* L, const Model&, const std::string& name, const char* what);
 /// 1 for these components of the tree.
-std::vector<std::uint8_t> component_mask(lua_State* L, const soa::TreeOperators&, const std::vector<std::string>& names, const char* what);
+std::vector<std::uint8_t> component_mask(lua_State* L, const TreeOperators&, const std::vector<std::string>& names, const char* what);
 
 /// f(key, value), indices on the stack, for each entry of the table at `index` in the order of `pairs`: which fault is told first
 /// does not depend on hashes.
@@ -97,19 +99,19 @@ int placed(lua_State* L) {
 }
 
 /// The tree of argument 1; with Y, which is made when it is first needed.
-soa::TreeOperators& tree_of(lua_State* L);
-soa::TreeOperators& tree_with_Y(lua_State* L);
+TreeOperators& tree_of(lua_State* L);
+TreeOperators& tree_with_Y(lua_State* L);
 /// A part of the tree of its own, at the same q, whose free components are those that are named.
-std::shared_ptr<soa::TreeOperators> articulated_for(lua_State* L, const soa::TreeOperators& tree, const std::vector<std::string>& names,
-                                                    const char* what);
+std::shared_ptr<TreeOperators> articulated_for(lua_State* L, const TreeOperators& tree, const std::vector<std::string>& names,
+                                               const char* what);
 /// A finite vector over the velocity components of the tree.
-Eigen::VectorXd hinge_vector(lua_State* L, int arg, const soa::TreeOperators& tree, const char* what);
+Eigen::VectorXd hinge_vector(lua_State* L, int arg, const TreeOperators& tree, const char* what);
 
-Labels hinge_labels(const soa::TreeOperators& tree, soa::Sort sort);
+Labels hinge_labels(const TreeOperators& tree, operators::Sort sort);
 /// Of what has no unit of its own: nu, shares, inertias of mixed kinds.
-Labels names_alone(const soa::TreeOperators& tree);
+Labels names_alone(const TreeOperators& tree);
 /// Of velocities, where labels of motion are those of accelerations.
-Labels velocity_labels_of(const soa::TreeOperators& tree);
+Labels velocity_labels_of(const TreeOperators& tree);
 
 /// Makes a type of userdata that holds a T.
 template <class T>
@@ -130,6 +132,6 @@ void make_task_type(lua_State* L);
 void make_passive_type(lua_State* L);
 void make_diagonalised_type(lua_State* L);
 void make_operator_type(lua_State* L);  // operator.cpp: one operator, a formula of letters
-int push_operator(lua_State* L, soa::Expression e);
+int push_operator(lua_State* L, operators::Expression e);
 
 }  // namespace cardan

@@ -9,7 +9,7 @@
 #include <algorithm>
 
 #include "core/base/units.hpp"
-#include "core/operators/named_formulas.hpp"
+#include "core/operators/expression.hpp"
 #include "scripts/bindings/linear.hpp"
 #include "scripts/bindings/operator_methods.hpp"
 #include "scripts/bindings/studies.hpp"
@@ -17,11 +17,8 @@
 namespace cardan {
 namespace {
 
-using soa::Expression;
-using soa::Kind;
-using soa::Sort;
-using soa::Space;
-using soa::TreeOperators;
+using operators::Expression;
+using operators::Kind;
 
 int sweep_body(lua_State* L, int arg, const Model& m, const char* what) {
   std::vector<std::string> names;
@@ -38,9 +35,9 @@ int sweep_body(lua_State* L, int arg, const Model& m, const char* what) {
 
 /// Letters and methods, sorted.
 std::vector<std::string> known_names(lua_State* L, int methods) {
-  std::vector<std::string> known = {"I", "mass"};
-  for (const soa::NamedFormula& f : soa::kNamedFormulas) known.emplace_back(f.name);
-  for (const soa::KindFacts& f : soa::kKinds) known.emplace_back(f.name);
+  std::vector<std::string> known = {"I"};
+  for (const Expression::Named& f : Expression::named()) known.emplace_back(f.name);
+  for (const operators::KindFacts& f : operators::kKinds) known.emplace_back(f.name);
   for (lua_pushnil(L); lua_next(L, methods); lua_pop(L, 1)) known.emplace_back(lua_tostring(L, -2));
   std::sort(known.begin(), known.end());
   return known;
@@ -50,12 +47,11 @@ int operators_index(lua_State* L) {
   LuaOperators& o = to_operators(L);
   if (lua_type(L, 2) == LUA_TSTRING) {
     const std::string_view name = lua_tostring(L, 2);
-    for (std::size_t k = 0; k < std::size(soa::kKinds); ++k)
-      if (soa::kKinds[k].name == name) return push_operator(L, Expression::leaf(o.tree, static_cast<Kind>(k)));
+    for (std::size_t k = 0; k < std::size(operators::kKinds); ++k)
+      if (operators::kKinds[k].name == name) return push_operator(L, Expression::leaf(o.tree, static_cast<Kind>(k)));
     if (name == "I") return push_operator(L, Expression::unit(o.tree));
-    if (name == "mass") return push_operator(L, Expression::mass(o.tree));
-    for (const soa::NamedFormula& f : soa::kNamedFormulas)
-      if (f.name == name) return push_operator(L, f.make(o.tree));
+    for (const Expression::Named& f : Expression::named())
+      if (f.name == name) return push_operator(L, f.of(o.tree));
     lua_pushvalue(L, 2);
     if (lua_rawget(L, lua_upvalueindex(1)) != LUA_TNIL) return 1;
     lua_pop(L, 1);
@@ -164,7 +160,7 @@ int size(lua_State* L) {
 }
 /// Names of the numbers of a space, in order.
 int names(lua_State* L) {
-  const soa::SpaceLabels l = tree_of(L).labels(space_at(L, "names", "hinge"), Sort::motion);
+  const operators::SpaceLabels l = tree_of(L).labels(space_at(L, "names", "hinge"), Sort::motion);
   lua_createtable(L, static_cast<int>(l.names.size()), 0);
   for (std::size_t i = 0; i < l.names.size(); ++i) {
     lua_pushstring(L, l.names[i].c_str());

@@ -10,9 +10,6 @@ namespace cardan {
 namespace {
 
 using Eigen::VectorXd;
-using soa::Sort;
-using soa::Space;
-using soa::TreeOperators;
 
 constexpr char kPassive[] = "cardan.passive";
 
@@ -20,8 +17,8 @@ constexpr char kPassive[] = "cardan.passive";
 int bias(lua_State* L) {
   const TreeOperators& tree = tree_of(L);
   const VectorXd v = tree.to_model(hinge_vector(L, 2, tree, "the velocities"));
-  soa::Workspace<double> workspace(tree.model());
-  push_vector(L, soa::bias(tree, workspace, {.v = v.data()}), hinge_labels(tree, Sort::force));
+  Workspace workspace(tree.model());
+  push_vector(L, operators::bias(tree, workspace, {.v = v.data()}), hinge_labels(tree, Sort::force));
   return 1;
 }
 /// s:hybrid{bias = , tau = , vdot = }: of the free components tau is read, of the others v'
@@ -37,7 +34,7 @@ int hybrid(lua_State* L) {
     if (k == 3) refuse(L, Code::unknown_key, "hybrid", "bias, tau, vdot", describe_value(L, key_at));
     parts[k] = finite_vector(L, value, parts[k].size(), ("hybrid." + key).c_str());
   });
-  const soa::Hybrid h = soa::hybrid_dynamics(tree, parts[0], parts[1], parts[2]);
+  const operators::Hybrid h = operators::hybrid_dynamics(tree, parts[0], parts[1], parts[2]);
   lua_newtable(L);
   push_vector(L, h.vdot, hinge_labels(tree, Sort::motion)), set(L, "vdot");
   push_vector(L, h.tau, hinge_labels(tree, Sort::force)), set(L, "tau");
@@ -46,14 +43,14 @@ int hybrid(lua_State* L) {
 
 struct LuaPassive {
   std::shared_ptr<TreeOperators> tree;  // free = the passive components
-  std::unique_ptr<soa::Unactuated> system;
+  std::unique_ptr<operators::Unactuated> system;
 };
 LuaPassive& to_passive(lua_State* L) {
   if (auto* p = static_cast<LuaPassive*>(luaL_testudata(L, 1, kPassive))) return *p;
   refuse(L, Code::lua_argument, "passive", "the result of s:passive{...} or s:floating_base() before a colon", describe_value(L, 1));
 }
 int push_passive(lua_State* L, std::shared_ptr<TreeOperators> tree) {
-  auto system = std::make_unique<soa::Unactuated>(*tree);
+  auto system = std::make_unique<operators::Unactuated>(*tree);
   push_object<LuaPassive>(L, kPassive, std::move(tree), std::move(system));
   return 1;
 }
@@ -61,7 +58,7 @@ int passive(lua_State* L) { return push_passive(L, articulated_for(L, tree_of(L)
 int floating_base(lua_State* L) {
   const TreeOperators& tree = tree_of(L);
   auto part = articulated_for(L, tree, {}, "floating_base");
-  part->articulate({.free = soa::base_mask(tree)});
+  part->articulate({.free = operators::base_mask(tree)});
   return push_passive(L, std::move(part));
 }
 int passive_velocities(lua_State* L) {

@@ -23,11 +23,11 @@ namespace {
 
 using Eigen::VectorXd;
 
-soa::IkTarget target_of(lua_State* L, LuaTable& t, const Model& m) {
+operators::IkTarget target_of(lua_State* L, LuaTable& t, const Model& m) {
   t.require({"node"});
   const auto node = t.text("node");
   const auto position = t.numbers("position", 3, "m"), attitude = t.numbers("attitude", 4);
-  soa::IkTarget out;
+  operators::IkTarget out;
   if (node) out.node = node_indices(L, {*node}, m).front();
   if (attitude && std::abs(Eigen::Map<const Eigen::Vector4d>(attitude->data()).norm() - 1.0) > 1e-6)
     t.reject("attitude", "a unit quaternion w, x, y, z");
@@ -55,7 +55,7 @@ soa::IkTarget target_of(lua_State* L, LuaTable& t, const Model& m) {
 }
 
 /// A line per mode: what moves, by its share of the kinetic energy, and what is strained, by its share of that energy.
-std::string modes_text(const soa::SystemModes& modes) {
+std::string modes_text(const operators::SystemModes& modes) {
   constexpr double kNamed = 0.05;  // smaller shares are left out
   const auto largest = [](const Eigen::VectorXd& shares, const std::vector<std::string>& names) {
     std::vector<int> order(static_cast<std::size_t>(shares.size()));
@@ -84,8 +84,8 @@ int stored_text(lua_State* L) {
 
 }  // namespace
 
-int system_modes_study(lua_State* L, const soa::TreeOperators& tree, const OperatingState&) {
-  soa::SystemModesOptions options;
+int system_modes_study(lua_State* L, const TreeOperators& tree, const OperatingState&) {
+  operators::SystemModesOptions options;
   if (!lua_isnoneornil(L, 2)) {
     DiagnosticSink sink;
     LuaTable table(L, 2, "system_modes", sink);
@@ -96,8 +96,8 @@ int system_modes_study(lua_State* L, const soa::TreeOperators& tree, const Opera
     table.finish();
     sink.throw_if_any();
   }
-  LuaHost::charge(L, 20000LL * (tree.size(soa::Space::body) + 1));
-  const soa::SystemModes modes = soa::system_modes(tree, options);
+  LuaHost::charge(L, 20000LL * (tree.size(Space::body) + 1));
+  const operators::SystemModes modes = operators::system_modes(tree, options);
   Labels rows = to_labels(modes.labels);
   rows.units.clear();
   lua_newtable(L);
@@ -118,17 +118,17 @@ int system_modes_study(lua_State* L, const soa::TreeOperators& tree, const Opera
   return 1;
 }
 
-int derivatives_study(lua_State* L, const soa::TreeOperators& tree, const OperatingState& at) {
+int derivatives_study(lua_State* L, const TreeOperators& tree, const OperatingState& at) {
   lua_settop(L, 2);
   const Model& m = tree.model();
-  Sensitivities about(tree);
+  operators::Sensitivities about(tree);
   about.solve(at.inputs(tree.q().data()));
-  const Labels names{tree.labels(soa::Space::hinge, soa::Sort::unknown).names, {}};
+  const Labels names{tree.labels(Space::hinge, Sort::unknown).names, {}};
   lua_newtable(L);
   if (lua_isnoneornil(L, 2)) {
-    LuaHost::charge(L, 400LL * static_cast<std::int64_t>(m.bodies.size()) * (4 * tree.size(soa::Space::hinge) + 1));
-    const InverseDerivatives inverse = about.inverse();
-    const ForwardDerivatives forward = about.forward();
+    LuaHost::charge(L, 400LL * static_cast<std::int64_t>(m.bodies.size()) * (4 * tree.size(Space::hinge) + 1));
+    const operators::InverseDerivatives inverse = about.inverse();
+    const operators::ForwardDerivatives forward = about.forward();
     push_matrix(L, inverse.q, names, names), set(L, "tau_q");
     push_matrix(L, inverse.v, names, names), set(L, "tau_v");
     push_matrix(L, forward.q, names, names), set(L, "vdot_q");
@@ -151,15 +151,15 @@ int derivatives_study(lua_State* L, const soa::TreeOperators& tree, const Operat
   return 1;
 }
 
-int inverse_kinematics_study(lua_State* L, const soa::TreeOperators& tree, const OperatingState& at) {
+int inverse_kinematics_study(lua_State* L, const TreeOperators& tree, const OperatingState& at) {
   const Model& m = tree.model();
   DiagnosticSink sink;
   LuaTable table(L, 2, "inverse_kinematics", sink);
   table.require({"targets"});
-  std::vector<soa::IkTarget> targets;
+  std::vector<operators::IkTarget> targets;
   for (LuaTable& t : table.tables("targets")) targets.push_back(target_of(L, t, m));
   if (table.has("targets") && targets.empty()) table.reject("targets", "one target or more");
-  soa::IkOptions options;
+  operators::IkOptions options;
   options.tolerance = table.number("tolerance").value_or(options.tolerance);
   options.iterations = static_cast<int>(table.integer("iterations").value_or(options.iterations));
   options.starts = static_cast<int>(table.integer("starts").value_or(options.starts));
@@ -193,7 +193,7 @@ int inverse_kinematics_study(lua_State* L, const soa::TreeOperators& tree, const
   table.finish();
   sink.throw_if_any();
   LuaHost::charge(L, 1000LL * static_cast<std::int64_t>(m.bodies.size()) * options.starts);
-  const soa::IkResult r = soa::inverse_kinematics(tree, targets, options);
+  const operators::IkResult r = operators::inverse_kinematics(tree, targets, options);
   const Labels v = velocity_labels(m);
   lua_newtable(L);
   lua_pushboolean(L, r.reached), set(L, "reached");
@@ -214,9 +214,9 @@ int inverse_kinematics_study(lua_State* L, const soa::TreeOperators& tree, const
   return 1;
 }
 
-int interbody_forces_study(lua_State* L, const soa::TreeOperators& tree, const OperatingState& at) {
+int interbody_forces_study(lua_State* L, const TreeOperators& tree, const OperatingState& at) {
   const Model& m = tree.model();
-  const int n = tree.size(soa::Space::hinge);
+  const int n = tree.size(Space::hinge);
   VectorXd v = tree.from_model(at.v), vdot;
   if (!lua_isnoneornil(L, 2)) {
     if (lua_type(L, 2) != LUA_TTABLE)
@@ -232,14 +232,14 @@ int interbody_forces_study(lua_State* L, const soa::TreeOperators& tree, const O
   Inputs in = at.inputs(tree.q().data());
   in.v = v_all.data();
   if (vdot.size() == 0) {  // what the forces of the state do
-    Sensitivities about(tree);
+    operators::Sensitivities about(tree);
     about.solve(in);
     vdot = about.vdot();
   }
   const VectorXd vdot_all = tree.to_model(vdot);
   in.vdot = vdot_all.data();
   Workspace workspace(m);
-  push_vector(L, soa::interbody_forces(tree, workspace, in), to_labels(tree.labels(soa::Space::body, soa::Sort::force)));
+  push_vector(L, operators::interbody_forces(tree, workspace, in), to_labels(tree.labels(Space::body, Sort::force)));
   return 1;
 }
 

@@ -9,9 +9,6 @@ namespace cardan {
 namespace {
 
 using Eigen::VectorXd;
-using soa::Sort;
-using soa::Space;
-using soa::TreeOperators;
 
 constexpr char kTask[] = "cardan.task";
 
@@ -21,14 +18,14 @@ int compliance(lua_State* L) {
   const TreeOperators& tree = tree_with_Y(L);
   const std::vector<int> nodes = nodes_at(L, 2, tree.model());
   LuaHost::charge(L, 2000LL * static_cast<long long>(nodes.size() * (nodes.size() + 1)));
-  push_matrix(L, soa::compliance(tree, nodes), to_labels(tree.node_labels(nodes, Sort::motion)),
+  push_matrix(L, operators::compliance(tree, nodes), to_labels(tree.node_labels(nodes, Sort::motion)),
               to_labels(tree.node_labels(nodes, Sort::force)));
   return 1;
 }
 
 struct LuaTask {
   std::shared_ptr<TreeOperators> tree, passive;
-  std::unique_ptr<soa::OperationalSpace> space;
+  std::unique_ptr<operators::OperationalSpace> space;
   Labels motion, force;  // of its rows
 };
 LuaTask& to_task(lua_State* L) {
@@ -49,8 +46,8 @@ int task(lua_State* L) {
   const bool has_T = table.has("T");
   table.finish();
   sink.throw_if_any();
-  soa::Task task{.nodes = node_indices(L, *names, o.tree->model()), .T = {}};
-  const soa::SpaceLabels motion = o.tree->node_labels(task.nodes, Sort::motion), force = o.tree->node_labels(task.nodes, Sort::force);
+  operators::Task task{.nodes = node_indices(L, *names, o.tree->model()), .T = {}};
+  const operators::SpaceLabels motion = o.tree->node_labels(task.nodes, Sort::motion), force = o.tree->node_labels(task.nodes, Sort::force);
   auto out = LuaTask{o.tree, nullptr, nullptr, to_labels(motion), to_labels(force)};
   const int all = static_cast<int>(motion.names.size());
   if (rows && has_T) refuse(L, Code::lua_argument, "task", "rows or T", "both");
@@ -63,11 +60,11 @@ int task(lua_State* L) {
         refuse(L, Code::out_of_range, "task.rows", fmt::format("1 ... {}", all), fmt::format("{:g}", r));
       picked.push_back(i);
       for (auto* l : {&out.motion, &out.force}) {
-        const soa::SpaceLabels& from = l == &out.motion ? motion : force;
+        const operators::SpaceLabels& from = l == &out.motion ? motion : force;
         l->names.push_back(from.names[static_cast<std::size_t>(i)]), l->units.push_back(from.units[static_cast<std::size_t>(i)]);
       }
     }
-    task = soa::Task::of_rows(task.nodes, picked);
+    task = operators::Task::of_rows(task.nodes, picked);
   } else if (has_T) {
     lua_getfield(L, 2, "T");
     task.T = to_matrix(L, lua_gettop(L), kAnySize, all, "task.T");
@@ -78,7 +75,7 @@ int task(lua_State* L) {
     out.passive = articulated_for(L, *o.tree, *passive, "task.passive");
     out.passive->operational_space();
   }
-  out.space = std::make_unique<soa::OperationalSpace>(*o.tree, std::move(task), out.passive.get());
+  out.space = std::make_unique<operators::OperationalSpace>(*o.tree, std::move(task), out.passive.get());
   push_object<LuaTask>(L, kTask, std::move(out));
   return 1;
 }
@@ -105,7 +102,7 @@ int task_rows(lua_State* L) {
   return 1;
 }
 /// Task space in, hinge space out, and back.
-template <VectorXd (soa::OperationalSpace::*kMethod)(const VectorXd&) const, bool kTaskIn, bool kTaskOut, Sort kSort>
+template <VectorXd (operators::OperationalSpace::*kMethod)(const VectorXd&) const, bool kTaskIn, bool kTaskOut, Sort kSort>
 int task_map(lua_State* L) {
   const LuaTask& t = to_task(L);
   const VectorXd x = finite_vector(L, 2, kTaskIn ? t.space->rows() : t.tree->size(Space::hinge), "the vector");
@@ -124,8 +121,8 @@ int task_torque(lua_State* L) {
 /// task:bias(v) = Jdot v: accelerations of the task at v' = 0
 int task_bias(lua_State* L) {
   const LuaTask& t = to_task(L);
-  soa::Workspace<double> workspace(t.tree->model());
-  push_vector(L, soa::task_bias(*t.tree, t.space->task(), workspace, hinge_vector(L, 2, *t.tree, "the velocities")), t.motion);
+  Workspace workspace(t.tree->model());
+  push_vector(L, operators::task_bias(*t.tree, t.space->task(), workspace, hinge_vector(L, 2, *t.tree, "the velocities")), t.motion);
   return 1;
 }
 /// task:force_for(wanted, drift) = Lambda (wanted - drift)
@@ -156,12 +153,12 @@ int node_at(lua_State* L, int arg, const Model& m) {
 /// s:effective_inertia(node, {nx, ny, nz, fx, fy, fz})
 int effective_inertia(lua_State* L) {
   const TreeOperators& tree = tree_with_Y(L);
-  lua_pushnumber(L, soa::effective_inertia(tree, node_at(L, 2, tree.model()), six(L, 3, "the direction")));
+  lua_pushnumber(L, operators::effective_inertia(tree, node_at(L, 2, tree.model()), six(L, 3, "the direction")));
   return 1;
 }
 int manipulability(lua_State* L) {
   const TreeOperators& tree = tree_with_Y(L);
-  const soa::Manipulability m = soa::manipulability(tree, {.nodes = nodes_at(L, 2, tree.model()), .T = {}});
+  const operators::Manipulability m = operators::manipulability(tree, {.nodes = nodes_at(L, 2, tree.model()), .T = {}});
   lua_newtable(L);
   push_vector(L, m.singular_values), set(L, "singular_values");
   set_number(L, "kinematic", m.kinematic), set_number(L, "dynamic", m.dynamic);
@@ -169,7 +166,7 @@ int manipulability(lua_State* L) {
 }
 int participation(lua_State* L) {
   const TreeOperators& tree = tree_with_Y(L);
-  const soa::Participation p = soa::participation(tree, node_at(L, 2, tree.model()), six(L, 3, "the direction"));
+  const operators::Participation p = operators::participation(tree, node_at(L, 2, tree.model()), six(L, 3, "the direction"));
   const Labels names = names_alone(tree);
   lua_newtable(L);
   push_vector(L, p.shape, names), set(L, "shape");
@@ -178,7 +175,7 @@ int participation(lua_State* L) {
   return 1;
 }
 
-using OS = soa::OperationalSpace;
+using OS = operators::OperationalSpace;
 const std::vector<luaL_Reg> kTaskMethods = {{"compliance", placed<task_compliance>},
                                             {"inertia", placed<task_inertia>},
                                             {"rank", placed<task_rank>},

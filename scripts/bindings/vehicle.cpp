@@ -24,10 +24,10 @@ void expect_recorded(const Scenario& s, const std::string& name, const std::stri
   std::error_code ignored;
   const std::string now = std::filesystem::is_regular_file(path, ignored) ? sha256_of_file(path) : "no file at " + in_quotes(path);
   if (recorded == s.recorded->hashes.end() || recorded->second != now)
-    throw InputError(Diagnostic{Code::changed_input, at,
-                                fmt::format("{} with the SHA-256 that {} tells: {}", name, s.recorded->results,
-                                            recorded == s.recorded->hashes.end() ? "none" : recorded->second),
-                                now, "put the file of that run back"});
+    refuse(Code::changed_input, at,
+           fmt::format("{} with the SHA-256 that {} tells: {}", name, s.recorded->results,
+                       recorded == s.recorded->hashes.end() ? "none" : recorded->second),
+           now, "put the file of that run back");
 }
 
 /// The files that modes are read from.

@@ -28,15 +28,14 @@ ScenarioOptions ScenarioArguments::options() const {
   o.file = file;
   if (!seed.empty()) {
     const auto number = parse_seed(seed);
-    if (!number)
-      throw InputError(Diagnostic{Code::command_line, {"--seed", {}}, "a whole number from 0 to 18446744073709551615", in_quotes(seed)});
+    if (!number) refuse(Code::command_line, {"--seed"}, "a whole number from 0 to 18446744073709551615", in_quotes(seed));
     o.seed = *number;
   }
   if (!json_errors || !*json_errors) o.print = [](std::string_view text) { fmt::print(stderr, "{}\n", text); };
   for (const std::string& text : settings) {
     const std::size_t equals = text.find('=');
     if (equals == 0 || equals == std::string::npos)
-      throw InputError(Diagnostic{Code::command_line, {"--set", {}}, "key=value", in_quotes(text), "--set slew_angle=\"20 deg\""});
+      refuse(Code::command_line, {"--set"}, "key=value", in_quotes(text), "--set slew_angle=\"20 deg\"");
     o.settings.push_back({text.substr(0, equals), text.substr(equals + 1)});
   }
   return o;

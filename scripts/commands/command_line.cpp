@@ -55,11 +55,8 @@ void expect_command(const CLI::App& app, const std::vector<std::string>& argumen
   const std::vector<std::string> names = commands_of(app);
   if (std::ranges::find(names, word) != names.end()) return;
   const std::string command = command_for(word);
-  throw InputError(Diagnostic{Code::command_line,
-                              {},
-                              fmt::format("a command: {}", fmt::join(names, ", ")),
-                              in_quotes(word),
-                              command.empty() ? near_word(word, names) : fmt::format("did you mean \"cardan {} {}\"?", command, word)});
+  refuse(Code::command_line, {}, fmt::format("a command: {}", fmt::join(names, ", ")), in_quotes(word),
+         command.empty() ? near_word(word, names) : fmt::format("did you mean \"cardan {} {}\"?", command, word));
 }
 
 Diagnostic wrong_command_line(const CLI::App& app, const CLI::ParseError& error) {

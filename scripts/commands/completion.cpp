@@ -91,7 +91,7 @@ void add_completion(CLI::App& app, CommandLine& line) {
   command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
   command->callback([&app, &line, shell] {
     line.action = [&app, shell] {
-      if (*shell != "bash" && *shell != "zsh") throw InputError(Diagnostic{Code::command_line, {}, "bash or zsh", in_quotes(*shell)});
+      if (*shell != "bash" && *shell != "zsh") refuse(Code::command_line, {}, "bash or zsh", in_quotes(*shell));
       fmt::print("{}", script(app, *shell == "zsh"));
       return 0;
     };

@@ -135,11 +135,8 @@ int help(const CLI::App& app, const std::string& topic) {
   else if (topic == "man")
     fmt::print("{}", manual(app));
   else
-    throw InputError(Diagnostic{Code::command_line,
-                                {},
-                                "a command, an error code like C0107, \"errors\" or \"man\"",
-                                in_quotes(topic),
-                                did_you_mean(std::isdigit(static_cast<unsigned char>(topic.back())) ? as_code : topic, legal)});
+    refuse(Code::command_line, {}, "a command, an error code like C0107, \"errors\" or \"man\"", in_quotes(topic),
+           did_you_mean(std::isdigit(static_cast<unsigned char>(topic.back())) ? as_code : topic, legal));
   return 0;
 }
 

@@ -30,16 +30,13 @@ int write_modes(const ModesArguments& a) {
     if (body.name == a.body) modes = body.modal.get();
   }
   if (!modes)
-    throw InputError(
-        Diagnostic{Code::unknown_body,
-                   {"body", {}},
-                   legal.empty() ? "a vehicle with a flexible body" : fmt::format("a flexible body: {}", fmt::join(legal, ", ")),
-                   in_quotes(a.body),
-                   did_you_mean(a.body, legal)});
+    refuse(Code::unknown_body, {"body"},
+           legal.empty() ? "a vehicle with a flexible body" : fmt::format("a flexible body: {}", fmt::join(legal, ", ")), in_quotes(a.body),
+           did_you_mean(a.body, legal));
   const std::string out = a.out.empty() ? a.body + ".h5" : a.out;
   std::error_code ignored;
   if (std::filesystem::exists(out, ignored) && !std::filesystem::is_regular_file(out, ignored))
-    throw InputError(Diagnostic{Code::cannot_write, {"", {out}}, "a file", "a folder, a pipe or a device", "--out chooses another"});
+    refuse(Code::cannot_write, {"", {out}}, "a file", "a folder, a pipe or a device", "--out chooses another");
   write_modal_file(out, *modes);
   fmt::print("{}\n{} modes, {:.6g} kg, {} nodes, {} mass nodes\n", modes->source, modes->n_modes, modes->integrals.I1, modes->nodes.size(),
              modes->mass_nodes.size());

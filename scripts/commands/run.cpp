@@ -41,7 +41,7 @@ struct RunArguments {
 };
 
 [[noreturn]] void wrong_line(std::string option, std::string expected, std::string got, std::string hint = {}) {
-  throw InputError(Diagnostic{Code::command_line, {std::move(option), {}}, std::move(expected), std::move(got), std::move(hint)});
+  refuse(Code::command_line, {std::move(option)}, std::move(expected), std::move(got), std::move(hint));
 }
 
 /// What is to be run: as the command line says, or as results say.
@@ -304,9 +304,7 @@ class RunCommand {
   static void remove_file(const fs::path& path) {
     std::error_code error;
     fs::remove(path, error);
-    if (error)
-      throw InputError(
-          Diagnostic{Code::cannot_write, {{}, {path.string()}}, "a file of an earlier run that can be removed", error.message()});
+    if (error) refuse(Code::cannot_write, {{}, {path.string()}}, "a file of an earlier run that can be removed", error.message());
   }
 
   int exit_code() const {

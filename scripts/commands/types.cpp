@@ -132,8 +132,7 @@ int tell_types(const TypesArguments& a) {
     if (a.name.empty() || a.name == e.family->type) types["hinges"].push_back(to_json(e));
   }
   if (types["bodies"].empty() && types["hinges"].empty())
-    throw InputError(Diagnostic{
-        Code::command_line, {}, fmt::format("one of: {}", fmt::join(legal, ", ")), in_quotes(a.name), did_you_mean(a.name, legal)});
+    refuse(Code::command_line, {}, fmt::format("one of: {}", fmt::join(legal, ", ")), in_quotes(a.name), did_you_mean(a.name, legal));
   if (a.as_json)
     fmt::print("{}", json_text(types));
   else if (a.name.empty())

@@ -60,7 +60,7 @@ class WorkbenchCommand {
   int run_script(const std::string& path) {
     std::ifstream in(path, std::ios::binary);
     std::error_code ignored;
-    if (!in || fs::is_directory(path, ignored)) throw InputError(Diagnostic{Code::file_not_found, {"--script", {path}}, "a Lua file"});
+    if (!in || fs::is_directory(path, ignored)) refuse(Code::file_not_found, {"--script", {path}}, "a Lua file");
     const std::string text{std::istreambuf_iterator<char>(in), {}};
     return guarded([&] { scenario_->lua.run_text(path, text, kPatience); });
   }

@@ -52,8 +52,7 @@ void LuaFunction::call(std::span<const double> in, std::span<double> out) const 
           out[i] = lua_tonumber(L, at);
           if (lua_type(L, at) == LUA_TNUMBER && std::isfinite(out[i])) continue;
           push(L);
-          throw InputError(Diagnostic{
-              Code::lua_runtime, {fmt::format("result {}", at), host_->definition(L, -1)}, "a finite number", describe_value(L, at)});
+          refuse(Code::lua_runtime, {fmt::format("result {}", at), host_->definition(L, -1)}, "a finite number", describe_value(L, at));
         }
       },
       host_->call_budget());

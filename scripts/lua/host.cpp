@@ -535,4 +535,9 @@ int LuaHost::require(lua_State* L) {
   return 1;
 }
 
+void refuse(lua_State* L, Code code, std::string key_path, std::string expected, std::string got, std::string hint) {
+  throw InputError(Diagnostic{
+      code, {std::move(key_path), LuaHost::caller(L)}, std::move(expected), std::move(got), std::move(hint), LuaHost::traceback(L)});
+}
+
 }  // namespace cardan

@@ -159,6 +159,9 @@ class LuaHost {
   lua_State* running_ = nullptr;  // the thread that C++ may use now
 };
 
+/// An error at the script line that runs now.
+[[noreturn]] void refuse(lua_State* L, Code code, std::string key_path, std::string expected, std::string got, std::string hint = {});
+
 /// LuaHost::guarded as a method of userdata.
 template <lua_CFunction kFunction>
 int method(lua_State* L) {

@@ -49,12 +49,7 @@ void charge_operations(lua_State* L, double operations) {
 }
 
 [[noreturn]] void misfit(lua_State* L, std::string where, std::string expected, std::string got, std::string hint = {}) {
-  throw InputError(Diagnostic{Code::lua_argument,
-                              {std::move(where), LuaHost::caller(L)},
-                              std::move(expected),
-                              std::move(got),
-                              std::move(hint),
-                              LuaHost::traceback(L)});
+  refuse(L, Code::lua_argument, std::move(where), std::move(expected), std::move(got), std::move(hint));
 }
 
 Block* block_at(lua_State* L, int index) {
@@ -545,8 +540,7 @@ int to_text(lua_State* L) {
 // ---- files ----
 
 [[noreturn]] void cannot_write(lua_State* L, const std::string& path, const std::string& why) {
-  throw InputError(
-      Diagnostic{Code::cannot_write, {path, LuaHost::caller(L)}, "a place that can be written to", why, {}, LuaHost::traceback(L)});
+  refuse(L, Code::cannot_write, path, "a place that can be written to", why);
 }
 
 std::string csv_field(const std::string& text) {

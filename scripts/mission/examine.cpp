@@ -28,9 +28,9 @@ std::string bytes_text(double bytes) {
 void expect_away_from_centre(const Scenario& s) {
   const Model& m = *s.model;
   if (m.gravity.kind != GravitySpec::Kind::central) return;
-  soa::TreeOperators tree(s.model);
+  operators::TreeOperators tree(s.model);
   tree.at(s.sim->state().q.data());
-  const soa::Placements placed(tree);
+  const operators::Placements placed(tree);
   for (std::size_t i = 0; i < tree.bodies().size(); ++i) {
     const UserBody& u = m.user[static_cast<std::size_t>(tree.bodies()[i].user)];
     const BodySpec& b = m.spec->bodies[static_cast<std::size_t>(tree.bodies()[i].user)];
@@ -39,15 +39,14 @@ void expect_away_from_centre(const Scenario& s) {
     if (mass <= 0.0) continue;
     const Eigen::Vector3d com = Eigen::Vector3d(M(2, 4), M(0, 5), M(1, 3)) / mass;
     const double gyration = std::sqrt(std::max(0.0, 0.5 * M.topLeftCorner<3, 3>().trace() / mass - com.squaredNorm()));
-    const soa::Placement &frame = placed.bodies[i], &reference = placed.reference;
+    const operators::Placement &frame = placed.bodies[i], &reference = placed.reference;
     const double distance = (reference.p + reference.R * (frame.p + frame.R * com) - m.gravity.centre).norm();
     if (distance > gyration) continue;
-    throw InputError(Diagnostic{
-        Code::bad_initial_state, m.spec->locate(body_path(b) + ".hinge.initial"), "mass centres away from the centre of the field",
-        fmt::format("body {} is at the centre of gravity.central: its mass centre is {:.3g} m from it, its radius of gyration "
-                    "{:.3g} m",
-                    u.name, distance, gyration),
-        "give its orbit: initial: {position: [7000 km, 0, 0], velocity: [0, 7.5 km/s, 0]}, or `initial` in the mission"});
+    refuse(Code::bad_initial_state, m.spec->locate(body_path(b) + ".hinge.initial"), "mass centres away from the centre of the field",
+           fmt::format("body {} is at the centre of gravity.central: its mass centre is {:.3g} m from it, its radius of gyration "
+                       "{:.3g} m",
+                       u.name, distance, gyration),
+           "give its orbit: initial: {position: [7000 km, 0, 0], velocity: [0, 7.5 km/s, 0]}, or `initial` in the mission");
   }
 }
 
@@ -56,8 +55,7 @@ void look_at_ticks(Scenario& s) {
     const double ticks = s.mission.duration / seconds(c.period);
     const std::string got = fmt::format("a tick every {:.3g} s: {:.3g} of them in {:g} s", seconds(c.period), ticks, s.mission.duration);
     if (ticks > kTooManyTicks)
-      throw InputError(Diagnostic{Code::out_of_range, c.at, fmt::format("at most {:g} ticks in a run", kTooManyTicks), got,
-                                  "did you mean another unit?"});
+      refuse(Code::out_of_range, c.at, fmt::format("at most {:g} ticks in a run", kTooManyTicks), got, "did you mean another unit?");
     if (ticks > kManyTicks)
       s.warnings.add(Code::mission_doubt, c.at,
                      fmt::format("controller \"{}\" has {}, and the integrator starts again after each", c.name, got),

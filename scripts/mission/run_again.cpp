@@ -105,7 +105,7 @@ class Reader {
   }
 
   [[noreturn]] void wrong(const char* path, std::string expected, std::string got, std::string hint) const {
-    throw InputError(Diagnostic{Code::bad_result_file, {path, {file_.file_name()}}, std::move(expected), std::move(got), std::move(hint)});
+    cardan::refuse(Code::bad_result_file, {path, {file_.file_name()}}, std::move(expected), std::move(got), std::move(hint));
   }
 
   void compare(const char* what, const std::string& then, const std::string& now, RecordedRun& run) const {
@@ -117,8 +117,8 @@ class Reader {
   }
 
   [[noreturn]] void refuse(std::string expected, std::string got, std::string hint) const {
-    throw InputError(Diagnostic{
-        Code::not_resumable, {"/restart/checkpoints", {file_.file_name()}}, std::move(expected), std::move(got), std::move(hint)});
+    cardan::refuse(Code::not_resumable, {"/restart/checkpoints", {file_.file_name()}}, std::move(expected), std::move(got),
+                   std::move(hint));
   }
 
   void read_rows(ResumePoint& point, std::size_t n) const {

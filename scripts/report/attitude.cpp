@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
 
 namespace cardan {
 namespace {
@@ -17,6 +18,15 @@ constexpr double kLocked = 1e-9;  // cosine of the pitch below which yaw and rol
 Quaternion product(const Quaternion& a, const Quaternion& b) {
   return {a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3], a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
           a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1], a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]};
+}
+
+/// Of length 1; nothing where it has no direction.
+std::optional<Quaternion> unit(std::span<const double> x) {
+  Quaternion q{x[0], x[1], x[2], x[3]};
+  const double length = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+  if (!(length > 0.0 && length <= std::numeric_limits<double>::max())) return std::nullopt;
+  for (double& c : q) c /= length;
+  return q;
 }
 
 /// The angle nearest to `before` that differs from x by whole turns.
@@ -46,20 +56,18 @@ Angles angles_321(const Quaternion& q, const Angles& before) {
 
 }  // namespace
 
-AttitudeAngles attitude_angles(std::span<const double> quaternions, std::size_t rows) {
+AttitudeAngles attitude_angles(std::span<const double> quaternions, std::size_t rows, std::span<const double> from) {
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN(), kDegrees = 180 / kPi;
   AttitudeAngles out;
   out.rows.assign(4 * rows, kNone);
-  Quaternion first{};
-  bool begun = false;
+  std::optional<Quaternion> first;
   Angles before{};
   for (std::size_t i = 0; i < rows; ++i) {
-    Quaternion q{quaternions[4 * i], quaternions[4 * i + 1], quaternions[4 * i + 2], quaternions[4 * i + 3]};
-    const double length = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    if (!(length > 0.0 && length <= std::numeric_limits<double>::max())) continue;
-    for (double& c : q) c /= length;
-    if (!begun) first = {q[0], -q[1], -q[2], -q[3]}, begun = true;
-    const Quaternion p = product(first, q);
+    const std::optional<Quaternion> q = unit(quaternions.subspan(4 * i, 4));
+    if (!from.empty()) first = unit(from.subspan(4 * i, 4));
+    if (from.empty() && !first) first = q;
+    if (!q || !first) continue;
+    const Quaternion p = product({(*first)[0], -(*first)[1], -(*first)[2], -(*first)[3]}, *q);
     const Angles a = angles_321(p, before);
     const bool jumps = distance(a, before) > kPi / 2;
     before = a;

@@ -10,6 +10,7 @@
 
 #include "core/base/diagnostic.hpp"
 #include "core/io/hdf5_file.hpp"
+#include "core/io/recorder.hpp"
 #include "scripts/report/attitude.hpp"
 
 namespace cardan {
@@ -25,7 +26,7 @@ Json rounded(double value, double largest, double range) {
 }
 
 void bad_content(const Hdf5File& file, const std::string& path, const std::string& expected, const std::string& got) {
-  throw InputError({Code::bad_result_file, {path, {file.file_name(), 0, 0}}, expected, got, "", "", "", 0});
+  refuse(Code::bad_result_file, {path, {file.file_name()}}, expected, got);
 }
 
 namespace {
@@ -187,8 +188,6 @@ std::vector<bool> moving(const std::vector<ChannelSize>& all) {
   return out;
 }
 
-bool is_attitude(const std::vector<std::string>& components) { return components == std::vector<std::string>{"w", "x", "y", "z"}; }
-
 Json channel(std::string path, std::string unit, std::string frame, std::string meaning, const std::vector<std::string>& components,
              std::span<const double> data, const Thinning& thin) {
   Json values = Json::array();
@@ -197,15 +196,19 @@ Json channel(std::string path, std::string unit, std::string frame, std::string 
           {"meaning", std::move(meaning)}, {"components", components}, {"values", std::move(values)}};
 }
 
-Json angles_channel(const std::string& path, std::span<const double> quaternions, const Thinning& thin) {
-  const AttitudeAngles angles = attitude_angles(quaternions, thin.rows);
-  std::string meaning =
-      "from the first attitude: turn, the angle of the rotation (0 to 180 deg); yaw, pitch, roll, its 3-2-1 angles (about z, then "
-      "the new y, then the new x), continued beyond 180 deg";
+/// `from`: what the attitude is seen from, row by row; empty: its first row.
+Json angles_channel(const std::string& path, std::span<const double> quaternions, const Thinning& thin, std::span<const double> from = {},
+                    const std::string& command = {}) {
+  const AttitudeAngles angles = attitude_angles(quaternions, thin.rows, from);
+  std::string meaning = fmt::format(
+      "from {}: turn, the angle of the rotation (0 to 180 deg); yaw, pitch, roll, its 3-2-1 angles (about z, then the new y, then the "
+      "new x), continued beyond 180 deg",
+      from.empty() ? "the first attitude" : "the commanded attitude " + command);
   if (angles.jumps > 0)
     meaning += fmt::format(". The lines are broken at {} place{} where an angle goes more than 90 deg from one row to the next",
                            angles.jumps, angles.jumps == 1 ? "" : "s");
-  return channel(path + " angles", "deg", "", meaning, {"turn", "yaw", "pitch", "roll"}, angles.rows, thin);
+  return channel(path + (from.empty() ? " angles" : " off command"), "deg", "", meaning, {"turn", "yaw", "pitch", "roll"}, angles.rows,
+                 thin);
 }
 
 /// What is not drawn, by group, with the one value that each component has.
@@ -247,6 +250,14 @@ Json series(const Hdf5File& file) {
   }
   for (ChannelSize& c : all) c.ranges = ranges_of(rows_of(file, c.path, rows, c.components), c.components, rows);
 
+  const auto commanding = [&](const std::string& attitude) {  // the channels that say where it ought to be
+    std::vector<std::string> out;
+    for (const ChannelSize& c : all)
+      if (c.components == 4 && file.has_attribute(c.path, "commands") && file.text_attribute(c.path, "commands") == attitude)
+        out.push_back(c.path);
+    return out;
+  };
+
   Json out = {{"rows", rows}, {"still", Json::object()}, {"still_left_out", 0}};
   std::vector<ChannelSize> drawn;
   std::size_t still_bytes = 0;
@@ -260,7 +271,8 @@ Json series(const Hdf5File& file) {
   const std::vector<ChannelSize> shown = chosen(drawn, rows);
   std::size_t components = 0, channels = 0;
   for (const ChannelSize& c : shown) {
-    const std::size_t copies = is_attitude(file.texts_attribute(c.path, "components")) ? 2 : 1;
+    const std::size_t copies =
+        is_attitude(file.texts_attribute(c.path, "components")) ? 2 + commanding(c.path.substr(root.size() + 1)).size() : 1;
     components += copies * c.components, channels += copies;
   }
   const double names_bytes = kBytesPerChannel * static_cast<double>(channels) + kBytesPerComponent * static_cast<double>(components);
@@ -280,7 +292,11 @@ Json series(const Hdf5File& file) {
     const auto data = rows_of(file, c.path, rows, names.size());
     out["channels"].push_back(channel(name, file.text_attribute(c.path, "unit"), file.text_attribute(c.path, "frame"),
                                       file.text_attribute(c.path, "meaning"), names, data, thin));
-    if (is_attitude(names)) out["channels"].push_back(angles_channel(name, data, thin));
+    if (!is_attitude(names)) continue;
+    out["channels"].push_back(angles_channel(name, data, thin));
+    for (const std::string& command : commanding(name))
+      out["channels"].push_back(
+          angles_channel(name, data, thin, rows_of(file, command, rows, names.size()), command.substr(root.size() + 1)));
   }
   out["stretch"] = thin.stretch;
   out["t"] = times(rows_of(file, "/time", rows, 0), thin);

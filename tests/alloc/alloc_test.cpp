@@ -40,6 +40,7 @@ const Registry& with_plugin() {
 
 TEST(Alloc, OperatorExpressions) {  // once the scratch is there
   using namespace operators;
+  using namespace operators::letters;
   const auto model = compiled(random_tree(5, {.bodies = 8, .flexible = 0.4}).spec);
   TreeOperators tree(model);
   tree.at(model->initial_state().q.data());

@@ -11,8 +11,8 @@ namespace cardan::test {
 namespace {
 
 using operators::dense;
-using soa::TreeOperators;
-using Form = Diagonalised::Form;
+using operators::TreeOperators;
+using Form = operators::Diagonalised::Form;
 
 constexpr double kExact = 1e-12;
 
@@ -44,12 +44,13 @@ TEST(Diagonalised, MapsEnergyAndPower) {
           const VectorXd& v = s.state.v;
           const MatrixXd M = mass_matrix(*s.model, s.ws, s.state.q.data());
           const double twice_energy = v.dot(M * v);
-          Diagonalised form(s.ops);
+          operators::Diagonalised form(s.ops);
           const VectorXd nu = form.from_velocity(v), C = form.coriolis(v), eps = form.eps(s.tau);
           VectorXd back = VectorXd::Zero(v.size());
           form.to_velocity(nu, back);
           // operator forms: nu = S* (1 + H phi K)* v, L eps = tau
-          const MatrixXd one_plus = dense(operators::I + operators::H * operators::phi * operators::K, s.ops);
+          const MatrixXd one_plus =
+              dense(operators::letters::I + operators::letters::H * operators::letters::phi * operators::letters::K, s.ops);
           MatrixXd S = MatrixXd::Zero(v.size(), v.size());
           for (std::size_t i = 0; i < s.ops.bodies().size(); ++i) {
             const auto& b = s.ops.bodies()[i];
@@ -73,10 +74,10 @@ TEST(Diagonalised, FormWithoutSquareRoots) {
           Scene s(tree);
           if (s.model->nv == 0) return 0.0;
           const VectorXd& v = s.state.v;
-          Diagonalised form(s.ops, Form::rates);
-          const VectorXd nu = form.from_velocity(v), C = form.coriolis(v), Dnu = operators::apply(operators::D, s.ops, nu);
-          RiccatiRates rates;
-          riccati_rates(s.ops, s.ops.derivatives(v.data()), rates);
+          operators::Diagonalised form(s.ops, Form::rates);
+          const VectorXd nu = form.from_velocity(v), C = form.coriolis(v), Dnu = operators::apply(operators::letters::D, s.ops, nu);
+          operators::RiccatiRates rates;
+          operators::riccati_rates(s.ops, s.ops.derivatives(v.data()), rates);
           double work = 0.0, size = nu.cwiseAbs().dot(C.cwiseAbs());
           for (std::size_t i = 0; i < s.ops.bodies().size(); ++i) {
             const auto& b = s.ops.bodies()[i];
@@ -107,7 +108,7 @@ TEST(Diagonalised, RateAlongTheMotion) {
             const Model& m = *s.model;
             if (m.nv == 0) return 0.0;
             const VectorXd vdot = s.forward();
-            Diagonalised form(s.ops, form_of);
+            operators::Diagonalised form(s.ops, form_of);
             const VectorXd got = form.rate(s.in());
             VectorXd qdot(m.nq), want(m.nv), work(m.nv);
             m.qdot(s.state.q.data(), s.state.v.data(), qdot.data());
@@ -130,7 +131,7 @@ TEST(Diagonalised, GivenComponents) {  // no nu of their own; the rest comes bac
         Scene s(tree);
         const Model& m = *s.model;
         if (m.nv == 0) return 0.0;
-        Diagonalised form(s.ops);
+        operators::Diagonalised form(s.ops);
         const VectorXd nu = form.from_velocity(s.state.v), C = form.coriolis(s.state.v), eps = form.eps(s.tau);
         VectorXd back = s.state.v;
         for (int i = 0; i < m.nv; ++i) {
@@ -169,16 +170,16 @@ TEST(Diagonalised, Subtrees) {  // nu, its inverse and C of a subtree are those 
           for (const auto& root : s.ops.bodies()) {
             TreeOperators part = s.ops.subgraph(s.ops.subtree(root.sweep));
             part.articulate();
-            const int n = part.size(soa::Space::hinge);
+            const int n = part.size(operators::Space::hinge);
             if (n == 0) continue;
             VectorXd v(n);
             for (int i = 0; i < s.model->nv; ++i)
               if (part.place_of_velocity(i) >= 0) v[part.place_of_velocity(i)] = s.state.v[i];
-            Diagonalised form(part);
+            operators::Diagonalised form(part);
             const VectorXd nu = form.from_velocity(v), C = form.coriolis(v);
             VectorXd back = VectorXd::Zero(n);
             form.to_velocity(nu, back);
-            const double energy = v.dot(operators::apply(operators::mass, part, v));
+            const double energy = v.dot(operators::apply(operators::letters::mass, part, v));
             const double power = std::abs(nu.dot(C)) / (largest(nu) * (largest(C) + largest(nu)));  // rates of 1/s: C is of the size of nu
             worst = worse({worst, apart(back, v) / 1e2, std::abs(nu.squaredNorm() - energy) / energy, 1e-1 * power});
             const UserBody& body = s.model->user[static_cast<std::size_t>(root.user)];
@@ -189,7 +190,7 @@ TEST(Diagonalised, Subtrees) {  // nu, its inverse and C of a subtree are those 
             TreeOperators other(alone);
             other.at(alone->initial_state().q.data());
             other.articulate();
-            Diagonalised same(other);
+            operators::Diagonalised same(other);
             const VectorXd w = alone->initial_state().v;
             worst = worse({worst, apart(same.from_velocity(w), nu), apart(same.coriolis(w), C, nu.norm()) / 10});
           }

@@ -11,7 +11,8 @@ namespace cardan::test {
 namespace {
 
 using namespace cardan::operators;
-using soa::Expression;
+using namespace cardan::operators::letters;
+using operators::Expression;
 
 constexpr double kSame = 1e-13;
 
@@ -21,6 +22,11 @@ std::shared_ptr<TreeOperators> at_initial_state(const RandomTree& tree) {
   ops->at(model->initial_state().q.data());
   ops->articulate();
   return ops;
+}
+
+Expression named(std::shared_ptr<const TreeOperators> ops, std::string_view name) {
+  const auto all = Expression::named();
+  return std::ranges::find(all, name, &Expression::Named::name)->of(std::move(ops));
 }
 
 // The formula is the type.
@@ -59,15 +65,15 @@ TEST(Expressions, PrintAsOnPaper) {
   const auto ops = at_initial_state(random_tree(1, {.bodies = 4, .flexible = 0.0}));
   const auto leaf = [&](Kind k) { return Expression::leaf(ops, k); };
   const Expression one = Expression::unit(ops);
-  EXPECT_EQ(Expression::mass(ops).text(), "H phi M phi* H*");
-  EXPECT_EQ(Expression::mass(ops).inv().text(), "(I - K* psi* H*) D^-1 (I - H psi K)");
+  EXPECT_EQ(named(ops, "mass").text(), "H phi M phi* H*");
+  EXPECT_EQ(named(ops, "mass").inv().text(), "(I - K* psi* H*) D^-1 (I - H psi K)");
   EXPECT_EQ((one - 2.0 * (leaf(Kind::H) * leaf(Kind::psi) * leaf(Kind::K))).text(), "I - 2 H psi K");
   EXPECT_EQ(leaf(Kind::phi).inv().text(), "I - E_phi");
 }
 
 TEST(Expressions, NormsAndEigenvalues) {
   const auto ops = at_initial_state(random_tree(7, {.bodies = 6, .flexible = 0.4}));
-  const Expression mass_matrix = Expression::mass(ops);
+  const Expression mass_matrix = named(ops, "mass");
   const MatrixXd A = mass_matrix.dense();
   const VectorXd values = Eigen::SelfAdjointEigenSolver<MatrixXd>(A).eigenvalues();
   EXPECT_NEAR(mass_matrix.norm(), values[values.size() - 1], 1e-12 * mass_matrix.norm());
@@ -84,7 +90,7 @@ TEST(Expressions, NormsOfManyBodiesWithoutAMatrix) {  // a chain of 400 revolute
   auto ops = std::make_shared<TreeOperators>(model);
   const VectorXd q = VectorXd::Constant(model->nq, 0.01);
   ops->at(q.data());
-  const Expression mass_matrix = Expression::mass(ops);
+  const Expression mass_matrix = named(ops, "mass");
   const VectorXd values = Eigen::SelfAdjointEigenSolver<MatrixXd>(mass_matrix.dense(), Eigen::EigenvaluesOnly).eigenvalues();
   EXPECT_NEAR(mass_matrix.norm() / values[399], 1.0, 1e-9);
   const VectorXd ten = mass_matrix.eigenvalues(10);

@@ -8,7 +8,7 @@
 namespace cardan::test {
 namespace {
 
-using namespace cardan::soa;
+using namespace cardan::operators;
 
 TEST(Hybrid, AnyMaskAgainstTheTwin) {  // inside hinges and among modes; wrenches, gravity, elasticity, velocities
   for (std::vector<TreeOptions> kinds = kinds_of_trees(); const TreeOptions& options : kinds)

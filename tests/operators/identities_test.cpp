@@ -10,6 +10,7 @@ namespace cardan::test {
 namespace {
 
 using namespace cardan::operators;
+using namespace cardan::operators::letters;
 
 constexpr double kIdentity = 1e-12;
 
@@ -26,7 +27,7 @@ struct Scene {
 
 /// The dense form of one expression equals that of another. The scale is the largest entry of either: products of those
 /// along the way would be too generous.
-template <Expression L, Expression R>
+template <Symbolic L, Symbolic R>
 void expect_same(const char* what, L left, R right) {
   SCOPED_TRACE(what);
   for (const TreeOptions& options : kinds_of_trees())

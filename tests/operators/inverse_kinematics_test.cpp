@@ -9,11 +9,11 @@
 namespace cardan::test {
 namespace {
 
-using soa::IkLimit;
-using soa::IkOptions;
-using soa::IkResult;
-using soa::IkTarget;
-using soa::inverse_kinematics;
+using operators::IkLimit;
+using operators::IkOptions;
+using operators::IkResult;
+using operators::IkTarget;
+using operators::inverse_kinematics;
 
 /// Pose of a node at q, by the observer.
 NodeState node_at(const Model& m, const VectorXd& q, const std::string& name) {

@@ -12,12 +12,12 @@
 namespace cardan::test {
 namespace {
 
-using soa::linearize;
-using soa::LinearModel;
+using operators::linearize;
+using operators::LinearModel;
 
 std::size_t idx(int i) { return static_cast<std::size_t>(i); }
 
-LinearModel at_initial_state(const Model& model, const soa::LinearPorts& ports = {}) {
+LinearModel at_initial_state(const Model& model, const operators::LinearPorts& ports = {}) {
   const State s = model.initial_state();
   return linearize(model, {.q = s.q.data(), .v = s.v.data()}, ports);
 }
@@ -71,7 +71,7 @@ double check_against_differences(const RandomTree& tree) {
   if (m.nv == 0) return 0.0;
   const int nv = m.nv, node = static_cast<int>(m.nodes.size()) - 1, pushed = static_cast<int>(m.nodes.size()) / 2;
   const std::string &seen = m.nodes[idx(node)].name, &on = m.nodes[idx(pushed)].name;
-  soa::LinearPorts ports;
+  operators::LinearPorts ports;
   const LinearModel names = linearize(m, {.q = at.state.q.data(), .v = at.state.v.data()});
   for (int i = 0; i < nv; ++i) ports.inputs.push_back(names.states.names[idx(nv + i)]);
   ports.inputs.insert(ports.inputs.end(), {on + ":force", on + ":torque"});
@@ -153,7 +153,7 @@ TEST(LinearModel, KinematicPart) {  // d^2/de dt of the deviation between two ne
 /// Imaginary parts of the poles with a positive one, ascending.
 std::vector<double> frequencies(const MatrixXd& A) {
   std::vector<double> out;
-  for (const soa::Pole& p : soa::poles(A))
+  for (const operators::Pole& p : operators::poles(A))
     if (p.value.imag() > 1e-9) out.push_back(p.value.imag());
   std::sort(out.begin(), out.end());
   return out;
@@ -207,9 +207,9 @@ TEST(LinearModel, FlexibleArmHasTheModesOfTheSystem) {  // at rest, free of stre
         const auto model = compiled(spec);
         const LinearModel l = at_initial_state(*model);
         const std::vector<double> w = frequencies(l.A);
-        soa::TreeOperators ops(model);
+        operators::TreeOperators ops(model);
         ops.at(model->initial_state().q.data());
-        const soa::SystemModes modes = system_modes(ops, {.elastic = model->nv, .rigid = 0});
+        const operators::SystemModes modes = system_modes(ops, {.elastic = model->nv, .rigid = 0});
         double worst = largest(l.drift);
         const std::size_t elastic = idx(static_cast<int>(modes.frequency.size()));
         if (w.size() < elastic) return HUGE_VAL;
@@ -238,7 +238,7 @@ TEST(LinearModel, CircularOrbit) {  // a particle in a central field: poles 0 an
 
 TEST(LinearModel, RefusesUnknownNames) {
   const auto model = compiled(system({on(rigid("wing", 2.0, {1, 0, 0}, diagonal({1, 1, 1})), "", "revolute", {Vector3d::UnitZ()})}));
-  const auto message = [&](soa::LinearPorts ports) -> std::string {
+  const auto message = [&](operators::LinearPorts ports) -> std::string {
     try {
       at_initial_state(*model, ports);
     } catch (const InputError& e) {

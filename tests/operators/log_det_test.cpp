@@ -12,7 +12,7 @@ namespace cardan::test {
 namespace {
 
 using operators::dense;
-using soa::TreeOperators;
+using operators::TreeOperators;
 
 constexpr double kGradient = 1e-12;
 
@@ -31,13 +31,13 @@ TEST(LogDet, GradientIsTheTraceOfTheDense) {
           ops.at(state.q.data());
           ops.articulate();
           ops.operational_space();
-          const VectorXd gradient = log_det_gradient(ops);
-          const MatrixXd M = dense(operators::mass, ops);
+          const VectorXd gradient = operators::log_det_gradient(ops);
+          const MatrixXd M = dense(operators::letters::mass, ops);
           VectorXd want(model->nv), unit = VectorXd::Zero(model->nv);
           for (int i = 0; i < model->nv; ++i) {
             unit[i] = 1.0;
             ops.along(unit.data());
-            want[i] = trace_of_log(M, dense(operators::mass_derivative, ops));
+            want[i] = trace_of_log(M, dense(operators::letters::mass_derivative, ops));
             unit[i] = 0.0;
           }
           const double value = std::abs(ops.log_det() - std::log(M.determinant()));
@@ -64,15 +64,15 @@ TEST(LogDet, GradientIsTheAdjointOfTheRiccatiRates) {
             u[i] = std::sin(1.0 + i), W[i] = 0.1 + 0.05 * (i % 3), free[static_cast<std::size_t>(i)] = i % 4 != 1;
           ops.articulate({.W = W.data(), .free = free});
           ops.operational_space();
-          RiccatiRates rates;
-          riccati_rates(ops, ops.derivatives(u.data()), rates);
+          operators::RiccatiRates rates;
+          operators::riccati_rates(ops, ops.derivatives(u.data()), rates);
           double along = 0.0, size = 1.0;
           for (std::size_t i = 0; i < rates.D.size(); ++i) {
             const MatrixXd& S = ops.S(static_cast<int>(i));
             const double term = (S * S.transpose()).llt().solve(rates.D[i]).trace();
             along += term, size += std::abs(term);
           }
-          const VectorXd gradient = log_det_gradient(ops);
+          const VectorXd gradient = operators::log_det_gradient(ops);
           return std::abs(gradient.dot(u) - along) / worse(size, gradient.cwiseAbs().dot(u.cwiseAbs()));
         },
         kTrees);
@@ -89,11 +89,11 @@ TEST(LogDet, GradientOfASubgraph) {
         TreeOperators whole(model);
         whole.at(state.q.data());
         TreeOperators sub = whole.subgraph(whole.subtree(2));
-        if (sub.size(soa::Space::hinge) == 0) return 0.0;
+        if (sub.size(operators::Space::hinge) == 0) return 0.0;
         sub.articulate();
         sub.operational_space();
-        const VectorXd gradient = log_det_gradient(sub);
-        const MatrixXd M = dense(operators::mass, sub);
+        const VectorXd gradient = operators::log_det_gradient(sub);
+        const MatrixXd M = dense(operators::letters::mass, sub);
         double worst = 0.0;
         VectorXd unit = VectorXd::Zero(model->nv);
         for (int i = 0; i < model->nv; ++i) {
@@ -101,7 +101,7 @@ TEST(LogDet, GradientOfASubgraph) {
           if (place < 0) continue;
           unit[i] = 1.0;
           sub.along(unit.data());
-          worst = worse(worst, std::abs(gradient[place] - trace_of_log(M, dense(operators::mass_derivative, sub))));
+          worst = worse(worst, std::abs(gradient[place] - trace_of_log(M, dense(operators::letters::mass_derivative, sub))));
           unit[i] = 0.0;
         }
         return worst / worse(1.0, largest(gradient));
@@ -114,7 +114,7 @@ TEST(LogDet, PassesDoNotGrowWithTheNumberOfBodies) {
   for (const int n : {10, 40, 160}) {
     options.bodies = n;
     TreeOperators ops(compiled(random_tree(1, options).spec));
-    EXPECT_LE(log_det_passes(ops), 6 + 2 * 4);
+    EXPECT_LE(operators::log_det_passes(ops), 6 + 2 * 4);
   }
 }
 
@@ -122,7 +122,7 @@ TEST(LogDet, StageIsNamed) {
   TreeOperators ops(compiled(random_tree(1, {.bodies = 2}).spec));
   const State state = ops.model().initial_state();
   ops.at(state.q.data());
-  EXPECT_THROW(log_det_gradient(ops), InputError);
+  EXPECT_THROW(operators::log_det_gradient(ops), InputError);
 }
 
 }  // namespace

@@ -8,7 +8,7 @@
 namespace cardan::test {
 namespace {
 
-using namespace cardan::soa;
+using namespace cardan::operators;
 
 TEST(MassMatrix, ByCompositeInertias) {
   for_all_views(kinds_of_trees(), kIdentity, [](View& v, Scene&) {
@@ -60,7 +60,7 @@ TEST(OperationalSpace, BlocksOfOmega) {
       kinds_of_trees(), kIdentity,
       [](View& v, Scene&) {
         prepare(v.ops);
-        const MatrixXd whole = operators::dense(operators::omega, v.ops);
+        const MatrixXd whole = operators::dense(operators::letters::omega, v.ops);
         double worst = 0.0;
         const int n = static_cast<int>(v.ops.bodies().size());
         for (int a = 0; a < n; ++a)

@@ -13,7 +13,7 @@
 namespace cardan::test {
 namespace {
 
-using soa::Space;
+using operators::Space;
 
 constexpr double kSame = 1e-12;
 
@@ -47,7 +47,7 @@ RandomTree on_their_own(const RandomTree& tree, Loaded& at, const TreeOperators&
 /// H f.
 VectorXd through_hinges(const TreeOperators& tree, const VectorXd& f) {
   VectorXd out(tree.size(Space::hinge));
-  tree.apply(soa::Kind::H, false, f.data(), out.data());
+  tree.apply(operators::Kind::H, false, f.data(), out.data());
   return out;
 }
 
@@ -140,15 +140,15 @@ TEST(Part, InverseDynamicsAndInterBodyForces) {
     Workspace dirty(*p.whole.model);
     VectorXd out(p.whole.model->nv);
     inverse_dynamics(*p.whole.model, dirty, p.whole.in(), out.data());
-    const VectorXd tau = p.alone.inverse(vdot), forces = soa::interbody_forces(p.part, dirty, in),
-                   other = soa::interbody_forces(p.tree, p.alone.ws, alone);
-    double worst = apart(soa::inverse_dynamics(p.part, dirty, in), tau);
-    worst = worse(worst, apart(soa::bias(p.part, dirty, in), soa::bias(p.tree, p.alone.ws, alone), largest(tau)));
+    const VectorXd tau = p.alone.inverse(vdot), forces = operators::interbody_forces(p.part, dirty, in),
+                   other = operators::interbody_forces(p.tree, p.alone.ws, alone);
+    double worst = apart(operators::inverse_dynamics(p.part, dirty, in), tau);
+    worst = worse(worst, apart(operators::bias(p.part, dirty, in), operators::bias(p.tree, p.alone.ws, alone), largest(tau)));
     worst = worse(worst, apart(through_hinges(p.part, forces), tau, largest(forces)));
     double size = largest(other);
-    for (const soa::OperatorBody& b : p.tree.bodies()) {
+    for (const operators::OperatorBody& b : p.tree.bodies()) {
       const int u = p.whole.model->find_body(p.alone.model->user[idx(b.user)].name);
-      const soa::OperatorBody& mine = p.part.bodies()[idx(p.part.index_of(p.whole.model->user[idx(u)].sweep))];
+      const operators::OperatorBody& mine = p.part.bodies()[idx(p.part.index_of(p.whole.model->user[idx(u)].sweep))];
       EXPECT_EQ(mine.user, u);
       worst = worse(worst, apart(forces.segment(mine.at, 6 + mine.m), other.segment(b.at, 6 + b.m), size));
     }
@@ -172,13 +172,13 @@ TEST(InterBodyForces, AreThoseOfTheObserverAndOfTheBlocks) {
       Workspace ws(m);
       Inputs in = s.in();
       in.vdot = vdot.data();
-      const VectorXd f = soa::interbody_forces(ops, ws, in);
+      const VectorXd f = operators::interbody_forces(ops, ws, in);
       const double size = largest(f);
       double worst = apart(through_hinges(ops, f), tau, size);
       VectorXd own(f.size());  // M alpha + b - f_ext = (1 - E_phi) f
-      ops.apply(soa::Kind::E_phi, false, f.data(), own.data());
+      ops.apply(operators::Kind::E_phi, false, f.data(), own.data());
       own = f - own;
-      for (const soa::OperatorBody& b : ops.bodies()) {
+      for (const operators::OperatorBody& b : ops.bodies()) {
         const UserBody& u = m.user[idx(b.user)];
         if (m.bodies[idx(b.sweep)].pnode < 0) {
           const Vector6d at = f.segment<6>(b.at);
@@ -208,20 +208,20 @@ TEST(InterBodyForces, AreThoseOfTheObserverAndOfTheBlocks) {
 
 TEST(Part, Sensitivities) {
   for_all_parts(all_kinds(), 1e-11, [](Pair& p) {
-    Sensitivities mine(p.part), other(p.alone.model);
+    operators::Sensitivities mine(p.part), other(p.alone.model);
     mine.solve(p.whole.in()), other.solve(p.alone.in());
     const double condition = scaled_condition(mass_matrix(*p.alone.model, p.alone.ws, p.alone.state.q.data()));
     double worst = worse(apart(mine.vdot(), other.vdot()) / condition, apart(mine.tau(), other.tau(), largest(other.vdot())) / condition);
     mine.at(p.whole.in()), other.at(p.alone.in());
-    const InverseDerivatives a = mine.inverse(), b = other.inverse();
+    const operators::InverseDerivatives a = mine.inverse(), b = other.inverse();
     worst = worse({worst, apart(mine.tau(), other.tau()), apart(a.q, b.q), apart(a.v, b.v, 1.0)});
-    const ForwardDerivatives c = mine.forward(), d = other.forward();
+    const operators::ForwardDerivatives c = mine.forward(), d = other.forward();
     worst = worse({worst, apart(c.q, d.q) / condition, apart(c.v, d.v, 1.0) / condition, apart(c.tau, d.tau) / condition});
     const VectorXd u = some_vector(p.spec.seed, p.n()), w = some_vector(p.spec.seed + 1, p.n());
     VectorXd x(p.n()), y(p.n());
     mine.mass(u.data(), w.data(), x.data()), other.mass(u.data(), w.data(), y.data());
     worst = worse(worst, apart(x, y, 1.0));
-    const Direction along{.q = u.data(), .v = w.data(), .vdot = u.data(), .tau = w.data()};
+    const operators::Direction along{.q = u.data(), .v = w.data(), .vdot = u.data(), .tau = w.data()};
     mine.forward(along, x.data()), other.forward(along, y.data());
     worst = worse(worst, apart(x, y) / condition);
     for (std::size_t i = 0; i < p.alone.model->user.size(); ++i) {
@@ -230,8 +230,8 @@ TEST(Part, Sensitivities) {
       const int here = p.whole.model->find_body(body.name), there = static_cast<int>(i);
       if (body.n_modes > 0)
         worst = worse({worst, apart(mine.inverse_in_stiffness(here), other.inverse_in_stiffness(there)),
-                       apart(mine.forward_in_stiffness(here, Sensitivities::Stiffness::full),
-                             other.forward_in_stiffness(there, Sensitivities::Stiffness::full)) /
+                       apart(mine.forward_in_stiffness(here, operators::Sensitivities::Stiffness::full),
+                             other.forward_in_stiffness(there, operators::Sensitivities::Stiffness::full)) /
                            condition});
       else
         worst = worse({worst, apart(mine.inverse_in_inertia(here), other.inverse_in_inertia(there)),
@@ -241,7 +241,7 @@ TEST(Part, Sensitivities) {
   });
 }
 
-double difference(const soa::LinearModel& a, const soa::LinearModel& b) {
+double difference(const operators::LinearModel& a, const operators::LinearModel& b) {
   EXPECT_EQ(a.states.names, b.states.names);
   EXPECT_EQ(a.inputs.names, b.inputs.names);
   EXPECT_EQ(a.inputs.units, b.inputs.units);
@@ -258,22 +258,23 @@ TEST(Part, LinearModels) {
   for_all_parts(
       all_kinds(), 1e-11,
       [](Pair& p) {
-        soa::LinearPorts ports;
+        operators::LinearPorts ports;
         const std::vector<std::string> nodes = p.nodes();
-        for (const std::string& name : p.part.labels(Space::hinge, soa::Sort::motion).names) ports.inputs.push_back(name);
+        for (const std::string& name : p.part.labels(Space::hinge, operators::Sort::motion).names) ports.inputs.push_back(name);
         for (std::size_t i = 0; i < nodes.size(); i += 2) {
           ports.inputs.push_back(nodes[i] + ":force");
           for (const char* what : {":position", ":velocity", ":acceleration", ":attitude", ":rate", ":specific_force"})
             ports.outputs.push_back(nodes[i] + what);
         }
-        ports.outputs.push_back(p.part.labels(Space::hinge, soa::Sort::motion).names[0]);
+        ports.outputs.push_back(p.part.labels(Space::hinge, operators::Sort::motion).names[0]);
         ports.outputs.insert(ports.outputs.end(), {"momentum:linear", "momentum:angular"});
         const auto at = [](const Loaded& s) {
-          return soa::OperatingPoint{
+          return operators::OperatingPoint{
               .q = s.state.q.data(), .v = s.state.v.data(), .tau = s.tau.data(), .vdot = s.vdot_given.data(), .wrenches = s.wrenches};
         };
         const double condition = scaled_condition(mass_matrix(*p.alone.model, p.alone.ws, p.alone.state.q.data()));
-        return difference(soa::linearize(p.part, at(p.whole), ports), soa::linearize(*p.alone.model, at(p.alone), ports)) / condition;
+        return difference(operators::linearize(p.part, at(p.whole), ports), operators::linearize(*p.alone.model, at(p.alone), ports)) /
+               condition;
       },
       15);
 }
@@ -284,29 +285,29 @@ TEST(Part, DiagonalisedVelocitiesHybridDynamicsJdotAndModes) {
     if (std::ranges::count(free, 1) == 0) return 0.0;
     p.part.articulate({.free = free}), p.tree.articulate({.free = free});
     double worst = 0.0;
-    for (const auto form : {Diagonalised::Form::normalised, Diagonalised::Form::rates}) {
-      Diagonalised mine(p.part, form), other(p.tree, form);
+    for (const auto form : {operators::Diagonalised::Form::normalised, operators::Diagonalised::Form::rates}) {
+      operators::Diagonalised mine(p.part, form), other(p.tree, form);
       const VectorXd& v = p.alone.state.v;
       const VectorXd C = other.coriolis(v), rate = other.rate(p.alone.in());
       const double size = worse(largest(C), largest(rate));
       worst = worse({worst, apart(mine.coriolis(v), C, size), apart(mine.rate(p.whole.in()), rate, size)});
     }
-    std::vector<soa::Drive> drives;
-    for (const std::uint8_t f : free) drives.push_back(f ? soa::Drive::forced : soa::Drive::prescribed);
+    std::vector<operators::Drive> drives;
+    for (const std::uint8_t f : free) drives.push_back(f ? operators::Drive::forced : operators::Drive::prescribed);
     Workspace dirty(*p.whole.model);
     VectorXd out(p.whole.model->nv);
     if (!forward_dynamics(*p.whole.model, dirty, p.whole.in(), out.data())) return HUGE_VAL;
-    const soa::Hybrid h = hybrid_dynamics(p.part, drives, dirty, p.whole.in(), p.alone.tau, p.alone.vdot_given);
-    const soa::Hybrid same = hybrid_dynamics(p.tree, drives, p.alone.ws, p.alone.in(), p.alone.tau, p.alone.vdot_given);
-    const double condition = scaled_condition(soa::mass_matrix(p.tree));
+    const operators::Hybrid h = hybrid_dynamics(p.part, drives, dirty, p.whole.in(), p.alone.tau, p.alone.vdot_given);
+    const operators::Hybrid same = hybrid_dynamics(p.tree, drives, p.alone.ws, p.alone.in(), p.alone.tau, p.alone.vdot_given);
+    const double condition = scaled_condition(operators::mass_matrix(p.tree));
     worst = worse({worst, apart(h.vdot, same.vdot) / condition, apart(h.tau, same.tau) / condition});
-    soa::Task here, there;
+    operators::Task here, there;
     for (const std::string& name : p.nodes())
       here.nodes.push_back(p.whole.model->find_node(name)), there.nodes.push_back(p.alone.model->find_node(name));
-    worst = worse(worst, apart(soa::task_bias(p.part, here, dirty, p.alone.state.v),
-                               soa::task_bias(p.tree, there, p.alone.ws, p.alone.state.v), 1.0));
-    const soa::SystemModesOptions options{.elastic = 3, .rigid = 2};
-    const soa::SystemModes a = soa::system_modes(p.part, options), b = soa::system_modes(p.tree, options);
+    worst = worse(worst, apart(operators::task_bias(p.part, here, dirty, p.alone.state.v),
+                               operators::task_bias(p.tree, there, p.alone.ws, p.alone.state.v), 1.0));
+    const operators::SystemModesOptions options{.elastic = 3, .rigid = 2};
+    const operators::SystemModes a = operators::system_modes(p.part, options), b = operators::system_modes(p.tree, options);
     EXPECT_EQ(a.n_rigid, b.n_rigid);
     return worse({worst, 1e-3 * apart(a.frequency, b.frequency), 1e-3 * apart(a.damping, b.damping, 1e-3)});
   });
@@ -327,19 +328,19 @@ TEST(Part, JdotAgreesWithADifferenceAlongTheMotion) {  // d/dt (J v) at constant
                   if (v.size() == 0) return 0.0;
                   VectorXd qdot(m.nq);
                   m.qdot(s.state.q.data(), all.data(), qdot.data());
-                  const soa::Task task{{part.nodes().back()}, {}};
+                  const operators::Task task{{part.nodes().back()}, {}};
                   Vector6d rate, work;
                   soa::derivative(
                       [&](double t, double* out) {
                         const VectorXd q = s.state.q + t * qdot;
                         ops.at(q.data());
-                        Eigen::Map<Vector6d>(out, 6) = soa::task_rates(ops.subgraph(bodies), task, v);
+                        Eigen::Map<Vector6d>(out, 6) = operators::task_rates(ops.subgraph(bodies), task, v);
                       },
                       1e-2, 6, rate.data(), work.data());
-                  const Vector6d V = soa::task_rates(part, task, v);
+                  const Vector6d V = operators::task_rates(part, task, v);
                   rate.tail<3>() += V.head<3>().cross(Vector3d(V.tail<3>()));
                   Workspace ws(m);
-                  return apart(soa::task_bias(part, task, ws, v), rate, worse(1.0, largest(V)));
+                  return apart(operators::task_bias(part, task, ws, v), rate, worse(1.0, largest(V)));
                 });
 }
 
@@ -366,18 +367,19 @@ TEST(Part, ComponentsThatAreNotFreeAreGiven) {
           const VectorXd vdot = whole ? given.vdot_given : p.part.to_model(given.vdot_given);
           Inputs in = whole ? p.alone.in() : p.whole.in();
           in.vdot = vdot.data();
-          Sensitivities mine(tree), other(given.model);
+          operators::Sensitivities mine(tree), other(given.model);
           mine.solve(in), other.solve(given.in());
-          const ForwardDerivatives c = mine.forward(), d = other.forward();
+          const operators::ForwardDerivatives c = mine.forward(), d = other.forward();
           double worst = worse({apart(mine.vdot(), other.vdot(), 1.0), apart(c.q, d.q, 1.0), apart(c.v, d.v, 1.0), apart(c.tau, d.tau)});
-          const soa::OperatingPoint at{.q = in.q, .v = in.v, .tau = in.tau, .vdot = in.vdot, .wrenches = in.wrenches};
-          const soa::OperatingPoint there{.q = given.state.q.data(),
-                                          .v = given.state.v.data(),
-                                          .tau = given.tau.data(),
-                                          .vdot = given.vdot_given.data(),
-                                          .wrenches = given.wrenches};
-          soa::LinearPorts ports{.inputs = {}, .outputs = {p.nodes()[0] + ":acceleration"}};
-          return worse(worst, difference(soa::linearize(tree, at, ports), soa::linearize(*given.model, there, ports))) / condition;
+          const operators::OperatingPoint at{.q = in.q, .v = in.v, .tau = in.tau, .vdot = in.vdot, .wrenches = in.wrenches};
+          const operators::OperatingPoint there{.q = given.state.q.data(),
+                                                .v = given.state.v.data(),
+                                                .tau = given.tau.data(),
+                                                .vdot = given.vdot_given.data(),
+                                                .wrenches = given.wrenches};
+          operators::LinearPorts ports{.inputs = {}, .outputs = {p.nodes()[0] + ":acceleration"}};
+          return worse(worst, difference(operators::linearize(tree, at, ports), operators::linearize(*given.model, there, ports))) /
+                 condition;
         },
         10);
 }
@@ -398,15 +400,16 @@ TEST(Part, InverseKinematicsMovesWhatTakesPart) {
         if (!forward_dynamics(own, p.alone.ws, there, out.data())) return HUGE_VAL;
         Observer observer(own, p.alone.ws);
         observer.update(there, nullptr);
-        const soa::IkTarget target = soa::IkTarget::at_position(m.find_node(name), observer.node(own.find_node(name)).position);
+        const operators::IkTarget target = operators::IkTarget::at_position(m.find_node(name), observer.node(own.find_node(name)).position);
         for (const bool dynamic : {false, true}) {
-          const soa::IkOptions options{.dynamic = dynamic, .starts = 1};
-          const soa::IkResult mine = soa::inverse_kinematics(p.part, std::span(&target, 1), options);
+          const operators::IkOptions options{.dynamic = dynamic, .starts = 1};
+          const operators::IkResult mine = operators::inverse_kinematics(p.part, std::span(&target, 1), options);
           m.difference(p.whole.state.q.data(), mine.q.data(), d.data());
           if (!mine.reached || !(largest(d - p.part.to_model(p.part.from_model(d))) <= 1e-15)) return HUGE_VAL;
-          soa::IkTarget other = target;
+          operators::IkTarget other = target;
           other.node = own.find_node(name);
-          const soa::IkResult same = soa::inverse_kinematics(p.alone.model, p.alone.state.q.data(), std::span(&other, 1), options);
+          const operators::IkResult same =
+              operators::inverse_kinematics(p.alone.model, p.alone.state.q.data(), std::span(&other, 1), options);
           own.difference(p.alone.state.q.data(), same.q.data(), e.data());
           if (!(apart(p.part.from_model(d), e, 1e-3) <= 1e-6)) return HUGE_VAL;
           ++reached;
@@ -439,28 +442,30 @@ TEST(Part, NamesOfOthersAreRefused) {
   TreeOperators tree(model);
   tree.at(s.q.data());
   const TreeOperators part = tree.subgraph(tree.subtree(2));
-  const soa::OperatingPoint at{.q = s.q.data(), .v = s.v.data()};
+  const operators::OperatingPoint at{.q = s.q.data(), .v = s.v.data()};
   for (const char* name : {"a", "a.angle", "a:force"})
     EXPECT_EQ(code([&] { linearize(part, at, {.inputs = {name}, .outputs = {}}); }), Code::unknown_name) << name;
   for (const char* name : {"a", "a.rate", "a:position"})
     EXPECT_EQ(code([&] { linearize(part, at, {.inputs = {}, .outputs = {name}}); }), Code::unknown_name) << name;
   EXPECT_EQ(linearize(part, at, {.inputs = {"b"}, .outputs = {"c:position"}}).A.rows(), 4);
-  Sensitivities about(part);
+  operators::Sensitivities about(part);
   about.at({.q = s.q.data(), .v = s.v.data()});
   EXPECT_EQ(code([&] { about.inverse_in_inertia(0); }), Code::unknown_body);
   EXPECT_EQ(about.inverse_in_inertia(1).rows(), 2);
   Workspace ws(*model);
-  EXPECT_EQ(code([&] { soa::task_bias(part, {{model->find_node("a")}, {}}, ws, VectorXd::Zero(2)); }), Code::unknown_node);
-  EXPECT_EQ(code([&] { soa::task_bias(part, {{model->find_node("b")}, {}}, ws, VectorXd::Zero(3)); }), Code::operator_shape);
-  const auto target = [&](const char* name) { return std::vector{soa::IkTarget::at_position(model->find_node(name), {1.0, 0.0, 0.0})}; };
-  EXPECT_EQ(code([&] { soa::inverse_kinematics(part, target("a")); }), Code::unknown_node);
-  EXPECT_EQ(code([&] { soa::inverse_kinematics(part, target("b"), {.limits = {{0, -1.0, 1.0}}}); }), Code::unsupported);
-  EXPECT_EQ(code([&] { soa::inverse_kinematics(part, target("b"), {.free = {0}}); }), Code::unsupported);
+  EXPECT_EQ(code([&] { operators::task_bias(part, {{model->find_node("a")}, {}}, ws, VectorXd::Zero(2)); }), Code::unknown_node);
+  EXPECT_EQ(code([&] { operators::task_bias(part, {{model->find_node("b")}, {}}, ws, VectorXd::Zero(3)); }), Code::operator_shape);
+  const auto target = [&](const char* name) {
+    return std::vector{operators::IkTarget::at_position(model->find_node(name), {1.0, 0.0, 0.0})};
+  };
+  EXPECT_EQ(code([&] { operators::inverse_kinematics(part, target("a")); }), Code::unknown_node);
+  EXPECT_EQ(code([&] { operators::inverse_kinematics(part, target("b"), {.limits = {{0, -1.0, 1.0}}}); }), Code::unsupported);
+  EXPECT_EQ(code([&] { operators::inverse_kinematics(part, target("b"), {.free = {0}}); }), Code::unsupported);
   // an arm of one link at rest: J_yy = 0.2 + 0.25, tau = -m g x
   const TreeOperators one = tree.subgraph({2});
   VectorXd still = VectorXd::Zero(3);
-  EXPECT_NEAR(soa::bias(one, ws, {.v = still.data()})[0], -9.81 * 0.5, 1e-14);
-  EXPECT_NEAR(soa::interbody_forces(one, ws, {})[5], 9.81, 1e-14);
+  EXPECT_NEAR(operators::bias(one, ws, {.v = still.data()})[0], -9.81 * 0.5, 1e-14);
+  EXPECT_NEAR(operators::interbody_forces(one, ws, {})[5], 9.81, 1e-14);
 }
 
 }  // namespace

@@ -53,7 +53,7 @@ struct Scene : Loaded {
     for (Eigen::Index i = 0; i < u.size(); ++i) u[i] = std::sin(1.0 + which + 1.7 * static_cast<double>(i));
     return u;
   }
-  Sensitivities sens;
+  operators::Sensitivities sens;
   VectorXd vdot;
 };
 
@@ -177,8 +177,8 @@ TEST(Sensitivity, MatricesAreMadeOfDirections) {  // and d v' = - M^-1 d ID, M d
           Scene s(tree);
           if (s.model->nv == 0) return 0.0;
           s.sens.solve(s.in());
-          const InverseDerivatives inverse = s.sens.inverse();
-          const ForwardDerivatives forward = s.sens.forward();
+          const operators::InverseDerivatives inverse = s.sens.inverse();
+          const operators::ForwardDerivatives forward = s.sens.forward();
           const MatrixXd M = mass_matrix(*s.model, s.ws, s.state.q.data());
           const VectorXd u = s.direction(1), w = s.direction(2), f = s.direction(3);
           VectorXd tau(s.model->nv), vdot(s.model->nv);
@@ -200,13 +200,13 @@ TEST(Sensitivity, MassMatrixByExpressionBySweepAndByTheTwin) {
           Scene s(tree);
           if (s.model->nv == 0) return 0.0;
           const VectorXd u = s.direction(1), w = s.direction(2);
-          soa::TreeOperators ops(s.model);
+          operators::TreeOperators ops(s.model);
           ops.at(s.state.q.data());
           ops.along(u.data());
           s.sens.at(s.in());
           VectorXd swept(s.model->nv);
           s.sens.mass(u.data(), w.data(), swept.data());
-          return differ(operators::apply(operators::mass_derivative, ops, w), swept,
+          return differ(operators::apply(operators::letters::mass_derivative, ops, w), swept,
                         largest(mass_matrix(*s.model, s.ws, s.state.q.data())));
         },
         kTrees);
@@ -220,10 +220,11 @@ TEST(Sensitivity, MassMatrixByExpressionBySweepAndByTheTwin) {
           const DenseTwin<Quad> twin(tree.spec);
           const VectorQ q = s.state.q.cast<Quad>(), none = VectorQ::Zero(s.model->nv), rate = twin.at(q, u.cast<Quad>()).qdot;
           const VectorXd want = slope([&](const Quad& h) { return VectorQ(twin.at(q + h * rate, none).M * w.cast<Quad>()); });
-          soa::TreeOperators ops(s.model);
+          operators::TreeOperators ops(s.model);
           ops.at(s.state.q.data());
           ops.along(u.data());
-          return differ(operators::apply(operators::mass_derivative, ops, w), want, largest(mass_matrix(*s.model, s.ws, s.state.q.data())));
+          return differ(operators::apply(operators::letters::mass_derivative, ops, w), want,
+                        largest(mass_matrix(*s.model, s.ws, s.state.q.data())));
         },
         kTwins);
 }
@@ -360,7 +361,7 @@ TEST(Sensitivity, InModalStiffness) {
         for (std::size_t b = 0; b < tree.spec.bodies.size(); ++b) {
           if (!tree.spec.bodies[b].modal) continue;
           const int m = tree.spec.bodies[b].modal->n_modes, body = static_cast<int>(b);
-          const MatrixXd full = s.sens.inverse_in_stiffness(body, Sensitivities::Stiffness::full),
+          const MatrixXd full = s.sens.inverse_in_stiffness(body, operators::Sensitivities::Stiffness::full),
                          diagonal = s.sens.inverse_in_stiffness(body);
           for (int i = 0, column = 0; i < m; ++i)
             for (int j = 0; j <= i; ++j, ++column) {
@@ -374,7 +375,7 @@ TEST(Sensitivity, InModalStiffness) {
               worst = worse(worst, differ(full.col(column), change, largest(s.sens.tau()) + largest(s.vdot) * largest(M)));
               if (i == j) worst = worse(worst, differ(full.col(column), diagonal.col(i)));
             }
-          const MatrixXd forward = s.sens.forward_in_stiffness(body, Sensitivities::Stiffness::full);
+          const MatrixXd forward = s.sens.forward_in_stiffness(body, operators::Sensitivities::Stiffness::full);
           worst = worse(worst, differ(M * forward, -full, largest(M) * largest(forward)));
         }
         return worst;
@@ -403,11 +404,11 @@ TEST(Sensitivity, DerivativesAreGalileanInvariant) {
         const UserBody& root = s.model->user[0];
         if (root.hinge_type != "free") return 0.0;
         s.sens.at(s.at_vdot());
-        const InverseDerivatives slow = s.sens.inverse();
+        const operators::InverseDerivatives slow = s.sens.inverse();
         s.state.v.segment<3>(root.v + 3) += Vector3d(7500.0, -300.0, 100.0);
         s.state.q.segment<3>(root.q + 4) += Vector3d(10.0, -20.0, 5.0);
         s.sens.at(s.at_vdot());
-        const InverseDerivatives fast = s.sens.inverse();
+        const operators::InverseDerivatives fast = s.sens.inverse();
         // along place and velocity of the root no force changes, if no load is fixed to the world
         const double still = worse(largest(fast.v.middleCols(root.v + 3, 3)), largest(fast.q.middleCols(root.v + 3, 3)));
         return worse({differ(fast.q, slow.q), differ(fast.v, slow.v), still / largest(fast.q)});
@@ -423,7 +424,7 @@ TEST(Sensitivity, ParametersReachToTheGroundOnly) {
                         i > 0 ? "b" + std::to_string(i - 1) : "", i % 3 ? "revolute" : "ball",
                         i % 3 ? std::vector<Vector3d>{Vector3d(0, i % 2, 1)} : std::vector<Vector3d>{}, {0.4, 0.0, 0.1}));
   const auto model = compiled(system(std::move(bodies), uniform_gravity({0, 0, -9.8})));
-  Sensitivities s(model);
+  operators::Sensitivities s(model);
   const State state = model->initial_state();
   s.at({.q = state.q.data(), .v = state.v.data()});
   VectorXd d(model->nv);
@@ -444,7 +445,7 @@ TEST(Sensitivity, RatesOfTheKinematics) {
         Scene s(tree);
         const Model& m = *s.model;
         if (m.nv == 0) return 0.0;
-        const MatrixXd C = kinematic_rates(m, s.state.q.data(), s.state.v.data());
+        const MatrixXd C = operators::kinematic_rates(m, s.state.q.data(), s.state.v.data());
         MatrixXd want(m.nv, m.nv);
         const double h = 1e-3;
         const auto theta_rate = [&](const VectorXd& theta) {  // at dv = 0
@@ -480,9 +481,9 @@ TEST(Sensitivity, RatesOfTheKinematicsOfForeignHinges) {
     cardan_hinge_family family = *model->user[0].hinge;
     family.shape = CARDAN_SHAPE_DENSE;
     foreign.user[0].hinge = &family;
-    const MatrixXd want = kinematic_rates(*model, state.q.data(), state.v.data());
+    const MatrixXd want = operators::kinematic_rates(*model, state.q.data(), state.v.data());
     EXPECT_GT(largest(want), 0.1);
-    EXPECT_LT(differ(MatrixXd(kinematic_rates(foreign, state.q.data(), state.v.data())), want), 1e-11) << type;
+    EXPECT_LT(differ(MatrixXd(operators::kinematic_rates(foreign, state.q.data(), state.v.data())), want), 1e-11) << type;
   }
 }
 

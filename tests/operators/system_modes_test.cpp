@@ -12,8 +12,9 @@ namespace cardan::test {
 namespace {
 
 using namespace cardan::operators;
-using soa::system_modes;
-using soa::SystemModes;
+using namespace cardan::operators::letters;
+using operators::system_modes;
+using operators::SystemModes;
 
 /// K of springs and modes, dense.
 MatrixXd stiffness(const Model& m) {
@@ -218,7 +219,7 @@ TEST(SystemModes, ManyFlexibleBodies) {  // 500 bodies with 40 modes each, free:
 }
 
 TEST(Poles, OfAnOscillator) {
-  const auto p = soa::poles((MatrixXd(2, 2) << 0.0, 1.0, -4.0, -0.4).finished());
+  const auto p = operators::poles((MatrixXd(2, 2) << 0.0, 1.0, -4.0, -0.4).finished());
   ASSERT_EQ(p.size(), 2u);
   EXPECT_NEAR(p[0].frequency, 2.0 / (2.0 * std::numbers::pi), 1e-15);
   EXPECT_NEAR(p[0].damping, 0.1, 1e-15);

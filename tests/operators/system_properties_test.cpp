@@ -7,7 +7,7 @@
 namespace cardan::test {
 namespace {
 
-using namespace cardan::soa;
+using namespace cardan::operators;
 
 double off(const Vector3d& a, const Vector3d& b, double scale) { return (a - b).norm() / scale; }
 

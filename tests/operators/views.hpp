@@ -6,7 +6,7 @@
 
 namespace cardan::test {
 
-using soa::TreeOperators;
+using operators::TreeOperators;
 
 constexpr double kIdentity = 1e-12;
 
@@ -108,7 +108,7 @@ class Scene {
   /// A subgraph with all that hangs on it: its rows and columns of what the twin has.
   View view(const char* name, TreeOperators sub) const {
     View out{name, std::move(sub), {}, {}, {}, {}};
-    out.components.resize(static_cast<std::size_t>(out.ops.size(soa::Space::hinge)));
+    out.components.resize(static_cast<std::size_t>(out.ops.size(operators::Space::hinge)));
     for (int j = 0; j < model->nv; ++j)
       if (const int place = out.ops.place_of_velocity(j); place >= 0) out.components[static_cast<std::size_t>(place)] = j;
     out.M = twin.M(out.components, out.components);

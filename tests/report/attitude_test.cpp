@@ -79,6 +79,27 @@ TEST(AttitudeAngles, BreakWhereNobodyKnowsWhichWayItWent) {
   EXPECT_NEAR(at(angles, 6, 1), 170.0, 1e-11);
 }
 
+// A slew about one axis, followed with a small error about another: 2e-9 rad are rounding of its quaternions.
+TEST(AttitudeAngles, FromACommandAreTheErrorRowByRow) {
+  std::vector<double> command, attitude;
+  for (int i = 0; i < 50; ++i) {
+    const Quaternion c = about(2, 20.0 * i) * about(0, 40), q = c * about(1, 0.01 * i);
+    command.insert(command.end(), c.begin(), c.end()), attitude.insert(attitude.end(), q.begin(), q.end());
+  }
+  std::fill_n(command.begin() + 4 * 7, 4, NAN);
+  const auto angles = attitude_angles(attitude, 50, command);
+  EXPECT_EQ(angles.jumps, 0u);
+  for (int i = 0; i < 50; ++i) {
+    if (i == 7) {
+      EXPECT_TRUE(std::isnan(at(angles, i, 0))) << "nobody knows where it ought to be";
+      continue;
+    }
+    EXPECT_NEAR(at(angles, i, 0), 0.01 * i, 1e-7);
+    EXPECT_NEAR(at(angles, i, 2), 0.01 * i, 1e-7);
+    EXPECT_NEAR(at(angles, i, 1), 0.0, 1e-7);
+  }
+}
+
 TEST(AttitudeAngles, OfNoAttitudeAreNone) {
   const auto angles = angles_of(4, [](int i) {
     return i == 0 ? Quaternion{0, 0, 0, 0} : i == 2 ? Quaternion{NAN, 0, 0, 1} : about(2, 30.0 * i);

@@ -169,6 +169,21 @@ TEST(Report, HasTheAnglesOfAnAttitude) {
   EXPECT_NEAR(angles["values"][0].back().get<double>(), 2 * std::atan(axis * std::tan(0.5236 / 2)) * 180 / M_PI, 1e-3) << "of the slew";
 }
 
+TEST(Report, HasTheAnglesOfAnAttitudeFromItsCommand) {
+  const std::string h5 = scratch("run.h5"), html = scratch("report.html");
+  const std::vector<std::string> wxyz{"w", "x", "y", "z"};
+  const auto recorder = make_hdf5_recorder(h5);
+  recorder->begin({}, {{"bodies/bus/attitude", wxyz, "1", "world", ""}, {"pointing/wanted", wxyz, "1", "", "", "bodies/bus/attitude"}});
+  for (int i = 0; i < 3; ++i)  // 10 deg about z per row, wanted; 1 deg per row more
+    recorder->row(i, std::vector<double>{std::cos(0.5 * 11 * i * M_PI / 180), 0, 0, std::sin(0.5 * 11 * i * M_PI / 180),
+                                         std::cos(0.5 * 10 * i * M_PI / 180), 0, 0, std::sin(0.5 * 10 * i * M_PI / 180)});
+  recorder->close();
+  write_report(h5, html);
+  const Json angles = channel_of(data_of(content(html)), "bodies/bus/attitude off command");
+  EXPECT_NE(angles["meaning"].get<std::string>().find("from the commanded attitude pointing/wanted"), std::string::npos);
+  for (int i = 0; i < 3; ++i) EXPECT_NEAR(angles["values"][1][static_cast<std::size_t>(i)].get<double>(), i, 1e-6) << "yaw";
+}
+
 // Rest, rounding beside it and a row that is not a number: what does not move is not drawn, and named with its value.
 TEST(Report, LeavesOutWhatDoesNotMoveAndListsIt) {
   const std::string h5 = scratch("still.h5"), html = scratch("still.html");

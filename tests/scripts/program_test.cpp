@@ -254,6 +254,12 @@ TEST(Program, WhatRunRefusesCheckRefuses) {
       EXPECT_NE(run.err.find("error[C0207]"), std::string::npos) << command << text << run.err;
       for (const std::string& part : parts) EXPECT_NE(run.err.find(part), std::string::npos) << part << text << run.err;
     }
+  const Finished commands =
+      pendulum_with("mission { duration = 1 }\nsignals { a = { components = { 'w', 'x', 'y', 'z' }, commands = 'rod' } }", "check");
+  EXPECT_EQ(commands.exit_code, 2);
+  EXPECT_NE(commands.err.find("an attitude that is recorded: none"), std::string::npos) << commands.err;
+  EXPECT_NE(pendulum_with("mission { duration = 1 }\nsignals { a = { commands = 'x' } }", "check").err.find("signals.a.components"),
+            std::string::npos);
   const Finished legal =
       pendulum_with("mission { duration = 1 }\nsignals { a = {}, ['b/a'] = {}, ['b/c'] = {}, ['ledger_x'] = {} }", "check");
   EXPECT_EQ(legal.exit_code, 0) << legal.err;

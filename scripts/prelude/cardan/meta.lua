@@ -75,6 +75,7 @@ function initial(values) end
 ---@field components? string[] names of its numbers; default: one, the signal's own name
 ---@field frame? string in which its numbers are
 ---@field meaning? string a line for the reader
+---@field commands? string the recorded attitude that this quaternion w, x, y, z commands: "bodies/bus/attitude"; the report shows the angles between them
 
 --- Numbers of your own to record. A value that is not finite is recorded, and warned about.
 ---@param declarations table<string, SignalOptions> by name; "pointing/error" puts it into a folder

@@ -13,8 +13,8 @@
 namespace cardan {
 namespace {
 
-soa::LinearModel sample() {
-  soa::LinearModel m;
+operators::LinearModel sample() {
+  operators::LinearModel m;
   m.system = "it's a test";
   m.t = 0.1;
   m.A = (Eigen::MatrixXd(2, 2) << 0.0, 1.0, -1.0 / 3.0, 1e-300).finished();
@@ -34,14 +34,14 @@ TEST(LinearModelFile, Script) {
   for (const char* line : {"t = 0.10000000000000001;\n", "A = [\n  0 1;\n  -0.33333333333333331 1e-300;\n];\n",
                            "state_names = {'wing.angle'; 'wing.rate'};\n", "input_units = {'N m'};\n", "output_names = {'tip'''};\n"})
     EXPECT_NE(text.find(line), std::string::npos) << line << text;
-  soa::LinearModel none = sample();
+  operators::LinearModel none = sample();
   none.B.resize(2, 0), none.D.resize(1, 0), none.u0.resize(0), none.inputs = {};
   EXPECT_NE(linear_model_script(none).find("B = zeros(2, 0);\n"), std::string::npos);
   EXPECT_NE(linear_model_script(none).find("input_names = {};\n"), std::string::npos);
 }
 
 TEST(LinearModelFile, JsonAndHdf5KeepEveryBit) {
-  const soa::LinearModel m = sample();
+  const operators::LinearModel m = sample();
   const auto json = nlohmann::json::parse(linear_model_json(m));
   EXPECT_EQ(json["A"][1][0].get<double>(), -1.0 / 3.0);
   EXPECT_EQ(json["drift"][1].get<double>(), -3.0);
@@ -56,7 +56,7 @@ TEST(LinearModelFile, JsonAndHdf5KeepEveryBit) {
   EXPECT_EQ(file.read_texts("/input_names"), m.inputs.names);
   EXPECT_EQ(file.read_doubles("/t").values[0], 0.1);
   const std::string other = path + ".h5";
-  soa::LinearModel none = m;  // without inputs
+  operators::LinearModel none = m;  // without inputs
   none.B.resize(2, 0), none.D.resize(1, 0), none.u0.resize(0), none.inputs = {};
   write_linear_model(none, other);
   EXPECT_EQ(Hdf5File::open(other).read_doubles("/B").shape, (std::vector<std::size_t>{2, 0}));
@@ -68,7 +68,7 @@ TEST(LinearModelFile, JsonAndHdf5KeepEveryBit) {
 TEST(LinearModelFile, RefusesWhatItCannotWrite) {
   EXPECT_THROW(write_linear_model(sample(), "model.xls"), InputError);
   EXPECT_THROW(write_linear_model(sample(), "/nowhere/at/all/model.m"), InputError);
-  soa::LinearModel bad = sample();
+  operators::LinearModel bad = sample();
   bad.A(0, 0) = std::nan("");
   EXPECT_THROW(write_linear_model(bad, "model.m"), NumericsError);
 }
