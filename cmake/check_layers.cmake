@@ -29,7 +29,7 @@ set(layers
   "tests/plugins|core/base core/spatial core/abi"
   "bodies/vehicle/|core/base core/spatial core/abi core/model core/io/yaml_reader bodies/modal/"
   "scripts/lua/|core/base"
-  "scripts/lua/matrix|core/base core/io/hdf5_file scripts/lua/"
+  "scripts/lua/matrix|core/base core/linalg/dense core/io/hdf5_file scripts/lua/"
   "scripts/prelude/|"
   "scripts/mission/|core bodies/vehicle/ bodies/register.hpp hinges/register.hpp scripts/lua/ scripts/prelude/"
   "scripts/bindings/|core bodies/vehicle/ scripts/lua/ scripts/prelude/ scripts/mission/"

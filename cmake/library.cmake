@@ -1,8 +1,9 @@
 # cardan_library(NAME DEPS...)  every .cpp of the current folder (minus those in EXCLUDE) becomes the static library NAME.
 # COLD: not part of a step; compiled with -O1, which halves its build time.
+# HEADERS: more headers of others that all of its files read, to be parsed once (precompiled.cmake).
 # Layers are link dependencies: what is not in DEPS cannot be linked, and check_layers.cmake sees that it is not included.
 function(cardan_library name)
-  cmake_parse_arguments(A "COLD" "FOLDER" "DEPS;EXCLUDE" ${ARGN})
+  cmake_parse_arguments(A "COLD" "FOLDER" "DEPS;EXCLUDE;HEADERS" ${ARGN})
   set(folder ${CMAKE_CURRENT_SOURCE_DIR}/${A_FOLDER})
   file(GLOB sources CONFIGURE_DEPENDS ${folder}/*.cpp)
   foreach(file ${A_EXCLUDE})
@@ -13,6 +14,7 @@ function(cardan_library name)
     target_include_directories(${name} PUBLIC ${CMAKE_SOURCE_DIR})
     target_link_libraries(${name} PUBLIC ${A_DEPS} PRIVATE cardan_flags)
     target_compile_definitions(${name} PUBLIC EIGEN_MAX_ALIGN_BYTES=32)
+    cardan_precompiled(${name} ${A_HEADERS})
     if(A_COLD)
       target_compile_options(${name} PRIVATE -O1)
     endif()
@@ -34,6 +36,9 @@ function(cardan_external_source name file)
   add_library(${name} STATIC ${file})
   target_include_directories(${name} PUBLIC ${CMAKE_SOURCE_DIR})
   target_link_libraries(${name} PUBLIC ${A_DEPS} PRIVATE cardan_flags ${A_EXTERNAL})
+  if(A_DEPS)
+    cardan_precompiled(${name})
+  endif()
 endfunction()
 
 # cardan_plugin(NAME FILES...)  a shared library that exports one symbol and links nothing of Cardan.
@@ -57,6 +62,7 @@ function(cardan_test name)
   target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR})
   target_compile_definitions(${name} PRIVATE CARDAN_SOURCE_DIR="${CMAKE_SOURCE_DIR}" CARDAN_BINARY_DIR="${CMAKE_BINARY_DIR}")
   target_link_libraries(${name} PRIVATE cardan_flags ${A_DEPS} GTest::gtest_main)
+  target_precompile_headers(${name} REUSE_FROM cardan_test_support)
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60 
     PROPERTIES LABELS "${A_LABEL}" TIMEOUT 600 ENVIRONMENT CARDAN_CACHE=off)   # each case is a process: files of tests are its own (tests/support/scratch.hpp)
 endfunction()

@@ -3,6 +3,7 @@
 
 #include "bodies/modal/eigen_modes.hpp"
 #include "bodies/modal/refuse.hpp"
+#include "core/linalg/dense.hpp"
 #include "core/linalg/linear_operator.hpp"
 
 namespace cardan {
@@ -33,12 +34,12 @@ FeModes craig_bampton(const FeModel& model, const std::vector<int>& held, const 
   K.topRightCorner(count, n_constraint).setZero();
   K.bottomLeftCorner(n_constraint, count).setZero();
   K.topLeftCorner(count, count) = inner.omega2.asDiagonal();
-  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> solver(K, M);
-  if (solver.info() != Eigen::Success)
+  const std::optional<DensePairs> pairs = generalised_pairs(K, M);
+  if (!pairs)
     refuse(at, {}, Code::bad_modal_data, "independent normal and constraint modes", "a singular modal mass matrix",
            "ask for fewer modes, or refine the mesh");
 
-  FeModes out{solver.eigenvalues(), basis * solver.eigenvectors()};
+  FeModes out{pairs->values, basis * pairs->vectors};
   for (int j = 0; j < m; ++j) {
     Eigen::Index largest;
     out.shapes.col(j).cwiseAbs().maxCoeff(&largest);

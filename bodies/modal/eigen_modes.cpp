@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "bodies/modal/refuse.hpp"
+#include "core/linalg/dense.hpp"
 #include "core/linalg/eigenpairs.hpp"
 
 namespace cardan {
@@ -37,13 +38,11 @@ MatrixXd rigid_motions(const FeModel& model, const std::vector<int>& held) {
       at_held.row(i) = free.row(held[i]);
       if (held[i] % 6 >= 3) at_held.row(i) *= size;
     }
-    const Eigen::JacobiSVD<MatrixXd> svd(at_held, Eigen::ComputeFullV);
-    const auto& s = svd.singularValues();
+    const auto [s, V] = right_singular(at_held);
     const Eigen::Index rank = (s.array() > kRigidMotion * std::max(s(0), 1e-300)).count();
-    free = (free * svd.matrixV().rightCols(6 - rank)).eval();
+    free = (free * V.rightCols(6 - rank)).eval();
   }
-  const Eigen::LLT<MatrixXd> gram(free.transpose() * (model.M * free));
-  return gram.matrixU().solve<Eigen::OnTheRight>(free);
+  return orthonormalised(free, free.transpose() * (model.M * free));
 }
 
 SparseFactor stiffness_factor(const FeModel& model, const SparseMatrix& K, const std::vector<int>& dofs, const Located& at) {

@@ -10,6 +10,7 @@
 #include "bodies/modal/refuse.hpp"
 #include "core/base/units.hpp"
 #include "core/base/utf8.hpp"
+#include "core/linalg/dense.hpp"
 
 namespace cardan {
 namespace {
@@ -26,9 +27,7 @@ constexpr double kFit = 1e-6;  // of sums that somebody else took, relative to t
 
 std::string size_of(const MatrixXd& A) { return fmt::format("{} x {}", A.rows(), A.cols()); }
 
-double smallest_eigenvalue(const MatrixXd& A) {
-  return Eigen::SelfAdjointEigenSolver<MatrixXd>(A, Eigen::EigenvaluesOnly).eigenvalues()(0);
-}
+double smallest_eigenvalue(const MatrixXd& A) { return symmetric_eigenvalues(A)(0); }
 
 void check_symmetric(const MatrixXd& A, Eigen::Index m, const char* name, const Located& at) {
   if (A.rows() != m || A.cols() != m) bad(at, fmt::format("{} x {} matrix {}", m, m, name), size_of(A));

@@ -10,6 +10,7 @@
 #include <cmath>
 
 #include "bodies/modal/elements.hpp"
+#include "core/linalg/dense.hpp"
 
 namespace cardan {
 namespace {
@@ -54,7 +55,7 @@ class PlateElement {
       values.row(3 * c + 1) = monomials(x, y, 0, 1);
       values.row(3 * c + 2) = -monomials(x, y, 1, 0);
     }
-    coefficients_ = values.inverse();
+    coefficients_ = inverse(values);
     K_ = stiffness();
   }
 
@@ -123,7 +124,7 @@ class PlateElement {
       K.noalias() += area * drilling * drill.transpose() * drill;
     });
     const MatrixXd inner = K.bottomRightCorner(4, 4), coupling = K.topRightCorner(24, 4);
-    return K.topLeftCorner(24, 24) - coupling * inner.ldlt().solve(coupling.transpose());
+    return K.topLeftCorner(24, 24) - coupling * symmetric_solve(inner, MatrixXd(coupling.transpose()));
   }
 
   double a_, b_;

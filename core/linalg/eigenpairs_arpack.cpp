@@ -2,7 +2,7 @@
 // communication.
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <arpack/arpack.hpp>
 #include <cmath>
@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "core/base/poll.hpp"
+#include "core/linalg/dense.hpp"
 #include "core/linalg/eigenpairs.hpp"
 
 namespace cardan {
@@ -54,12 +55,10 @@ Eigenpairs dense_pairs(const LinearOperator& inverse, const LinearOperator& mass
     mass.mult(VectorXd::Unit(n, j), column);
     M.col(j) = column;
   }
-  const Eigen::LLT<MatrixXd> factor(0.5 * (A_inv + A_inv.transpose()));
-  if (factor.info() != Eigen::Success)
-    throw LinalgError("the shifted stiffness is not positive definite: an eigenvalue lies below the shift");
-  const MatrixXd L = factor.matrixL();
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> solver(L.transpose() * M * L);
-  return {solver.eigenvalues().tail(k), L * solver.eigenvectors().rightCols(k)};
+  const std::optional<MatrixXd> L = cholesky(0.5 * (A_inv + A_inv.transpose()));
+  if (!L) throw LinalgError("the shifted stiffness is not positive definite: an eigenvalue lies below the shift");
+  const DensePairs pairs = symmetric_pairs(L->transpose() * M * *L);
+  return {pairs.values.tail(k), *L * pairs.vectors.rightCols(k)};
 }
 
 /// The k largest nu of the same problem by ARPACK.
@@ -149,10 +148,10 @@ void refine(const SparseMatrix& K, const SparseMatrix& M, const auto& shifted, i
     for (int j = 0; j < m; ++j) X.col(j) /= std::sqrt(X.col(j).dot(M * X.col(j)));
   }
   const MatrixXd A = X.transpose() * (K * X), B = X.transpose() * (M * X);
-  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> ritz(0.5 * (A + A.transpose()), 0.5 * (B + B.transpose()));
-  if (ritz.info() != Eigen::Success) return;  // as they were: the residual tells
-  pairs.values.segment(first, m) = ritz.eigenvalues();
-  pairs.vectors.middleCols(first, m) = X * ritz.eigenvectors();
+  const std::optional<DensePairs> ritz = generalised_pairs(0.5 * (A + A.transpose()), 0.5 * (B + B.transpose()));
+  if (!ritz) return;  // as they were: the residual tells
+  pairs.values.segment(first, m) = ritz->values;
+  pairs.vectors.middleCols(first, m) = X * ritz->vectors;
   fix_vectors(pairs, first, last, sigma);
 }
 
@@ -188,8 +187,7 @@ Eigenpairs lowest_eigenpairs(const LinearOperator& inverse, const LinearOperator
     mass.mult(X.col(j), column);
     MX.col(j) = column;
   }
-  const Eigen::LLT<MatrixXd> gram(X.transpose() * MX);
-  X = gram.matrixU().solve<Eigen::OnTheRight>(X).eval();
+  X = orthonormalised(X, X.transpose() * MX);
 
   fix_vectors(out, 0, k, sigma);
   return out;

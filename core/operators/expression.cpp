@@ -2,14 +2,13 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <optional>
 #include <utility>
 
 #include "core/base/diagnostic.hpp"
 #include "core/base/poll.hpp"
+#include "core/linalg/dense.hpp"
 #include "core/linalg/eigenpairs.hpp"
 #include "core/operators/operators.hpp"
 
@@ -450,7 +449,7 @@ Eigen::VectorXd largest_eigenvalues(const Multiply& multiply, int n, int k) {
 
 double Expression::norm() const {
   if (std::min(rows(), cols()) == 0) return 0.0;
-  if (std::max(rows(), cols()) <= kDense) return dense().jacobiSvd().singularValues()[0];
+  if (std::max(rows(), cols()) <= kDense) return singular_values(dense())[0];
   const Expression turned = star();
   return std::sqrt(largest_eigenvalues([&](const Eigen::VectorXd& x, Eigen::VectorXd& y) { y = turned.apply(apply(x)); }, cols(), 1)[0]);
 }
@@ -467,8 +466,7 @@ Eigen::VectorXd Expression::eigenvalues(int k) const {
          fmt::format("x* A y = {:.6g}, y* A x = {:.6g}", left, right), "(A:star() * A):eig(k) gives the squares of the singular values");
   if (n <= kDense) {
     const Eigen::MatrixXd A = dense();
-    Eigen::VectorXd all = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(0.5 * (A + A.transpose()), Eigen::EigenvaluesOnly).eigenvalues();
-    return all.reverse().head(k);
+    return symmetric_eigenvalues(0.5 * (A + A.transpose())).reverse().head(k);
   }
   return largest_eigenvalues([&](const Eigen::VectorXd& x, Eigen::VectorXd& y) { y = apply(x); }, n, k);
 }

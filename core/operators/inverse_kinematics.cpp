@@ -2,7 +2,8 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -11,6 +12,7 @@
 #include "core/base/diagnostic.hpp"
 #include "core/base/poll.hpp"
 #include "core/dynamics/node_motion.hpp"
+#include "core/linalg/dense.hpp"
 #include "core/operators/apply.hpp"
 #include "core/soa/kernels.hpp"
 
@@ -321,7 +323,7 @@ class Solver {
       while (!accepted && mu < 1e12) {
         MatrixXd damped = kernel;
         damped.diagonal().array() += scale * std::max(mu * cost / (1.0 + cost), 1e-15);
-        VectorXd d = Z * damped.ldlt().solve(e);
+        VectorXd d = Z * symmetric_solve(damped, e);
         double turn = 0.0;
         for (int v = 0; v < m_.nv; ++v)
           if (turns_[v]) turn = std::max(turn, std::abs(d[v]));
@@ -379,8 +381,7 @@ class Solver {
         if (!free[v]) wish[v] = 0.0;
       const MatrixXd Z = weighted(A_star, free, false);
       const MatrixXd kernel = A_star.transpose() * Z;
-      const Eigen::CompleteOrthogonalDecomposition<MatrixXd> factor(kernel);
-      const VectorXd step = wish - Z * factor.solve(A_star.transpose() * wish);
+      const VectorXd step = wish - Z * least_squares(kernel, A_star.transpose() * wish);
       best.null_space_step = length(step);
       if (best.null_space_step < kNullSpaceStep) break;
       bool nearer = false;

@@ -2,12 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
-#include <Eigen/SVD>
+#include <Eigen/Core>
 #include <limits>
 
 #include "core/dynamics/node_motion.hpp"
+#include "core/linalg/dense.hpp"
 #include "core/operators/apply.hpp"
 #include "core/operators/mass_matrix.hpp"
 
@@ -177,15 +176,15 @@ OperationalSpace::OperationalSpace(const TreeOperators& tree, Task task, const T
   const double largest = r > 0 ? compliance_.diagonal().maxCoeff() : 0.0;
   for (int i = 0; i < r; ++i)
     unit[i] = compliance_(i, i) > 0.0 && compliance_(i, i) > 1e-30 * largest ? 1.0 / std::sqrt(compliance_(i, i)) : 0.0;
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(MatrixXd(unit.asDiagonal() * compliance_ * unit.asDiagonal()));
+  const DensePairs eigen = symmetric_pairs(unit.asDiagonal() * compliance_ * unit.asDiagonal());
   VectorXd weights = VectorXd::Zero(r);
-  const double limit = r > 0 ? tolerance * std::max(eigen.eigenvalues()[r - 1], 0.0) : 0.0;
-  for (int i = r - 1; i >= 0 && eigen.eigenvalues()[i] > limit; --i) {
-    weights[i] = 1.0 / eigen.eigenvalues()[i];
-    condition_ = eigen.eigenvalues()[r - 1] * weights[i];
+  const double limit = r > 0 ? tolerance * std::max(eigen.values[r - 1], 0.0) : 0.0;
+  for (int i = r - 1; i >= 0 && eigen.values[i] > limit; --i) {
+    weights[i] = 1.0 / eigen.values[i];
+    condition_ = eigen.values[r - 1] * weights[i];
     ++rank_;
   }
-  inertia_ = unit.asDiagonal() * eigen.eigenvectors() * weights.asDiagonal() * eigen.eigenvectors().transpose() * unit.asDiagonal();
+  inertia_ = unit.asDiagonal() * eigen.vectors * weights.asDiagonal() * eigen.vectors.transpose() * unit.asDiagonal();
 }
 
 void OperationalSpace::require_full_rank() const {
@@ -237,9 +236,9 @@ double effective_inertia(const TreeOperators& tree, int node, const Eigen::Matri
 Manipulability manipulability(const TreeOperators& tree, const Task& task) {
   const MatrixXd J = task_jacobian(tree, task);
   Manipulability out{};
-  if (J.size() > 0) out.singular_values = Eigen::JacobiSVD<MatrixXd>(J).singularValues();
+  if (J.size() > 0) out.singular_values = singular_values(J);
   out.kinematic = J.rows() <= J.cols() ? out.singular_values.prod() : 0.0;
-  out.dynamic = J.rows() <= J.cols() ? std::sqrt(std::max(task_compliance(tree, task).determinant(), 0.0)) : 0.0;
+  out.dynamic = J.rows() <= J.cols() ? std::sqrt(std::max(determinant(task_compliance(tree, task)), 0.0)) : 0.0;
   return out;
 }
 

@@ -2,13 +2,14 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 
 #include "core/base/diagnostic.hpp"
+#include "core/linalg/dense.hpp"
 #include "core/linalg/eigenpairs.hpp"
 #include "core/operators/apply.hpp"
 
@@ -67,11 +68,11 @@ Joint joint_of(const TreeOperators& tree) {
         K.row(j).setZero(), K.col(j).setZero(), C.row(j).setZero(), C.col(j).setZero();
         K(j, j) = 1.0;
       }
-    const Eigen::LLT<MatrixXd> factor(K);
-    if (factor.info() != Eigen::Success) refuse(model.user[b.user].name, "a modal stiffness matrix that is not positive definite");
+    std::optional<MatrixXd> K_inverse = positive_inverse(K);
+    if (!K_inverse) refuse(model.user[b.user].name, "a modal stiffness matrix that is not positive definite");
     J.K.segment(b.etadot, b.m) = K.diagonal(), J.C.segment(b.etadot, b.m) = C.diagonal();
     J.K_modes[i] = std::move(K), J.C_modes[i] = std::move(C);
-    J.K_modes_inverse[i] = factor.solve(MatrixXd::Identity(b.m, b.m));
+    J.K_modes_inverse[i] = std::move(*K_inverse);
   }
   for (int i = 0; i < n; ++i) {
     if (!moves[i]) {
@@ -117,10 +118,10 @@ int count_below(const TreeOperators& given, double lambda) {
       MatrixXd D = Ht.transpose() * PH - K(columns, columns) / lambda;
       const VectorXd scale = D.cwiseAbs().rowwise().maxCoeff().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();  // a congruence: pivots compare
       const MatrixXd PHs = PH * scale.asDiagonal();
-      const Eigen::SelfAdjointEigenSolver<MatrixXd> pivots(scale.asDiagonal() * D * scale.asDiagonal());
-      count += static_cast<int>((pivots.eigenvalues().array() > 0.0).count());
-      const MatrixXd U = PHs * pivots.eigenvectors();
-      at.noalias() -= U * pivots.eigenvalues().cwiseInverse().asDiagonal() * U.transpose();
+      const DensePairs pivots = symmetric_pairs(scale.asDiagonal() * D * scale.asDiagonal());
+      count += static_cast<int>((pivots.values.array() > 0.0).count());
+      const MatrixXd U = PHs * pivots.vectors;
+      at.noalias() -= U * pivots.values.cwiseInverse().asDiagonal() * U.transpose();
     }
     if (b.parent >= 0) P[b.parent].noalias() += tree.A(i).transpose() * at.topLeftCorner<6, 6>() * tree.A(i);
   }
@@ -289,7 +290,7 @@ SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& op
 std::vector<Pole> poles(const Eigen::MatrixXd& A) {
   std::vector<Pole> out;
   if (A.size() == 0) return out;
-  const Eigen::VectorXcd values = Eigen::EigenSolver<MatrixXd>(A, false).eigenvalues();
+  const Eigen::VectorXcd values = eigenvalues(A);
   // A rigid-body mode is a double zero, which rounding of A takes apart into poles of sqrt(eps |A|) anywhere about the origin.
   const double rounding = 4.0 * std::sqrt(std::numeric_limits<double>::epsilon() * A.norm());
   for (const std::complex<double>& s : values) {

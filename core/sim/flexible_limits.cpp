@@ -2,11 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
+#include "core/linalg/dense.hpp"
 #include "core/model/validate.hpp"
 #include "core/sim/simulation.hpp"
 
@@ -23,9 +23,8 @@ bool moves(const ModalNode& node) { return (node.Phi.size() > 0 && !node.Phi.isZ
 
 double first_frequency(const ModalData& modal) {
   if (modal.n_modes == 0) return std::numeric_limits<double>::infinity();
-  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> solver(modal.K, modal.integrals.I6,
-                                                                         Eigen::EigenvaluesOnly | Eigen::Ax_lBx);
-  return solver.info() == Eigen::Success ? std::sqrt(std::max(0.0, solver.eigenvalues()(0))) : 0.0;
+  const std::optional<Eigen::VectorXd> squares = generalised_eigenvalues(modal.K, modal.integrals.I6);
+  return squares ? std::sqrt(std::max(0.0, (*squares)(0))) : 0.0;
 }
 
 bool has_stiffening(const BodySpec& body) {

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -15,6 +14,7 @@
 #include "core/base/units.hpp"
 #include "core/base/utf8.hpp"
 #include "core/io/hdf5_file.hpp"
+#include "core/linalg/dense.hpp"
 #include "scripts/lua/function.hpp"
 
 namespace cardan {
@@ -215,7 +215,7 @@ int norm(lua_State* L) {
     charge_operations(L, static_cast<double>(n) * (2.0 * static_cast<double>(b.size()) + 4.0 * static_cast<double>(n * n)));
     Eigen::MatrixXd A = b.copy().unaryExpr([e](double x) { return std::scalbn(x, -e); });
     const Eigen::MatrixXd AA = b.rows < b.cols ? Eigen::MatrixXd(A * A.transpose()) : Eigen::MatrixXd(A.transpose() * A);
-    squared = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(AA, Eigen::EigenvaluesOnly).eigenvalues()[n - 1];
+    squared = symmetric_eigenvalues(AA)[n - 1];
   }
   lua_pushnumber(L, std::scalbn(std::sqrt(squared), e));
   return 1;
@@ -281,7 +281,7 @@ int eigenvalues(lua_State* L) {
                fmt::format("A({0}, {1}) = {2:.17g}, A({1}, {0}) = {3:.17g}", i + 1, j + 1, a(i, j), a(j, i)));
   charge_operations(L, 4.0 / 3.0 * std::pow(static_cast<double>(n), 3) * kLevelTwo);
   Eigen::VectorXd values(n);
-  if (n > 0) values = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(A.copy(), Eigen::EigenvaluesOnly).eigenvalues();
+  if (n > 0) values = symmetric_eigenvalues(A.copy());
   push_vector(L, values);
   return 1;
 }

@@ -1,0 +1,44 @@
+#pragma once
+// Decompositions of dense matrices by Eigen, compiled once: a file that names one of Eigen's takes seconds longer for each.
+#include <Eigen/Core>
+#include <optional>
+
+namespace cardan {
+
+/// Eigenvalues, ascending, and their vectors, one a column.
+struct DensePairs {
+  Eigen::VectorXd values;
+  Eigen::MatrixXd vectors;
+};
+/// Of A = A*, of which the lower triangle is read.
+DensePairs symmetric_pairs(const Eigen::MatrixXd& A);
+Eigen::VectorXd symmetric_eigenvalues(const Eigen::MatrixXd& A);
+/// K x = lambda M x with K, M symmetric, X* M X = 1; nothing where M is not positive definite.
+std::optional<DensePairs> generalised_pairs(const Eigen::MatrixXd& K, const Eigen::MatrixXd& M);
+std::optional<Eigen::VectorXd> generalised_eigenvalues(const Eigen::MatrixXd& K, const Eigen::MatrixXd& M);
+/// Of any real matrix, in no order.
+Eigen::VectorXcd eigenvalues(const Eigen::MatrixXd& A);
+
+/// Descending.
+Eigen::VectorXd singular_values(const Eigen::MatrixXd& A);
+struct RightSingular {
+  Eigen::VectorXd values;   // descending
+  Eigen::MatrixXd vectors;  // all of the right ones, one a column
+};
+RightSingular right_singular(const Eigen::MatrixXd& A);
+
+/// The lower L of A = L L*; nothing where A is not positive definite.
+std::optional<Eigen::MatrixXd> cholesky(const Eigen::MatrixXd& A);
+/// A^-1 of a positive definite A; nothing where it is not.
+std::optional<Eigen::MatrixXd> positive_inverse(const Eigen::MatrixXd& A);
+/// X U^-1 with gram = U* U: where gram = X* M X, the columns of the result are orthonormal in M.
+Eigen::MatrixXd orthonormalised(const Eigen::MatrixXd& X, const Eigen::MatrixXd& gram);
+/// A^-1 b of a symmetric A by L D L* with pivots.
+Eigen::VectorXd symmetric_solve(const Eigen::MatrixXd& A, const Eigen::VectorXd& b);
+Eigen::MatrixXd symmetric_solve(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B);
+/// The shortest x that brings A x nearest to b (complete orthogonal decomposition).
+Eigen::VectorXd least_squares(const Eigen::MatrixXd& A, const Eigen::VectorXd& b);
+Eigen::MatrixXd inverse(const Eigen::MatrixXd& A);
+double determinant(const Eigen::MatrixXd& A);
+
+}  // namespace cardan
