@@ -62,7 +62,9 @@ function(cardan_test name)
   target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR})
   target_compile_definitions(${name} PRIVATE CARDAN_SOURCE_DIR="${CMAKE_SOURCE_DIR}" CARDAN_BINARY_DIR="${CMAKE_BINARY_DIR}")
   target_link_libraries(${name} PRIVATE cardan_flags ${A_DEPS} GTest::gtest_main)
-  target_precompile_headers(${name} REUSE_FROM cardan_test_support)
+  if(A_DEPS)   # what stands alone does not know the flags of fmt
+    target_precompile_headers(${name} REUSE_FROM cardan_test_support)
+  endif()
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60 
     PROPERTIES LABELS "${A_LABEL}" TIMEOUT 600 ENVIRONMENT CARDAN_CACHE=off)   # each case is a process: files of tests are its own (tests/support/scratch.hpp)
 endfunction()

@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 
+#include "core/dynamics/hinge_laws.hpp"
 #include "core/dynamics/inverse.hpp"
 #include "core/dynamics/node_motion.hpp"
 #include "core/soa/gravity_field.hpp"
@@ -114,7 +115,7 @@ Energy Observer::energy() const {
       add(e.gravity, soa::potential(model_.field, inertia_for_gravity(k), ws_.pose_W(k)));
     }
   }
-  for (const Spring& s : model_.springs) add(e.springs, 0.5 * s.stiffness * (in_.q[s.q] - s.rest) * (in_.q[s.q] - s.rest));
+  for (const HingeLoad& load : model_.loads) add(e.springs, hinge_laws::energy(load, in_.q[load.q]));
   return e;
 }
 
@@ -290,8 +291,8 @@ double Observer::actuator_power() const {
   if (in_.tau)
     for (int i = 0; i < model_.nv; ++i)
       if (!model_.has_prescribed() || !model_.prescribed[i]) power += in_.tau[i] * in_.v[i];
-  for (const Spring& spring : model_.springs)  // tau holds their forces too; the stored part is in the energy
-    power += spring.stiffness * (in_.q[spring.q] - spring.rest) * in_.v[spring.v];
+  for (const HingeLoad& load : model_.loads)  // tau holds their forces too; the stored part is in the energy
+    power -= hinge_laws::force(load, in_.q[load.q], 0.0) * in_.v[load.v];
   if (model_.has_prescribed()) {
     std::vector<double>& tau = prescribed_tau_;
     prescribed_forces(tau.data());

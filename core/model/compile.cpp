@@ -220,7 +220,9 @@ class Compiler {
         if (c >= 0 && c < u.n_modes) prescribed[u.etadot + c] = 1;
       for (const auto& s : spec.hinge.springs)
         if (s.component >= 0 && s.component < u.nv)
-          m.springs.push_back({u.q + s.component, u.v + s.component, s.stiffness, s.rest, s.damping});
+          m.loads.push_back({HingeLaw::spring, u.q + s.component, u.v + s.component, {s.stiffness, s.rest, s.damping}});
+      for (const HingeLoadSpec& l : spec.hinge.loads)
+        if (l.component >= 0 && l.component < u.nv) m.loads.push_back({l.law, u.q + l.component, u.v + l.component, l.parameters});
       u.sweep = static_cast<int>(m.bodies.size());
       m.bodies.push_back(b);
       m.owner.push_back(i);

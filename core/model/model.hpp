@@ -41,11 +41,6 @@ struct PlainRates {
   int q, v, n;
 };
 
-struct Spring {
-  int q, v;  // tau[v] -= k (q[q] - rest) + c v[v]
-  double stiffness, rest, damping;
-};
-
 /// One line of the program of sweeps.
 enum class OpCode : std::uint8_t { hinge_records, outward, elastic, world, central_gravity, node_wrenches, inward, acceleration, refine };
 struct Op {
@@ -55,7 +50,7 @@ struct Op {
 
 struct Model : SweepModel {
   std::string name;
-  std::vector<Spring> springs;
+  std::vector<HingeLoad> loads;
   GravitySpec gravity;
   std::vector<UserBody> user;  // in the user's order
   std::vector<int> owner;      // per sweep body: the user's body whose hinge is its hinge; -1: the ground

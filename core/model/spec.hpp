@@ -12,6 +12,7 @@
 
 #include "core/base/diagnostic.hpp"
 #include "core/base/warnings.hpp"
+#include "core/model/hinge_load.hpp"
 #include "core/spatial/modal_data.hpp"
 
 namespace cardan {
@@ -40,6 +41,14 @@ struct SpringDamper {
   Located at;
 };
 
+/// Another law of force on one velocity component of a hinge.
+struct HingeLoadSpec {
+  int component = 0;
+  HingeLaw law = HingeLaw::stop;
+  HingeLoad::Parameters parameters{};  // SI
+  Located at;
+};
+
 /// Inboard hinge of a body: joins onode O (on the inboard body, or on the world) to pnode P (on the body).
 struct HingeSpec {
   std::string type = "locked";
@@ -54,6 +63,7 @@ struct HingeSpec {
   bool locked = false;          // held at q: no velocity components
   std::vector<int> prescribed;  // velocity components whose motion is given as a function of time
   std::vector<SpringDamper> springs;
+  std::vector<HingeLoadSpec> loads;  // stops, friction
   Located at;
 };
 

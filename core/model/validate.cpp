@@ -334,10 +334,45 @@ void check_locked(const SystemSpec& spec, const BodySpec& body, DiagnosticSink& 
         "`locked` holds all components at their initial coordinates; a component that is prescribed stands still until it gets a profile");
 }
 
+void check_loads(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink) {
+  for (std::size_t i = 0; i < body.hinge.loads.size(); ++i) {
+    const HingeLoadSpec& load = body.hinge.loads[i];
+    const std::string at = load.at.key_path.empty() ? fmt::format("{}.hinge.loads[{}]", body_path(body), i) : load.at.key_path;
+    const HingeLoad::Parameters& p = load.parameters;
+    const auto demand = [&](bool holds, const char* key, const char* expected, double got, const char* hint = "") {
+      if (!holds) sink.report(Code::out_of_range, spec.locate(at + "." + key), expected, fmt::format("{:g}", got), hint);
+    };
+    if (load.component < 0 || load.component >= static_cast<int>(family.nv)) {
+      sink.report(Code::unknown_name, spec.locate(at), fmt::format("a velocity component below {}", family.nv),
+                  fmt::format("{}", load.component));
+      continue;
+    }
+    if (load.law == HingeLaw::friction) {
+      demand(p[0] >= 0.0 && std::isfinite(p[0]), "coulomb", "a force >= 0", p[0]);
+      demand(p[1] >= p[0] && std::isfinite(p[1]), "breakaway", "a force that is at least `coulomb`", p[1]);
+      demand(p[2] > 0.0 && std::isfinite(p[2]), "stribeck_rate", "a rate > 0", p[2]);
+      demand(p[3] >= 0.0 && std::isfinite(p[3]), "viscous", "a number >= 0", p[3]);
+      demand(p[4] > 0.0 && std::isfinite(p[4]), "width", "a rate > 0", p[4],
+             "below it the friction grows in proportion to the rate; a tenth of the slowest rate that matters");
+      continue;
+    }
+    if (family.nq != family.nv)
+      sink.report(Code::unsupported, spec.locate(at), fmt::format("friction alone on a hinge of type {}", family.type), "a stop",
+                  "its attitude is a quaternion, which has no single coordinate to stop; a gimbal hinge has");
+    demand(p[0] < p[1], "lower", "less than `upper`", p[0]);
+    if (std::isinf(p[0]) && std::isinf(p[1]))
+      sink.report(Code::missing_key, spec.locate(at), "lower, upper or both", "neither",
+                  "a stop acts where the coordinate passes one of them");
+    demand(p[2] > 0.0 && std::isfinite(p[2]), "stiffness", "a number > 0", p[2]);
+    demand(p[3] >= 1.0 && p[3] <= 10.0, "exponent", "a number from 1 to 10", p[3]);
+    demand(p[4] >= 0.0 && std::isfinite(p[4]), "dissipation", "a number >= 0", p[4]);
+  }
+}
+
 void check_components(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink) {
   const HingeSpec& hinge = body.hinge;
   if (hinge.locked) check_locked(spec, body, sink);
-  if (hinge.prescribed.empty() && hinge.springs.empty()) return;
+  if (hinge.prescribed.empty() && hinge.springs.empty() && hinge.loads.empty()) return;
   const std::string path = body_path(body) + ".hinge";
   const auto exists = [&](int component, const std::string& at) {
     const bool ok = component >= 0 && component < static_cast<int>(family.nv);
@@ -346,6 +381,7 @@ void check_components(const SystemSpec& spec, const BodySpec& body, const cardan
                   fmt::format("{}", component));
     return ok;
   };
+  check_loads(spec, body, family, sink);
   for (int component : body.hinge.prescribed) exists(component, path + ".prescribed");
   for (std::size_t i = 0; i < body.hinge.springs.size(); ++i) {
     const SpringDamper& spring = body.hinge.springs[i];
@@ -365,7 +401,7 @@ void check_components(const SystemSpec& spec, const BodySpec& body, const cardan
 /// A hinge that transmits a force needs a material point on both sides: the frame of mean axes is none.
 void check_attachment(const SystemSpec& spec, const BodySpec& body, int inboard, const cardan_hinge_family& family, DiagnosticSink& sink) {
   const HingeSpec& hinge = body.hinge;
-  if (family.nv == 6 && !hinge.locked && hinge.springs.empty()) return;
+  if (family.nv == 6 && !hinge.locked && hinge.springs.empty() && hinge.loads.empty()) return;
   const auto check = [&](const BodySpec& flexible, const std::string& node, const char* key) {
     if (!node.empty() || !flexible.modal || !has_mean_axes(*flexible.modal)) return;
     std::vector<std::string> nodes;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <limits>
 
 #include "core/base/units.hpp"
 #include "core/model/initial.hpp"
@@ -169,6 +170,7 @@ class VehicleReader {
       if (const auto prescribed = map.find("prescribed")) read_prescribed(*prescribed, *family, hinge);
       if (const auto spring = map.find("spring")) read_spring(*spring, *family, hinge);
       if (const auto springs = map.find("springs")) read_springs(*springs, *family, hinge);
+      if (const auto loads = map.find("loads")) read_loads(*loads, *family, hinge);
     }
     map.finish();
   }
@@ -276,18 +278,61 @@ class VehicleReader {
     }
     for (std::size_t i = 0; i < value.node->items.size(); ++i) read_spring(value.item(i), family, hinge);
   }
+  /// Of a spring or load; -1 after a fault.
+  int read_own_component(MapReader& map, const cardan_hinge_family& family) {
+    if (family.nv > 1) {
+      const auto component =
+          map.require("component", "which component of the hinge: " + one_of({family.v_names, family.v_names + family.nv}));
+      return component ? read_component(*component, family) : -1;
+    }
+    const auto component = map.find("component");
+    return component ? std::max(0, read_component(*component, family)) : 0;
+  }
+
+  void read_loads(const DocRef& value, const cardan_hinge_family& family, HingeSpec& hinge) {
+    if (value.node->kind != Kind::list) {
+      context_.sink.report(Code::wrong_type, value.at(), "a list of loads", describe(*value.node), "loads: [{type: stop, ...}]");
+      return;
+    }
+    for (std::size_t i = 0; i < value.node->items.size(); ++i) read_load(value.item(i), family, hinge);
+  }
+
+  void read_load(const DocRef& value, const cardan_hinge_family& family, HingeSpec& hinge) {
+    MapReader map(value, context_);
+    HingeLoadSpec load;
+    load.at = value.at();
+    const auto type = map.require("type", "stop or friction");
+    const int law = type ? read_choice(*type, {"stop", "friction"}, "a type of load", Code::unknown_name, context_) : -1;
+    load.component = law < 0 ? -1 : read_own_component(map, family);
+    if (load.component < 0) return;
+    const bool turns = std::string_view(family.v_units[load.component]) == "rad/s";
+    const char *length = turns ? "rad" : "m", *rate = turns ? "rad/s" : "m/s", *force = turns ? "N m" : "N";
+    constexpr double kNever = std::numeric_limits<double>::infinity();
+    const auto limit = [&](const char* key, double never) { return map.find(key) ? map.number(key, length) : never; };
+    if (law == 0) {
+      load.law = HingeLaw::stop;
+      const double lower = limit("lower", -kNever), upper = limit("upper", kNever), exponent = map.number("exponent", "1", 1.5);
+      // Of unit stiffness^exponent; with another exponent than 1 the unit has no name, and the number is in SI.
+      const double stiffness = exponent == 1.0 ? map.number("stiffness", turns ? "N m/rad" : "N/m") : map.number("stiffness", "1");
+      load.parameters = {lower, upper, stiffness, exponent, map.number("dissipation", turns ? "s/rad" : "s/m", 0.0)};
+    } else {
+      load.law = HingeLaw::friction;
+      const double coulomb = map.number("coulomb", force);
+      const double breakaway = map.find("breakaway") ? map.number("breakaway", force) : coulomb;
+      const double width = map.number("width", rate);
+      load.parameters = {coulomb, breakaway, map.find("stribeck_rate") ? map.number("stribeck_rate", rate) : 10.0 * width,
+                         map.number("viscous", turns ? "N m s/rad" : "N s/m", 0.0), width};
+    }
+    map.finish();
+    hinge.loads.push_back(std::move(load));
+  }
+
   void read_spring(const DocRef& value, const cardan_hinge_family& family, HingeSpec& hinge) {
     MapReader map(value, context_);
     SpringDamper spring;
     spring.at = value.at();
-    if (family.nv > 1) {
-      const auto component =
-          map.require("component", "which component of the hinge: " + one_of({family.v_names, family.v_names + family.nv}));
-      spring.component = component ? read_component(*component, family) : -1;
-      if (spring.component < 0) return;
-    } else if (const auto component = map.find("component")) {
-      spring.component = std::max(0, read_component(*component, family));
-    }
+    spring.component = read_own_component(map, family);
+    if (spring.component < 0) return;
     const bool rotational = std::string_view(family.v_units[spring.component]) == "rad/s";
     spring.stiffness = map.number("stiffness", rotational ? "N m/rad" : "N/m", 0.0);
     spring.rest = map.number("rest", rotational ? "rad" : "m", 0.0);

@@ -9,6 +9,7 @@
 #include "core/base/diagnostic.hpp"
 #include "core/base/poll.hpp"
 #include "core/base/units.hpp"
+#include "core/dynamics/hinge_laws.hpp"
 #include "core/dynamics/inverse.hpp"
 #include "core/dynamics/node_motion.hpp"
 #include "core/operators/apply.hpp"
@@ -299,8 +300,7 @@ class Column {
       Vec3<Tangent>& part = p.kind == Port::force ? f.f : f.n;
       (p.axis == 0 ? part.x : p.axis == 1 ? part.y : part.z) = u[i];
     }
-    for (const Spring& s : m_.springs)
-      tau_[s.v] = tau_[s.v] - (Tangent(s.stiffness) * (q[s.q] - Tangent(s.rest)) + Tangent(s.damping) * v[s.v]);
+    hinge_laws::add_forces(m_, q.data(), v.data(), tau_.data());
     soa::Inputs<Tangent> in{.q = q.data(), .v = v.data(), .tau = tau_.data(), .vdot = given_.data(), .wrenches = wrenches_};
     if (scope_.blocks)
       solve(in);

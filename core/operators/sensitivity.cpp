@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "core/base/poll.hpp"
+#include "core/dynamics/hinge_laws.hpp"
 #include "core/dynamics/node_motion.hpp"
 #include "core/operators/apply.hpp"
 #include "core/soa/gravity_field.hpp"
@@ -89,8 +90,8 @@ void Sensitivities::evaluate() {
       {.q = q_.data(), .v = on_model(v_, v_all_), .vdot = on_model(vdot_, vdot_all_), .wrenches = wrenches_, .gravity = gravity_},
       tau_all_.data(), {}, part_.get());
   for (int i = 0; i < size(); ++i) tau_[i] = tau_all_[component_[i]];
-  for (const Spring& s : model_->springs)
-    if (const int i = place_[s.v]; springs_ && i >= 0) tau_[i] += s.stiffness * (q_[s.q] - s.rest) + s.damping * v_[i];
+  for (const HingeLoad& load : model_->loads)
+    if (const int i = place_[load.v]; springs_ && i >= 0) tau_[i] -= hinge_laws::force(load, q_[load.q], v_[i]);
 }
 
 void Sensitivities::solve(const Inputs& in) {
@@ -108,8 +109,7 @@ void Sensitivities::solve(const Inputs& in) {
     return;
   }
   copy_or_zero(in.tau, work_);
-  if (springs_)
-    for (const Spring& s : model_->springs) work_[s.v] -= s.stiffness * (in.q[s.q] - s.rest) + s.damping * in.v[s.v];
+  if (springs_) hinge_laws::add_forces(*model_, in.q, in.v, work_.data());
   use.tau = work_.data();
   VectorXd found(model_->nv);
   if (!forward_dynamics(*model_, ws_, use, found.data())) throw NumericsError(describe_breakdown(*model_, ws_.breakdown, 0.0));
@@ -129,8 +129,9 @@ void Sensitivities::inverse(const Direction& along, double* dtau) {
   inverse_dynamics(m, tangent_, {.q = q_t_.data(), .v = v_t_.data(), .vdot = vdot_t_.data(), .wrenches = wrenches_t_, .gravity = gravity_},
                    tau_t_.data(), {}, part_.get());
   for (int i = 0; i < size(); ++i) dtau[i] = tau_t_[component_[i]].d;
-  for (const Spring& s : m.springs)
-    if (const int i = place_[s.v]; springs_ && i >= 0) dtau[i] += s.stiffness * rate_[s.q] + (along.v ? s.damping * along.v[i] : 0.0);
+  for (const HingeLoad& load : m.loads)
+    if (const int i = place_[load.v]; springs_ && i >= 0)
+      dtau[i] -= hinge_laws::force<Tangent>(load, {q_[load.q], rate_[load.q]}, {v_[i], along.v ? along.v[i] : 0.0}).d;
 }
 
 void Sensitivities::mass(const double* u, const double* w, double* dM_w) {

@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "core/base/diagnostic.hpp"
+#include "core/dynamics/hinge_laws.hpp"
 #include "core/linalg/dense.hpp"
 #include "core/linalg/eigenpairs.hpp"
 #include "core/operators/apply.hpp"
@@ -48,8 +49,11 @@ Joint joint_of(const TreeOperators& tree) {
   std::vector<std::uint8_t> moves(n, 1);
   for (int v = 0; v < model.nv; ++v)
     if (const int i = tree.place_of_velocity(v); i >= 0 && model.has_prescribed()) moves[i] = model.prescribed[v] == 0;
-  for (const Spring& s : model.springs)
-    if (const int i = tree.place_of_velocity(s.v); i >= 0) J.K[i] += s.stiffness, J.C[i] += s.damping;
+  for (const HingeLoad& load : model.loads)
+    if (const int i = tree.place_of_velocity(load.v); i >= 0) {
+      const hinge_laws::Linear at_rest = hinge_laws::linear(load, tree.q()[load.q], 0.0);
+      J.K[i] += at_rest.stiffness, J.C[i] += at_rest.damping;
+    }
   const auto refuse = [](const std::string& what, const std::string& got) {
     cardan::refuse(Code::unsupported, {"modes of " + what}, "a stiffness >= 0", got);
   };

@@ -325,6 +325,24 @@ void DenseTwin<T>::add_hinge_and_modal_forces(DenseState<T>& s, int k) const {
     force -= T(spring.stiffness) * stretch;
     s.elastic_energy += T(spring.stiffness) * stretch * stretch / 2;
   }
+  for (const HingeLoadSpec& load : b.hinge.loads) {
+    using std::exp, std::pow, std::tanh;
+    const HingeLoad::Parameters& p = load.parameters;
+    const T rate = s.v_[b.iv + load.component];
+    T& force = s.hinge_force[b.iv + load.component];
+    if (load.law == HingeLaw::friction) {
+      const T slow = rate / T(p[2]), level = T(p[0]) + T(p[1] - p[0]) * exp(T(-(slow * slow)));
+      force -= level * tanh(T(rate / T(p[4]))) + T(p[3]) * rate;
+      continue;
+    }
+    const T q = s.q_[b.iq + load.component];
+    const int side = q > T(p[1]) ? 1 : q < T(p[0]) ? -1 : 0;  // beyond the upper or the lower limit
+    if (side == 0) continue;
+    const T depth = side > 0 ? T(q - T(p[1])) : T(T(p[0]) - q), pushed = T(p[2]) * pow(depth, T(p[3]));
+    const T push = pushed * (T(1) + T(p[4]) * T(side) * rate);
+    if (push > T(0)) force -= T(side) * push;
+    s.elastic_energy += pushed * depth / (T(p[3]) + 1);
+  }
 }
 
 template <class T>

@@ -38,6 +38,9 @@ Quad abs(const Quad& a) { return Quad(Quad::Number(abs(a.x_))); }
 Quad sqrt(const Quad& a) { return Quad(Quad::Number(sqrt(a.x_))); }
 Quad sin(const Quad& a) { return Quad(Quad::Number(sin(a.x_))); }
 Quad cos(const Quad& a) { return Quad(Quad::Number(cos(a.x_))); }
+Quad exp(const Quad& a) { return Quad(Quad::Number(exp(a.x_))); }
+Quad tanh(const Quad& a) { return Quad(Quad::Number(tanh(a.x_))); }
+Quad pow(const Quad& base, const Quad& exponent) { return Quad(Quad::Number(pow(base.x_, exponent.x_))); }
 bool isfinite(const Quad& a) { return boost::multiprecision::isfinite(a.x_); }
 bool isinf(const Quad& a) { return boost::multiprecision::isinf(a.x_); }
 bool isnan(const Quad& a) { return boost::multiprecision::isnan(a.x_); }

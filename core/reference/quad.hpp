@@ -38,6 +38,9 @@ class Quad {
   friend Quad sqrt(const Quad&);
   friend Quad sin(const Quad&);
   friend Quad cos(const Quad&);
+  friend Quad exp(const Quad&);
+  friend Quad tanh(const Quad&);
+  friend Quad pow(const Quad& base, const Quad& exponent);
   friend bool isfinite(const Quad&);
   friend bool isinf(const Quad&);
   friend bool isnan(const Quad&);

@@ -173,8 +173,27 @@ Json system_modes(const Simulation& sim, int elastic) {
 int modes_worth_telling(const Model& m, int asked) {
   constexpr int kDefault = 10, kSmall = 400;
   if (asked >= 0) return asked;
-  const bool springs = std::any_of(m.springs.begin(), m.springs.end(), [](const Spring& s) { return s.stiffness != 0.0; });
+  const bool springs =
+      std::any_of(m.loads.begin(), m.loads.end(), [](const HingeLoad& s) { return s.law == HingeLaw::spring && s.p[0] != 0.0; });
   return (springs || m.n_modes > 0) && m.nv <= kSmall ? kDefault : 0;
+}
+
+/// What a load is called, and its parameters.
+std::pair<std::string, std::string> load_text(const HingeLoad& s, bool slides) {
+  const char *length = slides ? "m" : "rad", *force = slides ? "N" : "N m", *per_rate = slides ? "N s/m" : "N m s/rad";
+  switch (s.law) {
+    case HingeLaw::spring:
+      return {"spring", fmt::format("stiffness {:.10g} {}, rest {:.10g} {}, damping {:.10g} {}", s.p[0], slides ? "N/m" : "N m/rad", s.p[1],
+                                    length, s.p[2], per_rate)};
+    case HingeLaw::stop:
+      return {"stop", fmt::format("lower {:.10g} {}, upper {:.10g} {}, stiffness {:.10g} {}/{}^{:g}, dissipation {:.10g} s/{}", s.p[0],
+                                  length, s.p[1], length, s.p[2], force, length, s.p[3], s.p[4], length)};
+    case HingeLaw::friction:
+      break;
+  }
+  return {"friction",
+          fmt::format("coulomb {:.10g} {}, breakaway {:.10g} {}, stribeck_rate {:.10g} {}/s, viscous {:.10g} {}, width {:.10g} {}/s",
+                      s.p[0], force, s.p[1], force, s.p[2], length, s.p[3], per_rate, s.p[4], length)};
 }
 
 std::string gravity_text(const GravitySpec& g) {
@@ -281,13 +300,11 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
     add(hinge + "pnode", text_of(u.pnode.p) + " m");
     for (const auto& [name, value] : b.hinge.params) add(hinge + name, text_of(value) + (u.hinge ? parameter_unit(*u.hinge, name) : ""));
     for (const int c : b.hinge.prescribed) add(hinge + "prescribed", u.v_names[static_cast<std::size_t>(c)]);
-    for (const Spring& s : m.springs)
+    for (const HingeLoad& s : m.loads)
       if (s.v >= u.v && s.v < u.v + u.nv) {
         const auto component = static_cast<std::size_t>(s.v - u.v);
-        const bool slides = u.v_units[component] == "m/s";
-        add(fmt::format("{}spring.{}", hinge, u.v_names[component]),
-            fmt::format("stiffness {:.10g} {}, rest {:.10g} {}, damping {:.10g} {}", s.stiffness, slides ? "N/m" : "N m/rad", s.rest,
-                        slides ? "m" : "rad", s.damping, slides ? "N s/m" : "N m s/rad"));
+        const auto [name, text] = load_text(s, u.v_units[component] == "m/s");
+        add(fmt::format("{}{}.{}", hinge, name, u.v_names[component]), text);
       }
     for (const NodeSpec& n : b.nodes) {
       add(fmt::format("{}nodes.{}.position", path, n.name), text_of(n.position) + " m");

@@ -6,15 +6,19 @@
 #include <vector>
 
 #include "core/base/diagnostic.hpp"
+#include "core/dynamics/hinge_laws.hpp"
 #include "core/operators/apply.hpp"
 
 namespace cardan {
 namespace {
 
 /// y = K x (damping: C x) over the velocity components.
-void forces(const Model& m, bool damping, const Eigen::VectorXd& x, Eigen::VectorXd& y) {
+void forces(const Model& m, const double* q, bool damping, const Eigen::VectorXd& x, Eigen::VectorXd& y) {
   y.setZero(m.nv);
-  for (const Spring& s : m.springs) y[s.v] += std::max(0.0, damping ? s.damping : s.stiffness) * x[s.v];
+  for (const HingeLoad& load : m.loads) {
+    const hinge_laws::Linear at = hinge_laws::linear(load, q[load.q], 0.0);
+    y[load.v] += std::max(0.0, damping ? at.damping : at.stiffness) * x[load.v];
+  }
   for (const SweepBody& b : m.bodies) {
     if (b.n_modes == 0) continue;
     const FlexibleBody& f = m.flexible[b.flexible];
@@ -40,7 +44,7 @@ std::string owner(const Model& m, int v, bool damping) {
 FastestMotion fastest_motion(std::shared_ptr<const Model> model, const double* q) {
   const Model& m = *model;
   FastestMotion fastest;
-  bool any = !m.springs.empty();
+  bool any = !m.loads.empty();
   for (const SweepBody& b : m.bodies) any = any || b.n_modes > 0;
   if (!any) return fastest;
   std::vector<std::uint8_t> free;
@@ -59,7 +63,7 @@ FastestMotion fastest_motion(std::shared_ptr<const Model> model, const double* q
     for (int i = 0; i < m.nv; ++i) x[i] = free.empty() || free[i] ? 1.0 + 0.1 * std::sin(3.7 * i) : 0.0;
     double value = 0.0;
     for (int k = 0; k < 20; ++k) {  // power iteration, in the norm of K where M^-1 K is symmetric
-      forces(m, damping, x, f);
+      forces(m, q, damping, x, f);
       const double before = x.dot(f);
       if (!(before > 0.0)) break;
       inverse.mult(f, y);
@@ -71,7 +75,7 @@ FastestMotion fastest_motion(std::shared_ptr<const Model> model, const double* q
     }
     const double rate = damping ? value : std::sqrt(value);
     if (!(rate > fastest.rate)) continue;
-    forces(m, damping, x, f);
+    forces(m, q, damping, x, f);
     Eigen::Index largest = 0;
     x.cwiseProduct(f).maxCoeff(&largest);
     fastest = {rate, damping, owner(m, static_cast<int>(largest), damping)};

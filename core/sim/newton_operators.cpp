@@ -69,7 +69,7 @@ bool NewtonOperators::jacobian_times(const soa::Inputs<double>& in, const double
   for (int i = 0; i < m.nq; ++i) q_t_[i] = {in.q[i], dq[i]};
   for (int i = 0; i < m.nv; ++i) v_t_[i] = {in.v[i], is_free(i) ? dv[i] : 0.0}, tau_t_[i] = in.tau[i], vdot_given_t_[i] = in.vdot[i];
   for (const int i : given_q_) q_t_[i].d = 0.0;
-  for (const Spring& s : m.springs) tau_t_[s.v].d -= s.stiffness * q_t_[s.q].d + s.damping * v_t_[s.v].d;
+  for (const HingeLoad& load : m.loads) tau_t_[load.v].d += hinge_laws::force<Tangent>(load, q_t_[load.q], v_t_[load.v]).d;
   wrenches_t_.clear();
   for (const NodeWrench& w : in.wrenches) wrenches_t_.push_back({w.node, w.world_axes, {cast<Tangent>(w.f.n), cast<Tangent>(w.f.f)}});
   const soa::Inputs<Tangent> along{.q = q_t_.data(),
@@ -93,10 +93,13 @@ bool NewtonOperators::jacobian_times(const soa::Inputs<double>& in, const double
   return true;
 }
 
-bool NewtonOperators::prepare(const double* q, double gamma, bool moved) {
+bool NewtonOperators::prepare(const double* x, double gamma, bool moved) {
+  const double *q = x, *v = x + model_->nq;
   gamma_ = gamma;
+  linear_.clear();
+  for (const HingeLoad& load : model_->loads) linear_.push_back(hinge_laws::linear(load, q[load.q], v[load.v]));
   std::fill(W_.begin(), W_.end(), 0.0);
-  for (const Spring& s : model_->springs) W_[s.v] += gamma * (s.damping + gamma * s.stiffness);
+  for (std::size_t i = 0; i < linear_.size(); ++i) W_[model_->loads[i].v] += gamma * (linear_[i].damping + gamma * linear_[i].stiffness);
   each_flexible([&](int, int etadot, int n, const FlexibleBody& f) {
     for (int j = 0; j < n; ++j) {
       const auto at = (f.K_diagonal ? j : j * n + j);
@@ -120,7 +123,7 @@ void NewtonOperators::precondition(const double* r, double* z) {
   for (int i = 0; i < m.nv; ++i) at_[i] = is_free(i) ? r_v[i] : 0.0;
   const LinearOperator &mass = mass_, &inverse = inverse_;
   mass.mult(at_, rhs_);
-  for (const Spring& s : m.springs) rhs_[s.v] -= gamma_ * s.stiffness * r_q[s.q];
+  for (std::size_t i = 0; i < linear_.size(); ++i) rhs_[m.loads[i].v] -= gamma_ * linear_[i].stiffness * r_q[m.loads[i].q];
   each_flexible([&](int eta, int etadot, int n, const FlexibleBody& f) {
     for (int i = 0; i < n; ++i)
       if (f.K_diagonal)

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "core/dynamics/hinge_laws.hpp"
 #include "core/operators/apply.hpp"
 #include "core/soa/tangent.hpp"
 
@@ -20,9 +21,9 @@ class NewtonOperators {
   /// v, and the q that are their integrals, are functions of time: f does not depend on those of x. false: a direction without inertia.
   bool jacobian_times(const soa::Inputs<double>& in, const double* dx, double* J_dx);
 
-  /// Articulated inertias with W = gamma C + gamma^2 K of the free components. moved: q counts anew; else those of the
+  /// Articulated inertias with W = gamma C + gamma^2 K of the free components at x. moved: q counts anew; else those of the
   /// last call with another gamma. false: a direction without inertia.
-  bool prepare(const double* q, double gamma, bool moved);
+  bool prepare(const double* x, double gamma, bool moved);
   /// z = (1 - gamma J)^-1 r but for velocity terms, what gravity, loads and M change with q, and what is off the
   /// diagonal of full modal K and C in W: exact at rest, relaxed, where these are diagonal.
   void precondition(const double* r, double* z);
@@ -46,7 +47,8 @@ class NewtonOperators {
   operators::Erased<std::remove_const_t<decltype(operators::letters::mass_inverse)>> inverse_;  // of mass + W, once there is a W
   std::vector<double> q_;                                                                       // of the last prepare
   std::vector<double> W_;
-  std::vector<std::uint8_t> free_;  // empty: all
+  std::vector<hinge_laws::Linear> linear_;  // of each hinge load
+  std::vector<std::uint8_t> free_;          // empty: all
   Eigen::VectorXd at_, rhs_, dv_;
 };
 

@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "core/base/finite.hpp"
+#include "core/dynamics/hinge_laws.hpp"
 #include "core/sim/fastest_motion.hpp"
 #include "core/sim/newton_operators.hpp"
 
@@ -23,6 +24,9 @@ Simulation::Simulation(std::shared_ptr<const Model> model, const SimulationOptio
   vdot_given_.assign(nv, 0.0);
   vdot_ = Eigen::VectorXd::Zero(m.nv);
   for (const UserBody& u : m.user) normalised_ = normalised_ || (u.nq > 0 && u.hinge->normalise);
+  for (const HingeLoad& load : m.loads)
+    for (const std::size_t side : {0, 1})
+      if (load.law == HingeLaw::stop && std::isfinite(load.p[side])) limits_.push_back({load.q, load.p[side]});
   x_given_.resize(static_cast<std::size_t>(m.nq + m.nv));
   for (int i = 0; m.has_prescribed() && i < m.nv; ++i) {
     if (!m.prescribed[static_cast<std::size_t>(i)]) continue;
@@ -301,6 +305,7 @@ OdeProblem Simulation::ode() {
   OdeProblem ode;
   ode.n = m.nq + m.nv;
   ode.n_quadrature = options_.ledger ? Balances::kIntegrals : 0;
+  ode.rough_integrands = std::ranges::any_of(m.loads, [](const HingeLoad& load) { return load.law != HingeLaw::spring; });
   ode.rhs = [this](double t, const double* x, double* xdot) { return rhs(t, x, xdot); };
   ode.integrands = [this](double t, const double* x, double* ydot) { integrands(t, x, ydot); };
   if (normalised_ || !prescribed_.empty())
@@ -314,10 +319,11 @@ OdeProblem Simulation::ode() {
     std::fill_n(ode.group.begin() + b.eta, b.n_modes, 1);
     std::fill_n(ode.group.begin() + m.nq + b.etadot, b.n_modes, 1);
   }
-  ode.n_roots = static_cast<int>(events_.size());
+  ode.n_roots = static_cast<int>(events_.size() + limits_.size());
   if (ode.n_roots > 0)
     ode.roots = [this](double t, const double* x, double* g) {
       for (std::size_t i = 0; i < events_.size(); ++i) g[i] = events_[i].function(t, x, x + model_->nq);
+      for (std::size_t i = 0; i < limits_.size(); ++i) g[events_.size() + i] = x[limits_[i].q] - limits_[i].value;
     };
   if (options_.integrator.linear_solver != "krylov") return ode;
   newton_ = std::make_unique<NewtonOperators>(model_);
@@ -379,7 +385,9 @@ void Simulation::begin_ledger() {
   if (options_.ledger && forward_dynamics(*model_, workspace_, creeping, vdot_.data())) {
     observer_->update(creeping, nullptr);
     double energy = observer_->energy().kinetic;
-    for (const Spring& s : model_->springs) energy += 0.5 * s.stiffness * std::pow(absolute[static_cast<std::size_t>(s.q)], 2);
+    for (const HingeLoad& load : model_->loads)
+      energy += 0.5 * std::max(0.0, hinge_laws::linear(load, state_.q[load.q], 0.0).stiffness) *
+                std::pow(absolute[static_cast<std::size_t>(load.q)], 2);
     for (const SweepBody& b : model_->bodies)
       for (int j = 0; j < b.n_modes; ++j) {
         const FlexibleBody& f = model_->flexible[static_cast<std::size_t>(b.flexible)];

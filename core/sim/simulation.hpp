@@ -155,6 +155,11 @@ class Simulation {
   Schedule schedule_;
   std::vector<std::function<void()>> tasks_;
   std::vector<Event> events_;
+  struct Limit {
+    int q;
+    double value;
+  };
+  std::vector<Limit> limits_;  // of stops: where q passes one the right-hand side has a corner
   struct Prescribed {
     int index;       // into v
     int coordinate;  // into q, where that is the integral of v; else -1

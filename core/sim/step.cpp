@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "core/base/finite.hpp"
+#include "core/dynamics/hinge_laws.hpp"
 
 namespace cardan {
 
@@ -56,6 +57,8 @@ void Simulation::step(double t_stop) {
   observed_ = ledger_known_ = false;
   if (report.stiff) say_stiff();
   if (report.event) handle_events(report.crossed);
+  if (report.event && std::ranges::any_of(report.crossed.subspan(events_.size()), [](int side) { return side != 0; }))
+    restart_ = true;                        // a stop begins or ends to push: a corner
   if (report.t == corner) restart_ = true;  // v' of a prescribed motion jumps here
 }
 
@@ -69,10 +72,10 @@ bool Simulation::rhs(double t, const double* x, double* xdot) {
   return true;
 }
 
-// Of actuators, springs and dampers; v' of prescribed motions.
+// Of actuators and hinge loads; v' of prescribed motions.
 void Simulation::apply_forces(double t, double since, const double* q, const double* v) {
-  for (const Spring& s : model_->springs) tau_total_[static_cast<std::size_t>(s.v)] = tau_[static_cast<std::size_t>(s.v)];
-  for (const Spring& s : model_->springs) tau_total_[static_cast<std::size_t>(s.v)] -= s.stiffness * (q[s.q] - s.rest) + s.damping * v[s.v];
+  for (const HingeLoad& load : model_->loads) tau_total_[static_cast<std::size_t>(load.v)] = tau_[static_cast<std::size_t>(load.v)];
+  hinge_laws::add_forces(*model_, q, v, tau_total_.data());
   for (const auto& p : prescribed_) vdot_given_[static_cast<std::size_t>(p.index)] = p.profile.acceleration(t, since);
 }
 

@@ -23,6 +23,9 @@ struct OdeProblem {
   /// g: fills ydot[n_quadrature]. rhs has been called just before, at this t and at x (Runge-Kutta) or as near to it as the
   /// corrector comes (CVODES): what it found may be used.
   std::function<void(double t, const double* x, double* ydot)> integrands;
+  /// g has layers that are thin beside a step (friction that turns over, stops): Runge-Kutta methods integrate it stage by stage, as they
+  /// do x, in place of once in a step.
+  bool rough_integrands = false;
   /// Brings an accepted state of time t back on its manifold (unit quaternions, given motions); may be empty.
   std::function<void(double t, double* x)> project;
   std::vector<double> absolute_tolerance;  // per state [unit of the state], > 0

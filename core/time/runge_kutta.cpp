@@ -176,6 +176,7 @@ class RungeKutta final : public Integrator {
   /// While a stretch is short, integrals are those of the tableau. From kPoints nodes on they go through the rates at the ends of the
   /// steps, of all of it: one evaluation a step in place of four or five.
   void add_node() {
+    if (problem_.rough_integrands) return;
     nodes_.add(t1_, k_.col(kLast).data() + n_);
     if (nodes_.nodes() + 1 >= NodeQuadrature::kPoints) staged_ = false;
   }

@@ -37,7 +37,7 @@ class Truth {
       (given ? vdot : tau)[i] += z[2 * m.nv + i];
       if (given) tau[i] = 0.0;
     }
-    for (const Spring& s : m.springs) tau[s.v] -= s.stiffness * (q[s.q] - s.rest) + s.damping * v[s.v];
+    for (const HingeLoad& s : m.loads) tau[s.v] -= s.p[0] * (q[s.q] - s.p[1]) + s.p[2] * v[s.v];  // springs
     std::vector<NodeWrench> wrenches = at_.wrenches;
     NodeWrench w;
     w.node = pushed_;

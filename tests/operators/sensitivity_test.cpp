@@ -21,7 +21,7 @@ constexpr double kDerivative = 1e-12;  // of the largest entry
 constexpr int kTwins = 30;
 
 std::vector<TreeOptions> kinds_with_springs() {
-  TreeOptions rigid{.bodies = 7, .flexible = 0.0, .springs = true}, mixed{.bodies = 6, .flexible = 0.5, .springs = true},
+  TreeOptions rigid{.bodies = 7, .flexible = 0.0, .springs = true, .loads = true}, mixed{.bodies = 6, .flexible = 0.5, .springs = true},
       flexible{.bodies = 4, .flexible = 1.0}, central{.bodies = 5, .flexible = 0.4, .locked = 0.2, .gravity = GravitySpec::Kind::central};
   return {rigid, mixed, flexible, central};
 }
@@ -135,7 +135,7 @@ TEST(Sensitivity, OfForwardDynamicsAgainstTheArticulatedSweeps) {
   TreeOptions many_modes{.bodies = 5, .flexible = 0.6, .modes = 20, .plain_masses = true};  // eliminated through their nodes
   kinds.push_back(many_modes);
   for (TreeOptions& options : kinds) {
-    options.springs = false;
+    options.springs = options.loads = false;
     for_all_trees(
         options, 1e-11,
         [](const RandomTree& tree) {

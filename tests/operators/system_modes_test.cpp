@@ -19,7 +19,7 @@ using operators::SystemModes;
 /// K of springs and modes, dense.
 MatrixXd stiffness(const Model& m) {
   MatrixXd K = MatrixXd::Zero(m.nv, m.nv);
-  for (const Spring& s : m.springs) K(s.v, s.v) += s.stiffness;
+  for (const HingeLoad& s : m.loads) K(s.v, s.v) += s.p[0];  // springs
   for (const SweepBody& b : m.bodies)
     for (int j = 0; j < b.n_modes; ++j)
       for (int i = 0; i < b.n_modes; ++i) {

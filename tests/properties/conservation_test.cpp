@@ -72,6 +72,10 @@ TEST(Energy, BalanceMatchesPower) {
                   12);
 }
 
+TEST(Energy, BalanceMatchesPowerWithStopsAndFriction) {
+  for_all_trees({.bodies = 5, .flexible = 0.3, .prescribed = 0.2, .springs = true, .loads = true}, 1e-9, open_balance, 12);
+}
+
 // The pull of a centre and the torque of its gradient come from one potential, for rigid bodies and for the modes of
 // level 0, 1 and, without nodal rotary inertia and second-order displacements, level 2.
 TEST(Energy, BalanceMatchesPowerInACentralField) {

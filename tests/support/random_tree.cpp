@@ -177,6 +177,8 @@ RandomTree random_tree(unsigned seed, const TreeOptions& options) {
     }
     if (!root && d.n_modes == 0 && random.chance(options.wheels)) make_wheel(d, random);
     if (options.springs && b.hinge.type == "revolute" && !b.hinge.locked) b.hinge.springs = {{0, 3.0, 0.2, 0.5, {}}};
+    if (options.loads && (b.hinge.type == "revolute" || b.hinge.type == "prismatic") && !b.hinge.locked)
+      b.hinge.loads = {{0, HingeLaw::stop, {-0.3, 0.1, 40.0, 1.5, 0.2}, {}}, {0, HingeLaw::friction, {0.4, 0.7, 0.8, 0.2, 0.5}, {}}};
     add_node(d, "tip", true, random);
     drafts.push_back(std::move(d));
   }

@@ -27,6 +27,7 @@ struct TreeOptions {
   bool damping = true;        // of the modes
   bool plain_masses = false;  // of modal bodies: no rotary inertia, no second-order displacements
   bool springs = false;       // springs and dampers on hinges
+  bool loads = false;         // stops and friction on them
   std::vector<std::string> hinges = kAllHinges;
   GravitySpec::Kind gravity = GravitySpec::Kind::uniform;
   bool gradient = true;  // of a central field, some 20 m away: it matters

@@ -72,6 +72,32 @@ bodies:
       initial: {angle: 10 deg, rate: 1500 rpm}
 )";
 
+TEST(Vehicle, HasStopsAndFrictionOnItsHinges) {
+  const SystemSpec spec = read(R"(cardan: 1
+bodies:
+  arm:
+    mass: 1
+    inertia: [1, 1, 1]
+    hinge:
+      type: cylindrical
+      to: world
+      axis: [0, 0, 1]
+      loads:
+        - {type: stop, component: angle, lower: -10 deg, upper: 90 deg, stiffness: 200, dissipation: 0.3 s/rad}
+        - {type: stop, component: displacement, upper: 20 mm, stiffness: 5 N/mm, exponent: 1}
+        - {type: friction, component: rate, coulomb: 20 mN m, breakaway: 0.03 N m, viscous: 1 mN m s/rad, width: 0.01 deg/s}
+)");
+  const std::vector<HingeLoadSpec>& loads = spec.bodies[0].hinge.loads;
+  ASSERT_EQ(loads.size(), 3u);
+  EXPECT_EQ(loads[0].law, HingeLaw::stop);
+  EXPECT_EQ(loads[0].component, 0);
+  EXPECT_EQ(loads[0].parameters, (HingeLoad::Parameters{-kPi / 18, kPi / 2, 200.0, 1.5, 0.3}));
+  EXPECT_EQ(loads[1].component, 1);
+  EXPECT_EQ(loads[1].parameters, (HingeLoad::Parameters{-HUGE_VAL, 0.02, 5000.0, 1.0, 0.0}));
+  EXPECT_EQ(loads[2].law, HingeLaw::friction);
+  EXPECT_EQ(loads[2].parameters, (HingeLoad::Parameters{0.02, 0.03, 10.0 * (0.01 * (kPi / 180)), 1e-3, 0.01 * (kPi / 180)}));
+}
+
 TEST(Vehicle, IsReadInSi) {
   const SystemSpec spec = read(kSatellite);
   EXPECT_EQ(spec.name, "a satellite");

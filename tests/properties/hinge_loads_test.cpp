@@ -1,0 +1,199 @@
+// Stops and friction on hinges: published and closed-form values, and what every analysis makes of them.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <random>
+
+#include "core/base/diagnostic.hpp"
+#include "core/dynamics/hinge_laws.hpp"
+#include "core/operators/linear_model.hpp"
+#include "core/reference/dense_dynamics.hpp"
+#include "core/sim/fastest_motion.hpp"
+#include "core/sim/newton_operators.hpp"
+#include "core/sim/simulation.hpp"
+#include "tests/properties/trees.hpp"
+#include "tests/support/builders.hpp"
+
+namespace cardan::test {
+namespace {
+
+constexpr double kNever = std::numeric_limits<double>::infinity();
+
+/// A mass on a slide, at x moving at v.
+SystemSpec slide(double mass, double x, double v, std::vector<HingeLoadSpec> loads, std::vector<SpringDamper> springs = {}) {
+  BodySpec b = on(particle("m", mass, {0, 0, 0}), "", "prismatic", {{1, 0, 0}});
+  b.hinge.q = {x}, b.hinge.v = {v};
+  b.hinge.loads = std::move(loads);
+  b.hinge.springs = std::move(springs);
+  return system({b});
+}
+
+SimulationOptions accurate() {
+  SimulationOptions o;
+  o.integrator.relative_tolerance = 1e-11;
+  return o;
+}
+
+/// k d^n/m without dissipation: the deepest point has (m v^2 / 2) = k d^(n+1) / (n+1), and the mass leaves as fast as it came.
+TEST(Stop, WithoutDissipationGivesBackAllItTook) {
+  const double m = 2.0, v = 0.7, k = 5e4, n = 1.5;
+  Simulation sim(compiled(slide(m, 0.0, v, {{0, HingeLaw::stop, {-kNever, 0.01, k, n, 0.0}, {}}})), accurate());
+  double deepest = 0.0;
+  sim.add_event(
+      {"turns", [](double, const double*, const double* rate) { return rate[0]; }, 0, [&] { deepest = sim.state().q[0] - 0.01; }});
+  sim.run(0.2);
+  EXPECT_NEAR(deepest, std::pow(0.5 * m * v * v * (n + 1.0) / k, 1.0 / (n + 1.0)), 1e-9);
+  EXPECT_NEAR(sim.state().v[0], -v, 1e-9);
+  EXPECT_TRUE(sim.ledger().pass) << sim.ledger().linear_relative << " of " << sim.ledger().linear_limit << ", "
+                                 << sim.ledger().energy_relative << " of " << sim.ledger().energy_limit;
+}
+
+/// Exponent 1, no dissipation: half a period of the spring, and the same at the lower end.
+TEST(Stop, OfExponentOneIsBacklash) {
+  const double m = 1.5, k = 400.0, gap = 0.05, v = 0.3, omega = std::sqrt(k / m);
+  Simulation sim(compiled(slide(m, 0.0, v, {{0, HingeLaw::stop, {-gap, gap, k, 1.0, 0.0}, {}}})), accurate());
+  const double period = 4.0 * gap / v + 2.0 * std::numbers::pi / omega;
+  sim.run(period);
+  EXPECT_NEAR(sim.state().q[0], 0.0, 1e-8);
+  EXPECT_NEAR(sim.state().v[0], v, 1e-8);
+}
+
+/// Of Hunt and Crossley's law the speed after depends on that before alone: a (v_i + v_o) = ln((1 + a v_i) / (1 - a v_o)), for every k, n.
+TEST(Stop, LosesWhatItsDissipationSays) {
+  const double v_in = 0.4, a = 0.8;
+  for (const double k : {1e4, 3e5}) {
+    Simulation sim(compiled(slide(3.0, 0.0, v_in, {{0, HingeLaw::stop, {-kNever, 0.0, k, 1.5, a}, {}}})), accurate());
+    sim.run(0.5);
+    const double v_out = -sim.state().v[0];
+    EXPECT_GT(v_out, 0.0);
+    EXPECT_LT(v_out, 0.9 * v_in);
+    EXPECT_NEAR(a * (v_in + v_out), std::log((1.0 + a * v_in) / (1.0 - a * v_out)), 1e-8) << k;
+    EXPECT_TRUE(sim.ledger().pass) << sim.ledger().linear_relative << " of " << sim.ledger().linear_limit << ", "
+                                   << sim.ledger().energy_relative << " of " << sim.ledger().energy_limit;
+  }
+}
+
+/// Pulled by a spring whose end moves slowly away, smoothed Coulomb friction holds the mass creeping: v = w atanh(F / Fc) while F < Fc.
+TEST(Friction, HoldsBelowBreakawayUpToItsWidth) {
+  const double force = 0.6, coulomb = 1.0, width = 1e-3;
+  Simulation sim(compiled(slide(1.0, 0.0, 0.0, {{0, HingeLaw::friction, {coulomb, coulomb, 1.0, 0.0, width}, {}}})), accurate());
+  sim.set_force(0, force);
+  sim.run(0.5);
+  EXPECT_NEAR(sim.state().v[0], width * std::atanh(force / coulomb), 1e-9);
+  sim.set_force(0, 1.5);
+  sim.run(2.5);
+  EXPECT_NEAR(sim.state().v[0], 2.0 * 0.5, 2e-3) << "sliding: (F - Fc) t / m";
+}
+
+TEST(Friction, KeepsItsLedgerAtTheUsualTolerance) {
+  for (const std::string method : {"dopri5", "cvode_bdf", "cvode_adams"}) {
+    SimulationOptions options;
+    options.integrator.method = method;
+    Simulation sim(compiled(slide(1.0, 0.0, 0.0, {{0, HingeLaw::friction, {1.0, 1.3, 0.05, 0.1, 1e-3}, {}}}, {{0, 20.0, 0.3, 0.0, {}}})),
+                   options);
+    sim.run(3.0);
+    const LedgerState l = sim.ledger();
+    EXPECT_TRUE(l.pass) << method << ": " << l.linear_relative << " of " << l.linear_limit << ", " << l.energy_relative << " of "
+                        << l.energy_limit;
+  }
+}
+
+/// m v' = -Fc - c v from v_0 >> width: stops after (m / c) ln(1 + c v_0 / Fc).
+TEST(Friction, BringsASlideToRest) {
+  const double m = 2.0, v0 = 1.2, fc = 0.9, c = 0.5;
+  Simulation sim(compiled(slide(m, 0.0, v0, {{0, HingeLaw::friction, {fc, fc, 1.0, c, 1e-5}, {}}})), accurate());
+  const double t = m / c * std::log(1.0 + c * v0 / fc);
+  sim.run(0.9 * t);
+  EXPECT_NEAR(sim.state().v[0], (v0 + fc / c) * std::exp(-c * 0.9 * t / m) - fc / c, 1e-8);
+}
+
+TEST(HingeLaws, NeverGiveEnergyOfTheirOwn) {
+  std::mt19937 random(11);
+  std::uniform_real_distribution<double> positive(0.0, 1.0);
+  for (int i = 0; i < 2000; ++i) {
+    const HingeLoad stop{HingeLaw::stop, 0, 0, {-0.2, 0.3, positive(random) * 100, 1.0 + positive(random), positive(random)}};
+    const double low = positive(random);
+    const HingeLoad friction{
+        HingeLaw::friction, 0, 0, {low, low + positive(random), 0.1 + positive(random), positive(random), 0.01 + positive(random)}};
+    for (const HingeLoad& load : {stop, friction}) {
+      const double q = (2.0 * positive(random) - 1.0), v = 3.0 * (2.0 * positive(random) - 1.0);
+      const double lost = (hinge_laws::force(load, q, 0.0) - hinge_laws::force(load, q, v)) * v;
+      EXPECT_GE(lost, 0.0);
+      const double h = 1e-6;
+      EXPECT_NEAR(hinge_laws::force(load, q, 0.0), -(hinge_laws::energy(load, q + h) - hinge_laws::energy(load, q - h)) / (2 * h), 1e-3);
+    }
+  }
+}
+
+/// Sweeps and twin have these laws by formulas of their own.
+TEST(HingeLoads, AreThoseOfTheTwin) {
+  for_all_trees({.bodies = 6, .flexible = 0.4, .locked = 0.2, .springs = true, .loads = true}, 1e-14, [](const RandomTree& tree) {
+    const Loaded s(tree);
+    const auto twin = reference::DenseTwin<double>(tree.spec).at(s.state.q, s.state.v);
+    VectorXd tau = VectorXd::Zero(s.model->nv);
+    hinge_laws::add_forces(*s.model, s.state.q.data(), s.state.v.data(), tau.data());
+    return apart(tau, twin.hinge_force, 1.0);
+  });
+}
+
+TEST(HingeLoads, AreInTheDerivativesOfTheRightHandSide) {
+  const HingeLoadSpec stop{0, HingeLaw::stop, {-kNever, 0.0, 300.0, 1.5, 0.4}, {}},
+      friction{0, HingeLaw::friction, {0.4, 0.7, 0.8, 0.2, 0.5}, {}};
+  const double m = 2.0, q = 0.04, v = 0.3;
+  const auto model = compiled(slide(m, q, v, {stop, friction}));
+  const hinge_laws::Linear a = hinge_laws::linear(model->loads[0], q, v), b = hinge_laws::linear(model->loads[1], q, v);
+  EXPECT_NEAR(a.stiffness, 1.5 * 300.0 * std::sqrt(q) * (1.0 + 0.4 * v), 1e-12);
+  EXPECT_NEAR(a.damping, 300.0 * std::pow(q, 1.5) * 0.4, 1e-13);
+  EXPECT_EQ(b.stiffness, 0.0);
+  SimulationOptions options;
+  options.integrator.method = "cvode_bdf", options.integrator.linear_solver = "krylov";
+  Simulation sim(model, options);
+  const OdeProblem ode = sim.ode();
+  const double x[2] = {q, v}, d[2] = {1.0, 2.0};
+  double out[2];
+  ASSERT_TRUE(ode.jacobian_times(0.0, x, d, out));
+  EXPECT_EQ(out[0], 2.0);
+  EXPECT_NEAR(out[1], -((a.stiffness + b.stiffness) * 1.0 + (a.damping + b.damping) * 2.0) / m, 1e-12);
+  // 1 - gamma J is 2 x 2 here, and the preconditioner its inverse
+  const double gamma = 0.03, r[2] = {0.7, -0.2};
+  double z[2];
+  ASSERT_TRUE(ode.prepare(0.0, x, gamma, true));
+  ASSERT_TRUE(ode.precondition(r, z));
+  const double k = (a.stiffness + b.stiffness) / m, c = (a.damping + b.damping) / m;
+  EXPECT_NEAR(z[0] - gamma * z[1], r[0], 1e-13);
+  EXPECT_NEAR(z[1] + gamma * (k * z[0] + c * z[1]), r[1], 1e-13);
+  EXPECT_NEAR(fastest_motion(model, x).rate,
+              std::max(std::sqrt(1.5 * 300.0 * std::sqrt(q) / m), (0.4 * 0.0 + (0.7 / 0.5 + 0.2 + 300.0 * std::pow(q, 1.5) * 0.4)) / m),
+              1e-9);
+}
+
+TEST(HingeLoads, ThatMakeNoSenseAreRefused) {
+  const auto refused = [](const HingeLoadSpec& load, Code code, const char* hinge = "prismatic") {
+    SystemSpec spec = slide(1.0, 0.0, 0.0, {load});
+    spec.bodies[0].hinge.type = hinge;
+    if (std::string_view(hinge) == "ball") {
+      spec.bodies[0] = on(rigid("b", 1.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "ball");
+      spec.bodies[0].hinge.loads = {load};
+    }
+    try {
+      compiled(spec);
+    } catch (const InputError& e) {
+      return e.diagnostics().at(0).code == code;
+    }
+    return false;
+  };
+  EXPECT_TRUE(refused({0, HingeLaw::stop, {0.2, 0.1, 1.0, 1.5, 0.0}, {}}, Code::out_of_range));
+  EXPECT_TRUE(refused({0, HingeLaw::stop, {-kNever, kNever, 1.0, 1.5, 0.0}, {}}, Code::missing_key));
+  EXPECT_TRUE(refused({0, HingeLaw::stop, {0.0, 1.0, -1.0, 1.5, 0.0}, {}}, Code::out_of_range));
+  EXPECT_TRUE(refused({0, HingeLaw::stop, {0.0, 1.0, 1.0, 0.5, 0.0}, {}}, Code::out_of_range));
+  EXPECT_TRUE(refused({0, HingeLaw::stop, {0.0, 1.0, 1.0, 1.5, std::nan("")}, {}}, Code::out_of_range));
+  EXPECT_TRUE(refused({0, HingeLaw::friction, {1.0, 0.5, 1.0, 0.0, 0.1}, {}}, Code::out_of_range));
+  EXPECT_TRUE(refused({0, HingeLaw::friction, {1.0, 1.0, 1.0, 0.0, 0.0}, {}}, Code::out_of_range));
+  EXPECT_TRUE(refused({2, HingeLaw::friction, {1.0, 1.0, 1.0, 0.0, 0.1}, {}}, Code::unknown_name));
+  EXPECT_TRUE(refused({0, HingeLaw::stop, {0.0, 1.0, 1.0, 1.5, 0.0}, {}}, Code::unsupported, "ball"));
+}
+
+}  // namespace
+}  // namespace cardan::test
