@@ -298,6 +298,7 @@ class VehicleReader {
   }
 
   void read_load(const DocRef& value, const cardan_hinge_family& family, HingeSpec& hinge) {
+    const std::size_t faults = context_.sink.all().size();
     MapReader map(value, context_);
     HingeLoadSpec load;
     load.at = value.at();
@@ -324,7 +325,7 @@ class VehicleReader {
                          map.number("viscous", turns ? "N m s/rad" : "N s/m", 0.0), width};
     }
     map.finish();
-    hinge.loads.push_back(std::move(load));
+    if (context_.sink.all().size() == faults) hinge.loads.push_back(std::move(load));  // else its numbers say nothing
   }
 
   void read_spring(const DocRef& value, const cardan_hinge_family& family, HingeSpec& hinge) {

@@ -137,7 +137,7 @@ Json not_modelled(const Model& m) {
   for (const BodySpec& b : m.spec->bodies)
     if (!b.modal) rigid += (rigid.empty() ? "" : ", ") + b.name;
   if (!rigid.empty()) all.push_back("flexibility of " + rigid);
-  all.emplace_back("friction at hinges, beyond the dampers given");
+  all.emplace_back("friction and stops at hinges, beyond what their springs and loads say");
   all.emplace_back("forces of the environment: atmosphere, sunlight, magnetic field");
   return all;
 }
