@@ -64,7 +64,7 @@ void bench_model(const BenchModel& bm, const Registry& registry, double seconds,
   const auto forward = [&](int k, Eigen::VectorXd& out) {
     const BenchState& s = bm.states[static_cast<std::size_t>(k)];
     Inputs in;
-    in.q = s.q.data(), in.v = s.v.data(), in.tau = s.tau.data();
+    in.q = s.q.data(), in.v = s.v.data(), in.tau = s.tau.data(), in.vdot = s.vdot.data();  // vdot: of given motion
     if (!forward_dynamics(m, ws, in, out.data())) throw NumericsError(describe_breakdown(m, ws.breakdown, 0.0));
   };
   const auto inverse = [&](int k, Eigen::VectorXd& out) {
