@@ -18,7 +18,7 @@ namespace cardan {
 Json rounded(double value, double largest, double range) {
   if (!std::isfinite(value)) return nullptr;
   const double offset = range > 0.0 ? std::log10(largest / range) : 0.0;
-  const int digits = static_cast<int>(std::clamp(std::ceil(offset), 0.0, 12.0)) + 5;  // largest may be 0, and the range infinite
+  const int digits = 5 + (offset > 0.0 ? static_cast<int>(std::min(std::ceil(offset), 12.0)) : 0);  // offset: -inf, NaN of odd channels
   const std::string text = fmt::format("{:.{}g}", value, digits);
   double near = value;  // kept where the rounded one is out of range
   std::from_chars(text.data(), text.data() + text.size(), near);
