@@ -80,18 +80,92 @@ Eigen::VectorXd external_force(const Model& model, Workspace& ws, const double* 
 
 namespace {
 
-/// With modes: column by column as inverse dynamics, and symmetric to the last bit.
-void flexible_mass_matrix(const Model& model, Workspace& ws, const double* q, double* M) {
-  Eigen::Map<Eigen::MatrixXd> mass(M, model.nv, model.nv);
-  const Eigen::VectorXd rest = Eigen::VectorXd::Zero(model.nv);
-  Eigen::VectorXd unit = rest;
-  for (int j = 0; j < model.nv; ++j) {
-    unit[j] = 1.0;
-    inverse_dynamics(model, ws, Inputs{.q = q, .v = rest.data(), .vdot = unit.data(), .gravity = false}, mass.col(j).data(),
-                     {.velocity = false, .gravity = false, .elastic = false});
-    unit[j] = 0.0;
+using Matrix6X = Eigen::Matrix<double, 6, Eigen::Dynamic>;
+
+/// First six rows of Phi*(p, k): [X, A] (6 x (6 + mp)).
+Matrix6X phi_star_rows(const Model& model, const Workspace& ws, int k, const double* q) {
+  const SweepBody& b = model.bodies[k];
+  Matrix6X rows(6, 6 + b.n_parent_modes);
+  for (int j = 0; j < 6; ++j) {
+    double e[6] = {};
+    e[j] = 1.0;
+    rows.col(j) = to_eigen(to_outboard(soa::pose_in_inboard(model, ws, k, q), motion(e)));
   }
-  mass.triangularView<Eigen::StrictlyUpper>() = mass.transpose().eval();
+  for (int j = 0; j < b.n_parent_modes; ++j) {
+    const double* s = model.shapes[b.onode].columns.data() + 6 * j;
+    rows.col(6 + j) = to_eigen(to_outboard(ws.X(k), soa::motion_of_node(*ws.modal_of(k)->node, s)));
+  }
+  return rows;
+}
+
+/// With modes: composite inertia of 6 + m rows per body.
+Eigen::MatrixXd flexible_mass_matrix(const Model& model, Workspace& ws, const double* q) {
+  const soa::Sweeps<double>& S = soa::sweeps<double>();
+  const Eigen::VectorXd v = Eigen::VectorXd::Zero(model.nv);
+  const Inputs in{.q = q, .v = v.data(), .gravity = false};
+  outward(model, S, ws, in, {.velocity = false});
+
+  const int n = static_cast<int>(model.bodies.size());
+  std::vector<Eigen::MatrixXd> R(static_cast<std::size_t>(n));  // composite inertia, (6 + m) square
+  std::vector<Matrix6X> A(static_cast<std::size_t>(n));
+  for (int k = 1; k < n; ++k) {
+    const SweepBody& b = model.bodies[k];
+    Eigen::MatrixXd& M = R[k];
+    M.setZero(6 + b.n_modes, 6 + b.n_modes);
+    M.topLeftCorner<6, 6>() = to_eigen(b.n_modes > 0 ? ws.core(k).P : articulated(b.M));
+    if (b.n_modes > 0) {
+      const auto& modal = *ws.modal_of(k);
+      const FlexibleBody& f = model.flexible[b.flexible];
+      const double *M_ee = modal.P_ee ? modal.P_ee : f.M_ee.data(), *M_re = modal.P_re ? modal.P_re : f.M_re.data();
+      M.topRightCorner(6, b.n_modes) = Eigen::Map<const Matrix6X>(M_re, 6, b.n_modes);
+      M.bottomLeftCorner(b.n_modes, 6) = M.topRightCorner(6, b.n_modes).transpose();
+      M.bottomRightCorner(b.n_modes, b.n_modes) = Eigen::Map<const Eigen::MatrixXd>(M_ee, b.n_modes, b.n_modes);
+    }
+    A[k] = phi_star_rows(model, ws, k, q);
+  }
+  const auto H_star = [&](int k) {  // (6 + m) x (nv + m) of mathematics 3.8
+    const SweepBody& b = model.bodies[k];
+    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(6 + b.n_modes, b.nv + b.n_modes);
+    for (int j = 0; j < b.nv; ++j) H.col(j).head<6>() = to_eigen(soa::hinge_column(model, ws, k, j));
+    if (b.n_modes > 0) {
+      if (const double* C = ws.modal_of(k)->C) H.topRightCorner(6, b.n_modes) = -Eigen::Map<const Matrix6X>(C, 6, b.n_modes);
+      H.bottomRightCorner(b.n_modes, b.n_modes).setIdentity();
+    }
+    return H;
+  };
+  // Columns of a block in the user's v: hinge then modes of one body stand side by side.
+  Eigen::MatrixXd mass = Eigen::MatrixXd::Zero(model.nv, model.nv);
+  const auto place = [&](int j, int k, const Eigen::MatrixXd& block) {
+    const SweepBody &bj = model.bodies[j], &bk = model.bodies[k];
+    const auto index = [](const SweepBody& b, Eigen::Index i) { return i < b.nv ? b.v + i : b.etadot + i - b.nv; };
+    for (Eigen::Index r = 0; r < block.rows(); ++r)
+      for (Eigen::Index c = 0; c < block.cols(); ++c) {
+        mass(index(bj, r), index(bk, c)) = block(r, c);
+        mass(index(bk, c), index(bj, r)) = block(r, c);
+      }
+  };
+  for (int k = n - 1; k >= 1; --k) {
+    const SweepBody& b = model.bodies[k];
+    const auto& Rk = R[k];
+    if (b.parent > 0) {
+      const auto& Ak = A[k];
+      const Eigen::Index size = Ak.cols();
+      Eigen::MatrixXd& Rp = R[b.parent];
+      Rp.topLeftCorner(size, size) += Ak.transpose() * Rk.topLeftCorner<6, 6>() * Ak;  // size < 6 + m when O does not deform
+    }
+    const Eigen::MatrixXd H = H_star(k);
+    Eigen::MatrixXd X = Rk * H;
+    place(k, k, H.transpose() * X);
+    for (int j = k; model.bodies[j].parent > 0;) {
+      const int p = model.bodies[j].parent;
+      const Eigen::MatrixXd up = A[j].transpose() * X.topRows<6>();
+      X = Eigen::MatrixXd::Zero(6 + model.bodies[p].n_modes, H.cols());
+      X.topRows(up.rows()) = up;
+      j = p;
+      place(j, k, H_star(j).transpose() * X);
+    }
+  }
+  return mass;
 }
 
 }  // namespace
@@ -163,7 +237,10 @@ bool mass_matrix_inverse(const Model& model, Workspace& ws, const double* q, dou
 }
 
 void mass_matrix(const Model& model, Workspace& ws, const double* q, double* M) {
-  if (!model.rigid) return flexible_mass_matrix(model, ws, q, M);
+  if (!model.rigid) {
+    Eigen::Map<Eigen::MatrixXd>(M, model.nv, model.nv) = flexible_mass_matrix(model, ws, q);
+    return;
+  }
   const soa::Sweeps<double>& S = soa::sweeps<double>();
   ws.composite.resize(model.bodies.size());
   ws.rest.resize(static_cast<std::size_t>(model.nv));

@@ -39,8 +39,8 @@ Pose<T> held(const Pose<T>& X) {
 
 /// Ground, hinge records and, base to tip, all bodies, or those of a part (then in.v and in.vdot are zero for the others).
 template <class T>
-void outward(const SweepModel& model, const soa::Sweeps<T>& S, soa::Workspace<T>& ws, const soa::Inputs<T>& in, soa::OutwardFor what,
-             const Part* part = nullptr) {
+CARDAN_INLINE void outward(const SweepModel& model, const soa::Sweeps<T>& S, soa::Workspace<T>& ws, const soa::Inputs<T>& in,
+                           soa::OutwardFor what, const Part* part = nullptr) {
   S.ground(model, ws, in);
   S.hinge_records(model, ws, in);
   if (!part) {
