@@ -24,11 +24,11 @@ cardan_param_values ParamTable::view() {
   return v;
 }
 
-std::vector<double> pack(const cardan_hinge_family& family, ParamTable& values) {
-  std::vector<double> packed((family.params_size + sizeof(double) - 1) / sizeof(double) + 1, 0.0);
+std::vector<double> pack(std::size_t bytes, int (*pack)(const cardan_param_values*, void*), ParamTable& values) {
+  std::vector<double> packed((bytes + sizeof(double) - 1) / sizeof(double) + 1, 0.0);
   const cardan_param_values view = values.view();
-  if (family.pack(&view, packed.data()) != 0) {
-    if (values.failures.empty()) values.failures.emplace_back("", "parameters that the hinge accepts");
+  if (pack && pack(&view, packed.data()) != 0) {
+    if (values.failures.empty()) values.failures.emplace_back("", "parameters that the type accepts");
     return {};
   }
   return packed;

@@ -18,7 +18,8 @@ struct ParamTable {
   cardan_param_values view();
 };
 
-/// Runs family.pack; returns an empty buffer when it failed (see failures). The buffer is aligned to 8 bytes.
-std::vector<double> pack(const cardan_hinge_family& family, ParamTable& values);
+/// Runs the pack of a family (null: nothing to pack); returns an empty buffer when it failed (see failures). The buffer is aligned to 8
+/// bytes.
+std::vector<double> pack(std::size_t bytes, int (*pack)(const cardan_param_values*, void* packed), ParamTable& values);
 
 }  // namespace cardan

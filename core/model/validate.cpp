@@ -10,8 +10,8 @@
 #include <string_view>
 #include <unordered_map>
 
-#include "core/abi/param_values.hpp"
 #include "core/base/units.hpp"
+#include "core/model/params.hpp"
 #include "core/model/schema.hpp"
 
 namespace cardan {
@@ -195,117 +195,6 @@ class Structure {
   std::vector<int> inboard_;
 };
 
-/// Reads the parameters of one hinge by the schema of its family.
-class HingeParams {
- public:
-  HingeParams(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink)
-      : spec_(spec), body_(body), given_(body.hinge.params), family_(family), sink_(sink) {}
-
-  /// The packed bytes; empty after a fault.
-  std::vector<double> packed() {
-    for (const cardan_param_desc& desc : schema()) read(desc);
-    check_names();
-    if (failed_) return {};
-    std::vector<double> bytes = pack(family_, table_);
-    for (const auto& [name, expected] : table_.failures) report_refused(name, expected);
-    return bytes;
-  }
-
- private:
-  std::span<const cardan_param_desc> schema() const { return {family_.params, family_.n_params}; }
-
-  void fault(Code code, const std::string& name, std::string expected, std::string got, std::string hint = {}) {
-    failed_ = true;
-    const std::string path = body_path(body_) + ".hinge";
-    sink_.report(code, spec_.locate(name.empty() ? path : fmt::format("{}.{}", path, name)), std::move(expected), std::move(got),
-                 std::move(hint));
-  }
-
-  void read(const cardan_param_desc& desc) {
-    const auto given = given_.find(desc.name);
-    if (given == given_.end()) {
-      if (desc.required) return fault(Code::missing_key, desc.name, fmt::format("{}: {}", desc.name, desc.meaning), "no such key");
-      if (desc.kind == CARDAN_NUMBER) table_.numbers[desc.name] = {desc.fallback[0]};
-      if (desc.kind == CARDAN_VECTOR || desc.kind == CARDAN_UNIT_VECTOR) table_.numbers[desc.name] = {desc.fallback, desc.fallback + 3};
-      return;
-    }
-    const ParamValue& value = given->second;
-    if (desc.kind == CARDAN_TEXT) {
-      const auto* text = std::get_if<std::string>(&value.value);
-      if (!text) return fault(Code::wrong_type, desc.name, fmt::format("a text: {}", desc.meaning), "something else");
-      table_.texts[desc.name] = *text;
-      return;
-    }
-    std::vector<double> numbers = as_given(value);
-    if (!count_fits(desc, numbers.size())) return;
-    if (!std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); }))
-      return fault(Code::out_of_range, desc.name, "finite numbers", "a value that is not finite");
-    if (desc.kind == CARDAN_UNIT_VECTOR || desc.kind == CARDAN_UNIT_VECTORS)
-      for (std::size_t i = 0; i < numbers.size(); i += 3) {
-        Eigen::Map<Eigen::Vector3d> axis(numbers.data() + i);
-        if (axis.isZero(0.0)) return fault(Code::bad_axes, desc.name, "an axis that is not all zero", vectors_text(as_given(value)));
-        axis.stableNormalize();
-      }
-    table_.numbers[desc.name] = std::move(numbers);
-  }
-
-  static std::vector<double> as_given(const ParamValue& value) {
-    if (const auto* one = std::get_if<double>(&value.value)) return {*one};
-    if (const auto* list = std::get_if<std::vector<double>>(&value.value)) return *list;
-    return {};
-  }
-
-  bool count_fits(const cardan_param_desc& desc, std::size_t got) {
-    const bool one_vector = desc.kind == CARDAN_VECTOR || desc.kind == CARDAN_UNIT_VECTOR;
-    const std::size_t wanted = desc.kind == CARDAN_NUMBER ? 1 : one_vector ? 3 : 3 * std::size_t{desc.count};
-    if (got > 0 && (wanted > 0 ? got == wanted : got % 3 == 0)) return true;
-    const std::string expected = desc.kind == CARDAN_NUMBER ? "one number"
-                                 : one_vector               ? "a vector of 3 numbers"
-                                 : wanted > 0               ? fmt::format("a list of {} vectors of 3 numbers", desc.count)
-                                                            : "a list of vectors of 3 numbers";
-    fault(Code::wrong_type, desc.name, expected, fmt::format("{} number{}", got, got == 1 ? "" : "s"));
-    return false;
-  }
-
-  void check_names() {
-    for (const auto& [name, value] : given_) {
-      if (std::ranges::find(schema(), std::string_view(name), &cardan_param_desc::name) != schema().end()) continue;
-      std::vector<std::string> legal;
-      for (const cardan_param_desc& desc : schema()) legal.emplace_back(desc.name);
-      fault(Code::unknown_key, name,
-            legal.empty() ? fmt::format("no parameters: hinge type {} takes none", family_.type)
-                          : fmt::format("a parameter of hinge type {}: {}", family_.type, one_of(legal)),
-            in_quotes(name), did_you_mean(name, legal));
-    }
-  }
-
-  void report_refused(const std::string& name, const std::string& expected) {
-    const auto numbers = table_.numbers.find(name);
-    const auto text = table_.texts.find(name);
-    const bool is_vector = numbers != table_.numbers.end() && numbers->second.size() % 3 == 0;
-    std::string got = "nothing";
-    if (numbers != table_.numbers.end())
-      got = is_vector ? vectors_text(numbers->second) : fmt::format("{:.6g}", fmt::join(numbers->second, ", "));
-    if (text != table_.texts.end()) got = in_quotes(text->second);
-    fault(is_vector ? Code::bad_axes : Code::out_of_range, name, expected, got);
-  }
-
-  static std::string vectors_text(const std::vector<double>& n) {
-    std::string out;
-    for (std::size_t i = 0; i + 2 < n.size(); i += 3)
-      out += fmt::format("{}[{:.6g}, {:.6g}, {:.6g}]", i == 0 ? "" : ", ", n[i], n[i + 1], n[i + 2]);
-    return out;
-  }
-
-  const SystemSpec& spec_;
-  const BodySpec& body_;
-  const ParamValues& given_;
-  const cardan_hinge_family& family_;
-  DiagnosticSink& sink_;
-  ParamTable table_;
-  bool failed_ = false;
-};
-
 void check_initial_values(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink) {
   const HingeSpec& hinge = body.hinge;
   const auto at = [&] { return spec.locate(body_path(body) + ".hinge.initial"); };
@@ -481,7 +370,8 @@ std::vector<CheckedHinge> validate(const SystemSpec& spec, const Registry& regis
 }
 
 std::vector<double> pack_hinge(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink) {
-  return HingeParams(spec, body, family, sink).packed();
+  return pack_params(spec, {body_path(body) + ".hinge", fmt::format("hinge type {}", family.type), body.hinge.params},
+                     {{family.params, family.n_params}, family.params_size, family.pack}, sink);
 }
 
 bool has_mean_axes(const ModalData& modal) {
