@@ -158,13 +158,18 @@ class Hdf5Recorder final : public Recorder {
     Notes& notes = notes_[static_cast<std::size_t>(kind)];
     if (texts.size() != note_kinds()[static_cast<std::size_t>(kind)].columns.size())
       throw std::invalid_argument("Recorder::note: a text for each column");
-    if (++notes.count <= kMostNotes) {
+    if (notes.kept < kMostNotes && notes.left_out == 0) {
+      ++notes.kept;
       notes.t.push_back(t);
       for (const std::string& text : texts) notes.texts.push_back(beginning(text));
+    } else {
+      ++notes.left_out;
     }
     // Lines and some warnings come from the middle of a script, which no failure of the disk may leave.
     if ((kind == Note::phase || kind == Note::event) && is_flush_due()) flush();
   }
+
+  void left_out(Note kind, std::size_t more) override { notes_[static_cast<std::size_t>(kind)].left_out += more; }
 
   void attach(const std::string& name, const std::string& text) override {
     guarded([&] { file_.write("/attachments/" + name, text); });
@@ -214,8 +219,8 @@ class Hdf5Recorder final : public Recorder {
   };
 
   struct Notes {
-    std::size_t count = 0, left_out = 0;  // so far; as the file has it
-    std::vector<double> t;                // not yet in the file
+    std::size_t kept = 0, left_out = 0, told = 0;  // so far; left out as the file has it
+    std::vector<double> t;                         // not yet in the file
     std::vector<std::string> texts;
   };
 
@@ -257,9 +262,8 @@ class Hdf5Recorder final : public Recorder {
         file_.append_rows(path + "/text", notes.texts);
         notes.t.clear(), notes.texts.clear();
       }
-      const std::size_t left_out = notes.count > kMostNotes ? notes.count - kMostNotes : 0;
-      if (left_out != notes.left_out) file_.write(path + "/left_out", static_cast<double>(left_out));
-      notes.left_out = left_out;
+      if (notes.left_out != notes.told) file_.write(path + "/left_out", static_cast<double>(notes.left_out));
+      notes.told = notes.left_out;
     }
   }
 

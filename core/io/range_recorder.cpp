@@ -35,4 +35,9 @@ void RangeRecorder::note(Note kind, double t, const std::vector<std::string>& te
   recorder_.note(kind, t, texts);
 }
 
+void RangeRecorder::left_out(Note kind, std::size_t more) {
+  counts_.notes[static_cast<std::size_t>(kind)] += more;
+  recorder_.left_out(kind, more);
+}
+
 }  // namespace cardan

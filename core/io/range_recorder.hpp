@@ -23,6 +23,7 @@ class RangeRecorder final : public Recorder {
   void begin(const RunHeader& header, const std::vector<Channel>& channels) override;
   void row(double t, std::span<const double> values) override;
   void note(Note kind, double t, const std::vector<std::string>& texts) override;
+  void left_out(Note kind, std::size_t more) override;
   void checkpoint(double t, const std::string& text) override { recorder_.checkpoint(t, text); }
   void attach(const std::string& name, const std::string& text) override { recorder_.attach(name, text); }
   void restart_state(double t, std::span<const double> x) override { recorder_.restart_state(t, x); }

@@ -91,8 +91,10 @@ class Recorder {
   /// One row: the numbers of all channels in order of declaration. Throws NumericsError (N0204) when the disk is full.
   virtual void row(double t, std::span<const double> values) = 0;
   /// t: simulated time [s], NaN before the run; texts: one for each column of its kind. Of each kind the first 10000 are kept and the
-  /// others counted, and of each text the first 1000 bytes. Where there is no list for them they are dropped.
+  /// others counted, and of each text the first 1000 bytes. Where there is no list for them they are dropped. May come before begin().
   virtual void note(Note, double t, const std::vector<std::string>& texts) { static_cast<void>(t), static_cast<void>(texts); }
+  /// So many more of a kind were only counted in the results that a run goes on from.
+  virtual void left_out(Note, std::size_t more) { static_cast<void>(more); }
   /// The state to resume from, and texts that are known at the end ("summary" -> JSON).
   virtual void attach(const std::string& name, const std::string& text) = 0;
   virtual void restart_state(double t, std::span<const double> x) = 0;

@@ -108,17 +108,20 @@ class RunCommand {
       for (const char* of_an_earlier_run : {kSummary, kReport}) remove_file(*folder_ / of_an_earlier_run);
     });
     RangeRecorder recorder(*file_);
-    recorder_ = &recorder;
+    recorder.set_deaf(job_.resume != nullptr);  // what is known before the run is known from the results
+    MissionRun mission(*scenario_, recorder, std::move(outputs));
+    tell_warnings();
+    if (job_.resume) resume(mission);  // refused before begin() takes the place of earlier results
     {
       const Activity activity(fmt::format("the recorder of {} channels", channels_.size()));
       recorder.begin(header, channels_);
     }
-    recorder.set_deaf(job_.resume != nullptr);  // what is known before the run is known from the results
+    recorder_ = &recorder;
     for (const std::string& line : printed_) recorder.note(Note::printed, std::nan(""), {line, "the scenario"});
-    tell_warnings();
+    recorder.set_deaf(false);
     if (!arguments_.quiet && !arguments_.json_errors) say(modes_line(*scenario_));
 
-    run(t_end, std::move(outputs));
+    run(mission, t_end);
     keep(kSummary, [&] { write_whole_file(*folder_ / kSummary, summary_json()); });
     if (!disk_is_full()) {
       if (keep(kResults, [&] { close_results(); }))
@@ -149,8 +152,7 @@ class RunCommand {
   }
 
   /// To the end, to a failure or to a signal; what was reached is kept whatever happens.
-  void run(double t_end, std::vector<Output> outputs) {
-    MissionRun mission(*scenario_, *recorder_, std::move(outputs));
+  void run(MissionRun& mission, double t_end) {
     mission.on_checkpoint([this](double t, Checkpoint checkpoint) {
       Archive more;
       RangeRecorder::Counts counts = recorder_->counts();
@@ -158,7 +160,6 @@ class RunCommand {
       checkpoint.merge(Checkpoint(more.checkpoint()));
       recorder_->checkpoint(t, checkpoint_text(checkpoint));
     });
-    if (job_.resume) resume(mission);
     Progress progress(progress_look(arguments_.quiet), t_end);
     progress_ = &progress;
     const auto guarded = [&](const auto& part) {
@@ -177,6 +178,7 @@ class RunCommand {
       }
     };
     guarded([&] {
+      if (job_.resume) replay();
       mission.run(t_end, [&](double t) {
         if (Interruption::flag()) scenario_->sim->stop();
         progress.update(t);
@@ -208,10 +210,9 @@ class RunCommand {
     summary_.ended_by = what_ended();
   }
 
-  /// Everything up to the checkpoint as the results have it, then the state of all that goes on.
+  /// The state of all that goes on, where the results fit the scenario in them.
   void resume(MissionRun& mission) {
     const ResumePoint& from = *job_.resume;
-    recorder_->set_deaf(false);
     const auto misfit = [&](const std::string& path, std::string got) {
       throw InputError(Diagnostic{Code::bad_result_file,
                                   {path, {arguments_.resume}},
@@ -219,29 +220,36 @@ class RunCommand {
                                   std::move(got),
                                   "made by another program?"});
     };
-    std::vector<const ResumePoint::Column*> columns;
     for (const Channel& c : channels_) {
       const auto found = from.columns.find(c.path);
       if (found == from.columns.end() || found->second.components != c.components)
         misfit("/channels/" + c.path, "another channel, or none");
-      columns.push_back(&found->second);
+      columns_.push_back(&found->second);
     }
+    try {
+      mission.resume(from.checkpoint);
+    } catch (const CheckpointFault& fault) {
+      misfit("/restart/checkpoints/text", fault.what());
+    }
+    scenario_->warnings.add(job_.warnings);
+    told_ = scenario_->warnings.all().size();
+  }
+
+  /// Everything up to the checkpoint as the results have it.
+  void replay() {
+    const ResumePoint& from = *job_.resume;
     for (const ResumePoint::Noted& n : from.notes) recorder_->note(n.note, n.t, n.texts);
+    for (const NoteKind& kind : note_kinds()) recorder_->left_out(kind.kind, from.left_out[static_cast<std::size_t>(kind.kind)]);
     std::vector<double> row;
     for (std::size_t i = 0; i < from.times.size(); ++i) {
       row.clear();
-      for (const ResumePoint::Column* c : columns) {
+      for (const ResumePoint::Column* c : columns_) {
         const auto first = c->values.begin() + static_cast<std::ptrdiff_t>(i * c->components.size());
         row.insert(row.end(), first, first + static_cast<std::ptrdiff_t>(c->components.size()));
       }
       recorder_->row(from.times[i], row);
     }
     for (const auto& [t, text] : from.checkpoints) recorder_->checkpoint(t, text);
-    try {
-      mission.resume(from.checkpoint);
-    } catch (const CheckpointFault& fault) {
-      misfit("/restart/checkpoints/text", fault.what());
-    }
   }
 
   /// In a few words.
@@ -395,7 +403,8 @@ class RunCommand {
   Progress* progress_ = nullptr;
   RangeRecorder* recorder_ = nullptr;
   std::vector<Channel> channels_;
-  std::vector<std::string> printed_;  // lines, before the recorder was there
+  std::vector<const ResumePoint::Column*> columns_;  // of the results that are resumed, as channels_
+  std::vector<std::string> printed_;                 // lines, before the recorder was there
   std::unique_ptr<Scenario> scenario_;
   std::optional<ResultFolder> folder_;
   std::unique_ptr<Recorder> file_;

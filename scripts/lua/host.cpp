@@ -25,7 +25,6 @@ constexpr std::size_t kHeader = 16;            // before each block: its serial 
 constexpr std::size_t kLargeBlock = 64 << 10;  // [B] refused once the budget is used up
 constexpr int kMaxFrames = 10;                 // of a traceback
 constexpr char kFailure[] = "cardan.failure";  // metatable of a C++ exception on its way through Lua
-constexpr char kModules[] = "cardan.modules";  // registry: what `require` has returned
 constexpr std::array kAbsent = {"os", "io", "debug", "package", "dofile", "loadfile", "collectgarbage"};
 
 void push_failure(lua_State* L, std::exception_ptr failure) {

@@ -55,6 +55,8 @@ class LuaHost {
   /// any std::exception: a script's pcall can catch it, otherwise it leaves `protect` unchanged.
   using Binding = std::function<int(lua_State*)>;
 
+  static constexpr char kModules[] = "cardan.modules";  ///< key in the registry: what `require` has returned, by names
+
   explicit LuaHost(LuaOptions options = {});
   LuaHost(const LuaHost&) = delete;
   LuaHost& operator=(const LuaHost&) = delete;

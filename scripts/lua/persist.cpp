@@ -20,7 +20,6 @@ namespace {
 
 constexpr std::size_t kRandomWords = 4;  // of the generator of Lua 5.4, xoshiro256**
 constexpr int kDeepest = 200;            // tables in tables
-constexpr char kModules[] = "cardan.modules";
 
 std::string hex(std::string_view bytes) {
   std::string out;
@@ -114,14 +113,14 @@ bool push_plain(lua_State* L, const std::string& text) {
 /// Everything that functions of the script can reach: globals, modules and what C++ holds, their fields and upvalues.
 class Persistent::Walk {
  public:
-  Walk(const Persistent& of, lua_State* L) : of_(of), L_(L) {}
+  Walk(Persistent& of, lua_State* L) : of_(of), L_(L) {}
 
   Slots run() {
     lua_newtable(L_);  // what is still to be looked at, and for each its name
     queue_ = lua_gettop(L_);
     lua_rawgeti(L_, LUA_REGISTRYINDEX, LUA_RIDX_GLOBALS);
     later("");
-    lua_getfield(L_, LUA_REGISTRYINDEX, kModules);
+    lua_getfield(L_, LUA_REGISTRYINDEX, LuaHost::kModules);
     later("require");
     work();
     const auto n = static_cast<lua_Integer>(lua_rawlen(L_, LUA_REGISTRYINDEX));
@@ -237,7 +236,7 @@ class Persistent::Walk {
     if (is_plain(type)) return plain_text(L_, -1);
     std::string text = fmt::format("{} {}", lua_typename(L_, type), lua_topointer(L_, -1));
     if (type == LUA_TTHREAD && lua_status(lua_tothread(L_, -1)) == LUA_YIELD)
-      text += fmt::format(" {}", ++serial_);                        // inside a function: it can go on anywhere
+      text += fmt::format(" {}", ++of_.suspended_);                 // inside a function: it can go on anywhere
     if (of_.numbers_.contains(lua_topointer(L_, -1))) return text;  // its numbers are in a declared table
     for (const double x : numbers_of(L_, -1)) text += fmt::format(" {}", x);
     return text;
@@ -245,7 +244,7 @@ class Persistent::Walk {
 
   static constexpr std::size_t kManyFields = 1000, kLongText = 64;
 
-  const Persistent& of_;
+  Persistent& of_;
   lua_State* L_;
   int queue_ = 0;
   std::vector<std::string> names_;
@@ -253,7 +252,6 @@ class Persistent::Walk {
   std::map<const Slot*, std::pair<std::string, int>> places_;
   std::size_t done_ = 0;
   Slots slots_;
-  static inline long serial_ = 0;
 };
 
 // ---- tables as texts ----
@@ -264,13 +262,13 @@ class Persistent::Writer {
 
   /// The value at the top, which stays there; `name`: what it is called, `fresh`: in a table that the run has made.
   void value(const std::string& name, bool fresh, int depth) {
-    if (depth > kDeepest)
-      throw InputError(Diagnostic{Code::lua_argument, {"persist", {}}, fmt::format("tables at most {} deep", kDeepest), "deeper ones"});
     luaL_checkstack(L_, LUA_MINSTACK, nullptr);
     const bool table = lua_istable(L_, -1), numbers = !table && is_numbers(L_, -1);
     if (is_plain(lua_type(L_, -1))) return texts.push_back(plain_text(L_, -1));
-    if (!table && !numbers) {
-      if (fresh) loose.push_back(name);
+    const bool deep = (table || numbers) && depth > kDeepest;
+    if (deep || (!table && !numbers)) {
+      if (deep) loose.push_back(fmt::format("persist (tables more than {} deep)", kDeepest));
+      if (fresh && !deep) loose.push_back(name);
       return void(texts.emplace_back("as set up"));
     }
     const void* self = lua_topointer(L_, -1);
@@ -369,21 +367,11 @@ class Persistent::Reader {
 
   void table(const std::string& text, int depth) {
     if (depth > kDeepest) archive_.wrong("tables too deep");
+    std::set<std::string> gone;  // keys of set-up that the checkpoint does not name
     if (push_object(text.substr(6))) {
       if (!lua_istable(L_, -1)) archive_.wrong("no table of set-up: " + text);
-      for (const std::string& key : keys_of(L_, -1)) {  // what a checkpoint holds goes, what is as set up stays
-        push_plain(L_, key);
-        lua_pushvalue(L_, -1);
-        const int type = lua_rawget(L_, -3);
-        const bool held = is_plain(type) || type == LUA_TTABLE || is_numbers(L_, -1);
-        lua_pop(L_, 1);
-        if (!held) {
-          lua_pop(L_, 1);
-          continue;
-        }
-        lua_pushnil(L_);
-        lua_rawset(L_, -3);
-      }
+      const std::vector<std::string> keys = keys_of(L_, -1);
+      gone.insert(keys.begin(), keys.end());
     } else {
       lua_newtable(L_);
     }
@@ -391,13 +379,19 @@ class Persistent::Reader {
     read(self);
     while (true) {
       const std::string key = next();
-      if (key == "end") return;
+      if (key == "end") break;
       if (key == "nil" || !push_plain(L_, key) || (lua_isnumber(L_, -1) && std::isnan(lua_tonumber(L_, -1))))
         archive_.wrong("not a key: " + key);
+      gone.erase(key);
       if (value(depth + 1))
         lua_rawset(L_, self);
       else
         lua_pop(L_, 1);
+    }
+    for (const std::string& key : gone) {
+      push_plain(L_, key);
+      lua_pushnil(L_);
+      lua_rawset(L_, self);
     }
   }
 
@@ -451,14 +445,28 @@ Persistent::Persistent(LuaHost& host) : host_(host) {
   });
 }
 
+/// LuaHost::protect; what no line of the script does is told at the place of the first declaration.
+template <class Job>
+void Persistent::protect(Job&& job) {
+  try {
+    host_.protect(job);
+  } catch (const InputError& e) {
+    std::vector<Diagnostic> all = e.diagnostics();
+    for (Diagnostic& d : all)
+      if (d.at.mark.file.empty()) d.at.mark = at_;
+    throw InputError(std::move(all));
+  }
+}
+
 void Persistent::declare(lua_State* L, int index) {
+  if (declared_.empty()) at_ = LuaHost::caller(L);
   lua_pushvalue(L, index);
   declared_.push_back(LuaRef::pop(L));
 }
 
 void Persistent::seal() {
   if (std::exchange(sealed_, true)) return;
-  host_.protect([this](lua_State* L) {
+  protect([this](lua_State* L) {
     lua_newtable(L);
     const int list = lua_gettop(L);
     const std::function<void(int)> collect = [&](int depth) {  // the value at the top, and what is in it
@@ -489,7 +497,7 @@ void Persistent::seal() {
 void Persistent::remember(Archive& archive) {
   std::vector<std::string> texts, random(kRandomWords);
   std::size_t n = declared_.size();
-  host_.protect([&](lua_State* L) {
+  protect([&](lua_State* L) {
     if (archive.reading()) return;
     Writer writer(*this, L);
     for (const LuaRef& table : declared_) {
@@ -507,7 +515,7 @@ void Persistent::remember(Archive& archive) {
   archive(n, texts, std::span(random));
   if (!archive.reading()) return;
   if (n != declared_.size()) archive.wrong("another number of persist{} tables");
-  host_.protect([&](lua_State* L) {
+  protect([&](lua_State* L) {
     Reader reader(*this, L, archive, texts);
     for (std::size_t i = 0; i < declared_.size(); ++i)
       if (reader.value(0)) lua_pop(L, 1);
@@ -522,7 +530,7 @@ void Persistent::remember(Archive& archive) {
 std::vector<std::string> Persistent::elsewhere() {
   Slots now;
   std::set<std::string> names;
-  host_.protect([&](lua_State* L) {
+  protect([&](lua_State* L) {
     now = Walk(*this, L).run();
     Writer writer(*this, L);
     for (const LuaRef& table : declared_) {

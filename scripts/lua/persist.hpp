@@ -17,6 +17,7 @@ class Persistent {
 
   /// During set-up, inside protect: the table at `index` is one of those that are kept.
   void declare(lua_State* L, int index);
+  // What follows throws InputError, at the place of the first declaration, where the script has no memory left or a person interrupts.
   /// The end of set-up, the first time it is called: from here on changes count.
   void seal();
   /// After seal(): the declared tables with all that is in them, and the state of math.random. Tables and vectors of set-up stay the same
@@ -33,16 +34,20 @@ class Persistent {
     std::string name, value;
   };
   using Slots = std::map<const void*, std::map<std::string, Slot>>;  // of each table and variable
+  template <class Job>
+  void protect(Job&& job);
   class Walk;
   class Writer;
   class Reader;
 
   LuaHost& host_;
   std::vector<LuaRef> declared_;
+  SourceMark at_;                               // where the first of them is declared
   LuaRef objects_;                              // tables, vectors and matrices of set-up inside the declared tables: a list
   std::map<const void*, std::size_t> numbers_;  // of each in that list, from 1
   LuaRef random_;                               // the state of math.random
   bool sealed_ = false;
+  long suspended_ = 0;  // coroutines that elsewhere() has met inside a function: each has changed
   Slots at_seal_;
 };
 

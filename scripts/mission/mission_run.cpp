@@ -11,7 +11,8 @@
 namespace cardan {
 namespace {
 
-constexpr double kInstant = 1e-9;  // [s] what is closer than this happens at the same time
+constexpr const char* kPersist = "persist{}";  // acts where a checkpoint is made
+constexpr double kInstant = 1e-9;              // [s] what is closer than this happens at the same time
 
 /// An error of a script during the run.
 RunFailure failure_of(const Diagnostic& d, const std::string& actor, double t) {
@@ -76,18 +77,24 @@ MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Outpu
 
 void MissionRun::run(double t_end, const std::function<void(double t)>& progress) {
   s_.stage = Scenario::Stage::run;
-  s_.persistent.seal();
+  call(kPersist, [&] { s_.persistent.seal(); });
   event_interrupt_ = nullptr;
+  note_warnings();
   try {
     s_.sim->run(t_end, progress);
-    end_of_run();
+    add_limits();
+    look_elsewhere();
     if (scripts_act(s_)) s_.warnings.add(still_hinges(*s_.sim));
     note_warnings();
   } catch (const InputError&) {  // of a person who interrupts
-    end_of_run();
+    add_limits();
     throw;
   } catch (const NumericsError&) {
-    end_of_run();
+    add_limits();
+    try {
+      look_elsewhere();
+    } catch (const std::exception&) {  // the first failure is the one that is told
+    }
     if (event_interrupt_) std::rethrow_exception(std::exchange(event_interrupt_, nullptr));
     if (event_failure_) throw NumericsError(*event_failure_);
     throw;
@@ -107,9 +114,9 @@ void MissionRun::remember(Archive& a) {
 
 void MissionRun::make_checkpoint() {
   if (s_.sim->stopped()) return;
-  if (elsewhere_.empty() && scripts_act(s_)) elsewhere_ = s_.persistent.elsewhere();
+  look_elsewhere();
   Archive all;
-  remember(all);
+  call(kPersist, [&] { remember(all); });
   Checkpoint checkpoint = all.checkpoint();
   checkpoint.merge(s_.sim->checkpoint());
   if (keep_) keep_(s_.sim->time(), std::move(checkpoint));
@@ -124,8 +131,11 @@ void MissionRun::resume(const Checkpoint& checkpoint) {
   s_.look_at_state();
 }
 
-void MissionRun::end_of_run() {
-  if (elsewhere_.empty() && scripts_act(s_)) elsewhere_ = s_.persistent.elsewhere();
+void MissionRun::look_elsewhere() {
+  if (elsewhere_.empty() && scripts_act(s_)) call(kPersist, [&] { elsewhere_ = s_.persistent.elsewhere(); });
+}
+
+void MissionRun::add_limits() {
   s_.warnings.add(limits_.seen());
   note_warnings();
 }

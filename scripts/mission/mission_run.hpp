@@ -38,7 +38,8 @@ class MissionRun {
   template <class F>
   void call(const std::string& actor, F&& function);
   void tick(const Controller&, const std::string& actor);
-  void end_of_run();
+  void look_elsewhere();
+  void add_limits();
   void remember(Archive& archive);
   void make_checkpoint();
   void note_warnings();  // those of the scenario that the recorder does not know yet

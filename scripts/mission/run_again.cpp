@@ -140,8 +140,13 @@ class Reader {
       const std::string path = std::string("/run/") + kind.name;
       const std::vector<double> times = file_.read_doubles(path + "/t").values;
       const std::vector<std::string> texts = file_.read_texts(path + "/text");
-      const std::size_t columns = kind.columns.size(), n = std::min(counts.notes[static_cast<std::size_t>(kind.kind)], times.size());
+      const std::size_t columns = kind.columns.size(), all = counts.notes[static_cast<std::size_t>(kind.kind)];
+      const std::size_t n = std::min(all, times.size());
       if (texts.size() < n * columns) wrong(path.c_str(), "a row for each time", "fewer", {});
+      const std::vector<double> left_out = file_.read_doubles(path + "/left_out").values;
+      if (all > n && !(left_out.size() == 1 && left_out[0] >= static_cast<double>(all - n)))
+        wrong(path.c_str(), fmt::format("{} rows before the checkpoint", all), fmt::format("{}", n), {});
+      point.left_out[static_cast<std::size_t>(kind.kind)] = all - n;
       for (std::size_t i = 0; i < n; ++i) {
         const auto first = texts.begin() + static_cast<std::ptrdiff_t>(i * columns);
         point.notes.push_back({kind.kind, times[i], {first, first + static_cast<std::ptrdiff_t>(columns)}});

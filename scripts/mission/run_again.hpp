@@ -1,5 +1,6 @@
 #pragma once
 // A run that is repeated from its results: the texts come from them; files that are too large to be kept there are held to their hashes.
+#include <array>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -28,6 +29,7 @@ struct ResumePoint {
     std::vector<std::string> texts;
   };
   std::vector<Noted> notes;
+  std::array<std::size_t, 4> left_out{};                    // by Note: notes that were only counted
   std::vector<std::pair<double, std::string>> checkpoints;  // up to this one: time, text
   std::string resumed;                                      // RunHeader::resumed, this time included
 };

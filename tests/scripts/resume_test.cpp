@@ -1,5 +1,6 @@
 // cardan run --resume: a run that stopped goes on from its last checkpoint, and nobody can tell from the results.
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <cmath>
 #include <csignal>
@@ -56,8 +57,9 @@ void expect_same_results(const std::string& a, const std::string& b) {
     const std::string path = std::string("/run/") + kind.name;
     EXPECT_EQ(first.read_texts(path + "/text"), second.read_texts(path + "/text")) << path;
     EXPECT_EQ(json(first.read_doubles(path + "/t").values).dump(), json(second.read_doubles(path + "/t").values).dump()) << path;
+    EXPECT_EQ(first.read_doubles(path + "/left_out").values, second.read_doubles(path + "/left_out").values) << path;
   }
-  EXPECT_EQ(first.read_texts("/restart/checkpoints/text"), second.read_texts("/restart/checkpoints/text"));
+  EXPECT_TRUE(first.read_texts("/restart/checkpoints/text") == second.read_texts("/restart/checkpoints/text"));
 }
 
 TEST(Resume, GoesOnAsIfTheRunHadNeverStopped) {
@@ -185,6 +187,96 @@ TEST(Resume, RefusesADamagedCheckpoint) {
   EXPECT_NE(with_last(R"("schedule")", R"("shedule")").find("block schedule: there is none"), std::string::npos);
   EXPECT_NE(with_last(R"("table 1")", R"("table 8")").find("a table that set-up does not make"), std::string::npos);
   EXPECT_NE(with_last("{", "").find("error[C0702]"), std::string::npos);
+}
+
+TEST(Resume, ThatIsRefusedLeavesEarlierResultsAsTheyAre) {
+  const TemporaryFolder dir;
+  make_scenario(dir, kMission);
+  ASSERT_LE(run_program({"run", ".", "--out", "out"}, dir.path()).exit_code, 1);
+  ASSERT_LE(run_program({"run", ".", "--out", "earlier", "--until", "3"}, dir.path()).exit_code, 1);
+  const auto contents = [&] {
+    std::map<std::string, std::string> all;
+    for (const auto& entry : fs::directory_iterator(dir / "earlier")) all[entry.path().filename()] = file_text(entry.path());
+    return all;
+  };
+  const auto before = contents();
+  EXPECT_EQ(before.size(), 3u);
+  const auto expect_refused = [&](const std::string& what) {
+    const Finished run = run_program({"run", "--resume", "out", "--out", "earlier"}, dir.path());
+    EXPECT_EQ(run.exit_code, 2);
+    EXPECT_NE(run.err.find("error[C0702]"), std::string::npos) << run.err;
+    EXPECT_NE(run.err.find(what), std::string::npos) << run.err;
+    EXPECT_TRUE(contents() == before) << what;
+  };
+  fs::copy_file(dir / "out/run.h5", dir / "good.h5");
+  {
+    Hdf5File file = Hdf5File::update(dir / "out/run.h5");
+    auto texts = file.read_texts("/restart/checkpoints/text");
+    texts.back() = replaced(texts.back(), "table 1", "table 8");
+    file.remove("/restart/checkpoints/text");
+    file.write("/restart/checkpoints/text", texts, {texts.size(), 1});
+    file.close();
+  }
+  expect_refused("a table that set-up does not make");
+  fs::rename(dir / "good.h5", dir / "out/run.h5");
+  {
+    Hdf5File file = Hdf5File::update(dir / "out/run.h5");
+    file.remove("/channels/own/numbers");
+    file.close();
+  }
+  expect_refused("at: /channels/own/numbers");
+}
+
+TEST(Resume, OnADiskThatIsFullBeforeTheCheckpointIsAFailureOfTheRun) {
+  const TemporaryFolder dir;
+  make_scenario(dir, replaced(kMission, "10 Hz", "1000 Hz"));
+  ASSERT_LE(run_program({"run", ".", "--out", "out"}, dir.path()).exit_code, 1);
+  const Finished run = run_program({"run", "--resume", "out", "--until", "8"}, dir.path(), [] {
+    const rlimit limit{300'000, 300'000};  // [B] of one file, of more than a megabyte
+    setrlimit(RLIMIT_FSIZE, &limit);
+  });
+  EXPECT_EQ(run.exit_code, 3);
+  EXPECT_NE(run.err.find("failure[N0204]: the results cannot be written any more\n  t = "), std::string::npos) << run.err;
+  EXPECT_EQ(summary_of(dir / "out/resumed")["verdict"], "aborted");
+}
+
+TEST(Resume, CountsTheLinesThatAreNotKept) {
+  const TemporaryFolder dir;
+  make_scenario(dir, replaced(kMission, "m.integral = m", "for i = 1, 200 do print(i) end m.integral = m"));
+  ASSERT_LE(run_program({"run", ".", "--out", "whole"}, dir.path()).exit_code, 1);
+  ASSERT_LE(run_program({"run", ".", "--out", "part", "--until", "4.2"}, dir.path()).exit_code, 1);
+  ASSERT_LE(run_program({"run", "--resume", "part", "--until", "6", "--out", "end"}, dir.path()).exit_code, 1);
+  expect_same_results(dir / "whole", dir / "end");
+  EXPECT_GT(Hdf5File::open(dir / "part/run.h5").read_doubles("/run/printed/left_out").values.at(0), 1000.0);
+}
+
+TEST(Checkpoints, ThatAScriptLeavesNoMemoryForAreAnErrorOfTheScript) {
+  const TemporaryFolder dir;
+  make_scenario(dir, R"lua(
+vehicle "vehicle.yaml"
+mission { duration = 2, checkpoint = { period = "0.5 s" } }
+local m = persist { all = {} }
+local sizes = { 2^24, 2^20, 2^16, 2^12, 2^8 }
+controller { name = "fills", rate = "20 Hz", step = function(t)
+  local n = sizes[math.floor(t * 20 + 0.5) + 1]
+  if n then while pcall(function() m.all[#m.all + 1] = string.rep("x", n) end) do end end
+end }
+)lua");
+  const Finished run = run_program({"run", ".", "--out", "out"}, dir.path());
+  EXPECT_EQ(run.exit_code, 3);
+  EXPECT_TRUE(run.err.starts_with("failure[N0302]")) << run.err;
+  EXPECT_NE(run.err.find("persist{}: "), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("scenario.lua:4"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("a table or a text that grows without end?"), std::string::npos) << run.err;
+}
+
+TEST(Checkpoints, OfTablesThatAreTooDeepAreNamedAndDoNotEndTheRun) {
+  const TemporaryFolder dir;
+  make_scenario(dir, replaced(kMission, "m.integral = m", "m.list = { m.list } m.integral = m"));
+  const Finished run = run_program({"run", ".", "--out", "out", "--set", "mission.duration=11 s"}, dir.path());
+  EXPECT_LE(run.exit_code, 1) << run.err;
+  EXPECT_NE(run.out.find("kept outside of persist{}: persist (tables more than 200 deep)\n"), std::string::npos) << run.out;
+  EXPECT_NE(refused(dir).find("error[C0704]"), std::string::npos);
 }
 
 TEST(Resume, OfResultsOfANewerFormatIsRefusedAsIsTheirReport) {
