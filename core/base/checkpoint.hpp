@@ -1,8 +1,11 @@
 #pragma once
 // All that a run goes on from, as named blocks of numbers and texts. What writes a block is what reads it back, so that the two cannot
 // differ: each object has one function remember(Archive&), which names its members once.
+#include <algorithm>
+#include <cmath>
 #include <concepts>
 #include <cstddef>
+#include <limits>
 #include <map>
 #include <span>
 #include <stdexcept>
@@ -56,6 +59,16 @@ class Archive {
     return *this;
   }
 
+  /// The same, each number finite.
+  template <class... T>
+  Archive& finite(T&&... values) {
+    const std::size_t first = number_;
+    (value(values), ...);
+    for (std::size_t i = first; reading_ && i < number_; ++i)
+      if (!std::isfinite(block_->numbers[i])) wrong("a number is not finite");
+    return *this;
+  }
+
   /// What was read is not what it may be.
   [[noreturn]] void wrong(const std::string& why) const { throw CheckpointFault("block " + name_ + ": " + why); }
 
@@ -65,13 +78,15 @@ class Archive {
     if (number_ == block_->numbers.size()) wrong("a number is missing");
     x = block_->numbers[number_++];
   }
-  /// Whole numbers up to 2^53.
+  /// Whole numbers up to 2^53, of those that the type has.
   template <std::integral T>
   void value(T& n) {
+    constexpr double least = std::max(static_cast<double>(std::numeric_limits<T>::min()), -0x1p53);
+    constexpr double most = std::min(static_cast<double>(std::numeric_limits<T>::max()), 0x1p53);
     double x = static_cast<double>(n);
     value(x);
-    n = static_cast<T>(x > -0x1p53 && x < 0x1p53 ? x : 0.0);
-    if (static_cast<double>(n) != x) wrong("a whole number is not one");
+    if (!(x >= least && x <= most && x == std::trunc(x))) wrong("a whole number is not one, or too large");
+    n = static_cast<T>(x);
   }
   void value(std::string& text) {
     if (!reading_) return block_->texts.push_back(text);

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "core/base/units.hpp"
+
 namespace cardan {
 
 void Warnings::add(Diagnostic warning, double t) {
@@ -42,7 +44,7 @@ void Warnings::remember(Archive& archive) {
     archive(code, w.what.at.key_path, w.what.at.mark.file, w.what.at.mark.line, w.what.at.mark.column, w.what.about, w.what.hint, w.count,
             w.t);
     const auto known = find_code(code);
-    if (!known) archive.wrong("no such code: " + code);
+    if (!known || code[0] != 'W') archive.wrong("no warning has this code: " + in_quotes(code));
     w.what.code = *known;
   }
 }

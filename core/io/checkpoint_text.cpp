@@ -1,8 +1,11 @@
 #include "core/io/checkpoint_text.hpp"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <limits>
 
+#include "core/base/units.hpp"
 #include "core/io/json.hpp"
 
 namespace cardan {
@@ -21,7 +24,7 @@ double number_of(const Json& value) {
   const auto text = value.get<std::string>();
   if (text == "nan") return std::numeric_limits<double>::quiet_NaN();
   if (text == "inf" || text == "-inf") return text == "inf" ? kInfinity : -kInfinity;
-  throw CheckpointFault("\"" + text + "\" is no number");
+  throw CheckpointFault(in_quotes(text) + " is no number");
 }
 
 }  // namespace
@@ -40,8 +43,8 @@ Checkpoint checkpoint_of(std::string_view text) {
   Checkpoint all;
   try {
     const Json json = Json::parse(text);
-    const int format = json.at("format").get<int>();
-    if (format != kFormat) throw CheckpointFault("format " + std::to_string(format) + ": this program reads " + std::to_string(kFormat));
+    const auto format = json.at("format").get<double>();
+    if (format != kFormat) throw CheckpointFault(fmt::format("format {}: this program reads {}", format, kFormat));
     for (const auto& [name, block] : json.at("blocks").items()) {
       CheckpointBlock& b = all[name];
       for (const Json& x : block.at("numbers")) b.numbers.push_back(number_of(x));

@@ -4,9 +4,10 @@
 
 #include <algorithm>
 #include <cctype>
-#include <limits>
+#include <cmath>
 
 #include "core/base/units.hpp"
+#include "core/model/hinge_load_types.hpp"
 #include "core/model/initial.hpp"
 #include "core/model/validate.hpp"
 
@@ -302,28 +303,31 @@ class VehicleReader {
     MapReader map(value, context_);
     HingeLoadSpec load;
     load.at = value.at();
-    const auto type = map.require("type", "stop or friction");
-    const int law = type ? read_choice(*type, {"stop", "friction"}, "a type of load", Code::unknown_name, context_) : -1;
-    load.component = law < 0 ? -1 : read_own_component(map, family);
+    std::vector<std::string> legal;
+    for (const HingeLoadType& known : kHingeLoadTypes) legal.emplace_back(known.name);
+    const auto given = map.require("type", one_of(legal));
+    const int i = given ? read_choice(*given, legal, "a type of load", Code::unknown_name, context_) : -1;
+    load.component = i < 0 ? -1 : read_own_component(map, family);
     if (load.component < 0) return;
+    const HingeLoadType& type = kHingeLoadTypes[static_cast<std::size_t>(i)];
+    load.law = type.law;
     const bool turns = std::string_view(family.v_units[load.component]) == "rad/s";
-    const char *length = turns ? "rad" : "m", *rate = turns ? "rad/s" : "m/s", *force = turns ? "N m" : "N";
-    constexpr double kNever = std::numeric_limits<double>::infinity();
-    const auto limit = [&](const char* key, double never) { return map.find(key) ? map.number(key, length) : never; };
-    if (law == 0) {
-      load.law = HingeLaw::stop;
-      const double lower = limit("lower", -kNever), upper = limit("upper", kNever), exponent = map.number("exponent", "1", 1.5);
-      // Of unit stiffness^exponent; with another exponent than 1 the unit has no name, and the number is in SI.
-      const double stiffness = exponent == 1.0 ? map.number("stiffness", turns ? "N m/rad" : "N/m") : map.number("stiffness", "1");
-      load.parameters = {lower, upper, stiffness, exponent, map.number("dissipation", turns ? "s/rad" : "s/m", 0.0)};
-    } else {
-      load.law = HingeLaw::friction;
-      const double coulomb = map.number("coulomb", force);
-      const double breakaway = map.find("breakaway") ? map.number("breakaway", force) : coulomb;
-      const double width = map.number("width", rate);
-      load.parameters = {coulomb, breakaway, map.find("stribeck_rate") ? map.number("stribeck_rate", rate) : 10.0 * width,
-                         map.number("viscous", turns ? "N m s/rad" : "N s/m", 0.0), width};
-    }
+    const auto value_of = [&](std::string_view name) -> double& {
+      const auto p = std::ranges::find(type.parameters, name, [](const HingeLoadParameter& q) { return std::string_view(q.name); });
+      return load.parameters[static_cast<std::size_t>(p - type.parameters.begin())];
+    };
+    for (const bool by_others : {false, true})  // those that go by the value of another one come last
+      for (const HingeLoadParameter& p : type.parameters) {
+        if ((p.times || p.unit_where_one) != by_others) continue;
+        const char* unit = p.unit_where_one && value_of(p.unit_where_one) != 1.0 ? "1" : turns ? p.turns : p.slides;
+        double& x = value_of(p.name);
+        if (std::isnan(p.fallback))
+          x = map.number(p.name, unit);
+        else if (!p.times && std::isfinite(p.fallback))
+          x = map.number(p.name, unit, p.fallback);
+        else
+          x = map.find(p.name) ? map.number(p.name, unit) : p.fallback * (p.times ? value_of(p.times) : 1.0);
+      }
     map.finish();
     if (context_.sink.all().size() == faults) hinge.loads.push_back(std::move(load));  // else its numbers say nothing
   }

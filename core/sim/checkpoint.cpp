@@ -1,5 +1,6 @@
 // What a simulation goes on from.
 #include <algorithm>
+#include <utility>
 
 #include "core/sim/simulation.hpp"
 
@@ -7,12 +8,13 @@ namespace cardan {
 
 void Simulation::remember(Archive& a) {
   const auto numbers = [](Eigen::VectorXd& x) { return std::span(x.data(), static_cast<std::size_t>(x.size())); };
-  a.block("state")(state_.t, numbers(state_.q), numbers(state_.v));
+  a.block("state").finite(state_.t, numbers(state_.q), numbers(state_.v));
   a.block("commands")(std::span(tau_));
   for (NodeWrench& w : wrenches_) a(w.f.n.x, w.f.n.y, w.f.n.z, w.f.f.x, w.f.f.y, w.f.f.z);
   a.block("given motion");
   for (Prescribed& p : prescribed_) a(p.profile, p.given, p.t_0, p.q_0);
   a.block("schedule")(schedule_);
+  if (a.reading() && !schedule_.stands_at(state_.t)) a.wrong("ticks of another time than that of the state");
   a.block("run")(steps_, last_output_, warned_stiff_, std::span(event_times_), events_seen_);
   a.block("ledger")(balances_);
   a.block("warnings")(warnings_);
@@ -29,6 +31,11 @@ void Simulation::start_anew(Archive& archive) {
 }
 
 Checkpoint Simulation::checkpoint() {
+  make_integrator_once();
+  if (!std::exchange(begun_, true)) {
+    schedule_.start(state_.t);
+    begin_ledger();
+  }
   start_given_motion();
   Archive all;
   remember(all);

@@ -1,6 +1,7 @@
 #pragma once
 // What linear modes cannot tell: how fast a flexible body turns beside its first frequency (terms of second order in the deformation,
 // centrifugal stiffening and softening, are of the order of (Omega / omega_1)^2 of its stiffness), and how far it bends beside its size.
+#include <algorithm>
 #include <limits>
 #include <vector>
 
@@ -29,7 +30,11 @@ class FlexibleLimits {
   Warnings expected(Simulation& sim, double t_end);
   void see(Simulation& sim);
   void remember(Archive& archive) {
-    for (Body& b : bodies_) archive(b.rate, b.t_rate, b.deflection, b.t_deflection, b.point);
+    for (Body& b : bodies_) {
+      archive.finite(b.rate, b.t_rate, b.deflection, b.t_deflection, b.point);
+      const bool there = std::find(b.points.begin(), b.points.end(), b.point) != b.points.end();
+      if (!there && (b.point != -1 || b.deflection != 0.0)) archive.wrong("a node that the body does not have");
+    }
   }
   /// After the run: what was seen beyond what expected() has told.
   Warnings seen() const;

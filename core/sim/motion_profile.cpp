@@ -27,6 +27,13 @@ MotionProfile MotionProfile::sine(double amplitude, double frequency, double pha
   return p;
 }
 
+void MotionProfile::remember(Archive& archive) {
+  archive.finite(points_, travelled_, amplitude_, frequency_, phase_);
+  const auto not_later = [](const auto& a, const auto& b) { return a.first >= b.first; };
+  if (travelled_.size() != points_.size() || std::ranges::adjacent_find(points_, not_later) != points_.end())
+    archive.wrong("a profile whose times do not increase");
+}
+
 namespace {
 // Index of the first point after t.
 std::size_t after(const std::vector<std::pair<double, double>>& points, double t) {

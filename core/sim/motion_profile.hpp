@@ -30,7 +30,7 @@ class MotionProfile {
   /// First corner after t; infinity if there is none.
   double next_corner(double t) const;
 
-  void remember(Archive& archive) { archive(points_, travelled_, amplitude_, frequency_, phase_); }
+  void remember(Archive& archive);
 
  private:
   double integral(double t) const;  // from the first point; of a sine, from where it is zero

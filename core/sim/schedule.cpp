@@ -98,8 +98,13 @@ const std::vector<Schedule::Tick>& Schedule::next() {
   return ticks_;
 }
 
-Schedule::Instant Schedule::Entry::instant() const {
-  const Wide n = static_cast<Wide>(first) + static_cast<Wide>(k) * step;
+bool Schedule::stands_at(double t) const {
+  return std::all_of(entries_.begin(), entries_.end(),
+                     [t](const Entry& e) { return e.instant().seconds() >= t && (e.k == 0 || e.instant(e.k - 1).seconds() <= t); });
+}
+
+Schedule::Instant Schedule::Entry::instant(std::int64_t tick) const {
+  const Wide n = static_cast<Wide>(first) + static_cast<Wide>(tick) * step;
   Wide whole = n / unit, part = n % unit;
   if (part < 0) --whole, part += unit;
   return {static_cast<std::int64_t>(whole), static_cast<std::int64_t>(part), unit};

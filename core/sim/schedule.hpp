@@ -39,6 +39,8 @@ class Schedule {
   void start(double t);
   /// Which tick of each entry is the next.
   void remember(Archive& archive);
+  /// Whether the next tick of each entry is its first at t [s] or later; after the instant t, its first later than t.
+  bool stands_at(double t) const;
   /// Time of the next instant [s]; infinity if there are no entries.
   double time() const { return time_; }
   /// Passes that instant: the entries that tick there, in the order of add(). Valid until the next call; allocates
@@ -55,7 +57,8 @@ class Schedule {
   struct Entry {
     std::int64_t first, step, unit;  // tick k at (first + k * step) / unit seconds
     std::int64_t k;
-    Instant instant() const;
+    Instant instant() const { return instant(k); }
+    Instant instant(std::int64_t tick) const;
   };
   static bool before(const Instant& a, const Instant& b);
   const Entry& earliest() const;

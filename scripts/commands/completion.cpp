@@ -5,6 +5,7 @@
 #include "bodies/register.hpp"
 #include "core/abi/registry.hpp"
 #include "core/base/units.hpp"
+#include "core/model/hinge_load_types.hpp"
 #include "hinges/register.hpp"
 #include "scripts/commands/commands.hpp"
 
@@ -29,6 +30,7 @@ std::string candidates(const CLI::App& app, const std::string& type) {
     register_hinges(registry);
     for (const auto& types : {registry.body_types(), registry.hinge_types()})
       for (const std::string& name : types) add(name);
+    for (const HingeLoadType& load : kHingeLoadTypes) add(load.name);
   }
   if (type == "TOPIC") {
     for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) add(command->get_name());

@@ -1,12 +1,15 @@
-// `cardan types`: the types of bodies and hinges, from their own tables, those of plugins as well.
+// `cardan types`: the types of bodies, hinges and hinge loads, from their own tables, those of plugins as well.
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "bodies/register.hpp"
 #include "core/abi/registry.hpp"
 #include "core/base/units.hpp"
 #include "core/io/json.hpp"
+#include "core/model/hinge_load_types.hpp"
 #include "core/model/initial.hpp"
 #include "hinges/register.hpp"
 #include "scripts/commands/commands.hpp"
@@ -77,12 +80,35 @@ Json to_json(const Registry::Entry& e) {
           {"velocity_groups", groups(velocity_groups(f), f.v_names)}};
 }
 
+std::string default_of(const HingeLoadParameter& p) {
+  if (std::isnan(p.fallback)) return "required";
+  if (std::isinf(p.fallback)) return "optional";
+  if (!p.times) return fmt::format("default {:g}", p.fallback);
+  return p.fallback == 1.0 ? fmt::format("default `{}`", p.times) : fmt::format("default {:g} `{}`", p.fallback, p.times);
+}
+
+Json to_json(const HingeLoadType& type) {
+  Json parameters = Json::array();
+  for (const HingeLoadParameter& p : type.parameters) {
+    const bool same = std::string_view(p.turns) == p.slides;
+    parameters.push_back({{"name", p.name},
+                          {"kind", "number"},
+                          {"unit", same ? p.turns : fmt::format("{} or {}", p.turns, p.slides)},
+                          {"default", default_of(p)},
+                          {"meaning", p.meaning}});
+  }
+  return {{"type", type.name}, {"summary", type.summary}, {"parameters", parameters}};
+}
+
 std::string list_text(const Json& types) {
   std::string out = "bodies (keys: docs/scenario.md)\n";
   for (const Json& b : types["bodies"]) out += fmt::format("  {:<16}{}\n", b["type"].get<std::string>(), b["summary"].get<std::string>());
   out += "\nhinges                dof\n";
   for (const Json& h : types["hinges"])
     out += fmt::format("  {:<20}{:>3}  {}\n", h["type"].get<std::string>(), h["velocities"].size(), h["summary"].get<std::string>());
+  out += "\nhinge loads\n";
+  for (const Json& l : types["hinge_loads"])
+    out += fmt::format("  {:<16}{}\n", l["type"].get<std::string>(), l["summary"].get<std::string>());
   return out + "\ncardan types NAME tells the parameters and the names of the components.\n";
 }
 
@@ -96,14 +122,20 @@ std::string components_text(const char* title, const Json& components, const Jso
   return out;
 }
 
-std::string hinge_text(const Json& h) {
-  std::string out = fmt::format("hinge {}: {}\n", h["type"].get<std::string>(), h["summary"].get<std::string>());
+std::string parameters_text(const Json& parameters) {
+  std::string out;
   const char* title = "parameters";
-  for (const Json& p : h["parameters"]) {
+  for (const Json& p : parameters) {
     out += fmt::format("  {:<14}{}: {}{}, {}\n", std::exchange(title, ""), p["name"].get<std::string>(), p["kind"].get<std::string>(),
                        unit_of(p["unit"].get<std::string>()), p["default"].get<std::string>());
     out += fmt::format("  {:<16}{}\n", "", p["meaning"].get<std::string>());
   }
+  return out;
+}
+
+std::string hinge_text(const Json& h) {
+  std::string out = fmt::format("hinge {}: {}\n", h["type"].get<std::string>(), h["summary"].get<std::string>());
+  out += parameters_text(h["parameters"]);
   out += components_text("coordinates", h["coordinates"], h["coordinate_groups"]) +
          components_text("velocities", h["velocities"], h["velocity_groups"]);
   if (h["origin"] != "built-in") out += fmt::format("  {:<14}{}\n", "plugin", h["origin"].get<std::string>());
@@ -121,7 +153,7 @@ int tell_types(const TypesArguments& a) {
   register_hinges(registry);
   register_bodies(registry);
   for (const std::string& path : a.plugins) load_plugin(path, registry);
-  Json types{{"bodies", Json::array()}, {"hinges", Json::array()}};
+  Json types{{"bodies", Json::array()}, {"hinges", Json::array()}, {"hinge_loads", Json::array()}};
   std::vector<std::string> legal;
   for (const std::string& body : registry.body_types()) {
     legal.push_back(body);
@@ -131,7 +163,11 @@ int tell_types(const TypesArguments& a) {
     legal.emplace_back(e.family->type);
     if (a.name.empty() || a.name == e.family->type) types["hinges"].push_back(to_json(e));
   }
-  if (types["bodies"].empty() && types["hinges"].empty())
+  for (const HingeLoadType& load : kHingeLoadTypes) {
+    legal.emplace_back(load.name);
+    if (a.name.empty() || a.name == load.name) types["hinge_loads"].push_back(to_json(load));
+  }
+  if (std::all_of(types.begin(), types.end(), [](const Json& list) { return list.empty(); }))
     refuse(Code::command_line, {}, fmt::format("one of: {}", fmt::join(legal, ", ")), in_quotes(a.name), did_you_mean(a.name, legal));
   if (a.as_json)
     fmt::print("{}", json_text(types));
@@ -141,6 +177,8 @@ int tell_types(const TypesArguments& a) {
     for (const Json& b : types["bodies"])
       fmt::print("body {}: {}\n  keys: docs/scenario.md, Bodies\n", b["type"].get<std::string>(), b["summary"].get<std::string>());
     for (const Json& h : types["hinges"]) fmt::print("{}", hinge_text(h));
+    for (const Json& l : types["hinge_loads"])
+      fmt::print("hinge load {}: {}\n{}", l["type"].get<std::string>(), l["summary"].get<std::string>(), parameters_text(l["parameters"]));
   }
   return 0;
 }
@@ -148,7 +186,7 @@ int tell_types(const TypesArguments& a) {
 }  // namespace
 
 void add_types(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("types", "List the types of bodies and hinges, or tell the parameters of one");
+  auto* command = app.add_subcommand("types", "List the types of bodies, hinges and hinge loads, or tell the parameters of one");
   auto a = std::make_shared<TypesArguments>();
   command->add_option("name", a->name, "A type; without it, all are listed")->type_name("TYPE");
   command->add_option("--plugin", a->plugins, "Load this plugin first (may be repeated)")->type_name("PLUGIN")->allow_extra_args(false);

@@ -12,6 +12,7 @@
 #include <set>
 #include <utility>
 
+#include "core/base/units.hpp"
 #include "core/base/utf8.hpp"
 #include "scripts/lua/matrix.hpp"
 
@@ -331,19 +332,21 @@ class Persistent::Reader {
     const std::string& text = next();
     if (text == "as set up") return false;
     if (const std::size_t space = text.find(' '); text.starts_with("again ")) {
-      lua_rawgeti(L_, read_, std::strtol(text.c_str() + space, nullptr, 10) + 1);
-      if (lua_isnil(L_, -1)) archive_.wrong("a table is not there: " + text);
+      lua_rawgeti(L_, read_, static_cast<lua_Integer>(std::strtoul(text.c_str() + space, nullptr, 10) + 1));
+      if (lua_isnil(L_, -1)) wrong("a table is not there", text);
     } else if (text.starts_with("table ")) {
       table(text, depth);
     } else if (text.starts_with("vector ") || text.starts_with("matrix ")) {
       numbers(text);
     } else if (!push_plain(L_, text)) {
-      archive_.wrong("not a value: " + text);
+      wrong("not a value", text);
     }
     return true;
   }
 
  private:
+  [[noreturn]] void wrong(const char* what, const std::string& text) const { archive_.wrong(fmt::format("{}: {}", what, in_quotes(text))); }
+
   const std::string& next() {
     if (at_ == texts_.size()) archive_.wrong("a value is missing");
     return texts_[at_++];
@@ -353,7 +356,7 @@ class Persistent::Reader {
   bool push_object(const std::string& which) {
     if (which == "new") return false;
     const std::size_t number = std::strtoul(which.c_str(), nullptr, 10);
-    if (number < 1 || number > of_.numbers_.size()) archive_.wrong("a table that set-up does not make: " + which);
+    if (number < 1 || number > of_.numbers_.size()) wrong("a table that set-up does not make", which);
     of_.objects_.push(L_);
     lua_rawgeti(L_, -1, static_cast<lua_Integer>(number));
     lua_remove(L_, -2);
@@ -369,7 +372,7 @@ class Persistent::Reader {
     if (depth > kDeepest) archive_.wrong("tables too deep");
     std::set<std::string> gone;  // keys of set-up that the checkpoint does not name
     if (push_object(text.substr(6))) {
-      if (!lua_istable(L_, -1)) archive_.wrong("no table of set-up: " + text);
+      if (!lua_istable(L_, -1)) wrong("no table of set-up", text);
       const std::vector<std::string> keys = keys_of(L_, -1);
       gone.insert(keys.begin(), keys.end());
     } else {
@@ -380,8 +383,7 @@ class Persistent::Reader {
     while (true) {
       const std::string key = next();
       if (key == "end") break;
-      if (key == "nil" || !push_plain(L_, key) || (lua_isnumber(L_, -1) && std::isnan(lua_tonumber(L_, -1))))
-        archive_.wrong("not a key: " + key);
+      if (key == "nil" || !push_plain(L_, key) || (lua_isnumber(L_, -1) && std::isnan(lua_tonumber(L_, -1)))) wrong("not a key", key);
       gone.erase(key);
       if (value(depth + 1))
         lua_rawset(L_, self);
@@ -398,28 +400,34 @@ class Persistent::Reader {
   void numbers(const std::string& text) {
     char which[16] = "";
     std::size_t rows = 0, columns = 0;
+    const bool vector = text.starts_with("vector");
     if (std::sscanf(text.c_str(), "%*s %15s %zu %zu", which, &rows, &columns) != 3 || rows > texts_.size() || columns > texts_.size() ||
-        rows * columns > texts_.size())
-      archive_.wrong("not a matrix: " + text);
+        rows * columns > texts_.size() || (vector && columns != (rows > 0 ? 1 : 0)))
+      wrong("not a matrix", text);
     Eigen::MatrixXd x(static_cast<Eigen::Index>(rows), static_cast<Eigen::Index>(columns));
     for (Eigen::Index i = 0; i < x.size(); ++i) {
       const std::string& number = next();
-      if (!push_plain(L_, number) || lua_type(L_, -1) != LUA_TNUMBER) archive_.wrong("not a number: " + number);
+      if (!push_plain(L_, number) || lua_type(L_, -1) != LUA_TNUMBER) wrong("not a number", number);
       x(i) = lua_tonumber(L_, -1);
       lua_pop(L_, 1);
     }
     Labels labels[2];
     for (Labels& l : labels)
       for (auto* list : {&l.names, &l.units}) {
-        const std::size_t n = std::strtoul(next().c_str() + 1, nullptr, 10);
-        for (std::size_t i = 0; i < n; ++i) list->push_back(next().substr(1));
+        const std::string count = next();
+        if (count != "i0" && count != fmt::format("i{}", &l == labels ? rows : columns)) wrong("one label each, or none", count);
+        for (std::size_t n = count == "i0" ? 0 : &l == labels ? rows : columns; n > 0; --n) {
+          if (!next().starts_with('s')) wrong("not a label", texts_[at_ - 1]);
+          list->push_back(texts_[at_ - 1].substr(1));
+        }
       }
     if (push_object(which)) {
+      if (vector ? !is_vector(L_, -1) : !is_matrix(L_, -1)) wrong("of another kind than at set-up", text);
       const std::span<double> own = numbers_of(L_, -1);
-      if (own.size() != rows * columns) archive_.wrong("another size than at set-up: " + text);
+      if (own.size() != rows * columns) wrong("another size than at set-up", text);
       std::copy_n(x.data(), own.size(), own.begin());
-    } else if (text.starts_with("vector")) {
-      push_vector(L_, x, labels[0]);
+    } else if (vector) {
+      push_vector(L_, x.reshaped(), labels[0]);
     } else {
       push_matrix(L_, x, labels[0], labels[1]);
     }
@@ -517,8 +525,11 @@ void Persistent::remember(Archive& archive) {
   if (n != declared_.size()) archive.wrong("another number of persist{} tables");
   protect([&](lua_State* L) {
     Reader reader(*this, L, archive, texts);
-    for (std::size_t i = 0; i < declared_.size(); ++i)
-      if (reader.value(0)) lua_pop(L, 1);
+    for (const LuaRef& table : declared_) {
+      table.push(L);
+      if (!reader.value(0) || !lua_rawequal(L, -1, -2)) archive.wrong("another table of persist{}");
+      lua_pop(L, 2);
+    }
     if (!random_) return;
     random_.push(L);
     std::uint64_t words[kRandomWords];

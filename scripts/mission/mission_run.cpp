@@ -75,13 +75,25 @@ MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Outpu
   limits_.expected(sim, s_.mission.duration);  // told before the run: what is seen is news where it exceeds that
 }
 
+/// What the function of an event has to say is told in place of what the integrator made of it.
+template <class F>
+void MissionRun::told_by_events(F&& part) {
+  event_interrupt_ = nullptr;
+  try {
+    part();
+  } catch (const NumericsError&) {
+    if (event_interrupt_) std::rethrow_exception(std::exchange(event_interrupt_, nullptr));
+    if (event_failure_) throw NumericsError(*event_failure_);
+    throw;
+  }
+}
+
 void MissionRun::run(double t_end, const std::function<void(double t)>& progress) {
   s_.stage = Scenario::Stage::run;
   call(kPersist, [&] { s_.persistent.seal(); });
-  event_interrupt_ = nullptr;
   note_warnings();
   try {
-    s_.sim->run(t_end, progress);
+    told_by_events([&] { s_.sim->run(t_end, progress); });
     add_limits();
     look_elsewhere();
     if (scripts_act(s_)) s_.warnings.add(still_hinges(*s_.sim));
@@ -95,15 +107,13 @@ void MissionRun::run(double t_end, const std::function<void(double t)>& progress
       look_elsewhere();
     } catch (const std::exception&) {  // the first failure is the one that is told
     }
-    if (event_interrupt_) std::rethrow_exception(std::exchange(event_interrupt_, nullptr));
-    if (event_failure_) throw NumericsError(*event_failure_);
     throw;
   }
   s_.stage = Scenario::Stage::end;
 }
 
 void MissionRun::remember(Archive& a) {
-  a.block("mission")(phase_, phase_start_, noted_, s_.warnings, limits_);
+  a.block("mission")(phase_).finite(phase_start_)(noted_, s_.warnings, limits_);
   if (phase_ > s_.phases.size() + 1 || noted_ > s_.warnings.all().size()) a.wrong("more phases or warnings than there are");
   s_.phase = phase_ == 0 || phase_ > s_.phases.size() ? std::string_view() : s_.phases[phase_ - 1].name;
   a.block("signals");
@@ -123,11 +133,12 @@ void MissionRun::make_checkpoint() {
 }
 
 void MissionRun::resume(const Checkpoint& checkpoint) {
+  s_.stage = Scenario::Stage::run;  // event functions are looked at
   s_.persistent.seal();
   Archive all(checkpoint);
   remember(all);
   all.finish();
-  s_.sim->resume(checkpoint);
+  told_by_events([&] { s_.sim->resume(checkpoint); });
   s_.look_at_state();
 }
 

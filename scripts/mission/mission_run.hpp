@@ -26,7 +26,8 @@ class MissionRun {
   void run(double t_end, const std::function<void(double t)>& progress);
   /// Called at each checkpoint with all that the run goes on from at t, before it does.
   void on_checkpoint(std::function<void(double t, Checkpoint checkpoint)> keep) { keep_ = std::move(keep); }
-  /// Before run(): goes on from a checkpoint of the same scenario. CheckpointFault where it does not fit.
+  /// Before run(): goes on from a checkpoint of the same scenario. CheckpointFault where it does not fit; also
+  /// throws as run(), and InputError where the script has no memory for it.
   void resume(const Checkpoint& checkpoint);
   /// What the script keeps outside of persist{}, so that no checkpoint holds it: names of variables and fields. Of the last look.
   const std::vector<std::string>& kept_elsewhere() const { return elsewhere_; }
@@ -37,6 +38,8 @@ class MissionRun {
  private:
   template <class F>
   void call(const std::string& actor, F&& function);
+  template <class F>
+  void told_by_events(F&& part);
   void tick(const Controller&, const std::string& actor);
   void look_elsewhere();
   void add_limits();

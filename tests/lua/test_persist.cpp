@@ -1,6 +1,7 @@
 // What a script remembers: tables of persist{} as a checkpoint holds them, and what it names of the rest.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -109,6 +110,38 @@ TEST(Persist, NamesWhatItDoesNotHold) {
   EXPECT_EQ(elsewhere(setup, "m.t.x = setmetatable({}, { __index = m })"), "persist.t.x (its metatable)\n");
   EXPECT_EQ(elsewhere(setup, "setmetatable(m, { __index = print })"), "m (its metatable)\n");
   EXPECT_EQ(elsewhere("c = coroutine.wrap(function() while true do coroutine.yield() end end)", "c()"), "c\n");
+}
+
+TEST(Persist, RefusesTextsThatAreNoTablesOfThisScript) {
+  const std::string setup = "m = persist { a = { 1 }, v = vector { 1, 2 }, A = matrix { { 1, 2 }, { 3, 4 } }, n = 1 }";
+  Script script(setup);
+  const Checkpoint good = script.checkpoint();
+  // table 1, sA, matrix 2 2 2, four numbers, four counts of labels, sa, table 3, i1, i1, end, sn, i1, sv, vector 4 2 1, ...
+  const auto refused = [&](const std::string& what, const std::string& with, int skip = 0) {
+    Checkpoint damaged = good;
+    std::vector<std::string>& texts = damaged["script"].texts;
+    auto at = std::find(texts.begin(), texts.end(), what);
+    while (skip-- > 0) at = std::find(at + 1, texts.end(), what);
+    if (at == texts.end()) return "no " + what;
+    *at = with;
+    try {
+      Script(setup).resume(damaged);
+    } catch (const CheckpointFault& fault) {
+      return std::string(fault.what());
+    }
+    return std::string("taken");
+  };
+  EXPECT_EQ(refused("table 1", "i5"), "block script: another table of persist{}");
+  EXPECT_EQ(refused("table 1", "table 3"), "block script: another table of persist{}");
+  EXPECT_EQ(refused("table 1", "as set up"), "block script: another table of persist{}");
+  EXPECT_EQ(refused("vector 4 2 1", "vector 3 2 1"), "block script: of another kind than at set-up: \"vector 3 2 1\"");
+  EXPECT_EQ(refused("vector 4 2 1", "vector 2 2 1"), "block script: of another kind than at set-up: \"vector 2 2 1\"");
+  EXPECT_EQ(refused("vector 4 2 1", "vector new 1 2"), "block script: not a matrix: \"vector new 1 2\"");
+  EXPECT_EQ(refused("i0", ""), "block script: one label each, or none: \"\"");
+  EXPECT_EQ(refused("i0", "i1"), "block script: one label each, or none: \"i1\"");
+  EXPECT_EQ(refused("i0", "i2"), "block script: not a label: \"i0\"");
+  EXPECT_EQ(refused("i0", "i18446744073709551615"), "block script: one label each, or none: \"i18446744073709551615\"");
+  EXPECT_EQ(refused("sn", std::string(100'000, 'q')).size(), std::string("block script: not a key: \"...\"").size() + 60);
 }
 
 TEST(Persist, RefusesACheckpointOfAnotherScript) {

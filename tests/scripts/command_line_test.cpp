@@ -159,8 +159,28 @@ TEST(CommandLine, ListsTheTypesWithTheirParameters) {
   const Finished list = cardan({"types"});
   EXPECT_EQ(list.exit_code, 0) << list.err;
   for (const char* part :
-       {"  rigid ", "  modal_flexible ", "  revolute              1  rotation about one axis\n", "  free                  6  "})
+       {"  rigid ", "  modal_flexible ", "  revolute              1  rotation about one axis\n", "  free                  6  ",
+        "\nhinge loads\n  stop            pushes back", "\n  friction        against the rate"})
     EXPECT_TRUE(has(list.out, part)) << part << "\n" << list.out;
+  EXPECT_EQ(cardan({"types", "friction"}).out,
+            "hinge load friction: against the rate, smoothed about zero over `width`: what is held creeps below it\n"
+            "  parameters    coulomb: number [N m or N], required\n"
+            "                  while it moves\n"
+            "                breakaway: number [N m or N], default `coulomb`\n"
+            "                  at its largest, just as it begins to move\n"
+            "                stribeck_rate: number [rad/s or m/s], default 10 `width`\n"
+            "                  over which it falls from `breakaway` to `coulomb`\n"
+            "                viscous: number [N m s/rad or N s/m], default 0\n"
+            "                  part in proportion to the rate\n"
+            "                width: number [rad/s or m/s], required\n"
+            "                  below it the friction grows in proportion to the rate; a small one is stiff\n");
+  const json stop = json::parse(cardan({"types", "stop", "--json"}).out)["hinge_loads"][0]["parameters"];
+  EXPECT_EQ(stop[0], (json{{"name", "lower"},
+                           {"kind", "number"},
+                           {"unit", "rad or m"},
+                           {"default", "optional"},
+                           {"meaning", "least coordinate without contact; this or `upper`, or both"}}));
+  EXPECT_EQ(stop[3]["default"], "default 1.5");
   EXPECT_EQ(cardan({"types", "helical"}).out,
             "hinge helical: screw: rotation about an axis with an advance of pitch metres per radian\n"
             "  parameters    axis: axis, 3 numbers of any length, required\n"

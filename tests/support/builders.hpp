@@ -56,6 +56,18 @@ inline BodySpec on(BodySpec body, const std::string& inboard, const std::string&
   return body;
 }
 
+/// A free base that turns, on it a sprung arm, all out of one plane.
+inline std::vector<BodySpec> base_with_sprung_arm() {
+  BodySpec base = on(rigid("base", 10.0, {0.1, 0, 0}, diagonal({2, 3, 4})), "", "free");
+  base.hinge.v = {0.3, -0.2, 0.1, 0, 0, 0};
+  BodySpec arm = on(rigid("arm", 2.0, {0.5, 0, 0.1}, diagonal({0.1, 0.3, 0.3})), "base", "revolute", {{0, 0, 1}}, {0.5, 0, 0});
+  arm.hinge.q = {0.4};
+  SpringDamper spring;
+  spring.stiffness = 3.0, spring.damping = 0.05;
+  arm.hinge.springs = {spring};
+  return {base, arm};
+}
+
 inline GravitySpec uniform_gravity(const Eigen::Vector3d& g) {
   GravitySpec out;
   out.kind = GravitySpec::Kind::uniform;

@@ -17,22 +17,18 @@ using Eigen::VectorXd;
 
 const std::vector<std::string> kMethods = {"rk4", "dopri5", "cvode_adams", "cvode_bdf", "cvode_bdf krylov"};
 
-/// A free base with a flexible boom, a sprung arm, a wheel on a profile with corners, a wrench on the arm; commands at 8 Hz; an event that
-/// turns the wrench over.
+/// On the base beside the sprung arm a flexible boom and a wheel on a profile with corners, a wrench on the arm; commands at 8 Hz; an event
+/// that turns the wrench over.
 SystemSpec spacecraft() {
-  BodySpec base = on(rigid("base", 10.0, {0.1, 0, 0}, diagonal({2, 3, 4})), "", "free");
-  base.hinge.v = {0.3, -0.2, 0.1, 0.05, 0, 0};
-  BodySpec arm = on(rigid("arm", 2.0, {0.5, 0, 0.1}, diagonal({0.1, 0.3, 0.3})), "base", "revolute", {{0, 0, 1}}, {0.5, 0, 0});
-  arm.hinge.q = {0.4};
-  SpringDamper spring;
-  spring.stiffness = 3.0, spring.damping = 0.05;
-  arm.hinge.springs = {spring};
   BodySpec wheel = on(rigid("wheel", 1.5, {0, 0.1, 0}, diagonal({0.2, 0.1, 0.2})), "base", "revolute", {{1, 0, 0}}, {-0.5, 0, 0});
   wheel.hinge.prescribed = {0};
   BodySpec boom = on(BodySpec(), "base", "revolute", {{0, 1, 0}}, {0, 0.4, 0});
   boom.name = "boom", boom.type = "modal_flexible", boom.level = 0;
   boom.modal = std::make_shared<const ModalData>(lumped());
-  return system({base, arm, wheel, boom});
+  std::vector<BodySpec> bodies = base_with_sprung_arm();
+  bodies[0].hinge.v[3] = 0.05;
+  bodies.insert(bodies.end(), {wheel, boom});
+  return system(std::move(bodies));
 }
 
 struct Scene {
@@ -143,6 +139,61 @@ TEST(Checkpoint, OfAnotherModelIsRefused) {
   EXPECT_THROW(Scene("dopri5").sim.resume(made), CheckpointFault);
 }
 
+/// What a changed number of a checkpoint is answered with.
+TEST(Checkpoint, OfImpossibleNumbersIsRefused) {
+  Scene scene("dopri5");
+  scene.sim.run(0.2);
+  const Checkpoint good = scene.made.back().second;
+  const auto refused = [&](const std::string& block, std::size_t i, double value) {
+    Checkpoint damaged = good;
+    damaged.at(block).numbers.at(i) = value;
+    try {
+      Scene("dopri5").sim.resume(damaged);
+    } catch (const CheckpointFault& fault) {
+      return std::string(fault.what());
+    }
+    return std::string("taken");
+  };
+  EXPECT_EQ(good.at("given motion").numbers.at(0), 3.0);  // points of the profile: 0.13 s, 0; 0.57 s, 1.1; 1.01 s, -0.4; then 3 travels
+  const std::string times = "block given motion: a profile whose times do not increase";
+  EXPECT_EQ(refused("given motion", 3, 0.13), times);
+  EXPECT_EQ(refused("given motion", 3, std::nan("")), "block given motion: a number is not finite");
+  EXPECT_EQ(refused("state", 0, HUGE_VAL), "block state: a number is not finite");
+  EXPECT_EQ(refused("state", 5, -std::nan("")), "block state: a number is not finite");
+  const std::string ticks = "block schedule: ticks of another time than that of the state";
+  EXPECT_EQ(refused("state", 0, 0.7), ticks);
+  EXPECT_EQ(refused("state", 0, -0.1), ticks);
+  EXPECT_EQ(refused("schedule", 1, 0.0), ticks);
+  EXPECT_EQ(refused("schedule", 1, 0x1p53), ticks);
+  const std::string whole = "block schedule: a whole number is not one, or too large";
+  EXPECT_EQ(refused("schedule", 1, 0x1p54), whole);
+  EXPECT_EQ(refused("schedule", 0, -1.0), whole);
+  EXPECT_EQ(refused("run", 2, 2.0), "block run: a whole number is not one, or too large");  // of a truth
+  Checkpoint damaged = good;
+  std::vector<double>& motion = damaged.at("given motion").numbers;
+  motion[7] = 1.0, motion.erase(motion.begin() + 8, motion.begin() + 10);  // one travel for three points
+  EXPECT_THROW(Scene("dopri5").sim.resume(damaged), CheckpointFault);
+}
+
+TEST(Checkpoint, BeforeTheFirstStepIsTheBeginningOfTheRun) {
+  for (const double t : {0.0, 3.35}) {
+    const auto at = [t](Scene& scene) {
+      State state = scene.sim.state();
+      state.t = t;
+      scene.sim.set_state(state);
+    };
+    Scene whole("dopri5"), rest("dopri5");
+    at(whole), at(rest);
+    const Checkpoint first = whole.sim.checkpoint();
+    whole.sim.run(t + 1.0);
+    EXPECT_TRUE(whole.sim.ledger().pass);
+    EXPECT_EQ(whole.made.size(), 10u) << "no tick of the time before the run";
+    rest.sim.resume(first);
+    rest.sim.run(t + 1.0);
+    expect_same(whole.sim, rest.sim, "from the beginning");
+  }
+}
+
 TEST(CheckpointText, KeepsEveryBit) {
   constexpr double inf = std::numeric_limits<double>::infinity();
   Checkpoint all;
@@ -157,8 +208,9 @@ TEST(CheckpointText, KeepsEveryBit) {
 
 TEST(CheckpointText, OfAnotherKindIsRefused) {
   for (const char* text :
-       {"", "{}", "[1, 2]", R"({"format": 2, "blocks": {}})", R"({"format": 1, "blocks": {"a": {"numbers": ["x"], "texts": []}}})",
-        R"({"format": 1, "blocks": {"a": {"numbers": [1]}}})", R"({"format": 1, "blocks": {"a": {"numbers": [1], "texts": [1]}}})"})
+       {"", "{}", R"({"format": 1e300, "blocks": {}})", R"({"format": 1.5, "blocks": {}})", "[1, 2]", R"({"format": 2, "blocks": {}})",
+        R"({"format": 1, "blocks": {"a": {"numbers": ["x"], "texts": []}}})", R"({"format": 1, "blocks": {"a": {"numbers": [1]}}})",
+        R"({"format": 1, "blocks": {"a": {"numbers": [1], "texts": [1]}}})"})
     EXPECT_THROW(checkpoint_of(text), CheckpointFault) << text;
 }
 
