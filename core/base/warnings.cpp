@@ -34,18 +34,27 @@ void Warnings::add(const Warnings& others) {
   left_out_ += others.left_out_;
 }
 
+namespace {
+/// "./scenario.lua" of a file in the folder; others, and "[modules]" of the program, as they are.
+std::string name_in(const std::filesystem::path& folder, const std::string& file) {
+  const std::string prefix = folder.empty() ? "" : (folder / "").string();
+  const bool outside = file.empty() || !file.starts_with(prefix) || (prefix.empty() && (file[0] == '/' || file[0] == '['));
+  return outside ? file : "./" + file.substr(prefix.size());
+}
+}  // namespace
+
 void Warnings::remember(Archive& archive) {
   std::size_t n = all_.size();
   archive(n, left_out_);
   if (n > kLimit) archive.wrong("more warnings than are kept");
   all_.resize(n);
   for (Warning& w : all_) {
-    std::string code(number_of(w.what.code));
-    archive(code, w.what.at.key_path, w.what.at.mark.file, w.what.at.mark.line, w.what.at.mark.column, w.what.about, w.what.hint, w.count,
-            w.t);
+    std::string code(number_of(w.what.code)), file = name_in(folder_, w.what.at.mark.file);
+    archive(code, w.what.at.key_path, file, w.what.at.mark.line, w.what.at.mark.column, w.what.about, w.what.hint, w.count, w.t);
     const auto known = find_code(code);
     if (!known || code[0] != 'W') archive.wrong("no warning has this code: " + in_quotes(code));
     w.what.code = *known;
+    w.what.at.mark.file = file.starts_with("./") ? (folder_ / file.substr(2)).string() : file;
   }
 }
 

@@ -2,6 +2,7 @@
 // What does not stop a run but must not pass in silence: collected while the input is read, the model is compiled and the run goes
 // on; counted where it repeats; told by check, describe and at the end of a run, and kept in the results.
 #include <cmath>
+#include <filesystem>
 #include <limits>
 #include <vector>
 
@@ -26,13 +27,16 @@ class Warnings {
   void add(Code code, Located at, std::string about, std::string hint = {}, double t = std::numeric_limits<double>::quiet_NaN());
   void add(const Warnings& others);
   const std::vector<Warning>& all() const { return all_; }
+  /// Places in files of the folder; in a checkpoint they go by their names in it, so that it can be another folder where it is read.
   void remember(Archive& archive);
+  void set_folder(const std::filesystem::path& folder) { folder_ = folder; }
   bool empty() const { return all_.empty(); }
   /// Kinds that found no room in all().
   long left_out() const { return left_out_; }
 
  private:
   std::vector<Warning> all_;
+  std::filesystem::path folder_;
   long left_out_ = 0;
 };
 

@@ -5,8 +5,10 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
 #include <cstdio>
 #include <system_error>
+#include <thread>
 
 #include "core/base/diagnostic.hpp"
 
@@ -32,6 +34,15 @@ const char* kind_of(fs::file_type type) {
     default:
       return "a device of this name";
   }
+}
+
+/// Readers and writers hold shared locks: this one's own is not to be had then.
+bool is_open_elsewhere(const fs::path& path) {
+  const int descriptor = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  if (descriptor < 0) return false;
+  const bool held = flock(descriptor, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+  close(descriptor);  // and its lock with it
+  return held;
 }
 
 }  // namespace
@@ -71,6 +82,22 @@ void write_whole_file(const fs::path& file, std::string_view text) {
   if (good) return;
   std::remove(before.c_str());
   cannot_write(file, "a file that can be written", why, "is the folder there, and is there space?");
+}
+
+void read_between_flushes(const fs::path& path, const std::function<void()>& read) {
+  using Clock = std::chrono::steady_clock;
+  const auto end = Clock::now() + std::chrono::seconds(5);
+  while (true) {
+    std::error_code none;
+    const auto before = fs::last_write_time(path, none);
+    try {
+      return read();
+    } catch (const InputError& e) {
+      if (e.diagnostics().front().code != Code::bad_result_file || Clock::now() > end) throw;
+      if (!is_open_elsewhere(path) && fs::last_write_time(path, none) == before) throw;
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
 }
 
 }  // namespace cardan

@@ -1,6 +1,7 @@
 #pragma once
 // The folder that results go to, and files that appear in it whole or not at all.
 #include <filesystem>
+#include <functional>
 #include <string_view>
 #include <vector>
 
@@ -31,5 +32,10 @@ std::filesystem::path name_before(const std::filesystem::path& file);
 /// Puts `text` in place of what is at `file`: it is written beside it and takes its name when it is whole, so that nobody sees a part of
 /// it and a failure leaves what was there. Throws InputError C0701.
 void write_whole_file(const std::filesystem::path& file, std::string_view text);
+
+/// Calls `read`, which opens the file at `path`; again where it throws C0702 while somebody has the file open or has written to it since,
+/// for 5 s at most: in the middle of a flush its structure is neither that of before nor that of after. A damaged file that nobody writes
+/// to is refused at once.
+void read_between_flushes(const std::filesystem::path& path, const std::function<void()>& read);
 
 }  // namespace cardan

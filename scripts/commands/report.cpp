@@ -4,28 +4,10 @@
 
 #include <filesystem>
 
+#include "core/io/result_folder.hpp"
 #include "scripts/commands/commands.hpp"
 
 namespace cardan {
-namespace {
-
-/// A run that is going on may flush its results while they are read: then once more.
-void write_report_of_present_rows(const std::string& h5, const std::string& page) {
-  namespace fs = std::filesystem;
-  constexpr int kTries = 10;
-  for (int i = 1;; ++i) {
-    std::error_code none;
-    const auto before = fs::last_write_time(h5, none);
-    try {
-      return write_report(h5, page);
-    } catch (const InputError& e) {
-      const bool is_written_to = fs::last_write_time(h5, none) != before;
-      if (i == kTries || !is_written_to || e.diagnostics().front().code != Code::bad_result_file) throw;
-    }
-  }
-}
-
-}  // namespace
 
 void add_report(CLI::App& app, CommandLine& line) {
   auto* command = app.add_subcommand("report", "Make the report page of a run again");
@@ -38,7 +20,7 @@ void add_report(CLI::App& app, CommandLine& line) {
       std::error_code ignored;
       if (std::filesystem::is_directory(*h5, ignored)) *h5 = (std::filesystem::path(*h5) / "run.h5").string();
       const std::string page = html->empty() ? (std::filesystem::path(*h5).parent_path() / "report.html").string() : *html;
-      write_report_of_present_rows(*h5, page);
+      read_between_flushes(*h5, [&] { write_report(*h5, page); });
       fmt::print("{}\n", page);
       return 0;
     };

@@ -54,6 +54,7 @@ void MissionRun::call(const std::string& actor, F&& function) {
 MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Output> outputs)
     : s_(scenario), recorder_(recorder), limits_(*scenario.sim) {
   Simulation& sim = *s_.sim;
+  for (Warnings* warnings : {&s_.warnings, &sim.warnings()}) warnings->set_folder(s_.folder);
   for (const ScriptEvent& e : s_.events) {
     const std::string actor = fmt::format("event \"{}\"", e.name);
     sim.add_event({e.name, [this, &e, actor](double t, const double* q, const double* v) { return crossing(e, actor, t, q, v); },

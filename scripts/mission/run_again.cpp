@@ -12,6 +12,7 @@
 #include "core/io/checkpoint_text.hpp"
 #include "core/io/hdf5_file.hpp"
 #include "core/io/range_recorder.hpp"
+#include "core/io/result_folder.hpp"
 #include "core/io/sha256.hpp"
 #include "core/sim/run_header.hpp"
 #include "scripts/mission/mission_run.hpp"
@@ -174,8 +175,12 @@ RecordedRun read_safely(const std::string& h5_path, const Read& read) {
     read();
     return std::string();
   };
-  in_bounded_child(h5_path, probe, limits_for_file(h5_path));
-  return read();
+  RecordedRun run;
+  read_between_flushes(h5_path, [&] {
+    in_bounded_child(h5_path, probe, limits_for_file(h5_path));
+    run = read();
+  });
+  return run;
 }
 }  // namespace
 

@@ -1,11 +1,13 @@
 // What becomes of the results of a run: whatever happens to it, to the folder or to its output, none is lost and none is false.
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <csignal>
 #include <cstring>
@@ -13,10 +15,13 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
+#include <thread>
 #include <tuple>
 
 #include "core/base/diagnostic.hpp"
+#include "core/io/bounded_child.hpp"
 #include "core/io/hdf5_file.hpp"
+#include "core/io/result_folder.hpp"
 #include "tests/scripts/run_program.hpp"
 
 namespace cardan {
@@ -289,11 +294,37 @@ TEST(Results, CanBeReadWhileTheRunGoesOn) {
   const TemporaryFolder dir;
   Started run({"run", "pendulum", "--out", dir.path(), "--set", kLong, "--quiet"}, kMissions);
   expect_under_way(dir.path());
-  EXPECT_NO_THROW(Hdf5File::open(dir / "run.h5").text_attribute("/run", "scenario"));
+  read_between_flushes(dir / "run.h5", [&] {
+    const auto read = [&] { return Hdf5File::open(dir / "run.h5").text_attribute("/run", "scenario"); };
+    EXPECT_NE(in_bounded_child(dir / "run.h5", read, {}), "");  // whose structure may be that of no flush
+  });
   EXPECT_THROW(Hdf5File::update(dir / "run.h5"), InputError) << "who wants to write is refused";
   EXPECT_EQ(run_program({"report", dir / "run.h5", "--out", dir / "so_far.html"}, dir.path()).exit_code, 0);
   run.send(SIGTERM);
   EXPECT_EQ(run.wait().exit_code, 143);
+}
+
+/// A reader that meets a file in the middle of a flush, whose structure is that of neither before nor after.
+TEST(Results, OfWhichAFlushIsHalfDoneAreReadAfterIt) {
+  const TemporaryFolder dir;
+  ASSERT_EQ(run_program({"run", "pendulum", "--out", dir.path()}, kMissions).exit_code, 0);
+  const std::string good = file_text(dir / "run.h5");
+  std::string half = good;
+  std::fill(half.begin(), half.begin() + 100, '\0');
+  write(dir / "run.h5", half);
+  EXPECT_EQ(run_program({"report", "."}, dir.path()).exit_code, 2) << "of a damaged file nobody waits";
+  const int writer = open((dir / "run.h5").c_str(), O_RDWR | O_CLOEXEC);
+  ASSERT_EQ(flock(writer, LOCK_SH), 0);  // as a run that goes on
+  for (const std::vector<std::string>& command : {std::vector<std::string>{"report", "."}, {"run", "--again", ".", "--out", "new"}}) {
+    write(dir / "run.h5", half);
+    fs::last_write_time(dir / "run.h5", fs::file_time_type::clock::now() - std::chrono::hours(1));
+    Started reader(command, dir.path());
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));  // it has met the half-done flush by then, or will meet none
+    write(dir / "run.h5", good);
+    const Finished end = reader.wait();
+    EXPECT_EQ(end.exit_code, 0) << end.err;
+  }
+  close(writer);
 }
 
 TEST(Results, HoldWhatHappened) {

@@ -240,11 +240,33 @@ TEST(Resume, OnADiskThatIsFullBeforeTheCheckpointIsAFailureOfTheRun) {
   EXPECT_EQ(summary_of(dir / "out/resumed")["verdict"], "aborted");
 }
 
+TEST(Resume, FromAnotherFolderCountsTheSameWarningsAsOne) {
+  const TemporaryFolder dir;
+  fs::create_directories(dir / "scene");
+  fs::create_directories(dir / "elsewhere/deep");
+  fs::copy(kScripts + "/errors/pendulum.yaml", dir / "scene/vehicle.yaml");
+  write(dir / "scene/scenario.lua", replaced(replaced(kMission, "t == 1.25", "t >= 1.25"), "print \"odd\" ", ""));
+  for (const std::string folder : {"scene", "."}) {
+    const std::string at = folder == "." ? dir / "scene" : dir.path();
+    ASSERT_LE(run_program({"run", folder, "--out", dir / "whole"}, at).exit_code, 1);
+    ASSERT_LE(run_program({"run", folder, "--out", dir / "part", "--until", "3.3"}, at).exit_code, 1);
+    const Finished rest = run_program({"run", "--resume", "../../part", "--until", "6", "--out", dir / "rest"}, dir / "elsewhere/deep");
+    ASSERT_LE(rest.exit_code, 1) << rest.err;
+    const json warnings = summary_of(dir / "rest")["warnings"], before = summary_of(dir / "whole")["warnings"];
+    ASSERT_EQ(before.size(), 1u);
+    ASSERT_EQ(warnings.size(), 1u);
+    EXPECT_EQ(warnings[0]["count"], before[0]["count"]);
+    EXPECT_EQ(warnings[0]["t"], 1.25);
+    EXPECT_EQ(fs::canonical(warnings[0]["file"].get<std::string>()), fs::canonical(dir / "scene/scenario.lua"));
+    EXPECT_EQ(Hdf5File::open(dir / "rest/run.h5").read_doubles("/run/warnings/t").values.size(), 1u);
+  }
+}
+
 TEST(Resume, CountsTheLinesThatAreNotKept) {
   const TemporaryFolder dir;
   make_scenario(dir, replaced(kMission, "m.integral = m", "for i = 1, 200 do print(i) end m.integral = m"));
-  ASSERT_LE(run_program({"run", ".", "--out", "whole"}, dir.path()).exit_code, 1);
-  ASSERT_LE(run_program({"run", ".", "--out", "part", "--until", "4.2"}, dir.path()).exit_code, 1);
+  ASSERT_LE(run_program({"run", dir.path(), "--out", "whole"}, dir.path()).exit_code, 1);
+  ASSERT_LE(run_program({"run", dir.path(), "--out", "part", "--until", "4.2"}, dir.path()).exit_code, 1);
   ASSERT_LE(run_program({"run", "--resume", "part", "--until", "6", "--out", "end"}, dir.path()).exit_code, 1);
   expect_same_results(dir / "whole", dir / "end");
   EXPECT_GT(Hdf5File::open(dir / "part/run.h5").read_doubles("/run/printed/left_out").values.at(0), 1000.0);
