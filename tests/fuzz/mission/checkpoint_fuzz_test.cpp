@@ -77,10 +77,39 @@ const std::vector<std::vector<Setting>> kMethods = {
     {{"mission.integrator.method", "cvode_adams"}},
     {{"mission.integrator.method", "cvode_bdf"}},
     {{"mission.integrator.method", "cvode_bdf"}, {"mission.integrator.linear_solver", "krylov"}}};
-const std::vector<std::string> kWords = {
-    "nan",      "inf",        "numbers",      "texts",      "blocks", "table new", "table 1", "vector new 2 1",
-    "matrix 4", "as set up",  "again 0",      "end",        "nil",    "true",      "i3",      "f0.5",
-    "sx",       "matrix new", "vector 3 3 1", "matrix 2 0", "x00",    "W0301",     "C0702",   "/dev/zero"};
+const std::vector<std::string> kWords = {"",
+                                         "nan",
+                                         "inf",
+                                         "numbers",
+                                         "texts",
+                                         "blocks",
+                                         "table new",
+                                         "table 1",
+                                         "table 3",
+                                         "vector new 2 1",
+                                         "vector new 1 2",
+                                         "vector 4 3 1",
+                                         "matrix 4",
+                                         "matrix new 2 2",
+                                         "matrix 2 0 0",
+                                         "matrix new 4 0",
+                                         "as set up",
+                                         "again 0",
+                                         "again 99",
+                                         "end",
+                                         "nil",
+                                         "true",
+                                         "i0",
+                                         "i1",
+                                         "i2",
+                                         "i3",
+                                         "i-1",
+                                         "f0.5",
+                                         "sx",
+                                         "x00",
+                                         "W0301",
+                                         "C0702",
+                                         "/dev/zero"};
 const double kOdd[] = {0.0,  -0.0, 1.0, -1.0,     2.0,       0.5,          1e308,  -1e308, 5e-324,
                        1e18, 1e9,  NAN, HUGE_VAL, -HUGE_VAL, 2147483648.0, 0x1p53, 1e-9};
 
@@ -113,7 +142,8 @@ void resume(const ScenarioOptions& options, const Checkpoint& checkpoint) {
 void change(Checkpoint& checkpoint, const Checkpoint& other, Random& random) {
   const auto any = [&](auto& map) { return std::next(map.begin(), static_cast<std::ptrdiff_t>(random.below(map.size()))); };
   if (checkpoint.empty()) return;
-  auto& [name, block] = *any(checkpoint);
+  const auto script = checkpoint.find("script");  // where most of what can be wrong is
+  auto& [name, block] = script != checkpoint.end() && random.one_in(3) ? *script : *any(checkpoint);
   std::vector<double>& x = block.numbers;
   std::vector<std::string>& texts = block.texts;
   const std::size_t what = random.below(12);
