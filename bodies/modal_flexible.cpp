@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <new>
 
-#include "core/abi/cardan_abi.h"
+#include "core/abi/cardan_body.h"
 #include "core/spatial/rotation.hpp"
 
 namespace cardan {
@@ -83,7 +83,7 @@ std::uint32_t lay_out(Packed& p) {
   return total;
 }
 
-std::uint64_t packed_size(const cardan_modal_view* v) {
+std::uint64_t packed_size(const cardan_param_values*, const cardan_modal_view* v) {
   Packed p = header_of(*v);
   return sizeof(Packed) + sizeof(double) * lay_out(p);
 }
@@ -95,12 +95,19 @@ void symmetric(const double* a, double scale, double* out) {
   out[3] += half * (a[1] + a[3]), out[4] += half * (a[2] + a[6]), out[5] += half * (a[5] + a[7]);
 }
 
-int pack(const cardan_modal_view* v, void* out) {
+int refuse(const cardan_param_values* values) {
+  values->fail(values, nullptr, "lumped masses or the integrals I9 for level 2 (at most 128 modes with nodal rotary inertia)",
+               "modal data without them",
+               "level 2 takes `lumped`, and a `plate` with `rotary_inertia: false` and no yoke; a `beam` has rotary inertia at every "
+               "node: take level 1");
+  return 1;
+}
+
+int pack(const cardan_param_values* values, const cardan_modal_view* v, void* out) {
   Packed p = header_of(*v);
   const std::uint32_t m = p.m, count = lay_out(p);
-  if (p.nodal && (p.n_nodes == 0 || m > kMaxNodalModes)) return 1;  // level 2 with rotary inertia: lumped masses
-  if (p.level == 2 && !p.nodal && !v->I9) return 1;
-  if (p.rotary && m > kWork) return 1;
+  const bool nodal_fits = p.n_nodes > 0 && m <= kMaxNodalModes, no_I9 = p.level == 2 && !p.nodal && !v->I9;
+  if ((p.nodal && !nodal_fits) || no_I9 || (p.rotary && m > kWork)) return refuse(values);
   double* const data = reinterpret_cast<double*>(static_cast<char*>(out) + sizeof(Packed));
   std::fill(data, data + count, 0.0);
   new (out) Packed(p);
@@ -155,7 +162,7 @@ void facts(const void* packed, cardan_body_facts* f) {
   const Packed& p = self(packed);
   f->m_ee_constant = p.level == 0 || (!p.rotary && !p.quadratic);
   f->m_re_constant = p.level == 0;
-  if (f->struct_size >= sizeof(cardan_body_facts)) f->j_constant = p.level == 0;
+  f->j_constant = p.level == 0;
 }
 
 // y += sum_l x_l a_l, vectors of length n that stand `stride` apart.
@@ -418,15 +425,19 @@ void bias(const void* packed, const double* eta, const double* etadot, const dou
 }  // namespace
 
 const cardan_body_family& modal_flexible_family() {
-  static constexpr cardan_body_family family{sizeof(cardan_body_family),
-                                             "modal_flexible",
-                                             "flexible body: floating frame and modal coordinates",
-                                             1,
-                                             packed_size,
-                                             pack,
-                                             facts,
-                                             mass,
-                                             bias};
+  static const cardan_body_family family = [] {
+    cardan_body_family f{};
+    f.struct_size = sizeof(cardan_body_family);
+    f.type = "modal_flexible";
+    f.summary = "flexible body: floating frame and modal coordinates";
+    f.mass_source = CARDAN_MASS_MODES;
+    f.packed_size = packed_size;
+    f.pack = pack;
+    f.facts = facts;
+    f.mass = mass;
+    f.bias = bias;
+    return f;
+  }();
   return family;
 }
 

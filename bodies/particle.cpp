@@ -1,11 +1,17 @@
 // particle: a rigid body whose mass is all at its mass centre.
-#include "core/abi/cardan_abi.h"
+#include "core/abi/cardan_body.h"
 
 namespace cardan {
 
 const cardan_body_family& particle_family() {
-  static constexpr cardan_body_family family{
-      sizeof(cardan_body_family), "particle", "point mass", 0, nullptr, nullptr, nullptr, nullptr, nullptr};
+  static const cardan_body_family family = [] {
+    cardan_body_family f{};
+    f.struct_size = sizeof(cardan_body_family);
+    f.type = "particle";
+    f.summary = "point mass";
+    f.mass_source = CARDAN_MASS_POINT;
+    return f;
+  }();
   return family;
 }
 

@@ -6,6 +6,7 @@ cmake_minimum_required(VERSION 3.25)
 
 set(layers
   "core/abi/cardan_abi.h|"
+  "core/abi/cardan_body.h|core/abi/cardan_abi.h"
   "core/base|"
   "core/spatial|core/base"
   "core/linalg|core/base"
@@ -42,7 +43,7 @@ set(layers
 
 # Headers of others by the beginning of their name, and where they may be named. The standard library is free.
 set(external
-  "Eigen/|core/spatial core/linalg core/abi/family.hpp core/abi/laws.cpp core/model core/dynamics core/operators core/time core/reference core/sim bodies hinges plugins scripts/lua/ scripts/mission/ scripts/bindings/ tests bench"
+  "Eigen/|core/spatial core/linalg core/abi/family.hpp core/abi/laws.cpp core/abi/law_tools core/abi/body_laws.cpp core/abi/modal_view.cpp core/model core/dynamics core/operators core/time core/reference core/sim bodies hinges plugins scripts/lua/ scripts/mission/ scripts/bindings/ tests bench"
   "fmt/|core/base core/linalg core/abi core/model core/dynamics core/operators core/io core/time core/sim bodies/modal/ bodies/vehicle/ scripts tests bench"
   "yaml-cpp/|core/io/yaml_reader.cpp tests"
   "hdf5|core/io/hdf5_file.cpp tests/fuzz/hdf5_mutations.cpp"
@@ -75,7 +76,8 @@ set(external
   "signal.h|core/base/child_process.cpp core/abi/trial.cpp core/io/bounded_child.cpp tests"
   "pty.h|tests"
   "poll.h|core/base/child_process.cpp scripts/commands/ tests"
-  "stdint.h|core/abi/cardan_abi.h")
+  "stddef.h|tests/abi/2.0/"
+  "stdint.h|core/abi/cardan_abi.h tests/abi/2.0/")
 
 # The longest row of `table` whose name begins `path`: its right-hand side in `out`; `found` tells whether there is one.
 function(row_of table path out found)

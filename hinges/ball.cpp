@@ -22,9 +22,6 @@ struct Ball : QuaternionKinematics {
     out.R_OP = rotation(q);
     out.Ht.topRows<3>().setIdentity();
   }
-  static Eigen::Matrix<double, 6, 3> map_dot(const Packed&, const double*, const double*) noexcept {
-    return Eigen::Matrix<double, 6, 3>::Zero();
-  }
   static void qdot(const Packed&, const double* q, const double* v, double* qd) noexcept { QuaternionKinematics::qdot(q, v, qd); }
   static void normalise(const Packed&, double* q) noexcept { QuaternionKinematics::normalise(q); }
   static void retract(const Packed&, const double* q, const double* d, double* out) noexcept { QuaternionKinematics::retract(q, d, out); }

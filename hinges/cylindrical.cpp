@@ -12,7 +12,7 @@ struct Cylindrical {
   static constexpr auto shape = CARDAN_SHAPE_DENSE;
   using Packed = AxisParams;
   static constexpr cardan_param_desc schema[] = {
-      {"axis", CARDAN_UNIT_VECTOR, "1", 1, {0, 0, 0}, 1, "hinge axis, in the axes of the hinge nodes"}};
+      param::required("axis", CARDAN_UNIT_VECTOR, "1", "hinge axis, in the axes of the hinge nodes")};
   static constexpr const char* q_names[] = {"angle", "displacement"};
   static constexpr const char* q_units[] = {"rad", "m"};
   static constexpr const char* v_names[] = {"rate", "speed"};
@@ -26,9 +26,6 @@ struct Cylindrical {
     out.p_OP = q[1] * u;
     out.Ht.col(0).head<3>() = u;
     out.Ht.col(1).tail<3>() = u;
-  }
-  static Eigen::Matrix<double, 6, 2> map_dot(const Packed&, const double*, const double*) noexcept {
-    return Eigen::Matrix<double, 6, 2>::Zero();
   }
 };
 

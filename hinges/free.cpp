@@ -17,13 +17,6 @@ struct Free : SixDof {
     const Eigen::Map<const Eigen::Vector3d> omega(v), rate(v + 3);
     out.Hdot_v.tail<3>() = -omega.cross(out.R_OP.transpose() * rate);
   }
-  static Eigen::Matrix<double, 6, 6> map_dot(const Packed&, const double* q, const double* u) noexcept {
-    const Eigen::Matrix3d R_PO = rotation(q).transpose();
-    const Eigen::Map<const Eigen::Vector3d> omega(u);
-    Eigen::Matrix<double, 6, 6> d = Eigen::Matrix<double, 6, 6>::Zero();
-    for (int j = 0; j < 3; ++j) d.col(3 + j).tail<3>() = -omega.cross(R_PO.col(j));
-    return d;
-  }
   static void qdot(const Packed&, const double* q, const double* v, double* qd) noexcept {
     QuaternionKinematics::qdot(q, v, qd);
     for (int i = 0; i < 3; ++i) qd[4 + i] = v[3 + i];

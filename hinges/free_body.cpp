@@ -14,9 +14,6 @@ struct FreeBody : SixDof {
     out.p_OP = Eigen::Map<const Eigen::Vector3d>(q + 4);
     out.Ht.setIdentity();
   }
-  static Eigen::Matrix<double, 6, 6> map_dot(const Packed&, const double*, const double*) noexcept {
-    return Eigen::Matrix<double, 6, 6>::Zero();
-  }
   static void qdot(const Packed&, const double* q, const double* v, double* qd) noexcept {
     QuaternionKinematics::qdot(q, v, qd);
     Eigen::Map<Eigen::Vector3d>(qd + 4) = rotation(q) * Eigen::Map<const Eigen::Vector3d>(v + 3);

@@ -17,8 +17,8 @@ struct Gimbal {
     double u[9];
   };
   static constexpr cardan_param_desc schema[] = {
-      {"axes", CARDAN_UNIT_VECTORS, "1", 0, {0, 0, 0}, 3, "the three axes, in the axes of the hinge nodes at q = 0"},
-      {"sequence", CARDAN_TEXT, "1", 0, {0, 0, 0}, 0, "instead of axes: three letters or digits, \"zyx\" or \"313\""}};
+      param::optional("axes", CARDAN_UNIT_VECTORS, "1", "the three axes, in the axes of the hinge nodes at q = 0", 0.0, 3),
+      param::optional("sequence", CARDAN_TEXT, "1", "instead of axes: three letters or digits, \"zyx\" or \"313\"")};
   static constexpr const char* q_names[] = {"angle_1", "angle_2", "angle_3"};
   static constexpr const char* q_units[] = {"rad", "rad", "rad"};
   static constexpr const char* v_names[] = {"rate_1", "rate_2", "rate_3"};
@@ -68,13 +68,6 @@ struct Gimbal {
     out.Ht.col(1).head<3>() = c.h2;
     out.Ht.col(2).head<3>() = c.u3;
     out.Hdot_v.head<3>() = -(c.h2 * v[1] + c.u3 * v[2]).cross(c.h1 * v[0]) - (c.u3 * v[2]).cross(c.h2 * v[1]);
-  }
-  static Eigen::Matrix<double, 6, 3> map_dot(const Packed& p, const double* q, const double* u) noexcept {
-    const Columns c = columns(p, q);
-    Eigen::Matrix<double, 6, 3> d = Eigen::Matrix<double, 6, 3>::Zero();
-    d.col(0).head<3>() = -(c.h2 * u[1] + c.u3 * u[2]).cross(c.h1);
-    d.col(1).head<3>() = -(c.u3 * u[2]).cross(c.h2);
-    return d;
   }
 };
 

@@ -11,8 +11,8 @@ struct Helical {
   static constexpr auto shape = CARDAN_SHAPE_SCREW;
   using Packed = AxisParams;
   static constexpr cardan_param_desc schema[] = {
-      {"axis", CARDAN_UNIT_VECTOR, "1", 1, {0, 0, 0}, 1, "hinge axis, in the axes of the hinge nodes"},
-      {"pitch", CARDAN_NUMBER, "m/rad", 1, {0, 0, 0}, 0, "advance along the axis per radian"}};
+      param::required("axis", CARDAN_UNIT_VECTOR, "1", "hinge axis, in the axes of the hinge nodes"),
+      param::required("pitch", CARDAN_NUMBER, "m/rad", "advance along the axis per radian")};
   static constexpr const char* q_names[] = {"angle"};
   static constexpr const char* q_units[] = {"rad"};
   static constexpr const char* v_names[] = {"rate"};

@@ -13,7 +13,6 @@ struct Locked {
 
   static bool pack(const Params&, Packed&) { return true; }
   static void kinematics(const Packed&, const double*, const double*, HingeOut<0>&) noexcept {}
-  static Eigen::Matrix<double, 6, 0> map_dot(const Packed&, const double*, const double*) noexcept { return {}; }
 };
 
 }  // namespace

@@ -14,7 +14,7 @@ struct Planar {
     double e[6];
   };
   static constexpr cardan_param_desc schema[] = {
-      {"axes", CARDAN_UNIT_VECTORS, "1", 1, {0, 0, 0}, 2, "two orthogonal axes that span the plane, in O"}};
+      param::required("axes", CARDAN_UNIT_VECTORS, "1", "two orthogonal axes that span the plane, in O", 2)};
   static constexpr const char* q_names[] = {"x", "y", "angle"};
   static constexpr const char* q_units[] = {"m", "m", "rad"};
   static constexpr const char* v_names[] = {"vx", "vy", "rate"};
@@ -36,15 +36,6 @@ struct Planar {
     out.Ht.col(1).tail<3>() = out.R_OP.transpose() * e2;
     out.Ht.col(2).head<3>() = n;
     out.Hdot_v.tail<3>() = -(n * v[2]).cross(out.Ht.col(0).tail<3>() * v[0] + out.Ht.col(1).tail<3>() * v[1]);
-  }
-  static Eigen::Matrix<double, 6, 3> map_dot(const Packed& p, const double* q, const double* u) noexcept {
-    const Eigen::Map<const Eigen::Vector3d> e1(p.e), e2(p.e + 3);
-    const Eigen::Vector3d n = e1.cross(e2);
-    const Eigen::Matrix3d R = rotation_about_axis(n, q[2]);
-    Eigen::Matrix<double, 6, 3> d = Eigen::Matrix<double, 6, 3>::Zero();
-    d.col(0).tail<3>() = -u[2] * n.cross(R.transpose() * e1);
-    d.col(1).tail<3>() = -u[2] * n.cross(R.transpose() * e2);
-    return d;
   }
 };
 

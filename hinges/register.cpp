@@ -18,7 +18,7 @@ const cardan_hinge_family& free_body_family();
 void register_hinges(Registry& registry) {
   for (const auto family : {locked_family, revolute_family, prismatic_family, helical_family, cylindrical_family, universal_family,
                             gimbal_family, ball_family, planar_family, translational_family, free_family, free_body_family})
-    registry.add(family());
+    registry.hinges.add(family());
 }
 
 }  // namespace cardan

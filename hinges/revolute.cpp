@@ -11,7 +11,7 @@ struct Revolute {
   static constexpr auto shape = CARDAN_SHAPE_ROTATION;
   using Packed = AxisParams;
   static constexpr cardan_param_desc schema[] = {
-      {"axis", CARDAN_UNIT_VECTOR, "1", 1, {0, 0, 0}, 1, "hinge axis, in the axes of the hinge nodes"}};
+      param::required("axis", CARDAN_UNIT_VECTOR, "1", "hinge axis, in the axes of the hinge nodes")};
   static constexpr const char* q_names[] = {"angle"};
   static constexpr const char* q_units[] = {"rad"};
   static constexpr const char* v_names[] = {"rate"};

@@ -20,9 +20,6 @@ struct Translational {
     out.p_OP = Eigen::Map<const Eigen::Vector3d>(q);
     out.Ht.bottomRows<3>().setIdentity();
   }
-  static Eigen::Matrix<double, 6, 3> map_dot(const Packed&, const double*, const double*) noexcept {
-    return Eigen::Matrix<double, 6, 3>::Zero();
-  }
 };
 
 }  // namespace

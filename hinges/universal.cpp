@@ -14,7 +14,7 @@ struct Universal {
     double u[6];
   };
   static constexpr cardan_param_desc schema[] = {
-      {"axes", CARDAN_UNIT_VECTORS, "1", 1, {0, 0, 0}, 2, "the two axes, in the axes of the hinge nodes at q = 0"}};
+      param::required("axes", CARDAN_UNIT_VECTORS, "1", "the two axes, in the axes of the hinge nodes at q = 0", 2)};
   static constexpr const char* q_names[] = {"angle_1", "angle_2"};
   static constexpr const char* q_units[] = {"rad", "rad"};
   static constexpr const char* v_names[] = {"rate_1", "rate_2"};
@@ -35,12 +35,6 @@ struct Universal {
     out.Ht.col(0).head<3>() = h1;
     out.Ht.col(1).head<3>() = u2;
     out.Hdot_v.head<3>() = -v[1] * v[0] * u2.cross(h1);
-  }
-  static Eigen::Matrix<double, 6, 2> map_dot(const Packed& p, const double* q, const double* u) noexcept {
-    const Eigen::Vector3d u2 = axis(p, 1), h1 = rotation_about_axis(u2, q[1]).transpose() * axis(p, 0);
-    Eigen::Matrix<double, 6, 2> d = Eigen::Matrix<double, 6, 2>::Zero();
-    d.col(0).head<3>() = -u[1] * u2.cross(h1);
-    return d;
   }
 };
 

@@ -28,6 +28,7 @@ bool main_is_over = false;
 int cardan_main(int argc, char** argv) {
   using namespace cardan;
   open_standard_streams();
+  show_plugin_messages();
   std::signal(SIGXFSZ, SIG_IGN);  // a limit on the size of files is answered like a full disk
   CommandLine line;
   line.arguments.assign(argv, argv + argc);

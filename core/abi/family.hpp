@@ -1,6 +1,6 @@
 #pragma once
 // From a C++ hinge (a struct of static functions, checked by a concept) to the C table of cardan_abi.h. A hinge is one
-// file: its parameters, its kinematics, its derivative. Axis hinges give only their axis.
+// file: its parameters and its kinematics. Axis hinges give only their axis.
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -37,14 +37,55 @@ class Params {
     return values_->numbers(values_, name, &n) ? static_cast<int>(n / 3) : 0;
   }
   const char* text(const char* name) const { return values_->text(values_, name); }  ///< null when absent
-  bool fail(const char* name, const char* expected) const {
-    values_->fail(values_, name, expected);
+  bool truth(const char* name) const { return number(name) != 0.0; }
+  int integer(const char* name) const { return static_cast<int>(number(name)); }
+  int choice(const char* name) const { return integer(name); }  ///< its index
+  /// Rows of numbers as columns of the result: table(name, 3).col(0) is the first row. No columns when the parameter is absent.
+  Eigen::Map<const Eigen::MatrixXd> table(const char* name, int columns) const {
+    std::uint32_t n = 0;
+    const double* data = values_->numbers(values_, name, &n);
+    return {data, columns, static_cast<Eigen::Index>(n) / columns};
+  }
+  /// The content of a file; empty when absent.
+  std::string_view bytes(const char* name) const {
+    std::uint64_t size = 0;
+    const void* data = values_->bytes(values_, name, &size);
+    return {static_cast<const char*>(data), data ? size : 0};
+  }
+  /// Refuses; `got` and `hint` as in cardan_param_values.fail.
+  bool fail(const char* name, const char* expected, const char* got = nullptr, const char* hint = nullptr) const {
+    values_->fail(values_, name, expected, got, hint);
     return false;
   }
 
  private:
   const cardan_param_values* values_;
 };
+
+/// Descriptions of parameters, for a `schema`.
+namespace param {
+
+constexpr cardan_param_desc required(const char* name, cardan_param_kind kind, const char* unit, const char* meaning,
+                                     std::uint32_t count = 0) {
+  return {name, static_cast<std::uint32_t>(kind), CARDAN_REQUIRED, unit, meaning, {}, 0.0, 0.0, count, nullptr, nullptr};
+}
+constexpr cardan_param_desc optional(const char* name, cardan_param_kind kind, const char* unit, const char* meaning, double fallback = 0.0,
+                                     std::uint32_t count = 0) {
+  return {name, static_cast<std::uint32_t>(kind), 0u, unit, meaning, {fallback}, 0.0, 0.0, count, nullptr, nullptr};
+}
+/// The same with a range; `ends`: CARDAN_ABOVE, CARDAN_BELOW, or both.
+constexpr cardan_param_desc in_range(cardan_param_desc desc, double lower, double upper, std::uint32_t ends = 0u) {
+  desc.lower = lower, desc.upper = upper, desc.flags |= ends;
+  return desc;
+}
+/// The choice among texts, the columns of a table.
+template <std::size_t n>
+constexpr cardan_param_desc named(cardan_param_desc desc, const char* const (&names)[n]) {
+  desc.names = names, desc.count = n;
+  return desc;
+}
+
+}  // namespace param
 
 template <class F>
 inline constexpr bool kIsAxisHinge = F::shape == CARDAN_SHAPE_ROTATION || F::shape == CARDAN_SHAPE_SLIDE || F::shape == CARDAN_SHAPE_SCREW;
@@ -61,8 +102,6 @@ concept HingeFamily = requires(const typename F::Packed& p, const double* q, con
   requires kIsAxisHinge<F> || requires {
     { F::kinematics(p, q, v, out) }
     noexcept;
-    { F::map_dot(p, q, v) }
-    noexcept->std::convertible_to<Eigen::Matrix<double, 6, F::nv>>;
   };
   requires F::nq == F::nv || requires {
     { F::qdot(p, q, v, qdot) }
@@ -141,6 +180,7 @@ const cardan_hinge_family& hinge_table() {
     if constexpr (requires { F::schema; }) {
       t.params = F::schema;
       t.n_params = sizeof(F::schema) / sizeof(F::schema[0]);
+      t.param_size = sizeof(cardan_param_desc);
     }
     if constexpr (F::nq > 0) {
       t.q_names = F::q_names;
@@ -161,7 +201,6 @@ const cardan_hinge_family& hinge_table() {
         const AxisParams& p = *static_cast<const P*>(packed);
         std::memcpy(u, p.u, sizeof p.u);
         *pitch = p.pitch;
-        return 0;
       };
     t.kinematics = &detail::kinematics<F>;
     t.qdot = [](const void* packed, const double* q, const double* v, double* qdot) {
@@ -169,14 +208,6 @@ const cardan_hinge_family& hinge_table() {
         std::copy_n(v, F::nv, qdot);  // v may be null where nv = 0
       else
         F::qdot(*static_cast<const P*>(packed), q, v, qdot);
-    };
-    t.map_dot = [](const void* packed, const double* q, const double* u, double* out) {
-      if constexpr (kIsAxisHinge<F> || F::nv == 0)
-        std::fill_n(out, 6 * F::nv, 0.0);
-      else {
-        const Eigen::Matrix<double, 6, F::nv> d = F::map_dot(*static_cast<const P*>(packed), q, u);
-        std::memcpy(out, d.data(), sizeof(double) * 6 * F::nv);
-      }
     };
     if constexpr (F::nq != F::nv) {
       t.zero = [](const void* p, double* q) { F::zero(*static_cast<const P*>(p), q); };

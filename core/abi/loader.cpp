@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "core/abi/laws.hpp"
-#include "core/abi/registry.hpp"
+#include "core/abi/kinds.hpp"
+#include "core/abi/plugin_host.hpp"
 #include "core/base/units.hpp"
 
 namespace cardan {
@@ -50,8 +50,12 @@ class Plugin {
              "give the path of the .so file, relative to the scenario");
   }
 
-  /// The hinges of the library, each with a table that can be read.
-  std::vector<const cardan_hinge_family*> hinges() const {
+  struct Found {
+    const FamilyKind* kind;
+    const void* table;  // as the plugin has it
+  };
+  /// The families of the library, of every kind.
+  std::vector<Found> families() const {
     const std::string file = path_.find('/') == std::string::npos ? "./" + path_ : path_;  // the folders of the system are not searched
     void* library = guarded(kLoading, [&] { return dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL); });
     if (!library) {
@@ -61,25 +65,35 @@ class Plugin {
     }
     const auto entry = reinterpret_cast<cardan_plugin_entry_fn>(dlsym(library, "cardan_plugin_entry"));
     if (!entry) refuse(Code::plugin_not_a_plugin, "a library that exports cardan_plugin_entry", path_, "see docs/plugins.md");
-    const cardan_host host{sizeof(cardan_host), CARDAN_ABI_MAJOR, CARDAN_ABI_MINOR};
-    const cardan_plugin* plugin = guarded("cardan_plugin_entry", [&] { return entry(&host); });
+    const cardan_plugin* plugin = guarded("cardan_plugin_entry", [&] { return entry(&host_); });
     expect_version(plugin);
-    std::vector<const cardan_hinge_family*> all;
-    for (std::uint32_t i = 0;; ++i) {
-      const void* family = guarded(fmt::format("family(\"hinge\", {})", i), [&] { return plugin->family("hinge", i); });
-      if (!family) return all;
-      const auto* hinge = static_cast<const cardan_hinge_family*>(family);
-      if (i == kMostFamilies || std::find(all.begin(), all.end(), hinge) != all.end())
-        refuse(Code::plugin_not_a_plugin, "family(\"hinge\", index) to return each table once, then null",
-               fmt::format("a table again at index {}", i), "see docs/plugins.md");
-      all.push_back(hinge);
+    std::vector<Found> all;
+    for (const FamilyKind& kind : family_kinds())
+      for (std::uint32_t i = 0;; ++i) {
+        const void* table = guarded(fmt::format("family(\"{}\", {})", kind.kind, i), [&] { return plugin->family(kind.kind, i); });
+        if (!table) break;
+        if (i == kMostFamilies || std::ranges::any_of(all, [&](const Found& f) { return f.table == table; }))
+          refuse(Code::plugin_not_a_plugin, fmt::format("family(\"{}\", index) to return each table once, then null", kind.kind),
+                 fmt::format("a table again at index {}", i), "see docs/plugins.md");
+        all.push_back({&kind, table});
+      }
+    if (all.empty()) {
+      std::vector<std::string> kinds;
+      for (const FamilyKind& kind : family_kinds()) kinds.push_back(in_quotes(kind.kind));
+      refuse(Code::plugin_not_a_plugin, fmt::format("families of one of the kinds {}", fmt::join(kinds, ", ")), "none",
+             "one that was built against another draft of a kind has none of this one: rebuild it");
     }
+    return all;
   }
+
+  PluginHost& host() const { return host_; }
 
  private:
   void expect_version(const cardan_plugin* plugin) const {
     const char* hint = "rebuild it against core/abi/cardan_abi.h of this version";
-    if (!plugin) refuse(Code::plugin_version, "a plugin that accepts this Cardan", "it refused", hint);
+    if (!plugin)
+      refuse(Code::plugin_version, "a plugin that accepts this Cardan",
+             host_.last_error.empty() ? "it refused" : "it refused: " + host_.last_error, hint);
     // The first three members stand at the same place in every version; what another major means by the rest is
     // unknown.
     if (plugin->abi_major != CARDAN_ABI_MAJOR || plugin->abi_minor > CARDAN_ABI_MINOR)
@@ -95,21 +109,32 @@ class Plugin {
   std::string path_;
   Located at_;
   const TellPhase& phase_;
+  PluginHost& host_ = PluginHost::of(path_);
 };
 
-std::string type_of(const cardan_hinge_family& family, std::size_t index) {
-  return hinge_table_faults(family).empty() ? family.type : fmt::format("no. {}", index);
+PluginFamily examined(const Plugin& plugin, const Plugin::Found& found, std::size_t index, const TellPhase& phase, int samples) {
+  const FamilyKind& kind = *found.kind;
+  const std::string unnamed = fmt::format("no. {}", index);
+  const KeptTable kept = kind.keep(found.table);
+  if (!kept.table) return {&kind, nullptr, unnamed, {}, {kept.fault}};
+  return plugin.guarded(fmt::format("{} {}", kind.word, unnamed), [&]() -> PluginFamily {
+    if (auto faults = kind.faults(kept.table); !faults.empty()) return {&kind, kept.table, unnamed, {}, std::move(faults)};
+    const std::string type = kind.type(kept.table);
+    auto violations = plugin.guarded(fmt::format("{} \"{}\"", kind.word, type), [&] {
+      return kind.violations(kept.table, samples, 1,
+                             [&](std::string_view call) { phase(fmt::format("{} of {} \"{}\"", call, kind.word, type)); });
+    });
+    return {&kind, kept.table, type, kind.summary(kept.table), std::move(violations)};
+  });
 }
 
 std::vector<PluginFamily> families(const Plugin& plugin, const TellPhase& phase, int samples) {
+  plugin.host().muted = false;  // what it says while it is loaded is heard
+  const std::vector<Plugin::Found> found = plugin.families();
   std::vector<PluginFamily> all;
-  for (const cardan_hinge_family* hinge : plugin.hinges()) {
-    const std::string type = type_of(*hinge, all.size());
-    const auto violations = plugin.guarded(fmt::format("hinge \"{}\"", type), [&] {
-      return hinge_law_violations(*hinge, samples, 1, [&](std::string_view call) { phase(fmt::format("{} of hinge \"{}\"", call, type)); });
-    });
-    all.push_back({hinge, type, violations});
-  }
+  plugin.host().muted = true;
+  for (const Plugin::Found& f : found) all.push_back(examined(plugin, f, all.size(), phase, samples));
+  plugin.host().muted = false;
   return all;
 }
 
@@ -129,12 +154,11 @@ void load_plugin(const std::string& path, Registry& registry, const Located& at)
   const TellPhase silent = [](std::string_view) {};
   const Plugin here(path, at, silent);
   for (const PluginFamily& f : examine_plugin(path, kSamples, at)) {
-    const auto same = [&](const Registry::Entry& e) { return e.family == f.family; };
-    if (std::any_of(registry.hinges().begin(), registry.hinges().end(), same)) continue;  // a plugin named twice is no error
+    if (f.family && f.kind->known(registry, f.family)) continue;  // a plugin named twice is no error
     if (!f.violations.empty())
-      here.refuse(Code::plugin_law, fmt::format("hinge \"{}\" to obey the laws of a hinge", f.type), f.violations.front(),
+      here.refuse(Code::plugin_law, fmt::format("{} \"{}\" to obey the laws of its kind", f.kind->word, f.type), f.violations.front(),
                   fmt::format("the whole list: cardan check-plugin {}", path));
-    registry.add(*f.family, path);
+    f.kind->add(registry, f.family, path);
   }
 }
 

@@ -1,11 +1,12 @@
 #pragma once
 // Type name -> table. Built-in and foreign families are indistinguishable after registration.
-#include <functional>
+#include <algorithm>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "core/abi/cardan_abi.h"
+#include "core/abi/cardan_body.h"
 #include "core/base/diagnostic.hpp"
 
 namespace cardan {
@@ -14,32 +15,64 @@ namespace cardan {
 inline bool has_quaternion(const cardan_hinge_family& family) {
   return family.shape >= CARDAN_SHAPE_BALL && family.shape <= CARDAN_SHAPE_FREE_BODY;
 }
+/// The body has modal coordinates; its mass and nodes are those of its modal data.
+inline bool has_modes(const cardan_body_family& family) { return family.mass_source == CARDAN_MASS_MODES; }
+
+/// The families of one kind, in order of registration.
+template <class Table>
+class Families {
+ public:
+  struct Entry {
+    const Table* family;
+    std::string origin;  // "built-in" or the path of the plugin
+  };
+  /// Throws InputError (C0207) for a type that exists already.
+  void add(const Table& family, std::string origin = "built-in") {
+    if (find(family.type))
+      refuse(Code::duplicate_name, {family.type, {std::move(origin)}}, "a type that is not taken yet",
+             std::string("\"") + family.type + "\"", "prefix the type with the name of the plugin: \"acme/...\"");
+    all_.push_back({&family, std::move(origin)});
+  }
+  const Entry* entry(std::string_view type) const {
+    const auto it = std::ranges::find_if(all_, [&](const Entry& e) { return type == e.family->type; });
+    return it == all_.end() ? nullptr : &*it;
+  }
+  /// Null if unknown.
+  const Table* find(std::string_view type) const {
+    const Entry* e = entry(type);
+    return e ? e->family : nullptr;
+  }
+  bool has(const Table& family) const {
+    return std::ranges::any_of(all_, [&](const Entry& e) { return e.family == &family; });
+  }
+  std::vector<std::string> types() const {
+    std::vector<std::string> types;
+    for (const Entry& e : all_) types.emplace_back(e.family->type);
+    return types;
+  }
+  const std::vector<Entry>& all() const { return all_; }
+
+ private:
+  std::vector<Entry> all_;
+};
 
 class Registry {
  public:
-  struct Entry {
-    const cardan_hinge_family* family;
-    std::string origin;  // "built-in" or the path of the plugin
-  };
-  /// Both `add` throw InputError (C0207) for a type that exists already.
-  void add(const cardan_hinge_family& family, std::string origin = "built-in");
-  const cardan_hinge_family* hinge(std::string_view type) const;  ///< null if unknown
-  std::vector<std::string> hinge_types() const;                   ///< in order of registration
-  const std::vector<Entry>& hinges() const { return hinges_; }
+  Families<cardan_hinge_family> hinges;
+  Families<cardan_body_family> bodies;
 
-  void add(const cardan_body_family& family, std::string origin = "built-in");
-  const cardan_body_family* body(std::string_view type) const;  ///< null if unknown
-  std::vector<std::string> body_types() const;
-
- private:
-  std::vector<Entry> hinges_;
-  std::vector<const cardan_body_family*> bodies_;
+  const cardan_hinge_family* hinge(std::string_view type) const { return hinges.find(type); }  ///< null if unknown
+  const cardan_body_family* body(std::string_view type) const { return bodies.find(type); }    ///< null if unknown
 };
 
-/// A hinge of a plugin, and what is wrong with it.
+struct FamilyKind;
+
+/// A family of a plugin, and what is wrong with it.
 struct PluginFamily {
-  const cardan_hinge_family* family;
-  std::string type;  ///< "no. 2" where the table has no type that can be shown
+  const FamilyKind* kind;
+  const void* family;   ///< its table, as the host keeps it; null where it cannot be read
+  std::string type;     ///< "no. 2" where the table has no type that can be shown
+  std::string summary;  ///< empty where the table is refused
   std::vector<std::string> violations;
 };
 

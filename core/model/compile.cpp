@@ -24,7 +24,7 @@ class Compiler {
     hinges_ = validate(spec_, registry_, sink_);
     for (const auto& b : spec_.bodies) {
       const auto* family = registry_.body(b.type);
-      if (family && family->has_modes && !b.modal)
+      if (family && has_modes(*family) && !b.modal)
         sink_.report({Code::bad_modal_data, b.at, "modal data (modal: beam, plate, file or lumped)", "none", "", "", "", 0});
     }
     sink_.throw_if_any();
@@ -66,6 +66,10 @@ class Compiler {
       u.type = b.type;
       u.hinge_type = b.hinge.type;
       u.hinge = hinge.family;
+      const auto& body_entry = *registry_.bodies.entry(b.type);
+      u.family = body_entry.family;
+      u.family_origin = body_entry.origin;
+      u.hinge_origin = registry_.hinges.entry(b.hinge.type)->origin;
       u.hinge_packed = std::move(hinge.packed);
       u.parent = hinge.inboard_body;
       u.nq = b.hinge.locked ? 0 : static_cast<int>(u.hinge->nq);
@@ -202,7 +206,7 @@ class Compiler {
         b.eta = u.eta;
         b.etadot = u.etadot;
         b.flexible = static_cast<int>(m.flexible.size());
-        m.flexible.push_back(flexible_of(spec, *registry_.body(spec.type), sink_));
+        m.flexible.push_back(flexible_of(spec_, spec, *registry_.body(spec.type), sink_));
         if (m.field.central) add_inertia_derivatives(m.flexible.back());
         const bool at_origin =
             P.pose.p.x == 0 && P.pose.p.y == 0 && P.pose.p.z == 0 && (to_eigen(P.pose.R) - Eigen::Matrix3d::Identity()).isZero(0.0);
@@ -300,25 +304,30 @@ class Compiler {
       m.runs.back().end = static_cast<int>(k) + 1;
     }
     // One batch per family that fills hinge records.
-    for (const auto& entry : registry_.hinges()) {
-      DenseBatch batch{entry.family, {}, {}, {}, m.n_dense};
-      const std::size_t words = (entry.family->params_size + 7) / 8;
+    for (const auto& [family, origin] : registry_.hinges.all()) {
+      DenseBatch batch{family, {}, {}, {}, m.n_dense};
       std::vector<char> bytes;
+      const auto close = [&] {
+        if (batch.iq.empty()) return;
+        batch.packed.resize((bytes.size() + 7) / 8 + 1);
+        if (!bytes.empty()) std::memcpy(batch.packed.data(), bytes.data(), bytes.size());
+        m.batches.push_back(std::move(batch));
+        batch = {family, {}, {}, {}, m.n_dense};
+        bytes.clear();
+      };
       for (std::size_t k = 1; k < m.bodies.size(); ++k) {
         SweepBody& b = m.bodies[k];
         if (b.shape < CARDAN_SHAPE_BALL) continue;
         const UserBody& u = m.user[m.owner[k]];
-        if (u.hinge != entry.family || b.kind == BodyKernel::free) continue;
+        if (u.hinge != family || b.kind == BodyKernel::free) continue;
         b.dense = m.n_dense++;
         batch.iq.push_back(static_cast<std::uint32_t>(b.q));
         batch.iv.push_back(static_cast<std::uint32_t>(b.v));
         const char* p = reinterpret_cast<const char*>(u.hinge_packed.data());
-        bytes.insert(bytes.end(), p, p + entry.family->params_size);
+        bytes.insert(bytes.end(), p, p + (family->packed_size ? u.hinge_packed.size() * sizeof(double) : family->params_size));
+        if (family->packed_size) close();
       }
-      if (batch.iq.empty()) continue;
-      batch.packed.resize(words * batch.iq.size() + 1);
-      if (!bytes.empty()) std::memcpy(batch.packed.data(), bytes.data(), bytes.size());
-      m.batches.push_back(std::move(batch));
+      close();
     }
   }
 

@@ -3,6 +3,9 @@
 #include <Eigen/Cholesky>
 #include <Eigen/QR>
 
+#include "core/abi/modal_view.hpp"
+#include "core/model/validate.hpp"
+
 namespace cardan {
 namespace {
 
@@ -34,76 +37,25 @@ NodeShapes node_of(const BodySpec& body, const std::string& node) {
   return {};
 }
 
-FlexibleBody flexible_of(const BodySpec& body, const cardan_body_family& family, DiagnosticSink& sink) {
+FlexibleBody flexible_of(const SystemSpec& spec, const BodySpec& body, const cardan_body_family& family, DiagnosticSink& sink) {
   const ModalData& d = *body.modal;
-  const ModalIntegrals& I = d.integrals;
   const auto m = static_cast<std::uint32_t>(d.n_modes);
-  const auto flat = [](const auto& list) {
-    std::vector<double> out;
-    for (const auto& a : list) out.insert(out.end(), a.data(), a.data() + a.size());
-    return out;
-  };
-  const std::vector<double> I5 = flat(I.I5), I8 = flat(I.I8), I9 = flat(I.I9), ww = flat(I.rotary_ww), we = flat(I.rotary_we),
-                            ee = flat(I.rotary_ee);
-  std::vector<double> mass, position, inertia, Phi, Psi, Q;
-  bool any_inertia = false, any_Psi = false, any_Q = false;
-  for (const auto& n : d.mass_nodes) {
-    any_inertia = any_inertia || !n.inertia.isZero(0.0);
-    any_Psi = any_Psi || (n.Psi.size() > 0 && !n.inertia.isZero(0.0));
-    any_Q = any_Q || !n.Q.empty();
-  }
-  const auto append = [&](std::vector<double>& to, const Eigen::MatrixXd& a, Eigen::Index rows, Eigen::Index cols) {
-    const Eigen::MatrixXd full = a.size() > 0 ? a : Eigen::MatrixXd::Zero(rows, cols);
-    to.insert(to.end(), full.data(), full.data() + full.size());
-  };
-  for (const auto& n : d.mass_nodes) {
-    mass.push_back(n.mass);
-    append(position, n.position, 3, 1);
-    append(inertia, n.inertia, 3, 3);
-    append(Phi, n.Phi, 3, m);
-    append(Psi, n.Psi, 3, m);
-    for (std::size_t i = 0; i < 3 && any_Q; ++i) append(Q, n.Q.empty() ? Eigen::MatrixXd() : n.Q[i], m, m);
-  }
-  cardan_modal_view view{};
-  view.struct_size = sizeof view;
-  view.n_modes = m;
-  view.level = static_cast<std::uint32_t>(body.level);
-  view.I1 = I.I1;
-  view.I2 = I.I2.data();
-  view.I3 = I.I3.data();
-  view.I4 = I.I4.data();
-  view.I5 = I5.data();
-  view.I6 = I.I6.data();
-  view.I7 = I.I7.data();
-  view.I8 = I8.data();
-  view.I9 = I9.empty() ? nullptr : I9.data();
-  view.rotary_ww = ww.empty() ? nullptr : ww.data();
-  view.rotary_we = we.empty() ? nullptr : we.data();
-  view.rotary_ee = ee.empty() ? nullptr : ee.data();
-  view.n_mass_nodes = static_cast<std::uint32_t>(d.mass_nodes.size());
-  view.node_mass = mass.data();
-  view.node_position = position.data();
-  view.node_inertia = any_inertia ? inertia.data() : nullptr;
-  view.node_Phi = Phi.data();
-  view.node_Psi = any_Psi ? Psi.data() : nullptr;
-  view.node_Q = any_Q ? Q.data() : nullptr;
-
+  const ModalView view(d, body.level);
   FlexibleBody f;
   f.family = &family;
   f.level = body.level;
   f.data = body.modal;
-  f.packed.resize((family.packed_size(&view) + 7) / 8);
-  if (family.pack(&view, f.packed.data()) != 0) {
-    sink.report({Code::bad_modal_data, body.at,
-                 "lumped masses or the integrals I9 for level 2 (at most 128 modes with nodal rotary inertia)", "modal data without them",
-                 "level 2 takes `lumped`, and a `plate` with `rotary_inertia: false` and no yoke; a `beam` has rotary inertia at every "
-                 "node: take level 1",
-                 "", "", 0});
+  std::optional<ParamTable> values = body_params(spec, body, family, sink);
+  if (!values) return f;
+  const cardan_param_values given = values->view();
+  f.packed.resize((family.packed_size(&given, view.get()) + 7) / 8);
+  if (family.pack(&given, view.get(), f.packed.data()) != 0) {
+    report_refused(spec, body, family, *values, Code::bad_modal_data, sink);
     return f;
   }
   cardan_body_facts facts{};
   facts.struct_size = sizeof facts;
-  family.facts(f.packed.data(), &facts);
+  if (family.facts) family.facts(f.packed.data(), &facts);
   f.M_ee_constant = facts.m_ee_constant;
   f.M_re_constant = facts.m_re_constant;
   f.constant = facts.m_ee_constant && facts.m_re_constant && facts.j_constant;

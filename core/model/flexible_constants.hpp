@@ -12,7 +12,7 @@ NodeShapes shapes_of(const ModalNode& node, int n_modes);
 NodeShapes node_of(const BodySpec& body, const std::string& node);
 
 /// The constants of body, whose family is given. A body that the family cannot take is reported.
-FlexibleBody flexible_of(const BodySpec& body, const cardan_body_family& family, DiagnosticSink& sink);
+FlexibleBody flexible_of(const SystemSpec& spec, const BodySpec& body, const cardan_body_family& family, DiagnosticSink& sink);
 
 /// dJ/d eta_k = I8_k + I8_k* (+ rotary), and at level 2 d^2 J / d eta_k d eta_l = I9 + I9*: for the gravity of a centre.
 void add_inertia_derivatives(FlexibleBody& body);

@@ -26,7 +26,9 @@ struct UserBody {
   Pose<double> merged_hinge;  // P in O when the hinge is fixed
   RigidInertia<double> M;     // own inertia in the user's frame (rigid)
   double mass = 0.0;          // [kg]
+  const cardan_body_family* family = nullptr;
   const cardan_hinge_family* hinge = nullptr;
+  std::string family_origin, hinge_origin;  // "built-in", or the path of the plugin
   std::vector<double> hinge_packed;
   int q = 0, nq = 0, v = 0, nv = 0;  // hinge coordinates (0 when locked)
   int n_modes = 0, eta = 0, etadot = 0;

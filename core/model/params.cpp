@@ -3,57 +3,139 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <utility>
 
-#include "core/abi/param_values.hpp"
 #include "core/base/units.hpp"
-#include "core/model/schema.hpp"
 
 namespace cardan {
 namespace {
 
-class ParamsReader {
- public:
-  ParamsReader(const SystemSpec& spec, const GivenParams& given, const ParamsOfFamily& family, DiagnosticSink& sink)
-      : spec_(spec), who_(given), given_(given.values), family_(family), sink_(sink) {}
+bool is_unit_kind(const cardan_param_desc& d) { return d.kind == CARDAN_UNIT_VECTOR || d.kind == CARDAN_UNIT_VECTORS; }
+bool is_one_vector(const cardan_param_desc& d) { return d.kind == CARDAN_VECTOR || d.kind == CARDAN_UNIT_VECTOR; }
 
-  /// The packed bytes; empty after a fault.
-  std::vector<double> packed() {
-    for (const cardan_param_desc& desc : family_.schema) read(desc);
+constexpr std::uintmax_t kMostFileBytes = std::uintmax_t{1} << 30;  // of a file that is a parameter, all of it in memory
+
+std::vector<std::string> choices(const cardan_param_desc& d) { return {d.names, d.names + d.count}; }
+std::string column_unit(const cardan_param_desc& d, std::size_t i) { return d.units ? d.units[i] : d.unit; }
+std::string columns(const cardan_param_desc& d) {
+  std::string out;
+  for (std::uint32_t i = 0; i < d.count; ++i) out += fmt::format("{}{} [{}]", i == 0 ? "" : ", ", d.names[i], column_unit(d, i));
+  return out;
+}
+
+std::string vectors_text(const std::vector<double>& n) {
+  std::string out;
+  for (std::size_t i = 0; i + 2 < n.size(); i += 3)
+    out += fmt::format("{}[{:.6g}, {:.6g}, {:.6g}]", i == 0 ? "" : ", ", n[i], n[i + 1], n[i + 2]);
+  return out;
+}
+
+bool in_range(const cardan_param_desc& d, double x) {
+  if (d.lower == 0.0 && d.upper == 0.0) return true;
+  return (d.flags & CARDAN_ABOVE ? x > d.lower : x >= d.lower) && (d.flags & CARDAN_BELOW ? x < d.upper : x <= d.upper);
+}
+
+class Checker {
+ public:
+  Checker(const SystemSpec& spec, const GivenParams& given, ParamSchema schema, DiagnosticSink& sink)
+      : spec_(spec), who_(given), schema_(schema), sink_(sink) {}
+
+  std::optional<ParamTable> checked() {
+    for (const cardan_param_desc& desc : schema_) {
+      const auto given = who_.values.find(desc.name);
+      if (given != who_.values.end())
+        read(desc, given->second);
+      else
+        read_fallback(desc);
+    }
     check_names();
     if (failed_) return {};
-    std::vector<double> bytes = pack(family_.bytes, family_.pack, table_);
-    for (const auto& [name, expected] : table_.failures) report_refused(name, expected);
-    return bytes;
+    return std::move(table_);
   }
 
  private:
   void fault(Code code, const std::string& name, std::string expected, std::string got, std::string hint = {}) {
     failed_ = true;
-    sink_.report(code, spec_.locate(name.empty() ? who_.path : fmt::format("{}.{}", who_.path, name)), std::move(expected), std::move(got),
-                 std::move(hint));
+    sink_.report(code, spec_.locate(fmt::format("{}.{}", who_.path, name)), std::move(expected), std::move(got), std::move(hint));
   }
 
-  void read(const cardan_param_desc& desc) {
-    const auto given = given_.find(desc.name);
-    if (given == given_.end()) {
-      if (desc.required) return fault(Code::missing_key, desc.name, fmt::format("{}: {}", desc.name, desc.meaning), "no such key");
-      if (desc.kind == CARDAN_NUMBER) table_.numbers[desc.name] = {desc.fallback[0]};
-      if (desc.kind == CARDAN_VECTOR || desc.kind == CARDAN_UNIT_VECTOR) table_.numbers[desc.name] = {desc.fallback, desc.fallback + 3};
-      return;
+  void read_fallback(const cardan_param_desc& desc) {
+    if (desc.flags & CARDAN_REQUIRED)
+      return fault(Code::missing_key, desc.name, fmt::format("{}: {}", desc.name, desc.meaning), "no such key");
+    if (is_one_vector(desc)) table_.numbers[desc.name] = {desc.fallback, desc.fallback + 3};
+    if (desc.kind == CARDAN_NUMBER || desc.kind == CARDAN_INTEGER || desc.kind == CARDAN_TRUTH)
+      table_.numbers[desc.name] = {desc.fallback[0]};
+    if (desc.kind == CARDAN_CHOICE && desc.fallback[0] >= 0.0 && desc.fallback[0] < desc.count)
+      choose(desc, static_cast<std::size_t>(desc.fallback[0]));
+  }
+  void choose(const cardan_param_desc& desc, std::size_t i) {
+    table_.numbers[desc.name] = {static_cast<double>(i)};
+    table_.texts[desc.name] = desc.names[i];
+  }
+
+  void read(const cardan_param_desc& desc, const ParamValue& value) {
+    switch (desc.kind) {
+      case CARDAN_TEXT:
+      case CARDAN_CHOICE:
+      case CARDAN_FILE:
+        return read_text(desc, value);
+      case CARDAN_TRUTH:
+        if (const bool* truth = std::get_if<bool>(&value.value))
+          table_.numbers[desc.name] = {*truth ? 1.0 : 0.0};
+        else
+          fault(Code::wrong_type, desc.name, fmt::format("true or false: {}", desc.meaning), "something else");
+        return;
+      default:
+        return read_numbers(desc, value);
     }
-    const ParamValue& value = given->second;
-    if (desc.kind == CARDAN_TEXT) {
-      const auto* text = std::get_if<std::string>(&value.value);
-      if (!text) return fault(Code::wrong_type, desc.name, fmt::format("a text: {}", desc.meaning), "something else");
-      table_.texts[desc.name] = *text;
-      return;
+  }
+
+  void read_text(const cardan_param_desc& desc, const ParamValue& value) {
+    const auto* text = std::get_if<std::string>(&value.value);
+    if (!text) return fault(Code::wrong_type, desc.name, fmt::format("a text: {}", desc.meaning), "something else");
+    if (desc.kind == CARDAN_CHOICE) {
+      const std::vector<std::string> legal = choices(desc);
+      const auto found = std::ranges::find(legal, *text);
+      if (found == legal.end())
+        return fault(Code::unknown_name, desc.name, fmt::format("{} ({})", one_of(legal), desc.meaning), in_quotes(*text),
+                     did_you_mean(*text, legal));
+      return choose(desc, static_cast<std::size_t>(found - legal.begin()));
     }
+    table_.texts[desc.name] = *text;
+    if (desc.kind != CARDAN_FILE) return;
+    std::error_code unusable;
+    std::ifstream file(*text, std::ios::binary);
+    if (!std::filesystem::is_regular_file(*text, unusable) || !file)
+      return fault(Code::file_not_found, desc.name, fmt::format("a file that can be read: {}", desc.meaning), in_quotes(*text),
+                   "give its path relative to the vehicle file");
+    if (const auto size = std::filesystem::file_size(*text, unusable); size > kMostFileBytes)
+      return fault(Code::out_of_range, desc.name, fmt::format("a file of at most {} bytes", kMostFileBytes), fmt::format("{} bytes", size));
+    table_.bytes[desc.name] = {std::istreambuf_iterator<char>(file), {}};
+  }
+
+  void read_numbers(const cardan_param_desc& desc, const ParamValue& value) {
     std::vector<double> numbers = as_given(value);
     if (!count_fits(desc, numbers.size())) return;
     if (!std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); }))
       return fault(Code::out_of_range, desc.name, "finite numbers", "a value that is not finite");
-    if (desc.kind == CARDAN_UNIT_VECTOR || desc.kind == CARDAN_UNIT_VECTORS)
+    if (desc.kind == CARDAN_INTEGER && numbers[0] != std::floor(numbers[0]))
+      return fault(Code::out_of_range, desc.name, "a whole number", fmt::format("{:.6g}", numbers[0]));
+    if (desc.kind != CARDAN_TABLE)
+      for (const double x : numbers)
+        if (!in_range(desc, x))
+          return fault(Code::out_of_range, desc.name,
+                       fmt::format("{} {}",
+                                   desc.kind == CARDAN_INTEGER ? "a whole number"
+                                   : numbers.size() > 1        ? "numbers"
+                                                               : "a number",
+                                   range_text(desc)),
+                       fmt::format("{:.6g}", x));
+    if (is_unit_kind(desc))
       for (std::size_t i = 0; i < numbers.size(); i += 3) {
         Eigen::Map<Eigen::Vector3d> axis(numbers.data() + i);
         if (axis.isZero(0.0)) return fault(Code::bad_axes, desc.name, "an axis that is not all zero", vectors_text(as_given(value)));
@@ -69,22 +151,23 @@ class ParamsReader {
   }
 
   bool count_fits(const cardan_param_desc& desc, std::size_t got) {
-    const bool one_vector = desc.kind == CARDAN_VECTOR || desc.kind == CARDAN_UNIT_VECTOR;
-    const std::size_t wanted = desc.kind == CARDAN_NUMBER ? 1 : one_vector ? 3 : 3 * std::size_t{desc.count};
-    if (got > 0 && (wanted > 0 ? got == wanted : got % 3 == 0)) return true;
-    const std::string expected = desc.kind == CARDAN_NUMBER ? "one number"
-                                 : one_vector               ? "a vector of 3 numbers"
-                                 : wanted > 0               ? fmt::format("a list of {} vectors of 3 numbers", desc.count)
-                                                            : "a list of vectors of 3 numbers";
+    const bool one = desc.kind == CARDAN_NUMBER || desc.kind == CARDAN_INTEGER, table = desc.kind == CARDAN_TABLE;
+    const std::size_t wanted = one ? 1 : is_one_vector(desc) ? 3 : table ? 0 : 3 * std::size_t{desc.count};
+    if (got > 0 && (wanted > 0 ? got == wanted : got % (table ? desc.count : 3u) == 0)) return true;
+    const std::string expected = one                   ? "one number"
+                                 : is_one_vector(desc) ? "a vector of 3 numbers"
+                                 : table               ? "rows of " + columns(desc)
+                                 : wanted > 0          ? fmt::format("a list of {} vectors of 3 numbers", desc.count)
+                                                       : "a list of vectors of 3 numbers";
     fault(Code::wrong_type, desc.name, expected, fmt::format("{} number{}", got, got == 1 ? "" : "s"));
     return false;
   }
 
   void check_names() {
-    for (const auto& [name, value] : given_) {
-      if (std::ranges::find(family_.schema, std::string_view(name), &cardan_param_desc::name) != family_.schema.end()) continue;
+    for (const auto& [name, value] : who_.values) {
+      if (std::ranges::find(schema_, std::string_view(name), &cardan_param_desc::name) != schema_.end()) continue;
       std::vector<std::string> legal;
-      for (const cardan_param_desc& desc : family_.schema) legal.emplace_back(desc.name);
+      for (const cardan_param_desc& desc : schema_) legal.emplace_back(desc.name);
       fault(Code::unknown_key, name,
             legal.empty() ? fmt::format("no parameters: {} takes none", who_.what)
                           : fmt::format("a parameter of {}: {}", who_.what, one_of(legal)),
@@ -92,37 +175,234 @@ class ParamsReader {
     }
   }
 
-  void report_refused(const std::string& name, const std::string& expected) {
-    const auto numbers = table_.numbers.find(name);
-    const auto text = table_.texts.find(name);
-    const bool is_vector = numbers != table_.numbers.end() && numbers->second.size() % 3 == 0;
-    std::string got = "nothing";
-    if (numbers != table_.numbers.end())
-      got = is_vector ? vectors_text(numbers->second) : fmt::format("{:.6g}", fmt::join(numbers->second, ", "));
-    if (text != table_.texts.end()) got = in_quotes(text->second);
-    fault(is_vector ? Code::bad_axes : Code::out_of_range, name, expected, got);
-  }
-
-  static std::string vectors_text(const std::vector<double>& n) {
-    std::string out;
-    for (std::size_t i = 0; i + 2 < n.size(); i += 3)
-      out += fmt::format("{}[{:.6g}, {:.6g}, {:.6g}]", i == 0 ? "" : ", ", n[i], n[i + 1], n[i + 2]);
-    return out;
-  }
-
   const SystemSpec& spec_;
   const GivenParams& who_;
-  const ParamValues& given_;
-  const ParamsOfFamily& family_;
+  ParamSchema schema_;
   DiagnosticSink& sink_;
   ParamTable table_;
   bool failed_ = false;
 };
 
+void read_rows(const DocRef& value, const cardan_param_desc& desc, ParamValue& param, ReadContext& context) {
+  if (value.node->kind == DocNode::Kind::scalar) {
+    param.file = value.node->text;
+    param.value = read_table_file(beside(value.node->mark, param.file), desc, value.at(), context.sink);
+    return;
+  }
+  std::vector<double> all;
+  if (value.node->kind != DocNode::Kind::list)
+    context.sink.report(Code::wrong_type, value.at(), fmt::format("a list of rows [{}], or the name of a CSV file", columns(desc)),
+                        describe(*value.node));
+  for (std::size_t i = 0; i < value.node->items.size() && value.node->kind == DocNode::Kind::list; ++i) {
+    const DocRef row = value.item(i);
+    if (row.node->kind != DocNode::Kind::list || row.node->items.size() != desc.count) {
+      context.sink.report(Code::wrong_type, row.at(), fmt::format("a row [{}]", columns(desc)), describe(*row.node));
+      continue;
+    }
+    for (std::size_t c = 0; c < desc.count; ++c) all.push_back(read_number(row.item(c), column_unit(desc, c), context));
+  }
+  param.value = std::move(all);
+}
+
+void read_vectors(const DocRef& value, const cardan_param_desc& desc, ParamValue& param, ReadContext& context) {
+  if (value.node->kind != DocNode::Kind::list || (desc.count > 0 && value.node->items.size() != desc.count)) {
+    const std::string count = desc.count > 0 ? fmt::format("{} ", desc.count) : "";
+    context.sink.report(Code::wrong_type, value.at(), fmt::format("a list of {}vectors of 3 numbers", count), describe(*value.node));
+    return;
+  }
+  std::vector<double> all;
+  for (std::size_t i = 0; i < value.node->items.size(); ++i)
+    for (double x : read_numbers(value.item(i), desc.unit, 3, context)) all.push_back(x);
+  param.value = std::move(all);
+}
+
+void note_fallback(MapReader& map, const cardan_param_desc& desc) {
+  if (desc.flags & CARDAN_REQUIRED) return;
+  if (desc.kind == CARDAN_NUMBER) map.note_default(desc.name, fmt::format("{:.6g} {}", desc.fallback[0], desc.unit));
+  if (desc.kind == CARDAN_INTEGER) map.note_default(desc.name, fmt::format("{:.6g}", desc.fallback[0]));
+  if (desc.kind == CARDAN_TRUTH) map.note_default(desc.name, desc.fallback[0] != 0.0 ? "true" : "false");
+  if (desc.kind == CARDAN_CHOICE && desc.fallback[0] >= 0.0 && desc.fallback[0] < desc.count)
+    map.note_default(desc.name, desc.names[static_cast<std::size_t>(desc.fallback[0])]);
+}
+
+std::string_view trimmed(std::string_view text) {
+  const auto begin = text.find_first_not_of(" \t\r");
+  return begin == text.npos ? std::string_view() : text.substr(begin, text.find_last_not_of(" \t\r") - begin + 1);
+}
+
+/// One line of a table after the other.
+class TableFile {
+ public:
+  TableFile(const cardan_param_desc& table, const std::string& path, const Located& at, DiagnosticSink& sink)
+      : table_(table), path_(path), at_(at), sink_(sink), factors_(table.count, 0.0) {}
+
+  void line(std::string_view text, int number) {
+    text = trimmed(text.substr(0, text.find('#')));
+    if (text.empty()) return;
+    line_ = number;
+    std::vector<std::string_view> fields;
+    for (std::size_t begin = 0; begin <= text.size();) {
+      const std::size_t end = std::min(text.find(',', begin), text.size());
+      fields.push_back(trimmed(text.substr(begin, end - begin)));
+      begin = end + 1;
+    }
+    const bool first = std::exchange(first_, false);
+    if (fields.size() != table_.count)
+      return fault(Code::wrong_type, fmt::format("{} values: {}", table_.count, columns(table_)), fmt::format("{} values", fields.size()));
+    if (first &&
+        std::ranges::any_of(fields, [](std::string_view f) { return !f.empty() && std::isalpha(static_cast<unsigned char>(f[0])); }))
+      return read_head(fields);
+    for (std::size_t i = 0; i < fields.size(); ++i) read_field(fields[i], i);
+  }
+  std::vector<double> take() { return std::move(all_); }
+
+ private:
+  void fault(Code code, std::string expected, std::string got, std::string hint = {}) {
+    sink_.report(code, {at_.key_path, {path_, line_, 0}}, std::move(expected), std::move(got), std::move(hint));
+  }
+
+  void read_head(const std::vector<std::string_view>& fields) {
+    for (std::size_t i = 0; i < fields.size(); ++i) {
+      const std::string_view name = trimmed(fields[i].substr(0, fields[i].find('['))), unit = trimmed(fields[i].substr(name.size()));
+      const auto wanted = parse_unit(column_unit(table_, i));
+      const auto given = unit.size() > 2 && unit.back() == ']' ? parse_unit(unit.substr(1, unit.size() - 2)) : std::nullopt;
+      if (name != table_.names[i] || (!unit.empty() && (!given || !(given->dimension == wanted->dimension))))
+        return fault(Code::wrong_type, "the columns " + columns(table_), in_quotes(fields[i]));
+      if (given) factors_[i] = given->factor;
+    }
+  }
+
+  void read_field(std::string_view field, std::size_t i) {
+    if (factors_[i] != 0.0) {
+      const auto number = parse_number(field);
+      if (!number) return fault(Code::bad_number, "a number, its unit is in the first line", in_quotes(field));
+      return all_.push_back(factors_[i] * *number);
+    }
+    const auto value = parse_quantity(field, column_unit(table_, i));
+    if (const auto* wrong = std::get_if<QuantityFault>(&value)) return fault(wrong->code, wrong->expected, wrong->got, wrong->hint);
+    all_.push_back(std::get<double>(value));
+  }
+
+  const cardan_param_desc& table_;
+  const std::string& path_;
+  const Located& at_;
+  DiagnosticSink& sink_;
+  std::vector<double> factors_, all_;  // of units in the first line; 0: none there
+  bool first_ = true;
+  int line_ = 0;
+};
+
 }  // namespace
 
+void read_params(MapReader& map, ParamSchema schema, ParamValues& params) {
+  ReadContext& context = map.context();
+  for (const cardan_param_desc& desc : schema) {
+    const auto value = map.find(desc.name);
+    if (!value) {
+      note_fallback(map, desc);
+      continue;
+    }
+    ParamValue param{0.0, value->at(), {}};
+    switch (desc.kind) {
+      case CARDAN_NUMBER:
+      case CARDAN_INTEGER:
+        param.value = read_number(*value, desc.unit, context);
+        break;
+      case CARDAN_TRUTH:
+        param.value = read_flag(*value, context);
+        break;
+      case CARDAN_TEXT:
+      case CARDAN_CHOICE:
+        param.value = read_text(*value, desc.meaning, context);
+        break;
+      case CARDAN_FILE:
+        param.file = read_text(*value, fmt::format("the name of a file: {}", desc.meaning), context);
+        param.value = beside(value->node->mark, param.file);
+        break;
+      case CARDAN_TABLE:
+        read_rows(*value, desc, param, context);
+        break;
+      case CARDAN_VECTOR:
+      case CARDAN_UNIT_VECTOR:
+        param.value = read_numbers(*value, desc.unit, 3, context);
+        break;
+      default:
+        read_vectors(*value, desc, param, context);
+    }
+    params.insert_or_assign(desc.name, std::move(param));
+  }
+}
+
+std::optional<ParamTable> checked_params(const SystemSpec& spec, const GivenParams& given, ParamSchema schema, DiagnosticSink& sink) {
+  return Checker(spec, given, schema, sink).checked();
+}
+
+void report_refused(const SystemSpec& spec, const GivenParams& given, ParamSchema schema, const ParamTable& values, Code whole,
+                    DiagnosticSink& sink) {
+  for (const auto& [name, expected, got, hint] : values.failures) {
+    const auto desc = std::ranges::find(schema, std::string_view(name), &cardan_param_desc::name);
+    const bool axes = desc != schema.end() && is_unit_kind(*desc), table = desc != schema.end() && desc->kind == CARDAN_TABLE;
+    const auto numbers = values.numbers.find(name);
+    const auto text = values.texts.find(name);
+    std::string shown = got;
+    if (shown.empty() && text != values.texts.end()) shown = in_quotes(text->second);
+    if (shown.empty() && numbers != values.numbers.end())
+      shown = axes    ? vectors_text(numbers->second)
+              : table ? fmt::format("{} rows", numbers->second.size() / desc->count)
+                      : fmt::format("{:.6g}", fmt::join(numbers->second, ", "));
+    sink.report(name.empty() ? whole
+                : axes       ? Code::bad_axes
+                             : Code::out_of_range,
+                spec.locate(name.empty() ? given.path : fmt::format("{}.{}", given.path, name)), expected,
+                shown.empty() ? "nothing" : shown, hint);
+  }
+  if (values.failures.empty())
+    sink.report(whole, spec.locate(given.path), fmt::format("parameters that {} accepts", given.what), "others, without a word why");
+}
+
 std::vector<double> pack_params(const SystemSpec& spec, const GivenParams& given, const ParamsOfFamily& family, DiagnosticSink& sink) {
-  return ParamsReader(spec, given, family, sink).packed();
+  std::optional<ParamTable> values = checked_params(spec, given, family.schema, sink);
+  if (!values) return {};
+  std::size_t bytes = family.bytes;
+  if (family.packed_size) {
+    const cardan_param_values view = values->view();
+    bytes = family.packed_size(&view);
+  }
+  std::vector<double> packed = pack(bytes, family.pack, *values);
+  if (packed.empty()) report_refused(spec, given, family.schema, *values, Code::out_of_range, sink);
+  return packed;
+}
+
+std::string range_text(const cardan_param_desc& d) {
+  if (d.lower == 0.0 && d.upper == 0.0) return {};
+  const bool from = std::isfinite(d.lower), to = std::isfinite(d.upper);
+  if (from && to && !(d.flags & (CARDAN_ABOVE | CARDAN_BELOW))) return fmt::format("from {:.6g} to {:.6g}", d.lower, d.upper);
+  std::string out;
+  if (from) out = fmt::format("{} {:.6g}", d.flags & CARDAN_ABOVE ? ">" : ">=", d.lower);
+  if (to) out += fmt::format("{}{} {:.6g}", from ? " and " : "", d.flags & CARDAN_BELOW ? "<" : "<=", d.upper);
+  return out;
+}
+
+std::string beside(const SourceMark& mark, const std::string& file) {
+  return (std::filesystem::path(mark.file).parent_path() / file).string();
+}
+
+std::vector<double> read_table_file(const std::string& path, const cardan_param_desc& table, const Located& at, DiagnosticSink& sink) {
+  std::error_code unusable;
+  std::ifstream file(path);
+  if (!std::filesystem::is_regular_file(path, unusable) || !file) {
+    sink.report(Code::file_not_found, at, fmt::format("a CSV file that can be read, with the columns {}", columns(table)), in_quotes(path),
+                "give its path relative to the vehicle file");
+    return {};
+  }
+  if (const auto size = std::filesystem::file_size(path, unusable); size > kMostFileBytes) {
+    sink.report(Code::out_of_range, at, fmt::format("a file of at most {} bytes", kMostFileBytes), fmt::format("{} bytes", size));
+    return {};
+  }
+  TableFile rows(table, path, at, sink);
+  int number = 0;
+  for (std::string line; std::getline(file, line) && !sink.full();) rows.line(line, ++number);
+  return rows.take();
 }
 
 }  // namespace cardan

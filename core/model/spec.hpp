@@ -17,11 +17,12 @@
 
 namespace cardan {
 
-/// A parameter as it stands in the input, already in SI: number, list of numbers (vectors; lists of vectors flattened),
-/// text, truth value.
+/// A parameter as it stands in the input, already in SI: number, list of numbers (vectors; lists of vectors and rows of tables one
+/// after the other), text (a choice; the path of a file), truth value.
 struct ParamValue {
   std::variant<double, std::vector<double>, std::string, bool> value;
-  Located at;
+  Located at{};
+  std::string file{};  // as the input names it, of a file and of a table that was read from one
 };
 struct DocNode;
 using ParamValues = std::map<std::string, ParamValue, std::less<>>;
@@ -69,13 +70,13 @@ struct HingeSpec {
 
 struct BodySpec {
   std::string name;
-  std::string type = "rigid";                             // a family of bodies/: rigid, particle, modal_flexible
-  double mass = 0.0;                                      // [kg] rigid, particle
+  std::string type = "rigid";                             // a family of the registry
+  double mass = 0.0;                                      // [kg] unless it is that of modal data; so com, inertia_com
   Eigen::Vector3d com = Eigen::Vector3d::Zero();          // [m] body axes
   Eigen::Matrix3d inertia_com = Eigen::Matrix3d::Zero();  // [kg m^2] about the mass centre, body axes
-  ParamValues params;                                     // of a foreign body family
-  std::shared_ptr<const ModalData> modal;                 // modal_flexible
-  std::shared_ptr<const DocNode> modal_source;            // modal_flexible: how to make `modal`, as written; may be null
+  ParamValues params;                                     // of its family, checked by compile()
+  std::shared_ptr<const ModalData> modal;                 // of a body with modes
+  std::shared_ptr<const DocNode> modal_source;            // how to make `modal`, as written; may be null
   int level = 1;                                          // fidelity level 0, 1, 2 of a flexible body (docs/mathematics)
   std::vector<double> eta, etadot;                        // initial modal coordinates; empty = 0
   std::vector<int> prescribed_modes;                      // modes whose motion is given as a function of time

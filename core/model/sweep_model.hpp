@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/abi/cardan_abi.h"
+#include "core/abi/cardan_body.h"
 #include "core/spatial/inertia.hpp"
 
 namespace cardan {
@@ -150,7 +151,7 @@ struct Run {
 /// Hinges of one family that fill their records in one call.
 struct DenseBatch {
   const cardan_hinge_family* family;
-  std::vector<double> packed;  // params_size bytes each
+  std::vector<double> packed;  // params_size bytes each; one hinge alone where the size is that of its instance
   std::vector<std::uint32_t> iq, iv;
   int first;  // index of the first record
 };

@@ -28,10 +28,17 @@ bool surely_positive(const Eigen::Matrix3d& A) {
   return d1 > margin && A(2, 2) - b * b / d0 - c * c / d1 > margin;
 }
 
-/// The checks of one description that need no family.
+GivenParams params_of(const BodySpec& body, const cardan_body_family& family) {
+  return {body_path(body), fmt::format("body type {}", family.type), body.params};
+}
+GivenParams params_of(const BodySpec& body, const cardan_hinge_family& family) {
+  return {body_path(body) + ".hinge", fmt::format("hinge type {}", family.type), body.hinge.params};
+}
+
+/// The checks of one description but for its hinge families. Without a registry what depends on the types of bodies is left out.
 class Structure {
  public:
-  Structure(const SystemSpec& spec, DiagnosticSink& sink) : spec_(spec), sink_(sink) {}
+  Structure(const SystemSpec& spec, const Registry* registry, DiagnosticSink& sink) : spec_(spec), registry_(registry), sink_(sink) {}
 
   void check() {
     if (spec_.bodies.empty()) sink_.report(Code::empty_system, spec_.locate("bodies"), "at least one body", "none");
@@ -60,26 +67,30 @@ class Structure {
 
   void check_body(const BodySpec& body) {
     const auto at = [&](const char* key) { return body_path(body) + key; };
-    static const std::vector<std::string> types = {"rigid", "particle", "modal_flexible"};
     if (body.name.empty() || body.name == "world" || body.name.find('.') != std::string::npos)
       report(Code::bad_name, at(""), "a name without a point, other than `world`", in_quotes(body.name));
-    if (std::find(types.begin(), types.end(), body.type) == types.end())
-      return report(Code::unknown_body_type, at(".type"), "a body type: " + one_of(types), in_quotes(body.type),
-                    did_you_mean(body.type, types));
-    if (body.type == "modal_flexible") {
+    const cardan_body_family* family = registry_ ? registry_->body(body.type) : nullptr;
+    if (registry_ && !family) return report_type(body, at(".type"));
+    if (family ? has_modes(*family) : body.modal || body.modal_source)
       check_flexible(body, at);
-    } else {
-      check_mass(body, at);
+    else
       check_nodes(body);
-    }
+    if (!family) return;
+    if (!has_modes(*family)) check_mass(body, family->mass_source == CARDAN_MASS_POINT, at);
+    checked_params(spec_, params_of(body, *family), {family->params, family->n_params}, sink_);
   }
 
-  void check_mass(const BodySpec& body, const auto& at) {
+  void report_type(const BodySpec& body, std::string at) {
+    const std::vector<std::string> types = registry_->bodies.types();
+    report(Code::unknown_body_type, std::move(at), "a body type: " + one_of(types), in_quotes(body.type), did_you_mean(body.type, types));
+  }
+
+  void check_mass(const BodySpec& body, bool point, const auto& at) {
     if (!(body.mass > 0.0) || !std::isfinite(body.mass))
       return report(Code::non_positive_mass, at(".mass"), "mass > 0", fmt::format("{:g} kg", body.mass),
                     body.mass == 0.0 ? "join what has no mass to a body that has some" : "");
     if (!body.com.allFinite()) return report(Code::out_of_range, at(".com"), "three finite numbers", "a value that is not finite");
-    if (body.type == "rigid") check_inertia(body, at);
+    if (!point) check_inertia(body, at);
   }
 
   void check_inertia(const BodySpec& body, const auto& at) {
@@ -150,7 +161,7 @@ class Structure {
     return inboard->second;
   }
   void check_node_name(const BodySpec& body, const std::string& node, const auto& at, const char* key) {
-    if (node.empty() || (body.type == "modal_flexible" && !body.modal)) return;
+    if (node.empty() || (body.modal_source && !body.modal)) return;  // its nodes come with its modes
     std::vector<std::string> legal;
     for (const NodeSpec& n : body.nodes) legal.push_back(n.name);
     if (body.modal)
@@ -190,6 +201,7 @@ class Structure {
   }
 
   const SystemSpec& spec_;
+  const Registry* registry_;
   DiagnosticSink& sink_;
   std::unordered_map<std::string_view, int> index_;
   std::vector<int> inboard_;
@@ -343,10 +355,10 @@ InertiaFault inertia_fault(const Eigen::Matrix3d& I, bool point) {
 
 std::string body_path(const BodySpec& body) { return "bodies." + body.name; }
 
-void validate(const SystemSpec& spec, DiagnosticSink& sink) { Structure(spec, sink).check(); }
+void validate(const SystemSpec& spec, DiagnosticSink& sink) { Structure(spec, nullptr, sink).check(); }
 
 std::vector<CheckedHinge> validate(const SystemSpec& spec, const Registry& registry, DiagnosticSink& sink) {
-  Structure structure(spec, sink);
+  Structure structure(spec, &registry, sink);
   structure.check();
   std::vector<CheckedHinge> hinges(spec.bodies.size());
   for (std::size_t i = 0; i < hinges.size(); ++i) {
@@ -354,7 +366,7 @@ std::vector<CheckedHinge> validate(const SystemSpec& spec, const Registry& regis
     const BodySpec& body = spec.bodies[i];
     const cardan_hinge_family* family = registry.hinge(body.hinge.type);
     if (!family) {
-      std::vector<std::string> types = registry.hinge_types();
+      std::vector<std::string> types = registry.hinges.types();
       std::sort(types.begin(), types.end());
       sink.report(Code::unknown_hinge_type, spec.locate(body_path(body) + ".hinge.type"),
                   fmt::format("a hinge type: {}, or one from a loaded plugin", fmt::join(types, ", ")), in_quotes(body.hinge.type),
@@ -370,8 +382,29 @@ std::vector<CheckedHinge> validate(const SystemSpec& spec, const Registry& regis
 }
 
 std::vector<double> pack_hinge(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink) {
-  return pack_params(spec, {body_path(body) + ".hinge", fmt::format("hinge type {}", family.type), body.hinge.params},
-                     {{family.params, family.n_params}, family.params_size, family.pack}, sink);
+  return pack_params(spec, params_of(body, family), {{family.params, family.n_params}, family.params_size, family.pack, family.packed_size},
+                     sink);
+}
+
+std::optional<ParamTable> body_params(const SystemSpec& spec, const BodySpec& body, const cardan_body_family& family,
+                                      DiagnosticSink& sink) {
+  return checked_params(spec, params_of(body, family), {family.params, family.n_params}, sink);
+}
+
+void report_refused(const SystemSpec& spec, const BodySpec& body, const cardan_body_family& family, const ParamTable& values, Code whole,
+                    DiagnosticSink& sink) {
+  report_refused(spec, params_of(body, family), {family.params, family.n_params}, values, whole, sink);
+}
+
+void compute_mass(const SystemSpec& spec, BodySpec& body, const cardan_body_family& family, DiagnosticSink& sink) {
+  if (!family.rigid) return;
+  std::optional<ParamTable> values = body_params(spec, body, family, sink);
+  if (!values) return;
+  const cardan_param_values view = values->view();
+  double inertia[6] = {};
+  if (family.rigid(&view, &body.mass, body.com.data(), inertia) != 0)
+    return report_refused(spec, body, family, *values, Code::out_of_range, sink);
+  body.inertia_com << inertia[0], inertia[3], inertia[4], inertia[3], inertia[1], inertia[5], inertia[4], inertia[5], inertia[2];
 }
 
 bool has_mean_axes(const ModalData& modal) {

@@ -1,14 +1,15 @@
 #pragma once
 // The checks that a description must pass whoever wrote it (YAML, Lua, C++): structure, masses, hinges.
+#include <optional>
 #include <vector>
 
+#include "core/abi/param_values.hpp"
 #include "core/abi/registry.hpp"
 #include "core/model/spec.hpp"
 
 namespace cardan {
 
-/// What needs no family: names, types of bodies, references, cycles, masses, inertias, gravity. Nodes of a flexible
-/// body are checked once its modal data are there.
+/// What needs no family: names, references, cycles, gravity. Nodes of a flexible body are checked once its modal data are there.
 void validate(const SystemSpec& spec, DiagnosticSink& sink);
 
 /// What the checks found of the hinge of a body.
@@ -17,13 +18,25 @@ struct CheckedHinge {
   const cardan_hinge_family* family = nullptr;  // null: no such type
   std::vector<double> packed;                   // pack_hinge()
 };
-/// The same, and each hinge against its family: type, parameters, initial values, prescribed components, springs.
+/// The same, and bodies and hinges against their families: types, masses, inertias, parameters, initial values, prescribed components,
+/// springs.
 /// Returns the hinges of spec.bodies; complete if nothing was wrong.
 std::vector<CheckedHinge> validate(const SystemSpec& spec, const Registry& registry, DiagnosticSink& sink);
 
 /// The parameters of a hinge checked against the schema of its family, defaults filled in, unit vectors normalised, and
 /// packed for its kinematics (core/abi/param_values.hpp). Faults go to the sink; then empty.
 std::vector<double> pack_hinge(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink);
+
+/// The parameters of a body checked in the same way; empty after a fault.
+std::optional<ParamTable> body_params(const SystemSpec& spec, const BodySpec& body, const cardan_body_family& family, DiagnosticSink& sink);
+
+/// What the family refused of them; `whole`: the code of what is said of the body as such.
+void report_refused(const SystemSpec& spec, const BodySpec& body, const cardan_body_family& family, const ParamTable& values, Code whole,
+                    DiagnosticSink& sink);
+
+/// Fills mass, com and inertia_com of a body whose family computes them from its parameters (CARDAN_MASS_COMPUTED); others stay as they
+/// are. Faults go to the sink.
+void compute_mass(const SystemSpec& spec, BodySpec& body, const cardan_body_family& family, DiagnosticSink& sink);
 
 /// Why no body has this tensor about its mass centre; empty texts: one can.
 struct InertiaFault {

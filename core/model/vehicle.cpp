@@ -9,6 +9,7 @@
 #include "core/base/units.hpp"
 #include "core/model/hinge_load_types.hpp"
 #include "core/model/initial.hpp"
+#include "core/model/params.hpp"
 #include "core/model/validate.hpp"
 
 namespace cardan {
@@ -100,28 +101,39 @@ class VehicleReader {
     BodySpec body;
     body.name = name;
     body.at = value.at();
-    body.type = map.text("type", "a body type: rigid, particle or modal_flexible", "rigid");
-    if (body.type == "modal_flexible")
-      read_flexible(map, body);
-    else
-      read_rigid(map, body);
+    body.type = map.text("type", "a body type", "rigid");
+    const cardan_body_family* family = registry_.body(body.type);
+    if (family) read_inertia_of(*family, map, body);
     if (const auto hinge = map.require("hinge", "how the body hangs on another one or on the world",
                                        "a body that flies freely: hinge: {type: free, to: world}"))
       read_hinge(*hinge, body);
     // Of a body of unknown type only the type is reported: which keys it may have depends on it.
-    if (body.type == "rigid" || body.type == "particle" || body.type == "modal_flexible")
-      map.finish(body.type == "modal_flexible" ? "mass and nodes of a flexible body are those of its modal source" : "");
+    if (family) map.finish(has_modes(*family) ? "mass and nodes of a flexible body are those of its modal source" : "");
     spec_.bodies.push_back(std::move(body));
   }
 
-  void read_rigid(MapReader& map, BodySpec& body) {
+  void read_inertia_of(const cardan_body_family& family, MapReader& map, BodySpec& body) {
+    if (has_modes(family)) {
+      read_flexible(map, body);
+    } else if (family.mass_source != CARDAN_MASS_COMPUTED) {
+      read_mass(map, family.mass_source == CARDAN_MASS_POINT, body);
+    }
+    if (!has_modes(family)) read_nodes(map, body);
+    const std::size_t faults = context_.sink.all().size();
+    read_params(map, {family.params, family.n_params}, body.params);
+    if (context_.sink.all().size() == faults) compute_mass(spec_, body, family, context_.sink);
+  }
+
+  void read_mass(MapReader& map, bool point, BodySpec& body) {
     body.mass = map.number("mass", "kg");
     body.com = map.vector("com", "m", Eigen::Vector3d::Zero());
-    if (body.type != "particle") {
-      const auto inertia =
-          map.require("inertia", "[xx, yy, zz] or {xx, yy, zz, xy, xz, yz, about} in kg m^2", "a body without extent is `type: particle`");
-      if (inertia) body.inertia_com = read_inertia(*inertia, body.mass, body.com, context_);
-    }
+    if (point) return;
+    const auto inertia =
+        map.require("inertia", "[xx, yy, zz] or {xx, yy, zz, xy, xz, yz, about} in kg m^2", "a body without extent is `type: particle`");
+    if (inertia) body.inertia_com = read_inertia(*inertia, body.mass, body.com, context_);
+  }
+
+  void read_nodes(MapReader& map, BodySpec& body) {
     if (const auto nodes = map.find("nodes"))
       for (const auto& [name, value] : named_items(*nodes, context_)) {
         NodeSpec node;
@@ -165,7 +177,7 @@ class VehicleReader {
     hinge.locked = map.flag("locked", false);
     const cardan_hinge_family* family = registry_.hinge(hinge.type);
     if (!family) return;  // reported by validate(); the other keys depend on the type
-    for (uint32_t i = 0; i < family->n_params; ++i) read_param(map, family->params[i], hinge);
+    read_params(map, {family->params, family->n_params}, hinge.params);
     if (const auto initial = map.find("initial")) read_initial_values(*initial, *family, hinge);
     if (family->nv > 0) {
       if (const auto prescribed = map.find("prescribed")) read_prescribed(*prescribed, *family, hinge);
@@ -209,40 +221,6 @@ class VehicleReader {
   void read_place_keys(MapReader& map, Eigen::Vector3d& position, Eigen::Matrix3d& R) {
     position = map.vector("position", "m", Eigen::Vector3d::Zero());
     if (const auto orientation = map.find("orientation")) R = read_orientation(*orientation, context_);
-  }
-
-  void read_param(MapReader& map, const cardan_param_desc& desc, HingeSpec& hinge) {
-    const auto value = map.find(desc.name);
-    if (!value) {  // what is required is missed by validate()
-      if (!desc.required && desc.kind == CARDAN_NUMBER) map.note_default(desc.name, fmt::format("{:.6g} {}", desc.fallback[0], desc.unit));
-      return;
-    }
-    ParamValue param{0.0, value->at()};
-    switch (desc.kind) {
-      case CARDAN_NUMBER:
-        param.value = read_number(*value, desc.unit, context_);
-        break;
-      case CARDAN_TEXT:
-        param.value = read_text(*value, desc.meaning, context_);
-        break;
-      case CARDAN_VECTOR:
-      case CARDAN_UNIT_VECTOR:
-        param.value = read_numbers(*value, desc.unit, 3, context_);
-        break;
-      default: {
-        std::vector<double> all;
-        if (value->node->kind != Kind::list || (desc.count > 0 && value->node->items.size() != desc.count)) {
-          const std::string count = desc.count > 0 ? fmt::format("{} ", desc.count) : "";
-          context_.sink.report(Code::wrong_type, value->at(), fmt::format("a list of {}vectors of 3 numbers", count),
-                               describe(*value->node));
-          break;
-        }
-        for (std::size_t i = 0; i < value->node->items.size(); ++i)
-          for (double x : read_numbers(value->item(i), desc.unit, 3, context_)) all.push_back(x);
-        param.value = std::move(all);
-      }
-    }
-    hinge.params.emplace(desc.name, std::move(param));
   }
 
   void read_initial_values(const DocRef& value, const cardan_hinge_family& family, HingeSpec& hinge) {

@@ -72,7 +72,7 @@ DenseBody<T> dense_body(const BodySpec& spec, const ForeignHinges& foreign) {
   b.name = spec.name;
   b.hinge = spec.hinge;
   b.level = spec.level;
-  if (spec.type == "modal_flexible") {
+  if (spec.modal) {
     const ModalData& modal = *spec.modal;
     b.modal = spec.modal;
     b.n_modes = modal.n_modes;
@@ -80,11 +80,9 @@ DenseBody<T> dense_body(const BodySpec& spec, const ForeignHinges& foreign) {
     b.C = modal.C.size() > 0 ? modal.C.cast<T>().eval() : MatX<T>::Zero(b.n_modes, b.n_modes);
     for (const MassNode& node : modal.mass_nodes) b.masses.push_back(mass_point<T>(node, b.n_modes));
     for (const ModalNode& n : modal.nodes) b.nodes.push_back(point<T>(n.name, n.position, n.R_BN, b.n_modes, n.Phi, n.Psi));
-  } else if (spec.type == "rigid" || spec.type == "particle") {
+  } else {
     b.masses.push_back(mass_point<T>({spec.mass, spec.com, spec.inertia_com, {}, {}, {}}, 0));
     for (const NodeSpec& n : spec.nodes) b.nodes.push_back(point<T>(n.name, n.position, n.R_BN, 0));
-  } else {
-    refuse(Code::unsupported, spec.at, "a body type known to the dense twin", spec.type);
   }
   set_hinge(b, foreign);
   b.pnode =

@@ -207,6 +207,7 @@ std::string text_of(const Vec3<double>& a) { return fmt::format("[{:.10g}, {:.10
 std::string text_of(const Eigen::Vector3d& a) { return text_of(from_eigen(a)); }
 
 std::string text_of(const ParamValue& p) {
+  if (!p.file.empty()) return p.file;
   return std::visit(
       [](const auto& x) -> std::string {
         using T = std::decay_t<decltype(x)>;
@@ -226,12 +227,11 @@ std::string text_of(const Eigen::Matrix3d& R) {
 }
 
 /// In the words of the schema of its family.
-std::string parameter_unit(const cardan_hinge_family& family, const std::string& name) {
-  for (std::uint32_t i = 0; i < family.n_params; ++i)
-    if (name == family.params[i].name)
-      return family.params[i].unit && *family.params[i].unit && family.params[i].unit != std::string_view("1")
-                 ? std::string(" ") + family.params[i].unit
-                 : std::string();
+template <class Family>
+std::string parameter_unit(const Family* family, const std::string& name) {
+  for (std::uint32_t i = 0; family && i < family->n_params; ++i)
+    if (const cardan_param_desc& p = family->params[i]; name == p.name)
+      return p.unit && *p.unit && p.unit != std::string_view("1") && !p.units ? std::string(" ") + p.unit : std::string();
   return {};
 }
 
@@ -293,12 +293,13 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
                                                              w > 0 ? b.modal->C(j, j) / (2 * w * b.modal->integrals.I6(j, j)) : 0.0));
       }
     }
+    for (const auto& [name, value] : b.params) add(path + name, text_of(value) + parameter_unit(u.family, name));
     const std::string hinge = path + "hinge.";
     add(hinge + "type", b.hinge.locked ? u.hinge_type + ", locked" : u.hinge_type);
     add(hinge + "to", u.parent < 0 ? "world" : m.user[static_cast<std::size_t>(u.parent)].name);
     add(hinge + "onode", text_of(u.onode.p) + " m");
     add(hinge + "pnode", text_of(u.pnode.p) + " m");
-    for (const auto& [name, value] : b.hinge.params) add(hinge + name, text_of(value) + (u.hinge ? parameter_unit(*u.hinge, name) : ""));
+    for (const auto& [name, value] : b.hinge.params) add(hinge + name, text_of(value) + parameter_unit(u.hinge, name));
     for (const int c : b.hinge.prescribed) add(hinge + "prescribed", u.v_names[static_cast<std::size_t>(c)]);
     for (const HingeLoad& s : m.loads)
       if (s.v >= u.v && s.v < u.v + u.nv) {

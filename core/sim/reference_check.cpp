@@ -102,7 +102,11 @@ double difference(Simulation& sim, const reference::DenseTwin<T>& twin, bool& so
 /// The twin in double and, where that is not enough to blame anybody, in 113 bits: made when it is first asked for.
 class Judge {
  public:
-  explicit Judge(const Model& m) : foreign_(foreign_hinges(m)), twin_(*m.spec, foreign_) {}
+  explicit Judge(const Model& m) : foreign_(foreign_hinges(m)), twin_(*m.spec, foreign_) {
+    for (std::size_t i = 0; i < m.user.size(); ++i)  // what a plugin makes of modal data is not known to the twin
+      if (const UserBody& u = m.user[i]; u.n_modes > 0 && u.family_origin != "built-in")
+        refuse(Code::unsupported, m.spec->bodies[i].at, "a body with modes of a built-in type, which the dense twin knows", u.type);
+  }
   double difference(Simulation& sim) {
     if (sim.model().nv == 0) return 0.0;  // nothing can move
     bool sound = false;

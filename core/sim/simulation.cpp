@@ -80,9 +80,13 @@ RunFailure Simulation::explain(const RunFailure& failure) const {
   if (breakdown_.body != 0) {
     RunFailure f = describe_breakdown(*model_, breakdown_, state_.t);
     if (!std::isfinite(breakdown_.value)) f.code = Code::not_finite;
+    if (!culprit_.empty()) f.hint = culprit_;
     return f;
   }
-  return bad_rate_ < 0 ? failure : not_finite(model_->nq + bad_rate_, vdot_bad_);
+  if (bad_rate_ < 0) return failure;
+  RunFailure f = not_finite(model_->nq + bad_rate_, vdot_bad_);
+  if (!culprit_.empty()) f.hint = culprit_;
+  return f;
 }
 
 void Simulation::warn(Code code, Located at, std::string about, std::string hint) {

@@ -184,6 +184,7 @@ class Simulation {
   soa::Breakdown breakdown_;
   int bad_rate_ = -1;      // index into v' of a value that is not finite, in the last step
   double vdot_bad_ = 0.0;  // that value
+  std::string culprit_;    // the plugin that gave no number there; empty: none did
   Balances balances_;
   LedgerState ledger_;  // at the present state, if known
   bool ledger_known_ = false, warned_stiff_ = false;

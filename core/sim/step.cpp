@@ -6,6 +6,7 @@
 
 #include "core/base/finite.hpp"
 #include "core/dynamics/hinge_laws.hpp"
+#include "core/sim/plugin_faults.hpp"
 
 namespace cardan {
 
@@ -84,11 +85,13 @@ bool Simulation::evaluate(double t, double since, const double* q, const double*
   apply_forces(t, since, q, v);
   if (!forward_dynamics(*model_, workspace_, inputs(q, v), vdot)) {
     breakdown_ = workspace_.breakdown;
+    culprit_ = plugin_without_numbers(*model_, q, v);
     return false;
   }
   if (all_finite(vdot, model_->nv)) return true;
   bad_rate_ = first_not_finite(vdot, model_->nv);
   vdot_bad_ = vdot[bad_rate_];
+  culprit_ = plugin_without_numbers(*model_, q, v);
   return false;
 }
 

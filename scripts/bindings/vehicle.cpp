@@ -8,6 +8,7 @@
 #include "core/base/activity.hpp"
 #include "core/base/units.hpp"
 #include "core/io/sha256.hpp"
+#include "core/model/params.hpp"
 #include "core/model/validate.hpp"
 #include "scripts/bindings/handle.hpp"
 #include "scripts/bindings/linear.hpp"
@@ -30,16 +31,21 @@ void expect_recorded(const Scenario& s, const std::string& name, const std::stri
            now, "put the file of that run back");
 }
 
-/// The files that modes are read from.
-void note_modal_files(Scenario& s, const SystemSpec& spec) {
+/// Files that the vehicle names: of modes, of parameters.
+void note_files(Scenario& s, const SystemSpec& spec) {
+  const auto note = [&](const std::string& name, const std::string& path, const Located& at) {
+    if (std::ranges::any_of(s.modal_files, [&](const InputFile& f) { return f.name == name; })) return;
+    if (s.recorded) expect_recorded(s, name, path, at);
+    if (std::error_code ignored; std::filesystem::is_regular_file(path, ignored))  // else refused by who reads it
+      s.modal_files.push_back({name, sha256_of_file(path), {}});
+  };
   for (const BodySpec& b : spec.bodies) {
     const DocNode* file = b.modal_source ? b.modal_source->find("file") : nullptr;
-    if (!file || file->kind != DocNode::Kind::scalar) continue;
-    if (std::any_of(s.modal_files.begin(), s.modal_files.end(), [&](const InputFile& f) { return f.name == file->text; })) continue;
-    const std::string path = (std::filesystem::path(file->mark.file).parent_path() / file->text).string();
-    if (s.recorded) expect_recorded(s, file->text, path, {body_path(b) + ".modal.file", file->mark});
-    if (std::error_code ignored; std::filesystem::is_regular_file(path, ignored))  // else refused by who reads it
-      s.modal_files.push_back({file->text, sha256_of_file(path), {}});
+    if (file && file->kind == DocNode::Kind::scalar)
+      note(file->text, beside(file->mark, file->text), {body_path(b) + ".modal.file", file->mark});
+    for (const ParamValues* params : {&b.params, &b.hinge.params})
+      for (const auto& [key, value] : *params)
+        if (!value.file.empty()) note(value.file, beside(value.at.mark, value.file), value.at);
   }
 }
 
@@ -80,7 +86,7 @@ int vehicle(lua_State* L, Scenario& s) {
   const auto spec = std::make_shared<SystemSpec>(kept ? vehicle_from_text(*kept, path, s.registry, overrides)
                                                       : read_vehicle(path, s.registry, overrides));
   s.inputs.push_back({name, sha256(spec->source_text), spec->source_text});
-  note_modal_files(s, *spec);
+  note_files(s, *spec);
   s.modes_from_cache = make_modes(*spec, ModeCache::of_user());
   CompileOptions options;
   options.node_wrenches = false;  // until a load is declared

@@ -28,7 +28,7 @@ std::string candidates(const CLI::App& app, const std::string& type) {
     Registry registry;
     register_bodies(registry);
     register_hinges(registry);
-    for (const auto& types : {registry.body_types(), registry.hinge_types()})
+    for (const auto& types : {registry.bodies.types(), registry.hinges.types()})
       for (const std::string& name : types) add(name);
     for (const HingeLoadType& load : kHingeLoadTypes) add(load.name);
   }

@@ -11,6 +11,7 @@
 #include "core/io/json.hpp"
 #include "core/model/hinge_load_types.hpp"
 #include "core/model/initial.hpp"
+#include "core/model/params.hpp"
 #include "hinges/register.hpp"
 #include "scripts/commands/commands.hpp"
 
@@ -18,11 +19,22 @@ namespace cardan {
 namespace {
 
 std::string kind_of(const cardan_param_desc& p) {
+  const auto names = [&] { return fmt::format("{}", fmt::join(p.names, p.names + p.count, ", ")); };
   switch (p.kind) {
     case CARDAN_NUMBER:
       return "number";
+    case CARDAN_INTEGER:
+      return "whole number";
+    case CARDAN_TRUTH:
+      return "true or false";
     case CARDAN_TEXT:
       return "text";
+    case CARDAN_CHOICE:
+      return "one of " + names();
+    case CARDAN_FILE:
+      return "file";
+    case CARDAN_TABLE:
+      return fmt::format("rows of {}, or a CSV file", names());
     case CARDAN_VECTOR:
       return "vector of 3";
     case CARDAN_UNIT_VECTOR:
@@ -37,11 +49,28 @@ std::string kind_of(const cardan_param_desc& p) {
 std::string unit_of(const std::string& unit) { return unit == "1" || unit.empty() ? "" : fmt::format(" [{}]", unit); }
 
 std::string default_of(const cardan_param_desc& p) {
-  if (p.required) return "required";
-  if (p.kind == CARDAN_NUMBER) return fmt::format("default {:g}", p.fallback[0]);
+  if (p.flags & CARDAN_REQUIRED) return "required";
+  if (p.kind == CARDAN_NUMBER || p.kind == CARDAN_INTEGER) return fmt::format("default {:g}", p.fallback[0]);
+  if (p.kind == CARDAN_TRUTH) return p.fallback[0] != 0.0 ? "default true" : "default false";
+  if (p.kind == CARDAN_CHOICE && p.fallback[0] >= 0.0 && p.fallback[0] < p.count)
+    return fmt::format("default {}", p.names[static_cast<std::size_t>(p.fallback[0])]);
   if (p.kind == CARDAN_VECTOR || p.kind == CARDAN_UNIT_VECTOR)
     return fmt::format("default [{:g}, {:g}, {:g}]", p.fallback[0], p.fallback[1], p.fallback[2]);
   return "optional";
+}
+
+Json parameters(const cardan_param_desc* params, std::uint32_t n) {
+  Json all = Json::array();
+  for (std::uint32_t i = 0; i < n; ++i) {
+    const cardan_param_desc& p = params[i];
+    all.push_back({{"name", p.name},
+                   {"kind", kind_of(p)},
+                   {"unit", p.unit ? p.unit : ""},
+                   {"range", range_text(p)},
+                   {"default", default_of(p)},
+                   {"meaning", p.meaning ? p.meaning : ""}});
+  }
+  return all;
 }
 
 Json components(const char* const* names, const char* const* units, std::uint32_t n) {
@@ -59,21 +88,12 @@ Json groups(const std::vector<ComponentGroup>& all, const char* const* names) {
   return out;
 }
 
-Json to_json(const Registry::Entry& e) {
+Json to_json(const Families<cardan_hinge_family>::Entry& e) {
   const cardan_hinge_family& f = *e.family;
-  Json parameters = Json::array();
-  for (std::uint32_t i = 0; i < f.n_params; ++i) {
-    const cardan_param_desc& p = f.params[i];
-    parameters.push_back({{"name", p.name},
-                          {"kind", kind_of(p)},
-                          {"unit", p.unit ? p.unit : ""},
-                          {"default", default_of(p)},
-                          {"meaning", p.meaning ? p.meaning : ""}});
-  }
   return {{"type", f.type},
           {"summary", f.summary},
           {"origin", e.origin},
-          {"parameters", parameters},
+          {"parameters", parameters(f.params, f.n_params)},
           {"coordinates", components(f.q_names, f.q_units, f.nq)},
           {"velocities", components(f.v_names, f.v_units, f.nv)},
           {"coordinate_groups", groups(coordinate_groups(f), f.q_names)},
@@ -94,10 +114,34 @@ Json to_json(const HingeLoadType& type) {
     parameters.push_back({{"name", p.name},
                           {"kind", "number"},
                           {"unit", same ? p.turns : fmt::format("{} or {}", p.turns, p.slides)},
+                          {"range", ""},
                           {"default", default_of(p)},
                           {"meaning", p.meaning}});
   }
   return {{"type", type.name}, {"summary", type.summary}, {"parameters", parameters}};
+}
+
+/// The keys that say where its mass comes from.
+std::vector<std::string> keys_of(const cardan_body_family& f) {
+  switch (f.mass_source) {
+    case CARDAN_MASS_RIGID:
+      return {"mass", "com", "inertia", "nodes"};
+    case CARDAN_MASS_POINT:
+      return {"mass", "com", "nodes"};
+    case CARDAN_MASS_MODES:
+      return {"modal", "level", "initial"};
+    default:
+      return {"nodes"};
+  }
+}
+
+Json to_json(const Families<cardan_body_family>::Entry& e) {
+  const cardan_body_family& f = *e.family;
+  return {{"type", f.type},
+          {"summary", f.summary},
+          {"origin", e.origin},
+          {"keys", keys_of(f)},
+          {"parameters", parameters(f.params, f.n_params)}};
 }
 
 std::string list_text(const Json& types) {
@@ -126,20 +170,28 @@ std::string parameters_text(const Json& parameters) {
   std::string out;
   const char* title = "parameters";
   for (const Json& p : parameters) {
-    out += fmt::format("  {:<14}{}: {}{}, {}\n", std::exchange(title, ""), p["name"].get<std::string>(), p["kind"].get<std::string>(),
-                       unit_of(p["unit"].get<std::string>()), p["default"].get<std::string>());
+    const std::string range = p["range"].get<std::string>();
+    out += fmt::format("  {:<14}{}: {}{}{}, {}\n", std::exchange(title, ""), p["name"].get<std::string>(), p["kind"].get<std::string>(),
+                       unit_of(p["unit"].get<std::string>()), range.empty() ? "" : " " + range, p["default"].get<std::string>());
     out += fmt::format("  {:<16}{}\n", "", p["meaning"].get<std::string>());
   }
   return out;
 }
 
+std::string origin_text(const Json& type) {
+  return type["origin"] == "built-in" ? "" : fmt::format("  {:<14}{}\n", "plugin", type["origin"].get<std::string>());
+}
+
 std::string hinge_text(const Json& h) {
-  std::string out = fmt::format("hinge {}: {}\n", h["type"].get<std::string>(), h["summary"].get<std::string>());
-  out += parameters_text(h["parameters"]);
-  out += components_text("coordinates", h["coordinates"], h["coordinate_groups"]) +
-         components_text("velocities", h["velocities"], h["velocity_groups"]);
-  if (h["origin"] != "built-in") out += fmt::format("  {:<14}{}\n", "plugin", h["origin"].get<std::string>());
-  return out;
+  return fmt::format("hinge {}: {}\n", h["type"].get<std::string>(), h["summary"].get<std::string>()) + parameters_text(h["parameters"]) +
+         components_text("coordinates", h["coordinates"], h["coordinate_groups"]) +
+         components_text("velocities", h["velocities"], h["velocity_groups"]) + origin_text(h);
+}
+
+std::string body_text(const Json& b) {
+  return fmt::format("body {}: {}\n  keys: {}; see docs/scenario.md, Bodies\n", b["type"].get<std::string>(),
+                     b["summary"].get<std::string>(), fmt::join(b["keys"].get<std::vector<std::string>>(), ", ")) +
+         parameters_text(b["parameters"]) + origin_text(b);
 }
 
 struct TypesArguments {
@@ -155,27 +207,26 @@ int tell_types(const TypesArguments& a) {
   for (const std::string& path : a.plugins) load_plugin(path, registry);
   Json types{{"bodies", Json::array()}, {"hinges", Json::array()}, {"hinge_loads", Json::array()}};
   std::vector<std::string> legal;
-  for (const std::string& body : registry.body_types()) {
-    legal.push_back(body);
-    if (a.name.empty() || a.name == body) types["bodies"].push_back({{"type", body}, {"summary", registry.body(body)->summary}});
-  }
-  for (const Registry::Entry& e : registry.hinges()) {
-    legal.emplace_back(e.family->type);
-    if (a.name.empty() || a.name == e.family->type) types["hinges"].push_back(to_json(e));
-  }
+  const auto list = [&](const char* key, const auto& entries) {
+    for (const auto& e : entries) {
+      legal.emplace_back(e.family->type);
+      if (a.name.empty() || a.name == e.family->type) types[key].push_back(to_json(e));
+    }
+  };
+  list("bodies", registry.bodies.all());
+  list("hinges", registry.hinges.all());
   for (const HingeLoadType& load : kHingeLoadTypes) {
     legal.emplace_back(load.name);
     if (a.name.empty() || a.name == load.name) types["hinge_loads"].push_back(to_json(load));
   }
-  if (std::all_of(types.begin(), types.end(), [](const Json& list) { return list.empty(); }))
+  if (std::all_of(types.begin(), types.end(), [](const Json& some) { return some.empty(); }))
     refuse(Code::command_line, {}, fmt::format("one of: {}", fmt::join(legal, ", ")), in_quotes(a.name), did_you_mean(a.name, legal));
   if (a.as_json)
     fmt::print("{}", json_text(types));
   else if (a.name.empty())
     fmt::print("{}", list_text(types));
   else {
-    for (const Json& b : types["bodies"])
-      fmt::print("body {}: {}\n  keys: docs/scenario.md, Bodies\n", b["type"].get<std::string>(), b["summary"].get<std::string>());
+    for (const Json& b : types["bodies"]) fmt::print("{}", body_text(b));
     for (const Json& h : types["hinges"]) fmt::print("{}", hinge_text(h));
     for (const Json& l : types["hinge_loads"])
       fmt::print("hinge load {}: {}\n{}", l["type"].get<std::string>(), l["summary"].get<std::string>(), parameters_text(l["parameters"]));

@@ -27,13 +27,13 @@ TEST_P(HingeContract, ObeysEveryLaw) {
   const auto violations = hinge_law_violations(*registry().hinge(GetParam()), 40, 7);
   for (const auto& v : violations) ADD_FAILURE() << GetParam() << ": " << v;
 }
-INSTANTIATE_TEST_SUITE_P(Registry, HingeContract, testing::ValuesIn(registry().hinge_types()),
+INSTANTIATE_TEST_SUITE_P(Registry, HingeContract, testing::ValuesIn(registry().hinges.types()),
                          [](const auto& tested) { return tested.param; });
 
 TEST(RandomTrees, AreMadeOfEveryBuiltInHinge) {
   Registry built_in;
   register_hinges(built_in);
-  const std::vector<std::string> types = built_in.hinge_types();
+  const std::vector<std::string> types = built_in.hinges.types();
   EXPECT_EQ(std::set<std::string>(types.begin(), types.end()), std::set<std::string>(test::kAllHinges.begin(), test::kAllHinges.end()));
 }
 
@@ -52,9 +52,6 @@ struct WrongSign {
   static void kinematics(const Packed&, const double* q, const double*, HingeOut<1>& out) noexcept {
     out.p_OP = Eigen::Vector3d(q[0], 0, 0);
     out.Ht[3] = -1;
-  }
-  static Eigen::Matrix<double, 6, 1> map_dot(const Packed&, const double*, const double*) noexcept {
-    return Eigen::Matrix<double, 6, 1>::Zero();
   }
 };
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <thread>
 
 #include "core/abi/family.hpp"
 #include "core/abi/laws.hpp"
@@ -15,7 +16,6 @@ namespace {
 using Eigen::Map;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Table = cardan_hinge_family;
 
 const Table& built_in(const char* type) {
@@ -40,17 +40,13 @@ struct Curve {
   static constexpr const char* v_units[] = {"rad/s"};
   static bool pack(const Params&, Packed&) { return true; }
   static Matrix3d rotation(double q) { return Eigen::AngleAxisd(q, Vector3d::UnitZ()).toRotationMatrix(); }
-  static void kinematics(const Packed& p, const double* q, const double* v, HingeOut<1>& out) noexcept {
+  static void kinematics(const Packed&, const double* q, const double* v, HingeOut<1>& out) noexcept {
     out.R_OP = rotation(*q);
     out.p_OP = Vector3d(*q * *q, 0, std::sin(*q));
     out.Ht << 0, 0, 1, out.R_OP.transpose() * Vector3d(2 * *q, 0, std::cos(*q));
-    out.Hdot_v = map_dot(p, q, v) * *v;
-  }
-  static Vector6d map_dot(const Packed&, const double* q, const double* u) noexcept {
-    const Matrix3d R_PO = rotation(*q).transpose();
-    Vector6d d = Vector6d::Zero();
-    d.tail<3>() = *u * (R_PO * Vector3d(2, 0, -std::sin(*q)) - Vector3d::UnitZ().cross(R_PO * Vector3d(2 * *q, 0, std::cos(*q))));
-    return d;
+    const Matrix3d R_PO = out.R_OP.transpose();
+    const Vector3d rate = R_PO * Vector3d(2, 0, -std::sin(*q)) - Vector3d::UnitZ().cross(R_PO * Vector3d(2 * *q, 0, std::cos(*q)));
+    out.Hdot_v << Vector3d::Zero(), *v * *v * rate;
   }
 };
 const Table& curve() { return hinge_table<Curve>(); }
@@ -118,10 +114,6 @@ void scalar_last(Table& t) {
     double a[kMost]{}, d[kMost]{};
     permuted(q, a, static_cast<int>(Name::base().nq)), Name::base().qdot(p, a, v, d), back(d, qdot, static_cast<int>(Name::base().nq));
   };
-  t.map_dot = [](const void* p, const double* q, const double* u, double* out) {
-    double a[kMost]{};
-    permuted(q, a, static_cast<int>(Name::base().nq)), Name::base().map_dot(p, a, u, out);
-  };
   t.normalise = [](const void* p, double* q) {
     double a[kMost]{};
     permuted(q, a, static_cast<int>(Name::base().nq)), Name::base().normalise(p, a), back(a, q, static_cast<int>(Name::base().nq));
@@ -149,30 +141,6 @@ std::vector<Mutant> mutants() {
   add("ADriftTheOtherWay", "linear part of Ht v", curve(), [](Table& t) { t.kinematics = CHANGED_RECORD(curve(), o.Ht[5] = -o.Ht[5];); });
   add("ADoubledRateOfTheMap", "Hdot_v = (d/dt Ht) v", curve(), [](Table& t) {
     t.kinematics = CHANGED_RECORD(curve(), for (double& h : o.Hdot_v) h *= 2;);
-  });
-  add(
-      "AMapDotThatIsNearlyRight", "map_dot(q, v) v = Hdot_v", curve(),
-      [](Table& t) {
-        t.map_dot = [](const void* p, const double* q, const double* u, double* out) {
-          curve().map_dot(p, q, u, out);
-          for (int i = 0; i < 6; ++i) out[i] *= 1 + 1e-10;
-        };
-      },
-      true);
-  add(
-      "AMapDotRightAlongTheRatesAlone", "map_dot(q, u) is the derivative of Ht along u", built_in("universal"),
-      [](Table& t) {
-        t.map_dot = [](const void* p, const double* q, const double* u, double* out) {
-          built_in("universal").map_dot(p, q, u, out);
-          out[0] -= 1e-3 * u[1], out[6] += 1e-3 * u[0];  // times (u0, u1): nothing
-        };
-      },
-      true);
-  add("AMapDotThatIsNotLinear", "map_dot is linear in u", curve(), [](Table& t) {
-    t.map_dot = [](const void* p, const double* q, const double* u, double* out) {
-      curve().map_dot(p, q, u, out);
-      for (int i = 0; i < 6; ++i) out[i] *= 1 + 1e-10 * *u;
-    };
   });
   add("RatesThatAreNotLinear", "qdot is linear in v", curve(),
       [](Table& t) { t.qdot = [](const void*, const double*, const double* v, double* qdot) { *qdot = *v + 1e-11 * *v * *v; }; });
@@ -226,6 +194,24 @@ std::vector<Mutant> mutants() {
       [](Table& t) { t.kinematics = CHANGED_RECORD(curve(), if (q < -5) o.Ht[5] *= 1.5;); });
   add("ARateThatSaturates", "qdot is linear in v", curve(),
       [](Table& t) { t.qdot = [](const void*, const double*, const double* v, double* qdot) { *qdot = std::min(*v, 5.0); }; });
+  add(
+      "AnotherAnswerInAnotherThread", "kinematics is the same in another thread", curve(),
+      [](Table& t) {
+        static const std::thread::id here = std::this_thread::get_id();
+        t.kinematics = CHANGED_RECORD(curve(), if (std::this_thread::get_id() != here) o.Hdot_v[5] += 1e-12;);
+      },
+      true);
+  add("ARecordTooMany", "kinematics writes beyond what it is handed", curve(), [](Table& t) {
+    t.kinematics = [](const void* p, std::uint32_t n, const std::uint32_t* iq, const std::uint32_t* iv, const double* q, const double* v,
+                      cardan_hinge_out* out) {
+      curve().kinematics(p, n, iq, iv, q, v, out);
+      out[n].R_OP[0] = 0;
+    };
+  });
+  add("ARateTooMany", "qdot writes beyond what it is handed", curve(),
+      [](Table& t) { t.qdot = [](const void*, const double*, const double* v, double* qdot) { qdot[0] = qdot[1] = *v; }; });
+  add("ARateThatIsNotWritten", "qdot is linear in v", curve(),
+      [](Table& t) { t.qdot = [](const void*, const double*, const double*, double*) {}; });
   add("NoNumberAtZero", "linear part of Ht v", curve(),
       [](Table& t) { t.kinematics = CHANGED_RECORD(curve(), o.p_OP[2] = q == 0 ? NAN : o.p_OP[2];); });
 
@@ -251,21 +237,18 @@ std::vector<Mutant> mutants() {
     t.axis = [](const void* p, double u[3], double* pitch) {
       built_in("prismatic").axis(p, u, pitch);
       for (int i = 0; i < 3; ++i) u[i] = -u[i];
-      return 0;
     };
   });
   add("AScrewOfAnotherPitch", "the declared shape is true: l", built_in("helical"), [](Table& t) {
     t.axis = [](const void* p, double u[3], double* pitch) {
       built_in("helical").axis(p, u, pitch);
       *pitch *= 1 + 1e-9;
-      return 0;
     };
   });
   add("AnAxisOfLengthTwo", "the declared shape is true: length of the axis", built_in("prismatic"), [](Table& t) {
     t.axis = [](const void* p, double u[3], double* pitch) {
       built_in("prismatic").axis(p, u, pitch);
       for (int i = 0; i < 3; ++i) u[i] *= 2;
-      return 0;
     };
   });
   add(
@@ -321,11 +304,6 @@ TEST(HingeLaws, AskNothingOutsideOfADomain) {
       out[j] = {{1, 0, 0, 0, 1, 0, 0, 0, 1}, {x, 0, z}, {0, 0, 0, 1, 0, -x / z}, {0, 0, 0, 0, 0, -4 / (z * z * z) * rate * rate}};
     }
   };
-  circle.map_dot = [](const void*, const double* q, const double* u, double* out) {
-    const double z = std::sqrt(4 - *q * *q);
-    std::fill_n(out, 6, 0.0);
-    out[5] = -4 / (z * z * z) * *u;
-  };
   for (const std::string& v : hinge_law_violations(circle)) ADD_FAILURE() << v;
 }
 
@@ -336,16 +314,23 @@ TEST(HingeTables, AreLookedAtBeforeTheyAreUsed) {
     const auto found = hinge_law_violations(t);
     return found.empty() ? std::string("nothing") : found.front();
   };
+  static constexpr cardan_param_desc kNoChoices[] = {param::required("a", CARDAN_CHOICE, "1", "x")};
+  static constexpr cardan_param_desc kNoNames[] = {param::required("a", CARDAN_TABLE, "1", "x", 2)};
+  static constexpr cardan_param_desc kTurnedRange[] = {param::in_range(param::required("a", CARDAN_NUMBER, "1", "x"), 2, 1)};
+  static constexpr cardan_param_desc kFlags[] = {param::in_range(param::required("a", CARDAN_NUMBER, "1", "x"), 1, 2, 64)};
   static const char* const kOneNull[] = {nullptr};
   static const char* const kNoUnit[] = {"parsec"};
-  static constexpr cardan_param_desc kNoName[] = {{nullptr, CARDAN_NUMBER, "m", 1, {}, 0, "x"}};
-  static constexpr cardan_param_desc kNoUnitOfParameter[] = {{"a", CARDAN_NUMBER, nullptr, 1, {}, 0, "x"}};
-  static constexpr cardan_param_desc kKind[] = {{"a", 17, "m", 1, {}, 0, "x"}};
+  static constexpr cardan_param_desc kNoName[] = {param::required(nullptr, CARDAN_NUMBER, "m", "x")};
+  static constexpr cardan_param_desc kNoUnitOfParameter[] = {param::required("a", CARDAN_NUMBER, nullptr, "x")};
+  static constexpr cardan_param_desc kKind[] = {[] {
+    cardan_param_desc d = param::required("a", CARDAN_NUMBER, "m", "x");
+    d.kind = 17;
+    return d;
+  }()};
   const auto starts = [&](const std::string& expected, const Table& base, const auto& change) {
     const std::string found = fault(base, change);
     EXPECT_EQ(found.substr(0, expected.size()), expected) << found;
   };
-  starts("struct_size: 8,", curve(), [](Table& t) { t.struct_size = 8; });
   starts("type: null", curve(), [](Table& t) { t.type = nullptr; });
   starts("type: a name", curve(), [](Table& t) { t.type = ""; });
   starts("type: no text of one line", curve(), [](Table& t) { t.type = "a\033[31m"; });
@@ -367,8 +352,12 @@ TEST(HingeTables, AreLookedAtBeforeTheyAreUsed) {
   starts("params_size: 2000000000,", curve(), [](Table& t) { t.params_size = 2'000'000'000; });
   starts("params[0].name: null", curve(), [](Table& t) { t.n_params = 1, t.params = kNoName; });
   starts("params[0].unit: null", curve(), [](Table& t) { t.n_params = 1, t.params = kNoUnitOfParameter; });
+  starts("params[0].count: 0, and a choice", curve(), [](Table& t) { t.n_params = 1, t.params = kNoChoices; });
+  starts("params[0].names: null", curve(), [](Table& t) { t.n_params = 1, t.params = kNoNames; });
+  starts("params[0].lower, upper: 2, 1,", curve(), [](Table& t) { t.n_params = 1, t.params = kTurnedRange; });
+  starts("params[0].flags: 65,", curve(), [](Table& t) { t.n_params = 1, t.params = kFlags; });
   starts("params[0].kind: 17", curve(), [](Table& t) { t.n_params = 1, t.params = kKind; });
-  starts("pack writes 32 bytes, params_size is 7", built_in("revolute"), [](Table& t) { t.params_size = 7; });
+  starts("pack writes 32 bytes, 7 are its own", built_in("revolute"), [](Table& t) { t.params_size = 7; });
   starts("pack refuses every set of random parameters", curve(),
          [](Table& t) { t.pack = [](const cardan_param_values*, void*) { return 1; }; });
 }

@@ -10,6 +10,7 @@
 #include <sstream>
 #include <string>
 
+#include "bodies/register.hpp"
 #include "bodies/vehicle/load_vehicle.hpp"
 #include "core/base/diagnostic.hpp"
 #include "core/io/yaml_reader.hpp"
@@ -42,6 +43,7 @@ std::string answer_to(const std::string& file) {
   fs::current_path(kFolder);
   Registry registry;
   register_hinges(registry);
+  register_bodies(registry);
   try {
     SystemSpec spec = read_vehicle(file, registry);
     make_modes(spec);

@@ -93,27 +93,243 @@ TEST_P(FaultyPlugin, IsAnswered) {
   EXPECT_TRUE(has(alone.exit_code == 1 ? alone.out : alone.err, text)) << alone.out << alone.err;
   EXPECT_FALSE(has(alone.err, "check-plugin p.so")) << "no hint at what ran just now";
 }
-INSTANTIATE_TEST_SUITE_P(Every, FaultyPlugin,
-                         testing::Values(Fault{"refuses", "C0603", "it refused"}, Fault{"other_major", "C0603", "ABI 99."},
-                                         Fault{"newer_minor", "C0603", "ABI 1.99"}, Fault{"null_name", "C0602", "a null pointer"},
-                                         Fault{"null_family", "C0602", "a null pointer"}, Fault{"short_plugin", "C0602", "struct_size = 8"},
-                                         Fault{"endless_families", "C0602", "a table again at index 1"},
-                                         Fault{"null_type", "C0604", "type: null"}, Fault{"null_params", "C0604", "params: null"},
-                                         Fault{"many_params", "C0604", "n_params: 1000000"}, Fault{"null_units", "C0604", "v_units: null"},
-                                         Fault{"small_params", "C0604", "pack writes 8 bytes, params_size is 0"},
-                                         Fault{"law", "C0604", "linear part of Ht v"},
-                                         Fault{"crash_load", "C0601", "Segmentation fault, in the loading of the library"},
-                                         Fault{"crash_entry", "C0604", "Segmentation fault, in cardan_plugin_entry"},
-                                         Fault{"crash_family", "C0604", "Segmentation fault, in family(\"hinge\", 0)"},
-                                         Fault{"crash_pack", "C0604", "Segmentation fault, in pack of hinge \"faulty/slide\""},
-                                         Fault{"abort_kinematics", "C0604", "Aborted, in kinematics of hinge \"faulty/slide\""},
-                                         Fault{"exit_pack", "C0604", "the process was ended (exit), in pack of"},
-                                         Fault{"exit_kinematics", "C0604", "the process was ended (exit), in kinematics"},
-                                         Fault{"throw_entry", "C0604", "an exception in cardan_plugin_entry"},
-                                         Fault{"throw_qdot", "C0604", "an exception in hinge \"faulty/slide\""},
-                                         Fault{"error_pack", "C0604", "no luck today"},
-                                         Fault{"loop_kinematics", "C0604", ", in kinematics of hinge \"faulty/slide\""}),
-                         [](const auto& tested) { return std::string(tested.param.name); });
+INSTANTIATE_TEST_SUITE_P(
+    Every, FaultyPlugin,
+    testing::Values(
+        Fault{"refuses", "C0603", "it refused"}, Fault{"refuses_with_a_reason", "C0603", "it refused: no licence on?this machine"},
+        Fault{"no_families", "C0602", "families of one of the kinds \"hinge\", \"body.draft1\""},
+        Fault{"short_table", "C0604", "struct_size: 40, expected at least"}, Fault{"short_params", "C0604", "param_size: 8, expected"},
+        Fault{"other_major", "C0603", "ABI 99."}, Fault{"newer_minor", "C0603", "ABI 2.99"}, Fault{"null_name", "C0602", "a null pointer"},
+        Fault{"null_family", "C0602", "a null pointer"}, Fault{"short_plugin", "C0602", "struct_size = 8"},
+        Fault{"endless_families", "C0602", "a table again at index 1"}, Fault{"null_type", "C0604", "type: null"},
+        Fault{"null_params", "C0604", "params: null"}, Fault{"many_params", "C0604", "n_params: 1000000"},
+        Fault{"null_units", "C0604", "v_units: null"}, Fault{"small_params", "C0604", "pack writes 8 bytes, 0 are its own"},
+        Fault{"law", "C0604", "linear part of Ht v"}, Fault{"crash_load", "C0601", "Segmentation fault, in the loading of the library"},
+        Fault{"crash_entry", "C0604", "Segmentation fault, in cardan_plugin_entry"},
+        Fault{"crash_family", "C0604", "Segmentation fault, in family(\"hinge\", 0)"},
+        Fault{"crash_pack", "C0604", "Segmentation fault, in pack of hinge \"faulty/slide\""},
+        Fault{"abort_kinematics", "C0604", "Aborted, in kinematics of hinge \"faulty/slide\""},
+        Fault{"exit_pack", "C0604", "the process was ended (exit), in pack of"},
+        Fault{"exit_kinematics", "C0604", "the process was ended (exit), in kinematics"},
+        Fault{"throw_entry", "C0604", "an exception in cardan_plugin_entry"},
+        Fault{"throw_qdot", "C0604", "an exception in hinge \"faulty/slide\""}, Fault{"error_pack", "C0604", "no luck today"},
+        Fault{"loop_kinematics", "C0604", ", in kinematics of hinge \"faulty/slide\""}),
+    [](const auto& tested) { return std::string(tested.param.name); });
+
+// ---- the codes with their whole text ----
+
+TEST(Plugins, AreRefusedWithTheseWords) {
+  const PluginFolder dir;
+  const auto answer = [&](const char* fault) { return with_fault(fault, {"check", "."}, dir.path()).err; };
+  const std::string place =
+      "  --> ./scenario.lua:1\n  at: plugin\n    1 | plugin 'p.so' vehicle 'vehicle.yaml' mission { duration = 1, integrator = { method = "
+      "'rk4', step = 0...\n";
+  const std::string end = "\n1 error. Nothing was run.\n";
+  EXPECT_EQ(answer("no_families"), "error[C0602]: not a Cardan plugin\n" + place +
+                                       "  expected: families of one of the kinds \"hinge\", \"body.draft1\"\n  got:      none\n"
+                                       "  hint:     one that was built against another draft of a kind has none of this one: rebuild it\n" +
+                                       end);
+  EXPECT_EQ(answer("newer_minor"), "error[C0603]: plugin was built for another Cardan\n" + place +
+                                       "  expected: ABI 2.0 to 2.0\n  got:      ABI 2.99\n"
+                                       "  hint:     rebuild it against core/abi/cardan_abi.h of this version\n" +
+                                       end);
+  EXPECT_EQ(answer("short_table"),
+            "error[C0604]: plugin breaks a law of its family\n" + place +
+                "  expected: hinge \"no. 0\" to obey the laws of its kind\n  got:      struct_size: 40, expected at least 120 bytes\n"
+                "  hint:     the whole list: cardan check-plugin ./p.so\n" +
+                end);
+}
+
+TEST(Plugins, MaySaySomething) {
+  const PluginFolder dir;
+  const Finished check = with_fault("talks", {"check-plugin", "p.so"}, dir.path());
+  EXPECT_EQ(check.err, "p.so: warning: a trial version\n");
+  EXPECT_EQ(check.exit_code, 0);
+}
+
+// ---- docs/extending/hinge.md: parameters that are tables and files ----
+
+struct TrackFolder : TemporaryFolder {
+  TrackFolder() {
+    fs::copy(kPlugins + "track.so", *this / "track.so");
+    std::ofstream(*this / "scenario.lua")
+        << "plugin 'track.so' vehicle 'vehicle.yaml' mission { duration = 1 } initial { a = { rate = 1 } }\n";
+  }
+  Finished with_coefficients(const std::string& value, const std::vector<std::string>& arguments) const {
+    std::ofstream(*this / "vehicle.yaml")
+        << "cardan: 1\nbodies:\n  a: {mass: 1, inertia: [1, 1, 1], hinge: {type: acme/track, to: world, coefficients: " + value + "}}\n";
+    return run_program(arguments, path());
+  }
+  /// The first answer without its place.
+  std::string refusal(const std::string& value) const {
+    const std::string err = with_coefficients(value, {"check", "."}).err;
+    const std::size_t from = err.find("  expected: ");
+    return err.substr(0, err.find('\n')) + "\n" + (from == err.npos ? err : err.substr(from, err.find("\n\n") - from));
+  }
+};
+
+TEST(PluginTables, AreTheSameInPlaceAndInAFile) {
+  const TrackFolder dir;
+  const Finished in_place = dir.with_coefficients("[[0, 0, 0], [1 m, 0, 0], [0, 20 cm, 0]]", {"run", ".", "--out", "a", "--quiet"});
+  EXPECT_EQ(in_place.exit_code, 0) << in_place.err;
+  write(dir / "track.csv", "# of s^0, s^1, s^2\nx [mm], y, z [m]\r\n0, 0, 0\n1000, 0 cm, 0  # forward\n\n0, 20 cm, 0\n");
+  const Finished file = dir.with_coefficients("track.csv", {"run", ".", "--out", "b", "--quiet"});
+  EXPECT_EQ(file.exit_code, 0) << file.err;
+  EXPECT_EQ(channels_of(dir / "a"), channels_of(dir / "b"));
+  const auto hashes = Hdf5File::open(dir / "b/run.h5").read_texts("/run/modal_files");
+  ASSERT_EQ(hashes.size(), 2u) << "the file is recorded as files of modes are";
+  EXPECT_EQ(hashes[0], "track.csv");
+  write(dir / "track.csv", "0, 0, 0\n1, 0, 0\n0, 0.3, 0\n");
+  EXPECT_TRUE(has(run_program({"run", "--again", "b/run.h5", "--out", "c"}, dir.path()).err, "error[C0703]"));
+}
+
+TEST(PluginTables, AreRefusedWithTheirLine) {
+  const TrackFolder dir;
+  const std::string columns = "x [m], y [m], z [m]";
+  EXPECT_EQ(dir.refusal("7 m"), "error[C0102]: file not found\n  expected: a CSV file that can be read, with the columns " + columns +
+                                    "\n  got:      \"./7 m\"\n  hint:     give its path relative to the vehicle file");
+  EXPECT_EQ(dir.refusal("{}"), "error[C0106]: wrong type of value\n  expected: a list of rows [" + columns +
+                                   "], or the name of a CSV file\n  got:      a map of 0 keys");
+  EXPECT_EQ(dir.refusal("[[1, 2]]"),
+            "error[C0106]: wrong type of value\n  expected: a row [" + columns + "]\n  got:      a list of 2 values");
+  EXPECT_EQ(dir.refusal("[[1, 2, 3]]"),
+            "error[C0301]: value out of range\n  expected: two rows or more\n  got:      one row\n"
+            "  hint:     with one row the body would not move: type: locked");
+  write(dir / "t.csv", "x, y, w\n");
+  EXPECT_EQ(dir.refusal("t.csv"), "error[C0106]: wrong type of value\n  expected: the columns " + columns + "\n  got:      \"w\"");
+  write(dir / "t.csv", "x [kg], y, z\n");
+  EXPECT_EQ(dir.refusal("t.csv"), "error[C0106]: wrong type of value\n  expected: the columns " + columns + "\n  got:      \"x [kg]\"");
+  write(dir / "t.csv", "1, 2, 3\n4, 5\n");
+  EXPECT_EQ(dir.refusal("t.csv"), "error[C0106]: wrong type of value\n  expected: 3 values: " + columns + "\n  got:      2 values");
+  EXPECT_TRUE(has(dir.with_coefficients("t.csv", {"check", "."}).err, "--> ./t.csv:2\n")) << "the line of the file";
+  write(dir / "t.csv", "x [mm], y, z\n1, 2, 3\n1, 2, three\n");
+  EXPECT_TRUE(has(dir.refusal("t.csv"), "error[C0108]"));
+  write(dir / "t.csv", "x [mm], y, z\n1 m, 2, 3\n");
+  EXPECT_EQ(dir.refusal("t.csv"), "error[C0108]: not a number\n  expected: a number, its unit is in the first line\n  got:      \"1 m\"");
+  write(dir / "t.csv", "# nothing\n");
+  EXPECT_EQ(dir.refusal("t.csv"), "error[C0106]: wrong type of value\n  expected: rows of " + columns + "\n  got:      0 numbers");
+}
+
+// ---- the other kinds of parameters, by the plugin that was built against contract 2.0 ----
+
+struct FrozenFolder : TemporaryFolder {
+  FrozenFolder() {
+    fs::copy(kPlugins + "frozen_2_0.so", *this / "p.so");
+    std::ofstream(*this / "scenario.lua") << "plugin 'p.so' vehicle 'vehicle.yaml' mission { duration = 1 } initial { a = { rate = 1 } }\n";
+  }
+  Finished with(const std::string& parameters, const std::vector<std::string>& arguments) const {
+    std::ofstream(*this / "vehicle.yaml")
+        << "cardan: 1\ngravity: {uniform: [1, 0, 0]}\nbodies:\n  a: {mass: 1, inertia: [1, 1, 1], hinge: {type: frozen/slide, to: world, " +
+               parameters + "}}\n";
+    return run_program(arguments, path());
+  }
+  /// What a pull of 1 m/s^2 along x adds to s within a second from rate 1 on: s'' = 1 / gain. Tells the gain.
+  double gain_of(const std::string& parameters) const {
+    const Finished run = with(parameters, {"run", ".", "--out", "out", "--quiet"});
+    EXPECT_EQ(run.exit_code, 0) << parameters << run.err;
+    return run.exit_code != 0 ? NAN : 0.5 / (channels_of(*this / "out").at("/channels/hinges/a/s").back() - 1.0);
+  }
+  void expect_refusal(const std::string& parameters, const std::string& text) const {
+    const Finished check = with(parameters, {"check", "."});
+    EXPECT_EQ(check.exit_code, 2);
+    EXPECT_TRUE(has(check.err, text)) << parameters << "\n" << check.err;
+  }
+};
+
+TEST(PluginParameters, AreNumbersInTheirRangesChoicesAndFiles) {
+  const FrozenFolder dir;
+  write(dir / "gain.txt", "2.5\n");
+  EXPECT_NEAR(dir.gain_of("gain: 1 m"), 1.0, 1e-9);
+  EXPECT_NEAR(dir.gain_of("gain: 2, sense: backward"), -2.0, 1e-9);
+  EXPECT_NEAR(dir.gain_of("gain: 2, gears: 3"), 6.0, 1e-9);
+  EXPECT_NEAR(dir.gain_of("gain_file: gain.txt"), 2.5, 1e-9);
+  EXPECT_EQ(Hdf5File::open(dir / "out/run.h5").read_texts("/run/modal_files").at(0), "gain.txt");
+  const std::string range = "error[C0301]: value out of range\n";
+  dir.expect_refusal("gain: 0", "  expected: a number > 0 and <= 10\n  got:      0\n");
+  dir.expect_refusal("gain: 0", range);
+  dir.expect_refusal("gears: 7", "  expected: a whole number from 1 to 5\n  got:      7\n");
+  dir.expect_refusal("gears: 1.5", "  expected: a whole number\n  got:      1.5\n");
+  dir.expect_refusal("sense: sideways", "error[C0208]: unknown name\n");
+  dir.expect_refusal("sense: sideways", "  expected: forward or backward (which way)\n  got:      \"sideways\"\n");
+  dir.expect_refusal("sense: forwards", "  hint:     did you mean \"forward\"?\n");
+  dir.expect_refusal("gain_file: none.txt", "error[C0102]: file not found\n");
+  dir.expect_refusal("gain_file: none.txt", "  expected: a file that can be read: a text that is the gain, in place of `gain`\n");
+  write(dir / "gain.txt", "-1\n");
+  dir.expect_refusal("gain_file: gain.txt", "  expected: a file with a number > 0\n  got:      \"./gain.txt\"\n");
+  const Finished told = run_program({"types", "frozen/slide", "--plugin", "p.so"}, dir.path());
+  EXPECT_EQ(told.out,
+            "hinge frozen/slide: a slide of contract 2.0\n"
+            "  parameters    gain: number [m] > 0 and <= 10, default 1\n"
+            "                  metres per unit\n"
+            "                sense: one of forward, backward, default forward\n"
+            "                  which way\n"
+            "                gears: whole number from 1 to 5, default 1\n"
+            "                  how often the gain\n"
+            "                gain_file: file, optional\n"
+            "                  a text that is the gain, in place of `gain`\n"
+            "  coordinates   s\n"
+            "  velocities    rate [1/s]\n"
+            "  plugin        p.so\n");
+}
+
+// ---- docs/extending/body.md ----
+
+constexpr const char* kBodies =
+    "cardan: 1\nbodies:\n"
+    "  bus: {type: acme/box, size: [2 m, 1 m, 1 m], density: 120, nodes: {edge: {position: [1, 0, 0]}}, hinge: {type: free, to: world}}\n"
+    "  wing:\n    type: acme/wing\n    level: 0\n"
+    "    modal: {beam: {length: 5 m, material: {E: 70 GPa, rho: 2700}, section: {tube: {radius: 5 cm, wall: 2 mm}}}, modes: {count: 3}}\n"
+    "    hinge: {type: revolute, axis: [0, 1, 0], to: bus.edge, at: root, initial: {rate: 0.1}}\n";
+
+struct BodiesFolder : TemporaryFolder {
+  BodiesFolder() {
+    fs::copy(kPlugins + "acme_bodies.so", *this / "p.so");
+    std::ofstream(*this / "scenario.lua") << "plugin 'p.so' vehicle 'vehicle.yaml' mission { duration = 1 }\n";
+  }
+  Finished with(const std::string& vehicle, const std::vector<std::string>& arguments) const {
+    write(*this / "vehicle.yaml", vehicle);
+    return run_program(arguments, path());
+  }
+};
+
+TEST(PluginBodies, AreBodiesLikeTheBuiltInOnes) {
+  const BodiesFolder dir;
+  const std::string built_in = replaced(replaced(kBodies, "acme/wing", "modal_flexible"),
+                                        "type: acme/box, size: [2 m, 1 m, 1 m], density: 120", "mass: 240, inertia: [40, 100, 100]");
+  for (const auto& [out, vehicle] : {std::pair<std::string, std::string>{"a", kBodies}, {"b", built_in}}) {
+    const Finished run = dir.with(vehicle, {"run", ".", "--out", out, "--quiet"});
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+  }
+  EXPECT_EQ(channels_of(dir / "a"), channels_of(dir / "b")) << "level 0 by a plugin and by us, a box by its edges and by its mass";
+  const Finished coupled = dir.with(kBodies, {"run", ".", "--out", "c", "--quiet", "--set", "bodies.wing.mean_axes=true"});
+  EXPECT_EQ(coupled.exit_code, 0) << coupled.err;
+  EXPECT_NE(channels_of(dir / "a"), channels_of(dir / "c")) << "its parameter matters";
+  const std::string told = run_program({"describe", "."}, dir.path()).out;
+  EXPECT_TRUE(has(told, "acme/wing")) << told;
+}
+
+TEST(PluginBodies, RefuseInTheirOwnWords) {
+  const BodiesFolder dir;
+  const std::string level = dir.with(replaced(kBodies, "level: 0", "level: 2"), {"check", "."}).err;
+  EXPECT_TRUE(has(level, "error[C0301]: value out of range\n  --> ./vehicle.yaml:6:12\n  at: bodies.wing.level\n")) << level;
+  EXPECT_TRUE(has(level, "  expected: level: 0, the only one of acme/wing\n  got:      2\n")) << level;
+  const std::string range = dir.with(replaced(kBodies, "density: 120", "density: 0"), {"check", "."}).err;
+  EXPECT_TRUE(has(range, "error[C0301]: value out of range\n")) << range;
+  EXPECT_TRUE(has(range, "  at: bodies.bus.density\n")) << range;
+  EXPECT_TRUE(has(range, "  expected: a number > 0\n  got:      0\n")) << range;
+  const std::string truth = dir.with(replaced(kBodies, "level: 0", "level: 0\n    mean_axes: 1"), {"check", "."}).err;
+  EXPECT_TRUE(has(truth, "error[C0106]")) << truth;
+  const std::string key = dir.with(replaced(kBodies, "density", "denstiy"), {"check", "."}).err;
+  EXPECT_TRUE(has(key, "error[C0104]: unknown key")) << key;
+  EXPECT_TRUE(has(key, "did you mean \"density\"?")) << key;
+  const std::string mass = dir.with(replaced(kBodies, "density: 120", "mass: 3"), {"check", "."}).err;
+  EXPECT_TRUE(has(mass, "error[C0104]: unknown key")) << mass;
+  const std::string type = dir.with(replaced(kBodies, "acme/box", "acme/bx"), {"check", "."}).err;
+  EXPECT_TRUE(has(type, "  expected: a body type: rigid, particle, modal_flexible, acme/box or acme/wing\n")) << type;
+  const std::string twin = dir.with(kBodies, {"run", ".", "--out", "d", "--quiet", "--check-against-reference"}).err;
+  EXPECT_TRUE(has(twin, "error[C0401]: not supported by the chosen method\n")) << twin;
+  EXPECT_TRUE(has(twin, "a body with modes of a built-in type")) << twin;
+}
 
 // At 0.75 m, where no sample was: the run cannot be answered by a law any more, but it does not end with success.
 TEST(Plugins, ThatEndTheProcessDoNotEndItWithSuccess) {
@@ -121,6 +337,15 @@ TEST(Plugins, ThatEndTheProcessDoNotEndItWithSuccess) {
   const Finished run = with_fault("late_exit", {"run", ".", "--quiet", "--out", "out"}, dir.path());
   EXPECT_EQ(run.exit_code, 70) << run.out << run.err;
   EXPECT_TRUE(has(run.err, "exit")) << run.err;
+}
+
+TEST(Plugins, ThatGiveNoNumberInARunAreNamed) {
+  const PluginFolder dir;
+  const Finished run = with_fault("late_nan", {"run", ".", "--quiet", "--out", "out"}, dir.path());
+  EXPECT_EQ(run.exit_code, 3) << run.out << run.err;
+  EXPECT_TRUE(has(run.err, "error[N0108]")) << run.err;
+  EXPECT_TRUE(has(run.err, "kinematics of hinge \"faulty/slide\" (./p.so) gives a value that is not finite")) << run.err;
+  EXPECT_TRUE(fs::exists(dir / "out/run.h5")) << "what was recorded is kept";
 }
 
 }  // namespace

@@ -37,7 +37,7 @@ std::vector<const cardan_hinge_family*> families() {
     return r;
   }();
   std::vector<const cardan_hinge_family*> all;
-  for (const Registry::Entry& e : registry.hinges()) all.push_back(e.family);
+  for (const auto& e : registry.hinges.all()) all.push_back(e.family);
   return all;
 }
 

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <sstream>
 
+#include "bodies/register.hpp"
 #include "hinges/register.hpp"
 #include "tests/support/worse.hpp"
 
@@ -22,6 +23,7 @@ const Registry& hinges() {
   static const Registry registry = [] {
     Registry r;
     register_hinges(r);
+    register_bodies(r);
     return r;
   }();
   return registry;

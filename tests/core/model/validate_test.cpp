@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include "bodies/register.hpp"
+#include "hinges/register.hpp"
+
 namespace cardan {
 namespace {
 
@@ -16,8 +19,13 @@ BodySpec body(std::string name, std::string inboard = "") {
 }
 
 std::string faults(const SystemSpec& spec) {
+  static const Registry registry = [] {
+    Registry all;
+    register_hinges(all), register_bodies(all);
+    return all;
+  }();
   DiagnosticSink sink;
-  validate(spec, sink);
+  validate(spec, registry, sink);
   std::string out;
   for (const Diagnostic& d : sink.all()) out += std::string(number_of(d.code)) + " " + d.at.key_path + "; ";
   return out;

@@ -234,9 +234,6 @@ TEST(TwinRefuses, WhatItCannotDo) {
   SystemSpec spec;
   spec.bodies = {rigid("a", "free"), rigid("b", "ball")};
   SystemSpec bad = spec;
-  bad.bodies[0].type = "acme/balloon";
-  EXPECT_EQ(refusal(bad), Code::unsupported);
-  bad = spec;
   bad.bodies[0].hinge.type = "acme/helix";
   EXPECT_EQ(refusal(bad), Code::unsupported);
   bad = spec;

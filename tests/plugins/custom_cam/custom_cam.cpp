@@ -13,10 +13,10 @@ struct CustomCam {
     double u[3], a, b, c;
   };
   static constexpr cardan_param_desc schema[] = {
-      {"axis", CARDAN_UNIT_VECTOR, "1", 1, {0, 0, 0}, 1, "axis of the rotation, in the axes of the hinge nodes"},
-      {"a", CARDAN_NUMBER, "1/m", 1, {0, 0, 0}, 0, "curvature of the path in y"},
-      {"b", CARDAN_NUMBER, "m", 1, {0, 0, 0}, 0, "amplitude of the path in z"},
-      {"c", CARDAN_NUMBER, "rad/m", 1, {0, 0, 0}, 0, "rotation per unit of s"}};
+      cardan::param::required("axis", CARDAN_UNIT_VECTOR, "1", "axis of the rotation, in the axes of the hinge nodes"),
+      cardan::param::required("a", CARDAN_NUMBER, "1/m", "curvature of the path in y"),
+      cardan::param::required("b", CARDAN_NUMBER, "m", "amplitude of the path in z"),
+      cardan::param::required("c", CARDAN_NUMBER, "rad/m", "rotation per unit of s")};
   static constexpr const char* q_names[] = {"s"};
   static constexpr const char* q_units[] = {"m"};
   static constexpr const char* v_names[] = {"rate"};
@@ -44,15 +44,13 @@ struct CustomCam {
     out.p_OP = Eigen::Vector3d(s, p.a * s * s, p.b * std::sin(s));
     out.Ht.head<3>() = p.c * Eigen::Map<const Eigen::Vector3d>(p.u);
     out.Ht.tail<3>() = out.R_OP.transpose() * Eigen::Vector3d(1, 2 * p.a * s, p.b * std::cos(s));
-    out.Hdot_v = map_dot(p, q, v) * v[0];
+    out.Hdot_v.tail<3>() = map_rate(p, s) * v[0] * v[0];
   }
-  static Eigen::Matrix<double, 6, 1> map_dot(const Packed& p, const double* q, const double* u) noexcept {
-    const double s = q[0];
+  /// Derivative of the linear part of the map along s; the angular part is constant.
+  static Eigen::Vector3d map_rate(const Packed& p, double s) {
     const Eigen::Vector3d axis(p.u[0], p.u[1], p.u[2]), tangent(1, 2 * p.a * s, p.b * std::cos(s));
     const Eigen::Matrix3d R_PO = rotation(p, s).transpose();
-    Eigen::Matrix<double, 6, 1> d = Eigen::Matrix<double, 6, 1>::Zero();
-    d.tail<3>() = u[0] * (R_PO * Eigen::Vector3d(0, 2 * p.a, -p.b * std::sin(s)) - p.c * axis.cross(R_PO * tangent));
-    return d;
+    return R_PO * Eigen::Vector3d(0, 2 * p.a, -p.b * std::sin(s)) - p.c * axis.cross(R_PO * tangent);
   }
 };
 

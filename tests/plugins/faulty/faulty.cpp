@@ -1,4 +1,5 @@
 // A plugin with the fault that the environment variable CARDAN_FAULT names; without it a good one: a slide along x.
+#include <cmath>
 #include <csignal>
 #include <cstdint>
 #include <cstdlib>
@@ -33,7 +34,7 @@ const struct AtLoad {
   AtLoad() { misbehave("load"); }
 } at_load;
 
-const cardan_param_desc schema[] = {{"gain", CARDAN_NUMBER, "1", 0, {1, 0, 0}, 0, "metres per coordinate"}};
+const cardan_param_desc schema[] = {{"gain", CARDAN_NUMBER, 0, "1", "metres per coordinate", {1, 0, 0}, 0, 0, 0, nullptr, nullptr}};
 const char *const names[] = {"s"}, *const units[] = {"m"}, *const v_names[] = {"rate"}, *const v_units[] = {"m/s"};
 
 int pack(const cardan_param_values* values, void* out) {
@@ -50,29 +51,35 @@ void kinematics(const void* p, std::uint32_t n, const std::uint32_t* iq, const s
     if (fault("law")) gain = -gain;
     out[j] = {{1, 0, 0, 0, 1, 0, 0, 0, 1}, {fault("law") ? -gain * q[iq[j]] : gain * q[iq[j]], 0, 0}, {0, 0, 0, gain}, {}};
   }
-  if (fault("late_exit") && q[iq[0]] > 0.7499999 && q[iq[0]] < 0.7500001) std::exit(0);  // none of the samples is there, a run can be
+  if (q[iq[0]] > 0.7499999 && q[iq[0]] < 0.7500001) {  // none of the samples is there, a run can be
+    if (fault("late_exit")) std::exit(0);
+    if (fault("late_nan")) out[0].Hdot_v[3] = std::nan("");
+  }
 }
 void qdot(const void*, const double*, const double* v, double* out) {
   misbehave("qdot");
   *out = *v;
 }
-void map_dot(const void*, const double*, const double*, double* out) { std::memset(out, 0, 6 * sizeof(double)); }
 
 cardan_hinge_family slide;
 cardan_plugin plugin;
 
 const void* family(const char* kind, std::uint32_t i) {
   misbehave("family");
-  if (std::strcmp(kind, "hinge") != 0) return nullptr;
+  if (std::strcmp(kind, CARDAN_KIND_HINGE) != 0 || fault("no_families")) return nullptr;
   return i == 0 || fault("endless_families") ? &slide : nullptr;
 }
 
 }  // namespace
 
-extern "C" CARDAN_EXPORT const cardan_plugin* cardan_plugin_entry(const cardan_host*) {
+extern "C" CARDAN_EXPORT const cardan_plugin* cardan_plugin_entry(const cardan_host* host) {
   misbehave("entry");
+  const auto* log = static_cast<const cardan_log*>(host->service(host, CARDAN_SERVICE_LOG));
+  if (fault("refuses_with_a_reason")) return log->say(log, CARDAN_LOG_ERROR, "no licence on\nthis machine"), nullptr;
+  if (fault("talks")) log->say(log, CARDAN_LOG_WARNING, "a trial version");
+  if (host->service(host, "no such service") != nullptr) std::abort();
   slide = {};
-  slide.struct_size = sizeof slide;
+  slide.struct_size = fault("short_table") ? 40 : sizeof slide;
   slide.type = fault("null_type") ? nullptr : "faulty/slide";
   slide.summary = "a slide along x";
   slide.nq = slide.nv = 1;
@@ -80,9 +87,10 @@ extern "C" CARDAN_EXPORT const cardan_plugin* cardan_plugin_entry(const cardan_h
   slide.params_size = fault("small_params") ? 0 : sizeof(double);
   slide.params = fault("null_params") ? nullptr : schema;
   slide.n_params = fault("many_params") ? 1'000'000 : 1;
+  slide.param_size = fault("short_params") ? 8 : sizeof(cardan_param_desc);
   slide.q_names = names, slide.v_names = v_names, slide.q_units = units;
   slide.v_units = fault("null_units") ? nullptr : v_units;
-  slide.pack = pack, slide.kinematics = kinematics, slide.qdot = qdot, slide.map_dot = map_dot;
+  slide.pack = pack, slide.kinematics = kinematics, slide.qdot = qdot;
   plugin = {sizeof plugin, CARDAN_ABI_MAJOR, CARDAN_ABI_MINOR, "faulty", "1", "Apache-2.0", family};
   if (fault("other_major")) plugin.abi_major = 99, plugin.name = plugin.version = nullptr;
   if (fault("newer_minor")) plugin.abi_minor = 99;

@@ -1,0 +1,35 @@
+// Built-in families under other names, compiled from the same sources into a plugin.
+#include <cstdint>
+#include <cstring>
+
+#include "core/abi/cardan_abi.h"
+#include "core/abi/cardan_body.h"
+
+namespace cardan {
+const cardan_hinge_family& universal_family();
+const cardan_hinge_family& revolute_family();
+const cardan_hinge_family& ball_family();
+const cardan_body_family& modal_flexible_family();
+}  // namespace cardan
+
+namespace {
+
+template <class Table>
+Table named(Table table, const char* type) {
+  table.type = type;
+  return table;
+}
+
+const void* family(const char* kind, std::uint32_t i) {
+  static const cardan_hinge_family hinges[] = {named(cardan::universal_family(), "twin/universal"),
+                                               named(cardan::revolute_family(), "twin/revolute"),
+                                               named(cardan::ball_family(), "twin/ball")};
+  static const cardan_body_family body = named(cardan::modal_flexible_family(), "twin/modal_flexible");
+  if (std::strcmp(kind, CARDAN_KIND_HINGE) == 0) return i < 3 ? &hinges[i] : nullptr;
+  return std::strcmp(kind, CARDAN_KIND_BODY) == 0 && i == 0 ? &body : nullptr;
+}
+const cardan_plugin kPlugin{sizeof(cardan_plugin), CARDAN_ABI_MAJOR, CARDAN_ABI_MINOR, "twins", "1", "Apache-2.0", family};
+
+}  // namespace
+
+extern "C" CARDAN_EXPORT const cardan_plugin* cardan_plugin_entry(const cardan_host*) { return &kPlugin; }
