@@ -7,6 +7,7 @@ cmake_minimum_required(VERSION 3.25)
 set(layers
   "core/abi/cardan_abi.h|"
   "core/abi/cardan_body.h|core/abi/cardan_abi.h"
+  "core/abi/cardan_device.h|core/abi/cardan_abi.h"
   "core/base|"
   "core/spatial|core/base"
   "core/linalg|core/base"
@@ -32,12 +33,12 @@ set(layers
   "scripts/lua/|core/base"
   "scripts/lua/matrix|core/base core/linalg/dense core/io/hdf5_file scripts/lua/"
   "scripts/prelude/|"
-  "scripts/mission/|core bodies/vehicle/ bodies/register.hpp hinges/register.hpp scripts/lua/ scripts/prelude/"
+  "scripts/mission/|core bodies/vehicle/ bodies/register.hpp hinges/register.hpp plugins/devices/register.hpp scripts/lua/ scripts/prelude/"
   "scripts/bindings/|core bodies/vehicle/ scripts/lua/ scripts/prelude/ scripts/mission/"
   "scripts/report/|core/base core/io"
-  "scripts/commands/|core bodies/modal/ bodies/register.hpp hinges/register.hpp scripts/lua/ scripts/mission/ scripts/bindings/ scripts/report/"
+  "scripts/commands/|core bodies/modal/ bodies/register.hpp hinges/register.hpp plugins/devices/register.hpp scripts/lua/ scripts/mission/ scripts/bindings/ scripts/report/"
   "scripts/main.cpp|core/base scripts/commands/"
-  "tests|core bodies hinges scripts bench/pairs.hpp"
+  "tests|core bodies hinges plugins scripts bench/pairs.hpp"
   "bench|core bodies hinges"
   "bench/peers|bench/time_ring.hpp")
 

@@ -9,6 +9,7 @@
 #include <mutex>
 
 #include "core/abi/body_laws.hpp"
+#include "core/abi/device_laws.hpp"
 #include "core/abi/laws.hpp"
 #include "core/abi/table_checks.hpp"
 
@@ -24,6 +25,46 @@ struct Kept {
   std::vector<cardan_param_desc> params;
 };
 
+template <>
+struct Kept<cardan_device_family> {
+  cardan_device_family table{};
+  std::vector<cardan_param_desc> params;
+  std::vector<cardan_mount_desc> mounts;
+  std::vector<cardan_port_desc> ports;
+  std::vector<cardan_state_desc> states, marks;
+};
+
+/// n descriptions of `size` bytes each, of which every plugin of this major has `least`, into full ones. Absurd counts and null are told
+/// by the checks of the table.
+template <class Desc>
+std::string copy_list(const Desc*& list, std::uint32_t n, std::uint32_t& size, std::size_t least, const char* what, const char* of,
+                      std::vector<Desc>& kept) {
+  if (n == 0 || n > kMostParameters || !list) return {};
+  if (size < least || size > kMostBytes)
+    return fmt::format("{}_size: {}, expected sizeof(cardan_{}_desc), at least {} bytes", what, size, of, least);
+  kept.resize(n);
+  for (std::uint32_t i = 0; i < n; ++i)
+    std::memcpy(&kept[i], reinterpret_cast<const char*>(list) + std::size_t{i} * size, std::min<std::size_t>(size, sizeof(Desc)));
+  list = kept.data();
+  size = sizeof(Desc);
+  return {};
+}
+
+/// The other lists of a table than its parameters.
+template <class Table>
+std::string copy_lists(Kept<Table>&) {
+  return {};
+}
+std::string copy_lists(Kept<cardan_device_family>& kept) {
+  cardan_device_family& t = kept.table;
+  for (std::string fault : {copy_list(t.mounts, t.n_mounts, t.mount_size, sizeof(cardan_mount_desc), "mount", "mount", kept.mounts),
+                            copy_list(t.ports, t.n_ports, t.port_size, sizeof(cardan_port_desc), "port", "port", kept.ports),
+                            copy_list(t.states, t.n_states, t.state_size, sizeof(cardan_state_desc), "state", "state", kept.states),
+                            copy_list(t.marks, t.n_marks, t.mark_size, sizeof(cardan_state_desc), "mark", "state", kept.marks)})
+    if (!fault.empty()) return fault;
+  return {};
+}
+
 /// `least`: what every plugin of this major has.
 template <class Table>
 std::string copy_by_size(const void* theirs, std::size_t least, Kept<Table>& kept) {
@@ -33,16 +74,9 @@ std::string copy_by_size(const void* theirs, std::size_t least, Kept<Table>& kep
   Table& t = kept.table;
   std::memcpy(&t, theirs, std::min<std::size_t>(size, sizeof t));
   t.struct_size = sizeof t;
-  if (t.n_params == 0 || t.n_params > kMostParameters || !t.params) return {};  // told by the checks of the table
-  if (t.param_size < kLeastParam || t.param_size > kMostBytes)
-    return fmt::format("param_size: {}, expected sizeof(cardan_param_desc), at least {} bytes", t.param_size, kLeastParam);
-  kept.params.resize(t.n_params);
-  for (std::uint32_t i = 0; i < t.n_params; ++i)
-    std::memcpy(&kept.params[i], reinterpret_cast<const char*>(t.params) + std::size_t{i} * t.param_size,
-                std::min<std::size_t>(t.param_size, sizeof(cardan_param_desc)));
-  t.params = kept.params.data();
-  t.param_size = sizeof(cardan_param_desc);
-  return {};
+  if (std::string fault = copy_list(t.params, t.n_params, t.param_size, kLeastParam, "param", "param", kept.params); !fault.empty())
+    return fault;
+  return copy_lists(kept);
 }
 
 template <class Table, std::size_t least>
@@ -80,7 +114,9 @@ constexpr FamilyKind kKinds[] = {
     kind_of<cardan_hinge_family, offsetof(cardan_hinge_family, zero), hinge_table_faults, hinge_law_violations, &Registry::hinges>(
         CARDAN_KIND_HINGE, "hinge"),
     kind_of<cardan_body_family, sizeof(cardan_body_family), body_table_faults, body_law_violations, &Registry::bodies>(CARDAN_KIND_BODY,
-                                                                                                                       "body")};
+                                                                                                                       "body"),
+    kind_of<cardan_device_family, offsetof(cardan_device_family, nominal), device_table_faults, device_law_violations, &Registry::devices>(
+        CARDAN_KIND_DEVICE, "device")};
 
 }  // namespace
 

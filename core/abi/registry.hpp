@@ -7,6 +7,7 @@
 
 #include "core/abi/cardan_abi.h"
 #include "core/abi/cardan_body.h"
+#include "core/abi/cardan_device.h"
 #include "core/base/diagnostic.hpp"
 
 namespace cardan {
@@ -60,9 +61,11 @@ class Registry {
  public:
   Families<cardan_hinge_family> hinges;
   Families<cardan_body_family> bodies;
+  Families<cardan_device_family> devices;
 
-  const cardan_hinge_family* hinge(std::string_view type) const { return hinges.find(type); }  ///< null if unknown
-  const cardan_body_family* body(std::string_view type) const { return bodies.find(type); }    ///< null if unknown
+  const cardan_hinge_family* hinge(std::string_view type) const { return hinges.find(type); }     ///< null if unknown
+  const cardan_body_family* body(std::string_view type) const { return bodies.find(type); }       ///< null if unknown
+  const cardan_device_family* device(std::string_view type) const { return devices.find(type); }  ///< null if unknown
 };
 
 struct FamilyKind;

@@ -20,7 +20,10 @@ void TableChecks::text(const std::string& member, const char* value, bool name) 
 void TableChecks::unit(const std::string& member, const char* value) {
   if (!value) return expect(false, member, "null; \"1\" where there is none");
   const std::string_view shown(value, strnlen(value, 100));
-  expect(parse_unit(shown).has_value(), member, "no unit: " + in_quotes(shown));
+  // "N m|N": where a component of a hinge turns, where it slides.
+  const auto bar = shown.find('|');
+  const bool good = parse_unit(shown.substr(0, bar)) && (bar == std::string_view::npos || parse_unit(shown.substr(bar + 1)));
+  expect(good, member, "no unit: " + in_quotes(shown));
 }
 
 void TableChecks::names(const std::string& names_member, const std::string& units_member, const char* const* list, const char* const* units,

@@ -10,13 +10,18 @@
 namespace cardan {
 
 template <class T>
-bool forward_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inputs<T>& in, T* vdot) {
+bool forward_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inputs<T>& in, T* vdot, StateLoads<T>* loads) {
   const soa::Sweeps<T>& S = soa::sweeps<T>();
   const std::size_t bytes = sizeof(T) * static_cast<std::size_t>(model.nq);
   const bool kept = model.rigid && bytes > 0;  // q is null where nq = 0
   const bool again = kept && ws.articulated && std::memcmp(in.q, ws.articulated_q.data(), bytes) == 0;
+  ws.articulated = again;  // an evaluation that breaks off leaves nothing to be used again
   S.ground(model, ws, in);
   for (const Op& op : model.program) {
+    if (op.code == OpCode::devices) {
+      if (loads && !loads->act(ws, in)) return false;
+      continue;
+    }
     soa::run_op(model, op, S, ws, in, vdot, again);
     if (ws.breakdown.body != 0) return false;
   }
@@ -24,10 +29,13 @@ bool forward_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inpu
   ws.articulated = kept;
   return true;
 }
-template bool forward_dynamics(const Model&, soa::Workspace<double>&, const soa::Inputs<double>&, double*);
-template bool forward_dynamics(const Model&, soa::Workspace<soa::Lanes<4>>&, const soa::Inputs<soa::Lanes<4>>&, soa::Lanes<4>*);
-template bool forward_dynamics(const Model&, soa::Workspace<soa::Lanes<8>>&, const soa::Inputs<soa::Lanes<8>>&, soa::Lanes<8>*);
-template bool forward_dynamics(const Model&, soa::Workspace<soa::Tangent>&, const soa::Inputs<soa::Tangent>&, soa::Tangent*);
+template bool forward_dynamics(const Model&, soa::Workspace<double>&, const soa::Inputs<double>&, double*, StateLoads<double>*);
+template bool forward_dynamics(const Model&, soa::Workspace<soa::Lanes<4>>&, const soa::Inputs<soa::Lanes<4>>&, soa::Lanes<4>*,
+                               StateLoads<soa::Lanes<4>>*);
+template bool forward_dynamics(const Model&, soa::Workspace<soa::Lanes<8>>&, const soa::Inputs<soa::Lanes<8>>&, soa::Lanes<8>*,
+                               StateLoads<soa::Lanes<8>>*);
+template bool forward_dynamics(const Model&, soa::Workspace<soa::Tangent>&, const soa::Inputs<soa::Tangent>&, soa::Tangent*,
+                               StateLoads<soa::Tangent>*);
 
 RunFailure describe_breakdown(const Model& model, const soa::Breakdown& bad, double t) {
   RunFailure f{Code::singular_hinge, t, "", "", "", "", ""};

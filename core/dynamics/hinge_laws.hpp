@@ -9,24 +9,14 @@
 
 namespace cardan::hinge_laws {
 
-using soa::Tangent;
-
-inline double power(double x, double n) { return std::pow(x, n); }
-inline Tangent power(const Tangent& x, double n) { return {std::pow(x.x, n), n * std::pow(x.x, n - 1.0) * x.d}; }
-inline Tangent exp(const Tangent& x) { return {std::exp(x.x), std::exp(x.x) * x.d}; }
-inline Tangent tanh(const Tangent& x) {
-  const double y = std::tanh(x.x);
-  return {y, (1.0 - y * y) * x.d};
-}
-using std::exp;
-using std::tanh;
+using std::exp, std::pow, std::tanh;
 
 /// What a stop pushes with, d > 0 deep at the rate d': stiffness d^exponent (1 + dissipation d'), never a pull
 /// [Hunt & Crossley 1975, J. Applied Mechanics 42].
 template <class T>
 T contact(const HingeLoad::Parameters& p, const T& depth, const T& rate) {
   const T factor = T(1.0) + T(p[4]) * rate;
-  return factor > T(0.0) ? T(p[2]) * power(depth, p[3]) * factor : T(0.0);
+  return factor > T(0.0) ? T(p[2]) * pow(depth, p[3]) * factor : T(0.0);
 }
 
 /// The generalised force on the component at q, v.

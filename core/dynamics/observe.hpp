@@ -20,7 +20,8 @@ struct NodeState {
 
 struct Energy {
   double kinetic = 0.0, gravity = 0.0, modal = 0.0, springs = 0.0;  // [J]
-  double total() const { return kinetic + gravity + modal + springs; }
+  double devices = 0.0;                                             // [J] which Simulation::energy() knows
+  double total() const { return kinetic + gravity + modal + springs + devices; }
   double magnitude = 0.0;  // [J] sum of the magnitudes over bodies
 };
 

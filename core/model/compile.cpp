@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "core/model/choose_frames.hpp"
+#include "core/model/devices.hpp"
 #include "core/model/flexible_constants.hpp"
 #include "core/model/validate.hpp"
 
@@ -48,6 +49,10 @@ class Compiler {
       choose_frames(*model_, central);
     }
     name_nodes();
+    if (!spec_.devices.empty()) {
+      model_->devices = compile_devices(spec_, registry_, *model_, sink_);
+      sink_.throw_if_any();
+    }
     choose_kernels();
     if (graded_) keep_central_inertias(*model_, std::move(central));
     write_program();
@@ -343,10 +348,11 @@ class Compiler {
     }
     if (!m.flexible.empty()) m.program.push_back({OpCode::elastic});
     const bool central = m.gravity.kind == GravitySpec::Kind::central;
-    m.world = central || options_.world_wrenches;
+    m.world = central || options_.world_wrenches || m.devices.reads_nodes;
     if (m.world) m.program.push_back({OpCode::world});
     if (central) m.program.push_back({OpCode::central_gravity});
-    if (options_.node_wrenches) m.program.push_back({OpCode::node_wrenches});
+    if (!m.devices.all.empty()) m.program.push_back({OpCode::devices});
+    if (options_.node_wrenches || m.devices.n_loads > 0) m.program.push_back({OpCode::node_wrenches});
     for (int r = n_runs - 1; r >= 0; --r) m.program.push_back({OpCode::inward, r});
     for (int r = 0; r < n_runs; ++r) m.program.push_back({OpCode::acceleration, r});
   }

@@ -16,10 +16,18 @@ int Model::find_node(std::string_view wanted) const {
   return -1;
 }
 
+int Devices::find(std::string_view wanted) const {
+  for (std::size_t i = 0; i < all.size(); ++i)
+    if (all[i].name == wanted) return static_cast<int>(i);
+  return -1;
+}
+
 State Model::initial_state() const {
   State s;
   s.q = Eigen::VectorXd::Zero(nq);
   s.v = Eigen::VectorXd::Zero(nv);
+  s.z = Eigen::VectorXd::Map(devices.z0.data(), devices.n_z);
+  s.marks = Eigen::VectorXd::Map(devices.marks0.data(), devices.n_marks);
   for (std::size_t i = 0; i < user.size(); ++i) {
     const UserBody& u = user[i];
     const BodySpec& b = spec->bodies[i];

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "core/abi/cardan_device.h"
 #include "core/abi/registry.hpp"
 #include "core/model/spec.hpp"
 #include "core/model/state.hpp"
@@ -44,15 +45,58 @@ struct PlainRates {
 };
 
 /// One line of the program of sweeps.
-enum class OpCode : std::uint8_t { hinge_records, outward, elastic, world, central_gravity, node_wrenches, inward, acceleration, refine };
+enum class OpCode : std::uint8_t {
+  hinge_records,
+  outward,
+  elastic,
+  world,
+  central_gravity,
+  devices,
+  node_wrenches,
+  inward,
+  acceleration,
+  refine
+};
 struct Op {
   OpCode code;
   int run = -1;  // index of the run, -1 = all bodies
 };
 
+/// Where a device reads and pushes.
+struct DeviceMount {
+  std::uint32_t use = 0;    // cardan_mount_use
+  int node = -1, load = 0;  // index into SweepModel::nodes, and which wrench of devices it writes; -1: it is at a hinge
+  int q = -1, v = -1;       // of a hinge component; q = -1: it has no coordinate of its own
+};
+
+struct Device {
+  std::string name;
+  int spec = 0;  // index into SystemSpec::devices
+  const cardan_device_family* family = nullptr;
+  std::vector<double> packed;
+  std::vector<DeviceMount> mounts;
+  int n_in = 0, n_out = 0;
+  int z = 0, mark = 0, in = 0, out = 0, mount = 0, root = 0;  // where its own begin
+  bool acts = false;  // pushes, has states, or gives something to a device that does: its marks change the motion
+};
+
+/// All devices by name, so that the order in which they are described changes no bit, and what their ports hang on.
+struct Devices {
+  std::vector<Device> all;
+  int n_z = 0, n_marks = 0, n_in = 0, n_out = 0, n_mounts = 0, n_roots = 0, n_loads = 0;
+  std::vector<double> z0, marks0, in0, nominal;  // initial values; of z its size in use
+  std::vector<int> from;                         // per input: the output that it is given, -1: it is commanded
+  std::vector<int> order;                        // of evaluation: who gives before who takes
+  std::vector<int> first;                        // evaluated once before: their outputs are taken earlier, and need no input themselves
+  bool reads_nodes = false;                      // some mount reads the motion of a node
+  bool rough = false;                            // CARDAN_FACT_ROUGH of any
+  int find(std::string_view name) const;         // -1 if unknown
+};
+
 struct Model : SweepModel {
   std::string name;
   std::vector<HingeLoad> loads;
+  Devices devices;
   GravitySpec gravity;
   std::vector<UserBody> user;  // in the user's order
   std::vector<int> owner;      // per sweep body: the user's body whose hinge is its hinge; -1: the ground

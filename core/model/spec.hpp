@@ -85,6 +85,28 @@ struct BodySpec {
   Located at;
 };
 
+/// What acts on the vehicle or measures it and is neither a body nor a hinge.
+struct DeviceSpec {
+  /// Where it is mounted: a node ("bus.hook", or a body for its origin) or a component of a hinge ("boom", "boom.rate").
+  struct Mount {
+    std::string target;
+    Located at;
+  };
+  /// What an input is given: a number until something else is commanded, or an output of a device ("gyro.rate_x").
+  struct Input {
+    std::variant<double, std::string> value;
+    Located at;
+  };
+  std::string name;
+  std::string type;  // a family of devices
+  ParamValues params;
+  std::map<std::string, Mount, std::less<>> mounts;
+  std::map<std::string, Input, std::less<>> inputs;
+  std::map<std::string, ParamValue, std::less<>> initial;  // of its states and marks
+  double rate = 0.0, period = 0.0;                         // [Hz], [s] of what it samples: one of them, if it samples
+  Located at;
+};
+
 struct GravitySpec {
   enum class Kind { none, uniform, central } kind = Kind::none;
   Eigen::Vector3d g = Eigen::Vector3d::Zero();       // [m/s^2] uniform, world axes
@@ -98,6 +120,7 @@ struct SystemSpec {
   std::string name;
   std::vector<BodySpec> bodies;  // in the user's order, which is that of q, v and the results
   GravitySpec gravity;
+  std::vector<DeviceSpec> devices;
   std::string source_file, source_text;                            // where it was read from, and its bytes (hashed in results)
   std::vector<std::pair<std::string, std::string>> defaults_used;  // key path, value: what `describe` lists
   std::map<std::string, SourceMark, std::less<>> marks;            // key path of each value of the input and where it stands

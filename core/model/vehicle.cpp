@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "core/base/units.hpp"
+#include "core/model/device_units.hpp"
 #include "core/model/hinge_load_types.hpp"
 #include "core/model/initial.hpp"
 #include "core/model/params.hpp"
@@ -60,6 +61,8 @@ class VehicleReader {
       top.note_default("gravity", "none");
     if (const auto bodies = top.require("bodies", "a map of the bodies by name"))
       for (const auto& [name, value] : named_items(*bodies, context_)) read_body(name, value);
+    if (const auto devices = top.find("devices"))
+      for (const auto& [name, value] : named_items(*devices, context_)) read_device(name, value);
     top.finish();
     if (top.is_map()) validate(spec_, registry_, context_.sink);
     return std::move(spec_);
@@ -157,6 +160,56 @@ class VehicleReader {
       if (const auto etadot = reader.find("etadot")) body.etadot = read_numbers(*etadot, "1/s", 0, context_);
       reader.finish();
     }
+  }
+
+  void read_device(const std::string& name, const DocRef& value) {
+    MapReader map(value, context_);
+    if (!map.is_map()) return;
+    DeviceSpec device;
+    device.name = name;
+    device.at = value.at();
+    device.type = map.text("type", "a device type");
+    const cardan_device_family* family = registry_.device(device.type);
+    if (!family) return spec_.devices.push_back(std::move(device));  // reported by validate(); its keys depend on the type
+    for (uint32_t i = 0; i < family->n_mounts; ++i)
+      if (const auto mount = map.find(family->mounts[i].name))
+        device.mounts[family->mounts[i].name] = {read_text(*mount, family->mounts[i].meaning, context_), mount->at()};
+    const bool turning = turns(spec_, registry_, device, *family);
+    read_params(map, schema_where(turning, *family), device.params);
+    if (family->tick)
+      if (const auto given = map.one({"rate", "period"})) {
+        const bool rate = given->first == 0;
+        (rate ? device.rate : device.period) = read_number(given->second, rate ? "Hz" : "s", context_);
+      }
+    if (const auto inputs = map.find("inputs")) read_inputs(*inputs, *family, turning, device);
+    if (const auto initial = map.find("initial")) {
+      MapReader reader(*initial, context_);
+      for (const auto& [all, n] : {std::pair(family->states, family->n_states), std::pair(family->marks, family->n_marks)})
+        for (uint32_t i = 0; i < n; ++i)
+          if (const auto given = reader.find(all[i].name))
+            device.initial.emplace(all[i].name, ParamValue{read_number(*given, unit_where(turning, all[i].unit), context_), given->at()});
+      reader.finish();
+    }
+    map.finish();
+    spec_.devices.push_back(std::move(device));
+  }
+
+  /// Numbers, or "device.output".
+  void read_inputs(const DocRef& value, const cardan_device_family& family, bool turning, DeviceSpec& device) {
+    MapReader map(value, context_);
+    for (uint32_t i = 0; i < family.n_ports; ++i) {
+      const cardan_port_desc& port = family.ports[i];
+      const auto given = port.kind == CARDAN_PORT_IN ? map.find(port.name) : std::nullopt;
+      if (!given) continue;
+      const std::string& text = given->node->text;
+      const bool names = given->node->kind == Kind::scalar && !text.empty() && std::isalpha(static_cast<unsigned char>(text[0])) &&
+                         text.find('.') != std::string::npos;
+      if (names)
+        device.inputs[port.name] = {text, given->at()};
+      else
+        device.inputs[port.name] = {read_number(*given, unit_where(turning, port.unit), context_), given->at()};
+    }
+    map.finish();
   }
 
   void read_hinge(const DocRef& value, BodySpec& body) {

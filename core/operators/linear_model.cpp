@@ -35,6 +35,7 @@ struct Scope {
   const TreeOperators* blocks = nullptr;         // articulated, by which v' is found; null: all bodies, by the sweeps of forward dynamics
   std::vector<int> components = {}, place = {};  // of the hinge space: velocity component of the model; and back, -1 for others
   std::vector<std::uint8_t> given = {};          // per velocity component of the model
+  int n_z = 0;                                   // states of devices
   int nv() const { return static_cast<int>(components.size()); }
   const Part* part() const { return blocks ? blocks->part() : nullptr; }
   bool has(int sweep) const { return !part() || part()->takes_part[sweep] != 0; }
@@ -62,6 +63,11 @@ SpaceLabels state_labels(const Scope& scope) {
   SpaceLabels out;
   const int nv = scope.nv();
   out.names.resize(2 * nv), out.units.resize(2 * nv);
+  for (const Device& d : scope.m.devices.all)
+    for (std::uint32_t i = 0; scope.n_z > 0 && i < d.family->n_states; ++i) {
+      out.names.push_back(d.name + "." + d.family->states[i].name);
+      out.units.emplace_back(d.family->states[i].unit);
+    }
   const auto put = [&](int i, std::string name, std::string unit) { out.names[i] = std::move(name), out.units[i] = std::move(unit); };
   for (const UserBody& u : scope.m.user) {
     if (!scope.has(u.sweep)) continue;
@@ -95,9 +101,11 @@ struct Port {
     rate,
     specific_force,
     linear_momentum,
-    angular_momentum
+    angular_momentum,
+    device_input,
+    device_output
   } kind;
-  int index;  // velocity component of the model, node, or state
+  int index;  // velocity component of the model, node, state, or port of devices
   int axis;   // of three
 };
 struct PortList {
@@ -158,6 +166,30 @@ int node_of(const Scope& scope, const char* side, const std::string& text, std::
   unknown(side, name, scope.expected("the name of a node, or of a body for its origin"), legal);
 }
 
+/// "wheel:torque"; false: there is no such device.
+bool add_device_port(PortList& out, const Model& m, const char* side, const std::string& text, std::size_t colon, std::uint32_t kind) {
+  const int device = m.devices.find(text.substr(0, colon));
+  if (device < 0) return false;
+  const Device& d = m.devices.all[device];
+  std::vector<std::string> legal;
+  int index = kind == CARDAN_PORT_IN ? d.in : d.out;
+  for (std::uint32_t i = 0; i < d.family->n_ports; ++i) {
+    const cardan_port_desc& port = d.family->ports[i];
+    if (port.kind != kind) continue;
+    const int at = index++;
+    if (kind == CARDAN_PORT_IN && m.devices.from[at] >= 0) continue;  // another device gives it
+    legal.emplace_back(port.name);
+    if (text.substr(colon + 1) != port.name) continue;
+    out.ports.push_back({kind == CARDAN_PORT_IN ? Port::device_input : Port::device_output, at, 0});
+    out.labels.names.push_back(text), out.labels.units.emplace_back(port.unit);
+    return true;
+  }
+  unknown(side, text,
+          legal.empty() ? fmt::format("another device: {} has none", d.name)
+                        : fmt::format("one of {} behind the colon", fmt::join(legal, ", ")),
+          legal);
+}
+
 PortList inputs_of(const Scope& scope, const std::vector<std::string>& wanted) {
   const Model& m = scope.m;
   const SpaceLabels states = state_labels(scope);
@@ -177,7 +209,8 @@ PortList inputs_of(const Scope& scope, const std::vector<std::string>& wanted) {
       if (scope.has(u.sweep)) add_hinge(u);
   for (const std::string& text : wanted) {
     if (const std::size_t colon = text.rfind(':'); colon != std::string::npos) {
-      add_quantity(out, "inputs", text, colon, node_of(scope, "inputs", text, colon), kLoads);
+      if (!add_device_port(out, m, "inputs", text, colon, CARDAN_PORT_IN))
+        add_quantity(out, "inputs", text, colon, node_of(scope, "inputs", text, colon), kLoads);
       continue;
     }
     std::vector<int> found = components_of(m, text);
@@ -197,12 +230,12 @@ PortList outputs_of(const Scope& scope, const std::vector<std::string>& wanted) 
     out.ports.push_back({Port::state, i, 0});
     out.labels.names.push_back(states.names[i]), out.labels.units.push_back(states.units[i]);
   };
-  for (int i = 0; wanted.empty() && i < 2 * scope.nv(); ++i) add(i);
+  for (int i = 0; wanted.empty() && i < 2 * scope.nv() + scope.n_z; ++i) add(i);
   for (const std::string& text : wanted) {
     if (const std::size_t colon = text.rfind(':'); colon != std::string::npos) {
       if (text.starts_with("momentum:") && m.find_node("momentum") < 0)
         add_quantity(out, "outputs", text, colon, -1, kMomentum);
-      else
+      else if (!add_device_port(out, m, "outputs", text, colon, CARDAN_PORT_OUT))
         add_quantity(out, "outputs", text, colon, node_of(scope, "outputs", text, colon), kSeen);
       continue;
     }
@@ -272,11 +305,17 @@ class Column {
     for (const NodeWrench& w : at.wrenches) wrenches_.push_back({w.node, w.world_axes, {cast<Tangent>(w.f.n), cast<Tangent>(w.f.f)}});
     for (std::size_t i = 0; i < u.size(); ++i) {
       u[i] = 0.0;
-      if (inputs.ports[i].kind != Port::hinge) wrenches_.push_back({inputs.ports[i].index, false, {{0, 0, 0}, {0, 0, 0}}});
+      if (inputs.ports[i].kind == Port::force || inputs.ports[i].kind == Port::torque)
+        wrenches_.push_back({inputs.ports[i].index, false, {{0, 0, 0}, {0, 0, 0}}});
     }
     if (!scope.blocks && !wrenches_.empty() && !m_.has(OpCode::node_wrenches))
       refuse(Code::unsupported, {"inputs of the linear model"}, "a model compiled with loads on nodes", "one without",
              "CompileOptions::node_wrenches");
+    if (at.devices) {
+      devices_.emplace(m_, *at.devices);
+      z.assign(m_.devices.n_z, 0.0);
+      ws_.require_world();
+    }
     looks_ = outputs.has({Port::position, Port::velocity, Port::acceleration, Port::attitude, Port::rate, Port::specific_force});
     if (looks_) ws_.require_world();
     if (outputs.has({Port::linear_momentum, Port::angular_momentum})) moving_.emplace(m_), moving_->require_world();
@@ -291,6 +330,10 @@ class Column {
     std::size_t load = at_.wrenches.size();
     for (std::size_t i = 0; i < u.size(); ++i) {
       const Port& p = inputs_.ports[i];
+      if (p.kind == Port::device_input) {
+        if (devices_) devices_->commands[p.index] = u[i].d;
+        continue;
+      }
       if (p.kind == Port::hinge) {
         Tangent& x = (scope_.given[p.index] ? given_ : tau_)[p.index];
         x = x + u[i];
@@ -304,7 +347,7 @@ class Column {
     soa::Inputs<Tangent> in{.q = q.data(), .v = v.data(), .tau = tau_.data(), .vdot = given_.data(), .wrenches = wrenches_};
     if (scope_.blocks)
       solve(in);
-    else if (!forward_dynamics(m_, ws_, in, vdot.data()))
+    else if (!forward_dynamics(m_, ws_, in, vdot.data(), with_devices()))
       throw NumericsError(describe_breakdown(m_, ws_.breakdown, at_.t));
     look(in, y);
   }
@@ -317,12 +360,20 @@ class Column {
   soa::Workspace<Tangent> ws_;
 
  public:
-  std::vector<Tangent> q, v, vdot, u;
+  std::vector<Tangent> q, v, vdot, u, z;
+  /// [dz'] of devices.
+  const double* zdot() const { return devices_->zdot(); }
 
  private:
+  StateLoads<Tangent>* with_devices() {
+    if (!devices_) return nullptr;
+    devices_->set({at_.t, z.data(), nullptr, tau_.data(), wrenches_.data()});
+    return &*devices_;
+  }
   std::vector<Tangent> tau_, given_, back_;
   VectorXd residual_, solved_;
   std::vector<soa::NodeWrench<Tangent>> wrenches_;
+  std::optional<DeviceTangents> devices_;
   std::optional<soa::Workspace<Tangent>> moving_;  // poses and inertias as they are before the inward sweep
   bool looks_ = false, solved_once_ = false;
 
@@ -361,6 +412,10 @@ class Column {
     for (std::size_t i = 0; i < outputs_.ports.size(); ++i) {
       const Port& p = outputs_.ports[i];
       if (p.kind == Port::state) continue;  // rows of the unit matrix
+      if (p.kind == Port::device_output) {
+        if (devices_) y[i] = {at_.devices->output(p.index), devices_->output(p.index)};
+        continue;
+      }
       if (p.kind == Port::linear_momentum || p.kind == Port::angular_momentum) {
         y[i] = component(p.kind == Port::linear_momentum ? h.f : h.n, p.axis);
         continue;
@@ -400,7 +455,7 @@ class Column {
 
 LinearModel linearize(const Scope& scope, const OperatingPoint& at, const LinearPorts& wanted) {
   const Model& m = scope.m;
-  const int nv = scope.nv(), n = 2 * nv;
+  const int nv = scope.nv(), n_z = scope.n_z, n = 2 * nv + n_z;
   const PortList inputs = inputs_of(scope, wanted.inputs), outputs = outputs_of(scope, wanted.outputs);
   const int nu = static_cast<int>(inputs.ports.size()), ny = static_cast<int>(outputs.ports.size());
   LinearModel out;
@@ -416,6 +471,7 @@ LinearModel linearize(const Scope& scope, const OperatingPoint& at, const Linear
     Poll::now();
     column.run(y.data());
     for (int i = 0; i < nv; ++i) top(nv + i, j) = column.vdot[scope.components[i]].d;
+    for (int i = 0; i < n_z; ++i) top(2 * nv + i, j) = column.zdot()[i];
     for (int i = 0; i < ny; ++i)
       if (outputs.ports[i].kind != Port::state) bottom(i, j) = y[i].d;
   };
@@ -435,6 +491,11 @@ LinearModel linearize(const Scope& scope, const OperatingPoint& at, const Linear
     run(out.A, out.C, nv + j);
     along.d = 0.0;
   }
+  for (int j = 0; j < n_z; ++j) {
+    column.z[j].d = 1.0;
+    run(out.A, out.C, 2 * nv + j);
+    column.z[j].d = 0.0;
+  }
   for (int j = 0; j < nu; ++j) {
     column.u[j].d = 1.0;
     run(out.B, out.D, j);
@@ -446,13 +507,15 @@ LinearModel linearize(const Scope& scope, const OperatingPoint& at, const Linear
   for (int j = 0; j < nv; ++j)
     for (Eigen::SparseMatrix<double>::InnerIterator x(kinematics, scope.components[j]); x; ++x)
       out.A(scope.place[static_cast<int>(x.row())], j) = x.value();  // of the same hinge
-  out.A.topRightCorner(nv, nv).setIdentity();
+  out.A.block(0, nv, nv, nv).setIdentity();
   for (int i = 0; i < nv; ++i) {
     const int v = scope.components[i];
     out.drift[i] = at.v[v], out.drift[nv + i] = column.vdot[v].x;
   }
+  for (int i = 0; i < n_z; ++i) out.drift[2 * nv + i] = at.devices->zdot()[i];
   for (int j = 0; j < nu; ++j) {
     const Port& p = inputs.ports[j];
+    if (p.kind == Port::device_input && at.devices) out.u0[j] = at.devices->input(p.index);
     if (p.kind != Port::hinge) continue;
     const double* from = scope.given[p.index] ? at.vdot : at.tau;
     out.u0[j] = from ? from[p.index] : 0.0;
@@ -464,6 +527,10 @@ LinearModel linearize(const Scope& scope, const OperatingPoint& at, const Linear
     const Port& p = outputs.ports[i];
     if (p.kind == Port::state) {
       out.C(i, p.index) = 1.0;
+      if (p.index >= 2 * nv) {
+        out.y0[i] = at.devices->state(p.index - 2 * nv);
+        continue;
+      }
       const int v = scope.components[p.index % nv];
       out.y0[i] = p.index < nv ? theta[v] : at.v[v];
     } else {
@@ -476,7 +543,9 @@ LinearModel linearize(const Scope& scope, const OperatingPoint& at, const Linear
 }  // namespace
 
 LinearModel linearize(const Model& m, const OperatingPoint& at, const LinearPorts& ports) {
-  return linearize(scope_of(m, nullptr), at, ports);
+  Scope scope = scope_of(m, nullptr);
+  scope.n_z = at.devices ? m.devices.n_z : 0;
+  return linearize(scope, at, ports);
 }
 
 LinearModel linearize(const TreeOperators& tree, const OperatingPoint& at, const LinearPorts& ports) {
@@ -487,6 +556,9 @@ LinearModel linearize(const TreeOperators& tree, const OperatingPoint& at, const
   const bool loads = !at.wrenches.empty() ||
                      std::ranges::any_of(ports.inputs, [](const std::string& name) { return name.find(':') != std::string::npos; });
   if (tree.whole() && !tree.is_masked() && (!loads || m.has(OpCode::node_wrenches))) return linearize(m, use, ports);
+  if (!m.devices.all.empty())
+    refuse(Code::unsupported, {"linearize"}, "the whole vehicle, nothing masked, where there are devices", "a part of it",
+           "devices take no part in the model of a part");
   TreeOperators blocks = tree.subgraph(tree.sweep_bodies());
   const Scope marks = scope_of(m, &tree);
   std::vector<std::uint8_t> free;

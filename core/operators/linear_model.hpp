@@ -2,13 +2,13 @@
 // The linear model x' = A x + B u, y = C x + D u about any state of a system, exact to round-off: its columns are directional
 // derivatives of forward dynamics by sweeps on Tangent numbers, O(N) each (mathematics 8.4).
 //
-// x = [dtheta; dv]: dtheta the deviation of the configuration in the tangent space (q = retract(q_0, dtheta), nv numbers), dv that of the
-// velocities. u and y are deviations too. Beside a moving state the model holds along the motion, at this instant. Springs,
-// dampers, gravity, loads held in node or world axes, and given motions are inside.
+// x = [dtheta; dv; dz]: dtheta the deviation of the configuration in the tangent space (q = retract(q_0, dtheta), nv numbers), dv that of
+// the velocities, dz that of the states of devices. u and y are deviations too. Beside a moving state the model holds along the motion, at
+// this instant. Springs, dampers, gravity, devices, loads held in node or world axes, and given motions are inside.
 #include <string>
 #include <vector>
 
-#include "core/dynamics/forward.hpp"
+#include "core/dynamics/devices.hpp"
 #include "core/operators/tree_operators.hpp"
 
 namespace cardan::operators {
@@ -18,9 +18,10 @@ struct OperatingPoint {
   double t = 0.0;  // [s]
   const double* q = nullptr;
   const double* v = nullptr;
-  const double* tau = nullptr;   // forces of actuators, without springs; null = 0
-  const double* vdot = nullptr;  // of given motions, the others not read; null = 0
-  std::span<const NodeWrench> wrenches = {};
+  const double* tau = nullptr;                // forces of actuators and devices, without springs; null = 0
+  const double* vdot = nullptr;               // of given motions, the others not read; null = 0
+  std::span<const NodeWrench> wrenches = {};  // those of devices first, as Simulation::wrenches() has them
+  const DeviceForces* devices = nullptr;      // evaluated at the point; null: their loads are held
 };
 
 /// Inputs and outputs by name. A name may stand for several; .x, .y, .z behind a node's quantity is one of three. Components of
@@ -30,11 +31,13 @@ struct OperatingPoint {
 ///             "wing"                      all components of the hinge
 ///             "wing.eta_2"                force on a mode [J]
 ///             "bus.tip:force", ":torque"  on a node, node axes [N], [N m]
+///             "wheel:torque"              an input of a device that is not connected
 ///   output    "wing.angle", "wing.rate", "wing.eta_2", "wing.etadot_2"    a state
 ///             "wing"                      all states of the hinge and its body's modes
 ///             "bus.tip:position", ":velocity", ":acceleration"            world axes [m], ...; a body's own name is its origin
 ///             "bus.tip:attitude"          small rotation of the node, node axes [rad]
 ///             "bus.tip:rate", ":specific_force"                           node axes; what a gyro and an accelerometer read
+///             "wheel:rate"                an output of a device, "wheel.momentum" one of its states
 ///             "momentum:linear", "momentum:angular"                       of the system, about the world's origin, world axes
 struct LinearPorts {
   std::vector<std::string> inputs, outputs;  // inputs empty: all hinge components; outputs empty: all states
@@ -43,8 +46,8 @@ struct LinearPorts {
 struct LinearModel {
   std::string system;
   double t = 0.0;              // [s]
-  Eigen::MatrixXd A, B, C, D;  // n x n, n x nu, ny x n, ny x nu; n = 2 nv
-  Eigen::VectorXd drift;       // n: [v; v'] at the point; zero in equilibrium
+  Eigen::MatrixXd A, B, C, D;  // n x n, n x nu, ny x n, ny x nu; n = 2 nv + device states
+  Eigen::VectorXd drift;       // n: [v; v'; z'] at the point; zero in equilibrium
   Eigen::VectorXd u0, y0;      // inputs and outputs there (0 for components with no coordinate of their own)
   SpaceLabels states, inputs, outputs;
 };

@@ -8,8 +8,9 @@ namespace cardan {
 
 void Simulation::remember(Archive& a) {
   const auto numbers = [](Eigen::VectorXd& x) { return std::span(x.data(), static_cast<std::size_t>(x.size())); };
-  a.block("state").finite(state_.t, numbers(state_.q), numbers(state_.v));
+  a.block("state").finite(state_.t, numbers(state_.q), numbers(state_.v), numbers(state_.z), numbers(state_.marks));
   a.block("commands")(std::span(tau_));
+  if (devices_) a(std::span(devices_->commands));
   for (NodeWrench& w : wrenches_) a(w.f.n.x, w.f.n.y, w.f.n.z, w.f.f.x, w.f.f.y, w.f.f.z);
   a.block("given motion");
   for (Prescribed& p : prescribed_) a(p.profile, p.given, p.t_0, p.q_0);
@@ -23,17 +24,18 @@ void Simulation::remember(Archive& a) {
 /// A new integrator at the present state, with what the archive has of the one before.
 void Simulation::start_anew(Archive& archive) {
   make_integrator_once();
-  std::copy_n(state_.q.data(), model_->nq, x_.begin());
-  std::copy_n(state_.v.data(), model_->nv, x_.begin() + model_->nq);
+  pack(x_.data());
   integrator_->restart(state_.t, x_.data());
   integrator_->remember(archive.block("integrator"));
   restart_ = false;
 }
 
 Checkpoint Simulation::checkpoint() {
+  sample_devices(true);
   make_integrator_once();
   if (!std::exchange(begun_, true)) {
     schedule_.start(state_.t);
+    start_devices();
     begin_ledger();
   }
   start_given_motion();
@@ -46,6 +48,7 @@ Checkpoint Simulation::checkpoint() {
 }
 
 void Simulation::resume(const Checkpoint& checkpoint) {
+  sample_devices(true);
   Archive all(checkpoint);
   remember(all);
   tau_total_ = tau_;

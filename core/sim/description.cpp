@@ -1,4 +1,5 @@
 #include "core/sim/description.hpp"
+#include "core/model/device_units.hpp"
 
 #include <fmt/format.h>
 
@@ -117,6 +118,43 @@ Json ops(const Model& m, const std::vector<soa::OpCost>& costs, bool measured) {
   return all;
 }
 
+/// In the order of evaluation; what each reads and gives.
+Json devices(const Model& m) {
+  Json all = Json::array();
+  const Devices& devices = m.devices;
+  for (const int i : devices.order) {
+    const Device& d = devices.all[static_cast<std::size_t>(i)];
+    const DeviceSpec& spec = m.spec->devices[static_cast<std::size_t>(d.spec)];
+    Json mounts = Json::array(), inputs = Json::array(), outputs = Json::array(), states = Json::array();
+    for (const auto& [name, mount] : spec.mounts) mounts.push_back({{"mount", name}, {"at", mount.target}});
+    for (std::uint32_t k = 0; k < d.family->n_ports; ++k) {
+      const cardan_port_desc& port = d.family->ports[k];
+      if (port.kind == CARDAN_PORT_OUT) {
+        outputs.push_back({{"name", port.name}, {"unit", unit_where(turns(m, d), port.unit)}});
+        continue;
+      }
+      const auto given = spec.inputs.find(port.name);
+      const bool connected = given != spec.inputs.end() && std::holds_alternative<std::string>(given->second.value);
+      inputs.push_back({{"name", port.name},
+                        {"unit", unit_where(turns(m, d), port.unit)},
+                        {"from", connected ? std::get<std::string>(given->second.value) : "commanded"}});
+    }
+    for (std::uint32_t k = 0; k < d.family->n_states; ++k)
+      states.push_back({{"name", d.family->states[k].name},
+                        {"unit", unit_where(turns(m, d), d.family->states[k].unit)},
+                        {"nominal", devices.nominal[static_cast<std::size_t>(d.z) + k]}});
+    all.push_back({{"name", d.name},
+                   {"type", d.family->type},
+                   {"mounts", mounts},
+                   {"inputs", inputs},
+                   {"outputs", outputs},
+                   {"states", states},
+                   {"roots", d.family->n_roots},
+                   {"tangent", d.family->tangent ? "exact" : "by differences"}});
+  }
+  return all;
+}
+
 Json not_modelled(const Model& m) {
   std::vector<std::string> all;
   if (m.gravity.kind == GravitySpec::Kind::none) all.emplace_back("gravity: none");
@@ -227,12 +265,15 @@ std::string text_of(const Eigen::Matrix3d& R) {
 }
 
 /// In the words of the schema of its family.
-template <class Family>
-std::string parameter_unit(const Family* family, const std::string& name) {
-  for (std::uint32_t i = 0; family && i < family->n_params; ++i)
-    if (const cardan_param_desc& p = family->params[i]; name == p.name)
-      return p.unit && *p.unit && p.unit != std::string_view("1") && !p.units ? std::string(" ") + p.unit : std::string();
+std::string parameter_unit(std::span<const cardan_param_desc> schema, const std::string& name) {
+  for (const cardan_param_desc& p : schema)
+    if (name == p.name) return p.unit && *p.unit && p.unit != std::string_view("1") && !p.units ? std::string(" ") + p.unit : std::string();
   return {};
+}
+
+template <class Family>
+std::span<const cardan_param_desc> schema_of(const Family* family) {
+  return family ? std::span(family->params, family->n_params) : std::span<const cardan_param_desc>();
 }
 
 std::string program_text(const Model& m, const std::vector<soa::OpCost>& costs, bool measured) {
@@ -293,13 +334,13 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
                                                              w > 0 ? b.modal->C(j, j) / (2 * w * b.modal->integrals.I6(j, j)) : 0.0));
       }
     }
-    for (const auto& [name, value] : b.params) add(path + name, text_of(value) + parameter_unit(u.family, name));
+    for (const auto& [name, value] : b.params) add(path + name, text_of(value) + parameter_unit(schema_of(u.family), name));
     const std::string hinge = path + "hinge.";
     add(hinge + "type", b.hinge.locked ? u.hinge_type + ", locked" : u.hinge_type);
     add(hinge + "to", u.parent < 0 ? "world" : m.user[static_cast<std::size_t>(u.parent)].name);
     add(hinge + "onode", text_of(u.onode.p) + " m");
     add(hinge + "pnode", text_of(u.pnode.p) + " m");
-    for (const auto& [name, value] : b.hinge.params) add(hinge + name, text_of(value) + parameter_unit(u.hinge, name));
+    for (const auto& [name, value] : b.hinge.params) add(hinge + name, text_of(value) + parameter_unit(schema_of(u.hinge), name));
     for (const int c : b.hinge.prescribed) add(hinge + "prescribed", u.v_names[static_cast<std::size_t>(c)]);
     for (const HingeLoad& s : m.loads)
       if (s.v >= u.v && s.v < u.v + u.nv) {
@@ -311,6 +352,19 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
       add(fmt::format("{}nodes.{}.position", path, n.name), text_of(n.position) + " m");
       if (n.R_BN != Eigen::Matrix3d::Identity()) add(fmt::format("{}nodes.{}.orientation", path, n.name), "rows " + text_of(n.R_BN));
     }
+  }
+  for (const Device& d : m.devices.all) {
+    const DeviceSpec& spec = m.spec->devices[static_cast<std::size_t>(d.spec)];
+    const std::string path = fmt::format("devices.{}.", d.name);
+    const std::vector<cardan_param_desc> schema = schema_where(turns(m, d), *d.family);
+    add(path + "type", d.family->type);
+    for (const auto& [name, mount] : spec.mounts) add(path + name, mount.target);
+    for (const auto& [name, value] : spec.params) add(path + name, text_of(value) + parameter_unit(schema, name));
+    for (const auto& [name, input] : spec.inputs)
+      add(path + "inputs." + name, std::holds_alternative<std::string>(input.value)
+                                       ? std::get<std::string>(input.value)
+                                       : fmt::format("{:.10g}", std::get<double>(input.value)));
+    for (const auto& [name, value] : spec.initial) add(path + "initial." + name, text_of(value));
   }
   return all;
 }
@@ -342,6 +396,7 @@ Json describe(Simulation& sim, bool measured, int n_modes) {
           {"modes", modes(m)},
           {"system_modes", n_modes > 0 ? system_modes(sim, n_modes) : Json()},
           {"gravity", gravity_text(m.gravity)},
+          {"devices", devices(m)},
           {"program", program_text(m, costs, measured)},
           {"workspace_bytes", soa::workspace_bytes(m)},
           {"ops", ops(m, costs, measured)},

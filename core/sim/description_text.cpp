@@ -76,6 +76,19 @@ std::string description_text(const Json& d) {
                          100.0 * mode["damping"].get<double>(), part(mode["kinetic"]), part(mode["strain"]));
   }
 
+  const Json devices = d.value("devices", Json::array());
+  if (!devices.empty()) out += "\ndevices, in the order of evaluation\n";
+  for (const Json& device : devices) {
+    std::string about;
+    for (const Json& mount : device["mounts"])
+      about += fmt::format(", {} {}", mount["mount"].get<std::string>(), mount["at"].get<std::string>());
+    for (const Json& in : device["inputs"]) about += fmt::format(", {} {}", in["name"].get<std::string>(), in["from"].get<std::string>());
+    for (const Json& state : device["states"])
+      about += fmt::format(", state {} (about {:.3g} {})", state["name"].get<std::string>(), state["nominal"].get<double>(),
+                           state["unit"].get<std::string>());
+    out += fmt::format("  {:<18}{}{}\n", device["name"].get<std::string>(), device["type"].get<std::string>(), about);
+  }
+
   out += fmt::format("\ngravity: {}\n\nprogram of sweeps, in order\n", d["gravity"].get<std::string>());
   std::string program = d["program"].get<std::string>();
   for (std::size_t from = 0, to; (to = program.find('\n', from)) != std::string::npos; from = to + 1)

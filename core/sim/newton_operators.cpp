@@ -42,9 +42,10 @@ void other_rates(const UserBody& u, const Tangent* q, const Tangent* v, double* 
 
 }  // namespace
 
-NewtonOperators::NewtonOperators(std::shared_ptr<const Model> model)
+NewtonOperators::NewtonOperators(std::shared_ptr<const Model> model, const DeviceForces* devices)
     : model_(std::move(model)), tangent_(*model_), tree_(model_), mass_(tree_), inverse_(tree_) {
   const Model& m = *model_;
+  if (devices) devices_ = std::make_unique<DeviceTangents>(m, *devices), z_t_.resize(m.devices.n_z), tangent_.require_world();
   q_t_.resize(m.nq);
   for (const int i : m.curved) scratch_.resize(std::max<std::size_t>(scratch_.size(), 3 * m.user[i].nq + 2 * m.user[i].nv));
   for (auto* x : {&v_t_, &tau_t_, &vdot_given_t_, &vdot_t_}) x->resize(m.nv);
@@ -78,7 +79,12 @@ bool NewtonOperators::jacobian_times(const soa::Inputs<double>& in, const double
                                    .vdot = vdot_given_t_.data(),
                                    .wrenches = wrenches_t_,
                                    .gravity = in.gravity};
-  if (!forward_dynamics(m, tangent_, along, vdot_t_.data())) return false;
+  if (devices_) {
+    for (int i = 0; i < m.devices.n_z; ++i) z_t_[i] = {0.0, dv[m.nv + i]};  // their values are those of the last evaluation
+    devices_->set({0.0, z_t_.data(), nullptr, tau_t_.data(), wrenches_t_.data()});
+  }
+  if (!forward_dynamics(m, tangent_, along, vdot_t_.data(), devices_.get())) return false;
+  if (devices_) std::copy_n(devices_->zdot(), m.devices.n_z, J_dx + m.nq + m.nv);
   for (int i = 0; i < m.nv; ++i) J_dx[m.nq + i] = vdot_t_[i].d;
   for (const PlainRates& r : m.plain_rates) std::copy_n(dv + r.v, r.n, J_dx + r.q);
   for (const int i : given_q_) J_dx[i] = 0.0;
@@ -96,6 +102,14 @@ bool NewtonOperators::jacobian_times(const soa::Inputs<double>& in, const double
 bool NewtonOperators::prepare(const double* x, double gamma, bool moved) {
   const double *q = x, *v = x + model_->nq;
   gamma_ = gamma;
+  states_.clear();
+  for (std::size_t i = 0; devices_ && i < model_->devices.all.size(); ++i) {
+    const auto n = model_->devices.all[i].family->n_states;
+    if (n == 0) continue;
+    Eigen::MatrixXd J(n, n);
+    devices_->state_matrix(static_cast<int>(i), J.data());
+    states_.emplace_back(Eigen::MatrixXd::Identity(n, n) - gamma * J);
+  }
   linear_.clear();
   for (const HingeLoad& load : model_->loads) linear_.push_back(hinge_laws::linear(load, q[load.q], v[load.v]));
   std::fill(W_.begin(), W_.end(), 0.0);
@@ -137,6 +151,12 @@ void NewtonOperators::precondition(const double* r, double* z) {
   for (int i = 0; i < m.nv; ++i)
     if (!is_free(i)) dv[i] = r_v[i];  // a function of time: nothing depends on it
   for (int i = 0; i < m.nq; ++i) dq[i] = r_q[i] + gamma_ * dq[i];
+  const double* r_z = r_v + m.nv;
+  double* dz = dv + m.nv;
+  for (const auto& block : states_) {
+    Eigen::VectorXd::Map(dz, block.rows()) = block.solve(Eigen::VectorXd::Map(r_z, block.rows()));
+    r_z += block.rows(), dz += block.rows();
+  }
 }
 
 }  // namespace cardan

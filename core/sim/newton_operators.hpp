@@ -1,20 +1,22 @@
 #pragma once
-// What an implicit method asks of x' = f(t, x), x = [q; v], of a scenario between two ticks: J dx, J = df/dx, and an
+// What an implicit method asks of x' = f(t, x), x = [q; v; z], of a scenario between two ticks: J dx, J = df/dx, and an
 // approximate inverse of 1 - gamma J; both O(N), no matrix formed (mathematics/integration.md, "Newton's equations").
 #include <memory>
 #include <span>
 #include <vector>
 
+#include "core/dynamics/devices.hpp"
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/operators/apply.hpp"
 #include "core/soa/tangent.hpp"
 
 namespace cardan {
 
-/// User's order of q and v throughout; dx, r, z: nq numbers, then nv.
+/// User's order of q and v throughout; dx, r, z: nq numbers, then nv, then those of device states.
 class NewtonOperators {
  public:
-  explicit NewtonOperators(std::shared_ptr<const Model> model);
+  /// `devices`: null where there are none; has been evaluated where an operator is asked for. Outlives this.
+  explicit NewtonOperators(std::shared_ptr<const Model> model, const DeviceForces* devices = nullptr);
 
   /// J dx by the sweeps on numbers with a derivative; any dx, also off the unit quaternions. in: q, v, tau of actuators
   /// and springs, prescribed v', wrenches at this state; of these only the springs change with it between ticks. Prescribed
@@ -41,14 +43,17 @@ class NewtonOperators {
   std::vector<soa::Tangent> q_t_, v_t_, tau_t_, vdot_given_t_, vdot_t_;
   std::vector<soa::NodeWrench<soa::Tangent>> wrenches_t_;
   std::vector<double> scratch_;
+  std::unique_ptr<DeviceTangents> devices_;
+  std::vector<soa::Tangent> z_t_;
   // the approximate inverse
   operators::TreeOperators tree_;
   operators::Erased<std::remove_const_t<decltype(operators::letters::mass)>> mass_;
   operators::Erased<std::remove_const_t<decltype(operators::letters::mass_inverse)>> inverse_;  // of mass + W, once there is a W
   std::vector<double> q_;                                                                       // of the last prepare
   std::vector<double> W_;
-  std::vector<hinge_laws::Linear> linear_;  // of each hinge load
-  std::vector<std::uint8_t> free_;          // empty: all
+  std::vector<Eigen::PartialPivLU<Eigen::MatrixXd>> states_;  // of 1 - gamma dz'/dz, device by device; of those that have states
+  std::vector<hinge_laws::Linear> linear_;                    // of each hinge load
+  std::vector<std::uint8_t> free_;                            // empty: all
   Eigen::VectorXd at_, rhs_, dv_;
 };
 

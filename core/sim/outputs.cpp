@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "core/base/units.hpp"
+#include "core/model/device_units.hpp"
 
 namespace cardan {
 namespace {
@@ -30,6 +31,7 @@ class Outputs {
       if (u.nv > 0) hinge(u, static_cast<int>(i));
       if (u.n_modes > 0) modes(u);
     }
+    for (const Device& d : model_.devices.all) device(d);
     for (const int i : wanted.reactions) reaction(i);
     for (const int i : wanted.nodes) node(i);
     if (sim_.options().ledger) ledger();
@@ -99,6 +101,31 @@ class Outputs {
         [&sim = sim_, &u](double* x) { std::copy_n(sim.state().q.data() + u.eta, u.n_modes, x); });
     add("modes/" + u.name + "/etadot", names, "1/s", "", "rates of the modal coordinates",
         [&sim = sim_, &u](double* x) { std::copy_n(sim.state().v.data() + u.etadot, u.n_modes, x); });
+  }
+
+  void device(const Device& d) {
+    const std::string path = "devices/" + d.name + "/";
+    const bool turning = turns(model_, d);
+    int in = d.in, out = d.out;
+    std::vector<std::string> taken;  // an output may have the name of a state: the state is then not told twice
+    for (std::uint32_t i = 0; i < d.family->n_ports; ++i) {
+      const cardan_port_desc& port = d.family->ports[i];
+      taken.emplace_back(port.name);
+      if (port.kind == CARDAN_PORT_IN)
+        add(path + port.name, {port.name}, unit_where(turning, port.unit), "", fmt::format("input: {}", port.meaning),
+            [&sim = sim_, k = in++](double* x) { *x = (sim.observe(), sim.device_input(k)); });
+      else
+        add(path + port.name, {port.name}, unit_where(turning, port.unit), "", port.meaning,
+            [&sim = sim_, k = out++](double* x) { *x = sim.device_output(k); });
+    }
+    const auto states = [&](const cardan_state_desc* all, std::uint32_t n, int first, const Eigen::VectorXd& of) {
+      for (std::uint32_t i = 0; i < n; ++i)
+        if (std::ranges::find(taken, all[i].name) == taken.end())
+          add(path + all[i].name, {all[i].name}, unit_where(turning, all[i].unit), "", all[i].meaning,
+              [&of, k = first + static_cast<int>(i)](double* x) { *x = of[k]; });
+    };
+    states(d.family->states, d.family->n_states, d.z, sim_.state().z);
+    states(d.family->marks, d.family->n_marks, d.mark, sim_.state().marks);
   }
 
   void reaction(int i) {

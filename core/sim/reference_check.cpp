@@ -67,7 +67,8 @@ double difference(Simulation& sim, const reference::DenseTwin<T>& twin, bool& so
   const reference::DenseState<T> state = twin.at(sim.state().q.cast<T>(), sim.state().v.cast<T>());
   const Observer& observer = sim.observe();
   VecX<T> tau(m.nv);
-  for (int i = 0; i < m.nv; ++i) tau[i] = T(sim.force(i));
+  const std::vector<double> forces = sim.applied_forces();
+  for (int i = 0; i < m.nv; ++i) tau[i] = T(forces[static_cast<std::size_t>(i)]);
   reference::NodeWrenches<T> wrenches;
   for (const NodeWrench& w : sim.wrenches()) {
     const UserNode& node = m.nodes[static_cast<std::size_t>(w.node)];

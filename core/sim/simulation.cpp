@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "core/base/finite.hpp"
+#include "core/base/noise.hpp"
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/sim/fastest_motion.hpp"
 #include "core/sim/newton_operators.hpp"
@@ -27,7 +28,7 @@ Simulation::Simulation(std::shared_ptr<const Model> model, const SimulationOptio
   for (const HingeLoad& load : m.loads)
     for (const std::size_t side : {0, 1})
       if (load.law == HingeLaw::stop && std::isfinite(load.p[side])) limits_.push_back({load.q, load.p[side]});
-  x_given_.resize(static_cast<std::size_t>(m.nq + m.nv));
+  x_given_.resize(static_cast<std::size_t>(m.nq + m.nv + m.devices.n_z));
   for (int i = 0; m.has_prescribed() && i < m.nv; ++i) {
     if (!m.prescribed[static_cast<std::size_t>(i)]) continue;
     int coordinate = -1;
@@ -43,19 +44,42 @@ Simulation::Simulation(std::shared_ptr<const Model> model, const SimulationOptio
     if (m.user[i].nv < 6) world_rates_ = true;
   }
   observer_ = std::make_unique<Observer>(m, workspace_);
+  if (m.devices.all.empty()) return;
+  devices_ = std::make_unique<DeviceForces>(m);
+  wrenches_.resize(static_cast<std::size_t>(m.devices.n_loads));
+  for (const Device& d : m.devices.all)
+    for (const DeviceMount& mount : d.mounts)
+      if (mount.node >= 0 && (mount.use & CARDAN_USE_LOAD) != 0) wrenches_[static_cast<std::size_t>(mount.load)].node = mount.node;
+  world_rates_ = world_rates_ || m.devices.n_loads > 0;
+  sample_devices(false);
+  if (m.devices.n_roots == 0) return;
+  on_trial_ = std::make_unique<DeviceForces>(m);
+  if (m.devices.reads_nodes) {
+    beside_ = std::make_unique<Workspace>(m);
+    beside_->require_world();
+  }
 }
 
 Simulation::~Simulation() = default;
 
 void Simulation::set_state(const State& state) {
   state_ = state;
+  if (state_.z.size() != model_->devices.n_z) state_.z = Eigen::VectorXd::Map(model_->devices.z0.data(), model_->devices.n_z);
+  if (state_.marks.size() != model_->devices.n_marks)
+    state_.marks = Eigen::VectorXd::Map(model_->devices.marks0.data(), model_->devices.n_marks);
   changed();
 }
 
-/// `state`: index into [q, v].
+/// `state`: index into [q, v, z].
 RunFailure Simulation::not_finite(int state, double value) const {
   const Model& m = *model_;
   RunFailure f{Code::not_finite, state_.t, "", "", "", "too large a step, or a command that grows without limit?", ""};
+  for (const Device& d : m.devices.all) {
+    const int i = state - m.nq - m.nv - d.z;
+    if (i < 0 || i >= static_cast<int>(d.family->n_states)) continue;
+    f.body = d.name;
+    f.what = d.family->states[i].name;
+  }
   for (const UserBody& u : m.user) {
     const bool is_q = state < m.nq;
     const auto& names = is_q ? u.q_names : u.v_names;
@@ -83,6 +107,16 @@ RunFailure Simulation::explain(const RunFailure& failure) const {
     if (!culprit_.empty()) f.hint = culprit_;
     return f;
   }
+  if (devices_ && devices_->fault().device >= 0) {
+    const Device& d = model_->devices.all[static_cast<std::size_t>(devices_->fault().device)];
+    return {Code::device_failed,
+            state_.t,
+            "",
+            "",
+            fmt::format("device {} ({}): {}", d.name, d.family->type, devices_->fault().what),
+            "its parameters and inputs; what it reads may be outside of what it is made for",
+            ""};
+  }
   if (bad_rate_ < 0) return failure;
   RunFailure f = not_finite(model_->nq + bad_rate_, vdot_bad_);
   if (!culprit_.empty()) f.hint = culprit_;
@@ -102,6 +136,7 @@ void Simulation::take_over(const Simulation& other) {
   tau_ = other.tau_;
   tau_total_ = other.tau_;
   prescribed_ = other.prescribed_;
+  if (devices_ && other.devices_) devices_->commands = other.devices_->commands;
   for (std::size_t i = 0; i < std::min(wrenches_.size(), other.wrenches_.size()); ++i) wrenches_[i].f = other.wrenches_[i].f;
 }
 
@@ -252,10 +287,11 @@ int Simulation::add_wrench(int node, bool world_axes) {
   w.world_axes = world_axes;
   wrenches_.push_back(w);
   world_rates_ = true;
-  return static_cast<int>(wrenches_.size()) - 1;
+  return static_cast<int>(wrenches_.size()) - model_->devices.n_loads - 1;
 }
 
 void Simulation::record(Recorder& recorder, std::vector<Output> outputs, Rational period) {
+  sample_devices(true);
   recorder_ = &recorder;
   for (const Warning& w : warnings_.all()) note(recorder, w);
   outputs_ = std::move(outputs);
@@ -272,13 +308,38 @@ void Simulation::set_force(int i, double value) {
 }
 
 void Simulation::set_wrench(int slot, const Force<double>& f) {
-  wrenches_[static_cast<std::size_t>(slot)].f = f;
+  wrenches_[static_cast<std::size_t>(model_->devices.n_loads + slot)].f = f;
   changed();
+}
+
+void Simulation::set_device_input(int i, double value) {
+  double& command = devices_->commands[static_cast<std::size_t>(i)];
+  if (command == value) return;
+  command = value;
+  changed();
+}
+
+std::vector<double> Simulation::applied_forces() {
+  std::vector<double> tau = tau_;
+  if (devices_) observe(), devices_->add_hinge_forces(tau.data());
+  return tau;
+}
+
+void Simulation::pack(double* x) const {
+  x = std::copy_n(state_.q.data(), model_->nq, x);
+  x = std::copy_n(state_.v.data(), model_->nv, x);
+  std::copy_n(state_.z.data(), model_->devices.n_z, x);
+}
+
+void Simulation::unpack(const double* x) {
+  std::copy_n(x, model_->nq, state_.q.data());
+  std::copy_n(x + model_->nq, model_->nv, state_.v.data());
+  std::copy_n(x + model_->nq + model_->nv, model_->devices.n_z, state_.z.data());
 }
 
 void Simulation::make_integrator_once() {
   if (integrator_) return;
-  x_.assign(static_cast<std::size_t>(model_->nq + model_->nv), 0.0);
+  x_.assign(static_cast<std::size_t>(model_->nq + model_->nv + model_->devices.n_z), 0.0);
   integrator_ = make_integrator(ode(), options_.integrator);
 }
 
@@ -286,6 +347,7 @@ std::vector<double> Simulation::absolute_tolerances() const {
   const Model& m = *model_;
   const double absolute = options_.absolute_tolerance != 0 ? options_.absolute_tolerance : options_.integrator.relative_tolerance;
   std::vector<double> all(static_cast<std::size_t>(m.nq + m.nv), absolute);
+  for (const double nominal : m.devices.nominal) all.push_back(absolute * nominal);
   // A mass-normalised modal coordinate that moves the body as much as 1 m of a rigid one is far larger than those in use:
   // eta counts as 1e-3 (slow modes) and as (1 rad/s / omega)^2 of that for fast ones, eta' as omega times it.
   for (const SweepBody& b : m.bodies) {
@@ -307,9 +369,10 @@ OdeProblem Simulation::ode() {
     refuse(Code::out_of_range, {"integrator.absolute"}, "a number > 0 and at most 1", fmt::format("{:g}", options_.absolute_tolerance));
   start_given_motion();
   OdeProblem ode;
-  ode.n = m.nq + m.nv;
+  ode.n = m.nq + m.nv + m.devices.n_z;
   ode.n_quadrature = options_.ledger ? Balances::kIntegrals : 0;
-  ode.rough_integrands = std::ranges::any_of(m.loads, [](const HingeLoad& load) { return load.law != HingeLaw::spring; });
+  ode.rough_integrands =
+      m.devices.rough || std::ranges::any_of(m.loads, [](const HingeLoad& load) { return load.law != HingeLaw::spring; });
   ode.rhs = [this](double t, const double* x, double* xdot) { return rhs(t, x, xdot); };
   ode.integrands = [this](double t, const double* x, double* ydot) { integrands(t, x, ydot); };
   if (normalised_ || !prescribed_.empty())
@@ -323,17 +386,20 @@ OdeProblem Simulation::ode() {
     std::fill_n(ode.group.begin() + b.eta, b.n_modes, 1);
     std::fill_n(ode.group.begin() + m.nq + b.etadot, b.n_modes, 1);
   }
-  ode.n_roots = static_cast<int>(events_.size() + limits_.size());
+  std::fill_n(ode.group.begin() + m.nq + m.nv, m.devices.n_z, 2);
+  ode.n_roots = static_cast<int>(events_.size() + limits_.size()) + m.devices.n_roots;
   if (ode.n_roots > 0)
     ode.roots = [this](double t, const double* x, double* g) {
       for (std::size_t i = 0; i < events_.size(); ++i) g[i] = events_[i].function(t, x, x + model_->nq);
       for (std::size_t i = 0; i < limits_.size(); ++i) g[events_.size() + i] = x[limits_[i].q] - limits_[i].value;
+      if (model_->devices.n_roots > 0) device_roots(t, x, g + events_.size() + limits_.size());
     };
   if (options_.integrator.linear_solver != "krylov") return ode;
-  newton_ = std::make_unique<NewtonOperators>(model_);
+  newton_ = std::make_unique<NewtonOperators>(model_, devices_.get());
   ode.jacobian_times = [this](double t, const double* x, const double* dx, double* J_dx) {
     const double *q = with_given_motion(t, x), *v = q + model_->nq;
-    apply_forces(t, std::min(t, stretch_), q, v);
+    if (devices_ && !evaluate(t, std::min(t, stretch_), q, vdot_.data())) return false;  // for their values
+    if (!devices_) apply_forces(t, std::min(t, stretch_), q, v);
     return newton_->jacobian_times(inputs(q, v), dx, J_dx);
   };
   ode.prepare = [this](double, const double* x, double gamma, bool moved) { return newton_->prepare(x, gamma, moved); };
@@ -349,6 +415,7 @@ void Simulation::integrands(double t, const double* x, double* ydot) {
   const Model& m = *model_;
   const double *q = with_given_motion(t, x), *v = q + m.nq;
   apply_forces(t, std::min(t, stretch_), q, v);
+  if (devices_) devices_->add_hinge_forces(tau_total_.data());
   const Inputs in = inputs(q, v);
   // Forces of actuators on a free root are forces from outside.
   const auto driven = [&](int root) {
@@ -363,15 +430,16 @@ void Simulation::integrands(double t, const double* x, double* ydot) {
   else
     e.power = observer_->internal_power(in, vdot_.data());
   for (int i = 0; i < 3; ++i) ydot[i] = e.force[i], ydot[3 + i] = e.moment[i];
-  ydot[6] = e.power;
+  ydot[6] = e.power + (devices_ ? devices_->unseen_power() : 0.0);
 }
 
 const Observer& Simulation::observe() {
   if (!observed_) {
     breakdown_ = {};
     bad_rate_ = -1;
-    if (!evaluate(state_.t, state_.t, state_.q.data(), state_.v.data(), vdot_.data()))
-      fail(explain({Code::not_finite, state_.t, "", "", "", "", ""}));
+    std::vector<double>& x = x_given_;
+    pack(x.data());
+    if (!evaluate(state_.t, state_.t, x.data(), vdot_.data())) fail(explain({Code::not_finite, state_.t, "", "", "", "", ""}));
     observer_->update(inputs(state_.q.data(), state_.v.data()), vdot_.data());
     observed_ = true;
   }
@@ -402,8 +470,13 @@ void Simulation::begin_ledger() {
     balances_.set_least(p.linear_magnitude, p.angular_magnitude, energy);
   }
   observed_ = false;
-  const Observer& o = observe();
-  balances_.begin(o.momentum(), o.energy());
+  balances_.begin(observe().momentum(), energy());
+}
+
+Energy Simulation::energy() {
+  Energy e = observe().energy();
+  if (devices_) e.devices = devices_->energy(), e.magnitude += std::abs(e.devices);
+  return e;
 }
 
 LedgerState Simulation::ledger() {
@@ -413,7 +486,7 @@ LedgerState Simulation::ledger() {
   const Observer& o = observe();
   Balances::Integrals y = Balances::Integrals::Zero();
   if (integrator_) integrator_->integrals(state_.t, y.data());
-  ledger_ = balances_.look(o.momentum(), o.energy(), y, statistics(), options_.integrator.relative_tolerance);
+  ledger_ = balances_.look(o.momentum(), energy(), y, statistics(), options_.integrator.relative_tolerance);
   for (const auto& [name, sentence] : balances_.beyond(integrator_name()))
     warn(Code::ledger_residual, {fmt::format("ledger of {}", name), {}}, sentence,
          "a hinge or body of a plugin whose laws do not fit together, a state that was changed in the run, or a step too large "
@@ -433,6 +506,77 @@ void Simulation::write_outputs() {
   last_output_ = state_.t;
 }
 
+/// Puts devices with a sampled part on the schedule, who gives before who takes: sensors at once, and those that take inputs after the
+/// controllers, which command them.
+void Simulation::sample_devices(bool with_inputs) {
+  if (!devices_) return;
+  if (with_inputs && std::exchange(actuators_tick_, true)) return;
+  for (const int i : model_->devices.order) {
+    const Device& d = model_->devices.all[static_cast<std::size_t>(i)];
+    if (!d.family->tick || (d.n_in > 0) != with_inputs) continue;
+    const DeviceSpec& spec = model_->spec->devices[static_cast<std::size_t>(d.spec)];
+    const std::string path = "devices." + d.name;
+    const Rational period = spec.rate > 0.0 ? period_from_hertz(spec.rate, model_->spec->locate(path + ".rate"))
+                                            : period_from_seconds(spec.period, model_->spec->locate(path + ".period"));
+    const double seconds = static_cast<double>(period.numerator) / static_cast<double>(period.denominator);
+    noise_.resize(std::max<std::size_t>(noise_.size(), d.family->n_noise));
+    every(period, [this, i, seconds] { tick_device(i, seconds); });
+  }
+}
+
+void Simulation::tick_device(int index, double period) {
+  const Device& d = model_->devices.all[static_cast<std::size_t>(index)];
+  const Observer& o = observe();
+  for (std::size_t i = 0; i < d.mounts.size(); ++i) {
+    if (d.mounts[i].node < 0 || (d.mounts[i].use & CARDAN_USE_ACCELERATION) == 0) continue;
+    const NodeState n = o.node(d.mounts[i].node);
+    cardan_mount_motion& to = devices_->motion_of_tick(d.mount + static_cast<int>(i));
+    Eigen::Vector3d::Map(to.alpha) = n.acceleration.head<3>();
+    Eigen::Vector3d::Map(to.specific_force) = n.specific_force;
+  }
+  normal_noise(noise_key(options_.seed, d.name), static_cast<std::uint64_t>(tick_), d.family->n_noise, noise_.data());
+  const Eigen::VectorXd z = state_.z, marks = state_.marks;
+  if (!devices_->tick(index, period, noise_.data(), state_.z.data(), state_.marks.data())) fail(explain({}));
+  if (state_.z == z && state_.marks == marks) return;
+  if (d.acts) return changed();
+  devices_->set({state_.t, state_.z.data(), state_.marks.data(), tau_total_.data(), wrenches_.data()});
+  if (!devices_->evaluate()) fail(explain({}));  // what it gives now; the motion is as it was
+}
+
+/// At a trial state.
+void Simulation::device_roots(double t, const double* x, double* g) {
+  const Model& m = *model_;
+  const double *q = with_given_motion(t, x), *v = q + m.nq;
+  on_trial_->set({t, v + m.nv, state_.marks.data(), nullptr, nullptr});
+  on_trial_->look_at(*devices_, beside_.get(), inputs(q, v));
+  on_trial_->roots(g);
+}
+
+void Simulation::start_devices() {
+  if (!devices_) return;
+  observe();
+  for (std::size_t i = 0; i < model_->devices.all.size(); ++i)
+    devices_->event(static_cast<int>(i), model_->devices.all[i].family->n_roots, 0, state_.z.data(), state_.marks.data());
+  changed();
+}
+
+/// What devices do where one of their roots crossed zero; true if any did.
+bool Simulation::device_events(std::span<const int> crossed) {
+  bool any = false;
+  for (std::size_t i = 0; devices_ && i < model_->devices.all.size(); ++i) {
+    const Device& d = model_->devices.all[i];
+    for (std::uint32_t root = 0; root < d.family->n_roots; ++root) {
+      const int side = crossed[static_cast<std::size_t>(d.root) + root];
+      if (side == 0) continue;
+      observe();
+      devices_->event(static_cast<int>(i), root, side, state_.z.data(), state_.marks.data());
+      any = true;
+      changed();
+    }
+  }
+  return any;
+}
+
 double Simulation::next_corner() const {
   double t = std::numeric_limits<double>::infinity();
   for (const auto& p : prescribed_) t = std::min(t, p.profile.next_corner(state_.t));
@@ -445,8 +589,8 @@ std::string Simulation::integrator_name() const { return integrator_ ? std::stri
 
 void Simulation::fail(RunFailure failure) {
   if (recorder_) {
-    std::vector<double> x(state_.q.data(), state_.q.data() + state_.q.size());
-    x.insert(x.end(), state_.v.data(), state_.v.data() + state_.v.size());
+    std::vector<double> x(static_cast<std::size_t>(model_->nq + model_->nv + model_->devices.n_z));
+    pack(x.data());
     recorder_->restart_state(state_.t, x);
     recorder_->flush();
   }

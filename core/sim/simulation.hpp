@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/base/warnings.hpp"
+#include "core/dynamics/devices.hpp"
 #include "core/io/recorder.hpp"
 #include "core/sim/balances.hpp"
 #include "core/sim/motion_profile.hpp"
@@ -18,6 +19,7 @@ namespace cardan {
 struct SimulationOptions {
   IntegratorOptions integrator;
   double absolute_tolerance = 0.0;  // [unit of each state], up to 1; 0 = the relative tolerance. Modes are scaled, see .cpp
+  std::uint64_t seed = 0;           // of the noise of devices
   bool ledger = true;               // integrate external impulse and work beside the state; no bit of the motion depends on it
 };
 
@@ -76,8 +78,18 @@ class Simulation {
   /// Generalised force of actuators on velocity component i [N m | N].
   double force(int i) const { return tau_[static_cast<std::size_t>(i)]; }
   void set_force(int i, double value);
+  /// slot: as add_wrench() told.
   void set_wrench(int slot, const Force<double>& f);
+  /// Those of devices first, as observe() found them, then those of add_wrench().
   std::span<const NodeWrench> wrenches() const { return wrenches_; }
+  /// An input of a device, index as in Devices::in0; commands of one that is connected are not read. A device that acts starts anew.
+  void set_device_input(int i, double value);
+  /// Evaluated at the present state; null where there are none.
+  const DeviceForces* devices() { return devices_ ? (observe(), devices_.get()) : nullptr; }
+  double device_input(int i) const { return devices_->input(i); }
+  double device_output(int i) { return observe(), devices_->output(i); }
+  /// [N m, N] of all actuators: force(i) and what devices push with, nv numbers.
+  std::vector<double> applied_forces();
   void stop() { stopped_ = true; }
   bool stopped() const { return stopped_; }
 
@@ -109,12 +121,13 @@ class Simulation {
   /// Called with each warning of the run when it comes up first, so that it can be told while the run goes on.
   void on_warning(std::function<void(const Warning&)> told) { told_ = std::move(told); }
   IntegratorStatistics statistics() const;
-  /// x' = f(t, x), x = [q; v], with the commands as they are when it is called: what the integrator is given. Refers to this.
+  /// x' = f(t, x), x = [q; v; z], with the commands as they are when it is called: what the integrator is given. Refers to this.
   OdeProblem ode();
   std::string integrator_name() const;
-  /// Absolute tolerance of each state, [q; v], in its unit.
+  /// Absolute tolerance of each state, [q; v; z], in its unit.
   std::vector<double> absolute_tolerances() const;
-  std::size_t workspace_bytes() const { return workspace_.bytes(); }
+  std::size_t workspace_bytes() const { return workspace_.bytes() + (devices_ ? devices_->bytes() : 0); }
+  Energy energy();
 
  private:
   void changed() { restart_ = true, observed_ = ledger_known_ = false; }
@@ -124,7 +137,14 @@ class Simulation {
   void give_motion(double t, double* q, double* v) const;
   void start_given_motion();
   void apply_forces(double t, double since, const double* q, const double* v);
-  bool evaluate(double t, double since, const double* q, const double* v, double* vdot);
+  bool evaluate(double t, double since, const double* x, double* vdot);
+  void pack(double* x) const;
+  void unpack(const double* x);
+  void device_roots(double t, const double* x, double* g);
+  void start_devices();
+  bool device_events(std::span<const int> crossed);
+  void sample_devices(bool with_inputs);
+  void tick_device(int device, double period);
   Inputs inputs(const double* q, const double* v) const { return {q, v, tau_total_.data(), vdot_given_.data(), wrenches_}; }
   void make_integrator_once();
   void remember(Archive& archive);
@@ -150,10 +170,16 @@ class Simulation {
   State state_;
   Workspace workspace_;
   std::unique_ptr<Observer> observer_;
+  std::unique_ptr<DeviceForces> devices_;    // null: there are none
+  std::unique_ptr<DeviceForces> on_trial_;   // for their roots at trial states; null: there are none
+  std::unique_ptr<Workspace> beside_;        // ... where they read nodes
   std::unique_ptr<NewtonOperators> newton_;  // where the linear solver asks for them
   std::unique_ptr<Integrator> integrator_;
   Schedule schedule_;
   std::vector<std::function<void()>> tasks_;
+  std::int64_t tick_ = 0;        // how-manieth of the task that runs
+  bool actuators_tick_ = false;  // devices with inputs are on the schedule: after all tasks before record() or run()
+  std::vector<double> noise_;
   std::vector<Event> events_;
   struct Limit {
     int q;

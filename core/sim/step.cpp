@@ -11,10 +11,12 @@
 namespace cardan {
 
 void Simulation::run(double t_end, const std::function<void(double)>& progress) {
+  sample_devices(true);
   make_integrator_once();
   if (!begun_) {
     begun_ = true;
     schedule_.start(state_.t);
+    start_devices();
     begin_ledger();
     foresee_stiffness(t_end);
   }
@@ -34,8 +36,7 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
 void Simulation::step(double t_stop) {
   if (restart_) {
     start_given_motion();
-    std::copy_n(state_.q.data(), model_->nq, x_.begin());
-    std::copy_n(state_.v.data(), model_->nv, x_.begin() + model_->nq);
+    pack(x_.data());
     integrator_->restart(state_.t, x_.data());
     restart_ = false;
   }
@@ -53,21 +54,25 @@ void Simulation::step(double t_stop) {
   ++steps_;
   expect_finite(x_);
   state_.t = report.t;
-  std::copy_n(x_.begin(), model_->nq, state_.q.data());
-  std::copy_n(x_.begin() + model_->nq, model_->nv, state_.v.data());
+  unpack(x_.data());
   observed_ = ledger_known_ = false;
   if (report.stiff) say_stiff();
   if (report.event) handle_events(report.crossed);
-  if (report.event && std::ranges::any_of(report.crossed.subspan(events_.size()), [](int side) { return side != 0; }))
-    restart_ = true;                        // a stop begins or ends to push: a corner
+  if (report.event) {
+    const auto [corners, devices] =
+        std::pair(report.crossed.subspan(events_.size(), limits_.size()), report.crossed.subspan(events_.size() + limits_.size()));
+    if (device_events(devices) || std::ranges::any_of(corners, [](int side) { return side != 0; }))
+      restart_ = true;  // a stop begins or ends to push, a device changed: a corner
+  }
   if (report.t == corner) restart_ = true;  // v' of a prescribed motion jumps here
 }
 
-// x' = [ N(q) v ; v' ],  v' = M^-1 (tau + springs - C + gravity + wrenches) by the articulated sweeps.
+// x' = [ N(q) v ; v' ; z' ],  v' = M^-1 (tau + springs + devices - C + gravity + wrenches) by the articulated sweeps.
 bool Simulation::rhs(double t, const double* x, double* xdot) {
   const Model& m = *model_;
   const double *q = with_given_motion(t, x), *v = q + m.nq;
-  if (!evaluate(t, std::min(t, stretch_), q, v, xdot + m.nq)) return false;
+  if (!evaluate(t, std::min(t, stretch_), q, xdot + m.nq)) return false;
+  if (devices_) std::copy_n(devices_->zdot(), m.devices.n_z, xdot + m.nq + m.nv);
   if (!prescribed_.empty()) std::copy_n(xdot + m.nq, m.nv, vdot_.data());  // for the powers of these motions
   m.qdot(q, v, xdot);
   return true;
@@ -76,14 +81,17 @@ bool Simulation::rhs(double t, const double* x, double* xdot) {
 // Of actuators and hinge loads; v' of prescribed motions.
 void Simulation::apply_forces(double t, double since, const double* q, const double* v) {
   for (const HingeLoad& load : model_->loads) tau_total_[static_cast<std::size_t>(load.v)] = tau_[static_cast<std::size_t>(load.v)];
+  if (devices_) tau_total_ = tau_;  // they add theirs during the sweeps
   hinge_laws::add_forces(*model_, q, v, tau_total_.data());
   for (const auto& p : prescribed_) vdot_given_[static_cast<std::size_t>(p.index)] = p.profile.acceleration(t, since);
 }
 
-// v' at (t, q, v) with the commands as they are; `since`: on which stretch between two corners.
-bool Simulation::evaluate(double t, double since, const double* q, const double* v, double* vdot) {
+// v' at (t, x) with the commands as they are; `since`: on which stretch between two corners.
+bool Simulation::evaluate(double t, double since, const double* x, double* vdot) {
+  const double *q = x, *v = q + model_->nq;
   apply_forces(t, since, q, v);
-  if (!forward_dynamics(*model_, workspace_, inputs(q, v), vdot)) {
+  if (devices_) devices_->set({t, v + model_->nv, state_.marks.data(), tau_total_.data(), wrenches_.data()});
+  if (!forward_dynamics(*model_, workspace_, inputs(q, v), vdot, devices_.get())) {
     breakdown_ = workspace_.breakdown;
     culprit_ = plugin_without_numbers(*model_, q, v);
     return false;
@@ -97,7 +105,10 @@ bool Simulation::evaluate(double t, double since, const double* q, const double*
 
 // Everything that ticks now.
 void Simulation::tick() {
-  for (const Schedule::Tick& tick : schedule_.next()) tasks_[static_cast<std::size_t>(tick.entry)]();
+  for (const Schedule::Tick& tick : schedule_.next()) {
+    tick_ = tick.k;
+    tasks_[static_cast<std::size_t>(tick.entry)]();
+  }
 }
 
 void Simulation::handle_events(std::span<const int> crossed) {

@@ -43,6 +43,8 @@ const char* name_of(OpCode code) {
       return "world poses";
     case OpCode::central_gravity:
       return "central gravity";
+    case OpCode::devices:
+      return "devices";
     case OpCode::node_wrenches:
       return "node wrenches";
     case OpCode::inward:
@@ -76,6 +78,12 @@ std::vector<OpCost> op_costs(const Model& model, const State& state, std::span<c
     cost.bodies = run ? run->end - run->begin : static_cast<int>(model.bodies.size()) - 1;
     cost.name = name_of(op.code);
     run_op(model, op, S, ws, in, vdot.data());
+    if (op.code == OpCode::devices) {
+      const Devices& d = model.devices;
+      cost.bodies = static_cast<int>(d.all.size());
+      cost.bytes = static_cast<std::size_t>(d.n_mounts) * (sizeof(cardan_mount_motion) + sizeof(cardan_mount_load)) +
+                   static_cast<std::size_t>(2 * d.n_z + d.n_marks + 2 * d.n_in + d.n_out) * sizeof(double);
+    }
     if (run) cost.name += std::string(" (") + name_of(run->kind) + ")";
     for (int k = run ? run->begin : 1; run && k < run->end; ++k) cost.bytes += sizes.record_bytes(k);
     cost.flops = Counted::flops;

@@ -10,7 +10,7 @@ namespace cardan::soa {
 
 struct OpCost {
   std::string name;       // "outward (rotation about z)"
-  int bodies = 0;         // bodies it works on
+  int bodies = 0;         // bodies it works on, or devices
   long flops = 0;         // additions, multiplications, divisions, roots; without what families compute
   long functions = 0;     // sines and cosines
   std::size_t bytes = 0;  // records of its bodies in double

@@ -20,6 +20,8 @@ void run_op(const Model& model, const Op& op, const Sweeps<T>& S, Workspace<T>& 
       return S.world(model, ws, in);
     case OpCode::central_gravity:
       return S.central_gravity(model, ws, in);
+    case OpCode::devices:
+      return;  // forward_dynamics
     case OpCode::node_wrenches:
       return S.node_wrenches(model, ws, in);
     case OpCode::inward:

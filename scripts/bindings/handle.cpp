@@ -8,8 +8,9 @@
 namespace cardan {
 namespace {
 
-constexpr const char* kTypes[] = {"cardan.vehicle", "cardan.body", "cardan.hinge", "cardan.modes", "cardan.node", "cardan.load"};
-constexpr const char* kWords[] = {"vehicle", "body", "hinge", "modes", "node", "load"};
+constexpr const char* kTypes[] = {"cardan.vehicle", "cardan.body", "cardan.hinge", "cardan.modes",
+                                  "cardan.node",    "cardan.load", "cardan.device"};
+constexpr const char* kWords[] = {"vehicle", "body", "hinge", "modes", "node", "load", "device"};
 
 /// hinge "rod": angle
 int handle_text(lua_State* L) {
@@ -38,6 +39,11 @@ int handle_text(lua_State* L) {
     case Kind::load:
       text = named(node(h.scenario->loads[static_cast<std::size_t>(h.index)].node));
       break;
+    case Kind::device: {
+      const Device& d = m.devices.all[static_cast<std::size_t>(h.index)];
+      text = named(d.name, fmt::format(": {}", d.family->type));
+      break;
+    }
     default:
       text = named(h.user().name);
   }
@@ -99,7 +105,8 @@ int push_quaternion(lua_State* L, const Eigen::Matrix3d& R) {
 void bind_handles(Scenario& s) {
   s.lua.protect([](lua_State* L) {
     int kind = 0;
-    for (const auto& methods : {vehicle_methods(), body_methods(), hinge_methods(), modes_methods(), node_methods(), load_methods()})
+    for (const auto& methods :
+         {vehicle_methods(), body_methods(), hinge_methods(), modes_methods(), node_methods(), load_methods(), device_methods()})
       make_handle_type(L, kTypes[kind++], methods, method<handle_text>);
   });
 }

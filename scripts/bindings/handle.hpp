@@ -9,11 +9,11 @@
 
 namespace cardan {
 
-enum class Kind : int { vehicle, body, hinge, modes, node, load };
+enum class Kind : int { vehicle, body, hinge, modes, node, load, device };
 
 struct Handle {
   Kind kind;
-  int index;  // user body, node or slot
+  int index;  // user body, node, slot or device
   Scenario* scenario;
   const UserBody& user() const { return scenario->model->user[static_cast<std::size_t>(index)]; }
 };
@@ -32,6 +32,7 @@ const std::vector<luaL_Reg>& hinge_methods();    // hinge.cpp
 const std::vector<luaL_Reg>& modes_methods();    // modes.cpp
 const std::vector<luaL_Reg>& node_methods();     // node.cpp
 const std::vector<luaL_Reg>& load_methods();     // node.cpp
+const std::vector<luaL_Reg>& device_methods();   // device.cpp
 
 /// Event functions are evaluated at trial states, where only coordinates are known.
 void expect_state(lua_State* L, const Scenario& s, const char* what);

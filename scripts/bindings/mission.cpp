@@ -187,6 +187,7 @@ int mission(lua_State* L, Scenario& s) {
   t.finish();
   sink.throw_if_any();
   expect_legal(L, s.mission.simulation.integrator);
+  s.mission.simulation.seed = s.seed;
   s.sim->set_options(s.mission.simulation);
   return 0;
 }

@@ -120,13 +120,16 @@ LuaOperators& to_operators(lua_State* L) {
 
 OperatingState present_state(const Scenario& s) {
   const int nv = s.model->nv;
+  const DeviceForces* devices = s.sim->devices();
   OperatingState out{.t = s.sim->time(),
                      .v = Eigen::Map<const Eigen::VectorXd>(s.v, nv),
                      .tau = Eigen::VectorXd(nv),
                      .vdot = Eigen::VectorXd::Zero(nv),
                      .wrenches = {s.sim->wrenches().begin(), s.sim->wrenches().end()},
+                     .devices = devices ? std::make_shared<const DeviceForces>(*devices) : nullptr,
                      .seed = s.seed};
-  for (int i = 0; i < nv; ++i) out.tau[i] = s.sim->force(i);
+  const std::vector<double> tau = s.sim->applied_forces();
+  std::copy(tau.begin(), tau.end(), out.tau.data());
   if (s.model->has_prescribed()) out.vdot = s.sim->vdot();
   return out;
 }

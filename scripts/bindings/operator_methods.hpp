@@ -17,11 +17,12 @@ using operators::Sort, operators::Space, operators::TreeOperators;
 
 /// What analyses of dynamics read beside q, at the moment when the operators were made; the model's order.
 struct OperatingState {
-  double t = 0.0;          // [s]
-  Eigen::VectorXd v, tau;  // tau: of actuators
-  Eigen::VectorXd vdot;    // of given motions
-  std::vector<NodeWrench> wrenches;
-  std::uint64_t seed = 0;  // of the scenario
+  double t = 0.0;                                         // [s]
+  Eigen::VectorXd v, tau;                                 // tau: of actuators and devices
+  Eigen::VectorXd vdot;                                   // of given motions
+  std::vector<NodeWrench> wrenches;                       // those of devices first
+  std::shared_ptr<const DeviceForces> devices = nullptr;  // null where there are none
+  std::uint64_t seed = 0;                                 // of the scenario
   Inputs inputs(const double* q) const { return {.q = q, .v = v.data(), .tau = tau.data(), .vdot = vdot.data(), .wrenches = wrenches}; }
 };
 OperatingState present_state(const Scenario&);

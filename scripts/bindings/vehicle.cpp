@@ -64,7 +64,7 @@ int plugin(lua_State* L, Scenario& s) {
 /// The key path inside the vehicle of a --set; empty: it is about something else. As in messages, or with "vehicle." before it.
 std::string_view vehicle_path(std::string_view key) {
   if (key.starts_with("vehicle.")) return key.substr(std::strlen("vehicle."));
-  return key.starts_with("bodies.") || key.starts_with("gravity.") ? key : std::string_view();
+  return key.starts_with("bodies.") || key.starts_with("gravity.") || key.starts_with("devices.") ? key : std::string_view();
 }
 
 int vehicle(lua_State* L, Scenario& s) {
@@ -112,8 +112,9 @@ int vehicle_part(lua_State* L) {
   Handle& h = self<Kind::vehicle>(L);
   Scenario& s = *h.scenario;
   const Model& m = *s.model;
-  const int index = kKind == Kind::node ? find(L, m.nodes, Code::unknown_node, "vehicle:node", "a node of the vehicle")
-                                        : find(L, m.user, Code::unknown_body, "vehicle:body", "a body of the vehicle");
+  const int index = kKind == Kind::node     ? find(L, m.nodes, Code::unknown_node, "vehicle:node", "a node of the vehicle")
+                    : kKind == Kind::device ? find(L, m.devices.all, Code::unknown_name, "vehicle:device", "a device of the vehicle")
+                                            : find(L, m.user, Code::unknown_body, "vehicle:body", "a body of the vehicle");
   if (kKind == Kind::modes && m.user[static_cast<std::size_t>(index)].n_modes == 0)
     refuse(L, Code::unknown_name, "vehicle:modes", "a flexible body", describe_value(L, 2));
   push_handle(L, kKind, index, s);
@@ -140,6 +141,7 @@ const std::vector<luaL_Reg>& vehicle_methods() {
                                             {"hinge", method<vehicle_part<Kind::hinge>>},
                                             {"modes", method<vehicle_part<Kind::modes>>},
                                             {"node", method<vehicle_part<Kind::node>>},
+                                            {"device", method<vehicle_part<Kind::device>>},
                                             {"mass", method<vehicle_mass>},
                                             {"operators", method<vehicle_study<push_operators>>},
                                             {"linearize", method<vehicle_study<push_linear_model>>},

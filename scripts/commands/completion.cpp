@@ -7,6 +7,7 @@
 #include "core/base/units.hpp"
 #include "core/model/hinge_load_types.hpp"
 #include "hinges/register.hpp"
+#include "plugins/devices/register.hpp"
 #include "scripts/commands/commands.hpp"
 
 namespace cardan {
@@ -27,6 +28,7 @@ std::string candidates(const CLI::App& app, const std::string& type) {
   if (type == "TYPE") {
     Registry registry;
     register_bodies(registry);
+    register_devices(registry);
     register_hinges(registry);
     for (const auto& types : {registry.bodies.types(), registry.hinges.types()})
       for (const std::string& name : types) add(name);

@@ -13,6 +13,7 @@
 #include "core/model/initial.hpp"
 #include "core/model/params.hpp"
 #include "hinges/register.hpp"
+#include "plugins/devices/register.hpp"
 #include "scripts/commands/commands.hpp"
 
 namespace cardan {
@@ -46,7 +47,12 @@ std::string kind_of(const cardan_param_desc& p) {
   return p.count > 0 ? fmt::format("list of {} {}", p.count, what) : fmt::format("list of {}", what);
 }
 
-std::string unit_of(const std::string& unit) { return unit == "1" || unit.empty() ? "" : fmt::format(" [{}]", unit); }
+/// Of a device "N m|N": where it is mounted at a component that turns, or slides.
+std::string unit_of(std::string unit) {
+  if (unit == "1" || unit.empty()) return "";
+  if (const auto bar = unit.find('|'); bar != std::string::npos) unit.replace(bar, 1, " or ");
+  return fmt::format(" [{}]", unit);
+}
 
 std::string default_of(const cardan_param_desc& p) {
   if (p.flags & CARDAN_REQUIRED) return "required";
@@ -144,6 +150,22 @@ Json to_json(const Families<cardan_body_family>::Entry& e) {
           {"parameters", parameters(f.params, f.n_params)}};
 }
 
+Json to_json(const Families<cardan_device_family>::Entry& e) {
+  const cardan_device_family& f = *e.family;
+  Json mounts = Json::array(), inputs = Json::array(), outputs = Json::array(), states = Json::array();
+  for (std::uint32_t i = 0; i < f.n_mounts; ++i)
+    mounts.push_back({{"name", f.mounts[i].name},
+                      {"kind", f.mounts[i].kind == CARDAN_MOUNT_NODE ? "node" : "component of a hinge"},
+                      {"meaning", f.mounts[i].meaning}});
+  for (std::uint32_t i = 0; i < f.n_ports; ++i)
+    (f.ports[i].kind == CARDAN_PORT_IN ? inputs : outputs)
+        .push_back({{"name", f.ports[i].name}, {"unit", f.ports[i].unit}, {"meaning", f.ports[i].meaning}});
+  for (const auto& [all, n] : {std::pair(f.states, f.n_states), std::pair(f.marks, f.n_marks)})
+    for (std::uint32_t i = 0; i < n; ++i) states.push_back({{"name", all[i].name}, {"unit", all[i].unit}, {"meaning", all[i].meaning}});
+  return {{"type", f.type},   {"summary", f.summary}, {"origin", e.origin}, {"parameters", parameters(f.params, f.n_params)},
+          {"mounts", mounts}, {"inputs", inputs},     {"outputs", outputs}, {"states", states}};
+}
+
 std::string list_text(const Json& types) {
   std::string out = "bodies (keys: docs/scenario.md)\n";
   for (const Json& b : types["bodies"]) out += fmt::format("  {:<16}{}\n", b["type"].get<std::string>(), b["summary"].get<std::string>());
@@ -153,6 +175,8 @@ std::string list_text(const Json& types) {
   out += "\nhinge loads\n";
   for (const Json& l : types["hinge_loads"])
     out += fmt::format("  {:<16}{}\n", l["type"].get<std::string>(), l["summary"].get<std::string>());
+  out += "\ndevices\n";
+  for (const Json& d : types["devices"]) out += fmt::format("  {:<16}{}\n", d["type"].get<std::string>(), d["summary"].get<std::string>());
   return out + "\ncardan types NAME tells the parameters and the names of the components.\n";
 }
 
@@ -194,6 +218,21 @@ std::string body_text(const Json& b) {
          parameters_text(b["parameters"]) + origin_text(b);
 }
 
+std::string device_text(const Json& d) {
+  std::string out = fmt::format("device {}: {}\n", d["type"].get<std::string>(), d["summary"].get<std::string>());
+  const char* title = "mounts";
+  for (const Json& m : d["mounts"])
+    out += fmt::format("  {:<14}{}: {}\n", std::exchange(title, ""), m["name"].get<std::string>(), m["meaning"].get<std::string>());
+  out += parameters_text(d["parameters"]);
+  for (const char* list : {"inputs", "outputs", "states"}) {
+    title = list;
+    for (const Json& x : d[list])
+      out += fmt::format("  {:<14}{}{}: {}\n", std::exchange(title, ""), x["name"].get<std::string>(),
+                         unit_of(x["unit"].get<std::string>()), x["meaning"].get<std::string>());
+  }
+  return out + origin_text(d);
+}
+
 struct TypesArguments {
   std::string name;
   std::vector<std::string> plugins;
@@ -204,8 +243,9 @@ int tell_types(const TypesArguments& a) {
   Registry registry;
   register_hinges(registry);
   register_bodies(registry);
+  register_devices(registry);
   for (const std::string& path : a.plugins) load_plugin(path, registry);
-  Json types{{"bodies", Json::array()}, {"hinges", Json::array()}, {"hinge_loads", Json::array()}};
+  Json types{{"bodies", Json::array()}, {"hinges", Json::array()}, {"hinge_loads", Json::array()}, {"devices", Json::array()}};
   std::vector<std::string> legal;
   const auto list = [&](const char* key, const auto& entries) {
     for (const auto& e : entries) {
@@ -215,6 +255,7 @@ int tell_types(const TypesArguments& a) {
   };
   list("bodies", registry.bodies.all());
   list("hinges", registry.hinges.all());
+  list("devices", registry.devices.all());
   for (const HingeLoadType& load : kHingeLoadTypes) {
     legal.emplace_back(load.name);
     if (a.name.empty() || a.name == load.name) types["hinge_loads"].push_back(to_json(load));
@@ -228,6 +269,7 @@ int tell_types(const TypesArguments& a) {
   else {
     for (const Json& b : types["bodies"]) fmt::print("{}", body_text(b));
     for (const Json& h : types["hinges"]) fmt::print("{}", hinge_text(h));
+    for (const Json& d : types["devices"]) fmt::print("{}", device_text(d));
     for (const Json& l : types["hinge_loads"])
       fmt::print("hinge load {}: {}\n{}", l["type"].get<std::string>(), l["summary"].get<std::string>(), parameters_text(l["parameters"]));
   }
@@ -237,7 +279,7 @@ int tell_types(const TypesArguments& a) {
 }  // namespace
 
 void add_types(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("types", "List the types of bodies, hinges and hinge loads, or tell the parameters of one");
+  auto* command = app.add_subcommand("types", "List the types of bodies, hinges, hinge loads and devices, or tell the parameters of one");
   auto a = std::make_shared<TypesArguments>();
   command->add_option("name", a->name, "A type; without it, all are listed")->type_name("TYPE");
   command->add_option("--plugin", a->plugins, "Load this plugin first (may be repeated)")->type_name("PLUGIN")->allow_extra_args(false);

@@ -7,6 +7,7 @@
 #include "core/base/excerpt.hpp"
 #include "core/io/sha256.hpp"
 #include "hinges/register.hpp"
+#include "plugins/devices/register.hpp"
 #include "scripts/prelude/prelude.hpp"
 
 namespace cardan {
@@ -47,6 +48,7 @@ Scenario::Scenario(const ScenarioOptions& options)
       persistent(lua) {
   register_hinges(registry);
   register_bodies(registry);
+  register_devices(registry);
 }
 
 void Scenario::look_at_state() {

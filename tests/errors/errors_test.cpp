@@ -14,8 +14,9 @@
 #include "bodies/vehicle/load_vehicle.hpp"
 #include "core/base/diagnostic.hpp"
 #include "core/io/yaml_reader.hpp"
-#include "core/model/validate.hpp"
+#include "core/model/model.hpp"
 #include "hinges/register.hpp"
+#include "plugins/devices/register.hpp"
 
 namespace cardan {
 namespace {
@@ -42,14 +43,11 @@ std::string text_of(const fs::path& path) {
 std::string answer_to(const std::string& file) {
   fs::current_path(kFolder);
   Registry registry;
-  register_hinges(registry);
-  register_bodies(registry);
+  register_hinges(registry), register_bodies(registry), register_devices(registry);
   try {
     SystemSpec spec = read_vehicle(file, registry);
     make_modes(spec);
-    DiagnosticSink sink;
-    validate(spec, registry, sink);  // what compile() begins with
-    sink.throw_if_any();
+    assemble(std::make_shared<const SystemSpec>(spec), registry, {}, false);  // the first part of compile()
   } catch (const InputError& e) {
     return e.what();
   }

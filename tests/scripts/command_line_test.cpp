@@ -178,6 +178,7 @@ TEST(CommandLine, ListsTheTypesWithTheirParameters) {
   EXPECT_EQ(stop[0], (json{{"name", "lower"},
                            {"kind", "number"},
                            {"unit", "rad or m"},
+                           {"range", ""},
                            {"default", "optional"},
                            {"meaning", "least coordinate without contact; this or `upper`, or both"}}));
   EXPECT_EQ(stop[3]["default"], "default 1.5");

@@ -126,7 +126,7 @@ TEST(Plugins, AreRefusedWithTheseWords) {
       "'rk4', step = 0...\n";
   const std::string end = "\n1 error. Nothing was run.\n";
   EXPECT_EQ(answer("no_families"), "error[C0602]: not a Cardan plugin\n" + place +
-                                       "  expected: families of one of the kinds \"hinge\", \"body.draft1\"\n  got:      none\n"
+                                       "  expected: families of one of the kinds \"hinge\", \"body.draft1\", \"device\"\n  got:      none\n"
                                        "  hint:     one that was built against another draft of a kind has none of this one: rebuild it\n" +
                                        end);
   EXPECT_EQ(answer("newer_minor"), "error[C0603]: plugin was built for another Cardan\n" + place +
@@ -343,7 +343,7 @@ TEST(Plugins, ThatGiveNoNumberInARunAreNamed) {
   const PluginFolder dir;
   const Finished run = with_fault("late_nan", {"run", ".", "--quiet", "--out", "out"}, dir.path());
   EXPECT_EQ(run.exit_code, 3) << run.out << run.err;
-  EXPECT_TRUE(has(run.err, "error[N0108]")) << run.err;
+  EXPECT_TRUE(has(run.err, "failure[N0108]")) << run.err;
   EXPECT_TRUE(has(run.err, "kinematics of hinge \"faulty/slide\" (./p.so) gives a value that is not finite")) << run.err;
   EXPECT_TRUE(fs::exists(dir / "out/run.h5")) << "what was recorded is kept";
 }

@@ -8,6 +8,7 @@
 #include "bodies/register.hpp"
 #include "core/model/model.hpp"
 #include "hinges/register.hpp"
+#include "plugins/devices/register.hpp"
 
 namespace cardan::test {
 
@@ -16,6 +17,7 @@ inline const Registry& registry() {
     Registry r;
     register_hinges(r);
     register_bodies(r);
+    register_devices(r);
     return r;
   }();
   return all;

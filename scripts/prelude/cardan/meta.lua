@@ -148,8 +148,8 @@ function figure(options) end
 -- ---- studies ----
 
 ---@class LinearPorts
----@field inputs? string[] "wheel.angle" or "wheel.rate": force on that component; "wheel": all of its hinge; "wing.eta_2": force on a mode; "bus.tip:force", "bus.tip:torque.x": on a node, node axes. Default: all hinges
----@field outputs? string[] "wing.angle", "wing.rate", "wing.eta_2", "wing.etadot_2": a state; "wing": all of a body; "bus.tip:position", ":velocity", ":acceleration" (world axes), ":attitude", ":rate", ":specific_force" (node axes); "momentum:linear", "momentum:angular". Default: all states
+---@field inputs? string[] "wheel.angle" or "wheel.rate": force on that component; "wheel": all of its hinge; "wing.eta_2": force on a mode; "bus.tip:force", "bus.tip:torque.x": on a node, node axes; "wheel:torque": an input of a device. Default: all hinges
+---@field outputs? string[] "wing.angle", "wing.rate", "wing.eta_2", "wing.etadot_2": a state; "wing": all of a body; "bus.tip:position", ":velocity", ":acceleration" (world axes), ":attitude", ":rate", ":specific_force" (node axes); "momentum:linear", "momentum:angular"; "wheel:rate": an output of a device, "wheel.momentum": a state of one. Default: all states
 ---@field file? string .m, .h5 or .json, below --out; at the workbench alone
 
 ---@class LinearModel
@@ -304,6 +304,9 @@ function Vehicle:modes(body) end
 ---@param name string "bus.thruster_1", or a body for its origin
 ---@return Node node
 function Vehicle:node(name) end
+---@param name string
+---@return Device device
+function Vehicle:device(name) end
 --- Mass of all bodies.
 ---@return number mass [kg]
 function Vehicle:mass() end
@@ -431,6 +434,18 @@ local Load = {}
 ---@param fy number [N]
 ---@param fz number [N]
 function Load:set(mx, my, mz, fx, fy, fz) end
+
+--- A device of the vehicle.
+---@class Device
+local Device = {}
+--- Sets an input that is not connected, held until it is set again.
+---@param input string its name, as `cardan types TYPE` tells
+---@param value number in the unit of the input
+function Device:set(input, value) end
+--- An output, an input, a state or a mark, by its name.
+---@param name string
+---@return number value
+function Device:get(name) end
 
 -- ---- vectors and matrices ----
 

@@ -4,12 +4,16 @@
 
 #include "core/abi/cardan_abi.h"
 #include "core/abi/cardan_body.h"
+#include "core/abi/cardan_device.h"
 
 namespace cardan {
 const cardan_hinge_family& universal_family();
 const cardan_hinge_family& revolute_family();
 const cardan_hinge_family& ball_family();
 const cardan_body_family& modal_flexible_family();
+const cardan_device_family& spring_damper_family();
+const cardan_device_family& lugre_friction_family();
+const cardan_device_family& momentum_wheel_family();
 }  // namespace cardan
 
 namespace {
@@ -25,6 +29,10 @@ const void* family(const char* kind, std::uint32_t i) {
                                                named(cardan::revolute_family(), "twin/revolute"),
                                                named(cardan::ball_family(), "twin/ball")};
   static const cardan_body_family body = named(cardan::modal_flexible_family(), "twin/modal_flexible");
+  static const cardan_device_family devices[] = {named(cardan::spring_damper_family(), "twin/spring_damper"),
+                                                 named(cardan::lugre_friction_family(), "twin/lugre_friction"),
+                                                 named(cardan::momentum_wheel_family(), "twin/momentum_wheel")};
+  if (std::strcmp(kind, CARDAN_KIND_DEVICE) == 0) return i < 3 ? &devices[i] : nullptr;
   if (std::strcmp(kind, CARDAN_KIND_HINGE) == 0) return i < 3 ? &hinges[i] : nullptr;
   return std::strcmp(kind, CARDAN_KIND_BODY) == 0 && i == 0 ? &body : nullptr;
 }

@@ -1,0 +1,144 @@
+/* Devices: whatever acts on a vehicle or measures it and is neither a body nor a hinge. Actuators, force elements between nodes or on
+ * hinges, sensors, blocks of a controller: one table. What has mass and moves is a body; a device adds forces, signals and states.
+ *
+ * A device has mounts (nodes and hinge components that it reads and pushes at), ports (numbers that others give it, numbers that it
+ * gives), continuous states z that are integrated with those of the vehicle, and marks d, numbers that change at accepted instants
+ * alone. Functions marked [step: pure] depend on their arguments only, give the same bits each time, and run on any thread: a step that
+ * is tried and rejected leaves no trace. SI units; angles in rad. */
+#ifndef CARDAN_DEVICE_H
+#define CARDAN_DEVICE_H
+#include "core/abi/cardan_abi.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define CARDAN_KIND_DEVICE "device"
+
+enum cardan_mount_kind {
+  CARDAN_MOUNT_NODE = 0, /* a node of a body, or its origin */
+  CARDAN_MOUNT_HINGE = 1 /* one velocity component of a hinge, with its coordinate where it has one */
+};
+
+/* What a device does at a node. What nobody reads is not computed. At a hinge all of it is there at no cost. */
+enum cardan_mount_use {
+  CARDAN_USE_POSE = 1u,        /* reads R_WN and position */
+  CARDAN_USE_VELOCITY = 2u,    /* reads omega and velocity */
+  CARDAN_USE_LOAD = 4u,        /* pushes: moment and force, or tau */
+  CARDAN_USE_ACCELERATION = 8u /* `tick` reads alpha and specific_force */
+};
+
+typedef struct cardan_mount_desc {
+  const char* name; /* the key of the vehicle file: "at", "from", "to" */
+  uint32_t kind;    /* cardan_mount_kind */
+  uint32_t use;     /* cardan_mount_use, or-ed */
+  const char* meaning;
+} cardan_mount_desc;
+
+/* A number that a device is given or gives. */
+enum cardan_port_kind { CARDAN_PORT_IN = 0, CARDAN_PORT_OUT = 1 };
+typedef struct cardan_port_desc {
+  const char* name;
+  uint32_t kind; /* cardan_port_kind */
+  const char* unit;
+  double fallback; /* IN: what it is until it is given something else */
+  uint64_t direct; /* OUT: bit i: depends on input i (among the inputs) in the same evaluation */
+  const char* meaning;
+} cardan_port_desc;
+
+/* A continuous state, or a mark. */
+typedef struct cardan_state_desc {
+  const char* name;
+  const char* unit;
+  double initial;
+  double nominal; /* > 0: its size in use, which its error is measured by. Of marks not read */
+  const char* meaning;
+} cardan_state_desc;
+
+/* How a mount moves. Of a hinge component q and v alone; q is 0 where it has no coordinate of its own. */
+typedef struct cardan_mount_motion {
+  double R_WN[9];                     /* node axes to world axes, row-major */
+  double position[3];                 /* [m] world axes */
+  double omega[3];                    /* [rad/s] node axes */
+  double velocity[3];                 /* [m/s] node axes */
+  double q, v;                        /* [rad, m], [rad/s, m/s] */
+  double alpha[3], specific_force[3]; /* [rad/s^2], [m/s^2] acceleration less gravity there; node axes. In `tick` alone, else 0 */
+} cardan_mount_motion;
+
+typedef struct cardan_mount_load {
+  double moment[3], force[3]; /* [N m], [N] on the node, node axes */
+  double tau;                 /* [N m, N] on the hinge component, dual to v */
+} cardan_mount_load;
+
+/* Pointers in the order of the descriptions; null where there are none. */
+typedef struct cardan_device_args {
+  uint32_t struct_size;
+  double t; /* [s] */
+  const void* packed;
+  const double* in;
+  const cardan_mount_motion* mount;
+  const double* z;
+  const double* d;
+} cardan_device_args;
+
+/* All of it is zero before the call. */
+typedef struct cardan_device_out {
+  double* zdot;
+  double* out;
+  cardan_mount_load* load;
+  double delivered, lost; /* [W] brought in from a supply that is no part of the model; turned to heat. CARDAN_FACT_ENERGY only */
+} cardan_device_out;
+
+/* Facts, each proven by laws when the device is loaded. */
+enum cardan_device_fact {
+  CARDAN_FACT_INTERNAL = 1u, /* forces and moments of its nodes sum to zero: momentum of the whole stays */
+  CARDAN_FACT_ENERGY = 2u,   /* `energy`, `delivered` and `lost` are given: energy' = delivered - lost - power of its loads. It reads
+                                the velocity of every node that it pushes at */
+  CARDAN_FACT_PASSIVE = 4u,  /* lost >= 0 at every evaluation, and delivered = 0 */
+  CARDAN_FACT_ROUGH = 8u     /* has layers that are thin beside a step: the integrals of the ledger take more points */
+};
+
+typedef struct cardan_device_family {
+  uint32_t struct_size;
+  const char *type, *summary;
+  uint32_t facts;
+  uint32_t params_size; /* bytes of the packed parameters, trivially copyable, align 8; see packed_size */
+  const cardan_param_desc* params;
+  uint32_t n_params, param_size; /* how many, and sizeof(cardan_param_desc): from one to the next; so for all lists */
+  const cardan_mount_desc* mounts;
+  uint32_t n_mounts, mount_size;
+  const cardan_port_desc* ports;
+  uint32_t n_ports, port_size;
+  const cardan_state_desc* states; /* z */
+  uint32_t n_states, state_size;
+  const cardan_state_desc* marks; /* d */
+  uint32_t n_marks, mark_size;
+  uint32_t n_roots;
+  int (*pack)(const cardan_param_values*, void* packed); /* [setup] 0 = done; null: no parameters */
+  /* [step: pure] Loads, outputs and z' before v' is known: nothing in a device depends on an acceleration. 0 = done, else the step is
+   * tried again smaller. */
+  int (*evaluate)(const cardan_device_args*, cardan_device_out*);
+  /* The rest may be beyond struct_size. [setup] (optional) Sizes in use of the states where they follow from the parameters; they are those
+   * of the descriptions before. */
+  void (*nominal)(const void* packed, double* sizes);
+  /* [step: pure] (optional) Derivative of evaluate along a direction: in, mount, z of `along` are rates of change (R_WN too, t is not
+   * read). Null: by differences. */
+  int (*tangent)(const cardan_device_args*, const cardan_device_args* along, cardan_device_out*);
+  double (*energy)(const cardan_device_args*); /* [step: pure] [J] stored. CARDAN_FACT_ENERGY only */
+  /* [step: pure] (optional) n_roots functions that are zero where evaluate has a corner, or where something happens: located, and the
+   * method starts anew there. */
+  void (*roots)(const cardan_device_args*, double* g);
+  /* [accepted] (optional) At a root that crossed zero (rising: +1, falling: -1), and with root = n_roots at the start: may change z and
+   * d. */
+  void (*event)(const cardan_device_args*, uint32_t root, int direction, double* z, double* d);
+  /* [accepted] (optional) At the ticks of a rate that the vehicle gives, the start included: sampled parts. `noise`: n_noise independent
+   * numbers of mean 0 and variance 1, a function of the seed, the name of the device and the tick. May change z and d. 0 = done. */
+  int (*tick)(const cardan_device_args*, double period, const double* noise, double* z, double* d);
+  uint32_t n_noise;
+  uint64_t (*packed_size)(const cardan_param_values*); /* [setup] (optional) bytes of this instance, in place of params_size */
+} cardan_device_family;
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,229 @@
+#pragma once
+// From a C++ device (a struct of static functions, checked by a concept) to the C table of cardan_device.h. Its law is a template on the
+// scalar: on Tangent numbers it is its own derivative, exact to round-off.
+#include <cstring>
+#include <limits>
+#include <string_view>
+#include <type_traits>
+
+#include "core/abi/cardan_device.h"
+#include "core/abi/family.hpp"
+#include "core/spatial/tangent.hpp"
+#include "core/spatial/vec3.hpp"
+
+namespace cardan {
+
+namespace param {
+
+constexpr cardan_param_desc not_negative(const cardan_param_desc& desc) {
+  return in_range(desc, 0.0, std::numeric_limits<double>::infinity());
+}
+constexpr cardan_param_desc positive(const cardan_param_desc& desc) {
+  return in_range(desc, 0.0, std::numeric_limits<double>::infinity(), CARDAN_ABOVE);
+}
+/// The fallback of a vector.
+constexpr cardan_param_desc along(cardan_param_desc desc, double x, double y, double z) {
+  desc.fallback[0] = x, desc.fallback[1] = y, desc.fallback[2] = z;
+  return desc;
+}
+
+}  // namespace param
+
+/// cardan_mount_motion on a scalar.
+template <class T>
+struct MountMotion {
+  Mat3<T> R_WN;
+  Vec3<T> position, omega, velocity;
+  T q, v;
+  Vec3<T> alpha, specific_force;
+};
+/// cardan_mount_load on a scalar.
+template <class T>
+struct MountLoad {
+  Vec3<T> moment, force;
+  T tau;
+};
+
+/// What a law reads.
+template <class T>
+struct DeviceIn {
+  double t;            // [s]
+  const T* in;         // inputs
+  const T* z;          // states
+  const double* d;     // marks
+  MountMotion<T>* at;  // mounts
+};
+/// What it fills; zero before.
+template <class T>
+struct DeviceOut {
+  T* zdot;
+  T* out;
+  MountLoad<T>* load;
+  T delivered{}, lost{};  // [W]
+};
+
+/// `mounts`, `ports`, `states`, `marks`, `schema` may be left out, as may `nominal`, `energy`, `roots`, `event`, `tick`.
+template <class F>
+concept DeviceFamily = requires(const typename F::Packed& p, const DeviceIn<double>& a, DeviceOut<double>& b, const DeviceIn<Tangent>& at,
+                                DeviceOut<Tangent>& bt) {
+  { F::type } -> std::convertible_to<std::string_view>;
+  { F::summary } -> std::convertible_to<std::string_view>;
+  { F::facts } -> std::convertible_to<unsigned>;
+  requires std::is_trivially_copyable_v<typename F::Packed>;
+  { F::evaluate(p, a, b) }
+  noexcept;
+  { F::evaluate(p, at, bt) }
+  noexcept;
+};
+
+namespace detail {
+
+template <class Array>
+constexpr std::uint32_t count_of(const Array& all) {
+  return sizeof(all) / sizeof(all[0]);
+}
+#define CARDAN_LIST_OF(F, name)                   \
+  [] {                                            \
+    if constexpr (requires { F::name; })          \
+      return ::cardan::detail::count_of(F::name); \
+    else                                          \
+      return std::uint32_t{0};                    \
+  }()
+
+template <class F>
+struct DeviceSizes {
+  static constexpr std::uint32_t mounts = CARDAN_LIST_OF(F, mounts), ports = CARDAN_LIST_OF(F, ports), states = CARDAN_LIST_OF(F, states),
+                                 marks = CARDAN_LIST_OF(F, marks), schema = CARDAN_LIST_OF(F, schema);
+};
+
+/// Arrays of a law on T; at least one element, as C++ wants.
+template <class F, class T>
+struct DeviceBuffers {
+  using Sizes = DeviceSizes<F>;
+  MountMotion<T> at[Sizes::mounts + 1];
+  MountLoad<T> load[Sizes::mounts + 1]{};
+  T in[Sizes::ports + 1], z[Sizes::states + 1], zdot[Sizes::states + 1]{}, out[Sizes::ports + 1]{};
+};
+
+inline constexpr int kMotionNumbers = sizeof(cardan_mount_motion) / sizeof(double),
+                     kLoadNumbers = sizeof(cardan_mount_load) / sizeof(double);
+static_assert(sizeof(MountMotion<double>) == sizeof(cardan_mount_motion) && sizeof(MountLoad<double>) == sizeof(cardan_mount_load));
+static_assert(sizeof(MountMotion<Tangent>) == 2 * sizeof(cardan_mount_motion));
+
+template <class F>
+constexpr std::uint32_t inputs_of() {
+  std::uint32_t n = 0;
+  if constexpr (requires { F::ports; })
+    for (const cardan_port_desc& port : F::ports) n += port.kind == CARDAN_PORT_IN;
+  return n;
+}
+
+template <class F>
+DeviceIn<double> read(const cardan_device_args* a, DeviceBuffers<F, double>& b) {
+  for (std::uint32_t i = 0; i < DeviceSizes<F>::mounts; ++i) std::memcpy(static_cast<void*>(&b.at[i]), &a->mount[i], sizeof b.at[i]);
+  return {a->t, a->in, a->z, a->d, b.at};
+}
+
+template <class F>
+int evaluate(const cardan_device_args* a, cardan_device_out* o) {
+  DeviceBuffers<F, double> b;
+  DeviceOut<double> out{o->zdot, o->out, b.load};
+  F::evaluate(*static_cast<const typename F::Packed*>(a->packed), read<F>(a, b), out);
+  for (std::uint32_t i = 0; i < DeviceSizes<F>::mounts; ++i)
+    std::memcpy(&o->load[i], static_cast<const void*>(&b.load[i]), sizeof b.load[i]);
+  o->delivered = out.delivered, o->lost = out.lost;
+  return 0;
+}
+
+template <class F>
+int tangent(const cardan_device_args* a, const cardan_device_args* d, cardan_device_out* o) {
+  DeviceBuffers<F, Tangent> b;
+  const auto seed = [](Tangent* to, const double* x, const double* dx, std::uint32_t n) {
+    for (std::uint32_t i = 0; i < n; ++i) to[i] = {x[i], dx[i]};
+  };
+  for (std::uint32_t i = 0; i < DeviceSizes<F>::mounts; ++i) {
+    double x[kMotionNumbers], dx[kMotionNumbers];
+    Tangent both[kMotionNumbers];
+    std::memcpy(x, &a->mount[i], sizeof x), std::memcpy(dx, &d->mount[i], sizeof dx);
+    seed(both, x, dx, kMotionNumbers);
+    std::memcpy(static_cast<void*>(&b.at[i]), both, sizeof both);
+  }
+  seed(b.in, a->in, d->in, inputs_of<F>()), seed(b.z, a->z, d->z, DeviceSizes<F>::states);
+  DeviceOut<Tangent> out{b.zdot, b.out, b.load};
+  F::evaluate(*static_cast<const typename F::Packed*>(a->packed), DeviceIn<Tangent>{a->t, b.in, b.z, a->d, b.at}, out);
+  for (std::uint32_t i = 0; i < DeviceSizes<F>::mounts; ++i) {
+    Tangent all[kLoadNumbers];
+    double dx[kLoadNumbers];
+    std::memcpy(static_cast<void*>(all), &b.load[i], sizeof all);
+    for (int j = 0; j < kLoadNumbers; ++j) dx[j] = all[j].d;
+    std::memcpy(&o->load[i], dx, sizeof dx);
+  }
+  for (std::uint32_t i = 0; i < DeviceSizes<F>::states; ++i) o->zdot[i] = b.zdot[i].d;
+  for (std::uint32_t i = 0; i < DeviceSizes<F>::ports - inputs_of<F>(); ++i) o->out[i] = b.out[i].d;
+  o->delivered = out.delivered.d, o->lost = out.lost.d;
+  return 0;
+}
+
+}  // namespace detail
+
+/// The C table of F; lives for the whole program.
+template <DeviceFamily F>
+const cardan_device_family& device_table() {
+  using P = typename F::Packed;
+  using Sizes = detail::DeviceSizes<F>;
+  static const cardan_device_family table = [] {
+    cardan_device_family t{};
+    t.struct_size = sizeof t;
+    t.type = F::type;
+    t.summary = F::summary;
+    t.facts = F::facts;
+    t.params_size = sizeof(P);
+    t.n_params = Sizes::schema, t.n_mounts = Sizes::mounts, t.n_ports = Sizes::ports, t.n_states = Sizes::states, t.n_marks = Sizes::marks;
+    t.param_size = sizeof(cardan_param_desc), t.mount_size = sizeof(cardan_mount_desc), t.port_size = sizeof(cardan_port_desc);
+    t.state_size = t.mark_size = sizeof(cardan_state_desc);
+    if constexpr (Sizes::schema > 0) t.params = F::schema;
+    if constexpr (Sizes::mounts > 0) t.mounts = F::mounts;
+    if constexpr (Sizes::ports > 0) t.ports = F::ports;
+    if constexpr (Sizes::states > 0) t.states = F::states;
+    if constexpr (Sizes::marks > 0) t.marks = F::marks;
+    t.pack = [](const cardan_param_values* values, void* packed) {
+      P p{};
+      if constexpr (requires { F::pack(Params(values), p); })
+        if (!F::pack(Params(values), p)) return 1;
+      std::memcpy(packed, &p, sizeof p);
+      return 0;
+    };
+    if constexpr (requires(const P& p, double* sizes) { F::nominal(p, sizes); })
+      t.nominal = [](const void* packed, double* sizes) { F::nominal(*static_cast<const P*>(packed), sizes); };
+    t.evaluate = &detail::evaluate<F>;
+    t.tangent = &detail::tangent<F>;
+    if constexpr (requires(const P& p, const DeviceIn<double>& a) { F::energy(p, a); })
+      t.energy = [](const cardan_device_args* a) {
+        detail::DeviceBuffers<F, double> b;
+        return F::energy(*static_cast<const P*>(a->packed), detail::read<F>(a, b));
+      };
+    if constexpr (requires { F::n_roots; }) {
+      t.n_roots = F::n_roots;
+      t.roots = [](const cardan_device_args* a, double* g) {
+        detail::DeviceBuffers<F, double> b;
+        F::roots(*static_cast<const P*>(a->packed), detail::read<F>(a, b), g);
+      };
+    }
+    if constexpr (requires(const P& p, const DeviceIn<double>& a, double* x) { F::event(p, a, 0u, 0, x, x); })
+      t.event = [](const cardan_device_args* a, std::uint32_t root, int direction, double* z, double* d) {
+        detail::DeviceBuffers<F, double> b;
+        F::event(*static_cast<const P*>(a->packed), detail::read<F>(a, b), root, direction, z, d);
+      };
+    if constexpr (requires { F::n_noise; }) t.n_noise = F::n_noise;
+    if constexpr (requires(const P& p, const DeviceIn<double>& a, double* x) { F::tick(p, a, 0.0, x, x, x); })
+      t.tick = [](const cardan_device_args* a, double period, const double* noise, double* z, double* d) {
+        detail::DeviceBuffers<F, double> b;
+        F::tick(*static_cast<const P*>(a->packed), detail::read<F>(a, b), period, noise, z, d);
+        return 0;
+      };
+    return t;
+  }();
+  return table;
+}
+
+}  // namespace cardan

@@ -1,0 +1,457 @@
+#include "core/abi/device_laws.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <random>
+#include <set>
+#include <string_view>
+
+#include "core/abi/law_tools.hpp"
+
+namespace cardan {
+namespace {
+
+using Family = cardan_device_family;
+
+constexpr std::uint32_t kMost = kMostParameters;  // mounts, ports, states, roots
+constexpr int kMotion = sizeof(cardan_mount_motion) / sizeof(double), kLoad = sizeof(cardan_mount_load) / sizeof(double);
+constexpr int kPose = 12, kVelocity = 18, kHinge = 20;  // of cardan_mount_motion: where the numbers of the pose and of the velocity end
+
+class TableFaults : public TableChecks {
+ public:
+  explicit TableFaults(const Family& family) : f_(family) {}
+
+  std::vector<std::string> all() {
+    text("type", f_.type, true);
+    text("summary", f_.summary, false);
+    parameters(f_.params, f_.n_params);
+    list("mounts", f_.mounts, f_.n_mounts);
+    list("ports", f_.ports, f_.n_ports);
+    list("states", f_.states, f_.n_states);
+    list("marks", f_.marks, f_.n_marks);
+    expect(f_.evaluate, "evaluate", "null");
+    expect(f_.n_params == 0 || f_.pack, "pack", "null, and there are parameters");
+    expect(f_.n_noise <= kMost, "n_noise", fmt::format("{}, expected at most {}", f_.n_noise, kMost));
+    expect(f_.n_roots <= kMost, "n_roots", fmt::format("{}, expected at most {}", f_.n_roots, kMost));
+    expect(f_.n_roots == 0 || f_.roots, "roots", "null, and n_roots is not 0");
+    expect(f_.params_size <= kMostBytes, "params_size", fmt::format("{}, expected at most {}", f_.params_size, kMostBytes));
+    if (good()) details();
+    return take();
+  }
+
+ private:
+  template <class T>
+  void list(const char* member, const T* all, std::uint32_t n) {
+    expect(n <= kMost, fmt::format("n_{}", member), fmt::format("{}, expected at most {}", n, kMost));
+    expect(n == 0 || all, member, "null");
+    std::set<std::string_view> names;
+    for (std::uint32_t i = 0; all && n <= kMost && i < n; ++i) {
+      text(fmt::format("{}[{}].name", member, i), all[i].name, true);
+      text(fmt::format("{}[{}].meaning", member, i), all[i].meaning, false);
+      if (good()) expect(names.insert(all[i].name).second, fmt::format("{}[{}].name", member, i), fmt::format("\"{}\" twice", all[i].name));
+    }
+  }
+  void details() {
+    const bool energy = (f_.facts & CARDAN_FACT_ENERGY) != 0, internal = (f_.facts & CARDAN_FACT_INTERNAL) != 0;
+    for (std::uint32_t i = 0; i < f_.n_mounts; ++i) {
+      const cardan_mount_desc& m = f_.mounts[i];
+      const std::string at = fmt::format("mounts[{}].", i);
+      expect(m.kind <= CARDAN_MOUNT_HINGE, at + "kind", fmt::format("{}, expected one of cardan_mount_kind", m.kind));
+      expect(m.use < 16, at + "use", fmt::format("{}, expected those of cardan_mount_use", m.use));
+      const bool pushes = m.kind == CARDAN_MOUNT_NODE && (m.use & CARDAN_USE_LOAD) != 0;
+      expect(!pushes || !energy || (m.use & CARDAN_USE_VELOCITY) != 0, at + "use",
+             "CARDAN_FACT_ENERGY needs CARDAN_USE_VELOCITY where it pushes");
+      expect(!pushes || !internal || (m.use & CARDAN_USE_POSE) != 0, at + "use",
+             "CARDAN_FACT_INTERNAL needs CARDAN_USE_POSE where it pushes: forces at two nodes sum to zero in one frame");
+    }
+    for (std::uint32_t i = 0; i < f_.n_ports; ++i) {
+      const std::string at = fmt::format("ports[{}].", i);
+      expect(f_.ports[i].kind <= CARDAN_PORT_OUT, at + "kind", fmt::format("{}, expected one of cardan_port_kind", f_.ports[i].kind));
+      unit(at + "unit", f_.ports[i].unit);
+      expect(std::isfinite(f_.ports[i].fallback), at + "fallback", "not finite");
+    }
+    for (const auto& [name, all, n] : {std::tuple("states", f_.states, f_.n_states), std::tuple("marks", f_.marks, f_.n_marks)})
+      for (std::uint32_t i = 0; i < n; ++i) {
+        const std::string at = fmt::format("{}[{}].", name, i);
+        unit(at + "unit", all[i].unit);
+        expect(std::isfinite(all[i].initial), at + "initial", "not finite");
+        expect(all == f_.marks || (all[i].nominal > 0.0 && std::isfinite(all[i].nominal)), at + "nominal",
+               fmt::format("{:g}, expected > 0", all[i].nominal));
+      }
+    expect(!energy || f_.energy, "energy", "null, and CARDAN_FACT_ENERGY is set");
+    expect((f_.facts & CARDAN_FACT_PASSIVE) == 0 || energy, "facts", "CARDAN_FACT_PASSIVE without CARDAN_FACT_ENERGY");
+  }
+
+  const Family& f_;
+};
+
+/// All numbers that a device reads, side by side: mounts, inputs, states, marks.
+struct Point {
+  double t = 0.0;
+  std::vector<double> numbers;
+};
+
+/// All that it gives: loads, outputs, rates, delivered, lost; and whether it did.
+struct Given {
+  int code = 0;
+  std::vector<double> numbers;
+  bool overrun = false;
+};
+
+class Laws {
+ public:
+  Laws(const Family& family, std::uint64_t seed, const TellPhase& before) : f_(family), rng_(seed), before_(before) {
+    for (std::uint32_t i = 0; i < f_.n_ports; ++i) (f_.ports[i].kind == CARDAN_PORT_IN ? n_in_ : n_out_) += 1;
+    z_ = f_.n_mounts * kMotion + n_in_;
+    out_ = f_.n_mounts * kLoad, zdot_ = out_ + n_out_, power_ = zdot_ + f_.n_states;
+  }
+
+  bool sample(int i) {
+    sample_ = i;
+    if (!pack()) return false;
+    const Point x = random_point();
+    const Point handed = x;
+    const Given y = evaluate(handed);
+    if (handed.numbers != x.numbers) found_.push_back(fmt::format("evaluate changes its arguments (sample {})", sample_));
+    if (y.code != 0) return true;  // outside of its domain
+    ++taken_;
+    pure(x, y);
+    reads_what_it_says(x, y);
+    pushes_where_it_says(x, y);
+    if ((f_.facts & CARDAN_FACT_INTERNAL) != 0) internal(x, y);
+    if ((f_.facts & CARDAN_FACT_ENERGY) != 0) energy(x, y);
+    if (f_.tangent) tangent(x);
+    if (f_.n_roots > 0) roots(x);
+    if (f_.tick) tick(x);
+    return found_.size() < 20;
+  }
+  std::vector<std::string> take() {
+    if (taken_ == 0 && found_.empty()) found_.push_back("evaluate refuses every random point");
+    return std::move(found_);
+  }
+
+ private:
+  void law(std::string_view name, double error, double limit) {
+    if (!(error <= limit)) found_.push_back(fmt::format("{}: error {:.2g} (limit {:.0e}, sample {})", name, error, limit, sample_));
+  }
+  double normal() { return std::normal_distribution<double>()(rng_); }
+  double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(rng_); }
+
+  bool pack() {
+    PackedSample packed = packed_at_random(
+        {f_.params, f_.n_params}, rng_(),
+        [&](const cardan_param_values* values) {
+          before_("packed_size");
+          return f_.packed_size ? f_.packed_size(values) : f_.params_size;
+        },
+        [&](const cardan_param_values* values, void* to) {
+          before_("pack");
+          return f_.pack ? f_.pack(values, to) : 0;
+        });
+    if (packed.block.empty() || !packed.fault.empty()) {
+      found_.push_back(packed.block.empty() && packed.fault.empty() ? "pack refuses every set of random parameters" : packed.fault);
+      return false;
+    }
+    packed_ = std::move(packed.block);
+    nominal_.clear();
+    for (std::uint32_t i = 0; i < f_.n_states; ++i) nominal_.push_back(f_.states[i].nominal);
+    before_("nominal");
+    if (f_.nominal) f_.nominal(packed_.data(), nominal_.data());
+    for (const double size : nominal_)
+      if (!(size > 0.0 && std::isfinite(size))) found_.push_back(fmt::format("nominal gives {:g}, not a number > 0", size));
+    return found_.empty();
+  }
+
+  Point random_point() {
+    Point x{uniform(0.0, 10.0), {}};
+    for (std::uint32_t i = 0; i < f_.n_mounts; ++i) {
+      double w = normal(), a = normal(), b = normal(), c = normal();
+      const double n = 1.0 / std::sqrt(w * w + a * a + b * b + c * c);
+      w *= n, a *= n, b *= n, c *= n;
+      const double R[9] = {1 - 2 * (b * b + c * c), 2 * (a * b - w * c),     2 * (a * c + w * b),
+                           2 * (a * b + w * c),     1 - 2 * (a * a + c * c), 2 * (b * c - w * a),
+                           2 * (a * c - w * b),     2 * (b * c + w * a),     1 - 2 * (a * a + b * b)};
+      x.numbers.insert(x.numbers.end(), R, R + 9);
+      for (int k = 9; k < kMotion; ++k) x.numbers.push_back((k < kPose ? 2.0 : 1.0) * normal());
+    }
+    for (std::size_t i = 0; i < n_in_; ++i) x.numbers.push_back(normal());
+    for (std::uint32_t i = 0; i < f_.n_states; ++i) x.numbers.push_back(f_.states[i].initial + 0.5 * nominal_[i] * normal());
+    for (std::uint32_t i = 0; i < f_.n_marks; ++i) x.numbers.push_back(f_.marks[i].initial);
+    return x;
+  }
+
+  cardan_device_args args(const Point& x) const {
+    const double* n = x.numbers.data();
+    return {
+        sizeof(cardan_device_args), x.t, packed_.data(), n + f_.n_mounts * kMotion, reinterpret_cast<const cardan_mount_motion*>(n), n + z_,
+        n + z_ + f_.n_states};
+  }
+
+  template <class Call>
+  Given call(const char* what, const Call& function) const {
+    before_(what);
+    constexpr double kGuard = -7.25e77;
+    constexpr std::size_t kMargin = 8;
+    // Each array apart, with guard numbers behind it.
+    std::vector<double> load(out_ + kMargin, 0.0), out(n_out_ + kMargin, 0.0), zdot(f_.n_states + kMargin, 0.0);
+    const auto guard = [&](std::vector<double>& a) { std::fill(a.end() - kMargin, a.end(), kGuard); };
+    const auto kept = [&](const std::vector<double>& a) {
+      return std::all_of(a.end() - kMargin, a.end(), [&](double g) { return g == kGuard; });
+    };
+    guard(load), guard(out), guard(zdot);
+    cardan_device_out o{zdot.data(), out.data(), reinterpret_cast<cardan_mount_load*>(load.data()), 0.0, 0.0};
+    Given y;
+    y.code = function(&o);
+    y.overrun = !(kept(load) && kept(out) && kept(zdot));
+    y.numbers.assign(load.begin(), load.end() - kMargin);
+    y.numbers.insert(y.numbers.end(), out.begin(), out.end() - kMargin);
+    y.numbers.insert(y.numbers.end(), zdot.begin(), zdot.end() - kMargin);
+    y.numbers.push_back(o.delivered), y.numbers.push_back(o.lost);
+    return y;
+  }
+  Given evaluate(const Point& x) const {
+    return call("evaluate", [&](cardan_device_out* o) {
+      const cardan_device_args a = args(x);
+      return f_.evaluate(&a, o);
+    });
+  }
+
+  static bool same(const Given& a, const Given& b) {
+    return a.code == b.code && std::memcmp(a.numbers.data(), b.numbers.data(), a.numbers.size() * sizeof(double)) == 0;
+  }
+
+  void pure(const Point& x, const Given& y) {
+    Point copy = x;
+    const std::vector<double> packed = packed_;
+    if (y.overrun) found_.push_back(fmt::format("evaluate writes beyond its arrays (sample {})", sample_));
+    for (std::size_t i = 0; i < y.numbers.size(); ++i)
+      if (!std::isfinite(y.numbers[i])) {
+        found_.push_back(fmt::format("evaluate gives {} for finite arguments ({}, sample {})", y.numbers[i], name_of(i), sample_));
+        return;
+      }
+    evaluate(random_point());  // what it may remember
+    Given again = evaluate(copy), elsewhere;
+    in_another_thread([&] { elsewhere = evaluate(x); });
+    if (!same(again, y))
+      found_.push_back(fmt::format("evaluate is a function of its arguments: other numbers at the second call (sample {})", sample_));
+    if (!same(elsewhere, y))
+      found_.push_back(fmt::format("evaluate is a function of its arguments: other numbers on another thread (sample {})", sample_));
+    if (packed != packed_) found_.push_back(fmt::format("evaluate changes its arguments (sample {})", sample_));
+  }
+
+  std::string name_of(std::size_t i) const {
+    if (i < out_)
+      return fmt::format("{} of mount {}", i % kLoad < 3 ? "moment" : i % kLoad < 6 ? "force" : "tau", f_.mounts[i / kLoad].name);
+    if (i < zdot_) {
+      std::size_t k = i - out_;
+      for (std::uint32_t p = 0; p < f_.n_ports; ++p)
+        if (f_.ports[p].kind == CARDAN_PORT_OUT && k-- == 0) return fmt::format("output {}", f_.ports[p].name);
+    }
+    if (i < power_) return fmt::format("rate of {}", f_.states[i - zdot_].name);
+    return i == power_ ? "delivered" : "lost";
+  }
+
+  /// What the host leaves out because nobody reads it, and outputs that say they do not depend on an input.
+  void reads_what_it_says(const Point& x, const Given& y) {
+    const auto changed = [&](std::size_t first, std::size_t last) {
+      Point other = x;
+      for (std::size_t i = first; i < last; ++i) other.numbers[i] += 0.7 + 0.3 * normal();
+      return evaluate(other);
+    };
+    for (std::uint32_t m = 0; m < f_.n_mounts; ++m) {
+      const std::size_t at = m * kMotion;
+      const bool node = f_.mounts[m].kind == CARDAN_MOUNT_NODE;
+      const bool poses = (f_.mounts[m].use & CARDAN_USE_POSE) != 0, velocities = (f_.mounts[m].use & CARDAN_USE_VELOCITY) != 0;
+      // The host gives both where one is read.
+      if (node && !poses && !velocities && !same(changed(at, at + kVelocity), y))
+        found_.push_back(fmt::format("mount {} reads pose or velocity and does not say so (sample {})", f_.mounts[m].name, sample_));
+      if (!same(changed(at + kHinge, at + kMotion), y))
+        found_.push_back(
+            fmt::format("evaluate reads an acceleration at mount {}, which it cannot know (sample {})", f_.mounts[m].name, sample_));
+      if (node && !same(changed(at + kVelocity, at + kHinge), y))
+        found_.push_back(fmt::format("mount {} is a node: it has no q and v (sample {})", f_.mounts[m].name, sample_));
+      if (!node && !same(changed(at, at + kVelocity), y))
+        found_.push_back(fmt::format("mount {} is a hinge component: it has q and v alone (sample {})", f_.mounts[m].name, sample_));
+    }
+    for (std::size_t i = 0; i < n_in_; ++i) {
+      const std::size_t at = f_.n_mounts * kMotion + i;
+      const Given other = changed(at, at + 1);
+      if (other.code != 0) continue;
+      std::size_t k = 0;
+      for (std::uint32_t p = 0; p < f_.n_ports; ++p) {
+        if (f_.ports[p].kind != CARDAN_PORT_OUT) continue;
+        const bool direct = i >= 64 || (f_.ports[p].direct >> i & 1U) != 0;
+        if (!direct && other.numbers[out_ + k] != y.numbers[out_ + k])
+          found_.push_back(fmt::format("output {} depends on input no. {} and does not say so (sample {})", f_.ports[p].name, i, sample_));
+        ++k;
+      }
+    }
+  }
+
+  void pushes_where_it_says(const Point&, const Given& y) {
+    for (std::uint32_t m = 0; m < f_.n_mounts; ++m) {
+      const double* l = y.numbers.data() + m * kLoad;
+      const bool node = f_.mounts[m].kind == CARDAN_MOUNT_NODE, loads = (f_.mounts[m].use & CARDAN_USE_LOAD) != 0;
+      for (int i = 0; i < kLoad; ++i)
+        if (l[i] != 0.0 && (!loads || (i < 6) != node))
+          found_.push_back(fmt::format("{} and does not say so (sample {})", name_of(m * kLoad + static_cast<std::size_t>(i)), sample_));
+    }
+  }
+
+  void internal(const Point& x, const Given& y) {
+    double force[3] = {}, moment[3] = {}, size = 1e-30;
+    for (std::uint32_t m = 0; m < f_.n_mounts; ++m) {
+      if (f_.mounts[m].kind != CARDAN_MOUNT_NODE) continue;
+      const double *R = x.numbers.data() + m * kMotion, *p = R + 9, *l = y.numbers.data() + m * kLoad;
+      double n[3] = {}, f[3] = {};
+      for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) n[i] += R[3 * i + j] * l[j], f[i] += R[3 * i + j] * l[3 + j];
+      for (int i = 0; i < 3; ++i) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+        force[i] += f[i];
+        moment[i] += n[i] + p[j] * f[k] - p[k] * f[j];
+        size += std::abs(n[i]) + std::abs(f[i]) * (1.0 + std::abs(p[j]) + std::abs(p[k]));
+      }
+    }
+    law("loads of an internal device sum to zero",
+        (std::hypot(force[0], force[1], force[2]) + std::hypot(moment[0], moment[1], moment[2])) / size, 1e-13);
+  }
+
+  double energy_at(const Point& x) const {
+    before_("energy");
+    const cardan_device_args a = args(x);
+    return f_.energy(&a);
+  }
+
+  /// Along the motion: R' = R omega~, p' = R v, q' = v, z'.
+  void energy(const Point& x, const Given& y) {
+    std::vector<double> rate(x.numbers.size(), 0.0);
+    double power = 0.0, size = std::abs(y.numbers[power_]) + std::abs(y.numbers[power_ + 1]);
+    for (std::uint32_t m = 0; m < f_.n_mounts; ++m) {
+      const double *R = x.numbers.data() + m * kMotion, *w = R + 12, *v = R + 15, *l = y.numbers.data() + m * kLoad;
+      double* d = rate.data() + m * kMotion;
+      if (f_.mounts[m].kind == CARDAN_MOUNT_HINGE) {
+        d[18] = R[19];
+        power += l[6] * R[19], size += std::abs(l[6] * R[19]);
+        continue;
+      }
+      for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) {
+          const int a = (j + 1) % 3, b = (j + 2) % 3;
+          d[3 * i + j] = R[3 * i + a] * w[b] - R[3 * i + b] * w[a];
+          d[9 + i] += R[3 * i + j] * v[j];
+        }
+      for (int i = 0; i < 3; ++i) power += l[i] * w[i] + l[3 + i] * v[i], size += std::abs(l[i] * w[i]) + std::abs(l[3 + i] * v[i]);
+    }
+    for (std::uint32_t i = 0; i < f_.n_states; ++i) rate[z_ + i] = y.numbers[zdot_ + i];
+    double largest = 1.0;
+    for (std::size_t i = 0; i < rate.size(); ++i)
+      largest = std::max(largest, std::abs(rate[i]) / (i >= z_ && i < z_ + f_.n_states ? nominal_[i - z_] : 1.0));
+    const double h = 2e-3 / largest;
+    const auto at = [&](double s) {
+      Point moved = x;
+      for (std::size_t i = 0; i < rate.size(); ++i) moved.numbers[i] += s * rate[i];
+      return energy_at(moved);
+    };
+    // sixth order; E is curved, and R leaves the rotations by h^2
+    const double slope = (45.0 * (at(h) - at(-h)) - 9.0 * (at(2 * h) - at(-2 * h)) + (at(3 * h) - at(-3 * h))) / (60.0 * h);
+    const double stored = std::abs(energy_at(x)) / h * 1e-15;
+    law("energy' = delivered - lost - power of the loads",
+        std::abs(slope - (y.numbers[power_] - y.numbers[power_ + 1] - power)) / (1e-3 + size), 1e-7 + stored);
+    if ((f_.facts & CARDAN_FACT_PASSIVE) == 0) return;
+    law("a passive device delivers nothing", std::abs(y.numbers[power_]), 0.0);
+    law("a passive device loses", -y.numbers[power_ + 1], 1e-15 * size);
+  }
+
+  /// Along a random direction, against differences of sixth order; marks and time stay.
+  void tangent(const Point& x) {
+    Point along = x;
+    for (std::size_t i = 0; i < along.numbers.size(); ++i) {
+      const bool state = i >= z_ && i < z_ + f_.n_states;
+      along.numbers[i] = i >= z_ + f_.n_states ? 0.0 : (state ? nominal_[i - z_] : 1.0) * normal();
+    }
+    const Given given = call("tangent", [&](cardan_device_out* o) {
+      const cardan_device_args a = args(x), d = args(along);
+      return f_.tangent(&a, &d, o);
+    });
+    if (given.overrun) found_.push_back(fmt::format("tangent writes beyond its arrays (sample {})", sample_));
+    if (given.code != 0) return;
+    const auto slope = [&](double h) {
+      std::vector<double> sum(given.numbers.size(), 0.0);
+      for (const auto& [steps, weight] : {std::pair(1, 45.0), std::pair(2, -9.0), std::pair(3, 1.0)})
+        for (const int side : {1, -1}) {
+          Point moved = x;
+          for (std::size_t i = 0; i < moved.numbers.size(); ++i) moved.numbers[i] += side * steps * h * along.numbers[i];
+          const Given y = evaluate(moved);
+          for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += side * weight * y.numbers[i] / (60.0 * h);
+        }
+      return sum;
+    };
+    const std::vector<double> fine = slope(1e-3), coarse = slope(2e-3);
+    for (std::size_t i = 0; i < power_; ++i) {
+      const double size = 1.0 + std::abs(fine[i]);
+      if (std::abs(fine[i] - coarse[i]) > 1e-7 * size) continue;  // a corner, or too curved here
+      law(fmt::format("tangent is the derivative of evaluate ({})", name_of(i)), std::abs(given.numbers[i] - fine[i]) / size, 1e-6);
+    }
+  }
+
+  void tick(const Point& x) {
+    before_("tick");
+    const std::size_t n = f_.n_states + f_.n_marks;
+    std::vector<double> noise(f_.n_noise, 0.3);
+    const auto call = [&] {
+      Handed z(f_.n_states), d(f_.n_marks);
+      std::copy_n(x.numbers.data() + z_, f_.n_states, z.data());
+      std::copy_n(x.numbers.data() + z_ + f_.n_states, f_.n_marks, d.data());
+      const cardan_device_args a = args(x);
+      if (f_.tick(&a, 0.1, noise.data(), z.data(), d.data()) != 0) return std::vector<double>();
+      if (!z.intact() || !d.intact()) found_.push_back(fmt::format("tick writes beyond its arrays (sample {})", sample_));
+      std::vector<double> all(z.data(), z.data() + f_.n_states);
+      all.insert(all.end(), d.data(), d.data() + f_.n_marks);
+      return all;
+    };
+    const std::vector<double> first = call(), second = call();
+    if (first.empty() && n > 0) return;  // refused
+    if (std::memcmp(first.data(), second.data(), first.size() * sizeof(double)) != 0)
+      found_.push_back(fmt::format("tick is a function of its arguments: other numbers at the second call (sample {})", sample_));
+    if (std::any_of(first.begin(), first.end(), [](double a) { return !std::isfinite(a); }))
+      found_.push_back(fmt::format("tick sets a number that is not finite (sample {})", sample_));
+  }
+
+  void roots(const Point& x) {
+    before_("roots");
+    std::vector<double> g(f_.n_roots + 8, 0.0);
+    std::fill(g.end() - 8, g.end(), -7.25e77);
+    const cardan_device_args a = args(x);
+    f_.roots(&a, g.data());
+    if (std::any_of(g.end() - 8, g.end(), [](double w) { return w != -7.25e77; })) found_.push_back("roots writes beyond n_roots");
+    for (std::uint32_t i = 0; i < f_.n_roots; ++i)
+      if (!std::isfinite(g[i])) found_.push_back(fmt::format("root no. {} is {} for finite arguments (sample {})", i, g[i], sample_));
+  }
+
+  const Family& f_;
+  std::mt19937_64 rng_;
+  const TellPhase& before_;
+  std::size_t n_in_ = 0, n_out_ = 0, z_ = 0, out_ = 0, zdot_ = 0, power_ = 0;  // where they begin
+  std::vector<double> packed_, nominal_;
+  int sample_ = 0, taken_ = 0;
+  std::vector<std::string> found_;
+};
+
+}  // namespace
+
+std::vector<std::string> device_table_faults(const cardan_device_family& family) { return TableFaults(family).all(); }
+
+std::vector<std::string> device_law_violations(const cardan_device_family& family, int samples, std::uint64_t seed,
+                                               const TellPhase& before) {
+  if (auto faults = device_table_faults(family); !faults.empty()) return faults;
+  Laws laws(family, seed, before);
+  for (int i = 0; i < samples; ++i)
+    if (!laws.sample(i)) break;
+  return laws.take();
+}
+
+}  // namespace cardan

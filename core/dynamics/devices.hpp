@@ -1,0 +1,112 @@
+#pragma once
+// The devices of a model in a right-hand side: how their mounts move, what they push with, z', and what their ports give.
+// docs/mathematics/devices.md.
+#include <span>
+#include <vector>
+
+#include "core/dynamics/forward.hpp"
+#include "core/soa/tangent.hpp"
+
+namespace cardan {
+
+/// What devices read beside q and v, and where they put their loads. Inputs::tau and Inputs::wrenches show the same memory.
+template <class T>
+struct DeviceState {
+  double t = 0.0;                          // [s]
+  const T* z = nullptr;                    // continuous states
+  const double* marks = nullptr;           // discrete ones
+  T* tau = nullptr;                        // what they push with at hinges is added here
+  soa::NodeWrench<T>* wrenches = nullptr;  // Devices::n_loads of them, in node axes; written
+};
+
+/// What went wrong in the last evaluation.
+struct DeviceFault {
+  int device = -1;   // index into Devices::all; -1: nothing
+  std::string what;  // "force of mount to = nan", "evaluate returned 3"
+};
+
+/// All devices of a model, in double. Keeps what the last evaluation found.
+class DeviceForces : public StateLoads<double> {
+ public:
+  explicit DeviceForces(const Model& model);
+
+  /// Of inputs that are commanded, in the user's order; those of connected ones are not read.
+  std::vector<double> commands;
+
+  void set(const DeviceState<double>& state);
+  bool act(Workspace& ws, const Inputs& in) override;
+  /// How the mounts move at a trial state, without dynamics, inputs as `known` has them. `ws`: null where no mount reads a node.
+  void look_at(const DeviceForces& known, Workspace* ws, const Inputs& in);
+  /// Without sweeps: at mounts that move as they did in the last evaluation.
+  bool evaluate();
+
+  // Of the last evaluation
+  const double* zdot() const { return zdot_.data(); }
+  double state(int i) const { return z_[i]; }
+  double output(int i) const { return out_[i]; }
+  double input(int i) const { return in_[i]; }
+  /// [N m, N] what device `index` adds to the force of its mount.
+  const cardan_mount_load& load(int mount) const { return loads_[mount]; }
+  const cardan_mount_motion& motion(int mount) const { return motions_[mount]; }
+  /// tau += what devices push with at hinges.
+  void add_hinge_forces(double* tau) const;
+  /// [J] stored, of those that declare it (CARDAN_FACT_ENERGY).
+  double energy() const;
+  /// [W] delivered - lost - power of the loads of those that declare their energy: what is to be added to the power of all loads so that
+  /// it is the rate of the mechanical energy and that of devices.
+  double unseen_power() const;
+  /// Where something happens: Devices::n_roots numbers.
+  void roots(double* g) const;
+  /// Lets a device change its states and marks; root = its n_roots: the start.
+  void event(int device, std::uint32_t root, int direction, double* z, double* marks) const;
+  /// The sampled part of a device at mounts that move as they do now; false: fault() tells why.
+  bool tick(int device, double period, const double* noise, double* z, double* marks);
+  cardan_mount_motion& motion_of_tick(int mount) { return motions_[mount]; }
+  const DeviceFault& fault() const { return fault_; }
+  std::size_t bytes() const;
+
+ private:
+  friend class DeviceTangents;
+  void look(Workspace& ws, const Inputs& in);
+  void take_inputs(const Device& d);
+  bool evaluate(int device);
+  cardan_device_args args(const Device& d) const;
+  bool expect_finite(int device);
+
+  const Model& model_;
+  DeviceState<double> state_;
+  std::vector<cardan_mount_motion> motions_;
+  std::vector<cardan_mount_load> loads_;
+  std::vector<double> z_, marks_, in_, out_, zdot_;
+  std::vector<double> delivered_, lost_;  // [W] per device
+  DeviceFault fault_;
+};
+
+/// The derivative of all that along a direction: for Newton's equations and linear models. Values are those of `base`, which has been
+/// evaluated at the same point.
+class DeviceTangents : public StateLoads<soa::Tangent> {
+ public:
+  DeviceTangents(const Model& model, const DeviceForces& base);
+  /// Rates of the inputs that are commanded.
+  std::vector<double> commands;
+  void set(const DeviceState<soa::Tangent>& state) { state_ = state; }
+  bool act(soa::Workspace<soa::Tangent>& ws, const soa::Inputs<soa::Tangent>& in) override;
+  const double* zdot() const { return zdot_.data(); }
+  double output(int i) const { return out_[i]; }
+  /// dz'/dz of one device with its mounts and inputs held, n x n, column-major.
+  void state_matrix(int device, double* J);
+
+ private:
+  bool differentiate(int device);
+  bool by_differences(const Device& d, const cardan_device_args& at, const cardan_device_args& along, cardan_device_out& out);
+  void take_inputs(const Device& d);
+
+  const Model& model_;
+  const DeviceForces& base_;
+  DeviceState<soa::Tangent> state_;
+  std::vector<cardan_mount_motion> motions_;
+  std::vector<cardan_mount_load> loads_;
+  std::vector<double> in_, out_, zdot_, dz_, scratch_;
+};
+
+}  // namespace cardan

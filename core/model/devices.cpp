@@ -1,0 +1,293 @@
+#include "core/model/devices.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "core/base/units.hpp"
+#include "core/model/device_units.hpp"
+#include "core/model/params.hpp"
+#include "core/model/schema.hpp"
+
+namespace cardan {
+namespace {
+
+class DeviceCompiler {
+ public:
+  DeviceCompiler(const SystemSpec& spec, const Registry& registry, const Model& model, DiagnosticSink& sink)
+      : spec_(spec), registry_(registry), model_(model), sink_(sink) {}
+
+  Devices run() {
+    std::vector<int> by_name(spec_.devices.size());
+    std::iota(by_name.begin(), by_name.end(), 0);
+    std::ranges::stable_sort(by_name, {}, [this](int i) -> const std::string& { return spec_.devices[static_cast<std::size_t>(i)].name; });
+    for (const int i : by_name) add(i);
+    if (complete_) connect();
+    return std::move(devices_);
+  }
+
+ private:
+  using Family = cardan_device_family;
+
+  void fault(Code code, const DeviceSpec& device, const std::string& key, std::string expected, std::string got, std::string hint = {}) {
+    complete_ = false;
+    sink_.report(code, spec_.locate(fmt::format("devices.{}{}{}", device.name, key.empty() ? "" : ".", key)), std::move(expected),
+                 std::move(got), std::move(hint));
+  }
+
+  const DeviceSpec& spec_of(const Device& d) const { return spec_.devices[static_cast<std::size_t>(d.spec)]; }
+
+  void add(int index) {
+    const DeviceSpec& spec = spec_.devices[static_cast<std::size_t>(index)];
+    const Family* family = registry_.device(spec.type);
+    if (!family) {
+      std::vector<std::string> types = registry_.devices.types();
+      std::ranges::sort(types);
+      return fault(Code::unknown_device_type, spec, "type",
+                   fmt::format("a device type: {}, or one from a loaded plugin", fmt::join(types, ", ")), in_quotes(spec.type),
+                   did_you_mean(spec.type, types));
+    }
+    if (model_.find_body(spec.name) >= 0)
+      return fault(Code::duplicate_name, spec, "", "a name that no body has", in_quotes(spec.name),
+                   "names of bodies and devices stand side by side in scripts");
+    if (devices_.find(spec.name) >= 0)
+      return fault(Code::duplicate_name, spec, "", "a name of its own for each device", in_quotes(spec.name));
+    const std::size_t faults = sink_.all().size();
+    Device d;
+    d.name = spec.name, d.spec = index;
+    d.family = family;
+    d.packed = pack_params(spec_, {"devices." + spec.name, fmt::format("device type {}", family->type), spec.params},
+                           {{family->params, family->n_params}, family->params_size, family->pack, family->packed_size}, sink_);
+    d.z = devices_.n_z, d.mark = devices_.n_marks, d.in = devices_.n_in, d.out = devices_.n_out, d.mount = devices_.n_mounts;
+    d.root = devices_.n_roots;
+    for (std::uint32_t i = 0; i < family->n_mounts; ++i) d.mounts.push_back(mount(spec, family->mounts[i]));
+    for (std::uint32_t i = 0; i < family->n_ports; ++i) {
+      const cardan_port_desc& port = family->ports[i];
+      if (port.kind == CARDAN_PORT_OUT) {
+        ++d.n_out;
+        continue;
+      }
+      ++d.n_in;
+      devices_.in0.push_back(port.fallback);
+      devices_.from.push_back(-1);
+      if (const auto given = spec.inputs.find(port.name); given != spec.inputs.end())
+        if (const double* x = std::get_if<double>(&given->second.value)) devices_.in0.back() = *x;
+    }
+    if (family->tick && !((spec.rate > 0.0 && std::isfinite(spec.rate)) || (spec.period > 0.0 && std::isfinite(spec.period))))
+      fault(Code::out_of_range, spec, spec.period != 0.0 ? "period" : "rate", "a rate or a period > 0",
+            fmt::format("{:g}", std::max(spec.rate, spec.period)));
+    initial(spec, {family->states, family->n_states}, devices_.z0);
+    initial(spec, {family->marks, family->n_marks}, devices_.marks0);
+    for (std::uint32_t i = 0; i < family->n_states; ++i) devices_.nominal.push_back(family->states[i].nominal);
+    if (family->nominal && !d.packed.empty()) family->nominal(d.packed.data(), devices_.nominal.data() + d.z);
+    devices_.n_z += static_cast<int>(family->n_states), devices_.n_marks += static_cast<int>(family->n_marks);
+    devices_.n_in += d.n_in, devices_.n_out += d.n_out, devices_.n_mounts += static_cast<int>(family->n_mounts);
+    devices_.n_roots += static_cast<int>(family->n_roots);
+    devices_.rough = devices_.rough || (family->facts & CARDAN_FACT_ROUGH) != 0;
+    complete_ = complete_ && sink_.all().size() == faults;
+    devices_.all.push_back(std::move(d));
+  }
+
+  void initial(const DeviceSpec& spec, std::span<const cardan_state_desc> states, std::vector<double>& all) {
+    for (const cardan_state_desc& state : states) {
+      const auto given = spec.initial.find(state.name);
+      const double* x = given == spec.initial.end() ? nullptr : std::get_if<double>(&given->second.value);
+      all.push_back(x ? *x : state.initial);
+      if (!std::isfinite(all.back()))
+        fault(Code::bad_initial_state, spec, fmt::format("initial.{}", state.name), "a finite number", fmt::format("{}", all.back()));
+    }
+  }
+
+  DeviceMount mount(const DeviceSpec& spec, const cardan_mount_desc& desc) {
+    DeviceMount m;
+    m.use = desc.use;
+    const auto given = spec.mounts.find(desc.name);
+    if (given == spec.mounts.end()) {
+      fault(Code::missing_key, spec, "", fmt::format("{}: {}", desc.name, desc.meaning), "no such key");
+      return m;
+    }
+    const std::string& target = given->second.target;
+    if (desc.kind == CARDAN_MOUNT_HINGE) {
+      hinge_component(spec, desc, target, m);
+      return m;
+    }
+    m.node = model_.find_node(target);
+    if (m.node < 0) {
+      std::vector<std::string> names;
+      for (const UserNode& node : model_.nodes) names.push_back(node.name);
+      fault(Code::unknown_node, spec, desc.name, "a node: " + one_of(names), in_quotes(target), did_you_mean(target, names));
+    }
+    if ((desc.use & CARDAN_USE_LOAD) != 0) m.load = devices_.n_loads++;
+    // What reads an acceleration at ticks asks the observer, which knows all nodes.
+    devices_.reads_nodes = devices_.reads_nodes || (desc.use & (CARDAN_USE_POSE | CARDAN_USE_VELOCITY)) != 0;
+    return m;
+  }
+
+  /// "boom" where the hinge has one component, else "boom.rate".
+  void hinge_component(const DeviceSpec& spec, const cardan_mount_desc& desc, const std::string& target, DeviceMount& m) {
+    std::vector<std::string> legal;
+    for (const UserBody& u : model_.user)
+      for (int i = 0; i < u.nv; ++i) {
+        const auto at = static_cast<std::size_t>(i);
+        const std::string name = u.name + "." + u.v_names[at];
+        legal.push_back(name);
+        const bool same = target == name || (u.nv == 1 && target == u.name) || (u.nq == u.nv && target == u.name + "." + u.q_names[at]);
+        if (!same) continue;
+        m.v = u.v + i;
+        m.q = u.nq == u.nv ? u.q + i : -1;
+        if (model_.has_prescribed() && model_.prescribed[static_cast<std::size_t>(m.v)] && (desc.use & CARDAN_USE_LOAD) != 0)
+          fault(Code::unsupported, spec, desc.name, "a hinge component that is free to move", in_quotes(target) + ", which is prescribed",
+                "its motion is given: what pushes there has no effect");
+        return;
+      }
+    fault(Code::unknown_name, spec, desc.name,
+          legal.empty() ? std::string("a component of a hinge, of which there is none that moves")
+                        : "a component of a hinge: " + one_of(legal),
+          in_quotes(target), did_you_mean(target, legal));
+  }
+
+  /// A port by its place among the inputs or outputs of its device.
+  static const cardan_port_desc& port(const Device& d, std::uint32_t kind, int index) {
+    for (std::uint32_t i = 0;; ++i)
+      if (d.family->ports[i].kind == kind && index-- == 0) return d.family->ports[i];
+  }
+  std::pair<int, int> owner_of_output(int out) const {
+    int i = static_cast<int>(devices_.all.size()) - 1;
+    while (devices_.all[static_cast<std::size_t>(i)].out > out) --i;
+    return {i, out - devices_.all[static_cast<std::size_t>(i)].out};
+  }
+
+  void connect() {
+    for (const Device& d : devices_.all)
+      for (int k = 0; k < d.n_in; ++k) {
+        const auto given = spec_of(d).inputs.find(port(d, CARDAN_PORT_IN, k).name);
+        if (given == spec_of(d).inputs.end()) continue;
+        if (const auto* source = std::get_if<std::string>(&given->second.value))
+          devices_.from[static_cast<std::size_t>(d.in + k)] = output_named(d, port(d, CARDAN_PORT_IN, k), *source);
+      }
+    if (complete_) order();
+    for (Device& d : devices_.all) {
+      d.acts = d.family->n_states > 0;
+      for (const DeviceMount& m : d.mounts) d.acts = d.acts || (m.use & CARDAN_USE_LOAD) != 0;
+    }
+    for (bool more = true; more;) {
+      more = false;
+      for (const Device& taker : devices_.all)
+        for (int k = taker.in; taker.acts && k < taker.in + taker.n_in; ++k)
+          if (devices_.from[static_cast<std::size_t>(k)] >= 0) {
+            Device& giver = devices_.all[static_cast<std::size_t>(owner_of_output(devices_.from[static_cast<std::size_t>(k)]).first)];
+            more = more || !giver.acts;
+            giver.acts = true;
+          }
+    }
+  }
+
+  int output_named(const Device& takes, const cardan_port_desc& in, const std::string& source) {
+    const DeviceSpec& taker = spec_of(takes);
+    const std::string key = fmt::format("inputs.{}", in.name);
+    const auto dot = source.rfind('.');
+    const int giver = devices_.find(source.substr(0, dot));
+    std::vector<std::string> legal;
+    for (const Device& d : devices_.all)
+      for (int k = 0; k < d.n_out; ++k) {
+        const cardan_port_desc& out = port(d, CARDAN_PORT_OUT, k);
+        legal.push_back(d.name + "." + out.name);
+        if (giver < 0 || &devices_.all[static_cast<std::size_t>(giver)] != &d || source.substr(dot + 1) != out.name) continue;
+        const std::string given = unit_where(turns(model_, d), out.unit), wanted = unit_where(turns(model_, takes), in.unit);
+        if (given != wanted) {
+          fault(Code::bad_connection, taker, key, fmt::format("an output in {}", wanted), fmt::format("{} in {}", source, given),
+                "both ends of a connection have one unit");
+          return -1;
+        }
+        return d.out + k;
+      }
+    fault(Code::bad_connection, taker, key,
+          legal.empty() ? std::string("an output of a device, of which there is none") : "an output: " + one_of(legal), in_quotes(source),
+          did_you_mean(source, legal));
+    return -1;
+  }
+
+  /// True if this output of `d` depends on its input k in the same evaluation.
+  static bool feeds_through(const Device& d, int out, int in) { return in >= 64 || (port(d, CARDAN_PORT_OUT, out).direct >> in & 1U) != 0; }
+
+  /// A device that gives something to another one; `waits`: that output needs a connected input of its own, so that the giver comes first.
+  struct Giver {
+    int device;
+    bool waits;
+  };
+  std::vector<Giver> givers_of(int i) const {
+    std::vector<Giver> all;
+    const Device& d = devices_.all[static_cast<std::size_t>(i)];
+    for (int k = d.in; k < d.in + d.n_in; ++k) {
+      const int out = devices_.from[static_cast<std::size_t>(k)];
+      if (out < 0) continue;
+      const auto [giver, own] = owner_of_output(out);
+      const Device& g = devices_.all[static_cast<std::size_t>(giver)];
+      bool waits = false;
+      for (int j = 0; j < g.n_in; ++j)
+        waits = waits || (feeds_through(g, own, j) && devices_.from[static_cast<std::size_t>(g.in + j)] >= 0);
+      all.push_back({giver, waits});
+    }
+    return all;
+  }
+
+  /// Who gives comes before who takes wherever that can be; an output that waits for nothing may be taken earlier, its device is then
+  /// evaluated once before all.
+  void order() {
+    const std::size_t n = devices_.all.size();
+    std::vector<std::vector<Giver>> givers;
+    for (std::size_t i = 0; i < n; ++i) givers.push_back(givers_of(static_cast<int>(i)));
+    std::vector<bool> done(n, false);
+    const auto open = [&](const Giver& g) { return !done[static_cast<std::size_t>(g.device)]; };
+    while (devices_.order.size() < n) {
+      int next = -1;
+      std::ptrdiff_t early = 0;  // outputs that `next` would take before their devices are evaluated
+      for (std::size_t i = 0; i < n; ++i) {
+        if (done[i] || std::ranges::any_of(givers[i], [&](const Giver& g) { return g.waits && open(g); })) continue;
+        const std::ptrdiff_t here = std::ranges::count_if(givers[i], open);
+        if (next < 0 || here < early) next = static_cast<int>(i), early = here;
+      }
+      if (next < 0) return report_cycle(givers, done);
+      for (const Giver& g : givers[static_cast<std::size_t>(next)])
+        if (open(g) && std::ranges::find(devices_.first, g.device) == devices_.first.end()) devices_.first.push_back(g.device);
+      done[static_cast<std::size_t>(next)] = true;
+      devices_.order.push_back(next);
+    }
+  }
+
+  /// From any device that waits along who it waits for, until one comes again.
+  void report_cycle(const std::vector<std::vector<Giver>>& givers, const std::vector<bool>& done) {
+    std::vector<int> path = {static_cast<int>(std::ranges::find(done, false) - done.begin())};
+    while (true) {
+      const auto& of = givers[static_cast<std::size_t>(path.back())];
+      const int next =
+          std::ranges::find_if(of, [&](const Giver& g) { return g.waits && !done[static_cast<std::size_t>(g.device)]; })->device;
+      const bool seen = std::ranges::find(path, next) != path.end();
+      path.push_back(next);
+      if (!seen) continue;
+      std::string names;
+      for (auto it = std::ranges::find(path, next); it != path.end(); ++it)
+        names += (names.empty() ? "" : " <- ") + devices_.all[static_cast<std::size_t>(*it)].name;
+      return fault(Code::device_cycle, spec_of(devices_.all[static_cast<std::size_t>(next)]), "inputs",
+                   "outputs that do not wait for each other in one evaluation", names,
+                   "let one of them give a state (a lag), or make one device of them");
+    }
+  }
+
+  const SystemSpec& spec_;
+  const Registry& registry_;
+  const Model& model_;
+  DiagnosticSink& sink_;
+  Devices devices_;
+  bool complete_ = true;
+};
+
+}  // namespace
+
+Devices compile_devices(const SystemSpec& spec, const Registry& registry, const Model& model, DiagnosticSink& sink) {
+  return DeviceCompiler(spec, registry, model, sink).run();
+}
+
+}  // namespace cardan

@@ -1,0 +1,92 @@
+// imu: three gyros and three accelerometers at a node, sampled: what they read, in node axes, with white noise, a bias that wanders
+// (Gauss-Markov of the first order), a turn-on bias, steps of their converter and a range. Densities are of one-sided spectra per root of a
+// rate, so that another rate of sampling has the same spectrum: the deviation of a sample is N / sqrt(period) [IEEE Std 952-1997].
+#include <cmath>
+
+#include "core/abi/device_family.hpp"
+
+namespace cardan {
+namespace {
+
+struct Imu {
+  static constexpr const char* type = "imu";
+  static constexpr const char* summary = "gyros and accelerometers at a node, sampled, with noise";
+  static constexpr unsigned facts = 0;
+  struct Sensor {
+    double noise, bias, wander, wander_time, step, range;
+  };
+  struct Packed {
+    Sensor gyro, accelerometer;
+  };
+  static constexpr cardan_param_desc schema[] = {
+      param::not_negative(param::optional("angle_random_walk", CARDAN_NUMBER, "1", "white noise of the gyros [rad/sqrt(s)]")),
+      param::optional("gyro_bias", CARDAN_NUMBER, "rad/s", "of each gyro from the start on"),
+      param::not_negative(param::optional("gyro_wander", CARDAN_NUMBER, "rad/s", "standard deviation of their bias in the long run")),
+      param::positive(param::optional("gyro_wander_time", CARDAN_NUMBER, "s", "over which their bias forgets", 3600.0)),
+      param::not_negative(param::optional("gyro_step", CARDAN_NUMBER, "rad/s", "of their converter; 0: none")),
+      param::not_negative(param::optional("gyro_range", CARDAN_NUMBER, "rad/s", "beyond which they read its end; 0: any")),
+      param::not_negative(param::optional("velocity_random_walk", CARDAN_NUMBER, "1", "white noise of the accelerometers [m/s/sqrt(s)]")),
+      param::optional("accelerometer_bias", CARDAN_NUMBER, "m/s^2", "of each from the start on"),
+      param::not_negative(
+          param::optional("accelerometer_wander", CARDAN_NUMBER, "m/s^2", "standard deviation of their bias in the long run")),
+      param::positive(param::optional("accelerometer_wander_time", CARDAN_NUMBER, "s", "over which their bias forgets", 3600.0)),
+      param::not_negative(param::optional("accelerometer_step", CARDAN_NUMBER, "m/s^2", "of their converter; 0: none")),
+      param::not_negative(param::optional("accelerometer_range", CARDAN_NUMBER, "m/s^2", "beyond which they read its end; 0: any"))};
+  static constexpr cardan_mount_desc mounts[] = {
+      {"at", CARDAN_MOUNT_NODE, CARDAN_USE_VELOCITY | CARDAN_USE_ACCELERATION, "the node where it sits; it reads in node axes"}};
+  static constexpr cardan_port_desc ports[] = {
+      {"rate_x", CARDAN_PORT_OUT, "rad/s", 0.0, 0, "angular velocity as read"},
+      {"rate_y", CARDAN_PORT_OUT, "rad/s", 0.0, 0, "angular velocity as read"},
+      {"rate_z", CARDAN_PORT_OUT, "rad/s", 0.0, 0, "angular velocity as read"},
+      {"force_x", CARDAN_PORT_OUT, "m/s^2", 0.0, 0, "specific force as read: acceleration less gravity"},
+      {"force_y", CARDAN_PORT_OUT, "m/s^2", 0.0, 0, "specific force as read: acceleration less gravity"},
+      {"force_z", CARDAN_PORT_OUT, "m/s^2", 0.0, 0, "specific force as read: acceleration less gravity"}};
+  static constexpr cardan_state_desc marks[] = {{"rate_x", "rad/s", 0.0, 1.0, "held since the last sample"},
+                                                {"rate_y", "rad/s", 0.0, 1.0, "held since the last sample"},
+                                                {"rate_z", "rad/s", 0.0, 1.0, "held since the last sample"},
+                                                {"force_x", "m/s^2", 0.0, 1.0, "held since the last sample"},
+                                                {"force_y", "m/s^2", 0.0, 1.0, "held since the last sample"},
+                                                {"force_z", "m/s^2", 0.0, 1.0, "held since the last sample"},
+                                                {"gyro_bias_x", "rad/s", 0.0, 1.0, "that has wandered"},
+                                                {"gyro_bias_y", "rad/s", 0.0, 1.0, "that has wandered"},
+                                                {"gyro_bias_z", "rad/s", 0.0, 1.0, "that has wandered"},
+                                                {"force_bias_x", "m/s^2", 0.0, 1.0, "that has wandered"},
+                                                {"force_bias_y", "m/s^2", 0.0, 1.0, "that has wandered"},
+                                                {"force_bias_z", "m/s^2", 0.0, 1.0, "that has wandered"},
+                                                {"samples", "1", 0.0, 1.0, "taken so far"}};
+  static constexpr std::uint32_t n_noise = 12;
+
+  static bool pack(const Params& params, Packed& p) {
+    const auto n = [&](const char* name) { return params.number(name); };
+    p.gyro = {n("angle_random_walk"), n("gyro_bias"), n("gyro_wander"), n("gyro_wander_time"), n("gyro_step"), n("gyro_range")};
+    p.accelerometer = {n("velocity_random_walk"),      n("accelerometer_bias"), n("accelerometer_wander"),
+                       n("accelerometer_wander_time"), n("accelerometer_step"), n("accelerometer_range")};
+    return true;
+  }
+
+  template <class T>
+  static void evaluate(const Packed&, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
+    for (int i = 0; i < 6; ++i) out.out[i] = T(in.d[i]);
+  }
+
+  /// One axis: `bias` is what has wandered, of the stationary spread at the first sample.
+  static double sample(const Sensor& s, double truth, double period, bool first, double white, double walk, double& bias) noexcept {
+    const double keep = first ? 0.0 : std::exp(-period / s.wander_time);
+    bias = keep * bias + std::sqrt(1.0 - keep * keep) * s.wander * walk;
+    double reading = truth + s.bias + bias + s.noise / std::sqrt(period) * white;
+    if (s.step > 0.0) reading = s.step * std::floor(reading / s.step + 0.5);
+    if (s.range > 0.0) reading = std::fmin(std::fmax(reading, -s.range), s.range);
+    return reading;
+  }
+  static void tick(const Packed& p, const DeviceIn<double>& in, double period, const double* noise, double*, double* d) noexcept {
+    const MountMotion<double>& at = in.at[0];
+    const double truth[6] = {at.omega.x, at.omega.y, at.omega.z, at.specific_force.x, at.specific_force.y, at.specific_force.z};
+    const bool first = d[12] == 0.0;
+    for (int i = 0; i < 6; ++i) d[i] = sample(i < 3 ? p.gyro : p.accelerometer, truth[i], period, first, noise[i], noise[6 + i], d[6 + i]);
+    d[12] += 1.0;
+  }
+};
+
+}  // namespace
+const cardan_device_family& imu_family() { return device_table<Imu>(); }
+}  // namespace cardan

@@ -1,0 +1,55 @@
+// thruster: a force along a direction of its node, c times its thrust for a command c, that rises and falls with time constants; what it
+// burns is told and not taken from the mass of the vehicle. Flow F / (I g_0), g_0 = 9.80665 m/s^2.
+
+#include "core/abi/device_family.hpp"
+
+namespace cardan {
+namespace {
+
+struct Thruster {
+  static constexpr const char* type = "thruster";
+  static constexpr const char* summary = "a force at a node that rises and falls with its valve; the mass of the vehicle stays";
+  static constexpr unsigned facts = 0;
+  struct Packed {
+    double thrust, impulse, direction[3], rise, fall;
+  };
+  static constexpr cardan_param_desc schema[] = {
+      param::positive(param::required("thrust", CARDAN_NUMBER, "N", "when it is fully open")),
+      param::positive(param::required("specific_impulse", CARDAN_NUMBER, "s", "thrust over the weight of the flow")),
+      param::required("direction", CARDAN_UNIT_VECTOR, "1", "of the force on the vehicle, node axes"),
+      param::not_negative(param::optional("rise_time", CARDAN_NUMBER, "s", "time constant of opening; both 0: at once")),
+      param::not_negative(param::optional("fall_time", CARDAN_NUMBER, "s", "time constant of closing"))};
+  static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_NODE, CARDAN_USE_LOAD, "the node of the nozzle"}};
+  static constexpr cardan_port_desc ports[] = {{"command", CARDAN_PORT_IN, "1", 0.0, 0, "0 closed, 1 open; cut to that range"},
+                                               {"thrust", CARDAN_PORT_OUT, "N", 0.0, 1, "force"},
+                                               {"flow", CARDAN_PORT_OUT, "kg/s", 0.0, 1, "of propellant"}};
+  static constexpr cardan_state_desc states[] = {{"level", "1", 0.0, 1.0, "how far it is open"},
+                                                 {"propellant", "kg", 0.0, 1.0, "used so far"}};
+
+  static bool pack(const Params& params, Packed& p) {
+    const Eigen::Vector3d u = params.vector("direction");
+    p = {params.number("thrust"),
+         params.number("specific_impulse"),
+         {u[0], u[1], u[2]},
+         params.number("rise_time"),
+         params.number("fall_time")};
+    if ((p.rise > 0.0) != (p.fall > 0.0)) return params.fail(p.rise > 0.0 ? "fall_time" : "rise_time", "a time > 0, as the other one is");
+    return true;
+  }
+
+  template <class T>
+  static void evaluate(const Packed& p, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
+    const T command = in.in[0] > T(1.0) ? T(1.0) : in.in[0] < T(0.0) ? T(0.0) : in.in[0];
+    const double time = command > in.z[0] ? p.rise : p.fall;
+    const T level = time > 0.0 ? in.z[0] : command, force = T(p.thrust) * level, flow = force / T(p.impulse * 9.80665);
+    // Of a valve without delay the state is read nowhere.
+    out.zdot[0] = (command - in.z[0]) / T(time > 0.0 ? time : 1.0);
+    out.zdot[1] = flow;
+    out.load[0].force = {force * T(p.direction[0]), force * T(p.direction[1]), force * T(p.direction[2])};
+    out.out[0] = force, out.out[1] = flow;
+  }
+};
+
+}  // namespace
+const cardan_device_family& thruster_family() { return device_table<Thruster>(); }
+}  // namespace cardan

@@ -1,0 +1,161 @@
+// The laws of devices over everything that comes with Cardan; and for each law a device that breaks it.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/abi/device_family.hpp"
+#include "core/abi/device_laws.hpp"
+#include "plugins/devices/register.hpp"
+
+namespace cardan {
+namespace {
+
+const Registry& registry() {
+  static const Registry all = [] {
+    Registry r;
+    register_devices(r);
+    return r;
+  }();
+  return all;
+}
+std::vector<std::string> types() { return registry().devices.types(); }
+
+class DeviceContract : public testing::TestWithParam<std::string> {};
+TEST_P(DeviceContract, ObeysEveryLaw) {
+  for (const auto& v : device_law_violations(*registry().device(GetParam()), 60, 7)) ADD_FAILURE() << GetParam() << ": " << v;
+}
+INSTANTIATE_TEST_SUITE_P(Registry, DeviceContract, testing::ValuesIn(types()), [](const auto& tested) { return tested.param; });
+
+/// A spring between two nodes with a bent state and an input, in plain C: what a mutant changes.
+using Table = cardan_device_family;
+using Args = const cardan_device_args*;
+using Out = cardan_device_out*;
+
+constexpr unsigned kUse = CARDAN_USE_POSE | CARDAN_USE_VELOCITY | CARDAN_USE_LOAD;
+const cardan_mount_desc kMounts[] = {{"from", CARDAN_MOUNT_NODE, kUse, "a node"},
+                                     {"to", CARDAN_MOUNT_NODE, kUse, "a node"},
+                                     {"at", CARDAN_MOUNT_HINGE, CARDAN_USE_LOAD, "a component"},
+                                     {"by", CARDAN_MOUNT_NODE, 0, "a node that nobody reads"}};
+const cardan_port_desc kPorts[] = {{"x", CARDAN_PORT_IN, "1", 0.0, 0, "input"},
+                                   {"y", CARDAN_PORT_OUT, "1", 0.0, 1, "follows from x"},
+                                   {"s", CARDAN_PORT_OUT, "1", 0.0, 0, "does not"}};
+const cardan_state_desc kStates[] = {{"s", "1", 0.0, 1.0, "state"}};
+const cardan_state_desc kMarks[] = {{"on", "1", 1.0, 1.0, "mark"}};
+
+/// World force k (p_to - p_from) on `from`; a spring q / 2 with damping at the hinge; s' = -s.
+int good(Args a, Out o) {
+  for (int i = 0; i < 3; ++i) {
+    const double pull = a->mount[1].position[i] - a->mount[0].position[i];
+    for (int j = 0; j < 3; ++j)
+      for (int m = 0; m < 2; ++m) o->load[m].force[j] += (m == 0 ? pull : -pull) * a->mount[m].R_WN[3 * i + j];
+  }
+  o->load[2].tau = -0.5 * a->mount[2].q - 0.3 * a->mount[2].v;
+  o->zdot[0] = -a->z[0];
+  o->out[0] = 2.0 * a->in[0] + a->z[0];
+  o->out[1] = a->d[0] * a->z[0];
+  o->lost = 0.3 * a->mount[2].v * a->mount[2].v + a->z[0] * a->z[0];
+  return 0;
+}
+double energy(Args a) {
+  double sum = 0.25 * a->mount[2].q * a->mount[2].q + 0.5 * a->z[0] * a->z[0];
+  for (int i = 0; i < 3; ++i) sum += 0.5 * std::pow(a->mount[1].position[i] - a->mount[0].position[i], 2);
+  return sum;
+}
+Table table() {
+  Table t{};
+  t.struct_size = sizeof t;
+  t.type = "test/spring", t.summary = "";
+  t.facts = CARDAN_FACT_INTERNAL | CARDAN_FACT_ENERGY | CARDAN_FACT_PASSIVE;
+  t.mounts = kMounts, t.n_mounts = 4;
+  t.ports = kPorts, t.n_ports = 3;
+  t.states = kStates, t.n_states = 1;
+  t.marks = kMarks, t.n_marks = 1;
+  t.evaluate = good;
+  t.energy = energy;
+  return t;
+}
+std::string violations(const Table& t) {
+  std::string all;
+  for (const std::string& v : device_law_violations(t, 20)) all += v + "\n";
+  return all;
+}
+void expect(const Table& t, const std::string& law) {
+  EXPECT_NE(violations(t).find(law), std::string::npos) << law << ":\n" << violations(t);
+}
+template <class Change>
+Table changed(const Change& change) {
+  Table t = table();
+  change(t);
+  return t;
+}
+#define CHANGED(...)                 \
+  changed([](Table& t) {             \
+    t.evaluate = [](Args a, Out o) { \
+      const int code = good(a, o);   \
+      __VA_ARGS__;                   \
+      return code;                   \
+    };                               \
+  })
+
+TEST(DeviceMutants, TheOneTheyComeFromObeys) { EXPECT_EQ(violations(table()), ""); }
+
+TEST(DeviceMutants, AreCaughtByTheirLaw) {
+  expect(CHANGED(static double before = 0.0; o->out[0] += before; before = 1.0 + a->in[0]), "function of its arguments: other numbers");
+  expect(CHANGED(thread_local int calls = 0; o->out[0] += 1.0 / ++calls), "function of its arguments");
+  expect(CHANGED(const_cast<double*>(a->z)[0] = 3.0), "changes its arguments");
+  expect(CHANGED(o->zdot[1] = 3.0), "beyond its arrays");
+  expect(CHANGED(o->load[4].tau = 3.0), "beyond its arrays");
+  expect(CHANGED(o->out[0] = std::sqrt(-1.0 - a->in[0] * a->in[0])), "nan for finite arguments (output y");
+  expect(CHANGED(o->out[0] += a->mount[3].omega[1]), "mount by reads pose or velocity");
+  expect(CHANGED(o->out[0] += a->mount[0].q), "mount from is a node");
+  expect(CHANGED(o->out[0] += a->mount[2].position[0]), "mount at is a hinge component");
+  expect(CHANGED(o->out[1] += 0.1 * a->in[0]), "output s depends on input no. 0");
+  expect(CHANGED(o->load[2].force[0] = 1.0), "force of mount at and does not say so");
+  expect(CHANGED(o->load[0].tau = 1.0), "tau of mount from and does not say so");
+  expect(CHANGED(o->load[0].moment[0] += 0.01), "sum to zero");
+  expect(CHANGED(o->load[2].tau *= 1.01), "energy' = delivered - lost");
+  expect(CHANGED(o->load[0].force[1] *= 1.01), "sum to zero");
+  expect(CHANGED(o->delivered = 0.1; o->lost += 0.1), "delivers nothing");
+  expect(CHANGED(o->load[2].tau += 0.6 * a->mount[2].v; o->lost -= 0.6 * a->mount[2].v * a->mount[2].v + 5.0 * a->z[0] * a->z[0];
+                 o->zdot[0] += 5.0 * a->z[0]),
+         "a passive device loses");
+  expect(changed([](Table& t) { t.tangent = [](Args, Args d, Out o) { return o->out[0] = 2.1 * d->in[0], 0; }; }),
+         "tangent is the derivative");
+  expect(changed([](Table& t) {
+           t.n_roots = 1;
+           t.roots = [](Args, double* g) { g[0] = std::nan(""); };
+         }),
+         "root no. 0 is nan");
+  expect(changed([](Table& t) {
+           t.n_roots = 1;
+           t.roots = [](Args, double* g) { g[0] = 1.0, g[1] = 2.0; };
+         }),
+         "roots writes beyond");
+  expect(changed([](Table& t) { t.evaluate = [](Args, Out) { return 1; }; }), "refuses every random point");
+  expect(changed([](Table& t) {
+           t.pack = [](const cardan_param_values*, void* p) { return std::fill_n(static_cast<char*>(p), 9, 'x'), 0; };
+           t.params_size = 8;
+         }),
+         "pack writes 9 bytes, 8");
+  expect(changed([](Table& t) { t.nominal = [](const void*, double* sizes) { sizes[0] = -1.0; }; }), "nominal gives -1");
+}
+
+TEST(DeviceMutants, TablesThatCannotBeReadAreToldMemberByMember) {
+  expect(changed([](Table& t) { t.type = nullptr; }), "type: null");
+  expect(changed([](Table& t) { t.evaluate = nullptr; }), "evaluate: null");
+  expect(changed([](Table& t) { t.n_ports = 4'000'000'000U; }), "n_ports: 4000000000");
+  expect(changed([](Table& t) { t.ports = nullptr; }), "ports: null");
+  expect(changed([](Table& t) { t.energy = nullptr; }), "energy: null");
+  expect(changed([](Table& t) { t.facts = CARDAN_FACT_PASSIVE; }), "facts: CARDAN_FACT_PASSIVE without");
+  expect(changed([](Table& t) { t.n_roots = 1; }), "roots: null");
+  static const cardan_state_desc none[] = {{"s", "1", 0.0, 0.0, "state"}};
+  expect(changed([](Table& t) { t.states = none; }), "states[0].nominal: 0, expected > 0");
+  static const cardan_port_desc twice[] = {
+      {"x", CARDAN_PORT_IN, "1", 0.0, 0, ""}, {"x", CARDAN_PORT_OUT, "1", 0.0, 0, ""}, {"", 0, "1", 0.0, 0, ""}};
+  expect(changed([](Table& t) { t.ports = twice; }), "ports[1].name: \"x\" twice");
+  expect(changed([](Table& t) { t.ports = twice; }), "ports[2].name: a name without spaces");
+}
+
+}  // namespace
+}  // namespace cardan

@@ -1,0 +1,142 @@
+// Devices that come with Cardan, each against its closed form.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "core/sim/simulation.hpp"
+#include "tests/properties/random_devices.hpp"
+
+namespace cardan::test {
+namespace {
+
+using Eigen::Vector3d;
+
+SimulationOptions accurate(const std::string& method = "dopri5") {
+  SimulationOptions o;
+  o.integrator.method = method;
+  o.integrator.relative_tolerance = 1e-11;
+  return o;
+}
+BodySpec free_bus(double mass) { return on(rigid("bus", mass, {0, 0, 0}, diagonal({20, 25, 30})), "", "free"); }
+DeviceSpec with_vector(DeviceSpec d, const std::string& key, const Vector3d& x) {
+  d.params[key].value = std::vector<double>(x.data(), x.data() + 3);
+  return d;
+}
+BodySpec hinged(double J) { return on(rigid("arm", 3.0, {0, 0, 0}, diagonal({J, J, J})), "", "revolute", {{0, 0, 1}}); }
+
+/// A pulse of 0.5 s of a valve that rises and falls with one time constant brings F times 0.5 s, exactly, whatever the steps.
+TEST(Thruster, BringsTheImpulseOfItsPulse) {
+  const double F = 4.5, isp = 226.1, tau = 0.02, m = 100.0;
+  SystemSpec spec = system({free_bus(m)});
+  spec.devices = {with_vector(
+      device("jet", "thruster", {{"thrust", F}, {"specific_impulse", isp}, {"rise_time", tau}, {"fall_time", tau}}, {{"at", "bus"}}),
+      "direction", {0, 3, 4})};
+  Simulation sim(compiled(spec), accurate());
+  sim.every({1, 2}, [&] { sim.set_device_input(0, sim.time() < 0.25 ? 1.0 : 0.0); });
+  sim.run(1.5);
+  EXPECT_NEAR(sim.state().v[4], 0.6 * F * 0.5 / m, 1e-10);
+  EXPECT_NEAR(sim.state().v[5], 0.8 * F * 0.5 / m, 1e-10);
+  EXPECT_NEAR(sim.state().z[1], F * 0.5 / (isp * 9.80665), 1e-11);
+  EXPECT_TRUE(sim.ledger().pass);
+  // without delay
+  spec.devices[0].params["rise_time"] = spec.devices[0].params["fall_time"] = number(0.0);
+  spec.devices[0].inputs["command"] = {2.0, {}};  // cut to 1
+  Simulation at_once(compiled(spec), accurate());
+  at_once.run(0.5);
+  EXPECT_NEAR(at_once.state().v[5], 0.8 * F * 0.5 / m, 1e-12);
+}
+
+/// The field of a dipole along z: -D/r^3 z at the equator, 2 D/r^3 z at the pole; and m x B is never along B.
+TEST(Magnetorquer, CrossesTheFieldOfADipole) {
+  const double D = -7.77e15, r = 6.9e6;
+  for (const bool pole : {false, true}) {
+    BodySpec bus = free_bus(100.0);
+    bus.hinge.q = {std::sqrt(0.5), 0, 0, std::sqrt(0.5), pole ? 0.0 : r, 0, pole ? r : 0.0};  // turned by 90 degrees about z
+    SystemSpec spec = system({bus});
+    spec.devices = {device("rods", "magnetorquer", {{"max_moment", 30.0}}, {{"at", "bus"}})};
+    spec.devices[0].inputs["moment_x"] = {50.0, {}};  // cut to 30
+    spec.devices[0].inputs["moment_z"] = {10.0, {}};
+    Simulation sim(compiled(spec), {});
+    sim.observe();
+    const Vector3d B(sim.device_output(0), sim.device_output(1), sim.device_output(2)), field(0, 0, (pole ? 2.0 : -1.0) * D / (r * r * r));
+    EXPECT_LT((B - field).norm(), 1e-18);
+    const Vector3d moment = to_eigen(sim.wrenches()[0].f.n);
+    EXPECT_LT((moment - Vector3d(30, 0, 10).cross(field)).norm(), 1e-15);
+    EXPECT_NEAR(moment.dot(B), 0.0, 1e-19);
+  }
+}
+
+/// Of J w' = n K i, L i' = U - R i - K n w from rest; both poles real here.
+TEST(DcMotor, RunsUpAsItsTwoPolesSay) {
+  const double J = 0.02, K = 0.05, R = 1.5, L = 0.01, n = 3.0, U = 12.0, k = n * K;
+  SystemSpec spec = system({hinged(J)});
+  spec.devices = {device("motor", "dc_motor", {{"constant", K}, {"resistance", R}, {"inductance", L}, {"gear", n}}, {{"at", "arm"}})};
+  spec.devices[0].inputs["voltage"] = {U, {}};
+  for (const std::string method : {"dopri5", "cvode_bdf"}) {
+    Simulation sim(compiled(spec), accurate(method));
+    const double t = 0.3;
+    sim.run(t);
+    const double half = 0.5 * R / L, root = std::sqrt(half * half - k * k / (J * L)), a = -half + root, b = -half - root;
+    const double w = U / k * (1.0 + (b * std::exp(a * t) - a * std::exp(b * t)) / (a - b));
+    const double i = J / k * U / k * a * b * (std::exp(a * t) - std::exp(b * t)) / (a - b);
+    EXPECT_NEAR(sim.state().v[0], w, 1e-8) << method;
+    EXPECT_NEAR(sim.state().z[0], i, 1e-8) << method;
+    EXPECT_TRUE(sim.ledger().pass) << sim.ledger().energy_relative << " of " << sim.ledger().energy_limit;
+  }
+}
+
+/// Released folded, it comes back with the energy it held; the moment has its peak where it is said to.
+TEST(TapeSpring, SnapsStraightWithTheEnergyItHeld) {
+  const double J = 0.5, peak = 4.0, angle = 0.05, steady = 0.3, folded = 1.5;
+  BodySpec arm = hinged(J);
+  arm.hinge.q = {folded};
+  SystemSpec spec = system({arm});
+  spec.devices = {
+      device("blade", "tape_spring", {{"peak_moment", peak}, {"peak_angle", angle}, {"steady_moment", steady}}, {{"at", "arm"}})};
+  Simulation sim(compiled(spec), accurate());
+  double fastest = 0.0, largest = 0.0, where = 0.0;
+  sim.add_event({"straight", [](double, const double* q, const double*) { return q[0]; }, 0,
+                 [&] {
+                   fastest = std::abs(sim.state().v[0]);
+                   sim.stop();
+                 }});
+  sim.run(20.0, [&](double) {
+    if (const double m = std::abs(sim.device_output(0)); m > largest) largest = m, where = sim.state().q[0];
+  });
+  // the integral of M: steps fine enough that Simpson's rule has twelve digits
+  double work = 0.0;
+  const int n = 20'000;
+  const double rest = peak - steady * std::tanh(1.0);
+  for (int i = 0; i <= n; ++i) {
+    const double s = folded / angle * i / n, M = steady * std::tanh(s) + rest * s * std::exp(0.5 * (1.0 - s * s));
+    work += (i == 0 || i == n ? 1.0 : i % 2 ? 4.0 : 2.0) * M * folded / n / 3.0;
+  }
+  EXPECT_NEAR(0.5 * J * fastest * fastest, work, 1e-8);
+  EXPECT_NEAR(largest, peak, 0.01 * peak);  // at step ends
+  EXPECT_NEAR(where, angle, 0.2 * angle);
+  EXPECT_TRUE(sim.ledger().pass) << sim.ledger().energy_relative << " of " << sim.ledger().energy_limit << ", "
+                                 << sim.ledger().angular_relative << " of " << sim.ledger().angular_limit << ", "
+                                 << sim.ledger().linear_relative << " of " << sim.ledger().linear_limit;
+}
+
+/// It lets what is too fast pass, and holds what is slow enough: then it swings about the place at sqrt(k / J).
+TEST(Latch, CatchesWhatIsSlowEnough) {
+  const double J = 0.4, k = 90.0, place = 0.5;
+  for (const double rate : {0.9, 1.1}) {
+    BodySpec arm = hinged(J);
+    arm.hinge.v = {rate};
+    SystemSpec spec = system({arm});
+    spec.devices = {device("latch", "latch", {{"place", place}, {"max_rate", 1.0}, {"stiffness", k}}, {{"at", "arm"}})};
+    Simulation sim(compiled(spec), accurate());
+    const double caught = place / rate, t = caught + 0.37;
+    sim.run(t);
+    const double omega = std::sqrt(k / J);
+    EXPECT_NEAR(sim.state().q[0], rate < 1.0 ? place + rate / omega * std::sin(omega * 0.37) : rate * t, 1e-8);
+    EXPECT_EQ(sim.state().marks[0], rate < 1.0 ? 1.0 : 0.0);
+    EXPECT_TRUE(sim.ledger().pass);
+  }
+}
+
+}  // namespace
+}  // namespace cardan::test
