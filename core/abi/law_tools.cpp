@@ -102,7 +102,9 @@ PackedSample packed_at_random(std::span<const cardan_param_desc> schema, std::ui
   struct Way {
     bool orthonormal, sparse;
   };
-  for (const Way way : {Way{false, false}, Way{true, false}, Way{false, true}, Way{true, true}}) {
+  constexpr Way kWays[] = {{false, false}, {true, false}, {false, true}, {true, true}};
+  for (int attempt = 0; attempt < 32; ++attempt) {  // parameters may have to fit together: refused by half, one of 32 is as good as sure
+    const Way way = kWays[attempt % 4];
     ParamTable table = random_parameters(schema, rng, way.orthonormal, way.sparse);
     const cardan_param_values values = table.view();
     const std::uint64_t wanted = size(&values);
