@@ -33,3 +33,23 @@ install(CODE "foreach(words \"help man\" \"completion bash\")
 endforeach()")
 install(FILES ${made}/help DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 RENAME cardan.1)
 install(FILES ${made}/completion DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME cardan)
+
+# What the program contains must be named to whoever gets it: docs/dependencies.md, and Debian's texts on those that are in it.
+install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright)
+install(FILES docs/dependencies.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
+foreach(inside libarpack2-dev liblapack-dev libblas-dev libboost-dev libcli11-dev libeigen3-dev nlohmann-json3-dev)
+  install(FILES /usr/share/doc/${inside}/copyright DESTINATION ${CMAKE_INSTALL_DOCDIR}/notices RENAME ${inside} OPTIONAL)
+endforeach()
+
+# cpack -G DEB, or ./dev package: the same as a Debian package, which depends on the libraries that the program is linked to.
+set(CPACK_PACKAGE_CONTACT "the authors of Cardan")
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "simulator of spacecraft made of rigid and flexible bodies")
+set(CPACK_RESOURCE_FILE_LICENSE ${CMAKE_SOURCE_DIR}/LICENSE)
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_GENERATOR DEB)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_SUGGESTS "libeigen3-dev (>= 3.4), cmake (>= 3.25), g++")
+include(CPack)
