@@ -39,7 +39,7 @@ set(layers
   "scripts/commands/|core bodies/modal/ bodies/register.hpp hinges/register.hpp plugins/devices/register.hpp scripts/lua/ scripts/mission/ scripts/bindings/ scripts/report/"
   "scripts/main.cpp|core/base scripts/commands/"
   "tests|core bodies hinges plugins scripts bench/pairs.hpp"
-  "bench|core bodies hinges"
+  "bench|core bodies hinges plugins"
   "bench/peers|bench/time_ring.hpp")
 
 # Headers of others by the beginning of their name, and where they may be named. The standard library is free.

@@ -25,7 +25,7 @@ enum cardan_mount_use {
   CARDAN_USE_POSE = 1u,        /* reads R_WN and position */
   CARDAN_USE_VELOCITY = 2u,    /* reads omega and velocity */
   CARDAN_USE_LOAD = 4u,        /* pushes: moment and force, or tau */
-  CARDAN_USE_ACCELERATION = 8u /* `tick` reads alpha and specific_force */
+  CARDAN_USE_ACCELERATION = 8u /* reads alpha and specific_force; all that the mount reads is then read by `tick` alone */
 };
 
 typedef struct cardan_mount_desc {

@@ -47,11 +47,11 @@ struct MountLoad {
 /// What a law reads.
 template <class T>
 struct DeviceIn {
-  double t;            // [s]
-  const T* in;         // inputs
-  const T* z;          // states
-  const double* d;     // marks
-  MountMotion<T>* at;  // mounts
+  double t;                  // [s]
+  const T* in;               // inputs
+  const T* z;                // states
+  const double* d;           // marks
+  const MountMotion<T>* at;  // mounts
 };
 /// What it fills; zero before.
 template <class T>
@@ -96,13 +96,13 @@ struct DeviceSizes {
                                  marks = CARDAN_LIST_OF(F, marks), schema = CARDAN_LIST_OF(F, schema);
 };
 
-/// Arrays of a law on T; at least one element, as C++ wants.
-template <class F, class T>
+/// Arrays of a law on numbers with a derivative; at least one element, as C++ wants.
+template <class F>
 struct DeviceBuffers {
   using Sizes = DeviceSizes<F>;
-  MountMotion<T> at[Sizes::mounts + 1];
-  MountLoad<T> load[Sizes::mounts + 1]{};
-  T in[Sizes::ports + 1], z[Sizes::states + 1], zdot[Sizes::states + 1]{}, out[Sizes::ports + 1]{};
+  MountMotion<Tangent> at[Sizes::mounts + 1];
+  MountLoad<Tangent> load[Sizes::mounts + 1]{};
+  Tangent in[Sizes::ports + 1], z[Sizes::states + 1], zdot[Sizes::states + 1]{}, out[Sizes::ports + 1]{};
 };
 
 inline constexpr int kMotionNumbers = sizeof(cardan_mount_motion) / sizeof(double),
@@ -118,26 +118,22 @@ constexpr std::uint32_t inputs_of() {
   return n;
 }
 
-template <class F>
-DeviceIn<double> read(const cardan_device_args* a, DeviceBuffers<F, double>& b) {
-  for (std::uint32_t i = 0; i < DeviceSizes<F>::mounts; ++i) std::memcpy(static_cast<void*>(&b.at[i]), &a->mount[i], sizeof b.at[i]);
-  return {a->t, a->in, a->z, a->d, b.at};
+/// The structs of the contract are those of a law on doubles, number by number.
+inline DeviceIn<double> read(const cardan_device_args* a) {
+  return {a->t, a->in, a->z, a->d, reinterpret_cast<const MountMotion<double>*>(a->mount)};
 }
 
 template <class F>
 int evaluate(const cardan_device_args* a, cardan_device_out* o) {
-  DeviceBuffers<F, double> b;
-  DeviceOut<double> out{o->zdot, o->out, b.load};
-  F::evaluate(*static_cast<const typename F::Packed*>(a->packed), read<F>(a, b), out);
-  for (std::uint32_t i = 0; i < DeviceSizes<F>::mounts; ++i)
-    std::memcpy(&o->load[i], static_cast<const void*>(&b.load[i]), sizeof b.load[i]);
+  DeviceOut<double> out{o->zdot, o->out, reinterpret_cast<MountLoad<double>*>(o->load)};
+  F::evaluate(*static_cast<const typename F::Packed*>(a->packed), read(a), out);
   o->delivered = out.delivered, o->lost = out.lost;
   return 0;
 }
 
 template <class F>
 int tangent(const cardan_device_args* a, const cardan_device_args* d, cardan_device_out* o) {
-  DeviceBuffers<F, Tangent> b;
+  DeviceBuffers<F> b;
   const auto seed = [](Tangent* to, const double* x, const double* dx, std::uint32_t n) {
     for (std::uint32_t i = 0; i < n; ++i) to[i] = {x[i], dx[i]};
   };
@@ -198,27 +194,19 @@ const cardan_device_family& device_table() {
     t.evaluate = &detail::evaluate<F>;
     t.tangent = &detail::tangent<F>;
     if constexpr (requires(const P& p, const DeviceIn<double>& a) { F::energy(p, a); })
-      t.energy = [](const cardan_device_args* a) {
-        detail::DeviceBuffers<F, double> b;
-        return F::energy(*static_cast<const P*>(a->packed), detail::read<F>(a, b));
-      };
+      t.energy = [](const cardan_device_args* a) { return F::energy(*static_cast<const P*>(a->packed), detail::read(a)); };
     if constexpr (requires { F::n_roots; }) {
       t.n_roots = F::n_roots;
-      t.roots = [](const cardan_device_args* a, double* g) {
-        detail::DeviceBuffers<F, double> b;
-        F::roots(*static_cast<const P*>(a->packed), detail::read<F>(a, b), g);
-      };
+      t.roots = [](const cardan_device_args* a, double* g) { F::roots(*static_cast<const P*>(a->packed), detail::read(a), g); };
     }
     if constexpr (requires(const P& p, const DeviceIn<double>& a, double* x) { F::event(p, a, 0u, 0, x, x); })
       t.event = [](const cardan_device_args* a, std::uint32_t root, int direction, double* z, double* d) {
-        detail::DeviceBuffers<F, double> b;
-        F::event(*static_cast<const P*>(a->packed), detail::read<F>(a, b), root, direction, z, d);
+        F::event(*static_cast<const P*>(a->packed), detail::read(a), root, direction, z, d);
       };
     if constexpr (requires { F::n_noise; }) t.n_noise = F::n_noise;
     if constexpr (requires(const P& p, const DeviceIn<double>& a, double* x) { F::tick(p, a, 0.0, x, x, x); })
       t.tick = [](const cardan_device_args* a, double period, const double* noise, double* z, double* d) {
-        detail::DeviceBuffers<F, double> b;
-        F::tick(*static_cast<const P*>(a->packed), detail::read<F>(a, b), period, noise, z, d);
+        F::tick(*static_cast<const P*>(a->packed), detail::read(a), period, noise, z, d);
         return 0;
       };
     return t;

@@ -266,7 +266,8 @@ class Laws {
       const bool node = f_.mounts[m].kind == CARDAN_MOUNT_NODE;
       const bool poses = (f_.mounts[m].use & CARDAN_USE_POSE) != 0, velocities = (f_.mounts[m].use & CARDAN_USE_VELOCITY) != 0;
       // The host gives both where one is read.
-      if (node && !poses && !velocities && !same(changed(at, at + kVelocity), y))
+      const bool at_ticks = (f_.mounts[m].use & CARDAN_USE_ACCELERATION) != 0;
+      if (node && ((!poses && !velocities) || at_ticks) && !same(changed(at, at + kVelocity), y))
         found_.push_back(fmt::format("mount {} reads pose or velocity and does not say so (sample {})", f_.mounts[m].name, sample_));
       if (!same(changed(at + kHinge, at + kMotion), y))
         found_.push_back(

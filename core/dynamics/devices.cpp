@@ -46,11 +46,15 @@ DeviceForces::DeviceForces(const Model& model) : commands(model.devices.in0), mo
   motions_.resize(at(all.n_mounts)), loads_.resize(at(all.n_mounts));
   in_ = commands, out_.resize(at(all.n_out)), zdot_.resize(at(all.n_z)), z_.resize(at(all.n_z)), marks_.resize(at(all.n_marks));
   delivered_.resize(all.all.size()), lost_.resize(all.all.size());
+  for (const int i : all.first) (all.all[i].acts ? first_ : others_).push_back(i);
+  for (const int i : all.order) (all.all[i].acts ? acting_ : others_).push_back(i);
 }
 
-void DeviceForces::look(Workspace& ws, const Inputs& in) {
+void DeviceForces::look(Workspace& ws, const Inputs& in, bool acting) {
   for (const Device& d : model_.devices.all)
     for (std::size_t i = 0; i < d.mounts.size(); ++i) {
+      const bool in_steps = d.acts && (d.mounts[i].use & CARDAN_USE_ACCELERATION) == 0;
+      if (in_steps != acting) continue;
       double* to = numbers(motions_[d.mount + i]);
       motion_of<double>(model_, ws, in, d.mounts[i], [&](int at, double x) { to[at] = x; });
     }
@@ -72,7 +76,7 @@ void DeviceForces::look_at(const DeviceForces& known, Workspace* ws, const Input
       if (op.code == OpCode::devices) break;
       if (op.code != OpCode::elastic && op.code != OpCode::central_gravity) soa::run_op<double>(model_, op, S, *ws, in, nullptr);
     }
-    return look(*ws, in);
+    return look(*ws, in, true);
   }
   for (const Device& d : model_.devices.all)
     for (std::size_t i = 0; i < d.mounts.size(); ++i) {
@@ -93,9 +97,9 @@ cardan_device_args DeviceForces::args(const Device& d) const {
 bool DeviceForces::evaluate(int index) {
   const Device& d = model_.devices.all[index];
   take_inputs(d);
-  std::memset(loads_.data() + d.mount, 0, d.mounts.size() * sizeof(cardan_mount_load));
-  std::fill_n(zdot_.begin() + d.z, d.family->n_states, 0.0);
-  std::fill_n(out_.begin() + d.out, d.n_out, 0.0);
+  for (std::size_t i = 0; i < d.mounts.size(); ++i) loads_[d.mount + i] = {};
+  for (std::uint32_t i = 0; i < d.family->n_states; ++i) zdot_[d.z + i] = 0.0;
+  for (int i = 0; i < d.n_out; ++i) out_[d.out + i] = 0.0;
   const cardan_device_args at = args(d);
   cardan_device_out out{zdot_.data() + d.z, out_.data() + d.out, loads_.data() + d.mount, 0.0, 0.0};
   if (const int code = d.family->evaluate(&at, &out); code != 0) {
@@ -140,12 +144,19 @@ bool DeviceForces::expect_finite(int index) {
 bool DeviceForces::evaluate() {
   fault_.device = -1;
   const auto good = [this](int i) { return evaluate(i); };
-  return std::ranges::all_of(model_.devices.first, good) && std::ranges::all_of(model_.devices.order, good);
+  return std::ranges::all_of(first_, good) && std::ranges::all_of(acting_, good) && std::ranges::all_of(others_, good);
+}
+
+bool DeviceForces::complete(Workspace& ws, const Inputs& in) {
+  look(ws, in, false);
+  return std::ranges::all_of(others_, [this](int i) { return evaluate(i); });
 }
 
 bool DeviceForces::act(Workspace& ws, const Inputs& in) {
-  look(ws, in);
-  if (!evaluate()) return false;
+  look(ws, in, true);
+  fault_.device = -1;
+  const auto good = [this](int i) { return evaluate(i); };
+  if (!std::ranges::all_of(first_, good) || !std::ranges::all_of(acting_, good)) return false;
   for (const Device& d : model_.devices.all)
     for (std::size_t i = 0; i < d.mounts.size(); ++i) {
       const DeviceMount& m = d.mounts[i];
@@ -287,15 +298,26 @@ bool DeviceTangents::by_differences(const Device& d, const cardan_device_args& a
   return good;
 }
 
-bool DeviceTangents::act(soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in) {
+void DeviceTangents::look(const soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in, bool acting) {
   for (const Device& d : model_.devices.all)
     for (std::size_t i = 0; i < d.mounts.size(); ++i) {
+      const bool in_steps = d.acts && (d.mounts[i].use & CARDAN_USE_ACCELERATION) == 0;
+      if (in_steps != acting) continue;
       double* to = numbers(motions_[d.mount + i]);
       motion_of<Tangent>(model_, ws, in, d.mounts[i], [&](int at, const Tangent& x) { to[at] = x.d; });
     }
+}
+
+bool DeviceTangents::complete(soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in) {
+  look(ws, in, false);
+  return std::ranges::all_of(base_.others_, [this](int i) { return differentiate(i); });
+}
+
+bool DeviceTangents::act(soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in) {
+  look(ws, in, true);
   for (int i = 0; i < model_.devices.n_z; ++i) dz_[i] = state_.z[i].d;
   const auto good = [this](int i) { return differentiate(i); };
-  if (!std::ranges::all_of(model_.devices.first, good) || !std::ranges::all_of(model_.devices.order, good)) return false;
+  if (!std::ranges::all_of(base_.first_, good) || !std::ranges::all_of(base_.acting_, good)) return false;
   for (const Device& d : model_.devices.all)
     for (std::size_t i = 0; i < d.mounts.size(); ++i) {
       const DeviceMount& m = d.mounts[i];

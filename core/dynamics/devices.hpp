@@ -35,6 +35,9 @@ class DeviceForces : public StateLoads<double> {
 
   void set(const DeviceState<double>& state);
   bool act(Workspace& ws, const Inputs& in) override;
+  /// Between steps, after act() at the same state, with poses and velocities in the world: the devices that the motion does not depend on,
+  /// and mounts that are read at ticks.
+  bool complete(Workspace& ws, const Inputs& in);
   /// How the mounts move at a trial state, without dynamics, inputs as `known` has them. `ws`: null where no mount reads a node.
   void look_at(const DeviceForces& known, Workspace* ws, const Inputs& in);
   /// Without sweeps: at mounts that move as they did in the last evaluation.
@@ -67,7 +70,7 @@ class DeviceForces : public StateLoads<double> {
 
  private:
   friend class DeviceTangents;
-  void look(Workspace& ws, const Inputs& in);
+  void look(Workspace& ws, const Inputs& in, bool acting);
   void take_inputs(const Device& d);
   bool evaluate(int device);
   cardan_device_args args(const Device& d) const;
@@ -75,6 +78,7 @@ class DeviceForces : public StateLoads<double> {
 
   const Model& model_;
   DeviceState<double> state_;
+  std::vector<int> first_, acting_, others_;  // devices in the order of evaluation
   std::vector<cardan_mount_motion> motions_;
   std::vector<cardan_mount_load> loads_;
   std::vector<double> z_, marks_, in_, out_, zdot_;
@@ -91,12 +95,15 @@ class DeviceTangents : public StateLoads<soa::Tangent> {
   std::vector<double> commands;
   void set(const DeviceState<soa::Tangent>& state) { state_ = state; }
   bool act(soa::Workspace<soa::Tangent>& ws, const soa::Inputs<soa::Tangent>& in) override;
+  /// As DeviceForces::complete().
+  bool complete(soa::Workspace<soa::Tangent>& ws, const soa::Inputs<soa::Tangent>& in);
   const double* zdot() const { return zdot_.data(); }
   double output(int i) const { return out_[i]; }
   /// dz'/dz of one device with its mounts and inputs held, n x n, column-major.
   void state_matrix(int device, double* J);
 
  private:
+  void look(const soa::Workspace<soa::Tangent>& ws, const soa::Inputs<soa::Tangent>& in, bool acting);
   bool differentiate(int device);
   bool by_differences(const Device& d, const cardan_device_args& at, const cardan_device_args& along, cardan_device_out& out);
   void take_inputs(const Device& d);

@@ -120,8 +120,6 @@ class DeviceCompiler {
       fault(Code::unknown_node, spec, desc.name, "a node: " + one_of(names), in_quotes(target), did_you_mean(target, names));
     }
     if ((desc.use & CARDAN_USE_LOAD) != 0) m.load = devices_.n_loads++;
-    // What reads an acceleration at ticks asks the observer, which knows all nodes.
-    devices_.reads_nodes = devices_.reads_nodes || (desc.use & (CARDAN_USE_POSE | CARDAN_USE_VELOCITY)) != 0;
     return m;
   }
 
@@ -169,7 +167,7 @@ class DeviceCompiler {
       }
     if (complete_) order();
     for (Device& d : devices_.all) {
-      d.acts = d.family->n_states > 0;
+      d.acts = d.family->n_states > 0 || d.family->n_roots > 0;
       for (const DeviceMount& m : d.mounts) d.acts = d.acts || (m.use & CARDAN_USE_LOAD) != 0;
     }
     for (bool more = true; more;) {
@@ -182,6 +180,11 @@ class DeviceCompiler {
             giver.acts = true;
           }
     }
+    // What does not act is looked at between steps alone, as is what a mount reads at ticks.
+    for (const Device& d : devices_.all)
+      for (const DeviceMount& m : d.mounts)
+        if (d.acts && (m.use & (CARDAN_USE_POSE | CARDAN_USE_VELOCITY)) != 0 && (m.use & CARDAN_USE_ACCELERATION) == 0)
+          devices_.reads_nodes = true;
   }
 
   int output_named(const Device& takes, const cardan_port_desc& in, const std::string& source) {

@@ -349,6 +349,10 @@ class Column {
       solve(in);
     else if (!forward_dynamics(m_, ws_, in, vdot.data(), with_devices()))
       throw NumericsError(describe_breakdown(m_, ws_.breakdown, at_.t));
+    if (devices_) {
+      world(m_, soa::sweeps<Tangent>(), ws_, in, scope_.part());
+      devices_->complete(ws_, in);
+    }
     look(in, y);
   }
 

@@ -441,6 +441,7 @@ const Observer& Simulation::observe() {
     pack(x.data());
     if (!evaluate(state_.t, state_.t, x.data(), vdot_.data())) fail(explain({Code::not_finite, state_.t, "", "", "", "", ""}));
     observer_->update(inputs(state_.q.data(), state_.v.data()), vdot_.data());
+    if (devices_ && !devices_->complete(workspace_, inputs(state_.q.data(), state_.v.data()))) fail(explain({}));
     observed_ = true;
   }
   return *observer_;

@@ -42,7 +42,7 @@ struct LugreFriction {
   template <class T>
   static void evaluate(const Packed& p, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
     using std::abs, std::exp;
-    const T v = in.at[0].v, z = in.z[0], s = v / T(p.stribeck_rate);
+    const T v = in.at[0].v, z = in.z[0], s = v * T(1.0 / p.stribeck_rate);
     const T g = T(p.coulomb) + T(p.breakaway - p.coulomb) * exp(-(s * s));
     const T zdot = v - T(p.stiffness) * abs(v) / g * z;
     T damping = T(p.damping);

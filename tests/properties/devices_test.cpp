@@ -319,6 +319,17 @@ TEST(Imu, ReadsRateAndSpecificForceInOrbit) {
   EXPECT_EQ(sim.statistics().restarts, 1);  // nothing that moves reads them
 }
 
+/// What nobody acts on takes no part in a right-hand side: no op for poses, the same evaluations.
+TEST(Imu, CostsNoStep) {
+  SystemSpec spec = system({on(rigid("bus", 100.0, {0, 0, 0}, diagonal({20, 20, 30})), "", "free")});
+  spec.devices = {device("imu", "imu", {{"angle_random_walk", 1e-3}}, {{"at", "bus"}})};
+  spec.devices[0].rate = 100.0;
+  const auto model = compiled(spec);
+  EXPECT_FALSE(model->has(OpCode::world));
+  spec.devices.push_back(device("wheel", "momentum_wheel", {{"inertia", 0.1}}, {{"at", "bus"}}));
+  EXPECT_TRUE(compiled(spec)->has(OpCode::world));
+}
+
 /// Of the same density whatever the rate: samples scatter by N / sqrt(T), their mean over a second by N.
 TEST(Imu, HasNoiseOfItsSpectralDensity) {
   const double N = 2e-3, wander = 0.05;
@@ -421,6 +432,19 @@ struct Push {
   }
 };
 
+/// The rate of a node about z: nothing that moves depends on it.
+struct RateSensor {
+  static constexpr const char *type = "rate_sensor", *summary = "rate about z";
+  static constexpr unsigned facts = 0;
+  using Packed = None;
+  static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_NODE, CARDAN_USE_VELOCITY, "a node"}};
+  static constexpr cardan_port_desc ports[] = {{"rate", CARDAN_PORT_OUT, "rad/s", 0.0, 0, "about z"}};
+  template <class T>
+  static void evaluate(const Packed&, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
+    out.out[0] = in.at[0].omega.z;
+  }
+};
+
 /// Its output is no number from t = 1 s on.
 struct Broken {
   static constexpr const char *type = "broken", *summary = "NaN from 1 s on";
@@ -435,7 +459,8 @@ struct Broken {
 
 std::shared_ptr<const Model> with_own(const SystemSpec& spec) {
   Registry all = registry();
-  for (const auto* family : {&device_table<Gain>(), &device_table<Lag>(), &device_table<Push>(), &device_table<Broken>()})
+  for (const auto* family :
+       {&device_table<Gain>(), &device_table<Lag>(), &device_table<Push>(), &device_table<RateSensor>(), &device_table<Broken>()})
     all.devices.add(*family);
   return compile(spec, all);
 }
@@ -491,10 +516,29 @@ TEST(Devices, RootsAreLocatedAndTheMethodStartsAnew) {
   }
 }
 
+/// A sensor that nothing depends on is read between steps, in linear models too: the rate of an arm on an arm is the sum of two.
+TEST(Devices, ThatNothingDependsOnAreReadBetweenSteps) {
+  BodySpec one = on(rigid("one", 1.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "revolute", {{0, 0, 1}});
+  BodySpec two = on(rigid("two", 1.0, {0.5, 0, 0}, diagonal({1, 1, 1})), "one", "revolute", {{0, 0, 1}}, {1, 0, 0});
+  one.hinge.v = {0.3}, two.hinge.v = {0.5};
+  SystemSpec spec = system({one, two});
+  spec.devices = {device("gyro", "rate_sensor", {}, {{"at", "two"}})};
+  const auto model = with_own(spec);
+  EXPECT_FALSE(model->has(OpCode::world));
+  Simulation sim(model, {});
+  EXPECT_NEAR(sim.device_output(0), 0.8, 1e-15);
+  const operators::LinearModel linear = operators::linearize(
+      *model, {.q = sim.state().q.data(), .v = sim.state().v.data(), .wrenches = sim.wrenches(), .devices = sim.devices()},
+      {{}, {"gyro:rate"}});
+  EXPECT_NEAR(linear.y0[0], 0.8, 1e-15);
+  EXPECT_LT((linear.C - Eigen::RowVector4d(0, 0, 1, 1)).norm(), 1e-14);
+}
+
 TEST(Devices, WithoutAUsableValueAreNamed) {
   SystemSpec spec = slide(2.0);
   spec.devices = {device("bad", "broken", {}, {})};
   Simulation sim(with_own(spec), {});
+  sim.every({1, 10}, [&] { sim.observe(); });  // as an output does
   try {
     sim.run(2.0);
     FAIL();

@@ -7,6 +7,7 @@
 #include "core/io/yaml_reader.hpp"
 #include "core/model/model.hpp"
 #include "hinges/register.hpp"
+#include "plugins/devices/register.hpp"
 #include "tests/fuzz/fuzz.hpp"
 
 namespace cardan {
@@ -124,7 +125,27 @@ const std::vector<std::string> kWords = {"cardan",
                                          "&a",
                                          "<<",
                                          "!!int",
-                                         "---"};
+                                         "---",
+                                         "devices",
+                                         "momentum_wheel",
+                                         "spring_damper",
+                                         "lugre_friction",
+                                         "thruster",
+                                         "magnetorquer",
+                                         "dc_motor",
+                                         "tape_spring",
+                                         "latch",
+                                         "imu",
+                                         "inputs",
+                                         "from",
+                                         "period",
+                                         "torque",
+                                         "motor.torque",
+                                         "stay.tension",
+                                         "boom.rate",
+                                         "bus.hook",
+                                         "coulomb",
+                                         "max_torque"};
 
 /// Small enough that thousands of inputs take seconds: finite elements are the business of other tests.
 bool is_small(const ModalSource& source) {
@@ -153,6 +174,7 @@ TEST(Fuzz, Vehicle) {
   Registry registry;
   register_hinges(registry);
   register_bodies(registry);
+  register_devices(registry);
   std::vector<std::string> good;
   for (const std::string& seed : seeds) {
     try {

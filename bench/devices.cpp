@@ -1,0 +1,147 @@
+// What devices cost in a right-hand side:  cardan-bench-devices [--seconds S]
+// The spacecraft of 28 velocities with and without devices, in turn in one run: bytes and nanoseconds of one device of each type, mean of
+// ten of them; a device of a plugin made of the same source; ten frictions and four thrusters; and how the same is solved (error of v'
+// against the dense twin in 113 bits where devices act).
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+
+#include "bench/bench_model.hpp"
+#include "bench/time_ring.hpp"
+#include "bodies/register.hpp"
+#include "core/abi/device_family.hpp"
+#include "core/sim/reference_check.hpp"
+#include "core/sim/simulation.hpp"
+#include "hinges/register.hpp"
+#include "plugins/devices/register.hpp"
+
+namespace cardan::bench {
+namespace {
+
+/// `count` devices of this type on the nodes and hinges of the model, one after the other.
+SystemSpec with(SystemSpec spec, const Model& bare, const cardan_device_family& family, int count) {
+  std::vector<std::string> nodes, hinges;
+  for (const UserNode& n : bare.nodes) nodes.push_back(n.name);
+  for (const UserBody& u : bare.user)
+    if (u.nv == 1) hinges.push_back(u.name);
+  for (int i = 0; i < count; ++i) {
+    DeviceSpec d;
+    d.name = fmt::format("{}_{}", family.type, i);
+    d.type = family.type;
+    for (std::uint32_t k = 0; k < family.n_params; ++k) {
+      const cardan_param_desc& p = family.params[k];
+      if ((p.flags & CARDAN_REQUIRED) == 0) continue;
+      if (p.kind == CARDAN_NUMBER)
+        d.params[p.name] = {1.0 + k, {}};
+      else
+        d.params[p.name] = {std::vector<double>{0.0, 0.6, 0.8}, {}};
+    }
+    if (std::string_view(family.type) == "tape_spring") d.params["steady_moment"] = {0.1, {}};
+    for (std::uint32_t k = 0; k < family.n_mounts; ++k) {
+      const bool node = family.mounts[k].kind == CARDAN_MOUNT_NODE;
+      const auto& places = node ? nodes : hinges;
+      d.mounts[family.mounts[k].name] = {places[(static_cast<std::size_t>(i) + 3 * k) % places.size()], {}};
+    }
+    if (family.tick) d.rate = 100.0;
+    for (std::uint32_t k = 0; k < family.n_ports; ++k)
+      if (family.ports[k].kind == CARDAN_PORT_IN) d.inputs[family.ports[k].name] = {0.5, {}};
+    spec.devices.push_back(std::move(d));
+  }
+  return spec;
+}
+
+/// Right-hand sides over the states of the ring; the simulation must outlive it.
+class RightHandSides {
+ public:
+  RightHandSides(const SystemSpec& spec, const Registry& registry, const std::vector<BenchState>& states)
+      : sim_(compile(spec, registry, {.node_wrenches = false}), without_ledger()), ode_(sim_.ode()), xdot_(ode_.n) {
+    for (const BenchState& s : states) {
+      Eigen::VectorXd x(ode_.n);
+      x << s.q, s.v, Eigen::VectorXd::Constant(sim_.state().z.size(), 0.01);
+      x_.push_back(std::move(x));
+    }
+  }
+  double nanoseconds(double seconds) {
+    return time_ring(static_cast<int>(x_.size()), seconds,
+                     [this](int k) { ode_.rhs(0.0, x_[static_cast<std::size_t>(k)].data(), xdot_.data()); })
+        .min_ns;
+  }
+  std::size_t bytes() const { return sim_.workspace_bytes(); }
+  double error() {
+    double x = 0.0;
+    reference_output(sim_).fill(&x);
+    return x;
+  }
+
+ private:
+  static SimulationOptions without_ledger() {
+    SimulationOptions o;
+    o.ledger = false;
+    return o;
+  }
+  Simulation sim_;
+  OdeProblem ode_;
+  std::vector<Eigen::VectorXd> x_;
+  Eigen::VectorXd xdot_;
+};
+
+/// The least of both over rounds in turn: what the machine does besides meets both.
+std::pair<double, double> in_turn(RightHandSides& a, RightHandSides& b, double seconds) {
+  double least_a = 1e30, least_b = 1e30;
+  for (int round = 0; round < 5; ++round)
+    least_a = std::min(least_a, a.nanoseconds(seconds)), least_b = std::min(least_b, b.nanoseconds(seconds));
+  return {least_a, least_b};
+}
+
+int run(double seconds, const std::string& plugin) {
+  Registry registry;
+  register_hinges(registry), register_bodies(registry), register_devices(registry);
+  const BenchModel bm = read_model(CARDAN_SOURCE_DIR "/tests/reference/bench/spacecraft.json");
+  const auto bare = compile(bm.spec, registry);
+  RightHandSides without(bm.spec, registry, bm.states);
+  constexpr int kTen = 10;
+  fmt::print("{:<36}{:>12}{:>14}{:>14}{:>12}\n", bm.name, "ns, bare", "ns, with", "ns, of one", "bytes");
+  const auto row = [&](const std::string& name, const SystemSpec& spec, int count) {
+    RightHandSides has(spec, registry, bm.states);
+    const auto [least, more] = in_turn(without, has, seconds);
+    fmt::print("{:<36}{:>12.0f}{:>14.0f}{:>14.1f}{:>12.0f}\n", name, least, more, (more - least) / count,
+               static_cast<double>(has.bytes() - without.bytes()) / count);
+    return more / least;
+  };
+  for (const auto& [family, origin] : registry.devices.all())
+    row(fmt::format("{} {}", kTen, family->type), with(bm.spec, *bare, *family, kTen), kTen);
+  const SystemSpec several = with(with(bm.spec, *bare, *registry.device("lugre_friction"), 10), *bare, *registry.device("thruster"), 4);
+  const double ratio = row("10 lugre_friction, 4 thruster", several, 14);
+  RightHandSides acting(several, registry, bm.states);
+  fmt::print("10 lugre_friction and 4 thruster: {:.3f} of the bare right-hand side; v' differs from the dense twin by {:.1e}\n", ratio,
+             acting.error());
+  if (plugin.empty()) return 0;
+  load_plugin(plugin, registry);
+  for (const auto& [family, origin] : registry.devices.all()) {
+    const cardan_device_family* twin = registry.device("twin/" + std::string(family->type));
+    if (!twin) continue;
+    RightHandSides here(with(bm.spec, *bare, *family, kTen), registry, bm.states),
+        there(with(bm.spec, *bare, *twin, kTen), registry, bm.states);
+    const auto [built_in, foreign] = in_turn(here, there, seconds);
+    fmt::print("{:<36}{:>12.0f}{:>14.0f}   {:.3f} of the built-in one\n", twin->type, built_in, foreign, foreign / built_in);
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace cardan::bench
+
+int main(int argc, char** argv) {
+  CLI::App app("What devices cost in a right-hand side.");
+  double seconds = 0.2;
+  std::string plugin;
+  app.add_option("--seconds", seconds, "time spent on each figure");
+  app.add_option("--plugin", plugin, "a plugin with twins of built-in devices: tests/plugins/twins");
+  CLI11_PARSE(app, argc, argv);
+  try {
+    return cardan::bench::run(seconds, plugin);
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "{}\n", e.what());
+    return 2;
+  }
+}
