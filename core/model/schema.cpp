@@ -295,7 +295,8 @@ void MapReader::finish(std::string_view hint) {
     if (std::find(asked_.begin(), asked_.end(), key.name) != asked_.end()) continue;
     std::string near = did_you_mean(key.name, asked_);
     if (near.empty()) near = hint;
-    context_.sink.report(Code::unknown_key, {map_.item(i).path, key.mark}, "one of the keys " + one_of(asked_), in_quotes(key.name), near);
+    context_.sink.report(Code::unknown_key, {map_.item(i).path, key.mark},
+                         asked_.empty() ? "no keys here" : "one of the keys " + one_of(asked_), in_quotes(key.name), near);
   }
 }
 

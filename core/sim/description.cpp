@@ -175,7 +175,8 @@ Json not_modelled(const Model& m) {
   for (const BodySpec& b : m.spec->bodies)
     if (!b.modal) rigid += (rigid.empty() ? "" : ", ") + b.name;
   if (!rigid.empty()) all.push_back("flexibility of " + rigid);
-  all.emplace_back("friction and stops at hinges, beyond what their springs and loads say");
+  all.emplace_back("friction and stops at hinges, beyond what their springs, loads and devices say");
+  if (!m.devices.all.empty()) all.emplace_back("devices in the modes of the whole: their stiffness is left out there (linearize has it)");
   all.emplace_back("forces of the environment: atmosphere, sunlight, magnetic field");
   return all;
 }
