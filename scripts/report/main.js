@@ -10,8 +10,8 @@ const data = JSON.parse(document.getElementById("run").textContent);
 const { run, summary, series, notes } = data;
 const page = document.getElementById("page");
 
-const kGroups = { pointing: "Pointing", bodies: "Bodies", wheels: "Wheels", hinges: "Hinges", modes: "Modes", ledger: "Ledgers",
-                  ledgers: "Ledgers", control: "Control" };
+const kGroups = { pointing: "Pointing", bodies: "Bodies", wheels: "Wheels", hinges: "Hinges", modes: "Modes", devices: "Devices",
+                  ledger: "Ledgers", ledgers: "Ledgers", control: "Control" };
 const groupTitle = (key) => kGroups[key] || (key === "other" ? "Other" : key);  // names of the scenario stay as they are
 
 /// element("td.number", "text" or child, ...)
