@@ -222,6 +222,10 @@ bool DeviceForces::tick(int index, double period, const double* noise, double* z
   const Device& d = model_.devices.all[index];
   const cardan_device_args at = args(d);
   const int code = d.family->tick(&at, period, noise, z + d.z, marks + d.mark);
+  for (std::size_t i = 0; i < d.mounts.size(); ++i) {
+    cardan_mount_motion& m = motions_[d.mount + i];
+    std::fill_n(m.alpha, 3, 0.0), std::fill_n(m.specific_force, 3, 0.0);
+  }
   const auto n_z = static_cast<int>(d.family->n_states), n_marks = static_cast<int>(d.family->n_marks);
   if (code != 0)
     fault_ = {index, fmt::format("tick returned {}", code)};
@@ -247,9 +251,12 @@ DeviceTangents::DeviceTangents(const Model& model, const DeviceForces& base) : m
       dz_.resize(base.zdot_.size());
 }
 
-bool DeviceTangents::differentiate(int index) {
-  const Device& d = model_.devices.all[index];
+void DeviceTangents::take_inputs(const Device& d) {
   for (int i = d.in; i < d.in + d.n_in; ++i) in_[i] = model_.devices.from[i] < 0 ? commands[i] : out_[model_.devices.from[i]];
+}
+
+/// With the rates of its mounts, inputs and states as they are.
+bool DeviceTangents::differentiate(const Device& d) {
   std::memset(loads_.data() + d.mount, 0, d.mounts.size() * sizeof(cardan_mount_load));
   std::fill_n(zdot_.begin() + d.z, d.family->n_states, 0.0);
   std::fill_n(out_.begin() + d.out, d.n_out, 0.0);
@@ -310,13 +317,19 @@ void DeviceTangents::look(const soa::Workspace<Tangent>& ws, const soa::Inputs<T
 
 bool DeviceTangents::complete(soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in) {
   look(ws, in, false);
-  return std::ranges::all_of(base_.others_, [this](int i) { return differentiate(i); });
+  return std::ranges::all_of(base_.others_, [this](int i) {
+    take_inputs(model_.devices.all[i]);
+    return differentiate(model_.devices.all[i]);
+  });
 }
 
 bool DeviceTangents::act(soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in) {
   look(ws, in, true);
   for (int i = 0; i < model_.devices.n_z; ++i) dz_[i] = state_.z[i].d;
-  const auto good = [this](int i) { return differentiate(i); };
+  const auto good = [this](int i) {
+    take_inputs(model_.devices.all[i]);
+    return differentiate(model_.devices.all[i]);
+  };
   if (!std::ranges::all_of(base_.first_, good) || !std::ranges::all_of(base_.acting_, good)) return false;
   for (const Device& d : model_.devices.all)
     for (std::size_t i = 0; i < d.mounts.size(); ++i) {
@@ -336,10 +349,11 @@ void DeviceTangents::state_matrix(int index, double* J) {
   const Device& d = model_.devices.all[index];
   const auto n = d.family->n_states;
   std::memset(motions_.data() + d.mount, 0, d.mounts.size() * sizeof(cardan_mount_motion));
+  std::fill_n(in_.begin() + d.in, d.n_in, 0.0);
   for (std::uint32_t j = 0; j < n; ++j) {
     std::fill_n(dz_.begin() + d.z, n, 0.0);
     dz_[d.z + j] = 1.0;
-    differentiate(index);
+    differentiate(d);
     std::copy_n(zdot_.begin() + d.z, n, J + j * n);
   }
 }

@@ -30,7 +30,7 @@ class DeviceForces : public StateLoads<double> {
  public:
   explicit DeviceForces(const Model& model);
 
-  /// Of inputs that are commanded, in the user's order; those of connected ones are not read.
+  /// Of inputs that are commanded, device by device; those of connected ones are not read. SI.
   std::vector<double> commands;
 
   void set(const DeviceState<double>& state);
@@ -44,13 +44,10 @@ class DeviceForces : public StateLoads<double> {
   bool evaluate();
 
   // Of the last evaluation
-  const double* zdot() const { return zdot_.data(); }
+  const double* zdot() const { return zdot_.data(); }  ///< Devices::n_z numbers [unit of the state / s]
   double state(int i) const { return z_[i]; }
   double output(int i) const { return out_[i]; }
   double input(int i) const { return in_[i]; }
-  /// [N m, N] what device `index` adds to the force of its mount.
-  const cardan_mount_load& load(int mount) const { return loads_[mount]; }
-  const cardan_mount_motion& motion(int mount) const { return motions_[mount]; }
   /// tau += what devices push with at hinges.
   void add_hinge_forces(double* tau) const;
   /// [J] stored, of those that declare it (CARDAN_FACT_ENERGY).
@@ -64,6 +61,7 @@ class DeviceForces : public StateLoads<double> {
   void event(int device, std::uint32_t root, int direction, double* z, double* marks) const;
   /// The sampled part of a device at mounts that move as they do now; false: fault() tells why.
   bool tick(int device, double period, const double* noise, double* z, double* marks);
+  /// Where alpha and the specific force of a mount go before its tick; zero again after it.
   cardan_mount_motion& motion_of_tick(int mount) { return motions_[mount]; }
   const DeviceFault& fault() const { return fault_; }
   std::size_t bytes() const;
@@ -104,9 +102,9 @@ class DeviceTangents : public StateLoads<soa::Tangent> {
 
  private:
   void look(const soa::Workspace<soa::Tangent>& ws, const soa::Inputs<soa::Tangent>& in, bool acting);
-  bool differentiate(int device);
-  bool by_differences(const Device& d, const cardan_device_args& at, const cardan_device_args& along, cardan_device_out& out);
   void take_inputs(const Device& d);
+  bool differentiate(const Device& d);
+  bool by_differences(const Device& d, const cardan_device_args& at, const cardan_device_args& along, cardan_device_out& out);
 
   const Model& model_;
   const DeviceForces& base_;

@@ -8,6 +8,16 @@
 
 namespace cardan {
 
+/// For a run of which nothing is kept.
+class NoRecorder final : public Recorder {
+  void begin(const RunHeader&, const std::vector<Channel>&) override {}
+  void row(double, std::span<const double>) override {}
+  void attach(const std::string&, const std::string&) override {}
+  void restart_state(double, std::span<const double>) override {}
+  void flush() override {}
+  void close(std::string_view) override {}
+};
+
 class Workbench {
  public:
   /// The scenario must outlive it.
@@ -23,15 +33,6 @@ class Workbench {
   bool is_running() const { return running_; }
 
  private:
-  class NoRecorder final : public Recorder {
-    void begin(const RunHeader&, const std::vector<Channel>&) override {}
-    void row(double, std::span<const double>) override {}
-    void attach(const std::string&, const std::string&) override {}
-    void restart_state(double, std::span<const double>) override {}
-    void flush() override {}
-    void close(std::string_view) override {}
-  };
-
   Scenario& s_;
   NoRecorder recorder_;
   std::unique_ptr<MissionRun> run_;  // null until something runs

@@ -182,6 +182,35 @@ TEST(Devices, TakePartInTheJacobian) {
   for_all_trees(kAny, 1e-8, [](const RandomTree& tree) { return jacobian_error(with_devices(tree.spec, tree.seed)); });
 }
 
+/// The same of C tables that give no derivative of their own.
+TEST(Devices, WithoutATangentAreDifferentiated) {
+  static const std::vector<cardan_device_family> bare = [] {
+    std::vector<cardan_device_family> all;
+    for (const char* type : {"spring_damper", "lugre_friction", "momentum_wheel"}) {
+      all.push_back(*registry().device(type));
+      all.back().tangent = nullptr;
+    }
+    return all;
+  }();
+  static const Registry others = [] {
+    Registry r = registry();
+    r.devices = {};
+    for (const auto& family : bare) r.devices.add(family);
+    return r;
+  }();
+  for_all_trees(kAny, 1e-8, [](const RandomTree& tree) {
+    const SystemSpec spec = with_devices(tree.spec, tree.seed);
+    Simulation exact(compiled(spec), krylov()), by_differences(compile(spec, others), krylov());
+    const OdeProblem a = exact.ode(), b = by_differences.ode();
+    VectorXd x(a.n), d(a.n), out_a(a.n), out_b(a.n);
+    x << exact.state().q, exact.state().v, exact.state().z;
+    for (int i = 0; i < a.n; ++i) d[i] = 1e-3 * std::sin(2.7 * i + 0.3);
+    if (!a.jacobian_times(0.0, x.data(), d.data(), out_a.data()) || !b.jacobian_times(0.0, x.data(), d.data(), out_b.data()))
+      return HUGE_VAL;
+    return apart(out_b, out_a);
+  });
+}
+
 /// Columns of states of devices, and those of bodies with devices in motion, against differences of the right-hand side; an input and an
 /// output of a device.
 TEST(Devices, TakePartInLinearModels) {
@@ -445,6 +474,40 @@ struct RateSensor {
   }
 };
 
+/// Notes the height of its node as it passes 1 m, and that it was started: a root that needs poses.
+struct Gate {
+  static constexpr const char *type = "gate", *summary = "notes when a node passes x = 1 m";
+  static constexpr unsigned facts = 0;
+  using Packed = None;
+  static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_NODE, CARDAN_USE_POSE, "a node"}};
+  static constexpr cardan_state_desc marks[] = {{"started", "1", 0.0, 1.0, "times"}, {"height", "m", 0.0, 1.0, "z where it passed"}};
+  static constexpr std::uint32_t n_roots = 1;
+  template <class T>
+  static void evaluate(const Packed&, const DeviceIn<T>&, DeviceOut<T>&) noexcept {}
+  static void roots(const Packed&, const DeviceIn<double>& in, double* g) noexcept { g[0] = in.at[0].position.x - 1.0; }
+  static void event(const Packed&, const DeviceIn<double>& in, unsigned root, int, double*, double* d) noexcept {
+    if (root == n_roots)
+      d[0] += 1.0;
+    else
+      d[1] = in.at[0].position.z;
+  }
+};
+
+/// A force that is held between samples: what it is commanded at its ticks.
+struct HeldForce {
+  static constexpr const char *type = "held_force", *summary = "holds its command";
+  static constexpr unsigned facts = 0;
+  using Packed = None;
+  static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_HINGE, CARDAN_USE_LOAD, "a slide"}};
+  static constexpr cardan_port_desc ports[] = {{"x", CARDAN_PORT_IN, "1", 0.0, 0, "command"}};
+  static constexpr cardan_state_desc marks[] = {{"held", "1", 0.0, 1.0, "force"}};
+  template <class T>
+  static void evaluate(const Packed&, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
+    out.load[0].tau = T(in.d[0]);
+  }
+  static void tick(const Packed&, const DeviceIn<double>& in, double, const double*, double*, double* d) noexcept { d[0] = in.in[0]; }
+};
+
 /// Its output is no number from t = 1 s on.
 struct Broken {
   static constexpr const char *type = "broken", *summary = "NaN from 1 s on";
@@ -459,8 +522,8 @@ struct Broken {
 
 std::shared_ptr<const Model> with_own(const SystemSpec& spec) {
   Registry all = registry();
-  for (const auto* family :
-       {&device_table<Gain>(), &device_table<Lag>(), &device_table<Push>(), &device_table<RateSensor>(), &device_table<Broken>()})
+  for (const auto* family : {&device_table<Gain>(), &device_table<Lag>(), &device_table<Push>(), &device_table<RateSensor>(),
+                             &device_table<Gate>(), &device_table<HeldForce>(), &device_table<Broken>()})
     all.devices.add(*family);
   return compile(spec, all);
 }
@@ -532,6 +595,44 @@ TEST(Devices, ThatNothingDependsOnAreReadBetweenSteps) {
       {{}, {"gyro:rate"}});
   EXPECT_NEAR(linear.y0[0], 0.8, 1e-15);
   EXPECT_LT((linear.C - Eigen::RowVector4d(0, 0, 1, 1)).norm(), 1e-14);
+}
+
+/// A free body that flies along x and z passes the gate at 0.5 s, 0.25 m high.
+TEST(Devices, RootsMayNeedThePosesOfNodes) {
+  BodySpec body = on(rigid("body", 2.0, {0, 0, 0}, diagonal({1, 2, 3})), "", "free");
+  body.hinge.v = {0.4, 0.1, -0.3, 2.0, 0.0, 0.5};
+  SystemSpec spec = system({body});
+  spec.devices = {device("gate", "gate", {}, {{"at", "body"}})};
+  Simulation sim(with_own(spec), accurate());
+  sim.run(1.0);
+  EXPECT_EQ(sim.state().marks[0], 1.0);
+  EXPECT_NEAR(sim.state().marks[1], 0.25, 1e-10);
+}
+
+/// What a controller commands at an instant is what a device with that tick samples there: 3 N for 0.1 s, then 6 N, ... on 2 kg.
+TEST(Devices, ThatSampleTheirInputsTickAfterControllers) {
+  SystemSpec spec = slide(0.0);
+  spec.devices = {device("jack", "held_force", {}, {{"at", "mass"}})};
+  spec.devices[0].rate = 10.0;
+  Simulation sim(with_own(spec), accurate());
+  int k = 0;
+  sim.every({1, 10}, [&] { sim.set_device_input(0, 3.0 * ++k); });
+  sim.run(0.35);
+  EXPECT_NEAR(sim.state().v[0], (0.1 * (3.0 + 6.0 + 9.0) + 0.05 * 12.0) / 2.0, 1e-12);
+}
+
+/// dz'/dz holds the inputs: what a state is given by another device, whatever direction was looked along before, has no part in it.
+TEST(Devices, PreconditionEachByItself) {
+  SystemSpec spec = slide(0.0);
+  spec.devices = {block("a", "lag", "b.y"), block("b", "lag", "a.y")};
+  Simulation sim(with_own(spec), krylov());
+  const OdeProblem ode = sim.ode();
+  const VectorXd x = VectorXd::Zero(ode.n), d = VectorXd::Ones(ode.n);
+  VectorXd out(ode.n), z(ode.n);
+  ASSERT_TRUE(ode.rhs(0.0, x.data(), out.data()) && ode.jacobian_times(0.0, x.data(), d.data(), out.data()));
+  ASSERT_TRUE(ode.prepare(0.0, x.data(), 0.25, true) && ode.precondition(d.data(), z.data()));
+  EXPECT_NEAR(z[ode.n - 2], 1.0 / 1.25, 1e-14);
+  EXPECT_NEAR(z[ode.n - 1], 1.0 / 1.25, 1e-14);
 }
 
 TEST(Devices, WithoutAUsableValueAreNamed) {

@@ -9,6 +9,7 @@
 #include "scripts/bindings/open.hpp"
 #include "scripts/mission/mission_run.hpp"
 #include "scripts/mission/run_again.hpp"
+#include "scripts/mission/workbench.hpp"
 #include "tests/fuzz/hdf5_mutations.hpp"
 #include "tests/support/scratch.hpp"
 
@@ -122,14 +123,7 @@ ScenarioOptions options_of(const fs::path& folder, const std::vector<Setting>& m
 
 /// Runs on from a checkpoint, for 0.3 s or 200 steps.
 void resume(const ScenarioOptions& options, const Checkpoint& checkpoint) {
-  struct Nowhere final : Recorder {
-    void begin(const RunHeader&, const std::vector<Channel>&) override {}
-    void row(double, std::span<const double>) override {}
-    void attach(const std::string&, const std::string&) override {}
-    void restart_state(double, std::span<const double>) override {}
-    void flush() override {}
-    void close(std::string_view) override {}
-  } recorder;
+  NoRecorder recorder;
   const auto scenario = open_scenario(options);
   MissionRun mission(*scenario, recorder, mission_outputs(*scenario));
   mission.resume(checkpoint);
