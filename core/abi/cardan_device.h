@@ -13,7 +13,8 @@
 extern "C" {
 #endif
 
-#define CARDAN_KIND_DEVICE "device"
+/* A draft: tables of another one are asked for by another name, and so never read as if they were of this one. */
+#define CARDAN_KIND_DEVICE "device.draft1"
 
 enum cardan_mount_kind {
   CARDAN_MOUNT_NODE = 0, /* a node of a body, or its origin */

@@ -316,7 +316,10 @@ void Simulation::set_device_input(int i, double value) {
   double& command = devices_->commands[static_cast<std::size_t>(i)];
   if (command == value) return;
   command = value;
-  changed();
+  const auto& all = model_->devices.all;
+  const auto owner = std::find_if(all.begin(), all.end(), [&](const Device& d) { return i < d.in + d.n_in; });
+  if (owner->acts) return changed();
+  observed_ = ledger_known_ = false;  // read anew; the motion goes on as it was
 }
 
 std::vector<double> Simulation::applied_forces() {

@@ -597,6 +597,17 @@ TEST(Devices, ThatNothingDependsOnAreReadBetweenSteps) {
   EXPECT_LT((linear.C - Eigen::RowVector4d(0, 0, 1, 1)).norm(), 1e-14);
 }
 
+/// A command to what nothing that moves depends on is read at once and costs no step.
+TEST(Devices, ThatDoNotActAreCommandedWithoutARestart) {
+  SystemSpec spec = slide(1.0);
+  spec.devices = {device("gain", "gain", {}, {})};
+  Simulation sim(with_own(spec), accurate());
+  sim.every({1, 10}, [&] { sim.set_device_input(0, sim.time() + 1.0); });
+  sim.run(1.0);
+  EXPECT_EQ(sim.device_output(0), 4.0);
+  EXPECT_EQ(sim.statistics().restarts, 1);
+}
+
 /// A free body that flies along x and z passes the gate at 0.5 s, 0.25 m high.
 TEST(Devices, RootsMayNeedThePosesOfNodes) {
   BodySpec body = on(rigid("body", 2.0, {0, 0, 0}, diagonal({1, 2, 3})), "", "free");

@@ -125,10 +125,11 @@ TEST(Plugins, AreRefusedWithTheseWords) {
       "  --> ./scenario.lua:1\n  at: plugin\n    1 | plugin 'p.so' vehicle 'vehicle.yaml' mission { duration = 1, integrator = { method = "
       "'rk4', step = 0...\n";
   const std::string end = "\n1 error. Nothing was run.\n";
-  EXPECT_EQ(answer("no_families"), "error[C0602]: not a Cardan plugin\n" + place +
-                                       "  expected: families of one of the kinds \"hinge\", \"body.draft1\", \"device\"\n  got:      none\n"
-                                       "  hint:     one that was built against another draft of a kind has none of this one: rebuild it\n" +
-                                       end);
+  EXPECT_EQ(answer("no_families"),
+            "error[C0602]: not a Cardan plugin\n" + place +
+                "  expected: families of one of the kinds \"hinge\", \"body.draft1\", \"device.draft1\"\n  got:      none\n"
+                "  hint:     one that was built against another draft of a kind has none of this one: rebuild it\n" +
+                end);
   EXPECT_EQ(answer("newer_minor"), "error[C0603]: plugin was built for another Cardan\n" + place +
                                        "  expected: ABI 2.0 to 2.0\n  got:      ABI 2.99\n"
                                        "  hint:     rebuild it against core/abi/cardan_abi.h of this version\n" +
