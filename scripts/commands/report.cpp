@@ -6,21 +6,31 @@
 
 #include "core/io/result_folder.hpp"
 #include "scripts/commands/commands.hpp"
+#include "scripts/report/figure.hpp"
 
 namespace cardan {
 
 void add_report(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("report", "Make the report page of a run again");
+  auto* command = app.add_subcommand("report", "Make the report page of a run again, or a figure of some of its channels");
   auto h5 = std::make_shared<std::string>(), html = std::make_shared<std::string>();
   command->add_option("run", *h5, "Results: run.h5, or the folder it is in")->required()->type_name("RESULTS");
-  command->add_option("--out", *html, "The page; default: report.html beside the results")->type_name("PAGE");
+  auto plotted = std::make_shared<std::vector<std::string>>();
+  command->add_option("--out", *html, "The page or figure; default: report.html or figure.svg beside the results")->type_name("PAGE");
+  command
+      ->add_option(
+          "--plot", *plotted,
+          "Instead of the page: an SVG of channels over time, a panel for each --plot; a channel (bodies/bus/rate), a component of "
+          "it (bodies/bus/rate.y), or several with commas between them")
+      ->allow_extra_args(false)
+      ->type_name("CHANNELS");
   command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
-  command->callback([&line, h5, html] {
-    line.action = [h5, html] {
+  command->callback([&line, h5, html, plotted] {
+    line.action = [h5, html, plotted] {
       std::error_code ignored;
       if (std::filesystem::is_directory(*h5, ignored)) *h5 = (std::filesystem::path(*h5) / "run.h5").string();
-      const std::string page = html->empty() ? (std::filesystem::path(*h5).parent_path() / "report.html").string() : *html;
-      read_between_flushes(*h5, [&] { write_report(*h5, page); });
+      const std::string page =
+          html->empty() ? (std::filesystem::path(*h5).parent_path() / (plotted->empty() ? "report.html" : "figure.svg")).string() : *html;
+      read_between_flushes(*h5, [&] { plotted->empty() ? write_report(*h5, page) : write_figure(*h5, page, *plotted); });
       fmt::print("{}\n", page);
       return 0;
     };

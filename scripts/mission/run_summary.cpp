@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <cmath>
 
 #include "core/base/version.hpp"
 #include "core/sim/run_header.hpp"
@@ -19,8 +20,12 @@ std::string with_unit(double value, const std::string& unit) { return fmt::forma
 
 std::string checks_text(const std::vector<Check>& checks) {
   std::string text;
-  for (const Check& c : checks)
-    text += fmt::format("  {:<6}{:<44}{:>20}   {}\n", c.pass ? "pass" : "FAIL", c.name, with_unit(c.value, c.unit), c.detail);
+  for (const Check& c : checks) {
+    // A value and its bound may look the same in six digits.
+    const double beyond = std::max(c.value - c.most, c.least - c.value);
+    const std::string by = !c.pass && std::isfinite(beyond) ? fmt::format(", beyond by {:.3g}", beyond) : "";
+    text += fmt::format("  {:<6}{:<44}{:>20}   {}{}\n", c.pass ? "pass" : "FAIL", c.name, with_unit(c.value, c.unit), c.detail, by);
+  }
   return text.empty() ? text : "\nchecks\n" + text;
 }
 

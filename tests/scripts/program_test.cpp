@@ -74,7 +74,7 @@ TEST(Program, AFailedCheckIsExitCodeOneWithATable) {
   const Finished run = run_program({"run", ".", "--out", "out"}, dir.path());
   EXPECT_EQ(run.exit_code, 1);
   EXPECT_NE(run.out.find("  pass  good                                                           1   below 2\n"
-                         "  FAIL  bad                                                        3 deg   within 1 ... 2 deg\n"),
+                         "  FAIL  bad                                                        3 deg   within 1 ... 2 deg, beyond by 1\n"),
             std::string::npos)
       << run.out;
   const json checks = summary_of(dir / "out")["checks"];
@@ -340,6 +340,32 @@ TEST(Program, ReportsAreMadeAgain) {
   EXPECT_EQ(file_text(dir / "report.html"), first);
   const TemporaryFolder empty;
   EXPECT_EQ(run_program({"report", empty.path()}, "/").exit_code, 2) << "of a folder without results";
+}
+
+TEST(Program, ReportsDrawAFigureOfSomeChannels) {
+  const TemporaryFolder dir;
+  ASSERT_EQ(run_program({"run", "pendulum", "--out", dir.path(), "--quiet"}, kMissions).exit_code, 0);
+  const std::vector<std::string> both = {"report",           dir.path(), "--plot",
+                                         "hinges/rod/angle", "--plot",   "nodes/rod.end/position.z,hinges/rod/rate"};
+  ASSERT_EQ(run_program(both, "/").exit_code, 0);
+  const std::string svg = file_text(dir / "figure.svg");
+  const auto count = [&](const std::string& what) {
+    std::size_t n = 0;
+    for (auto at = svg.find(what); at != std::string::npos; at = svg.find(what, at + 1)) ++n;
+    return n;
+  };
+  EXPECT_EQ(count("fill=\"none\""), 3u) << "lines";
+  EXPECT_EQ(count(">nodes/rod.end/position.z</text>"), 1u);
+  EXPECT_EQ(count(">rad</text>"), 1u);
+  EXPECT_EQ(count(">m, rad/s</text>"), 1u) << "the second panel has two units";
+  EXPECT_EQ(count("nan") + count("inf"), 0u);
+  const Finished no_channel = run_program({"report", dir.path(), "--plot", "hinges/rod/angel"}, "/");
+  EXPECT_EQ(no_channel.exit_code, 2);
+  EXPECT_NE(no_channel.err.find("C0208"), std::string::npos) << no_channel.err;
+  EXPECT_NE(no_channel.err.find("did you mean \"hinges/rod/angle\"?"), std::string::npos) << no_channel.err;
+  const Finished no_component = run_program({"report", dir.path(), "--plot", "nodes/rod.end/position.w"}, "/");
+  EXPECT_NE(no_component.err.find("one of: x, y, z"), std::string::npos) << no_component.err;
+  EXPECT_EQ(run_program({"report", dir.path(), "--plot", ""}, "/").exit_code, 2) << "no channel at all";
 }
 
 TEST(Program, CheckValidatesWithoutARun) {

@@ -851,3 +851,4 @@ function Diagonalised:coriolis(v) end
 vec = require "cardan.vec"
 quat = require "cardan.quat"
 allocation = require "cardan.allocation"
+elliptic = require "cardan.elliptic"
