@@ -153,4 +153,76 @@ ChildEnd run_in_child(const std::function<void(const Say&)>& work, const ChildLi
   return end;
 }
 
+namespace {
+
+double now_s() { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); }
+
+}  // namespace
+
+RunningProgram::RunningProgram(const ProgramOrder& order)
+    : limits_(order.limits), end_{ChildEnd::How::not_started, 0, {}}, started_(now_s()) {
+  std::vector<char*> arguments, environment;
+  std::vector<std::string> texts;
+  for (const auto& [name, value] : order.environment) texts.push_back(name + "=" + value);
+  for (char** given = environ; *given != nullptr; ++given) {
+    const std::string_view text = *given;
+    const bool replaced = std::any_of(order.environment.begin(), order.environment.end(),
+                                      [&](const auto& more) { return text.starts_with(more.first + "="); });
+    if (!replaced) environment.push_back(*given);
+  }
+  for (const std::string& text : texts) environment.push_back(const_cast<char*>(text.c_str()));
+  for (const std::string& text : order.command) arguments.push_back(const_cast<char*>(text.c_str()));
+  arguments.push_back(nullptr);
+  environment.push_back(nullptr);
+  std::fflush(nullptr);
+  pid_ = ::fork();
+  if (pid_ < 0) {
+    end_.status = errno;
+    return;
+  }
+  if (pid_ > 0) return;
+  // The child: system calls alone.
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  limit(RLIMIT_CORE, 0.0, 0.0);
+  const double cpu_s = std::ceil(limits_.cpu_s);
+  limit(RLIMIT_CPU, cpu_s, cpu_s + 1.0);
+#ifndef CARDAN_ADDRESS_CHECKS
+  limit(RLIMIT_AS, static_cast<double>(limits_.memory), static_cast<double>(limits_.memory));
+#endif
+  const int in = ::open("/dev/null", O_RDONLY), out = ::open(order.out.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0666),
+            err = ::open(order.err.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0666);
+  if (in < 0 || out < 0 || err < 0) _exit(127);
+  ::dup2(in, STDIN_FILENO), ::dup2(out, STDOUT_FILENO), ::dup2(err, STDERR_FILENO);
+  ::execve(arguments[0], arguments.data(), environment.data());
+  _exit(127);
+}
+
+RunningProgram::~RunningProgram() {
+  if (pid_ < 0) return;
+  ::kill(pid_, SIGKILL);
+  while (::waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {
+  }
+}
+
+bool RunningProgram::has_ended() {
+  if (pid_ < 0) return true;
+  const bool late = now_s() - started_ > limits_.wall_s;
+  if (late) ::kill(pid_, SIGKILL);
+  int status = 0;
+  rusage used{};
+  const pid_t ended = ::wait4(pid_, &status, late ? 0 : WNOHANG, &used);
+  if (ended == 0 || (ended < 0 && errno == EINTR)) return false;
+  pid_ = -1;
+  wall_s_ = now_s() - started_;
+  const auto seconds = [](const timeval& t) { return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec); };
+  cpu_s_ = seconds(used.ru_utime) + seconds(used.ru_stime);
+  const bool killed = WIFSIGNALED(status);
+  end_ = {late     ? ChildEnd::How::late
+          : killed ? ChildEnd::How::killed
+                   : ChildEnd::How::ended,
+          killed ? WTERMSIG(status) : WEXITSTATUS(status),
+          {}};
+  return true;
+}
+
 }  // namespace cardan

@@ -5,6 +5,8 @@
 #include <limits>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 namespace cardan {
 
@@ -41,5 +43,34 @@ using Say = std::function<void(std::string_view)>;
 /// exception of the work ends the child with a status other than 0, as do exit() and _exit() with theirs. Interrupts (SIGINT, SIGTERM,
 /// SIGHUP) are this process's: it looks at Poll::now() while it waits, and what that throws ends the child and is thrown on.
 ChildEnd run_in_child(const std::function<void(const Say&)>& work, const ChildLimits& limits);
+
+/// Another program, or this one anew, beside this process: what it prints goes to files. It dies with this process.
+struct ProgramOrder {
+  std::vector<std::string> command;                                // the program by its path, then its arguments
+  std::vector<std::pair<std::string, std::string>> environment{};  // set beside what this process has
+  std::string out = "/dev/null", err = "/dev/null";                // files that standard output and standard error go to
+  ChildLimits limits{};                                            // memory: [bytes] of addresses in all
+};
+
+class RunningProgram {
+ public:
+  /// Starts it. A program that cannot be started has `ended()` at once.
+  explicit RunningProgram(const ProgramOrder& order);
+  ~RunningProgram();  // kills what still runs
+  RunningProgram(const RunningProgram&) = delete;
+  RunningProgram& operator=(const RunningProgram&) = delete;
+
+  /// Whether it has ended; kills it where its time is over.
+  bool has_ended();
+  const ChildEnd& end() const { return end_; }  ///< once it has
+  double wall_s() const { return wall_s_; }     ///< [s] that it took, once it has ended
+  double cpu_s() const { return cpu_s_; }       ///< [s] of processor time, likewise
+
+ private:
+  int pid_ = -1;
+  ChildLimits limits_;
+  ChildEnd end_;
+  double started_ = 0.0, wall_s_ = 0.0, cpu_s_ = 0.0;  // [s]
+};
 
 }  // namespace cardan

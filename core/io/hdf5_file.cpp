@@ -414,6 +414,18 @@ void Hdf5File::write(const std::string& path, std::span<const double> values, co
   expect_size(values.size(), shape, path);
   impl_->write(path, H5T_NATIVE_DOUBLE, shape, values.data());
 }
+void Hdf5File::write_packed(const std::string& path, std::span<const double> values, const std::vector<std::size_t>& shape) {
+  expect_size(values.size(), shape, path);
+  if (values.empty()) return write(path, values, shape);  // a block holds something
+  Handle space = new_space(shape);
+  Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
+  const std::vector<hsize_t> block(shape.begin(), shape.end());
+  H5Pset_chunk(properties, static_cast<int>(block.size()), block.data());
+  H5Pset_shuffle(properties);
+  H5Pset_deflate(properties, 9);
+  Handle set = impl_->new_dataset(path, H5T_NATIVE_DOUBLE, space, properties);
+  impl_->wrote(H5Dwrite(set, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()), path);
+}
 void Hdf5File::write(const std::string& path, std::span<const std::int64_t> values) {
   impl_->write(path, H5T_NATIVE_INT64, {values.size()}, values.data());
 }

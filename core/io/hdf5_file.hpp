@@ -52,6 +52,8 @@ class Hdf5File {
   void write(const std::string& path, double value);
   void write(const std::string& path, std::span<const double> values);  // 1-D
   void write(const std::string& path, std::span<const double> values, const std::vector<std::size_t>& shape);
+  /// The same in one block, packed (bytes shuffled, deflate): for files that are finished when they are written.
+  void write_packed(const std::string& path, std::span<const double> values, const std::vector<std::size_t>& shape);
   void write(const std::string& path, std::span<const std::int64_t> values);  // 1-D
   void write(const std::string& path, std::span<const std::int64_t> values, const std::vector<std::size_t>& shape);
   void write(const std::string& path, const std::string& text);  // UTF-8, of any length

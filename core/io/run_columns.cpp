@@ -1,0 +1,160 @@
+#include "core/io/run_columns.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <sstream>
+
+#include "core/base/diagnostic.hpp"
+#include "core/io/bounded_child.hpp"
+#include "core/io/hdf5_file.hpp"
+#include "core/io/recorder.hpp"
+#include "core/io/result_folder.hpp"
+
+namespace cardan {
+namespace {
+
+const std::string kRoot = "/channels";
+
+[[noreturn]] void bad(const Hdf5File& file, const std::string& path, std::string expected, std::string got) {
+  refuse(Code::bad_result_file, {path, {file.file_name()}}, std::move(expected), std::move(got));
+}
+
+RunColumns columns_of(const std::string& h5_path, const std::function<bool(const std::string&)>& wanted) {
+  const Hdf5File file = Hdf5File::open(h5_path);
+  result_format(file);
+  RunColumns out;
+  const auto time = file.read_doubles("/time");
+  if (time.shape.size() != 1) bad(file, "/time", "one time per row", fmt::format("an array of rank {}", time.shape.size()));
+  out.times = time.values;
+  if (file.has("/run") && file.has_attribute("/run", "sweeps")) out.sweeps = file.text_attribute("/run", "sweeps");
+  const bool is_run = file.has("/run") && file.has_attribute("/run", "started");
+  if (file.has("/run") && file.has_attribute("/run", "verdict")) out.verdict = file.text_attribute("/run", "verdict");
+  const bool may_be_cut = is_run && out.verdict.empty();  // killed in a flush: some channels may have more rows than others
+  std::size_t rows = out.times.size();
+  for (const std::string& path : file.datasets(kRoot)) {
+    Column c;
+    c.path = path.substr(kRoot.size() + 1);
+    if (wanted && !wanted(c.path)) continue;
+    c.components = file.texts_attribute(path, "components");
+    c.units = units_of_components(file.text_attribute(path, "unit"), c.components.size());
+    auto data = file.read_doubles(path);
+    if (data.shape.size() != 2 || data.shape[1] != c.components.size() || c.components.empty())
+      bad(file, path, fmt::format("rows of {} numbers, one for each component", c.components.size()),
+          data.shape.size() == 2 ? fmt::format("rows of {}", data.shape[1]) : fmt::format("an array of rank {}", data.shape.size()));
+    if (data.shape[0] != out.times.size() && !may_be_cut)
+      bad(file, path, fmt::format("{} rows, as /time has", out.times.size()), fmt::format("{}", data.shape[0]));
+    rows = std::min(rows, data.shape[0]);
+    c.values = std::move(data.values);
+    out.columns.push_back(std::move(c));
+  }
+  out.times.resize(rows);
+  for (Column& c : out.columns) c.values.resize(rows * c.components.size());
+  return out;
+}
+
+void put(ByteWriter& out, const std::vector<std::string>& texts) {
+  out.number(texts.size());
+  for (const std::string& text : texts) out.text(text);
+}
+void put(ByteWriter& out, const std::vector<double>& numbers) {
+  out.number(numbers.size());
+  out.raw(numbers.data(), numbers.size() * sizeof(double));
+}
+std::vector<std::string> take_texts(ByteReader& in) {
+  std::vector<std::string> out(std::min(in.number(), in.left()));
+  for (std::string& text : out) text = in.text();
+  return out;
+}
+std::vector<double> take_numbers(ByteReader& in) {
+  const std::size_t n = in.number();
+  if (n > in.left() / sizeof(double)) throw std::out_of_range("columns");
+  std::vector<double> out(n);
+  in.raw(out.data(), n * sizeof(double));
+  return out;
+}
+
+}  // namespace
+
+const Column* RunColumns::find(std::string_view path) const {
+  const auto found = std::ranges::find(columns, path, &Column::path);
+  return found == columns.end() ? nullptr : &*found;
+}
+
+std::vector<std::string> units_of_components(const std::string& unit, std::size_t components) {
+  std::istringstream words(unit);
+  std::vector<std::string> units;
+  for (std::string word; words >> word;) units.push_back(word);
+  const bool one_for_all = units.size() != components || components == 1 || unit == "N m";  // of two torques
+  if (one_for_all) units.assign(components, unit);
+  return units;
+}
+
+RunColumns read_run_columns(const std::string& h5_path, const std::function<bool(const std::string&)>& wanted) {
+  if (std::error_code none; !std::filesystem::is_regular_file(h5_path, none))
+    refuse(Code::file_not_found, {"", {h5_path}}, "results: run.h5, or the folder it is in", "no such file");
+  RunColumns out;
+  read_between_flushes(h5_path, [&] {
+    const std::string bytes = in_bounded_child(
+        h5_path,
+        [&] {
+          const RunColumns read = columns_of(h5_path, wanted);
+          ByteWriter to;
+          to.text(read.sweeps);
+          to.text(read.verdict);
+          put(to, read.times);
+          to.number(read.columns.size());
+          for (const Column& c : read.columns) {
+            to.text(c.path);
+            put(to, c.components);
+            put(to, c.units);
+            put(to, c.values);
+          }
+          return to.take();
+        },
+        limits_for_file(h5_path));
+    ByteReader in(bytes);
+    out = {};
+    out.file = h5_path;
+    out.sweeps = in.text();
+    out.verdict = in.text();
+    out.times = take_numbers(in);
+    out.columns.resize(std::min(in.number(), bytes.size()));
+    for (Column& c : out.columns) {
+      c.path = in.text();
+      c.components = take_texts(in);
+      c.units = take_texts(in);
+      c.values = take_numbers(in);
+    }
+  });
+  return out;
+}
+
+void write_packed_columns(const std::string& h5_path, const RunColumns& run,
+                          const std::vector<std::pair<std::string, std::string>>& about) {
+  const std::filesystem::path before = name_before(h5_path);
+  try {
+    Hdf5File file = Hdf5File::create(before.string());
+    file.make_group("/run");
+    for (const auto& [key, text] : about) file.set_attribute("/run", key, text);
+    file.write_packed("/time", run.times, {run.times.size()});
+    file.set_attribute("/time", "unit", std::string("s"));
+    for (const Column& c : run.columns) {
+      const std::string path = kRoot + "/" + c.path;
+      file.write_packed(path, c.values, {run.times.size(), c.components.size()});
+      file.set_attribute(path, "components", c.components);
+      const bool one = std::ranges::all_of(c.units, [&](const std::string& unit) { return unit == c.units.front(); });
+      file.set_attribute(path, "unit", one ? c.units.front() : fmt::format("{}", fmt::join(c.units, " ")));
+    }
+    file.rename(h5_path);
+    file.close();
+  } catch (const NumericsError& e) {
+    std::error_code ignored;
+    std::filesystem::remove(before, ignored);
+    refuse(Code::cannot_write, {{}, {h5_path}}, "a file that can be written", e.failure().what);
+  }
+}
+
+}  // namespace cardan

@@ -1,0 +1,38 @@
+#pragma once
+// The channels of results as numbers in memory, read in a bounded child: what comparisons work on.
+#include <cstddef>
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace cardan {
+
+/// One channel: `components.size()` numbers per row, row-major.
+struct Column {
+  std::string path;                            // below /channels: "bodies/bus/rate"
+  std::vector<std::string> components, units;  // one unit for each component
+  std::vector<double> values;
+};
+
+struct RunColumns {
+  std::string file;
+  std::vector<double> times;  // [s] of the rows
+  std::vector<Column> columns;
+  std::string sweeps;   // instruction set that made them; empty: not told
+  std::string verdict;  // "passed"; empty: the run was not finished
+  const Column* find(std::string_view path) const;
+};
+
+/// One unit for each component: a channel has one for all, or one for each, separated by spaces.
+std::vector<std::string> units_of_components(const std::string& unit, std::size_t components);
+
+/// The times and those channels for which `wanted` is true (all of them without it) of results or of a file of their layout (/time,
+/// /channels/..., docs/results.md). Throws InputError C0702 for a file that is damaged or cut short, and for a channel with other rows than
+/// /time has: of a run that was killed the rows that all channels have are read.
+RunColumns read_run_columns(const std::string& h5_path, const std::function<bool(const std::string& path)>& wanted = {});
+
+/// Writes such a file, packed (deflate): `about` become attributes of /run. Throws InputError C0701.
+void write_packed_columns(const std::string& h5_path, const RunColumns& run, const std::vector<std::pair<std::string, std::string>>& about);
+
+}  // namespace cardan

@@ -1,0 +1,123 @@
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <charconv>
+#include <set>
+#include <thread>
+
+#include "core/base/units.hpp"
+#include "core/io/result_folder.hpp"
+#include "scripts/commands/commands.hpp"
+#include "scripts/commands/interrupt.hpp"
+#include "scripts/commands/streams.hpp"
+#include "scripts/regress/runner.hpp"
+#include "scripts/regress/tables.hpp"
+
+namespace cardan {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct RegressArguments {
+  std::string folder, out = "out/regress", shard, why;
+  int jobs = 0;
+  std::vector<std::string> only, update;
+};
+
+/// "2/3": the second of three parts.
+std::pair<std::size_t, std::size_t> shard_of(const std::string& text) {
+  if (text.empty()) return {1, 1};
+  std::size_t i = 0, n = 0;
+  const auto slash = text.find('/');
+  const char* const end = text.data() + text.size();
+  const bool read = slash != std::string::npos && std::from_chars(text.data(), text.data() + slash, i).ptr == text.data() + slash &&
+                    std::from_chars(text.data() + slash + 1, end, n).ptr == end;
+  if (!read || i < 1 || i > n) refuse(Code::command_line, {"--shard"}, "i/n with i from 1 to n: 2/3", in_quotes(text));
+  return {i, n};
+}
+
+/// Those of `names` that are among the scenarios; the others are refused.
+std::set<std::string> chosen(const char* option, const std::vector<std::string>& names,
+                             const std::vector<std::pair<std::string, fs::path>>& all) {
+  std::vector<std::string> legal;
+  for (const auto& [name, file] : all) legal.push_back(name);
+  for (const std::string& name : names)
+    if (std::ranges::find(legal, name) == legal.end())
+      refuse(Code::command_line, {option}, fmt::format("a scenario of the folder: {}", fmt::join(legal, ", ")), in_quotes(name),
+             did_you_mean(name, legal));
+  return {names.begin(), names.end()};
+}
+
+int regress(const RegressArguments& a) {
+  if (a.update.empty() != a.why.empty())
+    refuse(Code::command_line, {a.why.empty() ? "--update" : "--why"}, "--update NAME and --why \"...\", both or neither", "one of them");
+  auto found = find_goldens(a.folder);
+  if (found.empty())
+    refuse(Code::command_line, {"cardan regress"}, "a folder with scenarios that have a golden.yaml", in_quotes(a.folder),
+           "docs/golden.md");
+  for (const auto& [option, names] : {std::pair{"--only", &a.only}, {"--update", &a.update}})
+    if (const auto only = chosen(option, *names, found); !only.empty())
+      std::erase_if(found, [&](const auto& one) { return !only.contains(one.first); });
+  const auto [shard, shards] = shard_of(a.shard);
+  std::vector<Golden> goldens;
+  std::vector<Diagnostic> wrong;
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    if (i % shards != shard - 1) continue;
+    try {
+      goldens.push_back(read_golden(found[i].second, found[i].first, !a.update.empty()));
+    } catch (const InputError& e) {
+      wrong.insert(wrong.end(), e.diagnostics().begin(), e.diagnostics().end());
+    }
+  }
+  if (!wrong.empty()) throw InputError(std::move(wrong));
+
+  std::size_t width = 0;
+  for (const Golden& g : goldens) width = std::max(width, g.name.size());
+  const Interruption interruption;
+  RegressionRun how;
+  how.program = fs::read_symlink("/proc/self/exe").string();
+  how.out = a.out;
+  how.jobs = a.jobs > 0 ? a.jobs : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  how.stop = [] { return Interruption::flag().load(); };
+  how.record = a.why;
+  how.told = [&](const CaseResult& r) { say(line_of(r, width) + "\n"); };
+  const std::vector<CaseResult> results = run_goldens(goldens, how);
+  const auto failed = std::ranges::count_if(results, [](const CaseResult& r) { return !r.pass(); });
+  for (const CaseResult& r : results)
+    if (!r.pass()) say(faults_of(r));
+  std::error_code error;
+  fs::create_directories(how.out, error);
+  write_whole_file(how.out / "regress.json", json_text_with_nulls(regress_json(results)));
+  write_whole_file(how.out / "junit.xml", junit_xml(results));
+  say(fmt::format("\n{} of {} scenarios pass. {}, {}\n", results.size() - static_cast<std::size_t>(failed), results.size(),
+                  (how.out / "regress.json").string(), (how.out / "junit.xml").string()));
+  if (Interruption::flag()) return 128 + Interruption::signal();
+  return failed == 0 ? 0 : 1;
+}
+
+}  // namespace
+
+void add_regress(CLI::App& app, CommandLine& line) {
+  auto* command = app.add_subcommand("regress", "Run scenarios and compare them with their golden files");
+  auto a = std::make_shared<RegressArguments>();
+  command->add_option("folder", a->folder, "Where to look for scenarios with a golden.yaml, in folders below too")
+      ->required()
+      ->type_name("DIR");
+  command->add_option("-j,--jobs", a->jobs, "How many run side by side; default: as many as there are processors")->type_name("N");
+  command->add_option("--shard", a->shard, "The i-th of n parts of the scenarios alone, as machines share them: 2/3")->type_name("I/N");
+  command->add_option("--only", a->only, "This scenario alone, by its name in the table; may be repeated")
+      ->type_name("NAME")
+      ->allow_extra_args(false);
+  command
+      ->add_option("--update", a->update,
+                   "Record the references of this scenario anew, and run no other; may be repeated. Truths from elsewhere stay as they are")
+      ->type_name("NAME")
+      ->allow_extra_args(false);
+  command->add_option("--why", a->why, "With --update: the reason, kept in the golden file")->type_name("TEXT");
+  command->add_option("--out", a->out, "Folder of the results, regress.json and junit.xml; default: out/regress")->type_name("DIR");
+  command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
+  command->callback([&line, a] { line.action = [a] { return regress(*a); }; });
+}
+
+}  // namespace cardan

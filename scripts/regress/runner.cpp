@@ -1,0 +1,149 @@
+#include "scripts/regress/runner.hpp"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cstring>
+#include <memory>
+#include <thread>
+
+#include "core/base/child_process.hpp"
+#include "core/io/yaml_reader.hpp"
+
+namespace cardan {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kErrors = "errors.json";  // what the run says on standard error
+constexpr const char* kText = "printed.txt";    // and on standard output
+
+ProgramOrder order_for(const Golden& g, const std::string& program, const fs::path& folder) {
+  ProgramOrder order;
+  order.command = {program, "run", g.scenario.string(), "--out", folder.string(), "--quiet", "--json-errors"};
+  for (const auto& [key, value] : g.settings) order.command.insert(order.command.end(), {"--set", key + "=" + value});
+  if (!g.seed.empty()) order.command.insert(order.command.end(), {"--seed", g.seed});
+  if (!g.until.empty()) order.command.insert(order.command.end(), {"--until", g.until});
+  if (!g.kernels.empty()) order.environment.emplace_back("CARDAN_KERNELS", g.kernels);
+  order.out = (folder / kText).string();
+  order.err = (folder / kErrors).string();
+  order.limits.cpu_s = g.cpu_s;
+  order.limits.wall_s = 10.0 * g.cpu_s + 60.0;  // a busy machine changes nothing, a process that waits for ever ends
+  order.limits.memory = g.memory;
+  return order;
+}
+
+/// Errors of --json-errors, one text each; of anything else its end.
+std::vector<std::string> complaints_in(const fs::path& file) {
+  std::string text;
+  try {
+    text = read_text_file(file.string());
+  } catch (const InputError&) {
+    return {};
+  }
+  const Json all = Json::parse(text, nullptr, false);
+  std::vector<std::string> out;
+  if (all.is_object() && all.contains("errors"))
+    for (const Json& e : all["errors"]) {
+      const std::string what = e.value("what", "");
+      std::string line = fmt::format("{}: {}", e.value("code", ""), e.value("title", ""));
+      if (const std::string at = e.value("file", ""); !at.empty()) line += fmt::format(", {}:{}", at, e.value("line", 0));
+      if (const std::string at = e.value("at", ""); !at.empty()) line += fmt::format(", {}", at);
+      if (!what.empty()) line += ": " + what;
+      if (const std::string got = e.value("got", ""); !got.empty())
+        line += fmt::format(": {} where {} was expected", got, e.value("expected", "something else"));
+      out.push_back(line);
+    }
+  else if (!text.empty())
+    out.push_back(text.size() > 2000 ? "..." + text.substr(text.size() - 2000) : text);
+  return out;
+}
+
+RunEnding ending_of(const RunningProgram& process, const Golden& g, const fs::path& folder) {
+  RunEnding out;
+  out.wall_s = process.wall_s();
+  out.cpu_s = process.cpu_s();
+  out.complaints = complaints_in(folder / kErrors);
+  const ChildEnd& end = process.end();
+  const auto says = [&](const char* code) { return !out.complaints.empty() && out.complaints.front().starts_with(code); };
+  switch (end.how) {
+    case ChildEnd::How::not_started:
+      out.how = RunEnding::How::crashed;
+      out.text = fmt::format("not started: {}", std::strerror(end.status));
+      break;
+    case ChildEnd::How::late:
+      out.how = RunEnding::How::out_of_time;
+      out.text = fmt::format("hung: more than {:g} s, of which {:.3g} s of processor time", 10.0 * g.cpu_s + 60.0, out.cpu_s);
+      break;
+    case ChildEnd::How::killed:
+      out.how = out.cpu_s >= std::ceil(g.cpu_s) - 0.5 ? RunEnding::How::out_of_time : RunEnding::How::crashed;
+      out.text = out.how == RunEnding::How::out_of_time
+                     ? fmt::format("more than {:g} s of processor time", std::ceil(g.cpu_s))
+                     : fmt::format("crashed: killed by signal {} ({})", end.status, strsignal(end.status));
+      break;
+    case ChildEnd::How::ended:
+      out.exit_code = end.status;
+      if (end.status == 0 || end.status == 1) break;
+      if (says("N0205") || says("C0802")) {
+        out.how = RunEnding::How::out_of_memory;
+        out.text = fmt::format("more than {} MiB of memory", g.memory >> 20);
+      } else {
+        out.text = fmt::format("ended with exit code {}", end.status);
+      }
+  }
+  return out;
+}
+
+}  // namespace
+
+std::vector<CaseResult> run_goldens(std::vector<Golden>& goldens, const RegressionRun& how) {
+  struct Going {
+    std::size_t index;
+    std::unique_ptr<RunningProgram> process;
+  };
+  std::vector<CaseResult> results(goldens.size());
+  for (std::size_t i = 0; i < goldens.size(); ++i) {
+    results[i].name = goldens[i].name;
+    results[i].golden = &goldens[i];
+    results[i].folder = how.out / goldens[i].name;
+    results[i].ending.how = RunEnding::How::not_run;
+    results[i].ending.text = "not run";
+  }
+  std::vector<Going> going;
+  std::size_t next = 0;
+  const auto stopped = [&] { return how.stop && how.stop(); };
+  while (!stopped() && (next < goldens.size() || !going.empty())) {
+    while (next < goldens.size() && going.size() < static_cast<std::size_t>(how.jobs)) {
+      CaseResult& result = results[next];
+      std::error_code error;
+      for (const char* old : {"run.h5", "summary.json", "report.html", kErrors, kText}) fs::remove(result.folder / old, error);
+      fs::create_directories(result.folder, error);
+      if (error) refuse(Code::cannot_write, {{}, {result.folder.string()}}, "a folder for results", error.message());
+      going.push_back({next, std::make_unique<RunningProgram>(order_for(goldens[next], how.program, result.folder))});
+      ++next;
+    }
+    for (std::size_t i = 0; i < going.size();) {
+      if (!going[i].process->has_ended()) {
+        ++i;
+        continue;
+      }
+      CaseResult& result = results[going[i].index];
+      result.ending = ending_of(*going[i].process, goldens[going[i].index], result.folder);
+      going.erase(going.begin() + static_cast<std::ptrdiff_t>(i));
+      if (const int code = result.ending.exit_code;
+          !how.record.empty() && result.ending.how == RunEnding::How::ended && (code == 0 || code == 1)) {
+        Golden& golden = goldens[static_cast<std::size_t>(&result - results.data())];
+        record_references(golden, result.folder, how.record);
+        golden = read_golden(golden.file, golden.name);
+      }
+      result.rows = judge(*result.golden, result.folder, result.ending);
+      if (how.told) how.told(result);
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  for (CaseResult& result : results)
+    if (result.rows.empty()) result.rows = judge(*result.golden, result.folder, result.ending);
+  return results;
+}
+
+}  // namespace cardan

@@ -1,0 +1,28 @@
+#pragma once
+// Scenarios with their golden files, run side by side: each in a process of its own, bounded in time and memory.
+#include <filesystem>
+#include <functional>
+#include <vector>
+
+#include "scripts/regress/judge.hpp"
+
+namespace cardan {
+
+struct RegressionRun {
+  std::string program;        // this program, by its path
+  std::filesystem::path out;  // results: a folder for each scenario in it
+  int jobs = 1;               // side by side
+  std::string record;         // not empty: why the recorded references are written anew; the goldens were read without them
+  std::function<void(const CaseResult&)> told;  // called when one is done, in any order
+  std::function<bool()> stop;                   // true: start no more, end those that run
+};
+
+/// Records the references of a golden file that was read without them from the results in `folder`: every file named by `recorded`, and
+/// the reason among the `updates` of the golden file. Throws InputError: C0801 where it has no recorded references, C0208 for a channel
+/// that the run does not have, C0301 where they would be larger than 200 kB, C0701.
+void record_references(const Golden& golden, const std::filesystem::path& folder, const std::string& why);
+
+/// Runs and compares them all; results in the order of `goldens`. What is stopped has RunEnding::How::not_run.
+std::vector<CaseResult> run_goldens(std::vector<Golden>& goldens, const RegressionRun& how);
+
+}  // namespace cardan

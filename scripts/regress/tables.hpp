@@ -1,0 +1,22 @@
+#pragma once
+// What came out, for a screen, for a program and for continuous integration.
+#include <string>
+#include <vector>
+
+#include "core/io/compare_runs.hpp"
+#include "scripts/regress/judge.hpp"
+
+namespace cardan {
+
+/// A line: the name, what became of it, the claim that used most of its limit.
+std::string line_of(const CaseResult& result, std::size_t width);
+/// All that failed in it, with the reason of each limit.
+std::string faults_of(const CaseResult& result);
+/// JUnit XML: a suite for each scenario, a case for each claim.
+std::string junit_xml(const std::vector<CaseResult>& results);
+Json regress_json(const std::vector<CaseResult>& results);
+
+std::string difference_table(const RunDifference& difference, const std::string& first, const std::string& second);
+Json difference_json(const RunDifference& difference, const std::string& first, const std::string& second, bool pass);
+
+}  // namespace cardan

@@ -1,0 +1,250 @@
+// `cardan regress` and `cardan diff`: scenarios with a golden file, as a user runs them.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "tests/scripts/run_program.hpp"
+
+namespace cardan {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+bool has(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+
+/// The golden file that docs/golden.md prints, about the pendulum of tests/scripts/missions.
+std::string printed() {
+  const std::string page = file_text(CARDAN_SOURCE_DIR "/docs/golden.md"), fence = "```yaml\n";
+  const auto from = page.find(fence) + fence.size();
+  return page.substr(from, page.find("```", from) - from);
+}
+
+/// A folder with scenarios.
+class Regress : public testing::Test {
+ protected:
+  /// `name` becomes a copy of a mission with this golden file.
+  void add(const std::string& name, const std::string& golden, const std::string& mission = "pendulum") {
+    fs::copy(CARDAN_SOURCE_DIR "/tests/scripts/missions/" + mission, dir_ / name, fs::copy_options::recursive);
+    write(dir_ / (name + "/golden.yaml"), golden);
+  }
+  Finished regress(std::vector<std::string> more = {}) {
+    more.insert(more.begin(), {"regress", "."});
+    return run_program(more, dir_.path());
+  }
+  json results() { return json::parse(file_text(dir_ / "out/regress/regress.json")); }
+  /// The row with this name of the scenario.
+  json row(const std::string& scenario, const std::string& name) {
+    const json all = results();
+    for (const json& s : all["scenarios"])
+      for (const json& r : s["rows"])
+        if (s["name"] == scenario && r["name"] == name) return r;
+    ADD_FAILURE() << scenario << ": no row " << name;
+    return {};
+  }
+  /// The errors of a golden file that is wrong.
+  json errors_of(const std::string& golden) {
+    fs::remove_all(dir_ / "wrong");
+    add("wrong", golden);
+    const Finished run = regress({"--json-errors"});
+    EXPECT_EQ(run.exit_code, 2) << run.out << run.err;
+    EXPECT_FALSE(fs::exists(dir_ / "out")) << "nothing was run";
+    const json all = json::parse(run.err, nullptr, false);
+    return all.is_object() ? all["errors"] : json::array();
+  }
+
+  TemporaryFolder dir_;
+};
+
+TEST_F(Regress, TheFileOfTheDocumentsPasses) {
+  add("swing", printed());
+  const Finished run = regress();
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+  EXPECT_TRUE(has(run.out, "pass  swing")) << run.out;
+  EXPECT_TRUE(has(run.out, "1 of 1 scenarios pass")) << run.out;
+  EXPECT_EQ(results()["verdict"], "pass");
+  EXPECT_EQ(row("swing", "half period")["kind"], "check") << "checks of the scenario count too";
+  EXPECT_EQ(row("swing", "hinges/rod/angle")["worst"]["limit"], 1e-8);
+}
+
+TEST_F(Regress, ADifferenceFailsWithItsTimeItsLimitAndTheReasonOfThat) {
+  add("swing", replaced(printed(), "0.2498277694781558", "0.2498277794781558"));  // by 1e-8 at t = 2 s
+  add("right", printed());
+  const Finished run = regress();
+  EXPECT_EQ(run.exit_code, 1) << run.err;
+  EXPECT_TRUE(has(run.out, "FAIL  swing")) << run.out;
+  EXPECT_TRUE(has(run.out, "pass  right")) << run.out;
+  EXPECT_TRUE(has(run.out, "why this limit: steps with a relative tolerance")) << run.out;
+  const json worst = row("swing", "hinges/rod/angle")["worst"];
+  EXPECT_EQ(worst["t"], 2.0);
+  EXPECT_NEAR(worst["difference"].get<double>(), 1e-8, 2e-9);
+  const std::string junit = file_text(dir_ / "out/regress/junit.xml");
+  EXPECT_TRUE(has(junit, "<testsuite name=\"swing\"")) << junit;
+  EXPECT_TRUE(has(junit, "failures=\"1\"")) << junit;
+  EXPECT_TRUE(has(junit, "<failure message=\"off by ")) << junit;
+}
+
+TEST_F(Regress, AFailedCheckOfTheScenarioFails) {
+  add("swing", printed() + "settings: {start: 31 deg}\n");  // which the period knows
+  EXPECT_EQ(regress().exit_code, 1);
+  EXPECT_EQ(row("swing", "half period")["verdict"], "fail");
+}
+
+TEST_F(Regress, WhatIsWrongInAGoldenFileIsNamedByPlaceBeforeAnythingRuns) {
+  struct Fault {
+    std::string was, is, code, at;
+  };
+  for (const Fault& f : {Fault{"truth: >", "truths: >", "C0105", "truth"},
+                         {"cardan_golden: 1", "cardan_golden: 2", "C0401", "cardan_golden"},
+                         {"    class: integration\n", "", "C0105", "channels[0].class"},
+                         {"class: integration", "class: nearly", "C0208", "channels[0].class"},
+                         {"    absolute: 1e-8 rad\n", "", "C0105", "channels[0].absolute"},
+                         {"absolute: 1e-8 rad", "absolute: 1e-8", "C0107", "channels[0].absolute"},
+                         {"absolute: 1e-8 rad", "absolute: 1e-8 kg", "C0107", "channels[0].absolute"},
+                         {"absolute: 1e-8 rad", "absolute: -1 rad", "C0301", "channels[0].absolute"},
+                         {"class: integration", "class: same bits", "C0106", "channels[0].absolute"},
+                         {"    why: steps with", "    way: steps with", "C0105", "channels[0].why"},
+                         {"times: [0, 1, 2, 4]", "times: [0, 1, 2]", "C0106", "channels[0].reference.values"},
+                         {"times: [0, 1, 2, 4]", "times: [0, 2, 1, 4]", "C0301", "channels[0].reference.values"},
+                         {"-0.450337349942642", "nan", "C0108", "channels[0].reference.values[1]"},
+                         {"      unit: rad", "", "C0105", "channels[0].reference.unit"},
+                         {"reference:", "references:", "C0105", "channels[0].reference"},
+                         {"cardan_golden: 1", "cardan_golden: 1\nscenario: other.lua", "C0102", "scenario"},
+                         {"cardan_golden: 1", "cardan_golden: 1\nlimits: {memory: 3 kg}", "C0107", "limits.memory"}}) {
+    const json errors = errors_of(replaced(printed(), f.was, f.is));
+    EXPECT_TRUE(std::any_of(errors.begin(), errors.end(), [&](const json& e) { return e["code"] == f.code && e["at"] == f.at; }))
+        << f.is << "\n"
+        << errors.dump(1);
+    for (const json& e : errors) EXPECT_TRUE(has(e["file"], "wrong/golden.yaml")) << errors.dump(1);
+  }
+}
+
+TEST_F(Regress, AChannelAComponentOrAUnitThatTheRunDoesNotHaveIsAFailedRow) {
+  add("channel", replaced(printed(), "hinges/rod/angle", "hinges/rod/angel"));
+  add("component", replaced(printed(), "    class:", "    components: [x]\n    class:"));
+  add("unit", replaced(replaced(printed(), "unit: rad", "unit: m"), "1e-8 rad", "1e-8 m"));
+  add("time", replaced(printed(), "[0, 1, 2, 4]", "[0, 1, 2, 5]"));
+  add("width", replaced(printed(), "hinges/rod/angle", "nodes/rod.end/position"));
+  EXPECT_EQ(regress().exit_code, 1);
+  EXPECT_TRUE(has(row("channel", "hinges/rod/angel")["text"], "did you mean \"hinges/rod/angle\"?"));
+  EXPECT_TRUE(has(row("channel", "hinges/rod/angel")["text"], "channel/golden.yaml:"));
+  EXPECT_TRUE(has(row("component", "hinges/rod/angle x")["text"], "a component of hinges/rod/angle"));
+  EXPECT_TRUE(has(row("unit", "hinges/rod/angle")["text"], "which is in rad"));
+  EXPECT_TRUE(has(row("time", "hinges/rod/angle")["text"], "none at t = 5 s"));
+  EXPECT_TRUE(has(row("width", "nodes/rod.end/position")["text"], "a reference of 3 numbers"));
+}
+
+TEST_F(Regress, AReferenceMayBeInAnotherUnitThatMeasuresTheSame) {
+  std::string golden = printed();
+  golden = replaced(golden, "times: [0, 1, 2, 4]", "times: [0]");
+  golden = golden.substr(0, golden.find("      values:")) + "      values: [30]\n      unit: deg\n";
+  add("swing", golden);
+  EXPECT_EQ(regress().exit_code, 0);
+}
+
+TEST_F(Regress, ReferencesMayBeTables) {
+  std::string golden = printed();
+  golden = golden.substr(0, golden.find("    reference:")) + "    reference: {file: truth.csv, columns: [angle]}\n";
+  const std::string table = "# Jacobi's cd\nt [s], rate [rad/s], angle [rad]\n0, 0, 0.5235987755982989\n1, 0, -0.450337349942642\n";
+  add("swing", golden);
+  write(dir_ / "swing/truth.csv", table);
+  EXPECT_EQ(regress().exit_code, 0) << file_text(dir_ / "out/regress/regress.json");
+  write(dir_ / "swing/truth.csv", table.substr(0, table.size() - 12));  // cut in the middle of a number
+  EXPECT_EQ(regress().exit_code, 1);
+  for (const auto& [was, is, got] :
+       {std::tuple{", -0.45", "; -0.45", "2"}, {"rate [rad/s]", "rate", "\"rate\""}, {"0.5235", "x", "\"x987755982989\""}}) {
+    write(dir_ / "swing/truth.csv", replaced(table, was, is));
+    const Finished run = regress({"--json-errors"});
+    EXPECT_EQ(run.exit_code, 2) << run.out;
+    const json error = json::parse(run.err)["errors"][0];
+    EXPECT_TRUE(has(error["file"], "truth.csv")) << error.dump(1);
+    EXPECT_GT(error["line"], 0);
+    EXPECT_EQ(error["got"], got);
+  }
+}
+
+TEST_F(Regress, RecordedReferencesAreWrittenForThoseNamedAndTheReasonIsKept) {
+  std::string golden = printed();
+  golden = replaced(golden.substr(0, golden.find("    reference:")), "    absolute: 1e-8 rad\n", "") +
+           "    reference: {recorded: reference.h5, every: 20}\n";
+  golden = replaced(golden, "class: integration", "class: same bits");
+  add("one", golden);
+  add("two", golden);
+  const Finished before = regress();
+  EXPECT_EQ(before.exit_code, 2);
+  EXPECT_TRUE(has(before.err, "--update one --why")) << before.err;
+  EXPECT_EQ(regress({"--update", "one"}).exit_code, 2) << "without a reason";
+  const Finished update = regress({"--update", "one", "--why", "the first \"record\""});
+  EXPECT_EQ(update.exit_code, 0) << update.out << update.err;
+  EXPECT_TRUE(fs::exists(dir_ / "one/reference.h5"));
+  EXPECT_FALSE(fs::exists(dir_ / "two/reference.h5"));
+  EXPECT_TRUE(has(file_text(dir_ / "one/golden.yaml"), "why: \"the first \\\"record\\\"\"")) << file_text(dir_ / "one/golden.yaml");
+  EXPECT_EQ(regress({"--only", "one"}).exit_code, 0) << "the same bits again";
+  EXPECT_EQ(regress({"--update", "two", "--update", "one", "--why", "both"}).exit_code, 0);
+  EXPECT_TRUE(has(file_text(dir_ / "one/golden.yaml"), "why: \"both\"\n"));
+  fs::resize_file(dir_ / "one/reference.h5", 1000);
+  const Finished cut = regress();
+  EXPECT_EQ(cut.exit_code, 2);
+  EXPECT_TRUE(has(cut.err, "one/reference.h5")) << cut.err;
+}
+
+TEST_F(Regress, TruthsFromElsewhereAreNeverRewritten) {
+  add("swing", printed());
+  const Finished run = regress({"--update", "swing", "--why", "it fails"});
+  EXPECT_EQ(run.exit_code, 2) << run.out;
+  EXPECT_TRUE(has(run.err, "edited by hand")) << run.err;
+  EXPECT_EQ(file_text(dir_ / "swing/golden.yaml"), printed());
+}
+
+TEST_F(Regress, ARunThatEndsBadlyIsAFailedRowAndTheOthersGoOn) {
+  add("right", printed());
+  add("long", printed() + "limits: {time: 1 s}\n");
+  write(dir_ / "long/scenario.lua", replaced(file_text(dir_ / "long/scenario.lua"), "\"4 s\"", "\"1e6 s\""));
+  add("large", printed() + "limits: {memory: 300 MiB}\n");
+  write(dir_ / "large/scenario.lua", "local t = {} for i = 1, 1e9 do t[i] = { i } end\n");
+  add("wrong", printed());
+  write(dir_ / "wrong/scenario.lua", "local p = parametres {}\n");
+  add("failed", printed());
+  write(dir_ / "failed/scenario.lua",
+        file_text(dir_ / "failed/scenario.lua") + "controller { name = \"x\", rate = \"1 Hz\", step = function() error(\"no\") end }\n");
+  const Finished run = regress({"-j", "2"});
+  EXPECT_EQ(run.exit_code, 1) << run.err;
+  EXPECT_TRUE(has(run.out, "1 of 5 scenarios pass")) << run.out;
+  json ended;
+  const json all = results();
+  for (const json& s : all["scenarios"]) ended[s["name"]] = s;
+  EXPECT_EQ(ended["right"]["verdict"], "pass");
+  EXPECT_EQ(ended["long"]["ended"], "out of time") << ended["long"].dump(1);
+  EXPECT_EQ(ended["wrong"]["exit_code"], 2);
+  EXPECT_TRUE(has(ended["wrong"]["text"], "scenario.lua:1")) << ended["wrong"].dump(1);
+  EXPECT_EQ(ended["failed"]["exit_code"], 3);
+  EXPECT_TRUE(has(ended["failed"]["text"], "N0303")) << ended["failed"].dump(1);
+  EXPECT_EQ(ended["large"]["verdict"], "fail") << ended["large"].dump(1);
+}
+
+TEST_F(Regress, ShardsTogetherAreAll) {
+  for (const char* name : {"a", "b", "c"}) add(name, printed());
+  std::vector<std::string> names;
+  for (const char* shard : {"1/2", "2/2"}) {
+    EXPECT_EQ(regress({"--shard", shard}).exit_code, 0);
+    const json all = results();
+    for (const json& s : all["scenarios"]) names.push_back(s["name"]);
+  }
+  std::sort(names.begin(), names.end());
+  EXPECT_EQ(names, (std::vector<std::string>{"a", "b", "c"}));
+  for (const char* wrong : {"0/2", "3/2", "2", "a/b", "1/2x"}) EXPECT_EQ(regress({"--shard", wrong}).exit_code, 2) << wrong;
+}
+
+TEST_F(Regress, SaysWhatIsWrongWithTheCommandLine) {
+  EXPECT_EQ(regress().exit_code, 2) << "no golden file";
+  add("swing", printed());
+  const Finished run = regress({"--only", "swign"});
+  EXPECT_EQ(run.exit_code, 2);
+  EXPECT_TRUE(has(run.err, "did you mean \"swing\"?")) << run.err;
+  EXPECT_EQ(run_program({"regress", "nowhere"}, dir_.path()).exit_code, 2);
+}
+
+}  // namespace
+}  // namespace cardan
