@@ -21,6 +21,7 @@ void add_check(CLI::App&, CommandLine&);
 void add_describe(CLI::App&, CommandLine&);
 void add_report(CLI::App&, CommandLine&);
 void add_regress(CLI::App&, CommandLine&);
+void add_diff(CLI::App&, CommandLine&);
 void add_workbench(CLI::App&, CommandLine&);
 void add_modes(CLI::App&, CommandLine&);
 void add_types(CLI::App&, CommandLine&);

@@ -246,5 +246,56 @@ TEST_F(Regress, SaysWhatIsWrongWithTheCommandLine) {
   EXPECT_EQ(run_program({"regress", "nowhere"}, dir_.path()).exit_code, 2);
 }
 
+class Diff : public Regress {
+ protected:
+  void run(const std::string& out, std::vector<std::string> more = {}) {
+    more.insert(more.begin(), {"run", CARDAN_SOURCE_DIR "/tests/scripts/missions/pendulum", "--out", dir_ / out, "--quiet"});
+    run_program(more, dir_.path());
+  }
+  Finished diff(std::vector<std::string> more) {
+    more.insert(more.begin(), "diff");
+    return run_program(more, dir_.path());
+  }
+};
+
+TEST_F(Diff, TheSameRunTwiceIsTheSame) {
+  run("a"), run("b");
+  const Finished same = diff({"a", "b/run.h5"});
+  EXPECT_EQ(same.exit_code, 0) << same.out << same.err;
+  EXPECT_TRUE(same.out.ends_with("the same\n")) << same.out;
+}
+
+TEST_F(Diff, TellsWhatDiffersWhereAndByHowMuch) {
+  run("a"), run("b", {"--set", "start=30.0001 deg"});
+  const Finished bits = diff({"a", "b", "--json", "d.json"});
+  EXPECT_EQ(bits.exit_code, 1) << bits.err;
+  EXPECT_TRUE(has(bits.out, "FAIL  hinges/rod/angle angle")) << bits.out;
+  const json all = json::parse(file_text(dir_ / "d.json"));
+  const auto angle =
+      std::find_if(all["components"].begin(), all["components"].end(), [](const json& c) { return c["channel"] == "hinges/rod/angle"; });
+  EXPECT_GT((*angle)["difference"], 1.7e-6);  // 1e-4 deg at the start
+  EXPECT_EQ((*angle)["verdict"], "fail");
+  EXPECT_EQ(diff({"a", "b", "--relative", "0.1"}).exit_code, 1) << "balances are round-off, which another run has otherwise";
+}
+
+TEST_F(Diff, OfOtherTimesIsToldClearly) {
+  run("a"), run("b", {"--until", "2"});
+  const Finished d = diff({"a", "b"});
+  EXPECT_EQ(d.exit_code, 1);
+  EXPECT_TRUE(has(d.out, "the times differ: 81 rows of a/run.h5, 41 rows of b/run.h5; compared at the 41 that both have")) << d.out;
+  EXPECT_EQ(diff({"a", "b", "--common-times"}).exit_code, 0) << "until then they are the same";
+}
+
+TEST_F(Diff, RefusesWhatIsNoResults) {
+  run("a");
+  EXPECT_EQ(diff({"a", "nothing"}).exit_code, 2);
+  fs::create_directory(dir_ / "b");
+  fs::copy(dir_ / "a/run.h5", dir_ / "b/run.h5");
+  fs::resize_file(dir_ / "b/run.h5", 20000);
+  const Finished cut = diff({"a", "b"});
+  EXPECT_EQ(cut.exit_code, 2) << cut.out;
+  EXPECT_TRUE(has(cut.err, "b/run.h5")) << cut.err;
+}
+
 }  // namespace
 }  // namespace cardan
