@@ -110,6 +110,9 @@ int run(double seconds, const std::string& plugin) {
   };
   for (const auto& [family, origin] : registry.devices.all())
     row(fmt::format("{} {}", kTen, family->type), with(bm.spec, *bare, *family, kTen), kTen);
+  SystemSpec creeping = with(bm.spec, *bare, *registry.device("lugre_friction"), kTen);
+  for (DeviceSpec& d : creeping.devices) d.params["breakaway"] = {2.0, {}}, d.params["stribeck_rate"] = {1.0, {}};
+  row(fmt::format("{} lugre_friction that creep", kTen), creeping, kTen);  // the exponential of their law does not vanish
   const SystemSpec several = with(with(bm.spec, *bare, *registry.device("lugre_friction"), 10), *bare, *registry.device("thruster"), 4);
   const double ratio = row("10 lugre_friction, 4 thruster", several, 14);
   RightHandSides acting(several, registry, bm.states);

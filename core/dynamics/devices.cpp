@@ -19,23 +19,30 @@ constexpr int kMotion = sizeof(cardan_mount_motion) / sizeof(double), kLoad = si
 double* numbers(cardan_mount_motion& m) { return reinterpret_cast<double*>(&m); }
 const double* numbers(const cardan_mount_motion& m) { return reinterpret_cast<const double*>(&m); }
 double* numbers(cardan_mount_load& l) { return reinterpret_cast<double*>(&l); }
-const double* numbers(const cardan_mount_load& l) { return reinterpret_cast<const double*>(&l); }
 
-/// put(number of cardan_mount_motion, value): as a mount moves.
-template <class T, class Put>
-void motion_of(const Model& model, const soa::Workspace<T>& ws, const soa::Inputs<T>& in, const DeviceMount& m, const Put& put) {
-  if (m.node < 0) {
-    put(18, m.q >= 0 ? in.q[m.q] : T(0.0));
-    put(19, in.v[m.v]);
-    return;
+/// put(mount, number of cardan_mount_motion, value): as these mounts move.
+template <class T, class Mounts, class Put>
+void hinge_motion_of(const soa::Inputs<T>& in, const Mounts& mounts, const Put& put) {
+  for (const auto& m : mounts.hinges) put(m.mount, 18, m.q >= 0 ? in.q[m.q] : T(0.0)), put(m.mount, 19, in.v[m.v]);
+}
+template <class T, class Mounts, class Put>
+void motion_of(const Model& model, const soa::Workspace<T>& ws, const soa::Inputs<T>& in, const Mounts& mounts, const Put& put) {
+  hinge_motion_of(in, mounts, put);
+  for (const auto& m : mounts.nodes) {
+    const NodeMotion<T> n = node_motion<T>(model, ws, in, m.node, nullptr);
+    const Mat3<T>& R = n.R_WN;
+    const T all[18] = {R.xx,           R.xy,           R.xz,           R.yx,           R.yy,           R.yz,
+                       R.zx,           R.zy,           R.zz,           n.position.x,   n.position.y,   n.position.z,
+                       n.velocity.w.x, n.velocity.w.y, n.velocity.w.z, n.velocity.v.x, n.velocity.v.y, n.velocity.v.z};
+    for (int i = 0; i < 18; ++i) put(m.mount, i, all[i]);
   }
-  if ((m.use & (CARDAN_USE_POSE | CARDAN_USE_VELOCITY)) == 0) return;
-  const NodeMotion<T> n = node_motion<T>(model, ws, in, m.node, nullptr);
-  const Mat3<T>& R = n.R_WN;
-  const T all[18] = {R.xx,           R.xy,           R.xz,           R.yx,           R.yy,           R.yz,
-                     R.zx,           R.zy,           R.zz,           n.position.x,   n.position.y,   n.position.z,
-                     n.velocity.w.x, n.velocity.w.y, n.velocity.w.z, n.velocity.v.x, n.velocity.v.y, n.velocity.v.z};
-  for (int i = 0; i < 18; ++i) put(i, all[i]);
+}
+
+auto into(std::vector<cardan_mount_motion>& motions) {
+  return [to = motions.data()](int mount, int i, double x) { numbers(to[mount])[i] = x; };
+}
+auto rates_into(std::vector<cardan_mount_motion>& motions) {
+  return [to = motions.data()](int mount, int i, const Tangent& x) { numbers(to[mount])[i] = x.d; };
 }
 
 }  // namespace
@@ -43,71 +50,143 @@ void motion_of(const Model& model, const soa::Workspace<T>& ws, const soa::Input
 DeviceForces::DeviceForces(const Model& model) : commands(model.devices.in0), model_(model) {
   const Devices& all = model.devices;
   const auto at = [](int n) { return static_cast<std::size_t>(n); };
-  motions_.resize(at(all.n_mounts)), loads_.resize(at(all.n_mounts));
-  in_ = commands, out_.resize(at(all.n_out)), zdot_.resize(at(all.n_z)), z_.resize(at(all.n_z)), marks_.resize(at(all.n_marks));
-  delivered_.resize(all.all.size()), lost_.resize(all.all.size());
-  for (const int i : all.first) (all.all[i].acts ? first_ : others_).push_back(i);
-  for (const int i : all.order) (all.all[i].acts ? acting_ : others_).push_back(i);
+  motions_.resize(at(all.n_mounts)), in_ = commands, z_.resize(at(all.n_z)), marks_.resize(at(all.n_marks));
+  effects_.resize(at(all.n_mounts * kLoad + all.n_z + all.n_out));
+  loads_ = reinterpret_cast<cardan_mount_load*>(effects_.data());
+  zdot_ = effects_.data() + all.n_mounts * kLoad, out_ = zdot_ + all.n_z;
+  std::vector<int> begins;  // of the connected inputs of a device
+  for (const Device& d : all.all) {
+    args_.push_back({sizeof(cardan_device_args), 0.0, d.packed.data(), in_.data() + d.in, motions_.data() + d.mount, z_.data() + d.z,
+                     marks_.data() + d.mark});
+    outs_.push_back({zdot_ + d.z, out_ + d.out, loads_ + d.mount, 0.0, 0.0});
+    begins.push_back(static_cast<int>(given_.size()));
+    for (int i = d.in; i < d.in + d.n_in; ++i)
+      if (all.from[i] < 0)
+        commanded_.push_back(i);
+      else
+        given_.push_back({i, all.from[i]});
+    for (std::size_t i = 0; i < d.mounts.size(); ++i) {
+      const DeviceMount& m = d.mounts[i];
+      const int mount = d.mount + static_cast<int>(i);
+      Mounts& read = d.acts && (m.use & CARDAN_USE_ACCELERATION) == 0 ? in_steps_ : between_;
+      const bool pushes = (m.use & CARDAN_USE_LOAD) != 0;
+      if (m.node < 0) read.hinges.push_back({mount, m.q, m.v});
+      if (m.node < 0 && pushes) pushed_.hinges.push_back({mount, m.q, m.v});
+      if (m.node >= 0 && (m.use & (CARDAN_USE_POSE | CARDAN_USE_VELOCITY)) != 0) read.nodes.push_back({mount, m.node, m.load});
+      if (m.node >= 0 && pushes) pushed_.nodes.push_back({mount, m.node, m.load});
+    }
+  }
+  begins.push_back(static_cast<int>(given_.size()));
+  const auto call = [&](int i) { return Call{all.all[i].family->evaluate, i, {begins[i], begins[i + 1]}}; };
+  for (const int i : all.first) (all.all[i].acts ? first_ : others_).push_back(call(i));
+  for (const int i : all.order) (all.all[i].acts ? acting_ : others_).push_back(call(i));
+  const auto add = [this](bool acts, int begin, int n) {
+    std::vector<Range>& to = acts ? acting_numbers_ : other_numbers_;
+    const auto before = std::ranges::find(to, begin, &Range::end);
+    if (before != to.end())
+      before->end += n;
+    else if (n > 0)
+      to.push_back({begin, begin + n});
+  };
+  for (const Device& d : all.all) {
+    add(d.acts, d.mount * kLoad, static_cast<int>(d.mounts.size()) * kLoad);
+    add(d.acts, all.n_mounts * kLoad + d.z, static_cast<int>(d.family->n_states));
+    add(d.acts, all.n_mounts * kLoad + all.n_z + d.out, d.n_out);
+  }
 }
 
-void DeviceForces::look(Workspace& ws, const Inputs& in, bool acting) {
-  for (const Device& d : model_.devices.all)
-    for (std::size_t i = 0; i < d.mounts.size(); ++i) {
-      const bool in_steps = d.acts && (d.mounts[i].use & CARDAN_USE_ACCELERATION) == 0;
-      if (in_steps != acting) continue;
-      double* to = numbers(motions_[d.mount + i]);
-      motion_of<double>(model_, ws, in, d.mounts[i], [&](int at, double x) { to[at] = x; });
-    }
+DeviceForces::DeviceForces(const DeviceForces& other) : DeviceForces(other.model_) {
+  commands = other.commands, motions_ = other.motions_, in_ = other.in_, z_ = other.z_, marks_ = other.marks_, effects_ = other.effects_;
+  for (std::size_t k = 0; k < args_.size(); ++k) {
+    args_[k].t = other.args_[k].t;
+    outs_[k].delivered = other.outs_[k].delivered, outs_[k].lost = other.outs_[k].lost;
+  }
 }
 
 void DeviceForces::set(const DeviceState<double>& state) {
   state_ = state;
   std::copy_n(state.z, z_.size(), z_.begin());
   std::copy_n(state.marks, marks_.size(), marks_.begin());
+  for (cardan_device_args& a : args_) a.t = state.t;
 }
 
 void DeviceForces::look_at(const DeviceForces& known, Workspace* ws, const Inputs& in) {
-  in_ = known.in_;
-  if (ws) {
-    const soa::Sweeps<double>& S = soa::sweeps<double>();
-    ws->articulated = false;
-    S.ground(model_, *ws, in);
-    for (const Op& op : model_.program) {
-      if (op.code == OpCode::devices) break;
-      if (op.code != OpCode::elastic && op.code != OpCode::central_gravity) soa::run_op<double>(model_, op, S, *ws, in, nullptr);
-    }
-    return look(*ws, in, true);
+  std::ranges::copy(known.in_, in_.begin());
+  if (!ws) return hinge_motion_of(in, in_steps_, into(motions_));
+  const soa::Sweeps<double>& S = soa::sweeps<double>();
+  ws->articulated = false;
+  S.ground(model_, *ws, in);
+  for (const Op& op : model_.program) {
+    if (op.code == OpCode::devices) break;
+    if (op.code != OpCode::elastic && op.code != OpCode::central_gravity) soa::run_op<double>(model_, op, S, *ws, in, nullptr);
   }
-  for (const Device& d : model_.devices.all)
-    for (std::size_t i = 0; i < d.mounts.size(); ++i) {
-      const DeviceMount& m = d.mounts[i];
-      if (m.node < 0) motions_[d.mount + i].q = m.q >= 0 ? in.q[m.q] : 0.0, motions_[d.mount + i].v = in.v[m.v];
-    }
+  motion_of(model_, *ws, in, in_steps_, into(motions_));
 }
 
-void DeviceForces::take_inputs(const Device& d) {
-  for (int i = d.in; i < d.in + d.n_in; ++i) in_[i] = model_.devices.from[i] < 0 ? commands[i] : out_[model_.devices.from[i]];
+void DeviceForces::zero(const std::vector<Range>& numbers) {
+  for (const Range& r : numbers) std::fill(effects_.begin() + r.begin, effects_.begin() + r.end, 0.0);
 }
 
-cardan_device_args DeviceForces::args(const Device& d) const {
-  return {sizeof(cardan_device_args), state_.t,        d.packed.data(),       in_.data() + d.in,
-          motions_.data() + d.mount,  z_.data() + d.z, marks_.data() + d.mark};
-}
-
-bool DeviceForces::evaluate(int index) {
+void DeviceForces::zero(int index) {
   const Device& d = model_.devices.all[index];
-  take_inputs(d);
-  for (std::size_t i = 0; i < d.mounts.size(); ++i) loads_[d.mount + i] = {};
-  for (std::uint32_t i = 0; i < d.family->n_states; ++i) zdot_[d.z + i] = 0.0;
-  for (int i = 0; i < d.n_out; ++i) out_[d.out + i] = 0.0;
-  const cardan_device_args at = args(d);
-  cardan_device_out out{zdot_.data() + d.z, out_.data() + d.out, loads_.data() + d.mount, 0.0, 0.0};
-  if (const int code = d.family->evaluate(&at, &out); code != 0) {
-    fault_ = {index, fmt::format("evaluate returned {}", code)};
-    return false;
+  std::fill_n(loads_ + d.mount, d.mounts.size(), cardan_mount_load{});
+  std::fill_n(zdot_ + d.z, d.family->n_states, 0.0);
+  std::fill_n(out_ + d.out, d.n_out, 0.0);
+}
+
+/// In this order; what they fill is zero.
+bool DeviceForces::evaluate(const std::vector<Call>& calls, const std::vector<Range>& numbers) {
+  for (const int i : commanded_) in_[i] = commands[i];
+  double power = 0.0;  // NaN and infinity stay NaN when they are multiplied by zero and added
+  for (const Call& c : calls) {
+    for (int k = c.given.begin; k < c.given.end; ++k) in_[given_[k].first] = out_[given_[k].second];
+    if (!first_.empty()) zero(c.device);  // what it gave before all others was there until now
+    cardan_device_out& out = outs_[c.device];
+    out.delivered = out.lost = 0.0;
+    if (const int code = c.evaluate(&args_[c.device], &out); code != 0) {
+      for (const Call* before = calls.data(); before != &c; ++before)
+        if (!expect_finite(before->device)) return false;  // what the one that refuses may have been given
+      fault_ = {c.device, fmt::format("evaluate returned {}", code)};
+      return false;
+    }
+    power += 0.0 * out.delivered + 0.0 * out.lost;
   }
-  delivered_[index] = out.delivered, lost_[index] = out.lost;
-  return expect_finite(index);
+  const auto finite = [this](const Range& r) { return all_finite(effects_.data() + r.begin, r.end - r.begin); };
+  if (power == 0.0 && std::ranges::all_of(numbers, finite)) return true;
+  return std::ranges::all_of(calls, [this](const Call& c) { return expect_finite(c.device); });
+}
+
+bool DeviceForces::evaluate_acting() {
+  fault_.device = -1;
+  zero(acting_numbers_);
+  return evaluate(first_, {}) && evaluate(acting_, acting_numbers_);
+}
+
+bool DeviceForces::evaluate_others() {
+  zero(other_numbers_);
+  return evaluate(others_, other_numbers_);
+}
+
+bool DeviceForces::evaluate() { return evaluate_acting() && evaluate_others(); }
+
+bool DeviceForces::complete(Workspace& ws, const Inputs& in) {
+  motion_of(model_, ws, in, between_, into(motions_));
+  return evaluate_others();
+}
+
+bool DeviceForces::act(Workspace& ws, const Inputs& in) {
+  motion_of(model_, ws, in, in_steps_, into(motions_));
+  if (!evaluate_acting()) return false;
+  for (const NodeMount& m : pushed_.nodes) {
+    const cardan_mount_load& l = loads_[m.mount];
+    state_.wrenches[m.load].f = {{l.moment[0], l.moment[1], l.moment[2]}, {l.force[0], l.force[1], l.force[2]}};
+  }
+  add_hinge_forces(state_.tau);
+  return true;
+}
+
+void DeviceForces::add_hinge_forces(double* tau) const {
+  for (const HingeMount& m : pushed_.hinges) tau[m.v] += loads_[m.mount].tau;
 }
 
 bool DeviceForces::expect_finite(int index) {
@@ -115,8 +194,8 @@ bool DeviceForces::expect_finite(int index) {
   const auto n_loads = static_cast<int>(d.mounts.size()) * kLoad;
   const auto n_z = static_cast<int>(d.family->n_states);
   const double* loads = d.mounts.empty() ? nullptr : numbers(loads_[d.mount]);
-  if (all_finite(zdot_.data() + d.z, n_z) && all_finite(out_.data() + d.out, d.n_out) && all_finite(loads, n_loads) &&
-      std::isfinite(delivered_[index]) && std::isfinite(lost_[index]))
+  if (all_finite(zdot_ + d.z, n_z) && all_finite(out_ + d.out, d.n_out) && all_finite(loads, n_loads) &&
+      std::isfinite(outs_[index].delivered) && std::isfinite(outs_[index].lost))
     return true;
   fault_ = {index, "its power is not finite"};
   const auto tell = [&](const double* x, int n, const auto& name) {
@@ -136,52 +215,16 @@ bool DeviceForces::expect_finite(int index) {
                                        : "force of the hinge",
                        d.family->mounts[i / kLoad].name);
   };
-  if (!tell(loads, n_loads, load) && !tell(out_.data() + d.out, d.n_out, port))
-    tell(zdot_.data() + d.z, n_z, [&](int i) { return fmt::format("rate of {}", d.family->states[i].name); });
+  if (!tell(loads, n_loads, load) && !tell(out_ + d.out, d.n_out, port))
+    tell(zdot_ + d.z, n_z, [&](int i) { return fmt::format("rate of {}", d.family->states[i].name); });
   return false;
-}
-
-bool DeviceForces::evaluate() {
-  fault_.device = -1;
-  const auto good = [this](int i) { return evaluate(i); };
-  return std::ranges::all_of(first_, good) && std::ranges::all_of(acting_, good) && std::ranges::all_of(others_, good);
-}
-
-bool DeviceForces::complete(Workspace& ws, const Inputs& in) {
-  look(ws, in, false);
-  return std::ranges::all_of(others_, [this](int i) { return evaluate(i); });
-}
-
-bool DeviceForces::act(Workspace& ws, const Inputs& in) {
-  look(ws, in, true);
-  fault_.device = -1;
-  const auto good = [this](int i) { return evaluate(i); };
-  if (!std::ranges::all_of(first_, good) || !std::ranges::all_of(acting_, good)) return false;
-  for (const Device& d : model_.devices.all)
-    for (std::size_t i = 0; i < d.mounts.size(); ++i) {
-      const DeviceMount& m = d.mounts[i];
-      const cardan_mount_load& l = loads_[d.mount + i];
-      if ((m.use & CARDAN_USE_LOAD) == 0) continue;
-      if (m.node >= 0)
-        state_.wrenches[m.load].f = {{l.moment[0], l.moment[1], l.moment[2]}, {l.force[0], l.force[1], l.force[2]}};
-      else
-        state_.tau[m.v] += l.tau;
-    }
-  return true;
-}
-
-void DeviceForces::add_hinge_forces(double* tau) const {
-  for (const Device& d : model_.devices.all)
-    for (std::size_t i = 0; i < d.mounts.size(); ++i)
-      if (d.mounts[i].node < 0 && (d.mounts[i].use & CARDAN_USE_LOAD) != 0) tau[d.mounts[i].v] += loads_[d.mount + i].tau;
 }
 
 double DeviceForces::energy() const {
   double sum = 0.0;
-  for (const Device& d : model_.devices.all) {
-    if ((d.family->facts & CARDAN_FACT_ENERGY) == 0) continue;
-    const cardan_device_args at = args(d);
-    sum += d.family->energy(&at);
+  for (std::size_t k = 0; k < args_.size(); ++k) {
+    const cardan_device_family& family = *model_.devices.all[k].family;
+    if ((family.facts & CARDAN_FACT_ENERGY) != 0) sum += family.energy(&args_[k]);
   }
   return sum;
 }
@@ -191,7 +234,7 @@ double DeviceForces::unseen_power() const {
   for (std::size_t k = 0; k < model_.devices.all.size(); ++k) {
     const Device& d = model_.devices.all[k];
     if ((d.family->facts & CARDAN_FACT_ENERGY) == 0) continue;
-    sum += delivered_[k] - lost_[k];
+    sum += outs_[k].delivered - outs_[k].lost;
     for (std::size_t i = 0; i < d.mounts.size(); ++i) {
       if ((d.mounts[i].use & CARDAN_USE_LOAD) == 0) continue;
       const cardan_mount_motion& m = motions_[d.mount + i];
@@ -204,24 +247,21 @@ double DeviceForces::unseen_power() const {
 }
 
 void DeviceForces::roots(double* g) const {
-  for (const Device& d : model_.devices.all) {
-    if (d.family->n_roots == 0) continue;
-    const cardan_device_args at = args(d);
-    d.family->roots(&at, g + d.root);
+  for (std::size_t k = 0; k < args_.size(); ++k) {
+    const Device& d = model_.devices.all[k];
+    if (d.family->n_roots > 0) d.family->roots(&args_[k], g + d.root);
   }
 }
 
 void DeviceForces::event(int device, std::uint32_t root, int direction, double* z, double* marks) const {
   const Device& d = model_.devices.all[device];
   if (!d.family->event) return;
-  const cardan_device_args at = args(d);
-  d.family->event(&at, root, direction, z + d.z, marks + d.mark);
+  d.family->event(&args_[device], root, direction, z + d.z, marks + d.mark);
 }
 
 bool DeviceForces::tick(int index, double period, const double* noise, double* z, double* marks) {
   const Device& d = model_.devices.all[index];
-  const cardan_device_args at = args(d);
-  const int code = d.family->tick(&at, period, noise, z + d.z, marks + d.mark);
+  const int code = d.family->tick(&args_[index], period, noise, z + d.z, marks + d.mark);
   for (std::size_t i = 0; i < d.mounts.size(); ++i) {
     cardan_mount_motion& m = motions_[d.mount + i];
     std::fill_n(m.alpha, 3, 0.0), std::fill_n(m.specific_force, 3, 0.0);
@@ -241,14 +281,15 @@ bool DeviceForces::tick(int index, double period, const double* noise, double* z
 }
 
 std::size_t DeviceForces::bytes() const {
-  return sizeof *this + motions_.size() * sizeof motions_[0] + loads_.size() * sizeof loads_[0] +
-         (commands.size() + in_.size() + out_.size() + zdot_.size() + delivered_.size() + lost_.size()) * sizeof(double);
+  return sizeof *this + motions_.size() * sizeof motions_[0] + args_.size() * (sizeof args_[0] + sizeof outs_[0]) +
+         (commands.size() + in_.size() + z_.size() + marks_.size() + effects_.size()) * sizeof(double);
 }
 
 DeviceTangents::DeviceTangents(const Model& model, const DeviceForces& base) : model_(model), base_(base) {
-  motions_.resize(base.motions_.size()), loads_.resize(base.loads_.size());
-  commands.resize(base.in_.size()), in_.resize(base.in_.size()), out_.resize(base.out_.size()), zdot_.resize(base.zdot_.size()),
-      dz_.resize(base.zdot_.size());
+  const auto at = [](int n) { return static_cast<std::size_t>(n); };
+  motions_.resize(base.motions_.size()), loads_.resize(base.motions_.size());
+  commands.resize(base.in_.size()), in_.resize(base.in_.size()), out_.resize(at(model.devices.n_out));
+  zdot_.resize(at(model.devices.n_z)), dz_.resize(at(model.devices.n_z));
 }
 
 void DeviceTangents::take_inputs(const Device& d) {
@@ -256,11 +297,12 @@ void DeviceTangents::take_inputs(const Device& d) {
 }
 
 /// With the rates of its mounts, inputs and states as they are.
-bool DeviceTangents::differentiate(const Device& d) {
+bool DeviceTangents::differentiate(int index) {
+  const Device& d = model_.devices.all[index];
   std::memset(loads_.data() + d.mount, 0, d.mounts.size() * sizeof(cardan_mount_load));
   std::fill_n(zdot_.begin() + d.z, d.family->n_states, 0.0);
   std::fill_n(out_.begin() + d.out, d.n_out, 0.0);
-  const cardan_device_args at = base_.args(d);
+  const cardan_device_args at = base_.args_[index];
   cardan_device_args along = at;
   along.in = in_.data() + d.in, along.mount = motions_.data() + d.mount, along.z = dz_.data() + d.z;
   cardan_device_out out{zdot_.data() + d.z, out_.data() + d.out, loads_.data() + d.mount, 0.0, 0.0};
@@ -305,43 +347,29 @@ bool DeviceTangents::by_differences(const Device& d, const cardan_device_args& a
   return good;
 }
 
-void DeviceTangents::look(const soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in, bool acting) {
-  for (const Device& d : model_.devices.all)
-    for (std::size_t i = 0; i < d.mounts.size(); ++i) {
-      const bool in_steps = d.acts && (d.mounts[i].use & CARDAN_USE_ACCELERATION) == 0;
-      if (in_steps != acting) continue;
-      double* to = numbers(motions_[d.mount + i]);
-      motion_of<Tangent>(model_, ws, in, d.mounts[i], [&](int at, const Tangent& x) { to[at] = x.d; });
-    }
-}
-
 bool DeviceTangents::complete(soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in) {
-  look(ws, in, false);
-  return std::ranges::all_of(base_.others_, [this](int i) {
-    take_inputs(model_.devices.all[i]);
-    return differentiate(model_.devices.all[i]);
+  motion_of(model_, ws, in, base_.between_, rates_into(motions_));
+  return std::ranges::all_of(base_.others_, [this](const DeviceForces::Call& c) {
+    take_inputs(model_.devices.all[c.device]);
+    return differentiate(c.device);
   });
 }
 
 bool DeviceTangents::act(soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in) {
-  look(ws, in, true);
+  motion_of(model_, ws, in, base_.in_steps_, rates_into(motions_));
   for (int i = 0; i < model_.devices.n_z; ++i) dz_[i] = state_.z[i].d;
-  const auto good = [this](int i) {
-    take_inputs(model_.devices.all[i]);
-    return differentiate(model_.devices.all[i]);
+  const auto good = [this](const DeviceForces::Call& c) {
+    take_inputs(model_.devices.all[c.device]);
+    return differentiate(c.device);
   };
   if (!std::ranges::all_of(base_.first_, good) || !std::ranges::all_of(base_.acting_, good)) return false;
-  for (const Device& d : model_.devices.all)
-    for (std::size_t i = 0; i < d.mounts.size(); ++i) {
-      const DeviceMount& m = d.mounts[i];
-      if ((m.use & CARDAN_USE_LOAD) == 0) continue;
-      const double *x = numbers(base_.loads_[d.mount + i]), *dx = numbers(loads_[d.mount + i]);
-      const auto both = [&](int j) { return Tangent(x[j], dx[j]); };
-      if (m.node >= 0)
-        state_.wrenches[m.load].f = {{both(0), both(1), both(2)}, {both(3), both(4), both(5)}};
-      else
-        state_.tau[m.v].d += dx[6];  // its value is in the base's tau
-    }
+  for (const DeviceForces::NodeMount& m : base_.pushed_.nodes) {
+    const double *x = numbers(base_.loads_[m.mount]), *dx = numbers(loads_[m.mount]);
+    const auto both = [&](int j) { return Tangent(x[j], dx[j]); };
+    state_.wrenches[m.load].f = {{both(0), both(1), both(2)}, {both(3), both(4), both(5)}};
+  }
+  for (const DeviceForces::HingeMount& m : base_.pushed_.hinges)
+    state_.tau[m.v].d += loads_[m.mount].tau;  // its value is in the base's tau
   return true;
 }
 
@@ -353,7 +381,7 @@ void DeviceTangents::state_matrix(int index, double* J) {
   for (std::uint32_t j = 0; j < n; ++j) {
     std::fill_n(dz_.begin() + d.z, n, 0.0);
     dz_[d.z + j] = 1.0;
-    differentiate(d);
+    differentiate(index);
     std::copy_n(zdot_.begin() + d.z, n, J + j * n);
   }
 }

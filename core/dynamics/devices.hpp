@@ -2,6 +2,7 @@
 // The devices of a model in a right-hand side: how their mounts move, what they push with, z', and what their ports give.
 // docs/mathematics/devices.md.
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "core/dynamics/forward.hpp"
@@ -29,6 +30,8 @@ struct DeviceFault {
 class DeviceForces : public StateLoads<double> {
  public:
   explicit DeviceForces(const Model& model);
+  DeviceForces(const DeviceForces& other);  // with what its last evaluation found
+  DeviceForces& operator=(const DeviceForces&) = delete;
 
   /// Of inputs that are commanded, device by device; those of connected ones are not read. SI.
   std::vector<double> commands;
@@ -44,7 +47,7 @@ class DeviceForces : public StateLoads<double> {
   bool evaluate();
 
   // Of the last evaluation
-  const double* zdot() const { return zdot_.data(); }  ///< Devices::n_z numbers [unit of the state / s]
+  const double* zdot() const { return zdot_; }  ///< Devices::n_z numbers [unit of the state / s]
   double state(int i) const { return z_[i]; }
   double output(int i) const { return out_[i]; }
   double input(int i) const { return in_[i]; }
@@ -68,19 +71,46 @@ class DeviceForces : public StateLoads<double> {
 
  private:
   friend class DeviceTangents;
-  void look(Workspace& ws, const Inputs& in, bool acting);
-  void take_inputs(const Device& d);
-  bool evaluate(int device);
-  cardan_device_args args(const Device& d) const;
+  /// Where a number of a mount comes from or goes to, so that a step asks nothing of the model.
+  struct HingeMount {
+    int mount, q, v;  // q < 0: it has no coordinate of its own
+  };
+  struct NodeMount {
+    int mount, node, load;  // load: index of its wrench
+  };
+  struct Mounts {
+    std::vector<HingeMount> hinges;
+    std::vector<NodeMount> nodes;
+  };
+  struct Range {
+    int begin, end;
+  };
+  struct Call {
+    int (*evaluate)(const cardan_device_args*, cardan_device_out*);
+    int device;
+    Range given;  // in given_
+  };
+  bool evaluate_acting();
+  bool evaluate_others();
+  bool evaluate(const std::vector<Call>& calls, const std::vector<Range>& numbers);
+  void zero(const std::vector<Range>& numbers);
+  void zero(int device);
   bool expect_finite(int device);
 
   const Model& model_;
   DeviceState<double> state_;
-  std::vector<int> first_, acting_, others_;  // devices in the order of evaluation
+  std::vector<Call> first_, acting_, others_;  // in the order of evaluation
+  Mounts in_steps_, between_, pushed_;         // mounts that are read in steps, between them alone; that devices push at
   std::vector<cardan_mount_motion> motions_;
-  std::vector<cardan_mount_load> loads_;
-  std::vector<double> z_, marks_, in_, out_, zdot_;
-  std::vector<double> delivered_, lost_;  // [W] per device
+  std::vector<double> z_, marks_, in_;
+  std::vector<double> effects_;  // all that devices fill: loads, z', outputs; below: where they begin
+  cardan_mount_load* loads_ = nullptr;
+  double *zdot_ = nullptr, *out_ = nullptr;
+  std::vector<Range> acting_numbers_, other_numbers_;  // in effects_
+  std::vector<cardan_device_args> args_;               // per device
+  std::vector<cardan_device_out> outs_;
+  std::vector<std::pair<int, int>> given_;  // connected inputs, device by device, and the outputs they hang on
+  std::vector<int> commanded_;              // the other inputs
   DeviceFault fault_;
 };
 
@@ -101,9 +131,8 @@ class DeviceTangents : public StateLoads<soa::Tangent> {
   void state_matrix(int device, double* J);
 
  private:
-  void look(const soa::Workspace<soa::Tangent>& ws, const soa::Inputs<soa::Tangent>& in, bool acting);
   void take_inputs(const Device& d);
-  bool differentiate(const Device& d);
+  bool differentiate(int device);
   bool by_differences(const Device& d, const cardan_device_args& at, const cardan_device_args& along, cardan_device_out& out);
 
   const Model& model_;

@@ -309,7 +309,8 @@ class Compiler {
       m.runs.back().end = static_cast<int>(k) + 1;
     }
     // One batch per family that fills hinge records.
-    for (const auto& [family, origin] : registry_.hinges.all()) {
+    for (const auto& entry : registry_.hinges.all()) {
+      const cardan_hinge_family* const family = entry.family;
       DenseBatch batch{family, {}, {}, {}, m.n_dense};
       std::vector<char> bytes;
       const auto close = [&] {

@@ -1,5 +1,7 @@
 #include "core/sim/newton_operators.hpp"
 
+#include <Eigen/LU>
+
 #include <algorithm>
 
 #include "core/dynamics/forward.hpp"

@@ -43,7 +43,9 @@ struct LugreFriction {
   static void evaluate(const Packed& p, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
     using std::abs, std::exp;
     const T v = in.at[0].v, z = in.z[0], s = v * T(1.0 / p.stribeck_rate);
-    const T g = T(p.coulomb) + T(p.breakaway - p.coulomb) * exp(-(s * s));
+    constexpr double kNothing = 700.0;  // exp(-700) = 1e-304; libm is slow where it underflows, as it does in all fast sliding
+    T g = T(p.coulomb);
+    if (s * s < T(kNothing)) g = g + T(p.breakaway - p.coulomb) * exp(-(s * s));
     const T zdot = v - T(p.stiffness) * abs(v) / g * z;
     T damping = T(p.damping);
     if (p.fading_rate > 0.0) damping = damping * exp(-(v * v / T(p.fading_rate * p.fading_rate)));

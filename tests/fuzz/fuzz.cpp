@@ -72,7 +72,7 @@ void run(const std::string& name, const std::function<void(Random&, const Keep&)
   limit_this_process();
   const std::uint64_t count = number_of_environment("CARDAN_FUZZ_INPUTS", 0), first = number_of_environment("CARDAN_FUZZ_FIRST", 0);
   const auto start = std::chrono::steady_clock::now();
-  std::uint64_t good = 0, refused = 0, failed = 0, i = first;
+  std::uint64_t good = 0, refused = 0, failed = 0, not_made = 0, i = first;
   const auto on = [&] {
     return count > 0 ? i < first + count : std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() < kSeconds;
   };
@@ -92,6 +92,8 @@ void run(const std::string& name, const std::function<void(Random&, const Keep&)
     } catch (const NumericsError& e) {
       fault = fault_of(to_json(e.failure()));
       ++refused;
+    } catch (const NotMade&) {
+      ++not_made;
     } catch (const std::exception& e) {
       fault = fmt::format("neither success nor a typed error: {}", e.what());
     }
@@ -102,8 +104,10 @@ void run(const std::string& name, const std::function<void(Random&, const Keep&)
     write(kept, input);
     ADD_FAILURE() << "input " << i << " of " << name << ", kept in " << kept << ": " << fault;
   }
-  fmt::print("fuzz {}: {} inputs from {} on, {} taken, {} refused with a typed error, {} failed\n", name, i - first, first, good, refused,
+  fmt::print("fuzz {}: {} inputs from {} on, {} taken, {} refused with a typed error, {} failed", name, i - first, first, good, refused,
              failed);
+  if (not_made > 0) fmt::print(", {} could not be made", not_made);
+  fmt::print("\n");
   std::fflush(stdout);
 }
 

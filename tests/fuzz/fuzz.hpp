@@ -15,7 +15,8 @@ namespace cardan::fuzz {
 /// Numbers that follow from the index of an input.
 class Random {
  public:
-  explicit Random(std::uint64_t seed) : engine_(seed * 0x9E3779B97F4A7C15u + 1) {}
+  explicit Random(std::uint64_t index) : index_(index), engine_(index * 0x9E3779B97F4A7C15u + 1) {}
+  std::uint64_t index() const { return index_; }
   /// 0 ... n - 1; the same on every machine, unlike std::uniform_int_distribution.
   std::size_t below(std::size_t n) { return static_cast<std::size_t>(engine_() % n); }
   bool one_in(std::size_t n) { return below(n) == 0; }
@@ -25,8 +26,12 @@ class Random {
   }
 
  private:
+  std::uint64_t index_;
   std::mt19937_64 engine_;
 };
+
+/// Thrown by an attempt whose input could not be made. It is counted apart: nothing was tried.
+struct NotMade {};
 
 /// Runs `attempt(random, index)` for one input after another, for 10 s or as many as asked for. `attempt` makes its input from
 /// `random`, calls `keep` with what would show the failure again (a text, or the bytes of a file), and reads it.
