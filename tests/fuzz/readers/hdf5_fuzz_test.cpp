@@ -1,8 +1,10 @@
 // Readers of HDF5 files: modal files and results. Changed through the interface they are read in this process; with
 // flipped bytes, which can break HDF5 itself, by what users call.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <sys/resource.h>
+#include <sys/wait.h>
 
+#include <cstdio>
 #include <filesystem>
 #include <optional>
 
@@ -10,7 +12,6 @@
 #include "bodies/modal/modal_integrals.hpp"
 #include "bodies/modal/modal_source.hpp"
 #include "core/base/diagnostic.hpp"
-#include "core/io/bounded_child.hpp"
 #include "core/io/hdf5_file.hpp"
 #include "core/io/recorder.hpp"
 #include "core/io/summary.hpp"
@@ -86,13 +87,19 @@ const std::vector<std::string>& run_files() {
   return all;
 }
 
-/// Files changed through the interface of HDF5, made ahead in a process of their own: version 1.10 now and then loses its heap, or
-/// writes without end, while it makes one.
+/// Files changed through the interface of HDF5, made ahead by change_hdf5.
 class ChangedFiles {
  public:
-  ChangedFiles(const std::string& path, const std::vector<std::string>& seeds) : path_(path), seeds_(seeds) {}
+  ChangedFiles(const std::string& name, const std::vector<std::string>& seeds)
+      : command_(std::string("exec '") + CARDAN_CHANGE_HDF5 + "' '" + scratch(name + "_made.h5") + "' {} {}") {
+    for (std::size_t i = 0; i < seeds.size(); ++i) {
+      const std::string path = scratch(fmt::format("{}_seed_{}.h5", name, i));
+      fuzz::write(path, seeds[i]);
+      command_ += " '" + path + "'";
+    }
+  }
 
-  /// Bytes of the input `index`. Throws NotMade where the library failed.
+  /// Bytes of the input `index`. Throws NotMade where HDF5 failed.
   const std::string& of(std::uint64_t index) {
     if (index < first_ || index >= first_ + made_.size()) make_from(index);
     const std::optional<std::string>& bytes = made_[index - first_];
@@ -101,36 +108,25 @@ class ChangedFiles {
   }
 
  private:
-  static constexpr std::uint64_t kAtOnce = 200;
-  static constexpr std::uintmax_t kMostBytes = 16u << 20;
+  static constexpr std::uint64_t kAtOnce = 500;
 
   void make_from(std::uint64_t first) {
-    const ChildEnd end = run_in_child(
-        [&](const Say& say) {
-          const rlimit bytes{kMostBytes, kMostBytes};
-          setrlimit(RLIMIT_FSIZE, &bytes);
-          for (std::uint64_t i = first; i < first + kAtOnce; ++i) {
-            Random random(i);
-            fuzz::write(path_, random.of(seeds_));
-            fuzz::mutate_hdf5(path_, random);
-            ByteWriter file;
-            file.text(fuzz::content(path_));
-            say(file.take());
-          }
-        },
-        {.cpu_s = 60.0, .memory = std::size_t{4} << 30});
+    FILE* maker = ::popen(fmt::format(fmt::runtime(command_), first, kAtOnce).c_str(), "r");
+    if (!maker) throw std::runtime_error("change_hdf5 does not start");
     first_ = first;
     made_.clear();
-    for (ByteReader said(end.said); said.left() > 0;) try {
-        made_.emplace_back(said.text());
-      } catch (const std::out_of_range&) {
-        break;  // it died while it said this one
-      }
-    if (made_.size() < kAtOnce) made_.emplace_back();
+    std::uint64_t size = 0;
+    while (made_.size() < kAtOnce && std::fread(&size, sizeof size, 1, maker) == 1) {
+      std::string bytes(size, '\0');
+      if (std::fread(bytes.data(), 1, size, maker) != size) break;
+      made_.emplace_back(std::move(bytes));
+    }
+    const int status = ::pclose(maker);
+    if (WIFEXITED(status) && WEXITSTATUS(status) > 2) throw std::runtime_error("change_hdf5 does not start");  // 127 of the shell
+    if (made_.size() < kAtOnce) made_.emplace_back();                                                          // the one that it ended with
   }
 
-  const std::string path_;
-  const std::vector<std::string>& seeds_;
+  std::string command_;
   std::uint64_t first_ = 0;
   std::vector<std::optional<std::string>> made_;
 };
@@ -138,7 +134,7 @@ class ChangedFiles {
 template <class Read>
 void through_the_interface(const std::string& name, const std::vector<std::string>& seeds, const Read& read) {
   const std::string path = scratch(name + ".h5");
-  ChangedFiles files(path, seeds);
+  ChangedFiles files(name, seeds);
   fuzz::run(name, [&](Random& random, const Keep& keep) {
     const std::string& bytes = files.of(random.index());
     keep(bytes);
