@@ -20,7 +20,9 @@ namespace {
 
 /// `count` devices of this type on the nodes and hinges of the model, one after the other.
 SystemSpec with(SystemSpec spec, const Model& bare, const cardan_device_family& family, int count) {
-  std::vector<std::string> nodes, hinges;
+  std::vector<std::string> nodes, hinges, bodies;
+  for (const UserBody& u : bare.user)
+    if (u.n_modes == 0) bodies.push_back(u.name);
   for (const UserNode& n : bare.nodes) nodes.push_back(n.name);
   for (const UserBody& u : bare.user)
     if (u.nv == 1) hinges.push_back(u.name);
@@ -38,8 +40,8 @@ SystemSpec with(SystemSpec spec, const Model& bare, const cardan_device_family& 
     }
     if (std::string_view(family.type) == "tape_spring") d.params["steady_moment"] = {0.1, {}};
     for (std::uint32_t k = 0; k < family.n_mounts; ++k) {
-      const bool node = family.mounts[k].kind == CARDAN_MOUNT_NODE;
-      const auto& places = node ? nodes : hinges;
+      const std::uint32_t kind = family.mounts[k].kind;
+      const auto& places = kind == CARDAN_MOUNT_NODE ? nodes : kind == CARDAN_MOUNT_MASS ? bodies : hinges;
       d.mounts[family.mounts[k].name] = {places[(static_cast<std::size_t>(i) + 3 * k) % places.size()], {}};
     }
     if (family.tick) d.rate = 100.0;

@@ -17,16 +17,19 @@ extern "C" {
 #define CARDAN_KIND_DEVICE "device.draft1"
 
 enum cardan_mount_kind {
-  CARDAN_MOUNT_NODE = 0, /* a node of a body, or its origin */
-  CARDAN_MOUNT_HINGE = 1 /* one velocity component of a hinge, with its coordinate where it has one */
+  CARDAN_MOUNT_NODE = 0,  /* a node of a body, or its origin */
+  CARDAN_MOUNT_HINGE = 1, /* one velocity component of a hinge, with its coordinate where it has one */
+  CARDAN_MOUNT_MASS = 2   /* a rigid body that carries what `mass` tells, beside its own mass: read and pushed as the node at its origin.
+                             At most one */
 };
 
 /* What a device does at a node. What nobody reads is not computed. At a hinge all of it is there at no cost. */
 enum cardan_mount_use {
-  CARDAN_USE_POSE = 1u,        /* reads R_WN and position */
-  CARDAN_USE_VELOCITY = 2u,    /* reads omega and velocity */
-  CARDAN_USE_LOAD = 4u,        /* pushes: moment and force, or tau */
-  CARDAN_USE_ACCELERATION = 8u /* reads alpha and specific_force; all that the mount reads is then read by `tick` alone */
+  CARDAN_USE_POSE = 1u,         /* reads R_WN and position */
+  CARDAN_USE_VELOCITY = 2u,     /* reads omega and velocity */
+  CARDAN_USE_LOAD = 4u,         /* pushes: moment and force, or tau */
+  CARDAN_USE_ACCELERATION = 8u, /* reads alpha and specific_force; all that the mount reads is then read by `tick` alone */
+  CARDAN_USE_OUTLET = 16u       /* what is drawn from a device with a mass leaves the vehicle here: at one node at most */
 };
 
 typedef struct cardan_mount_desc {
@@ -70,6 +73,14 @@ typedef struct cardan_mount_load {
   double moment[3], force[3]; /* [N m], [N] on the node, node axes */
   double tau;                 /* [N m, N] on the hinge component, dual to v */
 } cardan_mount_load;
+
+/* What a body carries beside its own mass. The host puts it into all that has the mass of the body, and gives the forces of what flows:
+ * docs/mathematics/devices.md, 5. */
+typedef struct cardan_mass {
+  double mass;       /* [kg] */
+  double centre[3];  /* [m] mass centre from the origin of the body, its axes */
+  double inertia[6]; /* [kg m^2] tensor about the mass centre, axes of the body: xx yy zz xy xz yz */
+} cardan_mass;
 
 /* Pointers in the order of the descriptions; null where there are none. */
 typedef struct cardan_device_args {
@@ -137,6 +148,14 @@ typedef struct cardan_device_family {
   int (*tick)(const cardan_device_args*, double period, const double* noise, double* z, double* d);
   uint32_t n_noise;
   uint64_t (*packed_size)(const cardan_param_values*); /* [setup] (optional) bytes of this instance, in place of params_size */
+  /* [step: pure] Of the mount CARDAN_MOUNT_MASS: a function of packed, z and d (in and mount are null). 0 = done. It falls by the sum of
+   * the inputs in kg/s, and by nothing else: a law. What a device that has an outlet gives to such an input leaves there. */
+  int (*mass)(const cardan_device_args*, cardan_mass*);
+  /* [step: pure] (optional) Its derivative along dz. Null: by differences. */
+  int (*mass_tangent)(const cardan_device_args*, const double* dz, cardan_mass*);
+  /* [step: pure] (optional) [N m s] angular momentum that is stored beside that of bodies, per mount, axes of the node: what its loads take
+   * from the bodies goes there, all of it. */
+  void (*momentum)(const cardan_device_args*, double (*h)[3]);
 } cardan_device_family;
 
 #ifdef __cplusplus

@@ -44,6 +44,14 @@ struct MountLoad {
   T tau;
 };
 
+/// cardan_mass on a scalar.
+template <class T>
+struct CarriedMass {
+  T mass;
+  Vec3<T> centre;
+  Sym3<T> inertia;
+};
+
 /// What a law reads.
 template <class T>
 struct DeviceIn {
@@ -62,7 +70,8 @@ struct DeviceOut {
   T delivered{}, lost{};  // [W]
 };
 
-/// `mounts`, `ports`, `states`, `marks`, `schema` may be left out, as may `nominal`, `energy`, `roots`, `event`, `tick`.
+/// `mounts`, `ports`, `states`, `marks`, `schema` may be left out, as may `nominal`, `energy`, `roots`, `event`, `tick`, `mass` (a template
+/// as `evaluate` is), `momentum`.
 template <class F>
 concept DeviceFamily = requires(const typename F::Packed& p, const DeviceIn<double>& a, DeviceOut<double>& b, const DeviceIn<Tangent>& at,
                                 DeviceOut<Tangent>& bt) {
@@ -160,6 +169,26 @@ int tangent(const cardan_device_args* a, const cardan_device_args* d, cardan_dev
   return 0;
 }
 
+template <class F>
+int mass(const cardan_device_args* a, cardan_mass* out) {
+  const CarriedMass<double> m =
+      F::mass(*static_cast<const typename F::Packed*>(a->packed), DeviceIn<double>{a->t, nullptr, a->z, a->d, nullptr});
+  const Sym3<double>& J = m.inertia;
+  *out = {m.mass, {m.centre.x, m.centre.y, m.centre.z}, {J.xx, J.yy, J.zz, J.xy, J.xz, J.yz}};
+  return 0;
+}
+
+template <class F>
+int mass_tangent(const cardan_device_args* a, const double* dz, cardan_mass* out) {
+  Tangent z[DeviceSizes<F>::states + 1];
+  for (std::uint32_t i = 0; i < DeviceSizes<F>::states; ++i) z[i] = {a->z[i], dz[i]};
+  const CarriedMass<Tangent> m =
+      F::mass(*static_cast<const typename F::Packed*>(a->packed), DeviceIn<Tangent>{a->t, nullptr, z, a->d, nullptr});
+  const Sym3<Tangent>& J = m.inertia;
+  *out = {m.mass.d, {m.centre.x.d, m.centre.y.d, m.centre.z.d}, {J.xx.d, J.yy.d, J.zz.d, J.xy.d, J.xz.d, J.yz.d}};
+  return 0;
+}
+
 }  // namespace detail
 
 /// The C table of F; lives for the whole program.
@@ -208,6 +237,12 @@ const cardan_device_family& device_table() {
       t.tick = [](const cardan_device_args* a, double period, const double* noise, double* z, double* d) {
         F::tick(*static_cast<const P*>(a->packed), detail::read(a), period, noise, z, d);
         return 0;
+      };
+    if constexpr (requires(const P& p, const DeviceIn<double>& a) { F::mass(p, a); })
+      t.mass = &detail::mass<F>, t.mass_tangent = &detail::mass_tangent<F>;
+    if constexpr (requires(const P& p, const DeviceIn<double>& a, Vec3<double>* h) { F::momentum(p, a, h); })
+      t.momentum = [](const cardan_device_args* a, double(*h)[3]) {
+        F::momentum(*static_cast<const P*>(a->packed), detail::read(a), reinterpret_cast<Vec3<double>*>(h));
       };
     return t;
   }();

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <random>
@@ -56,17 +57,26 @@ class TableFaults : public TableChecks {
   }
   void details() {
     const bool energy = (f_.facts & CARDAN_FACT_ENERGY) != 0, internal = (f_.facts & CARDAN_FACT_INTERNAL) != 0;
+    int masses = 0, outlets = 0;
     for (std::uint32_t i = 0; i < f_.n_mounts; ++i) {
       const cardan_mount_desc& m = f_.mounts[i];
       const std::string at = fmt::format("mounts[{}].", i);
-      expect(m.kind <= CARDAN_MOUNT_HINGE, at + "kind", fmt::format("{}, expected one of cardan_mount_kind", m.kind));
-      expect(m.use < 16, at + "use", fmt::format("{}, expected those of cardan_mount_use", m.use));
-      const bool pushes = m.kind == CARDAN_MOUNT_NODE && (m.use & CARDAN_USE_LOAD) != 0;
+      expect(m.kind <= CARDAN_MOUNT_MASS, at + "kind", fmt::format("{}, expected one of cardan_mount_kind", m.kind));
+      expect(m.use < 32, at + "use", fmt::format("{}, expected those of cardan_mount_use", m.use));
+      const bool pushes = m.kind != CARDAN_MOUNT_HINGE && (m.use & CARDAN_USE_LOAD) != 0;
+      masses += m.kind == CARDAN_MOUNT_MASS, outlets += (m.use & CARDAN_USE_OUTLET) != 0;
+      expect((m.use & CARDAN_USE_OUTLET) == 0 || (m.kind == CARDAN_MOUNT_NODE && pushes), at + "use",
+             "CARDAN_USE_OUTLET is of a node, with CARDAN_USE_LOAD");
       expect(!pushes || !energy || (m.use & CARDAN_USE_VELOCITY) != 0, at + "use",
              "CARDAN_FACT_ENERGY needs CARDAN_USE_VELOCITY where it pushes");
       expect(!pushes || !internal || (m.use & CARDAN_USE_POSE) != 0, at + "use",
              "CARDAN_FACT_INTERNAL needs CARDAN_USE_POSE where it pushes: forces at two nodes sum to zero in one frame");
+      expect(!pushes || !f_.momentum || (m.use & (CARDAN_USE_POSE | CARDAN_USE_VELOCITY)) != 0, at + "use",
+             "what stores momentum reads CARDAN_USE_POSE or CARDAN_USE_VELOCITY where it pushes");
     }
+    expect(masses <= 1 && outlets <= 1, "mounts", "more than one mass or outlet");
+    expect((masses == 1) == (f_.mass != nullptr), "mass",
+           f_.mass ? "given, and no mount is of kind CARDAN_MOUNT_MASS" : "null, and a mount is of kind CARDAN_MOUNT_MASS");
     for (std::uint32_t i = 0; i < f_.n_ports; ++i) {
       const std::string at = fmt::format("ports[{}].", i);
       expect(f_.ports[i].kind <= CARDAN_PORT_OUT, at + "kind", fmt::format("{}, expected one of cardan_port_kind", f_.ports[i].kind));
@@ -124,6 +134,8 @@ class Laws {
     if ((f_.facts & CARDAN_FACT_INTERNAL) != 0) internal(x, y);
     if ((f_.facts & CARDAN_FACT_ENERGY) != 0) energy(x, y);
     if (f_.tangent) tangent(x);
+    if (f_.mass) mass(x, y);
+    if (f_.momentum) momentum(x, y);
     if (f_.n_roots > 0) roots(x);
     if (f_.tick) tick(x);
     return found_.size() < 20;
@@ -263,7 +275,7 @@ class Laws {
     };
     for (std::uint32_t m = 0; m < f_.n_mounts; ++m) {
       const std::size_t at = m * kMotion;
-      const bool node = f_.mounts[m].kind == CARDAN_MOUNT_NODE;
+      const bool node = f_.mounts[m].kind != CARDAN_MOUNT_HINGE;
       const bool poses = (f_.mounts[m].use & CARDAN_USE_POSE) != 0, velocities = (f_.mounts[m].use & CARDAN_USE_VELOCITY) != 0;
       // The host gives both where one is read.
       const bool at_ticks = (f_.mounts[m].use & CARDAN_USE_ACCELERATION) != 0;
@@ -295,7 +307,7 @@ class Laws {
   void pushes_where_it_says(const Point&, const Given& y) {
     for (std::uint32_t m = 0; m < f_.n_mounts; ++m) {
       const double* l = y.numbers.data() + m * kLoad;
-      const bool node = f_.mounts[m].kind == CARDAN_MOUNT_NODE, loads = (f_.mounts[m].use & CARDAN_USE_LOAD) != 0;
+      const bool node = f_.mounts[m].kind != CARDAN_MOUNT_HINGE, loads = (f_.mounts[m].use & CARDAN_USE_LOAD) != 0;
       for (int i = 0; i < kLoad; ++i)
         if (l[i] != 0.0 && (!loads || (i < 6) != node))
           found_.push_back(fmt::format("{} and does not say so (sample {})", name_of(m * kLoad + static_cast<std::size_t>(i)), sample_));
@@ -305,7 +317,7 @@ class Laws {
   void internal(const Point& x, const Given& y) {
     double force[3] = {}, moment[3] = {}, size = 1e-30;
     for (std::uint32_t m = 0; m < f_.n_mounts; ++m) {
-      if (f_.mounts[m].kind != CARDAN_MOUNT_NODE) continue;
+      if (f_.mounts[m].kind == CARDAN_MOUNT_HINGE) continue;
       const double *R = x.numbers.data() + m * kMotion, *p = R + 9, *l = y.numbers.data() + m * kLoad;
       double n[3] = {}, f[3] = {};
       for (int i = 0; i < 3; ++i)
@@ -327,16 +339,14 @@ class Laws {
     return f_.energy(&a);
   }
 
-  /// Along the motion: R' = R omega~, p' = R v, q' = v, z'.
-  void energy(const Point& x, const Given& y) {
+  /// Of all that it reads, along the motion: R' = R omega~, p' = R v, q' = v, z'. And a step that is small along it.
+  std::pair<std::vector<double>, double> rates(const Point& x, const Given& y) const {
     std::vector<double> rate(x.numbers.size(), 0.0);
-    double power = 0.0, size = std::abs(y.numbers[power_]) + std::abs(y.numbers[power_ + 1]);
     for (std::uint32_t m = 0; m < f_.n_mounts; ++m) {
-      const double *R = x.numbers.data() + m * kMotion, *w = R + 12, *v = R + 15, *l = y.numbers.data() + m * kLoad;
+      const double *R = x.numbers.data() + m * kMotion, *w = R + 12, *v = R + 15;
       double* d = rate.data() + m * kMotion;
       if (f_.mounts[m].kind == CARDAN_MOUNT_HINGE) {
         d[18] = R[19];
-        power += l[6] * R[19], size += std::abs(l[6] * R[19]);
         continue;
       }
       for (int i = 0; i < 3; ++i)
@@ -345,26 +355,129 @@ class Laws {
           d[3 * i + j] = R[3 * i + a] * w[b] - R[3 * i + b] * w[a];
           d[9 + i] += R[3 * i + j] * v[j];
         }
-      for (int i = 0; i < 3; ++i) power += l[i] * w[i] + l[3 + i] * v[i], size += std::abs(l[i] * w[i]) + std::abs(l[3 + i] * v[i]);
     }
     for (std::uint32_t i = 0; i < f_.n_states; ++i) rate[z_ + i] = y.numbers[zdot_ + i];
     double largest = 1.0;
     for (std::size_t i = 0; i < rate.size(); ++i)
       largest = std::max(largest, std::abs(rate[i]) / (i >= z_ && i < z_ + f_.n_states ? nominal_[i - z_] : 1.0));
-    const double h = 2e-3 / largest;
+    return {std::move(rate), 2e-3 / largest};
+  }
+  /// d f / ds, of sixth order; f is curved, and R leaves the rotations by h^2.
+  template <class F>
+  static double slope(const Point& x, const std::pair<std::vector<double>, double>& along, const F& f) {
+    const auto& [rate, h] = along;
     const auto at = [&](double s) {
       Point moved = x;
-      for (std::size_t i = 0; i < rate.size(); ++i) moved.numbers[i] += s * rate[i];
-      return energy_at(moved);
+      for (std::size_t i = 0; i < moved.numbers.size(); ++i) moved.numbers[i] += s * rate[i];
+      return f(moved);
     };
-    // sixth order; E is curved, and R leaves the rotations by h^2
-    const double slope = (45.0 * (at(h) - at(-h)) - 9.0 * (at(2 * h) - at(-2 * h)) + (at(3 * h) - at(-3 * h))) / (60.0 * h);
+    return (45.0 * (at(h) - at(-h)) - 9.0 * (at(2 * h) - at(-2 * h)) + (at(3 * h) - at(-3 * h))) / (60.0 * h);
+  }
+
+  void energy(const Point& x, const Given& y) {
+    double power = 0.0, size = std::abs(y.numbers[power_]) + std::abs(y.numbers[power_ + 1]);
+    for (std::uint32_t m = 0; m < f_.n_mounts; ++m) {
+      const double *R = x.numbers.data() + m * kMotion, *w = R + 12, *v = R + 15, *l = y.numbers.data() + m * kLoad;
+      if (f_.mounts[m].kind == CARDAN_MOUNT_HINGE) {
+        power += l[6] * R[19], size += std::abs(l[6] * R[19]);
+        continue;
+      }
+      for (int i = 0; i < 3; ++i) power += l[i] * w[i] + l[3 + i] * v[i], size += std::abs(l[i] * w[i]) + std::abs(l[3 + i] * v[i]);
+    }
+    const auto along = rates(x, y);
+    const double h = along.second, slope = Laws::slope(x, along, [&](const Point&p) { return energy_at(p); });
     const double stored = std::abs(energy_at(x)) / h * 1e-15;
     law("energy' = delivered - lost - power of the loads",
         std::abs(slope - (y.numbers[power_] - y.numbers[power_ + 1] - power)) / (1e-3 + size), 1e-7 + stored);
     if ((f_.facts & CARDAN_FACT_PASSIVE) == 0) return;
     law("a passive device delivers nothing", std::abs(y.numbers[power_]), 0.0);
     law("a passive device loses", -y.numbers[power_ + 1], 1e-15 * size);
+  }
+
+  cardan_mass mass_at(const Point& x, const std::vector<double>& z) const {
+    cardan_device_args a = args(x);
+    a.in = nullptr, a.mount = nullptr, a.z = z.data();
+    cardan_mass m{};
+    before_("mass");
+    return f_.mass(&a, &m) == 0 ? m : cardan_mass{std::nan(""), {}, {}};
+  }
+
+  /// A function of z and marks, whose derivative is what it says, and which falls by what is drawn.
+  void mass(const Point& x, const Given& y) {
+    constexpr std::size_t kMass = sizeof(cardan_mass) / sizeof(double);
+    const auto at_z = x.numbers.begin() + static_cast<std::ptrdiff_t>(z_);
+    const std::vector<double> z(at_z, at_z + f_.n_states);
+    const cardan_mass first = mass_at(x, z);
+    if (!std::isfinite(first.mass)) return;  // outside of its domain
+    for (std::size_t i = 0; i < kMass; ++i)
+      if (!std::isfinite((&first.mass)[i])) found_.push_back(fmt::format("mass gives a number that is not finite (sample {})", sample_));
+    mass_at(x, std::vector<double>(f_.n_states, 0.3));
+    cardan_mass again = mass_at(x, z);
+    if (std::memcmp(&again, &first, sizeof first) != 0)
+      found_.push_back(fmt::format("mass is a function of its arguments: other numbers at the second call (sample {})", sample_));
+    const auto slope = [&](const double* dz, double h) {
+      std::vector<double> sum(kMass, 0.0);
+      for (const auto& [steps, weight] : {std::pair(1, 45.0), std::pair(2, -9.0), std::pair(3, 1.0)})
+        for (const int side : {1, -1}) {
+          std::vector<double> moved = z;
+          for (std::size_t i = 0; i < moved.size(); ++i) moved[i] += side * steps * h * dz[i];
+          const cardan_mass m = mass_at(x, moved);
+          for (std::size_t i = 0; i < kMass; ++i) sum[i] += side * weight * (&m.mass)[i] / (60.0 * h);
+        }
+      return sum;
+    };
+    double drawn = 0.0, size = 1.0;
+    std::size_t k = 0;
+    for (std::uint32_t p = 0; p < f_.n_ports; ++p) {
+      if (f_.ports[p].kind != CARDAN_PORT_IN) continue;
+      const double in = x.numbers[f_.n_mounts * kMotion + k++];
+      if (std::string_view(f_.ports[p].unit) == "kg/s") drawn += in, size += std::abs(in);
+    }
+    const double* zdot = y.numbers.data() + zdot_;
+    double largest = 1e-30;
+    for (std::size_t i = 0; i < z.size(); ++i) largest = std::max(largest, std::abs(zdot[i]) / nominal_[i]);
+    law("mass falls by its inputs in kg/s", std::abs(slope(zdot, 1e-3 / largest)[0] + drawn) / size, 1e-8);
+    if (!f_.mass_tangent) return;
+    std::vector<double> dz;
+    for (const double n : nominal_) dz.push_back(n * normal());
+    cardan_device_args a = args(x);
+    a.in = nullptr, a.mount = nullptr;
+    cardan_mass given{};
+    before_("mass_tangent");
+    if (f_.mass_tangent(&a, dz.data(), &given) != 0) return;
+    const std::vector<double> fine = slope(dz.data(), 1e-3), coarse = slope(dz.data(), 2e-3);
+    for (std::size_t i = 0; i < kMass; ++i) {
+      const double scale = 1.0 + std::abs(fine[i]);
+      if (!(std::abs(fine[i] - coarse[i]) <= 1e-7 * scale)) continue;  // a corner, or too curved here
+      law("mass_tangent is the derivative of mass", std::abs((&given.mass)[i] - fine[i]) / scale, 1e-6);
+    }
+  }
+
+  /// World axes.
+  std::array<double, 3> momentum_at(const Point& x) const {
+    before_("momentum");
+    std::vector<std::array<double, 3>> h(f_.n_mounts);
+    const cardan_device_args a = args(x);
+    f_.momentum(&a, reinterpret_cast<double(*)[3]>(h.data()));
+    std::array<double, 3> sum{};
+    for (std::uint32_t m = 0; m < f_.n_mounts; ++m)
+      for (std::size_t i = 0; i < 3; ++i)
+        for (std::size_t j = 0; j < 3; ++j) sum[i] += x.numbers[m * kMotion + 3 * i + j] * h[m][j];
+    return sum;
+  }
+  /// What its loads take from the bodies is stored: a moment, no force.
+  void momentum(const Point& x, const Given& y) {
+    const auto along = rates(x, y);
+    for (std::size_t i = 0; i < 3; ++i) {
+      double moment = 0.0, force = 0.0, size = 1.0;
+      for (std::uint32_t m = 0; m < f_.n_mounts; ++m) {
+        const double *R = x.numbers.data() + m * kMotion, *l = y.numbers.data() + m * kLoad;
+        for (std::size_t j = 0; j < 3 && f_.mounts[m].kind != CARDAN_MOUNT_HINGE; ++j)
+          moment += R[3 * i + j] * l[j], force += std::abs(l[3 + j]), size += std::abs(l[j]);
+      }
+      law("stored momentum changes by minus the moments",
+          (std::abs(slope(x, along, [&](const Point& p) { return momentum_at(p)[i]; }) + moment) + force) / size, 1e-7);
+    }
   }
 
   /// Along a random direction, against differences of sixth order; marks and time stay.

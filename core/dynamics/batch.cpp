@@ -4,6 +4,7 @@
 #include <cstring>
 #include <limits>
 
+#include "core/base/diagnostic.hpp"
 #include "core/dynamics/inverse.hpp"
 
 namespace cardan {
@@ -139,6 +140,10 @@ class PassesOf : public Batch::Passes {
 }  // namespace
 
 Batch::Batch(const Model& model) {
+  if (!model.varies.empty())
+    refuse(Code::unsupported, {"a batch of states"}, "a model whose masses stay as they are",
+           "device " + model.devices.all[static_cast<std::size_t>(model.devices.masses[0].device)].name,
+           "its mass is a state of its own in each");
   if (soa::instruction_set().eight.outward)
     passes_ = std::make_unique<PassesOf<soa::Lanes<8>>>(model);
   else if (soa::instruction_set().four.outward)

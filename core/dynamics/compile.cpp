@@ -76,7 +76,7 @@ std::shared_ptr<const Model> compile(const SystemSpec& spec, const Registry& reg
 
 std::shared_ptr<const Model> compile(std::shared_ptr<const SystemSpec> spec, const Registry& registry, const CompileOptions& options) {
   std::shared_ptr<Model> model = assemble(spec, registry, options, false);
-  if (model->n_modes > 0) return model;
+  if (model->n_modes > 0 || !model->varies.empty()) return model;
   const Growth most = growth(*model);
   if (!(most.ratio > kGrowth)) return model;
   const std::shared_ptr<Model> graded = assemble(std::move(spec), registry, options, true);

@@ -47,19 +47,22 @@ auto rates_into(std::vector<cardan_mount_motion>& motions) {
 
 }  // namespace
 
-DeviceForces::DeviceForces(const Model& model) : commands(model.devices.in0), model_(model) {
+DeviceForces::DeviceForces(const Model& model, Model* own) : commands(model.devices.in0), model_(model), own_(own) {
   const Devices& all = model.devices;
   const auto at = [](int n) { return static_cast<std::size_t>(n); };
   motions_.resize(at(all.n_mounts)), in_ = commands, z_.resize(at(all.n_z)), marks_.resize(at(all.n_marks));
   effects_.resize(at(all.n_mounts * kLoad + all.n_z + all.n_out));
   loads_ = reinterpret_cast<cardan_mount_load*>(effects_.data());
   zdot_ = effects_.data() + all.n_mounts * kLoad, out_ = zdot_ + all.n_z;
-  std::vector<int> begins;  // of the connected inputs of a device
+  if (!all.masses.empty()) flow_loads_.resize(at(all.n_loads)), varying_.resize(all.varying.size());
+  std::vector<int> begins, begin_added;  // of the connected inputs of a device
   for (const Device& d : all.all) {
     args_.push_back({sizeof(cardan_device_args), 0.0, d.packed.data(), in_.data() + d.in, motions_.data() + d.mount, z_.data() + d.z,
                      marks_.data() + d.mark});
     outs_.push_back({zdot_ + d.z, out_ + d.out, loads_ + d.mount, 0.0, 0.0});
-    begins.push_back(static_cast<int>(given_.size()));
+    begins.push_back(static_cast<int>(given_.size())), begin_added.push_back(static_cast<int>(added_.size()));
+    for (const AddedOutput& a : all.added)
+      if (a.in >= d.in && a.in < d.in + d.n_in) added_.push_back(a);
     for (int i = d.in; i < d.in + d.n_in; ++i)
       if (all.from[i] < 0)
         commanded_.push_back(i);
@@ -76,8 +79,10 @@ DeviceForces::DeviceForces(const Model& model) : commands(model.devices.in0), mo
       if (m.node >= 0 && pushes) pushed_.nodes.push_back({mount, m.node, m.load});
     }
   }
-  begins.push_back(static_cast<int>(given_.size()));
-  const auto call = [&](int i) { return Call{all.all[i].family->evaluate, i, {begins[i], begins[i + 1]}}; };
+  begins.push_back(static_cast<int>(given_.size())), begin_added.push_back(static_cast<int>(added_.size()));
+  const auto call = [&](int i) {
+    return Call{all.all[i].family->evaluate, i, {begins[i], begins[i + 1]}, {begin_added[i], begin_added[i + 1]}};
+  };
   for (const int i : all.first) (all.all[i].acts ? first_ : others_).push_back(call(i));
   for (const int i : all.order) (all.all[i].acts ? acting_ : others_).push_back(call(i));
   const auto add = [this](bool acts, int begin, int n) {
@@ -97,6 +102,7 @@ DeviceForces::DeviceForces(const Model& model) : commands(model.devices.in0), mo
 
 DeviceForces::DeviceForces(const DeviceForces& other) : DeviceForces(other.model_) {
   commands = other.commands, motions_ = other.motions_, in_ = other.in_, z_ = other.z_, marks_ = other.marks_, effects_ = other.effects_;
+  flow_loads_ = other.flow_loads_, varying_ = other.varying_;
   for (std::size_t k = 0; k < args_.size(); ++k) {
     args_[k].t = other.args_[k].t;
     outs_[k].delivered = other.outs_[k].delivered, outs_[k].lost = other.outs_[k].lost;
@@ -108,6 +114,7 @@ void DeviceForces::set(const DeviceState<double>& state) {
   std::copy_n(state.z, z_.size(), z_.begin());
   std::copy_n(state.marks, marks_.size(), marks_.begin());
   for (cardan_device_args& a : args_) a.t = state.t;
+  if (own_) mass_fault_ = own_->weigh(z_.data(), marks_.data(), mass_fault_of_);
 }
 
 void DeviceForces::look_at(const DeviceForces& known, Workspace* ws, const Inputs& in) {
@@ -140,6 +147,7 @@ bool DeviceForces::evaluate(const std::vector<Call>& calls, const std::vector<Ra
   double power = 0.0;  // NaN and infinity stay NaN when they are multiplied by zero and added
   for (const Call& c : calls) {
     for (int k = c.given.begin; k < c.given.end; ++k) in_[given_[k].first] = out_[given_[k].second];
+    for (int k = c.added.begin; k < c.added.end; ++k) in_[added_[k].in] += out_[added_[k].out];
     if (!first_.empty()) zero(c.device);  // what it gave before all others was there until now
     cardan_device_out& out = outs_[c.device];
     out.delivered = out.lost = 0.0;
@@ -176,13 +184,57 @@ bool DeviceForces::complete(Workspace& ws, const Inputs& in) {
 
 bool DeviceForces::act(Workspace& ws, const Inputs& in) {
   motion_of(model_, ws, in, in_steps_, into(motions_));
+  if (!mass_fault_.empty()) {
+    fault_ = {mass_fault_of_, mass_fault_};
+    return false;
+  }
   if (!evaluate_acting()) return false;
   for (const NodeMount& m : pushed_.nodes) {
     const cardan_mount_load& l = loads_[m.mount];
     state_.wrenches[m.load].f = {{l.moment[0], l.moment[1], l.moment[2]}, {l.force[0], l.force[1], l.force[2]}};
   }
   add_hinge_forces(state_.tau);
+  if (flow_loads_.empty()) return true;
+  std::ranges::fill(flow_loads_, Force<double>{});
+  add_flow_forces(model_.devices, motions_.data(), out_, z_.data(), zdot_, marks_.data(), flow_loads_.data());
+  for (std::size_t i = 0; i < flow_loads_.size(); ++i) state_.wrenches[i].f += flow_loads_[i];
   return true;
+}
+
+void DeviceForces::note_motions(const Workspace& ws, const Inputs& in) {
+  for (std::size_t i = 0; i < varying_.size(); ++i) {
+    const int k = model_.devices.varying[i].sweep;
+    varying_[i] = {motion_of_body<double>(model_, ws, in, k, nullptr, After::forward), ws.pose_W(k)};
+  }
+}
+
+Vec3<double> DeviceForces::stored_momentum() const {
+  Vec3<double> sum{};
+  for (std::size_t k = 0; k < args_.size(); ++k) {
+    const Device& d = model_.devices.all[k];
+    if (!d.family->momentum) continue;
+    std::vector<Vec3<double>> h(d.mounts.size());
+    d.family->momentum(&args_[k], reinterpret_cast<double(*)[3]>(h.data()));
+    for (std::size_t i = 0; i < h.size(); ++i) {
+      const double* R = motions_[d.mount + i].R_WN;
+      if (d.mounts[i].node >= 0) sum += Mat3<double>{R[0], R[1], R[2], R[3], R[4], R[5], R[6], R[7], R[8]} * h[i];
+    }
+  }
+  return sum;
+}
+
+Force<double> DeviceForces::storing_loads() const {
+  Force<double> sum{};
+  for (const Device& d : model_.devices.all)
+    for (std::size_t i = 0; d.family->momentum && i < d.mounts.size(); ++i) {
+      if (d.mounts[i].node < 0 || (d.mounts[i].use & CARDAN_USE_LOAD) == 0) continue;
+      const cardan_mount_motion& m = motions_[d.mount + i];
+      const cardan_mount_load& l = loads_[d.mount + i];
+      const double* R = m.R_WN;
+      const Pose<double> N{{R[0], R[1], R[2], R[3], R[4], R[5], R[6], R[7], R[8]}, {m.position[0], m.position[1], m.position[2]}};
+      sum += to_inboard(N, Force<double>{{l.moment[0], l.moment[1], l.moment[2]}, {l.force[0], l.force[1], l.force[2]}});
+    }
+  return sum;
 }
 
 void DeviceForces::add_hinge_forces(double* tau) const {
@@ -294,6 +346,8 @@ DeviceTangents::DeviceTangents(const Model& model, const DeviceForces& base) : m
 
 void DeviceTangents::take_inputs(const Device& d) {
   for (int i = d.in; i < d.in + d.n_in; ++i) in_[i] = model_.devices.from[i] < 0 ? commands[i] : out_[model_.devices.from[i]];
+  for (const AddedOutput& a : model_.devices.added)
+    if (a.in >= d.in && a.in < d.in + d.n_in) in_[a.in] += out_[a.out];
 }
 
 /// With the rates of its mounts, inputs and states as they are.
@@ -370,7 +424,79 @@ bool DeviceTangents::act(soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>
   }
   for (const DeviceForces::HingeMount& m : base_.pushed_.hinges)
     state_.tau[m.v].d += loads_[m.mount].tau;  // its value is in the base's tau
+  if (!base_.flow_loads_.empty()) add_flows(in);
   return true;
+}
+
+RigidInertia<double> DeviceTangents::inertia_rate(int k) const {
+  RigidInertia<double> sum{};
+  const Devices& devices = model_.devices;
+  for (const DeviceMass& own : devices.masses) {
+    const UserBody& u = model_.user[own.user];
+    if (u.sweep != k) continue;
+    const Device& d = devices.all[own.device];
+    const cardan_mass m = mass_of(d, base_.z_.data(), base_.marks_.data());
+    const cardan_mass change = mass_rate(devices, d, base_.z_.data(), base_.marks_.data(), dz_.data());
+    sum = sum + to_inboard(u.pose, cardan::inertia_rate(m, change));
+  }
+  return sum;
+}
+
+/// What flows pushes with, by differences of eighth order along the direction as a whole; and of the bodies whose mass varies what their
+/// motion needs, as a load against it.
+void DeviceTangents::add_flows(const soa::Inputs<Tangent>& in) {
+  const Devices& devices = model_.devices;
+  const auto n_loads = static_cast<std::size_t>(devices.n_loads);
+  struct Part {
+    const double *x, *dx;
+    std::size_t n;
+  };
+  const auto count = [](const auto& all) { return all.size(); };
+  const Part parts[] = {{numbers(base_.motions_[0]), numbers(motions_[0]), count(motions_) * kMotion},
+                        {base_.out_, out_.data(), count(out_)},
+                        {base_.z_.data(), dz_.data(), count(dz_)},
+                        {base_.zdot_, zdot_.data(), count(zdot_)}};
+  std::vector<double> moved, size;
+  for (const Part& p : parts)
+    for (std::size_t i = 0; i < p.n; ++i) size.push_back(p.x == base_.z_.data() ? devices.nominal[i] : std::max(1.0, std::abs(p.x[i])));
+  moved.resize(size.size());
+  double largest = 0.0;
+  std::size_t at = 0;
+  for (const Part& p : parts)
+    for (std::size_t i = 0; i < p.n; ++i) largest = std::max(largest, std::abs(p.dx[i]) / size[at++]);
+  std::vector<Force<double>> sum(n_loads), work(n_loads);
+  if (largest > 0.0)
+    soa::derivative(
+        [&](double s, double* to) {
+          std::size_t k = 0;
+          const double* begin[4];
+          for (std::size_t p = 0; p < 4; ++p) {
+            begin[p] = moved.data() + k;
+            for (std::size_t i = 0; i < parts[p].n; ++i) moved[k++] = parts[p].x[i] + s * parts[p].dx[i];
+          }
+          auto* loads = reinterpret_cast<Force<double>*>(to);
+          std::fill_n(loads, n_loads, Force<double>{});
+          add_flow_forces(devices, reinterpret_cast<const cardan_mount_motion*>(begin[0]), begin[1], begin[2], begin[3],
+                          base_.marks_.data(), loads);
+        },
+        1e-2 / largest, static_cast<int>(6 * n_loads), &sum[0].n.x, &work[0].n.x);
+  for (std::size_t i = 0; i < devices.masses.size(); ++i) {
+    const DeviceMass& own = devices.masses[i];
+    const UserBody& u = model_.user[own.user];
+    if (u.sweep == 0) continue;
+    const Device& d = devices.all[own.device];
+    const cardan_mass m = mass_of(d, base_.z_.data(), base_.marks_.data());
+    const cardan_mass change = mass_rate(devices, d, base_.z_.data(), base_.marks_.data(), dz_.data());
+    const auto which = std::ranges::find(devices.varying, u.sweep, &VaryingBody::sweep) - devices.varying.begin();
+    const RigidInertia<double> dM = to_inboard(u.pose, cardan::inertia_rate(m, change));
+    const Force<double> f = force_of_inertia(model_, u.sweep, dM, base_.varying_[static_cast<std::size_t>(which)], in.gravity);
+    sum[d.mounts[own.mount].load] -= to_outboard(u.pose, f);
+  }
+  for (std::size_t i = 0; i < n_loads; ++i) {
+    const double *x = &base_.flow_loads_[i].n.x, *dx = &sum[i].n.x;
+    Tangent* to = &state_.wrenches[i].f.n.x;
+    for (int j = 0; j < 6; ++j) to[j] = to[j] + Tangent(x[j], dx[j]);
+  }
 }
 
 void DeviceTangents::state_matrix(int index, double* J) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/dynamics/forward.hpp"
+#include "core/dynamics/mass_flow.hpp"
 #include "core/soa/tangent.hpp"
 
 namespace cardan {
@@ -29,7 +30,8 @@ struct DeviceFault {
 /// All devices of a model, in double. Keeps what the last evaluation found.
 class DeviceForces : public StateLoads<double> {
  public:
-  explicit DeviceForces(const Model& model);
+  /// `own`: the same model where its masses may vary, for set() to put them in; null: they stay as they are.
+  explicit DeviceForces(const Model& model, Model* own = nullptr);
   DeviceForces(const DeviceForces& other);  // with what its last evaluation found
   DeviceForces& operator=(const DeviceForces&) = delete;
 
@@ -51,6 +53,14 @@ class DeviceForces : public StateLoads<double> {
   double state(int i) const { return z_[i]; }
   double output(int i) const { return out_[i]; }
   double input(int i) const { return in_[i]; }
+  /// Of the bodies whose mass varies, after the dynamics that act() was a part of: how they move, for derivatives.
+  void note_motions(const Workspace& ws, const Inputs& in);
+  /// What mass that leaves takes along, for the ledger.
+  LeavingMass leaving() const { return leaving_mass(model_, motions_.data(), z_.data(), zdot_, marks_.data()); }
+  /// Angular momentum that devices store beside that of bodies [N m s], world axes.
+  Vec3<double> stored_momentum() const;
+  /// [moment about the world's origin; force], world axes, of the loads of those that store it: they change no momentum of the whole.
+  Force<double> storing_loads() const;
   /// tau += what devices push with at hinges.
   void add_hinge_forces(double* tau) const;
   /// [J] stored, of those that declare it (CARDAN_FACT_ENERGY).
@@ -88,7 +98,7 @@ class DeviceForces : public StateLoads<double> {
   struct Call {
     int (*evaluate)(const cardan_device_args*, cardan_device_out*);
     int device;
-    Range given;  // in given_
+    Range given, added;  // in given_, added_
   };
   bool evaluate_acting();
   bool evaluate_others();
@@ -98,6 +108,11 @@ class DeviceForces : public StateLoads<double> {
   bool expect_finite(int device);
 
   const Model& model_;
+  Model* own_ = nullptr;
+  std::string mass_fault_;
+  int mass_fault_of_ = -1;
+  std::vector<Force<double>> flow_loads_;  // per load
+  std::vector<VaryingMotion> varying_;
   DeviceState<double> state_;
   std::vector<Call> first_, acting_, others_;  // in the order of evaluation
   Mounts in_steps_, between_, pushed_;         // mounts that are read in steps, between them alone; that devices push at
@@ -110,6 +125,7 @@ class DeviceForces : public StateLoads<double> {
   std::vector<cardan_device_args> args_;               // per device
   std::vector<cardan_device_out> outs_;
   std::vector<std::pair<int, int>> given_;  // connected inputs, device by device, and the outputs they hang on
+  std::vector<AddedOutput> added_;          // outputs that are added to those, likewise
   std::vector<int> commanded_;              // the other inputs
   DeviceFault fault_;
 };
@@ -127,11 +143,14 @@ class DeviceTangents : public StateLoads<soa::Tangent> {
   bool complete(soa::Workspace<soa::Tangent>& ws, const soa::Inputs<soa::Tangent>& in);
   const double* zdot() const { return zdot_.data(); }
   double output(int i) const { return out_[i]; }
+  /// Of sweep body k, its frame, along the rates of z: of its inertia.
+  RigidInertia<double> inertia_rate(int k) const;
   /// dz'/dz of one device with its mounts and inputs held, n x n, column-major.
   void state_matrix(int device, double* J);
 
  private:
   void take_inputs(const Device& d);
+  void add_flows(const soa::Inputs<soa::Tangent>& in);
   bool differentiate(int device);
   bool by_differences(const Device& d, const cardan_device_args& at, const cardan_device_args& along, cardan_device_out& out);
 

@@ -13,7 +13,8 @@ template <class T>
 bool forward_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inputs<T>& in, T* vdot, StateLoads<T>* loads) {
   const soa::Sweeps<T>& S = soa::sweeps<T>();
   const std::size_t bytes = sizeof(T) * static_cast<std::size_t>(model.nq);
-  const bool kept = model.rigid && bytes > 0;  // q is null where nq = 0
+  // q is null where nq = 0. P is a function of q alone unless masses vary.
+  const bool kept = model.rigid && bytes > 0 && model.varies.empty();
   const bool again = kept && ws.articulated && std::memcmp(in.q, ws.articulated_q.data(), bytes) == 0;
   ws.articulated = again;  // an evaluation that breaks off leaves nothing to be used again
   S.ground(model, ws, in);

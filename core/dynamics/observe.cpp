@@ -29,10 +29,14 @@ Observer::Observer(const Model& model, Workspace& workspace) : model_(model), ws
     M_ee_[k] = model.flexible[b.flexible].M_ee;
   }
   moment_.resize(model.bodies.size());
-  mass_.resize(model.bodies.size());
-  for (std::size_t k = model.bodies.size() - 1; k > 0; --k) {
-    const SweepBody& b = model.bodies[k];
-    mass_[k] += b.n_modes > 0 ? model.flexible[b.flexible].data->integrals.I1 : b.M.m;
+  weigh();
+}
+
+void Observer::weigh() {
+  mass_.assign(model_.bodies.size(), 0.0);
+  for (std::size_t k = model_.bodies.size() - 1; k > 0; --k) {
+    const SweepBody& b = model_.bodies[k];
+    mass_[k] += b.n_modes > 0 ? model_.flexible[b.flexible].data->integrals.I1 : b.M.m;
     mass_[b.parent] += mass_[k];
   }
 }
@@ -42,6 +46,7 @@ void Observer::update(const Inputs& in, const double* vdot) {
   vdot_ = vdot;
   soa::sweeps<double>().world(model_, ws_, in);
   for (const int k : model_.rotors) complete_rotor(k);
+  for (const VaryingBody& b : model_.devices.varying) inertia_[b.sweep] = model_.bodies[b.sweep].M;
   for (std::size_t k = 1; k < model_.bodies.size(); ++k) {
     const SweepBody& b = model_.bodies[k];
     if (b.n_modes == 0) continue;
@@ -254,6 +259,7 @@ ExternalLoads Observer::external(const Inputs& in, const double* vdot) {
   };
   const GravitySpec::Kind gravity = in.gravity ? model_.gravity.kind : GravitySpec::Kind::none;
   if (gravity == GravitySpec::Kind::uniform) {
+    if (!model_.devices.varying.empty()) weigh();
     e.force += mass_[0] * model_.gravity.g;
     e.moment += to_eigen(first_moment()).cross(model_.gravity.g);
   }

@@ -67,6 +67,7 @@ class Observer {
   Force<double> wrench_in_host(int user_body) const;
   RigidInertia<double> inertia_for_gravity(int k) const;
   void complete_rotor(int k);
+  void weigh();
   Vec3<double> first_moment();
   const Model& model_;
   Workspace& ws_;

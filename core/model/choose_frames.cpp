@@ -94,7 +94,7 @@ void choose_frames(Model& m, std::vector<Central>& central) {
   const Groups outboard(m.bodies, &SweepBody::parent, n), carried(m.user, &UserBody::sweep, n);  // by sweep body
   const auto served = [&](int k) {
     const SweepBody& b = m.bodies[k];
-    return b.shape == CARDAN_SHAPE_ROTATION && b.n_modes == 0 && b.onode < 0 && !b.has_prescribed;
+    return b.shape == CARDAN_SHAPE_ROTATION && b.n_modes == 0 && b.onode < 0 && !b.has_prescribed && (m.varies.empty() || !m.varies[k]);
   };
   for (int k = 1; k < n; ++k) {
     if (!served(k)) continue;

@@ -42,6 +42,7 @@ class Compiler {
     order_bodies();
     build_sweep_bodies();
     sink_.throw_if_any();
+    find_varying();
     std::vector<Central> central;
     if (graded_) central = central_inertias(*model_, order_);
     if (options_.choose_frames) {
@@ -54,6 +55,7 @@ class Compiler {
       sink_.throw_if_any();
     }
     choose_kernels();
+    if (!model_->varies.empty()) keep_varying();
     if (graded_) keep_central_inertias(*model_, std::move(central));
     write_program();
     return model_;
@@ -238,6 +240,34 @@ class Compiler {
     }
     if (std::ranges::find(prescribed, 1) != prescribed.end()) m.prescribed = std::move(prescribed);
     prepare_nodes(m);
+  }
+
+  // Nothing that is made of the mass of these may be kept: no kernel with constants of it (choose_frames), no refinement.
+  void find_varying() {
+    Model& m = *model_;
+    for (const DeviceSpec& d : spec_.devices) {
+      const cardan_device_family* family = registry_.device(d.type);
+      for (std::uint32_t i = 0; family && i < family->n_mounts; ++i) {
+        const auto mount = d.mounts.find(family->mounts[i].name);
+        if (family->mounts[i].kind != CARDAN_MOUNT_MASS || mount == d.mounts.end()) continue;
+        const int user = m.find_body(mount->second.target);
+        if (user < 0) continue;  // reported with the devices
+        m.varies.resize(m.bodies.size());
+        m.varies[m.user[user].sweep] = 1;
+      }
+    }
+  }
+
+  void keep_varying() {
+    Model& m = *model_;
+    for (std::size_t k = 1; k < m.bodies.size(); ++k)
+      if (m.varies[k]) m.devices.varying.push_back({static_cast<int>(k), m.bodies[k].M, m.bodies[k].M_sweep, m.bodies[k].J_P});
+    int device = 0;
+    const std::string fault = m.weigh(m.devices.z0.data(), m.devices.marks0.data(), device);
+    if (fault.empty()) return;
+    const std::string& name = m.devices.all[device].name;
+    sink_.report(Code::out_of_range, spec_.locate("devices." + name), "initial states that give a mass", fault);
+    sink_.throw_if_any();
   }
 
   static Pose<double> fixed_transform(const HingeSpec& hinge, const UserBody& u) {

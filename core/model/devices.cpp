@@ -113,14 +113,34 @@ class DeviceCompiler {
       hinge_component(spec, desc, target, m);
       return m;
     }
+    if (desc.kind == CARDAN_MOUNT_MASS) {
+      m.use |= CARDAN_USE_POSE | CARDAN_USE_VELOCITY | CARDAN_USE_LOAD;  // what flows pushes there
+      rigid_body(spec, desc, target);
+    }
     m.node = model_.find_node(target);
-    if (m.node < 0) {
+    if (m.node < 0 && desc.kind == CARDAN_MOUNT_NODE) {
       std::vector<std::string> names;
       for (const UserNode& node : model_.nodes) names.push_back(node.name);
       fault(Code::unknown_node, spec, desc.name, "a node: " + one_of(names), in_quotes(target), did_you_mean(target, names));
     }
-    if ((desc.use & CARDAN_USE_LOAD) != 0) m.load = devices_.n_loads++;
+    if ((m.use & CARDAN_USE_LOAD) != 0) m.load = devices_.n_loads++;
     return m;
+  }
+
+  /// Of a mass: the body that carries it.
+  void rigid_body(const DeviceSpec& spec, const cardan_mount_desc& desc, const std::string& target) {
+    std::vector<std::string> names;
+    for (const UserBody& u : model_.user)
+      if (u.n_modes == 0) names.push_back(u.name);
+    const int user = model_.find_body(target);
+    if (user < 0)
+      return fault(Code::unknown_body, spec, desc.name, "a rigid body: " + one_of(names), in_quotes(target), did_you_mean(target, names));
+    const UserBody& u = model_.user[static_cast<std::size_t>(user)];
+    if (u.n_modes > 0)
+      return fault(Code::unsupported, spec, desc.name, "a rigid body", in_quotes(target) + ", which has modes",
+                   "let a rigid body that is fixed to a node of it carry the mass");
+    devices_.masses.push_back(
+        {static_cast<int>(devices_.all.size()), static_cast<int>(&desc - registry_.device(spec.type)->mounts), user, u.M, u.mass});
   }
 
   /// "boom" where the hinge has one component, else "boom.rate".
@@ -162,10 +182,10 @@ class DeviceCompiler {
       for (int k = 0; k < d.n_in; ++k) {
         const auto given = spec_of(d).inputs.find(port(d, CARDAN_PORT_IN, k).name);
         if (given == spec_of(d).inputs.end()) continue;
-        if (const auto* source = std::get_if<std::string>(&given->second.value))
-          devices_.from[static_cast<std::size_t>(d.in + k)] = output_named(d, port(d, CARDAN_PORT_IN, k), *source);
+        if (const auto* sources = std::get_if<std::string>(&given->second.value)) add_sources(d, k, *sources);
       }
     if (complete_) order();
+    if (complete_) find_flows();
     for (Device& d : devices_.all) {
       d.acts = d.family->n_states > 0 || d.family->n_roots > 0;
       for (const DeviceMount& m : d.mounts) d.acts = d.acts || (m.use & CARDAN_USE_LOAD) != 0;
@@ -174,17 +194,51 @@ class DeviceCompiler {
       more = false;
       for (const Device& taker : devices_.all)
         for (int k = taker.in; taker.acts && k < taker.in + taker.n_in; ++k)
-          if (devices_.from[static_cast<std::size_t>(k)] >= 0) {
-            Device& giver = devices_.all[static_cast<std::size_t>(owner_of_output(devices_.from[static_cast<std::size_t>(k)]).first)];
+          devices_.each_source(k, [&](int out) {
+            Device& giver = devices_.all[static_cast<std::size_t>(owner_of_output(out).first)];
             more = more || !giver.acts;
             giver.acts = true;
-          }
+          });
     }
     // What does not act is looked at between steps alone, as is what a mount reads at ticks.
     for (const Device& d : devices_.all)
       for (const DeviceMount& m : d.mounts)
         if (d.acts && (m.use & (CARDAN_USE_POSE | CARDAN_USE_VELOCITY)) != 0 && (m.use & CARDAN_USE_ACCELERATION) == 0)
           devices_.reads_nodes = true;
+  }
+
+  /// "gyro.rate_x", or a sum: "left.flow + right.flow".
+  void add_sources(const Device& d, int k, const std::string& sources) {
+    std::vector<int> all;
+    for (std::size_t at = 0; at <= sources.size();) {
+      const std::size_t end = std::min(sources.find('+', at), sources.size());
+      const std::size_t first = sources.find_first_not_of(' ', at), last = sources.find_last_not_of(' ', end - (end > 0 ? 1 : 0));
+      const bool empty = first >= end || last == std::string::npos || last < first;
+      all.push_back(output_named(d, port(d, CARDAN_PORT_IN, k), empty ? "" : sources.substr(first, last - first + 1)));
+      at = end + 1;
+    }
+    std::ranges::sort(all);
+    devices_.from[static_cast<std::size_t>(d.in + k)] = all.front();
+    for (std::size_t i = 1; i < all.size(); ++i) devices_.added.push_back({d.in + k, all[i]});
+  }
+
+  /// From whose mass what leaves at an outlet is drawn.
+  void find_flows() {
+    for (std::size_t m = 0; m < devices_.masses.size(); ++m) {
+      const Device& tank = devices_.all[static_cast<std::size_t>(devices_.masses[m].device)];
+      for (int k = 0; k < tank.n_in; ++k) {
+        if (std::string_view(port(tank, CARDAN_PORT_IN, k).unit) != "kg/s") continue;
+        devices_.each_source(tank.in + k, [&](int out) {
+          const int giver = owner_of_output(out).first;
+          Device& d = devices_.all[static_cast<std::size_t>(giver)];
+          for (std::size_t i = 0; i < d.mounts.size(); ++i)
+            if ((d.mounts[i].use & CARDAN_USE_OUTLET) != 0) {
+              d.mounts[i].use |= CARDAN_USE_POSE | CARDAN_USE_VELOCITY;
+              devices_.flows.push_back({static_cast<int>(m), out, giver, static_cast<int>(i)});
+            }
+        });
+      }
+    }
   }
 
   int output_named(const Device& takes, const cardan_port_desc& in, const std::string& source) {
@@ -224,14 +278,14 @@ class DeviceCompiler {
     std::vector<Giver> all;
     const Device& d = devices_.all[static_cast<std::size_t>(i)];
     for (int k = d.in; k < d.in + d.n_in; ++k) {
-      const int out = devices_.from[static_cast<std::size_t>(k)];
-      if (out < 0) continue;
-      const auto [giver, own] = owner_of_output(out);
-      const Device& g = devices_.all[static_cast<std::size_t>(giver)];
-      bool waits = false;
-      for (int j = 0; j < g.n_in; ++j)
-        waits = waits || (feeds_through(g, own, j) && devices_.from[static_cast<std::size_t>(g.in + j)] >= 0);
-      all.push_back({giver, waits});
+      devices_.each_source(k, [&](int out) {
+        const auto [giver, own] = owner_of_output(out);
+        const Device& g = devices_.all[static_cast<std::size_t>(giver)];
+        bool waits = false;
+        for (int j = 0; j < g.n_in; ++j)
+          waits = waits || (feeds_through(g, own, j) && devices_.from[static_cast<std::size_t>(g.in + j)] >= 0);
+        all.push_back({giver, waits});
+      });
     }
     return all;
   }

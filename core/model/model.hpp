@@ -80,17 +80,55 @@ struct Device {
   bool acts = false;  // pushes, has states, or gives something to a device that does: its marks change the motion
 };
 
+/// Mass that a device gives to a body beside its own (cardan_device_family::mass).
+struct DeviceMass {
+  int device = 0, mount = 0;  // `mount`: which of its mounts
+  int user = 0;               // the body
+  RigidInertia<double> own;   // of the body alone, its frame
+  double own_mass = 0.0;      // [kg]
+};
+/// About the origin of the body.
+RigidInertia<double> inertia_of(const cardan_mass&);
+/// What the masses of a sweep body are without those.
+struct VaryingBody {
+  int sweep = 0;
+  RigidInertia<double> M, M_sweep;
+  Sym3<double> J_P;
+};
+/// Mass that goes from a device that has it to where it leaves the vehicle.
+struct MassFlow {
+  int from = 0;               // index into Devices::masses
+  int output = 0;             // [kg/s]
+  int device = 0, mount = 0;  // the outlet
+};
+/// A further output that is added to an input.
+struct AddedOutput {
+  int in, out;
+};
+
 /// All devices by name, so that the order in which they are described changes no bit, and what their ports hang on.
 struct Devices {
   std::vector<Device> all;
   int n_z = 0, n_marks = 0, n_in = 0, n_out = 0, n_mounts = 0, n_roots = 0, n_loads = 0;
   std::vector<double> z0, marks0, in0, nominal;  // initial values; of z its size in use
   std::vector<int> from;                         // per input: the output that it is given, -1: it is commanded
+  std::vector<AddedOutput> added;                // by input, then by output
   std::vector<int> order;                        // of evaluation: who gives before who takes
   std::vector<int> first;                        // evaluated once before: their outputs are taken earlier, and need no input themselves
   bool reads_nodes = false;                      // some mount reads the motion of a node
   bool rough = false;                            // CARDAN_FACT_ROUGH of any
-  int find(std::string_view name) const;         // -1 if unknown
+  std::vector<DeviceMass> masses;                // in the order of devices
+  std::vector<VaryingBody> varying;              // the bodies that carry them
+  std::vector<MassFlow> flows;
+  int find(std::string_view name) const;  // -1 if unknown
+  /// visit(output) for each that input `in` is given.
+  template <class Visit>
+  void each_source(int in, const Visit& visit) const {
+    if (from[static_cast<std::size_t>(in)] < 0) return;
+    visit(from[static_cast<std::size_t>(in)]);
+    for (const AddedOutput& a : added)
+      if (a.in == in) visit(a.out);
+  }
 };
 
 struct Model : SweepModel {
@@ -101,9 +139,10 @@ struct Model : SweepModel {
   std::vector<UserBody> user;  // in the user's order
   std::vector<int> owner;      // per sweep body: the user's body whose hinge is its hinge; -1: the ground
   std::vector<PlainRates> plain_rates;
-  std::vector<int> curved;  // user indices of the others: q' is up to their hinge
-  std::vector<Op> program;  // forward dynamics, in order of execution
-  std::string refinement;   // why OpCode::refine is in it; empty: it is not
+  std::vector<int> curved;           // user indices of the others: q' is up to their hinge
+  std::vector<Op> program;           // forward dynamics, in order of execution
+  std::vector<std::uint8_t> varies;  // per sweep body: its mass does, by devices; empty: none does
+  std::string refinement;            // why OpCode::refine is in it; empty: it is not
   bool has(OpCode code) const {
     for (const Op& op : program)
       if (op.code == code) return true;
@@ -114,6 +153,9 @@ struct Model : SweepModel {
   /// Index into `user` / `nodes`; -1 if unknown.
   int find_body(std::string_view name) const;
   int find_node(std::string_view name) const;
+  /// Puts the masses that devices give to bodies at these states and marks into all that has the mass of a body. Empty: done; else the
+  /// fault and the device. A model whose masses vary is for one user at a time: Simulation has its own.
+  std::string weigh(const double* z, const double* marks, int& device);
   State initial_state() const;
   /// q' = N(q) v, user order.
   void qdot(const double* q, const double* v, double* qdot) const;

@@ -258,7 +258,7 @@ PortList outputs_of(const Scope& scope, const std::vector<std::string>& wanted) 
 // ---- the derivatives ----
 
 /// Momentum about the world's origin, world axes. `ws` has been through pose and world of this q, v.
-Force<Tangent> momentum(const Scope& scope, soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in) {
+Force<Tangent> momentum(const Scope& scope, soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in, const DeviceTangents* devices) {
   const Model& m = scope.m;
   Force<Tangent> sum{{0, 0, 0}, {0, 0, 0}};
   for (int k = 1; k < static_cast<int>(m.bodies.size()); ++k) {
@@ -275,6 +275,11 @@ Force<Tangent> momentum(const Scope& scope, soa::Workspace<Tangent>& ws, const s
       }
     } else {
       h = cast<Tangent>(b.M) * ws.V(k);
+      if (devices && !m.varies.empty() && m.varies[static_cast<std::size_t>(k)]) {
+        const Motion<Tangent>& V = ws.V(k);
+        const Force<double> dh = devices->inertia_rate(k) * Motion<double>{{V.w.x.x, V.w.y.x, V.w.z.x}, {V.v.x.x, V.v.y.x, V.v.z.x}};
+        h += Force<Tangent>{{{0.0, dh.n.x}, {0.0, dh.n.y}, {0.0, dh.n.z}}, {{0.0, dh.f.x}, {0.0, dh.f.y}, {0.0, dh.f.z}}};
+      }
     }
     sum += to_inboard(ws.pose_W(k), h);
   }
@@ -408,7 +413,7 @@ class Column {
     if (moving_) {
       outward(m_, S, *moving_, in, {.velocity = false});
       world(m_, S, *moving_, in, part);
-      h = momentum(scope_, *moving_, in);
+      h = momentum(scope_, *moving_, in, devices_ ? &*devices_ : nullptr);
     }
     const auto component = [](const Vec3<Tangent>& a, int i) { return i == 0 ? a.x : i == 1 ? a.y : a.z; };
     int seen = -1;

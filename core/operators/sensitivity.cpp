@@ -4,9 +4,8 @@
 
 #include "core/base/poll.hpp"
 #include "core/dynamics/hinge_laws.hpp"
-#include "core/dynamics/node_motion.hpp"
+#include "core/dynamics/mass_flow.hpp"
 #include "core/operators/apply.hpp"
-#include "core/soa/gravity_field.hpp"
 #include "core/soa/kernels_tangent.hpp"
 
 namespace cardan::operators {
@@ -239,20 +238,10 @@ void Sensitivities::inverse_in_inertia(int body, const RigidInertia<double>& cha
   std::fill(dtau, dtau + size(), 0.0);
   const int k = u.sweep;
   if (k == 0) return;  // fixed to the ground
-  const SweepBody& b = m.bodies[k];
   const BodyMotion<double> moves =
       motion_of_body<double>(m, ws_, {.q = q_.data(), .v = v_all_.data()}, k, vdot_all_.data(), After::inverse);
   const RigidInertia<double> dM = to_inboard(u.pose, change);
-  Force<double> f = dM * (moves.gamma + moves.delta) + gyroscopic(dM, moves.w);
-  if (gravity_ && m.field.central && b.M.m > 0.0) {
-    const RigidInertia<Tangent> M{
-        {b.M.m, dM.m},
-        {{b.M.h.x, dM.h.x}, {b.M.h.y, dM.h.y}, {b.M.h.z, dM.h.z}},
-        {{b.M.J.xx, dM.J.xx}, {b.M.J.yy, dM.J.yy}, {b.M.J.zz, dM.J.zz}, {b.M.J.xy, dM.J.xy}, {b.M.J.xz, dM.J.xz}, {b.M.J.yz, dM.J.yz}}};
-    Vec3<Tangent> c, r;
-    const Force<Tangent> pull = soa::attraction(m.field, M, cast<Tangent>(ws_.pose_W(k)), c, r);
-    f -= Force<double>{{pull.n.x.d, pull.n.y.d, pull.n.z.d}, {pull.f.x.d, pull.f.y.d, pull.f.z.d}};
-  }
+  const Force<double> f = force_of_inertia(m, k, dM, {moves, m.field.central ? ws_.pose_W(k) : Pose<double>{}}, gravity_);
   // H phi f with f on one body
   const TreeOperators& ops = tree();
   int i = ops.index_of(k);

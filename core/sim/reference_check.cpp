@@ -100,6 +100,27 @@ double difference(Simulation& sim, const reference::DenseTwin<T>& twin, bool& so
   return std::isfinite(relative) ? relative : HUGE_VAL;
 }
 
+/// The description with the masses that devices give to bodies now.
+SystemSpec weighed(Simulation& sim) {
+  const Model& m = sim.model();
+  SystemSpec spec = *m.spec;
+  for (const DeviceMass& own : m.devices.masses) {
+    const cardan_mass more = mass_of(m.devices.all[static_cast<std::size_t>(own.device)], sim.state().z.data(), sim.state().marks.data());
+    BodySpec& b = spec.bodies[static_cast<std::size_t>(own.user)];
+    const Eigen::Vector3d c = Eigen::Vector3d::Map(more.centre), com = (b.mass * b.com + more.mass * c) / (b.mass + more.mass);
+    const auto about = [&](double mass, const Eigen::Vector3d& at) -> Eigen::Matrix3d {
+      const Eigen::Vector3d r = at - com;
+      return mass * (r.squaredNorm() * Eigen::Matrix3d::Identity() - r * r.transpose());
+    };
+    const double* J = more.inertia;
+    Eigen::Matrix3d inertia;
+    inertia << J[0], J[3], J[4], J[3], J[1], J[5], J[4], J[5], J[2];
+    b.inertia_com += inertia + about(b.mass, b.com) + about(more.mass, c);
+    b.mass += more.mass, b.com = com;
+  }
+  return spec;
+}
+
 /// The twin in double and, where that is not enough to blame anybody, in 113 bits: made when it is first asked for.
 class Judge {
  public:
@@ -110,6 +131,9 @@ class Judge {
   }
   double difference(Simulation& sim) {
     if (sim.model().nv == 0) return 0.0;  // nothing can move
+    const bool varies = !sim.model().varies.empty();
+    const SystemSpec now = varies ? weighed(sim) : SystemSpec();
+    if (varies) twin_ = reference::DenseTwin<double>(now, foreign_), exact_.reset();
     bool sound = false;
     double apart = HUGE_VAL;
     try {
@@ -118,7 +142,7 @@ class Judge {
       sound = false;
     }
     if (sound && apart < kSure) return apart;
-    if (!exact_) exact_.emplace(*sim.model().spec, foreign_);
+    if (!exact_) exact_.emplace(varies ? now : *sim.model().spec, foreign_);
     return cardan::difference(sim, *exact_, sound);
   }
 

@@ -16,7 +16,11 @@
 
 namespace cardan {
 Simulation::Simulation(std::shared_ptr<const Model> model, const SimulationOptions& options)
-    : model_(std::move(model)), options_(options), state_(model_->initial_state()), workspace_(*model_) {
+    : own_(model->varies.empty() ? nullptr : std::make_shared<Model>(*model)),
+      model_(own_ ? std::shared_ptr<const Model>(own_) : std::move(model)),
+      options_(options),
+      state_(model_->initial_state()),
+      workspace_(*model_) {
   const Model& m = *model_;
   soa::instruction_set();  // refused before the run where the wished ones cannot run here
   const auto nv = static_cast<std::size_t>(m.nv);
@@ -45,12 +49,13 @@ Simulation::Simulation(std::shared_ptr<const Model> model, const SimulationOptio
   }
   observer_ = std::make_unique<Observer>(m, workspace_);
   if (m.devices.all.empty()) return;
-  devices_ = std::make_unique<DeviceForces>(m);
+  devices_ = std::make_unique<DeviceForces>(m, own_.get());
   wrenches_.resize(static_cast<std::size_t>(m.devices.n_loads));
   for (const Device& d : m.devices.all)
     for (const DeviceMount& mount : d.mounts)
       if (mount.node >= 0 && (mount.use & CARDAN_USE_LOAD) != 0) wrenches_[static_cast<std::size_t>(mount.load)].node = mount.node;
   world_rates_ = world_rates_ || m.devices.n_loads > 0;
+  stores_ = std::ranges::any_of(m.devices.all, [](const Device& d) { return d.family->momentum != nullptr; });
   sample_devices(false);
   if (m.devices.n_roots == 0) return;
   on_trial_ = std::make_unique<DeviceForces>(m);
@@ -68,6 +73,12 @@ void Simulation::set_state(const State& state) {
   if (state_.marks.size() != model_->devices.n_marks)
     state_.marks = Eigen::VectorXd::Map(model_->devices.marks0.data(), model_->devices.n_marks);
   changed();
+}
+
+/// The masses of the present state; a fault of a device is told where the dynamics come upon it.
+void Simulation::weigh() {
+  int device = -1;
+  if (own_) own_->weigh(state_.z.data(), state_.marks.data(), device);
 }
 
 /// `state`: index into [q, v, z].
@@ -338,6 +349,7 @@ void Simulation::unpack(const double* x) {
   std::copy_n(x, model_->nq, state_.q.data());
   std::copy_n(x + model_->nq, model_->nv, state_.v.data());
   std::copy_n(x + model_->nq + model_->nv, model_->devices.n_z, state_.z.data());
+  weigh();
 }
 
 void Simulation::make_integrator_once() {
@@ -432,6 +444,15 @@ void Simulation::integrands(double t, const double* x, double* ydot) {
     e = observer_->external(in, vdot_.data());
   else
     e.power = observer_->internal_power(in, vdot_.data());
+  if (stores_) {
+    const Force<double> f = devices_->storing_loads();
+    e.force -= to_eigen(f.f), e.moment -= to_eigen(f.n);
+  }
+  if (own_) {
+    const LeavingMass out = devices_->leaving();
+    e.force += to_eigen(out.momentum.f), e.moment += to_eigen(out.momentum.n);
+    e.power += out.power;
+  }
   for (int i = 0; i < 3; ++i) ydot[i] = e.force[i], ydot[3 + i] = e.moment[i];
   ydot[6] = e.power + (devices_ ? devices_->unseen_power() : 0.0);
 }
@@ -474,7 +495,7 @@ void Simulation::begin_ledger() {
     balances_.set_least(p.linear_magnitude, p.angular_magnitude, energy);
   }
   observed_ = false;
-  balances_.begin(observe().momentum(), energy());
+  balances_.begin(momentum(), energy());
 }
 
 Energy Simulation::energy() {
@@ -483,14 +504,21 @@ Energy Simulation::energy() {
   return e;
 }
 
+Momentum Simulation::momentum() {
+  Momentum p = observe().momentum();
+  if (!stores_) return p;
+  const Eigen::Vector3d h = to_eigen(devices_->stored_momentum());
+  p.angular += h, p.angular_magnitude += h.norm();
+  return p;
+}
+
 LedgerState Simulation::ledger() {
   if (!options_.ledger || !begun_) return {};
   if (ledger_known_) return ledger_;
   ledger_known_ = true;
-  const Observer& o = observe();
   Balances::Integrals y = Balances::Integrals::Zero();
   if (integrator_) integrator_->integrals(state_.t, y.data());
-  ledger_ = balances_.look(o.momentum(), energy(), y, statistics(), options_.integrator.relative_tolerance);
+  ledger_ = balances_.look(momentum(), energy(), y, statistics(), options_.integrator.relative_tolerance);
   for (const auto& [name, sentence] : balances_.beyond(integrator_name()))
     warn(Code::ledger_residual, {fmt::format("ledger of {}", name), {}}, sentence,
          "a hinge or body of a plugin whose laws do not fit together, a state that was changed in the run, or a step too large "

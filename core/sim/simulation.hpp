@@ -46,8 +46,12 @@ class Simulation {
   Simulation(const Simulation&) = delete;
   Simulation& operator=(const Simulation&) = delete;
 
+  /// Where masses vary they are those of the present state.
   const Model& model() const { return *model_; }
-  const std::shared_ptr<const Model>& shared_model() const { return model_; }
+  /// The one that its devices refer to.
+  const std::shared_ptr<const Model>& own_model() const { return model_; }
+  /// To keep: where masses vary they stay as they are now.
+  std::shared_ptr<const Model> shared_model() const { return own_ ? std::make_shared<const Model>(*own_) : model_; }
   const State& state() const { return state_; }
   double time() const { return state_.t; }
 
@@ -128,9 +132,12 @@ class Simulation {
   std::vector<double> absolute_tolerances() const;
   std::size_t workspace_bytes() const { return workspace_.bytes() + (devices_ ? devices_->bytes() : 0); }
   Energy energy();
+  /// Of bodies, and what devices store beside them.
+  Momentum momentum();
 
  private:
-  void changed() { restart_ = true, observed_ = ledger_known_ = false; }
+  void changed() { weigh(), restart_ = true, observed_ = ledger_known_ = false; }
+  void weigh();
   bool rhs(double t, const double* x, double* xdot);
   void integrands(double t, const double* x, double* ydot);
   const double* with_given_motion(double t, const double* x);
@@ -165,12 +172,14 @@ class Simulation {
   RunFailure explain(const RunFailure&) const;
   [[noreturn]] void fail(RunFailure failure);
 
+  std::shared_ptr<Model> own_;  // where masses vary: its own copy; else null
   std::shared_ptr<const Model> model_;
   SimulationOptions options_;
   State state_;
   Workspace workspace_;
   std::unique_ptr<Observer> observer_;
   std::unique_ptr<DeviceForces> devices_;    // null: there are none
+  bool stores_ = false;                      // some of them store momentum
   std::unique_ptr<DeviceForces> on_trial_;   // for their roots at trial states; null: there are none
   std::unique_ptr<Workspace> beside_;        // ... where they read nodes
   std::unique_ptr<NewtonOperators> newton_;  // where the linear solver asks for them

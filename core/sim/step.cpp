@@ -96,6 +96,7 @@ bool Simulation::evaluate(double t, double since, const double* x, double* vdot)
     culprit_ = plugin_without_numbers(*model_, q, v);
     return false;
   }
+  if (own_) devices_->note_motions(workspace_, inputs(q, v));
   if (all_finite(vdot, model_->nv)) return true;
   bad_rate_ = first_not_finite(vdot, model_->nv);
   vdot_bad_ = vdot[bad_rate_];

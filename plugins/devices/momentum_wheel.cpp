@@ -46,6 +46,9 @@ struct MomentumWheel {
     out.delivered = motor * rate, out.lost = T(p.viscous) * rate * rate;
   }
   static double energy(const Packed& p, const DeviceIn<double>& in) noexcept { return 0.5 * in.z[0] * in.z[0] / p.inertia; }
+  static void momentum(const Packed& p, const DeviceIn<double>& in, Vec3<double>* h) noexcept {
+    h[0] = in.z[0] * Vec3<double>{p.axis[0], p.axis[1], p.axis[2]};
+  }
 };
 
 }  // namespace

@@ -1,5 +1,5 @@
-// thruster: a force along a direction of its node, c times its thrust for a command c, that rises and falls with time constants; what it
-// burns is told and not taken from the mass of the vehicle. Flow F / (I g_0), g_0 = 9.80665 m/s^2.
+// thruster: a force along a direction of its node, c times its thrust for a command c, that rises and falls with time constants, times what
+// the tank supplies. Flow F / (I g_0), g_0 = 9.80665 m/s^2: drawn from the tank that takes it, else told and not taken from any mass.
 
 #include "core/abi/device_family.hpp"
 
@@ -8,7 +8,7 @@ namespace {
 
 struct Thruster {
   static constexpr const char* type = "thruster";
-  static constexpr const char* summary = "a force at a node that rises and falls with its valve; the mass of the vehicle stays";
+  static constexpr const char* summary = "a force at a node that rises and falls with its valve; its flow is drawn from a tank, or told";
   static constexpr unsigned facts = 0;
   struct Packed {
     double thrust, impulse, direction[3], rise, fall;
@@ -19,10 +19,11 @@ struct Thruster {
       param::required("direction", CARDAN_UNIT_VECTOR, "1", "of the force on the vehicle, node axes"),
       param::not_negative(param::optional("rise_time", CARDAN_NUMBER, "s", "time constant of opening; both 0: at once")),
       param::not_negative(param::optional("fall_time", CARDAN_NUMBER, "s", "time constant of closing"))};
-  static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_NODE, CARDAN_USE_LOAD, "the node of the nozzle"}};
+  static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_NODE, CARDAN_USE_LOAD | CARDAN_USE_OUTLET, "the node of the nozzle"}};
   static constexpr cardan_port_desc ports[] = {{"command", CARDAN_PORT_IN, "1", 0.0, 0, "0 closed, 1 open; cut to that range"},
-                                               {"thrust", CARDAN_PORT_OUT, "N", 0.0, 1, "force"},
-                                               {"flow", CARDAN_PORT_OUT, "kg/s", 0.0, 1, "of propellant"}};
+                                               {"supply", CARDAN_PORT_IN, "1", 1.0, 0, "of a tank: pressure over that of the thrust"},
+                                               {"thrust", CARDAN_PORT_OUT, "N", 0.0, 3, "force"},
+                                               {"flow", CARDAN_PORT_OUT, "kg/s", 0.0, 3, "of propellant"}};
   static constexpr cardan_state_desc states[] = {{"level", "1", 0.0, 1.0, "how far it is open"},
                                                  {"propellant", "kg", 0.0, 1.0, "used so far"}};
 
@@ -41,7 +42,7 @@ struct Thruster {
   static void evaluate(const Packed& p, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
     const T command = in.in[0] > T(1.0) ? T(1.0) : in.in[0] < T(0.0) ? T(0.0) : in.in[0];
     const double time = command > in.z[0] ? p.rise : p.fall;
-    const T level = time > 0.0 ? in.z[0] : command, force = T(p.thrust) * level, flow = force / T(p.impulse * 9.80665);
+    const T level = time > 0.0 ? in.z[0] : command, force = T(p.thrust) * level * in.in[1], flow = force / T(p.impulse * 9.80665);
     // Of a valve without delay the state is read nowhere.
     out.zdot[0] = (command - in.z[0]) / T(time > 0.0 ? time : 1.0);
     out.zdot[1] = flow;

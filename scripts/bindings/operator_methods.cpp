@@ -126,6 +126,7 @@ OperatingState present_state(const Scenario& s) {
                      .tau = Eigen::VectorXd(nv),
                      .vdot = Eigen::VectorXd::Zero(nv),
                      .wrenches = {s.sim->wrenches().begin(), s.sim->wrenches().end()},
+                     .model = s.sim->own_model(),
                      .devices = devices ? std::make_shared<const DeviceForces>(*devices) : nullptr,
                      .seed = s.seed};
   const std::vector<double> tau = s.sim->applied_forces();
@@ -136,7 +137,7 @@ OperatingState present_state(const Scenario& s) {
 
 std::shared_ptr<TreeOperators> tree_of_now(lua_State* L, Scenario& s, const char* what) {
   if (s.in_event_function) refuse(L, Code::lua_argument, what, "coordinates, inside of an event's `when`", what);
-  auto tree = std::make_shared<TreeOperators>(s.model);
+  auto tree = std::make_shared<TreeOperators>(s.sim ? s.sim->shared_model() : s.model);
   tree->at(s.q);
   return tree;
 }

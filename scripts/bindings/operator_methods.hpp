@@ -21,6 +21,7 @@ struct OperatingState {
   Eigen::VectorXd v, tau;                                 // tau: of actuators and devices
   Eigen::VectorXd vdot;                                   // of given motions
   std::vector<NodeWrench> wrenches;                       // those of devices first
+  std::shared_ptr<const Model> model = nullptr;           // that of the devices
   std::shared_ptr<const DeviceForces> devices = nullptr;  // null where there are none
   std::uint64_t seed = 0;                                 // of the scenario
   Inputs inputs(const double* q) const { return {.q = q, .v = v.data(), .tau = tau.data(), .vdot = vdot.data(), .wrenches = wrenches}; }

@@ -155,7 +155,9 @@ Json to_json(const Families<cardan_device_family>::Entry& e) {
   Json mounts = Json::array(), inputs = Json::array(), outputs = Json::array(), states = Json::array();
   for (std::uint32_t i = 0; i < f.n_mounts; ++i)
     mounts.push_back({{"name", f.mounts[i].name},
-                      {"kind", f.mounts[i].kind == CARDAN_MOUNT_NODE ? "node" : "component of a hinge"},
+                      {"kind", f.mounts[i].kind == CARDAN_MOUNT_NODE   ? "node"
+                               : f.mounts[i].kind == CARDAN_MOUNT_MASS ? "rigid body, whose mass it is a part of"
+                                                                       : "component of a hinge"},
                       {"meaning", f.mounts[i].meaning}});
   for (std::uint32_t i = 0; i < f.n_ports; ++i)
     (f.ports[i].kind == CARDAN_PORT_IN ? inputs : outputs)

@@ -141,6 +141,61 @@ TEST(DeviceMutants, AreCaughtByTheirLaw) {
   expect(changed([](Table& t) { t.nominal = [](const void*, double* sizes) { sizes[0] = -1.0; }; }), "nominal gives -1");
 }
 
+const cardan_mount_desc kBody[] = {{"at", CARDAN_MOUNT_MASS, CARDAN_USE_VELOCITY | CARDAN_USE_LOAD, "a body"}};
+const cardan_port_desc kDrawn[] = {{"flow", CARDAN_PORT_IN, "kg/s", 0.0, 0, "drawn"}, {"noise", CARDAN_PORT_IN, "1", 0.0, 0, "not"}};
+
+/// A mass 2 s at (1, s, 0) that falls as it is drawn, and a spin of 3 N m s along x of the node.
+Table carrier() {
+  Table t{};
+  t.struct_size = sizeof t;
+  t.type = "test/carrier", t.summary = "";
+  t.mounts = kBody, t.n_mounts = 1;
+  t.ports = kDrawn, t.n_ports = 2;
+  t.states = kStates, t.n_states = 1;
+  t.evaluate = [](Args a, Out o) {
+    const double* w = a->mount[0].omega;
+    o->zdot[0] = -0.5 * a->in[0];
+    o->load[0].moment[1] = -3.0 * w[2], o->load[0].moment[2] = 3.0 * w[1];
+    return 0;
+  };
+  t.mass = [](Args a, cardan_mass* m) { return *m = {2.0 * a->z[0], {1.0, a->z[0], 0.0}, {a->z[0], 1, 1, 0, 0, 0}}, 0; };
+  t.mass_tangent = [](Args, const double* dz, cardan_mass* m) { return *m = {2.0 * dz[0], {0.0, dz[0], 0.0}, {dz[0], 0, 0, 0, 0, 0}}, 0; };
+  t.momentum = [](Args, double(*h)[3]) { h[0][0] = 3.0, h[0][1] = h[0][2] = 0.0; };
+  return t;
+}
+
+TEST(DeviceMutants, ThatCarryMassOrStoreMomentumAreCaught) {
+  EXPECT_EQ(violations(carrier()), "");
+  const auto with = [](const auto& change) {
+    Table t = carrier();
+    change(t);
+    return t;
+  };
+  expect(with([](Table& t) { t.evaluate = [](Args a, Out o) { return o->zdot[0] = -0.6 * a->in[0], 0; }; }),
+         "mass falls by its inputs in kg/s");
+  expect(with([](Table& t) {
+           t.mass = [](Args a, cardan_mass* m) { return *m = {2.1 * a->z[0], {1.0, a->z[0], 0.0}, {a->z[0], 1, 1, 0, 0, 0}}, 0; };
+         }),
+         "mass_tangent is the derivative");
+  expect(with([](Table& t) { t.mass = [](Args a, cardan_mass* m) {
+                               return *m = {2.0 * a->z[0], {std::nan(""), 0.0, 0.0}, {}}, 0;
+                             }; }),
+         "mass gives a number that is not finite");
+  expect(with([](Table& t) {
+           t.mass = [](Args a, cardan_mass* m) {
+             static double calls = 0.0;
+             return *m = {2.0 * a->z[0] + 1e-9 * ++calls, {1.0, a->z[0], 0.0}, {a->z[0], 1, 1, 0, 0, 0}}, 0;
+           };
+         }),
+         "mass is a function of its arguments");
+  expect(with([](Table& t) { t.momentum = [](Args, double(*h)[3]) { h[0][0] = 2.9; }; }), "stored momentum changes by minus the moments");
+  expect(with([](Table& t) { t.mass = nullptr; }), "mass: null, and a mount is of kind");
+  static const cardan_mount_desc twice[] = {kBody[0], {"too", CARDAN_MOUNT_MASS, 0, "a body"}};
+  expect(with([](Table& t) { t.mounts = twice, t.n_mounts = 2; }), "more than one mass or outlet");
+  static const cardan_mount_desc dry[] = {kBody[0], {"jet", CARDAN_MOUNT_NODE, CARDAN_USE_OUTLET, "a node"}};
+  expect(with([](Table& t) { t.mounts = dry, t.n_mounts = 2; }), "CARDAN_USE_OUTLET is of a node, with CARDAN_USE_LOAD");
+}
+
 TEST(DeviceMutants, TablesThatCannotBeReadAreToldMemberByMember) {
   expect(changed([](Table& t) { t.type = nullptr; }), "type: null");
   expect(changed([](Table& t) { t.evaluate = nullptr; }), "evaluate: null");

@@ -1,0 +1,406 @@
+// Mass that varies: tanks and thrusters against closed forms, and what must hold wherever they are.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "core/base/diagnostic.hpp"
+#include "core/dynamics/batch.hpp"
+#include "core/operators/linear_model.hpp"
+#include "core/operators/system_properties.hpp"
+#include "core/sim/newton_operators.hpp"
+#include "core/sim/reference_check.hpp"
+#include "core/sim/simulation.hpp"
+#include "core/soa/tangent.hpp"
+#include "tests/operators/compare.hpp"
+#include "tests/properties/random_devices.hpp"
+#include "tests/properties/trees.hpp"
+
+namespace cardan::test {
+namespace {
+
+constexpr double kG0 = 9.80665;  // [m/s^2]
+
+SimulationOptions accurate(const std::string& method = "dopri5", double relative = 1e-12) {
+  SimulationOptions o;
+  o.integrator.method = method;
+  o.integrator.relative_tolerance = relative;
+  return o;
+}
+BodySpec with_node(BodySpec b, const std::string& name, const Vector3d& place) {
+  NodeSpec node;
+  node.name = name, node.position = place;
+  b.nodes.push_back(node);
+  return b;
+}
+DeviceSpec with_vector(DeviceSpec d, const std::string& key, const Vector3d& x) {
+  d.params[key].value = std::vector<double>(x.data(), x.data() + 3);
+  return d;
+}
+DeviceSpec tank(const std::string& at, double propellant, double radius, const std::string& flow) {
+  DeviceSpec d = device("tank", "tank", {{"radius", radius}}, {{"at", at}});
+  d.initial["propellant"] = number(propellant);
+  d.inputs["flow"] = {flow, {}};
+  return d;
+}
+DeviceSpec thruster(const std::string& name, const std::string& at, double thrust, double impulse, const Vector3d& direction) {
+  DeviceSpec d =
+      with_vector(device(name, "thruster", {{"thrust", thrust}, {"specific_impulse", impulse}}, {{"at", at}}), "direction", direction);
+  d.inputs["command"] = {1.0, {}};
+  d.inputs["supply"] = {"tank.supply", {}};
+  return d;
+}
+std::string residuals(Simulation& sim) {
+  const LedgerState l = sim.ledger();
+  return fmt::format("linear {:.1e} of {:.1e}, angular {:.1e} of {:.1e}, energy {:.1e} of {:.1e}", l.linear_relative, l.linear_limit,
+                     l.angular_relative, l.angular_limit, l.energy_relative, l.energy_limit);
+}
+
+/// 500 kg to 400 kg at 220 s: 220 g_0 ln 1.25. The tank runs empty at m I g_0 / F, is found there, and nothing is pushed from then on.
+TEST(Tank, TheRocketEquationHoldsUntilItIsEmpty) {
+  for (const std::string method : {"dopri5", "cvode_adams", "cvode_bdf"}) {
+    SystemSpec spec = system({on(rigid("bus", 400.0, {0, 0, 0}, diagonal({60, 70, 80})), "", "free")});
+    spec.devices = {tank("bus", 100.0, 0.4, "jet.flow"), thruster("jet", "bus", 1000.0, 220.0, {1, 0, 0})};
+    Simulation sim(compiled(spec), accurate(method));
+    EXPECT_EQ(sim.model().user[0].mass, 500.0);
+    const double dry_at = 100.0 * 220.0 * kG0 / 1000.0;
+    sim.run(dry_at + 20.0);
+    EXPECT_NEAR(sim.state().v[3], 481.42395564900886, method == "cvode_bdf" ? 1e-6 : 1e-8) << method;  // of steps at 1e-12
+    EXPECT_EQ(sim.state().z[sim.model().devices.all[1].z], 0.0);
+    EXPECT_EQ(sim.state().marks[0], 1.0);
+    EXPECT_EQ(sim.model().user[0].mass, 400.0);
+    EXPECT_NEAR(sim.state().z[1], 100.0, 1e-8) << "what the thruster burnt";
+    EXPECT_EQ(sim.device_output(0), 0.0) << "thrust";
+    EXPECT_NEAR(sim.observe().momentum().mass, 400.0, 1e-12);
+    EXPECT_TRUE(sim.ledger().pass) << residuals(sim);
+  }
+}
+
+/// What is drawn from a radius of gyration k about a fixed axis and leaves at the distance l: I w' = mu (k^2 - l^2) w, so that
+/// w / w_0 = (I / I_0)^((l^2 - k^2) / k^2) [Thomson 1966; Meirovitch 1970].
+TEST(Tank, WhatLeavesDampsTheRotation) {
+  const double J = 6.0, radius = std::sqrt(0.625);
+  BodySpec wheel = on(rigid("wheel", 3.0, {0, 0, 0}, diagonal({J, J, J})), "", "revolute", {{0, 0, 1}});
+  wheel = with_node(wheel, "nozzle", {std::sqrt(2.0) * 0.6, std::sqrt(2.0) * 0.8, 0.3});
+  wheel.hinge.v = {2.0};
+  SystemSpec spec = system({wheel});
+  // k^2 = 0.5^2 + 2/5 0.625 = 0.5; 4 of 8 kg take I from 10 to 8
+  spec.devices = {with_vector(tank("wheel", 8.0, radius, "jet.flow"), "position", {0.3, -0.4, 0.1}),
+                  thruster("jet", "wheel.nozzle", 50.0, 220.0, {0.6, 0.8, 0})};
+  for (const GravitySpec& g : {GravitySpec{}, uniform_gravity({0.3, -0.2, -9.0}), central_gravity(4e14, true, {7e6, 0, 0})}) {
+    spec.gravity = g;
+    SimulationOptions options = accurate();
+    options.integrator.max_step =
+        0.05;  // the steps of a smooth spin may be whole turns, over which impulses of the hinge are not integrated
+    Simulation sim(compiled(spec), options);
+    const double before = sim.state().v[0];
+    sim.run(4.0 * 220.0 * kG0 / 50.0);
+    EXPECT_NEAR(sim.model().user[0].M.J.zz, 8.0, 1e-9);
+    if (g.kind == GravitySpec::Kind::none) {
+      EXPECT_NEAR(sim.state().v[0] / before, 0.512, 1e-10);
+    }
+    EXPECT_TRUE(sim.ledger().pass) << static_cast<int>(g.kind) << ": " << residuals(sim);
+  }
+}
+
+/// By the equations of an open system about the origin of a body [Eke, Wang 1995]: the moment -(J' + mu J_e) w - w x H of what flows on a
+/// straight way from the tank to the nozzle, and the force -2 w x (h' + mu e).
+TEST(Tank, TheForcesOfWhatFlowsAreThoseOfAnOpenSystem) {
+  const Vector3d c(0.4, -0.3, 0.2), e(-0.5, 0.7, 1.1), w(0.3, -0.5, 0.7);
+  BodySpec bus = with_node(on(rigid("bus", 40.0, {0.1, 0, 0}, diagonal({6, 7, 8})), "", "free"), "nozzle", e);
+  bus.hinge.v = {w[0], w[1], w[2], 3.0, -1.0, 2.0};
+  bus.hinge.q = {0.5, 0.5, -0.5, 0.5, 1, 2, 3};
+  SystemSpec spec = system({bus});
+  spec.devices = {with_vector(tank("bus", 10.0, 0.3, "jet.flow"), "position", c), thruster("jet", "bus.nozzle", 5.0, 50.0, {0, 0, 1})};
+  Simulation sim(compiled(spec), {});
+  sim.observe();
+  const double mu = 5.0 / (50.0 * kG0);
+  const auto about = [](const Vector3d& r) { return Eigen::Matrix3d(r.squaredNorm() * Eigen::Matrix3d::Identity() - r * r.transpose()); };
+  const Eigen::Matrix3d J_rate = -mu * (about(c) + 0.4 * 0.09 * Eigen::Matrix3d::Identity());
+  const Vector3d force = -2.0 * w.cross(-mu * c + mu * e), moment = -(J_rate + mu * about(e)) * w - w.cross(mu * c.cross(e));
+  Vector3d f = Vector3d::Zero(), n = f;
+  for (const NodeWrench& at : sim.wrenches()) {
+    const Vector3d here = to_eigen(sim.model().nodes[static_cast<std::size_t>(at.node)].shapes.pose.p), push = to_eigen(at.f.f);
+    f += push, n += to_eigen(at.f.n) + here.cross(push);
+  }
+  const Vector3d thrust(0, 0, 5);
+  EXPECT_LT((f - thrust - force).norm(), 1e-14);
+  EXPECT_LT((n - e.cross(thrust) - moment).norm(), 1e-14);
+}
+
+/// Mass, mass centre and moments of what is in the tank, by sums over a fine grid.
+TEST(Tank, WherePropellantIsFollowsFromItsFill) {
+  const double radius = 0.5, length = 1.2, density = 900.0;
+  for (const std::string shape : {"sphere", "cylinder"})
+    for (const std::string fill : {"even", "settled", "ball"})
+      for (const double part : {0.1, 0.5, 0.8}) {
+        if (shape == "cylinder" && fill == "ball") continue;
+        const double volume = std::numbers::pi * radius * radius * (shape == "sphere" ? 4.0 / 3.0 * radius : length),
+                     m = part * density * volume;
+        SystemSpec spec = system({on(rigid("bus", 1.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "free")});
+        DeviceSpec d = tank("bus", m, radius, "");
+        d.inputs.clear();
+        d.params["length"] = number(length), d.params["density"] = number(density);
+        d.params["shape"].value = shape, d.params["fill"].value = fill;
+        spec.devices = {d};
+        const auto model = compiled(spec);
+        const RigidInertia<double> M = model->user[0].M;
+        // slices across the axis: of the cylinder and the spheres they are discs
+        const double ball = fill == "ball" ? std::cbrt(0.75 * m / density / std::numbers::pi) : radius,
+                     half = shape == "sphere" ? ball : 0.5 * length;
+        const int n = 200'000;
+        double sum = 0.0, first = 0.0, second = 0.0, across = 0.0;
+        const double wanted = fill == "even" ? volume : m / density, rho = m / wanted;
+        for (int i = 0; i < n; ++i) {
+          const double z = -half + (i + 0.5) * 2.0 * half / n, r2 = shape == "sphere" ? ball * ball - z * z : radius * radius;
+          double slice = std::numbers::pi * r2 * 2.0 * half / n;
+          slice = std::min(slice, wanted - sum);
+          sum += slice, first += slice * z, second += slice * z * z, across += slice * r2 / 4.0;
+        }
+        const std::string what = shape + " " + fill + fmt::format(" {}", part);
+        EXPECT_NEAR(M.m, 1.0 + m, 1e-9 * m) << what;
+        EXPECT_NEAR(M.h.z, rho * first, 1e-4 * m) << what;  // of the last slice
+        EXPECT_NEAR(M.J.zz, 1.0 + 2.0 * rho * across, 1e-4 * m) << what;
+        EXPECT_NEAR(M.J.xx, 1.0 + rho * (across + second), 1e-4 * m) << what;
+      }
+}
+
+/// The gas expands as it empties: F falls with p = p_0 (V_0 / V)^n, and m' with it: (V^(n+1) - V_0^(n+1)) / (n + 1) = V_0^n mu_0 t / rho.
+TEST(Tank, TheThrustFallsAsItsGasExpands) {
+  const double radius = 0.4, density = 1000.0, loaded = 180.0, n = 1.3, F = 40.0, isp = 215.0, t = 900.0;
+  SystemSpec spec = system({on(rigid("bus", 300.0, {0, 0, 0}, diagonal({60, 70, 80})), "", "free")});
+  DeviceSpec d = tank("bus", loaded, radius, "jet.flow");
+  d.params["density"] = number(density), d.params["pressure"] = number(2.4e6), d.params["loaded"] = number(loaded);
+  d.params["exponent"] = number(n);
+  spec.devices = {d, thruster("jet", "bus", F, isp, {0, 1, 0})};
+  Simulation sim(compiled(spec), accurate());
+  sim.run(t);
+  const double gas = 4.0 / 3.0 * std::numbers::pi * std::pow(radius, 3) - loaded / density, mu = F / (isp * kG0);
+  const double now = std::pow(std::pow(gas, n + 1) + (n + 1) * std::pow(gas, n) * mu * t / density, 1.0 / (n + 1));
+  EXPECT_NEAR(sim.state().z[2], loaded - density * (now - gas), 1e-7);
+  EXPECT_NEAR(sim.device_output(0), F * std::pow(gas / now, n), 1e-7);
+}
+
+/// Devices of with_devices(), a tank on a rigid body, two thrusters on nodes anywhere that draw from it.
+SystemSpec with_tank(SystemSpec spec, unsigned seed) {
+  std::mt19937 random(seed + 100);
+  const auto x = [&](double low, double high) { return std::uniform_real_distribution<double>(low, high)(random); };
+  const auto bare = compiled(spec);
+  std::vector<std::string> bodies, nodes;
+  for (const UserBody& u : bare->user)
+    if (u.n_modes == 0) bodies.push_back(u.name);
+  for (const UserNode& n : bare->nodes) nodes.push_back(n.name);
+  spec = with_devices(std::move(spec), seed);
+  if (bodies.empty()) return spec;
+  const auto any = [&](const auto& all) { return all[random() % all.size()]; };
+  DeviceSpec d = tank(any(bodies), x(1, 3), x(0.2, 0.4), "left.flow + right.flow");
+  d.params["length"] = number(0.7), d.params["density"] = number(800.0);
+  d.params["shape"].value = std::string(random() % 2 ? "sphere" : "cylinder");
+  d.params["fill"].value = std::string(random() % 2 ? "even" : "settled");
+  d = with_vector(with_vector(d, "position", {x(-1, 1), x(-1, 1), x(-1, 1)}), "axis", {x(-1, 1), x(-1, 1), 1.0});
+  spec.devices.push_back(d);
+  for (const std::string name : {"left", "right"}) {
+    spec.devices.push_back(thruster(name, any(nodes), x(1, 5), x(3, 10), {x(-1, 1), x(-1, 1), 1.0}));
+    spec.devices.back().params["rise_time"] = spec.devices.back().params["fall_time"] = number(0.1);
+    spec.devices.back().initial["level"] = number(x(0.3, 0.9));
+  }
+  return spec;
+}
+const TreeOptions kAny;
+
+TEST(VaryingMass, AgreesWithTheDenseTwin) {
+  for_all_trees(kAny, 1e-10, [](const RandomTree& tree) {
+    SystemSpec spec = with_tank(tree.spec, tree.seed);
+    Simulation sim(compiled(spec), {});
+    Output difference = reference_output(sim);
+    double x = 0.0, y = 0.0;
+    difference.fill(&x);
+    State other = sim.state();
+    const int i = sim.model().devices.find("tank");
+    if (i >= 0) other.z[sim.model().devices.all[static_cast<std::size_t>(i)].z] *= 0.6;
+    sim.set_state(other);
+    difference.fill(&y);
+    return worse(x, y);
+  });
+}
+
+/// Momentum and energy of any tree, with what leaves it.
+TEST(VaryingMass, IsInTheLedger) {
+  TreeOptions options{.bodies = 5, .roots = 1, .flexible = 0.4, .floating = true};
+  options.gravity = GravitySpec::Kind::none;
+  for (const GravitySpec& g : {GravitySpec{}, uniform_gravity({0.5, -1, 2}), central_gravity(50.0, true, {7, 5, -6})}) {
+    if (g.kind == GravitySpec::Kind::central) options.flexible = 0.0;
+    for_all_trees(
+        options, 1e-10,  // each of some dozen steps is within 1e-11 of the state
+        [&](const RandomTree& tree) {
+          SystemSpec spec = with_tank(tree.spec, tree.seed);
+          spec.gravity = g;
+          Simulation sim(compiled(spec), accurate("dopri5", 1e-11));
+          sim.run(0.4);
+          const LedgerState l = sim.ledger();
+          return worse(worse(l.linear_relative, l.angular_relative), l.energy_relative);
+        },
+        12);
+  }
+}
+
+double jacobian_error(const SystemSpec& spec) {
+  SimulationOptions options = accurate("cvode_bdf");
+  options.integrator.linear_solver = "krylov";
+  options.ledger = false;
+  Simulation sim(compiled(spec), options);
+  const OdeProblem ode = sim.ode();
+  if (ode.n == 0) return 0.0;
+  VectorXd x(ode.n), d(ode.n), got(ode.n), truth(ode.n), work(ode.n);
+  x << sim.state().q, sim.state().v, sim.state().z;
+  for (int i = 0; i < ode.n; ++i) d[i] = std::sin(2.7 * i + 0.3);
+  d.tail(sim.state().z.size()) *= 0.02;
+  bool good = true;
+  soa::derivative(
+      [&](double h, double* out) {
+        const VectorXd at = x + h * d;
+        good = good && ode.rhs(0.2, at.data(), out);
+      },
+      0.002, ode.n, truth.data(), work.data());
+  good = good && ode.rhs(0.2, x.data(), work.data()) && ode.jacobian_times(0.2, x.data(), d.data(), got.data());
+  return good ? apart(got, truth) : HUGE_VAL;
+}
+TEST(VaryingMass, TakesPartInTheJacobian) {
+  for (const GravitySpec& g : {GravitySpec{}, uniform_gravity({0.5, -1, 2}), central_gravity(50.0, true, {7, 5, -6})})
+    for_all_trees(
+        kAny, 1e-8,
+        [&](const RandomTree& tree) {
+          SystemSpec spec = with_tank(tree.spec, tree.seed);
+          spec.gravity = g;
+          return jacobian_error(spec);
+        },
+        20);
+}
+
+TEST(VaryingMass, GivesTheSameBitsInAnyOrder) {
+  for_all_trees(
+      kAny, 0.0,
+      [](const RandomTree& tree) {
+        SystemSpec spec = with_tank(tree.spec, tree.seed);
+        Simulation a(compiled(spec), {});
+        const VectorXd v = a.vdot();
+        std::reverse(spec.devices.begin(), spec.devices.end());
+        for (DeviceSpec& d : spec.devices)
+          if (d.type == "tank") d.inputs["flow"] = {"right.flow + left.flow", {}};
+        Simulation b(compiled(spec), {});
+        return distance(v, b.vdot());
+      },
+      20);
+}
+
+/// At one q, with another mass: nothing of the evaluation before is used again.
+TEST(VaryingMass, IsNeverStale) {
+  SystemSpec spec = system(base_with_sprung_arm());
+  spec.devices = {tank("base", 5.0, 0.3, "jet.flow"), thruster("jet", "base", 1.0, 1.0, {0, 0, 1})};
+  Simulation sim(compiled(spec), {});
+  const VectorXd heavy = sim.vdot();
+  const std::shared_ptr<const Model> then = sim.shared_model();
+  State light = sim.state();
+  light.z[2] = 1.0;
+  sim.set_state(light);
+  const VectorXd now = sim.vdot();
+  spec.devices[0].initial["propellant"] = number(1.0);
+  Simulation other(compiled(spec), {});
+  EXPECT_GT((now - heavy).norm(), 1e-3);
+  EXPECT_EQ((now - other.vdot()).norm(), 0.0);
+  EXPECT_EQ(sim.model().user[0].mass, 11.0);
+  EXPECT_EQ(then->user[0].mass, 15.0) << "what was kept stays as it was";
+  // mass matrix and its analyses
+  Workspace ws(sim.model());
+  const MatrixXd M = mass_matrix(sim.model(), ws, sim.state().q.data());
+  VectorXd tau(sim.model().nv), zero = VectorXd::Zero(sim.model().nv), unit = VectorXd::Unit(sim.model().nv, 3);
+  inverse_dynamics(sim.model(), ws, Inputs{.q = sim.state().q.data(), .v = zero.data(), .vdot = unit.data()}, tau.data(),
+                   {.velocity = false, .gravity = false, .elastic = false});
+  EXPECT_LT((M.col(3) - tau).norm(), 1e-12);
+  EXPECT_NEAR(tau.segment<3>(3).norm(), 13.0, 1e-12) << "the arm has 2 kg";
+  operators::TreeOperators tree(sim.shared_model());
+  tree.at(sim.state().q.data());
+  EXPECT_NEAR(operators::mass_properties(tree).mass, 13.0, 1e-12);
+}
+
+/// On the bus, on what a hinge moves, at the tip of a beam: the momentum that leaves is that of the vehicle at the nozzle, the mass is
+/// exact, and a run goes on from a checkpoint bit for bit.
+TEST(VaryingMass, GoesOnFromACheckpoint) {
+  for (const std::string method : {"rk4", "dopri5", "cvode_bdf", "cvode_adams"}) {
+    TreeOptions rigid_ones;
+    rigid_ones.flexible = 0.0;
+    const SystemSpec spec = with_tank(random_tree(7, rigid_ones).spec, 7);
+    SimulationOptions options = accurate(method, 1e-7);
+    if (method == "rk4") options.integrator.fixed_step = 0.005;
+    const auto model = compiled(spec);
+    Simulation whole(model, options), part(model, options);
+    whole.run(0.7);
+    const Checkpoint at = whole.checkpoint();
+    part.resume(at);
+    EXPECT_EQ(part.model().user[0].mass, whole.model().user[0].mass);
+    whole.run(1.3), part.run(1.3);
+    EXPECT_TRUE(whole.state().q == part.state().q && whole.state().v == part.state().v && whole.state().z == part.state().z) << method;
+  }
+}
+
+/// With a fixed step h the error falls as h^4, across the edges of a valve and an empty tank.
+TEST(Tank, KeepsTheOrderOfTheMethodAcrossCorners) {
+  SystemSpec spec = system(base_with_sprung_arm());
+  spec.bodies[0] = with_node(spec.bodies[0], "nozzle", {-0.5, 0.1, 0.2});
+  spec.devices = {tank("base", 1.0, 0.3, "jet.flow"), thruster("jet", "base.nozzle", 20.0, 5.0, {0.3, 0.2, 1})};
+  spec.devices[1].params["rise_time"] = spec.devices[1].params["fall_time"] = number(0.3);
+  spec.devices[1].inputs.erase("command");
+  const auto end = [&](double step, bool exact) {
+    SimulationOptions options = accurate(exact ? "dopri5" : "rk4", 1e-13);
+    if (!exact) options.integrator.fixed_step = step;
+    Simulation sim(compiled(spec), options);
+    const int command = sim.model().devices.all[0].in;
+    sim.every({37, 100}, [&] { sim.set_device_input(command, sim.time() < 0.5 || sim.time() > 1.0 ? 1.0 : 0.2); });
+    sim.run(6.0);
+    EXPECT_EQ(sim.state().marks[0], 1.0) << "it is empty";
+    VectorXd x(sim.state().q.size() + sim.state().v.size());
+    x << sim.state().q, sim.state().v;
+    return x;
+  };
+  const VectorXd truth = end(0, true);
+  const double coarse = distance(end(0.02, false), truth), fine = distance(end(0.01, false), truth);
+  EXPECT_GT(coarse / fine, 13.0) << coarse << " " << fine;
+  EXPECT_LT(coarse / fine, 20.0);
+}
+
+/// The integral of what two thrusters tell is what the tank has lost, on any mount.
+TEST(Tank, LosesWhatItsThrustersTell) {
+  for_all_trees(
+      kAny, 1e-9,
+      [](const RandomTree& tree) {
+        const SystemSpec spec = with_tank(tree.spec, tree.seed);
+        Simulation sim(compiled(spec), accurate("dopri5", 1e-11));
+        const Devices& all = sim.model().devices;
+        if (all.find("tank") < 0) return 0.0;
+        const auto z = [&](const char* name) { return all.all[static_cast<std::size_t>(all.find(name))].z; };
+        const double before = sim.state().z[z("tank")];
+        sim.run(0.3);
+        const double burnt = sim.state().z[z("left") + 1] + sim.state().z[z("right") + 1];
+        return std::abs(before - sim.state().z[z("tank")] - burnt) + (burnt > 0.0 ? 0.0 : 1.0);
+      },
+      12);
+}
+
+TEST(VaryingMass, IsRefusedByNameWhereItCannotBe) {
+  SystemSpec spec = system(base_with_sprung_arm());
+  spec.devices = {tank("base", 5.0, 0.3, "jet.flow"), thruster("jet", "base", 1.0, 1.0, {0, 0, 1})};
+  try {
+    Batch batch(*compiled(spec));
+    FAIL();
+  } catch (const InputError& e) {
+    EXPECT_NE(std::string(e.what()).find("tank"), std::string::npos) << e.what();
+  }
+  // thrust without a tank that takes its flow: the mass stays, and nothing is in the program for it
+  spec.devices = {spec.devices[1]};
+  spec.devices[0].inputs.erase("supply");
+  const auto model = compiled(spec);
+  EXPECT_TRUE(model->varies.empty() && !model->world && model->devices.flows.empty());
+}
+
+}  // namespace
+}  // namespace cardan::test
