@@ -37,7 +37,11 @@ std::string with_unit(const std::string& value, const Dimension& dimension) {
   return open == std::string::npos ? value : value + " " + text.substr(open + 1, text.size() - open - 2);
 }
 
-bool begins_like_a_number(const std::string& text) { return text.find_first_of("0123456789+-.") == 0; }
+/// "+.5 m", not "../file".
+bool begins_like_a_number(const std::string& text) {
+  const std::size_t at = text.find_first_of("+-") == 0 ? 1 : 0, digit = text.substr(at, 1) == "." ? at + 1 : at;
+  return digit < text.size() && text[digit] >= '0' && text[digit] <= '9';
+}
 
 /// One parameter: what the script gives, replaced by what the command line gives. Pushes its value.
 class ParameterReader {

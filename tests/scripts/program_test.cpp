@@ -342,6 +342,19 @@ TEST(Program, ReportsAreMadeAgain) {
   EXPECT_EQ(run_program({"report", empty.path()}, "/").exit_code, 2) << "of a folder without results";
 }
 
+TEST(Program, AParameterThatBeginsWithASignOrADotIsATextUnlessADigitFollows) {
+  const TemporaryFolder dir;
+  write(dir / "scenario.lua",
+        "local p = parameters { file = '../data/twin.so', sign = '-', ten = '+.1 m' }\n"
+        "vehicle 'vehicle.yaml'\n"
+        "mission { duration = 1 }\n"
+        "check { name = 'texts', value = function() return #p.file + #p.sign end, equal = { 16 } }\n"
+        "check { name = 'number', value = function() return p.ten end, equal = { 0.1 } }\n");
+  fs::copy(kErrors + "/pendulum.yaml", dir / "vehicle.yaml");
+  const Finished run = run_program({"run", ".", "--out", "out"}, dir.path());
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+}
+
 TEST(Program, ReportsDrawAFigureOfSomeChannels) {
   const TemporaryFolder dir;
   ASSERT_EQ(run_program({"run", "pendulum", "--out", dir.path(), "--quiet"}, kMissions).exit_code, 0);

@@ -61,6 +61,14 @@ TEST_P(Tutorial, RunsAsItsPageSaysAndPassesItsChecks) {
 }
 INSTANTIATE_TEST_SUITE_P(All, Tutorial, testing::ValuesIn(tutorials()), [](const auto& p) { return p.param; });
 
+// Their truths, beside the checks of the scenarios.
+TEST(Tutorials, AreWhatTheirGoldenFilesSay) {
+  const TemporaryFolder dir;
+  const Finished run = run_program({"regress", kTutorials, "--out", "out"}, dir.path());
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+  for (const std::string& name : tutorials()) EXPECT_TRUE(fs::exists(kTutorials + "/" + name + "/golden.yaml")) << name;
+}
+
 TEST(Tutorials, HaveALineInTheListInTheirOrder) {
   const std::string list = file_text(kTutorials + "/README.md");
   std::size_t at = 0;
