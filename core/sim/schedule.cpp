@@ -22,7 +22,8 @@ Rational period(double value, bool is_hertz, const Located& at) {
   const std::optional<Rational> ratio = to_rational(value);
   if (!ratio)
     refuse(fmt::format("a {} that is a ratio of whole numbers up to 1e9 over up to 1e6", is_hertz ? "rate" : "period"),
-           fmt::format("give the {} instead: 1/60 Hz is a period of 60 s", is_hertz ? "period" : "rate"));
+           fmt::format("give the {} instead (1/60 Hz is a period of 60 s), or round it: {:.3g} {}", is_hertz ? "period" : "rate", value,
+                       is_hertz ? "Hz" : "s"));
   return is_hertz ? Rational{ratio->denominator, ratio->numerator} : *ratio;
 }
 

@@ -57,3 +57,6 @@ figure { name = "momentum at the end", unit = "N m s", value = function() return
 check { name = "momentum of the wheels, tick by tick", unit = "N m s", value = function() return worst.momentum end, below = 1e-9 }
 check { name = "attitude, largest error", unit = "rad", value = function() return worst.attitude end, below = 1e-9 }
 check { name = "momentum along the field stays", unit = "N m s", value = function() return momentum()[3] end, equal = { 0.3, tolerance = 1e-9 } }
+-- A dipole of 7.77e15 T m^3, as of Earth: on the equator its field points north.
+check { name = "field in the orbit, to the north", unit = "T", value = function() return coils:get "field_z" end,
+        equal = { 7.77e15 / radius ^ 3, tolerance = 1e-14 } }

@@ -53,7 +53,7 @@ TEST(Rationals, RefusedRatesSayWhatToDo) {
   };
   EXPECT_EQ(refusal(0.0166667),
             "C0301 | controllers.attitude.rate | a rate that is a ratio of whole numbers up to 1e9 over up to 1e6 | "
-            "0.0166667 Hz | give the period instead: 1/60 Hz is a period of 60 s");
+            "0.0166667 Hz | give the period instead (1/60 Hz is a period of 60 s), or round it: 0.0167 Hz");
   EXPECT_EQ(refusal(-1.0), "C0301 | controllers.attitude.rate | a rate > 0 Hz | -1 Hz | ");
   EXPECT_EQ(refusal(std::numeric_limits<double>::infinity()).substr(0, 5), "C0301");
   EXPECT_THROW(period_from_seconds(0.0, kHere), InputError);
