@@ -222,7 +222,34 @@ class DeviceCompiler {
     for (std::size_t i = 1; i < all.size(); ++i) devices_.added.push_back({d.in + k, all[i]});
   }
 
-  /// From whose mass what leaves at an outlet is drawn.
+  /// From whose mass what leaves at an outlet is drawn. Who draws from a mass takes something of it as well (its supply), and the other way
+  /// round: else it would go on when nothing is left, or burn nothing.
+  void expect_supply(const Device& tank, int key, const Device& d) {
+    for (int k = d.in; k < d.in + d.n_in; ++k) {
+      bool of_tank = false;
+      devices_.each_source(k, [&](int out) { of_tank = of_tank || (out >= tank.out && out < tank.out + tank.n_out); });
+      if (of_tank) return;
+    }
+    fault(Code::bad_connection, spec_of(tank), fmt::format("inputs.{}", port(tank, CARDAN_PORT_IN, key).name),
+          fmt::format("a device that takes an output of {} in turn", tank.name), d.name,
+          fmt::format("devices.{}.inputs: {{supply: {}.supply}}, so that it ends when nothing is left", d.name, tank.name));
+  }
+  void expect_drawn(const Device& d) {
+    if (std::ranges::none_of(d.mounts, [](const DeviceMount& m) { return (m.use & CARDAN_USE_OUTLET) != 0; })) return;
+    for (int k = d.in; k < d.in + d.n_in; ++k)
+      devices_.each_source(k, [&](int out) {
+        const int giver = owner_of_output(out).first;
+        const Device& tank = devices_.all[static_cast<std::size_t>(giver)];
+        if (!tank.family->mass) return;
+        for (const MassFlow& flow : devices_.flows)
+          if (devices_.masses[static_cast<std::size_t>(flow.from)].device == giver &&
+              devices_.all[static_cast<std::size_t>(flow.device)].name == d.name)
+            return;
+        fault(Code::bad_connection, spec_of(d), fmt::format("inputs.{}", port(d, CARDAN_PORT_IN, k - d.in).name),
+              fmt::format("a device that draws from {} where it takes an output of it", tank.name), "one that does not",
+              fmt::format("devices.{}.inputs: {{flow: {}.flow}}; a sum where there are several", tank.name, d.name));
+      });
+  }
   void find_flows() {
     for (std::size_t m = 0; m < devices_.masses.size(); ++m) {
       const Device& tank = devices_.all[static_cast<std::size_t>(devices_.masses[m].device)];
@@ -233,12 +260,14 @@ class DeviceCompiler {
           Device& d = devices_.all[static_cast<std::size_t>(giver)];
           for (std::size_t i = 0; i < d.mounts.size(); ++i)
             if ((d.mounts[i].use & CARDAN_USE_OUTLET) != 0) {
+              expect_supply(tank, k, d);
               d.mounts[i].use |= CARDAN_USE_POSE | CARDAN_USE_VELOCITY;
               devices_.flows.push_back({static_cast<int>(m), out, giver, static_cast<int>(i)});
             }
         });
       }
     }
+    for (const Device& d : devices_.all) expect_drawn(d);
   }
 
   int output_named(const Device& takes, const cardan_port_desc& in, const std::string& source) {

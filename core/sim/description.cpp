@@ -177,6 +177,8 @@ Json not_modelled(const Model& m) {
   if (!rigid.empty()) all.push_back("flexibility of " + rigid);
   all.emplace_back("friction and stops at hinges, beyond what their springs, loads and devices say");
   if (!m.devices.all.empty()) all.emplace_back("devices in the modes of the whole: their stiffness is left out there (linearize has it)");
+  if (!m.varies.empty())
+    all.emplace_back("propellant that moves in its tank, and what it takes to start and stop its flow (slosh: pendulums on hinges)");
   all.emplace_back("forces of the environment: atmosphere, sunlight, magnetic field");
   return all;
 }

@@ -93,12 +93,15 @@ struct Tank {
     return true;
   }
 
+  static void nominal(const Packed& p, double* sizes) noexcept { sizes[0] = p.density > 0.0 ? p.density * p.volume() : 1.0; }
+
   template <class T>
   static void evaluate(const Packed& p, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
     using std::pow;
-    out.zdot[0] = -in.in[0];
     out.out[0] = in.z[0];
-    if (in.d[0] != 0.0) return;
+    const bool empty = in.d[0] != 0.0;
+    if (!empty || in.in[0] < T(0.0)) out.zdot[0] = -in.in[0];
+    if (empty) return;
     out.out[1] = T(1.0);
     if (p.pressure > 0.0) {
       const T gas = T(p.volume()) - in.z[0] / T(p.density);

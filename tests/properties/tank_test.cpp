@@ -368,6 +368,85 @@ TEST(Tank, KeepsTheOrderOfTheMethodAcrossCorners) {
   EXPECT_LT(coarse / fine, 20.0);
 }
 
+/// Propellant among the states: its column of A against differences of the right-hand side, and that of the momentum.
+TEST(VaryingMass, TakesPartInLinearModels) {
+  TreeOptions options;
+  options.hinges = {"revolute", "prismatic", "cylindrical", "universal"};  // dtheta is dq
+  for_all_trees(options, 1e-7, [](const RandomTree& tree) {
+    SimulationOptions plain;
+    plain.ledger = false;
+    Simulation sim(compiled(with_tank(tree.spec, tree.seed)), plain);
+    const Model& m = sim.model();
+    const int at = m.devices.find("tank");
+    if (at < 0) return 0.0;
+    const int z = m.devices.all[static_cast<std::size_t>(at)].z, n = 2 * m.nv + m.devices.n_z;
+    const OdeProblem ode = sim.ode();
+    const std::vector<double> tau = sim.applied_forces();
+    const State here = sim.state();
+    const operators::LinearModel linear = operators::linearize(
+        m, {.q = here.q.data(), .v = here.v.data(), .tau = tau.data(), .wrenches = sim.wrenches(), .devices = sim.devices()},
+        {{}, {"momentum:linear", "momentum:angular"}});
+    VectorXd x(n), truth(n), work(n), momentum(6), scratch(6);
+    x << here.q, here.v, here.z;
+    const auto beside = [&](double h) {
+      VectorXd moved = x;
+      moved[2 * m.nv + z] += h;
+      return moved;
+    };
+    soa::derivative([&](double h, double* out) { ode.rhs(0.0, beside(h).data(), out); }, 2e-3, n, truth.data(), work.data());
+    soa::derivative(
+        [&](double h, double* out) {
+          State other = here;
+          other.z[z] += h;
+          sim.set_state(other);
+          const Momentum p = sim.observe().momentum();
+          VectorXd::Map(out, 6) << p.linear, p.angular;
+        },
+        2e-3, 6, momentum.data(), scratch.data());
+    sim.set_state(here);
+    return worse(distance(VectorXd(linear.A.col(2 * m.nv + z)), truth) / (1.0 + largest(truth)),
+                 distance(VectorXd(linear.C.col(2 * m.nv + z)), momentum) / (1.0 + largest(momentum)));
+  });
+}
+
+/// Slosh of the first mode in a cylinder of radius R filled to h is a pendulum [Abramson, NASA SP-106, 1966]: w^2 = (a / R) x tanh(x h /
+/// R), L = a / w^2, m_1 / m = 2 tanh(x h / R) / (h / R x (x^2 - 1)), x = 1.841184. Under a thrust F through its pivot, the mass centre of
+/// the rest, the pivot gives way: w^2 = F / (M L), and a damper c on the hinge damps 2 zeta w = c (1 / m_1 + 1 / M) / L^2.
+TEST(Slosh, IsAPendulumThatTheThrustPulls) {
+  const double x = 1.841184, R = 0.6, liquid = 90.0, dry = 400.0, F = 800.0, zeta = 0.02;
+  struct Published {
+    double fill, frequency, share, length;  // h/R, w^2 R/a, m_1/m, L/R
+  };
+  for (const Published& p : {Published{1.0, 1.750798, 0.432197, 0.571168}, Published{0.5, 1.337026, 0.660108, 0.747929},
+                             Published{2.0, 1.838854, 0.226967, 0.543817}}) {
+    const double t = std::tanh(x * p.fill), L = R / (x * t), share = 2.0 * t / (p.fill * x * (x * x - 1.0));
+    EXPECT_NEAR(R / L, p.frequency, 1e-6);
+    EXPECT_NEAR(share, p.share, 1e-6);
+    EXPECT_NEAR(L / R, p.length, 1e-6);
+    const double m = share * liquid, M = dry + liquid - m, w = std::sqrt(F / (M * L)), c = 2.0 * zeta * w * L * L / (1.0 / m + 1.0 / M);
+    BodySpec stage = on(rigid("stage", M, {0, 0, 0}, diagonal({3e9, 3e9, 8e8})), "", "free");  // the damper turns it by 1e-11
+    BodySpec slosh = on(particle("slosh", m, {0, 0, -L}), "stage", "universal", {{1, 0, 0}, {0, 1, 0}});
+    slosh.hinge.q = {1e-3, 0.0};
+    SpringDamper damper;
+    damper.damping = c;
+    slosh.hinge.springs = {damper, damper};
+    slosh.hinge.springs[1].component = 1;
+    SystemSpec spec = system({stage, slosh});
+    spec.devices = {thruster("jet", "stage", F, 300.0, {0, 0, 1})};
+    spec.devices[0].inputs.erase("supply");
+    Simulation sim(compiled(spec), accurate());
+    const double time = 7.0;
+    sim.run(time);
+    const double decay = zeta * w, damped = std::sqrt(w * w - decay * decay);
+    const double truth = 1e-3 * std::exp(-decay * time) * (std::cos(damped * time) + decay / damped * std::sin(damped * time));
+    EXPECT_NEAR(sim.state().q[7], truth, 2e-9) << "of small swings: their cubes are 1e-9";
+    const Momentum momentum = sim.momentum();
+    EXPECT_NEAR(momentum.linear[2], F * time, 1e-8 * F * time);
+    EXPECT_LT(momentum.linear.head<2>().norm(), 1e-3);
+    EXPECT_TRUE(sim.ledger().pass) << residuals(sim);
+  }
+}
+
 /// The integral of what two thrusters tell is what the tank has lost, on any mount.
 TEST(Tank, LosesWhatItsThrustersTell) {
   for_all_trees(
