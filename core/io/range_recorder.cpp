@@ -16,6 +16,7 @@ void RangeRecorder::begin(const RunHeader& header, const std::vector<Channel>& c
     for (std::size_t i = 0; i < c.components.size(); ++i)
       ranges_.push_back({c.path, c.components[i], units.size() == c.components.size() ? units[i] : c.unit, HUGE_VAL, -HUGE_VAL});
   }
+  for (const Channel& c : channels) hashed_.push_back({c.path, c.components.size(), {}});
   recorder_.begin(header, channels);
 }
 
@@ -24,6 +25,12 @@ void RangeRecorder::row(double t, std::span<const double> values) {
     Range& r = ranges_[i];
     r.least = std::isnan(values[i]) ? values[i] : std::min(r.least, values[i]);  // min(NaN, x) is NaN: it stays
     r.largest = std::isnan(values[i]) ? values[i] : std::max(r.largest, values[i]);
+  }
+  times_.add(&t, sizeof t);
+  const double* next = values.data();
+  for (Hashed& h : hashed_) {
+    h.hash.add(next, h.numbers * sizeof(double));
+    next += h.numbers;
   }
   ++counts_.rows;
   recorder_.row(t, values);
@@ -38,6 +45,12 @@ void RangeRecorder::note(Note kind, double t, const std::vector<std::string>& te
 void RangeRecorder::left_out(Note kind, std::size_t more) {
   counts_.notes[static_cast<std::size_t>(kind)] += more;
   recorder_.left_out(kind, more);
+}
+
+std::vector<std::pair<std::string, std::string>> RangeRecorder::hashes() const {
+  std::vector<std::pair<std::string, std::string>> out{{"time", times_.digest()}};
+  for (const Hashed& h : hashed_) out.emplace_back(h.path, h.hash.digest());
+  return out;
 }
 
 }  // namespace cardan

@@ -1,9 +1,10 @@
 #pragma once
-// Least and largest value of what is recorded, and how much of it there is.
+// Least and largest value of what is recorded, its hashes, and how much of it there is.
 #include <array>
 
 #include "core/base/checkpoint.hpp"
 #include "core/io/recorder.hpp"
+#include "core/io/sha256.hpp"
 
 namespace cardan {
 
@@ -16,7 +17,7 @@ struct Range {
 /// The block of a checkpoint that holds RangeRecorder::Counts.
 inline constexpr const char* kRecorderCounts = "recorder";
 
-/// A recorder that hands everything on to `recorder` and keeps the range of each number.
+/// A recorder that hands everything on to `recorder` and keeps the range of each number and a hash of each channel.
 class RangeRecorder final : public Recorder {
  public:
   explicit RangeRecorder(Recorder& recorder) : recorder_(recorder) {}
@@ -30,6 +31,9 @@ class RangeRecorder final : public Recorder {
   void flush() override { recorder_.flush(); }
   void close(std::string_view verdict) override { recorder_.close(verdict); }
   const std::vector<Range>& ranges() const { return ranges_; }
+  /// By the path of each channel the SHA-256 of its rows so far, 8 bytes a number (IEEE 754, little-endian), as the dataset of run.h5 has
+  /// them; first that of the times, "time".
+  std::vector<std::pair<std::string, std::string>> hashes() const;
   /// Rows and notes of each kind so far.
   struct Counts {
     std::size_t rows = 0;
@@ -43,6 +47,13 @@ class RangeRecorder final : public Recorder {
  private:
   Recorder& recorder_;
   std::vector<Range> ranges_;
+  struct Hashed {
+    std::string path;
+    std::size_t numbers;  // per row
+    Sha256 hash;
+  };
+  Sha256 times_;
+  std::vector<Hashed> hashed_;
   Counts counts_;
   bool deaf_ = false;
 };

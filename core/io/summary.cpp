@@ -23,6 +23,8 @@ std::string to_json(const Summary& s) {
   }
   for (const auto& f : s.figures) figures.push_back({{"name", f.name}, {"value", f.value}, {"unit", f.unit}});
   for (const auto& w : s.warnings.all()) warnings.push_back(to_json(w));
+  Json hashes = Json::object();
+  for (const auto& [channel, hash] : s.hashes) hashes[channel] = hash;
   const Json all = {
       {"scenario", s.scenario},
       {"verdict", name_of(s.verdict)},
@@ -51,7 +53,8 @@ std::string to_json(const Summary& s) {
       {"kept_outside_persist", s.kept_elsewhere},
       {"model",
        {{"bodies", s.model.bodies}, {"hinges", s.model.hinges}, {"n_q", s.model.n_q}, {"n_v", s.model.n_v}, {"n_modes", s.model.n_modes}}},
-      {"versions", s.versions}};
+      {"versions", s.versions},
+      {"hashes", {{"final_state", s.final_state}, {"channels", hashes}}}};
   return s.verdict == Verdict::aborted ? json_text_with_nulls(all) : json_text(all);
 }
 

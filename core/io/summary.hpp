@@ -4,6 +4,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/base/warnings.hpp"
@@ -59,7 +60,9 @@ struct Summary {
   Warnings warnings;
   std::vector<std::string> kept_elsewhere;  // variables of the script that change outside of persist{}: the run cannot be resumed
   ModelSize model;
-  std::map<std::string, std::string> versions;  // program, compiler, libraries
+  std::string final_state;                                    // SHA-256 of t, q, v, z at the end; empty: not reached
+  std::vector<std::pair<std::string, std::string>> hashes{};  // of the times and of each channel: RangeRecorder::hashes
+  std::map<std::string, std::string> versions;                // program, compiler, libraries
 };
 
 /// The text of summary.json. Throws NumericsError N0108 when a number is not finite; of a run that was aborted such numbers are null.

@@ -9,6 +9,7 @@
 #include "core/base/units.hpp"
 #include "core/io/result_folder.hpp"
 #include "scripts/commands/commands.hpp"
+#include "scripts/commands/comparison.hpp"
 #include "scripts/commands/interrupt.hpp"
 #include "scripts/commands/streams.hpp"
 #include "scripts/regress/runner.hpp"
@@ -90,8 +91,9 @@ int regress(const RegressArguments& a) {
   fs::create_directories(how.out, error);
   write_whole_file(how.out / "regress.json", json_text_with_nulls(regress_json(results)));
   write_whole_file(how.out / "junit.xml", junit_xml(results));
-  say(fmt::format("\n{} of {} scenarios pass. {}, {}\n", results.size() - static_cast<std::size_t>(failed), results.size(),
-                  (how.out / "regress.json").string(), (how.out / "junit.xml").string()));
+  write_whole_file(how.out / "regress.html", regression_page(a.folder, results));
+  say(fmt::format("\n{} of {} scenarios pass. {}\n", results.size() - static_cast<std::size_t>(failed), results.size(),
+                  (how.out / "regress.html").string()));
   if (Interruption::flag()) return 128 + Interruption::signal();
   return failed == 0 ? 0 : 1;
 }
@@ -115,7 +117,8 @@ void add_regress(CLI::App& app, CommandLine& line) {
       ->type_name("NAME")
       ->allow_extra_args(false);
   command->add_option("--why", a->why, "With --update: the reason, kept in the golden file")->type_name("TEXT");
-  command->add_option("--out", a->out, "Folder of the results, regress.json and junit.xml; default: out/regress")->type_name("DIR");
+  command->add_option("--out", a->out, "Folder of the results, regress.html, regress.json and junit.xml; default: out/regress")
+      ->type_name("DIR");
   command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
   command->callback([&line, a] { line.action = [a] { return regress(*a); }; });
 }

@@ -6,16 +6,22 @@
 
 #include "core/io/result_folder.hpp"
 #include "scripts/commands/commands.hpp"
+#include "scripts/commands/comparison.hpp"
 #include "scripts/report/figure.hpp"
 
 namespace cardan {
 
 void add_report(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("report", "Make the report page of a run again, or a figure of some of its channels");
+  auto* command = app.add_subcommand(
+      "report", "Make the report page of a run again, a figure of some of its channels, or a page of what differs from a second run");
   auto h5 = std::make_shared<std::string>(), html = std::make_shared<std::string>();
   command->add_option("run", *h5, "Results: run.h5, or the folder it is in")->required()->type_name("RESULTS");
+  auto second = std::make_shared<std::string>();
+  command->add_option("second", *second, "Results of a second run: the page shows the differences, as of cardan diff")
+      ->type_name("RESULTS");
   auto plotted = std::make_shared<std::vector<std::string>>();
-  command->add_option("--out", *html, "The page or figure; default: report.html or figure.svg beside the results")->type_name("PAGE");
+  command->add_option("--out", *html, "The page or figure; default: report.html, figure.svg or differences.html beside the results")
+      ->type_name("PAGE");
   command
       ->add_option(
           "--plot", *plotted,
@@ -24,12 +30,17 @@ void add_report(CLI::App& app, CommandLine& line) {
       ->allow_extra_args(false)
       ->type_name("CHANNELS");
   command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
-  command->callback([&line, h5, html, plotted] {
-    line.action = [h5, html, plotted] {
+  command->callback([&line, h5, second, html, plotted] {
+    line.action = [h5, second, html, plotted] {
       std::error_code ignored;
       if (std::filesystem::is_directory(*h5, ignored)) *h5 = (std::filesystem::path(*h5) / "run.h5").string();
-      const std::string page =
-          html->empty() ? (std::filesystem::path(*h5).parent_path() / (plotted->empty() ? "report.html" : "figure.svg")).string() : *html;
+      const auto beside = [&](const char* name) { return (std::filesystem::path(*h5).parent_path() / name).string(); };
+      if (!second->empty()) {
+        if (!plotted->empty()) refuse(Code::command_line, {"--plot"}, "one run", "two");
+        return compare(
+            {.first = *h5, .second = *second, .page = html->empty() ? beside("differences.html") : *html, .json = {}, .quiet = true});
+      }
+      const std::string page = html->empty() ? beside(plotted->empty() ? "report.html" : "figure.svg") : *html;
       read_between_flushes(*h5, [&] { plotted->empty() ? write_report(*h5, page) : write_figure(*h5, page, *plotted); });
       fmt::print("{}\n", page);
       return 0;

@@ -11,6 +11,7 @@
 #include "core/io/checkpoint_text.hpp"
 #include "core/io/json.hpp"
 #include "core/io/result_folder.hpp"
+#include "core/io/sha256.hpp"
 #include "core/sim/outputs.hpp"
 #include "core/sim/reference_check.hpp"
 #include "scripts/bindings/open.hpp"
@@ -266,7 +267,13 @@ class RunCommand {
     const State& state = scenario_->sim->state();
     std::vector<double> x(state.q.begin(), state.q.end());
     x.insert(x.end(), state.v.begin(), state.v.end());
+    x.insert(x.end(), state.z.begin(), state.z.end());
     recorder_->restart_state(state.t, x);
+    Sha256 hash;
+    hash.add(&state.t, sizeof state.t);
+    hash.add(x.data(), x.size() * sizeof(double));
+    summary_.final_state = hash.digest();
+    summary_.hashes = recorder_->hashes();
   }
 
   /// A number that is not finite is a failure of the run.

@@ -8,28 +8,6 @@
 namespace cardan {
 namespace {
 
-std::string what_of(const ClaimRow& row) {
-  std::string text = difference_text(row);
-  if (row.problem) {
-    const Diagnostic& d = *row.problem;
-    std::string place = d.at.mark.file;
-    if (d.at.mark.line > 0) place += fmt::format(":{}", d.at.mark.line);
-    if (!d.at.key_path.empty()) place += (place.empty() ? "" : ", ") + d.at.key_path;
-    text = fmt::format("{}{}: {}", text.empty() || text == "failed" ? "" : text + "; ", number_of(d.code), title_of(d.code));
-    if (!d.expected.empty()) text += ", expected " + d.expected;
-    if (!d.got.empty()) text += ", got " + d.got;
-    if (!d.hint.empty()) text += "; " + d.hint;
-    if (!place.empty()) text += " (" + place + ")";
-  }
-  return text;
-}
-
-std::string ending_text(const CaseResult& r) {
-  std::string text = r.ending.text;
-  for (const std::string& complaint : r.ending.complaints) text += (text.empty() ? "" : "\n") + complaint;
-  return text;
-}
-
 std::string escaped(const std::string& text) {
   std::string out;
   for (const char c : text) {
@@ -56,6 +34,28 @@ Json to_json(const Difference& d) {
 
 }  // namespace
 
+std::string found_text(const ClaimRow& row) {
+  std::string text = difference_text(row);
+  if (row.problem) {
+    const Diagnostic& d = *row.problem;
+    std::string place = d.at.mark.file;
+    if (d.at.mark.line > 0) place += fmt::format(":{}", d.at.mark.line);
+    if (!d.at.key_path.empty()) place += (place.empty() ? "" : ", ") + d.at.key_path;
+    text = fmt::format("{}{}: {}", text.empty() || text == "failed" ? "" : text + "; ", number_of(d.code), title_of(d.code));
+    if (!d.expected.empty()) text += ", expected " + d.expected;
+    if (!d.got.empty()) text += ", got " + d.got;
+    if (!d.hint.empty()) text += "; " + d.hint;
+    if (!place.empty()) text += " (" + place + ")";
+  }
+  return text;
+}
+
+std::string ending_text(const CaseResult& r) {
+  std::string text = r.ending.text;
+  for (const std::string& complaint : r.ending.complaints) text += (text.empty() ? "" : "\n") + complaint;
+  return text;
+}
+
 std::string line_of(const CaseResult& r, std::size_t width) {
   const ClaimRow* worst = r.worst();
   std::string what;
@@ -64,7 +64,7 @@ std::string line_of(const CaseResult& r, std::size_t width) {
   else if (!r.pass() && r.rows.size() == 1)
     what = r.ending.text.substr(0, r.ending.text.find('\n'));
   else if (worst)
-    what = worst->name + ": " + what_of(*worst);
+    what = worst->name + ": " + found_text(*worst);
   return fmt::format("{:<6}{:<{}}  {:>7.2f} s  {}", r.pass() ? "pass" : "FAIL", r.name, width, r.ending.wall_s, what);
 }
 
@@ -72,7 +72,7 @@ std::string faults_of(const CaseResult& r) {
   std::string out;
   for (const ClaimRow& row : r.rows) {
     if (row.pass) continue;
-    out += fmt::format("  {}: {}\n", row.name, row.kind == "run" && !row.problem ? ending_text(r) : what_of(row));
+    out += fmt::format("  {}: {}\n", row.name, row.kind == "run" && !row.problem ? ending_text(r) : found_text(row));
     if (!row.why.empty() && row.worst) out += fmt::format("    why this limit: {}\n", row.why);
   }
   return out.empty() ? out : fmt::format("\n{} (truth: {})\n{}", r.name, r.golden->truth, out);
@@ -93,7 +93,7 @@ std::string junit_xml(const std::vector<CaseResult>& results) {
         continue;
       }
       ++failed;
-      const std::string text = row.kind == "run" && !row.problem ? ending_text(r) : what_of(row);
+      const std::string text = row.kind == "run" && !row.problem ? ending_text(r) : found_text(row);
       cases += fmt::format(">\n      <failure message=\"{}\">{}</failure>\n    </testcase>\n", escaped(text.substr(0, text.find('\n'))),
                            escaped(text + (row.why.empty() ? "" : "\nwhy this limit: " + row.why)));
     }
@@ -115,7 +115,7 @@ Json regress_json(const std::vector<CaseResult>& results) {
                   {"unit", row.unit}, {"class", row.agreement}, {"why", row.why}};
       if (row.worst) one["worst"] = to_json(*row.worst);
       if (row.problem) one["problem"] = to_json(*row.problem);
-      one["text"] = what_of(row);
+      one["text"] = found_text(row);
       rows.push_back(std::move(one));
     }
     pass = pass && r.pass();
@@ -134,8 +134,6 @@ Json regress_json(const std::vector<CaseResult>& results) {
   return {{"cardan_regress", 1}, {"verdict", pass ? "pass" : "fail"}, {"scenarios", std::move(all)}};
 }
 
-namespace {
-
 std::vector<std::string> structure_of(const RunDifference& d, const std::string& first, const std::string& second) {
   std::vector<std::string> out;
   if (d.rows == 0)
@@ -148,8 +146,6 @@ std::vector<std::string> structure_of(const RunDifference& d, const std::string&
   for (const std::string& misfit : d.misfits) out.push_back(misfit);
   return out;
 }
-
-}  // namespace
 
 std::string difference_table(const RunDifference& d, const std::string& first, const std::string& second) {
   std::string out;

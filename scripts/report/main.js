@@ -1,6 +1,7 @@
 // The report page. All of it is made from the JSON block "run" (written by report.cpp).
 import "uplot/dist/uPlot.min.css";
 import "./style.css";
+import { cell, drawAll, element, lazily, number, row, table, withUnit } from "./elements.js";
 import { shareOfLimit } from "./format.mjs";
 import { axisOf, bands, ending, groupsOf, instants, story, warningsOf } from "./happenings.mjs";
 import { byUnit, draw, inkOf, pretty } from "./plots.js";
@@ -13,29 +14,6 @@ const page = document.getElementById("page");
 const kGroups = { pointing: "Pointing", bodies: "Bodies", wheels: "Wheels", hinges: "Hinges", modes: "Modes", devices: "Devices",
                   ledger: "Ledgers", ledgers: "Ledgers", control: "Control" };
 const groupTitle = (key) => kGroups[key] || (key === "other" ? "Other" : key);  // names of the scenario stay as they are
-
-/// element("td.number", "text" or child, ...)
-function element(selector, ...children) {
-  const [tag, ...classes] = selector.split(".");
-  const node = document.createElement(tag);
-  if (classes.length) node.className = classes.join(" ");
-  node.append(...children.flat().filter((child) => child !== null && child !== undefined));
-  return node;
-}
-
-const number = (value, digits = 4) => {
-  if (typeof value !== "number") return "–";
-  if (Number.isInteger(value) && Math.abs(value) < 1e7) return value.toLocaleString("en").replace(/,/g, " ");
-  const size = Math.abs(value);
-  return size >= 1e5 || size < 1e-3 ? value.toExponential(digits - 2).replace("e+", "e") : String(Number(value.toPrecision(digits)));
-};
-const withUnit = (value, unit) => [number(value), unit && unit !== "-" ? element("span.unit", " " + pretty(unit)) : ""];
-
-function table(head, rows, kind = "") {
-  return element("div.scroll", element("table" + kind, element("thead", element("tr", head.map((h) => element("th", h)))), element("tbody", rows)));
-}
-const row = (...cells) => element("tr", cells.map((cell) => (cell instanceof Element && cell.tagName === "TD" ? cell : element("td", cell))));
-const cell = (...children) => element("td.number", ...children);
 
 // --- top: verdict and numbers
 
@@ -160,22 +138,6 @@ function happenings() {
   section.id = "group-story";
   return section;
 }
-
-// --- what is drawn once it is seen, or printed
-
-const waiting = new Map();  // holder -> function that draws
-const seen = new IntersectionObserver((entries) => entries.filter((e) => e.isIntersecting).forEach((e) => drawNow(e.target)), { rootMargin: "600px" });
-function lazily(holder, work) {
-  waiting.set(holder, work);
-  seen.observe(holder);
-}
-function drawNow(holder) {
-  seen.unobserve(holder);
-  const work = waiting.get(holder);
-  waiting.delete(holder);
-  if (work) work();
-}
-const drawAll = () => [...waiting.keys()].forEach(drawNow);
 
 // --- mode shapes
 

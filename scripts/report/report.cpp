@@ -95,39 +95,13 @@ Json page_data(const Hdf5File& file) {
           {"series", series(file)}};
 }
 
-std::string replaced(std::string_view text, std::string_view what, std::string_view with) {
-  std::string out;
-  for (std::size_t from = 0;;) {
-    const auto at = text.find(what, from);
-    out += text.substr(from, at - from);
-    if (at == std::string_view::npos) return out;
-    out += with;
-    from = at + what.size();
-  }
-}
-
-/// The template with its marks (@title@) filled in, in one pass: what is put in is not searched.
-std::string filled(std::string_view html, const std::vector<std::pair<std::string_view, std::string>>& parts) {
-  std::string out;
-  for (const auto& [mark, text] : parts) {
-    const auto at = html.find(mark);
-    out.append(html.substr(0, at)).append(text);
-    html.remove_prefix(at + mark.size());
-  }
-  return out.append(html);
-}
-
 }  // namespace
 
 std::string report_page(const Hdf5File& file) {
   result_format(file);  // refuses what it does not know
   const Json data = page_data(file);
   const std::string title = data["run"].value("title", "");
-  return filled(page::html(), {{"@title@", replaced(replaced(title, "&", "&amp;"), "<", "&lt;")},
-                               {"@style@", std::string(page::style())},
-                               {"@data@", replaced(json_line(data), "<", "\\u003c")},
-                               {"@notice@", std::string(page::notice())},
-                               {"@script@", replaced(page::script(), "</script", "<\\/script")}});
+  return page::filled(title, data, page::script());
 }
 
 void write_report(const std::string& h5_path, const std::string& html_path) { write_report(h5_path, html_path, limits_for_file(h5_path)); }

@@ -15,6 +15,7 @@
 #include "core/io/hdf5_file.hpp"
 #include "core/io/json.hpp"
 #include "core/io/recorder.hpp"
+#include "scripts/report/differences.hpp"
 #include "tests/report/example_run.hpp"
 #include "tests/support/scratch.hpp"
 
@@ -509,6 +510,33 @@ class ReportInBrowser : public testing::Test {
     if (std::system("command -v chromium > /dev/null") != 0) GTEST_SKIP() << "chromium is not installed";
   }
 };
+
+// What differs is drawn at once, the rest when it is opened; a NaN is a gap.
+TEST_F(ReportInBrowser, DrawsTwoRunsOverEachOtherAndTheirDifference) {
+  DifferencePart off;
+  off.kind = "channel", off.name = "a/b x </script>", off.unit = "m", off.text = "off by 0.1 m", off.why = "a reason";
+  for (int i = 0; i < 5000; ++i) {
+    off.t.push_back(0.01 * i);
+    off.reference.push_back(std::sin(off.t.back()));
+    off.is.push_back(i == 77 ? std::nan("") : 1.1 * off.reference.back());
+  }
+  off.worst = Difference{0.1, 0.05, 1.57, 1.1, 1.0, false};
+  off.pass = false;
+  DifferencePart right = off;
+  right.pass = true;
+  DifferenceCase one;
+  one.name = "one", one.truth = "the sine", one.pass = false, one.parts = {off, right};
+  DifferenceCase two = one;
+  two.name = "two", two.pass = true, two.parts = {right};
+  const std::string html = scratch("differences.html");
+  std::ofstream(html) << differences_page("Two", {"here"}, "run", "reference", {one, two});
+  EXPECT_LT(fs::file_size(html), 400'000u);
+  const std::string dom = shown_in_browser(html);
+  EXPECT_EQ(captured(dom, "data-plots=\"(\\d+)\""), "2");
+  EXPECT_EQ(captured(dom, "data-drawn=\"(\\d+)\""), "2");
+  EXPECT_NE(dom.find("1 of 2 fail"), std::string::npos);
+  EXPECT_NE(dom.find("1669 of 5000 rows"), std::string::npos);
+}
 
 TEST_F(ReportInBrowser, DrawsEverySeriesOfEveryPlot) {
   report_of(5000);

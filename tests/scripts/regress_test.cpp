@@ -84,6 +84,10 @@ TEST_F(Regress, ADifferenceFailsWithItsTimeItsLimitAndTheReasonOfThat) {
   EXPECT_TRUE(has(junit, "<testsuite name=\"swing\"")) << junit;
   EXPECT_TRUE(has(junit, "failures=\"1\"")) << junit;
   EXPECT_TRUE(has(junit, "<failure message=\"off by ")) << junit;
+  const std::string page = file_text(dir_ / "out/regress/regress.html");
+  EXPECT_TRUE(has(page, "steps with a relative tolerance")) << "the reason";
+  EXPECT_TRUE(has(page, "\"series\":{\"t\":[0.0,1.0,2.0,4.0]")) << "what is drawn";
+  EXPECT_FALSE(has(page, "http:") || has(page, "https:")) << "no network";
 }
 
 TEST_F(Regress, AFailedCheckOfTheScenarioFails) {
@@ -275,6 +279,9 @@ TEST_F(Diff, TellsWhatDiffersWhereAndByHowMuch) {
       std::find_if(all["components"].begin(), all["components"].end(), [](const json& c) { return c["channel"] == "hinges/rod/angle"; });
   EXPECT_GT((*angle)["difference"], 1.7e-6);  // 1e-4 deg at the start
   EXPECT_EQ((*angle)["verdict"], "fail");
+  const Finished report = run_program({"report", "a", "b"}, dir_.path());
+  EXPECT_EQ(report.exit_code, 1) << report.err;
+  EXPECT_TRUE(has(file_text(dir_ / "a/differences.html"), "hinges/rod/angle angle"));
   EXPECT_EQ(diff({"a", "b", "--relative", "0.1"}).exit_code, 1) << "balances are round-off, which another run has otherwise";
 }
 
