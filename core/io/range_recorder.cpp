@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace cardan {
 
@@ -27,7 +28,10 @@ void RangeRecorder::row(double t, std::span<const double> values) {
     r.largest = std::isnan(values[i]) ? values[i] : std::max(r.largest, values[i]);
   }
   times_.add(&t, sizeof t);
-  const double* next = values.data();
+  hashed_row_.assign(values.begin(), values.end());
+  for (double& x : hashed_row_)
+    if (std::isnan(x)) x = std::numeric_limits<double>::quiet_NaN();  // 0 / 0 has another sign than a NaN that was read back
+  const double* next = hashed_row_.data();
   for (Hashed& h : hashed_) {
     h.hash.add(next, h.numbers * sizeof(double));
     next += h.numbers;

@@ -32,7 +32,7 @@ class RangeRecorder final : public Recorder {
   void close(std::string_view verdict) override { recorder_.close(verdict); }
   const std::vector<Range>& ranges() const { return ranges_; }
   /// By the path of each channel the SHA-256 of its rows so far, 8 bytes a number (IEEE 754, little-endian), as the dataset of run.h5 has
-  /// them; first that of the times, "time".
+  /// them but that all NaN are the same; first that of the times, "time".
   std::vector<std::pair<std::string, std::string>> hashes() const;
   /// Rows and notes of each kind so far.
   struct Counts {
@@ -54,6 +54,7 @@ class RangeRecorder final : public Recorder {
   };
   Sha256 times_;
   std::vector<Hashed> hashed_;
+  std::vector<double> hashed_row_;
   Counts counts_;
   bool deaf_ = false;
 };

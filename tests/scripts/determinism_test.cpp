@@ -134,7 +134,8 @@ TEST_F(Bits, AreHashedAsTheFileHasThem) {
   for (const auto& [channel, expected] : expected_["channels"].items())
     EXPECT_EQ(hash(file.read_doubles(channel == "time" ? "/time" : "/channels/" + channel).values), expected) << channel;
   const json model = summary_of(folder_ / "out")["model"];
-  EXPECT_EQ(file.shape("/restart/x")[0], model["n_q"].get<std::size_t>() + model["n_v"].get<std::size_t>() + 1) << "the wheel has one state";
+  EXPECT_EQ(file.shape("/restart/x")[0], model["n_q"].get<std::size_t>() + model["n_v"].get<std::size_t>() + 1)
+      << "the wheel has one state";
   std::vector<double> state = file.read_doubles("/restart/t").values;
   const std::vector<double> x = file.read_doubles("/restart/x").values;
   state.insert(state.end(), x.begin(), x.end());
