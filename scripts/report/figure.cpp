@@ -33,6 +33,9 @@ struct Point {
   double x, y;
 };
 
+/// Not a NaN, not infinite, and so far from it that differences are neither.
+bool is_drawn(double x) { return std::abs(x) < 1e300; }
+
 std::string escaped(const std::string& text) {
   std::string out;
   for (const char c : text) out += c == '&' ? "&amp;" : c == '<' ? "&lt;" : std::string(1, c);
@@ -113,7 +116,7 @@ std::string path_of(std::span<const Point> points) {
 struct Axis {
   double low, high, step;
   Axis(double from, double to, int marks) : low(from), high(to) {
-    const double least = 1e-9 * std::max(std::abs(low), std::abs(high));  // what does not move is drawn flat
+    const double least = std::max(1e-300, 1e-9 * std::max(std::abs(low), std::abs(high)));  // what does not move is drawn flat
     if (high - low < least) low -= 1e8 * least, high += 1e8 * least;
     const double rough = (high - low) / marks, power = std::pow(10.0, std::floor(std::log10(rough)));
     step = power * (rough > 5 * power ? 10 : rough > 2 * power ? 5 : rough > power ? 2 : 1);
@@ -121,7 +124,7 @@ struct Axis {
   template <class F>
   void each(F&& see) const {
     const double largest = std::max(std::abs(low), std::abs(high));
-    const int digits = std::clamp(1 + static_cast<int>(std::floor(std::log10(largest)) - std::floor(std::log10(step))), 1, 16);
+    const int digits = std::clamp(1 + static_cast<int>(std::floor(std::log10(largest)) - std::floor(std::log10(step))), 5, 15);
     for (double k = std::ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; ++k)
       see(k * step, fmt::format("{:.{}g}", k * step + 0.0, digits));
   }
@@ -131,7 +134,7 @@ std::string panel(const std::vector<double>& t, const Axis& x, double top, const
   double low = HUGE_VAL, high = -HUGE_VAL;
   for (const Line& line : lines)
     for (std::size_t row = 0; row < t.size(); ++row)
-      if (const double y = line.values[row]; std::isfinite(y)) low = std::min(low, y), high = std::max(high, y);
+      if (const double y = line.values[row]; is_drawn(y)) low = std::min(low, y), high = std::max(high, y);
   if (low > high) low = high = 0.0;
   std::string units;
   for (const Line& line : lines)
@@ -187,7 +190,7 @@ std::string panel(const std::vector<double>& t, const Axis& x, double top, const
       const std::size_t end = std::min(first + stretch, t.size());
       std::size_t least = first, most = first, missing = end;
       for (std::size_t row = first; row < end; ++row) {
-        if (!std::isfinite(values[row])) missing = row;
+        if (!is_drawn(values[row])) missing = row;
         if (!(values[row] >= values[least])) least = row;
         if (!(values[row] <= values[most])) most = row;
       }
@@ -198,7 +201,7 @@ std::string panel(const std::vector<double>& t, const Axis& x, double top, const
       for (const std::size_t row : {std::min(least, most), std::max(least, most)})
         if (piece.empty() || across(t[row]) > piece.back().x) piece.push_back({across(t[row]), down(values[row])});
     }
-    if (const std::size_t last = t.size() - 1; !piece.empty() && across(t[last]) > piece.back().x && std::isfinite(values[last]))
+    if (const std::size_t last = t.size() - 1; !piece.empty() && across(t[last]) > piece.back().x && is_drawn(values[last]))
       piece.push_back({across(t[last]), down(values[last])});
     end_piece();
     out += fmt::format(R"(<path d="{}" fill="none" stroke="{}"{}/>)"
@@ -227,7 +230,7 @@ std::string figure_svg(const Hdf5File& file, const std::vector<std::string>& plo
     if (lines.back().empty()) lines_of(file, plot, rows);  // refuses
   }
   t.resize(rows);  // a killed run may have one more row in some
-  if (rows == 0 || !std::all_of(t.begin(), t.end(), [](double x) { return std::isfinite(x); }) || !std::is_sorted(t.begin(), t.end()))
+  if (rows == 0 || !std::all_of(t.begin(), t.end(), is_drawn) || !std::is_sorted(t.begin(), t.end()))
     bad_content(file, "/time", "times, ascending, at least one", "others");
   const Axis x(t.front(), t.back() > t.front() ? t.back() : t.front() + 1.0, 8);
   const double height = kTop + static_cast<double>(lines.size()) * (kPanel + kBetween) + kBottom - 8;

@@ -16,6 +16,7 @@
 #include "core/io/json.hpp"
 #include "core/io/recorder.hpp"
 #include "scripts/report/differences.hpp"
+#include "scripts/report/figure.hpp"
 #include "tests/report/example_run.hpp"
 #include "tests/support/scratch.hpp"
 
@@ -120,6 +121,58 @@ TEST(Report, ShowsTheSmallestAndTheLargestNumbers) {
     else  // 5 digits, or as many as a number below 2.2e-308 has
       EXPECT_NEAR(shown[i].get<double>(), values[i], std::max(1e-4 * std::abs(values[i]), 5e-324)) << i;
   }
+}
+
+/// The numbers of the figure of one channel: of each piece of the line, x and y in turn.
+std::vector<std::vector<double>> line_of_figure(const std::vector<double>& values) {
+  const std::string h5 = scratch("figure.h5"), svg = scratch("figure.svg");
+  const auto recorder = make_hdf5_recorder(h5);
+  recorder->begin({}, {{"x", {"value"}, "m", "", "some numbers"}});
+  for (std::size_t i = 0; i < values.size(); ++i) recorder->row(static_cast<double>(i), std::span(&values[i], 1));
+  recorder->close();
+  write_figure(h5, svg, {"x"});
+  const std::string text = content(svg);
+  EXPECT_EQ(text.find("nan"), std::string::npos) << text;
+  EXPECT_EQ(text.find("inf"), std::string::npos) << text;
+  std::smatch path;
+  EXPECT_TRUE(std::regex_search(text, path, std::regex("d=\"([^\"]*)\" fill=\"none\"")));
+  std::vector<std::vector<double>> pieces;
+  const std::string d = path[1];
+  const std::regex number("([ML ])([-0-9.e]+)");
+  for (std::sregex_iterator i(d.begin(), d.end(), number), end; i != end; ++i) {
+    if ((*i)[1] == "M") pieces.emplace_back();
+    pieces.back().push_back(std::stod((*i)[2]));
+  }
+  return pieces;
+}
+
+TEST(Figure, LeavesGapsWhereNothingCanBeDrawn) {
+  const auto pieces = line_of_figure({0.0, 1.0, NAN, 2.0, 4.0, HUGE_VAL, 1e305, 3.0});
+  ASSERT_EQ(pieces.size(), 3u);
+  ASSERT_EQ(pieces[1].size(), 4u);
+  EXPECT_GT(pieces[0][1] - pieces[0][3], 0.0) << "up is less y";
+  // A tenth of a point, to which numbers are rounded, twice.
+  EXPECT_NEAR(pieces[1][1] - pieces[1][3], 2 * (pieces[0][1] - pieces[0][3]), 0.3);
+}
+
+TEST(Figure, IsFlatWhereNothingMovesAndKeepsPeaksOfLongRuns) {
+  for (const double level : {0.0, 1.0, 6.9e6, 1e-310}) {
+    const auto flat = line_of_figure({level, level, level + 1e-12 * level});
+    ASSERT_EQ(flat.size(), 1u) << level;
+    ASSERT_EQ(flat[0].size(), 4u) << level;
+    EXPECT_EQ(flat[0][1], flat[0][3]) << level;
+  }
+  std::vector<double> peak(20000, 0.0);
+  peak[12345] = 1.0;
+  const auto pieces = line_of_figure(peak);
+  ASSERT_EQ(pieces.size(), 1u);
+  EXPECT_LT(pieces[0].size(), 12u) << "four corners, and the ends";
+  double least = pieces[0][1], x = 0.0;
+  for (std::size_t i = 1; i < pieces[0].size(); i += 2)
+    if (pieces[0][i] < least) least = pieces[0][i], x = pieces[0][i - 1];
+  EXPECT_LT(least, pieces[0][1] - 100.0) << "of 150";
+  const double share = (x - pieces[0][0]) / (pieces[0][pieces[0].size() - 2] - pieces[0][0]);
+  EXPECT_NEAR(share, 12345.0 / 19999.0, 1e-3);  // a tenth of a point of 632
 }
 
 // 4000 bodies with two channels each, and three of another group: the page stays small, and nobody's channels vanish as a whole.
