@@ -174,7 +174,7 @@ std::string panel(const std::vector<double>& t, const Axis& x, double top, const
                        (kLeft + right) / 2, bottom + 32);
   out += "</g>\n";
 
-  double at = kLeft;
+  std::string names;
   for (std::size_t i = 0; i < lines.size(); ++i) {
     const char* colour = kColours[i % kColours.size()];
     const char* dash = i < kColours.size() ? "" : R"( stroke-dasharray="5 3")";
@@ -207,12 +207,11 @@ std::string panel(const std::vector<double>& t, const Axis& x, double top, const
     out += fmt::format(R"(<path d="{}" fill="none" stroke="{}"{}/>)"
                        "\n",
                        d, colour, dash);
-    out += fmt::format(R"(<text x="{:.1f}" y="{}" font-size="11" fill="{}">{}</text>)"
-                       "\n",
-                       at, top - 6, colour, escaped(lines[i].name));
-    at += 6.2 * static_cast<double>(lines[i].name.size()) + 14;
+    names += fmt::format(R"(<tspan dx="{}" fill="{}">{}</tspan>)", i > 0 ? 14 : 0, colour, escaped(lines[i].name));
   }
-  return out;
+  return out + fmt::format(R"(<text x="{}" y="{}" font-size="11">{}</text>)"
+                           "\n",
+                           kLeft, top - 6, names);
 }
 
 }  // namespace

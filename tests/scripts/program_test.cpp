@@ -368,7 +368,7 @@ TEST(Program, ReportsDrawAFigureOfSomeChannels) {
     return n;
   };
   EXPECT_EQ(count("fill=\"none\""), 3u) << "lines";
-  EXPECT_EQ(count(">nodes/rod.end/position.z</text>"), 1u);
+  EXPECT_EQ(count(">nodes/rod.end/position.z</tspan>"), 1u);
   EXPECT_EQ(count(">rad</text>"), 1u);
   EXPECT_EQ(count(">m, rad/s</text>"), 1u) << "the second panel has two units";
   EXPECT_EQ(count("nan") + count("inf"), 0u);
