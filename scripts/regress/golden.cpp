@@ -43,11 +43,22 @@ class GoldenReader {
     if (const auto version = map.require("cardan_golden", "the version of the format: 1", "begin the file with `cardan_golden: 1`"))
       if (version->node->text != "1") sink_.report(Code::unsupported, version->at(), "1, the only version", describe(*version->node));
     golden_.truth = reason(map, "truth", "where the references come from: a formula, a publication, another program");
-    golden_.scenario = golden_.folder() / map.text("scenario", "a Lua file, or a folder with scenario.lua", "scenario.lua");
+    golden_.scenario =
+        golden_.folder() / map.text("scenario", "a Lua file, a folder with scenario.lua, or a vehicle beside `script`", "scenario.lua");
     if (std::error_code none; !fs::exists(golden_.scenario, none)) {
       const auto given = map.find("scenario");
       sink_.report(Code::file_not_found, given ? given->at() : Located{"scenario", {golden_.file.string()}},
                    "a Lua file, or a folder with scenario.lua", in_quotes(golden_.scenario.string()));
+    }
+    if (const auto script = map.find("script")) {
+      golden_.script = golden_.folder() / read_text(*script, "a Lua file for the workbench", context_);
+      if (std::error_code none; !fs::exists(golden_.script, none))
+        sink_.report(Code::file_not_found, script->at(), "a Lua file for the workbench", in_quotes(golden_.script.string()));
+      if (const auto prints = map.require("prints", "what the script prints: {file, class, relative, why}")) read_prints(*prints);
+      for (const char* key : {"channels", "figures", "checks", "ledger", "until"})
+        if (const auto other = map.find(key))
+          sink_.report(Code::unsupported, other->at(), "`prints` alone beside `script`: the workbench writes no results",
+                       fmt::format("`{}`", key));
     }
     if (const auto settings = map.find("settings")) {
       if (settings->node->kind != Kind::map)
@@ -74,7 +85,7 @@ class GoldenReader {
       reason(update, "why", "why the references were recorded anew");
       update.finish();
     });
-    if (golden_.channels.empty() && golden_.figures.empty() && golden_.checks.empty() && sink_.empty())
+    if (golden_.script.empty() && golden_.channels.empty() && golden_.figures.empty() && golden_.checks.empty() && sink_.empty())
       sink_.report(Code::missing_key, {"channels", {golden_.file.string()}}, "channels, figures or checks: something that is claimed",
                    "none of them");
     map.finish();
@@ -396,6 +407,22 @@ class GoldenReader {
                    "the statistics of a channel: `channels:`");
     map.finish();
     golden_.figures.push_back(std::move(f));
+  }
+
+  void read_prints(const DocRef& value) {
+    MapReader map(value, context_);
+    if (!map.is_map()) return;
+    GoldenPrint print;
+    print.unit = "1";
+    const auto file = map.require("file", "a text: what the script prints");
+    if (file) {
+      print.file = golden_.folder() / read_text(*file, "a text: what the script prints", context_);
+      guarded(*file, [&] { print.text = read_text_file(print.file.string()); });
+    }
+    read_claim(map, print);
+    if (print.agreement == Agreement::statistical) sink_.report(Code::unsupported, print.at, "another class for a text", "statistical");
+    map.finish();
+    golden_.prints = std::move(print);
   }
 
   void read_ledger(const DocRef& value) {

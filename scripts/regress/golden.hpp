@@ -57,6 +57,12 @@ struct GoldenLedger {
   std::string why;
 };
 
+/// What a script prints at the workbench: the same words, and numbers within the tolerance, each beside its own size.
+struct GoldenPrint : Claim {
+  std::filesystem::path file;
+  std::string text;
+};
+
 struct Golden {
   std::string name;            // of the row: the folder, seen from the one that was searched
   std::filesystem::path file;  // golden.yaml, or NAME.golden.yaml for more than one in a folder
@@ -71,6 +77,8 @@ struct Golden {
   std::vector<GoldenFigure> figures;
   std::vector<std::pair<Located, std::string>> checks;  // that the scenario must have; all that it has must pass
   std::optional<GoldenLedger> ledger;
+  std::filesystem::path script;  // run by the workbench on `scenario`, a vehicle or a scenario; empty: the scenario is run
+  std::optional<GoldenPrint> prints;
 
   std::filesystem::path folder() const { return file.parent_path(); }
 };

@@ -28,6 +28,10 @@ class Judge {
   Judge(const Golden& golden, const std::filesystem::path& folder) : golden_(golden), folder_(folder) {}
 
   std::vector<ClaimRow> rows() {
+    if (golden_.prints) {
+      of_prints(*golden_.prints);
+      return std::move(rows_);
+    }
     try {
       const std::string path = (folder_ / "summary.json").string();
       summary_ = Json::parse(read_text_file(path), nullptr, false);
@@ -79,6 +83,59 @@ class Judge {
                     {Code::unknown_name, at, "a check of the scenario" + (legal.empty() ? "" : ": " + one_of(legal)), in_quotes(name),
                      did_you_mean(name, legal)});
       }
+  }
+
+  /// The text with # for each number and one blank between words, and the numbers.
+  static std::pair<std::string, std::vector<double>> words_and_numbers(const std::string& text) {
+    std::string words;
+    std::vector<double> numbers;
+    for (std::size_t i = 0; i < text.size();) {
+      const auto digit = [&](std::size_t at) { return at < text.size() && text[at] >= '0' && text[at] <= '9'; };
+      const bool sign = (text[i] == '-' || text[i] == '+') && digit(i + 1);
+      if (sign || digit(i)) {
+        std::size_t used = 0;
+        numbers.push_back(std::stod(text.substr(i), &used));
+        words += '#';
+        i += used;
+      } else if (text[i] == ' ' && (words.empty() || words.back() == ' ' || words.back() == '\n')) {
+        ++i;
+      } else {
+        words += text[i++];
+      }
+    }
+    return {words, numbers};
+  }
+
+  void of_prints(const GoldenPrint& wanted) {
+    std::string printed;
+    try {
+      printed = read_text_file((folder_ / kPrinted).string());
+    } catch (const InputError& e) {
+      return add_problem("prints", "what it prints", e.diagnostics().front());
+    }
+    const auto [words, is] = words_and_numbers(printed);
+    const auto [wanted_words, should_be] = words_and_numbers(wanted.text);
+    if (words != wanted_words) {
+      const auto at = static_cast<std::size_t>(std::ranges::mismatch(words, wanted_words).in1 - words.begin());
+      const auto line_at = [](const std::string& text, std::size_t i) {
+        const std::size_t begin = i == 0 ? 0 : text.rfind('\n', i - 1) + 1;  // npos + 1 = 0
+        return text.substr(begin, text.find('\n', begin) - begin);
+      };
+      return add_problem(
+          "prints", "what it prints",
+          {Code::wrong_type, wanted.at, in_quotes(line_at(wanted_words, at)), in_quotes(line_at(words, at)), "# stands for each number"});
+    }
+    Difference worst;
+    worst.t = kNaN;
+    for (std::size_t i = 0; i < is.size(); ++i) {
+      Difference one = worst_difference(std::vector{kNaN}, std::vector{is[i] + 0.0}, std::vector{should_be[i] + 0.0},
+                                        std::abs(should_be[i]), wanted.tolerance,
+                                        wanted.agreement);  // + 0: a zero may be -0
+      const bool pass = worst.pass && one.pass;
+      if (i == 0 || one.share() > worst.share()) worst = one;
+      worst.pass = pass;
+    }
+    claimed(add("prints", fmt::format("{} numbers that it prints", is.size())), wanted, "1", worst);
   }
 
   void of_figures() {

@@ -43,6 +43,9 @@ struct CaseResult {
   const ClaimRow* worst() const;
 };
 
+/// In the folder of the results: what the run printed.
+inline constexpr const char* kPrinted = "printed.txt";
+
 /// The rows of a run that ended by itself, with exit code 0 or 1, in `folder`; of any other run the row "run" alone.
 std::vector<ClaimRow> judge(const Golden& golden, const std::filesystem::path& folder, const RunEnding& ending);
 

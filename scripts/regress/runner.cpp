@@ -16,11 +16,12 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kErrors = "errors.json";  // what the run says on standard error
-constexpr const char* kText = "printed.txt";    // and on standard output
+constexpr const char* kText = kPrinted;         // and on standard output
 
 ProgramOrder order_for(const Golden& g, const std::string& program, const fs::path& folder) {
   ProgramOrder order;
   order.command = {program, "run", g.scenario.string(), "--out", folder.string(), "--quiet", "--json-errors"};
+  if (!g.script.empty()) order.command = {program, "workbench", g.scenario.string(), "--script", g.script.string()};
   for (const auto& [key, value] : g.settings) order.command.insert(order.command.end(), {"--set", key + "=" + value});
   if (!g.seed.empty()) order.command.insert(order.command.end(), {"--seed", g.seed});
   if (!g.until.empty()) order.command.insert(order.command.end(), {"--until", g.until});

@@ -8,14 +8,16 @@
 #include <stdexcept>
 
 #include "core/sim/simulation.hpp"
+#include "tests/support/accuracy.hpp"
 #include "tests/support/builders.hpp"
-#include "tests/support/worse.hpp"
 
 namespace cardan::test {
 
 class Published {
  public:
-  explicit Published(const std::string& id) : file_(YAML::LoadFile(CARDAN_SOURCE_DIR "/tests/reference/cases/" + id + ".yaml")) {}
+  explicit Published(const std::string& id) : file_(YAML::LoadFile(CARDAN_SOURCE_DIR "/tests/reference/cases/" + id + ".yaml")) {
+    case_at_hand() = id;
+  }
 
   /// The value whose quantity begins with this text.
   YAML::Node at(const std::string& quantity) const {
@@ -46,7 +48,7 @@ double apart(const Eigen::MatrixBase<A>& a, const Eigen::MatrixBase<B>& b) {
 
 /// What a case reaches, kept in the test report.
 inline void expect_within(const char* what, double error, double tolerance) {
-  ::testing::Test::RecordProperty(what, fmt::format("{:.1e} of {:.0e}", error, tolerance));
+  keep_accuracy(what, "", "", error, tolerance);
   EXPECT_LE(error, tolerance) << what;
 }
 

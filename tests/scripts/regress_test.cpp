@@ -228,6 +228,22 @@ TEST_F(Regress, ARunThatEndsBadlyIsAFailedRowAndTheOthersGoOn) {
   EXPECT_EQ(ended["large"]["verdict"], "fail") << ended["large"].dump(1);
 }
 
+TEST_F(Regress, WhatAScriptPrintsIsComparedByWordsAndNumbers) {
+  const std::string golden =
+      "cardan_golden: 1\ntruth: arithmetic\nscenario: vehicle.yaml\nscript: look.lua\nprints: {file: expected.txt, class: truth, "
+      "relative: 1e-6, why: six digits}\n";
+  add("look", golden);
+  write(dir_ / "look/look.lua", "print('third', 1 / 3, 'done')\n");
+  for (const auto& [expected, code] :
+       {std::pair{"third 0.33333333 done\n", 0}, {"third 0.3334 done\n", 1}, {"thirds 0.33333333 done\n", 1}, {"third 0.33333333\n", 1}}) {
+    write(dir_ / "look/expected.txt", expected);
+    EXPECT_EQ(regress().exit_code, code) << expected << file_text(dir_ / "out/regress/regress.json");
+  }
+  fs::remove_all(dir_ / "out");
+  const json errors = errors_of(golden + "checks: [one]\n");
+  EXPECT_TRUE(std::any_of(errors.begin(), errors.end(), [](const json& e) { return e["at"] == "checks"; })) << errors.dump(1);
+}
+
 TEST_F(Regress, ShardsTogetherAreAll) {
   for (const char* name : {"a", "b", "c"}) add(name, printed());
   std::vector<std::string> names;

@@ -6,9 +6,12 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/accuracy.hpp"
+
 namespace cardan {
 
 inline std::vector<double> case_values(const std::string& id, const std::string& quantity) {
+  test::case_at_hand() = id;
   std::ifstream in(CARDAN_SOURCE_DIR "/tests/reference/cases/" + id + ".yaml");
   std::stringstream text;
   text << in.rdbuf();

@@ -49,10 +49,11 @@ TEST_P(FreeRotor, HasThePublishedFrequencies) {
   const Eigenpairs found = lowest_eigenpairs(scale * matrix(std::string(name) + "_stiffness"), M, 26, -1e4);
   const auto f = [&](int k) { return std::sqrt(std::abs(found.values[k])) / (2.0 * std::numbers::pi); };
   for (int k = 0; k < 6; ++k) EXPECT_LE(f(k), 0.01) << "rigid motion " << k + 1;
-  EXPECT_NEAR(f(6) / case_values(id, "f7 published")[0], 1.0, 1e-9);
+  test::expect_relative("f7 [Hz]", f(6), case_values(id, "f7 published")[0], 1e-9);
   const std::vector<double> want = case_values(id, listed);
   ASSERT_GE(want.size(), 14u);
-  for (std::size_t k = 0; k < want.size(); ++k) EXPECT_NEAR(f(6 + static_cast<int>(k)), want[k], 0.5e-6 + 1e-9 * want[k]) << "f" << 7 + k;
+  for (std::size_t k = 0; k < want.size(); ++k)
+    test::expect_absolute(fmt::format("f{} [Hz], recomputed", 7 + k), f(6 + static_cast<int>(k)), want[k], 0.5e-6 + 1e-9 * want[k]);
 }
 INSTANTIATE_TEST_SUITE_P(Of, FreeRotor,
                          testing::Values(Rotor{"ansys", "modal-rotor-ansys-pair", "f7..f24", 1.0},

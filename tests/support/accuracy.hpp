@@ -1,0 +1,55 @@
+#pragma once
+// Published numbers against ours: what each comparison reaches stays in the report of the tests, out of which `./dev accuracy` makes
+// docs/accuracy_record.md.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <cmath>
+#include <string>
+
+#include "tests/support/worse.hpp"
+
+namespace cardan::test {
+
+/// The file of tests/reference/cases that the test at hand reads; set by its readers.
+inline std::string& case_at_hand() {
+  static std::string id;
+  return id;
+}
+
+/// published, ours: as shown; empty where the comparison is of more than a few numbers.
+inline void keep_accuracy(const std::string& what, const std::string& published, const std::string& ours, double difference,
+                          double tolerance) {
+  ::testing::Test::RecordProperty(fmt::format("accuracy|{}|{}", case_at_hand(), what),
+                                  fmt::format("{}|{}|{:.3g}|{:.3g}", published, ours, difference, tolerance));
+}
+
+/// |ours / published - 1| within the tolerance.
+inline void expect_relative(const std::string& what, double ours, double published, double tolerance) {
+  const double difference = std::abs(ours / published - 1.0);
+  keep_accuracy(what, fmt::format("{:.12g}", published), fmt::format("{:.12g}", ours), difference, tolerance);
+  EXPECT_LE(difference, tolerance) << what << ": " << ours << " in place of " << published;
+}
+
+/// |ours - published| within the tolerance.
+inline void expect_absolute(const std::string& what, double ours, double published, double tolerance) {
+  const double difference = std::abs(ours - published);
+  keep_accuracy(what, fmt::format("{:.12g}", published), fmt::format("{:.12g}", ours), difference, tolerance);
+  EXPECT_LE(difference, tolerance) << what << ": " << ours << " in place of " << published;
+}
+
+/// The largest difference of the entries within the tolerance.
+template <class A, class B>
+void expect_vector(const std::string& what, const Eigen::MatrixBase<A>& ours, const Eigen::MatrixBase<B>& published, double tolerance) {
+  const auto text = [](const Eigen::VectorXd& x) {
+    std::string out;
+    for (const double one : x) out += fmt::format("{}{:.12g}", out.empty() ? "" : ", ", one);
+    return out;
+  };
+  const double difference = distance(ours, published);
+  keep_accuracy(what, text(published), text(ours), difference, tolerance);
+  EXPECT_LE(difference, tolerance) << what;
+}
+
+}  // namespace cardan::test
