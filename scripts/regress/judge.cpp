@@ -85,7 +85,7 @@ class Judge {
       }
   }
 
-  /// The text with # for each number and one blank between words, and the numbers.
+  /// The text with # for each number and one blank in place of several and of tabs, and the numbers.
   static std::pair<std::string, std::vector<double>> words_and_numbers(const std::string& text) {
     std::string words;
     std::vector<double> numbers;
@@ -97,7 +97,8 @@ class Judge {
         numbers.push_back(std::stod(text.substr(i), &used));
         words += '#';
         i += used;
-      } else if (text[i] == ' ' && (words.empty() || words.back() == ' ' || words.back() == '\n')) {
+      } else if (text[i] == ' ' || text[i] == '\t') {  // widths of columns
+        if (!words.empty() && words.back() != ' ' && words.back() != '\n') words += ' ';
         ++i;
       } else {
         words += text[i++];
