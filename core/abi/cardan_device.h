@@ -29,7 +29,8 @@ enum cardan_mount_use {
   CARDAN_USE_VELOCITY = 2u,     /* reads omega and velocity */
   CARDAN_USE_LOAD = 4u,         /* pushes: moment and force, or tau */
   CARDAN_USE_ACCELERATION = 8u, /* reads alpha and specific_force; all that the mount reads is then read by `tick` alone */
-  CARDAN_USE_OUTLET = 16u       /* what is drawn from a device with a mass leaves the vehicle here: at one node at most */
+  CARDAN_USE_OUTLET = 16u,      /* what is drawn from a device with a mass leaves the vehicle here: at one node at most */
+  CARDAN_USE_HOLD = 32u         /* a hinge component that stands still while the first mark is not 0: at one at most; see `holds` */
 };
 
 typedef struct cardan_mount_desc {
@@ -156,6 +157,9 @@ typedef struct cardan_device_family {
   /* [step: pure] (optional) [N m s] angular momentum that is stored beside that of bodies, per mount, axes of the node: what its loads take
    * from the bodies goes there, all of it. */
   void (*momentum)(const cardan_device_args*, double (*h)[3]);
+  /* [step: pure] Of CARDAN_USE_HOLD: [N m, N] the most that it holds its component with. The host finds the force that holds, and where
+   * that passes the most: `event` with root = n_roots + 1, direction that in which it then begins to move. */
+  double (*holds)(const cardan_device_args*);
 } cardan_device_family;
 
 #ifdef __cplusplus

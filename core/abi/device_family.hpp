@@ -71,7 +71,7 @@ struct DeviceOut {
 };
 
 /// `mounts`, `ports`, `states`, `marks`, `schema` may be left out, as may `nominal`, `energy`, `roots`, `event`, `tick`, `mass` (a template
-/// as `evaluate` is), `momentum`.
+/// as `evaluate` is), `momentum`, `holds`.
 template <class F>
 concept DeviceFamily = requires(const typename F::Packed& p, const DeviceIn<double>& a, DeviceOut<double>& b, const DeviceIn<Tangent>& at,
                                 DeviceOut<Tangent>& bt) {
@@ -240,6 +240,8 @@ const cardan_device_family& device_table() {
       };
     if constexpr (requires(const P& p, const DeviceIn<double>& a) { F::mass(p, a); })
       t.mass = &detail::mass<F>, t.mass_tangent = &detail::mass_tangent<F>;
+    if constexpr (requires(const P& p, const DeviceIn<double>& a) { F::holds(p, a); })
+      t.holds = [](const cardan_device_args* a) { return F::holds(*static_cast<const P*>(a->packed), detail::read(a)); };
     if constexpr (requires(const P& p, const DeviceIn<double>& a, Vec3<double>* h) { F::momentum(p, a, h); })
       t.momentum = [](const cardan_device_args* a, double(*h)[3]) {
         F::momentum(*static_cast<const P*>(a->packed), detail::read(a), reinterpret_cast<Vec3<double>*>(h));

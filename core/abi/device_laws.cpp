@@ -57,14 +57,16 @@ class TableFaults : public TableChecks {
   }
   void details() {
     const bool energy = (f_.facts & CARDAN_FACT_ENERGY) != 0, internal = (f_.facts & CARDAN_FACT_INTERNAL) != 0;
-    int masses = 0, outlets = 0;
+    int masses = 0, outlets = 0, holds = 0;
     for (std::uint32_t i = 0; i < f_.n_mounts; ++i) {
       const cardan_mount_desc& m = f_.mounts[i];
       const std::string at = fmt::format("mounts[{}].", i);
       expect(m.kind <= CARDAN_MOUNT_MASS, at + "kind", fmt::format("{}, expected one of cardan_mount_kind", m.kind));
-      expect(m.use < 32, at + "use", fmt::format("{}, expected those of cardan_mount_use", m.use));
+      expect(m.use < 64, at + "use", fmt::format("{}, expected those of cardan_mount_use", m.use));
       const bool pushes = m.kind != CARDAN_MOUNT_HINGE && (m.use & CARDAN_USE_LOAD) != 0;
-      masses += m.kind == CARDAN_MOUNT_MASS, outlets += (m.use & CARDAN_USE_OUTLET) != 0;
+      masses += m.kind == CARDAN_MOUNT_MASS, outlets += (m.use & CARDAN_USE_OUTLET) != 0, holds += (m.use & CARDAN_USE_HOLD) != 0;
+      expect((m.use & CARDAN_USE_HOLD) == 0 || (m.kind == CARDAN_MOUNT_HINGE && (m.use & CARDAN_USE_LOAD) != 0), at + "use",
+             "CARDAN_USE_HOLD is of a hinge component, with CARDAN_USE_LOAD");
       expect((m.use & CARDAN_USE_OUTLET) == 0 || (m.kind == CARDAN_MOUNT_NODE && pushes), at + "use",
              "CARDAN_USE_OUTLET is of a node, with CARDAN_USE_LOAD");
       expect(!pushes || !energy || (m.use & CARDAN_USE_VELOCITY) != 0, at + "use",
@@ -75,6 +77,10 @@ class TableFaults : public TableChecks {
              "what stores momentum reads CARDAN_USE_POSE or CARDAN_USE_VELOCITY where it pushes");
     }
     expect(masses <= 1 && outlets <= 1, "mounts", "more than one mass or outlet");
+    expect(holds <= 1, "mounts", "more than one with CARDAN_USE_HOLD");
+    expect((holds == 1) == (f_.holds != nullptr), "holds",
+           f_.holds ? "given, and no mount has CARDAN_USE_HOLD" : "null, and a mount has CARDAN_USE_HOLD");
+    expect(holds == 0 || (f_.n_marks > 0 && f_.event), "event", "CARDAN_USE_HOLD needs `event`, and a mark that says when it holds");
     expect((masses == 1) == (f_.mass != nullptr), "mass",
            f_.mass ? "given, and no mount is of kind CARDAN_MOUNT_MASS" : "null, and a mount is of kind CARDAN_MOUNT_MASS");
     for (std::uint32_t i = 0; i < f_.n_ports; ++i) {
@@ -136,6 +142,7 @@ class Laws {
     if (f_.tangent) tangent(x);
     if (f_.mass) mass(x, y);
     if (f_.momentum) momentum(x, y);
+    if (f_.holds) holds(x);
     if (f_.n_roots > 0) roots(x);
     if (f_.tick) tick(x);
     return found_.size() < 20;
@@ -451,6 +458,16 @@ class Laws {
       if (!(std::abs(fine[i] - coarse[i]) <= 1e-7 * scale)) continue;  // a corner, or too curved here
       law("mass_tangent is the derivative of mass", std::abs((&given.mass)[i] - fine[i]) / scale, 1e-6);
     }
+  }
+
+  void holds(const Point& x) {
+    before_("holds");
+    const cardan_device_args a = args(x);
+    const double most = f_.holds(&a), again = f_.holds(&a);
+    if (!(most >= 0.0 && std::isfinite(most)))
+      found_.push_back(fmt::format("holds gives {}, not a number >= 0 (sample {})", most, sample_));
+    if (most >= 0.0 && most != again)
+      found_.push_back(fmt::format("holds is a function of its arguments: another number at the second call (sample {})", sample_));
   }
 
   /// World axes.

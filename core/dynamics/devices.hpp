@@ -55,6 +55,8 @@ class DeviceForces : public StateLoads<double> {
   double input(int i) const { return in_[i]; }
   /// Of the bodies whose mass varies, after the dynamics that act() was a part of: how they move, for derivatives.
   void note_motions(const Workspace& ws, const Inputs& in);
+  /// [N m, N] The most that a device holds its component with.
+  double most_held(int device) const { return model_.devices.all[device].family->holds(&args_[device]); }
   /// What mass that leaves takes along, for the ledger.
   LeavingMass leaving() const { return leaving_mass(model_, motions_.data(), z_.data(), zdot_, marks_.data()); }
   /// Angular momentum that devices store beside that of bodies [N m s], world axes.

@@ -286,6 +286,12 @@ ExternalLoads Observer::external(const Inputs& in, const double* vdot) {
   return e;
 }
 
+void Observer::prescribed_forces(const Inputs& in, const double* vdot, double* tau) {
+  in_ = in;
+  vdot_ = vdot;
+  prescribed_forces(tau);
+}
+
 double Observer::internal_power(const Inputs& in, const double* vdot) {
   in_ = in;
   vdot_ = vdot;

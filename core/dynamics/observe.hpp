@@ -58,6 +58,8 @@ class Observer {
   void prescribed_forces(double* tau) const;
   // The rates of the ledger, in a right-hand side: need no update().
   ExternalLoads external(const Inputs& in, const double* vdot);
+  /// As prescribed_forces(), likewise.
+  void prescribed_forces(const Inputs& in, const double* vdot, double* tau);
   /// Power of actuators, prescribed motion and dampers alone.
   double internal_power(const Inputs& in, const double* vdot);
 

@@ -249,6 +249,7 @@ class Compiler {
       const cardan_device_family* family = registry_.device(d.type);
       for (std::uint32_t i = 0; family && i < family->n_mounts; ++i) {
         const auto mount = d.mounts.find(family->mounts[i].name);
+        if ((family->mounts[i].use & CARDAN_USE_HOLD) != 0 && mount != d.mounts.end()) may_stand_still(mount->second.target);
         if (family->mounts[i].kind != CARDAN_MOUNT_MASS || mount == d.mounts.end()) continue;
         const int user = m.find_body(mount->second.target);
         if (user < 0) continue;  // reported with the devices
@@ -256,6 +257,15 @@ class Compiler {
         m.varies[m.user[user].sweep] = 1;
       }
     }
+  }
+
+  // The kernel of its body is one that lets components be given. "boom" or "boom.rate".
+  void may_stand_still(const std::string& target) {
+    Model& m = *model_;
+    const int user = m.find_body(target.substr(0, target.find('.')));
+    if (user < 0 || m.user[user].nv == 0) return;  // reported with the devices
+    m.bodies[m.user[user].sweep].has_prescribed = true;
+    m.prescribed.resize(static_cast<std::size_t>(m.nv));
   }
 
   void keep_varying() {

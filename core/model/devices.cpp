@@ -155,6 +155,7 @@ class DeviceCompiler {
         if (!same) continue;
         m.v = u.v + i;
         m.q = u.nq == u.nv ? u.q + i : -1;
+        if ((desc.use & CARDAN_USE_HOLD) != 0) devices_.holds.push_back({static_cast<int>(devices_.all.size()), m.v});
         if (model_.has_prescribed() && model_.prescribed[static_cast<std::size_t>(m.v)] && (desc.use & CARDAN_USE_LOAD) != 0)
           fault(Code::unsupported, spec, desc.name, "a hinge component that is free to move", in_quotes(target) + ", which is prescribed",
                 "its motion is given: what pushes there has no effect");

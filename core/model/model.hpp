@@ -101,6 +101,10 @@ struct MassFlow {
   int output = 0;             // [kg/s]
   int device = 0, mount = 0;  // the outlet
 };
+/// A component that a device holds while its first mark is not 0: it takes no part in the dynamics then, as one whose motion is given.
+struct DeviceHold {
+  int device = 0, v = 0;
+};
 /// A further output that is added to an input.
 struct AddedOutput {
   int in, out;
@@ -120,6 +124,7 @@ struct Devices {
   std::vector<DeviceMass> masses;                // in the order of devices
   std::vector<VaryingBody> varying;              // the bodies that carry them
   std::vector<MassFlow> flows;
+  std::vector<DeviceHold> holds;          // in the order of devices
   int find(std::string_view name) const;  // -1 if unknown
   /// visit(output) for each that input `in` is given.
   template <class Visit>
@@ -139,10 +144,11 @@ struct Model : SweepModel {
   std::vector<UserBody> user;  // in the user's order
   std::vector<int> owner;      // per sweep body: the user's body whose hinge is its hinge; -1: the ground
   std::vector<PlainRates> plain_rates;
-  std::vector<int> curved;           // user indices of the others: q' is up to their hinge
-  std::vector<Op> program;           // forward dynamics, in order of execution
-  std::vector<std::uint8_t> varies;  // per sweep body: its mass does, by devices; empty: none does
-  std::string refinement;            // why OpCode::refine is in it; empty: it is not
+  std::vector<int> curved;                                                    // user indices of the others: q' is up to their hinge
+  std::vector<Op> program;                                                    // forward dynamics, in order of execution
+  bool changes() const { return !varies.empty() || !devices.holds.empty(); }  // weigh() does something
+  std::vector<std::uint8_t> varies;                                           // per sweep body: its mass does, by devices; empty: none does
+  std::string refinement;                                                     // why OpCode::refine is in it; empty: it is not
   bool has(OpCode code) const {
     for (const Op& op : program)
       if (op.code == code) return true;
@@ -153,8 +159,9 @@ struct Model : SweepModel {
   /// Index into `user` / `nodes`; -1 if unknown.
   int find_body(std::string_view name) const;
   int find_node(std::string_view name) const;
-  /// Puts the masses that devices give to bodies at these states and marks into all that has the mass of a body. Empty: done; else the
-  /// fault and the device. A model whose masses vary is for one user at a time: Simulation has its own.
+  /// Puts the masses that devices give to bodies at these states and marks into all that has the mass of a body, and what
+  /// they hold into `prescribed`. Empty: done; else the fault and the device. Such a model is for one user at a time: Simulation has its
+  /// own.
   std::string weigh(const double* z, const double* marks, int& device);
   State initial_state() const;
   /// q' = N(q) v, user order.

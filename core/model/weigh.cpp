@@ -8,6 +8,7 @@
 namespace cardan {
 
 std::string Model::weigh(const double* z, const double* marks, int& device) {
+  for (const DeviceHold& h : devices.holds) prescribed[h.v] = marks[devices.all[h.device].mark] != 0.0;
   for (const VaryingBody& b : devices.varying) {
     SweepBody& to = bodies[b.sweep];
     to.M = b.M, to.M_sweep = b.M_sweep, to.J_P = b.J_P;

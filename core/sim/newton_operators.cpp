@@ -56,7 +56,8 @@ NewtonOperators::NewtonOperators(std::shared_ptr<const Model> model, const Devic
   for (int i = 0; m.has_prescribed() && i < m.nv; ++i) free_.push_back(is_free(i));
   for (const PlainRates& r : m.plain_rates)
     for (int i = 0; i < r.n; ++i)
-      if (!is_free(r.v + i)) given_q_.push_back(r.q + i);
+      if (!is_free(r.v + i) && std::ranges::find(m.devices.holds, r.v + i, &DeviceHold::v) == m.devices.holds.end())
+        given_q_.push_back(r.q + i);
 }
 
 /// visit(first coordinate, first velocity, modes, body).
@@ -104,6 +105,7 @@ bool NewtonOperators::jacobian_times(const soa::Inputs<double>& in, const double
 bool NewtonOperators::prepare(const double* x, double gamma, bool moved) {
   const double *q = x, *v = x + model_->nq;
   gamma_ = gamma;
+  for (const DeviceHold& h : model_->devices.holds) free_[h.v] = is_free(h.v);
   states_.clear();
   for (std::size_t i = 0; devices_ && i < model_->devices.all.size(); ++i) {
     const auto n = model_->devices.all[i].family->n_states;

@@ -16,7 +16,7 @@
 
 namespace cardan {
 Simulation::Simulation(std::shared_ptr<const Model> model, const SimulationOptions& options)
-    : own_(model->varies.empty() ? nullptr : std::make_shared<Model>(*model)),
+    : own_(model->changes() ? std::make_shared<Model>(*model) : nullptr),
       model_(own_ ? std::shared_ptr<const Model>(own_) : std::move(model)),
       options_(options),
       state_(model_->initial_state()),
@@ -57,6 +57,7 @@ Simulation::Simulation(std::shared_ptr<const Model> model, const SimulationOptio
   world_rates_ = world_rates_ || m.devices.n_loads > 0;
   stores_ = std::ranges::any_of(m.devices.all, [](const Device& d) { return d.family->momentum != nullptr; });
   sample_devices(false);
+  if (!m.devices.holds.empty()) holding_ = std::make_unique<Holding>(m, own_.get());
   if (m.devices.n_roots == 0) return;
   on_trial_ = std::make_unique<DeviceForces>(m);
   if (m.devices.reads_nodes) {
@@ -402,12 +403,13 @@ OdeProblem Simulation::ode() {
     std::fill_n(ode.group.begin() + m.nq + b.etadot, b.n_modes, 1);
   }
   std::fill_n(ode.group.begin() + m.nq + m.nv, m.devices.n_z, 2);
-  ode.n_roots = static_cast<int>(events_.size() + limits_.size()) + m.devices.n_roots;
+  ode.n_roots = static_cast<int>(events_.size() + limits_.size() + m.devices.holds.size()) + m.devices.n_roots;
   if (ode.n_roots > 0)
     ode.roots = [this](double t, const double* x, double* g) {
       for (std::size_t i = 0; i < events_.size(); ++i) g[i] = events_[i].function(t, x, x + model_->nq);
       for (std::size_t i = 0; i < limits_.size(); ++i) g[events_.size() + i] = x[limits_[i].q] - limits_[i].value;
       if (model_->devices.n_roots > 0) device_roots(t, x, g + events_.size() + limits_.size());
+      if (holding_) hold_roots(t, x, g + events_.size() + limits_.size() + static_cast<std::size_t>(model_->devices.n_roots));
     };
   if (options_.integrator.linear_solver != "krylov") return ode;
   newton_ = std::make_unique<NewtonOperators>(model_, devices_.get());
@@ -590,6 +592,55 @@ void Simulation::start_devices() {
   for (std::size_t i = 0; i < model_->devices.all.size(); ++i)
     devices_->event(static_cast<int>(i), model_->devices.all[i].family->n_roots, 0, state_.z.data(), state_.marks.data());
   changed();
+  settle_holds();
+}
+
+bool Simulation::look_at_holds(double t, const double* x) {
+  const double *q = x, *v = q + model_->nq;
+  hold_tau_ = tau_;
+  hinge_laws::add_forces(*model_, q, v, hold_tau_.data());
+  hold_vdot_ = vdot_given_;
+  for (const Prescribed& p : prescribed_) hold_vdot_[static_cast<std::size_t>(p.index)] = p.profile.acceleration(t, std::min(t, stretch_));
+  return holding_->look(*devices_, {q, v, hold_tau_.data(), hold_vdot_.data(), wrenches_}, t, v + model_->nv, state_.marks.data());
+}
+
+/// At a trial state: what is left until each held component breaks away; 1 of others, and where v' cannot be evaluated.
+void Simulation::hold_roots(double t, const double* x, double* g) {
+  const auto& holds = model_->devices.holds;
+  std::fill_n(g, holds.size(), 1.0);
+  if (std::ranges::none_of(holds, [&](const DeviceHold& h) { return model_->prescribed[static_cast<std::size_t>(h.v)] != 0; })) return;
+  if (!look_at_holds(t, with_given_motion(t, x))) return;
+  for (std::size_t i = 0; i < holds.size(); ++i)
+    if (const Holding::Force& f = holding_->forces()[i]; f.held) g[i] = f.most - std::abs(f.force);
+}
+
+/// From what was found to hold it: it begins to move against that.
+void Simulation::break_away(std::size_t hold) {
+  const int device = model_->devices.holds[hold].device;
+  const std::uint32_t n = model_->devices.all[static_cast<std::size_t>(device)].family->n_roots;
+  devices_->event(device, n + 1, holding_->forces()[hold].force > 0.0 ? -1 : 1, state_.z.data(), state_.marks.data());
+  changed();
+}
+
+/// What is held stands still; what more would be needed for than can be breaks away, one after the other.
+void Simulation::settle_holds() {
+  const auto& holds = model_->devices.holds;
+  for (std::size_t pass = 0; holding_ && pass <= holds.size(); ++pass) {
+    bool any = false;
+    for (const DeviceHold& h : holds)
+      if (model_->prescribed[static_cast<std::size_t>(h.v)] != 0) {
+        any = true;
+        if (state_.v[h.v] != 0.0) v(h.v) = 0.0;
+      }
+    if (!any) return;
+    hold_x_.resize(x_given_.size());
+    pack(hold_x_.data());
+    if (!look_at_holds(state_.t, hold_x_.data())) return;  // told where the dynamics come upon it
+    const auto& forces = holding_->forces();
+    const auto loose = std::ranges::find_if(forces, [](const Holding::Force& f) { return std::abs(f.force) > f.most * (1.0 + 1e-12); });
+    if (loose == forces.end()) return;
+    break_away(static_cast<std::size_t>(loose - forces.begin()));
+  }
 }
 
 /// What devices do where one of their roots crossed zero; true if any did.
@@ -606,6 +657,14 @@ bool Simulation::device_events(std::span<const int> crossed) {
       changed();
     }
   }
+  for (std::size_t i = 0; holding_ && i < model_->devices.holds.size(); ++i) {
+    if (crossed[static_cast<std::size_t>(model_->devices.n_roots) + i] >= 0) continue;
+    hold_x_.resize(x_given_.size());
+    pack(hold_x_.data());
+    if (look_at_holds(state_.t, hold_x_.data()) && holding_->forces()[i].held) break_away(i);
+    any = true;
+  }
+  if (any) settle_holds();
   return any;
 }
 

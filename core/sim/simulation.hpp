@@ -10,6 +10,7 @@
 #include "core/dynamics/devices.hpp"
 #include "core/io/recorder.hpp"
 #include "core/sim/balances.hpp"
+#include "core/sim/holding.hpp"
 #include "core/sim/motion_profile.hpp"
 #include "core/sim/schedule.hpp"
 #include "core/time/integrator.hpp"
@@ -149,6 +150,10 @@ class Simulation {
   void unpack(const double* x);
   void device_roots(double t, const double* x, double* g);
   void start_devices();
+  bool look_at_holds(double t, const double* x);
+  void hold_roots(double t, const double* x, double* g);
+  void break_away(std::size_t hold);
+  void settle_holds();
   bool device_events(std::span<const int> crossed);
   void sample_devices(bool with_inputs);
   void tick_device(int device, double period);
@@ -181,6 +186,7 @@ class Simulation {
   std::unique_ptr<DeviceForces> devices_;    // null: there are none
   bool stores_ = false;                      // some of them store momentum
   std::unique_ptr<DeviceForces> on_trial_;   // for their roots at trial states; null: there are none
+  std::unique_ptr<Holding> holding_;         // of components that devices hold; null: there are none
   std::unique_ptr<Workspace> beside_;        // ... where they read nodes
   std::unique_ptr<NewtonOperators> newton_;  // where the linear solver asks for them
   std::unique_ptr<Integrator> integrator_;
@@ -205,6 +211,7 @@ class Simulation {
   std::vector<Prescribed> prescribed_;
   std::vector<double> tau_, tau_total_;  // of actuators; with springs and dampers, which evaluate() sets where they act
   std::vector<double> vdot_given_, x_;
+  std::vector<double> hold_tau_, hold_vdot_, hold_x_;         // scratch
   std::vector<double> x_given_;                               // a state of the integrator with the given motions put in
   double stretch_ = std::numeric_limits<double>::infinity();  // [s] during a step: a time on its stretch between two corners
   std::vector<NodeWrench> wrenches_;

@@ -35,6 +35,7 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
 // One step of the integrator towards t_stop: commands are constant, the right-hand side is smooth.
 void Simulation::step(double t_stop) {
   if (restart_) {
+    settle_holds();
     start_given_motion();
     pack(x_.data());
     integrator_->restart(state_.t, x_.data());

@@ -6,6 +6,7 @@ const cardan_device_family& spring_damper_family();
 const cardan_device_family& lugre_friction_family();
 const cardan_device_family& momentum_wheel_family();
 const cardan_device_family& imu_family();
+const cardan_device_family& dry_friction_family();
 const cardan_device_family& tank_family();
 const cardan_device_family& thruster_family();
 const cardan_device_family& magnetorquer_family();
@@ -14,8 +15,8 @@ const cardan_device_family& tape_spring_family();
 const cardan_device_family& latch_family();
 
 void register_devices(Registry& registry) {
-  for (const auto family : {spring_damper_family, lugre_friction_family, momentum_wheel_family, imu_family, tank_family, thruster_family,
-                            magnetorquer_family, dc_motor_family, tape_spring_family, latch_family})
+  for (const auto family : {spring_damper_family, lugre_friction_family, momentum_wheel_family, imu_family, dry_friction_family,
+                            tank_family, thruster_family, magnetorquer_family, dc_motor_family, tape_spring_family, latch_family})
     registry.devices.add(family());
 }
 

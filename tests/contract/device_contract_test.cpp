@@ -196,6 +196,33 @@ TEST(DeviceMutants, ThatCarryMassOrStoreMomentumAreCaught) {
   expect(with([](Table& t) { t.mounts = dry, t.n_mounts = 2; }), "CARDAN_USE_OUTLET is of a node, with CARDAN_USE_LOAD");
 }
 
+TEST(DeviceMutants, ThatHoldAHingeAreCaught) {
+  const auto with = [](const auto& change) {
+    static const cardan_mount_desc held[] = {{"at", CARDAN_MOUNT_HINGE, CARDAN_USE_LOAD | CARDAN_USE_HOLD, "a component"}};
+    Table t{};
+    t.struct_size = sizeof t;
+    t.type = "test/brake", t.summary = "";
+    t.mounts = held, t.n_mounts = 1;
+    t.marks = kMarks, t.n_marks = 1;
+    t.evaluate = [](Args, Out) { return 0; };
+    t.event = [](Args, std::uint32_t, int, double*, double*) {};
+    t.holds = [](Args) { return 2.0; };
+    change(t);
+    return t;
+  };
+  EXPECT_EQ(violations(with([](Table&) {})), "");
+  expect(with([](Table& t) { t.holds = [](Args) { return -1.0; }; }), "holds gives -1");
+  expect(with([](Table& t) {
+           t.holds = [](Args) {
+             static double calls = 0.0;
+             return ++calls;
+           };
+         }),
+         "holds is a function of its arguments");
+  expect(with([](Table& t) { t.holds = nullptr; }), "holds: null, and a mount has CARDAN_USE_HOLD");
+  expect(with([](Table& t) { t.n_marks = 0; }), "CARDAN_USE_HOLD needs `event`, and a mark");
+}
+
 TEST(DeviceMutants, TablesThatCannotBeReadAreToldMemberByMember) {
   expect(changed([](Table& t) { t.type = nullptr; }), "type: null");
   expect(changed([](Table& t) { t.evaluate = nullptr; }), "evaluate: null");

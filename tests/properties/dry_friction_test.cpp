@@ -1,0 +1,127 @@
+// Friction that sticks, against closed forms: stick and breakaway are located.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "core/sim/reference_check.hpp"
+#include "core/sim/simulation.hpp"
+#include "tests/properties/random_devices.hpp"
+
+namespace cardan::test {
+namespace {
+
+SimulationOptions accurate(const std::string& method = "dopri5", double relative = 1e-12) {
+  SimulationOptions o;
+  o.integrator.method = method;
+  o.integrator.relative_tolerance = relative;
+  return o;
+}
+
+/// Released at 1 m, each half swing ends 2 F / k nearer to the middle; where the spring no longer breaks it away it stays, for good.
+TEST(DryFriction, ASwingEndsWhereTheSpringNoLongerBreaksItAway) {
+  const double m = 2.0, k = 10.0, F = 0.8, breakaway = 1.2, half = std::numbers::pi * std::sqrt(m / k);
+  BodySpec mass = on(particle("mass", m, {0, 0, 0}), "", "prismatic", {{1, 0, 0}});
+  mass.hinge.q = {1.0};
+  SpringDamper spring;
+  spring.stiffness = k;
+  mass.hinge.springs = {spring};
+  SystemSpec spec = system({mass});
+  spec.devices = {device("drag", "dry_friction", {{"coulomb", F}, {"breakaway", breakaway}}, {{"at", "mass"}})};
+  for (const std::string method : {"dopri5", "cvode_adams", "cvode_bdf"}) {
+    Simulation sim(compiled(spec), accurate(method));
+    const double near = method == "dopri5" ? 1e-10 : 1e-7;  // of steps at 1e-12, of many orders
+    double until = 0.0;
+    for (int n = 1; n <= 6; ++n) {  // in the middle of each half swing, about -+F / k
+      until = (n - 0.5) * half;
+      sim.run(until);
+      EXPECT_NEAR(sim.state().q[0], (n % 2 ? 1.0 : -1.0) * F / k, near) << method << ", half swing " << n;
+      EXPECT_EQ(sim.state().marks[0], 0.0);
+    }
+    sim.run(6.0 * half + 0.01);
+    const double stays = sim.state().q[0];
+    EXPECT_NEAR(stays, 1.0 - 6 * 2.0 * F / k, near) << method;
+    EXPECT_EQ(sim.state().marks[0], 1.0) << method;
+    sim.run(8.0 * half);
+    EXPECT_EQ(sim.state().q[0], stays);
+    EXPECT_EQ(sim.state().v[0], 0.0);
+    EXPECT_EQ(sim.vdot()[0], 0.0);
+    EXPECT_TRUE(sim.ledger().pass) << sim.ledger().energy_relative << " of " << sim.ledger().energy_limit;
+    // a force that is too small, then one that is not
+    sim.set_force(0, breakaway - k * -stays - 1e-9), sim.run(9.0 * half);
+    EXPECT_EQ(sim.state().v[0], 0.0);
+    sim.set_force(0, breakaway + k * stays + 1e-9), sim.run(9.0 * half + 0.05);
+    EXPECT_GT(sim.state().v[0], 0.0);
+  }
+}
+
+/// A mass that a spring drags, whose other end moves at u, sticks until k u t = F_s, slides for (2 pi - 2 atan(w (F_s - F) / (k u))) / w
+/// and sticks for 2 (F_s - F) / (k u), and so on.
+TEST(DryFriction, SticksAndSlipsAtTheTimesOfTheClosedForm) {
+  const double m = 1.0, k = 2.0, u = 0.1, F = 1.0, breakaway = 1.5, w = std::sqrt(k / m), A = (breakaway - F) / k;
+  BodySpec mass = on(particle("mass", m, {0, 0, 0}), "", "prismatic", {{1, 0, 0}});
+  BodySpec carriage = on(particle("carriage", 1.0, {0, 0, 0}), "", "prismatic", {{1, 0, 0}}, {10, 0, 0});
+  carriage.hinge.v = {u}, carriage.hinge.prescribed = {0};
+  SystemSpec spec = system({mass, carriage});
+  spec.devices = {device("spring", "spring_damper", {{"stiffness", k}, {"rest", 10.0}}, {{"from", "mass"}, {"to", "carriage"}}),
+                  device("drag", "dry_friction", {{"coulomb", F}, {"breakaway", breakaway}}, {{"at", "mass"}})};
+  const double first = breakaway / (k * u), slides = (2.0 * std::numbers::pi - 2.0 * std::atan(A * w / u)) / w, sticks = 2.0 * A / u;
+  const auto truth = [&](double t) {
+    double since = t - first, x = 0.0;
+    if (since < 0.0) return 0.0;
+    const double step = u * slides + 2.0 * A, period = slides + sticks;
+    for (; since > period; since -= period) x += step;
+    return since > slides ? x + step : x + u * since - u / w * std::sin(w * since) + A * (1.0 - std::cos(w * since));
+  };
+  Simulation sim(compiled(spec), accurate());
+  for (double t = 1.0; t < 40.0; t += 1.0) {
+    sim.run(t);
+    EXPECT_NEAR(sim.state().q[0], truth(t), 1e-8) << t;
+  }
+  EXPECT_TRUE(sim.ledger().pass) << sim.ledger().energy_relative << " of " << sim.ledger().energy_limit;
+}
+
+/// Where it holds, the vehicle moves as if the hinge were locked, also on a carrier that moves, and the twin agrees; a run goes on from a
+/// checkpoint bit for bit.
+TEST(DryFriction, AHeldHingeIsALockedOne) {
+  SystemSpec spec = system(base_with_sprung_arm()), locked = spec;
+  BodySpec& arm = locked.bodies[1];
+  arm.hinge.locked = true, arm.hinge.springs.clear();
+  spec.devices = {device("brake", "dry_friction", {{"coulomb", 20.0}}, {{"at", "arm"}})};
+  for (const std::string method : {"dopri5", "rk4", "cvode_bdf"}) {
+    SimulationOptions options = accurate(method, method == "cvode_bdf" ? 1e-10 : 1e-12);
+    if (method == "rk4") options.integrator.fixed_step = 0.002;
+    Simulation sim(compiled(spec), options), rigid(compiled(locked), options), part(compiled(spec), options);
+    sim.run(1.0);
+    EXPECT_EQ(sim.state().marks[0], 1.0);
+    const Checkpoint at = sim.checkpoint();
+    part.resume(at);
+    sim.run(3.0), part.run(3.0), rigid.run(3.0);
+    EXPECT_TRUE(sim.state().q == part.state().q && sim.state().v == part.state().v) << method;
+    EXPECT_LT((sim.state().v.head<6>() - rigid.state().v).norm(), 1e-8) << method;
+    EXPECT_EQ(sim.state().q[7], 0.4) << method;
+    EXPECT_TRUE(sim.ledger().pass) << method;
+    Output difference = reference_output(sim);
+    double x = 1.0;
+    difference.fill(&x);
+    EXPECT_LT(x, 1e-11) << method;
+  }
+}
+
+/// With a motor that pushes harder and harder it breaks away where the motor passes what holds; J v knows what is held.
+TEST(DryFriction, KrylovSolversKnowWhatIsHeld) {
+  SystemSpec spec = system(base_with_sprung_arm());
+  spec.devices = {device("brake", "dry_friction", {{"coulomb", 0.5}, {"breakaway", 0.8}, {"viscous", 0.1}}, {{"at", "arm"}})};
+  SimulationOptions krylov = accurate("cvode_bdf", 1e-10);
+  krylov.integrator.linear_solver = "krylov";
+  Simulation a(compiled(spec), accurate()), b(compiled(spec), krylov);
+  for (Simulation* sim : {&a, &b})
+    sim->every({1, 2}, [sim] { sim->set_force(6, sim->time() < 2.0 ? 0.0 : sim->time() < 4.0 ? 3.0 : 0.0); });
+  a.run(6.0), b.run(6.0);
+  EXPECT_LT((a.state().q - b.state().q).norm(), 1e-6);
+  EXPECT_GT(std::abs(a.state().q[7] - 0.4), 0.01) << "it moved";
+  EXPECT_EQ(a.state().marks, b.state().marks);
+}
+
+}  // namespace
+}  // namespace cardan::test
