@@ -194,6 +194,16 @@ TEST_F(Regress, RecordedReferencesAreWrittenForThoseNamedAndTheReasonIsKept) {
   EXPECT_TRUE(has(cut.err, "one/reference.h5")) << cut.err;
 }
 
+TEST_F(Regress, WhatTheChecksOfAScenarioRefuseIsNotRecorded) {
+  std::string golden = printed();
+  golden = replaced(golden.substr(0, golden.find("    reference:")), "    absolute: 1e-8 rad\n", "") +
+           "    reference: {recorded: reference.h5}\nsettings: {start: 31 deg}\n";
+  add("swing", replaced(golden, "class: integration", "class: same bits"));
+  EXPECT_EQ(regress({"--update", "swing", "--why", "no reason"}).exit_code, 1);
+  EXPECT_FALSE(fs::exists(dir_ / "swing/reference.h5"));
+  EXPECT_EQ(row("swing", "half period")["verdict"], "fail");
+}
+
 TEST_F(Regress, TruthsFromElsewhereAreNeverRewritten) {
   add("swing", printed());
   const Finished run = regress({"--update", "swing", "--why", "it fails"});
