@@ -35,6 +35,10 @@ void Balances::begin(const Momentum& p, const Energy& e) {
   scale_ = magnitudes(p, e);
 }
 
+void Balances::go_on(const Momentum& p, const Energy& e) {
+  start_ << p.linear - now_.linear, p.angular - now_.angular, e.total() - now_.energy;
+}
+
 const LedgerState& Balances::look(const Momentum& p, const Energy& e, const Integrals& y, const IntegratorStatistics& counts,
                                   double relative) {
   LedgerState& s = now_ = {};

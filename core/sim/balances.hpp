@@ -34,6 +34,8 @@ class Balances {
   /// Linear and angular momentum and energy at a rate of the absolute tolerances: what counts as no motion at all.
   void set_least(double linear, double angular, double energy) { least_ = {linear, angular, energy}; }
   void begin(const Momentum&, const Energy&);
+  /// Momentum and energy have jumped to these, all of it brought in from outside, and the integrals begin anew: residuals stay.
+  void go_on(const Momentum&, const Energy&);
   /// What has become of them after so many steps with such errors, at this relative tolerance.
   const LedgerState& look(const Momentum&, const Energy&, const Integrals&, const IntegratorStatistics&, double relative);
   const LedgerState& worst() const { return worst_; }

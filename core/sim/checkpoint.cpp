@@ -7,6 +7,10 @@
 namespace cardan {
 
 void Simulation::remember(Archive& a) {
+  int adopted = adopted_;
+  a.block("models")(adopted);
+  if (adopted != adopted_) a.wrong("the run had another vehicle before it (Simulation::adopt)");
+  if (adopted > 0) a(of_former_models_);
   const auto numbers = [](Eigen::VectorXd& x) { return std::span(x.data(), static_cast<std::size_t>(x.size())); };
   a.block("state").finite(state_.t, numbers(state_.q), numbers(state_.v), numbers(state_.z), numbers(state_.marks));
   a.block("commands")(std::span(tau_));

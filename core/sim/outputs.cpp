@@ -20,6 +20,8 @@ std::string units_of(std::vector<std::string> units) {
   return fmt::format("{}", fmt::join(units, " "));
 }
 
+NodeState node_now(Simulation& sim, int id) { return sim.observe().node(sim.now().node[static_cast<std::size_t>(id)]); }
+
 class Outputs {
  public:
   explicit Outputs(Simulation& sim) : sim_(sim), model_(sim.model()) {}
@@ -43,27 +45,29 @@ class Outputs {
            std::function<void(double*)> fill) {
     out_.push_back({{path, std::move(components), std::move(unit), std::move(frame), std::move(meaning)}, std::move(fill)});
   }
-  // Functions outlive this object: they hold what they read.
+  // Functions outlive this object, and the model: they hold ids (Simulation::now()).
+  int body_id(const UserBody& u) const { return id_of(sim_.now().body, static_cast<int>(&u - model_.user.data())); }
+  static std::size_t at(int id) { return static_cast<std::size_t>(id); }
   static void put(double* x, const Eigen::Vector3d& a) { Eigen::Map<Eigen::Vector3d>(x, 3) = a; }
 
   void body(const UserBody& u) {
-    const int node = model_.find_node(u.name);
+    const int id = id_of(sim_.now().node, model_.find_node(u.name));
     const std::string path = "bodies/" + u.name + "/";
     const auto last = std::make_shared<Eigen::Quaterniond>(1, 0, 0, 0);
     add(path + "attitude", {"w", "x", "y", "z"}, "1", "world", "orientation of the body, quaternion body into world",
         [=, &sim = sim_](double* x) {
-          Eigen::Quaterniond q(sim.observe().node(node).R_WN);
+          Eigen::Quaterniond q(node_now(sim, id).R_WN);
           if (q.dot(*last) < 0) q.coeffs() = -q.coeffs();  // no jumps between q and -q
           *last = q;
           x[0] = q.w(), x[1] = q.x(), x[2] = q.y(), x[3] = q.z();
         });
     add(path + "rate", {"x", "y", "z"}, "rad/s", "body " + u.name, "angular velocity",
-        [=, &sim = sim_](double* x) { put(x, sim.observe().node(node).velocity.head<3>()); });
+        [=, &sim = sim_](double* x) { put(x, node_now(sim, id).velocity.head<3>()); });
     if (u.hinge->shape == CARDAN_SHAPE_BALL) return;  // a ball hinge: its place is that of the inboard body
     add(path + "position", {"x", "y", "z"}, "m", "world", "position of the origin of the body",
-        [=, &sim = sim_](double* x) { put(x, sim.observe().node(node).position); });
+        [=, &sim = sim_](double* x) { put(x, node_now(sim, id).position); });
     add(path + "velocity", {"x", "y", "z"}, "m/s", "world", "velocity of the origin of the body", [=, &sim = sim_](double* x) {
-      const NodeState n = sim.observe().node(node);
+      const NodeState n = node_now(sim, id);
       put(x, n.R_WN * n.velocity.tail<3>());
     });
   }
@@ -73,10 +77,10 @@ class Outputs {
     if (!u.has_attitude()) {
       for (int j = 0; j < u.nq; ++j)
         add(path + u.q_names[static_cast<std::size_t>(j)], {u.q_names[static_cast<std::size_t>(j)]}, u.q_units[static_cast<std::size_t>(j)],
-            "", "coordinate of the hinge", [&sim = sim_, i = u.q + j](double* x) { *x = sim.state().q[i]; });
+            "", "coordinate of the hinge", [&sim = sim_, j, id = body_id(u)](double* x) { *x = sim.state().q[sim.user(id).q + j]; });
       for (int j = 0; j < u.nv; ++j)
         add(path + u.v_names[static_cast<std::size_t>(j)], {u.v_names[static_cast<std::size_t>(j)]}, u.v_units[static_cast<std::size_t>(j)],
-            "", "velocity of the hinge", [&sim = sim_, i = u.v + j](double* x) { *x = sim.state().v[i]; });
+            "", "velocity of the hinge", [&sim = sim_, j, id = body_id(u)](double* x) { *x = sim.state().v[sim.user(id).v + j]; });
     }
     std::vector<std::string> units;
     for (const auto& unit : u.v_units) units.push_back(force_unit(unit));
@@ -85,12 +89,14 @@ class Outputs {
     add(path + "force", u.v_names, units_of(units), "",
         prescribed ? "force of the actuators; of prescribed components, that which the motion needs"
                    : "force of the actuators, springs and dampers not included",
-        [&sim = sim_, &u, all = std::vector<double>(prescribed ? static_cast<std::size_t>(model_.nv) : 0)](double* x) mutable {
-          for (int j = 0; j < u.nv; ++j) x[j] = sim.force(u.v + j);
-          if (all.empty()) return;
+        [&sim = sim_, id = body_id(u), prescribed, all = std::vector<double>()](double* x) mutable {
+          const UserBody& now = sim.user(id);
+          for (int j = 0; j < now.nv; ++j) x[j] = sim.force(now.v + j);
+          if (!prescribed) return;
+          all.resize(at(sim.model().nv));
           sim.observe().prescribed_forces(all.data());
-          for (int j = 0; j < u.nv; ++j)
-            if (sim.model().prescribed[static_cast<std::size_t>(u.v + j)]) x[j] = all[static_cast<std::size_t>(u.v + j)];
+          for (int j = now.v; j < now.v + now.nv; ++j)
+            if (sim.model().prescribed[at(j)]) x[j - now.v] = all[at(j)];
         });
   }
 
@@ -98,9 +104,9 @@ class Outputs {
     std::vector<std::string> names;
     for (int j = 1; j <= u.n_modes; ++j) names.push_back(std::to_string(j));
     add("modes/" + u.name + "/eta", names, "1", "", "modal coordinates",
-        [&sim = sim_, &u](double* x) { std::copy_n(sim.state().q.data() + u.eta, u.n_modes, x); });
+        [&sim = sim_, id = body_id(u)](double* x) { std::copy_n(sim.state().q.data() + sim.user(id).eta, sim.user(id).n_modes, x); });
     add("modes/" + u.name + "/etadot", names, "1/s", "", "rates of the modal coordinates",
-        [&sim = sim_, &u](double* x) { std::copy_n(sim.state().v.data() + u.etadot, u.n_modes, x); });
+        [&sim = sim_, id = body_id(u)](double* x) { std::copy_n(sim.state().v.data() + sim.user(id).etadot, sim.user(id).n_modes, x); });
   }
 
   void device(const Device& d) {
@@ -113,40 +119,42 @@ class Outputs {
       taken.emplace_back(port.name);
       if (port.kind == CARDAN_PORT_IN)
         add(path + port.name, {port.name}, unit_where(turning, port.unit), "", fmt::format("input: {}", port.meaning),
-            [&sim = sim_, k = in++](double* x) { *x = (sim.observe(), sim.device_input(k)); });
+            [&sim = sim_, id = id_of(sim_.now().in, in++)](double* x) { *x = (sim.observe(), sim.device_input(sim.now().in[at(id)])); });
       else
         add(path + port.name, {port.name}, unit_where(turning, port.unit), "", port.meaning,
-            [&sim = sim_, k = out++](double* x) { *x = sim.device_output(k); });
+            [&sim = sim_, id = id_of(sim_.now().out, out++)](double* x) { *x = sim.device_output(sim.now().out[at(id)]); });
     }
-    const auto states = [&](const cardan_state_desc* all, std::uint32_t n, int first, const Eigen::VectorXd& of) {
+    const auto states = [&](const cardan_state_desc* all, std::uint32_t n, int first, const Eigen::VectorXd& of,
+                            const std::vector<int>& now) {
       for (std::uint32_t i = 0; i < n; ++i)
         if (std::ranges::find(taken, all[i].name) == taken.end())
           add(path + all[i].name, {all[i].name}, unit_where(turning, all[i].unit), "", all[i].meaning,
-              [&of, k = first + static_cast<int>(i)](double* x) { *x = of[k]; });
+              [&of, &now, id = id_of(now, first + static_cast<int>(i))](double* x) { *x = of[now[at(id)]]; });
     };
-    states(d.family->states, d.family->n_states, d.z, sim_.state().z);
-    states(d.family->marks, d.family->n_marks, d.mark, sim_.state().marks);
+    states(d.family->states, d.family->n_states, d.z, sim_.state().z, sim_.now().z);
+    states(d.family->marks, d.family->n_marks, d.mark, sim_.state().marks, sim_.now().mark);
   }
 
   void reaction(int i) {
     const std::string& name = model_.user[static_cast<std::size_t>(i)].name;
     add("reactions/" + name, {"mx", "my", "mz", "fx", "fy", "fz"}, units_of({"N m", "N m", "N m", "N", "N", "N"}), "pnode of " + name,
-        "moment and force that the inboard hinge transmits to the body", [&sim = sim_, i](double* x) {
-          const Force<double> f = sim.observe().hinge_wrench(i);
+        "moment and force that the inboard hinge transmits to the body", [&sim = sim_, id = id_of(sim_.now().body, i)](double* x) {
+          const Force<double> f = sim.observe().hinge_wrench(sim.now().body[at(id)]);
           x[0] = f.n.x, x[1] = f.n.y, x[2] = f.n.z, x[3] = f.f.x, x[4] = f.f.y, x[5] = f.f.z;
         });
   }
 
   void node(int i) {
-    const std::string path = "nodes/" + model_.nodes[static_cast<std::size_t>(i)].name + "/";
+    const std::string path = "nodes/" + model_.nodes[at(i)].name + "/";
+    const int id = id_of(sim_.now().node, i);
     add(path + "position", {"x", "y", "z"}, "m", "world", "position of the node",
-        [&sim = sim_, i](double* x) { put(x, sim.observe().node(i).position); });
-    add(path + "velocity", {"x", "y", "z"}, "m/s", "world", "velocity of the node", [&sim = sim_, i](double* x) {
-      const NodeState n = sim.observe().node(i);
+        [&sim = sim_, id](double* x) { put(x, node_now(sim, id).position); });
+    add(path + "velocity", {"x", "y", "z"}, "m/s", "world", "velocity of the node", [&sim = sim_, id](double* x) {
+      const NodeState n = node_now(sim, id);
       put(x, n.R_WN * n.velocity.tail<3>());
     });
-    add(path + "acceleration", {"x", "y", "z"}, "m/s^2", "world", "acceleration of the node", [&sim = sim_, i](double* x) {
-      const NodeState n = sim.observe().node(i);
+    add(path + "acceleration", {"x", "y", "z"}, "m/s^2", "world", "acceleration of the node", [&sim = sim_, id](double* x) {
+      const NodeState n = node_now(sim, id);
       put(x, n.R_WN * n.acceleration.tail<3>());
     });
   }

@@ -15,24 +15,33 @@
 #include "core/sim/newton_operators.hpp"
 
 namespace cardan {
+
 Simulation::Simulation(std::shared_ptr<const Model> model, const SimulationOptions& options)
     : own_(model->changes() ? std::make_shared<Model>(*model) : nullptr),
       model_(own_ ? std::shared_ptr<const Model>(own_) : std::move(model)),
+      now_(identity(*model_)),
       options_(options),
       state_(model_->initial_state()),
       workspace_(*model_) {
-  const Model& m = *model_;
   soa::instruction_set();  // refused before the run where the wished ones cannot run here
-  const auto nv = static_cast<std::size_t>(m.nv);
-  tau_.assign(nv, 0.0);
-  tau_total_.assign(nv, 0.0);
-  vdot_given_.assign(nv, 0.0);
+  tau_.assign(static_cast<std::size_t>(model_->nv), 0.0);
+  build();
+  sample_devices(false);
+}
+
+/// All that hangs on the model, beside state and commands.
+void Simulation::build() {
+  const Model& m = *model_;
+  tau_total_ = tau_;
+  vdot_given_.assign(static_cast<std::size_t>(m.nv), 0.0);
   vdot_ = Eigen::VectorXd::Zero(m.nv);
-  for (const UserBody& u : m.user) normalised_ = normalised_ || (u.nq > 0 && u.hinge->normalise);
+  normalised_ = std::ranges::any_of(m.user, [](const UserBody& u) { return u.nq > 0 && u.hinge->normalise; });
+  limits_.clear();
   for (const HingeLoad& load : m.loads)
     for (const std::size_t side : {0, 1})
       if (load.law == HingeLaw::stop && std::isfinite(load.p[side])) limits_.push_back({load.q, load.p[side]});
-  x_given_.resize(static_cast<std::size_t>(m.nq + m.nv + m.devices.n_z));
+  x_given_.assign(static_cast<std::size_t>(m.nq + m.nv + m.devices.n_z), 0.0);
+  prescribed_.clear();
   for (int i = 0; m.has_prescribed() && i < m.nv; ++i) {
     if (!m.prescribed[static_cast<std::size_t>(i)]) continue;
     int coordinate = -1;
@@ -41,22 +50,24 @@ Simulation::Simulation(std::shared_ptr<const Model> model, const SimulationOptio
     prescribed_.push_back({i, coordinate, MotionProfile::hold(state_.v[i])});
   }
   // Impulse from outside is zero, and its rates need no world poses, when nothing touches the system but its own hinges.
-  world_rates_ = m.gravity.kind != GravitySpec::Kind::none;
+  world_rates_ = m.gravity.kind != GravitySpec::Kind::none || m.devices.n_loads > 0;
+  roots_.clear();
   for (std::size_t i = 0; i < m.user.size(); ++i) {
     if (m.user[i].parent >= 0) continue;
     roots_.push_back(static_cast<int>(i));
     if (m.user[i].nv < 6) world_rates_ = true;
   }
   observer_ = std::make_unique<Observer>(m, workspace_);
+  devices_.reset(), on_trial_.reset(), beside_.reset();
+  stores_ = false;
+  wrenches_.assign(static_cast<std::size_t>(m.devices.n_loads), {});
   if (m.devices.all.empty()) return;
   devices_ = std::make_unique<DeviceForces>(m, own_.get());
-  wrenches_.resize(static_cast<std::size_t>(m.devices.n_loads));
   for (const Device& d : m.devices.all)
     for (const DeviceMount& mount : d.mounts)
       if (mount.node >= 0 && (mount.use & CARDAN_USE_LOAD) != 0) wrenches_[static_cast<std::size_t>(mount.load)].node = mount.node;
-  world_rates_ = world_rates_ || m.devices.n_loads > 0;
   stores_ = std::ranges::any_of(m.devices.all, [](const Device& d) { return d.family->momentum != nullptr; });
-  sample_devices(false);
+  holding_.reset();
   if (!m.devices.holds.empty()) holding_ = std::make_unique<Holding>(m, own_.get());
   if (m.devices.n_roots == 0) return;
   on_trial_ = std::make_unique<DeviceForces>(m);
@@ -554,7 +565,8 @@ void Simulation::sample_devices(bool with_inputs) {
                                             : period_from_seconds(spec.period, model_->spec->locate(path + ".period"));
     const double seconds = static_cast<double>(period.numerator) / static_cast<double>(period.denominator);
     noise_.resize(std::max<std::size_t>(noise_.size(), d.family->n_noise));
-    every(period, [this, i, seconds] { tick_device(i, seconds); });
+    const auto id = static_cast<std::size_t>(id_of(now_.device, i));
+    every(period, [this, id, seconds] { tick_device(now_.device[id], seconds); });
   }
 }
 
@@ -586,11 +598,13 @@ void Simulation::device_roots(double t, const double* x, double* g) {
   on_trial_->roots(g);
 }
 
-void Simulation::start_devices() {
+/// `but`: devices that have started before.
+void Simulation::start_devices(std::span<const int> but) {
   if (!devices_) return;
   observe();
   for (std::size_t i = 0; i < model_->devices.all.size(); ++i)
-    devices_->event(static_cast<int>(i), model_->devices.all[i].family->n_roots, 0, state_.z.data(), state_.marks.data());
+    if (std::ranges::find(but, static_cast<int>(i)) == but.end())
+      devices_->event(static_cast<int>(i), model_->devices.all[i].family->n_roots, 0, state_.z.data(), state_.marks.data());
   changed();
   settle_holds();
 }
@@ -674,7 +688,11 @@ double Simulation::next_corner() const {
   return t;
 }
 
-IntegratorStatistics Simulation::statistics() const { return integrator_ ? integrator_->statistics() : IntegratorStatistics{}; }
+IntegratorStatistics Simulation::statistics() const {
+  IntegratorStatistics all = of_former_models_;
+  if (integrator_) all.add(integrator_->statistics());
+  return all;
+}
 
 std::string Simulation::integrator_name() const { return integrator_ ? std::string(integrator_->name()) : options_.integrator.method; }
 

@@ -9,6 +9,7 @@
 #include "core/base/warnings.hpp"
 #include "core/dynamics/devices.hpp"
 #include "core/io/recorder.hpp"
+#include "core/model/model_map.hpp"
 #include "core/sim/balances.hpp"
 #include "core/sim/holding.hpp"
 #include "core/sim/motion_profile.hpp"
@@ -62,6 +63,19 @@ class Simulation {
   /// Before the run: how to integrate.
   void set_options(const SimulationOptions& options) { options_ = options; }
   const SimulationOptions& options() const { return options_; }
+  /// The vehicle is another one from now on: its description was changed and compiled again. Bodies, nodes and devices keep their state,
+  /// commands, motion profiles and wrenches by name; what is new starts as its description says. In a run it takes place at the end of
+  /// the instant, after all tasks and events of it; velocities are carried over, whatever that does to momentum and energy: the ledger
+  /// counts both as brought in, and an event `model` in the results tells how much. InputError C0403 where something is gone that the
+  /// run may refer to, or a device with a sampled part comes or goes.
+  void adopt(std::shared_ptr<const Model> model);
+  /// Called once it has taken place; whoever holds the model or the state looks again.
+  void on_adopted(std::function<void()> told) { adopted_told_ = std::move(told); }
+  /// Where what had an index in the first model of this simulation is in model(): indices of the first one are ids that stay. What comes
+  /// later has ids after them.
+  const ModelMap& now() const { return now_; }
+  /// The body with this id.
+  const UserBody& user(int id) const { return model_->user[static_cast<std::size_t>(now_.body[static_cast<std::size_t>(id)])]; }
   /// State, commands and motion profiles of another simulation of the same vehicle.
   void take_over(const Simulation& other);
   double& q(int i) { return changed(), state_.q[i]; }
@@ -137,6 +151,8 @@ class Simulation {
   Momentum momentum();
 
  private:
+  void build();
+  void take_in();
   void changed() { weigh(), restart_ = true, observed_ = ledger_known_ = false; }
   void weigh();
   bool rhs(double t, const double* x, double* xdot);
@@ -149,7 +165,7 @@ class Simulation {
   void pack(double* x) const;
   void unpack(const double* x);
   void device_roots(double t, const double* x, double* g);
-  void start_devices();
+  void start_devices(std::span<const int> but = {});
   bool look_at_holds(double t, const double* x);
   void hold_roots(double t, const double* x, double* g);
   void break_away(std::size_t hold);
@@ -177,8 +193,9 @@ class Simulation {
   RunFailure explain(const RunFailure&) const;
   [[noreturn]] void fail(RunFailure failure);
 
-  std::shared_ptr<Model> own_;  // where masses vary: its own copy; else null
-  std::shared_ptr<const Model> model_;
+  std::shared_ptr<Model> own_;                       // where masses vary: its own copy; else null
+  std::shared_ptr<const Model> model_, next_model_;  // next: from the end of this instant on
+  ModelMap now_;
   SimulationOptions options_;
   State state_;
   Workspace workspace_;
@@ -190,6 +207,8 @@ class Simulation {
   std::unique_ptr<Workspace> beside_;        // ... where they read nodes
   std::unique_ptr<NewtonOperators> newton_;  // where the linear solver asks for them
   std::unique_ptr<Integrator> integrator_;
+  IntegratorStatistics of_former_models_;
+  int adopted_ = 0;  // models, in the run
   Schedule schedule_;
   std::vector<std::function<void()>> tasks_;
   std::int64_t tick_ = 0;        // how-manieth of the task that runs
@@ -236,6 +255,7 @@ class Simulation {
   std::size_t events_seen_ = 0;
   Warnings warnings_;
   std::function<void(const Warning&)> told_;
+  std::function<void()> adopted_told_;
 };
 
 }  // namespace cardan

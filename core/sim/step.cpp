@@ -24,8 +24,10 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
   looked_at_ = steps_, t_looked_at_ = state_.t;
   while (!stopped_) {
     if (schedule_.time() <= state_.t) tick();  // controllers, then outputs, in the order they were registered
+    if (next_model_) take_in();
     if (stopped_ || state_.t >= t_end) break;
     step(std::min({t_end, schedule_.time(), next_corner()}));
+    if (next_model_) take_in();
     expect_progress();
     if (progress) progress(state_.t);
   }

@@ -64,6 +64,14 @@ struct IntegratorStatistics {
   double last_step = 0.0;                                                        // [s]
   int last_order = 0;
 
+  /// What came after it.
+  void add(const IntegratorStatistics& later) {
+    steps += later.steps, rhs_calls += later.rhs_calls, rejected += later.rejected, root_evaluations += later.root_evaluations;
+    restarts += later.restarts, integrand_calls += later.integrand_calls, error_sum += later.error_sum;
+    jacobian_products += later.jacobian_products, preconditioner_setups += later.preconditioner_setups;
+    linear_iterations += later.linear_iterations;
+    last_step = later.last_step, last_order = later.last_order;
+  }
   void remember(Archive& archive) {
     archive(steps, rhs_calls, rejected, root_evaluations, restarts, integrand_calls, error_sum, jacobian_products, preconditioner_setups,
             linear_iterations, last_step, last_order);

@@ -45,9 +45,7 @@ int node_load(lua_State* L) {
   t.finish();
   sink.throw_if_any();
   s.loads.push_back({h.index, world_axes});
-  CompileOptions options;  // a scene without loads has no op for them
-  options.world_wrenches = std::any_of(s.loads.begin(), s.loads.end(), [](const Load& l) { return l.world_axes; });
-  s.use_model(compile(s.model->spec, s.registry, options));
+  s.use_model(compile(s.model->spec, s.registry, s.compile_options()));
   push_handle(L, Kind::load, static_cast<int>(s.loads.size()) - 1, s);
   return 1;
 }

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <map>
 
 #include "bodies/vehicle/load_vehicle.hpp"
 #include "core/base/activity.hpp"
@@ -71,10 +72,9 @@ int vehicle(lua_State* L, Scenario& s) {
   expect_setup(L, s, "vehicle", false);
   const std::string name = luaL_checkstring(L, 1);
   if (s.model) refuse(L, Code::lua_argument, "vehicle", "one vehicle", "a second one", "a vehicle may hold several free bodies");
-  Overrides overrides;
   for (Setting& set : s.settings)
     if (const std::string_view path = vehicle_path(set.key); !path.empty()) {
-      overrides.emplace_back(path, set.value);
+      s.changes.emplace_back(path, set.value);
       set.used = true;
     }
   const std::string path = (s.folder / name).string();
@@ -83,16 +83,60 @@ int vehicle(lua_State* L, Scenario& s) {
   if (!kept && (s.recorded || !std::filesystem::is_regular_file(path, unusable)))
     refuse(L, Code::file_not_found, "vehicle", "a vehicle in YAML, relative to the scenario", in_quotes(path));
   const Activity activity("the vehicle " + name);
-  const auto spec = std::make_shared<SystemSpec>(kept ? vehicle_from_text(*kept, path, s.registry, overrides)
-                                                      : read_vehicle(path, s.registry, overrides));
+  const auto spec = std::make_shared<SystemSpec>(kept ? vehicle_from_text(*kept, path, s.registry, s.changes)
+                                                      : read_vehicle(path, s.registry, s.changes));
   s.inputs.push_back({name, sha256(spec->source_text), spec->source_text});
   note_files(s, *spec);
   s.modes_from_cache = make_modes(*spec, ModeCache::of_user());
-  CompileOptions options;
-  options.node_wrenches = false;  // until a load is declared
-  s.use_model(compile(spec, s.registry, options));
+  s.vehicle_file = path;
+  s.use_model(compile(spec, s.registry, s.compile_options()));
   push_vehicle(L, s);
   return 1;
+}
+
+std::shared_ptr<const Model> changed_model(const Scenario& s, const Overrides& changes) {
+  const auto spec = std::make_shared<SystemSpec>(vehicle_from_text(s.model->spec->source_text, s.vehicle_file, s.registry, changes));
+  make_modes(*spec, ModeCache::of_user());
+  const std::shared_ptr<const Model> model = compile(spec, s.registry, s.compile_options());
+  const State before = s.model->initial_state(), after = model->initial_state();
+  if (before.q.size() == after.q.size() && (before.q != after.q || before.v != after.v || before.z != after.z))
+    refuse(Code::other_vehicle, {"vehicle:change"}, "values that hold from now on", "an initial state", "a run begins once");
+  return model;
+}
+
+/// vehicle:change { ["bodies.tank.mass"] = "3 kg" }: the vehicle's text with these values, from the end of this instant on.
+int vehicle_change(lua_State* L) {
+  Scenario& s = *self<Kind::vehicle>(L).scenario;
+  expect_state(L, s, "a change of the vehicle");
+  luaL_checktype(L, 2, LUA_TTABLE);
+  std::map<std::string, std::string> wanted;  // in the order of their keys, whatever the table's
+  for (lua_pushnil(L); lua_next(L, 2) != 0; lua_pop(L, 1)) {
+    if (lua_type(L, -2) != LUA_TSTRING || (lua_type(L, -1) != LUA_TSTRING && lua_type(L, -1) != LUA_TNUMBER))
+      refuse(L, Code::lua_argument, "vehicle:change", "key paths of the vehicle with a text or a number each", describe_value(L, -1),
+             "sat:change { [\"bodies.tank.mass\"] = \"3 kg\" }");
+    const std::string key = lua_tostring(L, -2);
+    if (vehicle_path(key).empty())
+      refuse(L, Code::unknown_name, "vehicle:change", "a key path that begins with bodies., gravity. or devices.", in_quotes(key));
+    lua_pushvalue(L, -1);  // lua_tolstring changes a number where it stands
+    wanted[std::string(vehicle_path(key))] = lua_tostring(L, -1);
+    lua_pop(L, 1);
+  }
+  Overrides changes = s.changes;
+  for (const auto& [key, value] : wanted) {
+    std::erase_if(changes, [&](const auto& before) { return before.first == key; });
+    changes.emplace_back(key, value);
+  }
+  const Activity activity("a changed vehicle");
+  try {
+    s.sim->adopt(changed_model(s, changes));
+  } catch (const InputError& e) {
+    std::vector<Diagnostic> all = e.diagnostics();
+    for (Diagnostic& d : all)
+      if (d.at.mark.file.empty() || d.at.mark.file.starts_with("--set")) d.at.mark = LuaHost::caller(L), d.stack = LuaHost::traceback(L);
+    throw InputError(all);
+  }
+  s.changes = std::move(changes);
+  return 0;
 }
 
 template <class Objects>
@@ -143,6 +187,7 @@ const std::vector<luaL_Reg>& vehicle_methods() {
                                             {"node", method<vehicle_part<Kind::node>>},
                                             {"device", method<vehicle_part<Kind::device>>},
                                             {"mass", method<vehicle_mass>},
+                                            {"change", method<vehicle_change>},
                                             {"operators", method<vehicle_study<push_operators>>},
                                             {"linearize", method<vehicle_study<push_linear_model>>},
                                             {"system_modes", method<vehicle_study<push_modes>>},

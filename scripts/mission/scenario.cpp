@@ -56,6 +56,13 @@ void Scenario::look_at_state() {
   v = sim->state().v.data();
 }
 
+CompileOptions Scenario::compile_options() const {
+  CompileOptions options;
+  options.node_wrenches = !loads.empty();
+  options.world_wrenches = std::ranges::any_of(loads, [](const Load& l) { return l.world_axes; });
+  return options;
+}
+
 void Scenario::use_model(std::shared_ptr<const Model> compiled) {
   const Activity activity(fmt::format("a simulation of {} bodies with {} velocities", compiled->user.size(), compiled->nv));
   const std::unique_ptr<Simulation> before = std::move(sim);
@@ -63,6 +70,7 @@ void Scenario::use_model(std::shared_ptr<const Model> compiled) {
   sim = std::make_unique<Simulation>(model, mission.simulation);
   for (const Load& load : loads) sim->add_wrench(load.node, load.world_axes);
   if (before) sim->take_over(*before);
+  sim->on_adopted([this] { model = sim->shared_model(), look_at_state(); });
   scratch.assign(static_cast<std::size_t>(model->nv), 0.0);
   look_at_state();
 }

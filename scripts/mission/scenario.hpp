@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "core/base/warnings.hpp"
+#include "core/io/yaml_reader.hpp"
 #include "core/sim/simulation.hpp"
 #include "scripts/lua/function.hpp"
 #include "scripts/lua/host.hpp"
@@ -117,6 +118,8 @@ struct Scenario {
   Registry registry;
   std::vector<InputFile> inputs, plugins, modal_files;
   std::vector<std::string> modes_from_cache;  // bodies
+  std::string vehicle_file;
+  Overrides changes;  // of the vehicle's text: of the command line, then of the script
   std::vector<std::string> parameter_names;
   std::set<std::pair<std::string, std::string>> names;          // that declarations have taken: kind, name
   std::vector<std::pair<std::string, std::string>> parameters;  // name, value: for the results
@@ -146,6 +149,8 @@ struct Scenario {
 
   /// Compiles again with what has been declared, and keeps the state, the commands and the motion profiles.
   void use_model(std::shared_ptr<const Model> compiled);
+  /// A scene without loads has no op for them.
+  CompileOptions compile_options() const;
   void look_at_state();
   /// What scripts see: the time, in an event function that of the trial state.
   double time() const { return in_event_function ? trial_time : sim ? sim->time() : 0.0; }

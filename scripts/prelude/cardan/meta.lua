@@ -310,6 +310,10 @@ function Vehicle:device(name) end
 --- Mass of all bodies.
 ---@return number mass [kg]
 function Vehicle:mass() end
+--- Other values in the vehicle from the end of this instant on: its text is read and compiled again. States, commands and profiles are
+--- kept; what a change does to momentum and energy is told in the results (event `model`).
+---@param values table<string, string|number> key paths: { ["bodies.tank.mass"] = "3 kg" }
+function Vehicle:change(values) end
 --- The spatial operators at the present state.
 ---@param last_stage? "position"|"inertia" default "inertia"
 ---@return Operators operators

@@ -1,0 +1,113 @@
+// Another model in the midst of a run.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "core/sim/newton_operators.hpp"
+#include "core/sim/simulation.hpp"
+
+namespace cardan {
+namespace {
+
+[[noreturn]] void refuse_model(const std::string& path, const std::string& expected, const std::string& got) {
+  refuse(Code::other_vehicle, {path}, expected, got,
+         "another vehicle needs a run of its own; one that is adopted may differ in numbers, and have more");
+}
+
+/// What the run, its outputs and whoever holds an index may refer to is still there.
+void expect_all_of(const Model& before, const ModelMap& map, const Model& after) {
+  for (std::size_t i = 0; i < map.body.size(); ++i) {
+    const UserBody& a = before.user[i];
+    if (map.body[i] < 0) refuse_model("bodies." + a.name, "a body of the model that is adopted", "there is none of this name");
+    const UserBody& b = after.user[static_cast<std::size_t>(map.body[i])];
+    if (a.hinge_type != b.hinge_type || a.nv != b.nv)
+      refuse_model("bodies." + a.name + ".hinge", fmt::format("{}, {} velocities", a.hinge_type, a.nv),
+                   fmt::format("{}, {}", b.hinge_type, b.nv));
+    if (a.n_modes != b.n_modes) refuse_model("bodies." + a.name + ".modes", std::to_string(a.n_modes), std::to_string(b.n_modes));
+  }
+  for (std::size_t i = 0; i < map.node.size(); ++i)
+    if (map.node[i] < 0) refuse_model("nodes." + before.nodes[i].name, "a node of the model that is adopted", "there is none of this name");
+  for (std::size_t i = 0; i < map.device.size(); ++i) {
+    const Device& a = before.devices.all[i];
+    if (map.device[i] < 0) refuse_model("devices." + a.name, "a device of the model that is adopted", "there is none of this name");
+    const Device& b = after.devices.all[static_cast<std::size_t>(map.device[i])];
+    if (a.family != b.family) refuse_model("devices." + a.name + ".type", a.family->type, b.family->type);
+    const DeviceSpec &x = before.spec->devices[static_cast<std::size_t>(a.spec)],
+                     &y = after.spec->devices[static_cast<std::size_t>(b.spec)];
+    if (a.family->tick && (x.rate != y.rate || x.period != y.period))
+      refuse_model("devices." + a.name + ".rate", "the rate that it had", "another one");
+  }
+  for (const Device& d : after.devices.all)
+    if (d.family->tick && before.devices.find(d.name) < 0)
+      refuse_model("devices." + d.name, "no further device with a sampled part", fmt::format("one of type {}", d.family->type));
+}
+
+}  // namespace
+
+void Simulation::adopt(std::shared_ptr<const Model> model) {
+  expect_all_of(*model_, model_map(*model_, *model), *model);
+  const auto given = std::span(wrenches_).subspan(static_cast<std::size_t>(model_->devices.n_loads));
+  for (const NodeWrench& w : given)
+    if (!model->has(OpCode::node_wrenches) || (w.world_axes && !model->has(OpCode::world)))
+      throw std::logic_error("adopt: compile the model with the CompileOptions of the one before");
+  next_model_ = std::move(model);
+  if (!begun_) take_in();
+}
+
+void Simulation::take_in() {
+  struct Sums {
+    Momentum momentum;
+    Energy energy;
+  };
+  const auto sums = [this] { return Sums{momentum(), energy()}; };
+  const bool in_run = begun_;
+  ledger();  // up to here
+  const Sums were = in_run ? sums() : Sums{};
+  const std::shared_ptr<const Model> before = model_;
+  own_ = next_model_->changes() ? std::make_shared<Model>(*next_model_) : nullptr;
+  model_ = own_ ? std::shared_ptr<const Model>(own_) : next_model_;
+  next_model_.reset();
+  const ModelMap map = model_map(*before, *model_);
+  now_ = then(now_, map, *model_);
+  state_ = carried(state_, map, *model_);
+  of_former_models_ = statistics();
+  integrator_.reset(), newton_.reset();
+
+  std::vector<double> tau(static_cast<std::size_t>(model_->nv), 0.0);
+  for (std::size_t i = 0; i < tau_.size(); ++i)
+    if (map.v[i] >= 0) tau[static_cast<std::size_t>(map.v[i])] = tau_[i];
+  tau_ = std::move(tau);
+  const std::unique_ptr<DeviceForces> devices = std::move(devices_);
+  const std::vector<Prescribed> prescribed = std::move(prescribed_);
+  std::vector<NodeWrench> given(wrenches_.begin() + before->devices.n_loads, wrenches_.end());
+  workspace_ = Workspace(*model_);
+  build();
+  for (std::size_t i = 0; devices && i < devices->commands.size(); ++i)
+    if (map.in[i] >= 0) devices_->commands[static_cast<std::size_t>(map.in[i])] = devices->commands[i];
+  for (const Prescribed& p : prescribed)
+    for (Prescribed& now : prescribed_)
+      if (p.given && map.v[static_cast<std::size_t>(p.index)] == now.index) now.profile = p.profile, now.given = true;
+  for (NodeWrench& w : given) w.node = map.node[static_cast<std::size_t>(w.node)], wrenches_.push_back(w);
+  world_rates_ = world_rates_ || !given.empty();
+  breakdown_ = {};
+  bad_rate_ = -1;
+  changed();
+  if (adopted_told_) adopted_told_();
+  if (!in_run) return;
+  ++adopted_;
+
+  make_integrator_once();
+  const auto found = std::ranges::count_if(map.device, [](int i) { return i >= 0; });
+  if (devices_ && found < std::ssize(model_->devices.all)) start_devices(map.device);
+  const Sums are = sums();
+  balances_.go_on(are.momentum, are.energy);
+  if (recorder_)
+    recorder_->note(
+        Note::event, state_.t,
+        {"model", fmt::format("mass {:+.6g} kg, momentum {:.6g} N s, angular momentum {:.6g} N m s, energy {:+.6g} J",
+                              are.momentum.mass - were.momentum.mass, (are.momentum.linear - were.momentum.linear).norm(),
+                              (are.momentum.angular - were.momentum.angular).norm(), are.energy.total() - were.energy.total())});
+}
+
+}  // namespace cardan

@@ -1,0 +1,199 @@
+// A run goes on with a model that was compiled anew.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/base/diagnostic.hpp"
+#include "core/sim/outputs.hpp"
+#include "core/sim/simulation.hpp"
+#include "tests/properties/random_devices.hpp"
+#include "tests/support/modal_samples.hpp"
+
+namespace cardan::test {
+namespace {
+
+using Eigen::VectorXd;
+
+/// On the base a sprung arm, a wheel on a profile, a flexible boom, friction, a stored momentum, and a gyro that ticks.
+SystemSpec vehicle() {
+  BodySpec wheel = on(rigid("wheel", 1.5, {0, 0.1, 0}, diagonal({0.2, 0.1, 0.2})), "base", "revolute", {{1, 0, 0}}, {-0.5, 0, 0});
+  wheel.hinge.prescribed = {0};
+  BodySpec boom = on(BodySpec(), "base", "revolute", {{0, 1, 0}}, {0, 0.4, 0});
+  boom.name = "boom", boom.type = "modal_flexible", boom.level = 0;
+  boom.modal = std::make_shared<const ModalData>(lumped());
+  std::vector<BodySpec> bodies = base_with_sprung_arm();
+  bodies[0].hinge.v[3] = 0.05;
+  bodies.insert(bodies.end(), {wheel, boom});
+  SystemSpec spec = system(std::move(bodies));
+  spec.devices.push_back(device("friction", "lugre_friction", {{"coulomb", 0.02}, {"stiffness", 5.0}}, {{"at", "boom"}}));
+  DeviceSpec momentum = device("momentum", "momentum_wheel", {{"inertia", 0.1}}, {{"at", "base"}});
+  momentum.params["axis"].value = std::vector<double>{0.0, 0.6, 0.8};
+  spec.devices.push_back(momentum);
+  DeviceSpec gyro = device("gyro", "imu", {}, {{"at", "base"}});
+  gyro.period = 0.125;
+  spec.devices.push_back(gyro);
+  return spec;
+}
+
+/// The same with all lists the other way round where they can be, and something new before what was there.
+SystemSpec turned_over() {
+  SystemSpec spec = vehicle();
+  std::reverse(spec.bodies.begin() + 1, spec.bodies.end());
+  std::reverse(spec.devices.begin(), spec.devices.end());
+  return spec;
+}
+
+struct Scene {
+  explicit Scene(const SystemSpec& spec, const std::string& method = "rk4")
+      : sim(compiled(spec, {.node_wrenches = true, .world_wrenches = true}), options(method)), outputs(standard_outputs(sim)) {
+    const Model& m = sim.model();
+    const int arm = m.find_body("arm"), wheel = m.find_body("wheel"), momentum = m.devices.find("momentum");
+    sim.prescribe(sim.user(wheel).v, MotionProfile::rate_table({{0.13, 0.0}, {0.57, 1.1}, {1.01, -0.4}}));
+    slot = sim.add_wrench(m.find_node("arm"), true);
+    sim.set_wrench(slot, {{0, 0, 0.1}, {0.2, 0, 0}});
+    sim.set_device_input(m.devices.all[static_cast<std::size_t>(momentum)].in, 0.01);
+    sim.every({1, 8}, [this, arm] { sim.set_force(sim.user(arm).v, 0.5 * std::cos(3.0 * sim.time())); });
+  }
+  static SimulationOptions options(const std::string& method) {
+    SimulationOptions o;
+    o.integrator.method = method;
+    o.integrator.relative_tolerance = 1e-10;
+    if (method == "rk4") o.integrator.fixed_step = 0.005;
+    o.seed = 7;
+    return o;
+  }
+  void adopt_at(Rational t, const SystemSpec& spec) {
+    sim.every(
+        {1000, 1},
+        [this, spec] {
+          if (!adopted) sim.adopt(compiled(spec, {.node_wrenches = true, .world_wrenches = true}));
+          adopted = true;
+        },
+        t);
+  }
+  /// Names and numbers of all outputs.
+  std::vector<std::pair<std::string, double>> all() {
+    std::vector<std::pair<std::string, double>> out;
+    for (const Output& o : outputs) {
+      std::vector<double> x(o.channel.components.size());
+      o.fill(x.data());
+      for (std::size_t i = 0; i < x.size(); ++i) out.emplace_back(o.channel.path + "." + o.channel.components[i], x[i]);
+    }
+    return out;
+  }
+  Simulation sim;
+  std::vector<Output> outputs;
+  int slot = 0;
+  bool adopted = false;
+};
+
+TEST(Adopt, TheSameVehicleInAnotherOrderMovesOnAsItDid) {
+  Scene plain(vehicle()), changed(vehicle());
+  changed.adopt_at({1, 2}, turned_over());
+  plain.sim.run(1.5), changed.sim.run(1.5);
+  ASSERT_TRUE(changed.adopted);
+  EXPECT_EQ(changed.sim.model().user[1].name, "boom");
+  EXPECT_EQ(changed.sim.user(1).name, "arm");
+  const auto a = plain.all(), b = changed.all();
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    if (a[i].first.starts_with("ledger/")) continue;
+    EXPECT_NEAR(a[i].second, b[i].second, 1e-11 * (1.0 + std::abs(a[i].second))) << a[i].first;  // order of sums: round-off
+  }
+  EXPECT_TRUE(changed.sim.worst_ledger().pass);
+}
+
+TEST(Adopt, TheSameModelChangesNoBitOfAMethodWithoutMemory) {
+  Scene plain(vehicle()), changed(vehicle());
+  changed.adopt_at({1, 2}, vehicle());
+  plain.sim.run(1.5), changed.sim.run(1.5);
+  ASSERT_TRUE(changed.adopted);
+  EXPECT_TRUE(plain.sim.state().q == changed.sim.state().q && plain.sim.state().v == changed.sim.state().v);
+  EXPECT_TRUE(plain.sim.state().z == changed.sim.state().z && plain.sim.state().marks == changed.sim.state().marks);
+}
+
+TEST(Adopt, AnotherMassIsToldToTheLedgerAndTheMotionIsThatOfTheNewModel) {
+  for (const std::string method : {"rk4", "dopri5", "cvode_bdf"}) {
+    Scene changed(vehicle(), method);
+    SystemSpec heavier = vehicle();
+    heavier.bodies[1].mass = 3.5;
+    BodySpec guest = on(rigid("a_guest", 0.7, {0.1, 0.2, 0.3}, diagonal({0.01, 0.02, 0.02})), "arm", "revolute", {{0, 1, 0}}, {0.3, 0, 0});
+    guest.hinge.v = {0.4};
+    heavier.bodies.push_back(guest);
+    heavier.devices.push_back(device("a_spring", "lugre_friction", {{"coulomb", 0.3}, {"stiffness", 2.0}}, {{"at", "a_guest"}}));
+    changed.adopt_at({1, 2}, heavier);
+    changed.sim.run(0.5);
+    changed.sim.run(1.25);
+    EXPECT_TRUE(changed.sim.ledger().pass && changed.sim.worst_ledger().pass) << method;
+
+    // A simulation of the new vehicle from there on.
+    Scene before(vehicle(), method), fresh(heavier, method);
+    before.sim.run(0.5);
+    const Model& to = fresh.sim.model();
+    State s = carried(before.sim.state(), model_map(before.sim.model(), to), to);
+    fresh.sim.set_state(s);
+    fresh.sim.set_force(fresh.sim.user(1).v, before.sim.force(before.sim.user(1).v));
+    fresh.sim.run(1.25);
+    for (const char* name : {"base", "arm", "boom", "wheel", "a_guest"}) {
+      const UserBody &x = changed.sim.model().user[static_cast<std::size_t>(changed.sim.model().find_body(name))],
+                     &y = to.user[static_cast<std::size_t>(to.find_body(name))];
+      for (int i = 0; i < x.nv; ++i)
+        EXPECT_NEAR(changed.sim.state().v[x.v + i], fresh.sim.state().v[y.v + i], method == "rk4" ? 1e-12 : 1e-7) << method << " " << name;
+    }
+  }
+}
+
+TEST(Adopt, CoordinatesOfModesAreCarriedWhereTheyMeanTheSame) {
+  SystemSpec spec = vehicle(), stiffer = vehicle();
+  ModalData data = *spec.bodies[3].modal;
+  data.K(0, 0) *= 2.0;
+  stiffer.bodies[3].modal = std::make_shared<const ModalData>(data);
+  const auto a = compiled(spec), b = compiled(stiffer);
+  const ModelMap map = model_map(*a, *b);
+  const UserBody& boom = a->user[3];
+  EXPECT_EQ(map.q[static_cast<std::size_t>(boom.eta)], -1);
+  EXPECT_EQ(map.q[static_cast<std::size_t>(boom.eta) + 1], b->user[3].eta + 1);
+}
+
+TEST(Adopt, ARunThatHadAnotherVehicleIsNotResumedWithOne) {
+  Scene changed(vehicle()), fresh(vehicle());
+  changed.adopt_at({1, 2}, vehicle());
+  changed.sim.run(1.0);
+  EXPECT_THROW(fresh.sim.resume(changed.sim.checkpoint()), CheckpointFault);
+}
+
+TEST(Adopt, WhatTheRunMayReferToMustBeThere) {
+  const auto refused = [](const auto& change) {
+    Scene scene(vehicle());
+    SystemSpec other = vehicle();
+    change(other);
+    const auto model = compiled(other, {.node_wrenches = true, .world_wrenches = true});
+    try {
+      scene.sim.adopt(model);
+    } catch (const InputError& e) {
+      const Diagnostic& d = e.diagnostics().at(0);
+      return std::string(number_of(d.code)) + " " + d.at.key_path;
+    }
+    return std::string("taken");
+  };
+  EXPECT_EQ(refused([](SystemSpec&) {}), "taken");
+  EXPECT_EQ(refused([](SystemSpec& s) { s.bodies.erase(s.bodies.begin() + 2); }), "C0403 bodies.wheel");
+  EXPECT_EQ(refused([](SystemSpec& s) { s.bodies[1].hinge.type = "prismatic"; }), "C0403 bodies.arm.hinge");
+  EXPECT_EQ(refused([](SystemSpec& s) { std::erase_if(s.devices, [](const DeviceSpec& d) { return d.name == "momentum"; }); }),
+            "C0403 devices.momentum");
+  EXPECT_EQ(refused([](SystemSpec& s) {
+              for (DeviceSpec& d : s.devices)
+                if (d.name == "gyro") d.period = 0.25;
+            }),
+            "C0403 devices.gyro.rate");
+  EXPECT_EQ(refused([](SystemSpec& s) {
+              DeviceSpec more = device("second", "imu", {}, {{"at", "base"}});
+              more.period = 0.25;
+              s.devices.push_back(more);
+            }),
+            "C0403 devices.second");
+}
+
+}  // namespace
+}  // namespace cardan::test
