@@ -26,6 +26,12 @@ SystemSpec with(SystemSpec spec, const Model& bare, const cardan_device_family& 
   for (const UserNode& n : bare.nodes) nodes.push_back(n.name);
   for (const UserBody& u : bare.user)
     if (u.nv == 1) hinges.push_back(u.name);
+  for (std::uint32_t k = 0; k < family.n_mounts; ++k)
+    if (family.mounts[k].kind == CARDAN_MOUNT_FIELD && family.mounts[k].use == CARDAN_MAGNETIC)
+      spec.fields.push_back({"magnetic", "dipole", {}, false, {}});
+    else if (family.mounts[k].kind == CARDAN_MOUNT_FIELD && family.mounts[k].use == CARDAN_DENSITY)
+      spec.fields.push_back(
+          {"air", "exponential_atmosphere", {{"density", {1.0, {}}}, {"height", {-7e6, {}}}, {"lowest", {-7e6, {}}}}, false, {}});
   for (int i = 0; i < count; ++i) {
     DeviceSpec d;
     d.name = fmt::format("{}_{}", family.type, i);
@@ -41,6 +47,7 @@ SystemSpec with(SystemSpec spec, const Model& bare, const cardan_device_family& 
     if (std::string_view(family.type) == "tape_spring") d.params["steady_moment"] = {0.1, {}};
     for (std::uint32_t k = 0; k < family.n_mounts; ++k) {
       const std::uint32_t kind = family.mounts[k].kind;
+      if (kind == CARDAN_MOUNT_FIELD) continue;  // the one of its quantity
       const auto& places = kind == CARDAN_MOUNT_NODE ? nodes : kind == CARDAN_MOUNT_MASS ? bodies : hinges;
       d.mounts[family.mounts[k].name] = {places[(static_cast<std::size_t>(i) + 3 * k) % places.size()], {}};
     }

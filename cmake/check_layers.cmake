@@ -8,6 +8,8 @@ set(layers
   "core/abi/cardan_abi.h|"
   "core/abi/cardan_body.h|core/abi/cardan_abi.h"
   "core/abi/cardan_device.h|core/abi/cardan_abi.h"
+  "core/abi/cardan_field.h|core/abi/cardan_abi.h"
+  "core/abi/cardan_constraint.h|core/abi/cardan_abi.h core/abi/cardan_device.h"
   "core/base|"
   "core/spatial|core/base"
   "core/linalg|core/base"

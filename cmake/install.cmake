@@ -11,7 +11,8 @@ add_library(cardan_plugin_headers INTERFACE)
 set_target_properties(cardan_plugin_headers PROPERTIES EXPORT_NAME plugin)
 target_include_directories(cardan_plugin_headers INTERFACE $<INSTALL_INTERFACE:${include_folder}>)
 install(TARGETS cardan cardan_plugin_headers EXPORT cardan)
-foreach(header core/abi/cardan_abi.h core/abi/cardan_body.h core/abi/cardan_device.h core/abi/family.hpp core/abi/device_family.hpp
+foreach(header core/abi/cardan_abi.h core/abi/cardan_body.h core/abi/cardan_device.h core/abi/cardan_field.h core/abi/cardan_constraint.h
+        core/abi/family.hpp core/abi/device_family.hpp core/abi/field_family.hpp
         core/spatial/tangent.hpp core/spatial/vec3.hpp)
   get_filename_component(folder ${header} DIRECTORY)
   install(FILES ${header} DESTINATION ${include_folder}/${folder})

@@ -14,13 +14,14 @@ extern "C" {
 #endif
 
 /* A draft: tables of another one are asked for by another name, and so never read as if they were of this one. */
-#define CARDAN_KIND_DEVICE "device.draft1"
+#define CARDAN_KIND_DEVICE "device.draft2"
 
 enum cardan_mount_kind {
   CARDAN_MOUNT_NODE = 0,  /* a node of a body, or its origin */
   CARDAN_MOUNT_HINGE = 1, /* one velocity component of a hinge, with its coordinate where it has one */
-  CARDAN_MOUNT_MASS = 2   /* a rigid body that carries what `mass` tells, beside its own mass: read and pushed as the node at its origin.
+  CARDAN_MOUNT_MASS = 2,  /* a rigid body that carries what `mass` tells, beside its own mass: read and pushed as the node at its origin.
                              At most one */
+  CARDAN_MOUNT_FIELD = 3  /* a field, at the nearest node before it in the list, whose CARDAN_USE_POSE is then implied */
 };
 
 /* What a device does at a node. What nobody reads is not computed. At a hinge all of it is there at no cost. */
@@ -30,13 +31,14 @@ enum cardan_mount_use {
   CARDAN_USE_LOAD = 4u,         /* pushes: moment and force, or tau */
   CARDAN_USE_ACCELERATION = 8u, /* reads alpha and specific_force; all that the mount reads is then read by `tick` alone */
   CARDAN_USE_OUTLET = 16u,      /* what is drawn from a device with a mass leaves the vehicle here: at one node at most */
-  CARDAN_USE_HOLD = 32u         /* a hinge component that stands still while the first mark is not 0: at one at most; see `holds` */
+  CARDAN_USE_HOLD = 32u,        /* a hinge component that stands still while the first mark is not 0: at one at most; see `holds` */
+  CARDAN_USE_OPTIONAL = 64u     /* of a field: the scene may have none, all its numbers are then 0 */
 };
 
 typedef struct cardan_mount_desc {
   const char* name; /* the key of the vehicle file: "at", "from", "to" */
   uint32_t kind;    /* cardan_mount_kind */
-  uint32_t use;     /* cardan_mount_use, or-ed */
+  uint32_t use;     /* cardan_mount_use, or-ed. Of a field its quantity (cardan_field.h), and perhaps CARDAN_USE_OPTIONAL */
   const char* meaning;
 } cardan_mount_desc;
 
@@ -60,7 +62,7 @@ typedef struct cardan_state_desc {
   const char* meaning;
 } cardan_state_desc;
 
-/* How a mount moves. Of a hinge component q and v alone; q is 0 where it has no coordinate of its own. */
+/* How a mount moves. Of a hinge component q and v alone; q is 0 where it has no coordinate of its own. Of a field `field` alone. */
 typedef struct cardan_mount_motion {
   double R_WN[9];                     /* node axes to world axes, row-major */
   double position[3];                 /* [m] world axes */
@@ -68,6 +70,7 @@ typedef struct cardan_mount_motion {
   double velocity[3];                 /* [m/s] node axes */
   double q, v;                        /* [rad, m], [rad/s, m/s] */
   double alpha[3], specific_force[3]; /* [rad/s^2], [m/s^2] acceleration less gravity there; node axes. In `tick` alone, else 0 */
+  double field[4];                    /* the numbers of its quantity. Gravity, magnetic field, wind, light: in the axes of the node */
 } cardan_mount_motion;
 
 typedef struct cardan_mount_load {

@@ -36,6 +36,7 @@ struct MountMotion {
   Vec3<T> position, omega, velocity;
   T q, v;
   Vec3<T> alpha, specific_force;
+  T field[4];
 };
 /// cardan_mount_load on a scalar.
 template <class T>

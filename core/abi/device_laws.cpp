@@ -10,6 +10,7 @@
 #include <set>
 #include <string_view>
 
+#include "core/abi/field_family.hpp"
 #include "core/abi/law_tools.hpp"
 
 namespace cardan {
@@ -19,7 +20,8 @@ using Family = cardan_device_family;
 
 constexpr std::uint32_t kMost = kMostParameters;  // mounts, ports, states, roots
 constexpr int kMotion = sizeof(cardan_mount_motion) / sizeof(double), kLoad = sizeof(cardan_mount_load) / sizeof(double);
-constexpr int kPose = 12, kVelocity = 18, kHinge = 20;  // of cardan_mount_motion: where the numbers of the pose and of the velocity end
+constexpr int kPose = 12, kVelocity = 18, kHinge = 20, kRates = 26;  // of cardan_mount_motion: where the numbers of
+                                                                     // the pose, the velocity, the hinge, the accelerations end
 
 class TableFaults : public TableChecks {
  public:
@@ -61,7 +63,16 @@ class TableFaults : public TableChecks {
     for (std::uint32_t i = 0; i < f_.n_mounts; ++i) {
       const cardan_mount_desc& m = f_.mounts[i];
       const std::string at = fmt::format("mounts[{}].", i);
-      expect(m.kind <= CARDAN_MOUNT_MASS, at + "kind", fmt::format("{}, expected one of cardan_mount_kind", m.kind));
+      expect(m.kind <= CARDAN_MOUNT_FIELD, at + "kind", fmt::format("{}, expected one of cardan_mount_kind", m.kind));
+      if (m.kind == CARDAN_MOUNT_FIELD) {
+        const std::uint32_t quantity = m.use & ~static_cast<unsigned>(CARDAN_USE_OPTIONAL);
+        expect(field_size(quantity) > 0, at + "use", fmt::format("{}, expected one of cardan_quantity", m.use));
+        const bool placed = std::any_of(f_.mounts, f_.mounts + i, [](const cardan_mount_desc& b) {
+          return b.kind == CARDAN_MOUNT_NODE || b.kind == CARDAN_MOUNT_MASS;
+        });
+        expect(placed || is_of_time(quantity), at + "kind", "a field at no node: one must stand before it");
+        continue;
+      }
       expect(m.use < 64, at + "use", fmt::format("{}, expected those of cardan_mount_use", m.use));
       const bool pushes = m.kind != CARDAN_MOUNT_HINGE && (m.use & CARDAN_USE_LOAD) != 0;
       masses += m.kind == CARDAN_MOUNT_MASS, outlets += (m.use & CARDAN_USE_OUTLET) != 0, holds += (m.use & CARDAN_USE_HOLD) != 0;
@@ -282,13 +293,21 @@ class Laws {
     };
     for (std::uint32_t m = 0; m < f_.n_mounts; ++m) {
       const std::size_t at = m * kMotion;
+      if (f_.mounts[m].kind == CARDAN_MOUNT_FIELD) {
+        if (!same(changed(at, at + kRates), y))
+          found_.push_back(
+              fmt::format("mount {} is a field: it has the numbers of its quantity alone (sample {})", f_.mounts[m].name, sample_));
+        continue;
+      }
+      if (!same(changed(at + kRates, at + kMotion), y))
+        found_.push_back(fmt::format("mount {} is no field (sample {})", f_.mounts[m].name, sample_));
       const bool node = f_.mounts[m].kind != CARDAN_MOUNT_HINGE;
       const bool poses = (f_.mounts[m].use & CARDAN_USE_POSE) != 0, velocities = (f_.mounts[m].use & CARDAN_USE_VELOCITY) != 0;
       // The host gives both where one is read.
       const bool at_ticks = (f_.mounts[m].use & CARDAN_USE_ACCELERATION) != 0;
       if (node && ((!poses && !velocities) || at_ticks) && !same(changed(at, at + kVelocity), y))
         found_.push_back(fmt::format("mount {} reads pose or velocity and does not say so (sample {})", f_.mounts[m].name, sample_));
-      if (!same(changed(at + kHinge, at + kMotion), y))
+      if (!same(changed(at + kHinge, at + kRates), y))
         found_.push_back(
             fmt::format("evaluate reads an acceleration at mount {}, which it cannot know (sample {})", f_.mounts[m].name, sample_));
       if (node && !same(changed(at + kVelocity, at + kHinge), y))
@@ -314,7 +333,8 @@ class Laws {
   void pushes_where_it_says(const Point&, const Given& y) {
     for (std::uint32_t m = 0; m < f_.n_mounts; ++m) {
       const double* l = y.numbers.data() + m * kLoad;
-      const bool node = f_.mounts[m].kind != CARDAN_MOUNT_HINGE, loads = (f_.mounts[m].use & CARDAN_USE_LOAD) != 0;
+      const bool node = f_.mounts[m].kind != CARDAN_MOUNT_HINGE, field = f_.mounts[m].kind == CARDAN_MOUNT_FIELD;
+      const bool loads = !field && (f_.mounts[m].use & CARDAN_USE_LOAD) != 0;
       for (int i = 0; i < kLoad; ++i)
         if (l[i] != 0.0 && (!loads || (i < 6) != node))
           found_.push_back(fmt::format("{} and does not say so (sample {})", name_of(m * kLoad + static_cast<std::size_t>(i)), sample_));
@@ -352,6 +372,7 @@ class Laws {
     for (std::uint32_t m = 0; m < f_.n_mounts; ++m) {
       const double *R = x.numbers.data() + m * kMotion, *w = R + 12, *v = R + 15;
       double* d = rate.data() + m * kMotion;
+      if (f_.mounts[m].kind == CARDAN_MOUNT_FIELD) continue;
       if (f_.mounts[m].kind == CARDAN_MOUNT_HINGE) {
         d[18] = R[19];
         continue;

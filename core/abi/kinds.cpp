@@ -9,7 +9,9 @@
 #include <mutex>
 
 #include "core/abi/body_laws.hpp"
+#include "core/abi/cardan_constraint.h"
 #include "core/abi/device_laws.hpp"
+#include "core/abi/field_laws.hpp"
 #include "core/abi/laws.hpp"
 #include "core/abi/table_checks.hpp"
 
@@ -32,6 +34,13 @@ struct Kept<cardan_device_family> {
   std::vector<cardan_mount_desc> mounts;
   std::vector<cardan_port_desc> ports;
   std::vector<cardan_state_desc> states, marks;
+};
+
+template <>
+struct Kept<cardan_field_family> {
+  cardan_field_family table{};
+  std::vector<cardan_param_desc> params;
+  std::vector<cardan_limit_desc> limits;
 };
 
 /// n descriptions of `size` bytes each, of which every plugin of this major has `least`, into full ones. Absurd counts and null are told
@@ -63,6 +72,11 @@ std::string copy_lists(Kept<cardan_device_family>& kept) {
                             copy_list(t.marks, t.n_marks, t.mark_size, sizeof(cardan_state_desc), "mark", "state", kept.marks)})
     if (!fault.empty()) return fault;
   return {};
+}
+
+std::string copy_lists(Kept<cardan_field_family>& kept) {
+  cardan_field_family& t = kept.table;
+  return copy_list(t.limits, t.n_limits, t.limit_size, sizeof(cardan_limit_desc), "limit", "limit", kept.limits);
 }
 
 /// `least`: what every plugin of this major has.
@@ -116,10 +130,14 @@ constexpr FamilyKind kKinds[] = {
     kind_of<cardan_body_family, sizeof(cardan_body_family), body_table_faults, body_law_violations, &Registry::bodies>(CARDAN_KIND_BODY,
                                                                                                                        "body"),
     kind_of<cardan_device_family, offsetof(cardan_device_family, nominal), device_table_faults, device_law_violations, &Registry::devices>(
-        CARDAN_KIND_DEVICE, "device")};
+        CARDAN_KIND_DEVICE, "device"),
+    kind_of<cardan_field_family, offsetof(cardan_field_family, prepared_size), field_table_faults, field_law_violations, &Registry::fields>(
+        CARDAN_KIND_FIELD, "field")};
+constexpr DeclaredKind kDeclared[] = {{CARDAN_KIND_CONSTRAINT, "constraint"}};
 
 }  // namespace
 
 std::span<const FamilyKind> family_kinds() { return kKinds; }
+std::span<const DeclaredKind> declared_kinds() { return kDeclared; }
 
 }  // namespace cardan

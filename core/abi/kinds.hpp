@@ -33,4 +33,11 @@ struct FamilyKind {
 
 std::span<const FamilyKind> family_kinds();
 
+/// A kind that has its name and its form, and that no part of this version honours: a plugin that brings one is refused (C0605).
+struct DeclaredKind {
+  const char* kind;
+  const char* word;
+};
+std::span<const DeclaredKind> declared_kinds();
+
 }  // namespace cardan

@@ -77,6 +77,14 @@ class Plugin {
                  fmt::format("a table again at index {}", i), "see docs/plugins.md");
         all.push_back({&kind, table});
       }
+    for (const DeclaredKind& kind : declared_kinds())
+      if (guarded(fmt::format("family(\"{}\", 0)", kind.kind), [&] { return plugin->family(kind.kind, 0); })) {
+        std::vector<std::string> words;
+        for (const FamilyKind& honoured : family_kinds()) words.emplace_back(honoured.word);
+        refuse(Code::plugin_kind, fmt::format("families of the kinds that this version honours: {}", fmt::join(words, ", ")),
+               fmt::format("a {} (\"{}\")", kind.word, kind.kind),
+               "its header says what it will be: a run without it would not be the run that was asked for");
+      }
     if (all.empty()) {
       std::vector<std::string> kinds;
       for (const FamilyKind& kind : family_kinds()) kinds.push_back(in_quotes(kind.kind));

@@ -8,6 +8,7 @@
 #include "core/abi/cardan_abi.h"
 #include "core/abi/cardan_body.h"
 #include "core/abi/cardan_device.h"
+#include "core/abi/cardan_field.h"
 #include "core/base/diagnostic.hpp"
 
 namespace cardan {
@@ -62,10 +63,12 @@ class Registry {
   Families<cardan_hinge_family> hinges;
   Families<cardan_body_family> bodies;
   Families<cardan_device_family> devices;
+  Families<cardan_field_family> fields;
 
   const cardan_hinge_family* hinge(std::string_view type) const { return hinges.find(type); }     ///< null if unknown
   const cardan_body_family* body(std::string_view type) const { return bodies.find(type); }       ///< null if unknown
   const cardan_device_family* device(std::string_view type) const { return devices.find(type); }  ///< null if unknown
+  const cardan_field_family* field(std::string_view type) const { return fields.find(type); }     ///< null if unknown
 };
 
 struct FamilyKind;
@@ -80,7 +83,7 @@ struct PluginFamily {
 };
 
 /// Opens a plugin, checks its version and its tables, and runs the executable laws on its families; all this in a process of its own
-/// first, so that a plugin that crashes, never returns or ends the process is answered. Throws InputError (C0601 ... C0604). The
+/// first, so that a plugin that crashes, never returns or ends the process is answered. Throws InputError (C0601 ... C0605). The
 /// library stays loaded until the process ends.
 std::vector<PluginFamily> examine_plugin(const std::string& path, int samples, const Located& at = {});
 

@@ -110,6 +110,7 @@ class PassesOf : public Batch::Passes {
   soa::Inputs<T> load(const BatchInputs& in, int first, int count) {
     soa::Inputs<T> lanes;
     lanes.gravity = in.gravity;
+    lanes.moment = in.moment;
     const auto fill = [&](const double* from, int size, std::vector<T>& to) -> const T* {
       if (!from) return nullptr;
       const double* states[W];

@@ -16,6 +16,7 @@ struct BatchInputs {
   const double* tau = nullptr;   // forward dynamics
   const double* vdot = nullptr;  // inverse dynamics; forward: the prescribed components, the others zero
   bool gravity = true;
+  const FieldMoment* moment = nullptr;  // of gravity that is a field of a family; null: t = 0
 };
 
 /// Scratch of one thread. A state gives the same bits whatever the others are, wherever it stands and however many there are;

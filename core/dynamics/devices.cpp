@@ -47,7 +47,7 @@ auto rates_into(std::vector<cardan_mount_motion>& motions) {
 
 }  // namespace
 
-DeviceForces::DeviceForces(const Model& model, Model* own) : commands(model.devices.in0), model_(model), own_(own) {
+DeviceForces::DeviceForces(const Model& model, Model* own) : commands(model.devices.in0), model_(model), own_(own), fields_(model) {
   const Devices& all = model.devices;
   const auto at = [](int n) { return static_cast<std::size_t>(n); };
   motions_.resize(at(all.n_mounts)), in_ = commands, z_.resize(at(all.n_z)), marks_.resize(at(all.n_marks));
@@ -73,6 +73,7 @@ DeviceForces::DeviceForces(const Model& model, Model* own) : commands(model.devi
       const int mount = d.mount + static_cast<int>(i);
       Mounts& read = d.acts && (m.use & CARDAN_USE_ACCELERATION) == 0 ? in_steps_ : between_;
       const bool pushes = (m.use & CARDAN_USE_LOAD) != 0;
+      if (m.v < 0 && m.node < 0) continue;  // a field
       if (m.node < 0) read.hinges.push_back({mount, m.q, m.v});
       if (m.node < 0 && pushes) pushed_.hinges.push_back({mount, m.q, m.v});
       if (m.node >= 0 && (m.use & (CARDAN_USE_POSE | CARDAN_USE_VELOCITY)) != 0) read.nodes.push_back({mount, m.node, m.load});
@@ -109,6 +110,14 @@ DeviceForces::DeviceForces(const DeviceForces& other) : DeviceForces(other.model
   }
 }
 
+bool DeviceForces::look_at_fields(bool in_steps) {
+  if (fields_.empty()) return true;
+  FieldFault fault;
+  if (fields_.look(time(), in_steps, motions_, fault)) return true;
+  fault_ = {fault.device, std::move(fault.what)};
+  return false;
+}
+
 void DeviceForces::set(const DeviceState<double>& state) {
   state_ = state;
   std::copy_n(state.z, z_.size(), z_.begin());
@@ -128,6 +137,7 @@ void DeviceForces::look_at(const DeviceForces& known, Workspace* ws, const Input
     if (op.code != OpCode::elastic && op.code != OpCode::central_gravity) soa::run_op<double>(model_, op, S, *ws, in, nullptr);
   }
   motion_of(model_, *ws, in, in_steps_, into(motions_));
+  look_at_fields(true);  // where it cannot, the step tells
 }
 
 void DeviceForces::zero(const std::vector<Range>& numbers) {
@@ -179,7 +189,7 @@ bool DeviceForces::evaluate() { return evaluate_acting() && evaluate_others(); }
 
 bool DeviceForces::complete(Workspace& ws, const Inputs& in) {
   motion_of(model_, ws, in, between_, into(motions_));
-  return evaluate_others();
+  return look_at_fields(false) && evaluate_others();
 }
 
 bool DeviceForces::act(Workspace& ws, const Inputs& in) {
@@ -188,7 +198,7 @@ bool DeviceForces::act(Workspace& ws, const Inputs& in) {
     fault_ = {mass_fault_of_, mass_fault_};
     return false;
   }
-  if (!evaluate_acting()) return false;
+  if (!look_at_fields(true) || !evaluate_acting()) return false;
   for (const NodeMount& m : pushed_.nodes) {
     const cardan_mount_load& l = loads_[m.mount];
     state_.wrenches[m.load].f = {{l.moment[0], l.moment[1], l.moment[2]}, {l.force[0], l.force[1], l.force[2]}};
@@ -333,11 +343,11 @@ bool DeviceForces::tick(int index, double period, const double* noise, double* z
 }
 
 std::size_t DeviceForces::bytes() const {
-  return sizeof *this + motions_.size() * sizeof motions_[0] + args_.size() * (sizeof args_[0] + sizeof outs_[0]) +
+  return sizeof *this + fields_.bytes() + motions_.size() * sizeof motions_[0] + args_.size() * (sizeof args_[0] + sizeof outs_[0]) +
          (commands.size() + in_.size() + z_.size() + marks_.size() + effects_.size()) * sizeof(double);
 }
 
-DeviceTangents::DeviceTangents(const Model& model, const DeviceForces& base) : model_(model), base_(base) {
+DeviceTangents::DeviceTangents(const Model& model, const DeviceForces& base) : model_(model), base_(base), fields_(model) {
   const auto at = [](int n) { return static_cast<std::size_t>(n); };
   motions_.resize(base.motions_.size()), loads_.resize(base.motions_.size());
   commands.resize(base.in_.size()), in_.resize(base.in_.size()), out_.resize(at(model.devices.n_out));
@@ -403,6 +413,7 @@ bool DeviceTangents::by_differences(const Device& d, const cardan_device_args& a
 
 bool DeviceTangents::complete(soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in) {
   motion_of(model_, ws, in, base_.between_, rates_into(motions_));
+  fields_.look_along(base_.time(), false, base_.motions_, motions_);
   return std::ranges::all_of(base_.others_, [this](const DeviceForces::Call& c) {
     take_inputs(model_.devices.all[c.device]);
     return differentiate(c.device);
@@ -411,6 +422,7 @@ bool DeviceTangents::complete(soa::Workspace<Tangent>& ws, const soa::Inputs<Tan
 
 bool DeviceTangents::act(soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in) {
   motion_of(model_, ws, in, base_.in_steps_, rates_into(motions_));
+  fields_.look_along(base_.time(), true, base_.motions_, motions_);
   for (int i = 0; i < model_.devices.n_z; ++i) dz_[i] = state_.z[i].d;
   const auto good = [this](const DeviceForces::Call& c) {
     take_inputs(model_.devices.all[c.device]);
@@ -489,7 +501,7 @@ void DeviceTangents::add_flows(const soa::Inputs<Tangent>& in) {
     const cardan_mass change = mass_rate(devices, d, base_.z_.data(), base_.marks_.data(), dz_.data());
     const auto which = std::ranges::find(devices.varying, u.sweep, &VaryingBody::sweep) - devices.varying.begin();
     const RigidInertia<double> dM = to_inboard(u.pose, cardan::inertia_rate(m, change));
-    const Force<double> f = force_of_inertia(model_, u.sweep, dM, base_.varying_[static_cast<std::size_t>(which)], in.gravity);
+    const Force<double> f = force_of_inertia(model_, u.sweep, dM, base_.varying_[static_cast<std::size_t>(which)], in.gravity, in.moment);
     sum[d.mounts[own.mount].load] -= to_outboard(u.pose, f);
   }
   for (std::size_t i = 0; i < n_loads; ++i) {

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/dynamics/fields.hpp"
 #include "core/dynamics/forward.hpp"
 #include "core/dynamics/mass_flow.hpp"
 #include "core/soa/tangent.hpp"
@@ -58,7 +59,7 @@ class DeviceForces : public StateLoads<double> {
   /// [N m, N] The most that a device holds its component with.
   double most_held(int device) const { return model_.devices.all[device].family->holds(&args_[device]); }
   /// What mass that leaves takes along, for the ledger.
-  LeavingMass leaving() const { return leaving_mass(model_, motions_.data(), z_.data(), zdot_, marks_.data()); }
+  LeavingMass leaving(const FieldMoment* at) const { return leaving_mass(model_, motions_.data(), z_.data(), zdot_, marks_.data(), at); }
   /// Angular momentum that devices store beside that of bodies [N m s], world axes.
   Vec3<double> stored_momentum() const;
   /// [moment about the world's origin; force], world axes, of the loads of those that store it: they change no momentum of the whole.
@@ -79,6 +80,13 @@ class DeviceForces : public StateLoads<double> {
   /// Where alpha and the specific force of a mount go before its tick; zero again after it.
   cardan_mount_motion& motion_of_tick(int mount) { return motions_[mount]; }
   const DeviceFault& fault() const { return fault_; }
+  /// Beyond a limit of a field that is refused; null: nowhere.
+  const FieldFault* passed_limit() const { return fields_.passed_limit(); }
+  /// The same of a step that was tried since forget_limit(), where the field knows no value.
+  const FieldFault* tried_limit() const { return fields_.tried_limit(); }
+  void forget_limit() { fields_.forget_limit(); }
+  /// Bits of limits beyond which a field held its value, by field.
+  const std::vector<int>& held_fields() const { return fields_.held(); }
   std::size_t bytes() const;
 
  private:
@@ -102,6 +110,8 @@ class DeviceForces : public StateLoads<double> {
     int device;
     Range given, added;  // in given_, added_
   };
+  bool look_at_fields(bool in_steps);
+  double time() const { return args_.empty() ? 0.0 : args_[0].t; }
   bool evaluate_acting();
   bool evaluate_others();
   bool evaluate(const std::vector<Call>& calls, const std::vector<Range>& numbers);
@@ -116,6 +126,7 @@ class DeviceForces : public StateLoads<double> {
   std::vector<Force<double>> flow_loads_;  // per load
   std::vector<VaryingMotion> varying_;
   DeviceState<double> state_;
+  FieldsOfDevices fields_;
   std::vector<Call> first_, acting_, others_;  // in the order of evaluation
   Mounts in_steps_, between_, pushed_;         // mounts that are read in steps, between them alone; that devices push at
   std::vector<cardan_mount_motion> motions_;
@@ -159,6 +170,7 @@ class DeviceTangents : public StateLoads<soa::Tangent> {
   const Model& model_;
   const DeviceForces& base_;
   DeviceState<soa::Tangent> state_;
+  FieldsOfDevices fields_;
   std::vector<cardan_mount_motion> motions_;
   std::vector<cardan_mount_load> loads_;
   std::vector<double> in_, out_, zdot_, dz_, scratch_;

@@ -12,7 +12,7 @@ void inverse_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inpu
   const soa::Sweeps<T>& S = soa::sweeps<T>();
   soa::Inputs<T> use = in;
   use.gravity = in.gravity && terms.gravity;
-  const bool central = use.gravity && model.field.central;
+  const bool central = use.gravity && model.field.pulls();
   outward(model, S, ws, use, {.vdot = in.vdot != nullptr, .velocity = terms.velocity, .inertia = in.vdot == nullptr}, part);
   if (terms.elastic && !model.flexible.empty()) S.elastic(model, ws, use);
   if (central || std::ranges::any_of(in.wrenches, [](const auto& w) { return w.world_axes; })) {
@@ -28,7 +28,7 @@ void inverse_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inpu
   for (const int k : part->rotors_left_out)
     if (const SweepBody& rotor = model.bodies[k]; central && rotor.M.m > 0.0) {
       Vec3<T> c, r;
-      ws.core(rotor.parent).z += soa::attraction(model.field, cast<T>(rotor.M_sweep), ws.pose_W(rotor.parent), c, r);
+      ws.core(rotor.parent).z += soa::attraction(model.field, cast<T>(rotor.M_sweep), ws.pose_W(rotor.parent), c, r, in.moment);
     }
   for (const soa::NodeWrench<T>& w : in.wrenches) {
     if (!part->takes_part[model.nodes[w.node].sweep]) continue;

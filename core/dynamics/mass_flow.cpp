@@ -94,7 +94,8 @@ void add_flow_forces(const Devices& devices, const cardan_mount_motion* motions,
   }
 }
 
-LeavingMass leaving_mass(const Model& model, const cardan_mount_motion* motions, const double* z, const double* zdot, const double* marks) {
+LeavingMass leaving_mass(const Model& model, const cardan_mount_motion* motions, const double* z, const double* zdot, const double* marks,
+                         const FieldMoment* at) {
   LeavingMass sum;
   for (const DeviceMass& own : model.devices.masses) {
     const Device& d = model.devices.all[own.device];
@@ -108,22 +109,23 @@ LeavingMass leaving_mass(const Model& model, const cardan_mount_motion* motions,
     sum.power += 0.5 * dot(V, h);
     const GravityField& g = model.field;
     if (g.uniform) sum.power -= dot(g.g, dM.m * W.p + W.R * dM.h);
-    if (!g.central) continue;
+    if (!pulls_with_energy(g)) continue;
     const UserBody& u = model.user[own.user];
     if (u.sweep == 0) continue;
     const RigidInertia<Tangent> both = along(model.bodies[u.sweep].M, to_inboard(u.pose, dM));
-    sum.power += soa::potential(g, both, cast<Tangent>(W * inverse(u.pose))).d;
+    sum.power += soa::potential(g, both, cast<Tangent>(W * inverse(u.pose)), at).d;
   }
   return sum;
 }
 
-Force<double> force_of_inertia(const Model& model, int k, const RigidInertia<double>& dM, const VaryingMotion& at, bool gravity) {
+Force<double> force_of_inertia(const Model& model, int k, const RigidInertia<double>& dM, const VaryingMotion& at, bool gravity,
+                               const FieldMoment* when) {
   Force<double> f = dM * (at.moves.gamma + at.moves.delta) + gyroscopic(dM, at.moves.w);
   const RigidInertia<double>& M = model.bodies[k].M;
-  if (!gravity || !model.field.central || !(M.m > 0.0)) return f;
+  if (!gravity || !model.field.pulls() || !(M.m > 0.0)) return f;
   const RigidInertia<Tangent> both = along(M, dM);
   Vec3<Tangent> c, r;
-  const Force<Tangent> pull = soa::attraction(model.field, both, cast<Tangent>(at.W), c, r);
+  const Force<Tangent> pull = soa::attraction(model.field, both, cast<Tangent>(at.W), c, r, when);
   return f - Force<double>{rate(pull.n), rate(pull.f)};
 }
 

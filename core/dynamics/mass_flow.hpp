@@ -28,10 +28,12 @@ struct LeavingMass {
   Force<double> momentum{};
   double power = 0.0;
 };
-LeavingMass leaving_mass(const Model&, const cardan_mount_motion* motions, const double* z, const double* zdot, const double* marks);
+LeavingMass leaving_mass(const Model&, const cardan_mount_motion* motions, const double* z, const double* zdot, const double* marks,
+                         const FieldMoment* at);
 
 /// Derivative along a change dM of the inertia of sweep body k of the force that its motion needs, gravity of a centre taken off: at B,
 /// its axes.
-Force<double> force_of_inertia(const Model&, int k, const RigidInertia<double>& dM, const VaryingMotion&, bool gravity);
+Force<double> force_of_inertia(const Model&, int k, const RigidInertia<double>& dM, const VaryingMotion&, bool gravity,
+                               const FieldMoment* when);
 
 }  // namespace cardan

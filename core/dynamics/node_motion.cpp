@@ -16,9 +16,9 @@ Force<double> bias_of_rotor(const Model& model, const Workspace& ws, const Input
                             const Motion<double>& gamma) {
   const RigidInertia<double>& M = model.bodies[k].M;
   Force<double> z = M * gamma + gyroscopic(M, w);
-  if (in.gravity && model.field.central && M.m > 0.0) {
+  if (in.gravity && model.field.pulls() && M.m > 0.0) {
     Vec3<double> c, r;
-    z -= soa::attraction(model.field, M, ws.pose_W(k), c, r);
+    z -= soa::attraction(model.field, M, ws.pose_W(k), c, r, in.moment);
   }
   for (const NodeWrench& load : in.wrenches)
     if (model.nodes[load.node].sweep == k) z -= wrench_at_B(model, ws, load);

@@ -91,9 +91,9 @@ NodeMotion<T> node_motion(const Model& model, const soa::Workspace<T>& ws, const
   out.acceleration = {transpose_times(at.R, a.w), transpose_times(at.R, a.v)};
   out.specific_force = out.acceleration.v;
   if (!in.gravity) return out;
-  const Vec3<T> field = transpose_times(out.R_WN, soa::field_at(model.field, out.position));
+  const Vec3<T> field = transpose_times(out.R_WN, soa::field_at(model.field, out.position, in.moment));
   if (model.field.uniform) out.acceleration.v += field;  // gamma is seen from what falls; of the ground it is 0
-  if (model.field.central) out.specific_force -= field;
+  if (model.field.pulls()) out.specific_force -= field;
   return out;
 }
 

@@ -116,8 +116,8 @@ Energy Observer::energy() const {
     if (model_.gravity.kind == GravitySpec::Kind::uniform) {
       const Vec3<double> first = M.m * ws_.pose_W(k).p + ws_.pose_W(k).R * M.h;  // m x_com
       add(e.gravity, -model_.gravity.g.dot(to_eigen(first)));
-    } else if (model_.gravity.kind == GravitySpec::Kind::central) {
-      add(e.gravity, soa::potential(model_.field, inertia_for_gravity(k), ws_.pose_W(k)));
+    } else if (pulls_with_energy(model_.field)) {
+      add(e.gravity, soa::potential(model_.field, inertia_for_gravity(k), ws_.pose_W(k), in_.moment));
     }
   }
   for (const HingeLoad& load : model_.loads) add(e.springs, hinge_laws::energy(load, in_.q[load.q]));
@@ -180,9 +180,9 @@ Force<double> Observer::wrench_in_host(int i) const {
   const Motion<double> gamma = host.gamma + host.delta;
   const RigidInertia<double> M = to_inboard(u.pose, u.M);
   Force<double> f = M * gamma + gyroscopic(M, host.w);
-  if (in_.gravity && model_.gravity.kind == GravitySpec::Kind::central && M.m > 0) {
+  if (in_.gravity && model_.field.pulls() && M.m > 0) {
     Vec3<double> c, r;
-    f -= soa::attraction(model_.field, M, ws_.pose_W(u.sweep), c, r);
+    f -= soa::attraction(model_.field, M, ws_.pose_W(u.sweep), c, r, in_.moment);
   }
   for (const NodeWrench& load : in_.wrenches) {
     const UserNode& node = model_.nodes[load.node];
@@ -257,19 +257,36 @@ ExternalLoads Observer::external(const Inputs& in, const double* vdot) {
     e.force += to_eigen(in_W.f);
     e.moment += to_eigen(in_W.n);
   };
-  const GravitySpec::Kind gravity = in.gravity ? model_.gravity.kind : GravitySpec::Kind::none;
-  if (gravity == GravitySpec::Kind::uniform) {
+  if (in.gravity && model_.field.uniform) {
     if (!model_.devices.varying.empty()) weigh();
     e.force += mass_[0] * model_.gravity.g;
     e.moment += to_eigen(first_moment()).cross(model_.gravity.g);
   }
   if (!in.wrenches.empty() && !poses_given_) soa::sweeps<double>().world(model_, ws_, in);
-  for (int k = 1; gravity == GravitySpec::Kind::central && k < static_cast<int>(model_.bodies.size()); ++k) {
+  const bool pulls = in.gravity && model_.field.pulls(), works = pulls && !pulls_with_energy(model_.field);
+  for (int k = 1; pulls && k < static_cast<int>(model_.bodies.size()); ++k) {
     const Pose<double>& W = ws_.pose_W(k);
     const RigidInertia<double> M = inertia_for_gravity(k);
     if (M.m <= 0) continue;
     Vec3<double> c, r;
-    add(to_inboard(W, soa::attraction(model_.field, M, W, c, r)));
+    const Force<double> pull = soa::attraction(model_.field, M, W, c, r, in.moment);
+    add(to_inboard(W, pull));
+    if (!works) continue;
+    e.power += dot(ws_.V(k), pull);
+    const SweepBody& b = model_.bodies[k];
+    if (b.n_modes == 0) continue;
+    const soa::FieldPull<double> at_centre = soa::pull_of_source(model_.field, in.moment, M, W);
+    const FlexibleBody& f = model_.flexible[b.flexible];
+    soa::Modal<double> modal{};  // with M_re as it is before the inward sweep
+    if (!f.M_re_constant) {
+      const auto n = static_cast<std::size_t>(b.n_modes);
+      gravity_mass_.resize(std::max(gravity_mass_.size(), 10 + 6 * n + n * n));
+      double* mass = gravity_mass_.data();
+      f.family->mass(f.packed.data(), in.q + b.eta, mass, mass + 10, mass + 10 + 6 * n);
+      modal.P_re = mass + 10;
+    }
+    for (int j = 0; j < b.n_modes; ++j)
+      e.power += in.v[b.etadot + j] * soa::pull_on_mode(f, modal, j, b.n_modes, in.q + b.eta, M.m, (1.0 / M.m) * M.h, at_centre);
   }
   for (const NodeWrench& load : in_.wrenches) {
     const UserNode& node = model_.nodes[load.node];

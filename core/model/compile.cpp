@@ -6,6 +6,7 @@
 
 #include "core/model/choose_frames.hpp"
 #include "core/model/devices.hpp"
+#include "core/model/fields.hpp"
 #include "core/model/flexible_constants.hpp"
 #include "core/model/validate.hpp"
 
@@ -38,6 +39,12 @@ class Compiler {
                      g.mu,
                      from_eigen(g.centre),
                      g.gradient};
+    model_->fields = compile_fields(spec_, registry_, sink_);
+    if (g.kind == GravitySpec::Kind::field) {
+      const int i = field_named(spec_, model_->fields, CARDAN_GRAVITY, g.field, "gravity.field", sink_);
+      if (i >= 0) model_->field.source = model_->fields[static_cast<std::size_t>(i)].source.get();
+    }
+    sink_.throw_if_any();
     number_coordinates();
     order_bodies();
     build_sweep_bodies();
@@ -214,7 +221,7 @@ class Compiler {
         b.etadot = u.etadot;
         b.flexible = static_cast<int>(m.flexible.size());
         m.flexible.push_back(flexible_of(spec_, spec, *registry_.body(spec.type), sink_));
-        if (m.field.central) add_inertia_derivatives(m.flexible.back());
+        if (m.field.pulls()) add_inertia_derivatives(m.flexible.back());
         const bool at_origin =
             P.pose.p.x == 0 && P.pose.p.y == 0 && P.pose.p.z == 0 && (to_eigen(P.pose.R) - Eigen::Matrix3d::Identity()).isZero(0.0);
         if (P.deforms() || !at_origin) {
@@ -388,7 +395,7 @@ class Compiler {
       if (!std::all_of(m.bodies.begin() + run.begin, m.bodies.begin() + run.end, rotor)) m.program.push_back({OpCode::outward, r});
     }
     if (!m.flexible.empty()) m.program.push_back({OpCode::elastic});
-    const bool central = m.gravity.kind == GravitySpec::Kind::central;
+    const bool central = m.field.pulls();
     m.world = central || options_.world_wrenches || m.devices.reads_nodes;
     if (m.world) m.program.push_back({OpCode::world});
     if (central) m.program.push_back({OpCode::central_gravity});

@@ -8,6 +8,7 @@
 
 #include "core/base/units.hpp"
 #include "core/model/device_units.hpp"
+#include "core/model/fields.hpp"
 #include "core/model/params.hpp"
 #include "core/model/schema.hpp"
 
@@ -62,7 +63,8 @@ class DeviceCompiler {
                            {{family->params, family->n_params}, family->params_size, family->pack, family->packed_size}, sink_);
     d.z = devices_.n_z, d.mark = devices_.n_marks, d.in = devices_.n_in, d.out = devices_.n_out, d.mount = devices_.n_mounts;
     d.root = devices_.n_roots;
-    for (std::uint32_t i = 0; i < family->n_mounts; ++i) d.mounts.push_back(mount(spec, family->mounts[i]));
+    for (std::uint32_t i = 0; i < family->n_mounts; ++i)
+      d.mounts.push_back(family->mounts[i].kind == CARDAN_MOUNT_FIELD ? field(spec, family->mounts[i], d) : mount(spec, family->mounts[i]));
     for (std::uint32_t i = 0; i < family->n_ports; ++i) {
       const cardan_port_desc& port = family->ports[i];
       if (port.kind == CARDAN_PORT_OUT) {
@@ -72,8 +74,10 @@ class DeviceCompiler {
       ++d.n_in;
       devices_.in0.push_back(port.fallback);
       devices_.from.push_back(-1);
-      if (const auto given = spec.inputs.find(port.name); given != spec.inputs.end())
+      if (const auto given = spec.inputs.find(port.name); given != spec.inputs.end()) {
         if (const double* x = std::get_if<double>(&given->second.value)) devices_.in0.back() = *x;
+        check_options(spec, port, given->second, static_cast<int>(devices_.in0.size()) - 1);
+      }
     }
     if (family->tick && !((spec.rate > 0.0 && std::isfinite(spec.rate)) || (spec.period > 0.0 && std::isfinite(spec.period))))
       fault(Code::out_of_range, spec, spec.period != 0.0 ? "period" : "rate", "a rate or a period > 0",
@@ -90,6 +94,25 @@ class DeviceCompiler {
     devices_.all.push_back(std::move(d));
   }
 
+  /// What may stand together at an input.
+  void check_options(const DeviceSpec& spec, const cardan_port_desc& port, const DeviceSpec::Input& input, int index) {
+    const std::string key = fmt::format("inputs.{}", port.name);
+    const bool connected = std::holds_alternative<std::string>(input.value);
+    if (connected && (input.safe || input.timeout != 0.0))
+      return fault(Code::bad_connection, spec, key, "`safe` and `timeout` of an input that is commanded",
+                   "a connection, which is never silent");
+    if (!connected && (input.delay != 0 || input.latency != 0.0))
+      return fault(Code::bad_connection, spec, key, "`delay` and `latency` of a connection (from, sum)", "a number that is commanded");
+    if (input.safe.has_value() != (input.timeout != 0.0))
+      return fault(Code::bad_connection, spec, key, "`safe` and `timeout` together", input.safe ? "no `timeout`" : "no `safe`");
+    if (input.delay != 0 && input.latency != 0.0)
+      return fault(Code::bad_connection, spec, key, "`delay` in ticks or `latency` in time", "both");
+    if (input.latency < 0.0 || !std::isfinite(input.latency) || input.timeout < 0.0 || !std::isfinite(input.timeout))
+      return fault(Code::out_of_range, spec, key, "a time > 0",
+                   fmt::format("{:g} s", input.latency != 0.0 ? input.latency : input.timeout));
+    if (input.safe) devices_.timeouts.push_back({index, *input.safe, input.timeout});
+  }
+
   void initial(const DeviceSpec& spec, std::span<const cardan_state_desc> states, std::vector<double>& all) {
     for (const cardan_state_desc& state : states) {
       const auto given = spec.initial.find(state.name);
@@ -98,6 +121,30 @@ class DeviceCompiler {
       if (!std::isfinite(all.back()))
         fault(Code::bad_initial_state, spec, fmt::format("initial.{}", state.name), "a finite number", fmt::format("{}", all.back()));
     }
+  }
+
+  /// By its name, or the only one of its quantity, at the node of the mount before it.
+  DeviceMount field(const DeviceSpec& spec, const cardan_mount_desc& desc, Device& d) {
+    DeviceMount m;
+    const std::uint32_t quantity = desc.use & ~static_cast<unsigned>(CARDAN_USE_OPTIONAL);
+    const std::string key = fmt::format("devices.{}.{}", spec.name, desc.name);
+    std::vector<int> fitting;
+    for (std::size_t i = 0; i < model_.fields.size(); ++i)
+      if (model_.fields[i].source->family->quantity == quantity) fitting.push_back(static_cast<int>(i));
+    if (const auto given = spec.mounts.find(desc.name); given != spec.mounts.end()) {
+      m.field = field_named(spec_, model_.fields, quantity, given->second.target, key, sink_);
+    } else if (fitting.size() == 1) {
+      m.field = fitting[0];
+    } else if (!fitting.empty() || (desc.use & CARDAN_USE_OPTIONAL) == 0) {
+      fault(Code::wrong_field, spec, desc.name, fmt::format("which field: {}: {}", desc.name, desc.meaning),
+            fitting.empty() ? fmt::format("none of the quantity {} in `fields`", quantity_text(quantity)) : "several, and no such key");
+    }
+    for (int i = static_cast<int>(d.mounts.size()) - 1; i >= 0 && m.at < 0; --i)
+      if (DeviceMount& place = d.mounts[static_cast<std::size_t>(i)]; place.node >= 0) {
+        m.at = i;
+        if (m.field >= 0) place.use |= CARDAN_USE_POSE;
+      }
+    return m;
   }
 
   DeviceMount mount(const DeviceSpec& spec, const cardan_mount_desc& desc) {
@@ -179,11 +226,11 @@ class DeviceCompiler {
   }
 
   void connect() {
-    for (const Device& d : devices_.all)
+    for (Device& d : devices_.all)
       for (int k = 0; k < d.n_in; ++k) {
         const auto given = spec_of(d).inputs.find(port(d, CARDAN_PORT_IN, k).name);
         if (given == spec_of(d).inputs.end()) continue;
-        if (const auto* sources = std::get_if<std::string>(&given->second.value)) add_sources(d, k, *sources);
+        if (const auto* sources = std::get_if<std::string>(&given->second.value)) add_sources(d, k, *sources, given->second);
       }
     if (complete_) order();
     if (complete_) find_flows();
@@ -209,7 +256,7 @@ class DeviceCompiler {
   }
 
   /// "gyro.rate_x", or a sum: "left.flow + right.flow".
-  void add_sources(const Device& d, int k, const std::string& sources) {
+  void add_sources(const Device& d, int k, const std::string& sources, const DeviceSpec::Input& input) {
     std::vector<int> all;
     for (std::size_t at = 0; at <= sources.size();) {
       const std::size_t end = std::min(sources.find('+', at), sources.size());
@@ -218,7 +265,9 @@ class DeviceCompiler {
       all.push_back(output_named(d, port(d, CARDAN_PORT_IN, k), empty ? "" : sources.substr(first, last - first + 1)));
       at = end + 1;
     }
+    if (std::ranges::find(all, -1) != all.end()) return;
     std::ranges::sort(all);
+    if (input.delay > 0 || input.latency > 0.0) return add_delay(d, k, std::move(all), input);  // the line commands it
     devices_.from[static_cast<std::size_t>(d.in + k)] = all.front();
     for (std::size_t i = 1; i < all.size(); ++i) devices_.added.push_back({d.in + k, all[i]});
   }
@@ -269,6 +318,18 @@ class DeviceCompiler {
       }
     }
     for (const Device& d : devices_.all) expect_drawn(d);
+  }
+
+  void add_delay(const Device& d, int k, std::vector<int> outs, const DeviceSpec::Input& input) {
+    const cardan_port_desc& in = port(d, CARDAN_PORT_IN, k);
+    int clock = d.family->tick ? devices_.find(d.name) : -1;
+    for (std::size_t i = 0; clock < 0 && i < outs.size(); ++i)
+      if (const int giver = owner_of_output(outs[i]).first; devices_.all[static_cast<std::size_t>(giver)].family->tick) clock = giver;
+    if (clock < 0)
+      return fault(Code::bad_connection, spec_of(d), fmt::format("inputs.{}", in.name),
+                   "a device that samples at one end of what is delayed by ticks", "none: both are continuous",
+                   "a lag is a device with a state");
+    devices_.delays.push_back({d.in + k, std::move(outs), clock, input.delay, input.latency, in.fallback});
   }
 
   int output_named(const Device& takes, const cardan_port_desc& in, const std::string& source) {
@@ -359,7 +420,8 @@ class DeviceCompiler {
         names += (names.empty() ? "" : " <- ") + devices_.all[static_cast<std::size_t>(*it)].name;
       return fault(Code::device_cycle, spec_of(devices_.all[static_cast<std::size_t>(next)]), "inputs",
                    "outputs that do not wait for each other in one evaluation", names,
-                   "let one of them give a state (a lag), or make one device of them");
+                   "`delay: 1` at one of these inputs (inputs: {x: {from: ..., delay: 1}}: what it was a tick ago), a state in one of "
+                   "them (a lag), or one device in place of them");
     }
   }
 

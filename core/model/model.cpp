@@ -16,6 +16,10 @@ int Model::find_node(std::string_view wanted) const {
   return -1;
 }
 
+bool Devices::is_commanded(int input) const {
+  return from[static_cast<std::size_t>(input)] < 0 && std::ranges::find(delays, input, &DelayLine::input) == delays.end();
+}
+
 int Devices::find(std::string_view wanted) const {
   for (std::size_t i = 0; i < all.size(); ++i)
     if (all[i].name == wanted) return static_cast<int>(i);

@@ -67,7 +67,20 @@ struct DeviceMount {
   std::uint32_t use = 0;    // cardan_mount_use
   int node = -1, load = 0;  // index into SweepModel::nodes, and which wrench of devices it writes; -1: it is at a hinge
   int q = -1, v = -1;       // of a hinge component; q = -1: it has no coordinate of its own
+  int field = -1, at = -1;  // index into Model::fields, and which mount of the device tells the place; -1: it is no field
 };
+
+/// A field with its name. GravityField::source points at one of these sources.
+struct Field {
+  std::string name, origin;  // "built-in", or the path of the plugin
+  std::shared_ptr<const FieldSource> source;
+};
+
+/// Bodies are pulled one by one, and what they have of it is in the energy: there is a potential, which does not depend on time.
+inline bool pulls_with_energy(const GravityField& g) {
+  constexpr unsigned kBoth = CARDAN_FIELD_POTENTIAL | CARDAN_FIELD_STEADY;
+  return g.central || (g.source && (g.source->family->facts & kBoth) == kBoth);
+}
 
 struct Device {
   std::string name;
@@ -109,6 +122,20 @@ struct DeviceHold {
 struct AddedOutput {
   int in, out;
 };
+/// An input that gets the sum of outputs as it was some ticks ago, and holds it in between; in Devices::from it is commanded.
+struct DelayLine {
+  int input;
+  std::vector<int> outs;
+  int clock;           // index into Devices::all: whose ticks
+  int ticks = 0;       // 0: as `latency` says
+  double latency = 0;  // [s]
+  double fallback = 0;
+};
+/// A command that becomes `safe` when nobody has set it for `timeout` [s].
+struct CommandTimeout {
+  int input;
+  double safe, timeout;
+};
 
 /// All devices by name, so that the order in which they are described changes no bit, and what their ports hang on.
 struct Devices {
@@ -117,15 +144,18 @@ struct Devices {
   std::vector<double> z0, marks0, in0, nominal;  // initial values; of z its size in use
   std::vector<int> from;                         // per input: the output that it is given, -1: it is commanded
   std::vector<AddedOutput> added;                // by input, then by output
-  std::vector<int> order;                        // of evaluation: who gives before who takes
-  std::vector<int> first;                        // evaluated once before: their outputs are taken earlier, and need no input themselves
-  bool reads_nodes = false;                      // some mount reads the motion of a node
-  bool rough = false;                            // CARDAN_FACT_ROUGH of any
-  std::vector<DeviceMass> masses;                // in the order of devices
-  std::vector<VaryingBody> varying;              // the bodies that carry them
+  std::vector<DelayLine> delays;
+  std::vector<CommandTimeout> timeouts;
+  std::vector<int> order;            // of evaluation: who gives before who takes
+  std::vector<int> first;            // evaluated once before: their outputs are taken earlier, and need no input themselves
+  bool reads_nodes = false;          // some mount reads the motion of a node
+  bool rough = false;                // CARDAN_FACT_ROUGH of any
+  std::vector<DeviceMass> masses;    // in the order of devices
+  std::vector<VaryingBody> varying;  // the bodies that carry them
   std::vector<MassFlow> flows;
   std::vector<DeviceHold> holds;          // in the order of devices
   int find(std::string_view name) const;  // -1 if unknown
+  bool is_commanded(int input) const;     // by scripts: no device gives it anything, at once or later
   /// visit(output) for each that input `in` is given.
   template <class Visit>
   void each_source(int in, const Visit& visit) const {
@@ -139,6 +169,7 @@ struct Devices {
 struct Model : SweepModel {
   std::string name;
   std::vector<HingeLoad> loads;
+  std::vector<Field> fields;  // in the user's order
   Devices devices;
   GravitySpec gravity;
   std::vector<UserBody> user;  // in the user's order

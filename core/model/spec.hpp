@@ -96,6 +96,10 @@ struct DeviceSpec {
   struct Input {
     std::variant<double, std::string> value;
     Located at;
+    int delay = 0;                 // of a connection, in ticks of who takes it (if it does not sample: of who gives it)
+    double latency = 0.0;          // [s] the same in time; one of the two
+    std::optional<double> safe{};  // of a command: what it becomes when nobody has set it for `timeout`
+    double timeout = 0.0;          // [s] 0: never
   };
   std::string name;
   std::string type;  // a family of devices
@@ -104,11 +108,22 @@ struct DeviceSpec {
   std::map<std::string, Input, std::less<>> inputs;
   std::map<std::string, ParamValue, std::less<>> initial;  // of its states and marks
   double rate = 0.0, period = 0.0;                         // [Hz], [s] of what it samples: one of them, if it samples
+  double offset = 0.0;                                     // [s] of its first tick
+  Located at;
+};
+
+/// What fills space and time: a magnetic field, air, another gravity (core/abi/cardan_field.h).
+struct FieldSpec {
+  std::string name;
+  std::string type;  // a family of fields
+  ParamValues params;
+  bool hold = false;  // beyond limits that can hold their value: go on with it; else such a step is refused
   Located at;
 };
 
 struct GravitySpec {
-  enum class Kind { none, uniform, central } kind = Kind::none;
+  enum class Kind { none, uniform, central, field } kind = Kind::none;
+  std::string field;                                 // the name of one of SystemSpec::fields
   Eigen::Vector3d g = Eigen::Vector3d::Zero();       // [m/s^2] uniform, world axes
   double mu = 0.0;                                   // [m^3/s^2] central
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  // [m] world axes
@@ -120,6 +135,7 @@ struct SystemSpec {
   std::string name;
   std::vector<BodySpec> bodies;  // in the user's order, which is that of q, v and the results
   GravitySpec gravity;
+  std::vector<FieldSpec> fields;
   std::vector<DeviceSpec> devices;
   std::string source_file, source_text;                            // where it was read from, and its bytes (hashed in results)
   std::vector<std::pair<std::string, std::string>> defaults_used;  // key path, value: what `describe` lists

@@ -9,6 +9,7 @@
 
 #include "core/abi/cardan_abi.h"
 #include "core/abi/cardan_body.h"
+#include "core/abi/cardan_field.h"
 #include "core/spatial/inertia.hpp"
 
 namespace cardan {
@@ -185,13 +186,29 @@ struct GradedMasses {
   std::vector<TurnedRecord> turned;
 };
 
+/// A field of a family, with its parameters.
+struct FieldSource {
+  const cardan_field_family* family = nullptr;
+  std::vector<double> packed;
+  std::vector<double> prepared;  // for t = 0
+  bool hold = false;             // beyond limits that can hold it goes on; else the step is refused
+};
+/// When a field is asked: t, and what its family prepared for it.
+struct FieldMoment {
+  double t = 0.0;  // [s]
+  const void* prepared = nullptr;
+};
+
 /// Gravity as the sweeps see it, world axes.
 struct GravityField {
   bool uniform = false, central = false;
-  Vec3<double> g{};       // [m/s^2] uniform
-  double mu = 0.0;        // [m^3/s^2] central
-  Vec3<double> centre{};  // [m]
-  bool gradient = true;   // torque on each body and force on its modes
+  Vec3<double> g{};                     // [m/s^2] uniform
+  double mu = 0.0;                      // [m^3/s^2] central
+  Vec3<double> centre{};                // [m]
+  bool gradient = true;                 // torque on each body and force on its modes
+  const FieldSource* source = nullptr;  // a field of a family, that of Model::fields
+  /// Bodies are pulled one by one.
+  bool pulls() const { return central || source; }
 };
 
 struct SweepModel {

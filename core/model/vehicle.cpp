@@ -59,6 +59,8 @@ class VehicleReader {
       read_gravity(*gravity);
     else
       top.note_default("gravity", "none");
+    if (const auto fields = top.find("fields"))
+      for (const auto& [name, value] : named_items(*fields, context_)) read_field(name, value);
     if (const auto bodies = top.require("bodies", "a map of the bodies by name"))
       for (const auto& [name, value] : named_items(*bodies, context_)) read_body(name, value);
     if (const auto devices = top.find("devices"))
@@ -78,14 +80,18 @@ class VehicleReader {
     GravitySpec& gravity = spec_.gravity;
     gravity.at = value.at();
     if (value.node->kind == Kind::scalar) {
-      read_choice(value, {"none"}, "{uniform: [x, y, z]}, {central: {mu: ...}} or", Code::wrong_type, context_);
+      read_choice(value, {"none"}, "{uniform: [x, y, z]}, {central: {mu: ...}}, {field: name} or", Code::wrong_type, context_);
       return;
     }
     MapReader map(value, context_);
-    if (const auto form = map.one({"uniform", "central"})) {
+    if (const auto form = map.one({"uniform", "central", "field"})) {
       if (form->first == 0) {
         gravity.kind = GravitySpec::Kind::uniform;
         gravity.g = read_vector(form->second, "m/s^2", context_);
+      } else if (form->first == 2) {
+        gravity.kind = GravitySpec::Kind::field;
+        gravity.field = read_text(form->second, "the name of a field", context_);
+        gravity.gradient = map.flag("gradient", true);
       } else {
         gravity.kind = GravitySpec::Kind::central;
         MapReader central(form->second, context_);
@@ -96,6 +102,22 @@ class VehicleReader {
       }
     }
     map.finish();
+  }
+
+  void read_field(const std::string& name, const DocRef& value) {
+    MapReader map(value, context_);
+    if (!map.is_map()) return;
+    FieldSpec field;
+    field.name = name;
+    field.at = value.at();
+    field.type = map.text("type", "a field type");
+    const cardan_field_family* family = registry_.field(field.type);
+    if (!family) return spec_.fields.push_back(std::move(field));  // reported by compile(); its keys depend on the type
+    read_params(map, {family->params, family->n_params}, field.params);
+    if (const auto outside = map.find("outside"))
+      field.hold = read_choice(*outside, {"refuse", "hold"}, "what happens beyond its limits:", Code::wrong_type, context_) == 1;
+    map.finish();
+    spec_.fields.push_back(std::move(field));
   }
 
   void read_body(const std::string& name, const DocRef& value) {
@@ -180,6 +202,7 @@ class VehicleReader {
       if (const auto given = map.one({"rate", "period"})) {
         const bool rate = given->first == 0;
         (rate ? device.rate : device.period) = read_number(given->second, rate ? "Hz" : "s", context_);
+        if (const auto offset = map.find("offset")) device.offset = read_number(*offset, "s", context_);
       }
     if (const auto inputs = map.find("inputs")) read_inputs(*inputs, *family, turning, device);
     if (const auto initial = map.find("initial")) {
@@ -201,6 +224,10 @@ class VehicleReader {
       const cardan_port_desc& port = family.ports[i];
       const auto given = port.kind == CARDAN_PORT_IN ? map.find(port.name) : std::nullopt;
       if (!given) continue;
+      if (given->node->kind == Kind::map) {
+        device.inputs[port.name] = read_input(*given, unit_where(turning, port.unit));
+        continue;
+      }
       const std::string& text = given->node->text;
       const bool names = given->node->kind == Kind::scalar && !text.empty() && std::isalpha(static_cast<unsigned char>(text[0])) &&
                          text.find('.') != std::string::npos;
@@ -210,6 +237,35 @@ class VehicleReader {
         device.inputs[port.name] = {read_number(*given, unit_where(turning, port.unit), context_), given->at()};
     }
     map.finish();
+  }
+
+  /// {from: gyro.rate_x, delay: 1}, {sum: [a.torque, b.torque], latency: 30 ms}, {value: 0.1 N m, safe: 0, timeout: 200 ms}.
+  DeviceSpec::Input read_input(const DocRef& value, const std::string& unit) {
+    DeviceSpec::Input input{0.0, value.at()};
+    MapReader map(value, context_);
+    const auto form = map.one({"from", "sum", "value"});
+    if (form && form->first == 0) input.value = read_text(form->second, "an output of a device", context_);
+    if (form && form->first == 2) input.value = read_number(form->second, unit, context_);
+    if (form && form->first == 1) {
+      const DocRef& list = form->second;
+      if (list.node->kind != Kind::list || list.node->items.empty()) {
+        context_.sink.report(Code::wrong_type, list.at(), "a list of outputs of devices", describe(*list.node));
+      } else {
+        input.value = read_text(list.item(0), "an output of a device", context_);
+        std::string sum = std::get<std::string>(input.value);
+        for (std::size_t i = 1; i < list.node->items.size(); ++i) sum += " + " + read_text(list.item(i), "an output of a device", context_);
+        input.value = sum;
+      }
+    }
+    if (form && form->first == 2) {
+      if (const auto safe = map.find("safe")) input.safe = read_number(*safe, unit, context_);
+      input.timeout = map.number("timeout", "s", 0.0);
+    } else {
+      input.delay = map.integer("delay", 0, 0);
+      input.latency = map.number("latency", "s", 0.0);
+    }
+    map.finish();
+    return input;
   }
 
   void read_hinge(const DocRef& value, BodySpec& body) {

@@ -349,7 +349,8 @@ class Column {
       (p.axis == 0 ? part.x : p.axis == 1 ? part.y : part.z) = u[i];
     }
     hinge_laws::add_forces(m_, q.data(), v.data(), tau_.data());
-    soa::Inputs<Tangent> in{.q = q.data(), .v = v.data(), .tau = tau_.data(), .vdot = given_.data(), .wrenches = wrenches_};
+    soa::Inputs<Tangent> in{
+        .q = q.data(), .v = v.data(), .tau = tau_.data(), .vdot = given_.data(), .wrenches = wrenches_, .moment = at_.moment};
     if (scope_.blocks)
       solve(in);
     else if (!forward_dynamics(m_, ws_, in, vdot.data(), with_devices()))

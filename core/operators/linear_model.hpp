@@ -22,6 +22,7 @@ struct OperatingPoint {
   const double* vdot = nullptr;               // of given motions, the others not read; null = 0
   std::span<const NodeWrench> wrenches = {};  // those of devices first, as Simulation::wrenches() has them
   const DeviceForces* devices = nullptr;      // evaluated at the point; null: their loads are held
+  const FieldMoment* moment = nullptr;        // as Inputs::moment
 };
 
 /// Inputs and outputs by name. A name may stand for several; .x, .y, .z behind a node's quantity is one of three. Components of

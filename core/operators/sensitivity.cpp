@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "core/base/poll.hpp"
+#include "core/dynamics/fields.hpp"
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/dynamics/mass_flow.hpp"
 #include "core/operators/apply.hpp"
@@ -52,7 +53,7 @@ Sensitivities::Sensitivities(std::shared_ptr<const Model> model, const TreeOpera
   for (VectorXd* x : {&v_all_, &vdot_all_, &tau_all_, &zeros_}) x->setZero(nv);
   q_t_.resize(model_->nq);
   for (std::vector<Tangent>* x : {&v_t_, &vdot_t_, &tau_t_}) x->assign(nv, Tangent(0.0));
-  if (model_->world || model_->field.central) ws_.require_world();
+  if (model_->world || model_->field.pulls()) ws_.require_world();
 }
 
 const double* Sensitivities::on_model(const VectorXd& x, VectorXd& all) const {
@@ -76,6 +77,7 @@ void Sensitivities::at(const Inputs& in) {
     vdot_[i] = in.vdot ? in.vdot[component_[i]] : 0.0;
   }
   gravity_ = in.gravity;
+  moment_ = kept_moment(*model_, in.moment);
   wrenches_.assign(in.wrenches.begin(), in.wrenches.end());
   wrenches_t_.clear();
   for (const NodeWrench& w : wrenches_) wrenches_t_.push_back({w.node, w.world_axes, {cast<Tangent>(w.f.n), cast<Tangent>(w.f.f)}});
@@ -84,10 +86,14 @@ void Sensitivities::at(const Inputs& in) {
 }
 
 void Sensitivities::evaluate() {
-  inverse_dynamics(
-      *model_, ws_,
-      {.q = q_.data(), .v = on_model(v_, v_all_), .vdot = on_model(vdot_, vdot_all_), .wrenches = wrenches_, .gravity = gravity_},
-      tau_all_.data(), {}, part_.get());
+  inverse_dynamics(*model_, ws_,
+                   {.q = q_.data(),
+                    .v = on_model(v_, v_all_),
+                    .vdot = on_model(vdot_, vdot_all_),
+                    .wrenches = wrenches_,
+                    .gravity = gravity_,
+                    .moment = moment_.get()},
+                   tau_all_.data(), {}, part_.get());
   for (int i = 0; i < size(); ++i) tau_[i] = tau_all_[component_[i]];
   for (const HingeLoad& load : model_->loads)
     if (const int i = place_[load.v]; springs_ && i >= 0) tau_[i] -= hinge_laws::force(load, q_[load.q], v_[i]);
@@ -125,8 +131,10 @@ void Sensitivities::inverse(const Direction& along, double* dtau) {
     v_t_[at] = {v_[i], along.v ? along.v[i] : 0.0};
     vdot_t_[at] = {vdot_[i], along.vdot ? along.vdot[i] : 0.0};
   }
-  inverse_dynamics(m, tangent_, {.q = q_t_.data(), .v = v_t_.data(), .vdot = vdot_t_.data(), .wrenches = wrenches_t_, .gravity = gravity_},
-                   tau_t_.data(), {}, part_.get());
+  inverse_dynamics(
+      m, tangent_,
+      {.q = q_t_.data(), .v = v_t_.data(), .vdot = vdot_t_.data(), .wrenches = wrenches_t_, .gravity = gravity_, .moment = moment_.get()},
+      tau_t_.data(), {}, part_.get());
   for (int i = 0; i < size(); ++i) dtau[i] = tau_t_[component_[i]].d;
   for (const HingeLoad& load : m.loads)
     if (const int i = place_[load.v]; springs_ && i >= 0)
@@ -241,7 +249,7 @@ void Sensitivities::inverse_in_inertia(int body, const RigidInertia<double>& cha
   const BodyMotion<double> moves =
       motion_of_body<double>(m, ws_, {.q = q_.data(), .v = v_all_.data()}, k, vdot_all_.data(), After::inverse);
   const RigidInertia<double> dM = to_inboard(u.pose, change);
-  const Force<double> f = force_of_inertia(m, k, dM, {moves, m.field.central ? ws_.pose_W(k) : Pose<double>{}}, gravity_);
+  const Force<double> f = force_of_inertia(m, k, dM, {moves, m.field.pulls() ? ws_.pose_W(k) : Pose<double>{}}, gravity_, moment_.get());
   // H phi f with f on one body
   const TreeOperators& ops = tree();
   int i = ops.index_of(k);

@@ -95,6 +95,7 @@ class Sensitivities {
   Eigen::VectorXd q_, v_, vdot_, tau_, rate_, masked_, work_;  // but for q and its rate of the hinge space
   Eigen::VectorXd v_all_, vdot_all_, tau_all_, zeros_;         // nv numbers, zero for who takes no part
   std::vector<NodeWrench> wrenches_;
+  std::shared_ptr<const FieldMoment> moment_;  // of gravity that is a field, as it was when at() was called
   std::vector<soa::NodeWrench<soa::Tangent>> wrenches_t_;
   std::vector<soa::Tangent> q_t_, v_t_, vdot_t_, tau_t_;
   Workspace ws_, inertia_;  // of inverse dynamics at the point; P, D, G there

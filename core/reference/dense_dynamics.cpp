@@ -74,12 +74,17 @@ template <class T>
 struct Field {
   Vec3<T> g = Vec3<T>::Zero();
   Mat3<T> gradient = Mat3<T>::Zero();
-  T potential{0};               // [J/kg]
-  Vec3<T> n = Vec3<T>::Zero();  // from the attractor to x, unit length
-  T k{0};                       // 3 mu / (2 r^4)
+  T potential{0};                                                         // [J/kg]
+  Vec3<T> n = Vec3<T>::Zero();                                            // from the attractor to x, unit length
+  T k{0};                                                                 // 3 mu / (2 r^4)
+  Mat3<T> bend[3] = {Mat3<T>::Zero(), Mat3<T>::Zero(), Mat3<T>::Zero()};  // d gradient / dx_j, of a field
 
   T energy(const T& mass, const Mat3<T>& S) const { return mass * potential - (gradient * S).trace() / 2; }
-  Vec3<T> force(const T& mass, const Mat3<T>& S) const { return mass * g + k * (2 * S * n + (S.trace() - 5 * n.dot(S * n)) * n); }
+  Vec3<T> force(const T& mass, const Mat3<T>& S) const {
+    Vec3<T> out = mass * g + k * (2 * S * n + (S.trace() - 5 * n.dot(S * n)) * n);
+    for (int j = 0; j < 3; ++j) out += bend[j] * S.col(j) / 2;
+    return out;
+  }
   /// Sum of m rho x (gradient rho).
   Vec3<T> torque(const Mat3<T>& S) const {
     const Mat3<T> A = S * gradient;
@@ -102,6 +107,28 @@ Field<T> gravity_field(const DenseGravity<T>& spec, const Vec3<T>& x) {
     out.n = d / r;
     out.gradient = spec.mu / r3 * (3 * out.n * out.n.transpose() - Mat3<T>::Identity());
     out.k = 3 * spec.mu / (2 * r3 * r);
+  } else if (spec.kind == GravitySpec::Kind::field) {
+    const auto at = [&](const Vec3<T>& p) {
+      return spec.sample({static_cast<double>(p[0]), static_cast<double>(p[1]), static_cast<double>(p[2])});
+    };
+    const auto gradient_of = [](const std::array<double, 13>& all) {
+      return Mat3<T>(Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(all.data() + 3).template cast<T>());
+    };
+    const std::array<double, 13> here = at(x);
+    out.g = Eigen::Map<const Eigen::Vector3d>(here.data()).template cast<T>();
+    out.potential = T(here[12]);
+    if (!spec.gradient) return out;
+    out.gradient = gradient_of(here);
+    const double size = Eigen::Map<const Eigen::Matrix3d>(here.data() + 3).norm();
+    if (size == 0.0) return out;
+    const double h = 1e-3 * Eigen::Map<const Eigen::Vector3d>(here.data()).norm() / size;  // of the length over which it varies
+    for (int j = 0; j < 3; ++j) {
+      Vec3<T> step = Vec3<T>::Zero();
+      step[j] = T(h);
+      const Mat3<T> near = gradient_of(at(x + step)) - gradient_of(at(x - step)),
+                    far = gradient_of(at(x + 2 * step)) - gradient_of(at(x - 2 * step));
+      out.bend[j] = (8 * near - far) / T(12 * h);
+    }
   }
   return out;
 }
@@ -145,6 +172,8 @@ VecX<T> solve(const MatX<T>& M, const VecX<T>& rhs) {
 
 template <class T>
 DenseTwin<T>::DenseTwin(DenseModel<T> model) : model_(std::make_shared<const DenseModel<T>>(std::move(model))) {
+  if (model_->gravity.kind == GravitySpec::Kind::field && !model_->gravity.sample)
+    cardan::refuse(Code::unsupported, {"gravity.field"}, "DenseGravity::sample, which tells what the field is", "none");
   for (const DenseBody<T>& b : model_->bodies) {
     const auto refuse = [&](const char* expected, const char* got) { cardan::refuse(Code::unsupported, b.hinge.at, expected, got); };
     for (const SpringDamper& s : b.hinge.springs)

@@ -127,7 +127,7 @@ template <class T>
 DenseModel<T> dense_model(const SystemSpec& spec, const ForeignHinges& foreign) {
   DenseModel<T> model;
   const GravitySpec& g = spec.gravity;
-  model.gravity = {g.kind, g.g.cast<T>(), g.centre.cast<T>(), T(g.mu), g.gradient};
+  model.gravity = {g.kind, g.g.cast<T>(), g.centre.cast<T>(), T(g.mu), g.gradient, {}};
   for (const BodySpec& body : spec.bodies) {
     DenseBody<T> b = dense_body<T>(body, foreign);
     b.iq = model.nq;

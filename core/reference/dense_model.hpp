@@ -1,6 +1,7 @@
 #pragma once
 // The system as the twin sees it: every body with its mass points, hinge and nodes as plain data in the scalar T. Made
 // from a SystemSpec; tests that hold more digits than a double replace the numbers afterwards.
+#include <array>
 #include <functional>
 #include <map>
 #include <memory>
@@ -61,6 +62,8 @@ struct DenseGravity {  // as GravitySpec
   Vec3<T> g, centre;
   T mu;
   bool gradient = true;
+  /// Of Kind::field, at a point of the world: a (3), da/dr by rows (9), U; in double, by who makes the twin.
+  std::function<std::array<double, 13>(const std::array<double, 3>&)> sample;
 };
 
 template <class T>

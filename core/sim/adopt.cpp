@@ -38,6 +38,9 @@ void expect_all_of(const Model& before, const ModelMap& map, const Model& after)
     if (a.family->tick && (x.rate != y.rate || x.period != y.period))
       refuse_model("devices." + a.name + ".rate", "the rate that it had", "another one");
   }
+  for (const Model* m : {&before, &after})
+    if (!m->devices.delays.empty() || !m->devices.timeouts.empty())
+      refuse_model("devices", "no inputs with delay, latency or timeout", "some: what they remember hangs on the model");
   for (const Device& d : after.devices.all)
     if (d.family->tick && before.devices.find(d.name) < 0)
       refuse_model("devices." + d.name, "no further device with a sampled part", fmt::format("one of type {}", d.family->type));

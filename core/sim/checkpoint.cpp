@@ -14,7 +14,7 @@ void Simulation::remember(Archive& a) {
   const auto numbers = [](Eigen::VectorXd& x) { return std::span(x.data(), static_cast<std::size_t>(x.size())); };
   a.block("state").finite(state_.t, numbers(state_.q), numbers(state_.v), numbers(state_.z), numbers(state_.marks));
   a.block("commands")(std::span(tau_));
-  if (devices_) a(std::span(devices_->commands));
+  if (devices_) a(std::span(devices_->commands), std::span(delayed_), std::span(last_set_));
   for (NodeWrench& w : wrenches_) a(w.f.n.x, w.f.n.y, w.f.n.z, w.f.f.x, w.f.f.y, w.f.f.z);
   a.block("given motion");
   for (Prescribed& p : prescribed_) a(p.profile, p.given, p.t_0, p.q_0);
@@ -39,6 +39,7 @@ Checkpoint Simulation::checkpoint() {
   make_integrator_once();
   if (!std::exchange(begun_, true)) {
     schedule_.start(state_.t);
+    std::ranges::fill(last_set_, state_.t);
     start_devices();
     begin_ledger();
   }

@@ -1,5 +1,6 @@
 #include "core/sim/description.hpp"
 #include "core/model/device_units.hpp"
+#include "core/model/fields.hpp"
 
 #include <fmt/format.h>
 
@@ -118,6 +119,16 @@ Json ops(const Model& m, const std::vector<soa::OpCost>& costs, bool measured) {
   return all;
 }
 
+/// "a.y + b.y, 1 tick ago", "0.1, 0 after 0.2 s of silence".
+std::string input_text(const DeviceSpec::Input& input) {
+  const auto* source = std::get_if<std::string>(&input.value);
+  std::string text = source ? *source : fmt::format("{:.10g}", std::get<double>(input.value));
+  if (input.delay > 0) text += fmt::format(", {} tick{} ago", input.delay, input.delay > 1 ? "s" : "");
+  if (input.latency > 0.0) text += fmt::format(", {:.10g} s ago", input.latency);
+  if (input.safe) text += fmt::format(", {:.10g} after {:.10g} s of silence", *input.safe, input.timeout);
+  return text;
+}
+
 /// In the order of evaluation; what each reads and gives.
 Json devices(const Model& m) {
   Json all = Json::array();
@@ -126,7 +137,15 @@ Json devices(const Model& m) {
     const Device& d = devices.all[static_cast<std::size_t>(i)];
     const DeviceSpec& spec = m.spec->devices[static_cast<std::size_t>(d.spec)];
     Json mounts = Json::array(), inputs = Json::array(), outputs = Json::array(), states = Json::array();
-    for (const auto& [name, mount] : spec.mounts) mounts.push_back({{"mount", name}, {"at", mount.target}});
+    for (std::uint32_t k = 0; k < d.family->n_mounts; ++k) {
+      const cardan_mount_desc& mount = d.family->mounts[k];
+      const auto given = spec.mounts.find(mount.name);
+      if (mount.kind != CARDAN_MOUNT_FIELD)
+        mounts.push_back({{"mount", mount.name}, {"at", given->second.target}});
+      else
+        mounts.push_back(
+            {{"mount", mount.name}, {"at", d.mounts[k].field < 0 ? "none" : m.fields[static_cast<std::size_t>(d.mounts[k].field)].name}});
+    }
     for (std::uint32_t k = 0; k < d.family->n_ports; ++k) {
       const cardan_port_desc& port = d.family->ports[k];
       if (port.kind == CARDAN_PORT_OUT) {
@@ -134,10 +153,12 @@ Json devices(const Model& m) {
         continue;
       }
       const auto given = spec.inputs.find(port.name);
-      const bool connected = given != spec.inputs.end() && std::holds_alternative<std::string>(given->second.value);
-      inputs.push_back({{"name", port.name},
-                        {"unit", unit_where(turns(m, d), port.unit)},
-                        {"from", connected ? std::get<std::string>(given->second.value) : "commanded"}});
+      std::string from = "commanded";
+      if (given != spec.inputs.end()) {
+        from = input_text(given->second);
+        if (std::holds_alternative<double>(given->second.value)) from = "commanded" + from.substr(std::min(from.size(), from.find(',')));
+      }
+      inputs.push_back({{"name", port.name}, {"unit", unit_where(turns(m, d), port.unit)}, {"from", from}});
     }
     for (std::uint32_t k = 0; k < d.family->n_states; ++k)
       states.push_back({{"name", d.family->states[k].name},
@@ -155,12 +176,33 @@ Json devices(const Model& m) {
   return all;
 }
 
+Json fields(const Model& m) {
+  Json all = Json::array();
+  for (const Field& field : m.fields) {
+    const FieldSource& s = *field.source;
+    const cardan_field_family& f = *s.family;
+    Json limits = Json::array(), readers = Json::array();
+    for (std::uint32_t i = 0; i < f.n_limits; ++i)
+      limits.push_back({{"name", f.limits[i].name}, {"outside", s.hold && f.limits[i].holds ? "hold" : "refuse"}});
+    if (m.field.source == &s) readers.push_back("gravity of bodies");
+    for (const Device& d : m.devices.all)
+      for (const DeviceMount& mount : d.mounts)
+        if (mount.field >= 0 && &m.fields[static_cast<std::size_t>(mount.field)] == &field) readers.push_back(d.name);
+    all.push_back({{"name", field.name},
+                   {"type", f.type},
+                   {"quantity", quantity_text(f.quantity)},
+                   {"limits", limits},
+                   {"gradient", f.facts & CARDAN_FIELD_GRADIENT ? "exact" : "by differences"},
+                   {"read_by", readers}});
+  }
+  return all;
+}
+
 Json not_modelled(const Model& m) {
   std::vector<std::string> all;
   if (m.gravity.kind == GravitySpec::Kind::none) all.emplace_back("gravity: none");
   if (m.gravity.kind == GravitySpec::Kind::uniform) all.emplace_back("gravity: uniform, no gradient");
-  if (m.gravity.kind == GravitySpec::Kind::central && !m.gravity.gradient)
-    all.emplace_back("gravity gradient: none, the force acts at the mass centres");
+  if (m.field.pulls() && !m.gravity.gradient) all.emplace_back("gravity gradient: none, the force acts at the mass centres");
   for (const BodySpec& b : m.spec->bodies) {
     if (!b.modal || b.modal->n_modes == 0) continue;
     if (b.level == 0) all.push_back(b.name + ": deformation does not change its inertia (level 0)");
@@ -179,7 +221,8 @@ Json not_modelled(const Model& m) {
   if (!m.devices.all.empty()) all.emplace_back("devices in the modes of the whole: their stiffness is left out there (linearize has it)");
   if (!m.varies.empty())
     all.emplace_back("propellant that moves in its tank, and what it takes to start and stop its flow (slosh: pendulums on hinges)");
-  all.emplace_back("forces of the environment: atmosphere, sunlight, magnetic field");
+  all.emplace_back(m.fields.empty() ? "forces of the environment: atmosphere, sunlight, magnetic field"
+                                    : "forces of the environment, beyond what fields and devices say");
   return all;
 }
 
@@ -240,6 +283,7 @@ std::pair<std::string, std::string> load_text(const HingeLoad& s, bool slides) {
 std::string gravity_text(const GravitySpec& g) {
   if (g.kind == GravitySpec::Kind::none) return "none";
   if (g.kind == GravitySpec::Kind::uniform) return fmt::format("uniform [{:g}, {:g}, {:g}] m/s^2", g.g.x(), g.g.y(), g.g.z());
+  if (g.kind == GravitySpec::Kind::field) return fmt::format("field {}, gradient {}", g.field, g.gradient ? "on" : "off");
   return fmt::format("central, mu = {:.10g} m^3/s^2, gradient {}", g.mu, g.gradient ? "on" : "off");
 }
 
@@ -313,6 +357,18 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
     add("gravity.central.centre", text_of(g.centre) + " m");
     add("gravity.central.gradient", g.gradient ? "true" : "false");
   }
+  if (g.kind == GravitySpec::Kind::field) {
+    add("gravity.field", g.field);
+    add("gravity.gradient", g.gradient ? "true" : "false");
+  }
+  for (std::size_t i = 0; i < m.fields.size(); ++i) {
+    const FieldSpec& f = m.spec->fields[i];
+    const std::string path = "fields." + f.name + ".";
+    add(path + "type", f.type);
+    add(path + "outside", f.hold ? "hold" : "refuse");
+    for (const auto& [name, value] : f.params)
+      add(path + name, text_of(value) + parameter_unit(schema_of(m.fields[i].source->family), name));
+  }
   for (std::size_t i = 0; i < m.user.size(); ++i) {
     const UserBody& u = m.user[i];
     const BodySpec& b = m.spec->bodies[i];
@@ -363,10 +419,8 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
     add(path + "type", d.family->type);
     for (const auto& [name, mount] : spec.mounts) add(path + name, mount.target);
     for (const auto& [name, value] : spec.params) add(path + name, text_of(value) + parameter_unit(schema, name));
-    for (const auto& [name, input] : spec.inputs)
-      add(path + "inputs." + name, std::holds_alternative<std::string>(input.value)
-                                       ? std::get<std::string>(input.value)
-                                       : fmt::format("{:.10g}", std::get<double>(input.value)));
+    if (spec.offset != 0.0) add(path + "offset", fmt::format("{:.10g} s", spec.offset));
+    for (const auto& [name, input] : spec.inputs) add(path + "inputs." + name, input_text(input));
     for (const auto& [name, value] : spec.initial) add(path + "initial." + name, text_of(value));
   }
   return all;
@@ -399,6 +453,7 @@ Json describe(Simulation& sim, bool measured, int n_modes) {
           {"modes", modes(m)},
           {"system_modes", n_modes > 0 ? system_modes(sim, n_modes) : Json()},
           {"gravity", gravity_text(m.gravity)},
+          {"fields", fields(m)},
           {"devices", devices(m)},
           {"program", program_text(m, costs, measured)},
           {"workspace_bytes", soa::workspace_bytes(m)},

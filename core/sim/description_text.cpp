@@ -76,6 +76,19 @@ std::string description_text(const Json& d) {
                          100.0 * mode["damping"].get<double>(), part(mode["kinetic"]), part(mode["strain"]));
   }
 
+  const Json fields = d.value("fields", Json::array());
+  if (!fields.empty()) out += "\nfields\n";
+  for (const Json& f : fields) {
+    std::string limits;
+    for (const Json& l : f["limits"])
+      limits += fmt::format("{}{}: {}", limits.empty() ? "; beyond " : ", ", l["name"].get<std::string>(), l["outside"].get<std::string>());
+    out += fmt::format("  {:<18}{:<24}{}, read by {}{}\n", f["name"].get<std::string>(), f["type"].get<std::string>(),
+                       f["quantity"].get<std::string>(), f["read_by"].empty() ? std::string("nobody") : listed(f["read_by"]), limits);
+  }
+  for (const Json& device : d.value("script_devices", Json::array()))
+    if (device["in_step"].get<bool>())
+      out += fmt::format("\n{}: in the right-hand side, {:.2g} us a call ({} so far)\n", device["type"].get<std::string>(),
+                         device["us"].get<double>(), device["calls"].get<long>());
   const Json devices = d.value("devices", Json::array());
   if (!devices.empty()) out += "\ndevices, in the order of evaluation\n";
   for (const Json& device : devices) {

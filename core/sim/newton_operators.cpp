@@ -81,7 +81,8 @@ bool NewtonOperators::jacobian_times(const soa::Inputs<double>& in, const double
                                    .tau = tau_t_.data(),
                                    .vdot = vdot_given_t_.data(),
                                    .wrenches = wrenches_t_,
-                                   .gravity = in.gravity};
+                                   .gravity = in.gravity,
+                                   .moment = in.moment};
   if (devices_) {
     for (int i = 0; i < m.devices.n_z; ++i) z_t_[i] = {0.0, dv[m.nv + i]};  // their values are those of the last evaluation
     devices_->set({0.0, z_t_.data(), nullptr, tau_t_.data(), wrenches_t_.data()});

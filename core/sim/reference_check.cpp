@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -10,6 +11,7 @@
 
 #include "core/reference/dense_dynamics.hpp"
 #include "core/reference/quad.hpp"
+#include "core/soa/field_pull.hpp"
 
 // The twin solves a dense mass matrix and loses digits where masses differ by many orders and the sweeps do not. So it is
 // never blamed in double alone: what disagrees there, or is ill-conditioned, is formed once more in 113 bits (some hundred
@@ -49,6 +51,26 @@ ForeignHinges foreign_hinges(const Model& m) {
     all[u.hinge_type] = ForeignHinge{static_cast<int>(u.hinge->nq), static_cast<int>(u.hinge->nv), motion};
   }
   return all;
+}
+
+/// Gravity that is a field, as its family gives it at the time of the simulation: what the twin has of its own is all that follows of it.
+std::array<double, 13> sampled(const Model& m, const FieldMoment* at, const std::array<double, 3>& x) {
+  std::array<double, 13> out{};
+  double a[3], G[9], values[CARDAN_FIELD_NUMBERS];
+  soa::detail::acceleration(m.field, at, x.data(), a, G);
+  std::copy_n(a, 3, out.begin()), std::copy_n(G, 9, out.begin() + 3);
+  const cardan_field_args args{sizeof args, at->t, m.field.source->packed.data(), at->prepared};
+  m.field.source->family->evaluate(&args, 1, x.data(), values, nullptr);
+  out[12] = values[3];
+  return out;
+}
+
+template <class T>
+reference::DenseTwin<T> twin_of(Simulation& sim, const ForeignHinges& foreign, const SystemSpec& spec) {
+  reference::DenseModel<T> model = reference::dense_model<T>(spec, foreign);
+  if (sim.model().field.source)
+    model.gravity.sample = [&sim](const std::array<double, 3>& x) { return sampled(sim.model(), sim.gravity_moment(), x); };
+  return reference::DenseTwin<T>(std::move(model));
 }
 
 constexpr char kPath[] = "reference/difference";
@@ -124,7 +146,8 @@ SystemSpec weighed(Simulation& sim) {
 /// The twin in double and, where that is not enough to blame anybody, in 113 bits: made when it is first asked for.
 class Judge {
  public:
-  explicit Judge(const Model& m) : foreign_(foreign_hinges(m)), twin_(*m.spec, foreign_) {
+  explicit Judge(Simulation& sim) : foreign_(foreign_hinges(sim.model())), twin_(twin_of<double>(sim, foreign_, *sim.model().spec)) {
+    const Model& m = sim.model();
     for (std::size_t i = 0; i < m.user.size(); ++i)  // what a plugin makes of modal data is not known to the twin
       if (const UserBody& u = m.user[i]; u.n_modes > 0 && u.family_origin != "built-in")
         refuse(Code::unsupported, m.spec->bodies[i].at, "a body with modes of a built-in type, which the dense twin knows", u.type);
@@ -133,7 +156,7 @@ class Judge {
     if (sim.model().nv == 0) return 0.0;  // nothing can move
     const bool varies = !sim.model().varies.empty();
     const SystemSpec now = varies ? weighed(sim) : SystemSpec();
-    if (varies) twin_ = reference::DenseTwin<double>(now, foreign_), exact_.reset();
+    if (varies) twin_ = twin_of<double>(sim, foreign_, now), exact_.reset();
     bool sound = false;
     double apart = HUGE_VAL;
     try {
@@ -142,7 +165,7 @@ class Judge {
       sound = false;
     }
     if (sound && apart < kSure) return apart;
-    if (!exact_) exact_.emplace(varies ? now : *sim.model().spec, foreign_);
+    if (!exact_) exact_.emplace(twin_of<reference::Quad>(sim, foreign_, varies ? now : *sim.model().spec));
     return cardan::difference(sim, *exact_, sound);
   }
 
@@ -155,7 +178,7 @@ class Judge {
 }  // namespace
 
 Output reference_output(Simulation& sim) {
-  const auto judge = std::make_shared<Judge>(sim.model());
+  const auto judge = std::make_shared<Judge>(sim);
   return {{kPath, {"difference"}, "1", "", "largest difference of v' from the dense twin, relative"},
           [&sim, judge](double* x) { *x = judge->difference(sim); }};
 }

@@ -58,7 +58,13 @@ void Simulation::build() {
     if (m.user[i].nv < 6) world_rates_ = true;
   }
   observer_ = std::make_unique<Observer>(m, workspace_);
-  devices_.reset(), on_trial_.reset(), beside_.reset();
+  fields_.reset();
+  moment_ = nullptr;
+  if ((gravity_field_ = field_of_gravity(m)) >= 0) {
+    fields_ = std::make_unique<FieldMoments>(m);
+    moment_ = &fields_->at(gravity_field_, state_.t);
+  }
+  devices_.reset(), on_trial_.reset(), beside_.reset(), holding_.reset();
   stores_ = false;
   wrenches_.assign(static_cast<std::size_t>(m.devices.n_loads), {});
   if (m.devices.all.empty()) return;
@@ -67,7 +73,8 @@ void Simulation::build() {
     for (const DeviceMount& mount : d.mounts)
       if (mount.node >= 0 && (mount.use & CARDAN_USE_LOAD) != 0) wrenches_[static_cast<std::size_t>(mount.load)].node = mount.node;
   stores_ = std::ranges::any_of(m.devices.all, [](const Device& d) { return d.family->momentum != nullptr; });
-  holding_.reset();
+  resolve_delays();
+  last_set_.assign(m.devices.timeouts.size(), 0.0);
   if (!m.devices.holds.empty()) holding_ = std::make_unique<Holding>(m, own_.get());
   if (m.devices.n_roots == 0) return;
   on_trial_ = std::make_unique<DeviceForces>(m);
@@ -124,6 +131,14 @@ void Simulation::expect_finite(const std::vector<double>& x) {
 
 /// What the sweeps know about a step that the integrator gave up.
 RunFailure Simulation::explain(const RunFailure& failure) const {
+  if (const std::string told = gravity_stopped_.empty() ? told_of_gravity() : gravity_stopped_; !told.empty())
+    return {Code::field_failed,
+            state_.t,
+            "",
+            "",
+            told,
+            "where the vehicle is may be outside of what the field knows: another field, or `outside: hold` where it can hold",
+            ""};
   if (breakdown_.body != 0) {
     RunFailure f = describe_breakdown(*model_, breakdown_, state_.t);
     if (!std::isfinite(breakdown_.value)) f.code = Code::not_finite;
@@ -160,6 +175,7 @@ void Simulation::take_over(const Simulation& other) {
   tau_total_ = other.tau_;
   prescribed_ = other.prescribed_;
   if (devices_ && other.devices_) devices_->commands = other.devices_->commands;
+  if (delayed_.size() == other.delayed_.size()) delayed_ = other.delayed_;
   for (std::size_t i = 0; i < std::min(wrenches_.size(), other.wrenches_.size()); ++i) wrenches_[i].f = other.wrenches_[i].f;
 }
 
@@ -337,6 +353,8 @@ void Simulation::set_wrench(int slot, const Force<double>& f) {
 
 void Simulation::set_device_input(int i, double value) {
   double& command = devices_->commands[static_cast<std::size_t>(i)];
+  for (std::size_t k = 0; k < last_set_.size(); ++k)
+    if (model_->devices.timeouts[k].input == i) last_set_[k] = state_.t;
   if (command == value) return;
   command = value;
   const auto& all = model_->devices.all;
@@ -424,9 +442,12 @@ OdeProblem Simulation::ode() {
     };
   if (options_.integrator.linear_solver != "krylov") return ode;
   newton_ = std::make_unique<NewtonOperators>(model_, devices_.get());
+  x_evaluated_.resize(static_cast<std::size_t>(ode.n));
   ode.jacobian_times = [this](double t, const double* x, const double* dx, double* J_dx) {
     const double *q = with_given_motion(t, x), *v = q + model_->nq;
-    if (devices_ && !evaluate(t, std::min(t, stretch_), q, vdot_.data())) return false;  // for their values
+    // For their values, which the right-hand side at this very state has left behind for all directions.
+    const bool known = t_evaluated_ == t && std::equal(x_evaluated_.begin(), x_evaluated_.end(), q);
+    if (devices_ && !known && !evaluate(t, std::min(t, stretch_), q, vdot_.data())) return false;
     if (!devices_) apply_forces(t, std::min(t, stretch_), q, v);
     return newton_->jacobian_times(inputs(q, v), dx, J_dx);
   };
@@ -462,12 +483,72 @@ void Simulation::integrands(double t, const double* x, double* ydot) {
     e.force -= to_eigen(f.f), e.moment -= to_eigen(f.n);
   }
   if (own_) {
-    const LeavingMass out = devices_->leaving();
+    const LeavingMass out = devices_->leaving(moment_);
     e.force += to_eigen(out.momentum.f), e.moment += to_eigen(out.momentum.n);
     e.power += out.power;
   }
   for (int i = 0; i < 3; ++i) ydot[i] = e.force[i], ydot[3 + i] = e.moment[i];
   ydot[6] = e.power + (devices_ ? devices_->unseen_power() : 0.0);
+}
+
+/// "field earth (acme/oblate): earth is asked beyond its limit inside: ..."; empty where nothing is wrong with it in the last evaluation.
+std::string Simulation::told_of_gravity() const {
+  for (std::size_t k = 1; gravity_field_ >= 0 && k < model_->bodies.size(); ++k) {
+    const Field& field = model_->fields[static_cast<std::size_t>(gravity_field_)];
+    const int beyond = gravity_beyond(static_cast<int>(k));
+    const std::string told = beyond == -1 ? fmt::format("gravity of {} is not finite", field.name) : told_beyond(field, beyond);
+    if (!told.empty()) return fmt::format("field {} ({}): {}", field.name, field.source->family->type, told);
+  }
+  return {};
+}
+
+/// After a step: no motion goes on beyond what its fields know. Where they know no value beyond, smaller steps come nearer to the limit for
+/// ever: after some that had to be made smaller it ends there.
+void Simulation::expect_within_fields() {
+  const FieldFault* tried = devices_ ? devices_->tried_limit() : nullptr;
+  const bool near = !gravity_stopped_.empty() || tried;
+  constexpr int kMost = 50;
+  if (near && ++limited_steps_ > kMost && !gravity_stopped_.empty()) fail(explain({}));
+  const FieldFault* passed = devices_ ? devices_->passed_limit() : nullptr;
+  if (!passed && limited_steps_ > kMost) passed = tried;
+  if (passed) {
+    const Device& d = model_->devices.all[static_cast<std::size_t>(passed->device)];
+    fail({Code::device_failed, state_.t, "", "", fmt::format("device {} ({}): {}", d.name, d.family->type, passed->what),
+          "another field, or `outside: hold` where it can hold", ""});
+  }
+  if (!near) return;
+  gravity_stopped_.clear();
+  if (devices_) devices_->forget_limit();
+}
+
+/// Fields that gave what they have at the end of what they know, at an accepted state.
+void Simulation::say_held_fields() {
+  for (std::size_t i = 0; i < model_->fields.size(); ++i) {
+    const Field& field = model_->fields[i];
+    if (!field.source->hold) continue;
+    int beyond = devices_ ? devices_->held_fields()[i] : 0;
+    if (static_cast<int>(i) == gravity_field_)
+      for (std::size_t k = 1; k < model_->bodies.size(); ++k) beyond |= gravity_beyond(static_cast<int>(k));
+    if (beyond != 0)
+      warn(Code::field_held, model_->spec->locate(fmt::format("fields.{}.outside", field.name)), held_text(field, beyond),
+           "outside: refuse ends the run there");
+  }
+}
+
+/// Bits of limits of the field of gravity, at the mass centre of a sweep body in the last evaluation; -1: it is not finite there.
+int Simulation::gravity_beyond(int k) const {
+  if (!workspace_.has_world() || model_->bodies[static_cast<std::size_t>(k)].kind == BodyKernel::rotor) return 0;
+  const FieldSource& f = *model_->field.source;
+  const SweepBody& b = model_->bodies[static_cast<std::size_t>(k)];
+  const RigidInertia<double>& M = b.n_modes > 0 ? workspace_.modal_of(k)->M_rr : b.M;
+  if (!(M.m > 0.0)) return 0;
+  const Pose<double>& body = workspace_.pose_W(k);
+  const Vec3<double> p = body.p + body.R * ((1.0 / M.m) * M.h);
+  const double point[3] = {p.x, p.y, p.z};
+  double value[CARDAN_FIELD_NUMBERS];
+  const cardan_field_args args{sizeof args, moment_->t, f.packed.data(), moment_->prepared};
+  const int beyond = f.family->evaluate(&args, 1, point, value, nullptr);
+  return all_finite(value, 3) ? beyond : -1;
 }
 
 const Observer& Simulation::observe() {
@@ -479,6 +560,7 @@ const Observer& Simulation::observe() {
     if (!evaluate(state_.t, state_.t, x.data(), vdot_.data())) fail(explain({Code::not_finite, state_.t, "", "", "", "", ""}));
     observer_->update(inputs(state_.q.data(), state_.v.data()), vdot_.data());
     if (devices_ && !devices_->complete(workspace_, inputs(state_.q.data(), state_.v.data()))) fail(explain({}));
+    say_held_fields();
     observed_ = true;
   }
   return *observer_;
@@ -559,14 +641,112 @@ void Simulation::sample_devices(bool with_inputs) {
   for (const int i : model_->devices.order) {
     const Device& d = model_->devices.all[static_cast<std::size_t>(i)];
     if (!d.family->tick || (d.n_in > 0) != with_inputs) continue;
-    const DeviceSpec& spec = model_->spec->devices[static_cast<std::size_t>(d.spec)];
-    const std::string path = "devices." + d.name;
-    const Rational period = spec.rate > 0.0 ? period_from_hertz(spec.rate, model_->spec->locate(path + ".rate"))
-                                            : period_from_seconds(spec.period, model_->spec->locate(path + ".period"));
+    Rational offset;
+    const Rational period = period_of(d, &offset);
     const double seconds = static_cast<double>(period.numerator) / static_cast<double>(period.denominator);
     noise_.resize(std::max<std::size_t>(noise_.size(), d.family->n_noise));
     const auto id = static_cast<std::size_t>(id_of(now_.device, i));
-    every(period, [this, id, seconds] { tick_device(now_.device[id], seconds); });
+    every(
+        period, [this, id, seconds] { shift_delays(now_.device[id]), tick_device(now_.device[id], seconds); }, offset);
+  }
+  if (!with_inputs) return;
+  // After all ticks of an instant: what is taken later is what outputs are now.
+  for (std::size_t i = 0; i < model_->devices.all.size(); ++i)
+    if (std::ranges::any_of(model_->devices.delays, [&](const DelayLine& line) { return line.clock == static_cast<int>(i); })) {
+      Rational offset;
+      const Rational period = period_of(model_->devices.all[i], &offset);
+      every(
+          period, [this, i] { sample_delays(static_cast<int>(i)); }, offset);
+    }
+}
+
+Rational Simulation::period_of(const Device& d, Rational* offset) const {
+  const DeviceSpec& spec = model_->spec->devices[static_cast<std::size_t>(d.spec)];
+  const std::string path = "devices." + d.name;
+  if (offset && spec.offset != 0.0) {
+    const auto at = model_->spec->locate(path + ".offset");
+    const auto exact = to_rational(spec.offset);
+    if (!(spec.offset > 0.0) || !exact || exact->numerator > Rational::kLargest)
+      refuse(Code::out_of_range, at, "a time >= 0 that is a ratio of whole numbers", fmt::format("{:g} s", spec.offset));
+    *offset = *exact;
+  }
+  return spec.rate > 0.0 ? period_from_hertz(spec.rate, model_->spec->locate(path + ".rate"))
+                         : period_from_seconds(spec.period, model_->spec->locate(path + ".period"));
+}
+
+/// A latency in ticks; the memory of all lines.
+void Simulation::resolve_delays() {
+  lines_.clear(), delayed_.clear();
+  for (const DelayLine& line : model_->devices.delays) {
+    const Device& clock = model_->devices.all[static_cast<std::size_t>(line.clock)];
+    int ticks = line.ticks;
+    if (ticks == 0) {
+      const Rational period = period_of(clock, nullptr);
+      const double tick = static_cast<double>(period.numerator) / static_cast<double>(period.denominator);
+      const auto latency = to_rational(line.latency);
+      // latency / period = (a d) / (b n), whole
+      constexpr std::int64_t kMost = 1'000'000;
+      const std::int64_t above = latency ? latency->numerator * period.denominator : 1,
+                         below = latency ? latency->denominator * period.numerator : 0;
+      if (below == 0 || above % below != 0 || above / below > kMost) {
+        const double nearest = std::max(1.0, std::round(line.latency / tick));
+        refuse(Code::bad_connection, model_->spec->locate(told_input(line.input) + ".latency"),
+               fmt::format("a whole number of ticks of {}, {:g} s each, at most {}", clock.name, tick, kMost),
+               fmt::format("{:g} s", line.latency), fmt::format("{:g} s, or another rate of {}", nearest * tick, clock.name));
+      }
+      ticks = static_cast<int>(above / below);
+    }
+    lines_.push_back({ticks, static_cast<int>(delayed_.size())});
+    delayed_.insert(delayed_.end(), static_cast<std::size_t>(ticks), line.fallback);
+  }
+}
+
+/// "devices.wheel.inputs.torque".
+std::string Simulation::told_input(int input) const {
+  for (const Device& d : model_->devices.all) {
+    int k = input - d.in;
+    if (k < 0 || k >= d.n_in) continue;
+    for (std::uint32_t i = 0; i < d.family->n_ports; ++i)
+      if (d.family->ports[i].kind == CARDAN_PORT_IN && k-- == 0)
+        return fmt::format("devices.{}.inputs.{}", d.name, d.family->ports[i].name);
+  }
+  return "devices";
+}
+
+/// At a tick of its clock a line gives its oldest number, until the next.
+void Simulation::shift_delays(int clock) {
+  for (std::size_t i = 0; i < lines_.size(); ++i) {
+    const DelayLine& line = model_->devices.delays[i];
+    if (line.clock != clock) continue;
+    double* first = delayed_.data() + lines_[i].first;
+    set_device_input(line.input, *first);
+    std::copy(first + 1, first + lines_[i].ticks, first);
+  }
+}
+void Simulation::sample_delays(int clock) {
+  for (std::size_t i = 0; i < lines_.size(); ++i) {
+    const DelayLine& line = model_->devices.delays[i];
+    if (line.clock != clock) continue;
+    observe();
+    double sum = 0.0;
+    for (const int out : line.outs) sum += devices_->output(out);
+    delayed_[static_cast<std::size_t>(lines_[i].first + lines_[i].ticks - 1)] = sum;
+  }
+}
+
+namespace {
+/// [s] when a command that was set at t is too old: later than a tick that comes after just `timeout`, whatever rounding did to both.
+double due(double t, double timeout) { return (t + timeout) * (1.0 + 4.0 * std::numeric_limits<double>::epsilon()); }
+}  // namespace
+
+/// After the ticks of an instant.
+void Simulation::expire_commands() {
+  for (std::size_t k = 0; k < last_set_.size(); ++k) {
+    const CommandTimeout& timeout = model_->devices.timeouts[k];
+    if (state_.t < due(last_set_[k], timeout.timeout)) continue;
+    set_device_input(timeout.input, timeout.safe);
+    last_set_[k] = std::numeric_limits<double>::infinity();
+    if (recorder_) recorder_->note(Note::event, state_.t, {told_input(timeout.input), "timeout"});
   }
 }
 
@@ -685,6 +865,7 @@ bool Simulation::device_events(std::span<const int> crossed) {
 double Simulation::next_corner() const {
   double t = std::numeric_limits<double>::infinity();
   for (const auto& p : prescribed_) t = std::min(t, p.profile.next_corner(state_.t));
+  for (std::size_t k = 0; k < last_set_.size(); ++k) t = std::min(t, due(last_set_[k], model_->devices.timeouts[k].timeout));
   return t;
 }
 

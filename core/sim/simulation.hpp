@@ -103,6 +103,8 @@ class Simulation {
   std::span<const NodeWrench> wrenches() const { return wrenches_; }
   /// An input of a device, index as in Devices::in0; commands of one that is connected are not read. A device that acts starts anew.
   void set_device_input(int i, double value);
+  /// Of gravity that is a field, at the present state; null: it is none.
+  const FieldMoment* gravity_moment() { return observe(), moment_; }
   /// Evaluated at the present state; null where there are none.
   const DeviceForces* devices() { return devices_ ? (observe(), devices_.get()) : nullptr; }
   double device_input(int i) const { return devices_->input(i); }
@@ -173,7 +175,19 @@ class Simulation {
   bool device_events(std::span<const int> crossed);
   void sample_devices(bool with_inputs);
   void tick_device(int device, double period);
-  Inputs inputs(const double* q, const double* v) const { return {q, v, tau_total_.data(), vdot_given_.data(), wrenches_}; }
+  Rational period_of(const Device& device, Rational* offset) const;
+  std::string told_input(int input) const;
+  void resolve_delays();
+  void shift_delays(int clock);
+  void sample_delays(int clock);
+  void expire_commands();
+  Inputs inputs(const double* q, const double* v) const {
+    return {.q = q, .v = v, .tau = tau_total_.data(), .vdot = vdot_given_.data(), .wrenches = wrenches_, .moment = moment_};
+  }
+  int gravity_beyond(int sweep_body) const;
+  std::string told_of_gravity() const;
+  void expect_within_fields();
+  void say_held_fields();
   void make_integrator_once();
   void remember(Archive& archive);
   void start_anew(Archive& archive);
@@ -200,12 +214,20 @@ class Simulation {
   State state_;
   Workspace workspace_;
   std::unique_ptr<Observer> observer_;
+  std::unique_ptr<FieldMoments> fields_;  // of gravity that is a field; null: it is none
+  int gravity_field_ = -1;
+  int limited_steps_ = 0;                    // that a limit of a field made smaller
+  std::string gravity_stopped_;              // beyond which limit gravity was asked in a step; empty: it was not
+  const FieldMoment* moment_ = nullptr;      // at the time of the last evaluation
   std::unique_ptr<DeviceForces> devices_;    // null: there are none
   bool stores_ = false;                      // some of them store momentum
   std::unique_ptr<DeviceForces> on_trial_;   // for their roots at trial states; null: there are none
   std::unique_ptr<Holding> holding_;         // of components that devices hold; null: there are none
   std::unique_ptr<Workspace> beside_;        // ... where they read nodes
   std::unique_ptr<NewtonOperators> newton_;  // where the linear solver asks for them
+  double t_evaluated_ =
+      std::numeric_limits<double>::quiet_NaN();  // with newton_ and devices: where devices were evaluated last in this step
+  std::vector<double> x_evaluated_;
   std::unique_ptr<Integrator> integrator_;
   IntegratorStatistics of_former_models_;
   int adopted_ = 0;  // models, in the run
@@ -214,6 +236,12 @@ class Simulation {
   std::int64_t tick_ = 0;        // how-manieth of the task that runs
   bool actuators_tick_ = false;  // devices with inputs are on the schedule: after all tasks before record() or run()
   std::vector<double> noise_;
+  struct Line {
+    int ticks, first;  // of DelayLine: how many, and where its numbers begin
+  };
+  std::vector<Line> lines_;
+  std::vector<double> delayed_;   // line by line, the oldest first
+  std::vector<double> last_set_;  // [s] of Devices::timeouts; infinite: it is at its safe value
   std::vector<Event> events_;
   struct Limit {
     int q;

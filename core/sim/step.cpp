@@ -16,6 +16,7 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
   if (!begun_) {
     begun_ = true;
     schedule_.start(state_.t);
+    std::ranges::fill(last_set_, state_.t);
     start_devices();
     begin_ledger();
     foresee_stiffness(t_end);
@@ -24,6 +25,7 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
   looked_at_ = steps_, t_looked_at_ = state_.t;
   while (!stopped_) {
     if (schedule_.time() <= state_.t) tick();  // controllers, then outputs, in the order they were registered
+    expire_commands();
     if (next_model_) take_in();
     if (stopped_ || state_.t >= t_end) break;
     step(std::min({t_end, schedule_.time(), next_corner()}));
@@ -45,6 +47,7 @@ void Simulation::step(double t_stop) {
   }
   breakdown_ = {};
   bad_rate_ = -1;
+  t_evaluated_ = std::numeric_limits<double>::quiet_NaN();  // commands may be others
   const double corner = next_corner();
   StepReport report;
   stretch_ = state_.t;
@@ -58,6 +61,7 @@ void Simulation::step(double t_stop) {
   expect_finite(x_);
   state_.t = report.t;
   unpack(x_.data());
+  if (!model_->fields.empty()) expect_within_fields();
   observed_ = ledger_known_ = false;
   if (report.stiff) say_stiff();
   if (report.event) handle_events(report.crossed);
@@ -83,6 +87,8 @@ bool Simulation::rhs(double t, const double* x, double* xdot) {
 
 // Of actuators and hinge loads; v' of prescribed motions.
 void Simulation::apply_forces(double t, double since, const double* q, const double* v) {
+  t_evaluated_ = std::numeric_limits<double>::quiet_NaN();
+  if (fields_) moment_ = &fields_->at(gravity_field_, t);
   for (const HingeLoad& load : model_->loads) tau_total_[static_cast<std::size_t>(load.v)] = tau_[static_cast<std::size_t>(load.v)];
   if (devices_) tau_total_ = tau_;  // they add theirs during the sweeps
   hinge_laws::add_forces(*model_, q, v, tau_total_.data());
@@ -97,12 +103,17 @@ bool Simulation::evaluate(double t, double since, const double* x, double* vdot)
   if (!forward_dynamics(*model_, workspace_, inputs(q, v), vdot, devices_.get())) {
     breakdown_ = workspace_.breakdown;
     culprit_ = plugin_without_numbers(*model_, q, v);
+    if (gravity_stopped_.empty()) gravity_stopped_ = told_of_gravity();
     return false;
   }
   if (own_) devices_->note_motions(workspace_, inputs(q, v));
-  if (all_finite(vdot, model_->nv)) return true;
+  if (all_finite(vdot, model_->nv)) {
+    if (!x_evaluated_.empty()) std::copy_n(x, x_evaluated_.size(), x_evaluated_.begin()), t_evaluated_ = t;
+    return true;
+  }
   bad_rate_ = first_not_finite(vdot, model_->nv);
   vdot_bad_ = vdot[bad_rate_];
+  if (gravity_stopped_.empty()) gravity_stopped_ = told_of_gravity();
   culprit_ = plugin_without_numbers(*model_, q, v);
   return false;
 }

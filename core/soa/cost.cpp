@@ -76,7 +76,7 @@ std::vector<OpCost> op_costs(const Model& model, const State& state, std::span<c
     OpCost cost;
     const Run* run = op.run >= 0 ? &model.runs[op.run] : nullptr;
     cost.bodies = run ? run->end - run->begin : static_cast<int>(model.bodies.size()) - 1;
-    cost.name = name_of(op.code);
+    cost.name = op.code == OpCode::central_gravity && model.field.source ? "gravity of a field" : name_of(op.code);
     run_op(model, op, S, ws, in, vdot.data());
     if (op.code == OpCode::devices) {
       const Devices& d = model.devices;

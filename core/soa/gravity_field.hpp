@@ -1,8 +1,10 @@
 #pragma once
-// The pull of a point attractor on a rigid inertia.
+// The pull of a point attractor, or of a field of a family, on a rigid inertia.
 #include <cmath>
 
 #include "core/model/sweep_model.hpp"
+#include "core/soa/field_pull.hpp"
+#include "core/soa/record.hpp"
 #include "core/spatial/inertia.hpp"
 
 namespace cardan::soa {
@@ -33,10 +35,29 @@ static Force<T> attraction(const GravityField& g, const T& m, const Sym3<T>& J, 
   }
   return {torque, force};
 }
-/// The same at the origin of the body, body axes. Gives back c, the mass centre, and r.
+/// Moments of inertia about the mass centre c.
 template <class T>
-static Force<T> attraction(const GravityField& g, const RigidInertia<T>& M, const Pose<T>& body_W, Vec3<T>& c, Vec3<T>& r) {
+static Sym3<T> about_centre(const RigidInertia<T>& M, const Vec3<T>& c) {
+  const T hc = dot(M.h, c);
+  return {M.J.xx - hc + M.h.x * c.x, M.J.yy - hc + M.h.y * c.y, M.J.zz - hc + M.h.z * c.z,
+          M.J.xy + M.h.x * c.y,      M.J.xz + M.h.x * c.z,      M.J.yz + M.h.y * c.z};
+}
+/// The pull of GravityField::source on a body.
+template <class T>
+static FieldPull<T> pull_of_source(const GravityField& g, const FieldMoment* at, const RigidInertia<T>& M, const Pose<T>& body_W) {
+  const Vec3<T> c = (T(1) / M.m) * M.h;
+  return field_pull(g, at, M.m, c, about_centre(M, c), body_W);
+}
+
+/// The same at the origin of the body, body axes. Gives back c, the mass centre, and r; r not of a source. `at`: Inputs::moment.
+template <class T>
+static Force<T> attraction(const GravityField& g, const RigidInertia<T>& M, const Pose<T>& body_W, Vec3<T>& c, Vec3<T>& r,
+                           const FieldMoment* at) {
   c = (T(1) / M.m) * M.h;
+  if (g.source) {
+    const FieldPull<T> pull = pull_of_source(g, at, M, body_W);
+    return {pull.torque + cross(c, pull.force), pull.force};
+  }
   r = transpose_times(body_W.R, body_W.p - cast<T>(g.centre)) + c;
   Sym3<T> J{};
   if (g.gradient) {
@@ -56,12 +77,27 @@ static RigidInertia<T> gravity_inertia(const FlexibleBody& f, int n_modes, Rigid
   return M;
 }
 
+/// The force of a source on mode j of a body of mass m and mass centre c: F . I3 / m - c . G I3 + 1/2 G : dS, dS = 1/2 tr(dJ) 1 - dJ.
+template <class T>
+static T pull_on_mode(const FlexibleBody& f, const Modal<T>& modal, int j, int n_modes, const T* eta, const T& m, const Vec3<T>& c,
+                      const FieldPull<T>& pull) {
+  const double* constant = f.M_re.data() + 6 * j;
+  const T* M_e = modal.P_re ? modal.P_re + 6 * j : nullptr;
+  const Vec3<T> I3 = M_e ? Vec3<T>{M_e[3], M_e[4], M_e[5]} : Vec3<T>{T(constant[3]), T(constant[4]), T(constant[5])};
+  Sym3<T> dJ = inertia_derivative<T>(f.dJ.data() + 6 * j);
+  for (int l = 0; l < n_modes && !f.d2J.empty(); ++l) dJ += scaled(eta[l], inertia_derivative<T>(f.d2J.data() + 6 * (j * n_modes + l)));
+  const Mat3<T>& G = pull.gradient;
+  const T along = G.xx * dJ.xx + G.yy * dJ.yy + G.zz * dJ.zz + (G.xy + G.yx) * dJ.xy + (G.xz + G.zx) * dJ.xz + (G.yz + G.zy) * dJ.yz;
+  return dot(I3, pull.force) / m - dot(c, G * I3) + T(0.5) * (T(0.5) * (dJ.xx + dJ.yy + dJ.zz) * (G.xx + G.yy + G.zz) - along);
+}
+
 /// Potential energy in the same field.
 template <class T>
-static T potential(const GravityField& g, const RigidInertia<T>& M, const Pose<T>& body_W) {
+static T potential(const GravityField& g, const RigidInertia<T>& M, const Pose<T>& body_W, const FieldMoment* at) {
   using std::sqrt;
+  if (g.source) return pull_of_source(g, at, M, body_W).potential;
   Vec3<T> c, r;
-  attraction(g, M, body_W, c, r);
+  attraction(g, M, body_W, c, r, at);
   const T r2 = dot(r, r), r1 = sqrt(r2), mu(g.mu);
   T U = -mu * M.m / r1;
   if (g.gradient) {

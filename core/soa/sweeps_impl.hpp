@@ -134,11 +134,40 @@ static void add_load(Workspace<T>& ws, int k, const Force<T>& load, const Vec3<T
 
 // The force on mode k is -dU/d eta_k of the same potential: with F the force at the mass centre, Grad = mu/r^3 (3 rhat rhat* - 1)
 // and S = (tr J/2) 1 - J the second moments, f_k = I3_k . F/m + 1/2 Grad : dS_k - c . Grad I3_k.
+/// Of a field of a family: the same body by body, with a, da/dr and U at the mass centre (docs/mathematics/gravity.md 5).
+template <class T>
+static void gravity_of_source(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
+  const GravityField& g = model.field;
+  for (int k = 1; k < static_cast<int>(model.bodies.size()); ++k) {
+    const SweepBody& b = model.bodies[k];
+    const int carrier = b.kind == BodyKernel::rotor ? b.parent : k;
+    Modal<T>* modal = b.n_modes > 0 ? ws.modal_of(k) : nullptr;
+    if (!model.graded.own.empty()) {
+      const CentralInertia &own = model.graded.own[k], &swept = model.graded.swept[carrier];
+      if (!(own.m > 0.0)) continue;
+      const T trace(own.S.xx + own.S.yy + own.S.zz);
+      const Sym3<T> J{trace - T(own.S.xx), trace - T(own.S.yy), trace - T(own.S.zz), -T(own.S.xy), -T(own.S.xz), -T(own.S.yz)};
+      const FieldPull<T> pull = field_pull(g, in.moment, T(own.m), cast<T>(own.c), J, ws.pose_W(carrier));
+      add_load(ws, carrier, {pull.torque + cross(cast<T>(own.c - swept.c), pull.force), pull.force}, cast<T>(swept.c));
+      continue;
+    }
+    const RigidInertia<T> inertia =
+        modal ? gravity_inertia(model.flexible[b.flexible], b.n_modes, modal->M_rr, in.q + b.eta) : cast<T>(carrier == k ? b.M : b.M_sweep);
+    if (!(inertia.m > T(0))) continue;
+    const FieldPull<T> pull = pull_of_source(g, in.moment, inertia, ws.pose_W(carrier));
+    const Vec3<T> c = (T(1) / inertia.m) * inertia.h;
+    ws.core(carrier).z -= Force<T>{pull.torque + cross(c, pull.force), pull.force};
+    for (int j = 0; modal && j < b.n_modes; ++j)
+      modal->z[j] = modal->z[j] - pull_on_mode(model.flexible[b.flexible], *modal, j, b.n_modes, in.q + b.eta, inertia.m, c, pull);
+  }
+}
+
 template <class T>
 static void central_gravity(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
   using std::sqrt;
   if (!in.gravity) return;
   const GravityField& g = model.field;
+  if (g.source) return gravity_of_source(model, ws, in);
   for (int k = 1; k < static_cast<int>(model.bodies.size()); ++k) {
     const SweepBody& b = model.bodies[k];
     const int carrier = b.kind == BodyKernel::rotor ? b.parent : k;  // the pull on a rotor has no moment about its axis
@@ -157,7 +186,7 @@ static void central_gravity(const SweepModel& model, Workspace<T>& ws, const Inp
       continue;
     }
     Vec3<T> c, r;
-    const Force<T> pull = attraction(g, inertia, ws.pose_W(carrier), c, r);
+    const Force<T> pull = attraction(g, inertia, ws.pose_W(carrier), c, r, nullptr);
     body.z -= pull;
     if (!modal) continue;
     const Vec3<T> field = (T(1) / inertia.m) * pull.f;

@@ -29,7 +29,8 @@ struct Inputs {
   const T* tau = nullptr;   // generalised forces of actuators, dual to v
   const T* vdot = nullptr;  // all components (inverse dynamics); prescribed ones, the others zero (forward)
   std::span<const NodeWrench<T>> wrenches = {};
-  bool gravity = true;  // false: leave gravity out
+  bool gravity = true;                  // false: leave gravity out
+  const FieldMoment* moment = nullptr;  // of gravity that is a field of a family; null: t = 0
 };
 
 /// What a pass is made for: base to tip, tip to base.

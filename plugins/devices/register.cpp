@@ -1,5 +1,7 @@
 #include "plugins/devices/register.hpp"
 
+#include "plugins/fields/register.hpp"
+
 namespace cardan {
 
 const cardan_device_family& spring_damper_family();
@@ -13,10 +15,13 @@ const cardan_device_family& magnetorquer_family();
 const cardan_device_family& dc_motor_family();
 const cardan_device_family& tape_spring_family();
 const cardan_device_family& latch_family();
+const cardan_device_family& drag_family();
 
 void register_devices(Registry& registry) {
-  for (const auto family : {spring_damper_family, lugre_friction_family, momentum_wheel_family, imu_family, dry_friction_family,
-                            tank_family, thruster_family, magnetorquer_family, dc_motor_family, tape_spring_family, latch_family})
+  register_fields(registry);
+  for (const auto family :
+       {spring_damper_family, lugre_friction_family, momentum_wheel_family, imu_family, dry_friction_family, tank_family, thruster_family,
+        magnetorquer_family, dc_motor_family, tape_spring_family, latch_family, drag_family})
     registry.devices.add(family());
 }
 

@@ -1,5 +1,5 @@
 #pragma once
-// The devices that come with Cardan.
+// The devices that come with Cardan, and the fields that they read.
 #include "core/abi/registry.hpp"
 
 namespace cardan {

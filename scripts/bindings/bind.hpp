@@ -11,8 +11,9 @@ void bind_parameters(Scenario&);
 void bind_vehicle(Scenario&);  // plugin, vehicle
 void bind_mission(Scenario&);  // mission
 void bind_initial(Scenario&);
-void bind_declarations(Scenario&);  // controller, phase, event, check, figure, signals, stop
-void bind_handles(Scenario&);       // bodies, hinges, modes, nodes, loads
+void bind_declarations(Scenario&);   // controller, phase, event, check, figure, signals, stop
+void bind_script_device(Scenario&);  // device
+void bind_handles(Scenario&);        // bodies, hinges, modes, nodes, loads
 
 /// Pushes the handle of the vehicle.
 void push_vehicle(lua_State* L, Scenario&);

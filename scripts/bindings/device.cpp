@@ -48,7 +48,7 @@ int device_set(lua_State* L) {
   const Device& d = device_of(h);
   expect_state(L, s, "a command");
   const int i = place(L, h, {Place::What::input}).index;
-  if (const int from = s.model->devices.from[static_cast<std::size_t>(i)]; from >= 0)
+  if (!s.model->devices.is_commanded(i))
     refuse(L, Code::lua_argument, fmt::format("{} of device {}", lua_tostring(L, 2), d.name), "an input that is not connected",
            "one that another device gives", "devices." + d.name + ".inputs of the vehicle");
   s.sim->set_device_input(i, command(L, 3, s, "an input of device", d.name));

@@ -59,6 +59,9 @@ Handle& handle_of(lua_State* L, Kind kind) {
   if (!h || lua_rawlen(L, 1) != sizeof(Handle) || h->kind != kind)
     refuse(L, Code::lua_argument, word, fmt::format("a {} before a colon", word), describe_value(L, 1),
            "methods are called with a colon: wheel:rate()");
+  if (h->scenario->in_device)
+    refuse(L, Code::lua_argument, word, "what it is handed, inside of a function of device{...}", fmt::format("a {} of the vehicle", word),
+           "mounts, inputs and memory are its arguments: a function of them alone");
   return *h;
 }
 

@@ -48,10 +48,15 @@ int linear_model(lua_State* L, const TreeOperators& tree, const OperatingState& 
   }
   const int nv = tree.size(Space::hinge);
   LuaHost::charge(L, 500LL * static_cast<std::int64_t>(tree.model().bodies.size() + static_cast<std::size_t>(nv)) * (2 * nv + 1));
-  const operators::LinearModel linear = operators::linearize(
-      tree,
-      {.t = at.t, .v = at.v.data(), .tau = at.tau.data(), .vdot = at.vdot.data(), .wrenches = at.wrenches, .devices = at.devices.get()},
-      ports);
+  const operators::LinearModel linear = operators::linearize(tree,
+                                                             {.t = at.t,
+                                                              .v = at.v.data(),
+                                                              .tau = at.tau.data(),
+                                                              .vdot = at.vdot.data(),
+                                                              .wrenches = at.wrenches,
+                                                              .devices = at.devices.get(),
+                                                              .moment = at.moment.get()},
+                                                             ports);
   lua_newtable(L);
   if (!file.empty()) {
     const std::filesystem::path path = output_file(L, file);

@@ -78,6 +78,7 @@ std::unique_ptr<Scenario> bare_scenario(const ScenarioOptions& options) {
   open_matrices(s->lua);
   bind_parameters(*s);
   bind_vehicle(*s);
+  bind_script_device(*s);
   bind_mission(*s);
   bind_initial(*s);
   bind_declarations(*s);

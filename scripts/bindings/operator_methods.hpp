@@ -23,8 +23,11 @@ struct OperatingState {
   std::vector<NodeWrench> wrenches;                       // those of devices first
   std::shared_ptr<const Model> model = nullptr;           // that of the devices
   std::shared_ptr<const DeviceForces> devices = nullptr;  // null where there are none
+  std::shared_ptr<const FieldMoment> moment = nullptr;    // of gravity that is a field
   std::uint64_t seed = 0;                                 // of the scenario
-  Inputs inputs(const double* q) const { return {.q = q, .v = v.data(), .tau = tau.data(), .vdot = vdot.data(), .wrenches = wrenches}; }
+  Inputs inputs(const double* q) const {
+    return {.q = q, .v = v.data(), .tau = tau.data(), .vdot = vdot.data(), .wrenches = wrenches, .moment = moment.get()};
+  }
 };
 OperatingState present_state(const Scenario&);
 /// The operators of a tree, or of a part of it.

@@ -65,7 +65,9 @@ int plugin(lua_State* L, Scenario& s) {
 /// The key path inside the vehicle of a --set; empty: it is about something else. As in messages, or with "vehicle." before it.
 std::string_view vehicle_path(std::string_view key) {
   if (key.starts_with("vehicle.")) return key.substr(std::strlen("vehicle."));
-  return key.starts_with("bodies.") || key.starts_with("gravity.") || key.starts_with("devices.") ? key : std::string_view();
+  return key.starts_with("bodies.") || key.starts_with("gravity.") || key.starts_with("devices.") || key.starts_with("fields.")
+             ? key
+             : std::string_view();
 }
 
 int vehicle(lua_State* L, Scenario& s) {

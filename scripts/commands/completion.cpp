@@ -25,7 +25,7 @@ std::string candidates(const CLI::App& app, const std::string& type) {
   std::string words;
   const auto add = [&](const std::string& word) { words += (words.empty() ? "" : " ") + word; };
   if (type == "SHELL") words = "bash zsh";
-  if (type == "KIND") words = "hinge body device";
+  if (type == "KIND") words = "hinge body device field";
   if (type == "TYPE") {
     Registry registry;
     register_bodies(registry);

@@ -32,7 +32,7 @@ std::string filled(std::string text, const std::map<std::string, std::string>& v
 }
 
 int new_project(const std::string& kind, const std::string& type, std::string folder) {
-  const std::vector<std::string> kinds{"hinge", "body", "device"};
+  const std::vector<std::string> kinds{"hinge", "body", "device", "field"};
   if (std::ranges::find(kinds, kind) == kinds.end())
     refuse(Code::command_line, {"kind"}, fmt::format("{}", fmt::join(kinds, ", ")), in_quotes(kind), did_you_mean(kind, kinds));
   const auto slash = type.find('/');
@@ -65,9 +65,9 @@ int new_project(const std::string& kind, const std::string& type, std::string fo
 }  // namespace
 
 void add_new(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("new", "Write a project for a plugin with a type of your own: hinge, body or device");
+  auto* command = app.add_subcommand("new", "Write a project for a plugin with a type of your own: hinge, body, device or field");
   auto kind = std::make_shared<std::string>(), name = std::make_shared<std::string>(), out = std::make_shared<std::string>();
-  command->add_option("kind", *kind, "hinge, body or device")->required()->type_name("KIND");
+  command->add_option("kind", *kind, "hinge, body, device or field")->required()->type_name("KIND");
   command->add_option("name", *name, "What the type is called, also with a prefix: acme/roller")->required()->type_name("NAME");
   command->add_option("--out", *out, "The folder of the project (default: the name)")->type_name("DIR");
   command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");

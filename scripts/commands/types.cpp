@@ -1,4 +1,4 @@
-// `cardan types`: the types of bodies, hinges and hinge loads, from their own tables, those of plugins as well.
+// `cardan types`: the types of bodies, hinges, hinge loads, devices and fields, from their own tables, those of plugins as well.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -9,6 +9,7 @@
 #include "core/abi/registry.hpp"
 #include "core/base/units.hpp"
 #include "core/io/json.hpp"
+#include "core/model/fields.hpp"
 #include "core/model/hinge_load_types.hpp"
 #include "core/model/initial.hpp"
 #include "core/model/params.hpp"
@@ -155,9 +156,10 @@ Json to_json(const Families<cardan_device_family>::Entry& e) {
   Json mounts = Json::array(), inputs = Json::array(), outputs = Json::array(), states = Json::array();
   for (std::uint32_t i = 0; i < f.n_mounts; ++i)
     mounts.push_back({{"name", f.mounts[i].name},
-                      {"kind", f.mounts[i].kind == CARDAN_MOUNT_NODE   ? "node"
-                               : f.mounts[i].kind == CARDAN_MOUNT_MASS ? "rigid body, whose mass it is a part of"
-                                                                       : "component of a hinge"},
+                      {"kind", f.mounts[i].kind == CARDAN_MOUNT_NODE    ? "node"
+                               : f.mounts[i].kind == CARDAN_MOUNT_MASS  ? "rigid body, whose mass it is a part of"
+                               : f.mounts[i].kind == CARDAN_MOUNT_FIELD ? "field"
+                                                                        : "component of a hinge"},
                       {"meaning", f.mounts[i].meaning}});
   for (std::uint32_t i = 0; i < f.n_ports; ++i)
     (f.ports[i].kind == CARDAN_PORT_IN ? inputs : outputs)
@@ -166,6 +168,19 @@ Json to_json(const Families<cardan_device_family>::Entry& e) {
     for (std::uint32_t i = 0; i < n; ++i) states.push_back({{"name", all[i].name}, {"unit", all[i].unit}, {"meaning", all[i].meaning}});
   return {{"type", f.type},   {"summary", f.summary}, {"origin", e.origin}, {"parameters", parameters(f.params, f.n_params)},
           {"mounts", mounts}, {"inputs", inputs},     {"outputs", outputs}, {"states", states}};
+}
+
+Json to_json(const Families<cardan_field_family>::Entry& e) {
+  const cardan_field_family& f = *e.family;
+  Json limits = Json::array();
+  for (std::uint32_t i = 0; i < f.n_limits; ++i)
+    limits.push_back({{"name", f.limits[i].name}, {"holds", f.limits[i].holds != 0}, {"meaning", f.limits[i].meaning}});
+  return {{"type", f.type},
+          {"summary", f.summary},
+          {"origin", e.origin},
+          {"quantity", quantity_text(f.quantity)},
+          {"parameters", parameters(f.params, f.n_params)},
+          {"limits", limits}};
 }
 
 std::string list_text(const Json& types) {
@@ -179,6 +194,8 @@ std::string list_text(const Json& types) {
     out += fmt::format("  {:<16}{}\n", l["type"].get<std::string>(), l["summary"].get<std::string>());
   out += "\ndevices\n";
   for (const Json& d : types["devices"]) out += fmt::format("  {:<16}{}\n", d["type"].get<std::string>(), d["summary"].get<std::string>());
+  out += "\nfields\n";
+  for (const Json& f : types["fields"]) out += fmt::format("  {:<24}{}\n", f["type"].get<std::string>(), f["summary"].get<std::string>());
   return out + "\ncardan types NAME tells the parameters and the names of the components.\n";
 }
 
@@ -235,6 +252,17 @@ std::string device_text(const Json& d) {
   return out + origin_text(d);
 }
 
+std::string field_text(const Json& f) {
+  std::string out = fmt::format("field {}: {}\n  {:<14}{}\n", f["type"].get<std::string>(), f["summary"].get<std::string>(), "quantity",
+                                f["quantity"].get<std::string>());
+  out += parameters_text(f["parameters"]);
+  const char* title = "limits";
+  for (const Json& l : f["limits"])
+    out += fmt::format("  {:<14}{}: {}{}\n", std::exchange(title, ""), l["name"].get<std::string>(), l["meaning"].get<std::string>(),
+                       l["holds"].get<bool>() ? "; can hold" : "");
+  return out + origin_text(f);
+}
+
 struct TypesArguments {
   std::string name;
   std::vector<std::string> plugins;
@@ -247,7 +275,11 @@ int tell_types(const TypesArguments& a) {
   register_bodies(registry);
   register_devices(registry);
   for (const std::string& path : a.plugins) load_plugin(path, registry);
-  Json types{{"bodies", Json::array()}, {"hinges", Json::array()}, {"hinge_loads", Json::array()}, {"devices", Json::array()}};
+  Json types{{"bodies", Json::array()},
+             {"hinges", Json::array()},
+             {"hinge_loads", Json::array()},
+             {"devices", Json::array()},
+             {"fields", Json::array()}};
   std::vector<std::string> legal;
   const auto list = [&](const char* key, const auto& entries) {
     for (const auto& e : entries) {
@@ -258,6 +290,7 @@ int tell_types(const TypesArguments& a) {
   list("bodies", registry.bodies.all());
   list("hinges", registry.hinges.all());
   list("devices", registry.devices.all());
+  list("fields", registry.fields.all());
   for (const HingeLoadType& load : kHingeLoadTypes) {
     legal.emplace_back(load.name);
     if (a.name.empty() || a.name == load.name) types["hinge_loads"].push_back(to_json(load));
@@ -272,6 +305,7 @@ int tell_types(const TypesArguments& a) {
     for (const Json& b : types["bodies"]) fmt::print("{}", body_text(b));
     for (const Json& h : types["hinges"]) fmt::print("{}", hinge_text(h));
     for (const Json& d : types["devices"]) fmt::print("{}", device_text(d));
+    for (const Json& f : types["fields"]) fmt::print("{}", field_text(f));
     for (const Json& l : types["hinge_loads"])
       fmt::print("hinge load {}: {}\n{}", l["type"].get<std::string>(), l["summary"].get<std::string>(), parameters_text(l["parameters"]));
   }
@@ -281,7 +315,8 @@ int tell_types(const TypesArguments& a) {
 }  // namespace
 
 void add_types(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("types", "List the types of bodies, hinges, hinge loads and devices, or tell the parameters of one");
+  auto* command =
+      app.add_subcommand("types", "List the types of bodies, hinges, hinge loads, devices and fields, or tell the parameters of one");
   auto a = std::make_shared<TypesArguments>();
   command->add_option("name", a->name, "A type; without it, all are listed")->type_name("TYPE");
   command->add_option("--plugin", a->plugins, "Load this plugin first (may be repeated)")->type_name("PLUGIN")->allow_extra_args(false);

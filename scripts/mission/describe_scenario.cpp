@@ -15,6 +15,14 @@ Json describe_scenario(Scenario& s, bool measured, int n_modes) {
   for (const Controller& c : s.controllers)
     out["controllers"].push_back(
         {{"name", c.name}, {"period_s", static_cast<double>(c.period.numerator) / static_cast<double>(c.period.denominator)}});
+  out["script_devices"] = Json::array();
+  for (const auto& d : s.script_devices) {
+    s.sim->observe();
+    out["script_devices"].push_back({{"type", d->description().type},
+                                     {"in_step", d->description().in_step},
+                                     {"calls", d->calls()},
+                                     {"us", d->calls() > 0 ? 1e6 * d->seconds() / static_cast<double>(d->calls()) : 0.0}});
+  }
   out["warnings"] = Json::array();
   for (const Warning& w : s.warnings.all()) out["warnings"].push_back(to_json(w));
   out["defaults"] = Json::object();

@@ -85,6 +85,11 @@ void MissionRun::told_by_events(F&& part) {
   } catch (const NumericsError&) {
     if (event_interrupt_) std::rethrow_exception(std::exchange(event_interrupt_, nullptr));
     if (event_failure_) throw NumericsError(*event_failure_);
+    for (const auto& device : s_.script_devices)
+      if (device->failure()) {
+        if (s_.lua.is_interrupted()) throw InputError({*device->failure()});
+        throw NumericsError(failure_of(*device->failure(), fmt::format("device type \"{}\"", device->description().type), s_.sim->time()));
+      }
     throw;
   }
 }

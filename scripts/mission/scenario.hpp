@@ -18,6 +18,7 @@
 #include "scripts/lua/function.hpp"
 #include "scripts/lua/host.hpp"
 #include "scripts/lua/persist.hpp"
+#include "scripts/mission/script_device.hpp"
 
 namespace cardan {
 
@@ -113,6 +114,7 @@ struct Scenario {
 
   LuaHost lua;  // before everything that holds a Lua function
   Persistent persistent;
+  std::vector<std::unique_ptr<ScriptDevice>> script_devices;  // their tables are in the registry
 
   // Declared
   Registry registry;
@@ -141,6 +143,7 @@ struct Scenario {
   std::string_view phase;                   // name of the present one; empty before the first and after the last
   const double *q = nullptr, *v = nullptr;  // the state, or the trial state of an event function
   bool in_event_function = false;
+  bool in_device = false;           // a function of device{...} runs
   double trial_time = 0.0;          // [s] of an event function
   std::string_view actor;           // whose function runs: `controller "attitude"`
   std::string stopped_by;           // the actor that called stop()

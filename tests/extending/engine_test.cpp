@@ -5,6 +5,7 @@
 
 #include "bodies/register.hpp"
 #include "core/abi/device_laws.hpp"
+#include "core/abi/field_laws.hpp"
 #include "core/dynamics/forward.hpp"
 #include "core/soa/program.hpp"
 #include "core/time/integrator.hpp"
@@ -13,6 +14,7 @@
 namespace cardan {
 std::unique_ptr<Integrator> make_midpoint(OdeProblem problem, const IntegratorOptions& options);
 const cardan_device_family& eddy_brake_family();
+const cardan_field_family& turning_dipole_family();
 void check_duty(double duty, const Located& at, DiagnosticSink& sink);
 namespace soa {
 void spin_drag_of_one_state(const SweepModel& model, Workspace<double>& ws, const Inputs<double>& in);
@@ -55,6 +57,10 @@ TEST(ExtendingTheEngine, TheIntegratorIsOfOrderTwo) {
   EXPECT_LT(t_fine, 1e-4);                   // h^2/6 over a time of 1.6
   EXPECT_NEAR(t_coarse / t_fine, 4.0, 0.4);  // half the step, a quarter of the error, but for terms of the next order
   EXPECT_NEAR(y_coarse / y_fine, 4.0, 0.4);
+}
+
+TEST(ExtendingTheEngine, TheFieldObeysTheLaws) {
+  for (const std::string& v : field_law_violations(turning_dipole_family())) ADD_FAILURE() << v;
 }
 
 TEST(ExtendingTheEngine, TheDeviceObeysTheLaws) {

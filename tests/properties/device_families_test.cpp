@@ -54,6 +54,7 @@ TEST(Magnetorquer, CrossesTheFieldOfADipole) {
     BodySpec bus = free_bus(100.0);
     bus.hinge.q = {std::sqrt(0.5), 0, 0, std::sqrt(0.5), pole ? 0.0 : r, 0, pole ? r : 0.0};  // turned by 90 degrees about z
     SystemSpec spec = system({bus});
+    spec.fields = {{"earth", "dipole", {}, false, {}}};
     spec.devices = {device("rods", "magnetorquer", {{"max_moment", 30.0}}, {{"at", "bus"}})};
     spec.devices[0].inputs["moment_x"] = {50.0, {}};  // cut to 30
     spec.devices[0].inputs["moment_z"] = {10.0, {}};

@@ -19,7 +19,7 @@ std::string refusal(const std::vector<std::string>& arguments, const std::string
 
 TEST(New, FillsTheNamesInAndLeavesNoPlaceholder) {
   const TemporaryFolder dir;
-  for (const std::string kind : {"hinge", "body", "device"}) {
+  for (const std::string kind : {"hinge", "body", "device", "field"}) {
     ASSERT_EQ(run_program({"new", kind, "acme/roll-3", "--out", "made/" + kind + "/"}, dir.path()).exit_code, 0);
     int files = 0;
     for (const auto& entry : fs::recursive_directory_iterator(dir / ("made/" + kind))) {
@@ -37,7 +37,7 @@ TEST(New, FillsTheNamesInAndLeavesNoPlaceholder) {
 TEST(New, RefusesAnUnknownKindANameThatIsNoneAndAFolderThatIsThere) {
   const TemporaryFolder dir;
   EXPECT_EQ(refusal({"new", "hing", "roller"}, dir.path()),
-            "error[C0801]: wrong command line\n  at: kind\n  expected: hinge, body, device\n  got:      \"hing\"\n"
+            "error[C0801]: wrong command line\n  at: kind\n  expected: hinge, body, device, field\n  got:      \"hing\"\n"
             "  hint:     did you mean \"hinge\"?\n\n1 error. Nothing was run.\n");
   for (const std::string name : {"", "9roll", "a/b/c", "/roller", "acme/", "../x", "röller", "a b", "test"})
     EXPECT_EQ(

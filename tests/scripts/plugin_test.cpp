@@ -125,10 +125,17 @@ TEST(Plugins, AreRefusedWithTheseWords) {
       "  --> ./scenario.lua:1\n  at: plugin\n    1 | plugin 'p.so' vehicle 'vehicle.yaml' mission { duration = 1, integrator = { method = "
       "'rk4', step = 0...\n";
   const std::string end = "\n1 error. Nothing was run.\n";
-  EXPECT_EQ(answer("no_families"),
-            "error[C0602]: not a Cardan plugin\n" + place +
-                "  expected: families of one of the kinds \"hinge\", \"body.draft1\", \"device.draft1\"\n  got:      none\n"
-                "  hint:     one that was built against another draft of a kind has none of this one: rebuild it\n" +
+  EXPECT_EQ(
+      answer("no_families"),
+      "error[C0602]: not a Cardan plugin\n" + place +
+          "  expected: families of one of the kinds \"hinge\", \"body.draft1\", \"device.draft2\", \"field.draft1\"\n  got:      none\n"
+          "  hint:     one that was built against another draft of a kind has none of this one: rebuild it\n" +
+          end);
+  EXPECT_EQ(answer("constraint"),
+            "error[C0605]: plugin brings a kind that is not honoured\n" + place +
+                "  expected: families of the kinds that this version honours: hinge, body, device, field\n"
+                "  got:      a constraint (\"constraint.draft0\")\n"
+                "  hint:     its header says what it will be: a run without it would not be the run that was asked for\n" +
                 end);
   EXPECT_EQ(answer("newer_minor"), "error[C0603]: plugin was built for another Cardan\n" + place +
                                        "  expected: ABI 2.0 to 2.0\n  got:      ABI 2.99\n"

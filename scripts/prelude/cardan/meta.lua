@@ -99,6 +99,23 @@ function persist(memory) end
 ---@param options ControllerOptions
 function controller(options) end
 
+---@class DeviceTypeOptions
+---@field type string its name in the vehicle file, lua/damper
+---@field summary? string
+---@field mounts? table<string, "node"|"hinge"> where it is mounted, the keys of the vehicle file
+---@field params? table<string, string|number|table> numbers of the vehicle file: a unit, a default, or { default, unit }
+---@field inputs? table<string, string|number|table> the same
+---@field outputs? table<string, string|number|table> what it gives
+---@field memory? table<string, string|number|table> numbers that tick sets; in every checkpoint
+---@field states? table<string, string|number|table> continuous states, with in_step
+---@field tick? fun(a: table, dt: number): table at the ticks of its rate: outputs and memory by their names
+---@field in_step? boolean evaluate runs inside of the right-hand side
+---@field evaluate? fun(a: table): table outputs, rates of states, and loads: of a hinge a number, of a node { force, moment }
+
+--- A type of devices for prototypes, before `vehicle`: functions of what they are handed, and of nothing else.
+---@param options DeviceTypeOptions
+function device(options) end
+
 ---@class PhaseOptions
 ---@field name string
 ---@field duration? quantity [s]

@@ -6,7 +6,7 @@
 #include <cstring>
 #include <stdexcept>
 
-#include "core/abi/cardan_abi.h"
+#include "core/abi/cardan_constraint.h"
 
 namespace {
 
@@ -66,6 +66,7 @@ cardan_plugin plugin;
 
 const void* family(const char* kind, std::uint32_t i) {
   misbehave("family");
+  if (fault("constraint") && std::strcmp(kind, CARDAN_KIND_CONSTRAINT) == 0 && i == 0) return &slide;
   if (std::strcmp(kind, CARDAN_KIND_HINGE) != 0 || fault("no_families")) return nullptr;
   return i == 0 || fault("endless_families") ? &slide : nullptr;
 }

@@ -1,0 +1,198 @@
+#include "core/dynamics/fields.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "core/abi/field_family.hpp"
+#include "core/base/finite.hpp"
+#include "core/soa/tangent.hpp"
+
+namespace cardan {
+namespace {
+
+/// Beyond a limit that the field knows no value behind.
+bool unknown(const FieldSource& f, int beyond) {
+  for (std::uint32_t i = 0; i < f.family->n_limits; ++i)
+    if ((beyond >> i & 1) != 0 && !f.family->limits[i].holds) return true;
+  return beyond < 0;
+}
+bool refused(const FieldSource& f, int beyond) {
+  for (std::uint32_t i = 0; i < f.family->n_limits; ++i)
+    if ((beyond >> i & 1) != 0 && !(f.hold && f.family->limits[i].holds)) return true;
+  return beyond < 0;
+}
+
+/// out[i] = sum over k of R[3 k + i] a[k]: from world axes to those of a node.
+void turn(const double* R, const double* a, double* out) {
+  for (int i = 0; i < 3; ++i) out[i] = R[i] * a[0] + R[3 + i] * a[1] + R[6 + i] * a[2];
+}
+
+}  // namespace
+
+FieldMoments::FieldMoments(const Model& model) : model_(model), all_(model.fields.size()) {
+  for (std::size_t i = 0; i < all_.size(); ++i) all_[i].prepared = model.fields[i].source->prepared;
+}
+
+const FieldMoment& FieldMoments::at(int field, double t, int* beyond) {
+  One& one = all_[field];
+  const FieldSource& f = *model_.fields[field].source;
+  if (f.family->prepare && !(one.known && one.moment.t == t)) {
+    one.beyond = f.family->prepare(t, f.packed.data(), one.prepared.data());
+    one.known = true;
+  }
+  one.moment = {t, one.prepared.empty() ? nullptr : one.prepared.data()};  // a copy of this has its own
+  if (beyond) *beyond = one.beyond;
+  return one.moment;
+}
+
+std::size_t FieldMoments::bytes() const {
+  std::size_t sum = all_.size() * sizeof(One);
+  for (const One& one : all_) sum += one.prepared.size() * sizeof(double);
+  return sum;
+}
+
+std::shared_ptr<const FieldMoment> kept_moment(const Model& model, const FieldMoment* at) {
+  if (!model.field.source || !at) return nullptr;
+  struct Kept {
+    std::vector<double> prepared;
+    FieldMoment moment;
+  };
+  const auto kept = std::make_shared<Kept>();
+  kept->prepared.resize(model.field.source->prepared.size());
+  if (at->prepared) std::memcpy(kept->prepared.data(), at->prepared, model.field.source->family->prepared_size);
+  kept->moment = {at->t, kept->prepared.empty() ? nullptr : kept->prepared.data()};
+  return {kept, &kept->moment};
+}
+
+int field_of_gravity(const Model& model) {
+  if (!model.field.source) return -1;
+  for (std::size_t i = 0; i < model.fields.size(); ++i)
+    if (model.fields[i].source.get() == model.field.source) return static_cast<int>(i);
+  return -1;
+}
+
+std::string told_beyond(const Field& field, int beyond) {
+  const FieldSource& f = *field.source;
+  for (std::uint32_t i = 0; i < f.family->n_limits; ++i)
+    if ((beyond >> i & 1) != 0 && !(f.hold && f.family->limits[i].holds))
+      return fmt::format("{} is asked beyond its limit {}: {}", field.name, f.family->limits[i].name, f.family->limits[i].meaning);
+  return beyond < 0 ? fmt::format("{}: evaluate returned {}", field.name, beyond) : "";
+}
+
+std::string held_text(const Field& field, int beyond) {
+  const cardan_field_family& f = *field.source->family;
+  std::string names;
+  for (std::uint32_t i = 0; i < f.n_limits; ++i)
+    if ((beyond >> i & 1) != 0) names += (names.empty() ? "" : ", ") + std::string(f.limits[i].name);
+  return fmt::format("{} holds what it has at the end of what it knows ({})", field.name, names);
+}
+
+FieldsOfDevices::FieldsOfDevices(const Model& model) : model_(model), moments_(model), held_(model.fields.size(), 0) {
+  std::size_t most = 0;
+  for (std::size_t i = 0; i < model.devices.all.size(); ++i) {
+    const Device& d = model.devices.all[i];
+    for (std::size_t k = 0; k < d.mounts.size(); ++k) {
+      const DeviceMount& m = d.mounts[k];
+      if (m.field < 0) continue;
+      const bool in_steps = d.acts && (m.at < 0 || (d.mounts[m.at].use & CARDAN_USE_ACCELERATION) == 0);
+      auto group = std::ranges::find_if(groups_, [&](const Group& g) { return g.field == m.field && g.in_steps == in_steps; });
+      if (group == groups_.end()) group = groups_.insert(groups_.end(), {m.field, in_steps, {}});
+      const bool placed = !is_of_time(model.fields[m.field].source->family->quantity);
+      group->readers.push_back({static_cast<int>(i), d.mount + static_cast<int>(k), placed ? d.mount + m.at : -1});
+      most = std::max(most, group->readers.size());
+    }
+  }
+  points_.resize(3 * most), values_.resize(CARDAN_FIELD_NUMBERS * most), gradients_.resize(3 * CARDAN_FIELD_NUMBERS * most);
+  work_.resize(2 * CARDAN_FIELD_NUMBERS);
+}
+
+/// Bits of limits; -1 where something is not finite.
+int FieldsOfDevices::ask(const Group& group, double t, const std::vector<cardan_mount_motion>& motions, bool gradients) {
+  const cardan_field_family& f = *model_.fields[group.field].source->family;
+  int beyond = 0;
+  const FieldMoment& when = moments_.at(group.field, t, &beyond);
+  const cardan_field_args args{sizeof args, t, model_.fields[group.field].source->packed.data(), when.prepared};
+  const std::uint32_t size = field_size(f.quantity);
+  if (is_of_time(f.quantity)) {
+    beyond |= f.evaluate(&args, 1, nullptr, values_.data(), nullptr);
+    return all_finite(values_.data(), static_cast<int>(size)) ? beyond : -1;
+  }
+  const auto n = static_cast<std::uint32_t>(group.readers.size());
+  for (std::uint32_t i = 0; i < n; ++i) std::copy_n(motions[group.readers[i].node].position, 3, points_.begin() + 3 * i);
+  const bool own = (f.facts & CARDAN_FIELD_GRADIENT) != 0;
+  beyond |= f.evaluate(&args, n, points_.data(), values_.data(), gradients && own ? gradients_.data() : nullptr);
+  for (std::uint32_t i = 0; gradients && !own && i < n; ++i)
+    for (int j = 0; j < 3; ++j) {
+      const double* x = points_.data() + 3 * i;
+      const double h = 1e-3 * std::max(1.0, std::hypot(x[0], x[1], x[2]));
+      double* slope = work_.data();
+      soa::derivative(
+          [&](double s, double* to) {
+            double moved[3] = {x[0], x[1], x[2]};
+            moved[j] += s;
+            f.evaluate(&args, 1, moved, to, nullptr);
+          },
+          h, static_cast<int>(size), slope, slope + CARDAN_FIELD_NUMBERS);
+      for (std::uint32_t k = 0; k < size; ++k) gradients_[3 * (size * i + k) + static_cast<std::uint32_t>(j)] = slope[k];
+    }
+  return all_finite(values_.data(), static_cast<int>(n * size)) ? beyond : -1;
+}
+
+bool FieldsOfDevices::look(double t, bool in_steps, std::vector<cardan_mount_motion>& motions, FieldFault& fault) {
+  if (in_steps) passed_.device = -1;
+  for (const Group& group : groups_) {
+    if (group.in_steps != in_steps) continue;
+    const Field& field = model_.fields[group.field];
+    const int beyond = ask(group, t, motions, false);
+    if (beyond != 0 && refused(*field.source, beyond)) {
+      passed_ = {group.readers[0].device, beyond < 0 ? fmt::format("the field {} is not finite", field.name) : told_beyond(field, beyond)};
+      if (unknown(*field.source, beyond)) {
+        fault = passed_;
+        if (beyond > 0) stopped_ = passed_;
+        return false;
+      }
+    }
+    held_[group.field] = beyond;
+    const std::uint32_t quantity = field.source->family->quantity, size = field_size(quantity);
+    for (std::size_t i = 0; i < group.readers.size(); ++i) {
+      const Reader& r = group.readers[i];
+      const double* value = values_.data() + (r.node < 0 ? 0 : size * i);
+      double* to = motions[r.mount].field;
+      std::copy_n(value, size, to);
+      if (is_field_vector(quantity)) turn(motions[r.node].R_WN, value, to);
+    }
+  }
+  return true;
+}
+
+void FieldsOfDevices::look_along(double t, bool in_steps, const std::vector<cardan_mount_motion>& motions,
+                                 std::vector<cardan_mount_motion>& rates) {
+  for (const Group& group : groups_) {
+    if (group.in_steps != in_steps) continue;
+    const std::uint32_t quantity = model_.fields[group.field].source->family->quantity, size = field_size(quantity);
+    if (is_of_time(quantity)) continue;
+    ask(group, t, motions, true);
+    for (std::size_t i = 0; i < group.readers.size(); ++i) {
+      const Reader& r = group.readers[i];
+      const double *value = values_.data() + size * i, *G = gradients_.data() + 3 * size * i, *dp = rates[r.node].position;
+      double along[CARDAN_FIELD_NUMBERS] = {};
+      for (std::uint32_t k = 0; k < size; ++k) along[k] = G[3 * k] * dp[0] + G[3 * k + 1] * dp[1] + G[3 * k + 2] * dp[2];
+      double* to = rates[r.mount].field;
+      std::copy_n(along, size, to);
+      if (!is_field_vector(quantity)) continue;
+      double turned[3];
+      turn(motions[r.node].R_WN, along, to);
+      turn(rates[r.node].R_WN, value, turned);
+      for (int k = 0; k < 3; ++k) to[k] += turned[k];
+    }
+  }
+}
+
+std::size_t FieldsOfDevices::bytes() const {
+  return moments_.bytes() + (points_.size() + values_.size() + gradients_.size() + work_.size()) * sizeof(double);
+}
+
+}  // namespace cardan

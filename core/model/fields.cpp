@@ -1,0 +1,69 @@
+#include "core/model/fields.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "core/base/units.hpp"
+#include "core/model/params.hpp"
+
+namespace cardan {
+
+const char* quantity_text(std::uint32_t quantity) {
+  static constexpr const char* kTexts[] = {
+      "gravity", "magnetic field", "density of the air", "wind", "light", "position of a celestial body", "attitude of a celestial body",
+      "time"};
+  return quantity <= CARDAN_TIME ? kTexts[quantity] : "?";
+}
+
+std::vector<Field> compile_fields(const SystemSpec& spec, const Registry& registry, DiagnosticSink& sink) {
+  std::vector<Field> all;
+  for (const FieldSpec& given : spec.fields) {
+    const std::string path = "fields." + given.name;
+    const auto* entry = registry.fields.entry(given.type);
+    if (!entry) {
+      const std::vector<std::string> types = registry.fields.types();
+      sink.report(Code::unknown_field_type, spec.locate(path + ".type"),
+                  fmt::format("a field type: {}, or one from a loaded plugin", fmt::join(types, ", ")), in_quotes(given.type),
+                  did_you_mean(given.type, types));
+      continue;
+    }
+    const cardan_field_family& f = *entry->family;
+    auto source = std::make_shared<FieldSource>();
+    source->family = &f;
+    source->hold = given.hold;
+    source->packed = pack_params(spec, {path, fmt::format("field type {}", f.type), given.params},
+                                 {{f.params, f.n_params}, f.params_size, f.pack, f.packed_size}, sink);
+    const bool can_hold = std::any_of(f.limits, f.limits + f.n_limits, [](const cardan_limit_desc& l) { return l.holds != 0; });
+    if (given.hold && !can_hold)
+      sink.report(Code::out_of_range, spec.locate(path + ".outside"), "refuse", "hold",
+                  f.n_limits == 0 ? "this field has no limits" : "this field knows no value to hold beyond its limits");
+    if (f.prepare && (f.params_size == 0 || !source->packed.empty())) {
+      source->prepared.assign((f.prepared_size + sizeof(double) - 1) / sizeof(double), 0.0);
+      f.prepare(0.0, source->packed.data(), source->prepared.data());  // of limits a run tells, which knows its times
+    }
+    all.push_back({given.name, entry->origin, std::move(source)});
+  }
+  return all;
+}
+
+int field_named(const SystemSpec& spec, const std::vector<Field>& fields, std::uint32_t quantity, const std::string& name,
+                const std::string& key, DiagnosticSink& sink) {
+  std::vector<std::string> legal;
+  for (std::size_t i = 0; i < fields.size(); ++i) {
+    if (fields[i].source->family->quantity != quantity) continue;
+    if (fields[i].name == name) return static_cast<int>(i);
+    legal.push_back(fields[i].name);
+  }
+  const auto other = std::ranges::find(fields, name, &Field::name);
+  sink.report(Code::wrong_field, spec.locate(key),
+              legal.empty() ? fmt::format("a field of the quantity {}, of which there is none", quantity_text(quantity))
+                            : fmt::format("a field of the quantity {}: {}", quantity_text(quantity), one_of(legal)),
+              other == fields.end()
+                  ? in_quotes(name)
+                  : fmt::format("{}, which is of the quantity {}", in_quotes(name), quantity_text(other->source->family->quantity)),
+              other == fields.end() ? did_you_mean(name, legal) : "");
+  return -1;
+}
+
+}  // namespace cardan

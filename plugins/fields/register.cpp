@@ -1,0 +1,13 @@
+#include "plugins/fields/register.hpp"
+
+namespace cardan {
+
+const cardan_field_family& dipole_family();
+const cardan_field_family& point_mass_family();
+const cardan_field_family& exponential_atmosphere_family();
+
+void register_fields(Registry& registry) {
+  for (const auto family : {point_mass_family, dipole_family, exponential_atmosphere_family}) registry.fields.add(family());
+}
+
+}  // namespace cardan

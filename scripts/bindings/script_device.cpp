@@ -1,0 +1,110 @@
+// device{...}: a type of devices whose functions the script gives, before the vehicle that mounts it.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+#include <set>
+
+#include "core/base/units.hpp"
+#include "scripts/bindings/bind.hpp"
+#include "scripts/lua/table.hpp"
+#include "scripts/mission/script_device.hpp"
+
+namespace cardan {
+namespace {
+
+using Item = ScriptDevice::Item;
+
+/// {rate = "rad/s", torque = {0.1, "N m"}, gain = 2}: names with units, values, or both; by name, so that no order of tables enters.
+std::vector<Item> items(lua_State* L, LuaTable& t, const char* key, std::set<std::string>& taken) {
+  std::vector<Item> all;
+  if (!t.has(key)) return all;
+  auto table = t.table(key);  // marks the key as read, reports what is no table
+  if (!table) return all;
+  lua_getfield(L, 1, key);
+  for (lua_pushnil(L); lua_next(L, -2); lua_pop(L, 1)) {
+    Item item;
+    if (lua_type(L, -2) == LUA_TSTRING) item.name = lua_tostring(L, -2);
+    const auto read = [&] {
+      if (lua_type(L, -1) == LUA_TNUMBER)
+        item.value = lua_tonumber(L, -1);
+      else if (lua_type(L, -1) == LUA_TSTRING)
+        item.unit = lua_tostring(L, -1);
+      else
+        table->reject(item.name, "a unit, a number, or {number, unit}");
+    };
+    if (lua_istable(L, -1)) {
+      for (int i = 1; i <= 2; ++i) {
+        lua_rawgeti(L, -1, i);
+        read();
+        lua_pop(L, 1);
+      }
+    } else {
+      read();
+    }
+    if (item.name.empty() || !taken.insert(item.name).second) table->reject(item.name, "a name of its own");
+    if (!parse_unit(item.unit)) table->reject(item.name, "a unit: rad/s, N m, 1", unit_hint(item.unit));
+    all.push_back(std::move(item));
+  }
+  lua_pop(L, 1);
+  std::ranges::sort(all, {}, &Item::name);
+  return all;
+}
+
+/// {at = "node", joint = "hinge"}.
+std::vector<ScriptDevice::Mount> mounts(lua_State* L, LuaTable& t, std::set<std::string>& taken) {
+  std::vector<ScriptDevice::Mount> all;
+  if (!t.has("mounts")) return all;
+  auto table = t.table("mounts");
+  if (!table) return all;
+  lua_getfield(L, 1, "mounts");
+  for (lua_pushnil(L); lua_next(L, -2); lua_pop(L, 1)) all.push_back({lua_type(L, -2) == LUA_TSTRING ? lua_tostring(L, -2) : "", false});
+  lua_pop(L, 1);
+  std::ranges::sort(all, {}, &ScriptDevice::Mount::name);
+  for (ScriptDevice::Mount& m : all) {
+    if (m.name.empty() || !taken.insert(m.name).second) table->reject(m.name, "a name of its own");
+    m.hinge = table->choice(m.name, {"node", "hinge"}).value_or("node") == "hinge";
+  }
+  return all;
+}
+
+int device(lua_State* L, Scenario& s) {
+  expect_setup(L, s, "device", false);
+  if (s.model) refuse(L, Code::lua_argument, "device", "types of devices before the vehicle", "one after it");
+  DiagnosticSink sink;
+  LuaTable t(L, 1, "device", sink);
+  sink.throw_if_any();
+  ScriptDevice::Description d;
+  d.type = t.text("type").value_or("");
+  if (d.type.empty()) t.reject("type", "a name for the type: lua/detumble");
+  if (s.registry.device(d.type)) t.reject("type", "a type that is not taken yet", "lua/...");
+  d.summary = t.text("summary").value_or("a device of the script");
+  d.in_step = t.flag("in_step").value_or(false);
+  if (auto f = t.function("evaluate")) d.evaluate = std::move(*f);
+  if (auto f = t.function("tick")) d.tick = std::move(*f);
+  std::set<std::string> taken{"t", "inputs", "initial", "rate", "period", "offset", "type"};
+  d.params = items(L, t, "params", taken), d.inputs = items(L, t, "inputs", taken), d.outputs = items(L, t, "outputs", taken);
+  d.states = items(L, t, "states", taken), d.memory = items(L, t, "memory", taken);
+  d.mounts = mounts(L, t, taken);
+  if (d.in_step != static_cast<bool>(d.evaluate))
+    t.reject(d.in_step ? "evaluate" : "in_step", "`evaluate` and `in_step = true` together",
+             "`evaluate` runs inside of the right-hand side, some times in a step; `tick` at its rate");
+  if (!d.evaluate && !d.tick) t.reject("tick", "a function tick(a, dt), or evaluate(a) with in_step = true");
+  if (!d.states.empty() && !d.in_step) t.reject("states", "`memory` in a device that is sampled");
+  if (!d.memory.empty() && !d.tick) t.reject("memory", "a function tick, which sets it");
+  t.finish();
+  sink.throw_if_any();
+  auto made = std::make_unique<ScriptDevice>(s.lua, s.in_device, std::move(d), Located{"device", LuaHost::caller(L)});
+  made->expect_pure();
+  s.registry.devices.add(made->family(), "the script");
+  s.script_devices.push_back(std::move(made));
+  return 0;
+}
+
+}  // namespace
+
+void bind_script_device(Scenario& s) {
+  s.lua.bind("device", [&s](lua_State* L) { return device(L, s); });
+}
+
+}  // namespace cardan

@@ -1,0 +1,81 @@
+#pragma once
+// Types of devices whose functions a script gives, for prototypes: the same table as any other device (core/abi/cardan_device.h).
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/abi/cardan_device.h"
+#include "scripts/lua/function.hpp"
+
+namespace cardan {
+
+/// One type. Its table points into it: it lives as long as the scenario, and stays where it is.
+class ScriptDevice {
+ public:
+  /// A name with its unit; of parameters, states and inputs with a value.
+  struct Item {
+    std::string name, unit = "1";
+    double value = 0.0;
+  };
+  struct Mount {
+    std::string name;
+    bool hinge = false;
+  };
+  struct Description {
+    std::string type, summary;
+    std::vector<Item> params, inputs, outputs, states, memory;  // states: z, with in_step alone; memory: numbers that tick sets
+    std::vector<Mount> mounts;
+    LuaFunction evaluate, tick;
+    bool in_step = false;
+  };
+
+  /// `running` is true while one of its functions runs.
+  ScriptDevice(LuaHost& lua, bool& running, Description description, Located at);
+  ~ScriptDevice();
+  ScriptDevice(const ScriptDevice&) = delete;
+  ScriptDevice& operator=(const ScriptDevice&) = delete;
+
+  const cardan_device_family& family() const { return family_; }
+  const Description& description() const { return d_; }
+  /// The laws of devices, and the variables of its functions before and after. Throws InputError at its place for what is not pure.
+  void expect_pure();
+
+  /// Why the last call gave nothing; empty after one that did.
+  const std::optional<Diagnostic>& failure() const { return failure_; }
+  /// Of `evaluate` inside of the right-hand side.
+  long calls() const { return calls_; }
+  double seconds() const { return seconds_; }
+
+  static constexpr std::size_t kMost = 32;  // types of all scenarios at once: each has C functions of its own
+
+ private:
+  template <std::size_t kSlot>
+  struct Functions;
+  template <std::size_t... kSlots>
+  void take_slot(std::index_sequence<kSlots...>);
+  int pack(const cardan_param_values* values, void* packed) const;
+  int evaluate(const cardan_device_args* a, cardan_device_out* out);
+  int tick(const cardan_device_args* a, double period, double* d);
+  template <class Read>
+  int call(const LuaFunction& function, const cardan_device_args* a, double period, bool ticking, const Read& read);
+  void push_arguments(lua_State* L, const cardan_device_args* a, bool ticking) const;
+  std::optional<double> number(lua_State* L, const std::string& name, bool required) const;
+  std::vector<std::string> variables(lua_State* L, const LuaFunction& function) const;
+
+  LuaHost& lua_;
+  bool& running_;
+  Description d_;
+  Located at_;
+  std::vector<cardan_param_desc> params_;
+  std::vector<cardan_mount_desc> mounts_;
+  std::vector<cardan_port_desc> ports_;
+  std::vector<cardan_state_desc> states_, marks_;
+  cardan_device_family family_{};
+  std::size_t slot_ = kMost;
+  std::optional<Diagnostic> failure_;
+  long calls_ = 0;
+  double seconds_ = 0.0;
+};
+
+}  // namespace cardan

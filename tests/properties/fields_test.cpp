@@ -1,0 +1,361 @@
+// Fields of families: gravity by way of the table against the one that is built into the sweeps, and what devices read.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/abi/field_family.hpp"
+#include "core/sim/reference_check.hpp"
+#include "core/soa/tangent.hpp"
+#include "tests/properties/loaded_simulation.hpp"
+#include "tests/properties/random_devices.hpp"
+
+namespace cardan::test {
+namespace {
+
+using Eigen::Vector3d;
+
+FieldSpec field(const std::string& name, const std::string& type, const std::vector<std::pair<std::string, double>>& numbers = {}) {
+  FieldSpec f;
+  f.name = name, f.type = type;
+  for (const auto& [key, x] : numbers) f.params[key] = number(x);
+  return f;
+}
+
+/// The gravity of a centre by way of a field.
+SystemSpec by_field(SystemSpec spec) {
+  const GravitySpec g = spec.gravity;
+  spec.fields.push_back(field("attractor", "point_mass", {{"mu", g.mu}}));
+  spec.fields.back().params["centre"].value = std::vector<double>(g.centre.data(), g.centre.data() + 3);
+  spec.gravity = {};
+  spec.gravity.kind = GravitySpec::Kind::field;
+  spec.gravity.field = "attractor";
+  spec.gravity.gradient = g.gradient;
+  return spec;
+}
+RandomTree by_field(RandomTree tree) {
+  tree.spec = by_field(tree.spec);
+  return tree;
+}
+
+std::vector<TreeOptions> trees_about_a_centre() {
+  std::vector<TreeOptions> all;
+  for (const int level : {0, 1, 2})
+    for (const bool gradient : {false, true}) {
+      all.push_back(
+          {.bodies = 5, .flexible = 0.5, .level = level, .locked = 0.1, .gravity = GravitySpec::Kind::central, .gradient = gradient});
+      all.push_back(
+          {.bodies = 6, .flexible = 0.0, .wheels = 0.5, .locked = 0.2, .gravity = GravitySpec::Kind::central, .gradient = gradient});
+    }
+  return all;
+}
+
+// The force of second order, some 1e-3 of the weight here, comes from differences that are good to 1e-9 of it.
+TEST(FieldGravity, OfAPointIsThatOfACentre) {
+  for (const TreeOptions& options : trees_about_a_centre())
+    for_all_trees(
+        options, 1e-10,
+        [](const RandomTree& tree) {
+          Loaded central(tree), fielded(by_field(tree));
+          const VectorXd a = central.forward(), b = fielded.forward();
+          Observer here(*central.model, central.ws), there(*fielded.model, fielded.ws);
+          here.update(central.in(), a.data()), there.update(fielded.in(), b.data());
+          double worst = worse(apart(b, a), apart(fielded.inverse(a), central.inverse(a)));
+          worst = worse(worst, std::abs(here.energy().gravity / there.energy().gravity - 1.0));
+          for (std::size_t i = 0; i < central.model->user.size(); ++i)
+            worst =
+                worse(worst, apart(to_eigen(there.hinge_wrench(static_cast<int>(i))), to_eigen(here.hinge_wrench(static_cast<int>(i)))));
+          for (std::size_t i = 0; i < central.model->nodes.size(); ++i)
+            worst = worse(worst, apart(there.node(static_cast<int>(i)).specific_force, here.node(static_cast<int>(i)).specific_force, 1.0));
+          return worst;
+        },
+        8);
+}
+
+TEST(FieldGravity, AgreesWithTheDenseTwin) {
+  for_all_trees(
+      {.bodies = 4, .flexible = 0.4, .level = 1, .gravity = GravitySpec::Kind::central, .gradient = true}, 1e-9,
+      [](const RandomTree& tree) {
+        Simulation sim(compiled(by_field(tree.spec)), {});
+        double difference = 0.0;
+        reference_output(sim).fill(&difference);
+        return difference;
+      },
+      8);
+}
+
+/// A potential that does not depend on time is in the energy.
+TEST(FieldGravity, BalanceMatchesPower) {
+  for (const int level : {0, 1})
+    for_all_trees(
+        {.bodies = 4, .flexible = 0.5, .level = level, .gravity = GravitySpec::Kind::central, .gradient = true}, 0.0,
+        [](const RandomTree& tree) {
+          SimulationOptions options;
+          options.integrator.relative_tolerance = 1e-10;
+          options.integrator.method = "dopri5";
+          Simulation sim(compiled(by_field(tree.spec), {.world_wrenches = true}), options);
+          set_loads(sim, tree);
+          sim.run(0.4);
+          return sim.ledger().pass ? 0.0 : 1.0;
+        },
+        4);
+}
+
+/// J dx of what BDF asks, in a field and with devices that read fields, against differences of the right-hand side.
+double jacobian_error(const SystemSpec& spec, const Registry& types = registry()) {
+  SimulationOptions options;
+  options.integrator.method = "cvode_bdf";
+  options.integrator.linear_solver = "krylov";
+  options.ledger = false;
+  Simulation sim(compile(spec, types), options);
+  const OdeProblem ode = sim.ode();
+  VectorXd x(ode.n), d(ode.n), truth(ode.n), work(ode.n), out(ode.n);
+  x << sim.state().q, sim.state().v, sim.state().z;
+  for (int i = 0; i < ode.n; ++i) d[i] = std::sin(2.7 * i + 0.3);
+  soa::derivative(
+      [&](double h, double* to) {
+        const VectorXd at = x + h * d;
+        if (!ode.rhs(0.2, at.data(), to)) throw std::runtime_error("breakdown");
+      },
+      0.004, ode.n, truth.data(), work.data());
+  if (!ode.jacobian_times(0.2, x.data(), d.data(), out.data())) throw std::runtime_error("breakdown");
+  return apart(out, truth);
+}
+
+TEST(FieldGravity, TakesPartInTheJacobian) {
+  for (const TreeOptions& options : trees_about_a_centre())
+    for_all_trees(
+        options, 1e-8, [](const RandomTree& tree) { return jacobian_error(by_field(tree.spec)); }, 4);
+}
+
+/// An attractor that runs along x, prepared once for a time; with a potential and without, with gradients and without.
+template <unsigned kFacts>
+struct Runner {
+  static constexpr const char *type = "runner", *summary = "an attractor that runs along x";
+  static constexpr std::uint32_t quantity = CARDAN_GRAVITY;
+  static constexpr unsigned facts = kFacts;
+  static constexpr cardan_limit_desc limits[] = {{"near", 0, "nearer than 0.1 m"}};
+  struct Packed {
+    double mu, y;
+  };
+  struct Prepared {
+    double x;
+  };
+  static constexpr cardan_param_desc schema[] = {param::required("mu", CARDAN_NUMBER, "m^3/s^2", "gravitational parameter"),
+                                                 param::optional("y", CARDAN_NUMBER, "m", "where it runs")};
+  static bool pack(const Params& params, Packed& p) {
+    p = {params.number("mu"), params.number("y")};
+    return true;
+  }
+  static int prepare(const Packed&, double t, Prepared& out) noexcept {
+    out = {2.0 * t};
+    return 0;
+  }
+  static int beyond(const Packed& p, const FieldPoint<Runner, double>& at) noexcept {
+    const Vec3<double> d = at.x - Vec3<double>{at.prepared->x, p.y, 0.0};
+    return dot(d, d) < 0.01 ? 1 : 0;
+  }
+  template <class T>
+  static void evaluate(const Packed& p, const FieldPoint<Runner, T>& at, T* out) noexcept {
+    using std::sqrt;
+    const Vec3<T> d = at.x - Vec3<T>{T(at.prepared->x), T(p.y), T(0.0)};
+    const T r2 = dot(d, d), r = sqrt(r2);
+    const Vec3<T> a = (T(-p.mu) / (r2 * r)) * d;
+    out[0] = a.x, out[1] = a.y, out[2] = a.z, out[3] = facts & CARDAN_FIELD_POTENTIAL ? T(-p.mu) / r : T(0.0);
+  }
+};
+
+template <unsigned kFacts>
+Registry with_runner(bool gradients = true) {
+  static cardan_field_family table = field_table<Runner<kFacts>>();
+  if (!gradients) table.facts &= ~static_cast<unsigned>(CARDAN_FIELD_GRADIENT);
+  Registry all = registry();
+  all.fields.add(table);
+  return all;
+}
+
+/// Its work is from outside, with a potential and without: the ledger closes.
+template <unsigned kFacts>
+void expect_work_from_outside(const RandomTree& tree) {
+  SystemSpec spec = tree.spec;
+  spec.fields = {field("attractor", "runner", {{"mu", 4000.0}, {"y", 20.0}})};
+  spec.gravity.kind = GravitySpec::Kind::field;
+  spec.gravity.field = "attractor";
+  SimulationOptions options;
+  options.integrator.relative_tolerance = 1e-10;
+  options.integrator.method = "dopri5";
+  Simulation sim(compile(spec, with_runner<kFacts>(kFacts != 0)), options);
+  sim.run(0.5);
+  EXPECT_TRUE(sim.ledger().pass) << sim.ledger().energy;
+  EXPECT_EQ(sim.energy().gravity, 0.0);
+}
+TEST(FieldGravity, ThatDependsOnTimeWorksFromOutside) {
+  for (const unsigned seed : {3U, 4U, 5U}) {
+    const RandomTree tree = random_tree(seed, {.bodies = 4, .flexible = 0.5, .level = 1, .gravity = GravitySpec::Kind::none});
+    expect_work_from_outside<CARDAN_FIELD_POTENTIAL>(tree);
+    expect_work_from_outside<0>(tree);
+  }
+}
+
+/// A free particle in the field of the runner, by a formula: a = -mu d / d^3 at the time of the run.
+TEST(FieldGravity, IsThatOfTheTime) {
+  SystemSpec spec = system({on(rigid("stone", 2.0, {0, 0, 0}, diagonal({1e-6, 1e-6, 1e-6})), "", "free")});
+  spec.bodies[0].hinge.q = {1, 0, 0, 0, 3.0, 4.0, 0.0};
+  spec.fields = {field("attractor", "runner", {{"mu", 50.0}})};
+  spec.gravity.kind = GravitySpec::Kind::field;
+  spec.gravity.field = "attractor";
+  Simulation sim(compile(spec, with_runner<CARDAN_FIELD_POTENTIAL>()), {});
+  State state = sim.state();
+  state.t = 1.5;  // it is at x = 3
+  sim.set_state(state);
+  EXPECT_NEAR(sim.vdot()[4], -50.0 / 16.0, 1e-12);
+  EXPECT_NEAR(sim.vdot()[3], 0.0, 1e-12);
+}
+
+std::string failure(Simulation& sim, double t_end, Code code) {
+  try {
+    sim.run(t_end);
+  } catch (const NumericsError& e) {
+    EXPECT_EQ(e.failure().code, code);
+    return e.failure().what;
+  }
+  return "it ran";
+}
+
+TEST(FieldGravity, BeyondItsLimitEndsTheRunByName) {
+  SystemSpec spec = system({on(rigid("stone", 2.0, {0, 0, 0}, diagonal({1e-6, 1e-6, 1e-6})), "", "free")});
+  spec.bodies[0].hinge.q = {1, 0, 0, 0, 1.0, 0.0, 0.0};  // it is overrun
+  spec.fields = {field("attractor", "runner", {{"mu", 1e-6}})};
+  spec.gravity.kind = GravitySpec::Kind::field;
+  spec.gravity.field = "attractor";
+  Simulation sim(compile(spec, with_runner<CARDAN_FIELD_POTENTIAL>()), {});
+  EXPECT_EQ(failure(sim, 1.0, Code::field_failed), "field attractor (runner): attractor is asked beyond its limit near: nearer than 0.1 m");
+  EXPECT_GT(sim.time(), 0.4);
+}
+
+BodySpec satellite(double radius, const Vector3d& velocity = {0, 0, 0}) {
+  BodySpec bus = on(rigid("bus", 100.0, {0, 0, 0}, diagonal({20, 25, 30})), "", "free");
+  bus.hinge.q = {std::sqrt(0.5), 0.5, 0, 0.5, radius, 0, 0};
+  bus.hinge.v = {0.1, -0.2, 0.3, velocity[0], velocity[1], velocity[2]};
+  NodeSpec node;
+  node.name = "tip", node.position = {0.4, -0.2, 0.1};
+  bus.nodes = {node};
+  return bus;
+}
+
+/// f = a - g at the node, whatever gives g.
+TEST(FieldsOfDevices, AnImuInAFieldReadsWhatItReadsAboutACentre) {
+  SystemSpec central = system({satellite(7e6, {0, 7546, 0})}, central_gravity(3.986004415e14, true));
+  central.devices = {device("imu", "imu", {}, {{"at", "bus.tip"}})};
+  central.devices[0].rate = 10.0;
+  SimulationOptions options;
+  options.integrator.relative_tolerance = 1e-11;
+  Simulation a(compiled(central), options), b(compiled(by_field(central)), options);
+  a.run(1.0), b.run(1.0);
+  for (int i = 0; i < 6; ++i) EXPECT_NEAR(a.device_output(i), b.device_output(i), 1e-8) << i;  // 8 m/s^2 of gravity cancel
+  EXPECT_GT(std::abs(b.device_output(3)) + std::abs(b.device_output(4)), 1e-3);
+}
+
+/// Its own devices and fields take part in J dx: torque of coils, drag.
+TEST(FieldsOfDevices, TakePartInTheJacobian) {
+  SystemSpec spec = system({satellite(2.0, {0.3, -0.4, 0.5})});
+  spec.fields = {field("earth", "dipole", {{"strength", 3.0}}),
+                 field("air", "exponential_atmosphere",
+                       {{"density", 0.5}, {"radius", 1e6}, {"height", -1e6}, {"lowest", -1e7}, {"scale_height", 1e3}})};
+  spec.devices = {device("rods", "magnetorquer", {{"max_moment", 30.0}}, {{"at", "bus.tip"}}),
+                  device("drag", "drag", {{"area", 2.0}}, {{"at", "bus.tip"}})};
+  spec.devices[0].inputs["moment_x"] = {5.0, {}};
+  spec.devices[0].inputs["moment_z"] = {-3.0, {}};
+  EXPECT_LT(jacobian_error(spec), 1e-9);
+}
+
+TEST(FieldsOfDevices, DragTakesWhatItsFormulaSays) {
+  SystemSpec spec = system({satellite(6878.137e3, {0, 7600, 0})});
+  spec.bodies[0].hinge.v = {0, 0, 0, 0, 7600, 0};
+  spec.fields = {field("air", "exponential_atmosphere", {{"density", 2e-12}})};
+  spec.devices = {device("drag", "drag", {{"area", 3.0}, {"coefficient", 2.0}}, {{"at", "bus"}})};
+  Simulation sim(compiled(spec), {});
+  const double rho = 2e-12 * std::exp(-100e3 / 58.515e3);
+  EXPECT_NEAR(sim.device_output(0) / rho, 1.0, 1e-12);
+  EXPECT_NEAR(sim.vdot()[4] / (-0.5 * rho * 2.0 * 3.0 * 7600.0 * 7600.0 / 100.0), 1.0, 1e-12);
+}
+
+TEST(FieldsOfDevices, BeyondTheirLimitsAreRefusedOrHeld) {
+  SystemSpec spec = system({satellite(6778.137e3, {-1000, 0, 0})});
+  spec.fields = {field("air", "exponential_atmosphere", {{"density", 2e-12}, {"lowest", 399.5e3}})};
+  spec.devices = {device("drag", "drag", {{"area", 3.0}}, {{"at", "bus"}})};
+  Simulation refused(compiled(spec), {});
+  EXPECT_EQ(failure(refused, 2.0, Code::device_failed),
+            "device drag (drag): air is asked beyond its limit lowest: below the lowest height of the atmosphere");
+  EXPECT_NEAR(refused.time(), 0.5, 0.6);  // within a step
+  spec.fields[0].hold = true;
+  Simulation held(compiled(spec), {});
+  held.every({1, 10}, [&] { held.observe(); });
+  held.run(2.0);
+  EXPECT_NEAR(held.device_output(0) / (2e-12 * std::exp(0.5e3 / 58.515e3)), 1.0, 1e-12);
+  ASSERT_EQ(held.warnings().all().size(), 1u);
+  EXPECT_EQ(held.warnings().all()[0].what.code, Code::field_held);
+  EXPECT_NE(held.warnings().all()[0].what.about.find("air holds what it has at the end of what it knows (lowest)"), std::string::npos);
+}
+
+std::string refusal(const SystemSpec& spec) {
+  try {
+    compiled(spec);
+  } catch (const InputError& e) {
+    return e.what();
+  }
+  return "it compiled";
+}
+
+TEST(Fields, ThatAreNotThereAreRefusedByName) {
+  SystemSpec spec = system({satellite(7e6)});
+  spec.devices = {device("rods", "magnetorquer", {{"max_moment", 30.0}}, {{"at", "bus"}})};
+  EXPECT_NE(refusal(spec).find("none of the quantity magnetic field in `fields`"), std::string::npos) << refusal(spec);
+  spec.fields = {field("a", "dipole"), field("b", "dipole"), field("air", "exponential_atmosphere", {{"density", 1e-12}})};
+  EXPECT_NE(refusal(spec).find("several, and no such key"), std::string::npos) << refusal(spec);
+  spec.devices[0].mounts["field"] = {"air", {}};
+  EXPECT_NE(refusal(spec).find("\"air\", which is of the quantity density of the air"), std::string::npos) << refusal(spec);
+  spec.devices[0].mounts["field"] = {"b", {}};
+  EXPECT_EQ(refusal(spec), "it compiled");
+  spec.gravity.kind = GravitySpec::Kind::field;
+  spec.gravity.field = "a";
+  EXPECT_NE(refusal(spec).find("a field of the quantity gravity, of which there is none"), std::string::npos) << refusal(spec);
+  spec.gravity = {};
+  spec.fields[0].hold = true;
+  EXPECT_NE(refusal(spec).find("this field has no limits"), std::string::npos) << refusal(spec);
+  spec.fields[0] = field("a", "dipol");
+  EXPECT_NE(refusal(spec).find("did you mean \"dipole\""), std::string::npos) << refusal(spec);
+}
+
+/// What is not there costs nothing: no op, the same bits.
+TEST(Fields, ThatNobodyReadsChangeNoBit) {
+  const RandomTree tree = random_tree(11, {});
+  SystemSpec with = tree.spec;
+  with.fields = {field("earth", "dipole"), field("moon", "point_mass", {{"mu", 1.0}})};
+  Loaded a(tree);
+  RandomTree more = tree;
+  more.spec = with;
+  Loaded b(more);
+  EXPECT_EQ(a.model->program.size(), b.model->program.size());
+  EXPECT_TRUE(a.forward() == b.forward());
+}
+
+/// The dipole of a plugin, from the same source, gives the bits of the one that is built in.
+TEST(Fields, OfAPluginGiveTheSameBits) {
+  Registry types = registry();
+  load_plugin(CARDAN_BINARY_DIR "/plugins/twins.so", types);
+  const auto end = [&](const std::string& dipole, const std::string& mass) {
+    SystemSpec spec = system({satellite(7e6, {0, 7546, 0})});
+    spec.fields = {field("earth", dipole), field("pull", mass, {{"mu", 3.986004415e14}})};
+    spec.gravity.kind = GravitySpec::Kind::field;
+    spec.gravity.field = "pull";
+    spec.devices = {device("rods", "magnetorquer", {{"max_moment", 30.0}}, {{"at", "bus.tip"}})};
+    spec.devices[0].inputs["moment_x"] = {5.0, {}};
+    Simulation sim(compile(spec, types), {});
+    sim.run(5.0);
+    return VectorXd((VectorXd(13) << sim.state().q, sim.state().v).finished());
+  };
+  EXPECT_TRUE(end("dipole", "point_mass") == end("twin/dipole", "twin/point_mass"));
+}
+
+}  // namespace
+}  // namespace cardan::test

@@ -1,0 +1,250 @@
+// What an input may be given beside one output of one device: a sum, what was some ticks ago, and a safe value when nobody speaks.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/abi/device_family.hpp"
+#include "core/sim/simulation.hpp"
+#include "tests/properties/random_devices.hpp"
+
+namespace cardan::test {
+namespace {
+
+struct None {};
+
+/// y = a + b, in the same evaluation.
+struct Adder {
+  static constexpr const char *type = "adder", *summary = "y = a + b";
+  static constexpr unsigned facts = 0;
+  using Packed = None;
+  static constexpr cardan_port_desc ports[] = {{"a", CARDAN_PORT_IN, "1", 0.0, 0, "input"},
+                                               {"b", CARDAN_PORT_IN, "1", 0.0, 0, "input"},
+                                               {"y", CARDAN_PORT_OUT, "1", 0.0, 3, "output"}};
+  template <class T>
+  static void evaluate(const Packed&, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
+    out.out[0] = in.in[0] + in.in[1];
+  }
+};
+
+/// y = x at its last tick, and how many there were.
+struct Sampler {
+  static constexpr const char *type = "sampler", *summary = "holds x";
+  static constexpr unsigned facts = 0;
+  using Packed = None;
+  static constexpr cardan_port_desc ports[] = {{"x", CARDAN_PORT_IN, "1", -1.0, 0, "input"},
+                                               {"y", CARDAN_PORT_OUT, "1", 0.0, 0, "output"},
+                                               {"n", CARDAN_PORT_OUT, "1", 0.0, 0, "ticks"}};
+  static constexpr cardan_state_desc marks[] = {{"x", "1", 0.0, 1.0, "held"}, {"n", "1", 0.0, 1.0, "ticks"}};
+  template <class T>
+  static void evaluate(const Packed&, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
+    out.out[0] = T(in.d[0]), out.out[1] = T(in.d[1]);
+  }
+  static void tick(const Packed&, const DeviceIn<double>& in, double, const double*, double*, double* d) noexcept {
+    d[0] = in.in[0], d[1] += 1.0;
+  }
+};
+
+/// y = t.
+struct Clock {
+  static constexpr const char *type = "clock", *summary = "y = t";
+  static constexpr unsigned facts = 0;
+  using Packed = None;
+  static constexpr cardan_port_desc ports[] = {{"y", CARDAN_PORT_OUT, "1", 0.0, 0, "time"}};
+  template <class T>
+  static void evaluate(const Packed&, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
+    out.out[0] = T(in.t);
+  }
+};
+
+/// s' = x.
+struct Sum {
+  static constexpr const char *type = "integral", *summary = "s' = x";
+  static constexpr unsigned facts = 0;
+  using Packed = None;
+  static constexpr cardan_port_desc ports[] = {{"x", CARDAN_PORT_IN, "1", 0.0, 0, "input"},
+                                               {"s", CARDAN_PORT_OUT, "1", 0.0, 0, "integral"}};
+  static constexpr cardan_state_desc states[] = {{"s", "1", 0.0, 1.0, "integral"}};
+  template <class T>
+  static void evaluate(const Packed&, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
+    out.zdot[0] = in.in[0], out.out[0] = in.z[0];
+  }
+};
+
+std::shared_ptr<const Model> with_own(std::vector<DeviceSpec> devices) {
+  static const Registry types = [] {
+    Registry all = registry();
+    all.devices.add(device_table<Adder>()), all.devices.add(device_table<Sampler>());
+    all.devices.add(device_table<Clock>()), all.devices.add(device_table<Sum>());
+    return all;
+  }();
+  SystemSpec spec = system({on(particle("mass", 2.0, {0, 0, 0}), "", "prismatic", {{1, 0, 0}})});
+  spec.devices = std::move(devices);
+  return compile(spec, types);
+}
+DeviceSpec block(const std::string& name, const std::string& type, double rate = 0.0, double offset = 0.0) {
+  DeviceSpec d = device(name, type, {}, {});
+  d.rate = rate, d.offset = offset;
+  return d;
+}
+DeviceSpec::Input from(const std::string& source) { return {source, {}}; }
+DeviceSpec::Input delayed(const std::string& source, int ticks) {
+  DeviceSpec::Input input = from(source);
+  input.delay = ticks;
+  return input;
+}
+std::string refusal(const std::vector<DeviceSpec>& devices) {
+  try {
+    Simulation sim(with_own(devices), {});
+    sim.run(0.01);
+  } catch (const InputError& e) {
+    return e.what();
+  }
+  return "none";
+}
+int input(const Model& m, const std::string& name, int i = 0) {
+  return m.devices.all[static_cast<std::size_t>(m.devices.find(name))].in + i;
+}
+int output(const Model& m, const std::string& name, int i = 0) {
+  return m.devices.all[static_cast<std::size_t>(m.devices.find(name))].out + i;
+}
+
+TEST(Ports, AnInputMayBeASumOfOutputs) {
+  DeviceSpec sum = block("sum", "integral"), one = block("one", "adder"), two = block("two", "adder");
+  one.inputs["a"] = {2.0, {}}, two.inputs["a"] = {3.0, {}};
+  sum.inputs["x"] = from("one.y + two.y + one.y");
+  Simulation sim(with_own({sum, one, two}), {});
+  sim.run(0.5);
+  EXPECT_NEAR(sim.state().z[0], 0.5 * (2.0 + 3.0 + 2.0), 1e-12);
+}
+
+/// A chain of sums is a loop as one of single sources is.
+TEST(Ports, ALoopThroughASumIsRefusedAndSaysWhatHelps) {
+  DeviceSpec a = block("a", "adder"), b = block("b", "adder");
+  a.inputs["a"] = from("b.y"), b.inputs["a"] = {1.0, {}}, b.inputs["b"] = from("b.y + a.y");
+  const std::string told = refusal({a, b});
+  EXPECT_NE(told.find("C1003"), std::string::npos) << told;
+  EXPECT_NE(told.find("`delay: 1`"), std::string::npos) << told;
+}
+
+/// y(k) = y(k-1) + 1: a loop with a delay of one tick counts; what it starts from is the fallback of the input.
+TEST(Ports, ADelayBreaksALoop) {
+  DeviceSpec adder = block("adder", "adder"), held = block("held", "sampler", 10.0);
+  adder.inputs["a"] = {1.0, {}};
+  adder.inputs["b"] = from("held.y");
+  held.inputs["x"] = delayed("adder.y", 1);
+  Simulation sim(with_own({adder, held}), {});
+  const int y = output(sim.model(), "held"), in = input(sim.model(), "held");
+  sim.run(0.05);
+  EXPECT_EQ(sim.device_output(y), -1.0);  // at 0: the fallback
+  EXPECT_EQ(sim.device_input(in), -1.0);
+  sim.run(0.45);
+  EXPECT_EQ(sim.device_output(y), 3.0);  // -1, 0, 1, 2, 3 at 0 ... 0.4
+}
+
+/// n ticks ago at the ticks of who takes it, exactly; of a latency in time the same.
+TEST(Ports, GivesWhatWasSomeTicksAgo) {
+  for (const bool in_time : {false, true}) {
+    DeviceSpec held = block("held", "sampler", 20.0);
+    held.inputs["x"] = delayed("clock.y", 3);
+    if (in_time) held.inputs["x"].delay = 0, held.inputs["x"].latency = 0.15;
+    Simulation sim(with_own({block("clock", "clock"), held}), {});
+    std::vector<double> seen;
+    sim.every({1, 20}, [&] { seen.push_back(sim.device_output(output(sim.model(), "held"))); });
+    sim.run(0.52);
+    ASSERT_EQ(seen.size(), 11u);  // a controller sees what was there before the devices with inputs tick
+    for (std::size_t k = 1; k < seen.size(); ++k) EXPECT_EQ(seen[k], k < 4 ? -1.0 : static_cast<double>(k - 4) / 20.0) << k;
+  }
+}
+
+/// From a device that samples to one that is continuous: at the ticks of the giver, held between.
+TEST(Ports, ADelayToAContinuousDeviceTicksWithWhoGives) {
+  DeviceSpec held = block("held", "sampler", 10.0), sum = block("sum", "integral");
+  held.inputs["x"] = from("clock.y");
+  sum.inputs["x"] = delayed("held.y", 1);
+  Simulation sim(with_own({block("clock", "clock"), held, sum}), {});
+  sim.run(0.4);
+  EXPECT_NEAR(sim.state().z[0], 0.1 * (0.0 + 0.0 + 0.1 + 0.2), 1e-12);
+}
+
+TEST(Ports, ADeviceMayTickLater) {
+  DeviceSpec held = block("held", "sampler", 10.0, 0.007);
+  held.inputs["x"] = from("clock.y");
+  Simulation sim(with_own({block("clock", "clock"), held}), {});
+  const int y = output(sim.model(), "held");
+  sim.run(0.005);
+  EXPECT_EQ(sim.device_output(y + 1), 0.0);
+  sim.run(0.25);
+  EXPECT_EQ(sim.device_output(y + 1), 3.0);  // at 7, 107, 207 ms
+  EXPECT_EQ(sim.device_output(y), 0.207);
+  EXPECT_NE(refusal({block("held", "sampler", 10.0, 0.1234567891234)}).find("devices.held.offset"), std::string::npos);
+}
+
+/// A script that stops speaking: its last command counts for 0.25 s, then the safe one. What it says in time keeps it alive, at the very
+/// instant too.
+TEST(Ports, ASilentCommandBecomesSafe) {
+  DeviceSpec sum = block("sum", "integral");
+  sum.inputs["x"] = {1.0, {}};
+  sum.inputs["x"].safe = -2.0, sum.inputs["x"].timeout = 0.25;
+  Simulation quiet(with_own({sum}), {});
+  quiet.run(1.0);
+  EXPECT_NEAR(quiet.state().z[0], 0.25 - 2.0 * 0.75, 1e-9);
+  Simulation alive(with_own({sum}), {});
+  alive.every({1, 4}, [&] {
+    if (alive.time() < 0.6) alive.set_device_input(0, 1.0);
+  });
+  alive.run(1.0);
+  EXPECT_NEAR(alive.state().z[0], 0.75 - 2.0 * 0.25, 1e-9);
+}
+
+TEST(Ports, OptionsThatDoNotFitAreRefused) {
+  const auto told = [](const auto& change) {
+    DeviceSpec held = block("held", "sampler", 10.0);
+    held.inputs["x"] = from("clock.y");
+    change(held);
+    return refusal({block("clock", "clock"), held});
+  };
+  EXPECT_EQ(told([](DeviceSpec&) {}), "none");
+  EXPECT_NE(told([](DeviceSpec& d) { d.inputs["x"].safe = 1.0, d.inputs["x"].timeout = 1.0; }).find("a connection, which is never silent"),
+            std::string::npos);
+  EXPECT_NE(told([](DeviceSpec& d) {
+              d.inputs["x"] = {1.0, {}}, d.inputs["x"].delay = 1;
+            }).find("a number that is commanded"),
+            std::string::npos);
+  EXPECT_NE(told([](DeviceSpec& d) { d.inputs["x"] = {1.0, {}}, d.inputs["x"].safe = 1.0; }).find("no `timeout`"), std::string::npos);
+  EXPECT_NE(told([](DeviceSpec& d) { d.inputs["x"].delay = 1, d.inputs["x"].latency = 0.1; }).find("both"), std::string::npos);
+  EXPECT_NE(told([](DeviceSpec& d) { d.inputs["x"].latency = -0.1; }).find("a time > 0"), std::string::npos);
+  const std::string odd = told([](DeviceSpec& d) { d.inputs["x"].latency = 0.25; });
+  EXPECT_NE(odd.find("a whole number of ticks of held, 0.1 s each"), std::string::npos) << odd;
+  EXPECT_NE(odd.find("0.3 s, or another rate of held"), std::string::npos) << odd;
+  DeviceSpec sum = block("sum", "integral");
+  sum.inputs["x"] = delayed("clock.y", 1);
+  EXPECT_NE(refusal({block("clock", "clock"), sum}).find("none: both are continuous"), std::string::npos);
+  DeviceSpec unit = block("unit", "integral"), motor = device("wheel", "momentum_wheel", {{"inertia", 0.1}}, {{"at", "mass"}});
+  unit.inputs["x"] = from("clock.y + wheel.momentum");
+  EXPECT_NE(refusal({block("clock", "clock"), motor, unit}).find("wheel.momentum in"), std::string::npos);
+}
+
+/// The same bits as if the run had never stopped: what is under way in delays, and since when a command is silent.
+TEST(Ports, AreInCheckpoints) {
+  DeviceSpec adder = block("adder", "adder"), held = block("held", "sampler", 10.0, 0.03), sum = block("sum", "integral"), quiet = sum;
+  adder.inputs["a"] = {1.0, {}};
+  adder.inputs["b"] = from("held.y");
+  held.inputs["x"] = delayed("adder.y", 2);
+  sum.inputs["x"] = from("held.y");
+  quiet.name = "quiet";
+  quiet.inputs["x"] = {1.0, {}};
+  quiet.inputs["x"].safe = 0.0, quiet.inputs["x"].timeout = 0.7;
+  for (const double split : {0.0, 0.13, 0.4, 0.7, 0.75}) {
+    const auto model = with_own({adder, held, sum, quiet});
+    Simulation whole(model, {}), part(model, {});
+    if (split > 0.0) whole.run(split);
+    part.resume(whole.checkpoint());
+    whole.run(1.5), part.run(1.5);
+    EXPECT_TRUE(whole.state().z == part.state().z && whole.state().marks == part.state().marks) << split;
+    EXPECT_EQ(whole.statistics().steps, part.statistics().steps) << split;
+    EXPECT_NEAR(whole.state().z[model->devices.all[static_cast<std::size_t>(model->devices.find("quiet"))].z], 0.7, 1e-9) << split;
+  }
+}
+
+}  // namespace
+}  // namespace cardan::test

@@ -1,0 +1,117 @@
+// device{...}: types of devices whose functions the script gives.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "tests/scripts/run_program.hpp"
+
+namespace cardan {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kVehicle[] =
+    "cardan: 1\nbodies:\n  bus: {mass: 10, inertia: [2, 2, 2], hinge: {type: free, to: world, initial: {rate: [0, 0, 0.2]}}}\n"
+    "  arm: {mass: 1, inertia: [0.1, 0.1, 0.1], hinge: {type: prismatic, to: bus, axis: [1, 0, 0], initial: {displacement: 0.3}}}\n";
+
+/// `devices` of the vehicle, what the script has before it, and after it.
+Finished run(const TemporaryFolder& dir, const std::string& devices, const std::string& before, const std::string& after,
+             const std::vector<std::string>& arguments = {"run", ".", "--quiet", "--out", "out"}) {
+  write(dir / "vehicle.yaml", kVehicle + ("devices:\n" + devices));
+  write(dir / "scenario.lua", before + "\nlocal sat = vehicle 'vehicle.yaml'\n" + after);
+  return run_program(arguments, dir.path());
+}
+
+/// A controller with a state: what it gives is held between ticks, and it is resumed with the same bits.
+TEST(ScriptDevices, AreSampledHeldAndResumed) {
+  const TemporaryFolder dir;
+  const Finished first =
+      run(dir,
+          "  gyro: {type: imu, at: bus, rate: 10 Hz}\n"
+          "  damper: {type: lua/damper, at: bus, rate: 10 Hz, gain: 3 N m s/rad, inputs: {rate: gyro.rate_z}}\n"
+          "  wheel: {type: momentum_wheel, at: bus, inertia: 0.05, inputs: {torque: damper.torque}}\n",
+          "device { type = 'lua/damper', mounts = { at = 'node' }, params = { gain = { 1, 'N m s/rad' } }, inputs = { rate = 'rad/s' },\n"
+          "  outputs = { torque = 'N m' }, memory = { ticks = 0 },\n"
+          "  tick = function(a, dt) assert(dt == 0.1 and #a.at.specific_force == 3); return { torque = a.gain * a.rate, ticks = a.ticks + "
+          "1 } end }",
+          "mission { duration = 2, checkpoint = { period = 1 } }\n"
+          "check { name = 'ticks', value = function() return sat:device('damper'):get 'ticks' end, equal = { 21, tolerance = 0.1 } }\n"
+          "check { name = 'slow', unit = 'rad/s', value = function() return select(3, sat:body('bus'):rate()) end, below = 0.05 }\n");
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  const Finished resumed = run_program({"run", ".", "--quiet", "--resume", "out/run.h5", "--at", "1", "--out", "again"}, dir.path());
+  ASSERT_EQ(resumed.exit_code, 0) << resumed.err;
+  const Finished same = run_program({"diff", "out", "again"}, dir.path());
+  EXPECT_EQ(same.exit_code, 0) << same.out << same.err;
+}
+
+/// Inside of the right-hand side: a spring of the script on a slide swings at the frequency of the one that is built in.
+TEST(ScriptDevices, MayActInsideOfAStep) {
+  const TemporaryFolder dir;
+  const std::string spring =
+      "device { type = 'lua/spring', in_step = true, mounts = { at = 'hinge' }, params = { k = { 1, 'N/m' } }, outputs = { force = 'N' },\n"
+      "  states = { work = 'J' },\n"
+      "  evaluate = function(a) local f = -a.k * a.at.q; return { at = f, force = f, work = f * a.at.v } end }";
+  const Finished done = run(dir, "  spring: {type: lua/spring, at: arm, k: 20 N/m}\n", spring,
+                            "mission { duration = 3, integrator = { relative = 1e-10 } }\n"
+                            "initial { bus = { angular_velocity = { 0, 0, 0 } } }\n"
+                            "local w = math.sqrt(20 * (1 / 1 + 1 / 10))\n"
+                            "check { name = 'swing', value = function() return math.abs(sat:hinge('arm'):displacement() - 0.3 * math.cos(3 "
+                            "* w)) end, below = 1e-7 }\n"
+                            "check { name = 'work', value = function() return math.abs(sat:device('spring'):get 'work' - 10 * (0.09 - "
+                            "sat:hinge('arm'):displacement() ^ 2)) end, below = 1e-7 }\n");
+  EXPECT_EQ(done.exit_code, 0) << done.err << file_text(dir / "out/summary.json");
+  const Finished told = run_program({"describe", "."}, dir.path());
+  EXPECT_NE(told.out.find("lua/spring: in the right-hand side"), std::string::npos) << told.out;
+}
+
+TEST(ScriptDevices, ThatAreNotPureAreRefused) {
+  const struct {
+    const char *device, *told;
+  } cases[] = {
+      {"local n = 0\ndevice { type = 'lua/x', in_step = true, outputs = { y = '1' }, evaluate = function(a) n = n + 1 return { y = a.t } "
+       "end }",
+       "a variable that changes in a call: n = 0 (number)"},
+      {"local m = { n = 0 }\ndevice { type = 'lua/x', memory = { k = 0 }, tick = function(a) m.n = m.n + 1 return { k = a.k } end }",
+       "a variable that changes in a call: m.n = 0 (number)"},
+      {"device { type = 'lua/x', in_step = true, outputs = { y = '1' }, evaluate = function(a) return { y = math.random() } end }",
+       "evaluate is a function of its arguments"},
+      {"device { type = 'lua/x', in_step = true, outputs = { y = '1' }, evaluate = function(a) return { z = 1 } end }",
+       "a table with y = a number"},
+      {"device { type = 'lua/x', in_step = true, outputs = { y = '1' }, evaluate = function(a) return a.t end }",
+       "a table of numbers by their names"},
+      {"device { type = 'lua/x', in_step = true, evaluate = function(a) error 'no luck' end }", "no luck"},
+      {"device { type = 'lua/x', evaluate = function(a) return {} end }", "`evaluate` and `in_step = true` together"},
+      {"device { type = 'lua/x' }", "a function tick(a, dt), or evaluate(a) with in_step = true"},
+      {"device { type = 'lua/x', states = { z = '1' }, tick = function(a) return {} end }", "`memory` in a device that is sampled"},
+      {"device { type = 'imu', tick = function(a) return {} end }", "a type that is not taken yet"},
+      {"device { type = 'lua/x', inputs = { u = 'furlong' }, tick = function(a) return {} end }", "a unit: rad/s, N m, 1"},
+      {"device { type = 'lua/x', inputs = { u = 1 }, outputs = { u = 1 }, tick = function(a) return { u = 1 } end }", "a name of its own"}};
+  for (const auto& c : cases) {
+    const TemporaryFolder dir;
+    const Finished told = run(dir, "  wheel: {type: momentum_wheel, at: bus, inertia: 0.05}\n", c.device, "mission { duration = 1 }\n");
+    EXPECT_EQ(told.exit_code, 2) << c.device;
+    EXPECT_NE(told.err.find(c.told), std::string::npos) << c.told << " in\n" << told.err;
+    EXPECT_NE(told.err.find("scenario.lua:"), std::string::npos) << told.err;
+  }
+}
+
+/// What fails in the run is told at its line, and nothing but what it is handed may be read.
+TEST(ScriptDevices, ThatFailInTheRunAreTold) {
+  const struct {
+    const char *body, *told;
+  } cases[] = {{"if a.t > 0.5 and a.t < 0.9 then error 'too late' end return { at = 0 }", "too late"},
+               {"if a.t > 0.5 and a.t < 0.9 then return { at = bus:position() } end return { at = 0 }", "what it is handed"}};
+  for (const auto& c : cases) {
+    const TemporaryFolder dir;
+    const Finished told =
+        run(dir, "  x: {type: lua/x, at: arm}\n",
+            std::string("device { type = 'lua/x', in_step = true, mounts = { at = 'hinge' }, evaluate = function(a) ") + c.body + " end }",
+            "bus = sat:body 'bus'\nmission { duration = 1 }\n");
+    EXPECT_EQ(told.exit_code, 3) << told.err;
+    EXPECT_NE(told.err.find(c.told), std::string::npos) << told.err;
+    EXPECT_NE(told.err.find("scenario.lua:1"), std::string::npos) << told.err;
+  }
+}
+
+}  // namespace
+}  // namespace cardan
