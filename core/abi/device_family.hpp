@@ -212,13 +212,7 @@ const cardan_device_family& device_table() {
     if constexpr (Sizes::ports > 0) t.ports = F::ports;
     if constexpr (Sizes::states > 0) t.states = F::states;
     if constexpr (Sizes::marks > 0) t.marks = F::marks;
-    t.pack = [](const cardan_param_values* values, void* packed) {
-      P p{};
-      if constexpr (requires { F::pack(Params(values), p); })
-        if (!F::pack(Params(values), p)) return 1;
-      std::memcpy(packed, &p, sizeof p);
-      return 0;
-    };
+    t.pack = &detail::pack<F>;
     if constexpr (requires(const P& p, double* sizes) { F::nominal(p, sizes); })
       t.nominal = [](const void* packed, double* sizes) { F::nominal(*static_cast<const P*>(packed), sizes); };
     t.evaluate = &detail::evaluate<F>;

@@ -171,18 +171,9 @@ class Laws {
   double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(rng_); }
 
   bool pack() {
-    PackedSample packed = packed_at_random(
-        {f_.params, f_.n_params}, rng_(),
-        [&](const cardan_param_values* values) {
-          before_("packed_size");
-          return f_.packed_size ? f_.packed_size(values) : f_.params_size;
-        },
-        [&](const cardan_param_values* values, void* to) {
-          before_("pack");
-          return f_.pack ? f_.pack(values, to) : 0;
-        });
-    if (packed.block.empty() || !packed.fault.empty()) {
-      found_.push_back(packed.block.empty() && packed.fault.empty() ? "pack refuses every set of random parameters" : packed.fault);
+    PackedSample packed = packed_at_random(f_, rng_(), before_);
+    if (!packed.fault.empty()) {
+      found_.push_back(packed.fault);
       return false;
     }
     packed_ = std::move(packed.block);

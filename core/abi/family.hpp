@@ -145,6 +145,16 @@ void axis_kinematics(const AxisParams& p, double q, HingeOut<1>& out) noexcept {
   }
 }
 
+/// Packs an instance of any C++ family; without F::pack all of it is zero.
+template <class F>
+int pack(const cardan_param_values* values, void* packed) {
+  typename F::Packed p{};
+  if constexpr (requires { F::pack(Params(values), p); })
+    if (!F::pack(Params(values), p)) return 1;
+  std::memcpy(packed, &p, sizeof p);
+  return 0;
+}
+
 template <HingeFamily F>
 void kinematics(const void* packed, std::uint32_t n, const std::uint32_t* iq, const std::uint32_t* iv, const double* q, const double* v,
                 cardan_hinge_out* out) {
@@ -190,12 +200,7 @@ const cardan_hinge_family& hinge_table() {
       t.v_names = F::v_names;
       t.v_units = F::v_units;
     }
-    t.pack = [](const cardan_param_values* values, void* packed) {
-      P p{};
-      if (!F::pack(Params(values), p)) return 1;
-      std::memcpy(packed, &p, sizeof p);
-      return 0;
-    };
+    t.pack = &detail::pack<F>;
     if constexpr (kIsAxisHinge<F>)
       t.axis = [](const void* packed, double u[3], double* pitch) {
         const AxisParams& p = *static_cast<const P*>(packed);

@@ -93,13 +93,7 @@ const cardan_field_family& field_table() {
     if constexpr (requires { F::distance; }) t.distance = F::distance;
     if constexpr (requires { F::schema; }) t.params = F::schema, t.n_params = sizeof(F::schema) / sizeof(F::schema[0]);
     if constexpr (requires { F::limits; }) t.limits = F::limits, t.n_limits = sizeof(F::limits) / sizeof(F::limits[0]);
-    t.pack = [](const cardan_param_values* values, void* packed) {
-      P p{};
-      if constexpr (requires { F::pack(Params(values), p); })
-        if (!F::pack(Params(values), p)) return 1;
-      std::memcpy(packed, &p, sizeof p);
-      return 0;
-    };
+    t.pack = &detail::pack<F>;
     t.evaluate = &detail::evaluate_field<F>;
     if constexpr (requires { typename F::Prepared; }) {
       t.prepared_size = sizeof(typename F::Prepared);

@@ -85,6 +85,23 @@ PackedSample packed_at_random(std::span<const cardan_param_desc> schema, std::ui
                               const std::function<std::uint64_t(const cardan_param_values*)>& size,
                               const std::function<int(const cardan_param_values*, void*)>& pack);
 
+/// Of a family whose pack may be null and whose size need not depend on the parameters; `before` is told what is called.
+template <class Family>
+PackedSample packed_at_random(const Family& f, std::uint64_t seed, const TellPhase& before) {
+  PackedSample packed = packed_at_random(
+      {f.params, f.n_params}, seed,
+      [&](const cardan_param_values* values) {
+        before("packed_size");
+        return f.packed_size ? f.packed_size(values) : f.params_size;
+      },
+      [&](const cardan_param_values* values, void* to) {
+        before("pack");
+        return f.pack ? f.pack(values, to) : 0;
+      });
+  if (packed.block.empty() && packed.fault.empty()) packed.fault = "pack refuses every set of random parameters";
+  return packed;
+}
+
 /// The same call in another thread.
 void in_another_thread(const std::function<void()>& call);
 

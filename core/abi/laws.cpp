@@ -214,12 +214,9 @@ class Laws {
   /// False when further samples are of no use.
   bool sample(int i) {
     found_.sample = i;
-    before_("pack");
-    const PackedSample packed = packed_at_random(
-        {f_.params, f_.n_params}, seed_ + 1000u * static_cast<std::uint64_t>(i),
-        [&](const cardan_param_values* values) { return f_.packed_size ? f_.packed_size(values) : f_.params_size; }, f_.pack);
-    if (packed.block.empty() || !packed.fault.empty()) {
-      found_.add(packed.fault.empty() ? "pack refuses every set of random parameters" : packed.fault);
+    const PackedSample packed = packed_at_random(f_, seed_ + 1000u * static_cast<std::uint64_t>(i), before_);
+    if (!packed.fault.empty()) {
+      found_.add(packed.fault);
       return false;
     }
     const Instance hinge(f_, packed, before_);

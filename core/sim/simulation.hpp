@@ -104,7 +104,7 @@ class Simulation {
   /// An input of a device, index as in Devices::in0; commands of one that is connected are not read. A device that acts starts anew.
   void set_device_input(int i, double value);
   /// Of gravity that is a field, at the present state; null: it is none.
-  const FieldMoment* gravity_moment() { return observe(), moment_; }
+  const FieldMoment* gravity_moment() { return fields_ ? (observe(), moment_) : nullptr; }
   /// Evaluated at the present state; null where there are none.
   const DeviceForces* devices() { return devices_ ? (observe(), devices_.get()) : nullptr; }
   double device_input(int i) const { return devices_->input(i); }

@@ -132,9 +132,7 @@ static void add_load(Workspace<T>& ws, int k, const Force<T>& load, const Vec3<T
   ws.core(k).z -= Force<T>{load.n + cross(c, load.f), load.f};
 }
 
-// The force on mode k is -dU/d eta_k of the same potential: with F the force at the mass centre, Grad = mu/r^3 (3 rhat rhat* - 1)
-// and S = (tr J/2) 1 - J the second moments, f_k = I3_k . F/m + 1/2 Grad : dS_k - c . Grad I3_k.
-/// Of a field of a family: the same body by body, with a, da/dr and U at the mass centre (docs/mathematics/gravity.md 5).
+// Of a field of a family: body by body, with a, da/dr and U at the mass centre (docs/mathematics/gravity.md 5).
 template <class T>
 static void gravity_of_source(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
   const GravityField& g = model.field;
@@ -162,6 +160,8 @@ static void gravity_of_source(const SweepModel& model, Workspace<T>& ws, const I
   }
 }
 
+// The force on mode k is -dU/d eta_k of the same potential: with F the force at the mass centre, Grad = mu/r^3 (3 rhat rhat* - 1)
+// and S = (tr J/2) 1 - J the second moments, f_k = I3_k . F/m + 1/2 Grad : dS_k - c . Grad I3_k.
 template <class T>
 static void central_gravity(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
   using std::sqrt;

@@ -128,7 +128,7 @@ OperatingState present_state(const Scenario& s) {
                      .wrenches = {s.sim->wrenches().begin(), s.sim->wrenches().end()},
                      .model = s.sim->own_model(),
                      .devices = devices ? std::make_shared<const DeviceForces>(*devices) : nullptr,
-                     .moment = kept_moment(*s.model, s.model->field.source ? s.sim->gravity_moment() : nullptr),
+                     .moment = kept_moment(*s.model, s.sim->gravity_moment()),
                      .seed = s.seed};
   const std::vector<double> tau = s.sim->applied_forces();
   std::copy(tau.begin(), tau.end(), out.tau.data());
