@@ -173,6 +173,11 @@ struct Hdf5File::Impl {
     if (has(path)) wrote(H5Ldelete(file, path.c_str(), H5P_DEFAULT), path);
     return {wrote(H5Dcreate2(file, path.c_str(), type, space, H5P_DEFAULT, properties, H5P_DEFAULT), path), H5Dclose};
   }
+  /// All numbers or texts of a dataset. HDF5 keeps some of them in memory until it is closed.
+  void fill(Handle set, const std::string& path, hid_t type, const void* data) const {
+    wrote(H5Dwrite(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, data), path);
+    wrote(set.close(), path);
+  }
   void write(const std::string& path, hid_t type, const std::vector<std::size_t>& shape, const void* data) {
     const auto fits = [&](hid_t set) {
       Handle space(H5Dget_space(set), H5Sclose);
@@ -180,13 +185,9 @@ struct Hdf5File::Impl {
       return std::ranges::equal(dimensions(space), shape) && H5Tequal(stored, type) > 0;
     };
     Handle old(has(path) && !is_group(path) ? H5Dopen2(file, path.c_str(), H5P_DEFAULT) : H5I_INVALID_HID, H5Dclose);
-    if (old >= 0 && fits(old)) {
-      wrote(H5Dwrite(old, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, data), path);
-      return;
-    }
+    if (old >= 0 && fits(old)) return fill(std::move(old), path, type, data);
     Handle space = new_space(shape);
-    Handle set = new_dataset(path, type, space);
-    wrote(H5Dwrite(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, data), path);
+    fill(new_dataset(path, type, space), path, type, data);
   }
   void make_rows(const std::string& path, hid_t type, std::size_t columns, std::size_t rows_per_block, std::size_t most_rows) {
     std::vector<hsize_t> now{0}, limit{most_rows > 0 ? most_rows : H5S_UNLIMITED}, block{rows_per_block};
@@ -423,8 +424,7 @@ void Hdf5File::write_packed(const std::string& path, std::span<const double> val
   H5Pset_chunk(properties, static_cast<int>(block.size()), block.data());
   H5Pset_shuffle(properties);
   H5Pset_deflate(properties, 9);
-  Handle set = impl_->new_dataset(path, H5T_NATIVE_DOUBLE, space, properties);
-  impl_->wrote(H5Dwrite(set, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()), path);
+  impl_->fill(impl_->new_dataset(path, H5T_NATIVE_DOUBLE, space, properties), path, H5T_NATIVE_DOUBLE, values.data());
 }
 void Hdf5File::write(const std::string& path, std::span<const std::int64_t> values) {
   impl_->write(path, H5T_NATIVE_INT64, {values.size()}, values.data());

@@ -148,12 +148,14 @@ void write_packed_columns(const std::string& h5_path, const RunColumns& run,
       const bool one = std::ranges::all_of(c.units, [&](const std::string& unit) { return unit == c.units.front(); });
       file.set_attribute(path, "unit", one ? c.units.front() : fmt::format("{}", fmt::join(c.units, " ")));
     }
-    file.rename(h5_path);
     file.close();
-  } catch (const NumericsError& e) {
+    file.rename(h5_path);
+  } catch (const std::exception& e) {
     std::error_code ignored;
     std::filesystem::remove(before, ignored);
-    refuse(Code::cannot_write, {{}, {h5_path}}, "a file that can be written", e.failure().what);
+    if (const auto* full = dynamic_cast<const NumericsError*>(&e))
+      refuse(Code::cannot_write, {{}, {h5_path}}, "a file that can be written", full->failure().what, full->failure().hint);
+    throw;
   }
 }
 

@@ -32,7 +32,8 @@ std::vector<std::string> units_of_components(const std::string& unit, std::size_
 /// /time has: of a run that was killed the rows that all channels have are read.
 RunColumns read_run_columns(const std::string& h5_path, const std::function<bool(const std::string& path)>& wanted = {});
 
-/// Writes such a file, packed (deflate): `about` become attributes of /run. Throws InputError C0701.
+/// Writes such a file, packed (deflate): `about` become attributes of /run. It takes its name when it is whole and on the disk; what was
+/// there stays until then. Throws InputError C0701.
 void write_packed_columns(const std::string& h5_path, const RunColumns& run, const std::vector<std::pair<std::string, std::string>>& about);
 
 }  // namespace cardan

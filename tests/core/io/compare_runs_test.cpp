@@ -1,11 +1,14 @@
 #include "core/io/compare_runs.hpp"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <cmath>
+#include <csignal>
 #include <limits>
 #include <random>
 
+#include "core/base/child_process.hpp"
 #include "core/base/diagnostic.hpp"
 #include "core/io/hdf5_file.hpp"
 #include "tests/support/scratch.hpp"
@@ -121,6 +124,42 @@ TEST(PackedColumns, ComeBackBitByBitInFewerBytes) {
   EXPECT_EQ(back.columns[0].units, run.columns[0].units);
   EXPECT_TRUE(compare_runs(back, run, {}, Agreement::same_bits).pass(false));
   EXPECT_LT(std::filesystem::file_size(path), 64'000 * 3 / 4u);
+}
+
+// A limit on the size of files stands for the full disk. Wherever in the file it strikes, what was there is there still.
+TEST(PackedColumns, ThatADiskDoesNotTakeLeaveWhatWasThere) {
+  const std::filesystem::path folder = test::scratch("full"), path = folder / "reference.h5";
+  std::filesystem::create_directory(folder);
+  Numbers times(500), values(500);
+  for (std::size_t i = 0; i < times.size(); ++i) times[i] = static_cast<double>(i), values[i] = std::sin(times[i]);
+  write_packed_columns(path, run_of(times, values), {});
+  const auto size = std::filesystem::file_size(path);
+  write_packed_columns(path, run_of({0, 1}, {5, 6}), {});
+  for (rlim_t limit = 0; limit < size; limit += 97) {
+    const ChildEnd end = run_in_child(
+        [&](const Say& say) {
+          std::signal(SIGXFSZ, SIG_IGN);
+          const rlimit bytes{limit, limit};
+          setrlimit(RLIMIT_FSIZE, &bytes);
+          try {
+            write_packed_columns(path, run_of(times, values), {});
+          } catch (const InputError& e) {
+            say(number_of(e.diagnostics()[0].code));
+          }
+        },
+        {});
+    EXPECT_EQ(end.said, "C0701") << limit << " of " << size;
+    EXPECT_EQ(read_run_columns(path).times, (Numbers{0, 1})) << limit;
+    EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder), {}), 1) << "nothing is left beside it";
+  }
+}
+
+TEST(PackedColumns, AreNotPutInPlaceOfAFolder) {
+  const std::filesystem::path folder = test::scratch("taken"), path = folder / "reference.h5";
+  std::filesystem::create_directories(path / "kept");
+  EXPECT_THROW(write_packed_columns(path, run_of({0, 1}, {5, 6}), {}), InputError);
+  EXPECT_TRUE(std::filesystem::exists(path / "kept"));
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder), {}), 1);
 }
 
 TEST(Columns, OfAFileThatIsCutShortAreRefused) {
