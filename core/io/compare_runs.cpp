@@ -51,17 +51,16 @@ std::string_view name_of(Agreement a) {
 Difference worst_difference(std::span<const double> times, std::span<const double> is, std::span<const double> reference, double scale,
                             const Tolerance& tolerance, Agreement agreement) {
   const double limit = agreement == Agreement::same_bits ? 0.0 : tolerance.absolute + tolerance.relative * scale;
-  Difference worst{0.0, limit, times.empty() ? kNaN : times.front(), is.empty() ? kNaN : is.front(), is.empty() ? kNaN : reference.front()};
-  bool first = true;
+  if (is.empty()) return {kNaN, limit, kNaN, kNaN, kNaN, false};
+  Difference worst{0.0, limit, times[0], is[0], reference[0]};
   for (std::size_t i = 0; i < is.size(); ++i) {
     const double difference = std::isfinite(is[i]) && std::isfinite(reference[i]) ? std::abs(is[i] - reference[i]) : kNaN;
     const bool same = std::bit_cast<std::uint64_t>(is[i]) == std::bit_cast<std::uint64_t>(reference[i]);
     const bool ok = agreement == Agreement::same_bits ? same && std::isfinite(is[i]) : difference <= limit;
     // Of bits that differ, 0 against -0 has no difference but counts.
-    if (first || is_worse(difference, worst.difference) || (worst.pass && !ok))
+    if (i == 0 || is_worse(difference, worst.difference) || (worst.pass && !ok))
       worst = {difference, limit, times[i], is[i], reference[i], worst.pass};
     worst.pass = worst.pass && ok;
-    first = false;
   }
   return worst;
 }
@@ -107,8 +106,8 @@ Statistics compare_statistics(std::span<const double> values, double mean, std::
 }
 
 bool RunDifference::pass(bool at_common_times) const {
-  return rows > 0 && only_in_first.empty() && only_in_second.empty() && misfits.empty() && (at_common_times || same_times()) &&
-         std::ranges::all_of(components, [](const ComponentDifference& c) { return c.worst.pass; });
+  return rows > 0 && !components.empty() && only_in_first.empty() && only_in_second.empty() && misfits.empty() &&
+         (at_common_times || same_times()) && std::ranges::all_of(components, [](const ComponentDifference& c) { return c.worst.pass; });
 }
 
 RunDifference compare_runs(const RunColumns& first, const RunColumns& second, const Tolerance& tolerance, Agreement agreement) {
@@ -129,6 +128,7 @@ RunDifference compare_runs(const RunColumns& first, const RunColumns& second, co
     }
     const Column& other = *found->second;
     others.erase(found);
+    if (c.components.empty()) out.misfits.push_back(c.path + ": no components");
     if (c.components != other.components) {
       out.misfits.push_back(
           fmt::format("{}: components {} against {}", c.path, fmt::join(c.components, ", "), fmt::join(other.components, ", ")));

@@ -44,7 +44,7 @@ struct Difference {
 };
 
 /// Rows of a run and of a reference at the same times. `is` and `reference` hold one component each, row by row; `scale` as of Tolerance.
-/// Bits are compared where `agreement` is same_bits.
+/// Bits are compared where `agreement` is same_bits. Without rows nothing agrees.
 Difference worst_difference(std::span<const double> times, std::span<const double> is, std::span<const double> reference, double scale,
                             const Tolerance& tolerance, Agreement agreement);
 

@@ -418,6 +418,8 @@ class GoldenReader {
     if (file) {
       print.file = golden_.folder() / read_text(*file, "a text: what the script prints", context_);
       guarded(*file, [&] { print.text = read_text_file(print.file.string()); });
+      if (print.text.find_first_not_of(" \t\r\n") == std::string::npos)
+        sink_.report(Code::wrong_type, file->at(), "a text: what the script prints", "nothing");
     }
     read_claim(map, print);
     if (print.agreement == Agreement::statistical) sink_.report(Code::unsupported, print.at, "another class for a text", "statistical");
@@ -433,6 +435,8 @@ class GoldenReader {
     if (const auto bound = map.find("linear_momentum")) ledger.linear_momentum = positive(*bound, "1");
     if (const auto bound = map.find("angular_momentum")) ledger.angular_momentum = positive(*bound, "1");
     if (const auto bound = map.find("energy")) ledger.energy = positive(*bound, "1");
+    if (!ledger.linear_momentum && !ledger.angular_momentum && !ledger.energy)
+      sink_.report(Code::missing_key, value.at(), "linear_momentum, angular_momentum or energy: a bound", "none of them");
     ledger.why = reason(map, "why", "why the bounds are what they are");
     map.finish();
     golden_.ledger = ledger;

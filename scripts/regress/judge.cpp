@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 #include "core/base/units.hpp"
@@ -28,29 +30,16 @@ class Judge {
   Judge(const Golden& golden, const std::filesystem::path& folder) : golden_(golden), folder_(folder) {}
 
   std::vector<ClaimRow> rows() {
-    if (golden_.prints) {
-      of_prints(*golden_.prints);
-      return std::move(rows_);
-    }
-    try {
-      const std::string path = (folder_ / "summary.json").string();
-      summary_ = Json::parse(read_text_file(path), nullptr, false);
-      if (!summary_.is_object() || !summary_.contains("checks") || !summary_.contains("figures") || !summary_.contains("ledger"))
-        refuse(Code::bad_result_file, {"", {path}}, "the summary.json of a run", "something else");
-      of_checks();
-      of_figures();
-      of_ledger();
-    } catch (const InputError& e) {
-      add_problem("run", "summary.json", e.diagnostics().front());
-    } catch (const Json::exception& e) {
-      add_problem("run", "summary.json",
-                  {Code::bad_result_file, {"", {(folder_ / "summary.json").string()}}, "the summary.json of a run", e.what()});
-    }
-    try {
-      if (!golden_.channels.empty()) of_channels();
-    } catch (const InputError& e) {
-      add_problem("run", "run.h5", e.diagnostics().front());
-    }
+    if (golden_.prints) attempt(kPrinted, [&] { of_prints(*golden_.prints); });
+    if (golden_.script.empty())
+      attempt("summary.json", [&] {
+        summary_ = Json::parse(read_text_file((folder_ / "summary.json").string()));
+        for (const char* part : {"checks", "figures", "ledger"}) summary_.at(part);
+        of_checks();
+        of_figures();
+        of_ledger();
+      });
+    if (!golden_.channels.empty()) attempt("run.h5", [&] { of_channels(); });
     return std::move(rows_);
   }
 
@@ -63,6 +52,17 @@ class Judge {
     ClaimRow& row = add(std::move(kind), std::move(name));
     row.problem = std::move(what);
     row.pass = false;
+  }
+
+  /// What cannot be read is a failed row.
+  void attempt(const char* file, const std::function<void()>& work) {
+    try {
+      work();
+    } catch (const InputError& e) {
+      add_problem("run", file, e.diagnostics().front());
+    } catch (const std::exception& e) {
+      add_problem("run", file, {Code::bad_result_file, {"", {(folder_ / file).string()}}, "what a run writes", e.what()});
+    }
   }
 
   static double number(const Json& value) { return value.is_number() ? value.get<double>() : kNaN; }
@@ -85,58 +85,70 @@ class Judge {
       }
   }
 
-  /// The text with # for each number and one blank in place of several and of tabs, and the numbers.
-  static std::pair<std::string, std::vector<double>> words_and_numbers(const std::string& text) {
+  /// A number of a text, or what stands between two of them: blanks and tabs count as one blank, those at the start of a line as none.
+  struct Piece {
+    std::size_t at;  // in the text
     std::string words;
-    std::vector<double> numbers;
+    std::optional<double> number;
+    bool is_like(const Piece& other) const { return words == other.words && number.has_value() == other.number.has_value(); }
+  };
+  static std::vector<Piece> pieces_of(const std::string& text) {
+    std::vector<Piece> out;
+    const char* const end = text.data() + text.size();
+    const auto is_blank = [&](std::size_t i) { return text[i] == ' ' || text[i] == '\t'; };
+    const auto is_number = [&](std::size_t i) {
+      const std::size_t digit = i + (text[i] == '-' || text[i] == '+');
+      return digit < text.size() && text[digit] >= '0' && text[digit] <= '9';
+    };
     for (std::size_t i = 0; i < text.size();) {
-      const auto digit = [&](std::size_t at) { return at < text.size() && text[at] >= '0' && text[at] <= '9'; };
-      const bool sign = (text[i] == '-' || text[i] == '+') && digit(i + 1);
-      if (sign || digit(i)) {
-        std::size_t used = 0;
-        numbers.push_back(std::stod(text.substr(i), &used));
-        words += '#';
-        i += used;
-      } else if (text[i] == ' ' || text[i] == '\t') {  // widths of columns
-        if (!words.empty() && words.back() != ' ' && words.back() != '\n') words += ' ';
-        ++i;
+      Piece piece{i, {}, {}};
+      if (is_blank(i)) {
+        while (i < text.size() && is_blank(i)) ++i;
+        if (piece.at == 0 || text[piece.at - 1] == '\n') continue;
+        piece.words = " ";
+      } else if (is_number(i)) {
+        double number = 0.0;
+        const auto [after, error] = std::from_chars(text.data() + i + (text[i] == '+'), end, number);
+        i = static_cast<std::size_t>(after - text.data());
+        if (error == std::errc{})
+          piece.number = number;
+        else  // 1e999 is a word
+          piece.words = text.substr(piece.at, i - piece.at);
       } else {
-        words += text[i++];
+        while (++i < text.size() && text[piece.at] != '\n' && text[i] != '\n' && !is_blank(i) && !is_number(i)) {
+        }
+        piece.words = text.substr(piece.at, i - piece.at);
       }
+      out.push_back(std::move(piece));
     }
-    return {words, numbers};
+    return out;
   }
 
   void of_prints(const GoldenPrint& wanted) {
-    std::string printed;
-    try {
-      printed = read_text_file((folder_ / kPrinted).string());
-    } catch (const InputError& e) {
-      return add_problem("prints", "what it prints", e.diagnostics().front());
-    }
-    const auto [words, is] = words_and_numbers(printed);
-    const auto [wanted_words, should_be] = words_and_numbers(wanted.text);
-    if (words != wanted_words) {
-      const auto at = static_cast<std::size_t>(std::ranges::mismatch(words, wanted_words).in1 - words.begin());
-      const auto line_at = [](const std::string& text, std::size_t i) {
-        const std::size_t begin = i == 0 ? 0 : text.rfind('\n', i - 1) + 1;  // npos + 1 = 0
-        return text.substr(begin, text.find('\n', begin) - begin);
+    const std::string printed = read_text_file((folder_ / kPrinted).string());
+    const std::vector<Piece> is = pieces_of(printed), should_be = pieces_of(wanted.text);
+    const auto [first, second] = std::ranges::mismatch(is, should_be, &Piece::is_like);
+    if (first != is.end() || second != should_be.end()) {
+      const auto line_of = [](const std::string& text, const std::vector<Piece>& pieces, auto piece) {
+        if (piece == pieces.end()) return std::string("the end of the text");
+        const std::size_t begin = piece->at == 0 ? 0 : text.rfind('\n', piece->at - 1) + 1;  // npos + 1 = 0
+        return in_quotes(text.substr(begin, text.find('\n', begin) - begin));
       };
-      return add_problem(
-          "prints", "what it prints",
-          {Code::wrong_type, wanted.at, in_quotes(line_at(wanted_words, at)), in_quotes(line_at(words, at)), "# stands for each number"});
+      return add_problem("prints", "what it prints",
+                         {Code::wrong_type, wanted.at, line_of(wanted.text, should_be, second), line_of(printed, is, first),
+                          "numbers may differ within the tolerance, words may not"});
     }
-    Difference worst;
-    worst.t = kNaN;
+    Difference worst{.t = kNaN};
+    int numbers = 0;
     for (std::size_t i = 0; i < is.size(); ++i) {
-      Difference one = worst_difference(std::vector{kNaN}, std::vector{is[i] + 0.0}, std::vector{should_be[i] + 0.0},
-                                        std::abs(should_be[i]), wanted.tolerance,
-                                        wanted.agreement);  // + 0: a zero may be -0
+      if (!is[i].number) continue;
+      const double a = *is[i].number + 0.0, b = *should_be[i].number + 0.0;  // + 0: a zero may be -0
+      const Difference one = worst_difference({&kNaN, 1}, {&a, 1}, {&b, 1}, std::abs(b), wanted.tolerance, wanted.agreement);
       const bool pass = worst.pass && one.pass;
-      if (i == 0 || one.share() > worst.share()) worst = one;
+      if (++numbers == 1 || one.share() > worst.share()) worst = one;
       worst.pass = pass;
     }
-    claimed(add("prints", fmt::format("{} numbers that it prints", is.size())), wanted, "1", worst);
+    claimed(add("prints", fmt::format("{} numbers that it prints", numbers)), wanted, "1", worst);
   }
 
   void of_figures() {
@@ -247,6 +259,8 @@ class Judge {
       for (const std::size_t i : common.first) kept.push_back(rows[i]);
       rows = kept;
       of_reference = common.second;
+      if (rows.empty())
+        return add_problem("channel", g.channel, {Code::out_of_range, g.at, "a time of the reference between `from` and `to`", "none"});
     }
     times.clear();
     for (const std::size_t i : rows) times.push_back(run_.times[i]);

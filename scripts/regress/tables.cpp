@@ -154,7 +154,8 @@ std::string difference_table(const RunDifference& d, const std::string& first, c
   for (const ComponentDifference& c : d.components)
     if (!(c.worst.difference == 0.0) || !c.worst.pass) worst.push_back(&c);
   std::ranges::stable_partition(worst, [](const ComponentDifference* c) { return !c->worst.pass; });
-  if (d.rows > 0) out += fmt::format("{} of {} numbers per row differ at some of {} times\n", worst.size(), d.components.size(), d.rows);
+  if (d.rows == 0) return out;
+  out += fmt::format("{} of {} numbers per row differ at some of {} times\n", worst.size(), d.components.size(), d.rows);
   if (worst.empty()) return out;
   out += fmt::format("\n{:<6}{:<40}{:>12} {:<8}{:>12}{:>14}{:>24}{:>24}\n", "", "channel", "worst", "", "limit", "at t [s]",
                      first.size() > 22 ? "first" : first, second.size() > 22 ? "second" : second);

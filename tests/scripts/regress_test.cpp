@@ -116,6 +116,7 @@ TEST_F(Regress, WhatIsWrongInAGoldenFileIsNamedByPlaceBeforeAnythingRuns) {
                          {"      unit: rad", "", "C0105", "channels[0].reference.unit"},
                          {"reference:", "references:", "C0105", "channels[0].reference"},
                          {"cardan_golden: 1", "cardan_golden: 1\nscenario: other.lua", "C0102", "scenario"},
+                         {"cardan_golden: 1", "cardan_golden: 1\nledger: {why: trust}", "C0105", "ledger"},
                          {"cardan_golden: 1", "cardan_golden: 1\nlimits: {memory: 3 kg}", "C0107", "limits.memory"}}) {
     const json errors = errors_of(replaced(printed(), f.was, f.is));
     EXPECT_TRUE(std::any_of(errors.begin(), errors.end(), [&](const json& e) { return e["code"] == f.code && e["at"] == f.at; }))
@@ -138,6 +139,12 @@ TEST_F(Regress, AChannelAComponentOrAUnitThatTheRunDoesNotHaveIsAFailedRow) {
   EXPECT_TRUE(has(row("unit", "hinges/rod/angle")["text"], "which is in rad"));
   EXPECT_TRUE(has(row("time", "hinges/rod/angle")["text"], "none at t = 5 s"));
   EXPECT_TRUE(has(row("width", "nodes/rod.end/position")["text"], "a reference of 3 numbers"));
+}
+
+TEST_F(Regress, AReferenceWithoutATimeThatCountsIsAFailedRow) {
+  add("swing", replaced(printed(), "    class:", "    from: 2.5\n    to: 3.5\n    class:"));
+  EXPECT_EQ(regress().exit_code, 1);
+  EXPECT_TRUE(has(row("swing", "hinges/rod/angle")["text"], "a time of the reference between `from` and `to`"));
 }
 
 TEST_F(Regress, AReferenceMayBeInAnotherUnitThatMeasuresTheSame) {
@@ -243,13 +250,30 @@ TEST_F(Regress, WhatAScriptPrintsIsComparedByWordsAndNumbers) {
       "cardan_golden: 1\ntruth: arithmetic\nscenario: vehicle.yaml\nscript: look.lua\nprints: {file: expected.txt, class: truth, "
       "relative: 1e-6, why: six digits}\n";
   add("look", golden);
-  write(dir_ / "look/look.lua", "print('third', 1 / 3, 'done')\n");
-  for (const auto& [expected, code] :
-       {std::pair{"third 0.33333333 done\n", 0}, {"third 0.3334 done\n", 1}, {"thirds 0.33333333 done\n", 1}, {"third 0.33333333\n", 1}}) {
-    write(dir_ / "look/expected.txt", expected);
-    EXPECT_EQ(regress().exit_code, code) << expected << file_text(dir_ / "out/regress/regress.json");
-  }
+  const auto expect = [&](const std::string& prints, const std::string& wanted, int code) {
+    write(dir_ / "look/look.lua", "print(" + prints + ")\n");
+    write(dir_ / "look/expected.txt", wanted);
+    const Finished run = regress();
+    EXPECT_EQ(run.exit_code, code) << prints << " against " << wanted << run.out << run.err;
+  };
+  const std::string third = "'third', 1 / 3, 'done'";
+  for (const auto& [wanted, code] : {std::pair{"third 0.33333333 done\n", 0},
+                                     {"third 0.3334 done\n", 1},
+                                     {"thirds 0.33333333 done\n", 1},
+                                     {"third 0.33333333\n", 1},
+                                     {"third # done\n", 1},
+                                     {"third 1e999 done\n", 1},
+                                     {"third nan done\n", 1},
+                                     {"", 2},
+                                     {" \n", 2}})
+    expect(third, wanted, code);
+  expect("'#', 1, '#'", "# 1.0 #\n", 0);
+  expect("'#', 1, '#'", "1 # #\n", 1);
+  expect("'1e999'", "1e999\n", 0);
+  expect("'a\\n  b'", "a\nb\n", 0);
+  expect("'nan', 'inf'", "nan inf\n", 0);  // words
   fs::remove_all(dir_ / "out");
+  fs::remove_all(dir_ / "look");
   const json errors = errors_of(golden + "checks: [one]\n");
   EXPECT_TRUE(std::any_of(errors.begin(), errors.end(), [](const json& e) { return e["at"] == "checks"; })) << errors.dump(1);
 }

@@ -51,6 +51,14 @@ TEST(WorstDifference, OfTheSameBitsTellsZeroFromMinusZero) {
   EXPECT_FALSE(worst({std::nextafter(1.0, 2.0)}, {1.0}, {1.0, 1.0}, Agreement::same_bits).pass);
 }
 
+TEST(WorstDifference, OfNothingIsNoAgreement) {
+  for (const Agreement a : {Agreement::same_bits, Agreement::truth}) {
+    const Difference d = worst({}, {}, {1.0, 1.0}, a);
+    EXPECT_FALSE(d.pass);
+    EXPECT_EQ(d.share(), HUGE_VAL);
+  }
+}
+
 TEST(CommonRows, AreThoseOfTheSameInstant) {
   const CommonRows rows = common_rows(Numbers{0.0, 0.1, 0.2, 0.3}, Numbers{0.1 + 1e-12, 0.25, 0.3, 0.4});
   EXPECT_EQ(rows.first, (std::vector<std::size_t>{1, 3}));
@@ -93,6 +101,16 @@ TEST(Runs, AreComparedAtTheTimesThatBothHave) {
 
 TEST(Runs, WithoutATimeInCommonNeverPass) {
   EXPECT_FALSE(compare_runs(run_of({0, 1}, {5, 6}), run_of({0.5, 1.5}, {5, 6}), {1.0, 1.0}, Agreement::integration).pass(true));
+}
+
+TEST(Runs, WithoutAnythingToCompareNeverPass) {
+  RunColumns none = run_of({0, 1}, {5, 6}), empty = none;
+  none.columns.clear();
+  empty.columns.push_back({"a/c", {}, {}, {}});
+  EXPECT_FALSE(compare_runs(none, none, {}, Agreement::same_bits).pass(true));
+  const RunDifference d = compare_runs(empty, empty, {}, Agreement::same_bits);
+  EXPECT_EQ(d.misfits, std::vector<std::string>{"a/c: no components"});
+  EXPECT_FALSE(d.pass(true));
 }
 
 TEST(Runs, OfOtherChannelsComponentsOrUnitsDiffer) {
