@@ -29,10 +29,10 @@ RunColumns columns_of(const std::string& h5_path, const std::function<bool(const
   const auto time = file.read_doubles("/time");
   if (time.shape.size() != 1) bad(file, "/time", "one time per row", fmt::format("an array of rank {}", time.shape.size()));
   out.times = time.values;
-  if (file.has("/run") && file.has_attribute("/run", "sweeps")) out.sweeps = file.text_attribute("/run", "sweeps");
-  const bool is_run = file.has("/run") && file.has_attribute("/run", "started");
-  if (file.has("/run") && file.has_attribute("/run", "verdict")) out.verdict = file.text_attribute("/run", "verdict");
-  const bool may_be_cut = is_run && out.verdict.empty();  // killed in a flush: some channels may have more rows than others
+  for (const auto& [name, text] : {std::pair{"sweeps", &out.sweeps}, {"verdict", &out.verdict}, {"why", &out.why}})
+    if (file.has_attribute("/run", name)) *text = file.text_attribute("/run", name);
+  const bool may_be_cut =
+      file.has_attribute("/run", "started") && out.verdict.empty();  // killed in a flush: some channels may have more rows than others
   std::size_t rows = out.times.size();
   for (const std::string& path : file.datasets(kRoot)) {
     Column c;
@@ -102,8 +102,7 @@ RunColumns read_run_columns(const std::string& h5_path, const std::function<bool
         [&] {
           const RunColumns read = columns_of(h5_path, wanted);
           ByteWriter to;
-          to.text(read.sweeps);
-          to.text(read.verdict);
+          for (const std::string* text : {&read.sweeps, &read.verdict, &read.why}) to.text(*text);
           put(to, read.times);
           to.number(read.columns.size());
           for (const Column& c : read.columns) {
@@ -118,8 +117,7 @@ RunColumns read_run_columns(const std::string& h5_path, const std::function<bool
     ByteReader in(bytes);
     out = {};
     out.file = h5_path;
-    out.sweeps = in.text();
-    out.verdict = in.text();
+    for (std::string* text : {&out.sweeps, &out.verdict, &out.why}) *text = in.text();
     out.times = take_numbers(in);
     out.columns.resize(std::min(in.number(), bytes.size()));
     for (Column& c : out.columns) {

@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "core/base/units.hpp"
+#include "core/base/utf8.hpp"
 #include "core/io/result_folder.hpp"
 #include "scripts/commands/commands.hpp"
 #include "scripts/commands/comparison.hpp"
@@ -50,9 +51,11 @@ std::set<std::string> chosen(const char* option, const std::vector<std::string>&
   return {names.begin(), names.end()};
 }
 
-int regress(const RegressArguments& a) {
-  if (a.update.empty() != a.why.empty())
-    refuse(Code::command_line, {a.why.empty() ? "--update" : "--why"}, "--update NAME and --why \"...\", both or neither", "one of them");
+int regress(const RegressArguments& a, bool as_json) {
+  const bool blank = !a.why.empty() && a.why.find_first_not_of(" \t\r\n") == std::string::npos;
+  if (a.update.empty() != a.why.empty() || blank)
+    refuse(Code::command_line, {a.why.empty() ? "--update" : "--why"}, "--update NAME and --why \"...\", both or neither",
+           blank ? "an empty reason" : "one of them");
   auto found = find_goldens(a.folder);
   if (found.empty())
     refuse(Code::command_line, {"cardan regress"}, "a folder with scenarios that have a golden.yaml", in_quotes(a.folder),
@@ -61,32 +64,36 @@ int regress(const RegressArguments& a) {
     if (const auto only = chosen(option, *names, found); !only.empty())
       std::erase_if(found, [&](const auto& one) { return !only.contains(one.first); });
   const auto [shard, shards] = shard_of(a.shard);
+  RegressionRun how;
+  how.record = printable(a.why);
   std::vector<Golden> goldens;
   std::vector<Diagnostic> wrong;
   for (std::size_t i = 0; i < found.size(); ++i) {
     if (i % shards != shard - 1) continue;
+    Golden& golden = goldens.emplace_back();
+    golden.name = found[i].first;
+    golden.file = found[i].second;
     try {
-      goldens.push_back(read_golden(found[i].second, found[i].first, !a.update.empty()));
+      golden = read_golden(golden.file, golden.name, how.record.empty() ? Recorded::in_place : Recorded::unread);
+      if (!how.record.empty()) expect_recordable(golden, how.record);
     } catch (const InputError& e) {
+      golden.faults = e.diagnostics();
       wrong.insert(wrong.end(), e.diagnostics().begin(), e.diagnostics().end());
     }
   }
-  if (!wrong.empty()) throw InputError(std::move(wrong));
 
   std::size_t width = 0;
   for (const Golden& g : goldens) width = std::max(width, g.name.size());
   const Interruption interruption;
-  RegressionRun how;
   how.program = fs::read_symlink("/proc/self/exe").string();
   how.out = a.out;
   how.jobs = a.jobs > 0 ? a.jobs : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   how.stop = [] { return Interruption::flag().load(); };
-  how.record = a.why;
   how.told = [&](const CaseResult& r) { say(line_of(r, width) + "\n"); };
   const std::vector<CaseResult> results = run_goldens(goldens, how);
   const auto failed = std::ranges::count_if(results, [](const CaseResult& r) { return !r.pass(); });
   for (const CaseResult& r : results)
-    if (!r.pass()) say(faults_of(r));
+    if (!r.pass() && r.golden->faults.empty()) say(faults_of(r));
   std::error_code error;
   fs::create_directories(how.out, error);
   write_whole_file(how.out / "regress.json", json_text_with_nulls(regress_json(results)));
@@ -95,6 +102,9 @@ int regress(const RegressArguments& a) {
   say(fmt::format("\n{} of {} scenarios pass. {}\n", results.size() - static_cast<std::size_t>(failed), results.size(),
                   (how.out / "regress.html").string()));
   if (Interruption::flag()) return 128 + Interruption::signal();
+  if (!wrong.empty() && as_json) return report_error(InputError(std::move(wrong)), true);
+  for (const Diagnostic& d : wrong) complain(render(d) + "\n");
+  if (!wrong.empty()) return 2;
   return failed == 0 ? 0 : 1;
 }
 
@@ -120,7 +130,7 @@ void add_regress(CLI::App& app, CommandLine& line) {
   command->add_option("--out", a->out, "Folder of the results, regress.html, regress.json and junit.xml; default: out/regress")
       ->type_name("DIR");
   command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
-  command->callback([&line, a] { line.action = [a] { return regress(*a); }; });
+  command->callback([&line, a] { line.action = [&line, a] { return regress(*a, line.json_errors); }; });
 }
 
 }  // namespace cardan

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "core/base/units.hpp"
+#include "core/io/result_folder.hpp"
 #include "core/io/yaml_reader.hpp"
 #include "core/model/schema.hpp"
 
@@ -32,10 +33,10 @@ std::optional<std::size_t> parse_memory(const std::string& text) {
 
 class GoldenReader {
  public:
-  GoldenReader(Golden& golden, bool without_recorded) : golden_(golden), without_recorded_(without_recorded) {}
+  GoldenReader(Golden& golden, Recorded recorded) : golden_(golden), recorded_(recorded) {}
 
   void read() {
-    golden_.text = read_text_file(golden_.file.string());
+    golden_.text = read_text_file(written(golden_.file).string());
     const DocNode root = parse_yaml(golden_.text, golden_.file.string());
     if (root.kind != Kind::map)
       refuse(Code::wrong_type, {"", {golden_.file.string()}}, "a map that begins with `cardan_golden: 1`", describe(root));
@@ -133,14 +134,15 @@ class GoldenReader {
   void read_claim(MapReader& map, Claim& claim) {
     claim.at = map.ref().at();
     claim.why = reason(map, "why", "why the tolerance is what it is: what the difference may come from");
-    if (const auto choice = map.require("class", "how near the numbers must be: " + one_of(kClasses)))
-      if (const int i = read_choice(*choice, kClasses, "a class", Code::unknown_name, context_); i >= 0)
-        claim.agreement = static_cast<Agreement>(i);
+    int choice = -1;
+    if (const auto given = map.require("class", "how near the numbers must be: " + one_of(kClasses)))
+      choice = read_choice(*given, kClasses, "a class", Code::unknown_name, context_);
     const auto absolute = map.find("absolute"), relative = map.find("relative");
     if (absolute) claim.tolerance.absolute = read_absolute(*absolute, claim.unit);
     if (relative) claim.tolerance.relative = positive(*relative, "1");
+    if (choice < 0) return;
+    claim.agreement = static_cast<Agreement>(choice);
     const bool takes_none = claim.agreement == Agreement::same_bits || claim.agreement == Agreement::statistical;
-    if (!map.find("class")) return;
     if (takes_none && (absolute || relative))
       sink_.report(Code::wrong_type, (absolute ? *absolute : *relative).at(),
                    fmt::format("no tolerance beside `class: {}`", name_of(claim.agreement)),
@@ -154,7 +156,7 @@ class GoldenReader {
   double read_absolute(const DocRef& value, const std::string& unit) {
     if (value.node->kind != Kind::scalar) return read_number(value, unit, context_);
     if (unit.empty()) {  // of a recorded reference that is not there yet, or of several units
-      if (!without_recorded_)
+      if (recorded_ != Recorded::unread)
         sink_.report(Code::wrong_unit, value.at(), "components of one unit (`components` chooses them), or `relative`", "several units");
       return 1.0;
     }
@@ -245,9 +247,7 @@ class GoldenReader {
     } else if (which == 4) {
       read_file(map, numbers, c);
     } else {
-      c.recorded = read_text(numbers, "a file: reference.h5", context_);
-      c.every = map.integer("every", 1, 1);
-      if (!without_recorded_) read_recorded(numbers, c);
+      read_recorded(map, numbers, c);
     }
     map.finish();
   }
@@ -280,8 +280,7 @@ class GoldenReader {
   }
 
   /// Each further file of a golden file counts once.
-  fs::path counted(const std::string& name) {
-    const fs::path path = golden_.folder() / name;
+  fs::path counted(const fs::path& path) {
     std::error_code none;
     if (files_.insert(path.lexically_normal().string()).second) bytes_ += fs::file_size(path, none);
     if (!none && bytes_ > kMostReferenceBytes)
@@ -318,11 +317,12 @@ class GoldenReader {
     if (name.empty()) return;
     if (name.ends_with(".h5")) {
       const std::string path = map.text("channel", "a channel of that file", c.channel);
-      return guarded(
-          value, [&] { take(read_run_columns(counted(name).string(), [&](const std::string& p) { return p == path; }), path, value, c); });
+      return guarded(value, [&] {
+        take(read_run_columns(counted(golden_.folder() / name).string(), [&](const std::string& p) { return p == path; }), path, value, c);
+      });
     }
     guarded(value, [&] {
-      const Table table = read_table(counted(name));
+      const Table table = read_table(counted(golden_.folder() / name));
       if (table.names.size() < 2 || table.names[0] != "t")
         refuse(Code::wrong_type, {"", {(golden_.folder() / name).string(), 1}}, "t [s] as the first column, and at least one more",
                table.names[0]);
@@ -350,13 +350,23 @@ class GoldenReader {
     });
   }
 
-  void read_recorded(const DocRef& value, GoldenChannel& c) {
-    const fs::path path = golden_.folder() / c.recorded;
+  fs::path written(const fs::path& file) const { return recorded_ == Recorded::waiting ? name_before(file) : file; }
+
+  void read_recorded(MapReader& map, const DocRef& value, GoldenChannel& c) {
+    c.recorded = read_text(value, "a file: reference.h5", context_);
+    if (!c.recorded.ends_with(".h5") || c.recorded.find('/') != std::string::npos)
+      return sink_.report(Code::wrong_type, value.at(), "a file beside this one: reference.h5", describe(*value.node));
+    c.every = map.integer("every", 1, 1);
+    if (const int every = every_.emplace(c.recorded, c.every).first->second; every != c.every)
+      sink_.report(Code::wrong_type, value.at(), fmt::format("the same `every` for all channels in {}", c.recorded),
+                   fmt::format("{} and {}", every, c.every));
+    if (recorded_ == Recorded::unread) return;
+    const fs::path path = written(golden_.folder() / c.recorded);
     if (std::error_code none; !fs::exists(path, none))
       return sink_.report(Code::file_not_found, value.at(), "the recorded reference", "no such file: " + in_quotes(path.string()),
                           fmt::format("cardan regress DIR --update {} --why \"...\" records it", golden_.name));
     guarded(value, [&] {
-      const RunColumns file = read_run_columns(counted(c.recorded).string(), [&](const std::string& p) { return p == c.channel; });
+      const RunColumns file = read_run_columns(counted(path).string(), [&](const std::string& p) { return p == c.channel; });
       c.compared_sweeps = file.sweeps;
       take(file, c.channel, value, c);
     });
@@ -443,21 +453,22 @@ class GoldenReader {
   }
 
   Golden& golden_;
-  bool without_recorded_;
+  Recorded recorded_;
   DiagnosticSink sink_;
   std::vector<std::pair<std::string, std::string>> defaults_;
   ReadContext context_{sink_, defaults_};
   std::set<std::string> files_;
+  std::map<std::string, int> every_;  // of recorded references
   std::size_t bytes_ = 0;
 };
 
 }  // namespace
 
-Golden read_golden(const fs::path& file, const std::string& name, bool without_recorded) {
+Golden read_golden(const fs::path& file, const std::string& name, Recorded recorded) {
   Golden golden;
   golden.file = file.lexically_normal();
   golden.name = name;
-  GoldenReader(golden, without_recorded).read();
+  GoldenReader(golden, recorded).read();
   return golden;
 }
 

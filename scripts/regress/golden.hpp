@@ -63,6 +63,10 @@ struct GoldenPrint : Claim {
   std::string text;
 };
 
+/// Recorded references of a golden file: read; not read, since they will be written; or read as they wait, with the golden file itself,
+/// beside those that they will replace (name_before).
+enum class Recorded { in_place, unread, waiting };
+
 struct Golden {
   std::string name;            // of the row: the folder, seen from the one that was searched
   std::filesystem::path file;  // golden.yaml, or NAME.golden.yaml for more than one in a folder
@@ -79,13 +83,13 @@ struct Golden {
   std::optional<GoldenLedger> ledger;
   std::filesystem::path script;  // run by the workbench on `scenario`, a vehicle or a scenario; empty: the scenario is run
   std::optional<GoldenPrint> prints;
+  std::vector<Diagnostic> faults;  // where it is wrong: it is not run
 
   std::filesystem::path folder() const { return file.parent_path(); }
 };
 
-/// Reads and checks one file, its references included. `without_recorded`: recorded references are not read, since they will be written.
-/// Throws InputError with everything that is wrong.
-Golden read_golden(const std::filesystem::path& file, const std::string& name, bool without_recorded = false);
+/// Reads and checks one file, its references included. Throws InputError with everything that is wrong.
+Golden read_golden(const std::filesystem::path& file, const std::string& name, Recorded recorded = Recorded::in_place);
 
 /// All golden files below `folder`, sorted by name: the folder of each as seen from `folder` ("." of the folder itself becomes its name),
 /// of NAME.golden.yaml with "/NAME". Hidden folders and results (a folder `out`) are not entered. Throws InputError C0102 where there is no

@@ -45,13 +45,13 @@ class Judge {
 
  private:
   ClaimRow& add(std::string kind, std::string name) {
-    rows_.push_back({std::move(kind), std::move(name), {}, {}, {}, {}, {}, {}, true, {}, {}, {}});
+    rows_.push_back({});
+    rows_.back().kind = std::move(kind);
+    rows_.back().name = std::move(name);
     return rows_.back();
   }
   void add_problem(std::string kind, std::string name, Diagnostic what) {
-    ClaimRow& row = add(std::move(kind), std::move(name));
-    row.problem = std::move(what);
-    row.pass = false;
+    rows_.push_back(failed_row(std::move(kind), std::move(name), std::move(what)));
   }
 
   /// What cannot be read is a failed row.
@@ -341,11 +341,26 @@ const ClaimRow* CaseResult::worst() const {
   return out;
 }
 
+ClaimRow failed_row(std::string kind, std::string name, Diagnostic problem) {
+  ClaimRow row;
+  row.kind = std::move(kind);
+  row.name = std::move(name);
+  row.problem = std::move(problem);
+  row.pass = false;
+  return row;
+}
+
+std::vector<ClaimRow> rows_of(const std::vector<Diagnostic>& faults) {
+  std::vector<ClaimRow> rows;
+  for (const Diagnostic& d : faults) rows.push_back(failed_row("golden", "golden file", d));
+  return rows;
+}
+
 std::vector<ClaimRow> judge(const Golden& golden, const std::filesystem::path& folder, const RunEnding& ending) {
   ClaimRow run;
   run.kind = "run";
   run.name = "ends as planned";
-  run.pass = ending.how == RunEnding::How::ended && (ending.exit_code == 0 || ending.exit_code == 1);
+  run.pass = ending.as_planned();
   std::vector<ClaimRow> rows;
   if (run.pass) rows = Judge(golden, folder).rows();
   rows.insert(rows.begin(), std::move(run));

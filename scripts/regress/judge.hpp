@@ -12,7 +12,7 @@ namespace cardan {
 
 /// One claim and what became of it.
 struct ClaimRow {
-  std::string kind;  // "run", "check", "channel", "figure", "ledger"
+  std::string kind;  // "run", "check", "channel", "figure", "ledger", "prints", "golden"
   std::string name;  // "bodies/bus/rate x"
   std::string unit, agreement, why;
   std::optional<Difference> worst;    // of what was compared
@@ -27,8 +27,10 @@ struct RunEnding {
   enum class How { ended, crashed, out_of_time, out_of_memory, not_run };
   How how = How::ended;
   int exit_code = 0;
-  std::string text;                     // "killed by Segmentation fault", "more than 10 s of processor time"
-  double wall_s = 0.0, cpu_s = 0.0;     // [s]
+  std::string text;                  // "killed by Segmentation fault", "more than 10 s of processor time"
+  double wall_s = 0.0, cpu_s = 0.0;  // [s]
+  /// By itself, with its results, whatever its checks found.
+  bool as_planned() const { return how == How::ended && (exit_code == 0 || exit_code == 1); }
   std::vector<std::string> complaints;  // codes with their titles and texts, as --json-errors gives them
 };
 
@@ -46,7 +48,12 @@ struct CaseResult {
 /// In the folder of the results: what the run printed.
 inline constexpr const char* kPrinted = "printed.txt";
 
-/// The rows of a run that ended by itself, with exit code 0 or 1, in `folder`; of any other run the row "run" alone.
+/// A failed row of this kind.
+ClaimRow failed_row(std::string kind, std::string name, Diagnostic problem);
+/// Failed rows of a golden file that is wrong.
+std::vector<ClaimRow> rows_of(const std::vector<Diagnostic>& faults);
+
+/// The rows of a run that ended as planned, in `folder`; of any other run the row "run" alone.
 std::vector<ClaimRow> judge(const Golden& golden, const std::filesystem::path& folder, const RunEnding& ending);
 
 /// "34 % of 1e-9 rad/s at t = 12 s"

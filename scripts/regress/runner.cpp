@@ -112,36 +112,39 @@ std::vector<CaseResult> run_goldens(std::vector<Golden>& goldens, const Regressi
   }
   std::vector<Going> going;
   std::size_t next = 0;
+  const auto end = [&](CaseResult& result, std::vector<ClaimRow> rows) {
+    result.rows = std::move(rows);
+    if (how.told) how.told(result);
+  };
   const auto stopped = [&] { return how.stop && how.stop(); };
   while (!stopped() && (next < goldens.size() || !going.empty())) {
     while (next < goldens.size() && going.size() < static_cast<std::size_t>(how.jobs)) {
-      CaseResult& result = results[next];
+      const std::size_t index = next++;
+      CaseResult& result = results[index];
+      if (!goldens[index].faults.empty()) {
+        end(result, rows_of(goldens[index].faults));
+        continue;
+      }
       std::error_code error;
       for (const char* old : {"run.h5", "summary.json", "report.html", kErrors, kText}) fs::remove(result.folder / old, error);
       fs::create_directories(result.folder, error);
-      if (error) refuse(Code::cannot_write, {{}, {result.folder.string()}}, "a folder for results", error.message());
-      going.push_back({next, std::make_unique<RunningProgram>(order_for(goldens[next], how.program, result.folder))});
-      ++next;
+      if (error)
+        end(result,
+            {failed_row("run", "folder", {Code::cannot_write, {{}, {result.folder.string()}}, "a folder for results", error.message()})});
+      else
+        going.push_back({index, std::make_unique<RunningProgram>(order_for(goldens[index], how.program, result.folder))});
     }
     for (std::size_t i = 0; i < going.size();) {
       if (!going[i].process->has_ended()) {
         ++i;
         continue;
       }
-      CaseResult& result = results[going[i].index];
-      result.ending = ending_of(*going[i].process, goldens[going[i].index], result.folder);
+      const std::size_t index = going[i].index;
+      CaseResult& result = results[index];
+      result.ending = ending_of(*going[i].process, goldens[index], result.folder);
       going.erase(going.begin() + static_cast<std::ptrdiff_t>(i));
-      if (!how.record.empty()) {
-        Golden& golden = goldens[static_cast<std::size_t>(&result - results.data())];
-        if (result.ending.how == RunEnding::How::ended && result.ending.exit_code == 0) {
-          record_references(golden, result.folder, how.record);
-          golden = read_golden(golden.file, golden.name);
-        } else {  // what its own checks refuse is no reference
-          std::erase_if(golden.channels, [](const GoldenChannel& c) { return !c.recorded.empty(); });
-        }
-      }
-      result.rows = judge(*result.golden, result.folder, result.ending);
-      if (how.told) how.told(result);
+      end(result, how.record.empty() ? judge(goldens[index], result.folder, result.ending)
+                                     : record_references(goldens[index], result.folder, result.ending, how.record));
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }

@@ -17,12 +17,18 @@ struct RegressionRun {
   std::function<bool()> stop;                   // true: start no more, end those that run
 };
 
-/// Records the references of a golden file that was read without them from the results in `folder`: every file named by `recorded`, and
-/// the reason among the `updates` of the golden file. Throws InputError: C0801 where it has no recorded references, C0208 for a channel
-/// that the run does not have, C0301 where they would be larger than 200 kB, C0701.
-void record_references(const Golden& golden, const std::filesystem::path& folder, const std::string& why);
+/// Whether the references of a golden file can be recorded, as far as it tells without a run. Throws InputError: C0801 where it has none,
+/// C0701 where another file has the name of one, C0106 where nothing can be added to its `updates`.
+void expect_recordable(const Golden& golden, const std::string& why);
 
-/// Runs and compares them all; results in the order of `goldens`. What is stopped has RunEnding::How::not_run.
+/// Records the references of a golden file that was read without them from the results in `folder`: every file named by `recorded`, and
+/// the reason among the `updates` of the golden file. They are written beside those that are there and take their place together, where
+/// all rows of the case pass; nothing is touched otherwise.
+std::vector<ClaimRow> record_references(Golden& golden, const std::filesystem::path& folder, const RunEnding& ending,
+                                        const std::string& why);
+
+/// Runs and compares them all; results in the order of `goldens`. What is stopped has RunEnding::How::not_run, and so has a golden file
+/// with faults.
 std::vector<CaseResult> run_goldens(std::vector<Golden>& goldens, const RegressionRun& how);
 
 }  // namespace cardan

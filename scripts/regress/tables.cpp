@@ -61,7 +61,7 @@ std::string line_of(const CaseResult& r, std::size_t width) {
   std::string what;
   if (r.pass() && worst)
     what = fmt::format("{} of the limit: {}", share_text(*worst->worst), worst->name);
-  else if (!r.pass() && r.rows.size() == 1)
+  else if (worst && worst->kind == "run" && !worst->problem)
     what = r.ending.text.substr(0, r.ending.text.find('\n'));
   else if (worst)
     what = worst->name + ": " + found_text(*worst);

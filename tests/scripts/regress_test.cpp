@@ -50,7 +50,7 @@ class Regress : public testing::Test {
     add("wrong", golden);
     const Finished run = regress({"--json-errors"});
     EXPECT_EQ(run.exit_code, 2) << run.out << run.err;
-    EXPECT_FALSE(fs::exists(dir_ / "out")) << "nothing was run";
+    EXPECT_FALSE(fs::exists(dir_ / "out/regress/wrong")) << "it was not run";
     const json all = json::parse(run.err, nullptr, false);
     return all.is_object() ? all["errors"] : json::array();
   }
@@ -211,6 +211,80 @@ TEST_F(Regress, WhatTheChecksOfAScenarioRefuseIsNotRecorded) {
   EXPECT_EQ(row("swing", "half period")["verdict"], "fail");
 }
 
+/// The golden file of the documents with a recorded reference in place of its truth.
+std::string recorded(const std::string& file = "reference.h5", const std::string& more = "") {
+  std::string golden = printed();
+  golden = replaced(golden.substr(0, golden.find("    reference:")), "    absolute: 1e-8 rad\n", "");
+  return replaced(golden, "class: integration", "class: same bits") + "    reference: {recorded: " + file + more + "}\n";
+}
+
+/// What the files of a case hold, by their names.
+std::map<std::string, std::string> content_of(const fs::path& folder) {
+  std::map<std::string, std::string> all;
+  for (const auto& entry : fs::directory_iterator(folder)) all[entry.path().filename()] = file_text(entry.path());
+  return all;
+}
+
+TEST_F(Regress, WhatCannotBeRecordedIsRefusedBeforeAnythingIsTouched) {
+  const auto expect_refused = [&](const std::string& golden, const std::string& says, int code = 2, const std::string& why = "better") {
+    write(dir_ / "swing/golden.yaml", golden);
+    const auto before = content_of(dir_ / "swing");
+    const Finished run = regress({"--update", "swing", "--why", why});
+    EXPECT_EQ(run.exit_code, code) << golden << run.out << run.err;
+    EXPECT_TRUE(has(run.out + run.err, says)) << says << "\n" << run.out << run.err;
+    EXPECT_EQ(content_of(dir_ / "swing"), before);
+  };
+  add("swing", recorded());
+  ASSERT_EQ(regress({"--update", "swing", "--why", "the first"}).exit_code, 0);
+  expect_refused(recorded(), "an empty reason", 2, " \n");
+  for (const char* name : {"scenario.lua", "../reference.h5", "/reference.h5", "deep/reference.h5", "''"})
+    expect_refused(recorded(name), "a file beside this one: reference.h5");
+  fs::copy(dir_ / "out/regress/swing/run.h5", dir_ / "swing/truth.h5");
+  expect_refused(recorded("truth.h5"), "a recorded reference, or nothing yet");
+  expect_refused(recorded() + "updates: [{program: a, why: b}]\n", "a list with a dash for each entry");
+  expect_refused(recorded() + "updates: []\n", "a list with a dash for each entry");
+  expect_refused(recorded() + "updates:\n  - {program: a, why: b}\nchecks: [ticks]\n", "a list with a dash for each entry");
+  const std::string other = "  - channel: hinges/rod/angle\n    class: truth\n    absolute: 1e-3 rad\n    why: not at all\n";
+  expect_refused(recorded() + other + "    reference: {final: 3, unit: rad}\n", "hinges/rod/angle: off by", 1);
+  expect_refused(recorded() + other + "    reference: {recorded: reference.h5, every: 2}\n", "the same `every`");
+
+  const std::string mission = file_text(dir_ / "swing/scenario.lua");
+  write(dir_ / "swing/scenario.lua", replaced(mission, "20 Hz", "20000 Hz"));
+  expect_refused(recorded(), "at most 200 kB", 1);
+  write(dir_ / "swing/scenario.lua", "local log = signals { odd = { unit = '1' } }\n" +
+                                         replaced(mission, "  ticks = ticks + 1\n", "  ticks = ticks + 1 log.odd(t > 2 and 0 / 0 or 1)\n"));
+  expect_refused(replaced(recorded(), "hinges/rod/angle", "odd"), "finite numbers, got", 1);
+}
+
+TEST_F(Regress, TheReasonIsAddedBelowTheOthersAsTheyAreIndented) {
+  for (const std::string indent : {"", "  ", "      "}) {
+    const std::string golden =
+        recorded() + "updates:\n" + indent + "- program: a\n" + indent + "  why: b\n" + indent + "- why: c\n" + indent + "  program: d";
+    add("swing" + indent, golden);
+    const Finished run = regress({"--update", "swing" + indent, "--why", "x: \"#\" \\ \x01"});
+    EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+    const std::string text = file_text(dir_ / ("swing" + indent + "/golden.yaml"));
+    EXPECT_TRUE(text.starts_with(golden + "\n" + indent + "- program: \"")) << text;
+    EXPECT_TRUE(text.ends_with("\n" + indent + "  why: \"x: \\\"#\\\" \\\\ ?\"\n")) << text;
+  }
+  EXPECT_EQ(regress().exit_code, 0);
+}
+
+TEST_F(Regress, AGoldenFileThatIsEditedWhileItIsRecordedIsKept) {
+  add("swing", recorded("reference.h5", ", every: 100"));
+  const std::string mission = replaced(file_text(dir_ / "swing/scenario.lua"), "\"4 s\"", "\"4000 s\"");
+  write(dir_ / "swing/scenario.lua",
+        replaced(replaced(mission, "equal = { 41, tolerance = 0 }", "below = 50000"), "equal = { 5 }", "below = 5000"));
+  Started update({"regress", ".", "--update", "swing", "--why", "better"}, dir_.path());
+  ASSERT_TRUE(wait_until([&] { return fs::exists(dir_ / "out/regress/swing/run.h5"); }));
+  write(dir_ / "swing/golden.yaml", recorded("reference.h5", ", every: 100") + "# by hand\n");
+  const auto before = content_of(dir_ / "swing");
+  const Finished end = update.wait();
+  EXPECT_EQ(end.exit_code, 1) << end.err;
+  EXPECT_TRUE(has(end.out, "the golden file as it was before the run")) << end.out;
+  EXPECT_EQ(content_of(dir_ / "swing"), before);
+}
+
 TEST_F(Regress, TruthsFromElsewhereAreNeverRewritten) {
   add("swing", printed());
   const Finished run = regress({"--update", "swing", "--why", "it fails"});
@@ -245,6 +319,27 @@ TEST_F(Regress, ARunThatEndsBadlyIsAFailedRowAndTheOthersGoOn) {
   EXPECT_EQ(ended["large"]["verdict"], "fail") << ended["large"].dump(1);
 }
 
+TEST_F(Regress, AGoldenFileThatIsWrongIsAFailedRowAndTheOthersGoOn) {
+  add("right", printed());
+  add("wrong", replaced(printed(), "class: integration", "class: nearly"));
+  add("unreadable", "{");
+  add("truth", printed());
+  fs::create_directories(dir_ / "out/regress");
+  write(dir_ / "out/regress/truth", "a file in place of the folder");
+  const Finished run = regress();
+  EXPECT_EQ(run.exit_code, 2) << run.out;
+  EXPECT_TRUE(has(run.out, "pass  right")) << run.out;
+  EXPECT_TRUE(has(run.out, "FAIL  wrong")) << run.out;
+  EXPECT_TRUE(has(run.out, "FAIL  truth")) << run.out;
+  EXPECT_TRUE(has(run.out, "1 of 4 scenarios pass")) << run.out;
+  EXPECT_TRUE(has(run.err, "wrong/golden.yaml:7:12")) << run.err;
+  EXPECT_FALSE(has(run.err, "Nothing was run")) << run.err;
+  EXPECT_EQ(row("wrong", "golden file")["problem"]["code"], "C0208");
+  EXPECT_EQ(row("unreadable", "golden file")["problem"]["code"], "C0101");
+  EXPECT_TRUE(has(file_text(dir_ / "out/regress/junit.xml"), "<testcase classname=\"unreadable\" name=\"golden: golden file\""));
+  EXPECT_EQ(json::parse(regress({"--json-errors"}).err)["errors"].size(), 2u);
+}
+
 TEST_F(Regress, WhatAScriptPrintsIsComparedByWordsAndNumbers) {
   const std::string golden =
       "cardan_golden: 1\ntruth: arithmetic\nscenario: vehicle.yaml\nscript: look.lua\nprints: {file: expected.txt, class: truth, "
@@ -272,7 +367,6 @@ TEST_F(Regress, WhatAScriptPrintsIsComparedByWordsAndNumbers) {
   expect("'1e999'", "1e999\n", 0);
   expect("'a\\n  b'", "a\nb\n", 0);
   expect("'nan', 'inf'", "nan inf\n", 0);  // words
-  fs::remove_all(dir_ / "out");
   fs::remove_all(dir_ / "look");
   const json errors = errors_of(golden + "checks: [one]\n");
   EXPECT_TRUE(std::any_of(errors.begin(), errors.end(), [](const json& e) { return e["at"] == "checks"; })) << errors.dump(1);
