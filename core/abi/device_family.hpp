@@ -72,7 +72,7 @@ struct DeviceOut {
 };
 
 /// `mounts`, `ports`, `states`, `marks`, `schema` may be left out, as may `nominal`, `energy`, `roots`, `event`, `tick`, `mass` (a template
-/// as `evaluate` is), `momentum`, `holds`.
+/// as `evaluate` is), `momentum`, `holds`; and `can_carry`, false at states without a mass.
 template <class F>
 concept DeviceFamily = requires(const typename F::Packed& p, const DeviceIn<double>& a, DeviceOut<double>& b, const DeviceIn<Tangent>& at,
                                 DeviceOut<Tangent>& bt) {
@@ -172,6 +172,8 @@ int tangent(const cardan_device_args* a, const cardan_device_args* d, cardan_dev
 
 template <class F>
 int mass(const cardan_device_args* a, cardan_mass* out) {
+  if constexpr (requires(const typename F::Packed& p) { F::can_carry(p, a->z); })
+    if (!F::can_carry(*static_cast<const typename F::Packed*>(a->packed), a->z)) return 1;
   const CarriedMass<double> m =
       F::mass(*static_cast<const typename F::Packed*>(a->packed), DeviceIn<double>{a->t, nullptr, a->z, a->d, nullptr});
   const Sym3<double>& J = m.inertia;

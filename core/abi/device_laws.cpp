@@ -384,7 +384,8 @@ class Laws {
   /// d f / ds, of sixth order; f is curved, and R leaves the rotations by h^2.
   template <class F>
   static double slope(const Point& x, const std::pair<std::vector<double>, double>& along, const F& f) {
-    const auto& [rate, h] = along;
+    const auto& rate = along.first;
+    const double h = along.second;
     const auto at = [&](double s) {
       Point moved = x;
       for (std::size_t i = 0; i < moved.numbers.size(); ++i) moved.numbers[i] += s * rate[i];
@@ -455,7 +456,8 @@ class Laws {
     const double* zdot = y.numbers.data() + zdot_;
     double largest = 1e-30;
     for (std::size_t i = 0; i < z.size(); ++i) largest = std::max(largest, std::abs(zdot[i]) / nominal_[i]);
-    law("mass falls by its inputs in kg/s", std::abs(slope(zdot, 1e-3 / largest)[0] + drawn) / size, 1e-8);
+    if (const double change = slope(zdot, 1e-3 / largest)[0]; std::isfinite(change))  // else beside its domain
+      law("mass falls by its inputs in kg/s", std::abs(change + drawn) / size, 1e-8);
     if (!f_.mass_tangent) return;
     std::vector<double> dz;
     for (const double n : nominal_) dz.push_back(n * normal());

@@ -123,12 +123,20 @@ void DeviceForces::set(const DeviceState<double>& state) {
   std::copy_n(state.z, z_.size(), z_.begin());
   std::copy_n(state.marks, marks_.size(), marks_.begin());
   for (cardan_device_args& a : args_) a.t = state.t;
+  weigh_again();
+}
+
+void DeviceForces::weigh_again() {
   if (own_) mass_fault_ = own_->weigh(z_.data(), marks_.data(), mass_fault_of_);
 }
 
 void DeviceForces::look_at(const DeviceForces& known, Workspace* ws, const Inputs& in) {
   std::ranges::copy(known.in_, in_.begin());
-  if (!ws) return hinge_motion_of(in, in_steps_, into(motions_));
+  if (!ws) {
+    hinge_motion_of(in, in_steps_, into(motions_));
+    look_at_fields(true);
+    return;
+  }
   const soa::Sweeps<double>& S = soa::sweeps<double>();
   ws->articulated = false;
   S.ground(model_, *ws, in);
@@ -189,7 +197,12 @@ bool DeviceForces::evaluate() { return evaluate_acting() && evaluate_others(); }
 
 bool DeviceForces::complete(Workspace& ws, const Inputs& in) {
   motion_of(model_, ws, in, between_, into(motions_));
-  return look_at_fields(false) && evaluate_others();
+  const auto passed = [this] {
+    const FieldFault* limit = fields_.passed_limit();
+    if (limit) fault_ = {limit->device, limit->what};
+    return limit != nullptr;
+  };
+  return !passed() && look_at_fields(false) && !passed() && evaluate_others();
 }
 
 bool DeviceForces::act(Workspace& ws, const Inputs& in) {

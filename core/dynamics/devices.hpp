@@ -40,6 +40,8 @@ class DeviceForces : public StateLoads<double> {
   std::vector<double> commands;
 
   void set(const DeviceState<double>& state);
+  /// Masses are those of set() again, after somebody else has used the model.
+  void weigh_again();
   bool act(Workspace& ws, const Inputs& in) override;
   /// Between steps, after act() at the same state, with poses and velocities in the world: the devices that the motion does not depend on,
   /// and mounts that are read at ticks.

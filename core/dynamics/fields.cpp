@@ -19,11 +19,6 @@ bool unknown(const FieldSource& f, int beyond) {
     if ((beyond >> i & 1) != 0 && !f.family->limits[i].holds) return true;
   return beyond < 0;
 }
-bool refused(const FieldSource& f, int beyond) {
-  for (std::uint32_t i = 0; i < f.family->n_limits; ++i)
-    if ((beyond >> i & 1) != 0 && !(f.hold && f.family->limits[i].holds)) return true;
-  return beyond < 0;
-}
 
 /// out[i] = sum over k of R[3 k + i] a[k]: from world axes to those of a node.
 void turn(const double* R, const double* a, double* out) {
@@ -36,15 +31,14 @@ FieldMoments::FieldMoments(const Model& model) : model_(model), all_(model.field
   for (std::size_t i = 0; i < all_.size(); ++i) all_[i].prepared = model.fields[i].source->prepared;
 }
 
-const FieldMoment& FieldMoments::at(int field, double t, int* beyond) {
+const FieldMoment& FieldMoments::at(int field, double t) {
   One& one = all_[field];
   const FieldSource& f = *model_.fields[field].source;
   if (f.family->prepare && !(one.known && one.moment.t == t)) {
-    one.beyond = f.family->prepare(t, f.packed.data(), one.prepared.data());
+    one.moment.beyond = f.family->prepare(t, f.packed.data(), one.prepared.data());
     one.known = true;
   }
-  one.moment = {t, one.prepared.empty() ? nullptr : one.prepared.data()};  // a copy of this has its own
-  if (beyond) *beyond = one.beyond;
+  one.moment.t = t, one.moment.prepared = one.prepared.empty() ? nullptr : one.prepared.data();  // a copy of this has its own
   return one.moment;
 }
 
@@ -63,7 +57,7 @@ std::shared_ptr<const FieldMoment> kept_moment(const Model& model, const FieldMo
   const auto kept = std::make_shared<Kept>();
   kept->prepared.resize(model.field.source->prepared.size());
   if (at->prepared) std::memcpy(kept->prepared.data(), at->prepared, model.field.source->family->prepared_size);
-  kept->moment = {at->t, kept->prepared.empty() ? nullptr : kept->prepared.data()};
+  kept->moment = {at->t, kept->prepared.empty() ? nullptr : kept->prepared.data(), at->beyond};
   return {kept, &kept->moment};
 }
 
@@ -77,7 +71,7 @@ int field_of_gravity(const Model& model) {
 std::string told_beyond(const Field& field, int beyond) {
   const FieldSource& f = *field.source;
   for (std::uint32_t i = 0; i < f.family->n_limits; ++i)
-    if ((beyond >> i & 1) != 0 && !(f.hold && f.family->limits[i].holds))
+    if ((beyond & ~f.held) >> i & 1)
       return fmt::format("{} is asked beyond its limit {}: {}", field.name, f.family->limits[i].name, f.family->limits[i].meaning);
   return beyond < 0 ? fmt::format("{}: evaluate returned {}", field.name, beyond) : "";
 }
@@ -112,8 +106,8 @@ FieldsOfDevices::FieldsOfDevices(const Model& model) : model_(model), moments_(m
 /// Bits of limits; -1 where something is not finite.
 int FieldsOfDevices::ask(const Group& group, double t, const std::vector<cardan_mount_motion>& motions, bool gradients) {
   const cardan_field_family& f = *model_.fields[group.field].source->family;
-  int beyond = 0;
-  const FieldMoment& when = moments_.at(group.field, t, &beyond);
+  const FieldMoment& when = moments_.at(group.field, t);
+  int beyond = when.beyond;
   const cardan_field_args args{sizeof args, t, model_.fields[group.field].source->packed.data(), when.prepared};
   const std::uint32_t size = field_size(f.quantity);
   if (is_of_time(f.quantity)) {
@@ -141,21 +135,33 @@ int FieldsOfDevices::ask(const Group& group, double t, const std::vector<cardan_
   return all_finite(values_.data(), static_cast<int>(n * size)) ? beyond : -1;
 }
 
+/// After ask(), which found a limit that is refused: which reader is the first beyond one.
+int FieldsOfDevices::first_beyond(const Group& group, double t) {
+  const FieldSource& f = *model_.fields[group.field].source;
+  const FieldMoment& when = moments_.at(group.field, t);
+  const cardan_field_args args{sizeof args, t, f.packed.data(), when.prepared};
+  for (std::size_t i = 0; i + 1 < group.readers.size() && !is_of_time(f.family->quantity) && !f.refuses(when.beyond); ++i)
+    if (double value[CARDAN_FIELD_NUMBERS]; f.refuses(f.family->evaluate(&args, 1, points_.data() + 3 * i, value, nullptr)))
+      return group.readers[i].device;
+  return is_of_time(f.family->quantity) || f.refuses(when.beyond) ? group.readers.front().device : group.readers.back().device;
+}
+
 bool FieldsOfDevices::look(double t, bool in_steps, std::vector<cardan_mount_motion>& motions, FieldFault& fault) {
-  if (in_steps) passed_.device = -1;
+  passed_.device = -1;
+  if (in_steps) std::ranges::fill(held_, 0);
   for (const Group& group : groups_) {
     if (group.in_steps != in_steps) continue;
     const Field& field = model_.fields[group.field];
     const int beyond = ask(group, t, motions, false);
-    if (beyond != 0 && refused(*field.source, beyond)) {
-      passed_ = {group.readers[0].device, beyond < 0 ? fmt::format("the field {} is not finite", field.name) : told_beyond(field, beyond)};
+    if (field.source->refuses(beyond)) {
+      passed_ = {first_beyond(group, t), beyond < 0 ? fmt::format("the field {} is not finite", field.name) : told_beyond(field, beyond)};
       if (unknown(*field.source, beyond)) {
         fault = passed_;
         if (beyond > 0) stopped_ = passed_;
         return false;
       }
     }
-    held_[group.field] = beyond;
+    held_[group.field] |= beyond;
     const std::uint32_t quantity = field.source->family->quantity, size = field_size(quantity);
     for (std::size_t i = 0; i < group.readers.size(); ++i) {
       const Reader& r = group.readers[i];

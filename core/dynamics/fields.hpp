@@ -12,15 +12,14 @@ namespace cardan {
 class FieldMoments {
  public:
   explicit FieldMoments(const Model& model);
-  /// Of a field at t [s]; its `prepared` is overwritten by the next call for the same field. `beyond`: bits of limits.
-  const FieldMoment& at(int field, double t, int* beyond = nullptr);
+  /// Of a field at t [s]; its `prepared` is overwritten by the next call for the same field.
+  const FieldMoment& at(int field, double t);
   std::size_t bytes() const;
 
  private:
   struct One {
     FieldMoment moment;
     std::vector<double> prepared;
-    int beyond = 0;
     bool known = false;
   };
   const Model& model_;
@@ -61,7 +60,7 @@ class FieldsOfDevices {
   const FieldFault* tried_limit() const { return stopped_.device >= 0 ? &stopped_ : nullptr; }
   /// A step that was tried went beyond a limit, and a smaller one did not.
   void forget_limit() { stopped_.device = -1; }
-  /// Bits of limits beyond which a field held its value in the last look(), by field.
+  /// Bits of limits beyond which a field held its value in the last evaluation, by field.
   const std::vector<int>& held() const { return held_; }
   std::size_t bytes() const;
 
@@ -75,6 +74,7 @@ class FieldsOfDevices {
     std::vector<Reader> readers;
   };
   int ask(const Group& group, double t, const std::vector<cardan_mount_motion>& motions, bool gradients);
+  int first_beyond(const Group& group, double t);
 
   const Model& model_;
   FieldMoments moments_;

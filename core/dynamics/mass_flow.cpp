@@ -1,6 +1,7 @@
 #include "core/dynamics/mass_flow.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "core/soa/gravity_field.hpp"
@@ -46,10 +47,12 @@ cardan_mass mass_rate(const Devices& devices, const Device& d, const double* z, 
   double largest = 0.0;
   for (std::size_t i = 0; i < n; ++i) largest = std::max(largest, std::abs(dz[d.z + i]) / devices.nominal[d.z + i]);
   if (!(largest > 0.0)) return out;
-  std::vector<double> moved(n);
+  std::array<double, 32> few;
+  std::vector<double> many(n > few.size() ? n : 0);
+  double* moved = many.empty() ? few.data() : many.data();
   const auto beside = [&](double s, double* to) {
     for (std::size_t i = 0; i < n; ++i) moved[i] = z[d.z + i] + s * dz[d.z + i];
-    const cardan_device_args at = args(d, moved.data(), marks);
+    const cardan_device_args at = args(d, moved, marks);
     d.family->mass(&at, reinterpret_cast<cardan_mass*>(to));
   };
   double work[kMass];

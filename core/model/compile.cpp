@@ -280,10 +280,13 @@ class Compiler {
     for (std::size_t k = 1; k < m.bodies.size(); ++k)
       if (m.varies[k]) m.devices.varying.push_back({static_cast<int>(k), m.bodies[k].M, m.bodies[k].M_sweep, m.bodies[k].J_P});
     int device = 0;
-    const std::string fault = m.weigh(m.devices.z0.data(), m.devices.marks0.data(), device);
+    std::string fault = m.weigh(m.devices.z0.data(), m.devices.marks0.data(), device);
+    for (const DeviceMass& own : m.devices.masses)
+      if (const double mass = m.user[own.user].mass - own.own_mass; fault.empty() && mass < 0.0)
+        device = own.device, fault = fmt::format("{:g} kg", mass);
     if (fault.empty()) return;
     const std::string& name = m.devices.all[device].name;
-    sink_.report(Code::out_of_range, spec_.locate("devices." + name), "initial states that give a mass", fault);
+    sink_.report(Code::out_of_range, spec_.locate("devices." + name), "initial states that give a mass >= 0", fault);
     sink_.throw_if_any();
   }
 

@@ -110,6 +110,8 @@ class DeviceCompiler {
     if (input.latency < 0.0 || !std::isfinite(input.latency) || input.timeout < 0.0 || !std::isfinite(input.timeout))
       return fault(Code::out_of_range, spec, key, "a time > 0",
                    fmt::format("{:g} s", input.latency != 0.0 ? input.latency : input.timeout));
+    if (input.delay > kMostTicks)
+      return fault(Code::out_of_range, spec, key, fmt::format("at most {} ticks", kMostTicks), std::to_string(input.delay));
     if (input.safe) devices_.timeouts.push_back({index, *input.safe, input.timeout});
   }
 
@@ -202,7 +204,13 @@ class DeviceCompiler {
         if (!same) continue;
         m.v = u.v + i;
         m.q = u.nq == u.nv ? u.q + i : -1;
-        if ((desc.use & CARDAN_USE_HOLD) != 0) devices_.holds.push_back({static_cast<int>(devices_.all.size()), m.v});
+        if ((desc.use & CARDAN_USE_HOLD) != 0) {
+          if (const auto other = std::ranges::find(devices_.holds, m.v, &DeviceHold::v); other != devices_.holds.end())
+            fault(Code::unsupported, spec, desc.name, "a component that no other device holds",
+                  fmt::format("{}, which {} holds", in_quotes(target), devices_.all[static_cast<std::size_t>(other->device)].name),
+                  "one device with the sum of what both hold");
+          devices_.holds.push_back({static_cast<int>(devices_.all.size()), m.v});
+        }
         if (model_.has_prescribed() && model_.prescribed[static_cast<std::size_t>(m.v)] && (desc.use & CARDAN_USE_LOAD) != 0)
           fault(Code::unsupported, spec, desc.name, "a hinge component that is free to move", in_quotes(target) + ", which is prescribed",
                 "its motion is given: what pushes there has no effect");
@@ -311,6 +319,13 @@ class DeviceCompiler {
           for (std::size_t i = 0; i < d.mounts.size(); ++i)
             if ((d.mounts[i].use & CARDAN_USE_OUTLET) != 0) {
               expect_supply(tank, k, d);
+              if (const auto other = std::ranges::find(devices_.flows, out, &MassFlow::output); other != devices_.flows.end())
+                fault(
+                    Code::bad_connection, spec_of(tank), fmt::format("inputs.{}", port(tank, CARDAN_PORT_IN, k).name),
+                    "flows of which each is drawn once",
+                    fmt::format("that of {}, which {} gives too", d.name,
+                                devices_.all[static_cast<std::size_t>(devices_.masses[static_cast<std::size_t>(other->from)].device)].name),
+                    "an outlet for each of the tanks");
               d.mounts[i].use |= CARDAN_USE_POSE | CARDAN_USE_VELOCITY;
               devices_.flows.push_back({static_cast<int>(m), out, giver, static_cast<int>(i)});
             }

@@ -31,11 +31,11 @@ std::vector<Field> compile_fields(const SystemSpec& spec, const Registry& regist
     const cardan_field_family& f = *entry->family;
     auto source = std::make_shared<FieldSource>();
     source->family = &f;
-    source->hold = given.hold;
     source->packed = pack_params(spec, {path, fmt::format("field type {}", f.type), given.params},
                                  {{f.params, f.n_params}, f.params_size, f.pack, f.packed_size}, sink);
-    const bool can_hold = std::any_of(f.limits, f.limits + f.n_limits, [](const cardan_limit_desc& l) { return l.holds != 0; });
-    if (given.hold && !can_hold)
+    for (std::uint32_t i = 0; given.hold && i < f.n_limits; ++i)
+      if (f.limits[i].holds != 0) source->held |= 1 << i;
+    if (given.hold && source->held == 0)
       sink.report(Code::out_of_range, spec.locate(path + ".outside"), "refuse", "hold",
                   f.n_limits == 0 ? "this field has no limits" : "this field knows no value to hold beyond its limits");
     if (f.prepare && (f.params_size == 0 || !source->packed.empty())) {

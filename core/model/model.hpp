@@ -131,6 +131,8 @@ struct DelayLine {
   double latency = 0;  // [s]
   double fallback = 0;
 };
+/// That a delay or latency may have.
+inline constexpr int kMostTicks = 1'000'000;
 /// A command that becomes `safe` when nobody has set it for `timeout` [s].
 struct CommandTimeout {
   int input;
@@ -194,6 +196,8 @@ struct Model : SweepModel {
   /// they hold into `prescribed`. Empty: done; else the fault and the device. Such a model is for one user at a time: Simulation has its
   /// own.
   std::string weigh(const double* z, const double* marks, int& device);
+  /// This velocity component follows a function of time; what a device holds stands still by a force and does not.
+  bool has_given_motion(int v) const;
   State initial_state() const;
   /// q' = N(q) v, user order.
   void qdot(const double* q, const double* v, double* qdot) const;

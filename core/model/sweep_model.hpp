@@ -191,12 +191,15 @@ struct FieldSource {
   const cardan_field_family* family = nullptr;
   std::vector<double> packed;
   std::vector<double> prepared;  // for t = 0
-  bool hold = false;             // beyond limits that can hold it goes on; else the step is refused
+  int held = 0;                  // bits of limits beyond which it goes on with the value of its end; beyond others the step is refused
+  /// Of a code of `evaluate`: something is wrong with it, or a limit is passed that is not held.
+  bool refuses(int code) const { return code < 0 || (code & ~held) != 0; }
 };
 /// When a field is asked: t, and what its family prepared for it.
 struct FieldMoment {
   double t = 0.0;  // [s]
   const void* prepared = nullptr;
+  int beyond = 0;  // bits of limits that `prepare` told
 };
 
 /// Gravity as the sweeps see it, world axes.

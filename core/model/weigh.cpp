@@ -1,11 +1,23 @@
 // Masses that devices give to bodies: into the numbers that sweeps, operators and balances read.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/model/model.hpp"
 
 namespace cardan {
+namespace {
+
+/// "it cannot carry propellant = 30 kg".
+std::string more_than_it_carries(const Device& d, const double* z) {
+  std::string text = "it cannot carry";
+  for (std::uint32_t i = 0; i < d.family->n_states; ++i)
+    text += fmt::format("{} {} = {:g} {}", i > 0 ? "," : "", d.family->states[i].name, z[i], d.family->states[i].unit);
+  return text;
+}
+
+}  // namespace
 
 std::string Model::weigh(const double* z, const double* marks, int& device) {
   for (const DeviceHold& h : devices.holds) prescribed[h.v] = marks[devices.all[h.device].mark] != 0.0;
@@ -24,7 +36,7 @@ std::string Model::weigh(const double* z, const double* marks, int& device) {
     bool finite = true;
     for (std::size_t i = 0; i < sizeof given / sizeof(double); ++i) finite = finite && std::isfinite(numbers[i]);
     if (code != 0 || !finite) {
-      if (fault.empty()) device = m.device, fault = code != 0 ? fmt::format("mass returned {}", code) : "its mass is not finite";
+      if (fault.empty()) device = m.device, fault = code != 0 ? more_than_it_carries(d, at.z) : "its mass is not finite";
       continue;
     }
     const RigidInertia<double> M = inertia_of(given);
@@ -36,6 +48,10 @@ std::string Model::weigh(const double* z, const double* marks, int& device) {
     to.M = to.M + there, to.M_sweep = to.M_sweep + there, to.J_P += there.J;
   }
   return fault;
+}
+
+bool Model::has_given_motion(int v) const {
+  return has_prescribed() && prescribed[v] && std::ranges::find(devices.holds, v, &DeviceHold::v) == devices.holds.end();
 }
 
 RigidInertia<double> inertia_of(const cardan_mass& m) {

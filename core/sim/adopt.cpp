@@ -103,6 +103,21 @@ void Simulation::take_in() {
   make_integrator_once();
   const auto found = std::ranges::count_if(map.device, [](int i) { return i >= 0; });
   if (devices_ && found < std::ssize(model_->devices.all)) start_devices(map.device);
+  for (const DeviceMass& m : model_->devices.masses) {  // what is empty hangs on their parameters
+    observe();
+    devices_->event(m.device, model_->devices.all[static_cast<std::size_t>(m.device)].family->n_roots, 0, state_.z.data(),
+                    state_.marks.data());
+    changed();
+  }
+  for (std::size_t i = 0; i < map.body.size(); ++i) {
+    const UserBody& u = before->user[i];
+    if (u.n_modes == 0) continue;
+    const auto eta = std::span(map.q).subspan(static_cast<std::size_t>(u.eta), static_cast<std::size_t>(u.n_modes));
+    if (const auto anew = std::ranges::count(eta, -1); anew > 0)
+      warn(Code::mission_doubt, model_->spec->locate("bodies." + u.name + ".modes"),
+           fmt::format("{} of its {} modes start from rest: their mass or stiffness is another one now", anew, u.n_modes),
+           "a change that leaves shapes and frequencies as they are keeps them");
+  }
   const Sums are = sums();
   balances_.go_on(are.momentum, are.energy);
   if (recorder_)

@@ -20,7 +20,7 @@ void Simulation::remember(Archive& a) {
   for (Prescribed& p : prescribed_) a(p.profile, p.given, p.t_0, p.q_0);
   a.block("schedule")(schedule_);
   if (a.reading() && !schedule_.stands_at(state_.t)) a.wrong("ticks of another time than that of the state");
-  a.block("run")(steps_, last_output_, warned_stiff_, std::span(event_times_), events_seen_);
+  a.block("run")(steps_, last_output_, warned_stiff_, std::span(event_times_), events_seen_, limited_steps_, t_limited_);
   a.block("ledger")(balances_);
   a.block("warnings")(warnings_);
 }
@@ -43,6 +43,7 @@ Checkpoint Simulation::checkpoint() {
     start_devices();
     begin_ledger();
   }
+  settle_holds();
   start_given_motion();
   Archive all;
   remember(all);
@@ -58,6 +59,7 @@ void Simulation::resume(const Checkpoint& checkpoint) {
   remember(all);
   tau_total_ = tau_;
   changed();
+  rates_were_set_ = false;
   integrator_.reset();
   start_anew(all);
   all.finish();

@@ -183,7 +183,7 @@ Json fields(const Model& m) {
     const cardan_field_family& f = *s.family;
     Json limits = Json::array(), readers = Json::array();
     for (std::uint32_t i = 0; i < f.n_limits; ++i)
-      limits.push_back({{"name", f.limits[i].name}, {"outside", s.hold && f.limits[i].holds ? "hold" : "refuse"}});
+      limits.push_back({{"name", f.limits[i].name}, {"outside", (s.held >> i & 1) != 0 ? "hold" : "refuse"}});
     if (m.field.source == &s) readers.push_back("gravity of bodies");
     for (const Device& d : m.devices.all)
       for (const DeviceMount& mount : d.mounts)

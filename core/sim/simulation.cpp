@@ -42,8 +42,8 @@ void Simulation::build() {
       if (load.law == HingeLaw::stop && std::isfinite(load.p[side])) limits_.push_back({load.q, load.p[side]});
   x_given_.assign(static_cast<std::size_t>(m.nq + m.nv + m.devices.n_z), 0.0);
   prescribed_.clear();
-  for (int i = 0; m.has_prescribed() && i < m.nv; ++i) {
-    if (!m.prescribed[static_cast<std::size_t>(i)]) continue;
+  for (int i = 0; i < m.nv; ++i) {
+    if (!m.has_given_motion(i)) continue;
     int coordinate = -1;
     for (const PlainRates& r : m.plain_rates)
       if (i >= r.v && i < r.v + r.n) coordinate = r.q + i - r.v;
@@ -91,6 +91,7 @@ void Simulation::set_state(const State& state) {
   if (state_.z.size() != model_->devices.n_z) state_.z = Eigen::VectorXd::Map(model_->devices.z0.data(), model_->devices.n_z);
   if (state_.marks.size() != model_->devices.n_marks)
     state_.marks = Eigen::VectorXd::Map(model_->devices.marks0.data(), model_->devices.n_marks);
+  rates_were_set_ = true;
   changed();
 }
 
@@ -145,6 +146,7 @@ RunFailure Simulation::explain(const RunFailure& failure) const {
     if (!culprit_.empty()) f.hint = culprit_;
     return f;
   }
+  if (const FieldFault* tried = devices_ ? devices_->tried_limit() : nullptr) return beyond_a_field(*tried);
   if (devices_ && devices_->fault().device >= 0) {
     const Device& d = model_->devices.all[static_cast<std::size_t>(devices_->fault().device)];
     return {Code::device_failed,
@@ -159,6 +161,17 @@ RunFailure Simulation::explain(const RunFailure& failure) const {
   RunFailure f = not_finite(model_->nq + bad_rate_, vdot_bad_);
   if (!culprit_.empty()) f.hint = culprit_;
   return f;
+}
+
+RunFailure Simulation::beyond_a_field(const FieldFault& fault) const {
+  const Device& d = model_->devices.all[static_cast<std::size_t>(fault.device)];
+  return {Code::device_failed,
+          state_.t,
+          "",
+          "",
+          fmt::format("device {} ({}): {}", d.name, d.family->type, fault.what),
+          "another field, or `outside: hold` where it can hold",
+          ""};
 }
 
 void Simulation::warn(Code code, Located at, std::string about, std::string hint) {
@@ -502,20 +515,21 @@ std::string Simulation::told_of_gravity() const {
   return {};
 }
 
-/// After a step: no motion goes on beyond what its fields know. Where they know no value beyond, smaller steps come nearer to the limit for
-/// ever: after some that had to be made smaller it ends there.
+/// After a step: no motion goes on beyond what its fields know. Where they know no value beyond, smaller and smaller steps come nearer to
+/// the limit for ever: after some that hardly went further it ends there.
 void Simulation::expect_within_fields() {
   const FieldFault* tried = devices_ ? devices_->tried_limit() : nullptr;
   const bool near = !gravity_stopped_.empty() || tried;
   constexpr int kMost = 50;
-  if (near && ++limited_steps_ > kMost && !gravity_stopped_.empty()) fail(explain({}));
+  if (near) {
+    if (state_.t - t_limited_ > 1e-6 * (t_end_ - state_.t)) limited_steps_ = 0;
+    t_limited_ = state_.t;
+    ++limited_steps_;
+  }
+  if (limited_steps_ > kMost && !gravity_stopped_.empty()) fail(explain({}));
   const FieldFault* passed = devices_ ? devices_->passed_limit() : nullptr;
   if (!passed && limited_steps_ > kMost) passed = tried;
-  if (passed) {
-    const Device& d = model_->devices.all[static_cast<std::size_t>(passed->device)];
-    fail({Code::device_failed, state_.t, "", "", fmt::format("device {} ({}): {}", d.name, d.family->type, passed->what),
-          "another field, or `outside: hold` where it can hold", ""});
-  }
+  if (passed) fail(beyond_a_field(*passed));
   if (!near) return;
   gravity_stopped_.clear();
   if (devices_) devices_->forget_limit();
@@ -525,7 +539,7 @@ void Simulation::expect_within_fields() {
 void Simulation::say_held_fields() {
   for (std::size_t i = 0; i < model_->fields.size(); ++i) {
     const Field& field = model_->fields[i];
-    if (!field.source->hold) continue;
+    if (field.source->held == 0) continue;
     int beyond = devices_ ? devices_->held_fields()[i] : 0;
     if (static_cast<int>(i) == gravity_field_)
       for (std::size_t k = 1; k < model_->bodies.size(); ++k) beyond |= gravity_beyond(static_cast<int>(k));
@@ -548,7 +562,7 @@ int Simulation::gravity_beyond(int k) const {
   double value[CARDAN_FIELD_NUMBERS];
   const cardan_field_args args{sizeof args, moment_->t, f.packed.data(), moment_->prepared};
   const int beyond = f.family->evaluate(&args, 1, point, value, nullptr);
-  return all_finite(value, 3) ? beyond : -1;
+  return all_finite(value, 3) ? beyond | moment_->beyond : -1;
 }
 
 const Observer& Simulation::observe() {
@@ -685,13 +699,12 @@ void Simulation::resolve_delays() {
       const double tick = static_cast<double>(period.numerator) / static_cast<double>(period.denominator);
       const auto latency = to_rational(line.latency);
       // latency / period = (a d) / (b n), whole
-      constexpr std::int64_t kMost = 1'000'000;
       const std::int64_t above = latency ? latency->numerator * period.denominator : 1,
                          below = latency ? latency->denominator * period.numerator : 0;
-      if (below == 0 || above % below != 0 || above / below > kMost) {
+      if (below == 0 || above % below != 0 || above / below > kMostTicks) {
         const double nearest = std::max(1.0, std::round(line.latency / tick));
         refuse(Code::bad_connection, model_->spec->locate(told_input(line.input) + ".latency"),
-               fmt::format("a whole number of ticks of {}, {:g} s each, at most {}", clock.name, tick, kMost),
+               fmt::format("a whole number of ticks of {}, {:g} s each, at most {}", clock.name, tick, kMostTicks),
                fmt::format("{:g} s", line.latency), fmt::format("{:g} s, or another rate of {}", nearest * tick, clock.name));
       }
       ticks = static_cast<int>(above / below);
@@ -786,6 +799,7 @@ void Simulation::start_devices(std::span<const int> but) {
     if (std::ranges::find(but, static_cast<int>(i)) == but.end())
       devices_->event(static_cast<int>(i), model_->devices.all[i].family->n_roots, 0, state_.z.data(), state_.marks.data());
   changed();
+  rates_were_set_ = false;
   settle_holds();
 }
 
@@ -798,14 +812,21 @@ bool Simulation::look_at_holds(double t, const double* x) {
   return holding_->look(*devices_, {q, v, hold_tau_.data(), hold_vdot_.data(), wrenches_}, t, v + model_->nv, state_.marks.data());
 }
 
+namespace {
+/// What holds gives way at a root that lies a little beyond the most that settle_holds() leaves alone: on which side of it a state begins
+/// is never a matter of rounding.
+constexpr double kLoose = 1.0 + 1e-12, kRoot = 1.0 + 1e-10;
+}  // namespace
+
 /// At a trial state: what is left until each held component breaks away; 1 of others, and where v' cannot be evaluated.
 void Simulation::hold_roots(double t, const double* x, double* g) {
   const auto& holds = model_->devices.holds;
   std::fill_n(g, holds.size(), 1.0);
   if (std::ranges::none_of(holds, [&](const DeviceHold& h) { return model_->prescribed[static_cast<std::size_t>(h.v)] != 0; })) return;
-  if (!look_at_holds(t, with_given_motion(t, x))) return;
-  for (std::size_t i = 0; i < holds.size(); ++i)
-    if (const Holding::Force& f = holding_->forces()[i]; f.held) g[i] = f.most - std::abs(f.force);
+  const bool good = look_at_holds(t, with_given_motion(t, x));
+  devices_->weigh_again();
+  for (std::size_t i = 0; good && i < holds.size(); ++i)
+    if (const Holding::Force& f = holding_->forces()[i]; f.held) g[i] = kRoot * f.most - std::abs(f.force);
 }
 
 /// From what was found to hold it: it begins to move against that.
@@ -816,22 +837,30 @@ void Simulation::break_away(std::size_t hold) {
   changed();
 }
 
-/// What is held stands still; what more would be needed for than can be breaks away, one after the other.
+/// What is held stands still; what more would be needed for than can be breaks away, one after the other. Where rates were set from
+/// outside, devices that hold begin with them as at the start.
 void Simulation::settle_holds() {
   const auto& holds = model_->devices.holds;
+  if (std::exchange(rates_were_set_, false) && begun_ && !holds.empty()) {
+    observe();
+    for (const DeviceHold& h : holds)
+      devices_->event(h.device, model_->devices.all[static_cast<std::size_t>(h.device)].family->n_roots, 0, state_.z.data(),
+                      state_.marks.data());
+    changed();
+  }
   for (std::size_t pass = 0; holding_ && pass <= holds.size(); ++pass) {
     bool any = false;
     for (const DeviceHold& h : holds)
       if (model_->prescribed[static_cast<std::size_t>(h.v)] != 0) {
         any = true;
-        if (state_.v[h.v] != 0.0) v(h.v) = 0.0;
+        if (state_.v[h.v] != 0.0) state_.v[h.v] = 0.0, changed();
       }
     if (!any) return;
     hold_x_.resize(x_given_.size());
     pack(hold_x_.data());
     if (!look_at_holds(state_.t, hold_x_.data())) return;  // told where the dynamics come upon it
     const auto& forces = holding_->forces();
-    const auto loose = std::ranges::find_if(forces, [](const Holding::Force& f) { return std::abs(f.force) > f.most * (1.0 + 1e-12); });
+    const auto loose = std::ranges::find_if(forces, [](const Holding::Force& f) { return std::abs(f.force) > kLoose * f.most; });
     if (loose == forces.end()) return;
     break_away(static_cast<std::size_t>(loose - forces.begin()));
   }

@@ -79,7 +79,7 @@ class Simulation {
   /// State, commands and motion profiles of another simulation of the same vehicle.
   void take_over(const Simulation& other);
   double& q(int i) { return changed(), state_.q[i]; }
-  double& v(int i) { return changed(), state_.v[i]; }
+  double& v(int i) { return rates_were_set_ = true, changed(), state_.v[i]; }
   /// A task that runs at every tick, in the order of these calls. Commands set by tasks hold until they are set again.
   void every(Rational period, std::function<void()> task, Rational offset = {});
   void add_event(Event event);
@@ -187,6 +187,7 @@ class Simulation {
   int gravity_beyond(int sweep_body) const;
   std::string told_of_gravity() const;
   void expect_within_fields();
+  RunFailure beyond_a_field(const FieldFault& fault) const;
   void say_held_fields();
   void make_integrator_once();
   void remember(Archive& archive);
@@ -216,7 +217,8 @@ class Simulation {
   std::unique_ptr<Observer> observer_;
   std::unique_ptr<FieldMoments> fields_;  // of gravity that is a field; null: it is none
   int gravity_field_ = -1;
-  int limited_steps_ = 0;                    // that a limit of a field made smaller
+  int limited_steps_ = 0;                    // that a limit of a field made smaller, and that hardly went further ...
+  double t_limited_ = 0.0;                   // [s] ... since then
   std::string gravity_stopped_;              // beyond which limit gravity was asked in a step; empty: it was not
   const FieldMoment* moment_ = nullptr;      // at the time of the last evaluation
   std::unique_ptr<DeviceForces> devices_;    // null: there are none
@@ -270,6 +272,7 @@ class Simulation {
   std::vector<double> row_;
   double last_output_ = -1.0;
   bool restart_ = true, observed_ = false, stopped_ = false, begun_ = false, world_rates_ = false;
+  bool rates_were_set_ = false;  // from outside, since settle_holds()
   soa::Breakdown breakdown_;
   int bad_rate_ = -1;      // index into v' of a value that is not finite, in the last step
   double vdot_bad_ = 0.0;  // that value

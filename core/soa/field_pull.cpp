@@ -13,11 +13,12 @@ constexpr double kSmall = 1e-5, kStep = 1e-2;
 
 /// Values and, where they are wanted, gradients at n points; false beyond what the field knows.
 bool ask(const FieldSource& f, const FieldMoment* at, int n, const double* points, double* values, double* gradients) {
-  const FieldMoment start{0.0, f.prepared.empty() ? nullptr : f.prepared.data()};
+  const FieldMoment start{0.0, f.prepared.empty() ? nullptr : f.prepared.data(), 0};
   const FieldMoment& when = at ? *at : start;
   const cardan_field_args args{sizeof args, when.t, f.packed.data(), when.prepared};
   const bool own = f.family->facts & CARDAN_FIELD_GRADIENT;
-  const auto good = [&](int code) { return code == 0 || (f.hold && code > 0); };
+  if (f.refuses(when.beyond)) return false;
+  const auto good = [&](int code) { return !f.refuses(code); };
   if (!good(f.family->evaluate(&args, static_cast<std::uint32_t>(n), points, values, own ? gradients : nullptr))) return false;
   if (own || !gradients) return true;
   // By differences of eighth order; the field varies over some thousandth of the distance at least.

@@ -93,7 +93,8 @@ struct Tank {
     return true;
   }
 
-  static void nominal(const Packed& p, double* sizes) noexcept { sizes[0] = p.density > 0.0 ? p.density * p.volume() : 1.0; }
+  static double size(const Packed& p) { return p.density > 0.0 ? p.density * p.volume() : 1.0; }
+  static void nominal(const Packed& p, double* sizes) noexcept { sizes[0] = size(p); }
 
   template <class T>
   static void evaluate(const Packed& p, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
@@ -137,7 +138,15 @@ struct Tank {
             {entry(0, 0), entry(1, 1), entry(2, 2), entry(0, 1), entry(0, 2), entry(1, 2)}};
   }
 
-  static void roots(const Packed& p, const DeviceIn<double>& in, double* g) noexcept { g[0] = in.z[0] - p.residual; }
+  /// Where the density is known. Steps that are tried may go a little beyond.
+  static bool can_carry(const Packed& p, const double* z) noexcept {
+    return !(p.density > 0.0) || z[0] <= p.density * p.volume() * (1.0 + 1e-6);
+  }
+
+  /// Below zero while it is empty, so that what comes in again crosses it.
+  static void roots(const Packed& p, const DeviceIn<double>& in, double* g) noexcept {
+    g[0] = in.z[0] - p.residual - (in.d[0] != 0.0 ? 1e-12 * size(p) : 0.0);
+  }
   static void event(const Packed& p, const DeviceIn<double>& in, std::uint32_t root, int direction, double* z, double* d) noexcept {
     if (root < n_roots) {
       d[0] = direction < 0 ? 1.0 : 0.0;

@@ -15,7 +15,7 @@ struct Handle {
   Kind kind;
   int index;  // user body, node, slot or device
   Scenario* scenario;
-  const UserBody& user() const { return scenario->model->user[static_cast<std::size_t>(index)]; }
+  const UserBody& user() const { return scenario->present().user[static_cast<std::size_t>(index)]; }
 };
 
 /// The handle at argument 1, on which a method was called; refused if it is of another kind.

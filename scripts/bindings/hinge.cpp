@@ -43,8 +43,6 @@ int hinge_v(lua_State* L) {
   return 1;
 }
 
-bool is_prescribed(const Model& m, int v) { return m.has_prescribed() && m.prescribed[static_cast<std::size_t>(v)]; }
-
 int hinge_force(lua_State* L) {
   const Handle& h = self<Kind::hinge>(L);
   Scenario& s = *h.scenario;
@@ -52,7 +50,7 @@ int hinge_force(lua_State* L) {
   expect_state(L, s, "a command");
   const double x = command(L, 2, s, "force on hinge", u.name);
   const int v = u.v + component(L, 3, u.v_names, u);
-  if (is_prescribed(*s.model, v))
+  if (s.sim->model().has_given_motion(v))
     refuse(L, Code::lua_argument, "hinge of " + u.name, "a component that is free to move", "a prescribed one",
            "its motion is given by :profile{...}; :applied() tells the force it needs");
   s.sim->set_force(v, x);
@@ -63,7 +61,7 @@ int hinge_applied(lua_State* L) {
   Scenario& s = *h.scenario;
   expect_state(L, s, "the force on a hinge");
   const int v = h.user().v + component(L, 2, h.user().v_names, h.user());
-  if (!is_prescribed(*s.model, v)) {
+  if (!s.sim->model().has_given_motion(v)) {
     lua_pushnumber(L, s.sim->force(v));
     return 1;
   }
@@ -122,7 +120,7 @@ int hinge_profile(lua_State* L) {
   const int c = component(L, lua_gettop(L), u.v_names, u), v = u.v + c;
   lua_pop(L, 1);
   const std::string &rate = u.v_units[static_cast<std::size_t>(c)], unit = rate.substr(0, rate.find('/'));
-  if (!is_prescribed(*s.model, v))
+  if (!s.sim->model().has_given_motion(v))
     refuse(L, Code::lua_argument, "profile of " + u.name, "a component that is prescribed", "one that is free to move",
            fmt::format("say so in the vehicle: bodies.{}.hinge.prescribed: [{}]", u.name, u.v_names[static_cast<std::size_t>(c)]));
   MotionProfile profile;

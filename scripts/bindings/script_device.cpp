@@ -27,7 +27,7 @@ std::vector<Item> items(lua_State* L, LuaTable& t, const char* key, std::set<std
     if (lua_type(L, -2) == LUA_TSTRING) item.name = lua_tostring(L, -2);
     const auto read = [&] {
       if (lua_type(L, -1) == LUA_TNUMBER)
-        item.value = lua_tonumber(L, -1);
+        item.value = lua_tonumber(L, -1), item.given = true;
       else if (lua_type(L, -1) == LUA_TSTRING)
         item.unit = lua_tostring(L, -1);
       else
@@ -43,7 +43,12 @@ std::vector<Item> items(lua_State* L, LuaTable& t, const char* key, std::set<std
       read();
     }
     if (item.name.empty() || !taken.insert(item.name).second) table->reject(item.name, "a name of its own");
-    if (!parse_unit(item.unit)) table->reject(item.name, "a unit: rad/s, N m, 1", unit_hint(item.unit));
+    const auto unit = parse_unit(item.unit);
+    if (!unit)
+      table->reject(item.name, "a unit: rad/s, N m, 1", unit_hint(item.unit));
+    else if (unit->factor != 1.0)
+      table->reject(item.name, "a unit of SI, in which functions get all numbers: " + describe(unit->dimension),
+                    "in the vehicle file any unit of that dimension will do");
     all.push_back(std::move(item));
   }
   lua_pop(L, 1);

@@ -101,7 +101,8 @@ std::shared_ptr<const Model> changed_model(const Scenario& s, const Overrides& c
   make_modes(*spec, ModeCache::of_user());
   const std::shared_ptr<const Model> model = compile(spec, s.registry, s.compile_options());
   const State before = s.model->initial_state(), after = model->initial_state();
-  if (before.q.size() == after.q.size() && (before.q != after.q || before.v != after.v || before.z != after.z))
+  if (before.q.size() == after.q.size() &&
+      (before.q != after.q || before.v != after.v || before.z != after.z || before.marks != after.marks))
     refuse(Code::other_vehicle, {"vehicle:change"}, "values that hold from now on", "an initial state", "a run begins once");
   return model;
 }
@@ -168,7 +169,7 @@ int vehicle_part(lua_State* L) {
 }
 int vehicle_mass(lua_State* L) {
   double mass = 0.0;
-  for (const UserBody& u : self<Kind::vehicle>(L).scenario->model->user) mass += u.mass;
+  for (const UserBody& u : self<Kind::vehicle>(L).scenario->present().user) mass += u.mass;
   lua_pushnumber(L, mass);
   return 1;
 }

@@ -137,6 +137,8 @@ struct Scenario {
   // The system
   std::shared_ptr<const Model> model;  // null before `vehicle`
   std::unique_ptr<Simulation> sim;
+  /// With the masses of the present state, where they vary.
+  const Model& present() const { return sim ? sim->model() : *model; }
 
   // What handles see
   Stage stage = Stage::setup;

@@ -2,11 +2,16 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <mutex>
+#include <set>
 #include <utility>
 
 #include "core/abi/device_laws.hpp"
+#include "core/base/units.hpp"
+#include "core/model/schema.hpp"
 
 namespace cardan {
 namespace {
@@ -69,7 +74,17 @@ void ScriptDevice::take_slot(std::index_sequence<kSlots...>) {
 ScriptDevice::ScriptDevice(LuaHost& lua, bool& running, Description description, Located at)
     : lua_(lua), running_(running), d_(std::move(description)), at_(std::move(at)) {
   for (const Item& p : d_.params)
-    params_.push_back({p.name.c_str(), CARDAN_NUMBER, 0u, p.unit.c_str(), "of the script", {p.value}, 0.0, 0.0, 0, nullptr, nullptr});
+    params_.push_back({p.name.c_str(),
+                       CARDAN_NUMBER,
+                       p.given ? 0u : static_cast<unsigned>(CARDAN_REQUIRED),
+                       p.unit.c_str(),
+                       "of the script",
+                       {p.value},
+                       0.0,
+                       0.0,
+                       0,
+                       nullptr,
+                       nullptr});
   const std::uint32_t use = CARDAN_USE_POSE | CARDAN_USE_VELOCITY | (d_.in_step ? CARDAN_USE_LOAD : CARDAN_USE_ACCELERATION);
   for (const Mount& m : d_.mounts)
     mounts_.push_back({m.name.c_str(), static_cast<std::uint32_t>(m.hinge ? CARDAN_MOUNT_HINGE : CARDAN_MOUNT_NODE),
@@ -81,6 +96,12 @@ ScriptDevice::ScriptDevice(LuaHost& lua, bool& running, Description description,
   for (std::size_t i = 0; i < held_outputs(d_); ++i)
     marks_.push_back({d_.outputs[i].name.c_str(), d_.outputs[i].unit.c_str(), d_.outputs[i].value, 1.0, "held since the last tick"});
   for (const Item& m : d_.memory) marks_.push_back({m.name.c_str(), m.unit.c_str(), m.value, 1.0, "of the script"});
+  const auto names = [](std::vector<std::string>& to, const auto& items) {
+    for (const auto& item : items) to.push_back(item.name);
+  };
+  names(of_evaluate_, d_.outputs), names(of_evaluate_, d_.states), names(of_evaluate_, d_.mounts);
+  if (!d_.in_step) names(of_tick_, d_.outputs);
+  names(of_tick_, d_.memory);
   cardan_device_family& f = family_;
   f.struct_size = sizeof f;
   f.type = d_.type.c_str(), f.summary = d_.summary.c_str();
@@ -140,8 +161,20 @@ std::optional<double> ScriptDevice::number(lua_State* L, const std::string& name
   const double x = lua_tonumber(L, -1);
   if (type != LUA_TNUMBER && (required || type != LUA_TNIL))
     refuse(Code::lua_runtime, at_, fmt::format("a table with {} = a number", name), describe_value(L, -1));
+  if (tried_ && type == LUA_TNUMBER && !std::isfinite(x))  // at the points of the laws it may be outside of its domain
+    refuse(Code::lua_runtime, at_, fmt::format("a finite number for {}", name), describe_value(L, -1));
   lua_pop(L, 1);
   return type == LUA_TNUMBER ? std::optional(x) : std::nullopt;
+}
+
+/// The table at the top has nothing else.
+void ScriptDevice::expect_names(lua_State* L, const std::vector<std::string>& names) const {
+  for (lua_pushnil(L); lua_next(L, -2); lua_pop(L, 1)) {
+    const std::string name = lua_type(L, -2) == LUA_TSTRING ? lua_tostring(L, -2) : describe_value(L, -2);
+    if (std::ranges::find(names, name) == names.end())
+      refuse(Code::lua_runtime, at_, names.empty() ? "an empty table" : "numbers of " + one_of(names), in_quotes(name),
+             did_you_mean(name, names));
+  }
 }
 
 template <class Read>
@@ -192,6 +225,7 @@ int ScriptDevice::evaluate(const cardan_device_args* a, cardan_device_out* out) 
       }
       lua_pop(L, 1);
     }
+    expect_names(L, of_evaluate_);
   });
   ++calls_;
   seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -204,10 +238,32 @@ int ScriptDevice::tick(const cardan_device_args* a, double period, double* d) {
     for (std::size_t i = 0; i < held; ++i) d[i] = *number(L, d_.outputs[i].name, true);
     for (std::size_t i = 0; i < d_.memory.size(); ++i)
       if (const auto x = number(L, d_.memory[i].name, false)) d[held + i] = *x;
+    expect_names(L, of_tick_);
   });
 }
 
-/// "count = 3": its variables by name, of tables the numbers in them.
+namespace {
+
+/// "m.n = 0 (number)" of all that is in the table at the top, and in the tables in it, each once.
+void add_contents(lua_State* L, const std::string& path, std::set<const void*>& seen, std::vector<std::string>& all) {
+  if (!seen.insert(lua_topointer(L, -1)).second) return;
+  luaL_checkstack(L, LUA_MINSTACK, nullptr);
+  for (lua_pushnil(L); lua_next(L, -2); lua_pop(L, 1)) {
+    const int type = lua_type(L, -2);
+    if (type != LUA_TSTRING && type != LUA_TNUMBER) continue;
+    lua_pushvalue(L, -2);  // lua_tolstring changes a number where it stands
+    const std::string name = fmt::format(R"({}.{})", path, lua_tostring(L, -1));
+    lua_pop(L, 1);
+    if (lua_istable(L, -1))
+      add_contents(L, name, seen, all);
+    else
+      all.push_back(fmt::format("{} = {}", name, lua_isfunction(L, -1) ? fmt::format("{}", lua_topointer(L, -1)) : describe_value(L, -1)));
+  }
+}
+
+}  // namespace
+
+/// "count = 3": its variables by name, of tables what is in them.
 std::vector<std::string> ScriptDevice::variables(lua_State* L, const LuaFunction& function) const {
   std::vector<std::string> all;
   function.push(L);
@@ -217,9 +273,7 @@ std::vector<std::string> ScriptDevice::variables(lua_State* L, const LuaFunction
     all.push_back(fmt::format("{} = {}", name,
                               lua_type(L, -1) == LUA_TTABLE || lua_type(L, -1) == LUA_TFUNCTION ? fmt::format("{}", lua_topointer(L, -1))
                                                                                                 : describe_value(L, -1)));
-    if (lua_type(L, -1) == LUA_TTABLE && std::string_view(name) != "_ENV")
-      for (lua_pushnil(L); lua_next(L, -2); lua_pop(L, 1))
-        if (lua_type(L, -2) == LUA_TSTRING) all.push_back(fmt::format("{}.{} = {}", name, lua_tostring(L, -2), describe_value(L, -1)));
+    if (std::set<const void*> seen; lua_type(L, -1) == LUA_TTABLE && std::string_view(name) != "_ENV") add_contents(L, name, seen, all);
     lua_pop(L, 1);
   }
   lua_pop(L, 1);
@@ -251,6 +305,7 @@ void ScriptDevice::expect_pure() {
            violations.empty() ? "variables that come and go" : violations.front(),
            "the same arguments give the same numbers: no memory, no random numbers, no clock");
   calls_ = 0, seconds_ = 0.0;
+  tried_ = true;
 }
 
 }  // namespace cardan

@@ -13,10 +13,11 @@ namespace cardan {
 /// One type. Its table points into it: it lives as long as the scenario, and stays where it is.
 class ScriptDevice {
  public:
-  /// A name with its unit; of parameters, states and inputs with a value.
+  /// A name with its unit, of SI; of parameters, states and inputs with a value.
   struct Item {
     std::string name, unit = "1";
     double value = 0.0;
+    bool given = false;  // the value is
   };
   struct Mount {
     std::string name;
@@ -61,6 +62,7 @@ class ScriptDevice {
   int call(const LuaFunction& function, const cardan_device_args* a, double period, bool ticking, const Read& read);
   void push_arguments(lua_State* L, const cardan_device_args* a, bool ticking) const;
   std::optional<double> number(lua_State* L, const std::string& name, bool required) const;
+  void expect_names(lua_State* L, const std::vector<std::string>& names) const;
   std::vector<std::string> variables(lua_State* L, const LuaFunction& function) const;
 
   LuaHost& lua_;
@@ -73,6 +75,8 @@ class ScriptDevice {
   std::vector<cardan_state_desc> states_, marks_;
   cardan_device_family family_{};
   std::size_t slot_ = kMost;
+  std::vector<std::string> of_evaluate_, of_tick_;  // names that they may return
+  bool tried_ = false;                              // by expect_pure()
   std::optional<Diagnostic> failure_;
   long calls_ = 0;
   double seconds_ = 0.0;

@@ -123,5 +123,106 @@ TEST(DryFriction, KrylovSolversKnowWhatIsHeld) {
   EXPECT_EQ(a.state().marks, b.state().marks);
 }
 
+/// A mass of 2 kg on a rail with friction of 3 N that breaks away at 4 N.
+SystemSpec on_a_rail() {
+  SystemSpec spec = system({on(particle("mass", 2.0, {0, 0, 0}), "", "prismatic", {{1, 0, 0}})});
+  spec.devices = {device("drag", "dry_friction", {{"coulomb", 3.0}, {"breakaway", 4.0}}, {{"at", "mass"}})};
+  return spec;
+}
+
+TEST(DryFriction, BreaksAwayAtTheInstantOfACheckpoint) {
+  Simulation sim(compiled(on_a_rail()), accurate()), resumed(compiled(on_a_rail()), accurate());
+  sim.run(1.0);
+  sim.set_force(0, 7.0);
+  const Checkpoint at = sim.checkpoint();
+  sim.run(2.0);
+  EXPECT_NEAR(sim.state().q[0], 0.5 * (7.0 - 3.0) / 2.0, 1e-10);
+  resumed.resume(at);
+  resumed.run(2.0);
+  EXPECT_TRUE(resumed.state().q == sim.state().q && resumed.state().v == sim.state().v);
+}
+
+TEST(DryFriction, SlidesOnWithARateThatIsSetInTheRun) {
+  Simulation sim(compiled(on_a_rail()), accurate());
+  sim.run(1.0);
+  EXPECT_EQ(sim.state().marks[0], 1.0);
+  sim.v(0) = -0.6;  // for 0.4 s at 1.5 m/s^2
+  sim.run(1.2);
+  EXPECT_NEAR(sim.state().q[0], -0.6 * 0.2 + 0.75 * 0.04, 1e-10);
+  sim.run(3.0);
+  EXPECT_NEAR(sim.state().q[0], -0.12, 1e-10);
+  EXPECT_EQ(sim.state().marks[0], 1.0);
+  State still = sim.state();
+  still.v[0] = 0.3;
+  sim.set_state(still);
+  sim.run(3.1);
+  EXPECT_NEAR(sim.state().v[0], 0.15, 1e-10);
+}
+
+/// What a device holds is no motion that was given: it breaks away also where it stood still from the start, in a model that is adopted
+/// too.
+TEST(DryFriction, WhatStandsStillAtFirstBreaksAwayToo) {
+  SystemSpec spec = on_a_rail();
+  spec.devices[0].initial["sticks"] = number(1.0);
+  const auto model = compiled(spec);
+  EXPECT_FALSE(model->has_given_motion(0));
+  Simulation sim(model, accurate());
+  sim.run(1.0);
+  sim.adopt(compiled(spec));
+  sim.run(2.0);
+  sim.set_force(0, 7.0);
+  sim.run(3.0);
+  EXPECT_NEAR(sim.state().q[0], 1.0, 1e-10);
+}
+
+/// At the very edge, where rounding decides whether a state begins before or beyond the root.
+TEST(DryFriction, BreaksAwayFromALoadThatPassesItsEdgeByNothing) {
+  for (const double edge : {1.0 - 1e-15, 1.0, 1.0 + 5e-13, 1.0 + 2e-12}) {
+    SystemSpec spec = on_a_rail();
+    SpringDamper pull;  // it grows as the carriage moves
+    spec.bodies.push_back(on(particle("carriage", 1.0, {0, 0, 0}), "", "prismatic", {{1, 0, 0}}, {10, 0, 0}));
+    spec.bodies[1].hinge.v = {1.0}, spec.bodies[1].hinge.prescribed = {0}, spec.bodies[1].hinge.q = {4.0 * edge};
+    spec.devices.push_back(device("spring", "spring_damper", {{"stiffness", 1.0}, {"rest", 10.0}}, {{"from", "mass"}, {"to", "carriage"}}));
+    Simulation sim(compiled(spec), accurate());
+    sim.run(0.5);
+    // 2 x'' = 4 + t - x - 3 from rest: x = 1 + t - cos w t - sin(w t) / w
+    const double w = std::sqrt(0.5);
+    EXPECT_NEAR(sim.state().q[0], 1.5 - std::cos(0.5 * w) - std::sin(0.5 * w) / w, 1e-9) << edge;
+  }
+}
+
+TEST(DryFriction, HoldsAComponentAlone) {
+  SystemSpec spec = on_a_rail();
+  spec.devices.push_back(device("brake", "dry_friction", {{"coulomb", 1.0}}, {{"at", "mass"}}));
+  try {
+    compiled(spec);
+    FAIL();
+  } catch (const InputError& e) {
+    EXPECT_NE(std::string(e.what()).find("\"mass\", which brake holds"), std::string::npos) << e.what();
+  }
+}
+
+/// The search for the instant of breakaway tries states with other masses: what is seen has that of its own.
+TEST(DryFriction, ATrialOfWhatHoldsLeavesMassesAsTheyAre) {
+  SystemSpec spec = system({on(rigid("bus", 40.0, {0, 0, 0}, diagonal({6, 7, 8})), "", "free"),
+                            on(particle("mass", 2.0, {0, 0, 0}), "bus", "prismatic", {{0, 0, 1}})});
+  DeviceSpec tank = device("tank", "tank", {{"radius", 0.3}}, {{"at", "bus"}});
+  tank.initial["propellant"] = number(10.0), tank.inputs["flow"] = {"jet.flow", {}};
+  DeviceSpec jet = device("jet", "thruster", {{"thrust", 100.0}, {"specific_impulse", 20.0}}, {{"at", "bus"}});
+  jet.inputs["command"] = {1.0, {}}, jet.inputs["supply"] = {"tank.supply", {}};
+  jet.params["direction"].value = std::vector<double>{0, 0, 1};
+  spec.devices = {tank, jet, device("brake", "dry_friction", {{"coulomb", 100.0}}, {{"at", "mass"}})};
+  for (const std::string method : {"rk4", "dopri5", "cvode_bdf"}) {
+    SimulationOptions options = accurate(method, 1e-10);
+    if (method == "rk4") options.integrator.fixed_step = 0.01;
+    Simulation sim(compiled(spec), options);
+    sim.run(5.0);
+    const double left = 10.0 - 100.0 / (20.0 * 9.80665) * 5.0;
+    EXPECT_NEAR(sim.model().user[0].mass, 40.0 + left, 1e-8) << method;
+    EXPECT_TRUE(sim.ledger().pass) << method;
+    EXPECT_NEAR(sim.vdot()[5], 100.0 / (42.0 + left), 1e-9) << method;
+  }
+}
+
 }  // namespace
 }  // namespace cardan::test

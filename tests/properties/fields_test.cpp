@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "core/abi/device_family.hpp"
 #include "core/abi/field_family.hpp"
 #include "core/sim/reference_check.hpp"
 #include "core/soa/tangent.hpp"
@@ -253,6 +254,163 @@ TEST(FieldsOfDevices, AnImuInAFieldReadsWhatItReadsAboutACentre) {
   a.run(1.0), b.run(1.0);
   for (int i = 0; i < 6; ++i) EXPECT_NEAR(a.device_output(i), b.device_output(i), 1e-8) << i;  // 8 m/s^2 of gravity cancel
   EXPECT_GT(std::abs(b.device_output(3)) + std::abs(b.device_output(4)), 1e-3);
+}
+
+/// 1 kg/m^3 for |x| < 1 m, held up to 2 m, unknown beyond; from t = 3 s on unknown everywhere.
+struct Box {
+  static constexpr const char *type = "box", *summary = "air in a box";
+  static constexpr std::uint32_t quantity = CARDAN_DENSITY;
+  static constexpr unsigned facts = 0;
+  static constexpr cardan_limit_desc limits[] = {{"wall", 1, "out of the box"}, {"far", 0, "far away"}, {"late", 0, "after the end"}};
+  struct Packed {};
+  struct Prepared {
+    double none;
+  };
+  static int prepare(const Packed&, double t, Prepared& out) noexcept {
+    out = {};
+    return t > 3.0 ? 4 : 0;
+  }
+  static int beyond(const Packed&, const FieldPoint<Box, double>& at) noexcept {
+    return (std::abs(at.x.x) > 1.0 ? 1 : 0) | (std::abs(at.x.x) > 2.0 ? 2 : 0);
+  }
+  template <class T>
+  static void evaluate(const Packed&, const FieldPoint<Box, T>&, T* out) noexcept {
+    out[0] = T(1.0);
+  }
+};
+/// The same limits of a gravity of -1 m/s^2 along y.
+struct Plank : Box {
+  static constexpr const char* type = "plank";
+  static constexpr std::uint32_t quantity = CARDAN_GRAVITY;
+  static int beyond(const Packed& p, const FieldPoint<Plank, double>& at) noexcept { return Box::beyond(p, {at.t, at.x, nullptr}); }
+  template <class T>
+  static void evaluate(const Packed&, const FieldPoint<Plank, T>&, T* out) noexcept {
+    out[0] = out[2] = out[3] = T(0.0), out[1] = T(-1.0);
+  }
+};
+struct Epoch {
+  static constexpr const char *type = "epoch", *summary = "time from an epoch";
+  static constexpr std::uint32_t quantity = CARDAN_TIME;
+  static constexpr unsigned facts = 0;
+  struct Packed {};
+  template <class T>
+  static void evaluate(const Packed&, const FieldPoint<Epoch, T>& at, T* out) noexcept {
+    out[0] = T(at.t + 1000.0);
+  }
+};
+/// Tells the density; nothing hangs on it.
+struct Barometer {
+  static constexpr const char *type = "barometer", *summary = "the density of the air at a node";
+  static constexpr unsigned facts = 0;
+  struct Packed {};
+  static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_NODE, CARDAN_USE_POSE, "where"},
+                                                 {"air", CARDAN_MOUNT_FIELD, CARDAN_DENSITY, "air"}};
+  static constexpr cardan_port_desc ports[] = {{"density", CARDAN_PORT_OUT, "kg/m^3", 0.0, 0, "of the air"}};
+  template <class T>
+  static void evaluate(const Packed&, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
+    out.out[0] = in.at[1].field[0];
+  }
+};
+/// Rings at 1002 s of the epoch.
+struct Alarm {
+  static constexpr const char *type = "alarm", *summary = "rings at a time";
+  static constexpr unsigned facts = 0;
+  struct Packed {};
+  static constexpr cardan_mount_desc mounts[] = {{"clock", CARDAN_MOUNT_FIELD, CARDAN_TIME, "the time"}};
+  static constexpr cardan_port_desc ports[] = {{"rings", CARDAN_PORT_OUT, "1", 0.0, 0, "since"}};
+  static constexpr cardan_state_desc marks[] = {{"since", "s", 0.0, 1.0, "when it began to ring"}};
+  static constexpr std::uint32_t n_roots = 1;
+  template <class T>
+  static void evaluate(const Packed&, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
+    out.out[0] = T(in.d[0]);
+  }
+  static void roots(const Packed&, const DeviceIn<double>& in, double* g) noexcept { g[0] = in.at[0].field[0] - 1002.0; }
+  static void event(const Packed&, const DeviceIn<double>& in, std::uint32_t root, int, double*, double* d) noexcept {
+    if (root == 0) d[0] = in.t;
+  }
+};
+
+const Registry& with_limits() {
+  static const Registry types = [] {
+    Registry all = registry();
+    all.fields.add(field_table<Box>()), all.fields.add(field_table<Plank>()), all.fields.add(field_table<Epoch>());
+    all.devices.add(device_table<Barometer>()), all.devices.add(device_table<Alarm>());
+    return all;
+  }();
+  return types;
+}
+
+/// At 1 m/s along x from the origin.
+SystemSpec thrown() {
+  BodySpec stone = on(rigid("stone", 2.0, {0, 0, 0}, diagonal({1e-6, 1e-6, 1e-6})), "", "free");
+  stone.hinge.v = {0, 0, 0, 1, 0, 0};
+  return system({stone});
+}
+
+TEST(Fields, OfGravityEndARunBeyondEachLimitThatIsNotHeld) {
+  SystemSpec spec = thrown();
+  spec.fields = {field("floor", "plank")};
+  spec.gravity.kind = GravitySpec::Kind::field, spec.gravity.field = "floor";
+  for (const std::string method : {"rk4", "dopri5", "cvode_adams", "cvode_bdf"}) {
+    SimulationOptions options;
+    options.integrator.method = method;
+    if (method == "rk4") options.integrator.fixed_step = 0.01;
+    spec.fields[0].hold = false;
+    Simulation refused(compile(spec, with_limits()), options);
+    EXPECT_EQ(failure(refused, 10.0, Code::field_failed), "field floor (plank): floor is asked beyond its limit wall: out of the box")
+        << method;
+    EXPECT_NEAR(refused.time(), 1.0, 0.02) << method;
+    spec.fields[0].hold = true;
+    Simulation held(compile(spec, with_limits()), options);
+    EXPECT_EQ(failure(held, 10.0, Code::field_failed), "field floor (plank): floor is asked beyond its limit far: far away") << method;
+    EXPECT_NEAR(held.time(), 2.0, 0.02) << method;
+    SystemSpec slow = spec;
+    slow.bodies[0].hinge.v[3] = 0.1;
+    Simulation late(compile(slow, with_limits()), options);
+    EXPECT_EQ(failure(late, 10.0, Code::field_failed), "field floor (plank): floor is asked beyond its limit late: after the end")
+        << method;
+    EXPECT_NEAR(late.time(), 3.0, 0.02) << method;
+  }
+}
+
+/// Also where nothing hangs on what it tells, and of several readers the one that is beyond.
+TEST(FieldsOfDevices, BlameTheReaderThatIsBeyond) {
+  SystemSpec spec = thrown();
+  BodySpec rock = on(rigid("rock", 2.0, {0, 0, 0}, diagonal({1e-6, 1e-6, 1e-6})), "", "free");
+  spec.bodies.push_back(rock);
+  spec.fields = {field("air", "box")};
+  for (const std::string type : {"barometer", "drag"}) {
+    const std::vector<std::pair<std::string, double>> area = {{"area", 1e-12}};
+    const auto at = [&](const std::string& name, const std::string& body) {
+      return device(name, type, type == "drag" ? area : decltype(area){}, {{"at", body}});
+    };
+    spec.devices = {at("a", "rock"), at("b", "stone"), at("c", "rock")};
+    Simulation sim(compile(spec, with_limits()), {});
+    sim.every({1, 10}, [&] { sim.observe(); });
+    EXPECT_EQ(failure(sim, 2.0, Code::device_failed), "device b (" + type + "): air is asked beyond its limit wall: out of the box");
+    EXPECT_NEAR(sim.time(), 1.0, 0.11);
+  }
+}
+
+/// Readers in steps and between them hold as one.
+TEST(FieldsOfDevices, HeldForOneReaderIsHeld) {
+  SystemSpec spec = thrown();
+  spec.bodies.push_back(on(rigid("rock", 2.0, {0, 0, 0}, diagonal({1e-6, 1e-6, 1e-6})), "", "free"));
+  spec.fields = {field("air", "box")}, spec.fields[0].hold = true;
+  spec.devices = {device("drag", "drag", {{"area", 1e-12}}, {{"at", "stone"}}), device("far", "barometer", {}, {{"at", "rock"}})};
+  Simulation sim(compile(spec, with_limits()), {});
+  sim.run(1.5);
+  sim.observe();
+  EXPECT_EQ(sim.warnings().all().size(), 1U);
+}
+
+TEST(FieldsOfDevices, OfTimeReachRoots) {
+  SystemSpec spec = thrown();
+  spec.fields = {field("clock", "epoch")};
+  spec.devices = {device("alarm", "alarm", {}, {})};
+  Simulation sim(compile(spec, with_limits()), {});
+  sim.run(5.0);
+  EXPECT_NEAR(sim.device_output(0), 2.0, 1e-12);
 }
 
 /// Its own devices and fields take part in J dx: torque of coils, drag.

@@ -465,6 +465,82 @@ TEST(Tank, LosesWhatItsThrustersTell) {
       12);
 }
 
+/// What flows in again fills it: nothing is empty for ever.
+TEST(Tank, ThatIsFilledAgainGivesAgain) {
+  SystemSpec spec = system({on(rigid("bus", 400.0, {0, 0, 0}, diagonal({60, 70, 80})), "", "free")});
+  DeviceSpec d = tank("bus", 1.0, 0.4, "");
+  d.inputs.clear();
+  d.params["residual"] = number(0.25);
+  spec.devices = {d};
+  for (const std::string method : {"dopri5", "cvode_bdf"}) {
+    Simulation sim(compiled(spec), accurate(method));
+    sim.set_device_input(0, 0.5);
+    sim.run(2.0);
+    EXPECT_EQ(sim.state().z[0], 0.25);
+    EXPECT_EQ(sim.device_output(1), 0.0) << "supply";
+    sim.set_device_input(0, -0.5);
+    sim.run(3.0);
+    EXPECT_NEAR(sim.state().z[0], 0.75, 1e-9) << method;
+    EXPECT_EQ(sim.device_output(1), 1.0) << method;
+    sim.set_device_input(0, 0.5);
+    sim.run(5.0);
+    EXPECT_EQ(sim.state().z[0], 0.25) << method;
+  }
+}
+
+std::string refusal(const SystemSpec& spec) {
+  try {
+    compiled(spec);
+  } catch (const InputError& e) {
+    return e.what();
+  }
+  return "it compiled";
+}
+TEST(Tank, RefusesWhatItCannotCarry) {
+  SystemSpec spec = system({on(rigid("bus", 400.0, {0, 0, 0}, diagonal({60, 70, 80})), "", "free")});
+  spec.devices = {tank("bus", 300.0, 0.4, "jet.flow"), thruster("jet", "bus", 1.0, 220.0, {1, 0, 0})};
+  EXPECT_EQ(refusal(spec), "it compiled");
+  spec.devices[0].params["density"] = number(1000.0);  // 268 kg
+  EXPECT_NE(refusal(spec).find("it cannot carry propellant = 300 kg"), std::string::npos) << refusal(spec);
+  spec.devices[0].initial["propellant"] = number(-3.0);
+  EXPECT_NE(refusal(spec).find("-3 kg"), std::string::npos) << refusal(spec);
+  // in the run, by what flows in
+  spec.devices[0].initial["propellant"] = number(260.0), spec.devices[0].inputs.clear(), spec.devices.pop_back();
+  Simulation sim(compiled(spec), accurate());
+  sim.set_device_input(0, -1.0);
+  try {
+    sim.run(20.0);
+    FAIL();
+  } catch (const NumericsError& e) {
+    EXPECT_NE(e.failure().what.find("device tank (tank): it cannot carry propellant = 268"), std::string::npos) << e.failure().what;
+  }
+}
+
+TEST(Tank, IsNotDrawnFromForAnother) {
+  SystemSpec spec = system({on(rigid("bus", 400.0, {0, 0, 0}, diagonal({60, 70, 80})), "", "free")});
+  spec.devices = {tank("bus", 30.0, 0.4, "jet.flow"), tank("bus", 30.0, 0.4, "jet.flow"), thruster("jet", "bus", 1.0, 220.0, {1, 0, 0})};
+  spec.devices[1].name = "second";
+  spec.devices[2].inputs["supply"] = {"tank.supply + second.supply", {}};
+  EXPECT_NE(refusal(spec).find("that of jet, which second gives too"), std::string::npos) << refusal(spec);
+}
+
+/// A tank of another model may be empty at what was left in it before.
+TEST(VaryingMass, AnAdoptedTankKnowsWhetherItIsEmpty) {
+  SystemSpec spec = system({on(rigid("bus", 400.0, {0, 0, 0}, diagonal({60, 70, 80})), "", "free")});
+  spec.devices = {tank("bus", 5.0, 0.4, "jet.flow"), thruster("jet", "bus", 10.0, 220.0, {1, 0, 0})};
+  Simulation sim(compiled(spec), accurate());
+  sim.run(10.0);
+  EXPECT_GT(sim.device_output(0), 0.0);
+  spec.devices[0].params["residual"] = number(4.99);
+  sim.adopt(compiled(spec));
+  sim.run(20.0);
+  EXPECT_EQ(sim.device_output(0), 0.0);
+  spec.devices[0].params["residual"] = number(1.0);
+  sim.adopt(compiled(spec));
+  sim.run(21.0);
+  EXPECT_GT(sim.device_output(0), 0.0);
+}
+
 TEST(VaryingMass, IsRefusedByNameWhereItCannotBe) {
   SystemSpec spec = system(base_with_sprung_arm());
   spec.devices = {tank("base", 5.0, 0.3, "jet.flow"), thruster("jet", "base", 1.0, 1.0, {0, 0, 1})};

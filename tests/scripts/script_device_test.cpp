@@ -85,6 +85,14 @@ TEST(ScriptDevices, ThatAreNotPureAreRefused) {
       {"device { type = 'lua/x', states = { z = '1' }, tick = function(a) return {} end }", "`memory` in a device that is sampled"},
       {"device { type = 'imu', tick = function(a) return {} end }", "a type that is not taken yet"},
       {"device { type = 'lua/x', inputs = { u = 'furlong' }, tick = function(a) return {} end }", "a unit: rad/s, N m, 1"},
+      {"device { type = 'lua/x', params = { u = { 30, 'deg' } }, tick = function(a) return {} end }",
+       "a unit of SI, in which functions get all numbers"},
+      {"local m = { deep = { { n = 0 } } }\ndevice { type = 'lua/x', tick = function(a) m.deep[1].n = m.deep[1].n + 1 return {} end }",
+       "a variable that changes in a call: m.deep.1.n = 0 (number)"},
+      {"device { type = 'lua/x', memory = { count = 0 }, tick = function(a) return { cuont = a.count + 1 } end }",
+       "did you mean \"count\""},
+      {"device { type = 'lua/x', in_step = true, mounts = { at = 'hinge' }, evaluate = function(a) return { force = 1 } end }",
+       "numbers of at"},
       {"device { type = 'lua/x', inputs = { u = 1 }, outputs = { u = 1 }, tick = function(a) return { u = 1 } end }", "a name of its own"}};
   for (const auto& c : cases) {
     const TemporaryFolder dir;
@@ -95,12 +103,28 @@ TEST(ScriptDevices, ThatAreNotPureAreRefused) {
   }
 }
 
+/// A parameter without a value of its own is asked of the vehicle.
+TEST(ScriptDevices, HaveParametersThatTheVehicleGives) {
+  const TemporaryFolder dir;
+  const std::string type =
+      "device { type = 'lua/x', params = { k = 'N/m' }, outputs = { y = 'N/m' }, tick = function(a) return { y = a.k } end }";
+  const Finished without = run(dir, "  x: {type: lua/x, rate: 1 Hz}\n", type, "mission { duration = 1 }\n");
+  EXPECT_EQ(without.exit_code, 2);
+  EXPECT_NE(without.err.find("devices.x"), std::string::npos) << without.err;
+  EXPECT_NE(without.err.find("k"), std::string::npos) << without.err;
+  const Finished with = run(dir, "  x: {type: lua/x, rate: 1 Hz, k: 2 kN/m}\n", type,
+                            "mission { duration = 1 }\ncheck { name = 'k', unit = 'N/m', value = function() return sat:device('x'):get 'y' "
+                            "end, equal = { 2000, tolerance = 1e-9 } }\n");
+  EXPECT_EQ(with.exit_code, 0) << with.err;
+}
+
 /// What fails in the run is told at its line, and nothing but what it is handed may be read.
 TEST(ScriptDevices, ThatFailInTheRunAreTold) {
   const struct {
     const char *body, *told;
   } cases[] = {{"if a.t > 0.5 and a.t < 0.9 then error 'too late' end return { at = 0 }", "too late"},
-               {"if a.t > 0.5 and a.t < 0.9 then return { at = bus:position() } end return { at = 0 }", "what it is handed"}};
+               {"if a.t > 0.5 and a.t < 0.9 then return { at = bus:position() } end return { at = 0 }", "what it is handed"},
+               {"if a.t > 0.5 and a.t < 0.9 then return { at = 0 / 0 } end return { at = 0 }", "a finite number for at"}};
   for (const auto& c : cases) {
     const TemporaryFolder dir;
     const Finished told =
