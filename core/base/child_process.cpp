@@ -186,6 +186,7 @@ RunningProgram::RunningProgram(const ProgramOrder& order)
   limit(RLIMIT_CORE, 0.0, 0.0);
   const double cpu_s = std::ceil(limits_.cpu_s);
   limit(RLIMIT_CPU, cpu_s, cpu_s + 1.0);
+  if (const auto bytes = static_cast<double>(limits_.file_size); bytes > 0.0) limit(RLIMIT_FSIZE, bytes, bytes);
 #ifndef CARDAN_ADDRESS_CHECKS
   limit(RLIMIT_AS, static_cast<double>(limits_.memory), static_cast<double>(limits_.memory));
 #endif

@@ -22,6 +22,7 @@ struct ChildLimits {
   double cpu_s = 20.0;                                      // of processor time, so that a busy machine changes nothing
   double wall_s = std::numeric_limits<double>::infinity();  // [s] in all: a child that waits for ever computes nothing
   std::size_t memory = std::size_t{4} << 30;                // [bytes] beyond what this process has, and of the answer
+  std::size_t file_size = 0;                                // [bytes] of each file that it writes; 0: any
 };
 
 struct ChildEnd {

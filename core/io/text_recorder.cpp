@@ -8,6 +8,7 @@
 
 #include "core/base/diagnostic.hpp"
 #include "core/io/recorder.hpp"
+#include "core/io/run_columns.hpp"
 
 namespace cardan {
 namespace {
@@ -30,12 +31,8 @@ class TextRecorder final : public Recorder {
     comment("seed", std::to_string(header.seed));
     std::string names = "t [s]";
     for (const auto& c : channels) {
-      std::istringstream units(c.unit);  // one for all components, or one for each
-      std::string unit;
-      for (const auto& component : c.components) {
-        units >> unit;
-        names += fmt::format(",{}.{} [{}]", c.path, component, unit);
-      }
+      const auto units = units_of_components(c.unit, c.components.size());
+      for (std::size_t k = 0; k < units.size(); ++k) names += fmt::format(",{}.{} [{}]", c.path, c.components[k], units[k]);
     }
     put(names + "\n");
   }

@@ -51,12 +51,26 @@ std::set<std::string> chosen(const char* option, const std::vector<std::string>&
   return {names.begin(), names.end()};
 }
 
+/// Results take the place of files: none may go to where a golden file is, with its references.
+void expect_elsewhere(const std::string& out, const std::vector<std::pair<std::string, fs::path>>& all,
+                      const std::vector<Golden>& goldens) {
+  std::error_code none;
+  std::set<fs::path> taken;
+  for (const auto& [name, file] : all) taken.insert(fs::weakly_canonical(fs::absolute(file.parent_path()), none));
+  std::vector<fs::path> folders{out};
+  for (const Golden& g : goldens) folders.push_back(folders[0] / g.name);
+  for (const fs::path& folder : folders)
+    if (taken.contains(fs::weakly_canonical(fs::absolute(folder), none)))
+      refuse(Code::command_line, {"--out"}, "a folder for results, where no golden file is", in_quotes(folder.string()));
+}
+
 int regress(const RegressArguments& a, bool as_json) {
   const bool blank = !a.why.empty() && a.why.find_first_not_of(" \t\r\n") == std::string::npos;
   if (a.update.empty() != a.why.empty() || blank)
     refuse(Code::command_line, {a.why.empty() ? "--update" : "--why"}, "--update NAME and --why \"...\", both or neither",
            blank ? "an empty reason" : "one of them");
   auto found = find_goldens(a.folder);
+  const auto all = found;
   if (found.empty())
     refuse(Code::command_line, {"cardan regress"}, "a folder with scenarios that have a golden.yaml", in_quotes(a.folder),
            "docs/golden.md");
@@ -64,6 +78,9 @@ int regress(const RegressArguments& a, bool as_json) {
     if (const auto only = chosen(option, *names, found); !only.empty())
       std::erase_if(found, [&](const auto& one) { return !only.contains(one.first); });
   const auto [shard, shards] = shard_of(a.shard);
+  if (found.size() < shard)
+    refuse(Code::command_line, {"cardan regress"}, "at least one scenario that is chosen by --only, --update and --shard",
+           fmt::format("{} chosen, none for part {}", found.size(), shard));
   RegressionRun how;
   how.record = printable(a.why);
   std::vector<Golden> goldens;
@@ -82,26 +99,31 @@ int regress(const RegressArguments& a, bool as_json) {
     }
   }
 
+  expect_elsewhere(a.out, all, goldens);
+  const ResultFolder out(a.out, {"regress.json", "junit.xml", "regress.html"});
+
   std::size_t width = 0;
   for (const Golden& g : goldens) width = std::max(width, g.name.size());
   const Interruption interruption;
   how.program = fs::read_symlink("/proc/self/exe").string();
-  how.out = a.out;
+  how.out = out.path();
   how.jobs = a.jobs > 0 ? a.jobs : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   how.stop = [] { return Interruption::flag().load(); };
   how.told = [&](const CaseResult& r) { say(line_of(r, width) + "\n"); };
   const std::vector<CaseResult> results = run_goldens(goldens, how);
+  if (Interruption::flag()) {
+    const auto run = std::ranges::count_if(results, [](const CaseResult& r) { return r.ending.how != RunEnding::How::not_run; });
+    say(fmt::format("\nInterrupted: {} of {} scenarios were run. No report is written; one of before stays.\n", run, results.size()));
+    return 128 + Interruption::signal();
+  }
   const auto failed = std::ranges::count_if(results, [](const CaseResult& r) { return !r.pass(); });
   for (const CaseResult& r : results)
     if (!r.pass() && r.golden->faults.empty()) say(faults_of(r));
-  std::error_code error;
-  fs::create_directories(how.out, error);
-  write_whole_file(how.out / "regress.json", json_text_with_nulls(regress_json(results)));
-  write_whole_file(how.out / "junit.xml", junit_xml(results));
-  write_whole_file(how.out / "regress.html", regression_page(a.folder, results));
+  write_whole_file(out / "regress.json", json_text_with_nulls(regress_json(results)));
+  write_whole_file(out / "junit.xml", junit_xml(results));
+  write_whole_file(out / "regress.html", regression_page(a.folder, results));
   say(fmt::format("\n{} of {} scenarios pass. {}\n", results.size() - static_cast<std::size_t>(failed), results.size(),
-                  (how.out / "regress.html").string()));
-  if (Interruption::flag()) return 128 + Interruption::signal();
+                  (out / "regress.html").string()));
   if (!wrong.empty() && as_json) return report_error(InputError(std::move(wrong)), true);
   for (const Diagnostic& d : wrong) complain(render(d) + "\n");
   if (!wrong.empty()) return 2;
@@ -116,7 +138,9 @@ void add_regress(CLI::App& app, CommandLine& line) {
   command->add_option("folder", a->folder, "Where to look for scenarios with a golden.yaml, in folders below too")
       ->required()
       ->type_name("DIR");
-  command->add_option("-j,--jobs", a->jobs, "How many run side by side; default: as many as there are processors")->type_name("N");
+  command->add_option("-j,--jobs", a->jobs, "How many run side by side; default: as many as there are processors")
+      ->type_name("N")
+      ->check(CLI::Range(1, 1024));
   command->add_option("--shard", a->shard, "The i-th of n parts of the scenarios alone, as machines share them: 2/3")->type_name("I/N");
   command->add_option("--only", a->only, "This scenario alone, by its name in the table; may be repeated")
       ->type_name("NAME")

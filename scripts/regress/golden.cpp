@@ -22,12 +22,11 @@ constexpr std::size_t kMostReferenceBytes = 200'000;  // of all files of a golde
 
 const std::vector<std::string> kClasses{"same bits", "round-off", "integration", "truth", "statistical"};
 
-/// A limit on memory: "2 GiB", "512 MiB".
-std::optional<std::size_t> parse_memory(const std::string& text) {
-  for (const auto& [ending, shift] : {std::pair{" MiB", 20}, {" GiB", 30}})
+/// "2 GiB", "512 MiB", in bytes.
+std::optional<double> parse_size(const std::string& text) {
+  for (const auto& [ending, bytes] : {std::pair{" MiB", 0x1p20}, {" GiB", 0x1p30}})
     if (text.ends_with(ending))
-      if (const auto number = parse_number(text.substr(0, text.size() - 4)); number && *number > 0.0 && *number < 1e6)
-        return static_cast<std::size_t>(*number * static_cast<double>(std::size_t{1} << shift));
+      if (const auto number = parse_number(text.substr(0, text.size() - 4))) return *number * bytes;
   return {};
 }
 
@@ -36,7 +35,7 @@ class GoldenReader {
   GoldenReader(Golden& golden, Recorded recorded) : golden_(golden), recorded_(recorded) {}
 
   void read() {
-    golden_.text = read_text_file(written(golden_.file).string());
+    golden_.text = text_of(written(golden_.file));
     const DocNode root = parse_yaml(golden_.text, golden_.file.string());
     if (root.kind != Kind::map)
       refuse(Code::wrong_type, {"", {golden_.file.string()}}, "a map that begins with `cardan_golden: 1`", describe(root));
@@ -46,14 +45,14 @@ class GoldenReader {
     golden_.truth = reason(map, "truth", "where the references come from: a formula, a publication, another program");
     golden_.scenario =
         golden_.folder() / map.text("scenario", "a Lua file, a folder with scenario.lua, or a vehicle beside `script`", "scenario.lua");
-    if (std::error_code none; !fs::exists(golden_.scenario, none)) {
+    if (std::error_code none; !fs::is_regular_file(golden_.scenario, none) && !fs::is_directory(golden_.scenario, none)) {
       const auto given = map.find("scenario");
       sink_.report(Code::file_not_found, given ? given->at() : Located{"scenario", {golden_.file.string()}},
                    "a Lua file, or a folder with scenario.lua", in_quotes(golden_.scenario.string()));
     }
     if (const auto script = map.find("script")) {
       golden_.script = golden_.folder() / read_text(*script, "a Lua file for the workbench", context_);
-      if (std::error_code none; !fs::exists(golden_.script, none))
+      if (std::error_code none; !fs::is_regular_file(golden_.script, none))
         sink_.report(Code::file_not_found, script->at(), "a Lua file for the workbench", in_quotes(golden_.script.string()));
       if (const auto prints = map.require("prints", "what the script prints: {file, class, relative, why}")) read_prints(*prints);
       for (const char* key : {"channels", "figures", "checks", "ledger", "until"})
@@ -118,16 +117,38 @@ class GoldenReader {
     for (std::size_t i = 0; i < list->node->items.size(); ++i) read(list->item(i));
   }
 
+  /// Names of components or columns; none where the key is not there.
+  std::vector<std::string> read_names(MapReader& map, const char* key) {
+    std::vector<std::string> names;
+    read_list(map, key, [&](const DocRef& item) { names.push_back(read_text(item, "a name", context_)); });
+    if (const auto list = map.find(key); list && names.empty())
+      sink_.report(Code::wrong_type, list->at(), "a list of names: [x, y]", describe(*list->node));
+    return names;
+  }
+
   void read_limits(const DocRef& value) {
     MapReader map(value, context_);
     if (!map.is_map()) return;
-    if (const auto time = map.find("time")) golden_.cpu_s = positive(*time, "s");
-    if (const auto memory = map.find("memory")) {
-      const auto bytes = parse_memory(memory->node->text);
-      if (!bytes) sink_.report(Code::wrong_unit, memory->at(), "a memory: \"2 GiB\" or \"512 MiB\"", describe(*memory->node));
-      golden_.memory = bytes.value_or(golden_.memory);
-    }
+    if (const auto time = map.find("time"))
+      if (golden_.cpu_s = positive(*time, "s"); golden_.cpu_s > 1e6)
+        sink_.report(Code::out_of_range, time->at(), "at most 1e6 s", describe(*time->node));
+    golden_.memory = read_size(map, "memory", 64, golden_.memory);
+    golden_.file_size = read_size(map, "file", 1, golden_.file_size);
     map.finish();
+  }
+
+  /// [bytes]
+  std::size_t read_size(MapReader& map, const char* key, int least_mib, std::size_t fallback) {
+    const auto value = map.find(key);
+    if (!value) return fallback;
+    const auto bytes = parse_size(value->node->text);
+    if (!bytes)
+      sink_.report(Code::wrong_unit, value->at(), "a size: \"2 GiB\" or \"512 MiB\"", describe(*value->node));
+    else if (!(*bytes >= least_mib * 0x1p20 && *bytes <= 0x1p40))
+      sink_.report(Code::out_of_range, value->at(), fmt::format("from {} MiB to 1024 GiB", least_mib), describe(*value->node));
+    else
+      return static_cast<std::size_t>(*bytes);
+    return fallback;
   }
 
   /// class, absolute, relative, why. The unit is known; empty: that of each component of a recorded reference.
@@ -181,12 +202,7 @@ class GoldenReader {
     GoldenChannel c;
     c.at = item.at();
     c.channel = map.text("channel", "a channel as run.h5 names it below /channels: bodies/bus/rate");
-    if (const auto names = map.find("components")) {
-      if (names->node->kind != Kind::list || names->node->items.empty())
-        sink_.report(Code::wrong_type, names->at(), "a list of components: [x, y]", describe(*names->node));
-      for (std::size_t i = 0; i < names->node->items.size() && names->node->kind == Kind::list; ++i)
-        c.components.push_back(read_text(names->item(i), "the name of a component", context_));
-    }
+    c.components = read_names(map, "components");
     if (const auto from = map.find("from")) c.from = read_number(*from, "s", context_);
     if (const auto to = map.find("to")) c.to = read_number(*to, "s", context_);
     const std::size_t faults = sink_.all().size();
@@ -243,6 +259,8 @@ class GoldenReader {
           c.deviations = read_row(*deviation);
           if (c.deviations.size() != c.width)
             sink_.report(Code::wrong_type, deviation->at(), fmt::format("{} numbers, as of the mean", c.width), describe(*deviation->node));
+          if (!std::ranges::all_of(c.deviations, [](double one) { return one > 0.0; }))
+            sink_.report(Code::out_of_range, deviation->at(), "deviations of more than 0", describe(*deviation->node));
         }
     } else if (which == 4) {
       read_file(map, numbers, c);
@@ -307,13 +325,8 @@ class GoldenReader {
   /// A truth in a file: a table, or an HDF5 file in the layout of run.h5.
   void read_file(MapReader& map, const DocRef& value, GoldenChannel& c) {
     const std::string name = read_text(value, "a file: truth.csv or truth.h5", context_);
-    std::vector<std::string> columns = c.components;
     const auto given = map.find("columns");
-    if (given) {
-      columns.clear();
-      for (std::size_t i = 0; i < given->node->items.size(); ++i)
-        columns.push_back(read_text(given->item(i), "the name of a column", context_));
-    }
+    std::vector<std::string> columns = given ? read_names(map, "columns") : c.components;
     if (name.empty()) return;
     if (name.ends_with(".h5")) {
       const std::string path = map.text("channel", "a channel of that file", c.channel);
@@ -427,7 +440,7 @@ class GoldenReader {
     const auto file = map.require("file", "a text: what the script prints");
     if (file) {
       print.file = golden_.folder() / read_text(*file, "a text: what the script prints", context_);
-      guarded(*file, [&] { print.text = read_text_file(print.file.string()); });
+      guarded(*file, [&] { print.text = text_of(print.file); });
       if (print.text.find_first_not_of(" \t\r\n") == std::string::npos)
         sink_.report(Code::wrong_type, file->at(), "a text: what the script prints", "nothing");
     }
@@ -464,6 +477,13 @@ class GoldenReader {
 
 }  // namespace
 
+std::string text_of(const fs::path& file) {
+  std::error_code none;
+  if (const fs::file_status is = fs::status(file, none); fs::exists(is) && !fs::is_regular_file(is))
+    refuse(Code::file_not_found, {"", {file.string()}}, "a file", "a folder, a pipe or a device");
+  return read_text_file(file.string());
+}
+
 Golden read_golden(const fs::path& file, const std::string& name, Recorded recorded) {
   Golden golden;
   golden.file = file.lexically_normal();
@@ -484,22 +504,28 @@ std::vector<std::pair<std::string, fs::path>> find_goldens(const fs::path& folde
   };
   const auto add = [&](const fs::path& file) {
     const std::string name = file.filename().string();
+    if (name.starts_with('.')) return;
     if (name == kName)
       out.emplace_back(name_of_folder(file.parent_path()), file);
     else if (name.ends_with(kEnding))
       out.emplace_back(name_of_folder(file.parent_path()) + "/" + name.substr(0, name.size() - kEnding.size()), file);
   };
-  fs::recursive_directory_iterator i(folder, error), end;
-  if (error) refuse(Code::file_not_found, {"", {folder.string()}}, "a folder with scenarios and their golden.yaml", error.message());
-  for (; i != end; i.increment(error)) {
-    if (error) break;
-    const std::string name = i->path().filename().string();
-    if (i->is_directory() && (name.starts_with('.') || name == "out" || name.starts_with("build")))
+  fs::path last = folder;
+  for (fs::recursive_directory_iterator i(folder, error), end; i != end; i.increment(error)) {
+    last = i->path();
+    const std::string name = last.filename().string();
+    const bool skipped = name.starts_with('.') || name == "out" || name.starts_with("build");
+    if (std::error_code unknown; !i->is_directory(unknown))
+      add(last);
+    else if (skipped)
       i.disable_recursion_pending();
-    else if (i->is_regular_file())
-      add(i->path());
   }
+  if (error) refuse(Code::file_not_found, {"", {last.string()}}, "a folder with scenarios and their golden.yaml", error.message());
   std::ranges::sort(out);
+  if (const auto same = std::ranges::adjacent_find(out, {}, [](const auto& one) { return one.first; }); same != out.end())
+    refuse(Code::duplicate_name, {"", {(same + 1)->second.string()}}, "a name of its own for each scenario",
+           fmt::format("{}, as {} is called", in_quotes(same->first), same->second.string()),
+           "the results of one would take the place of the other's");
   return out;
 }
 

@@ -77,6 +77,7 @@ struct Golden {
   std::string seed, until, kernels;                           // as written; empty: not given. until [s]
   double cpu_s = 120.0;                                       // of processor time
   std::size_t memory = std::size_t{4} << 30;                  // [bytes] of addresses
+  std::size_t file_size = std::size_t{2} << 30;               // [bytes] of each file that it writes
   std::vector<GoldenChannel> channels;
   std::vector<GoldenFigure> figures;
   std::vector<std::pair<Located, std::string>> checks;  // that the scenario must have; all that it has must pass
@@ -91,9 +92,12 @@ struct Golden {
 /// Reads and checks one file, its references included. Throws InputError with everything that is wrong.
 Golden read_golden(const std::filesystem::path& file, const std::string& name, Recorded recorded = Recorded::in_place);
 
+/// The text of a file. Throws InputError C0102, of a pipe or a device too: it would be waited for.
+std::string text_of(const std::filesystem::path& file);
+
 /// All golden files below `folder`, sorted by name: the folder of each as seen from `folder` ("." of the folder itself becomes its name),
-/// of NAME.golden.yaml with "/NAME". Hidden folders and results (a folder `out`) are not entered. Throws InputError C0102 where there is no
-/// such folder.
+/// of NAME.golden.yaml with "/NAME". Hidden files and folders, results (a folder `out`) and links to folders are left out. Throws
+/// InputError C0102 for a folder that is not there or cannot be read, C0207 where two have one name.
 std::vector<std::pair<std::string, std::filesystem::path>> find_goldens(const std::filesystem::path& folder);
 
 /// Numbers with a head line "t [s], x [rad/s]", separated by commas; # begins a comment. Rows in the order of the file.

@@ -9,6 +9,7 @@
 
 #include "core/base/child_process.hpp"
 #include "core/io/yaml_reader.hpp"
+#include "scripts/regress/tables.hpp"
 
 namespace cardan {
 namespace {
@@ -31,6 +32,7 @@ ProgramOrder order_for(const Golden& g, const std::string& program, const fs::pa
   order.limits.cpu_s = g.cpu_s;
   order.limits.wall_s = 10.0 * g.cpu_s + 60.0;  // a busy machine changes nothing, a process that waits for ever ends
   order.limits.memory = g.memory;
+  order.limits.file_size = g.file_size;
   return order;
 }
 
@@ -39,25 +41,22 @@ std::vector<std::string> complaints_in(const fs::path& file) {
   std::string text;
   try {
     text = read_text_file(file.string());
-  } catch (const InputError&) {
-    return {};
-  }
-  const Json all = Json::parse(text, nullptr, false);
-  std::vector<std::string> out;
-  if (all.is_object() && all.contains("errors"))
-    for (const Json& e : all["errors"]) {
-      const std::string what = e.value("what", "");
+    std::vector<std::string> out;
+    const Json all = Json::parse(text);
+    for (const Json& e : all.at("errors")) {
       std::string line = fmt::format("{}: {}", e.value("code", ""), e.value("title", ""));
-      if (const std::string at = e.value("file", ""); !at.empty()) line += fmt::format(", {}:{}", at, e.value("line", 0));
-      if (const std::string at = e.value("at", ""); !at.empty()) line += fmt::format(", {}", at);
-      if (!what.empty()) line += ": " + what;
+      if (const std::string at = place_text(e.value("file", ""), e.value("line", 0), e.value("at", "")); !at.empty()) line += ", " + at;
+      if (const std::string what = e.value("what", ""); !what.empty()) line += ": " + what;
       if (const std::string got = e.value("got", ""); !got.empty())
         line += fmt::format(": {} where {} was expected", got, e.value("expected", "something else"));
       out.push_back(line);
     }
-  else if (!text.empty())
-    out.push_back(text.size() > 2000 ? "..." + text.substr(text.size() - 2000) : text);
-  return out;
+    return out;
+  } catch (const InputError&) {
+  } catch (const Json::exception&) {
+  }
+  if (text.empty()) return {};
+  return {text.size() > 2000 ? "..." + text.substr(text.size() - 2000) : text};
 }
 
 RunEnding ending_of(const RunningProgram& process, const Golden& g, const fs::path& folder) {

@@ -4,7 +4,6 @@
 #include <sstream>
 
 #include "core/base/units.hpp"
-#include "core/io/yaml_reader.hpp"
 #include "scripts/regress/golden.hpp"
 
 namespace cardan {
@@ -28,7 +27,7 @@ std::vector<std::string> cells(const std::string& line) {
 }  // namespace
 
 Table read_table(const std::filesystem::path& file) {
-  std::istringstream text(read_text_file(file.string()));
+  std::istringstream text(text_of(file));
   DiagnosticSink sink;
   Table out;
   int n = 0;

@@ -5,28 +5,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/base/utf8.hpp"
+
 namespace cardan {
 namespace {
-
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    const auto byte = static_cast<unsigned char>(c);
-    if (c == '&')
-      out += "&amp;";
-    else if (c == '<')
-      out += "&lt;";
-    else if (c == '>')
-      out += "&gt;";
-    else if (c == '"')
-      out += "&quot;";
-    else if (byte >= 0x20 || c == '\n' || c == '\t')
-      out += c;
-    else
-      out += '?';
-  }
-  return out;
-}
 
 Json to_json(const Difference& d) {
   return {{"difference", d.difference}, {"limit", d.limit}, {"share", d.share()}, {"t", d.t}, {"is", d.is}, {"reference", d.reference}};
@@ -38,9 +20,7 @@ std::string found_text(const ClaimRow& row) {
   std::string text = difference_text(row);
   if (row.problem) {
     const Diagnostic& d = *row.problem;
-    std::string place = d.at.mark.file;
-    if (d.at.mark.line > 0) place += fmt::format(":{}", d.at.mark.line);
-    if (!d.at.key_path.empty()) place += (place.empty() ? "" : ", ") + d.at.key_path;
+    const std::string place = place_text(d.at.mark.file, d.at.mark.line, d.at.key_path);
     text = fmt::format("{}{}: {}", text.empty() || text == "failed" ? "" : text + "; ", number_of(d.code), title_of(d.code));
     if (!d.expected.empty()) text += ", expected " + d.expected;
     if (!d.got.empty()) text += ", got " + d.got;
@@ -48,6 +28,13 @@ std::string found_text(const ClaimRow& row) {
     if (!place.empty()) text += " (" + place + ")";
   }
   return text;
+}
+
+std::string place_text(const std::string& file, int line, const std::string& key_path) {
+  std::string place = file;
+  if (!file.empty() && line > 0) place += fmt::format(":{}", line);
+  if (!key_path.empty()) place += (place.empty() ? "" : ", ") + key_path;
+  return place;
 }
 
 std::string ending_text(const CaseResult& r) {
@@ -86,19 +73,19 @@ std::string junit_xml(const std::vector<CaseResult>& results) {
     std::size_t failed = 0;
     std::string cases;
     for (const ClaimRow& row : r.rows) {
-      cases += fmt::format("    <testcase classname=\"{}\" name=\"{}: {}\" time=\"{:.3f}\"", escaped(r.name), escaped(row.kind),
-                           escaped(row.name), row.kind == "run" ? r.ending.wall_s : 0.0);
+      cases += fmt::format("    <testcase classname=\"{}\" name=\"{}: {}\" time=\"{:.3f}\"", xml_text(r.name), xml_text(row.kind),
+                           xml_text(row.name), row.kind == "run" ? r.ending.wall_s : 0.0);
       if (row.pass) {
         cases += "/>\n";
         continue;
       }
       ++failed;
       const std::string text = row.kind == "run" && !row.problem ? ending_text(r) : found_text(row);
-      cases += fmt::format(">\n      <failure message=\"{}\">{}</failure>\n    </testcase>\n", escaped(text.substr(0, text.find('\n'))),
-                           escaped(text + (row.why.empty() ? "" : "\nwhy this limit: " + row.why)));
+      cases += fmt::format(">\n      <failure message=\"{}\">{}</failure>\n    </testcase>\n", xml_text(text.substr(0, text.find('\n'))),
+                           xml_text(text + (row.why.empty() ? "" : "\nwhy this limit: " + row.why)));
     }
     suites += fmt::format("  <testsuite name=\"{}\" tests=\"{}\" failures=\"{}\" errors=\"0\" time=\"{:.3f}\">\n{}  </testsuite>\n",
-                          escaped(r.name), r.rows.size(), failed, r.ending.wall_s, cases);
+                          xml_text(r.name), r.rows.size(), failed, r.ending.wall_s, cases);
     tests += r.rows.size(), failures += failed;
   }
   return out + fmt::format("<testsuites name=\"cardan regress\" tests=\"{}\" failures=\"{}\">\n{}</testsuites>\n", tests, failures, suites);

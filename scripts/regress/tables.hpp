@@ -16,6 +16,8 @@ std::string faults_of(const CaseResult& result);
 std::string junit_xml(const std::vector<CaseResult>& results);
 /// What was found in a row, with the place of what is wrong.
 std::string found_text(const ClaimRow& row);
+/// "scenario.lua:3, bodies.bus"; what is empty, or line 0, is left out.
+std::string place_text(const std::string& file, int line, const std::string& key_path);
 /// What the run said that ended badly; empty otherwise.
 std::string ending_text(const CaseResult& result);
 Json regress_json(const std::vector<CaseResult>& results);

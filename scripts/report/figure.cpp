@@ -9,10 +9,12 @@
 #include <sstream>
 
 #include "core/base/diagnostic.hpp"
+#include "core/base/utf8.hpp"
 #include "core/io/bounded_child.hpp"
 #include "core/io/hdf5_file.hpp"
 #include "core/io/recorder.hpp"
 #include "core/io/result_folder.hpp"
+#include "core/io/run_columns.hpp"
 #include "scripts/report/series.hpp"
 
 namespace cardan {
@@ -35,12 +37,6 @@ struct Point {
 
 /// Not a NaN, not infinite, and so far from it that differences are neither.
 bool is_drawn(double x) { return std::abs(x) < 1e300; }
-
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) out += c == '&' ? "&amp;" : c == '<' ? "&lt;" : std::string(1, c);
-  return out;
-}
 
 /// A channel and, for one component of it, its place; the path may have dots too.
 std::pair<std::string, std::vector<std::size_t>> found(const Hdf5File& file, const std::string& name) {
@@ -73,10 +69,7 @@ std::vector<Line> lines_of(const Hdf5File& file, const std::string& name, std::s
   if (data.shape.size() != 2 || data.shape[1] != components.size())
     bad_content(file, path, "as many columns as components have names", "others");
   rows = std::min(rows, data.shape[0]);
-  std::istringstream words(file.text_attribute(path, "unit"));
-  std::vector<std::string> units;
-  for (std::string unit; words >> unit;) units.push_back(unit);
-  if (units.size() != components.size()) units.assign(components.size(), file.text_attribute(path, "unit"));
+  const auto units = units_of_components(file.text_attribute(path, "unit"), components.size());
   std::vector<Line> out;
   for (const std::size_t k : places) {
     const std::string channel = path.substr(10);
@@ -167,7 +160,7 @@ std::string panel(const std::vector<double>& t, const Axis& x, double top, const
   });
   out += fmt::format(R"x(<text x="16" y="{0}" text-anchor="middle" transform="rotate(-90 16 {0})">{1}</text>)x"
                      "\n",
-                     top + kPanel / 2, escaped(units));
+                     top + kPanel / 2, xml_text(units));
   if (is_last)
     out += fmt::format(R"(<text x="{}" y="{}" text-anchor="middle">t [s]</text>)"
                        "\n",
@@ -207,7 +200,7 @@ std::string panel(const std::vector<double>& t, const Axis& x, double top, const
     out += fmt::format(R"(<path d="{}" fill="none" stroke="{}"{}/>)"
                        "\n",
                        d, colour, dash);
-    names += fmt::format(R"(<tspan dx="{}" fill="{}">{}</tspan>)", i > 0 ? 14 : 0, colour, escaped(lines[i].name));
+    names += fmt::format(R"(<tspan dx="{}" fill="{}">{}</tspan>)", i > 0 ? 14 : 0, colour, xml_text(lines[i].name));
   }
   return out + fmt::format(R"(<text x="{}" y="{}" font-size="11">{}</text>)"
                            "\n",
@@ -240,7 +233,7 @@ std::string figure_svg(const Hdf5File& file, const std::vector<std::string>& plo
                   "\n"
                   R"(<text x="{2}" y="20" font-size="13" fill="#22262b">{3}</text>)"
                   "\n",
-                  kWidth, height, kLeft, escaped(file.has_attribute("/run", "title") ? file.text_attribute("/run", "title") : ""));
+                  kWidth, height, kLeft, xml_text(file.has_attribute("/run", "title") ? file.text_attribute("/run", "title") : ""));
   for (std::size_t i = 0; i < lines.size(); ++i)
     out += panel(t, x, kTop + kBetween - 8 + static_cast<double>(i) * (kPanel + kBetween), lines[i], i + 1 == lines.size());
   return out + "</svg>\n";

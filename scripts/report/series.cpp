@@ -6,11 +6,11 @@
 #include <charconv>
 #include <cmath>
 #include <map>
-#include <sstream>
 
 #include "core/base/diagnostic.hpp"
 #include "core/io/hdf5_file.hpp"
 #include "core/io/recorder.hpp"
+#include "core/io/run_columns.hpp"
 #include "scripts/report/attitude.hpp"
 
 namespace cardan {
@@ -140,15 +140,6 @@ std::vector<ChannelSize> chosen(const std::vector<ChannelSize>& all, std::size_t
   return out;
 }
 
-/// One unit for each component: a channel has one for all or one for each.
-std::vector<std::string> units_of(const std::string& text, std::size_t components) {
-  std::istringstream words(text);
-  std::vector<std::string> units;
-  for (std::string unit; words >> unit;) units.push_back(unit);
-  if (units.size() != components) units.assign(components, text);
-  return units;
-}
-
 std::vector<Range> ranges_of(std::span<const double> values, std::size_t components, std::size_t rows) {
   std::vector<Range> out(components);
   for (std::size_t row = 0; row < rows; ++row)
@@ -245,7 +236,7 @@ Json series(const Hdf5File& file) {
     all.push_back({path,
                    name.find('/') == std::string::npos ? "other" : name.substr(0, name.find('/')),
                    names,
-                   units_of(file.text_attribute(path, "unit"), names),
+                   units_of_components(file.text_attribute(path, "unit"), names),
                    {}});
   }
   for (ChannelSize& c : all) c.ranges = ranges_of(rows_of(file, c.path, rows, c.components), c.components, rows);

@@ -1,7 +1,10 @@
 // `cardan regress` and `cardan diff`: scenarios with a golden file, as a user runs them.
 #include <gtest/gtest.h>
+#include <sys/prctl.h>
+#include <sys/stat.h>
 
 #include <algorithm>
+#include <csignal>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -100,24 +103,31 @@ TEST_F(Regress, WhatIsWrongInAGoldenFileIsNamedByPlaceBeforeAnythingRuns) {
   struct Fault {
     std::string was, is, code, at;
   };
-  for (const Fault& f : {Fault{"truth: >", "truths: >", "C0105", "truth"},
-                         {"cardan_golden: 1", "cardan_golden: 2", "C0401", "cardan_golden"},
-                         {"    class: integration\n", "", "C0105", "channels[0].class"},
-                         {"class: integration", "class: nearly", "C0208", "channels[0].class"},
-                         {"    absolute: 1e-8 rad\n", "", "C0105", "channels[0].absolute"},
-                         {"absolute: 1e-8 rad", "absolute: 1e-8", "C0107", "channels[0].absolute"},
-                         {"absolute: 1e-8 rad", "absolute: 1e-8 kg", "C0107", "channels[0].absolute"},
-                         {"absolute: 1e-8 rad", "absolute: -1 rad", "C0301", "channels[0].absolute"},
-                         {"class: integration", "class: same bits", "C0106", "channels[0].absolute"},
-                         {"    why: steps with", "    way: steps with", "C0105", "channels[0].why"},
-                         {"times: [0, 1, 2, 4]", "times: [0, 1, 2]", "C0106", "channels[0].reference.values"},
-                         {"times: [0, 1, 2, 4]", "times: [0, 2, 1, 4]", "C0301", "channels[0].reference.values"},
-                         {"-0.450337349942642", "nan", "C0108", "channels[0].reference.values[1]"},
-                         {"      unit: rad", "", "C0105", "channels[0].reference.unit"},
-                         {"reference:", "references:", "C0105", "channels[0].reference"},
-                         {"cardan_golden: 1", "cardan_golden: 1\nscenario: other.lua", "C0102", "scenario"},
-                         {"cardan_golden: 1", "cardan_golden: 1\nledger: {why: trust}", "C0105", "ledger"},
-                         {"cardan_golden: 1", "cardan_golden: 1\nlimits: {memory: 3 kg}", "C0107", "limits.memory"}}) {
+  for (const Fault& f :
+       {Fault{"truth: >", "truths: >", "C0105", "truth"},
+        {"cardan_golden: 1", "cardan_golden: 2", "C0401", "cardan_golden"},
+        {"    class: integration\n", "", "C0105", "channels[0].class"},
+        {"class: integration", "class: nearly", "C0208", "channels[0].class"},
+        {"    absolute: 1e-8 rad\n", "", "C0105", "channels[0].absolute"},
+        {"absolute: 1e-8 rad", "absolute: 1e-8", "C0107", "channels[0].absolute"},
+        {"absolute: 1e-8 rad", "absolute: 1e-8 kg", "C0107", "channels[0].absolute"},
+        {"absolute: 1e-8 rad", "absolute: -1 rad", "C0301", "channels[0].absolute"},
+        {"class: integration", "class: same bits", "C0106", "channels[0].absolute"},
+        {"    why: steps with", "    way: steps with", "C0105", "channels[0].why"},
+        {"times: [0, 1, 2, 4]", "times: [0, 1, 2]", "C0106", "channels[0].reference.values"},
+        {"times: [0, 1, 2, 4]", "times: [0, 2, 1, 4]", "C0301", "channels[0].reference.values"},
+        {"-0.450337349942642", "nan", "C0108", "channels[0].reference.values[1]"},
+        {"      unit: rad", "", "C0105", "channels[0].reference.unit"},
+        {"reference:", "references:", "C0105", "channels[0].reference"},
+        {"cardan_golden: 1", "cardan_golden: 1\nscenario: other.lua", "C0102", "scenario"},
+        {"cardan_golden: 1", "cardan_golden: 1\nledger: {why: trust}", "C0105", "ledger"},
+        {"cardan_golden: 1", "cardan_golden: 1\nlimits: {memory: 3 kg}", "C0107", "limits.memory"},
+        {"cardan_golden: 1", "cardan_golden: 1\nlimits: {memory: 1 MiB}", "C0301", "limits.memory"},
+        {"cardan_golden: 1", "cardan_golden: 1\nlimits: {memory: -4 GiB}", "C0301", "limits.memory"},
+        {"cardan_golden: 1", "cardan_golden: 1\nlimits: {file: 1e300 GiB}", "C0301", "limits.file"},
+        {"cardan_golden: 1", "cardan_golden: 1\nlimits: {time: 1e300 s}", "C0301", "limits.time"},
+        {"    class:", "    components: angle\n    class:", "C0106", "channels[0].components"},
+        {"times: [0, 1, 2, 4]\n      values", "deviation: [1, -1, 1, 1]\n      mean", "C0301", "channels[0].reference.deviation"}}) {
     const json errors = errors_of(replaced(printed(), f.was, f.is));
     EXPECT_TRUE(std::any_of(errors.begin(), errors.end(), [&](const json& e) { return e["code"] == f.code && e["at"] == f.at; }))
         << f.is << "\n"
@@ -161,6 +171,9 @@ TEST_F(Regress, ReferencesMayBeTables) {
   const std::string table = "# Jacobi's cd\nt [s], rate [rad/s], angle [rad]\n0, 0, 0.5235987755982989\n1, 0, -0.450337349942642\n";
   add("swing", golden);
   write(dir_ / "swing/truth.csv", table);
+  write(dir_ / "swing/golden.yaml", replaced(golden, "[angle]", "angle"));
+  EXPECT_EQ(json::parse(regress({"--json-errors"}).err)["errors"][0]["at"], "channels[0].reference.columns");
+  write(dir_ / "swing/golden.yaml", golden);
   EXPECT_EQ(regress().exit_code, 0) << file_text(dir_ / "out/regress/regress.json");
   write(dir_ / "swing/truth.csv", table.substr(0, table.size() - 12));  // cut in the middle of a number
   EXPECT_EQ(regress().exit_code, 1);
@@ -385,6 +398,107 @@ TEST_F(Regress, ShardsTogetherAreAll) {
   for (const char* wrong : {"0/2", "3/2", "2", "a/b", "1/2x"}) EXPECT_EQ(regress({"--shard", wrong}).exit_code, 2) << wrong;
 }
 
+TEST_F(Regress, TheSearchEndsWhereAFolderCannotBeRead) {
+  add("swing", printed());
+  fs::create_directories(dir_ / "closed");
+  fs::permissions(dir_ / "closed", fs::perms::none);
+  const Finished run = run_program({"regress", "."}, dir_.path(), [] {  // root reads all, unless it has lost the right to
+    for (const int right : {1, 2}) prctl(PR_CAPBSET_DROP, right);       // CAP_DAC_OVERRIDE, CAP_DAC_READ_SEARCH of <linux/capability.h>
+  });
+  fs::permissions(dir_ / "closed", fs::perms::owner_all);
+  EXPECT_EQ(run.exit_code, 2) << run.out;
+  EXPECT_TRUE(has(run.err, "./closed")) << run.err;
+}
+
+TEST_F(Regress, LinksToFoldersAreNotFollowedAndThoseToNothingAreNoFault) {
+  add("swing", printed());
+  fs::create_symlink("loop", dir_ / "loop");
+  fs::create_symlink("nowhere", dir_ / "nothing");
+  fs::create_directory_symlink(".", dir_ / "swing/again");
+  EXPECT_EQ(regress().exit_code, 0);
+  EXPECT_EQ(results()["scenarios"].size(), 1u);
+  fs::create_directory(dir_ / "ring");
+  fs::create_symlink("golden.yaml", dir_ / "ring/golden.yaml");
+  EXPECT_EQ(regress().exit_code, 2);
+  EXPECT_EQ(row("ring", "golden file")["problem"]["code"], "C0102");
+}
+
+TEST_F(Regress, APipeIsNotWaitedFor) {
+  add("swing", printed());
+  const std::string prints =
+      "cardan_golden: 1\ntruth: x\nscenario: vehicle.yaml\nscript: scenario.lua\nprints: {file: pipe, class: same bits, why: y}\n";
+  for (const auto& [name, golden] :
+       {std::pair<std::string, std::string>{"golden.yaml", ""},
+        {"pipe", prints},
+        {"pipe.csv", replaced(printed().substr(0, printed().find("times:")), "reference:\n", "reference: {file: pipe.csv}\n")},
+        {"pipe.lua", "scenario: pipe.lua\n" + printed()}}) {
+    fs::remove_all(dir_ / "piped");
+    add("piped", golden);
+    fs::remove(dir_ / ("piped/" + name));
+    ASSERT_EQ(mkfifo((dir_ / ("piped/" + name)).c_str(), 0600), 0);
+    EXPECT_EQ(regress().exit_code, 2) << name;
+    EXPECT_EQ(row("piped", "golden file")["problem"]["code"], "C0102") << name;
+  }
+}
+
+TEST_F(Regress, TwoCasesOfOneNameAreRefused) {
+  add("swing", printed());
+  fs::create_directory(dir_ / "swing/slow");
+  write(dir_ / "swing/slow/golden.yaml", printed());
+  write(dir_ / "swing/slow.golden.yaml", printed());
+  const Finished run = regress();
+  EXPECT_EQ(run.exit_code, 2);
+  EXPECT_TRUE(has(run.err, "C0207") && has(run.err, "./swing/slow.golden.yaml") && has(run.err, "./swing/slow/golden.yaml")) << run.err;
+  EXPECT_FALSE(fs::exists(dir_ / "out"));
+  fs::remove_all(dir_ / "swing/slow");
+  for (const char* hidden : {".golden.yaml", "...golden.yaml"}) write(dir_ / (std::string("swing/") + hidden), "no case");
+  EXPECT_EQ(regress().exit_code, 0) << "names that begin with a dot are not searched";
+}
+
+TEST_F(Regress, AFileThatGrowsBeyondItsLimitIsAFailedRow) {
+  add("swing", printed() + "limits: {file: 1 MiB}\n");
+  write(dir_ / "swing/scenario.lua", replaced(file_text(dir_ / "swing/scenario.lua"), "20 Hz", "20000 Hz"));
+  EXPECT_EQ(regress().exit_code, 1);
+  EXPECT_TRUE(has(results()["scenarios"][0]["text"], "N0204")) << results().dump(1);
+  EXPECT_LE(fs::file_size(dir_ / "out/regress/swing/run.h5"), 1u << 20);
+}
+
+TEST_F(Regress, ResultsDoNotGoWhereGoldenFilesAreOrWhereAnotherRunWrites) {
+  add("swing", printed());
+  add("long", printed());
+  const std::string mission = file_text(dir_ / "long/scenario.lua");
+  for (const std::string out : {".", "swing", "./swing/../long/"}) {
+    const auto before = content_of(dir_ / "swing");
+    const Finished run = regress({"--out", out});
+    EXPECT_EQ(run.exit_code, 2) << out << run.out;
+    EXPECT_TRUE(has(run.err, "where no golden file is")) << run.err;
+    EXPECT_EQ(content_of(dir_ / "swing"), before);
+  }
+  EXPECT_EQ(run_program({"regress", "."}, dir_ / "swing").exit_code, 0) << "out/regress below is another folder";
+  EXPECT_EQ(regress({"--only", "swing"}).exit_code, 0);
+  const std::string report = file_text(dir_ / "out/regress/regress.json");
+  write(dir_ / "long/scenario.lua", replaced(mission, "\"4 s\"", "\"1e6 s\""));
+  Started first({"regress", ".", "-j", "1"}, dir_.path());
+  ASSERT_TRUE(wait_until([&] { return fs::exists(dir_ / "out/regress/long/run.h5"); }));
+  const Finished second = regress();
+  EXPECT_EQ(second.exit_code, 2) << second.out;
+  EXPECT_TRUE(has(second.err, "a run that is going on")) << second.err;
+  first.send(SIGINT);
+  const Finished end = first.wait();
+  EXPECT_EQ(end.exit_code, 130);
+  EXPECT_TRUE(has(end.out, "Interrupted: 0 of 2 scenarios were run. No report is written")) << end.out;
+  EXPECT_EQ(file_text(dir_ / "out/regress/regress.json"), report);
+}
+
+TEST_F(Regress, WhatIsNoTextIsNoneInTheReportsEither) {
+  add("swing<&>\xff", printed() + "settings: {nothing: 1}\n");
+  EXPECT_EQ(regress().exit_code, 1);
+  const std::string junit = file_text(dir_ / "out/regress/junit.xml");
+  EXPECT_TRUE(has(junit, "<testsuite name=\"swing&lt;&amp;&gt;?\"")) << junit;
+  EXPECT_EQ(junit.find('\xff'), std::string::npos) << junit;
+  EXPECT_TRUE(has(junit, "nothing") && !has(junit, ":0,")) << junit;
+}
+
 TEST_F(Regress, SaysWhatIsWrongWithTheCommandLine) {
   EXPECT_EQ(regress().exit_code, 2) << "no golden file";
   add("swing", printed());
@@ -392,6 +506,9 @@ TEST_F(Regress, SaysWhatIsWrongWithTheCommandLine) {
   EXPECT_EQ(run.exit_code, 2);
   EXPECT_TRUE(has(run.err, "did you mean \"swing\"?")) << run.err;
   EXPECT_EQ(run_program({"regress", "nowhere"}, dir_.path()).exit_code, 2);
+  for (const char* jobs : {"-7", "0", "many"}) EXPECT_EQ(regress({"-j", jobs}).exit_code, 2) << jobs;
+  EXPECT_EQ(regress({"--only", "swing", "--shard", "2/2"}).exit_code, 2) << "nothing is left";
+  EXPECT_EQ(regress({"--only", "swing", "--shard", "1/2"}).exit_code, 0);
 }
 
 class Diff : public Regress {

@@ -347,15 +347,17 @@ TEST(TextRecorder, WritesOneLinePerRowWithUnitsAndExactNumbers) {
   const std::string path = scratch("run.csv");
   {
     const auto recorder = make_text_recorder(path);
-    recorder->begin(example_header(), {{"bus/rate", {"x", "y"}, "rad/s", "", ""}, {"pose", {"a", "l"}, "rad m", "", ""}});
-    recorder->row(0.1, std::vector<double>{1.0 / 3.0, -2, 5e-324, 1e300});
+    recorder->begin(
+        example_header(),
+        {{"bus/rate", {"x", "y"}, "rad/s", "", ""}, {"pose", {"a", "l"}, "rad m", "", ""}, {"momentum", {"h"}, "N m s", "", ""}});
+    recorder->row(0.1, std::vector<double>{1.0 / 3.0, -2, 5e-324, 1e300, 7});
     recorder->attach("summary", "{\n}");
     recorder->close();
   }
   EXPECT_EQ(content(path),
             "# scenario: example\n# version: 0.1.0 abc\n# seed: 18446744073709551615\n"
-            "t [s],bus/rate.x [rad/s],bus/rate.y [rad/s],pose.a [rad],pose.l [m]\n"
-            "0.1,0.3333333333333333,-2,5e-324,1e+300\n"
+            "t [s],bus/rate.x [rad/s],bus/rate.y [rad/s],pose.a [rad],pose.l [m],momentum.h [N m s]\n"
+            "0.1,0.3333333333333333,-2,5e-324,1e+300,7\n"
             "# summary: {\n# }\n");
 }
 
