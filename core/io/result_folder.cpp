@@ -84,6 +84,11 @@ void write_whole_file(const fs::path& file, std::string_view text) {
   cannot_write(file, "a file that can be written", why, "is the folder there, and is there space?");
 }
 
+void expect_another_file(const fs::path& result, const fs::path& source) {
+  if (std::error_code none; fs::equivalent(result, source, none))
+    cannot_write(result, "another file than the one that is read", "the same", "choose another name");
+}
+
 void read_between_flushes(const fs::path& path, const std::function<void()>& read) {
   using Clock = std::chrono::steady_clock;
   const auto end = Clock::now() + std::chrono::seconds(5);

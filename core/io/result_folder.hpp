@@ -33,6 +33,9 @@ std::filesystem::path name_before(const std::filesystem::path& file);
 /// it and a failure leaves what was there. Throws InputError C0701.
 void write_whole_file(const std::filesystem::path& file, std::string_view text);
 
+/// Throws InputError C0701 where a result would take the place of the file that it is made from.
+void expect_another_file(const std::filesystem::path& result, const std::filesystem::path& source);
+
 /// Calls `read`, which opens the file at `path`; again where it throws C0702 while somebody has the file open or has written to it since,
 /// for 5 s at most: in the middle of a flush its structure is neither that of before nor that of after. A damaged file that nobody writes
 /// to is refused at once.

@@ -77,6 +77,8 @@ int compare(Comparison c) {
   for (std::string* results : {&c.first, &c.second})
     if (std::error_code ignored; std::filesystem::is_directory(*results, ignored))
       *results = (std::filesystem::path(*results) / "run.h5").string();
+  for (const std::string& result : {c.page, c.json})
+    for (const std::string& results : {c.first, c.second}) expect_another_file(result, results);
   const RunColumns first = read_run_columns(c.first), second = read_run_columns(c.second);
   const RunDifference d = compare_runs(first, second, {0.0, c.relative}, c.relative > 0.0 ? Agreement::integration : Agreement::same_bits);
   const bool pass = d.pass(c.at_common_times);

@@ -41,6 +41,7 @@ void add_report(CLI::App& app, CommandLine& line) {
             {.first = *h5, .second = *second, .page = html->empty() ? beside("differences.html") : *html, .json = {}, .quiet = true});
       }
       const std::string page = html->empty() ? beside(plotted->empty() ? "report.html" : "figure.svg") : *html;
+      expect_another_file(page, *h5);
       read_between_flushes(*h5, [&] { plotted->empty() ? write_report(*h5, page) : write_figure(*h5, page, *plotted); });
       fmt::print("{}\n", page);
       return 0;

@@ -360,7 +360,7 @@ std::vector<ClaimRow> judge(const Golden& golden, const std::filesystem::path& f
   ClaimRow run;
   run.kind = "run";
   run.name = "ends as planned";
-  run.pass = ending.as_planned();
+  run.pass = ending.as_planned() && (golden.script.empty() || ending.exit_code == 0);  // 1 of a script: an assertion that failed
   std::vector<ClaimRow> rows;
   if (run.pass) rows = Judge(golden, folder).rows();
   rows.insert(rows.begin(), std::move(run));

@@ -47,8 +47,8 @@ std::vector<std::string> complaints_in(const fs::path& file) {
       std::string line = fmt::format("{}: {}", e.value("code", ""), e.value("title", ""));
       if (const std::string at = place_text(e.value("file", ""), e.value("line", 0), e.value("at", "")); !at.empty()) line += ", " + at;
       if (const std::string what = e.value("what", ""); !what.empty()) line += ": " + what;
-      if (const std::string got = e.value("got", ""); !got.empty())
-        line += fmt::format(": {} where {} was expected", got, e.value("expected", "something else"));
+      if (const std::string got = e.value("got", ""); !got.empty()) line += ": " + got;
+      if (const std::string expected = e.value("expected", ""); !expected.empty()) line += ", expected " + expected;
       out.push_back(line);
     }
     return out;

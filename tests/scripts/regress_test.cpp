@@ -1,6 +1,7 @@
 // `cardan regress` and `cardan diff`: scenarios with a golden file, as a user runs them.
 #include <gtest/gtest.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 
 #include <algorithm>
@@ -8,6 +9,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "core/base/child_process.hpp"
 #include "tests/scripts/run_program.hpp"
 
 namespace cardan {
@@ -330,6 +332,23 @@ TEST_F(Regress, ARunThatEndsBadlyIsAFailedRowAndTheOthersGoOn) {
   EXPECT_EQ(ended["failed"]["exit_code"], 3);
   EXPECT_TRUE(has(ended["failed"]["text"], "N0303")) << ended["failed"].dump(1);
   EXPECT_EQ(ended["large"]["verdict"], "fail") << ended["large"].dump(1);
+#ifndef CARDAN_ADDRESS_CHECKS
+  EXPECT_EQ(ended["large"]["ended"], "out of memory") << ended["large"].dump(1);
+  EXPECT_FALSE(has(ended["large"]["text"], "expected")) << ended["large"].dump(1);
+#endif
+}
+
+// The limit of another is not that of the golden file: what it strikes down has crashed.
+TEST_F(Regress, ARunThatIsKilledHasCrashed) {
+  add("swing", printed());
+  write(dir_ / "swing/scenario.lua", replaced(file_text(dir_ / "swing/scenario.lua"), "\"4 s\"", "\"1e6 s\""));
+  const Finished run = run_program({"regress", "."}, dir_.path(), [] {
+    const rlimit second{1, 1};
+    setrlimit(RLIMIT_CPU, &second);
+  });
+  EXPECT_EQ(run.exit_code, 1) << run.err;
+  EXPECT_EQ(results()["scenarios"][0]["ended"], "crashed");
+  EXPECT_TRUE(has(run.out, "crashed: killed by signal 9 (Killed)")) << run.out;
 }
 
 TEST_F(Regress, AGoldenFileThatIsWrongIsAFailedRowAndTheOthersGoOn) {
@@ -380,6 +399,7 @@ TEST_F(Regress, WhatAScriptPrintsIsComparedByWordsAndNumbers) {
   expect("'1e999'", "1e999\n", 0);
   expect("'a\\n  b'", "a\nb\n", 0);
   expect("'nan', 'inf'", "nan inf\n", 0);  // words
+  expect("'one') assert(false", "one\n", 1);
   fs::remove_all(dir_ / "look");
   const json errors = errors_of(golden + "checks: [one]\n");
   EXPECT_TRUE(std::any_of(errors.begin(), errors.end(), [](const json& e) { return e["at"] == "checks"; })) << errors.dump(1);
@@ -563,6 +583,16 @@ TEST_F(Diff, RefusesWhatIsNoResults) {
   const Finished cut = diff({"a", "b"});
   EXPECT_EQ(cut.exit_code, 2) << cut.out;
   EXPECT_TRUE(has(cut.err, "b/run.h5")) << cut.err;
+}
+
+TEST_F(Diff, AndReportNeverWriteOverWhatTheyRead) {
+  run("a"), run("b");
+  for (const char* option : {"--page", "--json"})
+    for (const char* results : {"a/run.h5", "./a/../b/run.h5"})
+      EXPECT_EQ(diff({"a", "b", option, results}).exit_code, 2) << option << results;
+  EXPECT_EQ(run_program({"report", "a", "b", "--out", "a/run.h5"}, dir_.path()).exit_code, 2);
+  EXPECT_EQ(run_program({"report", "a", "--out", "a/run.h5"}, dir_.path()).exit_code, 2);
+  EXPECT_EQ(diff({"a", "b"}).exit_code, 0) << "both are there still";
 }
 
 }  // namespace

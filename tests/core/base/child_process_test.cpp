@@ -83,6 +83,25 @@ TEST(ChildProcess, LeavesInterruptsToItsParent) {
   std::remove(path.c_str());
 }
 
+/// A command of the shell, run to its end.
+ChildEnd shell(const std::string& command, const ChildLimits& limits = {}) {
+  RunningProgram program({.command = {"/bin/sh", "-c", command}, .limits = limits});
+  while (!program.has_ended()) ::usleep(2000);
+  return program.end();
+}
+
+TEST(RunningProgram, EndsAsItEndsOrByItsLimits) {
+  EXPECT_EQ(shell("exit 3").how, How::ended);
+  EXPECT_EQ(shell("exit 3").status, 3);
+  EXPECT_EQ(shell("kill -SEGV $$").how, How::killed);
+  EXPECT_EQ(shell("kill -SEGV $$").status, SIGSEGV);
+  EXPECT_EQ(shell("while :; do :; done", {.cpu_s = 1.0}).status, SIGXCPU);
+  EXPECT_EQ(shell("exec sleep 1000", {.wall_s = 0.2}).how, How::late);
+  const std::string path = testing::TempDir() + "cardan_grows_" + std::to_string(::getpid());
+  EXPECT_EQ(shell("while :; do echo more; done > " + path, {.file_size = 1000}).status, SIGXFSZ);
+  std::remove(path.c_str());
+}
+
 TEST(ChildProcess, TakesNoMoreMemoryThanItMay) {
 #ifdef CARDAN_ADDRESS_CHECKS
   GTEST_SKIP() << "memory is not limited beside the checks of addresses";
