@@ -69,8 +69,8 @@ int regress(const RegressArguments& a, bool as_json) {
   if (a.update.empty() != a.why.empty() || blank)
     refuse(Code::command_line, {a.why.empty() ? "--update" : "--why"}, "--update NAME and --why \"...\", both or neither",
            blank ? "an empty reason" : "one of them");
-  auto found = find_goldens(a.folder);
-  const auto all = found;
+  const auto all = find_goldens(a.folder);
+  auto found = all;
   if (found.empty())
     refuse(Code::command_line, {"cardan regress"}, "a folder with scenarios that have a golden.yaml", in_quotes(a.folder),
            "docs/golden.md");
@@ -119,15 +119,21 @@ int regress(const RegressArguments& a, bool as_json) {
   const auto failed = std::ranges::count_if(results, [](const CaseResult& r) { return !r.pass(); });
   for (const CaseResult& r : results)
     if (!r.pass() && r.golden->faults.empty()) say(faults_of(r));
-  write_whole_file(out / "regress.json", json_text_with_nulls(regress_json(results)));
-  write_whole_file(out / "junit.xml", junit_xml(results));
-  write_whole_file(out / "regress.html", regression_page(a.folder, results));
+  const bool has_faults = !wrong.empty();
+  for (const auto& [name, text] : {std::pair{"regress.json", json_text_with_nulls(regress_json(results))},
+                                   {"junit.xml", junit_xml(results)},
+                                   {"regress.html", regression_page(a.folder, results)}})
+    try {
+      write_whole_file(out / name, text);
+    } catch (const InputError& e) {  // the others are written all the same
+      wrong.push_back(e.diagnostics().front());
+    }
   say(fmt::format("\n{} of {} scenarios pass. {}\n", results.size() - static_cast<std::size_t>(failed), results.size(),
                   (out / "regress.html").string()));
-  if (!wrong.empty() && as_json) return report_error(InputError(std::move(wrong)), true);
+  const int code = has_faults ? 2 : failed > 0 ? 1 : wrong.empty() ? 0 : kNotWritten;
+  if (!wrong.empty() && as_json) return report_error(InputError(std::move(wrong)), true, code);
   for (const Diagnostic& d : wrong) complain(render(d) + "\n");
-  if (!wrong.empty()) return 2;
-  return failed == 0 ? 0 : 1;
+  return code;
 }
 
 }  // namespace

@@ -129,9 +129,10 @@ class GoldenReader {
   void read_limits(const DocRef& value) {
     MapReader map(value, context_);
     if (!map.is_map()) return;
-    if (const auto time = map.find("time"))
-      if (golden_.cpu_s = positive(*time, "s"); golden_.cpu_s > 1e6)
-        sink_.report(Code::out_of_range, time->at(), "at most 1e6 s", describe(*time->node));
+    for (const auto& [key, seconds] : {std::pair{"time", &golden_.cpu_s}, {"clock", &golden_.clock_s}})
+      if (const auto limit = map.find(key))
+        if (*seconds = positive(*limit, "s"); *seconds > 1e6)
+          sink_.report(Code::out_of_range, limit->at(), "at most 1e6 s", describe(*limit->node));
     golden_.memory = read_size(map, "memory", 64, golden_.memory);
     golden_.file_size = read_size(map, "file", 1, golden_.file_size);
     map.finish();

@@ -76,6 +76,7 @@ struct Golden {
   std::vector<std::pair<std::string, std::string>> settings;  // --set
   std::string seed, until, kernels;                           // as written; empty: not given. until [s]
   double cpu_s = 120.0;                                       // of processor time
+  double clock_s = 0.0;                                       // by the clock; 0: ten times as much and a minute
   std::size_t memory = std::size_t{4} << 30;                  // [bytes] of addresses
   std::size_t file_size = std::size_t{2} << 30;               // [bytes] of each file that it writes
   std::vector<GoldenChannel> channels;
@@ -87,6 +88,8 @@ struct Golden {
   std::vector<Diagnostic> faults;  // where it is wrong: it is not run
 
   std::filesystem::path folder() const { return file.parent_path(); }
+  /// [s] Enough that a busy machine changes nothing; a process that waits for ever ends.
+  double wall_s() const { return clock_s > 0.0 ? clock_s : 10.0 * cpu_s + 60.0; }
 };
 
 /// Reads and checks one file, its references included. Throws InputError with everything that is wrong.

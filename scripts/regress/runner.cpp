@@ -30,7 +30,7 @@ ProgramOrder order_for(const Golden& g, const std::string& program, const fs::pa
   order.out = (folder / kText).string();
   order.err = (folder / kErrors).string();
   order.limits.cpu_s = g.cpu_s;
-  order.limits.wall_s = 10.0 * g.cpu_s + 60.0;  // a busy machine changes nothing, a process that waits for ever ends
+  order.limits.wall_s = g.wall_s();
   order.limits.memory = g.memory;
   order.limits.file_size = g.file_size;
   return order;
@@ -73,7 +73,7 @@ RunEnding ending_of(const RunningProgram& process, const Golden& g, const fs::pa
       break;
     case ChildEnd::How::late:
       out.how = RunEnding::How::out_of_time;
-      out.text = fmt::format("hung: more than {:g} s, of which {:.3g} s of processor time", 10.0 * g.cpu_s + 60.0, out.cpu_s);
+      out.text = fmt::format("hung: more than {:g} s, of which {:.3g} s of processor time", g.wall_s(), out.cpu_s);
       break;
     case ChildEnd::How::killed:
       out.how = out.cpu_s >= std::ceil(g.cpu_s) - 0.5 ? RunEnding::How::out_of_time : RunEnding::How::crashed;

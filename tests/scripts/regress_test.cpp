@@ -35,6 +35,12 @@ class Regress : public testing::Test {
     fs::copy(CARDAN_SOURCE_DIR "/tests/scripts/missions/" + mission, dir_ / name, fs::copy_options::recursive);
     write(dir_ / (name + "/golden.yaml"), golden);
   }
+  /// Two seconds of computation, whose checks pass.
+  void lengthen(const std::string& name) {
+    const fs::path mission = dir_ / (name + "/scenario.lua");
+    std::string text = replaced(file_text(mission), "\"4 s\"", "\"4000 s\"");
+    write(mission, replaced(replaced(text, "equal = { 41, tolerance = 0 }", "below = 50000"), "equal = { 5 }", "below = 5000"));
+  }
   Finished regress(std::vector<std::string> more = {}) {
     more.insert(more.begin(), {"regress", "."});
     return run_program(more, dir_.path());
@@ -287,9 +293,7 @@ TEST_F(Regress, TheReasonIsAddedBelowTheOthersAsTheyAreIndented) {
 
 TEST_F(Regress, AGoldenFileThatIsEditedWhileItIsRecordedIsKept) {
   add("swing", recorded("reference.h5", ", every: 100"));
-  const std::string mission = replaced(file_text(dir_ / "swing/scenario.lua"), "\"4 s\"", "\"4000 s\"");
-  write(dir_ / "swing/scenario.lua",
-        replaced(replaced(mission, "equal = { 41, tolerance = 0 }", "below = 50000"), "equal = { 5 }", "below = 5000"));
+  lengthen("swing");
   Started update({"regress", ".", "--update", "swing", "--why", "better"}, dir_.path());
   ASSERT_TRUE(wait_until([&] { return fs::exists(dir_ / "out/regress/swing/run.h5"); }));
   write(dir_ / "swing/golden.yaml", recorded("reference.h5", ", every: 100") + "# by hand\n");
@@ -336,6 +340,27 @@ TEST_F(Regress, ARunThatEndsBadlyIsAFailedRowAndTheOthersGoOn) {
   EXPECT_EQ(ended["large"]["ended"], "out of memory") << ended["large"].dump(1);
   EXPECT_FALSE(has(ended["large"]["text"], "expected")) << ended["large"].dump(1);
 #endif
+}
+
+TEST_F(Regress, ARunThatIsLateByTheClockIsAFailedRow) {
+  add("swing", printed() + "limits: {clock: 0.5 s}\n");
+  lengthen("swing");
+  const Finished run = regress();
+  EXPECT_EQ(run.exit_code, 1) << run.err;
+  EXPECT_EQ(results()["scenarios"][0]["ended"], "out of time");
+  EXPECT_TRUE(has(run.out, "hung: more than 0.5 s")) << run.out;
+}
+
+TEST_F(Regress, AReportThatCannotBeWrittenIsToldAndTheOthersAreWritten) {
+  add("swing", printed());
+  lengthen("swing");
+  Started regress({"regress", "."}, dir_.path());
+  ASSERT_TRUE(wait_until([&] { return fs::exists(dir_ / "out/regress/swing/run.h5"); }));
+  fs::create_directory(dir_ / "out/regress/regress.json");
+  const Finished end = regress.wait();
+  EXPECT_EQ(end.exit_code, 4) << end.out << end.err;
+  EXPECT_TRUE(has(end.err, "error[C0701]") && has(end.err, "out/regress/regress.json") && !has(end.err, "Nothing was run")) << end.err;
+  for (const char* other : {"junit.xml", "regress.html"}) EXPECT_TRUE(fs::exists(dir_ / ("out/regress/" + std::string(other)))) << other;
 }
 
 // The limit of another is not that of the golden file: what it strikes down has crashed.
