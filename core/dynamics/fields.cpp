@@ -8,7 +8,7 @@
 
 #include "core/abi/field_family.hpp"
 #include "core/base/finite.hpp"
-#include "core/soa/tangent.hpp"
+#include "core/soa/field_pull.hpp"
 
 namespace cardan {
 namespace {
@@ -100,39 +100,17 @@ FieldsOfDevices::FieldsOfDevices(const Model& model) : model_(model), moments_(m
     }
   }
   points_.resize(3 * most), values_.resize(CARDAN_FIELD_NUMBERS * most), gradients_.resize(3 * CARDAN_FIELD_NUMBERS * most);
-  work_.resize(2 * CARDAN_FIELD_NUMBERS);
 }
 
 /// Bits of limits; -1 where something is not finite.
 int FieldsOfDevices::ask(const Group& group, double t, const std::vector<cardan_mount_motion>& motions, bool gradients) {
-  const cardan_field_family& f = *model_.fields[group.field].source->family;
-  const FieldMoment& when = moments_.at(group.field, t);
-  int beyond = when.beyond;
-  const cardan_field_args args{sizeof args, t, model_.fields[group.field].source->packed.data(), when.prepared};
-  const std::uint32_t size = field_size(f.quantity);
-  if (is_of_time(f.quantity)) {
-    beyond |= f.evaluate(&args, 1, nullptr, values_.data(), nullptr);
-    return all_finite(values_.data(), static_cast<int>(size)) ? beyond : -1;
-  }
-  const auto n = static_cast<std::uint32_t>(group.readers.size());
-  for (std::uint32_t i = 0; i < n; ++i) std::copy_n(motions[group.readers[i].node].position, 3, points_.begin() + 3 * i);
-  const bool own = (f.facts & CARDAN_FIELD_GRADIENT) != 0;
-  beyond |= f.evaluate(&args, n, points_.data(), values_.data(), gradients && own ? gradients_.data() : nullptr);
-  for (std::uint32_t i = 0; gradients && !own && i < n; ++i)
-    for (int j = 0; j < 3; ++j) {
-      const double* x = points_.data() + 3 * i;
-      const double h = 1e-3 * std::max(1.0, std::hypot(x[0], x[1], x[2]));
-      double* slope = work_.data();
-      soa::derivative(
-          [&](double s, double* to) {
-            double moved[3] = {x[0], x[1], x[2]};
-            moved[j] += s;
-            f.evaluate(&args, 1, moved, to, nullptr);
-          },
-          h, static_cast<int>(size), slope, slope + CARDAN_FIELD_NUMBERS);
-      for (std::uint32_t k = 0; k < size; ++k) gradients_[3 * (size * i + k) + static_cast<std::uint32_t>(j)] = slope[k];
-    }
-  return all_finite(values_.data(), static_cast<int>(n * size)) ? beyond : -1;
+  const FieldSource& f = *model_.fields[group.field].source;
+  const bool placed = !is_of_time(f.family->quantity);
+  const auto n = static_cast<int>(placed ? group.readers.size() : 1);
+  for (int i = 0; placed && i < n; ++i) std::copy_n(motions[group.readers[i].node].position, 3, points_.begin() + 3 * i);
+  const int beyond = soa::ask_field(f, moments_.at(group.field, t), n, placed ? points_.data() : nullptr, values_.data(),
+                                    gradients && placed ? gradients_.data() : nullptr);
+  return all_finite(values_.data(), n * static_cast<int>(field_size(f.family->quantity))) ? beyond : -1;
 }
 
 /// After ask(), which found a limit that is refused: which reader is the first beyond one.
@@ -198,7 +176,7 @@ void FieldsOfDevices::look_along(double t, bool in_steps, const std::vector<card
 }
 
 std::size_t FieldsOfDevices::bytes() const {
-  return moments_.bytes() + (points_.size() + values_.size() + gradients_.size() + work_.size()) * sizeof(double);
+  return moments_.bytes() + (points_.size() + values_.size() + gradients_.size()) * sizeof(double);
 }
 
 }  // namespace cardan

@@ -81,7 +81,7 @@ class FieldsOfDevices {
   std::vector<Group> groups_;
   FieldFault passed_, stopped_;
   std::vector<int> held_;
-  std::vector<double> points_, values_, gradients_, work_;
+  std::vector<double> points_, values_, gradients_;
 };
 
 }  // namespace cardan

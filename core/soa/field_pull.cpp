@@ -4,7 +4,36 @@
 #include <cmath>
 #include <limits>
 
-namespace cardan::soa::detail {
+#include "core/abi/field_family.hpp"
+
+namespace cardan::soa {
+
+int ask_field(const FieldSource& f, const FieldMoment& when, int n, const double* points, double* values, double* gradients) {
+  const cardan_field_family& family = *f.family;
+  const cardan_field_args args{sizeof args, when.t, f.packed.data(), when.prepared};
+  const bool own = (family.facts & CARDAN_FIELD_GRADIENT) != 0;
+  int code = when.beyond | family.evaluate(&args, static_cast<std::uint32_t>(n), points, values, own ? gradients : nullptr);
+  if (own || !gradients) return code;
+  // It varies over some thousandth of the distance at least.
+  const auto size = static_cast<int>(field_size(family.quantity));
+  const double least = family.distance > 0.0 ? family.distance : 1.0;
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < 3; ++j) {
+      const double* x = points + 3 * i;
+      double slope[CARDAN_FIELD_NUMBERS], work[CARDAN_FIELD_NUMBERS];
+      derivative(
+          [&](double s, double* to) {
+            double moved[3] = {x[0], x[1], x[2]};
+            moved[j] += s;
+            code |= family.evaluate(&args, 1, moved, to, nullptr);
+          },
+          1e-3 * std::max(least, std::hypot(x[0], x[1], x[2])), size, slope, work);
+      for (int k = 0; k < size; ++k) gradients[3 * (size * i + k) + j] = slope[k];
+    }
+  return code;
+}
+
+namespace detail {
 namespace {
 
 constexpr int kValues = CARDAN_FIELD_NUMBERS, kGradients = 3 * kValues;
@@ -14,31 +43,7 @@ constexpr double kSmall = 1e-5, kStep = 1e-2;
 /// Values and, where they are wanted, gradients at n points; false beyond what the field knows.
 bool ask(const FieldSource& f, const FieldMoment* at, int n, const double* points, double* values, double* gradients) {
   const FieldMoment start{0.0, f.prepared.empty() ? nullptr : f.prepared.data(), 0};
-  const FieldMoment& when = at ? *at : start;
-  const cardan_field_args args{sizeof args, when.t, f.packed.data(), when.prepared};
-  const bool own = f.family->facts & CARDAN_FIELD_GRADIENT;
-  if (f.refuses(when.beyond)) return false;
-  const auto good = [&](int code) { return !f.refuses(code); };
-  if (!good(f.family->evaluate(&args, static_cast<std::uint32_t>(n), points, values, own ? gradients : nullptr))) return false;
-  if (own || !gradients) return true;
-  // By differences of eighth order; the field varies over some thousandth of the distance at least.
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < 3; ++j) {
-      const double* x = points + 3 * i;
-      const double h = 1e-3 * std::max(1.0, std::hypot(x[0], x[1], x[2]));
-      double slope[kValues], work[kValues];
-      bool here = true;
-      derivative(
-          [&](double s, double* to) {
-            double moved[3] = {x[0], x[1], x[2]};
-            moved[j] += s;
-            here = here && good(f.family->evaluate(&args, 1, moved, to, nullptr));
-          },
-          h, kValues, slope, work);
-      if (!here) return false;
-      for (int k = 0; k < kValues; ++k) gradients[kGradients * i + 3 * k + j] = slope[k];
-    }
-  return true;
+  return !f.refuses(ask_field(f, at ? *at : start, n, points, values, gradients));
 }
 
 double largest(const double* x, int n) {
@@ -115,4 +120,5 @@ void pull_along(const GravityField& g, const FieldMoment* at, const double* body
   derivative(there, h, kPullNumbers, out, work);
 }
 
-}  // namespace cardan::soa::detail
+}  // namespace detail
+}  // namespace cardan::soa

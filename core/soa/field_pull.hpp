@@ -9,6 +9,10 @@
 
 namespace cardan::soa {
 
+/// A field at n points: values and, unless null, their gradients, by differences of eighth order where the family has none of its own. The
+/// codes of all calls and of the moment, or-ed.
+int ask_field(const FieldSource& field, const FieldMoment& when, int n, const double* points, double* values, double* gradients);
+
 /// On a body, about its mass centre, in the axes of the body.
 template <class T>
 struct FieldPull {

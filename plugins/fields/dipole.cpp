@@ -31,8 +31,8 @@ struct Dipole {
   static void evaluate(const Packed& p, const FieldPoint<Dipole, T>& at, T* B) noexcept {
     using std::sqrt;
     const Vec3<T> d = at.x - Vec3<T>{T(p.centre[0]), T(p.centre[1]), T(p.centre[2])}, a{T(p.axis[0]), T(p.axis[1]), T(p.axis[2])};
-    const T distance = sqrt(dot(d, d));
-    const Vec3<T> r = (T(1.0) / distance) * d, field = (T(p.strength) / (distance * distance * distance)) * (T(3.0) * dot(a, r) * r - a);
+    const T away = sqrt(dot(d, d));
+    const Vec3<T> r = (T(1.0) / away) * d, field = (T(p.strength) / (away * away * away)) * (T(3.0) * dot(a, r) * r - a);
     B[0] = field.x, B[1] = field.y, B[2] = field.z;
   }
 };

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
 #include <numbers>
 
 #include "core/sim/simulation.hpp"
@@ -45,6 +46,54 @@ TEST(Thruster, BringsTheImpulseOfItsPulse) {
   Simulation at_once(compiled(spec), accurate());
   at_once.run(0.5);
   EXPECT_NEAR(at_once.state().v[5], 0.8 * F * 0.5 / m, 1e-12);
+}
+
+/// What is commanded at each tick of 0.5 s, of a valve whose shortest pulse is 0.05 s: the impulse is F times the time that it is open,
+/// whatever the steps. Full pulses join, and what is carried comes later.
+TEST(PulseModulator, GivesTheTimesThatAreCommanded) {
+  const double F = 4.5, tau = 0.02, m = 100.0, period = 0.5;
+  const std::vector<double> commands = {0.3, 0.06, 0.06, 1.0, 1.0, 0.02, 0.0, 2.0, -1.0, 0.1};
+  const std::map<std::string, double> open = {
+      {"skip", 0.3 + 1.0 + 1.0 + 0.02 + 1.0 + 0.1},  // the first two of 0.03 s are left out, 0.01 s after a full one is not short
+      {"raise", 0.3 + 0.1 + 0.1 + 1.0 + 1.0 + 0.02 + 1.0 + 0.1},  // a tenth of the period is the shortest
+      {"carry", 0.3 + 0.12 + 1.0 + 1.0 + 0.02 + 1.0 + 0.1}};
+  for (const auto& [when_short, parts] : open)
+    for (const std::string method : {"dopri5", "rk4", "cvode_adams"}) {
+      SystemSpec spec = system({free_bus(m)});
+      spec.devices = {
+          with_vector(device("jet", "thruster", {{"thrust", F}, {"specific_impulse", 220.0}, {"rise_time", tau}, {"fall_time", tau}},
+                             {{"at", "bus"}}),
+                      "direction", {0, 0, 1}),
+          device("valve", "pulse_modulator", {{"minimum", 0.05}}, {})};
+      spec.devices[0].inputs["command"] = {"valve.open", {}};
+      spec.devices[1].params["short"].value = when_short;
+      spec.devices[1].rate = 1.0 / period;
+      SimulationOptions options = accurate(method);
+      if (method == "rk4") options.integrator.fixed_step = 0.002;
+      Simulation sim(compiled(spec), options);
+      const int command = sim.model().devices.all[static_cast<std::size_t>(sim.model().devices.find("valve"))].in;
+      std::size_t k = 0;
+      sim.every({1, 2}, [&] { sim.set_device_input(command, k < commands.size() ? commands[k] : 0.0), ++k; });
+      sim.run(6.5);
+      EXPECT_NEAR(sim.state().v[5], F * parts * period / m, method == "rk4" ? 1e-7 : 1e-9) << when_short << ", " << method;
+    }
+}
+
+/// A shortest pulse that is longer than a period is given over several.
+TEST(PulseModulator, GoesOnForItsShortestPulse) {
+  SystemSpec spec = system({free_bus(100.0)});
+  spec.devices = {
+      with_vector(device("jet", "thruster", {{"thrust", 1.0}, {"specific_impulse", 220.0}}, {{"at", "bus"}}), "direction", {0, 0, 1}),
+      device("valve", "pulse_modulator", {{"minimum", 0.25}}, {})};
+  spec.devices[0].inputs["command"] = {"valve.open", {}};
+  spec.devices[1].params["short"].value = std::string("raise");
+  spec.devices[1].rate = 10.0;
+  Simulation sim(compiled(spec), accurate());
+  const int command = sim.model().devices.all[1].in;
+  sim.set_device_input(command, 0.1);
+  sim.every({1, 10}, [&] { sim.set_device_input(command, sim.time() < 0.05 ? 0.1 : 0.0); });
+  sim.run(1.0);
+  EXPECT_NEAR(sim.state().v[5], 0.25 / 100.0, 1e-12);
 }
 
 /// The field of a dipole along z: -D/r^3 z at the equator, 2 D/r^3 z at the pole; and m x B is never along B.

@@ -39,15 +39,16 @@ inline void expect_absolute(const std::string& what, double ours, double publish
   EXPECT_LE(difference, tolerance) << what << ": " << ours << " in place of " << published;
 }
 
-/// The largest difference of the entries within the tolerance.
+/// The largest difference of the entries, over `scale`, within the tolerance.
 template <class A, class B>
-void expect_vector(const std::string& what, const Eigen::MatrixBase<A>& ours, const Eigen::MatrixBase<B>& published, double tolerance) {
+void expect_vector(const std::string& what, const Eigen::MatrixBase<A>& ours, const Eigen::MatrixBase<B>& published, double tolerance,
+                   double scale = 1.0) {
   const auto text = [](const Eigen::VectorXd& x) {
     std::string out;
     for (const double one : x) out += fmt::format("{}{:.12g}", out.empty() ? "" : ", ", one);
     return out;
   };
-  const double difference = distance(ours, published);
+  const double difference = distance(ours, published) / scale;
   keep_accuracy(what, text(published), text(ours), difference, tolerance);
   EXPECT_LE(difference, tolerance) << what;
 }
