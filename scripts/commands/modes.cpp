@@ -7,6 +7,7 @@
 
 #include "bodies/modal/modal_file.hpp"
 #include "core/base/units.hpp"
+#include "core/io/result_folder.hpp"
 #include "scripts/bindings/open.hpp"
 #include "scripts/commands/commands.hpp"
 
@@ -37,6 +38,7 @@ int write_modes(const ModesArguments& a) {
   std::error_code ignored;
   if (std::filesystem::exists(out, ignored) && !std::filesystem::is_regular_file(out, ignored))
     refuse(Code::cannot_write, {"", {out}}, "a file", "a folder, a pipe or a device", "--out chooses another");
+  expect_another_file(out, options.file);
   write_modal_file(out, *modes);
   fmt::print("{}\n{} modes, {:.6g} kg, {} nodes, {} mass nodes\n", modes->source, modes->n_modes, modes->integrals.I1, modes->nodes.size(),
              modes->mass_nodes.size());

@@ -441,7 +441,7 @@ class GoldenReader {
     const auto file = map.require("file", "a text: what the script prints");
     if (file) {
       print.file = golden_.folder() / read_text(*file, "a text: what the script prints", context_);
-      guarded(*file, [&] { print.text = text_of(print.file); });
+      guarded(*file, [&] { print.text = text_of(counted(print.file)); });
       if (print.text.find_first_not_of(" \t\r\n") == std::string::npos)
         sink_.report(Code::wrong_type, file->at(), "a text: what the script prints", "nothing");
     }

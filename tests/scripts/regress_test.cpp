@@ -425,6 +425,7 @@ TEST_F(Regress, WhatAScriptPrintsIsComparedByWordsAndNumbers) {
   expect("'a\\n  b'", "a\nb\n", 0);
   expect("'nan', 'inf'", "nan inf\n", 0);  // words
   expect("'one') assert(false", "one\n", 1);
+  expect("string.rep('x', 200001)", std::string(200'001, 'x') + "\n", 2);
   fs::remove_all(dir_ / "look");
   const json errors = errors_of(golden + "checks: [one]\n");
   EXPECT_TRUE(std::any_of(errors.begin(), errors.end(), [](const json& e) { return e["at"] == "checks"; })) << errors.dump(1);

@@ -667,6 +667,8 @@ TEST(Again, RefusesAModalFileThatIsAnother) {
     ASSERT_EQ(modes.exit_code, 0) << modes.err;
   };
   write_modes("10 mm");
+  EXPECT_EQ(run_program({"modes", "source.yaml", "wing", "--out", "./source.yaml"}, dir.path()).exit_code, 2);
+  EXPECT_EQ(file_text(dir / "source.yaml"), wing("10 mm")) << "modes do not go where they come from";
   write(dir / "vehicle.yaml",
         "cardan: 1\nbodies:\n  wing:\n    type: modal_flexible\n    modal: {file: wing.h5}\n    hinge: {type: free, to: world, initial: "
         "{angular_velocity: [0.1, 0, 0]}}\n");
