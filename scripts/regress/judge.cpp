@@ -88,61 +88,51 @@ class Judge {
   /// A number of a text, or what stands between two of them: blanks and tabs count as one blank, those at the start of a line as none.
   struct Piece {
     std::size_t at;  // in the text
-    std::string words;
+    std::string_view words;
     std::optional<double> number;
-    bool is_like(const Piece& other) const { return words == other.words && number.has_value() == other.number.has_value(); }
   };
-  static std::vector<Piece> pieces_of(const std::string& text) {
-    std::vector<Piece> out;
-    const char* const end = text.data() + text.size();
-    const auto is_blank = [&](std::size_t i) { return text[i] == ' ' || text[i] == '\t'; };
-    const auto is_number = [&](std::size_t i) {
-      const std::size_t digit = i + (text[i] == '-' || text[i] == '+');
-      return digit < text.size() && text[digit] >= '0' && text[digit] <= '9';
+  /// The piece that begins at i, and i behind it; nothing at the end of the text.
+  static std::optional<Piece> next_piece(std::string_view text, std::size_t& i) {
+    std::size_t at = i;
+    i = std::min(text.find_first_not_of(" \t", at), text.size());
+    if (i > at && at > 0 && text[at - 1] != '\n') return Piece{at, " ", {}};
+    if (i == text.size()) return {};
+    const auto is_number = [&](std::size_t k) {
+      k += text[k] == '-' || text[k] == '+';
+      return k < text.size() && text[k] >= '0' && text[k] <= '9';
     };
-    for (std::size_t i = 0; i < text.size();) {
-      Piece piece{i, {}, {}};
-      if (is_blank(i)) {
-        while (i < text.size() && is_blank(i)) ++i;
-        if (piece.at == 0 || text[piece.at - 1] == '\n') continue;
-        piece.words = " ";
-      } else if (is_number(i)) {
-        double number = 0.0;
-        const auto [after, error] = std::from_chars(text.data() + i + (text[i] == '+'), end, number);
-        i = static_cast<std::size_t>(after - text.data());
-        if (error == std::errc{})
-          piece.number = number;
-        else  // 1e999 is a word
-          piece.words = text.substr(piece.at, i - piece.at);
-      } else {
-        while (++i < text.size() && text[piece.at] != '\n' && text[i] != '\n' && !is_blank(i) && !is_number(i)) {
-        }
-        piece.words = text.substr(piece.at, i - piece.at);
-      }
-      out.push_back(std::move(piece));
+    at = i;
+    if (is_number(at)) {
+      double number = 0.0;
+      const auto [after, error] = std::from_chars(text.data() + at + (text[at] == '+'), text.data() + text.size(), number);
+      i = static_cast<std::size_t>(after - text.data());
+      if (error == std::errc{}) return Piece{at, {}, number};  // 1e999 is a word
+    } else {
+      ++i;
+      while (text[at] != '\n' && i < text.size() && std::string_view(" \t\n").find(text[i]) == std::string_view::npos && !is_number(i)) ++i;
     }
-    return out;
+    return Piece{at, text.substr(at, i - at), {}};
   }
 
   void of_prints(const GoldenPrint& wanted) {
     const std::string printed = read_text_file((folder_ / kPrinted).string());
-    const std::vector<Piece> is = pieces_of(printed), should_be = pieces_of(wanted.text);
-    const auto [first, second] = std::ranges::mismatch(is, should_be, &Piece::is_like);
-    if (first != is.end() || second != should_be.end()) {
-      const auto line_of = [](const std::string& text, const std::vector<Piece>& pieces, auto piece) {
-        if (piece == pieces.end()) return std::string("the end of the text");
-        const std::size_t begin = piece->at == 0 ? 0 : text.rfind('\n', piece->at - 1) + 1;  // npos + 1 = 0
-        return in_quotes(text.substr(begin, text.find('\n', begin) - begin));
-      };
-      return add_problem("prints", "what it prints",
-                         {Code::wrong_type, wanted.at, line_of(wanted.text, should_be, second), line_of(printed, is, first),
-                          "numbers may differ within the tolerance, words may not"});
-    }
     Difference worst{.t = kNaN};
     int numbers = 0;
-    for (std::size_t i = 0; i < is.size(); ++i) {
-      if (!is[i].number) continue;
-      const double a = *is[i].number + 0.0, b = *should_be[i].number + 0.0;  // + 0: a zero may be -0
+    for (std::size_t i = 0, j = 0;;) {
+      const auto is = next_piece(printed, i), should_be = next_piece(wanted.text, j);
+      if (!is && !should_be) break;
+      if (!is || !should_be || is->words != should_be->words || is->number.has_value() != should_be->number.has_value()) {
+        const auto line_of = [](const std::string& text, const std::optional<Piece>& piece) {
+          if (!piece) return std::string("the end of the text");
+          const std::size_t begin = piece->at == 0 ? 0 : text.rfind('\n', piece->at - 1) + 1;  // npos + 1 = 0
+          return in_quotes(text.substr(begin, text.find('\n', begin) - begin));
+        };
+        return add_problem("prints", "what it prints",
+                           {Code::wrong_type, wanted.at, line_of(wanted.text, should_be), line_of(printed, is),
+                            "numbers may differ within the tolerance, words may not"});
+      }
+      if (!is->number) continue;
+      const double a = *is->number + 0.0, b = *should_be->number + 0.0;  // + 0: a zero may be -0
       const Difference one = worst_difference({&kNaN, 1}, {&a, 1}, {&b, 1}, std::abs(b), wanted.tolerance, wanted.agreement);
       const bool pass = worst.pass && one.pass;
       if (++numbers == 1 || one.share() > worst.share()) worst = one;
