@@ -1,6 +1,8 @@
 // SystemSpec + Registry -> Model: numbers the bodies level by level, merges rigid bodies that are fixed to each other, turns
 // rigid bodies into their pnode frame (B = P: then Phi* is one rigid transformation and the hinge map needs none), folds
 // constants, chooses a kernel for each body and writes the program of sweeps.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstring>
 
