@@ -29,7 +29,7 @@ RunColumns columns_of(const std::string& h5_path, const std::function<bool(const
   const auto time = file.read_doubles("/time");
   if (time.shape.size() != 1) bad(file, "/time", "one time per row", fmt::format("an array of rank {}", time.shape.size()));
   out.times = time.values;
-  for (const auto& [name, text] : {std::pair{"sweeps", &out.sweeps}, {"verdict", &out.verdict}, {"why", &out.why}})
+  for (const auto& [name, text] : {std::pair{"sweeps", &out.sweeps}, {"verdict", &out.verdict}, {"why", &out.why}, {"golden", &out.golden}})
     if (file.has_attribute("/run", name)) *text = file.text_attribute("/run", name);
   const bool may_be_cut =
       file.has_attribute("/run", "started") && out.verdict.empty();  // killed in a flush: some channels may have more rows than others
@@ -102,7 +102,7 @@ RunColumns read_run_columns(const std::string& h5_path, const std::function<bool
         [&] {
           const RunColumns read = columns_of(h5_path, wanted);
           ByteWriter to;
-          for (const std::string* text : {&read.sweeps, &read.verdict, &read.why}) to.text(*text);
+          for (const std::string* text : {&read.sweeps, &read.verdict, &read.why, &read.golden}) to.text(*text);
           put(to, read.times);
           to.number(read.columns.size());
           for (const Column& c : read.columns) {
@@ -117,7 +117,7 @@ RunColumns read_run_columns(const std::string& h5_path, const std::function<bool
     ByteReader in(bytes);
     out = {};
     out.file = h5_path;
-    for (std::string* text : {&out.sweeps, &out.verdict, &out.why}) *text = in.text();
+    for (std::string* text : {&out.sweeps, &out.verdict, &out.why, &out.golden}) *text = in.text();
     out.times = take_numbers(in);
     out.columns.resize(std::min(in.number(), bytes.size()));
     for (Column& c : out.columns) {

@@ -21,7 +21,8 @@ struct RunColumns {
   std::vector<Column> columns;
   std::string sweeps;   // instruction set that made them; empty: not told
   std::string verdict;  // "passed"; empty: the run was not finished
-  std::string why;      // of a recorded reference: why it was recorded
+  std::string why;      // of a recorded reference: why it was recorded,
+  std::string golden;   // and by which golden file of its folder
   const Column* find(std::string_view path) const;
 };
 

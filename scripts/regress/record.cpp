@@ -121,8 +121,10 @@ void expect_recordable(const Golden& golden, const std::string& why) {
   for (const auto& [name, channels] : files) {
     const fs::path file = golden.folder() / name;
     if (std::error_code none; !fs::exists(fs::symlink_status(file, none))) continue;
-    if (read_run_columns(file.string(), [](const std::string&) { return false; }).why.empty())
-      refuse(Code::cannot_write, {{}, {file.string()}}, "a recorded reference, or nothing yet", "another file", "take it away");
+    const RunColumns there = read_run_columns(file.string(), [](const std::string&) { return false; });
+    if (there.why.empty() || (!there.golden.empty() && there.golden != golden.file.filename()))
+      refuse(Code::cannot_write, {{}, {file.string()}}, "a recorded reference of this golden file, or nothing yet",
+             there.why.empty() ? "another file" : "that of " + there.golden, "take it away, or choose another name");
   }
   with_update(golden, why);
 }
@@ -134,7 +136,11 @@ std::vector<ClaimRow> record_references(Golden& golden, const fs::path& folder, 
     const RunColumns run = read_run_columns((folder / "run.h5").string());
     for (const auto& [name, channels] : recorded_files(golden))
       write_packed_columns(waiting.before(golden.folder() / name).string(), kept_of(run, channels),
-                           {{"why", why}, {"program_version", version::kNumber}, {"commit", version::kCommit}, {"sweeps", run.sweeps}});
+                           {{"why", why},
+                            {"golden", golden.file.filename().string()},
+                            {"program_version", version::kNumber},
+                            {"commit", version::kCommit},
+                            {"sweeps", run.sweeps}});
     write_whole_file(waiting.before(golden.file), with_update(golden, why));
     Golden next = read_golden(golden.file, golden.name, Recorded::waiting);
     std::vector<ClaimRow> rows = judge(next, folder, ending);

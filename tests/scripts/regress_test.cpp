@@ -261,7 +261,10 @@ TEST_F(Regress, WhatCannotBeRecordedIsRefusedBeforeAnythingIsTouched) {
   for (const char* name : {"scenario.lua", "../reference.h5", "/reference.h5", "deep/reference.h5", "''"})
     expect_refused(recorded(name), "a file beside this one: reference.h5");
   fs::copy(dir_ / "out/regress/swing/run.h5", dir_ / "swing/truth.h5");
-  expect_refused(recorded("truth.h5"), "a recorded reference, or nothing yet");
+  expect_refused(recorded("truth.h5"), "a recorded reference of this golden file, or nothing yet");
+  write(dir_ / "swing/slow.golden.yaml", recorded());
+  EXPECT_TRUE(has(regress({"--update", "swing/slow", "--why", "mine"}).err, "that of golden.yaml"));
+  fs::remove(dir_ / "swing/slow.golden.yaml");
   expect_refused(recorded() + "updates: [{program: a, why: b}]\n", "a list with a dash for each entry");
   expect_refused(recorded() + "updates: []\n", "a list with a dash for each entry");
   expect_refused(recorded() + "updates:\n  - {program: a, why: b}\nchecks: [ticks]\n", "a list with a dash for each entry");

@@ -88,7 +88,9 @@ TEST(Statistics, FailARightProgramAsOftenAsStated) {
   EXPECT_GT(other_deviation, 1990);
 }
 
-RunColumns run_of(const Numbers& times, const Numbers& values) { return {"", times, {{"a/b", {"x"}, {"m"}, values}}, "", "passed", ""}; }
+RunColumns run_of(const Numbers& times, const Numbers& values) {
+  return {"", times, {{"a/b", {"x"}, {"m"}, values}}, "", "passed", "", ""};
+}
 
 TEST(Runs, AreComparedAtTheTimesThatBothHave) {
   const RunDifference d = compare_runs(run_of({0, 1, 2}, {5, 6, 7}), run_of({0, 2, 4}, {5, 8, 9}), {0.5, 0.0}, Agreement::integration);
@@ -132,7 +134,7 @@ TEST(PackedColumns, ComeBackBitByBitInFewerBytes) {
   Numbers times(2000), values(6000);
   for (std::size_t i = 0; i < times.size(); ++i)
     times[i] = 0.1 * static_cast<double>(i), values[3 * i] = std::sin(times[i]), values[3 * i + 1] = -0.0;
-  const RunColumns run{"", times, {{"bodies/bus/x", {"x", "y", "q"}, {"m", "m", "1"}, values}}, "", "", ""};
+  const RunColumns run{"", times, {{"bodies/bus/x", {"x", "y", "q"}, {"m", "m", "1"}, values}}, "", "", "", ""};
   const std::string path = test::scratch("packed.h5");
   write_packed_columns(path, run, {{"sweeps", "v3"}});
   const RunColumns back = read_run_columns(path);
