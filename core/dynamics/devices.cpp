@@ -140,10 +140,7 @@ void DeviceForces::look_at(const DeviceForces& known, Workspace* ws, const Input
   const soa::Sweeps<double>& S = soa::sweeps<double>();
   ws->articulated = false;
   S.ground(model_, *ws, in);
-  for (const Op& op : model_.program) {
-    if (op.code == OpCode::devices) break;
-    if (op.code != OpCode::elastic && op.code != OpCode::central_gravity) soa::run_op<double>(model_, op, S, *ws, in, nullptr);
-  }
+  soa::run_kinematics<double>(model_, S, *ws, in);
   motion_of(model_, *ws, in, in_steps_, into(motions_));
   look_at_fields(true);  // where it cannot, the step tells
 }
@@ -386,14 +383,16 @@ bool DeviceTangents::differentiate(int index) {
   return d.family->tangent ? d.family->tangent(&at, &along, &out) == 0 : by_differences(d, at, along, out);
 }
 
-/// Of eighth order, along the direction as a whole: what it reads moves by a hundredth of its own size, a state by that of its nominal.
-bool DeviceTangents::by_differences(const Device& d, const cardan_device_args& at, const cardan_device_args& along,
-                                    cardan_device_out& out) {
+/// d f(args) / ds, n numbers, of eighth order along the direction as a whole: what the device reads moves by a hundredth of its own size, a
+/// state by that of its nominal. Nothing moves: 0.
+template <class F>
+void DeviceTangents::differences(const Device& d, const cardan_device_args& at, const cardan_device_args& along, std::size_t n, double* out,
+                                 const F& f) {
   const auto n_mounts = d.mounts.size();
   const auto n_in = static_cast<std::size_t>(d.n_in), n_z = static_cast<std::size_t>(d.family->n_states);
-  const std::size_t n_read = n_mounts * kMotion + n_in + n_z, n_out = n_mounts * kLoad + static_cast<std::size_t>(d.n_out) + n_z;
-  scratch_.assign(3 * n_read + 2 * n_out, 0.0);
-  double *x = scratch_.data(), *dx = x + n_read, *moved = dx + n_read, *sum = moved + n_read, *work = sum + n_out;
+  const std::size_t n_read = n_mounts * kMotion + n_in + n_z;
+  scratch_.assign(3 * n_read + n, 0.0);
+  double *x = scratch_.data(), *dx = x + n_read, *moved = dx + n_read, *work = moved + n_read;
   const auto gather = [&](const cardan_device_args& from, double* to) {
     if (n_mounts > 0) std::copy_n(numbers(*from.mount), n_mounts * kMotion, to);
     std::copy_n(from.in, n_in, to + n_mounts * kMotion);
@@ -406,22 +405,57 @@ bool DeviceTangents::by_differences(const Device& d, const cardan_device_args& a
         i < n_mounts * kMotion + n_in ? std::max(1.0, std::abs(x[i])) : model_.devices.nominal[d.z + (i - n_mounts * kMotion - n_in)];
     rate = std::max(rate, std::abs(dx[i]) / size);
   }
-  if (rate == 0.0) return true;
-  bool good = true;
-  const auto evaluate = [&](double s, double* to) {
+  std::fill_n(out, n, 0.0);
+  if (rate == 0.0) return;
+  const auto there = [&](double s, double* to) {
     for (std::size_t i = 0; i < n_read; ++i) moved[i] = x[i] + s * dx[i];
-    std::fill_n(to, n_out, 0.0);
+    std::fill_n(to, n, 0.0);
     cardan_device_args beside = at;
     beside.mount = reinterpret_cast<const cardan_mount_motion*>(moved);
     beside.in = moved + n_mounts * kMotion, beside.z = beside.in + n_in;
-    cardan_device_out there{to + n_mounts * kLoad + d.n_out, to + n_mounts * kLoad, reinterpret_cast<cardan_mount_load*>(to), 0.0, 0.0};
-    good = good && d.family->evaluate(&beside, &there) == 0;
+    f(beside, to);
   };
-  soa::derivative(evaluate, 1e-2 / rate, static_cast<int>(n_out), sum, work);
-  if (n_mounts > 0) std::copy_n(sum, n_mounts * kLoad, numbers(*out.load));
-  std::copy_n(sum + n_mounts * kLoad, d.n_out, out.out);
-  std::copy_n(sum + n_mounts * kLoad + d.n_out, n_z, out.zdot);
+  soa::derivative(there, 1e-2 / rate, static_cast<int>(n), out, work);
+}
+
+bool DeviceTangents::by_differences(const Device& d, const cardan_device_args& at, const cardan_device_args& along,
+                                    cardan_device_out& out) {
+  const std::size_t n_loads = d.mounts.size() * kLoad, n_out = static_cast<std::size_t>(d.n_out), n_z = d.family->n_states;
+  rates_.resize(n_loads + n_out + n_z);
+  bool good = true;
+  differences(d, at, along, rates_.size(), rates_.data(), [&](const cardan_device_args& beside, double* to) {
+    cardan_device_out there{to + n_loads + n_out, to + n_loads, reinterpret_cast<cardan_mount_load*>(to), 0.0, 0.0};
+    good = good && d.family->evaluate(&beside, &there) == 0;
+  });
+  if (n_loads > 0) std::copy_n(rates_.data(), n_loads, numbers(*out.load));
+  std::copy_n(rates_.data() + n_loads, n_out, out.out);
+  std::copy_n(rates_.data() + n_loads + n_out, n_z, out.zdot);
   return good;
+}
+
+Vec3<Tangent> DeviceTangents::stored_momentum() {
+  Vec3<Tangent> sum{Tangent(0.0), Tangent(0.0), Tangent(0.0)};
+  for (std::size_t k = 0; k < model_.devices.all.size(); ++k) {
+    const Device& d = model_.devices.all[k];
+    if (!d.family->momentum) continue;
+    const cardan_device_args at = base_.args_[k];
+    cardan_device_args along = at;
+    along.in = in_.data() + d.in, along.mount = motions_.data() + d.mount, along.z = dz_.data() + d.z;
+    const std::size_t n = 3 * d.mounts.size();
+    std::vector<double> h(n), dh(n);
+    const auto tell = [&](const cardan_device_args& a, double* to) { d.family->momentum(&a, reinterpret_cast<double(*)[3]>(to)); };
+    tell(at, h.data());
+    differences(d, at, along, n, dh.data(), tell);
+    for (std::size_t i = 0; i < d.mounts.size(); ++i) {
+      if (d.mounts[i].node < 0) continue;
+      const double *R = base_.motions_[d.mount + i].R_WN, *dR = motions_[d.mount + i].R_WN;
+      const auto entry = [&](int e) { return Tangent(R[e], dR[e]); };
+      const auto part = [&](std::size_t e) { return Tangent(h[3 * i + e], dh[3 * i + e]); };
+      sum += Mat3<Tangent>{entry(0), entry(1), entry(2), entry(3), entry(4), entry(5), entry(6), entry(7), entry(8)} *
+             Vec3<Tangent>{part(0), part(1), part(2)};
+    }
+  }
+  return sum;
 }
 
 bool DeviceTangents::complete(soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in) {

@@ -160,6 +160,8 @@ class DeviceTangents : public StateLoads<soa::Tangent> {
   double output(int i) const { return out_[i]; }
   /// Of sweep body k, its frame, along the rates of z: of its inertia.
   RigidInertia<double> inertia_rate(int k) const;
+  /// As DeviceForces::stored_momentum(), after act().
+  Vec3<soa::Tangent> stored_momentum();
   /// dz'/dz of one device with its mounts and inputs held, n x n, column-major.
   void state_matrix(int device, double* J);
 
@@ -167,6 +169,8 @@ class DeviceTangents : public StateLoads<soa::Tangent> {
   void take_inputs(const Device& d);
   void add_flows(const soa::Inputs<soa::Tangent>& in);
   bool differentiate(int device);
+  template <class F>
+  void differences(const Device& d, const cardan_device_args& at, const cardan_device_args& along, std::size_t n, double* out, const F& f);
   bool by_differences(const Device& d, const cardan_device_args& at, const cardan_device_args& along, cardan_device_out& out);
 
   const Model& model_;
@@ -175,7 +179,7 @@ class DeviceTangents : public StateLoads<soa::Tangent> {
   FieldsOfDevices fields_;
   std::vector<cardan_mount_motion> motions_;
   std::vector<cardan_mount_load> loads_;
-  std::vector<double> in_, out_, zdot_, dz_, scratch_;
+  std::vector<double> in_, out_, zdot_, dz_, scratch_, rates_;
 };
 
 }  // namespace cardan

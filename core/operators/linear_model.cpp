@@ -257,10 +257,11 @@ PortList outputs_of(const Scope& scope, const std::vector<std::string>& wanted) 
 
 // ---- the derivatives ----
 
-/// Momentum about the world's origin, world axes. `ws` has been through pose and world of this q, v.
-Force<Tangent> momentum(const Scope& scope, soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in, const DeviceTangents* devices) {
+/// Momentum about the world's origin, world axes, with what devices store. `ws` has been through pose and world of this q, v.
+Force<Tangent> momentum(const Scope& scope, soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in, DeviceTangents* devices) {
   const Model& m = scope.m;
   Force<Tangent> sum{{0, 0, 0}, {0, 0, 0}};
+  if (devices) sum.n += devices->stored_momentum();
   for (int k = 1; k < static_cast<int>(m.bodies.size()); ++k) {
     if (!scope.has(k)) continue;
     const SweepBody& b = m.bodies[k];

@@ -8,6 +8,7 @@
 #include "core/dynamics/mass_flow.hpp"
 #include "core/operators/apply.hpp"
 #include "core/soa/kernels_tangent.hpp"
+#include "core/soa/program.hpp"
 
 namespace cardan::operators {
 namespace {
@@ -70,7 +71,7 @@ void Sensitivities::set_rate(const double* u) {
   model_->qdot(q_.data(), on_model(Eigen::Map<const VectorXd>(u, size()), tau_all_), rate_.data());
 }
 
-void Sensitivities::at(const Inputs& in) {
+void Sensitivities::at(const Inputs& in, const DeviceForces* devices) {
   std::copy(in.q, in.q + model_->nq, q_.data());
   for (int i = 0; i < size(); ++i) {
     v_[i] = in.v[component_[i]];
@@ -82,7 +83,29 @@ void Sensitivities::at(const Inputs& in) {
   wrenches_t_.clear();
   for (const NodeWrench& w : wrenches_) wrenches_t_.push_back({w.node, w.world_axes, {cast<Tangent>(w.f.n), cast<Tangent>(w.f.f)}});
   articulated_ = posed_ = false;
+  devices_.reset();
+  if (devices && !part_) {
+    devices_.emplace(*model_, *devices);
+    z_t_.assign(model_->devices.n_z, Tangent(0.0));
+    device_tau_.assign(model_->nv, Tangent(0.0));
+    tangent_.require_world();
+  }
   evaluate();
+}
+
+/// What they push with at nodes into the wrenches, minus that at hinges into dtau: at q and v as they are, with their rates.
+void Sensitivities::let_devices_act(double* dtau) {
+  const Model& m = *model_;
+  const soa::Sweeps<Tangent>& S = soa::sweeps<Tangent>();
+  const soa::Inputs<Tangent> in{.q = q_t_.data(), .v = v_t_.data(), .wrenches = wrenches_t_, .moment = moment_.get()};
+  tangent_.articulated = false;
+  S.ground(m, tangent_, in);
+  soa::run_kinematics<Tangent>(m, S, tangent_, in);
+  std::ranges::fill(device_tau_, Tangent(0.0));
+  devices_->set({0.0, z_t_.data(), nullptr, device_tau_.data(), wrenches_t_.data()});
+  if (!devices_->act(tangent_, in))
+    throw NumericsError({Code::device_failed, 0.0, "", "", "a device has no derivative at this point", "a point inside of its domain", ""});
+  for (int i = 0; i < m.nv; ++i) dtau[i] -= device_tau_[i].d;
 }
 
 void Sensitivities::evaluate() {
@@ -99,7 +122,7 @@ void Sensitivities::evaluate() {
     if (const int i = place_[load.v]; springs_ && i >= 0) tau_[i] -= hinge_laws::force(load, q_[load.q], v_[i]);
 }
 
-void Sensitivities::solve(const Inputs& in) {
+void Sensitivities::solve(const Inputs& in, const DeviceForces* devices) {
   for (int i = 0; i < size(); ++i) masked_[i] = in.vdot && given_[i] ? in.vdot[component_[i]] : 0.0;
   Inputs use = in;
   VectorXd vdot = VectorXd::Zero(model_->nv);
@@ -119,7 +142,7 @@ void Sensitivities::solve(const Inputs& in) {
   VectorXd found(model_->nv);
   if (!forward_dynamics(*model_, ws_, use, found.data())) throw NumericsError(describe_breakdown(*model_, ws_.breakdown, 0.0));
   use.vdot = found.data();
-  at(use);
+  at(use, devices);
 }
 
 void Sensitivities::inverse(const Direction& along, double* dtau) {
@@ -131,11 +154,13 @@ void Sensitivities::inverse(const Direction& along, double* dtau) {
     v_t_[at] = {v_[i], along.v ? along.v[i] : 0.0};
     vdot_t_[at] = {vdot_[i], along.vdot ? along.vdot[i] : 0.0};
   }
+  std::fill_n(dtau, size(), 0.0);
+  if (devices_) let_devices_act(dtau);
   inverse_dynamics(
       m, tangent_,
       {.q = q_t_.data(), .v = v_t_.data(), .vdot = vdot_t_.data(), .wrenches = wrenches_t_, .gravity = gravity_, .moment = moment_.get()},
       tau_t_.data(), {}, part_.get());
-  for (int i = 0; i < size(); ++i) dtau[i] = tau_t_[component_[i]].d;
+  for (int i = 0; i < size(); ++i) dtau[i] += tau_t_[component_[i]].d;
   for (const HingeLoad& load : m.loads)
     if (const int i = place_[load.v]; springs_ && i >= 0)
       dtau[i] -= hinge_laws::force<Tangent>(load, {q_[load.q], rate_[load.q]}, {v_[i], along.v ? along.v[i] : 0.0}).d;

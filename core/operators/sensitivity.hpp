@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 
+#include "core/dynamics/devices.hpp"
 #include "core/dynamics/inverse.hpp"
 #include "core/operators/tree_operators.hpp"
 #include "core/soa/tangent.hpp"
@@ -42,10 +43,12 @@ class Sensitivities {
   /// (a diagonal W of it plays no part). The tree is not needed afterwards.
   explicit Sensitivities(const TreeOperators& tree, Springs springs = Springs::included);
 
-  /// The point with v' = in.vdot (null = 0).
-  void at(const Inputs& in);
-  /// The point with v' from in.tau by forward dynamics. NumericsError where a free direction has no inertia.
-  void solve(const Inputs& in);
+  /// The point with v' = in.vdot (null = 0). `devices`: evaluated there, in.wrenches with theirs first, as Simulation::wrenches() has them;
+  /// what they push with then changes with q and v, their states and commands held, and tau is what is left beside them. Null: their loads
+  /// are held, as they are where only a part of the bodies, or of the components, takes part. They must outlive this point.
+  void at(const Inputs& in, const DeviceForces* devices = nullptr);
+  /// The point with v' from in.tau, of actuators and devices, by forward dynamics. NumericsError where a free direction has no inertia.
+  void solve(const Inputs& in, const DeviceForces* devices = nullptr);
   const Eigen::VectorXd& tau() const { return tau_; }  ///< of inverse dynamics at the point
   const Eigen::VectorXd& vdot() const { return vdot_; }
 
@@ -85,6 +88,7 @@ class Sensitivities {
   int size() const { return static_cast<int>(component_.size()); }
   const double* on_model(const Eigen::VectorXd& x, Eigen::VectorXd& all) const;
   void set_rate(const double* u);
+  void let_devices_act(double* dtau);
 
   std::shared_ptr<const Model> model_;
   bool springs_, gravity_ = true, articulated_ = false, posed_ = false;
@@ -100,6 +104,8 @@ class Sensitivities {
   std::vector<soa::Tangent> q_t_, v_t_, vdot_t_, tau_t_;
   Workspace ws_, inertia_;  // of inverse dynamics at the point; P, D, G there
   soa::Workspace<soa::Tangent> tangent_;
+  std::optional<DeviceTangents> devices_;
+  std::vector<soa::Tangent> z_t_, device_tau_;
   TreeOperators tree_;
   std::optional<TreeOperators> sub_;  // of bodies_, at q
 };

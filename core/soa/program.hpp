@@ -1,5 +1,5 @@
 #pragma once
-// One op of the program that compile() wrote. `again`: q is that of the last evaluation, so P, D and G stay.
+// Ops of the program that compile() wrote. `again`: q is that of the last evaluation, so P, D and G stay.
 #include "core/model/model.hpp"
 #include "core/soa/sweeps.hpp"
 
@@ -30,6 +30,15 @@ void run_op(const Model& model, const Op& op, const Sweeps<T>& S, Workspace<T>& 
       return S.acceleration(model, ws, in, *run, vdot);
     case OpCode::refine:
       return S.refine(model, ws, in, vdot);
+  }
+}
+
+/// Of the program what devices read: poses and velocities.
+template <class T>
+void run_kinematics(const Model& model, const Sweeps<T>& S, Workspace<T>& ws, const Inputs<T>& in) {
+  for (const Op& op : model.program) {
+    if (op.code == OpCode::devices) return;
+    if (op.code != OpCode::elastic && op.code != OpCode::central_gravity) run_op<T>(model, op, S, ws, in, nullptr);
   }
 }
 

@@ -122,7 +122,7 @@ int derivatives_study(lua_State* L, const TreeOperators& tree, const OperatingSt
   lua_settop(L, 2);
   const Model& m = tree.model();
   operators::Sensitivities about(tree);
-  about.solve(at.inputs(tree.q().data()));
+  about.solve(at.inputs(tree.q().data()), at.devices.get());
   const Labels names{tree.labels(Space::hinge, Sort::unknown).names, {}};
   lua_newtable(L);
   if (lua_isnoneornil(L, 2)) {
