@@ -1,3 +1,9 @@
+# cardan_unity(TARGET SIZE)  with CARDAN_UNITY the sources of TARGET are compiled in batches of SIZE (0: in one), but for those that have
+# options or definitions of their own.
+function(cardan_unity target size)
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ${CARDAN_UNITY} UNITY_BUILD_BATCH_SIZE ${size})
+endfunction()
+
 # cardan_library(NAME DEPS...)  every .cpp of the current folder (minus those in EXCLUDE) becomes the static library NAME.
 # COLD: not part of a step; compiled with -O1, which halves its build time.
 # HEADERS: more headers of others that all of its files read, to be parsed once (precompiled.cmake).
@@ -15,6 +21,7 @@ function(cardan_library name)
     target_link_libraries(${name} PUBLIC ${A_DEPS} PRIVATE cardan_flags)
     target_compile_definitions(${name} PUBLIC EIGEN_MAX_ALIGN_BYTES=32)
     cardan_precompiled(${name} ${A_HEADERS})
+    cardan_unity(${name} 0)
     if(A_COLD)
       target_compile_options(${name} PRIVATE -O1)
     endif()
@@ -58,6 +65,7 @@ function(cardan_test name)
   endif()
   add_executable(${name} ${sources})
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
+  cardan_unity(${name} 8)
   target_compile_options(${name} PRIVATE -O1)   # half the build time; what is tested keeps its own flags
   target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR})
   target_compile_definitions(${name} PRIVATE CARDAN_SOURCE_DIR="${CMAKE_SOURCE_DIR}" CARDAN_BINARY_DIR="${CMAKE_BINARY_DIR}")
@@ -86,4 +94,5 @@ function(cardan_doc_code page language n file)
   string(FIND "${text}" "```" end)
   string(SUBSTRING "${text}" 0 ${end} text)
   file(CONFIGURE OUTPUT ${file} CONTENT "@text@" @ONLY)
+  set_source_files_properties(${file} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)   # it stands for itself, as its reader has it
 endfunction()

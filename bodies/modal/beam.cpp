@@ -47,8 +47,8 @@ constexpr std::array<int, 4> kPlaneY = {1, 5, 7, 11}, kPlaneZ = {2, 4, 8, 10};
 const RowVector4d kSignY(1, 1, 1, 1), kSignZ(1, -1, 1, -1);
 
 // Gauss points on (0, 1), exact to degree 7: the square of a cubic.
-constexpr std::array<double, 4> kGaussAt = {0.06943184420297371, 0.33000947820757187, 0.66999052179242813, 0.93056815579702629};
-constexpr std::array<double, 4> kGaussWeight = {0.17392742256872693, 0.32607257743127307, 0.32607257743127307, 0.17392742256872693};
+constexpr std::array<double, 4> kBeamGaussAt = {0.06943184420297371, 0.33000947820757187, 0.66999052179242813, 0.93056815579702629};
+constexpr std::array<double, 4> kBeamGaussWeight = {0.17392742256872693, 0.32607257743127307, 0.32607257743127307, 0.17392742256872693};
 
 }  // namespace
 
@@ -101,8 +101,8 @@ void add_beam(FeBuilder& builder, int from, int to, const Vector3d& y_axis, cons
   plane(kPlaneZ, kSignZ, bending_stiffness(E * section.Iy, L, phi_z));
 
   std::vector<FeBuilder::Point> points;
-  for (std::size_t g = 0; g < kGaussAt.size(); ++g) {
-    const double s = kGaussAt[g], length = kGaussWeight[g] * L;
+  for (std::size_t g = 0; g < kBeamGaussAt.size(); ++g) {
+    const double s = kBeamGaussAt[g], length = kBeamGaussWeight[g] * L;
     MatrixXd N = MatrixXd::Zero(3, 12), Q = MatrixXd::Zero(3, 12);
     N(0, 0) = Q(0, 3) = 1 - s;
     N(0, 6) = Q(0, 9) = s;

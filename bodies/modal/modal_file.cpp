@@ -17,7 +17,7 @@ namespace cardan {
 namespace {
 
 constexpr const char* kSchema = "cardan-modal/1";
-constexpr double kMostModes = 1000, kMostItems = 1e6, kMostDrawn = 5000;
+constexpr double kMostStoredModes = 1000, kMostItems = 1e6, kMostDrawn = 5000;
 
 using Shape = std::vector<std::size_t>;
 using Array = Hdf5Array<double>;
@@ -28,7 +28,7 @@ std::string text_of(const Shape& shape) {
   return out.empty() ? "one number" : out;
 }
 
-[[noreturn]] void bad(const std::string& file, const std::string& path, const std::string& expected, std::string got) {
+[[noreturn]] void bad_file(const std::string& file, const std::string& path, const std::string& expected, std::string got) {
   refuse({path, {file}}, {}, Code::bad_result_file, fmt::format("{}: {}", path, expected), std::move(got));
 }
 
@@ -42,7 +42,7 @@ class Archive {
   virtual bool reads() const { return false; }
   /// Throws InputError C0702.
   [[noreturn]] virtual void refuse_value(const std::string& path, const std::string& expected, const std::string& got) const {
-    bad("", path, expected, got);
+    bad_file("", path, expected, got);
   }
 };
 
@@ -62,7 +62,7 @@ class AnyReader : public Archive {
   explicit AnyReader(std::string file) : name_(std::move(file)) {}
   bool reads() const override { return true; }
   [[noreturn]] void refuse_value(const std::string& path, const std::string& expected, const std::string& got) const override {
-    bad(name_, path, expected, got);
+    bad_file(name_, path, expected, got);
   }
 
  protected:
@@ -239,7 +239,7 @@ Parts parts_of(const ModalData& d) {
 }
 
 void io(Archive& a, ModalData& d, const Parts& parts) {
-  io_whole(a, "/n_modes", d.n_modes, 1, kMostModes);
+  io_whole(a, "/n_modes", d.n_modes, 1, kMostStoredModes);
   const auto m = static_cast<std::size_t>(d.n_modes);
   a.text("/source", d.source, true);
   io(a, "/K", d.K, m, m);
@@ -309,7 +309,7 @@ std::string read(const Hdf5File& file, ModalData& data) {
            "write the file with this version of the program");
   Reader reader(file);
   const Parts parts{file.has("/integrals"), file.has("/nodes"), file.has("/mass_nodes"), file.has("/audit"), file.has("/drawing")};
-  if (!parts.integrals && !parts.mass_nodes) bad(name, "/integrals", "integrals, or mass nodes to compute them from", "neither");
+  if (!parts.integrals && !parts.mass_nodes) bad_file(name, "/integrals", "integrals, or mass nodes to compute them from", "neither");
   io(reader, data, parts);
   if (!parts.integrals) {
     ModalData lumped = lumped_modal_data(std::move(data.mass_nodes), std::move(data.K), std::move(data.C), std::move(data.nodes));
@@ -331,13 +331,13 @@ void check(ModalData& data, const std::string& stored_hash, const std::string& f
   check_integrals(data, at);
   for (const ModeRecord& r : data.audit)
     if (!std::isfinite(r.frequency) || !r.effective_mass.allFinite())
-      bad(file, "/audit", "finite frequencies and effective masses", "a value that is not finite");
+      bad_file(file, "/audit", "finite frequencies and effective masses", "a value that is not finite");
   const ModalDrawing& d = data.drawing;
   const bool drawn = d.shapes.empty() || d.shapes[0].rows() == d.points.rows();
   const bool finite = std::all_of(d.shapes.begin(), d.shapes.end(), [](const Eigen::MatrixXd& s) { return s.allFinite(); });
   if (!drawn || !finite || !d.points.allFinite() || !(d.lines.array() >= 0.0).all() ||
       !(d.lines.array() < static_cast<double>(d.points.rows())).all() || d.lines != d.lines.array().floor().matrix())
-    bad(file, "/drawing", "finite points and shapes, and lines between points that are there", "others");
+    bad_file(file, "/drawing", "finite points and shapes, and lines between points that are there", "others");
   data.source = printable(data.source);
   data.content_hash = content_hash(data);
   if (!stored_hash.empty() && stored_hash != data.content_hash)
@@ -393,7 +393,7 @@ ModalData read_modal_file(const std::string& path, const ChildLimits& limits) {
     Receiver receiver(bytes, path);
     io(receiver, data, {});
   } catch (const std::out_of_range&) {
-    bad(path, "/", "modal data", "half of them");
+    bad_file(path, "/", "modal data", "half of them");
   }
   check(data, hash, path);
   return data;

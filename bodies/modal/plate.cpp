@@ -26,8 +26,8 @@ constexpr std::array<int, 12> kPowerX = {0, 1, 0, 2, 1, 0, 3, 2, 1, 0, 3, 1};
 constexpr std::array<int, 12> kPowerY = {0, 0, 1, 0, 1, 2, 0, 1, 2, 3, 1, 3};
 
 // Gauss points on (-1, 1), exact to degree 7: the square of the bending polynomial has degree 6 in each direction.
-constexpr std::array<double, 4> kGaussAt = {-0.86113631159405258, -0.33998104358485626, 0.33998104358485626, 0.86113631159405258};
-constexpr std::array<double, 4> kGaussWeight = {0.34785484513745386, 0.65214515486254614, 0.65214515486254614, 0.34785484513745386};
+constexpr std::array<double, 4> kPlateGaussAt = {-0.86113631159405258, -0.33998104358485626, 0.33998104358485626, 0.86113631159405258};
+constexpr std::array<double, 4> kPlateGaussWeight = {0.34785484513745386, 0.65214515486254614, 0.65214515486254614, 0.34785484513745386};
 
 // Corners in the order of the element's nodes, in (-1, 1)^2.
 constexpr std::array<double, 4> kCornerX = {-1, 1, 1, -1}, kCornerY = {-1, -1, 1, 1};
@@ -82,7 +82,7 @@ class PlateElement {
   template <class F>
   void each_point(F&& visit) const {
     for (std::size_t i = 0; i < 4; ++i)
-      for (std::size_t j = 0; j < 4; ++j) visit(kGaussAt[i], kGaussAt[j], kGaussWeight[i] * kGaussWeight[j] * a_ * b_);
+      for (std::size_t j = 0; j < 4; ++j) visit(kPlateGaussAt[i], kPlateGaussAt[j], kPlateGaussWeight[i] * kPlateGaussWeight[j] * a_ * b_);
   }
 
   /// Derivative of w over the 24 dofs.

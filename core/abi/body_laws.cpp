@@ -116,9 +116,9 @@ struct Inertia {
   }
 };
 
-class Instance {
+class BodyInstance {
  public:
-  Instance(const cardan_body_family& family, const PackedSample& packed, int modes, const TellPhase& before)
+  BodyInstance(const cardan_body_family& family, const PackedSample& packed, int modes, const TellPhase& before)
       : f_(family), packed_(packed.block), m_(static_cast<std::size_t>(modes)), before_(before) {}
 
   const std::string& overrun() const { return overrun_; }
@@ -170,7 +170,7 @@ class Instance {
 };
 
 /// b = Mdot V + [w x p_w; w x p_v; -dT/d eta] with p = M V and V = [w; 0; eta'] (Boltzmann-Hamel equations at v = 0), M by differences.
-VectorXd bias_of_energy(const Instance& body, const VectorXd& eta, const VectorXd& etadot, const Vector3d& omega) {
+VectorXd bias_of_energy(const BodyInstance& body, const VectorXd& eta, const VectorXd& etadot, const Vector3d& omega) {
   constexpr double kStep = 1e-3;
   const Eigen::Index m = eta.size();
   const auto along = [&](const VectorXd& d) {  // fourth-order difference of M
@@ -271,7 +271,7 @@ class BodyLaws {
     if (!packed.fault.empty()) return found_.add(packed.fault), false;
     if (packed.block.empty()) return true;
     ++accepted_;
-    Instance body(f_, packed, modes, before_);
+    BodyInstance body(f_, packed, modes, before_);
     const cardan_body_facts facts = body.facts();
     const Inertia at_rest = body.mass(VectorXd::Zero(modes));
     for (const double size : {0.01, 0.1, 1.0})
@@ -280,7 +280,7 @@ class BodyLaws {
     return body.overrun().empty();
   }
 
-  bool expect(Instance& body, const cardan_body_facts& facts, const Inertia& at_rest, double total, double size) {
+  bool expect(BodyInstance& body, const cardan_body_facts& facts, const Inertia& at_rest, double total, double size) {
     const Eigen::Index m = at_rest.modes();
     const VectorXd eta = size * random_vector(rng_, m), etadot = random_vector(rng_, m);
     const Vector3d omega = random_vector(rng_, 3);

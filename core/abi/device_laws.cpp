@@ -16,16 +16,14 @@
 namespace cardan {
 namespace {
 
-using Family = cardan_device_family;
-
 constexpr std::uint32_t kMost = kMostParameters;  // mounts, ports, states, roots
 constexpr int kMotion = sizeof(cardan_mount_motion) / sizeof(double), kLoad = sizeof(cardan_mount_load) / sizeof(double);
 constexpr int kPose = 12, kVelocity = 18, kHinge = 20, kRates = 26;  // of cardan_mount_motion: where the numbers of
                                                                      // the pose, the velocity, the hinge, the accelerations end
 
-class TableFaults : public TableChecks {
+class DeviceTableFaults : public TableChecks {
  public:
-  explicit TableFaults(const Family& family) : f_(family) {}
+  explicit DeviceTableFaults(const cardan_device_family& family) : f_(family) {}
 
   std::vector<std::string> all() {
     text("type", f_.type, true);
@@ -112,7 +110,7 @@ class TableFaults : public TableChecks {
     expect((f_.facts & CARDAN_FACT_PASSIVE) == 0 || energy, "facts", "CARDAN_FACT_PASSIVE without CARDAN_FACT_ENERGY");
   }
 
-  const Family& f_;
+  const cardan_device_family& f_;
 };
 
 /// All numbers that a device reads, side by side: mounts, inputs, states, marks.
@@ -128,9 +126,9 @@ struct Given {
   bool overrun = false;
 };
 
-class Laws {
+class DeviceLaws {
  public:
-  Laws(const Family& family, std::uint64_t seed, const TellPhase& before) : f_(family), rng_(seed), before_(before) {
+  DeviceLaws(const cardan_device_family& family, std::uint64_t seed, const TellPhase& before) : f_(family), rng_(seed), before_(before) {
     for (std::uint32_t i = 0; i < f_.n_ports; ++i) (f_.ports[i].kind == CARDAN_PORT_IN ? n_in_ : n_out_) += 1;
     z_ = f_.n_mounts * kMotion + n_in_;
     out_ = f_.n_mounts * kLoad, zdot_ = out_ + n_out_, power_ = zdot_ + f_.n_states;
@@ -405,7 +403,7 @@ class Laws {
       for (int i = 0; i < 3; ++i) power += l[i] * w[i] + l[3 + i] * v[i], size += std::abs(l[i] * w[i]) + std::abs(l[3 + i] * v[i]);
     }
     const auto along = rates(x, y);
-    const double h = along.second, slope = Laws::slope(x, along, [&](const Point&p) { return energy_at(p); });
+    const double h = along.second, slope = DeviceLaws::slope(x, along, [&](const Point&p) { return energy_at(p); });
     const double stored = std::abs(energy_at(x)) / h * 1e-15;
     law("energy' = delivered - lost - power of the loads",
         std::abs(slope - (y.numbers[power_] - y.numbers[power_ + 1] - power)) / (1e-3 + size), 1e-7 + stored);
@@ -577,7 +575,7 @@ class Laws {
       if (!std::isfinite(g[i])) found_.push_back(fmt::format("root no. {} is {} for finite arguments (sample {})", i, g[i], sample_));
   }
 
-  const Family& f_;
+  const cardan_device_family& f_;
   std::mt19937_64 rng_;
   const TellPhase& before_;
   std::size_t n_in_ = 0, n_out_ = 0, z_ = 0, out_ = 0, zdot_ = 0, power_ = 0;  // where they begin
@@ -588,12 +586,12 @@ class Laws {
 
 }  // namespace
 
-std::vector<std::string> device_table_faults(const cardan_device_family& family) { return TableFaults(family).all(); }
+std::vector<std::string> device_table_faults(const cardan_device_family& family) { return DeviceTableFaults(family).all(); }
 
 std::vector<std::string> device_law_violations(const cardan_device_family& family, int samples, std::uint64_t seed,
                                                const TellPhase& before) {
   if (auto faults = device_table_faults(family); !faults.empty()) return faults;
-  Laws laws(family, seed, before);
+  DeviceLaws laws(family, seed, before);
   for (int i = 0; i < samples; ++i)
     if (!laws.sample(i)) break;
   return laws.take();

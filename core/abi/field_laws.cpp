@@ -15,15 +15,13 @@
 namespace cardan {
 namespace {
 
-using Family = cardan_field_family;
-
 constexpr std::uint32_t kMostLimits = 31;
 constexpr unsigned kFacts =
     CARDAN_FIELD_GRADIENT | CARDAN_FIELD_POTENTIAL | CARDAN_FIELD_STEADY | CARDAN_FIELD_SOURCE_FREE | CARDAN_FIELD_CURL_FREE;
 
-class TableFaults : public TableChecks {
+class FieldTableFaults : public TableChecks {
  public:
-  explicit TableFaults(const Family& family) : f_(family) {}
+  explicit FieldTableFaults(const cardan_field_family& family) : f_(family) {}
 
   std::vector<std::string> all() {
     text("type", f_.type, true);
@@ -56,12 +54,12 @@ class TableFaults : public TableChecks {
          "a divergence or curl of what is no vector in space");
     only(CARDAN_FIELD_GRADIENT, !is_of_time(f_.quantity), "CARDAN_FIELD_GRADIENT of what depends on time alone");
   }
-  const Family& f_;
+  const cardan_field_family& f_;
 };
 
-class Laws {
+class FieldLaws {
  public:
-  Laws(const Family& family, std::uint64_t seed, const TellPhase& before) : f_(family), rng_(seed), before_(before) {
+  FieldLaws(const cardan_field_family& family, std::uint64_t seed, const TellPhase& before) : f_(family), rng_(seed), before_(before) {
     size_ = field_size(f_.quantity);
     distance_ = f_.distance > 0.0 ? f_.distance : 1.0;
   }
@@ -257,7 +255,7 @@ class Laws {
       law("curl = 0", std::hypot(G[7] - G[5], G[2] - G[6], G[3] - G[1]) / size, tiny);
   }
 
-  const Family& f_;
+  const cardan_field_family& f_;
   std::mt19937_64 rng_;
   const TellPhase& before_;
   std::size_t size_ = 0;
@@ -269,11 +267,11 @@ class Laws {
 
 }  // namespace
 
-std::vector<std::string> field_table_faults(const cardan_field_family& family) { return TableFaults(family).all(); }
+std::vector<std::string> field_table_faults(const cardan_field_family& family) { return FieldTableFaults(family).all(); }
 
 std::vector<std::string> field_law_violations(const cardan_field_family& family, int samples, std::uint64_t seed, const TellPhase& before) {
   if (auto faults = field_table_faults(family); !faults.empty()) return faults;
-  Laws laws(family, seed, before);
+  FieldLaws laws(family, seed, before);
   for (int i = 0; i < samples; ++i)
     if (!laws.sample(i)) break;
   return laws.take();

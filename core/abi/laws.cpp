@@ -54,9 +54,9 @@ Record record(const cardan_hinge_out& out, Eigen::Index nv) {
 
 constexpr double kStep = 3e-4;  // of the differences, in a coordinate [rad, m]: h^4 / 30 and eps / h are below 1e-12
 
-class Instance {
+class HingeInstance {
  public:
-  Instance(const cardan_hinge_family& family, const PackedSample& packed, const TellPhase& before)
+  HingeInstance(const cardan_hinge_family& family, const PackedSample& packed, const TellPhase& before)
       : f_(family), packed_(packed), before_(before) {}
 
   /// What it wrote beyond what it was handed; empty: nothing.
@@ -204,11 +204,11 @@ Declared declared(const cardan_hinge_family& f, const void* packed, const Vector
 }
 
 // Sizes of coordinates and of rates, sample after sample. The first sample is `zero`.
-constexpr double kCoordinates[] = {1.0, 1.0, 3.0, 10.0, 30.0}, kRates[] = {1.0, 0.1, 10.0};
+constexpr double kCoordinates[] = {1.0, 1.0, 3.0, 10.0, 30.0}, kRateSizes[] = {1.0, 0.1, 10.0};
 
-class Laws {
+class HingeLaws {
  public:
-  Laws(const cardan_hinge_family& family, std::uint64_t seed, const TellPhase& before)
+  HingeLaws(const cardan_hinge_family& family, std::uint64_t seed, const TellPhase& before)
       : f_(family), rng_(seed), seed_(seed), before_(before) {}
 
   /// False when further samples are of no use.
@@ -219,10 +219,10 @@ class Laws {
       found_.add(packed.fault);
       return false;
     }
-    const Instance hinge(f_, packed, before_);
+    const HingeInstance hinge(f_, packed, before_);
     const auto nq = static_cast<Eigen::Index>(f_.nq), nv = static_cast<Eigen::Index>(f_.nv);
     const double size = i == 0 ? 0.0 : kCoordinates[static_cast<std::size_t>(i) % std::size(kCoordinates)];
-    const double rate = kRates[static_cast<std::size_t>(i) % std::size(kRates)];
+    const double rate = kRateSizes[static_cast<std::size_t>(i) % std::size(kRateSizes)];
     const VectorXd v = rate * random_vector(rng_, nv), u = rate * random_vector(rng_, nv), d = random_vector(rng_, nv);
     const VectorXd any = size * random_vector(rng_, nq), q = hinge.normalise(i == 0 ? hinge.zero() : any);
     expect(hinge, packed.block, q, v, u, d, size > 1.0);
@@ -237,7 +237,7 @@ class Laws {
     found_.law(arguments...);
   }
 
-  void expect(const Instance& hinge, const std::vector<double>& packed, const VectorXd& q, const VectorXd& v, const VectorXd& u,
+  void expect(const HingeInstance& hinge, const std::vector<double>& packed, const VectorXd& q, const VectorXd& v, const VectorXd& u,
               const VectorXd& d, bool far) {
     if (far && !(hinge.inside_of_domain(q, v) && hinge.inside_of_domain(q, u))) return;
     const Record r = hinge.at(q, v);
@@ -312,7 +312,7 @@ std::vector<std::string> hinge_table_faults(const cardan_hinge_family& f) {
 
 std::vector<std::string> hinge_law_violations(const cardan_hinge_family& family, int samples, std::uint64_t seed, const TellPhase& before) {
   if (auto faults = hinge_table_faults(family); !faults.empty()) return faults;
-  Laws laws(family, seed, before);
+  HingeLaws laws(family, seed, before);
   for (int i = 0; i < samples; ++i)
     if (!laws.sample(i)) break;
   return laws.take();

@@ -506,22 +506,22 @@ RigidInertia<double> DeviceTangents::inertia_rate(int k) const {
 void DeviceTangents::add_flows(const soa::Inputs<Tangent>& in) {
   const Devices& devices = model_.devices;
   const auto n_loads = static_cast<std::size_t>(devices.n_loads);
-  struct Part {
+  struct Pushed {
     const double *x, *dx;
     std::size_t n;
   };
   const auto count = [](const auto& all) { return all.size(); };
-  const Part parts[] = {{numbers(base_.motions_[0]), numbers(motions_[0]), count(motions_) * kMotion},
-                        {base_.out_, out_.data(), count(out_)},
-                        {base_.z_.data(), dz_.data(), count(dz_)},
-                        {base_.zdot_, zdot_.data(), count(zdot_)}};
+  const Pushed parts[] = {{numbers(base_.motions_[0]), numbers(motions_[0]), count(motions_) * kMotion},
+                          {base_.out_, out_.data(), count(out_)},
+                          {base_.z_.data(), dz_.data(), count(dz_)},
+                          {base_.zdot_, zdot_.data(), count(zdot_)}};
   std::vector<double> moved, size;
-  for (const Part& p : parts)
+  for (const Pushed& p : parts)
     for (std::size_t i = 0; i < p.n; ++i) size.push_back(p.x == base_.z_.data() ? devices.nominal[i] : std::max(1.0, std::abs(p.x[i])));
   moved.resize(size.size());
   double largest = 0.0;
   std::size_t at = 0;
-  for (const Part& p : parts)
+  for (const Pushed& p : parts)
     for (std::size_t i = 0; i < p.n; ++i) largest = std::max(largest, std::abs(p.dx[i]) / size[at++]);
   std::vector<Force<double>> sum(n_loads), work(n_loads);
   if (largest > 0.0)

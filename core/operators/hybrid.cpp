@@ -7,7 +7,6 @@
 
 #include "core/dynamics/inverse.hpp"
 #include "core/dynamics/node_motion.hpp"
-#include "core/operators/apply.hpp"
 #include "core/operators/mass_matrix.hpp"
 #include "core/operators/system_properties.hpp"
 
@@ -19,8 +18,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 bool is_free(Drive drive) { return drive == Drive::forced || drive == Drive::passive; }
-VectorXd inverse_mass_times(const TreeOperators& tree, const VectorXd& tau) { return apply(letters::mass_inverse, tree, tau); }
-
 /// What the hinge of a rotor transmits, at its origin: the sweeps know of its carrier only. After inverse dynamics.
 Force<double> force_on_rotor(const Model& model, const Workspace& ws, const Inputs& in, int k) {
   const BodyMotion<double> moves = motion_of_body(model, ws, in, k, in.vdot, After::inverse);

@@ -28,7 +28,7 @@ constexpr double kStationary = 1e-9;     // |J* e| over |J| |e|
 constexpr double kNullSpaceStep = 1e-7;  // the distance to the preferred posture is flat to round-off below
 constexpr int kSecondaryIterations = 100;
 
-[[noreturn]] void refuse(Code code, std::string what, std::string expected, std::string got) {
+[[noreturn]] void refuse_task(Code code, std::string what, std::string expected, std::string got) {
   cardan::refuse(code, {"inverse kinematics: " + std::move(what)}, std::move(expected), std::move(got));
 }
 
@@ -86,8 +86,8 @@ class Solver {
         turns_[u.v + j] = u.v_units[j] == "rad/s";
       }
     for (const int v : options.free) {
-      if (v < 0 || v >= m_.nv) refuse(Code::out_of_range, "free", fmt::format("components 0 to {}", m_.nv - 1), fmt::format("{}", v));
-      if (!may_move(part, v)) refuse(Code::unsupported, "free", "components of bodies that take part, free in the tree", name_of(v));
+      if (v < 0 || v >= m_.nv) refuse_task(Code::out_of_range, "free", fmt::format("components 0 to {}", m_.nv - 1), fmt::format("{}", v));
+      if (!may_move(part, v)) refuse_task(Code::unsupported, "free", "components of bodies that take part, free in the tree", name_of(v));
       movable_[v] = 1;
     }
     std::vector<int> nodes;
@@ -104,28 +104,31 @@ class Solver {
         if (t.rows[i]) ++rows_;
       scale_ = std::max(scale_, t.position_weight * t.position.norm());
       const bool rotation = (t.R_WN.transpose() * t.R_WN - Eigen::Matrix3d::Identity()).norm() < 1e-6 && t.R_WN.determinant() > 0.0;
-      if (!rotation) refuse(Code::not_a_rotation, "target on " + m_.nodes[t.node].name, "a rotation matrix", "another matrix");
+      if (!rotation) refuse_task(Code::not_a_rotation, "target on " + m_.nodes[t.node].name, "a rotation matrix", "another matrix");
     }
     lower_.setConstant(m_.nv, -std::numeric_limits<double>::infinity());
     upper_ = -lower_;
     for (const IkLimit& l : options.limits) {
       if (l.v < 0 || l.v >= m_.nv || coordinate_[l.v] < 0)
-        refuse(Code::unsupported, "limits", "a component with a coordinate of its own", fmt::format("velocity component {}", l.v));
-      if (!may_move(part, l.v)) refuse(Code::unsupported, "limits", "components of bodies that take part, free in the tree", name_of(l.v));
-      if (!(l.lower <= l.upper)) refuse(Code::out_of_range, "limits", "lower <= upper", fmt::format("{:g} ... {:g}", l.lower, l.upper));
+        refuse_task(Code::unsupported, "limits", "a component with a coordinate of its own", fmt::format("velocity component {}", l.v));
+      if (!may_move(part, l.v))
+        refuse_task(Code::unsupported, "limits", "components of bodies that take part, free in the tree", name_of(l.v));
+      if (!(l.lower <= l.upper))
+        refuse_task(Code::out_of_range, "limits", "lower <= upper", fmt::format("{:g} ... {:g}", l.lower, l.upper));
       lower_[l.v] = std::max(lower_[l.v], l.lower), upper_[l.v] = std::min(upper_[l.v], l.upper);
       if (!(lower_[l.v] <= upper_[l.v]))
-        refuse(Code::out_of_range, "limits", "limits that leave room", fmt::format("{:g} ... {:g}", lower_[l.v], upper_[l.v]));
+        refuse_task(Code::out_of_range, "limits", "limits that leave room", fmt::format("{:g} ... {:g}", lower_[l.v], upper_[l.v]));
     }
     const auto expect_size = [](const char* what, const VectorXd& x, int n) {
-      if (x.size() != 0 && x.size() != n) refuse(Code::operator_shape, what, fmt::format("{} numbers", n), fmt::format("{}", x.size()));
+      if (x.size() != 0 && x.size() != n)
+        refuse_task(Code::operator_shape, what, fmt::format("{} numbers", n), fmt::format("{}", x.size()));
     };
     expect_size("weight", options.weight, m_.nv);
     expect_size("prefer", options.prefer, m_.nq);
     inverse_weight_ = VectorXd::Ones(m_.nv);
     if (options.weight.size() > 0) {
       if (!(options.weight.minCoeff() > 0.0))
-        refuse(Code::out_of_range, "weight", "positive numbers", fmt::format("{:g}", options.weight.minCoeff()));
+        refuse_task(Code::out_of_range, "weight", "positive numbers", fmt::format("{:g}", options.weight.minCoeff()));
       inverse_weight_ = options.weight.cwiseInverse();
     }
   }

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "core/base/diagnostic.hpp"
+#include "core/operators/apply.hpp"
 
 namespace cardan::operators {
 
@@ -67,6 +68,8 @@ VectorXd mass_times(const TreeOperators& tree, const VectorXd& v) {
   tree.apply(Kind::M, false, V.data(), f.data());
   return hinge_forces(tree, std::move(f));
 }
+
+VectorXd inverse_mass_times(const TreeOperators& tree, const VectorXd& tau) { return apply(letters::mass_inverse, tree, tau); }
 
 std::vector<MatrixXd> composite_inertias(const TreeOperators& tree) {
   tree.require(Kind::M);

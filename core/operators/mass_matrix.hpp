@@ -14,6 +14,8 @@ Eigen::VectorXd body_velocities(const TreeOperators& tree, const Eigen::VectorXd
 Eigen::VectorXd hinge_forces(const TreeOperators& tree, Eigen::VectorXd f);
 /// (H phi M phi* H*) v: generalised momenta of velocities, forces of accelerations. O(N).
 Eigen::VectorXd mass_times(const TreeOperators& tree, const Eigen::VectorXd& v);
+/// Its inverse, of the free components, times tau: what these forces accelerate. O(N).
+Eigen::VectorXd inverse_mass_times(const TreeOperators& tree, const Eigen::VectorXd& tau);
 
 /// Composite body inertia R = M + E_phi R E_phi* (mathematics 4.3) per body of tree.bodies(), (6 + m) square, body frame B. O(N).
 std::vector<Eigen::MatrixXd> composite_inertias(const TreeOperators& tree);

@@ -7,7 +7,6 @@
 
 #include "core/dynamics/node_motion.hpp"
 #include "core/linalg/dense.hpp"
-#include "core/operators/apply.hpp"
 #include "core/operators/mass_matrix.hpp"
 
 namespace cardan::operators {
@@ -28,8 +27,6 @@ void walk(const TreeOperators& tree, int i, MatrixXd& W) {
 void expect_size(const char* what, Eigen::Index want, Eigen::Index got) {
   if (got != want) refuse(Code::operator_shape, {what}, fmt::format("{} numbers", want), fmt::format("{}", got));
 }
-
-VectorXd inverse_mass_times(const TreeOperators& tree, const VectorXd& tau) { return apply(letters::mass_inverse, tree, tau); }
 
 VectorXd free_part(const TreeOperators& tree, VectorXd x) {
   for (int j = 0; j < x.size(); ++j)

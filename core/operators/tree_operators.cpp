@@ -22,7 +22,7 @@ using ConstVector = Map<const VectorXd>;
 using Vector = Map<VectorXd>;
 
 /// The upper triangle of a symmetric matrix from the lower one.
-void mirror(MatrixXd& a) {
+void copy_upper_below(MatrixXd& a) {
   for (Eigen::Index j = 1; j < a.cols(); ++j)
     for (Eigen::Index i = 0; i < j; ++i) a(i, j) = a(j, i);
 }
@@ -344,12 +344,12 @@ void TreeOperators::articulate(const Articulate& options) {
     x.G = x.S.triangularView<Eigen::Lower>().transpose().solve(U).transpose();
     x.P_plus = x.P;
     x.P_plus.selfadjointView<Eigen::Lower>().rankUpdate(U.transpose(), -1.0);  // P - G D G*
-    mirror(x.P_plus);
+    copy_upper_below(x.P_plus);
     if (b.parent >= 0) {
       MatrixXd& P = inertia_[b.parent].P;
       const MatrixXd shifted = x.P_plus.topLeftCorner<6, 6>() * A(i);
       P.noalias() += A(i).transpose() * shifted;
-      mirror(P);
+      copy_upper_below(P);
     }
   }
   has_inertia_ = true;

@@ -12,9 +12,9 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 
 /// One product. The blocks of body i are those of the tree; parts of x and y by space: `body` 6 + m numbers, `rigid` the six of them
 /// that the inboard body sees, `hinge` the velocities of its hinge and modes.
-class Product {
+class TreeProduct {
  public:
-  Product(const TreeOperators& tree, bool star, const double* x_in, double* y_out, double* work, std::size_t widest)
+  TreeProduct(const TreeOperators& tree, bool star, const double* x_in, double* y_out, double* work, std::size_t widest)
       : t(tree), n(static_cast<int>(tree.bodies().size())), adjoint(star), x(x_in), y(y_out), w0(work), w1(work + widest) {}
 
   template <auto Block>
@@ -147,25 +147,25 @@ class Product {
 };
 
 /// In the order of Kind.
-constexpr void (Product::*kProducts[])() = {
-    &Product::hinge_map<&TreeOperators::Ht>,  // H
-    &Product::phi,
-    &Product::shift<&TreeOperators::A>,  // E_phi
-    &Product::diagonal<&TreeOperators::M>,
-    &Product::B,
-    &Product::diagonal<&TreeOperators::P>,
-    &Product::diagonal<&TreeOperators::P_plus>,
-    &Product::D,
-    &Product::G,
-    &Product::tau_bar,
-    &Product::K,
-    &Product::E_psi,
-    &Product::psi,
-    &Product::diagonal<&TreeOperators::Y>,
-    &Product::diagonal<&TreeOperators::Y_plus>,
-    &Product::hinge_map<&TreeOperators::dHt>,  // dH
-    &Product::shift<&TreeOperators::dA>,       // dE_phi
-    &Product::diagonal<&TreeOperators::dM>,
+constexpr void (TreeProduct::*kProducts[])() = {
+    &TreeProduct::hinge_map<&TreeOperators::Ht>,  // H
+    &TreeProduct::phi,
+    &TreeProduct::shift<&TreeOperators::A>,  // E_phi
+    &TreeProduct::diagonal<&TreeOperators::M>,
+    &TreeProduct::B,
+    &TreeProduct::diagonal<&TreeOperators::P>,
+    &TreeProduct::diagonal<&TreeOperators::P_plus>,
+    &TreeProduct::D,
+    &TreeProduct::G,
+    &TreeProduct::tau_bar,
+    &TreeProduct::K,
+    &TreeProduct::E_psi,
+    &TreeProduct::psi,
+    &TreeProduct::diagonal<&TreeOperators::Y>,
+    &TreeProduct::diagonal<&TreeOperators::Y_plus>,
+    &TreeProduct::hinge_map<&TreeOperators::dHt>,  // dH
+    &TreeProduct::shift<&TreeOperators::dA>,       // dE_phi
+    &TreeProduct::diagonal<&TreeOperators::dM>,
 };
 static_assert(std::size(kProducts) == std::size(kKinds));
 
@@ -173,7 +173,7 @@ static_assert(std::size(kProducts) == std::size(kKinds));
 
 void TreeOperators::apply(Kind kind, bool star, const double* x, double* y) const {
   require(kind);
-  Product product(*this, star, x, y, work_.data(), work_.size() / 3);
+  TreeProduct product(*this, star, x, y, work_.data(), work_.size() / 3);
   (product.*kProducts[static_cast<std::size_t>(kind)])();
 }
 

@@ -18,7 +18,6 @@ namespace cardan {
 namespace {
 
 using operators::Expression;
-using operators::Kind;
 
 int sweep_body(lua_State* L, int arg, const Model& m, const char* what) {
   std::vector<std::string> names;
@@ -48,7 +47,7 @@ int operators_index(lua_State* L) {
   if (lua_type(L, 2) == LUA_TSTRING) {
     const std::string_view name = lua_tostring(L, 2);
     for (std::size_t k = 0; k < std::size(operators::kKinds); ++k)
-      if (operators::kKinds[k].name == name) return push_operator(L, Expression::leaf(o.tree, static_cast<Kind>(k)));
+      if (operators::kKinds[k].name == name) return push_operator(L, Expression::leaf(o.tree, static_cast<operators::Kind>(k)));
     if (name == "I") return push_operator(L, Expression::unit(o.tree));
     for (const Expression::Named& f : Expression::named())
       if (f.name == name) return push_operator(L, f.of(o.tree));
@@ -170,7 +169,7 @@ int names(lua_State* L) {
 }
 
 template <Study kStudy>
-int study(lua_State* L) {
+int study_of_operators(lua_State* L) {
   const LuaOperators& o = to_operators(L);
   return kStudy(L, *o.tree, *o.at);
 }
@@ -185,11 +184,11 @@ const std::vector<luaL_Reg> kOperatorsMethods = {{"subtree", placed<subtree>},
                                                  {"log_det", placed<log_det>},
                                                  {"size", placed<size>},
                                                  {"names", placed<names>},
-                                                 {"linearize", placed<study<linear_model>>},
-                                                 {"derivatives", placed<study<derivatives_study>>},
-                                                 {"system_modes", placed<study<system_modes_study>>},
-                                                 {"inverse_kinematics", placed<study<inverse_kinematics_study>>},
-                                                 {"interbody_forces", placed<study<interbody_forces_study>>}};
+                                                 {"linearize", placed<study_of_operators<linear_model>>},
+                                                 {"derivatives", placed<study_of_operators<derivatives_study>>},
+                                                 {"system_modes", placed<study_of_operators<system_modes_study>>},
+                                                 {"inverse_kinematics", placed<study_of_operators<inverse_kinematics_study>>},
+                                                 {"interbody_forces", placed<study_of_operators<interbody_forces_study>>}};
 
 }  // namespace
 

@@ -130,7 +130,7 @@ int state(lua_State* L) {
 
 /// Studies about the present state.
 template <int (*kPush)(lua_State*, Scenario&)>
-int study(lua_State* L) {
+int study_of_scene(lua_State* L) {
   Scenario& s = scene(L);
   return at_script_line(L, [&s](lua_State* l) { return kPush(l, s); });
 }
@@ -173,11 +173,11 @@ const std::vector<luaL_Reg> kMethods = {{"t", method<t>},
                                         {"q", method<q>},
                                         {"v", method<v>},
                                         {"vdot", method<vdot>},
-                                        {"operators", method<study<push_operators>>},
-                                        {"linearize", method<study<push_linear_model>>},
-                                        {"system_modes", method<study<push_modes>>},
-                                        {"derivatives", method<study<push_derivatives>>},
-                                        {"inverse_kinematics", method<study<push_inverse_kinematics>>},
+                                        {"operators", method<study_of_scene<push_operators>>},
+                                        {"linearize", method<study_of_scene<push_linear_model>>},
+                                        {"system_modes", method<study_of_scene<push_modes>>},
+                                        {"derivatives", method<study_of_scene<push_derivatives>>},
+                                        {"inverse_kinematics", method<study_of_scene<push_inverse_kinematics>>},
                                         {"state", method<state>},
                                         {"vehicle", method<vehicle>},
                                         {"run_to", method<run_to>}};

@@ -4,19 +4,19 @@ namespace cardan {
 namespace {
 
 std::atomic<bool> asked{false};
-std::atomic<int> first{0};
+std::atomic<int> first_signal{0};
 static_assert(std::atomic<bool>::is_always_lock_free && std::atomic<int>::is_always_lock_free);  // so that a signal may set them
 
 void on_signal(int number) {
   int none = 0;
-  first.compare_exchange_strong(none, number);
+  first_signal.compare_exchange_strong(none, number);
   asked = true;
 }
 
 }  // namespace
 
 Interruption::Interruption() {
-  asked = false, first = 0;
+  asked = false, first_signal = 0;
   for (const int number : {SIGINT, SIGTERM, SIGHUP}) {
     Before before{number, {}};
     sigaction(number, nullptr, &before.action);
@@ -34,6 +34,6 @@ Interruption::~Interruption() {
 }
 
 const std::atomic<bool>& Interruption::flag() { return asked; }
-int Interruption::signal() { return first; }
+int Interruption::signal() { return first_signal; }
 
 }  // namespace cardan

@@ -9,7 +9,7 @@
 namespace cardan {
 namespace {
 
-std::string seconds(const Rational& period) {
+std::string seconds_text(const Rational& period) {
   return period.denominator == 1 ? fmt::format("{} s", period.numerator) : fmt::format("{}/{} s", period.numerator, period.denominator);
 }
 
@@ -31,12 +31,12 @@ std::vector<std::pair<std::string, std::string>> mission_values(const Scenario& 
   if (i.initial_step > 0) add("integrator.initial_step", quantity_text(i.initial_step, "s"));
   if (i.max_step > 0) add("integrator.max_step", quantity_text(i.max_step, "s"));
   if (i.fixed_step > 0) add("integrator.step", quantity_text(i.fixed_step, "s"));
-  add("output.period", seconds(m.output_period));
-  add("checkpoint.period", m.checkpoint_period ? seconds(*m.checkpoint_period) : "never");
+  add("output.period", seconds_text(m.output_period));
+  add("checkpoint.period", m.checkpoint_period ? seconds_text(*m.checkpoint_period) : "never");
   if (!m.reactions.empty()) add("output.reactions", names(m.reactions, s.model->user));
   if (!m.nodes.empty()) add("output.nodes", names(m.nodes, s.model->nodes));
   add("ledger", m.simulation.ledger ? "true" : "false");
-  for (const Controller& c : s.controllers) add(("controller." + c.name + ".period").c_str(), seconds(c.period));
+  for (const Controller& c : s.controllers) add(("controller." + c.name + ".period").c_str(), seconds_text(c.period));
   return all;
 }
 

@@ -13,10 +13,10 @@
 namespace cardan {
 namespace {
 
-constexpr std::size_t kNoteBytes = 60'000;      // of one list
-constexpr std::size_t kPictureBytes = 350'000;  // of all shapes
-constexpr std::size_t kBytesPerNumber = 5;      // -1000 and a comma
-constexpr std::size_t kMostNames = 200;         // of bodies that are left out
+constexpr std::size_t kNoteBytes = 60'000;       // of one list
+constexpr std::size_t kPictureBytes = 350'000;   // of all shapes
+constexpr std::size_t kBytesPerShortNumber = 5;  // -1000 and a comma
+constexpr std::size_t kMostNames = 200;          // of bodies that are left out
 constexpr double kThousand = 1000.0;
 
 Json notes_of(const Hdf5File& file, const NoteKind& kind, Json& left_out) {
@@ -110,14 +110,15 @@ Json mode_shapes(const Hdf5File& file) {
       if (!std::all_of(lines.begin(), lines.end(), [&](double i) { return i >= 0.0 && i < static_cast<double>(n); }))
         bad_content(file, path + "/lines", "indices of points", "others");
 
-      const std::size_t fixed = (stride + 2 * of_lines[0]) * kBytesPerNumber;
+      const std::size_t fixed = (stride + 2 * of_lines[0]) * kBytesPerShortNumber;
       std::size_t shown = 0;
-      if (n > 0 && bytes + fixed < kPictureBytes) shown = std::min(modes, (kPictureBytes - bytes - fixed) / (stride * kBytesPerNumber));
+      if (n > 0 && bytes + fixed < kPictureBytes)
+        shown = std::min(modes, (kPictureBytes - bytes - fixed) / (stride * kBytesPerShortNumber));
       if (shown == 0) {
         leave_out(bodies);
         continue;
       }
-      bytes += fixed + shown * stride * kBytesPerNumber;
+      bytes += fixed + shown * stride * kBytesPerShortNumber;
       modes_left_out += modes - shown;
       const double size = centre(points);
       Json drawn = Json::array(), at = Json::array(), ends = Json::array();

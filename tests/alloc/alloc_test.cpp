@@ -104,11 +104,11 @@ TEST(Alloc, RefinementOfForwardDynamics) {  // masses that grow by large ratios,
   EXPECT_TRUE(ok);
 }
 
-class Run : public testing::TestWithParam<const char*> {};
+class ARun : public testing::TestWithParam<const char*> {};
 
 // A tree with flexible bodies, ledgers, wrenches in both axes, springs, prescribed motion, a controller and an event.
 // The first 0.3 s warm up: the integrator makes its memory there.
-TEST_P(Run, AllocatesNothingOnceItIsUnderWay) {
+TEST_P(ARun, AllocatesNothingOnceItIsUnderWay) {
   for (const int level : {0, 1, 2}) {
     const RandomTree tree = random_tree(
         3, {.bodies = 8, .flexible = 0.6, .level = level, .prescribed = 0.15, .springs = true, .gravity = GravitySpec::Kind::central});
@@ -136,7 +136,7 @@ TEST_P(Run, AllocatesNothingOnceItIsUnderWay) {
     EXPECT_GT(events, before);
   }
 }
-INSTANTIATE_TEST_SUITE_P(By, Run, testing::Values("rk4", "dopri5"), [](const auto& method) { return std::string(method.param); });
+INSTANTIATE_TEST_SUITE_P(By, ARun, testing::Values("rk4", "dopri5"), [](const auto& method) { return std::string(method.param); });
 
 }  // namespace
 }  // namespace cardan::test

@@ -13,7 +13,6 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
-const Vector3d X = Vector3d::UnitX(), Y = Vector3d::UnitY(), Z = Vector3d::UnitZ();
 
 /// rho A = EI = L = 1 for bending in the x-y plane, and everything else so stiff that the lowest 19 modes are of that
 /// kind.

@@ -13,6 +13,8 @@
 
 namespace cardan::test {
 
+inline const Eigen::Vector3d X = Eigen::Vector3d::UnitX(), Y = Eigen::Vector3d::UnitY(), Z = Eigen::Vector3d::UnitZ();
+
 class Published {
  public:
   explicit Published(const std::string& id) : file_(YAML::LoadFile(CARDAN_SOURCE_DIR "/tests/reference/cases/" + id + ".yaml")) {

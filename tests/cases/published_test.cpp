@@ -3,12 +3,10 @@
 
 #include <gtest/gtest-spi.h>
 
-#include <limits>
+#include "tests/support/worse.hpp"
 
 namespace cardan::test {
 namespace {
-
-const double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 TEST(Published, NaNIsWithinNothing) {
   case_at_hand().clear();  // of no case

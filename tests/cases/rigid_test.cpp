@@ -11,7 +11,6 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 constexpr double kDegree = std::numbers::pi / 180.0;
-const Vector3d X = Vector3d::UnitX(), Y = Vector3d::UnitY(), Z = Vector3d::UnitZ();
 
 TEST(BranchedTree, FallsFromRestAsFeatherstoneSays) {
   const Published ref("rigid-rbdl-branched-tree");

@@ -11,7 +11,6 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
-const Vector3d X = Vector3d::UnitX(), Y = Vector3d::UnitY(), Z = Vector3d::UnitZ();
 constexpr double kRpm = std::numbers::pi / 30.0;
 
 /// Modified Rodrigues parameters of the shorter rotation.

@@ -4,8 +4,6 @@
 namespace cardan::test {
 namespace {
 
-const double kNaN = std::numeric_limits<double>::quiet_NaN(), kInfinity = std::numeric_limits<double>::infinity();
-
 /// The vector and the matrix 1, 2, 3, ... with x at one place, for every place and length up to what lanes hold twice.
 template <class F>
 void with_one(double x, F&& f) {

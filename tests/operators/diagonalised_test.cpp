@@ -23,8 +23,8 @@ std::vector<TreeOptions> kinds_with_gravity() {
 }
 TreeOptions hybrid_trees() { return {.bodies = 6, .flexible = 0.4, .prescribed = 0.3}; }
 
-struct Scene : Loaded {
-  explicit Scene(const RandomTree& tree) : Loaded(tree), ops(model) { move(state.q); }
+struct DiagonalisedScene : Loaded {
+  explicit DiagonalisedScene(const RandomTree& tree) : Loaded(tree), ops(model) { move(state.q); }
   void move(const VectorXd& q) {
     ops.at(q.data());
     std::vector<std::uint8_t> free(model->prescribed.size());
@@ -39,7 +39,7 @@ TEST(Diagonalised, MapsEnergyAndPower) {
     for_all_trees(
         options, kExact,
         [](const RandomTree& tree) {
-          Scene s(tree);
+          DiagonalisedScene s(tree);
           if (s.model->nv == 0) return 0.0;
           const VectorXd& v = s.state.v;
           const MatrixXd M = mass_matrix(*s.model, s.ws, s.state.q.data());
@@ -71,7 +71,7 @@ TEST(Diagonalised, FormWithoutSquareRoots) {
     for_all_trees(
         options, kExact,
         [](const RandomTree& tree) {
-          Scene s(tree);
+          DiagonalisedScene s(tree);
           if (s.model->nv == 0) return 0.0;
           const VectorXd& v = s.state.v;
           operators::Diagonalised form(s.ops, Form::rates);
@@ -104,7 +104,7 @@ TEST(Diagonalised, RateAlongTheMotion) {
       for_all_trees(
           options, 1e-11,
           [&](const RandomTree& tree) {
-            Scene s(tree);
+            DiagonalisedScene s(tree);
             const Model& m = *s.model;
             if (m.nv == 0) return 0.0;
             const VectorXd vdot = s.forward();
@@ -128,7 +128,7 @@ TEST(Diagonalised, GivenComponents) {  // no nu of their own; the rest comes bac
   for_all_trees(
       hybrid_trees(), kExact,
       [](const RandomTree& tree) {
-        Scene s(tree);
+        DiagonalisedScene s(tree);
         const Model& m = *s.model;
         if (m.nv == 0) return 0.0;
         operators::Diagonalised form(s.ops);
@@ -165,7 +165,7 @@ TEST(Diagonalised, Subtrees) {  // nu, its inverse and C of a subtree are those 
     for_all_trees(
         {.bodies = 6, .roots = 1, .flexible = flexible}, kExact,
         [](const RandomTree& tree) {
-          Scene s(tree);
+          DiagonalisedScene s(tree);
           double worst = 0.0;
           for (const auto& root : s.ops.bodies()) {
             TreeOperators part = s.ops.subgraph(s.ops.subtree(root.sweep));

@@ -15,8 +15,6 @@ namespace {
 using operators::linearize;
 using operators::LinearModel;
 
-std::size_t idx(int i) { return static_cast<std::size_t>(i); }
-
 LinearModel at_initial_state(const Model& model, const operators::LinearPorts& ports = {}) {
   const State s = model.initial_state();
   return linearize(model, {.q = s.q.data(), .v = s.v.data()}, ports);

@@ -15,9 +15,7 @@ namespace {
 
 using operators::Space;
 
-constexpr double kSame = 1e-12;
-
-std::size_t idx(int i) { return static_cast<std::size_t>(i); }
+constexpr double kSamePart = 1e-12;
 
 /// The bodies that take part, on the world where their inboard bodies hold them at this state.
 RandomTree on_their_own(const RandomTree& tree, Loaded& at, const TreeOperators& part) {
@@ -128,7 +126,7 @@ std::vector<TreeOptions> all_kinds(double prescribed = 0.2) {
 
 TEST(Part, InverseDynamicsAndInterBodyForces) {
   std::size_t rotors_left_out = 0, gaps = 0;
-  for_all_parts(all_kinds(), kSame, [&](Pair& p) {
+  for_all_parts(all_kinds(), kSamePart, [&](Pair& p) {
     rotors_left_out += p.part.part()->rotors_left_out.size();
     for (const cardan::Run& run : p.part.part()->still)
       for (int k = run.begin; k < run.end; ++k) gaps += p.part.part()->takes_part[idx(k)];

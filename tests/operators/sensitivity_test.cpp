@@ -41,8 +41,8 @@ std::vector<TreeOptions> kinds_of_small_trees() {
 }
 
 /// A tree with loads at its state; v' that of the tree's random accelerations.
-struct Scene : Loaded {
-  explicit Scene(const RandomTree& tree) : Loaded(tree), sens(model) { vdot = in_user_order(*model, tree.vdot); }
+struct LoadedScene : Loaded {
+  explicit LoadedScene(const RandomTree& tree) : Loaded(tree), sens(model) { vdot = in_user_order(*model, tree.vdot); }
   Inputs at_vdot() const {
     Inputs i = in();
     i.vdot = vdot.data();
@@ -86,7 +86,7 @@ TEST(Sensitivity, OfInverseDynamicsAgainstTheTwin) {
     for_all_trees(
         options, kDerivative,
         [](const RandomTree& tree) {
-          Scene s(tree);
+          LoadedScene s(tree);
           if (s.model->nv == 0) return 0.0;
           const DenseTwin<Quad> twin(tree.spec);
           const VectorQ q = s.state.q.cast<Quad>(), v = s.state.v.cast<Quad>(), vdot = s.vdot.cast<Quad>();
@@ -108,7 +108,7 @@ TEST(Sensitivity, OfForwardDynamicsAgainstTheTwin) {
     for_all_trees(
         options, 1e-11,
         [](const RandomTree& tree) {
-          Scene s(tree);
+          LoadedScene s(tree);
           if (s.model->nv == 0) return 0.0;
           const DenseTwin<Quad> twin(tree.spec);
           const VectorQ q = s.state.q.cast<Quad>(), v = s.state.v.cast<Quad>(), tau = s.tau.cast<Quad>();
@@ -139,7 +139,7 @@ TEST(Sensitivity, OfForwardDynamicsAgainstTheArticulatedSweeps) {
     for_all_trees(
         options, 1e-11,
         [](const RandomTree& tree) {
-          Scene s(tree);
+          LoadedScene s(tree);
           const Model& m = *s.model;
           if (m.nv == 0) return 0.0;
           const VectorXd u = s.direction(1), w = s.direction(2), f = s.direction(3), a = s.direction(4);
@@ -174,7 +174,7 @@ TEST(Sensitivity, MatricesAreMadeOfDirections) {  // and d v' = - M^-1 d ID, M d
     for_all_trees(
         options, kDerivative,
         [](const RandomTree& tree) {
-          Scene s(tree);
+          LoadedScene s(tree);
           if (s.model->nv == 0) return 0.0;
           s.sens.solve(s.in());
           const operators::InverseDerivatives inverse = s.sens.inverse();
@@ -197,7 +197,7 @@ TEST(Sensitivity, MassMatrixByExpressionBySweepAndByTheTwin) {
     for_all_trees(
         options, kDerivative,
         [](const RandomTree& tree) {
-          Scene s(tree);
+          LoadedScene s(tree);
           if (s.model->nv == 0) return 0.0;
           const VectorXd u = s.direction(1), w = s.direction(2);
           operators::TreeOperators ops(s.model);
@@ -214,7 +214,7 @@ TEST(Sensitivity, MassMatrixByExpressionBySweepAndByTheTwin) {
     for_all_trees(
         options, kDerivative,
         [](const RandomTree& tree) {
-          Scene s(tree);
+          LoadedScene s(tree);
           if (s.model->nv == 0) return 0.0;
           const VectorXd u = s.direction(1), w = s.direction(2);
           const DenseTwin<Quad> twin(tree.spec);
@@ -238,7 +238,7 @@ TEST(Sensitivity, InTheInertiaOfABody) {
     for_all_trees(
         options, kDerivative,
         [](const RandomTree& tree) {
-          Scene s(tree);
+          LoadedScene s(tree);
           if (s.model->nv == 0) return 0.0;
           s.sens.at(s.at_vdot());
           const VectorQ q = s.state.q.cast<Quad>(), v = s.state.v.cast<Quad>(), vdot = s.vdot.cast<Quad>();
@@ -284,7 +284,7 @@ TEST(Sensitivity, InTheInertiaOfABodyAgainstOtherModels) {
     for_all_trees(
         options, 1e-11,
         [](const RandomTree& tree) {
-          Scene s(tree);
+          LoadedScene s(tree);
           const Model& m = *s.model;
           if (m.nv == 0) return 0.0;
           s.sens.solve(s.in());
@@ -330,7 +330,7 @@ TEST(Sensitivity, InertiasTimesTheirDerivativesAreTheForces) {
       [](const RandomTree& tree) {
         RandomTree bare = tree;
         bare.loads.clear();
-        Scene s(bare);
+        LoadedScene s(bare);
         if (s.model->nv == 0) return 0.0;
         s.sens.at(s.at_vdot());
         VectorXd sum = VectorXd::Zero(s.model->nv);
@@ -353,7 +353,7 @@ TEST(Sensitivity, InModalStiffness) {
   for_all_trees(
       options, 1e-12,
       [](const RandomTree& tree) {
-        Scene s(tree);
+        LoadedScene s(tree);
         if (s.model->nv == 0) return 0.0;
         s.sens.solve(s.in());
         const MatrixXd M = mass_matrix(*s.model, s.ws, s.state.q.data());
@@ -370,7 +370,7 @@ TEST(Sensitivity, InModalStiffness) {
               data->K(i, j) += 1.0;
               if (i != j) data->K(j, i) += 1.0;
               stiffer.spec.bodies[b].modal = data;
-              Scene other(stiffer);
+              LoadedScene other(stiffer);
               const VectorXd change = other.inverse(s.sens.vdot()) - s.inverse(s.sens.vdot());
               worst = worse(worst, differ(full.col(column), change, largest(s.sens.tau()) + largest(s.vdot) * largest(M)));
               if (i == j) worst = worse(worst, differ(full.col(column), diagonal.col(i)));
@@ -385,7 +385,7 @@ TEST(Sensitivity, InModalStiffness) {
 
 TEST(Sensitivity, InertiaOfAFlexibleBodyIsRefused) {
   TreeOptions options{.bodies = 2, .flexible = 1.0};
-  Scene s(random_tree(3, options));
+  LoadedScene s(random_tree(3, options));
   s.sens.at(s.in());
   EXPECT_THROW(s.sens.inverse_in_inertia(0), InputError);
   EXPECT_THROW(s.sens.inverse_in_inertia(7), InputError);
@@ -400,7 +400,7 @@ TEST(Sensitivity, DerivativesAreGalileanInvariant) {
   for_all_trees(
       options, 1e-12,
       [](const RandomTree& tree) {
-        Scene s(tree);
+        LoadedScene s(tree);
         const UserBody& root = s.model->user[0];
         if (root.hinge_type != "free") return 0.0;
         s.sens.at(s.at_vdot());
@@ -442,7 +442,7 @@ TEST(Sensitivity, RatesOfTheKinematics) {
   for_all_trees(
       options, 1e-9,
       [](const RandomTree& tree) {
-        Scene s(tree);
+        LoadedScene s(tree);
         const Model& m = *s.model;
         if (m.nv == 0) return 0.0;
         const MatrixXd C = operators::kinematic_rates(m, s.state.q.data(), s.state.v.data());

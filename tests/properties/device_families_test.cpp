@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "core/sim/simulation.hpp"
+#include "tests/properties/accurate.hpp"
 #include "tests/properties/random_devices.hpp"
 
 namespace cardan::test {
@@ -13,17 +14,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-SimulationOptions accurate(const std::string& method = "dopri5") {
-  SimulationOptions o;
-  o.integrator.method = method;
-  o.integrator.relative_tolerance = 1e-11;
-  return o;
-}
 BodySpec free_bus(double mass) { return on(rigid("bus", mass, {0, 0, 0}, diagonal({20, 25, 30})), "", "free"); }
-DeviceSpec with_vector(DeviceSpec d, const std::string& key, const Vector3d& x) {
-  d.params[key].value = std::vector<double>(x.data(), x.data() + 3);
-  return d;
-}
 BodySpec hinged(double J) { return on(rigid("arm", 3.0, {0, 0, 0}, diagonal({J, J, J})), "", "revolute", {{0, 0, 1}}); }
 
 /// A pulse of 0.5 s of a valve that rises and falls with one time constant brings F times 0.5 s, exactly, whatever the steps.

@@ -12,18 +12,12 @@
 #include "core/sim/simulation.hpp"
 #include "core/soa/tangent.hpp"
 #include "tests/operators/compare.hpp"
+#include "tests/properties/accurate.hpp"
 #include "tests/properties/random_devices.hpp"
 #include "tests/properties/trees.hpp"
 
 namespace cardan::test {
 namespace {
-
-SimulationOptions accurate(const std::string& method = "dopri5") {
-  SimulationOptions o;
-  o.integrator.method = method;
-  o.integrator.relative_tolerance = 1e-11;
-  return o;
-}
 
 /// Two masses that fly free, joined by a spring of their distance: they swing at sqrt(k / mu) about the rest length, mu = m M / (m + M).
 TEST(SpringDamper, TwoFreeMassesSwingAtTheirFrequency) {
@@ -123,15 +117,6 @@ TEST(MomentumWheel, IsARotorOnABearing) {
   EXPECT_TRUE(as_device.ledger().pass);
 }
 
-const TreeOptions kAny;
-
-SimulationOptions krylov() {
-  SimulationOptions options = accurate("cvode_bdf");
-  options.integrator.linear_solver = "krylov";
-  options.ledger = false;
-  return options;
-}
-
 /// v' of the sweeps with devices is that of the dense twin with the same loads.
 TEST(Devices, AgreeWithTheDenseTwin) {
   for_all_trees(kAny, 1e-10, [](const RandomTree& tree) {
@@ -161,25 +146,6 @@ TEST(Devices, InternalOnesLeaveMomentumAlone) {
   });
 }
 
-/// J dx against differences of eighth order of the right-hand side.
-double jacobian_error(const SystemSpec& spec) {
-  Simulation sim(compiled(spec), krylov());
-  const OdeProblem ode = sim.ode();
-  if (ode.n == 0) return 0.0;
-  VectorXd x(ode.n), d(ode.n), got(ode.n), truth(ode.n), work(ode.n);
-  x << sim.state().q, sim.state().v, sim.state().z;
-  for (int i = 0; i < ode.n; ++i) d[i] = std::sin(2.7 * i + 0.3);
-  d.tail(sim.state().z.size()) *= 0.02;  // bristles bend by hundredths
-  bool good = true;
-  soa::derivative(
-      [&](double h, double* out) {
-        const VectorXd at = x + h * d;
-        good = good && ode.rhs(0.2, at.data(), out);
-      },
-      0.002, ode.n, truth.data(), work.data());
-  good = good && ode.rhs(0.2, x.data(), work.data()) && ode.jacobian_times(0.2, x.data(), d.data(), got.data());
-  return good ? apart(got, truth) : HUGE_VAL;
-}
 TEST(Devices, TakePartInTheJacobian) {
   for_all_trees(kAny, 1e-8, [](const RandomTree& tree) { return jacobian_error(with_devices(tree.spec, tree.seed)); });
 }

@@ -6,17 +6,11 @@
 
 #include "core/sim/reference_check.hpp"
 #include "core/sim/simulation.hpp"
+#include "tests/properties/accurate.hpp"
 #include "tests/properties/random_devices.hpp"
 
 namespace cardan::test {
 namespace {
-
-SimulationOptions accurate(const std::string& method = "dopri5", double relative = 1e-12) {
-  SimulationOptions o;
-  o.integrator.method = method;
-  o.integrator.relative_tolerance = relative;
-  return o;
-}
 
 /// Released at 1 m, each half swing ends 2 F / k nearer to the middle; where the spring no longer breaks it away it stays, for good.
 TEST(DryFriction, ASwingEndsWhereTheSpringNoLongerBreaksItAway) {

@@ -102,7 +102,7 @@ TEST(FieldGravity, BalanceMatchesPower) {
 }
 
 /// J dx of what BDF asks, in a field and with devices that read fields, against differences of the right-hand side.
-double jacobian_error(const SystemSpec& spec, const Registry& types = registry()) {
+double jacobian_error_in_field(const SystemSpec& spec, const Registry& types = registry()) {
   SimulationOptions options;
   options.integrator.method = "cvode_bdf";
   options.integrator.linear_solver = "krylov";
@@ -125,7 +125,7 @@ double jacobian_error(const SystemSpec& spec, const Registry& types = registry()
 TEST(FieldGravity, TakesPartInTheJacobian) {
   for (const TreeOptions& options : trees_about_a_centre())
     for_all_trees(
-        options, 1e-8, [](const RandomTree& tree) { return jacobian_error(by_field(tree.spec)); }, 4);
+        options, 1e-8, [](const RandomTree& tree) { return jacobian_error_in_field(by_field(tree.spec)); }, 4);
 }
 
 /// An attractor that runs along x, prepared once for a time; with a potential and without, with gradients and without.
@@ -423,7 +423,7 @@ TEST(FieldsOfDevices, TakePartInTheJacobian) {
                   device("drag", "drag", {{"area", 2.0}}, {{"at", "bus.tip"}})};
   spec.devices[0].inputs["moment_x"] = {5.0, {}};
   spec.devices[0].inputs["moment_z"] = {-3.0, {}};
-  EXPECT_LT(jacobian_error(spec), 1e-9);
+  EXPECT_LT(jacobian_error_in_field(spec), 1e-9);
 }
 
 TEST(FieldsOfDevices, DragTakesWhatItsFormulaSays) {
@@ -453,15 +453,6 @@ TEST(FieldsOfDevices, BeyondTheirLimitsAreRefusedOrHeld) {
   ASSERT_EQ(held.warnings().all().size(), 1u);
   EXPECT_EQ(held.warnings().all()[0].what.code, Code::field_held);
   EXPECT_NE(held.warnings().all()[0].what.about.find("air holds what it has at the end of what it knows (lowest)"), std::string::npos);
-}
-
-std::string refusal(const SystemSpec& spec) {
-  try {
-    compiled(spec);
-  } catch (const InputError& e) {
-    return e.what();
-  }
-  return "it compiled";
 }
 
 TEST(Fields, ThatAreNotThereAreRefusedByName) {

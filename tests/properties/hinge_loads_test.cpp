@@ -13,6 +13,7 @@
 #include "core/sim/fastest_motion.hpp"
 #include "core/sim/newton_operators.hpp"
 #include "core/sim/simulation.hpp"
+#include "tests/properties/accurate.hpp"
 #include "tests/properties/trees.hpp"
 #include "tests/support/builders.hpp"
 
@@ -28,12 +29,6 @@ SystemSpec slide(double mass, double x, double v, std::vector<HingeLoadSpec> loa
   b.hinge.loads = std::move(loads);
   b.hinge.springs = std::move(springs);
   return system({b});
-}
-
-SimulationOptions accurate() {
-  SimulationOptions o;
-  o.integrator.relative_tolerance = 1e-11;
-  return o;
 }
 
 /// k d^n/m without dissipation: the deepest point has (m v^2 / 2) = k d^(n+1) / (n+1), and the mass leaves as fast as it came.

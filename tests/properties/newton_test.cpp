@@ -3,18 +3,11 @@
 #include "core/sim/newton_operators.hpp"
 #include "core/soa/tangent.hpp"
 #include "tests/operators/compare.hpp"
+#include "tests/properties/accurate.hpp"
 #include "tests/properties/loaded_simulation.hpp"
 
 namespace cardan::test {
 namespace {
-
-SimulationOptions krylov() {
-  SimulationOptions options;
-  options.integrator.method = "cvode_bdf";
-  options.integrator.linear_solver = "krylov";
-  options.ledger = false;
-  return options;
-}
 
 /// The tree under its loads, prescribed components in motion.
 struct Scene {
@@ -46,7 +39,7 @@ VectorXd direction(int n, double turn) {
   return d;
 }
 
-double jacobian_error(const RandomTree& tree) {
+double jacobian_error_under_loads(const RandomTree& tree) {
   Scene s(tree);
   if (s.ode.n == 0) return 0.0;
   // a state such as CVODES has inside: no quaternion is of unit length
@@ -68,7 +61,7 @@ TEST(Jacobian, TimesADirectionIsTheDerivativeOfTheRightHandSide) {
       o.springs = true, o.locked = 0.1, o.gravity = gravity;
       for (const double prescribed : {0.0, 0.2}) {
         o.prescribed = prescribed;
-        for_all_trees(o, 1e-9, jacobian_error, 12);
+        for_all_trees(o, 1e-9, jacobian_error_under_loads, 12);
       }
     }
 }

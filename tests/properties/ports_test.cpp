@@ -10,13 +10,13 @@
 namespace cardan::test {
 namespace {
 
-struct None {};
+struct Nothing {};
 
 /// y = a + b, in the same evaluation.
 struct Adder {
   static constexpr const char *type = "adder", *summary = "y = a + b";
   static constexpr unsigned facts = 0;
-  using Packed = None;
+  using Packed = Nothing;
   static constexpr cardan_port_desc ports[] = {{"a", CARDAN_PORT_IN, "1", 0.0, 0, "input"},
                                                {"b", CARDAN_PORT_IN, "1", 0.0, 0, "input"},
                                                {"y", CARDAN_PORT_OUT, "1", 0.0, 3, "output"}};
@@ -30,7 +30,7 @@ struct Adder {
 struct Sampler {
   static constexpr const char *type = "sampler", *summary = "holds x";
   static constexpr unsigned facts = 0;
-  using Packed = None;
+  using Packed = Nothing;
   static constexpr cardan_port_desc ports[] = {{"x", CARDAN_PORT_IN, "1", -1.0, 0, "input"},
                                                {"y", CARDAN_PORT_OUT, "1", 0.0, 0, "output"},
                                                {"n", CARDAN_PORT_OUT, "1", 0.0, 0, "ticks"}};
@@ -48,7 +48,7 @@ struct Sampler {
 struct Clock {
   static constexpr const char *type = "clock", *summary = "y = t";
   static constexpr unsigned facts = 0;
-  using Packed = None;
+  using Packed = Nothing;
   static constexpr cardan_port_desc ports[] = {{"y", CARDAN_PORT_OUT, "1", 0.0, 0, "time"}};
   template <class T>
   static void evaluate(const Packed&, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
@@ -60,7 +60,7 @@ struct Clock {
 struct Sum {
   static constexpr const char *type = "integral", *summary = "s' = x";
   static constexpr unsigned facts = 0;
-  using Packed = None;
+  using Packed = Nothing;
   static constexpr cardan_port_desc ports[] = {{"x", CARDAN_PORT_IN, "1", 0.0, 0, "input"},
                                                {"s", CARDAN_PORT_OUT, "1", 0.0, 0, "integral"}};
   static constexpr cardan_state_desc states[] = {{"s", "1", 0.0, 1.0, "integral"}};
@@ -92,7 +92,7 @@ DeviceSpec::Input delayed(const std::string& source, int ticks) {
   input.delay = ticks;
   return input;
 }
-std::string refusal(const std::vector<DeviceSpec>& devices) {
+std::string why_refused(const std::vector<DeviceSpec>& devices) {
   try {
     Simulation sim(with_own(devices), {});
     sim.run(0.01);
@@ -121,7 +121,7 @@ TEST(Ports, AnInputMayBeASumOfOutputs) {
 TEST(Ports, ALoopThroughASumIsRefusedAndSaysWhatHelps) {
   DeviceSpec a = block("a", "adder"), b = block("b", "adder");
   a.inputs["a"] = from("b.y"), b.inputs["a"] = {1.0, {}}, b.inputs["b"] = from("b.y + a.y");
-  const std::string told = refusal({a, b});
+  const std::string told = why_refused({a, b});
   EXPECT_NE(told.find("C1003"), std::string::npos) << told;
   EXPECT_NE(told.find("`delay: 1`"), std::string::npos) << told;
 }
@@ -176,7 +176,7 @@ TEST(Ports, ADeviceMayTickLater) {
   sim.run(0.25);
   EXPECT_EQ(sim.device_output(y + 1), 3.0);  // at 7, 107, 207 ms
   EXPECT_EQ(sim.device_output(y), 0.207);
-  EXPECT_NE(refusal({block("held", "sampler", 10.0, 0.1234567891234)}).find("devices.held.offset"), std::string::npos);
+  EXPECT_NE(why_refused({block("held", "sampler", 10.0, 0.1234567891234)}).find("devices.held.offset"), std::string::npos);
 }
 
 /// A script that stops speaking: its last command counts for 0.25 s, then the safe one. What it says in time keeps it alive, at the very
@@ -201,7 +201,7 @@ TEST(Ports, OptionsThatDoNotFitAreRefused) {
     DeviceSpec held = block("held", "sampler", 10.0);
     held.inputs["x"] = from("clock.y");
     change(held);
-    return refusal({block("clock", "clock"), held});
+    return why_refused({block("clock", "clock"), held});
   };
   EXPECT_EQ(told([](DeviceSpec&) {}), "none");
   EXPECT_NE(told([](DeviceSpec& d) { d.inputs["x"].safe = 1.0, d.inputs["x"].timeout = 1.0; }).find("a connection, which is never silent"),
@@ -218,10 +218,10 @@ TEST(Ports, OptionsThatDoNotFitAreRefused) {
   EXPECT_NE(odd.find("0.3 s, or another rate of held"), std::string::npos) << odd;
   DeviceSpec sum = block("sum", "integral");
   sum.inputs["x"] = delayed("clock.y", 1);
-  EXPECT_NE(refusal({block("clock", "clock"), sum}).find("none: both are continuous"), std::string::npos);
+  EXPECT_NE(why_refused({block("clock", "clock"), sum}).find("none: both are continuous"), std::string::npos);
   DeviceSpec unit = block("unit", "integral"), motor = device("wheel", "momentum_wheel", {{"inertia", 0.1}}, {{"at", "mass"}});
   unit.inputs["x"] = from("clock.y + wheel.momentum");
-  EXPECT_NE(refusal({block("clock", "clock"), motor, unit}).find("wheel.momentum in"), std::string::npos);
+  EXPECT_NE(why_refused({block("clock", "clock"), motor, unit}).find("wheel.momentum in"), std::string::npos);
 }
 
 /// The same bits as if the run had never stopped: what is under way in delays, and since when a command is silent.

@@ -4,6 +4,7 @@
 
 #include <random>
 
+#include "core/base/diagnostic.hpp"
 #include "tests/support/builders.hpp"
 
 namespace cardan::test {
@@ -17,6 +18,21 @@ inline DeviceSpec device(const std::string& name, const std::string& type, const
   for (const auto& [key, x] : numbers) d.params[key] = number(x);
   for (const auto& [key, target] : mounts) d.mounts[key] = {target, {}};
   return d;
+}
+
+inline DeviceSpec with_vector(DeviceSpec d, const std::string& key, const Eigen::Vector3d& x) {
+  d.params[key].value = std::vector<double>(x.data(), x.data() + 3);
+  return d;
+}
+
+/// What is said of a system that is refused.
+inline std::string refusal(const SystemSpec& spec) {
+  try {
+    compiled(spec);
+  } catch (const InputError& e) {
+    return e.what();
+  }
+  return "it compiled";
 }
 
 /// Springs between nodes, wheels on nodes, friction on hinges.

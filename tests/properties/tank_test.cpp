@@ -14,6 +14,7 @@
 #include "core/sim/simulation.hpp"
 #include "core/soa/tangent.hpp"
 #include "tests/operators/compare.hpp"
+#include "tests/properties/accurate.hpp"
 #include "tests/properties/random_devices.hpp"
 #include "tests/properties/trees.hpp"
 
@@ -22,21 +23,11 @@ namespace {
 
 constexpr double kG0 = 9.80665;  // [m/s^2]
 
-SimulationOptions accurate(const std::string& method = "dopri5", double relative = 1e-12) {
-  SimulationOptions o;
-  o.integrator.method = method;
-  o.integrator.relative_tolerance = relative;
-  return o;
-}
 BodySpec with_node(BodySpec b, const std::string& name, const Vector3d& place) {
   NodeSpec node;
   node.name = name, node.position = place;
   b.nodes.push_back(node);
   return b;
-}
-DeviceSpec with_vector(DeviceSpec d, const std::string& key, const Vector3d& x) {
-  d.params[key].value = std::vector<double>(x.data(), x.data() + 3);
-  return d;
 }
 DeviceSpec tank(const std::string& at, double propellant, double radius, const std::string& flow) {
   DeviceSpec d = device("tank", "tank", {{"radius", radius}}, {{"at", at}});
@@ -207,8 +198,6 @@ SystemSpec with_tank(SystemSpec spec, unsigned seed) {
   }
   return spec;
 }
-const TreeOptions kAny;
-
 TEST(VaryingMass, AgreesWithTheDenseTwin) {
   for_all_trees(kAny, 1e-10, [](const RandomTree& tree) {
     SystemSpec spec = with_tank(tree.spec, tree.seed);
@@ -245,27 +234,6 @@ TEST(VaryingMass, IsInTheLedger) {
   }
 }
 
-double jacobian_error(const SystemSpec& spec) {
-  SimulationOptions options = accurate("cvode_bdf");
-  options.integrator.linear_solver = "krylov";
-  options.ledger = false;
-  Simulation sim(compiled(spec), options);
-  const OdeProblem ode = sim.ode();
-  if (ode.n == 0) return 0.0;
-  VectorXd x(ode.n), d(ode.n), got(ode.n), truth(ode.n), work(ode.n);
-  x << sim.state().q, sim.state().v, sim.state().z;
-  for (int i = 0; i < ode.n; ++i) d[i] = std::sin(2.7 * i + 0.3);
-  d.tail(sim.state().z.size()) *= 0.02;
-  bool good = true;
-  soa::derivative(
-      [&](double h, double* out) {
-        const VectorXd at = x + h * d;
-        good = good && ode.rhs(0.2, at.data(), out);
-      },
-      0.002, ode.n, truth.data(), work.data());
-  good = good && ode.rhs(0.2, x.data(), work.data()) && ode.jacobian_times(0.2, x.data(), d.data(), got.data());
-  return good ? apart(got, truth) : HUGE_VAL;
-}
 TEST(VaryingMass, TakesPartInTheJacobian) {
   for (const GravitySpec& g : {GravitySpec{}, uniform_gravity({0.5, -1, 2}), central_gravity(50.0, true, {7, 5, -6})})
     for_all_trees(
@@ -532,14 +500,6 @@ TEST(Tank, ThatIsFilledAgainGivesAgain) {
   }
 }
 
-std::string refusal(const SystemSpec& spec) {
-  try {
-    compiled(spec);
-  } catch (const InputError& e) {
-    return e.what();
-  }
-  return "it compiled";
-}
 TEST(Tank, RefusesWhatItCannotCarry) {
   SystemSpec spec = system({on(rigid("bus", 400.0, {0, 0, 0}, diagonal({60, 70, 80})), "", "free")});
   spec.devices = {tank("bus", 300.0, 0.4, "jet.flow"), thruster("jet", "bus", 1.0, 220.0, {1, 0, 0})};

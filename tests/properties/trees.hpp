@@ -19,6 +19,9 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
+inline std::size_t idx(int i) { return static_cast<std::size_t>(i); }
+
+inline const TreeOptions kAny;
 using Property = std::function<double(const RandomTree&)>;
 
 /// The error, infinite where the property throws or is no number.

@@ -15,7 +15,8 @@ namespace {
 using nlohmann::json;
 
 const std::string kSource = CARDAN_SOURCE_DIR;
-const std::string kMission = "vehicle \"v.yaml\"\nmission { duration = 1, integrator = { method = \"dopri5\" }, output = { rate = 10 } }\n";
+const std::string kBoomMission =
+    "vehicle \"v.yaml\"\nmission { duration = 1, integrator = { method = \"dopri5\" }, output = { rate = 10 } }\n";
 
 /// A boom of 15 m with 5 kg at its tip on a hub that flies freely; numbers of tubes, section 1.5 mm wall, as published by nobody.
 std::string boom(const std::string& boundary, int modes, const std::string& hinge, const std::string& material = "{E: 120 GPa, rho: 1600}",
@@ -35,7 +36,7 @@ bodies:
 
 class Physics : public testing::Test {
  protected:
-  void write(const std::string& vehicle, const std::string& mission = kMission) {
+  void write(const std::string& vehicle, const std::string& mission = kBoomMission) {
     std::ofstream(folder_ / "v.yaml") << vehicle;
     std::ofstream(folder_ / "scenario.lua") << mission;
   }
@@ -57,8 +58,6 @@ class Physics : public testing::Test {
   }
   TemporaryFolder folder_;
 };
-
-bool has(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
 
 // ---- attachment of free-free modes ----
 

@@ -14,8 +14,6 @@ namespace {
 
 using nlohmann::json;
 
-const std::string kMissions = CARDAN_SOURCE_DIR "/tests/scripts/missions";
-
 Finished cardan(const std::vector<std::string>& arguments, const std::string& folder = kMissions) { return run_program(arguments, folder); }
 
 /// The fields of the only error.
@@ -28,8 +26,6 @@ json error_of(std::vector<std::string> arguments) {
   EXPECT_EQ(all[0]["code"], "C0801");
   return all[0];
 }
-
-bool has(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
 
 /// Names of commands, from the overview.
 std::vector<std::string> commands() {

@@ -13,7 +13,7 @@ using nlohmann::json;
 
 const std::string kSeeds = CARDAN_SOURCE_DIR "/tests/fuzz/seeds";
 
-void make_scenario(const TemporaryFolder& dir, const std::string& rest) {
+void make_device_scenario(const TemporaryFolder& dir, const std::string& rest) {
   fs::copy(kSeeds + "/devices.yaml", dir / "vehicle.yaml");
   write(dir / "scenario.lua", R"lua(
 local sat = vehicle "vehicle.yaml"
@@ -23,7 +23,7 @@ mission { duration = 1, output = { rate = "20 Hz" }, checkpoint = { period = "0.
 
 TEST(DevicesInScripts, AreCommandedReadAndResumed) {
   const TemporaryFolder dir;
-  make_scenario(dir, R"lua(
+  make_device_scenario(dir, R"lua(
 local motor, imu, wheel = sat:device "motor", sat:device "imu", sat:device "wheel"
 controller { name = "c", rate = "10 Hz", step = function(t) motor:set("voltage", 2 - imu:get "rate_z" + 0.1 * wheel:get "momentum") end }
 figure { name = "warm", value = function() return motor:get "current" end }
@@ -52,7 +52,7 @@ TEST(DevicesInScripts, AnswerToWrongNames) {
       {"sat:device('motor'):set('voltage', 0 / 0)", "an input of device of motor", "a finite number", "nan"}};
   for (const auto& c : cases) {
     const TemporaryFolder dir;
-    make_scenario(dir, c.line);
+    make_device_scenario(dir, c.line);
     const Finished run = run_program({"run", ".", "--quiet", "--out", "out"}, dir.path());
     EXPECT_EQ(run.exit_code, 2) << c.line;
     for (const std::string& text :

@@ -8,16 +8,14 @@
 namespace cardan {
 namespace {
 
-const std::string kSlew = CARDAN_SOURCE_DIR "/scenarios/01_flexible_slew";
-
-Finished script(const std::string& text, const std::string& scene = kSlew) {
+Finished slew_script(const std::string& text, const std::string& scene = kSlew) {
   const TemporaryFolder dir;
   std::ofstream(dir / "look.lua") << text;
   return run_program({"workbench", scene, "--script", "look.lua"}, dir.path());
 }
 
 TEST(OperatorsInScripts, ComposeAsOnPaper) {
-  const Finished run = script(R"(
+  const Finished run = slew_script(R"(
 local s = sim:operators()
 local n = s:size("hinge")
 local vdot = vector({}) ; local numbers = {}
@@ -67,7 +65,7 @@ print(sub, s.mass:inv(), s.phi:star())
 
 TEST(OperatorsInScripts, RefuseWithTheLineOfTheScript) {
   const auto refused = [](const std::string& statement, const std::vector<std::string>& words) {
-    const Finished run = script("local s = sim:operators()\n" + statement);
+    const Finished run = slew_script("local s = sim:operators()\n" + statement);
     EXPECT_EQ(run.exit_code, 2) << statement << run.err;
     for (const std::string& word : words) EXPECT_NE(run.err.find(word), std::string::npos) << statement << "\n" << word << "\n" << run.err;
   };
@@ -97,7 +95,7 @@ TEST(OperatorsInScripts, RefuseWithTheLineOfTheScript) {
 }
 
 TEST(OperatorsInScripts, AComponentHasTheSameNamesEverywhere) {
-  const Finished run = script(R"(
+  const Finished run = slew_script(R"(
 local s = sim:operators()
 local function same(a, b, what) assert(a == b or (a - b):max_abs() == 0, what) end
 local function passive(...) return s:passive { ... }:coupling() end
@@ -122,7 +120,7 @@ assert(left:rate() == left:rate "angle" and left:angle "rate" == left:angle() an
 }
 
 TEST(OperatorsInScripts, TaskSpaceControlHasItsDrift) {  // Jdot v against a difference of J v along the motion
-  const Finished run = script(R"(
+  const Finished run = slew_script(R"(
 local s, v = sim:operators(), sim:v()
 local names = sim:q():labels().names
 for i, name in ipairs(v:labels().names) do v[i] = name:find "rate$" and 0.1 * math.sin(3 * i) or 0 end  -- joints alone
@@ -147,12 +145,12 @@ local twice = s:task { nodes = { "hand.tool", "hand.tool" } }
 local ok, why = pcall(twice.require_full_rank, twice)
 assert(not ok and tostring(why):find("rank 6 of 12 rows", 1, true), tostring(why))
 )",
-                              CARDAN_SOURCE_DIR "/scenarios/02_free_flying_arm");
+                                   CARDAN_SOURCE_DIR "/scenarios/02_free_flying_arm");
   EXPECT_EQ(run.exit_code, 0) << run.err;
 }
 
 TEST(OperatorsInScripts, ModesSayWhatTheyAre) {
-  const Finished run = script(R"(
+  const Finished run = slew_script(R"(
 local modes = tostring(sim:system_modes { elastic = 2 })
 assert(modes:find("10 rigid-body and 2 elastic modes", 1, true), modes)
 assert(modes:find("wing_left %d+ %%") and modes:find("wing_left.eta", 1, true), modes)
@@ -184,7 +182,7 @@ check { name = "angle", value = function() return rod:angle() end, equal = { mat
 }
 
 TEST(OperatorsInScripts, AnalysesAgreeWithTheLetters) {
-  const Finished run = script(R"(
+  const Finished run = slew_script(R"(
 local s, v = sim:operators(), sim:v()
 local n = s:size("hinge")
 local function near(a, b, what, tolerance) assert((a - b):max_abs() <= (tolerance or 1e-11) * b:max_abs(), what) end
@@ -232,7 +230,7 @@ assert(sim:derivatives("bus").tau:cols() == 10 and sim:derivatives("wing_left").
 }
 
 TEST(OperatorsInScripts, AnalysesOfAPart) {
-  const Finished run = script(R"(
+  const Finished run = slew_script(R"(
 local function near(a, b, what, tolerance) assert((a - b):max_abs() <= (tolerance or 1e-11) * b:max_abs(), what) end
 local whole = sim:operators()
 near(whole:derivatives().vdot_q, sim:derivatives().vdot_q, "derivatives")
@@ -265,7 +263,7 @@ for i, name in ipairs(r.q:labels().names) do assert(r.q[i] == sim:q()[i] or name
                                                                                         {"derivatives('bus')", "C0201"},
                                                                                         {"bias({1, 2})", "C0502"},
                                                                                         {"interbody_forces{w = 1}", "C0104"}}) {
-    const Finished refused = script("local x = sim:operators():subtree('wing_left'):" + statement);
+    const Finished refused = slew_script("local x = sim:operators():subtree('wing_left'):" + statement);
     EXPECT_EQ(refused.exit_code, 2) << statement << refused.err;
     EXPECT_NE(refused.err.find(code), std::string::npos) << statement << "\n" << refused.err;
     EXPECT_NE(refused.err.find("look.lua:1"), std::string::npos) << statement << "\n" << refused.err;
@@ -273,7 +271,7 @@ for i, name in ipairs(r.q:labels().names) do assert(r.q[i] == sim:q()[i] or name
 }
 
 TEST(OperatorsInScripts, InverseKinematicsOfTheArm) {
-  const Finished run = script(R"(
+  const Finished run = slew_script(R"(
 local hand = sim:vehicle():node "hand.tool"
 local x, y, z = hand:position()
 local w, a, b, c = hand:attitude()
@@ -288,7 +286,7 @@ local far = sim:inverse_kinematics { targets = { { node = "hand.tool", position 
 assert(not far.reached and far.residual > 40 and far.message:find("cannot be reached"))
 assert(not pcall(sim.inverse_kinematics, sim, { targets = { { node = "hand.tool" } } }))
 )",
-                              CARDAN_SOURCE_DIR "/scenarios/02_free_flying_arm");
+                                   CARDAN_SOURCE_DIR "/scenarios/02_free_flying_arm");
   EXPECT_EQ(run.exit_code, 0) << run.err;
 }
 

@@ -16,8 +16,6 @@ namespace {
 namespace fs = std::filesystem;
 const std::string kPlugins = CARDAN_BINARY_DIR "/plugins/";
 
-bool has(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
-
 /// A folder with the plugin as p.so, and a scenario that uses the hinge faulty/slide.
 struct PluginFolder : TemporaryFolder {
   explicit PluginFolder(const std::string& plugin = "faulty.so") {
@@ -74,10 +72,10 @@ TEST(Plugins, WhatIsNoPluginIsAnswered) {
   EXPECT_EQ(deleted.exit_code, 2) << deleted.err;
 }
 
-struct Fault {
+struct PluginFault {
   const char *name, *code, *text;
 };
-class FaultyPlugin : public testing::TestWithParam<Fault> {};
+class FaultyPlugin : public testing::TestWithParam<PluginFault> {};
 
 // `check` refuses it as an input; so does `check-plugin`, or it tells the list of what is wrong with a family.
 TEST_P(FaultyPlugin, IsAnswered) {
@@ -95,25 +93,29 @@ TEST_P(FaultyPlugin, IsAnswered) {
 }
 INSTANTIATE_TEST_SUITE_P(
     Every, FaultyPlugin,
-    testing::Values(
-        Fault{"refuses", "C0603", "it refused"}, Fault{"refuses_with_a_reason", "C0603", "it refused: no licence on?this machine"},
-        Fault{"no_families", "C0602", "families of one of the kinds \"hinge\", \"body.draft1\""},
-        Fault{"short_table", "C0604", "struct_size: 40, expected at least"}, Fault{"short_params", "C0604", "param_size: 8, expected"},
-        Fault{"other_major", "C0603", "ABI 99."}, Fault{"newer_minor", "C0603", "ABI 2.99"}, Fault{"null_name", "C0602", "a null pointer"},
-        Fault{"null_family", "C0602", "a null pointer"}, Fault{"short_plugin", "C0602", "struct_size = 8"},
-        Fault{"endless_families", "C0602", "a table again at index 1"}, Fault{"null_type", "C0604", "type: null"},
-        Fault{"null_params", "C0604", "params: null"}, Fault{"many_params", "C0604", "n_params: 1000000"},
-        Fault{"null_units", "C0604", "v_units: null"}, Fault{"small_params", "C0604", "pack writes 8 bytes, 0 are its own"},
-        Fault{"law", "C0604", "linear part of Ht v"}, Fault{"crash_load", "C0601", "Segmentation fault, in the loading of the library"},
-        Fault{"crash_entry", "C0604", "Segmentation fault, in cardan_plugin_entry"},
-        Fault{"crash_family", "C0604", "Segmentation fault, in family(\"hinge\", 0)"},
-        Fault{"crash_pack", "C0604", "Segmentation fault, in pack of hinge \"faulty/slide\""},
-        Fault{"abort_kinematics", "C0604", "Aborted, in kinematics of hinge \"faulty/slide\""},
-        Fault{"exit_pack", "C0604", "the process was ended (exit), in pack of"},
-        Fault{"exit_kinematics", "C0604", "the process was ended (exit), in kinematics"},
-        Fault{"throw_entry", "C0604", "an exception in cardan_plugin_entry"},
-        Fault{"throw_qdot", "C0604", "an exception in hinge \"faulty/slide\""}, Fault{"error_pack", "C0604", "no luck today"},
-        Fault{"loop_kinematics", "C0604", ", in kinematics of hinge \"faulty/slide\""}),
+    testing::Values(PluginFault{"refuses", "C0603", "it refused"},
+                    PluginFault{"refuses_with_a_reason", "C0603", "it refused: no licence on?this machine"},
+                    PluginFault{"no_families", "C0602", "families of one of the kinds \"hinge\", \"body.draft1\""},
+                    PluginFault{"short_table", "C0604", "struct_size: 40, expected at least"},
+                    PluginFault{"short_params", "C0604", "param_size: 8, expected"}, PluginFault{"other_major", "C0603", "ABI 99."},
+                    PluginFault{"newer_minor", "C0603", "ABI 2.99"}, PluginFault{"null_name", "C0602", "a null pointer"},
+                    PluginFault{"null_family", "C0602", "a null pointer"}, PluginFault{"short_plugin", "C0602", "struct_size = 8"},
+                    PluginFault{"endless_families", "C0602", "a table again at index 1"}, PluginFault{"null_type", "C0604", "type: null"},
+                    PluginFault{"null_params", "C0604", "params: null"}, PluginFault{"many_params", "C0604", "n_params: 1000000"},
+                    PluginFault{"null_units", "C0604", "v_units: null"},
+                    PluginFault{"small_params", "C0604", "pack writes 8 bytes, 0 are its own"},
+                    PluginFault{"law", "C0604", "linear part of Ht v"},
+                    PluginFault{"crash_load", "C0601", "Segmentation fault, in the loading of the library"},
+                    PluginFault{"crash_entry", "C0604", "Segmentation fault, in cardan_plugin_entry"},
+                    PluginFault{"crash_family", "C0604", "Segmentation fault, in family(\"hinge\", 0)"},
+                    PluginFault{"crash_pack", "C0604", "Segmentation fault, in pack of hinge \"faulty/slide\""},
+                    PluginFault{"abort_kinematics", "C0604", "Aborted, in kinematics of hinge \"faulty/slide\""},
+                    PluginFault{"exit_pack", "C0604", "the process was ended (exit), in pack of"},
+                    PluginFault{"exit_kinematics", "C0604", "the process was ended (exit), in kinematics"},
+                    PluginFault{"throw_entry", "C0604", "an exception in cardan_plugin_entry"},
+                    PluginFault{"throw_qdot", "C0604", "an exception in hinge \"faulty/slide\""},
+                    PluginFault{"error_pack", "C0604", "no luck today"},
+                    PluginFault{"loop_kinematics", "C0604", ", in kinematics of hinge \"faulty/slide\""}),
     [](const auto& tested) { return std::string(tested.param.name); });
 
 // ---- the codes with their whole text ----

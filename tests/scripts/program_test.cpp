@@ -18,8 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-const std::string kScripts = CARDAN_SOURCE_DIR "/tests/scripts";
-const std::string kMissions = kScripts + "/missions", kErrors = kScripts + "/errors";
+const std::string kErrors = kScripts + "/errors";
 
 std::vector<std::string> folders_of(const std::string& path) {
   std::vector<std::string> names;

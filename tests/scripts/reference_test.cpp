@@ -13,7 +13,6 @@ namespace cardan {
 namespace {
 
 using Names = std::set<std::string>;
-const std::string kSlew = CARDAN_SOURCE_DIR "/scenarios/01_flexible_slew";
 
 /// Functions and fields of each class of meta.lua; "" has the global functions.
 struct Meta {
@@ -56,7 +55,7 @@ Meta read_meta() {
 }
 
 /// "one of: a, b, c" and the like in the answers to a name that does not exist.
-Names offered(const std::string& text, const std::string& before) {
+Names names_after(const std::string& text, const std::string& before) {
   const std::size_t at = text.find(before);
   Names out;
   if (at == std::string::npos) return out;
@@ -102,7 +101,7 @@ TEST(ScriptReference, HasEveryMethodThatObjectsHave) {
     std::replace(line.begin(), line.end(), '~', '\n');
     Names found;
     for (const char* before : {"one of: ", "or a method: ", "one of "})
-      if (found.empty()) found = offered(line, before);
+      if (found.empty()) found = names_after(line, before);
     Names known = meta.all_functions(name);
     if (name == "Operators") known.insert(meta.fields.at(name).begin(), meta.fields.at(name).end());
     EXPECT_EQ(found, known) << name << "\n" << line;
@@ -114,7 +113,7 @@ TEST(ScriptReference, HasEveryGlobalOfTheProgram) {
   const Meta meta = read_meta();
   const Finished run =
       look("local names = {} for name in pairs(_G) do names[#names + 1] = name end print('one of: ' .. table.concat(names, ', '))");
-  Names found = offered(run.out, "one of: ");
+  Names found = names_after(run.out, "one of: ");
   for (const char* of_lua : {"_G",     "_VERSION",     "assert", "coroutine", "error",    "getmetatable", "ipairs", "load",   "math",
                              "next",   "pairs",        "pcall",  "print",     "rawequal", "rawget",       "rawlen", "rawset", "require",
                              "select", "setmetatable", "string", "table",     "tonumber", "tostring",     "type",   "utf8",   "xpcall"})
@@ -127,7 +126,7 @@ TEST(ScriptReference, HasEveryGlobalOfTheProgram) {
     const std::string text{std::istreambuf_iterator<char>(in), {}};
     const Finished names =
         look(std::string("local n = {} for k in pairs(") + module + ") do n[#n + 1] = k end print('one of: ' .. table.concat(n, ', '))");
-    for (const std::string& name : offered(names.out, "one of: "))
+    for (const std::string& name : names_after(names.out, "one of: "))
       EXPECT_NE(text.find(std::string("function ") + module + "." + name), std::string::npos) << name;
   }
 }
@@ -157,7 +156,7 @@ TEST(ScriptReference, HasEveryKeyOfTheTablesThatAreRead) {
     std::ofstream(dir / "scenario.lua") << begin + statement;
     std::ofstream(dir / "vehicle.yaml") << file_text(CARDAN_SOURCE_DIR "/tests/scripts/errors/pendulum.yaml");
     const Finished run = run_program({"check", "."}, dir.path());
-    EXPECT_EQ(offered(run.err, "one of the keys: "), meta.fields.at(name)) << name << "\n" << run.err;
+    EXPECT_EQ(names_after(run.err, "one of the keys: "), meta.fields.at(name)) << name << "\n" << run.err;
   }
 }
 

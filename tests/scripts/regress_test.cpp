@@ -18,8 +18,6 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-bool has(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
-
 /// The golden file that docs/golden.md prints, about the pendulum of tests/scripts/missions.
 std::string printed() {
   const std::string page = file_text(CARDAN_SOURCE_DIR "/docs/golden.md"), fence = "```yaml\n";
@@ -237,13 +235,6 @@ std::string recorded(const std::string& file = "reference.h5", const std::string
   std::string golden = printed();
   golden = replaced(golden.substr(0, golden.find("    reference:")), "    absolute: 1e-8 rad\n", "");
   return replaced(golden, "class: integration", "class: same bits") + "    reference: {recorded: " + file + more + "}\n";
-}
-
-/// What the files of a case hold, by their names.
-std::map<std::string, std::string> content_of(const fs::path& folder) {
-  std::map<std::string, std::string> all;
-  for (const auto& entry : fs::directory_iterator(folder)) all[entry.path().filename()] = file_text(entry.path());
-  return all;
 }
 
 TEST_F(Regress, WhatCannotBeRecordedIsRefusedBeforeAnythingIsTouched) {

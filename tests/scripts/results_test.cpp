@@ -30,7 +30,6 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-const std::string kScripts = CARDAN_SOURCE_DIR "/tests/scripts", kMissions = kScripts + "/missions";
 constexpr const char* kLong = "mission.duration=10000 day";  // ended by the test
 
 /// Rows of results; fails unless all channels have as many.
@@ -41,23 +40,9 @@ std::size_t rows_of(const std::string& out) {
   return rows;
 }
 
-/// Names and bytes of all files.
-std::vector<std::pair<std::string, std::string>> content_of(const std::string& folder) {
-  std::vector<std::pair<std::string, std::string>> all;
-  for (const auto& entry : fs::directory_iterator(folder))
-    all.emplace_back(entry.path().filename().string(), entry.is_regular_file() ? file_text(entry.path()) : "");
-  std::sort(all.begin(), all.end());
-  return all;
-}
-
 /// A run that has written its header and goes on.
 void expect_under_way(const std::string& out) {
   ASSERT_TRUE(wait_until([&] { return fs::exists(out + "/run.h5"); }));
-}
-
-void make_scenario(const TemporaryFolder& dir, const std::string& mission) {
-  fs::copy(kScripts + "/errors/pendulum.yaml", dir / "vehicle.yaml");
-  write(dir / "scenario.lua", mission);
 }
 
 TEST(Results, OfARunSurviveASecondOneIntoTheSameFolder) {

@@ -16,8 +16,6 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-const std::string kScripts = CARDAN_SOURCE_DIR "/tests/scripts";
-
 /// A pendulum on a controller that remembers, draws and records; phases, events, a line, a warning.
 const char* kMission = R"lua(
 local sat = vehicle "vehicle.yaml"
@@ -40,11 +38,6 @@ event { name = "passes", when = function() return rod:angle() - 0.05 end, action
 check { name = "crossings", value = function() return m.crossings end, above = 2 }
 figure { name = "integral", value = function() return m.integral end }
 )lua";
-
-void make_scenario(const TemporaryFolder& dir, const std::string& mission) {
-  fs::copy(kScripts + "/errors/pendulum.yaml", dir / "vehicle.yaml");
-  write(dir / "scenario.lua", mission);
-}
 
 /// Equal but for the time that it took.
 void expect_same_results(const std::string& a, const std::string& b) {

@@ -75,9 +75,23 @@ std::map<std::string, std::vector<double>> channels_of(const std::string& out) {
   return all;
 }
 
+std::map<std::string, std::string> content_of(const std::string& path) {
+  std::map<std::string, std::string> all;
+  for (const auto& entry : std::filesystem::directory_iterator(path))
+    all[entry.path().filename()] = entry.is_regular_file() ? file_text(entry.path()) : "";
+  return all;
+}
+
+bool has(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+
 std::string replaced(std::string text, const std::string& what, const std::string& with) {
   for (std::size_t at = 0; (at = text.find(what, at)) != std::string::npos; at += with.size()) text.replace(at, what.size(), with);
   return text;
+}
+
+void make_scenario(const TemporaryFolder& dir, const std::string& mission) {
+  std::filesystem::copy(kScripts + "/errors/pendulum.yaml", dir / "vehicle.yaml");
+  write(dir / "scenario.lua", mission);
 }
 
 }  // namespace cardan

@@ -11,6 +11,9 @@
 
 namespace cardan {
 
+inline const std::string kScripts = CARDAN_SOURCE_DIR "/tests/scripts", kMissions = kScripts + "/missions";
+inline const std::string kSlew = CARDAN_SOURCE_DIR "/scenarios/01_flexible_slew";
+
 struct Finished {
   int exit_code;  // -1: ended by a signal
   std::string out, err;
@@ -43,6 +46,12 @@ void write(const std::string& path, const std::string& text);
 nlohmann::json summary_of(const std::string& out);
 /// All channels and the times, by their paths.
 std::map<std::string, std::vector<double>> channels_of(const std::string& out);
+/// Names and bytes of all files in the folder `path`; of a folder in it the name alone.
+std::map<std::string, std::string> content_of(const std::string& path);
+bool has(const std::string& text, const std::string& part);
 std::string replaced(std::string text, const std::string& what, const std::string& with);
+
+/// A scenario of a pendulum in `dir`, with this script.
+void make_scenario(const TemporaryFolder& dir, const std::string& mission);
 
 }  // namespace cardan

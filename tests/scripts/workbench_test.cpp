@@ -21,7 +21,6 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-const std::string kMissions = CARDAN_SOURCE_DIR "/tests/scripts/missions";
 const std::string kPendulum = kMissions + "/pendulum", kPhases = kMissions + "/phases";
 
 /// The lines through a pipe; what is told about errors stands between the values, as a person sees it.

@@ -35,7 +35,7 @@ MassNode mass_node(const json& j, int n_modes) {
 }
 
 /// Modal data under construction: BodySpec holds a const one.
-struct Draft {
+struct BodyRead {
   BodySpec body;
   std::shared_ptr<ModalData> modal;
 
@@ -61,8 +61,8 @@ void set_rigid(BodySpec& body, const std::vector<MassNode>& nodes) {
   }
 }
 
-Draft read_body(const json& j) {
-  Draft out;
+BodyRead read_body(const json& j) {
+  BodyRead out;
   out.body.name = j.value("name", "b1");
   const int m = j["nmodes"].get<int>();
   std::vector<MassNode> nodes;
@@ -123,7 +123,7 @@ void set_initial_state(Case& c) {
 }
 
 void read_single_body(Case& c) {
-  Draft draft = read_body(c.json);
+  BodyRead draft = read_body(c.json);
   draft.body.hinge.type = "free_body";
   draft.body.modal = draft.modal;
   c.spec.bodies.push_back(draft.body);
@@ -140,9 +140,9 @@ void read_system(Case& c) {
   const json& model = c.json["model"];
   c.spec.gravity.kind = GravitySpec::Kind::uniform;
   c.spec.gravity.g = vector<double>(model["gravity"]);
-  std::vector<Draft> drafts;
+  std::vector<BodyRead> drafts;
   for (const json& j : model["bodies"]) {
-    Draft draft = read_body(j);
+    BodyRead draft = read_body(j);
     HingeSpec& hinge = draft.body.hinge;
     hinge.type = j["hinge"]["type"];
     hinge.params = hinge_params(j["hinge"]);
@@ -153,7 +153,7 @@ void read_system(Case& c) {
       hinge.onode_position = vector<double>(j["attach"]["pos"]);
       hinge.onode_R = rotation(j["attach"]);
     } else {
-      Draft& inboard = drafts[parent - 1];
+      BodyRead& inboard = drafts[parent - 1];
       hinge.inboard_body = inboard.body.name;
       hinge.inboard_node = "o_" + draft.body.name;
       inboard.add_node(hinge.inboard_node, j["attach"]);
@@ -162,13 +162,13 @@ void read_system(Case& c) {
   }
   const json points = c.json.value("nodes", json::array());
   for (std::size_t i = 0; i < points.size(); ++i) {
-    Draft& on = drafts[points[i]["body"].get<int>() - 1];
+    BodyRead& on = drafts[points[i]["body"].get<int>() - 1];
     c.points.push_back({on.body.name, "n_" + std::to_string(i)});
     on.add_node(c.points[i].node, points[i]);
     const json& input = c.json["input"];
     if (input.contains("node_wrenches")) c.points[i].wrench = vector<double>(input["node_wrenches"][i]);
   }
-  for (Draft& draft : drafts) {
+  for (BodyRead& draft : drafts) {
     draft.body.modal = draft.modal;
     c.spec.bodies.push_back(std::move(draft.body));
   }

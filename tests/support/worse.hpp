@@ -7,6 +7,8 @@
 
 namespace cardan::test {
 
+inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN(), kInfinity = std::numeric_limits<double>::infinity();
+
 /// The largest of these, NaN if any of them is; what limits an error must be written so that NaN stays outside of it
 /// (EXPECT_LE, not EXPECT_FALSE(error > limit)).
 inline double worse(std::initializer_list<double> all) {

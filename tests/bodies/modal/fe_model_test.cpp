@@ -32,7 +32,7 @@ BeamModel beam() {
 }
 
 /// A small wing with everything on it: sandwich plate, yoke, a tip mass.
-FeModel wing(int nx = 10, int ny = 4) {
+FeModel wing_elements(int nx = 10, int ny = 4) {
   PlateModel p;
   p.length = 3.0;
   p.width = 1.2;
@@ -45,7 +45,7 @@ FeModel wing(int nx = 10, int ny = 4) {
 
 class Meshes : public testing::TestWithParam<int> {
  protected:
-  FeModel model() const { return GetParam() == 0 ? beam_mesh(beam(), {{0.7, {2, 0, 0}, Matrix3d::Zero()}}, {}) : wing(); }
+  FeModel model() const { return GetParam() == 0 ? beam_mesh(beam(), {{0.7, {2, 0, 0}, Matrix3d::Zero()}}, {}) : wing_elements(); }
 };
 
 // K sums terms that cancel; each is as large as the stiffest entry times the size of the body.
@@ -183,7 +183,7 @@ TEST(EffectiveMass, TendsToTheRigidMass) {
 }
 
 TEST(FreeModes, CarryNoMomentum) {
-  for (const FeModel& m : {beam_mesh(beam(), {}, {}), wing()}) {
+  for (const FeModel& m : {beam_mesh(beam(), {}, {}), wing_elements()}) {
     const FeModes modes = normal_modes(m, {}, 6, RigidModes::remove, {});
     const MatrixXd rigid = m.rigid_shapes().transpose() * (m.M * m.rigid_shapes());
     EXPECT_LE(largest(participation(m, modes)), 1e-12 * largest(rigid.diagonal().cwiseSqrt()));

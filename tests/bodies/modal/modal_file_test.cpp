@@ -10,13 +10,13 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <limits>
 
 #include "bodies/modal/lumped.hpp"
 #include "bodies/modal/modal_source.hpp"
 #include "core/io/hdf5_file.hpp"
 #include "tests/support/modal_samples.hpp"
 #include "tests/support/scratch.hpp"
+#include "tests/support/worse.hpp"
 
 namespace cardan {
 namespace {
@@ -24,9 +24,7 @@ namespace {
 using Values = std::vector<double>;
 using Shape = std::vector<std::size_t>;
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-using test::beam;
+using test::kNaN;
 using test::lumped;
 using test::scratch;
 
@@ -60,7 +58,7 @@ std::string with(const ModalData& data, const std::string& path, const Values& v
 
 TEST(ModalFile, WithoutAHashIsTaken) {
   EXPECT_EQ(answer(lumped(), [](Hdf5File&) {}), "accepted");
-  EXPECT_EQ(answer(beam(), [](Hdf5File&) {}), "accepted");
+  EXPECT_EQ(answer(test::beam(), [](Hdf5File&) {}), "accepted");
 }
 
 TEST(ModalFile, OfAnotherShapeIsRefusedBeforeItIsRead) {
@@ -95,7 +93,7 @@ TEST(ModalFile, OfAnotherShapeIsRefusedBeforeItIsRead) {
 }
 
 TEST(ModalFile, MayHaveNoDrawingButNoneThatCannotBe) {
-  const ModalData data = beam();
+  const ModalData data = test::beam();
   const std::size_t n = static_cast<std::size_t>(data.drawing.points.rows()), k = static_cast<std::size_t>(data.drawing.lines.rows());
   EXPECT_EQ(n, 9u);
   EXPECT_EQ(k, 8u);
@@ -127,7 +125,7 @@ TEST(ModalFile, WithCountsThatCannotBeIsRefused) {
 }
 
 TEST(ModalFile, OfNoPhysicalBodyIsRefusedAsLumpedMassesAre) {
-  const ModalData b = beam(), l = lumped();
+  const ModalData b = test::beam(), l = lumped();
   EXPECT_EQ(with(b, "/integrals/I1", {-1.0}, {}), "C0321");
   EXPECT_EQ(with(b, "/integrals/I1", {kNaN}, {}), "C0321");
   EXPECT_EQ(with(b, "/K", {-1, 0, 0, 0, 1, 0, 0, 0, 1}, {3, 3}), "C0321");
@@ -164,7 +162,7 @@ TEST(ModalFile, IsRefusedForWhatIsMissing) {
   for (const char* path : {"/K", "/integrals/I5", "/integrals/I7", "/n_modes", "/mass_nodes/2", "/nodes/1/position", "/nodes/count"})
     EXPECT_EQ(answer(lumped(), [&](Hdf5File& file) { file.remove(path); }), "C0702") << path;
   EXPECT_EQ(answer(lumped(), [](Hdf5File& file) { file.remove_attribute("/", "schema"); }), "C0702");
-  EXPECT_EQ(answer(beam(), [](Hdf5File& file) { file.remove("/integrals"); }), "C0321") << "and no mass nodes";
+  EXPECT_EQ(answer(test::beam(), [](Hdf5File& file) { file.remove("/integrals"); }), "C0321") << "and no mass nodes";
 }
 
 TEST(ModalFile, MayLeaveOutWhatFollowsFromTheRest) {

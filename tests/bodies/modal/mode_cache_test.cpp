@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Its modes leave out one that matters, so that there are warnings too.
-ModalSource wing() {
+ModalSource wing_with_warnings() {
   ModalSource s;
   PlateModel plate;
   plate.length = 5.0, plate.width = 2.0;
@@ -61,8 +61,8 @@ TEST(ModeCache, GivesTheSameBitsAndWarningsAsTheSolution) {
   const TemporaryFolder folder;
   const ModeCache cache(folder / "modes");
   Warnings plain, first, second;
-  const ModalData solved = make_modal_data(wing(), &plain);
-  const ModeCache::Modes kept = cache.make(wing(), &first), found = cache.make(wing(), &second);
+  const ModalData solved = make_modal_data(wing_with_warnings(), &plain);
+  const ModeCache::Modes kept = cache.make(wing_with_warnings(), &first), found = cache.make(wing_with_warnings(), &second);
   EXPECT_FALSE(kept.from_cache);
   EXPECT_TRUE(found.from_cache);
   for (const ModalData* data : {&kept.data, &found.data}) {
@@ -75,8 +75,8 @@ TEST(ModeCache, GivesTheSameBitsAndWarningsAsTheSolution) {
 }
 
 TEST(ModeCache, KnowsASourceByItsContentAndNotByItsPlace) {
-  const std::string name = ModeCache::name_of(wing());
-  ModalSource elsewhere = wing();
+  const std::string name = ModeCache::name_of(wing_with_warnings());
+  ModalSource elsewhere = wing_with_warnings();
   elsewhere.at = {"bodies.other.modal", {"another.yaml", 70, 1}};
   EXPECT_EQ(ModeCache::name_of(elsewhere), name);
 
@@ -106,7 +106,7 @@ TEST(ModeCache, KnowsASourceByItsContentAndNotByItsPlace) {
       [](ModalSource& s) { s.masses.clear(); }};
   std::set<std::string> names = {name};
   for (const auto& change : changes) {
-    ModalSource s = wing();
+    ModalSource s = wing_with_warnings();
     change(s);
     EXPECT_TRUE(names.insert(ModeCache::name_of(s)).second) << "change " << names.size();
   }
@@ -119,10 +119,10 @@ TEST(ModeCache, PassesOverWhatIsDamagedOrForeignAndReplacesIt) {
   const TemporaryFolder folder;
   const ModeCache cache(folder.path());
   Warnings told, again;
-  const std::string hash = cache.make(wing(), &told).data.content_hash;
+  const std::string hash = cache.make(wing_with_warnings(), &told).data.content_hash;
   const fs::path file = only_file(folder.path());
   const std::string sound = content_of(file);
-  ModalSource other = wing();
+  ModalSource other = wing_with_warnings();
   other.modes.count = 2;
   const TemporaryFolder elsewhere;
   ModeCache(elsewhere.path()).make(other);
@@ -139,14 +139,14 @@ TEST(ModeCache, PassesOverWhatIsDamagedOrForeignAndReplacesIt) {
   }
   for (const std::string& content : bad) {
     write(file, content);
-    const ModeCache::Modes modes = cache.make(wing());
+    const ModeCache::Modes modes = cache.make(wing_with_warnings());
     EXPECT_FALSE(modes.from_cache);
     EXPECT_EQ(modes.data.content_hash, hash);
     EXPECT_EQ(content_of(file), sound);
   }
   fs::remove(file);
   fs::create_directory(file);  // a folder of that name
-  EXPECT_EQ(cache.make(wing(), &again).data.content_hash, hash);
+  EXPECT_EQ(cache.make(wing_with_warnings(), &again).data.content_hash, hash);
   EXPECT_EQ(texts(again), texts(told));
 }
 
@@ -155,10 +155,10 @@ TEST(ModeCache, IsDoneWithoutWhereNothingCanBeWritten) {
   write(folder / "file", "");
   for (const std::string& place : {folder / "file", folder / "file/below", std::string("/proc/cardan"), std::string(300, 'x')}) {
     const ModeCache cache(place);
-    EXPECT_FALSE(cache.make(wing()).from_cache);
-    EXPECT_FALSE(cache.make(wing()).from_cache);
+    EXPECT_FALSE(cache.make(wing_with_warnings()).from_cache);
+    EXPECT_FALSE(cache.make(wing_with_warnings()).from_cache);
   }
-  EXPECT_FALSE(ModeCache().make(wing()).from_cache);
+  EXPECT_FALSE(ModeCache().make(wing_with_warnings()).from_cache);
   EXPECT_EQ(content_of(folder / "file"), "");
 }
 
@@ -202,18 +202,18 @@ TEST(ModeCache, IsBoundedAndThrowsAwayWhatWasNotUsedForLongest) {
 
 TEST(ModeCache, IsSharedByManyAtOnce) {
   const TemporaryFolder folder;
-  const std::string hash = make_modal_data(wing()).content_hash;
+  const std::string hash = make_modal_data(wing_with_warnings()).content_hash;
   std::vector<std::thread> users;
   for (int i = 0; i < 4; ++i)
     users.emplace_back([&] {
       for (int pass = 0; pass < 6; ++pass) {
-        EXPECT_EQ(ModeCache(folder.path()).make(wing()).data.content_hash, hash);
+        EXPECT_EQ(ModeCache(folder.path()).make(wing_with_warnings()).data.content_hash, hash);
         std::error_code gone;
-        if (pass % 2 == 0) fs::remove(folder.path() / fs::path(ModeCache::name_of(wing())), gone);
+        if (pass % 2 == 0) fs::remove(folder.path() / fs::path(ModeCache::name_of(wing_with_warnings())), gone);
       }
     });
   for (std::thread& user : users) user.join();
-  EXPECT_TRUE(ModeCache(folder.path()).make(wing()).from_cache);
+  EXPECT_TRUE(ModeCache(folder.path()).make(wing_with_warnings()).from_cache);
   only_file(folder.path());
 }
 

@@ -15,7 +15,7 @@ struct Values {
 };
 
 /// Of a hinge that starts at zero, without rotation.
-Values read(const cardan_hinge_family& family, const std::string& text) {
+Values read_initial(const cardan_hinge_family& family, const std::string& text) {
   Values x{std::vector<double>(family.nq), std::vector<double>(family.nv)};
   const auto groups = coordinate_groups(family);
   if (!groups.empty() && groups[0].size == 4) x.q[0] = 1.0;
@@ -50,7 +50,7 @@ TEST(InitialValues, AreGivenByTheNameOfEachComponent) {
     for (std::uint32_t i = 0; i < f->nq; ++i) text += fmt::format("{}: {}\n", f->q_names[i], quaternion && i < 4 ? 0.5 : 0.1 + i);
     for (std::uint32_t i = 0; i < f->nv; ++i) text += fmt::format("{}: {}\n", f->v_names[i], 10.1 + i);
     if (text.empty()) continue;
-    const Values x = read(*f, text);
+    const Values x = read_initial(*f, text);
     for (std::uint32_t i = 0; i < f->nq; ++i) EXPECT_EQ(x.q[i], quaternion && i < 4 ? 0.5 : 0.1 + i) << f->type << " " << f->q_names[i];
     for (std::uint32_t i = 0; i < f->nv; ++i) EXPECT_EQ(x.v[i], 10.1 + i) << f->type << " " << f->v_names[i];
   }
@@ -61,7 +61,7 @@ TEST(InitialValues, AreGivenByEachNameOfAGroup) {
   for (const cardan_hinge_family* f : families()) {
     for (const ComponentGroup& g : coordinate_groups(*f))
       for (const std::string& name : g.names) {
-        const Values x = read(*f, fmt::format("{}: {}", name, list_of(g.size, 0.5)));
+        const Values x = read_initial(*f, fmt::format("{}: {}", name, list_of(g.size, 0.5)));
         for (std::size_t i = 0; i < f->nq; ++i)
           EXPECT_EQ(x.q[i], i >= g.first && i < g.first + g.size ? 0.5
                             : i == 0 && f->nq > f->nv            ? 1.0
@@ -71,7 +71,7 @@ TEST(InitialValues, AreGivenByEachNameOfAGroup) {
       }
     for (const ComponentGroup& g : velocity_groups(*f))
       for (const std::string& name : g.names) {
-        const Values x = read(*f, fmt::format("{}: {}", name, list_of(g.size, 0.5)));
+        const Values x = read_initial(*f, fmt::format("{}: {}", name, list_of(g.size, 0.5)));
         for (std::size_t i = 0; i < f->nv; ++i)
           EXPECT_EQ(x.v[i], i >= g.first && i < g.first + g.size ? 0.5 : 0.0) << f->type << " " << name << " " << i;
         ++seen;
@@ -85,7 +85,7 @@ Code code_of(const std::string& type, const std::string& text) {
   for (const cardan_hinge_family* f : families())
     if (f->type == type) {
       try {
-        read(*f, text);
+        read_initial(*f, text);
       } catch (const InputError& e) {
         return e.diagnostics().front().code;
       }

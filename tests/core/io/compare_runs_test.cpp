@@ -12,11 +12,12 @@
 #include "core/base/diagnostic.hpp"
 #include "core/io/hdf5_file.hpp"
 #include "tests/support/scratch.hpp"
+#include "tests/support/worse.hpp"
 
 namespace cardan {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+using test::kNaN;
 using Numbers = std::vector<double>;
 
 Difference worst(const Numbers& is, const Numbers& reference, Tolerance tolerance, Agreement agreement = Agreement::integration) {

@@ -3,7 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <limits>
+
+#include "tests/support/worse.hpp"
 
 namespace cardan {
 namespace {
@@ -18,7 +19,7 @@ struct Nowhere final : Recorder {
   int rows = 0;
 };
 
-const double kNaN = std::numeric_limits<double>::quiet_NaN(), kInfinity = std::numeric_limits<double>::infinity();
+using test::kInfinity, test::kNaN;
 
 Range range_of(std::initializer_list<double> values) {
   Nowhere nowhere;

@@ -44,8 +44,8 @@ SystemSpec turned_over() {
   return spec;
 }
 
-struct Scene {
-  explicit Scene(const SystemSpec& spec, const std::string& method = "rk4")
+struct ChangingScene {
+  explicit ChangingScene(const SystemSpec& spec, const std::string& method = "rk4")
       : sim(compiled(spec, {.node_wrenches = true, .world_wrenches = true}), options(method)), outputs(standard_outputs(sim)) {
     const Model& m = sim.model();
     const int arm = m.find_body("arm"), wheel = m.find_body("wheel"), momentum = m.devices.find("momentum");
@@ -89,7 +89,7 @@ struct Scene {
 };
 
 TEST(Adopt, TheSameVehicleInAnotherOrderMovesOnAsItDid) {
-  Scene plain(vehicle()), changed(vehicle());
+  ChangingScene plain(vehicle()), changed(vehicle());
   changed.adopt_at({1, 2}, turned_over());
   plain.sim.run(1.5), changed.sim.run(1.5);
   ASSERT_TRUE(changed.adopted);
@@ -105,7 +105,7 @@ TEST(Adopt, TheSameVehicleInAnotherOrderMovesOnAsItDid) {
 }
 
 TEST(Adopt, TheSameModelChangesNoBitOfAMethodWithoutMemory) {
-  Scene plain(vehicle()), changed(vehicle());
+  ChangingScene plain(vehicle()), changed(vehicle());
   changed.adopt_at({1, 2}, vehicle());
   plain.sim.run(1.5), changed.sim.run(1.5);
   ASSERT_TRUE(changed.adopted);
@@ -115,7 +115,7 @@ TEST(Adopt, TheSameModelChangesNoBitOfAMethodWithoutMemory) {
 
 TEST(Adopt, AnotherMassIsToldToTheLedgerAndTheMotionIsThatOfTheNewModel) {
   for (const std::string method : {"rk4", "dopri5", "cvode_bdf"}) {
-    Scene changed(vehicle(), method);
+    ChangingScene changed(vehicle(), method);
     SystemSpec heavier = vehicle();
     heavier.bodies[1].mass = 3.5;
     BodySpec guest = on(rigid("a_guest", 0.7, {0.1, 0.2, 0.3}, diagonal({0.01, 0.02, 0.02})), "arm", "revolute", {{0, 1, 0}}, {0.3, 0, 0});
@@ -128,7 +128,7 @@ TEST(Adopt, AnotherMassIsToldToTheLedgerAndTheMotionIsThatOfTheNewModel) {
     EXPECT_TRUE(changed.sim.ledger().pass && changed.sim.worst_ledger().pass) << method;
 
     // A simulation of the new vehicle from there on.
-    Scene before(vehicle(), method), fresh(heavier, method);
+    ChangingScene before(vehicle(), method), fresh(heavier, method);
     before.sim.run(0.5);
     const Model& to = fresh.sim.model();
     State s = carried(before.sim.state(), model_map(before.sim.model(), to), to);
@@ -157,7 +157,7 @@ TEST(Adopt, CoordinatesOfModesAreCarriedWhereTheyMeanTheSame) {
 }
 
 TEST(Adopt, ARunThatHadAnotherVehicleIsNotResumedWithOne) {
-  Scene changed(vehicle()), fresh(vehicle());
+  ChangingScene changed(vehicle()), fresh(vehicle());
   changed.adopt_at({1, 2}, vehicle());
   changed.sim.run(1.0);
   EXPECT_THROW(fresh.sim.resume(changed.sim.checkpoint()), CheckpointFault);
@@ -165,7 +165,7 @@ TEST(Adopt, ARunThatHadAnotherVehicleIsNotResumedWithOne) {
 
 TEST(Adopt, WhatTheRunMayReferToMustBeThere) {
   const auto refused = [](const auto& change) {
-    Scene scene(vehicle());
+    ChangingScene scene(vehicle());
     SystemSpec other = vehicle();
     change(other);
     const auto model = compiled(other, {.node_wrenches = true, .world_wrenches = true});

@@ -15,7 +15,7 @@ namespace {
 
 using Eigen::VectorXd;
 
-const std::vector<std::string> kMethods = {"rk4", "dopri5", "cvode_adams", "cvode_bdf", "cvode_bdf krylov"};
+const std::vector<std::string> kResumedMethods = {"rk4", "dopri5", "cvode_adams", "cvode_bdf", "cvode_bdf krylov"};
 
 /// On the base beside the sprung arm a flexible boom and a wheel on a profile with corners, a wrench on the arm; commands at 8 Hz; an event
 /// that turns the wrench over.
@@ -31,8 +31,8 @@ SystemSpec spacecraft() {
   return system(std::move(bodies));
 }
 
-struct Scene {
-  explicit Scene(const std::string& method)
+struct ResumedScene {
+  explicit ResumedScene(const std::string& method)
       : sim(compiled(spacecraft(), {.node_wrenches = true, .world_wrenches = true}), options(method)) {
     const Model& m = sim.model();
     sim.prescribe(m.user[2].v, MotionProfile::rate_table({{0.13, 0.0}, {0.57, 1.1}, {1.01, -0.4}}));
@@ -77,21 +77,21 @@ void expect_same(Simulation& a, Simulation& b, const std::string& what) {
 }
 
 TEST(Checkpoint, IsWhereARunGoesOnBitForBit) {
-  for (const std::string& method : kMethods) {
-    Scene whole(method);
+  for (const std::string& method : kResumedMethods) {
+    ResumedScene whole(method);
     whole.sim.run(2.0);
     ASSERT_EQ(whole.made.size(), 20u) << method;
     EXPECT_TRUE(whole.sim.ledger().pass) << method;
     for (const std::size_t at : {0u, 4u, 9u, 18u}) {
       const auto& [t, checkpoint] = whole.made[at];
-      Scene rest(method);
+      ResumedScene rest(method);
       rest.sim.resume(checkpoint_of(checkpoint_text(checkpoint)));
       EXPECT_EQ(rest.sim.time(), t) << method;
       rest.sim.run(2.0);
       ASSERT_EQ(rest.made.size(), whole.made.size() - at - 1) << method;
       for (std::size_t i = 0; i < rest.made.size(); ++i)
         EXPECT_EQ(rest.made[i].second, whole.made[at + 1 + i].second) << method << " from " << t << " s at " << rest.made[i].first << " s";
-      Scene again(method);
+      ResumedScene again(method);
       again.sim.resume(checkpoint);
       again.sim.run(2.0);
       expect_same(rest.sim, again.sim, method);
@@ -102,14 +102,14 @@ TEST(Checkpoint, IsWhereARunGoesOnBitForBit) {
 /// Resumed at 100 ticks drawn at random, one after the other, each from the checkpoint of the run before: the end is the same.
 TEST(Checkpoint, SurvivesAHundredInterruptions) {
   std::mt19937 random(7);
-  Scene whole("dopri5");
+  ResumedScene whole("dopri5");
   whole.sim.run(12.0);
-  auto part = std::make_unique<Scene>("dopri5");
+  auto part = std::make_unique<ResumedScene>("dopri5");
   part->sim.run(0.1);
   Checkpoint last = part->made.back().second;
   int tick = 1, interruptions = 0;
   while (tick < 120) {
-    part = std::make_unique<Scene>("dopri5");
+    part = std::make_unique<ResumedScene>("dopri5");
     part->sim.resume(last);
     const int next = std::min(120, tick + 1 + static_cast<int>(random() % 2 == 0 && 120 - tick > 100 - interruptions));
     part->sim.run(0.1 * next);
@@ -122,33 +122,33 @@ TEST(Checkpoint, SurvivesAHundredInterruptions) {
 }
 
 TEST(Checkpoint, OfAnotherModelIsRefused) {
-  Scene scene("dopri5");
+  ResumedScene scene("dopri5");
   scene.sim.run(0.2);
   Checkpoint made = scene.made.back().second;
   Simulation other(compiled(system({on(rigid("a", 1.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "free")})), {});
   EXPECT_THROW(other.resume(made), CheckpointFault);
   made["state"].numbers.pop_back();
-  EXPECT_THROW(Scene("dopri5").sim.resume(made), CheckpointFault);
+  EXPECT_THROW(ResumedScene("dopri5").sim.resume(made), CheckpointFault);
   made = scene.made.back().second;
   made.erase("ledger");
-  EXPECT_THROW(Scene("dopri5").sim.resume(made), CheckpointFault);
+  EXPECT_THROW(ResumedScene("dopri5").sim.resume(made), CheckpointFault);
   made = scene.made.back().second;
   made["schedule"].numbers[1] = -1.0;
-  EXPECT_THROW(Scene("dopri5").sim.resume(made), CheckpointFault);
+  EXPECT_THROW(ResumedScene("dopri5").sim.resume(made), CheckpointFault);
   made["schedule"].numbers[1] = 0.5;
-  EXPECT_THROW(Scene("dopri5").sim.resume(made), CheckpointFault);
+  EXPECT_THROW(ResumedScene("dopri5").sim.resume(made), CheckpointFault);
 }
 
 /// What a changed number of a checkpoint is answered with.
 TEST(Checkpoint, OfImpossibleNumbersIsRefused) {
-  Scene scene("dopri5");
+  ResumedScene scene("dopri5");
   scene.sim.run(0.2);
   const Checkpoint good = scene.made.back().second;
   const auto refused = [&](const std::string& block, std::size_t i, double value) {
     Checkpoint damaged = good;
     damaged.at(block).numbers.at(i) = value;
     try {
-      Scene("dopri5").sim.resume(damaged);
+      ResumedScene("dopri5").sim.resume(damaged);
     } catch (const CheckpointFault& fault) {
       return std::string(fault.what());
     }
@@ -172,17 +172,17 @@ TEST(Checkpoint, OfImpossibleNumbersIsRefused) {
   Checkpoint damaged = good;
   std::vector<double>& motion = damaged.at("given motion").numbers;
   motion[7] = 1.0, motion.erase(motion.begin() + 8, motion.begin() + 10);  // one travel for three points
-  EXPECT_THROW(Scene("dopri5").sim.resume(damaged), CheckpointFault);
+  EXPECT_THROW(ResumedScene("dopri5").sim.resume(damaged), CheckpointFault);
 }
 
 TEST(Checkpoint, BeforeTheFirstStepIsTheBeginningOfTheRun) {
   for (const double t : {0.0, 3.35}) {
-    const auto at = [t](Scene& scene) {
+    const auto at = [t](ResumedScene& scene) {
       State state = scene.sim.state();
       state.t = t;
       scene.sim.set_state(state);
     };
-    Scene whole("dopri5"), rest("dopri5");
+    ResumedScene whole("dopri5"), rest("dopri5");
     at(whole), at(rest);
     const Checkpoint first = whole.sim.checkpoint();
     whole.sim.run(t + 1.0);
