@@ -91,7 +91,14 @@ TEST(Resume, GoesOnFromWhatASignalOrAKillLeft) {
     Started run({"run", ".", "--set", "mission.duration=1000 day", "--out", "out"}, dir.path());
     const std::string results = dir / "out/run.h5";
     // What a killed run has is what was flushed last.
-    ASSERT_TRUE(wait_until([&] { return fs::exists(results) && fs::file_size(results) > 1'000'000; }));
+    ASSERT_TRUE(wait_until([&] {
+      if (!fs::exists(results) || fs::file_size(results) < 1'000'000) return false;
+      try {
+        return !Hdf5File::open(results).read_texts("/restart/checkpoints/text").empty();
+      } catch (const InputError&) {  // in the middle of a flush; the next one is some way off
+        return false;
+      }
+    }));
     run.send(signal);
     run.wait();
     const double t = Hdf5File::open(results).read_doubles("/restart/checkpoints/t").values.back();
