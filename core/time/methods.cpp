@@ -20,6 +20,7 @@ struct Method {
 const std::vector<Method>& methods() {
   static const std::vector<Method> all = {{make_cvode, "cvode_adams", true},
                                           {make_cvode, "cvode_bdf", true, {"dense", "krylov"}},
+                                          {make_dop853, "dop853", true},
                                           {make_dopri5, "dopri5", true},
                                           {make_rk4, "rk4", false}};
   return all;

@@ -15,45 +15,126 @@
 namespace cardan {
 namespace {
 
-// A tableau: stage s is evaluated at t + c[s] h, x + h sum_j a[s][j] k_j. The last row is the result of the step, and
-// its slope is the first stage of the next step.
+// A tableau: stage s is evaluated at t + c[s] h, x + h sum_j a[s][j] k_j. Row rows - 1 is the result of the step, and
+// its slope is the first stage of the next step. Stages behind it serve the dense output alone, where it is asked for.
 
 /// The classic method of Kutta (1901).
 struct Rk4 {
   static constexpr std::string_view name = "rk4";
-  static constexpr int order = 4, rows = 5;
-  static constexpr bool adaptive = false;
+  static constexpr int order = 4, rows = 5, stages = rows;
+  static constexpr bool adaptive = false, integrals_by_nodes = true;
   static constexpr double c[] = {0.0, 1.0 / 2, 1.0 / 2, 1.0, 1.0};
-  static constexpr double a[rows][rows] = {{}, {1.0 / 2}, {0.0, 1.0 / 2}, {0.0, 0.0, 1.0}, {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6}};
+  static constexpr double a[stages][stages] = {{}, {1.0 / 2}, {0.0, 1.0 / 2}, {0.0, 0.0, 1.0}, {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6}};
 };
 
 /// Dormand, Prince 1980: order 5 with an estimate of order 4; dense output of order 4 by Shampine 1986.
 struct Dopri5 {
   static constexpr std::string_view name = "dopri5";
-  static constexpr int order = 5, rows = 7;
-  static constexpr bool adaptive = true;
+  static constexpr int order = 5, rows = 7, stages = rows;
+  static constexpr bool adaptive = true, integrals_by_nodes = true;
+  static constexpr double stability = 3.25;  // on the negative real axis
   static constexpr double c[] = {0.0, 1.0 / 5, 3.0 / 10, 4.0 / 5, 8.0 / 9, 1.0, 1.0};
-  static constexpr double a[rows][rows] = {{},
-                                           {1.0 / 5},
-                                           {3.0 / 40, 9.0 / 40},
-                                           {44.0 / 45, -56.0 / 15, 32.0 / 9},
-                                           {19372.0 / 6561, -25360.0 / 2187, 64448.0 / 6561, -212.0 / 729},
-                                           {9017.0 / 3168, -355.0 / 33, 46732.0 / 5247, 49.0 / 176, -5103.0 / 18656},
-                                           {35.0 / 384, 0.0, 500.0 / 1113, 125.0 / 192, -2187.0 / 6784, 11.0 / 84}};
-  static constexpr double error[rows] = {71.0 / 57600, 0.0, -71.0 / 16695, 71.0 / 1920, -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
-  static constexpr double dense[rows] = {-12715105075.0 / 11282082432,  0.0,
-                                         87487479700.0 / 32700410799,   -10690763975.0 / 1880347072,
-                                         701980252875.0 / 199316789632, -1453857185.0 / 822651844,
-                                         69997945.0 / 29380423};
+  static constexpr double a[stages][stages] = {{},
+                                               {1.0 / 5},
+                                               {3.0 / 40, 9.0 / 40},
+                                               {44.0 / 45, -56.0 / 15, 32.0 / 9},
+                                               {19372.0 / 6561, -25360.0 / 2187, 64448.0 / 6561, -212.0 / 729},
+                                               {9017.0 / 3168, -355.0 / 33, 46732.0 / 5247, 49.0 / 176, -5103.0 / 18656},
+                                               {35.0 / 384, 0.0, 500.0 / 1113, 125.0 / 192, -2187.0 / 6784, 11.0 / 84}};
+  static constexpr double error[1][rows] = {{71.0 / 57600, 0.0, -71.0 / 16695, 71.0 / 1920, -17253.0 / 339200, 22.0 / 525, -1.0 / 40}};
+  static constexpr double dense[1][stages] = {{-12715105075.0 / 11282082432, 0.0, 87487479700.0 / 32700410799, -10690763975.0 / 1880347072,
+                                               701980252875.0 / 199316789632, -1453857185.0 / 822651844, 69997945.0 / 29380423}};
+};
+
+/// Dormand, Prince 1980 and 1989 (8(5,3), the coefficients of Hairer, Norsett, Wanner 1993, II.5, 20 digits): order 8, estimates of order 5
+/// and 3; dense output of order 7 with three more stages. Between the ends of its long steps rates are not smooth enough for integrals by
+/// nodes.
+struct Dop853 {
+  static constexpr std::string_view name = "dop853";
+  static constexpr int order = 8, rows = 13, stages = 16;
+  static constexpr bool adaptive = true, integrals_by_nodes = false;
+  static constexpr double stability = 6.1;
+  static constexpr double c[] = {0.0,
+                                 0.052600151958767731879,
+                                 0.078900227938151597818,
+                                 0.11835034190722739673,
+                                 0.28164965809277260327,
+                                 1.0 / 3,
+                                 0.25,
+                                 4.0 / 13,
+                                 127.0 / 195,
+                                 0.6,
+                                 6.0 / 7,
+                                 1.0,
+                                 1.0,
+                                 0.1,
+                                 0.2,
+                                 7.0 / 9};
+  static constexpr double a[stages][stages] = {
+      {},
+      {0.052600151958767731879},
+      {0.019725056984537899454, 0.059175170953613698363},
+      {0.029587585476806849182, 0.0, 0.088762756430420547545},
+      {0.24136513415926668550, 0.0, -0.88454947932828608534, 0.92483400326179200312},
+      {0.037037037037037037037, 0.0, 0.0, 0.17082860872947387128, 0.12546768756682242502},
+      {0.037109375, 0.0, 0.0, 0.17025221101954403931, 0.060216538980455960685, -0.017578125},
+      {0.037092000118504792711, 0.0, 0.0, 0.17038392571223999381, 0.10726203044637328465, -0.015319437748624401753,
+       0.0082737891638140228876},
+      {0.62411095871607571711, 0.0, 0.0, -3.3608926294469412941, -0.86821934684172600682, 27.592099699446708305, 20.154067550477893409,
+       -43.489884181069958848},
+      {0.47766253643826436589, 0.0, 0.0, -2.4881146199716676419, -0.59029082683684299637, 21.230051448181194235, 15.279233632882423583,
+       -33.288210968984862919, -0.020331201708508626136},
+      {-0.93714243008598732572, 0.0, 0.0, 5.1863724288440637083, 1.0914373489967295782, -8.1497870107469261251, -18.520065659996959864,
+       22.739487099350504282, 2.4936055526796523899, -3.0467644718982195004},
+      {2.2733101475165382079, 0.0, 0.0, -10.534495466737250198, -2.0008720582248624991, -17.958931863118798917, 27.948884529419960051,
+       -2.8589982771350236947, -8.8728569335306295443, 12.360567175794303065, 0.64339274601576353036},
+      {0.054293734116568762238, 0.0, 0.0, 0.0, 0.0, 4.4503128927524088814, 1.8915178993145003830, -5.8012039600105847815,
+       0.31116436695781989441, -0.15216094966251607856, 0.20136540080403034837, 0.044710615727772590518},
+      {0.056167502283047952339, 0.0, 0.0, 0.0, 0.0, 0.0, 0.25350021021662481109, -0.24623903747080248992, -0.12419142326381636047,
+       0.15329179827876569731, 0.0082010522956346898849, 0.0075678976605456997614, -0.008298},
+      {0.031834648163502140506, 0.0, 0.0, 0.0, 0.0, 0.028300909672366775529, 0.053541988307438567622, -0.054923748571390988465, 0.0, 0.0,
+       -0.00010834732869724932286, 0.00038257109083565841295, -0.00034046500868740456080, 0.14131244367463250028},
+      {-0.42889630158379192341, 0.0, 0.0, 0.0, 0.0, -4.6976214153611638431, 7.6834211960625990418, 4.0689898183971100797,
+       0.35672718745528110927, 0.0, 0.0, 0.0, -0.0013990241651590146213, 2.9475147891527723390, -9.1509584721798700108}};
+  static constexpr double error[2][rows] = {
+      {0.013120044994194880733, 0.0, 0.0, 0.0, 0.0, -1.2251564463762044407, -0.49575894965725019152, 1.6643771824549865370,
+       -0.35032884874997368169, 0.33417911871301747903, 0.081923206485115712466, -0.022355307863886295259},
+      {-0.18980075407240761571, 0.0, 0.0, 0.0, 0.0, 4.4503128927524088814, 1.8915178993145003830, -5.8012039600105847815,
+       -0.42268232132379196293, -0.15216094966251607856, 0.20136540080403034837, 0.022651792198360825812}};
+  static constexpr double dense[4][stages] = {
+      {-8.4289382761090128651, 0.0, 0.0, 0.0, 0.0, 0.56671495351937776963, -3.0689499459498916913, 2.3846676565120698288,
+       2.1170345824450282767, -0.87139158377797299207, 2.2404374302607882759, 0.63157877876946881816, -0.088990336451333310821,
+       18.148505520854727257, -9.1946323924783554000, -4.4360363875948939664},
+      {10.427508642579134603, 0.0, 0.0, 0.0, 0.0, 242.28349177525818288, 165.20045171727028199, -374.54675472269020280,
+       -22.113666853125306036, 7.7334326684722638390, -30.674084731089398182, -9.3321305264302278730, 15.697238121770843886,
+       -31.139403219565177677, -9.3529243588444783866, 35.816841486394083752},
+      {19.985053242002433821, 0.0, 0.0, 0.0, 0.0, -387.03730874935176555, -189.17813819516756883, 527.80815920542364901,
+       -11.573902539959630126, 6.8812326946963000170, -1.0006050966910838403, 0.77771377980534432093, -2.7782057523535084066,
+       -60.196695231264120758, 84.320405506677161018, 11.992291136182789328},
+      {-25.693933462703749003, 0.0, 0.0, 0.0, 0.0, -154.18974869023643374, -231.52937917604549568, 357.63911791061412378,
+       93.405324183624310004, -37.458323136451633157, 104.09964950896230045, 29.840293426660503123, -43.533456590011143754,
+       96.324553959188282948, -39.177261675615439165, -149.72683625798562581}};
 };
 
 /// The weights of the slopes: rows of the tableau, then those of the error estimate and of the dense output.
 template <class Method, int Row>
 constexpr double weight(int j) {
-  if constexpr (Row < Method::rows)
+  if constexpr (Row < Method::stages) {
     return Method::a[Row][j];
-  else
-    return Row == Method::rows ? Method::error[j] : Method::dense[j];
+  } else {
+    constexpr int estimate = Row - Method::stages, estimates = static_cast<int>(std::size(Method::error));
+    if constexpr (estimate < estimates)
+      return Method::error[estimate][j];
+    else
+      return Method::dense[estimate - estimates][j];
+  }
+}
+/// How many slopes a row sums up.
+template <class Method>
+constexpr int slopes_of(int row) {
+  if constexpr (Method::adaptive)
+    if (row >= Method::stages && row < Method::stages + static_cast<int>(std::size(Method::error))) return Method::rows;
+  return std::min(row, Method::stages);
 }
 
 /// out[i] = z[i] + h sum_j weight_j k_j[i] over slopes that stand one after the other at k, `stride` apart: one loop, its sum
@@ -83,8 +164,9 @@ class RungeKutta final : public Integrator {
         z0_(Eigen::ArrayXd::Zero(n_all_)),
         z1_(Eigen::ArrayXd::Zero(n_all_)),
         work_(n_all_),
+        inner_(n_all_),
         zero_(Eigen::ArrayXd::Zero(n_all_)),
-        k_(Eigen::ArrayXXd::Zero(n_all_, Method::rows)),
+        k_(Eigen::ArrayXXd::Zero(n_all_, Method::stages)),
         absolute_(Eigen::Map<const Eigen::ArrayXd>(problem_.absolute_tolerance.data(), n_)) {
     const std::vector<double> weights = group_weights(problem_.group);
     weight_ = Eigen::Map<const Eigen::ArrayXd>(weights.data(), static_cast<Eigen::Index>(weights.size()));
@@ -155,36 +237,62 @@ class RungeKutta final : public Integrator {
  private:
   static constexpr int kSampled = 8;       // steps of rk4 to each that is estimated
   static constexpr int kStiffness = 1000;  // steps to each whose stability is looked at
-  static constexpr int kLast = Method::rows - 1, kError = Method::rows, kDense = Method::rows + 1;
+  static constexpr int kLast = Method::rows - 1, kError = Method::stages;
 
   auto first_slope() const { return k_.col(0); }
   auto last_slope() const { return k_.col(kLast); }
 
   bool finite(const auto& values) const { return all_finite(values.data(), n_); }
 
-  /// work_ = states and integrals at t: of order 4 for dopri5, the cubic Hermite polynomial for rk4.
+  /// inner_ = the part of the dense output at s beyond the cubic Hermite polynomial, as Hairer, Norsett, Wanner 1993, II.6 nest it.
+  void inner_output(double h, double s) {
+    if constexpr (!Method::adaptive) return void(inner_.setZero());
+    if constexpr (Method::adaptive) {
+      constexpr int n = static_cast<int>(std::size(Method::dense)), first = kError + static_cast<int>(std::size(Method::error));
+      inner_.setZero();
+      [&]<int... I>(std::integer_sequence<int, I...>) {  // from the innermost to the outermost
+        ((add_slopes<first + n - 1 - I>(zero_, h, n_all_, work_), inner_ = work_ + ((n - 1 - I) % 2 == 0 ? s : 1.0 - s) * inner_), ...);
+      }
+      (std::make_integer_sequence<int, n>{});
+    }
+  }
+
+  /// The stages that only the dense output needs.
+  void complete_stages() {
+    if (complete_) return;
+    complete_ = [&]<int... I>(std::integer_sequence<int, I...>) {
+      return ((add_slopes<Method::rows + I>(z0_, t1_ - t0_, n_, work_),
+               rhs(t0_ + Method::c[Method::rows + I] * (t1_ - t0_), work_, Method::rows + I)) &&
+              ...);
+    }
+    (std::make_integer_sequence<int, Method::stages - Method::rows>{});
+    if (!complete_)
+      fail_integration(Code::integrator_failed, t0_, "the right-hand side cannot be evaluated inside of a step", "a smaller step");
+  }
+
+  /// work_ = states and integrals at t: of order 4 for dopri5, of 7 for dop853, the cubic Hermite polynomial for rk4.
   void dense_output(double t) {
     const double h = t1_ - t0_;
     if (t == t1_ || h == 0.0) return void(work_ = z1_);
     const double s = (t - t0_) / h, r = 1.0 - s;
-    work_.setZero();
-    if constexpr (Method::adaptive) add_slopes<kDense>(zero_, h, n_all_, work_);
+    complete_stages();
+    inner_output(h, s);
     work_ = z0_ + s * (z1_ - z0_ +
-                       r * (h * first_slope() - (z1_ - z0_) + s * (2.0 * (z1_ - z0_) - h * (first_slope() + last_slope()) + r * work_)));
+                       r * (h * first_slope() - (z1_ - z0_) + s * (2.0 * (z1_ - z0_) - h * (first_slope() + last_slope()) + r * inner_)));
   }
 
   /// While a stretch is short, integrals are those of the tableau. From kPoints nodes on they go through the rates at the ends of the
   /// steps, of all of it: one evaluation a step in place of four or five.
   void add_node() {
-    if (problem_.rough_integrands) return;
+    if (problem_.rough_integrands || !Method::integrals_by_nodes) return;
     nodes_.add(t1_, k_.col(kLast).data() + n_);
     if (nodes_.nodes() + 1 >= NodeQuadrature::kPoints) staged_ = false;
   }
 
   /// The integrals have no use for a slope without weight.
   static bool has_weight(int stage) {
-    if (stage == kLast || Method::a[kLast][stage] != 0.0) return true;
-    if constexpr (Method::adaptive) return Method::dense[stage] != 0.0;
+    if (stage >= kLast || Method::a[kLast][stage] != 0.0) return true;
+    if constexpr (Method::adaptive) return std::ranges::any_of(Method::dense, [stage](const auto& row) { return row[stage] != 0.0; });
     return false;
   }
 
@@ -202,7 +310,7 @@ class RungeKutta final : public Integrator {
   /// out = z + h sum_j weight_j k_j, for the states alone or with the integrals.
   template <int Row>
   void add_slopes(const Eigen::ArrayXd& z, double h, int size, Eigen::ArrayXd& out) const {
-    combine<Method, Row>(std::make_integer_sequence<int, std::min(Row, Method::rows)>{}, z.data(), h, k_.data(),
+    combine<Method, Row>(std::make_integer_sequence<int, slopes_of<Method>(Row)>{}, z.data(), h, k_.data(),
                          static_cast<std::size_t>(n_all_), static_cast<std::size_t>(size), out.data());
   }
 
@@ -222,6 +330,7 @@ class RungeKutta final : public Integrator {
   /// From (t0, z0) to t1; false: a stage could not be evaluated.
   bool try_step(double t1) {
     t1_ = t1;
+    complete_ = Method::stages == Method::rows;
     return [&]<int... Row>(std::integer_sequence<int, Row...>) { return (stage<Row + 1>(t1, t1 - t0_) && ...); }
     (std::make_integer_sequence<int, kLast>{});
   }
@@ -296,7 +405,12 @@ class RungeKutta final : public Integrator {
   double error_norm(double h) {
     if (n_ == 0) return 0.0;
     add_slopes<kError>(zero_, 1.0, n_, work_);
-    return h * norm(work_.head(n_));
+    const double error = norm(work_.head(n_));
+    if constexpr (std::size(Method::error) == 1) return h * error;
+    // Two estimates in one, of order 8 and never large where the lower one is small; Hairer, Norsett, Wanner 1993, II.10.
+    if (error == 0.0) return 0.0;
+    add_slopes<kError + 1>(zero_, 1.0, n_, work_);
+    return h * error * error / std::hypot(error, 0.1 * norm(work_.head(n_)));
   }
 
   /// The fourth and the fifth slope of rk4 share time and weight conditions: changing one for the other gives a result of order 3,
@@ -307,15 +421,15 @@ class RungeKutta final : public Integrator {
     statistics_.error_sum += kSampled * error;
   }
 
-  /// Whether fifteen steps, none of them interrupted by six that are not, went to the end of the stability region (3.3 on the
-  /// negative real axis): h times the largest eigenvalue, as the last two slopes show it. Looked at once in kStiffness steps
+  /// Whether fifteen steps, none of them interrupted by six that are not, went to the end of the stability region on the
+  /// negative real axis: h times the largest eigenvalue, as the last two slopes show it. Looked at once in kStiffness steps
   /// and while it lasts. Hairer, Wanner 1996, Solving Ordinary Differential Equations II, IV.2.
   bool stiff() requires(Method::adaptive) {
     if ((statistics_.steps % kStiffness != 0 && at_the_limit_ == 0) || n_ == 0) return false;
     add_slopes<kLast - 1>(z0_, t1_ - t0_, n_, work_);  // where the slope before the last was taken, at t1 too
     const double apart = norm(z1_.head(n_) - work_.head(n_));
     const double rate = norm(last_slope().head(n_) - k_.col(kLast - 1).head(n_));
-    if ((t1_ - t0_) * rate > 3.25 * apart) {
+    if ((t1_ - t0_) * rate > Method::stability * apart) {
       inside_ = 0;
       return ++at_the_limit_ % 15 == 0;
     }
@@ -350,15 +464,16 @@ class RungeKutta final : public Integrator {
   IntegratorOptions options_;
   EventFinder events_;
   NodeQuadrature nodes_;
-  bool staged_ = true;  // the integrals are in z1_, else in nodes_
+  bool staged_ = true;    // the integrals are in z1_, else in nodes_
+  bool complete_ = true;  // all stages of the last step are there
   int n_, n_all_;
   double t0_ = 0.0, t1_ = 0.0;  // [s] of the last step
   double h_ = 0.0;              // [s] adaptive: the next step to try
   bool started_ = false, slope_known_ = false;
-  int at_the_limit_ = 0, inside_ = 0;     // steps: of stability; since then not
-  Eigen::ArrayXd z0_, z1_, work_, zero_;  // states and integrals: step begin, step end, trial; zeros
-  Eigen::ArrayXXd k_;                     // slopes, one column per stage
-  Eigen::ArrayXd absolute_, weight_;      // weight_: of groups, or empty
+  int at_the_limit_ = 0, inside_ = 0;             // steps: of stability; since then not
+  Eigen::ArrayXd z0_, z1_, work_, inner_, zero_;  // states and integrals: step begin, step end, trial, scratch; zeros
+  Eigen::ArrayXXd k_;                             // slopes, one column per stage
+  Eigen::ArrayXd absolute_, weight_;              // weight_: of groups, or empty
   IntegratorStatistics statistics_;
 };
 
@@ -366,6 +481,10 @@ class RungeKutta final : public Integrator {
 
 std::unique_ptr<Integrator> make_rk4(OdeProblem problem, const IntegratorOptions& options) {
   return std::make_unique<RungeKutta<Rk4>>(std::move(problem), options);
+}
+
+std::unique_ptr<Integrator> make_dop853(OdeProblem problem, const IntegratorOptions& options) {
+  return std::make_unique<RungeKutta<Dop853>>(std::move(problem), options);
 }
 
 std::unique_ptr<Integrator> make_dopri5(OdeProblem problem, const IntegratorOptions& options) {

@@ -15,7 +15,7 @@ namespace {
 
 using Eigen::VectorXd;
 
-const std::vector<std::string> kResumedMethods = {"rk4", "dopri5", "cvode_adams", "cvode_bdf", "cvode_bdf krylov"};
+const std::vector<std::string> kResumedMethods = {"rk4", "dopri5", "dop853", "cvode_adams", "cvode_bdf", "cvode_bdf krylov"};
 
 /// On the base beside the sprung arm a flexible boom and a wheel on a profile with corners, a wrench on the arm; commands at 8 Hz; an event
 /// that turns the wrench over.

@@ -199,7 +199,7 @@ TEST_P(EveryMethodEvents, NanInAnEventFunctionEndsTheRun) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(, EveryMethodEvents, testing::Values("cvode_adams", "cvode_bdf", "dopri5", "rk4"), parameter_name);
+INSTANTIATE_TEST_SUITE_P(, EveryMethodEvents, testing::Values("cvode_adams", "cvode_bdf", "dop853", "dopri5", "rk4"), parameter_name);
 
 }  // namespace
 }  // namespace cardan::test

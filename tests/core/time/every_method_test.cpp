@@ -309,11 +309,11 @@ TEST_P(EveryMethod, ExplicitMethodsTellWhenStabilitySetsTheirSteps) {
     }
     return stiff;
   };
-  EXPECT_EQ(told(1e4), GetParam() == "dopri5" || GetParam() == "cvode_adams");
+  EXPECT_EQ(told(1e4), GetParam() != "rk4" && GetParam() != "cvode_bdf");
   EXPECT_FALSE(told(1.0));
 }
 
-INSTANTIATE_TEST_SUITE_P(, EveryMethod, testing::Values("cvode_adams", "cvode_bdf", "dopri5", "rk4"), parameter_name);
+INSTANTIATE_TEST_SUITE_P(, EveryMethod, testing::Values("cvode_adams", "cvode_bdf", "dop853", "dopri5", "rk4"), parameter_name);
 
 }  // namespace
 }  // namespace cardan::test

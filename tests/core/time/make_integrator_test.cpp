@@ -15,7 +15,7 @@ std::string refusal(const IntegratorOptions& options, double absolute = 1e-9) {
 
 TEST(MakeIntegrator, UnknownMethodListsTheMethods) {
   EXPECT_EQ(refusal(adaptive("cvode_adms")),
-            "C0401 | integrator.method | a method: cvode_adams, cvode_bdf, dopri5, rk4 | \"cvode_adms\" | "
+            "C0401 | integrator.method | a method: cvode_adams, cvode_bdf, dop853, dopri5, rk4 | \"cvode_adms\" | "
             "did you mean \"cvode_adams\"?");
 }
 
@@ -24,7 +24,7 @@ TEST(MakeIntegrator, Rk4NeedsAStep) {
 }
 
 TEST(MakeIntegrator, AdaptiveMethodsRefuseAFixedStep) {
-  for (const std::string method : {"cvode_adams", "cvode_bdf", "dopri5"}) {
+  for (const std::string method : {"cvode_adams", "cvode_bdf", "dop853", "dopri5"}) {
     IntegratorOptions o = adaptive(method);
     o.fixed_step = 0.01;
     EXPECT_EQ(refusal(o),

@@ -46,6 +46,55 @@ TEST(RungeKutta, DenseOutputOfDopri5HasOrderFour) {  // its error per step is h^
   EXPECT_NEAR(slope(dense_error("dopri5", 0.08), dense_error("dopri5", 0.04)), 5.0, 0.3);
 }
 
+TEST(RungeKutta, Dop853ConvergesWithOrderEight) { EXPECT_NEAR(slope(end_error("dop853", 0.5), end_error("dop853", 0.25)), 8.0, 0.5); }
+
+TEST(RungeKutta, DenseOutputOfDop853HasOrderSeven) {  // its error per step is h^8
+  EXPECT_NEAR(slope(dense_error("dop853", 0.4), dense_error("dop853", 0.2)), 8.0, 0.5);
+}
+
+/// The order conditions sum_j a_ij = c_i and sum_i b_i c_i^k = 1 / (k + 1) of the 20 digits: x' = t^k over one step.
+TEST(RungeKutta, Dop853IntegratesPolynomialsOfItsOrder) {
+  for (int k = 0; k < 8; ++k) {
+    auto integrator = make_integrator(problem(1,
+                                              [k](double t, const double*, double* xdot) {
+                                                xdot[0] = std::pow(t, k);
+                                                return true;
+                                              }),
+                                      equal_steps("dop853", 1.0));
+    double x = 0.0;
+    integrator->restart(0.0, &x);
+    integrator->step(1.0, &x);
+    EXPECT_NEAR(x, 1.0 / (k + 1), 2e-15) << k;
+    integrator->interpolate(0.4, &x);
+    if (k < 7) {
+      EXPECT_NEAR(x, std::pow(0.4, k + 1) / (k + 1), 1e-14) << k;
+    }
+  }
+}
+
+/// Twelve slopes a step, the last being the first of the next; three more where the state inside of a step is asked for.
+TEST(RungeKutta, Dop853EvaluatesMoreOnlyForItsDenseOutput) {
+  auto integrator = make_integrator(oscillator(), equal_steps("dop853", 0.1));
+  double x[2] = {1.0, 0.0};
+  integrator->restart(0.0, x);
+  for (int k = 1; k <= 10; ++k) integrator->step(1.0, x);
+  const IntegratorStatistics s = integrator->statistics();
+  EXPECT_EQ(s.rhs_calls, 1 + 12 * s.steps);
+  integrator->interpolate(0.97, x), integrator->interpolate(0.99, x);
+  EXPECT_EQ(integrator->statistics().rhs_calls, s.rhs_calls + 3);
+}
+
+TEST(RungeKutta, Dop853KeepsItsTolerance) {
+  double before = 1.0;
+  for (double tolerance : {1e-4, 1e-6, 1e-8, 1e-10, 1e-12}) {
+    auto integrator = make_integrator(oscillator(tolerance), adaptive("dop853", tolerance));
+    const double error = std::abs(integrate(*integrator, 0.0, {1.0, 0.0}, 20.0)[0] - std::cos(20.0));
+    EXPECT_LT(error, 50.0 * tolerance);
+    EXPECT_LT(error, 0.1 * before);
+    before = error;
+  }
+}
+
 TEST(RungeKutta, Dopri5KeepsItsTolerance) {
   double before = 1.0;
   for (double tolerance : {1e-4, 1e-6, 1e-8, 1e-10}) {
@@ -70,7 +119,8 @@ TEST(RungeKutta, StepsOfDopri5GrowWithTheFifthRootOfTheTolerance) {
 
 /// Quadrature weights: exact for polynomials of degree order - 1, up to round-off of the few steps.
 TEST(RungeKutta, IntegralsOfPolynomialsAreExact) {
-  for (const auto& [options, power] : {std::pair{rk4(0.3), 3}, std::pair{equal_steps("dopri5", 0.3), 4}}) {
+  for (const auto& [options, power] :
+       {std::pair{rk4(0.3), 3}, std::pair{equal_steps("dopri5", 0.3), 4}, std::pair{equal_steps("dop853", 0.3), 7}}) {
     OdeProblem p = problem(1, [](double, const double*, double* xdot) {
       xdot[0] = 1.0;
       return true;
@@ -111,7 +161,7 @@ TEST(RungeKutta, Rk4NeedsFourEvaluationsPerStep) {
 
 TEST(RungeKutta, AStepAllocatesNothing) {
   if (!counting) GTEST_SKIP() << "the sanitizer owns malloc";
-  for (const std::string method : {"rk4", "dopri5"}) {
+  for (const std::string method : {"rk4", "dopri5", "dop853"}) {
     OdeProblem p = oscillator();
     p.n_quadrature = 1;
     p.integrands = [](double, const double* x, double* ydot) { ydot[0] = x[0]; };
