@@ -1,5 +1,7 @@
 #include "core/dynamics/batch.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstring>
 #include <limits>
@@ -141,10 +143,11 @@ class PassesOf : public Batch::Passes {
 }  // namespace
 
 Batch::Batch(const Model& model) {
-  if (!model.varies.empty())
-    refuse(Code::unsupported, {"a batch of states"}, "a model whose masses stay as they are",
-           "device " + model.devices.all[static_cast<std::size_t>(model.devices.masses[0].device)].name,
-           "its mass is a state of its own in each");
+  for (const Device& d : model.devices.all)
+    for (const DeviceMount& m : d.mounts)
+      if ((m.use & CARDAN_USE_LOAD) != 0 || (d.family->mass && m.node >= 0))
+        refuse(Code::unsupported, {"a batch of states"}, "a model without devices that push or carry mass",
+               fmt::format("device {} ({})", d.name, d.family->type), "forward_dynamics() state by state, with its DeviceForces");
   if (soa::instruction_set().eight.outward)
     passes_ = std::make_unique<PassesOf<soa::Lanes<8>>>(model);
   else if (soa::instruction_set().four.outward)

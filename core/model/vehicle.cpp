@@ -53,7 +53,8 @@ class VehicleReader {
     MapReader top({&root, ""}, context_);
     if (const auto version = top.require("cardan", "1, the version of this grammar", "begin the file with `cardan: 1`"))
       if (version->node->text != "1")
-        context_.sink.report(Code::out_of_range, version->at(), "1, the version of this grammar", describe(*version->node));
+        context_.sink.report(Code::out_of_range, version->at(), "1, the version of this grammar", describe(*version->node),
+                             "`cardan: 1` is all there has been so far; what says otherwise was written for a later Cardan");
     spec_.name = top.text("name", "a text", "vehicle");
     if (const auto gravity = top.find("gravity"))
       read_gravity(*gravity);

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/dynamics/devices.hpp"
 #include "core/linalg/linear_operator.hpp"
 #include "core/operators/system_modes.hpp"
 #include "core/sim/flexible_limits.hpp"
@@ -111,7 +112,8 @@ Json modes(const Model& m) {
 Json ops(const Model& m, const std::vector<soa::OpCost>& costs, bool measured) {
   Json all = Json::array();
   for (const soa::OpCost& op : costs) {
-    all.push_back({{"name", op.name}, {"bodies", op.bodies}, {"flops", op.flops}, {"functions", op.functions}, {"bytes", op.bytes}});
+    all.push_back({{"name", op.name}, {"bodies", op.bodies}, {"bytes", op.bytes}});
+    if (op.flops >= 0) all.back()["flops"] = op.flops, all.back()["functions"] = op.functions;
     if (measured) all.back()["ns"] = op.ns;
   }
   for (std::size_t i = 0; i < all.size(); ++i)
@@ -323,6 +325,25 @@ std::span<const cardan_param_desc> schema_of(const Family* family) {
   return family ? std::span(family->params, family->n_params) : std::span<const cardan_param_desc>();
 }
 
+void measure(Simulation& sim, std::vector<soa::OpCost>& costs) {
+  const Model& m = sim.model();
+  const auto nv = static_cast<std::size_t>(m.nv);
+  std::vector<double> tau(nv);
+  const std::vector<double> vdot(nv);
+  std::vector<NodeWrench> wrenches(sim.wrenches().begin(), sim.wrenches().end());
+  const State& at = sim.state();
+  Inputs in{.q = at.q.data(), .v = at.v.data(), .tau = tau.data(), .vdot = vdot.data(), .wrenches = wrenches};
+  const DeviceForces* devices = sim.devices();
+  in.moment = sim.gravity_moment();
+  if (!devices) return soa::measure(m, in, costs);
+  DeviceForces own(*devices);
+  own.set({at.t, at.z.data(), at.marks.data(), tau.data(), wrenches.data()});
+  soa::measure(m, in, costs, [&](Workspace& ws) {
+    std::ranges::fill(tau, 0.0);
+    own.act(ws, in);
+  });
+}
+
 std::string program_text(const Model& m, const std::vector<soa::OpCost>& costs, bool measured) {
   const auto time = [&](double ns) { return measured ? fmt::format("{:>8.0f}", ns) : std::string(); };
   std::string text =
@@ -336,9 +357,10 @@ std::string program_text(const Model& m, const std::vector<soa::OpCost>& costs, 
       for (const UserBody& u : m.user)
         if (!u.merged && u.sweep >= m.runs[static_cast<std::size_t>(r)].begin && u.sweep < m.runs[static_cast<std::size_t>(r)].end)
           bodies += (bodies.empty() ? "" : ", ") + u.name;
-    text += fmt::format("{:<52}{:>8}{:>8}{:>8}{:>9}{}  {}\n", cost.name, cost.bodies, cost.flops, cost.functions, cost.bytes, time(cost.ns),
-                        bodies);
-    sum.flops += cost.flops, sum.functions += cost.functions, sum.ns += cost.ns;
+    const bool counted = cost.flops >= 0;
+    text += fmt::format("{:<52}{:>8}{:>8}{:>8}{:>9}{}  {}\n", cost.name, cost.bodies, counted ? std::to_string(cost.flops) : "-",
+                        counted ? std::to_string(cost.functions) : "-", cost.bytes, time(cost.ns), bodies);
+    sum.flops += std::max(0L, cost.flops), sum.functions += cost.functions, sum.ns += cost.ns;
   }
   return text + fmt::format("{:<60}{:>8}{:>8}{:>9}{}  (bytes: all working memory)\n", "one evaluation of v'", sum.flops, sum.functions,
                             soa::workspace_bytes(m), time(sum.ns));
@@ -443,7 +465,7 @@ Json describe(Simulation& sim, bool measured, int n_modes) {
   const Model& m = sim.model();
   n_modes = modes_worth_telling(m, n_modes);
   std::vector<soa::OpCost> costs = soa::op_costs(m, sim.state());
-  if (measured) soa::measure(m, sim.state(), costs);
+  if (measured) measure(sim, costs);
   return {{"vehicle", m.name},
           {"integrator", integrator_text(sim.options())},
           {"n_q", m.nq},

@@ -86,24 +86,25 @@ std::vector<OpCost> op_costs(const Model& model, const State& state, std::span<c
     }
     if (run) cost.name += std::string(" (") + name_of(run->kind) + ")";
     for (int k = run ? run->begin : 1; run && k < run->end; ++k) cost.bytes += sizes.record_bytes(k);
-    cost.flops = Counted::flops;
+    cost.flops = op.code == OpCode::devices ? -1 : Counted::flops;
     cost.functions = Counted::functions;
     costs.push_back(std::move(cost));
   }
   return costs;
 }
 
-void measure(const Model& model, const State& state, std::vector<OpCost>& costs) {
+void measure(const Model& model, const Inputs<double>& in, std::vector<OpCost>& costs, const std::function<void(Workspace<double>&)>& act) {
   using Clock = std::chrono::steady_clock;
   const Sweeps<double>& S = sweeps<double>();
   Workspace<double> ws(model);
-  const std::vector<double> zero(static_cast<std::size_t>(model.nv));
   std::vector<double> vdot(static_cast<std::size_t>(model.nv));
-  Inputs<double> in;
-  in.q = state.q.data(), in.v = state.v.data(), in.tau = zero.data(), in.vdot = zero.data();
   const auto run_until = [&](std::size_t end) {
     S.ground(model, ws, in);
-    for (std::size_t i = 0; i < end; ++i) run_op(model, model.program[i], S, ws, in, vdot.data());
+    for (std::size_t i = 0; i < end; ++i)
+      if (model.program[i].code != OpCode::devices)
+        run_op(model, model.program[i], S, ws, in, vdot.data());
+      else if (act)
+        act(ws);
   };
   const auto time = [&](std::size_t end) {
     double least = 1e9;

@@ -41,7 +41,9 @@ class GoldenReader {
       refuse(Code::wrong_type, {"", {golden_.file.string()}}, "a map that begins with `cardan_golden: 1`", describe(root));
     MapReader map({&root, ""}, context_);
     if (const auto version = map.require("cardan_golden", "the version of the format: 1", "begin the file with `cardan_golden: 1`"))
-      if (version->node->text != "1") sink_.report(Code::unsupported, version->at(), "1, the only version", describe(*version->node));
+      if (version->node->text != "1")
+        sink_.report(Code::unsupported, version->at(), "1, the only version", describe(*version->node),
+                     "`cardan_golden: 1` is all there has been so far; what says otherwise was written for a later Cardan");
     golden_.truth = reason(map, "truth", "where the references come from: a formula, a publication, another program");
     golden_.scenario =
         golden_.folder() / map.text("scenario", "a Lua file, a folder with scenario.lua, or a vehicle beside `script`", "scenario.lua");
