@@ -29,7 +29,7 @@ enum cardan_mount_use {
   CARDAN_USE_POSE = 1u,         /* reads R_WN and position */
   CARDAN_USE_VELOCITY = 2u,     /* reads omega and velocity */
   CARDAN_USE_LOAD = 4u,         /* pushes: moment and force, or tau */
-  CARDAN_USE_ACCELERATION = 8u, /* reads alpha and specific_force; all that the mount reads is then read by `tick` alone */
+  CARDAN_USE_ACCELERATION = 8u, /* reads alpha and specific_force; all that the mount reads is then read by `tick` and `follow` alone */
   CARDAN_USE_OUTLET = 16u,      /* what is drawn from a device with a mass leaves the vehicle here: at one node at most */
   CARDAN_USE_HOLD = 32u,        /* a hinge component that stands still while the first mark is not 0: at one at most; see `holds` */
   CARDAN_USE_OPTIONAL = 64u     /* of a field: the scene may have none, all its numbers are then 0 */
@@ -69,7 +69,7 @@ typedef struct cardan_mount_motion {
   double omega[3];                    /* [rad/s] node axes */
   double velocity[3];                 /* [m/s] node axes */
   double q, v;                        /* [rad, m], [rad/s, m/s] */
-  double alpha[3], specific_force[3]; /* [rad/s^2], [m/s^2] acceleration less gravity there; node axes. In `tick` alone, else 0 */
+  double alpha[3], specific_force[3]; /* [rad/s^2], [m/s^2] acceleration less gravity there; node axes. In `tick` and `follow`, else 0 */
   double field[4];                    /* the numbers of its quantity. Gravity, magnetic field, wind, light: in the axes of the node */
 } cardan_mount_motion;
 
@@ -163,6 +163,13 @@ typedef struct cardan_device_family {
   /* [step: pure] Of CARDAN_USE_HOLD: [N m, N] the most that it holds its component with. The host finds the force that holds, and where
    * that passes the most: `event` with root = n_roots + 1, direction that in which it then begins to move. */
   double (*holds)(const cardan_device_args*);
+  /* [step: pure] (optional) z' once v' is known, of states that are integrals of what accelerations cause: the velocity that an IMU adds
+   * up. `evaluate` then gives no zdot, nor does its tangent. Reads t, packed, z and mounts at nodes, with alpha and specific_force,
+   * whatever their use; in and d are null, of hinge components q and v are there, of fields nothing. 0 = done, else the step is tried again
+   * smaller. */
+  int (*follow)(const cardan_device_args*, double* zdot);
+  /* [step: pure] (optional) Its derivative along z and mounts of `along`. Null: by differences. */
+  int (*follow_tangent)(const cardan_device_args*, const cardan_device_args* along, double* zdot);
 } cardan_device_family;
 
 #ifdef __cplusplus

@@ -72,7 +72,7 @@ struct DeviceOut {
 };
 
 /// `mounts`, `ports`, `states`, `marks`, `schema` may be left out, as may `nominal`, `energy`, `roots`, `event`, `tick`, `mass` (a template
-/// as `evaluate` is), `momentum`, `holds`; and `can_carry`, false at states without a mass.
+/// as `evaluate` is), `follow` (one as well), `momentum`, `holds`; and `can_carry`, false at states without a mass.
 template <class F>
 concept DeviceFamily = requires(const typename F::Packed& p, const DeviceIn<double>& a, DeviceOut<double>& b, const DeviceIn<Tangent>& at,
                                 DeviceOut<Tangent>& bt) {
@@ -141,12 +141,12 @@ int evaluate(const cardan_device_args* a, cardan_device_out* o) {
   return 0;
 }
 
+inline void seed(Tangent* to, const double* x, const double* dx, std::uint32_t n) {
+  for (std::uint32_t i = 0; i < n; ++i) to[i] = {x[i], dx[i]};
+}
+/// Mounts and states with their rates.
 template <class F>
-int tangent(const cardan_device_args* a, const cardan_device_args* d, cardan_device_out* o) {
-  DeviceBuffers<F> b;
-  const auto seed = [](Tangent* to, const double* x, const double* dx, std::uint32_t n) {
-    for (std::uint32_t i = 0; i < n; ++i) to[i] = {x[i], dx[i]};
-  };
+void seed_motion(DeviceBuffers<F>& b, const cardan_device_args* a, const cardan_device_args* d) {
   for (std::uint32_t i = 0; i < DeviceSizes<F>::mounts; ++i) {
     double x[kMotionNumbers], dx[kMotionNumbers];
     Tangent both[kMotionNumbers];
@@ -154,7 +154,14 @@ int tangent(const cardan_device_args* a, const cardan_device_args* d, cardan_dev
     seed(both, x, dx, kMotionNumbers);
     std::memcpy(static_cast<void*>(&b.at[i]), both, sizeof both);
   }
-  seed(b.in, a->in, d->in, inputs_of<F>()), seed(b.z, a->z, d->z, DeviceSizes<F>::states);
+  seed(b.z, a->z, d->z, DeviceSizes<F>::states);
+}
+
+template <class F>
+int tangent(const cardan_device_args* a, const cardan_device_args* d, cardan_device_out* o) {
+  DeviceBuffers<F> b;
+  seed_motion(b, a, d);
+  seed(b.in, a->in, d->in, inputs_of<F>());
   DeviceOut<Tangent> out{b.zdot, b.out, b.load};
   F::evaluate(*static_cast<const typename F::Packed*>(a->packed), DeviceIn<Tangent>{a->t, b.in, b.z, a->d, b.at}, out);
   for (std::uint32_t i = 0; i < DeviceSizes<F>::mounts; ++i) {
@@ -167,6 +174,20 @@ int tangent(const cardan_device_args* a, const cardan_device_args* d, cardan_dev
   for (std::uint32_t i = 0; i < DeviceSizes<F>::states; ++i) o->zdot[i] = b.zdot[i].d;
   for (std::uint32_t i = 0; i < DeviceSizes<F>::ports - inputs_of<F>(); ++i) o->out[i] = b.out[i].d;
   o->delivered = out.delivered.d, o->lost = out.lost.d;
+  return 0;
+}
+
+template <class F>
+int follow(const cardan_device_args* a, double* zdot) {
+  F::follow(*static_cast<const typename F::Packed*>(a->packed), read(a), zdot);
+  return 0;
+}
+template <class F>
+int follow_tangent(const cardan_device_args* a, const cardan_device_args* d, double* zdot) {
+  DeviceBuffers<F> b;
+  seed_motion(b, a, d);
+  F::follow(*static_cast<const typename F::Packed*>(a->packed), DeviceIn<Tangent>{a->t, nullptr, b.z, nullptr, b.at}, b.zdot);
+  for (std::uint32_t i = 0; i < DeviceSizes<F>::states; ++i) zdot[i] = b.zdot[i].d;
   return 0;
 }
 
@@ -237,6 +258,8 @@ const cardan_device_family& device_table() {
       };
     if constexpr (requires(const P& p, const DeviceIn<double>& a) { F::mass(p, a); })
       t.mass = &detail::mass<F>, t.mass_tangent = &detail::mass_tangent<F>;
+    if constexpr (requires(const P& p, const DeviceIn<double>& a, double* zdot) { F::follow(p, a, zdot); })
+      t.follow = &detail::follow<F>, t.follow_tangent = &detail::follow_tangent<F>;
     if constexpr (requires(const P& p, const DeviceIn<double>& a) { F::holds(p, a); })
       t.holds = [](const cardan_device_args* a) { return F::holds(*static_cast<const P*>(a->packed), detail::read(a)); };
     if constexpr (requires(const P& p, const DeviceIn<double>& a, Vec3<double>* h) { F::momentum(p, a, h); })

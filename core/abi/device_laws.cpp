@@ -106,6 +106,8 @@ class DeviceTableFaults : public TableChecks {
         expect(all == f_.marks || (all[i].nominal > 0.0 && std::isfinite(all[i].nominal)), at + "nominal",
                fmt::format("{:g}, expected > 0", all[i].nominal));
       }
+    expect(!f_.follow || f_.n_states > 0, "follow", "given, and there are no states");
+    expect(!f_.follow || (!energy && !f_.mass && !f_.momentum), "follow", "given, with energy, mass or momentum, which hang on z'");
     expect(!energy || f_.energy, "energy", "null, and CARDAN_FACT_ENERGY is set");
     expect((f_.facts & CARDAN_FACT_PASSIVE) == 0 || energy, "facts", "CARDAN_FACT_PASSIVE without CARDAN_FACT_ENERGY");
   }
@@ -149,6 +151,7 @@ class DeviceLaws {
     if ((f_.facts & CARDAN_FACT_INTERNAL) != 0) internal(x, y);
     if ((f_.facts & CARDAN_FACT_ENERGY) != 0) energy(x, y);
     if (f_.tangent) tangent(x);
+    if (f_.follow) follow(x, y);
     if (f_.mass) mass(x, y);
     if (f_.momentum) momentum(x, y);
     if (f_.holds) holds(x);
@@ -509,31 +512,86 @@ class DeviceLaws {
     }
   }
 
-  /// Along a random direction, against differences of sixth order; marks and time stay.
-  void tangent(const Point& x) {
+  Point direction(const Point& x) {
     Point along = x;
     for (std::size_t i = 0; i < along.numbers.size(); ++i) {
       const bool state = i >= z_ && i < z_ + f_.n_states;
       along.numbers[i] = i >= z_ + f_.n_states ? 0.0 : (state ? nominal_[i - z_] : 1.0) * normal();
     }
+    return along;
+  }
+  /// d f / ds along it, of sixth order, n numbers.
+  template <class F>
+  static std::vector<double> slopes(const Point& x, const Point& along, double h, std::size_t n, const F& f) {
+    std::vector<double> sum(n, 0.0);
+    for (const auto& [steps, weight] : {std::pair(1, 45.0), std::pair(2, -9.0), std::pair(3, 1.0)})
+      for (const int side : {1, -1}) {
+        Point moved = x;
+        for (std::size_t i = 0; i < moved.numbers.size(); ++i) moved.numbers[i] += side * steps * h * along.numbers[i];
+        const std::vector<double> y = f(moved);
+        for (std::size_t i = 0; i < n; ++i) sum[i] += side * weight * y[i] / (60.0 * h);
+      }
+    return sum;
+  }
+
+  /// Empty: refused.
+  std::vector<double> followed(const Point& x) {
+    before_("follow");
+    cardan_device_args a = args(x);
+    a.in = a.d = nullptr;
+    Handed zdot(f_.n_states);
+    const int code = f_.follow(&a, zdot.data());
+    if (!zdot.intact()) found_.push_back(fmt::format("follow writes beyond its array (sample {})", sample_));
+    return code != 0 ? std::vector<double>() : std::vector<double>(zdot.data(), zdot.data() + f_.n_states);
+  }
+  /// z' by `follow` alone, a function of its arguments, whose derivative is what it says.
+  void follow(const Point& x, const Given& y) {
+    const std::size_t n = f_.n_states;
+    if (std::any_of(y.numbers.begin() + static_cast<std::ptrdiff_t>(zdot_), y.numbers.begin() + static_cast<std::ptrdiff_t>(power_),
+                    [](double rate) { return rate != 0.0; }))
+      found_.push_back(fmt::format("evaluate gives rates of states, which follow gives (sample {})", sample_));
+    const std::vector<double> first = followed(x);
+    if (first.empty()) return;  // outside of its domain
+    followed(random_point());
+    const std::vector<double> again = followed(x);
+    if (again.size() != n || std::memcmp(first.data(), again.data(), n * sizeof(double)) != 0)
+      found_.push_back(fmt::format("follow is a function of its arguments: other numbers at the second call (sample {})", sample_));
+    for (std::size_t i = 0; i < n; ++i)
+      if (!std::isfinite(first[i]))
+        found_.push_back(fmt::format("follow gives {} for finite arguments (rate of {}, sample {})", first[i], f_.states[i].name, sample_));
+    if (!f_.follow_tangent) return;
+    const Point along = direction(x);
+    cardan_device_args a = args(x), d = args(along);
+    a.in = a.d = d.in = d.d = nullptr;
+    Handed given(n);
+    before_("follow_tangent");
+    if (f_.follow_tangent(&a, &d, given.data()) != 0) return;
+    if (!given.intact()) found_.push_back(fmt::format("follow_tangent writes beyond its array (sample {})", sample_));
+    const auto f = [&](const Point& moved) {
+      std::vector<double> rates = followed(moved);
+      rates.resize(n, std::nan(""));
+      return rates;
+    };
+    const std::vector<double> fine = slopes(x, along, 1e-3, n, f), coarse = slopes(x, along, 2e-3, n, f);
+    for (std::size_t i = 0; i < n; ++i) {
+      const double size = 1.0 + std::abs(fine[i]);
+      if (!(std::abs(fine[i] - coarse[i]) <= 1e-7 * size)) continue;  // a corner, or too curved here
+      law(fmt::format("follow_tangent is the derivative of follow (rate of {})", f_.states[i].name),
+          std::abs(given.data()[i] - fine[i]) / size, 1e-6);
+    }
+  }
+
+  /// Along a random direction, against differences of sixth order; marks and time stay.
+  void tangent(const Point& x) {
+    const Point along = direction(x);
     const Given given = call("tangent", [&](cardan_device_out* o) {
       const cardan_device_args a = args(x), d = args(along);
       return f_.tangent(&a, &d, o);
     });
     if (given.overrun) found_.push_back(fmt::format("tangent writes beyond its arrays (sample {})", sample_));
     if (given.code != 0) return;
-    const auto slope = [&](double h) {
-      std::vector<double> sum(given.numbers.size(), 0.0);
-      for (const auto& [steps, weight] : {std::pair(1, 45.0), std::pair(2, -9.0), std::pair(3, 1.0)})
-        for (const int side : {1, -1}) {
-          Point moved = x;
-          for (std::size_t i = 0; i < moved.numbers.size(); ++i) moved.numbers[i] += side * steps * h * along.numbers[i];
-          const Given y = evaluate(moved);
-          for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += side * weight * y.numbers[i] / (60.0 * h);
-        }
-      return sum;
-    };
-    const std::vector<double> fine = slope(1e-3), coarse = slope(2e-3);
+    const auto f = [&](const Point& moved) { return evaluate(moved).numbers; };
+    const std::vector<double> fine = slopes(x, along, 1e-3, power_, f), coarse = slopes(x, along, 2e-3, power_, f);
     for (std::size_t i = 0; i < power_; ++i) {
       const double size = 1.0 + std::abs(fine[i]);
       if (std::abs(fine[i] - coarse[i]) > 1e-7 * size) continue;  // a corner, or too curved here

@@ -25,16 +25,22 @@ template <class T, class Mounts, class Put>
 void hinge_motion_of(const soa::Inputs<T>& in, const Mounts& mounts, const Put& put) {
   for (const auto& m : mounts.hinges) put(m.mount, 18, m.q >= 0 ? in.q[m.q] : T(0.0)), put(m.mount, 19, in.v[m.v]);
 }
+/// With alpha and the specific force where v' is given.
 template <class T, class Mounts, class Put>
-void motion_of(const Model& model, const soa::Workspace<T>& ws, const soa::Inputs<T>& in, const Mounts& mounts, const Put& put) {
+void motion_of(const Model& model, const soa::Workspace<T>& ws, const soa::Inputs<T>& in, const Mounts& mounts, const Put& put,
+               const T* vdot = nullptr) {
   hinge_motion_of(in, mounts, put);
   for (const auto& m : mounts.nodes) {
-    const NodeMotion<T> n = node_motion<T>(model, ws, in, m.node, nullptr);
+    const NodeMotion<T> n = node_motion<T>(model, ws, in, m.node, vdot);
     const Mat3<T>& R = n.R_WN;
     const T all[18] = {R.xx,           R.xy,           R.xz,           R.yx,           R.yy,           R.yz,
                        R.zx,           R.zy,           R.zz,           n.position.x,   n.position.y,   n.position.z,
                        n.velocity.w.x, n.velocity.w.y, n.velocity.w.z, n.velocity.v.x, n.velocity.v.y, n.velocity.v.z};
     for (int i = 0; i < 18; ++i) put(m.mount, i, all[i]);
+    if (!vdot) continue;
+    const Vec3<T>&alpha = n.acceleration.w, &f = n.specific_force;
+    const T more[6] = {alpha.x, alpha.y, alpha.z, f.x, f.y, f.z};
+    for (int i = 0; i < 6; ++i) put(m.mount, 20 + i, more[i]);
   }
 }
 
@@ -78,8 +84,12 @@ DeviceForces::DeviceForces(const Model& model, Model* own) : commands(model.devi
       if (m.node < 0 && pushes) pushed_.hinges.push_back({mount, m.q, m.v});
       if (m.node >= 0 && (m.use & (CARDAN_USE_POSE | CARDAN_USE_VELOCITY)) != 0) read.nodes.push_back({mount, m.node, m.load});
       if (m.node >= 0 && pushes) pushed_.nodes.push_back({mount, m.node, m.load});
+      if (d.family->follow && m.node < 0) followed_.hinges.push_back({mount, m.q, m.v});
+      if (d.family->follow && m.node >= 0) followed_.nodes.push_back({mount, m.node, m.load});
     }
+    if (d.family->follow) following_.push_back(static_cast<int>(&d - all.all.data()));
   }
+  if (!following_.empty()) followed_motions_.resize(motions_.size());
   begins.push_back(static_cast<int>(given_.size())), begin_added.push_back(static_cast<int>(added_.size()));
   const auto call = [&](int i) {
     return Call{all.all[i].family->evaluate, i, {begins[i], begins[i + 1]}, {begin_added[i], begin_added[i + 1]}};
@@ -96,14 +106,14 @@ DeviceForces::DeviceForces(const Model& model, Model* own) : commands(model.devi
   };
   for (const Device& d : all.all) {
     add(d.acts, d.mount * kLoad, static_cast<int>(d.mounts.size()) * kLoad);
-    add(d.acts, all.n_mounts * kLoad + d.z, static_cast<int>(d.family->n_states));
+    if (!d.family->follow) add(d.acts, all.n_mounts * kLoad + d.z, static_cast<int>(d.family->n_states));
     add(d.acts, all.n_mounts * kLoad + all.n_z + d.out, d.n_out);
   }
 }
 
 DeviceForces::DeviceForces(const DeviceForces& other) : DeviceForces(other.model_) {
   commands = other.commands, motions_ = other.motions_, in_ = other.in_, z_ = other.z_, marks_ = other.marks_, effects_ = other.effects_;
-  flow_loads_ = other.flow_loads_, varying_ = other.varying_;
+  flow_loads_ = other.flow_loads_, varying_ = other.varying_, followed_motions_ = other.followed_motions_;
   for (std::size_t k = 0; k < args_.size(); ++k) {
     args_[k].t = other.args_[k].t;
     outs_[k].delivered = other.outs_[k].delivered, outs_[k].lost = other.outs_[k].lost;
@@ -152,7 +162,7 @@ void DeviceForces::zero(const std::vector<Range>& numbers) {
 void DeviceForces::zero(int index) {
   const Device& d = model_.devices.all[index];
   std::fill_n(loads_ + d.mount, d.mounts.size(), cardan_mount_load{});
-  std::fill_n(zdot_ + d.z, d.family->n_states, 0.0);
+  if (!d.family->follow) std::fill_n(zdot_ + d.z, d.family->n_states, 0.0);
   std::fill_n(out_ + d.out, d.n_out, 0.0);
 }
 
@@ -221,11 +231,29 @@ bool DeviceForces::act(Workspace& ws, const Inputs& in) {
   return true;
 }
 
-void DeviceForces::note_motions(const Workspace& ws, const Inputs& in) {
+cardan_device_args DeviceForces::followed(int device) const {
+  cardan_device_args a = args_[device];
+  a.in = a.d = nullptr;
+  a.mount = followed_motions_.data() + model_.devices.all[device].mount;
+  return a;
+}
+
+bool DeviceForces::follow(const Workspace& ws, const Inputs& in, const double* vdot) {
   for (std::size_t i = 0; i < varying_.size(); ++i) {
     const int k = model_.devices.varying[i].sweep;
     varying_[i] = {motion_of_body<double>(model_, ws, in, k, nullptr, After::forward), ws.pose_W(k)};
   }
+  motion_of(model_, ws, in, followed_, into(followed_motions_), vdot);
+  for (const int i : following_) {
+    const Device& d = model_.devices.all[i];
+    const cardan_device_args at = followed(i);
+    if (const int code = d.family->follow(&at, zdot_ + d.z); code != 0) {
+      fault_ = {i, fmt::format("follow returned {}", code)};
+      return false;
+    }
+    if (!expect_finite(i)) return false;
+  }
+  return true;
 }
 
 Vec3<double> DeviceForces::stored_momentum() const {
@@ -362,6 +390,7 @@ DeviceTangents::DeviceTangents(const Model& model, const DeviceForces& base) : m
   motions_.resize(base.motions_.size()), loads_.resize(base.motions_.size());
   commands.resize(base.in_.size()), in_.resize(base.in_.size()), out_.resize(at(model.devices.n_out));
   zdot_.resize(at(model.devices.n_z)), dz_.resize(at(model.devices.n_z));
+  followed_motions_.resize(base.followed_motions_.size()), unused_.resize(base.following_.empty() ? 0 : at(model.devices.n_z));
 }
 
 void DeviceTangents::take_inputs(const Device& d) {
@@ -374,12 +403,13 @@ void DeviceTangents::take_inputs(const Device& d) {
 bool DeviceTangents::differentiate(int index) {
   const Device& d = model_.devices.all[index];
   std::memset(loads_.data() + d.mount, 0, d.mounts.size() * sizeof(cardan_mount_load));
-  std::fill_n(zdot_.begin() + d.z, d.family->n_states, 0.0);
+  double* zdot = (d.family->follow ? unused_ : zdot_).data() + d.z;
+  std::fill_n(zdot, d.family->n_states, 0.0);
   std::fill_n(out_.begin() + d.out, d.n_out, 0.0);
   const cardan_device_args at = base_.args_[index];
   cardan_device_args along = at;
   along.in = in_.data() + d.in, along.mount = motions_.data() + d.mount, along.z = dz_.data() + d.z;
-  cardan_device_out out{zdot_.data() + d.z, out_.data() + d.out, loads_.data() + d.mount, 0.0, 0.0};
+  cardan_device_out out{zdot, out_.data() + d.out, loads_.data() + d.mount, 0.0, 0.0};
   return d.family->tangent ? d.family->tangent(&at, &along, &out) == 0 : by_differences(d, at, along, out);
 }
 
@@ -431,6 +461,27 @@ bool DeviceTangents::by_differences(const Device& d, const cardan_device_args& a
   std::copy_n(rates_.data() + n_loads, n_out, out.out);
   std::copy_n(rates_.data() + n_loads + n_out, n_z, out.zdot);
   return good;
+}
+
+/// With the rates of its mounts and states as they are.
+bool DeviceTangents::follow_along(int index) {
+  const Device& d = model_.devices.all[index];
+  cardan_device_args at = base_.followed(index), along = at;
+  along.mount = followed_motions_.data() + d.mount, along.z = dz_.data() + d.z;
+  if (d.family->follow_tangent) return d.family->follow_tangent(&at, &along, zdot_.data() + d.z) == 0;
+  const std::vector<double> none(static_cast<std::size_t>(d.n_in));
+  at.in = along.in = none.data();
+  bool good = true;
+  differences(d, at, along, d.family->n_states, zdot_.data() + d.z, [&](cardan_device_args beside, double* to) {
+    beside.in = nullptr;
+    good = good && d.family->follow(&beside, to) == 0;
+  });
+  return good;
+}
+
+bool DeviceTangents::follow(const soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in, const Tangent* vdot) {
+  motion_of(model_, ws, in, base_.followed_, rates_into(followed_motions_), vdot);
+  return std::ranges::all_of(base_.following_, [this](int device) { return follow_along(device); });
 }
 
 Vec3<Tangent> DeviceTangents::stored_momentum() {
@@ -562,11 +613,12 @@ void DeviceTangents::state_matrix(int index, double* J) {
   const Device& d = model_.devices.all[index];
   const auto n = d.family->n_states;
   std::memset(motions_.data() + d.mount, 0, d.mounts.size() * sizeof(cardan_mount_motion));
+  if (d.family->follow) std::memset(followed_motions_.data() + d.mount, 0, d.mounts.size() * sizeof(cardan_mount_motion));
   std::fill_n(in_.begin() + d.in, d.n_in, 0.0);
   for (std::uint32_t j = 0; j < n; ++j) {
     std::fill_n(dz_.begin() + d.z, n, 0.0);
     dz_[d.z + j] = 1.0;
-    differentiate(index);
+    d.family->follow ? follow_along(index) : differentiate(index);
     std::copy_n(zdot_.begin() + d.z, n, J + j * n);
   }
 }

@@ -43,6 +43,8 @@ class DeviceForces : public StateLoads<double> {
   /// Masses are those of set() again, after somebody else has used the model.
   void weigh_again();
   bool act(Workspace& ws, const Inputs& in) override;
+  /// z' that hangs on v', and how the bodies move whose mass varies, for derivatives.
+  bool follow(const Workspace& ws, const Inputs& in, const double* vdot) override;
   /// Between steps, after act() at the same state, with poses and velocities in the world: the devices that the motion does not depend on,
   /// and mounts that are read at ticks.
   bool complete(Workspace& ws, const Inputs& in);
@@ -56,8 +58,6 @@ class DeviceForces : public StateLoads<double> {
   double state(int i) const { return z_[i]; }
   double output(int i) const { return out_[i]; }
   double input(int i) const { return in_[i]; }
-  /// Of the bodies whose mass varies, after the dynamics that act() was a part of: how they move, for derivatives.
-  void note_motions(const Workspace& ws, const Inputs& in);
   /// [N m, N] The most that a device holds its component with.
   double most_held(int device) const { return model_.devices.all[device].family->holds(&args_[device]); }
   /// What mass that leaves takes along, for the ledger.
@@ -117,6 +117,8 @@ class DeviceForces : public StateLoads<double> {
   bool evaluate_acting();
   bool evaluate_others();
   bool evaluate(const std::vector<Call>& calls, const std::vector<Range>& numbers);
+  /// What `follow` of a device reads.
+  cardan_device_args followed(int device) const;
   void zero(const std::vector<Range>& numbers);
   void zero(int device);
   bool expect_finite(int device);
@@ -131,7 +133,9 @@ class DeviceForces : public StateLoads<double> {
   FieldsOfDevices fields_;
   std::vector<Call> first_, acting_, others_;  // in the order of evaluation
   Mounts in_steps_, between_, pushed_;         // mounts that are read in steps, between them alone; that devices push at
-  std::vector<cardan_mount_motion> motions_;
+  std::vector<int> following_;                 // devices with `follow`
+  Mounts followed_;                            // their mounts, and how these move in it
+  std::vector<cardan_mount_motion> motions_, followed_motions_;
   std::vector<double> z_, marks_, in_;
   std::vector<double> effects_;  // all that devices fill: loads, z', outputs; below: where they begin
   cardan_mount_load* loads_ = nullptr;
@@ -154,6 +158,7 @@ class DeviceTangents : public StateLoads<soa::Tangent> {
   std::vector<double> commands;
   void set(const DeviceState<soa::Tangent>& state) { state_ = state; }
   bool act(soa::Workspace<soa::Tangent>& ws, const soa::Inputs<soa::Tangent>& in) override;
+  bool follow(const soa::Workspace<soa::Tangent>& ws, const soa::Inputs<soa::Tangent>& in, const soa::Tangent* vdot) override;
   /// As DeviceForces::complete().
   bool complete(soa::Workspace<soa::Tangent>& ws, const soa::Inputs<soa::Tangent>& in);
   const double* zdot() const { return zdot_.data(); }
@@ -169,6 +174,7 @@ class DeviceTangents : public StateLoads<soa::Tangent> {
   void take_inputs(const Device& d);
   void add_flows(const soa::Inputs<soa::Tangent>& in);
   bool differentiate(int device);
+  bool follow_along(int device);
   template <class F>
   void differences(const Device& d, const cardan_device_args& at, const cardan_device_args& along, std::size_t n, double* out, const F& f);
   bool by_differences(const Device& d, const cardan_device_args& at, const cardan_device_args& along, cardan_device_out& out);
@@ -177,9 +183,9 @@ class DeviceTangents : public StateLoads<soa::Tangent> {
   const DeviceForces& base_;
   DeviceState<soa::Tangent> state_;
   FieldsOfDevices fields_;
-  std::vector<cardan_mount_motion> motions_;
+  std::vector<cardan_mount_motion> motions_, followed_motions_;
   std::vector<cardan_mount_load> loads_;
-  std::vector<double> in_, out_, zdot_, dz_, scratch_, rates_;
+  std::vector<double> in_, out_, zdot_, dz_, scratch_, rates_, unused_;
 };
 
 }  // namespace cardan

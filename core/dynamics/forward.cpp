@@ -28,7 +28,7 @@ bool forward_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inpu
   }
   if (kept && !again) std::memcpy(static_cast<void*>(ws.articulated_q.data()), in.q, bytes);
   ws.articulated = kept;
-  return true;
+  return !loads || loads->follow(ws, in, vdot);
 }
 template bool forward_dynamics(const Model&, soa::Workspace<double>&, const soa::Inputs<double>&, double*, StateLoads<double>*);
 template bool forward_dynamics(const Model&, soa::Workspace<soa::Lanes<4>>&, const soa::Inputs<soa::Lanes<4>>&, soa::Lanes<4>*,

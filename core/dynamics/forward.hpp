@@ -16,6 +16,8 @@ template <class T>
 struct StateLoads {
   virtual ~StateLoads() = default;
   virtual bool act(soa::Workspace<T>& workspace, const soa::Inputs<T>& in) = 0;
+  /// Once v' is known: what hangs on it and changes it in nothing.
+  virtual bool follow(const soa::Workspace<T>& workspace, const soa::Inputs<T>& in, const T* vdot) = 0;
 };
 
 /// vdot (nv numbers, user order) from in.q, in.v, in.tau, gravity, wrenches and the prescribed components of in.vdot.

@@ -243,7 +243,7 @@ class DeviceCompiler {
     if (complete_) order();
     if (complete_) find_flows();
     for (Device& d : devices_.all) {
-      d.acts = d.family->n_states > 0 || d.family->n_roots > 0;
+      d.acts = (d.family->n_states > 0 && !d.family->follow) || d.family->n_roots > 0;
       for (const DeviceMount& m : d.mounts) d.acts = d.acts || (m.use & CARDAN_USE_LOAD) != 0;
     }
     for (bool more = true; more;) {
@@ -260,6 +260,8 @@ class DeviceCompiler {
     for (const Device& d : devices_.all)
       for (const DeviceMount& m : d.mounts)
         if (d.acts && (m.use & (CARDAN_USE_POSE | CARDAN_USE_VELOCITY)) != 0 && (m.use & CARDAN_USE_ACCELERATION) == 0)
+          devices_.reads_nodes = true;
+        else if (d.family->follow && m.node >= 0)
           devices_.reads_nodes = true;
   }
 

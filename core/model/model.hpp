@@ -90,7 +90,7 @@ struct Device {
   std::vector<DeviceMount> mounts;
   int n_in = 0, n_out = 0;
   int z = 0, mark = 0, in = 0, out = 0, mount = 0, root = 0;  // where its own begin
-  bool acts = false;  // pushes, has states, or gives something to a device that does: its marks change the motion
+  bool acts = false;  // pushes, has states that do not only follow, or gives something to a device that does: its marks change the motion
 };
 
 /// Mass that a device gives to a body beside its own (cardan_device_family::mass).

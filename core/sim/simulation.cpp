@@ -777,7 +777,7 @@ void Simulation::tick_device(int index, double period) {
   const Eigen::VectorXd z = state_.z, marks = state_.marks;
   if (!devices_->tick(index, period, noise_.data(), state_.z.data(), state_.marks.data())) fail(explain({}));
   if (state_.z == z && state_.marks == marks) return;
-  if (d.acts) return changed();
+  if (d.acts || state_.z != z) return changed();
   devices_->set({state_.t, state_.z.data(), state_.marks.data(), tau_total_.data(), wrenches_.data()});
   if (!devices_->evaluate()) fail(explain({}));  // what it gives now; the motion is as it was
 }

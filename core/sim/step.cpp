@@ -106,7 +106,6 @@ bool Simulation::evaluate(double t, double since, const double* x, double* vdot)
     if (gravity_stopped_.empty()) gravity_stopped_ = told_of_gravity();
     return false;
   }
-  if (own_) devices_->note_motions(workspace_, inputs(q, v));
   if (all_finite(vdot, model_->nv)) {
     if (!x_evaluated_.empty()) std::copy_n(x, x_evaluated_.size(), x_evaluated_.begin()), t_evaluated_ = t;
     return true;

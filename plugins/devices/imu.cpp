@@ -1,9 +1,6 @@
-// imu: three gyros and three accelerometers at a node, sampled: what they read, in node axes, with white noise, a bias that wanders
-// (Gauss-Markov of the first order), a turn-on bias, steps of their converter and a range. Densities are of one-sided spectra per root of a
-// rate, so that another rate of sampling has the same spectrum: the deviation of a sample is N / sqrt(period) [IEEE Std 952-1997].
-#include <cmath>
-
-#include "core/abi/device_family.hpp"
+// imu: three gyros and three accelerometers at a node, sampled: what they read at that instant, in node axes. The deviation of a sample is
+// N / sqrt(period).
+#include "plugins/devices/inertial_sensor.hpp"
 
 namespace cardan {
 namespace {
@@ -12,11 +9,8 @@ struct Imu {
   static constexpr const char* type = "imu";
   static constexpr const char* summary = "gyros and accelerometers at a node, sampled, with noise";
   static constexpr unsigned facts = 0;
-  struct Sensor {
-    double noise, bias, wander, wander_time, step, range;
-  };
   struct Packed {
-    Sensor gyro, accelerometer;
+    InertialSensor gyro, accelerometer;
   };
   static constexpr cardan_param_desc schema[] = {
       param::not_negative(param::optional("angle_random_walk", CARDAN_NUMBER, "1", "white noise of the gyros [rad/sqrt(s)]")),
@@ -57,10 +51,7 @@ struct Imu {
   static constexpr std::uint32_t n_noise = 12;
 
   static bool pack(const Params& params, Packed& p) {
-    const auto n = [&](const char* name) { return params.number(name); };
-    p.gyro = {n("angle_random_walk"), n("gyro_bias"), n("gyro_wander"), n("gyro_wander_time"), n("gyro_step"), n("gyro_range")};
-    p.accelerometer = {n("velocity_random_walk"),      n("accelerometer_bias"), n("accelerometer_wander"),
-                       n("accelerometer_wander_time"), n("accelerometer_step"), n("accelerometer_range")};
+    p = {InertialSensor::gyro(params), InertialSensor::accelerometer(params)};
     return true;
   }
 
@@ -69,20 +60,15 @@ struct Imu {
     for (int i = 0; i < 6; ++i) out.out[i] = T(in.d[i]);
   }
 
-  /// One axis: `bias` is what has wandered, of the stationary spread at the first sample.
-  static double sample(const Sensor& s, double truth, double period, bool first, double white, double walk, double& bias) noexcept {
-    const double keep = first ? 0.0 : std::exp(-period / s.wander_time);
-    bias = keep * bias + std::sqrt(1.0 - keep * keep) * s.wander * walk;
-    double reading = truth + s.bias + bias + s.noise / std::sqrt(period) * white;
-    if (s.step > 0.0) reading = s.step * std::floor(reading / s.step + 0.5);
-    if (s.range > 0.0) reading = std::fmin(std::fmax(reading, -s.range), s.range);
-    return reading;
-  }
   static void tick(const Packed& p, const DeviceIn<double>& in, double period, const double* noise, double*, double* d) noexcept {
     const MountMotion<double>& at = in.at[0];
     const double truth[6] = {at.omega.x, at.omega.y, at.omega.z, at.specific_force.x, at.specific_force.y, at.specific_force.z};
     const bool first = d[12] == 0.0;
-    for (int i = 0; i < 6; ++i) d[i] = sample(i < 3 ? p.gyro : p.accelerometer, truth[i], period, first, noise[i], noise[6 + i], d[6 + i]);
+    for (int i = 0; i < 6; ++i) {
+      const InertialSensor& s = i < 3 ? p.gyro : p.accelerometer;
+      d[6 + i] = s.wandered(d[6 + i], period, first, noise[6 + i]);
+      d[i] = InertialSensor::within(s.rounded(truth[i] + s.bias + d[6 + i] + s.noise / std::sqrt(period) * noise[i]), s.range);
+    }
     d[12] += 1.0;
   }
 };

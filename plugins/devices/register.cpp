@@ -8,6 +8,7 @@ const cardan_device_family& spring_damper_family();
 const cardan_device_family& lugre_friction_family();
 const cardan_device_family& momentum_wheel_family();
 const cardan_device_family& imu_family();
+const cardan_device_family& integrating_imu_family();
 const cardan_device_family& dry_friction_family();
 const cardan_device_family& tank_family();
 const cardan_device_family& thruster_family();
@@ -20,9 +21,9 @@ const cardan_device_family& pulse_modulator_family();
 
 void register_devices(Registry& registry) {
   register_fields(registry);
-  for (const auto family :
-       {spring_damper_family, lugre_friction_family, momentum_wheel_family, imu_family, dry_friction_family, tank_family, thruster_family,
-        magnetorquer_family, dc_motor_family, tape_spring_family, latch_family, drag_family, pulse_modulator_family})
+  for (const auto family : {spring_damper_family, lugre_friction_family, momentum_wheel_family, imu_family, integrating_imu_family,
+                            dry_friction_family, tank_family, thruster_family, magnetorquer_family, dc_motor_family, tape_spring_family,
+                            latch_family, drag_family, pulse_modulator_family})
     registry.devices.add(family());
 }
 

@@ -196,6 +196,44 @@ TEST(DeviceMutants, ThatCarryMassOrStoreMomentumAreCaught) {
   expect(with([](Table& t) { t.mounts = dry, t.n_mounts = 2; }), "CARDAN_USE_OUTLET is of a node, with CARDAN_USE_LOAD");
 }
 
+TEST(DeviceMutants, ThatFollowTheMotionAreCaught) {
+  const auto with = [](const auto& change) {
+    static const cardan_mount_desc node[] = {{"at", CARDAN_MOUNT_NODE, CARDAN_USE_ACCELERATION, "a node"}};
+    Table t{};
+    t.struct_size = sizeof t;
+    t.type = "test/counter", t.summary = "";
+    t.mounts = node, t.n_mounts = 1;
+    t.states = kStates, t.n_states = 1;
+    t.evaluate = [](Args, Out) { return 0; };
+    t.follow = [](Args a, double* zdot) { return zdot[0] = a->mount[0].alpha[1] * a->z[0], 0; };
+    t.follow_tangent = [](Args a, Args d, double* zdot) {
+      return zdot[0] = a->mount[0].alpha[1] * d->z[0] + d->mount[0].alpha[1] * a->z[0], 0;
+    };
+    change(t);
+    return t;
+  };
+  EXPECT_EQ(violations(with([](Table&) {})), "");
+  expect(
+      with([](Table& t) { t.follow_tangent = [](Args a, Args d, double* zdot) { return zdot[0] = a->mount[0].alpha[1] * d->z[0], 0; }; }),
+      "follow_tangent is the derivative of follow (rate of s)");
+  expect(with([](Table& t) { t.follow_tangent = [](Args, Args, double* zdot) { return zdot[0] = 0.0, zdot[1] = 1.0, 0; }; }),
+         "follow_tangent writes beyond its array");
+  expect(with([](Table& t) { t.follow = [](Args, double* zdot) { return zdot[0] = 0.0, zdot[1] = 1.0, 0; }; }),
+         "follow writes beyond its array");
+  expect(with([](Table& t) { t.follow = [](Args, double*) { return 0; }; }), "follow gives nan for finite arguments (rate of s");
+  expect(with([](Table& t) {
+           t.follow = [](Args, double* zdot) {
+             static double calls = 0.0;
+             return zdot[0] = ++calls, 0;
+           };
+         }),
+         "follow is a function of its arguments");
+  expect(with([](Table& t) { t.evaluate = [](Args a, Out o) { return o->zdot[0] = a->z[0], 0; }; }),
+         "evaluate gives rates of states, which follow gives");
+  expect(with([](Table& t) { t.n_states = 0; }), "follow: given, and there are no states");
+  expect(with([](Table& t) { t.facts = CARDAN_FACT_ENERGY, t.energy = [](Args) { return 0.0; }; }), "follow: given, with energy");
+}
+
 TEST(DeviceMutants, ThatHoldAHingeAreCaught) {
   const auto with = [](const auto& change) {
     static const cardan_mount_desc held[] = {{"at", CARDAN_MOUNT_HINGE, CARDAN_USE_LOAD | CARDAN_USE_HOLD, "a component"}};

@@ -49,7 +49,7 @@ TEST(PulseModulator, GivesTheTimesThatAreCommanded) {
       {"raise", 0.3 + 0.1 + 0.1 + 1.0 + 1.0 + 0.02 + 1.0 + 0.1},  // a tenth of the period is the shortest
       {"carry", 0.3 + 0.12 + 1.0 + 1.0 + 0.02 + 1.0 + 0.1}};
   for (const auto& [when_short, parts] : open)
-    for (const std::string method : {"dopri5", "rk4", "cvode_adams"}) {
+    for (const std::string method : {"dopri5", "dop853", "rk4", "cvode_adams"}) {
       SystemSpec spec = system({free_bus(m)});
       spec.devices = {
           with_vector(device("jet", "thruster", {{"thrust", F}, {"specific_impulse", 220.0}, {"rise_time", tau}, {"fall_time", tau}},
@@ -114,7 +114,7 @@ TEST(DcMotor, RunsUpAsItsTwoPolesSay) {
   SystemSpec spec = system({hinged(J)});
   spec.devices = {device("motor", "dc_motor", {{"constant", K}, {"resistance", R}, {"inductance", L}, {"gear", n}}, {{"at", "arm"}})};
   spec.devices[0].inputs["voltage"] = {U, {}};
-  for (const std::string method : {"dopri5", "cvode_bdf"}) {
+  for (const std::string method : {"dopri5", "dop853", "cvode_bdf"}) {
     Simulation sim(compiled(spec), accurate(method));
     const double t = 0.3;
     sim.run(t);

@@ -186,7 +186,7 @@ TEST(Devices, TakePartInLinearModels) {
   options.hinges = {"revolute", "prismatic", "cylindrical", "universal"};  // dtheta is dq
   // The rates of friction have a corner at zero, so differences take small steps: 1e-13 of v' over 2e-4, and sums of many bodies.
   for_all_trees(options, 1e-7, [](const RandomTree& tree) {
-    const SystemSpec spec = with_devices(tree.spec, tree.seed);
+    const SystemSpec spec = with_followers(tree.spec, tree.seed);
     SimulationOptions plain;
     plain.ledger = false;
     Simulation sim(compiled(spec), plain);
@@ -535,7 +535,7 @@ TEST(Devices, ThatNeedEachOtherAreRefused) {
 
 /// 1 m at 2 m/s, then with 0.5 m/s^2: x(2 s) = 1 + 2 * 1.5 + 0.25 * 1.5^2. A corner inside of a step would cost rk4 its order.
 TEST(Devices, RootsAreLocatedAndTheMethodStartsAnew) {
-  for (const std::string method : {"rk4", "dopri5", "cvode_bdf", "cvode_adams"}) {
+  for (const std::string method : {"rk4", "dopri5", "dop853", "cvode_bdf", "cvode_adams"}) {
     SystemSpec spec = slide(2.0);
     spec.devices = {device("push", "push", {}, {{"at", "mass"}})};
     SimulationOptions options = accurate(method);
@@ -631,7 +631,7 @@ TEST(Devices, WithoutAUsableValueAreNamed) {
 
 /// The same bits as if the run had never stopped, with states, marks and commands of devices.
 TEST(Devices, AreInCheckpoints) {
-  for (const std::string method : {"rk4", "dopri5", "cvode_bdf", "cvode_adams"}) {
+  for (const std::string method : {"rk4", "dopri5", "dop853", "cvode_bdf", "cvode_adams"}) {
     TreeOptions options_of_tree;
     options_of_tree.flexible = 0.0;  // no mode is bent beyond what it is made for
     RandomTree tree = random_tree(7, options_of_tree);

@@ -22,7 +22,7 @@ TEST(DryFriction, ASwingEndsWhereTheSpringNoLongerBreaksItAway) {
   mass.hinge.springs = {spring};
   SystemSpec spec = system({mass});
   spec.devices = {device("drag", "dry_friction", {{"coulomb", F}, {"breakaway", breakaway}}, {{"at", "mass"}})};
-  for (const std::string method : {"dopri5", "cvode_adams", "cvode_bdf"}) {
+  for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf"}) {
     Simulation sim(compiled(spec), accurate(method));
     const double near = method == "dopri5" ? 1e-10 : 1e-7;  // of steps at 1e-12, of many orders
     double until = 0.0;
@@ -82,7 +82,7 @@ TEST(DryFriction, AHeldHingeIsALockedOne) {
   BodySpec& arm = locked.bodies[1];
   arm.hinge.locked = true, arm.hinge.springs.clear();
   spec.devices = {device("brake", "dry_friction", {{"coulomb", 20.0}}, {{"at", "arm"}})};
-  for (const std::string method : {"dopri5", "rk4", "cvode_bdf"}) {
+  for (const std::string method : {"dopri5", "dop853", "rk4", "cvode_bdf"}) {
     SimulationOptions options = accurate(method, method == "cvode_bdf" ? 1e-10 : 1e-12);
     if (method == "rk4") options.integrator.fixed_step = 0.002;
     Simulation sim(compiled(spec), options), rigid(compiled(locked), options), part(compiled(spec), options);
@@ -206,7 +206,7 @@ TEST(DryFriction, ATrialOfWhatHoldsLeavesMassesAsTheyAre) {
   jet.inputs["command"] = {1.0, {}}, jet.inputs["supply"] = {"tank.supply", {}};
   jet.params["direction"].value = std::vector<double>{0, 0, 1};
   spec.devices = {tank, jet, device("brake", "dry_friction", {{"coulomb", 100.0}}, {{"at", "mass"}})};
-  for (const std::string method : {"rk4", "dopri5", "cvode_bdf"}) {
+  for (const std::string method : {"rk4", "dopri5", "dop853", "cvode_bdf"}) {
     SimulationOptions options = accurate(method, 1e-10);
     if (method == "rk4") options.integrator.fixed_step = 0.01;
     Simulation sim(compiled(spec), options);

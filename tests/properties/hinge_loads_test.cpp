@@ -83,7 +83,7 @@ TEST(Friction, HoldsBelowBreakawayUpToItsWidth) {
 }
 
 TEST(Friction, KeepsItsLedgerAtTheUsualTolerance) {
-  for (const std::string method : {"dopri5", "cvode_bdf", "cvode_adams"}) {
+  for (const std::string method : {"dopri5", "dop853", "cvode_bdf", "cvode_adams"}) {
     SimulationOptions options;
     options.integrator.method = method;
     Simulation sim(compiled(slide(1.0, 0.0, 0.0, {{0, HingeLaw::friction, {1.0, 1.3, 0.05, 0.1, 1e-3}, {}}}, {{0, 20.0, 0.3, 0.0, {}}})),

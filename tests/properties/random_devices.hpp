@@ -73,4 +73,13 @@ inline SystemSpec with_devices(SystemSpec spec, unsigned seed) {
   return spec;
 }
 
+/// And what follows the motion of a node.
+inline SystemSpec with_followers(const SystemSpec& bare, unsigned seed) {
+  SystemSpec spec = with_devices(bare, seed);
+  const auto nodes = compiled(bare)->nodes;
+  spec.devices.push_back(device("counter", "integrating_imu", {}, {{"at", nodes[seed % nodes.size()].name}}));
+  spec.devices.back().rate = 10.0;
+  return spec;
+}
+
 }  // namespace cardan::test

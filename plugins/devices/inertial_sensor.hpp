@@ -1,0 +1,39 @@
+#pragma once
+// What gyros and accelerometers have in common, of one axis: white noise, a turn-on bias, a bias that wanders (Gauss-Markov of the first
+// order), steps of the converter, a range. Densities are of one-sided spectra per root of a rate, so that another rate of sampling has the
+// same spectrum [IEEE Std 952-1997].
+#include <cmath>
+
+#include "core/abi/device_family.hpp"
+
+namespace cardan {
+
+struct InertialSensor {
+  double noise, bias, wander, wander_time, step, range;
+
+  /// By the keys of its parameters.
+  static InertialSensor of(const Params& params, const char* noise, const char* bias, const char* wander, const char* wander_time,
+                           const char* step, const char* range) {
+    const auto n = [&](const char* key) { return params.number(key); };
+    return {n(noise), n(bias), n(wander), n(wander_time), n(step), n(range)};
+  }
+  static InertialSensor gyro(const Params& params) {
+    return of(params, "angle_random_walk", "gyro_bias", "gyro_wander", "gyro_wander_time", "gyro_step", "gyro_range");
+  }
+  static InertialSensor accelerometer(const Params& params) {
+    return of(params, "velocity_random_walk", "accelerometer_bias", "accelerometer_wander", "accelerometer_wander_time",
+              "accelerometer_step", "accelerometer_range");
+  }
+
+  /// The bias that has wandered, one period later; of the stationary spread at the first sample.
+  double wandered(double before, double period, bool first, double normal) const noexcept {
+    const double keep = first ? 0.0 : std::exp(-period / wander_time);
+    return keep * before + std::sqrt(1.0 - keep * keep) * wander * normal;
+  }
+  /// To the nearest step.
+  double rounded(double x) const noexcept { return step > 0.0 ? step * std::floor(x / step + 0.5) : x; }
+  /// Within `most` of 0; 0: any.
+  static double within(double x, double most) noexcept { return most > 0.0 ? std::fmin(std::fmax(x, -most), most) : x; }
+};
+
+}  // namespace cardan
