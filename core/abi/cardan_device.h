@@ -13,8 +13,16 @@
 extern "C" {
 #endif
 
-/* A draft: tables of another one are asked for by another name, and so never read as if they were of this one. */
-#define CARDAN_KIND_DEVICE "device.draft2"
+#define CARDAN_KIND_DEVICE "device" /* since 2.1 */
+
+/* What a device is for: told to people, and when it ticks. */
+enum cardan_device_role {
+  CARDAN_ROLE_BY_PORTS = 0,  /* with a sampled part: a sensor without inputs, else a controller */
+  CARDAN_ROLE_FORCE = 1,     /* force element */
+  CARDAN_ROLE_ACTUATOR = 2,  /* ticks after controllers and scripts */
+  CARDAN_ROLE_SENSOR = 3,    /* ticks before them, with inputs as well */
+  CARDAN_ROLE_CONTROLLER = 4 /* ticks after scripts, as actuators do */
+};
 
 enum cardan_mount_kind {
   CARDAN_MOUNT_NODE = 0,  /* a node of a body, or its origin */
@@ -51,7 +59,13 @@ typedef struct cardan_port_desc {
   double fallback; /* IN: what it is until it is given something else */
   uint64_t direct; /* OUT: bit i: depends on input i (among the inputs) in the same evaluation */
   const char* meaning;
+  const char* frame; /* the mount at a node in whose axes it is a component, or null: it has none. Ends of a connection that have one have
+                        the same */
+  uint32_t flags;    /* cardan_port_flag, or-ed */
 } cardan_port_desc;
+enum cardan_port_flag {
+  CARDAN_PORT_REQUIRED = 1u /* IN: the vehicle file gives it a number or a connection: there is no sensible fallback */
+};
 
 /* A continuous state, or a mark. */
 typedef struct cardan_state_desc {
@@ -62,7 +76,7 @@ typedef struct cardan_state_desc {
   const char* meaning;
 } cardan_state_desc;
 
-/* How a mount moves. Of a hinge component q and v alone; q is 0 where it has no coordinate of its own. Of a field `field` alone. */
+/* How a mount moves. Of a hinge component q, v and vdot alone; q is 0 where it has no coordinate of its own. Of a field `field` alone. */
 typedef struct cardan_mount_motion {
   double R_WN[9];                     /* node axes to world axes, row-major */
   double position[3];                 /* [m] world axes */
@@ -70,7 +84,8 @@ typedef struct cardan_mount_motion {
   double velocity[3];                 /* [m/s] node axes */
   double q, v;                        /* [rad, m], [rad/s, m/s] */
   double alpha[3], specific_force[3]; /* [rad/s^2], [m/s^2] acceleration less gravity there; node axes. In `tick` and `follow`, else 0 */
-  double field[4];                    /* the numbers of its quantity. Gravity, magnetic field, wind, light: in the axes of the node */
+  double vdot;                        /* [rad/s^2, m/s^2] of a hinge component. In `tick` and `follow`, else 0 */
+  double field[8];                    /* the numbers of its quantity. Gravity, magnetic field, wind, light: in the axes of the node */
 } cardan_mount_motion;
 
 typedef struct cardan_mount_load {
@@ -165,11 +180,13 @@ typedef struct cardan_device_family {
   double (*holds)(const cardan_device_args*);
   /* [step: pure] (optional) z' once v' is known, of states that are integrals of what accelerations cause: the velocity that an IMU adds
    * up. `evaluate` then gives no zdot, nor does its tangent. Reads t, packed, z and mounts at nodes, with alpha and specific_force,
-   * whatever their use; in and d are null, of hinge components q and v are there, of fields nothing. 0 = done, else the step is tried again
+   * whatever their use; in and d are null, hinge components are there with vdot, of fields nothing. 0 = done, else the step is tried again
    * smaller. */
   int (*follow)(const cardan_device_args*, double* zdot);
   /* [step: pure] (optional) Its derivative along z and mounts of `along`. Null: by differences. */
   int (*follow_tangent)(const cardan_device_args*, const cardan_device_args* along, double* zdot);
+  const char* (*explain)(const void* packed, int code); /* (optional) What a code other than 0 means that one of its functions returned */
+  uint32_t role;                                        /* cardan_device_role */
 } cardan_device_family;
 
 #ifdef __cplusplus

@@ -12,8 +12,7 @@
 extern "C" {
 #endif
 
-/* A draft: tables of another one are asked for by another name, and so never read as if they were of this one. */
-#define CARDAN_KIND_FIELD "field.draft1"
+#define CARDAN_KIND_FIELD "field" /* since 2.1 */
 
 /* What a field gives at a point, n numbers. */
 enum cardan_quantity {

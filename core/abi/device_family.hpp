@@ -11,6 +11,9 @@
 #include "core/spatial/tangent.hpp"
 #include "core/spatial/vec3.hpp"
 
+// Members are appended to the structs of the contract: what a description leaves out at its end is 0.
+#pragma GCC diagnostic ignored "-Wmissing-field-initializers"
+
 namespace cardan {
 
 namespace param {
@@ -36,7 +39,8 @@ struct MountMotion {
   Vec3<T> position, omega, velocity;
   T q, v;
   Vec3<T> alpha, specific_force;
-  T field[4];
+  T vdot;
+  T field[8];
 };
 /// cardan_mount_load on a scalar.
 template <class T>
@@ -71,8 +75,8 @@ struct DeviceOut {
   T delivered{}, lost{};  // [W]
 };
 
-/// `mounts`, `ports`, `states`, `marks`, `schema` may be left out, as may `nominal`, `energy`, `roots`, `event`, `tick`, `mass` (a template
-/// as `evaluate` is), `follow` (one as well), `momentum`, `holds`; and `can_carry`, false at states without a mass.
+/// `mounts`, `ports`, `states`, `marks`, `schema`, `role` may be left out, as may `nominal`, `energy`, `roots`, `event`, `tick`, `mass` (a
+/// template as `evaluate` is), `follow` (one as well), `momentum`, `holds`; and `can_carry`, false at states without a mass.
 template <class F>
 concept DeviceFamily = requires(const typename F::Packed& p, const DeviceIn<double>& a, DeviceOut<double>& b, const DeviceIn<Tangent>& at,
                                 DeviceOut<Tangent>& bt) {
@@ -226,6 +230,7 @@ const cardan_device_family& device_table() {
     t.type = F::type;
     t.summary = F::summary;
     t.facts = F::facts;
+    if constexpr (requires { F::role; }) t.role = F::role;
     t.params_size = sizeof(P);
     t.n_params = Sizes::schema, t.n_mounts = Sizes::mounts, t.n_ports = Sizes::ports, t.n_states = Sizes::states, t.n_marks = Sizes::marks;
     t.param_size = sizeof(cardan_param_desc), t.mount_size = sizeof(cardan_mount_desc), t.port_size = sizeof(cardan_port_desc);

@@ -18,7 +18,7 @@ namespace {
 
 constexpr std::uint32_t kMost = kMostParameters;  // mounts, ports, states, roots
 constexpr int kMotion = sizeof(cardan_mount_motion) / sizeof(double), kLoad = sizeof(cardan_mount_load) / sizeof(double);
-constexpr int kPose = 12, kVelocity = 18, kHinge = 20, kRates = 26;  // of cardan_mount_motion: where the numbers of
+constexpr int kPose = 12, kVelocity = 18, kHinge = 20, kRates = 27;  // of cardan_mount_motion: where the numbers of
                                                                      // the pose, the velocity, the hinge, the accelerations end
 
 class DeviceTableFaults : public TableChecks {
@@ -97,6 +97,14 @@ class DeviceTableFaults : public TableChecks {
       expect(f_.ports[i].kind <= CARDAN_PORT_OUT, at + "kind", fmt::format("{}, expected one of cardan_port_kind", f_.ports[i].kind));
       unit(at + "unit", f_.ports[i].unit);
       expect(std::isfinite(f_.ports[i].fallback), at + "fallback", "not finite");
+      expect(f_.ports[i].flags <= CARDAN_PORT_REQUIRED, at + "flags",
+             fmt::format("{}, expected those of cardan_port_flag", f_.ports[i].flags));
+      const char* frame = f_.ports[i].frame;
+      expect(!frame || std::any_of(f_.mounts, f_.mounts + f_.n_mounts,
+                                   [&](const cardan_mount_desc& m) {
+                                     return (m.kind == CARDAN_MOUNT_NODE || m.kind == CARDAN_MOUNT_MASS) && std::strcmp(m.name, frame) == 0;
+                                   }),
+             at + "frame", fmt::format("\"{}\", expected a mount at a node", frame ? frame : ""));
     }
     for (const auto& [name, all, n] : {std::tuple("states", f_.states, f_.n_states), std::tuple("marks", f_.marks, f_.n_marks)})
       for (std::uint32_t i = 0; i < n; ++i) {
@@ -106,6 +114,7 @@ class DeviceTableFaults : public TableChecks {
         expect(all == f_.marks || (all[i].nominal > 0.0 && std::isfinite(all[i].nominal)), at + "nominal",
                fmt::format("{:g}, expected > 0", all[i].nominal));
       }
+    expect(f_.role <= CARDAN_ROLE_CONTROLLER, "role", fmt::format("{}, expected one of cardan_device_role", f_.role));
     expect(!f_.follow || f_.n_states > 0, "follow", "given, and there are no states");
     expect(!f_.follow || (!energy && !f_.mass && !f_.momentum), "follow", "given, with energy, mass or momentum, which hang on z'");
     expect(!energy || f_.energy, "energy", "null, and CARDAN_FACT_ENERGY is set");

@@ -25,11 +25,18 @@ template <class T, class Mounts, class Put>
 void hinge_motion_of(const soa::Inputs<T>& in, const Mounts& mounts, const Put& put) {
   for (const auto& m : mounts.hinges) put(m.mount, 18, m.q >= 0 ? in.q[m.q] : T(0.0)), put(m.mount, 19, in.v[m.v]);
 }
+/// What a function of a device says that returned a code.
+std::string answer(const Device& d, const char* function, int code) {
+  const char* why = d.family->explain ? d.family->explain(d.packed.data(), code) : nullptr;
+  return why ? fmt::format("{}: {}", function, why) : fmt::format("{} returned {}", function, code);
+}
 /// With alpha and the specific force where v' is given.
 template <class T, class Mounts, class Put>
 void motion_of(const Model& model, const soa::Workspace<T>& ws, const soa::Inputs<T>& in, const Mounts& mounts, const Put& put,
                const T* vdot = nullptr) {
   hinge_motion_of(in, mounts, put);
+  if (vdot)
+    for (const auto& m : mounts.hinges) put(m.mount, 26, vdot[m.v]);
   for (const auto& m : mounts.nodes) {
     const NodeMotion<T> n = node_motion<T>(model, ws, in, m.node, vdot);
     const Mat3<T>& R = n.R_WN;
@@ -179,7 +186,7 @@ bool DeviceForces::evaluate(const std::vector<Call>& calls, const std::vector<Ra
     if (const int code = c.evaluate(&args_[c.device], &out); code != 0) {
       for (const Call* before = calls.data(); before != &c; ++before)
         if (!expect_finite(before->device)) return false;  // what the one that refuses may have been given
-      fault_ = {c.device, fmt::format("evaluate returned {}", code)};
+      fault_ = {c.device, answer(model_.devices.all[c.device], "evaluate", code)};
       return false;
     }
     power += 0.0 * out.delivered + 0.0 * out.lost;
@@ -243,12 +250,13 @@ bool DeviceForces::follow(const Workspace& ws, const Inputs& in, const double* v
     const int k = model_.devices.varying[i].sweep;
     varying_[i] = {motion_of_body<double>(model_, ws, in, k, nullptr, After::forward), ws.pose_W(k)};
   }
+  if (following_.empty() || !all_finite(vdot, model_.nv)) return true;  // that is told of v' itself
   motion_of(model_, ws, in, followed_, into(followed_motions_), vdot);
   for (const int i : following_) {
     const Device& d = model_.devices.all[i];
     const cardan_device_args at = followed(i);
     if (const int code = d.family->follow(&at, zdot_ + d.z); code != 0) {
-      fault_ = {i, fmt::format("follow returned {}", code)};
+      fault_ = {i, answer(d, "follow", code)};
       return false;
     }
     if (!expect_finite(i)) return false;
@@ -364,11 +372,11 @@ bool DeviceForces::tick(int index, double period, const double* noise, double* z
   const int code = d.family->tick(&args_[index], period, noise, z + d.z, marks + d.mark);
   for (std::size_t i = 0; i < d.mounts.size(); ++i) {
     cardan_mount_motion& m = motions_[d.mount + i];
-    std::fill_n(m.alpha, 3, 0.0), std::fill_n(m.specific_force, 3, 0.0);
+    std::fill_n(m.alpha, 3, 0.0), std::fill_n(m.specific_force, 3, 0.0), m.vdot = 0.0;
   }
   const auto n_z = static_cast<int>(d.family->n_states), n_marks = static_cast<int>(d.family->n_marks);
   if (code != 0)
-    fault_ = {index, fmt::format("tick returned {}", code)};
+    fault_ = {index, answer(d, "tick", code)};
   else if (!all_finite(z + d.z, n_z))
     fault_ = {index, fmt::format("tick sets {} = {}", d.family->states[first_not_finite(z + d.z, n_z)].name,
                                  z[d.z + first_not_finite(z + d.z, n_z)])};

@@ -79,7 +79,7 @@ class DeviceForces : public StateLoads<double> {
   void event(int device, std::uint32_t root, int direction, double* z, double* marks) const;
   /// The sampled part of a device at mounts that move as they do now; false: fault() tells why.
   bool tick(int device, double period, const double* noise, double* z, double* marks);
-  /// Where alpha and the specific force of a mount go before its tick; zero again after it.
+  /// Where the accelerations of a mount go before its tick; zero again after it.
   cardan_mount_motion& motion_of_tick(int mount) { return motions_[mount]; }
   const DeviceFault& fault() const { return fault_; }
   /// Beyond a limit of a field that is refused; null: nowhere.

@@ -53,4 +53,9 @@ std::vector<cardan_param_desc> schema_where(bool turns, const cardan_device_fami
   return schema;
 }
 
+const char* role_text(const cardan_device_family& family) {
+  constexpr const char* kRoles[] = {"device", "force element", "actuator", "sensor", "controller"};
+  return kRoles[family.role];
+}
+
 }  // namespace cardan

@@ -17,4 +17,7 @@ std::string unit_where(bool turns, std::string_view unit);
 /// The same for each parameter; the texts live as long as the process.
 std::vector<cardan_param_desc> schema_where(bool turns, const cardan_device_family& family);
 
+/// "sensor", "actuator"; "device" where its table does not say.
+const char* role_text(const cardan_device_family&);
+
 }  // namespace cardan

@@ -77,6 +77,9 @@ class DeviceCompiler {
       if (const auto given = spec.inputs.find(port.name); given != spec.inputs.end()) {
         if (const double* x = std::get_if<double>(&given->second.value)) devices_.in0.back() = *x;
         check_options(spec, port, given->second, static_cast<int>(devices_.in0.size()) - 1);
+      } else if ((port.flags & CARDAN_PORT_REQUIRED) != 0) {
+        fault(Code::missing_key, spec, fmt::format("inputs.{}", port.name), fmt::format("a number or a connection: {}", port.meaning),
+              "no such key");
       }
     }
     if (family->tick && !((spec.rate > 0.0 && std::isfinite(spec.rate)) || (spec.period > 0.0 && std::isfinite(spec.period))))
@@ -349,6 +352,30 @@ class DeviceCompiler {
     devices_.delays.push_back({d.in + k, std::move(outs), clock, input.delay, input.latency, in.fallback});
   }
 
+  /// The node at which a device has the mount of that name, if there is one: a fault of the mount is told elsewhere.
+  const UserNode* node_of(const Device& d, const char* mount) const {
+    for (std::uint32_t i = 0; i < d.family->n_mounts && i < d.mounts.size(); ++i)
+      if (std::string_view(d.family->mounts[i].name) == mount && d.mounts[i].node >= 0)
+        return &model_.nodes[static_cast<std::size_t>(d.mounts[i].node)];
+    return nullptr;
+  }
+  std::string node_name(const Device& d, const char* mount) const {
+    const UserNode* node = node_of(d, mount);
+    return node ? node->name : "";
+  }
+  /// Nodes that never turn against each other have the same axes.
+  struct Axes {
+    const UserNode* node;
+    bool operator==(const Axes& other) const {
+      if (!node || !other.node || node == other.node) return true;
+      if (node->body != other.node->body || node->shapes.deforms() || other.node->shapes.deforms()) return false;
+      const Mat3<double>&a = node->shapes.pose.R, &b = other.node->shapes.pose.R;
+      return a.xx == b.xx && a.xy == b.xy && a.xz == b.xz && a.yx == b.yx && a.yy == b.yy && a.yz == b.yz && a.zx == b.zx && a.zy == b.zy &&
+             a.zz == b.zz;
+    }
+  };
+  Axes axes(const Device& d, const char* mount) const { return {node_of(d, mount)}; }
+
   int output_named(const Device& takes, const cardan_port_desc& in, const std::string& source) {
     const DeviceSpec& taker = spec_of(takes);
     const std::string key = fmt::format("inputs.{}", in.name);
@@ -364,6 +391,12 @@ class DeviceCompiler {
         if (given != wanted) {
           fault(Code::bad_connection, taker, key, fmt::format("an output in {}", wanted), fmt::format("{} in {}", source, given),
                 "both ends of a connection have one unit");
+          return -1;
+        }
+        if (in.frame && out.frame && axes(takes, in.frame) != axes(d, out.frame)) {
+          fault(Code::bad_connection, taker, key, "an output in the axes of the node " + node_name(takes, in.frame),
+                fmt::format("{} in those of {}", source, node_name(d, out.frame)),
+                "mount both at one node, or at nodes of one body with the same orientation");
           return -1;
         }
         return d.out + k;

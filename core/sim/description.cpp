@@ -168,6 +168,7 @@ Json devices(const Model& m) {
                         {"nominal", devices.nominal[static_cast<std::size_t>(d.z) + k]}});
     all.push_back({{"name", d.name},
                    {"type", d.family->type},
+                   {"role", role_text(*d.family)},
                    {"mounts", mounts},
                    {"inputs", inputs},
                    {"outputs", outputs},

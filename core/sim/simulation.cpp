@@ -647,14 +647,28 @@ void Simulation::write_outputs() {
   last_output_ = state_.t;
 }
 
-/// Puts devices with a sampled part on the schedule, who gives before who takes: sensors at once, and those that take inputs after the
-/// controllers, which command them.
-void Simulation::sample_devices(bool with_inputs) {
+namespace {
+/// Whether a device ticks after the controllers, which command it, or before them, which read it.
+bool ticks_late(const Device& d) {
+  switch (d.family->role) {
+    case CARDAN_ROLE_SENSOR:
+      return false;
+    case CARDAN_ROLE_ACTUATOR:
+    case CARDAN_ROLE_CONTROLLER:
+      return true;
+    default:
+      return d.n_in > 0;
+  }
+}
+}  // namespace
+
+/// Puts devices with a sampled part on the schedule, who gives before who takes: sensors at once, others after the controllers.
+void Simulation::sample_devices(bool late) {
   if (!devices_) return;
-  if (with_inputs && std::exchange(actuators_tick_, true)) return;
+  if (late && std::exchange(actuators_tick_, true)) return;
   for (const int i : model_->devices.order) {
     const Device& d = model_->devices.all[static_cast<std::size_t>(i)];
-    if (!d.family->tick || (d.n_in > 0) != with_inputs) continue;
+    if (!d.family->tick || ticks_late(d) != late) continue;
     Rational offset;
     const Rational period = period_of(d, &offset);
     const double seconds = static_cast<double>(period.numerator) / static_cast<double>(period.denominator);
@@ -663,7 +677,7 @@ void Simulation::sample_devices(bool with_inputs) {
     every(
         period, [this, id, seconds] { shift_delays(now_.device[id]), tick_device(now_.device[id], seconds); }, offset);
   }
-  if (!with_inputs) return;
+  if (!late) return;
   // After all ticks of an instant: what is taken later is what outputs are now.
   for (std::size_t i = 0; i < model_->devices.all.size(); ++i)
     if (std::ranges::any_of(model_->devices.delays, [&](const DelayLine& line) { return line.clock == static_cast<int>(i); })) {
@@ -767,9 +781,10 @@ void Simulation::tick_device(int index, double period) {
   const Device& d = model_->devices.all[static_cast<std::size_t>(index)];
   const Observer& o = observe();
   for (std::size_t i = 0; i < d.mounts.size(); ++i) {
+    cardan_mount_motion& to = devices_->motion_of_tick(d.mount + static_cast<int>(i));
+    if (d.mounts[i].v >= 0) to.vdot = vdot_[static_cast<std::size_t>(d.mounts[i].v)];
     if (d.mounts[i].node < 0 || (d.mounts[i].use & CARDAN_USE_ACCELERATION) == 0) continue;
     const NodeState n = o.node(d.mounts[i].node);
-    cardan_mount_motion& to = devices_->motion_of_tick(d.mount + static_cast<int>(i));
     Eigen::Vector3d::Map(to.alpha) = n.acceleration.head<3>();
     Eigen::Vector3d::Map(to.specific_force) = n.specific_force;
   }

@@ -173,7 +173,7 @@ class Simulation {
   void break_away(std::size_t hold);
   void settle_holds();
   bool device_events(std::span<const int> crossed);
-  void sample_devices(bool with_inputs);
+  void sample_devices(bool late);
   void tick_device(int device, double period);
   Rational period_of(const Device& device, Rational* offset) const;
   std::string told_input(int input) const;

@@ -10,6 +10,7 @@ struct DcMotor {
   static constexpr const char* type = "dc_motor";
   static constexpr const char* summary = "a motor with brushes and a gear on a component of a hinge, driven by a voltage";
   static constexpr unsigned facts = CARDAN_FACT_INTERNAL | CARDAN_FACT_ENERGY;
+  static constexpr unsigned role = CARDAN_ROLE_ACTUATOR;
   struct Packed {
     double constant, resistance, inductance, gear;
   };

@@ -12,6 +12,7 @@ struct Drag {
   static constexpr const char* type = "drag";
   static constexpr const char* summary = "drag of the air at a node, the same from all sides";
   static constexpr unsigned facts = 0;
+  static constexpr unsigned role = CARDAN_ROLE_FORCE;
   struct Packed {
     double half;  // [m^2]
   };

@@ -11,6 +11,7 @@ struct DryFriction {
   static constexpr const char* summary =
       "Coulomb friction of a hinge that sticks: it stands still until the force that holds it is too large";
   static constexpr unsigned facts = CARDAN_FACT_ENERGY | CARDAN_FACT_PASSIVE;
+  static constexpr unsigned role = CARDAN_ROLE_FORCE;
   struct Packed {
     double coulomb, breakaway, viscous;
   };

@@ -9,6 +9,7 @@ struct Imu {
   static constexpr const char* type = "imu";
   static constexpr const char* summary = "gyros and accelerometers at a node, sampled, with noise";
   static constexpr unsigned facts = 0;
+  static constexpr unsigned role = CARDAN_ROLE_SENSOR;
   struct Packed {
     InertialSensor gyro, accelerometer;
   };
@@ -29,12 +30,12 @@ struct Imu {
   static constexpr cardan_mount_desc mounts[] = {
       {"at", CARDAN_MOUNT_NODE, CARDAN_USE_VELOCITY | CARDAN_USE_ACCELERATION, "the node where it sits; it reads in node axes"}};
   static constexpr cardan_port_desc ports[] = {
-      {"rate_x", CARDAN_PORT_OUT, "rad/s", 0.0, 0, "angular velocity as read"},
-      {"rate_y", CARDAN_PORT_OUT, "rad/s", 0.0, 0, "angular velocity as read"},
-      {"rate_z", CARDAN_PORT_OUT, "rad/s", 0.0, 0, "angular velocity as read"},
-      {"force_x", CARDAN_PORT_OUT, "m/s^2", 0.0, 0, "specific force as read: acceleration less gravity"},
-      {"force_y", CARDAN_PORT_OUT, "m/s^2", 0.0, 0, "specific force as read: acceleration less gravity"},
-      {"force_z", CARDAN_PORT_OUT, "m/s^2", 0.0, 0, "specific force as read: acceleration less gravity"}};
+      {"rate_x", CARDAN_PORT_OUT, "rad/s", 0.0, 0, "angular velocity as read", "at"},
+      {"rate_y", CARDAN_PORT_OUT, "rad/s", 0.0, 0, "angular velocity as read", "at"},
+      {"rate_z", CARDAN_PORT_OUT, "rad/s", 0.0, 0, "angular velocity as read", "at"},
+      {"force_x", CARDAN_PORT_OUT, "m/s^2", 0.0, 0, "specific force as read: acceleration less gravity", "at"},
+      {"force_y", CARDAN_PORT_OUT, "m/s^2", 0.0, 0, "specific force as read: acceleration less gravity", "at"},
+      {"force_z", CARDAN_PORT_OUT, "m/s^2", 0.0, 0, "specific force as read: acceleration less gravity", "at"}};
   static constexpr cardan_state_desc marks[] = {{"rate_x", "rad/s", 0.0, 1.0, "held since the last sample"},
                                                 {"rate_y", "rad/s", 0.0, 1.0, "held since the last sample"},
                                                 {"rate_z", "rad/s", 0.0, 1.0, "held since the last sample"},

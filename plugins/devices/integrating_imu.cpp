@@ -11,7 +11,7 @@ constexpr const char *kOmega = "integral of the angular velocity", *kForce = "in
                      *kHeld = "held since the last sample", *kLeft = "less than a count, for the next",
                      *kLast = "true integral at the last sample", *kWanders = "that has wandered";
 constexpr cardan_port_desc count(const char* name, const char* unit, const char* meaning) {
-  return {name, CARDAN_PORT_OUT, unit, 0.0, 0, meaning};
+  return {name, CARDAN_PORT_OUT, unit, 0.0, 0, meaning, "at"};
 }
 constexpr cardan_state_desc angle(const char* name, const char* meaning) { return {name, "rad", 0.0, 1.0, meaning}; }
 constexpr cardan_state_desc speed(const char* name, const char* meaning) { return {name, "m/s", 0.0, 1.0, meaning}; }
@@ -22,6 +22,7 @@ struct IntegratingImu {
   static constexpr const char* type = "integrating_imu";
   static constexpr const char* summary = "integrating gyros and accelerometers at a node: delta-theta and delta-v, with noise";
   static constexpr unsigned facts = 0;
+  static constexpr unsigned role = CARDAN_ROLE_SENSOR;
   struct Packed {
     InertialSensor gyro, accelerometer;
   };

@@ -10,6 +10,7 @@ struct Latch {
   static constexpr const char* type = "latch";
   static constexpr const char* summary = "catches a hinge that passes a place slowly enough and holds it by a spring and a damper";
   static constexpr unsigned facts = CARDAN_FACT_INTERNAL | CARDAN_FACT_ENERGY | CARDAN_FACT_PASSIVE;
+  static constexpr unsigned role = CARDAN_ROLE_FORCE;
   struct Packed {
     double place, largest_rate, stiffness, damping;
   };

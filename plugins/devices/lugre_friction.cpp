@@ -11,6 +11,7 @@ struct LugreFriction {
   static constexpr const char* type = "lugre_friction";
   static constexpr const char* summary = "friction of bristles that bend before they slip (LuGre), on a component of a hinge";
   static constexpr unsigned facts = CARDAN_FACT_INTERNAL | CARDAN_FACT_ENERGY | CARDAN_FACT_ROUGH;
+  static constexpr unsigned role = CARDAN_ROLE_FORCE;
   struct Packed {
     double coulomb, breakaway, stribeck_rate, stiffness, damping, viscous, fading_rate;
   };

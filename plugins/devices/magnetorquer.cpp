@@ -11,6 +11,7 @@ struct Magnetorquer {
   static constexpr const char* type = "magnetorquer";
   static constexpr const char* summary = "three coils at a node, in a magnetic field";
   static constexpr unsigned facts = 0;
+  static constexpr unsigned role = CARDAN_ROLE_ACTUATOR;
   struct Packed {
     double largest;
   };
@@ -19,12 +20,12 @@ struct Magnetorquer {
   static constexpr cardan_mount_desc mounts[] = {
       {"at", CARDAN_MOUNT_NODE, CARDAN_USE_LOAD, "the node that carries the coils, along its axes"},
       {"field", CARDAN_MOUNT_FIELD, CARDAN_MAGNETIC, "a magnetic field"}};
-  static constexpr cardan_port_desc ports[] = {{"moment_x", CARDAN_PORT_IN, "A m^2", 0.0, 0, "of the coil along x"},
-                                               {"moment_y", CARDAN_PORT_IN, "A m^2", 0.0, 0, "of the coil along y"},
-                                               {"moment_z", CARDAN_PORT_IN, "A m^2", 0.0, 0, "of the coil along z"},
-                                               {"field_x", CARDAN_PORT_OUT, "T", 0.0, 0, "at the node, node axes"},
-                                               {"field_y", CARDAN_PORT_OUT, "T", 0.0, 0, "at the node, node axes"},
-                                               {"field_z", CARDAN_PORT_OUT, "T", 0.0, 0, "at the node, node axes"}};
+  static constexpr cardan_port_desc ports[] = {{"moment_x", CARDAN_PORT_IN, "A m^2", 0.0, 0, "of the coil along x", "at"},
+                                               {"moment_y", CARDAN_PORT_IN, "A m^2", 0.0, 0, "of the coil along y", "at"},
+                                               {"moment_z", CARDAN_PORT_IN, "A m^2", 0.0, 0, "of the coil along z", "at"},
+                                               {"field_x", CARDAN_PORT_OUT, "T", 0.0, 0, "at the node, node axes", "at"},
+                                               {"field_y", CARDAN_PORT_OUT, "T", 0.0, 0, "at the node, node axes", "at"},
+                                               {"field_z", CARDAN_PORT_OUT, "T", 0.0, 0, "at the node, node axes", "at"}};
 
   static bool pack(const Params& params, Packed& p) {
     p = {params.number("max_moment")};

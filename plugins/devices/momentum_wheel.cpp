@@ -12,6 +12,7 @@ struct MomentumWheel {
   static constexpr const char* summary =
       "a reaction wheel by its spin momentum alone: its axial inertia is not part of the body that carries it";
   static constexpr unsigned facts = CARDAN_FACT_ENERGY;
+  static constexpr unsigned role = CARDAN_ROLE_ACTUATOR;
   struct Packed {
     double axis[3], inertia, max_torque, viscous;
   };

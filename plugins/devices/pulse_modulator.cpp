@@ -14,6 +14,7 @@ struct PulseModulator {
   static constexpr const char* type = "pulse_modulator";
   static constexpr const char* summary = "opens a valve for a part of each period, at least for a shortest pulse";
   static constexpr unsigned facts = 0;
+  static constexpr unsigned role = CARDAN_ROLE_CONTROLLER;
   struct Packed {
     double minimum;
     int when_short;

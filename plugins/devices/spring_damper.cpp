@@ -10,6 +10,7 @@ struct SpringDamper {
   static constexpr const char* type = "spring_damper";
   static constexpr const char* summary = "a spring and a damper along the line between two nodes";
   static constexpr unsigned facts = CARDAN_FACT_INTERNAL | CARDAN_FACT_ENERGY | CARDAN_FACT_PASSIVE;
+  static constexpr unsigned role = CARDAN_ROLE_FORCE;
   struct Packed {
     double stiffness, rest, damping;
   };

@@ -12,6 +12,7 @@ struct TapeSpring {
   static constexpr const char* type = "tape_spring";
   static constexpr const char* summary = "a curved blade across a hinge: it snaps straight and stays";
   static constexpr unsigned facts = CARDAN_FACT_INTERNAL | CARDAN_FACT_ENERGY | CARDAN_FACT_PASSIVE | CARDAN_FACT_ROUGH;
+  static constexpr unsigned role = CARDAN_ROLE_FORCE;
   struct Packed {
     double peak, peak_angle, steady, width, damping, rest;
   };

@@ -10,6 +10,7 @@ struct Thruster {
   static constexpr const char* type = "thruster";
   static constexpr const char* summary = "a force at a node that rises and falls with its valve; its flow is drawn from a tank, or told";
   static constexpr unsigned facts = 0;
+  static constexpr unsigned role = CARDAN_ROLE_ACTUATOR;
   struct Packed {
     double thrust, impulse, direction[3], rise, fall;
   };

@@ -9,6 +9,7 @@
 #include "core/abi/registry.hpp"
 #include "core/base/units.hpp"
 #include "core/io/json.hpp"
+#include "core/model/device_units.hpp"
 #include "core/model/fields.hpp"
 #include "core/model/hinge_load_types.hpp"
 #include "core/model/initial.hpp"
@@ -163,11 +164,22 @@ Json to_json(const Families<cardan_device_family>::Entry& e) {
                       {"meaning", f.mounts[i].meaning}});
   for (std::uint32_t i = 0; i < f.n_ports; ++i)
     (f.ports[i].kind == CARDAN_PORT_IN ? inputs : outputs)
-        .push_back({{"name", f.ports[i].name}, {"unit", f.ports[i].unit}, {"meaning", f.ports[i].meaning}});
+        .push_back({{"name", f.ports[i].name},
+                    {"unit", f.ports[i].unit},
+                    {"meaning", f.ports[i].meaning},
+                    {"frame", f.ports[i].frame ? Json(f.ports[i].frame) : Json()},
+                    {"required", (f.ports[i].flags & CARDAN_PORT_REQUIRED) != 0}});
   for (const auto& [all, n] : {std::pair(f.states, f.n_states), std::pair(f.marks, f.n_marks)})
     for (std::uint32_t i = 0; i < n; ++i) states.push_back({{"name", all[i].name}, {"unit", all[i].unit}, {"meaning", all[i].meaning}});
-  return {{"type", f.type},   {"summary", f.summary}, {"origin", e.origin}, {"parameters", parameters(f.params, f.n_params)},
-          {"mounts", mounts}, {"inputs", inputs},     {"outputs", outputs}, {"states", states}};
+  return {{"type", f.type},
+          {"role", role_text(f)},
+          {"summary", f.summary},
+          {"origin", e.origin},
+          {"parameters", parameters(f.params, f.n_params)},
+          {"mounts", mounts},
+          {"inputs", inputs},
+          {"outputs", outputs},
+          {"states", states}};
 }
 
 Json to_json(const Families<cardan_field_family>::Entry& e) {
@@ -238,7 +250,9 @@ std::string body_text(const Json& b) {
 }
 
 std::string device_text(const Json& d) {
-  std::string out = fmt::format("device {}: {}\n", d["type"].get<std::string>(), d["summary"].get<std::string>());
+  const std::string role = d["role"].get<std::string>();
+  std::string out = fmt::format("device {}: {}{}\n", d["type"].get<std::string>(), d["summary"].get<std::string>(),
+                                role == "device" ? "" : ", " + role);
   const char* title = "mounts";
   for (const Json& m : d["mounts"])
     out += fmt::format("  {:<14}{}: {}\n", std::exchange(title, ""), m["name"].get<std::string>(), m["meaning"].get<std::string>());
@@ -246,8 +260,9 @@ std::string device_text(const Json& d) {
   for (const char* list : {"inputs", "outputs", "states"}) {
     title = list;
     for (const Json& x : d[list])
-      out += fmt::format("  {:<14}{}{}: {}\n", std::exchange(title, ""), x["name"].get<std::string>(),
-                         unit_of(x["unit"].get<std::string>()), x["meaning"].get<std::string>());
+      out += fmt::format("  {:<14}{}{}: {}{}\n", std::exchange(title, ""), x["name"].get<std::string>(),
+                         unit_of(x["unit"].get<std::string>()), x["meaning"].get<std::string>(),
+                         x.value("required", false) ? "; required" : "");
   }
   return out + origin_text(d);
 }

@@ -227,6 +227,38 @@ struct Shy {
   }
 };
 
+/// Pushes with what it is commanded, without looking.
+struct Blower {
+  static constexpr const char *type = "blower", *summary = "a force";
+  static constexpr unsigned facts = 0;
+  using Packed = None;
+  static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_NODE, CARDAN_USE_LOAD, "a node"}};
+  static constexpr cardan_port_desc ports[] = {{"force", CARDAN_PORT_IN, "N", 0.0, 0, "along x"}};
+  template <class T>
+  static void evaluate(const Packed&, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
+    out.load[0].force.x = in.in[0];
+  }
+};
+
+/// v' that overflows is told of v', not of who follows it.
+TEST(Following, IsNotBlamedForWhatItFollows) {
+  static const Registry own = [] {
+    Registry r = registry();
+    r.devices.add(device_table<Blower>());
+    return r;
+  }();
+  SystemSpec spec = system({on(rigid("bus", 1e-10, {0, 0, 0}, diagonal({1e-12, 1e-12, 1e-12})), "", "free")});
+  spec.devices = {counter("bus", 10.0), device("blower", "blower", {}, {{"at", "bus"}})};
+  Simulation sim(compile(spec, own), accurate());
+  sim.set_device_input(0, 1e300);
+  try {
+    sim.run(1.0);
+    FAIL() << "it ran";
+  } catch (const NumericsError& e) {
+    EXPECT_EQ(std::string(e.what()).find("counter"), std::string::npos) << e.what();
+  }
+}
+
 TEST(Following, WithoutAUsableRateIsNamed) {
   static const Registry own = [] {
     Registry r = registry();
