@@ -59,7 +59,6 @@ int Schedule::add(Rational period, Rational offset) {
   if (unit > std::int64_t{1} << 53)  // parts of a second are exact as doubles: what coincides has the same time
     throw std::logic_error("Schedule::add: period and offset have no common unit of time");
   entries_.push_back({offset.numerator * (unit / offset.denominator), period.numerator * (unit / period.denominator), unit, 0});
-  ticks_.reserve(entries_.size());
   look_ahead();
   return static_cast<int>(entries_.size()) - 1;
 }
@@ -86,17 +85,14 @@ void Schedule::remember(Archive& archive) {
 }
 
 void Schedule::look_ahead() {
-  if (!entries_.empty()) time_ = earliest().instant().seconds();
+  if (!entries_.empty()) time_ = entries_[earliest()].instant().seconds();
 }
 
-const std::vector<Schedule::Tick>& Schedule::next() {
-  ticks_.clear();
-  if (entries_.empty()) return ticks_;
-  const Instant now = earliest().instant();
-  for (std::size_t i = 0; i < entries_.size(); ++i)
-    if (!before(now, entries_[i].instant())) ticks_.push_back({static_cast<int>(i), entries_[i].k++});
+Schedule::Tick Schedule::next() {
+  const std::size_t i = earliest();
+  const Tick tick{static_cast<int>(i), entries_[i].k++};
   look_ahead();
-  return ticks_;
+  return tick;
 }
 
 bool Schedule::stands_at(double t) const {
@@ -116,9 +112,11 @@ bool Schedule::before(const Instant& a, const Instant& b) {
   return static_cast<Wide>(a.part) * b.unit < static_cast<Wide>(b.part) * a.unit;
 }
 
-const Schedule::Entry& Schedule::earliest() const {
-  return *std::min_element(entries_.begin(), entries_.end(),
-                           [](const Entry& a, const Entry& b) { return before(a.instant(), b.instant()); });
+/// Of several at one instant the first.
+std::size_t Schedule::earliest() const {
+  const auto found =
+      std::min_element(entries_.begin(), entries_.end(), [](const Entry& a, const Entry& b) { return before(a.instant(), b.instant()); });
+  return static_cast<std::size_t>(found - entries_.begin());
 }
 
 }  // namespace cardan

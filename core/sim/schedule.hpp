@@ -39,13 +39,12 @@ class Schedule {
   void start(double t);
   /// Which tick of each entry is the next.
   void remember(Archive& archive);
-  /// Whether the next tick of each entry is its first at t [s] or later; after the instant t, its first later than t.
+  /// Whether the next tick of each entry is its first at t [s] or its first later than t.
   bool stands_at(double t) const;
   /// Time of the next instant [s]; infinity if there are no entries.
   double time() const { return time_; }
-  /// Passes that instant: the entries that tick there, in the order of add(). Valid until the next call; allocates
-  /// nothing.
-  const std::vector<Tick>& next();
+  /// Passes one tick there: those of one instant come in the order of add(). There must be an entry.
+  Tick next();
 
  private:
   /// offset + k * period = whole + part/unit [s], 0 <= part < unit: exact, and the same numbers reduce to the same
@@ -61,11 +60,10 @@ class Schedule {
     Instant instant(std::int64_t tick) const;
   };
   static bool before(const Instant& a, const Instant& b);
-  const Entry& earliest() const;
+  std::size_t earliest() const;
   void look_ahead();
 
   std::vector<Entry> entries_;
-  std::vector<Tick> ticks_;
   double time_ = std::numeric_limits<double>::infinity();
 };
 

@@ -120,8 +120,9 @@ class Simulation {
   void run(double t_end, const std::function<void(double t)>& progress = {});
 
   // Checkpoints ------------------------------------------------------------------------------------------------------
-  /// Between steps: all that the run goes on from. The integrator starts anew, whether or not anybody keeps the checkpoint: a run that
-  /// makes checkpoints at certain instants has the same bits after each of them as one that is resumed there.
+  /// Between steps, or in a task: all that the run goes on from, the tasks that are still to come at this instant included. The integrator
+  /// starts anew, whether or not anybody keeps the checkpoint: a run that makes checkpoints at certain instants has the same bits after
+  /// each of them as one that is resumed there.
   Checkpoint checkpoint();
   /// Before run(): goes on from a checkpoint of a simulation with the same model, options, tasks, events and wrenches. CheckpointFault
   /// where it does not fit.

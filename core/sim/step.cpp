@@ -24,7 +24,7 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
   t_end_ = t_end;
   looked_at_ = steps_, t_looked_at_ = state_.t;
   while (!stopped_) {
-    if (schedule_.time() <= state_.t) tick();  // controllers, then outputs, in the order they were registered
+    tick();  // controllers, then outputs, in the order they were registered
     expire_commands();
     if (next_model_) take_in();
     if (stopped_ || state_.t >= t_end) break;
@@ -117,9 +117,10 @@ bool Simulation::evaluate(double t, double since, const double* x, double* vdot)
   return false;
 }
 
-// Everything that ticks now.
+// Everything that ticks now, one after the other: a checkpoint that one of the tasks makes knows which are still to come at this instant.
 void Simulation::tick() {
-  for (const Schedule::Tick& tick : schedule_.next()) {
+  while (schedule_.time() <= state_.t) {
+    const Schedule::Tick tick = schedule_.next();
     tick_ = tick.k;
     tasks_[static_cast<std::size_t>(tick.entry)]();
   }

@@ -1,14 +1,21 @@
 // A run goes on from a checkpoint with the same bits as if it had never stopped.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <random>
 
 #include "core/io/checkpoint_text.hpp"
+#include "core/io/recorder.hpp"
+#include "core/sim/outputs.hpp"
 #include "core/sim/simulation.hpp"
+#include "tests/properties/equipped_vehicle.hpp"
 #include "tests/support/builders.hpp"
 #include "tests/support/modal_samples.hpp"
+#include "tests/support/scratch.hpp"
 
 namespace cardan::test {
 namespace {
@@ -119,6 +126,106 @@ TEST(Checkpoint, SurvivesAHundredInterruptions) {
   EXPECT_GE(interruptions, 100);
   EXPECT_EQ(last, whole.made.back().second);
   EXPECT_TRUE(part->sim.state().q == whole.sim.state().q && part->sim.state().v == whole.sim.state().v);
+}
+
+/// The first number of the first block in which two of them differ.
+std::string difference(const Checkpoint& a, const Checkpoint& b) {
+  for (const auto& [name, block] : a) {
+    const auto other = b.find(name);
+    if (other == b.end() || block.numbers.size() != other->second.numbers.size()) return name + " of another size";
+    for (std::size_t i = 0; i < block.numbers.size(); ++i)
+      if (!(block.numbers[i] == other->second.numbers[i]))
+        return fmt::format("{} no. {}: {} and {}", name, i, block.numbers[i], other->second.numbers[i]);
+    if (!(block == other->second)) return name;
+  }
+  return a == b ? "" : "more blocks";
+}
+
+/// The same of a vehicle with devices: noise, what is under way in delays, pulses, a tank, a latch, a command that grows silent.
+TEST(Checkpoint, OfDevicesSurvivesAHundredInterruptions) {
+  constexpr int kTicks = 160;
+  const auto model = equipped();
+  const int jolt = model->devices.all[static_cast<std::size_t>(model->devices.find("motor"))].in;
+  const int moment = model->devices.all[static_cast<std::size_t>(model->devices.find("rods"))].in + 1;
+  for (const std::string method : {"dopri5", "dop853", "cvode_bdf"}) {
+    std::vector<Checkpoint> made;
+    const auto begin = [&] {
+      SimulationOptions options = ResumedScene::options(method);
+      options.seed = 11;
+      auto sim = std::make_unique<Simulation>(model, options);
+      Simulation& s = *sim;
+      s.every({1, 4}, [&s, jolt, moment] {
+        s.set_device_input(jolt, 2.0 * std::cos(3.0 * s.time()));
+        if (std::fmod(s.time(), 2.0) < 1.0) s.set_device_input(moment, 5.0 + s.time());  // then it is silent for a second
+      });
+      s.every({1, 20}, [&made, &s] { made.push_back(s.checkpoint()); }, {1, 20});
+      return sim;
+    };
+    const auto run = begin();
+    run->run(0.05 * kTicks);
+    const std::vector<Checkpoint> whole = made;
+    ASSERT_EQ(whole.size(), static_cast<std::size_t>(kTicks)) << method;
+    EXPECT_TRUE(run->ledger().pass) << method << ": " << run->ledger().energy_relative << " of " << run->ledger().energy_limit;
+    std::vector<int> ticks(kTicks - 1);
+    std::iota(ticks.begin(), ticks.end(), 1);
+    std::ranges::shuffle(ticks, std::mt19937(7));
+    ticks.resize(100);
+    std::ranges::sort(ticks);
+    ticks.push_back(kTicks);
+    Checkpoint last;
+    for (const int tick : ticks) {
+      const auto part = begin();
+      made.clear();
+      if (!last.empty()) part->resume(checkpoint_of(checkpoint_text(last)));
+      part->run(0.05 * tick);
+      last = made.back();
+      ASSERT_EQ(difference(last, whole[static_cast<std::size_t>(tick - 1)]), "") << method << " at " << part->time() << " s";
+      if (tick == kTicks) expect_same(*part, *run, method);
+    }
+  }
+}
+
+/// Keeps nothing, or what it is given.
+class Dropped final : public Recorder {
+  void begin(const RunHeader&, const std::vector<Channel>&) override {}
+  void row(double, std::span<const double>) override {}
+  void attach(const std::string&, const std::string&) override {}
+  void restart_state(double, std::span<const double>) override {}
+  void flush() override {}
+  void close(std::string_view) override {}
+};
+
+/// Whether rows and checkpoints are kept, in which form, how often they reach the disk, and whether anybody looks between: the same bits.
+TEST(Checkpoint, IsTheSameWhateverIsRecorded) {
+  const auto model = equipped();
+  const auto last_of = [&](std::unique_ptr<Recorder> recorder, bool kept, bool looks) {
+    SimulationOptions options = ResumedScene::options("dopri5");
+    options.seed = 11;
+    Simulation sim(model, options);
+    Checkpoint last;
+    sim.every({1, 5},
+              [&] {
+                last = sim.checkpoint();
+                if (kept) recorder->checkpoint(sim.time(), checkpoint_text(last));
+              },
+              {1, 5});
+    std::vector<Output> outputs = standard_outputs(sim);
+    std::vector<Channel> channels;
+    for (const Output& o : outputs) channels.push_back(o.channel);
+    recorder->begin({}, channels);
+    sim.record(*recorder, std::move(outputs), {1, 20});
+    sim.run(2.0, [&](double) {
+      if (looks) sim.observe(), recorder->flush();
+    });
+    recorder->close("passed");
+    return last;
+  };
+  const Checkpoint expected = last_of(std::make_unique<Dropped>(), false, false);
+  ASSERT_FALSE(expected.empty());
+  EXPECT_EQ(last_of(std::make_unique<Dropped>(), false, true), expected) << "looked at after each step";
+  EXPECT_EQ(last_of(make_hdf5_recorder(scratch("always.h5"), 0.0), true, false), expected) << "flushed at each row";
+  EXPECT_EQ(last_of(make_hdf5_recorder(scratch("never.h5"), 1e9), true, false), expected) << "flushed at the end";
+  EXPECT_EQ(last_of(make_text_recorder(scratch("rows.csv")), true, true), expected) << "as text";
 }
 
 TEST(Checkpoint, OfAnotherModelIsRefused) {

@@ -13,9 +13,10 @@ const Located kHere{"controllers.attitude.rate", {}};
 
 Rational hertz(double f) { return period_from_hertz(f, kHere); }
 
-std::vector<int> entries(const std::vector<Schedule::Tick>& ticks) {
+/// Passes an instant: who ticks there.
+std::vector<int> instant(Schedule& s) {
   std::vector<int> out;
-  for (const auto& t : ticks) out.push_back(t.entry);
+  for (const double t = s.time(); s.time() == t;) out.push_back(s.next().entry);
   return out;
 }
 
@@ -72,7 +73,7 @@ TEST(Schedule, TenHertzStaysTenHertzAfterAYear) {
       if (i % 10 == 0) {
         EXPECT_EQ(t, begin + i / 10);
       }
-      EXPECT_EQ(s.next().front().k, k);
+      EXPECT_EQ(s.next().k, k);
     }
   }
 }
@@ -90,8 +91,7 @@ TEST(Schedule, DifferentRatesMeetExactlyAlsoAfterAYear) {
       const double t = s.time();
       ASSERT_GT(t, before);
       before = t;
-      const auto& ticks = s.next();
-      const auto now = entries(ticks);
+      const auto now = instant(s);
       const auto in = [&](int e) { return std::find(now.begin(), now.end(), e) != now.end(); };
       EXPECT_TRUE(!in(three) || in(thirty)) << t;
       EXPECT_TRUE(!in(minute) || (in(three) && in(seventh))) << t;
@@ -115,9 +115,9 @@ TEST(Schedule, EqualInstantsHaveEqualTimes) {
   a.start(31536000.25);
   b.start(31536000.25);
   for (int i = 0; i < 300; ++i) {
-    while (b.time() < a.time()) b.next();
+    while (b.time() < a.time()) instant(b);
     EXPECT_EQ(b.time(), a.time());
-    a.next();
+    instant(a);
   }
 }
 
@@ -126,11 +126,11 @@ TEST(Schedule, OffsetsShiftAnEntry) {
   s.add(hertz(10.0), Rational{1, 40});
   s.add(hertz(10.0));
   EXPECT_EQ(s.time(), 0.0);
-  EXPECT_EQ(entries(s.next()), std::vector<int>{1});
+  EXPECT_EQ(instant(s), std::vector<int>{1});
   EXPECT_EQ(s.time(), 0.025);
-  EXPECT_EQ(entries(s.next()), std::vector<int>{0});
+  EXPECT_EQ(instant(s), std::vector<int>{0});
   EXPECT_EQ(s.time(), 0.1);
-  EXPECT_EQ(s.next().front().k, 1);
+  EXPECT_EQ(s.next().k, 1);
 }
 
 TEST(Schedule, TicksOfOneInstantComeInTheOrderOfRegistration) {
@@ -138,9 +138,9 @@ TEST(Schedule, TicksOfOneInstantComeInTheOrderOfRegistration) {
   s.add(hertz(1.0));
   s.add(hertz(10.0));
   s.add(hertz(5.0));
-  EXPECT_EQ(entries(s.next()), (std::vector<int>{0, 1, 2}));
-  EXPECT_EQ(entries(s.next()), (std::vector<int>{1}));
-  EXPECT_EQ(entries(s.next()), (std::vector<int>{1, 2}));
+  EXPECT_EQ(instant(s), (std::vector<int>{0, 1, 2}));
+  EXPECT_EQ(instant(s), (std::vector<int>{1}));
+  EXPECT_EQ(instant(s), (std::vector<int>{1, 2}));
 }
 
 TEST(Schedule, StartsAtTheFirstTickNotBefore) {
@@ -148,7 +148,7 @@ TEST(Schedule, StartsAtTheFirstTickNotBefore) {
   s.add(hertz(10.0));
   s.start(0.3);  // the double next to 3/10 is that tick
   EXPECT_EQ(s.time(), 0.3);
-  EXPECT_EQ(s.next().front().k, 3);
+  EXPECT_EQ(s.next().k, 3);
   s.start(0.30000001);
   EXPECT_EQ(s.time(), 0.4);
   s.start(-5.0);
@@ -158,7 +158,6 @@ TEST(Schedule, StartsAtTheFirstTickNotBefore) {
 TEST(Schedule, WithoutEntriesNothingEverHappens) {
   Schedule s;
   EXPECT_EQ(s.time(), std::numeric_limits<double>::infinity());
-  EXPECT_TRUE(s.next().empty());
 }
 
 }  // namespace
