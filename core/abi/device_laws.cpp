@@ -165,6 +165,7 @@ class DeviceLaws {
     if (f_.momentum) momentum(x, y);
     if (f_.holds) holds(x);
     if (f_.n_roots > 0) roots(x);
+    if (f_.event) event(x);
     if (f_.tick) tick(x);
     return found_.size() < 20;
   }
@@ -180,6 +181,25 @@ class DeviceLaws {
   double normal() { return std::normal_distribution<double>()(rng_); }
   double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(rng_); }
 
+  /// f(point): its numbers there; the same again whatever it was asked between, here and in another thread, and what it was given stays.
+  template <class F>
+  std::vector<double> same_again(const char* what, const Point& x, const F& f) {
+    const Point handed = x;
+    const std::vector<double> packed = packed_, first = f(handed);
+    const auto expect_same = [&](const std::vector<double>& numbers, const char* where) {
+      if (numbers.size() != first.size() || std::memcmp(numbers.data(), first.data(), first.size() * sizeof(double)) != 0)
+        found_.push_back(fmt::format("{} is a function of its arguments: other numbers {} (sample {})", what, where, sample_));
+    };
+    f(random_point());
+    expect_same(f(handed), "at the second call");
+    std::vector<double> elsewhere;
+    in_another_thread([&] { elsewhere = f(handed); });
+    expect_same(elsewhere, "on another thread");
+    if (handed.numbers != x.numbers || packed != packed_)
+      found_.push_back(fmt::format("{} changes its arguments (sample {})", what, sample_));
+    return first;
+  }
+
   bool pack() {
     PackedSample packed = packed_at_random(f_, rng_(), before_);
     if (!packed.fault.empty()) {
@@ -190,7 +210,13 @@ class DeviceLaws {
     nominal_.clear();
     for (std::uint32_t i = 0; i < f_.n_states; ++i) nominal_.push_back(f_.states[i].nominal);
     before_("nominal");
-    if (f_.nominal) f_.nominal(packed_.data(), nominal_.data());
+    if (f_.nominal) {
+      Handed sizes(nominal_.size());
+      std::ranges::copy(nominal_, sizes.data());
+      f_.nominal(packed_.data(), sizes.data());
+      if (!sizes.intact()) found_.push_back("nominal writes beyond its array");
+      std::copy_n(sizes.data(), nominal_.size(), nominal_.begin());
+    }
     for (const double size : nominal_)
       if (!(size > 0.0 && std::isfinite(size))) found_.push_back(fmt::format("nominal gives {:g}, not a number > 0", size));
     return found_.empty();
@@ -405,6 +431,7 @@ class DeviceLaws {
   }
 
   void energy(const Point& x, const Given& y) {
+    same_again("energy", x, [&](const Point& p) { return std::vector<double>{energy_at(p)}; });
     double power = 0.0, size = std::abs(y.numbers[power_]) + std::abs(y.numbers[power_ + 1]);
     for (std::uint32_t m = 0; m < f_.n_mounts; ++m) {
       const double *R = x.numbers.data() + m * kMotion, *w = R + 12, *v = R + 15, *l = y.numbers.data() + m * kLoad;
@@ -485,29 +512,38 @@ class DeviceLaws {
   }
 
   void holds(const Point& x) {
-    before_("holds");
-    const cardan_device_args a = args(x);
-    const double most = f_.holds(&a), again = f_.holds(&a);
+    const auto most_at = [&](const Point& p) {
+      before_("holds");
+      const cardan_device_args a = args(p);
+      return f_.holds(&a);
+    };
+    const double most = same_again("holds", x, [&](const Point& p) { return std::vector<double>{most_at(p)}; })[0];
     if (!(most >= 0.0 && std::isfinite(most)))
       found_.push_back(fmt::format("holds gives {}, not a number >= 0 (sample {})", most, sample_));
-    if (most >= 0.0 && most != again)
-      found_.push_back(fmt::format("holds is a function of its arguments: another number at the second call (sample {})", sample_));
   }
 
-  /// World axes.
-  std::array<double, 3> momentum_at(const Point& x) const {
+  /// Of each mount, in the axes of the node.
+  std::vector<double> stored_at(const Point& x) {
     before_("momentum");
-    std::vector<std::array<double, 3>> h(f_.n_mounts);
+    Handed h(3 * f_.n_mounts);
+    std::fill_n(h.data(), 3 * f_.n_mounts, 0.0);
     const cardan_device_args a = args(x);
     f_.momentum(&a, reinterpret_cast<double(*)[3]>(h.data()));
+    if (!h.intact()) found_.push_back(fmt::format("momentum writes beyond its array (sample {})", sample_));
+    return {h.data(), h.data() + 3 * f_.n_mounts};
+  }
+  /// World axes.
+  std::array<double, 3> momentum_at(const Point& x) {
+    const std::vector<double> h = stored_at(x);
     std::array<double, 3> sum{};
     for (std::uint32_t m = 0; m < f_.n_mounts; ++m)
       for (std::size_t i = 0; i < 3; ++i)
-        for (std::size_t j = 0; j < 3; ++j) sum[i] += x.numbers[m * kMotion + 3 * i + j] * h[m][j];
+        for (std::size_t j = 0; j < 3; ++j) sum[i] += x.numbers[m * kMotion + 3 * i + j] * h[3 * m + j];
     return sum;
   }
   /// What its loads take from the bodies is stored: a moment, no force.
   void momentum(const Point& x, const Given& y) {
+    same_again("momentum", x, [&](const Point& p) { return stored_at(p); });
     const auto along = rates(x, y);
     for (std::size_t i = 0; i < 3; ++i) {
       double moment = 0.0, force = 0.0, size = 1.0;
@@ -608,36 +644,51 @@ class DeviceLaws {
     }
   }
 
-  void tick(const Point& x) {
-    before_("tick");
-    const std::size_t n = f_.n_states + f_.n_marks;
-    std::vector<double> noise(f_.n_noise, 0.3);
-    const auto call = [&] {
-      Handed z(f_.n_states), d(f_.n_marks);
-      std::copy_n(x.numbers.data() + z_, f_.n_states, z.data());
-      std::copy_n(x.numbers.data() + z_ + f_.n_states, f_.n_marks, d.data());
-      const cardan_device_args a = args(x);
-      if (f_.tick(&a, 0.1, noise.data(), z.data(), d.data()) != 0) return std::vector<double>();
-      if (!z.intact() || !d.intact()) found_.push_back(fmt::format("tick writes beyond its arrays (sample {})", sample_));
-      std::vector<double> all(z.data(), z.data() + f_.n_states);
-      all.insert(all.end(), d.data(), d.data() + f_.n_marks);
-      return all;
-    };
-    const std::vector<double> first = call(), second = call();
-    if (first.empty() && n > 0) return;  // refused
-    if (std::memcmp(first.data(), second.data(), first.size() * sizeof(double)) != 0)
-      found_.push_back(fmt::format("tick is a function of its arguments: other numbers at the second call (sample {})", sample_));
+  /// States and marks at x, for change(arguments, z, d) to write into; empty where it says no.
+  template <class Change>
+  std::vector<double> changed_by(const char* what, const Point& x, const Change& change) {
+    before_(what);
+    Handed z(f_.n_states), d(f_.n_marks);
+    std::copy_n(x.numbers.data() + z_, f_.n_states, z.data());
+    std::copy_n(x.numbers.data() + z_ + f_.n_states, f_.n_marks, d.data());
+    const cardan_device_args a = args(x);
+    if (!change(a, z.data(), d.data())) return {};
+    if (!z.intact() || !d.intact()) found_.push_back(fmt::format("{} writes beyond its arrays (sample {})", what, sample_));
+    std::vector<double> all(z.data(), z.data() + f_.n_states);
+    all.insert(all.end(), d.data(), d.data() + f_.n_marks);
+    return all;
+  }
+  template <class Change>
+  void accepted(const char* what, const Point& x, const Change& change) {
+    const std::vector<double> first = same_again(what, x, [&](const Point& p) { return changed_by(what, p, change); });
     if (std::any_of(first.begin(), first.end(), [](double a) { return !std::isfinite(a); }))
-      found_.push_back(fmt::format("tick sets a number that is not finite (sample {})", sample_));
+      found_.push_back(fmt::format("{} sets a number that is not finite (sample {})", what, sample_));
+  }
+  void tick(const Point& x) {
+    const std::vector<double> noise(f_.n_noise, 0.3);
+    accepted("tick", x, [&](const cardan_device_args& a, double* z, double* d) { return f_.tick(&a, 0.1, noise.data(), z, d) == 0; });
+  }
+  /// At each root both ways, at the start, and where what it holds breaks away.
+  void event(const Point& x) {
+    for (std::uint32_t root = 0; root <= f_.n_roots + (f_.holds ? 1 : 0); ++root)
+      for (const int direction : {1, -1})
+        accepted("event", x, [&](const cardan_device_args& a, double* z, double* d) {
+          f_.event(&a, root, root == f_.n_roots ? 0 : direction, z, d);
+          return true;
+        });
   }
 
-  void roots(const Point& x) {
+  std::vector<double> roots_at(const Point& x) {
     before_("roots");
-    std::vector<double> g(f_.n_roots + 8, 0.0);
-    std::fill(g.end() - 8, g.end(), -7.25e77);
+    Handed g(f_.n_roots);
+    std::fill_n(g.data(), f_.n_roots, 0.0);
     const cardan_device_args a = args(x);
     f_.roots(&a, g.data());
-    if (std::any_of(g.end() - 8, g.end(), [](double w) { return w != -7.25e77; })) found_.push_back("roots writes beyond n_roots");
+    if (!g.intact()) found_.push_back(fmt::format("roots writes beyond n_roots (sample {})", sample_));
+    return {g.data(), g.data() + f_.n_roots};
+  }
+  void roots(const Point& x) {
+    const std::vector<double> g = same_again("roots", x, [&](const Point& p) { return roots_at(p); });
     for (std::uint32_t i = 0; i < f_.n_roots; ++i)
       if (!std::isfinite(g[i])) found_.push_back(fmt::format("root no. {} is {} for finite arguments (sample {})", i, g[i], sample_));
   }

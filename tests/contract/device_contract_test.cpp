@@ -1,8 +1,10 @@
 // The laws of devices over everything that comes with Cardan; and for each law a device that breaks it.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
+#include <thread>
 
 #include "core/abi/device_family.hpp"
 #include "core/abi/device_laws.hpp"
@@ -139,6 +141,89 @@ TEST(DeviceMutants, AreCaughtByTheirLaw) {
          }),
          "pack writes 9 bytes, 8");
   expect(changed([](Table& t) { t.nominal = [](const void*, double* sizes) { sizes[0] = -1.0; }; }), "nominal gives -1");
+  expect(changed([](Table& t) { t.nominal = [](const void*, double* sizes) { sizes[1] = 1.0; }; }), "nominal writes beyond its array");
+  expect(CHANGED(o->out[0] += a->mount[0].alpha[1]), "evaluate reads an acceleration at mount from");
+  expect(CHANGED(o->out[0] += a->mount[0].specific_force[2]), "evaluate reads an acceleration at mount from");
+  expect(CHANGED(o->out[0] += a->mount[1].field[0]), "mount to is no field");
+  expect(CHANGED(o->out[0] += a->mount[2].field[3]), "mount at is no field");
+  expect(changed([](Table& t) { t.tangent = [](Args, Args, Out o) { return o->zdot[1] = 3.0, 1; }; }), "tangent writes beyond its arrays");
+  expect(changed([](Table& t) {
+           t.pack = [](const cardan_param_values*, void* p) { return *static_cast<double*>(p) = 2.0, 0; };
+           t.params_size = 8;
+           t.evaluate = [](Args a, Out o) { return *static_cast<double*>(const_cast<void*>(a->packed)) += 1.0, good(a, o); };
+         }),
+         "evaluate changes its arguments");
+  const std::string there = violations(
+      CHANGED(static const std::thread::id first = std::this_thread::get_id(); if (std::this_thread::get_id() != first) o->out[0] += 1.0));
+  EXPECT_NE(there.find("evaluate is a function of its arguments: other numbers on another thread"), std::string::npos) << there;
+  EXPECT_EQ(there.find("at the second call"), std::string::npos) << there;
+}
+
+/// Of a field: the numbers of its quantity, and nothing of the motion, which is that of the node before it.
+TEST(DeviceMutants, ThatReadAFieldWronglyAreCaught) {
+  static const cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_NODE, CARDAN_USE_LOAD, "a node"},
+                                             {"earth", CARDAN_MOUNT_FIELD, CARDAN_MAGNETIC, "a magnetic field"}};
+  Table t{};
+  t.struct_size = sizeof t;
+  t.type = "test/needle", t.summary = "";
+  t.mounts = mounts, t.n_mounts = 2;
+  t.evaluate = [](Args a, Out o) { return o->load[0].moment[0] = a->mount[1].field[1], 0; };
+  EXPECT_EQ(violations(t), "");
+  t.evaluate = [](Args a, Out o) { return o->load[0].moment[0] = a->mount[1].position[1], 0; };
+  expect(t, "mount earth is a field: it has the numbers of its quantity alone");
+  t.evaluate = [](Args a, Out o) { return o->load[1].moment[0] = a->mount[1].field[1], 0; };
+  expect(t, "moment of mount earth and does not say so");
+}
+
+/// What a function gives that remembers its calls, that looks at its thread, or that writes where it reads.
+template <class Put>
+void expect_pure(const char* name, const Put& put) {
+  Table t = table();
+  t.n_roots = 1, t.roots = [](Args, double* g) { g[0] = 1.0; };
+  t.momentum = [](Args, double(*)[3]) {};
+  t.event = [](Args, std::uint32_t, int, double*, double*) {};
+  t.tick = [](Args, double, const double*, double*, double*) { return 0; };
+  t.facts = CARDAN_FACT_ENERGY;
+  put(t, [](Args) { return 0.0; });
+  const std::string wrong = fmt::format("{} is a function of its arguments: other numbers ", name);
+  EXPECT_EQ(violations(t).find(wrong), std::string::npos) << violations(t);
+  EXPECT_EQ(violations(t).find(fmt::format("{} changes its arguments", name)), std::string::npos) << violations(t);
+  put(t, [](Args) {
+    static double calls = 0.0;
+    return calls += 1e-6;
+  });
+  expect(t, wrong + "at the second call");
+  put(t, [](Args) {
+    static const std::thread::id first = std::this_thread::get_id();
+    return std::this_thread::get_id() == first ? 0.0 : 1e-6;
+  });
+  expect(t, wrong + "on another thread");
+  EXPECT_EQ(violations(t).find("at the second call"), std::string::npos) << name << ":\n" << violations(t);
+  put(t, [](Args a) { return const_cast<double*>(a->z)[0] = 3.0, 0.0; });
+  expect(t, fmt::format("{} changes its arguments", name));
+}
+
+/// A C function around `added`, which captures nothing.
+#define PUTS(member, ...) [](Table& t, auto added) { t.member = __VA_ARGS__; }
+
+TEST(DeviceMutants, ThatRememberAreCaughtInEveryFunction) {
+  expect_pure("energy", PUTS(energy, [](Args a) { return energy(a) + decltype(added){}(a); }));
+  expect_pure("momentum", PUTS(momentum, [](Args a, double(*h)[3]) { h[0][1] = decltype(added){}(a); }));
+  expect_pure("roots", PUTS(roots, [](Args a, double* g) { g[0] = 1.0 + decltype(added){}(a); }));
+  expect_pure("event", PUTS(event, [](Args a, std::uint32_t, int, double*, double* d) { d[0] += decltype(added){}(a); }));
+  expect_pure("tick", PUTS(tick, [](Args a, double, const double*, double* z, double*) { return z[0] += decltype(added){}(a), 0; }));
+}
+
+TEST(DeviceMutants, ThatWriteBeyondWhatTheyAreGivenAtAnInstantAreCaught) {
+  expect(changed([](Table& t) { t.tick = [](Args, double, const double*, double* z, double*) { return z[1] = 1.0, 0; }; }),
+         "tick writes beyond its arrays");
+  expect(changed([](Table& t) { t.tick = [](Args, double, const double*, double*, double* d) { return d[0] = std::nan(""), 0; }; }),
+         "tick sets a number that is not finite");
+  expect(changed([](Table& t) { t.event = [](Args, std::uint32_t, int, double*, double* d) { d[1] = 1.0; }; }),
+         "event writes beyond its arrays");
+  expect(changed([](Table& t) { t.event = [](Args, std::uint32_t, int, double* z, double*) { z[0] = HUGE_VAL; }; }),
+         "event sets a number that is not finite");
+  expect(changed([](Table& t) { t.momentum = [](Args, double(*h)[3]) { h[4][0] = 1.0; }; }), "momentum writes beyond its array");
 }
 
 const cardan_mount_desc kBody[] = {{"at", CARDAN_MOUNT_MASS, CARDAN_USE_VELOCITY | CARDAN_USE_LOAD, "a body"}};
@@ -256,7 +341,7 @@ TEST(DeviceMutants, ThatHoldAHingeAreCaught) {
              return ++calls;
            };
          }),
-         "holds is a function of its arguments");
+         "holds is a function of its arguments: other numbers at the second call");
   expect(with([](Table& t) { t.holds = nullptr; }), "holds: null, and a mount has CARDAN_USE_HOLD");
   expect(with([](Table& t) { t.n_marks = 0; }), "CARDAN_USE_HOLD needs `event`, and a mark");
 }

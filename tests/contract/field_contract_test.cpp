@@ -161,6 +161,20 @@ TEST(FieldMutants, AreCaughtByTheirLaw) {
          }),
          "prepare is a function of time");
   expect(changed([](Table& t) {
+           t.pack = [](const cardan_param_values*, void* p) { return *static_cast<double*>(p) = 2.0, 0; };
+           t.params_size = t.prepared_size = 8;
+           t.prepare = [](double time, const void* packed, void* out) {
+             *static_cast<double*>(const_cast<void*>(packed)) += 1.0;
+             return *static_cast<double*>(out) = time, 0;
+           };
+         }),
+         "prepare changes its parameters");
+  expect(changed([](Table& t) {
+           t.prepared_size = 8;
+           t.prepare = [](double time, const void*, void* out) { return *static_cast<double*>(out) = time, 2; };
+         }),
+         "prepare returns 2");
+  expect(changed([](Table& t) {
            t.pack = [](const cardan_param_values*, void* p) { return std::fill_n(static_cast<char*>(p), 9, 'x'), 0; };
            t.params_size = 8;
          }),
