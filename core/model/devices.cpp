@@ -261,11 +261,10 @@ class DeviceCompiler {
     }
     // What does not act is looked at between steps alone, as is what a mount reads at ticks.
     for (const Device& d : devices_.all)
-      for (const DeviceMount& m : d.mounts)
-        if (d.acts && (m.use & (CARDAN_USE_POSE | CARDAN_USE_VELOCITY)) != 0 && (m.use & CARDAN_USE_ACCELERATION) == 0)
-          devices_.reads_nodes = true;
-        else if (d.family->follow && m.node >= 0)
-          devices_.reads_nodes = true;
+      for (const DeviceMount& m : d.mounts) {
+        const bool in_steps = d.acts && (m.use & (CARDAN_USE_POSE | CARDAN_USE_VELOCITY)) != 0 && (m.use & CARDAN_USE_ACCELERATION) == 0;
+        if (m.node >= 0 && (in_steps || d.family->follow)) devices_.reads_nodes = true;
+      }
   }
 
   /// "gyro.rate_x", or a sum: "left.flow + right.flow".
