@@ -42,6 +42,7 @@ set(layers
   "scripts/commands/|core bodies/modal/ bodies/register.hpp hinges/register.hpp plugins/devices/register.hpp scripts/lua/ scripts/mission/ scripts/bindings/ scripts/report/ scripts/regress/"
   "scripts/main.cpp|core/base scripts/commands/"
   "tests|core bodies hinges plugins scripts bench/pairs.hpp"
+  "tests/abi/|core cardan_abi.h tests/support/"
   "bench|core bodies hinges plugins"
   "bench/peers|bench/time_ring.hpp")
 
@@ -81,7 +82,7 @@ set(external
   "pty.h|tests"
   "poll.h|core/base/child_process.cpp scripts/commands/ tests"
   "stddef.h|tests/abi/2.0/"
-  "stdint.h|core/abi/cardan_abi.h tests/abi/2.0/")
+  "stdint.h|core/abi/cardan_abi.h tests/abi/2.0/ tests/abi/2.1/")
 
 # The longest row of `table` whose name begins `path`: its right-hand side in `out`; `found` tells whether there is one.
 function(row_of table path out found)
@@ -181,10 +182,10 @@ foreach(folder core bodies hinges plugins scripts tests bench)
         set(header ${CMAKE_MATCH_1})
         string(REGEX REPLACE "[.][a-z]+$" "" unit ${file})
         string(REGEX REPLACE "[.][a-z]+$" "" used_unit ${header})
-        note_use(units ${unit} ${used_unit})
+        note_use(units "${unit}" "${used_unit}")
         get_filename_component(room ${file} DIRECTORY)
         get_filename_component(used_room ${header} DIRECTORY)
-        note_use(rooms ${room} ${used_room})
+        note_use(rooms "${room}" "${used_room}")
         begins_with_any(${header} "${allowed}" ok)
         if(NOT ok)
           string(APPEND bad "  ${file}: may not include \"${header}\" (allowed: ${allowed})\n")

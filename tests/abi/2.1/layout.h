@@ -1,6 +1,6 @@
 /* Where contract 2.1 has the members of devices and fields, as a C compiler sees its headers. */
-#ifndef CARDAN_TESTS_ABI_LAYOUT_2_1_H
-#define CARDAN_TESTS_ABI_LAYOUT_2_1_H
+#ifndef CARDAN_TESTS_ABI_DEVICE_LAYOUT_H
+#define CARDAN_TESTS_ABI_DEVICE_LAYOUT_H
 #include "tests/abi/2.0/layout.h"
 
 #ifdef __cplusplus
