@@ -36,10 +36,10 @@ double size_of(const ModalData& modal) {
   return modal.integrals.I1 > 0.0 ? std::sqrt(1.5 * std::max(0.0, modal.integrals.I7.trace()) / modal.integrals.I1) : 0.0;
 }
 
-FlexibleLimits::FlexibleLimits(const Simulation& sim) : spec_(*sim.model().spec) {
+FlexibleLimits::FlexibleLimits(const Simulation& sim) : spec_(sim.model().spec) {
   const Model& m = sim.model();
   for (std::size_t i = 0; i < m.user.size(); ++i) {
-    const BodySpec& spec = spec_.bodies[i];
+    const BodySpec& spec = spec_->bodies[i];
     if (m.user[i].n_modes == 0 || !spec.modal || has_stiffening(spec)) continue;
     Body b;
     b.user = static_cast<int>(i), b.node = m.find_node(spec.name);
@@ -51,11 +51,11 @@ FlexibleLimits::FlexibleLimits(const Simulation& sim) : spec_(*sim.model().spec)
 }
 
 Diagnostic FlexibleLimits::rate_warning(const Body& b, double rate, bool before) const {
-  const BodySpec& body = spec_.bodies[static_cast<std::size_t>(b.user)];
+  const BodySpec& body = spec_->bodies[static_cast<std::size_t>(b.user)];
   const double ratio = rate / b.omega;
   return {
       Code::beyond_the_model,
-      spec_.locate(body_path(body) + (before ? ".level" : "")),
+      spec_->locate(body_path(body) + (before ? ".level" : "")),
       {},
       {},
       "rates below a tenth of the first frequency leave less than 1 % of the stiffness out; stiffening is in level 2 of lumped masses with "
@@ -90,10 +90,10 @@ Warnings FlexibleLimits::expected(Simulation& sim, double t_end) {
 
 void FlexibleLimits::see(Simulation& sim) {
   for (Body& b : bodies_) {
-    const double rate = sim.observe().node(b.node).velocity.head<3>().norm();
+    const double rate = sim.observe().node(sim.now().node[static_cast<std::size_t>(b.node)]).velocity.head<3>().norm();
     if (rate > b.rate) b.rate = rate, b.t_rate = sim.time();
-    const UserBody& u = sim.model().user[static_cast<std::size_t>(b.user)];
-    const ModalData& modal = *spec_.bodies[static_cast<std::size_t>(b.user)].modal;
+    const UserBody& u = sim.user(b.user);
+    const ModalData& modal = *spec_->bodies[static_cast<std::size_t>(b.user)].modal;
     for (const int k : b.points) {
       const double d = (modal.nodes[static_cast<std::size_t>(k)].Phi * sim.state().q.segment(u.eta, u.n_modes)).norm();
       if (d > b.deflection) b.deflection = d, b.t_deflection = sim.time(), b.point = k;
@@ -104,12 +104,12 @@ void FlexibleLimits::see(Simulation& sim) {
 Warnings FlexibleLimits::seen() const {
   Warnings found;
   for (const Body& b : bodies_) {
-    const BodySpec& body = spec_.bodies[static_cast<std::size_t>(b.user)];
+    const BodySpec& body = spec_->bodies[static_cast<std::size_t>(b.user)];
     if (b.rate * b.rate > kStiffness * b.omega * b.omega && b.rate > kNews * b.expected)
       found.add(rate_warning(b, b.rate, false), b.t_rate);
     if (b.deflection > kDeflection * b.size) {
       const ModalNode& node = body.modal->nodes[static_cast<std::size_t>(b.point)];
-      found.add(Code::beyond_the_model, spec_.locate(fmt::format("{}.modal.nodes.{}", body_path(body), node.name)),
+      found.add(Code::beyond_the_model, spec_->locate(fmt::format("{}.modal.nodes.{}", body_path(body), node.name)),
                 fmt::format(
                     "{}.{} is {:.3g} m away from its place in the undeformed body, {:.2g} % of its size of {:.3g} m: modes are linear, and "
                     "foreshortening, of second order, is left out",

@@ -3,6 +3,7 @@
 // centrifugal stiffening and softening, are of the order of (Omega / omega_1)^2 of its stiffness), and how far it bends beside its size.
 #include <algorithm>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "core/base/warnings.hpp"
@@ -50,7 +51,7 @@ class FlexibleLimits {
     int point = -1;                               // of that deflection
   };
   Diagnostic rate_warning(const Body& body, double rate, bool before) const;
-  const SystemSpec& spec_;
+  std::shared_ptr<const SystemSpec> spec_;  // of the run's first model, whatever it adopts
   std::vector<Body> bodies_;
 };
 

@@ -672,7 +672,7 @@ void Simulation::sample_devices(bool late) {
     Rational offset;
     const Rational period = period_of(d, &offset);
     const double seconds = static_cast<double>(period.numerator) / static_cast<double>(period.denominator);
-    noise_.resize(std::max<std::size_t>(noise_.size(), d.family->n_noise));
+    noise_.resize(std::max<std::size_t>(noise_.size(), d.family->n_noise + d.family->n_states + d.family->n_marks));
     const auto id = static_cast<std::size_t>(id_of(now_.device, i));
     every(
         period, [this, id, seconds] { shift_delays(now_.device[id]), tick_device(now_.device[id], seconds); }, offset);
@@ -789,10 +789,14 @@ void Simulation::tick_device(int index, double period) {
     Eigen::Vector3d::Map(to.specific_force) = n.specific_force;
   }
   normal_noise(noise_key(options_.seed, d.name), static_cast<std::uint64_t>(tick_), d.family->n_noise, noise_.data());
-  const Eigen::VectorXd z = state_.z, marks = state_.marks;
+  // Behind the noise: what it may change, as it was.
+  double *const z = state_.z.data() + d.z, *const marks = state_.marks.data() + d.mark;
+  double *const z_before = noise_.data() + d.family->n_noise, *const marks_before = std::copy_n(z, d.family->n_states, z_before);
+  std::copy_n(marks, d.family->n_marks, marks_before);
   if (!devices_->tick(index, period, noise_.data(), state_.z.data(), state_.marks.data())) fail(explain({}));
-  if (state_.z == z && state_.marks == marks) return;
-  if (d.acts || state_.z != z) return changed();
+  const bool same_states = std::equal(z, z + d.family->n_states, z_before);
+  if (same_states && std::equal(marks, marks + d.family->n_marks, marks_before)) return;
+  if (d.acts || !same_states) return changed();
   devices_->set({state_.t, state_.z.data(), state_.marks.data(), tau_total_.data(), wrenches_.data()});
   if (!devices_->evaluate()) fail(explain({}));  // what it gives now; the motion is as it was
 }

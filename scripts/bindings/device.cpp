@@ -7,7 +7,10 @@
 namespace cardan {
 namespace {
 
-const Device& device_of(const Handle& h) { return h.scenario->model->devices.all[static_cast<std::size_t>(h.index)]; }
+const Device& device_of(const Handle& h) {
+  const Scenario& s = *h.scenario;
+  return s.model->devices.all[static_cast<std::size_t>(s.sim->now().device[static_cast<std::size_t>(h.index)])];
+}
 
 /// Where the number that argument 2 names stands: among inputs, outputs, states, marks, which begin at `first`; refused if there is none.
 struct Place {

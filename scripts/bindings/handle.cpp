@@ -18,7 +18,8 @@ int handle_text(lua_State* L) {
   const Model& m = *h.scenario->model;
   const char* word = kWords[static_cast<int>(h.kind)];
   const auto named = [&](const std::string& name, const std::string& rest = {}) { return fmt::format("{} \"{}\"{}", word, name, rest); };
-  const auto node = [&](int i) { return m.nodes[static_cast<std::size_t>(i)].name; };
+  const ModelMap& now = h.scenario->sim->now();
+  const auto node = [&](int id) { return m.nodes[static_cast<std::size_t>(now.node[static_cast<std::size_t>(id)])].name; };
   std::string text;
   switch (h.kind) {
     case Kind::vehicle: {
@@ -40,7 +41,7 @@ int handle_text(lua_State* L) {
       text = named(node(h.scenario->loads[static_cast<std::size_t>(h.index)].node));
       break;
     case Kind::device: {
-      const Device& d = m.devices.all[static_cast<std::size_t>(h.index)];
+      const Device& d = m.devices.all[static_cast<std::size_t>(now.device[static_cast<std::size_t>(h.index)])];
       text = named(d.name, fmt::format(": {}", d.family->type));
       break;
     }

@@ -9,7 +9,8 @@ namespace {
 
 NodeState node_state(lua_State* L, const Handle& h, const char* what) {
   expect_state(L, *h.scenario, what);
-  return h.scenario->sim->observe().node(h.index);
+  Simulation& sim = *h.scenario->sim;
+  return sim.observe().node(sim.now().node[static_cast<std::size_t>(h.index)]);
 }
 int node_position(lua_State* L) { return push3(L, node_state(L, self<Kind::node>(L), "the position of a node").position); }
 int node_attitude(lua_State* L) { return push_quaternion(L, node_state(L, self<Kind::node>(L), "the attitude of a node").R_WN); }
@@ -54,7 +55,8 @@ int load_set(lua_State* L) {
   const Handle& h = self<Kind::load>(L);
   Scenario& s = *h.scenario;
   expect_state(L, s, "a command");
-  const std::string& node = s.model->nodes[static_cast<std::size_t>(s.loads[static_cast<std::size_t>(h.index)].node)].name;
+  const int id = s.loads[static_cast<std::size_t>(h.index)].node;
+  const std::string& node = s.model->nodes[static_cast<std::size_t>(s.sim->now().node[static_cast<std::size_t>(id)])].name;
   double x[6];
   for (int i = 0; i < 6; ++i) x[i] = command(L, i + 2, s, "load on node", node);
   s.sim->set_wrench(h.index, {{x[0], x[1], x[2]}, {x[3], x[4], x[5]}});

@@ -9,6 +9,7 @@
 #include "core/base/activity.hpp"
 #include "core/base/units.hpp"
 #include "core/io/sha256.hpp"
+#include "core/model/model_map.hpp"
 #include "core/model/params.hpp"
 #include "core/model/validate.hpp"
 #include "scripts/bindings/handle.hpp"
@@ -100,9 +101,8 @@ std::shared_ptr<const Model> changed_model(const Scenario& s, const Overrides& c
   const auto spec = std::make_shared<SystemSpec>(vehicle_from_text(s.model->spec->source_text, s.vehicle_file, s.registry, changes));
   make_modes(*spec, ModeCache::of_user());
   const std::shared_ptr<const Model> model = compile(spec, s.registry, s.compile_options());
-  const State before = s.model->initial_state(), after = model->initial_state();
-  if (before.q.size() == after.q.size() &&
-      (before.q != after.q || before.v != after.v || before.z != after.z || before.marks != after.marks))
+  const State after = model->initial_state(), kept = carried(s.model->initial_state(), model_map(*s.model, *model), *model);
+  if (kept.q != after.q || kept.v != after.v || kept.z != after.z || kept.marks != after.marks)
     refuse(Code::other_vehicle, {"vehicle:change"}, "values that hold from now on", "an initial state", "a run begins once");
   return model;
 }
@@ -164,7 +164,8 @@ int vehicle_part(lua_State* L) {
                                             : find(L, m.user, Code::unknown_body, "vehicle:body", "a body of the vehicle");
   if (kKind == Kind::modes && m.user[static_cast<std::size_t>(index)].n_modes == 0)
     refuse(L, Code::unknown_name, "vehicle:modes", "a flexible body", describe_value(L, 2));
-  push_handle(L, kKind, index, s);
+  const ModelMap& now = s.sim->now();
+  push_handle(L, kKind, id_of(kKind == Kind::node ? now.node : kKind == Kind::device ? now.device : now.body, index), s);
   return 1;
 }
 int vehicle_mass(lua_State* L) {

@@ -9,6 +9,7 @@
 #include "core/abi/registry.hpp"
 #include "core/operators/apply.hpp"
 #include "core/sim/simulation.hpp"
+#include "tests/properties/equipped_vehicle.hpp"
 #include "tests/support/builders.hpp"
 #include "tests/support/oracle_reader.hpp"
 #include "tests/support/random_tree.hpp"
@@ -135,6 +136,19 @@ TEST_P(ARun, AllocatesNothingOnceItIsUnderWay) {
     EXPECT_EQ(mallocs_in([&] { sim.run(1.0); }), 0) << "level " << level;
     EXPECT_GT(events, before);
   }
+}
+/// Devices that tick, switch, hold, carry mass and read fields; what they are commanded.
+TEST_P(ARun, WithDevicesAndFieldsAllocatesNothing) {
+  SimulationOptions run;
+  run.integrator.method = GetParam();
+  if (run.integrator.method == "rk4") run.integrator.fixed_step = 2e-3;
+  Simulation sim(equipped(), run);
+  const int voltage = sim.model().devices.all[static_cast<std::size_t>(sim.model().devices.find("motor"))].in;
+  sim.every({1, 20}, [&] { sim.set_device_input(voltage, 2.0 * std::cos(3.0 * sim.time())); });
+  sim.run(0.3);
+  const Eigen::VectorXd before = sim.state().marks;
+  EXPECT_EQ(mallocs_in([&] { sim.run(1.0); }), 0);
+  EXPECT_FALSE(sim.state().marks == before);
 }
 INSTANTIATE_TEST_SUITE_P(By, ARun, testing::Values("rk4", "dopri5"), [](const auto& method) { return std::string(method.param); });
 

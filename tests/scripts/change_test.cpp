@@ -1,6 +1,7 @@
 // sat:change{...}: the vehicle becomes another one in the midst of a run.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 
 #include "tests/scripts/run_program.hpp"
@@ -74,6 +75,68 @@ TEST(AVehicleThatChanges, IsRepeatedWithTheSameBitsAndNotResumedLater) {
   const Finished late = run_program({"run", "--resume", "out/run.h5", "--at", "1.5", "--quiet", "--out", "late"}, dir.path());
   EXPECT_EQ(late.exit_code, 2);
   EXPECT_NE(late.err.find("another vehicle"), std::string::npos) << late.err;
+}
+
+/// A change that shifts the numbers of nodes, of devices and of their states: handles that were taken before mean what they meant. Each
+/// channel has, before and after, what a run without the change has; friction of 1e-12 N m and a node that carries nothing move nothing.
+TEST(AVehicleThatChanges, KeepsTheHandlesThatWereTakenBefore) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml", R"yaml(
+cardan: 1
+bodies:
+  bus: {mass: 50, inertia: [9, 8, 7], nodes: {hook: {position: [0.5, 0, 0]}, rim: {position: [0, 0.5, 0]}}, hinge: {type: free, to: world}}
+  arm: {mass: 2, inertia: [0.1, 0.3, 0.3], nodes: {tip: {position: [1, 0, 0]}}, hinge: {type: revolute, to: bus.hook, axis: [0, 0, 1]}}
+  boom:
+    type: modal_flexible
+    modal: {beam: {length: 3 m, material: {E: 70 GPa, rho: 2700}, section: {tube: {radius: 2 cm, wall: 1 mm}}}, modes: {count: 2}}
+    hinge: {type: locked, to: bus.rim, at: root}
+devices:
+  gyro: {type: imu, at: arm.tip, rate: 10 Hz}
+  motor: {type: dc_motor, at: arm, constant: 0.3, resistance: 1.5, inductance: 0.1, inputs: {voltage: 0.2}}
+  wheel: {type: momentum_wheel, at: bus.rim, axis: [0, 1, 0], inertia: 0.05, initial: {momentum: 2}}
+)yaml");
+  const std::string script = R"lua(
+local sat = vehicle "vehicle.yaml"
+mission { duration = 2, integrator = { relative = 1e-10 } }
+initial { bus = { wx = 0.1, wy = 0.3, wz = -0.2 }, arm = { rate = 0.4 } }
+local bus, arm, tip, rim, boom = sat:body "bus", sat:hinge "arm", sat:node "arm.tip", sat:node "bus.rim", sat:modes "boom"
+local gyro, motor, wheel, push = sat:device "gyro", sat:device "motor", sat:device "wheel", sat:node("arm.tip"):load {}
+local memory = persist { passes = 0, angle = 0.0 }
+event { name = "passes", when = function() return arm:angle() - 0.7 end, action = function()
+  memory.passes, memory.angle = memory.passes + 1, arm:angle()
+end }
+local heard = signals { ["own/heard"] = { components = { "wx", "wy", "wz", "angle", "tip_x", "tip_y", "tip_z", "rim_x", "rim_y", "rim_z", "eta_1",
+  "eta_2", "rate_z", "current", "momentum", "passes", "passed" } } }
+controller { name = "c", rate = "10 Hz", step = function(t)
+  if t == 1 then CHANGE end
+  motor:set("voltage", 0.2 + 0.1 * t)
+  wheel:set("torque", 0.05 * t)
+  push:set(0, 0, 0.01 * t, 0.1, 0, 0)
+  local wx, wy, wz = bus:rate()
+  local x, y, z = tip:position()
+  local u, v, w = rim:position()
+  heard["own/heard"](wx, wy, wz, arm:angle(), x, y, z, u, v, w, boom:eta(1), boom:eta(2), gyro:get "rate_z", motor:get "current", wheel:get "momentum",
+    memory.passes, memory.angle)
+end }
+)lua";
+  const auto heard = [&](const std::string& change, const std::string& out) {
+    write(dir / "scenario.lua", replaced(script, "CHANGE", change));
+    const Finished done = run_program({"run", ".", "--quiet", "--out", out}, dir.path());
+    EXPECT_EQ(done.exit_code, 0) << done.err;
+    auto channels = channels_of(dir / out);
+    return channels["/channels/own/heard"];
+  };
+  const std::vector<double> plain = heard("", "plain");
+  const std::vector<double> changed = heard(
+      "sat:change { ['bodies.bus.nodes'] = '{a_new_one: {position: [0.1, 0.2, 0.3]}, hook: {position: [0.5, 0, 0]}, rim: {position: [0, "
+      "0.5, "
+      "0]}}', ['devices.a_spring'] = '{type: lugre_friction, at: arm, coulomb: 1e-12, stiffness: 1e-9}' }",
+      "changed");
+  ASSERT_EQ(plain.size(), 21u * 17u);
+  ASSERT_EQ(changed.size(), plain.size());
+  for (std::size_t i = 0; i < plain.size(); ++i)  // the method starts anew at the change: ten times its tolerance
+    EXPECT_NEAR(changed[i], plain[i], 1e-9 * (1.0 + std::abs(plain[i]))) << "row " << i / 17 << ", component " << i % 17;
+  EXPECT_EQ(changed[20 * 17 + 15], 1.0) << "the event comes after the change";
 }
 
 TEST(AVehicleThatChanges, AnswersToWhatCannotBe) {

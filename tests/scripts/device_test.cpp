@@ -39,6 +39,49 @@ figure { name = "warm", value = function() return motor:get "current" end }
   EXPECT_EQ(json(whole).dump(), json(channels_of(dir / "again")).dump());
 }
 
+/// A controller reads what sensors tell of this very instant, and controllers of one instant are called as they are declared: what the
+/// first commands the next one reads.
+TEST(DevicesInScripts, AreReadAtTheSameInstantByControllersInTheirOrder) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml", R"yaml(
+cardan: 1
+bodies:
+  bus: {mass: 10, inertia: [2, 2, 2], hinge: {type: free, to: world}}
+devices:
+  gyro: {type: imu, at: bus, rate: 10 Hz}
+  wheel: {type: momentum_wheel, at: bus, inertia: 0.05}
+)yaml");
+  write(dir / "scenario.lua", R"lua(
+local sat = vehicle "vehicle.yaml"
+mission { duration = 2 }
+local gyro, wheel, bus = sat:device "gyro", sat:device "wheel", sat:body "bus"
+local seen = persist { ticks = 0, late = 0, moved = 0, last = 0.0, wrong = 0, order = "" }
+controller { name = "z", rate = "10 Hz", step = function(t)
+  local told, truth = gyro:get "rate_z", select(3, bus:rate())
+  if told ~= truth then seen.late = seen.late + 1 end
+  if told ~= seen.last then seen.moved = seen.moved + 1 end
+  seen.last, seen.ticks, seen.order = told, seen.ticks + 1, seen.order .. "z"
+  wheel:set("torque", 0.1 + t)
+end }
+controller { name = "a", rate = "10 Hz", step = function(t)
+  if wheel:get "torque" ~= 0.1 + t then seen.wrong = seen.wrong + 1 end
+  seen.order = seen.order .. "a"
+end }
+controller { name = "m", rate = "5 Hz", step = function() seen.order = seen.order .. "m" end }
+figure { name = "ticks", value = function() return seen.ticks end }
+figure { name = "moved", value = function() return seen.moved end }
+figure { name = "late", value = function() return seen.late end }
+figure { name = "wrong", value = function() return seen.wrong end }
+figure { name = "in order", value = function() return seen.order == ("zamza"):rep(10) .. "zam" and 1 or 0 end }
+)lua");
+  const Finished run = run_program({"run", ".", "--quiet", "--out", "out"}, dir.path());
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  std::map<std::string, double> figures;
+  const json summary = summary_of(dir / "out");
+  for (const json& f : summary.at("figures")) figures[f.at("name")] = f.at("value");
+  EXPECT_EQ(figures, (std::map<std::string, double>{{"ticks", 21}, {"moved", 20}, {"late", 0}, {"wrong", 0}, {"in order", 1}}));
+}
+
 /// The scenario's last line is the fault: its place, what was expected, what was got.
 TEST(DevicesInScripts, AnswerToWrongNames) {
   const struct {

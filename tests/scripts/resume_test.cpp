@@ -147,6 +147,17 @@ TEST(Resume, IsRefusedWhereTheScriptKeepsMoreThanPersist) {
   EXPECT_NE(check.out.find("cannot be resumed: kept outside of persist{}: m.draws.1, m.integral"), std::string::npos) << check.out;
 }
 
+/// Those of the tutorials: tests/scripts/tutorials_test.cpp.
+TEST(Resume, IsPossibleForTheScenariosThatComeWithCardan) {
+  for (const std::string name : {"01_flexible_slew", "02_free_flying_arm"}) {
+    const TemporaryFolder dir;
+    const Finished run = run_program({"run", CARDAN_SOURCE_DIR "/scenarios/" + name, "--quiet", "--out", "out"}, dir.path());
+    ASSERT_EQ(run.exit_code, 0) << run.err;
+    const json summary = summary_of(dir / "out");
+    EXPECT_TRUE(summary.at("kept_outside_persist").empty()) << name << ": " << summary["kept_outside_persist"];
+  }
+}
+
 TEST(Resume, NeedsACheckpoint) {
   const TemporaryFolder dir;
   make_scenario(dir, kMission);

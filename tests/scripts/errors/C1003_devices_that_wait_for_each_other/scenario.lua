@@ -1,0 +1,4 @@
+-- exit: 2
+device { type = "lua/gain", in_step = true, inputs = { x = "1" }, outputs = { y = "1" }, evaluate = function(a) return { y = 2 * a.x } end }
+vehicle "vehicle.yaml"
+mission { duration = "1 s" }
