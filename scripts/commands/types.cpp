@@ -251,8 +251,8 @@ std::string body_text(const Json& b) {
 
 std::string device_text(const Json& d) {
   const std::string role = d["role"].get<std::string>();
-  std::string out = fmt::format("device {}: {}{}\n", d["type"].get<std::string>(), d["summary"].get<std::string>(),
-                                role == "device" ? "" : ", " + role);
+  std::string out =
+      fmt::format("device {}: {}{}\n", d["type"].get<std::string>(), d["summary"].get<std::string>(), role == "device" ? "" : ", " + role);
   const char* title = "mounts";
   for (const Json& m : d["mounts"])
     out += fmt::format("  {:<14}{}: {}\n", std::exchange(title, ""), m["name"].get<std::string>(), m["meaning"].get<std::string>());
@@ -260,9 +260,9 @@ std::string device_text(const Json& d) {
   for (const char* list : {"inputs", "outputs", "states"}) {
     title = list;
     for (const Json& x : d[list])
-      out += fmt::format("  {:<14}{}{}: {}{}\n", std::exchange(title, ""), x["name"].get<std::string>(),
-                         unit_of(x["unit"].get<std::string>()), x["meaning"].get<std::string>(),
-                         x.value("required", false) ? "; required" : "");
+      out +=
+          fmt::format("  {:<14}{}{}: {}{}\n", std::exchange(title, ""), x["name"].get<std::string>(), unit_of(x["unit"].get<std::string>()),
+                      x["meaning"].get<std::string>(), x.value("required", false) ? "; required" : "");
   }
   return out + origin_text(d);
 }

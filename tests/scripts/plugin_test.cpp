@@ -127,12 +127,11 @@ TEST(Plugins, AreRefusedWithTheseWords) {
       "  --> ./scenario.lua:1\n  at: plugin\n    1 | plugin 'p.so' vehicle 'vehicle.yaml' mission { duration = 1, integrator = { method = "
       "'rk4', step = 0...\n";
   const std::string end = "\n1 error. Nothing was run.\n";
-  EXPECT_EQ(
-      answer("no_families"),
-      "error[C0602]: not a Cardan plugin\n" + place +
-          "  expected: families of one of the kinds \"hinge\", \"body.draft1\", \"device\", \"field\"\n  got:      none\n"
-          "  hint:     one that was built against another draft of a kind has none of this one: rebuild it\n" +
-          end);
+  EXPECT_EQ(answer("no_families"),
+            "error[C0602]: not a Cardan plugin\n" + place +
+                "  expected: families of one of the kinds \"hinge\", \"body.draft1\", \"device\", \"field\"\n  got:      none\n"
+                "  hint:     one that was built against another draft of a kind has none of this one: rebuild it\n" +
+                end);
   EXPECT_EQ(answer("constraint"),
             "error[C0605]: plugin brings a kind that is not honoured\n" + place +
                 "  expected: families of the kinds that this version honours: hinge, body, device, field\n"
