@@ -96,8 +96,8 @@ std::vector<StepOverhead> step_overheads(const Registry& registry, double second
     const auto [least, middle] = least_and_middle(std::move(samples));
     all.push_back({model->name, op, static_cast<int>(model->bodies.size()) - 1, least - less, middle - less});
   };
-  for (const std::string method : {"rk4", "dopri5"}) {
-    const double evaluations = method == "rk4" ? 4.0 : 6.0;  // of the right-hand side in a step
+  for (const auto& [method, evaluations] :
+       {std::pair<std::string, double>{"rk4", 4.0}, {"dopri5", 6.0}, {"dop853", 12.0}}) {  // of f in a step
     SimulationOptions options;
     options.integrator.method = method;
     (method == "rk4" ? options.integrator.fixed_step : options.integrator.max_step) = 0.01;

@@ -2,6 +2,7 @@
 // From a C++ device (a struct of static functions, checked by a concept) to the C table of cardan_device.h. Its law is a template on the
 // scalar: on Tangent numbers it is its own derivative, exact to round-off.
 #include <cstring>
+#include <iterator>
 #include <limits>
 #include <string_view>
 #include <type_traits>
@@ -235,7 +236,7 @@ const cardan_device_family& device_table() {
     t.n_params = Sizes::schema, t.n_mounts = Sizes::mounts, t.n_ports = Sizes::ports, t.n_states = Sizes::states, t.n_marks = Sizes::marks;
     t.param_size = sizeof(cardan_param_desc), t.mount_size = sizeof(cardan_mount_desc), t.port_size = sizeof(cardan_port_desc);
     t.state_size = t.mark_size = sizeof(cardan_state_desc);
-    if constexpr (Sizes::schema > 0) t.params = F::schema;
+    if constexpr (Sizes::schema > 0) t.params = std::data(F::schema);
     if constexpr (Sizes::mounts > 0) t.mounts = F::mounts;
     if constexpr (Sizes::ports > 0) t.ports = F::ports;
     if constexpr (Sizes::states > 0) t.states = F::states;

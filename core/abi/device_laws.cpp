@@ -595,12 +595,15 @@ class DeviceLaws {
     if (std::any_of(y.numbers.begin() + static_cast<std::ptrdiff_t>(zdot_), y.numbers.begin() + static_cast<std::ptrdiff_t>(power_),
                     [](double rate) { return rate != 0.0; }))
       found_.push_back(fmt::format("evaluate gives rates of states, which follow gives (sample {})", sample_));
-    const std::vector<double> first = followed(x);
+    const std::vector<double> first = same_again("follow", x, [&](const Point& p) { return followed(p); });
     if (first.empty()) return;  // outside of its domain
-    followed(random_point());
-    const std::vector<double> again = followed(x);
-    if (again.size() != n || std::memcmp(first.data(), again.data(), n * sizeof(double)) != 0)
-      found_.push_back(fmt::format("follow is a function of its arguments: other numbers at the second call (sample {})", sample_));
+    for (std::uint32_t m = 0; m < f_.n_mounts; ++m) {
+      if (f_.mounts[m].kind != CARDAN_MOUNT_FIELD) continue;
+      Point other = x;
+      for (int i = 0; i < kMotion; ++i) other.numbers[m * kMotion + static_cast<std::size_t>(i)] += 0.7;
+      if (followed(other) != first)
+        found_.push_back(fmt::format("follow reads mount {}, a field, of which it has nothing (sample {})", f_.mounts[m].name, sample_));
+    }
     for (std::size_t i = 0; i < n; ++i)
       if (!std::isfinite(first[i]))
         found_.push_back(fmt::format("follow gives {} for finite arguments (rate of {}, sample {})", first[i], f_.states[i].name, sample_));

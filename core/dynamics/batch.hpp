@@ -23,6 +23,7 @@ struct BatchInputs {
 /// against one state at a time (forward.hpp) the round-off may differ.
 class Batch {
  public:
+  /// InputError (C0401): it has devices that push or carry mass, whose states are no part of the inputs.
   explicit Batch(const Model& model);
   ~Batch();
   Batch(Batch&&) noexcept;

@@ -660,6 +660,8 @@ bool ticks_late(const Device& d) {
       return d.n_in > 0;
   }
 }
+/// Its noise, and what it may change.
+std::size_t numbers_of_tick(const Device& d) { return std::size_t{d.family->n_noise} + d.family->n_states + d.family->n_marks; }
 }  // namespace
 
 /// Puts devices with a sampled part on the schedule, who gives before who takes: sensors at once, others after the controllers.
@@ -672,7 +674,7 @@ void Simulation::sample_devices(bool late) {
     Rational offset;
     const Rational period = period_of(d, &offset);
     const double seconds = static_cast<double>(period.numerator) / static_cast<double>(period.denominator);
-    noise_.resize(std::max<std::size_t>(noise_.size(), d.family->n_noise + d.family->n_states + d.family->n_marks));
+    noise_.resize(std::max(noise_.size(), numbers_of_tick(d)));
     const auto id = static_cast<std::size_t>(id_of(now_.device, i));
     every(
         period, [this, id, seconds] { shift_delays(now_.device[id]), tick_device(now_.device[id], seconds); }, offset);
@@ -788,6 +790,7 @@ void Simulation::tick_device(int index, double period) {
     Eigen::Vector3d::Map(to.alpha) = n.acceleration.head<3>();
     Eigen::Vector3d::Map(to.specific_force) = n.specific_force;
   }
+  if (noise_.size() < numbers_of_tick(d)) noise_.resize(numbers_of_tick(d));  // of a model that was adopted
   normal_noise(noise_key(options_.seed, d.name), static_cast<std::uint64_t>(tick_), d.family->n_noise, noise_.data());
   // Behind the noise: what it may change, as it was.
   double *const z = state_.z.data() + d.z, *const marks = state_.marks.data() + d.mark;

@@ -26,21 +26,8 @@ struct IntegratingImu {
   struct Packed {
     InertialSensor gyro, accelerometer;
   };
-  static constexpr cardan_param_desc schema[] = {
-      param::not_negative(param::optional("angle_random_walk", CARDAN_NUMBER, "1", "white noise of the gyros [rad/sqrt(s)]")),
-      param::optional("gyro_bias", CARDAN_NUMBER, "rad/s", "of each gyro from the start on"),
-      param::not_negative(param::optional("gyro_wander", CARDAN_NUMBER, "rad/s", "standard deviation of their bias in the long run")),
-      param::positive(param::optional("gyro_wander_time", CARDAN_NUMBER, "s", "over which their bias forgets", 3600.0)),
-      param::not_negative(param::optional("gyro_step", CARDAN_NUMBER, "rad", "angle of one count, what is left is kept; 0: none")),
-      param::not_negative(param::optional("gyro_range", CARDAN_NUMBER, "rad/s", "beyond which they count no faster; 0: any")),
-      param::not_negative(param::optional("velocity_random_walk", CARDAN_NUMBER, "1", "white noise of the accelerometers [m/s/sqrt(s)]")),
-      param::optional("accelerometer_bias", CARDAN_NUMBER, "m/s^2", "of each from the start on"),
-      param::not_negative(
-          param::optional("accelerometer_wander", CARDAN_NUMBER, "m/s^2", "standard deviation of their bias in the long run")),
-      param::positive(param::optional("accelerometer_wander_time", CARDAN_NUMBER, "s", "over which their bias forgets", 3600.0)),
-      param::not_negative(
-          param::optional("accelerometer_step", CARDAN_NUMBER, "m/s", "velocity of one count, what is left is kept; 0: none")),
-      param::not_negative(param::optional("accelerometer_range", CARDAN_NUMBER, "m/s^2", "beyond which they count no faster; 0: any"))};
+  static constexpr auto schema =
+      InertialSensor::schema("rad", "m/s", "of one count, what is left is kept; 0: none", "beyond which they count no faster; 0: any");
   static constexpr cardan_mount_desc mounts[] = {
       {"at", CARDAN_MOUNT_NODE, CARDAN_USE_VELOCITY | CARDAN_USE_ACCELERATION, "the node where it sits; it counts in node axes"}};
   static constexpr cardan_port_desc ports[] = {count("angle_x", "rad", kOmega),    count("angle_y", "rad", kOmega),

@@ -251,8 +251,8 @@ std::string body_text(const Json& b) {
 
 std::string device_text(const Json& d) {
   const std::string role = d["role"].get<std::string>();
-  std::string out =
-      fmt::format("device {}: {}{}\n", d["type"].get<std::string>(), d["summary"].get<std::string>(), role == "device" ? "" : ", " + role);
+  std::string out = fmt::format("device {}{}: {}\n", d["type"].get<std::string>(), role == "device" ? "" : " (" + role + ")",
+                                d["summary"].get<std::string>());
   const char* title = "mounts";
   for (const Json& m : d["mounts"])
     out += fmt::format("  {:<14}{}: {}\n", std::exchange(title, ""), m["name"].get<std::string>(), m["meaning"].get<std::string>());

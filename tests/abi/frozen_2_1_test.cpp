@@ -11,13 +11,10 @@
 #include "core/abi/plugin_host.hpp"
 #include "core/abi/registry.hpp"
 #include "tests/abi/2.1/layout.h"
+#include "tests/abi/layout_test.hpp"
 
 namespace cardan {
 namespace {
-
-struct Place {
-  std::size_t offset, size;
-};
 
 std::map<std::string, Place> present_fields() {
   return {
@@ -39,13 +36,7 @@ std::map<std::string, long> present_constants() {
 }
 
 TEST(Contract21, HasItsMembersWhereTheyWere) {
-  const auto present = present_fields();
-  ASSERT_EQ(n_frozen_fields_2_1, present.size());
-  for (std::size_t i = 0; i < n_frozen_fields_2_1; ++i) {
-    const frozen_field& f = frozen_fields_2_1[i];
-    EXPECT_EQ(present.at(f.name).offset, f.offset) << f.name;
-    EXPECT_EQ(present.at(f.name).size, f.size) << f.name;
-  }
+  expect_where_they_were({frozen_fields_2_1, n_frozen_fields_2_1}, present_fields());
   // Arrays of these have no stride of their own: their length is theirs for the whole major.
   EXPECT_EQ(sizeof(cardan_mount_motion), 35 * sizeof(double));
   EXPECT_EQ(sizeof(cardan_mount_load), 7 * sizeof(double));
@@ -53,10 +44,7 @@ TEST(Contract21, HasItsMembersWhereTheyWere) {
 }
 
 TEST(Contract21, HasItsConstants) {
-  const auto present = present_constants();
-  ASSERT_EQ(n_frozen_constants_2_1, present.size());
-  for (std::size_t i = 0; i < n_frozen_constants_2_1; ++i)
-    EXPECT_EQ(present.at(frozen_constants_2_1[i].name), frozen_constants_2_1[i].value) << frozen_constants_2_1[i].name;
+  expect_what_they_were({frozen_constants_2_1, n_frozen_constants_2_1}, present_constants());
   EXPECT_STREQ(CARDAN_KIND_DEVICE, "device");
   EXPECT_STREQ(CARDAN_KIND_FIELD, "field");
 }

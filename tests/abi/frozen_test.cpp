@@ -9,14 +9,10 @@
 #include "core/abi/kinds.hpp"
 #include "core/abi/param_values.hpp"
 #include "core/abi/plugin_host.hpp"
-#include "tests/abi/2.0/layout.h"
+#include "tests/abi/layout_test.hpp"
 
 namespace cardan {
 namespace {
-
-struct Place {
-  std::size_t offset, size;
-};
 
 std::map<std::string, Place> present_fields() {
   return {
@@ -38,21 +34,13 @@ std::map<std::string, long> present_constants() {
 }
 
 TEST(Contract20, HasItsMembersWhereTheyWere) {
-  const auto present = present_fields();
-  ASSERT_EQ(n_frozen_fields, present.size());
-  for (std::size_t i = 0; i < n_frozen_fields; ++i) {
-    const frozen_field& f = frozen_fields[i];
-    EXPECT_EQ(present.at(f.name).offset, f.offset) << f.name;
-    EXPECT_EQ(present.at(f.name).size, f.size) << f.name;
-  }
+  expect_where_they_were({frozen_fields, n_frozen_fields}, present_fields());
   // These are arrays that functions of a plugin read or write: their length is theirs for the whole major.
   EXPECT_EQ(sizeof(cardan_hinge_out), 54 * sizeof(double));
 }
 
 TEST(Contract20, HasItsConstants) {
-  const auto present = present_constants();
-  ASSERT_EQ(n_frozen_constants, present.size());
-  for (std::size_t i = 0; i < n_frozen_constants; ++i) EXPECT_EQ(present.at(frozen_constants[i].name), frozen_constants[i].value);
+  expect_what_they_were({frozen_constants, n_frozen_constants}, present_constants());
   EXPECT_EQ(CARDAN_ABI_MAJOR, 2u);
 }
 

@@ -15,6 +15,7 @@
 #include "core/sim/simulation.hpp"
 #include "core/soa/cost.hpp"
 #include "core/soa/record.hpp"
+#include "tests/properties/random_devices.hpp"
 #include "tests/support/builders.hpp"
 #include "tests/support/random_tree.hpp"
 #include "tests/support/sanitized.hpp"
@@ -122,6 +123,22 @@ Costs costs(const SystemSpec& spec, const CompileOptions& options = {}, const st
   c.ops = soa::op_costs(*c.model, c.model->initial_state(), wrenches);
   c.bytes = Workspace(*c.model).bytes();
   return c;
+}
+
+/// Their laws are C functions: not counted, and timed where they stand in the program.
+TEST(Cost, DevicesAreTimedInTheProgram) {
+  SystemSpec spec = system({on(rigid("bus", 100, {0, 0, 0}, diagonal({10, 12, 14})), "", "free")});
+  spec.devices = {device("wheel", "momentum_wheel", {{"inertia", 0.1}}, {{"at", "bus"}})};
+  Costs c = costs(spec);
+  EXPECT_EQ(c.flops(OpCode::devices), -1);
+  const State at = c.model->initial_state();
+  const std::vector<double> zero(static_cast<std::size_t>(c.model->nv));
+  int calls = 0;
+  soa::measure(*c.model, {.q = at.q.data(), .v = at.v.data(), .tau = zero.data(), .vdot = zero.data()}, c.ops, [&](Workspace& ws) {
+    EXPECT_TRUE(ws.has_world()) << "poses are there before them";
+    ++calls;
+  });
+  EXPECT_GT(calls, 0);
 }
 
 CompileOptions no_loads() {

@@ -315,6 +315,13 @@ TEST(DeviceMutants, ThatFollowTheMotionAreCaught) {
          "follow is a function of its arguments");
   expect(with([](Table& t) { t.evaluate = [](Args a, Out o) { return o->zdot[0] = a->z[0], 0; }; }),
          "evaluate gives rates of states, which follow gives");
+  static const cardan_mount_desc in_a_field[] = {{"at", CARDAN_MOUNT_NODE, CARDAN_USE_ACCELERATION, "a node"},
+                                                 {"field", CARDAN_MOUNT_FIELD, CARDAN_MAGNETIC, "a field"}};
+  expect(with([](Table& t) {
+           t.mounts = in_a_field, t.n_mounts = 2, t.follow_tangent = nullptr;
+           t.follow = [](Args a, double* zdot) { return zdot[0] = a->mount[1].field[0], 0; };
+         }),
+         "follow reads mount field, a field, of which it has nothing");
   expect(with([](Table& t) { t.n_states = 0; }), "follow: given, and there are no states");
   expect(with([](Table& t) { t.facts = CARDAN_FACT_ENERGY, t.energy = [](Args) { return 0.0; }; }), "follow: given, with energy");
 }
