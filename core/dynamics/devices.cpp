@@ -30,21 +30,31 @@ std::string answer(const Device& d, const char* function, int code) {
   const char* why = d.family->explain ? d.family->explain(d.packed.data(), code) : nullptr;
   return why ? fmt::format("{}: {}", function, why) : fmt::format("{} returned {}", function, code);
 }
-/// With alpha and the specific force where v' is given.
+template <class T, class Put>
+void put_pose_and_velocity(const NodeMotion<T>& n, int mount, const Put& put) {
+  const Mat3<T>& R = n.R_WN;
+  const T all[18] = {R.xx,           R.xy,           R.xz,           R.yx,           R.yy,           R.yz,
+                     R.zx,           R.zy,           R.zz,           n.position.x,   n.position.y,   n.position.z,
+                     n.velocity.w.x, n.velocity.w.y, n.velocity.w.z, n.velocity.v.x, n.velocity.v.y, n.velocity.v.z};
+  for (int i = 0; i < 18; ++i) put(mount, i, all[i]);
+}
 template <class T, class Mounts, class Put>
-void motion_of(const Model& model, const soa::Workspace<T>& ws, const soa::Inputs<T>& in, const Mounts& mounts, const Put& put,
-               const T* vdot = nullptr) {
+void motion_of(const Model& model, const soa::Workspace<T>& ws, const soa::Inputs<T>& in, const Mounts& mounts, const Put& put) {
   hinge_motion_of(in, mounts, put);
-  if (vdot)
-    for (const auto& m : mounts.hinges) put(m.mount, 26, vdot[m.v]);
+  for (const auto& m : mounts.nodes) {
+    const UserNode& node = model.nodes[m.node];
+    put_pose_and_velocity(pose_and_velocity(ws, model.user[node.body].sweep, deformed(model, node, in)), m.mount, put);
+  }
+}
+/// With accelerations.
+template <class T, class Mounts, class Put>
+void accelerated_motion_of(const Model& model, const soa::Workspace<T>& ws, const soa::Inputs<T>& in, const Mounts& mounts, const T* vdot,
+                           const Put& put) {
+  hinge_motion_of(in, mounts, put);
+  for (const auto& m : mounts.hinges) put(m.mount, 26, vdot[m.v]);
   for (const auto& m : mounts.nodes) {
     const NodeMotion<T> n = node_motion<T>(model, ws, in, m.node, vdot);
-    const Mat3<T>& R = n.R_WN;
-    const T all[18] = {R.xx,           R.xy,           R.xz,           R.yx,           R.yy,           R.yz,
-                       R.zx,           R.zy,           R.zz,           n.position.x,   n.position.y,   n.position.z,
-                       n.velocity.w.x, n.velocity.w.y, n.velocity.w.z, n.velocity.v.x, n.velocity.v.y, n.velocity.v.z};
-    for (int i = 0; i < 18; ++i) put(m.mount, i, all[i]);
-    if (!vdot) continue;
+    put_pose_and_velocity(n, m.mount, put);
     const Vec3<T>&alpha = n.acceleration.w, &f = n.specific_force;
     const T more[6] = {alpha.x, alpha.y, alpha.z, f.x, f.y, f.z};
     for (int i = 0; i < 6; ++i) put(m.mount, 20 + i, more[i]);
@@ -251,7 +261,7 @@ bool DeviceForces::follow(const Workspace& ws, const Inputs& in, const double* v
     varying_[i] = {motion_of_body<double>(model_, ws, in, k, nullptr, After::forward), ws.pose_W(k)};
   }
   if (following_.empty() || !all_finite(vdot, model_.nv)) return true;  // that is told of v' itself
-  motion_of(model_, ws, in, followed_, into(followed_motions_), vdot);
+  accelerated_motion_of(model_, ws, in, followed_, vdot, into(followed_motions_));
   for (const int i : following_) {
     const Device& d = model_.devices.all[i];
     const cardan_device_args at = followed(i);
@@ -488,7 +498,7 @@ bool DeviceTangents::follow_along(int index) {
 }
 
 bool DeviceTangents::follow(const soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in, const Tangent* vdot) {
-  motion_of(model_, ws, in, base_.followed_, rates_into(followed_motions_), vdot);
+  accelerated_motion_of(model_, ws, in, base_.followed_, vdot, rates_into(followed_motions_));
   return std::ranges::all_of(base_.following_, [this](int device) { return follow_along(device); });
 }
 

@@ -65,6 +65,18 @@ struct NodeMotion {
   Vec3<T> specific_force;  // [m/s^2] what an ideal accelerometer at the node reads, node axes; as acceleration
 };
 
+/// Without acceleration: of a node of sweep body k, deformed. Reads a workspace after S.world().
+template <class T>
+NodeMotion<T> pose_and_velocity(const soa::Workspace<T>& ws, int k, const soa::DeformedNode<T>& at) {
+  const Pose<T>& W = ws.pose_W(k);
+  const Motion<T> velocity = velocity_at(ws.V(k), at);
+  NodeMotion<T> out{};
+  out.R_WN = W.R * at.R;
+  out.position = W.p + W.R * at.rho;
+  out.velocity = {transpose_times(at.R, velocity.w), transpose_times(at.R, velocity.v)};
+  return out;
+}
+
 /// Reads a workspace after S.world(), and for the acceleration after dynamics with `in` and v' (else null).
 template <class T>
 NodeMotion<T> node_motion(const Model& model, const soa::Workspace<T>& ws, const soa::Inputs<T>& in, int node_index, const T* vdot,
@@ -73,14 +85,9 @@ NodeMotion<T> node_motion(const Model& model, const soa::Workspace<T>& ws, const
   const int k = model.user[node.body].sweep;
   const SweepBody& b = model.bodies[k];
   const soa::DeformedNode<T> at = deformed(model, node, in);
-  const Pose<T>& W = ws.pose_W(k);
-  const Motion<T>& V = ws.V(k);
-  const Motion<T> velocity = velocity_at(V, at);
-  NodeMotion<T> out{};
-  out.R_WN = W.R * at.R;
-  out.position = W.p + W.R * at.rho;
-  out.velocity = {transpose_times(at.R, velocity.w), transpose_times(at.R, velocity.v)};
+  NodeMotion<T> out = pose_and_velocity(ws, k, at);
   if (!vdot) return out;
+  const Motion<T>& V = ws.V(k);
   const BodyMotion<T> body = motion_of_body(model, ws, in, k, vdot, after);
   const Motion<T> gamma = body.gamma + body.delta;
   Motion<T> a{gamma.w, gamma.v + cross(gamma.w, at.rho)};
