@@ -6,6 +6,7 @@
 #include "core/dynamics/inverse.hpp"
 #include "core/dynamics/node_motion.hpp"
 #include "core/soa/gravity_field.hpp"
+#include "core/soa/kernels_axis.hpp"
 
 namespace cardan {
 Observer::Observer(const Model& model, Workspace& workspace) : model_(model), ws_(workspace) {
@@ -235,14 +236,25 @@ void Observer::prescribed_forces(double* tau) const {
   }
 }
 
-// Sum of m x over all bodies, world axes, gathered from the tips to the ground like a force.
+// Sum of m x over all bodies, world axes, gathered from the tips to the ground like a force. Rotors are in the inertias of their carriers.
 Vec3<double> Observer::first_moment() {
   std::ranges::fill(moment_, Vec3<double>{});
   for (int k = static_cast<int>(model_.bodies.size()) - 1; k > 0; --k) {
-    const SweepBody& b = model_.bodies[k];
-    Vec3<double> own = b.M.h;
-    if (b.n_modes > 0) own = ws_.modal_of(k)->M_rr.h;
-    moment_[b.parent] += soa::moment_in_inboard(model_, ws_, k, moment_[k] + own, mass_[k]);
+    const AxisBody& a = model_.axis_bodies[k];
+    Vec3<double> r = moment_[k];  // about B, of the mass outboard of the hinge
+    if (is_axis(a.kind)) {
+      if (a.kind == BodyKernel::rotor) continue;
+      r += Vec3<double>{a.h[0], a.h[1], a.h[2]};
+      soa::for_axis(a.kind, [&]<int I, soa::Tilt TILT>() {
+        soa::turn<I>(r, ws_.cosines[a.angle], ws_.sines[a.angle]);
+        soa::tilt<TILT, double>(a, r);
+      });
+      moment_[a.parent] += r + mass_[k] * Vec3<double>{a.p[0], a.p[1], a.p[2]};
+    } else {
+      const SweepBody& b = model_.bodies[k];
+      r += b.n_modes > 0 ? ws_.modal_of(k)->M_rr.h : b.M_sweep.h;
+      moment_[b.parent] += ws_.X(k).R * r + mass_[k] * ws_.X(k).p;
+    }
   }
   return moment_[0];
 }

@@ -70,19 +70,4 @@ static Motion<T> velocity_of(const SweepModel& model, const Workspace<T>& ws, co
     for (int j = 0; j < b.n_modes; ++j) V -= in.v[b.etadot + j] * motion_column(modal->C, j);
   return V;
 }
-/// R_AB r + m p_AB: the first moment r of the mass m about B, in the axes of A and about its origin.
-template <class T>
-static Vec3<T> moment_in_inboard(const SweepModel& model, const Workspace<T>& ws, int k, const Vec3<T>& r, const T& m) {
-  const SweepBody& b = model.bodies[k];
-  if (!is_axis(b.kind)) return ws.X(k).R * r + m * ws.X(k).p;
-  Vec3<T> turned = r;  // of a rotor it lies along the axis
-  if (b.kind != BodyKernel::rotor) {
-    const auto at = static_cast<std::size_t>(model.axis_bodies[k].angle);
-    const T c = ws.cosines[at], s = ws.sines[at];
-    const Vec3<T> u = cast<T>(b.axis);
-    turned = c * r + s * cross(u, r) + ((T(1) - c) * dot(u, r)) * u;
-  }
-  return cast<T>(b.O.R) * turned + m * cast<T>(b.O.p);
-}
-
 }  // namespace cardan::soa
