@@ -1,12 +1,16 @@
 #include "bench/bench_model.hpp"
 
+#include <fmt/format.h>
+
 #include <Eigen/QR>
 #include <algorithm>
 #include <fstream>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <random>
 
 #include "bodies/modal/modal_integrals.hpp"
+#include "bodies/modal/modal_source.hpp"
 #include "bodies/vehicle/load_vehicle.hpp"
 #include "core/model/model.hpp"
 
@@ -142,8 +146,11 @@ BenchModel flexible_chain(int n, int m) {
   return model;
 }
 
-BenchModel hub_appendages(int n, int m, int level) {
-  std::mt19937_64 rng(static_cast<std::uint64_t>(1000 * n + m));
+namespace {
+
+/// A free-flying rigid hub with n flexible bodies of m modes, every other one of which turns about its length.
+BenchModel hub_with(const std::string& name, int n, int m, int level, std::mt19937_64& rng,
+                    const std::function<std::shared_ptr<const ModalData>()>& modes) {
   const auto random = [&] { return -1.0 + 2.0 * static_cast<double>(rng() >> 11) * 0x1.0p-53; };
   const auto tilde = [](const Eigen::Vector3d& a) {
     Eigen::Matrix3d out;
@@ -151,7 +158,7 @@ BenchModel hub_appendages(int n, int m, int level) {
     return out;
   };
   BenchModel model;
-  model.name = "hub_" + std::to_string(n) + "x" + std::to_string(m) + (level > 0 ? "_level_" + std::to_string(level) : "");
+  model.name = fmt::format("{}_{}x{}{}", name, n, m, level > 0 ? "_level_" + std::to_string(level) : "");
   model.spec.name = model.name;
   BodySpec hub;
   hub.name = "hub";
@@ -161,33 +168,10 @@ BenchModel hub_appendages(int n, int m, int level) {
   hub.hinge.type = "free";
   model.spec.bodies.push_back(hub);
   for (int k = 0; k < n; ++k) {
-    // Lumped masses along x, and as their modes any set of shapes that is orthonormal in these masses.
-    const int lumps = m + 4;
-    Eigen::MatrixXd shapes(3 * lumps, m);
-    for (double& x : shapes.reshaped()) x = random();
-    for (int j = 0; j < lumps; ++j) shapes.middleRows<3>(3 * j) *= std::pow((j + 1.0) / lumps, 2);
-    const double lump = 20.0 / lumps;
-    shapes = Eigen::HouseholderQR<Eigen::MatrixXd>(shapes).householderQ() * Eigen::MatrixXd::Identity(3 * lumps, m) / std::sqrt(lump);
-    MassField field;
-    field.mass.setConstant(lumps, lump);
-    field.position.setZero(3, lumps);
-    for (int j = 0; j < lumps; ++j) field.position.col(j) = Eigen::Vector3d(5.0 * (j + 1) / lumps, 0.1 * random(), 0.1 * random());
-    for (int a = 0; a < 3; ++a) field.Phi[a] = shapes(Eigen::seqN(a, lumps, 3), Eigen::all);
-    auto data = std::make_shared<ModalData>();
-    data->n_modes = m;
-    data->integrals = modal_integrals(field);
-    data->integrals.I6.setIdentity();
-    Eigen::VectorXd w2(m), damping(m);
-    for (int i = 0; i < m; ++i) {
-      w2[i] = std::pow(2.0 * (i + 1), 2);
-      damping[i] = 0.01 * std::sqrt(w2[i]);
-    }
-    data->K = w2.asDiagonal();
-    data->C = damping.asDiagonal();
     BodySpec body;
     body.name = "a" + std::to_string(k);
     body.type = "modal_flexible";
-    body.modal = data;
+    body.modal = modes();
     body.level = level;
     body.hinge.inboard_body = "hub";
     const double angle = 2.0 * M_PI * k / n;
@@ -218,6 +202,53 @@ BenchModel hub_appendages(int n, int m, int level) {
                             Eigen::Map<Eigen::VectorXd>(v.data(), size), any(), any()});
   }
   return model;
+}
+
+}  // namespace
+
+BenchModel hub_appendages(int n, int m, int level) {
+  std::mt19937_64 rng(static_cast<std::uint64_t>(1000 * n + m));
+  const auto random = [&] { return -1.0 + 2.0 * static_cast<double>(rng() >> 11) * 0x1.0p-53; };
+  return hub_with("hub", n, m, level, rng, [&] {
+    // Lumped masses along x, and as their modes any set of shapes that is orthonormal in these masses.
+    const int lumps = m + 4;
+    Eigen::MatrixXd shapes(3 * lumps, m);
+    for (double& x : shapes.reshaped()) x = random();
+    for (int j = 0; j < lumps; ++j) shapes.middleRows<3>(3 * j) *= std::pow((j + 1.0) / lumps, 2);
+    const double lump = 20.0 / lumps;
+    shapes = Eigen::HouseholderQR<Eigen::MatrixXd>(shapes).householderQ() * Eigen::MatrixXd::Identity(3 * lumps, m) / std::sqrt(lump);
+    MassField field;
+    field.mass.setConstant(lumps, lump);
+    field.position.setZero(3, lumps);
+    for (int j = 0; j < lumps; ++j) field.position.col(j) = Eigen::Vector3d(5.0 * (j + 1) / lumps, 0.1 * random(), 0.1 * random());
+    for (int a = 0; a < 3; ++a) field.Phi[a] = shapes(Eigen::seqN(a, lumps, 3), Eigen::all);
+    auto data = std::make_shared<ModalData>();
+    data->n_modes = m;
+    data->integrals = modal_integrals(field);
+    data->integrals.I6.setIdentity();
+    Eigen::VectorXd w2(m), damping(m);
+    for (int i = 0; i < m; ++i) {
+      w2[i] = std::pow(2.0 * (i + 1), 2);
+      damping[i] = 0.01 * std::sqrt(w2[i]);
+    }
+    data->K = w2.asDiagonal();
+    data->C = damping.asDiagonal();
+    return data;
+  });
+}
+
+BenchModel hub_wings(int m, int level) {
+  ModalSource source;  // that of scenarios/01_flexible_slew
+  PlateModel wing;
+  wing.length = 10.0, wing.width = 2.4;
+  wing.panel = SandwichPanel{{110e9, 0.3, 1600.0}, 2e-4, 0.02, 32.0, 1.2};
+  wing.elements_x = 40, wing.elements_y = 10;
+  wing.yoke = {2.0, 1.8, {110e9, 0.3, 1600.0}, tube_section(0.03, 0.0015)};
+  source.model = wing;
+  source.modes.count = m;
+  const auto data = std::make_shared<const ModalData>(make_modal_data(source));
+  std::mt19937_64 rng(static_cast<std::uint64_t>(m));
+  return hub_with("wings", 2, m, level, rng, [&] { return data; });
 }
 
 BenchModel vehicle_model(const std::string& name, const std::filesystem::path& vehicle, const Registry& registry) {

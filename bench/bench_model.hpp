@@ -32,6 +32,9 @@ BenchModel flexible_chain(int bodies, int modes);
 /// roots; every other one turns on a revolute hinge. "hub_2x5", with "_level_1" where the level is not 0.
 BenchModel hub_appendages(int appendages, int modes, int level);
 
+/// The same hub with two wings of plates and beams, from finite elements. "wings_2x5".
+BenchModel hub_wings(int modes, int level);
+
 /// A vehicle in YAML with 16 random states about its initial one, its modes at rest or nearly so.
 BenchModel vehicle_model(const std::string& name, const std::filesystem::path& vehicle, const Registry& registry);
 

@@ -3,12 +3,28 @@
 //   level 0: M_fl(0), except M_wv = (mc)~ which follows the mass centre;  level 1: M_fl(0) + sum eta_i dM_i;  level 2: exact.
 // Mass matrix and bias come from one truncation of the kinetic energy, which is what conserves energy at every level.
 // Everything that does not depend on the state is summed when the parameters are packed; what is left are plain loops.
+#include <Eigen/QR>
 #include <algorithm>
 #include <cstdint>
+#include <cstring>
 #include <new>
+#include <vector>
 
 #include "core/abi/cardan_body.h"
 #include "core/spatial/rotation.hpp"
+
+// mass and bias are compiled for three instruction sets and the best is taken at load. Without fused multiplications
+// (-ffp-contract=off) all give the same bits.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define CARDAN_CLONES
+#elif defined(__clang__) && __has_feature(address_sanitizer)
+#define CARDAN_CLONES
+#elif defined(__x86_64__) && defined(__linux__)
+#define CARDAN_CLONES __attribute__((target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4")))
+#else
+#define CARDAN_CLONES
+#endif
+#define CARDAN_INTO_CLONES __attribute__((always_inline)) inline
 
 namespace cardan {
 namespace {
@@ -18,27 +34,83 @@ using M3 = Mat3<double>;
 
 constexpr std::uint32_t kMaxNodalModes = 128;  // of the nodal form, whose work stands on the stack: a step allocates nothing
 constexpr std::uint32_t kBlock = 32;           // modes whose sums over the other modes are formed together
-constexpr std::uint32_t kWork = 1024;          // numbers of dM_ee eta' formed together; no body with rotary terms has more modes
+constexpr std::uint32_t kWork = 1024;          // numbers formed together on the stack; no body with rotary terms has more modes
 
 // The packed parameters: a header and all arrays behind it. Symmetric matrices as six numbers: xx yy zz xy xz yz.
 struct Packed {
   std::uint32_t m, level, n_nodes;
-  std::uint32_t rotary, quadratic, nodal;  // rotary terms, second-order field Q, nodal form in use
+  std::uint32_t rotary, coupled;   // rotary terms, such of W too
+  std::uint32_t quadratic, nodal;  // second-order field Q, nodal form in use
+  std::uint32_t rank;              // dM_ee / d eta_i = sum_r F_ri S_r, r < rank
+  std::uint32_t sparse, entries;   // W by its entries, which are few
   double I1;
   // offsets into the doubles that follow the header
   std::uint32_t I2, J, M_re, M_ee;        // 3; 6: I7; 6 m: [I4_k; I3_k]; m m
   std::uint32_t dJ;                       // 6 m: I8_k + I8_k* + rotary_ww_k
-  std::uint32_t W, Z;                     // 3 m m: W_lk = I5_lk + rotary_we_lk, index (l m + k); W_lk - W_kl (only with rotary terms)
-  std::uint32_t d2J;                      // 6 m m: d2 M_ww / d eta_k d eta_l
-  std::uint32_t dM_ee;                    // m m m: entry (k, l) of rotary_ee_i, symmetric in k and l, at (l m + i) m + k
+  std::uint32_t W, Z;                     // W_lk = I5_lk + rotary_we_lk; W_lk - W_kl where that is not 2 W_lk: 3 m m, index (l m + k), or
+  std::uint32_t begin, of;                // 3 of each entry, by k, that of k from begin_k on, l = of_entry; whole numbers, two in a double
+  std::uint32_t d2J_entries;              // six of each entry, zero where they are not sparse
+  std::uint32_t d2J[6];                   // d2 M_ww / d eta_k d eta_l, number by number: m m each; the six together where W is not sparse
+  std::uint32_t F, S;                     // m rank; rank m m: entry (k, l) of S_r, symmetric in k and l, at (l rank + r) m + k
   std::uint32_t mass, position, inertia;  // nodal form, per node: 1, 3, 9 (row-major)
   std::uint32_t Phi, Psi, Q;              // per node 3 rows of m; 3 matrices m x m, symmetrised
-  std::uint32_t has_inertia, has_Psi, unused;
+  std::uint32_t has_inertia, has_Psi;
 
   const double* at(std::uint32_t offset) const { return reinterpret_cast<const double*>(this + 1) + offset; }
+  const std::uint32_t* whole(std::uint32_t offset) const { return reinterpret_cast<const std::uint32_t*>(at(offset)); }
   V3 vec(std::uint32_t offset) const { return {at(offset)[0], at(offset)[1], at(offset)[2]}; }
 };
 static_assert(sizeof(Packed) % sizeof(double) == 0);
+
+void symmetric(const double* a, double scale, double* out);
+
+/// What stands between two modes: W_lk, W_lk - W_kl, d2 M_ww / d eta_k d eta_l.
+struct Couplings {
+  const cardan_modal_view& v;
+
+  double W(std::uint32_t l, std::uint32_t k, std::uint32_t r) const {
+    const std::uint32_t lk = 3 * (l * v.n_modes + k) + r;
+    return v.I5[lk] + (v.rotary_we ? v.rotary_we[lk] : 0.0);
+  }
+  double Z(std::uint32_t l, std::uint32_t k, std::uint32_t r) const {
+    const std::uint32_t lk = 3 * (l * v.n_modes + k) + r, kl = 3 * (k * v.n_modes + l) + r;
+    return (v.I5[lk] - v.I5[kl]) + (v.rotary_we ? v.rotary_we[lk] - v.rotary_we[kl] : 0.0);
+  }
+  double d2J(std::uint32_t l, std::uint32_t k, std::uint32_t r) const {
+    double six[6] = {};
+    symmetric(v.I9 + 9 * (l * v.n_modes + k), 1.0, six);
+    symmetric(v.I9 + 9 * (k * v.n_modes + l), 1.0, six);
+    return six[r];
+  }
+  /// Whether number r is in the list of entries: 0 ... 2 of W, 3 ... 8 of d2J.
+  bool differs(std::uint32_t l, std::uint32_t k, std::uint32_t r) const {
+    return r < 3 ? W(l, k, r) != 0.0 || W(k, l, r) != 0.0 : d2J(l, k, r - 3) != 0.0;
+  }
+  /// A bit for each of these that is zero nearly everywhere. A plate's modes couple in its plane with those out of it, and hardly others.
+  std::uint32_t sparse() const {
+    std::uint32_t bits = 0;
+    const std::uint32_t m = v.n_modes, numbers = v.level == 2 ? 9 : 3;
+    for (std::uint32_t r = 0; r < numbers; ++r) {
+      std::uint32_t n = 0;
+      for (std::uint32_t l = 0; l < m; ++l)
+        for (std::uint32_t k = 0; k < m; ++k) n += differs(l, k, r);
+      if (3 * n < m * m) bits |= 1u << r;
+    }
+    return (bits & 7u) == 7u ? bits : 0u;
+  }
+  bool entry(std::uint32_t l, std::uint32_t k, std::uint32_t sparse) const {
+    for (std::uint32_t r = 0; r < 9; ++r)
+      if ((sparse >> r & 1u) != 0 && differs(l, k, r)) return true;
+    return false;
+  }
+};
+
+/// Columns: dM_ee / d eta_i. They are made of as many matrices as this has independent columns.
+auto factored(const cardan_modal_view& v) {
+  const std::uint32_t m = v.n_modes;
+  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(Eigen::Map<const Eigen::MatrixXd>(v.rotary_ee, m * m, m));
+  return qr.setThreshold(1e-15 * m), qr;
+}
 
 Packed header_of(const cardan_modal_view& v) {
   Packed p{};
@@ -46,11 +118,19 @@ Packed header_of(const cardan_modal_view& v) {
   p.n_nodes = v.n_mass_nodes;
   p.level = v.level;
   p.rotary = v.rotary_ww != nullptr;
+  p.coupled = v.rotary_we != nullptr;
   p.quadratic = v.node_Q != nullptr;
   p.has_inertia = v.node_inertia != nullptr;
   p.has_Psi = v.node_Psi != nullptr;
-  // Level 2 is a polynomial in eta for translational lumps; nodal rotary inertia and Q need the loop over the nodes.
-  p.nodal = v.level == 2 && (p.rotary || p.quadratic);
+  // Level 2 is a polynomial in eta for translational lumps; nodal rotary inertia beyond first order and Q need the loop over the nodes.
+  p.nodal = v.level == 2 && ((p.rotary && p.n_nodes > 0) || p.quadratic);
+  p.rank = !p.nodal && v.level >= 1 && v.rotary_ee ? static_cast<std::uint32_t>(factored(v).rank()) : 0;
+  if (p.level >= 1 && !p.nodal && (p.level < 2 || v.I9)) {
+    const Couplings couplings{v};
+    p.sparse = couplings.sparse();
+    for (std::uint32_t l = 0; p.sparse != 0 && l < p.m; ++l)
+      for (std::uint32_t k = 0; k < p.m; ++k) p.entries += couplings.entry(l, k, p.sparse);
+  }
   p.I1 = v.I1;
   return p;
 }
@@ -70,10 +150,15 @@ std::uint32_t lay_out(Packed& p) {
   p.M_re = take(polynomial, 6 * m);
   p.M_ee = take(polynomial, m * m);
   p.dJ = take(slopes, 6 * m);
-  p.W = take(slopes, 3 * m * m);
-  p.Z = take(slopes && p.rotary, 3 * m * m);
-  p.d2J = take(polynomial && p.level == 2, 6 * m * m);
-  p.dM_ee = take(slopes && p.rotary, m * m * m);
+  p.W = take(slopes, 3 * (p.sparse ? p.entries : m * m));
+  p.Z = take(slopes && p.coupled, 3 * (p.sparse ? p.entries : m * m));
+  p.begin = take(slopes && p.sparse, m / 2 + 1);
+  p.of = take(slopes && p.sparse, (p.entries + 1) / 2);
+  if (!p.sparse) p.d2J[0] = take(polynomial && p.level == 2, 6 * m * m);
+  for (std::uint32_t r = 0; r < 6 && p.sparse; ++r) p.d2J[r] = take(polynomial && p.level == 2 && (p.sparse >> (3 + r) & 1u) == 0, m * m);
+  p.d2J_entries = take(polynomial && p.level == 2 && p.sparse != 0, 6 * p.entries);
+  p.F = take(p.rank > 0, m * p.rank);
+  p.S = take(p.rank > 0, p.rank * m * m);
   p.mass = take(p.nodal, n);
   p.position = take(p.nodal, 3 * n);
   p.inertia = take(p.nodal && p.has_inertia, 9 * n);
@@ -137,22 +222,48 @@ int pack(const cardan_param_values* values, const cardan_modal_view* v, void* ou
   }
   copy(p.M_ee, v->I6, m * m);
   if (p.level == 0) return 0;
+  const Couplings couplings{*v};
+  if (p.sparse) {
+    std::vector<std::uint32_t> begin, of;
+    for (std::uint32_t k = 0; k < m; ++k) {
+      begin.push_back(static_cast<std::uint32_t>(of.size()));
+      for (std::uint32_t l = 0; l < m; ++l) {
+        if (!couplings.entry(l, k, p.sparse)) continue;
+        for (std::uint32_t r = 0; r < 6; ++r)
+          if ((p.sparse >> (3 + r) & 1u) != 0) data[p.d2J_entries + 6 * of.size() + r] = couplings.d2J(l, k, r);
+        for (std::uint32_t r = 0; r < 3; ++r) {
+          data[p.W + 3 * of.size() + r] = couplings.W(l, k, r);
+          if (p.coupled) data[p.Z + 3 * of.size() + r] = couplings.Z(l, k, r);
+        }
+        of.push_back(l);
+      }
+    }
+    begin.push_back(static_cast<std::uint32_t>(of.size()));
+    std::memcpy(data + p.begin, begin.data(), begin.size() * sizeof(std::uint32_t));
+    if (!of.empty()) std::memcpy(data + p.of, of.data(), of.size() * sizeof(std::uint32_t));
+  }
   for (std::uint32_t k = 0; k < m; ++k) {
     symmetric(v->I8 + 9 * k, 2.0, data + p.dJ + 6 * k);
     if (p.rotary) symmetric(v->rotary_ww + 9 * k, 1.0, data + p.dJ + 6 * k);
     for (std::uint32_t l = 0; l < m; ++l) {
-      for (std::uint32_t r = 0; r < 3; ++r) {
-        const std::uint32_t lk = 3 * (l * m + k) + r, kl = 3 * (k * m + l) + r;
-        data[p.W + lk] = v->I5[lk] + (p.rotary ? v->rotary_we[lk] : 0.0);
-        if (p.rotary) data[p.Z + lk] = (v->I5[lk] - v->I5[kl]) + (v->rotary_we[lk] - v->rotary_we[kl]);
+      for (std::uint32_t r = 0; r < 3 && !p.sparse; ++r) {
+        const std::uint32_t lk = 3 * (l * m + k) + r;
+        data[p.W + lk] = couplings.W(l, k, r);
+        if (p.coupled) data[p.Z + lk] = couplings.Z(l, k, r);
       }
       if (p.level < 2) continue;
-      symmetric(v->I9 + 9 * (l * m + k), 1.0, data + p.d2J + 6 * (l * m + k));
-      symmetric(v->I9 + 9 * (k * m + l), 1.0, data + p.d2J + 6 * (l * m + k));
+      for (std::uint32_t r = 0; r < 6; ++r)
+        if ((p.sparse >> (3 + r) & 1u) == 0)
+          data[p.sparse ? p.d2J[r] + l * m + k : p.d2J[0] + 6 * (l * m + k) + r] = couplings.d2J(l, k, r);
     }
   }
-  for (std::uint32_t i = 0; p.rotary && i < m; ++i)
-    for (std::uint32_t l = 0; l < m; ++l) copy(p.dM_ee + (l * m + i) * m, v->rotary_ee + (i * m + l) * m, m);
+  if (p.rank == 0) return 0;
+  const auto qr = factored(*v);
+  const Eigen::MatrixXd S = qr.householderQ() * Eigen::MatrixXd::Identity(m * m, p.rank);
+  const Eigen::MatrixXd R = qr.matrixQR().topRows(p.rank).triangularView<Eigen::Upper>();
+  Eigen::Map<Eigen::MatrixXd>(data + p.F, p.rank, m) = R * qr.colsPermutation().transpose();
+  for (std::uint32_t r = 0; r < p.rank; ++r)
+    for (std::uint32_t l = 0; l < m; ++l) copy(p.S + (l * p.rank + r) * m, S.col(r).data() + l * m, m);
   return 0;
 }
 
@@ -160,13 +271,14 @@ const Packed& self(const void* packed) { return *static_cast<const Packed*>(pack
 
 void facts(const void* packed, cardan_body_facts* f) {
   const Packed& p = self(packed);
-  f->m_ee_constant = p.level == 0 || (!p.rotary && !p.quadratic);
+  f->m_ee_constant = !p.nodal && p.rank == 0;
   f->m_re_constant = p.level == 0;
   f->j_constant = p.level == 0;
 }
 
 // y += sum_l x_l a_l, vectors of length n that stand `stride` apart.
-void add_combination(const double* a, std::uint32_t stride, const double* x, std::uint32_t m, std::uint32_t n, double* __restrict y) {
+CARDAN_INTO_CLONES void add_combination(const double* a, std::uint32_t stride, const double* x, std::uint32_t m, std::uint32_t n,
+                                        double* __restrict y) {
   std::uint32_t l = 0;
   for (; l + 4 <= m; l += 4) {
     const double *a0 = a + l * stride, *a1 = a0 + stride, *a2 = a1 + stride, *a3 = a2 + stride;
@@ -176,8 +288,31 @@ void add_combination(const double* a, std::uint32_t stride, const double* x, std
     for (std::uint32_t i = 0; i < n; ++i) y[i] += x[l] * a[l * stride + i];
 }
 
+// y_i = sum_l x_l W_l,k+i, n of them; `at`: of W or of Z.
+CARDAN_INTO_CLONES void couplings(const Packed& p, std::uint32_t at, const double* x, std::uint32_t k, std::uint32_t n,
+                                  double* __restrict y) {
+  const double* a = p.at(at);
+  if (!p.sparse) {
+    std::fill(y, y + 3 * n, 0.0);
+    return add_combination(a + 3 * k, 3 * p.m, x, p.m, 3 * n, y);
+  }
+  const std::uint32_t *begin = p.whole(p.begin) + k, *of = p.whole(p.of);
+  for (std::uint32_t i = 0; i < n; ++i, y += 3) {
+    double s[3] = {}, t[3] = {};
+    std::uint32_t e = begin[i];
+    for (; e + 2 <= begin[i + 1]; e += 2) {
+      const double u = x[of[e]], v = x[of[e + 1]];
+      s[0] += u * a[3 * e], s[1] += u * a[3 * e + 1], s[2] += u * a[3 * e + 2];
+      t[0] += v * a[3 * e + 3], t[1] += v * a[3 * e + 4], t[2] += v * a[3 * e + 5];
+    }
+    if (e < begin[i + 1])
+      for (int r = 0; r < 3; ++r) s[r] += x[of[e]] * a[3 * e + r];
+    for (int r = 0; r < 3; ++r) y[r] = s[r] + t[r];
+  }
+}
+
 // sum_l x_l a_l of six numbers each, added to `out`.
-void add_six(const double* a, const double* x, std::uint32_t m, double* out) {
+CARDAN_INTO_CLONES void add_six(const double* a, const double* x, std::uint32_t m, double* out) {
   double s[6] = {}, t[6] = {};
   std::uint32_t l = 0;
   for (; l + 2 <= m; l += 2, a += 12) {
@@ -189,7 +324,7 @@ void add_six(const double* a, const double* x, std::uint32_t m, double* out) {
 }
 
 // The same with two sets of factors.
-void add_six(const double* a, const double* x, const double* y, std::uint32_t m, double* out_x, double* out_y) {
+CARDAN_INTO_CLONES void add_six(const double* a, const double* x, const double* y, std::uint32_t m, double* out_x, double* out_y) {
   double s[6] = {}, t[6] = {};
   for (std::uint32_t l = 0; l < m; ++l)
     for (int i = 0; i < 6; ++i) {
@@ -199,17 +334,17 @@ void add_six(const double* a, const double* x, const double* y, std::uint32_t m,
   for (int i = 0; i < 6; ++i) out_x[i] += s[i], out_y[i] += t[i];
 }
 
-double dot(const double* a, const double* b, std::uint32_t n) {
+CARDAN_INTO_CLONES double dot(const double* a, const double* b, std::uint32_t n) {
   double sum = 0.0;
   for (std::uint32_t i = 0; i < n; ++i) sum += a[i] * b[i];
   return sum;
 }
 
-V3 times(const double* s, const V3& a) {
+CARDAN_INTO_CLONES V3 times(const double* s, const V3& a) {
   return {s[0] * a.x + s[3] * a.y + s[4] * a.z, s[3] * a.x + s[1] * a.y + s[5] * a.z, s[4] * a.x + s[5] * a.y + s[2] * a.z};
 }
 
-void write_rr(double m, const V3& mc, const double* J, double* M_rr) {
+CARDAN_INTO_CLONES void write_rr(double m, const V3& mc, const double* J, double* M_rr) {
   M_rr[0] = m, M_rr[1] = mc.x, M_rr[2] = mc.y, M_rr[3] = mc.z;
   std::copy(J, J + 6, M_rr + 4);
 }
@@ -323,10 +458,23 @@ void nodal_bias(const Packed& p, const double* eta, const double* rate, const V3
   b[0] = moments.x, b[1] = moments.y, b[2] = moments.z, b[3] = forces.x, b[4] = forces.y, b[5] = forces.z;
 }
 
-// sum_l eta_l d2J_kl, one mode k.
-void second_slope(const Packed& p, std::uint32_t k, const double* eta, double* out) { add_six(p.at(p.d2J) + 6 * p.m * k, eta, p.m, out); }
+// Of n modes from k on: second[r][i] = number r of sum_l eta_l d2J_k+i,l.
+CARDAN_INTO_CLONES void second_slopes(const Packed& p, const double* eta, std::uint32_t k, std::uint32_t n, double (&second)[6][kBlock]) {
+  const std::uint32_t *begin = p.whole(p.begin) + k, *of = p.whole(p.of);
+  for (std::uint32_t i = 0; i < n; ++i) {
+    double sum[6] = {};
+    if (!p.sparse) add_six(p.at(p.d2J[0]) + 6 * p.m * (k + i), eta, p.m, sum);
+    for (std::uint32_t e = p.sparse ? begin[i] : 0; p.sparse && e < begin[i + 1]; ++e) {
+      const double* a = p.at(p.d2J_entries) + 6 * e;
+      for (std::uint32_t r = 0; r < 6; ++r) sum[r] += eta[of[e]] * a[r];
+    }
+    for (std::uint32_t r = 0; r < 6; ++r) second[r][i] = sum[r];
+  }
+  for (std::uint32_t r = 0; r < 6; ++r)
+    if (p.sparse && (p.sparse >> (3 + r) & 1u) == 0) add_combination(p.at(p.d2J[r]) + k, p.m, eta, p.m, n, second[r]);
+}
 
-void mass(const void* packed, const double* eta, double* M_rr, double* M_re, double* M_ee) {
+CARDAN_CLONES void mass(const void* packed, const double* eta, double* M_rr, double* M_re, double* M_ee) {
   const Packed& p = self(packed);
   if (p.nodal) return nodal_mass(p, eta, M_rr, M_re, M_ee);
   const std::uint32_t m = p.m;
@@ -336,13 +484,19 @@ void mass(const void* packed, const double* eta, double* M_rr, double* M_re, dou
     add_six(re, eta, m, first);
     std::copy(p.at(p.J), p.at(p.J) + 6, J);
     if (p.level >= 1) add_six(p.at(p.dJ), eta, m, J);
-    if (p.level == 2)
-      for (std::uint32_t k = 0; k < m; ++k) {  // 1/2 sum_kl eta_k eta_l d2J_kl
-        double d[6] = {};
-        const double* d2J = p.at(p.d2J) + 6 * (m * k + k);
-        add_six(d2J + 6, eta + k + 1, m - k - 1, d);
-        for (int i = 0; i < 6; ++i) J[i] += eta[k] * (d[i] + 0.5 * eta[k] * d2J[i]);
-      }
+    // 1/2 sum_kl eta_k eta_l d2J_kl
+    for (std::uint32_t k = 0; p.level == 2 && !p.sparse && k < m; ++k) {
+      double d[6] = {};
+      const double* d2J = p.at(p.d2J[0]) + 6 * (m * k + k);
+      add_six(d2J + 6, eta + k + 1, m - k - 1, d);
+      for (int i = 0; i < 6; ++i) J[i] += eta[k] * (d[i] + 0.5 * eta[k] * d2J[i]);
+    }
+    for (std::uint32_t k = 0; p.level == 2 && p.sparse && k < m; k += kBlock) {
+      const std::uint32_t n = std::min(kBlock, m - k);
+      double second[6][kBlock];
+      second_slopes(p, eta, k, n, second);
+      for (std::uint32_t r = 0; r < 6; ++r) J[r] += 0.5 * dot(second[r], eta + k, n);
+    }
     write_rr(p.I1, p.vec(p.I2) + V3{first[3], first[4], first[5]}, J, M_rr);
   }
   if (M_re) {
@@ -350,16 +504,19 @@ void mass(const void* packed, const double* eta, double* M_rr, double* M_re, dou
     if (p.level >= 1)
       for (std::uint32_t k = 0; k < m; k += kBlock) {
         const std::uint32_t n = std::min(kBlock, m - k);
-        double we[3 * kBlock] = {};
-        add_combination(p.at(p.W) + 3 * k, 3 * m, eta, m, 3 * n, we);
+        double we[3 * kBlock];
+        couplings(p, p.W, eta, k, n, we);
         for (std::uint32_t i = 0; i < n; ++i)
           for (std::uint32_t r = 0; r < 3; ++r) M_re[6 * (k + i) + r] += we[3 * i + r];
       }
   }
   if (M_ee) {
     std::copy(p.at(p.M_ee), p.at(p.M_ee) + m * m, M_ee);
-    for (std::uint32_t l = 0; p.level >= 1 && p.rotary && l < m; ++l) {
-      add_combination(p.at(p.dM_ee) + m * m * l + l, m, eta, m, m - l, M_ee + m * l + l);
+    if (p.rank == 0) return;
+    double factor[kWork] = {};  // sum_i F_ri eta_i
+    add_combination(p.at(p.F), p.rank, eta, m, p.rank, factor);
+    for (std::uint32_t l = 0; l < m; ++l) {
+      add_combination(p.at(p.S) + m * p.rank * l + l, m, factor, p.rank, m - l, M_ee + m * l + l);
       for (std::uint32_t k = l + 1; k < m; ++k) M_ee[m * k + l] = M_ee[m * l + k];
     }
   }
@@ -367,7 +524,7 @@ void mass(const void* packed, const double* eta, double* M_rr, double* M_re, dou
 
 // b_w = w x (M_ww w + M_we eta') + Mdot_ww w + Mdot_we eta';  b_v = w x (w x mc) + 2 w x u;
 // b_e,k = (Mdot_we* w + Mdot_ee eta')_k - 1/2 w* dM_ww,k w - w* dM_we,k eta' - 1/2 eta'* dM_ee,k eta'   (mathematics 3.4)
-void bias(const void* packed, const double* eta, const double* etadot, const double* omega, double* b) {
+CARDAN_CLONES void bias(const void* packed, const double* eta, const double* etadot, const double* omega, double* b) {
   const Packed& p = self(packed);
   const V3 w{omega[0], omega[1], omega[2]};
   if (p.nodal) return nodal_bias(p, eta, etadot, w, b);
@@ -384,38 +541,41 @@ void bias(const void* packed, const double* eta, const double* etadot, const dou
     add_six(p.at(p.dJ), eta, etadot, m, J, J_rate);
     for (std::uint32_t k = 0; k < m; k += kBlock) {
       const std::uint32_t n = std::min(kBlock, m - k);
-      double B[3 * kBlock] = {}, Z[3 * kBlock] = {};  // sum_l eta'_l W_lk, sum_l eta'_l (W_lk - W_kl)
-      add_combination(p.at(p.W) + 3 * k, 3 * m, etadot, m, 3 * n, B);
-      if (p.rotary) add_combination(p.at(p.Z) + 3 * k, 3 * m, etadot, m, 3 * n, Z);
+      double B[3 * kBlock], Z[3 * kBlock];  // sum_l eta'_l W_lk, sum_l eta'_l (W_lk - W_kl)
+      couplings(p, p.W, etadot, k, n, B);
+      if (p.coupled) couplings(p, p.Z, etadot, k, n, Z);
+      double second[6][kBlock];
+      if (p.level == 2) second_slopes(p, eta, k, n, second);
       for (std::uint32_t i = 0; i < n; ++i) {
         const std::uint32_t mode = k + i;
         const V3 column{B[3 * i], B[3 * i + 1], B[3 * i + 2]};
-        const V3 turn = p.rotary ? V3{Z[3 * i], Z[3 * i + 1], Z[3 * i + 2]} : 2.0 * column;  // I5_lk = -I5_kl
+        const V3 turn = p.coupled ? V3{Z[3 * i], Z[3 * i + 1], Z[3 * i + 2]} : 2.0 * column;  // I5_lk = -I5_kl
         we_rate += etadot[mode] * column;
         we += eta[mode] * (column - turn);  // sum_l W_kl eta'_l
         const double* d = p.at(p.dJ) + 6 * mode;
         double slope[6] = {d[0], d[1], d[2], d[3], d[4], d[5]};
-        if (p.level == 2) {
-          double second[6] = {};
-          second_slope(p, mode, eta, second);
-          for (int r = 0; r < 6; ++r) {
-            J[r] += 0.5 * eta[mode] * second[r];
-            J_rate[r] += etadot[mode] * second[r];
-            slope[r] += second[r];
-          }
+        for (std::uint32_t r = 0; p.level == 2 && r < 6; ++r) {
+          J[r] += 0.5 * eta[mode] * second[r][i];
+          J_rate[r] += etadot[mode] * second[r][i];
+          slope[r] += second[r][i];
         }
         b[6 + mode] = cardan::dot(w, turn) - 0.5 * ((ww[0] * slope[0] + ww[1] * slope[1] + ww[2] * slope[2]) +
                                                     (ww[3] * slope[3] + ww[4] * slope[4] + ww[5] * slope[5]));
       }
     }
-    const std::uint32_t rows = p.rotary ? kWork / m : 0;
-    for (std::uint32_t i = 0; p.rotary && i < m; i += rows) {  // Mdot_ee eta' - 1/2 eta'* dM_ee eta'
-      const std::uint32_t n = std::min(rows, m - i);
-      double dee[kWork];  // dM_ee,i eta', n of m
-      std::fill(dee, dee + n * m, 0.0);
-      add_combination(p.at(p.dM_ee) + m * i, m * m, etadot, m, n * m, dee);
-      add_combination(dee, m, etadot + i, n, m, b + 6);
-      for (std::uint32_t k = 0; k < n; ++k) b[6 + i + k] -= 0.5 * dot(dee + m * k, etadot, m);
+    if (p.rank > 0) {  // Mdot_ee eta' - 1/2 eta'* dM_ee eta'
+      double factor[kWork] = {}, half[kWork];
+      add_combination(p.at(p.F), p.rank, etadot, m, p.rank, factor);
+      const std::uint32_t rows = kWork / m;
+      for (std::uint32_t r = 0; r < p.rank; r += rows) {
+        const std::uint32_t n = std::min(rows, p.rank - r);
+        double S[kWork];  // S_r eta', n of m
+        std::fill(S, S + n * m, 0.0);
+        add_combination(p.at(p.S) + m * r, m * p.rank, etadot, m, n * m, S);
+        add_combination(S, m, factor + r, n, m, b + 6);
+        for (std::uint32_t i = 0; i < n; ++i) half[r + i] = 0.5 * dot(S + m * i, etadot, m);
+      }
+      for (std::uint32_t k = 0; k < m; ++k) b[6 + k] -= dot(p.at(p.F) + p.rank * k, half, p.rank);
     }
   }
   const V3 b_w = cross(w, times(J, w) + we) + times(J_rate, w) + we_rate, b_v = cross(w, cross(w, mc) + 2.0 * u);

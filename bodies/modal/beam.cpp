@@ -76,7 +76,7 @@ BeamSection tube_section(double outer_radius, double wall, bool shear) {
 }
 
 void add_beam(FeBuilder& builder, int from, int to, const Vector3d& y_axis, const Material& material, const BeamSection& section,
-              bool rotary_inertia) {
+              SectionInertia kept) {
   const Vector3d span = builder.node(to) - builder.node(from);
   const double L = span.norm(), E = material.E, G = E / (2 * (1 + material.nu)), A = section.area;
   Matrix3d R;  // element axes to body axes
@@ -114,8 +114,9 @@ void add_beam(FeBuilder& builder, int from, int to, const Vector3d& y_axis, cons
       N(2, kPlaneZ[i]) = w(i);
       Q(1, kPlaneZ[i]) = -w_x(i);
     }
-    Vector3d J(section.Iy + section.Iz, 0, 0);
-    if (rotary_inertia) J.tail<2>() << section.Iy, section.Iz;
+    Vector3d J = Vector3d::Zero();
+    if (kept != SectionInertia::none) J.x() = section.Iy + section.Iz;
+    if (kept == SectionInertia::all) J.tail<2>() << section.Iy, section.Iz;
     const Matrix3d inertia = material.rho * length * R * J.asDiagonal() * R.transpose();
     points.push_back({material.rho * A * length, builder.node(from) + s * span, inertia, R * N * T, R * Q * T});
   }

@@ -8,7 +8,8 @@
 namespace cardan {
 
 /// Two-node beam between `from` and `to`; `y_axis` (not parallel to it) fixes the section axes: z along x cross y_axis.
-void add_beam(FeBuilder&, int from, int to, const Eigen::Vector3d& y_axis, const Material&, const BeamSection&, bool rotary_inertia);
+enum class SectionInertia { none, torsional, all };  // about no axis, that of the beam, all
+void add_beam(FeBuilder&, int from, int to, const Eigen::Vector3d& y_axis, const Material&, const BeamSection&, SectionInertia);
 
 /// Stiffness and mass of a thin plate per unit area, symmetric about its mid-plane.
 struct PlateSection {

@@ -219,6 +219,7 @@ ModalData solve(const FeModel& model, const ModalSource& source, const Warnings&
   data.n_modes = static_cast<int>(kept.size());
   if (warnings) ModeDoubts(model, source, *warnings).memory(data.n_modes);
   data.integrals = modal_integrals(model.mass_field(shapes));
+  forget_rounding(data.integrals);
   data.integrals.I6.setIdentity();                                     // what the modes are normalised to; the sum differs by rounding
   if (free) data.integrals.I3.setZero(), data.integrals.I4.setZero();  // mean axes, likewise
   data.K = omega2.asDiagonal();

@@ -129,7 +129,8 @@ FeModel beam_mesh(const BeamModel& beam, const std::vector<PointMass>& masses, c
 
   FeBuilder builder;
   for (int i = 0; i <= beam.elements; ++i) builder.add_node({beam.length * i / beam.elements, 0, 0});
-  for (int i = 0; i < beam.elements; ++i) add_beam(builder, i, i + 1, Vector3d::UnitY(), beam.material, beam.section, beam.rotary_inertia);
+  const auto inertia = beam.rotary_inertia ? SectionInertia::all : SectionInertia::torsional;
+  for (int i = 0; i < beam.elements; ++i) add_beam(builder, i, i + 1, Vector3d::UnitY(), beam.material, beam.section, inertia);
   builder.add_line(some_of(beam.elements, 40));
   return with_masses(builder, masses, {0},
                      fmt::format("beam {} m, {} elements, {} dofs", beam.length, beam.elements, 6 * (beam.elements + 1)), at);
@@ -179,7 +180,7 @@ FeModel plate_mesh(const PlateModel& plate, const std::vector<PointMass>& masses
              fmt::format("{} m", yoke.spread));
     const auto beam = [&](int from, int to) {
       const Vector3d y_axis = Vector3d::UnitZ().cross(builder.node(to) - builder.node(from));
-      add_beam(builder, from, to, y_axis, yoke.material, yoke.section, plate.rotary_inertia);
+      add_beam(builder, from, to, y_axis, yoke.material, yoke.section, plate.rotary_inertia ? SectionInertia::all : SectionInertia::none);
     };
     for (std::size_t i = 0; i + 1 < edge.size(); ++i) beam(edge[i], edge[i + 1]);
     const int half = plate.elements_y / 2;

@@ -75,6 +75,8 @@ void check_all_finite(const ModalIntegrals& I, const Located& at) {
   check_finite(I.rotary_ww, "rotary_ww", at);
   check_finite(I.rotary_we, "rotary_we", at);
   check_finite(I.rotary_ee, "rotary_ee", at);
+  if (!(I.rotary_turn.array() >= 0.0).all() || !I.rotary_turn.allFinite() || !(I.rotary_share >= 0.0))
+    bad(at, "rotary_turn and rotary_share of at least 0", "others");
 }
 
 /// [I7 I2~ I4; . m 1 I3; . . I6] with a unit diagonal: its smallest eigenvalue.
@@ -135,6 +137,7 @@ void compare(const ModalData& data, const Located& at) {
   same(given.rotary_ww, sum.rotary_ww, "rotary_ww");
   same(given.rotary_we, sum.rotary_we, "rotary_we");
   same(given.rotary_ee, sum.rotary_ee, "rotary_ee");
+  if (given.rotary_turn.size() > 0) same(one(given.rotary_turn), one(sum.rotary_turn), "rotary_turn");
 }
 
 }  // namespace

@@ -40,6 +40,7 @@ class Archive {
   virtual void numbers(const std::string& path, Array& array, bool optional) = 0;
   virtual void text(const std::string& path, std::string& value, bool optional) = 0;
   virtual bool reads() const { return false; }
+  virtual bool hashes() const { return false; }
   /// Throws InputError C0702.
   [[noreturn]] virtual void refuse_value(const std::string& path, const std::string& expected, const std::string& got) const {
     bad_file("", path, expected, got);
@@ -66,12 +67,13 @@ class AnyReader : public Archive {
   }
 
  protected:
-  /// Whether there are rows to read. A number may be written as an array of one, a column as an array of rank 1.
+  /// Whether there are rows to read. A number may be written as an array of one and the other way round, a column as an array of rank 1.
   bool has_rows(const std::string& path, const Shape& expected, const Shape& got, bool optional) const {
     if (optional && !got.empty() && got[0] == 0) return false;
     Shape column = got;
     column.push_back(1);
-    if (got != expected && !(expected.empty() && got == Shape{1}) && column != expected)
+    const bool one = got.empty() && std::ranges::all_of(expected, [](std::size_t n) { return n == 1; });
+    if (got != expected && !one && !(expected.empty() && got == Shape{1}) && column != expected)
       refuse_value(path, text_of(expected), text_of(got));
     return true;
   }
@@ -100,6 +102,7 @@ class Reader : public AnyReader {
 
 class Hasher : public Archive {
  public:
+  bool hashes() const override { return true; }
   void numbers(const std::string& path, Array& a, bool) override {
     add(path.data(), path.size());
     add(a.shape.data(), a.shape.size() * sizeof(std::size_t));
@@ -184,7 +187,7 @@ void io(Archive& archive, const std::string& path, Eigen::Matrix<double, R, C>& 
   else
     append(A, a.values);
   archive.numbers(path, a, optional);
-  if (archive.reads()) take(a.values.data(), a.shape[0], a.shape[1], A);
+  if (archive.reads()) take(a.values.data(), a.shape[0], cols, A);
 }
 
 /// `count` matrices of rows x cols.
@@ -260,6 +263,14 @@ void io(Archive& a, ModalData& d, const Parts& parts) {
     io(a, "/integrals/rotary_ww", I.rotary_ww, m, 3, 3, true);
     io(a, "/integrals/rotary_we", I.rotary_we, m, 3, m, true);
     io(a, "/integrals/rotary_ee", I.rotary_ee, m, m, m, true);
+    if (!a.hashes() || I.rotary_turn.size() > 0) {  // younger than the hashes of files without them
+      Eigen::VectorXd share = Eigen::VectorXd::Constant(I.rotary_turn.size() > 0 ? 1 : 0, I.rotary_share);
+      io(a, "/integrals/rotary_turn", I.rotary_turn, m, 1, true);
+      io(a, "/integrals/rotary_share", share, 1, 1, true);
+      if ((share.size() > 0) != (I.rotary_turn.size() > 0))
+        a.refuse_value("/integrals", "rotary_turn and rotary_share, or none of them", "one of them");
+      if (share.size() > 0) I.rotary_share = share[0];
+    }
     if (I.rotary_we.size() != I.rotary_ww.size() || I.rotary_ee.size() != I.rotary_ww.size())
       a.refuse_value("/integrals", "rotary_ww, rotary_we and rotary_ee, or none of them", "some of them");
   }

@@ -1,6 +1,8 @@
 #include "bodies/modal/modal_integrals.hpp"
 
 #include <Eigen/Dense>
+#include <cmath>
+#include <limits>
 
 namespace cardan {
 namespace {
@@ -13,12 +15,17 @@ using Eigen::Vector3d;
 void add_rotary(const MassField& f, ModalIntegrals& out) {
   const Eigen::Index n = f.mass.size(), m = f.Phi[0].cols();
   const auto count = static_cast<std::size_t>(m);
+  MatrixXd share = MatrixXd::Zero(m, m);  // sum |J0| psi* psi
+  double inertia = 0.0;
   for (Eigen::Index j = 0; j < n; ++j) {
     const Matrix3d& J = f.inertia[static_cast<std::size_t>(j)];
     if (J.isZero(0.0)) continue;
     MatrixXd psi(3, m);
     for (int a = 0; a < 3; ++a) psi.row(a) = f.Psi[a].row(j);
     const MatrixXd J_psi = J * psi;
+    const double size = J.norm();
+    inertia += size;
+    share.noalias() += size * psi.transpose() * psi;
     out.I4 += J_psi;
     out.I6.noalias() += psi.transpose() * J_psi;
     out.I7 += J;
@@ -27,7 +34,9 @@ void add_rotary(const MassField& f, ModalIntegrals& out) {
       out.rotary_ww.assign(count, Matrix3d::Zero());
       out.rotary_we.assign(count, MatrixXd::Zero(3, m));
       out.rotary_ee.assign(count, MatrixXd::Zero(m, m));
+      out.rotary_turn.setZero(m);
     }
+    out.rotary_turn = out.rotary_turn.cwiseMax(psi.colwise().norm().transpose());
     for (Eigen::Index i = 0; i < m; ++i) {
       const Vector3d p = psi.col(i);
       Matrix3d tilde;
@@ -39,6 +48,13 @@ void add_rotary(const MassField& f, ModalIntegrals& out) {
       out.rotary_ee[s].noalias() += 0.5 * psi.transpose() * (commutator * psi);
     }
   }
+  if (out.rotary_ww.empty()) return;
+  const Vector3d c = out.I2 / out.I1;
+  const Matrix3d about_centre = out.I7 - out.I1 * (c.squaredNorm() * Matrix3d::Identity() - c * c.transpose());
+  const Eigen::SelfAdjointEigenSolver<Matrix3d> J(about_centre, Eigen::EigenvaluesOnly);
+  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> modal(share, out.I6, Eigen::EigenvaluesOnly);
+  const double least = J.eigenvalues()[0], of_modes = modal.eigenvalues()[m - 1];
+  out.rotary_share = least > 0.0 && std::isfinite(of_modes) ? std::max(inertia / least, of_modes) : std::numeric_limits<double>::max();
 }
 
 }  // namespace
@@ -90,6 +106,19 @@ ModalIntegrals modal_integrals(const MassField& f) {
   }
   if (!f.inertia.empty()) add_rotary(f, out);
   return out;
+}
+
+void forget_rounding(ModalIntegrals& I) {
+  constexpr double kRounding = 1e-12;  // of what they could be at most: |I5_lk|, |I9_lk| <= (I6_ll I6_kk)^(1/2)
+  const Eigen::Index m = I.I6.rows();
+  for (Eigen::Index l = 0; l < m; ++l)
+    for (Eigen::Index k = 0; k < m; ++k) {
+      const auto s = static_cast<std::size_t>(l);
+      const double rounding = kRounding * std::sqrt(I.I6(l, l) * I.I6(k, k));
+      if (I.I5[s].col(k).norm() <= rounding) I.I5[s].col(k).setZero();
+      for (double& x : I.I9[s * static_cast<std::size_t>(m) + static_cast<std::size_t>(k)].reshaped())
+        if (std::abs(x) <= rounding) x = 0.0;
+    }
 }
 
 }  // namespace cardan

@@ -20,4 +20,8 @@ struct MassField {
 /// I1 ... I9 and the first-order rotary terms, as exact sums over the points.
 ModalIntegrals modal_integrals(const MassField& field);
 
+/// Of modes that an eigenvalue solver gave: what their rounding leaves between modes that do not couple becomes zero: a body
+/// of few couplings is computed with these alone.
+void forget_rounding(ModalIntegrals& integrals);
+
 }  // namespace cardan

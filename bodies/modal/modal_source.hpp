@@ -77,7 +77,7 @@ struct PlateModel {
   double length = 0.0, width = 0.0;  // [m] along x, along y
   std::variant<SolidPanel, SandwichPanel> panel;
   int elements_x = 40, elements_y = 8;
-  bool rotary_inertia = true;
+  bool rotary_inertia = true;  // of the plate and the sections of the yoke, about all axes
   Yoke yoke;
 };
 

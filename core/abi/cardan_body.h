@@ -25,7 +25,7 @@ typedef struct cardan_modal_view {
   uint32_t struct_size, n_modes, level;
   double I1;
   const double *I2, *I3, *I4, *I5, *I6, *I7, *I8, *I9;
-  const double *rotary_ww, *rotary_we, *rotary_ee; /* m of 3 x 3; m of 3 x m; m of m x m; null: no rotary terms */
+  const double *rotary_ww, *rotary_we, *rotary_ee; /* m of 3 x 3; m of 3 x m; m of m x m; null: none, the last two also alone */
   uint32_t n_mass_nodes;                           /* lumped masses, for the nodal form */
   const double *node_mass, *node_position;         /* n; 3 n */
   const double* node_inertia;                      /* 9 n, or null */

@@ -28,12 +28,14 @@ ModalView::ModalView(const ModalData& data, int level)
   const ModalIntegrals& I = data.integrals;
   const Eigen::Index m = data.n_modes;
   bool any_inertia = false, any_Psi = false, any_Q = false;
-  for (const MassNode& n : data.mass_nodes) {
+  const std::vector<MassNode> none;
+  const std::vector<MassNode>& mass_nodes = data.whole ? none : data.mass_nodes;
+  for (const MassNode& n : mass_nodes) {
     any_inertia = any_inertia || !n.inertia.isZero(0.0);
     any_Psi = any_Psi || (n.Psi.size() > 0 && !n.inertia.isZero(0.0));
     any_Q = any_Q || !n.Q.empty();
   }
-  for (const MassNode& n : data.mass_nodes) {
+  for (const MassNode& n : mass_nodes) {
     mass_.push_back(n.mass);
     append(position_, n.position, 3, 1);
     append(inertia_, n.inertia, 3, 3);
@@ -56,7 +58,7 @@ ModalView::ModalView(const ModalData& data, int level)
   view_.rotary_ww = or_null(ww_);
   view_.rotary_we = or_null(we_);
   view_.rotary_ee = or_null(ee_);
-  view_.n_mass_nodes = static_cast<std::uint32_t>(data.mass_nodes.size());
+  view_.n_mass_nodes = static_cast<std::uint32_t>(mass_nodes.size());
   view_.node_mass = mass_.data();
   view_.node_position = position_.data();
   view_.node_inertia = any_inertia ? inertia_.data() : nullptr;

@@ -6,6 +6,7 @@
 #include <random>
 
 #include "core/dynamics/forward.hpp"
+#include "core/model/rotary_terms.hpp"
 #include "core/soa/kernels.hpp"
 
 namespace cardan {
@@ -75,6 +76,7 @@ std::shared_ptr<const Model> compile(const SystemSpec& spec, const Registry& reg
 }
 
 std::shared_ptr<const Model> compile(std::shared_ptr<const SystemSpec> spec, const Registry& registry, const CompileOptions& options) {
+  spec = with_kept_rotary_terms(std::move(spec));
   std::shared_ptr<Model> model = assemble(spec, registry, options, false);
   if (model->n_modes > 0 || !model->varies.empty()) return model;
   const Growth most = growth(*model);

@@ -4,6 +4,7 @@
 #include <Eigen/QR>
 
 #include "core/abi/modal_view.hpp"
+#include "core/model/rotary_terms.hpp"
 #include "core/model/validate.hpp"
 
 namespace cardan {
@@ -53,6 +54,7 @@ FlexibleBody flexible_of(const SystemSpec& spec, const BodySpec& body, const car
     report_refused(spec, body, family, *values, Code::bad_modal_data, sink);
     return f;
   }
+  expect_rotary_terms(body, sink);
   cardan_body_facts facts{};
   facts.struct_size = sizeof facts;
   if (family.facts) family.facts(f.packed.data(), &facts);

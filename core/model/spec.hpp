@@ -78,6 +78,7 @@ struct BodySpec {
   std::shared_ptr<const ModalData> modal;                 // of a body with modes
   std::shared_ptr<const DocNode> modal_source;            // how to make `modal`, as written; may be null
   int level = 1;                                          // fidelity level 0, 1, 2 of a flexible body (docs/mathematics)
+  double rotary_tolerance = 1e-4;                         // of a modal mass: terms of nodal rotary inertia below are left out; 0: none
   std::vector<double> eta, etadot;                        // initial modal coordinates; empty = 0
   std::vector<int> prescribed_modes;                      // modes whose motion is given as a function of time
   std::vector<NodeSpec> nodes;                            // rigid bodies; a flexible body takes those of its modal data

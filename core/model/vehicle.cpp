@@ -173,8 +173,19 @@ class VehicleReader {
       }
   }
 
+  /// exact, or the part of a modal mass that terms may have which are left out.
+  double read_rotary_tolerance(const DocRef& value) {
+    if (value.node->kind == Kind::scalar && value.node->text == "exact") return 0.0;
+    const double tolerance = read_number(value, "1", context_);
+    if (!(tolerance >= 0.0 && tolerance < 1.0))
+      context_.sink.report(Code::out_of_range, value.at(), "exact, or a part of modal masses from 0 to below 1",
+                           fmt::format("{:g}", tolerance));
+    return tolerance;
+  }
+
   void read_flexible(MapReader& map, BodySpec& body) {
     body.level = map.integer("level", 0, 1);
+    if (const auto kept = map.find("rotary_inertia")) body.rotary_tolerance = read_rotary_tolerance(*kept);
     if (const auto modal = map.require("modal", "where the modes come from: a plate, a beam, a file or lumped masses"))
       body.modal_source = std::make_shared<const DocNode>(*modal->node);
     if (const auto initial = map.find("initial")) {

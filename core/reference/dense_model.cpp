@@ -78,7 +78,8 @@ DenseBody<T> dense_body(const BodySpec& spec, const ForeignHinges& foreign) {
     b.n_modes = modal.n_modes;
     b.K = modal.K.cast<T>();
     b.C = modal.C.size() > 0 ? modal.C.cast<T>().eval() : MatX<T>::Zero(b.n_modes, b.n_modes);
-    for (const MassNode& node : modal.mass_nodes) b.masses.push_back(mass_point<T>(node, b.n_modes));
+    for (const MassNode& node : modal.mass_nodes)
+      if (!modal.whole) b.masses.push_back(mass_point<T>(node, b.n_modes));
     for (const ModalNode& n : modal.nodes) b.nodes.push_back(point<T>(n.name, n.position, n.R_BN, b.n_modes, n.Phi, n.Psi));
   } else {
     b.masses.push_back(mass_point<T>({spec.mass, spec.com, spec.inertia_com, {}, {}, {}}, 0));

@@ -37,15 +37,12 @@ ModalInertia<T>::ModalInertia(const ModalIntegrals& I)
   fill(mass_, I.I7.cast<T>(), I.I2.cast<T>(), I.I4.cast<T>(), I.I6.cast<T>());
   mass_.block(3, 3, 3, 3).diagonal().setConstant(T(I.I1));
   mass_.block(3, 6, 3, m) = I.I3.cast<T>();
-  const bool rotary = !I.rotary_ww.empty();
   for (int k = 0; k < m; ++k) {
     MatX<T> we = I.I5[k].template cast<T>(), ee = MatX<T>::Zero(m, m);
     Mat3<T> ww = (I.I8[k] + I.I8[k].transpose()).template cast<T>();
-    if (rotary) {
-      ww += I.rotary_ww[k].template cast<T>();
-      we += I.rotary_we[k].template cast<T>();
-      ee += I.rotary_ee[k].template cast<T>();
-    }
+    if (!I.rotary_ww.empty()) ww += I.rotary_ww[k].template cast<T>();
+    if (!I.rotary_we.empty()) we += I.rotary_we[k].template cast<T>();
+    if (!I.rotary_ee.empty()) ee += I.rotary_ee[k].template cast<T>();
     fill(slope_[k], ww, I.I3.col(k).template cast<T>(), we, ee);
   }
   for (const Eigen::Matrix3d& s : I.I9) square_.push_back(s.cast<T>());

@@ -210,6 +210,11 @@ Json not_modelled(const Model& m) {
     if (!b.modal || b.modal->n_modes == 0) continue;
     if (b.level == 0) all.push_back(b.name + ": deformation does not change its inertia (level 0)");
     if (b.level == 1) all.push_back(b.name + ": inertia to first order in the deformation (level 1)");
+    if (b.modal->whole)
+      all.push_back(
+          fmt::format("{}: changes of its inertia by {} rotary inertia of its mass points, at most {:.1e} of a modal mass while the "
+                      "rotations of its modes sum to 0.1 rad (rotary_inertia: exact keeps them)",
+                      b.name, b.modal->integrals.rotary_ee.empty() ? "the" : "a part of the", b.modal->left_out));
     if (const double w = first_frequency(*b.modal); !has_stiffening(b))
       all.push_back(fmt::format(
           "{}: centrifugal stiffening, of the order of (Omega/omega_1)^2 of the stiffness of its first mode ({:.4g} Hz): 1 % at "
@@ -408,6 +413,7 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
     }
     if (b.modal) {
       add(path + "level", std::to_string(b.level));
+      add(path + "rotary_inertia", b.rotary_tolerance > 0.0 ? fmt::format("{:g}", b.rotary_tolerance) : "exact");
       add(path + "modal", b.modal->source);
       add(path + "modal_content", b.modal->content_hash);
       for (int j = 0; j < u.n_modes; ++j) {

@@ -3,6 +3,7 @@
 // of the dense twin. Everything is expressed in the axes of the body frame B (the floating frame) about its origin.
 // Symbols and integrals: docs/mathematics/flexible.md (Shabana 2013 numbering I1 ... I9).
 #include <Eigen/Core>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -35,10 +36,13 @@ struct ModalIntegrals {
   Eigen::Matrix3d I7 = Eigen::Matrix3d::Zero();  // [kg m^2] about the body origin
   std::vector<Eigen::Matrix3d> I8;               // m: sum m r~* phi_k~
   std::vector<Eigen::Matrix3d> I9;               // m * m: sum m phi_l~* phi_k~ (may be empty: then no level 2)
-  // First-order rotary terms (levels 1 and 2), empty when no node has rotary inertia with rotation shapes:
+  // First-order rotary terms (levels 1 and 2), empty when no node has rotary inertia with rotation shapes; we and ee also where they are
+  // left out:
   std::vector<Eigen::Matrix3d> rotary_ww;  // m: sum psi_k~ J0 - J0 psi_k~
   std::vector<Eigen::MatrixXd> rotary_we;  // [l].col(k) = sum (psi_l~ J0 - 1/2 J0 psi_l~) psi_k
   std::vector<Eigen::MatrixXd> rotary_ee;  // [i](k,l) = sum 1/2 psi_k* (psi_i~ J0 - J0 psi_i~) psi_l
+  Eigen::VectorXd rotary_turn;             // m: largest |psi_k| of a point with J0 [rad per unit]; empty: not known
+  double rotary_share = 0.0;  // largest part that J0 has in a modal mass, or in I7 about the mass centre, of |J0| for each point
 };
 
 /// What is known of one mode of the full model, kept or not.
@@ -64,7 +68,10 @@ struct ModalData {
   std::vector<MassNode> mass_nodes;  // empty when the source is a consistent-mass model
   std::vector<ModeRecord> audit;
   ModalDrawing drawing;
-  std::string source;  // one line: "plate 12.0 x 2.4 m, 40 x 8 elements, 2214 dofs, ARPACK shift-invert"
+  // Of a model, not of a source (core/model/rotary_terms.hpp):
+  std::shared_ptr<const ModalData> whole;  // what the source has, where rotary terms were left out: mass_nodes have more than the integrals
+  double left_out = 0.0;                   // [-] at most of a modal mass, at 0.1 rad
+  std::string source;                      // one line: "plate 12.0 x 2.4 m, 40 x 8 elements, 2214 dofs, ARPACK shift-invert"
   std::string content_hash;
 };
 

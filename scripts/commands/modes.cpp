@@ -28,7 +28,7 @@ int write_modes(const ModesArguments& a) {
   for (const BodySpec& body : s->model->spec->bodies) {
     if (!body.modal) continue;
     legal.push_back(body.name);
-    if (body.name == a.body) modes = body.modal.get();
+    if (body.name == a.body) modes = body.modal->whole ? body.modal->whole.get() : body.modal.get();
   }
   if (!modes)
     refuse(Code::unknown_body, {"body"},

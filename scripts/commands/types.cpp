@@ -137,7 +137,7 @@ std::vector<std::string> keys_of(const cardan_body_family& f) {
     case CARDAN_MASS_POINT:
       return {"mass", "com", "nodes"};
     case CARDAN_MASS_MODES:
-      return {"modal", "level", "initial"};
+      return {"modal", "level", "rotary_inertia", "initial"};
     default:
       return {"nodes"};
   }

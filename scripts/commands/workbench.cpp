@@ -84,7 +84,8 @@ class WorkbenchCommand {
 
   int run_prompt() {
     struct sigaction action {};
-    action.sa_handler = on_interrupt;  // without SA_RESTART: reading a line gives up
+    action.sa_handler = on_interrupt;
+    action.sa_flags = SA_RESTART;  // a line of output that it meets goes out whole; the wait for input gives up all the same
     sigaction(SIGINT, &action, nullptr);
     LineEditor editor(
         state_file("workbench_history"),

@@ -77,6 +77,7 @@ BodyRead read_body(const json& j) {
   out.modal = std::make_shared<ModalData>(lumped_modal_data(std::move(nodes), K, C, {}));
   out.body.type = "modal_flexible";
   out.body.level = 2;
+  out.body.rotary_tolerance = 0.0;
   return out;
 }
 

@@ -3,10 +3,12 @@
 #include <fmt/format.h>
 
 #include <Eigen/Geometry>
+#include <array>
 #include <random>
 #include <set>
 
 #include "bodies/modal/lumped.hpp"
+#include "core/model/rotary_terms.hpp"
 
 namespace cardan::test {
 namespace {
@@ -148,6 +150,7 @@ RandomTree random_tree(unsigned seed, const TreeOptions& options) {
     if (random.chance(options.flexible)) {
       b.type = "modal_flexible";
       b.level = options.level >= 0 ? options.level : random.below(3);
+      b.rotary_tolerance = std::array{0.0, 0.05, 0.5}[static_cast<std::size_t>(i % 3)];
       d.n_modes = options.modes > 0 ? options.modes : 1 + random.below(4);
       b.eta = list(random.vector(d.n_modes, 0.1));
       b.etadot = list(random.vector(d.n_modes, 0.5));
@@ -198,6 +201,7 @@ RandomTree random_tree(unsigned seed, const TreeOptions& options) {
     if (random.chance(0.4)) tree.loads.push_back({b.name, "tip", random.chance(0.5), random.vector(6, 2.0)});
     tree.spec.bodies.push_back(std::move(b));
   }
+  tree.spec = *with_kept_rotary_terms(std::make_shared<const SystemSpec>(std::move(tree.spec)));  // so that a twin has them too
   return tree;
 }
 

@@ -133,7 +133,7 @@ TEST(DoubleCross, HasTheFrequenciesOfNafemsFv2) {
     int from = joint;
     for (int e = 1; e <= elements; ++e) {
       const int to = b.add_node(5.0 * e / elements * along);
-      add_beam(b, from, to, across, steel, section, false);
+      add_beam(b, from, to, across, steel, section, SectionInertia::torsional);
       from = to;
     }
     held.insert(held.end(), {6 * from, 6 * from + 1});
@@ -174,7 +174,7 @@ TEST(BeamElement, AnObliqueBeamIsTheTurnedBeam) {
     FeBuilder b;
     b.add_node(Eigen::Vector3d::Zero());
     b.add_node(R * Eigen::Vector3d(0.5, 0, 0));
-    add_beam(b, 0, 1, R.col(1), m, s, true);
+    add_beam(b, 0, 1, R.col(1), m, s, SectionInertia::all);
     return b.finish({0}, "");
   };
   const FeModel straight = build(Eigen::Matrix3d::Identity()), oblique = build(turn.toRotationMatrix());

@@ -205,7 +205,7 @@ TEST(FreeModes, AMechanismIsRefusedWithItsPlace) {
   FeBuilder b;
   for (double x : {0.0, 1.0}) b.add_node({x, 0, 0});
   b.add_node({1.5, 0, 0});  // a loose end
-  add_beam(b, 0, 1, Vector3d::UnitY(), {1e9, 0.3, 1000.0}, rectangle_section(0.1, 0.1), true);
+  add_beam(b, 0, 1, Vector3d::UnitY(), {1e9, 0.3, 1000.0}, rectangle_section(0.1, 0.1), SectionInertia::all);
   b.add_mass(2, 1.0, Matrix3d::Identity());
   const FeModel m = b.finish({0}, "");
   try {
