@@ -194,16 +194,24 @@ VectorXd bias_of_energy(const BodyInstance& body, const VectorXd& eta, const Vec
 class BodyLaws {
  public:
   BodyLaws(const cardan_body_family& family, std::uint64_t seed, const TellPhase& before)
-      : f_(family), rng_(seed), seed_(seed), before_(before) {}
+      : f_(family), rng_(seed), seed_(seed), before_(before) {
+    found_.list(kAccepts, "its mass is given by the host");
+    found_.list(kWrites, "its mass is given by the host");
+    const char* no_fact = f_.mass_source == CARDAN_MASS_MODES ? "no sample declares it" : "it has no modes";
+    for (const char* fact : kFacts) found_.list(fact, no_fact);
+  }
 
-  std::vector<std::string> violations(int samples) {
+  std::vector<std::string> violations(int samples, LawRecord* record) {
     for (found_.sample = 0; found_.sample < samples; ++found_.sample)
-      if (!(f_.mass_source == CARDAN_MASS_MODES ? modal_sample() : computed_sample())) return found_.take();
-    if (f_.mass_source == CARDAN_MASS_MODES && accepted_ == 0) found_.add("pack refuses every set of random parameters and modes");
-    return found_.take();
+      if (!(f_.mass_source == CARDAN_MASS_MODES ? modal_sample() : computed_sample())) return found_.take(record);
+    if (f_.mass_source == CARDAN_MASS_MODES) found_.law(kAccepts, accepted_ > 0, "pack refuses every set of random parameters and modes");
+    return found_.take(record);
   }
 
  private:
+  static constexpr const char* kFacts[] = {"the fact is true: m_ee_constant", "the fact is true: m_re_constant",
+                                           "the fact is true: j_constant"};
+
   template <class... Arguments>
   void law(const Arguments&... arguments) {
     found_.law(arguments...);
@@ -227,8 +235,9 @@ class BodyLaws {
           schema(), seed, [](const cardan_param_values*) { return sizeof(Rigid); }, rigid);
     };
     const PackedSample computed = compute(), again = compute();
-    if (computed.block.empty()) return found_.add("rigid refuses every set of random parameters"), false;
-    if (!computed.fault.empty()) return found_.add("rigid writes beyond what it is handed"), false;
+    law(kAccepts, !computed.block.empty(), "rigid refuses every set of random parameters");
+    law(kWrites, computed.fault.empty(), "rigid writes beyond what it is handed");
+    if (computed.block.empty() || !computed.fault.empty()) return false;
     Rigid r;
     std::memcpy(&r, computed.block.data(), sizeof r);
     law("rigid is a function of its arguments", std::memcmp(computed.block.data(), again.block.data(), sizeof r) == 0);
@@ -268,7 +277,8 @@ class BodyLaws {
         schema(), seed_ + 1000u * static_cast<std::uint64_t>(found_.sample),
         [&](const cardan_param_values* values) { return f_.packed_size(values, view.get()); },
         [&](const cardan_param_values* values, void* out) { return f_.pack(values, view.get(), out); });
-    if (!packed.fault.empty()) return found_.add(packed.fault), false;
+    law(kPack, packed.fault.empty(), packed.fault);
+    if (!packed.fault.empty()) return false;
     if (packed.block.empty()) return true;
     ++accepted_;
     BodyInstance body(f_, packed, modes, before_);
@@ -276,7 +286,7 @@ class BodyLaws {
     const Inertia at_rest = body.mass(VectorXd::Zero(modes));
     for (const double size : {0.01, 0.1, 1.0})
       if (!expect(body, facts, at_rest, data.integrals.I1, size)) break;
-    if (!body.overrun().empty()) found_.add(body.overrun());
+    law(kWrites, body.overrun().empty(), body.overrun());
     return body.overrun().empty();
   }
 
@@ -315,9 +325,9 @@ class BodyLaws {
     law("b_v is what the kinetic energy gives", (wanted.segment<3>(3) - b.segment<3>(3)).norm(), 1e-9, scale);
     law("b_e is what the kinetic energy gives", (wanted.tail(m) - b.tail(m)).norm(), 1e-9, scale);
 
-    law("the fact is true: m_ee_constant", !facts.m_ee_constant || I.ee == at_rest.ee);
-    law("the fact is true: m_re_constant", !facts.m_re_constant || I.re == at_rest.re);
-    law("the fact is true: j_constant", !facts.j_constant || I.rr.tail<6>() == at_rest.rr.tail<6>());
+    if (facts.m_ee_constant) law(kFacts[0], I.ee == at_rest.ee);
+    if (facts.m_re_constant) law(kFacts[1], I.re == at_rest.re);
+    if (facts.j_constant) law(kFacts[2], I.rr.tail<6>() == at_rest.rr.tail<6>());
     return true;
   }
 
@@ -344,9 +354,10 @@ std::vector<std::string> body_table_faults(const cardan_body_family& f) {
   return table.take();
 }
 
-std::vector<std::string> body_law_violations(const cardan_body_family& family, int samples, std::uint64_t seed, const TellPhase& before) {
+std::vector<std::string> body_law_violations(const cardan_body_family& family, int samples, std::uint64_t seed, const TellPhase& before,
+                                             LawRecord* record) {
   if (auto faults = body_table_faults(family); !faults.empty()) return faults;
-  return BodyLaws(family, seed, before).violations(samples);
+  return BodyLaws(family, seed, before).violations(samples, record);
 }
 
 }  // namespace cardan

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/abi/cardan_body.h"
+#include "core/abi/law_record.hpp"
 #include "core/abi/trial.hpp"
 
 namespace cardan {
@@ -20,6 +21,7 @@ std::vector<std::string> body_table_faults(const cardan_body_family& family);
 /// the derivative of m c along eta; b is what the kinetic energy 1/2 V* M V gives by Lagrange's equations; each declared fact is true.
 /// Of a body whose mass is computed: an inertia that a body can have.
 std::vector<std::string> body_law_violations(
-    const cardan_body_family& family, int samples = 40, std::uint64_t seed = 1, const TellPhase& before = [](std::string_view) {});
+    const cardan_body_family& family, int samples = 40, std::uint64_t seed = 1, const TellPhase& before = [](std::string_view) {},
+    LawRecord* record = nullptr);
 
 }  // namespace cardan

@@ -143,15 +143,16 @@ class DeviceLaws {
     for (std::uint32_t i = 0; i < f_.n_ports; ++i) (f_.ports[i].kind == CARDAN_PORT_IN ? n_in_ : n_out_) += 1;
     z_ = f_.n_mounts * kMotion + n_in_;
     out_ = f_.n_mounts * kLoad, zdot_ = out_ + n_out_, power_ = zdot_ + f_.n_states;
+    list();
   }
 
   bool sample(int i) {
-    sample_ = i;
+    found_.sample = i;
     if (!pack()) return false;
     const Point x = random_point();
     const Point handed = x;
     const Given y = evaluate(handed);
-    if (handed.numbers != x.numbers) found_.push_back(fmt::format("evaluate changes its arguments (sample {})", sample_));
+    law(kLeaves, handed.numbers == x.numbers, "evaluate changes its arguments");
     if (y.code != 0) return true;  // outside of its domain
     ++taken_;
     pure(x, y);
@@ -167,16 +168,64 @@ class DeviceLaws {
     if (f_.n_roots > 0) roots(x);
     if (f_.event) event(x);
     if (f_.tick) tick(x);
-    return found_.size() < 20;
+    return found_.few();
   }
-  std::vector<std::string> take() {
-    if (taken_ == 0 && found_.empty()) found_.push_back("evaluate refuses every random point");
-    return std::move(found_);
+  std::vector<std::string> take(LawRecord* record) {
+    if (found_.none()) law(kAccepts, taken_ > 0, "evaluate refuses every random point");
+    return found_.take(record);
   }
 
  private:
-  void law(std::string_view name, double error, double limit) {
-    if (!(error <= limit)) found_.push_back(fmt::format("{}: error {:.2g} (limit {:.0e}, sample {})", name, error, limit, sample_));
+  static constexpr const char *kFinite = "numbers are finite for finite arguments", *kNominal = "nominal sizes are numbers > 0",
+                              *kReads = "mounts are read as declared", *kDirect = "outputs depend on inputs as declared",
+                              *kPushes = "loads are where they are declared", *kInternal = "loads of an internal device sum to zero",
+                              *kEnergy = "energy' = delivered - lost - power of the loads",
+                              *kTangent = "tangent is the derivative of evaluate", *kRatesOnce = "rates of states come from follow alone",
+                              *kFollowTangent = "follow_tangent is the derivative of follow", *kFlow = "mass falls by its inputs in kg/s",
+                              *kMassTangent = "mass_tangent is the derivative of mass",
+                              *kMomentum = "stored momentum changes by minus the moments", *kHolds = "holds gives a number >= 0";
+  static constexpr const char* kPassive[] = {"a passive device delivers nothing", "a passive device loses"};
+
+  /// What is tried of this device, and why the rest is not.
+  void list() {
+    const std::pair<const char*, bool> functions[] = {{"energy", f_.energy}, {"mass", f_.mass},     {"momentum", f_.momentum},
+                                                      {"holds", f_.holds},   {"follow", f_.follow}, {"roots", f_.roots},
+                                                      {"event", f_.event},   {"tick", f_.tick}};
+    for (const char* always : {kPack, kAccepts, kWrites, kLeaves, kFinite}) found_.list(always);
+    found_.list(pure_law("evaluate"));
+    for (const auto& [function, given] : functions)
+      found_.list(pure_law(function), given ? "it never answers" : fmt::format("it has no {}", function));
+    const auto of = [&](const char* law, bool applies, const char* lacks) { found_.list(law, applies ? "no sample came to it" : lacks); };
+    of(kNominal, f_.n_states > 0, "it has no states");
+    of(kReads, f_.n_mounts > 0, "it has no mounts");
+    found_.list(kDirect, "every output may depend on every input");
+    found_.list(kPushes, "every load is declared");
+    of(kInternal, (f_.facts & CARDAN_FACT_INTERNAL) != 0, "CARDAN_FACT_INTERNAL is not declared");
+    of(kEnergy, (f_.facts & CARDAN_FACT_ENERGY) != 0, "CARDAN_FACT_ENERGY is not declared");
+    for (const char* law : kPassive) of(law, (f_.facts & CARDAN_FACT_PASSIVE) != 0, "CARDAN_FACT_PASSIVE is not declared");
+    of(kTangent, f_.tangent, "it has no tangent");
+    of(kRatesOnce, f_.follow, "it has no follow");
+    of(kFollowTangent, f_.follow_tangent, "it has no follow_tangent");
+    of(kFlow, f_.mass, "it has no mass");
+    of(kMassTangent, f_.mass_tangent, "it has no mass_tangent");
+    of(kMomentum, f_.momentum, "it has no momentum");
+    of(kHolds, f_.holds, "it has no holds");
+  }
+
+  template <class... Arguments>
+  void law(const Arguments&... arguments) const {
+    found_.law(arguments...);
+  }
+  /// Is it the same again, `where`?
+  void pure(const char* what, bool same, const char* where) {
+    law(pure_law(what), same, fmt::format("{} is a function of its arguments: other numbers {}", what, where));
+  }
+  static std::string pure_law(const char* what) { return fmt::format("{} is a function of its arguments", what); }
+  template <class Told>
+  bool finite(double number, const Told& told) {
+    const bool is = std::isfinite(number);
+    law(kFinite, is, is ? std::string() : std::string(told()));
+    return is;
   }
   double normal() { return std::normal_distribution<double>()(rng_); }
   double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(rng_); }
@@ -187,25 +236,22 @@ class DeviceLaws {
     const Point handed = x;
     const std::vector<double> packed = packed_, first = f(handed);
     const auto expect_same = [&](const std::vector<double>& numbers, const char* where) {
-      if (numbers.size() != first.size() || std::memcmp(numbers.data(), first.data(), first.size() * sizeof(double)) != 0)
-        found_.push_back(fmt::format("{} is a function of its arguments: other numbers {} (sample {})", what, where, sample_));
+      const bool same = numbers.size() == first.size() && std::memcmp(numbers.data(), first.data(), first.size() * sizeof(double)) == 0;
+      pure(what, same, where);
     };
     f(random_point());
     expect_same(f(handed), "at the second call");
     std::vector<double> elsewhere;
     in_another_thread([&] { elsewhere = f(handed); });
     expect_same(elsewhere, "on another thread");
-    if (handed.numbers != x.numbers || packed != packed_)
-      found_.push_back(fmt::format("{} changes its arguments (sample {})", what, sample_));
+    law(kLeaves, handed.numbers == x.numbers && packed == packed_, fmt::format("{} changes its arguments", what));
     return first;
   }
 
   bool pack() {
     PackedSample packed = packed_at_random(f_, rng_(), before_);
-    if (!packed.fault.empty()) {
-      found_.push_back(packed.fault);
-      return false;
-    }
+    law(kPack, packed.fault.empty(), packed.fault);
+    if (!packed.fault.empty()) return false;
     packed_ = std::move(packed.block);
     nominal_.clear();
     for (std::uint32_t i = 0; i < f_.n_states; ++i) nominal_.push_back(f_.states[i].nominal);
@@ -214,12 +260,12 @@ class DeviceLaws {
       Handed sizes(nominal_.size());
       std::ranges::copy(nominal_, sizes.data());
       f_.nominal(packed_.data(), sizes.data());
-      if (!sizes.intact()) found_.push_back("nominal writes beyond its array");
+      law(kWrites, sizes.intact(), "nominal writes beyond its array");
       std::copy_n(sizes.data(), nominal_.size(), nominal_.begin());
     }
     for (const double size : nominal_)
-      if (!(size > 0.0 && std::isfinite(size))) found_.push_back(fmt::format("nominal gives {:g}, not a number > 0", size));
-    return found_.empty();
+      law(kNominal, size > 0.0 && std::isfinite(size), fmt::format("nominal gives {:g}, not a number > 0", size));
+    return found_.none();
   }
 
   Point random_point() {
@@ -283,20 +329,16 @@ class DeviceLaws {
   void pure(const Point& x, const Given& y) {
     Point copy = x;
     const std::vector<double> packed = packed_;
-    if (y.overrun) found_.push_back(fmt::format("evaluate writes beyond its arrays (sample {})", sample_));
+    law(kWrites, !y.overrun, "evaluate writes beyond its arrays");
     for (std::size_t i = 0; i < y.numbers.size(); ++i)
-      if (!std::isfinite(y.numbers[i])) {
-        found_.push_back(fmt::format("evaluate gives {} for finite arguments ({}, sample {})", y.numbers[i], name_of(i), sample_));
+      if (!finite(y.numbers[i], [&] { return fmt::format("evaluate gives {} for finite arguments ({})", y.numbers[i], name_of(i)); }))
         return;
-      }
     evaluate(random_point());  // what it may remember
     Given again = evaluate(copy), elsewhere;
     in_another_thread([&] { elsewhere = evaluate(x); });
-    if (!same(again, y))
-      found_.push_back(fmt::format("evaluate is a function of its arguments: other numbers at the second call (sample {})", sample_));
-    if (!same(elsewhere, y))
-      found_.push_back(fmt::format("evaluate is a function of its arguments: other numbers on another thread (sample {})", sample_));
-    if (packed != packed_) found_.push_back(fmt::format("evaluate changes its arguments (sample {})", sample_));
+    pure("evaluate", same(again, y), "at the second call");
+    pure("evaluate", same(elsewhere, y), "on another thread");
+    law(kLeaves, packed == packed_, "evaluate changes its arguments");
   }
 
   std::string name_of(std::size_t i) const {
@@ -320,27 +362,23 @@ class DeviceLaws {
     };
     for (std::uint32_t m = 0; m < f_.n_mounts; ++m) {
       const std::size_t at = m * kMotion;
+      const char* name = f_.mounts[m].name;
+      const auto unread = [&](std::size_t first, std::size_t last, const char* told) {
+        law(kReads, same(changed(first, last), y), fmt::format(fmt::runtime(told), name));
+      };
       if (f_.mounts[m].kind == CARDAN_MOUNT_FIELD) {
-        if (!same(changed(at, at + kRates), y))
-          found_.push_back(
-              fmt::format("mount {} is a field: it has the numbers of its quantity alone (sample {})", f_.mounts[m].name, sample_));
+        unread(at, at + kRates, "mount {} is a field: it has the numbers of its quantity alone");
         continue;
       }
-      if (!same(changed(at + kRates, at + kMotion), y))
-        found_.push_back(fmt::format("mount {} is no field (sample {})", f_.mounts[m].name, sample_));
+      unread(at + kRates, at + kMotion, "mount {} is no field");
       const bool node = f_.mounts[m].kind != CARDAN_MOUNT_HINGE;
       const bool poses = (f_.mounts[m].use & CARDAN_USE_POSE) != 0, velocities = (f_.mounts[m].use & CARDAN_USE_VELOCITY) != 0;
       // The host gives both where one is read.
       const bool at_ticks = (f_.mounts[m].use & CARDAN_USE_ACCELERATION) != 0;
-      if (node && ((!poses && !velocities) || at_ticks) && !same(changed(at, at + kVelocity), y))
-        found_.push_back(fmt::format("mount {} reads pose or velocity and does not say so (sample {})", f_.mounts[m].name, sample_));
-      if (!same(changed(at + kHinge, at + kRates), y))
-        found_.push_back(
-            fmt::format("evaluate reads an acceleration at mount {}, which it cannot know (sample {})", f_.mounts[m].name, sample_));
-      if (node && !same(changed(at + kVelocity, at + kHinge), y))
-        found_.push_back(fmt::format("mount {} is a node: it has no q and v (sample {})", f_.mounts[m].name, sample_));
-      if (!node && !same(changed(at, at + kVelocity), y))
-        found_.push_back(fmt::format("mount {} is a hinge component: it has q and v alone (sample {})", f_.mounts[m].name, sample_));
+      if (node && ((!poses && !velocities) || at_ticks)) unread(at, at + kVelocity, "mount {} reads pose or velocity and does not say so");
+      unread(at + kHinge, at + kRates, "evaluate reads an acceleration at mount {}, which it cannot know");
+      if (node) unread(at + kVelocity, at + kHinge, "mount {} is a node: it has no q and v");
+      if (!node) unread(at, at + kVelocity, "mount {} is a hinge component: it has q and v alone");
     }
     for (std::size_t i = 0; i < n_in_; ++i) {
       const std::size_t at = f_.n_mounts * kMotion + i;
@@ -350,8 +388,9 @@ class DeviceLaws {
       for (std::uint32_t p = 0; p < f_.n_ports; ++p) {
         if (f_.ports[p].kind != CARDAN_PORT_OUT) continue;
         const bool direct = i >= 64 || (f_.ports[p].direct >> i & 1U) != 0;
-        if (!direct && other.numbers[out_ + k] != y.numbers[out_ + k])
-          found_.push_back(fmt::format("output {} depends on input no. {} and does not say so (sample {})", f_.ports[p].name, i, sample_));
+        if (!direct)
+          law(kDirect, other.numbers[out_ + k] == y.numbers[out_ + k],
+              fmt::format("output {} depends on input no. {} and does not say so", f_.ports[p].name, i));
         ++k;
       }
     }
@@ -363,8 +402,8 @@ class DeviceLaws {
       const bool node = f_.mounts[m].kind != CARDAN_MOUNT_HINGE, field = f_.mounts[m].kind == CARDAN_MOUNT_FIELD;
       const bool loads = !field && (f_.mounts[m].use & CARDAN_USE_LOAD) != 0;
       for (int i = 0; i < kLoad; ++i)
-        if (l[i] != 0.0 && (!loads || (i < 6) != node))
-          found_.push_back(fmt::format("{} and does not say so (sample {})", name_of(m * kLoad + static_cast<std::size_t>(i)), sample_));
+        if (!loads || (i < 6) != node)
+          law(kPushes, l[i] == 0.0, fmt::format("{} and does not say so", name_of(m * kLoad + static_cast<std::size_t>(i))));
     }
   }
 
@@ -383,8 +422,7 @@ class DeviceLaws {
         size += std::abs(n[i]) + std::abs(f[i]) * (1.0 + std::abs(p[j]) + std::abs(p[k]));
       }
     }
-    law("loads of an internal device sum to zero",
-        (std::hypot(force[0], force[1], force[2]) + std::hypot(moment[0], moment[1], moment[2])) / size, 1e-13);
+    law(kInternal, (std::hypot(force[0], force[1], force[2]) + std::hypot(moment[0], moment[1], moment[2])) / size, 1e-13);
   }
 
   double energy_at(const Point& x) const {
@@ -444,11 +482,10 @@ class DeviceLaws {
     const auto along = rates(x, y);
     const double h = along.second, slope = DeviceLaws::slope(x, along, [&](const Point&p) { return energy_at(p); });
     const double stored = std::abs(energy_at(x)) / h * 1e-15;
-    law("energy' = delivered - lost - power of the loads",
-        std::abs(slope - (y.numbers[power_] - y.numbers[power_ + 1] - power)) / (1e-3 + size), 1e-7 + stored);
+    law(kEnergy, std::abs(slope - (y.numbers[power_] - y.numbers[power_ + 1] - power)) / (1e-3 + size), 1e-7 + stored);
     if ((f_.facts & CARDAN_FACT_PASSIVE) == 0) return;
-    law("a passive device delivers nothing", std::abs(y.numbers[power_]), 0.0);
-    law("a passive device loses", -y.numbers[power_ + 1], 1e-15 * size);
+    law(kPassive[0], std::abs(y.numbers[power_]), 0.0);
+    law(kPassive[1], -y.numbers[power_ + 1], 1e-15 * size);
   }
 
   cardan_mass mass_at(const Point& x, const std::vector<double>& z) const {
@@ -466,12 +503,10 @@ class DeviceLaws {
     const std::vector<double> z(at_z, at_z + f_.n_states);
     const cardan_mass first = mass_at(x, z);
     if (!std::isfinite(first.mass)) return;  // outside of its domain
-    for (std::size_t i = 0; i < kMass; ++i)
-      if (!std::isfinite((&first.mass)[i])) found_.push_back(fmt::format("mass gives a number that is not finite (sample {})", sample_));
+    for (std::size_t i = 0; i < kMass; ++i) finite((&first.mass)[i], [] { return "mass gives a number that is not finite"; });
     mass_at(x, std::vector<double>(f_.n_states, 0.3));
     cardan_mass again = mass_at(x, z);
-    if (std::memcmp(&again, &first, sizeof first) != 0)
-      found_.push_back(fmt::format("mass is a function of its arguments: other numbers at the second call (sample {})", sample_));
+    pure("mass", std::memcmp(&again, &first, sizeof first) == 0, "at the second call");
     const auto slope = [&](const double* dz, double h) {
       std::vector<double> sum(kMass, 0.0);
       for (const auto& [steps, weight] : {std::pair(1, 45.0), std::pair(2, -9.0), std::pair(3, 1.0)})
@@ -494,7 +529,7 @@ class DeviceLaws {
     double largest = 1e-30;
     for (std::size_t i = 0; i < z.size(); ++i) largest = std::max(largest, std::abs(zdot[i]) / nominal_[i]);
     if (const double change = slope(zdot, 1e-3 / largest)[0]; std::isfinite(change))  // else beside its domain
-      law("mass falls by its inputs in kg/s", std::abs(change + drawn) / size, 1e-8);
+      law(kFlow, std::abs(change + drawn) / size, 1e-8);
     if (!f_.mass_tangent) return;
     std::vector<double> dz;
     for (const double n : nominal_) dz.push_back(n * normal());
@@ -507,7 +542,7 @@ class DeviceLaws {
     for (std::size_t i = 0; i < kMass; ++i) {
       const double scale = 1.0 + std::abs(fine[i]);
       if (!(std::abs(fine[i] - coarse[i]) <= 1e-7 * scale)) continue;  // a corner, or too curved here
-      law("mass_tangent is the derivative of mass", std::abs((&given.mass)[i] - fine[i]) / scale, 1e-6);
+      law(kMassTangent, std::abs((&given.mass)[i] - fine[i]) / scale, 1e-6);
     }
   }
 
@@ -518,8 +553,7 @@ class DeviceLaws {
       return f_.holds(&a);
     };
     const double most = same_again("holds", x, [&](const Point& p) { return std::vector<double>{most_at(p)}; })[0];
-    if (!(most >= 0.0 && std::isfinite(most)))
-      found_.push_back(fmt::format("holds gives {}, not a number >= 0 (sample {})", most, sample_));
+    law(kHolds, most >= 0.0 && std::isfinite(most), fmt::format("holds gives {}, not a number >= 0", most));
   }
 
   /// Of each mount, in the axes of the node.
@@ -529,7 +563,7 @@ class DeviceLaws {
     std::fill_n(h.data(), 3 * f_.n_mounts, 0.0);
     const cardan_device_args a = args(x);
     f_.momentum(&a, reinterpret_cast<double(*)[3]>(h.data()));
-    if (!h.intact()) found_.push_back(fmt::format("momentum writes beyond its array (sample {})", sample_));
+    law(kWrites, h.intact(), "momentum writes beyond its array");
     return {h.data(), h.data() + 3 * f_.n_mounts};
   }
   /// World axes.
@@ -552,8 +586,7 @@ class DeviceLaws {
         for (std::size_t j = 0; j < 3 && f_.mounts[m].kind != CARDAN_MOUNT_HINGE; ++j)
           moment += R[3 * i + j] * l[j], force += std::abs(l[3 + j]), size += std::abs(l[j]);
       }
-      law("stored momentum changes by minus the moments",
-          (std::abs(slope(x, along, [&](const Point& p) { return momentum_at(p)[i]; }) + moment) + force) / size, 1e-7);
+      law(kMomentum, (std::abs(slope(x, along, [&](const Point& p) { return momentum_at(p)[i]; }) + moment) + force) / size, 1e-7);
     }
   }
 
@@ -586,27 +619,26 @@ class DeviceLaws {
     a.in = a.d = nullptr;
     Handed zdot(f_.n_states);
     const int code = f_.follow(&a, zdot.data());
-    if (!zdot.intact()) found_.push_back(fmt::format("follow writes beyond its array (sample {})", sample_));
+    law(kWrites, zdot.intact(), "follow writes beyond its array");
     return code != 0 ? std::vector<double>() : std::vector<double>(zdot.data(), zdot.data() + f_.n_states);
   }
   /// z' by `follow` alone, a function of its arguments, whose derivative is what it says.
   void follow(const Point& x, const Given& y) {
     const std::size_t n = f_.n_states;
-    if (std::any_of(y.numbers.begin() + static_cast<std::ptrdiff_t>(zdot_), y.numbers.begin() + static_cast<std::ptrdiff_t>(power_),
-                    [](double rate) { return rate != 0.0; }))
-      found_.push_back(fmt::format("evaluate gives rates of states, which follow gives (sample {})", sample_));
+    law(kRatesOnce,
+        std::all_of(y.numbers.begin() + static_cast<std::ptrdiff_t>(zdot_), y.numbers.begin() + static_cast<std::ptrdiff_t>(power_),
+                    [](double rate) { return rate == 0.0; }),
+        "evaluate gives rates of states, which follow gives");
     const std::vector<double> first = same_again("follow", x, [&](const Point& p) { return followed(p); });
     if (first.empty()) return;  // outside of its domain
     for (std::uint32_t m = 0; m < f_.n_mounts; ++m) {
       if (f_.mounts[m].kind != CARDAN_MOUNT_FIELD) continue;
       Point other = x;
       for (int i = 0; i < kMotion; ++i) other.numbers[m * kMotion + static_cast<std::size_t>(i)] += 0.7;
-      if (followed(other) != first)
-        found_.push_back(fmt::format("follow reads mount {}, a field, of which it has nothing (sample {})", f_.mounts[m].name, sample_));
+      law(kReads, followed(other) == first, fmt::format("follow reads mount {}, a field, of which it has nothing", f_.mounts[m].name));
     }
     for (std::size_t i = 0; i < n; ++i)
-      if (!std::isfinite(first[i]))
-        found_.push_back(fmt::format("follow gives {} for finite arguments (rate of {}, sample {})", first[i], f_.states[i].name, sample_));
+      finite(first[i], [&] { return fmt::format("follow gives {} for finite arguments (rate of {})", first[i], f_.states[i].name); });
     if (!f_.follow_tangent) return;
     const Point along = direction(x);
     cardan_device_args a = args(x), d = args(along);
@@ -614,7 +646,7 @@ class DeviceLaws {
     Handed given(n);
     before_("follow_tangent");
     if (f_.follow_tangent(&a, &d, given.data()) != 0) return;
-    if (!given.intact()) found_.push_back(fmt::format("follow_tangent writes beyond its array (sample {})", sample_));
+    law(kWrites, given.intact(), "follow_tangent writes beyond its array");
     const auto f = [&](const Point& moved) {
       std::vector<double> rates = followed(moved);
       rates.resize(n, std::nan(""));
@@ -624,8 +656,7 @@ class DeviceLaws {
     for (std::size_t i = 0; i < n; ++i) {
       const double size = 1.0 + std::abs(fine[i]);
       if (!(std::abs(fine[i] - coarse[i]) <= 1e-7 * size)) continue;  // a corner, or too curved here
-      law(fmt::format("follow_tangent is the derivative of follow (rate of {})", f_.states[i].name),
-          std::abs(given.data()[i] - fine[i]) / size, 1e-6);
+      law(kFollowTangent, std::abs(given.data()[i] - fine[i]) / size, 1e-6, 0.0, fmt::format("rate of {}", f_.states[i].name));
     }
   }
 
@@ -636,14 +667,14 @@ class DeviceLaws {
       const cardan_device_args a = args(x), d = args(along);
       return f_.tangent(&a, &d, o);
     });
-    if (given.overrun) found_.push_back(fmt::format("tangent writes beyond its arrays (sample {})", sample_));
+    law(kWrites, !given.overrun, "tangent writes beyond its arrays");
     if (given.code != 0) return;
     const auto f = [&](const Point& moved) { return evaluate(moved).numbers; };
     const std::vector<double> fine = slopes(x, along, 1e-3, power_, f), coarse = slopes(x, along, 2e-3, power_, f);
     for (std::size_t i = 0; i < power_; ++i) {
       const double size = 1.0 + std::abs(fine[i]);
       if (std::abs(fine[i] - coarse[i]) > 1e-7 * size) continue;  // a corner, or too curved here
-      law(fmt::format("tangent is the derivative of evaluate ({})", name_of(i)), std::abs(given.numbers[i] - fine[i]) / size, 1e-6);
+      law(kTangent, std::abs(given.numbers[i] - fine[i]) / size, 1e-6, 0.0, name_of(i));
     }
   }
 
@@ -656,7 +687,7 @@ class DeviceLaws {
     std::copy_n(x.numbers.data() + z_ + f_.n_states, f_.n_marks, d.data());
     const cardan_device_args a = args(x);
     if (!change(a, z.data(), d.data())) return {};
-    if (!z.intact() || !d.intact()) found_.push_back(fmt::format("{} writes beyond its arrays (sample {})", what, sample_));
+    law(kWrites, z.intact() && d.intact(), fmt::format("{} writes beyond its arrays", what));
     std::vector<double> all(z.data(), z.data() + f_.n_states);
     all.insert(all.end(), d.data(), d.data() + f_.n_marks);
     return all;
@@ -664,8 +695,8 @@ class DeviceLaws {
   template <class Change>
   void accepted(const char* what, const Point& x, const Change& change) {
     const std::vector<double> first = same_again(what, x, [&](const Point& p) { return changed_by(what, p, change); });
-    if (std::any_of(first.begin(), first.end(), [](double a) { return !std::isfinite(a); }))
-      found_.push_back(fmt::format("{} sets a number that is not finite (sample {})", what, sample_));
+    for (const double a : first)
+      if (!finite(a, [&] { return fmt::format("{} sets a number that is not finite", what); })) return;
   }
   void tick(const Point& x) {
     const std::vector<double> noise(f_.n_noise, 0.3);
@@ -687,13 +718,13 @@ class DeviceLaws {
     std::fill_n(g.data(), f_.n_roots, 0.0);
     const cardan_device_args a = args(x);
     f_.roots(&a, g.data());
-    if (!g.intact()) found_.push_back(fmt::format("roots writes beyond n_roots (sample {})", sample_));
+    law(kWrites, g.intact(), "roots writes beyond n_roots");
     return {g.data(), g.data() + f_.n_roots};
   }
   void roots(const Point& x) {
     const std::vector<double> g = same_again("roots", x, [&](const Point& p) { return roots_at(p); });
     for (std::uint32_t i = 0; i < f_.n_roots; ++i)
-      if (!std::isfinite(g[i])) found_.push_back(fmt::format("root no. {} is {} for finite arguments (sample {})", i, g[i], sample_));
+      finite(g[i], [&] { return fmt::format("root no. {} is {} for finite arguments", i, g[i]); });
   }
 
   const cardan_device_family& f_;
@@ -701,21 +732,21 @@ class DeviceLaws {
   const TellPhase& before_;
   std::size_t n_in_ = 0, n_out_ = 0, z_ = 0, out_ = 0, zdot_ = 0, power_ = 0;  // where they begin
   std::vector<double> packed_, nominal_;
-  int sample_ = 0, taken_ = 0;
-  std::vector<std::string> found_;
+  int taken_ = 0;
+  mutable Violations found_;
 };
 
 }  // namespace
 
 std::vector<std::string> device_table_faults(const cardan_device_family& family) { return DeviceTableFaults(family).all(); }
 
-std::vector<std::string> device_law_violations(const cardan_device_family& family, int samples, std::uint64_t seed,
-                                               const TellPhase& before) {
+std::vector<std::string> device_law_violations(const cardan_device_family& family, int samples, std::uint64_t seed, const TellPhase& before,
+                                               LawRecord* record) {
   if (auto faults = device_table_faults(family); !faults.empty()) return faults;
   DeviceLaws laws(family, seed, before);
   for (int i = 0; i < samples; ++i)
     if (!laws.sample(i)) break;
-  return laws.take();
+  return laws.take(record);
 }
 
 }  // namespace cardan

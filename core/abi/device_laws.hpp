@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/abi/cardan_device.h"
+#include "core/abi/law_record.hpp"
 #include "core/abi/trial.hpp"
 
 namespace cardan {
@@ -18,8 +19,9 @@ std::vector<std::string> device_table_faults(const cardan_device_family& family)
 /// nominal size): the functions are pure, on another thread too, and write nothing but what is theirs; nothing is read that the mounts do
 /// not declare, nothing pushes where they do not; outputs depend on the inputs that they say; loads of an internal device sum to zero;
 /// energy' = delivered - lost - power of the loads; a passive one loses; `tangent` is the derivative; what is given is finite. Each entry
-/// names the law, the error and the sample. `before` is told of each call.
+/// names the law, the error and the sample. `before` is told of each call, `record` gets what was tried.
 std::vector<std::string> device_law_violations(
-    const cardan_device_family& family, int samples = 40, std::uint64_t seed = 1, const TellPhase& before = [](std::string_view) {});
+    const cardan_device_family& family, int samples = 40, std::uint64_t seed = 1, const TellPhase& before = [](std::string_view) {},
+    LawRecord* record = nullptr);
 
 }  // namespace cardan

@@ -62,10 +62,11 @@ class FieldLaws {
   FieldLaws(const cardan_field_family& family, std::uint64_t seed, const TellPhase& before) : f_(family), rng_(seed), before_(before) {
     size_ = field_size(f_.quantity);
     distance_ = f_.distance > 0.0 ? f_.distance : 1.0;
+    list();
   }
 
   bool sample(int i) {
-    sample_ = i;
+    found_.sample = i;
     if (!pack()) return false;
     const double t = uniform(0.0, 1000.0);
     std::vector<double> points;
@@ -77,41 +78,69 @@ class FieldLaws {
     if (!prepare(t)) return true;
     const std::vector<double> handed = points;
     const Given all = evaluate(t, points);
-    if (handed != points) tell("evaluate changes its arguments");
+    law(kLeaves, handed == points, "evaluate changes its arguments");
     pure(t, points, all);
     for (int k = 0; k < (is_of_time(f_.quantity) ? 1 : kPoints); ++k) one(t, {points.begin() + 3 * k, points.begin() + 3 * k + 3}, k, all);
     if (f_.facts & CARDAN_FIELD_STEADY) {
       if (!prepare(t + 321.5)) return true;
       const Given later = evaluate(t + 321.5, points);
-      if (later.values != all.values) tell("a steady field is the same at another time");
+      law(kSteady, later.values == all.values);
     }
-    return found_.size() < 20;
+    return found_.few();
   }
-  std::vector<std::string> take() {
-    if (taken_ == 0 && found_.empty()) tell("every random point is beyond its limits: does `distance` fit?");
-    return std::move(found_);
+  std::vector<std::string> take(LawRecord* record) {
+    if (found_.none()) law(kAccepts, taken_ > 0, "every random point is beyond its limits: does `distance` fit?");
+    return found_.take(record);
   }
 
  private:
+  static constexpr const char *kPure = "evaluate is a function of its arguments",
+                              *kWith = "evaluate gives the same values whether gradients are wanted or not",
+                              *kFinite = "numbers are finite within the limits",
+                              *kAlone = "a point alone has the numbers that it has among others",
+                              *kPrepare = "prepare is a function of time", *kCodes = "codes are of declared limits",
+                              *kSteady = "a steady field is the same at another time", *kDensity = "a density is not negative",
+                              *kUnit = "an attitude is a unit quaternion",
+                              *kNoPotential = "gravity without CARDAN_FIELD_POTENTIAL has 0 for its potential",
+                              *kGradient = "gradients are the derivatives of values", *kPotential = "a = -grad U", *kDivergence = "div = 0",
+                              *kCurl = "curl = 0";
+
   static constexpr int kPoints = 3;
   struct Given {
     int beyond = 0;
     std::vector<double> values, gradients;
   };
 
-  void tell(const std::string& what) { found_.push_back(fmt::format("{} (sample {})", what, sample_)); }
-  void law(std::string_view name, double error, double limit) {
-    if (!(error <= limit)) found_.push_back(fmt::format("{}: error {:.2g} (limit {:.0e}, sample {})", name, error, limit, sample_));
+  /// What is tried of this field, and why the rest is not.
+  void list() {
+    for (const char* always : {kPack, kAccepts, kWrites, kLeaves, kPure, kWith, kFinite}) found_.list(always);
+    const auto of = [&](const char* law, bool applies, const char* lacks) { found_.list(law, applies ? "no sample came to it" : lacks); };
+    of(kAlone, !is_of_time(f_.quantity), "it depends on time alone");
+    of(kPrepare, f_.prepare, "it has no prepare");
+    of(kCodes, true, "");
+    of(kSteady, (f_.facts & CARDAN_FIELD_STEADY) != 0, "CARDAN_FIELD_STEADY is not declared");
+    of(kDensity, f_.quantity == CARDAN_DENSITY, "it is no density");
+    of(kUnit, f_.quantity == CARDAN_ATTITUDE, "it is no attitude");
+    const bool gravity = f_.quantity == CARDAN_GRAVITY, potential = (f_.facts & CARDAN_FIELD_POTENTIAL) != 0;
+    of(kNoPotential, gravity && !potential, gravity ? "CARDAN_FIELD_POTENTIAL is declared" : "it is no gravity");
+    of(kGradient, (f_.facts & CARDAN_FIELD_GRADIENT) != 0, "CARDAN_FIELD_GRADIENT is not declared");
+    of(kPotential, potential, "CARDAN_FIELD_POTENTIAL is not declared");
+    of(kDivergence, source_free(), "CARDAN_FIELD_SOURCE_FREE is not declared");
+    of(kCurl, curl_free(), "neither CARDAN_FIELD_CURL_FREE nor a potential is declared");
+  }
+  bool source_free() const { return (f_.facts & CARDAN_FIELD_SOURCE_FREE) != 0 || f_.quantity == CARDAN_MAGNETIC; }
+  bool curl_free() const { return (f_.facts & (CARDAN_FIELD_CURL_FREE | CARDAN_FIELD_POTENTIAL)) != 0; }
+  template <class... Arguments>
+  void law(const Arguments&... arguments) {
+    found_.law(arguments...);
   }
   double normal() { return std::normal_distribution<double>()(rng_); }
   double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(rng_); }
 
   bool pack() {
     PackedSample packed = packed_at_random(f_, rng_(), before_);
-    if (!packed.fault.empty()) {
-      found_.push_back(packed.fault);
-      return false;
-    }
+    law(kPack, packed.fault.empty(), packed.fault);
+    if (!packed.fault.empty()) return false;
     packed_ = std::move(packed.block);
     return true;
   }
@@ -131,11 +160,11 @@ class FieldLaws {
     std::memset(second.data(), kMark, second.size() * sizeof(double));
     f_.prepare(t, packed_.data(), second.data());
     const auto* bytes = reinterpret_cast<const unsigned char*>(first.data());
-    if (std::any_of(bytes + f_.prepared_size, bytes + first.size() * sizeof(double), [](unsigned char b) { return b != kMark; }))
-      tell("prepare writes beyond prepared_size");
-    if (std::memcmp(first.data(), second.data(), f_.prepared_size) != 0)
-      tell("prepare is a function of time: other bytes at the second call");
-    if (packed != packed_) tell("prepare changes its parameters");
+    law(kWrites, std::all_of(bytes + f_.prepared_size, bytes + first.size() * sizeof(double), [](unsigned char b) { return b == kMark; }),
+        "prepare writes beyond prepared_size");
+    law(kPrepare, std::memcmp(first.data(), second.data(), f_.prepared_size) == 0,
+        "prepare is a function of time: other bytes at the second call");
+    law(kLeaves, packed == packed_, "prepare changes its parameters");
     prepared_ = std::move(first);
     limits("prepare", code);
     return (code & ~holding()) == 0;
@@ -146,7 +175,7 @@ class FieldLaws {
     return bits;
   }
   void limits(const char* of, int code) {
-    if (code < 0 || (code >> f_.n_limits) != 0) tell(fmt::format("{} returns {}, and there are {} limits", of, code, f_.n_limits));
+    law(kCodes, code >= 0 && (code >> f_.n_limits) == 0, fmt::format("{} returns {}, and there are {} limits", of, code, f_.n_limits));
   }
 
   Given evaluate(double t, const std::vector<double>& points, bool gradients = true) {
@@ -158,7 +187,7 @@ class FieldLaws {
     Given out;
     out.beyond = f_.evaluate(&a, static_cast<std::uint32_t>(n), is_of_time(f_.quantity) ? nullptr : points.data(), values.data(),
                              wanted ? slopes.data() : nullptr);
-    if (!values.intact() || !slopes.intact()) tell("evaluate writes beyond its arrays");
+    law(kWrites, values.intact() && slopes.intact(), "evaluate writes beyond its arrays");
     out.values.assign(values.data(), values.data() + n * size_);
     if (wanted) out.gradients.assign(slopes.data(), slopes.data() + 3 * n * size_);
     return out;
@@ -176,12 +205,12 @@ class FieldLaws {
     for (double& x : elsewhere) x *= 1.1;
     evaluate(t, elsewhere);  // what it may remember
     const Given again = evaluate(t, points);
-    if (!same(again, all)) tell("evaluate is a function of its arguments: other numbers at the second call");
+    law(kPure, same(again, all), "evaluate is a function of its arguments: other numbers at the second call");
     Given on_thread;
     in_another_thread([&] { on_thread = evaluate(t, points); });
-    if (!same(on_thread, all)) tell("evaluate is a function of its arguments: other numbers on another thread");
-    if (evaluate(t, points, false).values != all.values) tell("evaluate gives the same values whether gradients are wanted or not");
-    if (packed != packed_ || prepared != prepared_) tell("evaluate changes its arguments");
+    law(kPure, same(on_thread, all), "evaluate is a function of its arguments: other numbers on another thread");
+    law(kWith, evaluate(t, points, false).values == all.values);
+    law(kLeaves, packed == packed_ && prepared == prepared_, "evaluate changes its arguments");
   }
 
   void one(double t, const std::vector<double>& x, int k, const Given& all) {
@@ -192,23 +221,22 @@ class FieldLaws {
       return std::vector<double>(from.begin() + static_cast<std::ptrdiff_t>(n) * k,
                                  from.begin() + static_cast<std::ptrdiff_t>(n) * (k + 1));
     };
-    if (slice(all.values, size_) != y.values || (!y.gradients.empty() && slice(all.gradients, 3 * size_) != y.gradients))
-      tell("a point alone has the numbers that it has among others");
+    law(kAlone, slice(all.values, size_) == y.values && (y.gradients.empty() || slice(all.gradients, 3 * size_) == y.gradients));
     for (const auto* list : {&y.values, &y.gradients})
-      for (const double number : *list)
-        if (!std::isfinite(number)) return tell(fmt::format("evaluate gives {}", number));
+      for (const double number : *list) {
+        law(kFinite, std::isfinite(number), fmt::format("evaluate gives {}", number));
+        if (!std::isfinite(number)) return;
+      }
     ++taken_;
     values(y);
     if (!is_of_time(f_.quantity) && y.beyond == 0) derivatives(t, x, y);
   }
 
   void values(const Given& y) {
-    if (f_.quantity == CARDAN_DENSITY) law("a density is not negative", -y.values[0], 0.0);
+    if (f_.quantity == CARDAN_DENSITY) law(kDensity, -y.values[0], 0.0);
     if (f_.quantity == CARDAN_ATTITUDE)
-      law("an attitude is a unit quaternion",
-          std::abs(std::hypot(std::hypot(y.values[0], y.values[1]), std::hypot(y.values[2], y.values[3])) - 1.0), 1e-12);
-    if (f_.quantity == CARDAN_GRAVITY && !(f_.facts & CARDAN_FIELD_POTENTIAL) && y.values[3] != 0.0)
-      tell("gravity without CARDAN_FIELD_POTENTIAL has 0 for its potential");
+      law(kUnit, std::abs(std::hypot(std::hypot(y.values[0], y.values[1]), std::hypot(y.values[2], y.values[3])) - 1.0), 1e-12);
+    if (f_.quantity == CARDAN_GRAVITY && !(f_.facts & CARDAN_FIELD_POTENTIAL)) law(kNoPotential, y.values[3] == 0.0);
   }
 
   /// Differences of sixth order at two steps; where they differ, the field has a corner or is too curved.
@@ -241,18 +269,15 @@ class FieldLaws {
     if (!smooth) return;
     const std::vector<double>& G = y.gradients.empty() ? slope[0] : y.gradients;
     for (std::size_t i = 0; i < y.gradients.size(); ++i)
-      law(fmt::format("gradients are the derivatives of values (value {} along {})", i / 3, "xyz"[i % 3]), differ(i / 3, G[i], slope[0][i]),
-          1e-6);
+      law(kGradient, differ(i / 3, G[i], slope[0][i]), 1e-6, 0.0, fmt::format("value {} along {}", i / 3, "xyz"[i % 3]));
     const double tiny = y.gradients.empty() ? 1e-7 : 1e-11;
     if (f_.facts & CARDAN_FIELD_POTENTIAL) {
       const double a = std::hypot(y.values[0], y.values[1], y.values[2]);
-      for (std::size_t j = 0; j < 3; ++j) law("a = -grad U", std::abs(G[9 + j] + y.values[j]) / (a + 1e-300), std::max(tiny, 1e-11));
+      for (std::size_t j = 0; j < 3; ++j) law(kPotential, std::abs(G[9 + j] + y.values[j]) / (a + 1e-300), std::max(tiny, 1e-11));
     }
     if (!is_field_vector(f_.quantity) || size == 0.0) return;
-    const unsigned always = f_.quantity == CARDAN_MAGNETIC ? unsigned{CARDAN_FIELD_SOURCE_FREE} : 0u;
-    if ((f_.facts | always) & CARDAN_FIELD_SOURCE_FREE) law("div = 0", std::abs(G[0] + G[4] + G[8]) / size, tiny);
-    if (f_.facts & (CARDAN_FIELD_CURL_FREE | CARDAN_FIELD_POTENTIAL))
-      law("curl = 0", std::hypot(G[7] - G[5], G[2] - G[6], G[3] - G[1]) / size, tiny);
+    if (source_free()) law(kDivergence, std::abs(G[0] + G[4] + G[8]) / size, tiny);
+    if (curl_free()) law(kCurl, std::hypot(G[7] - G[5], G[2] - G[6], G[3] - G[1]) / size, tiny);
   }
 
   const cardan_field_family& f_;
@@ -261,20 +286,21 @@ class FieldLaws {
   std::size_t size_ = 0;
   double distance_ = 1.0;
   std::vector<double> packed_, prepared_;
-  int sample_ = 0, taken_ = 0;
-  std::vector<std::string> found_;
+  int taken_ = 0;
+  Violations found_;
 };
 
 }  // namespace
 
 std::vector<std::string> field_table_faults(const cardan_field_family& family) { return FieldTableFaults(family).all(); }
 
-std::vector<std::string> field_law_violations(const cardan_field_family& family, int samples, std::uint64_t seed, const TellPhase& before) {
+std::vector<std::string> field_law_violations(const cardan_field_family& family, int samples, std::uint64_t seed, const TellPhase& before,
+                                              LawRecord* record) {
   if (auto faults = field_table_faults(family); !faults.empty()) return faults;
   FieldLaws laws(family, seed, before);
   for (int i = 0; i < samples; ++i)
     if (!laws.sample(i)) break;
-  return laws.take();
+  return laws.take(record);
 }
 
 }  // namespace cardan

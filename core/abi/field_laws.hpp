@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/abi/cardan_field.h"
+#include "core/abi/law_record.hpp"
 #include "core/abi/trial.hpp"
 
 namespace cardan {
@@ -17,6 +18,7 @@ std::vector<std::string> field_table_faults(const cardan_field_family& family);
 /// and within their arrays; gradients are the derivatives of values; of gravity with a potential a = -grad U and curl a = 0; a magnetic
 /// field has no divergence; a density is not negative, an attitude a unit quaternion, and each declared fact is true.
 std::vector<std::string> field_law_violations(
-    const cardan_field_family& family, int samples = 40, std::uint64_t seed = 1, const TellPhase& before = [](std::string_view) {});
+    const cardan_field_family& family, int samples = 40, std::uint64_t seed = 1, const TellPhase& before = [](std::string_view) {},
+    LawRecord* record = nullptr);
 
 }  // namespace cardan

@@ -118,8 +118,8 @@ constexpr FamilyKind kind_of(const char* kind, const char* word) {
           .type = [](const void* t) { return as<Table>(t).type; },
           .summary = [](const void* t) { return as<Table>(t).summary; },
           .faults = [](const void* t) { return faults(as<Table>(t)); },
-          .violations = [](const void* t, int samples, std::uint64_t seed,
-                           const TellPhase& before) { return violations(as<Table>(t), samples, seed, before); },
+          .violations = [](const void* t, int samples, std::uint64_t seed, const TellPhase& before,
+                           LawRecord* record) { return violations(as<Table>(t), samples, seed, before, record); },
           .known = [](const Registry& r, const void* t) { return (r.*families).has(as<Table>(t)); },
           .add = [](Registry& r, const void* t, const std::string& origin) { (r.*families).add(as<Table>(t), origin); }};
 }

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/abi/law_record.hpp"
 #include "core/abi/registry.hpp"
 #include "core/abi/trial.hpp"
 
@@ -26,7 +27,7 @@ struct FamilyKind {
   const char* (*summary)(const void* table);
   /// The functions on kept tables: what is wrong with the table as such; with that and with the laws; registration.
   std::vector<std::string> (*faults)(const void* table);
-  std::vector<std::string> (*violations)(const void* table, int samples, std::uint64_t seed, const TellPhase& before);
+  std::vector<std::string> (*violations)(const void* table, int samples, std::uint64_t seed, const TellPhase& before, LawRecord* record);
   bool (*known)(const Registry&, const void* table);
   void (*add)(Registry&, const void* table, const std::string& origin);
 };

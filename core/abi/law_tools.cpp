@@ -1,5 +1,7 @@
 #include "core/abi/law_tools.hpp"
 
+#include <fmt/format.h>
+
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
@@ -34,6 +36,45 @@ double random_integer(const cardan_param_desc& d, std::mt19937_64& rng) {
 }
 
 }  // namespace
+
+TriedLaw& Violations::tried(std::string_view name) {
+  const auto known = index_.find(name);
+  if (known != index_.end()) return record_[known->second];
+  index_.emplace(name, record_.size());
+  record_.emplace_back().law = name;
+  return record_.back();
+}
+
+void Violations::list(std::string_view law, std::string_view untried) { tried(law).untried = untried; }
+
+void Violations::law(std::string_view name, double error, double limit, double scale, std::string_view where) {
+  error /= 1.0 + scale;
+  const bool holds = error <= limit;
+  static constexpr double kMost = std::numeric_limits<double>::infinity();
+  const auto part = [](double e, double of) { return std::isnan(e) ? std::pair(kMost, kMost) : std::pair(e <= 0.0 ? 0.0 : e / of, e); };
+  TriedLaw& t = tried(name);
+  if (t.trials == 0 || part(error, limit) > part(t.error, t.limit))
+    t.measured = true, t.error = error < 0.0 ? 0.0 : error, t.limit = limit, t.sample = sample, t.where = where;
+  ++t.trials, t.broken += !holds;
+  if (holds) return;
+  const std::string number = where.empty() ? "" : fmt::format(" ({})", where);
+  found_.push_back(fmt::format("{}{}: error {:.2g} (limit {:.0e}, sample {})", name, number, error, limit, sample));
+}
+
+void Violations::law(std::string_view name, bool holds, std::string_view told) {
+  TriedLaw& t = tried(name);
+  ++t.trials;
+  if (holds) return;
+  if (t.broken++ == 0) t.sample = sample, t.where = told;
+  found_.push_back(fmt::format("{} (sample {})", told.empty() ? name : told, sample));
+}
+
+std::vector<std::string> Violations::take(LawRecord* record) {
+  for (TriedLaw& t : record_)
+    if (t.trials > 0) t.untried.clear();
+  if (record) *record = std::move(record_);
+  return std::move(found_);
+}
 
 Eigen::VectorXd random_vector(std::mt19937_64& rng, Eigen::Index n) {
   Eigen::VectorXd v(n);

@@ -1,44 +1,54 @@
 #pragma once
 // What the executable laws of every kind of family share: a list of violations, arrays with guards around them, random parameters.
-#include <fmt/format.h>
-
 #include <Eigen/Core>
 #include <cstdint>
 #include <cstring>
 #include <functional>
 #include <limits>
+#include <map>
 #include <random>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "core/abi/law_record.hpp"
 #include "core/abi/param_values.hpp"
 #include "core/abi/table_checks.hpp"
 #include "core/abi/trial.hpp"
 
 namespace cardan {
 
-/// Violations of laws, each with its error, its limit and the sample.
+/// The laws that are tried on a family: what broke them, each with its error, its limit and the sample; and a record of all.
 class Violations {
  public:
   int sample = 0;
 
-  /// `scale` is the size of what was subtracted, so that the limit is one of relative precision.
-  void law(const char* name, double error, double limit, double scale = 0.0) {
-    error /= 1.0 + scale;
-    if (!(error <= limit)) found_.push_back(fmt::format("{}: error {:.2g} (limit {:.0e}, sample {})", name, error, limit, sample));
-  }
-  /// A law that holds or does not.
-  void law(const char* name, bool holds) {
-    if (!holds) found_.push_back(fmt::format("{} (sample {})", name, sample));
-  }
-  void add(std::string text) { found_.push_back(std::move(text)); }
+  /// A law in the order of the report; `untried`: why, should no sample come to it.
+  void list(std::string_view law, std::string_view untried = "no sample came to it");
+  /// `scale` is the size of what was subtracted, so that the limit is one of relative precision; `where` tells several numbers apart.
+  void law(std::string_view name, double error, double limit, double scale = 0.0, std::string_view where = "");
+  /// A law that holds or does not; `told`: the words for that, where its name is not enough.
+  void law(std::string_view name, bool holds, std::string_view told = "");
   bool none() const { return found_.empty(); }
-  std::vector<std::string> take() { return std::move(found_); }
+  /// False when there are so many that further samples are of no use.
+  bool few() const { return found_.size() < 20; }
+  /// The violations; the record goes to `record` if there is one.
+  std::vector<std::string> take(LawRecord* record);
 
  private:
+  TriedLaw& tried(std::string_view name);
+
   std::vector<std::string> found_;
+  LawRecord record_;
+  std::map<std::string, std::size_t, std::less<>> index_;
 };
+
+/// Laws of every kind.
+inline constexpr const char* kPack = "random parameters are packed into the bytes that they are given";
+inline constexpr const char* kAccepts = "some random samples are accepted";
+inline constexpr const char* kWrites = "functions write what they are handed and no more";
+inline constexpr const char* kLeaves = "arguments are left as they were";
 
 /// n numbers that foreign code is handed to write into: no numbers before the call, guards on both sides.
 class Handed {

@@ -209,16 +209,19 @@ constexpr double kCoordinates[] = {1.0, 1.0, 3.0, 10.0, 30.0}, kRateSizes[] = {1
 class HingeLaws {
  public:
   HingeLaws(const cardan_hinge_family& family, std::uint64_t seed, const TellPhase& before)
-      : f_(family), rng_(seed), seed_(seed), before_(before) {}
+      : f_(family), rng_(seed), seed_(seed), before_(before) {
+    found_.list(kPack);
+    found_.list(kWrites);
+    found_.list(kBatch, "its packed parameters have no size of their own");
+    for (const char* law : kShapeLaws) found_.list(law, "its shape is CARDAN_SHAPE_DENSE");
+  }
 
   /// False when further samples are of no use.
   bool sample(int i) {
     found_.sample = i;
     const PackedSample packed = packed_at_random(f_, seed_ + 1000u * static_cast<std::uint64_t>(i), before_);
-    if (!packed.fault.empty()) {
-      found_.add(packed.fault);
-      return false;
-    }
+    found_.law(kPack, packed.fault.empty(), packed.fault);
+    if (!packed.fault.empty()) return false;
     const HingeInstance hinge(f_, packed, before_);
     const auto nq = static_cast<Eigen::Index>(f_.nq), nv = static_cast<Eigen::Index>(f_.nv);
     const double size = i == 0 ? 0.0 : kCoordinates[static_cast<std::size_t>(i) % std::size(kCoordinates)];
@@ -226,12 +229,20 @@ class HingeLaws {
     const VectorXd v = rate * random_vector(rng_, nv), u = rate * random_vector(rng_, nv), d = random_vector(rng_, nv);
     const VectorXd any = size * random_vector(rng_, nq), q = hinge.normalise(i == 0 ? hinge.zero() : any);
     expect(hinge, packed.block, q, v, u, d, size > 1.0);
-    if (!hinge.overrun().empty()) found_.add(hinge.overrun());
+    found_.law(kWrites, hinge.overrun().empty(), hinge.overrun());
     return hinge.overrun().empty();
   }
-  std::vector<std::string> take() { return found_.take(); }
+  std::vector<std::string> take(LawRecord* record) { return found_.take(record); }
 
  private:
+  static constexpr const char* kBatch = "kinematics of many hinges is that of each";
+  static constexpr const char* kShapeLaws[] = {"the declared shape is true: length of the axis",
+                                               "the declared shape is true: R",
+                                               "the declared shape is true: l",
+                                               "the declared shape is true: Ht",
+                                               "the declared shape is true: Hdot_v",
+                                               "the declared shape is true: qdot"};
+
   template <class... Arguments>
   void law(const Arguments&... arguments) {
     found_.law(arguments...);
@@ -261,8 +272,7 @@ class HingeLaws {
     Record there;
     in_another_thread([&] { there = hinge.at(q, v); });
     law("kinematics is the same in another thread", there.distance(r), 0.0);
-    if (!f_.packed_size)
-      law("kinematics of many hinges is that of each", hinge.in_batch(q, v).distance(r), 1e-14, l + map + r.Hdot_v.norm());
+    if (!f_.packed_size) law(kBatch, hinge.in_batch(q, v).distance(r), 1e-14, l + map + r.Hdot_v.norm());
 
     const double position = q.norm();
     law("normalise leaves what is normalised", (hinge.normalise(q) - q).norm(), 1e-15, position);
@@ -273,12 +283,12 @@ class HingeLaws {
 
     if (f_.shape < CARDAN_SHAPE_DENSE || f_.nv == 0) {
       const Declared shape = declared(f_, packed.data(), q, v, before_);
-      law("the declared shape is true: length of the axis", std::abs(shape.axis - 1.0), 1e-12);
-      law("the declared shape is true: R", (shape.record.R - r.R).norm(), 1e-12, position);
-      law("the declared shape is true: l", (shape.record.l - r.l).norm(), 1e-12, position);
-      law("the declared shape is true: Ht", (shape.record.Ht - r.Ht).norm(), 1e-12, position);
-      law("the declared shape is true: Hdot_v", (shape.record.Hdot_v - r.Hdot_v).norm(), 1e-12, position + turn * v.norm());
-      law("the declared shape is true: qdot", (shape.qdot - qdot).norm(), 1e-12, position + rate);
+      law(kShapeLaws[0], std::abs(shape.axis - 1.0), 1e-12);
+      law(kShapeLaws[1], (shape.record.R - r.R).norm(), 1e-12, position);
+      law(kShapeLaws[2], (shape.record.l - r.l).norm(), 1e-12, position);
+      law(kShapeLaws[3], (shape.record.Ht - r.Ht).norm(), 1e-12, position);
+      law(kShapeLaws[4], (shape.record.Hdot_v - r.Hdot_v).norm(), 1e-12, position + turn * v.norm());
+      law(kShapeLaws[5], (shape.qdot - qdot).norm(), 1e-12, position + rate);
     }
   }
 
@@ -310,12 +320,13 @@ std::vector<std::string> hinge_table_faults(const cardan_hinge_family& f) {
   return table.take();
 }
 
-std::vector<std::string> hinge_law_violations(const cardan_hinge_family& family, int samples, std::uint64_t seed, const TellPhase& before) {
+std::vector<std::string> hinge_law_violations(const cardan_hinge_family& family, int samples, std::uint64_t seed, const TellPhase& before,
+                                              LawRecord* record) {
   if (auto faults = hinge_table_faults(family); !faults.empty()) return faults;
   HingeLaws laws(family, seed, before);
   for (int i = 0; i < samples; ++i)
     if (!laws.sample(i)) break;
-  return laws.take();
+  return laws.take(record);
 }
 
 }  // namespace cardan

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/abi/cardan_abi.h"
+#include "core/abi/law_record.hpp"
 #include "core/abi/trial.hpp"
 
 namespace cardan {
@@ -20,8 +21,9 @@ std::vector<std::string> hinge_table_faults(const cardan_hinge_family& family);
 /// linear in v; the functions are pure, in any
 /// thread, and write what they are handed; the declared shape is what the sweeps compute by their own formulas; nothing is
 /// NaN. A hinge may have a domain: where its record is not finite beyond 1 rad or m nothing is asked. Each entry names
-/// the law, the error and the sample. `before` is told of each call.
+/// the law, the error and the sample. `before` is told of each call, `record` gets what was tried.
 std::vector<std::string> hinge_law_violations(
-    const cardan_hinge_family& family, int samples = 40, std::uint64_t seed = 1, const TellPhase& before = [](std::string_view) {});
+    const cardan_hinge_family& family, int samples = 40, std::uint64_t seed = 1, const TellPhase& before = [](std::string_view) {},
+    LawRecord* record = nullptr);
 
 }  // namespace cardan

@@ -6,6 +6,7 @@
 
 #include "core/abi/kinds.hpp"
 #include "core/abi/plugin_host.hpp"
+#include "core/abi/plugin_record.hpp"
 #include "core/base/units.hpp"
 
 namespace cardan {
@@ -54,8 +55,8 @@ class Plugin {
     const FamilyKind* kind;
     const void* table;  // as the plugin has it
   };
-  /// The families of the library, of every kind.
-  std::vector<Found> families() const {
+  /// The families of the library, of every kind; whose it is goes to `record`.
+  std::vector<Found> families(PluginRecord& record) const {
     const std::string file = path_.find('/') == std::string::npos ? "./" + path_ : path_;  // the folders of the system are not searched
     void* library = guarded(kLoading, [&] { return dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL); });
     if (!library) {
@@ -67,6 +68,7 @@ class Plugin {
     if (!entry) refuse(Code::plugin_not_a_plugin, "a library that exports cardan_plugin_entry", path_, "see docs/plugins.md");
     const cardan_plugin* plugin = guarded("cardan_plugin_entry", [&] { return entry(&host_); });
     expect_version(plugin);
+    record = {plugin->name, plugin->version, plugin->licence, plugin->abi_major, plugin->abi_minor, {}};
     std::vector<Found> all;
     for (const FamilyKind& kind : family_kinds())
       for (std::uint32_t i = 0;; ++i) {
@@ -120,7 +122,13 @@ class Plugin {
   PluginHost& host_ = PluginHost::of(path_);
 };
 
-PluginFamily examined(const Plugin& plugin, const Plugin::Found& found, std::size_t index, const TellPhase& phase, int samples) {
+struct Trial {
+  int samples;
+  std::uint64_t seed = 1;
+};
+
+PluginFamily examined(const Plugin& plugin, const Plugin::Found& found, std::size_t index, const TellPhase& phase, const Trial& trial,
+                      LawRecord& record) {
   const FamilyKind& kind = *found.kind;
   const std::string unnamed = fmt::format("no. {}", index);
   const KeptTable kept = kind.keep(found.table);
@@ -129,33 +137,47 @@ PluginFamily examined(const Plugin& plugin, const Plugin::Found& found, std::siz
     if (auto faults = kind.faults(kept.table); !faults.empty()) return {&kind, kept.table, unnamed, {}, std::move(faults)};
     const std::string type = kind.type(kept.table);
     auto violations = plugin.guarded(fmt::format("{} \"{}\"", kind.word, type), [&] {
-      return kind.violations(kept.table, samples, 1,
-                             [&](std::string_view call) { phase(fmt::format("{} of {} \"{}\"", call, kind.word, type)); });
+      const auto before = [&](std::string_view call) { phase(fmt::format("{} of {} \"{}\"", call, kind.word, type)); };
+      return kind.violations(kept.table, trial.samples, trial.seed, before, &record);
     });
     return {&kind, kept.table, type, kind.summary(kept.table), std::move(violations)};
   });
 }
 
-std::vector<PluginFamily> families(const Plugin& plugin, const TellPhase& phase, int samples) {
+std::vector<PluginFamily> families(const Plugin& plugin, const TellPhase& phase, const Trial& trial, PluginRecord& record) {
   plugin.host().muted = false;  // what it says while it is loaded is heard
-  const std::vector<Plugin::Found> found = plugin.families();
+  const std::vector<Plugin::Found> found = plugin.families(record);
   std::vector<PluginFamily> all;
   plugin.host().muted = true;
-  for (const Plugin::Found& f : found) all.push_back(examined(plugin, f, all.size(), phase, samples));
+  for (const Plugin::Found& f : found) all.push_back(examined(plugin, f, all.size(), phase, trial, record.laws.emplace_back()));
   plugin.host().muted = false;
   return all;
+}
+
+std::vector<PluginFamily> examine(const std::string& path, const Trial& trial, const Located& at, PluginRecord& record) {
+  const TellPhase silent = [](std::string_view) {};
+  const Plugin here(path, at, silent);
+  here.expect_file();
+  const auto tried = [&](int samples, const ChildLimits& limits) {
+    const auto work = [&](const TellPhase& phase) { families(Plugin(path, at, phase), phase, {samples, trial.seed}, record); };
+    if (const auto end = end_in_child(work, limits))
+      here.refuse(end->ends_with(kLoading) ? Code::plugin_not_loaded : Code::plugin_law, "functions that return", *end,
+                  "it was tried in a process of its own; nothing else was touched");
+  };
+  tried(std::min(trial.samples, kSamples), kTrialLimits);                                 // what never returns is found here, and soon
+  if (trial.samples > kSamples) tried(trial.samples, {.cpu_s = 120.0, .wall_s = 600.0});  // of many families
+  return families(here, silent, trial, record);
 }
 
 }  // namespace
 
 std::vector<PluginFamily> examine_plugin(const std::string& path, int samples, const Located& at) {
-  const TellPhase silent = [](std::string_view) {};
-  const Plugin here(path, at, silent);
-  here.expect_file();
-  if (const auto end = end_in_child([&](const TellPhase& phase) { families(Plugin(path, at, phase), phase, samples); }))
-    here.refuse(end->ends_with(kLoading) ? Code::plugin_not_loaded : Code::plugin_law, "functions that return", *end,
-                "it was tried in a process of its own; nothing else was touched");
-  return families(here, silent, samples);
+  PluginRecord record;
+  return examine(path, {samples}, at, record);
+}
+
+std::vector<PluginFamily> examine_plugin(const std::string& path, int samples, std::uint64_t seed, PluginRecord& record) {
+  return examine(path, {samples, seed}, {}, record);
 }
 
 void load_plugin(const std::string& path, Registry& registry, const Located& at) {

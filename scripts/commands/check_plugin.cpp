@@ -1,9 +1,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 
 #include "core/abi/kinds.hpp"
 #include "core/abi/plugin_host.hpp"
+#include "core/abi/plugin_record.hpp"
+#include "core/base/version.hpp"
+#include "core/io/json.hpp"
+#include "core/io/result_folder.hpp"
+#include "core/io/sha256.hpp"
+#include "core/soa/kernels.hpp"
 #include "scripts/commands/commands.hpp"
 
 namespace cardan {
@@ -11,17 +18,144 @@ namespace {
 
 constexpr int kSamples = 1000;
 
-int check_plugin(const std::string& path) {
-  bool good = true;
-  for (const PluginFamily& f : examine_plugin(path, kSamples)) {
-    fmt::print("{:<6}{} {}: {}\n", f.violations.empty() ? "ok" : "FAIL", f.kind->word, f.type,
-               f.family && f.kind->faults(f.family).empty() ? f.summary : "its table is refused");
+struct Arguments {
+  std::string plugin, out;
+  std::uint64_t seed = 1;
+  bool json = false;
+};
+
+/// All that a report tells: the same for the same file, program and seed.
+struct Examination {
+  PluginRecord record;
+  std::vector<PluginFamily> families;
+  std::string refused;  // why it could not be examined
+
+  bool good() const {
+    return refused.empty() && std::ranges::all_of(families, [](const PluginFamily& f) { return f.violations.empty(); });
+  }
+};
+
+const char* summary_of(const PluginFamily& f) {
+  return f.family && f.kind->faults(f.family).empty() ? f.summary.c_str() : "its table is refused";
+}
+
+Json to_json(const TriedLaw& t) {
+  Json law{{"law", t.law}, {"trials", t.trials}};
+  if (t.trials == 0) {
+    law["not_tried"] = t.untried;
+    return law;
+  }
+  law["broken"] = t.broken;
+  if (t.measured) law["worst_error"] = t.error, law["limit"] = t.limit;
+  if (t.measured || t.broken > 0) law["sample"] = t.sample;
+  if (!t.where.empty()) law["where"] = t.where;
+  return law;
+}
+
+Json report(const Arguments& a, const Examination& e) {
+  const PluginRecord& r = e.record;
+  Json page{{"cardan_plugin_report", 1}, {"file", a.plugin}, {"sha256", sha256_of_file(a.plugin)}};
+  if (!r.name.empty()) {
+    page["plugin"] = Json{{"name", r.name}, {"version", r.version}, {"licence", r.licence}};
+    page["contract"] = fmt::format("{}.{}", r.abi_major, r.abi_minor);
+  }
+  page["program"] = Json{{"version", version::kNumber},
+                         {"commit", version::kCommit},
+                         {"contract", fmt::format("{}.{}", CARDAN_ABI_MAJOR, CARDAN_ABI_MINOR)},
+                         {"compiler", version::kCompiler},
+                         {"instruction_set", fmt::format("x86-64-{}", soa::instruction_set().name)}};
+  page["samples"] = kSamples, page["seed"] = a.seed;
+  page["families"] = Json::array();
+  for (std::size_t i = 0; i < e.families.size(); ++i) {
+    const PluginFamily& f = e.families[i];
+    Json laws = Json::array();
+    for (const TriedLaw& t : r.laws[i]) laws.push_back(to_json(t));
+    page["families"].push_back({{"kind", f.kind->word},
+                                {"type", f.type},
+                                {"summary", summary_of(f)},
+                                {"laws", std::move(laws)},
+                                {"violations", f.violations},
+                                {"obeys", f.violations.empty()}});
+  }
+  if (!e.refused.empty()) page["refused"] = e.refused;
+  page["obeys"] = e.good();
+  return page;
+}
+
+std::string line_of(const std::string& law, const std::string& trials, const std::string& broken, const std::string& worst,
+                    const std::string& where) {
+  const std::string line = fmt::format("  {:<64}{:>8}{:>8}  {:<20}{}", law, trials, broken, worst, where);
+  return line.substr(0, line.find_last_not_of(' ') + 1) + "\n";
+}
+
+std::string text_of(const Json& page) {
+  const auto word = [](const Json& value) { return value.get<std::string>(); };
+  const Json& program = page["program"];
+  std::string text = "Report of cardan check-plugin\n\n";
+  const auto row = [&](const char* name, const std::string& value) { text += fmt::format("{:<17}{}\n", name, value); };
+  row("file", word(page["file"]));
+  row("SHA-256", word(page["sha256"]));
+  if (page.contains("plugin")) {
+    const Json& plugin = page["plugin"];
+    row("plugin", fmt::format("{} {}, licence {}", word(plugin["name"]), word(plugin["version"]), word(plugin["licence"])));
+    row("contract", fmt::format("{}, tried by a program of {}", word(page["contract"]), word(program["contract"])));
+  }
+  row("program", fmt::format("cardan {} ({}), {}", word(program["version"]), word(program["commit"]), word(program["compiler"])));
+  row("instruction set", word(program["instruction_set"]));
+  row("samples, seed", fmt::format("{}, {}", page["samples"].get<int>(), page["seed"].get<std::uint64_t>()));
+  for (const Json& family : page["families"]) {
+    text += fmt::format("\n{} {}: {}\n", word(family["kind"]), word(family["type"]), word(family["summary"]));
+    std::string tried, others;
+    for (const Json& law : family["laws"]) {
+      if (law.contains("not_tried")) {
+        others += fmt::format("  {:<64}{}\n", word(law["law"]), word(law["not_tried"]));
+        continue;
+      }
+      std::string worst, where;
+      if (law.contains("limit")) worst = fmt::format("{:.2e} {:.2e}", law["worst_error"].get<double>(), law["limit"].get<double>());
+      if (law.contains("sample")) where = fmt::format("{}", law["sample"].get<int>());
+      if (law.contains("where")) where += fmt::format(": {}", word(law["where"]));
+      tried += line_of(word(law["law"]), law["trials"].dump(), law["broken"].dump(), worst, where);
+    }
+    if (!tried.empty()) text += line_of("law", "trials", "broken", "worst error, limit", "at sample") + tried;
+    if (!others.empty()) text += "  not tried\n" + others;
+    constexpr std::size_t kMost = 20;
+    const Json& violations = family["violations"];
+    for (std::size_t i = 0; i < std::min(violations.size(), kMost); ++i) text += fmt::format("  broken: {}\n", word(violations[i]));
+    if (violations.size() > kMost) text += fmt::format("  and {} more\n", violations.size() - kMost);
+    text += family["obeys"].get<bool>() ? "  obeys every law that was tried\n" : "  FAILS\n";
+  }
+  if (page.contains("refused")) text += fmt::format("\nrefused: {}\n", word(page["refused"]));
+  return text + fmt::format("\nverdict          {}\n", page["obeys"].get<bool>() ? "every law that was tried holds" : "FAIL");
+}
+
+void write_report(const Arguments& a, const Examination& e) {
+  if (a.out.empty() && !a.json) return;
+  const Json page = report(a, e);
+  if (a.json) fmt::print("{}", json_text_with_nulls(page));
+  if (!a.out.empty()) write_whole_file(a.out, a.out.ends_with(".json") ? json_text_with_nulls(page) : text_of(page));
+}
+
+int check_plugin(const Arguments& a) {
+  Examination e;
+  try {
+    e.families = examine_plugin(a.plugin, kSamples, a.seed, e.record);
+  } catch (const InputError& error) {
+    std::error_code none;
+    const Diagnostic& why = error.diagnostics().front();
+    e.refused = fmt::format("{}: expected {}, got {}", number_of(why.code), why.expected, why.got);
+    if (std::filesystem::is_regular_file(a.plugin, none)) write_report(a, e);
+    throw;
+  }
+  for (const PluginFamily& f : e.families) {
+    if (a.json) break;
+    fmt::print("{:<6}{} {}: {}\n", f.violations.empty() ? "ok" : "FAIL", f.kind->word, f.type, summary_of(f));
     constexpr std::size_t kMost = 20;
     for (std::size_t i = 0; i < std::min(f.violations.size(), kMost); ++i) fmt::print("      {}\n", f.violations[i]);
     if (f.violations.size() > kMost) fmt::print("      and {} more\n", f.violations.size() - kMost);
-    good = good && f.violations.empty();
   }
-  return good ? 0 : 1;
+  write_report(a, e);
+  return e.good() ? 0 : 1;
 }
 
 }  // namespace
@@ -35,10 +169,14 @@ void show_plugin_messages() {
 
 void add_check_plugin(CLI::App& app, CommandLine& line) {
   auto* command = app.add_subcommand("check-plugin", "Check that the families of a plugin obey the laws");
-  auto path = std::make_shared<std::string>();
-  command->add_option("plugin", *path, "The shared library (.so)")->required()->type_name("PLUGIN");
+  auto a = std::make_shared<Arguments>();
+  command->add_option("plugin", a->plugin, "The shared library (.so)")->required()->type_name("PLUGIN");
+  command->add_option("--out", a->out, "A report: the file, the program, every law with its worst error and its limit; .json: as JSON")
+      ->type_name("FILE");
+  command->add_flag("--json", a->json, "The report as JSON on standard output");
+  command->add_option("--seed", a->seed, "Of the random samples; default 1")->type_name("NUMBER");
   command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
-  command->callback([&line, path] { line.action = [path] { return check_plugin(*path); }; });
+  command->callback([&line, a] { line.action = [a] { return check_plugin(*a); }; });
 }
 
 }  // namespace cardan

@@ -6,8 +6,11 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <nlohmann/json.hpp>
+#include <set>
 
 #include "core/io/hdf5_file.hpp"
+#include "core/io/sha256.hpp"
 #include "tests/scripts/run_program.hpp"
 
 namespace cardan {
@@ -70,6 +73,81 @@ TEST(Plugins, WhatIsNoPluginIsAnswered) {
   const TemporaryFolder gone;
   const Finished deleted = run_program({"check-plugin", "p.so"}, gone.path(), [&] { fs::remove_all(gone.path()); });
   EXPECT_EQ(deleted.exit_code, 2) << deleted.err;
+}
+
+// ---- the report ----
+
+struct Report {
+  int exit_code;
+  std::string text;
+  nlohmann::ordered_json json;
+};
+/// Of a plugin, as text and as data.
+Report report_on(const std::string& plugin, const std::string& fault = "") {
+  const PluginFolder dir(plugin);
+  const Finished check = with_fault(fault, {"check-plugin", "p.so", "--out", "report.txt", "--json"}, dir.path());
+  const auto json = nlohmann::ordered_json::parse(check.out);
+  EXPECT_EQ(json["sha256"], sha256_of_file(dir / "p.so"));
+  return {check.exit_code, file_text(dir / "report.txt"), json};
+}
+
+TEST(PluginReports, TellWhatWasTriedOfEachKind) {
+  std::set<std::string> kinds;
+  for (const char* plugin : {"arc.so", "acme_bodies.so", "frozen_2_1.so"}) {
+    const Report report = report_on(plugin);
+    EXPECT_EQ(report.exit_code, 0) << plugin;
+    EXPECT_TRUE(report.json["obeys"]) << plugin;
+    EXPECT_TRUE(has(report.text, "verdict          every law that was tried holds\n")) << report.text;
+    for (const auto& family : report.json["families"]) {
+      kinds.insert(family["kind"]);
+      EXPECT_GT(family["laws"].size(), 5u);
+      for (const auto& law : family["laws"]) {
+        EXPECT_NE(law.contains("not_tried"), law["trials"] > 0) << law;
+        EXPECT_TRUE(!law.contains("limit") || law["worst_error"].get<double>() <= law["limit"].get<double>()) << law;
+      }
+    }
+  }
+  EXPECT_EQ(kinds, (std::set<std::string>{"hinge", "body", "device", "field"}));
+  const Report arc = report_on("arc.so");
+  EXPECT_EQ(arc.json["plugin"], (nlohmann::ordered_json{{"name", "acme"}, {"version", "0.1"}, {"licence", "MIT"}}));
+  EXPECT_EQ(arc.json["samples"], 1000);
+  EXPECT_TRUE(has(arc.text, "the declared shape is true: R                                   its shape is CARDAN_SHAPE_DENSE\n"))
+      << arc.text;
+}
+
+TEST(PluginReports, TellTheLawThatIsBrokenAndItsError) {
+  const Report report = report_on("faulty.so", "law");
+  EXPECT_EQ(report.exit_code, 1);
+  EXPECT_FALSE(report.json["obeys"]);
+  EXPECT_TRUE(has(report.text, "\nverdict          FAIL\n")) << report.text;
+  for (const auto& law : report.json["families"][0]["laws"]) {
+    if (law["law"] != "linear part of Ht v = R* dl/dt") continue;
+    EXPECT_EQ(law["trials"], 1000);
+    EXPECT_EQ(law["broken"], 1000);
+    // |-2 g v| / (1 + g v + g s (v + u)): below 2 for any gain g.
+    EXPECT_GT(law["worst_error"].get<double>(), 1.0);
+    EXPECT_LT(law["worst_error"].get<double>(), 2.0);
+    return;
+  }
+  ADD_FAILURE() << "the law is not in the report";
+}
+
+TEST(PluginReports, TellOfAPluginThatCrashed) {
+  const Report report = report_on("faulty.so", "crash_pack");
+  EXPECT_EQ(report.exit_code, 2);
+  EXPECT_TRUE(has(report.text, "refused: C0604: expected functions that return, got Segmentation fault, in pack of hinge")) << report.text;
+  EXPECT_FALSE(report.json["obeys"]);
+}
+
+TEST(PluginReports, AreTheSameBytesForTheSameSeed) {
+  const PluginFolder dir("arc.so");
+  const auto report = [&](const std::string& file, const char* seed) {
+    run_program({"check-plugin", "p.so", "--out", file, "--seed", seed}, dir.path());
+    return file_text(dir / file);
+  };
+  EXPECT_EQ(report("a.json", "1"), run_program({"check-plugin", "p.so", "--json"}, dir.path()).out);
+  EXPECT_EQ(report("a.txt", "1"), report("b.txt", "1"));
+  EXPECT_NE(report("a.txt", "1"), report("b.txt", "2"));
 }
 
 struct PluginFault {
