@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "core/abi/law_tools.hpp"
 #include "core/base/finite.hpp"
 #include "core/dynamics/node_motion.hpp"
 #include "core/soa/program.hpp"
@@ -193,6 +194,7 @@ bool DeviceForces::evaluate(const std::vector<Call>& calls, const std::vector<Ra
     if (!first_.empty()) zero(c.device);  // what it gave before all others was there until now
     cardan_device_out& out = outs_[c.device];
     out.delivered = out.lost = 0.0;
+    called_ = {c.device, "evaluate"};
     if (const int code = c.evaluate(&args_[c.device], &out); code != 0) {
       for (const Call* before = calls.data(); before != &c; ++before)
         if (!expect_finite(before->device)) return false;  // what the one that refuses may have been given
@@ -201,6 +203,7 @@ bool DeviceForces::evaluate(const std::vector<Call>& calls, const std::vector<Ra
     }
     power += 0.0 * out.delivered + 0.0 * out.lost;
   }
+  called_.device = -1;
   const auto finite = [this](const Range& r) { return all_finite(effects_.data() + r.begin, r.end - r.begin); };
   if (power == 0.0 && std::ranges::all_of(numbers, finite)) return true;
   return std::ranges::all_of(calls, [this](const Call& c) { return expect_finite(c.device); });
@@ -265,12 +268,14 @@ bool DeviceForces::follow(const Workspace& ws, const Inputs& in, const double* v
   for (const int i : following_) {
     const Device& d = model_.devices.all[i];
     const cardan_device_args at = followed(i);
+    called_ = {i, "follow"};
     if (const int code = d.family->follow(&at, zdot_ + d.z); code != 0) {
       fault_ = {i, answer(d, "follow", code)};
       return false;
     }
     if (!expect_finite(i)) return false;
   }
+  called_.device = -1;
   return true;
 }
 
@@ -280,12 +285,14 @@ Vec3<double> DeviceForces::stored_momentum() const {
     const Device& d = model_.devices.all[k];
     if (!d.family->momentum) continue;
     std::vector<Vec3<double>> h(d.mounts.size());
+    called_ = {static_cast<int>(k), "momentum"};
     d.family->momentum(&args_[k], reinterpret_cast<double(*)[3]>(h.data()));
     for (std::size_t i = 0; i < h.size(); ++i) {
       const double* R = motions_[d.mount + i].R_WN;
       if (d.mounts[i].node >= 0) sum += Mat3<double>{R[0], R[1], R[2], R[3], R[4], R[5], R[6], R[7], R[8]} * h[i];
     }
   }
+  called_.device = -1;
   return sum;
 }
 
@@ -315,11 +322,12 @@ bool DeviceForces::expect_finite(int index) {
   if (all_finite(zdot_ + d.z, n_z) && all_finite(out_ + d.out, d.n_out) && all_finite(loads, n_loads) &&
       std::isfinite(outs_[index].delivered) && std::isfinite(outs_[index].lost))
     return true;
-  fault_ = {index, "its power is not finite"};
+  const char* call = !is_of_plugin(d.origin) ? "" : d.family->follow && !all_finite(zdot_ + d.z, n_z) ? "follow: " : "evaluate: ";
+  fault_ = {index, fmt::format("{}its power is not finite", call)};
   const auto tell = [&](const double* x, int n, const auto& name) {
     if (all_finite(x, n)) return false;
     const int i = first_not_finite(x, n);
-    fault_.what = fmt::format("{} = {}", name(i), x[i]);
+    fault_.what = fmt::format("{}{} = {}", call, name(i), x[i]);
     return true;
   };
   const auto port = [&](int i) {
@@ -342,8 +350,11 @@ double DeviceForces::energy() const {
   double sum = 0.0;
   for (std::size_t k = 0; k < args_.size(); ++k) {
     const cardan_device_family& family = *model_.devices.all[k].family;
-    if ((family.facts & CARDAN_FACT_ENERGY) != 0) sum += family.energy(&args_[k]);
+    if ((family.facts & CARDAN_FACT_ENERGY) == 0) continue;
+    called_ = {static_cast<int>(k), "energy"};
+    sum += family.energy(&args_[k]);
   }
+  called_.device = -1;
   return sum;
 }
 
@@ -367,19 +378,26 @@ double DeviceForces::unseen_power() const {
 void DeviceForces::roots(double* g) const {
   for (std::size_t k = 0; k < args_.size(); ++k) {
     const Device& d = model_.devices.all[k];
-    if (d.family->n_roots > 0) d.family->roots(&args_[k], g + d.root);
+    if (d.family->n_roots == 0) continue;
+    called_ = {static_cast<int>(k), "roots"};
+    d.family->roots(&args_[k], g + d.root);
   }
+  called_.device = -1;
 }
 
 void DeviceForces::event(int device, std::uint32_t root, int direction, double* z, double* marks) const {
   const Device& d = model_.devices.all[device];
   if (!d.family->event) return;
+  called_ = {device, "event"};
   d.family->event(&args_[device], root, direction, z + d.z, marks + d.mark);
+  called_.device = -1;
 }
 
 bool DeviceForces::tick(int index, double period, const double* noise, double* z, double* marks) {
   const Device& d = model_.devices.all[index];
+  called_ = {index, "tick"};
   const int code = d.family->tick(&args_[index], period, noise, z + d.z, marks + d.mark);
+  called_.device = -1;
   for (std::size_t i = 0; i < d.mounts.size(); ++i) {
     cardan_mount_motion& m = motions_[d.mount + i];
     std::fill_n(m.alpha, 3, 0.0), std::fill_n(m.specific_force, 3, 0.0), m.vdot = 0.0;
@@ -396,6 +414,25 @@ bool DeviceForces::tick(int index, double period, const double* noise, double* z
   else
     return true;
   return false;
+}
+
+std::string DeviceForces::ask_again(int index) const {
+  const Device& d = model_.devices.all[index];
+  const cardan_device_family& f = *d.family;
+  Handed loads(d.mounts.size() * kLoad), out(d.n_out), zdot(f.n_states);
+  const auto clear = [](Handed& a, std::size_t n) { std::fill_n(a.data(), n, 0.0); };
+  clear(loads, d.mounts.size() * kLoad), clear(out, d.n_out), clear(zdot, f.n_states);
+  cardan_device_out o{zdot.data(), out.data(), reinterpret_cast<cardan_mount_load*>(loads.data()), 0.0, 0.0};
+  called_ = {index, "evaluate"};
+  const int code = f.evaluate(&args_[index], &o);
+  called_.device = -1;
+  if (!loads.intact() || !out.intact() || !zdot.intact()) return "evaluate writes beyond its arrays";
+  const auto same = [](const Handed& a, const double* b, std::size_t n) { return n == 0 || std::memcmp(a.data(), b, n * sizeof *b) == 0; };
+  const double* before = d.mounts.empty() ? nullptr : numbers(loads_[d.mount]);
+  if (code == 0 && same(loads, before, d.mounts.size() * kLoad) && same(out, out_ + d.out, d.n_out) &&
+      (f.follow || same(zdot, zdot_ + d.z, f.n_states)) && o.delivered == outs_[index].delivered && o.lost == outs_[index].lost)
+    return {};
+  return "evaluate gives other numbers when it is asked the same again: it keeps something between calls";
 }
 
 std::size_t DeviceForces::bytes() const {

@@ -28,6 +28,12 @@ struct DeviceFault {
   std::string what;  // "force of mount to = nan", "evaluate returned 3"
 };
 
+/// Whose function is called.
+struct ForeignCall {
+  int device = -1;  // index into Devices::all; -1: none
+  const char* function = "";
+};
+
 /// All devices of a model, in double. Keeps what the last evaluation found.
 class DeviceForces : public StateLoads<double> {
  public:
@@ -82,6 +88,13 @@ class DeviceForces : public StateLoads<double> {
   /// Where the accelerations of a mount go before its tick; zero again after it.
   cardan_mount_motion& motion_of_tick(int mount) { return motions_[mount]; }
   const DeviceFault& fault() const { return fault_; }
+  /// Of a call that did not come back but threw: whose it was. Index of the field likewise; -1: none.
+  const ForeignCall& called() const { return called_; }
+  int field_asked() const { return fields_.asked(); }
+  /// Asks `evaluate` of a device once more at what it was asked last, with words around all that it may write: what is wrong with its
+  /// answer; empty: nothing.
+  std::string ask_again(int device) const;
+  void visit_fields(const FieldsOfDevices::Visit& visit) { fields_.visit(time(), motions_, visit); }
   /// Beyond a limit of a field that is refused; null: nowhere.
   const FieldFault* passed_limit() const { return fields_.passed_limit(); }
   /// The same of a step that was tried since forget_limit(), where the field knows no value.
@@ -147,6 +160,7 @@ class DeviceForces : public StateLoads<double> {
   std::vector<AddedOutput> added_;          // outputs that are added to those, likewise
   std::vector<int> commanded_;              // the other inputs
   DeviceFault fault_;
+  mutable ForeignCall called_;
 };
 
 /// The derivative of all that along a direction: for Newton's equations and linear models. Values are those of `base`, which has been

@@ -68,12 +68,16 @@ int field_of_gravity(const Model& model) {
   return -1;
 }
 
+std::string told_name(const Field& field) {
+  return is_of_plugin(field.origin) ? fmt::format("{} ({}, {})", field.name, field.source->family->type, field.origin) : field.name;
+}
+
 std::string told_beyond(const Field& field, int beyond) {
   const FieldSource& f = *field.source;
   for (std::uint32_t i = 0; i < f.family->n_limits; ++i)
     if ((beyond & ~f.held) >> i & 1)
-      return fmt::format("{} is asked beyond its limit {}: {}", field.name, f.family->limits[i].name, f.family->limits[i].meaning);
-  return beyond < 0 ? fmt::format("{}: evaluate returned {}", field.name, beyond) : "";
+      return fmt::format("{} is asked beyond its limit {}: {}", told_name(field), f.family->limits[i].name, f.family->limits[i].meaning);
+  return beyond < 0 ? fmt::format("{}: evaluate returned {}", told_name(field), beyond) : "";
 }
 
 std::string held_text(const Field& field, int beyond) {
@@ -102,14 +106,30 @@ FieldsOfDevices::FieldsOfDevices(const Model& model) : model_(model), moments_(m
   points_.resize(3 * most), values_.resize(CARDAN_FIELD_NUMBERS * most), gradients_.resize(3 * CARDAN_FIELD_NUMBERS * most);
 }
 
+/// Its points; how many.
+int FieldsOfDevices::place(const Group& group, const std::vector<cardan_mount_motion>& motions) {
+  const bool placed = !is_of_time(model_.fields[group.field].source->family->quantity);
+  const auto n = static_cast<int>(placed ? group.readers.size() : 1);
+  for (int i = 0; placed && i < n; ++i) std::copy_n(motions[group.readers[i].node].position, 3, points_.begin() + 3 * i);
+  return n;
+}
+
+void FieldsOfDevices::visit(double t, const std::vector<cardan_mount_motion>& motions, const Visit& visit) {
+  for (const Group& group : groups_) {
+    const int n = place(group, motions);
+    visit(group.field, moments_.at(group.field, t), n, points_.data());
+  }
+}
+
 /// Bits of limits; -1 where something is not finite.
 int FieldsOfDevices::ask(const Group& group, double t, const std::vector<cardan_mount_motion>& motions, bool gradients) {
   const FieldSource& f = *model_.fields[group.field].source;
   const bool placed = !is_of_time(f.family->quantity);
-  const auto n = static_cast<int>(placed ? group.readers.size() : 1);
-  for (int i = 0; placed && i < n; ++i) std::copy_n(motions[group.readers[i].node].position, 3, points_.begin() + 3 * i);
+  const int n = place(group, motions);
+  asked_ = group.field;
   const int beyond = soa::ask_field(f, moments_.at(group.field, t), n, placed ? points_.data() : nullptr, values_.data(),
                                     gradients && placed ? gradients_.data() : nullptr);
+  asked_ = -1;
   return all_finite(values_.data(), n * static_cast<int>(field_size(f.family->quantity))) ? beyond : -1;
 }
 
@@ -132,7 +152,12 @@ bool FieldsOfDevices::look(double t, bool in_steps, std::vector<cardan_mount_mot
     const Field& field = model_.fields[group.field];
     const int beyond = ask(group, t, motions, false);
     if (field.source->refuses(beyond)) {
-      passed_ = {first_beyond(group, t), beyond < 0 ? fmt::format("the field {} is not finite", field.name) : told_beyond(field, beyond)};
+      const std::uint32_t of_each = field_size(field.source->family->quantity);
+      const bool numbers =
+          all_finite(values_.data(), static_cast<int>(of_each * (is_of_time(field.source->family->quantity) ? 1 : group.readers.size())));
+      passed_ = {first_beyond(group, t), beyond >= 0 ? told_beyond(field, beyond)
+                                         : numbers   ? fmt::format("the field {}: evaluate returned {}", told_name(field), beyond)
+                                                     : fmt::format("the field {} is not finite", told_name(field))};
       if (unknown(*field.source, beyond)) {
         fault = passed_;
         if (beyond > 0) stopped_ = passed_;

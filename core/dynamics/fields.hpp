@@ -1,5 +1,6 @@
 #pragma once
 // The fields of a model at one time, and what devices read of them where they are mounted.
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -32,6 +33,9 @@ std::shared_ptr<const FieldMoment> kept_moment(const Model& model, const FieldMo
 /// Of GravitySpec::Kind::field: the index of the field; else -1.
 int field_of_gravity(const Model& model);
 
+/// "air", of a plugin "air (acme/air, ./acme.so)".
+std::string told_name(const Field& field);
+
 /// "air is asked beyond its limit altitude: below the ground"; empty where `beyond` has no limit that is refused.
 std::string told_beyond(const Field& field, int beyond);
 
@@ -55,6 +59,8 @@ class FieldsOfDevices {
   bool look(double t, bool in_steps, std::vector<cardan_mount_motion>& motions, FieldFault& fault);
   /// The derivative of that into `rates`, along the rates of the nodes that stand there.
   void look_along(double t, bool in_steps, const std::vector<cardan_mount_motion>& motions, std::vector<cardan_mount_motion>& rates);
+  /// Index of the field whose function threw, if one did; else -1.
+  int asked() const { return asked_; }
   /// Of the last look(), and of any that has failed at a limit; null: none.
   const FieldFault* passed_limit() const { return passed_.device >= 0 ? &passed_ : nullptr; }
   const FieldFault* tried_limit() const { return stopped_.device >= 0 ? &stopped_ : nullptr; }
@@ -62,6 +68,9 @@ class FieldsOfDevices {
   void forget_limit() { stopped_.device = -1; }
   /// Bits of limits beyond which a field held its value in the last evaluation, by field.
   const std::vector<int>& held() const { return held_; }
+  /// visit(index of the field, its moment, how many points, the points): where fields are asked when nodes are as in `motions`.
+  using Visit = std::function<void(int, const FieldMoment&, int, const double*)>;
+  void visit(double t, const std::vector<cardan_mount_motion>& motions, const Visit& visit);
   std::size_t bytes() const;
 
  private:
@@ -74,12 +83,14 @@ class FieldsOfDevices {
     std::vector<Reader> readers;
   };
   int ask(const Group& group, double t, const std::vector<cardan_mount_motion>& motions, bool gradients);
+  int place(const Group& group, const std::vector<cardan_mount_motion>& motions);
   int first_beyond(const Group& group, double t);
 
   const Model& model_;
   FieldMoments moments_;
   std::vector<Group> groups_;
   FieldFault passed_, stopped_;
+  int asked_ = -1;
   std::vector<int> held_;
   std::vector<double> points_, values_, gradients_;
 };

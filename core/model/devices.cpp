@@ -58,7 +58,7 @@ class DeviceCompiler {
     const std::size_t faults = sink_.all().size();
     Device d;
     d.name = spec.name, d.spec = index;
-    d.family = family;
+    d.family = family, d.origin = registry_.devices.entry(spec.type)->origin;
     d.packed = pack_params(spec_, {"devices." + spec.name, fmt::format("device type {}", family->type), spec.params},
                            {{family->params, family->n_params}, family->params_size, family->pack, family->packed_size}, sink_);
     d.z = devices_.n_z, d.mark = devices_.n_marks, d.in = devices_.n_in, d.out = devices_.n_out, d.mount = devices_.n_mounts;

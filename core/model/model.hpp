@@ -70,6 +70,9 @@ struct DeviceMount {
   int field = -1, at = -1;  // index into Model::fields, and which mount of the device tells the place; -1: it is no field
 };
 
+/// Of what a plugin brought and no part of the program or of its script.
+inline bool is_of_plugin(const std::string& origin) { return origin != "built-in" && origin != "the script"; }
+
 /// A field with its name. GravityField::source points at one of these sources.
 struct Field {
   std::string name, origin;  // "built-in", or the path of the plugin
@@ -83,8 +86,8 @@ inline bool pulls_with_energy(const GravityField& g) {
 }
 
 struct Device {
-  std::string name;
-  int spec = 0;  // index into SystemSpec::devices
+  std::string name, origin;  // "built-in", "the script", or the path of the plugin
+  int spec = 0;              // index into SystemSpec::devices
   const cardan_device_family* family = nullptr;
   std::vector<double> packed;
   std::vector<DeviceMount> mounts;

@@ -105,8 +105,7 @@ void Simulation::take_in() {
   if (devices_ && found < std::ssize(model_->devices.all)) start_devices(map.device);
   for (const DeviceMass& m : model_->devices.masses) {  // what is empty hangs on their parameters
     observe();
-    devices_->event(m.device, model_->devices.all[static_cast<std::size_t>(m.device)].family->n_roots, 0, state_.z.data(),
-                    state_.marks.data());
+    device_event(m.device, model_->devices.all[static_cast<std::size_t>(m.device)].family->n_roots, 0);
     changed();
   }
   for (std::size_t i = 0; i < map.body.size(); ++i) {

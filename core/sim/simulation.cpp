@@ -13,6 +13,7 @@
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/sim/fastest_motion.hpp"
 #include "core/sim/newton_operators.hpp"
+#include "core/sim/plugin_faults.hpp"
 
 namespace cardan {
 
@@ -36,6 +37,7 @@ void Simulation::build() {
   vdot_given_.assign(static_cast<std::size_t>(m.nv), 0.0);
   vdot_ = Eigen::VectorXd::Zero(m.nv);
   normalised_ = std::ranges::any_of(m.user, [](const UserBody& u) { return u.nq > 0 && u.hinge->normalise; });
+  plugins_ = has_plugins(m);
   limits_.clear();
   for (const HingeLoad& load : m.loads)
     for (const std::size_t side : {0, 1})
@@ -132,6 +134,8 @@ void Simulation::expect_finite(const std::vector<double>& x) {
 
 /// What the sweeps know about a step that the integrator gave up.
 RunFailure Simulation::explain(const RunFailure& failure) const {
+  if (!thrown_.empty())
+    return {Code::plugin_failed, state_.t, "", "", thrown_, "a fault of the plugin: cardan check-plugin tries what it can", ""};
   if (const std::string told = gravity_stopped_.empty() ? told_of_gravity() : gravity_stopped_; !told.empty())
     return {Code::field_failed,
             state_.t,
@@ -153,7 +157,7 @@ RunFailure Simulation::explain(const RunFailure& failure) const {
             state_.t,
             "",
             "",
-            fmt::format("device {} ({}): {}", d.name, d.family->type, devices_->fault().what),
+            fmt::format("{}: {}", told_device(d), devices_->fault().what),
             "its parameters and inputs; what it reads may be outside of what it is made for",
             ""};
   }
@@ -169,7 +173,7 @@ RunFailure Simulation::beyond_a_field(const FieldFault& fault) const {
           state_.t,
           "",
           "",
-          fmt::format("device {} ({}): {}", d.name, d.family->type, fault.what),
+          fmt::format("{}: {}", told_device(d), fault.what),
           "another field, or `outside: hold` where it can hold",
           ""};
 }
@@ -432,10 +436,12 @@ OdeProblem Simulation::ode() {
   ode.rough_integrands =
       m.devices.rough || std::ranges::any_of(m.loads, [](const HingeLoad& load) { return load.law != HingeLaw::spring; });
   ode.rhs = [this](double t, const double* x, double* xdot) { return rhs(t, x, xdot); };
-  ode.integrands = [this](double t, const double* x, double* ydot) { integrands(t, x, ydot); };
+  ode.integrands = [this](double t, const double* x, double* ydot) {
+    if (!unless_thrown([&] { integrands(t, x, ydot); })) std::fill_n(ydot, Balances::kIntegrals, 0.0);
+  };
   if (normalised_ || !prescribed_.empty())
     ode.project = [this](double t, double* x) {
-      if (normalised_) model_->normalise(x);
+      if (normalised_) unless_thrown([&] { model_->normalise(x); });
       give_motion(t, x, x + model_->nq);
     };
   ode.absolute_tolerance = absolute_tolerances();
@@ -450,19 +456,27 @@ OdeProblem Simulation::ode() {
     ode.roots = [this](double t, const double* x, double* g) {
       for (std::size_t i = 0; i < events_.size(); ++i) g[i] = events_[i].function(t, x, x + model_->nq);
       for (std::size_t i = 0; i < limits_.size(); ++i) g[events_.size() + i] = x[limits_[i].q] - limits_[i].value;
-      if (model_->devices.n_roots > 0) device_roots(t, x, g + events_.size() + limits_.size());
-      if (holding_) hold_roots(t, x, g + events_.size() + limits_.size() + static_cast<std::size_t>(model_->devices.n_roots));
+      double* of_devices = g + events_.size() + limits_.size();
+      const bool known = unless_thrown([&] {
+        if (model_->devices.n_roots > 0) device_roots(t, x, of_devices);
+        if (holding_) hold_roots(t, x, of_devices + model_->devices.n_roots);
+      });
+      if (!known) std::fill_n(of_devices, static_cast<std::size_t>(model_->devices.n_roots) + model_->devices.holds.size(), 1.0);
     };
   if (options_.integrator.linear_solver != "krylov") return ode;
   newton_ = std::make_unique<NewtonOperators>(model_, devices_.get());
   x_evaluated_.resize(static_cast<std::size_t>(ode.n));
-  ode.jacobian_times = [this](double t, const double* x, const double* dx, double* J_dx) {
+  const auto jacobian_times = [this](double t, const double* x, const double* dx, double* J_dx) {
     const double *q = with_given_motion(t, x), *v = q + model_->nq;
     // For their values, which the right-hand side at this very state has left behind for all directions.
     const bool known = t_evaluated_ == t && std::equal(x_evaluated_.begin(), x_evaluated_.end(), q);
     if (devices_ && !known && !evaluate(t, std::min(t, stretch_), q, vdot_.data())) return false;
     if (!devices_) apply_forces(t, std::min(t, stretch_), q, v);
     return newton_->jacobian_times(inputs(q, v), dx, J_dx);
+  };
+  ode.jacobian_times = [this, jacobian_times](double t, const double* x, const double* dx, double* J_dx) {
+    bool good = false;
+    return unless_thrown([&] { good = jacobian_times(t, x, dx, J_dx); }) && good;
   };
   ode.prepare = [this](double, const double* x, double gamma, bool moved) { return newton_->prepare(x, gamma, moved); };
   ode.precondition = [this](const double* r, double* z) {
@@ -509,7 +523,7 @@ std::string Simulation::told_of_gravity() const {
   for (std::size_t k = 1; gravity_field_ >= 0 && k < model_->bodies.size(); ++k) {
     const Field& field = model_->fields[static_cast<std::size_t>(gravity_field_)];
     const int beyond = gravity_beyond(static_cast<int>(k));
-    const std::string told = beyond == -1 ? fmt::format("gravity of {} is not finite", field.name) : told_beyond(field, beyond);
+    const std::string told = beyond == -1 ? fmt::format("gravity of {} is not finite", told_name(field)) : told_beyond(field, beyond);
     if (!told.empty()) return fmt::format("field {} ({}): {}", field.name, field.source->family->type, told);
   }
   return {};
@@ -571,9 +585,12 @@ const Observer& Simulation::observe() {
     bad_rate_ = -1;
     std::vector<double>& x = x_given_;
     pack(x.data());
-    if (!evaluate(state_.t, state_.t, x.data(), vdot_.data())) fail(explain({Code::not_finite, state_.t, "", "", "", "", ""}));
-    observer_->update(inputs(state_.q.data(), state_.v.data()), vdot_.data());
-    if (devices_ && !devices_->complete(workspace_, inputs(state_.q.data(), state_.v.data()))) fail(explain({}));
+    const auto look = [&] {
+      if (!evaluate(state_.t, state_.t, x.data(), vdot_.data())) fail(explain({Code::not_finite, state_.t, "", "", "", "", ""}));
+      observer_->update(inputs(state_.q.data(), state_.v.data()), vdot_.data());
+      if (devices_ && !devices_->complete(workspace_, inputs(state_.q.data(), state_.v.data()))) fail(explain({}));
+    };
+    if (!unless_thrown(look)) fail(explain({}));
     say_held_fields();
     observed_ = true;
   }
@@ -609,14 +626,15 @@ void Simulation::begin_ledger() {
 
 Energy Simulation::energy() {
   Energy e = observe().energy();
-  if (devices_) e.devices = devices_->energy(), e.magnitude += std::abs(e.devices);
+  if (devices_ && !unless_thrown([&] { e.devices = devices_->energy(), e.magnitude += std::abs(e.devices); })) fail(explain({}));
   return e;
 }
 
 Momentum Simulation::momentum() {
   Momentum p = observe().momentum();
   if (!stores_) return p;
-  const Eigen::Vector3d h = to_eigen(devices_->stored_momentum());
+  Eigen::Vector3d h;
+  if (!unless_thrown([&] { h = to_eigen(devices_->stored_momentum()); })) fail(explain({}));
   p.angular += h, p.angular_magnitude += h.norm();
   return p;
 }
@@ -638,6 +656,7 @@ LedgerState Simulation::ledger() {
 void Simulation::write_outputs() {
   if (!recorder_ || last_output_ == state_.t) return;
   observe();
+  if (plugins_) expect_good_plugins();
   std::size_t at = 0;
   for (const Output& o : outputs_) {
     o.fill(row_.data() + at);
@@ -796,12 +815,18 @@ void Simulation::tick_device(int index, double period) {
   double *const z = state_.z.data() + d.z, *const marks = state_.marks.data() + d.mark;
   double *const z_before = noise_.data() + d.family->n_noise, *const marks_before = std::copy_n(z, d.family->n_states, z_before);
   std::copy_n(marks, d.family->n_marks, marks_before);
-  if (!devices_->tick(index, period, noise_.data(), state_.z.data(), state_.marks.data())) fail(explain({}));
+  bool good = false;
+  if (!unless_thrown([&] { good = devices_->tick(index, period, noise_.data(), state_.z.data(), state_.marks.data()); }) || !good)
+    fail(explain({}));
   const bool same_states = std::equal(z, z + d.family->n_states, z_before);
   if (same_states && std::equal(marks, marks + d.family->n_marks, marks_before)) return;
   if (d.acts || !same_states) return changed();
   devices_->set({state_.t, state_.z.data(), state_.marks.data(), tau_total_.data(), wrenches_.data()});
-  if (!devices_->evaluate()) fail(explain({}));  // what it gives now; the motion is as it was
+  if (!unless_thrown([&] { good = devices_->evaluate(); }) || !good) fail(explain({}));  // what it gives now; the motion is as it was
+}
+
+void Simulation::device_event(int device, std::uint32_t root, int direction) {
+  if (!unless_thrown([&] { devices_->event(device, root, direction, state_.z.data(), state_.marks.data()); })) fail(explain({}));
 }
 
 /// At a trial state.
@@ -819,7 +844,7 @@ void Simulation::start_devices(std::span<const int> but) {
   observe();
   for (std::size_t i = 0; i < model_->devices.all.size(); ++i)
     if (std::ranges::find(but, static_cast<int>(i)) == but.end())
-      devices_->event(static_cast<int>(i), model_->devices.all[i].family->n_roots, 0, state_.z.data(), state_.marks.data());
+      device_event(static_cast<int>(i), model_->devices.all[i].family->n_roots, 0);
   changed();
   rates_were_set_ = false;
   settle_holds();
@@ -855,7 +880,7 @@ void Simulation::hold_roots(double t, const double* x, double* g) {
 void Simulation::break_away(std::size_t hold) {
   const int device = model_->devices.holds[hold].device;
   const std::uint32_t n = model_->devices.all[static_cast<std::size_t>(device)].family->n_roots;
-  devices_->event(device, n + 1, holding_->forces()[hold].force > 0.0 ? -1 : 1, state_.z.data(), state_.marks.data());
+  device_event(device, n + 1, holding_->forces()[hold].force > 0.0 ? -1 : 1);
   changed();
 }
 
@@ -865,9 +890,7 @@ void Simulation::settle_holds() {
   const auto& holds = model_->devices.holds;
   if (std::exchange(rates_were_set_, false) && begun_ && !holds.empty()) {
     observe();
-    for (const DeviceHold& h : holds)
-      devices_->event(h.device, model_->devices.all[static_cast<std::size_t>(h.device)].family->n_roots, 0, state_.z.data(),
-                      state_.marks.data());
+    for (const DeviceHold& h : holds) device_event(h.device, model_->devices.all[static_cast<std::size_t>(h.device)].family->n_roots, 0);
     changed();
   }
   for (std::size_t pass = 0; holding_ && pass <= holds.size(); ++pass) {
@@ -897,7 +920,7 @@ bool Simulation::device_events(std::span<const int> crossed) {
       const int side = crossed[static_cast<std::size_t>(d.root) + root];
       if (side == 0) continue;
       observe();
-      devices_->event(static_cast<int>(i), root, side, state_.z.data(), state_.marks.data());
+      device_event(static_cast<int>(i), root, side);
       any = true;
       changed();
     }
@@ -927,6 +950,42 @@ IntegratorStatistics Simulation::statistics() const {
 }
 
 std::string Simulation::integrator_name() const { return integrator_ ? std::string(integrator_->name()) : options_.integrator.method; }
+
+/// Called where an exception is caught: of a fault of ours it goes on.
+void Simulation::keep_thrown(const std::string& what) {
+  if (!plugins_) throw;
+  if (!thrown_.empty()) return;
+  for (const DeviceForces* d : {devices_.get(), on_trial_.get()}) {
+    if (!d) continue;
+    if (d->called().device >= 0)
+      thrown_ = fmt::format("{}: {} throws: {}", told_device(model_->devices.all[static_cast<std::size_t>(d->called().device)]),
+                            d->called().function, what);
+    else if (d->field_asked() >= 0)
+      thrown_ = fmt::format("field {}: evaluate throws: {}", told_name(model_->fields[static_cast<std::size_t>(d->field_asked())]), what);
+    if (!thrown_.empty()) return;
+  }
+  thrown_ = plugin_at_fault(*model_, state_.q.data(), state_.v.data());
+  if (thrown_.empty() && gravity_field_ >= 0 && is_of_plugin(model_->fields[static_cast<std::size_t>(gravity_field_)].origin))
+    thrown_ = fmt::format("field {}: evaluate throws: {}", told_name(model_->fields[static_cast<std::size_t>(gravity_field_)]), what);
+  if (thrown_.empty()) thrown_ = fmt::format("a function of a plugin throws, and not when it is asked again: {}", what);
+}
+
+/// Where a row is written: what laws have tried at random holds here too.
+void Simulation::expect_good_plugins() {
+  std::string told;
+  const bool whole = unless_thrown([&] {
+    told = plugin_at_fault(*model_, state_.q.data(), state_.v.data());
+    if (told.empty() && devices_) told = plugin_at_fault(*model_, *devices_);
+    if (told.empty() && gravity_field_ >= 0 && workspace_.has_world()) {
+      const Vec3<double> at = workspace_.pose_W(1).p;
+      const double point[3] = {at.x, at.y, at.z};
+      told = plugin_at_fault(model_->fields[static_cast<std::size_t>(gravity_field_)], *moment_, 1, point);
+    }
+  });
+  if (whole && told.empty()) return;
+  if (whole) thrown_ = told;
+  fail(explain({}));
+}
 
 void Simulation::fail(RunFailure failure) {
   if (recorder_) {

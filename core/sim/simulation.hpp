@@ -158,6 +158,7 @@ class Simulation {
   void take_in();
   void changed() { weigh(), restart_ = true, observed_ = ledger_known_ = false; }
   void weigh();
+  bool rates(double t, const double* x, double* xdot);
   bool rhs(double t, const double* x, double* xdot);
   void integrands(double t, const double* x, double* ydot);
   const double* with_given_motion(double t, const double* x);
@@ -208,6 +209,26 @@ class Simulation {
   RunFailure not_finite(int state, double value) const;
   RunFailure explain(const RunFailure&) const;
   [[noreturn]] void fail(RunFailure failure);
+  /// Does it; false where a function of a plugin throws, which explain() tells then. Nothing of that goes through the integrators.
+  template <class Work>
+  bool unless_thrown(const Work& work) {
+    try {
+      work();
+      return true;
+    } catch (const InputError&) {
+      throw;
+    } catch (const NumericsError&) {
+      throw;
+    } catch (const std::exception& e) {
+      keep_thrown(e.what());
+    } catch (...) {
+      keep_thrown("an exception that is no std::exception");
+    }
+    return false;
+  }
+  void keep_thrown(const std::string& what);
+  void device_event(int device, std::uint32_t root, int direction);
+  void expect_good_plugins();
 
   std::shared_ptr<Model> own_;                       // where masses vary: its own copy; else null
   std::shared_ptr<const Model> model_, next_model_;  // next: from the end of this instant on
@@ -278,6 +299,8 @@ class Simulation {
   int bad_rate_ = -1;      // index into v' of a value that is not finite, in the last step
   double vdot_bad_ = 0.0;  // that value
   std::string culprit_;    // the plugin that gave no number there; empty: none did
+  std::string thrown_;     // what a function of a plugin threw, and whose it is
+  bool plugins_ = false;   // there are some
   Balances balances_;
   LedgerState ledger_;  // at the present state, if known
   bool ledger_known_ = false, warned_stiff_ = false;

@@ -58,6 +58,7 @@ void Simulation::step(double t_stop) {
   }
   stretch_ = std::numeric_limits<double>::infinity();
   ++steps_;
+  if (!thrown_.empty()) fail(explain({}));
   expect_finite(x_);
   state_.t = report.t;
   unpack(x_.data());
@@ -76,6 +77,12 @@ void Simulation::step(double t_stop) {
 
 // x' = [ N(q) v ; v' ; z' ],  v' = M^-1 (tau + springs + devices - C + gravity + wrenches) by the articulated sweeps.
 bool Simulation::rhs(double t, const double* x, double* xdot) {
+  if (!plugins_) return rates(t, x, xdot);
+  bool good = false;
+  return unless_thrown([&] { good = rates(t, x, xdot); }) && good;
+}
+
+bool Simulation::rates(double t, const double* x, double* xdot) {
   const Model& m = *model_;
   const double *q = with_given_motion(t, x), *v = q + m.nq;
   if (!evaluate(t, std::min(t, stretch_), q, xdot + m.nq)) return false;
@@ -102,7 +109,7 @@ bool Simulation::evaluate(double t, double since, const double* x, double* vdot)
   if (devices_) devices_->set({t, v + model_->nv, state_.marks.data(), tau_total_.data(), wrenches_.data()});
   if (!forward_dynamics(*model_, workspace_, inputs(q, v), vdot, devices_.get())) {
     breakdown_ = workspace_.breakdown;
-    culprit_ = plugin_without_numbers(*model_, q, v);
+    culprit_ = plugin_at_fault(*model_, q, v);
     if (gravity_stopped_.empty()) gravity_stopped_ = told_of_gravity();
     return false;
   }
@@ -113,7 +120,7 @@ bool Simulation::evaluate(double t, double since, const double* x, double* vdot)
   bad_rate_ = first_not_finite(vdot, model_->nv);
   vdot_bad_ = vdot[bad_rate_];
   if (gravity_stopped_.empty()) gravity_stopped_ = told_of_gravity();
-  culprit_ = plugin_without_numbers(*model_, q, v);
+  culprit_ = plugin_at_fault(*model_, q, v);
   return false;
 }
 

@@ -431,8 +431,81 @@ TEST(Plugins, ThatGiveNoNumberInARunAreNamed) {
   const Finished run = with_fault("late_nan", {"run", ".", "--quiet", "--out", "out"}, dir.path());
   EXPECT_EQ(run.exit_code, 3) << run.out << run.err;
   EXPECT_TRUE(has(run.err, "failure[N0108]")) << run.err;
-  EXPECT_TRUE(has(run.err, "kinematics of hinge \"faulty/slide\" (./p.so) gives a value that is not finite")) << run.err;
+  EXPECT_TRUE(has(run.err, "kinematics of hinge \"faulty/slide\" (./p.so) of bodies.a gives a value that is not finite")) << run.err;
   EXPECT_TRUE(fs::exists(dir / "out/run.h5")) << "what was recorded is kept";
+}
+
+// ---- what obeys the laws and goes wrong in the run ----
+
+struct LateFault {
+  const char *name, *code, *told;
+};
+class LatePlugin : public testing::TestWithParam<LateFault> {};
+
+struct LateFolder : TemporaryFolder {
+  LateFolder() {
+    fs::copy(kPlugins + "late.so", *this / "p.so");
+    write(*this / "vehicle.yaml",
+          "cardan: 1\nfields: {air: {type: late/air}}\nbodies:\n"
+          "  sled: {mass: 1e6, inertia: [1e6, 1e6, 1e6], hinge: {type: late/slide, to: world}}\n"
+          "  boom:\n    type: late/wing\n"
+          "    modal: {beam: {length: 1 m, material: {E: 70 GPa, rho: 2700}, section: {tube: {radius: 5 cm, wall: 2 mm}}}, modes: {count: "
+          "1}}\n"
+          "    hinge: {type: locked, to: sled}\n"
+          "devices: {pusher: {type: late/push, at: sled, air: air}}\n");
+    write(*this / "scenario.lua",
+          "plugin 'p.so' vehicle 'vehicle.yaml' mission { duration = 1, integrator = { method = 'rk4', step = 1 / 4096 }, "
+          "output = { rate = '32 Hz' } }\ninitial { sled = { rate = 1 } }\n");
+  }
+};
+
+/// At t = 0.75 s: answered with the file, the type, whose it is, the call and the time; rows until then are kept.
+TEST_P(LatePlugin, IsNamedAndWhatWasRecordedIsKept) {
+  const auto& [name, code, told] = GetParam();
+  const LateFolder dir;
+  const Finished run = with_fault(name, {"run", ".", "--quiet", "--out", "out"}, dir.path());
+  EXPECT_EQ(run.exit_code, 3) << run.out << run.err;
+  EXPECT_TRUE(has(run.err, std::string("failure[") + code + "]")) << run.err;
+  EXPECT_TRUE(has(run.err, told)) << run.err;
+  EXPECT_TRUE(has(run.err, "  t = 0.7")) << run.err;
+  const Hdf5File kept = Hdf5File::open(dir / "out/run.h5");
+  EXPECT_GE(kept.read_doubles("/channels/hinges/sled/s").values.size(), 24u);
+  EXPECT_NEAR(kept.read_doubles("/channels/hinges/sled/s").values.back(), 0.75, 1.1 / 32);
+}
+constexpr const char* kHidden = "gives other numbers when it is asked the same again: it keeps something between calls";
+INSTANTIATE_TEST_SUITE_P(
+    Every, LatePlugin,
+    testing::Values(LateFault{"throw_hinge", "N0503", "kinematics of hinge \"late/slide\" (./p.so) of bodies.sled throws: no luck today"},
+                    LateFault{"nan_hinge", "N0108",
+                              "kinematics of hinge \"late/slide\" (./p.so) of bodies.sled gives a value that is not finite"},
+                    LateFault{"hidden_hinge", "N0503", "kinematics of hinge \"late/slide\" (./p.so) of bodies.sled gives other numbers"},
+                    LateFault{"throw_body", "N0503", "mass of body \"late/wing\" (./p.so) of bodies.boom throws: no luck today"},
+                    LateFault{"nan_body", "N0108", "mass of body \"late/wing\" (./p.so) of bodies.boom gives a value that is not finite"},
+                    LateFault{"hidden_body", "N0503", "mass of body \"late/wing\" (./p.so) of bodies.boom gives other numbers"},
+                    LateFault{"throw_device", "N0503", "device pusher (late/push, ./p.so): evaluate throws: no luck today"},
+                    LateFault{"nan_device", "N0501", "device pusher (late/push, ./p.so): evaluate: force at at = nan"},
+                    LateFault{"code_device", "N0501", "device pusher (late/push, ./p.so): evaluate: it has had enough"},
+                    LateFault{"overrun_device", "N0503", "device pusher (late/push, ./p.so): evaluate writes beyond its arrays"},
+                    LateFault{"hidden_device", "N0503", "device pusher (late/push, ./p.so): evaluate gives other numbers"},
+                    LateFault{"throw_field", "N0503", "field air (late/air, ./p.so): evaluate throws: no luck today"},
+                    LateFault{"nan_field", "N0501", "device pusher (late/push, ./p.so): the field air (late/air, ./p.so) is not finite"},
+                    LateFault{"code_field", "N0501", "the field air (late/air, ./p.so): evaluate returned -1"},
+                    LateFault{"overrun_field", "N0503", "field air (late/air, ./p.so): evaluate writes beyond what it is handed"},
+                    LateFault{"hidden_field", "N0503", "field air (late/air, ./p.so): evaluate gives other numbers"}),
+    [](const auto& tested) { return std::string(tested.param.name); });
+
+TEST(LatePlugins, AreToldInTheseWords) {
+  const LateFolder dir;
+  const std::string err = with_fault("hidden_device", {"run", ".", "--quiet", "--out", "out"}, dir.path()).err;
+  EXPECT_TRUE(
+      has(err,
+          "failure[N0503]: a function of a plugin failed in the run\n  t = 0.75 s\n"
+          "  device pusher (late/push, ./p.so): evaluate gives other numbers when it is asked the same again: it keeps something between "
+          "calls\n  last accepted state: out/run.h5:/restart\n"
+          "  hint:     a fault of the plugin: cardan check-plugin tries what it can\n"))
+      << err;
+  const Finished good = run_program({"run", ".", "--quiet", "--out", "good"}, dir.path());
+  EXPECT_EQ(good.exit_code, 0) << good.err;
 }
 
 }  // namespace
