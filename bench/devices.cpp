@@ -1,7 +1,7 @@
 // What devices cost in a right-hand side:  cardan-bench-devices [--seconds S]
 // The spacecraft of 28 velocities with and without devices, in turn in one run: bytes and nanoseconds of one device of each type, mean of
-// ten of them; a device of a plugin made of the same source; ten frictions and four thrusters; and how the same is solved (error of v'
-// against the dense twin in 113 bits where devices act).
+// ten of them; hinges, bodies, fields and devices of a plugin made of the same sources (--plugin); ten frictions and four thrusters; and
+// how the same is solved (error of v' against the dense twin in 113 bits where devices act).
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -102,6 +102,44 @@ std::pair<double, double> in_turn(RightHandSides& a, RightHandSides& b, double s
   return {least_a, least_b};
 }
 
+/// A chain of ten rigid bodies on universal hinges: types of hinges that a step asks for their records.
+BenchModel chain_of_universals() {
+  BenchModel model;
+  model.name = "10 bodies on universal hinges";
+  constexpr int kBodies = 10;
+  for (int i = 0; i < kBodies; ++i) {
+    BodySpec b;
+    b.name = fmt::format("b{}", i);
+    b.mass = 2.0, b.com = {0.5, 0.1, 0}, b.inertia_com = Eigen::Vector3d(0.1, 0.3, 0.35).asDiagonal();
+    b.hinge.type = "universal";
+    b.hinge.params["axes"] = {std::vector<double>{0, 0, 1, 0, 1, 0}, {}};
+    if (i > 0) b.hinge.inboard_body = fmt::format("b{}", i - 1), b.hinge.onode_position = {1, 0, 0};
+    model.spec.bodies.push_back(std::move(b));
+  }
+  for (int k = 0; k < 8; ++k) {
+    const Eigen::VectorXd x =
+        Eigen::VectorXd::NullaryExpr(2 * kBodies, [k](Eigen::Index i) { return std::sin(2.7 * static_cast<double>(i) + k); });
+    model.states.push_back({x, 0.5 * x, {}, {}});
+  }
+  return model;
+}
+
+/// Pulled by a field of this type.
+SystemSpec pulled_by(SystemSpec spec, const std::string& type) {
+  spec.fields = {{"pull", type, {{"mu", {4e14, {}}}, {"centre", {std::vector<double>{7e6, 0, 0}, {}}}}, false, {}}};
+  spec.gravity.kind = GravitySpec::Kind::field, spec.gravity.field = "pull";
+  return spec;
+}
+
+/// The same with twins in place of the hinges and bodies that are built in.
+SystemSpec of_twins(SystemSpec spec, const Registry& registry) {
+  for (BodySpec& b : spec.bodies) {
+    if (registry.hinge("twin/" + b.hinge.type)) b.hinge.type = "twin/" + b.hinge.type;
+    if (registry.body("twin/" + b.type)) b.type = "twin/" + b.type;
+  }
+  return spec;
+}
+
 int run(double seconds, const std::string& plugin) {
   Registry registry;
   register_hinges(registry), register_bodies(registry), register_devices(registry);
@@ -129,13 +167,24 @@ int run(double seconds, const std::string& plugin) {
              acting.error());
   if (plugin.empty()) return 0;
   load_plugin(plugin, registry);
+  fmt::print("\n{:<36}{:>12}{:>14}\n", "a plugin of the same source", "built in, ns", "plugin, ns");
+  const auto compare = [&](const std::string& what, const SystemSpec& ours, const SystemSpec& theirs,
+                           const std::vector<BenchState>& states) {
+    RightHandSides here(ours, registry, states), there(theirs, registry, states);
+    const auto [built_in, foreign] = in_turn(here, there, seconds);
+    fmt::print("{:<36}{:>12.0f}{:>14.0f}   {:.3f} of the built-in one\n", what, built_in, foreign, foreign / built_in);
+  };
+  const BenchModel chain = chain_of_universals(), hub = hub_appendages(4, 10, 1);
+  compare(chain.name, chain.spec, of_twins(chain.spec, registry), chain.states);
+  compare("4 bodies of 10 modes, level 1", hub.spec, of_twins(hub.spec, registry), hub.states);
+  compare("gravity of a point_mass field", pulled_by(bm.spec, "point_mass"), pulled_by(bm.spec, "twin/point_mass"), bm.states);
+  SystemSpec rods = with(bm.spec, *bare, *registry.device("magnetorquer"), kTen), of_field = rods;
+  for (FieldSpec& f : of_field.fields) f.type = "twin/dipole";
+  compare("10 magnetorquers in a dipole field", rods, of_field, bm.states);
   for (const auto& [family, origin] : registry.devices.all()) {
     const cardan_device_family* twin = registry.device("twin/" + std::string(family->type));
     if (!twin) continue;
-    RightHandSides here(with(bm.spec, *bare, *family, kTen), registry, bm.states),
-        there(with(bm.spec, *bare, *twin, kTen), registry, bm.states);
-    const auto [built_in, foreign] = in_turn(here, there, seconds);
-    fmt::print("{:<36}{:>12.0f}{:>14.0f}   {:.3f} of the built-in one\n", twin->type, built_in, foreign, foreign / built_in);
+    compare(fmt::format("{} {}", kTen, family->type), with(bm.spec, *bare, *family, kTen), with(bm.spec, *bare, *twin, kTen), bm.states);
   }
   return 0;
 }

@@ -188,22 +188,27 @@ void DeviceForces::zero(int index) {
 bool DeviceForces::evaluate(const std::vector<Call>& calls, const std::vector<Range>& numbers) {
   for (const int i : commanded_) in_[i] = commands[i];
   double power = 0.0;  // NaN and infinity stay NaN when they are multiplied by zero and added
-  for (const Call& c : calls) {
-    for (int k = c.given.begin; k < c.given.end; ++k) in_[given_[k].first] = out_[given_[k].second];
-    for (int k = c.added.begin; k < c.added.end; ++k) in_[added_[k].in] += out_[added_[k].out];
-    if (!first_.empty()) zero(c.device);  // what it gave before all others was there until now
-    cardan_device_out& out = outs_[c.device];
-    out.delivered = out.lost = 0.0;
-    called_ = {c.device, "evaluate"};
-    if (const int code = c.evaluate(&args_[c.device], &out); code != 0) {
-      for (const Call* before = calls.data(); before != &c; ++before)
-        if (!expect_finite(before->device)) return false;  // what the one that refuses may have been given
-      fault_ = {c.device, answer(model_.devices.all[c.device], "evaluate", code)};
-      return false;
+  const Call* at = calls.data();
+  try {
+    for (; at != calls.data() + calls.size(); ++at) {
+      const Call& c = *at;
+      for (int k = c.given.begin; k < c.given.end; ++k) in_[given_[k].first] = out_[given_[k].second];
+      for (int k = c.added.begin; k < c.added.end; ++k) in_[added_[k].in] += out_[added_[k].out];
+      if (!first_.empty()) zero(c.device);  // what it gave before all others was there until now
+      cardan_device_out& out = outs_[c.device];
+      out.delivered = out.lost = 0.0;
+      if (const int code = c.evaluate(&args_[c.device], &out); code != 0) {
+        for (const Call* before = calls.data(); before != &c; ++before)
+          if (!expect_finite(before->device)) return false;  // what the one that refuses may have been given
+        fault_ = {c.device, answer(model_.devices.all[c.device], "evaluate", code)};
+        return false;
+      }
+      power += 0.0 * out.delivered + 0.0 * out.lost;
     }
-    power += 0.0 * out.delivered + 0.0 * out.lost;
+  } catch (...) {
+    called_ = {at->device, "evaluate"};
+    throw;
   }
-  called_.device = -1;
   const auto finite = [this](const Range& r) { return all_finite(effects_.data() + r.begin, r.end - r.begin); };
   if (power == 0.0 && std::ranges::all_of(numbers, finite)) return true;
   return std::ranges::all_of(calls, [this](const Call& c) { return expect_finite(c.device); });
