@@ -102,7 +102,9 @@ SystemSpec vehicle(int level) {
   for (const auto& [key, x] : {std::pair("density", 0.3), std::pair("radius", 1e6), std::pair("height", 10.0 - 1e6),
                                std::pair("scale_height", 1e3), std::pair("lowest", -2e6)})
     air.params[key] = number(x);
-  spec.fields = {earth, air};
+  FieldSpec wind;
+  wind.name = "wind", wind.type = "co_rotating_wind", wind.params["rate"] = number(0.3);
+  spec.fields = {earth, air, wind};
   return spec;
 }
 
@@ -116,12 +118,11 @@ DeviceSpec mounted(const std::string& name, const std::string& type, const Place
   int nodes = 0;
   for (std::uint32_t i = 0; i < f.n_mounts; ++i) {
     const cardan_mount_desc& m = f.mounts[i];
-    if (m.kind == CARDAN_MOUNT_FIELD && (m.use & CARDAN_USE_OPTIONAL) != 0) continue;
     std::string& target = d.mounts[m.name].target;
     if (m.kind == CARDAN_MOUNT_NODE) target = nodes++ == 0 ? place.node : place.name == "tip" ? "hand" : "head";
     if (m.kind == CARDAN_MOUNT_HINGE) target = place.hinge;
     if (m.kind == CARDAN_MOUNT_MASS) target = place.body;
-    if (m.kind == CARDAN_MOUNT_FIELD) target = m.use == CARDAN_MAGNETIC ? "earth" : "air";
+    if (m.kind == CARDAN_MOUNT_FIELD) target = m.use == CARDAN_MAGNETIC ? "earth" : m.use == CARDAN_DENSITY ? "air" : "wind";
   }
   return d;
 }

@@ -5,6 +5,7 @@
 
 #include "core/abi/device_family.hpp"
 #include "core/abi/field_family.hpp"
+#include "core/abi/param_values.hpp"
 #include "core/sim/reference_check.hpp"
 #include "core/soa/tangent.hpp"
 #include "tests/properties/loaded_simulation.hpp"
@@ -435,6 +436,61 @@ TEST(FieldsOfDevices, DragTakesWhatItsFormulaSays) {
   const double rho = 2e-12 * std::exp(-100e3 / 58.515e3);
   EXPECT_NEAR(sim.device_output(0) / rho, 1.0, 1e-12);
   EXPECT_NEAR(sim.vdot()[4] / (-0.5 * rho * 2.0 * 3.0 * 7600.0 * 7600.0 / 100.0), 1.0, 1e-12);
+}
+
+/// What flies with the air feels none of it; what stands still in a planet's air that turns is blown along.
+TEST(FieldsOfDevices, DragKnowsAirThatTurnsWithItsPlanet) {
+  const double r = 6878.137e3, omega = 7.292115e-5;
+  const auto acceleration = [&](const Vector3d& v) {
+    SystemSpec spec = system({satellite(r, v)});
+    spec.bodies[0].hinge.v = {0, 0, 0, v.x(), v.y(), v.z()};
+    spec.fields = {field("air", "exponential_atmosphere", {{"density", 2e-12}}), field("wind", "co_rotating_wind")};
+    spec.devices = {device("drag", "drag", {{"area", 3.0}, {"coefficient", 2.0}}, {{"at", "bus"}, {"wind", "wind"}})};
+    Simulation sim(compiled(spec), {});
+    return Vector3d(sim.vdot().segment<3>(3));
+  };
+  const double rho = 2e-12 * std::exp(-100e3 / 58.515e3);
+  EXPECT_LT(acceleration({0, omega * r, 0}).norm(), 1e-24);
+  const Vector3d still = acceleration({0, 0, 0}), orbiting = acceleration({0, 7600, 0});
+  EXPECT_NEAR(still.y() / (0.5 * rho * 2.0 * 3.0 * std::pow(omega * r, 2) / 100.0), 1.0, 1e-12);
+  EXPECT_NEAR(orbiting.y() / (-0.5 * rho * 2.0 * 3.0 * std::pow(7600.0 - omega * r, 2) / 100.0), 1.0, 1e-12);
+}
+
+/// On a line across the shadow of the Earth, against the overlap of two discs by quadrature.
+TEST(Sunlight, IsThePartOfTheDiscThatIsSeen) {
+  const cardan_field_family& f = *registry().field("sunlight");
+  const double R = 6378.137e3, a = 4.6524e-3, E = 1361.0, behind = 7e6;
+  ParamTable values;
+  values.numbers = {{"irradiance", {E}}, {"direction", {-1, 0, 0}}, {"radius", {R}}, {"disc", {a}}, {"centre", {0, 0, 0}}};
+  std::vector<double> packed(f.params_size / sizeof(double) + 1);
+  const cardan_param_values view = values.view();
+  ASSERT_EQ(f.pack(&view, packed.data()), 0);
+  const auto light = [&](double beside) {
+    const cardan_field_args args{sizeof args, 0.0, packed.data(), nullptr};
+    const double x[3] = {behind, beside, 0.0};
+    double value[3];
+    EXPECT_EQ(f.evaluate(&args, 1, x, value, nullptr), 0);
+    EXPECT_EQ(value[1], 0.0);
+    return value[0];
+  };
+  EXPECT_EQ(light(0.0), 0.0);
+  EXPECT_EQ(light(0.9 * R), 0.0);
+  EXPECT_EQ(light(1.1 * R), E);
+  int in_penumbra = 0;
+  for (int i = -40; i <= 40; ++i) {
+    const double beside = R + 1e3 * i, r = std::hypot(behind, beside), b = std::asin(R / r), c = std::acos(behind / r);
+    constexpr int kStrips = 20000;
+    double hidden = 0.0;
+    for (int k = 0; k < kStrips; ++k) {
+      const double u = a * (2.0 * (k + 0.5) / kStrips - 1.0);  // towards the planet
+      const double of_sun = std::sqrt(a * a - u * u), of_planet = std::sqrt(std::max(0.0, b * b - (c - u) * (c - u)));
+      hidden += 2.0 * std::min(of_sun, of_planet) * 2.0 * a / kStrips;
+    }
+    const double wanted = 1.0 - hidden / (M_PI * a * a);
+    EXPECT_NEAR(light(beside) / E, wanted, 1e-5) << beside;  // of strips of a half circle: their number to -1.5
+    in_penumbra += wanted > 0.01 && wanted < 0.99;
+  }
+  EXPECT_GT(in_penumbra, 20);
 }
 
 TEST(FieldsOfDevices, BeyondTheirLimitsAreRefusedOrHeld) {
