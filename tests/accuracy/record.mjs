@@ -88,7 +88,7 @@ the hard models beside other libraries. Made by one command, which runs all of i
 \`\`\`
 
 The differences are those of ${read(reports, "sweeps.txt").trim()}; other instruction sets and compilers change the last bits. Where a difference is relative or absolute follows from its tolerance, which each case file gives with its reason
-(\`tolerance_recommended\`). Of comparisons over time or over many numbers the worst difference stands here.
+(\`tolerance_recommended\`). Of lists the largest difference of an entry stands here. A row without numbers is a law: nothing is published of what is conserved.
 
 ![difference over tolerance](accuracy_record.svg)
 

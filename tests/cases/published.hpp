@@ -42,14 +42,8 @@ class Published {
   YAML::Node file_;
 };
 
-/// Largest difference of two vectors, NaN where an entry is, infinite where their lengths differ.
-template <class A, class B>
-double apart(const Eigen::MatrixBase<A>& a, const Eigen::MatrixBase<B>& b) {
-  return distance(a, b);
-}
-
 /// What a case reaches, kept in the test report.
-inline void expect_within(const char* what, double error, double tolerance) {
+inline void expect_within(const std::string& what, double error, double tolerance) {
   keep_accuracy(what, "", "", error, tolerance);
   EXPECT_LE(error, tolerance) << what;
 }

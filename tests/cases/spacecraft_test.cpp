@@ -69,18 +69,17 @@ TEST(ReactionWheel, TakesUpWhatTheHubGives) {
   wheel.hinge.v = {100.0 * kRpm};
   const auto sim = run_of(system({hub, wheel}));
   const VectorXd rate = ref.vector("hub rate"), angle = ref.vector("hub angle"), speed = ref.vector("wheel speed");
-  double worst = 0.0;
   for (int i = 0; i < 5; ++i) {
-    const double t = 2.0 * (i + 1);
+    const double t = 2.0 * (i + 1), rel = ref.tolerance("rel");
     if (i == 2) {
       sim->run(5.0);
       sim->set_force(1, 0.2);
     }
     sim->run(t);
-    worst = worse({worst, std::abs(sim->state().v[0] - rate[i]), std::abs(sim->state().q[0] - angle[i])});
-    if (i >= 2) worst = worse(worst, std::abs(sim->state().v[1] / speed[i - 2] - 1.0));
+    expect_absolute(fmt::format("hub rate at {} s", t), sim->state().v[0], rate[i], rel);
+    expect_absolute(fmt::format("hub angle at {} s", t), sim->state().q[0], angle[i], rel);
+    if (i >= 2) expect_relative(fmt::format("wheel speed at {} s", t), sim->state().v[1], speed[i - 2], rel);
   }
-  expect_within("rates and angle", worst, ref.tolerance("rel"));
 }
 
 TEST(HingedPanels, ReactOnTheirHub) {
@@ -99,12 +98,11 @@ TEST(HingedPanels, ReactOnTheirHub) {
   const auto sim = run_of(system(bodies));
   const int thruster = sim->add_wrench(sim->model().find_node("hub"), false);
   const auto push = [&](double fx, double fy, double torque) { sim->set_wrench(thruster, {{0, 0, torque}, {fx, fy, 0}}); };
-  double position = 0.0, angle = 0.0;
   const auto check = [&](double t, const char* quantity) {
     sim->run(t);
     const VectorXd want = ref.vector(quantity);
-    position = worse(position, apart(sim->state().q.head<2>(), want.head<2>()));
-    angle = worse(angle, apart(sim->state().q.tail<3>(), want.tail<3>()));
+    expect_vector(fmt::format("hub at {} s [m]", t), sim->state().q.head<2>(), want.head<2>(), ref.tolerance("position_m"));
+    expect_vector(fmt::format("angles at {} s", t), sim->state().q.tail<3>(), want.tail<3>(), ref.tolerance("angle_rad"));
   };
   push(0.2, 0.7, ref.model()["loads"][0]["torque_Nm"].as<double>());
   check(5.0, "t=5 s");
@@ -114,8 +112,6 @@ TEST(HingedPanels, ReactOnTheirHub) {
   check(18.0, "t=18 s");
   push(0, 0, 0);
   check(20.0, "t=20 s");
-  expect_within("position", position, ref.tolerance("position_m"));
-  expect_within("angles", angle, ref.tolerance("angle_rad"));
   // Along the way: impulse, angular impulse and work against what the thruster gave, to the integrator's 1e-13 per
   // step.
   const LedgerState ledger = sim->ledger();
@@ -129,17 +125,18 @@ TEST(AsymmetricHub, TumblesAlongItsOrbit) {
   hub.hinge.q = joined(kIdentity, Published::as_vector(ref.initial()["r_m"]));
   hub.hinge.v = joined(omega, Published::as_vector(ref.initial()["v_ms"]));
   const auto sim = run_of(system({hub}, central_gravity(ref.model()["mu_m3s2"].as<double>(), false)));
-  double worst = 0.0;
-  for (const char* t : {"2", "5", "10"}) {
+  const auto expect_omega = [&](const std::string& at, const VectorXd& want) {
+    expect_vector("omega at " + at, sim->state().v.head<3>(), want, ref.tolerance("omega_abs"));
+  };
+  for (const std::string t : {"2 s", "5 s", "10 s"}) {
     sim->run(std::stod(t));
-    worst = worse(worst, apart(sim->state().v.head<3>(), ref.vector(std::string("omega_body at ") + t + " s")));
+    expect_omega(t, ref.vector("omega_body at " + t));
   }
   const VectorXd r = ref.vector("r at 10 s");
   expect_vector("r", sim->state().q.tail<3>(), r, ref.tolerance("position_rel"), r.norm());
   expect_vector("sigma", mrp(sim->state().q.data()), ref.vector("sigma_BN at 10 s"), ref.tolerance("mrp_abs"));
   sim->run(ref.number("period of the body-rate motion"));
-  worst = worse(worst, apart(sim->state().v.head<3>(), omega));
-  expect_within("omega", worst, ref.tolerance("omega_abs"));
+  expect_omega("one period", omega);
 }
 
 TEST(KeplerOrbit, ArrivesAfterFortyMinutes) {
@@ -152,7 +149,7 @@ TEST(KeplerOrbit, ArrivesAfterFortyMinutes) {
   expect_vector("r [km]", 1e-3 * sim->state().q, ref.vector("r, 13 digits"), ref.tolerance("r_km"));
   // Free fall: an accelerometer reads the rounding of 8 m/s^2 less 8 m/s^2.
   const int node = sim->model().find_node("body");
-  expect_within("specific force [m/s^2]", sim->observe().node(node).specific_force.norm(), 1e-14);
+  expect_absolute("specific force [m/s^2]", sim->observe().node(node).specific_force.norm(), 0.0, 1e-14);
   expect_vector("v [km/s]", 1e-3 * sim->state().v, ref.vector("v, 13 digits"), ref.tolerance("v_kms"));
 }
 

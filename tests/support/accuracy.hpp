@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <numbers>
 #include <string>
 
 #include "tests/support/worse.hpp"
@@ -18,7 +19,7 @@ inline std::string& case_at_hand() {
   return id;
 }
 
-/// published, ours: as shown; empty where the comparison is of more than a few numbers.
+/// published, ours: as shown; empty where nothing is published: of what is conserved.
 inline void keep_accuracy(const std::string& what, const std::string& published, const std::string& ours, double difference,
                           double tolerance) {
   ::testing::Test::RecordProperty(fmt::format("accuracy|{}|{}", case_at_hand(), what),
@@ -39,18 +40,36 @@ inline void expect_absolute(const std::string& what, double ours, double publish
   EXPECT_LE(difference, tolerance) << what << ": " << ours << " in place of " << published;
 }
 
-/// The largest difference of the entries, over `scale`, within the tolerance.
-template <class A, class B>
-void expect_vector(const std::string& what, const Eigen::MatrixBase<A>& ours, const Eigen::MatrixBase<B>& published, double tolerance,
-                   double scale = 1.0) {
+/// As expect_absolute, of angles that count up to whole turns; `scale`: what the tolerance is relative to.
+inline void expect_angle(const std::string& what, double ours, double published, double tolerance, double scale = 1.0) {
+  const double off = std::remainder(ours - published, 2.0 * std::numbers::pi), difference = std::abs(off) / scale;
+  keep_accuracy(what, fmt::format("{:.12g}", published), fmt::format("{:.12g}", published + off), difference, tolerance);
+  EXPECT_LE(difference, tolerance) << what << ": " << ours << " in place of " << published;
+}
+
+/// The difference of two lists within the tolerance.
+inline void expect_list(const std::string& what, const Eigen::VectorXd& ours, const Eigen::VectorXd& published, double difference,
+                        double tolerance) {
   const auto text = [](const Eigen::VectorXd& x) {
     std::string out;
     for (const double one : x) out += fmt::format("{}{:.12g}", out.empty() ? "" : ", ", one);
     return out;
   };
-  const double difference = distance(ours, published) / scale;
   keep_accuracy(what, text(published), text(ours), difference, tolerance);
   EXPECT_LE(difference, tolerance) << what;
+}
+
+/// The largest difference of the entries, over `scale`, within the tolerance.
+template <class A, class B>
+void expect_vector(const std::string& what, const Eigen::MatrixBase<A>& ours, const Eigen::MatrixBase<B>& published, double tolerance,
+                   double scale = 1.0) {
+  expect_list(what, ours, published, distance(ours, published) / scale, tolerance);
+}
+
+/// Each entry by itself: |ours / published - 1| within the tolerance.
+inline void expect_entries(const std::string& what, const Eigen::VectorXd& ours, const Eigen::VectorXd& published, double tolerance) {
+  expect_list(what, ours, published, ours.size() == published.size() ? largest(ours.cwiseQuotient(published).array() - 1.0) : kInfinity,
+              tolerance);
 }
 
 }  // namespace cardan::test
