@@ -421,7 +421,7 @@ TEST(PluginBodies, RefuseInTheirOwnWords) {
 // At 0.75 m, where no sample was: the run cannot be answered by a law any more, but it does not end with success.
 TEST(Plugins, ThatEndTheProcessDoNotEndItWithSuccess) {
   const PluginFolder dir;
-  const Finished run = with_fault("late_exit", {"run", ".", "--quiet", "--out", "out"}, dir.path());
+  const Finished run = with_fault("exit_late", {"run", ".", "--quiet", "--out", "out"}, dir.path());
   EXPECT_EQ(run.exit_code, 70) << run.out << run.err;
   EXPECT_TRUE(has(run.err, "exit")) << run.err;
 }

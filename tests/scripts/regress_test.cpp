@@ -271,6 +271,30 @@ TEST_F(Regress, WhatCannotBeRecordedIsRefusedBeforeAnythingIsTouched) {
   expect_refused(replaced(recorded(), "hinges/rod/angle", "odd"), "finite numbers, got", 1);
 }
 
+// Of the run, of a table, of a file of results, of both sides of a comparison.
+TEST_F(Regress, NaNEqualsNothing) {
+  const std::string golden = printed().substr(0, printed().find("    reference:"));
+  const auto with = [&](const std::string& reference) {
+    return replaced(replaced(golden, "hinges/rod/angle", "odd"), "1e-8 rad", "1") + "    reference: " + reference + "\n";
+  };
+  add("swing", with("{always: 1, unit: 1}"));
+  const fs::path mission = dir_ / "swing/scenario.lua";
+  write(mission, "local log = signals { odd = { unit = '1' } }\n" +
+                     replaced(file_text(mission), "  ticks = ticks + 1\n", "  ticks = ticks + 1 log.odd(t > 2 and 0 / 0 or 1)\n"));
+  EXPECT_EQ(regress().exit_code, 1);
+  EXPECT_EQ(row("swing", "odd")["verdict"], "fail");
+  EXPECT_EQ(row("swing", "odd")["worst"]["is"], nullptr) << results().dump(1);
+  fs::copy(dir_ / "out/regress/swing/run.h5", dir_ / "swing/truth.h5");
+  write(dir_ / "swing/golden.yaml", with("{file: truth.h5}"));
+  EXPECT_NE(regress().exit_code, 0) << "the same file on both sides";
+  EXPECT_EQ(run_program({"diff", "swing/truth.h5", "out/regress/swing/run.h5"}, dir_.path()).exit_code, 1);
+  write(dir_ / "swing/truth.csv", "t [s], odd [1]\n0, 1\n1, nan\n");
+  write(dir_ / "swing/golden.yaml", with("{file: truth.csv}"));
+  const Finished table = regress();
+  EXPECT_EQ(table.exit_code, 2) << table.out;
+  EXPECT_TRUE(has(table.err, "swing/truth.csv:3")) << table.err;
+}
+
 TEST_F(Regress, TheReasonIsAddedBelowTheOthersAsTheyAreIndented) {
   for (const std::string indent : {"", "  ", "      "}) {
     const std::string golden =
@@ -335,6 +359,57 @@ TEST_F(Regress, ARunThatEndsBadlyIsAFailedRowAndTheOthersGoOn) {
   EXPECT_FALSE(has(ended["large"]["text"], "expected")) << ended["large"].dump(1);
 #endif
 }
+
+struct RunFault {
+  const char *name, *ended, *text;
+};
+class RegressPlugin : public Regress, public testing::WithParamInterface<RunFault> {
+ protected:
+  /// A scenario with the hinge of the plugin `faulty`, and one without a plugin.
+  void SetUp() override {
+    add("right", printed());
+    fs::create_directory(dir_ / "slide");
+    fs::copy(CARDAN_BINARY_DIR "/plugins/faulty.so", dir_ / "slide/p.so");
+    write(dir_ / "slide/vehicle.yaml", "cardan: 1\nbodies:\n  a: {mass: 1, inertia: [1, 1, 1], hinge: {type: faulty/slide, to: world}}\n");
+    write(dir_ / "slide/scenario.lua",
+          "plugin 'p.so' vehicle 'vehicle.yaml' mission { duration = 1, integrator = { method = 'rk4', step = 0.25 } } initial { a = { "
+          "rate = 1 } }\n");
+    write(dir_ / "slide/golden.yaml",
+          "cardan_golden: 1\ntruth: it goes on\nlimits: {time: 2 s, memory: 1 GiB}\nchannels:\n"
+          "  - {channel: hinges/a/s, class: round-off, absolute: 1e-12 m, why: four steps, reference: {final: 1, unit: m}}\n");
+  }
+};
+
+TEST_P(RegressPlugin, ThatEndsTheRunIsAFailedRowAndTheOthersAreKept) {
+#ifdef CARDAN_ADDRESS_CHECKS
+  if (GetParam().ended == std::string("out of memory")) GTEST_SKIP() << "memory is not limited then";
+#endif
+  ASSERT_EQ(regress().exit_code, 0) << "without the fault";
+  const auto [name, ended, text] = GetParam();
+  const Finished run = run_program({"regress", ".", "-j", "1"}, dir_.path(), [fault = name] { setenv("CARDAN_FAULT", fault, 1); });
+  EXPECT_EQ(run.exit_code, 1) << run.out << run.err;
+  EXPECT_TRUE(has(run.out, "1 of 2 scenarios pass")) << run.out;
+  EXPECT_TRUE(has(run.out, "pass  right") && has(run.out, "FAIL  slide") && has(run.out, text)) << run.out;
+  const json table = results();
+  json all;
+  for (const json& s : table["scenarios"]) all[s["name"]] = s;
+  EXPECT_EQ(table["verdict"], "fail");
+  EXPECT_EQ(all["right"]["verdict"], "pass");
+  EXPECT_EQ(all["slide"]["verdict"], "fail");
+  EXPECT_EQ(all["slide"]["ended"], ended) << all["slide"].dump(1);
+  EXPECT_TRUE(has(all["slide"]["text"], text)) << all["slide"].dump(1);
+  EXPECT_EQ(row("slide", "ends as planned")["verdict"], "fail");
+  const std::string junit = file_text(dir_ / "out/regress/junit.xml"), page = file_text(dir_ / "out/regress/regress.html");
+  EXPECT_TRUE(has(junit, "<testcase classname=\"right\" name=\"channel: hinges/rod/angle\"")) << junit;
+  EXPECT_TRUE(has(junit, "<testsuite name=\"slide\"") && has(junit, std::string("<failure message=\"") + text)) << junit;
+  EXPECT_TRUE(has(page, text) && has(page, "hinges/rod/angle")) << "both are on the page";
+}
+INSTANTIATE_TEST_SUITE_P(, RegressPlugin,
+                         testing::Values(RunFault{"abort_late", "crashed", "crashed: killed by signal 6 (Aborted)"},
+                                         RunFault{"crash_late", "crashed", "crashed: killed by signal 11 (Segmentation fault)"},
+                                         RunFault{"memory_late", "out of memory", "more than 1024 MiB of memory"},
+                                         RunFault{"loop_late", "out of time", "more than 2 s of processor time"}),
+                         [](const auto& fault) { return std::string(fault.param.name); });
 
 TEST_F(Regress, ARunThatIsLateByTheClockIsAFailedRow) {
   add("swing", printed() + "limits: {clock: 0.5 s}\n");
