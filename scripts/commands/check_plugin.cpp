@@ -129,7 +129,7 @@ std::string text_of(const Json& page) {
   return text + fmt::format("\nverdict          {}\n", page["obeys"].get<bool>() ? "every law that was tried holds" : "FAIL");
 }
 
-void write_report(const Arguments& a, const Examination& e) {
+void write_examination(const Arguments& a, const Examination& e) {
   if (a.out.empty() && !a.json) return;
   const Json page = report(a, e);
   if (a.json) fmt::print("{}", json_text_with_nulls(page));
@@ -144,7 +144,7 @@ int check_plugin(const Arguments& a) {
     std::error_code none;
     const Diagnostic& why = error.diagnostics().front();
     e.refused = fmt::format("{}: expected {}, got {}", number_of(why.code), why.expected, why.got);
-    if (std::filesystem::is_regular_file(a.plugin, none)) write_report(a, e);
+    if (std::filesystem::is_regular_file(a.plugin, none)) write_examination(a, e);
     throw;
   }
   for (const PluginFamily& f : e.families) {
@@ -154,7 +154,7 @@ int check_plugin(const Arguments& a) {
     for (std::size_t i = 0; i < std::min(f.violations.size(), kMost); ++i) fmt::print("      {}\n", f.violations[i]);
     if (f.violations.size() > kMost) fmt::print("      and {} more\n", f.violations.size() - kMost);
   }
-  write_report(a, e);
+  write_examination(a, e);
   return e.good() ? 0 : 1;
 }
 
