@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/soa/gravity_field.hpp"
+#include "core/soa/kernels_columns.hpp"
 #include "core/soa/kernels_tangent.hpp"
 
 namespace cardan {
@@ -218,9 +219,9 @@ bool mass_matrix_inverse(const Model& model, Workspace& ws, const double* q, dou
     const Inputs in{.q = q, .v = ws.rest.data(), .vdot = ws.rest.data(), .gravity = false};
     S.ground(model, ws, in);
     S.hinge_records(model, ws, in);
-    S.at_rest(model, ws);
     for (const Run& run : model.runs)
       if (!is_axis(run.kind)) S.outward(model, ws, in, run, {.velocity = false});
+    ws.columns.resize(soa::columns_size(model));
     S.mass_matrix_inverse(model, ws, in, inverse);
     return ws.breakdown.body == 0;
   }
@@ -243,6 +244,7 @@ void mass_matrix(const Model& model, Workspace& ws, const double* q, double* M) 
   }
   const soa::Sweeps<double>& S = soa::sweeps<double>();
   ws.composite.resize(model.bodies.size());
+  ws.columns.resize(soa::columns_size(model));
   ws.rest.resize(static_cast<std::size_t>(model.nv));
   const Inputs in{.q = q, .v = ws.rest.data(), .gravity = false};
   S.hinge_records(model, ws, in);

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <new>
 #include <numeric>
 #include <set>
 #include <stdexcept>
@@ -35,16 +36,22 @@ void start_library() {
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // errors are ours to tell
 }
 
-/// Why the last call failed: the innermost message of HDF5's stack, or the operating system's where it is quoted there.
+/// Why the last call failed: the innermost message of HDF5's stack, or the operating system's where it is quoted there. Throws
+/// std::bad_alloc where it was for want of memory.
 std::string reason() {
-  std::string text;
+  struct {
+    std::string text;
+    bool no_memory = false;
+  } innermost;
   const auto keep_first = [](unsigned, const H5E_error2_t* e, void* out) -> herr_t {
-    auto& innermost = *static_cast<std::string*>(out);
-    if (innermost.empty() && e->desc) innermost = e->desc;
+    auto& first = *static_cast<decltype(innermost)*>(out);
+    if (first.text.empty() && e->desc) first = {e->desc, e->maj_num == H5E_RESOURCE && e->min_num == H5E_NOSPACE};
     return 0;
   };
-  H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, keep_first, &text);
+  H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, keep_first, &innermost);
   H5Eclear2(H5E_DEFAULT);
+  if (innermost.no_memory) throw std::bad_alloc();
+  std::string& text = innermost.text;
   const std::string quote = "error message = '";
   if (const auto start = text.find(quote); start != std::string::npos) {
     const auto from = start + quote.size();

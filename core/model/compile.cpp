@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "core/model/choose_frames.hpp"
+#include "core/model/column_order.hpp"
 #include "core/model/devices.hpp"
 #include "core/model/fields.hpp"
 #include "core/model/flexible_constants.hpp"
@@ -348,6 +349,7 @@ class Compiler {
         b.kind = static_cast<BodyKernel>(static_cast<int>(BodyKernel::dense1) + b.nv - 1);
     }
     fold_rotors(m);
+    if (m.rigid) m.columns = column_order(m);
     const auto modes_given = [&](const SweepBody& b) {
       const auto first = m.prescribed.begin() + (m.has_prescribed() ? b.etadot : 0);
       return m.has_prescribed() && std::find(first, first + b.n_modes, 1) != first + b.n_modes;

@@ -178,6 +178,23 @@ struct TurnedRecord {
   Mat3<double> R_PS;
 };
 
+/// Columns of matrices depth-first, of siblings the one with most columns outboard last: what is outboard of a body, after its own, is a
+/// range. Only of trees of rigid bodies.
+struct ColumnOrder {
+  struct Of {
+    int begin = 0, end = 0;  // columns of the body, and of those outboard of it
+    int limit = 0;           // end of the columns of its whole tree
+    int slot = 0;            // where its motion stands
+    bool leaf = false;       // nothing hangs on it
+    bool last = false;       // of its siblings
+  };
+  std::vector<int> bodies;  // sweep indices
+  std::vector<Of> of;       // per sweep body
+  std::vector<int> v;       // per column: the velocity component
+  int slots = 1;
+  bool as_given = false;  // columns stand in the user's order
+};
+
 /// What is kept of masses that grow by large ratios per link, for the refinement of v' (kernels_refine.hpp); empty in other models.
 struct GradedMasses {
   std::vector<CentralInertia> swept;  // per sweep body, in B: with the rotors that are folded into it
@@ -230,6 +247,7 @@ struct SweepModel {
   std::vector<UserNode> nodes;
   GravityField field;
   GradedMasses graded;
+  ColumnOrder columns;
   bool rigid = true;   // no body has a general kernel
   bool world = false;  // the program keeps poses and velocities in the world
 

@@ -33,9 +33,9 @@ struct Sweeps {
   void (*refine)(Bodies, Work, In, T* vdot) = nullptr;
   /// tau = H phi f with f in z (inverse dynamics).
   void (*gather)(Bodies, Work, In, const Run&, T* tau) = nullptr;
-  /// Rigid trees: M, nv x nv. Needs hinge_records and outward; Workspace::composite with one entry per body.
+  /// Rigid trees, one state: M, nv x nv. Needs hinge_records and outward; Workspace::composite with one entry per body.
   void (*mass_matrix)(Bodies, Work, In, T* M) = nullptr;
-  /// Rigid trees: M^-1, nv x nv. Needs hinge_records, at_rest, outward of all but axis bodies; Workspace::rest.
+  /// Rigid trees, one state: M^-1, nv x nv. Needs hinge_records, outward of all but axis bodies.
   void (*mass_matrix_inverse)(Bodies, Work, In, T* inverse) = nullptr;
 };
 

@@ -1,6 +1,7 @@
 #pragma once
 // Definitions of sweeps.hpp; included only by the files that instantiate a scalar.
 #include "core/soa/gravity_field.hpp"
+#include "core/soa/kernels_columns.hpp"
 #include "core/soa/kernels_refine.hpp"
 #include "core/soa/sincos.hpp"
 #include "core/soa/sweeps.hpp"
@@ -321,78 +322,38 @@ static void gather(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& i
       [&]<int NV>() { gather_general<T, NV>(model, ws, tau, run.begin, run.end); });
 }
 
-/// M^-1 = (I - H psi K)* D^-1 (I - H psi K), nv x nv, column-major: column j is the acceleration that a unit force on hinge
-/// velocity j gives to a system at rest. Tip to base the force meets only the bodies between its own and the ground; base to tip
-/// the accelerations are needed only of the bodies up to its own, the rest follows by symmetry.
+/// P, D and G of all bodies, then M^-1. Nothing where a direction has no inertia.
 template <class T>
 static void mass_matrix_inverse(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* inverse) {
-  const int n = static_cast<int>(model.bodies.size()), nv = model.nv;
-  for (int k = 1; k < n; ++k)
+  for (std::size_t k = 1; k < model.bodies.size(); ++k)
     if (is_axis(model.bodies[k].kind)) {
       const AxisBody& a = model.axis_bodies[k];
-      if (!a.leaf && a.kind != BodyKernel::rotor) start(a, ws.core(k).P);
-      ws.axis(k).nu = T(0);
+      if (!a.leaf && a.kind != BodyKernel::rotor) start(a, ws.core(static_cast<int>(k)).P);
     }
   for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) {
-    inward(model, ws, in, *run, {.inertia = true, .bias = !is_axis(run->kind)});  // nu = 0 where the path does not pass
+    inward(model, ws, in, *run, {.bias = false});
     if (ws.breakdown.body != 0) return;
   }
-  T* unit = ws.rest.data();  // the force
-  Inputs<T> use = in;
-  use.tau = unit;
-  for (int k = 1; k < n; ++k) {
-    const SweepBody& own = model.bodies[k];
-    for (int v = own.v; v < own.v + own.nv; ++v) {
-      T* column = inverse + static_cast<std::ptrdiff_t>(nv) * v;
-      unit[v] = T(1);
-      for (int p = k; p > 0; p = model.bodies[p].parent) {
-        const SweepBody& b = model.bodies[p];
-        if (b.kind == BodyKernel::free && p != k) break;  // six free components without force let nothing through
-        if (is_axis(b.kind))
-          inward_axes<T, InwardFor{false, true}>(model, ws, use, p, p + 1);
-        else
-          inward(model, ws, use, {p, p + 1, b.kind}, {.inertia = false});
-      }
-      unit[v] = T(0);
-      for (const Run& run : model.runs) {
-        if (run.begin > k) break;
-        acceleration(model, ws, in, {run.begin, run.end < k + 1 ? run.end : k + 1, run.kind}, column);
-      }
-      for (int i = 1; i <= k; ++i) {
-        const SweepBody& b = model.bodies[i];
-        for (int l = b.v; l < b.v + b.nv; ++l) inverse[static_cast<std::ptrdiff_t>(nv) * l + v] = column[l];
-      }
-      for (int p = k; p > 0; p = model.bodies[p].parent) {  // z = 0, nu = 0 again
-        const SweepBody& b = model.bodies[p];
-        ws.core(p).z = Force<T>();
-        if (is_axis(b.kind))
-          ws.axis(p).nu = T(0);
-        else if (b.kind == BodyKernel::free)
-          for (T& x : ws.free(p).tau) x = T(0);
-        else
-          inward(model, ws, use, {p, p + 1, b.kind}, {.inertia = false});
-      }
-    }
-  }
+  inverse_by_columns(model, ws, inverse);
 }
 
 /// The table of one scalar, for the instruction set that the including file is compiled for.
 template <class T>
 static constexpr Sweeps<T> make_sweeps() {
-  return {.ground = ground<T>,
-          .at_rest = at_rest<T>,
-          .hinge_records = hinge_records<T>,
-          .outward = outward<T>,
-          .elastic = elastic<T>,
-          .world = world<T>,
-          .central_gravity = central_gravity<T>,
-          .node_wrenches = node_wrenches<T>,
-          .inward = inward<T>,
-          .acceleration = acceleration<T>,
-          .refine = refine<T>,
-          .gather = gather<T>,
-          .mass_matrix = mass_matrix<T>,
-          .mass_matrix_inverse = mass_matrix_inverse<T>};
+  Sweeps<T> all{.ground = ground<T>,
+                .at_rest = at_rest<T>,
+                .hinge_records = hinge_records<T>,
+                .outward = outward<T>,
+                .elastic = elastic<T>,
+                .world = world<T>,
+                .central_gravity = central_gravity<T>,
+                .node_wrenches = node_wrenches<T>,
+                .inward = inward<T>,
+                .acceleration = acceleration<T>,
+                .refine = refine<T>,
+                .gather = gather<T>};
+  if constexpr (kWidth<T> == 1) all.mass_matrix = mass_matrix<T>, all.mass_matrix_inverse = mass_matrix_inverse<T>;
+  return all;
 }
 
 }  // namespace cardan::soa

@@ -111,6 +111,7 @@ class Workspace {
   std::vector<T> articulated_q;            // P, D, G and poses are those of this q; only of trees of rigid bodies
   bool articulated = false;                // ... and are still there
   std::vector<RigidInertia<T>> composite;  // per body, for the mass matrix: only where it is asked for
+  std::vector<T> columns;                  // of the mass matrix and of its inverse, likewise
   std::vector<T> rest;                     // nv zeros, likewise
   std::vector<T> correction;               // of v', where it is refined (nv)
   std::vector<Force<T>> loads;  // ... and what central gravity and wrenches on nodes do to each body: [moment about its mass centre; force]
