@@ -6,7 +6,7 @@
 import fs from "node:fs";
 import os from "node:os";
 import path from "node:path";
-import { execFileSync, spawnSync } from "node:child_process";
+import { execFile, execFileSync, spawnSync } from "node:child_process";
 
 const [folder, count, seed] = [path.resolve(process.argv[2]), Number(process.argv[3] || 200), Number(process.argv[4] || 1)];
 const source = path.join(folder, "source"), build = path.join(folder, "build"), header = path.join(folder, "switch.hpp");
@@ -160,40 +160,51 @@ function built(drawn) {
   }
 }
 
+/// What `work` gives for each, as many at once as there are cores.
+async function forAll(items, work) {
+  const out = [];
+  let next = 0;
+  await Promise.all(os.cpus().map(async () => {
+    for (let i = next++; i < items.length; i = next++) out[i] = await work(items[i], i);
+  }));
+  return out;
+}
+
 /// Runs a program for at most so many seconds of processor time; and a hundred of the clock for each, should it sleep.
-function run([command, ...args], seconds, mutant) {
+async function run([command, ...args], seconds, mutant) {
   const limits = `ulimit -v 8000000 -t ${Math.max(1, Math.ceil(seconds))}; "$0" "$@"; status=$?; times >&2; exit $status`;
   const env = { ...process.env, CARDAN_CACHE: "off", CARDAN_MUTANT: String(mutant) };
-  const done = spawnSync("bash", ["-c", limits, command, ...args], { timeout: Math.ceil(1e5 * seconds), killSignal: "SIGKILL", encoding: "utf8", env, maxBuffer: 1 << 26 });
-  const used = (done.stderr || "").match(/(\d+)m([\d.]+)s (\d+)m([\d.]+)s\s*$/);
+  const options = { timeout: Math.ceil(1e5 * seconds), killSignal: "SIGKILL", env, maxBuffer: 1 << 26 };
+  const [status, out, told] = await new Promise((end) => execFile("bash", ["-c", limits, command, ...args], options, (error, ...texts) => end([error ? error.code : 0, ...texts])));
+  const used = told.match(/(\d+)m([\d.]+)s (\d+)m([\d.]+)s\s*$/);
   const cpu = used ? 60 * used[1] + Number(used[2]) + 60 * used[3] + Number(used[4]) : seconds;
-  return { ok: done.status === 0 || done.status === 77, late: !used || cpu >= seconds, cpu, out: done.stdout || "" };
+  return { ok: status === 0 || status === 77, late: !used || cpu >= seconds, cpu, out };
 }
 
 /// The commands of a program, each with the time that it takes without a mutant: of the test programs without their slowest tests.
-function commandsOf(program) {
+async function commandsOf(program) {
   const name = path.join(build, "tests", program), vectors = path.join(source, "tests/reference/oracle");
-  const sound = (command) => {
-    const r = run(command, 1200, 0);
+  const sound = async (command) => {
+    const r = await run(command, 1200, 0);
     if (!r.ok) throw new Error(`${command.join(" ")} fails without a mutant:\n${r.out.slice(-3000)}`);
     return r;
   };
   if (program === "oracle_check")
-    return fs.readdirSync(vectors).filter((f) => f.endsWith(".json")).map((f) => [name, path.join(vectors, f), "/dev/null"]).map((command) => ({ program, command, cpu: sound(command).cpu }));
-  const whole = sound([name]), busy = (1000 * whole.cpu) / Number(whole.out.match(/ran\. \((\d+) ms total\)/)[1]);  // of the clock's time, on a machine that others use
+    return forAll(fs.readdirSync(vectors).filter((f) => f.endsWith(".json")).map((f) => [name, path.join(vectors, f), "/dev/null"]), async (command) => ({ program, command, cpu: (await sound(command)).cpu }));
+  const whole = await sound([name]), busy = (1000 * whole.cpu) / Number(whole.out.match(/ran\. \((\d+) ms total\)/)[1]);  // of the clock's time, on a machine that others use
   const tests = [...whole.out.matchAll(/\[       OK \] ([^\s,]+).*\((\d+) ms\)/g)].map((m) => [m[1], (busy * m[2]) / 1000]).sort((a, b) => a[1] - b[1]);
   let sum = 0;
   const slow = tests.filter(([, seconds]) => (sum += seconds) > kShare).map(([test]) => test);
   const command = [name, "--gtest_fail_fast", `--gtest_filter=-${slow.join(":")}`];
-  return [{ program, command, slow, cpu: sound(command).cpu }];
+  return [{ program, command, slow, cpu: (await sound(command)).cpu }];
 }
 
 /// The first test that notices, or null. A program that takes three times as long as without a mutant hangs, which is noticed too.
-function tested(place, commands, limit = kLimit) {
+async function tested(place, commands, limit = kLimit) {
   let used = 0;
   const seconds = () => Math.round(10 * used) / 10;
   for (const { program, command, cpu } of commands.filter((c) => programsOf(place.file).includes(c.program))) {
-    const hangs = 3 * cpu + 1, r = run(command, Math.min(hangs, limit - used), place.n);
+    const hangs = 3 * cpu + 1, r = await run(command, Math.min(hangs, limit - used), place.n);
     used += r.cpu;
     if (used >= limit && r.cpu < hangs) break;
     const by = r.late ? "(time)" : program === "oracle_check" ? path.basename(command[1]) : (r.out.match(/\[  FAILED  \] ([^\s,]+)/) || [, "(ended)"])[1];
@@ -210,17 +221,17 @@ const timed = path.join(folder, "tests.json"), log = path.join(folder, seed + ".
 let before = fs.existsSync(log) ? fs.readFileSync(log, "utf8").split("\n").filter(Boolean).map((line) => JSON.parse(line)) : [];
 if (!fs.existsSync(timed)) {  // built anew: there may be tests that notice what survived
   write(log, (before = before.filter((r) => r.by)).map((r) => JSON.stringify(r) + "\n").join(""));
-  write(timed, JSON.stringify([...new Set([...kPrograms, ...kModal])].flatMap(commandsOf), null, 1));
+  write(timed, JSON.stringify((await forAll([...new Set([...kPrograms, ...kModal])], commandsOf)).flat(), null, 1));
 }
 const commands = read(timed);
-const results = mutants.map((place, i) => {
+const results = await forAll(mutants, async (place, i) => {
   const old = before.findLast((r) => r.n === place.n && key(r) === key(place));
-  return old || told({ ...place, ...tested(place, commands) }, i);
+  return old || told({ ...place, ...(await tested(place, commands)) }, i);
 });
 /// Survivors meet the slow tests too, which are not in the limit of a mutant.
 const slow = commands.filter((c) => c.slow?.length).map((c) => ({ ...c, command: [c.command[0], "--gtest_fail_fast", `--gtest_filter=${c.slow.join(":")}`], cpu: kSlow }));
-results.forEach((r, i) => {
-  if (!r.by && !r.slow) results[i] = told({ ...r, ...tested(r, slow, Infinity), seconds: r.seconds, slow: true }, i);
+await forAll(results, async (r, i) => {
+  if (!r.by && !r.slow) results[i] = told({ ...r, ...(await tested(r, slow, Infinity)), seconds: r.seconds, slow: true }, i);
 });
 
 /// Keeps a result, and shows it.

@@ -718,7 +718,8 @@ TEST(Devices, PreconditionEachByItself) {
 
 TEST(Devices, WithoutAUsableValueAreNamed) {
   SystemSpec spec = slide(2.0);
-  spec.devices = {device("bad", "broken", {}, {})};
+  spec.devices = {block("lag", "lag", ""), device("bad", "broken", {}, {})};
+  spec.devices[0].inputs.clear();
   Simulation sim(with_own(spec), {});
   sim.every({1, 10}, [&] { sim.observe(); });  // as an output does
   try {

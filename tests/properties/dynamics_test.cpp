@@ -401,6 +401,19 @@ TEST(LockedHinges, HeldAnywhereAreLockedHingesThere) {
       });
 }
 
+/// exp(d / 2), by a series where d is small.
+TEST(Ball, TurnsOfAnySizeAreExact) {
+  const auto model = compiled(system({on(rigid("body", 1.0, {0, 0, 0}, diagonal({1, 2, 3})), "", "ball")}));
+  const Vector3d u(2.0 / 3.0, -1.0 / 3.0, 2.0 / 3.0);
+  const double none[4] = {1.0, 0.0, 0.0, 0.0};
+  for (const double turn : {1e-9, 0.99e-4, 1.01e-4, 1e-2, 3.0}) {
+    double q[4];
+    model->retract(none, Vector3d(turn * u).data(), q);
+    EXPECT_NEAR(q[0], std::cos(0.5 * turn), 1e-15);
+    for (int i = 0; i < 3; ++i) EXPECT_NEAR(q[i + 1], std::sin(0.5 * turn) * u[i], 2e-15 * turn) << turn;  // of a dozen roundings
+  }
+}
+
 using Any = std::function<double(double size)>;
 Any any_number() {
   return [random = std::mt19937(7)](double size) mutable { return size * (static_cast<double>(random()) / 2147483648.0 - 1.0); };

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/abi/device_family.hpp"
 #include "core/base/diagnostic.hpp"
 #include "core/dynamics/batch.hpp"
 #include "core/operators/linear_model.hpp"
@@ -95,6 +96,23 @@ TEST(Tank, WhatLeavesDampsTheRotation) {
   }
 }
 
+struct None {};
+/// Lets out what it is told at the second of its nodes, without a thrust.
+struct Vent {
+  static constexpr const char *type = "vent", *summary = "lets out";
+  static constexpr unsigned facts = 0;
+  using Packed = None;
+  static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_NODE, CARDAN_USE_LOAD, "the node of its valve"},
+                                                 {"end", CARDAN_MOUNT_NODE, CARDAN_USE_LOAD | CARDAN_USE_OUTLET, "where it leaves"}};
+  static constexpr cardan_port_desc ports[] = {{"rate", CARDAN_PORT_IN, "kg/s", 0.0, 0, "wanted"},
+                                               {"supply", CARDAN_PORT_IN, "1", 1.0, 0, "of a tank"},
+                                               {"flow", CARDAN_PORT_OUT, "kg/s", 0.0, 3, "let out"}};
+  template <class T>
+  static void evaluate(const Packed&, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
+    out.out[0] = in.in[0] * in.in[1];
+  }
+};
+
 /// By the equations of an open system about the origin of a body [Eke, Wang 1995]: the moment -(J' + mu J_e) w - w x H of what flows on a
 /// straight way from the tank to the nozzle, and the force -2 w x (h' + mu e).
 TEST(Tank, TheForcesOfWhatFlowsAreThoseOfAnOpenSystem) {
@@ -103,21 +121,27 @@ TEST(Tank, TheForcesOfWhatFlowsAreThoseOfAnOpenSystem) {
   bus.hinge.v = {w[0], w[1], w[2], 3.0, -1.0, 2.0};
   bus.hinge.q = {0.5, 0.5, -0.5, 0.5, 1, 2, 3};
   SystemSpec spec = system({bus});
-  spec.devices = {with_vector(tank("bus", 10.0, 0.3, "jet.flow"), "position", c), thruster("jet", "bus.nozzle", 5.0, 50.0, {0, 0, 1})};
-  Simulation sim(compiled(spec), {});
-  sim.observe();
   const double mu = 5.0 / (50.0 * kG0);
-  const auto about = [](const Vector3d& r) { return Eigen::Matrix3d(r.squaredNorm() * Eigen::Matrix3d::Identity() - r * r.transpose()); };
-  const Eigen::Matrix3d J_rate = -mu * (about(c) + 0.4 * 0.09 * Eigen::Matrix3d::Identity());
-  const Vector3d force = -2.0 * w.cross(-mu * c + mu * e), moment = -(J_rate + mu * about(e)) * w - w.cross(mu * c.cross(e));
-  Vector3d f = Vector3d::Zero(), n = f;
-  for (const NodeWrench& at : sim.wrenches()) {
-    const Vector3d here = to_eigen(sim.model().nodes[static_cast<std::size_t>(at.node)].shapes.pose.p), push = to_eigen(at.f.f);
-    f += push, n += to_eigen(at.f.n) + here.cross(push);
+  DeviceSpec vent = device("jet", "vent", {}, {{"at", "bus"}, {"end", "bus.nozzle"}});
+  vent.inputs["rate"] = {mu, {}}, vent.inputs["supply"] = {"tank.supply", {}};
+  Registry all = registry();
+  all.devices.add(device_table<Vent>());
+  for (const DeviceSpec& jet : {thruster("jet", "bus.nozzle", 5.0, 50.0, {0, 0, 1}), vent}) {
+    spec.devices = {with_vector(tank("bus", 10.0, 0.3, "jet.flow"), "position", c), jet};
+    Simulation sim(compile(spec, all), {});
+    sim.observe();
+    const auto about = [](const Vector3d& r) { return Eigen::Matrix3d(r.squaredNorm() * Eigen::Matrix3d::Identity() - r * r.transpose()); };
+    const Eigen::Matrix3d J_rate = -mu * (about(c) + 0.4 * 0.09 * Eigen::Matrix3d::Identity());
+    const Vector3d force = -2.0 * w.cross(-mu * c + mu * e), moment = -(J_rate + mu * about(e)) * w - w.cross(mu * c.cross(e));
+    Vector3d f = Vector3d::Zero(), n = f;
+    for (const NodeWrench& at : sim.wrenches()) {
+      const Vector3d here = to_eigen(sim.model().nodes[static_cast<std::size_t>(at.node)].shapes.pose.p), push = to_eigen(at.f.f);
+      f += push, n += to_eigen(at.f.n) + here.cross(push);
+    }
+    const Vector3d thrust(0, 0, jet.type == "thruster" ? 5 : 0);
+    EXPECT_LT((f - thrust - force).norm(), 1e-14) << jet.type;
+    EXPECT_LT((n - e.cross(thrust) - moment).norm(), 1e-14) << jet.type;
   }
-  const Vector3d thrust(0, 0, 5);
-  EXPECT_LT((f - thrust - force).norm(), 1e-14);
-  EXPECT_LT((n - e.cross(thrust) - moment).norm(), 1e-14);
 }
 
 /// Mass, mass centre and moments of what is in the tank, by sums over a fine grid.

@@ -149,6 +149,20 @@ TEST(LumpedModalData, AcceptsMissingShapesAndMissingDamping) {
   EXPECT_EQ(d.nodes[0].Phi.cols(), 1);
 }
 
+/// Points of |J0| = sqrt(2.01) that lie on z, where only J0 resists: of what it is there, 0.1 each, that is the largest part.
+TEST(LumpedModalData, TellsTheLargestPartOfRotaryInertia) {
+  std::vector<MassNode> nodes(2);
+  for (int i = 0; i < 2; ++i) {
+    MassNode& n = nodes[static_cast<std::size_t>(i)];
+    n.mass = 1.0, n.position = {0.0, 0.0, 1.0 + 0.6 * i};
+    n.Phi = Vector3d::UnitX(), n.Psi = (0.1 + 0.1 * i) * Vector3d::UnitX();
+    n.inertia = Vector3d(1.0, 1.0, 0.1).asDiagonal();
+  }
+  const ModalIntegrals I = lumped_modal_data(nodes, MatrixXd::Identity(1, 1), {}, {}).integrals;
+  EXPECT_NEAR(I.rotary_share, std::sqrt(2.01) / 0.1, 1e-13);  // of some ten operations
+  EXPECT_EQ(I.rotary_turn[0], 0.2);
+}
+
 TEST(LumpedModalData, RefusesWhatDoesNotFit) {
   const MatrixXd one = MatrixXd::Identity(1, 1);
   EXPECT_EQ(code_of(one, one), "accepted");

@@ -261,6 +261,20 @@ std::string plate_with(F&& change) {
   return answer(s);
 }
 
+TEST(ModalSourceErrors, TellHowFarTheModesGo) {
+  ModalSource s = round_beam(10, 2);
+  s.modes = {30, 0.0, 0.0};  // half of 60 degrees of freedom
+  const double last = std::sqrt(make_modal_data(s).K(29, 29)) / (2.0 * std::numbers::pi);
+  s.modes = {0, 1e9, 0.0};
+  try {
+    make_modal_data(s);
+    FAIL();
+  } catch (const InputError& e) {
+    EXPECT_EQ(e.diagnostics().front().expected, "a limit that keeps fewer than 31 modes");
+    EXPECT_EQ(e.diagnostics().front().got, fmt::format("1000000000 Hz, above mode 30 at {:.6g} Hz", last));
+  }
+}
+
 TEST(ModalSourceErrors, TellWhichKeyIsWrong) {
   EXPECT_EQ(beam_with([](auto&, auto&) {}), "accepted");
   EXPECT_EQ(beam_with([](auto&, auto& b) { b.length = 0; }), "C0301 wing.length");
