@@ -1,6 +1,7 @@
 // Hybrid dynamics with any mask, and what carries no actuator, against the dense twin: on trees, subtrees, paths.
 #include "core/operators/hybrid.hpp"
 
+#include "core/operators/components.hpp"
 #include "core/operators/mass_matrix.hpp"
 #include "core/operators/system_properties.hpp"
 #include "tests/operators/views.hpp"
@@ -109,6 +110,20 @@ TEST(Hybrid, DrivesByName) {
 }
 
 // The base: hinges of all roots, rigid or flexible; then any other set.
+TEST(Components, OfModesAreFoundByName) {
+  const auto model = compiled(random_tree(1, {.bodies = 4, .flexible = 1.0}).spec);
+  int modes = 0;
+  for (const UserBody& u : model->user) {
+    std::vector<int> all;
+    for (int j = 0; j < u.n_modes; ++j, ++modes) {
+      all.push_back(u.etadot + j);
+      EXPECT_EQ(components_of(*model, fmt::format("{}.etadot_{}", u.name, j + 1)), std::vector{u.etadot + j});
+    }
+    EXPECT_EQ(components_of(*model, u.name + ".eta"), all);
+  }
+  EXPECT_GT(modes, 4);
+}
+
 TEST(Unactuated, AgainstTheBlocksOfTheMassMatrix) {
   for (const bool base : {true, false})
     for_all_views(floating_trees(), kIdentity, [&](View& v, Scene& s) {

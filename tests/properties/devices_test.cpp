@@ -718,7 +718,7 @@ TEST(Devices, PreconditionEachByItself) {
 
 TEST(Devices, WithoutAUsableValueAreNamed) {
   SystemSpec spec = slide(2.0);
-  spec.devices = {block("lag", "lag", ""), device("bad", "broken", {}, {})};
+  spec.devices = {block("another", "lag", ""), device("bad", "broken", {}, {})};
   spec.devices[0].inputs.clear();
   Simulation sim(with_own(spec), {});
   sim.every({1, 10}, [&] { sim.observe(); });  // as an output does

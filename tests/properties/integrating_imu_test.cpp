@@ -262,21 +262,21 @@ TEST(Following, IsNotBlamedForWhatItFollows) {
 TEST(Following, WithoutAUsableRateIsNamed) {
   static const Registry own = [] {
     Registry r = registry();
-    r.devices.add(device_table<Shy>());
+    r.devices.add(device_table<Shy>(), "a plugin");
     return r;
   }();
   SystemSpec spec = system({on(rigid("bus", 1.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "free")});
-  spec.devices = {device("one", "shy", {}, {{"at", "bus"}})};
+  spec.devices = {counter("bus", 10.0), device("one", "shy", {}, {{"at", "bus"}})};
   Simulation sim(compile(spec, own), accurate());
   sim.set_force(0, 0.5);
   sim.run(2.0);
-  EXPECT_NEAR(sim.state().z[0], 1.0, 1e-12);
+  EXPECT_NEAR(sim.state().z[sim.model().devices.all[1].z], 1.0, 1e-12);
   sim.set_force(0, 2.0);
   try {
     sim.run(3.0);
     FAIL() << "it ran";
   } catch (const NumericsError& e) {
-    EXPECT_NE(std::string(e.what()).find("device one (shy): rate of turned"), std::string::npos) << e.what();
+    EXPECT_NE(std::string(e.what()).find("device one (shy, a plugin): follow: rate of turned"), std::string::npos) << e.what();
   }
 }
 
