@@ -5,20 +5,14 @@
 
 namespace cardan {
 
-ColumnOrder column_order(const SweepModel& model) {
-  const std::size_t n = model.bodies.size();
+namespace {
+
+constexpr int kFewSlots = 8;  // six rows of memory each
+
+/// Depth-first; `size`: columns of a body and all outboard of it; `outboard`: in which order.
+ColumnOrder ordered(const SweepModel& model, const std::vector<int>& size, const std::vector<std::vector<int>>& outboard) {
   ColumnOrder order;
-  order.of.resize(n);
-  std::vector<std::vector<int>> outboard(n);
-  std::vector<int> size(n);  // columns of a body and all outboard of it
-  for (std::size_t k = n - 1; k >= 1; --k) {
-    const SweepBody& b = model.bodies[k];
-    size[k] += b.nv;
-    size[static_cast<std::size_t>(b.parent)] += size[k];
-  }
-  for (std::size_t k = 1; k < n; ++k) outboard[static_cast<std::size_t>(model.bodies[k].parent)].push_back(static_cast<int>(k));
-  for (auto& list : outboard)
-    std::ranges::stable_sort(list, [&](int a, int b) { return size[static_cast<std::size_t>(a)] < size[static_cast<std::size_t>(b)]; });
+  order.of.resize(model.bodies.size());
   std::vector<int> next(outboard[0].rbegin(), outboard[0].rend());
   while (!next.empty()) {
     const auto k = static_cast<std::size_t>(next.back());
@@ -42,6 +36,26 @@ ColumnOrder column_order(const SweepModel& model) {
   std::iota(given.begin(), given.end(), 0);
   order.as_given = order.v == given;
   return order;
+}
+
+}  // namespace
+
+ColumnOrder column_order(const SweepModel& model) {
+  const std::size_t n = model.bodies.size();
+  std::vector<std::vector<int>> outboard(n);
+  std::vector<int> size(n);
+  for (std::size_t k = n - 1; k >= 1; --k) {
+    const SweepBody& b = model.bodies[k];
+    size[k] += b.nv;
+    size[static_cast<std::size_t>(b.parent)] += size[k];
+  }
+  for (std::size_t k = 1; k < n; ++k) outboard[static_cast<std::size_t>(model.bodies[k].parent)].push_back(static_cast<int>(k));
+  const auto sorted_by = [&](const auto& key) {
+    for (auto& list : outboard) std::ranges::stable_sort(list, {}, [&](int k) { return key(static_cast<std::size_t>(k)); });
+    return ordered(model, size, outboard);
+  };
+  ColumnOrder given = sorted_by([&](std::size_t k) { return model.bodies[k].v; });
+  return given.as_given && given.slots <= kFewSlots ? given : sorted_by([&](std::size_t k) { return size[k]; });
 }
 
 }  // namespace cardan

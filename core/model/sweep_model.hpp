@@ -178,8 +178,8 @@ struct TurnedRecord {
   Mat3<double> R_PS;
 };
 
-/// Columns of matrices depth-first, of siblings the one with most columns outboard last: what is outboard of a body, after its own, is a
-/// range. Only of trees of rigid bodies.
+/// Columns of matrices depth-first (column_order.hpp): those of a body, and after them those outboard of it, are a range. Only of trees of
+/// rigid bodies.
 struct ColumnOrder {
   struct Of {
     int begin = 0, end = 0;  // columns of the body, and of those outboard of it
