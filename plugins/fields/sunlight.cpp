@@ -1,5 +1,6 @@
 // sunlight: parallel light of a Sun that does not move; behind a sphere the part of its disc that is seen (Montenbruck and Gill, Satellite
 // Orbits, section 3.4.2: two discs that overlap, in angles).
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -33,8 +34,11 @@ struct Sunlight {
     return true;
   }
 
-  static double arc_cosine(double x) noexcept { return std::acos(x); }
-  static Tangent arc_cosine(const Tangent& x) noexcept { return {std::acos(x.x), -x.d / std::sqrt(1.0 - x.x * x.x)}; }
+  // Rounding may carry a cosine beyond 1, in the middle of the shadow for one.
+  static double arc_cosine(double x) noexcept { return std::acos(std::clamp(x, -1.0, 1.0)); }
+  static Tangent arc_cosine(const Tangent& x) noexcept {
+    return {arc_cosine(x.x), std::abs(x.x) < 1.0 ? -x.d / std::sqrt(1.0 - x.x * x.x) : 0.0};
+  }
 
   /// The part of the disc of the Sun, of apparent radius a, that a disc of radius b leaves at an angle c.
   template <class T>
@@ -43,7 +47,8 @@ struct Sunlight {
     if (!(c < T(a) + b)) return T(1.0);
     if (c < b - T(a)) return T(0.0);
     if (c < T(a) - b) return T(1.0) - b * b / T(a * a);
-    const T x = (c * c + T(a * a) - b * b) / (T(2.0) * c), y = sqrt(T(a * a) - x * x);
+    const T x = (c * c + T(a * a) - b * b) / (T(2.0) * c), square = T(a * a) - x * x;
+    const T y = square > T(0.0) ? sqrt(square) : T(0.0);  // where the discs touch rounding decides
     const T hidden = T(a * a) * arc_cosine(x / T(a)) + b * b * arc_cosine((c - x) / b) - c * y;
     return T(1.0) - hidden / T(std::numbers::pi * a * a);
   }

@@ -495,6 +495,35 @@ TEST(Sunlight, IsThePartOfTheDiscThatIsSeen) {
   EXPECT_GT(in_penumbra, 20);
 }
 
+// There the cosine of the angle between Sun and planet is 1, and rounding may carry it beyond.
+TEST(Sunlight, IsDarkInTheMiddleOfTheShadow) {
+  const cardan_field_family& f = *registry().field("sunlight");
+  std::vector<double> packed(f.params_size / sizeof(double) + 1);
+  std::mt19937_64 rng(1);
+  for (int i = 0; i < 1000; ++i) {
+    const auto any = [&] { return -1.0 + 2.0 * static_cast<double>(rng() >> 11) * 0x1.0p-53; };
+    const double a = any(), b = any(), c = any();
+    const Vector3d sun = Vector3d(a, b, c).normalized();
+    ParamTable values;
+    values.numbers = {{"irradiance", {1361.0}},
+                      {"direction", {sun[0], sun[1], sun[2]}},
+                      {"radius", {6378.137e3}},
+                      {"disc", {4.6524e-3}},
+                      {"centre", {0, 0, 0}}};
+    const cardan_param_values view = values.view();
+    ASSERT_EQ(f.pack(&view, packed.data()), 0);
+    const cardan_field_args args{sizeof args, 0.0, packed.data(), nullptr};
+    for (const double side : {-1.0, 1.0}) {
+      const Vector3d x = side * 7e6 * sun;
+      Vector3d light;
+      Eigen::Matrix3d gradient;
+      ASSERT_EQ(f.evaluate(&args, 1, x.data(), light.data(), gradient.data()), 0);
+      EXPECT_TRUE(light == (side < 0.0 ? Vector3d::Zero().eval() : Vector3d(-1361.0 * sun))) << i << " " << side << "\n" << light;
+      EXPECT_TRUE(gradient.isZero(0.0)) << i << " " << side << "\n" << gradient;
+    }
+  }
+}
+
 TEST(FieldsOfDevices, BeyondTheirLimitsAreRefusedOrHeld) {
   SystemSpec spec = system({satellite(6778.137e3, {-1000, 0, 0})});
   spec.fields = {field("air", "exponential_atmosphere", {{"density", 2e-12}, {"lowest", 399.5e3}})};
