@@ -175,11 +175,14 @@ class VehicleReader {
 
   /// exact, or the part of a modal mass that terms may have which are left out.
   double read_rotary_tolerance(const DocRef& value) {
-    if (value.node->kind == Kind::scalar && value.node->text == "exact") return 0.0;
+    constexpr const char* kExpected = "exact, or a part of modal masses from 0 to below 1";
+    const bool is_word = value.node->kind == Kind::scalar && std::isalpha(static_cast<unsigned char>(value.node->text[0]));
+    if (is_word && value.node->text != "exact")
+      context_.sink.report(Code::bad_number, value.at(), kExpected, fmt::format("\"{}\"", value.node->text));
+    if (is_word) return 0.0;
     const double tolerance = read_number(value, "1", context_);
     if (!(tolerance >= 0.0 && tolerance < 1.0))
-      context_.sink.report(Code::out_of_range, value.at(), "exact, or a part of modal masses from 0 to below 1",
-                           fmt::format("{:g}", tolerance));
+      context_.sink.report(Code::out_of_range, value.at(), kExpected, fmt::format("{:g}", tolerance));
     return tolerance;
   }
 
