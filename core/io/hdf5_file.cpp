@@ -60,6 +60,8 @@ std::string reason() {
   return text.empty() ? "unknown reason" : text;
 }
 
+const std::string kFlushed = "/flushed";
+
 std::vector<hsize_t> dimensions(hid_t space) {
   if (H5Sget_simple_extent_type(space) == H5S_NULL) return {0};
   std::vector<hsize_t> dims(static_cast<std::size_t>(std::max(0, H5Sget_simple_extent_ndims(space))));
@@ -99,6 +101,8 @@ Handle new_space(const std::vector<std::size_t>& shape) {
 struct Hdf5File::Impl {
   std::string name;
   hid_t file = H5I_INVALID_HID;
+
+  Hdf5Rows flushed;  // as the file has it
 
   mutable bool broken = false;  // a write failed: HDF5 1.10 crashes when it is asked to finish such a file
 
@@ -157,10 +161,10 @@ struct Hdf5File::Impl {
 
   /// The number of values of this shape. Refused where they are many more than what the file holds for them, `stored`
   /// bytes: a filter makes them at most 1032 times smaller (deflate), and what was never written takes none.
-  std::size_t count_of(const std::string& path, const std::vector<hsize_t>& dims, std::size_t size, hsize_t stored) const {
+  std::size_t count_of(const std::string& path, const std::vector<std::size_t>& dims, std::size_t size, hsize_t stored) const {
     constexpr double kUnwritten = 1 << 20, kPacking = 1032.0;
     const double bytes = std::accumulate(dims.begin(), dims.end(), static_cast<double>(size),
-                                         [](double a, hsize_t b) { return a * static_cast<double>(b); });
+                                         [](double a, std::size_t b) { return a * static_cast<double>(b); });
     if (bytes > std::max(kUnwritten, kPacking * static_cast<double>(stored)))
       cannot_read(path, "as many values as the file has bytes for", "dimensions beyond that");
     return product(dims);
@@ -224,25 +228,48 @@ struct Hdf5File::Impl {
     wrote(H5Dwrite(set, type, in_memory, in_file, H5P_DEFAULT, values), path);
     wrote(set.close(), path);  // the numbers go to disk here, what makes them visible in flush()
   }
+  struct Whole {
+    std::vector<std::size_t> shape;
+    Handle in_memory, in_file;
+  };
+  /// A dataset without rows of a flush that has not ended.
+  Whole whole_rows(hid_t set, const std::string& path) const {
+    Handle space(H5Dget_space(set), H5Sclose);
+    const auto dims = dimensions(space);
+    std::vector<std::size_t> shape(dims.begin(), dims.end());
+    for (const auto& [beginning, rows] : flushed) {
+      if (shape.empty() || shape[0] <= rows || !path.starts_with(beginning)) continue;
+      shape[0] = rows;
+      const std::vector<hsize_t> start(dims.size(), 0), count(shape.begin(), shape.end());
+      if (rows == 0)
+        H5Sselect_none(space);
+      else
+        H5Sselect_hyperslab(space, H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr);
+    }
+    Handle in_memory = new_space(shape);
+    return {std::move(shape), std::move(in_memory), std::move(space)};
+  }
+
   template <class T>
   Hdf5Array<T> read(const std::string& path, hid_t type) const {
     Handle set = dataset(path);
     Handle stored(H5Dget_type(set), H5Tclose);
     const H5T_class_t kind = H5Tget_class(stored);
     if (kind != H5T_FLOAT && kind != H5T_INTEGER) cannot_read(path, "numbers", "another type of data");
-    Handle space(H5Dget_space(set), H5Sclose);
-    const auto dims = dimensions(space);
-    Hdf5Array<T> out{{dims.begin(), dims.end()}, std::vector<T>(count_of(path, dims, H5Tget_size(stored), H5Dget_storage_size(set)))};
-    if (!out.values.empty() && H5Dread(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, out.values.data()) < 0)
+    const Whole whole = whole_rows(set, path);
+    Hdf5Array<T> out{whole.shape, std::vector<T>(count_of(path, whole.shape, H5Tget_size(stored), H5Dget_storage_size(set)))};
+    if (!out.values.empty() && H5Dread(set, type, whole.in_memory, whole.in_file, H5P_DEFAULT, out.values.data()) < 0)
       cannot_read(path, "numbers", reason());
     return out;
   }
 
-  /// Strings of a dataset or an attribute, of fixed or variable length; `get(type, buffer)` is H5Dread or H5Aread.
+  /// Strings of a dataset or an attribute, of fixed or variable length, in the space that they take in memory; `get(type, buffer)` is
+  /// H5Dread or H5Aread.
   template <class Get>
   std::vector<std::string> strings(const std::string& path, hid_t stored, hid_t space, hsize_t bytes, Get get) const {
     if (H5Tget_class(stored) != H5T_STRING) cannot_read(path, "text", "another type of data");
-    const std::size_t n = count_of(path, dimensions(space), H5Tget_size(stored), bytes);
+    const auto dims = dimensions(space);
+    const std::size_t n = count_of(path, {dims.begin(), dims.end()}, H5Tget_size(stored), bytes);
     std::vector<std::string> out;
     if (n == 0) return out;
     bool ok = true;
@@ -263,9 +290,9 @@ struct Hdf5File::Impl {
   std::vector<std::string> read_texts(const std::string& path) const {
     Handle set = dataset(path);
     Handle stored(H5Dget_type(set), H5Tclose);
-    Handle space(H5Dget_space(set), H5Sclose);
-    return strings(path, stored, space, H5Dget_storage_size(set),
-                   [&](hid_t type, void* to) { return H5Dread(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, to); });
+    const Whole whole = whole_rows(set, path);
+    return strings(path, stored, whole.in_memory, H5Dget_storage_size(set),
+                   [&](hid_t type, void* to) { return H5Dread(set, type, whole.in_memory, whole.in_file, H5P_DEFAULT, to); });
   }
 
   bool is_group(const std::string& path) const {
@@ -300,13 +327,14 @@ Hdf5File::Hdf5File(Hdf5File&&) noexcept = default;
 Hdf5File& Hdf5File::operator=(Hdf5File&&) noexcept = default;
 Hdf5File::~Hdf5File() = default;
 
-/// The file on disk stays as it was at the last flush until the next one: space once given is never given again (AGGR),
-/// and structure is written by flush() alone (no evictions).
+/// The file on disk stays as it was at the last flush until the next one: space once given is never given again, nor is some kept in
+/// store that would be given back at the end (NONE), and structure is written by flush() alone (no evictions). Within a flush HDF5 writes
+/// what tells of new rows before the rows' own places are known to be in the file; flush() says what can be read.
 Hdf5File Hdf5File::create(const std::string& path) {
   start_library();
   Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose);
   H5Pset_link_creation_order(creation, H5P_CRT_ORDER_TRACKED | H5P_CRT_ORDER_INDEXED);
-  H5Pset_file_space_strategy(creation, H5F_FSPACE_STRATEGY_AGGR, false, 1);
+  H5Pset_file_space_strategy(creation, H5F_FSPACE_STRATEGY_NONE, false, 1);
   Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
   H5Pset_libver_bounds(access, H5F_LIBVER_V18,
                        H5F_LIBVER_V110);  // a 1.10 file would stay marked as "open" after a kill
@@ -351,7 +379,15 @@ Hdf5File Hdf5File::open(const std::string& path) {
     impl->cannot_read("", "an HDF5 file", "a folder, a pipe or a device");
   impl->file = H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
   if (impl->file < 0) impl->cannot_read("", "an HDF5 file", reason());
-  return Hdf5File(std::move(impl));
+  Hdf5File file(std::move(impl));
+  if (file.has(kFlushed)) {
+    const std::vector<std::int64_t> rows = file.read_integers(kFlushed).values;
+    const std::vector<std::string> of = file.texts_attribute(kFlushed, "of");
+    if (of.size() != rows.size() || std::ranges::any_of(rows, [](std::int64_t n) { return n < 0; }))
+      file.impl_->cannot_read(kFlushed, "a number of rows for each name in \"of\"", "other numbers");
+    for (std::size_t i = 0; i < of.size(); ++i) file.impl_->flushed.emplace_back(of[i], static_cast<std::size_t>(rows[i]));
+  }
+  return file;
 }
 
 const std::string& Hdf5File::file_name() const { return impl_->name; }
@@ -363,7 +399,19 @@ void Hdf5File::rename(const std::string& path) {
   impl_->name = path;
 }
 
-void Hdf5File::flush() { impl_->wrote(H5Fflush(impl_->file, H5F_SCOPE_LOCAL), "/"); }
+void Hdf5File::flush(const Hdf5Rows& rows) {
+  if (!rows.empty() && !has(kFlushed)) {
+    std::vector<std::string> of;
+    for (const auto& [beginning, n] : rows) of.push_back(beginning);
+    write(kFlushed, std::vector<std::int64_t>(rows.size(), 0));
+    set_attribute(kFlushed, "of", of);
+  }
+  impl_->wrote(H5Fflush(impl_->file, H5F_SCOPE_LOCAL), "/");
+  if (rows.empty()) return;
+  std::vector<std::int64_t> numbers;
+  for (const auto& [beginning, n] : rows) numbers.push_back(static_cast<std::int64_t>(n));
+  write(kFlushed, numbers);
+}
 
 void Hdf5File::close() {
   if (impl_->file >= 0) impl_->wrote(H5Fclose(std::exchange(impl_->file, H5I_INVALID_HID)), "/");
@@ -459,9 +507,7 @@ std::vector<std::string> Hdf5File::read_texts(const std::string& path) const { r
 
 std::vector<std::size_t> Hdf5File::shape(const std::string& path) const {
   Handle set = impl_->dataset(path);
-  Handle space(H5Dget_space(set), H5Sclose);
-  const auto dims = dimensions(space);
-  return {dims.begin(), dims.end()};
+  return impl_->whole_rows(set, path).shape;
 }
 
 void Hdf5File::make_rows(const std::string& path, std::size_t columns, std::size_t rows_per_block, std::size_t most_rows) {

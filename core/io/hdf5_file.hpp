@@ -6,9 +6,13 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace cardan {
+
+/// Numbers of rows, by the beginning of the paths of those that have so many: {"/channels", 300}.
+using Hdf5Rows = std::vector<std::pair<std::string, std::size_t>>;
 
 template <class T>
 struct Hdf5Array {
@@ -37,7 +41,10 @@ class Hdf5File {
   const std::string& file_name() const;
   /// The open file takes this name in the same file system; whoever has open what stood there keeps it. Throws InputError C0701.
   void rename(const std::string& path);
-  void flush();  // what was written so far survives the end of the process, however it ends
+  /// What was written so far survives the end of the process, however it ends. rows: of the datasets that grow, by the beginning of
+  /// their paths, so many rows each are whole. The numbers are written to `/flushed` after all else, in one piece, and open() shows no rows
+  /// beyond them: who reads while a flush is going on, or after a kill in its middle, sees what the flush before left.
+  void flush(const Hdf5Rows& rows = {});
   void close();
 
   bool has(const std::string& path) const;

@@ -120,6 +120,7 @@ class Hdf5Recorder final : public Recorder {
     file_.make_rows("/time", 0, rows, limit);
     file_.set_attribute("/time", "unit", std::string("s"));
     file_.make_group("/channels");
+    file_.make_group("/attachments");
     for (const auto& c : channels) {
       const std::string path = "/channels/" + c.path;
       file_.make_rows(path, c.components.size(), rows, limit);
@@ -190,23 +191,16 @@ class Hdf5Recorder final : public Recorder {
   }
 
   void flush() override {
-    guarded([this] {
-      write_block();
-      write_notes();
-      write_checkpoints();
-      file_.flush();
-    });
+    guarded([this] { write_all(); });
     last_flush_ = Clock::now();
   }
 
   void close(std::string_view verdict) override {
     if (closed_) return;
     guarded([&] {
-      write_block();
-      write_notes();
-      write_checkpoints();
       if (!verdict.empty()) file_.set_attribute("/run", "verdict", std::string(verdict));
       file_.set_attribute("/run", "finished", now_utc());
+      write_all();
       file_.close();
     });
     closed_ = true;
@@ -267,9 +261,19 @@ class Hdf5Recorder final : public Recorder {
     }
   }
 
+  void write_all() {
+    write_block();
+    write_notes();
+    write_checkpoints();
+    Hdf5Rows rows{{"/time", rows_}, {"/channels/", rows_}, {"/restart/checkpoints/", n_checkpoints_}};
+    for (const NoteKind& kind : note_kinds()) rows.emplace_back(notes_path(kind) + "/", notes_[static_cast<std::size_t>(kind.kind)].kept);
+    file_.flush(rows);
+  }
+
   /// After the rows and notes up to them.
   void write_checkpoints() {
     if (checkpoints_.empty()) return;
+    n_checkpoints_ += checkpoints_.size();
     file_.append_rows("/restart/checkpoints/t", checkpoint_times_);
     file_.append_rows("/restart/checkpoints/text", checkpoints_);
     checkpoint_times_.clear(), checkpoints_.clear();
@@ -283,6 +287,7 @@ class Hdf5Recorder final : public Recorder {
 
   void write_block() {
     if (times_.empty()) return;
+    rows_ += times_.size();
     file_.append_rows("/time", times_);
     std::size_t offset = 0;
     for (const auto& [path, width] : columns_) {
@@ -318,6 +323,7 @@ class Hdf5Recorder final : public Recorder {
   Clock::time_point last_flush_;
   std::vector<Column> columns_;
   std::size_t width_ = 0, blocks_ = 0;          // blocks: that were full
+  std::size_t rows_ = 0, n_checkpoints_ = 0;    // in the file
   std::vector<double> times_, values_, block_;  // rows not yet in the file
   std::vector<double> checkpoint_times_;        // of those not yet in the file
   std::vector<std::string> checkpoints_;
