@@ -6,12 +6,12 @@ if(NOT CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
 endif()
 set(CARDAN_HEADERS <algorithm> <array> <cmath> <cstdint> <filesystem> <functional> <limits> <map> <memory> <mutex> <numbers> <numeric>
     <optional> <random> <ranges> <set> <span> <sstream> <string> <string_view> <utility> <variant> <vector>
-    <fmt/format.h> <Eigen/Dense> <Eigen/SparseCore>)
+    <fmt/format.h> <nlohmann/json.hpp> <CLI/CLI.hpp> <Eigen/Dense> <Eigen/SparseCore>)
 
 # Owner of the compiled headers; a target that uses them must have its flags and definitions (but for -O), else GCC says so.
 file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/generated/headers.cpp CONTENT "")
 add_library(cardan_headers STATIC ${CMAKE_BINARY_DIR}/generated/headers.cpp)
-target_link_libraries(cardan_headers PRIVATE cardan_flags fmt::fmt Eigen3::Eigen)
+target_link_libraries(cardan_headers PRIVATE cardan_flags fmt::fmt Eigen3::Eigen nlohmann_json::nlohmann_json CLI11::CLI11)
 target_precompile_headers(cardan_headers PRIVATE ${CARDAN_HEADERS})
 
 # cardan_precompiled(TARGET HEADERS...)  TARGET uses the compiled headers; with HEADERS it compiles its own, of these too.

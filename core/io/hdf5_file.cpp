@@ -159,15 +159,14 @@ struct Hdf5File::Impl {
     return {H5Oopen(file, path.c_str(), H5P_DEFAULT), H5Oclose};
   }
 
-  /// The number of values of this shape. Refused where they are many more than what the file holds for them, `stored`
-  /// bytes: a filter makes them at most 1032 times smaller (deflate), and what was never written takes none.
-  std::size_t count_of(const std::string& path, const std::vector<std::size_t>& dims, std::size_t size, hsize_t stored) const {
+  /// Refuses many more values than what the file holds for them, `stored` bytes: a filter makes them at most 1032 times smaller
+  /// (deflate), and what was never written takes none.
+  void expect_bytes(const std::string& path, const std::vector<hsize_t>& dims, std::size_t size, hsize_t stored) const {
     constexpr double kUnwritten = 1 << 20, kPacking = 1032.0;
     const double bytes = std::accumulate(dims.begin(), dims.end(), static_cast<double>(size),
-                                         [](double a, std::size_t b) { return a * static_cast<double>(b); });
+                                         [](double a, hsize_t b) { return a * static_cast<double>(b); });
     if (bytes > std::max(kUnwritten, kPacking * static_cast<double>(stored)))
       cannot_read(path, "as many values as the file has bytes for", "dimensions beyond that");
-    return product(dims);
   }
 
   void make_group(const std::string& path) {
@@ -236,6 +235,7 @@ struct Hdf5File::Impl {
   Whole whole_rows(hid_t set, const std::string& path) const {
     Handle space(H5Dget_space(set), H5Sclose);
     const auto dims = dimensions(space);
+    expect_bytes(path, dims, H5Tget_size(Handle(H5Dget_type(set), H5Tclose)), H5Dget_storage_size(set));
     std::vector<std::size_t> shape(dims.begin(), dims.end());
     for (const auto& [beginning, rows] : flushed) {
       if (shape.empty() || shape[0] <= rows || !path.starts_with(beginning)) continue;
@@ -257,7 +257,7 @@ struct Hdf5File::Impl {
     const H5T_class_t kind = H5Tget_class(stored);
     if (kind != H5T_FLOAT && kind != H5T_INTEGER) cannot_read(path, "numbers", "another type of data");
     const Whole whole = whole_rows(set, path);
-    Hdf5Array<T> out{whole.shape, std::vector<T>(count_of(path, whole.shape, H5Tget_size(stored), H5Dget_storage_size(set)))};
+    Hdf5Array<T> out{whole.shape, std::vector<T>(product(whole.shape))};
     if (!out.values.empty() && H5Dread(set, type, whole.in_memory, whole.in_file, H5P_DEFAULT, out.values.data()) < 0)
       cannot_read(path, "numbers", reason());
     return out;
@@ -266,10 +266,9 @@ struct Hdf5File::Impl {
   /// Strings of a dataset or an attribute, of fixed or variable length, in the space that they take in memory; `get(type, buffer)` is
   /// H5Dread or H5Aread.
   template <class Get>
-  std::vector<std::string> strings(const std::string& path, hid_t stored, hid_t space, hsize_t bytes, Get get) const {
+  std::vector<std::string> strings(const std::string& path, hid_t stored, hid_t space, Get get) const {
     if (H5Tget_class(stored) != H5T_STRING) cannot_read(path, "text", "another type of data");
-    const auto dims = dimensions(space);
-    const std::size_t n = count_of(path, {dims.begin(), dims.end()}, H5Tget_size(stored), bytes);
+    const std::size_t n = product(dimensions(space));
     std::vector<std::string> out;
     if (n == 0) return out;
     bool ok = true;
@@ -291,7 +290,7 @@ struct Hdf5File::Impl {
     Handle set = dataset(path);
     Handle stored(H5Dget_type(set), H5Tclose);
     const Whole whole = whole_rows(set, path);
-    return strings(path, stored, whole.in_memory, H5Dget_storage_size(set),
+    return strings(path, stored, whole.in_memory,
                    [&](hid_t type, void* to) { return H5Dread(set, type, whole.in_memory, whole.in_file, H5P_DEFAULT, to); });
   }
 
@@ -317,8 +316,9 @@ struct Hdf5File::Impl {
     Handle from = attribute(path, key);
     Handle stored(H5Aget_type(from), H5Tclose);
     Handle space(H5Aget_space(from), H5Sclose);
-    return strings(path + "@" + key, stored, space, H5Aget_storage_size(from),
-                   [&](hid_t type, void* to) { return H5Aread(from, type, to); });
+    const std::string where = path + "@" + key;
+    expect_bytes(where, dimensions(space), H5Tget_size(stored), H5Aget_storage_size(from));
+    return strings(where, stored, space, [&](hid_t type, void* to) { return H5Aread(from, type, to); });
   }
 };
 

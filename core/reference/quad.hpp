@@ -1,9 +1,9 @@
 #pragma once
-// The 113-bit scalar of the twin: the format of float128 (34 digits) without a compiler's own type or library. A class of its own, and
-// its operations in quad.cpp: to compile Boost's into every expression of the twin would take half a minute more for each of its files.
+// The 113-bit scalar of the twin: the format of float128 (34 digits) without a compiler's own type or library. A class of its own around
+// Boost's, which quad.cpp alone sees: to compile it into every expression of the twin would take half a minute more for each of its files.
 #include <Eigen/Core>
-#include <boost/multiprecision/cpp_bin_float.hpp>
 #include <concepts>
+#include <cstddef>
 #include <limits>
 #include <string>
 
@@ -11,12 +11,9 @@ namespace cardan::reference {
 
 class Quad {
  public:
-  using Number = boost::multiprecision::cpp_bin_float_quad;
-
-  Quad() = default;                                             // zero
+  Quad() : Quad(0.0) {}
   Quad(std::integral auto i) : Quad(static_cast<double>(i)) {}  // NOLINT: numbers convert; |i| < 2^53
   Quad(double);                                                 // NOLINT
-  explicit Quad(const Number& x) : x_(x) {}
   explicit Quad(const std::string& decimal);
   explicit operator double() const;
 
@@ -46,21 +43,23 @@ class Quad {
   friend bool isnan(const Quad&);
 
  private:
-  Number x_;
+  friend struct QuadNumber;          // sees Boost's number in the bytes
+  alignas(16) std::byte bytes_[32];  // no pointer is in it: to copy them is to copy the number
 };
 
 }  // namespace cardan::reference
 
+/// The range is that of long double within a bit, the precision is not.
 template <>
-struct std::numeric_limits<cardan::reference::Quad> : std::numeric_limits<cardan::reference::Quad::Number> {
-  using Number = std::numeric_limits<cardan::reference::Quad::Number>;
+struct std::numeric_limits<cardan::reference::Quad> : std::numeric_limits<long double> {
   using Quad = cardan::reference::Quad;
-  static Quad min() { return Quad((Number::min)()); }
-  static Quad max() { return Quad((Number::max)()); }
-  static Quad lowest() { return Quad(Number::lowest()); }
-  static Quad epsilon() { return Quad(Number::epsilon()); }
-  static Quad infinity() { return Quad(Number::infinity()); }
-  static Quad quiet_NaN() { return Quad(Number::quiet_NaN()); }
+  static constexpr int digits = 113, digits10 = 33, max_digits10 = 37;
+  static Quad min();
+  static Quad max();
+  static Quad lowest();
+  static Quad epsilon();
+  static Quad infinity();
+  static Quad quiet_NaN();
 };
 
 template <>

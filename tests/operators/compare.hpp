@@ -1,7 +1,7 @@
 #pragma once
 // What the tests of operators compare by: sizes, differences, condition numbers; the trees on which identities must hold.
-#include <Eigen/SVD>
 
+#include "core/linalg/dense.hpp"
 #include "tests/properties/trees.hpp"
 
 namespace cardan::test {
@@ -23,7 +23,7 @@ inline double scaled_condition(const MatrixXd& M) {
   if (M.size() == 0) return 1.0;
   if (!M.allFinite()) return std::nan("");  // whose singular values would be anything
   const VectorXd d = M.diagonal().cwiseSqrt().cwiseInverse();
-  const VectorXd s = (d.asDiagonal() * M * d.asDiagonal()).jacobiSvd().singularValues();
+  const VectorXd s = singular_values(d.asDiagonal() * M * d.asDiagonal());
   return s[0] / s[s.size() - 1];
 }
 

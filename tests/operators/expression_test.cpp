@@ -2,6 +2,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/SVD>
 
+#include "core/linalg/dense.hpp"
 #include "core/linalg/eigenpairs.hpp"
 #include "core/operators/apply.hpp"
 #include "core/operators/expression.hpp"
@@ -75,7 +76,7 @@ TEST(Expressions, NormsAndEigenvalues) {
   const auto ops = at_initial_state(random_tree(7, {.bodies = 6, .flexible = 0.4}));
   const Expression mass_matrix = named(ops, "mass");
   const MatrixXd A = mass_matrix.dense();
-  const VectorXd values = Eigen::SelfAdjointEigenSolver<MatrixXd>(A).eigenvalues();
+  const VectorXd values = symmetric_eigenvalues(A);
   EXPECT_NEAR(mass_matrix.norm(), values[values.size() - 1], 1e-12 * mass_matrix.norm());
   const VectorXd three = mass_matrix.eigenvalues(3);
   for (int i = 0; i < 3; ++i) EXPECT_NEAR(three[i], values[values.size() - 1 - i], 1e-12 * values[values.size() - 1]);
@@ -91,7 +92,7 @@ TEST(Expressions, NormsOfManyBodiesWithoutAMatrix) {  // a chain of 400 revolute
   const VectorXd q = VectorXd::Constant(model->nq, 0.01);
   ops->at(q.data());
   const Expression mass_matrix = named(ops, "mass");
-  const VectorXd values = Eigen::SelfAdjointEigenSolver<MatrixXd>(mass_matrix.dense(), Eigen::EigenvaluesOnly).eigenvalues();
+  const VectorXd values = symmetric_eigenvalues(mass_matrix.dense());
   EXPECT_NEAR(mass_matrix.norm() / values[399], 1.0, 1e-9);
   const VectorXd ten = mass_matrix.eigenvalues(10);
   for (int i = 0; i < 10; ++i) EXPECT_NEAR(ten[i] / values[399 - i], 1.0, 1e-9);
@@ -107,7 +108,7 @@ TEST(Operators, ErasedForKrylovMethods) {  // the view that ARPACK takes, agains
   const auto same = [](const VectorXd& x, VectorXd& y) { y = x; };
   const MultiplyRef one(same);
   const Eigenpairs lowest = lowest_eigenpairs(inverse, {n, n, one, one}, 5, 0.0);
-  const VectorXd values = Eigen::SelfAdjointEigenSolver<MatrixXd>(dense(mass, *ops), Eigen::EigenvaluesOnly).eigenvalues();
+  const VectorXd values = symmetric_eigenvalues(dense(mass, *ops));
   for (int i = 0; i < 5; ++i) EXPECT_NEAR(lowest.values[i] / values[i], 1.0, 1e-9);
   const auto jacobian_view = erase(jacobian, *ops);
   const LinearOperator& J = jacobian_view;
@@ -229,7 +230,7 @@ TEST(Operators, HybridMaskKeepsTheIdentities) {  // components whose velocity is
     const MatrixXd given = MatrixXd::Identity(n, n) - one;
     const MatrixXd scaled =
         d.cwiseInverse().asDiagonal() * (expected + given * whole.diagonal().asDiagonal() * given) * d.cwiseInverse().asDiagonal();
-    const VectorXd s = scaled.jacobiSvd().singularValues();
+    const VectorXd s = singular_values(scaled);
     return worse(apart(A, expected), largest(left - one) / (s[0] / s[s.size() - 1]));
   });
 }

@@ -88,7 +88,7 @@ RandomState random_state(const Model& m, std::mt19937_64& rng) {
 VectorXd exact(const DenseTwin<Quad>& twin, const RandomState& s) {
   return twin.at(s.q.cast<Quad>(), s.v.cast<Quad>()).forward(s.tau.cast<Quad>()).cast<double>();
 }
-double apart(const VectorXd& a, const VectorXd& b) {
+double relative_to(const VectorXd& a, const VectorXd& b) {
   const double e = (a - b).stableNorm() / b.stableNorm();
   return std::isfinite(e) ? e : HUGE_VAL;
 }
@@ -108,7 +108,7 @@ double of_inputs(SystemSpec spec, RandomState s, const VectorXd& vdot, std::mt19
   }
   touch_all(s.q);
   touch_all(s.v);
-  const double moved = apart(truth(spec, s), vdot);
+  const double moved = relative_to(truth(spec, s), vdot);
   EXPECT_TRUE(std::isfinite(moved)) << "as a limit it would let anything pass";
   return moved;
 }
@@ -157,8 +157,8 @@ TEST_P(GradedChains, KeepTheDigitsOfForwardDynamics) {
     for (Eigen::Index i = 0; i < many; ++i) {
       const RandomState& s = states[static_cast<std::size_t>(i)];
       const VectorXd vdot = exact(twin, s);
-      const double error = apart(forward(*m, s), vdot), lanes = apart(in_lanes.col(i), vdot);
-      without = worse(without, apart(forward(*plain, s), vdot));
+      const double error = relative_to(forward(*m, s), vdot), lanes = relative_to(in_lanes.col(i), vdot);
+      without = worse(without, relative_to(forward(*plain, s), vdot));
       worst = worse(worst, error), worst_lanes = worse(worst_lanes, lanes);
       if (error <= kEnough && lanes <= kEnough) continue;
       const double allowed = 100 * of_inputs(spec, s, vdot, rng);
@@ -252,7 +252,7 @@ TEST(GradedMasses, KeepTheirDigitsUnderLoadsWithWheelsAndGivenMotions) {
         VectorXd vdot(m->nv);
         ASSERT_TRUE(forward_dynamics(*m, ws, in, vdot.data()));
         const VectorXd expected = reference_of(spec, s, loads);
-        const double error = apart(vdot, expected);
+        const double error = relative_to(vdot, expected);
         if (error <= kEnough) continue;
         EXPECT_LE(error, 100 * of_inputs(spec, s, expected, rng,
                                          [&](const SystemSpec& d, const RandomState& x) { return reference_of(d, x, loads); }))
@@ -281,8 +281,8 @@ TEST(GradedMasses, PendulumOfParticlesHasItsKnownAcceleration) {
   s.v << 0.5, -1, 2, 0.3;
   VectorXd known(4);
   known << -27.812618417906, 58.391643377350, -29.321318458907, -1.257910442427;
-  EXPECT_LT(apart(forward(*m, s), known), 1e-13) << "digits given: 1e-14";
-  EXPECT_GT(apart(forward(*unrefined(*m), s), known), 1e-12) << "without: 1.4e-9, or 1.3e-12 where products are not fused";
+  EXPECT_LT(relative_to(forward(*m, s), known), 1e-13) << "digits given: 1e-14";
+  EXPECT_GT(relative_to(forward(*unrefined(*m), s), known), 1e-12) << "without: 1.4e-9, or 1.3e-12 where products are not fused";
 }
 
 // A lane does not see its neighbours, whatever number of passes they take; and a second call at the same q, where P, D and G stay,
@@ -326,7 +326,7 @@ TEST(GradedMasses, InverseOfTheMassMatrixKeepsItsDigits) {
     const Eigen::LLT<reference::MatX<Quad>> M(at.M);
     for (int j = 0; j < m->nv; ++j) {
       const QuadVector unit = QuadVector::Unit(m->nv, j);
-      EXPECT_LT(apart(inverse.col(j), M.solve(unit).cast<double>()), kEnough) << kind << ", column " << j;
+      EXPECT_LT(relative_to(inverse.col(j), M.solve(unit).cast<double>()), kEnough) << kind << ", column " << j;
     }
     EXPECT_EQ((inverse - inverse.transpose()).cwiseAbs().maxCoeff<Eigen::PropagateNaN>(), 0.0);
   }
@@ -357,14 +357,14 @@ TEST(GradedMasses, AreSeenInTheUsersFrames) {
     EXPECT_LT((seen.position - truth.x.cast<double>()).norm(), 1e-14) << body;
     EXPECT_LT((seen.R_WN - truth.R.cast<double>()).norm(), 1e-14) << body;
     EXPECT_LT((seen.velocity - truth.velocity.cast<double>()).norm(), 1e-13) << body;
-    EXPECT_LT(apart(seen.acceleration, truth.acceleration(exact_vdot.cast<Quad>()).cast<double>()), 1e-12) << body;
+    EXPECT_LT(relative_to(seen.acceleration, truth.acceleration(exact_vdot.cast<Quad>()).cast<double>()), 1e-12) << body;
     EXPECT_LT((to_eigen(observer.hinge_wrench(k)) - wrenches[static_cast<std::size_t>(k)].cast<double>()).norm(), 1e-12 * largest) << body;
   }
-  EXPECT_LT(apart(mass_matrix(*m, ws, s.q.data()).reshaped(), at.M.cast<double>().eval().reshaped()), 1e-14);
+  EXPECT_LT(relative_to(mass_matrix(*m, ws, s.q.data()).reshaped(), at.M.cast<double>().eval().reshaped()), 1e-14);
   VectorXd tau(m->nv);
   const VectorXd given = VectorXd::Ones(m->nv);
   inverse_dynamics(*m, ws, Inputs{.q = s.q.data(), .v = s.v.data(), .vdot = given.data()}, tau.data());
-  EXPECT_LT(apart(tau, at.inverse(given.cast<Quad>()).cast<double>()), 1e-13);
+  EXPECT_LT(relative_to(tau, at.inverse(given.cast<Quad>()).cast<double>()), 1e-13);
 }
 
 // Who does not need it has nothing of it: no op, no memory, no numbers beside the model.

@@ -11,7 +11,7 @@
 #include "tests/properties/trees.hpp"
 #include "tests/support/builders.hpp"
 
-namespace cardan {
+namespace cardan::test {
 namespace {
 
 /// A beam of 0.1 m x 0.01 m: torsion, whose rotary inertia is all of its mass, and bending in two planes.
@@ -85,7 +85,7 @@ TEST(RotaryTerms, ThatAreLeftOutAreAsSmallAsIsSaid) {
   for (const Case& c :
        {Case{panel(10), 1e-4, true}, {panel(20), 1e-4, true}, {panel(20), 1e-6, false}, {strip(20), 1e-4, false}, {strip(20), 0.1, true}}) {
     SCOPED_TRACE(c.modal->source + ", " + std::to_string(c.tolerance));
-    const auto model = compile(with(c.modal, 1, c.tolerance), test::registry());
+    const auto model = compile(with(c.modal, 1, c.tolerance), registry());
     const ModalData& kept = *model->spec->bodies[1].modal;
     EXPECT_EQ(kept.whole, c.modal);
     EXPECT_GT(kept.left_out, 0.0);
@@ -104,13 +104,13 @@ TEST(RotaryTerms, ThatAreLeftOutAreAsSmallAsIsSaid) {
 
 TEST(RotaryTerms, AreKeptWhereTheyAreAskedFor) {
   const auto modal = strip(12);
-  const auto exact = compile(with(modal, 1, 0.0), test::registry());
+  const auto exact = compile(with(modal, 1, 0.0), registry());
   EXPECT_EQ(exact->spec->bodies[1].modal, modal);
-  EXPECT_EQ(compile(with(modal, 0, 1e-4), test::registry())->spec->bodies[1].modal, modal) << "level 0 has none";
+  EXPECT_EQ(compile(with(modal, 0, 1e-4), registry())->spec->bodies[1].modal, modal) << "level 0 has none";
   ModalData unknown = *modal;
   unknown.integrals.rotary_turn.resize(0);
   const auto told = std::make_shared<const ModalData>(unknown);
-  EXPECT_EQ(compile(with(told, 1, 1e-4), test::registry())->spec->bodies[1].modal, told) << "how far modes turn is not known";
+  EXPECT_EQ(compile(with(told, 1, 1e-4), registry())->spec->bodies[1].modal, told) << "how far modes turn is not known";
 }
 
 /// Relative errors of the sweeps against the dense twin of what is kept, in 113 bits: of v', and of the forces of a motion without it.
@@ -119,7 +119,7 @@ struct OffTwin {
 };
 OffTwin off_twin(const SystemSpec& spec, std::uint64_t seed, double bent = 0.01) {
   using T = reference::Quad;
-  const auto model = compile(spec, test::registry());
+  const auto model = compile(spec, registry());
   const reference::DenseTwin<T> twin(reference::dense_model<T>(*model->spec));
   std::mt19937_64 rng(seed);
   std::normal_distribution<double> any;
@@ -164,7 +164,7 @@ TEST(RotaryTerms, ThatAreKeptConserve) {
       SimulationOptions options;
       options.integrator.method = "dop853";
       options.integrator.relative_tolerance = 1e-12;
-      Simulation sim(compile(spec, test::registry()), options);
+      Simulation sim(compile(spec, registry()), options);
       sim.run(0.5);
       const LedgerState l = sim.ledger();
       // The modes are damped: what they lose is in the ledger.
@@ -174,11 +174,11 @@ TEST(RotaryTerms, ThatAreKeptConserve) {
 }
 
 TEST(RotaryTerms, OfTheSecondOrderAreRefusedWhereTheyMatter) {
-  EXPECT_NO_THROW(compile(with(panel(10), 2, 1e-4), test::registry()));
-  EXPECT_NO_THROW(compile(with(panel(10, false), 2, 0.0), test::registry())) << "neither the plate nor its yoke has any";
+  EXPECT_NO_THROW(compile(with(panel(10), 2, 1e-4), registry()));
+  EXPECT_NO_THROW(compile(with(panel(10, false), 2, 0.0), registry())) << "neither the plate nor its yoke has any";
   EXPECT_TRUE(panel(10, false)->integrals.rotary_ww.empty());
   try {
-    compile(with(strip(10), 2, 1e-4), test::registry());
+    compile(with(strip(10), 2, 1e-4), registry());
     FAIL();
   } catch (const InputError& e) {
     EXPECT_EQ(e.diagnostics().front().code, Code::bad_modal_data);
@@ -187,4 +187,4 @@ TEST(RotaryTerms, OfTheSecondOrderAreRefusedWhereTheyMatter) {
 }
 
 }  // namespace
-}  // namespace cardan
+}  // namespace cardan::test

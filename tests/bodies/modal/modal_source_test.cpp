@@ -11,6 +11,7 @@
 #include "bodies/modal/elements.hpp"
 #include "bodies/modal/lumped.hpp"
 #include "bodies/modal/modal_file.hpp"
+#include "core/linalg/dense.hpp"
 #include "tests/support/scratch.hpp"
 #include "tests/support/worse.hpp"
 
@@ -174,7 +175,8 @@ TEST(ModalSource, CraigBamptonKeepsItsConstraintModes) {
   const ModalData d = make_modal_data(s);
   EXPECT_EQ(d.n_modes, 10);
   EXPECT_EQ(d.audit[9].reason, "set of 4 fixed-interface and 6 constraint modes");
-  EXPECT_EQ(Eigen::FullPivLU<MatrixXd>((MatrixXd(6, 10) << d.nodes[1].Phi, d.nodes[1].Psi).finished()).rank(), 6);
+  const Eigen::VectorXd sizes = singular_values((MatrixXd(6, 10) << d.nodes[1].Phi, d.nodes[1].Psi).finished());
+  EXPECT_GT(sizes[5], 1e-10 * sizes[0]);
 }
 
 TEST(ModalSource, FreeModesAreOnMeanAxes) {
@@ -323,8 +325,7 @@ TEST(ManyModes, OfASmallMeshAreThoseOfADenseSolver) {
   const FeModel mesh = beam_mesh(std::get<BeamModel>(s.model), {}, {});
   const Eigen::Index n = mesh.n_dofs() - 6;
   const MatrixXd K = MatrixXd(mesh.K).bottomRightCorner(n, n), M = MatrixXd(mesh.M).bottomRightCorner(n, n);
-  const Eigen::VectorXd exact =
-      Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd>(K, M, Eigen::EigenvaluesOnly | Eigen::Ax_lBx).eigenvalues();
+  const Eigen::VectorXd exact = generalised_eigenvalues(K, M).value();
   for (Eigen::Index j = 20; j < 120; ++j)  // of the lowest the dense solver has few digits
     EXPECT_NEAR(d.K(j, j), exact(j), 1e-7 * exact(j)) << j;
 }
