@@ -8,17 +8,26 @@ set(CARDAN_HEADERS <algorithm> <array> <cmath> <cstdint> <filesystem> <functiona
     <optional> <random> <ranges> <set> <span> <sstream> <string> <string_view> <utility> <variant> <vector>
     <fmt/format.h> <nlohmann/json.hpp> <CLI/CLI.hpp> <Eigen/Dense> <Eigen/SparseCore>)
 
-# Owner of the compiled headers; a target that uses them must have its flags and definitions (but for -O), else GCC says so.
+# Owners of the compiled headers. A target that uses them must have their flags and definitions, else GCC says so, but for -O: there it
+# silently takes that of the headers. So there are two sets.
 file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/generated/headers.cpp CONTENT "")
-add_library(cardan_headers STATIC ${CMAKE_BINARY_DIR}/generated/headers.cpp)
-target_link_libraries(cardan_headers PRIVATE cardan_flags fmt::fmt Eigen3::Eigen nlohmann_json::nlohmann_json CLI11::CLI11)
-target_precompile_headers(cardan_headers PRIVATE ${CARDAN_HEADERS})
+foreach(owner cardan_headers cardan_headers_cold)
+  add_library(${owner} STATIC ${CMAKE_BINARY_DIR}/generated/headers.cpp)
+  target_link_libraries(${owner} PRIVATE cardan_flags fmt::fmt Eigen3::Eigen nlohmann_json::nlohmann_json CLI11::CLI11)
+  target_precompile_headers(${owner} PRIVATE ${CARDAN_HEADERS})
+endforeach()
+target_compile_options(cardan_headers_cold PRIVATE -O1)
 
 # cardan_precompiled(TARGET HEADERS...)  TARGET uses the compiled headers; with HEADERS it compiles its own, of these too.
+# cardan_precompiled_cold(TARGET)  those of -O1, with which TARGET is compiled.
 function(cardan_precompiled target)
   if(ARGN)
     target_precompile_headers(${target} PRIVATE ${CARDAN_HEADERS} ${ARGN})
   else()
     target_precompile_headers(${target} REUSE_FROM cardan_headers)
   endif()
+endfunction()
+function(cardan_precompiled_cold target)
+  target_compile_options(${target} PRIVATE -O1)
+  target_precompile_headers(${target} REUSE_FROM cardan_headers_cold)
 endfunction()

@@ -14,14 +14,14 @@
 
 namespace cardan::operators {
 
-namespace {
 /// A space, with the nodes where it is that of nodes.
 struct Stack {
   Space space = Space::hinge;
   std::vector<int> nodes{};
   bool operator==(const Stack&) const = default;
 };
-constexpr int kDense = 300;  // up to this size a matrix is formed for norms and eigenvalues
+namespace {
+constexpr int kFormed = 300;  // up to this size a matrix is formed for norms and eigenvalues
 }  // namespace
 
 struct Expression::Node {
@@ -449,7 +449,7 @@ Eigen::VectorXd largest_eigenvalues(const Multiply& multiply, int n, int k) {
 
 double Expression::norm() const {
   if (std::min(rows(), cols()) == 0) return 0.0;
-  if (std::max(rows(), cols()) <= kDense) return singular_values(dense())[0];
+  if (std::max(rows(), cols()) <= kFormed) return singular_values(dense())[0];
   const Expression turned = star();
   return std::sqrt(largest_eigenvalues([&](const Eigen::VectorXd& x, Eigen::VectorXd& y) { y = turned.apply(apply(x)); }, cols(), 1)[0]);
 }
@@ -464,7 +464,7 @@ Eigen::VectorXd Expression::eigenvalues(int k) const {
   if (std::abs(left - right) > 1e-9 * (std::abs(left) + std::abs(right)))
     fail(Code::operator_shape, "eigenvalues of " + text(), "a symmetric operator",
          fmt::format("x* A y = {:.6g}, y* A x = {:.6g}", left, right), "(A:star() * A):eig(k) gives the squares of the singular values");
-  if (n <= kDense) {
+  if (n <= kFormed) {
     const Eigen::MatrixXd A = dense();
     return symmetric_eigenvalues(0.5 * (A + A.transpose())).reverse().head(k);
   }
