@@ -23,7 +23,9 @@ struct FeModel {
   Eigen::Matrix3Xd point_position;             // 3 x p [m]
   std::vector<Eigen::Matrix3d> point_inertia;  // p [kg m^2] about the point
   SparseMatrix N[3], Q[3];                     // p x 6 n each: x, y, z
-  double element_size = 0.0;                   // [m] diagonal of the largest element
+  bool exact_points = true;                    // false: of I1 ... I4 and I7 the points know less than M
+  SparseMatrix C;                              // 6 n x 6 n; empty: damping ratios
+  double element_size = 0.0;                   // [m] diagonal of the largest element; of a named point, the largest distance from a node
   std::vector<int> root_nodes;                 // what Boundary::cantilever holds
   std::vector<std::vector<int>> lines;         // for pictures: rows of nodes, a few hundred nodes in all however fine the mesh
   std::string description;                     // "beam 10 m, 40 elements"

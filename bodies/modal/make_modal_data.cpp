@@ -12,6 +12,7 @@
 #include "bodies/modal/eigen_modes.hpp"
 #include "bodies/modal/elements.hpp"
 #include "bodies/modal/lumped.hpp"
+#include "bodies/modal/matrices.hpp"
 #include "bodies/modal/modal_check.hpp"
 #include "bodies/modal/modal_file.hpp"
 #include "bodies/modal/modal_integrals.hpp"
@@ -69,9 +70,11 @@ std::vector<std::pair<NamedPoint, int>> find_points(const FeModel& model, const 
     if (!names.insert(p.name).second)
       refuse(source.at, field + ".name", Code::duplicate_name, "a name of its own", fmt::format("\"{}\"", p.name),
              p.name == "root" ? "\"root\", at the origin, is always there" : "");
-    const int node = model.find_node(p.position);
+    int node = model.find_node(p.position);
+    if (node < 0 && i == 0 && source.boundary != Boundary::free) node = model.root_nodes.front();  // which moves as little
     if (node < 0)
-      refuse(source.at, field + ".position", Code::fe_model, "a point within one element of the mesh",
+      refuse(source.at, field + ".position", Code::fe_model,
+             model.exact_points ? "a point within one element of the mesh" : "the position of a node",
              fmt::format("({}, {}, {}) m", p.position.x(), p.position.y(), p.position.z()));
     found.emplace_back(p, node);
   }
@@ -180,6 +183,20 @@ class ModeDoubts {
   Vector6 rigid_;  // [kg m^2 | kg] of the body as it stands, about its origin
 };
 
+/// What M itself says of the body and of its modes at first order.
+void set_rigid_and_first(const FeModel& model, const Eigen::MatrixXd& shapes, ModalIntegrals& I) {
+  const RigidShapes R = model.rigid_shapes();
+  const Eigen::MatrixXd MR = model.M * R;
+  const Eigen::Matrix<double, 6, 6> A = R.transpose() * MR;
+  const Eigen::MatrixXd first = MR.transpose() * shapes;
+  I.I1 = A.bottomRightCorner<3, 3>().trace() / 3.0;
+  const Eigen::Matrix3d S = A.topRightCorner<3, 3>();  // S(a, b) = e_b . (e_a x I2)
+  I.I2 = 0.5 * Eigen::Vector3d(S(2, 1) - S(1, 2), S(0, 2) - S(2, 0), S(1, 0) - S(0, 1));
+  I.I7 = A.topLeftCorner<3, 3>();
+  I.I3 = first.bottomRows(3);
+  I.I4 = first.topRows(3);
+}
+
 /// `shape`: what the mesh was doubtful about.
 ModalData solve(const FeModel& model, const ModalSource& source, const Warnings& shape, Warnings* warnings) {
   check_choice(source);
@@ -219,16 +236,22 @@ ModalData solve(const FeModel& model, const ModalSource& source, const Warnings&
   data.n_modes = static_cast<int>(kept.size());
   if (warnings) ModeDoubts(model, source, *warnings).memory(data.n_modes);
   data.integrals = modal_integrals(model.mass_field(shapes));
+  if (!model.exact_points) set_rigid_and_first(model, shapes, data.integrals);
   forget_rounding(data.integrals);
   data.integrals.I6.setIdentity();                                     // what the modes are normalised to; the sum differs by rounding
   if (free) data.integrals.I3.setZero(), data.integrals.I4.setZero();  // mean axes, likewise
   data.K = omega2.asDiagonal();
-  data.C = damping_matrix(source, omega2);
+  if (model.C.size() > 0) {
+    const Eigen::MatrixXd C = shapes.transpose() * (model.C * shapes);
+    data.C = 0.5 * (C + C.transpose());
+  } else {
+    data.C = damping_matrix(source, omega2);
+  }
   if (warnings) ModeDoubts(model, source, *warnings).damping(omega2, data.C);
   for (const auto& [point, node] : points) {
     ModalNode n;
     n.name = point.name;
-    n.position = model.nodes[node];
+    n.position = point.name == "root" ? point.position : model.nodes[node];
     n.Phi = shapes.middleRows(6 * node, 3);
     n.Psi = shapes.middleRows(6 * node + 3, 3);
     data.nodes.push_back(std::move(n));
@@ -263,6 +286,7 @@ struct Maker {
     return data;
   }
   ModalData operator()(const FileModel& m) const { return read_modal_file(m.path); }
+  ModalData operator()(const MatrixModel& m) const { return solve(matrix_mesh(m, source.masses, source.at), source, {}, warnings); }
 };
 
 }  // namespace

@@ -81,6 +81,15 @@ struct PlateModel {
   Yoke yoke;
 };
 
+/// Matrices of another finite-element program, in the axes of B: docs/modal_files.md. Each node has six degrees of freedom, in the order of
+/// the nodes ux, uy, uz, rx, ry, rz [m, rad]. Nothing is held in them.
+struct MatrixModel {
+  std::string nodes;              // a table: name, x, y, z [m] of each
+  std::string mass, stiffness;    // Matrix Market: M [kg, kg m, kg m^2], K [N/m, N, N m]
+  std::string damping;            // C [N s/m, N s, N m s]; empty: damping ratios
+  std::vector<std::string> root;  // the nodes that the body frame holds; empty: the one at the origin
+};
+
 /// Ready-made modes on lumped masses: nothing is solved and nothing chosen.
 struct LumpedModel {
   std::vector<MassNode> mass_nodes;
@@ -117,8 +126,8 @@ struct ModeChoice {
 };
 
 struct ModalSource {
-  std::variant<BeamModel, PlateModel, LumpedModel, FileModel> model;
-  Boundary boundary = Boundary::cantilever;  // this and what follows: beam and plate only
+  std::variant<BeamModel, PlateModel, LumpedModel, FileModel, MatrixModel> model;
+  Boundary boundary = Boundary::cantilever;  // this and what follows: beam, plate and matrices only
   ModeChoice modes;
   std::vector<double> damping = {0.005};  // [-] modal damping ratio: one for all, or one for each kept mode
   std::vector<NamedPoint> points;

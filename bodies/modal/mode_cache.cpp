@@ -75,6 +75,11 @@ class Content {
   }
   void add(const LumpedModel&) {}  // these two are not kept
   void add(const FileModel&) {}
+  void add(const MatrixModel& x) {
+    const auto& [nodes, mass, stiffness, damping, root] = x;
+    for (const std::string* file : {&nodes, &mass, &stiffness, &damping}) add(file->empty() ? std::string() : sha256_of_file(*file));
+    add(root);
+  }
   void add(const ModeChoice& x) {
     const auto& [count, max_frequency, effective_mass] = x;
     all(count, max_frequency, effective_mass);
@@ -153,10 +158,14 @@ ModeCache ModeCache::of_user() {
 }
 
 std::string ModeCache::name_of(const ModalSource& source) {
-  if (!std::holds_alternative<BeamModel>(source.model) && !std::holds_alternative<PlateModel>(source.model)) return {};
-  Content content;
-  content.all(std::string(CARDAN_MODES_MADE_BY), processor(), source);
-  return content.hash() + std::string(kEnding);
+  if (std::holds_alternative<LumpedModel>(source.model) || std::holds_alternative<FileModel>(source.model)) return {};
+  try {
+    Content content;
+    content.all(std::string(CARDAN_MODES_MADE_BY), processor(), source);
+    return content.hash() + std::string(kEnding);
+  } catch (const InputError&) {  // a file that is not there: told by who reads it
+    return {};
+  }
 }
 
 ModeCache::Modes ModeCache::make(const ModalSource& source, Warnings* warnings) const {

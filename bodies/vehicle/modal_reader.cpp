@@ -21,14 +21,19 @@ class ModalReader {
     ModalSource source;
     source.at = modal.at();
     MapReader map(modal, context_);
-    const auto form = map.one({"beam", "plate", "lumped", "file"});
+    const auto form = map.one({"beam", "plate", "lumped", "file", "matrices"});
     if (form) {
       const auto& [kind, value] = *form;
       if (kind == 0) source.model = read_beam(value);
       if (kind == 1) source.model = read_plate(value);
       if (kind == 2) source.model = read_lumped(value);
       if (kind == 3) source.model = read_file(value);
-      if (kind <= 1) read_solution(map, source);
+      if (kind == 4) source.model = read_matrices(value);
+      if (kind <= 1 || kind == 4) read_solution(map, source);
+      const auto* matrices = std::get_if<MatrixModel>(&source.model);
+      const auto ratios = map.is_map() ? map.find("damping") : std::nullopt;
+      if (matrices && !matrices->damping.empty() && ratios)
+        context_.sink.report(Code::wrong_type, ratios->at(), "one of damping and matrices.damping alone", "both");
     }
     if (form || !map.is_map()) map.finish();
     return source;
@@ -126,9 +131,29 @@ class ModalReader {
     return section;
   }
 
-  FileModel read_file(const DocRef& value) {
-    const std::filesystem::path path = read_text(value, "the name of a modal file", context_);
-    return {(std::filesystem::path(value.node->mark.file).parent_path() / path).string()};
+  FileModel read_file(const DocRef& value) { return {read_path(value, "the name of a modal file")}; }
+
+  MatrixModel read_matrices(const DocRef& value) {
+    MatrixModel matrices;
+    MapReader map(value, context_);
+    const auto path = [&](const char* key, const char* what, bool required) {
+      const auto name = required ? map.require(key, what) : map.find(key);
+      return name ? read_path(*name, what) : std::string();
+    };
+    matrices.nodes = path("nodes", "the name of a table of nodes: name, x, y, z", true);
+    matrices.mass = path("mass", "the name of a matrix in the Matrix Market format", true);
+    matrices.stiffness = path("stiffness", "the name of a matrix in the Matrix Market format", true);
+    matrices.damping = path("damping", "the name of a matrix in the Matrix Market format", false);
+    if (const auto root = map.find("root"))
+      for (const DocRef& name : items(*root, "a list of nodes")) matrices.root.push_back(read_text(name, "the name of a node", context_));
+    map.finish();
+    return matrices;
+  }
+
+  /// A file beside the one that names it.
+  std::string read_path(const DocRef& value, std::string_view what) {
+    const std::filesystem::path path = read_text(value, what, context_);
+    return (std::filesystem::path(value.node->mark.file).parent_path() / path).string();
   }
 
   LumpedModel read_lumped(const DocRef& value) {

@@ -93,6 +93,9 @@ std::unique_ptr<Scenario> bare_scenario(const ScenarioOptions& options) {
 
 std::unique_ptr<Scenario> open_scenario(const ScenarioOptions& options) {
   auto s = bare_scenario(options);
+  if (const auto ending = s->file.extension(); ending == ".yaml" || ending == ".yml")
+    refuse(Code::command_line, {"", {s->file.string()}}, "a scenario: a Lua file, or a folder with scenario.lua", "the name of a vehicle",
+           fmt::format("two lines make one: vehicle \"{}\"  mission {{ duration = 10 }}", s->file.filename().string()));
   s->lua.run_file(s->file.filename().string());
   expect_complete(*s);
   expect_channels(*s);

@@ -42,9 +42,13 @@ void note_files(Scenario& s, const SystemSpec& spec) {
       s.modal_files.push_back({name, sha256_of_file(path), {}});
   };
   for (const BodySpec& b : spec.bodies) {
-    const DocNode* file = b.modal_source ? b.modal_source->find("file") : nullptr;
-    if (file && file->kind == DocNode::Kind::scalar)
-      note(file->text, beside(file->mark, file->text), {body_path(b) + ".modal.file", file->mark});
+    const auto note_key = [&](const DocNode* around, const char* key, const std::string& path) {
+      const DocNode* file = around ? around->find(key) : nullptr;
+      if (file && file->kind == DocNode::Kind::scalar) note(file->text, beside(file->mark, file->text), {path + "." + key, file->mark});
+    };
+    note_key(b.modal_source.get(), "file", body_path(b) + ".modal");
+    const DocNode* matrices = b.modal_source ? b.modal_source->find("matrices") : nullptr;
+    for (const char* key : {"nodes", "mass", "stiffness", "damping"}) note_key(matrices, key, body_path(b) + ".modal.matrices");
     for (const ParamValues* params : {&b.params, &b.hinge.params})
       for (const auto& [key, value] : *params)
         if (!value.file.empty()) note(value.file, beside(value.at.mark, value.file), value.at);

@@ -62,6 +62,19 @@ TEST_P(Answer, IsAsExpected) {
 }
 INSTANTIATE_TEST_SUITE_P(All, Answer, testing::ValuesIn(folders_of(kErrors)), [](const auto& p) { return p.param; });
 
+TEST(Program, TellsAVehicleFromAScenario) {
+  const TemporaryFolder dir;
+  write(dir / "tug.yaml", "cardan: 1\n");
+  for (const char* verb : {"check", "describe", "run"}) {
+    const Finished told = run_program({verb, "tug.yaml"}, dir.path());
+    EXPECT_EQ(told.exit_code, 2) << verb;
+    EXPECT_EQ(told.err,
+              "error[C0801]: wrong command line\n  --> tug.yaml\n  expected: a scenario: a Lua file, or a folder with scenario.lua\n"
+              "  got:      the name of a vehicle\n  hint:     two lines make one: vehicle \"tug.yaml\"  mission { duration = 10 }\n\n"
+              "1 error. Nothing was run.\n");
+  }
+}
+
 TEST(Program, AFailedCheckIsExitCodeOneWithATable) {
   const TemporaryFolder dir;
   write(dir / "scenario.lua",

@@ -93,6 +93,32 @@ TEST(ModalSource, OfAFileIsRelativeToTheVehicle) {
   EXPECT_EQ(std::get<FileModel>(read("file: modes/wing.h5").model).path, "folder/modes/wing.h5");
 }
 
+TEST(ModalSource, OfMatricesIsRelativeToTheVehicle) {
+  const ModalSource source = read(
+      "matrices: {nodes: fe/nodes.csv, mass: fe/M.mtx, stiffness: fe/K.mtx, damping: C.mtx, root: [a, 12]}\n"
+      "boundary: free\nmodes: {count: 6}\nnodes: {tip: {position: [1, 0, 0]}}\nmasses: [{mass: 1, position: [1, 0, 0]}]\n");
+  const auto& matrices = std::get<MatrixModel>(source.model);
+  EXPECT_EQ(matrices.nodes, "folder/fe/nodes.csv");
+  EXPECT_EQ(matrices.mass, "folder/fe/M.mtx");
+  EXPECT_EQ(matrices.stiffness, "folder/fe/K.mtx");
+  EXPECT_EQ(matrices.damping, "folder/C.mtx");
+  EXPECT_EQ(matrices.root, (std::vector<std::string>{"a", "12"}));
+  EXPECT_EQ(source.boundary, Boundary::free);
+  EXPECT_EQ(source.points.at(0).name, "tip");
+  EXPECT_EQ(source.masses.size(), 1u);
+}
+
+TEST(ModalSource, OfMatricesHasOneKindOfDamping) {
+  try {
+    read("matrices: {nodes: n.csv, mass: M.mtx, stiffness: K.mtx, damping: C.mtx}\nmodes: {count: 6}\ndamping: 1 %\n");
+    FAIL();
+  } catch (const InputError& e) {
+    EXPECT_NE(std::string(e.what()).find("  at: modal.damping\n"), std::string::npos) << e.what();
+    EXPECT_NE(std::string(e.what()).find("  expected: one of damping and matrices.damping alone\n  got:      both\n"), std::string::npos)
+        << e.what();
+  }
+}
+
 TEST(MakeModes, SolvesEqualSourcesOnce) {
   const std::string wing =
       "{type: modal_flexible, modal: {beam: {length: 10, material: {E: 70 GPa, rho: 2700}, section: {tube: {radius: 5 "

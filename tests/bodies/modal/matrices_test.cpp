@@ -1,0 +1,307 @@
+// Bodies given by the matrices of another program: those of our own meshes, written out, give what the meshes give.
+#include "bodies/modal/matrices.hpp"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <fstream>
+#include <functional>
+#include <random>
+#include <regex>
+
+#include "bodies/modal/elements.hpp"
+#include "bodies/modal/mode_cache.hpp"
+#include "tests/support/scratch.hpp"
+#include "tests/support/worse.hpp"
+
+namespace cardan {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using test::worse;
+
+void write_file(const std::string& path, const std::string& text) { std::ofstream(path) << text; }
+
+std::string matrix_text(const SparseMatrix& A) {
+  std::string entries;
+  int n = 0;
+  for (int j = 0; j < A.outerSize(); ++j)
+    for (SparseMatrix::InnerIterator it(A, j); it; ++it)
+      if (it.row() >= j && it.value() != 0.0) entries += fmt::format("{} {} {:.17g}\n", it.row() + 1, j + 1, it.value()), ++n;
+  return fmt::format("%%MatrixMarket matrix coordinate real symmetric\n% of a test\n{} {} {}\n{}", A.rows(), A.cols(), n, entries);
+}
+
+std::string table_text(const FeModel& mesh) {
+  std::string out = "name, x, y, z\n# in m\n";
+  for (std::size_t i = 0; i < mesh.nodes.size(); ++i)
+    out += fmt::format("n{}, {:.17g}, {:.17g}, {:.17g}\n", i, mesh.nodes[i].x(), mesh.nodes[i].y(), mesh.nodes[i].z());
+  return out;
+}
+
+/// The files of a mesh, and the source that names them.
+struct Written {
+  TemporaryFolder dir;
+  MatrixModel model{dir / "nodes.csv", dir / "M.mtx", dir / "K.mtx", "", {}};
+  explicit Written(const FeModel& mesh) {
+    write_file(model.nodes, table_text(mesh));
+    write_file(model.mass, matrix_text(mesh.M));
+    write_file(model.stiffness, matrix_text(mesh.K));
+    for (int node : mesh.root_nodes) model.root.push_back(fmt::format("n{}", node));
+  }
+  ModalSource source(ModalSource like) const {
+    like.model = model;
+    like.masses.clear();  // they are in M
+    return like;
+  }
+};
+
+ModalSource panel_on_yoke() {
+  PlateModel p;
+  p.length = 4.0, p.width = 1.5;
+  p.panel = SolidPanel{{70e9, 0.3, 2700.0}, 0.01};
+  p.elements_x = 8, p.elements_y = 4;
+  p.yoke = {1.0, 0.75, {70e9, 0.3, 2700.0}, tube_section(0.03, 0.003)};
+  ModalSource s;
+  s.model = p;
+  s.modes.count = 8;
+  s.points = {{"tip", {5.0, 0.0, 0.0}, false}};
+  s.masses = {{2.0, {5.0, 0.75, 0.0}, Vector3d(0.1, 0.2, 0.25).asDiagonal()}};
+  s.at.key_path = "modal";
+  return s;
+}
+FeModel mesh_of(const ModalSource& s) {
+  return std::holds_alternative<PlateModel>(s.model) ? plate_mesh(std::get<PlateModel>(s.model), s.masses, s.at)
+                                                     : beam_mesh(std::get<BeamModel>(s.model), s.masses, s.at);
+}
+ModalSource slender_boom() {
+  BeamModel b;
+  b.length = 6.0;
+  b.material = {70e9, 0.3, 2700.0};
+  b.section = tube_section(0.05, 0.002);
+  b.elements = 12;
+  ModalSource s;
+  s.model = b;
+  s.modes.count = 6;
+  s.points = {{"tip", {6.0, 0.0, 0.0}, false}};
+  s.at.key_path = "modal";
+  return s;
+}
+
+double apart(const MatrixXd& a, const MatrixXd& b) {
+  if (a.rows() != b.rows() || a.cols() != b.cols() || !a.allFinite() || !b.allFinite()) return HUGE_VAL;
+  return (a - b).norm() / (1e-300 + worse(a.norm(), b.norm()));
+}
+
+TEST(Matrices, OfAMeshGiveItsModes) {
+  for (const Boundary boundary : {Boundary::cantilever, Boundary::free, Boundary::craig_bampton}) {
+    ModalSource like = panel_on_yoke();
+    like.boundary = boundary;
+    like.points[0].interface = boundary == Boundary::craig_bampton;
+    if (boundary == Boundary::free) {  // a node at the origin for the root
+      like.model = std::get<BeamModel>(slender_boom().model);
+      like.points[0].position.x() = 6.0;
+      like.masses[0].position = {6.0, 0.0, 0.0};
+    }
+    const Written written(mesh_of(like));
+    const ModalData want = make_modal_data(like), got = make_modal_data(written.source(like));
+    ASSERT_EQ(got.n_modes, want.n_modes);
+    EXPECT_LE(apart(got.K, want.K), 1e-9);
+    EXPECT_LE(apart(got.C, want.C), 1e-9);
+    const ModalIntegrals &a = got.integrals, &b = want.integrals;
+    EXPECT_NEAR(a.I1, b.I1, 1e-12 * b.I1);
+    EXPECT_LE((a.I2 - b.I2).norm(), 1e-12 * b.I1);
+    EXPECT_LE(apart(a.I7, b.I7), 1e-12);
+    // Eigenvectors are right to 1e-9 where frequencies lie apart, but for their sign.
+    MatrixXd sign = MatrixXd::Identity(want.n_modes, want.n_modes);
+    for (int k = 0; k < want.n_modes; ++k) {
+      const double along = got.nodes[1].Phi.col(k).dot(want.nodes[1].Phi.col(k)) + got.nodes[1].Psi.col(k).dot(want.nodes[1].Psi.col(k));
+      sign(k, k) = along < 0.0 ? -1.0 : 1.0;
+    }
+    if (boundary == Boundary::free) continue;  // bending in two planes has equal frequencies
+    EXPECT_LE(apart(a.I3 * sign, b.I3), 1e-7);
+    EXPECT_LE(apart(a.I4 * sign, b.I4), 1e-7);
+    for (int node : {0, 1}) {
+      const auto i = static_cast<std::size_t>(node);
+      EXPECT_EQ(got.nodes[i].name, want.nodes[i].name);
+      EXPECT_EQ(got.nodes[i].position, want.nodes[i].position);
+      EXPECT_LE((got.nodes[i].Phi * sign - want.nodes[i].Phi).norm(), 1e-7 * (1.0 + want.nodes[i].Phi.norm()));
+      EXPECT_LE((got.nodes[i].Psi * sign - want.nodes[i].Psi).norm(), 1e-7 * (1.0 + want.nodes[i].Psi.norm()));
+    }
+  }
+}
+
+TEST(Matrices, AtSecondOrderConvergeLikeTheMesh) {
+  double error[2];
+  for (const int finer : {1, 2}) {
+    ModalSource like = panel_on_yoke();
+    auto& plate = std::get<PlateModel>(like.model);
+    plate.elements_x *= finer, plate.elements_y *= finer;
+    const Written written(mesh_of(like));
+    const ModalData want = make_modal_data(like), got = make_modal_data(written.source(like));
+    MatrixXd nine_got(3, 3 * want.n_modes), nine_want(3, 3 * want.n_modes);
+    for (int k = 0; k < want.n_modes; ++k) {  // of a mode with itself: its sign does not matter
+      const auto kk = static_cast<std::size_t>(k * want.n_modes + k);
+      nine_got.middleCols(3 * k, 3) = got.integrals.I9[kk], nine_want.middleCols(3 * k, 3) = want.integrals.I9[kk];
+    }
+    error[finer - 1] = apart(nine_got, nine_want);
+  }
+  EXPECT_LE(error[0], 0.1);
+  EXPECT_LE(error[1], 0.35 * error[0]) << error[0] << ", " << error[1] << ": order 2 is a quarter";
+}
+
+TEST(Matrices, WhereMassesWeighAllDirectionsAlikeAllIntegralsAreTheirs) {
+  // The stiffness of a boom; masses m_ij between its nodes, a positive matrix of any kind, and little rotary inertia.
+  FeModel mesh = mesh_of(slender_boom());
+  const int n = static_cast<int>(mesh.nodes.size());
+  std::mt19937_64 random(7);
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  MatrixXd m = MatrixXd::Zero(n, n);
+  for (int i = 0; i < n; ++i) {
+    m(i, i) = 3.0 + uniform(random);
+    if (i > 0) m(i, i - 1) = m(i - 1, i) = uniform(random);
+  }
+  MatrixXd M = MatrixXd::Zero(6 * n, 6 * n);
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) M.block<3, 3>(6 * i, 6 * j) = m(i, j) * Matrix3d::Identity();
+  for (int i = 0; i < n; ++i) M.block<3, 3>(6 * i + 3, 6 * i + 3) = 1e-3 * Matrix3d::Identity();
+  mesh.M = M.sparseView();
+  const Written written(mesh);
+  const FeModel read = matrix_mesh(written.model, {}, {});
+  EXPECT_LE(apart(MatrixXd(read.M), M), 1e-15);
+  const ModalData got = make_modal_data(written.source(slender_boom()));
+
+  // The same integrals as double sums over nodes, of shapes that are found again from the reader's model.
+  const FeModes modes = normal_modes(read, dofs_of(read.root_nodes), got.n_modes, RigidModes::refuse, {});
+  const auto phi = [&](int node, int k) { return Vector3d(modes.shapes.block<3, 1>(6 * node, k)); };
+  const auto minus = [](const Vector3d& a, const Vector3d& b) { return Matrix3d(a.dot(b) * Matrix3d::Identity() - b * a.transpose()); };
+  double error = 0.0;
+  for (int k = 0; k < got.n_modes; ++k)
+    for (int l = 0; l < got.n_modes; ++l) {
+      Vector3d I5 = Vector3d::Zero();
+      Matrix3d I8 = Matrix3d::Zero(), I9 = Matrix3d::Zero();
+      for (int i = 0; i < n; ++i)
+        for (int j = 0; j < n; ++j) {
+          I5 += m(i, j) * phi(i, l).cross(phi(j, k));
+          I9 += m(i, j) * minus(phi(i, l), phi(j, k));
+          I8 += m(i, j) * minus(mesh.nodes[static_cast<std::size_t>(i)], phi(j, k));
+        }
+      const auto lk = static_cast<std::size_t>(l * got.n_modes + k);
+      error = worse({error, (got.integrals.I5[static_cast<std::size_t>(l)].col(k) - I5).norm(), (got.integrals.I9[lk] - I9).norm(),
+                     (got.integrals.I8[static_cast<std::size_t>(k)] - I8).norm()});
+    }
+  EXPECT_LE(error, 1e-9);
+  EXPECT_NEAR(got.integrals.I1, m.sum(), 1e-12 * m.sum());
+}
+
+TEST(Matrices, ADampingMatrixTakesThePlaceOfRatios) {
+  const FeModel mesh = mesh_of(slender_boom());
+  Written written(mesh);
+  constexpr double kTime = 1e-4;  // [s] C = kTime K
+  written.model.damping = written.dir / "C.mtx";
+  write_file(written.model.damping, matrix_text(kTime * mesh.K));
+  const ModalData data = make_modal_data(written.source(slender_boom()));
+  EXPECT_LE(apart(data.C, kTime * data.K), 1e-7);
+}
+
+TEST(Matrices, AreSolvedAnewWhereAFileChanged) {
+  const FeModel mesh = mesh_of(slender_boom());
+  const Written written(mesh);
+  const std::string name = ModeCache::name_of(written.source(slender_boom()));
+  EXPECT_FALSE(name.empty());
+  EXPECT_EQ(ModeCache::name_of(written.source(slender_boom())), name);
+  write_file(written.model.mass, matrix_text(1.5 * mesh.M));
+  EXPECT_NE(ModeCache::name_of(written.source(slender_boom())), name);
+  write_file(written.model.mass, "");
+  std::filesystem::remove(written.model.mass);
+  EXPECT_EQ(ModeCache::name_of(written.source(slender_boom())), "");
+}
+
+/// The answer to files of which one was changed.
+std::string answer(const std::function<void(Written&)>& change, const std::function<void(ModalSource&)>& more = {}) {
+  static const FeModel mesh = mesh_of(slender_boom());
+  Written written(mesh);
+  change(written);
+  ModalSource source = written.source(slender_boom());
+  if (more) more(source);
+  try {
+    make_modal_data(source);
+    return "taken";
+  } catch (const InputError& e) {
+    std::string text = e.what();
+    for (std::size_t at; (at = text.find(written.dir.path())) != std::string::npos;) text.replace(at, written.dir.path().size(), "DIR");
+    return std::regex_replace(text, std::regex("\n *[0-9]+ \\| [^\n]*"), "");  // the line itself, which the message shows
+  }
+}
+std::string with_mass(const std::string& text) {
+  return answer([&](Written& w) { write_file(w.model.mass, text); });
+}
+std::string with_nodes(const std::string& text) {
+  return answer([&](Written& w) { write_file(w.model.nodes, text); });
+}
+void expect_part(const std::string& text, const std::string& part) { EXPECT_NE(text.find(part), std::string::npos) << text; }
+
+TEST(Matrices, ThatCannotBeReadAreRefusedWithTheLine) {
+  const std::string head = "%%MatrixMarket matrix coordinate real symmetric\n";
+  expect_part(with_mass("%%MatrixMarket matrix array real general\n78 78\n"),
+              "error[C0321]: modal data do not fit together\n  --> DIR/M.mtx:1\n  at: modal.matrices.mass\n"
+              "  expected: %%MatrixMarket matrix coordinate real symmetric (or general)\n"
+              "  got:      %%MatrixMarket matrix array real general\n");
+  expect_part(with_mass(head + "77 77 1\n1 1 1\n"),
+              "M.mtx:2\n  at: modal.matrices.mass\n  expected: 78 rows and columns: six for each node\n  got:      77 77 1");
+  expect_part(with_mass(head + "78 78 2\n1 1 1\n"),
+              "M.mtx:3\n  at: modal.matrices.mass\n  expected: 1 more entries\n  got:      the end of the file");
+  expect_part(with_mass(head + "% c\n78 78 1\n79 1 1\n"),
+              "M.mtx:4\n  at: modal.matrices.mass\n  expected: a row and a column from 1 to 78\n  got:      79 1 1");
+  expect_part(with_mass(head + "78 78 1\n1 2 1\n"), "expected: the lower triangle of a symmetric matrix\n  got:      1 2 1");
+  for (const char* bad : {"1 1 nan", "1 1 inf", "1 1", "1 1 1 1", "1 1 one", "1.5 1 1", "1e99 1 1", ""})
+    EXPECT_NE(with_mass(head + "78 78 1\n" + bad + "\n").find("M.mtx:3"), std::string::npos) << bad;
+  expect_part(with_mass(head + "78 78 1e12\n"), "expected: at most 100000000 entries");
+  expect_part(with_mass("%%MatrixMarket matrix coordinate real general\n78 78 3\n1 1 1\n1 2 0.5\n2 2 1\n"),
+              "expected: a symmetric matrix\n  got:      0 in row 2, column 1, and 0.5 in row 1, column 2");
+  expect_part(answer([](Written& w) { std::filesystem::remove(w.model.stiffness); }), "error[C0102]: file not found");
+  expect_part(with_nodes("a, 0, 0, 0\na, 1, 0, 0\n"),
+              "nodes.csv:2\n  at: modal.matrices.nodes\n  expected: a node with a name of its own\n  got:      a, 1, 0, 0");
+  expect_part(with_nodes("a, 0, 0\n"), "nodes.csv:1\n  at: modal.matrices.nodes\n  expected: name, x, y, z [m]\n  got:      a, 0, 0");
+  expect_part(with_nodes("a, 0, 0, nan\n"), "expected: name, x, y, z [m]");
+  expect_part(with_nodes("# none\n"), "got:      no node");
+}
+
+TEST(Matrices, ThatAreOfNoBodyAreRefused) {
+  const FeModel mesh = mesh_of(slender_boom());
+  const auto with = [&](double K00, double M22) {
+    return answer([&](Written& w) {
+      SparseMatrix K = mesh.K, M = mesh.M;
+      K.coeffRef(6, 6) += K00, M.coeffRef(8, 8) += M22;
+      write_file(w.model.stiffness, matrix_text(K));
+      write_file(w.model.mass, matrix_text(M));
+    });
+  };
+  EXPECT_EQ(with(0.0, 0.0), "taken");
+  expect_part(with(1e6, 0.0),
+              "error[C0323]: the finite-element model cannot be used\n  at: modal.matrices.stiffness\n"
+              "  expected: a matrix that rigid motions do not load: nothing in it is held\n  got:      translation along x takes forces of "
+              "1e+06 N or N m, "
+              "where its entries make ");
+  expect_part(with(0.0, 1.0), "at: modal.matrices.mass\n  expected: the same mass in all directions\n");
+  expect_part(answer([](Written& w) { w.model.root = {"n99"}; }),
+              "at: modal.matrices.root\n  expected: names of nodes in DIR/nodes.csv\n  got:      \"n99\"");
+  expect_part(answer([](Written&) {}, [](ModalSource& s) { s.points[0].position.x() = 5.9; }),
+              "at: modal.points[0].position\n  expected: the position of a node\n  got:      (5.9, 0, 0) m");
+  expect_part(answer([](Written&) {},
+                     [](ModalSource& s) {
+                       s.masses = {{1.0, {5.9, 0.0, 0.0}, Matrix3d::Zero()}};
+                     }),
+              "at: modal.masses[0].position\n  expected: the position of a node");
+  // Nodes in another order than the matrices: the mass centre is not one.
+  FeModel turned = mesh;
+  for (Vector3d& x : turned.nodes) x = Vector3d(x.y(), x.x() * x.x(), 0.0);
+  expect_part(answer([&](Written& w) { write_file(w.model.nodes, table_text(turned)); }),
+              "expected: a matrix that rigid motions do not load");
+}
+
+}  // namespace
+}  // namespace cardan
