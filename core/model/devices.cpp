@@ -413,6 +413,7 @@ class DeviceCompiler {
   struct Giver {
     int device;
     bool waits;
+    int in, out;  // numbers of the ports
   };
   std::vector<Giver> givers_of(int i) const {
     std::vector<Giver> all;
@@ -424,7 +425,7 @@ class DeviceCompiler {
         bool waits = false;
         for (int j = 0; j < g.n_in; ++j)
           waits = waits || (feeds_through(g, own, j) && devices_.from[static_cast<std::size_t>(g.in + j)] >= 0);
-        all.push_back({giver, waits});
+        all.push_back({giver, waits, k - d.in, own});
       });
     }
     return all;
@@ -457,18 +458,21 @@ class DeviceCompiler {
   /// From any device that waits along who it waits for, until one comes again.
   void report_cycle(const std::vector<std::vector<Giver>>& givers, const std::vector<bool>& done) {
     std::vector<int> path = {static_cast<int>(std::ranges::find(done, false) - done.begin())};
+    std::vector<std::string> links;  // from each of the path to the next
     while (true) {
       const auto& of = givers[static_cast<std::size_t>(path.back())];
-      const int next =
-          std::ranges::find_if(of, [&](const Giver& g) { return g.waits && !done[static_cast<std::size_t>(g.device)]; })->device;
-      const bool seen = std::ranges::find(path, next) != path.end();
-      path.push_back(next);
-      if (!seen) continue;
-      std::string names;
-      for (auto it = std::ranges::find(path, next); it != path.end(); ++it)
-        names += (names.empty() ? "" : " <- ") + devices_.all[static_cast<std::size_t>(*it)].name;
-      return fault(Code::device_cycle, spec_of(devices_.all[static_cast<std::size_t>(next)]), "inputs",
-                   "outputs that do not wait for each other in one evaluation", names,
+      const Giver& g = *std::ranges::find_if(of, [&](const Giver& o) { return o.waits && !done[static_cast<std::size_t>(o.device)]; });
+      const Device &taker = devices_.all[static_cast<std::size_t>(path.back())], &giver = devices_.all[static_cast<std::size_t>(g.device)];
+      links.push_back(fmt::format("{}.{} <- {}.{}", taker.name, port(taker, CARDAN_PORT_IN, g.in).name, giver.name,
+                                  port(giver, CARDAN_PORT_OUT, g.out).name));
+      const auto seen = std::ranges::find(path, g.device);
+      if (seen == path.end()) {
+        path.push_back(g.device);
+        continue;
+      }
+      links.erase(links.begin(), links.begin() + (seen - path.begin()));
+      return fault(Code::device_cycle, spec_of(giver), "inputs", "outputs that do not wait for each other in one evaluation",
+                   fmt::format("{}", fmt::join(links, ", ")),
                    "`delay: 1` at one of these inputs (inputs: {x: {from: ..., delay: 1}}: what it was a tick ago), a state in one of "
                    "them (a lag), or one device in place of them");
     }
