@@ -7,11 +7,11 @@
 #include <charconv>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <map>
 
 #include "bodies/modal/matrix_market.hpp"
 #include "bodies/modal/refuse.hpp"
+#include "bodies/modal/text_lines.hpp"
 #include "core/base/units.hpp"
 
 namespace cardan {
@@ -22,7 +22,7 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
-constexpr std::size_t kMostNodes = 50'000, kMostDrawnNodes = 300, kMostRowBytes = 1000;
+constexpr std::size_t kMostNodes = 50'000, kMostDrawnNodes = 300;
 constexpr double kRigid = 1e-6;      // relative: what matrices printed with seven digits are right to
 constexpr double kSamePlace = 1e-6;  // of the size of the body
 constexpr const char* kRigidMotions[] = {"rotation about x",    "rotation about y",    "rotation about z",
@@ -32,14 +32,11 @@ constexpr const char* kUnits =
 
 /// Names of the nodes, in their order; their positions go to the model.
 std::map<std::string, int> read_nodes(const std::string& path, const Located& at, FeModel& model) {
-  std::ifstream in(path);
-  if (!in) refuse(Code::file_not_found, at, "a table of nodes: name, x, y, z", "no file that can be read at " + path);
+  TextLines lines(path, at, "a table of nodes: name, x, y, z");
   std::map<std::string, int> names;
-  std::string line;
-  for (int number = 1; std::getline(in, line); ++number) {
-    if (!line.empty() && line.back() == '\r') line.pop_back();
-    line.resize(std::min(line.size(), kMostRowBytes));
-    const auto bad = [&](const char* expected) { refuse(Code::bad_modal_data, {at.key_path, {path, number, 0}}, expected, line); };
+  while (lines.next()) {
+    const std::string& line = lines.line();
+    const auto bad = [&](const char* expected) { refuse(Code::bad_modal_data, lines.here(), expected, line); };
     if (line.empty() || line[0] == '#') continue;
     std::vector<std::string> fields(1);
     for (char c : line)

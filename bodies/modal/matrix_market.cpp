@@ -2,47 +2,46 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <charconv>
 #include <cmath>
-#include <fstream>
 #include <sstream>
 #include <vector>
+
+#include "bodies/modal/text_lines.hpp"
 
 namespace cardan {
 namespace {
 
-constexpr double kSymmetric = 1e-9;      // of the diagonal entries of its row and column, where an entry may differ from its mirror image
-constexpr std::size_t kMostBytes = 200;  // bytes of a line that is read
+constexpr double kSymmetric = 1e-9;  // of the diagonal entries of its row and column, where an entry may differ from its mirror image
 constexpr long long kMostEntries = 1e8;
 
 class MatrixText {
  public:
-  MatrixText(const std::string& path, const Located& at) : path_(path), at_(at), in_(path) {
-    if (!in_) cardan::refuse(Code::file_not_found, at, "a file in the Matrix Market format", "no file that can be read at " + path);
-  }
+  MatrixText(const std::string& path, const Located& at) : path_(path), at_(at), lines_(path, at, "a file in the Matrix Market format") {}
 
   SparseMatrix read(int n) {
     next("a header");
-    std::istringstream words(line_);
+    std::istringstream words(lines_.line());
     std::string banner, object, form, field, symmetry;
     words >> banner >> object >> form >> field >> symmetry;
     if (banner != "%%MatrixMarket" || object != "matrix" || form != "coordinate" || (field != "real" && field != "integer") ||
         (symmetry != "symmetric" && symmetry != "general"))
-      refuse("%%MatrixMarket matrix coordinate real symmetric (or general)", line_);
+      refuse("%%MatrixMarket matrix coordinate real symmetric (or general)", lines_.line());
     const bool one_half = symmetry == "symmetric";
     do next("rows, columns and the number of entries");
-    while (line_.empty() || line_[0] == '%');
-    const std::vector<double> sizes = numbers(3, "rows, columns and the number of entries");
-    if (sizes[0] != n || sizes[1] != n) refuse(fmt::format("{} rows and columns: six for each node", n), line_);
-    if (!(sizes[2] >= 0 && sizes[2] <= kMostEntries)) refuse(fmt::format("at most {} entries", kMostEntries), line_);
+    while (lines_.line().empty() || lines_.line()[0] == '%');
+    const Three sizes = numbers("rows, columns and the number of entries");
+    if (sizes[0] != n || sizes[1] != n) refuse(fmt::format("{} rows and columns: six for each node", n), lines_.line());
+    if (!(sizes[2] >= 0 && sizes[2] <= kMostEntries)) refuse(fmt::format("at most {} entries", kMostEntries), lines_.line());
     std::vector<Eigen::Triplet<double>> entries;
     for (auto left = static_cast<long long>(sizes[2]); left > 0; --left) {
-      next(fmt::format("{} more entries", left));
-      const std::vector<double> e = numbers(3, "row, column, value");
+      if (!lines_.next()) refuse(fmt::format("{} more entries", left), "the end of the file");
+      const Three e = numbers("row, column, value");
       const auto whole = [&](double x) { return x >= 1 && x <= n && x == std::floor(x); };
-      if (!whole(e[0]) || !whole(e[1])) refuse(fmt::format("a row and a column from 1 to {}", n), line_);
+      if (!whole(e[0]) || !whole(e[1])) refuse(fmt::format("a row and a column from 1 to {}", n), lines_.line());
       const int i = static_cast<int>(e[0]) - 1, j = static_cast<int>(e[1]) - 1;
-      if (one_half && i < j) refuse("the lower triangle of a symmetric matrix", line_);
+      if (one_half && i < j) refuse("the lower triangle of a symmetric matrix", lines_.line());
       entries.emplace_back(i, j, e[2]);
       if (one_half && i != j) entries.emplace_back(j, i, e[2]);
     }
@@ -52,27 +51,28 @@ class MatrixText {
   }
 
  private:
-  void next(const std::string& expected) {
-    if (!std::getline(in_, line_)) refuse(expected, "the end of the file");
-    ++number_;
-    if (!line_.empty() && line_.back() == '\r') line_.pop_back();
-    if (line_.size() > kMostBytes) line_.resize(kMostBytes);
+  using Three = std::array<double, 3>;
+
+  void next(const char* expected) {
+    if (!lines_.next()) refuse(expected, "the end of the file");
   }
 
-  std::vector<double> numbers(std::size_t count, const char* what) {
-    std::vector<double> out;
-    const char *p = line_.data(), *end = p + line_.size();
-    while (true) {
+  Three numbers(const char* what) {
+    const std::string& line = lines_.line();
+    const char *p = line.data(), *const end = p + line.size();
+    const auto skip = [&] {
       while (p != end && (*p == ' ' || *p == '\t')) ++p;
-      if (p == end) break;
-      if (*p == '+') ++p;  // which from_chars does not know
-      double x = 0.0;
+    };
+    Three out{};
+    for (double& x : out) {
+      skip();
+      if (p != end && *p == '+') ++p;  // which from_chars does not know
       const auto [after, error] = std::from_chars(p, end, x);
-      if (error != std::errc() || !std::isfinite(x) || (after != end && *after != ' ' && *after != '\t')) refuse(what, line_);
-      out.push_back(x);
+      if (error != std::errc() || !std::isfinite(x) || (after != end && *after != ' ' && *after != '\t')) refuse(what, line);
       p = after;
     }
-    if (out.size() != count) refuse(what, line_);
+    skip();
+    if (p != end) refuse(what, line);
     return out;
   }
 
@@ -92,14 +92,12 @@ class MatrixText {
   }
 
   [[noreturn]] void refuse(std::string expected, std::string got) const {
-    cardan::refuse(Code::bad_modal_data, {at_.key_path, {path_, number_, 0}}, std::move(expected), std::move(got));
+    cardan::refuse(Code::bad_modal_data, lines_.here(), std::move(expected), std::move(got));
   }
 
   const std::string& path_;
   const Located& at_;
-  std::ifstream in_;
-  std::string line_;
-  int number_ = 0;
+  TextLines lines_;
 };
 
 }  // namespace

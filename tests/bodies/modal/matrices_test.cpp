@@ -265,6 +265,9 @@ TEST(Matrices, ThatCannotBeReadAreRefusedWithTheLine) {
   expect_part(answer([](Written& w) { std::filesystem::remove(w.model.stiffness); }), "error[C0102]: file not found");
   expect_part(with_nodes("a, 0, 0, 0\na, 1, 0, 0\n"),
               "nodes.csv:2\n  at: modal.matrices.nodes\n  expected: a node with a name of its own\n  got:      a, 1, 0, 0");
+  expect_part(answer([](Written& w) { w.model.mass = "/dev/zero"; }), "error[C0102]: file not found");
+  expect_part(with_mass(std::string(5000, '%')),
+              "M.mtx:1\n  at: modal.matrices.mass\n  expected: a line of less than 1000 bytes\n  got:      a longer one");
   expect_part(with_nodes("a, 0, 0\n"), "nodes.csv:1\n  at: modal.matrices.nodes\n  expected: name, x, y, z [m]\n  got:      a, 0, 0");
   expect_part(with_nodes("a, 0, 0, nan\n"), "expected: name, x, y, z [m]");
   expect_part(with_nodes("# none\n"), "got:      no node");

@@ -1,6 +1,8 @@
-// Vehicles in YAML, with --set, as far as a model of them.
+// Vehicles in YAML, with --set, as far as a model of them; matrices of flexible bodies, as far as their modes.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "bodies/modal/elements.hpp"
 #include "bodies/register.hpp"
 #include "bodies/vehicle/load_vehicle.hpp"
 #include "bodies/vehicle/modal_reader.hpp"
@@ -9,6 +11,7 @@
 #include "hinges/register.hpp"
 #include "plugins/devices/register.hpp"
 #include "tests/fuzz/fuzz.hpp"
+#include "tests/support/scratch.hpp"
 
 namespace cardan {
 namespace {
@@ -199,6 +202,35 @@ TEST(Fuzz, Vehicle) {
     }
     keep(text + (overrides.empty() ? "" : "\n# --set " + overrides[0].first + "=" + overrides[0].second));
     read(text, overrides, registry);
+  });
+}
+
+/// Tables and matrices of a small beam: from their text to its modes.
+TEST(Fuzz, Matrices) {
+  const FeModel mesh = beam_mesh({4.0, {70e9, 0.3, 2700.0}, tube_section(0.05, 0.002), 4}, {}, {});
+  const auto text_of = [](const SparseMatrix& A) {
+    std::string text = fmt::format("%%MatrixMarket matrix coordinate real general\n% of a beam\n{0} {0} {1}\n", A.rows(), A.nonZeros());
+    for (int j = 0; j < A.outerSize(); ++j)
+      for (SparseMatrix::InnerIterator it(A, j); it; ++it) text += fmt::format("{} {} {}\n", it.row() + 1, j + 1, it.value());
+    return text;
+  };
+  std::string nodes = "name, x, y, z\n";
+  for (std::size_t i = 0; i < mesh.nodes.size(); ++i) nodes += fmt::format("n{}, {}, 0, 0\n", i, mesh.nodes[i].x());
+  const std::vector<std::string> good = {nodes, text_of(mesh.M), text_of(mesh.K)};
+  const std::vector<std::string> words = {"symmetric", "general", "integer", "%%MatrixMarket", "nan", "inf", "1e308", "-1", "31", "0"};
+  const TemporaryFolder dir;
+  ModalSource source;
+  source.model = MatrixModel{dir / "nodes.csv", dir / "M.mtx", dir / "K.mtx", "", {}};
+  source.modes.count = 2;
+  const std::vector<std::string> files = {dir / "nodes.csv", dir / "M.mtx", dir / "K.mtx"};
+  for (std::size_t i = 0; i < 3; ++i) fuzz::write(files[i], good[i]);
+  EXPECT_EQ(make_modal_data(source).n_modes, 2);
+  fuzz::run("matrices", [&](Random& random, const Keep& keep) {
+    const std::size_t changed = random.below(3);
+    const std::string text = fuzz::mutated(good[changed], good, words, random);
+    keep(files[changed] + "\n" + text);
+    for (std::size_t i = 0; i < 3; ++i) fuzz::write(files[i], i == changed ? text : good[i]);
+    make_modal_data(source);
   });
 }
 
