@@ -130,7 +130,7 @@ int vehicle_change(lua_State* L) {
   }
   Overrides changes = s.changes;
   for (const auto& [key, value] : wanted) {
-    std::erase_if(changes, [&](const auto& before) { return before.first == key; });
+    std::erase_if(changes, [&name = key](const auto& before) { return before.first == name; });
     changes.emplace_back(key, value);
   }
   const Activity activity("a changed vehicle");

@@ -129,7 +129,7 @@ std::string refusal(const F& f) {
   }
   return "nothing was refused";
 }
-#define EXPECT_WORDS(text, words) EXPECT_NE(text.find(words), std::string::npos) << text
+#define EXPECT_WORDS(text, words) EXPECT_NE((text).find(words), std::string::npos) << (text)
 
 TEST(Expressions, RefuseWhatDoesNotFit) {
   const RandomTree tree = random_tree(3, {.bodies = 5, .flexible = 0.3});

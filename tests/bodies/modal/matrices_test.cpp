@@ -11,6 +11,7 @@
 #include <random>
 #include <regex>
 
+#include "bodies/modal/eigen_modes.hpp"
 #include "bodies/modal/elements.hpp"
 #include "bodies/modal/mode_cache.hpp"
 #include "tests/support/scratch.hpp"
