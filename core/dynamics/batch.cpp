@@ -8,6 +8,7 @@
 
 #include "core/base/diagnostic.hpp"
 #include "core/dynamics/inverse.hpp"
+#include "core/model/loops.hpp"
 
 namespace cardan {
 
@@ -143,6 +144,7 @@ class PassesOf : public Batch::Passes {
 }  // namespace
 
 Batch::Batch(const Model& model) {
+  require_open_tree(model, "batches of states");
   for (const Device& d : model.devices.all)
     for (const DeviceMount& m : d.mounts)
       if ((m.use & CARDAN_USE_LOAD) != 0 || (d.family->mass && m.node >= 0))

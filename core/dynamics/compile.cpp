@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <random>
+#include <utility>
 
-#include "core/dynamics/forward.hpp"
+#include "core/dynamics/inverse.hpp"
+#include "core/dynamics/loops.hpp"
 #include "core/model/rotary_terms.hpp"
 #include "core/soa/kernels.hpp"
 
@@ -78,6 +80,14 @@ std::shared_ptr<const Model> compile(const SystemSpec& spec, const Registry& reg
 std::shared_ptr<const Model> compile(std::shared_ptr<const SystemSpec> spec, const Registry& registry, const CompileOptions& options) {
   spec = with_kept_rotary_terms(std::move(spec));
   std::shared_ptr<Model> model = assemble(spec, registry, options, false);
+  if (!model->loops.empty()) {
+    Loops loops = std::exchange(model->loops, {});
+    Workspace ws(*model);
+    const Eigen::VectorXd inertia = mass_matrix(*model, ws, model->initial_state().q.data()).diagonal();
+    model->loops = std::move(loops);
+    prepare_loops(*model, inertia);
+    return model;
+  }
   if (model->n_modes > 0 || !model->varies.empty()) return model;
   const Growth most = growth(*model);
   if (!(most.ratio > kGrowth)) return model;

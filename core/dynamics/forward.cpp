@@ -2,12 +2,29 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstring>
 
+#include "core/dynamics/loops.hpp"
+#include "core/model/loops.hpp"
 #include "core/soa/kernels_tangent.hpp"
 #include "core/soa/program.hpp"
 
 namespace cardan {
+namespace {
+
+/// The ops of closed loops; other ops: true.
+bool run_loops(const Model& model, const Op& op, Workspace& ws, const Inputs& in, double* vdot) {
+  if (op.code == OpCode::keep) keep_loads(model, ws);
+  return op.code != OpCode::loops || close_loops(model, ws, in, vdot);
+}
+template <class T>
+bool run_loops(const Model& model, const Op& op, soa::Workspace<T>&, const soa::Inputs<T>&, T*) {
+  if (op.code == OpCode::loops) require_open_tree(model, "lanes and derivatives");
+  return true;
+}
+
+}  // namespace
 
 template <class T>
 bool forward_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inputs<T>& in, T* vdot, StateLoads<T>* loads) {
@@ -24,6 +41,7 @@ bool forward_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inpu
       continue;
     }
     soa::run_op(model, op, S, ws, in, vdot, again);
+    if (!run_loops(model, op, ws, in, vdot)) return false;
     if (ws.breakdown.body != 0) return false;
   }
   if (kept && !again) std::memcpy(static_cast<void*>(ws.articulated_q.data()), in.q, bytes);
@@ -40,6 +58,14 @@ template bool forward_dynamics(const Model&, soa::Workspace<soa::Tangent>&, cons
 
 RunFailure describe_breakdown(const Model& model, const soa::Breakdown& bad, double t) {
   RunFailure f{Code::singular_hinge, t, "", "", "", "", ""};
+  if (bad.row >= 0) {
+    const Loop& loop = *std::ranges::find_if(model.loops.all, [&](const Loop& l) { return bad.row < l.first + l.rows; });
+    f.code = Code::loop_failed;
+    f.body = loop.name;
+    f.what = fmt::format("row {} of loop {}: residual {:.3g}, limit {:.3g}", bad.row - loop.first + 1, loop.name, bad.value, bad.limit);
+    f.hint = "it contradicts other loops or given motions, or its ends are out of reach of each other; see docs/errors.md";
+    return f;
+  }
   const UserBody& u = model.user[model.owner[bad.body]];
   f.body = u.name;
   f.hinge = u.name + "." + u.hinge_type;

@@ -1,14 +1,9 @@
 #pragma once
 // Forward dynamics of a tree, O(N): v' from (q, v, tau). Articulated bodies in gamma form (Jain & Rodriguez 1992; Jain 2011;
 // docs/one_step.md).
-#include "core/model/model.hpp"
-#include "core/soa/kernels.hpp"
+#include "core/dynamics/workspace.hpp"
 
 namespace cardan {
-
-using Workspace = soa::Workspace<double>;
-using Inputs = soa::Inputs<double>;
-using NodeWrench = soa::NodeWrench<double>;
 
 /// What acts on a system as its motion has it. Called by the op `devices`, once poses and velocities of bodies are there: it writes the
 /// wrenches and forces that the inputs show. false: it cannot be evaluated here.

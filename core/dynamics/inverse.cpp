@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "core/model/loops.hpp"
 #include "core/soa/gravity_field.hpp"
 #include "core/soa/kernels_columns.hpp"
 #include "core/soa/kernels_tangent.hpp"
@@ -10,6 +11,7 @@ namespace cardan {
 
 template <class T>
 void inverse_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inputs<T>& in, T* tau, InverseTerms terms, const Part* part) {
+  require_open_tree(model, "inverse dynamics");
   const soa::Sweeps<T>& S = soa::sweeps<T>();
   soa::Inputs<T> use = in;
   use.gravity = in.gravity && terms.gravity;
@@ -192,6 +194,7 @@ static bool refined_inverse(const Model& model, Workspace& ws, const double* q, 
 }
 
 bool articulate_at_rest(const Model& model, Workspace& ws, const double* q) {
+  require_open_tree(model, "inverse mass matrices");
   const soa::Sweeps<double>& S = soa::sweeps<double>();
   ws.rest.assign(model.nv, 0.0);
   const Inputs in{.q = q, .v = ws.rest.data(), .vdot = ws.rest.data(), .gravity = false};
@@ -211,6 +214,7 @@ void solve_mass(const Model& model, Workspace& ws, const double* q, const double
 }
 
 bool mass_matrix_inverse(const Model& model, Workspace& ws, const double* q, double* inverse) {
+  require_open_tree(model, "inverse mass matrices");
   if (model.has(OpCode::refine)) return refined_inverse(model, ws, q, inverse);
   const soa::Sweeps<double>& S = soa::sweeps<double>();
   const int nv = model.nv;
@@ -238,6 +242,7 @@ bool mass_matrix_inverse(const Model& model, Workspace& ws, const double* q, dou
 }
 
 void mass_matrix(const Model& model, Workspace& ws, const double* q, double* M) {
+  require_open_tree(model, "mass matrices");
   if (!model.rigid) {
     Eigen::Map<Eigen::MatrixXd>(M, model.nv, model.nv) = flexible_mass_matrix(model, ws, q);
     return;

@@ -1,6 +1,6 @@
 #pragma once
 // Pose, velocity and acceleration of bodies and nodes, read from a workspace, in any scalar: on Tangent with their derivative.
-#include "core/dynamics/forward.hpp"
+#include "core/dynamics/workspace.hpp"
 #include "core/soa/field_at.hpp"
 #include "core/soa/sweeps.hpp"
 
@@ -55,6 +55,19 @@ Motion<T> velocity_at(const Motion<T>& V, const soa::DeformedNode<T>& at) {
   return {V.w + at.rate.w, V.v + cross(V.w, at.rho) + at.rate.v};
 }
 
+/// [angular; linear] acceleration of a node in gamma form, body axes: the true one of the point, less the pull of uniform gravity. w and
+/// gamma: those of its body; `vdot`: of its modes; null: without.
+template <class T>
+Motion<T> acceleration_at(const SweepBody& b, const NodeShapes& shapes, const soa::DeformedNode<T>& at, const Vec3<T>& w,
+                          const Motion<T>& gamma, const T* vdot) {
+  Motion<T> a{gamma.w, gamma.v + cross(gamma.w, at.rho)};
+  if (vdot && shapes.deforms())
+    for (int j = 0; j < b.n_modes; ++j) a += vdot[b.etadot + j] * soa::node_column(shapes, at, j);
+  a.w += cross(w, at.rate.w) + at.bias.w;
+  a.v += cross(w, cross(w, at.rho)) + T(2) * cross(w, at.rate.v);
+  return a;
+}
+
 /// A node in the world.
 template <class T>
 struct NodeMotion {
@@ -90,11 +103,7 @@ NodeMotion<T> node_motion(const Model& model, const soa::Workspace<T>& ws, const
   const Motion<T>& V = ws.V(k);
   const BodyMotion<T> body = motion_of_body(model, ws, in, k, vdot, after);
   const Motion<T> gamma = body.gamma + body.delta;
-  Motion<T> a{gamma.w, gamma.v + cross(gamma.w, at.rho)};
-  if (node.shapes.deforms())
-    for (int j = 0; j < b.n_modes; ++j) a += vdot[b.etadot + j] * soa::node_column(node.shapes, at, j);
-  a.w += cross(V.w, at.rate.w) + at.bias.w;
-  a.v += cross(V.w, cross(V.w, at.rho)) + T(2) * cross(V.w, at.rate.v);
+  const Motion<T> a = acceleration_at(b, node.shapes, at, V.w, gamma, vdot);
   out.acceleration = {transpose_times(at.R, a.w), transpose_times(at.R, a.v)};
   out.specific_force = out.acceleration.v;
   if (!in.gravity) return out;

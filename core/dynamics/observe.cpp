@@ -4,6 +4,7 @@
 
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/dynamics/inverse.hpp"
+#include "core/dynamics/loops.hpp"
 #include "core/dynamics/node_motion.hpp"
 #include "core/soa/gravity_field.hpp"
 #include "core/soa/kernels_axis.hpp"
@@ -42,9 +43,18 @@ void Observer::weigh() {
   }
 }
 
-void Observer::update(const Inputs& in, const double* vdot) {
+// What closed loops push with is a load like others.
+void Observer::look(const Inputs& in, const double* vdot) {
   in_ = in;
   vdot_ = vdot;
+  if (model_.loops.empty()) return;
+  loads_.assign(in.wrenches.begin(), in.wrenches.end());
+  for (const NodeWrench& w : loop_forces(ws_).wrenches) loads_.push_back(w);
+  in_.wrenches = loads_;
+}
+
+void Observer::update(const Inputs& in, const double* vdot) {
+  look(in, vdot);
   soa::sweeps<double>().world(model_, ws_, in);
   for (const int k : model_.rotors) complete_rotor(k);
   for (const VaryingBody& b : model_.devices.varying) inertia_[b.sweep] = model_.bodies[b.sweep].M;
@@ -261,8 +271,7 @@ Vec3<double> Observer::first_moment() {
 
 // What the inward sweep gathers at the ground are the wrenches that it transmits through root hinges.
 ExternalLoads Observer::external(const Inputs& in, const double* vdot) {
-  in_ = in;
-  vdot_ = vdot;
+  look(in, vdot);
   const Force<double>& transmitted = ws_.core(0).z;
   ExternalLoads e{to_eigen(transmitted.f), to_eigen(transmitted.n), 0.0};
   const auto add = [&](const Force<double>& in_W) {
@@ -274,7 +283,7 @@ ExternalLoads Observer::external(const Inputs& in, const double* vdot) {
     e.force += mass_[0] * model_.gravity.g;
     e.moment += to_eigen(first_moment()).cross(model_.gravity.g);
   }
-  if (!in.wrenches.empty() && !poses_given_) soa::sweeps<double>().world(model_, ws_, in);
+  if (!in_.wrenches.empty() && !poses_given_) soa::sweeps<double>().world(model_, ws_, in);
   const bool pulls = in.gravity && model_.field.pulls(), works = pulls && !pulls_with_energy(model_.field);
   for (int k = 1; pulls && k < static_cast<int>(model_.bodies.size()); ++k) {
     const Pose<double>& W = ws_.pose_W(k);
@@ -316,14 +325,12 @@ ExternalLoads Observer::external(const Inputs& in, const double* vdot) {
 }
 
 void Observer::prescribed_forces(const Inputs& in, const double* vdot, double* tau) {
-  in_ = in;
-  vdot_ = vdot;
+  look(in, vdot);
   prescribed_forces(tau);
 }
 
 double Observer::internal_power(const Inputs& in, const double* vdot) {
-  in_ = in;
-  vdot_ = vdot;
+  look(in, vdot);
   return actuator_power();
 }
 

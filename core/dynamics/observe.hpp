@@ -64,6 +64,7 @@ class Observer {
   double internal_power(const Inputs& in, const double* vdot);
 
  private:
+  void look(const Inputs& in, const double* vdot);
   double actuator_power() const;
   Force<double> wrench_on_sweep_body(int k) const;  // of the inboard hinge, at B
   Force<double> wrench_in_host(int user_body) const;
@@ -75,6 +76,7 @@ class Observer {
   Workspace& ws_;
   Inputs in_;
   const double* vdot_ = nullptr;
+  std::vector<NodeWrench> loads_;                 // wrenches of the inputs and of closed loops
   std::vector<RigidInertia<double>> inertia_;     // rigid part of M_fl per sweep body
   std::vector<std::vector<double>> M_re_, M_ee_;  // flexible bodies
   std::unique_ptr<Workspace> inverse_;            // for prescribed_forces, only where modes are prescribed

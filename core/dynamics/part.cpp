@@ -1,10 +1,8 @@
 #include "core/dynamics/part.hpp"
 
 namespace cardan {
-namespace {
 
-/// The stretches of the runs whose bodies are marked.
-std::vector<Run> cut(const std::vector<Run>& runs, const std::vector<std::uint8_t>& marked) {
+std::vector<Run> stretches(const std::vector<Run>& runs, const std::vector<std::uint8_t>& marked) {
   std::vector<Run> out;
   for (const Run& run : runs)
     for (int k = run.begin; k < run.end; ++k) {
@@ -17,8 +15,6 @@ std::vector<Run> cut(const std::vector<Run>& runs, const std::vector<std::uint8_
   return out;
 }
 
-}  // namespace
-
 Part part_of(const SweepModel& model, std::span<const int> sweep_bodies) {
   Part out;
   out.takes_part.assign(model.bodies.size(), 0);
@@ -27,8 +23,8 @@ Part part_of(const SweepModel& model, std::span<const int> sweep_bodies) {
   for (const int k : sweep_bodies)
     if (const int inboard = model.bodies[k].parent; !out.takes_part[inboard])
       for (int p = inboard; p > 0 && !still[p]; p = model.bodies[p].parent) still[p] = 1;
-  out.runs = cut(model.runs, out.takes_part);
-  out.still = cut(model.runs, still);
+  out.runs = stretches(model.runs, out.takes_part);
+  out.still = stretches(model.runs, still);
   for (const int k : model.rotors)
     if (!out.takes_part[k] && out.takes_part[model.bodies[k].parent]) out.rotors_left_out.push_back(k);
   return out;

@@ -19,6 +19,8 @@ struct Part {
   std::vector<Run> still;            // what they hang on and all inboard of it, base to tip (of bodies in between also such that take part)
   std::vector<int> rotors_left_out;  // rotors whose carrier takes part and they do not: M_sweep of the carrier has their inertia
 };
+/// The stretches of the runs whose bodies are marked, by sweep index.
+std::vector<Run> stretches(const std::vector<Run>& runs, const std::vector<std::uint8_t>& marked);
 Part part_of(const SweepModel& model, std::span<const int> sweep_bodies);
 
 /// What stands still has no derivative, also where q moves what it hangs on.

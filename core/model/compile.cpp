@@ -11,6 +11,7 @@
 #include "core/model/devices.hpp"
 #include "core/model/fields.hpp"
 #include "core/model/flexible_constants.hpp"
+#include "core/model/loops.hpp"
 #include "core/model/validate.hpp"
 
 namespace cardan {
@@ -62,6 +63,10 @@ class Compiler {
     name_nodes();
     if (!spec_.devices.empty()) {
       model_->devices = compile_devices(spec_, registry_, *model_, sink_);
+      sink_.throw_if_any();
+    }
+    if (!spec_.loops.empty()) {
+      model_->loops = compile_loops(spec_, registry_, *model_, sink_);
       sink_.throw_if_any();
     }
     choose_kernels();
@@ -408,8 +413,10 @@ class Compiler {
     if (central) m.program.push_back({OpCode::central_gravity});
     if (!m.devices.all.empty()) m.program.push_back({OpCode::devices});
     if (options_.node_wrenches || m.devices.n_loads > 0) m.program.push_back({OpCode::node_wrenches});
+    if (!m.loops.empty()) m.program.push_back({OpCode::keep});
     for (int r = n_runs - 1; r >= 0; --r) m.program.push_back({OpCode::inward, r});
     for (int r = 0; r < n_runs; ++r) m.program.push_back({OpCode::acceleration, r});
+    if (!m.loops.empty()) m.program.push_back({OpCode::loops});
   }
 
   const SystemSpec& spec_;

@@ -53,9 +53,11 @@ enum class OpCode : std::uint8_t {
   central_gravity,
   devices,
   node_wrenches,
+  keep,
   inward,
   acceleration,
-  refine
+  refine,
+  loops
 };
 struct Op {
   OpCode code;
@@ -171,11 +173,52 @@ struct Devices {
   }
 };
 
+/// Which rows close a loop (docs/mathematics/loops.md).
+enum class Closing : std::uint8_t { weld, point, line, plane, distance, hinge, coupling };
+
+struct LoopEnd {
+  int node = -1;      // index into SweepModel::nodes; -1: a place on the ground
+  int sweep = 0;      // the sweep body that carries it
+  Pose<double> pose;  // of a place on the ground, in the world
+};
+/// A coordinate that a coupling has, and its rate.
+struct CoupledRate {
+  int q, v;
+  double coefficient;
+};
+
+/// One closure of the open tree.
+struct Loop {
+  std::string name, type;
+  Closing closing = Closing::point;
+  int first = 0, rows = 0;  // of all rows
+  LoopEnd from, to;
+  int home = 0;                         // nearest common ancestor of the bodies of both ends
+  std::vector<int> from_path, to_path;  // sweep bodies from the one outboard of home to that of the end
+  std::vector<int> rates;               // velocity components that move one end relative to the other; ascending
+  double length = 0.0;                  // [m] distance
+  const cardan_hinge_family* hinge = nullptr;
+  std::vector<double> packed, q0;  // of the hinge; q0: its coordinates at the start
+  std::vector<CoupledRate> terms;
+  double offset = 0.0;
+  double lever = 1.0;      // [m] of its size: what compares radians with metres
+  double reference = 1.0;  // what a pivot of its scaled rows is compared with
+};
+
+/// What closes the loops of the tree, and what scales their rows.
+struct Loops {
+  std::vector<Loop> all;
+  int rows = 0;
+  std::vector<double> column_scale;  // per velocity component: 1 / sqrt(inertia) at the start
+  bool empty() const { return all.empty(); }
+};
+
 struct Model : SweepModel {
   std::string name;
   std::vector<HingeLoad> loads;
   std::vector<Field> fields;  // in the user's order
   Devices devices;
+  Loops loops;
   GravitySpec gravity;
   std::vector<UserBody> user;  // in the user's order
   std::vector<int> owner;      // per sweep body: the user's body whose hinge is its hinge; -1: the ground

@@ -113,6 +113,33 @@ struct DeviceSpec {
   Located at;
 };
 
+/// A place that a loop takes hold of: a node of a body, or a pose given in place, used where `node` is empty.
+struct PlaceSpec {
+  std::string body;  // "" = world
+  std::string node;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // [m]
+  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();     // its axes to axes of the body
+  Located at;
+};
+
+/// What closes a loop: it holds `to` to `from`, or couples coordinates of hinges.
+struct LoopSpec {
+  /// Of a coupling: sum of coefficient q = offset.
+  struct Term {
+    std::string target;  // "motor", or "arm.angle" of a hinge with several
+    double coefficient = 0.0;
+    Located at;
+  };
+  std::string name;
+  std::string type;  // weld, point, line, plane, distance, coupling, or a hinge type that stands between the two places
+  PlaceSpec from, to;
+  ParamValues params;   // of the hinge type, checked by compile()
+  double length = 0.0;  // [m] distance
+  std::vector<Term> terms;
+  double offset = 0.0;
+  Located at;
+};
+
 /// What fills space and time: a magnetic field, air, another gravity (core/abi/cardan_field.h).
 struct FieldSpec {
   std::string name;
@@ -138,6 +165,7 @@ struct SystemSpec {
   GravitySpec gravity;
   std::vector<FieldSpec> fields;
   std::vector<DeviceSpec> devices;
+  std::vector<LoopSpec> loops;
   std::string source_file, source_text;                            // where it was read from, and its bytes (hashed in results)
   std::vector<std::pair<std::string, std::string>> defaults_used;  // key path, value: what `describe` lists
   std::map<std::string, SourceMark, std::less<>> marks;            // key path of each value of the input and where it stands

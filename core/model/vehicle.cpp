@@ -10,6 +10,7 @@
 #include "core/model/device_units.hpp"
 #include "core/model/hinge_load_types.hpp"
 #include "core/model/initial.hpp"
+#include "core/model/loops.hpp"
 #include "core/model/params.hpp"
 #include "core/model/validate.hpp"
 
@@ -66,6 +67,8 @@ class VehicleReader {
       for (const auto& [name, value] : named_items(*bodies, context_)) read_body(name, value);
     if (const auto devices = top.find("devices"))
       for (const auto& [name, value] : named_items(*devices, context_)) read_device(name, value);
+    if (const auto loops = top.find("loops"))
+      for (const auto& [name, value] : named_items(*loops, context_)) read_loop(name, value);
     top.finish();
     if (top.is_map()) validate(spec_, registry_, context_.sink);
     return std::move(spec_);
@@ -281,6 +284,56 @@ class VehicleReader {
     }
     map.finish();
     return input;
+  }
+
+  void read_loop(const std::string& name, const DocRef& value) {
+    MapReader map(value, context_);
+    if (!map.is_map()) return;
+    LoopSpec loop;
+    loop.name = name;
+    loop.at = value.at();
+    loop.type = map.text("type", "a closure or a hinge type");
+    const std::vector<std::string>& closures = closure_types();
+    const cardan_hinge_family* family = registry_.hinge(loop.type);
+    const bool known = family || std::ranges::find(closures, loop.type) != closures.end();
+    if (!known) return spec_.loops.push_back(std::move(loop));  // reported by compile(); its keys depend on the type
+    if (loop.type == "coupling") {
+      if (const auto terms = map.require("terms", "{motor: 1, arm.angle: -50}: hinges and their coefficients")) read_terms(*terms, loop);
+      loop.offset = map.number("offset", "1", 0.0);
+    } else {
+      if (const auto from = map.require("from", "a body, body.node or world")) read_end(*from, loop.from);
+      if (const auto to = map.require("to", "a body, body.node or world")) read_end(*to, loop.to);
+      if (loop.type == "distance") loop.length = map.number("length", "m");
+      if (family) read_params(map, {family->params, family->n_params}, loop.params);
+    }
+    map.finish();
+    spec_.loops.push_back(std::move(loop));
+  }
+
+  void read_terms(const DocRef& value, LoopSpec& loop) {
+    if (value.node->kind != Kind::map)
+      return context_.sink.report(Code::wrong_type, value.at(), "a map of hinges and coefficients", describe(*value.node));
+    for (std::size_t i = 0; i < value.node->items.size(); ++i)
+      loop.terms.push_back({value.node->keys[i].name, read_number(value.item(i), "1", context_), value.item(i).at()});
+  }
+
+  void read_end(const DocRef& value, PlaceSpec& place) {
+    place.at = value.at();
+    std::string name;
+    if (value.node->kind == Kind::map) {
+      MapReader map(value, context_);
+      place.body = name = map.text("body", "a body or world");
+      read_place_keys(map, place.position, place.R);
+      map.finish();
+    } else {
+      name = read_text(value, "a body, body.node or world", context_);
+      const auto point = name.find('.');
+      place.body = name.substr(0, point);
+      if (point != std::string::npos) place.node = name.substr(point + 1);
+    }
+    if (place.body.empty() && !name.empty())
+      context_.sink.report(Code::unknown_body, value.at(), "a body, body.node or world", in_quotes(name));
+    if (place.body == "world") place.body.clear();
   }
 
   void read_hinge(const DocRef& value, BodySpec& body) {

@@ -13,6 +13,7 @@
 #include "core/base/poll.hpp"
 #include "core/dynamics/node_motion.hpp"
 #include "core/linalg/dense.hpp"
+#include "core/model/loops.hpp"
 #include "core/operators/apply.hpp"
 #include "core/soa/kernels.hpp"
 
@@ -453,6 +454,7 @@ IkTarget IkTarget::at_pose(int node, const Vector3d& x, const Eigen::Matrix3d& R
 
 IkResult inverse_kinematics(const std::shared_ptr<const Model>& model, const double* q, std::span<const IkTarget> targets,
                             const IkOptions& options) {
+  require_open_tree(*model, "inverse kinematics");
   return Solver(model, nullptr, targets, options).run(q);
 }
 IkResult inverse_kinematics(const TreeOperators& tree, std::span<const IkTarget> targets, const IkOptions& options) {

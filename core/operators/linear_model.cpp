@@ -12,6 +12,7 @@
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/dynamics/inverse.hpp"
 #include "core/dynamics/node_motion.hpp"
+#include "core/model/loops.hpp"
 #include "core/operators/apply.hpp"
 #include "core/operators/components.hpp"
 #include "core/operators/sensitivity.hpp"
@@ -554,6 +555,7 @@ LinearModel linearize(const Scope& scope, const OperatingPoint& at, const Linear
 }  // namespace
 
 LinearModel linearize(const Model& m, const OperatingPoint& at, const LinearPorts& ports) {
+  require_open_tree(m, "linear models");
   Scope scope = scope_of(m, nullptr);
   scope.n_z = at.devices ? m.devices.n_z : 0;
   return linearize(scope, at, ports);

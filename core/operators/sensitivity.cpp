@@ -6,6 +6,7 @@
 #include "core/dynamics/fields.hpp"
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/dynamics/mass_flow.hpp"
+#include "core/model/loops.hpp"
 #include "core/operators/apply.hpp"
 #include "core/soa/kernels_tangent.hpp"
 #include "core/soa/program.hpp"
@@ -37,7 +38,12 @@ Sensitivities::Sensitivities(std::shared_ptr<const Model> model, Springs springs
 Sensitivities::Sensitivities(const TreeOperators& tree, Springs springs) : Sensitivities(tree.model_pointer(), &tree, springs) {}
 
 Sensitivities::Sensitivities(std::shared_ptr<const Model> model, const TreeOperators* tree, Springs springs)
-    : model_(std::move(model)), springs_(springs == Springs::included), ws_(*model_), inertia_(*model_), tangent_(*model_), tree_(model_) {
+    : model_((require_open_tree(*model, "sensitivities"), std::move(model))),
+      springs_(springs == Springs::included),
+      ws_(*model_),
+      inertia_(*model_),
+      tangent_(*model_),
+      tree_(model_) {
   const TreeOperators& of = tree ? *tree : tree_;
   const int nv = model_->nv;
   component_.resize(of.size(Space::hinge));

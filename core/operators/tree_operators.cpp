@@ -9,6 +9,7 @@
 #include "core/base/diagnostic.hpp"
 #include "core/base/units.hpp"
 #include "core/dynamics/inverse.hpp"
+#include "core/model/loops.hpp"
 #include "core/soa/kernels_tangent.hpp"
 
 namespace cardan::operators {
@@ -155,6 +156,7 @@ struct TreeOperators::Sweeping {
 };
 
 TreeOperators::TreeOperators(std::shared_ptr<const Model> model) : model_(std::move(model)) {
+  require_open_tree(*model_, "spatial operators and what is made of them, as task space, hybrid dynamics and modes of the whole,");
   std::vector<int> all;
   for (int k = 1; k < static_cast<int>(model_->bodies.size()); ++k) all.push_back(k);
   number(all);

@@ -410,7 +410,46 @@ VecX<T> DenseState<T>::applied(const NodeWrenches<T>& wrenches) const {
 }
 
 template <class T>
+Frame<T> DenseState<T>::end_frame(int body, const ModalPoint<T>& at) const {
+  if (body >= 0) return to_point(bodies[static_cast<std::size_t>(body)], model_->bodies[static_cast<std::size_t>(body)], at, q_, v_);
+  Frame<T> world;
+  world.R = at.R, world.x = at.position;
+  world.Jw = world.Jx = Mat3X<T>::Zero(3, v_.size());
+  return world;
+}
+
+template <class T>
+std::vector<LoopRows<T>> DenseState<T>::loops() const {
+  std::vector<LoopRows<T>> all;
+  for (const DenseLoop<T>& loop : model_->loops)
+    all.push_back(rows_of(loop, end_frame(loop.from, loop.A), end_frame(loop.to, loop.B), q_, static_cast<int>(v_.size())));
+  return all;
+}
+
+template <class T>
+std::pair<MatX<T>, VecX<T>> DenseState<T>::constraints() const {
+  const std::vector<LoopRows<T>> all = loops();
+  Eigen::Index n = 0;
+  for (const LoopRows<T>& rows : all) n += rows.c.size();
+  std::pair<MatX<T>, VecX<T>> out{MatX<T>(n, v_.size()), VecX<T>(n)};
+  n = 0;
+  for (const LoopRows<T>& rows : all) {
+    out.first.middleRows(n, rows.c.size()) = rows.G;
+    out.second.segment(n, rows.c.size()) = rows.gamma;
+    n += rows.c.size();
+  }
+  return out;
+}
+
+template <class T>
+ClosedMotion<T> DenseState<T>::closed(const VecX<T>& tau, const NodeWrenches<T>& wrenches) const {
+  const auto [G, gamma] = constraints();
+  return closed_motion<T>(M, tau + applied(wrenches), G, gamma);
+}
+
+template <class T>
 VecX<T> DenseState<T>::forward(const VecX<T>& tau, const NodeWrenches<T>& wrenches) const {
+  if (!model_->loops.empty()) return closed(tau, wrenches).vdot;
   return solve<T>(M, tau + applied(wrenches));
 }
 
@@ -431,22 +470,41 @@ HybridResult<T> DenseState<T>::hybrid(const VecX<T>& tau, const std::vector<bool
       free.push_back(i);
   }
   const VecX<T> missing = tau - inverse(out.vdot, wrenches);  // what the free components still have to take up
-  const VecX<T> vdot_free = solve<T>(M(free, free), missing(free));
+  VecX<T> vdot_free, from_loops = VecX<T>::Zero(tau.size());
+  if (model_->loops.empty()) {
+    vdot_free = solve<T>(M(free, free), missing(free));
+  } else {
+    const auto [G, gamma] = constraints();
+    const ClosedMotion<T> closed = closed_motion<T>(M(free, free), missing(free), G(Eigen::all, free), gamma - G * out.vdot);
+    vdot_free = closed.vdot;
+    from_loops = G.transpose() * closed.lambda;
+  }
   for (std::size_t i = 0; i < free.size(); ++i) out.vdot[free[i]] = vdot_free[i];
-  const VecX<T> needed = inverse(out.vdot, wrenches);
+  const VecX<T> needed = inverse(out.vdot, wrenches) - from_loops;
   for (int i = 0; i < static_cast<int>(tau.size()); ++i)
     if (prescribed[i]) out.tau[i] = needed[i];
   return out;
 }
 
 template <class T>
-std::vector<VecX<T>> DenseState<T>::hinge_wrenches(const VecX<T>& vdot, const NodeWrenches<T>& wrenches) const {
+std::vector<VecX<T>> DenseState<T>::hinge_wrenches(const VecX<T>& vdot, const NodeWrenches<T>& wrenches, const VecX<T>& lambda) const {
   std::vector<VecX<T>> total;  // what the subtree of each body needs, about the body's origin
   for (const Resultants& r : resultants_) total.push_back(r.W * vdot + r.bias - r.gravity);
   for (const NodeWrench<T>& w : wrenches) {
     const int k = index(w.body);
     const Frame<T> f = node_frame(k, w.node);
     total[k] -= shifted<T>(turned<T>(f.R, w.wrench), f.x - bodies[k].x);
+  }
+  const std::vector<LoopRows<T>> rows = lambda.size() > 0 ? loops() : std::vector<LoopRows<T>>();
+  Eigen::Index at = 0;
+  for (std::size_t l = 0; l < rows.size(); ++l) {
+    const DenseLoop<T>& loop = model_->loops[l];
+    const VecX<T> f = rows[l].wrench * lambda.segment(at, rows[l].c.size());
+    at += rows[l].c.size();
+    if (loop.shape.type == "coupling") continue;     // it pushes on hinges, and their wrenches have it in them
+    const Vec3<T> x = end_frame(loop.to, loop.B).x;  // both ends feel it there
+    if (loop.to >= 0) total[static_cast<std::size_t>(loop.to)] -= shifted<T>(f, x - bodies[static_cast<std::size_t>(loop.to)].x);
+    if (loop.from >= 0) total[static_cast<std::size_t>(loop.from)] += shifted<T>(f, x - bodies[static_cast<std::size_t>(loop.from)].x);
   }
   std::vector<VecX<T>> out(total.size());
   for (auto it = model_->outward.rbegin(); it != model_->outward.rend(); ++it) {

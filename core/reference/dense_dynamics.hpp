@@ -18,16 +18,6 @@
 
 namespace cardan::reference {
 
-/// A frame in world axes with its motion.
-template <class T>
-struct Frame {
-  Mat3<T> R = Mat3<T>::Identity();                          // its axes to world axes
-  Vec3<T> x = Vec3<T>::Zero();                              // [m]
-  Vec3<T> w = Vec3<T>::Zero(), xdot = Vec3<T>::Zero();      // angular velocity, velocity
-  Mat3X<T> Jw, Jx;                                          // w = Jw v, xdot = Jx v
-  Vec3<T> wdot = Vec3<T>::Zero(), xddot = Vec3<T>::Zero();  // angular and classical acceleration at v' = 0
-};
-
 template <class T>
 struct NodeMotion {
   Vec3<T> x;                            // [m] world axes
@@ -63,15 +53,19 @@ class DenseState {
 
   NodeMotion<T> node(std::string_view body, std::string_view node) const;
   VecX<T> external_force(const NodeWrenches<T>&) const;
-  /// v' for tau; throws NumericsError N0101 when M is not positive definite.
+  /// The rows of each loop.
+  std::vector<LoopRows<T>> loops() const;
+  /// v' for tau with the multipliers of the loops, those of all loops one after the other.
+  ClosedMotion<T> closed(const VecX<T>& tau, const NodeWrenches<T>& = {}) const;
+  /// v' for tau, of the closed system; throws NumericsError N0101 when M is not positive definite.
   VecX<T> forward(const VecX<T>& tau, const NodeWrenches<T>& = {}) const;
-  /// tau for v'.
+  /// tau for v'; of the open tree.
   VecX<T> inverse(const VecX<T>& vdot, const NodeWrenches<T>& = {}) const;
-  /// v'_i as given where prescribed[i], free elsewhere.
+  /// v'_i as given where prescribed[i], free elsewhere. What holds a motion in a closed loop comes out of `tau` and multipliers together.
   HybridResult<T> hybrid(const VecX<T>& tau, const std::vector<bool>& prescribed, const VecX<T>& vdot_prescribed,
                          const NodeWrenches<T>& = {}) const;
-  /// Per body the total wrench [moment; force] that its inboard hinge transmits to it at P, in P axes.
-  std::vector<VecX<T>> hinge_wrenches(const VecX<T>& vdot, const NodeWrenches<T>& = {}) const;
+  /// Per body the total wrench [moment; force] that its inboard hinge transmits to it at P, in P axes. `lambda`: of closed().
+  std::vector<VecX<T>> hinge_wrenches(const VecX<T>& vdot, const NodeWrenches<T>& = {}, const VecX<T>& lambda = {}) const;
 
  private:
   template <class>
@@ -85,6 +79,8 @@ class DenseState {
   explicit DenseState(std::shared_ptr<const DenseModel<T>> model) : model_(std::move(model)) {}
   int index(std::string_view body) const;
   Frame<T> node_frame(int body, std::string_view node) const;
+  std::pair<MatX<T>, VecX<T>> constraints() const;  // G and gamma of all loops
+  Frame<T> end_frame(int body, const ModalPoint<T>& at) const;
   VecX<T> applied(const NodeWrenches<T>&) const;  // every known force but tau, minus bias
 
   std::shared_ptr<const DenseModel<T>> model_;

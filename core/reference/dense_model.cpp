@@ -1,5 +1,6 @@
 #include "core/reference/dense_model.hpp"
 
+#include <algorithm>
 #include <cctype>
 
 #include "core/reference/quad.hpp"
@@ -115,6 +116,57 @@ void connect(DenseModel<T>& model) {
   if (model.outward.size() < model.bodies.size()) refuse(Code::cycle, {}, "a tree", "a closed loop");
 }
 
+/// "motor" of a hinge with one coordinate, "arm.angle" of others: the twin knows the coordinates by their place alone.
+template <class T>
+typename DenseLoop<T>::Term term_of(const DenseModel<T>& model, const LoopSpec::Term& term) {
+  static const std::map<std::string, std::vector<std::string>, std::less<>> names = {{"revolute", {"angle"}},
+                                                                                     {"prismatic", {"displacement"}},
+                                                                                     {"helical", {"angle"}},
+                                                                                     {"cylindrical", {"angle", "displacement"}},
+                                                                                     {"universal", {"angle_1", "angle_2"}},
+                                                                                     {"gimbal", {"angle_1", "angle_2", "angle_3"}},
+                                                                                     {"planar", {"x", "y", "angle"}},
+                                                                                     {"translational", {"x", "y", "z"}}};
+  const auto point = term.target.find('.');
+  for (const DenseBody<T>& b : model.bodies) {
+    if (b.name != term.target.substr(0, point) || b.free_nv() == 0) continue;
+    int at = 0;
+    if (point != std::string::npos && b.free_nv() > 1) {
+      const auto known = names.find(b.hinge.type);
+      if (known == names.end()) break;
+      const auto name = std::ranges::find(known->second, term.target.substr(point + 1));
+      if (name == known->second.end()) break;
+      at = static_cast<int>(name - known->second.begin());
+    }
+    return {b.iq + at, b.iv + at, T(term.coefficient)};
+  }
+  refuse(Code::unsupported, term.at, "a coordinate known to the dense twin", term.target);
+}
+
+template <class T>
+DenseLoop<T> dense_loop(const DenseModel<T>& model, const LoopSpec& spec) {
+  if (!knows_loop(spec.type)) refuse(Code::unsupported, spec.at, "a loop of a type known to the dense twin", spec.type);
+  DenseLoop<T> loop;
+  loop.name = spec.name;
+  loop.shape.type = spec.type;
+  HingeSpec hinge;
+  hinge.params = spec.params;
+  loop.shape.axes = hinge_axes<T>(hinge);
+  if (const auto it = spec.params.find("pitch"); it != spec.params.end()) loop.shape.pitch = T(std::get<double>(it->second.value));
+  loop.length = T(spec.length), loop.offset = T(spec.offset);
+  for (const LoopSpec::Term& term : spec.terms) loop.terms.push_back(term_of(model, term));
+  const auto end = [&](const PlaceSpec& place, int& body, ModalPoint<T>& at) {
+    for (std::size_t k = 0; k < model.bodies.size() && !place.body.empty(); ++k)
+      if (model.bodies[k].name == place.body) body = static_cast<int>(k);
+    if (body < 0 && !place.body.empty()) refuse(Code::unknown_body, place.at, "the name of a body", place.body);
+    at = place.node.empty() || body < 0
+             ? point<T>("", place.position, place.R, body < 0 ? 0 : model.bodies[static_cast<std::size_t>(body)].n_modes)
+             : model.bodies[static_cast<std::size_t>(body)].node(place.node);
+  };
+  if (spec.type != "coupling") end(spec.from, loop.from, loop.A), end(spec.to, loop.to, loop.B);
+  return loop;
+}
+
 }  // namespace
 
 template <class T>
@@ -138,6 +190,7 @@ DenseModel<T> dense_model(const SystemSpec& spec, const ForeignHinges& foreign) 
     model.bodies.push_back(std::move(b));
   }
   connect(model);
+  for (const LoopSpec& loop : spec.loops) model.loops.push_back(dense_loop(model, loop));
   return model;
 }
 

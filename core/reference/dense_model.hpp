@@ -9,6 +9,7 @@
 
 #include "core/model/spec.hpp"
 #include "core/reference/leaves.hpp"
+#include "core/reference/loops.hpp"
 
 namespace cardan::reference {
 
@@ -70,11 +71,12 @@ template <class T>
 struct DenseModel {
   std::vector<DenseBody<T>> bodies;  // in the order of the spec: that of q and v
   std::vector<int> outward;          // the same bodies, parents first
+  std::vector<DenseLoop<T>> loops;
   DenseGravity<T> gravity;
   int nq = 0, nv = 0;
 };
 
-/// Throws InputError for what the twin cannot do (C0401: foreign bodies, foreign hinges not in `foreign`) and for names
+/// Throws InputError for what the twin cannot do (C0401: foreign bodies, foreign hinges not in `foreign` or in a loop) and for names
 /// that lead nowhere (C0201, C0202, C0206).
 template <class T>
 DenseModel<T> dense_model(const SystemSpec&, const ForeignHinges& foreign = {});

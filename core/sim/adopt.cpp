@@ -38,6 +38,8 @@ void expect_all_of(const Model& before, const ModelMap& map, const Model& after)
     if (a.family->tick && (x.rate != y.rate || x.period != y.period))
       refuse_model("devices." + a.name + ".rate", "the rate that it had", "another one");
   }
+  const auto same = [](const Loop& a, const Loop& b) { return a.name == b.name && a.type == b.type; };
+  if (!std::ranges::equal(before.loops.all, after.loops.all, same)) refuse_model("loops", "the loops that it had", "others");
   for (const Model* m : {&before, &after})
     if (!m->devices.delays.empty() || !m->devices.timeouts.empty())
       refuse_model("devices", "no inputs with delay, latency or timeout", "some: what they remember hangs on the model");

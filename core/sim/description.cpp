@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "core/dynamics/devices.hpp"
+#include "core/dynamics/loops.hpp"
 #include "core/linalg/linear_operator.hpp"
 #include "core/operators/system_modes.hpp"
 #include "core/sim/flexible_limits.hpp"
@@ -179,6 +180,43 @@ Json devices(const Model& m) {
   return all;
 }
 
+std::string place_text(const PlaceSpec& place) {
+  if (!place.node.empty()) return place.body + "." + place.node;
+  const std::string body = place.body.empty() ? "world" : place.body;
+  const Eigen::Vector3d& p = place.position;
+  return p.isZero() ? body : fmt::format("{} at [{:.10g}, {:.10g}, {:.10g}]", body, p.x(), p.y(), p.z());
+}
+
+/// What closes the loops of the tree: rows, those that others imply, and how far the vehicle can still move.
+Json loops(const Simulation& sim) {
+  const Model& m = sim.model();
+  if (m.loops.empty()) return {};
+  Workspace ws(m);
+  const LoopRank rank = loop_rank(m, ws, sim.state().q.data());
+  Json all = Json::array(), redundant = Json::array();
+  for (const int row : rank.redundant) redundant.push_back(name_of_row(m, ws, row));
+  for (std::size_t i = 0; i < m.loops.all.size(); ++i) {
+    const Loop& l = m.loops.all[i];
+    const LoopSpec& spec = m.spec->loops[i];
+    std::string text = fmt::format("from {} to {}", place_text(spec.from), place_text(spec.to));
+    if (l.closing == Closing::coupling) {
+      text.clear();
+      for (const LoopSpec::Term& term : spec.terms)
+        text += fmt::format("{}{:g} {}", text.empty() ? "" : " + ", term.coefficient, term.target);
+      text += fmt::format(" = {:g}", spec.offset);
+    }
+    all.push_back({{"name", l.name}, {"type", l.type}, {"rows", l.rows}, {"rates", l.rates.size()}, {"between", text}});
+  }
+  const auto given = std::ranges::count(m.prescribed, 1);
+  return {{"all", all},
+          {"rows", rank.rows},
+          {"rank", rank.rank},
+          {"redundant", redundant},
+          {"mobility", m.nv - given - rank.rank},
+          {"by_counting", m.nv - given - rank.rows},
+          {"smallest_pivot", rank.smallest}};
+}
+
 Json fields(const Model& m) {
   Json all = Json::array();
   for (const Field& field : m.fields) {
@@ -236,6 +274,7 @@ Json not_modelled(const Model& m) {
 
 /// Small vibrations of the assembled system about the initial state, and who takes part most in each.
 Json system_modes(const Simulation& sim, int elastic) {
+  if (!sim.model().loops.empty()) return {{"why_not", "modes of the whole do not honour closed loops"}};
   operators::TreeOperators tree(sim.shared_model());
   tree.at(sim.state().q.data());
   const auto largest = [](const Eigen::VectorXd& shares, const std::vector<std::string>& names) {
@@ -441,6 +480,21 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
       if (n.R_BN != Eigen::Matrix3d::Identity()) add(fmt::format("{}nodes.{}.orientation", path, n.name), "rows " + text_of(n.R_BN));
     }
   }
+  for (std::size_t i = 0; i < m.loops.all.size(); ++i) {
+    const Loop& l = m.loops.all[i];
+    const LoopSpec& spec = m.spec->loops[i];
+    const std::string path = "loops." + l.name + ".";
+    add(path + "type", l.type);
+    if (l.closing == Closing::coupling) {
+      for (const LoopSpec::Term& term : spec.terms) add(path + "terms." + term.target, fmt::format("{:.10g}", term.coefficient));
+      add(path + "offset", fmt::format("{:.10g}", spec.offset));
+      continue;
+    }
+    add(path + "from", place_text(spec.from));
+    add(path + "to", place_text(spec.to));
+    if (l.closing == Closing::distance) add(path + "length", fmt::format("{:.10g} m", spec.length));
+    for (const auto& [name, value] : spec.params) add(path + name, text_of(value) + parameter_unit(schema_of(l.hinge), name));
+  }
   for (const Device& d : m.devices.all) {
     const DeviceSpec& spec = m.spec->devices[static_cast<std::size_t>(d.spec)];
     const std::string path = fmt::format("devices.{}.", d.name);
@@ -484,6 +538,7 @@ Json describe(Simulation& sim, bool measured, int n_modes) {
           {"gravity", gravity_text(m.gravity)},
           {"fields", fields(m)},
           {"devices", devices(m)},
+          {"loops", loops(sim)},
           {"program", program_text(m, costs, measured)},
           {"workspace_bytes", soa::workspace_bytes(m)},
           {"ops", ops(m, costs, measured)},

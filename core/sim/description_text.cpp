@@ -102,6 +102,18 @@ std::string description_text(const Json& d) {
     out += fmt::format("  {:<18}{}{}\n", device["name"].get<std::string>(), device["type"].get<std::string>(), about);
   }
 
+  if (const Json loops = d.value("loops", Json()); !loops.is_null()) {
+    out += "\nclosed loops, by multipliers\n";
+    for (const Json& l : loops["all"])
+      out += fmt::format("  {:<18}{:<16}{}, {} rows on {} rates\n", l["name"].get<std::string>(), l["type"].get<std::string>(),
+                         l["between"].get<std::string>(), l["rows"].get<int>(), l["rates"].get<int>());
+    out += fmt::format(
+        "  {} of {} rows are independent at the initial state (smallest scaled pivot {:.2g}); mobility {}, {} by counting rows\n",
+        loops["rank"].get<int>(), loops["rows"].get<int>(), loops["smallest_pivot"].get<double>(), loops["mobility"].get<int>(),
+        loops["by_counting"].get<int>());
+    for (const Json& row : loops["redundant"]) out += fmt::format("  implied by the others: {}\n", row.get<std::string>());
+  }
+
   out += fmt::format("\ngravity: {}\n\nprogram of sweeps, in order\n", d["gravity"].get<std::string>());
   std::string program = d["program"].get<std::string>();
   for (std::size_t from = 0, to; (to = program.find('\n', from)) != std::string::npos; from = to + 1)

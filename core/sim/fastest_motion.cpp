@@ -44,6 +44,7 @@ std::string owner(const Model& m, int v, bool damping) {
 FastestMotion fastest_motion(std::shared_ptr<const Model> model, const double* q) {
   const Model& m = *model;
   FastestMotion fastest;
+  if (!m.loops.empty()) return fastest;  // of the open tree it would say nothing
   bool any = !m.loads.empty();
   for (const SweepBody& b : m.bodies) any = any || b.n_modes > 0;
   if (!any) return fastest;

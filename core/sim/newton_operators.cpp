@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "core/dynamics/forward.hpp"
+#include "core/model/loops.hpp"
 #include "core/soa/kernels_tangent.hpp"
 #include "core/spatial/rotation.hpp"
 
@@ -45,7 +46,11 @@ void other_rates(const UserBody& u, const Tangent* q, const Tangent* v, double* 
 }  // namespace
 
 NewtonOperators::NewtonOperators(std::shared_ptr<const Model> model, const DeviceForces* devices)
-    : model_(std::move(model)), tangent_(*model_), tree_(model_), mass_(tree_), inverse_(tree_) {
+    : model_((require_open_tree(*model, "Newton's equations by linear_solver krylov"), std::move(model))),
+      tangent_(*model_),
+      tree_(model_),
+      mass_(tree_),
+      inverse_(tree_) {
   const Model& m = *model_;
   if (devices) devices_ = std::make_unique<DeviceTangents>(m, *devices), z_t_.resize(m.devices.n_z), tangent_.require_world();
   q_t_.resize(m.nq);

@@ -34,6 +34,8 @@ class Outputs {
       if (u.n_modes > 0) modes(u);
     }
     for (const Device& d : model_.devices.all) device(d);
+    for (std::size_t i = 0; i < model_.loops.all.size(); ++i) loop(static_cast<int>(i));
+    if (!model_.loops.empty()) loops();
     for (const int i : wanted.reactions) reaction(i);
     for (const int i : wanted.nodes) node(i);
     if (sim_.options().ledger) ledger();
@@ -133,6 +135,32 @@ class Outputs {
     };
     states(d.family->states, d.family->n_states, d.z, sim_.state().z, sim_.now().z);
     states(d.family->marks, d.family->n_marks, d.mark, sim_.state().marks, sim_.now().mark);
+  }
+
+  void loop(int i) {
+    const Loop& l = model_.loops.all[at(i)];
+    const std::string path = "loops/" + l.name + "/";
+    if (l.closing == Closing::coupling)
+      return add(path + "multiplier", {"multiplier"}, "1", "", "force of the coupling, per coefficient of each of its terms",
+                 [&sim = sim_, row = at(l.first)](double* x) { *x = sim.loop_forces().multipliers[row]; });
+    add(path + "reaction", {"mx", "my", "mz", "fx", "fy", "fz"}, units_of({"N m", "N m", "N m", "N", "N", "N"}), "from of " + l.name,
+        "moment and force that the loop transmits to its end `to`, at that node", [&sim = sim_, i](double* x) {
+          const Force<double> f = sim.loop_wrench(i);
+          x[0] = f.n.x, x[1] = f.n.y, x[2] = f.n.z, x[3] = f.f.x, x[4] = f.f.y, x[5] = f.f.z;
+        });
+  }
+  void loops() {
+    add("loops/residual", {"residual"}, "1", "", "largest residual of a closed loop, over its size", [&sim = sim_](double* x) {
+      *x = 0.0;
+      const LoopForces f = sim.loop_forces();
+      for (const Loop& l : sim.model().loops.all)
+        for (int i = l.first; i < l.first + l.rows; ++i) *x = std::max(*x, std::abs(f.residual[at(i)]) / l.lever);
+    });
+    add("loops/power", {"power"}, "W", "", "power of all multipliers: none, but for rounding", [&sim = sim_](double* x) {
+      const LoopForces f = sim.loop_forces();
+      *x = 0.0;
+      for (std::size_t i = 0; i < f.rate.size(); ++i) *x += f.multipliers[i] * f.rate[i];
+    });
   }
 
   void reaction(int i) {

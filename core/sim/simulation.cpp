@@ -16,6 +16,14 @@
 #include "core/sim/plugin_faults.hpp"
 
 namespace cardan {
+namespace {
+
+// Of closed loops, relative to their size:
+constexpr double kDrift = 10.0;      // relative tolerances that the history of an integrator may be off before it starts anew
+constexpr double kGivenOpen = 1e-6;  // what a state that was given may be open by: typed numbers have a finite number of digits
+constexpr double kGivenDrift = 1e3;  // ... or so many relative tolerances
+
+}  // namespace
 
 Simulation::Simulation(std::shared_ptr<const Model> model, const SimulationOptions& options)
     : own_(model->changes() ? std::make_shared<Model>(*model) : nullptr),
@@ -66,6 +74,8 @@ void Simulation::build() {
     fields_ = std::make_unique<FieldMoments>(m);
     moment_ = &fields_->at(gravity_field_, state_.t);
   }
+  loops_.reset();
+  if (!m.loops.empty()) loops_ = std::make_unique<LoopProjection>(m), world_rates_ = true;
   devices_.reset(), on_trial_.reset(), beside_.reset(), holding_.reset();
   stores_ = false;
   wrenches_.assign(static_cast<std::size_t>(m.devices.n_loads), {});
@@ -425,6 +435,30 @@ std::vector<double> Simulation::absolute_tolerances() const {
   return all;
 }
 
+// Onto closed loops. false: they cannot be closed from there.
+bool Simulation::close_loops(double* q, double* v) {
+  bool closed = false;
+  unless_thrown([&] { closed = loops_->close(q, v); });
+  if (!closed) breakdown_ = loops_->breakdown();
+  drifted_ = drifted_ || loops_->distance() > kDrift * options_.integrator.relative_tolerance;
+  return closed;
+}
+
+// A state that was given is closed but for rounding and typing.
+void Simulation::start_closed() {
+  if (!loops_) return;
+  breakdown_ = {};
+  const double pace = std::max(1.0, state_.v.size() == 0 ? 0.0 : state_.v.cwiseAbs().maxCoeff<Eigen::PropagateNaN>());
+  if (!close_loops(state_.q.data(), state_.v.data())) fail(explain({}));
+  const double limit = std::max(kGivenOpen, kGivenDrift * options_.integrator.relative_tolerance);
+  const double open = prescribed_.empty() ? std::max(loops_->distance(), loops_->rate() / pace) : loops_->distance();
+  if (!(open <= limit)) {
+    breakdown_ = {.body = 1, .value = open, .limit = limit, .row = loops_->worst()};
+    fail(explain({}));
+  }
+  drifted_ = false;
+}
+
 OdeProblem Simulation::ode() {
   const Model& m = *model_;
   if (options_.absolute_tolerance != 0 && !(options_.absolute_tolerance > 0 && options_.absolute_tolerance <= 1))
@@ -439,10 +473,11 @@ OdeProblem Simulation::ode() {
   ode.integrands = [this](double t, const double* x, double* ydot) {
     if (!unless_thrown([&] { integrands(t, x, ydot); })) std::fill_n(ydot, Balances::kIntegrals, 0.0);
   };
-  if (normalised_ || !prescribed_.empty())
+  if (normalised_ || !prescribed_.empty() || loops_)
     ode.project = [this](double t, double* x) {
       if (normalised_) unless_thrown([&] { model_->normalise(x); });
       give_motion(t, x, x + model_->nq);
+      if (loops_ && !close_loops(x, x + model_->nq)) x[0] = std::numeric_limits<double>::quiet_NaN();  // a smaller step, or the end
     };
   ode.absolute_tolerance = absolute_tolerances();
   ode.group.assign(static_cast<std::size_t>(ode.n), 0);

@@ -8,6 +8,7 @@
 
 #include "core/base/warnings.hpp"
 #include "core/dynamics/devices.hpp"
+#include "core/dynamics/loops.hpp"
 #include "core/io/recorder.hpp"
 #include "core/model/model_map.hpp"
 #include "core/sim/balances.hpp"
@@ -111,6 +112,10 @@ class Simulation {
   double device_output(int i) { return observe(), devices_->output(i); }
   /// [N m, N] of all actuators: force(i) and what devices push with, nv numbers.
   std::vector<double> applied_forces();
+  /// What closed loops do at the present state.
+  LoopForces loop_forces() { return observe(), cardan::loop_forces(workspace_); }
+  /// Moment and force that a loop transmits to its end `to`, at that node, axes of the node `from`; index into Loops::all.
+  Force<double> loop_wrench(int loop) { return observe(), cardan::loop_wrench(*model_, workspace_, loop); }
   void stop() { stopped_ = true; }
   bool stopped() const { return stopped_; }
 
@@ -174,6 +179,8 @@ class Simulation {
   void hold_roots(double t, const double* x, double* g);
   void break_away(std::size_t hold);
   void settle_holds();
+  bool close_loops(double* q, double* v);
+  void start_closed();
   bool device_events(std::span<const int> crossed);
   void sample_devices(bool late);
   void tick_device(int device, double period);
@@ -248,6 +255,8 @@ class Simulation {
   std::unique_ptr<DeviceForces> on_trial_;   // for their roots at trial states; null: there are none
   std::unique_ptr<Holding> holding_;         // of components that devices hold; null: there are none
   std::unique_ptr<Workspace> beside_;        // ... where they read nodes
+  std::unique_ptr<LoopProjection> loops_;    // null: the vehicle is a tree
+  bool drifted_ = false;                     // the history of the integrator is further from closed loops than its tolerance
   std::unique_ptr<NewtonOperators> newton_;  // where the linear solver asks for them
   double t_evaluated_ =
       std::numeric_limits<double>::quiet_NaN();  // with newton_ and devices: where devices were evaluated last in this step

@@ -47,6 +47,10 @@ const char* name_of(OpCode code) {
       return "devices";
     case OpCode::node_wrenches:
       return "node wrenches";
+    case OpCode::keep:
+      return "loads kept";
+    case OpCode::loops:
+      return "closed loops";
     case OpCode::inward:
       return "inward";
     case OpCode::refine:
@@ -86,7 +90,8 @@ std::vector<OpCost> op_costs(const Model& model, const State& state, std::span<c
     }
     if (run) cost.name += std::string(" (") + name_of(run->kind) + ")";
     for (int k = run ? run->begin : 1; run && k < run->end; ++k) cost.bytes += sizes.record_bytes(k);
-    cost.flops = op.code == OpCode::devices ? -1 : Counted::flops;
+    const bool counted = op.code != OpCode::devices && op.code != OpCode::keep && op.code != OpCode::loops;
+    cost.flops = counted ? Counted::flops : -1;
     cost.functions = Counted::functions;
     costs.push_back(std::move(cost));
   }

@@ -21,6 +21,8 @@ void run_op(const Model& model, const Op& op, const Sweeps<T>& S, Workspace<T>& 
     case OpCode::central_gravity:
       return S.central_gravity(model, ws, in);
     case OpCode::devices:
+    case OpCode::keep:
+    case OpCode::loops:
       return;  // forward_dynamics
     case OpCode::node_wrenches:
       return S.node_wrenches(model, ws, in);

@@ -10,6 +10,9 @@
 #include "core/soa/lanes.hpp"
 #include "core/soa/record.hpp"
 
+namespace cardan {
+struct LoopWork;  // core/dynamics/loops.hpp
+}
 namespace cardan::soa {
 
 /// A wrench [moment; force] on a node. In node axes, or in world axes.
@@ -52,6 +55,7 @@ struct Breakdown {
   int body = 0;        // sweep index; 0 = none
   int component = -1;  // velocity component of the hinge; -1: a mode
   double value = 0.0, limit = 0.0;
+  int row = -1;  // of the loops, which then stopped it
 };
 
 template <class T>
@@ -116,7 +120,8 @@ class Workspace {
   std::vector<T> correction;               // of v', where it is refined (nv)
   std::vector<Force<T>> loads;  // ... and what central gravity and wrenches on nodes do to each body: [moment about its mass centre; force]
   std::vector<T> sums;          // of a pass over the modes of a body: a number for each row of FlexibleBody::UV
-  std::vector<double> family;   // q and v of one lane, for families that are called lane by lane; empty for double
+  std::unique_ptr<LoopWork, void (*)(LoopWork*)> loops{nullptr, nullptr};  // of closed loops
+  std::vector<double> family;  // q and v of one lane, for families that are called lane by lane; empty for double
 
  private:
   struct Free {

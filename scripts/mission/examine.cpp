@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "core/model/loops.hpp"
 #include "core/model/validate.hpp"
 #include "core/operators/system_properties.hpp"
 #include "core/sim/flexible_limits.hpp"
@@ -28,7 +29,7 @@ std::string bytes_text(double bytes) {
 void expect_away_from_centre(const Scenario& s) {
   const Model& m = *s.model;
   if (m.gravity.kind != GravitySpec::Kind::central) return;
-  operators::TreeOperators tree(s.model);
+  operators::TreeOperators tree(open_tree(s.model));  // poses and masses are those of the closed one
   tree.at(s.sim->state().q.data());
   const operators::Placements placed(tree);
   for (std::size_t i = 0; i < tree.bodies().size(); ++i) {

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "core/abi/registry.hpp"
+#include "core/dynamics/loops.hpp"
 #include "core/operators/apply.hpp"
 #include "core/sim/simulation.hpp"
 #include "tests/properties/equipped_vehicle.hpp"
@@ -151,6 +152,23 @@ TEST_P(ARun, WithDevicesAndFieldsAllocatesNothing) {
   EXPECT_FALSE(sim.state().marks == before);
 }
 INSTANTIATE_TEST_SUITE_P(By, ARun, testing::Values("rk4", "dopri5"), [](const auto& method) { return std::string(method.param); });
+
+TEST(Alloc, ClosedLoops) {  // from the second evaluation on
+  if (!counting) GTEST_SKIP() << "a sanitizer brings its own malloc";
+  for (const auto& path : oracle::files()) {
+    const oracle::Case c = oracle::read(path);
+    if (!c.has_loops()) continue;
+    const auto model = compiled(oracle::with_loops(c));
+    Workspace ws(*model);
+    Eigen::VectorXd vdot(model->nv), q = c.q, v = c.v;
+    const Inputs in{.q = c.q.data(), .v = c.v.data(), .tau = c.tau.data()};
+    LoopProjection projection(*model);
+    ASSERT_TRUE(forward_dynamics(*model, ws, in, vdot.data()));
+    ASSERT_TRUE(projection.close(q.data(), v.data()));
+    EXPECT_EQ(mallocs_in([&] { forward_dynamics(*model, ws, in, vdot.data()); }), 0) << c.name;
+    EXPECT_EQ(mallocs_in([&] { projection.close(q.data(), v.data()); }), 0) << c.name;
+  }
+}
 
 }  // namespace
 }  // namespace cardan::test

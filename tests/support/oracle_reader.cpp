@@ -195,6 +195,49 @@ Case read(const std::filesystem::path& path) {
   return c;
 }
 
+SystemSpec with_loops(const Case& c) {
+  SystemSpec spec = c.spec;
+  const auto place = [&](const json& j, const std::string& name) {
+    PlaceSpec out;
+    const int body = j["body"].get<int>();
+    if (body == 0) {
+      out.position = vector<double>(j["pos"]);
+      out.R = rotation(j);
+      return out;
+    }
+    BodyRead on{spec.bodies[static_cast<std::size_t>(body - 1)], nullptr};
+    if (on.body.modal) on.modal = std::make_shared<ModalData>(*on.body.modal);
+    on.add_node(name, j);
+    if (on.modal) on.body.modal = on.modal;
+    out.body = on.body.name, out.node = name;
+    spec.bodies[static_cast<std::size_t>(body - 1)] = on.body;
+    return out;
+  };
+  int i = 0;
+  for (const json& j : c.json["constraints"]) {
+    LoopSpec loop;
+    loop.name = "loop_" + std::to_string(i++);
+    loop.type = j["type"];
+    if (loop.type == "coupling") {
+      for (const json& term : j["terms"]) {
+        int at = 0;
+        for (const BodySpec& b : spec.bodies) {
+          if (at == term[1].get<int>()) loop.terms.push_back({b.name, number<double>(term[2]), {}});
+          at += hinge_nv(b.hinge.type) + (b.modal ? b.modal->n_modes : 0);
+        }
+      }
+      loop.offset = number<double>(j["offset"]);
+    } else {
+      loop.from = place(j["A"], loop.name + "_A"), loop.to = place(j["B"], loop.name + "_B");
+      if (loop.type == "hinge") loop.type = "revolute", loop.params["axis"].value = std::vector<double>{0.0, 0.0, 1.0};
+      if (loop.type == "slider") loop.type = "line";
+      if (loop.type == "distance") loop.length = number<double>(j["L"]);
+    }
+    spec.loops.push_back(std::move(loop));
+  }
+  return spec;
+}
+
 SystemSpec at_level(SystemSpec spec, int level) {
   for (BodySpec& b : spec.bodies) b.level = level;
   return spec;

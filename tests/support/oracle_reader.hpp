@@ -59,6 +59,9 @@ struct Case {
 
 Case read(const std::filesystem::path&);
 
+/// The system of a file with its constraints as loops "loop_0", "loop_1", ..., between nodes "loop_0_A" and "loop_0_B".
+SystemSpec with_loops(const Case&);
+
 /// The same system with every flexible body at this fidelity level.
 SystemSpec at_level(SystemSpec, int level);
 

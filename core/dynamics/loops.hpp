@@ -1,0 +1,68 @@
+#pragma once
+// Closed loops by multipliers (Jain 2011; Rodriguez, Jain & Kreutz-Delgado 1992; docs/mathematics/loops.md): G v' = gamma_c beside
+// M v' + C = tau + G* lambda, with G M^-1 G* from sweeps over the tree, rank decided on G, and what exceeds it left out by name.
+#include <Eigen/Core>
+
+#include "core/dynamics/workspace.hpp"
+
+namespace cardan {
+
+/// Levers, scales and hinge coordinates at the start. `inertia`: the diagonal of the mass matrix of the open tree there. InputError C1103
+/// with the residual of each row where the start is not closed.
+void prepare_loops(Model& model, const Eigen::VectorXd& inertia);
+
+/// The op `keep`: what acts on each body, before the inward sweeps gather it.
+void keep_loads(const Model& model, Workspace& workspace);
+/// The op `loops`: v' of the open tree becomes that of the closed one, and with it all that the workspace holds. false: a loop cannot be
+/// closed (Workspace::breakdown). Allocates in the first call with a workspace only.
+bool close_loops(const Model& model, Workspace& workspace, const Inputs& in, double* vdot);
+
+/// What the loops of a workspace do: after forward_dynamics.
+struct LoopForces {
+  std::span<const double> multipliers;     // per row, of smallest norm where rows are redundant
+  std::span<const NodeWrench> wrenches;    // on nodes of bodies, both ends of each loop
+  std::span<const double> residual, rate;  // c and G v, per row
+  std::span<const double> tau;             // of couplings, nv; empty: there are none
+  std::span<const Force<double>> unit;     // what a multiplier of 1 does to the end `to`, at its node, axes of the node `from`, per row
+};
+LoopForces loop_forces(const Workspace& workspace);
+/// Moment and force that a loop transmits to its end `to`, at that node, axes of the node `from`.
+Force<double> loop_wrench(const Model& model, const Workspace& workspace, int loop);
+
+/// Which rows there are, at a state.
+struct LoopRank {
+  int rows = 0, rank = 0;
+  std::vector<int> redundant;  // rows
+  double smallest = 0.0;       // pivot that was kept, of scaled rows
+  double largest = 0.0;        // pivot that was not
+};
+LoopRank loop_rank(const Model& model, Workspace& workspace, const double* q);
+/// G, rows x nv.
+Eigen::MatrixXd loop_matrix(const Model& model, Workspace& workspace, const double* q);
+/// "tip: rotation about x", "gear".
+std::string name_of_row(const Model& model, const Workspace& workspace, int row);
+
+/// The state nearest to (q, v), in the metric of the mass matrix, that closes the loops: motion that the loops leave free is not touched.
+/// q: nq, v: nv, changed in place. false: it was not reached; both are as near as it got. Keeps scratch, so make one and use it again.
+class LoopProjection {
+ public:
+  explicit LoopProjection(const Model& model);
+  ~LoopProjection();
+  bool close(double* q, double* v);
+  /// Of the last close(), before it changed anything: the largest residuals of c and of G v, relative to the size of the loops.
+  double distance() const { return distance_; }
+  double rate() const { return rate_; }
+  /// The row that was open most.
+  int worst() const { return worst_; }
+  /// Of a close() that was false.
+  soa::Breakdown breakdown() const;
+
+ private:
+  const Model& model_;
+  Workspace ws_;
+  Eigen::VectorXd step_, next_, mu_;
+  int worst_ = 0;
+  double distance_ = 0.0, rate_ = 0.0, open_ = 0.0;  // relative to the size of the loops
+};
+
+}  // namespace cardan

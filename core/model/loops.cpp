@@ -1,0 +1,263 @@
+#include "core/model/loops.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/model/params.hpp"
+#include "core/model/validate.hpp"
+
+namespace cardan {
+namespace {
+
+constexpr Closing kClosings[] = {Closing::weld, Closing::point, Closing::line, Closing::plane, Closing::distance, Closing::coupling};
+
+int rows_of(Closing closing, const cardan_hinge_family* hinge) {
+  switch (closing) {
+    case Closing::weld:
+      return 6;
+    case Closing::point:
+      return 3;
+    case Closing::line:
+      return 2;
+    case Closing::plane:
+    case Closing::distance:
+    case Closing::coupling:
+      return 1;
+    case Closing::hinge:
+      return 6 - static_cast<int>(hinge->nv);
+  }
+  return 0;
+}
+
+class LoopCompiler {
+ public:
+  LoopCompiler(const SystemSpec& spec, const Registry& registry, Model& model, DiagnosticSink& sink)
+      : spec_(spec), registry_(registry), model_(model), sink_(sink) {}
+
+  Loops run() {
+    Loops loops;
+    if (!model_.devices.holds.empty()) {
+      const Device& d = model_.devices.all[static_cast<std::size_t>(model_.devices.holds[0].device)];
+      sink_.report(Code::unsupported, spec_.locate("devices." + d.name), "a vehicle without closed loops, or a device that holds nothing",
+                   fmt::format("device {} ({})", d.name, d.family->type));
+    }
+    for (const BodySpec& b : spec_.bodies)
+      if (!b.prescribed_modes.empty())
+        sink_.report(Code::unsupported, spec_.locate(body_path(b)), "a vehicle without closed loops, or modes that are free",
+                     "modes with a given motion");
+    for (std::size_t i = 0; i < spec_.loops.size(); ++i) {
+      const LoopSpec& given = spec_.loops[i];
+      if (given.name.empty() || given.name.find('.') != std::string::npos)
+        report(Code::bad_name, given, "", "a name without a point", in_quotes(given.name));
+      if (std::ranges::find(loops.all, given.name, &Loop::name) != loops.all.end())
+        report(Code::duplicate_name, given, "", "a name of its own for each loop", in_quotes(given.name));
+      Loop loop;
+      loop.name = given.name, loop.type = given.type;
+      if (!find_type(given, loop)) continue;
+      loop.rows = rows_of(loop.closing, loop.hinge);
+      loop.closing == Closing::coupling ? couple(given, loop) : join(given, loop);
+      loop.first = loops.rows;
+      loops.rows += loop.rows;
+      loops.all.push_back(std::move(loop));
+    }
+    return loops;
+  }
+
+ private:
+  void report(Code code, const LoopSpec& loop, const std::string& key, std::string expected, std::string got, std::string hint = {}) {
+    sink_.report(code, spec_.locate(fmt::format("loops.{}{}{}", loop.name, key.empty() ? "" : ".", key)), std::move(expected),
+                 std::move(got), std::move(hint));
+  }
+
+  bool find_type(const LoopSpec& given, Loop& loop) {
+    const std::vector<std::string>& own = closure_types();
+    if (const auto at = std::ranges::find(own, given.type); at != own.end()) {
+      loop.closing = kClosings[at - own.begin()];
+      return true;
+    }
+    loop.closing = Closing::hinge;
+    loop.hinge = registry_.hinge(given.type);
+    if (!loop.hinge) {
+      std::vector<std::string> types = registry_.hinges.types();
+      std::ranges::sort(types);
+      types.insert(types.begin(), own.begin(), own.end());
+      report(Code::unknown_loop_type, given, "type",
+             fmt::format("a closure or a hinge type: {}, or one from a loaded plugin", fmt::join(types, ", ")), in_quotes(given.type),
+             did_you_mean(given.type, types));
+      return false;
+    }
+    if (loop.hinge->nv >= 6) {
+      report(Code::bad_loop, given, "type", "a type that holds something",
+             fmt::format("{}, which leaves all six motions free", in_quotes(given.type)));
+      return false;
+    }
+    const cardan_hinge_family& f = *loop.hinge;
+    loop.packed = pack_params(spec_, {"loops." + given.name, fmt::format("hinge type {}", f.type), given.params},
+                              {{f.params, f.n_params}, f.params_size, f.pack, f.packed_size}, sink_);
+    return !loop.packed.empty() || (f.params_size == 0 && !f.packed_size);
+  }
+
+  // Two places on bodies that can move against each other.
+  void join(const LoopSpec& given, Loop& loop) {
+    if (loop.closing == Closing::distance && !(given.length > 0.0 && std::isfinite(given.length)))
+      report(Code::out_of_range, given, "length", "a length > 0", fmt::format("{:g} m", given.length),
+             given.length == 0.0 ? "two points that coincide are held by `type: point`" : "");
+    loop.length = given.length;
+    const bool found = find_end(given, given.from, "from", loop.from);
+    if (!find_end(given, given.to, "to", loop.to) || !found) return;
+    if (loop.from.sweep == loop.to.sweep) {
+      const bool same = given.from.body == given.to.body;
+      return report(Code::bad_loop, given, "to", "a place on a body that moves against that of `from`",
+                    same ? fmt::format("{} twice", given.to.body.empty() ? "the world" : in_quotes(given.to.body))
+                         : fmt::format("{} and {}, which are fixed to each other", name_of(given.from), name_of(given.to)));
+    }
+    find_paths(loop);
+    if (loop.rates.empty())
+      report(Code::bad_loop, given, "", "hinges or modes between `from` and `to` that move", "none of them has a velocity");
+  }
+  static std::string name_of(const PlaceSpec& place) { return place.body.empty() ? "the world" : in_quotes(place.body); }
+
+  bool find_end(const LoopSpec& given, const PlaceSpec& place, const char* key, LoopEnd& end) {
+    if (!place.position.allFinite()) {
+      report(Code::out_of_range, given, fmt::format("{}.position", key), "three finite numbers", "a value that is not finite");
+      return false;
+    }
+    const double error = (place.R * place.R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
+    if (!(error < 1e-9) || place.R.determinant() < 0.0) {
+      report(Code::not_a_rotation, given, fmt::format("{}.orientation", key), "an orthonormal right-handed matrix",
+             fmt::format("an entry of R R^T - 1 is {:.3g}", error));
+      return false;
+    }
+    const Pose<double> in_place{from_eigen(place.R), from_eigen(place.position)};
+    if (place.body.empty()) {
+      if (!place.node.empty()) {
+        report(Code::unknown_node, given, key, "world without a node name", in_quotes("world." + place.node),
+               fmt::format("give the place instead: {}: {{body: world, position: [x, y, z]}}", key));
+        return false;
+      }
+      end.pose = in_place;
+      return true;
+    }
+    const int user = model_.find_body(place.body);
+    if (user < 0) {
+      std::vector<std::string> legal;
+      for (const UserBody& u : model_.user) legal.push_back(u.name);
+      legal.emplace_back("world");
+      report(Code::unknown_body, given, key, "a body: " + one_of(legal), in_quotes(place.body), did_you_mean(place.body, legal));
+      return false;
+    }
+    const UserBody& u = model_.user[static_cast<std::size_t>(user)];
+    const BodySpec& body = spec_.bodies[static_cast<std::size_t>(user)];
+    end.sweep = u.sweep;
+    if (place.node.empty()) {
+      if (body.modal && has_mean_axes(*body.modal)) {
+        report(Code::no_attachment, given, key, fmt::format("a node of {}", place.body), "its floating frame",
+               "modes of `boundary: free` leave the frame at rest, so that a closure on it neither moves them nor is moved");
+        return false;
+      }
+      end.node = static_cast<int>(model_.nodes.size());
+      model_.nodes.push_back({fmt::format("loops.{}.{}", given.name, key), user, u.sweep, {u.pose * in_place, 0, {}}});
+      return true;
+    }
+    end.node = model_.find_node(place.body + "." + place.node);
+    if (end.node >= 0) return true;
+    std::vector<std::string> legal;
+    for (const UserNode& n : model_.nodes)
+      if (n.body == user && n.name.starts_with(place.body + ".")) legal.push_back(n.name.substr(place.body.size() + 1));
+    report(Code::unknown_node, given, key,
+           legal.empty() ? fmt::format("no node name: body {} has no nodes", place.body)
+                         : fmt::format("a node of body {}: {}", place.body, one_of(legal)),
+           in_quotes(place.node), did_you_mean(place.node, legal));
+    return false;
+  }
+
+  void find_paths(Loop& loop) const {
+    int a = loop.from.sweep, b = loop.to.sweep;
+    while (a != b) {  // inboard bodies have smaller indices
+      int& outer = a > b ? a : b;
+      (a > b ? loop.from_path : loop.to_path).push_back(outer);
+      outer = model_.bodies[static_cast<std::size_t>(outer)].parent;
+    }
+    loop.home = a;
+    const auto modes = [&](const SweepBody& body) {
+      for (int j = 0; j < body.n_modes; ++j) loop.rates.push_back(body.etadot + j);
+    };
+    for (std::vector<int>* path : {&loop.from_path, &loop.to_path}) {
+      std::ranges::reverse(*path);
+      for (const int k : *path) {
+        const SweepBody& body = model_.bodies[static_cast<std::size_t>(k)];
+        for (int j = 0; j < body.nv; ++j) loop.rates.push_back(body.v + j);
+        modes(body);
+      }
+    }
+    modes(model_.bodies[static_cast<std::size_t>(a)]);  // they move the places of both ends on it
+    std::ranges::sort(loop.rates);
+  }
+
+  // "motor" of a hinge with one component, "arm.angle" of others.
+  void couple(const LoopSpec& given, Loop& loop) {
+    loop.offset = given.offset;
+    if (!std::isfinite(given.offset)) report(Code::out_of_range, given, "offset", "a finite number", fmt::format("{:g}", given.offset));
+    if (given.terms.empty()) report(Code::missing_key, given, "terms", "terms: hinges and their coefficients", "none");
+    for (const LoopSpec::Term& term : given.terms) {
+      const std::string key = "terms." + term.target;
+      std::vector<std::string> legal;
+      const std::size_t before = loop.terms.size();
+      for (const UserBody& u : model_.user)
+        for (int i = 0; i < u.nv && u.nq == u.nv; ++i) {
+          const auto at = static_cast<std::size_t>(i);
+          legal.push_back(u.nv == 1 ? u.name : u.name + "." + u.q_names[at]);
+          if (term.target == legal.back() || term.target == u.name + "." + u.q_names[at] || term.target == u.name + "." + u.v_names[at])
+            loop.terms.push_back({u.q + i, u.v + i, term.coefficient});
+        }
+      if (loop.terms.size() == before)
+        report(Code::unknown_name, given, key,
+               legal.empty() ? std::string("a coordinate of a hinge, of which there is none that moves")
+                             : "a coordinate of a hinge: " + one_of(legal),
+               in_quotes(term.target), did_you_mean(term.target, legal));
+      else if (!std::isfinite(term.coefficient) || term.coefficient == 0.0)
+        report(Code::out_of_range, given, key, "a finite number other than 0", fmt::format("{:g}", term.coefficient));
+      else if (std::ranges::count(loop.rates, loop.terms.back().v) > 0)
+        report(Code::duplicate_name, given, key, "each coordinate once", in_quotes(term.target));
+      else
+        loop.rates.push_back(loop.terms.back().v);
+    }
+    std::ranges::sort(loop.rates);
+  }
+
+  const SystemSpec& spec_;
+  const Registry& registry_;
+  Model& model_;
+  DiagnosticSink& sink_;
+};
+
+}  // namespace
+
+const std::vector<std::string>& closure_types() {
+  static const std::vector<std::string> all = {"weld", "point", "line", "plane", "distance", "coupling"};
+  return all;
+}
+
+Loops compile_loops(const SystemSpec& spec, const Registry& registry, Model& model, DiagnosticSink& sink) {
+  return LoopCompiler(spec, registry, model, sink).run();
+}
+
+void require_open_tree(const Model& model, std::string_view what) {
+  if (model.loops.empty()) return;
+  std::vector<std::string> names;
+  for (const Loop& loop : model.loops.all) names.push_back(loop.name);
+  refuse(Code::unsupported, model.spec ? model.spec->locate("loops") : Located{"loops"},
+         fmt::format("an open tree: {} do not honour closed loops", what), fmt::format("loops: {}", fmt::join(names, ", ")));
+}
+
+std::shared_ptr<const Model> open_tree(std::shared_ptr<const Model> model) {
+  if (model->loops.empty()) return model;
+  auto open = std::make_shared<Model>(*model);
+  open->loops = {};
+  std::erase_if(open->program, [](const Op& op) { return op.code == OpCode::keep || op.code == OpCode::loops; });
+  return open;
+}
+
+}  // namespace cardan

@@ -1,0 +1,182 @@
+#include "core/reference/loops.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+
+#include "core/reference/quad.hpp"
+
+namespace cardan::reference {
+namespace {
+
+/// Rows of one loop, condition by condition.
+template <class T>
+class Conditions {
+ public:
+  Conditions(const Frame<T>& A, const Frame<T>& B, int nv)
+      : A_(A), B_(B), nv_(nv), d_(B.x - A.x), ddot_(B.xdot - A.xdot), dddot_(B.xddot - A.xddot) {}
+
+  /// Two directions, p fixed in A and n fixed in B, keep their angle: p . n = cosine.
+  void angle(const Vec3<T>& p_A, const Vec3<T>& n_B, const T& cosine) {
+    const Vec3<T> p = A_.R * p_A, n = B_.R * n_B, pdot = A_.w.cross(p), ndot = B_.w.cross(n);
+    const Vec3<T> pddot = A_.wdot.cross(p) + A_.w.cross(pdot), nddot = B_.wdot.cross(n) + B_.w.cross(ndot);
+    add(p.dot(n) - cosine, n.cross(p), Vec3<T>::Zero(), -(pddot.dot(n) + 2 * pdot.dot(ndot) + p.dot(nddot)));
+  }
+  /// No way along p, fixed in A.
+  void way(const Vec3<T>& p_A) {
+    const Vec3<T> p = A_.R * p_A, pdot = A_.w.cross(p), pddot = A_.wdot.cross(p) + A_.w.cross(pdot);
+    add(p.dot(d_), Vec3<T>::Zero(), p, -(pddot.dot(d_) + 2 * pdot.dot(ddot_) + p.dot(dddot_)));
+  }
+  /// The way along u, fixed in both, is pitch times the turn about it.
+  void screw(const Vec3<T>& u_A, const Vec3<T>& across_A, const T& pitch) {
+    const Vec3<T> u = A_.R * u_A, udot = A_.w.cross(u), uddot = A_.wdot.cross(u) + A_.w.cross(udot);
+    const Vec3<T> a = A_.R * across_A, b = B_.R * across_A;
+    const double turned = std::atan2(static_cast<double>(u.dot(a.cross(b))), static_cast<double>(a.dot(b)));  // up to whole turns
+    const T turning = udot.dot(B_.w - A_.w) + u.dot(B_.wdot - A_.wdot);
+    add(u.dot(d_) - pitch * T(turned), -pitch * u, u, -(uddot.dot(d_) + 2 * udot.dot(ddot_) + u.dot(dddot_)) + pitch * turning);
+  }
+  void point() {
+    for (int i = 0; i < 3; ++i) add(d_[i], Vec3<T>::Zero(), Vec3<T>::Unit(i), -dddot_[i], false);
+  }
+  void distance(const T& length) {
+    add((d_.squaredNorm() - length * length) / (2 * length), Vec3<T>::Zero(), d_ / length, -(ddot_.squaredNorm() + d_.dot(dddot_)) / length,
+        false);
+  }
+  /// Axes of A and B are parallel.
+  void parallel() {
+    for (int i = 0; i < 3; ++i) angle(Vec3<T>::Unit(i), Vec3<T>::Unit((i + 1) % 3), T(0));
+  }
+
+  LoopRows<T> rows() const {
+    const auto n = static_cast<Eigen::Index>(all_.size());
+    LoopRows<T> out{VecX<T>(n), VecX<T>(n), MatX<T>(n, nv_), MatX<T>(6, n)};
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const Row& row = all_[static_cast<std::size_t>(i)];
+      out.c[i] = row.c, out.gamma[i] = row.gamma;
+      out.G.row(i) = row.G.transpose();
+      out.wrench.col(i) << row.moment, row.force;
+    }
+    return out;
+  }
+
+ private:
+  struct Row {
+    T c, gamma;
+    Vec3<T> moment, force;
+    VecX<T> G;
+  };
+  /// moment and force: on B. `turns`: A pulls about its own origin with the arm d, as where a direction fixed in A is in the condition.
+  void add(const T& c, const Vec3<T>& moment, const Vec3<T>& force, const T& gamma, bool turns = true) {
+    VecX<T> G = (B_.Jw - A_.Jw).transpose() * moment + (B_.Jx - A_.Jx).transpose() * force;
+    if (turns) G -= A_.Jw.transpose() * d_.cross(force);
+    all_.push_back({c, gamma, moment, force, G});
+  }
+  const Frame<T>&A_, &B_;
+  int nv_;
+  Vec3<T> d_, ddot_, dddot_;
+  std::vector<Row> all_;
+};
+
+template <class T>
+Vec3<T> across(const Vec3<T>& u) {
+  using std::abs;
+  int least = 0;
+  for (int i = 1; i < 3; ++i)
+    if (abs(u[i]) < abs(u[least])) least = i;
+  return u.cross(Vec3<T>(Vec3<T>::Unit(least))).normalized();
+}
+
+}  // namespace
+
+bool knows_loop(std::string_view type) {
+  constexpr std::string_view kKnown[] = {"weld",      "locked",   "point",         "ball",      "gimbal",  "line",
+                                         "plane",     "distance", "revolute",      "prismatic", "helical", "cylindrical",
+                                         "universal", "planar",   "translational", "coupling"};
+  return std::ranges::find(kKnown, type) != std::end(kKnown);
+}
+
+template <class T>
+LoopRows<T> rows_of(const DenseLoop<T>& loop, const Frame<T>& A, const Frame<T>& B, const VecX<T>& q, int nv) {
+  const std::string& type = loop.shape.type;
+  if (type == "coupling") {
+    LoopRows<T> out{VecX<T>::Constant(1, -loop.offset), VecX<T>::Zero(1), MatX<T>::Zero(1, nv), MatX<T>::Zero(6, 1)};
+    for (const auto& term : loop.terms) {
+      out.c[0] += term.coefficient * q[term.q];
+      out.G(0, term.v) = term.coefficient;
+    }
+    return out;
+  }
+  Conditions<T> on(A, B, nv);
+  const auto axis = [&](int i) -> Vec3<T> { return loop.shape.axes.col(i); };
+  const auto unit = [](int i) -> Vec3<T> { return Vec3<T>::Unit(i); };
+  if (type == "revolute" || type == "cylindrical" || type == "helical" || type == "prismatic") {
+    const Vec3<T> u = axis(0), a = across<T>(u), b = u.cross(a);
+    if (type == "prismatic")
+      on.parallel();
+    else
+      on.angle(a, u, T(0)), on.angle(b, u, T(0));
+    if (type == "revolute")
+      on.point();
+    else
+      on.way(a), on.way(b);
+    if (type == "helical") on.screw(u, a, loop.shape.pitch);
+  } else if (type == "universal") {
+    on.angle(axis(0), axis(1), axis(0).dot(axis(1)));
+    on.point();
+  } else if (type == "planar") {
+    const Vec3<T> n = axis(0).cross(axis(1));
+    on.angle(axis(0), n, T(0)), on.angle(axis(1), n, T(0)), on.way(n);
+  } else if (type == "translational") {
+    on.parallel();
+  } else if (type == "weld" || type == "locked") {
+    on.parallel(), on.point();
+  } else if (type == "point" || type == "ball" || type == "gimbal") {
+    on.point();
+  } else if (type == "line") {
+    on.way(unit(0)), on.way(unit(1));
+  } else if (type == "plane") {
+    on.way(unit(2));
+  } else {
+    on.distance(loop.length);
+  }
+  return on.rows();
+}
+
+template <class T>
+ClosedMotion<T> closed_motion(const MatX<T>& M, const VecX<T>& force, const MatX<T>& G, const VecX<T>& gamma, double tolerance) {
+  using std::sqrt;
+  const Eigen::LLT<MatX<T>> factor(M);
+  ClosedMotion<T> out{factor.solve(force), VecX<T>::Zero(G.rows()), 0};
+  // Rows as unit vectors in the metric of diag M; the longest remainder is taken in turn (Gram-Schmidt, twice).
+  const VecX<T> weight = M.diagonal().cwiseSqrt().cwiseInverse();
+  MatX<T> left = G * weight.asDiagonal();
+  for (Eigen::Index i = 0; i < left.rows(); ++i)
+    if (const T length = left.row(i).norm(); length > T(0)) left.row(i) /= length;
+  std::vector<Eigen::Index> taken;
+  for (Eigen::Index turn = 0; turn < std::min(left.rows(), left.cols()); ++turn) {
+    Eigen::Index best = 0;
+    for (Eigen::Index i = 1; i < left.rows(); ++i)
+      if (left.row(i).squaredNorm() > left.row(best).squaredNorm()) best = i;
+    const T length = left.row(best).norm();
+    if (!(length > T(tolerance))) break;
+    taken.push_back(best);
+    const VecX<T> e = left.row(best).transpose() / length;
+    for (int twice = 0; twice < 2; ++twice) left -= (left * e).eval() * e.transpose();
+    left.row(best).setZero();
+  }
+  out.rank = static_cast<int>(taken.size());
+  if (taken.empty()) return out;
+  const MatX<T> G_I = G(taken, Eigen::all), S = G_I * factor.solve(MatX<T>(G_I.transpose()));
+  const VecX<T> lambda_I = Eigen::LLT<MatX<T>>(S).solve(VecX<T>(gamma(taken) - G_I * out.vdot));
+  out.vdot += factor.solve(VecX<T>(G_I.transpose() * lambda_I));
+  // G = K G_I; of all lambda with K* lambda = lambda_I the smallest.
+  const MatX<T> K = Eigen::LLT<MatX<T>>(G_I * G_I.transpose()).solve(MatX<T>(G_I * G.transpose())).transpose();
+  out.lambda = K * Eigen::LLT<MatX<T>>(K.transpose() * K).solve(lambda_I);
+  return out;
+}
+
+template LoopRows<double> rows_of(const DenseLoop<double>&, const Frame<double>&, const Frame<double>&, const VecX<double>&, int);
+template LoopRows<Quad> rows_of(const DenseLoop<Quad>&, const Frame<Quad>&, const Frame<Quad>&, const VecX<Quad>&, int);
+template ClosedMotion<double> closed_motion(const MatX<double>&, const VecX<double>&, const MatX<double>&, const VecX<double>&, double);
+template ClosedMotion<Quad> closed_motion(const MatX<Quad>&, const VecX<Quad>&, const MatX<Quad>&, const VecX<Quad>&, double);
+
+}  // namespace cardan::reference

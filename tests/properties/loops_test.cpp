@@ -1,0 +1,459 @@
+// Closed loops: published models with their exact results; a hinge that closes a loop against the same hinge in the tree; the dense twin
+// with its multipliers; runs; what does not honour loops says so.
+#include "core/dynamics/loops.hpp"
+
+#include <numbers>
+
+#include "bodies/modal/lumped.hpp"
+#include "core/dynamics/batch.hpp"
+#include "core/operators/inverse_kinematics.hpp"
+#include "core/operators/linear_model.hpp"
+#include "core/operators/sensitivity.hpp"
+#include "core/operators/system_modes.hpp"
+#include "core/reference/dense_dynamics.hpp"
+#include "core/reference/quad.hpp"
+#include "core/sim/simulation.hpp"
+#include "tests/properties/trees.hpp"
+#include "tests/support/bench_loops.hpp"
+
+namespace cardan::test {
+namespace {
+
+using reference::DenseTwin;
+using reference::Quad;
+
+const Registry& with_plugin() {
+  static const Registry all = [] {
+    Registry r = registry();
+    load_plugin(CARDAN_BINARY_DIR "/plugins/custom_cam.so", r);
+    return r;
+  }();
+  return all;
+}
+
+double error_of(const VectorXd& got, const VectorXd& want) { return relative(distance(got, want), largest(want)); }
+
+// ---- published models ----
+
+class BenchLoops : public testing::TestWithParam<std::filesystem::path> {};
+
+// 1e-13, or 100 times what rounding q, v and tau to double changes.
+TEST_P(BenchLoops, HaveTheirExactAccelerationsAndForces) {
+  const bench_loops::Model bench = bench_loops::read(GetParam());
+  if (bench.has_functions) GTEST_SKIP() << "a coupling that is not linear has no type";
+  const auto model = compiled(bench.spec);
+  Workspace ws(*model);
+  for (const bench_loops::State& s : bench.states) {
+    VectorXd vdot(model->nv);
+    const Inputs in{.q = s.q.data(), .v = s.v.data(), .tau = s.tau.data()};
+    ASSERT_TRUE(forward_dynamics(*model, ws, in, vdot.data()));
+    EXPECT_LE(error_of(vdot, s.vdot), worse(1e-13, 100.0 * s.floor));
+    const VectorXd lambda = Eigen::Map<const VectorXd>(loop_forces(ws).multipliers.data(), model->loops.rows);
+    const LoopRank rank = loop_rank(*model, ws, s.q.data());
+    EXPECT_EQ(rank.rank, bench.json["rank"].get<int>());
+    EXPECT_GT(rank.smallest, 1e-4);
+    EXPECT_LT(rank.largest, 1e-15);
+    EXPECT_LE(error_of(loop_matrix(*model, ws, s.q.data()).transpose() * lambda, s.force), worse(1e-13, 100.0 * s.floor));
+  }
+}
+INSTANTIATE_TEST_SUITE_P(Of, BenchLoops, testing::ValuesIn(bench_loops::files()),
+                         [](const auto& file) { return file.param.stem().string(); });
+
+// Dropped rows change no motion, and of all multipliers that push alike those of smallest norm are told.
+TEST(Loops, MultipliersOfRedundantRowsHaveTheSmallestNorm) {
+  const bench_loops::Model bench = bench_loops::read(CARDAN_SOURCE_DIR "/tests/reference/bench_loops/andrews.json");
+  const auto model = compiled(bench.spec);
+  Workspace ws(*model);
+  for (const bench_loops::State& s : bench.states) {
+    VectorXd vdot(model->nv);
+    ASSERT_TRUE(forward_dynamics(*model, ws, {.q = s.q.data(), .v = s.v.data(), .tau = s.tau.data()}, vdot.data()));
+    VectorXd in_ground_axes(model->loops.rows);
+    Observer observer(*model, ws);
+    observer.update({.q = s.q.data(), .v = s.v.data(), .tau = s.tau.data()}, vdot.data());
+    for (std::size_t l = 0; l < model->loops.all.size(); ++l) {
+      const Loop& loop = model->loops.all[l];
+      ASSERT_EQ(loop.closing, Closing::point);
+      const Eigen::Matrix3d R = loop.from.node >= 0 ? observer.node(loop.from.node).R_WN : to_eigen(loop.from.pose.R);
+      in_ground_axes.segment<3>(loop.first) = R * to_eigen(loop_wrench(*model, ws, static_cast<int>(l)).f);
+    }
+    EXPECT_LE(error_of(in_ground_axes, s.lambda), 1e-13);
+  }
+}
+
+// ---- a hinge that closes is a hinge ----
+
+/// Bodies that nothing hangs on fly freely, and their hinges close loops. Without springs, stops and forces on those hinges.
+struct Cut {
+  RandomTree tree, closed;
+  std::vector<std::string> bodies;
+};
+Cut cut(const RandomTree& given) {
+  Cut out{given, {}, {}};
+  const auto carries = [&](const std::string& name) {
+    return std::ranges::any_of(given.spec.bodies, [&](const BodySpec& b) { return b.hinge.inboard_body == name; });
+  };
+  for (BodySpec& b : out.tree.spec.bodies) {
+    if (carries(b.name) || b.hinge.locked || b.hinge.type == "free" || b.hinge.type == "free_body") continue;
+    b.hinge.springs.clear(), b.hinge.loads.clear(), b.hinge.prescribed.clear();
+    out.bodies.push_back(b.name);
+    VectorXd& tau = out.tree.tau[b.name];
+    tau.head(tau.size() - static_cast<Eigen::Index>(b.modal ? b.modal->n_modes : 0)).setZero();
+  }
+  out.closed = out.tree;
+  Loaded whole(out.tree);
+  whole.forward();
+  Observer observer(*whole.model, whole.ws);
+  observer.update(whole.in(), nullptr);
+  for (BodySpec& b : out.closed.spec.bodies) {
+    if (std::ranges::find(out.bodies, b.name) == out.bodies.end()) continue;
+    LoopSpec loop;
+    loop.name = "hinge_of_" + b.name;
+    loop.type = b.hinge.type;
+    loop.params = b.hinge.params;
+    loop.from = {b.hinge.inboard_body, b.hinge.inboard_node, b.hinge.onode_position, b.hinge.onode_R, {}};
+    loop.to = {b.name, b.hinge.body_node, b.hinge.pnode_position, b.hinge.pnode_R, {}};
+    out.closed.spec.loops.push_back(loop);
+    const NodeState at = observer.node(whole.model->find_node(b.name));
+    const Eigen::Quaterniond turn(at.R_WN);
+    const Eigen::Vector3d velocity = at.R_WN * at.velocity.tail<3>();
+    b.hinge = {};
+    b.hinge.type = "free";
+    b.hinge.q = {turn.w(), turn.x(), turn.y(), turn.z(), at.position.x(), at.position.y(), at.position.z()};
+    b.hinge.v = {at.velocity[0], at.velocity[1], at.velocity[2], velocity.x(), velocity.y(), velocity.z()};
+    const int modes = b.modal ? b.modal->n_modes : 0;
+    for (ByBody* values : {&out.closed.tau, &out.closed.vdot}) {
+      VectorXd padded = VectorXd::Zero(6 + modes);
+      padded.tail(modes) = (*values)[b.name].tail(modes);
+      (*values)[b.name] = padded;
+    }
+  }
+  return out;
+}
+
+/// Error of the accelerations of all nodes, and of what the hinges that were cut transmit.
+double of_the_same_motion(const RandomTree& given) {
+  const Cut both = cut(given);
+  if (both.bodies.empty()) return 0.0;
+  Loaded tree(both.tree), closed(both.closed);
+  const VectorXd a = tree.forward(), b = closed.forward();
+  std::map<std::string, Vector6d> of_closed = closed.node_accelerations(b);
+  std::erase_if(of_closed, [](const auto& node) { return node.first.starts_with("loops."); });
+  double worst = apart(of_closed, tree.node_accelerations(a)), size = 0.0, difference = 0.0;
+  Observer observer(*tree.model, tree.ws);
+  observer.update(tree.in(), a.data());
+  Observer other(*closed.model, closed.ws);
+  other.update(closed.in(), b.data());
+  for (std::size_t l = 0; l < both.bodies.size(); ++l) {
+    const Loop& loop = closed.model->loops.all[l];
+    const auto axes = [&](const LoopEnd& end) -> Eigen::Matrix3d {
+      return end.node >= 0 ? other.node(end.node).R_WN : to_eigen(end.pose.R);
+    };
+    const Eigen::Matrix3d R = axes(loop.to).transpose() * axes(loop.from);
+    const Force<double> f = loop_wrench(*closed.model, closed.ws, static_cast<int>(l)),
+                        g = observer.hinge_wrench(tree.model->find_body(both.bodies[l]));
+    difference = worse({difference, distance(R * to_eigen(f.n), to_eigen(g.n)), distance(R * to_eigen(f.f), to_eigen(g.f))});
+    size = worse({size, largest(to_eigen(g.n)), largest(to_eigen(g.f))});
+  }
+  for (const double c : loop_forces(closed.ws).residual) worst = worse(worst, std::abs(c));
+  return worse(worst, relative(difference, size));
+}
+
+TEST(Loops, AHingeThatClosesDoesWhatItDoesInTheTree) {
+  for (const double prescribed : {0.0, 0.2}) {
+    for_all_trees({.flexible = 0.0, .prescribed = prescribed}, 1e-11, of_the_same_motion, 100);
+    for_all_trees({.bodies = 6, .level = 2, .prescribed = prescribed, .free_modes = true}, 1e-11, of_the_same_motion, 100);
+  }
+  for (const std::string& type : kAllHinges) {
+    if (type == "free" || type == "free_body") continue;
+    for_all_trees({.bodies = 5, .roots = 1, .hinges = {type}}, 1e-11, of_the_same_motion, 20);
+  }
+}
+
+TEST(Loops, AHingeOfAPluginClosesALoop) {
+  const auto links = [] {
+    BodySpec base = on(rigid("base", 4.0, {0.1, 0, 0}, diagonal({1, 2, 3})), "", "gimbal", {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}});
+    base.hinge.q = {0.3, -0.4, 0.2}, base.hinge.v = {0.5, 0.3, -0.7};
+    BodySpec follower =
+        on(rigid("follower", 1.5, {0, 0.2, 0.1}, diagonal({0.2, 0.3, 0.4})), "base", "custom_cam", {{0, 0, 1}}, {0.5, 0.1, 0});
+    for (const auto& [key, value] : {std::pair("a", 0.3), std::pair("b", 0.2), std::pair("c", 1.2)})
+      follower.hinge.params[key].value = value;
+    follower.hinge.q = {0.4}, follower.hinge.v = {0.9};
+    return system({base, follower}, uniform_gravity({0, 0, -9.81}));
+  };
+  const SystemSpec spec = links();
+  const auto tree = compile(spec, with_plugin());
+  Workspace ws(*tree);
+  const State at = tree->initial_state();
+  VectorXd a(tree->nv);
+  const Inputs in{.q = at.q.data(), .v = at.v.data()};
+  ASSERT_TRUE(forward_dynamics(*tree, ws, in, a.data()));
+  Observer observer(*tree, ws);
+  observer.update(in, a.data());
+  const NodeState n = observer.node(tree->find_node("follower"));
+  SystemSpec cut_spec = spec;
+  HingeSpec& hinge = cut_spec.bodies[1].hinge;
+  LoopSpec loop;
+  loop.name = "cam", loop.type = "custom_cam", loop.params = hinge.params;
+  loop.from = {"base", "", hinge.onode_position, hinge.onode_R, {}}, loop.to.body = "follower";
+  cut_spec.loops = {loop};
+  const Eigen::Quaterniond turn(n.R_WN);
+  const Eigen::Vector3d velocity = n.R_WN * n.velocity.tail<3>();
+  hinge = {};
+  hinge.type = "free";
+  hinge.q = {turn.w(), turn.x(), turn.y(), turn.z(), n.position.x(), n.position.y(), n.position.z()};
+  hinge.v = {n.velocity[0], n.velocity[1], n.velocity[2], velocity.x(), velocity.y(), velocity.z()};
+  const auto closed = compile(cut_spec, with_plugin());
+  Workspace other(*closed);
+  const State start = closed->initial_state();
+  VectorXd b(closed->nv);
+  ASSERT_TRUE(forward_dynamics(*closed, other, {.q = start.q.data(), .v = start.v.data()}, b.data()));
+  EXPECT_LE(error_of(b.head(3), a.head(3)), 1e-12);
+  const Force<double> f = loop_wrench(*closed, other, 0), g = observer.hinge_wrench(1);
+  Observer seen(*closed, other);
+  seen.update({.q = start.q.data(), .v = start.v.data()}, b.data());
+  const Eigen::Matrix3d R = n.R_WN.transpose() * seen.node(closed->find_node("base")).R_WN;
+  EXPECT_LE(distance(R * to_eigen(f.f), to_eigen(g.f)), 1e-12 * largest(to_eigen(g.f)));
+}
+
+// ---- the dense twin, in 113 bits ----
+
+/// The closed vehicle with further closures that its state fulfils, and rates that keep all of them closed.
+double of_the_twin(const RandomTree& given) {
+  Cut both = cut(given);
+  if (both.closed.spec.bodies.size() < 2) return 0.0;
+  Loaded still(both.closed);
+  Observer observer(*still.model, still.ws);
+  still.forward();
+  observer.update(still.in(), nullptr);
+  SystemSpec& spec = both.closed.spec;
+  const auto ground = [&](const std::string& body, double turned) {
+    const NodeState n = observer.node(still.model->find_node(body));
+    PlaceSpec place;
+    place.position = n.position;
+    place.R = Eigen::AngleAxisd(turned, Eigen::Vector3d(0.6, 0.0, 0.8)).toRotationMatrix() * n.R_WN;
+    return place;
+  };
+  const std::string first = spec.bodies.front().name, last = spec.bodies.back().name;
+  const char* types[] = {"plane", "line", "point", "distance"};
+  const std::string type = types[given.seed % 4];
+  LoopSpec more;
+  more.name = "more", more.type = type;
+  if (type == "distance") {
+    more.from.body = first, more.to.body = last;
+    more.length = (observer.node(still.model->find_node(first)).position - observer.node(still.model->find_node(last)).position).norm();
+    if (more.length < 1e-3) return 0.0;
+  } else {
+    more.from = ground(last, 0.4), more.to.body = last;
+  }
+  spec.loops.push_back(more);
+  both.closed.loads.clear();
+  for (BodySpec& b : spec.bodies) std::ranges::fill(b.hinge.v, 0.0), std::ranges::fill(b.etadot, 0.0);
+  std::unique_ptr<Loaded> closed;
+  try {
+    closed = std::make_unique<Loaded>(both.closed);
+  } catch (const InputError&) {
+    return 0.0;  // nothing moves the ends against each other
+  }
+  closed->state.v = still.state.v;
+  LoopProjection projection(*closed->model);
+  if (!projection.close(closed->state.q.data(), closed->state.v.data())) return HUGE_VAL;
+  const VectorXd vdot = closed->forward();
+  const DenseTwin<Quad> twin(spec);
+  const auto state = twin.at(closed->state.q.cast<Quad>(), closed->state.v.cast<Quad>());
+  const auto exact = state.closed(closed->tau.cast<Quad>());
+  const auto in_double = [](const reference::VecX<Quad>& x) {
+    VectorXd out(x.size());
+    for (Eigen::Index i = 0; i < x.size(); ++i) out[i] = static_cast<double>(x[i]);
+    return out;
+  };
+  double worst = error_of(vdot, in_double(exact.vdot)), size = 0.0, difference = 0.0;
+  if (exact.rank != loop_rank(*closed->model, closed->ws, closed->state.q.data()).rank) return HUGE_VAL;
+  closed->forward();
+  Observer seen(*closed->model, closed->ws);
+  seen.update(closed->in(), vdot.data());
+  const auto wrenches = state.hinge_wrenches(exact.vdot, {}, exact.lambda);
+  for (std::size_t k = 0; k < wrenches.size(); ++k) {
+    const VectorXd want = in_double(wrenches[k]);
+    size = worse(size, largest(want));
+    difference = worse(difference, distance(to_eigen(seen.hinge_wrench(static_cast<int>(k))), want));
+  }
+  return worse(worst, relative(difference, size));
+}
+
+TEST(Loops, AgreeWithTheDenseTwin) {
+  const TreeOptions rigid{.bodies = 6, .flexible = 0.0, .wheels = 0.1};
+  const TreeOptions flexible{.bodies = 5, .flexible = 0.5, .level = 2, .plain_masses = true};
+  for_all_trees(rigid, 1e-11, of_the_twin, 80);
+  for_all_trees(flexible, 1e-11, of_the_twin, 40);
+}
+
+// ---- runs ----
+
+/// A crank, a coupler and a rocker; the loop closes the rocker's tip.
+SystemSpec four_bar(const std::string& closing = "point", double rate = 2.0) {
+  BodySpec crank = on(rigid("crank", 1.0, {0.1, 0, 0}, diagonal({0.002, 0.01, 0.01})), "", "revolute", {{0, 0, 1}});
+  BodySpec coupler = on(rigid("coupler", 1.5, {0.3, 0, 0}, diagonal({0.002, 0.05, 0.05})), "crank", "revolute", {{0, 0, 1}}, {0.2, 0, 0});
+  BodySpec rocker = on(rigid("rocker", 1.2, {0.2, 0, 0}, diagonal({0.002, 0.03, 0.03})), "coupler", "revolute", {{0, 0, 1}}, {0.6, 0, 0});
+  // Crank upwards: its tip is at (0, 0.2); the rocker's fixed pivot at (0.5, 0) and its length 0.4 put the other tip at p.
+  const Eigen::Vector2d a(0, 0.2), b(0.5, 0.0), way = b - a;
+  const double d = way.norm(), along = (0.36 - 0.16 + d * d) / (2 * d), up = std::sqrt(0.36 - along * along);
+  const Eigen::Vector2d e = way / d, p = a + along * e + up * Eigen::Vector2d(-e.y(), e.x());
+  const double crank_angle = std::numbers::pi / 2, coupler_angle = std::atan2(p.y() - a.y(), p.x() - a.x()),
+               rocker_angle = std::atan2(b.y() - p.y(), b.x() - p.x());
+  crank.hinge.q = {crank_angle}, coupler.hinge.q = {coupler_angle - crank_angle}, rocker.hinge.q = {rocker_angle - coupler_angle};
+  // w_crank x (tip) + w_coupler x (p - a) + w_rocker x (b - p) = 0
+  Eigen::Matrix2d A;
+  A << -(p - a).y(), -(b - p).y(), (p - a).x(), (b - p).x();
+  const Eigen::Vector2d w = A.inverse() * Eigen::Vector2d(rate * a.y(), -rate * a.x());
+  crank.hinge.v = {rate}, coupler.hinge.v = {w[0] - rate}, rocker.hinge.v = {w[1] - w[0]};
+  SystemSpec spec = system({crank, coupler, rocker}, uniform_gravity({0, -9.81, 0}));
+  LoopSpec loop;
+  loop.name = "pivot", loop.type = closing;
+  if (closing == "revolute") loop.params = test::along({{0, 0, 1}});
+  loop.from.position = {0.5, 0, 0};
+  loop.to.body = "rocker", loop.to.position = {0.4, 0, 0};
+  spec.loops = {loop};
+  return spec;
+}
+
+TEST(Loops, RunKeepsThemClosedAndEnergyHonest) {
+  for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf"}) {
+    SimulationOptions options;
+    options.integrator.method = method;
+    options.integrator.relative_tolerance = 1e-10;
+    Simulation sim(compiled(four_bar()), options);
+    const double before = sim.energy().total();
+    double open = 0.0;
+    sim.every({1, 10}, [&] {
+      for (const double c : sim.loop_forces().residual) open = worse(open, std::abs(c));
+      for (const double c : sim.loop_forces().rate) open = worse(open, std::abs(c));
+    });
+    sim.run(20.0);
+    EXPECT_LE(open, 1e-13) << method;
+    EXPECT_LE(std::abs(sim.energy().total() - before), 1e-6) << method;
+    EXPECT_TRUE(sim.ledger().pass) << method << render(sim.warnings());
+  }
+}
+
+// The same mechanism cut elsewhere and closed by other rows moves alike.
+TEST(Loops, ClosedByAPointByALineAndByAHingeMoveAlike) {
+  std::vector<double> crank;
+  for (const char* closing : {"point", "line", "revolute"}) {
+    SimulationOptions options;
+    options.integrator.relative_tolerance = 1e-11;
+    Simulation sim(compiled(four_bar(closing)), options);
+    sim.run(5.0);
+    crank.push_back(sim.state().q[0]);
+  }
+  EXPECT_NEAR(crank[1], crank[0], 1e-8);
+  EXPECT_NEAR(crank[2], crank[0], 1e-8);
+}
+
+// ---- what does not honour them says so, before it does anything ----
+
+TEST(Loops, AreRefusedByNameWhereTheyAreNotHonoured) {
+  const auto model = compiled(four_bar());
+  const VectorXd q = model->initial_state().q, v = model->initial_state().v;
+  Workspace ws(*model);
+  VectorXd out(model->nv);
+  const auto refused = [](const std::string& what, const auto& work) {
+    try {
+      work();
+      ADD_FAILURE() << what << " took a vehicle with loops";
+    } catch (const InputError& e) {
+      EXPECT_EQ(e.diagnostics().front().code, Code::unsupported) << what;
+      EXPECT_EQ(e.diagnostics().front().got, "loops: pivot") << what;
+      EXPECT_NE(e.diagnostics().front().expected.find("an open tree: " + what), std::string::npos) << e.what();
+    }
+  };
+  const Inputs in{.q = q.data(), .v = v.data()};
+  refused("spatial operators", [&] { operators::TreeOperators tree(model); });
+  refused("sensitivities", [&] { operators::Sensitivities s(model); });
+  refused("linear models", [&] { operators::linearize(*model, {}, {}); });
+  refused("inverse kinematics", [&] { operators::inverse_kinematics(model, q.data(), {}, {}); });
+  refused("batches of states", [&] { Batch batch(*model); });
+  refused("inverse dynamics", [&] { inverse_dynamics(*model, ws, in, out.data()); });
+  refused("mass matrices", [&] { mass_matrix(*model, ws, q.data()); });
+  refused("inverse mass matrices", [&] { mass_matrix_inverse(*model, ws, q.data(), MatrixXd(3, 3).data()); });
+  SimulationOptions krylov;
+  krylov.integrator.method = "cvode_bdf", krylov.integrator.linear_solver = "krylov";
+  refused("Newton's equations by linear_solver krylov", [&] { Simulation(model, krylov).run(0.1); });
+}
+
+template <class Work>
+std::string told(const Work& work) {
+  try {
+    work();
+  } catch (const std::exception& e) {
+    return e.what();
+  }
+  return "nothing";
+}
+
+TEST(Loops, AnOpenStartIsToldRowByRow) {
+  SystemSpec open = four_bar();
+  open.loops[0].from.position = {0.5, 0.01, 0};
+  EXPECT_EQ(told([&] { compiled(open); }),
+            "error[C1103]: a loop is not closed at the start\n"
+            "  at: loops.pivot\n"
+            "  expected: initial coordinates that close it\n"
+            "  got:      pivot: row 2, along y -0.01 m\n"
+            "  hint:     give `initial` of the hinges between its ends the values that bring them together\n\n1 error. Nothing was run.\n");
+  SystemSpec moving = four_bar();
+  moving.bodies[0].hinge.v = {2.5};
+  EXPECT_EQ(told([&] { compiled(moving); }),
+            "error[C1103]: a loop is not closed at the start\n"
+            "  at: loops.pivot\n"
+            "  expected: initial rates that keep it closed\n"
+            "  got:      pivot: row 2, along y 0.25 m/s\n"
+            "  hint:     give `initial` of the hinges rates that move both ends alike\n\n1 error. Nothing was run.\n");
+}
+
+TEST(Loops, ThatContradictGivenMotionEndTheRun) {
+  SystemSpec spec = four_bar("point", 0.0);
+  spec.bodies[0].hinge.prescribed = {0};
+  spec.bodies[1].hinge.prescribed = {0};
+  Simulation sim(compiled(spec), {});
+  for (const int i : {0, 1}) sim.prescribe(i, MotionProfile::sine(0.1, 0.7, 0.0));
+  EXPECT_THROW(sim.run(1.0), NumericsError);
+  SystemSpec one = four_bar("point", 0.0);
+  one.bodies[0].hinge.prescribed = {0};
+  Simulation good(compiled(one), {});
+  good.prescribe(0, MotionProfile::sine(0.5, 0.7, 0.0));
+  good.run(5.0);
+  for (const double c : good.loop_forces().residual) EXPECT_LE(std::abs(c), 1e-14);
+  EXPECT_TRUE(good.ledger().pass) << render(good.warnings());
+}
+
+TEST(Loops, AStateThatIsFarFromThemIsNotTaken) {
+  Simulation sim(compiled(four_bar()), {});
+  sim.q(0) += 0.1;
+  EXPECT_EQ(told([&] { sim.run(1.0); }),
+            "failure[N0601]: a loop cannot be kept closed\n"
+            "  t = 0 s   body: pivot\n"
+            "  row 2 of loop pivot: residual 0.0927, limit 1e-06\n"
+            "  hint:     it contradicts other loops or given motions, or its ends are out of reach of each other; see docs/errors.md\n");
+}
+
+// What is common to both ends is in no row: an orbit costs no digits.
+TEST(Loops, CostNoDigitsAtOrbitalSpeed) {
+  const auto vdot_of = [](double far) {
+    SystemSpec spec = four_bar();
+    BodySpec bus = on(rigid("bus", 50.0, {0.1, 0.2, 0}, diagonal({5, 6, 7})), "", "free");
+    bus.hinge.q = {1, 0, 0, 0, far * 7e6, 0, 0}, bus.hinge.v = {0.3, -0.2, 0.1, 0, far * 7.5e3, 0};
+    spec.bodies.insert(spec.bodies.begin(), bus);
+    spec.bodies[1].hinge.inboard_body = "bus";
+    spec.loops[0].from.body = "bus";
+    spec.gravity = {};
+    const auto model = compiled(spec);
+    Workspace ws(*model);
+    const State at = model->initial_state();
+    VectorXd vdot(model->nv);
+    EXPECT_TRUE(forward_dynamics(*model, ws, {.q = at.q.data(), .v = at.v.data()}, vdot.data()));
+    return vdot;
+  };
+  EXPECT_LE(error_of(vdot_of(1.0), vdot_of(0.0)), 1e-15);
+}
+
+}  // namespace
+}  // namespace cardan::test
