@@ -20,7 +20,8 @@ using Vector3 = Vec3<double>;
 
 constexpr double kDependent =
     1e-10;  // a scaled pivot below is none: of redundant rows they are 1e-16, of others above 1e-3 but near singular postures
-constexpr double kOpen = 10.0;           // ... or below so much of the residual: rows that agree on closed loops differ on open ones
+constexpr double kOpen =
+    10.0;  // ... of more rows than at the start also below so much of the residual: what agrees on closed loops differs on open ones
 constexpr double kMostOpen = 1e-4;       // ... but not more: rows of loops that are far open are still rows
 constexpr double kContradiction = 1e-6;  // what may be missing in the acceleration of a redundant row, relative to those of the open tree
 constexpr double kStart = 1e-6;          // residual of a start: typed numbers have a finite number of digits
@@ -224,7 +225,7 @@ class Pass {
       for (int i = p; i < rows; ++i)
         for (int j = p; j < n; ++j)
           if (const double x = std::abs(B(i, j)); x > most) most = x, row = i, column = j;
-      if (!(most > limit)) {
+      if (!(most > (p < loops_.rank ? kDependent : limit))) {
         k_.largest = most;
         break;
       }
@@ -803,6 +804,9 @@ void prepare_loops(Model& model, const Eigen::VectorXd& inertia) {
   }
   pass.place();  // with the levers
   refuse_open_start(model, *ws.loops, start.v);
+  pass.matrix();
+  pass.find_rank();
+  loops.rank = ws.loops->rank;
 }
 
 LoopRank loop_rank(const Model& model, Workspace& ws, const double* q) {

@@ -209,6 +209,7 @@ struct Loop {
 struct Loops {
   std::vector<Loop> all;
   int rows = 0;
+  int rank = 0;                      // of all rows at the start
   std::vector<double> column_scale;  // per velocity component: 1 / sqrt(inertia) at the start
   bool empty() const { return all.empty(); }
 };

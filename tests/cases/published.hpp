@@ -21,8 +21,10 @@ class Published {
     case_at_hand() = id;
   }
 
-  /// The value whose quantity begins with this text.
+  /// The value of this quantity, or of the first one that begins with this text.
   YAML::Node at(const std::string& quantity) const {
+    for (const auto& entry : file_["reference"]["values"])
+      if (entry["quantity"].as<std::string>() == quantity) return entry["value"];
     for (const auto& entry : file_["reference"]["values"])
       if (entry["quantity"].as<std::string>().rfind(quantity, 0) == 0) return entry["value"];
     throw std::runtime_error("no quantity " + quantity);
