@@ -39,12 +39,14 @@ struct SparseFactor::Impl {
 SparseFactor::SparseFactor(const SparseMatrix& A) : impl_(std::make_unique<Impl>()) {
   if (A.rows() != A.cols() || A.rows() == 0 || !A.isCompressed())
     throw LinalgError(fmt::format("a square compressed matrix is needed, not {} x {}", A.rows(), A.cols()));
+  SparseMatrix kept = A;  // the order depends on what is stored
+  kept.prune([](int, int, double x) { return x != 0.0; });
   cholmod_sparse view{};
-  view.nrow = view.ncol = static_cast<std::size_t>(A.cols());
-  view.nzmax = static_cast<std::size_t>(A.nonZeros());
-  view.p = const_cast<int*>(A.outerIndexPtr());
-  view.i = const_cast<int*>(A.innerIndexPtr());
-  view.x = const_cast<double*>(A.valuePtr());
+  view.nrow = view.ncol = static_cast<std::size_t>(kept.cols());
+  view.nzmax = static_cast<std::size_t>(kept.nonZeros());
+  view.p = kept.outerIndexPtr();
+  view.i = kept.innerIndexPtr();
+  view.x = kept.valuePtr();
   view.stype = -1;  // symmetric, lower triangle
   view.itype = CHOLMOD_INT;
   view.xtype = CHOLMOD_REAL;
