@@ -1,6 +1,7 @@
 #pragma once
 // What an implicit method asks of x' = f(t, x), x = [q; v; z], of a scenario between two ticks: J dx, J = df/dx, and an
 // approximate inverse of 1 - gamma J; both O(N), no matrix formed (mathematics/integration.md, "Newton's equations").
+#include <Eigen/LU>
 #include <memory>
 #include <span>
 #include <vector>
