@@ -149,34 +149,24 @@ class Pass {
 
   /// c'' of all rows as the workspace and vdot have it, v' included.
   void accelerations(const double* vdot, double* out) const {
-    for (std::size_t l = 0; l < loops_.all.size(); ++l) {
-      const Loop& loop = loops_.all[l];
-      if (loop.closing == Closing::coupling) {
-        out[loop.first] = coupled(loop, vdot);
-        continue;
-      }
+    each_loop(vdot, out, [&](const Loop& loop, std::size_t l) {
       const LoopWork::Relative& r = k_.relative[l];
       Vector3 w_a, w_b;
       const Motion<double> A = acceleration(loop.from, k_.from[l], vdot, w_a), B = acceleration(loop.to, k_.to[l], vdot, w_b);
       const Vector3 wdot = r.R * B.w - A.w - cross(w_a, r.w);
       const Vector3 udot = r.R * B.v - A.v - cross(A.w, r.d) - 2.0 * cross(w_a, r.u) - cross(w_a, cross(w_a, r.d));
       for (int i = loop.first; i < loop.first + loop.rows; ++i) out[i] = product(k_.W[at(i)], wdot, udot) + k_.extra[at(i)];
-    }
+    });
   }
 
   /// G of the v' that the sweeps have just given to a system at rest.
   void responses(const double* vdot, double* out) const {
-    for (std::size_t l = 0; l < loops_.all.size(); ++l) {
-      const Loop& loop = loops_.all[l];
-      if (loop.closing == Closing::coupling) {
-        out[loop.first] = coupled(loop, vdot);
-        continue;
-      }
+    each_loop(vdot, out, [&](const Loop& loop, std::size_t l) {
       const LoopWork::Relative& r = k_.relative[l];
       const Motion<double> A = response(loop.from, k_.from[l], vdot), B = response(loop.to, k_.to[l], vdot);
       const Vector3 wdot = r.R * B.w - A.w, udot = r.R * B.v - A.v - cross(A.w, r.d);
       for (int i = loop.first; i < loop.first + loop.rows; ++i) out[i] = product(k_.W[at(i)], wdot, udot);
-    }
+    });
   }
 
   /// G, row by row: what a multiplier of 1 is as hinge forces.
@@ -430,6 +420,15 @@ class Pass {
     k_.c[at(loop.first)] = c;
     k_.rate[at(loop.first)] = coupled(loop, in_.v);
     k_.extra[at(loop.first)] = 0.0;
+  }
+  /// G v' of couplings; `join(loop, l)` for what joins places.
+  template <class Join>
+  void each_loop(const double* vdot, double* out, const Join& join) const {
+    for (std::size_t l = 0; l < loops_.all.size(); ++l)
+      if (const Loop& loop = loops_.all[l]; loop.closing == Closing::coupling)
+        out[loop.first] = coupled(loop, vdot);
+      else
+        join(loop, l);
   }
   static double coupled(const Loop& loop, const double* v) {
     double sum = 0.0;

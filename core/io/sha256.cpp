@@ -4,6 +4,7 @@
 #include <openssl/evp.h>
 
 #include <array>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 
@@ -18,9 +19,11 @@ std::string sha256(std::string_view bytes) {
 }
 
 std::string sha256_of_file(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
+  std::error_code none;
+  std::ifstream in;
+  if (std::filesystem::is_regular_file(path, none)) in.open(path, std::ios::binary);  // a device may never end
   std::string bytes{std::istreambuf_iterator<char>(in), {}};
-  if (!in) refuse(Code::file_not_found, {"", {path}}, "a file that can be read");
+  if (!in.is_open() || !in) refuse(Code::file_not_found, {"", {path}}, "a file that can be read");
   return sha256(bytes);
 }
 

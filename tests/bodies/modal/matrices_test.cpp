@@ -219,6 +219,9 @@ TEST(Matrices, AreSolvedAnewWhereAFileChanged) {
   write_file(written.model.mass, "");
   std::filesystem::remove(written.model.mass);
   EXPECT_EQ(ModeCache::name_of(written.source(slender_boom())), "");
+  ModalSource endless = written.source(slender_boom());
+  std::get<MatrixModel>(endless.model).mass = "/dev/zero";
+  EXPECT_EQ(ModeCache::name_of(endless), "") << "what is no file is not read";
 }
 
 /// The answer to files of which one was changed.
