@@ -81,6 +81,7 @@ class LoopCompiler {
     loop.hinge = registry_.hinge(given.type);
     if (!loop.hinge) {
       std::vector<std::string> types = registry_.hinges.types();
+      std::erase_if(types, [&](const std::string& type) { return registry_.hinge(type)->nv >= 6; });  // which hold nothing
       std::ranges::sort(types);
       types.insert(types.begin(), own.begin(), own.end());
       report(Code::unknown_loop_type, given, "type",
