@@ -14,6 +14,7 @@
 #include "core/sim/fastest_motion.hpp"
 #include "core/sim/newton_operators.hpp"
 #include "core/sim/plugin_faults.hpp"
+#include "core/sim/vehicle_linear_part.hpp"
 
 namespace cardan {
 namespace {
@@ -258,7 +259,7 @@ const char* kStiffHint =
 /// Before the first step: what springs, dampers and modes ask of an explicit method.
 void Simulation::foresee_stiffness(double t_end) {
   const IntegratorOptions& i = options_.integrator;
-  if (i.method == "cvode_bdf") return;
+  if (i.method == "cvode_bdf" || i.method == "exponential") return;
   const FastestMotion fastest = fastest_motion(model_, state_.q.data());
   if (fastest.rate <= 0.0) return;
   const Stability stable = stability_of(i.method);
@@ -498,6 +499,7 @@ OdeProblem Simulation::ode() {
       });
       if (!known) std::fill_n(of_devices, static_cast<std::size_t>(model_->devices.n_roots) + model_->devices.holds.size(), 1.0);
     };
+  if (options_.integrator.method == "exponential") ode.linear = std::make_shared<VehicleLinearPart>(model_);
   if (options_.integrator.linear_solver != "krylov") return ode;
   newton_ = std::make_unique<NewtonOperators>(model_, devices_.get());
   x_evaluated_.resize(static_cast<std::size_t>(ode.n));

@@ -1,6 +1,7 @@
 #pragma once
 // The seam between physics and time: an integrator owns no physics, the physics owns no step size.
 // Formulas, choice of method and the meaning of an event: docs/mathematics/integration.md.
+#include <array>
 #include <functional>
 #include <memory>
 #include <span>
@@ -11,6 +12,30 @@
 #include "core/base/checkpoint.hpp"
 
 namespace cardan {
+
+/// The fast linear part of f, which the method `exponential` advances in closed form: with coordinates about a state, M u' + C u + K y = r,
+/// where M, C, K are those of one state and r is what f is beyond them. docs/mathematics/exponential.md, 2.
+class LinearPart {
+ public:
+  virtual ~LinearPart() = default;
+  virtual int size() const = 0;  // of r
+  /// Coordinates about (t, x) from now on, the start of a step; M, C, K anew where they have changed.
+  virtual void centre(double t, const double* x) = 0;
+  /// r at x, where f is xdot.
+  virtual void residual(const double* x, const double* xdot, double* r) const = 0;
+  /// x after h [s] from the centre with r(s) = r[0] + r[1] s + r[2] s^2, s = 0 ... 1.
+  virtual void advance(double h, const std::array<const double*, 3>& r, double* x) = 0;
+  /// What such an r alone does to x in h, of what the step resolves: e[n].
+  virtual void effect(double h, const std::array<const double*, 3>& r, double* e) = 0;
+  /// x at the fraction s of the last advance().
+  virtual void inside(double s, double* x) const = 0;
+  /// By which errors of x are measured: |x|, of swings their amplitude.
+  virtual void sizes(const double* x, double* size) const = 0;
+  /// [s] The longest step that it is made for.
+  virtual double longest_step() const = 0;
+  /// Where M, C, K are from.
+  virtual void remember(Archive& archive) = 0;
+};
 
 /// x' = f(t, x) with what an integrator may need besides. All functions are set once before the run; none may allocate,
 /// but for those of the linear solver "krylov".
@@ -43,10 +68,11 @@ struct OdeProblem {
   std::function<bool(double t, const double* x, double gamma, bool moved)> prepare;
   /// Solves (1 - gamma J) z = r approximately, a fixed linear map between two calls of prepare. Both or none.
   std::function<bool(const double* r, double* z)> precondition;
+  std::shared_ptr<LinearPart> linear;  // of the method `exponential` alone
 };
 
 struct IntegratorOptions {
-  std::string method = "dopri5";     // cvode_adams, cvode_bdf, dop853, dopri5, rk4
+  std::string method = "dopri5";     // cvode_adams, cvode_bdf, dop853, dopri5, exponential, rk4
   double relative_tolerance = 1e-9;  // adaptive methods
   double max_step = 0.0;             // [s] 0 = none; adaptive methods
   double initial_step = 0.0;         // [s] 0 = the method's choice; adaptive methods
@@ -113,6 +139,8 @@ class Integrator {
 };
 
 /// Throws InputError (C0301, C0401) for unknown methods and options that do not fit the method.
+void check_options(const IntegratorOptions& options);
+/// The same for the options and the problem, which has to have what the method needs.
 std::unique_ptr<Integrator> make_integrator(OdeProblem problem, const IntegratorOptions& options);
 
 }  // namespace cardan

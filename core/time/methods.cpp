@@ -18,11 +18,9 @@ struct Method {
 };
 
 const std::vector<Method>& methods() {
-  static const std::vector<Method> all = {{make_cvode, "cvode_adams", true},
-                                          {make_cvode, "cvode_bdf", true, {"dense", "krylov"}},
-                                          {make_dop853, "dop853", true},
-                                          {make_dopri5, "dopri5", true},
-                                          {make_rk4, "rk4", false}};
+  static const std::vector<Method> all = {{make_cvode, "cvode_adams", true},       {make_cvode, "cvode_bdf", true, {"dense", "krylov"}},
+                                          {make_dop853, "dop853", true},           {make_dopri5, "dopri5", true},
+                                          {make_exponential, "exponential", true}, {make_rk4, "rk4", false}};
   return all;
 }
 
@@ -72,7 +70,7 @@ std::vector<double> group_weights(const std::vector<int>& group) {
   return weights;
 }
 
-std::unique_ptr<Integrator> make_integrator(OdeProblem problem, const IntegratorOptions& options) {
+void check_options(const IntegratorOptions& options) {
   const Method& method = find_method(options.method);
   check_time(method, "max_step", options.max_step, method.adaptive);
   check_time(method, "initial_step", options.initial_step, method.adaptive);
@@ -80,10 +78,16 @@ std::unique_ptr<Integrator> make_integrator(OdeProblem problem, const Integrator
   check_linear_solver(method, options.linear_solver);
   if (!method.adaptive && options.fixed_step == 0.0)
     refuse(Code::unsupported, "step", fmt::format("a step in seconds, which {} needs", method.name), "nothing");
-
   const double relative = options.relative_tolerance;
   if (method.adaptive && !(relative >= 1e-14 && relative < 1.0))
     refuse(Code::out_of_range, "relative", "a number from 1e-14 to 1", fmt::format("{:g}", relative));
+}
+
+std::unique_ptr<Integrator> make_integrator(OdeProblem problem, const IntegratorOptions& options) {
+  check_options(options);
+  const Method& method = find_method(options.method);
+  if (method.make == make_exponential && !problem.linear)
+    refuse(Code::unsupported, "method", "a problem that tells its linear part", "\"exponential\" for one that does not");
   const auto& absolute = problem.absolute_tolerance;
   if (absolute.size() != static_cast<std::size_t>(problem.n))
     throw std::logic_error("make_integrator: one absolute tolerance per state is needed");

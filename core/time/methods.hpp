@@ -11,6 +11,8 @@ namespace cardan {
 std::unique_ptr<Integrator> make_rk4(OdeProblem problem, const IntegratorOptions& options);
 std::unique_ptr<Integrator> make_dop853(OdeProblem problem, const IntegratorOptions& options);
 std::unique_ptr<Integrator> make_dopri5(OdeProblem problem, const IntegratorOptions& options);
+/// Needs OdeProblem::linear.
+std::unique_ptr<Integrator> make_exponential(OdeProblem problem, const IntegratorOptions& options);
 /// cvode_adams or cvode_bdf.
 std::unique_ptr<Integrator> make_cvode(OdeProblem problem, const IntegratorOptions& options);
 

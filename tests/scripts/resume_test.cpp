@@ -56,7 +56,7 @@ void expect_same_results(const std::string& a, const std::string& b) {
 }
 
 TEST(Resume, GoesOnAsIfTheRunHadNeverStopped) {
-  for (const std::string method : {"dopri5", "dop853", "rk4", "cvode_adams", "cvode_bdf"}) {
+  for (const std::string method : {"dopri5", "dop853", "exponential", "rk4", "cvode_adams", "cvode_bdf"}) {
     const TemporaryFolder dir;
     make_scenario(dir, kMission);
     std::vector<std::string> options{"--set", "mission.integrator.method=" + method, "--seed", "5"};

@@ -56,12 +56,12 @@ TEST_P(EveryMethodEvents, AFunctionOfTimeIsLocatedToTwelveDigits) {
 TEST_P(EveryMethodEvents, SeveralInOneStepComeInOrder) {
   IntegratorOptions o = GetParam() == "rk4" ? rk4(0.5) : adaptive(GetParam(), 1e-9);
   const Values levels = {0.12, -0.05, 0.10, 0.02};
-  auto integrator = make_integrator(with_roots(oscillator(), 5,
-                                               [&](double t, const double* x, double* g) {
-                                                 for (int i = 0; i < 4; ++i) g[i] = x[0] - levels[i];
-                                                 g[4] = t - 1.5;
-                                               }),
-                                    o);
+  auto integrator = make_by(with_roots(oscillator(), 5,
+                                       [&](double t, const double* x, double* g) {
+                                         for (int i = 0; i < 4; ++i) g[i] = x[0] - levels[i];
+                                         g[4] = t - 1.5;
+                                       }),
+                            o);
   const auto found = events(*integrator, {1.0, 0.0}, 3.0);
   ASSERT_EQ(found.size(), 5u);
   const std::vector<int> order = {0, 2, 4, 3, 1};
@@ -77,8 +77,7 @@ TEST_P(EveryMethodEvents, SeveralInOneStepComeInOrder) {
 /// Not the interpolant but a step of its own gives the state at the event: on the surface also with a coarse step.
 TEST_P(EveryMethodEvents, TheStateLiesOnTheSurface) {
   IntegratorOptions o = GetParam() == "rk4" ? rk4(0.5) : adaptive(GetParam(), 1e-6);
-  auto integrator =
-      make_integrator(with_roots(oscillator(), 1, [](double, const double* x, double* g) { g[0] = x[0] * x[0] * x[0] - 0.1; }), o);
+  auto integrator = make_by(with_roots(oscillator(), 1, [](double, const double* x, double* g) { g[0] = x[0] * x[0] * x[0] - 0.1; }), o);
   double x[2] = {1.0, 0.0};
   integrator->restart(0.0, x);
   StepReport report;
@@ -96,7 +95,7 @@ TEST_P(EveryMethodEvents, GrazingIsSeenFromBothSides) {
   if (GetParam() != "rk4") o.max_step = 7e-4;
   const double depth = 1e-6;
   const auto surface = [](double, const double* x, double* g) { g[0] = x[0]; };
-  auto integrator = make_integrator(with_roots(parabola, 1, surface), o);
+  auto integrator = make_by(with_roots(parabola, 1, surface), o);
   const auto through = events(*integrator, {1.0 - depth}, 2.0);
   ASSERT_EQ(through.size(), 2u);
   EXPECT_NEAR(through[0].t, 1.0 - 1e-3, 1e-7);  // an error of the solution counts 1/(2e-3) times

@@ -1,0 +1,212 @@
+#include "core/sim/vehicle_linear_part.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "core/base/diagnostic.hpp"
+#include "core/model/loops.hpp"
+#include "core/spatial/rotation.hpp"
+
+namespace cardan {
+namespace {
+
+// M is taken anew where a hinge has moved by so much since: errors of the method grow threefold at 3 degrees (exponential.md, 5).
+constexpr double kTurn = std::numbers::pi / 180.0;  // [rad]
+constexpr double kWay = 0.01;                       // [m]
+constexpr int kVarying = 20;                        // steps, where masses change with time
+constexpr double kSwings = 2e4;                     // |mu| h of the longest step: tables of oscillators have 0.6 of that rows
+constexpr double kResolved = std::numbers::pi;      // omega h above which a mode is not seen by three evaluations
+
+struct Quaternion {
+  double w;
+  Vec3<double> v;
+};
+Quaternion read(const double* q) { return {q[0], {q[1], q[2], q[3]}}; }
+Quaternion times(const Quaternion& a, const Quaternion& b) { return {a.w * b.w - dot(a.v, b.v), a.w * b.v + b.w * a.v + cross(a.v, b.v)}; }
+Quaternion of_rotation(const Vec3<double>& theta) {
+  const double angle2 = dot(theta, theta), half = 0.5 * std::sqrt(angle2);
+  const double k = half > 1e-4 ? std::sin(half) / (2.0 * half) : 0.5 - angle2 / 48.0;
+  return {std::cos(half), k * theta};
+}
+Mat3<double> rotation(const Quaternion& q) { return rotation_of_quaternion(q.w, q.v.x, q.v.y, q.v.z); }
+Vec3<double> vec(const double* a) { return {a[0], a[1], a[2]}; }
+void store(const Vec3<double>& a, double* out) { out[0] = a.x, out[1] = a.y, out[2] = a.z; }
+
+/// theta' where R = exp(theta~) and omega = 2 (R* R')^v is in the turned axes: the inverse of the right Jacobian.
+Vec3<double> rate_of_rotation(const Vec3<double>& theta, const Vec3<double>& omega) {
+  const double t2 = dot(theta, theta), t = std::sqrt(t2);
+  const double k = t > 1e-2 ? (1.0 - 0.5 * t * std::sin(t) / (1.0 - std::cos(t))) / t2 : 1.0 / 12.0 + t2 / 720.0 + t2 * t2 / 30240.0;
+  const Vec3<double> to = cross(theta, omega);
+  return omega + 0.5 * to + k * cross(theta, to);
+}
+
+bool has_quaternion_shape(int shape) { return shape == CARDAN_SHAPE_BALL || shape == CARDAN_SHAPE_FREE || shape == CARDAN_SHAPE_FREE_BODY; }
+
+std::shared_ptr<const Model> honoured(std::shared_ptr<const Model> model) {
+  require_open_tree(*model, "the method exponential");
+  for (const int i : model->curved) {
+    const UserBody& u = model->user[static_cast<std::size_t>(i)];
+    for (int j = u.v; j < u.v + u.nv; ++j)
+      if (model->has_given_motion(j))
+        refuse(Code::unsupported, {"integrator.method"}, "given motions of single coordinates alone: the method exponential",
+               "a given motion of " + u.name + ", hinge " + u.hinge_type, "dopri5 or dop853");
+  }
+  return model;
+}
+
+}  // namespace
+
+VehicleLinearPart::VehicleLinearPart(std::shared_ptr<const Model> model)
+    : model_(honoured(std::move(model))), frozen_(model_), nq_(model_->nq), nv_(model_->nv), nz_(model_->devices.n_z) {
+  const Model& m = *model_;
+  matters_.assign(static_cast<std::size_t>(nv_), 0);
+  for (const UserBody& u : m.user) {
+    if (u.nv == 0 || m.bodies[static_cast<std::size_t>(u.sweep)].kind == BodyKernel::rotor) continue;
+    const int shape = u.hinge->shape;
+    if (u.parent < 0 && shape == CARDAN_SHAPE_FREE_BODY) continue;  // M is in its axes
+    for (int j = 0; j < u.nv; ++j) matters_[static_cast<std::size_t>(u.v + j)] = u.v_units[static_cast<std::size_t>(j)] == "m/s" ? 2 : 1;
+    if (u.parent < 0 && shape == CARDAN_SHAPE_FREE) std::fill_n(matters_.begin() + u.v + 3, 3, std::uint8_t{0});
+  }
+  for (const int i : m.curved) {
+    const UserBody& u = m.user[static_cast<std::size_t>(i)];
+    curved_.push_back({u.q, u.v, u.nq, u.nv, static_cast<int>(u.hinge->shape), &u});
+  }
+  x_.resize(static_cast<std::size_t>(nq_ + nv_ + nz_));
+  for (auto* x : {&travel_, &rate_, &u_, &du_, &difference_}) x->resize(static_cast<std::size_t>(nv_));
+  rest_.resize(static_cast<std::size_t>(nv_)), qdot_.resize(static_cast<std::size_t>(nq_));
+  for (auto& r : past_) r.resize(static_cast<std::size_t>(size() - nv_));
+}
+
+Vec3<double> VehicleLinearPart::turned(const Hinge& hinge, const double* q) const {
+  Quaternion from = read(x_.data() + hinge.q);
+  from.v = -1.0 * from.v;
+  Quaternion d = times(from, read(q + hinge.q));
+  if (d.w < 0.0) d = {-d.w, -1.0 * d.v};
+  const double sine = std::sqrt(dot(d.v, d.v));
+  return (sine > 1e-8 * d.w ? 2.0 * std::atan2(sine, d.w) / sine : 2.0 / d.w) * d.v;
+}
+
+bool VehicleLinearPart::moved(const double* q) const {
+  model_->difference(frozen_.where(), q, difference_.data());
+  for (std::size_t i = 0; i < matters_.size(); ++i)
+    if (matters_[i] != 0 && !(std::abs(difference_[i]) < (matters_[i] == 2 ? kWay : kTurn))) return true;
+  return false;
+}
+
+void VehicleLinearPart::centre(double t, const double* x) {
+  std::copy_n(x, x_.size(), x_.begin());
+  frozen_.set_rounding(8.0 * std::numeric_limits<double>::epsilon() * std::abs(t));
+  ++since_;
+  if (!frozen_.where() || frozen_.holds_others() || (!model_->varies.empty() && since_ > kVarying) || moved(x))
+    frozen_.freeze(x, x + nq_), since_ = 0;
+}
+
+void VehicleLinearPart::residual(const double* x, const double* xdot, double* r) const {
+  const double *q = x, *v = q + nq_, *qdot = xdot, *vdot = qdot + nq_;
+  std::copy_n(v, nv_, u_.begin()), std::copy_n(vdot, nv_, du_.begin());
+  double* beyond = r + nv_;
+  std::fill_n(beyond, nv_ + nq_, 0.0);
+  for (const Hinge& h : curved_) {
+    if (!has_quaternion_shape(h.shape)) {  // q' - N v, N at the centre
+      h.user->hinge->qdot(h.user->hinge_packed.data(), x_.data() + h.q, v + h.v, qdot_.data());
+      for (int i = 0; i < h.nq; ++i) beyond[nv_ + h.q + i] = qdot[h.q + i] - qdot_[static_cast<std::size_t>(i)];
+      continue;
+    }
+    const Vec3<double> theta = turned(h, q), omega = vec(v + h.v);
+    store(rate_of_rotation(theta, omega) - omega, beyond + h.v);
+    if (h.shape != CARDAN_SHAPE_FREE_BODY) continue;
+    const Mat3<double> R = rotation(of_rotation(theta));  // its velocity along the axes of the centre
+    const Vec3<double> along = vec(v + h.v + 3);
+    store(R * along, u_.data() + h.v + 3);
+    store(R * (vec(vdot + h.v + 3) + cross(omega, along)), du_.data() + h.v + 3);
+  }
+  frozen_.force(q, u_.data(), du_.data(), r);
+  std::copy_n(vdot + nv_, nz_, beyond + nv_ + nq_);
+}
+
+void VehicleLinearPart::advance(double h, const std::array<const double*, 3>& r, double* x) {
+  h_ = h;
+  frozen_.advance(h, x_.data(), x_.data() + nq_, r, travel_.data(), rate_.data());
+  for (std::size_t i = 0; i < 3; ++i) std::copy_n(r[i] + nv_, past_[i].size(), past_[i].begin());
+  assemble(h, 1.0, x);
+}
+
+void VehicleLinearPart::inside(double s, double* x) const {
+  frozen_.inside(s, travel_.data(), rate_.data());
+  assemble(h_, s, x);
+}
+
+/// x from travel_, rate_ and the integrals of what is beyond forces.
+void VehicleLinearPart::assemble(double h, double s, double* x) const {
+  const auto beyond = [&](int i) {
+    const auto k = static_cast<std::size_t>(i);
+    return h * s * (past_[0][k] + s * (past_[1][k] / 2 + s * past_[2][k] / 3));
+  };
+  std::copy_n(x_.data(), nq_, x);
+  double* v = x + nq_;
+  std::copy_n(x_.data() + nq_, nv_, v);
+  for (const PlainRates& p : model_->plain_rates)
+    for (int i = 0; i < p.n; ++i) x[p.q + i] += travel_[static_cast<std::size_t>(p.v + i)];
+  for (int i = 0; i < nv_; ++i)
+    if (!model_->has_prescribed() || model_->prescribed[static_cast<std::size_t>(i)] == 0) v[i] = rate_[static_cast<std::size_t>(i)];
+  for (const Hinge& hinge : curved_) {
+    double* q = x + hinge.q;
+    const double *travel = travel_.data() + hinge.v, *rate = rate_.data() + hinge.v;
+    if (!has_quaternion_shape(hinge.shape)) {
+      hinge.user->hinge->qdot(hinge.user->hinge_packed.data(), x_.data() + hinge.q, travel, qdot_.data());
+      for (int i = 0; i < hinge.nq; ++i) q[i] += qdot_[static_cast<std::size_t>(i)] + beyond(nv_ + hinge.q + i);
+      continue;
+    }
+    const Vec3<double> theta = vec(travel) + Vec3<double>{beyond(hinge.v), beyond(hinge.v + 1), beyond(hinge.v + 2)};
+    const Quaternion from = read(q), turn = of_rotation(theta), to = times(from, turn);
+    q[0] = to.w, store(to.v, q + 1);
+    if (hinge.shape == CARDAN_SHAPE_BALL) continue;
+    const Vec3<double> way = vec(travel + 3);
+    store(vec(q + 4) + (hinge.shape == CARDAN_SHAPE_FREE_BODY ? rotation(from) * way : way), q + 4);
+    if (hinge.shape == CARDAN_SHAPE_FREE_BODY) store(transpose_times(rotation(turn), vec(rate + 3)), v + hinge.v + 3);
+  }
+  for (int i = 0; i < nz_; ++i) v[nv_ + i] = x_[static_cast<std::size_t>(nq_ + nv_ + i)] + beyond(nv_ + nq_ + i);
+}
+
+void VehicleLinearPart::effect(double h, const std::array<const double*, 3>& r, double* e) {
+  frozen_.advance(h, nullptr, nullptr, r, travel_.data(), rate_.data());
+  const auto beyond = [&](int i) { return h * (r[0][nv_ + i] + r[1][nv_ + i] / 2 + r[2][nv_ + i] / 3); };
+  std::fill_n(e, x_.size(), 0.0);
+  for (const PlainRates& p : model_->plain_rates) std::copy_n(travel_.data() + p.v, p.n, e + p.q);
+  std::copy_n(rate_.data(), nv_, e + nq_);
+  for (const Hinge& hinge : curved_) {
+    const double* travel = travel_.data() + hinge.v;
+    if (!has_quaternion_shape(hinge.shape)) {
+      hinge.user->hinge->qdot(hinge.user->hinge_packed.data(), x_.data() + hinge.q, travel, e + hinge.q);
+      for (int i = 0; i < hinge.nq; ++i) e[hinge.q + i] += beyond(nv_ + hinge.q + i);
+      continue;
+    }
+    for (int i = 0; i < 3; ++i) e[hinge.q + 1 + i] = 0.5 * (travel[i] + beyond(hinge.v + i));
+    if (hinge.shape != CARDAN_SHAPE_BALL) std::copy_n(travel + 3, 3, e + hinge.q + 4);
+  }
+  for (int i = 0; i < nz_; ++i) e[nq_ + nv_ + i] = beyond(nv_ + nq_ + i);
+  frozen_.each_flexible([&](int eta, int etadot, std::span<const Oscillator> modes) {
+    for (std::size_t k = 0; k < modes.size(); ++k)
+      if (modes[k].frequency * h > kResolved) e[eta + static_cast<int>(k)] = e[nq_ + etadot + static_cast<int>(k)] = 0.0;
+  });
+}
+
+void VehicleLinearPart::sizes(const double* x, double* size) const {
+  for (std::size_t i = 0; i < x_.size(); ++i) size[i] = std::abs(x[i]);
+  frozen_.each_flexible([&](int eta, int etadot, std::span<const Oscillator> modes) {  // of all its modes together
+    double sum = 0.0;
+    int k = 0;
+    for (const Oscillator& mode : modes) sum += std::pow(mode.frequency * x[eta + k], 2) + std::pow(x[nq_ + etadot + k], 2), ++k;
+    const double amplitude = std::sqrt(sum);
+    k = 0;
+    for (const Oscillator& mode : modes) size[eta + k] = amplitude / mode.frequency, size[nq_ + etadot + k] = amplitude, ++k;
+  });
+}
+
+double VehicleLinearPart::longest_step() const {
+  return frozen_.fastest() > 0.0 ? kSwings / frozen_.fastest() : std::numeric_limits<double>::infinity();
+}
+
+}  // namespace cardan

@@ -1,0 +1,53 @@
+#pragma once
+// What the method `exponential` asks of a vehicle: its frozen linear part in coordinates about the start of each step, in which hinges turn
+// by rotation vectors and a free body moves along axes that stand still (docs/mathematics/exponential.md, 2).
+#include <Eigen/Core>
+#include <memory>
+#include <vector>
+
+#include "core/sim/frozen_vehicle.hpp"
+#include "core/time/integrator.hpp"
+
+namespace cardan {
+
+/// x = [q; v; z] in the user's order. r: forces per velocity component; what q' is beyond a constant map of v, per velocity component of
+/// hinges with a quaternion and per coordinate of others; z'.
+class VehicleLinearPart final : public LinearPart {
+ public:
+  /// InputError C0401 where a hinge whose coordinates are no integrals of its velocities is given a motion, or the vehicle has closed
+  /// loops.
+  explicit VehicleLinearPart(std::shared_ptr<const Model> model);
+
+  int size() const override { return 2 * nv_ + nq_ + nz_; }
+  void centre(double t, const double* x) override;
+  void residual(const double* x, const double* xdot, double* r) const override;
+  void advance(double h, const std::array<const double*, 3>& r, double* x) override;
+  void effect(double h, const std::array<const double*, 3>& r, double* e) override;
+  void inside(double s, double* x) const override;
+  void sizes(const double* x, double* size) const override;
+  double longest_step() const override;
+  void remember(Archive& archive) override { frozen_.remember(archive); }
+
+ private:
+  struct Hinge {  // whose q' is not v
+    int q, v, nq, nv, shape;
+    const UserBody* user;
+  };
+  /// Rotation vector of the attitude at q seen from that of the centre.
+  Vec3<double> turned(const Hinge& hinge, const double* q) const;
+  bool moved(const double* q) const;
+  void assemble(double h, double s, double* x) const;
+
+  std::shared_ptr<const Model> model_;
+  FrozenVehicle frozen_;
+  int nq_, nv_, nz_;
+  std::vector<Hinge> curved_;
+  std::vector<std::uint8_t> matters_;        // per velocity component: M changes with its coordinate; 2: with its length
+  std::vector<double> x_;                    // the centre
+  std::array<std::vector<double>, 3> past_;  // r of the last advance, its part beyond forces
+  mutable std::vector<double> travel_, rate_, u_, du_, rest_, qdot_, difference_;
+  double h_ = 0.0;
+  int since_ = 0;  // steps since it was frozen
+};
+
+}  // namespace cardan

@@ -1,0 +1,304 @@
+// The frozen linear vehicle against matrix exponentials, and runs by the method `exponential` against other methods.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/dynamics/inverse.hpp"
+#include "core/linalg/dense.hpp"
+#include "core/sim/simulation.hpp"
+#include "core/sim/vehicle_linear_part.hpp"
+#include "tests/support/builders.hpp"
+#include "tests/support/modal_samples.hpp"
+#include "tests/support/worse.hpp"
+
+namespace cardan::test {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+BodySpec flexible(const std::string& name, ModalData data, int level, const std::string& inboard, const std::string& hinge,
+                  const std::vector<Eigen::Vector3d>& axes, const Eigen::Vector3d& onode) {
+  BodySpec b = on(BodySpec(), inboard, hinge, axes, onode);
+  b.name = name, b.type = "modal_flexible", b.level = level;
+  b.modal = std::make_shared<const ModalData>(std::move(data));
+  return b;
+}
+
+/// A free bus with a sprung arm on which a flexible boom turns, a boom fixed to the bus, and a wheel.
+SystemSpec flexible_spacecraft(int level = 1, bool damped = true) {
+  BodySpec bus = on(rigid("bus", 40.0, {0.02, -0.01, 0.05}, diagonal({8.0, 6.0, 9.0})), "", "free_body");
+  BodySpec arm = on(rigid("arm", 3.0, {0.0, 0.0, 0.5}, diagonal({0.4, 0.5, 0.1})), "bus", "revolute", {{0, 1, 0}}, {0.3, 0, 0.4});
+  SpringDamper spring;
+  spring.stiffness = 60.0, spring.damping = damped ? 0.3 : 0.0;
+  arm.hinge.springs = {spring};
+  ModalData masses = lumped();
+  masses.C = 0.02 * masses.K;  // which its own modes make diagonal
+  BodySpec boom = flexible("boom", masses, level, "arm", "revolute", {{1, 0, 0}}, {0, 0, 1.0});
+  BodySpec beam_body = flexible("beam", beam(), level, "bus", "locked", {}, {0.0, 0.5, 0.0});
+  BodySpec wheel = on(rigid("wheel", 2.0, {0, 0, 0}, diagonal({0.01, 0.01, 0.02})), "bus", "revolute", {{0, 0, 1}}, {0.1, 0.2, -0.3});
+  return system({bus, arm, boom, beam_body, wheel});
+}
+
+/// At rest, turned and bent.
+State posture(const Model& m) {
+  State s = m.initial_state();
+  VectorXd d(m.nv);
+  for (int i = 0; i < m.nv; ++i) d[i] = (i < 6 ? 0.3 : 0.02) * std::sin(1.0 + 1.7 * i);
+  for (const SweepBody& b : m.bodies)
+    for (int k = 0; k < b.n_modes; ++k) d[b.etadot + k] = 0.0;  // M as with modes at zero
+  VectorXd q(m.nq);
+  m.retract(s.q.data(), d.data(), q.data());
+  s.q = q, s.v.setZero();
+  return s;
+}
+
+struct Linear {
+  MatrixXd M, K, C;
+};
+/// Of the model at q, in the user's order of velocities.
+Linear linear_of(const Model& m, const State& s) {
+  Linear l;
+  Workspace workspace(m);
+  l.M = mass_matrix(m, workspace, s.q.data());
+  l.K.setZero(m.nv, m.nv), l.C.setZero(m.nv, m.nv);
+  for (const HingeLoad& load : m.loads) l.K(load.v, load.v) = load.p[0], l.C(load.v, load.v) = load.p[2];
+  for (const SweepBody& b : m.bodies) {
+    if (b.n_modes == 0) continue;
+    const FlexibleBody& f = m.flexible[static_cast<std::size_t>(b.flexible)];
+    for (int i = 0; i < b.n_modes; ++i)
+      for (int j = 0; j < b.n_modes; ++j) {
+        if (f.K_diagonal && i != j) continue;
+        const auto at = static_cast<std::size_t>(f.K_diagonal ? i : j * b.n_modes + i);
+        l.K(b.etadot + i, b.etadot + j) = f.K[at], l.C(b.etadot + i, b.etadot + j) = f.C[at];
+      }
+  }
+  return l;
+}
+
+/// exp(A t) x of x' = A x + B, by Taylor series over small pieces.
+VectorXd flow(const MatrixXd& A, const VectorXd& B, VectorXd x, double t) {
+  const int pieces = 1 + static_cast<int>(2.0 * A.norm() * t);
+  const double h = t / pieces;
+  for (int p = 0; p < pieces; ++p) {
+    VectorXd term = A * x + B, sum = x;
+    double factor = h;
+    for (int k = 1; k < 30; ++k) {
+      sum += factor * term;
+      term = A * term;
+      factor *= h / (k + 1);
+    }
+    x = sum;
+  }
+  return x;
+}
+
+TEST(FrozenVehicle, TellsForcesAsTheMassMatrixDoes) {
+  const auto model = compiled(flexible_spacecraft());
+  const Model& m = *model;
+  const State s = posture(m);
+  const Linear l = linear_of(m, s);
+  FrozenVehicle frozen(model);
+  frozen.freeze(s.q.data(), s.v.data());
+  VectorXd y = VectorXd::Zero(m.nq), u(m.nv), du(m.nv), r(m.nv), displacement = VectorXd::Zero(m.nv);
+  for (int i = 0; i < m.nv; ++i) u[i] = std::cos(2.0 * i), du[i] = std::sin(3.0 * i + 1.0);
+  for (const PlainRates& p : m.plain_rates)
+    for (int i = 0; i < p.n; ++i) y[p.q + i] = displacement[p.v + i] = std::sin(5.0 * (p.v + i));
+  frozen.force(y.data(), u.data(), du.data(), r.data());
+  // Of the boom, whose modes are none of its K and M, r is told in its own: compared as power.
+  const VectorXd wanted = l.M * du + l.C * u + l.K * displacement;
+  for (int i = 0; i < m.nv; ++i) {
+    bool modal = false;
+    for (const SweepBody& b : m.bodies) modal = modal || (b.n_modes > 0 && i >= b.etadot && i < b.etadot + b.n_modes);
+    if (modal) continue;
+    EXPECT_NEAR(r[i], wanted[i], 1e-12 * wanted.norm()) << i;
+  }
+}
+
+/// One step from rest-free and forced motion against the exponential of the whole matrix: exact up to what the degrees resolve.
+TEST(FrozenVehicle, AdvancesAsTheMatrixExponential) {
+  const auto model = compiled(flexible_spacecraft());
+  const Model& m = *model;
+  const State s = posture(m);
+  const Linear l = linear_of(m, s);
+  const MatrixXd inverse = positive_inverse(l.M).value();
+  MatrixXd A = MatrixXd::Zero(2 * m.nv, 2 * m.nv);
+  A.topRightCorner(m.nv, m.nv).setIdentity();
+  A.bottomLeftCorner(m.nv, m.nv) = -inverse * l.K, A.bottomRightCorner(m.nv, m.nv) = -inverse * l.C;
+  FrozenVehicle frozen(model);
+  frozen.freeze(s.q.data(), s.v.data());
+  VectorXd y = VectorXd::Zero(m.nq), u(m.nv), x(2 * m.nv), B = VectorXd::Zero(2 * m.nv), tau = VectorXd::Zero(m.nv);
+  x.setZero();
+  for (const PlainRates& p : m.plain_rates)
+    for (int i = 0; i < p.n; ++i) y[p.q + i] = x[p.v + i] = 1e-2 * std::sin(5.0 * (p.v + i));
+  for (int i = 0; i < m.nv; ++i) u[i] = x[m.nv + i] = 0.1 * std::cos(2.0 * i);
+  for (const int i : {0, 1, 3, m.user[1].v, m.user[4].v}) tau[i] = 1.0 + i;  // no modes: those of the boom are others in r
+  B.tail(m.nv) = inverse * tau;
+  const VectorXd zero = VectorXd::Zero(m.nv);
+  double before = 0.0;
+  for (const double h : {0.2, 0.1, 0.05, 0.02}) {
+    VectorXd travel(m.nv), rate(m.nv);
+    frozen.advance(h, y.data(), u.data(), {tau.data(), zero.data(), zero.data()}, travel.data(), rate.data());
+    const VectorXd end = flow(A, B, x, h);
+    const double error =
+        worse(distance(travel, end.head(m.nv) - x.head(m.nv)) / (0.1 * h), distance(rate, end.tail(m.nv)) / largest(end.tail(m.nv)));
+    if (h == 0.05) {
+      EXPECT_LT(error, 1e-7);
+    }
+    if (h == 0.02) {
+      EXPECT_LT(error, 1e-11);
+      EXPECT_LT(error, 2e-2 * before);  // of a high order
+    }
+    before = error;
+  }
+}
+
+/// Without damping the energy of the frozen vehicle stays to round-off, whatever the step resolves.
+TEST(FrozenVehicle, KeepsItsEnergy) {
+  const auto model = compiled(flexible_spacecraft(1, false));
+  const Model& m = *model;
+  const State s = posture(m);
+  Linear l = linear_of(m, s);
+  auto own = std::make_shared<Model>(*model);
+  for (FlexibleBody& f : own->flexible) std::ranges::fill(f.C, 0.0);
+  FrozenVehicle frozen(own);
+  frozen.freeze(s.q.data(), s.v.data());
+  for (const double h : {0.02, 0.3, 3.0}) {
+    VectorXd y = VectorXd::Zero(m.nq), x = VectorXd::Zero(m.nv), u(m.nv), travel(m.nv), rate(m.nv);
+    const VectorXd zero = VectorXd::Zero(m.nv);
+    for (int i = 0; i < m.nv; ++i) u[i] = 0.1 * std::cos(2.0 * i);
+    const auto energy = [&] { return 0.5 * u.dot(l.M * u) + 0.5 * x.dot(l.K * x); };
+    const double at_start = energy();
+    double worst = 0.0;
+    for (int k = 0; k < 1000; ++k) {
+      frozen.advance(h, y.data(), u.data(), {zero.data(), zero.data(), zero.data()}, travel.data(), rate.data());
+      x += travel, u = rate;
+      for (const PlainRates& p : m.plain_rates)
+        for (int i = 0; i < p.n; ++i) y[p.q + i] += travel[p.v + i];
+      for (int i = 0; i < 6; ++i) x[i] = 0.0;
+      worst = worse(worst, std::abs(energy() / at_start - 1.0));
+    }
+    EXPECT_LT(worst, 1e-10) << h;
+  }
+}
+
+TEST(FrozenVehicle, GivesItsDenseOutputAsStepsThatEndThere) {
+  const auto model = compiled(flexible_spacecraft());
+  const Model& m = *model;
+  const State s = posture(m);
+  FrozenVehicle frozen(model);
+  frozen.freeze(s.q.data(), s.v.data());
+  VectorXd y = VectorXd::Zero(m.nq), u(m.nv), tau(m.nv), slope(m.nv), bend(m.nv);
+  for (int i = 0; i < m.nv; ++i)
+    u[i] = 0.1 * std::cos(2.0 * i), tau[i] = std::sin(i), slope[i] = std::cos(3.0 * i), bend[i] = std::sin(7.0 * i);
+  const double h = 0.05;
+  for (const double part : {0.0, 0.3, 1.0}) {
+    VectorXd travel(m.nv), rate(m.nv), travel_there(m.nv), rate_there(m.nv);
+    if (part > 0.0) {
+      const VectorXd slope_there = part * slope, bend_there = part * part * bend;
+      frozen.advance(part * h, y.data(), u.data(), {tau.data(), slope_there.data(), bend_there.data()}, travel_there.data(),
+                     rate_there.data());
+    } else {
+      travel_there.setZero(), rate_there = u;
+    }
+    frozen.advance(h, y.data(), u.data(), {tau.data(), slope.data(), bend.data()}, travel.data(), rate.data());
+    frozen.inside(part, travel.data(), rate.data());
+    EXPECT_LT((travel - travel_there).norm(), 1e-7 * h) << part;
+    EXPECT_LT(distance(rate, rate_there), 1e-6) << part;
+  }
+}
+
+SimulationOptions by_exponential(double max_step = 0.0, double tolerance = 1e-3) {
+  SimulationOptions o;
+  o.integrator.method = "exponential";
+  o.integrator.relative_tolerance = tolerance;
+  o.integrator.max_step = max_step;
+  return o;
+}
+
+/// The spacecraft turns, its arm swings, a torque changes ten times in a second.
+VectorXd run_spacecraft(const std::shared_ptr<const Model>& model, const SimulationOptions& options, double t_end = 2.0,
+                        IntegratorStatistics* statistics = nullptr) {
+  Simulation sim(model, options);
+  State s = posture(*model);
+  for (int i = 0; i < model->nv; ++i) s.v[i] = 0.05 * std::cos(2.0 * i);
+  for (const UserBody& u : model->user)
+    if (u.n_modes > 0) s.v.segment(u.etadot, u.n_modes) *= u.name == "beam" ? 0.0 : 0.02;
+  sim.set_state(s);
+  const int wheel = model->user[4].v;
+  sim.every({1, 10}, [&sim, wheel] { sim.set_force(wheel, 0.2 * std::cos(2.0 * sim.time())); });
+  sim.run(t_end);
+  if (statistics) *statistics = sim.statistics();
+  VectorXd x(model->nq + model->nv);
+  x << sim.state().q, sim.state().v;
+  return x;
+}
+
+SimulationOptions reference() {
+  SimulationOptions o;
+  o.integrator.method = "dop853";
+  o.integrator.relative_tolerance = 1e-13;
+  return o;
+}
+
+TEST(Exponential, IsOfOrderThreeThroughTicks) {
+  for (const int level : {0, 1}) {
+    const auto model = compiled(flexible_spacecraft(level));
+    const VectorXd wanted = run_spacecraft(model, reference());
+    std::vector<double> errors;
+    for (const double h : {0.025, 0.0125, 0.00625})
+      errors.push_back((run_spacecraft(model, by_exponential(h)) - wanted).norm() / wanted.norm());
+    for (std::size_t i = 0; i + 1 < errors.size(); ++i) {
+      EXPECT_GT(errors[i] / errors[i + 1], 5.5) << "level " << level << ": " << errors[i] << ", " << errors[i + 1];
+    }
+    EXPECT_LT(errors.back(), 1e-7) << level;
+  }
+}
+
+/// The tolerance is kept: errors fall with it.
+TEST(Exponential, FollowsItsTolerance) {
+  const auto model = compiled(flexible_spacecraft());
+  const VectorXd wanted = run_spacecraft(model, reference());
+  for (const double tolerance : {1e-4, 1e-6, 1e-8}) {
+    const double error = (run_spacecraft(model, by_exponential(0.0, tolerance)) - wanted).norm() / wanted.norm();
+    EXPECT_LT(error, 30.0 * tolerance);
+  }
+}
+
+/// The stiffer the modes, the smaller what they do; the steps do not follow them.
+TEST(Exponential, TakesNoSmallerStepsForFasterModes) {
+  std::vector<long> calls;
+  std::vector<double> errors;
+  for (const double faster : {1.0, 10.0, 100.0}) {
+    SystemSpec spec = flexible_spacecraft(0);
+    for (BodySpec& b : spec.bodies) {
+      if (!b.modal || b.name != "beam") continue;
+      ModalData data = *b.modal;
+      data.K *= faster * faster, data.C *= faster;
+      b.modal = std::make_shared<const ModalData>(data);
+    }
+    const auto model = compiled(spec);
+    IntegratorStatistics s;
+    const VectorXd got = run_spacecraft(model, by_exponential(0.0, 1e-5), 1.0, &s);
+    calls.push_back(s.rhs_calls);
+    errors.push_back((got - run_spacecraft(model, reference(), 1.0)).norm());
+  }
+  EXPECT_LE(calls[2], 2 * calls[0]);
+  EXPECT_LT(errors[2], 1e-4);
+}
+
+TEST(Exponential, RefusesWhatItDoesNotHonour) {
+  SystemSpec spec = flexible_spacecraft();
+  spec.bodies[0].hinge.prescribed = {0};
+  const auto model = compiled(spec);
+  try {
+    VehicleLinearPart part(model);
+    FAIL() << "a given motion of a free body";
+  } catch (const InputError& e) {
+    EXPECT_EQ(e.diagnostics().at(0).code, Code::unsupported);
+    EXPECT_EQ(e.diagnostics().at(0).at.key_path, "integrator.method");
+  }
+}
+
+}  // namespace
+}  // namespace cardan::test
