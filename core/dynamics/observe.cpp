@@ -155,6 +155,34 @@ Momentum Observer::momentum() const {
   return m;
 }
 
+Eigen::Vector3d Observer::axis_in_world(int rotor) const {
+  const Eigen::Vector3d axis = to_eigen(ws_.pose_W(rotor).R * soa::hinge_column(model_, ws_, rotor, 0).w);
+  return axis.normalized();
+}
+
+Eigen::Matrix3d Observer::locked_inertia(const Eigen::Vector3d& about) const {
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  const auto spread = [](const Eigen::Vector3d& r) -> Eigen::Matrix3d {
+    return r.squaredNorm() * Eigen::Matrix3d::Identity() - r * r.transpose();
+  };
+  for (int k = 1; k < static_cast<int>(model_.bodies.size()); ++k) {
+    const RigidInertia<double>& M = inertia_[k];
+    const Eigen::Matrix3d R = to_eigen(ws_.pose_W(k).R);
+    Eigen::Matrix3d J = to_eigen(M.J);
+    Eigen::Vector3d r = to_eigen(ws_.pose_W(k).p) - about;
+    if (M.m > 0.0) {
+      const Eigen::Vector3d c = to_eigen(M.h) / M.m;
+      J -= M.m * spread(c);
+      r += R * c;
+    }
+    sum += R * J * R.transpose() + M.m * spread(r);
+    if (model_.bodies[k].kind != BodyKernel::rotor) continue;
+    const Eigen::Vector3d u = axis_in_world(k);
+    sum -= model_.axis_bodies[k].J_axial * u * u.transpose();
+  }
+  return sum;
+}
+
 // f = P delta + z; with modes f = P_rr (delta + C eta'') + P_re' eta'' + z (the parts caused by v'; 4.10). What hangs on a node
 // of a body that is eliminated through its nodes tells by itself what it transmits: C phi + e, in the axes of that body.
 Force<double> Observer::wrench_on_sweep_body(int k) const {

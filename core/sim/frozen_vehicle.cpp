@@ -51,15 +51,16 @@ FrozenVehicle::FrozenVehicle(std::shared_ptr<const Model> model) : model_(std::m
     bodies_.push_back(std::move(b));
   }
   steps_.reserve(kSteps);
-  P_.resize(bodies_.size()), Z_.resize(bodies_.size()), delta_.resize(bodies_.size()), Gamma_.resize(bodies_.size());
+  P_.resize(bodies_.size()), Z_.resize(bodies_.size()), delta_.resize(bodies_.size()), Gamma_.resize(bodies_.size()),
+      eps_.resize(bodies_.size());
   a_.resize(bodies_.size()), f_.resize(bodies_.size());
   for (std::size_t i = 0; i < bodies_.size(); ++i) {
     const int size = bodies_[i].size;
     Z_[i].setZero(size, kDegrees), delta_[i].setZero(size, kDegrees), a_[i].setZero(size), f_[i].setZero(size);
   }
   for (VectorXd* x : {&xi_, &xi_rate_, &xi_acceleration_}) x->setZero(static_cast<Eigen::Index>(largest));
-  u_.resize(static_cast<std::size_t>(m.nv)), eta_.setZero(n_modes_);
-  alpha_.resize(static_cast<std::size_t>(n_modes_)), drive_.resize(alpha_.size()), coupling_.resize(alpha_.size());
+  u_.resize(static_cast<std::size_t>(m.nv));
+  causes_.setZero(OscillatorTable::kCauses, n_modes_);
 }
 
 /// Modes of the body by itself, its frame held: those that are given where M_ee = 1 and K, C are diagonal.
@@ -250,7 +251,7 @@ void FrozenVehicle::factor(Step& step) {
       const OscillatorTable& table = step.tables[static_cast<std::size_t>(b.first_mode + k)];
       const Matrix6 outer = b.Mre.col(k) * b.Mre.col(k).transpose();
       for (int r = 0; r < kDegrees; ++r)
-        for (int c = 0; c < kDegrees; ++c) P.block<6, 6>(6 * r, 6 * c) += table.force_of_coupling[r][c] * outer;
+        for (int c = 0; c < kDegrees; ++c) P.block<6, 6>(6 * r, 6 * c) += table.force_of_carrier(r, c) * outer;
     }
   }
   for (std::size_t i = bodies_.size(); i-- > 0;) {
@@ -277,9 +278,9 @@ void FrozenVehicle::factor(Step& step) {
           for (int k = 0; k < kDegrees; ++k) twice += integral_of_legendre(r, k) * integral_of_legendre(k, c);
           D.block(n * r, n * c, n, n) += h * integral_of_legendre(r, c) * b.C + h * h * twice * b.K;
         }
-      factor.D.compute(D);
+      factor.D_inverse = inverse(D);
       if (b.parent >= 0) {
-        factor.back = factor.D.solve(back);
+        factor.back.noalias() = factor.D_inverse * back;
         plus.noalias() -= factor.gain * factor.back;
       }
     }
@@ -312,21 +313,17 @@ void FrozenVehicle::advance(double h, const double* y, const double* u, const Dr
     const Body& b = bodies_[i];
     Z_[i].setZero();
     if (!b.in_closed_form) continue;
-    if (u) to_modes(b, y + b.eta, xi_), to_modes(b, u + b.etadot, xi_rate_);
+    if (u)
+      to_modes(b, y + b.eta, xi_), to_modes(b, u + b.etadot, xi_rate_);
+    else
+      xi_.setZero(), xi_rate_.setZero();
     for (int k = 0; k < b.m; ++k) {
-      const auto at = static_cast<std::size_t>(b.first_mode + k);
-      const OscillatorTable& table = step.tables[at];
-      const Oscillator& o = b.modes[static_cast<std::size_t>(k)];
-      eta_[b.first_mode + k] = u ? xi_[k] : 0.0;
-      alpha_[at] = u ? o.alpha(xi_[k], xi_rate_[k]) : 0.0;
-      drive_[at] = drive(b.etadot + k);
-      const auto& F = drive_[at];
-      for (int d = 0; d < kDegrees; ++d) {
-        const double swing = (table.free_force[static_cast<std::size_t>(d)] * alpha_[at]).imag();
-        const double driven = table.force_of_drive[d][0] * F[0] + table.force_of_drive[d][1] * F[1] + table.force_of_drive[d][2] * F[2];
-        const double z = (d < 3 ? F[static_cast<std::size_t>(d)] : 0.0) - swing - driven;
-        Z_[i].col(d).head<6>() += z * b.Mre.col(k);
-      }
+      const OscillatorTable& table = step.tables[static_cast<std::size_t>(b.first_mode + k)];
+      const auto F = drive(b.etadot + k);
+      auto cause = causes_.col(b.first_mode + k);
+      cause.head<5>() << xi_[k], xi_rate_[k], F[0], F[1], F[2];
+      const Eigen::Matrix<double, kDegrees, 1> force = table.force * cause.head<5>();
+      Z_[i].topRows<6>().noalias() -= b.Mre.col(k).head<6>() * force.transpose();
     }
   }
   for (std::size_t i = N; i-- > 0;) {
@@ -336,7 +333,10 @@ void FrozenVehicle::advance(double h, const double* y, const double* u, const Dr
     Series& Gamma = Gamma_[i];
     Eigen::Matrix<double, 6, kDegrees> Z = Z_[i].topRows<6>();
     if (n > 0) {
-      Gamma.noalias() = -(b.Ht.transpose() * Z_[i]);
+      if (b.size == 6)
+        for (Eigen::Index c = 0; c < n; ++c) Gamma.row(c).noalias() = -(b.Ht.col(c).head<6>().transpose() * Z_[i].topRows<6>());
+      else
+        Gamma = -b.Ht.transpose().lazyProduct(Z_[i]);
       for (Eigen::Index c = 0; c < n; ++c) {
         const auto F = drive(b.v[static_cast<std::size_t>(c)]);
         for (int d = 0; d < 3; ++d) Gamma(c, d) += F[static_cast<std::size_t>(d)];
@@ -349,15 +349,27 @@ void FrozenVehicle::advance(double h, const double* y, const double* u, const Dr
           Gamma(c, 1) -= b.K(c, e) * 0.5 * h * u_e;
         }
       }
+      Series& eps = eps_[i];
+      eps = Gamma;
       if (b.wide) {
-        VectorXd::Map(Gamma.data(), n * kDegrees) = factor.D.solve(VectorXd::Map(Gamma.data(), n * kDegrees)).eval();
+        VectorXd::Map(Gamma.data(), n * kDegrees).noalias() = factor.D_inverse * VectorXd::Map(eps.data(), n * kDegrees);
         if (b.parent >= 0) VectorXd::Map(Z.data(), 6 * kDegrees).noalias() += factor.gain * VectorXd::Map(Gamma.data(), n * kDegrees);
       } else {
-        Gamma = factor.D.solve(Gamma).eval();
-        if (b.parent >= 0) Z.noalias() += factor.gain * Gamma;
+        if (n == 1)
+          Gamma *= factor.D_inverse(0, 0);
+        else
+          Gamma = factor.D_inverse.lazyProduct(eps);
+        if (b.parent >= 0)
+          for (Eigen::Index c = 0; c < n; ++c) Z.noalias() += factor.gain.col(c).head<6>() * Gamma.row(c);
       }
     }
-    if (b.parent >= 0) Z_[static_cast<std::size_t>(b.parent)].noalias() += b.A.transpose() * Z;
+    if (b.parent >= 0) {
+      Series& inboard = Z_[static_cast<std::size_t>(b.parent)];
+      if (b.A.cols() == 6)
+        inboard.topRows<6>().noalias() += b.A.leftCols<6>().transpose() * Z;
+      else
+        inboard += b.A.transpose().lazyProduct(Z);
+    }
   }
   for (std::size_t i = 0; i < N; ++i) {
     const Body& b = bodies_[i];
@@ -366,16 +378,25 @@ void FrozenVehicle::advance(double h, const double* y, const double* u, const Dr
     Series& Gamma = Gamma_[i];
     delta_[i].setZero();
     if (b.parent >= 0) {
-      const Eigen::Matrix<double, 6, kDegrees> d = b.A * delta_[static_cast<std::size_t>(b.parent)];
+      const Series& inboard = delta_[static_cast<std::size_t>(b.parent)];
+      Eigen::Matrix<double, 6, kDegrees> d;
+      if (b.A.cols() == 6)
+        d.noalias() = b.A.leftCols<6>() * inboard.topRows<6>();
+      else
+        d = b.A.lazyProduct(inboard);
       if (n > 0) {
         if (b.wide)
           VectorXd::Map(Gamma.data(), n * kDegrees).noalias() -= factor.back * VectorXd::Map(d.data(), 6 * kDegrees);
         else
-          Gamma.noalias() -= factor.back * d;
+          for (Eigen::Index c = 0; c < n; ++c) Gamma.row(c).noalias() -= factor.back.row(c).head<6>() * d;
       }
       delta_[i].topRows<6>() = d;
     }
-    if (n > 0) delta_[i].noalias() += b.Ht * Gamma;
+    for (Eigen::Index c = 0; c < n; ++c)
+      if (b.size == 6)
+        delta_[i].topRows<6>().noalias() += b.Ht.col(c).head<6>() * Gamma.row(c);
+      else
+        delta_[i].noalias() += b.Ht.col(c) * Gamma.row(c);
     for (Eigen::Index c = 0; c < n; ++c) {
       const int v = b.v[static_cast<std::size_t>(c)];
       travel[v] = h * (u_[static_cast<std::size_t>(v)] + h * (Gamma(c, 0) / 2 - Gamma(c, 1) / 6));
@@ -383,18 +404,11 @@ void FrozenVehicle::advance(double h, const double* y, const double* u, const Dr
     }
     if (!b.in_closed_form) continue;
     for (int k = 0; k < b.m; ++k) {
-      const auto at = static_cast<std::size_t>(b.first_mode + k);
-      const OscillatorTable& table = step.tables[at];
-      const Oscillator& o = b.modes[static_cast<std::size_t>(k)];
-      std::complex<double> alpha = table.decay * alpha_[at];
-      for (std::size_t d = 0; d < 3; ++d) alpha += table.driven[d] * drive_[at][d];
-      for (int d = 0; d < kDegrees; ++d) {
-        const auto j = static_cast<std::size_t>(d);
-        coupling_[at][j] = -b.Mre.col(k).dot(delta_[i].col(d).head<6>());
-        alpha += table.coupled[j] * coupling_[at][j];
-      }
-      xi_[k] = o.eta(alpha) - eta_[b.first_mode + k];
-      xi_rate_[k] = o.rate(alpha) + OscillatorTable::jump(h) * coupling_[at][kDegrees - 1];
+      const OscillatorTable& table = step.tables[static_cast<std::size_t>(b.first_mode + k)];
+      auto cause = causes_.col(b.first_mode + k);
+      cause.tail<kDegrees>().noalias() = -(delta_[i].topRows<6>().transpose() * b.Mre.col(k).head<6>());
+      const Eigen::Vector2d end = table.end * cause;
+      xi_[k] = end[0] - cause[0], xi_rate_[k] = end[1];
     }
     from_modes(b, xi_, travel + b.etadot), from_modes(b, xi_rate_, rate + b.etadot);
   }
@@ -434,11 +448,9 @@ void FrozenVehicle::inside(double s, double* travel, double* rate) const {
     }
     if (!b.in_closed_form) continue;
     for (int k = 0; k < b.m; ++k) {
-      const auto at = static_cast<std::size_t>(b.first_mode + k);
-      const Oscillator& o = b.modes[static_cast<std::size_t>(k)];
-      const std::complex<double> alpha = step_->tables[at].inside(s, alpha_[at], drive_[at].data(), coupling_[at].data());
-      xi_[k] = o.eta(alpha) - eta_[b.first_mode + k];
-      xi_rate_[k] = o.rate(alpha) + OscillatorTable::jump(h) * P[kDegrees] * coupling_[at][kDegrees - 1];
+      const OscillatorTable::Causes causes = causes_.col(b.first_mode + k);
+      const auto [eta, eta_rate] = step_->tables[static_cast<std::size_t>(b.first_mode + k)].inside(s, causes);
+      xi_[k] = eta - causes[0], xi_rate_[k] = eta_rate;
     }
     from_modes(b, xi_, travel + b.etadot), from_modes(b, xi_rate_, rate + b.etadot);
   }

@@ -3,7 +3,6 @@
 // the modes and of springs and dampers on hinges. Solved through a step in O(N): modes in closed form, velocities of what they hang on as
 // polynomials of time, bodies eliminated tip to base as in the articulated sweeps (docs/mathematics/exponential.md, 3 and 4).
 #include <Eigen/Core>
-#include <Eigen/LU>
 #include <array>
 #include <memory>
 #include <span>
@@ -61,14 +60,14 @@ class FrozenVehicle {
     std::vector<int> v, y, column;  // of the coordinates that are solved for: velocity, place in y or -1, column of H*
     bool wide_inside = false;       // what is outboard of its hinge swings in time: an inertia per pair of degrees
     bool wide = false;              // ... with the hinge
-    Eigen::MatrixXd A, Ht, M, K, C;
+    Eigen::Matrix<double, 6, Eigen::Dynamic> A;
+    Eigen::MatrixXd Ht, M, K, C;
     Eigen::MatrixXd Mre;           // 6 x m, of modes in closed form
     Eigen::MatrixXd shape, to_xi;  // eta = shape xi, xi = to_xi eta, where the given modes are not those of the body by itself; else empty
     std::vector<Oscillator> modes;
   };
   struct Factor {
-    Eigen::PartialPivLU<Eigen::MatrixXd> D;
-    Eigen::MatrixXd gain, back;  // P H*, its first six rows; D^-1 H P, its first six columns
+    Eigen::MatrixXd D_inverse, gain, back;  // gain: P H*, its first six rows; back: D^-1 H P, its first six columns
   };
   struct Step {  // what belongs to one length of step
     double h = 0.0;
@@ -95,14 +94,11 @@ class FrozenVehicle {
   std::vector<Eigen::MatrixXd> P_;              // per body, scratch of factor()
   mutable std::vector<Eigen::VectorXd> a_, f_;  // per body, scratch of force()
   mutable Eigen::VectorXd xi_, xi_rate_, xi_acceleration_;
-  // Of the last advance(): per body forces, motions and accelerations of its coordinates; per mode.
-  std::vector<Series> Z_, delta_, Gamma_;
+  // Of the last advance(): per body forces, motions and accelerations of its coordinates; what acts on each mode, one a column.
+  std::vector<Series> Z_, delta_, Gamma_, eps_;
   const Step* step_ = nullptr;
   std::vector<double> u_;
-  Eigen::VectorXd eta_;                                 // at its start
-  std::vector<std::complex<double>> alpha_;             // likewise
-  std::vector<std::array<double, 3>> drive_;            // r, Legendre coefficients
-  std::vector<std::array<double, kDegrees>> coupling_;  // - b . acceleration
+  Eigen::Matrix<double, OscillatorTable::kCauses, Eigen::Dynamic> causes_;
 };
 
 }  // namespace cardan

@@ -479,6 +479,7 @@ OdeProblem Simulation::ode() {
       if (normalised_) unless_thrown([&] { model_->normalise(x); });
       give_motion(t, x, x + model_->nq);
       if (loops_ && !close_loops(x, x + model_->nq)) x[0] = std::numeric_limits<double>::quiet_NaN();  // a smaller step, or the end
+      if (momentum_ && !acted_on()) momentum_->keep(x, x + model_->nq);
     };
   ode.absolute_tolerance = absolute_tolerances();
   ode.group.assign(static_cast<std::size_t>(ode.n), 0);
@@ -499,7 +500,11 @@ OdeProblem Simulation::ode() {
       });
       if (!known) std::fill_n(of_devices, static_cast<std::size_t>(model_->devices.n_roots) + model_->devices.holds.size(), 1.0);
     };
-  if (options_.integrator.method == "exponential") ode.linear = std::make_shared<VehicleLinearPart>(model_);
+  momentum_.reset();
+  if (options_.integrator.method == "exponential") {
+    ode.linear = std::make_shared<VehicleLinearPart>(model_);
+    if (MomentumKeeper::honours(m) && !own_) momentum_ = std::make_unique<MomentumKeeper>(m);
+  }
   if (options_.integrator.linear_solver != "krylov") return ode;
   newton_ = std::make_unique<NewtonOperators>(model_, devices_.get());
   x_evaluated_.resize(static_cast<std::size_t>(ode.n));
@@ -521,6 +526,19 @@ OdeProblem Simulation::ode() {
     return true;
   };
   return ode;
+}
+
+// Something acts on the one free root from outside, or stores momentum beside the bodies.
+bool Simulation::acted_on() const {
+  const UserBody& root = model_->user[static_cast<std::size_t>(roots_.front())];
+  const auto of_root = [&](int v) { return v >= root.v && v < root.v + root.nv; };
+  if (world_rates_ || stores_) return true;
+  for (int i = root.v; i < root.v + root.nv; ++i)
+    if (tau_[static_cast<std::size_t>(i)] != 0.0) return true;
+  if (std::ranges::any_of(model_->loads, of_root, &HingeLoad::v)) return true;
+  return std::ranges::any_of(model_->devices.all, [&](const Device& d) {
+    return std::ranges::any_of(d.mounts, [&](const DeviceMount& mount) { return mount.node < 0 && of_root(mount.v); });
+  });
 }
 
 // Force and moment about the world's origin from outside, and power. The workspace is that of rhs() at x, or near to it.

@@ -13,6 +13,7 @@
 #include "core/model/model_map.hpp"
 #include "core/sim/balances.hpp"
 #include "core/sim/holding.hpp"
+#include "core/sim/momentum_keeper.hpp"
 #include "core/sim/motion_profile.hpp"
 #include "core/sim/schedule.hpp"
 #include "core/time/integrator.hpp"
@@ -166,6 +167,7 @@ class Simulation {
   bool rates(double t, const double* x, double* xdot);
   bool rhs(double t, const double* x, double* xdot);
   void integrands(double t, const double* x, double* ydot);
+  bool acted_on() const;
   const double* with_given_motion(double t, const double* x);
   void give_motion(double t, double* q, double* v) const;
   void start_given_motion();
@@ -246,18 +248,19 @@ class Simulation {
   std::unique_ptr<Observer> observer_;
   std::unique_ptr<FieldMoments> fields_;  // of gravity that is a field; null: it is none
   int gravity_field_ = -1;
-  int limited_steps_ = 0;                    // that a limit of a field made smaller, and that hardly went further ...
-  double t_limited_ = 0.0;                   // [s] ... since then
-  std::string gravity_stopped_;              // beyond which limit gravity was asked in a step; empty: it was not
-  const FieldMoment* moment_ = nullptr;      // at the time of the last evaluation
-  std::unique_ptr<DeviceForces> devices_;    // null: there are none
-  bool stores_ = false;                      // some of them store momentum
-  std::unique_ptr<DeviceForces> on_trial_;   // for their roots at trial states; null: there are none
-  std::unique_ptr<Holding> holding_;         // of components that devices hold; null: there are none
-  std::unique_ptr<Workspace> beside_;        // ... where they read nodes
-  std::unique_ptr<LoopProjection> loops_;    // null: the vehicle is a tree
-  bool drifted_ = false;                     // the history of the integrator is further from closed loops than its tolerance
-  std::unique_ptr<NewtonOperators> newton_;  // where the linear solver asks for them
+  int limited_steps_ = 0;                     // that a limit of a field made smaller, and that hardly went further ...
+  double t_limited_ = 0.0;                    // [s] ... since then
+  std::string gravity_stopped_;               // beyond which limit gravity was asked in a step; empty: it was not
+  const FieldMoment* moment_ = nullptr;       // at the time of the last evaluation
+  std::unique_ptr<DeviceForces> devices_;     // null: there are none
+  bool stores_ = false;                       // some of them store momentum
+  std::unique_ptr<DeviceForces> on_trial_;    // for their roots at trial states; null: there are none
+  std::unique_ptr<Holding> holding_;          // of components that devices hold; null: there are none
+  std::unique_ptr<Workspace> beside_;         // ... where they read nodes
+  std::unique_ptr<LoopProjection> loops_;     // null: the vehicle is a tree
+  std::unique_ptr<MomentumKeeper> momentum_;  // of the method `exponential`; null: the vehicle does not float by itself
+  bool drifted_ = false;                      // the history of the integrator is further from closed loops than its tolerance
+  std::unique_ptr<NewtonOperators> newton_;   // where the linear solver asks for them
   double t_evaluated_ =
       std::numeric_limits<double>::quiet_NaN();  // with newton_ and devices: where devices were evaluated last in this step
   std::vector<double> x_evaluated_;

@@ -50,6 +50,7 @@ void Simulation::step(double t_stop) {
   breakdown_ = {};
   bad_rate_ = -1;
   drifted_ = false;
+  if (momentum_ && !acted_on()) momentum_->aim(state_.q.data(), state_.v.data());
   t_evaluated_ = std::numeric_limits<double>::quiet_NaN();  // commands may be others
   const double corner = next_corner();
   StepReport report;

@@ -187,6 +187,9 @@ void VehicleLinearPart::effect(double h, const std::array<const double*, 3>& r, 
     if (hinge.shape != CARDAN_SHAPE_BALL) std::copy_n(travel + 3, 3, e + hinge.q + 4);
   }
   for (int i = 0; i < nz_; ++i) e[nq_ + nv_ + i] = beyond(nv_ + nq_ + i);
+}
+
+void VehicleLinearPart::leave_out(double h, double* e) const {
   frozen_.each_flexible([&](int eta, int etadot, std::span<const Oscillator> modes) {
     for (std::size_t k = 0; k < modes.size(); ++k)
       if (modes[k].frequency * h > kResolved) e[eta + static_cast<int>(k)] = e[nq_ + etadot + static_cast<int>(k)] = 0.0;

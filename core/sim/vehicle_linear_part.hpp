@@ -23,6 +23,7 @@ class VehicleLinearPart final : public LinearPart {
   void residual(const double* x, const double* xdot, double* r) const override;
   void advance(double h, const std::array<const double*, 3>& r, double* x) override;
   void effect(double h, const std::array<const double*, 3>& r, double* e) override;
+  void leave_out(double h, double* e) const override;
   void inside(double s, double* x) const override;
   void sizes(const double* x, double* size) const override;
   double longest_step() const override;

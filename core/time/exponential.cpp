@@ -128,16 +128,17 @@ class Exponential final : public Integrator {
     linear_.advance(h, {r_1_.data(), zero_.data(), zero_.data()}, stage_.data());
     if (!rhs(t1, stage_, 2, r_b_)) return never;
     linear_.sizes(stage_.data(), size_1_.data());
-    r_1_ = r_b_ - r_n_;
-    linear_.effect(h, {zero_.data(), r_1_.data(), zero_.data()}, e_.data());
-    const double first = norm(e_);
     // The method of order 2 on the same last stage is apart by r_2 (s^2 - s).
     r_2_ = 2.0 * (r_n_ - 2.0 * r_a_ + r_b_), r_1_ = -r_2_;
     linear_.effect(h, {zero_.data(), r_1_.data(), r_2_.data()}, e_.data());
+    linear_.leave_out(h, e_.data());
     const double second = norm(e_);
     r_1_ = -3.0 * r_n_ + 4.0 * r_a_ - r_b_;
     linear_.advance(h, {r_n_.data(), r_1_.data(), r_2_.data()}, z1_.data());
     if (second == 0.0) return 0.0;
+    e_ = z1_ - stage_;  // half of what a slope of the residual does
+    linear_.leave_out(h, e_.data());
+    const double first = 2.0 * norm(e_);
     // Of the first order, of the second, and by their ratio of the third.
     const double error = second <= first ? second * second / first : second;
     return all_finite(z1_.data(), n_) && std::isfinite(error) ? error : never;

@@ -25,8 +25,10 @@ class LinearPart {
   virtual void residual(const double* x, const double* xdot, double* r) const = 0;
   /// x after h [s] from the centre with r(s) = r[0] + r[1] s + r[2] s^2, s = 0 ... 1.
   virtual void advance(double h, const std::array<const double*, 3>& r, double* x) = 0;
-  /// What such an r alone does to x in h, of what the step resolves: e[n].
+  /// What such an r alone does to x in h: e[n].
   virtual void effect(double h, const std::array<const double*, 3>& r, double* e) = 0;
+  /// Zero in the place of what a step of h does not resolve.
+  virtual void leave_out(double h, double* e) const = 0;
   /// x at the fraction s of the last advance().
   virtual void inside(double s, double* x) const = 0;
   /// By which errors of x are measured: |x|, of swings their amplitude.

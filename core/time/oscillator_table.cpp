@@ -6,6 +6,7 @@ namespace cardan {
 namespace {
 
 using Complex = std::complex<double>;
+constexpr int q = kDegrees;
 
 /// Solves (1 - mu Theta) x = b for several b side by side, Theta the integral of Legendre series cut to n rows, times h: tridiagonal, by
 /// elimination with exchange of neighbours.
@@ -39,6 +40,15 @@ void solve_integral_equation(Complex mu_h, int n, int columns, std::vector<Compl
     }
 }
 
+/// What a carrier does by the last degree of its acceleration: the velocity lags by P_q of it, which is a jump at the start and lower
+/// degrees. E: what the other degrees do, `swing`: what a unit of alpha at the start does. Times h.
+constexpr double kLag = 1.0 / (2.0 * (2 * q - 1));
+Complex without_last_degree(const Complex* E, Complex swing, double h) {
+  Complex sum = -h * kLag * (q % 2 == 0 ? 1.0 : -1.0) * swing;
+  for (int k = q - 3; k >= 0; k -= 2) sum -= (2.0 * k + 1.0) / (2.0 * q - 1.0) * E[k];
+  return sum;
+}
+
 }  // namespace
 
 Legendre legendre(double s) {
@@ -53,7 +63,7 @@ double Oscillator::damped() const { return frequency * std::sqrt((1.0 - damping)
 Complex Oscillator::mu() const { return {-damping * frequency, damped()}; }
 
 OscillatorTable::OscillatorTable(const Oscillator& oscillator, double h) : oscillator_(oscillator), h_(h) {
-  constexpr int q = kDegrees, columns = q + 1;
+  constexpr int columns = q + 1;
   const Complex mu = oscillator.mu(), to_force = -mu * mu / oscillator.damped();
   n_ = q + static_cast<int>(std::ceil(0.6 * std::abs(mu) * h)) + 30;
   std::vector<Complex> x(static_cast<std::size_t>(n_ * columns));
@@ -62,33 +72,36 @@ OscillatorTable::OscillatorTable(const Oscillator& oscillator, double h) : oscil
   x[q] = 1.0;  // e^{mu t}
   solve_integral_equation(mu * h, n_, columns, x);
 
-  decay = std::exp(mu * h);
-  driven.fill(0.0);
+  std::array<Complex, q> E{};
   rows_.resize(static_cast<std::size_t>(n_ * q));
   for (int i = n_ - 1; i >= 0; --i)
     for (int j = 0; j < q; ++j) {
       const Complex c = x[static_cast<std::size_t>(i * columns + j)];
       rows_[static_cast<std::size_t>(i * q + j)] = c;
-      driven[static_cast<std::size_t>(j)] += c;
+      E[static_cast<std::size_t>(j)] += c;
     }
-  // What the last degree of the velocity, P_q, is left out by: in place of E_{q-1} the jump at the start and lower degrees.
-  const double lag = jump(h) * (q % 2 == 0 ? 1.0 : -1.0);
-  coupled = driven;
-  coupled[q - 1] = -lag * decay;
-  for (int k = q - 3; k >= 0; k -= 2) coupled[q - 1] -= (2.0 * k + 1.0) / (2.0 * q - 1.0) * driven[static_cast<std::size_t>(k)];
+  const Complex of_eta = -std::conj(mu);  // alpha = eta' + of_eta eta
   for (int i = 0; i < q; ++i) {
     const Complex* c = x.data() + i * columns;
-    free_force[static_cast<std::size_t>(i)] = to_force * c[q];
-    for (int j = 0; j < 3; ++j) force_of_drive[i][j] = (to_force * c[j]).imag();
-    for (int j = 0; j < q; ++j) force_of_coupling[i][j] = (to_force * c[j]).imag();
-    Complex last = -lag * c[q];
-    for (int k = q - 3; k >= 0; k -= 2) last -= (2.0 * k + 1.0) / (2.0 * q - 1.0) * c[k];
-    force_of_coupling[i][q - 1] = (to_force * last).imag();
+    force(i, 0) = (to_force * c[q] * of_eta).imag(), force(i, 1) = (to_force * c[q]).imag();
+    for (int j = 0; j < 3; ++j) force(i, 2 + j) = (to_force * c[j]).imag() - (i == j ? 1.0 : 0.0);
+    for (int j = 0; j + 1 < q; ++j) force_of_carrier(i, j) = (to_force * c[j]).imag();
+    force_of_carrier(i, q - 1) = (to_force * without_last_degree(c, c[q], h)).imag();
   }
+  std::array<Complex, kCauses> alpha;  // at h
+  const Complex swing = std::exp(mu * h);
+  alpha[0] = swing * of_eta, alpha[1] = swing;
+  for (std::size_t j = 0; j < 3; ++j) alpha[2 + j] = E[j];
+  for (std::size_t j = 0; j + 1 < q; ++j) alpha[5 + j] = E[j];
+  alpha[kCauses - 1] = without_last_degree(E.data(), swing, h);
+  for (int k = 0; k < kCauses; ++k) {
+    const Complex a = alpha[static_cast<std::size_t>(k)];
+    end(0, k) = oscillator.eta(a), end(1, k) = oscillator.rate(a);
+  }
+  end(1, kCauses - 1) += h * kLag;
 }
 
-Complex OscillatorTable::inside(double s, Complex alpha_0, const double* drive, const double* coupling) const {
-  constexpr int q = kDegrees;
+std::array<double, 2> OscillatorTable::inside(double s, const Causes& causes) const {
   const double x = 2.0 * s - 1.0;
   std::array<Complex, q> E{};
   double before = 0.0, P = 1.0;
@@ -98,13 +111,11 @@ Complex OscillatorTable::inside(double s, Complex alpha_0, const double* drive, 
     before = P, P = next;
   }
   const Complex swing = std::exp(oscillator_.mu() * (s * h_));
-  Complex alpha = swing * alpha_0;
-  for (std::size_t j = 0; j < 3; ++j) alpha += E[j] * drive[j];
-  Complex last = -jump(h_) * (q % 2 == 0 ? 1.0 : -1.0) * swing;
-  for (int k = q - 3; k >= 0; k -= 2) last -= (2.0 * k + 1.0) / (2.0 * q - 1.0) * E[static_cast<std::size_t>(k)];
-  E[q - 1] = last;
-  for (std::size_t j = 0; j < q; ++j) alpha += E[j] * coupling[j];
-  return alpha;
+  Complex alpha = swing * oscillator_.alpha(causes[0], causes[1]);
+  for (std::size_t j = 0; j < 3; ++j) alpha += E[j] * causes[static_cast<Eigen::Index>(2 + j)];
+  for (std::size_t j = 0; j + 1 < q; ++j) alpha += E[j] * causes[static_cast<Eigen::Index>(5 + j)];
+  alpha += without_last_degree(E.data(), swing, h_) * causes[kCauses - 1];
+  return {oscillator_.eta(alpha), oscillator_.rate(alpha) + h_ * kLag * legendre(s)[q] * causes[kCauses - 1]};
 }
 
 }  // namespace cardan

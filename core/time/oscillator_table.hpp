@@ -2,6 +2,7 @@
 // One damped oscillator in closed form through a step, driven by polynomials of time: eta'' + 2 zeta omega eta' + omega^2 eta = F(t).
 // As one complex number alpha = eta' - conj(mu) eta, alpha' = mu alpha + F, mu = -zeta omega + i omega sqrt(1 - zeta^2):
 // docs/mathematics/exponential.md, 3.
+#include <Eigen/Core>
 #include <array>
 #include <complex>
 #include <vector>
@@ -30,26 +31,26 @@ struct Oscillator {
   double rate(std::complex<double> alpha) const { return (mu() * alpha).imag() / damped(); }
 };
 
-/// An oscillator over a step of h [s]. `driven` by a force F = P_j, or `coupled` to an acceleration P_j of what carries it: it follows
-/// the part of that velocity below degree kDegrees, which keeps the energy of the whole (3.2).
+/// An oscillator over a step of h [s], from eta and eta' at its start. It is driven by a force F = sum_j F_j P_j, j < 3, and carried along
+/// by accelerations a_j P_j: it follows the part of that velocity below degree kDegrees, which keeps the energy of the whole (3.2).
 class OscillatorTable {
  public:
-  using Complex = std::complex<double>;
   OscillatorTable(const Oscillator& oscillator, double h);
 
-  Complex decay;                                  // e^{mu h}
-  std::array<Complex, kDegrees> driven, coupled;  // alpha at h
-  std::array<Complex, kDegrees> free_force;       // omega^2 eta + 2 zeta omega eta' = Im(free_force[i] alpha_0) P_i
-  double force_of_drive[kDegrees][3];             // the same of F = P_0, P_1, P_2: [i][j] P_i
-  double force_of_coupling[kDegrees][kDegrees];   // ... of a unit acceleration P_j
-  static double jump(double h) {
-    return h / (2.0 * (2 * kDegrees - 1));
-  }  // eta' lags what carries it by this times P_kDegrees of its last coefficient
-
-  /// alpha at a time of the step from start, drive and coupling coefficients.
-  Complex inside(double s, Complex alpha_0, const double* drive, const double* coupling) const;
+  /// omega^2 eta + 2 zeta omega eta' - F is the sum over i of row i of `force` times (eta, eta', F_0, F_1, F_2) P_i, but for what the
+  /// carrier does ...
+  Eigen::Matrix<double, kDegrees, 5> force;
+  /// ... force_of_carrier(i, j) P_i, where the force on the mode is P_j.
+  Eigen::Matrix<double, kDegrees, kDegrees> force_of_carrier;
+  /// eta and eta' at h from (eta, eta', F_0, F_1, F_2, forces by the carrier of degree 0 ... kDegrees - 1).
+  static constexpr int kCauses = 5 + kDegrees;
+  using Causes = Eigen::Matrix<double, kCauses, 1>;
+  Eigen::Matrix<double, 2, kCauses> end;
+  /// The same at the fraction s of the step.
+  std::array<double, 2> inside(double s, const Causes& causes) const;
 
  private:
+  using Complex = std::complex<double>;
   Oscillator oscillator_;
   double h_;
   int n_;

@@ -12,6 +12,7 @@
 #include "core/sim/simulation.hpp"
 #include "tests/properties/equipped_vehicle.hpp"
 #include "tests/support/builders.hpp"
+#include "tests/support/modal_samples.hpp"
 #include "tests/support/oracle_reader.hpp"
 #include "tests/support/random_tree.hpp"
 
@@ -152,6 +153,25 @@ TEST_P(ARun, WithDevicesAndFieldsAllocatesNothing) {
   EXPECT_FALSE(sim.state().marks == before);
 }
 INSTANTIATE_TEST_SUITE_P(By, ARun, testing::Values("rk4", "dopri5"), [](const auto& method) { return std::string(method.param); });
+
+/// Steps of one length about one configuration; it allocates where it takes another.
+TEST(Alloc, ExponentialSteps) {
+  if (!counting) GTEST_SKIP() << "a sanitizer brings its own malloc";
+  BodySpec boom = on(BodySpec(), "bus", "locked", {}, {0.5, 0, 0});
+  boom.name = "boom", boom.type = "modal_flexible", boom.level = 1;
+  boom.modal = std::make_shared<const ModalData>(beam());
+  const BodySpec bus = on(rigid("bus", 40.0, {0.02, -0.01, 0.05}, diagonal({8.0, 6.0, 9.0})), "", "free_body");
+  const BodySpec wheel = on(rigid("wheel", 2.0, {0, 0, 0}, diagonal({0.01, 0.01, 0.02})), "bus", "revolute", {{0, 0, 1}});
+  SimulationOptions run;
+  run.integrator.method = "exponential";
+  run.integrator.relative_tolerance = 1e-4;
+  Simulation sim(compiled(system({bus, boom, wheel})), run);
+  sim.v(0) = 0.1;
+  const int motor = sim.model().user[2].v;
+  sim.every({1, 8}, [&] { sim.set_force(motor, 0.01 * std::cos(sim.time())); });
+  sim.run(2.0);
+  EXPECT_EQ(mallocs_in([&] { sim.run(4.0); }), 0);
+}
 
 TEST(Alloc, ClosedLoops) {  // from the second evaluation on
   if (!counting) GTEST_SKIP() << "a sanitizer brings its own malloc";

@@ -287,6 +287,37 @@ TEST(Exponential, TakesNoSmallerStepsForFasterModes) {
   EXPECT_LT(errors[2], 1e-4);
 }
 
+/// Torques between its bodies change no momentum, whatever the error of the steps; events inside of steps too.
+TEST(Exponential, KeepsTheMomentumOfAFreeVehicle) {
+  const auto model = compiled(flexible_spacecraft());
+  Simulation sim(model, by_exponential(0.05));
+  State s = posture(*model);
+  for (int i = 0; i < model->nv; ++i) s.v[i] = 0.05 * std::cos(2.0 * i);
+  for (const UserBody& u : model->user)
+    if (u.n_modes > 0) s.v.segment(u.etadot, u.n_modes) *= 0.02;
+  sim.set_state(s);
+  const int wheel = model->user[4].v, arm = model->user[1].q;
+  int events = 0;
+  sim.add_event({"arm passes", [arm](double, const double* q, const double*) { return q[arm]; }, 0, [&] { ++events; }});
+  sim.every({1, 10}, [&sim, wheel] { sim.set_force(wheel, 0.2 * std::cos(2.0 * sim.time())); });
+  const Momentum before = sim.momentum();
+  sim.run(5.0);
+  const Momentum after = sim.momentum();
+  EXPECT_GT(events, 3);
+  EXPECT_LT((after.linear - before.linear).norm(), 1e-13 * before.linear_magnitude);
+  EXPECT_LT((after.angular - before.angular).norm(), 1e-13 * before.angular_magnitude);
+}
+
+/// A force on the bus from outside is not taken away.
+TEST(Exponential, LeavesMomentumToForcesFromOutside) {
+  const auto model = compiled(flexible_spacecraft());
+  Simulation sim(model, by_exponential(0.0, 1e-8));
+  sim.set_force(model->user[0].v + 4, 2.0);  // along y of the bus
+  sim.run(1.0);
+  EXPECT_NEAR(sim.momentum().linear.norm(), 2.0, 0.01);
+  EXPECT_TRUE(sim.ledger().pass);
+}
+
 TEST(Exponential, RefusesWhatItDoesNotHonour) {
   SystemSpec spec = flexible_spacecraft();
   spec.bodies[0].hinge.prescribed = {0};

@@ -91,6 +91,7 @@ class NoLinearPart final : public LinearPart {
   void effect(double h, const std::array<const double*, 3>& r, double* e) override {
     for (int i = 0; i < size(); ++i) e[i] = h * (r[0][i] + r[1][i] / 2 + r[2][i] / 3);
   }
+  void leave_out(double, double*) const override {}
   void inside(double s, double* x) const override {
     for (std::size_t i = 0; i < x_.size(); ++i) x[i] = x_[i] + h_ * s * (r_[0][i] + s * (r_[1][i] / 2 + s * r_[2][i] / 3));
   }
