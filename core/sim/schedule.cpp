@@ -88,6 +88,12 @@ void Schedule::look_ahead() {
   if (!entries_.empty()) time_ = entries_[earliest()].instant().seconds();
 }
 
+double Schedule::shortest_period() const {
+  double shortest = std::numeric_limits<double>::infinity();
+  for (const Entry& e : entries_) shortest = std::min(shortest, static_cast<double>(e.step) / static_cast<double>(e.unit));
+  return shortest;
+}
+
 Schedule::Tick Schedule::next() {
   const std::size_t i = earliest();
   const Tick tick{static_cast<int>(i), entries_[i].k++};

@@ -43,6 +43,8 @@ class Schedule {
   bool stands_at(double t) const;
   /// Time of the next instant [s]; infinity if there are no entries.
   double time() const { return time_; }
+  /// The shortest period of its entries [s]; infinity if there are none.
+  double shortest_period() const;
   /// Passes one tick there: those of one instant come in the order of add(). There must be an entry.
   Tick next();
 

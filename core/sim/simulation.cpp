@@ -11,6 +11,7 @@
 #include "core/base/finite.hpp"
 #include "core/base/noise.hpp"
 #include "core/dynamics/hinge_laws.hpp"
+#include "core/sim/choose_method.hpp"
 #include "core/sim/fastest_motion.hpp"
 #include "core/sim/newton_operators.hpp"
 #include "core/sim/plugin_faults.hpp"
@@ -413,6 +414,11 @@ void Simulation::unpack(const double* x) {
 void Simulation::make_integrator_once() {
   if (integrator_) return;
   x_.assign(static_cast<std::size_t>(model_->nq + model_->nv + model_->devices.n_z), 0.0);
+  if (options_.integrator.method == "auto") {
+    MethodChoice choice = choose_method(model_, schedule_.shortest_period(), options_.integrator);
+    options_.integrator = std::move(choice.options);
+    why_ = std::move(choice.why);
+  }
   integrator_ = make_integrator(ode(), options_.integrator);
 }
 

@@ -151,6 +151,8 @@ class Simulation {
   IntegratorStatistics statistics() const;
   /// x' = f(t, x), x = [q; v; z], with the commands as they are when it is called: what the integrator is given. Refers to this.
   OdeProblem ode();
+  /// With `method = "auto"`, from the first use of the integrator on, why it is what it is; else empty.
+  const std::string& why_integrator() const { return why_; }
   std::string integrator_name() const;
   /// Absolute tolerance of each state, [q; v; z], in its unit.
   std::vector<double> absolute_tolerances() const;
@@ -305,6 +307,7 @@ class Simulation {
   std::vector<Output> outputs_;
   std::vector<double> row_;
   double last_output_ = -1.0;
+  std::string why_;
   bool restart_ = true, observed_ = false, stopped_ = false, begun_ = false, world_rates_ = false;
   bool rates_were_set_ = false;  // from outside, since settle_holds()
   soa::Breakdown breakdown_;

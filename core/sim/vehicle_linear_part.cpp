@@ -1,12 +1,13 @@
 #include "core/sim/vehicle_linear_part.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 
 #include "core/base/diagnostic.hpp"
-#include "core/model/loops.hpp"
 #include "core/spatial/rotation.hpp"
 
 namespace cardan {
@@ -45,18 +46,23 @@ Vec3<double> rate_of_rotation(const Vec3<double>& theta, const Vec3<double>& ome
 bool has_quaternion_shape(int shape) { return shape == CARDAN_SHAPE_BALL || shape == CARDAN_SHAPE_FREE || shape == CARDAN_SHAPE_FREE_BODY; }
 
 std::shared_ptr<const Model> honoured(std::shared_ptr<const Model> model) {
-  require_open_tree(*model, "the method exponential");
-  for (const int i : model->curved) {
-    const UserBody& u = model->user[static_cast<std::size_t>(i)];
-    for (int j = u.v; j < u.v + u.nv; ++j)
-      if (model->has_given_motion(j))
-        refuse(Code::unsupported, {"integrator.method"}, "given motions of single coordinates alone: the method exponential",
-               "a given motion of " + u.name + ", hinge " + u.hinge_type, "dopri5 or dop853");
-  }
+  if (const std::string not_taken = VehicleLinearPart::refusal(*model); !not_taken.empty())
+    refuse(Code::unsupported, {"integrator.method"}, "a method that takes " + not_taken, "exponential, which does not",
+           "dopri5, dop853; auto finds one");
   return model;
 }
 
 }  // namespace
+
+std::string VehicleLinearPart::refusal(const Model& model) {
+  if (!model.loops.empty()) return "closed loops";
+  for (const int i : model.curved) {
+    const UserBody& u = model.user[static_cast<std::size_t>(i)];
+    for (int j = u.v; j < u.v + u.nv; ++j)
+      if (model.has_given_motion(j)) return fmt::format("the given motion of {}, a {} hinge", u.name, u.hinge_type);
+  }
+  return {};
+}
 
 VehicleLinearPart::VehicleLinearPart(std::shared_ptr<const Model> model)
     : model_(honoured(std::move(model))), frozen_(model_), nq_(model_->nq), nv_(model_->nv), nz_(model_->devices.n_z) {

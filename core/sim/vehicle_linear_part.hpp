@@ -3,6 +3,7 @@
 // by rotation vectors and a free body moves along axes that stand still (docs/mathematics/exponential.md, 2).
 #include <Eigen/Core>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "core/sim/frozen_vehicle.hpp"
@@ -17,6 +18,9 @@ class VehicleLinearPart final : public LinearPart {
   /// InputError C0401 where a hinge whose coordinates are no integrals of its velocities is given a motion, or the vehicle has closed
   /// loops.
   explicit VehicleLinearPart(std::shared_ptr<const Model> model);
+
+  /// What of the model the method does not take, "closed loops"; empty: it takes all.
+  static std::string refusal(const Model& model);
 
   int size() const override { return 2 * nv_ + nq_ + nz_; }
   void centre(double t, const double* x) override;

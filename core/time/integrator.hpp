@@ -74,7 +74,7 @@ struct OdeProblem {
 };
 
 struct IntegratorOptions {
-  std::string method = "dopri5";     // cvode_adams, cvode_bdf, dop853, dopri5, exponential, rk4
+  std::string method = "dopri5";     // auto, cvode_adams, cvode_bdf, dop853, dopri5, exponential, rk4
   double relative_tolerance = 1e-9;  // adaptive methods
   double max_step = 0.0;             // [s] 0 = none; adaptive methods
   double initial_step = 0.0;         // [s] 0 = the method's choice; adaptive methods

@@ -18,9 +18,13 @@ struct Method {
 };
 
 const std::vector<Method>& methods() {
-  static const std::vector<Method> all = {{make_cvode, "cvode_adams", true},       {make_cvode, "cvode_bdf", true, {"dense", "krylov"}},
-                                          {make_dop853, "dop853", true},           {make_dopri5, "dopri5", true},
-                                          {make_exponential, "exponential", true}, {make_rk4, "rk4", false}};
+  static const std::vector<Method> all = {{nullptr, "auto", true, {"dense", "krylov"}},  // Simulation chooses
+                                          {make_cvode, "cvode_adams", true},
+                                          {make_cvode, "cvode_bdf", true, {"dense", "krylov"}},
+                                          {make_dop853, "dop853", true},
+                                          {make_dopri5, "dopri5", true},
+                                          {make_exponential, "exponential", true},
+                                          {make_rk4, "rk4", false}};
   return all;
 }
 
@@ -74,7 +78,7 @@ void check_options(const IntegratorOptions& options) {
   const Method& method = find_method(options.method);
   check_time(method, "max_step", options.max_step, method.adaptive);
   check_time(method, "initial_step", options.initial_step, method.adaptive);
-  check_time(method, "step", options.fixed_step, !method.adaptive);
+  check_time(method, "step", options.fixed_step, !method.adaptive || !method.make);
   check_linear_solver(method, options.linear_solver);
   if (!method.adaptive && options.fixed_step == 0.0)
     refuse(Code::unsupported, "step", fmt::format("a step in seconds, which {} needs", method.name), "nothing");
@@ -86,6 +90,7 @@ void check_options(const IntegratorOptions& options) {
 std::unique_ptr<Integrator> make_integrator(OdeProblem problem, const IntegratorOptions& options) {
   check_options(options);
   const Method& method = find_method(options.method);
+  if (!method.make) refuse(Code::unsupported, "method", "a method that was chosen (choose_method)", "\"auto\"");
   if (method.make == make_exponential && !problem.linear)
     refuse(Code::unsupported, "method", "a problem that tells its linear part", "\"exponential\" for one that does not");
   const auto& absolute = problem.absolute_tolerance;

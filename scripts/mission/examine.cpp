@@ -2,11 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/model/loops.hpp"
 #include "core/model/validate.hpp"
 #include "core/operators/system_properties.hpp"
+#include "core/sim/choose_method.hpp"
 #include "core/sim/flexible_limits.hpp"
 
 namespace cardan {
@@ -64,6 +66,19 @@ void look_at_ticks(Scenario& s) {
   }
 }
 
+/// `method = "auto"`: from here on it is the one that was chosen.
+void choose_method_of(Scenario& s) {
+  IntegratorOptions& i = s.mission.simulation.integrator;
+  if (i.method != "auto") return;
+  double interval = seconds(s.mission.output_period);
+  for (const Controller& c : s.controllers) interval = std::min(interval, seconds(c.period));
+  MethodChoice choice = choose_method(s.model, interval, i);
+  i = std::move(choice.options);
+  s.mission.why_method = std::move(choice.why);
+  s.mission.defaults_used.emplace_back("mission.integrator.method", fmt::format("{}, chosen by auto: {}", i.method, s.mission.why_method));
+  s.sim->set_options(s.mission.simulation);
+}
+
 void look_at_sizes(Scenario& s) {
   const double columns = 4.0 * s.model->nv + 2.0 * s.model->nq, rows = s.mission.duration / seconds(s.mission.output_period);
   if (rows * columns * sizeof(double) > kLargeBytes)
@@ -100,6 +115,7 @@ bool scripts_act(const Scenario& s) { return !s.controllers.empty() || !s.phases
 
 void examine(Scenario& s) {
   s.warnings.add(s.model->spec->warnings);
+  choose_method_of(s);
   expect_away_from_centre(s);
   look_at_ticks(s);
   if (!scripts_act(s)) s.warnings.add(still_hinges(*s.sim));

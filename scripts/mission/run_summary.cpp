@@ -113,6 +113,8 @@ std::string summary_text(const Scenario& s, const Summary& sum, const std::vecto
   text += fmt::format("\n{:.6g} s simulated in {:.3g} s ({:.4g} times real time), {}\n{} steps, {} function calls, {} restarts\n",
                       sum.simulated_s, sum.wall_s, sum.wall_s > 0 ? sum.simulated_s / sum.wall_s : 0.0, s.sim->integrator_name(), sum.steps,
                       sum.rhs_calls, sum.restarts);
+  if (!s.mission.why_method.empty())
+    text += fmt::format("{} was chosen by auto: {}\n", s.mission.simulation.integrator.method, s.mission.why_method);
   if (sum.preconditioner_setups > 0)
     text += fmt::format("{} products J v, {} preconditioners, {} linear iterations\n", sum.jacobian_products, sum.preconditioner_setups,
                         sum.linear_iterations);

@@ -56,6 +56,7 @@ struct MissionSpec {
   std::vector<int> nodes;                                          // indices into Model::nodes
   std::vector<std::pair<std::string, std::string>> defaults_used;  // key path, value
   SimulationOptions simulation;
+  std::string why_method;  // of `method = "auto"`, once the script has been read; else empty
 };
 
 struct Controller {

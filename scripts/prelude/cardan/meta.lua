@@ -23,7 +23,7 @@ function plugin(path) end
 function vehicle(path) end
 
 ---@class IntegratorOptions
----@field method? "cvode_adams"|"cvode_bdf"|"dop853"|"dopri5"|"exponential"|"rk4" default dopri5
+---@field method? "auto"|"cvode_adams"|"cvode_bdf"|"dop853"|"dopri5"|"exponential"|"rk4" default dopri5
 ---@field linear_solver? "dense"|"krylov" of cvode_bdf; default dense
 ---@field relative? number relative tolerance, default 1e-9
 ---@field absolute? number absolute tolerance; default: the relative one

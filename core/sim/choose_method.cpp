@@ -1,0 +1,60 @@
+#include "core/sim/choose_method.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "core/sim/fastest_motion.hpp"
+#include "core/sim/vehicle_linear_part.hpp"
+
+namespace cardan {
+namespace {
+
+// Between two ticks an explicit method takes a step or two for what is slow: an angle of the fastest swing beyond this makes them more.
+constexpr double kAngle = 5.0;         // [rad]
+constexpr double kWithoutTicks = 1.0;  // [s] that slow motion takes at least for such an angle, where nothing interrupts
+constexpr double kStiff = 1e3;         // decays of that rate [1/s] hold an explicit method to thousands of steps in a second
+constexpr double kFine = 1e-11;        // relative: below, an order of three is too low
+constexpr double kHighOrder = 1e-7;    // relative: below, order 8 needs half the evaluations of order 5
+constexpr double kDense = 50.0;        // states up to which a dense Jacobian is faster
+
+}  // namespace
+
+MethodChoice choose_method(const std::shared_ptr<const Model>& model, double interval, const IntegratorOptions& asked) {
+  MethodChoice out{asked, {}};
+  std::string& method = out.options.method;
+  if (asked.fixed_step > 0.0) {
+    method = "rk4";
+    out.why = fmt::format("a step of {:g} s is given", asked.fixed_step);
+    return out;
+  }
+  const State start = model->initial_state();
+  const FastestMotion fastest = fastest_motion(model, start.q.data());
+  const double span = std::min(interval, kWithoutTicks), angle = fastest.rate * span;
+  const std::string told = fastest.decays ? fmt::format("{} decays at {:.3g} 1/s", fastest.what, fastest.rate)
+                                          : fmt::format("{} swings at {:.3g} Hz", fastest.what, fastest.rate / (2.0 * std::numbers::pi));
+  const std::string often = interval < kWithoutTicks ? fmt::format(" and commands may change each {:.3g} s", interval) : std::string();
+  const std::string not_linear = VehicleLinearPart::refusal(*model);
+  if (angle > kAngle && not_linear.empty() && asked.relative_tolerance >= kFine) {
+    method = "exponential";
+    out.why = told + often + ": it is advanced in closed form";
+  } else if (fastest.decays && fastest.rate > kStiff && model->loops.empty()) {
+    method = "cvode_bdf";
+    if (model->nq + model->nv > kDense && asked.linear_solver.empty()) out.options.linear_solver = "krylov";
+    out.why = told + ": stiff" + (not_linear.empty() ? std::string() : fmt::format(", and exponential does not take {}", not_linear));
+  } else {
+    method = asked.relative_tolerance < kHighOrder && interval * 2.0 * std::numbers::pi > kAngle ? "dop853" : "dopri5";
+    const std::string why_high = fmt::format("a tolerance of {:g} on long stretches", asked.relative_tolerance);
+    const std::string why_low = often.empty() ? fmt::format("a tolerance of {:g}", asked.relative_tolerance) : often.substr(5);
+    out.why = (method == "dop853" ? why_high : why_low) + (fastest.rate <= 0.0 ? ", nothing is elastic or damped"
+                                                           : angle <= kAngle   ? ", " + told + ": slow beside that"
+                                                           : !not_linear.empty()
+                                                               ? fmt::format(", {}, but exponential does not take {}", told, not_linear)
+                                                               : ", " + told + ", finer than exponential is made for");
+  }
+  return out;
+}
+
+}  // namespace cardan

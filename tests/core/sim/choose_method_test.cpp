@@ -1,0 +1,82 @@
+// What `method = "auto"` makes of a vehicle.
+#include "core/sim/choose_method.hpp"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "core/sim/simulation.hpp"
+#include "tests/support/builders.hpp"
+#include "tests/support/modal_samples.hpp"
+
+namespace cardan::test {
+namespace {
+
+constexpr double kNever = std::numeric_limits<double>::infinity();
+
+SystemSpec bus_with_boom(double stiffness = 0.0, double damping = 0.0) {
+  const BodySpec bus = on(rigid("bus", 40.0, {0.02, -0.01, 0.05}, diagonal({8.0, 6.0, 9.0})), "", "free_body");
+  BodySpec boom = on(BodySpec(), "bus", "locked", {}, {0.5, 0, 0});
+  boom.name = "boom", boom.type = "modal_flexible", boom.level = 1;
+  boom.modal = std::make_shared<const ModalData>(beam());
+  BodySpec arm = on(rigid("arm", 3.0, {0.0, 0.0, 0.5}, diagonal({0.4, 0.5, 0.1})), "bus", "revolute", {{0, 1, 0}});
+  SpringDamper spring;
+  spring.stiffness = stiffness, spring.damping = damping;
+  if (stiffness > 0.0 || damping > 0.0) arm.hinge.springs = {spring};
+  return stiffness > 0.0 || damping > 0.0 ? system({bus, arm}) : system({bus, boom});
+}
+SystemSpec rigid_bus() { return system({on(rigid("bus", 40.0, {0, 0, 0}, diagonal({8.0, 6.0, 9.0})), "", "free")}); }
+
+IntegratorOptions asked(double relative) {
+  IntegratorOptions o;
+  o.method = "auto", o.relative_tolerance = relative;
+  return o;
+}
+
+TEST(ChooseMethod, TakesModesInClosedFormWhereTheySwingBetweenTicks) {
+  const MethodChoice c = choose_method(compiled(bus_with_boom()), 1.0, asked(1e-7));
+  EXPECT_EQ(c.options.method, "exponential");
+  EXPECT_NE(c.why.find("boom"), std::string::npos) << c.why;
+  EXPECT_NE(c.why.find("Hz"), std::string::npos) << c.why;
+}
+
+TEST(ChooseMethod, KeepsExplicitMethodsWhereTheyAreSlowBesideTheTicks) {
+  const MethodChoice c = choose_method(compiled(bus_with_boom()), 1e-4, asked(1e-7));
+  EXPECT_EQ(c.options.method, "dopri5");
+  EXPECT_NE(c.why.find("commands may change each 0.0001 s"), std::string::npos) << c.why;
+}
+
+TEST(ChooseMethod, TakesOrderEightForFineTolerancesOnLongStretches) {
+  EXPECT_EQ(choose_method(compiled(rigid_bus()), kNever, asked(1e-9)).options.method, "dop853");
+  EXPECT_EQ(choose_method(compiled(rigid_bus()), kNever, asked(1e-5)).options.method, "dopri5");
+  EXPECT_EQ(choose_method(compiled(rigid_bus()), 0.1, asked(1e-9)).options.method, "dopri5");
+  EXPECT_EQ(choose_method(compiled(bus_with_boom()), 1.0, asked(1e-13)).options.method, "dop853");
+}
+
+TEST(ChooseMethod, TakesWhatIsStiffImplicitlyWhereItIsNotTakenInClosedForm) {
+  SystemSpec spec = bus_with_boom(0.0, 5e4);
+  EXPECT_EQ(choose_method(compiled(spec), 1.0, asked(1e-7)).options.method, "exponential");
+  spec.bodies[0].hinge.prescribed = {0};
+  const MethodChoice c = choose_method(compiled(spec), 1.0, asked(1e-7));
+  EXPECT_EQ(c.options.method, "cvode_bdf");
+  EXPECT_EQ(c.why.substr(c.why.find("stiff")), "stiff, and exponential does not take the given motion of bus, a free_body hinge");
+}
+
+TEST(ChooseMethod, TakesTheStepThatIsGiven) {
+  IntegratorOptions o = asked(1e-9);
+  o.fixed_step = 0.01;
+  EXPECT_EQ(choose_method(compiled(rigid_bus()), 0.1, o).options.method, "rk4");
+}
+
+TEST(ChooseMethod, IsDoneByASimulationWithTheTicksItHas) {
+  SimulationOptions options;
+  options.integrator = asked(1e-7);
+  Simulation sim(compiled(bus_with_boom()), options);
+  sim.every({1, 2}, [] {});
+  sim.run(1.0);
+  EXPECT_EQ(sim.integrator_name(), "exponential");
+  EXPECT_NE(sim.why_integrator().find("commands may change each 0.5 s"), std::string::npos) << sim.why_integrator();
+}
+
+}  // namespace
+}  // namespace cardan::test
