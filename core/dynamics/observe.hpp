@@ -52,7 +52,8 @@ class Observer {
   Pose<double> body_pose(int user_body) const;  ///< user's body frame in the world
   Energy energy() const;
   Momentum momentum() const;
-  /// [kg m^2] Of all bodies about a point, world axes, as if their hinges and modes were locked; rotors as if they did not resist their own turn.
+  /// [kg m^2] Of all bodies about a point, world axes, as if their hinges and modes were locked; rotors as if they did not resist their own
+  /// turn.
   Eigen::Matrix3d locked_inertia(const Eigen::Vector3d& about) const;
   /// Of a rotor, by its sweep body: world axes, unit length.
   Eigen::Vector3d axis_in_world(int rotor) const;
