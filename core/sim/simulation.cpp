@@ -419,7 +419,9 @@ void Simulation::make_integrator_once() {
     options_.integrator = std::move(choice.options);
     why_ = std::move(choice.why);
   }
-  integrator_ = make_integrator(ode(), options_.integrator);
+  OdeProblem problem = ode();
+  time_calls(problem);
+  integrator_ = make_integrator(std::move(problem), options_.integrator);
 }
 
 std::vector<double> Simulation::absolute_tolerances() const {
@@ -464,6 +466,20 @@ void Simulation::start_closed() {
     fail(explain({}));
   }
   drifted_ = false;
+}
+
+/// The functions that an integrator calls, each with a clock around it.
+void Simulation::time_calls(OdeProblem& ode) {
+  if (!times_) return;
+  const auto around = [this](auto& function, RunProfile::Part RunProfile::*part) {
+    if (!function) return;
+    function = [this, part, inner = std::move(function)](auto... arguments) {
+      const Stopwatch watch(timed(part));
+      return inner(arguments...);
+    };
+  };
+  around(ode.rhs, &RunProfile::rhs), around(ode.integrands, &RunProfile::ledger);
+  around(ode.roots, &RunProfile::events), around(ode.project, &RunProfile::projection);
 }
 
 OdeProblem Simulation::ode() {
@@ -716,6 +732,7 @@ LedgerState Simulation::ledger() {
 
 void Simulation::write_outputs() {
   if (!recorder_ || last_output_ == state_.t) return;
+  const Stopwatch watch(timed(&RunProfile::outputs));
   observe();
   if (plugins_) expect_good_plugins();
   std::size_t at = 0;

@@ -15,6 +15,7 @@
 #include "core/sim/holding.hpp"
 #include "core/sim/momentum_keeper.hpp"
 #include "core/sim/motion_profile.hpp"
+#include "core/sim/run_profile.hpp"
 #include "core/sim/schedule.hpp"
 #include "core/time/integrator.hpp"
 
@@ -125,6 +126,11 @@ class Simulation {
   /// last accepted state are written.
   void run(double t_end, const std::function<void(double t)>& progress = {});
 
+  /// Before the run: takes the time of its parts.
+  void take_times() { times_ = std::make_unique<RunProfile>(); }
+  /// Null where they are not taken.
+  const RunProfile* times() const { return times_.get(); }
+
   // Checkpoints ------------------------------------------------------------------------------------------------------
   /// Between steps, or in a task: all that the run goes on from, the tasks that are still to come at this instant included. The integrator
   /// starts anew, whether or not anybody keeps the checkpoint: a run that makes checkpoints at certain instants has the same bits after
@@ -170,6 +176,8 @@ class Simulation {
   bool rhs(double t, const double* x, double* xdot);
   void integrands(double t, const double* x, double* ydot);
   bool acted_on() const;
+  RunProfile::Part* timed(RunProfile::Part RunProfile::*part) { return times_ ? &((*times_).*part) : nullptr; }
+  void time_calls(OdeProblem& ode);
   const double* with_given_motion(double t, const double* x);
   void give_motion(double t, double* q, double* v) const;
   void start_given_motion();
@@ -308,6 +316,7 @@ class Simulation {
   std::vector<double> row_;
   double last_output_ = -1.0;
   std::string why_;
+  std::unique_ptr<RunProfile> times_;
   bool restart_ = true, observed_ = false, stopped_ = false, begun_ = false, world_rates_ = false;
   bool rates_were_set_ = false;  // from outside, since settle_holds()
   soa::Breakdown breakdown_;

@@ -11,6 +11,7 @@
 namespace cardan {
 
 void Simulation::run(double t_end, const std::function<void(double)>& progress) {
+  const Stopwatch watch(timed(&RunProfile::run));
   sample_devices(true);
   make_integrator_once();
   if (!begun_) {
@@ -56,6 +57,7 @@ void Simulation::step(double t_stop) {
   StepReport report;
   stretch_ = state_.t;
   try {
+    const Stopwatch watch(timed(&RunProfile::step));
     report = integrator_->step(t_stop, x_.data());
   } catch (const NumericsError& e) {
     fail(explain(e.failure()));
@@ -134,6 +136,7 @@ void Simulation::tick() {
   while (schedule_.time() <= state_.t) {
     const Schedule::Tick tick = schedule_.next();
     tick_ = tick.k;
+    const Stopwatch watch(timed(&RunProfile::tasks));
     tasks_[static_cast<std::size_t>(tick.entry)]();
   }
 }

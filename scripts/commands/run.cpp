@@ -37,7 +37,7 @@ struct RunArguments {
   ScenarioArguments scenario;
   std::string out, again, resume;
   std::optional<double> until, at;
-  bool quiet = false, check_against_reference = false, json_errors = false;
+  bool quiet = false, check_against_reference = false, json_errors = false, profile = false;
   std::vector<std::string> command;
 };
 
@@ -149,6 +149,7 @@ class RunCommand {
     };
     auto scenario = open_scenario(options);
     scenario->warnings.add(job_.warnings);
+    if (arguments_.profile) scenario->sim->take_times();
     return scenario;
   }
 
@@ -446,6 +447,7 @@ void add_run(CLI::App& app, CommandLine& line) {
       ->type_name("DIR");
   command->add_option("--until", a->until, "End of the run in s, instead of the mission's duration")->type_name("SECONDS");
   command->add_flag("--quiet", a->quiet, "No progress, and a summary only if a check failed");
+  command->add_flag("--profile", a->profile, "Tell where the time of the run went: right-hand side, method, controllers, ledger, outputs");
   command->add_flag("--check-against-reference", a->check_against_reference, "Compare with the dense twin at every output time (slow)");
   command->callback([&line, a] {
     line.action = [&line, a] {

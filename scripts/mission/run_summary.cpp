@@ -100,6 +100,36 @@ Summary run_summary(const Scenario& s, double wall_s) {
   return out;
 }
 
+/// A line for each part of a run, the longest first.
+std::string times_text(const RunProfile& times, const IntegratorStatistics& counts, std::string_view method) {
+  struct Line {
+    std::string name;
+    double time;
+    long calls;
+    const char* of_calls;
+  };
+  std::vector<Line> lines = {{"right-hand side", times.rhs.time, times.rhs.calls, "evaluations"},
+                             {fmt::format("method ({})", method), times.method(), counts.steps, "steps"},
+                             {"controllers, sampled devices", times.controllers(), times.tasks.calls - times.outputs.calls, "ticks"},
+                             {"outputs", times.outputs.time, times.outputs.calls, "rows"},
+                             {"ledger", times.ledger.time, times.ledger.calls, "evaluations"},
+                             {"projection", times.projection.time, times.projection.calls, "states"},
+                             {"events", times.events.time, times.events.calls, "evaluations"}};
+  double rest = times.run.time;
+  for (const Line& line : lines) rest -= line.time;
+  std::ranges::stable_sort(lines, std::ranges::greater{}, &Line::time);
+  lines.push_back({"the rest", rest, 0, ""});
+  std::string text = fmt::format("\nwhere {:.3g} s went\n", times.run.time);
+  for (const Line& line : lines) {
+    if (line.time <= 0.0) continue;
+    text += fmt::format("  {:<30}{:>9.3g} s {:>5.1f} %", line.name, line.time, 100.0 * line.time / times.run.time);
+    if (line.calls > 0)
+      text += fmt::format("   {} {}, {:.3g} us each", line.calls, line.of_calls, 1e6 * line.time / static_cast<double>(line.calls));
+    text += '\n';
+  }
+  return text;
+}
+
 std::string summary_text(const Scenario& s, const Summary& sum, const std::vector<Range>& ranges) {
   std::string text = s.mission.title.empty() ? "" : s.mission.title + "\n";
   text += checks_text(sum.checks) + figures_text(sum.figures) + hinges_text(ranges) + modes_text(ranges);
@@ -118,6 +148,7 @@ std::string summary_text(const Scenario& s, const Summary& sum, const std::vecto
   if (sum.preconditioner_setups > 0)
     text += fmt::format("{} products J v, {} preconditioners, {} linear iterations\n", sum.jacobian_products, sum.preconditioner_setups,
                         sum.linear_iterations);
+  if (const RunProfile* times = s.sim->times()) text += times_text(*times, s.sim->statistics(), s.sim->integrator_name());
   if (!sum.kept_elsewhere.empty() && s.mission.checkpoint_period) text += kept_elsewhere_text(sum.kept_elsewhere);
   return text;
 }

@@ -175,6 +175,21 @@ TEST(Program, MissionsRunByKrylov) {
   }
 }
 
+TEST(Program, AutoSaysWhatItChoseAndProfileWhereTheTimeWent) {
+  const TemporaryFolder dir;
+  const Finished run =
+      run_program({"run", "flexible", "--out", dir / "out", "--profile", "--set", "mission.integrator.method=auto"}, kMissions);
+  ASSERT_EQ(run.exit_code, 0) << run.out << run.err;
+  const std::size_t chosen = run.out.find(" was chosen by auto: ");
+  ASSERT_NE(chosen, std::string::npos) << run.out;
+  const std::size_t line = run.out.rfind('\n', chosen) + 1;
+  const std::string method = run.out.substr(line, chosen - line);
+  EXPECT_NE(run.out.find("method (" + method + ")"), std::string::npos) << run.out;
+  for (const char* part : {"\nwhere ", "right-hand side ", "controllers, sampled devices ", "outputs ", "the rest "})
+    EXPECT_NE(run.out.find(part), std::string::npos) << part;
+  EXPECT_EQ(Hdf5File::open(dir / "out/run.h5").text_attribute("/run", "integrator").substr(0, method.size() + 1), method + ",");
+}
+
 TEST(Program, UntilEndsTheRun) {
   const TemporaryFolder dir;
   run_program({"run", "pendulum", "--out", dir.path(), "--until", "0.725"}, kMissions);
