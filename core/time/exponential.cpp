@@ -132,15 +132,9 @@ class Exponential final : public Integrator {
     r_2_ = 2.0 * (r_n_ - 2.0 * r_a_ + r_b_), r_1_ = -r_2_;
     linear_.effect(h, {zero_.data(), r_1_.data(), r_2_.data()}, e_.data());
     linear_.leave_out(h, e_.data());
-    const double second = norm(e_);
+    const double error = norm(e_);
     r_1_ = -3.0 * r_n_ + 4.0 * r_a_ - r_b_;
     linear_.advance(h, {r_n_.data(), r_1_.data(), r_2_.data()}, z1_.data());
-    if (second == 0.0) return 0.0;
-    e_ = z1_ - stage_;  // half of what a slope of the residual does
-    linear_.leave_out(h, e_.data());
-    const double first = 2.0 * norm(e_);
-    // Of the first order, of the second, and by their ratio of the third.
-    const double error = second <= first ? second * second / first : second;
     return all_finite(z1_.data(), n_) && std::isfinite(error) ? error : never;
   }
 
@@ -166,7 +160,7 @@ class Exponential final : public Integrator {
       h_ = std::min(h_, linear_.longest_step());
       const double h = fitting(h_, left);
       const double error = try_step(h == left ? t_stop : t0_ + h, h);
-      const double factor = std::clamp(0.9 * std::pow(error, -0.25), 0.2, 4.0);
+      const double factor = std::clamp(0.9 * std::pow(error, -1.0 / 3), 0.2, 4.0);
       if (error <= 1.0) {
         const double next = h * (rejections > 0 ? std::min(factor, 1.0) : factor);
         h_ = h < h_ ? std::max(next, h_) : next;

@@ -17,7 +17,7 @@ local sat = vehicle "vehicle.yaml"
 mission {
   title = "30 degree slew of a satellite with two flexible wings",
   duration = p.slew_time + p.settle_time,
-  integrator = { method = "dopri5", relative = 1e-9 },
+  integrator = { method = "exponential", relative = 1e-8 },
   output = { rate = "10 Hz", reactions = { "wing_left" }, nodes = { "wing_left.tip" } },
 }
 

@@ -116,7 +116,8 @@ TEST(Ledger, ClosesToTheToleranceWithEveryMethod) {
       const double worst = std::max({l.linear_relative, l.angular_relative, l.energy_relative});
       const double most = std::max({l.linear_limit, l.angular_limit, l.energy_limit});
       EXPECT_LT(worst, 2e3 * relative) << method;  // some hundred steps, each within the tolerance
-      EXPECT_LT(most, method == "rk4" ? 1e-2 : 1e5 * relative) << method;
+      // Of order 3: ten times the steps, each with its error.
+      EXPECT_LT(most, method == "rk4" ? 1e-2 : (method == "exponential" ? 1e6 : 1e5) * relative) << method;
     }
 }
 
