@@ -42,6 +42,7 @@ int cardan_main(int argc, char** argv) {
   add_describe(app, line);
   add_report(app, line);
   add_regress(app, line);
+  add_precision(app, line);
   add_diff(app, line);
   add_workbench(app, line);
   add_modes(app, line);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "core/base/excerpt.hpp"
 #include "core/base/utf8.hpp"
@@ -129,10 +130,12 @@ void refuse(Code code, Located at, std::string expected, std::string got, std::s
 
 std::string render(const RunFailure& f) {
   std::string out = fmt::format("failure[{}]: {}\n", number_of(f.code), title_of(f.code));
-  out += fmt::format("  t = {:.6g} s", f.t);
-  if (!f.body.empty()) out += fmt::format("   body: {}", f.body);
-  if (!f.hinge.empty()) out += fmt::format("   hinge: {}", f.hinge);
-  out += '\n';
+  if (!std::isnan(f.t)) {
+    out += fmt::format("  t = {:.6g} s", f.t);
+    if (!f.body.empty()) out += fmt::format("   body: {}", f.body);
+    if (!f.hinge.empty()) out += fmt::format("   hinge: {}", f.hinge);
+    out += '\n';
+  }
   if (!f.what.empty()) out += fmt::format("  {}\n", shown(f.what));
   if (!f.last_good.empty()) out += fmt::format("  last accepted state: {}\n", f.last_good);
   labelled(out, "hint", f.hint);

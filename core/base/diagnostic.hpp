@@ -65,7 +65,7 @@ class InputError : public std::exception {
 /// The numbers failed during a run (exit code 3): what, where, when.
 struct RunFailure {
   Code code{};
-  double t = 0.0;  // [s]
+  double t = 0.0;  // [s]; NaN: of no instant
   std::string body{}, hinge{};
   std::string what{};  ///< the quantity with its value and limit: "D = 3.1e-19 kg m^2, limit 1e-12, direction wing.angle"
   std::string hint{};

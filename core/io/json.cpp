@@ -53,7 +53,7 @@ Json to_json(const RunFailure& f) {
   }
   return {{"code", number_of(f.code)},
           {"title", title_of(f.code)},
-          {"t", f.t},
+          {"t", std::isnan(f.t) ? Json() : Json(f.t)},
           {"body", f.body},
           {"hinge", f.hinge},
           {"what", f.what},

@@ -54,7 +54,8 @@ struct Summary {
   std::vector<Check> checks;
   Ledger ledger;
   double simulated_s = 0.0, planned_s = 0.0, wall_s = 0.0;  // planned: the end that the run was to reach
-  long steps = 0, rhs_calls = 0, restarts = 0;
+  double cpu_s = 0.0;                                       // of processor time, from the first step to the last
+  long steps = 0, rhs_calls = 0, rejected = 0, restarts = 0;
   long jacobian_products = 0, preconditioner_setups = 0, linear_iterations = 0;  // of the linear solver "krylov", else 0
   std::vector<Figure> figures;
   Warnings warnings;

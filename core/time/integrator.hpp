@@ -140,6 +140,16 @@ class Integrator {
   virtual std::string_view name() const = 0;  // recorded in the result
 };
 
+/// A method as it may be asked for.
+struct MethodKind {
+  std::string name;
+  bool adaptive;                            // chooses its steps by a tolerance; else it takes equal ones
+  bool automatic;                           // stands for one of the others, which follows from the scene
+  std::vector<std::string> linear_solvers;  // that it can be given; the first is taken when none is asked for
+};
+/// All methods, in the order of their names.
+std::vector<MethodKind> integration_methods();
+
 /// Throws InputError (C0301, C0401) for unknown methods and options that do not fit the method.
 void check_options(const IntegratorOptions& options);
 /// The same for the options and the problem, which has to have what the method needs.

@@ -74,6 +74,12 @@ std::vector<double> group_weights(const std::vector<int>& group) {
   return weights;
 }
 
+std::vector<MethodKind> integration_methods() {
+  std::vector<MethodKind> all;
+  for (const Method& m : methods()) all.push_back({m.name, m.adaptive, m.make == nullptr, m.linear_solvers});
+  return all;
+}
+
 void check_options(const IntegratorOptions& options) {
   const Method& method = find_method(options.method);
   check_time(method, "max_step", options.max_step, method.adaptive);

@@ -1,11 +1,14 @@
 #include <fmt/format.h>
 
+#include <cctype>
 #include <cstdio>
 #include <new>
+#include <sstream>
 
 #include "core/base/activity.hpp"
 #include "core/base/units.hpp"
 #include "core/io/json.hpp"
+#include "core/io/yaml_reader.hpp"
 #include "scripts/commands/commands.hpp"
 #include "scripts/mission/run_again.hpp"
 
@@ -18,6 +21,11 @@ void ScenarioArguments::add_to(CLI::App& command, CommandLine& line, const char*
       .add_option("--set", settings,
                   "Override a value: slew_angle=\"20 deg\", vehicle.bodies.bus.mass=\"1700 kg\", mission.duration=\"50 s\"")
       ->type_name("KEY=VALUE")
+      ->allow_extra_args(false);
+  command
+      .add_option("--settings", settings_files,
+                  "The same from a file, key=value in each line; # begins a comment. What --set says comes after it")
+      ->type_name("FILE")
       ->allow_extra_args(false);
   command.add_option("--seed", seed, "Seed of the script's random numbers: a whole number, 0 by default")->type_name("N");
   command.add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
@@ -32,6 +40,20 @@ ScenarioOptions ScenarioArguments::options() const {
     o.seed = *number;
   }
   if (!json_errors || !*json_errors) o.print = [](std::string_view text) { fmt::print(stderr, "{}\n", text); };
+  for (const std::string& from : settings_files) {
+    std::istringstream lines(read_text_file(from));
+    int number = 0;
+    for (std::string text; std::getline(lines, text);) {
+      ++number;
+      while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back())) != 0) text.pop_back();
+      text.erase(0, text.find_first_not_of(" \t"));
+      if (text.empty() || text[0] == '#') continue;
+      const std::size_t equals = text.find('=');
+      if (equals == 0 || equals == std::string::npos)
+        refuse(Code::command_line, {"--settings", {from, number, 1}}, "key=value", in_quotes(text), "mission.integrator.relative=1e-8");
+      o.settings.push_back({text.substr(0, equals), text.substr(equals + 1)});
+    }
+  }
   for (const std::string& text : settings) {
     const std::size_t equals = text.find('=');
     if (equals == 0 || equals == std::string::npos)

@@ -21,6 +21,7 @@ void add_check(CLI::App&, CommandLine&);
 void add_describe(CLI::App&, CommandLine&);
 void add_report(CLI::App&, CommandLine&);
 void add_regress(CLI::App&, CommandLine&);
+void add_precision(CLI::App&, CommandLine&);
 void add_diff(CLI::App&, CommandLine&);
 void add_workbench(CLI::App&, CommandLine&);
 void add_modes(CLI::App&, CommandLine&);
@@ -33,16 +34,17 @@ void add_completion(CLI::App&, CommandLine&);
 void add_help(CLI::App&, CommandLine&);
 void add_version(CLI::App&, CommandLine&);
 
-/// What every command about a scenario takes: FILE, --set, --seed, --json-errors.
+/// What every command about a scenario takes: FILE, --set, --settings, --seed, --json-errors.
 struct ScenarioArguments {
   std::string file;
-  std::vector<std::string> settings;
+  std::vector<std::string> settings, settings_files;
   std::string seed;
   const bool* json_errors = nullptr;  // of the command line: what scripts print would spoil standard error
 
   void add_to(CLI::App& command, CommandLine& line, const char* what = "The scenario: a Lua file, or a folder with scenario.lua",
               const char* type = "SCENARIO");
-  /// Throws InputError C0801 for a --set that is not key=value and a --seed that is no whole number of 64 bits.
+  /// Throws InputError C0801 for a --set, or a line of --settings, that is not key=value and a --seed that is no whole number of 64 bits,
+  /// C0102 for a file that is not there.
   ScenarioOptions options() const;
 };
 

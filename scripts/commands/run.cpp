@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <ctime>
 #include <filesystem>
 #include <limits>
 #include <new>
@@ -59,7 +60,8 @@ RecordedRun job_of(const RunArguments& a) {
     job.check_against_reference = a.check_against_reference;
   } else {
     const bool resumes = !a.resume.empty();
-    if (!a.scenario.settings.empty() || !a.scenario.seed.empty() || (a.until && !resumes) || a.check_against_reference)
+    if (!a.scenario.settings.empty() || !a.scenario.settings_files.empty() || !a.scenario.seed.empty() || (a.until && !resumes) ||
+        a.check_against_reference)
       wrong_line(resumes ? "--resume" : "--again",
                  resumes ? "the run as it was: beside --resume only --at, --until, --out, --quiet and --json-errors"
                          : "the run as it was: beside --again only --out, --quiet and --json-errors",
@@ -164,6 +166,7 @@ class RunCommand {
     });
     Progress progress(progress_look(arguments_.quiet), t_end);
     progress_ = &progress;
+    const std::clock_t cpu_before = std::clock();
     const auto guarded = [&](const auto& part) {
       try {
         part();
@@ -186,12 +189,13 @@ class RunCommand {
         progress.update(t);
       });
     });
-    const double wall_s = progress.wall_s();
+    const double wall_s = progress.wall_s(), cpu_s = static_cast<double>(std::clock() - cpu_before) / CLOCKS_PER_SEC;
     progress.clear();
     progress_ = nullptr;
     std::optional<RunFailure> failure = std::move(summary_.failure);
     summary_ = run_summary(*scenario_, wall_s);
     summary_.failure = std::move(failure);
+    summary_.cpu_s = cpu_s;
     summary_.planned_s = t_end;
     summary_.kept_elsewhere = mission.kept_elsewhere();
     const bool interrupted = Interruption::flag() && !summary_.failure;

@@ -83,7 +83,7 @@ Summary run_summary(const Scenario& s, double wall_s) {
   out.simulated_s = s.sim->time();
   out.wall_s = wall_s;
   const IntegratorStatistics i = s.sim->statistics();
-  out.steps = i.steps, out.rhs_calls = i.rhs_calls, out.restarts = i.restarts;
+  out.steps = i.steps, out.rhs_calls = i.rhs_calls, out.rejected = i.rejected, out.restarts = i.restarts;
   out.jacobian_products = i.jacobian_products, out.preconditioner_setups = i.preconditioner_setups;
   out.linear_iterations = i.linear_iterations;
   out.model.bodies = static_cast<int>(m.user.size());

@@ -59,11 +59,13 @@ std::vector<std::string> complaints_in(const fs::path& file) {
   return {text.size() > 2000 ? "..." + text.substr(text.size() - 2000) : text};
 }
 
-RunEnding ending_of(const RunningProgram& process, const Golden& g, const fs::path& folder) {
+}  // namespace
+
+RunEnding ending_of_run(const RunningProgram& process, const ChildLimits& limits, const fs::path& errors) {
   RunEnding out;
   out.wall_s = process.wall_s();
   out.cpu_s = process.cpu_s();
-  out.complaints = complaints_in(folder / kErrors);
+  out.complaints = complaints_in(errors);
   const ChildEnd& end = process.end();
   const auto says = [&](const char* code) { return !out.complaints.empty() && out.complaints.front().starts_with(code); };
   switch (end.how) {
@@ -73,12 +75,12 @@ RunEnding ending_of(const RunningProgram& process, const Golden& g, const fs::pa
       break;
     case ChildEnd::How::late:
       out.how = RunEnding::How::out_of_time;
-      out.text = fmt::format("hung: more than {:g} s, of which {:.3g} s of processor time", g.wall_s(), out.cpu_s);
+      out.text = fmt::format("hung: more than {:g} s, of which {:.3g} s of processor time", limits.wall_s, out.cpu_s);
       break;
     case ChildEnd::How::killed:
-      out.how = out.cpu_s >= std::ceil(g.cpu_s) - 0.5 ? RunEnding::How::out_of_time : RunEnding::How::crashed;
+      out.how = out.cpu_s >= std::ceil(limits.cpu_s) - 0.5 ? RunEnding::How::out_of_time : RunEnding::How::crashed;
       out.text = out.how == RunEnding::How::out_of_time
-                     ? fmt::format("more than {:g} s of processor time", std::ceil(g.cpu_s))
+                     ? fmt::format("more than {:g} s of processor time", std::ceil(limits.cpu_s))
                      : fmt::format("crashed: killed by signal {} ({})", end.status, strsignal(end.status));
       break;
     case ChildEnd::How::ended:
@@ -86,7 +88,7 @@ RunEnding ending_of(const RunningProgram& process, const Golden& g, const fs::pa
       if (end.status == 0 || end.status == 1) break;
       if (says("N0205") || says("C0802")) {
         out.how = RunEnding::How::out_of_memory;
-        out.text = fmt::format("more than {} MiB of memory", g.memory >> 20);
+        out.text = fmt::format("more than {} MiB of memory", limits.memory >> 20);
       } else {
         out.text = fmt::format("ended with exit code {}", end.status);
       }
@@ -94,11 +96,10 @@ RunEnding ending_of(const RunningProgram& process, const Golden& g, const fs::pa
   return out;
 }
 
-}  // namespace
-
 std::vector<CaseResult> run_goldens(std::vector<Golden>& goldens, const RegressionRun& how) {
   struct Going {
     std::size_t index;
+    ChildLimits limits;
     std::unique_ptr<RunningProgram> process;
   };
   std::vector<CaseResult> results(goldens.size());
@@ -130,8 +131,10 @@ std::vector<CaseResult> run_goldens(std::vector<Golden>& goldens, const Regressi
       if (error)
         end(result,
             {failed_row("run", "folder", {Code::cannot_write, {{}, {result.folder.string()}}, "a folder for results", error.message()})});
-      else
-        going.push_back({index, std::make_unique<RunningProgram>(order_for(goldens[index], how.program, result.folder))});
+      else {
+        const ProgramOrder order = order_for(goldens[index], how.program, result.folder);
+        going.push_back({index, order.limits, std::make_unique<RunningProgram>(order)});
+      }
     }
     for (std::size_t i = 0; i < going.size();) {
       if (!going[i].process->has_ended()) {
@@ -140,7 +143,7 @@ std::vector<CaseResult> run_goldens(std::vector<Golden>& goldens, const Regressi
       }
       const std::size_t index = going[i].index;
       CaseResult& result = results[index];
-      result.ending = ending_of(*going[i].process, goldens[index], result.folder);
+      result.ending = ending_of_run(*going[i].process, going[i].limits, result.folder / kErrors);
       going.erase(going.begin() + static_cast<std::ptrdiff_t>(i));
       end(result, how.record.empty() ? judge(goldens[index], result.folder, result.ending)
                                      : record_references(goldens[index], result.folder, result.ending, how.record));

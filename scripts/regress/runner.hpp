@@ -4,6 +4,7 @@
 #include <functional>
 #include <vector>
 
+#include "core/base/child_process.hpp"
 #include "scripts/regress/judge.hpp"
 
 namespace cardan {
@@ -26,6 +27,9 @@ void expect_recordable(const Golden& golden, const std::string& why);
 /// all rows of the case pass; nothing is touched otherwise.
 std::vector<ClaimRow> record_references(Golden& golden, const std::filesystem::path& folder, const RunEnding& ending,
                                         const std::string& why);
+
+/// What became of a run of `cardan` with --json-errors that has ended: bounded by `limits`, its standard error in the file `errors`.
+RunEnding ending_of_run(const RunningProgram& process, const ChildLimits& limits, const std::filesystem::path& errors);
 
 /// Runs and compares them all; results in the order of `goldens`. What is stopped has RunEnding::How::not_run, and so has a golden file
 /// with faults.

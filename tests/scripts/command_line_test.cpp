@@ -44,8 +44,8 @@ TEST(CommandLine, AloneTellsTheCommands) {
     EXPECT_TRUE(has(alone.out, part)) << part << "\n" << alone.out;
   EXPECT_EQ(cardan({"--help"}).out, alone.out);
   EXPECT_EQ(cardan({"help"}).out, alone.out);
-  EXPECT_EQ(commands(), (std::vector<std::string>{"run", "check", "describe", "report", "regress", "diff", "workbench", "modes", "types",
-                                                  "new", "check-plugin", "help", "completion", "version"}));
+  EXPECT_EQ(commands(), (std::vector<std::string>{"run", "check", "describe", "report", "regress", "precision", "diff", "workbench",
+                                                  "modes", "types", "new", "check-plugin", "help", "completion", "version"}));
 }
 
 TEST(CommandLine, TakesVersionAsAnOptionToo) {

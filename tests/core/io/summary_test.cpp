@@ -17,6 +17,8 @@ Summary example() {
   s.ledger = {1e-15, 2e-14, 3e-12};
   s.simulated_s = 120.0;
   s.wall_s = 2.5;
+  s.cpu_s = 2.25;
+  s.rejected = 17;
   s.steps = 1234;
   s.rhs_calls = 5678;
   s.restarts = 9;
@@ -44,6 +46,8 @@ TEST(Summary, HasTheKeysThatToolsRelyOn) {
   EXPECT_EQ(j["ledger"]["energy"].get<double>(), 3e-12);
   EXPECT_EQ(j["simulated_s"].get<double>(), 120.0);
   EXPECT_EQ(j["wall_s"].get<double>(), 2.5);
+  EXPECT_EQ(j["cpu_s"].get<double>(), 2.25);
+  EXPECT_EQ(j["rejected"], 17);
   EXPECT_EQ(j["steps"], 1234);
   EXPECT_EQ(j["rhs_calls"], 5678);
   EXPECT_EQ(j["jacobian_products"], 21);

@@ -1,0 +1,307 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/base/units.hpp"
+#include "core/io/result_folder.hpp"
+#include "core/io/sha256.hpp"
+#include "core/sim/fastest_motion.hpp"
+#include "core/sim/run_header.hpp"
+#include "scripts/bindings/open.hpp"
+#include "scripts/commands/commands.hpp"
+#include "scripts/commands/interrupt.hpp"
+#include "scripts/commands/streams.hpp"
+#include "scripts/mission/examine.hpp"
+#include "scripts/precision/tables.hpp"
+#include "scripts/report/page.hpp"
+
+namespace cardan {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kNumbers = "precision.h5";
+constexpr const char* kData = "precision.json";
+constexpr const char* kPage = "precision.html";
+constexpr const char* kSettings = "settings.txt";
+
+constexpr double kReferenceTolerance = 1e-13;
+constexpr const char* kFirstReferences[] = {"dop853", "cvode_adams"};  // of high order, of two families
+constexpr const char* kUsualColumns[] = {"attitude", "position", "angle", "modes", "momentum", "energy", "constraint"};
+
+struct PrecisionArguments {
+  ScenarioArguments scenario;
+  std::string out, tolerances = "1e-4:1e-12", steps, measure = "largest";
+  std::optional<double> until, wanted;
+  std::vector<std::string> methods, reference, kinds, budgets;
+  double reference_tolerance = kReferenceTolerance, limit = 600.0;
+  int jobs = 1, repeats = 0;
+  bool quiet = false;
+};
+
+[[noreturn]] void wrong_option(const char* option, std::string expected, std::string got, std::string hint = {}) {
+  refuse(Code::command_line, {option}, std::move(expected), std::move(got), std::move(hint));
+}
+
+std::size_t kind_named(const char* option, const std::string& name) {
+  std::vector<std::string> legal;
+  for (const PrecisionKind& k : precision_kinds()) legal.emplace_back(k.name);
+  const std::size_t k = index_of_kind(name);
+  if (k == legal.size())
+    wrong_option(option, fmt::format("a kind of error: {}", fmt::join(legal, ", ")), in_quotes(name), did_you_mean(name, legal));
+  return k;
+}
+
+/// "attitude=1e-6 rad"
+ErrorBudget budget_of(const std::string& text) {
+  const std::size_t equals = text.find('=');
+  if (equals == 0 || equals == std::string::npos) wrong_option("--budget", "KIND=ERROR: attitude=\"1e-6 rad\"", in_quotes(text));
+  const std::size_t kind = kind_named("--budget", text.substr(0, equals));
+  const auto value = parse_quantity(text.substr(equals + 1), precision_kinds()[kind].unit);
+  if (const auto* fault = std::get_if<QuantityFault>(&value)) refuse(fault->code, {"--budget"}, fault->expected, fault->got, fault->hint);
+  const double most = std::get<double>(value);
+  if (!(most > 0.0)) wrong_option("--budget", "an error > 0", in_quotes(text));
+  return {kind, most};
+}
+
+ErrorMeasure measure_of(const std::string& name) {
+  std::vector<std::string> legal;
+  for (const ErrorMeasure m : {ErrorMeasure::final, ErrorMeasure::l2, ErrorMeasure::largest}) {
+    if (name == name_of(m)) return m;
+    legal.emplace_back(name_of(m));
+  }
+  wrong_option("--measure", fmt::format("a measure: {}", fmt::join(legal, ", ")), in_quotes(name), did_you_mean(name, legal));
+}
+
+/// Methods that a reference is made by, the best first: those that are named, or all that choose their steps.
+std::vector<PrecisionSetting> references(const PrecisionArguments& a, double tightest) {
+  std::vector<PrecisionSetting> out;
+  const auto automatic = [](const PrecisionSetting& s) {
+    return std::ranges::any_of(integration_methods(), [&](const MethodKind& kind) { return kind.automatic && kind.name == s.method; });
+  };
+  for (const PrecisionSetting& s : precision_methods({}))
+    if (s.adaptive && !automatic(s) && std::ranges::none_of(out, [&](const PrecisionSetting& one) { return one.method == s.method; }))
+      out.push_back(s);
+  const auto first = [](const PrecisionSetting& s) { return std::ranges::find(kFirstReferences, s.method) - std::begin(kFirstReferences); };
+  std::ranges::stable_sort(out, [&](const PrecisionSetting& x, const PrecisionSetting& y) { return first(x) < first(y); });
+  if (!a.reference.empty()) {
+    std::vector<PrecisionSetting> named;
+    for (const std::string& name : a.reference) {
+      std::vector<std::string> legal;
+      for (const PrecisionSetting& s : out) legal.push_back(s.method);
+      const auto found = std::ranges::find(out, name, &PrecisionSetting::method);
+      if (found == out.end())
+        wrong_option("--reference", fmt::format("a method that chooses its steps: {}", fmt::join(legal, ", ")), in_quotes(name),
+                     did_you_mean(name, legal));
+      named.push_back(*found);
+    }
+    if (named.size() != 2 || named[0] == named[1])
+      wrong_option("--reference", "two methods: dop853,cvode_adams", fmt::format("{}", fmt::join(a.reference, ",")));
+    out = std::move(named);
+  }
+  for (PrecisionSetting& s : out) s.relative = std::min(a.reference_tolerance, tightest);
+  return out;
+}
+
+/// Of all that the numbers depend on beside settings and options: this program, its sweeps, the files that the scenario reads.
+std::string identity_of(const Scenario& s, const std::string& program) {
+  Sha256 hash;
+  const auto add = [&](const std::string& text) { hash.add(text.data(), text.size()), hash.add("\n", 1); };
+  add(sha256_of_file(program));
+  add(sweeps_name());
+  for (const auto* files : {&s.inputs, &s.plugins, &s.modal_files})
+    for (const InputFile& f : *files) add(f.name), add(f.sha256);
+  return hash.digest();
+}
+
+std::string progress_line(std::size_t done, std::size_t all, const PrecisionRow& row, bool reference) {
+  const std::string what = fmt::format("{} {}", row.setting.name(), row.setting.rung());
+  const std::string how = !row.failure.empty() ? "failed: " + row.failure.substr(0, row.failure.find('\n'))
+                                               : fmt::format("{:.3g} s{}", row.cpu_s, row.taken ? ", of before" : "");
+  return reference ? fmt::format("reference  {:<24} {}\n", what, how) : fmt::format("{:>4} of {:<4} {:<24} {}\n", done, all, what, how);
+}
+
+/// Where the two runs of the reference differ by too much.
+std::vector<Diagnostic> doubts_of(const PrecisionStudy& study) {
+  std::vector<Diagnostic> out;
+  const auto bad = study.not_converged();
+  if (bad.empty()) return out;
+  std::vector<std::string> how;
+  for (const std::size_t k : bad) {
+    const KindError& d = *study.reference.difference[k];
+    const std::string unit = precision_kinds()[k].unit;
+    how.push_back(fmt::format("{} {:.2g}{}", precision_kinds()[k].name, d.largest, unit == "1" ? "" : " " + unit));
+  }
+  const auto name = [](const PrecisionRow& r) { return r.setting.name() + " " + r.setting.rung(); };
+  out.push_back({Code::reference_doubt,
+                 {"reference"},
+                 fmt::format("two runs that agree to {:g} of what they measure", kConverged),
+                 fmt::format("{} and {} differ: {}", name(study.reference.runs[0]), name(study.reference.runs[1]), fmt::join(how, ", ")),
+                 "the table tells nothing below these errors; --until a shorter time, or --reference two other methods"});
+  return out;
+}
+
+int precision(const PrecisionArguments& a) {
+  PrecisionQuestion question;
+  question.measure = measure_of(a.measure);
+  question.wanted = a.wanted;
+  if (a.wanted && !(*a.wanted > 0.0 && std::isfinite(*a.wanted))) wrong_option("--wanted", "an error > 0", fmt::format("{:g}", *a.wanted));
+  for (const std::string& text : a.budgets) question.budgets.push_back(budget_of(text));
+  std::vector<std::size_t> columns;
+  for (const std::string& name : a.kinds) columns.push_back(kind_named("--kinds", name));
+  const std::vector<PrecisionSetting> methods = precision_methods(a.methods);
+  const std::vector<double> tolerances = tolerance_ladder(a.tolerances);
+  std::vector<double> steps = a.steps.empty() ? std::vector<double>{} : step_ladder(a.steps);
+  if (!(a.reference_tolerance >= 1e-14 && a.reference_tolerance <= 1e-6))
+    wrong_option("--reference-tolerance", "a number from 1e-14 to 1e-6", fmt::format("{:g}", a.reference_tolerance));
+  if (!(a.limit > 0.0 && std::isfinite(a.limit))) wrong_option("--limit", "a time > 0 s", fmt::format("{:g}", a.limit));
+  if (a.until && !(*a.until > 0.0 && std::isfinite(*a.until)))
+    wrong_option("--until", "a finite time > 0 s", fmt::format("{:g}", *a.until));
+
+  ScenarioOptions options = a.scenario.options();
+  options.print = [](std::string_view) {};  // it is said in each run
+  PrecisionOrder order;
+  PrecisionStudy study;
+  {
+    const auto s = open_scenario(options);
+    try_start(*s);
+    order.program = fs::read_symlink("/proc/self/exe").string();
+    order.scenario = s->file;
+    for (const Setting& set : options.settings) order.settings.emplace_back(set.key, set.value);
+    order.seed = a.scenario.seed;
+    if (a.until) order.until = fmt::format("{}", *a.until);
+    order.identity = identity_of(*s, order.program);
+    order.own = own_setting(s->mission.simulation.integrator, s->mission.simulation.absolute_tolerance);
+    const bool needs_steps = std::ranges::any_of(methods, [](const PrecisionSetting& m) { return !m.adaptive; });
+    if (steps.empty() && needs_steps) {
+      const Rational& p = s->mission.output_period;
+      steps = usual_steps(fastest_motion(s->model, s->sim->state().q.data()).rate,
+                          static_cast<double>(p.numerator) / static_cast<double>(p.denominator), a.until.value_or(s->mission.duration));
+    }
+    study.title = s->mission.title.empty() ? s->file.filename().string() : s->mission.title;
+    study.scenario = s->file.string();
+  }
+  order.grid = precision_grid(methods, tolerances, steps, order.own);
+  order.reference = references(a, tolerances.back());
+  order.loosest_reference = std::max(1e-10, a.reference_tolerance);
+  order.jobs = a.jobs, order.repeats = a.repeats, order.cpu_s = a.limit;
+  order.out = !a.out.empty() ? fs::path(a.out)
+                             : fs::path("out") / "precision" / fs::absolute(order.scenario).lexically_normal().parent_path().filename();
+  const ResultFolder folder(order.out, {kNumbers, kData, kPage, kSettings});
+  order.out = folder.path();
+
+  const Interruption interruption;
+  order.stop = [] { return Interruption::flag().load(); };
+  order.told = [&](std::size_t done, std::size_t all, const PrecisionRow& row, bool reference) {
+    if (!a.quiet) complain(progress_line(done, all, row, reference));
+  };
+  {
+    PrecisionStudy done = run_study(order);
+    done.title = std::move(study.title), done.scenario = std::move(study.scenario);
+    study = std::move(done);
+  }
+  if (Interruption::flag()) {
+    say(fmt::format("\nInterrupted. The {} runs that ended are kept: the same command goes on. No table is written; one of before stays.\n",
+                    study.runs + study.taken - static_cast<std::size_t>(a.jobs > 0 && study.runs > 0)));
+    return 128 + Interruption::signal();
+  }
+  if (study.reference.runs.size() < 2) {
+    RunFailure none;
+    none.code = Code::no_reference;
+    none.t = std::nan("");
+    for (const std::string& attempt : study.reference.attempts) none.what += (none.what.empty() ? "" : "\n  ") + attempt;
+    none.hint = "a larger --limit, --until a shorter time, or --reference two methods that can do what the scene needs";
+    throw NumericsError(std::move(none));
+  }
+  for (const auto& [name, value] : {std::pair{"seed", order.seed}, {"until [s]", order.until}})
+    if (!value.empty()) study.about.push_back(fmt::format("{} {}", name, value));
+  for (const auto& [key, value] : order.settings) study.about.push_back(fmt::format("--set {}={}", key, value));
+  study.about.push_back("sweeps " + sweeps_name());
+
+  const auto there = study.kinds();
+  if (columns.empty())
+    for (const char* name : kUsualColumns)
+      if (const std::size_t k = index_of_kind(name); std::ranges::find(there, k) != there.end()) columns.push_back(k);
+  say(fmt::format("{}\n{}", study.title, precision_table(study, columns, question.measure)));
+  say(precision_answers(study, question));
+  for (const Diagnostic& doubt : doubts_of(study)) complain(render(doubt) + "\n");
+
+  int code = 0;
+  const Json data = precision_json(study, question);
+  write_whole_file(folder / kData, json_text_with_nulls(data));
+  write_precision_h5((folder / kNumbers).string(), study);
+  write_whole_file(folder / kPage, page::filled("Precision: " + study.title, data, page::precision()));
+  std::string files = (folder / kPage).string();
+  if (!question.budgets.empty()) {
+    const PrecisionChoice choice =
+        cheapest_within(study.rows, question.budgets, floors_of(study, question.measure), question.measure, RunCost::cpu);
+    if (const auto row = choice.row ? choice.row : choice.nearest) {
+      const std::string about = choice_text(study, choice, question.budgets, question.measure);
+      write_whole_file(folder / kSettings, settings_text(study.rows[*row].setting, study.own,
+                                                         {"cardan run SCENARIO --settings " + std::string(kSettings), about}));
+      files += ", " + (folder / kSettings).string();
+    }
+    if (!choice.row) code = 1;
+  }
+  say(fmt::format("\n{} runs, {} of before. {}\n", study.runs, study.taken, files));
+  return code;
+}
+
+}  // namespace
+
+void add_precision(CLI::App& app, CommandLine& line) {
+  auto* command = app.add_subcommand("precision", "Run a scenario with many methods and tolerances: what does a digit cost?");
+  auto a = std::make_shared<PrecisionArguments>();
+  a->scenario.add_to(*command, line);
+  command
+      ->add_option("--methods", a->methods,
+                   "These integrators alone, of several linear solvers all or one: dopri5,cvode_bdf/krylov; default: all that there are")
+      ->delimiter(',')
+      ->type_name("METHODS")
+      ->allow_extra_args(false);
+  command->add_option("--tolerances", a->tolerances, "Relative tolerances: 1e-4:1e-12 (the default), 1e-4:1e-12:17 or 1e-4,1e-7")
+      ->type_name("LADDER");
+  command
+      ->add_option(
+          "--steps", a->steps,
+          "Steps in s of methods that take equal ones: 0.1:0.001 or 0.1,0.02; default: from where the method is stable, five times "
+          "halved")
+      ->type_name("LADDER");
+  command
+      ->add_option("--reference", a->reference,
+                   "The two methods of the reference; default: the first of all that get there, dop853,cvode_adams")
+      ->delimiter(',')
+      ->type_name("METHODS")
+      ->allow_extra_args(false);
+  command
+      ->add_option("--reference-tolerance", a->reference_tolerance,
+                   "Where the reference begins; default 1e-13, or the tightest of the ladder")
+      ->type_name("NUMBER");
+  command->add_option("--kinds", a->kinds, "Columns of the table: attitude,modes,energy; the files have all of them")
+      ->delimiter(',')
+      ->type_name("KINDS")
+      ->allow_extra_args(false);
+  command->add_option("--measure", a->measure, "final, l2 (over the recorded instants), or largest (the default)")->type_name("MEASURE");
+  command->add_option("--wanted", a->wanted, "Tell the cheapest setting for this error, of each kind by itself")->type_name("ERROR");
+  command
+      ->add_option("--budget", a->budgets,
+                   "Tell the cheapest setting that keeps this error, attitude=\"1e-6 rad\", and write it as settings.txt for `cardan run "
+                   "--settings`; may be repeated: all at once. Exit code 1 where none does")
+      ->type_name("KIND=ERROR")
+      ->allow_extra_args(false);
+  command->add_option("--until", a->until, "End of the runs in s, instead of the mission's duration")->type_name("SECONDS");
+  command->add_option("-j,--jobs", a->jobs, "How many run side by side; default 1, so that times mean something")
+      ->type_name("N")
+      ->check(CLI::Range(1, 1024));
+  command->add_option("--repeat", a->repeats, "Run each so often and keep the least time; default: of short runs up to five")
+      ->type_name("N")
+      ->check(CLI::Range(1, 1000));
+  command->add_option("--limit", a->limit, "Processor time in s that one run may take; default 600")->type_name("SECONDS");
+  command->add_option("--out", a->out, "Folder of the results; default: out/precision/<folder of the scenario>")->type_name("DIR");
+  command->add_flag("--quiet", a->quiet, "No progress");
+  command->callback([&line, a] { line.action = [a] { return precision(*a); }; });
+}
+
+}  // namespace cardan

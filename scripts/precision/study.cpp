@@ -1,0 +1,312 @@
+#include "scripts/precision/study.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <thread>
+
+#include "core/io/json.hpp"
+#include "core/io/result_folder.hpp"
+#include "core/io/sha256.hpp"
+#include "core/io/yaml_reader.hpp"
+#include "scripts/regress/runner.hpp"
+
+namespace cardan {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kKept = "row.json";  // beside run.h5 in the folder of a run: what became of it
+constexpr const char* kSaid = "errors.json";
+constexpr int kFormat = 1;
+
+/// Of all that the numbers of a run depend on.
+std::string key_of(const PrecisionOrder& order, const PrecisionSetting& setting) {
+  std::string text = fmt::format("{}\n{}\n{}\n{}\n", kFormat, order.identity, order.seed, order.until);
+  for (const auto& [key, value] : order.settings) text += fmt::format("{}={}\n", key, value);
+  for (const auto& [key, value] : setting.sets(order.own)) text += fmt::format("{}={}\n", key, value);
+  return sha256(text).substr(0, 16);
+}
+
+std::string folder_name(const PrecisionOrder& order, const PrecisionSetting& s) {
+  std::string name = fmt::format("{}_{}", s.name(), s.rung());
+  std::ranges::replace_if(
+      name, [](char c) { return c == '/' || c == ' '; }, '-');
+  return fmt::format("runs/{}_{}", name, key_of(order, s));
+}
+
+Json to_json(const PrecisionRow& row, double limit) {
+  return {{"format", kFormat},
+          {"failure", row.failure},
+          {"limit_s", limit},
+          {"cpu_s", row.cpu_s},
+          {"process_s", row.process_s},
+          {"repeats", row.repeats},
+          {"steps", row.steps},
+          {"rhs_calls", row.rhs_calls},
+          {"rejected", row.rejected},
+          {"restarts", row.restarts},
+          {"jacobian_products", row.jacobian_products},
+          {"checks_passed", row.checks_passed},
+          {"ended_by", row.ended_by},
+          {"end_s", row.end_s}};
+}
+
+/// What an earlier study kept; false: nothing, or a run that ended for want of time and would have more now.
+bool take(PrecisionRow& row, const PrecisionOrder& order) {
+  const fs::path folder = order.out / row.folder;
+  std::error_code none;
+  if (!fs::is_regular_file(folder / kKept, none)) return false;
+  try {
+    const Json j = Json::parse(read_text_file((folder / kKept).string()));
+    if (j.at("format") != kFormat) return false;
+    PrecisionRow kept = row;
+    kept.failure = j.at("failure").get<std::string>();
+    kept.cpu_s = j.at("cpu_s"), kept.process_s = j.at("process_s"), kept.repeats = j.at("repeats");
+    kept.steps = j.at("steps"), kept.rhs_calls = j.at("rhs_calls"), kept.rejected = j.at("rejected");
+    kept.restarts = j.at("restarts"), kept.jacobian_products = j.at("jacobian_products");
+    kept.checks_passed = j.at("checks_passed"), kept.ended_by = j.at("ended_by"), kept.end_s = j.at("end_s");
+    const double limit = j.at("limit_s");
+    if (!kept.failure.empty() && limit < order.cpu_s) return false;
+    if (kept.failure.empty() && (kept.repeats < order.repeats || !fs::is_regular_file(folder / "run.h5", none))) return false;
+    row = std::move(kept);
+    return row.taken = true;
+  } catch (const InputError&) {
+  } catch (const Json::exception&) {
+  }
+  return false;
+}
+
+ProgramOrder program_order(const PrecisionOrder& order, const PrecisionRow& row) {
+  const std::string folder = (order.out / row.folder).string();
+  ProgramOrder out;
+  out.command = {order.program, "run", order.scenario.string(), "--out", folder, "--quiet", "--json-errors"};
+  for (const auto& [key, value] : order.settings) out.command.insert(out.command.end(), {"--set", key + "=" + value});
+  for (const auto& [key, value] : row.setting.sets(order.own)) out.command.insert(out.command.end(), {"--set", key + "=" + value});
+  if (!order.seed.empty()) out.command.insert(out.command.end(), {"--seed", order.seed});
+  if (!order.until.empty()) out.command.insert(out.command.end(), {"--until", order.until});
+  out.out = folder + "/printed.txt";
+  out.err = folder + "/" + kSaid;
+  out.limits.cpu_s = order.cpu_s;
+  out.limits.wall_s = 10.0 * order.cpu_s + 60.0;
+  out.limits.memory = std::size_t{16} << 30;
+  return out;
+}
+
+constexpr int kRepeats = 5;         // of short runs
+constexpr double kShortRuns = 1.0;  // [s] of processor time, of all of them together
+
+/// Whether one more repeat is wanted after `done` of them.
+bool once_more(const PrecisionOrder& order, const PrecisionRow& row, int done) {
+  if (!row.failure.empty()) return false;
+  return order.repeats > 0 ? done < order.repeats : done < kRepeats && (done + 1) * row.process_s < kShortRuns;
+}
+
+/// What one process came to; of several the least time.
+void read_run(PrecisionRow& row, const RunEnding& ending, const PrecisionOrder& order, int repeat) {
+  const fs::path folder = order.out / row.folder;
+  std::error_code none;
+  fs::remove(folder / "report.html", none);
+  if (!ending.as_planned()) {
+    row.failure = ending.complaints.empty() ? ending.text : ending.complaints.front();
+    if (ending.how != RunEnding::How::ended) row.failure = ending.text;
+    return;
+  }
+  try {
+    const Json j = Json::parse(read_text_file((folder / "summary.json").string()));
+    const double cpu_s = j.at("cpu_s");
+    row.cpu_s = repeat == 0 ? cpu_s : std::min(row.cpu_s, cpu_s);
+    row.process_s = repeat == 0 ? ending.cpu_s : std::min(row.process_s, ending.cpu_s);
+    row.repeats = repeat + 1;
+    row.steps = j.at("steps"), row.rhs_calls = j.at("rhs_calls"), row.rejected = j.at("rejected"), row.restarts = j.at("restarts");
+    row.jacobian_products = j.at("jacobian_products");
+    row.checks_passed = ending.exit_code == 0;
+    row.ended_by = j.at("ended_by"), row.end_s = j.at("simulated_s");
+  } catch (const InputError& e) {
+    row.failure = e.diagnostics().front().got;
+  } catch (const Json::exception& e) {
+    row.failure = fmt::format("summary.json cannot be read: {}", e.what());
+  }
+}
+
+/// Runs rows, some side by side; `index`: where they are among all that are told.
+class Runs {
+ public:
+  Runs(const PrecisionOrder& order, PrecisionStudy& study) : order_(order), study_(study) {}
+
+  bool stopped() const { return order_.stop && order_.stop(); }
+
+  /// Calls `done` for each row that has ended, failed or was taken.
+  void all(std::vector<PrecisionRow*> rows, const std::function<void(PrecisionRow&)>& done) {
+    struct Going {
+      PrecisionRow* row;
+      int repeat;
+      ChildLimits limits;
+      std::unique_ptr<RunningProgram> process;
+    };
+    std::vector<Going> going;
+    std::size_t next = 0;
+    const auto start = [&](PrecisionRow* row, int repeat) {
+      const ProgramOrder order = program_order(order_, *row);
+      ++study_.runs;
+      return Going{row, repeat, order.limits, std::make_unique<RunningProgram>(order)};
+    };
+    while (!stopped() && (next < rows.size() || !going.empty())) {
+      while (next < rows.size() && going.size() < static_cast<std::size_t>(order_.jobs) && !stopped()) {
+        PrecisionRow* row = rows[next++];
+        row->folder = folder_name(order_, row->setting);
+        if (take(*row, order_)) {
+          ++study_.taken;
+          done(*row);
+          continue;
+        }
+        const fs::path folder = order_.out / row->folder;
+        std::error_code error;
+        for (const char* old : {kKept, "run.h5", "summary.json", "report.html"}) fs::remove(folder / old, error);
+        fs::create_directories(folder, error);
+        if (error) refuse(Code::cannot_write, {{}, {folder.string()}}, "a folder for results", error.message());
+        going.push_back(start(row, 0));
+      }
+      bool ended = false;
+      for (std::size_t i = 0; i < going.size();) {
+        if (!going[i].process->has_ended()) {
+          ++i;
+          continue;
+        }
+        ended = true;
+        PrecisionRow& row = *going[i].row;
+        const int repeat = going[i].repeat;
+        read_run(row, ending_of_run(*going[i].process, going[i].limits, order_.out / row.folder / kSaid), order_, repeat);
+        if (once_more(order_, row, repeat + 1)) {
+          going[i] = start(&row, repeat + 1);
+          continue;
+        }
+        going.erase(going.begin() + static_cast<std::ptrdiff_t>(i));
+        write_whole_file(order_.out / row.folder / kKept, json_text_with_nulls(to_json(row, order_.cpu_s)));
+        done(row);
+      }
+      if (!ended) std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    if (stopped()) study_.complete = false;
+  }
+
+  /// The channels of a row that ended; a file that cannot be read is its failure.
+  std::optional<RunColumns> columns(PrecisionRow& row) {
+    if (!row.failure.empty()) return std::nullopt;
+    try {
+      return read_run_columns((order_.out / row.folder / "run.h5").string());
+    } catch (const InputError& e) {
+      row.failure = fmt::format("{}: {}", number_of(e.diagnostics().front().code), e.diagnostics().front().got);
+      return std::nullopt;
+    }
+  }
+
+ private:
+  const PrecisionOrder& order_;
+  PrecisionStudy& study_;
+};
+
+/// One run that is fit to be a reference: from the tolerance of `setting` to ten times looser, and so on.
+std::optional<PrecisionRow> reference_run(Runs& runs, const PrecisionOrder& order, PrecisionStudy& study, const PrecisionSetting& setting,
+                                          std::size_t& told) {
+  for (double relative = setting.relative; relative <= 1.0001 * order.loosest_reference && !runs.stopped(); relative *= 10.0) {
+    PrecisionRow row;
+    row.setting = with_tolerance(setting, relative, order.own);
+    runs.all({&row}, [](PrecisionRow&) {});
+    if (runs.stopped()) return std::nullopt;
+    ++told;
+    if (order.told) order.told(told, 0, row, true);
+    if (row.failure.empty()) return row;
+    study.reference.attempts.push_back(
+        fmt::format("{} {}: {}", row.setting.name(), row.setting.rung(), row.failure.substr(0, row.failure.find('\n'))));
+    if (row.failure.starts_with("C")) break;  // wrong input: it is wrong at every tolerance
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+double PrecisionStudy::floor(std::size_t kind, ErrorMeasure measure) const {
+  if (precision_kinds()[kind].of_the_run_itself) return 0.0;
+  if (kind >= reference.difference.size() || !reference.difference[kind]) return std::numeric_limits<double>::quiet_NaN();
+  return value_of(*reference.difference[kind], measure);
+}
+
+std::vector<std::size_t> PrecisionStudy::not_converged() const {
+  std::vector<std::size_t> out;
+  for (std::size_t k = 0; k < reference.difference.size(); ++k)
+    if (const auto& d = reference.difference[k]; d && !precision_kinds()[k].of_the_run_itself && !(d->largest <= kConverged * d->size))
+      out.push_back(k);
+  return out;
+}
+
+std::vector<std::size_t> PrecisionStudy::kinds() const {
+  std::vector<std::size_t> out;
+  for (std::size_t k = 0; k < precision_kinds().size(); ++k) {
+    bool there = false;
+    for (const PrecisionRow& row : rows)
+      there = there || (row.failure.empty() && k < row.errors.size() && row.errors[k] && row.errors[k]->largest > 0.0);
+    if (there) out.push_back(k);
+  }
+  return out;
+}
+
+PrecisionStudy run_study(const PrecisionOrder& order) {
+  PrecisionStudy study;
+  study.own = order.own;
+  Runs runs(order, study);
+  const auto own = std::ranges::find(order.grid, order.own);
+  std::vector<PrecisionSetting> settings = order.grid;
+  if (own == order.grid.end()) settings.insert(settings.begin(), order.own);
+  for (const PrecisionSetting& s : settings) {
+    PrecisionRow& row = study.rows.emplace_back();
+    row.setting = s;
+    row.own = s == order.own;
+  }
+
+  // The reference: the first two methods that get there.
+  std::size_t told = 0;
+  PrecisionReference& reference = study.reference;
+  std::optional<RunColumns> truth;
+  for (const PrecisionSetting& s : order.reference) {
+    if (reference.runs.size() == 2 || runs.stopped()) break;
+    if (auto row = reference_run(runs, order, study, s, told)) {
+      if (reference.runs.empty() && !(truth = runs.columns(*row))) {
+        reference.attempts.push_back(fmt::format("{} {}: {}", row->setting.name(), row->setting.rung(), row->failure));
+        continue;
+      }
+      reference.runs.push_back(std::move(*row));
+    }
+  }
+  if (reference.runs.size() == 1 && !runs.stopped()) {  // one method alone: at ten times the tolerance too
+    reference.one_method = true;
+    PrecisionSetting looser = reference.runs[0].setting;
+    looser.relative *= 10.0;
+    PrecisionOrder wider = order;
+    wider.loosest_reference *= 10.0;
+    if (auto row = reference_run(runs, wider, study, looser, told)) reference.runs.push_back(std::move(*row));
+  }
+  if (runs.stopped()) {
+    study.complete = false;
+    return study;
+  }
+  if (reference.runs.size() < 2) return study;
+  if (const auto other = runs.columns(reference.runs[1])) reference.difference = errors_of_run(*other, *truth);
+  reference.runs[0].errors = errors_of_run(*truth, *truth);
+
+  std::size_t done = 0;
+  std::vector<PrecisionRow*> rows;
+  for (PrecisionRow& row : study.rows) rows.push_back(&row);
+  runs.all(rows, [&](PrecisionRow& row) {
+    if (const auto columns = runs.columns(row)) row.errors = errors_of_run(*columns, *truth);
+    if (order.told) order.told(++done, rows.size(), row, false);
+  });
+  return study;
+}
+
+}  // namespace cardan

@@ -1,0 +1,295 @@
+// `cardan precision` as a user runs it, on small scenes of which the truth is known.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <csignal>
+#include <filesystem>
+
+#include "core/io/run_columns.hpp"
+#include "scripts/precision/choose.hpp"
+#include "tests/scripts/run_program.hpp"
+#include "tests/support/worse.hpp"
+
+namespace cardan {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+constexpr const char* kTop = R"(cardan: 1
+bodies:
+  top:
+    mass: 2 kg
+    inertia: [3, 3, 5]
+    hinge: {type: free, to: world, initial: {angular_velocity: [0.8, 0, 1.1]}}
+)";
+constexpr const char* kMission = R"(local sat = vehicle "vehicle.yaml"
+mission { duration = "8 s", integrator = { method = "dopri5", relative = 1e-7 }, output = { rate = "1 Hz" }, checkpoint = { never = true } }
+)";
+
+/// A symmetric top that nothing acts on: it turns about its momentum h by |h| / A, and about its axis z by -(C - A) / A w_z.
+Column exact_attitude(const std::vector<double>& times) {
+  const double A = 3, C = 5, wx = 0.8, wz = 1.1, nu = (C - A) / A * wz;
+  const double h[2] = {A * wx, C * wz}, size = std::hypot(h[0], h[1]);
+  Column out{"bodies/top/attitude", {"w", "x", "y", "z"}, {"1", "1", "1", "1"}, {}};
+  for (const double t : times) {
+    const double a = 0.5 * size / A * t, b = -0.5 * nu * t;
+    const double p[4] = {std::cos(a), std::sin(a) * h[0] / size, 0, std::sin(a) * h[1] / size};  // then one about z by 2 b
+    for (const double x : {p[0] * std::cos(b) - p[3] * std::sin(b), p[1] * std::cos(b) + p[2] * std::sin(b),
+                           p[2] * std::cos(b) - p[1] * std::sin(b), p[3] * std::cos(b) + p[0] * std::sin(b)})
+      out.values.push_back(x);
+  }
+  return out;
+}
+
+class Precision : public testing::Test {
+ protected:
+  void scene(const std::string& mission = kMission, const std::string& vehicle = kTop) {
+    write(dir_ / "vehicle.yaml", vehicle);
+    write(dir_ / "scenario.lua", mission);
+  }
+  Finished precision(std::vector<std::string> more) {
+    more.insert(more.begin(), {"precision", "scenario.lua", "--out", "out"});
+    return run_program(more, dir_.path());
+  }
+  json data() { return json::parse(file_text(dir_ / "out/precision.json")); }
+  json row(const std::string& name, const std::string& rung) {
+    const json all = data();
+    for (const json& r : all["rows"])
+      if (r["name"] == name && r["rung"] == rung) return r;
+    ADD_FAILURE() << "no row " << name << " " << rung;
+    return {};
+  }
+  /// Of the channels that a row recorded.
+  double exact_error(const json& r) {
+    const RunColumns run = read_run_columns(dir_ / ("out/" + r["folder"].get<std::string>() + "/run.h5"));
+    RunColumns truth;
+    truth.times = run.times;
+    truth.columns = {exact_attitude(run.times)};
+    return errors_of_run(run, truth)[index_of_kind("attitude")]->largest;
+  }
+  /// The first error of a command line that is wrong, as text.
+  std::string refusal(std::vector<std::string> more, int exit_code = 2) {
+    const Finished run = precision(std::move(more));
+    EXPECT_EQ(run.exit_code, exit_code) << run.out;
+    return run.err;
+  }
+
+  TemporaryFolder dir_;
+};
+
+TEST_F(Precision, ErrorsHaveTheOrderOfTheMethodAndAreThoseOfTheTruth) {
+  scene();
+  const Finished run = precision({"--methods", "rk4,dopri5", "--steps", "0.1:0.025", "--tolerances", "1e-6:1e-9"});
+  ASSERT_EQ(run.exit_code, 0) << run.out << run.err;
+  const auto error = [&](const json& r) { return r["errors"]["attitude"]["largest"].get<double>(); };
+  const json all = data();
+  const double a = error(row("rk4", "0.1 s")), b = error(row("rk4", "0.05 s")), c = error(row("rk4", "0.025 s"));
+  EXPECT_LT(std::abs(a / b - 16), 1.5) << "order 4";
+  EXPECT_LT(std::abs(b / c - 16), 0.8);
+  EXPECT_GT(error(row("dopri5", "1e-06")) / error(row("dopri5", "1e-09")), 200.0) << "error goes with tolerance";
+  for (const json& r : {row("rk4", "0.1 s"), row("rk4", "0.025 s"), row("dopri5", "1e-07")})
+    EXPECT_LT(std::abs(error(r) / exact_error(r) - 1), 1e-3) << r["name"] << ": against the reference as against the truth";
+  EXPECT_LT(exact_error(all["reference"]["runs"][0]), 1e-11);
+  // The reference knows how good it is: |first - second| is no less than a tenth of what the first is off by.
+  for (const json& kind : all["kinds"]) {
+    if (kind["name"] != "attitude") continue;
+    EXPECT_GT(kind["reference_off_by"]["largest"].get<double>(), 0.1 * exact_error(all["reference"]["runs"][0]));
+    EXPECT_LT(kind["reference_off_by"]["largest"].get<double>(), 1e-10);
+    EXPECT_EQ(kind["converged"], true);
+  }
+  EXPECT_EQ(row("dopri5", "1e-07")["own"], true) << "the scenario's own setting is told";
+  EXPECT_TRUE(has(run.out, "dopri5 (yours)")) << run.out;
+  EXPECT_LT(row("rk4", "0.1 s")["errors"]["momentum"]["largest"], 1e-3);
+  EXPECT_FALSE(row("rk4", "0.1 s")["errors"].contains("modes"));
+  EXPECT_GT(row("rk4", "0.1 s")["rhs_calls"], 80 * 4 - 1) << "four a step";
+  EXPECT_TRUE(has(file_text(dir_ / "out/precision.html"), "Work against precision"));
+  // precision.h5 has the same numbers, a group for each method.
+  const RunColumns nothing{};
+  EXPECT_TRUE(fs::is_regular_file(dir_ / "out/precision.h5"));
+}
+
+TEST_F(Precision, WhatWasRunIsNotRunAgain) {
+  scene();
+  const std::vector<std::string> two = {"--methods", "dop853", "--tolerances", "1e-6,1e-8", "--quiet", "--repeat", "1"};
+  const Finished first = precision(two);
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  EXPECT_TRUE(has(first.out, "\n5 runs, 0 of before.")) << "two of the reference, the scenario's own, two rows: " << first.out;
+  EXPECT_EQ(first.err, "");
+  const json before = data();
+  EXPECT_TRUE(has(precision(two).out, "\n0 runs, 5 of before."));
+  EXPECT_EQ(data(), before) << "times too: nothing was run";
+  EXPECT_TRUE(has(precision({"--methods", "dop853", "--tolerances", "1e-6,1e-8,1e-10", "--repeat", "1"}).out, "\n1 runs, 5 of before."));
+  EXPECT_TRUE(has(precision({"--methods", "dop853", "--tolerances", "1e-6", "--set", "mission.ledger=false", "--repeat", "1"}).out,
+                  "\n4 runs, 0 of before."))
+      << "another setting";
+  scene(replaced(kMission, "8 s", "7 s"));
+  EXPECT_TRUE(has(precision(two).out, "\n5 runs, 0 of before.")) << "another scenario";
+}
+
+TEST_F(Precision, AFailureIsARowWithItsReason) {
+  // A damper of 400 1/s: rk4 with 0.1 s is far beyond what is stable.
+  scene(kMission, R"(cardan: 1
+bodies:
+  top:
+    mass: 2 kg
+    inertia: [3, 3, 5]
+    hinge: {type: revolute, to: world, axis: [0, 0, 1], spring: {stiffness: 0 N m/rad, damping: 2000 N m s/rad}, initial: {rate: 1}}
+)");
+  const Finished run = precision({"--methods", "rk4,dopri5", "--steps", "0.1,0.001", "--tolerances", "1e-6", "--quiet"});
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+  EXPECT_TRUE(has(run.out, "failed: N0")) << run.out;
+  const json failed = row("rk4", "0.1 s");
+  EXPECT_TRUE(failed["failure"].get<std::string>().starts_with("N0108: a value is not finite")) << failed["failure"];
+  EXPECT_FALSE(failed.contains("cpu_s"));
+  EXPECT_TRUE(row("rk4", "0.001 s")["failure"].is_null());
+  EXPECT_TRUE(has(precision({"--methods", "rk4,dopri5", "--steps", "0.1,0.001", "--tolerances", "1e-6", "--quiet"}).out, "\n0 runs,"))
+      << "failures are kept too";
+}
+
+TEST_F(Precision, ARunThatTakesTooLongIsARow) {
+  scene(std::string(kMission) +
+        "controller { name = 'slow', rate = '10 Hz', step = function(t)\n"
+        "  if sim:vehicle() and mission.time() > 0.5 then for i = 1, 1e7 do end end end }\n");
+  const Finished run = precision({"--methods", "dopri5", "--tolerances", "1e-6", "--limit", "1", "--quiet"});
+  EXPECT_EQ(run.exit_code, 3) << run.out << run.err;
+  EXPECT_TRUE(has(run.err, "more than 1 s of processor time")) << run.err;
+}
+
+TEST_F(Precision, TheCheapestSettingWithinABudgetIsWrittenForRun) {
+  scene();
+  const Finished run =
+      precision({"--methods", "dopri5", "--tolerances", "1e-4:1e-10", "--budget", "attitude=1e-3 deg", "--wanted", "1e-6", "--quiet"});
+  ASSERT_EQ(run.exit_code, 0) << run.out << run.err;
+  EXPECT_TRUE(has(run.out, "cheapest for an error of 1e-06 (largest, in the unit of each)\n  attitude    dopri5 ")) << run.out;
+  EXPECT_TRUE(has(run.out, "cheapest for attitude 1.7e-05 rad\n  dopri5 ")) << run.out;
+  const std::string settings = file_text(dir_ / "out/settings.txt");
+  EXPECT_TRUE(has(settings, "\nmission.integrator.method=dopri5\nmission.integrator.relative=")) << settings;
+  const Finished again = run_program({"run", ".", "--settings", "out/settings.txt", "--out", "run", "--quiet"}, dir_.path());
+  EXPECT_EQ(again.exit_code, 0) << again.err;
+  RunColumns truth = read_run_columns(dir_ / "run/run.h5");
+  const RunColumns is = truth;
+  truth.columns = {exact_attitude(is.times)};
+  EXPECT_LE(errors_of_run(is, truth)[index_of_kind("attitude")]->largest, 1.01e-3 * 3.14159265358979 / 180);
+
+  const Finished none = precision({"--methods", "dopri5", "--tolerances", "1e-4:1e-6", "--budget", "attitude=1e-18 rad", "--quiet"});
+  EXPECT_EQ(none.exit_code, 1) << none.err;
+  EXPECT_TRUE(has(none.out, "none of the settings; nearest dopri5 ")) << none.out;
+  EXPECT_TRUE(has(none.out, "; the reference itself may be off by ")) << none.out;
+  EXPECT_TRUE(has(file_text(dir_ / "out/settings.txt"), "# none of the settings; nearest"));
+}
+
+TEST_F(Precision, AReferenceThatDidNotConvergeIsTold) {
+  scene();
+  const Finished run = precision({"--methods", "dopri5", "--tolerances", "1e-3,1e-4", "--reference-tolerance", "1e-6", "--quiet"});
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_TRUE(
+      run.err.starts_with("warning[W0403]: the reference did not converge\n  at: reference\n"
+                          "  expected: two runs that agree to 1e-06 of what they measure\n"
+                          "  got:      dop853 1e-06 and cvode_adams 1e-06 differ: attitude "))
+      << run.err;
+  EXPECT_TRUE(
+      has(run.err, "  hint:     the table tells nothing below these errors; --until a shorter time, or --reference two other methods\n"))
+      << run.err;
+  bool marked = false;
+  const json all = data();
+  for (const json& kind : all["kinds"]) marked = marked || kind.value("converged", true) == false;
+  EXPECT_TRUE(marked);
+}
+
+TEST_F(Precision, WithoutAReferenceThereIsNoTable) {
+  scene(std::string(kMission) + "controller { name = 'broken', rate = '1 Hz', step = function(t) if t > 2 then error('lost') end end }\n");
+  const Finished run = precision(
+      {"--methods", "dopri5", "--tolerances", "1e-6", "--reference", "dop853,dopri5", "--reference-tolerance", "1e-10", "--quiet"});
+  EXPECT_EQ(run.exit_code, 3) << run.out;
+  EXPECT_TRUE(run.err.starts_with("failure[N0206]: no method gets to the tolerance of the reference\n  dop853 1e-10: N0303: ")) << run.err;
+  EXPECT_TRUE(has(run.err, "\n  dopri5 1e-10: N0303: ")) << run.err;
+  EXPECT_TRUE(
+      has(run.err, "\n  hint:     a larger --limit, --until a shorter time, or --reference two methods that can do what the scene needs\n"))
+      << run.err;
+  EXPECT_FALSE(fs::exists(dir_ / "out/precision.json"));
+}
+
+TEST_F(Precision, WrongOptionsAreRefusedBeforeAnythingRuns) {
+  scene();
+  EXPECT_EQ(
+      refusal({"--methods", "dopri6"}), "error[C0801]: wrong command line\n  at: --methods\n  expected: a method: " + [] {
+        std::string all;
+        for (const PrecisionSetting& s : precision_methods({})) all += (all.empty() ? "" : ", ") + s.name();
+        return all;
+      }() + "\n  got:      \"dopri6\"\n  hint:     did you mean \"dopri5\"?\n\n1 error. Nothing was run.\n");
+  EXPECT_EQ(refusal({"--tolerances", "1e-4:1e-16"}),
+            "error[C0801]: wrong command line\n  at: --tolerances\n  expected: numbers from 1e-14 to 1\n  got:      1e-16\n"
+            "  hint:     docs/precision.md\n\n1 error. Nothing was run.\n");
+  EXPECT_EQ(
+      refusal({"--kinds", "atitude"}),
+      "error[C0801]: wrong command line\n  at: --kinds\n  expected: a kind of error: attitude, position, angle, rate, velocity, modes, "
+      "forces, signals, end, momentum, energy, constraint\n  got:      \"atitude\"\n  hint:     did you mean \"attitude\"?\n\n"
+      "1 error. Nothing was run.\n");
+  EXPECT_EQ(refusal({"--measure", "mean"}),
+            "error[C0801]: wrong command line\n  at: --measure\n  expected: a measure: final, l2, largest\n  got:      \"mean\"\n\n"
+            "1 error. Nothing was run.\n");
+  EXPECT_EQ(refusal({"--budget", "attitude"}),
+            "error[C0801]: wrong command line\n  at: --budget\n  expected: KIND=ERROR: attitude=\"1e-6 rad\"\n  got:      \"attitude\"\n\n"
+            "1 error. Nothing was run.\n");
+  EXPECT_EQ(refusal({"--budget", "attitude=1e-6 m"}),
+            "error[C0107]: wrong unit\n  at: --budget\n  expected: angle [rad]\n  got:      \"1e-6 m\": length [m]\n\n1 error. Nothing was "
+            "run.\n");
+  EXPECT_EQ(refusal({"--budget", "modes=-1"}),
+            "error[C0801]: wrong command line\n  at: --budget\n  expected: an error > 0\n  got:      \"modes=-1\"\n\n1 error. Nothing was "
+            "run.\n");
+  EXPECT_EQ(refusal({"--wanted", "0"}),
+            "error[C0801]: wrong command line\n  at: --wanted\n  expected: an error > 0\n  got:      0\n\n1 error. Nothing was run.\n");
+  EXPECT_EQ(refusal({"--limit", "0"}),
+            "error[C0801]: wrong command line\n  at: --limit\n  expected: a time > 0 s\n  got:      0\n\n1 error. Nothing was run.\n");
+  EXPECT_EQ(
+      refusal({"--until", "-1"}),
+      "error[C0801]: wrong command line\n  at: --until\n  expected: a finite time > 0 s\n  got:      -1\n\n1 error. Nothing was run.\n");
+  EXPECT_EQ(refusal({"--reference-tolerance", "1e-3"}),
+            "error[C0801]: wrong command line\n  at: --reference-tolerance\n  expected: a number from 1e-14 to 1e-6\n  got:      0.001\n\n"
+            "1 error. Nothing was run.\n");
+  EXPECT_EQ(refusal({"--reference", "dop853"}),
+            "error[C0801]: wrong command line\n  at: --reference\n  expected: two methods: dop853,cvode_adams\n  got:      dop853\n\n"
+            "1 error. Nothing was run.\n");
+  EXPECT_TRUE(has(refusal({"--reference", "dop853,rk4"}), "  expected: a method that chooses its steps: "))
+      << "equal steps have no tolerance";
+  EXPECT_FALSE(fs::exists(dir_ / "out"));
+  const Finished none = run_program({"precision", "nowhere"}, dir_.path());
+  EXPECT_EQ(none.exit_code, 2);
+  EXPECT_TRUE(none.err.starts_with("error[C0102]: file not found\n")) << none.err;
+  EXPECT_EQ(run_program({"precision"}, dir_.path()).exit_code, 2);
+}
+
+TEST_F(Precision, LinesOfSettingsAreReadOrRefusedWithTheirPlace) {
+  scene();
+  write(dir_ / "some.txt", "# as wanted\n\n  mission.integrator.relative=1e-5  \nmission.duration=1 s\r\n");
+  EXPECT_EQ(run_program({"run", ".", "--settings", "some.txt", "--set", "mission.duration=2 s", "--quiet"}, dir_.path()).exit_code, 0);
+  EXPECT_EQ(summary_of(dir_ / ("out/" + fs::path(dir_.path()).filename().string()))["simulated_s"], 2.0) << "--set comes after it";
+  write(dir_ / "wrong.txt", "# first\nrelative 1e-5\n");
+  EXPECT_EQ(
+      run_program({"run", ".", "--settings", "wrong.txt"}, dir_.path()).err,
+      "error[C0801]: wrong command line\n  --> wrong.txt:2:1\n  at: --settings\n    2 | relative 1e-5\n      | ^^^^^^^^^^^^^\n  expected: "
+      "key=value\n"
+      "  got:      \"relative 1e-5\"\n  hint:     mission.integrator.relative=1e-8\n\n1 error. Nothing was run.\n");
+  EXPECT_TRUE(run_program({"run", ".", "--settings", "none.txt"}, dir_.path()).err.starts_with("error[C0102]: file not found\n"));
+}
+
+TEST_F(Precision, ASecondStudyInTheSameFolderIsRefusedAndResultsAreKept) {
+  scene(std::string(kMission) + "controller { name = 'slow', rate = '10 Hz', step = function(t) for i = 1, 1e6 do end end }\n");
+  const std::vector<std::string> line = {"precision", "scenario.lua", "--out",     "out",    "--methods",
+                                         "dopri5",    "--tolerances", "1e-6:1e-9", "--quiet"};
+  Started first(line, dir_.path());
+  ASSERT_TRUE(wait_until([&] { return fs::exists(dir_ / "out/runs"); }));
+  const std::string refused = refusal({"--methods", "dopri5"});
+  EXPECT_TRUE(refused.starts_with("error[C0701]: result cannot be written\n")) << refused;
+  first.send(SIGINT);
+  const Finished stopped = first.wait();
+  EXPECT_EQ(stopped.exit_code, 130) << stopped.err;
+  EXPECT_TRUE(has(stopped.out, "Interrupted.")) << stopped.out;
+  EXPECT_FALSE(fs::exists(dir_ / "out/precision.json")) << "no table of a part";
+  const Finished on = run_program(line, dir_.path());
+  EXPECT_EQ(on.exit_code, 0) << on.err;
+}
+
+}  // namespace
+}  // namespace cardan
