@@ -9,6 +9,7 @@
 #include "core/sim/vehicle_linear_part.hpp"
 #include "tests/support/builders.hpp"
 #include "tests/support/modal_samples.hpp"
+#include "tests/support/random_tree.hpp"
 #include "tests/support/worse.hpp"
 
 namespace cardan::test {
@@ -316,6 +317,33 @@ TEST(Exponential, LeavesMomentumToForcesFromOutside) {
   sim.run(1.0);
   EXPECT_NEAR(sim.momentum().linear.norm(), 2.0, 0.01);
   EXPECT_TRUE(sim.ledger().pass);
+}
+
+/// Every hinge, flexible bodies at every level and place of the tree, springs, stops, friction, given motions, fields of gravity.
+TEST(Exponential, AgreesOnRandomTrees) {
+  int taken = 0;
+  for (const auto gravity : {GravitySpec::Kind::none, GravitySpec::Kind::uniform, GravitySpec::Kind::central})
+    for (unsigned seed = 1; seed <= 40; ++seed) {
+      const RandomTree tree =
+          random_tree(seed, {.bodies = 6, .prescribed = 0.03, .springs = true, .loads = seed % 5 == 0, .gravity = gravity});
+      const auto model = compiled(tree.spec);
+      if (!VehicleLinearPart::refusal(*model).empty()) continue;
+      ++taken;
+      const auto end = [&](const std::string& method, double relative) {
+        SimulationOptions options;
+        options.integrator.method = method, options.integrator.relative_tolerance = relative;
+        Simulation sim(model, options);
+        sim.run(0.2);
+        return sim.state();
+      };
+      const State wanted = end("dop853", 1e-12), got = end("exponential", 1e-7);
+      VectorXd d(model->nv);
+      model->difference(wanted.q.data(), got.q.data(), d.data());
+      const double size = 1.0 + wanted.v.norm();
+      EXPECT_LT(largest(d) / size, 3e-6) << "seed " << seed << "\n" << describe(tree);
+      EXPECT_LT(distance(got.v, wanted.v) / size, 3e-6) << "seed " << seed << "\n" << describe(tree);
+    }
+  EXPECT_GT(taken, 70);
 }
 
 TEST(Exponential, RefusesWhatItDoesNotHonour) {
