@@ -5,6 +5,7 @@
 #include <csignal>
 #include <filesystem>
 
+#include "core/io/hdf5_file.hpp"
 #include "core/io/run_columns.hpp"
 #include "scripts/precision/choose.hpp"
 #include "tests/scripts/run_program.hpp"
@@ -105,8 +106,14 @@ TEST_F(Precision, ErrorsHaveTheOrderOfTheMethodAndAreThoseOfTheTruth) {
   EXPECT_GT(row("rk4", "0.1 s")["rhs_calls"], 80 * 4 - 1) << "four a step";
   EXPECT_TRUE(has(file_text(dir_ / "out/precision.html"), "Work against precision"));
   // precision.h5 has the same numbers, a group for each method.
-  const RunColumns nothing{};
-  EXPECT_TRUE(fs::is_regular_file(dir_ / "out/precision.h5"));
+  const Hdf5File file = Hdf5File::open(dir_ / "out/precision.h5");
+  const auto errors = file.read_doubles("/curves/rk4/errors/attitude/largest").values;
+  EXPECT_EQ(errors, (std::vector<double>{a, b, c}));
+  EXPECT_EQ(file.read_doubles("/curves/rk4/step").values, (std::vector<double>{0.1, 0.05, 0.025}));
+  EXPECT_EQ(file.read_doubles("/curves/dopri5/relative").values, (std::vector<double>{1e-6, 1e-7, 1e-8, 1e-9}));
+  EXPECT_EQ(file.read_doubles("/curves/rk4/rhs_calls").values[0], row("rk4", "0.1 s")["rhs_calls"].get<double>());
+  EXPECT_EQ(file.text_attribute("/curves/rk4/errors/attitude/largest", "unit"), "rad");
+  EXPECT_GT(file.read_doubles("/reference/off_by/attitude/largest").values.at(0), 0.0);
 }
 
 TEST_F(Precision, WhatWasRunIsNotRunAgain) {

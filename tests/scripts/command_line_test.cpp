@@ -74,7 +74,7 @@ TEST(CommandLine, AsksWhetherAnotherOptionIsMeant) {
   EXPECT_EQ(outt["hint"], "did you mean \"--out\"?");
   EXPECT_EQ(error_of({"run", "drive", "--quite=1"})["hint"], "did you mean \"--quiet\"?");
   EXPECT_EQ(error_of({"run", "--check", "drive"})["hint"], "did you mean \"--check-against-reference\"?");
-  EXPECT_EQ(error_of({"check", "drive", "--until", "3"})["hint"], "an option of run");
+  EXPECT_EQ(error_of({"check", "drive", "--until", "3"})["hint"], "an option of run, precision");
   EXPECT_EQ(error_of({"run", "drive", "flexible"})["got"], "\"flexible\"") << "one scenario";
 }
 
