@@ -1,0 +1,146 @@
+#pragma once
+// One evaluation of closed loops, as its parts share it: rows (loop_rows.cpp), rank (loop_rank.cpp), multipliers over the open tree
+// (loop_multipliers.cpp); what they write is LoopWork.
+#include "core/dynamics/loops.hpp"
+#include "core/dynamics/node_motion.hpp"
+#include "core/dynamics/part.hpp"
+#include "core/model/loops.hpp"
+
+namespace cardan {
+
+/// Scratch of the loops of one model, in a workspace; made in its first call.
+struct LoopWork {
+  /// One end of a loop.
+  struct End {
+    soa::DeformedNode<double> at;  // in its body
+    Mat3<double> R_HN;             // node axes to axes of home
+    Vec3<double> x;                // [m] from home
+    Vec3<double> w, v;             // relative to home, node axes
+  };
+  /// `to` seen from `from`, axes of the node `from`.
+  struct Relative {
+    Mat3<double> R;
+    Vec3<double> d, w, u;  // [m], [rad/s], [m/s]: u = d'
+  };
+  explicit LoopWork(const Model& model);
+
+  std::vector<End> from, to;  // per loop
+  std::vector<Relative> relative;
+  std::vector<std::vector<double>> q, v;  // of hinges that close, of each loop
+  // Per row:
+  std::vector<Force<double>> W;  // what a multiplier of 1 does to the end `to`, axes of the node `from`
+  std::vector<double> c, rate, extra, open, acceleration, rhs, lambda, step, scale;
+  // rows x nv, row by row: G, and M^-1 G* of the rows that count.
+  std::vector<double> G, U;
+  // Rank: rows x columns scaled, and how rows and columns were exchanged.
+  std::vector<int> columns, row_at, column_at;
+  std::vector<double> B, L, Lambda, N, NN, y;
+  int rank = 0;
+  double smallest = 0.0, largest = 0.0;
+  // What acts on the bodies before the inward sweeps.
+  std::vector<Motion<double>> gamma;
+  std::vector<Force<double>> z;
+  std::vector<double> z_modes, rotor_loads;
+  std::vector<NodeWrench> wrenches, one;
+  std::vector<double> tau, tau_of_row, response, zero;
+  std::vector<Run> near;  // bodies that loops move and all inboard of them
+  bool coupled = false;
+};
+
+class LoopPass {
+ public:
+  /// The workspace has room for loops (make_room_for_loops).
+  LoopPass(const Model& model, Workspace& ws, const Inputs& in)
+      : m_(model), loops_(model.loops), ws_(ws), k_(*ws.loops), in_(in), S_(soa::sweeps<double>()) {}
+
+  /// Poses and rates of the ends relative to each other, rows, c and G v. Needs outward.
+  void place();
+  /// c'' of all rows as the workspace and vdot have it, v' included.
+  void accelerations(const double* vdot, double* out) const;
+  /// G of the v' that the sweeps have just given to a system at rest.
+  void responses(const double* vdot, double* out) const;
+
+  /// G, row by row: what a multiplier of 1 is as hinge forces.
+  void matrix();
+  /// Independent rows by complete pivoting on scaled G: rates in the root of their energy, rows in metres.
+  void find_rank();
+
+  /// M^-1 G* and G M^-1 G* of the independent rows, factored. Needs P, D, G of the sweeps; `runs`: as far as U is wanted. false: a row
+  /// without compliance.
+  bool compliance(const std::vector<Run>& runs);
+  /// Multipliers of the independent rows for G v' = rhs (all rows), added to lambda.
+  void solve(const double* rhs, double* lambda);
+  /// Of all multipliers that push alike those of smallest norm: less what lies in the left null space of G.
+  void share();
+  /// The multipliers as wrenches on nodes and as hinge forces of couplings, beside those of actuators.
+  void push();
+  /// The inward and outward sweeps once more, from what was kept, with the loops pushing.
+  void move(double* vdot);
+
+  /// Factor that takes a row to metres.
+  double in_metres(const Loop& loop, int row) const {
+    if (loop.closing == Closing::coupling) return 1.0;
+    const Force<double>& W = k_.W[at(row)];
+    return 1.0 / std::sqrt(dot(W.n, W.n) / (loop.lever * loop.lever) + dot(W.f, W.f));
+  }
+  const Loop& loop_of(int row) const {
+    std::size_t l = 0;
+    while (row >= loops_.all[l].first + loops_.all[l].rows) ++l;
+    return loops_.all[l];
+  }
+
+ private:
+  static std::size_t at(int i) { return static_cast<std::size_t>(i); }
+  static std::size_t at(std::size_t i) { return i; }
+
+  Inputs at_rest() const { return {.q = in_.q, .v = k_.zero.data(), .vdot = k_.zero.data(), .gravity = false}; }
+
+  /// Factor of a row of G in LoopWork::B.
+  double weight(int row) const { return k_.scale[at(row)] / loop_of(row).reference; }
+  /// What makes the diagonal of G M^-1 G* one.
+  double unit(int p) const { return k_.L[at(p)]; }
+  bool factor_compliance();
+
+  void seen_from_home(const LoopEnd& end, const std::vector<int>& path, LoopWork::End& out) const;
+  void couple(const Loop& loop);
+  static double coupled(const Loop& loop, const double* v);
+  /// G v' of couplings; `join(loop, l)` for what joins places.
+  template <class Join>
+  void each_loop(const double* vdot, double* out, const Join& join) const {
+    for (std::size_t l = 0; l < loops_.all.size(); ++l)
+      if (const Loop& loop = loops_.all[l]; loop.closing == Closing::coupling)
+        out[loop.first] = coupled(loop, vdot);
+      else
+        join(loop, l);
+  }
+  void close(const Loop& loop, std::size_t l);
+  void close_by_hinge(const Loop& loop, std::size_t l, Force<double>* W, double* c, double* extra);
+
+  const SweepBody& body_of(const LoopEnd& end) const { return m_.bodies[at(end.sweep)]; }
+  const NodeShapes& shapes_of(const LoopEnd& end) const {
+    static const NodeShapes rigid;
+    return end.node >= 0 ? m_.nodes[at(end.node)].shapes : rigid;
+  }
+
+  /// Node axes; w: angular velocity of the node.
+  Motion<double> acceleration(const LoopEnd& end, const LoopWork::End& e, const double* vdot, Vec3<double>& w) const;
+  Motion<double> response(const LoopEnd& end, const LoopWork::End& e, const double* vdot) const;
+  /// f on the end `to`, its opposite on the end `from`: wrenches on nodes, node axes.
+  std::span<const NodeWrench> wrenches_of(const Loop& loop, const Force<double>& f);
+  void restore();
+
+  const Model& m_;
+  const Loops& loops_;
+  Workspace& ws_;
+  LoopWork& k_;
+  const Inputs& in_;
+  const soa::Sweeps<double>& S_;
+};
+
+void make_room_for_loops(const Model& model, Workspace& ws);
+/// Poses at q; P, D and G where `inertia`. false: a direction without inertia.
+bool stand(const Model& model, Workspace& ws, const double* q, bool inertia);
+/// W: of the row.
+std::string name_of_row(const Loop& loop, int row, const Force<double>& W);
+
+}  // namespace cardan

@@ -1,0 +1,77 @@
+// The way back to closed loops after a step (docs/mathematics/loops.md, 3).
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/dynamics/loop_pass.hpp"
+
+namespace cardan {
+namespace {
+
+constexpr double kClosed = 4e-15;  // residual that counts as none, relative to the size of a loop
+constexpr int kTries = 20;         // of Newton's method
+
+}  // namespace
+
+LoopProjection::LoopProjection(const Model& model) : model_(model), ws_(model), step_(model.nv), next_(model.nq), mu_(model.loops.rows) {}
+LoopProjection::~LoopProjection() = default;
+
+soa::Breakdown LoopProjection::breakdown() const {
+  if (ws_.breakdown.body != 0) return ws_.breakdown;
+  return {.body = 1, .value = open_, .limit = kClosed, .row = worst_};
+}
+
+bool LoopProjection::close(double* q, double* v) {
+  make_room_for_loops(model_, ws_);
+  LoopWork& work = *ws_.loops;
+  const Inputs in{.q = q, .v = v, .gravity = false};
+  LoopPass pass(model_, ws_, in);
+  const auto largest = [&](const std::vector<double>& x) {
+    double most = 0.0;
+    worst_ = 0;
+    for (const Loop& loop : model_.loops.all) {
+      double size = loop.lever;
+      for (const CoupledRate& term : loop.terms) size = std::max(size, std::abs(term.coefficient));
+      for (int i = loop.first; i < loop.first + loop.rows; ++i) {
+        const double one = std::abs(x[static_cast<std::size_t>(i)]) * pass.in_metres(loop, i) / size;
+        if (!(one <= most)) most = one, worst_ = i;  // what is no number is the largest
+      }
+    }
+    return most;
+  };
+  /// The least motion M^-1 G* mu that takes G of it from x.
+  const auto take = [&](const std::vector<double>& x) {
+    mu_.setZero();
+    pass.solve(x.data(), mu_.data());
+    step_.setZero();
+    for (int p = 0; p < work.rank; ++p)
+      step_ -= mu_[work.row_at[static_cast<std::size_t>(p)]] *
+               Eigen::Map<const Eigen::VectorXd>(work.U.data() + static_cast<std::ptrdiff_t>(p) * model_.nv, model_.nv);
+  };
+  double before = std::numeric_limits<double>::infinity();
+  for (int i = 0;; ++i) {
+    if (!stand(model_, ws_, q, true)) return false;
+    pass.place();
+    const double now = largest(work.c);
+    if (i == 0) distance_ = now;
+    open_ = now;
+    if (!std::isfinite(now)) return false;
+    pass.matrix();
+    pass.find_rank();
+    if (!pass.compliance(model_.runs)) return false;
+    if (now <= kClosed || (i > 0 && now > 0.5 * before && before < 1e-11)) break;
+    if (i == kTries || (i > 2 && now > before)) return false;
+    take(work.c);
+    model_.retract(q, step_.data(), next_.data());
+    std::copy_n(next_.data(), model_.nq, q);
+    before = now;
+  }
+  const int in_place = worst_;
+  rate_ = largest(work.rate);
+  if (!(rate_ > distance_)) worst_ = in_place;
+  take(work.rate);
+  for (int i = 0; i < model_.nv; ++i) v[i] += step_[i];
+  return true;
+}
+
+}  // namespace cardan

@@ -1,0 +1,114 @@
+// G of closed loops, and which of its rows are independent (docs/mathematics/loops.md, 2).
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/dynamics/loop_pass.hpp"
+#include "core/dynamics/part.hpp"
+
+namespace cardan {
+namespace {
+
+constexpr double kDependent =
+    1e-10;  // a scaled pivot below is none: of redundant rows they are 1e-16, of others above 1e-3 but near singular postures
+constexpr double kOpen =
+    10.0;  // ... of more rows than at the start also below so much of the residual: what agrees on closed loops differs on open ones
+constexpr double kMostOpen = 1e-4;  // ... but not more: rows of loops that are far open are still rows
+
+}  // namespace
+
+void LoopPass::matrix() {
+  const Inputs still = at_rest();
+  for (const Loop& loop : loops_.all)
+    for (int i = loop.first; i < loop.first + loop.rows; ++i) {
+      double* row = k_.G.data() + at(i) * at(m_.nv);
+      std::fill_n(row, m_.nv, 0.0);
+      if (loop.closing == Closing::coupling) {
+        for (const CoupledRate& term : loop.terms) row[term.v] = term.coefficient;
+        continue;
+      }
+      Inputs in = still;
+      in.wrenches = wrenches_of(loop, k_.W[at(i)]);
+      S_.ground(m_, ws_, in);
+      S_.at_rest(m_, ws_);
+      S_.node_wrenches(m_, ws_, in);
+      for (auto run = k_.near.rbegin(); run != k_.near.rend(); ++run) S_.gather(m_, ws_, in, *run, k_.response.data());
+      for (const int v : loop.rates) row[v] = -k_.response[at(v)];  // no other component moves the ends against each other
+    }
+}
+
+void LoopPass::find_rank() {
+  const int rows = loops_.rows, n = static_cast<int>(k_.columns.size());
+  double open = 0.0;
+  for (const Loop& loop : loops_.all) {
+    for (int i = loop.first; i < loop.first + loop.rows; ++i) {
+      k_.scale[at(i)] = in_metres(loop, i);
+      if (loop.closing != Closing::coupling) open = std::max(open, std::abs(k_.c[at(i)]) * k_.scale[at(i)] / loop.lever);
+      for (int j = 0; j < n; ++j) {
+        const auto v = at(k_.columns[at(j)]);
+        k_.B[at(i * n + j)] = k_.G[at(i) * at(m_.nv) + v] * k_.scale[at(i)] * loops_.column_scale[v] / loop.reference;
+      }
+      k_.row_at[at(i)] = i;
+    }
+  }
+  for (int j = 0; j < n; ++j) k_.column_at[at(j)] = j;
+  const double limit = std::max(kDependent, std::min(kOpen * open, kMostOpen));
+  const auto B = [&](int i, int j) -> double& { return k_.B[at(k_.row_at[at(i)] * n + k_.column_at[at(j)])]; };
+  k_.rank = 0, k_.smallest = 0.0, k_.largest = 0.0;
+  for (int p = 0; p < std::min(rows, n); ++p) {
+    int row = p, column = p;
+    double most = -1.0;
+    for (int i = p; i < rows; ++i)
+      for (int j = p; j < n; ++j)
+        if (const double x = std::abs(B(i, j)); x > most) most = x, row = i, column = j;
+    if (!(most > (p < loops_.rank ? kDependent : limit))) {
+      k_.largest = most;
+      break;
+    }
+    std::swap(k_.row_at[at(p)], k_.row_at[at(row)]);
+    std::swap(k_.column_at[at(p)], k_.column_at[at(column)]);
+    for (int i = p + 1; i < rows; ++i) {
+      const double factor = B(i, p) / B(p, p);
+      B(i, p) = factor;  // L, beside what is left
+      if (factor == 0.0) continue;
+      for (int j = p + 1; j < n; ++j) B(i, j) -= factor * B(p, j);
+    }
+    k_.smallest = most;
+    ++k_.rank;
+  }
+}
+
+LoopRank loop_rank(const Model& model, Workspace& ws, const double* q) {
+  stand(model, ws, q, false);
+  const Inputs in{.q = q, .v = ws.loops->zero.data(), .gravity = false};
+  LoopPass pass(model, ws, in);
+  pass.place();
+  pass.matrix();
+  pass.find_rank();
+  const LoopWork& work = *ws.loops;
+  return {model.loops.rows, work.rank, {work.row_at.begin() + work.rank, work.row_at.end()}, work.smallest, work.largest};
+}
+
+Eigen::MatrixXd loop_matrix(const Model& model, Workspace& ws, const double* q) {
+  loop_rank(model, ws, q);
+  return Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(ws.loops->G.data(), model.loops.rows,
+                                                                                                  model.nv);
+}
+
+std::string name_of_row(const Loop& loop, int row, const Force<double>& W) {
+  if (loop.rows == 1) return loop.name;
+  const bool turns = dot(W.n, W.n) > dot(W.f, W.f);
+  const Vec3<double> u = turns ? W.n : W.f;
+  const double x = std::abs(u.x), y = std::abs(u.y), z = std::abs(u.z);
+  const char* axis = x >= y && x >= z ? "x" : y >= z ? "y" : "z";
+  return fmt::format("{}: row {}, {} {}", loop.name, row - loop.first + 1, turns ? "rotation about" : "along", axis);
+}
+
+std::string name_of_row(const Model& model, const Workspace& ws, int row) {
+  for (const Loop& loop : model.loops.all)
+    if (row < loop.first + loop.rows) return name_of_row(loop, row, ws.loops->W[static_cast<std::size_t>(row)]);
+  return {};
+}
+
+}  // namespace cardan

@@ -1,0 +1,243 @@
+// Rows of closed loops: the two ends of each seen from each other, the wrenches between them, c'' of any v' (docs/mathematics/loops.md, 1).
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "core/dynamics/loop_pass.hpp"
+
+namespace cardan {
+namespace {
+
+constexpr int kTurns = 20;  // of Newton's method, for the coordinates of a hinge that closes
+
+Vec3<double> rotation_vector(const Mat3<double>& R) {
+  const Eigen::Quaterniond q(to_eigen(R));
+  const double length = q.vec().norm();
+  const double angle = 2.0 * std::atan2(length, q.w());
+  const double turn = angle > M_PI ? angle - 2.0 * M_PI : angle;
+  return from_eigen(length > 0.0 ? Eigen::Vector3d(turn / length * q.vec()) : Eigen::Vector3d(2.0 * q.vec()));
+}
+Eigen::Matrix<double, 6, 1> vector(const Vec3<double>& a, const Vec3<double>& b) {
+  Eigen::Matrix<double, 6, 1> out;
+  out << to_eigen(a), to_eigen(b);
+  return out;
+}
+double product(const Force<double>& W, const Vec3<double>& w, const Vec3<double>& v) { return dot(W.n, w) + dot(W.f, v); }
+
+using Columns = Eigen::Matrix<double, 6, Eigen::Dynamic, Eigen::ColMajor, 6, 6>;
+using Few = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 6, 1>;
+using FewSquare = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 6, 6>;
+
+/// A x = b in the least squares of angles times `lever`.
+Few least_squares(const Columns& A, const Eigen::Matrix<double, 6, 1>& b, double lever) {
+  Eigen::Matrix<double, 6, 1> weight;
+  weight << lever * lever, lever * lever, lever * lever, 1.0, 1.0, 1.0;
+  const FewSquare N = A.transpose() * weight.asDiagonal() * A;
+  const Few r = A.transpose() * weight.cwiseProduct(b);
+  return N.ldlt().solve(r);
+}
+
+/// Orthonormal columns W with W* H = 0, each as near to a coordinate direction as there is one left.
+void complement(const Columns& H, Force<double>* W) {
+  const int n = static_cast<int>(H.cols());
+  Eigen::Matrix<double, 6, 6> basis;
+  int have = 0;
+  const auto without = [&](Eigen::Matrix<double, 6, 1> x) {
+    for (int twice = 0; twice < 2; ++twice)
+      for (int i = 0; i < have; ++i) x -= basis.col(i).dot(x) * basis.col(i);
+    return x;
+  };
+  for (int j = 0; j < n; ++j)
+    if (const auto x = without(H.col(j)); x.norm() > 1e-9 * H.col(j).norm()) basis.col(have++) = x.normalized();
+  for (int j = 0; j < 6 - n; ++j) {
+    Eigen::Matrix<double, 6, 1> best = Eigen::Matrix<double, 6, 1>::Zero();
+    double most = 0.0;
+    for (int i = 0; i < 6; ++i)
+      if (const auto x = without(Eigen::Matrix<double, 6, 1>::Unit(i)); x.norm() > most + 1e-6) best = x, most = x.norm();
+    basis.col(have) = best.normalized();
+    W[j] = force(basis.col(have++).data());
+  }
+}
+
+}  // namespace
+
+void LoopPass::place() {
+  for (std::size_t l = 0; l < loops_.all.size(); ++l) {
+    const Loop& loop = loops_.all[l];
+    if (loop.closing == Closing::coupling) {
+      couple(loop);
+      continue;
+    }
+    LoopWork::End &a = k_.from[l], &b = k_.to[l];
+    seen_from_home(loop.from, loop.from_path, a);
+    seen_from_home(loop.to, loop.to_path, b);
+    LoopWork::Relative& r = k_.relative[l];
+    r.R = transpose(a.R_HN) * b.R_HN;
+    r.d = transpose_times(a.R_HN, b.x - a.x);
+    r.w = r.R * b.w - a.w;
+    r.u = r.R * b.v - a.v - cross(a.w, r.d);
+    close(loop, l);
+    for (int i = loop.first; i < loop.first + loop.rows; ++i) k_.rate[at(i)] = product(k_.W[at(i)], r.w, r.u);
+  }
+}
+
+void LoopPass::accelerations(const double* vdot, double* out) const {
+  each_loop(vdot, out, [&](const Loop& loop, std::size_t l) {
+    const LoopWork::Relative& r = k_.relative[l];
+    Vec3<double> w_a, w_b;
+    const Motion<double> A = acceleration(loop.from, k_.from[l], vdot, w_a), B = acceleration(loop.to, k_.to[l], vdot, w_b);
+    const Vec3<double> wdot = r.R * B.w - A.w - cross(w_a, r.w);
+    const Vec3<double> udot = r.R * B.v - A.v - cross(A.w, r.d) - 2.0 * cross(w_a, r.u) - cross(w_a, cross(w_a, r.d));
+    for (int i = loop.first; i < loop.first + loop.rows; ++i) out[i] = product(k_.W[at(i)], wdot, udot) + k_.extra[at(i)];
+  });
+}
+
+void LoopPass::responses(const double* vdot, double* out) const {
+  each_loop(vdot, out, [&](const Loop& loop, std::size_t l) {
+    const LoopWork::Relative& r = k_.relative[l];
+    const Motion<double> A = response(loop.from, k_.from[l], vdot), B = response(loop.to, k_.to[l], vdot);
+    const Vec3<double> wdot = r.R * B.w - A.w, udot = r.R * B.v - A.v - cross(A.w, r.d);
+    for (int i = loop.first; i < loop.first + loop.rows; ++i) out[i] = product(k_.W[at(i)], wdot, udot);
+  });
+}
+
+void LoopPass::seen_from_home(const LoopEnd& end, const std::vector<int>& path, LoopWork::End& out) const {
+  if (end.node >= 0) {
+    out.at = deformed(m_, m_.nodes[at(end.node)], in_);
+  } else {
+    out.at.R = end.pose.R, out.at.rho = end.pose.p;
+    out.at.rate = out.at.bias = Motion<double>{};
+  }
+  Pose<double> X;
+  Motion<double> V{};
+  for (const int k : path) {
+    const Pose<double> step = soa::pose_in_inboard(m_, ws_, k, in_.q);
+    V = soa::velocity_of(m_, ws_, in_, k, step, V);
+    X = X * step;
+  }
+  const Motion<double> here = velocity_at(V, out.at);
+  out.R_HN = X.R * out.at.R;
+  out.x = X.p + X.R * out.at.rho;
+  out.w = transpose_times(out.at.R, here.w), out.v = transpose_times(out.at.R, here.v);
+}
+
+void LoopPass::couple(const Loop& loop) {
+  double c = -loop.offset;
+  for (const CoupledRate& term : loop.terms) c += term.coefficient * in_.q[term.q];
+  k_.c[at(loop.first)] = c;
+  k_.rate[at(loop.first)] = coupled(loop, in_.v);
+  k_.extra[at(loop.first)] = 0.0;
+}
+double LoopPass::coupled(const Loop& loop, const double* v) {
+  double sum = 0.0;
+  for (const CoupledRate& term : loop.terms) sum += term.coefficient * v[term.v];
+  return sum;
+}
+
+void LoopPass::close(const Loop& loop, std::size_t l) {
+  const LoopWork::Relative& r = k_.relative[l];
+  const auto first = at(loop.first);
+  double *c = k_.c.data() + first, *extra = k_.extra.data() + first;
+  Force<double>* W = k_.W.data() + first;
+  for (int i = 0; i < loop.rows; ++i) W[i] = {}, extra[i] = 0.0;
+  const Vec3<double> units[] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  const auto hold = [&](int i, const Vec3<double>& u) { W[i].f = u, c[i] = dot(u, r.d); };
+  switch (loop.closing) {
+    case Closing::weld: {
+      const Vec3<double> turn = rotation_vector(r.R);
+      for (int i = 0; i < 3; ++i) W[i].n = units[i], c[i] = dot(units[i], turn), hold(3 + i, units[i]);
+      return;
+    }
+    case Closing::point:
+      for (int i = 0; i < 3; ++i) hold(i, units[i]);
+      return;
+    case Closing::line:
+      hold(0, units[0]), hold(1, units[1]);
+      return;
+    case Closing::plane:
+      return hold(0, units[2]);
+    case Closing::distance: {
+      const double length = std::sqrt(dot(r.d, r.d));
+      W[0].f = (1.0 / length) * r.d;
+      c[0] = length - loop.length;
+      const double along = dot(W[0].f, r.u);
+      extra[0] = (dot(r.u, r.u) - along * along) / length;
+      return;
+    }
+    default:
+      return close_by_hinge(loop, l, W, c, extra);
+  }
+}
+
+// q of the hinge whose pose is nearest; what is left of the pose, and of rates, in the directions in which the hinge does not move.
+void LoopPass::close_by_hinge(const Loop& loop, std::size_t l, Force<double>* W, double* c, double* extra) {
+  const LoopWork::Relative& r = k_.relative[l];
+  const cardan_hinge_family& f = *loop.hinge;
+  std::vector<double>&q = k_.q[l], &v = k_.v[l];
+  std::ranges::copy(loop.q0, q.begin());
+  std::ranges::fill(v, 0.0);
+  if (f.shape == CARDAN_SHAPE_SCREW) {  // turns beyond one are told by its way
+    double u[3], pitch;
+    f.axis(loop.packed.data(), u, &pitch);
+    if (pitch != 0.0) q[0] = (u[0] * r.d.x + u[1] * r.d.y + u[2] * r.d.z) / pitch;
+  }
+  const int n = static_cast<int>(f.nv);
+  cardan_hinge_out out{};
+  Eigen::Matrix<double, 6, 1> e;
+  Columns H(6, n);
+  const auto look = [&] {
+    const std::uint32_t zero = 0;
+    f.kinematics(loop.packed.data(), 1, &zero, &zero, q.data(), v.data(), &out);
+    const double* R = out.R_OP;
+    const Mat3<double> R_OP{R[0], R[1], R[2], R[3], R[4], R[5], R[6], R[7], R[8]};
+    e = vector(rotation_vector(transpose(R_OP) * r.R), transpose_times(R_OP, r.d - Vec3<double>{out.p_OP[0], out.p_OP[1], out.p_OP[2]}));
+    H = Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic>>(out.Ht, 6, n);
+  };
+  look();
+  for (int i = 0; n > 0 && i < kTurns; ++i) {
+    const Few step = least_squares(H, e, loop.lever);
+    std::array<double, 7> next{};
+    if (f.retract)
+      f.retract(loop.packed.data(), q.data(), step.data(), next.data());
+    else
+      for (int j = 0; j < n; ++j) next[at(j)] = q[at(j)] + step[j];
+    std::copy_n(next.begin(), f.nq, q.begin());
+    look();
+    if (step.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < 1e-13) break;
+  }
+  const Eigen::Matrix3d R = to_eigen(r.R);
+  Columns H_A(6, n);  // axes of `from`
+  H_A.topRows<3>() = R * H.topRows<3>(), H_A.bottomRows<3>() = R * H.bottomRows<3>();
+  if (n > 0) {
+    const Few rates = least_squares(H_A, vector(r.w, r.u), loop.lever);
+    std::copy_n(rates.data(), n, v.begin());
+    look();
+  }
+  complement(H_A, W);
+  const Vec3<double> turn = r.R * Vec3<double>{e[0], e[1], e[2]}, shift = r.R * Vec3<double>{e[3], e[4], e[5]};
+  const Vec3<double> alpha = r.R * Vec3<double>{out.Hdot_v[0], out.Hdot_v[1], out.Hdot_v[2]};
+  const Vec3<double> a = cross(r.w, r.u) + r.R * Vec3<double>{out.Hdot_v[3], out.Hdot_v[4], out.Hdot_v[5]};
+  for (int i = 0; i < loop.rows; ++i) {
+    c[i] = product(W[i], turn, shift);
+    extra[i] = -product(W[i], alpha, a);
+  }
+}
+
+Motion<double> LoopPass::acceleration(const LoopEnd& end, const LoopWork::End& e, const double* vdot, Vec3<double>& w) const {
+  const BodyMotion<double> body = motion_of_body(m_, ws_, in_, end.sweep, vdot, After::forward);
+  const Motion<double> a = acceleration_at(body_of(end), shapes_of(end), e.at, body.w, body.gamma + body.delta, vdot);
+  w = transpose_times(e.at.R, body.w + e.at.rate.w);
+  return {transpose_times(e.at.R, a.w), transpose_times(e.at.R, a.v)};
+}
+Motion<double> LoopPass::response(const LoopEnd& end, const LoopWork::End& e, const double* vdot) const {
+  const Motion<double> delta = motion_of_body(m_, ws_, in_, end.sweep, vdot, After::forward).delta;
+  Motion<double> a{delta.w, delta.v + cross(delta.w, e.at.rho)};
+  const SweepBody& b = body_of(end);
+  if (const NodeShapes& shapes = shapes_of(end); shapes.deforms())
+    for (int j = 0; j < b.n_modes; ++j) a += vdot[b.etadot + j] * soa::node_column(shapes, e.at, j);
+  return {transpose_times(e.at.R, a.w), transpose_times(e.at.R, a.v)};
+}
+
+}  // namespace cardan

@@ -1,0 +1,118 @@
+// Closed loops at the start: levers, scales, rank; a start that is not closed is refused.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/dynamics/loop_pass.hpp"
+
+namespace cardan {
+namespace {
+
+constexpr double kStart = 1e-6;  // residual of a start: typed numbers have a finite number of digits
+
+/// Where each component of v is an angular velocity.
+std::vector<std::uint8_t> turning(const Model& model) {
+  std::vector<std::uint8_t> out(static_cast<std::size_t>(model.nv));
+  for (const UserBody& u : model.user)
+    for (int i = 0; i < u.nv; ++i) out[static_cast<std::size_t>(u.v + i)] = u.v_units[static_cast<std::size_t>(i)] == "rad/s";
+  return out;
+}
+
+/// [m] largest distance of an end from a hinge on the way to it.
+double lever_of(const Model& model, const Workspace& ws, const Loop& loop, std::size_t l, const double* q) {
+  double longest = 0.0;
+  for (const auto& [path, end] : {std::pair(&loop.from_path, &ws.loops->from[l]), std::pair(&loop.to_path, &ws.loops->to[l])}) {
+    Pose<double> X;
+    for (const int k : *path) {
+      X = X * soa::pose_in_inboard(model, ws, k, q);
+      const Vec3<double> arm = end->x - X.p;
+      longest = std::max(longest, std::sqrt(dot(arm, arm)));
+    }
+  }
+  return longest > 0.0 ? longest : 1.0;
+}
+
+const char* unit_of_row(const Loop& loop, const Force<double>& W) {
+  return loop.closing == Closing::coupling ? "" : dot(W.n, W.n) > dot(W.f, W.f) ? " rad" : " m";
+}
+
+/// What a loop of this size may be open by at the start, of a row.
+/// What a loop of this size may be open by at the start, of a row.
+void refuse_open_start(const Model& model, const LoopWork& work, const Eigen::VectorXd& v) {
+  DiagnosticSink sink;
+  for (const Loop& loop : model.loops.all) {
+    std::string places, rates;
+    double pace = 1.0;
+    for (const int i : loop.rates) pace = std::max(pace, std::abs(v[i]));
+    for (int i = loop.first; i < loop.first + loop.rows; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      const Force<double>& W = work.W[at];
+      double size = loop.closing == Closing::coupling || dot(W.n, W.n) > dot(W.f, W.f) ? 1.0 : loop.lever, speed = size;
+      for (const CoupledRate& term : loop.terms) speed = std::max(speed, std::abs(term.coefficient));
+      const std::string name = name_of_row(loop, i, W);
+      const auto add = [&](std::string& text, double value, const char* per) {
+        text += fmt::format("{}{} {:.3g}{}{}", text.empty() ? "" : "; ", name, value, unit_of_row(loop, W), per);
+      };
+      if (!(std::abs(work.c[at]) <= kStart * size)) add(places, work.c[at], "");
+      if (!(std::abs(work.rate[at]) <= kStart * pace * speed)) add(rates, work.rate[at], loop.closing == Closing::coupling ? " 1/s" : "/s");
+    }
+    const auto report = [&](const char* expected, const std::string& got, const char* hint) {
+      if (!got.empty()) sink.report(Code::open_start, model.spec->locate("loops." + loop.name), expected, got, hint);
+    };
+    report("initial coordinates that close it", places,
+           "give `initial` of the hinges between its ends the values that bring them together");
+    if (places.empty()) report("initial rates that keep it closed", rates, "give `initial` of the hinges rates that move both ends alike");
+  }
+  sink.throw_if_any();
+}
+
+}  // namespace
+
+bool stand(const Model& model, Workspace& ws, const double* q, bool inertia) {
+  make_room_for_loops(model, ws);
+  const soa::Sweeps<double>& S = soa::sweeps<double>();
+  const double* still = ws.loops->zero.data();
+  const Inputs in{.q = q, .v = still, .vdot = still, .gravity = false};
+  outward(model, S, ws, in, {.velocity = false});
+  for (auto run = model.runs.rbegin(); inertia && run != model.runs.rend() && ws.breakdown.body == 0; ++run)
+    S.inward(model, ws, in, *run, {.bias = false});
+  return ws.breakdown.body == 0;
+}
+
+void prepare_loops(Model& model, const Eigen::VectorXd& inertia) {
+  Loops& loops = model.loops;
+  Workspace ws(model);
+  const State start = model.initial_state();
+  loops.column_scale.assign(inertia.data(), inertia.data() + model.nv);
+  for (double& x : loops.column_scale) x = x > 0.0 ? 1.0 / std::sqrt(x) : 1.0;
+  for (Loop& loop : loops.all) {
+    if (!loop.hinge) continue;
+    loop.q0.assign(loop.hinge->nq, 0.0);
+    if (loop.hinge->zero) loop.hinge->zero(loop.packed.data(), loop.q0.data());
+  }
+  stand(model, ws, start.q.data(), false);
+  const Inputs in{.q = start.q.data(), .v = start.v.data(), .gravity = false};
+  LoopPass pass(model, ws, in);
+  pass.place();
+  const std::vector<std::uint8_t> turns = turning(model);
+  for (std::size_t l = 0; l < loops.all.size(); ++l) {
+    Loop& loop = loops.all[l];
+    loop.reference = 0.0;
+    const auto refer = [&](int v, double arm) {
+      loop.reference = std::max(loop.reference, arm * loops.column_scale[static_cast<std::size_t>(v)]);
+    };
+    for (const CoupledRate& term : loop.terms) refer(term.v, std::abs(term.coefficient));
+    if (loop.closing == Closing::coupling) continue;
+    loop.lever = lever_of(model, ws, loop, l, start.q.data());
+    for (const int v : loop.rates) refer(v, turns[static_cast<std::size_t>(v)] ? loop.lever : 1.0);
+    if (loop.hinge) loop.q0 = ws.loops->q[l];
+  }
+  pass.place();  // with the levers
+  refuse_open_start(model, *ws.loops, start.v);
+  pass.matrix();
+  pass.find_rank();
+  loops.rank = ws.loops->rank;
+}
+
+}  // namespace cardan
