@@ -45,6 +45,7 @@ set(layers
   "tests|core bodies hinges plugins scripts bench/pairs.hpp"
   "tests/abi/|core cardan_abi.h tests/support/"
   "bench|core bodies hinges plugins"
+  "bench/loops.cpp|core bodies hinges plugins bench/time_ring.hpp tests/support/bench_loops.hpp"
   "bench/peers|bench/time_ring.hpp")
 
 # Headers of others by the beginning of their name, and where they may be named. The standard library is free.

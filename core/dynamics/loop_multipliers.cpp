@@ -81,6 +81,11 @@ void LoopPass::share() {
       N[other] *= weight(other) / weight(row);
     }
   }
+  take_from_multipliers(n);
+}
+
+void LoopPass::take_from_multipliers(int n) {
+  const int rows = loops_.rows;
   for (int i = 0; i < n; ++i)
     for (int j = 0; j <= i; ++j) {
       double sum = 0.0;
@@ -201,6 +206,14 @@ LoopWork::LoopWork(const Model& model) {
   gamma.resize(model.bodies.size()), z.resize(model.bodies.size());
   z_modes.resize(static_cast<std::size_t>(model.n_modes)), rotor_loads.resize(model.rotors.size());
   wrenches.reserve(2 * n), one.reserve(2);
+  if (loops.embedding) {
+    embedding = std::make_unique<soa::EmbeddingWork>(*loops.embedding);
+    std::size_t most = 0;
+    for (const EmbeddedLoop& l : loops.embedding->loops)
+      most = std::max(most, static_cast<std::size_t>(l.rank) * (static_cast<std::size_t>(l.rank) + 1) + static_cast<std::size_t>(l.inputs));
+    few.resize(most), through.resize(model.bodies.size()), vdot.resize(nv), left.resize(nv), pushed.resize(nv),
+        of_coordinates.resize(static_cast<std::size_t>(loops.embedding->n_x));
+  }
   tau.resize(coupled ? nv : 0), tau_of_row.resize(nv), response.resize(nv), zero.resize(nv);
 }
 

@@ -4,7 +4,9 @@
 #include "core/dynamics/loops.hpp"
 #include "core/dynamics/node_motion.hpp"
 #include "core/dynamics/part.hpp"
+#include "core/model/embedding.hpp"
 #include "core/model/loops.hpp"
+#include "core/soa/embedding_work.hpp"
 
 namespace cardan {
 
@@ -17,11 +19,7 @@ struct LoopWork {
     Vec3<double> x;                // [m] from home
     Vec3<double> w, v;             // relative to home, node axes
   };
-  /// `to` seen from `from`, axes of the node `from`.
-  struct Relative {
-    Mat3<double> R;
-    Vec3<double> d, w, u;  // [m], [rad/s], [m/s]: u = d'
-  };
+  using Relative = soa::RelativePlace;
   explicit LoopWork(const Model& model);
 
   std::vector<End> from, to;  // per loop
@@ -45,6 +43,11 @@ struct LoopWork {
   std::vector<double> tau, tau_of_row, response, zero;
   std::vector<Run> near;  // bodies that loops move and all inboard of them
   bool coupled = false;
+  // Closed inside of the sweeps (loop_embedding.cpp):
+  std::unique_ptr<soa::EmbeddingWork> embedding;
+  bool unsettled = false;  // multipliers and what the workspace has of the closed system are those of another evaluation
+  std::vector<Force<double>> through;
+  std::vector<double> vdot, left, pushed, of_coordinates, few;
 };
 
 class LoopPass {
@@ -55,6 +58,8 @@ class LoopPass {
 
   /// Poses and rates of the ends relative to each other, rows, c and G v. Needs outward.
   void place();
+  /// W, c and c'' - W* [w'; u'] of a loop that a hinge type closes.
+  void close_by_hinge(int loop, const soa::RelativePlace& place, Force<double>* W, double* c, double* extra);
   /// c'' of all rows as the workspace and vdot have it, v' included.
   void accelerations(const double* vdot, double* out) const;
   /// G of the v' that the sweeps have just given to a system at rest.
@@ -72,8 +77,12 @@ class LoopPass {
   void solve(const double* rhs, double* lambda);
   /// Of all multipliers that push alike those of smallest norm: less what lies in the left null space of G.
   void share();
+  /// The last part of it, for n columns of that null space in LoopWork::N, rows of n numbers each.
+  void take_from_multipliers(int n);
   /// The multipliers as wrenches on nodes and as hinge forces of couplings, beside those of actuators.
   void push();
+  /// z and gamma_b of all bodies as they were kept.
+  void restore();
   /// The inward and outward sweeps once more, from what was kept, with the loops pushing.
   void move(double* vdot);
 
@@ -127,7 +136,6 @@ class LoopPass {
   Motion<double> response(const LoopEnd& end, const LoopWork::End& e, const double* vdot) const;
   /// f on the end `to`, its opposite on the end `from`: wrenches on nodes, node axes.
   std::span<const NodeWrench> wrenches_of(const Loop& loop, const Force<double>& f);
-  void restore();
 
   const Model& m_;
   const Loops& loops_;
@@ -140,6 +148,9 @@ class LoopPass {
 void make_room_for_loops(const Model& model, Workspace& ws);
 /// Poses at q; P, D and G where `inertia`. false: a direction without inertia.
 bool stand(const Model& model, Workspace& ws, const double* q, bool inertia);
+/// Closed inside of the sweeps: the least motion M^-1 G* mu of which G is -rates. Needs stand(), P of each body by itself; false: not by
+/// the program of the start.
+bool embedded_response(const Model& model, Workspace& ws, const double* q, const std::vector<double>& rates, double* out);
 /// W: of the row.
 std::string name_of_row(const Loop& loop, int row, const Force<double>& W);
 

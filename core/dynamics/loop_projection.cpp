@@ -39,29 +39,32 @@ bool LoopProjection::close(double* q, double* v) {
     }
     return most;
   };
-  /// The least motion M^-1 G* mu that takes G of it from x.
+  /// The least motion M^-1 G* mu that takes G of it from x. False: a row without compliance.
   const auto take = [&](const std::vector<double>& x) {
+    if (model_.loops.embedding && embedded_response(model_, ws_, q, x, step_.data())) return true;
+    if (model_.loops.embedding && !stand(model_, ws_, q, true)) return false;
+    pass.matrix();
+    pass.find_rank();
+    if (!pass.compliance(model_.runs)) return false;
     mu_.setZero();
     pass.solve(x.data(), mu_.data());
     step_.setZero();
     for (int p = 0; p < work.rank; ++p)
       step_ -= mu_[work.row_at[static_cast<std::size_t>(p)]] *
                Eigen::Map<const Eigen::VectorXd>(work.U.data() + static_cast<std::ptrdiff_t>(p) * model_.nv, model_.nv);
+    return true;
   };
   double before = std::numeric_limits<double>::infinity();
   for (int i = 0;; ++i) {
-    if (!stand(model_, ws_, q, true)) return false;
+    if (!stand(model_, ws_, q, !model_.loops.embedding)) return false;
     pass.place();
     const double now = largest(work.c);
     if (i == 0) distance_ = now;
     open_ = now;
     if (!std::isfinite(now)) return false;
-    pass.matrix();
-    pass.find_rank();
-    if (!pass.compliance(model_.runs)) return false;
     if (now <= kClosed || (i > 0 && now > 0.5 * before && before < 1e-11)) break;
     if (i == kTries || (i > 2 && now > before)) return false;
-    take(work.c);
+    if (!take(work.c)) return false;
     model_.retract(q, step_.data(), next_.data());
     std::copy_n(next_.data(), model_.nq, q);
     before = now;
@@ -69,7 +72,7 @@ bool LoopProjection::close(double* q, double* v) {
   const int in_place = worst_;
   rate_ = largest(work.rate);
   if (!(rate_ > distance_)) worst_ = in_place;
-  take(work.rate);
+  if (!take(work.rate)) return false;
   for (int i = 0; i < model_.nv; ++i) v[i] += step_[i];
   return true;
 }

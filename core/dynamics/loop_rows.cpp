@@ -172,6 +172,11 @@ void LoopPass::close(const Loop& loop, std::size_t l) {
 }
 
 // q of the hinge whose pose is nearest; what is left of the pose, and of rates, in the directions in which the hinge does not move.
+void LoopPass::close_by_hinge(int loop, const soa::RelativePlace& place, Force<double>* W, double* c, double* extra) {
+  k_.relative[at(loop)] = place;
+  close_by_hinge(loops_.all[at(loop)], at(loop), W, c, extra);
+}
+
 void LoopPass::close_by_hinge(const Loop& loop, std::size_t l, Force<double>* W, double* c, double* extra) {
   const LoopWork::Relative& r = k_.relative[l];
   const cardan_hinge_family& f = *loop.hinge;

@@ -67,6 +67,50 @@ void refuse_open_start(const Model& model, const LoopWork& work, const Eigen::Ve
   sink.throw_if_any();
 }
 
+std::vector<double> scaled_rows(const Model& model, const LoopPass& pass, const LoopWork& work) {
+  const Loops& loops = model.loops;
+  const auto nv = static_cast<std::size_t>(model.nv);
+  std::vector<double> rows(static_cast<std::size_t>(loops.rows) * nv);
+  for (const Loop& loop : loops.all)
+    for (int i = loop.first; i < loop.first + loop.rows; ++i)
+      for (std::size_t v = 0; v < nv; ++v) {
+        const std::size_t at = static_cast<std::size_t>(i) * nv + v;
+        const bool given = model.has_prescribed() && model.prescribed[v];
+        rows[at] = given ? 0.0 : work.G[at] * pass.in_metres(loop, i) * loops.column_scale[v] / loop.reference;
+      }
+  return rows;
+}
+
+void take_embedding(Model& model, Embedding embedding) {
+  model.loops.embedding = std::make_shared<const Embedding>(std::move(embedding));
+  for (const EmbeddingStep& step : model.loops.embedding->steps) {
+    if (step.kind != EmbeddingStep::Kind::wheel) continue;
+    const auto carrier = static_cast<std::size_t>(model.bodies[static_cast<std::size_t>(step.body)].parent);
+    if (is_axis(model.bodies[carrier].kind)) model.axis_bodies[carrier].leaf = false;  // its P is not constant
+  }
+  sweep_embedded(model);
+}
+
+/// Embedding, where it is honoured and not unwanted.
+void choose_form(Model& model, const LoopPass& pass, const LoopWork& work) {
+  Loops& loops = model.loops;
+  const LoopForm wish = model.spec->loop_form;
+  const std::vector<double> rows = scaled_rows(model, pass, work);
+  std::string not_honoured;
+  Embedding embedding = embed_loops(model, rows, loops.sets, not_honoured);
+  if (wish == LoopForm::multipliers) {
+    for (LoopSet& set : loops.sets) set.form = "multipliers", set.why = "asked for";
+    return;
+  }
+  if (!not_honoured.empty()) {
+    if (wish == LoopForm::embedding)
+      refuse(Code::unsupported, model.spec->locate("loop_form"), "loops that can be closed inside of the sweeps", not_honoured,
+             "`loop_form: auto` takes multipliers where that is not so");
+    return;
+  }
+  take_embedding(model, std::move(embedding));
+}
+
 }  // namespace
 
 bool stand(const Model& model, Workspace& ws, const double* q, bool inertia) {
@@ -113,6 +157,22 @@ void prepare_loops(Model& model, const Eigen::VectorXd& inertia) {
   pass.matrix();
   pass.find_rank();
   loops.rank = ws.loops->rank;
+  choose_form(model, pass, *ws.loops);
+}
+
+std::shared_ptr<const Model> embedded_by(const Model& model, const std::vector<std::uint8_t>& by_rates) {
+  auto out = std::make_shared<Model>(model);
+  sweep_open_tree(*out);
+  out->loops.embedding = nullptr;
+  Workspace ws(*out);
+  const State start = out->initial_state();
+  stand(*out, ws, start.q.data(), false);
+  const Inputs in{.q = start.q.data(), .v = start.v.data(), .gravity = false};
+  LoopPass pass(*out, ws, in);
+  pass.place();
+  pass.matrix();
+  take_embedding(*out, embed_loops(*out, scaled_rows(*out, pass, *ws.loops), by_rates));
+  return out;
 }
 
 }  // namespace cardan

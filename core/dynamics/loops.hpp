@@ -11,13 +11,24 @@ namespace cardan {
 /// with the residual of each row where the start is not closed.
 void prepare_loops(Model& model, const Eigen::VectorXd& inertia);
 
+/// The same vehicle with its loops closed inside of the sweeps, each by rates (1) or by multipliers (0): what `loop_form: auto` chooses
+/// from. Of a vehicle whose loops may be embedded (Loops::sets).
+std::shared_ptr<const Model> embedded_by(const Model& model, const std::vector<std::uint8_t>& by_rates);
+
 /// The op `keep`: what acts on each body, before the inward sweeps gather it.
 void keep_loads(const Model& model, Workspace& workspace);
 /// The op `loops`: v' of the open tree becomes that of the closed one, and with it all that the workspace holds. false: a loop cannot be
 /// closed (Workspace::breakdown). Allocates in the first call with a workspace only.
 bool close_loops(const Model& model, Workspace& workspace, const Inputs& in, double* vdot);
 
-/// What the loops of a workspace do: after forward_dynamics.
+/// The op `embedding`: the sweeps and the loops in one (docs/mathematics/loops.md, 4); by multipliers over the open tree where the rank is
+/// not that of the start. false: Workspace::breakdown.
+bool run_embedding(const Model& model, Workspace& workspace, const Inputs& in, double* vdot);
+/// After forward_dynamics with the same inputs, where loops are closed inside of the sweeps: multipliers, and in the workspace what
+/// observers read of the closed system. Does nothing where that is there.
+void settle_loops(const Model& model, Workspace& workspace, const Inputs& in);
+
+/// What the loops of a workspace do: after forward_dynamics and settle_loops.
 struct LoopForces {
   std::span<const double> multipliers;     // per row, of smallest norm where rows are redundant
   std::span<const NodeWrench> wrenches;    // on nodes of bodies, both ends of each loop

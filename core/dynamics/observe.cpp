@@ -48,6 +48,7 @@ void Observer::look(const Inputs& in, const double* vdot) {
   in_ = in;
   vdot_ = vdot;
   if (model_.loops.empty()) return;
+  if (vdot) settle_loops(model_, ws_, in);
   loads_.assign(in.wrenches.begin(), in.wrenches.end());
   for (const NodeWrench& w : loop_forces(ws_).wrenches) loads_.push_back(w);
   in_.wrenches = loads_;

@@ -241,6 +241,11 @@ const std::vector<std::string>& closure_types() {
   return all;
 }
 
+const std::vector<std::string>& loop_forms() {
+  static const std::vector<std::string> all = {"auto", "multipliers", "embedding"};
+  return all;
+}
+
 Loops compile_loops(const SystemSpec& spec, const Registry& registry, Model& model, DiagnosticSink& sink) {
   return LoopCompiler(spec, registry, model, sink).run();
 }
@@ -253,10 +258,27 @@ void require_open_tree(const Model& model, std::string_view what) {
          fmt::format("an open tree: {} do not honour closed loops", what), fmt::format("loops: {}", fmt::join(names, ", ")));
 }
 
+void sweep_open_tree(Model& model) {
+  const auto at = std::ranges::find(model.program, OpCode::embedding, &Op::code);
+  if (at == model.program.end()) return;
+  const int n = static_cast<int>(model.runs.size());
+  std::vector<Op> ops;
+  for (int r = n - 1; r >= 0; --r) ops.push_back({OpCode::inward, r});
+  for (int r = 0; r < n; ++r) ops.push_back({OpCode::acceleration, r});
+  ops.push_back({OpCode::loops});
+  model.program.insert(model.program.erase(at), ops.begin(), ops.end());
+}
+
+void sweep_embedded(Model& model) {
+  std::erase_if(model.program, [](const Op& op) { return op.code == OpCode::inward || op.code == OpCode::acceleration; });
+  std::ranges::find(model.program, OpCode::loops, &Op::code)->code = OpCode::embedding;
+}
+
 std::shared_ptr<const Model> open_tree(std::shared_ptr<const Model> model) {
   if (model->loops.empty()) return model;
   auto open = std::make_shared<Model>(*model);
   open->loops = {};
+  sweep_open_tree(*open);
   std::erase_if(open->program, [](const Op& op) { return op.code == OpCode::keep || op.code == OpCode::loops; });
   return open;
 }

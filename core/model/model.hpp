@@ -16,6 +16,8 @@
 
 namespace cardan {
 
+struct Embedding;
+
 /// A body as the user named it.
 struct UserBody {
   std::string name, type, hinge_type;
@@ -57,7 +59,8 @@ enum class OpCode : std::uint8_t {
   inward,
   acceleration,
   refine,
-  loops
+  loops,
+  embedding
 };
 struct Op {
   OpCode code;
@@ -173,9 +176,6 @@ struct Devices {
   }
 };
 
-/// Which rows close a loop (docs/mathematics/loops.md).
-enum class Closing : std::uint8_t { weld, point, line, plane, distance, hinge, coupling };
-
 struct LoopEnd {
   int node = -1;      // index into SweepModel::nodes; -1: a place on the ground
   int sweep = 0;      // the sweep body that carries it
@@ -209,8 +209,10 @@ struct Loop {
 struct Loops {
   std::vector<Loop> all;
   int rows = 0;
-  int rank = 0;                      // of all rows at the start
-  std::vector<double> column_scale;  // per velocity component: 1 / sqrt(inertia) at the start
+  int rank = 0;                                // of all rows at the start
+  std::vector<double> column_scale;            // per velocity component: 1 / sqrt(inertia) at the start
+  std::shared_ptr<const Embedding> embedding;  // how they are closed inside of the sweeps; null: by multipliers over the open tree
+  std::vector<LoopSet> sets;                   // loops that share hinges, and what became of them
   bool empty() const { return all.empty(); }
 };
 

@@ -13,6 +13,7 @@
 #include "core/base/diagnostic.hpp"
 #include "core/base/warnings.hpp"
 #include "core/model/hinge_load.hpp"
+#include "core/model/loop_form.hpp"
 #include "core/spatial/modal_data.hpp"
 
 namespace cardan {
@@ -166,6 +167,7 @@ struct SystemSpec {
   std::vector<FieldSpec> fields;
   std::vector<DeviceSpec> devices;
   std::vector<LoopSpec> loops;
+  LoopForm loop_form = LoopForm::automatic;                        // of all of them
   std::string source_file, source_text;                            // where it was read from, and its bytes (hashed in results)
   std::vector<std::pair<std::string, std::string>> defaults_used;  // key path, value: what `describe` lists
   std::map<std::string, SourceMark, std::less<>> marks;            // key path of each value of the input and where it stands

@@ -69,6 +69,11 @@ class VehicleReader {
       for (const auto& [name, value] : named_items(*devices, context_)) read_device(name, value);
     if (const auto loops = top.find("loops"))
       for (const auto& [name, value] : named_items(*loops, context_)) read_loop(name, value);
+    if (const auto form = top.find("loop_form"))
+      spec_.loop_form =
+          static_cast<LoopForm>(std::max(0, read_choice(*form, loop_forms(), "how loops are closed", Code::wrong_type, context_)));
+    else if (!spec_.loops.empty())
+      top.note_default("loop_form", "auto");
     top.finish();
     if (top.is_map()) validate(spec_, registry_, context_.sink);
     return std::move(spec_);

@@ -11,6 +11,7 @@
 #include "core/dynamics/devices.hpp"
 #include "core/dynamics/loops.hpp"
 #include "core/linalg/linear_operator.hpp"
+#include "core/model/loops.hpp"
 #include "core/operators/system_modes.hpp"
 #include "core/sim/flexible_limits.hpp"
 #include "core/soa/cost.hpp"
@@ -208,7 +209,16 @@ Json loops(const Simulation& sim) {
     all.push_back({{"name", l.name}, {"type", l.type}, {"rows", l.rows}, {"rates", l.rates.size()}, {"between", text}});
   }
   const auto given = std::ranges::count(m.prescribed, 1);
+  Json sets = Json::array();
+  for (const LoopSet& set : m.loops.sets) {
+    Json names = Json::array();
+    for (const int l : set.loops) names.push_back(m.loops.all[static_cast<std::size_t>(l)].name);
+    sets.push_back({{"loops", names}, {"form", set.form}, {"why", set.why}});
+  }
   return {{"all", all},
+          {"form", loop_forms()[static_cast<std::size_t>(m.spec->loop_form)]},
+          {"embedded", m.loops.embedding != nullptr},
+          {"sets", sets},
           {"rows", rank.rows},
           {"rank", rank.rank},
           {"redundant", redundant},

@@ -103,7 +103,8 @@ std::string description_text(const Json& d) {
   }
 
   if (const Json loops = d.value("loops", Json()); !loops.is_null()) {
-    out += "\nclosed loops, by multipliers\n";
+    out += fmt::format("\nclosed loops, by {}\n",
+                       loops["embedded"].get<bool>() ? "embedding: inside of the sweeps" : "multipliers over the open tree");
     for (const Json& l : loops["all"])
       out += fmt::format("  {:<18}{:<16}{}, {} rows on {} rates\n", l["name"].get<std::string>(), l["type"].get<std::string>(),
                          l["between"].get<std::string>(), l["rows"].get<int>(), l["rates"].get<int>());
@@ -111,6 +112,12 @@ std::string description_text(const Json& d) {
         "  {} of {} rows are independent at the initial state (smallest scaled pivot {:.2g}); mobility {}, {} by counting rows\n",
         loops["rank"].get<int>(), loops["rows"].get<int>(), loops["smallest_pivot"].get<double>(), loops["mobility"].get<int>(),
         loops["by_counting"].get<int>());
+    for (const Json& set : loops["sets"]) {
+      std::string names;
+      for (const Json& name : set["loops"]) names += (names.empty() ? "" : ", ") + name.get<std::string>();
+      const std::string why = set["why"].get<std::string>();
+      out += fmt::format("  {}: by {}{}\n", names, set["form"].get<std::string>(), why.empty() ? "" : " (" + why + ")");
+    }
     for (const Json& row : loops["redundant"]) out += fmt::format("  implied by the others: {}\n", row.get<std::string>());
   }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 
+#include "core/model/embedding.hpp"
 #include "core/soa/counted.hpp"
 #include "core/soa/kernels.hpp"
 #include "core/soa/program.hpp"
@@ -51,6 +52,8 @@ const char* name_of(OpCode code) {
       return "loads kept";
     case OpCode::loops:
       return "closed loops";
+    case OpCode::embedding:
+      return "inward, outward, closed loops";
     case OpCode::inward:
       return "inward";
     case OpCode::refine:
@@ -91,7 +94,7 @@ std::vector<OpCost> op_costs(const Model& model, const State& state, std::span<c
     if (run) cost.name += std::string(" (") + name_of(run->kind) + ")";
     for (int k = run ? run->begin : 1; run && k < run->end; ++k) cost.bytes += sizes.record_bytes(k);
     const bool counted = op.code != OpCode::devices && op.code != OpCode::keep && op.code != OpCode::loops;
-    cost.flops = counted ? Counted::flops : -1;
+    cost.flops = op.code == OpCode::embedding ? model.loops.embedding->flops : counted ? Counted::flops : -1;
     cost.functions = Counted::functions;
     costs.push_back(std::move(cost));
   }

@@ -2,7 +2,19 @@
 // Which sweeps run: compiled for x86-64-v2, v3 and v4 (docs/adr/0013-instruction-sets.md), picked once by the processor.
 #include "core/soa/sweeps.hpp"
 
+namespace cardan {
+struct Embedding;
+}
+
 namespace cardan::soa {
+
+struct EmbeddingWork;
+struct RowsOfHinges;
+
+/// Loops that are closed inside of the sweeps (embedding_sweeps.hpp), from poses, gamma_b, z and P to v'. `given`: what G v' is to be, per
+/// row; null: gamma_c. 0: done; 1: the rank is not that of the program or rows contradict each other, nothing was changed; 2: breakdown.
+using SweepEmbedded = int (*)(const SweepModel&, const Embedding&, const Sweeps<double>&, Workspace<double>&, EmbeddingWork&,
+                              const Inputs<double>&, const RowsOfHinges&, const double* given, double* vdot);
 
 /// The sweeps of one instruction set: one state at a time, and as many as its registers hold side by side (none on v2).
 struct InstructionSet {
@@ -10,11 +22,15 @@ struct InstructionSet {
   Sweeps<double> one;
   Sweeps<Lanes<4>> four;   // v3
   Sweeps<Lanes<8>> eight;  // v4
+  SweepEmbedded embedded;
 };
 // One file each: half a minute to compile.
 const Sweeps<double>& sweeps_v2();
 const Sweeps<double>& sweeps_v3();
 const Sweeps<double>& sweeps_v4();
+SweepEmbedded embedded_v2();
+SweepEmbedded embedded_v3();
+SweepEmbedded embedded_v4();
 const Sweeps<Lanes<4>>& lanes_v3();
 const Sweeps<Lanes<8>>& lanes_v4();
 

@@ -178,15 +178,20 @@ TEST(Alloc, ClosedLoops) {  // from the second evaluation on
   for (const auto& path : oracle::files()) {
     const oracle::Case c = oracle::read(path);
     if (!c.has_loops()) continue;
-    const auto model = compiled(oracle::with_loops(c));
-    Workspace ws(*model);
-    Eigen::VectorXd vdot(model->nv), q = c.q, v = c.v;
-    const Inputs in{.q = c.q.data(), .v = c.v.data(), .tau = c.tau.data()};
-    LoopProjection projection(*model);
-    ASSERT_TRUE(forward_dynamics(*model, ws, in, vdot.data()));
-    ASSERT_TRUE(projection.close(q.data(), v.data()));
-    EXPECT_EQ(mallocs_in([&] { forward_dynamics(*model, ws, in, vdot.data()); }), 0) << c.name;
-    EXPECT_EQ(mallocs_in([&] { projection.close(q.data(), v.data()); }), 0) << c.name;
+    for (const LoopForm form : {LoopForm::automatic, LoopForm::multipliers}) {
+      SystemSpec spec = oracle::with_loops(c);
+      spec.loop_form = form;
+      const auto model = compiled(spec);
+      Workspace ws(*model);
+      Eigen::VectorXd vdot(model->nv), q = c.q, v = c.v;
+      const Inputs in{.q = c.q.data(), .v = c.v.data(), .tau = c.tau.data()};
+      LoopProjection projection(*model);
+      ASSERT_TRUE(forward_dynamics(*model, ws, in, vdot.data()));
+      ASSERT_TRUE(projection.close(q.data(), v.data()));
+      EXPECT_EQ(mallocs_in([&] { forward_dynamics(*model, ws, in, vdot.data()); }), 0) << c.name;
+      EXPECT_EQ(mallocs_in([&] { projection.close(q.data(), v.data()); }), 0) << c.name;
+      EXPECT_EQ(mallocs_in([&] { settle_loops(*model, ws, in); }), 0) << c.name;
+    }
   }
 }
 

@@ -1,0 +1,91 @@
+// cardan-bench-loops: accelerations of the mechanisms with loops of tests/reference/bench_loops in each form: time, error, operations. Ends
+// with 1 where an error exceeds what the tests allow.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+
+#include "bench/time_ring.hpp"
+#include "bodies/register.hpp"
+#include "core/dynamics/forward.hpp"
+#include "core/dynamics/loops.hpp"
+#include "core/model/embedding.hpp"
+#include "core/model/loops.hpp"
+#include "hinges/register.hpp"
+#include "tests/support/bench_loops.hpp"
+
+namespace cardan::bench {
+namespace {
+
+struct Figure {
+  double ns = 0.0, error = 0.0;
+};
+
+Figure measure(const Model& model, const bench_loops::Model& bench, double seconds, bool open) {
+  Workspace ws(model);
+  std::vector<Eigen::VectorXd> vdot(bench.states.size(), Eigen::VectorXd(model.nv));
+  const auto call = [&](int k) {
+    const bench_loops::State& s = bench.states[static_cast<std::size_t>(k)];
+    const Inputs in{.q = s.q.data(), .v = s.v.data(), .tau = s.tau.data()};
+    forward_dynamics(model, ws, in, vdot[static_cast<std::size_t>(k)].data());
+  };
+  Figure out;
+  out.ns = time_ring(static_cast<int>(bench.states.size()), seconds, call).min_ns;
+  for (std::size_t k = 0; !open && k < bench.states.size(); ++k) {
+    const Eigen::VectorXd& want = bench.states[k].vdot;
+    const double error = (vdot[k] - want).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / want.cwiseAbs().maxCoeff();
+    if (!(error <= out.error)) out.error = error;
+  }
+  return out;
+}
+
+int run(const std::string& only, double seconds) {
+  Registry registry;
+  register_hinges(registry);
+  register_bodies(registry);
+  fmt::print("{:<28}{:>7}{:>6}{:>11}{:>14}{:>10}{:>14}{:>10}  {}\n", "", "bodies", "rows", "open tree", "multipliers", "error", "embedding",
+             "error", "closed by");
+  bool good = true;
+  for (const auto& file : bench_loops::files()) {
+    if (file.stem().string().find(only) == std::string::npos) continue;
+    bench_loops::Model bench = bench_loops::read(file);
+    if (bench.has_functions) continue;
+    double floor = 0.0;
+    for (const bench_loops::State& s : bench.states) floor = std::max(floor, s.floor);
+    const double allowed = std::max(1e-13, 100.0 * floor);
+    Figure of[2];
+    std::shared_ptr<const Model> model;
+    std::string how;
+    for (const LoopForm form : {LoopForm::multipliers, LoopForm::automatic}) {
+      bench.spec.loop_form = form;
+      model = compile(bench.spec, registry);
+      of[form == LoopForm::automatic] = measure(*model, bench, seconds, false);
+    }
+    int rates = 0;
+    for (const LoopSet& set : model->loops.sets) rates += set.form == "rates";
+    how = !model->loops.embedding ? "multipliers: " + model->loops.sets[0].why
+                                  : fmt::format("{} by rates, {} by multipliers in the sweep, width {}, {} flops", rates,
+                                                model->loops.sets.size() - static_cast<std::size_t>(rates), model->loops.embedding->width,
+                                                model->loops.embedding->flops);
+    const Figure tree = measure(*open_tree(model), bench, seconds, true);
+    fmt::print("{:<28}{:>7}{:>6}{:>8.2f} us{:>11.2f} us{:>10.1e}{:>11.2f} us{:>10.1e}  {}\n", file.stem().string(),
+               bench.spec.bodies.size(), model->loops.rows, 1e-3 * tree.ns, 1e-3 * of[0].ns, of[0].error, 1e-3 * of[1].ns, of[1].error,
+               how);
+    std::fflush(stdout);
+    good = good && of[0].error <= allowed && of[1].error <= allowed;
+  }
+  return good ? 0 : 1;
+}
+
+}  // namespace
+}  // namespace cardan::bench
+
+int main(int argc, char** argv) {
+  CLI::App app("accelerations of mechanisms with closed loops");
+  std::string only;
+  double seconds = 0.05;
+  app.add_option("--only", only, "mechanisms whose name contains this");
+  app.add_option("--seconds", seconds, "for each figure");
+  CLI11_PARSE(app, argc, argv);
+  return cardan::bench::run(only, seconds);
+}

@@ -1,0 +1,252 @@
+// Loops closed inside of the sweeps: the op `embedding`, and what is made of it where somebody looks (docs/mathematics/loops.md, 4).
+#include <algorithm>
+#include <cmath>
+
+#include "core/dynamics/loop_pass.hpp"
+
+namespace cardan {
+namespace {
+
+/// Inward, outward, and multipliers.
+bool over_the_open_tree(const Model& model, Workspace& ws, const Inputs& in, double* vdot) {
+  const soa::Sweeps<double>& S = soa::sweeps<double>();
+  for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) {
+    S.inward(model, ws, in, *run, {});
+    if (ws.breakdown.body != 0) return false;
+  }
+  for (const Run& run : model.runs) S.acceleration(model, ws, in, run, vdot);
+  return close_loops(model, ws, in, vdot);
+}
+
+int embed(const Model& model, Workspace& ws, const Inputs& in, const double* given, double* vdot) {
+  LoopPass pass(model, ws, in);
+  const soa::RowsOfHinges hinges{[](void* context, int loop, const soa::RelativePlace& place, Force<double>* W, double* c, double* extra) {
+                                   static_cast<LoopPass*>(context)->close_by_hinge(loop, place, W, c, extra);
+                                 },
+                                 &pass};
+  return soa::instruction_set().embedded(model, *model.loops.embedding, soa::sweeps<double>(), ws, *ws.loops->embedding, in, hinges, given,
+                                         vdot);
+}
+
+/// A x = b by rows [A b], partial pivoting; x in place of b.
+void eliminate(double* A, int r) {
+  const int stride = r + 1;
+  for (int p = 0; p < r; ++p) {
+    int best = p;
+    for (int i = p + 1; i < r; ++i)
+      if (std::abs(A[i * stride + p]) > std::abs(A[best * stride + p])) best = i;
+    if (best != p) std::swap_ranges(A + p * stride, A + (p + 1) * stride, A + best * stride);
+    for (int i = p + 1; i < r; ++i) {
+      const double factor = A[i * stride + p] / A[p * stride + p];
+      for (int j = p; j <= r; ++j) A[i * stride + j] -= factor * A[p * stride + j];
+    }
+  }
+  for (int p = r - 1; p >= 0; --p) {
+    double x = A[p * stride + r];
+    for (int j = p + 1; j < r; ++j) x -= A[p * stride + j] * A[j * stride + r];
+    A[p * stride + r] = x / A[p * stride + p];
+  }
+}
+
+/// Multipliers after an evaluation: G* lambda = H* f - tau, loop by loop, the last one that was closed first: on the rates that it took up
+/// the others that push are those closed after it.
+class EmbeddedMultipliers {
+ public:
+  EmbeddedMultipliers(const Model& model, Workspace& ws, const Inputs& in)
+      : m_(model), e_(*model.loops.embedding), ws_(ws), k_(*ws.loops), n_(*k_.embedding), in_(in) {}
+
+  bool find(LoopPass& pass) {
+    what_is_left();
+    std::ranges::fill(k_.pushed, 0.0);
+    for (std::size_t l = 0; l < e_.loops.size(); ++l) gather(e_.loops[l]);
+    for (std::size_t l = e_.loops.size(); l-- > 0;) solve(e_.loops[l], k_.lambda.data());
+    // The left null space of G: one column per row that is left out.
+    int n = 0;
+    std::ranges::fill(k_.left, 0.0);
+    std::ranges::fill(k_.of_coordinates, 0.0);
+    for (std::size_t l = 0; l < e_.loops.size(); ++l) {
+      const EmbeddedLoop& c = e_.loops[l];
+      for (int i = c.rank; i < c.rows; ++i) {
+        double* N = k_.N.data() + at(n++) * k_.lambda.size();
+        std::fill_n(N, k_.lambda.size(), 0.0);
+        std::ranges::fill(k_.pushed, 0.0);
+        N[c.first + n_.row_at[at(c.row + i)]] = 1.0;
+        push(c, N);
+        if (c.by_rates)
+          for (std::size_t before = l + 1; before-- > 0;) solve(e_.loops[before], N);
+        else
+          solve_rows_of_multipliers(c, N);
+      }
+    }
+    if (n > 0) pass.take_from_multipliers(n);
+    return true;
+  }
+
+ private:
+  static std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+  /// H* f - tau on the rates that loops have taken up, f = P delta + z + Q x through their hinges: what their multipliers push.
+  void what_is_left() {
+    std::ranges::fill(k_.left, 0.0);
+    std::ranges::fill(k_.through, Force<double>{});
+    for (const EmbeddingStep& step : e_.steps) {
+      const SweepBody& b = m_.bodies[at(step.body)];
+      if (step.kind == EmbeddingStep::Kind::wheel) {
+        const soa::Core<double>& carrier = ws_.core(b.parent);
+        const AxisBody& wheel = m_.axis_bodies[at(step.body)];
+        const Vec3<double> u{wheel.u[0], wheel.u[1], wheel.u[2]};
+        k_.left[at(b.v)] = wheel.J_axial * (dot(u, carrier.gamma.w + carrier.delta.w) + k_.vdot[at(b.v)]) - ws_.axis(step.body).nu;
+      }
+      if (step.kind != EmbeddingStep::Kind::item) continue;
+      const soa::Core<double>& core = ws_.core(step.body);
+      Force<double> f = core.P * core.delta + core.z + k_.through[at(step.body)];
+      for (const PendingFlow& flow : step.flows)
+        for (int i = 0; flow.own >= 0 && i < e_.loops[at(flow.loop)].n; ++i)
+          f += n_.x[at(e_.loops[at(flow.loop)].x + i)] * n_.Q[at(flow.own + i)];
+      for (int j = 0; j < b.nv; ++j)
+        k_.left[at(b.v + j)] = dot(soa::hinge_column(m_, ws_, step.body, j), f) - (in_.tau ? in_.tau[b.v + j] : 0.0);
+      if (step.to_carried) k_.through[at(b.parent)] += to_inboard(soa::pose_in_inboard(m_, ws_, step.body, in_.q), f);
+    }
+  }
+
+  /// left on the coordinates that a loop keeps.
+  void gather(const EmbeddedLoop& c) {
+    if (!c.by_rates) return;
+    double* out = k_.of_coordinates.data() + c.x;
+    std::fill_n(out, c.n, 0.0);
+    const double* T = n_.numbers.data() + c.T;
+    const auto add = [&](int input, double force) {
+      for (int i = 0; i < c.keep; ++i) out[i] += force * T[input * (c.n + 1) + i];
+    };
+    for (const EmbeddedLoop::Column& x : c.columns)
+      if (x.input >= 0) add(x.input, x.scale * k_.left[at(x.v)]);
+    for (const EmbeddedLoop::Taken& t : c.taken)
+      for (int i = 0; i < t.n; ++i) add(t.input + i, k_.of_coordinates[at(e_.loops[at(t.by)].x + i)]);
+  }
+
+  /// What is left on an input beside the loops that were solved.
+  void inputs_of(const EmbeddedLoop& c, double* r) const {
+    for (const EmbeddedLoop::Column& x : c.columns)
+      if (x.input >= 0) r[x.input] = x.scale * (k_.left[at(x.v)] - k_.pushed[at(x.v)]);
+    for (const EmbeddedLoop::Taken& t : c.taken) {
+      const EmbeddedLoop& other = e_.loops[at(t.by)];
+      for (int i = 0; i < t.n; ++i) r[t.input + i] = k_.of_coordinates[at(other.x + i)];
+      const double* E = n_.numbers.data() + other.E;
+      for (std::size_t j = 0; j < other.columns.size(); ++j, E += other.n + 1)
+        for (int i = 0; i < t.n; ++i) r[t.input + i] -= E[i] * k_.pushed[at(other.columns[j].v)];
+    }
+  }
+
+  /// Entry of G on an input, scaled.
+  double entry(const EmbeddedLoop& c, int row, int input) const {
+    const double* G = n_.numbers.data() + c.G + row * c.own_columns;
+    double sum = 0.0;
+    for (int j = 0; j < c.own_columns; ++j) {
+      const EmbeddedLoop::Column& x = c.columns[at(j)];
+      if (x.input == input) return x.scale * G[j];
+      if (x.input >= 0) continue;
+      const EmbeddedLoop& other = e_.loops[at(x.by)];
+      if (input >= other.consumer_input && input < other.consumer_input + other.keep)
+        sum += G[j] * n_.numbers[at(other.E + x.at * (other.n + 1) + input - other.consumer_input)];
+    }
+    return sum;
+  }
+
+  /// Multipliers of its independent rows, from the pivots; added to what `lambda` has of its other rows.
+  void solve(const EmbeddedLoop& c, double* lambda) {
+    if (!c.by_rates) {
+      if (lambda == k_.lambda.data())
+        for (int p = 0; p < c.n; ++p) lambda[c.first + n_.row_at[at(c.row + p)]] = n_.x[at(c.x + p)];
+      return;
+    }
+    const int r = c.rank, stride = r + 1;
+    double *A = k_.few.data(), *inputs = A + r * stride;
+    inputs_of(c, inputs);
+    const int *row_at = n_.row_at.data() + c.row, *column_at = n_.column_at.data() + c.pivot;
+    for (int i = 0; i < r; ++i) {
+      for (int j = 0; j < r; ++j) A[i * stride + j] = entry(c, row_at[j], column_at[i]);
+      A[i * stride + r] = inputs[column_at[i]];
+    }
+    eliminate(A, r);
+    for (int p = 0; p < r; ++p) {
+      const int row = row_at[p];
+      lambda[c.first + row] += A[p * stride + r];
+      push(c, row, A[p * stride + r]);
+    }
+  }
+
+  /// By multipliers: the rows that count, so that together with those left out they push nothing. Pivots of G itself.
+  void solve_rows_of_multipliers(const EmbeddedLoop& c, double* N) {
+    const int r = c.rank, stride = r + 1;
+    double* A = k_.few.data();
+    const double* G = n_.numbers.data() + c.G;
+    const int *row_at = n_.row_at.data() + c.row, *column_at = n_.column_at.data() + c.pivot;
+    for (int i = 0; i < r; ++i) {
+      const EmbeddedLoop::Column& x = c.columns[at(column_at[i])];
+      for (int j = 0; j < r; ++j) A[i * stride + j] = x.scale * G[row_at[j] * c.own_columns + column_at[i]];
+      A[i * stride + r] = -x.scale * k_.pushed[at(x.v)];
+    }
+    eliminate(A, r);
+    for (int p = 0; p < r; ++p) {
+      N[c.first + row_at[p]] = A[p * stride + r];
+    }
+  }
+
+  void push(const EmbeddedLoop& c, int row, double multiplier) {
+    const double* G = n_.numbers.data() + c.G + row * c.own_columns;
+    for (int j = 0; j < c.own_columns; ++j) k_.pushed[at(c.columns[at(j)].v)] += multiplier * G[j];
+  }
+  void push(const EmbeddedLoop& c, const double* lambda) {
+    for (int i = 0; i < c.rows; ++i)
+      if (lambda[c.first + i] != 0.0) push(c, i, lambda[c.first + i]);
+  }
+
+  const Model& m_;
+  const Embedding& e_;
+  Workspace& ws_;
+  LoopWork& k_;
+  soa::EmbeddingWork& n_;
+  const Inputs& in_;
+};
+
+}  // namespace
+
+bool run_embedding(const Model& model, Workspace& ws, const Inputs& in, double* vdot) {
+  const int result = embed(model, ws, in, nullptr, vdot);
+  ws.loops->unsettled = result == 0;
+  if (result == 0) std::copy_n(vdot, model.nv, ws.loops->vdot.data());
+  return result == 1 ? over_the_open_tree(model, ws, in, vdot) : result == 0;
+}
+
+bool embedded_response(const Model& model, Workspace& ws, const double* q, const std::vector<double>& rates, double* out) {
+  LoopWork& work = *ws.loops;
+  for (std::size_t i = 0; i < rates.size(); ++i) work.rhs[i] = -rates[i];
+  soa::sweeps<double>().at_rest(model, ws);
+  const int result = embed(model, ws, {.q = q, .v = work.zero.data(), .gravity = false}, work.rhs.data(), out);
+  if (result == 0) return true;
+  ws.breakdown = {};
+  return false;
+}
+
+void settle_loops(const Model& model, Workspace& ws, const Inputs& in) {
+  if (!ws.loops || !ws.loops->unsettled) return;
+  ws.loops->unsettled = false;
+  LoopPass pass(model, ws, in);
+  pass.place();
+  std::ranges::fill(ws.loops->lambda, 0.0);
+  if (!EmbeddedMultipliers(model, ws, in).find(pass)) return;
+  // The open tree, with the loops pushing.
+  const soa::Sweeps<double>& S = soa::sweeps<double>();
+  pass.push();
+  Inputs pushed = in;
+  if (ws.loops->coupled) pushed.tau = ws.loops->tau.data();
+  pushed.wrenches = ws.loops->wrenches;
+  S.ground(model, ws, in);
+  for (const Run& run : model.runs) S.outward(model, ws, in, run, {.vdot = run.prescribed});  // P of each body by itself
+  pass.restore();
+  S.node_wrenches(model, ws, pushed);
+  for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.inward(model, ws, pushed, *run, {});
+  for (const Run& run : model.runs) S.acceleration(model, ws, pushed, run, ws.loops->response.data());
+}
+
+}  // namespace cardan

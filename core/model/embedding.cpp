@@ -1,0 +1,595 @@
+#include "core/model/embedding.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+#include <set>
+
+#include "core/model/model.hpp"
+
+namespace cardan {
+namespace {
+
+constexpr double kNoPivot = 1e-10;  // of scaled rows, as elsewhere (docs/mathematics/loops.md, 2)
+constexpr int kLongLoop = 6;        // free rates of a loop: beyond, eliminating them together loses digits that one by one keeps
+constexpr std::size_t kTried = 64;  // sets whose two forms are compared by count
+
+template <class Int>
+std::size_t at(Int i) {
+  return static_cast<std::size_t>(i);
+}
+
+/// Rank of the rows of one loop after another, each beside those before it.
+class Ranks {
+ public:
+  Ranks(const std::vector<double>& B, int rows, int columns) : B_(B), rows_(rows), columns_(columns) {}
+  int take(int first, int n) {
+    int rank = 0;
+    std::vector<std::uint8_t> used(at(n));
+    for (int p = 0; p < n; ++p) {
+      int row = -1, column = -1;
+      double most = kNoPivot;
+      for (int i = 0; i < n; ++i)
+        for (int j = 0; !used[at(i)] && j < columns_; ++j)
+          if (const double x = std::abs(b(first + i, j)); x > most) most = x, row = first + i, column = j;
+      if (row < 0) break;
+      used[at(row - first)] = 1, ++rank;
+      for (int i = 0; i < rows_; ++i) {
+        if (i == row || b(i, column) == 0.0) continue;
+        const double factor = b(i, column) / b(row, column);
+        for (int j = 0; j < columns_; ++j) b(i, j) -= factor * b(row, j);
+        b(i, column) = 0.0;
+      }
+    }
+    return rank;
+  }
+
+ private:
+  double& b(int i, int j) { return B_[at(i) * at(columns_) + at(j)]; }
+  std::vector<double> B_;
+  int rows_, columns_;
+};
+
+class Embedder {
+ public:
+  Embedder(const Model& model, const std::vector<double>& scaled_rows) : m_(model), rows_(scaled_rows) {
+    const std::size_t bodies = m_.bodies.size();
+    body_of_.assign(at(m_.nv), 0);
+    for (std::size_t k = 1; k < bodies; ++k)
+      for (int j = 0; j < m_.bodies[k].nv; ++j) body_of_[at(m_.bodies[k].v + j)] = static_cast<int>(k);
+    hinges_.resize(m_.loops.all.size()), home_.resize(m_.loops.all.size());
+    for (std::size_t l = 0; l < m_.loops.all.size(); ++l) {
+      const Loop& loop = m_.loops.all[l];
+      std::vector<int>& on = hinges_[l];
+      home_[l] = loop.home;
+      if (loop.closing == Closing::coupling) {
+        for (const CoupledRate& term : loop.terms)
+          if (const int k = body_of_[at(term.v)]; std::ranges::find(on, k) == on.end()) on.push_back(k);
+        int home = m_.bodies[at(on[0])].parent;
+        for (const int k : on) home = ancestor(home, m_.bodies[at(k)].parent);
+        home_[l] = home;
+      } else {
+        on = loop.from_path;
+        on.insert(on.end(), loop.to_path.begin(), loop.to_path.end());
+      }
+      std::ranges::sort(on);
+    }
+  }
+
+  std::vector<LoopSet> sets() {
+    const std::size_t n = m_.loops.all.size();
+    std::vector<int> of(n), on_hinge(m_.bodies.size(), -1);
+    std::iota(of.begin(), of.end(), 0);
+    const auto root = [&](int l) {
+      while (of[at(l)] != l) l = of[at(l)];
+      return l;
+    };
+    for (std::size_t l = 0; l < n; ++l)
+      for (const int k : hinges_[l]) {
+        int& first = on_hinge[at(k)];
+        if (first < 0)
+          first = static_cast<int>(l);
+        else {
+          const int a = root(first), b = root(static_cast<int>(l));
+          of[at(std::max(a, b))] = std::min(a, b);
+        }
+      }
+    std::map<int, LoopSet> by_root;
+    for (std::size_t l = 0; l < n; ++l) by_root[root(static_cast<int>(l))].loops.push_back(static_cast<int>(l));
+    std::vector<LoopSet> out;
+    for (auto& [first, set] : by_root) out.push_back(std::move(set));
+    return out;
+  }
+
+  /// Why a loop cannot be closed inside of the sweeps; empty: it can.
+  std::string fault(int l) const {
+    const Loop& loop = m_.loops.all[at(l)];
+    const auto name = [&](int k) { return m_.user[at(m_.owner[at(k)])].name; };
+    const bool couples = loop.closing == Closing::coupling;
+    std::vector<int> through = hinges_[at(l)];
+    if (couples)  // what lies between is passed
+      for (const int k : hinges_[at(l)])
+        for (int i = m_.bodies[at(k)].parent; i != home_[at(l)]; i = m_.bodies[at(i)].parent) through.push_back(i);
+    if (home_[at(l)] > 0 && (!couples || m_.bodies[at(home_[at(l)])].n_modes > 0)) through.push_back(home_[at(l)]);
+    for (const int k : through) {
+      const SweepBody& b = m_.bodies[at(k)];
+      if (b.n_modes > 0) return fmt::format("{}: {} is flexible", loop.name, name(k));
+      if (b.onode >= 0) return fmt::format("{}: {} hangs on a flexible body", loop.name, name(k));
+      if (b.has_prescribed) return fmt::format("{}: the motion of {} is given, or may be held", loop.name, name(k));
+      if (!couples && b.kind == BodyKernel::rotor) return fmt::format("{}: {} is a wheel, folded into its carrier", loop.name, name(k));
+      if (k != home_[at(l)] && is_general(b.kind)) return fmt::format("{}: {}", loop.name, name(k));
+    }
+    return {};
+  }
+
+  int path_rates(int l) const {
+    int n = 0;
+    for (const int k : hinges_[at(l)]) n += m_.bodies[at(k)].nv;
+    return n;
+  }
+  bool has_wheel(int l) const {
+    return std::ranges::any_of(hinges_[at(l)], [&](int k) { return m_.bodies[at(k)].kind == BodyKernel::rotor; });
+  }
+
+  /// by_rates: per loop.
+  Embedding build(const std::vector<std::uint8_t>& by_rates) {
+    e_ = {};
+    order(by_rates);
+    place_numbers();
+    write_steps();
+    return std::move(e_);
+  }
+
+ private:
+  int ancestor(int a, int b) const {
+    while (a != b) (a > b ? a : b) = m_.bodies[at(std::max(a, b))].parent;
+    return a;
+  }
+  int closed_as(int loop) const { return index_[at(loop)]; }
+
+  // Kinematics: who takes up which rates, and what becomes of them.
+  void order(const std::vector<std::uint8_t>& by_rates) {
+    const std::size_t n = m_.loops.all.size();
+    Ranks ranks(rows_, m_.loops.rows, m_.nv);
+    owner_.assign(m_.bodies.size(), -1);
+    std::vector<int> by(at(m_.nv), -1), column(at(m_.nv), -1);  // in whose coordinates a rate is expressed last
+    std::vector<std::uint8_t> done(n);
+    index_.assign(n, -1);
+    std::vector<int> homes(home_);
+    std::ranges::sort(homes, std::greater<>());
+    homes.erase(std::unique(homes.begin(), homes.end()), homes.end());
+    const auto inputs_of = [&](std::size_t l) {
+      int inputs = 0;
+      std::set<int> taken;
+      for (const int k : hinges_[l]) {
+        if (owner_[at(k)] < 0) inputs += m_.bodies[at(k)].nv;
+        for (int j = 0; j < m_.bodies[at(k)].nv; ++j)
+          if (const int b = by[at(m_.bodies[at(k)].v + j)]; b >= 0 && taken.insert(b).second) inputs += e_.loops[at(b)].keep;
+      }
+      return inputs;
+    };
+    for (const int home : homes)
+      while (true) {
+        int next = -1, least = 0;
+        for (std::size_t l = 0; l < n; ++l) {
+          if (done[l] || home_[l] != home) continue;
+          const int inputs = by_rates[l] ? inputs_of(l) : 0;
+          if (next < 0 || inputs < least) next = static_cast<int>(l), least = inputs;
+        }
+        if (next < 0) break;
+        done[at(next)] = 1;
+        const Loop& loop = m_.loops.all[at(next)];
+        EmbeddedLoop c;
+        const int self = static_cast<int>(e_.loops.size());
+        index_[at(next)] = self;
+        c.loop = next, c.by_rates = by_rates[at(next)] != 0, c.home = home;
+        c.closing = loop.closing, c.first = loop.first;
+        c.length = loop.length, c.lever = loop.lever, c.reference = loop.reference;
+        c.from = place_of(loop.from), c.to = place_of(loop.to);
+        c.rows = loop.rows, c.rank = ranks.take(loop.first, loop.rows);
+        find_path(loop, next, c);
+        if (!c.by_rates) {
+          c.n = c.rank;
+          c.own_columns = static_cast<int>(c.columns.size());
+          for (EmbeddedLoop::Column& x : c.columns) x.scale = m_.loops.column_scale[at(x.v)];
+          e_.loops.push_back(std::move(c));
+          continue;
+        }
+        // Inputs: rates that nobody had, and what is left of others.
+        std::set<int> taken;
+        for (EmbeddedLoop::Column& x : c.columns) {
+          const auto v = at(x.v);
+          if (owner_[at(body_of_[v])] < 0)
+            x.input = c.inputs++;
+          else
+            x.by = by[v], x.at = column[v], taken.insert(by[v]);
+        }
+        for (const int k : hinges_[at(next)])
+          if (owner_[at(k)] < 0) owner_[at(k)] = self;
+        for (const int b : taken) {
+          EmbeddedLoop& other = e_.loops[at(b)];
+          other.consumer = self, other.consumer_input = c.inputs;
+          c.taken.push_back({b, c.inputs, other.keep});
+          c.inputs += other.keep;
+        }
+        c.own_columns = static_cast<int>(c.columns.size());
+        c.n = c.inputs - c.rank;
+        std::set<int> later;  // rates
+        for (std::size_t l = 0; l < n; ++l)
+          if (!done[l])
+            for (const int k : hinges_[l])
+              for (int j = 0; j < m_.bodies[at(k)].nv; ++j) later.insert(m_.bodies[at(k)].v + j);
+        std::set<int> needed;
+        for (const EmbeddedLoop::Column& x : c.columns)
+          if (x.input >= 0 && later.contains(x.v)) needed.insert(x.input);
+        for (const int v : later) {
+          if (by[at(v)] < 0 || !taken.contains(by[at(v)])) continue;
+          for (const EmbeddedLoop::Taken& t : c.taken)
+            if (t.by == by[at(v)])
+              for (int i = 0; i < t.n; ++i) needed.insert(t.input + i);
+          if (std::ranges::find(c.columns, v, &EmbeddedLoop::Column::v) == c.columns.end())
+            c.columns.push_back({v, -1, by[at(v)], column[at(v)], 0.0});
+        }
+        c.needed.assign(needed.begin(), needed.end());
+        c.keep = std::min(static_cast<int>(needed.size()), c.n);
+        for (std::size_t i = 0; i < c.columns.size(); ++i) by[at(c.columns[i].v)] = self, column[at(c.columns[i].v)] = static_cast<int>(i);
+        for (EmbeddedLoop::Column& x : c.columns) x.scale = m_.loops.column_scale[at(x.v)];
+        e_.loops.push_back(std::move(c));
+      }
+  }
+
+  Pose<double> place_of(const LoopEnd& end) const { return end.node >= 0 ? m_.nodes[at(end.node)].shapes.pose : end.pose; }
+
+  void find_path(const Loop& loop, int l, EmbeddedLoop& c) const {
+    if (loop.closing == Closing::coupling) {
+      for (const int k : hinges_[at(l)]) {
+        const SweepBody& b = m_.bodies[at(k)];
+        EmbeddedLoop::PathBody p;
+        p.body = k, p.column = static_cast<int>(c.columns.size()), p.n = b.nv;
+        if (const auto on = std::ranges::find(c.path, b.parent, &EmbeddedLoop::PathBody::body); on != c.path.end())
+          p.inboard = static_cast<int>(on - c.path.begin());
+        for (int j = 0; j < b.nv; ++j) {
+          const auto term = std::ranges::find(loop.terms, b.v + j, &CoupledRate::v);
+          c.columns.push_back({b.v + j, -1, -1, -1, term == loop.terms.end() ? 0.0 : term->coefficient});
+        }
+        c.path.push_back(p);
+      }
+      return;
+    }
+    for (const std::vector<int>* path : {&loop.from_path, &loop.to_path}) {
+      int inboard = -1;
+      for (const int k : *path) {
+        const SweepBody& b = m_.bodies[at(k)];
+        EmbeddedLoop::PathBody p;
+        p.body = k, p.inboard = inboard, p.column = static_cast<int>(c.columns.size()), p.n = b.nv;
+        p.sign = path == &loop.from_path ? -1.0 : 1.0;
+        for (int j = 0; j < b.nv; ++j) c.columns.push_back({b.v + j, -1, -1, -1, 0.0});
+        inboard = static_cast<int>(c.path.size());
+        c.path.push_back(p);
+      }
+      (path == &loop.from_path ? c.from_at : c.to_at) = inboard;
+    }
+  }
+
+  // Motions: of the bodies that a loop has taken up, and of those that carry them as far as what they are assembled on.
+  void place_numbers() {
+    const std::size_t bodies = m_.bodies.size();
+    base_.assign(bodies, 0);
+    for (std::size_t k = 1; k < bodies; ++k) {
+      if (owner_[k] < 0) continue;
+      const EmbeddedLoop& c = e_.loops[at(owner_[k])];
+      const int p = m_.bodies[k].parent;
+      const bool passes = p != c.home && p > 0 && owner_[at(p)] >= 0 && m_.bodies[k].kind != BodyKernel::rotor &&
+                          std::ranges::find(c.path, p, &EmbeddedLoop::PathBody::body) != c.path.end();
+      base_[k] = passes ? base_[at(p)] : p;
+    }
+    int zeroed = 0;
+    for (EmbeddedLoop& c : e_.loops) c.A = zeroed, zeroed += c.n * c.n;
+    e_.n_numbers = zeroed;
+    for (std::size_t i = 0; i < e_.loops.size(); ++i) {
+      EmbeddedLoop& c = e_.loops[i];
+      const auto wants = [&](auto&& self, EmbeddedLoop::PathBody& p) -> int {  // its motion
+        if (p.motion >= 0) return p.motion;
+        const int inboard = m_.bodies[at(p.body)].parent;
+        if (inboard != base_[at(p.body)]) p.of_inboard = self(self, c.path[at(p.inboard)]);
+        p.motion = e_.n_U, e_.n_U += c.n + 1;
+        return p.motion;
+      };
+      for (EmbeddedLoop::PathBody& p : c.path)
+        if (c.by_rates && owner_[at(p.body)] == static_cast<int>(i)) wants(wants, p);
+      const int columns = static_cast<int>(c.columns.size());
+      const auto take = [&](int& begin, int n) { begin = e_.n_numbers, e_.n_numbers += n; };
+      take(c.G, c.rows * c.own_columns), take(c.B, c.rows * ((c.by_rates ? c.inputs : c.own_columns) + 1));
+      if (c.by_rates) take(c.T, c.inputs * (c.n + 1)), take(c.E, columns * (c.n + 1));
+      c.x = e_.n_x, e_.n_x += c.n;
+      c.row = e_.n_rows, e_.n_rows += c.rows;
+      c.pivot = e_.n_pivots, e_.n_pivots += c.by_rates ? c.inputs : c.own_columns;
+      e_.n_path = std::max(e_.n_path, static_cast<int>(c.path.size()));
+      // Path, columns, pivots, expressions, motions.
+      const int geometric = m_.loops.all[at(c.loop)].closing == Closing::coupling ? 0 : 1;
+      e_.flops += geometric * (100L * static_cast<long>(c.path.size()) + c.own_columns * (15 + 11L * c.rows) + 60);
+      if (c.by_rates) {
+        e_.flops += 2L * c.rank * c.rows * (c.inputs + 1) + 2L * c.inputs * (c.n + 1) + columns * (c.n + 1);
+        for (const EmbeddedLoop::PathBody& p : c.path)
+          if (p.motion >= 0) e_.flops += (c.n + 1) * (36L + 12L * p.n);
+      }
+    }
+  }
+
+  int column_of_Q(int body, int loop, bool carried) {
+    const auto [entry, made] = Q_.try_emplace({body, loop, carried}, e_.n_Q);
+    if (made) e_.n_Q += e_.loops[at(loop)].n;
+    return entry->second;
+  }
+  CoordinateBlock block(int a, int b) {
+    const int na = e_.loops[at(a)].n, nb = e_.loops[at(b)].n;
+    if (a == b) return {e_.loops[at(a)].A, na, 1};
+    if (na * nb == 0) return {};
+    const auto [entry, made] = pairs_.try_emplace({std::min(a, b), std::max(a, b)}, e_.n_pairs_);
+    if (made) {
+      e_.n_pairs_ += na * nb;
+      coupled_[a].insert(b), coupled_[b].insert(a);
+    }
+    return a < b ? CoordinateBlock{-2 - entry->second, nb, 1} : CoordinateBlock{-2 - entry->second, 1, na};
+  }
+  bool are_coupled(int a, int b) const { return pairs_.contains({std::min(a, b), std::max(a, b)}); }
+
+  void write_steps() {
+    Q_.clear(), pairs_.clear(), coupled_.clear(), closed_.clear();
+    const int bodies = static_cast<int>(m_.bodies.size());
+    std::vector<std::set<int>> own(at(bodies)), carried(at(bodies));
+    std::vector<int> carries(at(bodies), -1);
+    std::map<int, std::vector<std::pair<int, CoupledRate>>> couples;  // multipliers of couplings, by body
+    for (std::size_t i = 0; i < e_.loops.size(); ++i) {
+      const EmbeddedLoop& c = e_.loops[i];
+      if (c.by_rates) continue;
+      const Loop& loop = m_.loops.all[at(c.loop)];
+      const int self = static_cast<int>(i);
+      if (loop.closing == Closing::coupling) {
+        for (const CoupledRate& term : loop.terms) {
+          const int k = body_of_[at(term.v)];
+          couples[k].push_back({self, term});
+          own[at(k)].insert(self);
+        }
+        continue;
+      }
+      for (const auto& [end, sign] : {std::pair(&loop.from, 1.0), std::pair(&loop.to, -1.0)}) {
+        const int k = end->sweep;
+        if (k == 0) continue;
+        own[at(k)].insert(self);
+        e_.pushes.push_back({self, k, column_of_Q(k, self, false), sign});
+        e_.flops += 30L * c.n;
+      }
+    }
+    std::vector<std::vector<int>> closes(at(bodies));
+    for (std::size_t i = 0; i < e_.loops.size(); ++i) closes[at(e_.loops[i].home)].push_back(static_cast<int>(i));
+    int open_begin = 0, open_end = 0, open_run = -1;
+    const auto flush = [&] {
+      if (open_run < 0) return;
+      EmbeddingStep s;
+      s.kind = EmbeddingStep::Kind::sweep, s.run = open_run, s.begin = open_begin, s.end = open_end;
+      e_.steps.push_back(std::move(s));
+      open_run = -1;
+    };
+    const auto run_of = [&](int k) {
+      for (std::size_t r = 0; r < m_.runs.size(); ++r)
+        if (k >= m_.runs[r].begin && k < m_.runs[r].end) return static_cast<int>(r);
+      return -1;
+    };
+    for (int k = bodies - 1; k >= 0; --k) {
+      for (const int l : closes[at(k)]) flush(), close(l, k, own);
+      if (k == 0) break;
+      const SweepBody& b = m_.bodies[at(k)];
+      if (owner_[at(k)] >= 0) {
+        flush();
+        take_item(k, own, carried, carries);
+      } else if (!own[at(k)].empty()) {
+        flush();
+        cross(k, run_of(k), own, couples[k]);
+      } else {
+        const int run = run_of(k);
+        if (run != open_run) flush(), open_run = run, open_end = k + 1;
+        open_begin = k;
+        e_.flops += of_tree(b);
+      }
+      e_.width = std::max(e_.width, width(own[at(b.parent)]));
+    }
+    flush();
+    // Blocks between loops come after those of each, so that all of A is one stretch.
+    const int begin = own_blocks();
+    for (EmbeddingStep& s : e_.steps)
+      for (CoordinateBlock& c : s.blocks)
+        if (c.at < -1) c.at = begin + (-2 - c.at);
+    shift_numbers(begin, e_.n_pairs_);
+    e_.n_zeroed = begin + e_.n_pairs_;
+  }
+  int own_blocks() const {
+    int n = 0;
+    for (const EmbeddedLoop& c : e_.loops) n += c.n * c.n;
+    return n;
+  }
+  void shift_numbers(int from, int by) {
+    for (EmbeddedLoop& c : e_.loops)
+      for (int* x : {&c.G, &c.B, &c.T, &c.E})
+        if (*x >= from) *x += by;
+    e_.n_numbers += by;
+  }
+  int width(const std::set<int>& loops) const {
+    int n = 0;
+    for (const int l : loops) n += e_.loops[at(l)].n;
+    return n;
+  }
+
+  /// Inward and outward over a body of an open tree, about.
+  static long of_tree(const SweepBody& b) { return b.kind == BodyKernel::rotor ? 25L : b.nv * 60L + (b.nv == 6 ? 0L : 290L); }
+
+  void blocks_of(EmbeddingStep& s, bool all) {
+    for (const PendingFlow& a : s.flows)
+      for (const PendingFlow& b : s.flows) {
+        const bool wanted = all || a.loop == b.loop || a.loop == s.flows[0].loop || b.loop == s.flows[0].loop;
+        s.blocks.push_back(wanted ? block(a.loop, b.loop) : CoordinateBlock{});
+      }
+  }
+
+  void take_item(int k, std::vector<std::set<int>>& own, std::vector<std::set<int>>& carried, std::vector<int>& carries) {
+    const SweepBody& b = m_.bodies[at(k)];
+    const int l = owner_[at(k)];
+    const EmbeddedLoop& c = e_.loops[at(l)];
+    EmbeddingStep s;
+    s.kind = b.kind == BodyKernel::rotor ? EmbeddingStep::Kind::wheel : EmbeddingStep::Kind::item;
+    s.body = k, s.loop = l;
+    const auto path = std::ranges::find(c.path, k, &EmbeddedLoop::PathBody::body);
+    s.motion = path->motion, s.column = path->column;
+    s.to_carried = base_[at(k)] != b.parent;
+    s.carried = carries[at(k)];
+    std::set<int> through = own[at(k)];
+    through.insert(carried[at(k)].begin(), carried[at(k)].end());
+    through.erase(l);
+    std::vector<int> all{l};
+    all.insert(all.end(), through.begin(), through.end());
+    for (const int x : all) {
+      PendingFlow f;
+      f.loop = x;
+      if (own[at(k)].contains(x)) f.own = column_of_Q(k, x, false);
+      if (carried[at(k)].contains(x)) f.carried = column_of_Q(k, x, true);
+      if (b.parent > 0) {
+        f.to = column_of_Q(b.parent, x, s.to_carried);
+        (s.to_carried ? carried : own)[at(b.parent)].insert(x);
+      }
+      s.flows.push_back(f);
+    }
+    if (b.parent > 0 && s.to_carried) {
+      if (carries[at(b.parent)] < 0) carries[at(b.parent)] = e_.n_carried++;
+      s.carried_to = carries[at(b.parent)];
+    }
+    // Its loop with what stands on the body; what passes is not touched.
+    for (const PendingFlow& x : s.flows)
+      for (const PendingFlow& y : s.flows) {
+        const bool with_own = (x.loop == l && (y.own >= 0 || y.loop == l)) || (y.loop == l && x.own >= 0);
+        s.blocks.push_back(with_own ? block(x.loop, y.loop) : CoordinateBlock{});
+      }
+    if (s.kind == EmbeddingStep::Kind::wheel) {
+      e_.flops += 20L + 12L * c.n + 2L * c.n * c.n;
+    } else {
+      e_.flops += 60L + 66L * (c.n + 1) + 6L * c.n * (c.n + 1) + (b.parent > 0 ? 230L : 0L);
+      for (const PendingFlow& f : s.flows) {
+        const long n = e_.loops[at(f.loop)].n;
+        e_.flops += (f.to >= 0 ? 36L * n : 0L) + (f.own >= 0 ? 11L * n * (c.n + 1) : 0L);
+      }
+    }
+    e_.steps.push_back(std::move(s));
+  }
+
+  void cross(int k, int run, std::vector<std::set<int>>& own, const std::vector<std::pair<int, CoupledRate>>& couples) {
+    const SweepBody& b = m_.bodies[at(k)];
+    EmbeddingStep s;
+    s.kind = EmbeddingStep::Kind::cross, s.body = k, s.run = run, s.begin = k, s.end = k + 1;
+    int n = 0;
+    for (const int l : own[at(k)]) {
+      PendingFlow f;
+      f.loop = l, f.own = column_of_Q(k, l, false);
+      for (const auto& [by, term] : couples)
+        if (by == l) s.couples.push_back({static_cast<int>(s.flows.size()), term.v - b.v, term.coefficient});
+      if (b.parent > 0) f.to = column_of_Q(b.parent, l, false);
+      own[at(b.parent)].insert(l);
+      s.flows.push_back(f);
+      n += e_.loops[at(l)].n;
+    }
+    blocks_of(s, true);
+    s.Y = e_.n_Y, e_.n_Y += std::max<int>(b.nv, 6) * n;
+    e_.flops += b.nv * (25L * n + 2L * n * n) + 30L * n + of_tree(b);
+    e_.steps.push_back(std::move(s));
+  }
+
+  void close(int l, int home, std::vector<std::set<int>>& own) {
+    EmbeddedLoop& c = e_.loops[at(l)];
+    EmbeddingStep s;
+    s.kind = EmbeddingStep::Kind::close, s.body = home, s.loop = l;
+    std::vector<int> all{l};
+    for (const int b : coupled_[l])
+      if (!closed_.contains(b)) all.push_back(b);
+    if (c.keep > 0 && std::ranges::find(all, c.consumer) == all.end()) all.push_back(c.consumer);
+    own[at(home)].erase(l);
+    if (c.keep > 0) own[at(home)].insert(c.consumer);
+    for (const int x : all) {
+      PendingFlow f;
+      f.loop = x;
+      if (home > 0) f.own = column_of_Q(home, x, false);
+      s.flows.push_back(f);
+      if (x != l) own[at(home)].insert(x);
+    }
+    // Eliminating couples all of them with each other.
+    blocks_of(s, true);
+    closed_.insert(l);
+    const long e = c.n - c.keep, w = width({all.begin() + 1, all.end()}) + c.keep;
+    e_.flops += e * e * e / 3 + e * (e + 1) + (home > 0 ? e * (6L * e + 54L) : 0L) + e * w * (w + (home > 0 ? 14L : 2L));
+    if (c.keep > 0) {
+      const long n = e_.loops[at(c.consumer)].n;
+      e_.flops += 2L * c.keep * n * (c.keep + n) + (home > 0 ? 12L * c.keep * (n + 1) : 0L);
+    }
+    e_.steps.push_back(std::move(s));
+  }
+
+  const Model& m_;
+  const std::vector<double>& rows_;
+  std::vector<int> body_of_;              // of a hinge rate
+  std::vector<std::vector<int>> hinges_;  // per loop: bodies whose hinges it has
+  std::vector<int> home_;
+  struct Program : Embedding {
+    int n_pairs_ = 0;
+  };
+  Program e_;
+  std::vector<int> index_, owner_, base_;
+  std::map<std::tuple<int, int, bool>, int> Q_;
+  std::map<std::pair<int, int>, int> pairs_;
+  std::map<int, std::set<int>> coupled_;
+  std::set<int> closed_;
+};
+
+}  // namespace
+
+Embedding embed_loops(const Model& model, const std::vector<double>& scaled_rows, std::vector<LoopSet>& sets, std::string& not_honoured) {
+  Embedder embedder(model, scaled_rows);
+  sets = embedder.sets();
+  not_honoured.clear();
+  for (LoopSet& set : sets)
+    for (const int l : set.loops)
+      if (set.why.empty()) set.why = embedder.fault(l);
+  for (const LoopSet& set : sets)
+    if (not_honoured.empty()) not_honoured = set.why;
+  if (!not_honoured.empty()) {
+    for (LoopSet& set : sets) set.form = "multipliers", set.why = set.why.empty() ? "as others" : set.why;
+    return {};
+  }
+  std::vector<std::uint8_t> by_rates(model.loops.all.size(), 1);
+  std::size_t tried = 0;
+  const auto flops = [&] { return Embedder(model, scaled_rows).build(by_rates).flops; };
+  for (LoopSet& set : sets) {
+    set.form = "rates";
+    const int l = set.loops[0];
+    const int left = embedder.path_rates(l) - model.loops.all[at(l)].rows;
+    if (set.loops.size() > 1) {
+      set.why = "they share hinges";
+    } else if (embedder.has_wheel(l)) {
+      set.why = "a wheel behind a gear";
+    } else if (left > kLongLoop) {
+      by_rates[at(l)] = 0;
+      set.why = "a long way";
+    } else if (left > 1 && tried++ < kTried && model.loops.all[at(l)].closing != Closing::coupling) {
+      const long rates = flops();
+      by_rates[at(l)] = 0;
+      if (rates <= flops()) by_rates[at(l)] = 1;
+    }
+    if (!by_rates[at(l)]) set.form = "multipliers in the sweep";
+  }
+  return embed_loops(model, scaled_rows, by_rates);
+}
+
+Embedding embed_loops(const Model& model, const std::vector<double>& scaled_rows, const std::vector<std::uint8_t>& by_rates) {
+  return Embedder(model, scaled_rows).build(by_rates);
+}
+
+}  // namespace cardan

@@ -1,0 +1,122 @@
+#pragma once
+// The program that closes loops inside of the sweeps (docs/mathematics/loops.md, 4): which hinge rates a loop takes up, what stays pending
+// where, in which order. Plain numbers, written once; the sweeps read it.
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/model/loop_form.hpp"
+#include "core/spatial/pose.hpp"
+
+namespace cardan {
+
+struct Model;
+/// Coordinates that a loop adds to the sweeps: those that its rates leave free, or its multipliers. They are pending from the bodies that
+/// move with them, or are pushed by them, to its home.
+struct EmbeddedLoop {
+  /// A body between home and an end.
+  struct PathBody {
+    int body = 0;
+    int inboard = -1;       // index of the one inboard of it, -1: home
+    int column = 0, n = 0;  // of its hinge
+    double sign = 1.0;      // of the end: `to` +1, `from` -1
+    int motion = -1;        // where its motion per coordinate stands: column of EmbeddingWork::U; -1: it is not wanted
+    int of_inboard = -1;    // the same of the body inboard of it; -1: none, that one stands still
+  };
+  /// A hinge rate of the loop, or one that later loops have and that is expressed anew.
+  struct Column {
+    int v = 0;
+    int input = -1;            // taken up here; -1: it was before
+    int by = -1, at = -1;      // ... by this loop, and there this column: what it is in the coordinates of that
+    double coefficient = 0.0;  // of a coupling
+    double scale = 1.0;        // 1 / sqrt(inertia) at the start
+  };
+  /// Coordinates of another loop that this one has rates in.
+  struct Taken {
+    int by = -1, input = 0, n = 0;
+  };
+  int loop = 0;  // index into Loops::all
+  Closing closing = Closing::point;
+  int first = 0;                                      // of all rows
+  Pose<double> from, to;                              // nodes in their bodies, or in the world
+  double length = 0.0, lever = 1.0, reference = 1.0;  // as in Loop
+  bool by_rates = true;                               // false: by multipliers
+  int home = 0;
+  int rows = 0, rank = 0;
+  int n = 0;          // coordinates
+  int keep = 0;       // the first of them, which later loops need
+  int consumer = -1;  // who takes those up (index into Embedding::loops)
+  int consumer_input = 0;
+  int inputs = 0, own_columns = 0;
+  std::vector<PathBody> path;
+  int from_at = -1, to_at = -1;  // index into path; -1: home
+  std::vector<Column> columns;   // own ones first
+  std::vector<Taken> taken;
+  std::vector<int> needed;  // inputs that later loops have
+  // Where its numbers begin:
+  int G = 0, B = 0, T = 0, E = 0, A = 0, x = 0, row = 0, pivot = 0;
+};
+
+/// Part of A between the coordinates of two loops: entry (i, j) at `at` + i `down` + j `across`.
+struct CoordinateBlock {
+  int at = -1, down = 0, across = 0;
+};
+
+/// Coordinates on their way through a body.
+struct PendingFlow {
+  int loop = 0;      // index into Embedding::loops
+  int own = -1;      // column of EmbeddingWork::Q: on the body
+  int carried = -1;  // ... passing
+  int to = -1;       // where it goes; -1: ground
+};
+
+struct EmbeddingStep {
+  enum class Kind : std::uint8_t {
+    sweep,  // bodies as in an open tree
+    cross,  // one body whose hinge is eliminated, with pending coordinates on it
+    item,   // one body whose hinge rates a loop has taken up
+    wheel,  // the same of a rotor that is folded into its carrier
+    close   // the loop is closed at home
+  };
+  Kind kind = Kind::sweep;
+  int run = 0, begin = 0, end = 0;      // sweep, cross
+  int body = 0;                         // cross, item, wheel; of close: home
+  int loop = -1;                        // item, wheel, close
+  std::vector<PendingFlow> flows;       // item: that of its loop first; close: likewise, then what it is coupled with
+  std::vector<CoordinateBlock> blocks;  // flows x flows
+  int motion = -1;                      // item, wheel: column of EmbeddingWork::U
+  int column = 0;                       // item, wheel: of the loop
+  bool to_carried = false;              // item: it passes the inboard body
+  int carried = -1;                     // item: index of what passes it; -1: nothing
+  int carried_to = -1;
+  int Y = -1;  // cross
+  struct Couple {
+    int flow, component;
+    double coefficient;
+  };
+  std::vector<Couple> couples;  // cross: multipliers of couplings of this hinge
+};
+
+struct Embedding {
+  std::vector<EmbeddedLoop> loops;   // in the order in which they are closed
+  std::vector<EmbeddingStep> steps;  // tip to base
+  /// Pushes of multipliers on bodies: +1 of the end `from`, -1 of `to`.
+  struct Push {
+    int loop, body, own;
+    double sign;
+  };
+  std::vector<Push> pushes;
+  int n_numbers = 0, n_Q = 0, n_U = 0, n_carried = 0, n_x = 0, n_rows = 0, n_path = 0, n_Y = 0, n_pivots = 0;
+  int n_zeroed = 0;  // of numbers: A comes first
+  int width = 0;     // most coordinates on a body
+  long flops = 0;    // of the op, counted by formula
+  bool empty() const { return loops.empty(); }
+};
+
+/// rows x nv scaled rows of the start, of which ranks are taken.
+Embedding embed_loops(const Model& model, const std::vector<double>& scaled_rows, std::vector<LoopSet>& sets, std::string& not_honoured);
+/// The same by rates (1) or by multipliers in the sweep (0), per loop. Multipliers of loops that share hinges are told from each other
+/// where their rows are independent of each other only.
+Embedding embed_loops(const Model& model, const std::vector<double>& scaled_rows, const std::vector<std::uint8_t>& by_rates);
+
+}  // namespace cardan

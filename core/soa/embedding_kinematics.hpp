@@ -1,0 +1,375 @@
+#pragma once
+// Loops that are closed inside of the sweeps, before these: rows and gamma_c seen from home at rest, which rates depend on which, how the
+// bodies of a loop move with what is left free (docs/mathematics/loops.md, 4). One state at a time.
+#include <cmath>
+
+#include "core/soa/embedding_work.hpp"
+#include "core/soa/kernels_axis.hpp"
+#include "core/soa/kernels_composite.hpp"
+#include "core/soa/kernels_free.hpp"
+#include "core/soa/kernels_kinematics.hpp"
+#include "core/soa/sweeps.hpp"
+
+namespace cardan::soa {
+
+static constexpr double kNoPivot = 1e-10;      // of scaled rows (docs/mathematics/loops.md, 2)
+static constexpr double kOpenRows = 10.0;      // ... of rows that imply each other on closed loops: also below so much of the residual
+static constexpr double kMostOpenRows = 1e-4;  // ... but not more
+static constexpr double kContradicts = 1e-6;   // what a redundant row may lack, relative to the largest gamma_c
+
+/// R <- R R_i(theta): its columns turn in their plane.
+template <int I>
+CARDAN_INLINE void turn_columns(Mat3<double>& R, double c, double s) {
+  constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
+  const auto row = [&](double& j, double& k) {
+    const double x = j;
+    j = c * x + s * k;
+    k = c * k - s * x;
+  };
+  row(entry<0, J>(R), entry<0, K>(R));
+  row(entry<1, J>(R), entry<1, K>(R));
+  row(entry<2, J>(R), entry<2, K>(R));
+}
+template <int I>
+CARDAN_INLINE Vec3<double> column_of(Mat3<double> R) {
+  return {entry<0, I>(R), entry<1, I>(R), entry<2, I>(R)};
+}
+
+/// A body that turns about an axis of its own, seen from home: from the body inboard of it.
+template <int I, Tilt TILT>
+CARDAN_INLINE void path_axis(const AxisBody& b, double c, double s, double rate, const PathState& A, PathState& B) {
+  const Vec3<double> r = A.R * Vec3<double>{b.p[0], b.p[1], b.p[2]};
+  B.R = A.R;
+  if constexpr (TILT == Tilt::alpha_beta) turn_columns<2>(B.R, b.cos_alpha, b.sin_alpha);
+  if constexpr (TILT != Tilt::none) turn_columns<1>(B.R, b.cos_beta, b.sin_beta);
+  turn_columns<I>(B.R, c, s);
+  const Vec3<double> turning = rate * column_of<I>(B.R), wr = cross(A.w, r);
+  B.p = A.p + r;
+  B.v = A.v + wr;
+  B.a = A.a + cross(A.alpha, r) + cross(A.w, wr);
+  B.alpha = A.alpha + cross(A.w, turning);
+  B.w = A.w + turning;
+}
+
+/// The same of any rigid body.
+static inline void path_any(const SweepModel& model, const Workspace<double>& ws, const Inputs<double>& in, int k, const PathState& A,
+                            PathState& B) {
+  const SweepBody& b = model.bodies[k];
+  const Pose<double> X = pose_in_inboard(model, ws, k, in.q);
+  Motion<double> rate{};
+  for (int j = 0; j < b.nv; ++j) rate += in.v[b.v + j] * hinge_column(model, ws, k, j);
+  Vec3<double> Hdot_w{}, bend{};
+  if (b.kind == BodyKernel::free) {
+    if (b.shape == CARDAN_SHAPE_FREE_BODY) bend = cross(rate.w, rate.v);
+  } else if (!is_axis(b.kind)) {
+    with_hinge_size<double>(b.nv, [&]<int NV>() {
+      HingeFrame<double, NV> h;
+      hinge_frame<double, NV>(ws, b, in.q, in.v, h);
+      Hdot_w = h.Hdot_w, bend = h.s;
+    });
+  }
+  const Vec3<double> r = A.R * X.p;
+  B.R = A.R * X.R;
+  const Vec3<double> turning = B.R * rate.w, sliding = B.R * rate.v, wr = cross(A.w, r);
+  B.p = A.p + r;
+  B.v = A.v + wr + sliding;
+  B.a = A.a + cross(A.alpha, r) + cross(A.w, wr) + 2.0 * cross(A.w, sliding) + B.R * bend;
+  B.alpha = A.alpha + cross(A.w, turning) + B.R * Hdot_w;
+  B.w = A.w + turning;
+}
+
+/// An end of a loop seen from home.
+struct PathEnd {
+  Mat3<double> R;
+  Vec3<double> x, w, v, alpha, a;
+};
+static inline PathEnd path_end(const PathState& s, const Pose<double>& node) {
+  const Vec3<double> r = s.R * node.p, wr = cross(s.w, r);
+  return {s.R * node.R, s.p + r, s.w, s.v + wr, s.alpha, s.a + cross(s.alpha, r) + cross(s.w, wr)};
+}
+
+/// Rows of a loop between places, their residuals and gamma_c, in axes of home; and G.
+static inline void geometric_rows(const SweepModel& model, const EmbeddedLoop& c, const Workspace<double>& ws, EmbeddingWork& k,
+                                  const Inputs<double>& in, const RowsOfHinges& hinges) {
+  static const PathState at_rest{Mat3<double>::identity(), {}, {}, {}, {}, {}};
+  PathState* path = k.path.data();
+  for (std::size_t i = 0; i < c.path.size(); ++i) {
+    const EmbeddedLoop::PathBody& p = c.path[i];
+    const PathState& A = p.inboard < 0 ? at_rest : path[p.inboard];
+    const BodyKernel kind = model.bodies[p.body].kind;
+    if (is_axis(kind) && kind != BodyKernel::rotor) {
+      const AxisBody& b = model.axis_bodies[p.body];
+      for_axis(
+          kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
+            path_axis<I, TILT>(b, ws.cosines[b.angle], ws.sines[b.angle], in.v[b.v], A, path[i]);
+          });
+    } else {
+      path_any(model, ws, in, p.body, A, path[i]);
+    }
+  }
+  const PathEnd a = path_end(c.from_at < 0 ? at_rest : path[c.from_at], c.from), b = path_end(c.to_at < 0 ? at_rest : path[c.to_at], c.to);
+  const Vec3<double> d = b.x - a.x, w = b.w - a.w, u = b.v - a.v - cross(a.w, d);
+  Force<double>* W = k.W.data() + c.row;
+  double* residual = k.c.data() + c.row;
+  double extra[6] = {};
+  for (int i = 0; i < c.rows; ++i) W[i] = {};
+  const Vec3<double> axes[] = {column_of<0>(a.R), column_of<1>(a.R), column_of<2>(a.R)};
+  const auto hold = [&](int i, int axis) { W[i].f = axes[axis], residual[i] = dot(axes[axis], d); };
+  switch (c.closing) {
+    case Closing::weld: {
+      const Vec3<double> bx = column_of<0>(b.R), by = column_of<1>(b.R), bz = column_of<2>(b.R);
+      const Vec3<double> turn = 0.5 * (cross(axes[0], bx) + cross(axes[1], by) + cross(axes[2], bz));  // to first order
+      for (int i = 0; i < 3; ++i) W[i].n = axes[i], residual[i] = dot(axes[i], turn), hold(3 + i, i);
+      break;
+    }
+    case Closing::point:
+      hold(2, 2);
+      [[fallthrough]];
+    case Closing::line:
+      hold(0, 0), hold(1, 1);
+      break;
+    case Closing::plane:
+      hold(0, 2);
+      break;
+    case Closing::distance: {
+      const double length = std::sqrt(dot(d, d));
+      W[0].f = (1.0 / length) * d;
+      residual[0] = length - c.length;
+      const double along = dot(W[0].f, u);
+      extra[0] = (dot(u, u) - along * along) / length;
+      break;
+    }
+    default: {
+      const RelativePlace place{transpose(a.R) * b.R, transpose_times(a.R, d), transpose_times(a.R, w), transpose_times(a.R, u)};
+      hinges.close(hinges.context, c.loop, place, W, residual, extra);
+      for (int i = 0; i < c.rows; ++i) W[i] = {a.R * W[i].n, a.R * W[i].f};
+    }
+  }
+  const Vec3<double> wdot = b.alpha - a.alpha - cross(a.w, w);
+  const Vec3<double> udot = b.a - a.a - cross(a.alpha, d) - 2.0 * cross(a.w, u) - cross(a.w, cross(a.w, d));
+  for (int i = 0; i < c.rows; ++i) k.g[static_cast<std::size_t>(c.row + i)] = -(dot(W[i].n, wdot) + dot(W[i].f, udot) + extra[i]);
+  double* G = k.numbers.data() + c.G;
+  const auto set_column = [&](int column, double sign, const Vec3<double>& turning, const Vec3<double>& moving) {
+    for (int i = 0; i < c.rows; ++i) G[i * c.own_columns + column] = sign * (dot(W[i].n, turning) + dot(W[i].f, moving));
+  };
+  for (std::size_t i = 0; i < c.path.size(); ++i) {
+    const EmbeddedLoop::PathBody& p = c.path[i];
+    const PathState& s = path[i];
+    const Vec3<double> arm = b.x - s.p;  // both ends at the place of `to`
+    for (int j = 0; j < p.n; ++j) {
+      const Motion<double> H = hinge_column(model, ws, p.body, j);
+      const Vec3<double> turning = s.R * H.w;
+      set_column(p.column + j, p.sign, turning, s.R * H.v + cross(turning, arm));
+    }
+  }
+}
+
+/// Complete pivoting, rows and right-hand side reduced until the pivots stand alone. k.row_at, k.column_at: how they were exchanged.
+/// False: the rank is not that of the program; or rows contradict each other, where they are to be `consistent`.
+static inline bool find_pivots(const EmbeddedLoop& c, EmbeddingWork& k, int columns, double open, bool consistent) {
+  double* B = k.numbers.data() + c.B;
+  int *row_at = k.row_at.data() + c.row, *column_at = k.column_at.data() + c.pivot;
+  const int stride = columns + 1;
+  for (int i = 0; i < c.rows; ++i) row_at[i] = i;
+  for (int j = 0; j < columns; ++j) column_at[j] = j;
+  double size = 0.0;
+  for (int i = 0; i < c.rows; ++i) size = std::fmax(size, std::abs(B[i * stride + columns]));
+  k.size = std::fmax(k.size, size);
+  for (int p = 0;; ++p) {
+    int row = p, column = p;
+    double most = 0.0;
+    for (int i = p; i < c.rows; ++i)
+      for (int j = p; j < columns; ++j)
+        if (const double x = std::abs(B[row_at[i] * stride + column_at[j]]); x > most) most = x, row = i, column = j;
+    if (p == c.rank) {
+      if (most > std::fmax(kNoPivot, std::fmin(kOpenRows * open, kMostOpenRows))) return false;
+      break;
+    }
+    if (!(most > kNoPivot)) return false;
+    const int i0 = row_at[row], j0 = column_at[column];
+    row_at[row] = row_at[p], row_at[p] = i0;
+    column_at[column] = column_at[p], column_at[p] = j0;
+    double* pivot = B + i0 * stride;
+    const double inverse = 1.0 / pivot[j0];
+    for (int j = p + 1; j < columns; ++j) pivot[column_at[j]] *= inverse;
+    pivot[columns] *= inverse;
+    for (int i = 0; i < c.rows; ++i) {
+      if (i == i0) continue;
+      double* other = B + i * stride;
+      const double factor = other[j0];
+      if (factor == 0.0) continue;
+      for (int j = p + 1; j < columns; ++j) other[column_at[j]] -= factor * pivot[column_at[j]];
+      other[columns] -= factor * pivot[columns];
+    }
+  }
+  for (int i = c.rank; consistent && i < c.rows; ++i)
+    if (!(std::abs(B[row_at[i] * stride + columns]) <= (kContradicts + 1e3 * open) * k.size)) return false;
+  return true;
+}
+
+/// T <- T (1 - reflections), so that the inputs that later loops have hang on the first coordinates alone.
+static inline void gather_needed(const EmbeddedLoop& c, double* T) {
+  const int n = c.n, stride = n + 1;
+  for (int i = 0; i < c.keep; ++i) {
+    double* row = T + c.needed[static_cast<std::size_t>(i)] * stride;
+    double norm = 0.0;
+    for (int j = i; j < n; ++j) norm += row[j] * row[j];
+    double beyond = 0.0;
+    for (int j = i + 1; j < n; ++j) beyond = std::fmax(beyond, std::abs(row[j]));
+    if (beyond == 0.0) continue;
+    norm = std::sqrt(norm);
+    const double alpha = row[i] > 0.0 ? -norm : norm, first = row[i] - alpha;
+    const double factor = 1.0 / (norm * (norm + std::abs(row[i])));  // 2 / v* v
+    double v[64];
+    if (n > 64) return;
+    v[i] = first;
+    for (int j = i + 1; j < n; ++j) v[j] = row[j];
+    for (int r = 0; r < c.inputs; ++r) {
+      double* t = T + r * stride;
+      double sum = 0.0;
+      for (int j = i; j < n; ++j) sum += v[j] * t[j];
+      sum *= factor;
+      for (int j = i; j < n; ++j) t[j] -= sum * v[j];
+    }
+    row[i] = alpha;
+    for (int j = i + 1; j < n; ++j) row[j] = 0.0;
+  }
+}
+
+/// Everything of the loops before the sweeps. `given`: what G v' is to be, per row of the model; null: gamma_c. False: the rank has
+/// changed, or rows contradict each other.
+static inline bool embedding_kinematics(const SweepModel& model, const Embedding& e, Workspace<double>& ws, EmbeddingWork& k,
+                                        const Inputs<double>& in, const RowsOfHinges& hinges, const double* given) {
+  double* numbers = k.numbers.data();
+  k.size = 0.0;
+  for (double* x = numbers; x < numbers + e.n_zeroed; ++x) *x = 0.0;
+  for (double& x : k.b) x = 0.0;
+  for (Force<double>& f : k.Q) f = {};
+  for (Force<double>& f : k.z) f = {};
+  for (ArticulatedInertia<double>& P : k.P) P = {};
+  for (const EmbeddedLoop& c : e.loops) {
+    double *G = numbers + c.G, *B = numbers + c.B, *g = k.g.data() + c.row, *residual = k.c.data() + c.row;
+    const int columns = c.by_rates ? c.inputs : c.own_columns, stride = columns + 1, n = c.n;
+    double open = 0.0;
+    if (c.closing == Closing::coupling) {
+      for (int j = 0; j < c.own_columns; ++j) G[j] = c.columns[static_cast<std::size_t>(j)].coefficient;
+      g[0] = 0.0, k.W[static_cast<std::size_t>(c.row)] = {};
+    } else {
+      geometric_rows(model, c, ws, k, in, hinges);
+    }
+    if (given)
+      for (int i = 0; i < c.rows; ++i) g[i] = given[c.first + i];
+    // Scaled: rates in the root of their energy, rows in metres.
+    for (int i = 0; i < c.rows; ++i) {
+      const Force<double>& W = k.W[static_cast<std::size_t>(c.row + i)];
+      double weight = 1.0;
+      if (c.closing != Closing::coupling) {
+        const double metres = 1.0 / std::sqrt(dot(W.n, W.n) / (c.lever * c.lever) + dot(W.f, W.f));
+        open = std::fmax(open, std::abs(residual[i]) * metres / c.lever);
+        weight = metres;
+      }
+      weight /= c.reference;
+      double* row = B + i * stride;
+      for (int j = 0; j < columns; ++j) row[j] = 0.0;
+      double right = g[i];
+      for (int j = 0; j < c.own_columns; ++j) {
+        const EmbeddedLoop::Column& x = c.columns[static_cast<std::size_t>(j)];
+        const double coefficient = G[i * c.own_columns + j];
+        if (!c.by_rates) {
+          row[j] = weight * coefficient * x.scale;
+        } else if (x.input >= 0) {
+          row[x.input] = weight * coefficient * x.scale;
+        } else if (coefficient != 0.0) {
+          const EmbeddedLoop& other = e.loops[static_cast<std::size_t>(x.by)];
+          const double* E = numbers + other.E + x.at * (other.n + 1);
+          for (int t = 0; t < other.keep; ++t) row[other.consumer_input + t] += weight * coefficient * E[t];
+          right -= coefficient * E[other.n];
+          k.size = std::fmax(k.size, std::abs(weight * coefficient * E[other.n]));
+        }
+      }
+      row[columns] = weight * right;
+    }
+    if (!find_pivots(c, k, columns, open, !given)) return false;
+    const int* row_at = k.row_at.data() + c.row;
+    if (!c.by_rates) {
+      for (int p = 0; p < n; ++p) k.b[static_cast<std::size_t>(c.x + p)] = g[row_at[p]];
+      for (const Embedding::Push& push : e.pushes) {
+        if (&e.loops[static_cast<std::size_t>(push.loop)] != &c) continue;
+        const int at = push.sign > 0.0 ? c.from_at : c.to_at;
+        static const PathState at_rest{Mat3<double>::identity(), {}, {}, {}, {}, {}};
+        const PathState& s = at < 0 ? at_rest : k.path[static_cast<std::size_t>(at)];
+        const Vec3<double> x =
+            c.to_at < 0 ? c.to.p : k.path[static_cast<std::size_t>(c.to_at)].p + k.path[static_cast<std::size_t>(c.to_at)].R * c.to.p;
+        for (int p = 0; p < n; ++p) {
+          const Force<double>& W = k.W[static_cast<std::size_t>(c.row + row_at[p])];
+          const Force<double> f{push.sign * (W.n + cross(x - s.p, W.f)), push.sign * W.f};
+          k.Q[static_cast<std::size_t>(push.own + p)] = {transpose_times(s.R, f.n), transpose_times(s.R, f.f)};
+        }
+      }
+      continue;
+    }
+    // Inputs = T x + t.
+    double* T = numbers + c.T;
+    const int* column_at = k.column_at.data() + c.pivot;
+    for (int p = 0; p < c.rank; ++p) {
+      const double* row = B + row_at[p] * stride;
+      double* t = T + column_at[p] * (n + 1);
+      for (int j = 0; j < n; ++j) t[j] = -row[column_at[c.rank + j]];
+      t[n] = row[columns];
+    }
+    for (int j = 0; j < n; ++j) {
+      double* t = T + column_at[c.rank + j] * (n + 1);
+      for (int i = 0; i <= n; ++i) t[i] = 0.0;
+      t[j] = 1.0;
+    }
+    if (c.keep > 0 && c.keep < n) gather_needed(c, T);
+    // Rates = E x + e.
+    double* E = numbers + c.E;
+    for (std::size_t j = 0; j < c.columns.size(); ++j, E += n + 1) {
+      const EmbeddedLoop::Column& x = c.columns[j];
+      if (x.input >= 0) {
+        const double* t = T + x.input * (n + 1);
+        for (int i = 0; i <= n; ++i) E[i] = x.scale * t[i];
+        continue;
+      }
+      const EmbeddedLoop& other = e.loops[static_cast<std::size_t>(x.by)];
+      const double* old = numbers + other.E + x.at * (other.n + 1);
+      for (int i = 0; i <= n; ++i) E[i] = 0.0;
+      E[n] = old[other.n];
+      for (int t = 0; t < other.keep; ++t) {
+        const double* row = T + (other.consumer_input + t) * (n + 1);
+        for (int i = 0; i <= n; ++i) E[i] += old[t] * row[i];
+      }
+    }
+    // Motions = U x + the last column.
+    E = numbers + c.E;
+    for (const EmbeddedLoop::PathBody& p : c.path) {
+      if (p.motion < 0) continue;
+      Motion<double>* U = k.U.data() + p.motion;
+      const Motion<double>* inboard = p.of_inboard < 0 ? nullptr : k.U.data() + p.of_inboard;
+      const SweepBody& b = model.bodies[p.body];
+      if (is_axis(b.kind) && b.kind != BodyKernel::rotor) {
+        const AxisBody& axis = model.axis_bodies[p.body];
+        for_axis(
+            b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
+              const double cosine = ws.cosines[axis.angle], sine = ws.sines[axis.angle];
+              const double* rate = E + p.column * (n + 1);
+              for (int i = 0; i <= n; ++i) {
+                U[i] = inboard ? motion_to_outboard<double, I, TILT>(axis, cosine, sine, inboard[i]) : Motion<double>{};
+                at<I>(U[i].w) = at<I>(U[i].w) + rate[i];
+              }
+            });
+        continue;
+      }
+      if (b.kind == BodyKernel::rotor) continue;
+      for (int i = 0; i <= n; ++i) U[i] = inboard ? to_outboard(ws.X(p.body), inboard[i]) : Motion<double>{};
+      for (int j = 0; j < p.n; ++j) {
+        const Motion<double> H = hinge_column(model, ws, p.body, j);
+        for (int i = 0; i <= n; ++i) U[i] += E[(p.column + j) * (n + 1) + i] * H;
+      }
+    }
+  }
+  return true;
+}
+
+}  // namespace cardan::soa

@@ -1,0 +1,534 @@
+#pragma once
+// Inward and outward with pending coordinates of loops (docs/mathematics/loops.md, 4): items, hinges that they cross, homes.
+#include "core/soa/embedding_kinematics.hpp"
+#include "core/soa/kernels.hpp"
+
+namespace cardan::soa {
+
+/// Phi P Phi* of a body that turns about an axis of its own.
+template <int I, Tilt TILT>
+CARDAN_INLINE ArticulatedInertia<double> inertia_to_inboard(const AxisBody& b, double c, double s, ArticulatedInertia<double> P) {
+  constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
+  turn<I>(P.J, c, s);
+  turn<I>(P.B, c, s);
+  turn<I>(P.M, c, s);
+  Vec3<double> l{};
+  at<J>(l) = b.l[0], at<K>(l) = b.l[1];
+  ArticulatedInertia<double> Q = shift(l, P);
+  if constexpr (TILT != Tilt::none) {
+    tilt<TILT, double>(b, Q.J);
+    tilt<TILT, double>(b, Q.B);
+    tilt<TILT, double>(b, Q.M);
+  }
+  return Q;
+}
+
+/// visit(inertia, force): how what is on body k is seen from its inboard body.
+template <class Visit>
+CARDAN_INLINE void with_way_inboard(const SweepModel& model, Workspace<double>& ws, int k, const Visit& visit) {
+  const SweepBody& body = model.bodies[k];
+  if (is_axis(body.kind)) {
+    const AxisBody& b = model.axis_bodies[k];
+    const double c = ws.cosines[b.angle], s = ws.sines[b.angle];
+    for_axis(
+        body.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
+          visit([&](const ArticulatedInertia<double>& P) { return inertia_to_inboard<I, TILT>(b, c, s, P); },
+                [&](const Force<double>& f) { return force_to_inboard<double, I, TILT>(b, c, s, f); });
+        });
+  } else {
+    const Pose<double>& X = ws.X(k);
+    visit([&](const ArticulatedInertia<double>& P) { return to_inboard(X, P); }, [&](const Force<double>& f) { return to_inboard(X, f); });
+  }
+}
+
+/// A body whose hinge rates a loop has taken up: its own inertia and what is assembled on it move by U with the coordinates.
+static inline void take_item(const SweepModel& model, const Embedding& e, const EmbeddingStep& step, Workspace<double>& ws,
+                             EmbeddingWork& k, const Inputs<double>& in) {
+  const EmbeddedLoop& c = e.loops[static_cast<std::size_t>(step.loop)];
+  const int n = c.n;
+  const SweepBody& body = model.bodies[step.body];
+  const Core<double>& core = ws.core(step.body);
+  const Motion<double>* U = k.U.data() + step.motion;
+  Force<double>* Q = k.Q.data();
+  Force<double>* PU = k.PU.data();
+  double *A = k.numbers.data() + c.A, *b = k.b.data() + c.x;
+  const double* E = k.numbers.data() + c.E + step.column * (n + 1);
+  for (int i = 0; i <= n; ++i) PU[i] = core.P * U[i];
+  Force<double> z = core.z + PU[n];
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j <= i; ++j) A[i * n + j] += dot(U[i], PU[j]);
+    b[i] += dot(U[i], z);
+  }
+  if (in.tau)
+    for (int j = 0; j < body.nv; ++j)
+      for (int i = 0; i < n; ++i) b[i] -= E[j * (n + 1) + i] * in.tau[body.v + j];
+  const std::size_t flows = step.flows.size();
+  for (std::size_t f = 0; f < flows; ++f) {
+    const PendingFlow& flow = step.flows[f];
+    if (flow.own < 0) continue;
+    const Force<double>* own = Q + flow.own;
+    if (f == 0) {
+      for (int i = 0; i < n; ++i) {
+        for (int j = 0; j <= i; ++j) A[i * n + j] += dot(U[i], own[j]) + dot(U[j], own[i]);
+        b[i] += dot(U[n], own[i]);
+      }
+      continue;
+    }
+    const EmbeddedLoop& other = e.loops[static_cast<std::size_t>(flow.loop)];
+    const CoordinateBlock& block = step.blocks[f];
+    for (int j = 0; j < other.n; ++j) {
+      for (int i = 0; i < n; ++i) k.numbers[static_cast<std::size_t>(block.at + i * block.down + j * block.across)] += dot(U[i], own[j]);
+      k.b[static_cast<std::size_t>(other.x + j)] += dot(U[n], own[j]);
+    }
+  }
+  if (body.parent == 0) return;
+  with_way_inboard(
+      model, ws, step.body, [&](const auto& inertia, const auto& force) __attribute__((always_inline)) {
+        ArticulatedInertia<double> P = core.P;
+        if (step.carried >= 0) P += k.P[static_cast<std::size_t>(step.carried)], z += k.z[static_cast<std::size_t>(step.carried)];
+        Core<double>& inboard = ws.core(body.parent);
+        ArticulatedInertia<double>& to_P = step.to_carried ? k.P[static_cast<std::size_t>(step.carried_to)] : inboard.P;
+        Force<double>& to_z = step.to_carried ? k.z[static_cast<std::size_t>(step.carried_to)] : inboard.z;
+        to_P += inertia(P);
+        to_z += force(z);
+        for (std::size_t f = 0; f < flows; ++f) {
+          const PendingFlow& flow = step.flows[f];
+          const int width = e.loops[static_cast<std::size_t>(flow.loop)].n;
+          for (int i = 0; i < width; ++i) {
+            Force<double> q = f == 0 ? PU[i] : Force<double>{};
+            if (flow.own >= 0) q += Q[flow.own + i];
+            if (flow.carried >= 0) q += Q[flow.carried + i];
+            Q[flow.to + i] += force(q);
+          }
+        }
+      });
+}
+
+/// A rotor behind a gear, folded into its carrier but for its spin.
+static inline void take_wheel(const SweepModel& model, const Embedding& e, const EmbeddingStep& step, Workspace<double>& ws,
+                              EmbeddingWork& k, const Inputs<double>& in) {
+  const EmbeddedLoop& c = e.loops[static_cast<std::size_t>(step.loop)];
+  const int n = c.n;
+  const AxisBody& wheel = model.axis_bodies[step.body];
+  Core<double>& carrier = ws.core(wheel.parent);
+  const Vec3<double> u = rotor_axis<double>(wheel);
+  const double* E = k.numbers.data() + c.E + step.column * (n + 1);
+  double *A = k.numbers.data() + c.A, *b = k.b.data() + c.x;
+  const double Ja = wheel.J_axial;
+  AxisRecord<double>& record = ws.axis(step.body);
+  record.nu = record.load + (in.tau ? in.tau[wheel.v] : 0.0);
+  const double moment = Ja * (dot(u, carrier.gamma.w) + E[n]) - record.nu;
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j <= i; ++j) A[i * n + j] += Ja * E[i] * E[j];
+    b[i] += E[i] * moment;
+  }
+  carrier.z.n += (Ja * in.v[wheel.v]) * cross(carrier.w, u) + (Ja * E[n]) * u;
+  Sym3<double>& J = carrier.P.J;
+  J.xx += Ja * u.x * u.x, J.yy += Ja * u.y * u.y, J.zz += Ja * u.z * u.z;
+  J.xy += Ja * u.x * u.y, J.xz += Ja * u.x * u.z, J.yz += Ja * u.y * u.z;
+  if (step.flows[0].to < 0) return;
+  for (int i = 0; i < n; ++i) k.Q[static_cast<std::size_t>(step.flows[0].to + i)].n += (Ja * E[i]) * u;
+}
+
+/// What an eliminated hinge does to pending coordinates on its body: Y = D^-1 V, V = H Q + C, then A -= V* Y, b += V* nu, Q -= G V.
+/// visit(Y, V, Q) makes Y from V.
+static inline void cross_hinge(const SweepModel& model, const Embedding& e, const EmbeddingStep& step, Workspace<double>& ws,
+                               EmbeddingWork& k) {
+  const SweepBody& body = model.bodies[step.body];
+  const int nv = body.kind == BodyKernel::free ? 6 : body.nv;
+  const bool free = body.kind == BodyKernel::free;
+  int total = 0;
+  for (const PendingFlow& flow : step.flows) total += e.loops[static_cast<std::size_t>(flow.loop)].n;
+  double *Y = k.Y.data() + step.Y, *V = k.scratch.data();  // column by column, nv each
+  double nu[6] = {};
+  double* V0 = V;
+  int column = 0;
+  const auto solve = [&](const double* v, double* y) {
+    for (int i = 0; i < nv; ++i) y[i] = v[i];
+    if (free) {
+      const double* L = ws.free(step.body).L;
+      for (int i = 1; i < 6; ++i)
+        for (int j = 0; j < i; ++j) y[i] -= L[i * (i + 1) / 2 + j] * y[j];
+      for (int i = 0; i < 6; ++i) y[i] *= L[i * (i + 1) / 2 + i];
+      for (int i = 4; i >= 0; --i)
+        for (int j = i + 1; j < 6; ++j) y[i] -= L[j * (j + 1) / 2 + i] * y[j];
+    } else if (is_axis(body.kind)) {
+      y[0] = body.kind == BodyKernel::rotor ? y[0] / model.axis_bodies[step.body].J_axial : y[0] * ws.axis(step.body).inverse_D;
+    } else {
+      with_hinge_size<double>(nv, [&]<int NV>() {
+        if constexpr (NV == 1)
+          y[0] /= ws.template hinge<1>(step.body).L[0];
+        else if constexpr (NV > 1)
+          solve_hinge<double, NV>(ws.template hinge<NV>(step.body), y);
+      });
+    }
+  };
+  if (free) {
+    const FreeRecord<double>& record = ws.free(step.body);
+    const Force<double>& z = record.core.z;
+    const double eps[6] = {record.tau[0] - z.n.x, record.tau[1] - z.n.y, record.tau[2] - z.n.z,
+                           record.tau[3] - z.f.x, record.tau[4] - z.f.y, record.tau[5] - z.f.z};
+    solve(eps, nu);
+  } else if (body.kind == BodyKernel::rotor) {
+    const AxisBody& wheel = model.axis_bodies[step.body];
+    nu[0] = ws.axis(step.body).nu / wheel.J_axial - dot(rotor_axis<double>(wheel), ws.core(wheel.parent).gamma.w);
+  } else if (is_axis(body.kind)) {
+    nu[0] = ws.axis(step.body).nu;
+  } else {
+    with_hinge_size<double>(nv, [&]<int NV>() {
+      for (int j = 0; j < NV; ++j) nu[j] = ws.template hinge<NV>(step.body).nu[j];
+    });
+  }
+  for (std::size_t f = 0; f < step.flows.size(); ++f) {
+    const PendingFlow& flow = step.flows[f];
+    const EmbeddedLoop& c = e.loops[static_cast<std::size_t>(flow.loop)];
+    for (int i = 0; i < c.n; ++i, ++column) {
+      const Force<double>& q = k.Q[static_cast<std::size_t>(flow.own + i)];
+      double* v = V0 + column * nv;
+      if (free) {
+        v[0] = q.n.x, v[1] = q.n.y, v[2] = q.n.z, v[3] = q.f.x, v[4] = q.f.y, v[5] = q.f.z;
+      } else {
+        for (int j = 0; j < nv; ++j) v[j] = dot(hinge_column(model, ws, step.body, j), q);
+        for (const EmbeddingStep::Couple& couple : step.couples)
+          if (couple.flow == static_cast<int>(f)) v[couple.component] -= couple.coefficient;
+      }
+      solve(v, Y + column * nv);
+      double sum = 0.0;
+      for (int j = 0; j < nv; ++j) sum += v[j] * nu[j];
+      k.b[static_cast<std::size_t>(c.x + i)] += sum;
+    }
+  }
+  int a0 = 0;
+  for (std::size_t f = 0; f < step.flows.size(); ++f) {
+    const int na = e.loops[static_cast<std::size_t>(step.flows[f].loop)].n;
+    int b0 = a0;
+    for (std::size_t h = f; h < step.flows.size(); ++h) {
+      const int nb = e.loops[static_cast<std::size_t>(step.flows[h].loop)].n;
+      const CoordinateBlock& block = step.blocks[f * step.flows.size() + h];
+      for (int i = 0; i < na; ++i)
+        for (int j = 0; j < (h == f ? i + 1 : nb); ++j) {
+          double sum = 0.0;
+          for (int l = 0; l < nv; ++l) sum += V0[(a0 + i) * nv + l] * Y[(b0 + j) * nv + l];
+          k.numbers[static_cast<std::size_t>(block.at + i * block.down + j * block.across)] -= sum;
+        }
+      b0 += nb;
+    }
+    a0 += na;
+  }
+  if (body.parent == 0 || free) return;
+  if (body.kind == BodyKernel::rotor) {  // on its carrier: what the reaction of the wheel does not take
+    const AxisBody& wheel = model.axis_bodies[step.body];
+    column = 0;
+    for (const PendingFlow& flow : step.flows)
+      for (int i = 0; i < e.loops[static_cast<std::size_t>(flow.loop)].n; ++i, ++column)
+        k.Q[static_cast<std::size_t>(flow.to + i)].n -= V0[column] * rotor_axis<double>(wheel);
+    return;
+  }
+  with_way_inboard(
+      model, ws, step.body, [&](const auto&, const auto& force) __attribute__((always_inline)) {
+        int at_column = 0;
+        for (const PendingFlow& flow : step.flows)
+          for (int i = 0; i < e.loops[static_cast<std::size_t>(flow.loop)].n; ++i, ++at_column) {
+            Force<double> q = k.Q[static_cast<std::size_t>(flow.own + i)];
+            const double* v = V0 + at_column * nv;
+            if (is_axis(body.kind)) {
+              Force<double> G = ws.axis(step.body).G;
+              const Vec3<double> axis = model.bodies[step.body].axis;
+              G.n = {axis.x != 0.0 ? 1.0 : G.n.x, axis.y != 0.0 ? 1.0 : G.n.y, axis.z != 0.0 ? 1.0 : G.n.z};  // not stored
+              q -= v[0] * G;
+            } else {
+              with_hinge_size<double>(nv, [&]<int NV>() {
+                for (int j = 0; j < NV; ++j) q -= v[j] * ws.template hinge<NV>(step.body).G[j];
+              });
+            }
+            k.Q[static_cast<std::size_t>(flow.to + i)] += force(q);
+          }
+      });
+}
+
+/// The coordinates of a loop at home: those that nobody needs are eliminated, those that a later loop has become its.
+static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, Workspace<double>& ws, EmbeddingWork& k) {
+  const EmbeddedLoop& c = e.loops[static_cast<std::size_t>(step.loop)];
+  const int n = c.n, keep = c.keep, out = n - keep;
+  double *A = k.numbers.data() + c.A, *b = k.b.data() + c.x;
+  const std::size_t flows = step.flows.size();
+  const bool ground = step.body == 0;
+  Core<double>& home = ws.core(step.body);
+  Force<double>* Q = ground ? nullptr : k.Q.data() + step.flows[0].own;
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < i; ++j) A[j * n + i] = A[i * n + j];
+  const double sign = c.by_rates ? 1.0 : -1.0;
+  const auto entry_of = [&](std::size_t f, std::size_t h, int i, int j) -> double& {
+    const CoordinateBlock& block = step.blocks[f * flows + h];
+    return k.numbers[static_cast<std::size_t>(block.at + i * block.down + j * block.across)];
+  };
+  if (out > 0) {
+    // Cholesky factor in place of what is eliminated, and L^-1 of its rows: Q, what is kept, other loops, b.
+    int width = keep + 1;
+    for (std::size_t f = 1; f < flows; ++f) width += e.loops[static_cast<std::size_t>(step.flows[f].loop)].n;
+    double* rows = k.scratch.data();
+    Force<double>* half = k.PU.data();
+    for (int i = 0; i < out; ++i) {
+      double* row = rows + i * width;
+      int x = 0;
+      for (int j = 0; j < keep; ++j) row[x++] = A[(keep + i) * n + j];
+      for (std::size_t f = 1; f < flows; ++f)
+        for (int j = 0; j < e.loops[static_cast<std::size_t>(step.flows[f].loop)].n; ++j) row[x++] = entry_of(0, f, keep + i, j);
+      row[x] = b[keep + i];
+      if (!ground) half[i] = Q[keep + i];
+      double* L = A + (keep + i) * n + keep;
+      const double diagonal = sign * L[i];
+      double pivot = diagonal;
+      for (int j = 0; j < i; ++j) {
+        const double* Lj = A + (keep + j) * n + keep;
+        double sum = sign * L[j];
+        for (int l = 0; l < j; ++l) sum -= L[l] * Lj[l];
+        L[j] = sum / Lj[j];
+        pivot -= L[j] * L[j];
+      }
+      if (!(pivot > kPivotLimit * diagonal)) {
+        ws.breakdown = {step.body > 0 ? step.body : 1, -1, pivot, kPivotLimit * diagonal, c.first};
+        return false;
+      }
+      L[i] = std::sqrt(pivot);
+      const double inverse = 1.0 / L[i];
+      for (int j = 0; j < i; ++j) {
+        const double* other = rows + j * width;
+        for (int l = 0; l < width; ++l) row[l] -= L[j] * other[l];
+        if (!ground) half[i] -= L[j] * half[j];
+      }
+      for (int l = 0; l < width; ++l) row[l] *= inverse;
+      if (!ground) half[i] = inverse * half[i];
+    }
+    for (int i = 0; i < out; ++i) {
+      const double* row = rows + i * width;
+      const double right = row[width - 1];
+      if (!ground) {
+        const Force<double> signed_half = sign * half[i];
+        subtract_outer(home.P, signed_half, half[i]);
+        home.z -= right * signed_half;
+      }
+      int x0 = 0;
+      for (std::size_t f = 0; f < flows; ++f) {
+        const int na = f == 0 ? keep : e.loops[static_cast<std::size_t>(step.flows[f].loop)].n;
+        double* bf = f == 0 ? b : k.b.data() + e.loops[static_cast<std::size_t>(step.flows[f].loop)].x;
+        Force<double>* Qf = ground ? nullptr : k.Q.data() + step.flows[f].own;
+        for (int a = 0; a < na; ++a) {
+          const double factor = sign * row[x0 + a];
+          if (factor == 0.0) continue;
+          bf[a] -= factor * right;
+          if (!ground) Qf[a] -= factor * half[i];
+          int y0 = x0;
+          for (std::size_t h = f; h < flows; ++h) {
+            const int nb = h == 0 ? keep : e.loops[static_cast<std::size_t>(step.flows[h].loop)].n;
+            for (int j = 0; j < (h == f ? a + 1 : nb); ++j) entry_of(f, h, a, j) -= factor * row[y0 + j];
+            y0 += nb;
+          }
+        }
+        x0 += na;
+      }
+    }
+    for (int i = 0; i < keep; ++i)
+      for (int j = 0; j < i; ++j) A[j * n + i] = A[i * n + j];
+  }
+  if (keep == 0) return true;
+  const EmbeddedLoop& o = e.loops[static_cast<std::size_t>(c.consumer)];
+  const double* T = k.numbers.data() + o.T + c.consumer_input * (o.n + 1);  // keep rows
+  const int stride = o.n + 1;
+  std::size_t of = 1;
+  while (step.flows[of].loop != c.consumer) ++of;
+  double* bo = k.b.data() + o.x;
+  // S = A_kk T + A_ko, per row of what is kept.
+  double* S = k.scratch.data();
+  for (int i = 0; i < keep; ++i) {
+    double bias = b[i];
+    for (int j = 0; j < keep; ++j) bias += A[i * n + j] * T[j * stride + o.n];
+    for (int x = 0; x < o.n; ++x) {
+      double sum = 0.0;
+      for (int j = 0; j < keep; ++j) sum += A[i * n + j] * T[j * stride + x];
+      S[i * o.n + x] = sum;
+      bo[x] += T[i * stride + x] * bias;
+    }
+  }
+  for (int x = 0; x < o.n; ++x) {
+    for (int y = 0; y <= x; ++y) {
+      double sum = 0.0;
+      for (int i = 0; i < keep; ++i)
+        sum += T[i * stride + x] * (S[i * o.n + y] + entry_of(0, of, i, y)) + entry_of(0, of, i, x) * T[i * stride + y];
+      entry_of(of, of, x, y) += sum;
+    }
+    for (int i = 0; i < keep; ++i) bo[x] += entry_of(0, of, i, x) * T[i * stride + o.n];
+  }
+  for (std::size_t f = 1; f < flows; ++f) {
+    if (f == of) continue;
+    const EmbeddedLoop& other = e.loops[static_cast<std::size_t>(step.flows[f].loop)];
+    for (int j = 0; j < other.n; ++j) {
+      for (int x = 0; x < o.n; ++x) {
+        double sum = 0.0;
+        for (int i = 0; i < keep; ++i) sum += T[i * stride + x] * entry_of(0, f, i, j);
+        entry_of(of, f, x, j) += sum;
+      }
+      for (int i = 0; i < keep; ++i) k.b[static_cast<std::size_t>(other.x + j)] += entry_of(0, f, i, j) * T[i * stride + o.n];
+    }
+  }
+  if (ground) return true;
+  Force<double>* Qo = k.Q.data() + step.flows[of].own;
+  for (int i = 0; i < keep; ++i) {
+    home.z += T[i * stride + o.n] * Q[i];
+    for (int x = 0; x < o.n; ++x) Qo[x] += T[i * stride + x] * Q[i];
+  }
+  return true;
+}
+
+/// Tip to base. False: Workspace::breakdown.
+static inline bool embedding_inward(const SweepModel& model, const Embedding& e, const Sweeps<double>& S, Workspace<double>& ws,
+                                    EmbeddingWork& k, const Inputs<double>& in) {
+  for (const EmbeddingStep& step : e.steps) {
+    switch (step.kind) {
+      case EmbeddingStep::Kind::sweep:
+      case EmbeddingStep::Kind::cross: {
+        const Run run{step.begin, step.end, model.runs[step.run].kind, model.runs[step.run].prescribed};
+        S.inward(model, ws, in, run, {});
+        if (ws.breakdown.body != 0) return false;
+        if (step.kind == EmbeddingStep::Kind::cross) cross_hinge(model, e, step, ws, k);
+        break;
+      }
+      case EmbeddingStep::Kind::item:
+        take_item(model, e, step, ws, k, in);
+        break;
+      case EmbeddingStep::Kind::wheel:
+        take_wheel(model, e, step, ws, k, in);
+        break;
+      case EmbeddingStep::Kind::close:
+        if (!close_at_home(e, step, ws, k)) return false;
+        break;
+    }
+  }
+  return true;
+}
+
+/// What an eliminated hinge has of pending coordinates, once they are known.
+static inline void uncross_hinge(const SweepModel& model, const Embedding& e, const EmbeddingStep& step, Workspace<double>& ws,
+                                 EmbeddingWork& k, const Inputs<double>& in, double* vdot) {
+  const SweepBody& body = model.bodies[step.body];
+  const bool free = body.kind == BodyKernel::free;
+  const int nv = free ? 6 : body.nv;
+  double less[6] = {};
+  const double* Y = k.Y.data() + step.Y;
+  for (const PendingFlow& flow : step.flows) {
+    const EmbeddedLoop& c = e.loops[static_cast<std::size_t>(flow.loop)];
+    for (int i = 0; i < c.n; ++i, Y += nv)
+      for (int j = 0; j < nv; ++j) less[j] += Y[j] * k.x[static_cast<std::size_t>(c.x + i)];
+  }
+  Core<double>& core = ws.core(step.body);
+  double* out = vdot + body.v;
+  if (free) {
+    const Motion<double> d{{less[0], less[1], less[2]}, {less[3], less[4], less[5]}};
+    core.delta -= d;
+    const Vec3<double> linear = body.shape == CARDAN_SHAPE_FREE ? free_rotation(body, in.q) * d.v : d.v;
+    out[0] -= d.w.x, out[1] -= d.w.y, out[2] -= d.w.z;
+    out[3] -= linear.x, out[4] -= linear.y, out[5] -= linear.z;
+    return;
+  }
+  for (int j = 0; j < nv; ++j) {
+    out[j] -= less[j];
+    if (body.kind != BodyKernel::rotor) core.delta -= less[j] * hinge_column(model, ws, step.body, j);
+  }
+}
+
+/// The coordinates of a loop, delta of its home being known.
+static inline void solve_at_home(const Embedding& e, const EmbeddingStep& step, Workspace<double>& ws, EmbeddingWork& k) {
+  const EmbeddedLoop& c = e.loops[static_cast<std::size_t>(step.loop)];
+  const int n = c.n, keep = c.keep;
+  double* x = k.x.data() + c.x;
+  const double *A = k.numbers.data() + c.A, *b = k.b.data() + c.x;
+  if (keep > 0) {
+    const EmbeddedLoop& o = e.loops[static_cast<std::size_t>(c.consumer)];
+    const double *T = k.numbers.data() + o.T + c.consumer_input * (o.n + 1), *xo = k.x.data() + o.x;
+    for (int i = 0; i < keep; ++i, T += o.n + 1) {
+      x[i] = T[o.n];
+      for (int j = 0; j < o.n; ++j) x[i] += T[j] * xo[j];
+    }
+  }
+  const double sign = c.by_rates ? 1.0 : -1.0;
+  for (int i = keep; i < n; ++i) {
+    double right = b[i];
+    for (int j = 0; j < keep; ++j) right += A[i * n + j] * x[j];
+    for (std::size_t f = 1; f < step.flows.size(); ++f) {
+      const EmbeddedLoop& other = e.loops[static_cast<std::size_t>(step.flows[f].loop)];
+      const CoordinateBlock& block = step.blocks[f];
+      for (int j = 0; j < other.n; ++j)
+        right +=
+            k.numbers[static_cast<std::size_t>(block.at + i * block.down + j * block.across)] * k.x[static_cast<std::size_t>(other.x + j)];
+    }
+    if (step.body > 0) right += dot(ws.core(step.body).delta, k.Q[static_cast<std::size_t>(step.flows[0].own + i)]);
+    x[i] = -sign * right;
+    for (int j = keep; j < i; ++j) x[i] -= A[i * n + j] * x[j];
+    x[i] /= A[i * n + i];
+  }
+  for (int i = n - 1; i >= keep; --i) {
+    for (int j = i + 1; j < n; ++j) x[i] -= A[j * n + i] * x[j];
+    x[i] /= A[i * n + i];
+  }
+}
+
+/// Base to tip.
+static inline void embedding_outward(const SweepModel& model, const Embedding& e, const Sweeps<double>& S, Workspace<double>& ws,
+                                     EmbeddingWork& k, const Inputs<double>& in, double* vdot) {
+  for (auto at_step = e.steps.rbegin(); at_step != e.steps.rend(); ++at_step) {
+    const EmbeddingStep& step = *at_step;
+    switch (step.kind) {
+      case EmbeddingStep::Kind::sweep:
+      case EmbeddingStep::Kind::cross: {
+        const Run run{step.begin, step.end, model.runs[step.run].kind, model.runs[step.run].prescribed};
+        S.acceleration(model, ws, in, run, vdot);
+        if (step.kind == EmbeddingStep::Kind::cross) uncross_hinge(model, e, step, ws, k, in, vdot);
+        break;
+      }
+      case EmbeddingStep::Kind::item:
+      case EmbeddingStep::Kind::wheel: {
+        const EmbeddedLoop& c = e.loops[static_cast<std::size_t>(step.loop)];
+        const SweepBody& body = model.bodies[step.body];
+        const double *E = k.numbers.data() + c.E + step.column * (c.n + 1), *x = k.x.data() + c.x;
+        double* out = vdot + body.v;
+        for (int j = 0; j < body.nv; ++j, E += c.n + 1) {
+          double sum = E[c.n];
+          for (int i = 0; i < c.n; ++i) sum += E[i] * x[i];
+          out[j] = sum;
+        }
+        if (step.kind == EmbeddingStep::Kind::wheel) break;
+        Core<double>& core = ws.core(step.body);
+        const Motion<double>& inboard = ws.core(body.parent).delta;
+        if (is_axis(body.kind)) {
+          const AxisBody& b = model.axis_bodies[step.body];
+          for_axis(
+              body.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
+                Motion<double> d = motion_to_outboard<double, I, TILT>(b, ws.cosines[b.angle], ws.sines[b.angle], inboard);
+                at<I>(d.w) = at<I>(d.w) + out[0];
+                core.delta = d;
+              });
+        } else {
+          Motion<double> d = to_outboard(ws.X(step.body), inboard);
+          for (int j = 0; j < body.nv; ++j) d += out[j] * hinge_column(model, ws, step.body, j);
+          core.delta = d;
+        }
+        break;
+      }
+      case EmbeddingStep::Kind::close:
+        solve_at_home(e, step, ws, k);
+        break;
+    }
+  }
+}
+
+/// v' of closed loops from poses, gamma_b, z and P of all bodies. 0: done; 1: the rank has changed or rows contradict each other, and
+/// nothing was changed; 2: Workspace::breakdown.
+static inline int embedding(const SweepModel& model, const Embedding& e, const Sweeps<double>& S, Workspace<double>& ws, EmbeddingWork& k,
+                            const Inputs<double>& in, const RowsOfHinges& hinges, const double* given, double* vdot) {
+  if (!embedding_kinematics(model, e, ws, k, in, hinges, given)) return 1;
+  if (!embedding_inward(model, e, S, ws, k, in)) return 2;
+  embedding_outward(model, e, S, ws, k, in, vdot);
+  return 0;
+}
+
+}  // namespace cardan::soa

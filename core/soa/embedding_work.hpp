@@ -1,0 +1,67 @@
+#pragma once
+// Working memory of loops that are closed inside of the sweeps (core/model/embedding.hpp), one per workspace.
+#include <vector>
+
+#include "core/model/embedding.hpp"
+#include "core/spatial/inertia.hpp"
+
+namespace cardan::soa {
+
+/// `to` seen from `from`, axes of the node `from`.
+struct RelativePlace {
+  Mat3<double> R;
+  Vec3<double> d, w, u;  // [m], [rad/s], [m/s]: u = d'
+};
+/// Rows of closures that a hinge type makes: W per row in the axes of `from`, c, and c'' - W* [w'; u'].
+struct RowsOfHinges {
+  void (*close)(void* context, int loop, const RelativePlace& place, Force<double>* W, double* c, double* extra) = nullptr;
+  void* context = nullptr;
+};
+
+/// A body of a path relative to home at rest, axes and origin of home.
+struct PathState {
+  Mat3<double> R;
+  Vec3<double> p, w, v, alpha, a;  // [m], [rad/s], [m/s]; acceleration at v' = 0
+};
+
+struct EmbeddingWork {
+  explicit EmbeddingWork(const Embedding& e)
+      : numbers(static_cast<std::size_t>(e.n_numbers)),
+        b(static_cast<std::size_t>(e.n_x)),
+        x(static_cast<std::size_t>(e.n_x)),
+        g(static_cast<std::size_t>(e.n_rows)),
+        c(static_cast<std::size_t>(e.n_rows)),
+        Y(static_cast<std::size_t>(e.n_Y)),
+        Q(static_cast<std::size_t>(e.n_Q)),
+        W(static_cast<std::size_t>(e.n_rows)),
+        z(static_cast<std::size_t>(e.n_carried)),
+        U(static_cast<std::size_t>(e.n_U)),
+        P(static_cast<std::size_t>(e.n_carried)),
+        path(static_cast<std::size_t>(e.n_path)),
+        row_at(static_cast<std::size_t>(e.n_rows)) {
+    std::size_t most = 1;
+    for (const EmbeddingStep& s : e.steps) {
+      std::size_t n = 8;
+      for (const PendingFlow& f : s.flows) n += static_cast<std::size_t>(e.loops[static_cast<std::size_t>(f.loop)].n) + 1;
+      if (s.loop >= 0) n *= static_cast<std::size_t>(e.loops[static_cast<std::size_t>(s.loop)].n + 1);
+      most = most > n ? most : n;
+    }
+    scratch.resize(8 * most);
+    PU.resize(most);
+    column_at.resize(static_cast<std::size_t>(e.n_pivots));
+  }
+  std::vector<double> numbers;  // A first; then per loop G, rows to eliminate, T | t, E | e
+  std::vector<double> b, x;     // per coordinate: force, and acceleration (of multipliers: themselves)
+  std::vector<double> g, c;     // per row, in the order of Embedding::loops: gamma_c, residual of scaled rows
+  std::vector<double> Y;
+  std::vector<Force<double>> Q, W, z;  // columns of pending coordinates; rows in axes of home, at the end `to`; what passes bodies
+  std::vector<Motion<double>> U;
+  std::vector<ArticulatedInertia<double>> P;
+  std::vector<PathState> path;
+  std::vector<int> row_at, column_at;
+  std::vector<double> scratch;
+  std::vector<Force<double>> PU;
+  double size = 0.0;  // of the largest term of scaled gamma_c
+};
+
+}  // namespace cardan::soa
