@@ -428,6 +428,23 @@ std::vector<double> Simulation::absolute_tolerances() const {
   const Model& m = *model_;
   const double absolute = options_.absolute_tolerance != 0 ? options_.absolute_tolerance : options_.integrator.relative_tolerance;
   std::vector<double> all(static_cast<std::size_t>(m.nq + m.nv), absolute);
+  const TolerancesByKind& by = options_.tolerances;
+  const auto or_absolute = [absolute](double x) { return x > 0.0 ? x : absolute; };
+  for (const UserBody& u : m.user) {
+    for (int i = 0; i < u.nq; ++i) {
+      const std::string& unit = u.q_units[static_cast<std::size_t>(i)];  // "1": of a quaternion, half an angle
+      double& tolerance = all[static_cast<std::size_t>(u.q + i)];
+      if (unit == "m") tolerance = or_absolute(by.position);
+      if (unit == "rad") tolerance = or_absolute(by.angle);
+      if (unit == "1" && u.has_attitude() && by.angle > 0.0) tolerance = 0.5 * by.angle;
+    }
+    for (int i = 0; i < u.nv; ++i) {
+      const std::string& unit = u.v_units[static_cast<std::size_t>(i)];
+      double& tolerance = all[static_cast<std::size_t>(m.nq + u.v + i)];
+      if (unit == "m/s") tolerance = or_absolute(by.velocity);
+      if (unit == "rad/s") tolerance = or_absolute(by.rate);
+    }
+  }
   for (const double nominal : m.devices.nominal) all.push_back(absolute * nominal);
   // A mass-normalised modal coordinate that moves the body as much as 1 m of a rigid one is far larger than those in use:
   // eta counts as 1e-3 (slow modes) and as (1 rad/s / omega)^2 of that for fast ones, eta' as omega times it.
@@ -437,8 +454,8 @@ std::vector<double> Simulation::absolute_tolerances() const {
     for (int j = 0; j < b.n_modes; ++j) {
       const auto at = static_cast<std::size_t>(f.K_diagonal ? j : j * b.n_modes + j);
       const double w2 = std::max(1.0, f.K[at] / f.M_ee[static_cast<std::size_t>(j * b.n_modes + j)]);
-      all[static_cast<std::size_t>(b.eta + j)] = 1e-3 * absolute / w2;
-      all[static_cast<std::size_t>(m.nq + b.etadot + j)] = 1e-3 * absolute / std::sqrt(w2);
+      all[static_cast<std::size_t>(b.eta + j)] = 1e-3 * or_absolute(by.modes) / w2;
+      all[static_cast<std::size_t>(m.nq + b.etadot + j)] = 1e-3 * or_absolute(by.modes) / std::sqrt(w2);
     }
   }
   return all;

@@ -21,11 +21,21 @@
 
 namespace cardan {
 
+/// Absolute tolerances of states of one kind; 0: as the others.
+struct TolerancesByKind {
+  double angle = 0.0;     // [rad] of hinges and attitudes
+  double position = 0.0;  // [m]
+  double rate = 0.0;      // [rad/s]
+  double velocity = 0.0;  // [m/s]
+  double modes = 0.0;     // [-] in place of the number that is scaled for each mode
+};
+
 struct SimulationOptions {
   IntegratorOptions integrator;
   double absolute_tolerance = 0.0;  // [unit of each state], up to 1; 0 = the relative tolerance. Modes are scaled, see .cpp
-  std::uint64_t seed = 0;           // of the noise of devices
-  bool ledger = true;               // integrate external impulse and work beside the state; no bit of the motion depends on it
+  TolerancesByKind tolerances;
+  std::uint64_t seed = 0;  // of the noise of devices
+  bool ledger = true;      // integrate external impulse and work beside the state; no bit of the motion depends on it
 };
 
 class NewtonOperators;

@@ -59,6 +59,17 @@ void read_integrator(LuaTable& t, MissionSpec& m) {
     options.absolute_tolerance = *x;
     if (!(*x > 0.0 && *x <= 1.0)) t.reject("absolute", "a number > 0 and at most 1");
   }
+  if (auto kinds = t.table("tolerances")) {
+    TolerancesByKind& by = options.tolerances;
+    const auto read = [&](const char* key, const char* unit, double& to) {
+      const auto x = kinds->number(key, unit);
+      if (x && !(*x > 0.0)) kinds->reject(key, fmt::format("a number > 0 {}", unit));
+      if (x) to = *x;
+    };
+    read("angle", "rad", by.angle), read("position", "m", by.position), read("rate", "rad/s", by.rate);
+    read("velocity", "m/s", by.velocity), read("modes", "1", by.modes);
+    kinds->finish();
+  }
   if (const auto x = t.number("step", "s")) i.fixed_step = *x;
   if (const auto x = t.number("initial_step", "s")) i.initial_step = *x;
   if (const auto x = t.number("max_step", "s")) i.max_step = *x;

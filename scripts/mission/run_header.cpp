@@ -27,6 +27,12 @@ std::vector<std::pair<std::string, std::string>> mission_values(const Scenario& 
   add("integrator.method", i.method);
   if (i.method != "rk4") add("integrator.relative", fmt::format("{}", i.relative_tolerance));
   if (m.simulation.absolute_tolerance > 0) add("integrator.absolute", fmt::format("{}", m.simulation.absolute_tolerance));
+  const TolerancesByKind& by = m.simulation.tolerances;
+  const auto kind = [&](const char* key, double x, const char* unit) {
+    if (x > 0) add((std::string("integrator.tolerances.") + key).c_str(), quantity_text(x, unit));
+  };
+  kind("angle", by.angle, "rad"), kind("position", by.position, "m"), kind("rate", by.rate, "rad/s");
+  kind("velocity", by.velocity, "m/s"), kind("modes", by.modes, "1");
   if (!i.linear_solver.empty()) add("integrator.linear_solver", i.linear_solver);
   if (i.initial_step > 0) add("integrator.initial_step", quantity_text(i.initial_step, "s"));
   if (i.max_step > 0) add("integrator.max_step", quantity_text(i.max_step, "s"));

@@ -444,6 +444,37 @@ TEST(Progress, TimeThatDoesNotAdvanceEndsTheRun) {
   }
 }
 
+TEST(Progress, TolerancesOfAKindAreThoseOfItsStates) {
+  std::vector<BodySpec> bodies = base_with_sprung_arm();
+  bodies.push_back(on(rigid("cart", 1.0, {0, 0, 0}, diagonal({1, 1, 1})), "base", "prismatic", {{0, 0, 1}}));
+  BodySpec boom = on(BodySpec(), "base", "locked", {}, {0, 0.4, 0});
+  boom.name = "boom", boom.type = "modal_flexible", boom.level = 0;
+  boom.modal = std::make_shared<const ModalData>(lumped());
+  bodies.push_back(boom);
+  SimulationOptions options = by("dopri5", 1e-6);
+  options.tolerances = {.angle = 2e-8, .position = 3e-5, .rate = 5e-8, .velocity = 7e-5};
+  const auto tolerances = [&] {
+    Simulation sim(compiled(system(bodies)), options);
+    return sim.absolute_tolerances();
+  };
+  Simulation sim(compiled(system(bodies)), options);
+  const Model& m = sim.model();
+  const std::vector<double> all = tolerances();
+  const auto q = [&](int i) { return all[static_cast<std::size_t>(i)]; };
+  const auto v = [&](int i) { return all[static_cast<std::size_t>(m.nq + i)]; };
+  const UserBody &base = m.user[0], &arm = m.user[1], &cart = m.user[2], &flexible = m.user[3];
+  EXPECT_EQ(q(base.q), 1e-8) << "half an angle";
+  EXPECT_EQ(q(base.q + 4), 3e-5);
+  EXPECT_EQ(v(base.v), 5e-8);
+  EXPECT_EQ(v(base.v + 3), 7e-5);
+  EXPECT_EQ(q(arm.q), 2e-8);
+  EXPECT_EQ(q(cart.q), 3e-5);
+  EXPECT_EQ(v(cart.v), 7e-5);
+  const double of_mode = q(flexible.eta);
+  options.tolerances.modes = 1e-4;
+  EXPECT_NEAR(tolerances()[static_cast<std::size_t>(flexible.eta)], 100.0 * of_mode, 1e-12 * of_mode);
+}
+
 TEST(Progress, AbsoluteTolerancesAreLookedAt) {
   for (const double absolute : {-1.0, 1e300, std::nan("")}) {
     SimulationOptions options = by("dopri5");
