@@ -45,8 +45,9 @@ MethodChoice choose_method(const std::shared_ptr<const Model>& model, double int
     if (model->nq + model->nv > kDense && asked.linear_solver.empty()) out.options.linear_solver = "krylov";
     out.why = told + ": stiff" + (not_linear.empty() ? std::string() : fmt::format(", and exponential does not take {}", not_linear));
   } else {
-    method = asked.relative_tolerance < kHighOrder && interval * 2.0 * std::numbers::pi > kAngle ? "dop853" : "dopri5";
-    const std::string why_high = fmt::format("a tolerance of {:g} on long stretches", asked.relative_tolerance);
+    // Order 8 pays where a step of its own fits between two ticks, or the fastest motion makes it several.
+    method = asked.relative_tolerance < kHighOrder && std::max(angle, 2.0 * std::numbers::pi * interval) > kAngle ? "dop853" : "dopri5";
+    const std::string why_high = fmt::format("a tolerance of {:g}{}", asked.relative_tolerance, often.empty() ? " on long stretches" : "");
     const std::string why_low = often.empty() ? fmt::format("a tolerance of {:g}", asked.relative_tolerance) : often.substr(5);
     out.why = (method == "dop853" ? why_high : why_low) + (fastest.rate <= 0.0 ? ", nothing is elastic or damped"
                                                            : angle <= kAngle   ? ", " + told + ": slow beside that"

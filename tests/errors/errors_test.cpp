@@ -47,7 +47,7 @@ std::string answer_to(const std::string& file) {
   try {
     SystemSpec spec = read_vehicle(file, registry);
     make_modes(spec);
-    assemble(std::make_shared<const SystemSpec>(spec), registry, {}, false);  // the first part of compile()
+    compile(spec, registry);
   } catch (const InputError& e) {
     return e.what();
   }
