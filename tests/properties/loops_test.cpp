@@ -68,8 +68,8 @@ TEST_P(BenchLoops, HaveTheirExactAccelerationsAndForces) {
   }
 }
 
-// Rates and multipliers in the sweep, mixed; sets of loops that share hinges by rates. Up to 40 rates that are eliminated together lose digits,
-// which is why `auto` does not take them so.
+// Rates and multipliers in the sweep, mixed; sets of loops that share hinges by rates. Up to 40 rates that are eliminated together lose
+// digits, which is why `auto` does not take them so.
 TEST_P(BenchLoops, HaveTheirExactAccelerationsInAnyMixOfForms) {
   bench_loops::Model bench = bench_loops::read(GetParam());
   if (bench.has_functions) GTEST_SKIP() << "a coupling that is not linear has no type";
@@ -428,7 +428,9 @@ TEST(Loops, EmbeddedNearASingularPostureLosesNoMoreThanThePosture) {
 }
 
 TEST(Loops, RunsOfBothFormsAreTheSameMotion) {
-  for (const SystemSpec& given : {four_bar("point"), touching_four_bars(5), bench_model("fourbar_chain_4"), bench_model("mini_cheetah")}) {
+  // Upright cranks, which do not fall as far as their flat posture: it is singular, and what comes after it is a matter of rounding.
+  for (const SystemSpec& given :
+       {four_bar("point"), touching_four_bars(5, 1.2), bench_model("fourbar_chain_4"), bench_model("mini_cheetah")}) {
     std::vector<VectorXd> q;
     for (const LoopForm form : {LoopForm::multipliers, LoopForm::embedding}) {
       SystemSpec spec = given;
@@ -438,6 +440,9 @@ TEST(Loops, RunsOfBothFormsAreTheSameMotion) {
       Simulation sim(compiled(spec), options);
       sim.run(0.5);
       q.push_back(sim.state().q);
+      if (given.bodies[0].name == "crank0") {
+        EXPECT_GT(sim.state().q[0], 0.1);
+      }
       for (const double c : sim.loop_forces().residual) EXPECT_LE(std::abs(c), 1e-13) << given.name;
       EXPECT_TRUE(sim.ledger().pass) << given.name << render(sim.warnings());
     }
