@@ -10,6 +10,7 @@
 #include "core/operators/system_properties.hpp"
 #include "core/sim/choose_method.hpp"
 #include "core/sim/flexible_limits.hpp"
+#include "core/sim/vehicle_linear_part.hpp"
 
 namespace cardan {
 namespace {
@@ -66,9 +67,12 @@ void look_at_ticks(Scenario& s) {
   }
 }
 
-/// `method = "auto"`: from here on it is the one that was chosen.
+/// `method = "auto"`: from here on it is the one that was chosen. One that does not take the vehicle is refused.
 void choose_method_of(Scenario& s) {
   IntegratorOptions& i = s.mission.simulation.integrator;
+  if (const std::string not_taken = i.method == "exponential" ? VehicleLinearPart::refusal(*s.model) : ""; !not_taken.empty())
+    refuse(Code::unsupported, {"mission.integrator.method", {s.file.string(), 0, 0}}, "a method that takes " + not_taken,
+           "exponential, which does not", "dopri5, dop853; auto finds one");
   if (i.method != "auto") return;
   double interval = seconds(s.mission.output_period);
   for (const Controller& c : s.controllers) interval = std::min(interval, seconds(c.period));
