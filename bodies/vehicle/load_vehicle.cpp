@@ -52,6 +52,13 @@ ModeCache::Modes solve(const ModalSource& source, const std::string& path, Syste
 
 }  // namespace
 
+void take_modes(SystemSpec& spec, const SystemSpec& made) {
+  for (BodySpec& body : spec.bodies)
+    if (const BodySpec* other = made.find(body.name);
+        body.modal_source && other && other->modal_source && other->modal && text_of(*body.modal_source) == text_of(*other->modal_source))
+      body.modal = other->modal;
+}
+
 std::vector<std::string> make_modes(SystemSpec& spec, const ModeCache& cache) {
   DiagnosticSink sink;
   ReadContext context{sink, spec.defaults_used};

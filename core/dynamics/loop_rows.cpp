@@ -5,20 +5,12 @@
 #include <array>
 #include <cmath>
 
+#include "core/dynamics/hinge_fit.hpp"
 #include "core/dynamics/loop_pass.hpp"
 
 namespace cardan {
 namespace {
 
-constexpr int kTurns = 20;  // of Newton's method, for the coordinates of a hinge that closes
-
-Vec3<double> rotation_vector(const Mat3<double>& R) {
-  const Eigen::Quaterniond q(to_eigen(R));
-  const double length = q.vec().norm();
-  const double angle = 2.0 * std::atan2(length, q.w());
-  const double turn = angle > M_PI ? angle - 2.0 * M_PI : angle;
-  return from_eigen(length > 0.0 ? Eigen::Vector3d(turn / length * q.vec()) : Eigen::Vector3d(2.0 * q.vec()));
-}
 Eigen::Matrix<double, 6, 1> vector(const Vec3<double>& a, const Vec3<double>& b) {
   Eigen::Matrix<double, 6, 1> out;
   out << to_eigen(a), to_eigen(b);
@@ -26,21 +18,8 @@ Eigen::Matrix<double, 6, 1> vector(const Vec3<double>& a, const Vec3<double>& b)
 }
 double product(const Force<double>& W, const Vec3<double>& w, const Vec3<double>& v) { return dot(W.n, w) + dot(W.f, v); }
 
-using Columns = Eigen::Matrix<double, 6, Eigen::Dynamic, Eigen::ColMajor, 6, 6>;
-using Few = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 6, 1>;
-using FewSquare = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 6, 6>;
-
-/// A x = b in the least squares of angles times `lever`.
-Few least_squares(const Columns& A, const Eigen::Matrix<double, 6, 1>& b, double lever) {
-  Eigen::Matrix<double, 6, 1> weight;
-  weight << lever * lever, lever * lever, lever * lever, 1.0, 1.0, 1.0;
-  const FewSquare N = A.transpose() * weight.asDiagonal() * A;
-  const Few r = A.transpose() * weight.cwiseProduct(b);
-  return N.ldlt().solve(r);
-}
-
 /// Orthonormal columns W with W* H = 0, each as near to a coordinate direction as there is one left.
-void complement(const Columns& H, Force<double>* W) {
+void complement(const HingeColumns& H, Force<double>* W) {
   const int n = static_cast<int>(H.cols());
   Eigen::Matrix<double, 6, 6> basis;
   int have = 0;
@@ -183,44 +162,21 @@ void LoopPass::close_by_hinge(const Loop& loop, std::size_t l, Force<double>* W,
   std::vector<double>&q = k_.q[l], &v = k_.v[l];
   std::ranges::copy(loop.q0, q.begin());
   std::ranges::fill(v, 0.0);
-  if (f.shape == CARDAN_SHAPE_SCREW) {  // turns beyond one are told by its way
-    double u[3], pitch;
-    f.axis(loop.packed.data(), u, &pitch);
-    if (pitch != 0.0) q[0] = (u[0] * r.d.x + u[1] * r.d.y + u[2] * r.d.z) / pitch;
-  }
   const int n = static_cast<int>(f.nv);
-  cardan_hinge_out out{};
-  Eigen::Matrix<double, 6, 1> e;
-  Columns H(6, n);
-  const auto look = [&] {
-    const std::uint32_t zero = 0;
-    f.kinematics(loop.packed.data(), 1, &zero, &zero, q.data(), v.data(), &out);
-    const double* R = out.R_OP;
-    const Mat3<double> R_OP{R[0], R[1], R[2], R[3], R[4], R[5], R[6], R[7], R[8]};
-    e = vector(rotation_vector(transpose(R_OP) * r.R), transpose_times(R_OP, r.d - Vec3<double>{out.p_OP[0], out.p_OP[1], out.p_OP[2]}));
-    H = Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic>>(out.Ht, 6, n);
-  };
-  look();
-  for (int i = 0; n > 0 && i < kTurns; ++i) {
-    const Few step = least_squares(H, e, loop.lever);
-    std::array<double, 7> next{};
-    if (f.retract)
-      f.retract(loop.packed.data(), q.data(), step.data(), next.data());
-    else
-      for (int j = 0; j < n; ++j) next[at(j)] = q[at(j)] + step[j];
-    std::copy_n(next.begin(), f.nq, q.begin());
-    look();
-    if (step.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() < 1e-13) break;
-  }
+  const HingeFit fit = fit_hinge(f, loop.packed, {r.R, r.d}, loop.lever, q);
+  const HingeColumns H = Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic>>(fit.out.Ht, 6, n);
+  cardan_hinge_out out = fit.out;
   const Eigen::Matrix3d R = to_eigen(r.R);
-  Columns H_A(6, n);  // axes of `from`
+  HingeColumns H_A(6, n);  // axes of `from`
   H_A.topRows<3>() = R * H.topRows<3>(), H_A.bottomRows<3>() = R * H.bottomRows<3>();
   if (n > 0) {
-    const Few rates = least_squares(H_A, vector(r.w, r.u), loop.lever);
+    const HingeRates rates = least_squares(H_A, vector(r.w, r.u), loop.lever);
     std::copy_n(rates.data(), n, v.begin());
-    look();
+    const std::uint32_t zero = 0;
+    f.kinematics(loop.packed.data(), 1, &zero, &zero, q.data(), v.data(), &out);
   }
   complement(H_A, W);
+  const Eigen::Matrix<double, 6, 1>& e = fit.e;
   const Vec3<double> turn = r.R * Vec3<double>{e[0], e[1], e[2]}, shift = r.R * Vec3<double>{e[3], e[4], e[5]};
   const Vec3<double> alpha = r.R * Vec3<double>{out.Hdot_v[0], out.Hdot_v[1], out.Hdot_v[2]};
   const Vec3<double> a = cross(r.w, r.u) + r.R * Vec3<double>{out.Hdot_v[3], out.Hdot_v[4], out.Hdot_v[5]};

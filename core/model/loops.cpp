@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "core/model/params.hpp"
 #include "core/model/validate.hpp"
@@ -38,6 +39,32 @@ class LoopCompiler {
 
   Loops run() {
     Loops loops;
+    if (std::ranges::any_of(spec_.loops, [](const LoopSpec& l) { return !l.open; })) refuse_what_loops_exclude();
+    std::set<std::string_view> names;
+    for (std::size_t i = 0; i < spec_.loops.size(); ++i) {
+      const LoopSpec& given = spec_.loops[i];
+      if (given.name.empty() || given.name.find('.') != std::string::npos)
+        report(Code::bad_name, given, "", "a name without a point", in_quotes(given.name));
+      if (!names.insert(given.name).second)
+        report(Code::duplicate_name, given, "", "a name of its own for each loop", in_quotes(given.name));
+      Loop loop;
+      loop.name = given.name, loop.type = given.type, loop.spec = static_cast<int>(i);
+      if (!find_type(given, loop)) continue;
+      loop.rows = rows_of(loop.closing, loop.hinge);
+      if (loop.closing != Closing::coupling)
+        join(given, loop);
+      else if (!given.open)
+        couple(given, loop);
+      if (given.open) continue;
+      loop.first = loops.rows;
+      loops.rows += loop.rows;
+      loops.all.push_back(std::move(loop));
+    }
+    return loops;
+  }
+
+ private:
+  void refuse_what_loops_exclude() {
     if (!model_.devices.holds.empty()) {
       const Device& d = model_.devices.all[static_cast<std::size_t>(model_.devices.holds[0].device)];
       sink_.report(Code::unsupported, spec_.locate("devices." + d.name), "a vehicle without closed loops, or a device that holds nothing",
@@ -47,25 +74,8 @@ class LoopCompiler {
       if (!b.prescribed_modes.empty())
         sink_.report(Code::unsupported, spec_.locate(body_path(b)), "a vehicle without closed loops, or modes that are free",
                      "modes with a given motion");
-    for (std::size_t i = 0; i < spec_.loops.size(); ++i) {
-      const LoopSpec& given = spec_.loops[i];
-      if (given.name.empty() || given.name.find('.') != std::string::npos)
-        report(Code::bad_name, given, "", "a name without a point", in_quotes(given.name));
-      if (std::ranges::find(loops.all, given.name, &Loop::name) != loops.all.end())
-        report(Code::duplicate_name, given, "", "a name of its own for each loop", in_quotes(given.name));
-      Loop loop;
-      loop.name = given.name, loop.type = given.type;
-      if (!find_type(given, loop)) continue;
-      loop.rows = rows_of(loop.closing, loop.hinge);
-      loop.closing == Closing::coupling ? couple(given, loop) : join(given, loop);
-      loop.first = loops.rows;
-      loops.rows += loop.rows;
-      loops.all.push_back(std::move(loop));
-    }
-    return loops;
   }
 
- private:
   void report(Code code, const LoopSpec& loop, const std::string& key, std::string expected, std::string got, std::string hint = {}) {
     sink_.report(code, spec_.locate(fmt::format("loops.{}{}{}", loop.name, key.empty() ? "" : ".", key)), std::move(expected),
                  std::move(got), std::move(hint));
@@ -107,7 +117,7 @@ class LoopCompiler {
              given.length == 0.0 ? "two points that coincide are held by `type: point`" : "");
     loop.length = given.length;
     const bool found = find_end(given, given.from, "from", loop.from);
-    if (!find_end(given, given.to, "to", loop.to) || !found) return;
+    if (!find_end(given, given.to, "to", loop.to) || !found || given.open) return;
     if (loop.from.sweep == loop.to.sweep) {
       const bool same = given.from.body == given.to.body;
       return report(Code::bad_loop, given, "to", "a place on a body that moves against that of `from`",
@@ -244,6 +254,11 @@ const std::vector<std::string>& closure_types() {
 const std::vector<std::string>& loop_forms() {
   static const std::vector<std::string> all = {"auto", "multipliers", "embedding"};
   return all;
+}
+
+int Loops::find(std::string_view name) const {
+  const auto found = std::ranges::find(all, name, &Loop::name);
+  return found == all.end() ? -1 : static_cast<int>(found - all.begin());
 }
 
 Loops compile_loops(const SystemSpec& spec, const Registry& registry, Model& model, DiagnosticSink& sink) {

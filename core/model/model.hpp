@@ -190,6 +190,7 @@ struct CoupledRate {
 /// One closure of the open tree.
 struct Loop {
   std::string name, type;
+  int spec = 0;  // index into SystemSpec::loops, some of which may be open
   Closing closing = Closing::point;
   int first = 0, rows = 0;  // of all rows
   LoopEnd from, to;
@@ -214,6 +215,7 @@ struct Loops {
   std::shared_ptr<const Embedding> embedding;  // how they are closed inside of the sweeps; null: by multipliers over the open tree
   std::vector<LoopSet> sets;                   // loops that share hinges, and what became of them
   bool empty() const { return all.empty(); }
+  int find(std::string_view name) const;  // -1: there is none, or it is open
 };
 
 struct Model : SweepModel {

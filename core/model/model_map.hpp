@@ -24,6 +24,12 @@ ModelMap then(const ModelMap& first, const ModelMap& second, const Model& last);
 /// Which entry of a map leads to this index.
 int id_of(const std::vector<int>& map, int index);
 
+/// A model to go on with, and the state it goes on from.
+struct Rejoined {
+  std::shared_ptr<const Model> model;
+  State state;
+};
+
 /// A state of the model `map` leads from, as one of the model `to` that it leads to; what is new starts as its description says.
 State carried(const State& state, const ModelMap& map, const Model& to);
 

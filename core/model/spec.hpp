@@ -138,6 +138,7 @@ struct LoopSpec {
   double length = 0.0;  // [m] distance
   std::vector<Term> terms;
   double offset = 0.0;
+  bool open = false;  // it closes nothing, until it is closed (core/sim/rejoin.hpp)
   Located at;
 };
 

@@ -190,7 +190,8 @@ DenseModel<T> dense_model(const SystemSpec& spec, const ForeignHinges& foreign) 
     model.bodies.push_back(std::move(b));
   }
   connect(model);
-  for (const LoopSpec& loop : spec.loops) model.loops.push_back(dense_loop(model, loop));
+  for (const LoopSpec& loop : spec.loops)
+    if (!loop.open) model.loops.push_back(dense_loop(model, loop));
   return model;
 }
 

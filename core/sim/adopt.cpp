@@ -21,9 +21,6 @@ void expect_all_of(const Model& before, const ModelMap& map, const Model& after)
     const UserBody& a = before.user[i];
     if (map.body[i] < 0) refuse_model("bodies." + a.name, "a body of the model that is adopted", "there is none of this name");
     const UserBody& b = after.user[static_cast<std::size_t>(map.body[i])];
-    if (a.hinge_type != b.hinge_type || a.nv != b.nv)
-      refuse_model("bodies." + a.name + ".hinge", fmt::format("{}, {} velocities", a.hinge_type, a.nv),
-                   fmt::format("{}, {}", b.hinge_type, b.nv));
     if (a.n_modes != b.n_modes) refuse_model("bodies." + a.name + ".modes", std::to_string(a.n_modes), std::to_string(b.n_modes));
   }
   for (std::size_t i = 0; i < map.node.size(); ++i)
@@ -38,8 +35,6 @@ void expect_all_of(const Model& before, const ModelMap& map, const Model& after)
     if (a.family->tick && (x.rate != y.rate || x.period != y.period))
       refuse_model("devices." + a.name + ".rate", "the rate that it had", "another one");
   }
-  const auto same = [](const Loop& a, const Loop& b) { return a.name == b.name && a.type == b.type; };
-  if (!std::ranges::equal(before.loops.all, after.loops.all, same)) refuse_model("loops", "the loops that it had", "others");
   for (const Model* m : {&before, &after})
     if (!m->devices.delays.empty() || !m->devices.timeouts.empty())
       refuse_model("devices", "no inputs with delay, latency or timeout", "some: what they remember hangs on the model");
@@ -48,16 +43,36 @@ void expect_all_of(const Model& before, const ModelMap& map, const Model& after)
       refuse_model("devices." + d.name, "no further device with a sampled part", fmt::format("one of type {}", d.family->type));
 }
 
+/// States may be carried over coordinate by coordinate.
+void expect_same_joints(const Model& before, const ModelMap& map, const Model& after) {
+  for (std::size_t i = 0; i < map.body.size(); ++i) {
+    const UserBody& a = before.user[i];
+    const UserBody& b = after.user[static_cast<std::size_t>(map.body[i])];
+    if (a.hinge_type != b.hinge_type || a.nv != b.nv)
+      refuse_model("bodies." + a.name + ".hinge", fmt::format("{}, {} velocities", a.hinge_type, a.nv),
+                   fmt::format("{}, {}", b.hinge_type, b.nv));
+  }
+  const auto same = [](const Loop& a, const Loop& b) { return a.name == b.name && a.type == b.type; };
+  if (!std::ranges::equal(before.loops.all, after.loops.all, same)) refuse_model("loops", "the loops that it had", "others");
+}
+
 }  // namespace
 
 void Simulation::adopt(std::shared_ptr<const Model> model) {
-  expect_all_of(*model_, model_map(*model_, *model), *model);
-  const auto given = std::span(wrenches_).subspan(static_cast<std::size_t>(model_->devices.n_loads));
-  for (const NodeWrench& w : given)
-    if (!model->has(OpCode::node_wrenches) || (w.world_axes && !model->has(OpCode::world)))
-      throw std::logic_error("adopt: compile the model with the CompileOptions of the one before");
-  next_model_ = std::move(model);
+  const ModelMap map = model_map(*model_, *model);
+  expect_all_of(*model_, map, *model);
+  expect_same_joints(*model_, map, *model);
+  adopt([this, model = std::move(model)] { return Rejoined{model, carried(state_, model_map(*model_, *model), *model)}; }, "model");
+}
+
+void Simulation::adopt(std::function<Rejoined()> make, std::string told) {
+  next_model_ = std::move(make), next_told_ = std::move(told);
   if (!begun_) take_in();
+}
+
+void Simulation::adopt_again(std::shared_ptr<const Model> model) {
+  adopt([this, model = std::move(model)] { return Rejoined{model, carried(state_, model_map(*model_, *model), *model)}; }, "");
+  ++adopted_;
 }
 
 void Simulation::take_in() {
@@ -70,12 +85,17 @@ void Simulation::take_in() {
   ledger();  // up to here
   const Sums were = in_run ? sums() : Sums{};
   const std::shared_ptr<const Model> before = model_;
-  own_ = next_model_->changes() ? std::make_shared<Model>(*next_model_) : nullptr;
-  model_ = own_ ? std::shared_ptr<const Model>(own_) : next_model_;
-  next_model_.reset();
-  const ModelMap map = model_map(*before, *model_);
+  const auto make = std::exchange(next_model_, nullptr);
+  Rejoined next = make();
+  const ModelMap map = model_map(*before, *next.model);
+  expect_all_of(*before, map, *next.model);
+  for (const NodeWrench& w : std::span(wrenches_).subspan(static_cast<std::size_t>(before->devices.n_loads)))
+    if (!next.model->has(OpCode::node_wrenches) || (w.world_axes && !next.model->has(OpCode::world)))
+      throw std::logic_error("adopt: compile the model with the CompileOptions of the one before");
+  own_ = next.model->changes() ? std::make_shared<Model>(*next.model) : nullptr;
+  model_ = own_ ? std::shared_ptr<const Model>(own_) : next.model;
   now_ = then(now_, map, *model_);
-  state_ = carried(state_, map, *model_);
+  state_ = std::move(next.state);
   of_former_models_ = statistics();
   integrator_.reset(), newton_.reset();
 
@@ -124,9 +144,9 @@ void Simulation::take_in() {
   if (recorder_)
     recorder_->note(
         Note::event, state_.t,
-        {"model", fmt::format("mass {:+.6g} kg, momentum {:.6g} N s, angular momentum {:.6g} N m s, energy {:+.6g} J",
-                              are.momentum.mass - were.momentum.mass, (are.momentum.linear - were.momentum.linear).norm(),
-                              (are.momentum.angular - were.momentum.angular).norm(), are.energy.total() - were.energy.total())});
+        {next_told_, fmt::format("mass {:+.6g} kg, momentum {:.6g} N s, angular momentum {:.6g} N m s, energy {:+.6g} J",
+                                 are.momentum.mass - were.momentum.mass, (are.momentum.linear - were.momentum.linear).norm(),
+                                 (are.momentum.angular - were.momentum.angular).norm(), are.energy.total() - were.energy.total())});
 }
 
 }  // namespace cardan

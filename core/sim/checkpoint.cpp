@@ -23,6 +23,9 @@ void Simulation::remember(Archive& a) {
   a.block("run")(steps_, last_output_, warned_stiff_, std::span(event_times_), events_seen_, limited_steps_, t_limited_);
   a.block("ledger")(balances_);
   a.block("warnings")(warnings_);
+  std::vector<double> row = row_;
+  a.block("outputs")(row);
+  if (row.size() == row_.size()) row_ = std::move(row);
 }
 
 /// A new integrator at the present state, with what the archive has of the one before.

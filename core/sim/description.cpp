@@ -198,7 +198,7 @@ Json loops(const Simulation& sim) {
   for (const int row : rank.redundant) redundant.push_back(name_of_row(m, ws, row));
   for (std::size_t i = 0; i < m.loops.all.size(); ++i) {
     const Loop& l = m.loops.all[i];
-    const LoopSpec& spec = m.spec->loops[i];
+    const LoopSpec& spec = m.spec->loops[static_cast<std::size_t>(l.spec)];
     std::string text = fmt::format("from {} to {}", place_text(spec.from), place_text(spec.to));
     if (l.closing == Closing::coupling) {
       text.clear();
@@ -492,7 +492,7 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
   }
   for (std::size_t i = 0; i < m.loops.all.size(); ++i) {
     const Loop& l = m.loops.all[i];
-    const LoopSpec& spec = m.spec->loops[i];
+    const LoopSpec& spec = m.spec->loops[static_cast<std::size_t>(l.spec)];
     const std::string path = "loops." + l.name + ".";
     add(path + "type", l.type);
     if (l.closing == Closing::coupling) {

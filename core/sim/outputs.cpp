@@ -30,12 +30,12 @@ class Outputs {
     for (std::size_t i = 0; i < model_.user.size(); ++i) {
       const UserBody& u = model_.user[i];
       if (u.has_attitude()) body(u);
-      if (u.nv > 0) hinge(u, static_cast<int>(i));
+      if (u.hinge->nv > 0) hinge(u, static_cast<int>(i));
       if (u.n_modes > 0) modes(u);
     }
     for (const Device& d : model_.devices.all) device(d);
-    for (std::size_t i = 0; i < model_.loops.all.size(); ++i) loop(static_cast<int>(i));
-    if (!model_.loops.empty()) loops();
+    for (const LoopSpec& l : model_.spec->loops) loop(l);
+    if (!model_.spec->loops.empty()) loops();
     for (const int i : wanted.reactions) reaction(i);
     for (const int i : wanted.nodes) node(i);
     if (sim_.options().ledger) ledger();
@@ -52,17 +52,21 @@ class Outputs {
   static std::size_t at(int id) { return static_cast<std::size_t>(id); }
   static void put(double* x, const Eigen::Vector3d& a) { Eigen::Map<Eigen::Vector3d>(x, 3) = a; }
 
+  void attitude(const std::string& path, const char* of, int id) {
+    add(path + "attitude", {"w", "x", "y", "z"}, "1", "world", fmt::format("orientation of the {0}, quaternion {0} into world", of),
+        [=, &sim = sim_](double* x) {
+          Eigen::Quaterniond q(node_now(sim, id).R_WN);
+          const double along =
+              x[0] * q.w() + x[1] * q.x() + x[2] * q.y() + x[3] * q.z();  // with that of the last row: no jumps between q and -q
+          if (along < 0.0 || (along == 0.0 && q.w() < 0.0)) q.coeffs() = -q.coeffs();
+          x[0] = q.w(), x[1] = q.x(), x[2] = q.y(), x[3] = q.z();
+        });
+  }
+
   void body(const UserBody& u) {
     const int id = id_of(sim_.now().node, model_.find_node(u.name));
     const std::string path = "bodies/" + u.name + "/";
-    const auto last = std::make_shared<Eigen::Quaterniond>(1, 0, 0, 0);
-    add(path + "attitude", {"w", "x", "y", "z"}, "1", "world", "orientation of the body, quaternion body into world",
-        [=, &sim = sim_](double* x) {
-          Eigen::Quaterniond q(node_now(sim, id).R_WN);
-          if (q.dot(*last) < 0) q.coeffs() = -q.coeffs();  // no jumps between q and -q
-          *last = q;
-          x[0] = q.w(), x[1] = q.x(), x[2] = q.y(), x[3] = q.z();
-        });
+    attitude(path, "body", id);
     add(path + "rate", {"x", "y", "z"}, "rad/s", "body " + u.name, "angular velocity",
         [=, &sim = sim_](double* x) { put(x, node_now(sim, id).velocity.head<3>()); });
     if (u.hinge->shape == CARDAN_SHAPE_BALL) return;  // a ball hinge: its place is that of the inboard body
@@ -74,31 +78,56 @@ class Outputs {
     });
   }
 
+  /// What a channel of a hinge has to tell: while it moves, while it is held, and once the body hangs on another one (core/sim/rejoin.hpp).
+  template <class Moving, class Held, class Gone>
+  static void whatever_it_is(Simulation& sim, int id, const cardan_hinge_family* family, const Moving& moving, const Held& held,
+                             const Gone& gone) {
+    const UserBody& now = sim.user(id);
+    if (now.hinge != family)
+      gone();
+    else if (now.nv > 0)
+      moving(now);
+    else
+      held(sim.model().spec->bodies[at(sim.now().body[at(id)])].hinge);
+  }
+
   void hinge(const UserBody& u, int index) {
     const std::string path = "hinges/" + u.name + "/";
-    if (!u.has_attitude()) {
-      for (int j = 0; j < u.nq; ++j)
-        add(path + u.q_names[static_cast<std::size_t>(j)], {u.q_names[static_cast<std::size_t>(j)]}, u.q_units[static_cast<std::size_t>(j)],
-            "", "coordinate of the hinge", [&sim = sim_, j, id = body_id(u)](double* x) { *x = sim.state().q[sim.user(id).q + j]; });
-      for (int j = 0; j < u.nv; ++j)
-        add(path + u.v_names[static_cast<std::size_t>(j)], {u.v_names[static_cast<std::size_t>(j)]}, u.v_units[static_cast<std::size_t>(j)],
-            "", "velocity of the hinge", [&sim = sim_, j, id = body_id(u)](double* x) { *x = sim.state().v[sim.user(id).v + j]; });
+    const int id = body_id(u);
+    const cardan_hinge_family* const family = u.hinge;
+    if (!has_quaternion(*family)) {
+      for (int j = 0; j < static_cast<int>(family->nq); ++j)
+        add(path + family->q_names[j], {family->q_names[j]}, family->q_units[j], "", "coordinate of the hinge",
+            [=, &sim = sim_](double* x) {
+              whatever_it_is(
+                  sim, id, family, [&](const UserBody& now) { *x = sim.state().q[now.q + j]; },
+                  [&](const HingeSpec& h) { *x = h.q.empty() ? 0.0 : h.q[at(j)]; }, [] {});
+            });
+      for (int j = 0; j < static_cast<int>(family->nv); ++j)
+        add(path + family->v_names[j], {family->v_names[j]}, family->v_units[j], "", "velocity of the hinge", [=, &sim = sim_](double* x) {
+          const auto none = [x](auto&&...) { *x = 0.0; };
+          whatever_it_is(
+              sim, id, family, [&](const UserBody& now) { *x = sim.state().v[now.v + j]; }, none, none);
+        });
     }
-    std::vector<std::string> units;
-    for (const auto& unit : u.v_units) units.push_back(force_unit(unit));
-    const bool prescribed = !model_.spec->bodies[static_cast<std::size_t>(index)].hinge.prescribed.empty();
-    if (u.has_attitude() && !prescribed) return;
-    add(path + "force", u.v_names, units_of(units), "",
+    std::vector<std::string> names(family->v_names, family->v_names + family->nv), units;
+    for (std::uint32_t j = 0; j < family->nv; ++j) units.push_back(force_unit(family->v_units[j]));
+    const bool prescribed = !model_.spec->bodies[at(index)].hinge.prescribed.empty();
+    if (has_quaternion(*family) && !prescribed) return;
+    add(path + "force", names, units_of(units), "",
         prescribed ? "force of the actuators; of prescribed components, that which the motion needs"
                    : "force of the actuators, springs and dampers not included",
-        [&sim = sim_, id = body_id(u), prescribed, all = std::vector<double>()](double* x) mutable {
-          const UserBody& now = sim.user(id);
-          for (int j = 0; j < now.nv; ++j) x[j] = sim.force(now.v + j);
-          if (!prescribed) return;
-          all.resize(at(sim.model().nv));
-          sim.observe().prescribed_forces(all.data());
-          for (int j = now.v; j < now.v + now.nv; ++j)
-            if (sim.model().prescribed[at(j)]) x[j - now.v] = all[at(j)];
+        [&sim = sim_, id, family, prescribed, all = std::vector<double>()](double* x) mutable {
+          const auto moving = [&](const UserBody& now) {
+            for (int j = 0; j < now.nv; ++j) x[j] = sim.force(now.v + j);
+            if (!prescribed || !sim.model().has_prescribed()) return;
+            all.resize(at(sim.model().nv));
+            sim.observe().prescribed_forces(all.data());
+            for (int j = now.v; j < now.v + now.nv; ++j)
+              if (sim.model().prescribed[at(j)]) x[j - now.v] = all[at(j)];
+          };
+          const auto none = [x, family](auto&&...) { std::fill_n(x, family->nv, 0.0); };
+          whatever_it_is(sim, id, family, moving, none, none);
         });
   }
 
@@ -137,28 +166,33 @@ class Outputs {
     states(d.family->marks, d.family->n_marks, d.mark, sim_.state().marks, sim_.now().mark);
   }
 
-  void loop(int i) {
-    const Loop& l = model_.loops.all[at(i)];
+  void loop(const LoopSpec& l) {  // while it is open: zero
     const std::string path = "loops/" + l.name + "/";
-    if (l.closing == Closing::coupling)
+    if (l.type == "coupling")
       return add(path + "multiplier", {"multiplier"}, "1", "", "force of the coupling, per coefficient of each of its terms",
-                 [&sim = sim_, row = at(l.first)](double* x) { *x = sim.loop_forces().multipliers[row]; });
+                 [&sim = sim_, name = l.name](double* x) {
+                   const int i = sim.model().loops.find(name);
+                   *x = i < 0 ? 0.0 : sim.loop_forces().multipliers[at(sim.model().loops.all[at(i)].first)];
+                 });
     add(path + "reaction", {"mx", "my", "mz", "fx", "fy", "fz"}, units_of({"N m", "N m", "N m", "N", "N", "N"}), "from of " + l.name,
-        "moment and force that the loop transmits to its end `to`, at that node", [&sim = sim_, i](double* x) {
-          const Force<double> f = sim.loop_wrench(i);
+        "moment and force that the loop transmits to its end `to`, at that node", [&sim = sim_, name = l.name](double* x) {
+          const int i = sim.model().loops.find(name);
+          const Force<double> f = i < 0 ? Force<double>{} : sim.loop_wrench(i);
           x[0] = f.n.x, x[1] = f.n.y, x[2] = f.n.z, x[3] = f.f.x, x[4] = f.f.y, x[5] = f.f.z;
         });
   }
   void loops() {
     add("loops/residual", {"residual"}, "1", "", "largest residual of a closed loop, over its size", [&sim = sim_](double* x) {
       *x = 0.0;
+      if (sim.model().loops.empty()) return;
       const LoopForces f = sim.loop_forces();
       for (const Loop& l : sim.model().loops.all)
         for (int i = l.first; i < l.first + l.rows; ++i) *x = std::max(*x, std::abs(f.residual[at(i)]) / l.lever);
     });
     add("loops/power", {"power"}, "W", "", "power of all multipliers: none, but for rounding", [&sim = sim_](double* x) {
-      const LoopForces f = sim.loop_forces();
       *x = 0.0;
+      if (sim.model().loops.empty()) return;
+      const LoopForces f = sim.loop_forces();
       for (std::size_t i = 0; i < f.rate.size(); ++i) *x += f.multipliers[i] * f.rate[i];
     });
   }
@@ -175,6 +209,7 @@ class Outputs {
   void node(int i) {
     const std::string path = "nodes/" + model_.nodes[at(i)].name + "/";
     const int id = id_of(sim_.now().node, i);
+    attitude(path, "node", id);
     add(path + "position", {"x", "y", "z"}, "m", "world", "position of the node",
         [&sim = sim_, id](double* x) { put(x, node_now(sim, id).position); });
     add(path + "velocity", {"x", "y", "z"}, "m/s", "world", "velocity of the node", [&sim = sim_, id](double* x) {

@@ -503,6 +503,11 @@ OdeProblem Simulation::ode() {
   const Model& m = *model_;
   if (options_.absolute_tolerance != 0 && !(options_.absolute_tolerance > 0 && options_.absolute_tolerance <= 1))
     refuse(Code::out_of_range, {"integrator.absolute"}, "a number > 0 and at most 1", fmt::format("{:g}", options_.absolute_tolerance));
+  const TolerancesByKind& by = options_.tolerances;
+  for (const auto& [kind, x] :
+       {std::pair{"angle", by.angle}, {"position", by.position}, {"rate", by.rate}, {"velocity", by.velocity}, {"modes", by.modes}})
+    if (!(x >= 0.0 && x <= 1e300))
+      refuse(Code::out_of_range, {std::string("integrator.tolerances.") + kind}, "a number > 0, or 0 for none", fmt::format("{:g}", x));
   start_given_motion();
   OdeProblem ode;
   ode.n = m.nq + m.nv + m.devices.n_z;

@@ -51,7 +51,7 @@ struct Event {
 /// Quantities written at each output time.
 struct Output {
   Channel channel;
-  std::function<void(double* values)> fill;  // called after Simulation::observe()
+  std::function<void(double* values)> fill;  // called after Simulation::observe(); `values` are those of the row before, at first zero
 };
 
 class Simulation {
@@ -82,6 +82,11 @@ class Simulation {
   /// counts both as brought in, and an event `model` in the results tells how much. InputError C0403 where something is gone that the
   /// run may refer to, or a device with a sampled part comes or goes.
   void adopt(std::shared_ptr<const Model> model);
+  /// The same with hinges and closures that are others: `make` is called at the end of the instant, once for what several callers want of
+  /// it, and gives model and state, mostly by rejoin(). `told`: what happens, in the results.
+  void adopt(std::function<Rejoined()> make, std::string told);
+  /// Before the run goes on from a checkpoint: what it had adopted before, one after the other.
+  void adopt_again(std::shared_ptr<const Model> model);
   /// Called once it has taken place; whoever holds the model or the state looks again.
   void on_adopted(std::function<void()> told) { adopted_told_ = std::move(told); }
   /// Where what had an index in the first model of this simulation is in model(): indices of the first one are ids that stay. What comes
@@ -259,8 +264,10 @@ class Simulation {
   void device_event(int device, std::uint32_t root, int direction);
   void expect_good_plugins();
 
-  std::shared_ptr<Model> own_;                       // where masses vary: its own copy; else null
-  std::shared_ptr<const Model> model_, next_model_;  // next: from the end of this instant on
+  std::shared_ptr<Model> own_;  // where masses vary: its own copy; else null
+  std::shared_ptr<const Model> model_;
+  std::function<Rejoined()> next_model_;  // from the end of this instant on
+  std::string next_told_;
   ModelMap now_;
   SimulationOptions options_;
   State state_;

@@ -20,20 +20,10 @@ constexpr int kVarying = 20;                        // steps, where masses chang
 constexpr double kSwings = 2e4;                     // |mu| h of the longest step: tables of oscillators have 0.6 of that rows
 constexpr double kResolved = std::numbers::pi;      // omega h above which a mode is not seen by three evaluations
 
-struct Quaternion {
-  double w;
-  Vec3<double> v;
-};
-Quaternion read(const double* q) { return {q[0], {q[1], q[2], q[3]}}; }
-Quaternion times(const Quaternion& a, const Quaternion& b) { return {a.w * b.w - dot(a.v, b.v), a.w * b.v + b.w * a.v + cross(a.v, b.v)}; }
-Quaternion of_rotation(const Vec3<double>& theta) {
-  const double angle2 = dot(theta, theta), half = 0.5 * std::sqrt(angle2);
-  const double k = half > 1e-4 ? std::sin(half) / (2.0 * half) : 0.5 - angle2 / 48.0;
-  return {std::cos(half), k * theta};
-}
-Mat3<double> rotation(const Quaternion& q) { return rotation_of_quaternion(q.w, q.v.x, q.v.y, q.v.z); }
 Vec3<double> vec(const double* a) { return {a[0], a[1], a[2]}; }
 void store(const Vec3<double>& a, double* out) { out[0] = a.x, out[1] = a.y, out[2] = a.z; }
+
+Mat3<double> exponential(const Vec3<double>& theta) { return rotation_of_vector(rotation_coefficients(dot(theta, theta)), theta); }
 
 /// theta' where R = exp(theta~) and omega = 2 (R* R')^v is in the turned axes: the inverse of the right Jacobian.
 Vec3<double> rate_of_rotation(const Vec3<double>& theta, const Vec3<double>& omega) {
@@ -81,17 +71,14 @@ VehicleLinearPart::VehicleLinearPart(std::shared_ptr<const Model> model)
   }
   x_.resize(static_cast<std::size_t>(nq_ + nv_ + nz_));
   for (auto* x : {&travel_, &rate_, &u_, &du_, &difference_}) x->resize(static_cast<std::size_t>(nv_));
-  rest_.resize(static_cast<std::size_t>(nv_)), qdot_.resize(static_cast<std::size_t>(nq_));
+  qdot_.resize(static_cast<std::size_t>(nq_));
   for (auto& r : past_) r.resize(static_cast<std::size_t>(size() - nv_));
 }
 
 Vec3<double> VehicleLinearPart::turned(const Hinge& hinge, const double* q) const {
-  Quaternion from = read(x_.data() + hinge.q);
-  from.v = -1.0 * from.v;
-  Quaternion d = times(from, read(q + hinge.q));
-  if (d.w < 0.0) d = {-d.w, -1.0 * d.v};
-  const double sine = std::sqrt(dot(d.v, d.v));
-  return (sine > 1e-8 * d.w ? 2.0 * std::atan2(sine, d.w) / sine : 2.0 / d.w) * d.v;
+  std::array<double, 6> d{};
+  hinge.user->hinge->difference(hinge.user->hinge_packed.data(), x_.data() + hinge.q, q + hinge.q, d.data());
+  return vec(d.data());
 }
 
 bool VehicleLinearPart::moved(const double* q) const {
@@ -123,7 +110,7 @@ void VehicleLinearPart::residual(const double* x, const double* xdot, double* r)
     const Vec3<double> theta = turned(h, q), omega = vec(v + h.v);
     store(rate_of_rotation(theta, omega) - omega, beyond + h.v);
     if (h.shape != CARDAN_SHAPE_FREE_BODY) continue;
-    const Mat3<double> R = rotation(of_rotation(theta));  // its velocity along the axes of the centre
+    const Mat3<double> R = exponential(theta);  // its velocity along the axes of the centre
     const Vec3<double> along = vec(v + h.v + 3);
     store(R * along, u_.data() + h.v + 3);
     store(R * (vec(vdot + h.v + 3) + cross(omega, along)), du_.data() + h.v + 3);
@@ -165,13 +152,11 @@ void VehicleLinearPart::assemble(double h, double s, double* x) const {
       for (int i = 0; i < hinge.nq; ++i) q[i] += qdot_[static_cast<std::size_t>(i)] + beyond(nv_ + hinge.q + i);
       continue;
     }
-    const Vec3<double> theta = vec(travel) + Vec3<double>{beyond(hinge.v), beyond(hinge.v + 1), beyond(hinge.v + 2)};
-    const Quaternion from = read(q), turn = of_rotation(theta), to = times(from, turn);
-    q[0] = to.w, store(to.v, q + 1);
-    if (hinge.shape == CARDAN_SHAPE_BALL) continue;
-    const Vec3<double> way = vec(travel + 3);
-    store(vec(q + 4) + (hinge.shape == CARDAN_SHAPE_FREE_BODY ? rotation(from) * way : way), q + 4);
-    if (hinge.shape == CARDAN_SHAPE_FREE_BODY) store(transpose_times(rotation(turn), vec(rate + 3)), v + hinge.v + 3);
+    std::array<double, 6> way{};
+    std::copy_n(travel, hinge.nv, way.begin());
+    for (int i = 0; i < 3; ++i) way[static_cast<std::size_t>(i)] += beyond(hinge.v + i);
+    hinge.user->hinge->retract(hinge.user->hinge_packed.data(), x_.data() + hinge.q, way.data(), q);
+    if (hinge.shape == CARDAN_SHAPE_FREE_BODY) store(transpose_times(exponential(vec(way.data())), vec(rate + 3)), v + hinge.v + 3);
   }
   for (int i = 0; i < nz_; ++i) v[nv_ + i] = x_[static_cast<std::size_t>(nq_ + nv_ + i)] + beyond(nv_ + nq_ + i);
 }

@@ -50,7 +50,7 @@ class VehicleLinearPart final : public LinearPart {
   std::vector<std::uint8_t> matters_;        // per velocity component: M changes with its coordinate; 2: with its length
   std::vector<double> x_;                    // the centre
   std::array<std::vector<double>, 3> past_;  // r of the last advance, its part beyond forces
-  mutable std::vector<double> travel_, rate_, u_, du_, rest_, qdot_, difference_;
+  mutable std::vector<double> travel_, rate_, u_, du_, qdot_, difference_;
   double h_ = 0.0;
   int since_ = 0;  // steps since it was frozen
 };

@@ -17,6 +17,7 @@
 #include "scripts/bindings/operator_methods.hpp"
 #include "scripts/bindings/operators.hpp"
 #include "scripts/bindings/studies.hpp"
+#include "scripts/bindings/topology.hpp"
 
 namespace cardan {
 namespace {
@@ -70,18 +71,18 @@ int plugin(lua_State* L, Scenario& s) {
 /// The key path inside the vehicle of a --set; empty: it is about something else. As in messages, or with "vehicle." before it.
 std::string_view vehicle_path(std::string_view key) {
   if (key.starts_with("vehicle.")) return key.substr(std::strlen("vehicle."));
-  return key.starts_with("bodies.") || key.starts_with("gravity.") || key.starts_with("devices.") || key.starts_with("fields.")
-             ? key
-             : std::string_view();
+  constexpr const char* kParts[] = {"bodies.", "gravity.", "devices.", "fields.", "loops."};
+  return std::ranges::any_of(kParts, [key](const char* part) { return key.starts_with(part); }) ? key : std::string_view();
 }
 
 int vehicle(lua_State* L, Scenario& s) {
   expect_setup(L, s, "vehicle", false);
   const std::string name = luaL_checkstring(L, 1);
   if (s.model) refuse(L, Code::lua_argument, "vehicle", "one vehicle", "a second one", "a vehicle may hold several free bodies");
+  Overrides given;
   for (Setting& set : s.settings)
     if (const std::string_view path = vehicle_path(set.key); !path.empty()) {
-      s.changes.emplace_back(path, set.value);
+      given.emplace_back(path, set.value);
       set.used = true;
     }
   const std::string path = (s.folder / name).string();
@@ -90,25 +91,16 @@ int vehicle(lua_State* L, Scenario& s) {
   if (!kept && (s.recorded || !std::filesystem::is_regular_file(path, unusable)))
     refuse(L, Code::file_not_found, "vehicle", "a vehicle in YAML, relative to the scenario", in_quotes(path));
   const Activity activity("the vehicle " + name);
-  const auto spec = std::make_shared<SystemSpec>(kept ? vehicle_from_text(*kept, path, s.registry, s.changes)
-                                                      : read_vehicle(path, s.registry, s.changes));
+  const auto spec =
+      std::make_shared<SystemSpec>(kept ? vehicle_from_text(*kept, path, s.registry, given) : read_vehicle(path, s.registry, given));
   s.inputs.push_back({name, sha256(spec->source_text), spec->source_text});
   note_files(s, *spec);
   s.modes_from_cache = make_modes(*spec, ModeCache::of_user());
   s.vehicle_file = path;
+  s.changes.begin(std::move(given), spec);
   s.use_model(compile(spec, s.registry, s.compile_options()));
   push_vehicle(L, s);
   return 1;
-}
-
-std::shared_ptr<const Model> changed_model(const Scenario& s, const Overrides& changes) {
-  const auto spec = std::make_shared<SystemSpec>(vehicle_from_text(s.model->spec->source_text, s.vehicle_file, s.registry, changes));
-  make_modes(*spec, ModeCache::of_user());
-  const std::shared_ptr<const Model> model = compile(spec, s.registry, s.compile_options());
-  const State after = model->initial_state(), kept = carried(s.model->initial_state(), model_map(*s.model, *model), *model);
-  if (kept.q != after.q || kept.v != after.v || kept.z != after.z || kept.marks != after.marks)
-    refuse(Code::other_vehicle, {"vehicle:change"}, "values that hold from now on", "an initial state", "a run begins once");
-  return model;
 }
 
 /// vehicle:change { ["bodies.tank.mass"] = "3 kg" }: the vehicle's text with these values, from the end of this instant on.
@@ -128,21 +120,9 @@ int vehicle_change(lua_State* L) {
     wanted[std::string(vehicle_path(key))] = lua_tostring(L, -1);
     lua_pop(L, 1);
   }
-  Overrides changes = s.changes;
-  for (const auto& [key, value] : wanted) {
-    std::erase_if(changes, [&name = key](const auto& before) { return before.first == name; });
-    changes.emplace_back(key, value);
-  }
-  const Activity activity("a changed vehicle");
-  try {
-    s.sim->adopt(changed_model(s, changes));
-  } catch (const InputError& e) {
-    std::vector<Diagnostic> all = e.diagnostics();
-    for (Diagnostic& d : all)
-      if (d.at.mark.file.empty() || d.at.mark.file.starts_with("--set")) d.at.mark = LuaHost::caller(L), d.stack = LuaHost::traceback(L);
-    throw InputError(all);
-  }
-  s.changes = std::move(changes);
+  std::vector<VehicleChanges::Wish> values;
+  for (const auto& [key, value] : wanted) values.push_back({key, value, {}, LuaHost::caller(L), LuaHost::traceback(L)});
+  if (!values.empty()) s.changes.want(values);
   return 0;
 }
 
@@ -189,18 +169,22 @@ int vehicle_study(lua_State* L) {
 }  // namespace
 
 const std::vector<luaL_Reg>& vehicle_methods() {
-  static const std::vector<luaL_Reg> all = {{"body", method<vehicle_part<Kind::body>>},
-                                            {"hinge", method<vehicle_part<Kind::hinge>>},
-                                            {"modes", method<vehicle_part<Kind::modes>>},
-                                            {"node", method<vehicle_part<Kind::node>>},
-                                            {"device", method<vehicle_part<Kind::device>>},
-                                            {"mass", method<vehicle_mass>},
-                                            {"change", method<vehicle_change>},
-                                            {"operators", method<vehicle_study<push_operators>>},
-                                            {"linearize", method<vehicle_study<push_linear_model>>},
-                                            {"system_modes", method<vehicle_study<push_modes>>},
-                                            {"derivatives", method<vehicle_study<push_derivatives>>},
-                                            {"inverse_kinematics", method<vehicle_study<push_inverse_kinematics>>}};
+  static const std::vector<luaL_Reg> all = [] {
+    std::vector<luaL_Reg> own = {{"body", method<vehicle_part<Kind::body>>},
+                                 {"hinge", method<vehicle_part<Kind::hinge>>},
+                                 {"modes", method<vehicle_part<Kind::modes>>},
+                                 {"node", method<vehicle_part<Kind::node>>},
+                                 {"device", method<vehicle_part<Kind::device>>},
+                                 {"mass", method<vehicle_mass>},
+                                 {"change", method<vehicle_change>},
+                                 {"operators", method<vehicle_study<push_operators>>},
+                                 {"linearize", method<vehicle_study<push_linear_model>>},
+                                 {"system_modes", method<vehicle_study<push_modes>>},
+                                 {"derivatives", method<vehicle_study<push_derivatives>>},
+                                 {"inverse_kinematics", method<vehicle_study<push_inverse_kinematics>>}};
+    own.insert(own.end(), topology_methods().begin(), topology_methods().end());
+    return own;
+  }();
   return all;
 }
 

@@ -104,9 +104,10 @@ void MissionRun::run(double t_end, const std::function<void(double t)>& progress
     look_elsewhere();
     if (scripts_act(s_)) s_.warnings.add(still_hinges(*s_.sim));
     note_warnings();
-  } catch (const InputError&) {  // of a person who interrupts
+  } catch (const InputError& e) {
     add_limits();
-    throw;
+    if (s_.lua.is_interrupted() || s_.changes.actor().empty()) throw;  // a person's wish
+    throw NumericsError(failure_of(e.diagnostics().front(), s_.changes.actor(), s_.sim->time()));
   } catch (const NumericsError&) {
     add_limits();
     try {
@@ -132,6 +133,7 @@ void MissionRun::make_checkpoint() {
   if (s_.sim->stopped()) return;
   look_elsewhere();
   Archive all;
+  s_.changes.remember(all);
   call(kPersist, [&] { remember(all); });
   Checkpoint checkpoint = all.checkpoint();
   checkpoint.merge(s_.sim->checkpoint());
@@ -142,9 +144,11 @@ void MissionRun::resume(const Checkpoint& checkpoint) {
   s_.stage = Scenario::Stage::run;  // event functions are looked at
   s_.persistent.seal();
   Archive all(checkpoint);
+  s_.changes.remember(all);
   remember(all);
   all.finish();
   told_by_events([&] { s_.sim->resume(checkpoint); });
+  s_.changes.go_on();
   s_.look_at_state();
 }
 

@@ -19,6 +19,7 @@
 #include "scripts/lua/host.hpp"
 #include "scripts/lua/persist.hpp"
 #include "scripts/mission/script_device.hpp"
+#include "scripts/mission/vehicle_changes.hpp"
 
 namespace cardan {
 
@@ -122,7 +123,6 @@ struct Scenario {
   std::vector<InputFile> inputs, plugins, modal_files;
   std::vector<std::string> modes_from_cache;  // bodies
   std::string vehicle_file;
-  Overrides changes;  // of the vehicle's text: of the command line, then of the script
   std::vector<std::string> parameter_names;
   std::set<std::pair<std::string, std::string>> names;          // that declarations have taken: kind, name
   std::vector<std::pair<std::string, std::string>> parameters;  // name, value: for the results
@@ -146,9 +146,10 @@ struct Scenario {
   std::string_view phase;                   // name of the present one; empty before the first and after the last
   const double *q = nullptr, *v = nullptr;  // the state, or the trial state of an event function
   bool in_event_function = false;
-  bool in_device = false;           // a function of device{...} runs
-  double trial_time = 0.0;          // [s] of an event function
-  std::string_view actor;           // whose function runs: `controller "attitude"`
+  bool in_device = false;   // a function of device{...} runs
+  double trial_time = 0.0;  // [s] of an event function
+  std::string_view actor;   // whose function runs: `controller "attitude"`
+  VehicleChanges changes{{vehicle_file, registry, model, sim, actor, [this] { return compile_options(); }}};
   std::string stopped_by;           // the actor that called stop()
   std::optional<RunFailure> fault;  // a command that is not finite; a script cannot catch it
   std::vector<double> scratch;

@@ -12,6 +12,7 @@
 #include "core/sim/simulation.hpp"
 #include "tests/properties/equipped_vehicle.hpp"
 #include "tests/support/builders.hpp"
+#include "tests/support/custom_cam.hpp"
 #include "tests/support/modal_samples.hpp"
 #include "tests/support/oracle_reader.hpp"
 #include "tests/support/random_tree.hpp"
@@ -30,15 +31,6 @@ TEST(Alloc, TheCounterCounts) {
   if (!counting) GTEST_SKIP() << "a sanitizer brings its own malloc";
   std::vector<double> kept;
   EXPECT_GT(mallocs_in([&] { kept.resize(1000); }), 0);
-}
-
-const Registry& with_plugin() {
-  static const Registry all = [] {
-    Registry r = registry();
-    load_plugin(CARDAN_BINARY_DIR "/plugins/custom_cam.so", r);
-    return r;
-  }();
-  return all;
 }
 
 TEST(Alloc, OperatorExpressions) {  // once the scratch is there
@@ -68,7 +60,7 @@ class ForwardDynamics : public testing::TestWithParam<std::filesystem::path> {};
 TEST_P(ForwardDynamics, AllocatesNothing) {
   const oracle::Case c = oracle::read(GetParam());
   for (const int level : {0, 1, 2}) {
-    const auto model = compile(oracle::at_level(c.spec, level), with_plugin());
+    const auto model = compile(oracle::at_level(c.spec, level), registry_with_cam());
     Workspace ws(*model);
     std::vector<NodeWrench> wrenches;
     for (const auto& p : c.points) {

@@ -17,21 +17,13 @@
 #include "core/sim/simulation.hpp"
 #include "tests/properties/trees.hpp"
 #include "tests/support/bench_loops.hpp"
+#include "tests/support/custom_cam.hpp"
 
 namespace cardan::test {
 namespace {
 
 using reference::DenseTwin;
 using reference::Quad;
-
-const Registry& with_plugin() {
-  static const Registry all = [] {
-    Registry r = registry();
-    load_plugin(CARDAN_BINARY_DIR "/plugins/custom_cam.so", r);
-    return r;
-  }();
-  return all;
-}
 
 double error_of(const VectorXd& got, const VectorXd& want) { return relative(distance(got, want), largest(want)); }
 
@@ -215,7 +207,7 @@ TEST(Loops, AHingeOfAPluginClosesALoop) {
     return system({base, follower}, uniform_gravity({0, 0, -9.81}));
   };
   const SystemSpec spec = links();
-  const auto tree = compile(spec, with_plugin());
+  const auto tree = compile(spec, registry_with_cam());
   Workspace ws(*tree);
   const State at = tree->initial_state();
   VectorXd a(tree->nv);
@@ -236,7 +228,7 @@ TEST(Loops, AHingeOfAPluginClosesALoop) {
   hinge.type = "free";
   hinge.q = {turn.w(), turn.x(), turn.y(), turn.z(), n.position.x(), n.position.y(), n.position.z()};
   hinge.v = {n.velocity[0], n.velocity[1], n.velocity[2], velocity.x(), velocity.y(), velocity.z()};
-  const auto closed = compile(cut_spec, with_plugin());
+  const auto closed = compile(cut_spec, registry_with_cam());
   Workspace other(*closed);
   const State start = closed->initial_state();
   VectorXd b(closed->nv);

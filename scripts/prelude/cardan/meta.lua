@@ -339,6 +339,25 @@ function Vehicle:mass() end
 --- kept; what a change does to momentum and energy is told in the results (event `model`).
 ---@param values table<string, string|number> key paths: { ["bodies.tank.mass"] = "3 kg" }
 function Vehicle:change(values) end
+--- From the end of this instant on the hinge of the body is this one: what the body carries comes along, no body jumps, momentum is kept.
+---@param body string
+---@param hinge table as the vehicle file writes it: { to = "station.port", at = "tip" }, `locked` without a type; as_found = true: held as it is
+function Vehicle:attach(body, hinge) end
+--- From the end of this instant on the body flies freely, with all that hangs on it.
+---@param body string
+function Vehicle:detach(body) end
+--- From the end of this instant on the hinge of the body holds the coordinates that it has.
+---@param body string
+function Vehicle:lock(body) end
+--- From the end of this instant on the hinge of the body moves.
+---@param body string
+function Vehicle:unlock(body) end
+--- From the end of this instant on the loop holds; its ends must meet.
+---@param loop string
+function Vehicle:close(loop) end
+--- From the end of this instant on the loop exerts nothing.
+---@param loop string
+function Vehicle:open(loop) end
 --- The spatial operators at the present state.
 ---@param last_stage? "position"|"inertia" default "inertia"
 ---@return Operators operators

@@ -482,6 +482,12 @@ TEST(Progress, AbsoluteTolerancesAreLookedAt) {
     Simulation sim(compiled(sprung_bar(1.0, 0.0)), options);
     EXPECT_THROW(sim.run(1.0), InputError) << absolute;
   }
+  for (const double angle : {-1e-9, HUGE_VAL, std::nan("")}) {
+    SimulationOptions options = by("dopri5");
+    options.tolerances.angle = angle;
+    Simulation sim(compiled(sprung_bar(1.0, 0.0)), options);
+    EXPECT_THROW(sim.run(1.0), InputError) << angle;
+  }
 }
 
 }  // namespace

@@ -1,0 +1,283 @@
+#include "core/sim/rejoin.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/dynamics/hinge_fit.hpp"
+#include "core/dynamics/inverse.hpp"
+#include "core/model/model_map.hpp"
+#include "core/model/params.hpp"
+#include "core/model/validate.hpp"
+#include "core/sim/simulation.hpp"
+
+namespace cardan {
+namespace {
+
+constexpr double kGap = 1e-6;  // [rad, m] that two ends of a hinge may be apart: typed numbers have a finite number of digits
+
+/// The same pose at the same coordinates.
+bool same_place(const HingeSpec& a, const HingeSpec& b) {
+  const auto same_value = [](const auto& x, const auto& y) { return x.first == y.first && x.second.value == y.second.value; };
+  return a.type == b.type && a.inboard_body == b.inboard_body && a.inboard_node == b.inboard_node && a.body_node == b.body_node &&
+         a.onode_position == b.onode_position && a.onode_R == b.onode_R && a.pnode_position == b.pnode_position && a.pnode_R == b.pnode_R &&
+         std::ranges::equal(a.params, b.params, same_value);
+}
+bool joined_otherwise(const HingeSpec& a, const HingeSpec& b) { return !same_place(a, b) || a.locked != b.locked; }
+
+/// On the world, at its origin, free in all six directions.
+bool flies(const HingeSpec& h) {
+  return h.type == "free" && h.inboard_body.empty() && !h.locked && h.prescribed.empty() && h.onode_position.isZero(0.0) &&
+         h.onode_R.isIdentity(0.0);
+}
+
+class Rejoining {
+ public:
+  Rejoining(Simulation& from, SystemSpec spec, const Registry& registry, const CompileOptions& options)
+      : from_(from),
+        before_(from.model()),
+        seen_(from.observe()),
+        state_(from.state()),
+        spec_(std::move(spec)),
+        registry_(registry),
+        options_(options) {}
+
+  Rejoined run() {
+    for (BodySpec& body : spec_.bodies) {
+      const int user = before_.find_body(body.name);
+      if (user < 0) continue;
+      const UserBody& u = before_.user[static_cast<std::size_t>(user)];
+      const HingeSpec& was = before_.spec->bodies[static_cast<std::size_t>(user)].hinge;
+      if (u.n_modes > 0) body.eta.assign(state_.q.data() + u.eta, state_.q.data() + u.eta + u.n_modes);
+      body.etadot.clear(), body.hinge.v.clear();
+      if (joined_otherwise(was, body.hinge)) others_.push_back(&body);
+      if (!same_place(was, body.hinge))
+        fit(body);
+      else if (u.nq > 0)
+        body.hinge.q.assign(state_.q.data() + u.q, state_.q.data() + u.q + u.nq);
+      else
+        body.hinge.q = was.q;
+    }
+    const auto model = compile(std::make_shared<const SystemSpec>(spec_), registry_, options_);
+    const ModelMap map = model_map(before_, *model);
+    State state = carried(state_, map, *model);
+    state.q = model->initial_state().q;
+    for (const UserBody& u : before_.user)  // modes of another mass or stiffness begin anew
+      for (int i = 0; i < u.n_modes; ++i)
+        if (const int body = model->find_body(u.name); body >= 0 && map.q[static_cast<std::size_t>(u.eta + i)] < 0)
+          state.q[model->user[static_cast<std::size_t>(body)].eta + i] = 0.0;
+    if (!others_.empty()) set_velocities(*model, state);
+    if (!model->loops.empty()) {
+      const Model weighed = at_masses(*model, state);
+      if (LoopProjection projection(weighed); !projection.close(state.q.data(), state.v.data()))
+        throw NumericsError(describe_breakdown(weighed, projection.breakdown(), state.t));
+    }
+    return {model, std::move(state)};
+  }
+
+ private:
+  struct Place {
+    Pose<double> pose;        // in the world
+    Motion<double> velocity;  // its axes
+  };
+
+  /// A frame of a body as it moves now; `in_place` where it has no name.
+  Place place(const std::string& body, const std::string& node, Pose<double> in_place) const {
+    if (body.empty()) return {in_place, {}};
+    int index = before_.find_node(node.empty() ? body : body + "." + node);
+    if (index < 0) {  // the change brings it
+      for (const NodeSpec& n : spec_.find(body) ? spec_.find(body)->nodes : std::vector<NodeSpec>())
+        if (n.name == node) in_place = {from_eigen(n.R_BN), from_eigen(n.position)}, index = before_.find_node(body);
+      if (index < 0) refuse(Code::unknown_node, spec_.locate("bodies." + body), "a node that there is", in_quotes(body + "." + node));
+    }
+    const NodeState s = seen_.node(index);
+    const Place at{{from_eigen(s.R_WN), from_eigen(s.position)}, motion(s.velocity.data())};
+    if (!node.empty() && before_.find_node(body + "." + node) >= 0) return at;
+    return {at.pose * in_place, to_outboard(in_place, at.velocity)};
+  }
+  static Pose<double> pnode(const HingeSpec& h) { return {from_eigen(h.pnode_R), from_eigen(h.pnode_position)}; }
+  static Pose<double> onode(const HingeSpec& h) { return {from_eigen(h.onode_R), from_eigen(h.onode_position)}; }
+  Place outboard(const BodySpec& body) const { return place(body.name, body.hinge.body_node, pnode(body.hinge)); }
+
+  /// The coordinates with which the hinge of the body joins its ends where they are.
+  void fit(BodySpec& body) const {
+    HingeSpec& hinge = body.hinge;
+    const cardan_hinge_family* family = registry_.hinge(hinge.type);
+    if (!family || (!hinge.inboard_body.empty() && before_.find_body(hinge.inboard_body) < 0)) return;  // compile() refuses it
+    const Located at = spec_.locate(body_path(body) + ".hinge");
+    DiagnosticSink sink;
+    const std::vector<double> packed =
+        pack_params(spec_, {body_path(body) + ".hinge", "hinge type " + hinge.type, hinge.params},
+                    {{family->params, family->n_params}, family->params_size, family->pack, family->packed_size}, sink);
+    sink.throw_if_any();
+    hinge.q.assign(family->nq, 0.0);
+    if (family->zero) family->zero(packed.data(), hinge.q.data());
+    const Place O = place(hinge.inboard_body, hinge.inboard_node, onode(hinge)), P = outboard(body);
+    const HingeFit found = fit_hinge(*family, packed, inverse(O.pose) * P.pose, 1.0, hinge.q);
+    const double turn = found.e.head<3>().norm(), shift = found.e.tail<3>().norm();
+    if (turn <= kGap && shift <= kGap) return;
+    refuse(Code::ends_apart, at, fmt::format("ends that a hinge of type {} can join where they are", hinge.type),
+           fmt::format("{:.3g} rad and {:.3g} m between them at t = {:.6g} s", turn, shift, state_.t),
+           "as_found = true holds them as they are");
+  }
+
+  /// Only bodies, hinges and what gives them mass: what M is made of.
+  SystemSpec bare() const {
+    SystemSpec out;
+    out.name = spec_.name, out.bodies = spec_.bodies;
+    for (BodySpec& body : out.bodies) body.hinge.springs.clear(), body.hinge.loads.clear();
+    return out;
+  }
+
+  /// The vehicle with all hinges that are others let go: [q; v] of it tell what every body does. Devices, which such hinges may carry, are
+  /// left out; their masses stay.
+  std::shared_ptr<const Model> let_go() const {
+    SystemSpec out = bare();
+    for (const BodySpec* other : others_) {
+      HingeSpec& hinge = out.bodies[static_cast<std::size_t>(other - spec_.bodies.data())].hinge;
+      HingeSpec free;
+      free.type = "free", free.body_node = hinge.body_node, free.pnode_position = hinge.pnode_position, free.pnode_R = hinge.pnode_R;
+      hinge = std::move(free);
+    }
+    for (const DeviceMass& m : before_.devices.masses) {
+      const UserBody& u = before_.user[static_cast<std::size_t>(m.user)];
+      const auto body = std::ranges::find(out.bodies, u.name, &BodySpec::name);
+      if (body == out.bodies.end()) continue;
+      body->type = "rigid", body->params.clear();
+      body->mass = u.M.m;
+      body->com = u.M.m > 0.0 ? Eigen::Vector3d(to_eigen(u.M.h) / u.M.m) : Eigen::Vector3d::Zero();
+      const Eigen::Vector3d c = body->com;
+      body->inertia_com = to_eigen(u.M.J) - u.M.m * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
+    }
+    return compile(out, registry_);
+  }
+
+  static Model at_masses(const Model& model, const State& state) {
+    Model out = model;
+    int device = 0;
+    if (out.changes()) out.weigh(state.z.data(), state.marks.data(), device);
+    return out;
+  }
+
+  // Velocities of the bodies, let go: v_C, and their momentum p_C = M_C v_C. The hinges of the model allow v_C = T v alone, so v with M v =
+  // T* p_C is the nearest in the metric of M. T* needs no matrix: a momentum [n; f] of a body that was let go is a wrench on it.
+  void set_velocities(const Model& model, State& state) const {
+    const auto free = let_go();
+    State at = carried(state_, model_map(before_, *free), *free);
+    const auto user_of = [](const Model& m, const BodySpec& body) -> const UserBody& {
+      return m.user[static_cast<std::size_t>(m.find_body(body.name))];
+    };
+    for (const BodySpec* other : others_) {
+      const UserBody& u = user_of(*free, *other);
+      const Place P = outboard(*other);
+      const Eigen::Quaterniond turn(to_eigen(P.pose.R));
+      const Eigen::Vector3d along = to_eigen(P.pose.R * P.velocity.v);
+      at.q.segment<7>(u.q) << turn.w(), turn.vec(), to_eigen(P.pose.p);
+      at.v.segment<6>(u.v) << to_eigen(P.velocity.w), along;
+    }
+    if (std::ranges::all_of(others_, [](const BodySpec* b) { return flies(b->hinge); })) {
+      const ModelMap map = model_map(*free, model);
+      for (int i = 0; i < free->nv; ++i)
+        if (const int to = map.v[static_cast<std::size_t>(i)]; to >= 0) state.v[to] = at.v[i];
+      return;
+    }
+    const Eigen::VectorXd p = momentum(*free, at.q, at.v);
+    const std::shared_ptr<const Model> tree =
+        model.loops.empty() ? std::shared_ptr<const Model>(std::shared_ptr<void>(), &model) : open_tree();
+    const Model there = at_masses(*tree, state);
+    const ModelMap map = model_map(*free, there);
+    std::vector<std::uint8_t> others(static_cast<std::size_t>(free->nv), 0);
+    std::vector<NodeWrench> wrenches;
+    for (const BodySpec* other : others_) {
+      const UserBody& u = user_of(*free, *other);
+      std::fill_n(others.begin() + u.v, 6, std::uint8_t{1});
+      const Mat3<double> R = outboard(*other).pose.R;
+      const Force<double> at_P{{p[u.v], p[u.v + 1], p[u.v + 2]}, transpose_times(R, Vec3<double>{p[u.v + 3], p[u.v + 4], p[u.v + 5]})};
+      const HingeSpec& hinge = other->hinge;
+      NodeWrench w;
+      w.node = there.find_node(hinge.body_node.empty() ? other->name : other->name + "." + hinge.body_node);
+      w.f = hinge.body_node.empty() ? to_inboard(pnode(hinge), at_P) : at_P;
+      wrenches.push_back(w);
+    }
+    Workspace ws(there);
+    Eigen::VectorXd f = external_force(there, ws, state.q.data(), wrenches), given = Eigen::VectorXd::Zero(there.nv);
+    for (int i = 0; i < free->nv; ++i)
+      if (const int to = map.v[static_cast<std::size_t>(i)]; to >= 0 && others[static_cast<std::size_t>(i)] == 0) f[to] += p[i];
+    for (int i = 0; i < there.nv; ++i)
+      if (there.has_prescribed() && there.prescribed[static_cast<std::size_t>(i)] != 0) given[i] = state.v[i];
+    if (there.has_prescribed()) f -= momentum(there, state.q, given);
+    if (!articulate_at_rest(there, ws, state.q.data())) throw NumericsError(describe_breakdown(there, ws.breakdown, state.t));
+    solve_mass(there, ws, state.q.data(), f.data(), state.v.data());
+    f -= momentum(there, state.q, state.v);  // once more for what rounding left of the momentum
+    Eigen::VectorXd rest(there.nv);
+    solve_mass(there, ws, state.q.data(), f.data(), rest.data());
+    state.v += rest + given;
+  }
+
+  std::shared_ptr<const Model> open_tree() const {
+    SystemSpec open = spec_;
+    open.loops.clear();
+    return compile(open, registry_, options_);
+  }
+
+  /// M v.
+  static Eigen::VectorXd momentum(const Model& model, const Eigen::VectorXd& q, const Eigen::VectorXd& v) {
+    Workspace ws(model);
+    const Eigen::VectorXd rest = Eigen::VectorXd::Zero(model.nv);
+    Eigen::VectorXd p(model.nv);
+    inverse_dynamics(model, ws, Inputs{.q = q.data(), .v = rest.data(), .vdot = v.data()}, p.data(),
+                     {.velocity = false, .gravity = false, .elastic = false});
+    return p;
+  }
+
+  Simulation& from_;
+  const Model& before_;
+  const Observer& seen_;
+  const State& state_;
+  SystemSpec spec_;
+  const Registry& registry_;
+  CompileOptions options_;
+  std::vector<BodySpec*> others_;  // of spec_
+};
+
+}  // namespace
+
+bool joined_otherwise(const SystemSpec& before, const SystemSpec& after) {
+  const auto same = [](const LoopSpec& a, const LoopSpec& b) { return a.name == b.name && a.open == b.open; };
+  if (!std::ranges::equal(before.loops, after.loops, same)) return true;
+  return std::ranges::any_of(after.bodies, [&](const BodySpec& b) {
+    const BodySpec* was = before.find(b.name);
+    return was && joined_otherwise(was->hinge, b.hinge);
+  });
+}
+
+Rejoined rejoin(Simulation& from, SystemSpec spec, const Registry& registry, const CompileOptions& options) {
+  return Rejoining(from, std::move(spec), registry, options).run();
+}
+
+std::vector<double> initial_places(const SystemSpec& spec) {
+  std::vector<double> all;
+  for (const BodySpec& b : spec.bodies)
+    for (const std::vector<double>* part : {&b.hinge.q, &b.eta}) {
+      all.push_back(static_cast<double>(part->size()));
+      all.insert(all.end(), part->begin(), part->end());
+    }
+  return all;
+}
+
+bool put_initial_places(SystemSpec& spec, const std::vector<double>& places) {
+  auto at = places.begin();
+  for (BodySpec& b : spec.bodies) {
+    for (std::vector<double>* part : {&b.hinge.q, &b.eta}) {
+      if (at == places.end() || !(*at >= 0.0 && *at < static_cast<double>(places.end() - at))) return false;
+      const auto n = static_cast<std::ptrdiff_t>(*at++);
+      part->assign(at, at + n);
+      at += n;
+    }
+    b.hinge.v.clear(), b.etadot.clear();
+  }
+  return at == places.end();
+}
+
+}  // namespace cardan

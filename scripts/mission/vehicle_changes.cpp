@@ -1,0 +1,142 @@
+#include "scripts/mission/vehicle_changes.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+#include "bodies/vehicle/load_vehicle.hpp"
+#include "core/base/activity.hpp"
+#include "core/model/model_map.hpp"
+#include "core/sim/rejoin.hpp"
+
+namespace cardan {
+namespace {
+
+/// `key` is `of` or inside of it.
+bool is_in(std::string_view key, std::string_view of) {
+  return key.starts_with(of) && (key.size() == of.size() || key[of.size()] == '.' || key[of.size()] == '[');
+}
+
+void put(Overrides& values, const std::string& key, const std::string& value) {
+  std::erase_if(values, [&](const auto& before) { return is_in(before.first, key); });
+  values.emplace_back(key, value);
+}
+
+}  // namespace
+
+void VehicleChanges::begin(Overrides given, std::shared_ptr<const SystemSpec> described) {
+  values_ = std::move(given), described_ = std::move(described);
+}
+
+void VehicleChanges::want(Wish wish) {
+  wish.actor = s_.actor;
+  for (const Wish& other : wishes_) {
+    if (!is_in(wish.key, other.key) && !is_in(other.key, wish.key)) continue;
+    if (wish.key == other.key && wish.value == other.value) return;
+    const auto name = [](const Wish& w) { return w.told.empty() ? w.key + " = " + w.value : w.told; };
+    Diagnostic d;
+    d.code = Code::other_vehicle, d.at = {wish.key, wish.by}, d.stack = wish.stack;
+    d.expected = "one change of it in an instant", d.got = fmt::format("{}, after {}", name(wish), name(other));
+    d.hint = "the order of what happens in one instant tells nothing";
+    throw InputError(std::vector{d});
+  }
+  wishes_.push_back(std::move(wish));
+  std::ranges::sort(wishes_, {}, &Wish::key);
+  schedule();
+}
+
+void VehicleChanges::schedule() {
+  std::vector<std::string> told;
+  for (const Wish& w : wishes_)
+    if (!w.told.empty()) told.push_back(w.told);
+  s_.sim->adopt([this] { return make(); }, told.empty() ? "model" : fmt::format("{}", fmt::join(told, ", ")));
+}
+
+void VehicleChanges::want(const std::vector<Wish>& values) {
+  const Activity activity("a changed vehicle");
+  Overrides tried = with_wishes();
+  for (const Wish& wish : values) put(tried, wish.key, wish.value);
+  try {
+    SystemSpec spec = described(tried);
+    if (wishes_.empty() && !rejoined_ && !joined_otherwise(*s_.model->spec, spec)) carried_model(std::move(spec));
+  } catch (const InputError& e) {
+    std::vector<Diagnostic> all = e.diagnostics();
+    for (Diagnostic& d : all)
+      if (d.at.mark.file.empty() || d.at.mark.file.starts_with("--set")) d.at.mark = values.front().by, d.stack = values.front().stack;
+    throw InputError(all);
+  }
+  for (const Wish& wish : values) want(wish);
+}
+
+Overrides VehicleChanges::with_wishes() const {
+  Overrides all = values_;
+  for (const Wish& wish : wishes_) put(all, wish.key, wish.value);
+  return all;
+}
+
+/// The text with these values; modes whose source is as it was are not made anew.
+SystemSpec VehicleChanges::described(const Overrides& values) const {
+  SystemSpec spec = vehicle_from_text(described_->source_text, s_.file, s_.registry, values);
+  take_modes(spec, *s_.model->spec);
+  make_modes(spec, ModeCache::of_user());
+  return spec;
+}
+
+std::shared_ptr<const Model> VehicleChanges::carried_model(SystemSpec spec) const {
+  const auto model = compile(std::make_shared<const SystemSpec>(std::move(spec)), s_.registry, s_.options());
+  const State after = model->initial_state(), kept = carried(s_.model->initial_state(), model_map(*s_.model, *model), *model);
+  if (kept.q != after.q || kept.v != after.v || kept.z != after.z || kept.marks != after.marks)
+    refuse(Code::other_vehicle, {"vehicle:change"}, "values that hold from now on", "an initial state", "a run begins once");
+  return model;
+}
+
+/// At the end of the instant. What is refused is told of who asked for it.
+Rejoined VehicleChanges::make() {
+  const std::vector<Wish> wishes = std::exchange(wishes_, {});
+  Overrides values = values_;
+  for (const Wish& wish : wishes) put(values, wish.key, wish.value);
+  actor_ = wishes.front().actor;
+  try {
+    Rejoined next = made(values);
+    values_ = std::move(values);
+    instants_.push_back({values_, initial_places(*next.model->spec)});
+    return next;
+  } catch (const InputError& e) {
+    std::vector<Diagnostic> all = e.diagnostics();
+    for (Diagnostic& d : all) {
+      const auto about =
+          std::ranges::find_if(wishes, [&](const Wish& w) { return is_in(d.at.key_path, w.key) || is_in(w.key, d.at.key_path); });
+      const Wish& by = about == wishes.end() ? wishes.front() : *about;
+      actor_ = by.actor;
+      d.at.mark = by.by, d.stack = by.stack;
+    }
+    throw InputError(all);
+  }
+}
+
+Rejoined VehicleChanges::made(const Overrides& values) {
+  SystemSpec spec = described(values);
+  if (!rejoined_ && !joined_otherwise(*s_.model->spec, spec)) {
+    const auto model = carried_model(std::move(spec));
+    return {model, carried(s_.sim->state(), model_map(*s_.model, *model), *model)};
+  }
+  rejoined_ = true;
+  return rejoin(*s_.sim, std::move(spec), s_.registry, s_.options());
+}
+
+void VehicleChanges::remember(Archive& a) {
+  std::vector<Instant> instants = instants_;
+  a.block("vehicle")(instants, wishes_, rejoined_);
+  if (!a.reading()) return;
+  for (std::size_t i = instants_.size(); i < instants.size(); ++i) {  // those before the run the script has made again
+    const Instant& instant = instants[i];
+    SystemSpec spec = described(instant.values);
+    if (!put_initial_places(spec, instant.places)) a.wrong("coordinates of another vehicle");
+    s_.sim->adopt_again(compile(std::make_shared<const SystemSpec>(std::move(spec)), s_.registry, s_.options()));
+    values_ = instant.values;
+  }
+  instants_ = std::move(instants);
+}
+
+}  // namespace cardan

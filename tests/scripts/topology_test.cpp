@@ -1,0 +1,181 @@
+// Bodies that part and join in a run: sat:attach, detach, lock, unlock, close, open.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/scripts/run_program.hpp"
+
+namespace cardan {
+namespace {
+
+using nlohmann::json;
+
+/// A bus with an arm of two links, a stage on it, and a guest that flies by itself; `dock` may hold the guest to the arm.
+constexpr const char* kStack = R"yaml(
+cardan: 1
+bodies:
+  bus:
+    mass: 100 kg
+    com: [0.1, 0, 0.2]
+    inertia: [30, 40, 50]
+    nodes: {port: {position: [0, 0, 1]}}
+    hinge: {type: free, to: world, initial: {velocity: [0.1, 0.2, 0], rate: [0.1, -0.2, 0.3]}}
+  arm: {mass: 10, inertia: [1, 1, 0.1], com: [0, 0, 0.5], hinge: {type: revolute, axis: [1, 0, 0], to: {body: bus, position: [1, 0, 0]}, initial: {angle: 20 deg, rate: 0.5}}}
+  tip:
+    mass: 5
+    inertia: [0.3, 0.2, 0.1]
+    com: [0, 0.1, 0.5]
+    nodes: {hand: {position: [0, 0, 1]}}
+    hinge: {type: revolute, axis: [0, 1, 0], to: {body: arm, position: [0, 0, 1]}, initial: {rate: -0.5}}
+  boom:
+    type: modal_flexible
+    modal: {beam: {length: 3 m, material: {E: 70 GPa, rho: 2700}, section: {tube: {radius: 2 cm, wall: 1 mm}}}, modes: {count: 2}}
+    hinge: {type: locked, to: bus.port, at: root}
+  upper: {mass: 50, inertia: [10, 11, 12], com: [0, 0, 0.5], hinge: {type: locked, to: {body: bus, position: [0, 0, -1]}}}
+  guest: {mass: 20, inertia: [2, 3, 4], hinge: {type: free, to: world, initial: {position: [5, 0, 0], rate: [0.1, 0.05, 0]}}}
+loops:
+  dock: {type: distance, length: 2, from: bus, to: guest, open: true}
+)yaml";
+
+Finished mission(const TemporaryFolder& dir, const std::string& rest, const char* vehicle = kStack) {
+  write(dir / "vehicle.yaml", vehicle);
+  const std::string nodes = vehicle == kStack ? R"("upper", "tip", "guest")" : R"("guest")";
+  write(dir / "scenario.lua", R"lua(
+local sat = vehicle "vehicle.yaml"
+mission { duration = 6, integrator = { method = "dop853", relative = 1e-12 }, checkpoint = { period = "0.5 s" },
+          output = { rate = "10 Hz", nodes = { )lua" +
+                                  nodes + R"lua( } } }
+)lua" + rest);
+  return run_program({"run", ".", "--quiet", "--out", "out"}, dir.path());
+}
+
+constexpr const char* kEvents = R"lua(
+phase { name = "stack", duration = 1, exit_ = function() sat:detach "upper" end }
+phase { name = "apart", duration = 1, exit_ = function() sat:lock "arm" end }
+phase { name = "held", duration = 1, exit_ = function() sat:detach "tip"; sat:unlock "arm" end }
+phase { name = "loose", duration = 1, exit_ = function() sat:attach("tip", { to = "upper", as_found = true }) end }
+phase { name = "grasped", duration = 1, exit_ = function() sat:attach("guest", { to = "bus.port", as_found = true }) end }
+phase { name = "one", duration = 1 }
+)lua";
+
+/// One a tenth of a second, 61 in all.
+std::vector<std::vector<double>> rows(const std::filesystem::path& dir, const std::string& channel) {
+  const std::vector<double> all = channels_of(dir.string()).at("/channels/" + channel);
+  const auto width = static_cast<std::ptrdiff_t>(all.size() / 61);
+  std::vector<std::vector<double>> out;
+  for (auto at = all.begin(); at != all.end(); at += width) out.emplace_back(at, at + width);
+  return out;
+}
+
+TEST(Topology, BodiesPartAndJoinAndTheBooksBalance) {
+  const TemporaryFolder dir;
+  const Finished done = mission(dir, kEvents);
+  ASSERT_EQ(done.exit_code, 0) << done.err;
+  const json summary = summary_of(dir / "out");
+  EXPECT_TRUE(summary.at("ledger").dump().find("null") == std::string::npos) << summary.at("ledger").dump();
+  const auto angle = rows(dir / "out", "hinges/arm/angle"), rate = rows(dir / "out", "hinges/arm/rate"),
+             tip = rows(dir / "out", "hinges/tip/angle");
+  for (int i = 21; i <= 30; ++i) EXPECT_EQ(angle[static_cast<std::size_t>(i)][0], angle[21][0]) << i;  // locked from 2 s to 3 s
+  for (int i = 21; i <= 30; ++i) EXPECT_EQ(rate[static_cast<std::size_t>(i)][0], 0.0) << i;
+  EXPECT_NE(angle[31][0], angle[30][0]);
+  for (int i = 31; i <= 60; ++i) EXPECT_EQ(tip[static_cast<std::size_t>(i)][0], tip[30][0]) << i;  // gone at 3 s
+  // Held to each other, the distance of two bodies stays.
+  const auto upper = rows(dir / "out", "nodes/upper/position"), hand = rows(dir / "out", "nodes/tip/position");
+  const auto apart = [&](std::size_t i) {
+    double sum = 0.0;
+    for (std::size_t j = 0; j < 3; ++j) sum += std::pow(upper[i][j] - hand[i][j], 2);
+    return std::sqrt(sum);
+  };
+  for (std::size_t i = 41; i <= 60; ++i) EXPECT_NEAR(apart(i), apart(40), 1e-12 * apart(40)) << i;
+  EXPECT_GT(std::abs(apart(40) - apart(31)), 1e-3);
+}
+
+TEST(Topology, ARunIsRepeatedAndResumedWithTheSameBits) {
+  const TemporaryFolder dir;
+  ASSERT_EQ(mission(dir, kEvents).exit_code, 0);
+  const std::string all = json(channels_of(dir / "out")).dump();
+  for (const char* at : {"0.5", "1", "2.5", "3", "4", "4.5", "5.5"}) {
+    const Finished resumed = run_program({"run", "--resume", "out/run.h5", "--at", at, "--quiet", "--out", "resumed"}, dir.path());
+    ASSERT_EQ(resumed.exit_code, 0) << resumed.err;
+    EXPECT_EQ(json(channels_of(dir / "resumed")).dump(), all) << at;
+  }
+  ASSERT_EQ(run_program({"run", "--again", "out/run.h5", "--quiet", "--out", "again"}, dir.path()).exit_code, 0);
+  EXPECT_EQ(json(channels_of(dir / "again")).dump(), all);
+}
+
+TEST(Topology, TheOrderOfWhatHappensInOneInstantTellsNothing) {
+  const TemporaryFolder dir;
+  std::string all;
+  for (const char* calls : {"sat:detach 'upper' sat:lock 'arm' sat:detach 'tip'", "sat:detach 'tip' sat:detach 'upper' sat:lock 'arm'",
+                            "sat:lock 'arm' sat:detach 'tip' sat:detach 'upper' sat:lock 'arm'"}) {
+    const Finished done = mission(dir, "phase { name = 'a', duration = 1, exit_ = function() " + std::string(calls) + " end }\n");
+    ASSERT_EQ(done.exit_code, 0) << done.err;
+    const std::string bits = json(channels_of(dir / "out")).dump();
+    EXPECT_TRUE(all.empty() || all == bits) << calls;
+    all = bits;
+  }
+}
+
+/// A rod of 2 m between two bodies that come to be 2 m apart: then the distance stays, until it is let go; a loop that is open pushes with
+/// nothing.
+TEST(Topology, ALoopIsClosedWhereItsEndsMeetAndOpenedAgain) {
+  const TemporaryFolder dir;
+  const char* two = R"yaml(
+cardan: 1
+bodies:
+  bus: {mass: 100, inertia: [30, 40, 50], hinge: {type: free, to: world, initial: {rate: [0, 0, 0.2]}}}
+  guest: {mass: 20, inertia: [2, 3, 4], hinge: {type: free, to: world, initial: {position: [3, 0, 0], velocity: [-0.5, 0.1, 0]}}}
+loops:
+  rod: {type: distance, length: 2, from: bus, to: guest, open: true}
+)yaml";
+  const Finished done = mission(dir, R"lua(
+local bus, guest, memory = sat:hinge "bus", sat:hinge "guest", persist { met = false }
+event { name = "met", direction = "falling", action = function()
+          if not memory.met then sat:close "rod" end
+          memory.met = true
+        end,
+        when = function()
+          local function along(name) return guest:q(name) - bus:q(name) end
+          return math.sqrt(along "x" ^ 2 + along "y" ^ 2 + along "z" ^ 2) - 2
+        end }
+phase { name = "free", duration = 5, exit_ = function() sat:open "rod" end }
+phase { name = "apart", duration = 1 }
+)lua",
+                                two);
+  ASSERT_EQ(done.exit_code, 0) << done.err;
+  const auto bus = rows(dir / "out", "bodies/bus/position"), guest = rows(dir / "out", "bodies/guest/position"),
+             force = rows(dir / "out", "loops/rod/reaction");
+  const auto apart = [&](std::size_t i) { return std::hypot(bus[i][0] - guest[i][0], bus[i][1] - guest[i][1], bus[i][2] - guest[i][2]); };
+  for (std::size_t i = 25; i <= 50; ++i) {
+    EXPECT_NEAR(apart(i), 2.0, 1e-9) << i;
+    EXPECT_GT(std::hypot(force[i][3], force[i][4], force[i][5]), 1e-3) << i;
+  }
+  for (const std::size_t i : {0, 10, 51, 60}) EXPECT_EQ(force[i], std::vector<double>(6, 0.0)) << i;
+  EXPECT_GT(std::abs(apart(60) - 2.0), 1e-3);
+}
+
+TEST(Topology, WhatCannotBeDoneIsTold) {
+  const TemporaryFolder dir;
+  const auto told = [&](const std::string& call, int code, const std::string& text) {
+    const Finished done =
+        mission(dir, "phase { name = 'a', duration = 1, exit_ = function() " + call + " end }\nphase { name = 'b', duration = 1 }\n");
+    EXPECT_EQ(done.exit_code, code) << call << done.err;
+    EXPECT_NE(done.err.find(text), std::string::npos) << call << "\n" << done.err;
+  };
+  told("sat:detach 'guest'", 3, "guest, which flies freely");
+  told("sat:detach 'gust'", 3, "did you mean \"guest\"?");
+  told("sat:lock 'upper'", 3, "that of upper, locked");
+  told("sat:unlock 'arm'", 3, "that of arm, revolute");
+  told("sat:open 'dock'", 3, "dock, which is not");
+  told("sat:close 'dick'", 3, "did you mean \"dock\"?");
+  told("sat:detach 'tip' sat:lock 'tip'", 3, "lock tip, after detach tip");
+  told("sat:attach('guest', {to = 'bus.port'})", 3, "the ends of a hinge do not meet");
+  told("sat:attach('guest', {to = 'bus.pot', as_found = true})", 3, "unknown node");
+  told("sat:attach('bus', {to = 'tip', as_found = true})", 3, "closed loop");
+  told("sat:attach('guest', {to = 'bus', type = 'ball', as_found = true})", 3, "a type, or as_found = true");
+  told("sat:attach('guest', {to = 'bus', initial = {}})", 3, "a hinge without `initial` and `locked`");
+  told("sat:close 'dock'", 3, "a loop is not closed at the start");
+}
+
+}  // namespace
+}  // namespace cardan
