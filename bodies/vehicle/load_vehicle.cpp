@@ -87,6 +87,7 @@ std::vector<std::string> make_modes(SystemSpec& spec, const ModeCache& cache) {
 std::shared_ptr<const SystemSpec> load_vehicle(const std::string& path, const Registry& registry, const Overrides& overrides) {
   auto spec = std::make_shared<SystemSpec>(read_vehicle(path, registry, overrides));
   make_modes(*spec);
+  spec->warnings.add(held_back(*spec));
   return spec;
 }
 

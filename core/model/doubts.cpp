@@ -31,17 +31,10 @@ class Doubts {
     if (hinge.locked && std::any_of(hinge.v.begin(), hinge.v.end(), [](double v) { return v != 0.0; }))
       found_.add(Code::no_effect, spec_.locate(body_path(body) + ".hinge.initial"),
                  fmt::format("the hinge is locked: its initial velocity ({:g}) is not taken", fmt::join(hinge.v, ", ")));
-    for (std::size_t i = 0; i < hinge.loads.size() && hinge.locked; ++i)
-      found_.add(Code::no_effect,
-                 spec_.locate(hinge.loads[i].at.key_path.empty() ? fmt::format("{}.hinge.loads[{}]", body_path(body), i)
-                                                                 : hinge.loads[i].at.key_path),
-                 "the hinge is locked: this load does nothing");
     for (std::size_t i = 0; i < hinge.springs.size(); ++i) {
       const SpringDamper& s = hinge.springs[i];
       const std::string path = s.at.key_path.empty() ? fmt::format("{}.hinge.springs[{}]", body_path(body), i) : s.at.key_path;
-      if (hinge.locked)
-        found_.add(Code::no_effect, spec_.locate(path), "the hinge is locked: this spring and damper do nothing");
-      else if (s.stiffness < 0.0)
+      if (!hinge.locked && s.stiffness < 0.0)
         found_.add(Code::unusual_value, spec_.locate(path + ".stiffness"),
                    fmt::format("stiffness {:g}: tau = -stiffness (q - rest) pushes away from rest, and the motion grows", s.stiffness),
                    "a restoring spring has a stiffness > 0");
@@ -70,5 +63,20 @@ class Doubts {
 }  // namespace
 
 Warnings doubts(const SystemSpec& spec) { return Doubts(spec).all(); }
+
+Warnings held_back(const SystemSpec& spec, const std::vector<std::string>& but) {
+  Warnings found;
+  for (const BodySpec& body : spec.bodies) {
+    const HingeSpec& hinge = body.hinge;
+    if (!hinge.locked || std::ranges::find(but, body.name) != but.end()) continue;
+    const auto tell = [&](const Located& at, const char* key, std::size_t i, const char* what) {
+      const std::string path = at.key_path.empty() ? fmt::format("{}.hinge.{}[{}]", body_path(body), key, i) : at.key_path;
+      found.add(Code::no_effect, spec.locate(path), fmt::format("the hinge is locked: {}", what));
+    };
+    for (std::size_t i = 0; i < hinge.loads.size(); ++i) tell(hinge.loads[i].at, "loads", i, "this load does nothing");
+    for (std::size_t i = 0; i < hinge.springs.size(); ++i) tell(hinge.springs[i].at, "springs", i, "this spring and damper do nothing");
+  }
+  return found;
+}
 
 }  // namespace cardan

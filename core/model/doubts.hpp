@@ -7,4 +7,7 @@ namespace cardan {
 /// About hinges, springs and where they attach, once the modal data are there.
 Warnings doubts(const SystemSpec& spec);
 
+/// Springs and loads of hinges that are locked, which do nothing as long as that is so; but of these bodies.
+Warnings held_back(const SystemSpec& spec, const std::vector<std::string>& but = {});
+
 }  // namespace cardan

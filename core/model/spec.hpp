@@ -138,7 +138,8 @@ struct LoopSpec {
   double length = 0.0;  // [m] distance
   std::vector<Term> terms;
   double offset = 0.0;
-  bool open = false;  // it closes nothing, until it is closed (core/sim/rejoin.hpp)
+  bool open = false;      // it closes nothing, until it is closed (core/sim/rejoin.hpp)
+  bool as_found = false;  // a weld that is closed in a run: it holds the pose that its ends have then, and `to` becomes that place
   Located at;
 };
 

@@ -191,7 +191,11 @@ std::string place_text(const PlaceSpec& place) {
 /// What closes the loops of the tree: rows, those that others imply, and how far the vehicle can still move.
 Json loops(const Simulation& sim) {
   const Model& m = sim.model();
-  if (m.loops.empty()) return {};
+  if (m.spec->loops.empty()) return {};
+  Json open = Json::array();
+  for (const LoopSpec& l : m.spec->loops)
+    if (l.open) open.push_back({{"name", l.name}, {"type", l.type}});
+  if (m.loops.empty()) return {{"all", Json::array()}, {"open", open}};
   Workspace ws(m);
   const LoopRank rank = loop_rank(m, ws, sim.state().q.data());
   Json all = Json::array(), redundant = Json::array();
@@ -216,6 +220,7 @@ Json loops(const Simulation& sim) {
     sets.push_back({{"loops", names}, {"form", set.form}, {"why", set.why}});
   }
   return {{"all", all},
+          {"open", open},
           {"form", loop_forms()[static_cast<std::size_t>(m.spec->loop_form)]},
           {"embedded", m.loops.embedding != nullptr},
           {"sets", sets},

@@ -102,7 +102,8 @@ std::string description_text(const Json& d) {
     out += fmt::format("  {:<18}{}{}\n", device["name"].get<std::string>(), device["type"].get<std::string>(), about);
   }
 
-  if (const Json loops = d.value("loops", Json()); !loops.is_null()) {
+  const Json loops = d.value("loops", Json());
+  if (!loops.is_null() && !loops["all"].empty()) {
     out += fmt::format("\nclosed loops, by {}\n",
                        loops["embedded"].get<bool>() ? "embedding: inside of the sweeps" : "multipliers over the open tree");
     for (const Json& l : loops["all"])
@@ -119,6 +120,10 @@ std::string description_text(const Json& d) {
       out += fmt::format("  {}: by {}{}\n", names, set["form"].get<std::string>(), why.empty() ? "" : " (" + why + ")");
     }
     for (const Json& row : loops["redundant"]) out += fmt::format("  implied by the others: {}\n", row.get<std::string>());
+  }
+  if (!loops.is_null() && !loops["open"].empty()) {
+    out += "\nloops that are open until the mission closes them\n";
+    for (const Json& l : loops["open"]) out += fmt::format("  {:<18}{}\n", l["name"].get<std::string>(), l["type"].get<std::string>());
   }
 
   out += fmt::format("\ngravity: {}\n\nprogram of sweeps, in order\n", d["gravity"].get<std::string>());

@@ -59,6 +59,8 @@ class Rejoining {
       else
         body.hinge.q = was.q;
     }
+    for (LoopSpec& loop : spec_.loops)
+      if (loop.as_found) hold_as_found(loop);
     const auto model = compile(std::make_shared<const SystemSpec>(spec_), registry_, options_);
     const ModelMap map = model_map(before_, *model);
     State state = carried(state_, map, *model);
@@ -120,6 +122,22 @@ class Rejoining {
     refuse(Code::ends_apart, at, fmt::format("ends that a hinge of type {} can join where they are", hinge.type),
            fmt::format("{:.3g} rad and {:.3g} m between them at t = {:.6g} s", turn, shift, state_.t),
            "as_found = true holds them as they are");
+  }
+
+  /// Its end `to` is where `from` is when it closes, and stays there, also when it is open again: the node of that place does.
+  void hold_as_found(LoopSpec& loop) const {
+    const auto was = std::ranges::find(before_.spec->loops, loop.name, &LoopSpec::name);
+    if (was != before_.spec->loops.end()) loop.to = was->to;
+    if (loop.open || (was != before_.spec->loops.end() && !was->open)) return;
+    const auto in_place = [](const PlaceSpec& p) { return Pose<double>{from_eigen(p.R), from_eigen(p.position)}; };
+    const auto known = [this](const PlaceSpec& p) { return p.body.empty() || before_.find_body(p.body) >= 0; };
+    if (!known(loop.from) || !known(loop.to)) return;  // compile() refuses it
+    const BodySpec* body = spec_.find(loop.to.body);
+    if (body && body->modal && !loop.to.node.empty())
+      refuse(Code::unsupported, spec_.locate("loops." + loop.name + ".as_found"), "an end `to` on a rigid body, which has a place anywhere",
+             fmt::format("{}.{}, a node of a flexible body", loop.to.body, loop.to.node), "let the flexible body be `from`");
+    const Pose<double> X = inverse(place(loop.to.body, "", {}).pose) * place(loop.from.body, loop.from.node, in_place(loop.from)).pose;
+    loop.to.node.clear(), loop.to.R = to_eigen(X.R), loop.to.position = to_eigen(X.p);
   }
 
   /// Only bodies, hinges and what gives them mass: what M is made of.
@@ -263,6 +281,11 @@ std::vector<double> initial_places(const SystemSpec& spec) {
       all.push_back(static_cast<double>(part->size()));
       all.insert(all.end(), part->begin(), part->end());
     }
+  for (const LoopSpec& l : spec.loops) {
+    if (!l.as_found) continue;
+    all.push_back(l.to.node.empty());
+    all.insert(all.end(), l.to.R.data(), l.to.R.data() + 9), all.insert(all.end(), l.to.position.data(), l.to.position.data() + 3);
+  }
   return all;
 }
 
@@ -276,6 +299,13 @@ bool put_initial_places(SystemSpec& spec, const std::vector<double>& places) {
       at += n;
     }
     b.hinge.v.clear(), b.etadot.clear();
+  }
+  for (LoopSpec& l : spec.loops) {
+    if (!l.as_found) continue;
+    if (places.end() - at < 13) return false;
+    if (*at++ != 0.0) l.to.node.clear();
+    std::copy_n(at, 9, l.to.R.data()), std::copy_n(at + 9, 3, l.to.position.data());
+    at += 12;
   }
   return at == places.end();
 }

@@ -89,6 +89,8 @@ int event(lua_State* L, Scenario& s) {
   e.action = d.function("action", true);
   const std::string direction = d.table().choice("direction", {"rising", "falling", "both"}).value_or("both");
   e.direction = direction == "rising" ? 1 : direction == "falling" ? -1 : 0;
+  e.once = d.table().flag("once").value_or(false);
+  if (e.once && e.direction == 0) d.table().reject("once", "true beside direction = \"rising\" or \"falling\"");
   d.finish();
   s.events.push_back(std::move(e));
   return 0;

@@ -30,15 +30,32 @@ int component(lua_State* L, int arg, const std::vector<std::string>& names, cons
          type == LUA_TNONE ? "the first component" : describe_value(L, arg), did_you_mean(word, names));
 }
 
+/// A hinge that is held has its coordinates, and rates of zero.
+const HingeSpec* held(const Handle& h) {
+  const HingeSpec& spec = h.scenario->model->spec->bodies[static_cast<std::size_t>(h.index)].hinge;
+  return spec.locked ? &spec : nullptr;
+}
+std::vector<std::string> names_of(const char* const* names, std::uint32_t n) { return {names, names + n}; }
+
 int hinge_q(lua_State* L) {
   const Handle& h = self<Kind::hinge>(L);
   const UserBody& u = h.user();
+  if (const HingeSpec* spec = held(h)) {
+    const int i = component(L, 2, names_of(u.hinge->q_names, u.hinge->nq), u);
+    lua_pushnumber(L, spec->q.empty() ? 0.0 : spec->q[static_cast<std::size_t>(i)]);
+    return 1;
+  }
   lua_pushnumber(L, h.scenario->q[u.q + component(L, 2, u.q_names, u)]);
   return 1;
 }
 int hinge_v(lua_State* L) {
   const Handle& h = self<Kind::hinge>(L);
   const UserBody& u = h.user();
+  if (held(h)) {
+    component(L, 2, names_of(u.hinge->v_names, u.hinge->nv), u);
+    lua_pushnumber(L, 0.0);
+    return 1;
+  }
   lua_pushnumber(L, h.scenario->v[u.v + component(L, 2, u.v_names, u)]);
   return 1;
 }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/model/doubts.hpp"
 #include "core/model/loops.hpp"
 #include "core/model/validate.hpp"
 #include "core/operators/system_properties.hpp"
@@ -122,7 +123,7 @@ void examine(Scenario& s) {
   choose_method_of(s);
   expect_away_from_centre(s);
   look_at_ticks(s);
-  if (!scripts_act(s)) s.warnings.add(still_hinges(*s.sim));
+  if (!scripts_act(s)) s.warnings.add(held_back(*s.model->spec)), s.warnings.add(still_hinges(*s.sim));
   look_at_sizes(s);
   s.warnings.add(FlexibleLimits(*s.sim).expected(*s.sim, s.mission.duration));
 }

@@ -55,12 +55,15 @@ MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Outpu
     : s_(scenario), recorder_(recorder), limits_(*scenario.sim) {
   Simulation& sim = *s_.sim;
   for (Warnings* warnings : {&s_.warnings, &sim.warnings()}) warnings->set_folder(s_.folder);
-  for (const ScriptEvent& e : s_.events) {
+  happened_.assign(s_.events.size(), 0);
+  for (std::size_t i = 0; i < s_.events.size(); ++i) {
+    const ScriptEvent& e = s_.events[i];
     const std::string actor = fmt::format("event \"{}\"", e.name);
-    sim.add_event({e.name, [this, &e, actor](double t, const double* q, const double* v) { return crossing(e, actor, t, q, v); },
+    sim.add_event({e.name, [this, i, actor](double t, const double* q, const double* v) { return crossing(i, actor, t, q, v); },
                    e.direction,
-                   [this, &e, actor] {
+                   [this, i, &e, actor] {
                      const double t = s_.sim->time();
+                     happened_[i] = e.once;
                      call(actor, [&] { e.action.call({&t, 1}, {}); });
                    }});
   }
@@ -102,7 +105,7 @@ void MissionRun::run(double t_end, const std::function<void(double t)>& progress
     told_by_events([&] { s_.sim->run(t_end, progress); });
     add_limits();
     look_elsewhere();
-    if (scripts_act(s_)) s_.warnings.add(still_hinges(*s_.sim));
+    if (scripts_act(s_)) s_.warnings.add(s_.changes.without_effect()), s_.warnings.add(still_hinges(*s_.sim));
     note_warnings();
   } catch (const InputError& e) {
     add_limits();
@@ -120,7 +123,7 @@ void MissionRun::run(double t_end, const std::function<void(double t)>& progress
 }
 
 void MissionRun::remember(Archive& a) {
-  a.block("mission")(phase_).finite(phase_start_)(noted_, s_.warnings, limits_);
+  a.block("mission")(phase_).finite(phase_start_)(noted_, s_.warnings, limits_, std::span(happened_));
   if (phase_ > s_.phases.size() + 1 || noted_ > s_.warnings.all().size()) a.wrong("more phases or warnings than there are");
   s_.phase = phase_ == 0 || phase_ > s_.phases.size() ? std::string_view() : s_.phases[phase_ - 1].name;
   a.block("signals");
@@ -173,7 +176,9 @@ void MissionRun::tick(const Controller& c, const std::string& actor) {
 }
 
 /// The function of an event at a trial state. It may not throw through the integrator: its failure is kept for run().
-double MissionRun::crossing(const ScriptEvent& e, const std::string& actor, double t, const double* q, const double* v) {
+double MissionRun::crossing(std::size_t event, const std::string& actor, double t, const double* q, const double* v) {
+  const ScriptEvent& e = s_.events[event];
+  if (happened_[event] != 0) return e.direction;  // on the side to which it has gone
   s_.q = q, s_.v = v, s_.trial_time = t, s_.in_event_function = true;
   double value = std::nan("");
   const Acting acting(s_, actor);

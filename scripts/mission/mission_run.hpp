@@ -46,7 +46,7 @@ class MissionRun {
   void remember(Archive& archive);
   void make_checkpoint();
   void note_warnings();  // those of the scenario that the recorder does not know yet
-  double crossing(const ScriptEvent&, const std::string& actor, double t, const double* q, const double* v);
+  double crossing(std::size_t event, const std::string& actor, double t, const double* q, const double* v);
   void advance_phase();
   bool is_over(const Phase&);
   void call_phase(const LuaFunction&, const Phase&);
@@ -57,6 +57,7 @@ class MissionRun {
   std::size_t noted_ = 0;  // warnings of the scenario
   std::size_t phase_ = 0;  // 1 + index of the present one; 0 = not begun
   double phase_start_ = 0.0;
+  std::vector<int> happened_;  // events with `once`
   FlexibleLimits limits_;
   std::function<void(double t, Checkpoint checkpoint)> keep_;
   std::vector<std::string> elsewhere_;

@@ -77,6 +77,7 @@ struct ScriptEvent {
   std::string name;
   LuaFunction when, action;
   int direction = 0;  // +1 rising, -1 falling, 0 both
+  bool once = false;  // not looked at after it has happened
 };
 
 /// A number that the script works out at the end; a check if it has limits.

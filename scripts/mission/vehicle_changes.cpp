@@ -7,6 +7,7 @@
 
 #include "bodies/vehicle/load_vehicle.hpp"
 #include "core/base/activity.hpp"
+#include "core/model/doubts.hpp"
 #include "core/model/model_map.hpp"
 #include "core/sim/rejoin.hpp"
 
@@ -123,6 +124,23 @@ Rejoined VehicleChanges::made(const Overrides& values) {
   }
   rejoined_ = true;
   return rejoin(*s_.sim, std::move(spec), s_.registry, s_.options());
+}
+
+Warnings VehicleChanges::without_effect() const {
+  if (!described_) return {};
+  const auto ever = [this](const std::string& path, const std::string& value) {
+    const auto is = [&](const auto& change) { return change.first == path && change.second == value; };
+    return std::ranges::any_of(instants_, [&](const Instant& i) { return std::ranges::any_of(i.values, is); });
+  };
+  std::vector<std::string> unlocked;
+  for (const BodySpec& body : described_->bodies)
+    if (ever("bodies." + body.name + ".hinge.locked", "false")) unlocked.push_back(body.name);
+  Warnings found = held_back(*described_, unlocked);
+  for (const LoopSpec& loop : described_->loops)
+    if (loop.open && !ever("loops." + loop.name + ".open", "false"))
+      found.add(Code::no_effect, described_->locate("loops." + loop.name), "open all the time: nothing closed it",
+                fmt::format("sat:close(\"{}\")", loop.name));
+  return found;
 }
 
 void VehicleChanges::remember(Archive& a) {

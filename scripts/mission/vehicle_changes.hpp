@@ -47,6 +47,9 @@ class VehicleChanges {
   /// Who asked for what could not be done.
   const std::string& actor() const { return actor_; }
 
+  /// Loops that are described as open and that nothing has closed, a latch that did not catch; springs of hinges that nothing has unlocked.
+  Warnings without_effect() const;
+
   /// What happened until now; reading it, the vehicle becomes that.
   void remember(Archive& archive);
   /// After that, once the simulation goes on: what was wanted in the instant of the checkpoint.
