@@ -7,6 +7,8 @@
 namespace cardan {
 namespace {
 
+constexpr double kBroken = 1e-10;  // what rows left out since the start may lack, relative to the rates of their loops
+
 /// Inward, outward, and multipliers.
 bool over_the_open_tree(const Model& model, Workspace& ws, const Inputs& in, double* vdot) {
   const soa::Sweeps<double>& S = soa::sweeps<double>();
@@ -26,6 +28,26 @@ int embed(const Model& model, Workspace& ws, const Inputs& in, const double* giv
                                  &pass};
   return soa::instruction_set().embedded(model, *model.loops.embedding, soa::sweeps<double>(), ws, *ws.loops->embedding, in, hinges, given,
                                          vdot);
+}
+
+/// v' keeps the rows that were left out at the start. It does not where they have become independent, or contradict the others.
+bool keeps_rows_left_out(const Model& model, Workspace& ws, const Inputs& in, const double* vdot) {
+  LoopWork& k = *ws.loops;
+  LoopPass pass(model, ws, in);
+  pass.place();
+  pass.accelerations(vdot, k.acceleration.data());
+  double open = 0.0, size = 0.0, most = 0.0;
+  for (const Loop& loop : model.loops.all) {
+    for (const int v : loop.rates) size = std::max(size, std::abs(vdot[v]) / model.loops.column_scale[static_cast<std::size_t>(v)]);
+    for (int i = loop.first; i < loop.first + loop.rows; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      const double metres = pass.in_metres(loop, i);
+      if (loop.closing != Closing::coupling) open = std::max(open, std::abs(k.c[at]) * metres / loop.lever);
+      const double missing = std::abs(k.acceleration[at]) * metres / loop.reference;
+      if (!(missing <= most)) most = missing;
+    }
+  }
+  return most <= (kBroken + 1e3 * open) * size;
 }
 
 /// A x = b by rows [A b], partial pivoting; x in place of b.
@@ -60,6 +82,12 @@ class EmbeddedMultipliers {
     std::ranges::fill(k_.pushed, 0.0);
     for (std::size_t l = 0; l < e_.loops.size(); ++l) gather(e_.loops[l]);
     for (std::size_t l = e_.loops.size(); l-- > 0;) solve(e_.loops[l], k_.lambda.data());
+    if (e_.chosen) {
+      pass.matrix();
+      pass.find_rank();
+      pass.share();
+      return true;
+    }
     // The left null space of G: one column per row that is left out.
     int n = 0;
     std::ranges::fill(k_.left, 0.0);
@@ -144,7 +172,7 @@ class EmbeddedMultipliers {
     for (int j = 0; j < c.own_columns; ++j) {
       const EmbeddedLoop::Column& x = c.columns[at(j)];
       if (x.input == input) return x.scale * G[j];
-      if (x.input >= 0) continue;
+      if (x.input >= 0 || x.given) continue;
       const EmbeddedLoop& other = e_.loops[at(x.by)];
       if (input >= other.consumer_input && input < other.consumer_input + other.keep)
         sum += G[j] * n_.numbers[at(other.E + x.at * (other.n + 1) + input - other.consumer_input)];
@@ -212,7 +240,15 @@ class EmbeddedMultipliers {
 }  // namespace
 
 bool run_embedding(const Model& model, Workspace& ws, const Inputs& in, double* vdot) {
-  const int result = embed(model, ws, in, nullptr, vdot);
+  int result = embed(model, ws, in, nullptr, vdot);
+  const bool closed = result == 0 && (!model.loops.embedding->chosen || keeps_rows_left_out(model, ws, in, vdot));
+  if ((result == 0 && !closed) || (result == 2 && ws.breakdown.row >= 0)) {  // what the sweeps began with, once more
+    const soa::Sweeps<double>& S = soa::sweeps<double>();
+    S.ground(model, ws, in);
+    for (const Run& run : model.runs) S.outward(model, ws, in, run, {.vdot = run.prescribed});
+    LoopPass(model, ws, in).restore();
+    result = 1;
+  }
   ws.loops->unsettled = result == 0;
   if (result == 0) std::copy_n(vdot, model.nv, ws.loops->vdot.data());
   return result == 1 ? over_the_open_tree(model, ws, in, vdot) : result == 0;
@@ -222,7 +258,7 @@ bool embedded_response(const Model& model, Workspace& ws, const double* q, const
   LoopWork& work = *ws.loops;
   for (std::size_t i = 0; i < rates.size(); ++i) work.rhs[i] = -rates[i];
   soa::sweeps<double>().at_rest(model, ws);
-  const int result = embed(model, ws, {.q = q, .v = work.zero.data(), .gravity = false}, work.rhs.data(), out);
+  const int result = embed(model, ws, {.q = q, .v = work.zero.data(), .vdot = work.zero.data(), .gravity = false}, work.rhs.data(), out);
   if (result == 0) return true;
   ws.breakdown = {};
   return false;

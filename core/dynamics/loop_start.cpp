@@ -83,29 +83,26 @@ std::vector<double> scaled_rows(const Model& model, const LoopPass& pass, const 
 
 void take_embedding(Model& model, Embedding embedding) {
   model.loops.embedding = std::make_shared<const Embedding>(std::move(embedding));
-  for (const EmbeddingStep& step : model.loops.embedding->steps) {
-    if (step.kind != EmbeddingStep::Kind::wheel) continue;
-    const auto carrier = static_cast<std::size_t>(model.bodies[static_cast<std::size_t>(step.body)].parent);
-    if (is_axis(model.bodies[carrier].kind)) model.axis_bodies[carrier].leaf = false;  // its P is not constant
+  for (const EmbeddingStep& step : model.loops.embedding->steps) {  // P of these is not constant
+    const bool wheel = step.kind == EmbeddingStep::Kind::wheel;
+    if (!wheel && step.kind != EmbeddingStep::Kind::close) continue;
+    const auto k = static_cast<std::size_t>(wheel ? model.bodies[static_cast<std::size_t>(step.body)].parent : step.body);
+    if (k > 0 && is_axis(model.bodies[k].kind)) model.axis_bodies[k].leaf = false;
+  }
+  for (const int k : model.loops.embedding->factored) {
+    FlexibleBody& f = model.flexible[static_cast<std::size_t>(model.bodies[static_cast<std::size_t>(k)].flexible)];
+    f.by_nodes = false, f.pushed_by_loops = true;
   }
   sweep_embedded(model);
 }
 
-/// Embedding, where it is honoured and not unwanted.
+/// Embedding, where it is not unwanted.
 void choose_form(Model& model, const LoopPass& pass, const LoopWork& work) {
   Loops& loops = model.loops;
-  const LoopForm wish = model.spec->loop_form;
   const std::vector<double> rows = scaled_rows(model, pass, work);
-  std::string not_honoured;
-  Embedding embedding = embed_loops(model, rows, loops.sets, not_honoured);
-  if (wish == LoopForm::multipliers) {
+  Embedding embedding = embed_loops(model, rows, loops.sets);
+  if (model.spec->loop_form == LoopForm::multipliers) {
     for (LoopSet& set : loops.sets) set.form = "multipliers", set.why = "asked for";
-    return;
-  }
-  if (!not_honoured.empty()) {
-    if (wish == LoopForm::embedding)
-      refuse(Code::unsupported, model.spec->locate("loop_form"), "loops that can be closed inside of the sweeps", not_honoured,
-             "`loop_form: auto` takes multipliers where that is not so");
     return;
   }
   take_embedding(model, std::move(embedding));

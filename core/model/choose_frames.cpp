@@ -153,6 +153,8 @@ void fold_rotors(Model& m) {
   const std::size_t n = m.bodies.size();
   std::vector<std::uint8_t> carries(n, 0);  // something hangs on it
   for (std::size_t k = 1; k < n; ++k) carries[m.bodies[k].parent] = 1;
+  for (const Loop& loop : m.loops.all)
+    if (loop.closing != Closing::coupling) carries[loop.from.sweep] = carries[loop.to.sweep] = 1;
   for (std::size_t k = 1; k < n; ++k) m.bodies[k].M_sweep = m.bodies[k].M, m.bodies[k].J_P = m.bodies[k].M.J;
   for (std::size_t k = 1; k < n; ++k) {
     SweepBody& b = m.bodies[k];

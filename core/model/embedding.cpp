@@ -26,7 +26,8 @@ std::size_t at(Int i) {
 class Ranks {
  public:
   Ranks(const std::vector<double>& B, int rows, int columns) : B_(B), rows_(rows), columns_(columns) {}
-  int take(int first, int n) {
+  /// `kept`: the rows that count, of these n.
+  int take(int first, int n, std::vector<int>* kept = nullptr) {
     int rank = 0;
     std::vector<std::uint8_t> used(at(n));
     for (int p = 0; p < n; ++p) {
@@ -37,6 +38,7 @@ class Ranks {
           if (const double x = std::abs(b(first + i, j)); x > most) most = x, row = first + i, column = j;
       if (row < 0) break;
       used[at(row - first)] = 1, ++rank;
+      if (kept) kept->push_back(row - first);
       for (int i = 0; i < rows_; ++i) {
         if (i == row || b(i, column) == 0.0) continue;
         const double factor = b(i, column) / b(row, column);
@@ -60,7 +62,7 @@ class Embedder {
     body_of_.assign(at(m_.nv), 0);
     for (std::size_t k = 1; k < bodies; ++k)
       for (int j = 0; j < m_.bodies[k].nv; ++j) body_of_[at(m_.bodies[k].v + j)] = static_cast<int>(k);
-    hinges_.resize(m_.loops.all.size()), home_.resize(m_.loops.all.size());
+    hinges_.resize(m_.loops.all.size()), home_.resize(m_.loops.all.size()), meets_.resize(m_.loops.all.size());
     for (std::size_t l = 0; l < m_.loops.all.size(); ++l) {
       const Loop& loop = m_.loops.all[l];
       std::vector<int>& on = hinges_[l];
@@ -76,27 +78,30 @@ class Embedder {
         on.insert(on.end(), loop.to_path.begin(), loop.to_path.end());
       }
       std::ranges::sort(on);
+      meets_[l] = meets_modes_of_home(static_cast<int>(l));
     }
   }
 
   std::vector<LoopSet> sets() {
-    const std::size_t n = m_.loops.all.size();
-    std::vector<int> of(n), on_hinge(m_.bodies.size(), -1);
+    const std::size_t n = m_.loops.all.size(), bodies = m_.bodies.size();
+    std::vector<int> of(n), on(2 * bodies, -1);  // hinges, then modes
     std::iota(of.begin(), of.end(), 0);
     const auto root = [&](int l) {
       while (of[at(l)] != l) l = of[at(l)];
       return l;
     };
-    for (std::size_t l = 0; l < n; ++l)
-      for (const int k : hinges_[l]) {
-        int& first = on_hinge[at(k)];
+    for (std::size_t l = 0; l < n; ++l) {
+      const auto join = [&](int& first) {
         if (first < 0)
           first = static_cast<int>(l);
         else {
           const int a = root(first), b = root(static_cast<int>(l));
           of[at(std::max(a, b))] = std::min(a, b);
         }
-      }
+      };
+      for (const int k : hinges_[l]) join(on[at(k)]), join(on[bodies + at(k)]);
+      if (meets_[l]) join(on[bodies + at(home_[l])]);
+    }
     std::map<int, LoopSet> by_root;
     for (std::size_t l = 0; l < n; ++l) by_root[root(static_cast<int>(l))].loops.push_back(static_cast<int>(l));
     std::vector<LoopSet> out;
@@ -104,24 +109,16 @@ class Embedder {
     return out;
   }
 
-  /// Why a loop cannot be closed inside of the sweeps; empty: it can.
-  std::string fault(int l) const {
+  /// Why the rates of a loop cannot be its coordinates: modes are on its way. Empty: they can.
+  std::string modes_on_the_way(int l) const {
     const Loop& loop = m_.loops.all[at(l)];
     const auto name = [&](int k) { return m_.user[at(m_.owner[at(k)])].name; };
-    const bool couples = loop.closing == Closing::coupling;
-    std::vector<int> through = hinges_[at(l)];
-    if (couples)  // what lies between is passed
-      for (const int k : hinges_[at(l)])
-        for (int i = m_.bodies[at(k)].parent; i != home_[at(l)]; i = m_.bodies[at(i)].parent) through.push_back(i);
-    if (home_[at(l)] > 0 && (!couples || m_.bodies[at(home_[at(l)])].n_modes > 0)) through.push_back(home_[at(l)]);
-    for (const int k : through) {
+    for (const int k : hinges_[at(l)]) {
       const SweepBody& b = m_.bodies[at(k)];
       if (b.n_modes > 0) return fmt::format("{}: {} is flexible", loop.name, name(k));
       if (b.onode >= 0) return fmt::format("{}: {} hangs on a flexible body", loop.name, name(k));
-      if (b.has_prescribed) return fmt::format("{}: the motion of {} is given, or may be held", loop.name, name(k));
-      if (!couples && b.kind == BodyKernel::rotor) return fmt::format("{}: {} is a wheel, folded into its carrier", loop.name, name(k));
-      if (k != home_[at(l)] && is_general(b.kind)) return fmt::format("{}: {}", loop.name, name(k));
     }
+    if (meets_[at(l)]) return fmt::format("{}: {} is flexible", loop.name, name(home_[at(l)]));
     return {};
   }
 
@@ -144,6 +141,23 @@ class Embedder {
   }
 
  private:
+  bool deforms(int shapes) const { return shapes >= 0 && m_.shapes[at(shapes)].deforms(); }
+  bool deforms(const LoopEnd& end) const { return end.node >= 0 && m_.nodes[at(end.node)].shapes.deforms(); }
+
+  /// The modes of home move one end against the other, or what moves them pushes these modes.
+  bool meets_modes_of_home(int l) const {
+    const Loop& loop = m_.loops.all[at(l)];
+    const int home = home_[at(l)];
+    if (m_.bodies[at(home)].n_modes == 0) return false;
+    if (loop.closing != Closing::coupling &&
+        ((loop.from.sweep == home && deforms(loop.from)) || (loop.to.sweep == home && deforms(loop.to))))
+      return true;
+    return std::ranges::any_of(hinges_[at(l)], [&](int k) {
+      while (m_.bodies[at(k)].parent != home) k = m_.bodies[at(k)].parent;
+      return m_.bodies[at(k)].onode >= 0;
+    });
+  }
+
   int ancestor(int a, int b) const {
     while (a != b) (a > b ? a : b) = m_.bodies[at(std::max(a, b))].parent;
     return a;
@@ -165,7 +179,7 @@ class Embedder {
       int inputs = 0;
       std::set<int> taken;
       for (const int k : hinges_[l]) {
-        if (owner_[at(k)] < 0) inputs += m_.bodies[at(k)].nv;
+        for (int j = 0; owner_[at(k)] < 0 && j < m_.bodies[at(k)].nv; ++j) inputs += !is_given(m_.bodies[at(k)].v + j);
         for (int j = 0; j < m_.bodies[at(k)].nv; ++j)
           if (const int b = by[at(m_.bodies[at(k)].v + j)]; b >= 0 && taken.insert(b).second) inputs += e_.loops[at(b)].keep;
       }
@@ -189,12 +203,18 @@ class Embedder {
         c.closing = loop.closing, c.first = loop.first;
         c.length = loop.length, c.lever = loop.lever, c.reference = loop.reference;
         c.from = place_of(loop.from), c.to = place_of(loop.to);
-        c.rows = loop.rows, c.rank = ranks.take(loop.first, loop.rows);
+        c.after_modes = meets_[at(next)];
+        std::vector<int> kept;
+        c.rows = loop.rows, c.rank = ranks.take(loop.first, loop.rows, &kept);
         find_path(loop, next, c);
+        for (EmbeddedLoop::Column& x : c.columns) x.given = is_given(x.v);
         if (!c.by_rates) {
           c.n = c.rank;
+          const auto begin = rows_.begin() + loop.first * m_.nv;
+          Ranks alone({begin, begin + loop.rows * m_.nv}, loop.rows, m_.nv);
+          if (alone.take(0, loop.rows) > c.rank) c.kept = kept, e_.chosen = true;
           c.own_columns = static_cast<int>(c.columns.size());
-          for (EmbeddedLoop::Column& x : c.columns) x.scale = m_.loops.column_scale[at(x.v)];
+          for (EmbeddedLoop::Column& x : c.columns) x.scale = x.given ? 0.0 : m_.loops.column_scale[at(x.v)];
           e_.loops.push_back(std::move(c));
           continue;
         }
@@ -202,6 +222,7 @@ class Embedder {
         std::set<int> taken;
         for (EmbeddedLoop::Column& x : c.columns) {
           const auto v = at(x.v);
+          if (x.given) continue;
           if (owner_[at(body_of_[v])] < 0)
             x.input = c.inputs++;
           else
@@ -221,7 +242,8 @@ class Embedder {
         for (std::size_t l = 0; l < n; ++l)
           if (!done[l])
             for (const int k : hinges_[l])
-              for (int j = 0; j < m_.bodies[at(k)].nv; ++j) later.insert(m_.bodies[at(k)].v + j);
+              for (int j = 0; j < m_.bodies[at(k)].nv; ++j)
+                if (const int v = m_.bodies[at(k)].v + j; !is_given(v)) later.insert(v);
         std::set<int> needed;
         for (const EmbeddedLoop::Column& x : c.columns)
           if (x.input >= 0 && later.contains(x.v)) needed.insert(x.input);
@@ -235,12 +257,14 @@ class Embedder {
         }
         c.needed.assign(needed.begin(), needed.end());
         c.keep = std::min(static_cast<int>(needed.size()), c.n);
-        for (std::size_t i = 0; i < c.columns.size(); ++i) by[at(c.columns[i].v)] = self, column[at(c.columns[i].v)] = static_cast<int>(i);
+        for (std::size_t i = 0; i < c.columns.size(); ++i)
+          if (!c.columns[i].given) by[at(c.columns[i].v)] = self, column[at(c.columns[i].v)] = static_cast<int>(i);
         for (EmbeddedLoop::Column& x : c.columns) x.scale = m_.loops.column_scale[at(x.v)];
         e_.loops.push_back(std::move(c));
       }
   }
 
+  bool is_given(int v) const { return m_.has_prescribed() && m_.prescribed[at(v)]; }
   Pose<double> place_of(const LoopEnd& end) const { return end.node >= 0 ? m_.nodes[at(end.node)].shapes.pose : end.pose; }
 
   void find_path(const Loop& loop, int l, EmbeddedLoop& c) const {
@@ -261,17 +285,31 @@ class Embedder {
     }
     for (const std::vector<int>* path : {&loop.from_path, &loop.to_path}) {
       int inboard = -1;
-      for (const int k : *path) {
+      for (std::size_t i = 0; i < path->size(); ++i) {
+        const int k = (*path)[i];
         const SweepBody& b = m_.bodies[at(k)];
         EmbeddedLoop::PathBody p;
         p.body = k, p.inboard = inboard, p.column = static_cast<int>(c.columns.size()), p.n = b.nv;
         p.sign = path == &loop.from_path ? -1.0 : 1.0;
         for (int j = 0; j < b.nv; ++j) c.columns.push_back({b.v + j, -1, -1, -1, 0.0});
+        // Where it deforms: at its pnode, at the onode of what comes next, at the end.
+        const LoopEnd& end = path == &loop.from_path ? loop.from : loop.to;
+        const bool moves = deforms(b.pnode) || (i + 1 < path->size() ? m_.bodies[at((*path)[i + 1])].onode >= 0 : deforms(end));
+        if (b.n_modes > 0 && moves) p.modes = modes(b, c);
         inboard = static_cast<int>(c.path.size());
         c.path.push_back(p);
       }
       (path == &loop.from_path ? c.from_at : c.to_at) = inboard;
     }
+    if (c.after_modes) c.home_modes = modes(m_.bodies[at(c.home)], c);
+    if (deforms(loop.from)) c.from_node = loop.from.node;
+    if (deforms(loop.to)) c.to_node = loop.to.node;
+  }
+  static int modes(const SweepBody& b, EmbeddedLoop& c) {
+    const int column = static_cast<int>(c.columns.size());
+    for (int j = 0; j < b.n_modes; ++j) c.columns.push_back({b.etadot + j, -1, -1, -1, 0.0});
+    c.deforms = true;
+    return column;
   }
 
   // Motions: of the bodies that a loop has taken up, and of those that carry them as far as what they are assembled on.
@@ -337,8 +375,15 @@ class Embedder {
   }
   bool are_coupled(int a, int b) const { return pairs_.contains({std::min(a, b), std::max(a, b)}); }
 
+  /// The same on the modes of a body.
+  int modes_of_Q(int body, int loop) {
+    const auto [entry, made] = modal_.try_emplace({body, loop}, e_.n_modal);
+    if (made) e_.n_modal += e_.loops[at(loop)].n * m_.bodies[at(body)].n_modes;
+    return entry->second;
+  }
+
   void write_steps() {
-    Q_.clear(), pairs_.clear(), coupled_.clear(), closed_.clear();
+    Q_.clear(), pairs_.clear(), coupled_.clear(), closed_.clear(), modal_.clear();
     const int bodies = static_cast<int>(m_.bodies.size());
     std::vector<std::set<int>> own(at(bodies)), carried(at(bodies));
     std::vector<int> carries(at(bodies), -1);
@@ -360,12 +405,13 @@ class Embedder {
         const int k = end->sweep;
         if (k == 0) continue;
         own[at(k)].insert(self);
-        e_.pushes.push_back({self, k, column_of_Q(k, self, false), sign});
+        e_.pushes.push_back({self, k, column_of_Q(k, self, false), sign, deforms(*end) ? modes_of_Q(k, self) : -1});
         e_.flops += 30L * c.n;
       }
     }
-    std::vector<std::vector<int>> closes(at(bodies));
-    for (std::size_t i = 0; i < e_.loops.size(); ++i) closes[at(e_.loops[i].home)].push_back(static_cast<int>(i));
+    std::vector<std::vector<int>> closes(at(bodies)), after_modes(at(bodies));
+    for (std::size_t i = 0; i < e_.loops.size(); ++i)
+      (e_.loops[i].after_modes ? after_modes : closes)[at(e_.loops[i].home)].push_back(static_cast<int>(i));
     int open_begin = 0, open_end = 0, open_run = -1;
     const auto flush = [&] {
       if (open_run < 0) return;
@@ -386,6 +432,11 @@ class Embedder {
       if (owner_[at(k)] >= 0) {
         flush();
         take_item(k, own, carried, carries);
+      } else if (is_general(b.kind) && !own[at(k)].empty()) {
+        flush();
+        eliminate_modes(k, own);
+        for (const int l : after_modes[at(k)]) close(l, k, own);
+        pass_hinge(k, own, couples[k]);
       } else if (!own[at(k)].empty()) {
         flush();
         cross(k, run_of(k), own, couples[k]);
@@ -424,7 +475,9 @@ class Embedder {
   }
 
   /// Inward and outward over a body of an open tree, about.
-  static long of_tree(const SweepBody& b) { return b.kind == BodyKernel::rotor ? 25L : b.nv * 60L + (b.nv == 6 ? 0L : 290L); }
+  static long of_tree(const SweepBody& b) {
+    return b.kind == BodyKernel::rotor ? 25L : b.nv * 60L + (b.nv == 6 ? 0L : 290L) + b.n_modes * 70L;
+  }
 
   void blocks_of(EmbeddingStep& s, bool all) {
     for (const PendingFlow& a : s.flows)
@@ -504,10 +557,60 @@ class Embedder {
     e_.steps.push_back(std::move(s));
   }
 
+  /// The coordinates on a body of a general kernel.
+  std::vector<PendingFlow> flows_on(int k, const std::set<int>& own, int& n) {
+    std::vector<PendingFlow> flows;
+    for (const int l : own) {
+      PendingFlow f;
+      f.loop = l, f.own = column_of_Q(k, l, false);
+      flows.push_back(f);
+      n += e_.loops[at(l)].n;
+    }
+    return flows;
+  }
+
+  void eliminate_modes(int k, const std::vector<std::set<int>>& own) {
+    const SweepBody& b = m_.bodies[at(k)];
+    EmbeddingStep s;
+    s.kind = EmbeddingStep::Kind::modes, s.body = k;
+    int n = 0;
+    s.flows = flows_on(k, own[at(k)], n);
+    blocks_of(s, true);
+    if (b.n_modes > 0) {
+      for (PendingFlow& f : s.flows) f.own_modes = modes_of_Q(k, f.loop);
+      e_.factored.push_back(k);
+      e_.n_scratch = std::max(e_.n_scratch, 2 * n * b.n_modes);
+      const long m = b.n_modes;
+      e_.flops += m * (m + 1) * (2 * m + 1) / 6 + 14 * m * m + n * (m * m + 26 * m) + m * n * n;
+    }
+    e_.steps.push_back(std::move(s));
+  }
+
+  void pass_hinge(int k, std::vector<std::set<int>>& own, const std::vector<std::pair<int, CoupledRate>>& couples) {
+    const SweepBody& b = m_.bodies[at(k)];
+    EmbeddingStep s;
+    s.kind = EmbeddingStep::Kind::hinge, s.body = k;
+    int n = 0;
+    s.flows = flows_on(k, own[at(k)], n);
+    for (std::size_t i = 0; i < s.flows.size(); ++i) {
+      PendingFlow& f = s.flows[i];
+      for (const auto& [by, term] : couples)
+        if (by == f.loop) s.couples.push_back({static_cast<int>(i), term.v - b.v, term.coefficient});
+      if (b.parent == 0) continue;
+      f.to = column_of_Q(b.parent, f.loop, false);
+      if (b.onode >= 0) f.to_modes = modes_of_Q(b.parent, f.loop), e_.flops += e_.loops[at(f.loop)].n * (24L + 12L * b.n_parent_modes);
+      own[at(b.parent)].insert(f.loop);
+    }
+    blocks_of(s, true);
+    s.Y = e_.n_Y, e_.n_Y += b.nv * n;
+    e_.flops += b.nv * (25L * n + 2L * n * n) + 30L * n + of_tree(b);
+    e_.steps.push_back(std::move(s));
+  }
+
   void close(int l, int home, std::vector<std::set<int>>& own) {
     EmbeddedLoop& c = e_.loops[at(l)];
     EmbeddingStep s;
-    s.kind = EmbeddingStep::Kind::close, s.body = home, s.loop = l;
+    s.kind = EmbeddingStep::Kind::close, s.body = home, s.loop = l, s.after_modes = c.after_modes;
     std::vector<int> all{l};
     for (const int b : coupled_[l])
       if (!closed_.contains(b)) all.push_back(b);
@@ -538,12 +641,14 @@ class Embedder {
   std::vector<int> body_of_;              // of a hinge rate
   std::vector<std::vector<int>> hinges_;  // per loop: bodies whose hinges it has
   std::vector<int> home_;
+  std::vector<std::uint8_t> meets_;  // per loop: modes of home are on its way
   struct Program : Embedding {
     int n_pairs_ = 0;
   };
   Program e_;
   std::vector<int> index_, owner_, base_;
   std::map<std::tuple<int, int, bool>, int> Q_;
+  std::map<std::pair<int, int>, int> modal_;
   std::map<std::pair<int, int>, int> pairs_;
   std::map<int, std::set<int>> coupled_;
   std::set<int> closed_;
@@ -551,19 +656,12 @@ class Embedder {
 
 }  // namespace
 
-Embedding embed_loops(const Model& model, const std::vector<double>& scaled_rows, std::vector<LoopSet>& sets, std::string& not_honoured) {
+Embedding embed_loops(const Model& model, const std::vector<double>& scaled_rows, std::vector<LoopSet>& sets) {
   Embedder embedder(model, scaled_rows);
   sets = embedder.sets();
-  not_honoured.clear();
   for (LoopSet& set : sets)
     for (const int l : set.loops)
-      if (set.why.empty()) set.why = embedder.fault(l);
-  for (const LoopSet& set : sets)
-    if (not_honoured.empty()) not_honoured = set.why;
-  if (!not_honoured.empty()) {
-    for (LoopSet& set : sets) set.form = "multipliers", set.why = set.why.empty() ? "as others" : set.why;
-    return {};
-  }
+      if (set.why.empty()) set.why = embedder.modes_on_the_way(l);
   std::vector<std::uint8_t> by_rates(model.loops.all.size(), 1);
   std::size_t tried = 0;
   const auto flops = [&] { return Embedder(model, scaled_rows).build(by_rates).flops; };
@@ -571,7 +669,9 @@ Embedding embed_loops(const Model& model, const std::vector<double>& scaled_rows
     set.form = "rates";
     const int l = set.loops[0];
     const int left = embedder.path_rates(l) - model.loops.all[at(l)].rows;
-    if (set.loops.size() > 1) {
+    if (!set.why.empty()) {  // modes on the way
+      for (const int i : set.loops) by_rates[at(i)] = 0;
+    } else if (set.loops.size() > 1) {
       set.why = "they share hinges";
     } else if (embedder.has_wheel(l)) {
       set.why = "a wheel behind a gear";

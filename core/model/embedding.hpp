@@ -22,6 +22,7 @@ struct EmbeddedLoop {
     double sign = 1.0;      // of the end: `to` +1, `from` -1
     int motion = -1;        // where its motion per coordinate stands: column of EmbeddingWork::U; -1: it is not wanted
     int of_inboard = -1;    // the same of the body inboard of it; -1: none, that one stands still
+    int modes = -1;         // column of its first mode; -1: none of them moves an end
   };
   /// A hinge rate of the loop, or one that later loops have and that is expressed anew.
   struct Column {
@@ -30,6 +31,7 @@ struct EmbeddedLoop {
     int by = -1, at = -1;      // ... by this loop, and there this column: what it is in the coordinates of that
     double coefficient = 0.0;  // of a coupling
     double scale = 1.0;        // 1 / sqrt(inertia) at the start
+    bool given = false;        // its motion is: no coordinate has it
   };
   /// Coordinates of another loop that this one has rates in.
   struct Taken {
@@ -39,6 +41,7 @@ struct EmbeddedLoop {
   Closing closing = Closing::point;
   int first = 0;                                      // of all rows
   Pose<double> from, to;                              // nodes in their bodies, or in the world
+  int from_node = -1, to_node = -1;                   // index into SweepModel::nodes of one that deforms with its body
   double length = 0.0, lever = 1.0, reference = 1.0;  // as in Loop
   bool by_rates = true;                               // false: by multipliers
   int home = 0;
@@ -50,6 +53,10 @@ struct EmbeddedLoop {
   int inputs = 0, own_columns = 0;
   std::vector<PathBody> path;
   int from_at = -1, to_at = -1;  // index into path; -1: home
+  int home_modes = -1;           // column of the first mode of home; -1: none of them moves an end against the other
+  bool after_modes = false;      // closed at home where its modes are eliminated already: they are on the way
+  bool deforms = false;          // some mode is a column
+  std::vector<int> kept;         // by multipliers: rows that count, where loops closed before imply others; empty: its own pivots tell
   std::vector<Column> columns;   // own ones first
   std::vector<Taken> taken;
   std::vector<int> needed;  // inputs that later loops have
@@ -64,10 +71,11 @@ struct CoordinateBlock {
 
 /// Coordinates on their way through a body.
 struct PendingFlow {
-  int loop = 0;      // index into Embedding::loops
-  int own = -1;      // column of EmbeddingWork::Q: on the body
-  int carried = -1;  // ... passing
-  int to = -1;       // where it goes; -1: ground
+  int loop = 0;                       // index into Embedding::loops
+  int own = -1;                       // column of EmbeddingWork::Q: on the body
+  int carried = -1;                   // ... passing
+  int to = -1;                        // where it goes; -1: ground
+  int own_modes = -1, to_modes = -1;  // the same of EmbeddingWork::modal: on the modes of the body, of the inboard body
 };
 
 struct EmbeddingStep {
@@ -76,6 +84,8 @@ struct EmbeddingStep {
     cross,  // one body whose hinge is eliminated, with pending coordinates on it
     item,   // one body whose hinge rates a loop has taken up
     wheel,  // the same of a rotor that is folded into its carrier
+    modes,  // of one body of a general kernel, with pending coordinates on it: its modes are eliminated
+    hinge,  // ... and its hinge
     close   // the loop is closed at home
   };
   Kind kind = Kind::sweep;
@@ -89,12 +99,13 @@ struct EmbeddingStep {
   bool to_carried = false;              // item: it passes the inboard body
   int carried = -1;                     // item: index of what passes it; -1: nothing
   int carried_to = -1;
-  int Y = -1;  // cross
+  int Y = -1;  // cross, hinge
   struct Couple {
     int flow, component;
     double coefficient;
   };
-  std::vector<Couple> couples;  // cross: multipliers of couplings of this hinge
+  std::vector<Couple> couples;  // cross, hinge: multipliers of couplings of this hinge
+  bool after_modes = false;     // close: home is a body without its modes
 };
 
 struct Embedding {
@@ -104,19 +115,23 @@ struct Embedding {
   struct Push {
     int loop, body, own;
     double sign;
+    int modes = -1;  // on the modes of the body: where its node deforms
   };
   std::vector<Push> pushes;
   int n_numbers = 0, n_Q = 0, n_U = 0, n_carried = 0, n_x = 0, n_rows = 0, n_path = 0, n_Y = 0, n_pivots = 0;
-  int n_zeroed = 0;  // of numbers: A comes first
-  int width = 0;     // most coordinates on a body
-  long flops = 0;    // of the op, counted by formula
+  int n_modal = 0, n_scratch = 0;
+  bool chosen = false;        // some loop has rows that count chosen at the start
+  int n_zeroed = 0;           // of numbers: A comes first
+  int width = 0;              // most coordinates on a body
+  long flops = 0;             // of the op, counted by formula
+  std::vector<int> factored;  // bodies whose modes pending coordinates cross
   bool empty() const { return loops.empty(); }
 };
 
 /// rows x nv scaled rows of the start, of which ranks are taken.
-Embedding embed_loops(const Model& model, const std::vector<double>& scaled_rows, std::vector<LoopSet>& sets, std::string& not_honoured);
-/// The same by rates (1) or by multipliers in the sweep (0), per loop. Multipliers of loops that share hinges are told from each other
-/// where their rows are independent of each other only.
+Embedding embed_loops(const Model& model, const std::vector<double>& scaled_rows, std::vector<LoopSet>& sets);
+/// The same by rates (1) or by multipliers in the sweep (0), per loop; loops that share hinges or modes alike, by rates only where no modes
+/// are on their way.
 Embedding embed_loops(const Model& model, const std::vector<double>& scaled_rows, const std::vector<std::uint8_t>& by_rates);
 
 }  // namespace cardan

@@ -81,7 +81,8 @@ struct FlexibleBody {
   // Outboard hinges on deforming nodes, with shapes S. Where M_ee is constant and nothing else moves with the modes, they are
   // eliminated through these nodes (flexible.md, 7), and no matrix of size m is factored in a step:
   bool by_nodes = false;
-  std::vector<int> attached;  // sweep indices of the bodies that hang there, n of them
+  bool pushed_by_loops = false;  // coordinates of loops cross its modes: their mass matrix is factored in each evaluation
+  std::vector<int> attached;     // sweep indices of the bodies that hang there, n of them
   // Column by column of the modes, so that one pass over them serves the body and its nodes: [M_re; shapes of the nodes], M_re
   // where all is constant; and [U*; V*], U where M_re is constant, V: the combinations of modes that move the nodes, V* M_ee V = 1,
   // where the body is eliminated through them. UV: the latter row by row.

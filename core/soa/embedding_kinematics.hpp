@@ -15,6 +15,7 @@ namespace cardan::soa {
 static constexpr double kNoPivot = 1e-10;      // of scaled rows (docs/mathematics/loops.md, 2)
 static constexpr double kOpenRows = 10.0;      // ... of rows that imply each other on closed loops: also below so much of the residual
 static constexpr double kMostOpenRows = 1e-4;  // ... but not more
+static constexpr double kNoCompliance = 1e-9;  // rows chosen at the start that have less than so much of what they had there: others count
 static constexpr double kContradicts = 1e-6;   // what a redundant row may lack, relative to the largest gamma_c
 
 /// R <- R R_i(theta): its columns turn in their plane.
@@ -78,14 +79,84 @@ static inline void path_any(const SweepModel& model, const Workspace<double>& ws
   B.w = A.w + turning;
 }
 
-/// An end of a loop seen from home.
-struct PathEnd {
-  Mat3<double> R;
-  Vec3<double> x, w, v, alpha, a;
-};
-static inline PathEnd path_end(const PathState& s, const Pose<double>& node) {
+/// A place on a body seen from home.
+static inline PathState place_on(const PathState& s, const Pose<double>& node) {
   const Vec3<double> r = s.R * node.p, wr = cross(s.w, r);
   return {s.R * node.R, s.p + r, s.w, s.v + wr, s.alpha, s.a + cross(s.alpha, r) + cross(s.w, wr)};
+}
+/// The same where it deforms with body k (docs/mathematics/flexible.md, 1).
+static inline PathState place_on(const SweepModel& model, const Inputs<double>& in, int k, const NodeShapes& shapes, const PathState& s,
+                                 PathExit& exit) {
+  const SweepBody& b = model.bodies[k];
+  DeformedNode<double> d;
+  deform<double>(shapes, in.q + b.eta, in.v + b.etadot, d);
+  const Vec3<double> r = s.R * d.rho, wr = cross(s.w, r), turning = s.R * d.rate.w, moving = s.R * d.rate.v;
+  const PathState out{s.R * d.R,
+                      s.p + r,
+                      s.w + turning,
+                      s.v + wr + moving,
+                      s.alpha + cross(s.w, turning) + s.R * d.bias.w,
+                      s.a + cross(s.alpha, r) + cross(s.w, wr) + 2.0 * cross(s.w, moving)};
+  exit = {&shapes, d.Jl, d.rho, out.p};
+  return out;
+}
+
+/// A body of a general kernel: flexible, on a flexible body or with given motions.
+static inline void path_general(const SweepModel& model, const Workspace<double>& ws, const Inputs<double>& in, int k, const PathState& A,
+                                PathExit& exit, PathState& B) {
+  const SweepBody& b = model.bodies[k];
+  const PathState O = b.onode >= 0 ? place_on(model, in, b.parent, model.shapes[b.onode], A, exit) : place_on(A, b.O);
+  with_hinge_size<double>(b.nv, [&]<int NV>() {
+    HingeFrame<double, NV> h;
+    hinge_frame<double, NV>(ws, b, in.q, in.v, h);
+    Motion<double> rate{}, push{};
+    for (int j = 0; j < NV; ++j) {
+      rate += in.v[b.v + j] * h.H[j];
+      if (b.has_prescribed && in.vdot && model.prescribed[b.v + j]) push += in.vdot[b.v + j] * h.H[j];
+    }
+    const Vec3<double> r = O.R * h.l;
+    B.R = O.R * h.R;
+    const Vec3<double> turning = B.R * rate.w, sliding = B.R * rate.v, wr = cross(O.w, r);
+    B.p = O.p + r;
+    B.v = O.v + wr + sliding;
+    B.a = O.a + cross(O.alpha, r) + cross(O.w, wr) + 2.0 * cross(O.w, sliding) + B.R * (h.s + push.v);
+    B.alpha = O.alpha + cross(O.w, turning) + B.R * (h.Hdot_w + push.w);
+    B.w = O.w + turning;
+  });
+  if (b.pnode < 0) return;
+  // From P to B: its deformation is undone.
+  DeformedNode<double> d;
+  deform<double>(model.shapes[b.pnode], in.q + b.eta, in.v + b.etadot, d);
+  B.R = B.R * transpose(d.R);
+  const Vec3<double> r = B.R * d.rho, turning = B.R * d.rate.w, moving = B.R * d.rate.v;
+  B.w -= turning;
+  B.p -= r;
+  B.v -= cross(B.w, r) + moving;
+  B.alpha -= cross(B.w, turning) + B.R * d.bias.w;
+  B.a -= cross(B.alpha, r) + cross(B.w, cross(B.w, r)) + 2.0 * cross(B.w, moving);
+}
+
+/// What the modes of body k of a path, or of home, do to an end: by frame B, and by the place where the path leaves. x: of the end.
+/// add(mode, turning, moving at x)
+template <class Add>
+static inline void columns_of_modes(const SweepModel& model, const Workspace<double>& ws, int k, bool moves_frame, const PathState& s,
+                                    const PathExit& exit, const Vec3<double>& x, const Add& add) {
+  const double* C = moves_frame ? ws.modal_of(k)->C : nullptr;
+  for (int j = 0; j < model.bodies[k].n_modes; ++j) {
+    Vec3<double> turning{}, moving{};
+    if (exit.shapes) {
+      const double* c = exit.shapes->columns.data() + 6 * j;
+      turning = s.R * (exit.Jl * Vec3<double>{c[0], c[1], c[2]});
+      moving = s.R * Vec3<double>{c[3], c[4], c[5]} + cross(turning, x - exit.x);
+    }
+    if (C) {
+      const Motion<double> frame = motion_column(C, j);
+      const Vec3<double> w = s.R * frame.w;
+      turning -= w;
+      moving -= s.R * frame.v + cross(w, x - s.p);
+    }
+    add(j, turning, moving);
+  }
 }
 
 /// Rows of a loop between places, their residuals and gamma_c, in axes of home; and G.
@@ -93,6 +164,9 @@ static inline void geometric_rows(const SweepModel& model, const EmbeddedLoop& c
                                   const Inputs<double>& in, const RowsOfHinges& hinges) {
   static const PathState at_rest{Mat3<double>::identity(), {}, {}, {}, {}, {}};
   PathState* path = k.path.data();
+  PathExit *exits = k.exits.data(), *of_home = exits + c.path.size();
+  if (c.deforms)
+    for (std::size_t i = 0; i < c.path.size() + 2; ++i) exits[i].shapes = nullptr;
   for (std::size_t i = 0; i < c.path.size(); ++i) {
     const EmbeddedLoop::PathBody& p = c.path[i];
     const PathState& A = p.inboard < 0 ? at_rest : path[p.inboard];
@@ -103,12 +177,20 @@ static inline void geometric_rows(const SweepModel& model, const EmbeddedLoop& c
           kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
             path_axis<I, TILT>(b, ws.cosines[b.angle], ws.sines[b.angle], in.v[b.v], A, path[i]);
           });
+    } else if (is_general(kind)) {
+      path_general(model, ws, in, p.body, A, p.inboard >= 0 ? exits[p.inboard] : of_home[p.sign > 0.0], path[i]);
     } else {
       path_any(model, ws, in, p.body, A, path[i]);
     }
   }
-  const PathEnd a = path_end(c.from_at < 0 ? at_rest : path[c.from_at], c.from), b = path_end(c.to_at < 0 ? at_rest : path[c.to_at], c.to);
-  const Vec3<double> d = b.x - a.x, w = b.w - a.w, u = b.v - a.v - cross(a.w, d);
+  const auto end = [&](int at, int node, const Pose<double>& pose, int side) {
+    const PathState& s = at < 0 ? at_rest : path[at];
+    if (node < 0) return place_on(s, pose);
+    return place_on(model, in, at < 0 ? c.home : c.path[static_cast<std::size_t>(at)].body, model.nodes[node].shapes, s,
+                    at < 0 ? of_home[side] : exits[at]);
+  };
+  const PathState a = end(c.from_at, c.from_node, c.from, 0), b = end(c.to_at, c.to_node, c.to, 1);
+  const Vec3<double> d = b.p - a.p, w = b.w - a.w, u = b.v - a.v - cross(a.w, d);
   Force<double>* W = k.W.data() + c.row;
   double* residual = k.c.data() + c.row;
   double extra[6] = {};
@@ -155,13 +237,27 @@ static inline void geometric_rows(const SweepModel& model, const EmbeddedLoop& c
   for (std::size_t i = 0; i < c.path.size(); ++i) {
     const EmbeddedLoop::PathBody& p = c.path[i];
     const PathState& s = path[i];
-    const Vec3<double> arm = b.x - s.p;  // both ends at the place of `to`
+    const Vec3<double> arm = b.p - s.p;  // both ends at the place of `to`
     for (int j = 0; j < p.n; ++j) {
       const Motion<double> H = hinge_column(model, ws, p.body, j);
       const Vec3<double> turning = s.R * H.w;
       set_column(p.column + j, p.sign, turning, s.R * H.v + cross(turning, arm));
     }
+    if (p.modes >= 0)
+      columns_of_modes(model, ws, p.body, true, s, exits[i], b.p, [&](int j, const Vec3<double>& turning, const Vec3<double>& moving) {
+        set_column(p.modes + j, p.sign, turning, moving);
+      });
   }
+  if (c.home_modes < 0) return;
+  const int n_modes = model.bodies[c.home].n_modes;
+  for (int i = 0; i < c.rows; ++i)
+    for (int j = 0; j < n_modes; ++j) G[i * c.own_columns + c.home_modes + j] = 0.0;
+  for (int side = 0; side < 2; ++side)
+    columns_of_modes(model, ws, c.home, false, at_rest, of_home[side], b.p,
+                     [&](int j, const Vec3<double>& turning, const Vec3<double>& moving) {
+                       for (int i = 0; i < c.rows; ++i)
+                         G[i * c.own_columns + c.home_modes + j] += (side ? 1.0 : -1.0) * (dot(W[i].n, turning) + dot(W[i].f, moving));
+                     });
 }
 
 /// Complete pivoting, rows and right-hand side reduced until the pivots stand alone. k.row_at, k.column_at: how they were exchanged.
@@ -170,7 +266,18 @@ static inline bool find_pivots(const EmbeddedLoop& c, EmbeddingWork& k, int colu
   double* B = k.numbers.data() + c.B;
   int *row_at = k.row_at.data() + c.row, *column_at = k.column_at.data() + c.pivot;
   const int stride = columns + 1;
-  for (int i = 0; i < c.rows; ++i) row_at[i] = i;
+  const bool chosen = !c.kept.empty();
+  if (chosen) {  // the rows of the start first
+    int others = c.rank;
+    for (int i = 0; i < c.rows; ++i) {
+      int p = 0;
+      while (p < c.rank && c.kept[static_cast<std::size_t>(p)] != i) ++p;
+      row_at[p < c.rank ? p : others++] = i;
+    }
+  } else {
+    for (int i = 0; i < c.rows; ++i) row_at[i] = i;
+  }
+  const int rows = chosen ? c.rank : c.rows;
   for (int j = 0; j < columns; ++j) column_at[j] = j;
   double size = 0.0;
   for (int i = 0; i < c.rows; ++i) size = std::fmax(size, std::abs(B[i * stride + columns]));
@@ -178,7 +285,7 @@ static inline bool find_pivots(const EmbeddedLoop& c, EmbeddingWork& k, int colu
   for (int p = 0;; ++p) {
     int row = p, column = p;
     double most = 0.0;
-    for (int i = p; i < c.rows; ++i)
+    for (int i = p; i < rows; ++i)
       for (int j = p; j < columns; ++j)
         if (const double x = std::abs(B[row_at[i] * stride + column_at[j]]); x > most) most = x, row = i, column = j;
     if (p == c.rank) {
@@ -202,7 +309,7 @@ static inline bool find_pivots(const EmbeddedLoop& c, EmbeddingWork& k, int colu
       other[columns] -= factor * pivot[columns];
     }
   }
-  for (int i = c.rank; consistent && i < c.rows; ++i)
+  for (int i = c.rank; consistent && i < rows; ++i)
     if (!(std::abs(B[row_at[i] * stride + columns]) <= (kContradicts + 1e3 * open) * k.size)) return false;
   return true;
 }
@@ -241,9 +348,11 @@ static inline void gather_needed(const EmbeddedLoop& c, double* T) {
 static inline bool embedding_kinematics(const SweepModel& model, const Embedding& e, Workspace<double>& ws, EmbeddingWork& k,
                                         const Inputs<double>& in, const RowsOfHinges& hinges, const double* given) {
   double* numbers = k.numbers.data();
+  std::size_t next_push = 0;  // they stand in the order of the loops
   k.size = 0.0;
   for (double* x = numbers; x < numbers + e.n_zeroed; ++x) *x = 0.0;
   for (double& x : k.b) x = 0.0;
+  for (double& x : k.modal) x = 0.0;
   for (Force<double>& f : k.Q) f = {};
   for (Force<double>& f : k.z) f = {};
   for (ArticulatedInertia<double>& P : k.P) P = {};
@@ -254,6 +363,8 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
     if (c.closing == Closing::coupling) {
       for (int j = 0; j < c.own_columns; ++j) G[j] = c.columns[static_cast<std::size_t>(j)].coefficient;
       g[0] = 0.0, k.W[static_cast<std::size_t>(c.row)] = {};
+      for (int j = 0; in.vdot && j < c.own_columns; ++j)
+        if (const EmbeddedLoop::Column& x = c.columns[static_cast<std::size_t>(j)]; x.given) g[0] -= x.coefficient * in.vdot[x.v];
     } else {
       geometric_rows(model, c, ws, k, in, hinges);
     }
@@ -275,6 +386,7 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
       for (int j = 0; j < c.own_columns; ++j) {
         const EmbeddedLoop::Column& x = c.columns[static_cast<std::size_t>(j)];
         const double coefficient = G[i * c.own_columns + j];
+        if (x.given) continue;  // in g
         if (!c.by_rates) {
           row[j] = weight * coefficient * x.scale;
         } else if (x.input >= 0) {
@@ -293,17 +405,36 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
     const int* row_at = k.row_at.data() + c.row;
     if (!c.by_rates) {
       for (int p = 0; p < n; ++p) k.b[static_cast<std::size_t>(c.x + p)] = g[row_at[p]];
-      for (const Embedding::Push& push : e.pushes) {
-        if (&e.loops[static_cast<std::size_t>(push.loop)] != &c) continue;
+      for (int p = 0; !c.kept.empty() && p < n; ++p) {
+        double& sum = k.x[static_cast<std::size_t>(c.x + p)];
+        sum = 0.0;
+        for (int j = 0; j < c.own_columns; ++j) {
+          const double entry = G[row_at[p] * c.own_columns + j] * c.columns[static_cast<std::size_t>(j)].scale;
+          sum += entry * entry;
+        }
+      }
+      for (; next_push < e.pushes.size() && &e.loops[static_cast<std::size_t>(e.pushes[next_push].loop)] == &c; ++next_push) {
+        const Embedding::Push& push = e.pushes[next_push];
         const int at = push.sign > 0.0 ? c.from_at : c.to_at;
         static const PathState at_rest{Mat3<double>::identity(), {}, {}, {}, {}, {}};
         const PathState& s = at < 0 ? at_rest : k.path[static_cast<std::size_t>(at)];
-        const Vec3<double> x =
-            c.to_at < 0 ? c.to.p : k.path[static_cast<std::size_t>(c.to_at)].p + k.path[static_cast<std::size_t>(c.to_at)].R * c.to.p;
+        const PathState& to = c.to_at < 0 ? at_rest : k.path[static_cast<std::size_t>(c.to_at)];
+        const PathExit& exit_to = k.exits[c.to_at >= 0 ? static_cast<std::size_t>(c.to_at) : c.path.size() + 1];
+        const Vec3<double> x = c.to_node >= 0 ? exit_to.x : c.to_at < 0 ? c.to.p : to.p + to.R * c.to.p;
         for (int p = 0; p < n; ++p) {
           const Force<double>& W = k.W[static_cast<std::size_t>(c.row + row_at[p])];
           const Force<double> f{push.sign * (W.n + cross(x - s.p, W.f)), push.sign * W.f};
           k.Q[static_cast<std::size_t>(push.own + p)] = {transpose_times(s.R, f.n), transpose_times(s.R, f.f)};
+          if (push.modes < 0) continue;
+          const PathExit& exit = k.exits[at >= 0 ? static_cast<std::size_t>(at) : c.path.size() + (push.sign > 0.0 ? 0 : 1)];
+          const Vec3<double> turning = transpose_times(exit.Jl, transpose_times(s.R, push.sign * (W.n + cross(x - exit.x, W.f)))),
+                             shift = transpose_times(s.R, f.f);
+          const int m = model.bodies[push.body].n_modes;
+          const double* shapes = exit.shapes->columns.data();
+          double* out = k.modal.data() + push.modes + p * m;
+          for (int j = 0; j < m; ++j, shapes += 6)
+            out[j] =
+                dot(Vec3<double>{shapes[0], shapes[1], shapes[2]}, turning) + dot(Vec3<double>{shapes[3], shapes[4], shapes[5]}, shift);
         }
       }
       continue;
@@ -327,6 +458,10 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
     double* E = numbers + c.E;
     for (std::size_t j = 0; j < c.columns.size(); ++j, E += n + 1) {
       const EmbeddedLoop::Column& x = c.columns[j];
+      if (x.given) {
+        for (int i = 0; i <= n; ++i) E[i] = 0.0;
+        continue;
+      }
       if (x.input >= 0) {
         const double* t = T + x.input * (n + 1);
         for (int i = 0; i <= n; ++i) E[i] = x.scale * t[i];

@@ -2,6 +2,7 @@
 // Inward and outward with pending coordinates of loops (docs/mathematics/loops.md, 4): items, hinges that they cross, homes.
 #include "core/soa/embedding_kinematics.hpp"
 #include "core/soa/kernels.hpp"
+#include "core/soa/kernels_acceleration.hpp"
 
 namespace cardan::soa {
 
@@ -130,6 +131,105 @@ static inline void take_wheel(const SweepModel& model, const Embedding& e, const
   for (int i = 0; i < n; ++i) k.Q[static_cast<std::size_t>(step.flows[0].to + i)].n += (Ja * E[i]) * u;
 }
 
+/// A -= V* Y: columns of n numbers, flow after flow.
+static inline void subtract_products(const Embedding& e, const EmbeddingStep& step, EmbeddingWork& k, const double* V, const double* Y,
+                                     int n) {
+  int a0 = 0;
+  for (std::size_t f = 0; f < step.flows.size(); ++f) {
+    const int na = e.loops[static_cast<std::size_t>(step.flows[f].loop)].n;
+    int b0 = a0;
+    for (std::size_t h = f; h < step.flows.size(); ++h) {
+      const int nb = e.loops[static_cast<std::size_t>(step.flows[h].loop)].n;
+      const CoordinateBlock& block = step.blocks[f * step.flows.size() + h];
+      for (int i = 0; i < na; ++i)
+        for (int j = 0; j < (h == f ? i + 1 : nb); ++j) {
+          double sum = 0.0;
+          for (int l = 0; l < n; ++l) sum += V[(a0 + i) * n + l] * Y[(b0 + j) * n + l];
+          k.numbers[static_cast<std::size_t>(block.at + i * block.down + j * block.across)] -= sum;
+        }
+      b0 += nb;
+    }
+    a0 += na;
+  }
+}
+
+/// The modes of a body of a general kernel, with coordinates on it: V = Q_e - C* Q, then A -= V* P_ee^-1 V, b += V* nu_e, Q -= P_re P_ee^-1
+/// V; P_ee = L D L* is factored, and L^-1 V stays for the way back. False: Workspace::breakdown.
+static inline bool take_modes(const SweepModel& model, const Embedding& e, const EmbeddingStep& step, Workspace<double>& ws,
+                              EmbeddingWork& k, const Inputs<double>& in) {
+  Modal<double>& modal = *ws.modal_of(step.body);
+  if (!inertia_without_modes(model, ws, step.body, modal)) return false;
+  Core<double>& core = ws.core(step.body);
+  const Force<double> z_r = bias_without_modes(model, ws, in, step.body, modal);
+  core.z = z_r;
+  const int m = model.bodies[step.body].n_modes;
+  if (m == 0) return true;
+  int total = 0;
+  for (const PendingFlow& flow : step.flows) total += e.loops[static_cast<std::size_t>(flow.loop)].n;
+  double *V = k.scratch.data(), *Y = V + total * m;
+  for (const PendingFlow& flow : step.flows) {
+    const EmbeddedLoop& c = e.loops[static_cast<std::size_t>(flow.loop)];
+    for (int i = 0; i < c.n; ++i, V += m, Y += m) {
+      Force<double>& q = k.Q[static_cast<std::size_t>(flow.own + i)];
+      double* v = k.modal.data() + flow.own_modes + i * m;
+      for (int j = 0; modal.C && j < m; ++j) v[j] -= dot(motion_column(modal.C, j), q);
+      double sum = 0.0;
+      for (int j = 0; j < m; ++j) {
+        subtract_multiple(v, modal.P_ee + m * j, v[j], j + 1, m);
+        V[j] = v[j], Y[j] = modal.P_ee[m * j + j] * v[j];
+        sum += Y[j] * modal.nu[j];
+        q -= Y[j] * force_column(modal.U, j);
+      }
+      k.b[static_cast<std::size_t>(c.x + i)] += sum;
+    }
+  }
+  subtract_products(e, step, k, k.scratch.data(), k.scratch.data() + total * m, m);
+  return true;
+}
+
+/// Its hinge, likewise, and P, z, Q on their way to the inboard body and to its modes.
+template <int NV>
+static bool pass_hinge(const SweepModel& model, const Embedding& e, const EmbeddingStep& step, Workspace<double>& ws, EmbeddingWork& k,
+                       const Inputs<double>& in) {
+  const SweepBody& body = model.bodies[step.body];
+  if (!inertia_through_hinge<double, NV>(model, ws, step.body)) return false;
+  const Force<double> z_r = ws.core(step.body).z;
+  bias_through_hinge<double, NV>(model, ws, in, step.body, z_r);
+  const Hinge<double, NV>& hinge = ws.hinge<NV>(step.body);
+  const ModalNode<double>* node = ws.modal<NV>(step.body).node;
+  double *V = k.scratch.data(), *Y = k.Y.data() + step.Y;
+  for (std::size_t f = 0; f < step.flows.size(); ++f) {
+    const PendingFlow& flow = step.flows[f];
+    const EmbeddedLoop& c = e.loops[static_cast<std::size_t>(flow.loop)];
+    for (int i = 0; i < c.n; ++i) {
+      Force<double> q = k.Q[static_cast<std::size_t>(flow.own + i)];
+      if constexpr (NV > 0) {
+        for (int j = 0; j < NV; ++j) V[j] = dot(hinge.H[j], q);
+        for (const EmbeddingStep::Couple& couple : step.couples)
+          if (couple.flow == static_cast<int>(f)) V[couple.component] -= couple.coefficient;
+        for (int j = 0; body.has_prescribed && j < NV; ++j)
+          if (model.prescribed[body.v + j]) V[j] = 0.0;
+        for (int j = 0; j < NV; ++j) Y[j] = V[j];
+        solve_hinge<double, NV>(hinge, Y);
+        double sum = 0.0;
+        for (int j = 0; j < NV; ++j) sum += V[j] * hinge.nu[j], q -= V[j] * hinge.G[j];
+        k.b[static_cast<std::size_t>(c.x + i)] += sum;
+        V += NV, Y += NV;
+      }
+      if (flow.to < 0) continue;
+      const Force<double> at_inboard = to_inboard(ws.X(step.body), q);
+      k.Q[static_cast<std::size_t>(flow.to + i)] += at_inboard;
+      if (flow.to_modes < 0) continue;
+      double y[6];
+      on_node(*node, at_inboard, y);
+      add_to_modes(model.shapes[body.onode].columns.data(), y, body.n_parent_modes,
+                   k.modal.data() + flow.to_modes + i * body.n_parent_modes);
+    }
+  }
+  if constexpr (NV > 0) subtract_products(e, step, k, k.scratch.data(), k.Y.data() + step.Y, NV);
+  return true;
+}
+
 /// What an eliminated hinge does to pending coordinates on its body: Y = D^-1 V, V = H Q + C, then A -= V* Y, b += V* nu, Q -= G V.
 /// visit(Y, V, Q) makes Y from V.
 static inline void cross_hinge(const SweepModel& model, const Embedding& e, const EmbeddingStep& step, Workspace<double>& ws,
@@ -198,23 +298,7 @@ static inline void cross_hinge(const SweepModel& model, const Embedding& e, cons
       k.b[static_cast<std::size_t>(c.x + i)] += sum;
     }
   }
-  int a0 = 0;
-  for (std::size_t f = 0; f < step.flows.size(); ++f) {
-    const int na = e.loops[static_cast<std::size_t>(step.flows[f].loop)].n;
-    int b0 = a0;
-    for (std::size_t h = f; h < step.flows.size(); ++h) {
-      const int nb = e.loops[static_cast<std::size_t>(step.flows[h].loop)].n;
-      const CoordinateBlock& block = step.blocks[f * step.flows.size() + h];
-      for (int i = 0; i < na; ++i)
-        for (int j = 0; j < (h == f ? i + 1 : nb); ++j) {
-          double sum = 0.0;
-          for (int l = 0; l < nv; ++l) sum += V0[(a0 + i) * nv + l] * Y[(b0 + j) * nv + l];
-          k.numbers[static_cast<std::size_t>(block.at + i * block.down + j * block.across)] -= sum;
-        }
-      b0 += nb;
-    }
-    a0 += na;
-  }
+  subtract_products(e, step, k, V0, Y, nv);
   if (body.parent == 0 || free) return;
   if (body.kind == BodyKernel::rotor) {  // on its carrier: what the reaction of the wheel does not take
     const AxisBody& wheel = model.axis_bodies[step.body];
@@ -253,7 +337,9 @@ static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, 
   double *A = k.numbers.data() + c.A, *b = k.b.data() + c.x;
   const std::size_t flows = step.flows.size();
   const bool ground = step.body == 0;
-  Core<double>& home = ws.core(step.body);
+  Core<double>& core = ws.core(step.body);
+  ArticulatedInertia<double>& P = step.after_modes ? ws.modal_of(step.body)->P_r : core.P;
+  Force<double>& z = core.z;
   Force<double>* Q = ground ? nullptr : k.Q.data() + step.flows[0].own;
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < i; ++j) A[j * n + i] = A[i * n + j];
@@ -286,8 +372,10 @@ static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, 
         L[j] = sum / Lj[j];
         pivot -= L[j] * L[j];
       }
-      if (!(pivot > kPivotLimit * diagonal)) {
-        ws.breakdown = {step.body > 0 ? step.body : 1, -1, pivot, kPivotLimit * diagonal, c.first};
+      double limit = kPivotLimit * diagonal;
+      if (!c.kept.empty()) limit = std::fmax(limit, kNoCompliance * k.x[static_cast<std::size_t>(c.x + i)]);
+      if (!(pivot > limit)) {
+        ws.breakdown = {step.body > 0 ? step.body : 1, -1, pivot, limit, c.first};
         return false;
       }
       L[i] = std::sqrt(pivot);
@@ -305,8 +393,8 @@ static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, 
       const double right = row[width - 1];
       if (!ground) {
         const Force<double> signed_half = sign * half[i];
-        subtract_outer(home.P, signed_half, half[i]);
-        home.z -= right * signed_half;
+        subtract_outer(P, signed_half, half[i]);
+        z -= right * signed_half;
       }
       int x0 = 0;
       for (std::size_t f = 0; f < flows; ++f) {
@@ -374,7 +462,7 @@ static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, 
   if (ground) return true;
   Force<double>* Qo = k.Q.data() + step.flows[of].own;
   for (int i = 0; i < keep; ++i) {
-    home.z += T[i * stride + o.n] * Q[i];
+    z += T[i * stride + o.n] * Q[i];
     for (int x = 0; x < o.n; ++x) Qo[x] += T[i * stride + x] * Q[i];
   }
   return true;
@@ -399,6 +487,15 @@ static inline bool embedding_inward(const SweepModel& model, const Embedding& e,
       case EmbeddingStep::Kind::wheel:
         take_wheel(model, e, step, ws, k, in);
         break;
+      case EmbeddingStep::Kind::modes:
+        if (!take_modes(model, e, step, ws, k, in)) return false;
+        break;
+      case EmbeddingStep::Kind::hinge: {
+        bool passed = false;
+        with_hinge_size<double>(model.bodies[step.body].nv, [&]<int NV>() { passed = pass_hinge<NV>(model, e, step, ws, k, in); });
+        if (!passed) return false;
+        break;
+      }
       case EmbeddingStep::Kind::close:
         if (!close_at_home(e, step, ws, k)) return false;
         break;
@@ -434,6 +531,33 @@ static inline void uncross_hinge(const SweepModel& model, const Embedding& e, co
     out[j] -= less[j];
     if (body.kind != BodyKernel::rotor) core.delta -= less[j] * hinge_column(model, ws, step.body, j);
   }
+}
+
+/// The hinge of a body of a general kernel, and its modes, once the coordinates on it are known.
+template <int NV>
+static void pass_hinge_outward(const SweepModel& model, const Embedding& e, const EmbeddingStep& step, Workspace<double>& ws,
+                               EmbeddingWork& k, const Inputs<double>& in, double* vdot) {
+  if constexpr (NV > 0) {
+    Hinge<double, NV>& hinge = ws.hinge<NV>(step.body);
+    const double* Y = k.Y.data() + step.Y;
+    for (const PendingFlow& flow : step.flows) {
+      const EmbeddedLoop& c = e.loops[static_cast<std::size_t>(flow.loop)];
+      for (int i = 0; i < c.n; ++i, Y += NV)
+        for (int j = 0; j < NV; ++j) hinge.nu[j] -= Y[j] * k.x[static_cast<std::size_t>(c.x + i)];
+    }
+  }
+  acceleration_through_hinge<double, NV>(model, ws, in, vdot, step.body);
+}
+static inline void modes_outward(const SweepModel& model, const Embedding& e, const EmbeddingStep& step, Workspace<double>& ws,
+                                 EmbeddingWork& k, const Inputs<double>& in, double* vdot) {
+  Modal<double>& modal = *ws.modal_of(step.body);
+  const int m = model.bodies[step.body].n_modes;
+  for (const PendingFlow& flow : step.flows) {
+    const EmbeddedLoop& c = e.loops[static_cast<std::size_t>(flow.loop)];
+    for (int i = 0; m > 0 && i < c.n; ++i)
+      subtract_multiple(modal.nu, k.modal.data() + flow.own_modes + i * m, k.x[static_cast<std::size_t>(c.x + i)], 0, m);
+  }
+  acceleration_with_modes(model, ws, in, vdot, step.body, modal);
 }
 
 /// The coordinates of a loop, delta of its home being known.
@@ -511,9 +635,17 @@ static inline void embedding_outward(const SweepModel& model, const Embedding& e
           Motion<double> d = to_outboard(ws.X(step.body), inboard);
           for (int j = 0; j < body.nv; ++j) d += out[j] * hinge_column(model, ws, step.body, j);
           core.delta = d;
+          for (int j = 0; body.has_prescribed && j < body.nv; ++j)
+            if (model.prescribed[body.v + j]) out[j] = in.vdot[body.v + j];  // inside gamma_b
         }
         break;
       }
+      case EmbeddingStep::Kind::modes:
+        modes_outward(model, e, step, ws, k, in, vdot);
+        break;
+      case EmbeddingStep::Kind::hinge:
+        with_hinge_size<double>(model.bodies[step.body].nv, [&]<int NV>() { pass_hinge_outward<NV>(model, e, step, ws, k, in, vdot); });
+        break;
       case EmbeddingStep::Kind::close:
         solve_at_home(e, step, ws, k);
         break;

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "core/model/embedding.hpp"
+#include "core/model/sweep_model.hpp"
 #include "core/spatial/inertia.hpp"
 
 namespace cardan::soa {
@@ -24,6 +25,13 @@ struct PathState {
   Vec3<double> p, w, v, alpha, a;  // [m], [rad/s], [m/s]; acceleration at v' = 0
 };
 
+/// A place by which a path leaves a body, where it deforms with it.
+struct PathExit {
+  const NodeShapes* shapes = nullptr;  // null: it does not
+  Mat3<double> Jl;
+  Vec3<double> rho, x;  // [m] in the body, from home in axes of home
+};
+
 struct EmbeddingWork {
   explicit EmbeddingWork(const Embedding& e)
       : numbers(static_cast<std::size_t>(e.n_numbers)),
@@ -38,6 +46,8 @@ struct EmbeddingWork {
         U(static_cast<std::size_t>(e.n_U)),
         P(static_cast<std::size_t>(e.n_carried)),
         path(static_cast<std::size_t>(e.n_path)),
+        exits(static_cast<std::size_t>(e.n_path) + 2),
+        modal(static_cast<std::size_t>(e.n_modal)),
         row_at(static_cast<std::size_t>(e.n_rows)) {
     std::size_t most = 1;
     for (const EmbeddingStep& s : e.steps) {
@@ -46,18 +56,21 @@ struct EmbeddingWork {
       if (s.loop >= 0) n *= static_cast<std::size_t>(e.loops[static_cast<std::size_t>(s.loop)].n + 1);
       most = most > n ? most : n;
     }
-    scratch.resize(8 * most);
+    scratch.resize(8 * most > static_cast<std::size_t>(e.n_scratch) ? 8 * most : static_cast<std::size_t>(e.n_scratch));
     PU.resize(most);
     column_at.resize(static_cast<std::size_t>(e.n_pivots));
   }
   std::vector<double> numbers;  // A first; then per loop G, rows to eliminate, T | t, E | e
-  std::vector<double> b, x;     // per coordinate: force, and acceleration (of multipliers: themselves)
+  std::vector<double> b, x;     // per coordinate: force, and acceleration (of multipliers: themselves); before, of chosen rows: their
+                                // compliance by the inertia of the start
   std::vector<double> g, c;     // per row, in the order of Embedding::loops: gamma_c, residual of scaled rows
   std::vector<double> Y;
   std::vector<Force<double>> Q, W, z;  // columns of pending coordinates; rows in axes of home, at the end `to`; what passes bodies
   std::vector<Motion<double>> U;
   std::vector<ArticulatedInertia<double>> P;
   std::vector<PathState> path;
+  std::vector<PathExit> exits;  // of the bodies of the path, then of home: on the way to `from`, to `to`
+  std::vector<double> modal;    // columns of pending coordinates on modes; after these were eliminated: L^-1 of them
   std::vector<int> row_at, column_at;
   std::vector<double> scratch;
   std::vector<Force<double>> PU;

@@ -20,34 +20,49 @@ static void acceleration_rigid(const SweepModel& model, Workspace<T>& ws, const 
   }
 }
 
+/// v' of the hinge of a flexible body, one on a deforming node or one with given motions; delta as if its modes stood still.
+template <class T, int NV>
+static void acceleration_through_hinge(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* vdot, int k) {
+  const SweepBody& b = model.bodies[k];
+  const Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
+  const Modal<T>& modal = ws.template modal<NV>(k);
+  Motion<T> at_inboard = ws.core(b.parent).delta;
+  if (modal.node) at_inboard += motion_of_node(*modal.node, modal.node->accel);
+  const Motion<T> delta = to_outboard(ws.X(k), at_inboard);
+  Motion<T> after = delta;
+  const bool given = model.has_prescribed();
+  for (int j = 0; j < NV; ++j) {
+    const T a = hinge.nu[j] - dot(delta, hinge.G[j]);  // zero for a prescribed component: its v' is inside gamma_b
+    after += a * hinge.H[j];
+    vdot[b.v + j] = given && model.prescribed[b.v + j] ? in.vdot[b.v + j] : a;
+  }
+  ws.core(k).delta = after;
+}
+
+/// v' of its modes, and delta with them.
+template <class T>
+static void acceleration_with_modes(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* vdot, int k, Modal<T>& modal) {
+  const SweepBody& b = model.bodies[k];
+  if (b.n_modes == 0) return;
+  Core<T>& body = ws.core(k);
+  const bool given = model.has_prescribed();
+  const Motion<T> after = body.delta;
+  acceleration_of_modes(model, ws, b, body, modal, after);
+  for (int j = 0; j < b.n_modes; ++j) vdot[b.etadot + j] = modal.accel[j];
+  for (int j = 0; given && j < b.n_modes; ++j)
+    if (model.prescribed[b.etadot + j]) vdot[b.etadot + j] = in.vdot[b.etadot + j];
+  if (modal.C) {
+    T moved[6];
+    sum_columns(modal.C, modal.accel, b.n_modes, moved);
+    body.delta -= motion_column(moved, 0);
+  }
+}
+
 template <class T, int NV>
 static void acceleration_general(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* vdot, int begin, int end) {
   for (int k = begin; k < end; ++k) {
-    const SweepBody& b = model.bodies[k];
-    Core<T>& body = ws.core(k);
-    const Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
-    Modal<T>& modal = ws.template modal<NV>(k);
-    Motion<T> at_inboard = ws.core(b.parent).delta;
-    if (modal.node) at_inboard += motion_of_node(*modal.node, modal.node->accel);
-    const Motion<T> delta = to_outboard(ws.X(k), at_inboard);
-    Motion<T> after = delta;
-    const bool given = model.has_prescribed();
-    for (int j = 0; j < NV; ++j) {
-      const T a = hinge.nu[j] - dot(delta, hinge.G[j]);  // zero for a prescribed component: its v' is inside gamma_b
-      after += a * hinge.H[j];
-      vdot[b.v + j] = given && model.prescribed[b.v + j] ? in.vdot[b.v + j] : a;
-    }
-    body.delta = after;
-    if (b.n_modes == 0) continue;
-    acceleration_of_modes(model, ws, b, body, modal, after);
-    for (int j = 0; j < b.n_modes; ++j) vdot[b.etadot + j] = modal.accel[j];
-    for (int j = 0; given && j < b.n_modes; ++j)
-      if (model.prescribed[b.etadot + j]) vdot[b.etadot + j] = in.vdot[b.etadot + j];
-    if (modal.C) {
-      T moved[6];
-      sum_columns(modal.C, modal.accel, b.n_modes, moved);
-      body.delta -= motion_column(moved, 0);
-    }
+    acceleration_through_hinge<T, NV>(model, ws, in, vdot, k);
+    acceleration_with_modes(model, ws, in, vdot, k, ws.template modal<NV>(k));
   }
 }
 

@@ -122,16 +122,12 @@ static void inward_rigid(const SweepModel& model, Workspace<T>& ws, const Inputs
   }
 }
 
-/// P, D, G of a flexible body, one on a deforming node or one with given motions. False: a direction without inertia.
-template <class T, int NV>
-static bool inertia_general(const SweepModel& model, Workspace<T>& ws, int k) {
+/// P_r of a flexible body, one on a deforming node or one with given motions: its modes are eliminated. False: one without inertia.
+template <class T>
+static bool inertia_without_modes(const SweepModel& model, Workspace<T>& ws, int k, Modal<T>& modal) {
   const SweepBody& b = model.bodies[k];
   Core<T>& body = ws.core(k);
-  Core<T>& inboard = ws.core(b.parent);
-  Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
-  Modal<T>& modal = ws.template modal<NV>(k);
   const int m = b.n_modes;
-  const std::uint8_t* fixed = b.has_prescribed ? model.prescribed.data() + b.v : nullptr;
   Breakdown bad;
   bad.body = k;
   if (m == 0)
@@ -143,6 +139,19 @@ static bool inertia_general(const SweepModel& model, Workspace<T>& ws, int k) {
     ws.breakdown = bad;
     return false;
   }
+  return true;
+}
+
+/// D, G of such a body, and what passes its hinge. False: a direction without inertia.
+template <class T, int NV>
+static bool inertia_through_hinge(const SweepModel& model, Workspace<T>& ws, int k) {
+  const SweepBody& b = model.bodies[k];
+  Core<T>& inboard = ws.core(b.parent);
+  Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
+  Modal<T>& modal = ws.template modal<NV>(k);
+  const std::uint8_t* fixed = b.has_prescribed ? model.prescribed.data() + b.v : nullptr;
+  Breakdown bad;
+  bad.body = k;
   Force<T> half[NV > 0 ? NV : 1];
   if constexpr (NV > 0)
     if (!factor_hinge<T, NV>(modal.P_r, hinge, fixed, half, bad)) {
@@ -166,22 +175,28 @@ static bool inertia_general(const SweepModel& model, Workspace<T>& ws, int k) {
   return true;
 }
 
-/// z, eps, nu of the same.
-template <class T, int NV>
-static void bias_general(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int k) {
+/// z_r of the same: its modes are eliminated.
+template <class T>
+static Force<T> bias_without_modes(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int k, Modal<T>& modal) {
   const SweepBody& b = model.bodies[k];
   Core<T>& body = ws.core(k);
-  Core<T>& inboard = ws.core(b.parent);
-  Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
-  Modal<T>& modal = ws.template modal<NV>(k);
-  const int m = b.n_modes;
-  const std::uint8_t* fixed = b.has_prescribed ? model.prescribed.data() + b.v : nullptr;
   Force<T> z = body.z;
-  if (m > 0) {
+  if (b.n_modes > 0) {
     eps_of_modes(model, b, in, body, modal);
     z += bias_of_modes(model, ws, b, body, modal);
   }
-  const Force<T> z_r = z;
+  return z;
+}
+
+/// eps, nu of the same, and the force that passes its hinge.
+template <class T, int NV>
+static void bias_through_hinge(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int k, const Force<T>& z_r) {
+  const SweepBody& b = model.bodies[k];
+  Core<T>& inboard = ws.core(b.parent);
+  Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
+  Modal<T>& modal = ws.template modal<NV>(k);
+  const std::uint8_t* fixed = b.has_prescribed ? model.prescribed.data() + b.v : nullptr;
+  Force<T> z = z_r;
   if constexpr (NV > 0) {
     T eps[NV];
     for (int j = 0; j < NV; ++j) eps[j] = fixed && fixed[j] ? T(0) : (in.tau ? in.tau[b.v + j] : T(0)) - dot(hinge.H[j], z_r);
@@ -212,8 +227,9 @@ static void bias_general(const SweepModel& model, Workspace<T>& ws, const Inputs
 template <class T, int NV>
 static void inward_general(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, InwardFor what, int begin, int end) {
   for (int k = end - 1; k >= begin; --k) {
-    if (what.inertia && !inertia_general<T, NV>(model, ws, k)) return;
-    if (what.bias) bias_general<T, NV>(model, ws, in, k);
+    Modal<T>& modal = ws.template modal<NV>(k);
+    if (what.inertia && (!inertia_without_modes(model, ws, k, modal) || !inertia_through_hinge<T, NV>(model, ws, k))) return;
+    if (what.bias) bias_through_hinge<T, NV>(model, ws, in, k, bias_without_modes(model, ws, in, k, modal));
   }
 }
 

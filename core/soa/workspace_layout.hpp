@@ -61,7 +61,7 @@ Workspace<T>::Workspace(const SweepModel& model) {
       if (model.has_prescribed())
         for (int j = 0; j < b.n_modes; ++j) masked = masked || model.prescribed[b.etadot + j];
       c.m = m;
-      c.ee = !f.by_nodes && (!f.M_ee_constant || ee_changes[k] || masked) ? m * m : 0;
+      c.ee = !f.by_nodes && (!f.M_ee_constant || ee_changes[k] || masked || f.pushed_by_loops) ? m * m : 0;
       c.re = c.ee > 0 || !f.M_re_constant ? 6 * m : 0;
       c.U = c.ee > 0 || (c.re > 0 && !f.M_ee_identity) ? 6 * m : 0;
       c.b = f.constant ? 0 : 6 + m;
