@@ -47,6 +47,7 @@ int cardan_main(int argc, char** argv) {
   add_workbench(app, line);
   add_modes(app, line);
   add_types(app, line);
+  add_import(app, line);
   add_new(app, line);
   add_check_plugin(app, line);
   add_help(app, line);

@@ -43,6 +43,7 @@ std::string command_for(const std::string& word) {
   if (ending == ".lua" || fs::is_directory(path, ignored)) return "run";
   if (ending == ".yaml" || ending == ".yml") return "workbench";
   if (ending == ".h5") return "report";
+  if (ending == ".urdf") return "import";
   if (ending == ".so") return "check-plugin";
   return {};
 }

@@ -28,6 +28,7 @@ void add_modes(CLI::App&, CommandLine&);
 void add_types(CLI::App&, CommandLine&);
 /// What plugins say goes to standard error.
 void show_plugin_messages();
+void add_import(CLI::App&, CommandLine&);
 void add_new(CLI::App&, CommandLine&);
 void add_check_plugin(CLI::App&, CommandLine&);
 void add_completion(CLI::App&, CommandLine&);

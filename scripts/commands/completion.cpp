@@ -20,11 +20,14 @@ std::string candidates(const CLI::App& app, const std::string& type) {
   if (type == "SCRIPT") return "_cardan_files lua";
   if (type == "RESULTS") return "_cardan_files h5";
   if (type == "PAGE") return "_cardan_files html";
+  if (type == "ROBOT") return "_cardan_files urdf xml";
+  if (type == "VEHICLE") return "_cardan_files yaml yml";
   if (type == "PLUGIN") return "_cardan_files so";
   if (type == "DIR") return "_cardan_files";
   std::string words;
   const auto add = [&](const std::string& word) { words += (words.empty() ? "" : " ") + word; };
   if (type == "SHELL") words = "bash zsh";
+  if (type == "BASE") words = "free fixed";
   if (type == "KIND") words = "hinge body device field";
   if (type == "TYPE") {
     Registry registry;

@@ -45,7 +45,7 @@ TEST(CommandLine, AloneTellsTheCommands) {
   EXPECT_EQ(cardan({"--help"}).out, alone.out);
   EXPECT_EQ(cardan({"help"}).out, alone.out);
   EXPECT_EQ(commands(), (std::vector<std::string>{"run", "check", "describe", "report", "regress", "precision", "diff", "workbench",
-                                                  "modes", "types", "new", "check-plugin", "help", "completion", "version"}));
+                                                  "modes", "types", "import", "new", "check-plugin", "help", "completion", "version"}));
 }
 
 TEST(CommandLine, TakesVersionAsAnOptionToo) {
@@ -64,6 +64,7 @@ TEST(CommandLine, AsksWhetherAnotherCommandIsMeant) {
   EXPECT_EQ(error_of({"scenario.lua"})["hint"], "did you mean \"cardan run scenario.lua\"?");
   EXPECT_EQ(error_of({"drive"})["hint"], "did you mean \"cardan run drive\"?") << "a folder";
   EXPECT_EQ(error_of({"sat.yaml"})["hint"], "did you mean \"cardan workbench sat.yaml\"?");
+  EXPECT_EQ(error_of({"arm.urdf"})["hint"], "did you mean \"cardan import arm.urdf\"?");
   EXPECT_EQ(error_of({"out/run.h5"})["hint"], "did you mean \"cardan report out/run.h5\"?");
   EXPECT_EQ(error_of({"./acme.so"})["hint"], "did you mean \"cardan check-plugin ./acme.so\"?");
 }
@@ -136,7 +137,7 @@ std::string offered(const std::string& words, const std::string& folder) {
 
 TEST(CommandLine, BashCompletesCommandsOptionsAndFiles) {
   const TemporaryFolder dir;
-  for (const char* file : {"a.lua", "b b.lua", "sat.yaml", "run.h5", "cam.so", "notes.txt"}) std::ofstream(dir / file) << "";
+  for (const char* file : {"a.lua", "b b.lua", "sat.yaml", "run.h5", "cam.so", "notes.txt", "arm.urdf"}) std::ofstream(dir / file) << "";
   std::filesystem::create_directory(dir / "folder");
   EXPECT_EQ(offered("cardan des", dir.path()), "describe\n");
   EXPECT_EQ(offered("cardan --v", dir.path()), "--version\n");
@@ -144,6 +145,9 @@ TEST(CommandLine, BashCompletesCommandsOptionsAndFiles) {
   EXPECT_EQ(offered("cardan run ''", dir.path()), "a.lua\nb b.lua\nfolder\n");
   EXPECT_EQ(offered("cardan workbench s", dir.path()), "sat.yaml\n");
   EXPECT_EQ(offered("cardan report ''", dir.path()), "folder\nrun.h5\n");
+  EXPECT_EQ(offered("cardan import ''", dir.path()), "arm.urdf\nfolder\n");
+  EXPECT_EQ(offered("cardan import arm.urdf --base f", dir.path()), "fixed\nfree\n");
+  EXPECT_EQ(offered("cardan import arm.urdf --out ''", dir.path()), "folder\nsat.yaml\n");
   EXPECT_EQ(offered("cardan check-plugin c", dir.path()), "cam.so\n");
   EXPECT_EQ(offered("cardan run a.lua --out ''", dir.path()), "folder\n");
   EXPECT_EQ(offered("cardan types rev", dir.path()), "revolute\n");
