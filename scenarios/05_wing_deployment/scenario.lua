@@ -2,7 +2,7 @@
 -- A pair that is straight is caught: its hinges lock, the cable is slack, and what it still had of motion goes through panels and bus as an impulse. The
 -- panels bend all the while.
 
-local p = parameters { left = "5 s", right = "9 s", finish = "90 s" }
+local p = parameters { left = "5 s", right = "9 s", finish = "60 s" }
 
 local sat = vehicle "vehicle.yaml"
 local bus = sat:body "bus"

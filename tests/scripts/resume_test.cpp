@@ -149,7 +149,7 @@ TEST(Resume, IsRefusedWhereTheScriptKeepsMoreThanPersist) {
 
 /// Those of the tutorials: tests/scripts/tutorials_test.cpp.
 TEST(Resume, IsPossibleForTheScenariosThatComeWithCardan) {
-  for (const std::string name : {"01_flexible_slew", "02_free_flying_arm"}) {
+  for (const std::string name : {"01_flexible_slew", "02_free_flying_arm", "03_separation", "04_capture_and_berth", "05_wing_deployment"}) {
     const TemporaryFolder dir;
     const Finished run = run_program({"run", CARDAN_SOURCE_DIR "/scenarios/" + name, "--quiet", "--out", "out"}, dir.path());
     ASSERT_EQ(run.exit_code, 0) << run.err;

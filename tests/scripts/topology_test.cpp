@@ -39,7 +39,9 @@ loops:
 
 Finished mission(const TemporaryFolder& dir, const std::string& rest, const char* vehicle = kStack) {
   write(dir / "vehicle.yaml", vehicle);
-  const std::string nodes = vehicle == kStack ? R"("upper", "tip", "guest")" : R"("guest")";
+  const std::string nodes = vehicle == kStack                              ? R"("upper", "tip", "guest")"
+                            : std::string_view(vehicle).find("arm:") < 500 ? R"("arm.tip", "guest")"
+                                                                           : R"("guest")";
   write(dir / "scenario.lua", R"lua(
 local sat = vehicle "vehicle.yaml"
 mission { duration = 6, integrator = { method = "dop853", relative = 1e-12 }, checkpoint = { period = "0.5 s" },
@@ -152,6 +154,85 @@ phase { name = "apart", duration = 1 }
   }
   for (const std::size_t i : {0, 10, 51, 60}) EXPECT_EQ(force[i], std::vector<double>(6, 0.0)) << i;
   EXPECT_GT(std::abs(apart(60) - 2.0), 1e-3);
+}
+
+/// A weld that is closed while its ends are apart holds them as they are; with checkpoints before, in and after the time in which it holds.
+TEST(Topology, AWeldHoldsWhatItFinds) {
+  const TemporaryFolder dir;
+  const char* two = R"yaml(
+cardan: 1
+bodies:
+  bus: {mass: 100, inertia: [30, 40, 50], hinge: {type: free, to: world, initial: {rate: [0, 0.1, 0.2]}}}
+  arm: {mass: 5, inertia: [1, 1, 1], com: [0.5, 0, 0], nodes: {tip: {position: [1, 0, 0]}}, hinge: {type: ball, to: {body: bus, position: [1, 0, 0]}}}
+  guest: {mass: 20, inertia: [2, 3, 4], nodes: {port: {position: [0, 0.3, 0]}}, hinge: {type: free, to: world, initial: {position: [3, 0, 0], rate: [0.3, 0, 0.1]}}}
+loops:
+  grip: {type: weld, from: arm.tip, to: guest.port, open: true, as_found: true}
+)yaml";
+  const Finished done = mission(dir, R"lua(
+phase { name = "free", duration = 1.3, exit_ = function() sat:close "grip" end }
+phase { name = "held", duration = 2, exit_ = function() sat:open "grip" end }
+phase { name = "apart", duration = 1.2, exit_ = function() sat:close "grip" end }
+phase { name = "held again" }
+)lua",
+                                two);
+  ASSERT_EQ(done.exit_code, 0) << done.err;
+  const auto guest = rows(dir / "out", "bodies/guest/position"), arm = rows(dir / "out", "nodes/arm.tip/position");
+  const auto apart = [&](std::size_t i) { return std::hypot(arm[i][0] - guest[i][0], arm[i][1] - guest[i][1], arm[i][2] - guest[i][2]); };
+  for (std::size_t i = 14; i <= 33; ++i) EXPECT_NEAR(apart(i), apart(13), 1e-9) << i;
+  for (std::size_t i = 46; i <= 60; ++i) EXPECT_NEAR(apart(i), apart(45), 1e-9) << i;
+  EXPECT_GT(std::abs(apart(45) - apart(33)), 1e-3);
+  const std::string all = json(channels_of(dir / "out")).dump();
+  for (const char* at : {"1", "2", "4", "5"}) {
+    const Finished resumed = run_program({"run", "--resume", "out/run.h5", "--at", at, "--quiet", "--out", "resumed"}, dir.path());
+    ASSERT_EQ(resumed.exit_code, 0) << resumed.err;
+    EXPECT_EQ(json(channels_of(dir / "resumed")).dump(), all) << at;
+  }
+}
+
+TEST(Topology, AnEventThatHappensOnceIsNotLookedAtAgain) {
+  const TemporaryFolder dir;
+  const std::string counting = R"lua(
+local m, arm = persist { times = 0 }, sat:hinge "arm"
+event { name = "passes", once = true, direction = "rising", when = function(t) return math.sin(2 * t + 0 * arm:q()) end,
+        action = function() m.times = m.times + 1 sat:lock "arm" end }
+check { name = "times", value = function() return m.times end, equal = { 1, tolerance = 0.1 } }
+)lua";
+  const Finished done = mission(dir, counting);
+  EXPECT_EQ(done.exit_code, 0) << done.err << done.out;
+  const Finished resumed = run_program({"run", "--resume", "out/run.h5", "--at", "4", "--quiet", "--out", "resumed"}, dir.path());
+  EXPECT_EQ(resumed.exit_code, 0) << resumed.err << resumed.out;
+  std::string both = counting;
+  both.replace(both.find(R"(direction = "rising", )"), 22, "");
+  const Finished refused = mission(dir, both);
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_NE(refused.err.find("true beside direction"), std::string::npos) << refused.err;
+}
+
+TEST(Topology, WhatHadNoEffectIsToldAtTheEnd) {
+  const TemporaryFolder dir;
+  const char* latched = R"yaml(
+cardan: 1
+bodies:
+  bus: {mass: 100, inertia: [30, 40, 50], hinge: {type: free, to: world}}
+  panel: {mass: 5, inertia: [1, 1, 1], hinge: {type: revolute, axis: [0, 0, 1], to: bus, locked: true, initial: {angle: 1}, spring: {stiffness: 2}}}
+  guest: {mass: 20, inertia: [2, 3, 4], hinge: {type: free, to: world, initial: {position: [3, 0, 0]}}}
+loops:
+  latch: {type: weld, from: bus, to: guest, open: true}
+)yaml";
+  const Finished idle = mission(dir, "phase { name = 'a' }\n", latched);
+  EXPECT_EQ(idle.exit_code, 0) << idle.err;
+  const std::string told = summary_of(dir / "out").at("warnings").dump();
+  EXPECT_NE(told.find("open all the time: nothing closed it"), std::string::npos) << told;
+  EXPECT_NE(told.find("the hinge is locked: this spring and damper do nothing"), std::string::npos) << told;
+  const Finished acts = mission(dir, R"lua(
+local panel = sat:hinge "panel"
+phase { name = 'a', duration = 1, exit_ = function() if panel:angle() == 1 and panel:rate() == 0 then sat:unlock 'panel' end end }
+phase { name = 'b' }
+)lua",
+                                latched);
+  EXPECT_EQ(acts.exit_code, 0) << acts.err;
+  EXPECT_EQ(summary_of(dir / "out").at("warnings").dump().find("the hinge is locked"), std::string::npos);
+  EXPECT_NE(rows(dir / "out", "hinges/panel/angle").back()[0], 1.0);
 }
 
 TEST(Topology, WhatCannotBeDoneIsTold) {
