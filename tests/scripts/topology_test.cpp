@@ -250,7 +250,7 @@ TEST(Topology, WhatCannotBeDoneIsTold) {
   told("sat:open 'dock'", 3, "dock, which is not");
   told("sat:close 'dick'", 3, "did you mean \"dock\"?");
   told("sat:detach 'tip' sat:lock 'tip'", 3, "lock tip, after detach tip");
-  told("sat:attach('guest', {to = 'bus.port'})", 3, "the ends of a hinge do not meet");
+  told("sat:attach('guest', {to = 'bus.port'})", 3, "the ends of a hinge do not meet, at bodies.guest.hinge");
   told("sat:attach('guest', {to = 'bus.pot', as_found = true})", 3, "unknown node");
   told("sat:attach('bus', {to = 'tip', as_found = true})", 3, "closed loop");
   told("sat:attach('guest', {to = 'bus', type = 'ball', as_found = true})", 3, "a type, or as_found = true");
