@@ -72,15 +72,17 @@ ResultFolder::~ResultFolder() { close(descriptor_); }
 fs::path name_before(const fs::path& file) { return file.parent_path() / ("." + file.filename().string() + ".new"); }
 
 void write_whole_file(const fs::path& file, std::string_view text) {
-  const fs::path before = name_before(file);
-  std::remove(before.c_str());  // of a process that was killed; a pipe would be waited for
-  std::FILE* out = std::fopen(before.c_str(), "wbx");
+  std::error_code ignored;
+  const bool in_place = fs::is_character_file(file, ignored) || fs::is_fifo(file, ignored);  // a device, a pipe: nothing takes its place
+  const fs::path before = in_place ? file : name_before(file);
+  if (!in_place) std::remove(before.c_str());  // of a process that was killed; a pipe would be waited for
+  std::FILE* out = std::fopen(before.c_str(), in_place ? "wb" : "wbx");
   bool good = out && std::fwrite(text.data(), 1, text.size(), out) == text.size();
   std::string why = good ? "" : error_text();
   if (out && std::fclose(out) != 0 && good) good = false, why = error_text();
-  if (good && std::rename(before.c_str(), file.c_str()) != 0) good = false, why = error_text();
+  if (good && !in_place && std::rename(before.c_str(), file.c_str()) != 0) good = false, why = error_text();
   if (good) return;
-  std::remove(before.c_str());
+  if (!in_place) std::remove(before.c_str());
   cannot_write(file, "a file that can be written", why, "is the folder there, and is there space?");
 }
 

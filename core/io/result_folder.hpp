@@ -30,7 +30,7 @@ class ResultFolder {
 std::filesystem::path name_before(const std::filesystem::path& file);
 
 /// Puts `text` in place of what is at `file`: it is written beside it and takes its name when it is whole, so that nobody sees a part of
-/// it and a failure leaves what was there. Throws InputError C0701.
+/// it and a failure leaves what was there; a device or a pipe is written to as it is. Throws InputError C0701.
 void write_whole_file(const std::filesystem::path& file, std::string_view text);
 
 /// Throws InputError C0701 where a result would take the place of the file that it is made from.

@@ -118,6 +118,11 @@ TEST(Import, WritesOverNothingThatItWasNotToldTo) {
   EXPECT_EQ(run_program({"import", kImportRobots + "gripper.urdf", "--out", "gripper.yaml"}, dir.path()).exit_code, 0);
   fs::copy_file(kImportRobots + "gripper.urdf", dir / "r.urdf");
   EXPECT_EQ(run_program({"import", "r.urdf", "--out", "r.urdf"}, dir.path()).exit_code, 2) << "the robot itself";
+  std::filesystem::create_symlink("/dev/full", dir / "full");  // by a link: where a file took its name, the device itself stays
+  const Finished full = run_program({"import", "r.urdf", "--out", "full"}, dir.path());
+  EXPECT_EQ(full.exit_code, 2) << full.out;
+  EXPECT_NE(full.err.find("No space left on device"), std::string::npos) << full.err;
+  EXPECT_TRUE(std::filesystem::is_symlink(dir / "full"));
   write(dir / "bad.urdf", "<robot");
   EXPECT_EQ(run_program({"import", "bad.urdf", "--out", "gripper.yaml"}, dir.path()).exit_code, 2);
   EXPECT_TRUE(has(file_text(dir / "gripper.yaml"), "finger_2")) << "what cannot be read leaves what is there";
