@@ -156,14 +156,14 @@ int run(int argc, char** argv) {
     return 0;
   }
   std::vector<Row> rows;
-  fmt::print("{:28} {:35} {:>7} {:>12} {:>12} {:>9} {:>9} {:>8}\n", "model", "op", "bodies", "min ns", "median ns", "ns/body", "error",
-             "B/body");
+  fmt::print("| {:28} | {:35} | bodies | {:>10} | {:>10} | {:>9} | {:>7} | {:>7} |\n|---|---|---:|---:|---:|---:|---:|---:|\n", "model",
+             "op", "min, ns", "median, ns", "per body", "error", "B/body");
   std::size_t printed = 0;
   const auto print_new_rows = [&] {
     for (; printed < rows.size(); ++printed) {
       const Row& r = rows[printed];
-      fmt::print("{:28} {:35} {:7} {:12.0f} {:12.0f} {:9.1f} {:>9} {:8.0f}\n", r.model, r.call.empty() ? r.op : r.op + " " + r.call,
-                 r.bodies, r.timing.min_ns, r.timing.median_ns, r.timing.min_ns / r.bodies,
+      fmt::print("| {:28} | {:35} | {:6} | {:10.0f} | {:10.0f} | {:9.1f} | {:>7} | {:7.0f} |\n", r.model,
+                 r.call.empty() ? r.op : r.op + " " + r.call, r.bodies, r.timing.min_ns, r.timing.median_ns, r.timing.min_ns / r.bodies,
                  r.error < 0 ? "-" : fmt::format("{:.1e}", r.error), r.bytes_per_body);
     }
   };
@@ -201,11 +201,13 @@ int run(int argc, char** argv) {
                                                             : r.model.substr(0, r.model.rfind('_'));
     if (!is("hard_")) families[family + " " + r.op + " " + r.call].push_back(&r);
   }
+  bool first = true;
   for (auto& [family, list] : families) {
     std::sort(list.begin(), list.end(), [](const Row* a, const Row* b) { return a->bodies < b->bodies; });
     for (std::size_t i = 1; i < list.size(); ++i) {
       const Row &a = *list[i - 1], &b = *list[i];
-      fmt::print("growth {:45} {:5} -> {:5} bodies: exponent {:.3f}\n", family, a.bodies, b.bodies,
+      if (std::exchange(first, false)) fmt::print("\n| {:60} | bodies | to bodies | exponent of time |\n|---|---:|---:|---:|\n", "growth");
+      fmt::print("| {:60} | {:6} | {:9} | {:16.3f} |\n", family, a.bodies, b.bodies,
                  std::log(b.timing.min_ns / a.timing.min_ns) / std::log(static_cast<double>(b.bodies) / a.bodies));
     }
   }

@@ -147,11 +147,12 @@ int run(double seconds, const std::string& plugin) {
   const auto bare = compile(bm.spec, registry);
   RightHandSides without(bm.spec, registry, bm.states);
   constexpr int kTen = 10;
-  fmt::print("{:<36}{:>12}{:>14}{:>14}{:>12}\n", bm.name, "ns, bare", "ns, with", "ns, of one", "bytes");
+  fmt::print("| {:<35} | {:>8} | {:>8} | {:>10} | {:>8} |\n|---|---:|---:|---:|---:|\n", bm.name, "bare, ns", "with, ns", "of one, ns",
+             "bytes");
   const auto row = [&](const std::string& name, const SystemSpec& spec, int count) {
     RightHandSides has(spec, registry, bm.states);
     const auto [least, more] = in_turn(without, has, seconds);
-    fmt::print("{:<36}{:>12.0f}{:>14.0f}{:>14.1f}{:>12.0f}\n", name, least, more, (more - least) / count,
+    fmt::print("| {:<35} | {:>8.0f} | {:>8.0f} | {:>10.1f} | {:>8.0f} |\n", name, least, more, (more - least) / count,
                static_cast<double>(has.bytes() - without.bytes()) / count);
     return more / least;
   };
@@ -163,16 +164,16 @@ int run(double seconds, const std::string& plugin) {
   const SystemSpec several = with(with(bm.spec, *bare, *registry.device("lugre_friction"), 10), *bare, *registry.device("thruster"), 4);
   const double ratio = row("10 lugre_friction, 4 thruster", several, 14);
   RightHandSides acting(several, registry, bm.states);
-  fmt::print("10 lugre_friction and 4 thruster: {:.3f} of the bare right-hand side; v' differs from the dense twin by {:.1e}\n", ratio,
+  fmt::print("\n10 lugre_friction and 4 thruster: {:.3f} of the bare right-hand side; v' differs from the dense twin by {:.1e}.\n", ratio,
              acting.error());
   if (plugin.empty()) return 0;
   load_plugin(plugin, registry);
-  fmt::print("\n{:<36}{:>12}{:>14}\n", "a plugin of the same source", "built in, ns", "plugin, ns");
+  fmt::print("\n| {:<35} | {:>12} | {:>10} | ratio |\n|---|---:|---:|---:|\n", "a plugin of the same source", "built in, ns", "plugin, ns");
   const auto compare = [&](const std::string& what, const SystemSpec& ours, const SystemSpec& theirs,
                            const std::vector<BenchState>& states) {
     RightHandSides here(ours, registry, states), there(theirs, registry, states);
     const auto [built_in, foreign] = in_turn(here, there, seconds);
-    fmt::print("{:<36}{:>12.0f}{:>14.0f}   {:.3f} of the built-in one\n", what, built_in, foreign, foreign / built_in);
+    fmt::print("| {:<35} | {:>12.0f} | {:>10.0f} | {:.3f} |\n", what, built_in, foreign, foreign / built_in);
   };
   const BenchModel chain = chain_of_universals(), hub = hub_appendages(4, 10, 1);
   compare(chain.name, chain.spec, of_twins(chain.spec, registry), chain.states);

@@ -79,7 +79,7 @@ void measure(int n, double seconds, const Registry& registry) {
     Simulation then(next.model, {});
     then.set_state(next.state);
     const Momentum r = then.momentum();
-    fmt::print("{:>6} {:>8} {:>10.3f} {:>10.1e} {:>10.1e}\n", n, name, 1e-6 * time.median_ns,
+    fmt::print("| {:>6} | {:>6} | {:>8.3f} | {:>7.1e} | {:>7.1e} |\n", n, name, 1e-6 * time.median_ns,
                (p.linear - r.linear).norm() / p.linear_magnitude, (p.angular - r.angular).norm() / p.angular_magnitude);
     std::fflush(stdout);
   }
@@ -96,7 +96,7 @@ int main(int argc, char** argv) {
   cardan::Registry registry;
   cardan::register_hinges(registry);
   cardan::register_bodies(registry);
-  fmt::print("{:>6} {:>8} {:>10} {:>10} {:>10}\n", "bodies", "event", "ms", "linear", "angular");
+  fmt::print("| bodies | {:>6} | {:>8} | {:>7} | {:>7} |\n|---:|---|---:|---:|---:|\n", "event", "ms", "linear", "angular");
   for (const int n : {10, 50, 200, 1000}) cardan::bench::measure(n, seconds, registry);
   return 0;
 }

@@ -43,8 +43,9 @@ int run(const std::string& only, double seconds) {
   Registry registry;
   register_hinges(registry);
   register_bodies(registry);
-  fmt::print("{:<28}{:>7}{:>6}{:>11}{:>14}{:>10}{:>14}{:>10}  {}\n", "", "bodies", "rows", "open tree", "multipliers", "error", "embedding",
-             "error", "closed by");
+  fmt::print(
+      "| {:<28} | bodies | rows | {:>9} | {:>11} | {:>7} | {:>9} | {:>7} | closed by |\n|---|---:|---:|---:|---:|---:|---:|---:|---|\n",
+      "us", "open tree", "multipliers", "error", "embedding", "error");
   bool good = true;
   for (const auto& file : bench_loops::files()) {
     if (file.stem().string().find(only) == std::string::npos) continue;
@@ -68,7 +69,7 @@ int run(const std::string& only, double seconds) {
                                                 model->loops.sets.size() - static_cast<std::size_t>(rates), model->loops.embedding->width,
                                                 model->loops.embedding->flops);
     const Figure tree = measure(*open_tree(model), bench, seconds, true);
-    fmt::print("{:<28}{:>7}{:>6}{:>8.2f} us{:>11.2f} us{:>10.1e}{:>11.2f} us{:>10.1e}  {}\n", file.stem().string(),
+    fmt::print("| {:<28} | {:>6} | {:>4} | {:>9.2f} | {:>11.2f} | {:>7.1e} | {:>9.2f} | {:>7.1e} | {} |\n", file.stem().string(),
                bench.spec.bodies.size(), model->loops.rows, 1e-3 * tree.ns, 1e-3 * of[0].ns, of[0].error, 1e-3 * of[1].ns, of[1].error,
                how);
     std::fflush(stdout);

@@ -140,32 +140,36 @@ int run(const Measure& measure, const char* unit, const std::string& only, int l
       {"rigid tree", [](int n) { return rigid_bodies(n, true); }},
       {"flexible chain, 5 modes", [](int n) { return flexible_chain(n, 5).spec; }}};
   int bad = 0;
-  fmt::print("{:30}{:26}{:>4}", unit, "bodies", "N =");
-  for (const int n : sizes) fmt::print("{:>10}", n);
-  fmt::print("  exponent from 100 on (claim)\n");
+  fmt::print("| {:30} | {:23} |", unit, "bodies");
+  for (const int n : sizes) fmt::print(" {:>9} |", fmt::format("N = {}", n));
+  fmt::print(" exponent from 100 on | claim |\n|---|---|");
+  for (std::size_t i = 0; i < sizes.size() + 2; ++i) fmt::print("---:|");
+  fmt::print("\n");
   for (const auto& [family, make] : families) {
     std::vector<std::unique_ptr<Scene>> scenes;
     for (const int n : sizes)
       if (n <= largest) scenes.push_back(std::make_unique<Scene>(compile(make(n), registry)));
     for (const Method& m : methods()) {
       if (std::string(m.name).find(only) == std::string::npos) continue;
-      fmt::print("{:30}{:30}", m.name, family);
+      fmt::print("| {:30} | {:23} |", m.name, family);
       double count = 0, sx = 0, sy = 0, sxx = 0, sxy = 0;  // least squares over the logarithms
       for (std::size_t i = 0; i < sizes.size(); ++i) {
         if (i >= scenes.size() || (m.power == 2 && sizes[i] > 1000)) {
-          fmt::print("{:10}", "");
+          fmt::print(" {:>9} |", "-");
           continue;
         }
         const double cost = measure([&] { m.call(*scenes[i]); });
-        fmt::print("{:10.1f}", cost);
+        fmt::print(" {:>9.1f} |", cost);
         if (sizes[i] < 100) continue;
         const double x = std::log(sizes[i]), y = std::log(cost);
         count += 1, sx += x, sy += y, sxx += x * x, sxy += x * y;
       }
       if (count > 1) {
         const double exponent = (count * sxy - sx * sy) / (count * sxx - sx * sx);
-        fmt::print("  {:.3f} ({})", exponent, m.power);
+        fmt::print(" {:.3f} | {} |", exponent, m.power);
         bad += m.power == 1 && exponent > 1.1;
+      } else {
+        fmt::print(" - | {} |", m.power);
       }
       fmt::print("\n");
       std::fflush(stdout);

@@ -58,8 +58,9 @@ int compare(double relative, double t_end, int repeats, int largest, const std::
   Registry registry;
   register_hinges(registry);
   register_bodies(registry);
-  fmt::print("{:>6} {:>7} {:>9} {:>7} {:>9} {:>9} {:>9} {:>7} {:>10}\n", "states", "solver", "cpu, s", "steps", "f", "J v", "linear",
-             "precond", "error");
+  fmt::print(
+      "| states | {:>7} | {:>9} | {:>7} | {:>9} | {:>9} | {:>9} | precond | {:>9} |\n|---:|---|---:|---:|---:|---:|---:|---:|---:|\n",
+      "solver", "cpu, s", "steps", "f", "J v", "linear", "error");
   for (const auto& [bodies, modes] : {std::pair{3, 4}, {5, 9}, {10, 14}, {25, 19}}) {
     const auto model = compile(stiff_chain(bodies, modes), registry);
     const int n = model->nq + model->nv;
@@ -80,8 +81,8 @@ int compare(double relative, double t_end, int repeats, int largest, const std::
       // of the coordinates alone, over the largest of them
       const double error =
           against_dopri5 ? (o.x - truth.x).head(model->nq).cwiseAbs().maxCoeff() / truth.x.head(model->nq).cwiseAbs().maxCoeff() : NAN;
-      fmt::print("{:>6} {:>7} {:>9.4f} {:>7} {:>9} {:>9} {:>9} {:>7} {:>10.1e}\n", n, name, o.seconds, o.counts.steps, o.counts.rhs_calls,
-                 o.counts.jacobian_products, o.counts.linear_iterations, o.counts.preconditioner_setups, error);
+      fmt::print("| {:>6} | {:>7} | {:>9.4f} | {:>7} | {:>9} | {:>9} | {:>9} | {:>7} | {:>9.1e} |\n", n, name, o.seconds, o.counts.steps,
+                 o.counts.rhs_calls, o.counts.jacobian_products, o.counts.linear_iterations, o.counts.preconditioner_setups, error);
       std::fflush(stdout);
     }
   }

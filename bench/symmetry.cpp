@@ -78,7 +78,7 @@ int run(std::vector<std::filesystem::path> files) {
   Registry registry;
   register_hinges(registry);
   register_bodies(registry);
-  fmt::print("{:24} {:>14} {:>16} {:>14}\n", "forward error", "full 6 x 6", "made symmetric", "sweeps");
+  fmt::print("| {:20} | {:>10} | {:>14} | {:>7} |\n|---|---:|---:|---:|\n", "forward error", "full 6 x 6", "made symmetric", "sweeps");
   for (const auto& file : files) {
     const BenchModel bm = read_model(file);
     const auto plain = compile(bm.spec, registry, {.merge_locked = false, .choose_frames = false});
@@ -96,7 +96,7 @@ int run(std::vector<std::filesystem::path> files) {
       forward_dynamics(*model, ws, in, vdot.data());
       ours = std::max(ours, relative_error(vdot, truth[k].vdot));
     }
-    fmt::print("{:24} {:14.1e} {:16.1e} {:14.1e}\n", bm.name, full, symmetric, ours);
+    fmt::print("| {:20} | {:10.1e} | {:14.1e} | {:7.1e} |\n", bm.name, full, symmetric, ours);
   }
   return 0;
 }

@@ -4,14 +4,17 @@ function(cardan_unity target size)
   set_target_properties(${target} PROPERTIES UNITY_BUILD ${CARDAN_UNITY} UNITY_BUILD_BATCH_SIZE ${size})
 endfunction()
 
-# cardan_library(NAME DEPS...)  every .cpp of the current folder (minus those in EXCLUDE) becomes the static library NAME.
+# cardan_library(NAME DEPS...)  every .cpp of the current folder (minus those in EXCLUDE; of ONLY, if given) becomes the static library NAME.
 # COLD: not part of a step; compiled with -O1, which halves its build time.
 # HEADERS: more headers of others that all of its files read, to be parsed once (precompiled.cmake).
 # Layers are link dependencies: what is not in DEPS cannot be linked, and check_layers.cmake sees that it is not included.
 function(cardan_library name)
-  cmake_parse_arguments(A "COLD" "FOLDER" "DEPS;EXCLUDE;HEADERS" ${ARGN})
+  cmake_parse_arguments(A "COLD" "FOLDER" "DEPS;EXCLUDE;ONLY;HEADERS" ${ARGN})
   set(folder ${CMAKE_CURRENT_SOURCE_DIR}/${A_FOLDER})
   file(GLOB sources CONFIGURE_DEPENDS ${folder}/*.cpp)
+  if(A_ONLY)
+    list(TRANSFORM A_ONLY PREPEND ${folder}/ OUTPUT_VARIABLE sources)
+  endif()
   foreach(file ${A_EXCLUDE})
     list(REMOVE_ITEM sources ${folder}/${file})
   endforeach()

@@ -5,32 +5,27 @@
 #include <algorithm>
 #include <sstream>
 
-#include "core/base/embed.hpp"
 #include "core/base/units.hpp"
 #include "core/base/version.hpp"
 #include "scripts/commands/commands.hpp"
-
-namespace cardan::documents {
-std::string_view errors();  ///< docs/errors.md
-}
-CARDAN_EMBED(cardan::documents, errors, CARDAN_ERRORS_MD)
+#include "scripts/commands/documents.hpp"
 
 namespace cardan {
 namespace {
 
-constexpr std::size_t kWidth = 80;
+constexpr std::size_t kTextWidth = 80;
 
-std::vector<const CLI::App*> commands_of(const CLI::App& app) {
+std::vector<const CLI::App*> subcommands_of(const CLI::App& app) {
   return app.get_subcommands([](const CLI::App*) { return true; });
 }
 
-/// Words of a paragraph in lines of at most kWidth characters.
+/// Words of a paragraph in lines of at most kTextWidth characters.
 std::string wrapped(const std::string& text) {
   std::istringstream words(text);
   std::string out, line;
   for (std::string word, more; words >> word;) {
     while (std::ranges::count(word, '`') % 2 == 1 && words >> more) word += " " + more;  // `N m/rad` stays whole
-    if (!line.empty() && line.size() + 1 + word.size() > kWidth) out += std::exchange(line, "") + "\n";
+    if (!line.empty() && line.size() + 1 + word.size() > kTextWidth) out += std::exchange(line, "") + "\n";
     line += (line.empty() ? "" : " ") + word;
   }
   return out + line + (line.empty() ? "" : "\n");
@@ -91,9 +86,9 @@ std::string option_name(const CLI::Option& option) {
 std::string manual(const CLI::App& app) {
   std::string out = fmt::format(".TH CARDAN 1 \"\" \"cardan {}\" \"User commands\"\n.SH NAME\ncardan \\- {}\n.SH SYNOPSIS\n",
                                 version::kNumber, roff("simulator of spacecraft made of rigid and flexible bodies"));
-  for (const CLI::App* command : commands_of(app)) out += fmt::format(".B cardan {}\n.br\n", roff(usage(*command)));
+  for (const CLI::App* command : subcommands_of(app)) out += fmt::format(".B cardan {}\n.br\n", roff(usage(*command)));
   out += ".SH COMMANDS\n";
-  for (const CLI::App* command : commands_of(app)) {
+  for (const CLI::App* command : subcommands_of(app)) {
     out += fmt::format(".SS {}\n{}.\n", roff(usage(*command)), roff(command->get_description()));
     for (const CLI::Option* option : command->get_options())
       out += fmt::format(".TP\n.B {}\n{}\n", roff(option_name(*option)), roff(option->get_description()));
@@ -121,7 +116,7 @@ int help(const CLI::App& app, const std::string& topic) {
     }
     legal.emplace_back(number_of(code));
   }
-  for (const CLI::App* command : commands_of(app)) {
+  for (const CLI::App* command : subcommands_of(app)) {
     if (command->get_name() == topic) {
       fmt::print("{}", command->help("cardan"));
       return 0;
@@ -145,7 +140,7 @@ int help(const CLI::App& app, const std::string& topic) {
 std::string overview(const CLI::App& app) {
   std::string out = fmt::format(
       "cardan {}: simulator of spacecraft made of rigid and flexible bodies\n\nusage: cardan COMMAND [ARGUMENTS]\n\n", version::kNumber);
-  for (const CLI::App* command : commands_of(app)) out += fmt::format("  {:<14}{}\n", command->get_name(), command->get_description());
+  for (const CLI::App* command : subcommands_of(app)) out += fmt::format("  {:<14}{}\n", command->get_name(), command->get_description());
   return out +
          "\nA scenario is a Lua file about a vehicle in YAML (README.md has a first one):\n\n"
          "  cardan check scenario.lua             is it right?\n"
