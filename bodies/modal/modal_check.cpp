@@ -163,7 +163,7 @@ void check_mass_node(const MassNode& node, Eigen::Index m, std::size_t j, const 
   if (!node.inertia.isZero(0.0)) {
     const Matrix3d& J = node.inertia;
     if (!J.allFinite() || !J.isApprox(J.transpose(), 1e-12)) bad(at, "a symmetric inertia at " + which, "something else");
-    const Vector3d p = Eigen::SelfAdjointEigenSolver<Matrix3d>(J, Eigen::EigenvaluesOnly).eigenvalues();
+    const Vector3d p = symmetric_eigenvalues(J);
     if (p(0) < -kFit * p(2) || p(2) > (p(0) + p(1)) * (1 + kFit))
       bad(at, fmt::format("an inertia that a body can have at {}: moments >= 0, none above the sum of the others", which),
           fmt::format("{:.6g}, {:.6g}, {:.6g} kg m^2", p(2), p(1), p(0)));

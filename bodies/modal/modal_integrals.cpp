@@ -1,8 +1,9 @@
 #include "bodies/modal/modal_integrals.hpp"
 
-#include <Eigen/Dense>
 #include <cmath>
 #include <limits>
+
+#include "core/linalg/dense.hpp"
 
 namespace cardan {
 namespace {
@@ -51,10 +52,9 @@ void add_rotary(const MassField& f, ModalIntegrals& out) {
   if (out.rotary_ww.empty()) return;
   const Vector3d c = out.I2 / out.I1;
   const Matrix3d about_centre = out.I7 - out.I1 * (c.squaredNorm() * Matrix3d::Identity() - c * c.transpose());
-  const Eigen::SelfAdjointEigenSolver<Matrix3d> J(about_centre, Eigen::EigenvaluesOnly);
-  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> modal(share, out.I6, Eigen::EigenvaluesOnly);
-  const double least = J.eigenvalues()[0], of_modes = modal.eigenvalues()[m - 1];
-  out.rotary_share = least > 0.0 && std::isfinite(of_modes) ? std::max(inertia / least, of_modes) : std::numeric_limits<double>::max();
+  const std::optional<Eigen::VectorXd> of_modes = generalised_eigenvalues(share, out.I6);
+  const double least = symmetric_eigenvalues(about_centre)[0], most = of_modes ? (*of_modes)[m - 1] : HUGE_VAL;
+  out.rotary_share = least > 0.0 && std::isfinite(most) ? std::max(inertia / least, most) : std::numeric_limits<double>::max();
 }
 
 }  // namespace

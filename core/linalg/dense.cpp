@@ -39,6 +39,10 @@ std::optional<MatrixXd> cholesky(const MatrixXd& A) {
   if (factor.info() != Eigen::Success) return {};
   return MatrixXd(factor.matrixL());
 }
+MatrixXd cholesky_solve(const MatrixXd& L, const MatrixXd& B) {
+  const MatrixXd half = L.triangularView<Eigen::Lower>().solve(B);
+  return L.transpose().triangularView<Eigen::Upper>().solve(half);
+}
 std::optional<MatrixXd> positive_inverse(const MatrixXd& A) {
   const Eigen::LLT<MatrixXd> factor(A);
   if (factor.info() != Eigen::Success) return {};
@@ -52,5 +56,14 @@ MatrixXd symmetric_solve(const MatrixXd& A, const MatrixXd& B) { return A.ldlt()
 VectorXd least_squares(const MatrixXd& A, const VectorXd& b) { return Eigen::CompleteOrthogonalDecomposition<MatrixXd>(A).solve(b); }
 MatrixXd inverse(const MatrixXd& A) { return A.inverse(); }
 double determinant(const MatrixXd& A) { return A.determinant(); }
+
+ThinQr thin_qr(const MatrixXd& A) {
+  const Eigen::HouseholderQR<MatrixXd> qr(A);
+  return {qr.householderQ() * MatrixXd::Identity(A.rows(), A.cols()), qr.matrixQR().topRows(A.cols()).triangularView<Eigen::Upper>()};
+}
+LuSolution lu_solve(const MatrixXd& A, const MatrixXd& B) {
+  const Eigen::PartialPivLU<MatrixXd> lu(A);
+  return {lu.rcond(), lu.solve(B)};
+}
 
 }  // namespace cardan

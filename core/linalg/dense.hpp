@@ -29,6 +29,8 @@ RightSingular right_singular(const Eigen::MatrixXd& A);
 
 /// The lower L of A = L L*; nothing where A is not positive definite.
 std::optional<Eigen::MatrixXd> cholesky(const Eigen::MatrixXd& A);
+/// A^-1 B of A = L L*, by the L of cholesky().
+Eigen::MatrixXd cholesky_solve(const Eigen::MatrixXd& L, const Eigen::MatrixXd& B);
 /// A^-1 of a positive definite A; nothing where it is not.
 std::optional<Eigen::MatrixXd> positive_inverse(const Eigen::MatrixXd& A);
 /// X U^-1 with gram = U* U: where gram = X* M X, the columns of the result are orthonormal in M.
@@ -40,5 +42,18 @@ Eigen::MatrixXd symmetric_solve(const Eigen::MatrixXd& A, const Eigen::MatrixXd&
 Eigen::VectorXd least_squares(const Eigen::MatrixXd& A, const Eigen::VectorXd& b);
 Eigen::MatrixXd inverse(const Eigen::MatrixXd& A);
 double determinant(const Eigen::MatrixXd& A);
+
+/// A = Q R of a matrix that has no more columns than rows, by reflections: Q* Q = 1, R upper triangular and square.
+struct ThinQr {
+  Eigen::MatrixXd Q, R;
+};
+ThinQr thin_qr(const Eigen::MatrixXd& A);
+/// A^-1 B by L U with pivots, and the reciprocal condition number of A by its factors: where that is below the precision of numbers, x is
+/// worth nothing.
+struct LuSolution {
+  double rcond;
+  Eigen::MatrixXd x;
+};
+LuSolution lu_solve(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B);
 
 }  // namespace cardan

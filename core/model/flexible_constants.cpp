@@ -1,9 +1,9 @@
 #include "core/model/flexible_constants.hpp"
 
-#include <Eigen/Cholesky>
-#include <Eigen/QR>
+#include <optional>
 
 #include "core/abi/modal_view.hpp"
+#include "core/linalg/dense.hpp"
 #include "core/model/rotary_terms.hpp"
 #include "core/model/validate.hpp"
 
@@ -69,13 +69,13 @@ FlexibleBody flexible_of(const SystemSpec& spec, const BodySpec& body, const car
   f.M_rr = {M_rr[0], {M_rr[1], M_rr[2], M_rr[3]}, {M_rr[4], M_rr[5], M_rr[6], M_rr[7], M_rr[8], M_rr[9]}};
   const Eigen::Map<const Eigen::MatrixXd> M_ee(f.M_ee.data(), m, m), M_re(f.M_re.data(), 6, m);
   f.M_ee_identity = (M_ee - Eigen::MatrixXd::Identity(m, m)).cwiseAbs().maxCoeff() == 0.0;
-  const Eigen::LLT<Eigen::MatrixXd> llt(M_ee);
-  if (llt.info() != Eigen::Success) {
+  const std::optional<Eigen::MatrixXd> factor = cholesky(M_ee);
+  if (!factor) {
     sink.report(
         {Code::bad_modal_data, body.at, "a positive definite modal mass matrix", "one that is not", "are two modes equal?", "", "", 0});
     return f;
   }
-  const Eigen::MatrixXd L = llt.matrixL(), U = llt.solve(M_re.transpose());
+  const Eigen::MatrixXd &L = *factor, U = cholesky_solve(L, M_re.transpose());
   f.L_ee.assign(L.data(), L.data() + L.size());
   const Eigen::MatrixXd M_re_rows = M_re.transpose();
   f.M_re_rows.assign(M_re_rows.data(), M_re_rows.data() + M_re_rows.size());
@@ -142,9 +142,7 @@ void prepare_nodes(Model& m) {
     if (f.by_nodes) {
       const Eigen::Map<const Eigen::MatrixXd> L(f.L_ee.data(), modes, modes);
       // L^-1 S* = Z R by reflections (nothing is squared): V = L^-* Z, Q = R*
-      const Eigen::HouseholderQR<Eigen::MatrixXd> qr(L.triangularView<Eigen::Lower>().solve(S.transpose()));
-      const Eigen::MatrixXd Z = qr.householderQ() * Eigen::MatrixXd::Identity(modes, n);
-      const Eigen::MatrixXd R = qr.matrixQR().topRows(n).triangularView<Eigen::Upper>();
+      const auto& [Z, R] = thin_qr(L.triangularView<Eigen::Lower>().solve(S.transpose()));
       V = L.transpose().triangularView<Eigen::Upper>().solve(Z);
       append(M_re * V, f.MV);
       append(R, f.Q);

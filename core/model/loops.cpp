@@ -6,6 +6,7 @@
 #include <cmath>
 #include <set>
 
+#include "core/base/units.hpp"
 #include "core/model/params.hpp"
 #include "core/model/validate.hpp"
 

@@ -3,11 +3,13 @@
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
+#include <optional>
+
+#include "core/linalg/dense.hpp"
 
 namespace cardan {
 namespace {
@@ -25,21 +27,21 @@ constexpr double kTurn = 0.1;
 double shorten(ModalIntegrals& I, double tolerance) {
   const Index m = I.I6.rows();
   const VectorXd turn = I.rotary_turn.unaryExpr([](double x) { return x > 0.0 ? x : 1.0; });
-  const Eigen::LLT<MatrixXd> llt(I.I6);
+  const std::optional<MatrixXd> L = cholesky(I.I6);
+  if (!L) return 0.0;  // which compile() refuses
+  const auto lower = L->triangularView<Eigen::Lower>();
   MatrixXd rows(m, m * m);
   for (Index i = 0; i < m; ++i) {
     const MatrixXd& ee = I.rotary_ee[static_cast<std::size_t>(i)];
-    const MatrixXd half = llt.matrixL().solve(MatrixXd(0.5 / turn[i] * (ee + ee.transpose())));
-    rows.row(i) = MatrixXd(llt.matrixL().solve(half.transpose())).reshaped().transpose();
+    const MatrixXd half = lower.solve(MatrixXd(0.5 / turn[i] * (ee + ee.transpose())));
+    rows.row(i) = MatrixXd(lower.solve(half.transpose())).reshaped().transpose();
   }
   if (const double all = kTurn * rows.rowwise().norm().maxCoeff(); all <= tolerance) {
     I.rotary_ee.clear();
     return all;
   }
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> of(rows * rows.transpose());  // ascending
-  const MatrixXd& U = of.eigenvectors();
-  const VectorXd squares =
-      of.eigenvalues().cwiseMax(of.eigenvalues()[m - 1] * static_cast<double>(m) * std::numeric_limits<double>::epsilon());
+  const auto [values, U] = symmetric_pairs(rows * rows.transpose());
+  const VectorXd squares = values.cwiseMax(values[m - 1] * static_cast<double>(m) * std::numeric_limits<double>::epsilon());
   VectorXd left_out = VectorXd::Zero(m);  // of each row, squared
   Index dropped = 0;
   double change = 0.0;

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <set>
@@ -11,6 +10,7 @@
 #include <unordered_map>
 
 #include "core/base/units.hpp"
+#include "core/linalg/dense.hpp"
 #include "core/model/params.hpp"
 #include "core/model/schema.hpp"
 
@@ -328,7 +328,7 @@ InertiaFault inertia_fault(const Eigen::Matrix3d& I, bool point) {
   // pivots is enough.
   const double largest = I.trace() * (1.0 + kTriangleTolerance) / (2.0 + kTriangleTolerance);
   if (surely_positive(I) && surely_positive(largest * Eigen::Matrix3d::Identity() - I)) return {};
-  const Eigen::Vector3d p = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(I, Eigen::EigenvaluesOnly).eigenvalues();
+  const Eigen::Vector3d p = symmetric_eigenvalues(I);
   const std::string moments = fmt::format("{:.6g}, {:.6g}, {:.6g} kg m^2 about the mass centre", p[2], p[1], p[0]);
   if (point ? p[0] < -kTriangleTolerance * p[2] : !(p[0] > 0.0))
     return {point ? "principal moments >= 0" : "principal moments > 0", moments,
@@ -340,7 +340,7 @@ InertiaFault inertia_fault(const Eigen::Matrix3d& I, bool point) {
   if (I.isDiagonal(0.0)) return fault;
   const Eigen::Matrix3d diagonal = I.diagonal().asDiagonal(), other_sign = 2.0 * diagonal - I;
   const auto possible = [](const Eigen::Matrix3d& A) {
-    const Eigen::Vector3d m = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(A, Eigen::EigenvaluesOnly).eigenvalues();
+    const Eigen::Vector3d m = symmetric_eigenvalues(A);
     return m[0] >= 0.0 && m[2] <= (m[0] + m[1]) * (1.0 + kTriangleTolerance);
   };
   if (possible(diagonal))

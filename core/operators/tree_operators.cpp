@@ -9,6 +9,7 @@
 #include "core/base/diagnostic.hpp"
 #include "core/base/units.hpp"
 #include "core/dynamics/inverse.hpp"
+#include "core/linalg/dense.hpp"
 #include "core/model/loops.hpp"
 #include "core/soa/kernels_tangent.hpp"
 
@@ -472,11 +473,11 @@ void TreeOperators::apply_inverse(Kind kind, const double* x, double* y) const {
   for (int i = 0; i < static_cast<int>(bodies_.size()); ++i) {
     const OperatorBody& b = bodies_[i];
     if (kind == Kind::M) {
-      const Eigen::LLT<MatrixXd> factor(M(i));
-      if (factor.info() != Eigen::Success)
+      const std::optional<MatrixXd> L = cholesky(M(i));
+      if (!L)
         refuse(Code::no_inverse, {"operator M"}, "a positive definite inertia of each body",
                "that of " + model_->user[b.user].name + " is singular");
-      Vector(y + b.at, 6 + b.m) = factor.solve(ConstVector(x + b.at, 6 + b.m));
+      Vector(y + b.at, 6 + b.m) = cholesky_solve(*L, ConstVector(x + b.at, 6 + b.m));
       continue;
     }
     Vector out(y + b.v, b.nh + b.m);

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <fstream>
@@ -241,10 +240,6 @@ int solve(lua_State* L) {
   for (Index j = 0; j < n; ++j) scale(scaled.col(j), column[j] = exponent(scaled.col(j).cwiseAbs().maxCoeff()));
   Eigen::MatrixXd x(n, rhs.cols());
   if (n > 0) {
-    const Eigen::PartialPivLU<Eigen::MatrixXd> lu(scaled);
-    const double rcond = lu.rcond();
-    if (!(rcond >= std::numeric_limits<double>::epsilon()))
-      misfit(L, "solve", "a regular matrix", fmt::format("a {} that is singular: reciprocal condition number {:.2g}", shape(A), rcond));
     // y = S_c^-1 x of S_r A S_c y = S_r b. Of each S_r b the exponent is taken out too: it may leave the range of numbers though x
     // does not.
     Eigen::MatrixXd b_scaled(n, rhs.cols());
@@ -256,7 +251,10 @@ int solve(lua_State* L) {
       own[k] = largest_exponent == std::numeric_limits<int>::min() ? 0 : -largest_exponent;
       for (Index i = 0; i < n; ++i) b_scaled(i, k) = std::scalbn(rhs(i, k), row[i] + own[k]);
     }
-    x = lu.solve(b_scaled);
+    const LuSolution y = lu_solve(scaled, b_scaled);
+    if (!(y.rcond >= std::numeric_limits<double>::epsilon()))
+      misfit(L, "solve", "a regular matrix", fmt::format("a {} that is singular: reciprocal condition number {:.2g}", shape(A), y.rcond));
+    x = y.x;
     for (Index k = 0; k < rhs.cols(); ++k)
       for (Index i = 0; i < n; ++i) x(i, k) = std::scalbn(x(i, k), column[i] - own[k]);
     if (rhs.allFinite() && A.map().allFinite() && !x.allFinite())
