@@ -118,7 +118,7 @@ class Report {
       }
     }
     if (number == 0 && only_.empty())
-      for (const char* made : {"flexible_", "hub_", "step_"})
+      for (const char* made : {"flexible_", "hub_", "wings_", "step_"})
         gather(programs_[0], {"--models", nothing_in(scratch_).string(), "--only", made, "--seconds", fmt::format("{}", seconds_)}, made);
   }
 
@@ -156,8 +156,9 @@ class Report {
         "Error: relative, 2-norm, against 113 bits on the same doubles. B/body: what model and first call took from the heap, over "
         "bodies;\n"
         "of a `Batch` its own memory for each state.\n";
-    for (const std::string& op : ops()) out += table(op);
-    return out + hard_models() + growth() + refusals();
+    for (const std::string& op : ops())
+      if (!is_step(op)) out += table(op);
+    return out + steps() + hard_models() + growth() + refusals();
   }
 
  private:
@@ -247,6 +248,13 @@ class Report {
       }
     }
     return "\n### " + words(op) + "\n\n| model |" + head + "\n|---|" + rule + rows + "\n";
+  }
+  static bool is_step(const std::string& op) { return op.starts_with("step_"); }
+  std::string steps() const {
+    std::string rows;
+    for (const Figure& f : figures_)
+      if (is_step(f.op) && !f.min_ns.empty()) rows += fmt::format("| {} | {} | {} |\n", words(f.op), f.model, number(f.median()));
+    return rows.empty() ? "" : "\n### Steps\n\n| | model | ns, median |\n|---|---|---:|\n" + rows;
   }
   static std::string words(std::string op) {
     std::ranges::replace(op, '_', ' ');
@@ -385,21 +393,9 @@ int against(const fs::path& before, const std::vector<std::array<std::string, 2>
   return slower > 0 ? 1 : 0;
 }
 
-/// Puts `figures` between the two marks of a document.
-void put_into(const fs::path& document, const std::string& figures) {
-  constexpr std::string_view begin = "<!-- figures -->\n", end = "<!-- end of figures -->";
-  std::stringstream text;
-  text << std::ifstream(document).rdbuf();
-  const std::string all = text.str();
-  const std::size_t from = all.find(begin), to = all.find(end);
-  if (from == std::string::npos || to == std::string::npos || to < from)
-    throw std::runtime_error(document.string() + " has no place between <!-- figures --> and <!-- end of figures -->");
-  std::ofstream(document) << all.substr(0, from + begin.size()) << "\n" << figures << "\n" << all.substr(to);
-}
-
 int run(int argc, char** argv) {
   CLI::App app("Compares Cardan with the peers that are built.");
-  std::string models = CARDAN_SOURCE_DIR "/tests/reference/bench", only, out = "bench.json", table = "bench.md", before, document;
+  std::string models = CARDAN_SOURCE_DIR "/tests/reference/bench", only, out = "bench.json", table = "bench.md", before;
   int rounds = 5;
   double seconds = 0.1;
   app.add_option("--models", models, "folder of models in the schema cardan-bench/1");
@@ -408,7 +404,6 @@ int run(int argc, char** argv) {
   app.add_option("--seconds", seconds, "time spent on each figure and round");
   app.add_option("--out", out, "the rows");
   app.add_option("--table", table, "the same for reading");
-  app.add_option("--into", document, "a document: the same between its marks <!-- figures --> and <!-- end of figures -->");
   app.add_option("--against", before, "folder of another build: its cardan-bench and ours in turn, ends with 1 where ours is slower");
   try {
     app.parse(argc, argv);
@@ -436,7 +431,6 @@ int run(int argc, char** argv) {
   }
   std::ofstream(out) << report.rows().dump(1) << "\n";
   std::ofstream(table) << report.markdown();
-  if (!document.empty()) put_into(document, report.markdown());
   fmt::print("{}", report.markdown());
   const std::string faults = report.faults();
   fmt::print(stderr, "{}", faults);

@@ -139,10 +139,10 @@ ${regress.scenarios.map((s) => {
 }).join("\n")}
 `);
 
-const benchmarks = read(source, "docs/benchmarks.md"), begin = benchmarks.indexOf("| model | ours | batch | mujoco |", benchmarks.indexOf("### Accuracy on hard models"));
+const benchmarks = read(source, "docs/benchmarks.md"), begin = benchmarks.indexOf("| model |", benchmarks.indexOf("### Errors of forward dynamics on hard models"));
 out.push(`## Hard models beside other libraries
 
-Relative error of v' (2-norm) against 113 bits, as measured by \`./dev bench-peers\` ([benchmarks.md](benchmarks.md#accuracy-on-hard-models), which says how and with which versions).
+Relative error of v' (2-norm) against 113 bits, as measured by \`./dev figures\` ([benchmarks.md](benchmarks.md#errors-of-forward-dynamics-on-hard-models), which says how and with which versions).
 
 ${benchmarks.slice(begin, benchmarks.indexOf("\n\n", begin))}
 `);
