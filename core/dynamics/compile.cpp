@@ -81,11 +81,7 @@ std::shared_ptr<const Model> compile(std::shared_ptr<const SystemSpec> spec, con
   spec = with_kept_rotary_terms(std::move(spec));
   std::shared_ptr<Model> model = assemble(spec, registry, options, false);
   if (!model->loops.empty()) {
-    Loops loops = std::exchange(model->loops, {});
-    Workspace ws(*model);
-    const Eigen::VectorXd inertia = mass_matrix(*model, ws, model->initial_state().q.data()).diagonal();
-    model->loops = std::move(loops);
-    prepare_loops(*model, inertia);
+    prepare_loops(*model);
     return model;
   }
   if (model->n_modes > 0 || !model->varies.empty()) return model;

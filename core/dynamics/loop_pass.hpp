@@ -1,8 +1,10 @@
 #pragma once
 // One evaluation of closed loops, as its parts share it: rows (loop_rows.cpp), rank (loop_rank.cpp), multipliers over the open tree
 // (loop_multipliers.cpp); what they write is LoopWork.
+#include <functional>
+
+#include "core/dynamics/loop_place.hpp"
 #include "core/dynamics/loops.hpp"
-#include "core/dynamics/node_motion.hpp"
 #include "core/dynamics/part.hpp"
 #include "core/model/embedding.hpp"
 #include "core/model/loops.hpp"
@@ -12,13 +14,7 @@ namespace cardan {
 
 /// Scratch of the loops of one model, in a workspace; made in its first call.
 struct LoopWork {
-  /// One end of a loop.
-  struct End {
-    soa::DeformedNode<double> at;  // in its body
-    Mat3<double> R_HN;             // node axes to axes of home
-    Vec3<double> x;                // [m] from home
-    Vec3<double> w, v;             // relative to home, node axes
-  };
+  using End = LoopEndMotion<double>;
   using Relative = soa::RelativePlace;
   explicit LoopWork(const Model& model);
 
@@ -110,7 +106,6 @@ class LoopPass {
   double unit(int p) const { return k_.L[at(p)]; }
   bool factor_compliance();
 
-  void seen_from_home(const LoopEnd& end, const std::vector<int>& path, LoopWork::End& out) const;
   void couple(const Loop& loop);
   static double coupled(const Loop& loop, const double* v);
   /// G v' of couplings; `join(loop, l)` for what joins places.
@@ -125,14 +120,7 @@ class LoopPass {
   void close(const Loop& loop, std::size_t l);
   void close_by_hinge(const Loop& loop, std::size_t l, Force<double>* W, double* c, double* extra);
 
-  const SweepBody& body_of(const LoopEnd& end) const { return m_.bodies[at(end.sweep)]; }
-  const NodeShapes& shapes_of(const LoopEnd& end) const {
-    static const NodeShapes rigid;
-    return end.node >= 0 ? m_.nodes[at(end.node)].shapes : rigid;
-  }
-
-  /// Node axes; w: angular velocity of the node.
-  Motion<double> acceleration(const LoopEnd& end, const LoopWork::End& e, const double* vdot, Vec3<double>& w) const;
+  /// Node axes.
   Motion<double> response(const LoopEnd& end, const LoopWork::End& e, const double* vdot) const;
   /// f on the end `to`, its opposite on the end `from`: wrenches on nodes, node axes.
   std::span<const NodeWrench> wrenches_of(const Loop& loop, const Force<double>& f);
@@ -145,6 +133,13 @@ class LoopPass {
   const soa::Sweeps<double>& S_;
 };
 
+/// Where each component of v is an angular velocity.
+std::vector<std::uint8_t> turning(const Model& model);
+/// The start that is nearest in the metric of the mass matrix (weighted) and closes the loops: hinges that may move do, on the way from the
+/// given one without passing a singular posture; and the rates nearest to the given ones. `places`: not only the rates are open.
+/// `may_move` names the coordinates. False: not closed; as near as it got.
+bool assemble_start(Model& model, Workspace& ws, const std::function<Eigen::MatrixXd(const Eigen::VectorXd&)>& inertia, bool places,
+                    State& start, std::string& may_move);
 void make_room_for_loops(const Model& model, Workspace& ws);
 /// Poses at q; P, D and G where `inertia`. false: a direction without inertia.
 bool stand(const Model& model, Workspace& ws, const double* q, bool inertia);

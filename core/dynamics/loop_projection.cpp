@@ -41,10 +41,15 @@ bool LoopProjection::close(double* q, double* v) {
   };
   /// The least motion M^-1 G* mu that takes G of it from x. False: a row without compliance.
   const auto take = [&](const std::vector<double>& x) {
-    if (model_.loops.embedding && embedded_response(model_, ws_, q, x, step_.data())) return true;
+    if (model_.loops.embedding && embedded_response(model_, ws_, q, x, step_.data())) {
+      pivot_ = work.embedding->smallest, weakest_ = work.embedding->weakest;
+      return true;
+    }
     if (model_.loops.embedding && !stand(model_, ws_, q, true)) return false;
     pass.matrix();
     pass.find_rank();
+    pivot_ = work.rank > 0 ? work.smallest : 1.0;
+    weakest_ = work.rank > 0 ? work.row_at[static_cast<std::size_t>(work.rank) - 1] : 0;
     if (!pass.compliance(model_.runs)) return false;
     mu_.setZero();
     pass.solve(x.data(), mu_.data());

@@ -6,6 +6,7 @@
 
 #include "core/dynamics/loop_pass.hpp"
 #include "core/dynamics/part.hpp"
+#include "core/linalg/dense.hpp"
 
 namespace cardan {
 namespace {
@@ -87,13 +88,39 @@ LoopRank loop_rank(const Model& model, Workspace& ws, const double* q) {
   pass.matrix();
   pass.find_rank();
   const LoopWork& work = *ws.loops;
-  return {model.loops.rows, work.rank, {work.row_at.begin() + work.rank, work.row_at.end()}, work.smallest, work.largest};
+  Eigen::MatrixXd A(model.loops.rows, static_cast<Eigen::Index>(work.columns.size()));  // scaled as find_rank() does
+  for (const Loop& loop : model.loops.all)
+    for (int i = loop.first; i < loop.first + loop.rows; ++i)
+      for (Eigen::Index j = 0; j < A.cols(); ++j) {
+        const auto v = static_cast<std::size_t>(work.columns[static_cast<std::size_t>(j)]);
+        A(i, j) =
+            work.G[static_cast<std::size_t>(i * model.nv) + v] * pass.in_metres(loop, i) * model.loops.column_scale[v] / loop.reference;
+      }
+  const double distance = work.rank > 0 ? singular_values(A)[work.rank - 1] : 0.0;
+  return {model.loops.rows, work.rank, {work.row_at.begin() + work.rank, work.row_at.end()}, work.smallest, work.largest, distance};
 }
 
 Eigen::MatrixXd loop_matrix(const Model& model, Workspace& ws, const double* q) {
   loop_rank(model, ws, q);
   return Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(ws.loops->G.data(), model.loops.rows,
                                                                                                   model.nv);
+}
+
+LoopFreedom loop_freedom(const Model& model, Workspace& ws, const double* q) {
+  const Eigen::MatrixXd G = loop_matrix(model, ws, q);
+  const LoopWork& work = *ws.loops;
+  LoopFreedom out;
+  out.rows.assign(work.row_at.begin(), work.row_at.begin() + work.rank);
+  for (int p = 0; p < work.rank; ++p)
+    out.dependent.push_back(work.columns[static_cast<std::size_t>(work.column_at[static_cast<std::size_t>(p)])]);
+  for (int v = 0; v < model.nv; ++v)
+    if (std::ranges::find(out.dependent, v) == out.dependent.end()) out.independent.push_back(v);
+  out.G_D_inverse = inverse(Eigen::MatrixXd(G(out.rows, out.dependent)));
+  out.X.setZero(model.nv, static_cast<Eigen::Index>(out.independent.size()));
+  for (std::size_t j = 0; j < out.independent.size(); ++j) out.X(out.independent[j], static_cast<Eigen::Index>(j)) = 1.0;
+  const Eigen::MatrixXd of_dependent = -out.G_D_inverse * G(out.rows, out.independent);
+  for (std::size_t i = 0; i < out.dependent.size(); ++i) out.X.row(out.dependent[i]) = of_dependent.row(static_cast<Eigen::Index>(i));
+  return out;
 }
 
 std::string name_of_row(const Loop& loop, int row, const Force<double>& W) {

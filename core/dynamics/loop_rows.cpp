@@ -49,14 +49,11 @@ void LoopPass::place() {
       couple(loop);
       continue;
     }
-    LoopWork::End &a = k_.from[l], &b = k_.to[l];
-    seen_from_home(loop.from, loop.from_path, a);
-    seen_from_home(loop.to, loop.to_path, b);
+    k_.from[l] = seen_from_home(m_, ws_, in_, loop.from, loop.from_path);
+    k_.to[l] = seen_from_home(m_, ws_, in_, loop.to, loop.to_path);
+    const LoopPlace<double> seen = seen_from(k_.from[l], k_.to[l]);
     LoopWork::Relative& r = k_.relative[l];
-    r.R = transpose(a.R_HN) * b.R_HN;
-    r.d = transpose_times(a.R_HN, b.x - a.x);
-    r.w = r.R * b.w - a.w;
-    r.u = r.R * b.v - a.v - cross(a.w, r.d);
+    r = {seen.R, seen.d, seen.w, seen.u};
     close(loop, l);
     for (int i = loop.first; i < loop.first + loop.rows; ++i) k_.rate[at(i)] = product(k_.W[at(i)], r.w, r.u);
   }
@@ -65,10 +62,7 @@ void LoopPass::place() {
 void LoopPass::accelerations(const double* vdot, double* out) const {
   each_loop(vdot, out, [&](const Loop& loop, std::size_t l) {
     const LoopWork::Relative& r = k_.relative[l];
-    Vec3<double> w_a, w_b;
-    const Motion<double> A = acceleration(loop.from, k_.from[l], vdot, w_a), B = acceleration(loop.to, k_.to[l], vdot, w_b);
-    const Vec3<double> wdot = r.R * B.w - A.w - cross(w_a, r.w);
-    const Vec3<double> udot = r.R * B.v - A.v - cross(A.w, r.d) - 2.0 * cross(w_a, r.u) - cross(w_a, cross(w_a, r.d));
+    const auto [wdot, udot] = relative_acceleration(m_, ws_, in_, loop, k_.from[l], k_.to[l], LoopPlace<double>{r.R, r.d, r.w, r.u}, vdot);
     for (int i = loop.first; i < loop.first + loop.rows; ++i) out[i] = product(k_.W[at(i)], wdot, udot) + k_.extra[at(i)];
   });
 }
@@ -80,26 +74,6 @@ void LoopPass::responses(const double* vdot, double* out) const {
     const Vec3<double> wdot = r.R * B.w - A.w, udot = r.R * B.v - A.v - cross(A.w, r.d);
     for (int i = loop.first; i < loop.first + loop.rows; ++i) out[i] = product(k_.W[at(i)], wdot, udot);
   });
-}
-
-void LoopPass::seen_from_home(const LoopEnd& end, const std::vector<int>& path, LoopWork::End& out) const {
-  if (end.node >= 0) {
-    out.at = deformed(m_, m_.nodes[at(end.node)], in_);
-  } else {
-    out.at.R = end.pose.R, out.at.rho = end.pose.p;
-    out.at.rate = out.at.bias = Motion<double>{};
-  }
-  Pose<double> X;
-  Motion<double> V{};
-  for (const int k : path) {
-    const Pose<double> step = soa::pose_in_inboard(m_, ws_, k, in_.q);
-    V = soa::velocity_of(m_, ws_, in_, k, step, V);
-    X = X * step;
-  }
-  const Motion<double> here = velocity_at(V, out.at);
-  out.R_HN = X.R * out.at.R;
-  out.x = X.p + X.R * out.at.rho;
-  out.w = transpose_times(out.at.R, here.w), out.v = transpose_times(out.at.R, here.v);
 }
 
 void LoopPass::couple(const Loop& loop) {
@@ -186,17 +160,11 @@ void LoopPass::close_by_hinge(const Loop& loop, std::size_t l, Force<double>* W,
   }
 }
 
-Motion<double> LoopPass::acceleration(const LoopEnd& end, const LoopWork::End& e, const double* vdot, Vec3<double>& w) const {
-  const BodyMotion<double> body = motion_of_body(m_, ws_, in_, end.sweep, vdot, After::forward);
-  const Motion<double> a = acceleration_at(body_of(end), shapes_of(end), e.at, body.w, body.gamma + body.delta, vdot);
-  w = transpose_times(e.at.R, body.w + e.at.rate.w);
-  return {transpose_times(e.at.R, a.w), transpose_times(e.at.R, a.v)};
-}
 Motion<double> LoopPass::response(const LoopEnd& end, const LoopWork::End& e, const double* vdot) const {
   const Motion<double> delta = motion_of_body(m_, ws_, in_, end.sweep, vdot, After::forward).delta;
   Motion<double> a{delta.w, delta.v + cross(delta.w, e.at.rho)};
-  const SweepBody& b = body_of(end);
-  if (const NodeShapes& shapes = shapes_of(end); shapes.deforms())
+  const SweepBody& b = m_.bodies[at(end.sweep)];
+  if (const NodeShapes& shapes = shapes_of(m_, end); shapes.deforms())
     for (int j = 0; j < b.n_modes; ++j) a += vdot[b.etadot + j] * soa::node_column(shapes, e.at, j);
   return {transpose_times(e.at.R, a.w), transpose_times(e.at.R, a.v)};
 }

@@ -3,21 +3,18 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
+#include "core/base/units.hpp"
+#include "core/dynamics/inverse.hpp"
 #include "core/dynamics/loop_pass.hpp"
+#include "core/model/components.hpp"
+#include "core/model/validate.hpp"
 
 namespace cardan {
 namespace {
 
 constexpr double kStart = 1e-6;  // residual of a start: typed numbers have a finite number of digits
-
-/// Where each component of v is an angular velocity.
-std::vector<std::uint8_t> turning(const Model& model) {
-  std::vector<std::uint8_t> out(static_cast<std::size_t>(model.nv));
-  for (const UserBody& u : model.user)
-    for (int i = 0; i < u.nv; ++i) out[static_cast<std::size_t>(u.v + i)] = u.v_units[static_cast<std::size_t>(i)] == "rad/s";
-  return out;
-}
 
 /// [m] largest distance of an end from a hinge on the way to it.
 double lever_of(const Model& model, const Workspace& ws, const Loop& loop, std::size_t l, const double* q) {
@@ -37,10 +34,13 @@ const char* unit_of_row(const Loop& loop, const Force<double>& W) {
   return loop.closing == Closing::coupling ? "" : dot(W.n, W.n) > dot(W.f, W.f) ? " rad" : " m";
 }
 
-/// What a loop of this size may be open by at the start, of a row.
-/// What a loop of this size may be open by at the start, of a row.
-void refuse_open_start(const Model& model, const LoopWork& work, const Eigen::VectorXd& v) {
-  DiagnosticSink sink;
+/// What a loop of this size is open by at the start, row by row: of places, else of rates.
+struct OpenRows {
+  std::vector<std::string> places, rates;  // per loop; empty: closed
+  bool any_place = false, any_rate = false;
+};
+OpenRows open_rows(const Model& model, const LoopWork& work, const Eigen::VectorXd& v) {
+  OpenRows out;
   for (const Loop& loop : model.loops.all) {
     std::string places, rates;
     double pace = 1.0;
@@ -57,12 +57,49 @@ void refuse_open_start(const Model& model, const LoopWork& work, const Eigen::Ve
       if (!(std::abs(work.c[at]) <= kStart * size)) add(places, work.c[at], "");
       if (!(std::abs(work.rate[at]) <= kStart * pace * speed)) add(rates, work.rate[at], loop.closing == Closing::coupling ? " 1/s" : "/s");
     }
-    const auto report = [&](const char* expected, const std::string& got, const char* hint) {
-      if (!got.empty()) sink.report(Code::open_start, model.spec->locate("loops." + loop.name), expected, got, hint);
+    out.any_place = out.any_place || !places.empty(), out.any_rate = out.any_rate || !rates.empty();
+    out.places.push_back(std::move(places)), out.rates.push_back(std::move(rates));
+  }
+  return out;
+}
+
+/// `may_move`: what the assembler tried; where that is nothing, what was given is at fault.
+void refuse_open_start(const Model& model, const OpenRows& open, const std::string& may_move) {
+  if (!open.any_place && !open.any_rate) return;
+  DiagnosticSink sink;
+  std::string nearest;
+  for (const MovedAtStart& m : model.loops.moved)
+    if (!m.unit.ends_with("/s")) nearest += fmt::format("{}{} {:.6g} {}", nearest.empty() ? ", at " : ", ", m.name, m.found, m.unit);
+  for (std::size_t l = 0; l < model.loops.all.size(); ++l) {
+    const auto report = [&](const std::string& expected, const std::string& got, const char* hint) {
+      if (!got.empty()) sink.report(Code::open_start, model.spec->locate("loops." + model.loops.all[l].name), expected, got, hint);
     };
-    report("initial coordinates that close it", places,
-           "give `initial` of the hinges between its ends the values that bring them together");
-    if (places.empty()) report("initial rates that keep it closed", rates, "give `initial` of the hinges rates that move both ends alike");
+    if (may_move.empty())
+      report("initial coordinates that close it", open.places[l],
+             "give `initial` of the hinges between its ends the values that bring them together, or none: they are found then");
+    else
+      report(fmt::format("a place of {} that closes it", may_move), open.places[l].empty() ? "" : open.places[l] + nearest,
+             "this is as near as they get without another branch; begin elsewhere, or hold less (assembly: {hold: [...]})");
+    if (open.places[l].empty())
+      report("initial rates that keep it closed", open.rates[l],
+             "give `initial` of the hinges rates that move both ends alike, or none: they are found then");
+  }
+  sink.throw_if_any();
+}
+
+void check_assembly(const Model& model) {
+  DiagnosticSink sink;
+  const AssemblySpec& assembly = model.spec->assembly;
+  const auto known = [&](const std::string& name, const std::string& key) {
+    if (!components_of(model, name).empty()) return;
+    sink.report(Code::unknown_name, model.spec->locate("assembly." + key), "a hinge that moves, or a component of one", in_quotes(name),
+                did_you_mean(name, component_names(model)));
+  };
+  for (std::size_t i = 0; assembly.hold && i < assembly.hold->size(); ++i) known((*assembly.hold)[i], fmt::format("hold[{}]", i));
+  for (const auto& [name, weight] : assembly.weights) {
+    known(name, "weights." + name);
+    if (!(weight > 0.0 && std::isfinite(weight)))
+      sink.report(Code::out_of_range, model.spec->locate("assembly.weights." + name), "a finite number > 0", fmt::format("{:g}", weight));
   }
   sink.throw_if_any();
 }
@@ -96,6 +133,19 @@ void take_embedding(Model& model, Embedding embedding) {
   sweep_embedded(model);
 }
 
+/// A description that begins there.
+void begin_at(Model& model, const State& start) {
+  auto spec = std::make_shared<SystemSpec>(*model.spec);
+  for (std::size_t i = 0; i < model.user.size(); ++i) {
+    const UserBody& u = model.user[i];
+    if (u.nv == 0) continue;
+    HingeSpec& hinge = spec->bodies[i].hinge;
+    hinge.q.assign(start.q.data() + u.q, start.q.data() + u.q + u.nq);
+    hinge.v.assign(start.v.data() + u.v, start.v.data() + u.v + u.nv);
+  }
+  model.spec = std::move(spec);
+}
+
 /// Embedding, where it is not unwanted.
 void choose_form(Model& model, const LoopPass& pass, const LoopWork& work) {
   Loops& loops = model.loops;
@@ -110,6 +160,13 @@ void choose_form(Model& model, const LoopPass& pass, const LoopWork& work) {
 
 }  // namespace
 
+std::vector<std::uint8_t> turning(const Model& model) {
+  std::vector<std::uint8_t> out(static_cast<std::size_t>(model.nv));
+  for (const UserBody& u : model.user)
+    for (int i = 0; i < u.nv; ++i) out[static_cast<std::size_t>(u.v + i)] = u.v_units[static_cast<std::size_t>(i)] == "rad/s";
+  return out;
+}
+
 bool stand(const Model& model, Workspace& ws, const double* q, bool inertia) {
   make_room_for_loops(model, ws);
   const soa::Sweeps<double>& S = soa::sweeps<double>();
@@ -121,36 +178,58 @@ bool stand(const Model& model, Workspace& ws, const double* q, bool inertia) {
   return ws.breakdown.body == 0;
 }
 
-void prepare_loops(Model& model, const Eigen::VectorXd& inertia) {
+void prepare_loops(Model& model) {
   Loops& loops = model.loops;
-  Workspace ws(model);
-  const State start = model.initial_state();
-  loops.column_scale.assign(inertia.data(), inertia.data() + model.nv);
-  for (double& x : loops.column_scale) x = x > 0.0 ? 1.0 / std::sqrt(x) : 1.0;
+  check_assembly(model);
+  const auto inertia = [&](const Eigen::VectorXd& q) {
+    Loops closed = std::exchange(loops, {});
+    Workspace ws(model);
+    Eigen::MatrixXd M = mass_matrix(model, ws, q.data());
+    loops = std::move(closed);
+    return M;
+  };
   for (Loop& loop : loops.all) {
     if (!loop.hinge) continue;
     loop.q0.assign(loop.hinge->nq, 0.0);
     if (loop.hinge->zero) loop.hinge->zero(loop.packed.data(), loop.q0.data());
   }
-  stand(model, ws, start.q.data(), false);
+  Workspace ws(model);
+  State start = model.initial_state();
+  const std::vector<std::uint8_t> turns = turning(model);
+  /// Levers, scales and coordinates of hinges that close, at a start; then its residuals with them.
+  const auto measure = [&] {
+    stand(model, ws, start.q.data(), false);
+    const Inputs in{.q = start.q.data(), .v = start.v.data(), .gravity = false};  // a pass refers to it
+    LoopPass pass(model, ws, in);
+    pass.place();
+    const Eigen::VectorXd diagonal = inertia(start.q).diagonal();
+    loops.column_scale.assign(diagonal.data(), diagonal.data() + model.nv);
+    for (double& x : loops.column_scale) x = x > 0.0 ? 1.0 / std::sqrt(x) : 1.0;
+    for (std::size_t l = 0; l < loops.all.size(); ++l) {
+      Loop& loop = loops.all[l];
+      loop.reference = 0.0;
+      const auto refer = [&](int v, double arm) {
+        loop.reference = std::max(loop.reference, arm * loops.column_scale[static_cast<std::size_t>(v)]);
+      };
+      for (const CoupledRate& term : loop.terms) refer(term.v, std::abs(term.coefficient));
+      if (loop.closing == Closing::coupling) continue;
+      loop.lever = lever_of(model, ws, loop, l, start.q.data());
+      for (const int v : loop.rates) refer(v, turns[static_cast<std::size_t>(v)] ? loop.lever : 1.0);
+      if (loop.hinge) loop.q0 = ws.loops->q[l];
+    }
+    pass.place();  // with the levers
+    return open_rows(model, *ws.loops, start.v);
+  };
+  OpenRows open = measure();
+  if (open.any_place || open.any_rate) {
+    std::string may_move;
+    assemble_start(model, ws, inertia, open.any_place, start, may_move);
+    open = measure();
+    refuse_open_start(model, open, may_move);
+    begin_at(model, start);
+  }
   const Inputs in{.q = start.q.data(), .v = start.v.data(), .gravity = false};
   LoopPass pass(model, ws, in);
-  pass.place();
-  const std::vector<std::uint8_t> turns = turning(model);
-  for (std::size_t l = 0; l < loops.all.size(); ++l) {
-    Loop& loop = loops.all[l];
-    loop.reference = 0.0;
-    const auto refer = [&](int v, double arm) {
-      loop.reference = std::max(loop.reference, arm * loops.column_scale[static_cast<std::size_t>(v)]);
-    };
-    for (const CoupledRate& term : loop.terms) refer(term.v, std::abs(term.coefficient));
-    if (loop.closing == Closing::coupling) continue;
-    loop.lever = lever_of(model, ws, loop, l, start.q.data());
-    for (const int v : loop.rates) refer(v, turns[static_cast<std::size_t>(v)] ? loop.lever : 1.0);
-    if (loop.hinge) loop.q0 = ws.loops->q[l];
-  }
-  pass.place();  // with the levers
-  refuse_open_start(model, *ws.loops, start.v);
   pass.matrix();
   pass.find_rank();
   loops.rank = ws.loops->rank;

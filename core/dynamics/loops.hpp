@@ -7,9 +7,9 @@
 
 namespace cardan {
 
-/// Levers, scales and hinge coordinates at the start. `inertia`: the diagonal of the mass matrix of the open tree there. InputError C1103
-/// with the residual of each row where the start is not closed.
-void prepare_loops(Model& model, const Eigen::VectorXd& inertia);
+/// Levers, scales and hinge coordinates at the start, which is assembled where it is open (Loops::moved; the model then has a description
+/// that begins there). InputError C1103 with the residual of each row where it cannot be closed.
+void prepare_loops(Model& model);
 
 /// The same vehicle with its loops closed inside of the sweeps, each by rates (1) or by multipliers (0): what `loop_form: auto` chooses
 /// from. Of a vehicle whose loops may be embedded (Loops::sets).
@@ -46,8 +46,16 @@ struct LoopRank {
   std::vector<int> redundant;  // rows
   double smallest = 0.0;       // pivot that was kept, of scaled rows
   double largest = 0.0;        // pivot that was not
+  double distance = 0.0;       // of them the smallest singular value that counts: 0 at a singular posture
 };
 LoopRank loop_rank(const Model& model, Workspace& workspace, const double* q);
+/// What the loops leave free at a state: v = X v_independent, nv x mobility, keeps all of them closed.
+struct LoopFreedom {
+  std::vector<int> rows;                    // as many as count
+  std::vector<int> dependent, independent;  // velocity components: those of the pivots, as many as rows; the others, ascending
+  Eigen::MatrixXd X, G_D_inverse;           // ... and the inverse of G of these rows and dependent components
+};
+LoopFreedom loop_freedom(const Model& model, Workspace& workspace, const double* q);
 /// G, rows x nv.
 Eigen::MatrixXd loop_matrix(const Model& model, Workspace& workspace, const double* q);
 /// "tip: rotation about x", "gear".
@@ -65,6 +73,9 @@ class LoopProjection {
   double rate() const { return rate_; }
   /// The row that was open most.
   int worst() const { return worst_; }
+  /// The smallest pivot of scaled rows there, and its row: small near a singular posture.
+  double pivot() const { return pivot_; }
+  int weakest() const { return weakest_; }
   /// Of a close() that was false.
   soa::Breakdown breakdown() const;
 
@@ -72,7 +83,8 @@ class LoopProjection {
   const Model& model_;
   Workspace ws_;
   Eigen::VectorXd step_, next_, mu_;
-  int worst_ = 0;
+  int worst_ = 0, weakest_ = 0;
+  double pivot_ = 1.0;
   double distance_ = 0.0, rate_ = 0.0, open_ = 0.0;  // relative to the size of the loops
 };
 

@@ -38,8 +38,8 @@ void read_group(const DocRef& value, const ComponentGroup& group, bool attitude,
   }
 }
 
-/// Component by component, or by groups; nothing twice.
-void read_components(MapReader& map, Names names, Names units, const std::vector<ComponentGroup>& groups, bool quaternion, double* x) {
+/// Component by component, or by groups; nothing twice. False: the map gives none.
+bool read_components(MapReader& map, Names names, Names units, const std::vector<ComponentGroup>& groups, bool quaternion, double* x) {
   ReadContext& context = map.context();
   std::vector<std::string> given(names.size());  // the key that gave a component
   const auto take = [&](const std::string& key, const DocRef& value, std::size_t first, std::size_t size) {
@@ -64,13 +64,16 @@ void read_components(MapReader& map, Names names, Names units, const std::vector
   const bool whole = quaternion && !given[0].empty();
   for (std::size_t i = 0; i < names.size(); ++i)
     if (const auto value = map.find(names[i]); value && take(names[i], *value, i, 1)) x[i] = read_number(*value, units[i], context);
-  if (!quaternion || whole || std::all_of(given.begin(), given.begin() + 4, [](const std::string& key) { return key.empty(); })) return;
+  const auto missing = [](const std::string& key) { return key.empty(); };
+  const bool any = !std::all_of(given.begin(), given.end(), missing);
+  if (!quaternion || whole || std::all_of(given.begin(), given.begin() + 4, missing)) return any;
   Eigen::Map<Eigen::Vector4d> q(x);
-  if (!q.allFinite()) return;  // told already
+  if (!q.allFinite()) return any;  // told already
   if (std::abs(q.norm() - 1.0) > 1e-6)
     context.sink.report(Code::non_unit_quaternion, map.ref().at(), "w, x, y, z of length 1 within 1e-6",
                         fmt::format("length {:.6g}", q.norm()), "what is not given stays: 1, 0, 0, 0 at first");
   q.normalize();
+  return any;
 }
 
 }  // namespace
@@ -90,9 +93,10 @@ std::vector<ComponentGroup> velocity_groups(const cardan_hinge_family& family) {
   return groups;
 }
 
-void read_initial(MapReader& map, const cardan_hinge_family& family, double* q, double* v) {
-  read_components(map, {family.q_names, family.nq}, {family.q_units, family.nq}, coordinate_groups(family), has_quaternion(family), q);
-  read_components(map, {family.v_names, family.nv}, {family.v_units, family.nv}, velocity_groups(family), false, v);
+InitialGiven read_initial(MapReader& map, const cardan_hinge_family& family, double* q, double* v) {
+  const bool coordinates =
+      read_components(map, {family.q_names, family.nq}, {family.q_units, family.nq}, coordinate_groups(family), has_quaternion(family), q);
+  return {coordinates, read_components(map, {family.v_names, family.nv}, {family.v_units, family.nv}, velocity_groups(family), false, v)};
 }
 
 }  // namespace cardan

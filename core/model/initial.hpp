@@ -20,8 +20,12 @@ std::vector<ComponentGroup> coordinate_groups(const cardan_hinge_family& family)
 /// Vectors: wx, wy, wz in rad/s and vx, vy, vz in m/s.
 std::vector<ComponentGroup> velocity_groups(const cardan_hinge_family& family);
 
+/// Whether a map gives any of them.
+struct InitialGiven {
+  bool coordinates = false, velocities = false;
+};
 /// Sets what the map gives, by the names of components or of groups; an attitude also as `orientation` (read_orientation). All other
 /// values of q (nq) and v (nv) stay. Faults: C0106 where a value is given twice, C0304 for a quaternion that is not of unit length.
-void read_initial(MapReader& map, const cardan_hinge_family& family, double* q, double* v);
+InitialGiven read_initial(MapReader& map, const cardan_hinge_family& family, double* q, double* v);
 
 }  // namespace cardan

@@ -206,6 +206,12 @@ struct Loop {
   double reference = 1.0;  // what a pivot of its scaled rows is compared with
 };
 
+/// A coordinate or a rate of the start as it was given and as it closes the loops.
+struct MovedAtStart {
+  std::string name, unit;  // "rocker.angle", "rad"
+  double given, found;
+};
+
 /// What closes the loops of the tree, and what scales their rows.
 struct Loops {
   std::vector<Loop> all;
@@ -214,6 +220,7 @@ struct Loops {
   std::vector<double> column_scale;            // per velocity component: 1 / sqrt(inertia) at the start
   std::shared_ptr<const Embedding> embedding;  // how they are closed inside of the sweeps; null: by multipliers over the open tree
   std::vector<LoopSet> sets;                   // loops that share hinges, and what became of them
+  std::vector<MovedAtStart> moved;             // by the assembler; empty: the start that was given is closed
   bool empty() const { return all.empty(); }
   int find(std::string_view name) const;  // -1: there is none, or it is open
 };

@@ -143,6 +143,15 @@ struct LoopSpec {
   Located at;
 };
 
+/// How a start is closed whose loops are open (docs/mathematics/loops.md, 3).
+struct AssemblySpec {
+  /// Hinges or components of them, named as in couplings, that stay where they start; all others on the way of a loop move. Not given:
+  /// what stays is what the description gives, coordinates (HingeSpec::q) and rates (HingeSpec::v) each by themselves.
+  std::optional<std::vector<std::string>> hold;
+  std::map<std::string, double, std::less<>> weights;  // by hinge or component: times its inertia in what is nearest
+  Located at;
+};
+
 /// What fills space and time: a magnetic field, air, another gravity (core/abi/cardan_field.h).
 struct FieldSpec {
   std::string name;
@@ -169,7 +178,8 @@ struct SystemSpec {
   std::vector<FieldSpec> fields;
   std::vector<DeviceSpec> devices;
   std::vector<LoopSpec> loops;
-  LoopForm loop_form = LoopForm::automatic;                        // of all of them
+  LoopForm loop_form = LoopForm::automatic;  // of all of them
+  AssemblySpec assembly;
   std::string source_file, source_text;                            // where it was read from, and its bytes (hashed in results)
   std::vector<std::pair<std::string, std::string>> defaults_used;  // key path, value: what `describe` lists
   std::map<std::string, SourceMark, std::less<>> marks;            // key path of each value of the input and where it stands

@@ -74,6 +74,7 @@ class VehicleReader {
           static_cast<LoopForm>(std::max(0, read_choice(*form, loop_forms(), "how loops are closed", Code::wrong_type, context_)));
     else if (!spec_.loops.empty())
       top.note_default("loop_form", "auto");
+    if (const auto assembly = top.find("assembly")) read_assembly(*assembly);
     top.finish();
     if (top.is_map()) validate(spec_, registry_, context_.sink);
     return std::move(spec_);
@@ -317,6 +318,26 @@ class VehicleReader {
     spec_.loops.push_back(std::move(loop));
   }
 
+  void read_assembly(const DocRef& value) {
+    MapReader map(value, context_);
+    if (!map.is_map()) return;
+    spec_.assembly.at = value.at();
+    if (const auto hold = map.find("hold")) {
+      spec_.assembly.hold.emplace();
+      if (hold->node->kind != Kind::list)
+        context_.sink.report(Code::wrong_type, hold->at(), "a list of hinges", describe(*hold->node), "none of them stays: hold: []");
+      for (std::size_t i = 0; hold->node->kind == Kind::list && i < hold->node->items.size(); ++i)
+        spec_.assembly.hold->push_back(read_text(hold->item(i), "a hinge, or a component of one", context_));
+    }
+    if (const auto weights = map.find("weights")) {
+      if (weights->node->kind != Kind::map)
+        context_.sink.report(Code::wrong_type, weights->at(), "a map of hinges and weights", describe(*weights->node));
+      for (std::size_t i = 0; weights->node->kind == Kind::map && i < weights->node->items.size(); ++i)
+        spec_.assembly.weights[weights->node->keys[i].name] = read_number(weights->item(i), "1", context_);
+    }
+    map.finish();
+  }
+
   void read_terms(const DocRef& value, LoopSpec& loop) {
     if (value.node->kind != Kind::map)
       return context_.sink.report(Code::wrong_type, value.at(), "a map of hinges and coefficients", describe(*value.node));
@@ -411,7 +432,9 @@ class VehicleReader {
     hinge.q.assign(family.nq, 0.0), hinge.v.assign(family.nv, 0.0);
     if (has_quaternion(family)) hinge.q[0] = 1.0;  // no rotation
     MapReader map(value, context_);
-    read_initial(map, family, hinge.q.data(), hinge.v.data());
+    const InitialGiven given = read_initial(map, family, hinge.q.data(), hinge.v.data());
+    if (!given.coordinates) hinge.q.clear();
+    if (!given.velocities) hinge.v.clear();
     map.finish();
   }
 

@@ -23,7 +23,8 @@ using Eigen::VectorXd;
 constexpr double kResidualLimit = 1e-8;
 constexpr int kFew = 32;
 constexpr int kDense = 1000;
-constexpr double kGap = 1e-4;  // of neighbouring eigenvalues, for the count
+constexpr double kGap = 1e-4;     // of neighbouring eigenvalues, for the count
+constexpr double kRigid = 1e-12;  // of the highest frequency: a lower one is of a motion without stiffness
 
 /// K and C of the hinge space: per body [springs, diagonal; modes, diagonal or full].
 struct Joint {
@@ -95,6 +96,37 @@ TreeOperators same(const TreeOperators& tree) {
   std::vector<int> all;
   for (const OperatorBody& b : tree.bodies()) all.push_back(b.sweep);
   return tree.subgraph(all);
+}
+
+void make_room(const TreeOperators& tree, int k, SystemModes& out) {
+  const int n = tree.size(Space::hinge);
+  out.frequency.setZero(k), out.damping.setZero(k), out.residual.setZero(k);
+  out.shapes.setZero(n, k), out.kinetic.setZero(static_cast<Eigen::Index>(tree.bodies().size()), k), out.strain.setZero(n, k);
+  out.labels = tree.labels(Space::hinge, Sort::unknown);
+  for (const OperatorBody& b : tree.bodies()) out.bodies.push_back(tree.model().user[b.user].name);
+}
+
+/// Column c: shape, frequency, damping, strain. K x.
+VectorXd take_mode(const TreeOperators& tree, const Joint& J, const VectorXd& x, double lambda, int c, SystemModes& out) {
+  const double omega = std::sqrt(lambda);
+  out.shapes.col(c) = x;
+  out.frequency[c] = omega / (2.0 * std::numbers::pi);
+  out.damping[c] = x.dot(J.times(tree, J.C, J.C_modes, x)) / (2.0 * omega);
+  VectorXd Kx = J.times(tree, J.K, J.K_modes, x);
+  out.strain.col(c) = x.cwiseProduct(Kx) / lambda;
+  return Kx;
+}
+
+void share_kinetic_energy(const TreeOperators& whole, SystemModes& out) {
+  VectorXd V(whole.size(Space::body)), p(whole.size(Space::body));
+  for (int c = 0; c < out.shapes.cols(); ++c) {
+    apply(star(letters::phi) * star(letters::H), whole, out.shapes.col(c).data(), V.data());
+    whole.apply(Kind::M, false, V.data(), p.data());
+    for (std::size_t i = 0; i < whole.bodies().size(); ++i) {
+      const OperatorBody& b = whole.bodies()[i];
+      out.kinetic(static_cast<Eigen::Index>(i), c) = V.segment(b.at, 6 + b.m).dot(p.segment(b.at, 6 + b.m));
+    }
+  }
 }
 
 }  // namespace
@@ -255,10 +287,7 @@ SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& op
   }
 
   const int k = out.first_elastic + taken;
-  out.frequency.setZero(k), out.damping.setZero(k), out.residual.setZero(k);
-  out.shapes.setZero(n, k), out.kinetic.setZero(static_cast<Eigen::Index>(tree.bodies().size()), k), out.strain.setZero(n, k);
-  out.labels = tree.labels(Space::hinge, Sort::unknown);
-  for (const OperatorBody& b : tree.bodies()) out.bodies.push_back(tree.model().user[b.user].name);
+  make_room(tree, k, out);
 
   for (int j = 0; j < out.first_elastic; ++j) out.shapes.col(j) = X.cols() == n_slack ? VectorXd(X.col(j)) : rigid_mode(j);
   for (int j = 0; j < taken; ++j) {
@@ -267,11 +296,7 @@ SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& op
     const VectorXd x = whole_x;
     const double lambda = found.values[j], omega = std::sqrt(lambda);
     const int c = out.first_elastic + j;
-    out.shapes.col(c) = x;
-    out.frequency[c] = omega / (2.0 * std::numbers::pi);
-    out.damping[c] = x.dot(J.times(tree, J.C, J.C_modes, x)) / (2.0 * omega);
-    const VectorXd Kx = J.times(tree, J.K, J.K_modes, x);
-    out.strain.col(c) = x.cwiseProduct(Kx) / lambda;
+    const VectorXd Kx = take_mode(tree, J, x, lambda, c, out);
     mass(x, y);
     VectorXd r(n_stiff), Kr(n_stiff);
     for (int i = 0; i < n_stiff; ++i) r[i] = Kx[J.stiff[i]] - lambda * y[J.stiff[i]];
@@ -279,15 +304,57 @@ SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& op
     out.residual[c] = std::sqrt(std::max(r.dot(Kr), 0.0)) / omega;  // in this order NaN stays
     if (!(out.residual[c] <= kResidualLimit)) throw LinalgError(fmt::format("mode {} has a residual of {:.2g}", j + 1, out.residual[c]));
   }
-  VectorXd V(tree.size(Space::body)), p(tree.size(Space::body));
-  for (int c = 0; c < k; ++c) {
-    apply(star(letters::phi) * star(letters::H), whole, out.shapes.col(c).data(), V.data());
-    whole.apply(Kind::M, false, V.data(), p.data());
-    for (std::size_t i = 0; i < tree.bodies().size(); ++i) {
-      const OperatorBody& b = tree.bodies()[i];
-      out.kinetic(static_cast<Eigen::Index>(i), c) = V.segment(b.at, 6 + b.m).dot(p.segment(b.at, 6 + b.m));
+  share_kinetic_energy(whole, out);
+  return out;
+}
+
+SystemModes closed_system_modes(const TreeOperators& tree, const MatrixXd& X_given, const SystemModesOptions& options) {
+  tree.require(Kind::H);
+  const Joint J = joint_of(tree);
+  TreeOperators whole = same(tree);
+  const int n = tree.size(Space::hinge);
+  const Model& m = tree.model();
+  MatrixXd X(n, X_given.cols());  // in the order of the hinge space, without given motions
+  Eigen::Index free = 0;
+  for (Eigen::Index j = 0; j < X_given.cols(); ++j) {
+    bool given = false;
+    for (int v = 0; v < m.nv; ++v) {
+      given = given || (m.has_prescribed() && m.prescribed[v] != 0 && X_given(v, j) != 0.0);
+      if (const int i = tree.place_of_velocity(v); i >= 0) X(i, free) = X_given(v, j);
     }
+    if (!given) ++free;
   }
+  X.conservativeResize(n, free);
+  MatrixXd MX(n, X.cols());
+  for (int j = 0; j < X.cols(); ++j) {
+    VectorXd y(n);
+    apply(letters::mass, whole, X.col(j).data(), y.data());
+    MX.col(j) = y;
+  }
+  const MatrixXd Y = orthonormalised(X, X.transpose() * MX);  // Y* M Y = 1
+  MatrixXd root = J.K.cwiseSqrt().asDiagonal() * Y;           // root* root = Y* K Y
+  for (std::size_t i = 0; i < J.K_modes.size(); ++i)
+    if (const OperatorBody& b = tree.bodies()[i]; J.K_modes[i].size() > 0)
+      root.middleRows(b.etadot, b.m) = cholesky(J.K_modes[i])->transpose() * Y.middleRows(b.etadot, b.m);
+  const RightSingular found = right_singular(root);  // descending
+  const int mobility = static_cast<int>(Y.cols());
+  const auto omega = [&](int j) { return j < found.values.size() ? found.values[j] : 0.0; };
+  SystemModes out;
+  for (int j = 0; j < mobility; ++j) out.n_rigid += omega(j) <= kRigid * omega(0) ? 1 : 0;
+  out.first_elastic = std::min(std::max(options.rigid, 0), out.n_rigid);
+  out.complete = true;
+  const int taken = std::min(std::max(options.elastic, 0), mobility - out.n_rigid);
+  make_room(tree, out.first_elastic + taken, out);
+  for (int j = 0; j < out.first_elastic; ++j) out.shapes.col(j) = Y * found.vectors.col(mobility - 1 - j);
+  for (int j = 0; j < taken; ++j) {
+    const int at = mobility - out.n_rigid - 1 - j, c = out.first_elastic + j;
+    const double lambda = omega(at) * omega(at);
+    const VectorXd x = Y * found.vectors.col(at), Kx = take_mode(tree, J, x, lambda, c, out);
+    VectorXd Mx(n);
+    apply(letters::mass, whole, x.data(), Mx.data());
+    out.residual[c] = (Y.transpose() * (Kx - lambda * Mx)).norm() / (omega(at) * omega(0));
+  }
+  share_kinetic_energy(whole, out);
   return out;
 }
 

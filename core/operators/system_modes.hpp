@@ -36,6 +36,10 @@ struct SystemModes {
 /// of modes. The null space of K is known, so rigid-body modes are exact zeros.
 SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& options = {});
 
+/// The same of a vehicle with closed loops: `tree` is its open tree (open_tree()), v = X y its motions (LoopFreedom::X; nv x mobility).
+/// Dense in y: frequencies are singular values of the root of K along them. Multipliers at rest, as springs preloaded, are not in K.
+SystemModes closed_system_modes(const TreeOperators& tree, const Eigen::MatrixXd& X, const SystemModesOptions& options = {});
+
 /// Number of eigenvalues below lambda > 0, rigid-body modes included: pivots of M - K / lambda by the articulated recursion (mathematics
 /// 4.9 with W = -K / lambda) and the law of inertia, O(N).
 int count_below(const TreeOperators& tree, double lambda);

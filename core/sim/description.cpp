@@ -212,6 +212,8 @@ Json loops(const Simulation& sim) {
     }
     all.push_back({{"name", l.name}, {"type", l.type}, {"rows", l.rows}, {"rates", l.rates.size()}, {"between", text}});
   }
+  Json moved = Json::array();
+  for (const MovedAtStart& x : m.loops.moved) moved.push_back({{"name", x.name}, {"unit", x.unit}, {"given", x.given}, {"found", x.found}});
   const auto given = std::ranges::count(m.prescribed, 1);
   Json sets = Json::array();
   for (const LoopSet& set : m.loops.sets) {
@@ -227,9 +229,11 @@ Json loops(const Simulation& sim) {
           {"rows", rank.rows},
           {"rank", rank.rank},
           {"redundant", redundant},
+          {"moved", moved},
           {"mobility", m.nv - given - rank.rank},
           {"by_counting", m.nv - given - rank.rows},
-          {"smallest_pivot", rank.smallest}};
+          {"smallest_pivot", rank.smallest},
+          {"from_singular", rank.distance}};
 }
 
 Json fields(const Model& m) {
@@ -289,8 +293,8 @@ Json not_modelled(const Model& m) {
 
 /// Small vibrations of the assembled system about the initial state, and who takes part most in each.
 Json system_modes(const Simulation& sim, int elastic) {
-  if (!sim.model().loops.empty()) return {{"why_not", "modes of the whole do not honour closed loops"}};
-  operators::TreeOperators tree(sim.shared_model());
+  const bool closed = !sim.model().loops.empty();
+  operators::TreeOperators tree(open_tree(sim.shared_model()));
   tree.at(sim.state().q.data());
   const auto largest = [](const Eigen::VectorXd& shares, const std::vector<std::string>& names) {
     Eigen::Index i = 0;
@@ -298,7 +302,10 @@ Json system_modes(const Simulation& sim, int elastic) {
     return Json{{"name", names[static_cast<std::size_t>(i)]}, {"share", share}};
   };
   try {
-    const operators::SystemModes found = operators::system_modes(tree, {elastic, 0});
+    Workspace ws(sim.model());
+    const operators::SystemModes found =
+        closed ? operators::closed_system_modes(tree, loop_freedom(sim.model(), ws, sim.state().q.data()).X, {elastic, 0})
+               : operators::system_modes(tree, {elastic, 0});
     Json rows = Json::array();
     for (Eigen::Index j = found.first_elastic; j < found.frequency.size(); ++j)
       rows.push_back({{"frequency_hz", found.frequency(j)},

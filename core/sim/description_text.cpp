@@ -110,15 +110,19 @@ std::string description_text(const Json& d) {
       out += fmt::format("  {:<18}{:<16}{}, {} rows on {} rates\n", l["name"].get<std::string>(), l["type"].get<std::string>(),
                          l["between"].get<std::string>(), l["rows"].get<int>(), l["rates"].get<int>());
     out += fmt::format(
-        "  {} of {} rows are independent at the initial state (smallest scaled pivot {:.2g}); mobility {}, {} by counting rows\n",
-        loops["rank"].get<int>(), loops["rows"].get<int>(), loops["smallest_pivot"].get<double>(), loops["mobility"].get<int>(),
-        loops["by_counting"].get<int>());
+        "  {} of {} rows are independent at the initial state (smallest scaled pivot {:.2g}, singular value {:.2g}); mobility {}, {} by "
+        "counting rows\n",
+        loops["rank"].get<int>(), loops["rows"].get<int>(), loops["smallest_pivot"].get<double>(), loops["from_singular"].get<double>(),
+        loops["mobility"].get<int>(), loops["by_counting"].get<int>());
     for (const Json& set : loops["sets"]) {
       std::string names;
       for (const Json& name : set["loops"]) names += (names.empty() ? "" : ", ") + name.get<std::string>();
       const std::string why = set["why"].get<std::string>();
       out += fmt::format("  {}: by {}{}\n", names, set["form"].get<std::string>(), why.empty() ? "" : " (" + why + ")");
     }
+    for (const Json& x : loops["moved"])
+      out += fmt::format("  moved to close them: {} from {:.6g} to {:.6g} {}\n", x["name"].get<std::string>(), x["given"].get<double>(),
+                         x["found"].get<double>(), x["unit"].get<std::string>());
     for (const Json& row : loops["redundant"]) out += fmt::format("  implied by the others: {}\n", row.get<std::string>());
   }
   if (!loops.is_null() && !loops["open"].empty()) {

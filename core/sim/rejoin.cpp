@@ -44,6 +44,7 @@ class Rejoining {
         options_(options) {}
 
   Rejoined run() {
+    spec_.assembly = {};  // what is there is where it is: nothing is moved
     for (BodySpec& body : spec_.bodies) {
       const int user = before_.find_body(body.name);
       if (user < 0) continue;

@@ -21,9 +21,10 @@ namespace cardan {
 namespace {
 
 // Of closed loops, relative to their size:
-constexpr double kDrift = 10.0;      // relative tolerances that the history of an integrator may be off before it starts anew
-constexpr double kGivenOpen = 1e-6;  // what a state that was given may be open by: typed numbers have a finite number of digits
-constexpr double kGivenDrift = 1e3;  // ... or so many relative tolerances
+constexpr double kDrift = 10.0;         // relative tolerances that the history of an integrator may be off before it starts anew
+constexpr double kGivenOpen = 1e-6;     // what a state that was given may be open by: typed numbers have a finite number of digits
+constexpr double kGivenDrift = 1e3;     // ... or so many relative tolerances
+constexpr double kNearSingular = 1e-3;  // a scaled pivot below is told of: of loops in good postures they are above 0.05
 
 }  // namespace
 
@@ -466,8 +467,21 @@ bool Simulation::close_loops(double* q, double* v) {
   bool closed = false;
   unless_thrown([&] { closed = loops_->close(q, v); });
   if (!closed) breakdown_ = loops_->breakdown();
+  if (closed && loops_->pivot() < kNearSingular) tell_near_singular();
   drifted_ = drifted_ || loops_->distance() > kDrift * options_.integrator.relative_tolerance;
   return closed;
+}
+
+// Once for each loop.
+void Simulation::tell_near_singular() {
+  const int row = loops_->weakest();
+  const Loop& loop = *std::ranges::find_if(model_->loops.all, [row](const Loop& l) { return row < l.first + l.rows; });
+  Located at = model_->spec->locate("loops." + loop.name);
+  for (const Warning& w : warnings_.all())
+    if (w.what.code == Code::near_singular && w.what.at.key_path == at.key_path) return;
+  warn(Code::near_singular, std::move(at),
+       fmt::format("row {} of the loop has a scaled pivot of {:.2g}, below {:g}", row - loop.first + 1, loops_->pivot(), kNearSingular),
+       "multipliers grow as its inverse, and the way on may be another branch: see docs/errors.md");
 }
 
 // A state that was given is closed but for rounding and typing.

@@ -207,6 +207,7 @@ class Simulation {
   void break_away(std::size_t hold);
   void settle_holds();
   bool close_loops(double* q, double* v);
+  void tell_near_singular();
   void start_closed();
   bool device_events(std::span<const int> crossed);
   void sample_devices(bool late);

@@ -294,6 +294,7 @@ static inline bool find_pivots(const EmbeddedLoop& c, EmbeddingWork& k, int colu
     }
     if (!(most > kNoPivot)) return false;
     const int i0 = row_at[row], j0 = column_at[column];
+    if (most < k.smallest) k.smallest = most, k.weakest = c.first + i0;
     row_at[row] = row_at[p], row_at[p] = i0;
     column_at[column] = column_at[p], column_at[p] = j0;
     double* pivot = B + i0 * stride;
@@ -349,7 +350,7 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
                                         const Inputs<double>& in, const RowsOfHinges& hinges, const double* given) {
   double* numbers = k.numbers.data();
   std::size_t next_push = 0;  // they stand in the order of the loops
-  k.size = 0.0;
+  k.size = 0.0, k.smallest = 1.0;
   for (double* x = numbers; x < numbers + e.n_zeroed; ++x) *x = 0.0;
   for (double& x : k.b) x = 0.0;
   for (double& x : k.modal) x = 0.0;

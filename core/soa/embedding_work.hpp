@@ -74,7 +74,9 @@ struct EmbeddingWork {
   std::vector<int> row_at, column_at;
   std::vector<double> scratch;
   std::vector<Force<double>> PU;
-  double size = 0.0;  // of the largest term of scaled gamma_c
+  double size = 0.0;      // of the largest term of scaled gamma_c
+  double smallest = 1.0;  // pivot of scaled rows, and its row: how far the mechanism is from a singular posture
+  int weakest = 0;
 };
 
 }  // namespace cardan::soa

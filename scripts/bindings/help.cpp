@@ -9,7 +9,7 @@
 #include <cctype>
 
 #include "core/base/units.hpp"
-#include "core/operators/components.hpp"
+#include "core/model/components.hpp"
 #include "scripts/lua/function.hpp"
 #include "scripts/prelude/prelude.hpp"
 
@@ -164,7 +164,7 @@ std::vector<std::string> names_for(const Scenario& s, std::string_view word) {
   if (is_one_of(kBodies)) return out;
   for (const UserNode& n : s.model->nodes) out.push_back(n.name);
   if (is_one_of(kNodes)) return out;
-  for (const std::string& name : operators::component_names(*s.model)) out.push_back(name);
+  for (const std::string& name : component_names(*s.model)) out.push_back(name);
   return out;
 }
 

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "core/base/units.hpp"
-#include "core/operators/components.hpp"
+#include "core/model/components.hpp"
 
 namespace cardan {
 
@@ -76,11 +76,10 @@ std::vector<int> node_indices(lua_State* L, const std::vector<std::string>& name
 }
 
 std::vector<int> components_at(lua_State* L, const Model& m, const std::string& name, const char* what) {
-  std::vector<int> found = operators::components_of(m, name);
+  std::vector<int> found = components_of(m, name);
   if (found.empty())
-    refuse(L, Code::unknown_name, what,
-           fmt::format("a component, or a body for all of its hinge: {}", fmt::join(operators::component_names(m), ", ")), in_quotes(name),
-           did_you_mean(name, operators::component_names(m)));
+    refuse(L, Code::unknown_name, what, fmt::format("a component, or a body for all of its hinge: {}", fmt::join(component_names(m), ", ")),
+           in_quotes(name), did_you_mean(name, component_names(m)));
   return found;
 }
 
@@ -136,8 +135,12 @@ OperatingState present_state(const Scenario& s) {
   return out;
 }
 
-std::shared_ptr<TreeOperators> tree_of_now(lua_State* L, Scenario& s, const char* what) {
+void require_a_state(lua_State* L, const Scenario& s, const char* what) {
   if (s.in_event_function) refuse(L, Code::lua_argument, what, "coordinates, inside of an event's `when`", what);
+}
+
+std::shared_ptr<TreeOperators> tree_of_now(lua_State* L, Scenario& s, const char* what) {
+  require_a_state(L, s, what);
   auto tree = std::make_shared<TreeOperators>(s.sim ? s.sim->shared_model() : s.model);
   tree->at(s.q);
   return tree;

@@ -38,6 +38,8 @@ struct LuaOperators {
 };
 /// What can be asked of a tree or a part of it at a state; arguments from the second on.
 using Study = int (*)(lua_State*, const TreeOperators&, const OperatingState&);
+/// Refuses to look while a function of an event is evaluated.
+void require_a_state(lua_State* L, const Scenario&, const char* what);
 /// The whole tree where the scene is now.
 std::shared_ptr<TreeOperators> tree_of_now(lua_State* L, Scenario&, const char* what);
 /// Of the whole tree, now.
@@ -54,7 +56,7 @@ std::vector<std::string> names_at(lua_State* L, int first, const char* what);
 /// Indices into Model::nodes.
 std::vector<int> node_indices(lua_State* L, const std::vector<std::string>& names, const Model&);
 inline std::vector<int> nodes_at(lua_State* L, int first, const Model& m) { return node_indices(L, names_at(L, first, "nodes"), m); }
-/// Velocity components of the model that a name stands for (core/operators/components.hpp); C0208 if there are none.
+/// Velocity components of the model that a name stands for (core/model/components.hpp); C0208 if there are none.
 std::vector<int> components_at(lua_State* L, const Model&, const std::string& name, const char* what);
 /// 1 for these components of the tree.
 std::vector<std::uint8_t> component_mask(lua_State* L, const TreeOperators&, const std::vector<std::string>& names, const char* what);

@@ -10,6 +10,8 @@
 #include <numeric>
 
 #include "core/base/units.hpp"
+#include "core/dynamics/loops.hpp"
+#include "core/model/loops.hpp"
 #include "core/operators/hybrid.hpp"
 #include "core/operators/inverse_kinematics.hpp"
 #include "core/operators/sensitivity.hpp"
@@ -84,7 +86,10 @@ int stored_text(lua_State* L) {
 
 }  // namespace
 
-int system_modes_study(lua_State* L, const TreeOperators& tree, const OperatingState&) {
+namespace {
+
+/// `X`: motions that closed loops leave free (LoopFreedom); null: there are none.
+int push_system_modes(lua_State* L, const TreeOperators& tree, const Eigen::MatrixXd* X) {
   operators::SystemModesOptions options;
   if (!lua_isnoneornil(L, 2)) {
     DiagnosticSink sink;
@@ -97,7 +102,7 @@ int system_modes_study(lua_State* L, const TreeOperators& tree, const OperatingS
     sink.throw_if_any();
   }
   LuaHost::charge(L, 20000LL * (tree.size(Space::body) + 1));
-  const operators::SystemModes modes = operators::system_modes(tree, options);
+  const operators::SystemModes modes = X ? operators::closed_system_modes(tree, *X, options) : operators::system_modes(tree, options);
   Labels rows = to_labels(modes.labels);
   rows.units.clear();
   lua_newtable(L);
@@ -117,6 +122,10 @@ int system_modes_study(lua_State* L, const TreeOperators& tree, const OperatingS
   lua_setmetatable(L, -2);
   return 1;
 }
+
+}  // namespace
+
+int system_modes_study(lua_State* L, const TreeOperators& tree, const OperatingState&) { return push_system_modes(L, tree, nullptr); }
 
 int derivatives_study(lua_State* L, const TreeOperators& tree, const OperatingState& at) {
   lua_settop(L, 2);
@@ -243,7 +252,16 @@ int interbody_forces_study(lua_State* L, const TreeOperators& tree, const Operat
   return 1;
 }
 
-int push_modes(lua_State* L, Scenario& s) { return study_of_now(L, s, "system_modes", system_modes_study); }
+int push_modes(lua_State* L, Scenario& s) {
+  if (s.model->loops.empty()) return study_of_now(L, s, "system_modes", system_modes_study);
+  require_a_state(L, s, "system_modes");
+  const auto model = s.sim ? s.sim->shared_model() : s.model;
+  Workspace ws(*model);
+  const Eigen::MatrixXd X = loop_freedom(*model, ws, s.q).X;
+  TreeOperators tree(open_tree(model));
+  tree.at(s.q);
+  return push_system_modes(L, tree, &X);
+}
 int push_derivatives(lua_State* L, Scenario& s) { return study_of_now(L, s, "derivatives", derivatives_study); }
 int push_inverse_kinematics(lua_State* L, Scenario& s) { return study_of_now(L, s, "inverse_kinematics", inverse_kinematics_study); }
 

@@ -1,7 +1,7 @@
 // Hybrid dynamics with any mask, and what carries no actuator, against the dense twin: on trees, subtrees, paths.
 #include "core/operators/hybrid.hpp"
 
-#include "core/operators/components.hpp"
+#include "core/model/components.hpp"
 #include "core/operators/mass_matrix.hpp"
 #include "core/operators/system_properties.hpp"
 #include "tests/operators/views.hpp"

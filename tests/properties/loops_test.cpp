@@ -18,6 +18,7 @@
 #include "tests/properties/trees.hpp"
 #include "tests/support/bench_loops.hpp"
 #include "tests/support/custom_cam.hpp"
+#include "tests/support/four_bar.hpp"
 
 namespace cardan::test {
 namespace {
@@ -354,8 +355,6 @@ TEST(Loops, AgreeWithTheDenseTwin) {
 
 // ---- closed inside of the sweeps ----
 
-SystemSpec four_bar(const std::string& closing = "point", double rate = 2.0);
-
 /// Cranks of length 1 on the ground, one every metre, and couplers of length 1 between their tips: each loop shares hinges with the next.
 SystemSpec touching_four_bars(int n, double angle = 0.6, double rate = 0.7) {
   std::vector<BodySpec> bodies;
@@ -681,33 +680,6 @@ TEST(Loops, RunsOfBothFormsAreTheSameMotion) {
 
 // ---- runs ----
 
-/// A crank, a coupler and a rocker; the loop closes the rocker's tip.
-SystemSpec four_bar(const std::string& closing, double rate) {
-  BodySpec crank = on(rigid("crank", 1.0, {0.1, 0, 0}, diagonal({0.002, 0.01, 0.01})), "", "revolute", {{0, 0, 1}});
-  BodySpec coupler = on(rigid("coupler", 1.5, {0.3, 0, 0}, diagonal({0.002, 0.05, 0.05})), "crank", "revolute", {{0, 0, 1}}, {0.2, 0, 0});
-  BodySpec rocker = on(rigid("rocker", 1.2, {0.2, 0, 0}, diagonal({0.002, 0.03, 0.03})), "coupler", "revolute", {{0, 0, 1}}, {0.6, 0, 0});
-  // Crank upwards: its tip is at (0, 0.2); the rocker's fixed pivot at (0.5, 0) and its length 0.4 put the other tip at p.
-  const Eigen::Vector2d a(0, 0.2), b(0.5, 0.0), way = b - a;
-  const double d = way.norm(), along = (0.36 - 0.16 + d * d) / (2 * d), up = std::sqrt(0.36 - along * along);
-  const Eigen::Vector2d e = way / d, p = a + along * e + up * Eigen::Vector2d(-e.y(), e.x());
-  const double crank_angle = std::numbers::pi / 2, coupler_angle = std::atan2(p.y() - a.y(), p.x() - a.x()),
-               rocker_angle = std::atan2(b.y() - p.y(), b.x() - p.x());
-  crank.hinge.q = {crank_angle}, coupler.hinge.q = {coupler_angle - crank_angle}, rocker.hinge.q = {rocker_angle - coupler_angle};
-  // w_crank x (tip) + w_coupler x (p - a) + w_rocker x (b - p) = 0
-  Eigen::Matrix2d A;
-  A << -(p - a).y(), -(b - p).y(), (p - a).x(), (b - p).x();
-  const Eigen::Vector2d w = A.inverse() * Eigen::Vector2d(rate * a.y(), -rate * a.x());
-  crank.hinge.v = {rate}, coupler.hinge.v = {w[0] - rate}, rocker.hinge.v = {w[1] - w[0]};
-  SystemSpec spec = system({crank, coupler, rocker}, uniform_gravity({0, -9.81, 0}));
-  LoopSpec loop;
-  loop.name = "pivot", loop.type = closing;
-  if (closing == "revolute") loop.params = test::along({{0, 0, 1}});
-  loop.from.position = {0.5, 0, 0};
-  loop.to.body = "rocker", loop.to.position = {0.4, 0, 0};
-  spec.loops = {loop};
-  return spec;
-}
-
 TEST(Loops, RunKeepsThemClosedAndEnergyHonest) {
   for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf"}) {
     SimulationOptions options;
@@ -805,12 +777,14 @@ std::string told(const Work& work) {
 TEST(Loops, AnOpenStartIsToldRowByRow) {
   SystemSpec open = four_bar();
   open.loops[0].from.position = {0.5, 0.01, 0};
-  EXPECT_EQ(told([&] { compiled(open); }),
-            "error[C1103]: a loop is not closed at the start\n"
-            "  at: loops.pivot\n"
-            "  expected: initial coordinates that close it\n"
-            "  got:      pivot: row 2, along y -0.01 m\n"
-            "  hint:     give `initial` of the hinges between its ends the values that bring them together\n\n1 error. Nothing was run.\n");
+  EXPECT_EQ(
+      told([&] { compiled(open); }),
+      "error[C1103]: a loop is not closed at the start\n"
+      "  at: loops.pivot\n"
+      "  expected: initial coordinates that close it\n"
+      "  got:      pivot: row 2, along y -0.01 m\n"
+      "  hint:     give `initial` of the hinges between its ends the values that bring them together, or none: they are found then\n\n"
+      "1 error. Nothing was run.\n");
   SystemSpec moving = four_bar();
   moving.bodies[0].hinge.v = {2.5};
   EXPECT_EQ(told([&] { compiled(moving); }),
@@ -818,7 +792,35 @@ TEST(Loops, AnOpenStartIsToldRowByRow) {
             "  at: loops.pivot\n"
             "  expected: initial rates that keep it closed\n"
             "  got:      pivot: row 2, along y 0.25 m/s\n"
-            "  hint:     give `initial` of the hinges rates that move both ends alike\n\n1 error. Nothing was run.\n");
+            "  hint:     give `initial` of the hinges rates that move both ends alike, or none: they are found then\n\n"
+            "1 error. Nothing was run.\n");
+}
+
+// A parallelogram loses a row where its links are in line: there pivots and singular values go to zero with the angle.
+TEST(Loops, NearASingularPostureIsTold) {
+  for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers}) {
+    const auto at = [&](double angle, double rate) {
+      SystemSpec spec = touching_four_bars(1, angle, rate);
+      spec.gravity = {};
+      spec.loop_form = form;
+      return compiled(spec);
+    };
+    const auto distance_at = [&](double angle) {
+      const auto model = at(angle, 0.0);
+      Workspace ws(*model);
+      return loop_rank(*model, ws, model->initial_state().q.data()).distance;
+    };
+    EXPECT_NEAR(distance_at(1e-3) / distance_at(1e-4), 10.0, 1e-3);
+    EXPECT_GT(distance_at(0.6), 0.05);
+    Simulation good(at(0.6, -0.04), {}), near(at(3e-3, -0.1), {});
+    good.run(0.02), near.run(0.028);  // to 2e-4
+    EXPECT_TRUE(good.warnings().all().empty()) << render(good.warnings());
+    near.run(0.029);
+    ASSERT_EQ(near.warnings().all().size(), 1u) << render(near.warnings());
+    const Diagnostic& d = near.warnings().all()[0].what;
+    EXPECT_EQ(d.code, Code::near_singular);
+    EXPECT_EQ(d.at.key_path, "loops.pin0");
+  }
 }
 
 TEST(Loops, ThatContradictGivenMotionEndTheRun) {

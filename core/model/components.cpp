@@ -1,8 +1,8 @@
-#include "core/operators/components.hpp"
+#include "core/model/components.hpp"
 
 #include <fmt/format.h>
 
-namespace cardan::operators {
+namespace cardan {
 namespace {
 
 /// The names of component j of a hinge, the first one that of its velocity.
@@ -54,4 +54,4 @@ std::vector<std::string> component_names(const Model& model) {
   return out;
 }
 
-}  // namespace cardan::operators
+}  // namespace cardan

@@ -13,7 +13,7 @@
 
 #include "core/model/model.hpp"
 
-namespace cardan::operators {
+namespace cardan {
 
 /// Indices into v, ascending; none if nothing has this name, or if it has no component.
 std::vector<int> components_of(const Model& model, std::string_view name);
@@ -24,4 +24,4 @@ std::vector<std::string> component_names(const Model& model);
 /// "shift_x", "d_<velocity>".
 std::string deviation_name(const UserBody& u, int j);
 
-}  // namespace cardan::operators
+}  // namespace cardan

@@ -1,0 +1,279 @@
+// The assembler: a start whose loops are open becomes the nearest one that closes them (docs/mathematics/loops.md, 3).
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+
+#include "core/dynamics/loop_pass.hpp"
+#include "core/linalg/dense.hpp"
+#include "core/model/components.hpp"
+
+namespace cardan {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr int kSteps = 400;
+constexpr double kReach = 0.1;      // [rad], of slides in levers: the longest step
+constexpr double kSingular = 0.2;   // a step that leaves less of the determinant of the pivots is too long
+constexpr double kShortest = 1e-7;  // a step of such a part of what it should be leads nowhere
+constexpr double kMet = 1e-13;      // residual, relative to the size of a loop, at which Newton's method ends
+constexpr double kAlmost = 1e-8;    // ... that it may leave where rows imply each other on closed loops alone: it then halves what is left
+constexpr double kNoPivot = 1e-10;  // a scaled pivot below is none
+constexpr double kNearest = 1e-7;   // part of the way back to the start that may lie along the closed loops
+
+/// The description's word for a velocity component, and for its coordinate.
+struct ComponentName {
+  std::string rate, coordinate, rate_unit, coordinate_unit;
+};
+ComponentName name_of_component(const Model& model, int v) {
+  for (const UserBody& u : model.user) {
+    if (v < u.v || v >= u.v + u.nv) continue;
+    const int j = v - u.v;
+    const std::string unit = u.v_units[static_cast<std::size_t>(j)];
+    return {u.name + "." + u.v_names[static_cast<std::size_t>(j)], u.name + "." + deviation_name(u, j), unit,
+            unit.ends_with("/s") ? unit.substr(0, unit.size() - 2) : unit};
+  }
+  return {};
+}
+
+/// Where a closed form of the loops is looked for, at one q.
+struct Here {
+  VectorXd r;  // residuals, each relative to the size of its loop
+  MatrixXd A;  // their gradients along the components that move, in the roots of their (weighted) inertia: rows x free
+  double open() const { return r.size() == 0 ? 0.0 : r.cwiseAbs().maxCoeff<Eigen::PropagateNaN>(); }
+};
+
+/// Rows and columns of the pivots of a complete elimination, as many as there are independent ones.
+struct Pivots {
+  std::vector<int> rows, columns;
+  explicit Pivots(MatrixXd A) {
+    const int n = static_cast<int>(std::min(A.rows(), A.cols()));
+    std::vector<int> row(static_cast<std::size_t>(A.rows())), column(static_cast<std::size_t>(A.cols()));
+    for (std::size_t i = 0; i < row.size(); ++i) row[i] = static_cast<int>(i);
+    for (std::size_t i = 0; i < column.size(); ++i) column[i] = static_cast<int>(i);
+    const double largest = A.size() == 0 ? 0.0 : A.cwiseAbs().maxCoeff();
+    for (int p = 0; p < n; ++p) {
+      Eigen::Index i, j;
+      const double most = A.bottomRightCorner(A.rows() - p, A.cols() - p).cwiseAbs().maxCoeff(&i, &j);
+      if (!(most > kNoPivot * largest)) return;
+      A.row(p).swap(A.row(p + i)), A.col(p).swap(A.col(p + j));
+      std::swap(row[static_cast<std::size_t>(p)], row[static_cast<std::size_t>(p + i)]);
+      std::swap(column[static_cast<std::size_t>(p)], column[static_cast<std::size_t>(p + j)]);
+      for (Eigen::Index k = p + 1; k < A.rows(); ++k)
+        A.row(k).tail(A.cols() - p) -= (A(k, p) / A(p, p)) * A.row(p).tail(A.cols() - p).eval();
+      rows.push_back(row[static_cast<std::size_t>(p)]), columns.push_back(column[static_cast<std::size_t>(p)]);
+    }
+  }
+};
+
+class Assembler {
+ public:
+  Assembler(Model& model, Workspace& ws, VectorXd q, const MatrixXd& M) : m_(model), ws_(ws), q0_(std::move(q)) {
+    const std::vector<std::uint8_t> held = held_components(model, false);
+    std::vector<std::uint8_t> on_the_way(static_cast<std::size_t>(m_.nv), 0);
+    for (const Loop& loop : m_.loops.all)
+      for (const int v : loop.rates) on_the_way[static_cast<std::size_t>(v)] = 1;
+    for (int v = 0; v < m_.nv; ++v)
+      if (on_the_way[static_cast<std::size_t>(v)] != 0 && held[static_cast<std::size_t>(v)] == 0) free_.push_back(v);
+    root_ = root_of(free_, M);
+    for (const Loop& loop : m_.loops.all) reach_ = std::max(reach_, kReach * loop.lever);
+    turns_ = turning(m_);
+  }
+
+  const std::vector<int>& free() const { return free_; }
+
+  /// Newton's method in steps so short that the way there is that of the differential equation q' = -G^+ c, which cannot pass a singular
+  /// posture. False: it ends before; q is as near as it got.
+  bool close(VectorXd& q) {
+    Here here = look(q);
+    settle();
+    for (int i = 0; i < kSteps && here.open() > kMet; ++i) {
+      const VectorXd step = in_velocities(least_squares(here.A, VectorXd(-here.r)));
+      if (!step_along(q, here, step, [&](const Here& there, double s) { return there.r.norm() <= (1.0 - 0.1 * s) * here.r.norm(); })) break;
+    }
+    return here.open() <= kAlmost;
+  }
+
+  /// Along the closed loops to where what is left of the way back to the start is across them.
+  void approach(VectorXd& q) {
+    for (int i = 0; i < kSteps; ++i) {
+      const Here here = look(q);
+      const VectorXd back = way_back(q), along = back - least_squares(here.A, VectorXd(here.A * back));
+      if (!(along.norm() > kNearest * back.norm())) return;
+      const VectorXd step = in_velocities(along);
+      VectorXd best;
+      for (double s = std::min(1.0, longest(step)); s > 1e-3; s *= 0.5) {
+        VectorXd next = moved(q, s * step);
+        if (!same_branch(here, look(next)) || !close(next)) continue;
+        if (way_back(next).norm() < (1.0 - 1e-9) * back.norm()) {
+          best = next;
+          break;
+        }
+      }
+      if (best.size() == 0) return;
+      q = best;
+    }
+  }
+
+  /// Rates nearest to v that keep the loops closed at q.
+  void move_along(const VectorXd& q, const MatrixXd& M, VectorXd& v) {
+    const std::vector<std::uint8_t> held = held_components(m_, true);
+    std::vector<int> free;
+    for (const Loop& loop : m_.loops.all)
+      for (const int i : loop.rates)
+        if (held[static_cast<std::size_t>(i)] == 0 && std::ranges::find(free, i) == free.end()) free.push_back(i);
+    if (free.empty()) return;
+    std::ranges::sort(free);
+    const MatrixXd root = root_of(free, M);
+    look(q);
+    const MatrixXd G = rows() * Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
+                                    ws_.loops->G.data(), m_.loops.rows, m_.nv);
+    const MatrixXd A = root.triangularView<Eigen::Lower>().solve(G(Eigen::all, free).transpose()).transpose();
+    const VectorXd d = root.transpose().triangularView<Eigen::Upper>().solve(least_squares(A, VectorXd(-G * v)));
+    for (std::size_t i = 0; i < free.size(); ++i) v[free[i]] += d[static_cast<Eigen::Index>(i)];
+  }
+
+ private:
+  /// L of the weighted mass matrix of these components.
+  MatrixXd root_of(const std::vector<int>& free, const MatrixXd& M) const {
+    VectorXd weight = VectorXd::Ones(m_.nv);
+    for (const auto& [name, w] : m_.spec->assembly.weights)
+      for (const int v : components_of(m_, name)) weight[v] = std::sqrt(w);
+    const MatrixXd W = (weight.asDiagonal() * M * weight.asDiagonal())(free, free);
+    const std::optional<MatrixXd> L = cholesky(W);
+    return L ? *L : MatrixXd(W.diagonal().cwiseMax(1e-300).cwiseSqrt().asDiagonal());
+  }
+
+  VectorXd moved(const VectorXd& q, const VectorXd& step) const {
+    VectorXd d = VectorXd::Zero(m_.nv), out(m_.nq);
+    for (std::size_t i = 0; i < free_.size(); ++i) d[free_[i]] = step[static_cast<Eigen::Index>(i)];
+    m_.retract(q.data(), d.data(), out.data());
+    return out;
+  }
+  VectorXd in_velocities(const VectorXd& y) const { return root_.transpose().triangularView<Eigen::Upper>().solve(y); }
+  /// From q to the start, in the roots of inertia.
+  VectorXd way_back(const VectorXd& q) const {
+    VectorXd d(m_.nv);
+    m_.difference(q.data(), q0_.data(), d.data());
+    return root_.transpose() * d(free_);
+  }
+
+  Eigen::DiagonalMatrix<double, Eigen::Dynamic> rows() const {
+    VectorXd scale(m_.loops.rows);
+    const LoopPass pass(m_, ws_, {});
+    for (const Loop& loop : m_.loops.all) {
+      double size = loop.lever;
+      for (const CoupledRate& term : loop.terms) size = std::max(size, std::abs(term.coefficient));
+      for (int i = loop.first; i < loop.first + loop.rows; ++i) scale[i] = pass.in_metres(loop, i) / size;
+    }
+    return scale.asDiagonal();
+  }
+
+  Here look(const VectorXd& q) {
+    stand(m_, ws_, q.data(), false);
+    const Inputs in{.q = q.data(), .v = ws_.loops->zero.data(), .gravity = false};
+    LoopPass pass(m_, ws_, in);
+    pass.place();
+    pass.matrix();
+    const auto scale = rows();
+    const auto G =
+        Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(ws_.loops->G.data(), m_.loops.rows, m_.nv);
+    return {scale * Eigen::Map<const VectorXd>(ws_.loops->c.data(), m_.loops.rows),
+            root_.triangularView<Eigen::Lower>().solve((scale * G)(Eigen::all, free_).transpose()).transpose()};
+  }
+
+  /// Hinges that close loops go on from where they are.
+  void settle() {
+    for (std::size_t l = 0; l < m_.loops.all.size(); ++l)
+      if (m_.loops.all[l].hinge) m_.loops.all[l].q0 = ws_.loops->q[l];
+  }
+
+  /// The part of a step that is not too long.
+  double longest(const VectorXd& step) const {
+    double most = 1.0;
+    for (std::size_t i = 0; i < free_.size(); ++i) {
+      const double reach = turns_[static_cast<std::size_t>(free_[i])] != 0 ? kReach : reach_;
+      most = std::max(most, std::abs(step[static_cast<Eigen::Index>(i)]) / reach);
+    }
+    return 1.0 / most;
+  }
+
+  static bool same_branch(const Here& here, const Here& there) {
+    if (!there.A.allFinite()) return false;
+    const Pivots p(here.A);
+    if (p.rows.empty()) return true;
+    return determinant(there.A(p.rows, p.columns)) / determinant(here.A(p.rows, p.columns)) > kSingular;
+  }
+
+  template <class Better>
+  bool step_along(VectorXd& q, Here& here, const VectorXd& step, const Better& better) {
+    const double first = longest(step);
+    for (double s = first; s > kShortest * first; s *= 0.5) {
+      const VectorXd next = moved(q, s * step);
+      Here there = look(next);
+      if (!better(there, s) || !same_branch(here, there)) continue;
+      q = next, here = std::move(there);
+      settle();
+      return true;
+    }
+    return false;
+  }
+
+  static std::vector<std::uint8_t> held_components(const Model& m, bool rates) {
+    std::vector<std::uint8_t> held(static_cast<std::size_t>(m.nv), 1);  // modes stay
+    for (std::size_t i = 0; i < m.user.size(); ++i) {
+      const UserBody& u = m.user[i];
+      const HingeSpec& hinge = m.spec->bodies[i].hinge;
+      const bool given = !m.spec->assembly.hold && !(rates ? hinge.v : hinge.q).empty();
+      for (int v = u.v; v < u.v + u.nv; ++v)
+        held[static_cast<std::size_t>(v)] = given || (m.has_prescribed() && m.prescribed[static_cast<std::size_t>(v)] != 0);
+    }
+    if (m.spec->assembly.hold)
+      for (const std::string& name : *m.spec->assembly.hold)
+        for (const int v : components_of(m, name)) held[static_cast<std::size_t>(v)] = 1;
+    return held;
+  }
+
+  Model& m_;
+  Workspace& ws_;
+  VectorXd q0_;
+  std::vector<int> free_;
+  MatrixXd root_;
+  std::vector<std::uint8_t> turns_;
+  double reach_ = 0.0;
+};
+
+}  // namespace
+
+bool assemble_start(Model& model, Workspace& ws, const std::function<MatrixXd(const VectorXd&)>& inertia, bool places, State& start,
+                    std::string& may_move) {
+  const State given = start;
+  const MatrixXd M = inertia(start.q);
+  Assembler assembler(model, ws, start.q, M);
+  std::vector<std::string> names;
+  for (const int v : assembler.free()) names.push_back(name_of_component(model, v).coordinate);
+  may_move = fmt::format("{}", fmt::join(names, ", "));
+  bool closed = !places;
+  if (places && !assembler.free().empty()) {
+    closed = assembler.close(start.q);
+    if (closed) assembler.approach(start.q);
+  }
+  if (closed) assembler.move_along(start.q, inertia(start.q), start.v);
+  VectorXd way(model.nv);
+  model.difference(given.q.data(), start.q.data(), way.data());
+  model.loops.moved.clear();
+  for (const UserBody& u : model.user)
+    for (int j = 0; j < u.nv; ++j) {
+      const int v = u.v + j;
+      const ComponentName name = name_of_component(model, v);
+      const double from = u.nq == u.nv ? given.q[u.q + j] : 0.0;
+      if (way[v] != 0.0) model.loops.moved.push_back({name.coordinate, name.coordinate_unit, from, from + way[v]});
+      if (start.v[v] != given.v[v]) model.loops.moved.push_back({name.rate, name.rate_unit, given.v[v], start.v[v]});
+    }
+  return closed;
+}
+
+}  // namespace cardan
