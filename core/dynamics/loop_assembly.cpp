@@ -19,10 +19,11 @@ constexpr int kSteps = 400;
 constexpr double kReach = 0.1;      // [rad], of slides in levers: the longest step
 constexpr double kSingular = 0.2;   // a step that leaves less of the determinant of the pivots is too long
 constexpr double kShortest = 1e-7;  // a step of such a part of what it should be leads nowhere
+constexpr double kPart = 0.1;       // of what the gradients promise of a step, at least
 constexpr double kMet = 1e-13;      // residual, relative to the size of a loop, at which Newton's method ends
 constexpr double kAlmost = 1e-8;    // ... that it may leave where rows imply each other on closed loops alone: it then halves what is left
 constexpr double kNoPivot = 1e-10;  // a scaled pivot below is none
-constexpr double kNearest = 1e-7;   // part of the way back to the start that may lie along the closed loops
+constexpr double kNearest = 1e-7;   // part of the way back, or of the residual, that may be left to go
 
 /// The description's word for a velocity component, and for its coordinate.
 struct ComponentName {
@@ -91,8 +92,13 @@ class Assembler {
     Here here = look(q);
     settle();
     for (int i = 0; i < kSteps && here.open() > kMet; ++i) {
-      const VectorXd step = in_velocities(least_squares(here.A, VectorXd(-here.r)));
-      if (!step_along(q, here, step, [&](const Here& there, double s) { return there.r.norm() <= (1.0 - 0.1 * s) * here.r.norm(); })) break;
+      const VectorXd y = least_squares(here.A, VectorXd(-here.r)), change = here.A * y;
+      if (!(change.norm() > kNearest * here.r.norm())) break;  // as near as rows that contradict each other let it
+      const double open = here.r.norm();
+      const auto better = [&](const Here& there, double s) {
+        return there.r.norm() <= open + kPart * ((here.r + s * change).norm() - open);
+      };
+      if (!step_along(q, here, in_velocities(y), better)) break;
     }
     return here.open() <= kAlmost;
   }
@@ -163,7 +169,8 @@ class Assembler {
 
   Eigen::DiagonalMatrix<double, Eigen::Dynamic> rows() const {
     VectorXd scale(m_.loops.rows);
-    const LoopPass pass(m_, ws_, {});
+    const Inputs none{};
+    const LoopPass pass(m_, ws_, none);
     for (const Loop& loop : m_.loops.all) {
       double size = loop.lever;
       for (const CoupledRate& term : loop.terms) size = std::max(size, std::abs(term.coefficient));

@@ -51,6 +51,7 @@ class LoopPass {
   /// The workspace has room for loops (make_room_for_loops).
   LoopPass(const Model& model, Workspace& ws, const Inputs& in)
       : m_(model), loops_(model.loops), ws_(ws), k_(*ws.loops), in_(in), S_(soa::sweeps<double>()) {}
+  LoopPass(const Model&, Workspace&, Inputs&&) = delete;  // it refers to its inputs
 
   /// Poses and rates of the ends relative to each other, rows, c and G v. Needs outward.
   void place();

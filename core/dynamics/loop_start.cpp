@@ -79,7 +79,8 @@ void refuse_open_start(const Model& model, const OpenRows& open, const std::stri
              "give `initial` of the hinges between its ends the values that bring them together, or none: they are found then");
     else
       report(fmt::format("a place of {} that closes it", may_move), open.places[l].empty() ? "" : open.places[l] + nearest,
-             "this is as near as they get without another branch; begin elsewhere, or hold less (assembly: {hold: [...]})");
+             "none nearer was found from the start without passing a singular posture; begin elsewhere, or hold less (assembly: {hold: "
+             "[...]})");
     if (open.places[l].empty())
       report("initial rates that keep it closed", open.rates[l],
              "give `initial` of the hinges rates that move both ends alike, or none: they are found then");

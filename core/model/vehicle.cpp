@@ -322,6 +322,7 @@ class VehicleReader {
     MapReader map(value, context_);
     if (!map.is_map()) return;
     spec_.assembly.at = value.at();
+    if (spec_.loops.empty()) context_.sink.report(Code::missing_key, value.at(), "loops, whose start it says how to close", "no such key");
     if (const auto hold = map.find("hold")) {
       spec_.assembly.hold.emplace();
       if (hold->node->kind != Kind::list)

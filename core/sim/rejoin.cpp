@@ -2,9 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
+#include "core/base/units.hpp"
 #include "core/dynamics/hinge_fit.hpp"
 #include "core/dynamics/inverse.hpp"
 #include "core/model/model_map.hpp"
