@@ -17,7 +17,7 @@ extern "C" {
 #endif
 
 #define CARDAN_ABI_MAJOR 2u /* binary break: the host refuses */
-#define CARDAN_ABI_MINOR 1u /* fields appended, kinds added: devices and fields since 1 */
+#define CARDAN_ABI_MINOR 2u /* fields appended, kinds added: devices and fields since 1; valid and impulse of devices since 2 */
 
 /* ---- parameters: what the description of an instance may say, and what its family is told ---- */
 

@@ -50,7 +50,8 @@ typedef struct cardan_mount_desc {
   const char* meaning;
 } cardan_mount_desc;
 
-/* A number that a device is given or gives. */
+/* A number that a device is given or gives. Side by side, with one unit and frame, NAME_x, NAME_y, NAME_z or NAME_1 to NAME_n are the
+ * vector NAME: connected, commanded and read as one. */
 enum cardan_port_kind { CARDAN_PORT_IN = 0, CARDAN_PORT_OUT = 1 };
 typedef struct cardan_port_desc {
   const char* name;
@@ -62,7 +63,11 @@ typedef struct cardan_port_desc {
   const char* frame; /* the mount at a node in whose axes it is a component, or null: it has none. Ends of a connection that have one have
                         the same */
   uint32_t flags;    /* cardan_port_flag, or-ed */
+  const char* valid; /* since 2.2. Another port of that kind, of unit 1, that says whether this number holds: 1, or 0. Of an OUT it is given
+                        in the same evaluation; an IN takes with a connection what says it of the output, its fallback is 1. Null: it
+                        always does; of an IN: nobody asks, and `check` says so where an output may be invalid */
 } cardan_port_desc;
+#define CARDAN_CAUSE_TICK 0xffffffffu
 enum cardan_port_flag {
   CARDAN_PORT_REQUIRED = 1u /* IN: the vehicle file gives it a number or a connection: there is no sensible fallback */
 };
@@ -187,6 +192,10 @@ typedef struct cardan_device_family {
   int (*follow_tangent)(const cardan_device_args*, const cardan_device_args* along, double* zdot);
   const char* (*explain)(const void* packed, int code); /* (optional) What a code other than 0 means that one of its functions returned */
   uint32_t role;                                        /* cardan_device_role */
+  /* Since 2.2. [accepted] (optional) What it pushes with all at once, [N s] and [N m s], just before `event` at a root of its own (cause:
+   * its number, from 0) or before `tick` (CARDAN_CAUSE_TICK, direction 0), with the same arguments. Loads that are zero before the call, at
+   * mounts with CARDAN_USE_LOAD. Poses stay, velocities jump by what the whole vehicle gives way: held components too. 0 = done. */
+  int (*impulse)(const cardan_device_args*, uint32_t cause, int direction, cardan_mount_load* impulse);
 } cardan_device_family;
 
 #ifdef __cplusplus

@@ -77,7 +77,7 @@ struct DeviceOut {
 };
 
 /// `mounts`, `ports`, `states`, `marks`, `schema`, `role` may be left out, as may `nominal`, `energy`, `roots`, `event`, `tick`, `mass` (a
-/// template as `evaluate` is), `follow` (one as well), `momentum`, `holds`; and `can_carry`, false at states without a mass.
+/// template as `evaluate` is), `follow` (one as well), `momentum`, `holds`, `impulse`; and `can_carry`, false at states without a mass.
 template <class F>
 concept DeviceFamily = requires(const typename F::Packed& p, const DeviceIn<double>& a, DeviceOut<double>& b, const DeviceIn<Tangent>& at,
                                 DeviceOut<Tangent>& bt) {
@@ -268,6 +268,11 @@ const cardan_device_family& device_table() {
       t.follow = &detail::follow<F>, t.follow_tangent = &detail::follow_tangent<F>;
     if constexpr (requires(const P& p, const DeviceIn<double>& a) { F::holds(p, a); })
       t.holds = [](const cardan_device_args* a) { return F::holds(*static_cast<const P*>(a->packed), detail::read(a)); };
+    if constexpr (requires(const P& p, const DeviceIn<double>& a, MountLoad<double>* load) { F::impulse(p, a, 0u, 0, load); })
+      t.impulse = [](const cardan_device_args* a, std::uint32_t cause, int direction, cardan_mount_load* load) {
+        F::impulse(*static_cast<const P*>(a->packed), detail::read(a), cause, direction, reinterpret_cast<MountLoad<double>*>(load));
+        return 0;
+      };
     if constexpr (requires(const P& p, const DeviceIn<double>& a, Vec3<double>* h) { F::momentum(p, a, h); })
       t.momentum = [](const cardan_device_args* a, double(*h)[3]) {
         F::momentum(*static_cast<const P*>(a->packed), detail::read(a), reinterpret_cast<Vec3<double>*>(h));

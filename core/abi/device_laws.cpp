@@ -12,6 +12,7 @@
 
 #include "core/abi/field_family.hpp"
 #include "core/abi/law_tools.hpp"
+#include "core/abi/port_vectors.hpp"
 
 namespace cardan {
 namespace {
@@ -99,6 +100,14 @@ class DeviceTableFaults : public TableChecks {
       expect(std::isfinite(f_.ports[i].fallback), at + "fallback", "not finite");
       expect(f_.ports[i].flags <= CARDAN_PORT_REQUIRED, at + "flags",
              fmt::format("{}, expected those of cardan_port_flag", f_.ports[i].flags));
+      if (const char* valid = f_.ports[i].valid) {
+        const int place = place_of_port(f_, f_.ports[i].kind, valid);
+        const cardan_port_desc* says = place < 0 ? nullptr : &port_at(f_, f_.ports[i].kind, place);
+        expect(says && says != &f_.ports[i] && !says->valid && std::string_view(says->unit ? says->unit : "") == "1", at + "valid",
+               fmt::format("\"{}\", expected another port of its kind, in unit 1, always valid itself", valid));
+        expect(!says || says->kind == CARDAN_PORT_OUT || says->fallback == 1.0, at + "valid",
+               fmt::format("\"{}\" has the fallback {:g}, expected 1: what is not connected holds", valid, says ? says->fallback : 0.0));
+      }
       const char* frame = f_.ports[i].frame;
       expect(!frame || std::any_of(f_.mounts, f_.mounts + f_.n_mounts,
                                    [&](const cardan_mount_desc& m) {
@@ -117,6 +126,12 @@ class DeviceTableFaults : public TableChecks {
     expect(f_.role <= CARDAN_ROLE_CONTROLLER, "role", fmt::format("{}, expected one of cardan_device_role", f_.role));
     expect(!f_.follow || f_.n_states > 0, "follow", "given, and there are no states");
     expect(!f_.follow || (!energy && !f_.mass && !f_.momentum), "follow", "given, with energy, mass or momentum, which hang on z'");
+    const bool pushes = std::any_of(f_.mounts, f_.mounts + f_.n_mounts, [](const cardan_mount_desc& m) {
+      return m.kind != CARDAN_MOUNT_FIELD && (m.use & CARDAN_USE_LOAD) != 0;
+    });
+    expect(!f_.impulse || pushes, "impulse", "given, and no mount has CARDAN_USE_LOAD");
+    expect(!f_.impulse || f_.tick || (f_.event && f_.n_roots > 0), "impulse", "given, and there is neither a tick nor an event at a root");
+    expect(!f_.impulse || !f_.momentum, "impulse", "given, with momentum: what is stored takes none");
     expect(!energy || f_.energy, "energy", "null, and CARDAN_FACT_ENERGY is set");
     expect((f_.facts & CARDAN_FACT_PASSIVE) == 0 || energy, "facts", "CARDAN_FACT_PASSIVE without CARDAN_FACT_ENERGY");
   }
@@ -157,6 +172,7 @@ class DeviceLaws {
     ++taken_;
     pure(x, y);
     reads_what_it_says(x, y);
+    validity(y);
     pushes_where_it_says(x, y);
     if ((f_.facts & CARDAN_FACT_INTERNAL) != 0) internal(x, y);
     if ((f_.facts & CARDAN_FACT_ENERGY) != 0) energy(x, y);
@@ -168,6 +184,7 @@ class DeviceLaws {
     if (f_.n_roots > 0) roots(x);
     if (f_.event) event(x);
     if (f_.tick) tick(x);
+    if (f_.impulse) impulses(x);
     return found_.few();
   }
   std::vector<std::string> take(LawRecord* record) {
@@ -183,14 +200,15 @@ class DeviceLaws {
                               *kTangent = "tangent is the derivative of evaluate", *kRatesOnce = "rates of states come from follow alone",
                               *kFollowTangent = "follow_tangent is the derivative of follow", *kFlow = "mass falls by its inputs in kg/s",
                               *kMassTangent = "mass_tangent is the derivative of mass",
-                              *kMomentum = "stored momentum changes by minus the moments", *kHolds = "holds gives a number >= 0";
+                              *kMomentum = "stored momentum changes by minus the moments", *kHolds = "holds gives a number >= 0",
+                              *kValid = "what says that an output holds is 1 or 0";
   static constexpr const char* kPassive[] = {"a passive device delivers nothing", "a passive device loses"};
 
   /// What is tried of this device, and why the rest is not.
   void list() {
     const std::pair<const char*, bool> functions[] = {{"energy", f_.energy}, {"mass", f_.mass},     {"momentum", f_.momentum},
                                                       {"holds", f_.holds},   {"follow", f_.follow}, {"roots", f_.roots},
-                                                      {"event", f_.event},   {"tick", f_.tick}};
+                                                      {"event", f_.event},   {"tick", f_.tick},     {"impulse", f_.impulse}};
     for (const char* always : {kPack, kAccepts, kWrites, kLeaves, kFinite}) found_.list(always);
     found_.list(pure_law("evaluate"));
     for (const auto& [function, given] : functions)
@@ -210,6 +228,7 @@ class DeviceLaws {
     of(kMassTangent, f_.mass_tangent, "it has no mass_tangent");
     of(kMomentum, f_.momentum, "it has no momentum");
     of(kHolds, f_.holds, "it has no holds");
+    of(kValid, std::any_of(f_.ports, f_.ports + f_.n_ports, says_of_output), "no output has one");
   }
 
   template <class... Arguments>
@@ -393,6 +412,15 @@ class DeviceLaws {
               fmt::format("output {} depends on input no. {} and does not say so", f_.ports[p].name, i));
         ++k;
       }
+    }
+  }
+
+  static bool says_of_output(const cardan_port_desc& p) { return p.kind == CARDAN_PORT_OUT && p.valid; }
+  void validity(const Given& y) {
+    for (std::uint32_t p = 0; p < f_.n_ports; ++p) {
+      if (!says_of_output(f_.ports[p])) continue;
+      const double says = y.numbers[out_ + static_cast<std::size_t>(place_of_port(f_, CARDAN_PORT_OUT, f_.ports[p].valid))];
+      law(kValid, says == 0.0 || says == 1.0, fmt::format("output {} is {:g}", f_.ports[p].valid, says));
     }
   }
 
@@ -710,6 +738,32 @@ class DeviceLaws {
           f_.event(&a, root, root == f_.n_roots ? 0 : direction, z, d);
           return true;
         });
+  }
+
+  /// A load of its own at each root both ways, and at a tick.
+  void impulses(const Point& x) {
+    const auto cause = [&](std::uint32_t what, int direction) {
+      const auto at = [&](const Point& p) {
+        return call("impulse", [&](cardan_device_out* o) {
+          const cardan_device_args a = args(p);
+          return f_.impulse(&a, what, direction, o->load);
+        });
+      };
+      const Point handed = x;
+      const Given y = at(handed);
+      law(kLeaves, handed.numbers == x.numbers, "impulse changes its arguments");
+      law(kWrites, !y.overrun, "impulse writes beyond its array");
+      if (y.code != 0) return;
+      for (std::size_t i = 0; i < y.numbers.size(); ++i)
+        if (!finite(y.numbers[i], [&] { return fmt::format("impulse gives {} for finite arguments ({})", y.numbers[i], name_of(i)); }))
+          return;
+      same_again("impulse", x, [&](const Point& p) { return at(p).numbers; });
+      pushes_where_it_says(x, y);
+      if ((f_.facts & CARDAN_FACT_INTERNAL) != 0) internal(x, y);
+    };
+    for (std::uint32_t root = 0; f_.event && root < f_.n_roots; ++root)
+      for (const int direction : {1, -1}) cause(root, direction);
+    if (f_.tick) cause(CARDAN_CAUSE_TICK, 0);
   }
 
   std::vector<double> roots_at(const Point& x) {

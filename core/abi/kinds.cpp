@@ -67,7 +67,7 @@ std::string copy_lists(Kept<Table>&) {
 std::string copy_lists(Kept<cardan_device_family>& kept) {
   cardan_device_family& t = kept.table;
   for (std::string fault : {copy_list(t.mounts, t.n_mounts, t.mount_size, sizeof(cardan_mount_desc), "mount", "mount", kept.mounts),
-                            copy_list(t.ports, t.n_ports, t.port_size, sizeof(cardan_port_desc), "port", "port", kept.ports),
+                            copy_list(t.ports, t.n_ports, t.port_size, offsetof(cardan_port_desc, valid), "port", "port", kept.ports),
                             copy_list(t.states, t.n_states, t.state_size, sizeof(cardan_state_desc), "state", "state", kept.states),
                             copy_list(t.marks, t.n_marks, t.mark_size, sizeof(cardan_state_desc), "mark", "state", kept.marks)})
     if (!fault.empty()) return fault;

@@ -7,8 +7,8 @@
 #include <cstring>
 
 #include "core/abi/law_tools.hpp"
+#include "core/abi/port_vectors.hpp"
 #include "core/base/finite.hpp"
-#include "core/dynamics/node_motion.hpp"
 #include "core/soa/program.hpp"
 
 namespace cardan {
@@ -50,11 +50,11 @@ void motion_of(const Model& model, const soa::Workspace<T>& ws, const soa::Input
 /// With accelerations.
 template <class T, class Mounts, class Put>
 void accelerated_motion_of(const Model& model, const soa::Workspace<T>& ws, const soa::Inputs<T>& in, const Mounts& mounts, const T* vdot,
-                           const Put& put) {
+                           After after, const Put& put) {
   hinge_motion_of(in, mounts, put);
   for (const auto& m : mounts.hinges) put(m.mount, 26, vdot[m.v]);
   for (const auto& m : mounts.nodes) {
-    const NodeMotion<T> n = node_motion<T>(model, ws, in, m.node, vdot);
+    const NodeMotion<T> n = node_motion<T>(model, ws, in, m.node, vdot, after);
     put_pose_and_velocity(n, m.mount, put);
     const Vec3<T>&alpha = n.acceleration.w, &f = n.specific_force;
     const T more[6] = {alpha.x, alpha.y, alpha.z, f.x, f.y, f.z};
@@ -263,13 +263,13 @@ cardan_device_args DeviceForces::followed(int device) const {
   return a;
 }
 
-bool DeviceForces::follow(const Workspace& ws, const Inputs& in, const double* vdot) {
+bool DeviceForces::follow(const Workspace& ws, const Inputs& in, const double* vdot, After after) {
   for (std::size_t i = 0; i < varying_.size(); ++i) {
     const int k = model_.devices.varying[i].sweep;
-    varying_[i] = {motion_of_body<double>(model_, ws, in, k, nullptr, After::forward), ws.pose_W(k)};
+    varying_[i] = {motion_of_body<double>(model_, ws, in, k, nullptr, after), ws.pose_W(k)};
   }
   if (following_.empty() || !all_finite(vdot, model_.nv)) return true;  // that is told of v' itself
-  accelerated_motion_of(model_, ws, in, followed_, vdot, into(followed_motions_));
+  accelerated_motion_of(model_, ws, in, followed_, vdot, after, into(followed_motions_));
   for (const int i : following_) {
     const Device& d = model_.devices.all[i];
     const cardan_device_args at = followed(i);
@@ -289,12 +289,12 @@ Vec3<double> DeviceForces::stored_momentum() const {
   for (std::size_t k = 0; k < args_.size(); ++k) {
     const Device& d = model_.devices.all[k];
     if (!d.family->momentum) continue;
-    std::vector<Vec3<double>> h(d.mounts.size());
+    stored_.assign(d.mounts.size(), {});
     called_ = {static_cast<int>(k), "momentum"};
-    d.family->momentum(&args_[k], reinterpret_cast<double(*)[3]>(h.data()));
-    for (std::size_t i = 0; i < h.size(); ++i) {
+    d.family->momentum(&args_[k], reinterpret_cast<double(*)[3]>(stored_.data()));
+    for (std::size_t i = 0; i < stored_.size(); ++i) {
       const double* R = motions_[d.mount + i].R_WN;
-      if (d.mounts[i].node >= 0) sum += Mat3<double>{R[0], R[1], R[2], R[3], R[4], R[5], R[6], R[7], R[8]} * h[i];
+      if (d.mounts[i].node >= 0) sum += Mat3<double>{R[0], R[1], R[2], R[3], R[4], R[5], R[6], R[7], R[8]} * stored_[i];
     }
   }
   called_.device = -1;
@@ -319,6 +319,17 @@ void DeviceForces::add_hinge_forces(double* tau) const {
   for (const HingeMount& m : pushed_.hinges) tau[m.v] += loads_[m.mount].tau;
 }
 
+namespace {
+/// Of number i of all loads of a device.
+std::string load_name(const Device& d, int i) {
+  return fmt::format("{} at {}",
+                     i % kLoad < 3   ? "moment"
+                     : i % kLoad < 6 ? "force"
+                                     : "force of the hinge",
+                     d.family->mounts[i / kLoad].name);
+}
+}  // namespace
+
 bool DeviceForces::expect_finite(int index) {
   const Device& d = model_.devices.all[index];
   const auto n_loads = static_cast<int>(d.mounts.size()) * kLoad;
@@ -335,18 +346,8 @@ bool DeviceForces::expect_finite(int index) {
     fault_.what = fmt::format("{}{} = {}", call, name(i), x[i]);
     return true;
   };
-  const auto port = [&](int i) {
-    for (std::uint32_t k = 0;; ++k)
-      if (d.family->ports[k].kind == CARDAN_PORT_OUT && i-- == 0) return fmt::format("output {}", d.family->ports[k].name);
-  };
-  const auto load = [&](int i) {
-    return fmt::format("{} at {}",
-                       i % kLoad < 3   ? "moment"
-                       : i % kLoad < 6 ? "force"
-                                       : "force of the hinge",
-                       d.family->mounts[i / kLoad].name);
-  };
-  if (!tell(loads, n_loads, load) && !tell(out_ + d.out, d.n_out, port))
+  const auto port = [&](int i) { return fmt::format("output {}", port_at(*d.family, CARDAN_PORT_OUT, i).name); };
+  if (!tell(loads, n_loads, [&](int i) { return load_name(d, i); }) && !tell(out_ + d.out, d.n_out, port))
     tell(zdot_ + d.z, n_z, [&](int i) { return fmt::format("rate of {}", d.family->states[i].name); });
   return false;
 }
@@ -421,6 +422,23 @@ bool DeviceForces::tick(int index, double period, const double* noise, double* z
   return false;
 }
 
+bool DeviceForces::impulse(int index, std::uint32_t cause, int direction, std::vector<cardan_mount_load>& loads) {
+  const Device& d = model_.devices.all[index];
+  loads.assign(d.mounts.size(), {});
+  called_ = {index, "impulse"};
+  const int code = d.family->impulse(&args_[index], cause, direction, loads.data());
+  called_.device = -1;
+  if (code != 0) {
+    fault_ = {index, answer(d, "impulse", code)};
+    return false;
+  }
+  const int n = static_cast<int>(loads.size()) * kLoad;
+  if (all_finite(numbers(*loads.data()), n)) return true;
+  const int i = first_not_finite(numbers(*loads.data()), n);
+  fault_ = {index, fmt::format("impulse: {} = {}", load_name(d, i), numbers(*loads.data())[i])};
+  return false;
+}
+
 std::string DeviceForces::ask_again(int index) const {
   const Device& d = model_.devices.all[index];
   const cardan_device_family& f = *d.family;
@@ -470,7 +488,16 @@ bool DeviceTangents::differentiate(int index) {
   cardan_device_args along = at;
   along.in = in_.data() + d.in, along.mount = motions_.data() + d.mount, along.z = dz_.data() + d.z;
   cardan_device_out out{zdot, out_.data() + d.out, loads_.data() + d.mount, 0.0, 0.0};
-  return d.family->tangent ? d.family->tangent(&at, &along, &out) == 0 : by_differences(d, at, along, out);
+  const bool good = d.family->tangent ? d.family->tangent(&at, &along, &out) == 0 : by_differences(d, at, along, out);
+  if (!good) fault_of_ = index;
+  return good;
+}
+
+NumericsError DeviceTangents::fault() const {
+  return NumericsError({.code = Code::device_failed,
+                        .t = base_.time(),
+                        .what = fmt::format("device {} has no derivative here", model_.devices.all[fault_of_].name),
+                        .hint = "a point inside of its domain"});
 }
 
 /// d f(args) / ds, n numbers, of eighth order along the direction as a whole: what the device reads moves by a hundredth of its own size, a
@@ -528,19 +555,24 @@ bool DeviceTangents::follow_along(int index) {
   const Device& d = model_.devices.all[index];
   cardan_device_args at = base_.followed(index), along = at;
   along.mount = followed_motions_.data() + d.mount, along.z = dz_.data() + d.z;
-  if (d.family->follow_tangent) return d.family->follow_tangent(&at, &along, zdot_.data() + d.z) == 0;
+  bool good = true;
+  if (d.family->follow_tangent) {
+    good = d.family->follow_tangent(&at, &along, zdot_.data() + d.z) == 0;
+    if (!good) fault_of_ = index;
+    return good;
+  }
   const std::vector<double> none(static_cast<std::size_t>(d.n_in));
   at.in = along.in = none.data();
-  bool good = true;
   differences(d, at, along, d.family->n_states, zdot_.data() + d.z, [&](cardan_device_args beside, double* to) {
     beside.in = nullptr;
     good = good && d.family->follow(&beside, to) == 0;
   });
+  if (!good) fault_of_ = index;
   return good;
 }
 
-bool DeviceTangents::follow(const soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in, const Tangent* vdot) {
-  accelerated_motion_of(model_, ws, in, base_.followed_, vdot, rates_into(followed_motions_));
+bool DeviceTangents::follow(const soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in, const Tangent* vdot, After after) {
+  accelerated_motion_of(model_, ws, in, base_.followed_, vdot, after, rates_into(followed_motions_));
   return std::ranges::all_of(base_.following_, [this](int device) { return follow_along(device); });
 }
 
@@ -580,6 +612,8 @@ bool DeviceTangents::complete(soa::Workspace<Tangent>& ws, const soa::Inputs<Tan
 
 bool DeviceTangents::act(soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in) {
   motion_of(model_, ws, in, base_.in_steps_, rates_into(motions_));
+  for (int i = 0; only_ >= 0 && i < static_cast<int>(motions_.size()); ++i)
+    if (i != only_) motions_[i] = {};
   fields_.look_along(base_.time(), true, base_.motions_, motions_);
   for (int i = 0; i < model_.devices.n_z; ++i) dz_[i] = state_.z[i].d;
   const auto good = [this](const DeviceForces::Call& c) {

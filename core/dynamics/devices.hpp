@@ -8,6 +8,7 @@
 #include "core/dynamics/fields.hpp"
 #include "core/dynamics/forward.hpp"
 #include "core/dynamics/mass_flow.hpp"
+#include "core/dynamics/node_motion.hpp"
 #include "core/soa/tangent.hpp"
 
 namespace cardan {
@@ -46,11 +47,14 @@ class DeviceForces : public StateLoads<double> {
   std::vector<double> commands;
 
   void set(const DeviceState<double>& state);
+  /// At the states and the time that it has, what it pushes with goes here from now on, as DeviceState says.
+  void put_into(double* tau, NodeWrench* wrenches) { state_.tau = tau, state_.wrenches = wrenches; }
   /// Masses are those of set() again, after somebody else has used the model.
   void weigh_again();
   bool act(Workspace& ws, const Inputs& in) override;
   /// z' that hangs on v', and how the bodies move whose mass varies, for derivatives.
-  bool follow(const Workspace& ws, const Inputs& in, const double* vdot) override;
+  bool follow(const Workspace& ws, const Inputs& in, const double* vdot) override { return follow(ws, in, vdot, After::forward); }
+  bool follow(const Workspace& ws, const Inputs& in, const double* vdot, After after);
   /// Between steps, after act() at the same state, with poses and velocities in the world: the devices that the motion does not depend on,
   /// and mounts that are read at ticks.
   bool complete(Workspace& ws, const Inputs& in);
@@ -60,7 +64,8 @@ class DeviceForces : public StateLoads<double> {
   bool evaluate();
 
   // Of the last evaluation
-  const double* zdot() const { return zdot_; }  ///< Devices::n_z numbers [unit of the state / s]
+  double time() const { return args_.empty() ? 0.0 : args_[0].t; }  ///< [s]
+  const double* zdot() const { return zdot_; }                      ///< Devices::n_z numbers [unit of the state / s]
   double state(int i) const { return z_[i]; }
   double output(int i) const { return out_[i]; }
   double input(int i) const { return in_[i]; }
@@ -76,6 +81,11 @@ class DeviceForces : public StateLoads<double> {
   void add_hinge_forces(double* tau) const;
   /// [J] stored, of those that declare it (CARDAN_FACT_ENERGY).
   double energy() const;
+  /// [W] Of one at the last evaluation; zero where it does not declare its energy.
+  struct Powers {
+    double delivered, lost;
+  };
+  Powers powers(int device) const { return {outs_[device].delivered, outs_[device].lost}; }
   /// [W] delivered - lost - power of the loads of those that declare their energy: what is to be added to the power of all loads so that
   /// it is the rate of the mechanical energy and that of devices.
   double unseen_power() const;
@@ -85,6 +95,8 @@ class DeviceForces : public StateLoads<double> {
   void event(int device, std::uint32_t root, int direction, double* z, double* marks) const;
   /// The sampled part of a device at mounts that move as they do now; false: fault() tells why.
   bool tick(int device, double period, const double* noise, double* z, double* marks);
+  /// [N s], [N m s] What it pushes with all at once, per mount, just before event() or tick() with the same arguments.
+  bool impulse(int device, std::uint32_t cause, int direction, std::vector<cardan_mount_load>& loads);
   /// Where the accelerations of a mount go before its tick; zero again after it.
   cardan_mount_motion& motion_of_tick(int mount) { return motions_[mount]; }
   const DeviceFault& fault() const { return fault_; }
@@ -126,7 +138,6 @@ class DeviceForces : public StateLoads<double> {
     Range given, added;  // in given_, added_
   };
   bool look_at_fields(bool in_steps);
-  double time() const { return args_.empty() ? 0.0 : args_[0].t; }
   bool evaluate_acting();
   bool evaluate_others();
   bool evaluate(const std::vector<Call>& calls, const std::vector<Range>& numbers);
@@ -160,6 +171,7 @@ class DeviceForces : public StateLoads<double> {
   std::vector<AddedOutput> added_;          // outputs that are added to those, likewise
   std::vector<int> commanded_;              // the other inputs
   DeviceFault fault_;
+  mutable std::vector<Vec3<double>> stored_;  // of one device: stored_momentum()
   mutable ForeignCall called_;
 };
 
@@ -172,15 +184,25 @@ class DeviceTangents : public StateLoads<soa::Tangent> {
   std::vector<double> commands;
   void set(const DeviceState<soa::Tangent>& state) { state_ = state; }
   bool act(soa::Workspace<soa::Tangent>& ws, const soa::Inputs<soa::Tangent>& in) override;
-  bool follow(const soa::Workspace<soa::Tangent>& ws, const soa::Inputs<soa::Tangent>& in, const soa::Tangent* vdot) override;
+  bool follow(const soa::Workspace<soa::Tangent>& ws, const soa::Inputs<soa::Tangent>& in, const soa::Tangent* vdot) override {
+    return follow(ws, in, vdot, After::forward);
+  }
+  bool follow(const soa::Workspace<soa::Tangent>& ws, const soa::Inputs<soa::Tangent>& in, const soa::Tangent* vdot, After after);
   /// As DeviceForces::complete().
   bool complete(soa::Workspace<soa::Tangent>& ws, const soa::Inputs<soa::Tangent>& in);
   const double* zdot() const { return zdot_.data(); }
   double output(int i) const { return out_[i]; }
+  /// Derivative of what is pushed with at a mount.
+  const cardan_mount_load& load(int mount) const { return loads_[mount]; }
   /// Of sweep body k, its frame, along the rates of z: of its inertia.
   RigidInertia<double> inertia_rate(int k) const;
   /// As DeviceForces::stored_momentum(), after act().
   Vec3<soa::Tangent> stored_momentum();
+  /// As if this mount alone moved, of all devices; -1: all do.
+  void move_only(int mount) { only_ = mount; }
+  /// Something said false as a device has no derivative where it is: which.
+  bool failed() const { return fault_of_ >= 0; }
+  NumericsError fault() const;
   /// dz'/dz of one device with its mounts and inputs held, n x n, column-major.
   void state_matrix(int device, double* J);
 
@@ -193,6 +215,8 @@ class DeviceTangents : public StateLoads<soa::Tangent> {
   void differences(const Device& d, const cardan_device_args& at, const cardan_device_args& along, std::size_t n, double* out, const F& f);
   bool by_differences(const Device& d, const cardan_device_args& at, const cardan_device_args& along, cardan_device_out& out);
 
+  int fault_of_ = -1;  // index into Devices::all
+  int only_ = -1;      // of move_only()
   const Model& model_;
   const DeviceForces& base_;
   DeviceState<soa::Tangent> state_;

@@ -4,8 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numeric>
+#include <set>
 
+#include "core/abi/port_vectors.hpp"
 #include "core/base/units.hpp"
 #include "core/model/device_units.hpp"
 #include "core/model/fields.hpp"
@@ -33,9 +36,12 @@ class DeviceCompiler {
   using Family = cardan_device_family;
 
   void fault(Code code, const DeviceSpec& device, const std::string& key, std::string expected, std::string got, std::string hint = {}) {
+    fault(code, spec_.locate(fmt::format("devices.{}{}{}", device.name, key.empty() ? "" : ".", key)), std::move(expected), std::move(got),
+          std::move(hint));
+  }
+  void fault(Code code, Located at, std::string expected, std::string got, std::string hint) {
     complete_ = false;
-    sink_.report(code, spec_.locate(fmt::format("devices.{}{}{}", device.name, key.empty() ? "" : ".", key)), std::move(expected),
-                 std::move(got), std::move(hint));
+    sink_.report(code, std::move(at), std::move(expected), std::move(got), std::move(hint));
   }
 
   const DeviceSpec& spec_of(const Device& d) const { return spec_.devices[static_cast<std::size_t>(d.spec)]; }
@@ -225,11 +231,7 @@ class DeviceCompiler {
           in_quotes(target), did_you_mean(target, legal));
   }
 
-  /// A port by its place among the inputs or outputs of its device.
-  static const cardan_port_desc& port(const Device& d, std::uint32_t kind, int index) {
-    for (std::uint32_t i = 0;; ++i)
-      if (d.family->ports[i].kind == kind && index-- == 0) return d.family->ports[i];
-  }
+  static const cardan_port_desc& port(const Device& d, std::uint32_t kind, int index) { return port_at(*d.family, kind, index); }
   std::pair<int, int> owner_of_output(int out) const {
     int i = static_cast<int>(devices_.all.size()) - 1;
     while (devices_.all[static_cast<std::size_t>(i)].out > out) --i;
@@ -243,6 +245,7 @@ class DeviceCompiler {
         if (given == spec_of(d).inputs.end()) continue;
         if (const auto* sources = std::get_if<std::string>(&given->second.value)) add_sources(d, k, *sources, given->second);
       }
+    connect_validity();
     if (complete_) order();
     if (complete_) find_flows();
     for (Device& d : devices_.all) {
@@ -279,7 +282,47 @@ class DeviceCompiler {
     }
     if (std::ranges::find(all, -1) != all.end()) return;
     std::ranges::sort(all);
-    if (input.delay > 0 || input.latency > 0.0) return add_delay(d, k, std::move(all), input);  // the line commands it
+    hear_validity(d, k, all, input);
+    join(d, k, all, input, all);
+  }
+
+  /// With what is connected goes what says that it holds, to the input that asks for that; all inputs that have the same have one answer.
+  void hear_validity(const Device& d, int k, const std::vector<int>& outs, const DeviceSpec::Input& input) {
+    const char* asks = port(d, CARDAN_PORT_IN, k).valid;
+    if (!asks || spec_of(d).inputs.contains(asks)) return;
+    const std::pair at(devices_.find(d.name), place_of_port(*d.family, CARDAN_PORT_IN, asks));
+    for (const int out : outs) {
+      const auto [giver, place] = owner_of_output(out);
+      const Device& from = devices_.all[static_cast<std::size_t>(giver)];
+      const char* says = port(from, CARDAN_PORT_OUT, place).valid;
+      if (!says) continue;
+      Heard& heard = heard_[at];
+      heard.input = &input, heard.beside = outs;
+      heard.outs.insert(from.out + place_of_port(*from.family, CARDAN_PORT_OUT, says));
+    }
+  }
+  void connect_validity() {
+    for (const auto& [at, heard] : heard_) {
+      const Device& d = devices_.all[static_cast<std::size_t>(at.first)];
+      if (heard.outs.size() == 1) {
+        join(d, at.second, {*heard.outs.begin()}, *heard.input, heard.beside);
+        continue;
+      }
+      std::vector<std::string> names;
+      for (const int out : heard.outs) {
+        const auto [giver, place] = owner_of_output(out);
+        const Device& from = devices_.all[static_cast<std::size_t>(giver)];
+        names.push_back(fmt::format("{}.{}", from.name, port(from, CARDAN_PORT_OUT, place).name));
+      }
+      const char* asks = port(d, CARDAN_PORT_IN, at.second).name;
+      fault(Code::bad_connection, spec_of(d), fmt::format("inputs.{}", asks), "one output that says whether what is connected holds",
+            one_of(names), fmt::format("give devices.{}.inputs.{} itself: one of them, or 1", d.name, asks));
+    }
+  }
+
+  /// `beside`: the ticks of a delay are those of a device that gives one of these.
+  void join(const Device& d, int k, std::vector<int> all, const DeviceSpec::Input& input, const std::vector<int>& beside) {
+    if (input.delay > 0 || input.latency > 0.0) return add_delay(d, k, std::move(all), input, beside);  // the line commands it
     devices_.from[static_cast<std::size_t>(d.in + k)] = all.front();
     for (std::size_t i = 1; i < all.size(); ++i) devices_.added.push_back({d.in + k, all[i]});
   }
@@ -339,11 +382,11 @@ class DeviceCompiler {
     for (const Device& d : devices_.all) expect_drawn(d);
   }
 
-  void add_delay(const Device& d, int k, std::vector<int> outs, const DeviceSpec::Input& input) {
+  void add_delay(const Device& d, int k, std::vector<int> outs, const DeviceSpec::Input& input, const std::vector<int>& beside) {
     const cardan_port_desc& in = port(d, CARDAN_PORT_IN, k);
     int clock = d.family->tick ? devices_.find(d.name) : -1;
-    for (std::size_t i = 0; clock < 0 && i < outs.size(); ++i)
-      if (const int giver = owner_of_output(outs[i]).first; devices_.all[static_cast<std::size_t>(giver)].family->tick) clock = giver;
+    for (std::size_t i = 0; clock < 0 && i < beside.size(); ++i)
+      if (const int giver = owner_of_output(beside[i]).first; devices_.all[static_cast<std::size_t>(giver)].family->tick) clock = giver;
     if (clock < 0)
       return fault(Code::bad_connection, spec_of(d), fmt::format("inputs.{}", in.name),
                    "a device that samples at one end of what is delayed by ticks", "none: both are continuous",
@@ -376,8 +419,14 @@ class DeviceCompiler {
   Axes axes(const Device& d, const char* mount) const { return {node_of(d, mount)}; }
 
   int output_named(const Device& takes, const cardan_port_desc& in, const std::string& source) {
-    const DeviceSpec& taker = spec_of(takes);
-    const std::string key = fmt::format("inputs.{}", in.name);
+    // A vector of inputs has one place in the file, and one answer.
+    const Located& given_at = spec_of(takes).inputs.find(in.name)->second.at;
+    const Located at = given_at.key_path.empty() ? spec_.locate(fmt::format("devices.{}.inputs.{}", takes.name, in.name)) : given_at;
+    const auto refuse = [&](std::string expected, std::string got, std::string hint) {
+      if (given_at.key_path.empty() || refused_.insert(given_at.key_path + " " + source.substr(0, source.rfind('_'))).second)
+        fault(Code::bad_connection, at, std::move(expected), std::move(got), std::move(hint));
+      return -1;
+    };
     const auto dot = source.rfind('.');
     const int giver = devices_.find(source.substr(0, dot));
     std::vector<std::string> legal;
@@ -387,23 +436,17 @@ class DeviceCompiler {
         legal.push_back(d.name + "." + out.name);
         if (giver < 0 || &devices_.all[static_cast<std::size_t>(giver)] != &d || source.substr(dot + 1) != out.name) continue;
         const std::string given = unit_where(turns(model_, d), out.unit), wanted = unit_where(turns(model_, takes), in.unit);
-        if (given != wanted) {
-          fault(Code::bad_connection, taker, key, fmt::format("an output in {}", wanted), fmt::format("{} in {}", source, given),
-                "both ends of a connection have one unit");
-          return -1;
-        }
-        if (in.frame && out.frame && axes(takes, in.frame) != axes(d, out.frame)) {
-          fault(Code::bad_connection, taker, key, "an output in the axes of the node " + node_name(takes, in.frame),
-                fmt::format("{} in those of {}", source, node_name(d, out.frame)),
-                "mount both at one node, or at nodes of one body with the same orientation");
-          return -1;
-        }
+        if (given != wanted)
+          return refuse(fmt::format("an output in {}", wanted), fmt::format("{} in {}", source, given),
+                        "both ends of a connection have one unit");
+        if (in.frame && out.frame && axes(takes, in.frame) != axes(d, out.frame))
+          return refuse("an output in the axes of the node " + node_name(takes, in.frame),
+                        fmt::format("{} in those of {}", source, node_name(d, out.frame)),
+                        "mount both at one node, or at nodes of one body with the same orientation");
         return d.out + k;
       }
-    fault(Code::bad_connection, taker, key,
-          legal.empty() ? std::string("an output of a device, of which there is none") : "an output: " + one_of(legal), in_quotes(source),
-          did_you_mean(source, legal));
-    return -1;
+    return refuse(legal.empty() ? std::string("an output of a device, of which there is none") : "an output: " + one_of(legal),
+                  in_quotes(source), did_you_mean(source, legal));
   }
 
   /// True if this output of `d` depends on its input k in the same evaluation.
@@ -482,6 +525,14 @@ class DeviceCompiler {
   const Registry& registry_;
   const Model& model_;
   DiagnosticSink& sink_;
+  /// What says of an input whether it holds, where no key of the vehicle file does: by device and input.
+  struct Heard {
+    std::set<int> outs;
+    const DeviceSpec::Input* input = nullptr;  // as which it is connected
+    std::vector<int> beside;                   // what it says that of
+  };
+  std::map<std::pair<int, int>, Heard> heard_;
+  std::set<std::string> refused_;  // places of the file, with what was given there
   Devices devices_;
   bool complete_ = true;
 };
@@ -490,6 +541,35 @@ class DeviceCompiler {
 
 Devices compile_devices(const SystemSpec& spec, const Registry& registry, const Model& model, DiagnosticSink& sink) {
   return DeviceCompiler(spec, registry, model, sink).run();
+}
+
+Warnings unheeded_validity(const Model& m) {
+  Warnings found;
+  const auto owner = [&](int out) -> const Device& {
+    return *std::ranges::find_if(m.devices.all, [&](const Device& d) { return out >= d.out && out < d.out + d.n_out; });
+  };
+  for (const Device& d : m.devices.all) {
+    std::set<int> taken;  // outputs, at once or later
+    std::vector<std::pair<int, int>> links;
+    const auto take = [&](int in, int out) { taken.insert(out), links.emplace_back(in - d.in, out); };
+    for (int in = d.in; in < d.in + d.n_in; ++in) m.devices.each_source(in, [&](int out) { take(in, out); });
+    for (const DelayLine& line : m.devices.delays)
+      if (line.input >= d.in && line.input < d.in + d.n_in)
+        for (const int out : line.outs) take(line.input, out);
+    std::map<std::string, std::string> unheeded;  // what says it -> what is taken
+    for (const auto& [in, out] : links) {
+      const Device& from = owner(out);
+      const cardan_port_desc& given = port_at(*from.family, CARDAN_PORT_OUT, out - from.out);
+      if (!given.valid || taken.contains(from.out + place_of_port(*from.family, CARDAN_PORT_OUT, given.valid))) continue;
+      std::string& names = unheeded[from.name + "." + given.valid];
+      names += (names.empty() ? "" : ", ") + from.name + "." + given.name;
+    }
+    for (const auto& [says, names] : unheeded)
+      found.add(Code::unheeded_validity, m.spec->locate("devices." + d.name + ".inputs"),
+                fmt::format("{} takes {} and not {}, which says whether that holds", d.name, names, says),
+                fmt::format("a {} that asks for it, or {} read by a script", d.family->type, says));
+  }
+  return found;
 }
 
 }  // namespace cardan

@@ -254,6 +254,8 @@ struct Model : SweepModel {
   /// they hold into `prescribed`. Empty: done; else the fault and the device. Such a model is for one user at a time: Simulation has its
   /// own.
   std::string weigh(const double* z, const double* marks, int& device);
+  /// A copy with the masses, and what is held, of these states and marks of devices.
+  Model weighed(const double* z, const double* marks) const;
   /// This velocity component follows a function of time; what a device holds stands still by a force and does not.
   bool has_given_motion(int v) const;
   State initial_state() const;

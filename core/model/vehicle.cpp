@@ -6,6 +6,7 @@
 #include <cctype>
 #include <cmath>
 
+#include "core/abi/port_vectors.hpp"
 #include "core/base/units.hpp"
 #include "core/model/device_units.hpp"
 #include "core/model/hinge_load_types.hpp"
@@ -18,6 +19,19 @@ namespace cardan {
 namespace {
 
 using Kind = DocNode::Kind;
+
+/// "a.rate + b.rate", "_x" -> "a.rate_x + b.rate_x"
+std::string each_with_suffix(std::string sources, const std::string& suffix) {
+  for (std::size_t at = 0; at <= sources.size();) {
+    const std::size_t plus = std::min(sources.find('+', at), sources.size());
+    const std::size_t last = plus > 0 ? sources.find_last_not_of(' ', plus - 1) : std::string::npos;
+    const std::size_t end = last == std::string::npos || last < at ? plus : last + 1;
+    sources.insert(end, suffix);
+    at = sources.find('+', end + suffix.size());
+    at = at == std::string::npos ? sources.size() + 1 : at + 1;
+  }
+  return sources;
+}
 
 bool is_name(std::string_view name) {
   const auto letter = [](char c) { return std::isalpha(static_cast<unsigned char>(c)) || c == '_'; };
@@ -241,55 +255,71 @@ class VehicleReader {
     spec_.devices.push_back(std::move(device));
   }
 
-  /// Numbers, or "device.output".
   void read_inputs(const DocRef& value, const cardan_device_family& family, bool turning, DeviceSpec& device) {
     MapReader map(value, context_);
-    for (uint32_t i = 0; i < family.n_ports; ++i) {
-      const cardan_port_desc& port = family.ports[i];
-      const auto given = port.kind == CARDAN_PORT_IN ? map.find(port.name) : std::nullopt;
-      if (!given) continue;
-      if (given->node->kind == Kind::map) {
-        device.inputs[port.name] = read_input(*given, unit_where(turning, port.unit));
-        continue;
-      }
-      const std::string& text = given->node->text;
-      const bool names = given->node->kind == Kind::scalar && !text.empty() && std::isalpha(static_cast<unsigned char>(text[0])) &&
-                         text.find('.') != std::string::npos;
-      if (names)
-        device.inputs[port.name] = {text, given->at()};
-      else
-        device.inputs[port.name] = {read_number(*given, unit_where(turning, port.unit), context_), given->at()};
-    }
+    const auto take = [&](const std::string& name, const std::vector<std::string>& suffixes, const char* unit) {
+      const auto given = map.find(name);
+      if (!given) return;
+      const std::vector<DeviceSpec::Input> all = read_input(*given, unit_where(turning, unit), suffixes);
+      for (std::size_t i = 0; i < all.size(); ++i)
+        if (!device.inputs.emplace(name + suffixes[i], all[i]).second)
+          context_.sink.report(Code::duplicate_key, given->at(), fmt::format("{} once", name + suffixes[i]),
+                               fmt::format("{} and {}", name, name + suffixes[i]));
+    };
+    for (uint32_t i = 0; i < family.n_ports; ++i)
+      if (const cardan_port_desc& port = family.ports[i]; port.kind == CARDAN_PORT_IN) take(port.name, {""}, port.unit);
+    for (const PortVector& v : port_vectors(family, CARDAN_PORT_IN))
+      take(v.name, v.suffixes, port_at(family, CARDAN_PORT_IN, v.first).unit);
     map.finish();
   }
 
-  /// {from: gyro.rate_x, delay: 1}, {sum: [a.torque, b.torque], latency: 30 ms}, {value: 0.1 N m, safe: 0, timeout: 200 ms}.
-  DeviceSpec::Input read_input(const DocRef& value, const std::string& unit) {
-    DeviceSpec::Input input{0.0, value.at()};
+  /// A number, "device.output", {from: gyro.rate_x, delay: 1}, {sum: [a.torque, b.torque], latency: 30 ms}, {value: 0.1 N m, safe: 0,
+  /// timeout: 200 ms}; of each port of a vector, whose suffixes are those of what it takes.
+  std::vector<DeviceSpec::Input> read_input(const DocRef& value, const std::string& unit, const std::vector<std::string>& suffixes) {
+    constexpr const char* kSource = "an output of a device";
+    std::vector<DeviceSpec::Input> all(suffixes.size(), {0.0, value.at()});
+    const auto numbers = [&](const DocRef& from, const auto& put) {
+      if (suffixes.size() == 1) return put(all[0], read_number(from, unit, context_));
+      const std::vector<double> given = read_numbers(from, unit, suffixes.size(), context_);
+      for (std::size_t i = 0; i < given.size() && i < all.size(); ++i) put(all[i], given[i]);
+    };
+    const auto number = [&](const DocRef& from) { numbers(from, [](DeviceSpec::Input& input, double x) { input.value = x; }); };
+    const auto connect = [&](const std::vector<std::string>& sources) {
+      for (std::size_t i = 0; i < all.size(); ++i)
+        all[i].value = each_with_suffix(fmt::format("{}", fmt::join(sources, " + ")), suffixes[i]);
+    };
+    if (value.node->kind != Kind::map) {
+      const std::string& text = value.node->text;
+      const bool names = value.node->kind == Kind::scalar && !text.empty() && std::isalpha(static_cast<unsigned char>(text[0])) &&
+                         text.find('.') != std::string::npos;
+      names ? connect({text}) : number(value);
+      return all;
+    }
     MapReader map(value, context_);
     const auto form = map.one({"from", "sum", "value"});
-    if (form && form->first == 0) input.value = read_text(form->second, "an output of a device", context_);
-    if (form && form->first == 2) input.value = read_number(form->second, unit, context_);
+    if (form && form->first == 0) connect({read_text(form->second, kSource, context_)});
+    if (form && form->first == 2) number(form->second);
     if (form && form->first == 1) {
       const DocRef& list = form->second;
       if (list.node->kind != Kind::list || list.node->items.empty()) {
         context_.sink.report(Code::wrong_type, list.at(), "a list of outputs of devices", describe(*list.node));
       } else {
-        input.value = read_text(list.item(0), "an output of a device", context_);
-        std::string sum = std::get<std::string>(input.value);
-        for (std::size_t i = 1; i < list.node->items.size(); ++i) sum += " + " + read_text(list.item(i), "an output of a device", context_);
-        input.value = sum;
+        std::vector<std::string> sources;
+        for (std::size_t i = 0; i < list.node->items.size(); ++i) sources.push_back(read_text(list.item(i), kSource, context_));
+        connect(sources);
       }
     }
+    DeviceSpec::Input more;
     if (form && form->first == 2) {
-      if (const auto safe = map.find("safe")) input.safe = read_number(*safe, unit, context_);
-      input.timeout = map.number("timeout", "s", 0.0);
+      if (const auto safe = map.find("safe")) numbers(*safe, [](DeviceSpec::Input& input, double x) { input.safe = x; });
+      more.timeout = map.number("timeout", "s", 0.0);
     } else {
-      input.delay = map.integer("delay", 0, 0);
-      input.latency = map.number("latency", "s", 0.0);
+      more.delay = map.integer("delay", 0, 0);
+      more.latency = map.number("latency", "s", 0.0);
     }
+    for (DeviceSpec::Input& input : all) input.timeout = more.timeout, input.delay = more.delay, input.latency = more.latency;
     map.finish();
-    return input;
+    return all;
   }
 
   void read_loop(const std::string& name, const DocRef& value) {

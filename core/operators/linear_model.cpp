@@ -15,6 +15,7 @@
 #include "core/model/components.hpp"
 #include "core/model/loops.hpp"
 #include "core/operators/apply.hpp"
+#include "core/operators/devices_of_tree.hpp"
 #include "core/operators/sensitivity.hpp"
 #include "core/soa/field_at.hpp"
 #include "core/soa/kernels_tangent.hpp"
@@ -36,7 +37,15 @@ struct Scope {
   const TreeOperators* blocks = nullptr;         // articulated, by which v' is found; null: all bodies, by the sweeps of forward dynamics
   std::vector<int> components = {}, place = {};  // of the hinge space: velocity component of the model; and back, -1 for others
   std::vector<std::uint8_t> given = {};          // per velocity component of the model
-  int n_z = 0;                                   // states of devices
+  std::vector<std::uint8_t> devices = {};        // per device: it is in the model; empty: none is
+  std::vector<int> z = {};                       // of the states of the model that are states of devices: which of those of all devices
+  void take(std::vector<std::uint8_t> taken) {
+    devices = std::move(taken);
+    for (std::size_t i = 0; i < devices.size(); ++i)
+      for (std::uint32_t j = 0; devices[i] && j < m.devices.all[i].family->n_states; ++j)
+        z.push_back(m.devices.all[i].z + static_cast<int>(j));
+  }
+  int n_z() const { return static_cast<int>(z.size()); }
   int nv() const { return static_cast<int>(components.size()); }
   const Part* part() const { return blocks ? blocks->part() : nullptr; }
   bool has(int sweep) const { return !part() || part()->takes_part[sweep] != 0; }
@@ -64,8 +73,9 @@ SpaceLabels state_labels(const Scope& scope) {
   SpaceLabels out;
   const int nv = scope.nv();
   out.names.resize(2 * nv), out.units.resize(2 * nv);
-  for (const Device& d : scope.m.devices.all)
-    for (std::uint32_t i = 0; scope.n_z > 0 && i < d.family->n_states; ++i) {
+  for (std::size_t k = 0; k < scope.devices.size(); ++k)
+    for (std::uint32_t i = 0; scope.devices[k] && i < scope.m.devices.all[k].family->n_states; ++i) {
+      const Device& d = scope.m.devices.all[k];
       out.names.push_back(d.name + "." + d.family->states[i].name);
       out.units.emplace_back(d.family->states[i].unit);
     }
@@ -167,10 +177,11 @@ int node_of(const Scope& scope, const char* side, const std::string& text, std::
   unknown(side, name, scope.expected("the name of a node, or of a body for its origin"), legal);
 }
 
-/// "wheel:torque"; false: there is no such device.
-bool add_device_port(PortList& out, const Model& m, const char* side, const std::string& text, std::size_t colon, std::uint32_t kind) {
+/// "wheel:torque"; false: there is no such device, or it takes no part.
+bool add_device_port(PortList& out, const Scope& scope, const char* side, const std::string& text, std::size_t colon, std::uint32_t kind) {
+  const Model& m = scope.m;
   const int device = m.devices.find(text.substr(0, colon));
-  if (device < 0) return false;
+  if (device < 0 || (!scope.devices.empty() && !scope.devices[device])) return false;
   const Device& d = m.devices.all[device];
   std::vector<std::string> legal;
   int index = kind == CARDAN_PORT_IN ? d.in : d.out;
@@ -210,7 +221,7 @@ PortList inputs_of(const Scope& scope, const std::vector<std::string>& wanted) {
       if (scope.has(u.sweep)) add_hinge(u);
   for (const std::string& text : wanted) {
     if (const std::size_t colon = text.rfind(':'); colon != std::string::npos) {
-      if (!add_device_port(out, m, "inputs", text, colon, CARDAN_PORT_IN))
+      if (!add_device_port(out, scope, "inputs", text, colon, CARDAN_PORT_IN))
         add_quantity(out, "inputs", text, colon, node_of(scope, "inputs", text, colon), kLoads);
       continue;
     }
@@ -231,12 +242,12 @@ PortList outputs_of(const Scope& scope, const std::vector<std::string>& wanted) 
     out.ports.push_back({Port::state, i, 0});
     out.labels.names.push_back(states.names[i]), out.labels.units.push_back(states.units[i]);
   };
-  for (int i = 0; wanted.empty() && i < 2 * scope.nv() + scope.n_z; ++i) add(i);
+  for (int i = 0; wanted.empty() && i < 2 * scope.nv() + scope.n_z(); ++i) add(i);
   for (const std::string& text : wanted) {
     if (const std::size_t colon = text.rfind(':'); colon != std::string::npos) {
       if (text.starts_with("momentum:") && m.find_node("momentum") < 0)
         add_quantity(out, "outputs", text, colon, -1, kMomentum);
-      else if (!add_device_port(out, m, "outputs", text, colon, CARDAN_PORT_OUT))
+      else if (!add_device_port(out, scope, "outputs", text, colon, CARDAN_PORT_OUT))
         add_quantity(out, "outputs", text, colon, node_of(scope, "outputs", text, colon), kSeen);
       continue;
     }
@@ -355,11 +366,13 @@ class Column {
         .q = q.data(), .v = v.data(), .tau = tau_.data(), .vdot = given_.data(), .wrenches = wrenches_, .moment = at_.moment};
     if (scope_.blocks)
       solve(in);
-    else if (!forward_dynamics(m_, ws_, in, vdot.data(), with_devices()))
+    else if (!forward_dynamics(m_, ws_, in, vdot.data(), with_devices())) {
+      if (devices_ && devices_->failed()) throw devices_->fault();
       throw NumericsError(describe_breakdown(m_, ws_.breakdown, at_.t));
+    }
     if (devices_) {
       world(m_, soa::sweeps<Tangent>(), ws_, in, scope_.part());
-      devices_->complete(ws_, in);
+      if (!devices_->complete(ws_, in)) throw devices_->fault();
     }
     look(in, y);
   }
@@ -389,8 +402,16 @@ class Column {
   std::optional<soa::Workspace<Tangent>> moving_;  // poses and inertias as they are before the inward sweep
   bool looks_ = false, solved_once_ = false;
 
+  /// What devices push with, which no acceleration changes. Of bodies that take no part poses are those of now.
+  void push(const soa::Inputs<Tangent>& in) {
+    outward(m_, soa::sweeps<Tangent>(), ws_, in, {.velocity = false});
+    world(m_, soa::sweeps<Tangent>(), ws_, in, scope_.part());
+    if (!with_devices()->act(ws_, in)) throw devices_->fault();
+  }
+
   /// v' = M^-1 (tau - ID) of the free components, first its value, then d v' = M^-1 (d tau - d ID) at that v'.
   void solve(soa::Inputs<Tangent>& in) {
+    if (devices_) push(in);
     in.vdot = vdot.data();
     for (const int i : scope_.components) vdot[i] = {scope_.given[i] || !solved_once_ ? given_[i].x : vdot[i].x, given_[i].d};
     const auto respond = [&](double Tangent::*part) {
@@ -405,7 +426,8 @@ class Column {
     if (!solved_once_) respond(&Tangent::x);
     solved_once_ = true;
     respond(&Tangent::d);
-    if (looks_) inverse_dynamics(m_, ws_, in, back_.data(), {}, scope_.part());
+    if (looks_ || devices_) inverse_dynamics(m_, ws_, in, back_.data(), {}, scope_.part());
+    if (devices_ && !devices_->follow(ws_, in, vdot.data(), After::inverse)) throw devices_->fault();
   }
 
   void look(const soa::Inputs<Tangent>& in, Tangent* y) {
@@ -467,7 +489,7 @@ class Column {
 
 LinearModel linearize(const Scope& scope, const OperatingPoint& at, const LinearPorts& wanted) {
   const Model& m = scope.m;
-  const int nv = scope.nv(), n_z = scope.n_z, n = 2 * nv + n_z;
+  const int nv = scope.nv(), n_z = scope.n_z(), n = 2 * nv + n_z;
   const PortList inputs = inputs_of(scope, wanted.inputs), outputs = outputs_of(scope, wanted.outputs);
   const int nu = static_cast<int>(inputs.ports.size()), ny = static_cast<int>(outputs.ports.size());
   LinearModel out;
@@ -483,7 +505,7 @@ LinearModel linearize(const Scope& scope, const OperatingPoint& at, const Linear
     Poll::now();
     column.run(y.data());
     for (int i = 0; i < nv; ++i) top(nv + i, j) = column.vdot[scope.components[i]].d;
-    for (int i = 0; i < n_z; ++i) top(2 * nv + i, j) = column.zdot()[i];
+    for (int i = 0; i < n_z; ++i) top(2 * nv + i, j) = column.zdot()[scope.z[i]];
     for (int i = 0; i < ny; ++i)
       if (outputs.ports[i].kind != Port::state) bottom(i, j) = y[i].d;
   };
@@ -504,9 +526,9 @@ LinearModel linearize(const Scope& scope, const OperatingPoint& at, const Linear
     along.d = 0.0;
   }
   for (int j = 0; j < n_z; ++j) {
-    column.z[j].d = 1.0;
+    column.z[scope.z[j]].d = 1.0;
     run(out.A, out.C, 2 * nv + j);
-    column.z[j].d = 0.0;
+    column.z[scope.z[j]].d = 0.0;
   }
   for (int j = 0; j < nu; ++j) {
     column.u[j].d = 1.0;
@@ -524,7 +546,7 @@ LinearModel linearize(const Scope& scope, const OperatingPoint& at, const Linear
     const int v = scope.components[i];
     out.drift[i] = at.v[v], out.drift[nv + i] = column.vdot[v].x;
   }
-  for (int i = 0; i < n_z; ++i) out.drift[2 * nv + i] = at.devices->zdot()[i];
+  for (int i = 0; i < n_z; ++i) out.drift[2 * nv + i] = at.devices->zdot()[scope.z[i]];
   for (int j = 0; j < nu; ++j) {
     const Port& p = inputs.ports[j];
     if (p.kind == Port::device_input && at.devices) out.u0[j] = at.devices->input(p.index);
@@ -540,7 +562,7 @@ LinearModel linearize(const Scope& scope, const OperatingPoint& at, const Linear
     if (p.kind == Port::state) {
       out.C(i, p.index) = 1.0;
       if (p.index >= 2 * nv) {
-        out.y0[i] = at.devices->state(p.index - 2 * nv);
+        out.y0[i] = at.devices->state(scope.z[p.index - 2 * nv]);
         continue;
       }
       const int v = scope.components[p.index % nv];
@@ -552,12 +574,37 @@ LinearModel linearize(const Scope& scope, const OperatingPoint& at, const Linear
   return out;
 }
 
+[[noreturn]] void refuse_part(const std::string& why) {
+  refuse(Code::unsupported, {"linearize"}, "the whole vehicle, nothing masked, where there is such a device", why);
+}
+
+/// z' of devices that hang on the accelerations of a part.
+void follow(const Scope& scope, const OperatingPoint& at, DeviceForces& devices) {
+  const Model& m = scope.m;
+  Workspace ws(m);
+  ws.require_world();
+  std::vector<double> tau(at.tau, at.tau + m.nv), vdot(m.nv, 0.0), needed(m.nv);
+  hinge_laws::add_forces(m, at.q, at.v, tau.data());
+  for (const int i : scope.components)
+    if (scope.given[i] && at.vdot) vdot[i] = at.vdot[i];
+  const Inputs in{.q = at.q, .v = at.v, .vdot = vdot.data(), .wrenches = at.wrenches, .moment = at.moment};
+  inverse_dynamics(m, ws, in, needed.data(), {}, scope.part());
+  VectorXd left(scope.nv()), solved(scope.nv());
+  for (int i = 0; i < scope.nv(); ++i) left[i] = tau[scope.components[i]] - needed[scope.components[i]];
+  apply(letters::mass_inverse, *scope.blocks, left.data(), solved.data());
+  for (int i = 0; i < scope.nv(); ++i) vdot[scope.components[i]] += solved[i];
+  inverse_dynamics(m, ws, in, needed.data(), {}, scope.part());
+  world(m, soa::sweeps<double>(), ws, in, scope.part());
+  if (!devices.follow(ws, in, vdot.data(), After::inverse))
+    throw NumericsError({.code = Code::device_failed, .t = at.t, .what = devices.fault().what});
+}
+
 }  // namespace
 
 LinearModel linearize(const Model& m, const OperatingPoint& at, const LinearPorts& ports) {
   require_open_tree(m, "linear models");
   Scope scope = scope_of(m, nullptr);
-  scope.n_z = at.devices ? m.devices.n_z : 0;
+  if (at.devices) scope.take(std::vector<std::uint8_t>(m.devices.all.size(), 1));
   return linearize(scope, at, ports);
 }
 
@@ -569,15 +616,34 @@ LinearModel linearize(const TreeOperators& tree, const OperatingPoint& at, const
   const bool loads = !at.wrenches.empty() ||
                      std::ranges::any_of(ports.inputs, [](const std::string& name) { return name.find(':') != std::string::npos; });
   if (tree.whole() && !tree.is_masked() && (!loads || m.has(OpCode::node_wrenches))) return linearize(m, use, ports);
-  if (!m.devices.all.empty())
-    refuse(Code::unsupported, {"linearize"}, "the whole vehicle, nothing masked, where there are devices", "a part of it",
-           "devices take no part in the model of a part");
   TreeOperators blocks = tree.subgraph(tree.sweep_bodies());
   const Scope marks = scope_of(m, &tree);
   std::vector<std::uint8_t> free;
   for (const int v : marks.components) free.push_back(!marks.given[v]);
   blocks.articulate({.free = free});
-  return linearize(scope_of(m, &blocks), use, ports);
+  Scope scope = scope_of(m, &blocks);
+  if (!at.devices) return linearize(scope, use, ports);
+
+  scope.take(devices_that_take_part(blocks));
+  for (const DeviceMass& mass : m.devices.masses)
+    if (scope.devices[mass.device]) refuse_part(m.devices.all[mass.device].name + " carries mass of " + m.user[mass.user].name);
+  bool follows = false;
+  for (std::size_t i = 0; i < scope.devices.size(); ++i) {
+    const Device& d = m.devices.all[i];
+    if (!scope.devices[i] || !d.family->follow) continue;
+    follows = true;
+    for (const DeviceMount& mount : d.mounts)
+      if (mount.node >= 0 && !scope.has(m.user[m.nodes[mount.node].body].sweep)) refuse_part(d.name + " follows a body that takes no part");
+  }
+  DeviceForces devices(*at.devices);
+  std::vector<double> v(m.nv, 0.0), tau(m.nv, 0.0), pushed(m.nv, 0.0);
+  devices.add_hinge_forces(pushed.data());
+  for (const int i : scope.components) v[i] = at.v[i], tau[i] = at.tau ? at.tau[i] - pushed[i] : 0.0;
+  std::vector<NodeWrench> wrenches(at.wrenches.begin(), at.wrenches.end());
+  evaluate_in(blocks, devices, v.data(), tau.data(), wrenches);
+  use.v = v.data(), use.tau = tau.data(), use.wrenches = wrenches, use.devices = &devices;
+  if (follows) follow(scope, use, devices);
+  return linearize(scope, use, ports);
 }
 
 }  // namespace cardan::operators

@@ -109,8 +109,7 @@ void Sensitivities::let_devices_act(double* dtau) {
   soa::run_kinematics<Tangent>(m, S, tangent_, in);
   std::ranges::fill(device_tau_, Tangent(0.0));
   devices_->set({0.0, z_t_.data(), nullptr, device_tau_.data(), wrenches_t_.data()});
-  if (!devices_->act(tangent_, in))
-    throw NumericsError({Code::device_failed, 0.0, "", "", "a device has no derivative at this point", "a point inside of its domain", ""});
+  if (!devices_->act(tangent_, in)) throw devices_->fault();
   for (int i = 0; i < m.nv; ++i) dtau[i] -= device_tau_[i].d;
 }
 

@@ -98,90 +98,128 @@ TreeOperators same(const TreeOperators& tree) {
   return tree.subgraph(all);
 }
 
-void make_room(const TreeOperators& tree, int k, SystemModes& out) {
-  const int n = tree.size(Space::hinge);
-  out.frequency.setZero(k), out.damping.setZero(k), out.residual.setZero(k);
-  out.shapes.setZero(n, k), out.kinetic.setZero(static_cast<Eigen::Index>(tree.bodies().size()), k), out.strain.setZero(n, k);
-  out.labels = tree.labels(Space::hinge, Sort::unknown);
-  for (const OperatorBody& b : tree.bodies()) out.bodies.push_back(tree.model().user[b.user].name);
-}
-
-/// Column c: shape, frequency, damping, strain. K x.
-VectorXd take_mode(const TreeOperators& tree, const Joint& J, const VectorXd& x, double lambda, int c, SystemModes& out) {
-  const double omega = std::sqrt(lambda);
-  out.shapes.col(c) = x;
-  out.frequency[c] = omega / (2.0 * std::numbers::pi);
-  out.damping[c] = x.dot(J.times(tree, J.C, J.C_modes, x)) / (2.0 * omega);
-  VectorXd Kx = J.times(tree, J.K, J.K_modes, x);
-  out.strain.col(c) = x.cwiseProduct(Kx) / lambda;
-  return Kx;
-}
-
-void share_kinetic_energy(const TreeOperators& whole, SystemModes& out) {
-  VectorXd V(whole.size(Space::body)), p(whole.size(Space::body));
-  for (int c = 0; c < out.shapes.cols(); ++c) {
-    apply(star(letters::phi) * star(letters::H), whole, out.shapes.col(c).data(), V.data());
-    whole.apply(Kind::M, false, V.data(), p.data());
-    for (std::size_t i = 0; i < whole.bodies().size(); ++i) {
-      const OperatorBody& b = whole.bodies()[i];
-      out.kinetic(static_cast<Eigen::Index>(i), c) = V.segment(b.at, 6 + b.m).dot(p.segment(b.at, 6 + b.m));
-    }
-  }
-}
-
-}  // namespace
-
-int count_below(const TreeOperators& given, double lambda) {
-  given.require(Kind::H);
-  const TreeOperators tree = same(given);  // all components take part
-  const Joint J = joint_of(tree);
-  std::vector<std::uint8_t> free((tree.size(Space::hinge)), 0);
-  for (const int i : J.free) free[i] = 1;
-  std::vector<MatrixXd> P;
-  for (int i = 0; i < static_cast<int>(tree.bodies().size()); ++i) P.push_back(tree.M(i));
-  int count = 0;
-  for (int i = static_cast<int>(P.size()) - 1; i >= 0; --i) {
-    const OperatorBody& b = tree.bodies()[i];
-    std::vector<int> columns;
-    for (int j = 0; j < b.nh + b.m; ++j)
-      if (free[b.v + j]) columns.push_back(j);
-    MatrixXd& at = P[i];
-    if (!columns.empty()) {
-      const MatrixXd Ht = tree.Ht(i)(Eigen::all, columns), PH = at * Ht;
-      MatrixXd K = MatrixXd::Zero(b.nh + b.m, b.nh + b.m);
-      K.diagonal() = J.K.segment(b.v, b.nh + b.m);
-      if (J.K_modes[i].size() > 0) K.bottomRightCorner(b.m, b.m) = J.K_modes[i];
-      MatrixXd D = Ht.transpose() * PH - K(columns, columns) / lambda;
-      const VectorXd scale = D.cwiseAbs().rowwise().maxCoeff().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();  // a congruence: pivots compare
-      const MatrixXd PHs = PH * scale.asDiagonal();
-      const DensePairs pivots = symmetric_pairs(scale.asDiagonal() * D * scale.asDiagonal());
-      count += static_cast<int>((pivots.values.array() > 0.0).count());
-      const MatrixXd U = PHs * pivots.vectors;
-      at.noalias() -= U * pivots.values.cwiseInverse().asDiagonal() * U.transpose();
-    }
-    if (b.parent >= 0) P[b.parent].noalias() += tree.A(i).transpose() * at.topLeftCorner<6, 6>() * tree.A(i);
-  }
-  return count;
-}
-
-SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& options) {
-  tree.require(Kind::H);
-  const int n = tree.size(Space::hinge);
-  const Joint J = joint_of(tree);
-  const int n_stiff = static_cast<int>(J.stiff.size()), n_slack = static_cast<int>(J.slack.size());
-  SystemModes out;
-  out.n_rigid = n_slack;
-  out.first_elastic = std::min(std::max(options.rigid, 0), n_slack);
-  const int wanted = std::min(std::max(options.elastic, 0), n_stiff);
-
-  TreeOperators whole = same(tree), slack = same(tree);                                 // their stages are their own
-  const bool fused = tree.model().rigid && tree.has_fused(TreeOperators::Fused::mass);  // else M_fl(eta) would be formed at each product
-  const auto mass = [&](const VectorXd& x, VectorXd& Mx) {
+/// Products by the mass matrix.
+struct Mass {
+  explicit Mass(const TreeOperators& of) : tree(of), whole(same(of)), fused(of.model().rigid && of.has_fused(TreeOperators::Fused::mass)) {}
+  const TreeOperators& tree;
+  TreeOperators whole;  // its stages are its own
+  bool fused;           // else M_fl(eta) would be formed at each product
+  void operator()(const VectorXd& x, VectorXd& Mx) const {
     if (fused)
       tree.apply_fused(TreeOperators::Fused::mass, x.data(), Mx.data());
     else
       apply(letters::mass, whole, x.data(), Mx.data());
+  }
+};
+
+/// Shapes in the hinge space, X* M X = 1, lambda and residuals of the elastic ones.
+struct Vibrations {
+  int n_rigid = 0;
+  MatrixXd rigid, elastic;  // as many of the rigid ones as are asked for
+  VectorXd lambda, residual;
+  bool complete = false;
+};
+
+[[noreturn]] void refuse_unstable() {
+  cardan::refuse(Code::unsupported, {"modes of the system"}, "a positive stiffness with what devices push",
+                 "an equilibrium that is not stable, or none", "linearize() has its poles");
+}
+
+/// With the stiffness of devices. In coordinates of unit mass, of stiff components s and of the others u, which K touches by the
+/// eigenvectors of devices: u = Q_1 y + Q_2 r with r strained by nothing. Then r is eliminated as momentum-free.
+Vibrations densely(const TreeOperators& tree, const Joint& J, const std::vector<DeviceStiffness>& devices, const Mass& mass,
+                   const SystemModesOptions& options) {
+  constexpr double kNothing = DeviceStiffness::kNothing;  // of an eigenvalue, beside what it is the sum of; of a direction, beside 1
+  const int n = tree.size(Space::hinge), n_stiff = static_cast<int>(J.stiff.size()), n_slack = static_cast<int>(J.slack.size()),
+            n_free = n_stiff + n_slack;
+  if (n_free > kDense)
+    cardan::refuse(Code::unsupported, {"modes of the system"}, fmt::format("at most {} components where devices have stiffness", kDense),
+                   fmt::format("{}", n_free));
+  Vibrations out;
+  out.complete = true, out.rigid.resize(n, 0), out.elastic.resize(n, 0);
+  if (n_free == 0) return out;
+  std::vector<std::uint8_t> free(n, 0);
+  for (const int i : J.free) free[i] = 1;
+  same(tree).articulate({.free = free});  // every direction has inertia
+  std::vector<int> order = J.stiff;
+  order.insert(order.end(), J.slack.begin(), J.slack.end());
+  MatrixXd M(n_free, n_free), K(n_free, n_free);
+  VectorXd unit = VectorXd::Zero(n), column(n);
+  for (int j = 0; j < n_free; ++j) {
+    unit[order[j]] = 1.0;
+    mass(unit, column);
+    M.col(j) = column(order);
+    K.col(j) = J.times(tree, J.K, J.K_modes, unit)(order);
+    unit[order[j]] = 0.0;
+  }
+  const VectorXd scale = M.diagonal().cwiseSqrt().cwiseInverse();
+  const auto scaled = [&](const MatrixXd& A) { return MatrixXd(scale.asDiagonal() * A * scale.asDiagonal()); };
+  M = scaled(M), K = scaled(K);
+  MatrixXd strained(n_free, 0);  // what devices resist
+  // A mount where nothing moves has motions of rounding, and their squares: 1e-12 of the highest frequency, or 1e-12 rad/s, is no
+  // vibration.
+  double least_of_all = std::max(K.diagonal().maxCoeff<Eigen::PropagateNaN>(), 1.0);
+  for (const DeviceStiffness& d : devices)
+    least_of_all = std::max(least_of_all, scaled(d.size(order, order)).maxCoeff<Eigen::PropagateNaN>());
+  least_of_all *= 1e-24;
+  for (const DeviceStiffness& d : devices) {
+    const MatrixXd own = scaled(d.K(order, order));
+    K += own;
+    const DensePairs pairs = symmetric_pairs(own);
+    const double least = std::max(kNothing * scaled(d.size(order, order)).maxCoeff<Eigen::PropagateNaN>(), least_of_all);
+    for (int j = 0; j < n_free; ++j) {
+      if (!(std::abs(pairs.values[j]) > least)) continue;
+      strained.conservativeResize(n_free, strained.cols() + 1);
+      strained.rightCols(1) = pairs.vectors.col(j);
+    }
+  }
+  MatrixXd T = MatrixXd::Identity(n_free, n_stiff), R(n_free, 0);  // what is strained, and rigid-body motions
+  if (n_slack > 0) {
+    RightSingular directions{VectorXd(), MatrixXd::Identity(n_slack, n_slack)};
+    if (strained.cols() > 0) directions = right_singular(strained.bottomRows(n_slack).transpose());
+    const int rank = static_cast<int>((directions.values.array() > kNothing).count());
+    T = MatrixXd::Zero(n_free, n_stiff + rank), R = MatrixXd::Zero(n_free, n_slack - rank);
+    T.topLeftCorner(n_stiff, n_stiff).setIdentity();
+    T.bottomRightCorner(n_slack, rank) = directions.vectors.leftCols(rank);
+    R.bottomRows(n_slack) = directions.vectors.rightCols(n_slack - rank);
+  }
+  out.n_rigid = static_cast<int>(R.cols());
+  if (R.cols() > 0) {
+    R = orthonormalised(R, R.transpose() * M * R);
+    T -= (R * (R.transpose() * M * T)).eval();
+  }
+  const auto spread = [&](const MatrixXd& x) {
+    MatrixXd all = MatrixXd::Zero(n, x.cols());
+    all(order, Eigen::all) = scale.asDiagonal() * x;
+    return all;
   };
+  out.rigid = spread(R.leftCols(std::min<Eigen::Index>(std::max(options.rigid, 0), R.cols())));
+  const Eigen::Index wanted = std::min<Eigen::Index>(std::max(options.elastic, 0), T.cols());
+  const MatrixXd KT = T.transpose() * K * T, MT = T.transpose() * M * T;
+  const std::optional<DensePairs> found = T.cols() > 0 ? generalised_pairs(MT, KT) : DensePairs{};  // the lowest are the largest here
+  const std::optional<MatrixXd> K_inverse = T.cols() > 0 ? positive_inverse(KT) : MatrixXd();
+  if (!found || !K_inverse) refuse_unstable();
+  MatrixXd X(T.cols(), wanted);
+  out.lambda.resize(wanted), out.residual.resize(wanted);
+  for (Eigen::Index j = 0; j < wanted; ++j) {
+    const Eigen::Index from = T.cols() - 1 - j;
+    const double reciprocal = found->values[from];
+    out.lambda[j] = 1.0 / reciprocal;
+    X.col(j) = found->vectors.col(from) / std::sqrt(reciprocal);
+    const VectorXd r = KT * X.col(j) - out.lambda[j] * (MT * X.col(j));
+    out.residual[j] = std::sqrt(std::max(r.dot(*K_inverse * r), 0.0) / out.lambda[j]);
+  }
+  out.elastic = spread(T * X);
+  return out;
+}
+
+/// Of springs and modes alone, matrix-free.
+Vibrations by_products(const TreeOperators& tree, const Joint& J, const Mass& mass, const SystemModesOptions& options) {
+  const int n = tree.size(Space::hinge), n_stiff = static_cast<int>(J.stiff.size()), n_slack = static_cast<int>(J.slack.size());
+  Vibrations out;
+  out.n_rigid = n_slack;
+  const int wanted = std::min(std::max(options.elastic, 0), n_stiff);
+  TreeOperators slack = same(tree);
   if (n_slack > 0) {
     std::vector<std::uint8_t> only(n, 0);
     for (const int i : J.slack) only[i] = 1;
@@ -276,7 +314,7 @@ SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& op
       if (below == last)
         for (below = std::min(taken, last - 1); below > 0 && gap(below) < kGap;) --below;
       if (below == 0) break;
-      const int there = count_below(tree, 0.5 * (found.values[below - 1] + found.values[below]));
+      const int there = operators::count_below(tree, 0.5 * (found.values[below - 1] + found.values[below]));
       if (there == n_slack + below) {
         out.complete = true;
         break;
@@ -286,76 +324,177 @@ SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& op
     }
   }
 
-  const int k = out.first_elastic + taken;
-  make_room(tree, k, out);
-
-  for (int j = 0; j < out.first_elastic; ++j) out.shapes.col(j) = X.cols() == n_slack ? VectorXd(X.col(j)) : rigid_mode(j);
+  out.rigid.resize(n, std::min(std::max(options.rigid, 0), n_slack));
+  for (int j = 0; j < out.rigid.cols(); ++j) out.rigid.col(j) = X.cols() == n_slack ? VectorXd(X.col(j)) : rigid_mode(j);
+  out.lambda = found.values.head(taken), out.residual.resize(taken), out.elastic.resize(n, taken);
   for (int j = 0; j < taken; ++j) {
     spread(found.vectors.col(j));
     follow(whole_x);
-    const VectorXd x = whole_x;
-    const double lambda = found.values[j], omega = std::sqrt(lambda);
-    const int c = out.first_elastic + j;
-    const VectorXd Kx = take_mode(tree, J, x, lambda, c, out);
-    mass(x, y);
+    out.elastic.col(j) = whole_x;
+    const double lambda = out.lambda[j];
+    const VectorXd Kx = J.times(tree, J.K, J.K_modes, whole_x);
+    mass(VectorXd(whole_x), y);
     VectorXd r(n_stiff), Kr(n_stiff);
     for (int i = 0; i < n_stiff; ++i) r[i] = Kx[J.stiff[i]] - lambda * y[J.stiff[i]];
     compliance(r, Kr);
-    out.residual[c] = std::sqrt(std::max(r.dot(Kr), 0.0)) / omega;  // in this order NaN stays
-    if (!(out.residual[c] <= kResidualLimit)) throw LinalgError(fmt::format("mode {} has a residual of {:.2g}", j + 1, out.residual[c]));
+    out.residual[j] = std::sqrt(std::max(r.dot(Kr), 0.0) / lambda);  // in this order NaN stays
   }
-  share_kinetic_energy(whole, out);
   return out;
 }
 
-SystemModes closed_system_modes(const TreeOperators& tree, const MatrixXd& X_given, const SystemModesOptions& options) {
-  tree.require(Kind::H);
+}  // namespace
+
+int count_below(const TreeOperators& given, double lambda) {
+  given.require(Kind::H);
+  const TreeOperators tree = same(given);  // all components take part
   const Joint J = joint_of(tree);
-  TreeOperators whole = same(tree);
+  std::vector<std::uint8_t> free((tree.size(Space::hinge)), 0);
+  for (const int i : J.free) free[i] = 1;
+  std::vector<MatrixXd> P;
+  for (int i = 0; i < static_cast<int>(tree.bodies().size()); ++i) P.push_back(tree.M(i));
+  int count = 0;
+  for (int i = static_cast<int>(P.size()) - 1; i >= 0; --i) {
+    const OperatorBody& b = tree.bodies()[i];
+    std::vector<int> columns;
+    for (int j = 0; j < b.nh + b.m; ++j)
+      if (free[b.v + j]) columns.push_back(j);
+    MatrixXd& at = P[i];
+    if (!columns.empty()) {
+      const MatrixXd Ht = tree.Ht(i)(Eigen::all, columns), PH = at * Ht;
+      MatrixXd K = MatrixXd::Zero(b.nh + b.m, b.nh + b.m);
+      K.diagonal() = J.K.segment(b.v, b.nh + b.m);
+      if (J.K_modes[i].size() > 0) K.bottomRightCorner(b.m, b.m) = J.K_modes[i];
+      MatrixXd D = Ht.transpose() * PH - K(columns, columns) / lambda;
+      const VectorXd scale = D.cwiseAbs().rowwise().maxCoeff().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();  // a congruence: pivots compare
+      const MatrixXd PHs = PH * scale.asDiagonal();
+      const DensePairs pivots = symmetric_pairs(scale.asDiagonal() * D * scale.asDiagonal());
+      count += static_cast<int>((pivots.values.array() > 0.0).count());
+      const MatrixXd U = PHs * pivots.vectors;
+      at.noalias() -= U * pivots.values.cwiseInverse().asDiagonal() * U.transpose();
+    }
+    if (b.parent >= 0) P[b.parent].noalias() += tree.A(i).transpose() * at.topLeftCorner<6, 6>() * tree.A(i);
+  }
+  return count;
+}
+
+namespace {
+
+/// What `find` finds, with damping, strain and shares of energy.
+template <class Find>
+SystemModes modes_of(const TreeOperators& tree, const SystemModesOptions& options, const Find& find) {
+  tree.require(Kind::H);
+  const int n = tree.size(Space::hinge);
+  const Joint J = joint_of(tree);
+  const Mass mass(tree);
+  const std::vector<DeviceStiffness> devices =
+      options.devices ? stiffness_of_devices(tree, *options.devices) : std::vector<DeviceStiffness>();
+  const bool stiff = std::ranges::any_of(devices, &DeviceStiffness::is_stiff);
+  const Vibrations found = find(J, mass, devices, stiff);
+  SystemModes out;
+  out.n_rigid = found.n_rigid, out.complete = found.complete;
+  out.first_elastic = static_cast<int>(found.rigid.cols());
+  const int taken = static_cast<int>(found.elastic.cols()), k = out.first_elastic + taken;
+  out.frequency.setZero(k), out.damping.setZero(k), out.residual.setZero(k);
+  out.shapes.resize(n, k), out.kinetic.setZero(static_cast<Eigen::Index>(tree.bodies().size()), k), out.strain.setZero(n, k);
+  out.shapes << found.rigid, found.elastic;
+  out.labels = tree.labels(Space::hinge, Sort::unknown);
+  for (const OperatorBody& b : tree.bodies()) out.bodies.push_back(tree.model().user[b.user].name);
+  for (int j = 0; j < taken; ++j) {
+    const int c = out.first_elastic + j;
+    const VectorXd x = out.shapes.col(c);
+    const double lambda = found.lambda[j], omega = std::sqrt(lambda);
+    VectorXd Kx = J.times(tree, J.K, J.K_modes, x), Cx = J.times(tree, J.C, J.C_modes, x);
+    for (const DeviceStiffness& d : devices) Kx += d.K * x, Cx += d.C * x;
+    out.frequency[c] = omega / (2.0 * std::numbers::pi);
+    out.damping[c] = x.dot(Cx) / (2.0 * omega);
+    out.strain.col(c) = x.cwiseProduct(Kx) / lambda;
+    out.residual[c] = found.residual[j];
+    if (!(out.residual[c] <= kResidualLimit)) throw LinalgError(fmt::format("mode {} has a residual of {:.2g}", j + 1, out.residual[c]));
+  }
+  VectorXd V(tree.size(Space::body)), p(tree.size(Space::body));
+  for (int c = 0; c < k; ++c) {
+    apply(star(letters::phi) * star(letters::H), mass.whole, out.shapes.col(c).data(), V.data());
+    mass.whole.apply(Kind::M, false, V.data(), p.data());
+    for (std::size_t i = 0; i < tree.bodies().size(); ++i) {
+      const OperatorBody& b = tree.bodies()[i];
+      out.kinetic(static_cast<Eigen::Index>(i), c) = V.segment(b.at, 6 + b.m).dot(p.segment(b.at, 6 + b.m));
+    }
+  }
+  return out;
+}
+
+/// Along the motions that closed loops leave free.
+Vibrations along(const MatrixXd& X, const TreeOperators& tree, const Joint& J, const std::vector<DeviceStiffness>& devices, bool stiff,
+                 const Mass& mass, const SystemModesOptions& options) {
   const int n = tree.size(Space::hinge);
   const Model& m = tree.model();
-  MatrixXd X(n, X_given.cols());  // in the order of the hinge space, without given motions
+  MatrixXd Y(n, X.cols());  // in the order of the hinge space, without given motions
   Eigen::Index free = 0;
-  for (Eigen::Index j = 0; j < X_given.cols(); ++j) {
+  for (Eigen::Index j = 0; j < X.cols(); ++j) {
     bool given = false;
     for (int v = 0; v < m.nv; ++v) {
-      given = given || (m.has_prescribed() && m.prescribed[v] != 0 && X_given(v, j) != 0.0);
-      if (const int i = tree.place_of_velocity(v); i >= 0) X(i, free) = X_given(v, j);
+      given = given || (m.has_prescribed() && m.prescribed[v] != 0 && X(v, j) != 0.0);
+      if (const int i = tree.place_of_velocity(v); i >= 0) Y(i, free) = X(v, j);
     }
     if (!given) ++free;
   }
-  X.conservativeResize(n, free);
-  MatrixXd MX(n, X.cols());
-  for (int j = 0; j < X.cols(); ++j) {
-    VectorXd y(n);
-    apply(letters::mass, whole, X.col(j).data(), y.data());
-    MX.col(j) = y;
+  Y.conservativeResize(n, free);
+  MatrixXd MY(n, free);
+  VectorXd y(n);
+  for (Eigen::Index j = 0; j < free; ++j) {
+    mass(Y.col(j), y);
+    MY.col(j) = y;
   }
-  const MatrixXd Y = orthonormalised(X, X.transpose() * MX);  // Y* M Y = 1
-  MatrixXd root = J.K.cwiseSqrt().asDiagonal() * Y;           // root* root = Y* K Y
-  for (std::size_t i = 0; i < J.K_modes.size(); ++i)
-    if (const OperatorBody& b = tree.bodies()[i]; J.K_modes[i].size() > 0)
-      root.middleRows(b.etadot, b.m) = cholesky(J.K_modes[i])->transpose() * Y.middleRows(b.etadot, b.m);
-  const RightSingular found = right_singular(root);  // descending
-  const int mobility = static_cast<int>(Y.cols());
-  const auto omega = [&](int j) { return j < found.values.size() ? found.values[j] : 0.0; };
-  SystemModes out;
-  for (int j = 0; j < mobility; ++j) out.n_rigid += omega(j) <= kRigid * omega(0) ? 1 : 0;
-  out.first_elastic = std::min(std::max(options.rigid, 0), out.n_rigid);
+  Y = orthonormalised(Y, Y.transpose() * MY);  // Y* M Y = 1
+  MatrixXd KY(n, free);
+  for (Eigen::Index j = 0; j < free; ++j) KY.col(j) = J.times(tree, J.K, J.K_modes, Y.col(j));
+  for (const DeviceStiffness& d : devices) KY += d.K * Y;
+
+  Vibrations out;
   out.complete = true;
-  const int taken = std::min(std::max(options.elastic, 0), mobility - out.n_rigid);
-  make_room(tree, out.first_elastic + taken, out);
-  for (int j = 0; j < out.first_elastic; ++j) out.shapes.col(j) = Y * found.vectors.col(mobility - 1 - j);
-  for (int j = 0; j < taken; ++j) {
-    const int at = mobility - out.n_rigid - 1 - j, c = out.first_elastic + j;
-    const double lambda = omega(at) * omega(at);
-    const VectorXd x = Y * found.vectors.col(at), Kx = take_mode(tree, J, x, lambda, c, out);
-    VectorXd Mx(n);
-    apply(letters::mass, whole, x.data(), Mx.data());
-    out.residual[c] = (Y.transpose() * (Kx - lambda * Mx)).norm() / (omega(at) * omega(0));
+  VectorXd lambda;  // ascending
+  MatrixXd vectors;
+  double nothing = 0.0;
+  if (stiff) {
+    const DensePairs pairs = symmetric_pairs(0.5 * (Y.transpose() * KY + KY.transpose() * Y));
+    lambda = pairs.values, vectors = pairs.vectors;
+    nothing = kRigid * lambda.cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
+    if (!(lambda[0] >= -nothing)) refuse_unstable();
+  } else {
+    MatrixXd root = J.K.cwiseSqrt().asDiagonal() * Y;  // root* root = Y* K Y: low frequencies keep their digits
+    for (std::size_t i = 0; i < J.K_modes.size(); ++i)
+      if (const OperatorBody& b = tree.bodies()[i]; J.K_modes[i].size() > 0)
+        root.middleRows(b.etadot, b.m) = cholesky(J.K_modes[i])->transpose() * Y.middleRows(b.etadot, b.m);
+    const RightSingular found = right_singular(root);  // descending, and no more than there are rows
+    lambda.setZero(free), vectors = found.vectors.rowwise().reverse();
+    lambda.tail(found.values.size()) = found.values.cwiseAbs2().reverse();
+    nothing = free > 0 ? kRigid * kRigid * lambda[free - 1] : 0.0;
   }
-  share_kinetic_energy(whole, out);
+  for (Eigen::Index j = 0; j < free && lambda[j] <= nothing; ++j) ++out.n_rigid;
+  const Eigen::Index taken = std::min<Eigen::Index>(std::max(options.elastic, 0), free - out.n_rigid);
+  out.rigid = Y * vectors.leftCols(std::min(std::max(options.rigid, 0), out.n_rigid));
+  out.lambda = lambda.segment(out.n_rigid, taken);
+  out.elastic = Y * vectors.middleCols(out.n_rigid, taken);
+  out.residual.resize(taken);
+  for (Eigen::Index j = 0; j < taken; ++j) {
+    const VectorXd of = vectors.col(out.n_rigid + j);
+    out.residual[j] = (Y.transpose() * (KY * of) - out.lambda[j] * of).norm() / std::sqrt(out.lambda[j] * lambda[free - 1]);
+  }
   return out;
+}
+
+}  // namespace
+
+SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& options) {
+  return modes_of(tree, options, [&](const Joint& J, const Mass& mass, const std::vector<DeviceStiffness>& devices, bool stiff) {
+    return stiff ? densely(tree, J, devices, mass, options) : by_products(tree, J, mass, options);
+  });
+}
+
+SystemModes closed_system_modes(const TreeOperators& tree, const MatrixXd& X, const SystemModesOptions& options) {
+  return modes_of(tree, options, [&](const Joint& J, const Mass& mass, const std::vector<DeviceStiffness>& devices, bool stiff) {
+    return along(X, tree, J, devices, stiff, mass, options);
+  });
 }
 
 std::vector<Pole> poles(const Eigen::MatrixXd& A) {

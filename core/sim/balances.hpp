@@ -36,6 +36,8 @@ class Balances {
   void begin(const Momentum&, const Energy&);
   /// Momentum and energy have jumped to these, all of it brought in from outside, and the integrals begin anew: residuals stay.
   void go_on(const Momentum&, const Energy&);
+  /// They have jumped by this, brought in from outside: an impulse, its moment about the world's origin, its work.
+  void jump(const Integrals& by) { start_ += by; }
   /// What has become of them after so many steps with such errors, at this relative tolerance.
   const LedgerState& look(const Momentum&, const Energy&, const Integrals&, const IntegratorStatistics&, double relative);
   const LedgerState& worst() const { return worst_; }

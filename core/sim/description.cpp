@@ -283,7 +283,14 @@ Json not_modelled(const Model& m) {
     if (!b.modal) rigid += (rigid.empty() ? "" : ", ") + b.name;
   if (!rigid.empty()) all.push_back("flexibility of " + rigid);
   all.emplace_back("friction and stops at hinges, beyond what their springs, loads and devices say");
-  if (!m.devices.all.empty()) all.emplace_back("devices in the modes of the whole: their stiffness is left out there (linearize has it)");
+  std::string left_out;
+  for (const Device& d : m.devices.all)
+    if (!operators::may_be_stiff(d) &&
+        std::ranges::any_of(d.mounts, [](const DeviceMount& mount) { return (mount.use & CARDAN_USE_LOAD) != 0; }))
+      left_out += (left_out.empty() ? "" : ", ") + d.name;
+  if (!left_out.empty())
+    all.push_back(
+        fmt::format("in the modes of the whole, devices that have states or declare no energy: {} (linearize has them)", left_out));
   if (!m.varies.empty())
     all.emplace_back("propellant that moves in its tank, and what it takes to start and stop its flow (slosh: pendulums on hinges)");
   all.emplace_back(m.fields.empty() ? "forces of the environment: atmosphere, sunlight, magnetic field"
@@ -292,7 +299,7 @@ Json not_modelled(const Model& m) {
 }
 
 /// Small vibrations of the assembled system about the initial state, and who takes part most in each.
-Json system_modes(const Simulation& sim, int elastic) {
+Json system_modes(Simulation& sim, int elastic) {
   const bool closed = !sim.model().loops.empty();
   operators::TreeOperators tree(open_tree(sim.shared_model()));
   tree.at(sim.state().q.data());
@@ -303,9 +310,10 @@ Json system_modes(const Simulation& sim, int elastic) {
   };
   try {
     Workspace ws(sim.model());
+    const operators::SystemModesOptions options{elastic, 0, sim.devices()};
     const operators::SystemModes found =
-        closed ? operators::closed_system_modes(tree, loop_freedom(sim.model(), ws, sim.state().q.data()).X, {elastic, 0})
-               : operators::system_modes(tree, {elastic, 0});
+        closed ? operators::closed_system_modes(tree, loop_freedom(sim.model(), ws, sim.state().q.data()).X, options)
+               : operators::system_modes(tree, options);
     Json rows = Json::array();
     for (Eigen::Index j = found.first_elastic; j < found.frequency.size(); ++j)
       rows.push_back({{"frequency_hz", found.frequency(j)},
@@ -328,7 +336,7 @@ int modes_worth_telling(const Model& m, int asked) {
   if (asked >= 0) return asked;
   const bool springs =
       std::any_of(m.loads.begin(), m.loads.end(), [](const HingeLoad& s) { return s.law == HingeLaw::spring && s.p[0] != 0.0; });
-  return (springs || m.n_modes > 0) && m.nv <= kSmall ? kDefault : 0;
+  return (springs || m.n_modes > 0 || std::ranges::any_of(m.devices.all, operators::may_be_stiff)) && m.nv <= kSmall ? kDefault : 0;
 }
 
 /// What a load is called, and its parameters.

@@ -74,7 +74,7 @@ class Rejoining {
           state.q[model->user[static_cast<std::size_t>(body)].eta + i] = 0.0;
     if (!others_.empty()) set_velocities(*model, state);
     if (!model->loops.empty()) {
-      const Model weighed = at_masses(*model, state);
+      const Model weighed = model->weighed(state.z.data(), state.marks.data());
       if (LoopProjection projection(weighed); !projection.close(state.q.data(), state.v.data()))
         throw NumericsError(describe_breakdown(weighed, projection.breakdown(), state.t));
     }
@@ -174,13 +174,6 @@ class Rejoining {
     return compile(out, registry_);
   }
 
-  static Model at_masses(const Model& model, const State& state) {
-    Model out = model;
-    int device = 0;
-    if (out.changes()) out.weigh(state.z.data(), state.marks.data(), device);
-    return out;
-  }
-
   // Velocities of the bodies, let go: v_C, and their momentum p_C = M_C v_C. The hinges of the model allow v_C = T v alone, so v with M v =
   // T* p_C is the nearest in the metric of M. T* needs no matrix: a momentum [n; f] of a body that was let go is a wrench on it.
   void set_velocities(const Model& model, State& state) const {
@@ -206,7 +199,7 @@ class Rejoining {
     const Eigen::VectorXd p = momentum(*free, at.q, at.v);
     const std::shared_ptr<const Model> tree =
         model.loops.empty() ? std::shared_ptr<const Model>(std::shared_ptr<void>(), &model) : open_tree();
-    const Model there = at_masses(*tree, state);
+    const Model there = tree->weighed(state.z.data(), state.marks.data());
     const ModelMap map = model_map(*free, there);
     std::vector<std::uint8_t> others(static_cast<std::size_t>(free->nv), 0);
     std::vector<NodeWrench> wrenches;

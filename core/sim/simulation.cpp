@@ -929,9 +929,11 @@ void Simulation::tick_device(int index, double period) {
   double *const z = state_.z.data() + d.z, *const marks = state_.marks.data() + d.mark;
   double *const z_before = noise_.data() + d.family->n_noise, *const marks_before = std::copy_n(z, d.family->n_states, z_before);
   std::copy_n(marks, d.family->n_marks, marks_before);
+  if (d.family->impulse) ask_for_impulse(index, CARDAN_CAUSE_TICK, 0);
   bool good = false;
   if (!unless_thrown([&] { good = devices_->tick(index, period, noise_.data(), state_.z.data(), state_.marks.data()); }) || !good)
     fail(explain({}));
+  strike();
   const bool same_states = std::equal(z, z + d.family->n_states, z_before);
   if (same_states && std::equal(marks, marks + d.family->n_marks, marks_before)) return;
   if (d.acts || !same_states) return changed();
@@ -1034,9 +1036,11 @@ bool Simulation::device_events(std::span<const int> crossed) {
       const int side = crossed[static_cast<std::size_t>(d.root) + root];
       if (side == 0) continue;
       observe();
+      if (d.family->impulse) ask_for_impulse(static_cast<int>(i), root, side);
       device_event(static_cast<int>(i), root, side);
       any = true;
       changed();
+      strike();
     }
   }
   for (std::size_t i = 0; holding_ && i < model_->devices.holds.size(); ++i) {

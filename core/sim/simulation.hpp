@@ -263,6 +263,9 @@ class Simulation {
   }
   void keep_thrown(const std::string& what);
   void device_event(int device, std::uint32_t root, int direction);
+  /// What a device pushes with all at once at an accepted instant, as its loads are before it takes note; strike() then does it.
+  void ask_for_impulse(int device, std::uint32_t cause, int direction);
+  void strike();
   void expect_good_plugins();
 
   std::shared_ptr<Model> own_;  // where masses vary: its own copy; else null
@@ -300,6 +303,12 @@ class Simulation {
   std::int64_t tick_ = 0;        // how-manieth of the task that runs
   bool actuators_tick_ = false;  // devices with inputs are on the schedule: after all tasks before record() or run()
   std::vector<double> noise_;
+  struct {
+    int by = -1;  // the device; none: there is nothing to do
+    std::vector<cardan_mount_load> loads;
+    std::vector<NodeWrench> wrenches;
+    Eigen::VectorXd hinges, force, rest, jump;
+  } impulse_;  // that strike() is to do
   struct Line {
     int ticks, first;  // of DelayLine: how many, and where its numbers begin
   };

@@ -18,12 +18,13 @@ struct Imu {
   static constexpr cardan_mount_desc mounts[] = {
       {"at", CARDAN_MOUNT_NODE, CARDAN_USE_VELOCITY | CARDAN_USE_ACCELERATION, "the node where it sits; it reads in node axes"}};
   static constexpr cardan_port_desc ports[] = {
-      {"rate_x", CARDAN_PORT_OUT, "rad/s", 0.0, 0, "angular velocity as read", "at"},
-      {"rate_y", CARDAN_PORT_OUT, "rad/s", 0.0, 0, "angular velocity as read", "at"},
-      {"rate_z", CARDAN_PORT_OUT, "rad/s", 0.0, 0, "angular velocity as read", "at"},
-      {"force_x", CARDAN_PORT_OUT, "m/s^2", 0.0, 0, "specific force as read: acceleration less gravity", "at"},
-      {"force_y", CARDAN_PORT_OUT, "m/s^2", 0.0, 0, "specific force as read: acceleration less gravity", "at"},
-      {"force_z", CARDAN_PORT_OUT, "m/s^2", 0.0, 0, "specific force as read: acceleration less gravity", "at"}};
+      {"rate_x", CARDAN_PORT_OUT, "rad/s", 0.0, 0, "angular velocity as read", "at", 0, "valid"},
+      {"rate_y", CARDAN_PORT_OUT, "rad/s", 0.0, 0, "angular velocity as read", "at", 0, "valid"},
+      {"rate_z", CARDAN_PORT_OUT, "rad/s", 0.0, 0, "angular velocity as read", "at", 0, "valid"},
+      {"force_x", CARDAN_PORT_OUT, "m/s^2", 0.0, 0, "specific force as read: acceleration less gravity", "at", 0, "valid"},
+      {"force_y", CARDAN_PORT_OUT, "m/s^2", 0.0, 0, "specific force as read: acceleration less gravity", "at", 0, "valid"},
+      {"force_z", CARDAN_PORT_OUT, "m/s^2", 0.0, 0, "specific force as read: acceleration less gravity", "at", 0, "valid"},
+      {"valid", CARDAN_PORT_OUT, "1", 0.0, 0, "1: it has sampled, and nothing was beyond its range"}};
   static constexpr cardan_state_desc marks[] = {{"rate_x", "rad/s", 0.0, 1.0, "held since the last sample"},
                                                 {"rate_y", "rad/s", 0.0, 1.0, "held since the last sample"},
                                                 {"rate_z", "rad/s", 0.0, 1.0, "held since the last sample"},
@@ -36,7 +37,8 @@ struct Imu {
                                                 {"force_bias_x", "m/s^2", 0.0, 1.0, "that has wandered"},
                                                 {"force_bias_y", "m/s^2", 0.0, 1.0, "that has wandered"},
                                                 {"force_bias_z", "m/s^2", 0.0, 1.0, "that has wandered"},
-                                                {"samples", "1", 0.0, 1.0, "taken so far"}};
+                                                {"samples", "1", 0.0, 1.0, "taken so far"},
+                                                {"valid", "1", 0.0, 1.0, "of the last sample"}};
   static constexpr std::uint32_t n_noise = 12;
 
   static bool pack(const Params& params, Packed& p) {
@@ -47,18 +49,22 @@ struct Imu {
   template <class T>
   static void evaluate(const Packed&, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
     for (int i = 0; i < 6; ++i) out.out[i] = T(in.d[i]);
+    out.out[6] = T(in.d[13]);
   }
 
   static void tick(const Packed& p, const DeviceIn<double>& in, double period, const double* noise, double*, double* d) noexcept {
     const MountMotion<double>& at = in.at[0];
     const double truth[6] = {at.omega.x, at.omega.y, at.omega.z, at.specific_force.x, at.specific_force.y, at.specific_force.z};
     const bool first = d[12] == 0.0;
+    bool within = true;
     for (int i = 0; i < 6; ++i) {
       const InertialSensor& s = i < 3 ? p.gyro : p.accelerometer;
       d[6 + i] = s.wandered(d[6 + i], period, first, noise[6 + i]);
-      d[i] = InertialSensor::within(s.rounded(truth[i] + s.bias + d[6 + i] + s.noise / std::sqrt(period) * noise[i]), s.range);
+      const double read = s.rounded(truth[i] + s.bias + d[6 + i] + s.noise / std::sqrt(period) * noise[i]);
+      d[i] = InertialSensor::within(read, s.range);
+      within = within && d[i] == read;
     }
-    d[12] += 1.0;
+    d[12] += 1.0, d[13] = within ? 1.0 : 0.0;
   }
 };
 

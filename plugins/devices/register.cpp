@@ -18,12 +18,13 @@ const cardan_device_family& tape_spring_family();
 const cardan_device_family& latch_family();
 const cardan_device_family& drag_family();
 const cardan_device_family& pulse_modulator_family();
+const cardan_device_family& pulsed_thruster_family();
 
 void register_devices(Registry& registry) {
   register_fields(registry);
   for (const auto family : {spring_damper_family, lugre_friction_family, momentum_wheel_family, imu_family, integrating_imu_family,
                             dry_friction_family, tank_family, thruster_family, magnetorquer_family, dc_motor_family, tape_spring_family,
-                            latch_family, drag_family, pulse_modulator_family})
+                            latch_family, drag_family, pulse_modulator_family, pulsed_thruster_family})
     registry.devices.add(family());
 }
 

@@ -89,8 +89,8 @@ int stored_text(lua_State* L) {
 namespace {
 
 /// `X`: motions that closed loops leave free (LoopFreedom); null: there are none.
-int push_system_modes(lua_State* L, const TreeOperators& tree, const Eigen::MatrixXd* X) {
-  operators::SystemModesOptions options;
+int push_system_modes(lua_State* L, const TreeOperators& tree, const OperatingState& at, const Eigen::MatrixXd* X) {
+  operators::SystemModesOptions options{.devices = at.devices.get()};
   if (!lua_isnoneornil(L, 2)) {
     DiagnosticSink sink;
     LuaTable table(L, 2, "system_modes", sink);
@@ -125,7 +125,9 @@ int push_system_modes(lua_State* L, const TreeOperators& tree, const Eigen::Matr
 
 }  // namespace
 
-int system_modes_study(lua_State* L, const TreeOperators& tree, const OperatingState&) { return push_system_modes(L, tree, nullptr); }
+int system_modes_study(lua_State* L, const TreeOperators& tree, const OperatingState& at) {
+  return push_system_modes(L, tree, at, nullptr);
+}
 
 int derivatives_study(lua_State* L, const TreeOperators& tree, const OperatingState& at) {
   lua_settop(L, 2);
@@ -260,7 +262,7 @@ int push_modes(lua_State* L, Scenario& s) {
   const Eigen::MatrixXd X = loop_freedom(*model, ws, s.q).X;
   TreeOperators tree(open_tree(model));
   tree.at(s.q);
-  return push_system_modes(L, tree, &X);
+  return push_system_modes(L, tree, present_state(s), &X);
 }
 int push_derivatives(lua_State* L, Scenario& s) { return study_of_now(L, s, "derivatives", derivatives_study); }
 int push_inverse_kinematics(lua_State* L, Scenario& s) { return study_of_now(L, s, "inverse_kinematics", inverse_kinematics_study); }

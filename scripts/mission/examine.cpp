@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/model/devices.hpp"
 #include "core/model/doubts.hpp"
 #include "core/model/loops.hpp"
 #include "core/model/validate.hpp"
@@ -124,6 +125,7 @@ void examine(Scenario& s) {
   expect_away_from_centre(s);
   look_at_ticks(s);
   if (!scripts_act(s)) s.warnings.add(held_back(*s.model->spec)), s.warnings.add(still_hinges(*s.sim));
+  s.warnings.add(unheeded_validity(*s.model));
   look_at_sizes(s);
   s.warnings.add(FlexibleLimits(*s.sim).expected(*s.sim, s.mission.duration));
 }

@@ -90,10 +90,10 @@ ScriptDevice::ScriptDevice(LuaHost& lua, bool& running, Description description,
     mounts_.push_back({m.name.c_str(), static_cast<std::uint32_t>(m.hinge ? CARDAN_MOUNT_HINGE : CARDAN_MOUNT_NODE),
                        m.hinge && !d_.in_step ? 0u : use, m.hinge ? "a component of a hinge" : "a node"});
   for (const Item& i : d_.inputs)
-    ports_.push_back({i.name.c_str(), CARDAN_PORT_IN, i.unit.c_str(), i.value, 0, "of the script", nullptr, 0});
+    ports_.push_back({i.name.c_str(), CARDAN_PORT_IN, i.unit.c_str(), i.value, 0, "of the script", nullptr, 0, nullptr});
   const std::uint64_t direct = d_.in_step ? ~std::uint64_t{0} : 0;
   for (const Item& o : d_.outputs)
-    ports_.push_back({o.name.c_str(), CARDAN_PORT_OUT, o.unit.c_str(), 0.0, direct, "of the script", nullptr, 0});
+    ports_.push_back({o.name.c_str(), CARDAN_PORT_OUT, o.unit.c_str(), 0.0, direct, "of the script", nullptr, 0, nullptr});
   for (const Item& z : d_.states) states_.push_back({z.name.c_str(), z.unit.c_str(), z.value, 1.0, "of the script"});
   for (std::size_t i = 0; i < held_outputs(d_); ++i)
     marks_.push_back({d_.outputs[i].name.c_str(), d_.outputs[i].unit.c_str(), d_.outputs[i].value, 1.0, "held since the last tick"});

@@ -211,6 +211,10 @@ TEST(DeviceMutants, ThatRememberAreCaughtInEveryFunction) {
   expect_pure("momentum", PUTS(momentum, [](Args a, double(*h)[3]) { h[0][1] = decltype(added){}(a); }));
   expect_pure("roots", PUTS(roots, [](Args a, double* g) { g[0] = 1.0 + decltype(added){}(a); }));
   expect_pure("event", PUTS(event, [](Args a, std::uint32_t, int, double*, double* d) { d[0] += decltype(added){}(a); }));
+  expect_pure("impulse", [](Table& t, auto added) {
+    t.momentum = nullptr;
+    t.impulse = [](Args a, std::uint32_t, int, cardan_mount_load* l) { return l[2].tau = 1.0 + decltype(added){}(a), 0; };
+  });
   expect_pure("tick", PUTS(tick, [](Args a, double, const double*, double* z, double*) { return z[0] += decltype(added){}(a), 0; }));
 }
 
@@ -224,6 +228,65 @@ TEST(DeviceMutants, ThatWriteBeyondWhatTheyAreGivenAtAnInstantAreCaught) {
   expect(changed([](Table& t) { t.event = [](Args, std::uint32_t, int, double* z, double*) { z[0] = HUGE_VAL; }; }),
          "event sets a number that is not finite");
   expect(changed([](Table& t) { t.momentum = [](Args, double(*h)[3]) { h[4][0] = 1.0; }; }), "momentum writes beyond its array");
+}
+
+TEST(DeviceMutants, ThatStrikeWronglyAreCaught) {
+  const auto with = [](auto impulse) {
+    return changed([&](Table& t) {
+      t.tick = [](Args, double, const double*, double*, double*) { return 0; };
+      t.impulse = impulse;
+    });
+  };
+  EXPECT_EQ(violations(with([](Args a, std::uint32_t, int, cardan_mount_load* l) { return l[2].tau = a->mount[2].v, 0; })), "");
+  expect(with([](Args, std::uint32_t, int, cardan_mount_load* l) { return l[4].tau = 1.0, 0; }), "impulse writes beyond its array");
+  expect(with([](Args, std::uint32_t, int, cardan_mount_load* l) { return l[2].tau = std::nan(""), 0; }),
+         "impulse gives nan for finite arguments (tau of mount at)");
+  expect(with([](Args, std::uint32_t, int, cardan_mount_load* l) { return l[3].force[0] = 1.0, 0; }),
+         "force of mount by and does not say so");
+  expect(with([](Args, std::uint32_t, int, cardan_mount_load* l) { return l[0].force[0] = 1.0, 0; }), "sum to zero");
+  Table never = with([](Args, std::uint32_t, int, cardan_mount_load*) { return 0; });
+  never.tick = nullptr;
+  expect(never, "impulse: given, and there is neither a tick nor an event at a root");
+  expect(changed([](Table& t) {
+           static const cardan_mount_desc none[] = {{"at", CARDAN_MOUNT_HINGE, 0, "a component"}};
+           t.mounts = none, t.n_mounts = 1;
+           t.tick = [](Args, double, const double*, double*, double*) { return 0; };
+           t.impulse = [](Args, std::uint32_t, int, cardan_mount_load*) { return 0; };
+         }),
+         "impulse: given, and no mount has CARDAN_USE_LOAD");
+}
+
+TEST(DeviceMutants, ThatSayWronglyWhetherTheirOutputsHoldAreCaught) {
+  const auto with = [](std::initializer_list<cardan_port_desc> ports, double says) {
+    static std::vector<std::vector<cardan_port_desc>> all;  // a table keeps pointers
+    all.emplace_back(ports);
+    Table t{};
+    t.struct_size = sizeof t;
+    t.type = "test/gauge", t.summary = "";
+    t.ports = all.back().data(), t.n_ports = static_cast<std::uint32_t>(ports.size());
+    t.states = kStates, t.n_states = 1;
+    if (says == 1.0) t.evaluate = [](Args a, Out o) { return o->out[0] = a->z[0], o->out[1] = 1.0, 0; };
+    if (says != 1.0) t.evaluate = [](Args a, Out o) { return o->out[0] = a->z[0], o->out[1] = 0.5, 0; };
+    return t;
+  };
+  const cardan_port_desc x{"x", CARDAN_PORT_OUT, "m", 0.0, 0, "a number", nullptr, 0, "good"};
+  const cardan_port_desc good{"good", CARDAN_PORT_OUT, "1", 0.0, 0, "whether it holds"};
+  EXPECT_EQ(violations(with({x, good}, 1.0)), "");
+  expect(with({x, good}, 0.5), "output good is 0.5");
+  const auto but = [](cardan_port_desc p, const auto& change) {
+    change(p);
+    return p;
+  };
+  const std::string another = "expected another port of its kind, in unit 1, always valid itself";
+  expect(with({x, but(good, [](auto& p) { p.name = "other"; })}, 1.0), "ports[0].valid: \"good\", " + another);
+  expect(with({x, but(good, [](auto& p) { p.unit = "m"; })}, 1.0), another);
+  expect(with({x, but(good, [](auto& p) { p.kind = CARDAN_PORT_IN; })}, 1.0), another);
+  expect(with({x, but(good, [](auto& p) { p.valid = "x"; })}, 1.0), another);
+  const auto in = [](cardan_port_desc& p) { p.kind = CARDAN_PORT_IN; };
+  expect(
+      with({but(x, in), but(good, in), but(x, [](auto& p) { p.name = "y", p.valid = nullptr; }), but(good, [](auto& p) { p.name = "z"; })},
+           1.0),
+      "\"good\" has the fallback 0, expected 1: what is not connected holds");
 }
 
 const cardan_mount_desc kBody[] = {{"at", CARDAN_MOUNT_MASS, CARDAN_USE_VELOCITY | CARDAN_USE_LOAD, "a body"}};

@@ -42,6 +42,7 @@ const std::map<std::string, Entry>& entries() {
         {{"bending", 0.01}}}},
       {"magnetorquer", {{{"max_moment", 30.0}}, {}, {{"moment_x", Input{20.0, {}}}, {"moment_z", Input{-10.0, {}}}}}},
       {"momentum_wheel", {{{"inertia", 0.05}, {"viscous", 0.01}}, {{"momentum", 0.8}}, {{"torque", Input{0.05, {}}}}, 0.0, "", "axis"}},
+      {"pulsed_thruster", {{{"bit", 0.5}, {"scatter", 0.1}}, {}, {{"fire", Input{1.0, {}}}}, 20.0, "", "direction"}},
       {"pulse_modulator", {{{"minimum", 0.01}}, {}, {{"command", Input{0.4, {}}}}, 10.0, "thruster"}},
       {"spring_damper", {{{"stiffness", 20.0}, {"rest", 0.3}, {"damping", 1.0}}}},
       {"tank",
@@ -167,7 +168,8 @@ TEST_P(DeviceInPlace, ActsAsInTheDenseTwin) {
   EXPECT_LT(error_against_the_twin(sim), 1e-12);
   double read = 0.0;
   for (int i = 0; i < sim.model().devices.n_out; ++i) read += std::abs(sim.device_output(i));
-  EXPECT_GT(sim.model().devices.all[0].acts ? change : read, 1e-4);
+  const Device& d = sim.model().devices.all[0];
+  EXPECT_GT(d.acts && !d.family->impulse ? change : read, 1e-4);
 }
 
 TEST_P(DeviceInPlace, HasItsDerivativeInJv) { EXPECT_LT(jacobian_error(spec()), 1e-8); }
@@ -180,6 +182,40 @@ TEST_P(DeviceInPlace, IsInTheLedger) {
   EXPECT_LT(l.linear_relative, 1e-10);  // some dozen steps, each within 1e-11 of the state
   EXPECT_LT(l.angular_relative, 1e-10);
   EXPECT_LT(l.energy_relative, 1e-10);
+}
+
+/// Nothing from outside but the device, which sits between parts of the vehicle: momentum stays to round-off.
+TEST_P(DeviceInPlace, KeepsMomentumIfItIsInternal) {
+  const cardan_device_family& f = *registry().device(tried().type);
+  const bool on_hinges = std::all_of(f.mounts, f.mounts + f.n_mounts, [](const cardan_mount_desc& m) {
+    return m.kind == CARDAN_MOUNT_HINGE || (m.use & CARDAN_USE_LOAD) == 0;  // by its reaction
+  });
+  if (f.impulse || !entries().at(tried().type).beside.empty()) return;
+  if (!on_hinges && (f.facts & CARDAN_FACT_INTERNAL) == 0 && !f.momentum) return;  // from outside: in the ledger
+  SystemSpec alone = spec();
+  alone.gravity = {};
+  SimulationOptions options = accurate("dop853", 1e-14);
+  options.ledger = false;
+  Simulation sim(compiled(alone), options);
+  const Momentum before = sim.momentum();
+  sim.run(0.01);  // steps too short for errors of the method
+  const Momentum after = sim.momentum();
+  EXPECT_LT((after.linear - before.linear).norm() / before.linear_magnitude, 1e-13);
+  EXPECT_LT((after.angular - before.angular).norm() / before.angular_magnitude, 1e-13);
+}
+
+/// Where it says so it takes energy at every evaluation, and gets none; else the sum that it has lost never falls over a whole motion.
+TEST_P(DeviceInPlace, LosesIfItIsPassive) {
+  const cardan_device_family& f = *registry().device(tried().type);
+  if ((f.facts & CARDAN_FACT_PASSIVE) == 0) return;
+  Simulation sim(compiled(spec()), accurate("dopri5", 1e-9));
+  for (int i = 1; i <= 40; ++i) {
+    sim.run(0.01 * i);
+    sim.observe();
+    const auto [delivered, lost] = sim.devices()->powers(0);
+    EXPECT_GE(lost, 0.0) << "at " << sim.time() << " s";
+    EXPECT_EQ(delivered, 0.0);
+  }
 }
 
 TEST_P(DeviceInPlace, GoesOnFromACheckpointBitForBit) {

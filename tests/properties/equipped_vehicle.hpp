@@ -107,6 +107,7 @@ inline SystemSpec equipped_vehicle() {
   add(device("brake", "dry_friction", {{"coulomb", 0.002}, {"breakaway", 0.004}, {"viscous", 0.01}}, {{"at", "slider"}}));
   add(device("catch", "latch", {{"place", 0.5}, {"max_rate", 1.0}, {"stiffness", 100}, {"damping", 1}}, {{"at", "boom"}}));
   add(device("drag", "drag", {{"area", 3}}, {{"at", "bus.hook"}}));
+  sampled(add(device("bits", "pulsed_thruster", {{"bit", 0.01}, {"scatter", 0.1}}, {{"at", "panel.tip"}}), {{"fire", "law.duty"}}), 5.0);
   return spec;
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/abi/device_family.hpp"
+#include "core/model/devices.hpp"
 #include "core/sim/simulation.hpp"
 #include "tests/properties/random_devices.hpp"
 
@@ -70,11 +71,43 @@ struct Sum {
   }
 };
 
+/// x, which holds where a command says so.
+struct Gauge {
+  static constexpr const char *type = "gauge", *summary = "x, which may not hold";
+  static constexpr unsigned facts = 0;
+  using Packed = Nothing;
+  static constexpr cardan_port_desc ports[] = {{"truth", CARDAN_PORT_IN, "1", 1.0, 0, "whether it holds"},
+                                               {"x_1", CARDAN_PORT_OUT, "1", 0.0, 0, "time", nullptr, 0, "good"},
+                                               {"x_2", CARDAN_PORT_OUT, "1", 0.0, 0, "twice that", nullptr, 0, "good"},
+                                               {"good", CARDAN_PORT_OUT, "1", 0.0, 1, "whether they hold"}};
+  template <class T>
+  static void evaluate(const Packed&, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
+    out.out[0] = T(in.t), out.out[1] = T(2.0 * in.t);
+    out.out[2] = T(in.in[0] > T(0.5) ? 1.0 : 0.0);
+  }
+};
+
+/// y = x_1 + x_2 where they hold, else -1.
+struct Careful {
+  static constexpr const char *type = "careful", *summary = "asks whether x holds";
+  static constexpr unsigned facts = 0;
+  using Packed = Nothing;
+  static constexpr cardan_port_desc ports[] = {{"x_1", CARDAN_PORT_IN, "1", 0.0, 0, "input", nullptr, 0, "sure"},
+                                               {"x_2", CARDAN_PORT_IN, "1", 0.0, 0, "input", nullptr, 0, "sure"},
+                                               {"sure", CARDAN_PORT_IN, "1", 1.0, 0, "whether they hold"},
+                                               {"y", CARDAN_PORT_OUT, "1", 0.0, 7, "output"}};
+  template <class T>
+  static void evaluate(const Packed&, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
+    out.out[0] = in.in[2] > T(0.5) ? in.in[0] + in.in[1] : T(-1.0);
+  }
+};
+
 std::shared_ptr<const Model> with_own(std::vector<DeviceSpec> devices) {
   static const Registry types = [] {
     Registry all = registry();
     all.devices.add(device_table<Adder>()), all.devices.add(device_table<Sampler>());
     all.devices.add(device_table<Clock>()), all.devices.add(device_table<Sum>());
+    all.devices.add(device_table<Gauge>()), all.devices.add(device_table<Careful>());
     return all;
   }();
   SystemSpec spec = system({on(particle("mass", 2.0, {0, 0, 0}), "", "prismatic", {{1, 0, 0}})});
@@ -244,6 +277,58 @@ TEST(Ports, AreInCheckpoints) {
     EXPECT_EQ(whole.statistics().steps, part.statistics().steps) << split;
     EXPECT_NEAR(whole.state().z[model->devices.all[static_cast<std::size_t>(model->devices.find("quiet"))].z], 0.7, 1e-9) << split;
   }
+}
+
+/// With what is connected goes whether it holds, also through a delay, and who does not ask is told of.
+TEST(Ports, TakeWithAnOutputWhetherItHolds) {
+  DeviceSpec gauge = block("gauge", "gauge"), asks = block("asks", "careful"), never = block("never", "adder");
+  asks.inputs["x_1"] = from("gauge.x_1"), asks.inputs["x_2"] = from("gauge.x_2");
+  never.inputs["a"] = from("gauge.x_1"), never.inputs["b"] = from("gauge.x_2");
+  Simulation sim(with_own({gauge, asks, never}), {});
+  const Model& m = sim.model();
+  sim.run(0.5), sim.observe();
+  EXPECT_NEAR(sim.device_output(output(m, "asks")), 1.5, 1e-15);
+  sim.set_device_input(input(m, "gauge"), 0.0);
+  sim.run(0.6), sim.observe();
+  EXPECT_EQ(sim.device_output(output(m, "asks")), -1.0);
+  const Warnings found = unheeded_validity(m);
+  ASSERT_EQ(found.all().size(), 1U);
+  EXPECT_EQ(found.all()[0].what.code, Code::unheeded_validity);
+  EXPECT_EQ(found.all()[0].what.at.key_path, "devices.never.inputs");
+
+  // An own answer in place of that; and none where nothing is connected.
+  asks.inputs["sure"] = {1.0, {}};
+  Simulation told(with_own({gauge, asks}), {}), alone(with_own({block("asks", "careful")}), {});
+  told.set_device_input(input(told.model(), "gauge"), 0.0);
+  told.run(0.5), told.observe(), alone.run(0.1), alone.observe();
+  EXPECT_NEAR(told.device_output(output(told.model(), "asks")), 1.5, 1e-15);
+  EXPECT_EQ(alone.device_output(0), 0.0);
+}
+
+TEST(Ports, TakeWhetherAnOutputHoldsAsLateAsTheOutput) {
+  DeviceSpec clock = block("clock", "sampler", 10.0), gauge = block("gauge", "gauge"), asks = block("asks", "careful"),
+             held = block("held", "sampler", 10.0);
+  held.inputs["x"] = from("asks.y");
+  asks.inputs["x_1"] = delayed("gauge.x_1 + clock.n", 2);  // ticks of the clock
+  Simulation sim(with_own({clock, gauge, asks, held}), {});
+  const Model& m = sim.model();
+  EXPECT_EQ(m.devices.delays.size(), 2U) << "of x_1, and of what says that it holds";
+  sim.run(0.55);
+  sim.set_device_input(input(m, "gauge"), 0.0);  // seen at 0.6, told at 0.8
+  sim.run(0.75), sim.observe();
+  EXPECT_GE(sim.device_output(output(m, "asks")), 0.0);
+  sim.run(0.85), sim.observe();
+  EXPECT_EQ(sim.device_output(output(m, "asks")), -1.0);
+}
+
+TEST(Ports, AreRefusedWhereTwoSayWhetherTheyHold) {
+  DeviceSpec a = block("a", "gauge"), b = block("b", "gauge"), asks = block("asks", "careful");
+  asks.inputs["x_1"] = from("a.x_1"), asks.inputs["x_2"] = from("b.x_2");
+  const std::string told = why_refused({a, b, asks});
+  EXPECT_NE(told.find("C1002"), std::string::npos) << told;
+  EXPECT_NE(told.find("at: devices.asks.inputs.sure"), std::string::npos) << told;
+  EXPECT_NE(told.find("a.good or b.good"), std::string::npos) << told;
+  EXPECT_NE(told.find("give devices.asks.inputs.sure itself"), std::string::npos) << told;
 }
 
 }  // namespace

@@ -82,6 +82,63 @@ figure { name = "in order", value = function() return seen.order == ("zamza"):re
   EXPECT_EQ(figures, (std::map<std::string, double>{{"ticks", 21}, {"moved", 20}, {"late", 0}, {"wrong", 0}, {"in order", 1}}));
 }
 
+/// Ports with the names rate_x, rate_y, rate_z are the vector rate: connected, commanded and read as one; an imu says when a rate is beyond
+/// its range, and whoever takes that and does not ask is told of.
+TEST(DevicesInScripts, HaveVectorsAndSayWhetherTheyHold) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml", R"yaml(
+cardan: 1
+bodies:
+  bus: {mass: 10, inertia: [2, 2, 2], hinge: {type: free, to: world, initial: {rate: [0.1, 0.2, 0.3], position: [7, 0, 0]}}}
+devices:
+  gyro: {type: imu, at: bus, rate: 10 Hz, gyro_range: 0.35 rad/s}
+  tight: {type: imu, at: bus, rate: 10 Hz, gyro_range: 0.25 rad/s}
+  copy: {type: lua/copy, rate: 10 Hz, inputs: {rate: gyro.rate}}
+  coils: {type: magnetorquer, at: bus, field: earth, max_moment: 5, inputs: {moment: [1 A m^2, 2, 3]}}
+fields:
+  earth: {type: dipole, strength: 50}
+)yaml");
+  write(dir / "scenario.lua", R"lua(
+device { type = "lua/copy", inputs = { rate_x = "rad/s", rate_y = "rad/s", rate_z = "rad/s" }, outputs = { sum = "rad/s" },
+  tick = function(a) return { sum = a.rate_x + 10 * a.rate_y + 100 * a.rate_z } end }
+local sat = vehicle "vehicle.yaml"
+mission { duration = 1 }
+local gyro, tight, coils = sat:device "gyro", sat:device "tight", sat:device "coils"
+local seen = persist { x = 0.0, y = 0.0, z = 0.0, valid = true, always = false, beyond = false, moment = 0.0, before = 0.0 }
+controller { name = "c", rate = "10 Hz", step = function(t)
+  local w, m = gyro:get "rate", coils:get "moment"
+  if t == 0 then seen.before = m[1] + 10 * m[2] + 100 * m[3] end
+  seen.x, seen.y, seen.z, seen.valid, seen.always = w[1], w[2], w[3], gyro:valid "rate", gyro:valid "valid"
+  seen.beyond = not tight:valid "rate_x" and tight:get "rate_z" == 0.25
+  coils:set("moment", { 0.5, 0.25, 0.125 })
+  m = coils:get "moment"
+  seen.moment = m[1] + 10 * m[2] + 100 * m[3]
+end }
+figure { name = "rate", value = function() return seen.x + 10 * seen.y + 100 * seen.z end }
+figure { name = "copied", value = function() return sat:device "copy":get "sum" end }
+figure { name = "beyond", value = function() return seen.beyond and 1 or 0 end }
+figure { name = "before", value = function() return seen.before end }
+figure { name = "moment", value = function() return seen.moment end }
+figure { name = "holds", value = function() return (seen.valid and seen.always) and 1 or 0 end }
+)lua");
+  const Finished run = run_program({"run", ".", "--quiet", "--out", "out"}, dir.path());
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  std::map<std::string, double> figures;
+  const json summary = summary_of(dir / "out");
+  for (const json& f : summary.at("figures")) figures[f.at("name")] = f.at("value");
+  EXPECT_EQ(figures["copied"], figures["rate"]);
+  EXPECT_NEAR(figures["rate"], 0.1 + 10 * 0.2 + 100 * 0.3, 0.1);  // of a sphere that coils turn a little
+  EXPECT_EQ(figures["beyond"], 1.0);
+  EXPECT_EQ(figures["before"], 321.0);
+  EXPECT_EQ(figures["moment"], 15.5);
+  EXPECT_EQ(figures["holds"], 1.0);
+  const Finished check = run_program({"check", "."}, dir.path());
+  EXPECT_NE(
+      (check.out + check.err).find("copy takes gyro.rate_x, gyro.rate_y, gyro.rate_z and not gyro.valid, which says whether that holds"),
+      std::string::npos)
+      << check.out << check.err;
+}
+
 /// The scenario's last line is the fault: its place, what was expected, what was got.
 TEST(DevicesInScripts, AnswerToWrongNames) {
   const struct {

@@ -93,7 +93,7 @@ Report report_on(const std::string& plugin, const std::string& fault = "") {
 
 TEST(PluginReports, TellWhatWasTriedOfEachKind) {
   std::set<std::string> kinds;
-  for (const char* plugin : {"arc.so", "acme_bodies.so", "frozen_2_1.so"}) {
+  for (const char* plugin : {"arc.so", "acme_bodies.so", "frozen_2_1.so", "frozen_2_2.so"}) {
     const Report report = report_on(plugin);
     EXPECT_EQ(report.exit_code, 0) << plugin;
     EXPECT_TRUE(report.json["obeys"]) << plugin;
@@ -217,7 +217,7 @@ TEST(Plugins, AreRefusedWithTheseWords) {
                 "  hint:     its header says what it will be: a run without it would not be the run that was asked for\n" +
                 end);
   EXPECT_EQ(answer("newer_minor"), "error[C0603]: plugin was built for another Cardan\n" + place +
-                                       "  expected: ABI 2.0 to 2.1\n  got:      ABI 2.99\n"
+                                       "  expected: ABI 2.0 to 2.2\n  got:      ABI 2.99\n"
                                        "  hint:     rebuild it against core/abi/cardan_abi.h of this version\n" +
                                        end);
   EXPECT_EQ(answer("short_table"),
@@ -487,6 +487,9 @@ INSTANTIATE_TEST_SUITE_P(
                     LateFault{"code_device", "N0501", "device pusher (late/push, ./p.so): evaluate: it has had enough"},
                     LateFault{"overrun_device", "N0503", "device pusher (late/push, ./p.so): evaluate writes beyond its arrays"},
                     LateFault{"hidden_device", "N0503", "device pusher (late/push, ./p.so): evaluate gives other numbers"},
+                    LateFault{"throw_impulse", "N0503", "device pusher (late/push, ./p.so): impulse throws: no luck today"},
+                    LateFault{"nan_impulse", "N0501", "device pusher (late/push, ./p.so): impulse: force at at = nan"},
+                    LateFault{"code_impulse", "N0501", "device pusher (late/push, ./p.so): impulse: it has had enough"},
                     LateFault{"throw_field", "N0503", "field air (late/air, ./p.so): evaluate throws: no luck today"},
                     LateFault{"nan_field", "N0501", "device pusher (late/push, ./p.so): the field air (late/air, ./p.so) is not finite"},
                     LateFault{"code_field", "N0501", "the field air (late/air, ./p.so): evaluate returned -1"},

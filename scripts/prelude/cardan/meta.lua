@@ -488,13 +488,17 @@ function Load:set(mx, my, mz, fx, fy, fz) end
 ---@class Device
 local Device = {}
 --- Sets an input that is not connected, held until it is set again.
----@param input string its name, as `cardan types TYPE` tells
----@param value number in the unit of the input
+---@param input string its name, as `cardan types TYPE` tells; "torque" is torque_x, torque_y and torque_z, or torque_1 to torque_n
+---@param value number|number[] in the unit of the input; of a vector a list
 function Device:set(input, value) end
---- An output, an input, a state or a mark, by its name.
+--- An output, an input, a state or a mark, by its name; a vector of outputs or inputs by the name that they share.
 ---@param name string
----@return number value
+---@return number|number[] value
 function Device:get(name) end
+--- Whether an output holds, by what its device says of it; true where that says nothing.
+---@param output string its name, or that of a vector
+---@return boolean valid
+function Device:valid(output) end
 
 -- ---- vectors and matrices ----
 

@@ -52,13 +52,20 @@ void mass(const void* packed, const double* eta, double* M_rr, double* M_re, dou
 
 const cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_NODE, CARDAN_USE_POSE | CARDAN_USE_LOAD, "a node"},
                                     {"air", CARDAN_MOUNT_FIELD, CARDAN_DENSITY, "a field"}};
-const cardan_port_desc ports[] = {{"density", CARDAN_PORT_OUT, "kg/m^3", 0.0, 0, "of the air", nullptr, 0}};
+const cardan_port_desc ports[] = {{"density", CARDAN_PORT_OUT, "kg/m^3", 0.0, 0, "of the air", nullptr, 0, nullptr}};
 const cardan_state_desc states[] = {{"sum", "s", 0.0, 1.0, "grows with time"}};
 int push(const cardan_device_args* a, cardan_device_out* o) {
   if (fault("code_device")) return 7;
   if (fault("overrun_device")) o->zdot[1] = 3.0;
   o->load[0].force[1] = 1e-3 + fault_in("throw_device", "nan_device", "hidden_device");
   o->zdot[0] = 1.0, o->out[0] = a->mount[1].field[0];
+  return 0;
+}
+void at_root(const cardan_device_args* a, double* g) { g[0] = a->t - 0.76; }
+void pass(const cardan_device_args*, std::uint32_t, int, double*, double*) {}
+int impulse(const cardan_device_args*, std::uint32_t, int, cardan_mount_load* load) {
+  if (fault("code_impulse")) return 7;
+  load[0].force[1] = 1e-3 + fault_in("throw_impulse", "nan_impulse", "");
   return 0;
 }
 const char* explain(const void*, int code) { return code == 7 ? "it has had enough" : nullptr; }
@@ -86,6 +93,7 @@ const void* family(const char* kind, std::uint32_t i) {
   pusher.ports = ports, pusher.n_ports = 1, pusher.port_size = sizeof ports[0];
   pusher.states = states, pusher.n_states = 1, pusher.state_size = sizeof states[0];
   pusher.evaluate = push, pusher.explain = explain;
+  pusher.n_roots = 1, pusher.roots = at_root, pusher.event = pass, pusher.impulse = impulse;
   static cardan_field_family even{};
   even.struct_size = sizeof even, even.type = "late/air", even.summary = "even", even.quantity = CARDAN_DENSITY;
   even.facts = CARDAN_FIELD_STEADY, even.evaluate = air;

@@ -1,0 +1,92 @@
+// What devices push with all at once: velocities jump by M^-1 J* p, with p the impulses at nodes and hinges; poses stay
+// (docs/mathematics/devices.md, "Impulses").
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "core/dynamics/forward.hpp"
+#include "core/sim/simulation.hpp"
+
+namespace cardan {
+namespace {
+
+Eigen::Vector3d moment_of(const NodeWrench& w) { return to_eigen(w.f.n); }
+Eigen::Vector3d force_of(const NodeWrench& w) { return to_eigen(w.f.f); }
+
+}  // namespace
+
+void Simulation::ask_for_impulse(int device, std::uint32_t cause, int direction) {
+  bool good = false;
+  if (!unless_thrown([&] { good = devices_->impulse(device, cause, direction, impulse_.loads); }) || !good) fail(explain({}));
+  impulse_.by = device;
+}
+
+void Simulation::strike() {
+  if (impulse_.by < 0) return;
+  const Model& m = *model_;
+  const Device& d = m.devices.all[static_cast<std::size_t>(std::exchange(impulse_.by, -1))];
+  const std::vector<NodeWrench>& blows = impulse_.wrenches;
+  Eigen::VectorXd &hinges = impulse_.hinges, &f = impulse_.force, &jump = impulse_.jump;
+  impulse_.wrenches.clear();
+  hinges.setZero(m.nv);
+  for (std::size_t i = 0; i < d.mounts.size(); ++i) {
+    const cardan_mount_load& l = impulse_.loads[i];
+    if ((d.mounts[i].use & CARDAN_USE_LOAD) == 0) continue;
+    if (d.mounts[i].v >= 0) hinges[d.mounts[i].v] += l.tau;
+    const NodeWrench w{d.mounts[i].node, false, {{l.moment[0], l.moment[1], l.moment[2]}, {l.force[0], l.force[1], l.force[2]}}};
+    if (w.node >= 0 && !(moment_of(w).isZero(0.0) && force_of(w).isZero(0.0))) impulse_.wrenches.push_back(w);
+  }
+  if (blows.empty() && hinges.isZero(0.0)) return;
+
+  ledger();  // up to here
+  const Momentum p_before = momentum();
+  const Energy e_before = energy();
+  Balances::Integrals given = Balances::Integrals::Zero();
+  const auto add_half_of_work = [&](const Observer& o) {
+    for (const NodeWrench& w : blows) {
+      const NodeState n = o.node(w.node);
+      given[6] += 0.5 * (moment_of(w).dot(n.velocity.head<3>()) + force_of(w).dot(n.velocity.tail<3>()));
+    }
+    given[6] += 0.5 * hinges.dot(state_.v);
+  };
+  const Observer& o = observe();
+  for (const NodeWrench& w : blows) {
+    const NodeState n = o.node(w.node);
+    const Eigen::Vector3d in_world = n.R_WN * force_of(w);
+    given.head<3>() += in_world, given.segment<3>(3) += n.R_WN * moment_of(w) + n.position.cross(in_world);
+  }
+  add_half_of_work(o);
+
+  // Forward dynamics at rest, without gravity and what bends the modes: v' is then what one unit of time of these loads gives.
+  f = hinges;
+  for (const UserBody& u : m.user)
+    if (u.n_modes > 0)
+      if (const ModalData& modes = *m.flexible[static_cast<std::size_t>(m.bodies[static_cast<std::size_t>(u.sweep)].flexible)].data;
+          modes.K.size() > 0)
+        f.segment(u.etadot, u.n_modes).noalias() += modes.K * state_.q.segment(u.eta, u.n_modes);
+  // What a device holds gives way: its force has a limit, and an impulse has none.
+  for (const DeviceHold& h : m.devices.holds) own_->prescribed[static_cast<std::size_t>(h.v)] = 0;
+  impulse_.rest.setZero(m.nv), jump.resize(m.nv);
+  const Inputs in{
+      .q = state_.q.data(), .v = impulse_.rest.data(), .tau = f.data(), .vdot = impulse_.rest.data(), .wrenches = blows, .gravity = false};
+  if (!forward_dynamics(m, workspace_, in, jump.data())) fail(describe_breakdown(m, workspace_.breakdown, state_.t));
+  state_.v += jump;
+  rates_were_set_ = true;
+  changed();
+  if (!m.devices.holds.empty()) settle_holds();
+
+  add_half_of_work(observe());
+  const Momentum p = momentum();
+  const Energy e = energy();
+  // Where something else holds the vehicle, the ground or a given motion, what that gives comes from outside too.
+  const bool free = prescribed_.empty() && std::ranges::all_of(roots_, [&](int i) { return m.user[static_cast<std::size_t>(i)].nv == 6; });
+  if (!free) given << p.linear - p_before.linear, p.angular - p_before.angular, e.total() - e_before.total();
+  balances_.jump(given);
+  if (recorder_)
+    recorder_->note(
+        Note::event, state_.t,
+        {d.name, fmt::format("impulse: momentum {:.6g} N s, angular momentum {:.6g} N m s, energy {:+.6g} J",
+                             (p.linear - p_before.linear).norm(), (p.angular - p_before.angular).norm(), e.total() - e_before.total())});
+}
+
+}  // namespace cardan
