@@ -110,6 +110,13 @@ class Hdf5Recorder final : public Recorder {
       file_.write(path + "/left_out", 0.0);
     }
 
+    std::vector<std::string> names, units;
+    for (const StepInterval::Column& c : StepInterval().columns()) names.push_back(c.name), units.emplace_back(c.unit);
+    file_.make_rows("/run/steps/numbers", names.size(), kNotesPerBlock);
+    file_.set_attribute("/run/steps/numbers", "columns", names);
+    file_.set_attribute("/run/steps/numbers", "units", units);
+    file_.make_text_rows("/run/steps/worst", 1, kNotesPerBlock);
+
     file_.make_rows("/restart/checkpoints/t", 0, kCheckpointsPerBlock);
     file_.set_attribute("/restart/checkpoints/t", "unit", std::string("s"));
     file_.make_text_rows("/restart/checkpoints/text", 1, kCheckpointsPerBlock);
@@ -168,6 +175,12 @@ class Hdf5Recorder final : public Recorder {
     }
     // Lines and some warnings come from the middle of a script, which no failure of the disk may leave.
     if ((kind == Note::phase || kind == Note::event) && is_flush_due()) flush();
+  }
+
+  void steps(std::span<const double> numbers, const std::string& worst) override {
+    if (closed_) return;
+    steps_.insert(steps_.end(), numbers.begin(), numbers.end());
+    worst_.push_back(beginning(worst));
   }
 
   void left_out(Note kind, std::size_t more) override { notes_[static_cast<std::size_t>(kind)].left_out += more; }
@@ -264,10 +277,19 @@ class Hdf5Recorder final : public Recorder {
   void write_all() {
     write_block();
     write_notes();
+    write_steps();
     write_checkpoints();
-    Hdf5Rows rows{{"/time", rows_}, {"/channels/", rows_}, {"/restart/checkpoints/", n_checkpoints_}};
+    Hdf5Rows rows{{"/time", rows_}, {"/channels/", rows_}, {"/run/steps/", intervals_}, {"/restart/checkpoints/", n_checkpoints_}};
     for (const NoteKind& kind : note_kinds()) rows.emplace_back(notes_path(kind) + "/", notes_[static_cast<std::size_t>(kind.kind)].kept);
     file_.flush(rows);
+  }
+
+  void write_steps() {
+    if (worst_.empty()) return;
+    intervals_ += worst_.size();
+    file_.append_rows("/run/steps/numbers", steps_);
+    file_.append_rows("/run/steps/worst", worst_);
+    steps_.clear(), worst_.clear();
   }
 
   /// After the rows and notes up to them.
@@ -322,10 +344,12 @@ class Hdf5Recorder final : public Recorder {
   double flush_period_;
   Clock::time_point last_flush_;
   std::vector<Column> columns_;
-  std::size_t width_ = 0, blocks_ = 0;          // blocks: that were full
-  std::size_t rows_ = 0, n_checkpoints_ = 0;    // in the file
-  std::vector<double> times_, values_, block_;  // rows not yet in the file
-  std::vector<double> checkpoint_times_;        // of those not yet in the file
+  std::size_t width_ = 0, blocks_ = 0;                        // blocks: that were full
+  std::size_t rows_ = 0, intervals_ = 0, n_checkpoints_ = 0;  // in the file
+  std::vector<double> times_, values_, block_;                // rows not yet in the file
+  std::vector<double> steps_;                                 // of intervals not yet in the file
+  std::vector<std::string> worst_;
+  std::vector<double> checkpoint_times_;  // of those not yet in the file
   std::vector<std::string> checkpoints_;
   std::array<Notes, 4> notes_;  // by Note
   bool closed_ = false;

@@ -25,6 +25,7 @@ class RangeRecorder final : public Recorder {
   void row(double t, std::span<const double> values) override;
   void note(Note kind, double t, const std::vector<std::string>& texts) override;
   void left_out(Note kind, std::size_t more) override;
+  void steps(std::span<const double> numbers, const std::string& worst) override { ++counts_.intervals, recorder_.steps(numbers, worst); }
   void checkpoint(double t, const std::string& text) override { recorder_.checkpoint(t, text); }
   void attach(const std::string& name, const std::string& text) override { recorder_.attach(name, text); }
   void restart_state(double t, std::span<const double> x) override { recorder_.restart_state(t, x); }
@@ -34,11 +35,11 @@ class RangeRecorder final : public Recorder {
   /// By the path of each channel the SHA-256 of its rows so far, 8 bytes a number (IEEE 754, little-endian), as the dataset of run.h5 has
   /// them but that all NaN are the same; first that of the times, "time".
   std::vector<std::pair<std::string, std::string>> hashes() const;
-  /// Rows and notes of each kind so far.
+  /// Rows, intervals of the history of steps, and notes of each kind so far.
   struct Counts {
-    std::size_t rows = 0;
+    std::size_t rows = 0, intervals = 0;
     std::array<std::size_t, 4> notes{};  // by Note
-    void remember(Archive& archive) { archive(rows, std::span(notes)); }
+    void remember(Archive& archive) { archive(rows, intervals, std::span(notes)); }
   };
   const Counts& counts() const { return counts_; }
   /// While true, notes go nowhere: they are known already.

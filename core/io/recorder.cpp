@@ -20,4 +20,10 @@ void note(Recorder& recorder, const Warning& w) {
                  at.line > 0 ? fmt::format("{}:{}", at.file, at.line) : at.file, d.hint});
 }
 
+void note(Recorder& recorder, const StepInterval& interval) {
+  std::vector<double> numbers;
+  for (const StepInterval::Column& c : interval.columns()) numbers.push_back(c.value);
+  recorder.steps(numbers, interval.worst);
+}
+
 }  // namespace cardan

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/step_interval.hpp"
 #include "core/base/warnings.hpp"
 
 namespace cardan {
@@ -95,6 +96,9 @@ class Recorder {
   virtual void note(Note, double t, const std::vector<std::string>& texts) { static_cast<void>(t), static_cast<void>(texts); }
   /// So many more of a kind were only counted in the results that a run goes on from.
   virtual void left_out(Note, std::size_t more) { static_cast<void>(more); }
+  /// How the method went through a stretch of the run: the numbers of StepInterval::columns() and its worst component. Dropped where there
+  /// is no place for it.
+  virtual void steps(std::span<const double> numbers, const std::string& worst) { static_cast<void>(numbers), static_cast<void>(worst); }
   /// The state to resume from, and texts that are known at the end ("summary" -> JSON).
   virtual void attach(const std::string& name, const std::string& text) = 0;
   virtual void restart_state(double t, std::span<const double> x) = 0;
@@ -107,6 +111,7 @@ class Recorder {
 };
 
 void note(Recorder&, const Warning&);
+void note(Recorder&, const StepInterval&);
 
 /// HDF5 file; flushed every `flush_period` seconds of wall time. It is made beside `path`; begin() gives it its name, in place of what
 /// stood there, once all that stands before the first row is on disk and `ready` has returned: until then, and where either fails, nothing

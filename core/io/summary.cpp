@@ -1,8 +1,13 @@
 #include "core/io/summary.hpp"
 
+#include <algorithm>
+
 #include "core/io/json.hpp"
 
 namespace cardan {
+namespace {
+constexpr std::size_t kMostWorst = 20;
+}
 
 std::string_view name_of(Verdict v) {
   constexpr std::string_view kNames[] = {"passed", "failed", "interrupted", "aborted"};
@@ -25,6 +30,12 @@ std::string to_json(const Summary& s) {
   for (const auto& w : s.warnings.all()) warnings.push_back(to_json(w));
   Json hashes = Json::object();
   for (const auto& [channel, hash] : s.hashes) hashes[channel] = hash;
+  Json integration = Json::object(), worst = Json::array();
+  for (const StepInterval::Column& c : s.integration.columns()) integration[c.name] = c.value;
+  for (const char* told : {"begin", "end", "steps", "evaluations", "of_worst"}) integration.erase(told);  // elsewhere in it
+  for (std::size_t i = 0; i < std::min(s.worst.size(), kMostWorst); ++i)
+    worst.push_back({{"component", s.worst[i].first}, {"steps", s.worst[i].second}});
+  integration["worst"] = worst;
   const Json all = {
       {"scenario", s.scenario},
       {"verdict", name_of(s.verdict)},
@@ -49,6 +60,7 @@ std::string to_json(const Summary& s) {
       {"jacobian_products", s.jacobian_products},
       {"preconditioner_setups", s.preconditioner_setups},
       {"linear_iterations", s.linear_iterations},
+      {"integration", integration},
       {"figures", figures},
       {"warnings", warnings},
       {"warnings_left_out", s.warnings.left_out()},

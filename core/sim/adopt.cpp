@@ -82,6 +82,8 @@ void Simulation::take_in() {
   };
   const auto sums = [this] { return Sums{momentum(), energy()}; };
   const bool in_run = begun_;
+  if (in_run) doing_ = RestartCause::vehicle;
+  keep_steps();
   ledger();  // up to here
   const Sums were = in_run ? sums() : Sums{};
   const std::shared_ptr<const Model> before = model_;
@@ -123,6 +125,7 @@ void Simulation::take_in() {
   ++adopted_;
 
   make_integrator_once();
+  history_.resize(static_cast<int>(x_.size()));
   const auto found = std::ranges::count_if(map.device, [](int i) { return i >= 0; });
   if (devices_ && found < std::ssize(model_->devices.all)) start_devices(map.device);
   for (const DeviceMass& m : model_->devices.masses) {  // what is empty hangs on their parameters

@@ -21,6 +21,7 @@ void Simulation::remember(Archive& a) {
   a.block("schedule")(schedule_);
   if (a.reading() && !schedule_.stands_at(state_.t)) a.wrong("ticks of another time than that of the state");
   a.block("run")(steps_, last_output_, warned_stiff_, std::span(event_times_), events_seen_, limited_steps_, t_limited_);
+  a.block("history")(history_);
   a.block("ledger")(balances_);
   a.block("warnings")(warnings_);
   std::vector<double> row = row_;
@@ -34,7 +35,7 @@ void Simulation::start_anew(Archive& archive) {
   pack(x_.data());
   integrator_->restart(state_.t, x_.data());
   integrator_->remember(archive.block("integrator"));
-  restart_ = false;
+  restart_.reset();
 }
 
 Checkpoint Simulation::checkpoint() {
@@ -45,9 +46,11 @@ Checkpoint Simulation::checkpoint() {
     std::ranges::fill(last_set_, state_.t);
     start_devices();
     begin_ledger();
+    history_.begin(state_.t, static_cast<int>(x_.size()));
   }
   settle_holds();
   start_given_motion();
+  history_.restarted(restart_.value_or(RestartCause::checkpoint));
   Archive all;
   remember(all);
   start_anew(all);  // the integrator ends what it had begun
@@ -59,6 +62,7 @@ Checkpoint Simulation::checkpoint() {
 void Simulation::resume(const Checkpoint& checkpoint) {
   sample_devices(true);
   Archive all(checkpoint);
+  history_.resize(model_->nq + model_->nv + model_->devices.n_z);
   remember(all);
   tau_total_ = tau_;
   changed();

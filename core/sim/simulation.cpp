@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 #include <stdexcept>
+#include <tuple>
 
 #include "core/base/finite.hpp"
 #include "core/base/noise.hpp"
@@ -116,26 +117,39 @@ void Simulation::weigh() {
   if (own_) own_->weigh(state_.z.data(), state_.marks.data(), device);
 }
 
-/// `state`: index into [q, v, z].
-RunFailure Simulation::not_finite(int state, double value) const {
+/// Body or device, and which of its states; `state`: index into [q, v, z].
+std::pair<std::string, std::string> Simulation::named_state(int state) const {
   const Model& m = *model_;
-  RunFailure f{Code::not_finite, state_.t, "", "", "", "too large a step, or a command that grows without limit?", ""};
   for (const Device& d : m.devices.all) {
     const int i = state - m.nq - m.nv - d.z;
-    if (i < 0 || i >= static_cast<int>(d.family->n_states)) continue;
-    f.body = d.name;
-    f.what = d.family->states[i].name;
+    if (i >= 0 && i < static_cast<int>(d.family->n_states)) return {d.name, d.family->states[i].name};
   }
+  const bool is_q = state < m.nq;
   for (const UserBody& u : m.user) {
-    const bool is_q = state < m.nq;
+    const int i = is_q ? state - u.q : state - m.nq - u.v;
     const auto& names = is_q ? u.q_names : u.v_names;
-    const int i = is_q ? state - u.q : state - m.nq - u.v, n = static_cast<int>(names.size());
-    if (i < 0 || i >= n + u.n_modes) continue;
-    f.body = u.name;
-    f.what = i < n ? names[static_cast<std::size_t>(i)] : fmt::format("mode {}", i - n + 1);
+    if (i >= 0 && i < std::ssize(names)) return {u.name, names[static_cast<std::size_t>(i)]};
+    const int mode = is_q ? state - u.eta : state - m.nq - u.etadot;
+    if (u.n_modes > 0 && mode >= 0 && mode < u.n_modes) return {u.name, fmt::format("mode {}", mode + 1)};
   }
+  return {"", fmt::format("state {}", state)};
+}
+
+RunFailure Simulation::not_finite(int state, double value) const {
+  RunFailure f{Code::not_finite, state_.t, "", "", "", "too large a step, or a command that grows without limit?", ""};
+  std::tie(f.body, f.what) = named_state(state);
   f.what += std::isnan(value) ? " = nan" : value > 0 ? " = inf" : " = -inf";
   return f;
+}
+
+void Simulation::keep_steps() {
+  if (!integrator_) return;
+  const auto name = [this](int state) {
+    const auto [body, what] = named_state(state);
+    return body + "." + what;
+  };
+  const StepInterval* interval = history_.close(state_.t, statistics(), name);
+  if (interval && recorder_) note(*recorder_, *interval);
 }
 
 void Simulation::expect_finite(const std::vector<double>& x) {
@@ -174,7 +188,14 @@ RunFailure Simulation::explain(const RunFailure& failure) const {
             "its parameters and inputs; what it reads may be outside of what it is made for",
             ""};
   }
-  if (bad_rate_ < 0) return failure;
+  if (bad_rate_ < 0) {
+    RunFailure f = failure;
+    if (f.code != Code::step_too_small || integrator_->worst() < 0) return f;
+    std::string state;
+    std::tie(f.body, state) = named_state(integrator_->worst());
+    f.what += fmt::format(", most of it that of {}", state);
+    return f;
+  }
   RunFailure f = not_finite(model_->nq + bad_rate_, vdot_bad_);
   if (!culprit_.empty()) f.hint = culprit_;
   return f;
@@ -1109,6 +1130,7 @@ void Simulation::fail(RunFailure failure) {
   if (recorder_) {
     std::vector<double> x(static_cast<std::size_t>(model_->nq + model_->nv + model_->devices.n_z));
     pack(x.data());
+    keep_steps();
     recorder_->restart_state(state_.t, x);
     recorder_->flush();
   }

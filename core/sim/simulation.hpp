@@ -3,6 +3,7 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,7 @@
 #include "core/sim/motion_profile.hpp"
 #include "core/sim/run_profile.hpp"
 #include "core/sim/schedule.hpp"
+#include "core/sim/step_history.hpp"
 #include "core/time/integrator.hpp"
 
 namespace cardan {
@@ -137,6 +139,15 @@ class Simulation {
   bool stopped() const { return stopped_; }
 
   // The run ----------------------------------------------------------------------------------------------------------
+  /// Before the run: the recorder gets how the method went through each of these intervals, from StepHistory. A multiple of the period of
+  /// record() adds no instant.
+  void record_steps(Rational period) {
+    every(period, [this] { keep_steps(); });
+  }
+  /// Between steps: ends an interval of the history here, as run() does at its end.
+  void keep_steps();
+  const StepHistory& step_history() const { return history_; }
+
   /// Runs to t_end, or until stop(). `progress` is called between steps. Throws NumericsError; then all results up to the
   /// last accepted state are written.
   void run(double t_end, const std::function<void(double t)>& progress = {});
@@ -185,7 +196,10 @@ class Simulation {
  private:
   void build();
   void take_in();
-  void changed() { weigh(), restart_ = true, observed_ = ledger_known_ = false; }
+  void changed() { weigh(), start_anew_for(doing_), observed_ = ledger_known_ = false; }
+  void start_anew_for(RestartCause cause) {
+    if (!restart_) restart_ = cause;
+  }
   void weigh();
   bool rates(double t, const double* x, double* xdot);
   bool rhs(double t, const double* x, double* xdot);
@@ -241,6 +255,7 @@ class Simulation {
   void say_stiff();
   void expect_finite(const std::vector<double>& x);
   std::string name_of(int v_index) const;
+  std::pair<std::string, std::string> named_state(int state) const;
   RunFailure not_finite(int state, double value) const;
   RunFailure explain(const RunFailure&) const;
   [[noreturn]] void fail(RunFailure failure);
@@ -344,7 +359,10 @@ class Simulation {
   double last_output_ = -1.0;
   std::string why_;
   std::unique_ptr<RunProfile> times_;
-  bool restart_ = true, observed_ = false, stopped_ = false, begun_ = false, world_rates_ = false;
+  std::optional<RestartCause> restart_ = RestartCause::start;  // of the integrator, before its next step
+  RestartCause doing_ = RestartCause::start;                   // why it starts anew where something changes now
+  StepHistory history_;
+  bool observed_ = false, stopped_ = false, begun_ = false, world_rates_ = false;
   bool rates_were_set_ = false;  // from outside, since settle_holds()
   soa::Breakdown breakdown_;
   int bad_rate_ = -1;      // index into v' of a value that is not finite, in the last step

@@ -14,6 +14,11 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
   const Stopwatch watch(timed(&RunProfile::run));
   sample_devices(true);
   make_integrator_once();
+  history_.begin(state_.t, static_cast<int>(x_.size()));
+  const struct Outside {
+    ~Outside() { doing = RestartCause::start; }
+    RestartCause& doing;
+  } after{doing_};
   if (!begun_) {
     begun_ = true;
     schedule_.start(state_.t);
@@ -26,6 +31,7 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
   t_end_ = t_end;
   looked_at_ = steps_, t_looked_at_ = state_.t;
   while (!stopped_) {
+    doing_ = RestartCause::tick;
     tick();  // controllers, then outputs, in the order they were registered
     expire_commands();
     if (next_model_) take_in();
@@ -35,6 +41,7 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
     expect_progress();
     if (progress) progress(state_.t);
   }
+  keep_steps();
   write_outputs();
 }
 
@@ -46,7 +53,8 @@ void Simulation::step(double t_stop) {
     start_closed();
     pack(x_.data());
     integrator_->restart(state_.t, x_.data());
-    restart_ = false;
+    history_.restarted(*restart_);
+    restart_.reset();
   }
   breakdown_ = {};
   bad_rate_ = -1;
@@ -60,8 +68,10 @@ void Simulation::step(double t_stop) {
     const Stopwatch watch(timed(&RunProfile::step));
     report = integrator_->step(t_stop, x_.data());
   } catch (const NumericsError& e) {
+    history_.failed(integrator_->worst());
     fail(explain(e.failure()));
   }
+  history_.stepped(report, report.t - state_.t, integrator_->worst());
   stretch_ = std::numeric_limits<double>::infinity();
   ++steps_;
   if (!thrown_.empty()) fail(explain({}));
@@ -71,15 +81,17 @@ void Simulation::step(double t_stop) {
   if (!model_->fields.empty()) expect_within_fields();
   observed_ = ledger_known_ = false;
   if (report.stiff) say_stiff();
+  doing_ = RestartCause::event;
   if (report.event) handle_events(report.crossed);
   if (report.event) {
     const auto [corners, devices] =
         std::pair(report.crossed.subspan(events_.size(), limits_.size()), report.crossed.subspan(events_.size() + limits_.size()));
     if (device_events(devices) || std::ranges::any_of(corners, [](int side) { return side != 0; }))
-      restart_ = true;  // a stop begins or ends to push, a device changed: a corner
+      start_anew_for(RestartCause::event);  // a stop begins or ends to push, a device changed: a corner
   }
-  if (drifted_ && integrator_->name().starts_with("cvode")) restart_ = true;  // of multi-step methods: their history is not on closed loops
-  if (report.t == corner) restart_ = true;                                    // v' of a prescribed motion jumps here
+  // v' of a prescribed motion jumps at a corner; the history of a multi-step method is not on closed loops.
+  if (report.t == corner) start_anew_for(RestartCause::corner);
+  if (drifted_ && integrator_->name().starts_with("cvode")) start_anew_for(RestartCause::loops);
 }
 
 // x' = [ N(q) v ; v' ; z' ],  v' = M^-1 (tau + springs + devices - C + gravity + wrenches) by the articulated sweeps.

@@ -8,7 +8,9 @@
 #include <sunlinsol/sunlinsol_spgmr.h>
 #include <sunmatrix/sunmatrix_dense.h>
 #include <sunnonlinsol/sunnonlinsol_fixedpoint.h>
+#include <sunnonlinsol/sunnonlinsol_newton.h>
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <exception>
@@ -82,10 +84,16 @@ class Cvode final : public Integrator {
       check(CVodeSVtolerances(m, relative_, wrap(absolute).get()), "CVodeSVtolerances");  // copied
     else
       check(CVodeWFtolerances(m, &Cvode::error_weights), "CVodeWFtolerances");
-    check(CVodeSetMaxStep(m, options.max_step), "CVodeSetMaxStep");
+    max_step_ = options.max_step;
+    check(CVodeSetMaxStep(m, max_step_), "CVodeSetMaxStep");
     check(CVodeSetInitStep(m, options.initial_step), "CVodeSetInitStep");
     // Orders 3 to 5 are unstable for modes with little damping.
     if (stiff) check(CVodeSetStabLimDet(m, SUNTRUE), "CVodeSetStabLimDet");
+    nonlinear_.reset(stiff ? SUNNonlinSol_Newton(x_vector_.get(), context_.get())
+                           : SUNNonlinSol_FixedPoint(x_vector_.get(), 0, context_.get()));
+    solve_ = std::exchange(nonlinear_->ops->solve, &Cvode::solve);
+    check(CVodeSetNonlinearSolver(m, nonlinear_.get()), "CVodeSetNonlinearSolver");
+    explicit_ = !stiff;
     if (stiff && options.linear_solver == "krylov" && problem_.n > 0) {
       use_krylov();
     } else if (stiff) {
@@ -93,10 +101,6 @@ class Cvode final : public Integrator {
       linear_.reset(SUNLinSol_Dense(x_vector_.get(), matrix_.get(), context_.get()));
       check(CVodeSetLinearSolver(m, linear_.get(), matrix_.get()), "CVodeSetLinearSolver");
       check(CVodeSetJacFn(m, &Cvode::jacobian), "CVodeSetJacFn");
-    } else {
-      explicit_ = true;
-      fixed_point_.reset(SUNNonlinSol_FixedPoint(x_vector_.get(), 0, context_.get()));
-      check(CVodeSetNonlinearSolver(m, fixed_point_.get()), "CVodeSetNonlinearSolver");
     }
   }
 
@@ -114,15 +118,16 @@ class Cvode final : public Integrator {
     report.t = t_;
     if (t_ < t_stop) {
       if (t_ == t_internal_) {  // else an event ended the last step inside of CVODES' own
-        advance(t_stop);
+        report.limit = advance(t_stop);
         report.stiff = explicit_ && steps_ % kStiffness == 0 && stiff();
       }
       report.t = std::min(t_internal_, t_stop);
       if (problem_.n_roots > 0) {
         report.event = events_.find(report.t, [this](double t) { return state_at(t); });
-        if (report.event) report.crossed = events_.crossed();
+        if (report.event) report.crossed = events_.crossed(), report.limit = StepLimit::stop;
       }
       t_ = report.t;
+      CVodeGetLastOrder(memory_.get(), &report.order);
     }
     interpolate(t_, x);
     return report;
@@ -135,8 +140,8 @@ class Cvode final : public Integrator {
   void remember(Archive& archive) override {
     std::vector<double> y(rates_);
     quadrature_.at(t_, y.data());
-    archive(std::span(y), error_sum_, linear_before_.products, linear_before_.iterations, unconverged_, unconverged_before_,
-            integrand_calls_, steps_, rhs_calls_, restarts_, rejected_before_, setups_, events_);
+    archive(std::span(y), error_sum_, linear_before_.products, linear_before_.iterations, unconverged_, integrand_calls_, steps_,
+            rhs_calls_, restarts_, rejected_, setups_, events_);
     if (archive.reading()) quadrature_.begin_stretch_at(y.data());
   }
 
@@ -146,7 +151,7 @@ class Cvode final : public Integrator {
     s.rhs_calls = rhs_calls_;
     s.integrand_calls = integrand_calls_;
     s.error_sum = error_sum_;
-    s.rejected = rejected_before_ + rejected();
+    s.rejected = rejected_;
     s.root_evaluations = events_.evaluations();
     s.restarts = restarts_;
     const LinearCounts linear = linear_counts();
@@ -157,6 +162,8 @@ class Cvode final : public Integrator {
     CVodeGetLastOrder(memory_.get(), &s.last_order);
     return s;
   }
+
+  int worst() const override { return worst_; }
 
   std::string_view name() const override { return name_; }
 
@@ -297,39 +304,75 @@ class Cvode final : public Integrator {
 
   /// x_ becomes the state at t.
   void start_at(double t) {
-    rejected_before_ += rejected();
-    long failed = 0;
-    CVodeGetNumNonlinSolvConvFails(memory_.get(), &failed);
-    unconverged_before_ += failed;
     const LinearCounts linear = linear_counts();
     linear_before_.products += linear.products, linear_before_.iterations += linear.iterations;
     check(CVodeReInit(memory_.get(), t, x_vector_.get()), "CVodeReInit");
+    unsolved_ = 0;
     t_internal_ = t;
   }
 
-  void advance(double t_stop) {
+  StepLimit advance(double t_stop) {
     constexpr double eps = std::numeric_limits<double>::epsilon();
     if (t_stop - t_ <= 8.0 * eps * std::max(std::abs(t_), std::abs(t_stop))) {  // too close for CVODES to start
       quadrature_.begin_stretch(t_);
-      return start_at(t_stop);
+      start_at(t_stop);
+      return StepLimit::stop;
     }
     if (problem_.project && off_manifold()) {
       x_ = x_out_;
       start_at(t_);
     }
     trouble_.clear();
+    tried_ = rejected_in_step_ = false;
+    worst_ = -1;
     check(CVodeSetStopTime(memory_.get(), t_stop), "CVodeSetStopTime");
     const int flag = CVode(memory_.get(), t_stop, x_vector_.get(), &t_internal_, CV_ONE_STEP);
     if (thrown_) std::rethrow_exception(std::exchange(thrown_, nullptr));
+    if (flag == CV_ERR_FAILURE) reject_last_trial();
+    if (flag < 0 && flag != CV_ERR_FAILURE) worst_ = -1;
+    long unsolved = 0;
+    CVodeGetNumNonlinSolvConvFails(memory_.get(), &unsolved);
+    const long failed = unsolved - std::exchange(unsolved_, unsolved);
+    (trouble_.empty() ? rejected_.not_converged : rejected_.not_evaluated) += failed;
     if (flag < 0) fail(flag);
     if (t_internal_ != t_stop && t_internal_ - t_ <= 8.0 * eps * std::abs(t_)) fail(CV_ERR_FAILURE);
     ++steps_;
-    if (problem_.n_quadrature == 0) return;
-    add_node(t_internal_, x_.data());
-    if (steps_ % kSampled != 0) return;
-    CVodeGetEstLocalErrors(memory_.get(), errors_vector_.get());
-    CVodeGetErrWeights(memory_.get(), weights_vector_.get());  // those of the next step
-    error_sum_ += kSampled * std::min(1.0, N_VWrmsNorm(errors_vector_.get(), weights_vector_.get()));
+    if (problem_.n_quadrature > 0) {
+      add_node(t_internal_, x_.data());
+      if (steps_ % kSampled == 0) {
+        CVodeGetEstLocalErrors(memory_.get(), errors_vector_.get());
+        CVodeGetErrWeights(memory_.get(), weights_vector_.get());  // those of the next step
+        error_sum_ += kSampled * std::min(1.0, N_VWrmsNorm(errors_vector_.get(), weights_vector_.get()));
+      }
+    }
+    double h = 0.0;
+    CVodeGetLastStep(memory_.get(), &h);
+    if (rejected_in_step_) return worst_ = blamed_, StepLimit::error;
+    if (worst_ < 0 || failed > 0 || (max_step_ > 0.0 && h >= max_step_)) return StepLimit::given;
+    return flag == CV_TSTOP_RETURN ? StepLimit::stop : StepLimit::error;
+  }
+
+  /// CVODES' own solver, and a look at the correction that each trial comes to: of trials that are rejected CVODES tells no errors.
+  static int solve(SUNNonlinearSolver solver, N_Vector x, N_Vector correction, N_Vector weights, double tolerance, int setup,
+                   void* memory) {
+    void* self = nullptr;
+    CVodeGetUserData(memory, &self);
+    auto* me = static_cast<Cvode*>(self);
+    me->reject_last_trial();
+    const int flag = me->solve_(solver, x, correction, weights, tolerance, setup, memory);
+    if (flag != SUN_NLS_SUCCESS) return flag;
+    me->share_ = Eigen::Map<const Eigen::ArrayXd>(N_VGetArrayPointer(correction), me->n_) *
+                 Eigen::Map<const Eigen::ArrayXd>(N_VGetArrayPointer(weights), me->n_);
+    me->worst_ = me->problem_.n > 0 ? largest_of(me->share_.data(), me->n_) : -1;
+    me->tried_ = true;
+    return flag;
+  }
+  /// If there was one in this step: another one follows, or none.
+  void reject_last_trial() {
+    if (!std::exchange(tried_, false)) return;
+    count_rejection(rejected_, problem_, worst_);
+    rejected_in_step_ = true;
+    blamed_ = worst_;
   }
 
   /// How far a projection moves x_ does not matter (f is linear in unit quaternions, the history is not touched), until it is
@@ -345,9 +388,7 @@ class Cvode final : public Integrator {
   /// Whether the fixed-point iteration has failed in a tenth of the steps since the last look: it converges while h times the
   /// largest eigenvalue is about 1 at most.
   bool stiff() {
-    long failed = 0;
-    CVodeGetNumNonlinSolvConvFails(memory_.get(), &failed);
-    failed += unconverged_before_;
+    const long failed = rejected_.not_converged + rejected_.not_evaluated;
     return failed - std::exchange(unconverged_, failed) > kStiffness / 10;
   }
 
@@ -380,13 +421,6 @@ class Cvode final : public Integrator {
     return x_out_.data();
   }
 
-  long rejected() const {
-    long error_tests = 0, convergence = 0;
-    CVodeGetNumErrTestFails(memory_.get(), &error_tests);
-    CVodeGetNumNonlinSolvConvFails(memory_.get(), &convergence);
-    return error_tests + convergence;
-  }
-
   struct LinearCounts {
     long products = 0, iterations = 0;
   };
@@ -413,7 +447,8 @@ class Cvode final : public Integrator {
   Vector x_vector_, x_out_vector_, weights_vector_, errors_vector_;
   Owned<SUNMatrix, SUNMatDestroy> matrix_;
   Owned<SUNLinearSolver, SUNLinSolFree> linear_;
-  Owned<SUNNonlinearSolver, SUNNonlinSolFree> fixed_point_;
+  Owned<SUNNonlinearSolver, SUNNonlinSolFree> nonlinear_;
+  decltype(std::declval<SUNNonlinearSolver>()->ops->solve) solve_ = nullptr;  // as CVODES have it
   std::unique_ptr<void, Freed<free_memory>> memory_;
   double t_ = 0.0, t_internal_ = 0.0;  // [s] reported to the caller; reached by CVODES, >= t_
   bool krylov_ = false, explicit_ = false;
@@ -422,9 +457,15 @@ class Cvode final : public Integrator {
   LinearCounts linear_before_;
   static constexpr int kSampled = 4;        // steps to each whose error is looked at
   static constexpr long kStiffness = 1000;  // steps between two looks
-  long unconverged_ = 0, unconverged_before_ = 0, integrand_calls_ = 0;
-  long steps_ = 0, rhs_calls_ = 0, restarts_ = 0, rejected_before_ = 0, setups_ = 0;
-  std::string trouble_;  // why the right-hand side was refused last
+  long unconverged_ = 0, integrand_calls_ = 0;
+  long steps_ = 0, rhs_calls_ = 0, restarts_ = 0, setups_ = 0;
+  Rejections rejected_;
+  long unsolved_ = 0;                              // trials of CVODES since the last start that are counted
+  bool tried_ = false, rejected_in_step_ = false;  // a trial was solved, and not yet rejected; one was
+  Eigen::ArrayXd share_;                           // of each state in the correction of the last trial
+  int worst_ = -1, blamed_ = -1;                   // the largest of them; of a trial that was rejected
+  double max_step_ = 0.0;                          // [s] 0 = none
+  std::string trouble_;                            // why the right-hand side was refused last
   std::exception_ptr thrown_;
 };
 

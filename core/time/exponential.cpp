@@ -25,7 +25,7 @@ class Exponential final : public Integrator {
         absolute_(Eigen::Map<const Eigen::ArrayXd>(problem_.absolute_tolerance.data(), n_)) {
     const std::vector<double> weights = group_weights(problem_.group);
     weight_ = Eigen::Map<const Eigen::ArrayXd>(weights.data(), static_cast<Eigen::Index>(weights.size()));
-    for (Eigen::ArrayXd* x : {&z0_, &z1_, &stage_, &xdot_, &e_, &size_, &size_1_}) x->setZero(n_);
+    for (Eigen::ArrayXd* x : {&z0_, &z1_, &stage_, &xdot_, &e_, &share_, &size_, &size_1_}) x->setZero(n_);
     for (Eigen::ArrayXd* r : {&r_n_, &r_a_, &r_b_, &r_1_, &r_2_, &zero_}) r->setZero(linear_.size());
     for (Eigen::ArrayXd& g : g_) g.setZero(n_y_);
     y0_.setZero(n_y_), y1_.setZero(n_y_);
@@ -46,11 +46,13 @@ class Exponential final : public Integrator {
     if (t1_ < t_stop) {
       begin();
       ++statistics_.steps;
-      adaptive_step(t_stop);
+      report.limit = adaptive_step(t_stop);
       if (problem_.n_roots > 0) find_event(report);
+      if (report.event) report.limit = StepLimit::stop;
       statistics_.last_step = t1_ - t0_;
     }
     report.t = t1_;
+    report.order = kOrder;
     std::copy_n(z1_.data(), n_, x);
     return report;
   }
@@ -76,13 +78,17 @@ class Exponential final : public Integrator {
   IntegratorStatistics statistics() const override {
     IntegratorStatistics s = statistics_;
     s.root_evaluations = events_.evaluations();
-    s.last_order = 3;
+    s.last_order = kOrder;
     return s;
   }
+
+  int worst() const override { return worst_; }
 
   std::string_view name() const override { return "exponential"; }
 
  private:
+  static constexpr int kOrder = 3;
+
   bool rhs(double t, const Eigen::ArrayXd& z, int stage, Eigen::ArrayXd& r) {
     ++statistics_.rhs_calls;
     bad_ = -1;
@@ -112,10 +118,11 @@ class Exponential final : public Integrator {
     linear_.sizes(z0_.data(), size_.data());
   }
 
-  double norm(const auto& value) const {
+  double norm(const auto& value) {
     if (n_ == 0) return 0.0;
-    const auto error = value / (absolute_ + options_.relative_tolerance * size_.max(size_1_));
-    return std::sqrt(weight_.size() == 0 ? error.square().mean() : (weight_ * error).square().mean());
+    share_ = value / (absolute_ + options_.relative_tolerance * size_.max(size_1_));
+    if (weight_.size() != 0) share_ *= weight_;
+    return std::sqrt(share_.square().mean());
   }
 
   /// The estimated error of the step, 1 = what is allowed; infinite where a stage cannot be evaluated.
@@ -151,30 +158,37 @@ class Exponential final : public Integrator {
     return left * std::exp2(-std::ceil(std::log2(left / wanted) - 1e-9));
   }
 
-  void adaptive_step(double t_stop) {
+  StepLimit adaptive_step(double t_stop) {
     constexpr int max_rejections = 40;
     const double left = t_stop - t0_;
     if (!(h_ > 0.0)) h_ = std::min(left, 1.0);
+    worst_ = -1;
     for (int rejections = 0;; ++rejections) {
-      if (options_.max_step > 0.0) h_ = std::min(h_, options_.max_step);
-      h_ = std::min(h_, linear_.longest_step());
+      const double longest = options_.max_step > 0.0 ? std::min(options_.max_step, linear_.longest_step()) : linear_.longest_step();
+      h_ = std::min(h_, longest);
       const double h = fitting(h_, left);
       const double error = try_step(h == left ? t_stop : t0_ + h, h);
       const double factor = std::clamp(0.9 * std::pow(error, -1.0 / 3), 0.2, 4.0);
       if (error <= 1.0) {
+        const bool is_longest = h_ == longest, cut = h_ > left;
         const double next = h * (rejections > 0 ? std::min(factor, 1.0) : factor);
         h_ = h < h_ ? std::max(next, h_) : next;
         statistics_.error_sum += error;
         if (problem_.project) problem_.project(t1_, z1_.data());
-        return;
+        if (rejections > 0) return worst_ >= 0 ? StepLimit::error : StepLimit::given;
+        if (cut || is_longest) return cut ? StepLimit::stop : StepLimit::given;
+        worst_ = largest_of(share_.data(), n_);
+        return worst_ >= 0 ? StepLimit::error : StepLimit::given;
       }
-      ++statistics_.rejected;
+      worst_ = std::isfinite(error) ? largest_of(share_.data(), n_) : -1;
+      count_rejection(statistics_.rejected, problem_, worst_);
       h_ = h * (error > 1.0 && factor < 1.0 ? std::max(factor, 0.25) : 0.25);
       if (rejections == max_rejections || h_ < 16.0 * std::numeric_limits<double>::epsilon() * std::abs(t0_))
-        fail_integration(Code::step_too_small, t0_,
-                         fmt::format("step = {:.3g} s after {} rejections: {}", h_, rejections + 1,
-                                     std::isfinite(error) ? "the error stays above the tolerance" : trouble()),
-                         "a discontinuity that is no event, a singularity, or a fast motion that is not linear: dopri5, cvode_bdf");
+        fail_integration(
+            Code::step_too_small, t0_,
+            fmt::format("step = {:.3g} s after {} rejections: {}", h_, rejections + 1,
+                        std::isfinite(error) ? fmt::format("the error is {:.3g} times what the tolerances allow", error) : trouble()),
+            "a discontinuity that is no event, a singularity, or a fast motion that is not linear: dopri5, cvode_bdf");
     }
   }
 
@@ -206,12 +220,13 @@ class Exponential final : public Integrator {
   int n_, n_y_;
   double t0_ = 0.0, t1_ = 0.0, step_ = 0.0;  // [s] begin and end of the last step; its length, which an event ended earlier
   double h_ = 0.0;                           // [s] the next step to try
+  int worst_ = -1;                           // state: of the last step or rejection
   bool started_ = false;
-  int bad_ = -1;                                               // state whose rate was no number in the last evaluation
-  Eigen::ArrayXd z0_, z1_, stage_, xdot_, e_, size_, size_1_;  // states
-  Eigen::ArrayXd r_n_, r_a_, r_b_, r_1_, r_2_, zero_;          // residuals of the stages; polynomials of them
-  std::array<Eigen::ArrayXd, 3> g_;                            // rates of the integrals
-  Eigen::ArrayXd y0_, y1_;                                     // integrals
+  int bad_ = -1;                                                       // state whose rate was no number in the last evaluation
+  Eigen::ArrayXd z0_, z1_, stage_, xdot_, e_, share_, size_, size_1_;  // states; share_: of each in the last error
+  Eigen::ArrayXd r_n_, r_a_, r_b_, r_1_, r_2_, zero_;                  // residuals of the stages; polynomials of them
+  std::array<Eigen::ArrayXd, 3> g_;                                    // rates of the integrals
+  Eigen::ArrayXd y0_, y1_;                                             // integrals
   Eigen::ArrayXd absolute_, weight_;
   IntegratorStatistics statistics_;
 };

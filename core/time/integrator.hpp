@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/base/checkpoint.hpp"
+#include "core/base/step_interval.hpp"
 
 namespace cardan {
 
@@ -83,7 +84,8 @@ struct IntegratorOptions {
 };
 
 struct IntegratorStatistics {
-  long steps = 0, rhs_calls = 0, rejected = 0, root_evaluations = 0, restarts = 0;
+  long steps = 0, rhs_calls = 0, root_evaluations = 0, restarts = 0;
+  Rejections rejected;
   long integrand_calls = 0;
   /// Sum over the steps of the estimated error of each over what the tolerances allow, at most 1 of an adaptive method; where there
   /// are integrals. rk4 estimates some of its steps.
@@ -94,7 +96,8 @@ struct IntegratorStatistics {
 
   /// What came after it.
   void add(const IntegratorStatistics& later) {
-    steps += later.steps, rhs_calls += later.rhs_calls, rejected += later.rejected, root_evaluations += later.root_evaluations;
+    steps += later.steps, rhs_calls += later.rhs_calls, root_evaluations += later.root_evaluations;
+    rejected.add(later.rejected);
     restarts += later.restarts, integrand_calls += later.integrand_calls, error_sum += later.error_sum;
     jacobian_products += later.jacobian_products, preconditioner_setups += later.preconditioner_setups;
     linear_iterations += later.linear_iterations;
@@ -106,9 +109,18 @@ struct IntegratorStatistics {
   }
 };
 
+/// What the length of a step follows from.
+enum class StepLimit {
+  error,  // that of Integrator::worst()
+  stop,   // t_stop, or an event
+  given   // a length, or a longest one, that was given or that the method is made for; one that could be evaluated or solved
+};
+
 /// Where a step ended, and which event functions crossed zero there: +1 rising, -1 falling, 0 not.
 struct StepReport {
   double t = 0.0;  // [s] reached
+  StepLimit limit = StepLimit::given;
+  int order = 0;  // of the method in this step
   bool event = false;
   std::span<const int> crossed;  // size n_roots when event; valid until the next step
   bool stiff = false;            // explicit methods: of late stability and not accuracy has set the steps
@@ -137,6 +149,9 @@ class Integrator {
   /// written, or taken over by a new integrator of the same method and problem, which goes on with the same bits.
   virtual void remember(Archive& archive) = 0;
   virtual IntegratorStatistics statistics() const = 0;
+  /// The state whose error was the largest part of that of the last step, or of a trial that shortened it or was the end of it, in the norm
+  /// that chose its length; -1: there was none.
+  virtual int worst() const { return -1; }
   virtual std::string_view name() const = 0;  // recorded in the result
 };
 

@@ -166,6 +166,7 @@ class RungeKutta final : public Integrator {
         work_(n_all_),
         inner_(n_all_),
         zero_(Eigen::ArrayXd::Zero(n_all_)),
+        share_(n_),
         k_(Eigen::ArrayXXd::Zero(n_all_, Method::stages)),
         absolute_(Eigen::Map<const Eigen::ArrayXd>(problem_.absolute_tolerance.data(), n_)) {
     const std::vector<double> weights = group_weights(problem_.group);
@@ -193,7 +194,7 @@ class RungeKutta final : public Integrator {
       begin();
       ++statistics_.steps;
       if constexpr (Method::adaptive) {
-        adaptive_step(t_stop);
+        report.limit = adaptive_step(t_stop);
         report.stiff = stiff();
       } else {
         fixed_step(t_stop);
@@ -201,9 +202,11 @@ class RungeKutta final : public Integrator {
       }
       if (problem_.n_roots > 0) find_event(report);
       if (problem_.n_quadrature > 0) add_node();
+      if (report.event) report.limit = StepLimit::stop;
       statistics_.last_step = t1_ - t0_;
     }
     report.t = t1_;
+    report.order = Method::order;
     std::copy_n(z1_.data(), n_, x);
     return report;
   }
@@ -231,6 +234,8 @@ class RungeKutta final : public Integrator {
     s.last_order = Method::order;
     return s;
   }
+
+  int worst() const override { return worst_; }
 
   std::string_view name() const override { return Method::name; }
 
@@ -367,39 +372,48 @@ class RungeKutta final : public Integrator {
     must_step(left <= 1.0 ? t_stop : t0_ + (t_stop - t0_) / left);
   }
 
-  void adaptive_step(double t_stop) requires(Method::adaptive) {
+  StepLimit adaptive_step(double t_stop) requires(Method::adaptive) {
     constexpr int max_rejections = 40;
     const double h_before = h_ > 0.0 ? h_ : first_guess();
     h_ = h_before;
     bool shortened = false;
+    worst_ = -1;
     for (int rejections = 0;; ++rejections) {
       if (options_.max_step > 0.0) h_ = std::min(h_, options_.max_step);
       const double left = t_stop - t0_;
       const double t1 = h_ >= left ? t_stop : 2.0 * h_ > left ? t0_ + 0.5 * left : t0_ + h_;
       const double h = t1 - t0_;
       shortened = h < h_;
-      const double error = try_step(t1) ? error_norm(h) : std::numeric_limits<double>::infinity();
+      const bool evaluated = try_step(t1);
+      const double error = evaluated ? error_norm(h) : std::numeric_limits<double>::infinity();
       const double factor = std::clamp(0.9 * std::pow(error, -1.0 / Method::order), 0.2, 5.0);
       if (error <= 1.0) {
+        const bool cut = 2.0 * h_ > left && h_ != left, longest = h_ == options_.max_step;
         const double next = h * (rejections > 0 ? std::min(factor, 1.0) : factor);
         h_ = shortened ? std::max(next, h_) : next;
         statistics_.error_sum += error;
-        return;
+        if (rejections > 0) return worst_ >= 0 ? StepLimit::error : StepLimit::given;
+        if (cut || longest) return cut ? StepLimit::stop : StepLimit::given;
+        worst_ = largest_of(share_.data(), n_);
+        return worst_ >= 0 ? StepLimit::error : StepLimit::given;
       }
-      ++statistics_.rejected;
+      worst_ = evaluated ? largest_of(share_.data(), n_) : -1;
+      count_rejection(statistics_.rejected, problem_, worst_);
       h_ = h * (error > 1.0 && factor < 1.0 ? factor : 0.2);  // 0.2 also when the error is not a number
       if (rejections == max_rejections || h_ < 16.0 * std::numeric_limits<double>::epsilon() * std::abs(t0_))
-        fail_integration(Code::step_too_small, t0_,
-                         fmt::format("step = {:.3g} s after {} rejections: {}", h_, rejections + 1,
-                                     std::isfinite(error) ? "the error stays above the tolerance" : trouble()),
-                         "a discontinuity that is no event, a singularity, or a stiff system (cvode_bdf)");
+        fail_integration(
+            Code::step_too_small, t0_,
+            fmt::format("step = {:.3g} s after {} rejections: {}", h_, rejections + 1,
+                        std::isfinite(error) ? fmt::format("the error is {:.3g} times what the tolerances allow", error) : trouble()),
+            "a discontinuity that is no event, a singularity, or a stiff system (cvode_bdf)");
     }
   }
 
   /// Root mean square over the states, or over their groups, of value / (absolute + relative * size).
-  double norm(const auto& value) const {
-    const auto error = value / (absolute_ + options_.relative_tolerance * z0_.head(n_).abs().max(z1_.head(n_).abs()));
-    return std::sqrt(weight_.size() == 0 ? error.square().mean() : (weight_ * error).square().mean());
+  double norm(const auto& value) {
+    share_ = value / (absolute_ + options_.relative_tolerance * z0_.head(n_).abs().max(z1_.head(n_).abs()));
+    if (weight_.size() != 0) share_ *= weight_;
+    return std::sqrt(share_.square().mean());
   }
 
   double error_norm(double h) {
@@ -472,6 +486,8 @@ class RungeKutta final : public Integrator {
   bool started_ = false, slope_known_ = false;
   int at_the_limit_ = 0, inside_ = 0;             // steps: of stability; since then not
   Eigen::ArrayXd z0_, z1_, work_, inner_, zero_;  // states and integrals: step begin, step end, trial, scratch; zeros
+  Eigen::ArrayXd share_;                          // of each state in the last norm
+  int worst_ = -1;                                // the largest of them
   Eigen::ArrayXXd k_;                             // slopes, one column per stage
   Eigen::ArrayXd absolute_, weight_;              // weight_: of groups, or empty
   IntegratorStatistics statistics_;

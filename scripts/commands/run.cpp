@@ -192,6 +192,7 @@ class RunCommand {
     const double wall_s = progress.wall_s(), cpu_s = static_cast<double>(std::clock() - cpu_before) / CLOCKS_PER_SEC;
     progress.clear();
     progress_ = nullptr;
+    if (!disk_is_full()) guarded([&] { scenario_->sim->keep_steps(); });
     std::optional<RunFailure> failure = std::move(summary_.failure);
     summary_ = run_summary(*scenario_, wall_s);
     summary_.failure = std::move(failure);
@@ -255,6 +256,7 @@ class RunCommand {
       }
       recorder_->row(from.times[i], row);
     }
+    for (const auto& [numbers, worst] : from.intervals) recorder_->steps(numbers, worst);
     for (const auto& [t, text] : from.checkpoints) recorder_->checkpoint(t, text);
   }
 

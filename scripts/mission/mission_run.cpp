@@ -13,6 +13,7 @@ namespace {
 
 constexpr const char* kPersist = "persist{}";  // acts where a checkpoint is made
 constexpr double kInstant = 1e-9;              // [s] what is closer than this happens at the same time
+constexpr double kMostIntervals = 500.0;       // of the history of steps, in the planned duration
 
 /// An error of a script during the run.
 RunFailure failure_of(const Diagnostic& d, const std::string& actor, double t) {
@@ -25,6 +26,14 @@ RunFailure failure_of(const Diagnostic& d, const std::string& actor, double t) {
   if (!d.got.empty()) f.what += "\n  got:      " + d.got;
   if (!d.stack.empty()) f.what += "\n  stack:    " + d.stack;
   return f;
+}
+
+/// Of the history of steps: whole periods of the output, in every run of a mission the same, however far it goes.
+Rational history_period(const MissionSpec& mission) {
+  const Rational& output = mission.output_period;
+  const double rows = mission.duration * static_cast<double>(output.denominator) / static_cast<double>(output.numerator);
+  const double most = static_cast<double>(Rational::kLargest / output.numerator);
+  return {output.numerator * static_cast<std::int64_t>(std::clamp(std::ceil(rows / kMostIntervals), 1.0, most)), output.denominator};
 }
 
 /// Whose function runs, as long as this is there.
@@ -71,6 +80,7 @@ MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Outpu
     sim.every(c.period, [this, &c, actor = fmt::format("controller \"{}\"", c.name)] { tick(c, actor); });
   if (s_.controllers.empty() && !s_.phases.empty()) sim.every(s_.mission.output_period, [this] { advance_phase(); });
   sim.record(recorder, std::move(outputs), s_.mission.output_period);
+  sim.record_steps(history_period(s_.mission));
   if (limits_.needed()) sim.every(s_.mission.output_period, [this] { limits_.see(*s_.sim); });
   if (const auto& period = s_.mission.checkpoint_period)
     sim.every(

@@ -53,6 +53,7 @@ class Reader {
                "local memory = persist { integral = 0.0 }, and memory.integral in the functions; --again begins at the start");
       read_rows(*point, counts.rows);
       read_notes(*point, counts);
+      read_steps(*point, counts.intervals);
     } catch (const CheckpointFault& fault) {
       wrong(texts, "a checkpoint of this program", fault.what(), {});
     }
@@ -152,6 +153,19 @@ class Reader {
         const auto first = texts.begin() + static_cast<std::ptrdiff_t>(i * columns);
         point.notes.push_back({kind.kind, times[i], {first, first + static_cast<std::ptrdiff_t>(columns)}});
       }
+    }
+  }
+
+  void read_steps(ResumePoint& point, std::size_t n) const {
+    const char* const path = "/run/steps/numbers";
+    const Hdf5Array<double> numbers = file_.read_doubles(path);
+    const std::vector<std::string> worst = file_.read_texts("/run/steps/worst");
+    const std::size_t columns = StepInterval().columns().size();
+    if (numbers.shape.size() != 2 || numbers.shape[0] < n || numbers.shape[1] != columns || worst.size() < n)
+      wrong(path, fmt::format("{} rows of {} numbers", n, columns), "another shape", {});
+    for (std::size_t i = 0; i < n; ++i) {
+      const auto first = numbers.values.begin() + static_cast<std::ptrdiff_t>(i * columns);
+      point.intervals.emplace_back(std::vector<double>(first, first + static_cast<std::ptrdiff_t>(columns)), worst[i]);
     }
   }
 

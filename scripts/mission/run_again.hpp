@@ -29,9 +29,10 @@ struct ResumePoint {
     std::vector<std::string> texts;
   };
   std::vector<Noted> notes;
-  std::array<std::size_t, 4> left_out{};                    // by Note: notes that were only counted
-  std::vector<std::pair<double, std::string>> checkpoints;  // up to this one: time, text
-  std::string resumed;                                      // RunHeader::resumed, this time included
+  std::array<std::size_t, 4> left_out{};                               // by Note: notes that were only counted
+  std::vector<std::pair<std::vector<double>, std::string>> intervals;  // of the history of steps
+  std::vector<std::pair<double, std::string>> checkpoints;             // up to this one: time, text
+  std::string resumed;                                                 // RunHeader::resumed, this time included
 };
 
 /// What run.h5 tells about how it was made.

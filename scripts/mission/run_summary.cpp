@@ -83,7 +83,8 @@ Summary run_summary(const Scenario& s, double wall_s) {
   out.simulated_s = s.sim->time();
   out.wall_s = wall_s;
   const IntegratorStatistics i = s.sim->statistics();
-  out.steps = i.steps, out.rhs_calls = i.rhs_calls, out.rejected = i.rejected, out.restarts = i.restarts;
+  out.steps = i.steps, out.rhs_calls = i.rhs_calls, out.rejected = i.rejected.all(), out.restarts = i.restarts;
+  out.integration = s.sim->step_history().whole(), out.worst = s.sim->step_history().worst();
   out.jacobian_products = i.jacobian_products, out.preconditioner_setups = i.preconditioner_setups;
   out.linear_iterations = i.linear_iterations;
   out.model.bodies = static_cast<int>(m.user.size());
@@ -130,6 +131,41 @@ std::string times_text(const RunProfile& times, const IntegratorStatistics& coun
   return text;
 }
 
+/// What set the lengths of the steps, what was tried in vain, and why the method started anew.
+std::string steps_text(const StepInterval& all, const std::vector<std::pair<std::string, long>>& worst) {
+  if (all.steps == 0) return {};
+  const auto counted = [](const std::vector<std::pair<std::string, long>>& parts) {
+    std::string text;
+    for (const auto& [name, n] : parts)
+      if (n > 0) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", n, name);
+    return text;
+  };
+  std::string text = fmt::format("steps of {:.3g} to {:.3g} s, of order {:.2g}: {}\n", all.shortest, all.longest,
+                                 static_cast<double>(all.orders) / static_cast<double>(all.steps),
+                                 counted({{"cut at instants and events", all.by_stop},
+                                          {"as long as the error allowed", all.by_error},
+                                          {"of a given length", all.steps - all.by_stop - all.by_error}}));
+  std::vector<std::pair<std::string, long>> first(worst.begin(), worst.begin() + std::min<std::ptrdiff_t>(std::ssize(worst), 3));
+  for (auto& [name, n] : first) name = "by " + name;
+  if (!first.empty()) text += fmt::format("the error was mostly that of: {}\n", counted(first));
+  const Rejections& r = all.rejected;
+  if (r.all() > 0)
+    text += fmt::format("{} trial steps rejected: {}\n", r.all(),
+                        counted({{"mechanical", r.by_error[0]},
+                                 {"modal", r.by_error[1]},
+                                 {"of devices", r.by_error[2]},
+                                 {"not evaluated", r.not_evaluated},
+                                 {"not converged", r.not_converged}}));
+  const auto& by = all.restarts;
+  return text + fmt::format("started anew: {}\n", counted({{"at the start", by[0]},
+                                                           {"at ticks", by[1]},
+                                                           {"at events", by[2]},
+                                                           {"at corners", by[3]},
+                                                           {"off closed loops", by[4]},
+                                                           {"at checkpoints", by[5]},
+                                                           {"with another vehicle", by[6]}}));
+}
+
 std::string summary_text(const Scenario& s, const Summary& sum, const std::vector<Range>& ranges) {
   std::string text = s.mission.title.empty() ? "" : s.mission.title + "\n";
   text += checks_text(sum.checks) + figures_text(sum.figures) + hinges_text(ranges) + modes_text(ranges);
@@ -143,6 +179,7 @@ std::string summary_text(const Scenario& s, const Summary& sum, const std::vecto
   text += fmt::format("\n{:.6g} s simulated in {:.3g} s ({:.4g} times real time), {}\n{} steps, {} function calls, {} restarts\n",
                       sum.simulated_s, sum.wall_s, sum.wall_s > 0 ? sum.simulated_s / sum.wall_s : 0.0, s.sim->integrator_name(), sum.steps,
                       sum.rhs_calls, sum.restarts);
+  text += steps_text(sum.integration, sum.worst);
   if (!s.mission.why_method.empty())
     text += fmt::format("{} was chosen by auto: {}\n", s.mission.simulation.integrator.method, s.mission.why_method);
   if (sum.preconditioner_setups > 0)

@@ -17,6 +17,7 @@ constexpr std::size_t kNoteBytes = 60'000;       // of one list
 constexpr std::size_t kPictureBytes = 350'000;   // of all shapes
 constexpr std::size_t kBytesPerShortNumber = 5;  // -1000 and a comma
 constexpr std::size_t kMostNames = 200;          // of bodies that are left out
+constexpr std::size_t kIntervals = 500;          // of the history of steps
 constexpr double kThousand = 1000.0;
 
 Json notes_of(const Hdf5File& file, const NoteKind& kind, Json& left_out) {
@@ -82,6 +83,40 @@ Json happenings(const Hdf5File& file) {
   Json out = Json::object(), left_out = Json::object();
   for (const NoteKind& kind : note_kinds()) out[kind.name] = notes_of(file, kind, left_out);
   out["left_out"] = left_out;
+  return out;
+}
+
+Json step_history(const Hdf5File& file) {
+  Json out = {
+      {"t", Json::array()}, {"shortest", Json::array()}, {"longest", Json::array()}, {"order", Json::array()}, {"rejected", Json::array()}};
+  const std::string path = "/run/steps/numbers";
+  if (!file.has(path)) return out;
+  const auto columns = file.texts_attribute(path, "columns");
+  const auto numbers = file.read_doubles(path);
+  const std::size_t width = columns.size();
+  if (numbers.shape.size() != 2 || numbers.shape[1] != width) bad_content(file, path, "a column for each name", "another shape");
+  const auto column = [&](const char* name) {
+    const auto found = std::ranges::find(columns, name);
+    if (found == columns.end()) bad_content(file, path, fmt::format("a column {}", name), "none");
+    return static_cast<std::size_t>(found - columns.begin());
+  };
+  const std::size_t end = column("end"), steps = column("steps"), shortest = column("shortest"), longest = column("longest"),
+                    order = column("order"), rows = numbers.shape[0], together = rows / kIntervals + 1;
+  for (std::size_t first = 0; first < rows; first += together) {
+    double least = HUGE_VAL, most = 0.0, orders = 0.0, all = 0.0, rejected = 0.0, t = 0.0;
+    for (std::size_t row = first; row < std::min(rows, first + together); ++row) {
+      const double* x = numbers.values.data() + row * width;
+      t = x[end];
+      all += x[steps], orders += x[order] * x[steps];
+      if (x[steps] > 0.0) least = std::min(least, x[shortest]), most = std::max(most, x[longest]);
+      for (std::size_t i = 0; i < width; ++i)
+        if (columns[i].starts_with("rejected_")) rejected += x[i];
+    }
+    const auto number = [](double x) { return rounded(x, std::abs(x), std::abs(x)); };
+    out["t"].push_back(number(t)), out["rejected"].push_back(number(rejected));
+    out["shortest"].push_back(all > 0.0 ? number(least) : Json()), out["longest"].push_back(all > 0.0 ? number(most) : Json());
+    out["order"].push_back(all > 0.0 ? number(orders / all) : Json());
+  }
   return out;
 }
 

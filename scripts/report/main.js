@@ -159,6 +159,34 @@ function modeShapes() {
   return section;
 }
 
+// --- how the method went
+
+const kLimits = { by_stop: "cut at instants and events", by_error: "as long as the error allowed" };
+const kRejected = { rejected_mechanical: "error of hinges and bodies", rejected_modal: "error of modes", rejected_devices: "error of devices",
+                    rejected_not_evaluated: "not evaluated", rejected_not_converged: "not converged" };
+const kRestarts = { restarts_start: "the start", restarts_tick: "ticks", restarts_event: "events", restarts_corner: "corners of given motions",
+                    restarts_loops: "drift off closed loops", restarts_checkpoint: "checkpoints", restarts_vehicle: "another vehicle" };
+
+function integration() {
+  const all = summary && summary.integration, { t, shortest, longest, order } = data.steps;
+  if (!all && !t.length) return null;
+  const counted = (title, names) => {
+    const rows = Object.entries(names).filter(([key]) => all[key]).map(([key, name]) => row(name, cell(number(all[key]))));
+    return rows.length ? element("div", element("h3", title), table(["", ""], rows, ".plain.headless")) : null;
+  };
+  const worst = all && (all.worst || []).length
+    ? element("div", element("h3", "Steps whose error was mostly that of"), table(["", ""], all.worst.map((w) => row(w.component, cell(number(w.steps)))), ".plain.headless")) : null;
+  const parts = all ? [counted("Lengths of steps", kLimits), counted("Trial steps that were rejected", kRejected), counted("New starts", kRestarts), worst] : [];
+  const moves = (values) => values.some((x) => x !== null && x !== values[0]);
+  const plots = [
+    { path: "steps/length", name: "step", unit: "s", frame: "", meaning: "shortest and longest step of each interval", components: ["shortest", "longest"], values: [shortest, longest], log: true, t },
+    { path: "steps/order", name: "order", unit: "1", frame: "", meaning: "of the method, mean of each interval", components: ["order"], values: [order], t },
+  ].filter((channel) => t.length > 1 && channel.values.some(moves));
+  const section = element("section", element("h2", "Integration"), element("div.grid", parts.filter(Boolean)), element("div.grid", plots.flatMap(plotsOf)));
+  section.id = "group-integration";
+  return section;
+}
+
 // --- plots
 
 let theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
@@ -209,12 +237,13 @@ function navigation(all) {
   };
   const legend = [marked.bands.length ? "bands: phases" : "", notes.events.length ? "dashed: events" : "", notes.warnings.some(([t]) => t !== null) ? "dotted: warnings" : ""];
   return element("nav", all.map(({ key }) => link(key, groupTitle(key))), data.mode_shapes.pictures.length ? link("shapes", "Mode shapes") : null,
+    (summary && summary.integration) || data.steps.t.length ? link("integration", "Integration") : null,
     element("span.hint", [...legend, "drag to zoom", "double click to reset", "click a name to hide"].filter(Boolean).join(" · ")));
 }
 
 function drawOne(figure) {
   if (figure.plot) figure.plot.destroy();
-  figure.plot = draw(figure.holder, { ...figure, t: series.t, theme, inDegrees, width: figure.holder.clientWidth, happened: withMarks && happened ? marked : null });
+  figure.plot = draw(figure.holder, { ...figure, t: figure.channel.t || series.t, theme, inDegrees, width: figure.holder.clientWidth, happened: withMarks && happened ? marked : null });
 }
 const redraw = () => figuresDrawn.filter(({ plot }) => plot).forEach(drawOne);
 
@@ -254,7 +283,7 @@ function provenance() {
 const all = groupsOf(series.channels, series.still, Object.keys(kGroups));
 const more = series.still_left_out ? element("p.note", `${number(series.still_left_out)} more channels that do not move are not listed.`) : null;
 page.append(...[header(), figures(), failure(), checks(), warnings(), balances(), happenings(), navigation(all), ...all.map(plotSection), more, modeShapes(),
-                provenance()].filter(Boolean));
+                integration(), provenance()].filter(Boolean));
 document.documentElement.dataset.theme = theme;
 
 let pending = 0;

@@ -39,7 +39,7 @@ export function byUnit(channel) {
 
 /// Residuals of balances are read in powers of ten.
 export function isLogarithmic(channel) {
-  return /residual/.test(channel.path) || channel.components.every((name) => /residual/.test(name)) ||
+  return channel.log || /residual/.test(channel.path) || channel.components.every((name) => /residual/.test(name)) ||
     (/^ledger/.test(channel.path) && ["", "-", "1"].includes(channel.unit.trim()));
 }
 

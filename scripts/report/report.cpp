@@ -62,6 +62,7 @@ Json summary_of(const Hdf5File& file) {
   Summary one;  // of each list
   one.checks.emplace_back();
   one.figures.emplace_back();
+  one.worst.emplace_back();
   one.warnings.add(Code::stiff_scene, {}, "");
   const Json pattern = Json::parse(to_json(one));
   const Json summary = Json::parse(file.read_text(path), nullptr, false);
@@ -91,6 +92,7 @@ Json page_data(const Hdf5File& file) {
           {"spec", beginning(input_texts(file), "/spec/files")},
           {"summary", summary_of(file)},
           {"notes", happenings(file)},
+          {"steps", step_history(file)},
           {"mode_shapes", mode_shapes(file)},
           {"series", series(file)}};
 }

@@ -106,6 +106,12 @@ void write_example_run(const std::string& path, int rows, bool finished) {
       recorder->note(Note::printed, 90.0, {"settling", "phase \"settle\""});
     }
     recorder->row(t, signals(t, i));
+    StepInterval interval;
+    interval.begin = rows > 1 ? t - kEnd / (rows - 1) : 0.0, interval.end = t;
+    interval.steps = 10, interval.evaluations = 70, interval.by_error = 9, interval.orders = 50 + i % 7,
+    interval.rejected.by_error[1] = i % 3;
+    interval.shortest = 2e-3, interval.longest = 0.01 * (1 + i % 5), interval.worst = "wing_left.mode 3", interval.of_worst = 6;
+    note(*recorder, interval);
   }
   if (finished) {
     Summary s;
@@ -122,6 +128,9 @@ void write_example_run(const std::string& path, int rows, bool finished) {
     s.wall_s = 3.418;
     s.steps = 48211;
     s.rhs_calls = 91830;
+    s.integration.by_error = 48000, s.integration.by_stop = 211, s.integration.rejected.by_error[1] = 17;
+    s.integration.restarts = {1, 2400, 1, 0, 0, 10, 0};
+    s.worst = {{"wing_left.mode 3", 40000}, {"bus.<b>wx</b>", 8000}};
     s.figures = {{"thr_a error", 0.0031, "deg"}, {"settling_time", 131.4, "s"}, {"jitter", 1.8, "arcsec"}};
     s.model = {7, 7, 32, 31, 12};
     s.versions = {{"cardan", "0.1.0"}, {"SUNDIALS", "6.4.1"}, {"HDF5", "1.10.8"}};

@@ -303,6 +303,21 @@ TEST(Report, TellsWhatHappened) {
   EXPECT_EQ(notes["left_out"], Json::object());
 }
 
+TEST(Report, HasTheHistoryOfSteps) {
+  const Json few = data_of(report_of(200))["steps"];
+  ASSERT_EQ(few["t"].size(), 200u);
+  EXPECT_EQ(few["t"].back(), 240.0);
+  EXPECT_EQ(few["shortest"][7], 2e-3);
+  EXPECT_EQ(few["longest"][7], 0.03);
+  EXPECT_EQ(few["order"][6], 5.6);
+  EXPECT_EQ(few["rejected"][5], 2.0);
+  const Json many = data_of(report_of(1700))["steps"];  // four together
+  ASSERT_EQ(many["t"].size(), 425u);
+  EXPECT_EQ(many["t"].back(), 240.0);
+  EXPECT_EQ(many["longest"][0], 0.04);
+  EXPECT_EQ(many["rejected"][0], 3.0) << "0, 1, 2, 0";
+}
+
 TEST(Report, BoundsWhatHappened) {
   const std::string h5 = scratch("chatty.h5"), html = scratch("chatty.html");
   const auto recorder = make_hdf5_recorder(h5);
@@ -594,8 +609,9 @@ TEST_F(ReportInBrowser, DrawsTwoRunsOverEachOtherAndTheirDifference) {
 TEST_F(ReportInBrowser, DrawsEverySeriesOfEveryPlot) {
   report_of(5000);
   const std::string dom = shown_in_browser(scratch("report.html"));
-  EXPECT_EQ(captured(dom, "data-plots=\"(\\d+)\""), "14");  // 12 channels, one of them with two units, and the angles of the attitude
-  EXPECT_EQ(captured(dom, "data-drawn=\"(\\d+)\""), "14");
+  EXPECT_EQ(captured(dom, "data-plots=\"(\\d+)\""),
+            "16");  // 12 channels, one of them with two units, the angles of the attitude, two of steps
+  EXPECT_EQ(captured(dom, "data-drawn=\"(\\d+)\""), "16");
   EXPECT_EQ(captured(dom, "data-shapes=\"(\\d+)\""), "7") << "two modes as lines, five points of another";
   EXPECT_NE(dom.find("Reached its planned end at t = 240 s."), std::string::npos);
   EXPECT_NE(dom.find("<code>a line of the script &lt;b&gt;</code>"), std::string::npos);
@@ -606,7 +622,7 @@ TEST_F(ReportInBrowser, DrawsEverySeriesOfEveryPlot) {
     std::istringstream counts((*it)[1].str());
     for (int n = 0; counts >> n; ++series) EXPECT_GT(n, 10) << "hundreds of pixels, less where others lie on top";
   }
-  EXPECT_EQ(series, 4 + 4 + 3 + 2 + 4 + 4 + 2 + 6 + 6 + 3 + 3 + 3 + 2);
+  EXPECT_EQ(series, 4 + 4 + 3 + 2 + 4 + 4 + 2 + 6 + 6 + 3 + 3 + 3 + 2 + 2 + 1);
   EXPECT_NE(dom.find("all 3 checks passed"), std::string::npos);
   EXPECT_NE(dom.find("&lt;/script&gt;"), std::string::npos) << "names are shown as text";
   EXPECT_EQ(dom.find("<b>name</b>"), std::string::npos) << "names are not read as markup";
@@ -621,6 +637,10 @@ TEST_F(ReportInBrowser, DrawsEverySeriesOfEveryPlot) {
             std::string::npos);
   EXPECT_NE(dom.find("before the run"), std::string::npos);
   EXPECT_NE(dom.find("balances do not close"), std::string::npos);
+  EXPECT_NE(dom.find("<td>cut at instants and events</td><td class=\"number\">211</td>"), std::string::npos);
+  EXPECT_NE(dom.find("<td>error of modes</td><td class=\"number\">17</td>"), std::string::npos);
+  EXPECT_NE(dom.find("<td>ticks</td><td class=\"number\">2 400</td>"), std::string::npos);
+  EXPECT_NE(dom.find("<td>bus.&lt;b&gt;wx&lt;/b&gt;</td>"), std::string::npos);
   const auto place = [&](const char* id) { return dom.find(std::string("id=\"group-") + id + "\""); };
   EXPECT_LT(place("pointing"), place("bodies"));
   EXPECT_LT(place("bodies"), place("wheels"));
@@ -632,7 +652,7 @@ TEST_F(ReportInBrowser, ShowsARunThatDidNotFinish) {
   for (const int rows : {300, 1, 0}) {
     report_of(rows, false);
     const std::string dom = shown_in_browser(scratch("report.html"));
-    EXPECT_EQ(captured(dom, "data-drawn=\"(\\d+)\""), rows > 1 ? "14" : "0") << rows << " rows";
+    EXPECT_EQ(captured(dom, "data-drawn=\"(\\d+)\""), rows > 1 ? "16" : "0") << rows << " rows";
     EXPECT_NE(dom.find("Not finished: the run is still going on, or was killed."), std::string::npos);
     EXPECT_NE(dom.find(rows == 0   ? "Channels without a row"
                        : rows == 1 ? "Values of the one row"

@@ -52,6 +52,8 @@ void expect_same_results(const std::string& a, const std::string& b) {
     EXPECT_EQ(json(first.read_doubles(path + "/t").values).dump(), json(second.read_doubles(path + "/t").values).dump()) << path;
     EXPECT_EQ(first.read_doubles(path + "/left_out").values, second.read_doubles(path + "/left_out").values) << path;
   }
+  EXPECT_EQ(first.read_doubles("/run/steps/numbers").values, second.read_doubles("/run/steps/numbers").values);
+  EXPECT_EQ(first.read_texts("/run/steps/worst"), second.read_texts("/run/steps/worst"));
   EXPECT_TRUE(first.read_texts("/restart/checkpoints/text") == second.read_texts("/restart/checkpoints/text"));
 }
 

@@ -283,6 +283,9 @@ TEST(Hdf5Recorder, KeepsWhatHappenedInARunThatIsKilled) {
         if (i == flushed / 2 || i == flushed) recorder->flush();
         recorder->note(Note::printed, 0.1 * i, {line(i), "controller \"a\""});
         if (i % 10 == 0) recorder->note(Note::event, 0.1 * i, {"touch", "rising"});
+        StepInterval interval;
+        interval.end = 0.1 * i, interval.steps = i, interval.worst = line(i);
+        note(*recorder, interval);
       }
       return raise(SIGKILL);
     });
@@ -300,6 +303,15 @@ TEST(Hdf5Recorder, KeepsWhatHappenedInARunThatIsKilled) {
     for (int i = 0; i < flushed; ++i) {
       EXPECT_EQ(t[static_cast<std::size_t>(i)], 0.1 * i);
       EXPECT_EQ(texts[2 * static_cast<std::size_t>(i)], line(i));
+    }
+    const auto steps = file.read_doubles("/run/steps/numbers");
+    const auto worst = file.read_texts("/run/steps/worst"), columns = file.texts_attribute("/run/steps/numbers", "columns");
+    ASSERT_EQ(worst.size(), t.size());
+    ASSERT_EQ(steps.shape, (std::vector<std::size_t>{t.size(), columns.size()}));
+    for (std::size_t i = 0; i < t.size(); ++i) {
+      EXPECT_EQ(steps.values[i * columns.size() + 1], t[i]) << columns[1];
+      EXPECT_EQ(steps.values[i * columns.size() + 2], static_cast<double>(i)) << columns[2];
+      EXPECT_EQ(worst[i], texts[2 * i]);
     }
     EXPECT_EQ(file.shape("/run/events/text"), (std::vector<std::size_t>{(static_cast<std::size_t>(flushed) + 9) / 10, 2}));
   }

@@ -23,6 +23,8 @@ Summary example() {
   s.rhs_calls = 5678;
   s.restarts = 9;
   s.jacobian_products = 21, s.preconditioner_setups = 22, s.linear_iterations = 23;
+  s.integration.by_stop = 31, s.integration.shortest = 1e-3, s.integration.rejected.by_error[1] = 17, s.integration.restarts[1] = 8;
+  s.worst = {{"wing.mode 3", 1200}, {"bus.wx", 3}};
   s.figures = {{"final_error_deg", 0.01, "deg"}};
   s.model = {7, 6, 20, 19, 8};
   s.versions = {{"cardan", "0.1.0"}};
@@ -53,6 +55,11 @@ TEST(Summary, HasTheKeysThatToolsRelyOn) {
   EXPECT_EQ(j["jacobian_products"], 21);
   EXPECT_EQ(j["preconditioner_setups"], 22);
   EXPECT_EQ(j["linear_iterations"], 23);
+  EXPECT_EQ(j["integration"]["by_stop"], 31);
+  EXPECT_EQ(j["integration"]["shortest"], 1e-3);
+  EXPECT_EQ(j["integration"]["rejected_modal"], 17);
+  EXPECT_EQ(j["integration"]["restarts_tick"], 8);
+  EXPECT_EQ(j["integration"]["worst"][1], Json({{"component", "bus.wx"}, {"steps", 3}}));
   EXPECT_EQ(j["figures"][0]["name"], "final_error_deg");
   EXPECT_EQ(j["model"]["n_modes"], 8);
   EXPECT_EQ(j["versions"]["cardan"], "0.1.0");

@@ -48,6 +48,71 @@ TEST_P(EveryMethod, DoesNotLetManySmoothStatesDiluteTheOthers) {
   EXPECT_NEAR(steps_with(400, true), steps_with(40, true), 0.03 * alone);
 }
 
+/// Two oscillators, the fast one in the states 2 and 3 or 0 and 1: its error sets the steps.
+TEST_P(EveryMethod, NamesTheStateWhoseErrorSetsItsSteps) {
+  for (const int fast : {0, 2}) {
+    OdeProblem p = oscillator();
+    p.n = 4;
+    p.absolute_tolerance.assign(4, 1e-9);
+    p.rhs = [fast](double, const double* x, double* xdot) {
+      for (const int i : {0, 2}) xdot[i] = x[i + 1], xdot[i + 1] = -(i == fast ? 900.0 : 1.0) * x[i];
+      return true;
+    };
+    const auto integrator = make_by(p, GetParam() == "rk4" ? rk4(0.01) : adaptive(GetParam(), GetParam() == "exponential" ? 1e-6 : 1e-9));
+    Values x = {1.0, 0.0, 1.0, 0.0};
+    integrator->restart(0.0, x.data());
+    int by_error = 0, of_fast = 0, by_stop = 0;
+    for (double t = 0.0; t < 5.0;) {
+      const StepReport report = integrator->step(5.0, x.data());
+      t = report.t;
+      by_stop += report.limit == StepLimit::stop;
+      if (report.limit != StepLimit::error) continue;
+      ++by_error;
+      of_fast += integrator->worst() == fast || integrator->worst() == fast + 1;
+    }
+    if (GetParam() == "rk4") {
+      EXPECT_EQ(by_error + by_stop, 0);
+      EXPECT_EQ(integrator->worst(), -1);
+      continue;
+    }
+    EXPECT_GT(by_error, 10);
+    EXPECT_GE(of_fast, 9 * by_error / 10);
+    EXPECT_LE(by_stop, 3) << "the last ones share what is left";
+  }
+}
+
+/// A bump in the rate of one of two states: trials that run into it are rejected, in the name of its group.
+TEST_P(EveryMethod, CountsRejectionsByGroup) {
+  if (GetParam() == "rk4") GTEST_SKIP() << "rejects nothing";
+  for (const int bumped : {0, 1})
+    for (const int group : {1, 7}) {
+      OdeProblem p = problem(2, [bumped](double t, const double* x, double* xdot) {
+        xdot[0] = -x[0], xdot[1] = -x[1];
+        xdot[bumped] += 1e3 * std::exp(-std::pow((t - 3.0) / 1e-2, 2));
+        return true;
+      });
+      p.group = {0, group};
+      const auto integrator = make_by(p, adaptive(GetParam(), 1e-6));
+      Values x = {1.0, 1.0};
+      integrator->restart(0.0, x.data());
+      Rejections before;
+      for (double t = 0.0; t < 3.0;) {
+        if (t < 2.0) before = integrator->statistics().rejected;
+        t = integrator->step(4.0, x.data()).t;
+      }
+      Rejections r = integrator->statistics().rejected;
+      const int of_bump = bumped == 0 ? 0 : std::min(group, 2);
+      for (const int i : {0, 1, 2}) {
+        const long n = r.by_error[static_cast<std::size_t>(i)] - before.by_error[static_cast<std::size_t>(i)];
+        if (i == of_bump) {
+          EXPECT_GT(n, 0);
+        } else {
+          EXPECT_EQ(n, 0) << "group " << i;
+        }
+      }
+    }
+}
+
 /// Stops that come early, late, closely together and at one unit in the last place.
 TEST_P(EveryMethod, NeverEvaluatesBeyondTheStop) {
   double t_stop = 0.0;

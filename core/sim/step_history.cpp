@@ -1,0 +1,40 @@
+#include "core/sim/step_history.hpp"
+
+#include <algorithm>
+
+namespace cardan {
+
+const StepInterval* StepHistory::close(double t, const IntegratorStatistics& statistics, const Names& name) {
+  now_.evaluations = statistics.rhs_calls - whole_.evaluations;
+  now_.rejected = statistics.rejected;
+  now_.rejected.subtract(whole_.rejected);
+  if (now_.empty()) return nullptr;
+  now_.end = t;
+  for (std::size_t i = 0; i < by_state_.size(); ++i) {
+    if (by_state_[i] == 0) continue;
+    const std::string component = name(static_cast<int>(i));
+    by_name_[component] += by_state_[i];
+    if (by_state_[i] > now_.of_worst) now_.of_worst = by_state_[i], now_.worst = component;
+  }
+  std::ranges::fill(by_state_, 0);
+  whole_.add(now_);
+  last_ = std::exchange(now_, {});
+  now_.begin = now_.end = t;
+  return &last_;
+}
+
+std::vector<std::pair<std::string, long>> StepHistory::worst() const {
+  std::vector<std::pair<std::string, long>> all(by_name_.begin(), by_name_.end());
+  std::ranges::stable_sort(all, std::ranges::greater{}, &std::pair<std::string, long>::second);
+  return all;
+}
+
+void StepHistory::remember(Archive& archive) {
+  const std::size_t states = by_state_.size();
+  std::vector<std::pair<std::string, long>> by_name(by_name_.begin(), by_name_.end());
+  archive(now_, whole_, by_state_, by_name);
+  if (by_state_.size() != states) archive.wrong("a history of other states");
+  by_name_ = {by_name.begin(), by_name.end()};
+}
+
+}  // namespace cardan

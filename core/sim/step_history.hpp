@@ -1,0 +1,52 @@
+#pragma once
+// How the method goes through a run, interval by interval, and whose error sets its steps.
+#include <functional>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/time/integrator.hpp"
+
+namespace cardan {
+
+/// A step costs a few additions; names are looked up at the end of an interval.
+class StepHistory {
+ public:
+  using Names = std::function<std::string(int state)>;
+
+  void begin(double t, int states) {
+    if (whole_.steps == 0 && now_.steps == 0) whole_.begin = whole_.end = now_.begin = now_.end = t;
+    resize(states);
+  }
+  /// Between two intervals: of another model.
+  void resize(int states) { by_state_.resize(static_cast<std::size_t>(states)); }
+  void restarted(RestartCause cause) { ++now_.restarts[static_cast<std::size_t>(cause)]; }
+  /// A step of h [s]; worst: Integrator::worst().
+  void stepped(const StepReport& report, double h, int worst) {
+    now_.add_step(h, report.order);
+    if (report.limit == StepLimit::stop) ++now_.by_stop;
+    if (report.limit == StepLimit::error) ++now_.by_error, ++by_state_[static_cast<std::size_t>(worst)];
+  }
+  /// The step that the run ends with.
+  void failed(int worst) {
+    if (worst >= 0) ++by_state_[static_cast<std::size_t>(worst)];
+  }
+
+  /// Ends an interval at t, if there is something in it, and gives it. statistics: of the whole run.
+  const StepInterval* close(double t, const IntegratorStatistics& statistics, const Names& name);
+
+  /// Of all intervals that were closed; without the worst component.
+  const StepInterval& whole() const { return whole_; }
+  /// By component how many steps its error set the length of, the largest number first.
+  std::vector<std::pair<std::string, long>> worst() const;
+
+  void remember(Archive& archive);
+
+ private:
+  StepInterval now_, last_, whole_;
+  std::vector<long> by_state_;           // in this interval
+  std::map<std::string, long> by_name_;  // in those before
+};
+
+}  // namespace cardan
