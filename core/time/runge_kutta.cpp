@@ -457,7 +457,8 @@ class RungeKutta final : public Integrator {
     const auto scale = absolute_ + options_.relative_tolerance * z0_.head(n_).abs();
     const double size = std::sqrt((z0_.head(n_) / scale).square().mean());
     const double rate = std::sqrt((k_.col(0).head(n_) / scale).square().mean());
-    return size < 1e-5 || rate < 1e-5 ? 1e-6 : 0.01 * size / rate;
+    const double h = 0.01 * size / rate;
+    return size < 1e-5 || rate < 1e-5 || !(h > 0.0 && std::isfinite(h)) ? 1e-6 : h;  // squares of tiny tolerances overflow
   }
 
   /// The state at a trial time is that of a step which ends there: as accurate as any other step.

@@ -117,6 +117,16 @@ TEST(RungeKutta, StepsOfDopri5GrowWithTheFifthRootOfTheTolerance) {
   EXPECT_LT(steps(1e-6), 500);  // of 0.2 s; the constant of the estimate
 }
 
+/// A state that starts at zero is 1e155 and more absolute tolerances away after any step that can be seen: the square of that has no double.
+TEST(RungeKutta, BeginsWhereTheSquaresOfWhatIsToleratedVanish) {
+  for (const char* method : {"dopri5", "dop853"})
+    for (const double absolute : {1e-160, 1e-310, 5e-324}) {
+      auto integrator = make_integrator(oscillator(absolute), adaptive(method, 1e-10));
+      EXPECT_NEAR(integrate(*integrator, 0.0, {1.0, 0.0}, 2.0)[0], std::cos(2.0), 1e-8) << method << ", " << absolute;
+      EXPECT_LT(integrator->statistics().steps, 300) << method << ", " << absolute;
+    }
+}
+
 /// Quadrature weights: exact for polynomials of degree order - 1, up to round-off of the few steps.
 TEST(RungeKutta, IntegralsOfPolynomialsAreExact) {
   for (const auto& [options, power] :
