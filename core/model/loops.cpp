@@ -295,6 +295,7 @@ std::shared_ptr<const Model> open_tree(std::shared_ptr<const Model> model) {
   auto open = std::make_shared<Model>(*model);
   open->loops = {};
   sweep_open_tree(*open);
+  if (!open->has(OpCode::node_wrenches)) std::ranges::find(open->program, OpCode::keep, &Op::code)->code = OpCode::node_wrenches;
   std::erase_if(open->program, [](const Op& op) { return op.code == OpCode::keep || op.code == OpCode::loops; });
   return open;
 }

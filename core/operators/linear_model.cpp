@@ -11,6 +11,7 @@
 #include "core/base/units.hpp"
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/dynamics/inverse.hpp"
+#include "core/dynamics/loop_tangent.hpp"
 #include "core/dynamics/node_motion.hpp"
 #include "core/model/components.hpp"
 #include "core/model/loops.hpp"
@@ -46,6 +47,8 @@ struct Scope {
         z.push_back(m.devices.all[i].z + static_cast<int>(j));
   }
   int n_z() const { return static_cast<int>(z.size()); }
+  LoopTangents* loops = nullptr;  // of a vehicle with closed loops; m is its open tree
+  std::vector<int> states = {};   // of all 2 nv + n_z: those of the linear model; with loops the independent ones
   int nv() const { return static_cast<int>(components.size()); }
   const Part* part() const { return blocks ? blocks->part() : nullptr; }
   bool has(int sweep) const { return !part() || part()->takes_part[sweep] != 0; }
@@ -62,6 +65,10 @@ Scope scope_of(const Model& m, const TreeOperators* blocks) {
     out.given[v] = i >= 0 && ((m.has_prescribed() && m.prescribed[v]) || (blocks && !blocks->is_free(i)));
   }
   return out;
+}
+
+void keep_all_states(Scope& scope) {
+  for (int i = 0; i < 2 * scope.nv() + scope.n_z(); ++i) scope.states.push_back(i);
 }
 
 // ---- names ----
@@ -242,7 +249,8 @@ PortList outputs_of(const Scope& scope, const std::vector<std::string>& wanted) 
     out.ports.push_back({Port::state, i, 0});
     out.labels.names.push_back(states.names[i]), out.labels.units.push_back(states.units[i]);
   };
-  for (int i = 0; wanted.empty() && i < 2 * scope.nv() + scope.n_z(); ++i) add(i);
+  if (wanted.empty())
+    for (const int i : scope.states) add(i);
   for (const std::string& text : wanted) {
     if (const std::size_t colon = text.rfind(':'); colon != std::string::npos) {
       if (text.starts_with("momentum:") && m.find_node("momentum") < 0)
@@ -366,10 +374,10 @@ class Column {
         .q = q.data(), .v = v.data(), .tau = tau_.data(), .vdot = given_.data(), .wrenches = wrenches_, .moment = at_.moment};
     if (scope_.blocks)
       solve(in);
-    else if (!forward_dynamics(m_, ws_, in, vdot.data(), with_devices())) {
-      if (devices_ && devices_->failed()) throw devices_->fault();
-      throw NumericsError(describe_breakdown(m_, ws_.breakdown, at_.t));
-    }
+    else if (scope_.loops)
+      close(in);
+    else
+      move(in);
     if (devices_) {
       world(m_, soa::sweeps<Tangent>(), ws_, in, scope_.part());
       if (!devices_->complete(ws_, in)) throw devices_->fault();
@@ -386,6 +394,13 @@ class Column {
 
  public:
   std::vector<Tangent> q, v, vdot, u, z;
+  /// v moves so that loops stay closed where q moves along its direction and the independent rates stand.
+  void keep_loops_closed() {
+    for (Tangent& x : v) x.d = 0.0;
+    place_loops({.q = q.data(), .v = v.data()});
+    const VectorXd follow = scope_.loops->rates();
+    for (int i = 0; i < m_.nv; ++i) v[i].d = follow[i];
+  }
   /// [dz'] of devices.
   const double* zdot() const { return devices_->zdot(); }
 
@@ -407,6 +422,32 @@ class Column {
     outward(m_, soa::sweeps<Tangent>(), ws_, in, {.velocity = false});
     world(m_, soa::sweeps<Tangent>(), ws_, in, scope_.part());
     if (!with_devices()->act(ws_, in)) throw devices_->fault();
+  }
+
+  void move(const soa::Inputs<Tangent>& in) {
+    if (forward_dynamics(m_, ws_, in, vdot.data(), with_devices())) return;
+    if (devices_ && devices_->failed()) throw devices_->fault();
+    throw NumericsError(describe_breakdown(m_, ws_.breakdown, at_.t));
+  }
+
+  void place_loops(const soa::Inputs<Tangent>& in) {
+    outward(m_, soa::sweeps<Tangent>(), ws_, in, {});
+    scope_.loops->place(ws_, in);
+  }
+  /// With the multipliers as they are at the point; then with the change that keeps c'' = 0.
+  void close(soa::Inputs<Tangent>& in) {
+    place_loops(in);
+    const std::size_t loads = wrenches_.size();
+    const std::vector<Tangent> tau = tau_;
+    scope_.loops->forget();
+    for (const bool known : {false, true}) {
+      wrenches_.resize(loads), tau_ = tau;
+      scope_.loops->push(wrenches_, tau_.data());
+      in.wrenches = wrenches_;
+      move(in);
+      if (!known) scope_.loops->solve(ws_, in, vdot.data());
+    }
+    wrenches_.resize(loads);
   }
 
   /// v' = M^-1 (tau - ID) of the free components, first its value, then d v' = M^-1 (d tau - d ID) at that v'.
@@ -489,45 +530,67 @@ class Column {
 
 LinearModel linearize(const Scope& scope, const OperatingPoint& at, const LinearPorts& wanted) {
   const Model& m = scope.m;
-  const int nv = scope.nv(), n_z = scope.n_z(), n = 2 * nv + n_z;
+  const int nv = scope.nv(), n_z = scope.n_z(), n = static_cast<int>(scope.states.size()), half = (n - n_z) / 2;
   const PortList inputs = inputs_of(scope, wanted.inputs), outputs = outputs_of(scope, wanted.outputs);
   const int nu = static_cast<int>(inputs.ports.size()), ny = static_cast<int>(outputs.ports.size());
   LinearModel out;
   out.system = m.name;
   out.t = at.t;
-  out.states = state_labels(scope), out.inputs = inputs.labels, out.outputs = outputs.labels;
+  out.inputs = inputs.labels, out.outputs = outputs.labels;
+  const SpaceLabels labels = state_labels(scope);
+  for (const int i : scope.states) out.states.names.push_back(labels.names[i]), out.states.units.push_back(labels.units[i]);
   out.A.setZero(n, n), out.B.setZero(n, nu), out.C.setZero(ny, n), out.D.setZero(ny, nu);
   out.drift.setZero(n), out.u0.setZero(nu), out.y0.setZero(ny);
 
   Column column(scope, at, inputs, outputs);
   std::vector<Tangent> y(ny, Tangent(0.0));
+  const auto component = [&](int i) { return scope.components[scope.states[i]]; };  // of the velocity space, i < half
   const auto run = [&](MatrixXd& top, MatrixXd& bottom, int j) {
     Poll::now();
     column.run(y.data());
-    for (int i = 0; i < nv; ++i) top(nv + i, j) = column.vdot[scope.components[i]].d;
-    for (int i = 0; i < n_z; ++i) top(2 * nv + i, j) = column.zdot()[scope.z[i]];
+    for (int i = 0; i < half; ++i) top(half + i, j) = column.vdot[component(i)].d;
+    for (int i = 0; i < n_z; ++i) top(2 * half + i, j) = column.zdot()[scope.z[i]];
     for (int i = 0; i < ny; ++i)
       if (outputs.ports[i].kind != Port::state) bottom(i, j) = y[i].d;
   };
-  std::vector<double> unit(m.nv, 0.0), rate(m.nq);
-  for (int j = 0; j < nv; ++j) {
-    double& along = unit[scope.components[j]];
-    along = 1.0;
-    m.qdot(at.q, unit.data(), rate.data());
-    along = 0.0;
+  const auto seen = [&](int first, const auto& of, int j) {  // states that are outputs, those of the configuration or of v
+    for (int i = 0; i < ny; ++i)
+      if (const Port& p = outputs.ports[i]; p.kind == Port::state && p.index >= first && p.index < first + nv)
+        out.C(i, j) = of(scope.components[p.index - first]);
+  };
+  const Eigen::SparseMatrix<double> kinematics = kinematic_rates(m, at.q, at.v);
+  std::vector<double> rate(m.nq);
+  const auto direction = [&](int j) {  // of the velocity space
+    return scope.loops ? VectorXd(scope.loops->freedom().X.col(j)) : VectorXd(VectorXd::Unit(m.nv, component(j)));
+  };
+  for (int j = 0; j < half; ++j) {
+    const VectorXd along = direction(j);
+    m.qdot(at.q, along.data(), rate.data());
     for (int i = 0; i < m.nq; ++i) column.q[i].d = rate[i];
+    seen(
+        0, [&](int v) { return along[v]; }, j);
+    if (scope.loops) {
+      column.keep_loops_closed();
+      seen(
+          nv, [&](int v) { return column.v[v].d; }, j);
+    }
     run(out.A, out.C, j);
+    const VectorXd turned = kinematics * along;
+    for (int i = 0; i < half; ++i) out.A(i, j) = turned[component(i)];
   }
   for (Tangent& x : column.q) x.d = 0.0;
-  for (int j = 0; j < nv; ++j) {
-    Tangent& along = column.v[scope.components[j]];
-    along.d = 1.0;
-    run(out.A, out.C, nv + j);
-    along.d = 0.0;
+  for (Tangent& x : column.v) x.d = 0.0;
+  for (int j = 0; j < half; ++j) {
+    const VectorXd along = direction(j);
+    for (int v = 0; v < m.nv; ++v) column.v[v].d = along[v];
+    seen(
+        nv, [&](int v) { return along[v]; }, half + j);
+    run(out.A, out.C, half + j);
   }
+  for (Tangent& x : column.v) x.d = 0.0;
   for (int j = 0; j < n_z; ++j) {
     column.z[scope.z[j]].d = 1.0;
-    run(out.A, out.C, 2 * nv + j);
+    run(out.A, out.C, 2 * half + j);
     column.z[scope.z[j]].d = 0.0;
   }
   for (int j = 0; j < nu; ++j) {
@@ -537,16 +600,9 @@ LinearModel linearize(const Scope& scope, const OperatingPoint& at, const Linear
   }
   column.run(y.data());
 
-  const Eigen::SparseMatrix<double> kinematics = kinematic_rates(m, at.q, at.v);
-  for (int j = 0; j < nv; ++j)
-    for (Eigen::SparseMatrix<double>::InnerIterator x(kinematics, scope.components[j]); x; ++x)
-      out.A(scope.place[static_cast<int>(x.row())], j) = x.value();  // of the same hinge
-  out.A.block(0, nv, nv, nv).setIdentity();
-  for (int i = 0; i < nv; ++i) {
-    const int v = scope.components[i];
-    out.drift[i] = at.v[v], out.drift[nv + i] = column.vdot[v].x;
-  }
-  for (int i = 0; i < n_z; ++i) out.drift[2 * nv + i] = at.devices->zdot()[scope.z[i]];
+  out.A.block(0, half, half, half).setIdentity();
+  for (int i = 0; i < half; ++i) out.drift[i] = at.v[component(i)], out.drift[half + i] = column.vdot[component(i)].x;
+  for (int i = 0; i < n_z; ++i) out.drift[2 * half + i] = at.devices->zdot()[scope.z[i]];
   for (int j = 0; j < nu; ++j) {
     const Port& p = inputs.ports[j];
     if (p.kind == Port::device_input && at.devices) out.u0[j] = at.devices->input(p.index);
@@ -560,8 +616,8 @@ LinearModel linearize(const Scope& scope, const OperatingPoint& at, const Linear
   for (int i = 0; i < ny; ++i) {
     const Port& p = outputs.ports[i];
     if (p.kind == Port::state) {
-      out.C(i, p.index) = 1.0;
       if (p.index >= 2 * nv) {
+        out.C(i, 2 * half + p.index - 2 * nv) = 1.0;
         out.y0[i] = at.devices->state(scope.z[p.index - 2 * nv]);
         continue;
       }
@@ -602,9 +658,30 @@ void follow(const Scope& scope, const OperatingPoint& at, DeviceForces& devices)
 }  // namespace
 
 LinearModel linearize(const Model& m, const OperatingPoint& at, const LinearPorts& ports) {
-  require_open_tree(m, "linear models");
-  Scope scope = scope_of(m, nullptr);
-  if (at.devices) scope.take(std::vector<std::uint8_t>(m.devices.all.size(), 1));
+  const auto take_devices = [&](Scope& scope) {
+    if (at.devices) scope.take(std::vector<std::uint8_t>(m.devices.all.size(), 1));
+  };
+  if (m.loops.empty()) {
+    Scope scope = scope_of(m, nullptr);
+    take_devices(scope);
+    keep_all_states(scope);
+    return linearize(scope, at, ports);
+  }
+  VectorXd tau = VectorXd::Zero(m.nv);
+  for (int v = 0; at.tau && v < m.nv; ++v)
+    if (!(m.has_prescribed() && m.prescribed[v])) tau[v] = at.tau[v];
+  hinge_laws::add_forces(m, at.q, at.v, tau.data());
+  const VectorXd still = VectorXd::Zero(m.nv);
+  LoopTangents loops(
+      m, {.q = at.q, .v = at.v, .tau = tau.data(), .vdot = at.vdot ? at.vdot : still.data(), .wrenches = at.wrenches, .moment = at.moment},
+      at.t);
+  const std::shared_ptr<const Model> tree = open_tree(std::shared_ptr<const Model>(std::shared_ptr<void>(), &m));
+  Scope scope = scope_of(*tree, nullptr);
+  scope.loops = &loops;
+  take_devices(scope);
+  for (const int first : {0, m.nv})
+    for (const int v : loops.freedom().independent) scope.states.push_back(first + v);
+  for (int i = 0; i < scope.n_z(); ++i) scope.states.push_back(2 * m.nv + i);
   return linearize(scope, at, ports);
 }
 
@@ -622,8 +699,10 @@ LinearModel linearize(const TreeOperators& tree, const OperatingPoint& at, const
   for (const int v : marks.components) free.push_back(!marks.given[v]);
   blocks.articulate({.free = free});
   Scope scope = scope_of(m, &blocks);
-  if (!at.devices) return linearize(scope, use, ports);
-
+  if (!at.devices) {
+    keep_all_states(scope);
+    return linearize(scope, use, ports);
+  }
   scope.take(devices_that_take_part(blocks));
   for (const DeviceMass& mass : m.devices.masses)
     if (scope.devices[mass.device]) refuse_part(m.devices.all[mass.device].name + " carries mass of " + m.user[mass.user].name);
@@ -643,6 +722,7 @@ LinearModel linearize(const TreeOperators& tree, const OperatingPoint& at, const
   evaluate_in(blocks, devices, v.data(), tau.data(), wrenches);
   use.v = v.data(), use.tau = tau.data(), use.wrenches = wrenches, use.devices = &devices;
   if (follows) follow(scope, use, devices);
+  keep_all_states(scope);
   return linearize(scope, use, ports);
 }
 

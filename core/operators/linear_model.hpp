@@ -4,7 +4,8 @@
 //
 // x = [dtheta; dv; dz]: dtheta the deviation of the configuration in the tangent space (q = retract(q_0, dtheta), nv numbers), dv that of
 // the velocities, dz that of the states of devices. u and y are deviations too. Beside a moving state the model holds along the motion, at
-// this instant. Springs, dampers, gravity, devices, loads held in node or world axes, and given motions are inside.
+// this instant. Springs, dampers, gravity, devices, loads held in node or world axes, and given motions are inside. Of a vehicle with
+// closed loops dtheta and dv are those of its independent components (LoopFreedom); the others follow, and may be outputs.
 #include <string>
 #include <vector>
 
@@ -47,14 +48,14 @@ struct LinearPorts {
 struct LinearModel {
   std::string system;
   double t = 0.0;              // [s]
-  Eigen::MatrixXd A, B, C, D;  // n x n, n x nu, ny x n, ny x nu; n = 2 nv + device states
+  Eigen::MatrixXd A, B, C, D;  // n x n, n x nu, ny x n, ny x nu; n = 2 nv (closed loops: 2 mobility) + device states
   Eigen::VectorXd drift;       // n: [v; v'; z'] at the point; zero in equilibrium
   Eigen::VectorXd u0, y0;      // inputs and outputs there (0 for components with no coordinate of their own)
   SpaceLabels states, inputs, outputs;
 };
 
 /// InputError C0208 for an unknown name, C0401 where the model was compiled without loads on nodes; NumericsError at a direction
-/// without inertia. O(N) for each of 2 nv + nu directions.
+/// without inertia. O(N) for each of 2 nv + nu directions; with loops twice that, for each of 2 mobility + nu.
 LinearModel linearize(const Model& model, const OperatingPoint& at, const LinearPorts& ports = {});
 /// The same of the bodies that take part in `tree`, at its q (at.q is not read; the rest of `at` is the model's): states, inputs and
 /// outputs are theirs, momentum is that of them together, a name of another is C0208. What is not free in the tree is a given motion too (a

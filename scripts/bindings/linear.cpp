@@ -32,9 +32,9 @@ void push_poles(lua_State* L, const Eigen::MatrixXd& A) {
   }
 }
 
-}  // namespace
-
-int linear_model(lua_State* L, const TreeOperators& tree, const OperatingState& at) {
+/// The table of a model that `make` makes of the argument at index 2; nv: of what it is of.
+template <class Make>
+int push_linear(lua_State* L, const Model& m, int nv, const OperatingState& at, const Make& make) {
   operators::LinearPorts ports;
   std::string file;
   if (!lua_isnoneornil(L, 2)) {
@@ -46,17 +46,15 @@ int linear_model(lua_State* L, const TreeOperators& tree, const OperatingState& 
     table.finish();
     sink.throw_if_any();
   }
-  const int nv = tree.size(Space::hinge);
-  LuaHost::charge(L, 500LL * static_cast<std::int64_t>(tree.model().bodies.size() + static_cast<std::size_t>(nv)) * (2 * nv + 1));
-  const operators::LinearModel linear = operators::linearize(tree,
-                                                             {.t = at.t,
-                                                              .v = at.v.data(),
-                                                              .tau = at.tau.data(),
-                                                              .vdot = at.vdot.data(),
-                                                              .wrenches = at.wrenches,
-                                                              .devices = at.devices.get(),
-                                                              .moment = at.moment.get()},
-                                                             ports);
+  LuaHost::charge(L, 500LL * static_cast<std::int64_t>(m.bodies.size() + static_cast<std::size_t>(nv)) * (2 * nv + 1));
+  const operators::LinearModel linear = make(operators::OperatingPoint{.t = at.t,
+                                                                       .v = at.v.data(),
+                                                                       .tau = at.tau.data(),
+                                                                       .vdot = at.vdot.data(),
+                                                                       .wrenches = at.wrenches,
+                                                                       .devices = at.devices.get(),
+                                                                       .moment = at.moment.get()},
+                                             ports);
   lua_newtable(L);
   if (!file.empty()) {
     const std::filesystem::path path = output_file(L, file);
@@ -82,6 +80,24 @@ int linear_model(lua_State* L, const TreeOperators& tree, const OperatingState& 
   return 1;
 }
 
-int push_linear_model(lua_State* L, Scenario& s) { return study_of_now(L, s, "linearize", linear_model); }
+}  // namespace
+
+int linear_model(lua_State* L, const TreeOperators& tree, const OperatingState& at) {
+  return push_linear(L, tree.model(), tree.size(Space::hinge), at,
+                     [&](const operators::OperatingPoint& point, const operators::LinearPorts& ports) {
+                       return operators::linearize(tree, point, ports);
+                     });
+}
+
+int push_linear_model(lua_State* L, Scenario& s) {
+  if (s.model->loops.empty()) return study_of_now(L, s, "linearize", linear_model);
+  require_a_state(L, s, "linearize");
+  const auto model = s.sim ? s.sim->shared_model() : s.model;
+  const double* q = s.q;
+  return push_linear(L, *model, model->nv, present_state(s), [&](operators::OperatingPoint point, const operators::LinearPorts& ports) {
+    point.q = q;
+    return operators::linearize(*model, point, ports);
+  });
+}
 
 }  // namespace cardan

@@ -15,7 +15,8 @@
 #include "core/reference/dense_dynamics.hpp"
 #include "core/reference/quad.hpp"
 #include "core/sim/simulation.hpp"
-#include "tests/properties/trees.hpp"
+#include "tests/properties/loaded_simulation.hpp"
+#include "tests/properties/random_devices.hpp"
 #include "tests/support/bench_loops.hpp"
 #include "tests/support/custom_cam.hpp"
 #include "tests/support/four_bar.hpp"
@@ -207,6 +208,82 @@ TEST(Loops, AHingeThatClosesDoesWhatItDoesInTheTree) {
   for (const std::string& type : kAllHinges) {
     if (type == "free" || type == "free_body") continue;
     for_all_trees({.bodies = 5, .roots = 1, .hinges = {type}}, 1e-11, of_the_same_motion, 20);
+  }
+}
+
+/// Of a tree at its start under its loads, with what its devices do.
+operators::LinearModel linear_model(const RandomTree& of, const operators::LinearPorts& ports) {
+  if (of.spec.devices.empty()) {
+    const Loaded at(of);
+    return operators::linearize(
+        *at.model,
+        {.q = at.state.q.data(), .v = at.state.v.data(), .tau = at.tau.data(), .vdot = at.vdot_given.data(), .wrenches = at.wrenches},
+        ports);
+  }
+  SimulationOptions plain;
+  plain.ledger = false;
+  CompileOptions loads;
+  loads.world_wrenches = true;
+  Simulation sim(compiled(of.spec, loads), plain);
+  set_loads(sim, of);
+  const std::vector<double> tau = sim.applied_forces();
+  return operators::linearize(
+      sim.model(),
+      {.q = sim.state().q.data(), .v = sim.state().v.data(), .tau = tau.data(), .wrenches = sim.wrenches(), .devices = sim.devices()},
+      ports);
+}
+
+/// Linear models of both, through what is seen of all bodies: deviations that place and move them alike accelerate them alike, and so do
+/// forces.
+double of_the_same_linear_model(const RandomTree& given, bool devices) {
+  Cut both = cut(given, given.seed / 2 % 3);
+  if (both.bodies.empty()) return 0.0;
+  if (given.seed % 2) both.closed.spec.loop_form = LoopForm::multipliers;
+  const auto is_cut = [&](const std::string& body) { return std::ranges::find(both.bodies, body) != both.bodies.end(); };
+  operators::LinearPorts states, accelerations;
+  if (devices)
+    for (const DeviceSpec& d : with_devices(both.tree.spec, given.seed).devices) {
+      if (const auto at = d.mounts.find("at"); d.name == "friction" && is_cut(at->second.target.substr(0, at->second.target.find('.'))))
+        continue;
+      both.tree.spec.devices.push_back(d), both.closed.spec.devices.push_back(d);
+      if (!d.initial.empty()) states.outputs.push_back(d.name + "." + d.initial.begin()->first);
+    }
+  const auto n_z = static_cast<Eigen::Index>(states.outputs.size());
+  const auto bare = compiled(both.tree.spec);
+  for (const UserNode& n : bare->nodes) {
+    for (const char* what : {":position", ":attitude", ":velocity", ":rate"}) states.outputs.push_back(n.name + what);
+    for (const char* what : {":acceleration", ":specific_force"}) accelerations.outputs.push_back(n.name + what);
+    for (const char* what : {":force", ":torque"}) accelerations.inputs.push_back(n.name + what);
+  }
+  for (const UserBody& u : bare->user) {
+    if (u.nv > 0 && !is_cut(u.name)) accelerations.inputs.push_back(u.name);
+    for (int j = 1; j <= u.n_modes; ++j) {
+      for (const char* what : {".eta_", ".etadot_"}) states.outputs.push_back(fmt::format("{}{}{}", u.name, what, j));
+      accelerations.inputs.push_back(fmt::format("{}.eta_{}", u.name, j));
+    }
+  }
+  states.inputs = {accelerations.inputs.front()};
+  const MatrixXd placed = linear_model(both.tree, states).C, placed_closed = linear_model(both.closed, states).C;
+  if (placed.cols() != placed_closed.cols()) return HUGE_VAL;
+  const MatrixXd T = placed_closed.colPivHouseholderQr().solve(placed);
+  const operators::LinearModel a = linear_model(both.tree, accelerations), b = linear_model(both.closed, accelerations);
+  double worst = worse({apart(placed_closed * T, placed), apart(b.C * T, a.C), apart(b.D, a.D), apart(b.y0, a.y0)});
+  if (n_z > 0)
+    worst = worse({worst, apart(b.A.bottomRows(n_z) * T, a.A.bottomRows(n_z)), apart(b.B.bottomRows(n_z), a.B.bottomRows(n_z), 1.0)});
+  return worst;
+}
+
+TEST(Loops, AHingeThatClosesHasTheLinearModelThatItHasInTheTree) {
+  const auto bare = [](const RandomTree& tree) { return of_the_same_linear_model(tree, false); };
+  const auto equipped = [](const RandomTree& tree) { return of_the_same_linear_model(tree, true); };
+  for (const double prescribed : {0.0, 0.2}) {
+    for_all_trees({.bodies = 6, .flexible = 0.0, .prescribed = prescribed}, 1e-9, bare, 20);
+    for_all_trees({.bodies = 5, .level = 2, .prescribed = prescribed, .free_modes = true}, 1e-9, bare, 20);
+  }
+  for_all_trees({.bodies = 5}, 1e-9, equipped, 20);
+  for (const std::string& type : kAllHinges) {
+    if (type == "free" || type == "free_body") continue;
+    for_all_trees({.bodies = 4, .roots = 1, .hinges = {type}}, 1e-9, bare, 10);
   }
 }
 
@@ -753,7 +830,6 @@ TEST(Loops, AreRefusedByNameWhereTheyAreNotHonoured) {
   const Inputs in{.q = q.data(), .v = v.data()};
   refused("spatial operators", [&] { operators::TreeOperators tree(model); });
   refused("sensitivities", [&] { operators::Sensitivities s(model); });
-  refused("linear models", [&] { operators::linearize(*model, {}, {}); });
   refused("inverse kinematics", [&] { operators::inverse_kinematics(model, q.data(), {}, {}); });
   refused("batches of states", [&] { Batch batch(*model); });
   refused("inverse dynamics", [&] { inverse_dynamics(*model, ws, in, out.data()); });

@@ -161,6 +161,36 @@ end
   EXPECT_EQ(run.exit_code, 0) << run.err;
 }
 
+// Two cranks and a bar that stays level: a pendulum. One of three hinges is independent, the others are seen.
+TEST(OperatorsInScripts, LinearModelsTakeClosedLoops) {
+  const TemporaryFolder dir;
+  std::ofstream(dir / "vehicle.yaml") << R"(
+cardan: 1
+gravity: {uniform: [0, -9.81, 0]}
+bodies:
+  left: {mass: 1.3, com: [0.25, 0, 0], inertia: [0.001, 0.03, 0.03], hinge: {type: revolute, axis: [0, 0, 1], to: world, initial: {angle: -90 deg}}}
+  right: {mass: 1.3, com: [0.25, 0, 0], inertia: [0.001, 0.03, 0.03], hinge: {type: revolute, axis: [0, 0, 1], to: {body: world, position: [0.8, 0, 0]}, initial: {angle: -90 deg}}}
+  bar: {mass: 2.1, com: [0.4, 0, 0], inertia: [0.01, 0.2, 0.2], hinge: {type: revolute, axis: [0, 0, 1], to: {body: left, position: [0.5, 0, 0]}, initial: {angle: 90 deg}}}
+loops:
+  pin: {type: point, from: {body: right, position: [0.5, 0, 0]}, to: {body: bar, position: [0.8, 0, 0]}}
+)";
+  std::ofstream(dir / "scenario.lua") << R"(
+local sat = vehicle "vehicle.yaml"
+mission { duration = "0.1 s", output = { rate = "10 Hz" } }
+local weight, inertia = 9.81 * (2.1 * 0.5 + 2 * 1.3 * 0.25), 2.1 * 0.25 + 2 * (0.03 + 1.3 * 0.0625)
+local lin = sat:linearize { inputs = { "left.angle" }, outputs = { "left.angle", "right.angle", "bar.angle", "left.rate", "bar.rate" } }
+assert(#lin.state_names == 2 and lin.A:rows() == 2 and lin.drift:max_abs() < 1e-12)
+assert(math.abs(2 * math.pi * lin.poles[1].frequency - math.sqrt(weight / inertia)) < 1e-11)
+assert(math.abs(lin.A(2, 1) + weight / inertia) < 1e-11 and math.abs(math.abs(lin.B(2, 1)) - 1 / inertia) < 1e-12)
+local to = lin.C(1, 1)
+for i, row in ipairs { { to, 0 }, { to, 0 }, { -to, 0 }, { 0, to }, { 0, -to } } do
+  assert(math.abs(lin.C(i, 1) - row[1]) < 1e-12 and math.abs(lin.C(i, 2) - row[2]) < 1e-12, lin.output_names[i])
+end
+)";
+  const Finished run = run_program({"check", "scenario.lua"}, dir.path());
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+}
+
 TEST(OperatorsInScripts, StandInAMissionToo) {  // inertia from the operators: a pendulum as a critically damped oscillator of 2 rad/s
   const TemporaryFolder dir;
   std::ofstream(dir / "scenario.lua") << R"(

@@ -253,7 +253,8 @@ function figure(options) end
 --- What sim, a vehicle and operators answer about a state.
 ---@class Scene
 local Scene = {}
---- The linear model x' = A x + B u, y = C x + D u about the state, forces and loads of now (of operators: of then), exact to round-off.
+--- The linear model x' = A x + B u, y = C x + D u about the state, forces and loads of now (of operators: of then), exact to round-off. With closed
+--- loops x has the independent components alone (state_names); the others may be outputs.
 ---@param ports? LinearPorts
 ---@return LinearModel model
 function Scene:linearize(ports) end

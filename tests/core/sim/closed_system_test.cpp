@@ -1,0 +1,223 @@
+// Linear models and modes of vehicles with closed loops: against differences of the dense twin, which closes them by its own rows and
+// multipliers, and against closed forms.
+#include <Eigen/Dense>
+#include <numbers>
+
+#include "core/dynamics/loops.hpp"
+#include "core/model/loops.hpp"
+#include "core/operators/linear_model.hpp"
+#include "core/operators/system_modes.hpp"
+#include "core/reference/dense_dynamics.hpp"
+#include "core/sim/simulation.hpp"
+#include "tests/support/bench_loops.hpp"
+#include "tests/support/four_bar.hpp"
+#include "tests/support/worse.hpp"
+
+namespace cardan::test {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using operators::linearize;
+using operators::LinearModel;
+
+/// A closed vehicle by the twin: states near a point as functions of its independent deviations.
+class ClosedTwin {
+ public:
+  ClosedTwin(const SystemSpec& spec, const Model& model, VectorXd q, VectorXd v, VectorXd tau)
+      : model_(model), twin_(spec), q_(std::move(q)), v_(std::move(v)), tau_(std::move(tau)) {
+    Workspace ws(model);
+    freedom_ = loop_freedom(model, ws, q_.data());
+  }
+
+  /// [v_dependent and all others; v'] for deviations [theta_I; v_I; tau], dependent components by Newton's method on the twin's rows.
+  VectorXd operator()(const VectorXd& x) const {
+    const auto m = static_cast<Eigen::Index>(freedom_.independent.size());
+    VectorXd d = freedom_.X * x.head(m), q(model_.nq), v = v_;
+    model_.retract(q_.data(), d.data(), q.data());
+    for (Eigen::Index i = 0; i < m; ++i) v[freedom_.independent[static_cast<std::size_t>(i)]] += x[m + i];
+    for (int i = 0; i < 6; ++i) {
+      const auto [G, c] = rows(q);
+      d.setZero();
+      d(freedom_.dependent) = -dependent(G).solve(c);
+      const VectorXd from = q;
+      model_.retract(from.data(), d.data(), q.data());
+    }
+    const MatrixXd G = rows(q).first;
+    v(freedom_.dependent) = -dependent(G).solve(VectorXd(G(Eigen::all, freedom_.independent) * v(freedom_.independent)));
+    VectorXd out(2 * model_.nv);
+    out << v, twin_.at(q, v).closed(tau_ + x.tail(model_.nv)).vdot;
+    return out;
+  }
+
+  /// Its Jacobian by differences of fourth order.
+  MatrixXd slopes() const {
+    const auto n = static_cast<Eigen::Index>(2 * freedom_.independent.size()) + model_.nv;
+    MatrixXd J(2 * model_.nv, n);
+    const double h = 2e-3;
+    for (Eigen::Index j = 0; j < n; ++j) {
+      const auto at = [&](double s) { return (*this)(s * h * VectorXd::Unit(n, j)); };
+      J.col(j) = (8.0 * (at(1) - at(-1)) - (at(2) - at(-2))) / (12.0 * h);
+    }
+    return J;
+  }
+
+  const LoopFreedom& freedom() const { return freedom_; }
+
+ private:
+  Eigen::ColPivHouseholderQR<MatrixXd> dependent(const MatrixXd& G) const {
+    return Eigen::ColPivHouseholderQR<MatrixXd>(MatrixXd(G(Eigen::all, freedom_.dependent)));
+  }
+  std::pair<MatrixXd, VectorXd> rows(const VectorXd& q) const {
+    const auto state = twin_.at(q, VectorXd::Zero(model_.nv));
+    MatrixXd G(model_.loops.rows, model_.nv);
+    VectorXd c(model_.loops.rows);
+    int first = 0;
+    for (const auto& loop : state.loops()) {
+      G.middleRows(first, loop.G.rows()) = loop.G, c.segment(first, loop.G.rows()) = loop.c;
+      first += static_cast<int>(loop.G.rows());
+    }
+    return {G, c};
+  }
+
+  const Model& model_;
+  reference::DenseTwin<double> twin_;
+  VectorXd q_, v_, tau_;
+  LoopFreedom freedom_;
+};
+
+double error_of_model(const SystemSpec& spec, const VectorXd& tau) {
+  const auto model = compiled(spec);
+  State s = model->initial_state();
+  LoopProjection(*model).close(s.q.data(), s.v.data());
+  const ClosedTwin twin(spec, *model, s.q, s.v, tau);
+  std::vector<std::string> all;
+  for (const int side : {0, 1})
+    for (const UserBody& u : model->user)
+      for (int j = 0; j < u.nv; ++j)
+        if (u.nq == u.nv) all.push_back(u.name + "." + (side ? u.v_names : u.q_names)[static_cast<std::size_t>(j)]);
+  const LinearModel linear = linearize(*model, {.q = s.q.data(), .v = s.v.data(), .tau = tau.data()}, {{}, all});
+  const MatrixXd want = twin.slopes();
+  const auto m = static_cast<Eigen::Index>(twin.freedom().independent.size());
+  const int nv = model->nv;
+  double worst = 0.0;
+  const auto compare = [&](const VectorXd& got, const VectorXd& truth) {
+    worst = worse(worst, distance(got, truth) / std::max(1.0, largest(truth)));
+  };
+  for (Eigen::Index j = 0; j < 2 * m; ++j) {
+    const VectorXd vdot = want.col(j).tail(nv);
+    compare(linear.A.col(j).tail(m), vdot(twin.freedom().independent));
+    int row = 0;  // dependent states as outputs
+    for (const int side : {0, 1})
+      for (const UserBody& u : model->user)
+        for (int i = 0; i < u.nv; ++i)
+          if (u.nq == u.nv) {
+            const double truth = side ? want(u.v + i, j) : j < m ? twin.freedom().X(u.v + i, j) : 0.0;
+            worst = worse(worst, std::abs(linear.C(row++, j) - truth) / std::max(1.0, std::abs(truth)));
+          }
+  }
+  for (int j = 0; j < nv; ++j) {
+    const VectorXd vdot = want.col(2 * m + j).tail(nv);
+    compare(linear.B.col(j).tail(m), vdot(twin.freedom().independent));
+  }
+  return worst;
+}
+
+TEST(ClosedLinearModel, AgreesWithDifferencesOfTheTwin) {
+  for (const char* closing : {"point", "revolute", "line"}) {
+    const VectorXd tau = Eigen::Vector3d(0.4, -0.3, 0.2);
+    EXPECT_LE(error_of_model(four_bar(closing), tau), 1e-7) << closing;
+  }
+  SystemSpec strut = four_bar();
+  strut.loops[0].type = "distance", strut.loops[0].length = 0.2, strut.loops[0].from.position = {0.5, -0.2, 0};
+  EXPECT_LE(error_of_model(strut, Eigen::Vector3d(0.4, -0.3, 0.2)), 1e-7) << "distance";
+  for (const char* name : {"bricard", "hexapod_free", "mini_cheetah", "andrews", "four_bar_revolute", "rocker_bogie", "solar_array_8"})
+    for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers}) {
+      bench_loops::Model bench = bench_loops::read(fmt::format("{}/tests/reference/bench_loops/{}.json", CARDAN_SOURCE_DIR, name));
+      bench.spec.loop_form = form;
+      EXPECT_LE(error_of_model(bench.spec, bench.states[0].tau), 1e-6) << name;
+    }
+}
+
+/// Two cranks on the ground, and what joins their tips, which stays level.
+SystemSpec parallelogram(double stiffness) {
+  const auto crank = [&](const char* name, double x) {
+    BodySpec b = on(rigid(name, 1.3, {0.25, 0, 0}, diagonal({0.001, 0.03, 0.03})), "", "revolute", {{0, 0, 1}}, {x, 0, 0});
+    b.hinge.q = {-0.5 * std::numbers::pi};
+    return b;
+  };
+  BodySpec coupler = on(rigid("coupler", 2.1, {0.4, 0, 0}, diagonal({0.01, 0.2, 0.2})), "left", "revolute", {{0, 0, 1}}, {0.5, 0, 0});
+  coupler.hinge.q = {0.5 * std::numbers::pi};
+  SystemSpec spec = system({crank("left", 0.0), crank("right", 0.8), coupler}, uniform_gravity({0, -9.81, 0}));
+  if (stiffness > 0.0) {
+    SpringDamper spring;
+    spring.stiffness = stiffness, spring.rest = -0.5 * std::numbers::pi;
+    spec.bodies[0].hinge.springs = {spring};
+  }
+  LoopSpec pin;
+  pin.name = "pin", pin.type = "point";
+  pin.from.body = "right", pin.from.position = {0.5, 0, 0}, pin.to.body = "coupler", pin.to.position = {0.8, 0, 0};
+  spec.loops = {pin};
+  return spec;
+}
+constexpr double kInertia = 2.1 * 0.25 + 2 * (0.03 + 1.3 * 0.0625), kWeight = 9.81 * (2.1 * 0.5 + 2 * 1.3 * 0.25);
+
+TEST(ClosedLinearModel, OfAParallelogramIsAPendulum) {
+  const auto model = compiled(parallelogram(0.0));
+  const State s = model->initial_state();
+  const LinearModel linear = linearize(*model, {.q = s.q.data(), .v = s.v.data()}, {{"left.angle"}, {"left.angle", "right.angle"}});
+  ASSERT_EQ(linear.A.rows(), 2);
+  EXPECT_NEAR(linear.A(1, 0), -kWeight / kInertia, 1e-12);
+  EXPECT_NEAR(linear.A(1, 1), 0.0, 1e-12);
+  EXPECT_NEAR(std::abs(linear.B(1, 0)), 1.0 / kInertia, 1e-12);
+  EXPECT_NEAR(linear.C(0, 0), linear.C(1, 0), 1e-13);  // both cranks turn alike
+  EXPECT_LE(linear.drift.cwiseAbs().maxCoeff(), 1e-13);
+  const auto poles = operators::poles(linear.A);
+  EXPECT_NEAR(poles[0].frequency, std::sqrt(kWeight / kInertia) / (2 * std::numbers::pi), 1e-12);
+}
+
+TEST(ClosedSystemModes, OfAParallelogramOnASpring) {
+  SystemSpec spec = parallelogram(35.0);
+  spec.gravity = {};
+  const auto model = compiled(spec);
+  const State s = model->initial_state();
+  Workspace ws(*model);
+  operators::TreeOperators tree(open_tree(model));
+  tree.at(s.q.data());
+  const auto modes = operators::closed_system_modes(tree, loop_freedom(*model, ws, s.q.data()).X);
+  ASSERT_EQ(modes.n_rigid, 0);
+  ASSERT_EQ(modes.frequency.size(), 1);
+  EXPECT_NEAR(modes.frequency[0], std::sqrt(35.0 / kInertia) / (2 * std::numbers::pi), 1e-13);
+  EXPECT_NEAR(modes.kinetic.sum(), 1.0, 1e-13);
+  EXPECT_NEAR(modes.strain.sum(), 1.0, 1e-13);
+}
+
+// Springs that are not strained, no gravity: the poles of the linear model and the modes are the same.
+TEST(ClosedSystemModes, AreThePolesOfTheLinearModel) {
+  bench_loops::Model bench = bench_loops::read(CARDAN_SOURCE_DIR "/tests/reference/bench_loops/fourbar_chain_8.json");
+  bench.spec.gravity = {};
+  double k = 20.0;
+  for (BodySpec& b : bench.spec.bodies) {
+    b.hinge.v.clear();
+    if (b.hinge.type != "revolute" || b.hinge.q.empty()) continue;
+    SpringDamper spring;
+    spring.stiffness = k, spring.rest = b.hinge.q[0];
+    b.hinge.springs = {spring};
+    k *= 1.17;
+  }
+  const auto model = compiled(bench.spec);
+  const State s = model->initial_state();
+  Workspace ws(*model);
+  operators::TreeOperators tree(open_tree(model));
+  tree.at(s.q.data());
+  const auto modes = operators::closed_system_modes(tree, loop_freedom(*model, ws, s.q.data()).X, {.elastic = 100});
+  const LinearModel linear = linearize(*model, {.q = s.q.data(), .v = s.v.data()});
+  const auto poles = operators::poles(linear.A);
+  ASSERT_EQ(static_cast<std::size_t>(2 * modes.frequency.size()), poles.size());
+  for (Eigen::Index i = 0; i < modes.frequency.size(); ++i)
+    EXPECT_NEAR(poles[static_cast<std::size_t>(2 * i)].frequency / modes.frequency[i], 1.0, 1e-9) << i;
+  EXPECT_LE(modes.residual.maxCoeff(), 1e-10);
+}
+
+}  // namespace
+}  // namespace cardan::test
