@@ -168,6 +168,19 @@ OperationalSpace::OperationalSpace(const TreeOperators& tree, Task task, const T
       refuse(Code::operator_shape, {"operational space"}, "a second tree of the same bodies at the same q", "another");
     compliance_ -= task_compliance(*passive, task_);
   }
+  invert(tolerance);
+}
+
+OperationalSpace::OperationalSpace(const ClosedSystem& closed, Task task, double tolerance)
+    : tree_(&closed.tree()), closed_(&closed), task_(std::move(task)) {
+  require_task(*tree_, task_);
+  MatrixXd JY(task_.rows(), closed.mobility());
+  for (int j = 0; j < closed.mobility(); ++j) JY.col(j) = task_rates(*tree_, task_, closed.motions().col(j));
+  compliance_ = JY * JY.transpose();
+  invert(tolerance);
+}
+
+void OperationalSpace::invert(double tolerance) {
   const int r = rows();
   VectorXd unit(r);  // 1 / scale; rows that cannot move stay as they are
   const double largest = r > 0 ? compliance_.diagonal().maxCoeff() : 0.0;
@@ -211,7 +224,9 @@ VectorXd OperationalSpace::forces(const VectorXd& F) const {
 }
 
 // M_g^-1 is the block of M^-1.
-VectorXd OperationalSpace::respond(const VectorXd& tau) const { return actuated(inverse_mass_times(*tree_, actuated(tau))); }
+VectorXd OperationalSpace::respond(const VectorXd& tau) const {
+  return closed_ ? closed_->respond(tau) : actuated(inverse_mass_times(*tree_, actuated(tau)));
+}
 
 VectorXd OperationalSpace::consistent_inverse(const VectorXd& x) const {
   expect_size("rates of a task", rows(), x.size());

@@ -2,6 +2,7 @@
 // Operational space of nodes (Khatib 1987; Kreutz-Delgado, Jain & Rodriguez 1992; Jain 2011; mathematics 6): what force on nodes
 // does to the motion of nodes, through the whole tree. Everything is about the components that are free (TreeOperators::articulate).
 #include "core/dynamics/forward.hpp"
+#include "core/operators/closed_system.hpp"
 #include "core/operators/tree_operators.hpp"
 
 namespace cardan::operators {
@@ -48,6 +49,10 @@ Eigen::VectorXd task_bias(const TreeOperators& tree, const Task& task, Workspace
 class OperationalSpace {
  public:
   OperationalSpace(const TreeOperators& tree, Task task, const TreeOperators* passive = nullptr, double tolerance = 1e-12);
+  /// Of a vehicle with closed loops: M_c^-1 in place of M^-1, all components with actuators; only what the loops allow counts of rates.
+  /// Lambda^-1 = (J Y)(J Y)*. `closed` must outlive this. `consistent_inverse` and `null_motion` are motions that the loops allow where v
+  /// is one.
+  OperationalSpace(const ClosedSystem& closed, Task task, double tolerance = 1e-12);
 
   const Task& task() const { return task_; }
   const Eigen::MatrixXd& compliance() const { return compliance_; }  ///< Lambda^-1, r x r
@@ -72,9 +77,11 @@ class OperationalSpace {
 
  private:
   Eigen::VectorXd actuated(Eigen::VectorXd x) const;          // zero on passive components
-  Eigen::VectorXd respond(const Eigen::VectorXd& tau) const;  // M^-1 tau, M_g^-1 tau
+  Eigen::VectorXd respond(const Eigen::VectorXd& tau) const;  // M^-1 tau, M_g^-1 tau, M_c^-1 tau
+  void invert(double tolerance);
   const TreeOperators* tree_;
-  const TreeOperators* passive_;
+  const TreeOperators* passive_ = nullptr;
+  const ClosedSystem* closed_ = nullptr;
   Task task_;
   Eigen::MatrixXd compliance_, inertia_;
   int rank_ = 0;

@@ -13,6 +13,7 @@
 #include "core/linalg/dense.hpp"
 #include "core/linalg/eigenpairs.hpp"
 #include "core/operators/apply.hpp"
+#include "core/operators/closed_system.hpp"
 
 namespace cardan::operators {
 namespace {
@@ -427,25 +428,8 @@ SystemModes modes_of(const TreeOperators& tree, const SystemModesOptions& option
 Vibrations along(const MatrixXd& X, const TreeOperators& tree, const Joint& J, const std::vector<DeviceStiffness>& devices, bool stiff,
                  const Mass& mass, const SystemModesOptions& options) {
   const int n = tree.size(Space::hinge);
-  const Model& m = tree.model();
-  MatrixXd Y(n, X.cols());  // in the order of the hinge space, without given motions
-  Eigen::Index free = 0;
-  for (Eigen::Index j = 0; j < X.cols(); ++j) {
-    bool given = false;
-    for (int v = 0; v < m.nv; ++v) {
-      given = given || (m.has_prescribed() && m.prescribed[v] != 0 && X(v, j) != 0.0);
-      if (const int i = tree.place_of_velocity(v); i >= 0) Y(i, free) = X(v, j);
-    }
-    if (!given) ++free;
-  }
-  Y.conservativeResize(n, free);
-  MatrixXd MY(n, free);
-  VectorXd y(n);
-  for (Eigen::Index j = 0; j < free; ++j) {
-    mass(Y.col(j), y);
-    MY.col(j) = y;
-  }
-  Y = orthonormalised(Y, Y.transpose() * MY);  // Y* M Y = 1
+  const MatrixXd Y = free_motions(mass.whole, X);
+  const Eigen::Index free = Y.cols();
   MatrixXd KY(n, free);
   for (Eigen::Index j = 0; j < free; ++j) KY.col(j) = J.times(tree, J.K, J.K_modes, Y.col(j));
   for (const DeviceStiffness& d : devices) KY += d.K * Y;

@@ -4,6 +4,7 @@
 #include <new>
 #include <utility>
 
+#include "core/operators/closed_system.hpp"
 #include "core/operators/expression.hpp"
 #include "core/operators/tree_operators.hpp"
 #include "scripts/bindings/bind.hpp"
@@ -135,9 +136,12 @@ const std::vector<luaL_Reg>& task_methods();          // compliance, task spaces
 const std::vector<luaL_Reg>& momentum_methods();      // mass properties, momentum, inertia felt at hinges
 const std::vector<luaL_Reg>& passive_methods();       // hybrid dynamics, components without actuator
 const std::vector<luaL_Reg>& diagonalised_methods();  // log det M, diagonalised velocities
+/// The task space of the table at index 2; of a closed system, whose tree this is then, where there is one.
+int push_task(lua_State* L, std::shared_ptr<const TreeOperators> tree, std::shared_ptr<const operators::ClosedSystem> closed);
 void make_task_type(lua_State* L);
 void make_passive_type(lua_State* L);
 void make_diagonalised_type(lua_State* L);
+void make_closed_system_type(lua_State* L);
 void make_operator_type(lua_State* L);  // operator.cpp: one operator, a formula of letters
 int push_operator(lua_State* L, operators::Expression e);
 

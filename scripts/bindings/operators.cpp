@@ -210,6 +210,7 @@ void bind_operators(Scenario& s) {
     make_task_type(L);
     make_passive_type(L);
     make_diagonalised_type(L);
+    make_closed_system_type(L);
     std::vector<luaL_Reg> methods = kOperatorsMethods;
     for (const auto& more : {task_methods(), momentum_methods(), passive_methods(), diagonalised_methods()})
       methods.insert(methods.end(), more.begin(), more.end());

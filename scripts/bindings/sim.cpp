@@ -178,6 +178,7 @@ const std::vector<luaL_Reg> kMethods = {{"t", method<t>},
                                         {"system_modes", method<study_of_scene<push_modes>>},
                                         {"derivatives", method<study_of_scene<push_derivatives>>},
                                         {"inverse_kinematics", method<study_of_scene<push_inverse_kinematics>>},
+                                        {"closed_system", method<study_of_scene<push_closed_system>>},
                                         {"state", method<state>},
                                         {"vehicle", method<vehicle>},
                                         {"run_to", method<run_to>}};

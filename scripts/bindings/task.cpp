@@ -24,7 +24,9 @@ int compliance(lua_State* L) {
 }
 
 struct LuaTask {
-  std::shared_ptr<TreeOperators> tree, passive;
+  std::shared_ptr<const TreeOperators> tree;
+  std::shared_ptr<TreeOperators> passive;
+  std::shared_ptr<const operators::ClosedSystem> closed;
   std::unique_ptr<operators::OperationalSpace> space;
   Labels motion, force;  // of its rows
 };
@@ -35,49 +37,8 @@ LuaTask& to_task(lua_State* L) {
 
 /// s:task{nodes = {...}, rows = {1, 2, ...} or T = matrix, passive = {components}}
 int task(lua_State* L) {
-  LuaOperators& o = to_operators(L);
   tree_with_Y(L);
-  DiagnosticSink sink;
-  LuaTable table(L, 2, "task", sink);
-  table.require({"nodes"});
-  const auto names = table.texts("nodes");
-  const auto rows = table.numbers("rows", 0);
-  const auto passive = table.texts("passive");
-  const bool has_T = table.has("T");
-  table.finish();
-  sink.throw_if_any();
-  operators::Task task{.nodes = node_indices(L, *names, o.tree->model()), .T = {}};
-  const operators::SpaceLabels motion = o.tree->node_labels(task.nodes, Sort::motion), force = o.tree->node_labels(task.nodes, Sort::force);
-  auto out = LuaTask{o.tree, nullptr, nullptr, to_labels(motion), to_labels(force)};
-  const int all = static_cast<int>(motion.names.size());
-  if (rows && has_T) refuse(L, Code::lua_argument, "task", "rows or T", "both");
-  if (rows) {
-    std::vector<int> picked;
-    out.motion = out.force = {};
-    for (const double r : *rows) {
-      const int i = static_cast<int>(r) - 1;
-      if (i < 0 || i >= all || static_cast<double>(i + 1) != r)
-        refuse(L, Code::out_of_range, "task.rows", fmt::format("1 ... {}", all), fmt::format("{:g}", r));
-      picked.push_back(i);
-      for (auto* l : {&out.motion, &out.force}) {
-        const operators::SpaceLabels& from = l == &out.motion ? motion : force;
-        l->names.push_back(from.names[static_cast<std::size_t>(i)]), l->units.push_back(from.units[static_cast<std::size_t>(i)]);
-      }
-    }
-    task = operators::Task::of_rows(task.nodes, picked);
-  } else if (has_T) {
-    lua_getfield(L, 2, "T");
-    task.T = to_matrix(L, lua_gettop(L), kAnySize, all, "task.T");
-    lua_pop(L, 1);
-    out.motion = out.force = {};
-  }
-  if (passive) {
-    out.passive = articulated_for(L, *o.tree, *passive, "task.passive");
-    out.passive->operational_space();
-  }
-  out.space = std::make_unique<operators::OperationalSpace>(*o.tree, std::move(task), out.passive.get());
-  push_object<LuaTask>(L, kTask, std::move(out));
-  return 1;
+  return push_task(L, to_operators(L).tree, nullptr);
 }
 int task_compliance(lua_State* L) {
   const LuaTask& t = to_task(L);
@@ -194,6 +155,50 @@ const std::vector<luaL_Reg> kTaskMethods = {{"compliance", placed<task_complianc
 
 }  // namespace
 
+int push_task(lua_State* L, std::shared_ptr<const TreeOperators> tree, std::shared_ptr<const operators::ClosedSystem> closed) {
+  DiagnosticSink sink;
+  LuaTable table(L, 2, "task", sink);
+  table.require({"nodes"});
+  const auto names = table.texts("nodes");
+  const auto rows = table.numbers("rows", 0);
+  const auto passive = closed ? std::nullopt : table.texts("passive");
+  const bool has_T = table.has("T");
+  table.finish();
+  sink.throw_if_any();
+  operators::Task task{.nodes = node_indices(L, *names, tree->model()), .T = {}};
+  const operators::SpaceLabels motion = tree->node_labels(task.nodes, Sort::motion), force = tree->node_labels(task.nodes, Sort::force);
+  auto out = LuaTask{tree, nullptr, closed, nullptr, to_labels(motion), to_labels(force)};
+  const int all = static_cast<int>(motion.names.size());
+  if (rows && has_T) refuse(L, Code::lua_argument, "task", "rows or T", "both");
+  if (rows) {
+    std::vector<int> picked;
+    out.motion = out.force = {};
+    for (const double r : *rows) {
+      const int i = static_cast<int>(r) - 1;
+      if (i < 0 || i >= all || static_cast<double>(i + 1) != r)
+        refuse(L, Code::out_of_range, "task.rows", fmt::format("1 ... {}", all), fmt::format("{:g}", r));
+      picked.push_back(i);
+      for (auto* l : {&out.motion, &out.force}) {
+        const operators::SpaceLabels& from = l == &out.motion ? motion : force;
+        l->names.push_back(from.names[static_cast<std::size_t>(i)]), l->units.push_back(from.units[static_cast<std::size_t>(i)]);
+      }
+    }
+    task = operators::Task::of_rows(task.nodes, picked);
+  } else if (has_T) {
+    lua_getfield(L, 2, "T");
+    task.T = to_matrix(L, lua_gettop(L), kAnySize, all, "task.T");
+    lua_pop(L, 1);
+    out.motion = out.force = {};
+  }
+  if (passive) {
+    out.passive = articulated_for(L, *tree, *passive, "task.passive");
+    out.passive->operational_space();
+  }
+  out.space = closed ? std::make_unique<operators::OperationalSpace>(*closed, std::move(task))
+                     : std::make_unique<operators::OperationalSpace>(*tree, std::move(task), out.passive.get());
+  push_object<LuaTask>(L, kTask, std::move(out));
+  return 1;
+}
 const std::vector<luaL_Reg>& task_methods() {
   static const std::vector<luaL_Reg> all = {{"compliance", placed<compliance>},
                                             {"task", placed<task>},

@@ -181,7 +181,8 @@ const std::vector<luaL_Reg>& vehicle_methods() {
                                  {"linearize", method<vehicle_study<push_linear_model>>},
                                  {"system_modes", method<vehicle_study<push_modes>>},
                                  {"derivatives", method<vehicle_study<push_derivatives>>},
-                                 {"inverse_kinematics", method<vehicle_study<push_inverse_kinematics>>}};
+                                 {"inverse_kinematics", method<vehicle_study<push_inverse_kinematics>>},
+                                 {"closed_system", method<vehicle_study<push_closed_system>>}};
     own.insert(own.end(), topology_methods().begin(), topology_methods().end());
     return own;
   }();

@@ -162,7 +162,7 @@ end
 }
 
 // Two cranks and a bar that stays level: a pendulum. One of three hinges is independent, the others are seen.
-TEST(OperatorsInScripts, LinearModelsTakeClosedLoops) {
+TEST(OperatorsInScripts, AnalysesTakeClosedLoops) {
   const TemporaryFolder dir;
   std::ofstream(dir / "vehicle.yaml") << R"(
 cardan: 1
@@ -186,6 +186,18 @@ local to = lin.C(1, 1)
 for i, row in ipairs { { to, 0 }, { to, 0 }, { -to, 0 }, { 0, to }, { 0, -to } } do
   assert(math.abs(lin.C(i, 1) - row[1]) < 1e-12 and math.abs(lin.C(i, 2) - row[2]) < 1e-12, lin.output_names[i])
 end
+local c = sat:closed_system()
+assert(c:mobility() == 1 and #c:independent() == 1 and c:motions():cols() == 1)
+assert((c:respond { 1, 0, 0 } * inertia - vector { 1, 1, -1 }):max_abs() < 1e-12)
+local side = c:task { nodes = { "bar" }, rows = { 4 } }                      -- hanging, its end moves sideways on a circle of 0.5 m
+assert(math.abs(side:inertia()(1, 1) - inertia / 0.25) < 1e-11)
+for actuator, sign in pairs { left = 1, right = 1, bar = -1 } do
+  local found = c:inverse_dynamics({ 0.7, 0.7, -0.7 }, { actuator })
+  assert(found.missing:max_abs() < 1e-12 and math.abs(found.tau[actuator .. ".rate"] - 0.7 * sign * inertia) < 1e-12)
+end
+assert(math.abs(c:inverse_dynamics({ 0.7, 0.7, -0.7 }, {}).missing:max_abs() - 0.7 * inertia) < 1e-12)
+local ok, why = pcall(c.respond, c, { 1 })
+assert(not ok and tostring(why):find("3", 1, true), tostring(why))
 )";
   const Finished run = run_program({"check", "scenario.lua"}, dir.path());
   EXPECT_EQ(run.exit_code, 0) << run.out << run.err;

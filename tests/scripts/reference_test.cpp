@@ -86,6 +86,7 @@ TEST(ScriptReference, HasEveryMethodThatObjectsHave) {
                                                       {"Operators", "sim:operators()"},
                                                       {"Operator", "sim:operators().phi"},
                                                       {"Task", "sim:operators():task { nodes = {'bus'} }"},
+                                                      {"ClosedSystem", "sim:closed_system()"},
                                                       {"Passive", "sim:operators():floating_base()"},
                                                       {"Diagonalised", "sim:operators():diagonalised()"}};
   std::string script =
@@ -150,7 +151,8 @@ TEST(ScriptReference, HasEveryKeyOfTheTablesThatAreRead) {
       {"ModesOptions", "sim:system_modes { _no = 1 }"},
       {"IkTask", "sim:inverse_kinematics { targets = {}, _no = 1 }"},
       {"IkTarget", "sim:inverse_kinematics { targets = {{ node = 'rod', position = {1, 2, 3}, _no = 1 }} }"},
-      {"TaskOptions", "sim:operators():task { nodes = {'rod'}, _no = 1 }"}};
+      {"TaskOptions", "sim:operators():task { nodes = {'rod'}, _no = 1 }"},
+      {"ClosedTaskOptions", "sim:closed_system():task { nodes = {'rod'}, _no = 1 }"}};
   for (const auto& [name, statement] : tables) {
     const TemporaryFolder dir;
     std::ofstream(dir / "scenario.lua") << begin + statement;

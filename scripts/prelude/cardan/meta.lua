@@ -284,6 +284,9 @@ function Scene:inverse_kinematics(task) end
 --- The loaded scene, a global.
 ---@class Sim: Scene
 sim = {}
+--- The vehicle with its loops closed as one system, where it is now.
+---@return ClosedSystem system
+function sim:closed_system() end
 --- The time; in `when` of an event that of the trial state.
 ---@return number t [s]
 function sim:t() end
@@ -317,6 +320,9 @@ function sim:operators(last_stage) end
 --- What `vehicle` returns; hands out bodies, hinges, modes and nodes by name.
 ---@class Vehicle: Scene
 local Vehicle = {}
+--- The vehicle with its loops closed as one system, where it is now.
+---@return ClosedSystem system
+function Vehicle:closed_system() end
 ---@param name string
 ---@return Body body
 function Vehicle:body(name) end
@@ -803,6 +809,37 @@ function Operators:log_det_gradient() end
 function Operators:diagonalised(form) end
 
 --- An operational space. x, F: rows of the task; v, tau: of the hinge space. What s:task{...} returns.
+---@class ClosedTaskOptions
+---@field nodes string[]
+---@field rows? integer[] as in TaskOptions
+---@field T? Matrix combinations of them, instead of rows
+
+--- What loops leave of the mass matrix at one state: motions that they allow, and what forces do to them (docs/operators.md).
+---@class ClosedSystem
+local ClosedSystem = {}
+--- Ways to move, given motions left out.
+---@return integer mobility
+function ClosedSystem:mobility() end
+--- Names of the components that choose a motion, given ones among them; the others follow.
+---@return string[] components
+function ClosedSystem:independent() end
+--- Y, a motion a column: Y* M Y = 1, and Y Y* is the inverse of the mass matrix of the closed system.
+---@return Matrix Y
+function ClosedSystem:motions() end
+--- Y Y* tau: the accelerations of the system at rest under hinge forces alone.
+---@param tau Vector|number[]
+---@return Vector vdot
+function ClosedSystem:respond(tau) end
+--- Its task space, with Y Y* in place of the inverse of the mass matrix.
+---@param options ClosedTaskOptions
+---@return Task task
+function ClosedSystem:task(options) end
+--- Forces of actuators, beside those of now, with which independent components accelerate so; the least of several.
+---@param vdot Vector|number[]
+---@param actuated string[] components
+---@return { tau: Vector, missing: Vector } forces missing: what these actuators cannot give
+function ClosedSystem:inverse_dynamics(vdot, actuated) end
+
 ---@class Task
 local Task = {}
 --- Lambda, the inertia felt by the rows.

@@ -1,11 +1,14 @@
-// Linear models and modes of vehicles with closed loops: against differences of the dense twin, which closes them by its own rows and
-// multipliers, and against closed forms.
+// Linear models, modes, inverse of the mass matrix, operational space and inverse dynamics of vehicles with closed loops: against
+// differences of the dense twin, which closes them by its own rows and multipliers, and against closed forms.
 #include <Eigen/Dense>
 #include <numbers>
 
+#include "core/dynamics/inverse.hpp"
 #include "core/dynamics/loops.hpp"
 #include "core/model/loops.hpp"
+#include "core/operators/closed_system.hpp"
 #include "core/operators/linear_model.hpp"
+#include "core/operators/operational_space.hpp"
 #include "core/operators/system_modes.hpp"
 #include "core/reference/dense_dynamics.hpp"
 #include "core/sim/simulation.hpp"
@@ -217,6 +220,123 @@ TEST(ClosedSystemModes, AreThePolesOfTheLinearModel) {
   for (Eigen::Index i = 0; i < modes.frequency.size(); ++i)
     EXPECT_NEAR(poles[static_cast<std::size_t>(2 * i)].frequency / modes.frequency[i], 1.0, 1e-9) << i;
   EXPECT_LE(modes.residual.maxCoeff(), 1e-10);
+}
+
+// ---- the mass matrix ----
+
+bench_loops::Model bench_of(const char* name) {
+  return bench_loops::read(fmt::format("{}/tests/reference/bench_loops/{}.json", CARDAN_SOURCE_DIR, name));
+}
+constexpr const char* kMechanisms[] = {"bricard", "hexapod_free", "mini_cheetah", "andrews", "four_bar_revolute", "rocker_bogie"};
+
+TEST(ClosedSystem, RespondsAsTheTwinDoes) {
+  for (const char* name : kMechanisms) {
+    bench_loops::Model bench = bench_of(name);
+    bench.spec.gravity = {};
+    const auto model = compiled(bench.spec);
+    const VectorXd q = bench.states[0].q;
+    const operators::ClosedSystem closed(model, q.data());
+    const reference::DenseTwin<double> twin(bench.spec);
+    const auto still = twin.at(q, VectorXd::Zero(model->nv));
+    MatrixXd got(model->nv, model->nv), want(model->nv, model->nv);
+    for (int i = 0; i < model->nv; ++i) {
+      const VectorXd tau = VectorXd::Unit(model->nv, i);
+      got.col(i) = closed.tree().to_model(closed.respond(closed.tree().from_model(tau)));
+      want.col(i) = still.closed(tau).vdot;
+    }
+    EXPECT_LE((got - want).norm(), 1e-11 * want.norm()) << name;
+  }
+}
+
+// M^-1 - M^-1 G* (G M^-1 G*)^+ G M^-1, in full, and what a projected inverse is.
+TEST(ClosedSystem, IsTheProjectedInverse) {
+  for (const char* closing : {"point", "revolute", "distance"}) {
+    SystemSpec spec = four_bar(closing);
+    if (spec.loops[0].type == "distance") spec.loops[0].length = 0.2, spec.loops[0].from.position = {0.5, -0.2, 0};
+    const auto model = compiled(spec);
+    const VectorXd q = model->initial_state().q;
+    const operators::ClosedSystem closed(model, q.data());
+    Workspace ws(*model), of_tree(closed.tree().model());
+    const MatrixXd M = mass_matrix(closed.tree().model(), of_tree, q.data()), G = loop_matrix(*model, ws, q.data()), I = M.inverse();
+    const MatrixXd L = G * I * G.transpose();
+    Eigen::CompleteOrthogonalDecomposition<MatrixXd> plus(L.rows(), L.cols());
+    plus.setThreshold(1e-10);
+    const MatrixXd want = I - I * G.transpose() * plus.compute(L).pseudoInverse() * G * I;
+    const MatrixXd got = closed.motions() * closed.motions().transpose();
+    EXPECT_LE((got - want).norm(), 1e-12 * I.norm()) << closing;
+    EXPECT_LE((G * got).norm(), 1e-13 * G.norm() * got.norm()) << closing;
+    EXPECT_LE((got * M * got - got).norm(), 1e-13 * got.norm()) << closing;
+    EXPECT_EQ(closed.mobility(), closing == std::string("distance") ? 2 : 1);
+  }
+}
+
+/// The parallelogram with its cranks at an angle from the x axis.
+SystemSpec parallelogram_at(double angle) {
+  SystemSpec spec = parallelogram(0.0);
+  spec.bodies[0].hinge.q = {angle}, spec.bodies[1].hinge.q = {angle}, spec.bodies[2].hinge.q = {-angle};
+  NodeSpec middle;
+  middle.name = "middle", middle.position = {0.4, 0, 0};
+  spec.bodies[2].nodes.push_back(middle);
+  return spec;
+}
+
+// Its coupler does not turn: I/0.25 kg against a force along its circle of radius 0.5 m, no motion along anything else.
+TEST(ClosedOperationalSpace, OfAParallelogramIsAMassOnACircle) {
+  const double angle = 0.4;
+  const auto model = compiled(parallelogram_at(angle));
+  const VectorXd q = model->initial_state().q;
+  const operators::ClosedSystem closed(model, q.data());
+  const operators::OperationalSpace task(closed, {{model->find_node("coupler.middle")}, {}});
+  VectorXd along = VectorXd::Zero(6);
+  along.segment<2>(3) << -std::sin(angle), std::cos(angle);
+  EXPECT_LE((task.compliance() - along * along.transpose() * (0.25 / kInertia)).norm(), 1e-13);
+  EXPECT_EQ(task.rank(), 1);
+  EXPECT_NEAR(along.dot(task.inertia() * along), kInertia / 0.25, 1e-11);
+  const VectorXd v = task.consistent_inverse(along);
+  EXPECT_LE(distance(task.rates(v), along), 1e-12);
+  EXPECT_LE(distance(v, Eigen::Vector3d(2.0, 2.0, -2.0)), 1e-12);
+}
+
+TEST(ClosedInverseDynamics, OfAParallelogramHoldsItsWeight) {
+  const double angle = 0.4, wanted = 0.7;
+  const auto model = compiled(parallelogram_at(angle));
+  const State s = model->initial_state();
+  const Inputs in{.q = s.q.data(), .v = s.v.data()};
+  const double torque = kInertia * wanted + kWeight * std::cos(angle);
+  const VectorXd vdot = Eigen::Vector3d(wanted, wanted, -wanted);
+  for (int drive : {0, 1, 2}) {
+    std::vector<std::uint8_t> actuated(3, 0);
+    actuated[static_cast<std::size_t>(drive)] = 1;
+    const auto found = operators::closed_inverse_dynamics(model, in, vdot, actuated);
+    EXPECT_NEAR(found.tau[drive], drive == 2 ? -torque : torque, 1e-12);
+    EXPECT_LE(largest(found.missing), 1e-12);
+  }
+  const auto none = operators::closed_inverse_dynamics(model, in, vdot, std::vector<std::uint8_t>(3, 0));
+  EXPECT_NEAR(none.missing.cwiseAbs().sum(), torque, 1e-12);
+}
+
+// Published tau gives published v', so what is found for that v' pushes what is free as that tau does, and moves the twin so.
+TEST(ClosedInverseDynamics, FindsWhatMovesPublishedMechanisms) {
+  for (const char* name : kMechanisms) {
+    const bench_loops::Model bench = bench_of(name);
+    const auto model = compiled(bench.spec);
+    const reference::DenseTwin<double> twin(bench.spec);
+    for (const bench_loops::State& s : bench.states) {
+      const Inputs in{.q = s.q.data(), .v = s.v.data()};
+      Workspace ws(*model);
+      const LoopFreedom freedom = loop_freedom(*model, ws, s.q.data());
+      std::vector<std::uint8_t> all(static_cast<std::size_t>(model->nv), 1), few(all.size(), 0);
+      for (const int v : freedom.independent) few[static_cast<std::size_t>(v)] = 1;
+      const VectorXd want = freedom.X.transpose() * s.tau;
+      for (const auto& actuated : {all, few}) {
+        const auto found = operators::closed_inverse_dynamics(model, in, s.vdot, actuated);
+        EXPECT_LE(distance(VectorXd(freedom.X.transpose() * found.tau), want), 1e-9 * std::max(1.0, largest(want))) << name;
+        const VectorXd vdot = twin.at(s.q, s.v).closed(found.tau).vdot;
+        EXPECT_LE(distance(vdot, s.vdot), 1e-9 * std::max(1.0, largest(s.vdot))) << name;
+        for (int v = 0; v < model->nv; ++v) EXPECT_TRUE(actuated[static_cast<std::size_t>(v)] != 0 || found.tau[v] == 0.0);
+      }
+    }
+  }
 }
 
 }  // namespace

@@ -1,0 +1,95 @@
+// Vehicles with closed loops as one system, in scripts: sim:closed_system(). Formulas: docs/mathematics/linear.md.
+#include "core/operators/closed_system.hpp"
+
+#include <fmt/format.h>
+
+#include "scripts/bindings/operator_methods.hpp"
+#include "scripts/bindings/studies.hpp"
+
+namespace cardan {
+namespace {
+
+using Eigen::VectorXd;
+
+constexpr char kClosed[] = "cardan.closed_system";
+
+struct LuaClosed {
+  std::shared_ptr<const Model> model;
+  std::shared_ptr<const operators::ClosedSystem> system;
+  std::shared_ptr<const OperatingState> at;
+  std::vector<double> q;
+};
+LuaClosed& to_closed(lua_State* L) {
+  if (auto* c = static_cast<LuaClosed*>(luaL_testudata(L, 1, kClosed))) return *c;
+  refuse(L, Code::lua_argument, "closed_system", "the result of closed_system() before a colon", describe_value(L, 1));
+}
+
+int closed_mobility(lua_State* L) {
+  lua_pushinteger(L, to_closed(L).system->mobility());
+  return 1;
+}
+int closed_independent(lua_State* L) {
+  const operators::ClosedSystem& system = *to_closed(L).system;
+  const std::vector<std::string> names = system.tree().labels(Space::hinge, Sort::motion).names;
+  lua_newtable(L);
+  lua_Integer i = 0;
+  for (const int v : system.freedom().independent) {
+    lua_pushstring(L, names[static_cast<std::size_t>(system.tree().place_of_velocity(v))].c_str());
+    lua_rawseti(L, -2, ++i);
+  }
+  return 1;
+}
+int closed_motions(lua_State* L) {
+  const operators::ClosedSystem& system = *to_closed(L).system;
+  push_matrix(L, system.motions(), names_alone(system.tree()), {});
+  return 1;
+}
+int closed_respond(lua_State* L) {
+  const operators::ClosedSystem& system = *to_closed(L).system;
+  push_vector(L, system.respond(hinge_vector(L, 2, system.tree(), "the forces")), hinge_labels(system.tree(), Sort::motion));
+  return 1;
+}
+int closed_task(lua_State* L) {
+  const auto& system = to_closed(L).system;
+  return push_task(L, {system, &system->tree()}, system);
+}
+/// closed:inverse_dynamics(vdot, {components}): beside the forces of now.
+int closed_inverse_dynamics(lua_State* L) {
+  const LuaClosed& c = to_closed(L);
+  const TreeOperators& tree = c.system->tree();
+  const VectorXd vdot = tree.to_model(hinge_vector(L, 2, tree, "the accelerations"));
+  const std::vector<std::uint8_t> marks = component_mask(L, tree, names_at(L, 3, "actuated"), "actuated");
+  std::vector<std::uint8_t> actuated(static_cast<std::size_t>(c.model->nv));
+  for (int v = 0; v < c.model->nv; ++v) actuated[static_cast<std::size_t>(v)] = marks[static_cast<std::size_t>(tree.place_of_velocity(v))];
+  LuaHost::charge(L, 2000LL * static_cast<std::int64_t>(c.model->bodies.size()) * (c.system->mobility() + 1));
+  const operators::ClosedForces found = operators::closed_inverse_dynamics(c.model, c.at->inputs(c.q.data()), vdot, actuated);
+  const Labels forces = hinge_labels(tree, Sort::force);
+  lua_newtable(L);
+  push_vector(L, tree.from_model(found.tau), forces), set(L, "tau");
+  push_vector(L, tree.from_model(found.missing), forces), set(L, "missing");
+  return 1;
+}
+int closed_text(lua_State* L) {
+  const operators::ClosedSystem& system = *to_closed(L).system;
+  lua_pushstring(L, fmt::format("closed system: {} ways to move of {}", system.mobility(), system.tree().size(Space::hinge)).c_str());
+  return 1;
+}
+
+const std::vector<luaL_Reg> kClosedMethods = {{"mobility", placed<closed_mobility>}, {"independent", placed<closed_independent>},
+                                              {"motions", placed<closed_motions>},   {"respond", placed<closed_respond>},
+                                              {"task", placed<closed_task>},         {"inverse_dynamics", placed<closed_inverse_dynamics>}};
+
+}  // namespace
+
+int push_closed_system(lua_State* L, Scenario& s) {
+  require_a_state(L, s, "closed_system");
+  const std::shared_ptr<const Model> model = s.sim ? s.sim->shared_model() : s.model;
+  LuaHost::charge(L, 2000LL * static_cast<std::int64_t>(model->bodies.size()) * (model->nv + 1));
+  push_object<LuaClosed>(L, kClosed, model, std::make_shared<const operators::ClosedSystem>(model, s.q),
+                         std::make_shared<const OperatingState>(present_state(s)), std::vector<double>(s.q, s.q + model->nq));
+  return 1;
+}
+
+void make_closed_system_type(lua_State* L) { make_type<LuaClosed>(L, kClosed, kClosedMethods, placed<closed_text>); }
+
+}  // namespace cardan
