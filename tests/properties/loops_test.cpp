@@ -7,7 +7,9 @@
 
 #include "bodies/modal/lumped.hpp"
 #include "core/dynamics/batch.hpp"
+#include "core/dynamics/hinge_laws.hpp"
 #include "core/model/embedding.hpp"
+#include "core/operators/closed_system.hpp"
 #include "core/operators/inverse_kinematics.hpp"
 #include "core/operators/linear_model.hpp"
 #include "core/operators/sensitivity.hpp"
@@ -284,6 +286,49 @@ TEST(Loops, AHingeThatClosesHasTheLinearModelThatItHasInTheTree) {
   for (const std::string& type : kAllHinges) {
     if (type == "free" || type == "free_body") continue;
     for_all_trees({.bodies = 4, .roots = 1, .hinges = {type}}, 1e-9, bare, 10);
+  }
+}
+
+/// M_c^-1 against differences of forward dynamics, which is linear in forces; forces for the v' of others, of all components, of
+/// independent ones and of too few.
+double of_forces_and_motions(const RandomTree& given) {
+  Cut both = cut(given, given.seed / 2 % 3);
+  if (both.bodies.empty()) return 0.0;
+  if (given.seed % 2) both.closed.spec.loop_form = LoopForm::multipliers;
+  Loaded at(both.closed);
+  const Model& m = *at.model;
+  const auto moved_by = [&](const VectorXd& tau) {
+    const VectorXd kept = at.tau;
+    at.tau = tau;
+    hinge_laws::add_forces(m, at.state.q.data(), at.state.v.data(), at.tau.data());
+    const VectorXd vdot = at.forward();
+    at.tau = kept;
+    return vdot;
+  };
+  VectorXd more(m.nv);
+  for (int i = 0; i < m.nv; ++i) more[i] = m.has_prescribed() && m.prescribed[idx(i)] ? 0.0 : 3.0 * std::sin(1.7 * i + given.seed);
+  const VectorXd before = moved_by(at.tau), after = moved_by(at.tau + more);
+  const operators::ClosedSystem closed(at.model, at.state.q.data());
+  const operators::TreeOperators& tree = closed.tree();
+  double worst = apart(tree.to_model(closed.respond(tree.from_model(more))), after - before);
+  std::vector<std::uint8_t> actuated(idx(m.nv), 1);
+  for (const bool all : {true, false}) {
+    if (!all) {
+      std::ranges::fill(actuated, 0);
+      for (const int v : closed.freedom().independent) actuated[idx(v)] = 1;
+    }
+    const auto found = operators::closed_inverse_dynamics(at.model, at.in(), after, actuated);
+    worst = worse({worst, apart(moved_by(at.tau + found.tau), after), relative(largest(found.missing), largest(more))});
+  }
+  const auto none = operators::closed_inverse_dynamics(at.model, at.in(), after, std::vector<std::uint8_t>(idx(m.nv), 0));
+  return worse(worst, apart(moved_by(at.tau + none.missing), after));
+}
+
+TEST(Loops, ForcesAndMotionsOfClosedSystemsAnswerEachOther) {
+  for (const double prescribed : {0.0, 0.2}) {
+    for_all_trees({.bodies = 6, .flexible = 0.0, .wheels = 0.1, .prescribed = prescribed, .springs = true}, 1e-9, of_forces_and_motions,
+                  40);
+    for_all_trees({.bodies = 5, .level = 2, .prescribed = prescribed, .free_modes = true}, 1e-9, of_forces_and_motions, 40);
   }
 }
 

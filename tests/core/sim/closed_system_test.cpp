@@ -271,8 +271,8 @@ TEST(ClosedSystem, IsTheProjectedInverse) {
 }
 
 /// The parallelogram with its cranks at an angle from the x axis.
-SystemSpec parallelogram_at(double angle) {
-  SystemSpec spec = parallelogram(0.0);
+SystemSpec parallelogram_at(double angle, double stiffness = 0.0) {
+  SystemSpec spec = parallelogram(stiffness);
   spec.bodies[0].hinge.q = {angle}, spec.bodies[1].hinge.q = {angle}, spec.bodies[2].hinge.q = {-angle};
   NodeSpec middle;
   middle.name = "middle", middle.position = {0.4, 0, 0};
@@ -297,12 +297,12 @@ TEST(ClosedOperationalSpace, OfAParallelogramIsAMassOnACircle) {
   EXPECT_LE(distance(v, Eigen::Vector3d(2.0, 2.0, -2.0)), 1e-12);
 }
 
-TEST(ClosedInverseDynamics, OfAParallelogramHoldsItsWeight) {
-  const double angle = 0.4, wanted = 0.7;
-  const auto model = compiled(parallelogram_at(angle));
+TEST(ClosedInverseDynamics, OfAParallelogramHoldsItsWeightAndItsSpring) {
+  const double angle = 0.4, wanted = 0.7, stiffness = 3.0;
+  const auto model = compiled(parallelogram_at(angle, stiffness));
   const State s = model->initial_state();
   const Inputs in{.q = s.q.data(), .v = s.v.data()};
-  const double torque = kInertia * wanted + kWeight * std::cos(angle);
+  const double torque = kInertia * wanted + kWeight * std::cos(angle) + stiffness * (angle + 0.5 * std::numbers::pi);
   const VectorXd vdot = Eigen::Vector3d(wanted, wanted, -wanted);
   for (int drive : {0, 1, 2}) {
     std::vector<std::uint8_t> actuated(3, 0);
@@ -313,6 +313,13 @@ TEST(ClosedInverseDynamics, OfAParallelogramHoldsItsWeight) {
   }
   const auto none = operators::closed_inverse_dynamics(model, in, vdot, std::vector<std::uint8_t>(3, 0));
   EXPECT_NEAR(none.missing.cwiseAbs().sum(), torque, 1e-12);
+  // All of them, least in tau* diag(M)^-1 tau: as the diagonal of M.
+  const auto tree = open_tree(model);
+  Workspace ws(*tree);
+  const VectorXd diagonal = mass_matrix(*tree, ws, s.q.data()).diagonal();
+  const auto all = operators::closed_inverse_dynamics(model, in, vdot, std::vector<std::uint8_t>(3, 1));
+  const VectorXd share = Eigen::Vector3d(1, 1, -1).cwiseProduct(diagonal) / diagonal.sum();
+  EXPECT_LE(distance(all.tau, VectorXd(torque * share)), 1e-12);
 }
 
 // Published tau gives published v', so what is found for that v' pushes what is free as that tau does, and moves the twin so.
