@@ -22,8 +22,8 @@ void require_open_tree(const Model& model, std::string_view what);
 void sweep_embedded(Model& model);
 void sweep_open_tree(Model& model);
 
-/// The same vehicle without what closes its loops: its poses, velocities and masses are those of the closed one. It takes wrenches on nodes,
-/// as those of multipliers.
+/// The same vehicle without what closes its loops: its poses, velocities and masses are those of the closed one. It takes wrenches on
+/// nodes, as those of multipliers.
 std::shared_ptr<const Model> open_tree(std::shared_ptr<const Model> model);
 
 }  // namespace cardan

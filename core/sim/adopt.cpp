@@ -84,6 +84,7 @@ void Simulation::take_in() {
   const bool in_run = begun_;
   if (in_run) doing_ = RestartCause::vehicle;
   keep_steps();
+  history_.leave_model();
   ledger();  // up to here
   const Sums were = in_run ? sums() : Sums{};
   const std::shared_ptr<const Model> before = model_;

@@ -144,11 +144,7 @@ RunFailure Simulation::not_finite(int state, double value) const {
 
 void Simulation::keep_steps() {
   if (!integrator_) return;
-  const auto name = [this](int state) {
-    const auto [body, what] = named_state(state);
-    return body + "." + what;
-  };
-  const StepInterval* interval = history_.close(state_.t, statistics(), name);
+  const StepInterval* interval = history_.close(state_.t, statistics(), recorder_ != nullptr);
   if (interval && recorder_) note(*recorder_, *interval);
 }
 

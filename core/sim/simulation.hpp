@@ -361,7 +361,10 @@ class Simulation {
   std::unique_ptr<RunProfile> times_;
   std::optional<RestartCause> restart_ = RestartCause::start;  // of the integrator, before its next step
   RestartCause doing_ = RestartCause::start;                   // why it starts anew where something changes now
-  StepHistory history_;
+  StepHistory history_{[this](int state) {
+    const auto [body, what] = named_state(state);
+    return body + "." + what;
+  }};
   bool observed_ = false, stopped_ = false, begun_ = false, world_rates_ = false;
   bool rates_were_set_ = false;  // from outside, since settle_holds()
   soa::Breakdown breakdown_;

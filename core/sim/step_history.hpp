@@ -10,17 +10,25 @@
 
 namespace cardan {
 
-/// A step costs a few additions; names are looked up at the end of an interval.
+/// A step costs a few additions; names are looked up where somebody reads them.
 class StepHistory {
  public:
   using Names = std::function<std::string(int state)>;
+
+  /// The names of the present model's states, as long as the history lives.
+  explicit StepHistory(Names name) : name_(std::move(name)) {}
 
   void begin(double t, int states) {
     if (whole_.steps == 0 && now_.steps == 0) whole_.begin = whole_.end = now_.begin = now_.end = t;
     resize(states);
   }
-  /// Between two intervals: of another model.
-  void resize(int states) { by_state_.resize(static_cast<std::size_t>(states)); }
+  /// Between two intervals, of another model: after leave_model().
+  void resize(int states) {
+    by_state_.resize(static_cast<std::size_t>(states));
+    totals_.resize(static_cast<std::size_t>(states));
+  }
+  /// Its components are known by their names from now on.
+  void leave_model();
   void restarted(RestartCause cause) { ++now_.restarts[static_cast<std::size_t>(cause)]; }
   /// A step of h [s]; worst: Integrator::worst().
   void stepped(const StepReport& report, double h, int worst) {
@@ -33,8 +41,9 @@ class StepHistory {
     if (worst >= 0) ++by_state_[static_cast<std::size_t>(worst)];
   }
 
-  /// Ends an interval at t, if there is something in it, and gives it. statistics: of the whole run.
-  const StepInterval* close(double t, const IntegratorStatistics& statistics, const Names& name);
+  /// Ends an interval at t, if there is something in it, and gives it, with the name of the worst component if `named`. statistics: of
+  /// the whole run.
+  const StepInterval* close(double t, const IntegratorStatistics& statistics, bool named);
 
   /// Of all intervals that were closed; without the worst component.
   const StepInterval& whole() const { return whole_; }
@@ -44,9 +53,12 @@ class StepHistory {
   void remember(Archive& archive);
 
  private:
+  std::map<std::string, long> by_name() const;
+
+  Names name_;
   StepInterval now_, last_, whole_;
-  std::vector<long> by_state_;           // in this interval
-  std::map<std::string, long> by_name_;  // in those before
+  std::vector<long> by_state_, totals_;  // in this interval; in those before, of this model
+  std::map<std::string, long> by_name_;  // of models before
 };
 
 }  // namespace cardan

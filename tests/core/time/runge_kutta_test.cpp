@@ -117,7 +117,8 @@ TEST(RungeKutta, StepsOfDopri5GrowWithTheFifthRootOfTheTolerance) {
   EXPECT_LT(steps(1e-6), 500);  // of 0.2 s; the constant of the estimate
 }
 
-/// A state that starts at zero is 1e155 and more absolute tolerances away after any step that can be seen: the square of that has no double.
+/// A state that starts at zero is 1e155 and more absolute tolerances away after any step that can be seen: the square of that has no
+/// double.
 TEST(RungeKutta, BeginsWhereTheSquaresOfWhatIsToleratedVanish) {
   for (const char* method : {"dopri5", "dop853"})
     for (const double absolute : {1e-160, 1e-310, 5e-324}) {
