@@ -14,7 +14,7 @@
 
 namespace cardan::operators {
 
-/// Where the model is taken, in the user's order; units as in Model.
+/// Where the model is taken, in the user's order; units as in Model. Loops are closed there.
 struct OperatingPoint {
   double t = 0.0;  // [s]
   const double* q = nullptr;

@@ -49,9 +49,8 @@ Eigen::VectorXd task_bias(const TreeOperators& tree, const Task& task, Workspace
 class OperationalSpace {
  public:
   OperationalSpace(const TreeOperators& tree, Task task, const TreeOperators* passive = nullptr, double tolerance = 1e-12);
-  /// Of a vehicle with closed loops: M_c^-1 in place of M^-1, all components with actuators; only what the loops allow counts of rates.
-  /// Lambda^-1 = (J Y)(J Y)*. `closed` must outlive this. `consistent_inverse` and `null_motion` are motions that the loops allow where v
-  /// is one.
+  /// Of a vehicle with closed loops, all of whose components have actuators: M_c^-1 in place of M^-1, Lambda^-1 = (J Y)(J Y)*. The loops
+  /// allow what consistent_inverse() gives, and what null_motion() gives where they allow v. `closed` must outlive this.
   OperationalSpace(const ClosedSystem& closed, Task task, double tolerance = 1e-12);
 
   const Task& task() const { return task_; }

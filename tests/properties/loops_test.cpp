@@ -279,13 +279,14 @@ TEST(Loops, AHingeThatClosesHasTheLinearModelThatItHasInTheTree) {
   const auto bare = [](const RandomTree& tree) { return of_the_same_linear_model(tree, false); };
   const auto equipped = [](const RandomTree& tree) { return of_the_same_linear_model(tree, true); };
   for (const double prescribed : {0.0, 0.2}) {
-    for_all_trees({.bodies = 6, .flexible = 0.0, .prescribed = prescribed}, 1e-9, bare, 20);
-    for_all_trees({.bodies = 5, .level = 2, .prescribed = prescribed, .free_modes = true}, 1e-9, bare, 20);
+    for_all_trees({.bodies = 6, .flexible = 0.0, .prescribed = prescribed}, 1e-11, bare, 20);
+    for_all_trees({.bodies = 5, .level = 2, .prescribed = prescribed, .free_modes = true}, 1e-11, bare, 20);
   }
-  for_all_trees({.bodies = 5}, 1e-9, equipped, 20);
+  for_all_trees({.bodies = 5}, 1e-11, equipped, 20);
+  for_all_trees({.bodies = 4, .gravity = GravitySpec::Kind::central}, 1e-11, bare, 10);
   for (const std::string& type : kAllHinges) {
     if (type == "free" || type == "free_body") continue;
-    for_all_trees({.bodies = 4, .roots = 1, .hinges = {type}}, 1e-9, bare, 10);
+    for_all_trees({.bodies = 4, .roots = 1, .hinges = {type}}, 1e-11, bare, 10);
   }
 }
 
@@ -326,9 +327,9 @@ double of_forces_and_motions(const RandomTree& given) {
 
 TEST(Loops, ForcesAndMotionsOfClosedSystemsAnswerEachOther) {
   for (const double prescribed : {0.0, 0.2}) {
-    for_all_trees({.bodies = 6, .flexible = 0.0, .wheels = 0.1, .prescribed = prescribed, .springs = true}, 1e-9, of_forces_and_motions,
+    for_all_trees({.bodies = 6, .flexible = 0.0, .wheels = 0.1, .prescribed = prescribed, .springs = true}, 1e-11, of_forces_and_motions,
                   40);
-    for_all_trees({.bodies = 5, .level = 2, .prescribed = prescribed, .free_modes = true}, 1e-9, of_forces_and_motions, 40);
+    for_all_trees({.bodies = 5, .level = 2, .prescribed = prescribed, .free_modes = true}, 1e-11, of_forces_and_motions, 40);
   }
 }
 
