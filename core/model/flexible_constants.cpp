@@ -72,7 +72,7 @@ FlexibleBody flexible_of(const SystemSpec& spec, const BodySpec& body, const car
   const std::optional<Eigen::MatrixXd> factor = cholesky(M_ee);
   if (!factor) {
     sink.report(
-        {Code::bad_modal_data, body.at, "a positive definite modal mass matrix", "one that is not", "are two modes equal?", "", "", 0});
+        {Code::bad_modal_data, body.at, "a positive definite modal mass matrix", "one that is not", "does one mode move no mass, or are two equal?", "", "", 0});
     return f;
   }
   const Eigen::MatrixXd &L = *factor, U = cholesky_solve(L, M_re.transpose());
@@ -118,6 +118,7 @@ void prepare_nodes(Model& m) {
   for (const SweepBody& b : m.bodies) {
     if (b.n_modes == 0) continue;
     FlexibleBody& f = m.flexible[b.flexible];
+    if (f.U.empty()) continue;  // refused
     bool masked = false;
     for (int j = b.etadot; m.has_prescribed() && j < b.etadot + b.n_modes; ++j) masked = masked || m.prescribed[j];
     const bool moves_at_P = b.pnode >= 0 && m.shapes[b.pnode].deforms();

@@ -107,6 +107,7 @@ Json step_history(const Hdf5File& file) {
     for (std::size_t row = first; row < std::min(rows, first + together); ++row) {
       const double* x = numbers.values.data() + row * width;
       t = x[end];
+      if (!std::isfinite(t)) bad_content(file, path, "intervals that end at a finite time", "others");
       all += x[steps], orders += x[order] * x[steps];
       if (x[steps] > 0.0) least = std::min(least, x[shortest]), most = std::max(most, x[longest]);
       for (std::size_t i = 0; i < width; ++i)
