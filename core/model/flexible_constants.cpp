@@ -71,8 +71,8 @@ FlexibleBody flexible_of(const SystemSpec& spec, const BodySpec& body, const car
   f.M_ee_identity = (M_ee - Eigen::MatrixXd::Identity(m, m)).cwiseAbs().maxCoeff() == 0.0;
   const std::optional<Eigen::MatrixXd> factor = cholesky(M_ee);
   if (!factor) {
-    sink.report(
-        {Code::bad_modal_data, body.at, "a positive definite modal mass matrix", "one that is not", "does one mode move no mass, or are two equal?", "", "", 0});
+    sink.report({Code::bad_modal_data, body.at, "a positive definite modal mass matrix", "one that is not",
+                 "does one mode move no mass, or are two equal?", "", "", 0});
     return f;
   }
   const Eigen::MatrixXd &L = *factor, U = cholesky_solve(L, M_re.transpose());

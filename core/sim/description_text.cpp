@@ -62,7 +62,7 @@ std::string description_text(const Json& d) {
   }
 
   if (const Json& system = d["system_modes"]; !system.is_null()) {
-    out += "\nmodes of the whole about the initial state, at rest, without gravity and preload\n";
+    out += "\nmodes of the whole about the initial state, at rest, without gravity and the preload of springs of hinges\n";
     if (system.contains("why_not")) out += "  not found: " + system["why_not"].get<std::string>() + "\n";
     int i = system.value("rigid", 0);
     if (i > 0) out += fmt::format("  1 ... {}: without stiffness\n", i);

@@ -37,8 +37,7 @@ bool flies(const HingeSpec& h) {
 class Rejoining {
  public:
   Rejoining(Simulation& from, SystemSpec spec, const Registry& registry, const CompileOptions& options)
-      : from_(from),
-        before_(from.model()),
+      : before_(from.model()),
         seen_(from.observe()),
         state_(from.state()),
         spec_(std::move(spec)),
@@ -245,7 +244,6 @@ class Rejoining {
     return p;
   }
 
-  Simulation& from_;
   const Model& before_;
   const Observer& seen_;
   const State& state_;

@@ -476,7 +476,8 @@ TEST(Imu, HasNoiseOfItsOwn) {
     options.seed = seed;
     Simulation sim(compiled(spec), options);
     sim.run(0.95);
-    return sim.device_output(more ? 6 : 0);
+    const Devices& devices = sim.model().devices;
+    return sim.device_output(devices.all[static_cast<std::size_t>(devices.find("gyro"))].out);
   };
   EXPECT_EQ(reading(false, 1), reading(true, 1));
   EXPECT_NE(reading(false, 1), reading(false, 2));
