@@ -64,10 +64,13 @@ struct Jump {
 };
 /// Between them 2e-9 s pass.
 Jump jump(const SystemSpec& spec) {
-  Simulation before(struck(spec), accurate("dop853", 1e-13)), after(struck(spec), accurate("dop853", 1e-13));
+  const auto model = struck(spec);
+  Simulation before(model, accurate("dop853", 1e-13)), after(model, accurate("dop853", 1e-13));
   before.run(0.3 - 1e-9), after.run(0.3 + 1e-9);
-  EXPECT_EQ(before.state().marks[0], 0.0);
-  EXPECT_EQ(after.state().marks[0], 1.0);
+  const Devices& devices = after.model().devices;
+  const int mark = devices.all[static_cast<std::size_t>(devices.find("hammer"))].mark;
+  EXPECT_EQ(before.state().marks[mark], 0.0);
+  EXPECT_EQ(after.state().marks[mark], 1.0);
   EXPECT_TRUE(after.ledger().pass);
   return {after.state().q, before.state().v, after.state().v};
 }
@@ -163,6 +166,40 @@ TEST(Impulses, LoosenWhatFrictionHolds) {
   EXPECT_EQ(sim.state().v[0], 0.0);
   EXPECT_NEAR(sim.state().q[0], 0.5, 1e-10);
   EXPECT_TRUE(sim.ledger().pass);
+}
+
+/// Held hinges of a vehicle that floats: the jump is that of the same vehicle without brakes, all of it.
+TEST(Impulses, LoosenWhatIsHeldAllOverAVehicle) {
+  SystemSpec spec = system(base_with_sprung_arm());
+  BodySpec hand = on(rigid("hand", 1.0, {0.2, 0.1, 0}, diagonal({0.02, 0.03, 0.04})), "arm", "revolute", {{0, 1, 0}}, {1, 0, 0});
+  spec.bodies.push_back(hand);
+  SystemSpec loose = spec;
+  loose.devices = {hammer("hand", "arm", {0.1, 0.2, -0.3}, {1.0, -2.0, 0.5}, 0.4)};
+  spec.devices = loose.devices;
+  for (const char* at : {"arm", "hand"})
+    spec.devices.push_back(device(std::string("brake_") + at, "dry_friction", {{"coulomb", 30.0}}, {{"at", at}}));
+  const Jump held = jump(spec);
+  const auto model = struck(loose);
+  Workspace ws(*model);
+  const NodeWrench w{model->find_node("hand"), false, {{0.1, 0.2, -0.3}, {1.0, -2.0, 0.5}}};
+  VectorXd f = external_force(*model, ws, held.q.data(), {&w, 1});
+  f[model->user[1].v] += 0.4;
+  const VectorXd given = mass_matrix(*model, ws, held.q.data()) * (held.v_after - held.v_before);
+  EXPECT_GT(std::abs(held.v_after[6]), 0.1);
+  EXPECT_LT(distance(given, f) / largest(f), 1e-6);  // 2e-9 s apart
+}
+
+/// A vehicle that floats on a loop to the ground: what the ground gives back comes from outside too.
+TEST(Impulses, OnAVehicleThatALoopHoldsToTheGround) {
+  BodySpec body = on(rigid("body", 2.0, {0.1, 0, 0}, diagonal({0.1, 0.2, 0.3})), "", "free");
+  SystemSpec spec = system({body, on(rigid("far", 1.0, {0, 0, 0}, diagonal({1, 1, 1})), "body", "revolute", {{0, 0, 1}})});
+  LoopSpec pin;
+  pin.name = "pin", pin.type = "point", pin.from.position = {0, 0, 0}, pin.to.body = "body";
+  spec.loops = {pin};
+  spec.devices = {hammer("body", "far", {0, 0, 0.3}, {0, 1.0, 0})};
+  const Jump j = jump(spec);                                  // the ledger passes
+  EXPECT_NEAR(j.v_after[2], 0.3 / (0.3 + 2.0 * 0.01), 1e-9);  // about the pin
+  EXPECT_LT(j.v_after.segment<3>(3).norm(), 1e-9);
 }
 
 /// What a given motion moves keeps it.
