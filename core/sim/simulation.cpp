@@ -1,4 +1,5 @@
 #include "core/sim/simulation.hpp"
+#include "core/abi/port_vectors.hpp"
 
 #include <fmt/format.h>
 
@@ -882,13 +883,9 @@ void Simulation::resolve_delays() {
 
 /// "devices.wheel.inputs.torque".
 std::string Simulation::told_input(int input) const {
-  for (const Device& d : model_->devices.all) {
-    int k = input - d.in;
-    if (k < 0 || k >= d.n_in) continue;
-    for (std::uint32_t i = 0; i < d.family->n_ports; ++i)
-      if (d.family->ports[i].kind == CARDAN_PORT_IN && k-- == 0)
-        return fmt::format("devices.{}.inputs.{}", d.name, d.family->ports[i].name);
-  }
+  for (const Device& d : model_->devices.all)
+    if (input >= d.in && input < d.in + d.n_in)
+      return fmt::format("devices.{}.inputs.{}", d.name, port_at(*d.family, CARDAN_PORT_IN, input - d.in).name);
   return "devices";
 }
 
