@@ -38,11 +38,15 @@ struct Row {
 /// same q P would be reused).
 struct Ring {
   Eigen::MatrixXd q, v, tau, vdot;
+  std::vector<Eigen::Index> column;  // of each state, the first
   Ring(const std::vector<BenchState>& states, int width) {
     const auto n = static_cast<Eigen::Index>(states.size()), count = (std::max<Eigen::Index>(n, 16) + width - 1) / width * width;
     q.resize(states[0].q.size(), count), v.resize(states[0].v.size(), count), tau.resizeLike(v), vdot.resizeLike(v);
+    column.resize(states.size(), -1);
     for (Eigen::Index k = 0; k < count; ++k) {
-      const BenchState& s = states[static_cast<std::size_t>((k + (width > 1 ? k / width : 0)) % n)];
+      const auto state = static_cast<std::size_t>((k + (width > 1 ? k / width : 0)) % n);
+      if (column[state] < 0) column[state] = k;
+      const BenchState& s = states[state];
       q.col(k) = s.q, v.col(k) = s.v, tau.col(k) = s.tau, vdot.col(k) = s.vdot;
     }
   }
@@ -100,8 +104,8 @@ void bench_model(const BenchModel& bm, const Registry& registry, double seconds,
       for (int i = 0; i < m.nv; ++i) scenario.set_force(i, bm.states[s].tau[i]);
       right_hand_side(k), worst(e_rhs, xdot.tail(m.nv), truth[s].vdot);
       inverse(k, out), worst(e_inverse, out, truth[s].tau);
-      batch.forward_dynamics(all, outs.data()), worst(e_batch, outs.col(k), truth[s].vdot);
-      batch.inverse_dynamics(all, outs.data()), worst(e_batch_inverse, outs.col(k), truth[s].tau);
+      batch.forward_dynamics(all, outs.data()), worst(e_batch, outs.col(ring.column[s]), truth[s].vdot);
+      batch.inverse_dynamics(all, outs.data()), worst(e_batch_inverse, outs.col(ring.column[s]), truth[s].tau);
       if (!matrices) continue;
       mass_matrix(m, ws, bm.states[s].q.data(), M.data()), worst(e_matrix, M * bm.states[s].vdot, truth[s].M_vdot);
       mass_matrix_inverse(m, ws, bm.states[s].q.data(), M.data()),

@@ -155,7 +155,7 @@ Batch::Batch(const Model& model) {
   else if (soa::instruction_set().four.outward)
     passes_ = std::make_unique<PassesOf<soa::Lanes<4>>>(model);
   else
-    passes_ = std::make_unique<PassesOf<double>>(model);
+    passes_ = std::make_unique<PassesOf<soa::Lanes<2>>>(model);
 }
 Batch::~Batch() = default;
 Batch::Batch(Batch&&) noexcept = default;

@@ -50,6 +50,8 @@ bool forward_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inpu
   return !loads || loads->follow(ws, in, vdot);
 }
 template bool forward_dynamics(const Model&, soa::Workspace<double>&, const soa::Inputs<double>&, double*, StateLoads<double>*);
+template bool forward_dynamics(const Model&, soa::Workspace<soa::Lanes<2>>&, const soa::Inputs<soa::Lanes<2>>&, soa::Lanes<2>*,
+                               StateLoads<soa::Lanes<2>>*);
 template bool forward_dynamics(const Model&, soa::Workspace<soa::Lanes<4>>&, const soa::Inputs<soa::Lanes<4>>&, soa::Lanes<4>*,
                                StateLoads<soa::Lanes<4>>*);
 template bool forward_dynamics(const Model&, soa::Workspace<soa::Lanes<8>>&, const soa::Inputs<soa::Lanes<8>>&, soa::Lanes<8>*,

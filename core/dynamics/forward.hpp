@@ -20,7 +20,7 @@ struct StateLoads {
 /// workspace.breakdown set where a free direction has no inertia. Allocates nothing.
 /// In trees of rigid bodies P, D and G are reused, to the same bits, when q is that of the call before.
 /// `loads`: the devices of the model; null: without them.
-/// T: double, or Lanes<4>, Lanes<8> for as many states at once (batch.hpp).
+/// T: double, or Lanes<2>, Lanes<4>, Lanes<8> for as many states at once (batch.hpp).
 template <class T>
 bool forward_dynamics(const Model& model, soa::Workspace<T>& workspace, const soa::Inputs<T>& in, T* vdot, StateLoads<T>* loads = nullptr);
 

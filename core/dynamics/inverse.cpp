@@ -31,7 +31,7 @@ void inverse_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inpu
   for (const int k : part->rotors_left_out)
     if (const SweepBody& rotor = model.bodies[k]; central && rotor.M.m > 0.0) {
       Vec3<T> c, r;
-      ws.core(rotor.parent).z += soa::attraction(model.field, cast<T>(rotor.M_sweep), ws.pose_W(rotor.parent), c, r, in.moment);
+      ws.z(rotor.parent) += soa::attraction(model.field, cast<T>(rotor.M_sweep), ws.pose_W(rotor.parent), c, r, in.moment);
     }
   for (const soa::NodeWrench<T>& w : in.wrenches) {
     if (!part->takes_part[model.nodes[w.node].sweep]) continue;
@@ -41,6 +41,8 @@ void inverse_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inpu
   for (auto run = part->runs.rbegin(); run != part->runs.rend(); ++run) S.gather(model, ws, use, *run, tau);
 }
 template void inverse_dynamics(const Model&, soa::Workspace<double>&, const soa::Inputs<double>&, double*, InverseTerms, const Part*);
+template void inverse_dynamics(const Model&, soa::Workspace<soa::Lanes<2>>&, const soa::Inputs<soa::Lanes<2>>&, soa::Lanes<2>*,
+                               InverseTerms, const Part*);
 template void inverse_dynamics(const Model&, soa::Workspace<soa::Lanes<4>>&, const soa::Inputs<soa::Lanes<4>>&, soa::Lanes<4>*,
                                InverseTerms, const Part*);
 template void inverse_dynamics(const Model&, soa::Workspace<soa::Lanes<8>>&, const soa::Inputs<soa::Lanes<8>>&, soa::Lanes<8>*,

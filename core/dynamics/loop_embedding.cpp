@@ -127,7 +127,7 @@ class EmbeddedMultipliers {
       }
       if (step.kind != EmbeddingStep::Kind::item) continue;
       const soa::Core<double>& core = ws_.core(step.body);
-      Force<double> f = core.P * core.delta + core.z + k_.through[at(step.body)];
+      Force<double> f = core.P * core.delta + ws_.z(step.body) + k_.through[at(step.body)];
       for (const PendingFlow& flow : step.flows)
         for (int i = 0; flow.own >= 0 && i < e_.loops[at(flow.loop)].n; ++i)
           f += n_.x[at(e_.loops[at(flow.loop)].x + i)] * n_.Q[at(flow.own + i)];

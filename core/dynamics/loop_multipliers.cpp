@@ -168,7 +168,7 @@ void LoopPass::restore() {
   std::size_t mode = 0;
   for (std::size_t k = 1; k < m_.bodies.size(); ++k) {
     ws_.core(static_cast<int>(k)).gamma = k_.gamma[k];
-    ws_.core(static_cast<int>(k)).z = k_.z[k];
+    ws_.z(static_cast<int>(k)) = k_.z[k];
     if (soa::Modal<double>* modal = ws_.modal_of(static_cast<int>(k)))
       for (int j = 0; j < m_.bodies[k].n_modes; ++j) modal->z[j] = k_.z_modes[mode++];
   }
@@ -228,7 +228,7 @@ void keep_loads(const Model& model, Workspace& ws) {
   std::size_t mode = 0;
   for (std::size_t k = 1; k < model.bodies.size(); ++k) {
     work.gamma[k] = ws.core(static_cast<int>(k)).gamma;
-    work.z[k] = ws.core(static_cast<int>(k)).z;
+    work.z[k] = ws.z(static_cast<int>(k));
     if (const soa::Modal<double>* modal = ws.modal_of(static_cast<int>(k)))
       for (int j = 0; j < model.bodies[k].n_modes; ++j) work.z_modes[mode++] = modal->z[j];
   }

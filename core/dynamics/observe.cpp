@@ -76,7 +76,7 @@ void Observer::complete_rotor(int k) {
   const BodyMotion<double> moves = motion_of_body(model_, ws_, in_, k, vdot_, After::forward);
   body.w = moves.w, body.gamma = moves.gamma, body.delta = moves.delta;
   body.P = articulated(model_.bodies[k].M);
-  body.z = bias_of_rotor(model_, ws_, in_, k, body.w, body.gamma);
+  ws_.z(k) = bias_of_rotor(model_, ws_, in_, k, body.w, body.gamma);
 }
 
 Pose<double> Observer::body_pose(int i) const {
@@ -200,13 +200,13 @@ Force<double> Observer::wrench_on_sweep_body(int k) const {
     const Pose<double>& X = ws_.X(k);
     return {transpose_times(X.R, f.n - cross(X.p, f.f)), transpose_times(X.R, f.f)};
   }
-  if (b.n_modes == 0) return core.z + core.P * core.delta;
+  if (b.n_modes == 0) return ws_.z(k) + core.P * core.delta;
   const FlexibleBody& flexible = model_.flexible[b.flexible];
   const double *M_re = flexible.M_re.data(), *P_re = modal->P_re ? modal->P_re : M_re;
   double by_modes[6], moved[6] = {};
   soa::sum_columns(P_re, modal->accel, b.n_modes, by_modes);
   if (modal->C) soa::sum_columns(modal->C, modal->accel, b.n_modes, moved);
-  Force<double> f = core.z + soa::force_column(by_modes, 0) + core.P * (core.delta + soa::motion_column(moved, 0));
+  Force<double> f = ws_.z(k) + soa::force_column(by_modes, 0) + core.P * (core.delta + soa::motion_column(moved, 0));
   if (modal->by_nodes)  // its P and z hold nothing of them but e
     for (const int c : flexible.attached) f += through_root(*ws_.modal_of(c)->root) - soa::force_column(ws_.modal_of(c)->root->e, 0);
   return f;
@@ -301,7 +301,7 @@ Vec3<double> Observer::first_moment() {
 // What the inward sweep gathers at the ground are the wrenches that it transmits through root hinges.
 ExternalLoads Observer::external(const Inputs& in, const double* vdot) {
   look(in, vdot);
-  const Force<double>& transmitted = ws_.core(0).z;
+  const Force<double>& transmitted = ws_.z(0);
   ExternalLoads e{to_eigen(transmitted.f), to_eigen(transmitted.n), 0.0};
   const auto add = [&](const Force<double>& in_W) {
     e.force += to_eigen(in_W.f);

@@ -55,9 +55,9 @@ CARDAN_INLINE void outward(const SweepModel& model, const soa::Sweeps<T>& S, soa
   for (const Run& run : part->runs) S.outward(model, ws, in, run, what);
   for (const int k : part->rotors_left_out) {
     const SweepBody& rotor = model.bodies[k];
-    soa::Core<T>& carrier = ws.core(rotor.parent);
+    const soa::Core<T>& carrier = ws.core(rotor.parent);
     const RigidInertia<T> M = cast<T>(rotor.M_sweep);
-    carrier.z -= M * carrier.gamma + gyroscopic(M, carrier.w);
+    ws.z(rotor.parent) -= M * carrier.gamma + gyroscopic(M, carrier.w);
   }
 }
 

@@ -146,20 +146,46 @@ class Compiler {
     }
   }
 
-  // Inboard before outboard; within a level in the user's order.
+  // Inboard before outboard: level by level, in the user's order, so that neighbours do not wait for each other; trees of more than
+  // `limb` bodies limb by limb, so that what a body tells its outboard bodies is read while it is near.
   void order_bodies() {
+    constexpr int limb = 64;
     const std::size_t n = model_->user.size();
-    std::vector<int> depth(n, -1), path;
-    for (std::size_t i = 0; i < n; ++i) {
-      for (int k = static_cast<int>(i); k >= 0 && depth[k] < 0; k = model_->user[k].parent) path.push_back(k);
-      for (; !path.empty(); path.pop_back()) {
-        const int parent = model_->user[path.back()].parent;
-        depth[path.back()] = parent < 0 ? 0 : depth[parent] + 1;
+    std::vector<std::vector<int>> outboard(n + 1);  // of the ground, then of each body
+    for (std::size_t i = 0; i < n; ++i) outboard[static_cast<std::size_t>(model_->user[i].parent + 1)].push_back(static_cast<int>(i));
+    const auto on = [&](int i) -> const std::vector<int>& { return outboard[static_cast<std::size_t>(i + 1)]; };
+    std::vector<int> size(n, 1), found = on(-1);
+    for (std::size_t at = 0; at < found.size(); ++at) found.insert(found.end(), on(found[at]).begin(), on(found[at]).end());
+    for (std::size_t at = found.size(); at-- > 0;)
+      if (const int parent = model_->user[found[at]].parent; parent >= 0) size[parent] += size[found[at]];
+
+    struct Limbs {
+      std::vector<int> roots;
+      int bodies = 0;
+    };
+    std::vector<Limbs> waiting;
+    const auto wait = [&](const std::vector<int>& roots) {  // side by side as far as there is room
+      const std::size_t before = waiting.size();
+      for (std::size_t at = roots.size(); at-- > 0;) {
+        const int root = roots[at];
+        if (waiting.size() == before || waiting.back().bodies + size[root] > limb) waiting.emplace_back();
+        waiting.back().roots.push_back(root);
+        waiting.back().bodies += size[root];
       }
+    };
+    wait(on(-1));
+    while (!waiting.empty()) {
+      const Limbs next = std::move(waiting.back());
+      waiting.pop_back();
+      const bool whole = next.bodies <= limb;
+      for (std::vector<int> level = next.roots, outer; !level.empty(); level = std::move(outer), outer.clear()) {
+        std::ranges::sort(level);
+        order_.insert(order_.end(), level.begin(), level.end());
+        if (!whole) break;
+        for (const int i : level) outer.insert(outer.end(), on(i).begin(), on(i).end());
+      }
+      if (!whole) wait(on(next.roots.front()));
     }
-    order_.resize(n);
-    std::iota(order_.begin(), order_.end(), 0);
-    std::ranges::stable_sort(order_, {}, [&](int i) { return depth[i]; });
   }
 
   void build_sweep_bodies() {

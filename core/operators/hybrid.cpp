@@ -108,7 +108,7 @@ VectorXd interbody_forces(const TreeOperators& tree, Workspace& ws, const Inputs
   VectorXd out(tree.size(Space::body));
   for (const OperatorBody& b : tree.bodies()) {
     const SweepBody& body = model.bodies[b.sweep];
-    const Force<double> f = body.kind == BodyKernel::rotor ? force_on_rotor(model, ws, use, b.sweep) : ws.core(b.sweep).z;
+    const Force<double> f = body.kind == BodyKernel::rotor ? force_on_rotor(model, ws, use, b.sweep) : ws.z(b.sweep);
     out.segment<6>(b.at) = to_eigen(to_outboard(model.user[b.user].pose, f));
     for (int j = 0; j < b.m; ++j) out[b.at + 6 + j] = ws.modal_of(b.sweep)->z[j];
   }

@@ -92,7 +92,7 @@ std::vector<OpCost> op_costs(const Model& model, const State& state, std::span<c
                    static_cast<std::size_t>(2 * d.n_z + d.n_marks + 2 * d.n_in + d.n_out) * sizeof(double);
     }
     if (run) cost.name += std::string(" (") + name_of(run->kind) + ")";
-    for (int k = run ? run->begin : 1; run && k < run->end; ++k) cost.bytes += sizes.record_bytes(k);
+    for (int k = run ? run->begin : 1; run && k < run->end; ++k) cost.bytes += sizes.body_bytes(k);
     const bool counted = op.code != OpCode::devices && op.code != OpCode::keep && op.code != OpCode::loops;
     cost.flops = op.code == OpCode::embedding ? model.loops.embedding->flops : counted ? Counted::flops : -1;
     cost.functions = Counted::functions;

@@ -55,7 +55,7 @@ static inline void take_item(const SweepModel& model, const Embedding& e, const 
   double *A = k.numbers.data() + c.A, *b = k.b.data() + c.x;
   const double* E = k.numbers.data() + c.E + step.column * (n + 1);
   for (int i = 0; i <= n; ++i) PU[i] = core.P * U[i];
-  Force<double> z = core.z + PU[n];
+  Force<double> z = ws.z(step.body) + PU[n];
   for (int i = 0; i < n; ++i) {
     for (int j = 0; j <= i; ++j) A[i * n + j] += dot(U[i], PU[j]);
     b[i] += dot(U[i], z);
@@ -87,9 +87,8 @@ static inline void take_item(const SweepModel& model, const Embedding& e, const 
       model, ws, step.body, [&](const auto& inertia, const auto& force) __attribute__((always_inline)) {
         ArticulatedInertia<double> P = core.P;
         if (step.carried >= 0) P += k.P[static_cast<std::size_t>(step.carried)], z += k.z[static_cast<std::size_t>(step.carried)];
-        Core<double>& inboard = ws.core(body.parent);
-        ArticulatedInertia<double>& to_P = step.to_carried ? k.P[static_cast<std::size_t>(step.carried_to)] : inboard.P;
-        Force<double>& to_z = step.to_carried ? k.z[static_cast<std::size_t>(step.carried_to)] : inboard.z;
+        ArticulatedInertia<double>& to_P = step.to_carried ? k.P[static_cast<std::size_t>(step.carried_to)] : ws.core(body.parent).P;
+        Force<double>& to_z = step.to_carried ? k.z[static_cast<std::size_t>(step.carried_to)] : ws.z(body.parent);
         to_P += inertia(P);
         to_z += force(z);
         for (std::size_t f = 0; f < flows; ++f) {
@@ -123,7 +122,7 @@ static inline void take_wheel(const SweepModel& model, const Embedding& e, const
     for (int j = 0; j <= i; ++j) A[i * n + j] += Ja * E[i] * E[j];
     b[i] += E[i] * moment;
   }
-  carrier.z.n += (Ja * in.v[wheel.v]) * cross(carrier.w, u) + (Ja * E[n]) * u;
+  ws.z(wheel.parent).n += (Ja * in.v[wheel.v]) * cross(carrier.w, u) + (Ja * E[n]) * u;
   Sym3<double>& J = carrier.P.J;
   J.xx += Ja * u.x * u.x, J.yy += Ja * u.y * u.y, J.zz += Ja * u.z * u.z;
   J.xy += Ja * u.x * u.y, J.xz += Ja * u.x * u.z, J.yz += Ja * u.y * u.z;
@@ -159,9 +158,8 @@ static inline bool take_modes(const SweepModel& model, const Embedding& e, const
                               EmbeddingWork& k, const Inputs<double>& in) {
   Modal<double>& modal = *ws.modal_of(step.body);
   if (!inertia_without_modes(model, ws, step.body, modal)) return false;
-  Core<double>& core = ws.core(step.body);
   const Force<double> z_r = bias_without_modes(model, ws, in, step.body, modal);
-  core.z = z_r;
+  ws.z(step.body) = z_r;
   const int m = model.bodies[step.body].n_modes;
   if (m == 0) return true;
   int total = 0;
@@ -193,7 +191,7 @@ static bool pass_hinge(const SweepModel& model, const Embedding& e, const Embedd
                        const Inputs<double>& in) {
   const SweepBody& body = model.bodies[step.body];
   if (!inertia_through_hinge<double, NV>(model, ws, step.body)) return false;
-  const Force<double> z_r = ws.core(step.body).z;
+  const Force<double> z_r = ws.z(step.body);
   bias_through_hinge<double, NV>(model, ws, in, step.body, z_r);
   const Hinge<double, NV>& hinge = ws.hinge<NV>(step.body);
   const ModalNode<double>* node = ws.modal<NV>(step.body).node;
@@ -265,7 +263,7 @@ static inline void cross_hinge(const SweepModel& model, const Embedding& e, cons
   };
   if (free) {
     const FreeRecord<double>& record = ws.free(step.body);
-    const Force<double>& z = record.core.z;
+    const Force<double>& z = record.z;
     const double eps[6] = {record.tau[0] - z.n.x, record.tau[1] - z.n.y, record.tau[2] - z.n.z,
                            record.tau[3] - z.f.x, record.tau[4] - z.f.y, record.tau[5] - z.f.z};
     solve(eps, nu);
@@ -337,9 +335,8 @@ static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, 
   double *A = k.numbers.data() + c.A, *b = k.b.data() + c.x;
   const std::size_t flows = step.flows.size();
   const bool ground = step.body == 0;
-  Core<double>& core = ws.core(step.body);
-  ArticulatedInertia<double>& P = step.after_modes ? ws.modal_of(step.body)->P_r : core.P;
-  Force<double>& z = core.z;
+  ArticulatedInertia<double>& P = step.after_modes ? ws.modal_of(step.body)->P_r : ws.core(step.body).P;
+  Force<double>& z = ws.z(step.body);
   Force<double>* Q = ground ? nullptr : k.Q.data() + step.flows[0].own;
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < i; ++j) A[j * n + i] = A[i * n + j];

@@ -16,10 +16,11 @@ struct RowsOfHinges;
 using SweepEmbedded = int (*)(const SweepModel&, const Embedding&, const Sweeps<double>&, Workspace<double>&, EmbeddingWork&,
                               const Inputs<double>&, const RowsOfHinges&, const double* given, double* vdot);
 
-/// The sweeps of one instruction set: one state at a time, and as many as its registers hold side by side (none on v2).
+/// The sweeps of one instruction set: one state at a time, and as many as its registers hold side by side.
 struct InstructionSet {
   const char* name;  // "v2", "v3", "v4"
   Sweeps<double> one;
+  Sweeps<Lanes<2>> two;    // v2
   Sweeps<Lanes<4>> four;   // v3
   Sweeps<Lanes<8>> eight;  // v4
   SweepEmbedded embedded;
@@ -31,6 +32,7 @@ const Sweeps<double>& sweeps_v4();
 SweepEmbedded embedded_v2();
 SweepEmbedded embedded_v3();
 SweepEmbedded embedded_v4();
+const Sweeps<Lanes<2>>& lanes_v2();
 const Sweeps<Lanes<4>>& lanes_v3();
 const Sweeps<Lanes<8>>& lanes_v4();
 
@@ -43,6 +45,10 @@ const Sweeps<T>& sweeps();
 template <>
 inline const Sweeps<double>& sweeps<double>() {
   return instruction_set().one;
+}
+template <>
+inline const Sweeps<Lanes<2>>& sweeps<Lanes<2>>() {
+  return instruction_set().two;
 }
 template <>
 inline const Sweeps<Lanes<4>>& sweeps<Lanes<4>>() {

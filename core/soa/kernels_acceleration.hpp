@@ -71,10 +71,10 @@ template <class T, int NV>
 static void gather_rigid(const SweepModel& model, Workspace<T>& ws, T* tau, int begin, int end) {
   for (int k = end - 1; k >= begin; --k) {
     const SweepBody& b = model.bodies[k];
-    const Core<T>& body = ws.core(k);
+    const Force<T>& z = ws.z(k);
     const Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
-    for (int j = 0; j < NV; ++j) tau[b.v + j] = dot(hinge.H[j], body.z);
-    ws.core(b.parent).z += to_inboard(ws.X(k), body.z);
+    for (int j = 0; j < NV; ++j) tau[b.v + j] = dot(hinge.H[j], z);
+    ws.z(b.parent) += to_inboard(ws.X(k), z);
   }
 }
 
@@ -82,22 +82,22 @@ template <class T, int NV>
 static void gather_general(const SweepModel& model, Workspace<T>& ws, T* tau, int begin, int end) {
   for (int k = end - 1; k >= begin; --k) {
     const SweepBody& b = model.bodies[k];
-    const Core<T>& body = ws.core(k);
+    const Force<T>& z = ws.z(k);
     const Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
     const Modal<T>& modal = ws.template modal<NV>(k);
-    for (int j = 0; j < NV; ++j) tau[b.v + j] = dot(hinge.H[j], body.z);
+    for (int j = 0; j < NV; ++j) tau[b.v + j] = dot(hinge.H[j], z);
     if (b.n_modes > 0 && !modal.P_re) {
       T gamma[6];
-      store(body.gamma, gamma);
+      store(ws.core(k).gamma, gamma);
       add_rows(model.flexible[b.flexible].M_re_rows.data(), gamma, b.n_modes, modal.z, modal.z);
     }
     for (int j = 0; j < b.n_modes; ++j) {
       T force = modal.z[j];
-      if (modal.C) force = force - dot(motion_column(modal.C, j), body.z);
+      if (modal.C) force = force - dot(motion_column(modal.C, j), z);
       tau[b.etadot + j] = force;
     }
-    const Force<T> at_inboard = to_inboard(ws.X(k), body.z);
-    ws.core(b.parent).z += at_inboard;
+    const Force<T> at_inboard = to_inboard(ws.X(k), z);
+    ws.z(b.parent) += at_inboard;
     if (modal.node) {
       T y[6];
       on_node(*modal.node, at_inboard, y);

@@ -104,11 +104,11 @@ static void inward_rigid(const SweepModel& model, Workspace<T>& ws, const Inputs
       inboard.P += to_inboard(ws.X(k), P);
     }
     if constexpr (For.bias) {
-      Force<T> z = body.z;
+      Force<T> z = ws.z(k);
       if constexpr (NV > 0) {
         T eps[NV];
         for (int j = 0; j < NV; ++j) {
-          eps[j] = (in.tau ? in.tau[b.v + j] : T(0)) - dot(hinge.H[j], body.z);
+          eps[j] = (in.tau ? in.tau[b.v + j] : T(0)) - dot(hinge.H[j], ws.z(k));
           z += eps[j] * hinge.G[j];
           hinge.nu[j] = eps[j];
         }
@@ -117,7 +117,7 @@ static void inward_rigid(const SweepModel& model, Workspace<T>& ws, const Inputs
         else
           solve_hinge<T, NV>(hinge, hinge.nu);
       }
-      inboard.z += to_inboard(ws.X(k), z);
+      ws.z(b.parent) += to_inboard(ws.X(k), z);
     }
   }
 }
@@ -179,11 +179,10 @@ static bool inertia_through_hinge(const SweepModel& model, Workspace<T>& ws, int
 template <class T>
 static Force<T> bias_without_modes(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int k, Modal<T>& modal) {
   const SweepBody& b = model.bodies[k];
-  Core<T>& body = ws.core(k);
-  Force<T> z = body.z;
+  Force<T> z = ws.z(k);
   if (b.n_modes > 0) {
-    eps_of_modes(model, b, in, body, modal);
-    z += bias_of_modes(model, ws, b, body, modal);
+    eps_of_modes(model, b, in, z, modal);
+    z += bias_of_modes(model, ws, b, ws.core(k).gamma, modal);
   }
   return z;
 }
@@ -192,7 +191,7 @@ static Force<T> bias_without_modes(const SweepModel& model, Workspace<T>& ws, co
 template <class T, int NV>
 static void bias_through_hinge(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int k, const Force<T>& z_r) {
   const SweepBody& b = model.bodies[k];
-  Core<T>& inboard = ws.core(b.parent);
+  Force<T>& at_parent = ws.z(b.parent);
   Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
   Modal<T>& modal = ws.template modal<NV>(k);
   const std::uint8_t* fixed = b.has_prescribed ? model.prescribed.data() + b.v : nullptr;
@@ -210,13 +209,13 @@ static void bias_through_hinge(const SweepModel& model, Workspace<T>& ws, const 
     const T* tau = in.tau ? in.tau + b.v : nullptr;
     const Force<T> e = fixed ? take_root_of_force(z_r, tau, hinge.H, hinge.G, NV, fixed, ws.X(k), *modal.root)
                              : take_root_of_force(z_r, tau, hinge, ws.X(k), *modal.root);
-    inboard.z += e;
+    at_parent += e;
     store(e, modal.root->e);
     on_node(*modal.node, e, modal.root->e_N);
     return;
   }
   const Force<T> at_inboard = to_inboard(ws.X(k), z);
-  inboard.z += at_inboard;
+  at_parent += at_inboard;
   if (modal.node) {
     T y[6];
     on_node(*modal.node, at_inboard, y);

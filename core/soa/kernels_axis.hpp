@@ -81,7 +81,7 @@ CARDAN_INLINE void start(const AxisBody& b, ArticulatedInertia<T>& P) {
 /// Base to tip: w, gamma_b, E, z = M gamma_b + b. The moment is the axial part of E S with the second moments S of the body
 /// (2 S = tr J 1 - 2 J): M gamma + b = [ (E S)_axial + h x gamma.v ; m gamma.v + E h ].
 template <class T, int I, Tilt TILT, OutwardFor For>
-CARDAN_INLINE void outward_axis(const AxisBody& b, const Core<T>& inboard, AxisRecord<T>& body, const T& c, const T& s,
+CARDAN_INLINE void outward_axis(const AxisBody& b, const Core<T>& inboard, Core<T>& body, Force<T>& z, const T& c, const T& s,
                                 const Inputs<T>& in) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   Vec3<T> a = inboard.gamma.v + inboard.E * Vec3<T>{T(b.p[0]), T(b.p[1]), T(b.p[2])};
@@ -101,21 +101,21 @@ CARDAN_INLINE void outward_axis(const AxisBody& b, const Core<T>& inboard, AxisR
     at<I>(w) = at<I>(w) + rate;
   }
   if constexpr (For.vdot) at<I>(g) = at<I>(g) + in.vdot[b.v];
-  body.core.w = w;
-  body.core.gamma = {g, a};
-  Mat3<T>& E = body.core.E;
+  body.w = w;
+  body.gamma = {g, a};
+  Mat3<T>& E = body.E;
   set_acceleration_field(E, w, g);
   const T m(b.m);
   const Vec3<T> h{T(b.h[0]), T(b.h[1]), T(b.h[2])};
   const T xx(b.S[0]), yy(b.S[1]), zz(b.S[2]), xy(b.S[3]), xz(b.S[4]), yz(b.S[5]);
-  body.core.z.f = m * a + E * h;
-  body.core.z.n = Vec3<T>{(E.zx * xy + E.zy * yy + E.zz * yz) - (E.yx * xz + E.yy * yz + E.yz * zz),
-                          (E.xx * xz + E.xy * yz + E.xz * zz) - (E.zx * xx + E.zy * xy + E.zz * xz),
-                          (E.yx * xx + E.yy * xy + E.yz * xz) - (E.xx * xy + E.xy * yy + E.xz * yz)} +
-                  cross(h, a);
+  z.f = m * a + E * h;
+  z.n = Vec3<T>{(E.zx * xy + E.zy * yy + E.zz * yz) - (E.yx * xz + E.yy * yz + E.yz * zz),
+                (E.xx * xz + E.xy * yz + E.xz * zz) - (E.zx * xx + E.zy * xy + E.zz * xz),
+                (E.yx * xx + E.yy * xy + E.yz * xz) - (E.xx * xy + E.xy * yy + E.xz * yz)} +
+        cross(h, a);
   // One state: copied here, added to in the inward sweep. Lanes: stores cost more than they do, so the first child writes.
   if constexpr (For.inertia)
-    if (!b.leaf && (kWidth<T> == 1 || !b.written_by_child)) start(b, body.core.P);
+    if (!b.leaf && (kWidth<T> == 1 || !b.written_by_child)) start(b, body.P);
 }
 
 /// z+ from B to the inboard body: turned, shifted by l = (l_j, l_k), tilted.
@@ -147,13 +147,22 @@ CARDAN_INLINE void set_sum(ArticulatedInertia<T>& to, const ArticulatedInertia<T
   to.B.zx = a.B.zx + T(b.B.zx), to.B.zy = a.B.zy + T(b.B.zy), to.B.zz = a.B.zz + T(b.B.zz);
 }
 
+/// P of a body whose outboard bodies have been gathered; of one that has none it may be taken from the model.
+template <bool LEAF, class T>
+CARDAN_INLINE decltype(auto) gathered(const AxisBody& b, Core<T>& core) {
+  if constexpr (LEAF)
+    return cast<T>(b.P);
+  else
+    return (core.P);
+}
+
 /// Tip to base. D = J_ii, G = P e_i / D, P+ = P - G D G* without its zero row i. False: no inertia about the axis.
-template <class T, int I, Tilt TILT, InwardFor For>
-CARDAN_INLINE bool inward_axis(const AxisBody& b, const AxisBody& carrier, Core<T>& inboard, AxisRecord<T>& body, const T& c, const T& s,
-                               const Inputs<T>& in, int n, Breakdown& breakdown) {
+template <class T, int I, Tilt TILT, InwardFor For, bool LEAF = false>
+CARDAN_INLINE bool inward_axis(const AxisBody& b, const AxisBody& carrier, Core<T>& inboard, Force<T>& z_inboard, Core<T>& core,
+                               AxisRecord<T>& body, const T& c, const T& s, const Inputs<T>& in, int n, Breakdown& breakdown) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   if constexpr (For.inertia) {
-    ArticulatedInertia<T>& P = body.core.P;  // of a leaf: constant, written with the workspace
+    auto&& P = gathered<LEAF>(b, core);
     const T D = entry<I, I>(P.J);
     if (!(D > T(kPivotLimit) * (P.J.xx + P.J.yy + P.J.zz))) {
       breakdown = {n, 0, static_cast<double>(D), kPivotLimit * static_cast<double>(P.J.xx + P.J.yy + P.J.zz)};
@@ -226,14 +235,14 @@ CARDAN_INLINE bool inward_axis(const AxisBody& b, const AxisBody& carrier, Core<
   }
   if constexpr (For.bias) {
     const T tau = in.tau ? in.tau[b.v] : T(0);
-    Force<T> z = body.core.z;
+    Force<T> z = body.z;
     const T eps = tau - at<I>(z.n);
     body.nu = eps * body.inverse_D;
     at<I>(z.n) = tau;
     at<J>(z.n) = at<J>(z.n) + eps * at<J>(body.G.n);
     at<K>(z.n) = at<K>(z.n) + eps * at<K>(body.G.n);
     z.f += eps * body.G.f;
-    inboard.z += force_to_inboard<T, I, TILT>(b, c, s, z);
+    z_inboard += force_to_inboard<T, I, TILT>(b, c, s, z);
   }
   return true;
 }
@@ -255,7 +264,7 @@ CARDAN_INLINE Motion<T> motion_to_outboard(const AxisBody& b, const T& c, const 
 
 /// v' = nu - G* delta+, delta = delta+ + e_i v'.
 template <class T, int I, Tilt TILT>
-CARDAN_INLINE Motion<T> acceleration_axis(const AxisBody& b, const Motion<T>& inboard, AxisRecord<T>& body, const T& c, const T& s,
+CARDAN_INLINE Motion<T> acceleration_axis(const AxisBody& b, const Motion<T>& inboard, const AxisRecord<T>& body, const T& c, const T& s,
                                           T* vdot) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   Motion<T> d = motion_to_outboard<T, I, TILT>(b, c, s, inboard);
@@ -263,7 +272,6 @@ CARDAN_INLINE Motion<T> acceleration_axis(const AxisBody& b, const Motion<T>& in
   const T a = ((body.nu - at<I>(d.w)) - at<J>(d.w) * at<J>(body.G.n) - at<K>(d.w) * at<K>(body.G.n)) - linear;
   vdot[b.v] = a;
   at<I>(d.w) = at<I>(d.w) + a;
-  body.core.delta = d;
   return d;
 }
 
@@ -282,23 +290,24 @@ CARDAN_INLINE Vec3<T> rotor_axis(const AxisBody& b) {
   return {T(b.u[0]), T(b.u[1]), T(b.u[2])};
 }
 template <class T>
-CARDAN_INLINE void inward_rotor(const AxisBody& b, Core<T>& carrier, AxisRecord<T>& body, const Inputs<T>& in) {
+CARDAN_INLINE void inward_rotor(const AxisBody& b, const Core<T>& carrier, Force<T>& z, AxisRecord<T>& body, const Inputs<T>& in) {
   const Vec3<T> u = rotor_axis<T>(b);
   const T Ja(b.J_axial);
   body.nu = body.load;
   if (in.tau) body.nu = body.nu + in.tau[b.v];
-  carrier.z.n += (Ja * in.v[b.v]) * cross(carrier.w, u) + (body.nu - Ja * dot(u, carrier.gamma.w)) * u;
+  z.n += (Ja * in.v[b.v]) * cross(carrier.w, u) + (body.nu - Ja * dot(u, carrier.gamma.w)) * u;
 }
 template <class T>
 CARDAN_INLINE void acceleration_rotor(const AxisBody& b, const Core<T>& carrier, const AxisRecord<T>& body, T* vdot) {
   vdot[b.v] = body.nu / T(b.J_axial) - dot(rotor_axis<T>(b), carrier.gamma.w + carrier.delta.w);
 }
 template <class T>
-CARDAN_INLINE void gather_rotor(const AxisBody& b, Core<T>& carrier, const AxisRecord<T>& body, const Inputs<T>& in, T* tau) {
+CARDAN_INLINE void gather_rotor(const AxisBody& b, const Core<T>& carrier, Force<T>& z, const AxisRecord<T>& body, const Inputs<T>& in,
+                                T* tau) {
   const Vec3<T> u = rotor_axis<T>(b);
   const T Ja(b.J_axial), vdot = in.vdot ? in.vdot[b.v] : T(0);
   tau[b.v] = Ja * (vdot + dot(u, carrier.gamma.w)) - body.load;
-  carrier.z.n += (Ja * in.v[b.v]) * cross(carrier.w, u) + (Ja * vdot) * u;
+  z.n += (Ja * in.v[b.v]) * cross(carrier.w, u) + (Ja * vdot) * u;
 }
 
 // Loops over a run of axis bodies: one switch per body, everything else inlined.
@@ -327,7 +336,7 @@ static void outward_axes(const SweepModel& model, Workspace<T>& ws, const Inputs
     if (b.kind == BodyKernel::rotor) continue;
     for_axis(
         b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
-          outward_axis<T, I, TILT, For>(b, ws.core(b.parent), ws.axis(n), cosines[b.angle], sines[b.angle], in);
+          outward_axis<T, I, TILT, For>(b, ws.core(b.parent), ws.core(n), ws.z(n), cosines[b.angle], sines[b.angle], in);
         });
   }
 }
@@ -337,15 +346,20 @@ static void inward_axes(const SweepModel& model, Workspace<T>& ws, const Inputs<
   for (int n = end - 1; n >= begin; --n) {
     const AxisBody& b = model.axis_bodies[n];
     if (b.kind == BodyKernel::rotor) {
-      if constexpr (For.bias) inward_rotor(b, ws.core(b.parent), ws.axis(n), in);
+      if constexpr (For.bias) inward_rotor(b, ws.core(b.parent), ws.z(b.parent), ws.axis(n), in);
       continue;
     }
-    const bool regular = for_axis(
-        b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
-          const T c = cosines[b.angle], s = sines[b.angle];
-          const AxisBody& carrier = model.axis_bodies[b.parent];
-          return inward_axis<T, I, TILT, For>(b, carrier, ws.core(b.parent), ws.axis(n), c, s, in, n, ws.breakdown);
-        });
+    const auto inward = [&]<int I, Tilt TILT, bool LEAF>() __attribute__((always_inline)) {
+      return inward_axis<T, I, TILT, For, LEAF>(b, model.axis_bodies[b.parent], ws.core(b.parent), ws.z(b.parent), ws.core(n), ws.axis(n),
+                                                cosines[b.angle], sines[b.angle], in, n, ws.breakdown);
+    };
+    bool regular;
+    if (kStates<T> && b.leaf)  // its core may be shared; of one state its P stands there, written with the workspace
+      regular = for_axis(
+          b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) { return inward.template operator()<I, TILT, kStates<T>>(); });
+    else
+      regular = for_axis(
+          b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) { return inward.template operator()<I, TILT, false>(); });
     if (!regular) return;
   }
 }
@@ -364,26 +378,27 @@ static void acceleration_axes(const SweepModel& model, Workspace<T>& ws, T* vdot
         b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
           return acceleration_axis<T, I, TILT>(b, delta, ws.axis(n), cosines[b.angle], sines[b.angle], vdot);
         });
+    ws.core(n).delta = delta;
   }
 }
 template <class T>
 static void gather_axes(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* tau, int begin, int end) {
   const T *cosines = ws.cosines.data(), *sines = ws.sines.data();
-  Force<T> z = ws.core(end - 1).z;  // of body n: of a chain it need not be read again
+  Force<T> z = ws.z(end - 1);  // of body n: of a chain it need not be read again
   for (int n = end - 1; n >= begin; --n) {
     const AxisBody& b = model.axis_bodies[n];
-    Core<T>& inboard = ws.core(b.parent);
+    Force<T>& inboard = ws.z(b.parent);
     if (b.kind == BodyKernel::rotor) {
-      gather_rotor(b, inboard, ws.axis(n), in, tau);
-      z = ws.core(n - 1).z;
+      gather_rotor(b, ws.core(b.parent), inboard, ws.axis(n), in, tau);
+      z = ws.z(n - 1);
       continue;
     }
     const Force<T> f = for_axis(
         b.kind, [&]<int I, Tilt TILT>()
                     __attribute__((always_inline)) { return gather_axis<T, I, TILT>(b, z, cosines[b.angle], sines[b.angle], tau); });
-    z = inboard.z + f;
-    inboard.z = z;
-    if (b.parent != n - 1) z = ws.core(n - 1).z;
+    z = inboard + f;
+    inboard = z;
+    if (b.parent != n - 1) z = ws.z(n - 1);
   }
 }
 

@@ -276,11 +276,11 @@ static void eliminate_by_nodes(const SweepModel& model, Workspace<T>& ws, const 
 /// t <- V* eps_e - Q* e and u <- L^-1 (zeta + B* t), given `seen` = V* eps_e, from which M_re* gamma is taken here where it is
 /// constant. The result joins z_r: (X~* C L^-*) D^-1 u - M_re V Q* e.
 template <class T>
-static Force<T> bias_by_nodes(const SweepModel& model, const Workspace<T>& ws, const SweepBody& b, const Core<T>& body,
+static Force<T> bias_by_nodes(const SweepModel& model, const Workspace<T>& ws, const SweepBody& b, const Motion<T>& gamma_b,
                               const Modal<T>& modal, const T* seen) {
   const FlexibleBody& f = model.flexible[b.flexible];
   T gamma[6];
-  store(body.gamma, gamma);
+  store(gamma_b, gamma);
   Six<T> out;
   with_node_count(model, f, [&](const auto N, const auto first) {
     const ByNodes<T> w(modal.by_nodes, N);

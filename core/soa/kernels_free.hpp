@@ -25,20 +25,21 @@ static void outward_free(const SweepModel& model, Workspace<T>& ws, const Inputs
   for (int k = begin; k < end; ++k) {
     const SweepBody& b = model.bodies[k];
     FreeRecord<T>& body = ws.free(k);
+    Core<T>& core = ws.core(k);
     const Core<T>& inboard = ws.core(b.parent);
     const Mat3<T> R_OP = free_rotation(b, in.q), R_O = cast<T>(b.O.R);
     const T* l = in.q + b.q + 4;
     body.X = {R_O * R_OP, cast<T>(b.O.p) + R_O * Vec3<T>{l[0], l[1], l[2]}};
     const Vec3<T>& p = body.X.p;
-    Motion<T>& gamma = body.core.gamma;
+    Motion<T>& gamma = core.gamma;
     Vec3<T> a = inboard.gamma.v + cross(inboard.gamma.w, p);
     gamma.w = transpose_times(body.X.R, inboard.gamma.w);
-    body.core.w = {T(0), T(0), T(0)};
+    core.w = {T(0), T(0), T(0)};
     if constexpr (For.velocity) {
       a += cross(inboard.w, cross(inboard.w, p));
       const Motion<T> rate = free_twist(b, R_OP, in.v + b.v);
       const Vec3<T> w1 = transpose_times(body.X.R, inboard.w);
-      body.core.w = w1 + rate.w;
+      core.w = w1 + rate.w;
       gamma.w += cross(w1, rate.w);
       gamma.v = transpose_times(body.X.R, a) + T(2) * cross(w1, rate.v);
       if (b.shape == CARDAN_SHAPE_FREE_BODY) gamma.v += cross(rate.w, rate.v);
@@ -47,13 +48,13 @@ static void outward_free(const SweepModel& model, Workspace<T>& ws, const Inputs
     }
     if constexpr (For.vdot) gamma += free_twist(b, R_OP, in.vdot + b.v);
     const RigidInertia<T> M = cast<T>(b.M_sweep);
-    body.core.z = M * gamma;
-    if constexpr (For.velocity) body.core.z += gyroscopic(M, body.core.w);
+    body.z = M * gamma;
+    if constexpr (For.velocity) body.z += gyroscopic(M, core.w);
     if constexpr (For.inertia) {
-      body.core.P = articulated(M);
-      body.core.P.J = cast<T>(b.J_P);
+      core.P = articulated(M);
+      core.P.J = cast<T>(b.J_P);
     }
-    set_acceleration_field(body.core.E, body.core.w, gamma.w);
+    set_acceleration_field(core.E, core.w, gamma.w);
   }
 }
 
@@ -94,7 +95,7 @@ static void inward_free(const SweepModel& model, Workspace<T>& ws, const Inputs<
     if constexpr (For.inertia) {
       Breakdown bad;
       bad.body = k;
-      if (!factor_free(body.core.P, body.L, bad)) {
+      if (!factor_free(ws.core(k).P, body.L, bad)) {
         ws.breakdown = bad;
         return;
       }
@@ -107,7 +108,7 @@ static void inward_free(const SweepModel& model, Workspace<T>& ws, const Inputs<
         body.tau[3] = f.x, body.tau[4] = f.y, body.tau[5] = f.z;
       }
       const Force<T> wrench{{body.tau[0], body.tau[1], body.tau[2]}, {body.tau[3], body.tau[4], body.tau[5]}};
-      ws.core(b.parent).z += to_inboard(body.X, wrench);
+      ws.z(b.parent) += to_inboard(body.X, wrench);
     }
   }
 }
@@ -117,7 +118,7 @@ static void acceleration_free(const SweepModel& model, Workspace<T>& ws, const I
   for (int k = begin; k < end; ++k) {
     const SweepBody& b = model.bodies[k];
     FreeRecord<T>& body = ws.free(k);
-    const Force<T>& z = body.core.z;
+    const Force<T>& z = body.z;
     const T* L = body.L;
     T x[6] = {body.tau[0] - z.n.x, body.tau[1] - z.n.y, body.tau[2] - z.n.z, body.tau[3] - z.f.x, body.tau[4] - z.f.y, body.tau[5] - z.f.z};
     for (int i = 1; i < 6; ++i)
@@ -125,8 +126,8 @@ static void acceleration_free(const SweepModel& model, Workspace<T>& ws, const I
     for (int i = 0; i < 6; ++i) x[i] = x[i] * L[i * (i + 1) / 2 + i];
     for (int i = 4; i >= 0; --i)
       for (int j = i + 1; j < 6; ++j) x[i] = x[i] - L[j * (j + 1) / 2 + i] * x[j];
-    body.core.delta = {{x[0], x[1], x[2]}, {x[3], x[4], x[5]}};
-    Motion<T> relative = body.core.delta;
+    Motion<T> relative{{x[0], x[1], x[2]}, {x[3], x[4], x[5]}};
+    ws.core(k).delta = relative;
     if (b.parent > 0) relative -= to_outboard(body.X, ws.core(b.parent).delta);
     const Vec3<T> linear = b.shape == CARDAN_SHAPE_FREE ? free_rotation(b, in.q) * relative.v : relative.v;
     T* out = vdot + b.v;
@@ -140,12 +141,12 @@ static void gather_free(const SweepModel& model, Workspace<T>& ws, const Inputs<
   for (int k = end - 1; k >= begin; --k) {
     const SweepBody& b = model.bodies[k];
     FreeRecord<T>& body = ws.free(k);
-    const Force<T>& z = body.core.z;
+    const Force<T>& z = body.z;
     const Vec3<T> linear = b.shape == CARDAN_SHAPE_FREE ? free_rotation(b, in.q) * z.f : z.f;
     T* out = tau + b.v;
     out[0] = z.n.x, out[1] = z.n.y, out[2] = z.n.z;
     out[3] = linear.x, out[4] = linear.y, out[5] = linear.z;
-    ws.core(b.parent).z += to_inboard(body.X, z);
+    ws.z(b.parent) += to_inboard(body.X, z);
   }
 }
 

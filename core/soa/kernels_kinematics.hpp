@@ -108,8 +108,9 @@ static void outward_rigid(const SweepModel& model, Workspace<T>& ws, const Input
       body.w = {T(0), T(0), T(0)};
     }
     if constexpr (For.vdot) gamma += push;
-    body.z = M * gamma;
-    if constexpr (For.velocity) body.z += gyroscopic(M, body.w);
+    Force<T>& z = ws.z(k);
+    z = M * gamma;
+    if constexpr (For.velocity) z += gyroscopic(M, body.w);
     if constexpr (For.inertia) {
       body.P = articulated(M);
       body.P.J = cast<T>(b.J_P);
@@ -224,8 +225,9 @@ static void sum_modes(Workspace<T>& ws, const SweepBody& b, const FlexibleBody& 
 
 /// M_fl(eta), b and z = M_fl gamma_b + b of a flexible body. Families compute in double.
 template <bool Velocity, class T>
-static void flexible_inertia(const SweepModel& model, Workspace<T>& ws, const SweepBody& b, const Inputs<T>& in, bool given, Core<T>& body,
+static void flexible_inertia(const SweepModel& model, Workspace<T>& ws, int k, const Inputs<T>& in, bool given, Core<T>& body,
                              Modal<T>& modal) {
+  const SweepBody& b = model.bodies[k];
   const FlexibleBody& f = model.flexible[b.flexible];
   const int m = b.n_modes;
   const T *eta = in.q + b.eta, *etadot = Velocity ? in.v + b.etadot : nullptr;
@@ -252,8 +254,9 @@ static void flexible_inertia(const SweepModel& model, Workspace<T>& ws, const Sw
     for (int i = 0; i < m * m; ++i) modal.P_ee[i] = T(f.M_ee[i]);
   modal.M_rr = M;
   const Motion<T>& g = body.gamma;
-  body.z = M * g;
-  if constexpr (Velocity) body.z += bias;
+  Force<T>& z = ws.z(k);
+  z = M * g;
+  if constexpr (Velocity) z += bias;
   body.P = articulated(M);
   for (int j = 0; j < m; ++j) modal.z[j] = Velocity && !f.constant ? modal.b[6 + j] : T(0);
   if (modal.P_re) {  // else M_re is constant, and M_re* gamma is taken in where z is used
@@ -267,7 +270,7 @@ static void flexible_inertia(const SweepModel& model, Workspace<T>& ws, const Sw
       sum_columns(modal.P_re, accel, m, force);
     else
       sum_columns(f.M_re.data(), accel, m, force);
-    body.z += Force<T>{{force[0], force[1], force[2]}, {force[3], force[4], force[5]}};
+    z += Force<T>{{force[0], force[1], force[2]}, {force[3], force[4], force[5]}};
     for (int j = 0; j < m; ++j) {
       if (f.M_ee_identity && f.M_ee_constant)
         modal.z[j] = modal.z[j] + accel[j];
@@ -373,13 +376,14 @@ static void outward_general(const SweepModel& model, Workspace<T>& ws, const Inp
 
     if (b.n_modes == 0) {
       const RigidInertia<T> M = cast<T>(b.M_sweep);
-      body.z = M * body.gamma;
-      if constexpr (Velocity) body.z += gyroscopic(M, body.w);
+      Force<T>& z = ws.z(k);
+      z = M * body.gamma;
+      if constexpr (Velocity) z += gyroscopic(M, body.w);
       body.P = articulated(M);
       body.P.J = cast<T>(b.J_P);
       continue;
     }
-    flexible_inertia<Velocity>(model, ws, b, in, given, body, modal);
+    flexible_inertia<Velocity>(model, ws, k, in, given, body, modal);
   }
 }
 

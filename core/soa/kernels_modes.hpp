@@ -128,7 +128,7 @@ static bool eliminate_modes(const SweepModel& model, const SweepBody& b, Core<T>
 
 /// eps_e = tau_e - z_e + C* z_r, into nu.
 template <class T>
-static void eps_of_modes(const SweepModel& model, const SweepBody& b, const Inputs<T>& in, const Core<T>& body, const Modal<T>& modal) {
+static void eps_of_modes(const SweepModel& model, const SweepBody& b, const Inputs<T>& in, const Force<T>& z_r, const Modal<T>& modal) {
   const int m = b.n_modes;
   const T *tau = in.tau ? in.tau + b.etadot : nullptr, *z = modal.z;
   T* __restrict eps = modal.nu;
@@ -137,7 +137,7 @@ static void eps_of_modes(const SweepModel& model, const SweepBody& b, const Inpu
   else
     for (int j = 0; j < m; ++j) eps[j] = -z[j];
   if (modal.C)
-    for (int j = 0; j < m; ++j) eps[j] = eps[j] + dot(motion_column(modal.C, j), body.z);
+    for (int j = 0; j < m; ++j) eps[j] = eps[j] + dot(motion_column(modal.C, j), z_r);
   if (!model.has_prescribed()) return;
   for (int j = 0; j < m; ++j)
     if (model.prescribed[b.etadot + j]) eps[j] = T(0);
@@ -145,7 +145,8 @@ static void eps_of_modes(const SweepModel& model, const SweepBody& b, const Inpu
 
 /// nu from eps_e in it, and what the modes add to z_r.
 template <class T>
-static Force<T> bias_of_modes(const SweepModel& model, Workspace<T>& ws, const SweepBody& b, const Core<T>& body, const Modal<T>& modal) {
+static Force<T> bias_of_modes(const SweepModel& model, Workspace<T>& ws, const SweepBody& b, const Motion<T>& gamma,
+                              const Modal<T>& modal) {
   const FlexibleBody& f = model.flexible[b.flexible];
   const int m = b.n_modes;
   T* x = modal.nu;
@@ -155,8 +156,8 @@ static Force<T> bias_of_modes(const SweepModel& model, Workspace<T>& ws, const S
     T* sums = modal.by_nodes ? ws.sums.data() : of_body;  // U* eps_e, V* eps_e
     sum_columns(f.UV_columns.data(), rows, x, m, sums);
     Force<T> z{};
-    if (f.M_re_constant) z = force_column(sums, 0) - cast<T>(f.gramian) * body.gamma;
-    if (modal.by_nodes) z += bias_by_nodes(model, ws, b, body, modal, sums + own);
+    if (f.M_re_constant) z = force_column(sums, 0) - cast<T>(f.gramian) * gamma;
+    if (modal.by_nodes) z += bias_by_nodes(model, ws, b, gamma, modal, sums + own);
     solve_constant(f, m, x);
     if (f.M_re_constant) return z;
     sum_columns(modal.P_re, x, m, sums);

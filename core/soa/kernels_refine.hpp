@@ -30,7 +30,7 @@ static void rebase(const SweepModel& model, Workspace<T>& ws) {
                          (E.xx * xz + E.xy * yz + E.xz * zz) - (E.zx * xx + E.zy * xy + E.zz * xz),
                          (E.yx * xx + E.yy * xy + E.yz * xz) - (E.xx * xy + E.xy * yy + E.xz * yz)};
     const Vec3<T> f = T(M.m) * (body.gamma.v + E * c) - load.f;
-    body.z = {(couple - load.n) + cross(c, f), f};
+    ws.z(k) = {(couple - load.n) + cross(c, f), f};
   }
 }
 

@@ -10,6 +10,10 @@ namespace cardan::soa {
 template <int W>
 struct PackOf;
 template <>
+struct PackOf<2> {
+  using type [[gnu::vector_size(16)]] = double;
+};
+template <>
 struct PackOf<4> {
   using type [[gnu::vector_size(32)]] = double;
 };
@@ -25,7 +29,9 @@ struct alignas(8 * W) Lanes {
 
   Lanes() = default;
   [[gnu::always_inline]] Lanes(double a) {  // NOLINT: a number is the same number in every lane; loaded as it stands, nothing added
-    if constexpr (W == 4)
+    if constexpr (W == 2)
+      x = Pack{a, a};
+    else if constexpr (W == 4)
       x = Pack{a, a, a, a};
     else
       x = Pack{a, a, a, a, a, a, a, a};
@@ -46,6 +52,9 @@ struct alignas(8 * W) Lanes {
 #elif defined(__AVX__)
     if constexpr (W == 4) return __builtin_ia32_movmskpd256(reinterpret_cast<Pack>(a.x > b.x)) == 0xf;
 #endif
+#if defined(__SSE2__)
+    if constexpr (W == 2) return __builtin_ia32_movmskpd(reinterpret_cast<Pack>(a.x > b.x)) == 0x3;
+#endif
     const auto mask = a.x > b.x;
     long long all = -1;
     for (int i = 0; i < W; ++i) all &= mask[i];
@@ -57,6 +66,11 @@ template <class T>
 inline constexpr int kWidth = 1;
 template <int W>
 inline constexpr int kWidth<Lanes<W>> = W;
+/// States side by side, of which nobody looks at more than the result.
+template <class T>
+inline constexpr bool kStates = false;
+template <int W>
+inline constexpr bool kStates<Lanes<W>> = true;
 
 /// 1 where x > limit, else 0: kernels choose by arithmetic, so that lanes need no branch.
 template <class T>

@@ -1,18 +1,18 @@
 #pragma once
-// Working memory of the sweeps: one record per body, side by side in one arena, laid out when the workspace is made.
-// The head of a record is the same for every hinge, so that a sweep reaches an inboard body without knowing its hinge.
+// Working memory of the sweeps, side by side in one arena, laid out when the workspace is made: per body a core, which is the same
+// for every hinge, so that a sweep reaches an inboard body without knowing its hinge, and a record.
 #include "core/spatial/inertia.hpp"
 
 namespace cardan::soa {
 
-/// name [unit] (shape) frame -- meaning. All in the sweep frame of the body (B), A = inboard body.
+/// What a body tells its outboard bodies (w, gamma, E; then delta) and gathers from them (P): read by nobody else, so that bodies may
+/// share one (Workspace). name [unit] (shape) frame -- meaning. All in the sweep frame of the body (B), A = inboard body.
 template <class T>
 struct Core {
   Vec3<T> w;                // [rad/s] angular velocity of B in inertial space
   Motion<T> gamma;          // [rad/s^2; m/s^2] gamma_b: acceleration at v' = 0 (gravity and prescribed motion inside)
-  Force<T> z;               // [N m; N] residual force M gamma_b + b - f_ext + sum Phi z+
-  ArticulatedInertia<T> P;  // [kg m^2, kg m, kg] articulated body inertia
   Motion<T> delta;          // [rad/s^2; m/s^2] part of gamma caused by v'
+  ArticulatedInertia<T> P;  // [kg m^2, kg m, kg] articulated body inertia
   Mat3<T> E;                // [1/s^2] w'~ + w~ w~ at v' = 0: acceleration of a point p of the body = gamma.v + E p
 };
 
@@ -25,11 +25,13 @@ CARDAN_INLINE constexpr void set_acceleration_field(Mat3<T>& E, const Vec3<T>& w
   E.zx = xz - a.y, E.zy = yz + a.x, E.zz = -(xx + yy);
 }
 
+// The records. All begin with z [N m; N], the residual force M gamma_b + b - f_ext + sum Phi z+: made outward, read inward.
+
 /// Hinges that turn about a coordinate axis of their body (AxisBody): the pose is a cosine and a sine (Workspace::cosines).
 /// Of a rotor the sweeps use nu = tau + load only; its core is filled where it is looked at (core/dynamics/observe.cpp).
 template <class T>
 struct AxisRecord {
-  Core<T> core;
+  Force<T> z;
   Force<T> G;       // gain P H* D^-1; component i of G.n is 1 and not stored
   T inverse_D, nu;  // [1/(kg m^2)], [rad/s^2]
   T load;           // [N m] rotor: moment of node wrenches about its axis
@@ -38,7 +40,7 @@ struct AxisRecord {
 /// Six degrees of freedom: D = H P H* with an invertible H, so that P = L d L* is all there is to factor.
 template <class T>
 struct FreeRecord {
-  Core<T> core;
+  Force<T> z;
   Pose<T> X;
   T L[21];   // of P, by rows: below the diagonal L, on it 1/d
   T tau[6];  // wrench of the hinge forces at P
@@ -101,13 +103,13 @@ struct Modal {
 
 template <class T, int NV>
 struct RigidRecord {
-  Core<T> core;
+  Force<T> z;
   Pose<T> X;  // [-, m] B in A: Phi* = X_BA
   Hinge<T, NV> hinge;
 };
 template <class T, int NV>
 struct GeneralRecord {
-  Core<T> core;
+  Force<T> z;
   Pose<T> X;
   Hinge<T, NV> hinge;
   Modal<T> modal;

@@ -1,5 +1,7 @@
 #pragma once
 // Definitions of sweeps.hpp; included only by the files that instantiate a scalar.
+#include <algorithm>
+
 #include "core/soa/gravity_field.hpp"
 #include "core/soa/kernels_columns.hpp"
 #include "core/soa/kernels_refine.hpp"
@@ -66,10 +68,13 @@ static void turn_record(const SweepModel& model, Workspace<T>& ws, const TurnedR
 template <class T>
 static void hinge_records(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
   ws.articulated = false;
-  if (!model.angles.empty()) {
-    T* angle = ws.angles.data();
-    for (const AxisAngle& a : model.angles) *angle++ = in.q[a.q] + T(a.q0);
-    sine_cosine(ws.angles.data(), ws.sines.data(), ws.cosines.data(), ws.angles.size());
+  constexpr std::size_t kBlock = 64;
+  T angles[kBlock];
+  for (std::size_t first = 0; first < model.angles.size(); first += kBlock) {
+    const std::size_t count = std::min(kBlock, model.angles.size() - first), filled = (count + 7) / 8 * 8;
+    for (std::size_t i = 0; i < count; ++i) angles[i] = in.q[model.angles[first + i].q] + T(model.angles[first + i].q0);
+    for (std::size_t i = count; i < filled; ++i) angles[i] = T(0);
+    sine_cosine(angles, ws.sines.data() + first, ws.cosines.data() + first, filled);
   }
   for (const DenseBatch& batch : model.batches) family_records(model, ws, in, batch);
   for (const TurnedRecord& t : model.graded.turned) turn_record(model, ws, t);
@@ -77,9 +82,8 @@ static void hinge_records(const SweepModel& model, Workspace<T>& ws, const Input
 
 template <class T>
 static void ground(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
-  Core<T>& ground = ws.core(0);  // w, gamma_w, delta, E of the ground are zero and stay so; its P is read by nobody
-  ground.z = Force<T>();
-  ground.gamma.v = in.gravity && model.field.uniform ? -cast<T>(model.field.g) : Vec3<T>{T(0), T(0), T(0)};
+  ws.z(0) = Force<T>();  // w, gamma_w, delta, E of the ground are zero and stay so; its P is read by nobody
+  ws.core(0).gamma.v = in.gravity && model.field.uniform ? -cast<T>(model.field.g) : Vec3<T>{T(0), T(0), T(0)};
   for (const int k : model.rotors) ws.axis(k).load = T(0);
   for (Force<T>& load : ws.loads) load = Force<T>();
   ws.breakdown = {};
@@ -88,7 +92,7 @@ static void ground(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& i
 template <class T>
 static void at_rest(const SweepModel& model, Workspace<T>& ws) {
   for (int k = 0; k < static_cast<int>(model.bodies.size()); ++k) {
-    ws.core(k).z = Force<T>();
+    ws.z(k) = Force<T>();
     ws.core(k).gamma = Motion<T>();
     if (Modal<T>* modal = ws.modal_of(k))
       for (int j = 0; j < model.bodies[k].n_modes; ++j) modal->z[j] = T(0);
@@ -130,7 +134,7 @@ static void world(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in
 template <class T>
 static void add_load(Workspace<T>& ws, int k, const Force<T>& load, const Vec3<T>& c) {
   ws.loads[k] += load;
-  ws.core(k).z -= Force<T>{load.n + cross(c, load.f), load.f};
+  ws.z(k) -= Force<T>{load.n + cross(c, load.f), load.f};
 }
 
 // Of a field of a family: body by body, with a, da/dr and U at the mass centre (docs/mathematics/gravity.md 5).
@@ -155,7 +159,7 @@ static void gravity_of_source(const SweepModel& model, Workspace<T>& ws, const I
     if (!(inertia.m > T(0))) continue;
     const FieldPull<T> pull = pull_of_source(g, in.moment, inertia, ws.pose_W(carrier));
     const Vec3<T> c = (T(1) / inertia.m) * inertia.h;
-    ws.core(carrier).z -= Force<T>{pull.torque + cross(c, pull.force), pull.force};
+    ws.z(carrier) -= Force<T>{pull.torque + cross(c, pull.force), pull.force};
     for (int j = 0; modal && j < b.n_modes; ++j)
       modal->z[j] = modal->z[j] - pull_on_mode(model.flexible[b.flexible], *modal, j, b.n_modes, in.q + b.eta, inertia.m, c, pull);
   }
@@ -172,7 +176,6 @@ static void central_gravity(const SweepModel& model, Workspace<T>& ws, const Inp
   for (int k = 1; k < static_cast<int>(model.bodies.size()); ++k) {
     const SweepBody& b = model.bodies[k];
     const int carrier = b.kind == BodyKernel::rotor ? b.parent : k;  // the pull on a rotor has no moment about its axis
-    Core<T>& body = ws.core(carrier);
     Modal<T>* modal = b.n_modes > 0 ? ws.modal_of(k) : nullptr;
     const RigidInertia<T> inertia =
         modal ? gravity_inertia(model.flexible[b.flexible], b.n_modes, modal->M_rr, in.q + b.eta) : cast<T>(carrier == k ? b.M : b.M_sweep);
@@ -188,7 +191,7 @@ static void central_gravity(const SweepModel& model, Workspace<T>& ws, const Inp
     }
     Vec3<T> c, r;
     const Force<T> pull = attraction(g, inertia, ws.pose_W(carrier), c, r, nullptr);
-    body.z -= pull;
+    ws.z(carrier) -= pull;
     if (!modal) continue;
     const Vec3<T> field = (T(1) / inertia.m) * pull.f;
     const T r2 = dot(r, r), k3 = T(g.mu) / (r2 * sqrt(r2));
@@ -219,7 +222,6 @@ static void node_wrenches(const SweepModel& model, Workspace<T>& ws, const Input
     const int k = node.sweep;
     if (k == 0) continue;
     const SweepBody& b = model.bodies[k];
-    Core<T>& body = ws.core(k);
     DeformedNode<T> at;
     at.R = cast<T>(node.shapes.pose.R);
     at.rho = cast<T>(node.shapes.pose.p);
@@ -240,7 +242,7 @@ static void node_wrenches(const SweepModel& model, Workspace<T>& ws, const Input
         const Vec3<T> c = cast<T>(model.graded.swept[b.parent].c);
         add_load(ws, b.parent, {at_A.n - cross(c, at_A.f), at_A.f}, c);
       } else {
-        ws.core(b.parent).z -= at_A;
+        ws.z(b.parent) -= at_A;
       }
       continue;
     }
@@ -248,7 +250,7 @@ static void node_wrenches(const SweepModel& model, Workspace<T>& ws, const Input
       add_load(ws, k, {f.n + cross(cast<T>(model.graded.arm[load.node]), f.f), f.f}, cast<T>(model.graded.swept[k].c));
       continue;
     }
-    body.z -= at_B;
+    ws.z(k) -= at_B;
     if (!node.shapes.deforms()) continue;
     Modal<T>& modal = *ws.modal_of(k);
     for (int j = 0; j < b.n_modes; ++j) modal.z[j] = modal.z[j] - dot(node_column(node.shapes, at, j), f);
@@ -293,7 +295,7 @@ static void refine(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& i
   T before = size;
   for (int pass = 1; pass <= kPasses; ++pass) {
     rebase(model, ws);
-    ws.core(0).z = Force<T>();
+    ws.z(0) = Force<T>();
     for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) inward(model, ws, in, *run, {.inertia = false});
     for (const Run& run : model.runs) acceleration(model, ws, in, run, d);
     for (const int k : model.rotors) {  // all of v', not the rest

@@ -1,5 +1,5 @@
 #pragma once
-// Scratch of the sweeps for one model and one scalar: one arena, allocated once, one record per body. Made by the caller,
+// Scratch of the sweeps for one model and one scalar: one arena, allocated once, a core and a record per body. Made by the caller,
 // one per thread; holds no state of the simulation (everything in it follows from t, q, v and the inputs).
 #include <cstddef>
 #include <memory>
@@ -63,25 +63,27 @@ class Workspace {
  public:
   explicit Workspace(const SweepModel& model);
 
-  CARDAN_INLINE Core<T>& core(int k) { return *reinterpret_cast<Core<T>*>(arena_.get() + offset_[k]); }
+  CARDAN_INLINE Core<T>& core(int k) { return *reinterpret_cast<Core<T>*>(arena_.get() + core_at_[k]); }
   CARDAN_INLINE const Core<T>& core(int k) const { return const_cast<Workspace*>(this)->core(k); }
+  CARDAN_INLINE Force<T>& z(int k) { return *reinterpret_cast<Force<T>*>(record(k)); }
+  CARDAN_INLINE const Force<T>& z(int k) const { return const_cast<Workspace*>(this)->z(k); }
   template <int NV>
   CARDAN_INLINE Hinge<T, NV>& hinge(int k) {
-    return reinterpret_cast<RigidRecord<T, NV>*>(arena_.get() + offset_[k])->hinge;
+    return reinterpret_cast<RigidRecord<T, NV>*>(record(k))->hinge;
   }
   template <int NV>
   CARDAN_INLINE Modal<T>& modal(int k) {
-    return reinterpret_cast<GeneralRecord<T, NV>*>(arena_.get() + offset_[k])->modal;
+    return reinterpret_cast<GeneralRecord<T, NV>*>(record(k))->modal;
   }
-  CARDAN_INLINE AxisRecord<T>& axis(int k) { return *reinterpret_cast<AxisRecord<T>*>(arena_.get() + offset_[k]); }
+  CARDAN_INLINE AxisRecord<T>& axis(int k) { return *reinterpret_cast<AxisRecord<T>*>(record(k)); }
   CARDAN_INLINE const AxisRecord<T>& axis(int k) const { return const_cast<Workspace*>(this)->axis(k); }
-  CARDAN_INLINE FreeRecord<T>& free(int k) { return *reinterpret_cast<FreeRecord<T>*>(arena_.get() + offset_[k]); }
+  CARDAN_INLINE FreeRecord<T>& free(int k) { return *reinterpret_cast<FreeRecord<T>*>(record(k)); }
   // Access by run-time kind, for what is not in the inner loop.
   /// Pose of B in A of a body with a stored pose (not an axis record).
-  CARDAN_INLINE Pose<T>& X(int k) { return *reinterpret_cast<Pose<T>*>(arena_.get() + offset_[k] + sizeof(Core<T>)); }
+  CARDAN_INLINE Pose<T>& X(int k) { return *reinterpret_cast<Pose<T>*>(record(k) + sizeof(Force<T>)); }
   CARDAN_INLINE const Pose<T>& X(int k) const { return const_cast<Workspace*>(this)->X(k); }
   /// Columns of H* at B, likewise.
-  CARDAN_INLINE Motion<T>* H(int k) { return reinterpret_cast<Motion<T>*>(arena_.get() + offset_[k] + sizeof(Core<T>) + sizeof(Pose<T>)); }
+  CARDAN_INLINE Motion<T>* H(int k) { return reinterpret_cast<Motion<T>*>(record(k) + sizeof(Force<T>) + sizeof(Pose<T>)); }
   CARDAN_INLINE const Motion<T>* H(int k) const { return const_cast<Workspace*>(this)->H(k); }
   CARDAN_INLINE Modal<T>* modal_of(int k) { return modal_[k]; }  ///< null for bodies of rigid kernels
   CARDAN_INLINE const Modal<T>* modal_of(int k) const { return modal_[k]; }
@@ -106,12 +108,12 @@ class Workspace {
   CARDAN_INLINE const Motion<T>& V(int k) const { return V_[k]; }
 
   Breakdown breakdown;
-  std::size_t bytes() const;               ///< all of it
-  std::size_t record_bytes(int k) const {  ///< of the record of one body
+  std::size_t bytes() const;             ///< all of it
+  std::size_t body_bytes(int k) const {  ///< of the core and the record of one body, where no core is shared
     const auto i = static_cast<std::size_t>(k);
-    return (i + 1 < offset_.size() ? offset_[i + 1] : arena_bytes_) - offset_[i];
+    return (i + 1 < core_at_.size() ? core_at_[i + 1] : arena_bytes_) - core_at_[i];
   }
-  std::vector<T> angles, sines, cosines;   // of the axis hinges, computed in one go; filled up to a multiple of 8
+  std::vector<T> sines, cosines;           // of the axis hinges; filled up to a multiple of 8
   std::vector<T> articulated_q;            // P, D, G and poses are those of this q; only of trees of rigid bodies
   bool articulated = false;                // ... and are still there
   std::vector<RigidInertia<T>> composite;  // per body, for the mass matrix: only where it is asked for
@@ -129,7 +131,14 @@ class Workspace {
   };
   std::unique_ptr<std::byte[], Free> arena_;
   std::size_t arena_bytes_ = 0;
-  std::vector<std::size_t> offset_;
+  // The record stands behind its core, but in lanes, where bodies may share cores (workspace_layout.hpp).
+  CARDAN_INLINE std::byte* record(int k) {
+    if constexpr (kStates<T>)
+      return arena_.get() + record_at_[k];
+    else
+      return arena_.get() + core_at_[k] + sizeof(Core<T>);
+  }
+  std::vector<std::size_t> core_at_, record_at_;  // the second of lanes only
   std::vector<Modal<T>*> modal_;
   std::vector<cardan_hinge_out> dense_;
   std::size_t n_dense_ = 0;

@@ -13,12 +13,47 @@ static constexpr std::size_t family_scratch(std::size_t m) {
   return std::is_same_v<T, double> || m == 0 ? 0 : 2 * m + 6 * m + m * m + 6 + m;
 }
 
+/// Lanes: which core each body makes use of, and how many are shared. A body needs w, gamma, E and delta until its last outboard body has
+/// read them, and P from the moment that this one has written it: the same bodies, there and back. So bodies of axis kernels share cores
+/// as a stack does, and what a pass brings into the cache stays small on large trees (few bodies stay in the nearest one). Not those that
+/// rotors or a second pass read (refine), nor those whose P the outward sweep writes. -1: a core of its own.
+struct SharedCores {
+  std::vector<int> of;
+  int count = 0;
+};
+static inline SharedCores share_cores(const SweepModel& model) {
+  const int n = static_cast<int>(model.bodies.size());
+  SharedCores cores{std::vector<int>(model.bodies.size(), -1)};
+  std::vector<int> last(model.bodies.size());
+  constexpr int few = 8;
+  std::vector<bool> shares(model.bodies.size(), n > few && model.graded.swept.empty());
+  for (int k = 1; k < n; ++k) {
+    const SweepBody& b = model.bodies[k];
+    const bool rotor = b.kind == BodyKernel::rotor;
+    last[k] = k, last[b.parent] = k;
+    if (rotor) shares[b.parent] = false;
+    if (rotor || !is_axis(b.kind) || !(model.axis_bodies[k].leaf || model.axis_bodies[k].written_by_child)) shares[k] = false;
+  }
+  std::vector<int> until;  // of each shared core: the last body that needs it
+  for (int k = 1; k < n; ++k) {
+    if (!shares[k]) continue;
+    const auto free = std::ranges::find_if(until, [&](int last_user) { return last_user < k; });
+    cores.of[k] = static_cast<int>(free - until.begin());
+    if (free == until.end())
+      until.push_back(last[k]);
+    else
+      *free = last[k];
+  }
+  cores.count = static_cast<int>(until.size());
+  return cores;
+}
+
 template <class T>
 Workspace<T>::Workspace(const SweepModel& model) {
   const std::size_t n = model.bodies.size();
   n_bodies_ = static_cast<int>(n);
-  for (auto* column : {&angles, &sines, &cosines}) column->resize((model.angles.size() + 7) / 8 * 8, T(0));
-  offset_.resize(n);
+  for (auto* column : {&sines, &cosines}) column->resize((model.angles.size() + 7) / 8 * 8, T(0));
+  core_at_.resize(n);
   modal_.assign(n, nullptr);
   n_dense_ = static_cast<std::size_t>(model.n_dense);
   dense_.resize(n_dense_ * kWidth<T>);
@@ -41,17 +76,28 @@ Workspace<T>::Workspace(const SweepModel& model) {
     if (b.onode >= 0) ee_changes[b.parent] = true;
     if (b.pnode >= 0 && model.shapes[b.pnode].deforms()) ee_changes[k] = true;
   }
-  std::size_t total = round(sizeof(Core<T>));  // ground
+  constexpr bool lanes = kStates<T>;
+  const SharedCores shared = lanes ? share_cores(model) : SharedCores{std::vector<int>(n, -1)};
+  if (lanes) record_at_.resize(n);
+  std::size_t total = static_cast<std::size_t>(shared.count) * sizeof(Core<T>);
+  /// Room for a core, if the body has one of its own, and for the record behind it.
+  const auto place = [&](std::size_t k, std::size_t record) {
+    const int share = shared.of[k];
+    core_at_[k] = share < 0 ? total : static_cast<std::size_t>(share) * sizeof(Core<T>);
+    if (share < 0) total += sizeof(Core<T>);
+    if (lanes) record_at_[k] = total;
+    total = round(total + record);
+  };
+  place(0, sizeof(Force<T>));  // ground
   for (std::size_t k = 1; k < n; ++k) {
     const SweepBody& b = model.bodies[k];
-    offset_[k] = total;
     std::size_t record = 0;
     if (is_axis(b.kind) || b.kind == BodyKernel::free) {
-      total += round(is_axis(b.kind) ? sizeof(AxisRecord<T>) : sizeof(FreeRecord<T>));
+      place(k, is_axis(b.kind) ? sizeof(AxisRecord<T>) : sizeof(FreeRecord<T>));
       continue;
     }
     with_hinge_size<T>(b.nv, [&]<int NV>() { record = is_general(b.kind) ? sizeof(GeneralRecord<T, NV>) : sizeof(RigidRecord<T, NV>); });
-    total += round(record);
+    place(k, record);
     if (!is_general(b.kind)) continue;
     const auto m = static_cast<std::size_t>(b.n_modes);
     Counts c{};
@@ -80,20 +126,21 @@ Workspace<T>::Workspace(const SweepModel& model) {
   arena_bytes_ = total;
   arena_.reset(new (std::align_val_t(64)) std::byte[total]);
   for (std::size_t i = 0; i < total; ++i) arena_[i] = std::byte{0};
-  new (&core(0)) Core<T>();
+  for (std::size_t k = 0; k < n; ++k) new (&core(static_cast<int>(k))) Core<T>();
+  new (&z(0)) Force<T>();
   for (std::size_t k = 1; k < n; ++k) {
     const SweepBody& b = model.bodies[k];
+    std::byte* at = record(static_cast<int>(k));
     if (is_axis(b.kind)) {
-      auto* record = new (arena_.get() + offset_[k]) AxisRecord<T>();
-      if (b.kind != BodyKernel::rotor) record->core.P = cast<T>(model.axis_bodies[k].P);  // a leaf's stays
+      new (at) AxisRecord<T>();
+      if (b.kind != BodyKernel::rotor) core(static_cast<int>(k)).P = cast<T>(model.axis_bodies[k].P);  // a leaf's stays, where it is alone
       continue;
     }
     if (b.kind == BodyKernel::free) {
-      new (arena_.get() + offset_[k]) FreeRecord<T>();
+      new (at) FreeRecord<T>();
       continue;
     }
     with_hinge_size<T>(b.nv, [&]<int NV>() {
-      std::byte* at = arena_.get() + offset_[k];
       if (!is_general(b.kind)) {
         new (at) RigidRecord<T, NV>();
         return;
@@ -140,7 +187,7 @@ void Workspace<T>::require_world() {
 
 template <class T>
 std::size_t Workspace<T>::bytes() const {
-  return arena_bytes_ + 3 * angles.size() * sizeof(T) + family.size() * sizeof(double) + articulated_q.size() * sizeof(T) +
+  return arena_bytes_ + 2 * sines.size() * sizeof(T) + family.size() * sizeof(double) + articulated_q.size() * sizeof(T) +
          composite.size() * sizeof(RigidInertia<T>) + (rest.size() + sums.size() + correction.size()) * sizeof(T) +
          loads.size() * sizeof(Force<T>) + dense_.size() * sizeof(cardan_hinge_out) + pose_W_.size() * sizeof(Pose<T>) +
          V_.size() * sizeof(Motion<T>);

@@ -38,30 +38,41 @@ double error_2norm(const MatrixXd& a, const MatrixXd& b) {
   return worst;
 }
 
+double lanes_beside_one_state(const RandomTree& tree) {
+  Loaded s(tree);
+  s.wrenches.clear();
+  Batch batch(*s.model);
+  const int n = 2 * batch.width() + 3;
+  const States states(s, n, tree.seed);
+  const MatrixXd given = s.vdot_given.replicate(1, n);
+  MatrixXd vdot(s.model->nv, n), tau(s.model->nv, n), one_vdot = vdot, one_tau = tau;
+  if (batch.forward_dynamics(states.in(given), vdot.data()) != 0) return HUGE_VAL;
+  batch.inverse_dynamics(states.in(vdot), tau.data());
+  for (int k = 0; k < n; ++k) {
+    Inputs in = s.in();
+    in.q = states.q.col(k).data(), in.v = states.v.col(k).data(), in.tau = states.tau.col(k).data();
+    if (!forward_dynamics(*s.model, s.ws, in, one_vdot.col(k).data())) return HUGE_VAL;
+    in.vdot = vdot.col(k).data();
+    inverse_dynamics(*s.model, s.ws, in, one_tau.col(k).data());
+  }
+  // v' carries the condition of M; the forces that it takes do not
+  const VectorXd sizes = singular_values(mass_matrix(*s.model, s.ws, states.q.col(0).data()));
+  const double condition = s.model->nv > 0 ? sizes[0] / sizes[sizes.size() - 1] : 1.0;
+  return worse(error_2norm(tau, one_tau), error_2norm(vdot, one_vdot) / worse(1.0, 1e-2 * condition));
+}
+
 TEST(Batch, AgreesWithOneStateAtATime) {
-  for (const double prescribed : {0.0, 0.2})
-    for_all_trees({.bodies = 10, .prescribed = prescribed}, kLanes, [](const RandomTree& tree) {
-      Loaded s(tree);
-      s.wrenches.clear();
-      Batch batch(*s.model);
-      const int n = 2 * batch.width() + 3;
-      const States states(s, n, tree.seed);
-      const MatrixXd given = s.vdot_given.replicate(1, n);
-      MatrixXd vdot(s.model->nv, n), tau(s.model->nv, n), one_vdot = vdot, one_tau = tau;
-      if (batch.forward_dynamics(states.in(given), vdot.data()) != 0) return HUGE_VAL;
-      batch.inverse_dynamics(states.in(vdot), tau.data());
-      for (int k = 0; k < n; ++k) {
-        Inputs in = s.in();
-        in.q = states.q.col(k).data(), in.v = states.v.col(k).data(), in.tau = states.tau.col(k).data();
-        if (!forward_dynamics(*s.model, s.ws, in, one_vdot.col(k).data())) return HUGE_VAL;
-        in.vdot = vdot.col(k).data();
-        inverse_dynamics(*s.model, s.ws, in, one_tau.col(k).data());
-      }
-      // v' carries the condition of M; the forces that it takes do not
-      const VectorXd sizes = singular_values(mass_matrix(*s.model, s.ws, states.q.col(0).data()));
-      const double condition = s.model->nv > 0 ? sizes[0] / sizes[sizes.size() - 1] : 1.0;
-      return worse(error_2norm(tau, one_tau), error_2norm(vdot, one_vdot) / worse(1.0, 1e-2 * condition));
-    });
+  for (const double prescribed : {0.0, 0.2}) for_all_trees({.bodies = 10, .prescribed = prescribed}, kLanes, lanes_beside_one_state);
+}
+
+// Large enough that bodies share cores and that limbs are numbered one after another: of revolute bodies, which share, and with others
+// among them, which do not. Fifteen times the bodies of the test above, whose roundings add up.
+TEST(Batch, AgreesOnLargeTrees) {
+  for (const double flexible : {0.0, 0.1})
+    for (const double wheels : {0.0, 0.1})
+      for_all_trees({.bodies = 150, .flexible = flexible, .wheels = wheels, .hinges = {"revolute"}}, 15.0 * kLanes, lanes_beside_one_state,
+                    4);
+  for_all_trees({.bodies = 100, .roots = 5, .wheels = 0.1}, 10.0 * kLanes, lanes_beside_one_state, 8);
 }
 
 TEST(Batch, WithoutVelocitiesItIsAtRest) {
