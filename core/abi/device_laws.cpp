@@ -21,6 +21,7 @@ constexpr std::uint32_t kMost = kMostParameters;  // mounts, ports, states, root
 constexpr int kMotion = sizeof(cardan_mount_motion) / sizeof(double), kLoad = sizeof(cardan_mount_load) / sizeof(double);
 constexpr int kPose = 12, kVelocity = 18, kHinge = 20, kRates = 27;  // of cardan_mount_motion: where the numbers of
                                                                      // the pose, the velocity, the hinge, the accelerations end
+constexpr std::uint32_t kPushing = CARDAN_USE_LOAD | CARDAN_USE_IMPULSE, kUses = 63u | CARDAN_USE_IMPULSE;  // of nodes and hinges
 
 class DeviceTableFaults : public TableChecks {
  public:
@@ -72,8 +73,9 @@ class DeviceTableFaults : public TableChecks {
         expect(placed || is_of_time(quantity), at + "kind", "a field at no node: one must stand before it");
         continue;
       }
-      expect(m.use < 64, at + "use", fmt::format("{}, expected those of cardan_mount_use", m.use));
+      expect((m.use & ~kUses) == 0, at + "use", fmt::format("{}, expected those of cardan_mount_use", m.use));
       const bool pushes = m.kind != CARDAN_MOUNT_HINGE && (m.use & CARDAN_USE_LOAD) != 0;
+      const bool strikes = m.kind != CARDAN_MOUNT_HINGE && (m.use & kPushing) != 0;
       masses += m.kind == CARDAN_MOUNT_MASS, outlets += (m.use & CARDAN_USE_OUTLET) != 0, holds += (m.use & CARDAN_USE_HOLD) != 0;
       expect((m.use & CARDAN_USE_HOLD) == 0 || (m.kind == CARDAN_MOUNT_HINGE && (m.use & CARDAN_USE_LOAD) != 0), at + "use",
              "CARDAN_USE_HOLD is of a hinge component, with CARDAN_USE_LOAD");
@@ -81,7 +83,7 @@ class DeviceTableFaults : public TableChecks {
              "CARDAN_USE_OUTLET is of a node, with CARDAN_USE_LOAD");
       expect(!pushes || !energy || (m.use & CARDAN_USE_VELOCITY) != 0, at + "use",
              "CARDAN_FACT_ENERGY needs CARDAN_USE_VELOCITY where it pushes");
-      expect(!pushes || !internal || (m.use & CARDAN_USE_POSE) != 0, at + "use",
+      expect(!strikes || !internal || (m.use & CARDAN_USE_POSE) != 0, at + "use",
              "CARDAN_FACT_INTERNAL needs CARDAN_USE_POSE where it pushes: forces at two nodes sum to zero in one frame");
       expect(!pushes || !f_.momentum || (m.use & (CARDAN_USE_POSE | CARDAN_USE_VELOCITY)) != 0, at + "use",
              "what stores momentum reads CARDAN_USE_POSE or CARDAN_USE_VELOCITY where it pushes");
@@ -126,10 +128,12 @@ class DeviceTableFaults : public TableChecks {
     expect(f_.role <= CARDAN_ROLE_CONTROLLER, "role", fmt::format("{}, expected one of cardan_device_role", f_.role));
     expect(!f_.follow || f_.n_states > 0, "follow", "given, and there are no states");
     expect(!f_.follow || (!energy && !f_.mass && !f_.momentum), "follow", "given, with energy, mass or momentum, which hang on z'");
-    const bool pushes = std::any_of(f_.mounts, f_.mounts + f_.n_mounts, [](const cardan_mount_desc& m) {
-      return m.kind != CARDAN_MOUNT_FIELD && (m.use & CARDAN_USE_LOAD) != 0;
-    });
-    expect(!f_.impulse || pushes, "impulse", "given, and no mount has CARDAN_USE_LOAD");
+    const auto any_mount = [&](std::uint32_t use) {
+      return std::any_of(f_.mounts, f_.mounts + f_.n_mounts,
+                         [&](const cardan_mount_desc& m) { return m.kind != CARDAN_MOUNT_FIELD && (m.use & use) != 0; });
+    };
+    expect(!f_.impulse || any_mount(kPushing), "impulse", "given, and no mount has CARDAN_USE_IMPULSE or CARDAN_USE_LOAD");
+    expect(f_.impulse || !any_mount(CARDAN_USE_IMPULSE), "impulse", "null, and a mount has CARDAN_USE_IMPULSE");
     expect(!f_.impulse || f_.tick || (f_.event && f_.n_roots > 0), "impulse", "given, and there is neither a tick nor an event at a root");
     expect(!f_.impulse || !f_.momentum, "impulse", "given, with momentum: what is stored takes none");
     expect(!energy || f_.energy, "energy", "null, and CARDAN_FACT_ENERGY is set");
@@ -173,7 +177,7 @@ class DeviceLaws {
     pure(x, y);
     reads_what_it_says(x, y);
     validity(y);
-    pushes_where_it_says(x, y);
+    pushes_where_it_says(y, CARDAN_USE_LOAD);
     if ((f_.facts & CARDAN_FACT_INTERNAL) != 0) internal(x, y);
     if ((f_.facts & CARDAN_FACT_ENERGY) != 0) energy(x, y);
     if (f_.tangent) tangent(x);
@@ -424,11 +428,11 @@ class DeviceLaws {
     }
   }
 
-  void pushes_where_it_says(const Point&, const Given& y) {
+  void pushes_where_it_says(const Given& y, std::uint32_t use) {
     for (std::uint32_t m = 0; m < f_.n_mounts; ++m) {
       const double* l = y.numbers.data() + m * kLoad;
       const bool node = f_.mounts[m].kind != CARDAN_MOUNT_HINGE, field = f_.mounts[m].kind == CARDAN_MOUNT_FIELD;
-      const bool loads = !field && (f_.mounts[m].use & CARDAN_USE_LOAD) != 0;
+      const bool loads = !field && (f_.mounts[m].use & use) != 0;
       for (int i = 0; i < kLoad; ++i)
         if (!loads || (i < 6) != node)
           law(kPushes, l[i] == 0.0, fmt::format("{} and does not say so", name_of(m * kLoad + static_cast<std::size_t>(i))));
@@ -758,7 +762,7 @@ class DeviceLaws {
         if (!finite(y.numbers[i], [&] { return fmt::format("impulse gives {} for finite arguments ({})", y.numbers[i], name_of(i)); }))
           return;
       same_again("impulse", x, [&](const Point& p) { return at(p).numbers; });
-      pushes_where_it_says(x, y);
+      pushes_where_it_says(y, kPushing);
       if ((f_.facts & CARDAN_FACT_INTERNAL) != 0) internal(x, y);
     };
     for (std::uint32_t root = 0; f_.event && root < f_.n_roots; ++root)

@@ -220,7 +220,8 @@ class DeviceCompiler {
                   "one device with the sum of what both hold");
           devices_.holds.push_back({static_cast<int>(devices_.all.size()), m.v});
         }
-        if (model_.has_prescribed() && model_.prescribed[static_cast<std::size_t>(m.v)] && (desc.use & CARDAN_USE_LOAD) != 0)
+        if (model_.has_prescribed() && model_.prescribed[static_cast<std::size_t>(m.v)] &&
+            (desc.use & (CARDAN_USE_LOAD | CARDAN_USE_IMPULSE)) != 0)
           fault(Code::unsupported, spec, desc.name, "a hinge component that is free to move", in_quotes(target) + ", which is prescribed",
                 "its motion is given: what pushes there has no effect");
         return;

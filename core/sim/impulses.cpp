@@ -31,7 +31,7 @@ void Simulation::strike() {
   hinges.setZero(m.nv);
   for (std::size_t i = 0; i < d.mounts.size(); ++i) {
     const cardan_mount_load& l = impulse_.loads[i];
-    if ((d.mounts[i].use & CARDAN_USE_LOAD) == 0) continue;
+    if ((d.mounts[i].use & (CARDAN_USE_LOAD | CARDAN_USE_IMPULSE)) == 0) continue;
     if (d.mounts[i].v >= 0) hinges[d.mounts[i].v] += l.tau;
     const NodeWrench w{d.mounts[i].node, false, {{l.moment[0], l.moment[1], l.moment[2]}, {l.force[0], l.force[1], l.force[2]}}};
     if (w.node >= 0 && !(moment_of(w).isZero(0.0) && force_of(w).isZero(0.0))) impulse_.wrenches.push_back(w);

@@ -20,7 +20,7 @@ struct PulsedThruster {
       param::positive(param::required("bit", CARDAN_NUMBER, "N s", "impulse of a pulse")),
       param::along(param::optional("direction", CARDAN_UNIT_VECTOR, "1", "in which it pushes, node axes"), 1, 0, 0),
       param::not_negative(param::optional("scatter", CARDAN_NUMBER, "1", "standard deviation of a bit from pulse to pulse, of its size"))};
-  static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_NODE, CARDAN_USE_LOAD, "the node where it pushes, in node axes"}};
+  static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_NODE, CARDAN_USE_IMPULSE, "the node where it pushes, in node axes"}};
   static constexpr cardan_port_desc ports[] = {{"fire", CARDAN_PORT_IN, "1", 0.0, 0, "how much of a bit the next tick gives: 0 to 1"},
                                                {"pulses", CARDAN_PORT_OUT, "1", 0.0, 0, "fired so far"},
                                                {"impulse", CARDAN_PORT_OUT, "N s", 0.0, 0, "given so far"}};

@@ -253,7 +253,9 @@ TEST(DeviceMutants, ThatStrikeWronglyAreCaught) {
            t.tick = [](Args, double, const double*, double*, double*) { return 0; };
            t.impulse = [](Args, std::uint32_t, int, cardan_mount_load*) { return 0; };
          }),
-         "impulse: given, and no mount has CARDAN_USE_LOAD");
+         "impulse: given, and no mount has CARDAN_USE_IMPULSE or CARDAN_USE_LOAD");
+  static const cardan_mount_desc at_once[] = {{"at", CARDAN_MOUNT_HINGE, CARDAN_USE_IMPULSE, "a component"}};
+  expect(changed([](Table& t) { t.mounts = at_once, t.n_mounts = 1; }), "impulse: null, and a mount has CARDAN_USE_IMPULSE");
 }
 
 TEST(DeviceMutants, ThatSayWronglyWhetherTheirOutputsHoldAreCaught) {

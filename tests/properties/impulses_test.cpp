@@ -26,7 +26,7 @@ struct Hammer {
   static constexpr cardan_param_desc schema[] = {
       param::required("when", CARDAN_NUMBER, "s", "time"), param::optional("moment", CARDAN_VECTOR, "1", "on the node [N m s]"),
       param::optional("force", CARDAN_VECTOR, "N s", "on the node"), param::optional("tau", CARDAN_NUMBER, "1", "on the hinge")};
-  static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_NODE, CARDAN_USE_LOAD, "a node"},
+  static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_NODE, CARDAN_USE_IMPULSE, "a node"},
                                                  {"hinge", CARDAN_MOUNT_HINGE, CARDAN_USE_LOAD, "a component"}};
   static constexpr cardan_state_desc marks[] = {{"struck", "1", 0.0, 1.0, "how often"}};
   static constexpr std::uint32_t n_roots = 1;
@@ -239,7 +239,9 @@ TEST(PulsedThruster, GivesOneBitATick) {
   DeviceSpec thruster = device("jet", "pulsed_thruster", {{"bit", 0.2}}, {{"at", "mass"}});
   thruster.rate = 10.0, thruster.inputs["fire"] = {1.0, {}};
   spec.devices = {thruster};
-  Simulation sim(compiled(spec), accurate());
+  const auto model = compiled(spec);
+  EXPECT_FALSE(model->devices.all[0].acts);  // nothing of it is computed in a step
+  Simulation sim(model, accurate());
   sim.run(0.95);  // at 0, 0.1, ... 0.9 s
   EXPECT_NEAR(sim.state().v[0], 10 * 0.2 / 4.0, 1e-14);
   EXPECT_NEAR(sim.device_output(1), 2.0, 1e-14);

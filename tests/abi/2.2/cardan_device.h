@@ -40,7 +40,8 @@ enum cardan_mount_use {
   CARDAN_USE_ACCELERATION = 8u, /* reads alpha and specific_force; all that the mount reads is then read by `tick` and `follow` alone */
   CARDAN_USE_OUTLET = 16u,      /* what is drawn from a device with a mass leaves the vehicle here: at one node at most */
   CARDAN_USE_HOLD = 32u,        /* a hinge component that stands still while the first mark is not 0: at one at most; see `holds` */
-  CARDAN_USE_OPTIONAL = 64u     /* of a field: the scene may have none, all its numbers are then 0 */
+  CARDAN_USE_OPTIONAL = 64u,    /* of a field: the scene may have none, all its numbers are then 0 */
+  CARDAN_USE_IMPULSE = 128u     /* since 2.2: pushes all at once, out of `impulse` alone, and costs nothing in a step */
 };
 
 typedef struct cardan_mount_desc {
@@ -194,7 +195,7 @@ typedef struct cardan_device_family {
   uint32_t role;                                        /* cardan_device_role */
   /* Since 2.2. [accepted] (optional) What it pushes with all at once, [N s] and [N m s], just before `event` at a root of its own (cause:
    * its number, from 0) or before `tick` (CARDAN_CAUSE_TICK, direction 0), with the same arguments. Loads that are zero before the call, at
-   * mounts with CARDAN_USE_LOAD. Poses stay, velocities jump by what the whole vehicle gives way: held components too. 0 = done. */
+   * mounts with CARDAN_USE_IMPULSE or CARDAN_USE_LOAD. Poses stay, velocities jump by what the whole vehicle gives way: held components too. 0 = done. */
   int (*impulse)(const cardan_device_args*, uint32_t cause, int direction, cardan_mount_load* impulse);
 } cardan_device_family;
 
