@@ -99,7 +99,8 @@ static void at_rest(const SweepModel& model, Workspace<T>& ws) {
   }
 }
 
-template <class T>
+/// ProgramAlone: as run_op() calls it where q is new, and not otherwise.
+template <class T, bool ProgramAlone = false>
 static void outward(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, OutwardFor what) {
   const auto pass = [&]<OutwardFor For>() {
     if (is_axis(run.kind)) return outward_axes<T, For>(model, ws, in, run.begin, run.end);
@@ -108,7 +109,9 @@ static void outward(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& 
         run.kind, [&]<int NV>() { outward_rigid<T, NV, For>(model, ws, in, run.begin, run.end); },
         [&]<int NV>() { outward_general<T, NV, For.velocity>(model, ws, in, For.vdot, run.begin, run.end); });
   };
-  if (!what.inertia && what.vdot)  // inverse dynamics
+  if constexpr (ProgramAlone)
+    what.vdot ? pass.template operator()<OutwardFor{true, true, true}>() : pass.template operator()<OutwardFor{false, true, true}>();
+  else if (!what.inertia && what.vdot)  // inverse dynamics
     what.velocity ? pass.template operator()<OutwardFor{true, true, false}>() : pass.template operator()<OutwardFor{true, false, false}>();
   else if (!what.inertia)  // forward dynamics once more at the same q
     pass.template operator()<OutwardFor{false, true, false}>();
@@ -339,22 +342,23 @@ static void mass_matrix_inverse(const SweepModel& model, Workspace<T>& ws, const
   inverse_by_columns(model, ws, inverse);
 }
 
-/// The table of one scalar, for the instruction set that the including file is compiled for.
-template <class T>
+/// The table of one scalar, for the instruction set that the including file is compiled for. ProgramAlone: of what run_op() calls where q
+/// is new.
+template <class T, bool ProgramAlone = false>
 static constexpr Sweeps<T> make_sweeps() {
   Sweeps<T> all{.ground = ground<T>,
                 .at_rest = at_rest<T>,
                 .hinge_records = hinge_records<T>,
-                .outward = outward<T>,
+                .outward = outward<T, ProgramAlone>,
                 .elastic = elastic<T>,
                 .world = world<T>,
                 .central_gravity = central_gravity<T>,
                 .node_wrenches = node_wrenches<T>,
                 .inward = inward<T>,
                 .acceleration = acceleration<T>,
-                .refine = refine<T>,
-                .gather = gather<T>};
-  if constexpr (kWidth<T> == 1) all.mass_matrix = mass_matrix<T>, all.mass_matrix_inverse = mass_matrix_inverse<T>;
+                .refine = refine<T>};
+  if constexpr (!ProgramAlone) all.gather = gather<T>;
+  if constexpr (!ProgramAlone && kWidth<T> == 1) all.mass_matrix = mass_matrix<T>, all.mass_matrix_inverse = mass_matrix_inverse<T>;
   return all;
 }
 
