@@ -74,7 +74,10 @@ function(cardan_test name)
   endif()
   add_executable(${name} ${sources})
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
-  cardan_unity(${name} 8)
+  list(LENGTH sources n)
+  math(EXPR batches "(${n} + 9) / 10")   # of at most ten files, alike: one of nine files is not two
+  math(EXPR batch "(${n} + ${batches} - 1) / ${batches}")
+  cardan_unity(${name} ${batch})
   target_compile_options(${name} PRIVATE -O1)   # half the build time; what is tested keeps its own flags
   target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR})
   target_compile_definitions(${name} PRIVATE CARDAN_SOURCE_DIR="${CMAKE_SOURCE_DIR}" CARDAN_BINARY_DIR="${CMAKE_BINARY_DIR}")

@@ -40,7 +40,7 @@ class KeptSteps final : public Recorder {
   }
 };
 
-SimulationOptions by(const std::string& method, double relative = 1e-8) {
+SimulationOptions of_method(const std::string& method, double relative = 1e-8) {
   SimulationOptions o;
   o.integrator.method = method;
   o.integrator.relative_tolerance = relative;
@@ -51,7 +51,7 @@ SimulationOptions by(const std::string& method, double relative = 1e-8) {
 /// A free base with a sprung arm and a wheel on a profile with three corners; commands at 4 Hz, checkpoints each 0.6 s, an event at each
 /// passage of the arm that changes a command too, another vehicle at 1.65 s.
 struct BusyScene {
-  explicit BusyScene(const std::string& method) : sim(compiled(vehicle(2.0)), by(method)) {
+  explicit BusyScene(const std::string& method) : sim(compiled(vehicle(2.0)), of_method(method)) {
     const Model& m = sim.model();
     sim.prescribe(m.user[2].v, MotionProfile::rate_table({{0.13, 0.0}, {0.57, 1.1}, {1.01, -0.4}}));
     const int arm = m.user[1].v, q = m.user[1].q, base = m.user[0].v;
@@ -157,7 +157,7 @@ SystemSpec slow_and_fast(double first, double second) {
 TEST(StepHistory, NamesTheComponentWhoseErrorSetsTheSteps) {
   for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf"})
     for (const bool swapped : {false, true}) {
-      Simulation sim(compiled(swapped ? slow_and_fast(30.0, 1.0) : slow_and_fast(1.0, 30.0)), by(method));
+      Simulation sim(compiled(swapped ? slow_and_fast(30.0, 1.0) : slow_and_fast(1.0, 30.0)), of_method(method));
       sim.run(5.0);
       const auto worst = sim.step_history().worst();
       ASSERT_FALSE(worst.empty()) << method;
@@ -169,7 +169,7 @@ TEST(StepHistory, NamesTheComponentWhoseErrorSetsTheSteps) {
 }
 
 TEST(StepHistory, TellsStepsThatWereCutOrGiven) {
-  SimulationOptions options = by("dopri5");
+  SimulationOptions options = of_method("dopri5");
   Simulation ticked(compiled(slow_and_fast(1e-3, 1e-3)), options);
   ticked.every({1, 10}, [] {});
   ticked.run(10.0);
@@ -193,7 +193,7 @@ TEST(StepHistory, AnErrorThatCannotBeMetNamesItsComponent) {
         b.hinge.q = {1.0};
         bodies.push_back(b);
       }
-      Simulation sim(compiled(system(std::move(bodies), central_gravity(1.0, false))), by(method));
+      Simulation sim(compiled(system(std::move(bodies), central_gravity(1.0, false))), of_method(method));
       KeptSteps kept;
       sim.record(kept, {}, {1, 1});
       try {
