@@ -113,6 +113,14 @@ std::vector<StepOverhead> step_overheads(const Registry& registry, double second
     const double middle = least_and_middle(samples[2]).second;
     all.push_back({model->name, "step_ledger_" + method, static_cast<int>(model->bodies.size()) - 1, middle, middle});
   }
+  for (const std::string method : {"variational", "variational4"}) {  // its sweeps are no program that could be left out
+    SimulationOptions options;
+    options.integrator.method = method;
+    options.integrator.fixed_step = 0.01;
+    options.ledger = false;
+    Run plain(model, options);
+    add("step_" + method, in_turn<1>(seconds, [&](std::size_t) { return plain(); })[0]);
+  }
   return all;
 }
 

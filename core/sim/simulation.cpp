@@ -18,6 +18,7 @@
 #include "core/sim/newton_operators.hpp"
 #include "core/sim/plugin_faults.hpp"
 #include "core/sim/vehicle_linear_part.hpp"
+#include "core/sim/vehicle_momentum_form.hpp"
 
 namespace cardan {
 namespace {
@@ -268,6 +269,8 @@ struct Stability {
 };
 Stability stability_of(const std::string& method) {
   if (method == "rk4") return {2.785, 2.828};
+  if (method == "variational") return {2.0, 2.0};  // its iteration
+  if (method == "variational4") return {3.0, 3.0};
   if (method == "dopri5") return {3.3, 1.6};
   return {1.0, 1.0};  // the fixed-point iteration of Adams, about
 }
@@ -286,10 +289,13 @@ void Simulation::foresee_stiffness(double t_end) {
   const double h = (fastest.decays ? stable.decay : stable.swing) / fastest.rate, steps = (t_end - state_.t) / h;
   const std::string cause = fastest.decays ? fmt::format("{} decays at {:.3g} 1/s", fastest.what, fastest.rate)
                                            : fmt::format("{} swings at {:.3g} Hz", fastest.what, fastest.rate / (2.0 * std::numbers::pi));
-  if (i.method == "rk4" && i.fixed_step > h)
-    warn(Code::stiff_scene, {"integrator.step", {}}, fmt::format("{}: rk4 is unstable with steps above {:.3g} s", cause, h),
+  const bool equal_steps = i.fixed_step > 0.0;
+  if (equal_steps && i.fixed_step > h)
+    warn(Code::stiff_scene, {"integrator.step", {}},
+         fmt::format("{}: {} {} with steps above {:.3g} s", cause, i.method,
+                     i.method == "rk4" ? "is unstable" : "does not solve its equations", h),
          fmt::format("a step of {:.2g} s at most, or {}", h, kStiffHint));
-  else if (i.method != "rk4" && steps > (fastest.decays ? 1e6 : 1e7))
+  else if (!equal_steps && steps > (fastest.decays ? 1e6 : 1e7))
     warn(Code::stiff_scene, {"integrator.method", {}},
          fmt::format("{}: {} must take steps of {:.2g} s, {:.1e} of them to the end", cause, i.method, h, steps),
          fastest.decays ? kStiffHint : kFollowed);
@@ -581,6 +587,14 @@ OdeProblem Simulation::ode() {
     ode.linear = std::make_shared<VehicleLinearPart>(model_);
     if (MomentumKeeper::honours(m) && !own_) momentum_ = std::make_unique<MomentumKeeper>(m);
   }
+  if (options_.integrator.method.starts_with("variational"))
+    ode.momenta = std::make_shared<VehicleMomentumForm>(
+        model_,
+        [this](double t, const double* q, const double* v) {
+          apply_forces(t, t, q, v);
+          return inputs(q, v);
+        },
+        [this](const std::function<void()>& work) { return unless_thrown(work); });
   if (options_.integrator.linear_solver != "krylov") return ode;
   newton_ = std::make_unique<NewtonOperators>(model_, devices_.get());
   x_evaluated_.resize(static_cast<std::size_t>(ode.n));

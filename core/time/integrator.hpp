@@ -40,6 +40,23 @@ class LinearPart {
   virtual void remember(Archive& archive) = 0;
 };
 
+/// Motion in coordinates and momenta, z, for the method `variational`: a symplectic step of second order that is its own inverse with -h.
+/// docs/mathematics/variational.md.
+class MomentumForm {
+ public:
+  virtual ~MomentumForm() = default;
+  virtual int size() const = 0;        // of z
+  virtual int velocities() const = 0;  // of the mean velocity of a step
+  /// z at the state x, and x at z; false: it cannot be evaluated there.
+  virtual bool enter(const double* x, double* z) = 0;
+  virtual bool leave(const double* z, double* x) = 0;
+  /// The velocity at z, as step() counts it: a guess where there is no better one.
+  virtual bool velocity(const double* z, double* v) = 0;
+  /// z1 at t + h from z0 at t. v: a guess of the mean velocity, which is replaced by it. Returns how often it evaluated what acts; 0: the
+  /// discrete equations are not solved.
+  virtual int step(double t, double h, const double* z0, double* v, double* z1) = 0;
+};
+
 /// x' = f(t, x) with what an integrator may need besides. All functions are set once before the run; none may allocate,
 /// but for those of the linear solver "krylov".
 struct OdeProblem {
@@ -71,15 +88,16 @@ struct OdeProblem {
   std::function<bool(double t, const double* x, double gamma, bool moved)> prepare;
   /// Solves (1 - gamma J) z = r approximately, a fixed linear map between two calls of prepare. Both or none.
   std::function<bool(const double* r, double* z)> precondition;
-  std::shared_ptr<LinearPart> linear;  // of the method `exponential` alone
+  std::shared_ptr<LinearPart> linear;     // of the method `exponential` alone
+  std::shared_ptr<MomentumForm> momenta;  // of the methods `variational` and `variational4` alone
 };
 
 struct IntegratorOptions {
-  std::string method = "dopri5";     // auto, cvode_adams, cvode_bdf, dop853, dopri5, exponential, rk4
+  std::string method = "dopri5";     // auto, cvode_adams, cvode_bdf, dop853, dopri5, exponential, rk4, variational, variational4
   double relative_tolerance = 1e-9;  // adaptive methods
   double max_step = 0.0;             // [s] 0 = none; adaptive methods
   double initial_step = 0.0;         // [s] 0 = the method's choice; adaptive methods
-  double fixed_step = 0.0;           // [s] rk4 only
+  double fixed_step = 0.0;           // [s] rk4, variational, variational4
   std::string linear_solver = {};    // of Newton's equations, cvode_bdf only: dense (when empty), krylov
 };
 
@@ -88,7 +106,7 @@ struct IntegratorStatistics {
   Rejections rejected;
   long integrand_calls = 0;
   /// Sum over the steps of the estimated error of each over what the tolerances allow, at most 1 of an adaptive method; where there
-  /// are integrals. rk4 estimates some of its steps.
+  /// are integrals. Methods of equal steps estimate some of theirs.
   double error_sum = 0.0;
   long jacobian_products = 0, preconditioner_setups = 0, linear_iterations = 0;  // krylov
   double last_step = 0.0;                                                        // [s]

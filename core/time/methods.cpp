@@ -24,7 +24,9 @@ const std::vector<Method>& methods() {
                                           {make_dop853, "dop853", true},
                                           {make_dopri5, "dopri5", true},
                                           {make_exponential, "exponential", true},
-                                          {make_rk4, "rk4", false}};
+                                          {make_rk4, "rk4", false},
+                                          {make_variational, "variational", false},
+                                          {make_variational, "variational4", false}};
   return all;
 }
 
@@ -99,6 +101,8 @@ std::unique_ptr<Integrator> make_integrator(OdeProblem problem, const Integrator
   if (!method.make) refuse(Code::unsupported, "method", "a method that was chosen (choose_method)", "\"auto\"");
   if (method.make == make_exponential && !problem.linear)
     refuse(Code::unsupported, "method", "a problem that tells its linear part", "\"exponential\" for one that does not");
+  if (method.make == make_variational && !problem.momenta)
+    refuse(Code::unsupported, "method", "a problem that tells its momenta", fmt::format("\"{}\" for one that does not", method.name));
   const auto& absolute = problem.absolute_tolerance;
   if (absolute.size() != static_cast<std::size_t>(problem.n))
     throw std::logic_error("make_integrator: one absolute tolerance per state is needed");

@@ -15,6 +15,8 @@ std::unique_ptr<Integrator> make_dop853(OdeProblem problem, const IntegratorOpti
 std::unique_ptr<Integrator> make_dopri5(OdeProblem problem, const IntegratorOptions& options);
 /// Needs OdeProblem::linear.
 std::unique_ptr<Integrator> make_exponential(OdeProblem problem, const IntegratorOptions& options);
+/// Needs OdeProblem::momenta. variational or variational4.
+std::unique_ptr<Integrator> make_variational(OdeProblem problem, const IntegratorOptions& options);
 /// cvode_adams or cvode_bdf.
 std::unique_ptr<Integrator> make_cvode(OdeProblem problem, const IntegratorOptions& options);
 

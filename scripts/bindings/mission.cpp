@@ -49,7 +49,9 @@ void read_integrator(LuaTable& t, MissionSpec& m) {
   if (method) i.method = *method;
   if (relative) i.relative_tolerance = *relative;
   if (!method) m.defaults_used.emplace_back("mission.integrator.method", i.method);
-  if (!relative && i.method != "rk4")
+  const auto step = t.number("step", "s");
+  if (step) i.fixed_step = *step;
+  if (!relative && !step)
     m.defaults_used.emplace_back("mission.integrator.relative", fmt::format("{:g}", i.relative_tolerance));
   if (const auto x = t.text("linear_solver"))
     i.linear_solver = *x;
@@ -70,7 +72,6 @@ void read_integrator(LuaTable& t, MissionSpec& m) {
     read("velocity", "m/s", by.velocity), read("modes", "1", by.modes);
     kinds->finish();
   }
-  if (const auto x = t.number("step", "s")) i.fixed_step = *x;
   if (const auto x = t.number("initial_step", "s")) i.initial_step = *x;
   if (const auto x = t.number("max_step", "s")) i.max_step = *x;
   t.finish();

@@ -13,6 +13,7 @@
 #include "core/sim/choose_method.hpp"
 #include "core/sim/flexible_limits.hpp"
 #include "core/sim/vehicle_linear_part.hpp"
+#include "core/sim/vehicle_momentum_form.hpp"
 
 namespace cardan {
 namespace {
@@ -72,9 +73,12 @@ void look_at_ticks(Scenario& s) {
 /// `method = "auto"`: from here on it is the one that was chosen. One that does not take the vehicle is refused.
 void choose_method_of(Scenario& s) {
   IntegratorOptions& i = s.mission.simulation.integrator;
-  if (const std::string not_taken = i.method == "exponential" ? VehicleLinearPart::refusal(*s.model) : ""; !not_taken.empty())
+  const std::string not_taken = i.method == "exponential"              ? VehicleLinearPart::refusal(*s.model)
+                                : i.method.starts_with("variational") ? VehicleMomentumForm::refusal(*s.model)
+                                                                      : "";
+  if (!not_taken.empty())
     refuse(Code::unsupported, {"mission.integrator.method", {s.file.string(), 0, 0}}, "a method that takes " + not_taken,
-           "exponential, which does not", "dopri5, dop853; auto finds one");
+           i.method + ", which does not", "dopri5, dop853; auto finds one");
   if (i.method != "auto") return;
   double interval = seconds(s.mission.output_period);
   for (const Controller& c : s.controllers) interval = std::min(interval, seconds(c.period));

@@ -25,7 +25,7 @@ std::vector<std::pair<std::string, std::string>> mission_values(const Scenario& 
   };
   add("duration", quantity_text(m.duration, "s"));
   add("integrator.method", i.method);
-  if (i.method != "rk4") add("integrator.relative", fmt::format("{}", i.relative_tolerance));
+  if (i.fixed_step == 0.0) add("integrator.relative", fmt::format("{}", i.relative_tolerance));
   if (m.simulation.absolute_tolerance > 0) add("integrator.absolute", fmt::format("{}", m.simulation.absolute_tolerance));
   const TolerancesByKind& by = m.simulation.tolerances;
   const auto kind = [&](const char* key, double x, const char* unit) {

@@ -165,6 +165,29 @@ TEST(Alloc, ExponentialSteps) {
   EXPECT_EQ(mallocs_in([&] { sim.run(4.0); }), 0);
 }
 
+TEST(Alloc, AVariationalStep) {
+  if (!counting) GTEST_SKIP() << "a sanitizer brings its own malloc";
+  BodySpec boom = on(BodySpec(), "bus", "universal", {{0, 1, 0}, {1, 0, 0}}, {0.0, 0.5, 0.0});
+  boom.name = "boom", boom.type = "modal_flexible", boom.level = 2;
+  boom.modal = std::make_shared<const ModalData>(lumped());
+  const BodySpec bus = on(rigid("bus", 40.0, {0.02, -0.01, 0.05}, diagonal({8.0, 6.0, 9.0})), "", "free_body");
+  const BodySpec wheel = on(rigid("wheel", 2.0, {0, 0, 0}, diagonal({0.01, 0.01, 0.02})), "bus", "revolute", {{0, 0, 1}});
+  SystemSpec spec = system({bus, boom, wheel});
+  spec.gravity.kind = GravitySpec::Kind::central;
+  spec.gravity.mu = 1e4, spec.gravity.centre = {200, 0, 0};
+  for (const char* method : {"variational", "variational4"}) {
+    SimulationOptions run;
+    run.integrator.method = method;
+    run.integrator.fixed_step = 0.01;
+    Simulation sim(compiled(spec), run);
+    sim.v(0) = 0.1;
+    const int motor = sim.model().user[2].v;
+    sim.every({1, 8}, [&] { sim.set_force(motor, 0.01 * std::cos(sim.time())); });
+    sim.run(2.0);
+    EXPECT_EQ(mallocs_in([&] { sim.run(4.0); }), 0) << method;
+  }
+}
+
 TEST(Alloc, ClosedLoops) {  // from the second evaluation on
   if (!counting) GTEST_SKIP() << "a sanitizer brings its own malloc";
   for (const auto& path : oracle::files()) {

@@ -58,11 +58,11 @@ void expect_same_results(const std::string& a, const std::string& b) {
 }
 
 TEST(Resume, GoesOnAsIfTheRunHadNeverStopped) {
-  for (const std::string method : {"dopri5", "dop853", "exponential", "rk4", "cvode_adams", "cvode_bdf"}) {
+  for (const std::string method : {"dopri5", "dop853", "exponential", "rk4", "cvode_adams", "cvode_bdf", "variational"}) {
     const TemporaryFolder dir;
     make_scenario(dir, kMission);
     std::vector<std::string> options{"--set", "mission.integrator.method=" + method, "--seed", "5"};
-    if (method == "rk4") options.insert(options.end(), {"--set", "mission.integrator.step=0.01 s"});
+    if (method == "rk4" || method == "variational") options.insert(options.end(), {"--set", "mission.integrator.step=0.01 s"});
     const auto run = [&](std::vector<std::string> arguments) {
       arguments.insert(arguments.begin(), "run");
       arguments.insert(arguments.end(), options.begin(), options.end());

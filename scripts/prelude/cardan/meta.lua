@@ -30,12 +30,12 @@ function vehicle(path) end
 ---@field modes? number in place of `absolute`, scaled for each mode
 
 ---@class IntegratorOptions
----@field method? "auto"|"cvode_adams"|"cvode_bdf"|"dop853"|"dopri5"|"exponential"|"rk4" default dopri5
+---@field method? "auto"|"cvode_adams"|"cvode_bdf"|"dop853"|"dopri5"|"exponential"|"rk4"|"variational"|"variational4" default dopri5
 ---@field linear_solver? "dense"|"krylov" of cvode_bdf; default dense
 ---@field relative? number relative tolerance, default 1e-9
 ---@field absolute? number absolute tolerance; default: the relative one
 ---@field tolerances? TolerancesByKind absolute ones of a kind of states, in place of `absolute`
----@field step? quantity [s] of rk4
+---@field step? quantity [s] of rk4, variational, variational4
 ---@field initial_step? quantity [s]
 ---@field max_step? quantity [s]
 
