@@ -50,7 +50,6 @@ int run(const std::string& only, double seconds) {
   for (const auto& file : bench_loops::files()) {
     if (file.stem().string().find(only) == std::string::npos) continue;
     bench_loops::Model bench = bench_loops::read(file);
-    if (bench.has_functions) continue;
     double floor = 0.0;
     for (const bench_loops::State& s : bench.states) floor = std::max(floor, s.floor);
     const double allowed = std::max(1e-13, 100.0 * floor);

@@ -172,8 +172,7 @@ class Assembler {
     const Inputs none{};
     const LoopPass pass(m_, ws_, none);
     for (const Loop& loop : m_.loops.all) {
-      double size = loop.lever;
-      for (const CoupledRate& term : loop.terms) size = std::max(size, std::abs(term.coefficient));
+      const double size = pass.size_of(loop);
       for (int i = loop.first; i < loop.first + loop.rows; ++i) scale[i] = pass.in_metres(loop, i) / size;
     }
     return scale.asDiagonal();

@@ -42,7 +42,7 @@ bool keeps_rows_left_out(const Model& model, Workspace& ws, const Inputs& in, co
     for (int i = loop.first; i < loop.first + loop.rows; ++i) {
       const auto at = static_cast<std::size_t>(i);
       const double metres = pass.in_metres(loop, i);
-      if (loop.closing != Closing::coupling) open = std::max(open, std::abs(k.c[at]) * metres / loop.lever);
+      if (loop.turns()) open = std::max(open, std::abs(k.c[at]) * metres / loop.lever);
       const double missing = std::abs(k.acceleration[at]) * metres / loop.reference;
       if (!(missing <= most)) most = missing;
     }
@@ -254,11 +254,13 @@ bool run_embedding(const Model& model, Workspace& ws, const Inputs& in, double* 
   return result == 1 ? over_the_open_tree(model, ws, in, vdot) : result == 0;
 }
 
-bool embedded_response(const Model& model, Workspace& ws, const double* q, const std::vector<double>& rates, double* out) {
+bool embedded_response(const Model& model, Workspace& ws, const double* q, const Drive* drives, const std::vector<double>& rates,
+                       double* out) {
   LoopWork& work = *ws.loops;
   for (std::size_t i = 0; i < rates.size(); ++i) work.rhs[i] = -rates[i];
   soa::sweeps<double>().at_rest(model, ws);
-  const int result = embed(model, ws, {.q = q, .v = work.zero.data(), .vdot = work.zero.data(), .gravity = false}, work.rhs.data(), out);
+  const Inputs at_rest{.q = q, .v = work.zero.data(), .vdot = work.zero.data(), .gravity = false, .drives = drives};
+  const int result = embed(model, ws, at_rest, work.rhs.data(), out);
   if (result == 0) return true;
   ws.breakdown = {};
   return false;

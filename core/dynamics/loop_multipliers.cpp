@@ -27,7 +27,7 @@ bool LoopPass::compliance(const std::vector<Run>& runs) {
     in.wrenches = couples ? std::span<const NodeWrench>() : wrenches_of(loop, k_.W[at(row)]);
     in.tau = nullptr;
     if (couples) {
-      for (const CoupledRate& term : loop.terms) k_.tau_of_row[at(term.v)] = term.coefficient;
+      add_gradient(loop, 1.0, k_.tau_of_row.data());
       in.tau = k_.tau_of_row.data();
     }
     double* U = k_.U.data() + at(p) * at(m_.nv);
@@ -39,7 +39,7 @@ bool LoopPass::compliance(const std::vector<Run>& runs) {
     for (std::size_t v = 0; v < m_.prescribed.size(); ++v)
       if (m_.prescribed[v]) U[v] = 0.0;
     if (couples)
-      for (const CoupledRate& term : loop.terms) k_.tau_of_row[at(term.v)] = 0.0;
+      for (const CoupledRate& term : loop.coupling.terms) k_.tau_of_row[at(term.v)] = 0.0;
     responses(U, k_.y.data());
     for (int q = 0; q < r; ++q) k_.Lambda[at(q * r + p)] = k_.y[at(k_.row_at[at(q)])];
   }
@@ -114,7 +114,7 @@ void LoopPass::push() {
     for (int v = 0; v < m_.nv; ++v) k_.tau[at(v)] = in_.tau ? in_.tau[v] : 0.0;
   for (const Loop& loop : loops_.all) {
     if (loop.closing == Closing::coupling) {
-      for (const CoupledRate& term : loop.terms) k_.tau[at(term.v)] += term.coefficient * k_.lambda[at(loop.first)];
+      add_gradient(loop, k_.lambda[at(loop.first)], k_.tau.data());
       continue;
     }
     Force<double> f{};
@@ -178,7 +178,7 @@ void LoopPass::restore() {
 LoopWork::LoopWork(const Model& model) {
   const Loops& loops = model.loops;
   const std::size_t n = loops.all.size(), rows = static_cast<std::size_t>(loops.rows), nv = static_cast<std::size_t>(model.nv);
-  from.resize(n), to.resize(n), relative.resize(n), q.resize(n), v.resize(n);
+  from.resize(n), to.resize(n), relative.resize(n), q.resize(n), v.resize(n), gradient.resize(n);
   std::vector<std::uint8_t> moves(nv), marked(model.bodies.size());
   const auto mark = [&](int k) {
     for (; k > 0; k = model.bodies[static_cast<std::size_t>(k)].parent) marked[static_cast<std::size_t>(k)] = 1;
@@ -189,9 +189,11 @@ LoopWork::LoopWork(const Model& model) {
     for (const int i : loop.rates)
       if (!model.has_prescribed() || !model.prescribed[static_cast<std::size_t>(i)]) moves[static_cast<std::size_t>(i)] = 1;
     mark(loop.from.sweep), mark(loop.to.sweep);
-    for (const CoupledRate& term : loop.terms)
+    for (const CoupledRate& term : loop.coupling.terms) {
+      gradient[l].push_back(term.coefficient);
       for (std::size_t k = 1; k < model.bodies.size(); ++k)
         if (const SweepBody& b = model.bodies[k]; term.v >= b.v && term.v < b.v + b.nv) mark(static_cast<int>(k));
+    }
     coupled = coupled || loop.closing == Closing::coupling;
   }
   for (std::size_t k = 1; k < model.bodies.size(); ++k)  // what hangs on a flexible body may be eliminated with it
@@ -267,7 +269,7 @@ bool close_loops(const Model& model, Workspace& ws, const Inputs& in, double* vd
   }
   double open = 0.0;
   for (const Loop& loop : model.loops.all)
-    for (int i = loop.first; i < loop.first + loop.rows && loop.closing != Closing::coupling; ++i)
+    for (int i = loop.first; i < loop.first + loop.rows && loop.turns(); ++i)
       open = std::max(open, work.scale[static_cast<std::size_t>(i)] * std::abs(work.c[static_cast<std::size_t>(i)]) / loop.lever);
   const double limit = (kContradiction + 1e3 * open) * size;
   for (std::size_t i = static_cast<std::size_t>(work.rank); i < work.row_at.size(); ++i) {
@@ -283,6 +285,18 @@ LoopForces loop_forces(const Workspace& ws) {
   if (!ws.loops) return {};
   const LoopWork& work = *ws.loops;
   return {work.lambda, work.wrenches, work.c, work.rate, work.tau, work.W};
+}
+
+double loop_power(const Model& model, const Workspace& ws, const Drive* drives, bool of_couplings) {
+  double power = 0.0;
+  for (const Loop& l : model.loops.all) {
+    if (of_couplings && l.closing != Closing::coupling) continue;
+    const bool given = l.drive >= 0 && drives;
+    for (int i = l.first; i < l.first + l.rows; ++i)
+      if (const auto at = static_cast<std::size_t>(i); given || !of_couplings)
+        power += ws.loops->lambda[at] * (ws.loops->rate[at] + (given ? drives[l.drive].rate : 0.0));
+  }
+  return power;
 }
 
 Force<double> loop_wrench(const Model& model, const Workspace& ws, int loop) {

@@ -1,6 +1,8 @@
 #pragma once
 // One evaluation of closed loops, as its parts share it: rows (loop_rows.cpp), rank (loop_rank.cpp), multipliers over the open tree
 // (loop_multipliers.cpp); what they write is LoopWork.
+#include <algorithm>
+#include <cmath>
 #include <functional>
 
 #include "core/dynamics/loop_place.hpp"
@@ -20,7 +22,8 @@ struct LoopWork {
 
   std::vector<End> from, to;  // per loop
   std::vector<Relative> relative;
-  std::vector<std::vector<double>> q, v;  // of hinges that close, of each loop
+  std::vector<std::vector<double>> q, v;      // of hinges that close, of each loop
+  std::vector<std::vector<double>> gradient;  // of couplings: per term, of each loop
   // Per row:
   std::vector<Force<double>> W;  // what a multiplier of 1 does to the end `to`, axes of the node `from`
   std::vector<double> c, rate, extra, open, acceleration, rhs, lambda, step, scale;
@@ -83,6 +86,12 @@ class LoopPass {
   /// The inward and outward sweeps once more, from what was kept, with the loops pushing.
   void move(double* vdot);
 
+  /// The largest slope of a coupling, of another loop its lever: what a row of one, in metres, is compared with.
+  double size_of(const Loop& loop) const {
+    double size = loop.lever;
+    for (const double slope : k_.gradient[at(&loop - loops_.all.data())]) size = std::max(size, std::abs(slope));
+    return size;
+  }
   /// Factor that takes a row to metres.
   double in_metres(const Loop& loop, int row) const {
     if (loop.closing == Closing::coupling) return 1.0;
@@ -98,6 +107,7 @@ class LoopPass {
  private:
   static std::size_t at(int i) { return static_cast<std::size_t>(i); }
   static std::size_t at(std::size_t i) { return i; }
+  static std::size_t at(std::ptrdiff_t i) { return static_cast<std::size_t>(i); }
 
   Inputs at_rest() const { return {.q = in_.q, .v = k_.zero.data(), .vdot = k_.zero.data(), .gravity = false}; }
 
@@ -107,16 +117,19 @@ class LoopPass {
   double unit(int p) const { return k_.L[at(p)]; }
   bool factor_compliance();
 
-  void couple(const Loop& loop);
-  static double coupled(const Loop& loop, const double* v);
-  /// G v' of couplings; `join(loop, l)` for what joins places.
+  void couple(const Loop& loop, std::size_t l);
+  void drive(const Loop& loop);
+  /// What a coupling with this multiplier pushes with.
+  void add_gradient(const Loop& loop, double multiplier, double* tau) const;
+  double coupled(const Loop& loop, std::size_t l, const double* v) const;
+  /// G v' of couplings; then `join(loop, l)`, which does it for what joins places.
   template <class Join>
   void each_loop(const double* vdot, double* out, const Join& join) const {
-    for (std::size_t l = 0; l < loops_.all.size(); ++l)
-      if (const Loop& loop = loops_.all[l]; loop.closing == Closing::coupling)
-        out[loop.first] = coupled(loop, vdot);
-      else
-        join(loop, l);
+    for (std::size_t l = 0; l < loops_.all.size(); ++l) {
+      const Loop& loop = loops_.all[l];
+      if (loop.closing == Closing::coupling) out[loop.first] = coupled(loop, l, vdot);
+      join(loop, l);
+    }
   }
   void close(const Loop& loop, std::size_t l);
   void close_by_hinge(const Loop& loop, std::size_t l, Force<double>* W, double* c, double* extra);
@@ -146,7 +159,8 @@ void make_room_for_loops(const Model& model, Workspace& ws);
 bool stand(const Model& model, Workspace& ws, const double* q, bool inertia);
 /// Closed inside of the sweeps: the least motion M^-1 G* mu of which G is -rates. Needs stand(), P of each body by itself; false: not by
 /// the program of the start.
-bool embedded_response(const Model& model, Workspace& ws, const double* q, const std::vector<double>& rates, double* out);
+bool embedded_response(const Model& model, Workspace& ws, const double* q, const Drive* drives, const std::vector<double>& rates,
+                       double* out);
 /// W: of the row.
 std::string name_of_row(const Loop& loop, int row, const Force<double>& W);
 

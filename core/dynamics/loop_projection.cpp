@@ -21,17 +21,16 @@ soa::Breakdown LoopProjection::breakdown() const {
   return {.body = 1, .value = open_, .limit = kClosed, .row = worst_};
 }
 
-bool LoopProjection::close(double* q, double* v) {
+bool LoopProjection::close(double* q, double* v, const Drive* drives) {
   make_room_for_loops(model_, ws_);
   LoopWork& work = *ws_.loops;
-  const Inputs in{.q = q, .v = v, .gravity = false};
+  const Inputs in{.q = q, .v = v, .gravity = false, .drives = drives};
   LoopPass pass(model_, ws_, in);
   const auto largest = [&](const std::vector<double>& x) {
     double most = 0.0;
     worst_ = 0;
     for (const Loop& loop : model_.loops.all) {
-      double size = loop.lever;
-      for (const CoupledRate& term : loop.terms) size = std::max(size, std::abs(term.coefficient));
+      const double size = pass.size_of(loop);
       for (int i = loop.first; i < loop.first + loop.rows; ++i) {
         const double one = std::abs(x[static_cast<std::size_t>(i)]) * pass.in_metres(loop, i) / size;
         if (!(one <= most)) most = one, worst_ = i;  // what is no number is the largest
@@ -41,7 +40,7 @@ bool LoopProjection::close(double* q, double* v) {
   };
   /// The least motion M^-1 G* mu that takes G of it from x. False: a row without compliance.
   const auto take = [&](const std::vector<double>& x) {
-    if (model_.loops.embedding && embedded_response(model_, ws_, q, x, step_.data())) {
+    if (model_.loops.embedding && embedded_response(model_, ws_, q, drives, x, step_.data())) {
       pivot_ = work.embedding->smallest, weakest_ = work.embedding->weakest;
       return true;
     }

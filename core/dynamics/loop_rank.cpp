@@ -26,7 +26,7 @@ void LoopPass::matrix() {
       double* row = k_.G.data() + at(i) * at(m_.nv);
       std::fill_n(row, m_.nv, 0.0);
       if (loop.closing == Closing::coupling) {
-        for (const CoupledRate& term : loop.terms) row[term.v] = term.coefficient;
+        add_gradient(loop, 1.0, row);
         continue;
       }
       Inputs in = still;
@@ -45,7 +45,7 @@ void LoopPass::find_rank() {
   for (const Loop& loop : loops_.all) {
     for (int i = loop.first; i < loop.first + loop.rows; ++i) {
       k_.scale[at(i)] = in_metres(loop, i);
-      if (loop.closing != Closing::coupling) open = std::max(open, std::abs(k_.c[at(i)]) * k_.scale[at(i)] / loop.lever);
+      if (loop.turns()) open = std::max(open, std::abs(k_.c[at(i)]) * k_.scale[at(i)] / loop.lever);
       for (int j = 0; j < n; ++j) {
         const auto v = at(k_.columns[at(j)]);
         k_.B[at(i * n + j)] = k_.G[at(i) * at(m_.nv) + v] * k_.scale[at(i)] * loops_.column_scale[v] / loop.reference;
@@ -80,9 +80,9 @@ void LoopPass::find_rank() {
   }
 }
 
-LoopRank loop_rank(const Model& model, Workspace& ws, const double* q) {
+LoopRank loop_rank(const Model& model, Workspace& ws, const double* q, const Drive* drives) {
   stand(model, ws, q, false);
-  const Inputs in{.q = q, .v = ws.loops->zero.data(), .gravity = false};
+  const Inputs in{.q = q, .v = ws.loops->zero.data(), .gravity = false, .drives = drives};
   LoopPass pass(model, ws, in);
   pass.place();
   pass.matrix();
@@ -100,14 +100,14 @@ LoopRank loop_rank(const Model& model, Workspace& ws, const double* q) {
   return {model.loops.rows, work.rank, {work.row_at.begin() + work.rank, work.row_at.end()}, work.smallest, work.largest, distance};
 }
 
-Eigen::MatrixXd loop_matrix(const Model& model, Workspace& ws, const double* q) {
-  loop_rank(model, ws, q);
+Eigen::MatrixXd loop_matrix(const Model& model, Workspace& ws, const double* q, const Drive* drives) {
+  loop_rank(model, ws, q, drives);
   return Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(ws.loops->G.data(), model.loops.rows,
                                                                                                   model.nv);
 }
 
-LoopFreedom loop_freedom(const Model& model, Workspace& ws, const double* q) {
-  const Eigen::MatrixXd G = loop_matrix(model, ws, q);
+LoopFreedom loop_freedom(const Model& model, Workspace& ws, const double* q, const Drive* drives) {
+  const Eigen::MatrixXd G = loop_matrix(model, ws, q, drives);
   const LoopWork& work = *ws.loops;
   LoopFreedom out;
   out.rows.assign(work.row_at.begin(), work.row_at.begin() + work.rank);

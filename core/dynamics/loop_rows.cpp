@@ -46,7 +46,8 @@ void LoopPass::place() {
   for (std::size_t l = 0; l < loops_.all.size(); ++l) {
     const Loop& loop = loops_.all[l];
     if (loop.closing == Closing::coupling) {
-      couple(loop);
+      couple(loop, l);
+      drive(loop);
       continue;
     }
     k_.from[l] = seen_from_home(m_, ws_, in_, loop.from, loop.from_path);
@@ -56,11 +57,23 @@ void LoopPass::place() {
     r = {seen.R, seen.d, seen.w, seen.u};
     close(loop, l);
     for (int i = loop.first; i < loop.first + loop.rows; ++i) k_.rate[at(i)] = product(k_.W[at(i)], r.w, r.u);
+    drive(loop);
   }
+}
+
+/// What is given as a function of time is no residual.
+void LoopPass::drive(const Loop& loop) {
+  if (loop.drive < 0 || !in_.drives) return;
+  const Drive& given = in_.drives[loop.drive];
+  k_.c[at(loop.first)] -= given.more, k_.rate[at(loop.first)] -= given.rate, k_.extra[at(loop.first)] -= given.acceleration;
 }
 
 void LoopPass::accelerations(const double* vdot, double* out) const {
   each_loop(vdot, out, [&](const Loop& loop, std::size_t l) {
+    if (loop.closing == Closing::coupling) {
+      out[loop.first] += k_.extra[at(loop.first)];
+      return;
+    }
     const LoopWork::Relative& r = k_.relative[l];
     const auto [wdot, udot] = relative_acceleration(m_, ws_, in_, loop, k_.from[l], k_.to[l], LoopPlace<double>{r.R, r.d, r.w, r.u}, vdot);
     for (int i = loop.first; i < loop.first + loop.rows; ++i) out[i] = product(k_.W[at(i)], wdot, udot) + k_.extra[at(i)];
@@ -69,6 +82,7 @@ void LoopPass::accelerations(const double* vdot, double* out) const {
 
 void LoopPass::responses(const double* vdot, double* out) const {
   each_loop(vdot, out, [&](const Loop& loop, std::size_t l) {
+    if (loop.closing == Closing::coupling) return;
     const LoopWork::Relative& r = k_.relative[l];
     const Motion<double> A = response(loop.from, k_.from[l], vdot), B = response(loop.to, k_.to[l], vdot);
     const Vec3<double> wdot = r.R * B.w - A.w, udot = r.R * B.v - A.v - cross(A.w, r.d);
@@ -76,17 +90,26 @@ void LoopPass::responses(const double* vdot, double* out) const {
   });
 }
 
-void LoopPass::couple(const Loop& loop) {
-  double c = -loop.offset;
-  for (const CoupledRate& term : loop.terms) c += term.coefficient * in_.q[term.q];
+void LoopPass::couple(const Loop& loop, std::size_t l) {
+  const Coupling& coupling = loop.coupling;
+  double c = -coupling.offset, extra = 0.0;
+  if (coupling.is_linear())
+    for (const CoupledRate& term : coupling.terms) c += term.coefficient * in_.q[term.q];
+  else
+    coupling.at(in_.q, in_.v, k_.gradient[l].data(), c, extra);
   k_.c[at(loop.first)] = c;
-  k_.rate[at(loop.first)] = coupled(loop, in_.v);
-  k_.extra[at(loop.first)] = 0.0;
+  k_.rate[at(loop.first)] = coupled(loop, l, in_.v);
+  k_.extra[at(loop.first)] = extra;
 }
-double LoopPass::coupled(const Loop& loop, const double* v) {
+double LoopPass::coupled(const Loop& loop, std::size_t l, const double* v) const {
   double sum = 0.0;
-  for (const CoupledRate& term : loop.terms) sum += term.coefficient * v[term.v];
+  for (std::size_t i = 0; i < k_.gradient[l].size(); ++i) sum += k_.gradient[l][i] * v[loop.coupling.terms[i].v];
   return sum;
+}
+
+void LoopPass::add_gradient(const Loop& loop, double multiplier, double* tau) const {
+  const std::vector<double>& gradient = k_.gradient[at(&loop - loops_.all.data())];
+  for (std::size_t i = 0; i < gradient.size(); ++i) tau[loop.coupling.terms[i].v] += gradient[i] * multiplier;
 }
 
 void LoopPass::close(const Loop& loop, std::size_t l) {

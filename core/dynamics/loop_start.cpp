@@ -39,7 +39,7 @@ struct OpenRows {
   std::vector<std::string> places, rates;  // per loop; empty: closed
   bool any_place = false, any_rate = false;
 };
-OpenRows open_rows(const Model& model, const LoopWork& work, const Eigen::VectorXd& v) {
+OpenRows open_rows(const Model& model, const LoopPass& pass, const LoopWork& work, const Eigen::VectorXd& v) {
   OpenRows out;
   for (const Loop& loop : model.loops.all) {
     std::string places, rates;
@@ -48,8 +48,8 @@ OpenRows open_rows(const Model& model, const LoopWork& work, const Eigen::Vector
     for (int i = loop.first; i < loop.first + loop.rows; ++i) {
       const auto at = static_cast<std::size_t>(i);
       const Force<double>& W = work.W[at];
-      double size = loop.closing == Closing::coupling || dot(W.n, W.n) > dot(W.f, W.f) ? 1.0 : loop.lever, speed = size;
-      for (const CoupledRate& term : loop.terms) speed = std::max(speed, std::abs(term.coefficient));
+      const double size = loop.closing != Closing::coupling && dot(W.n, W.n) > dot(W.f, W.f) ? 1.0 : loop.lever;
+      const double speed = loop.closing == Closing::coupling ? pass.size_of(loop) : size;
       const std::string name = name_of_row(loop, i, W);
       const auto add = [&](std::string& text, double value, const char* per) {
         text += fmt::format("{}{} {:.3g}{}{}", text.empty() ? "" : "; ", name, value, unit_of_row(loop, W), per);
@@ -152,8 +152,18 @@ void choose_form(Model& model, const LoopPass& pass, const LoopWork& work) {
   Loops& loops = model.loops;
   const std::vector<double> rows = scaled_rows(model, pass, work);
   Embedding embedding = embed_loops(model, rows, loops.sets);
-  if (model.spec->loop_form == LoopForm::multipliers) {
-    for (LoopSet& set : loops.sets) set.form = "multipliers", set.why = "asked for";
+  const auto curved = [&](int l) {
+    const Loop& loop = loops.all[static_cast<std::size_t>(l)];
+    return loop.closing == Closing::coupling && loop.turns();
+  };
+  const auto couples_alone = [&](int l) { return loops.all[static_cast<std::size_t>(l)].closing == Closing::coupling; };
+  const bool mixed = std::ranges::any_of(loops.sets, [&](const LoopSet& set) {
+    return std::ranges::any_of(set.loops, curved) && !std::ranges::all_of(set.loops, couples_alone);
+  });
+  const bool asked = model.spec->loop_form == LoopForm::multipliers;
+  if (asked || mixed) {
+    const char* why = asked ? "asked for" : "a coupling that is not linear shares hinges with a loop of another type";
+    for (LoopSet& set : loops.sets) set.form = "multipliers", set.why = why;
     return;
   }
   take_embedding(model, std::move(embedding));
@@ -212,14 +222,21 @@ void prepare_loops(Model& model) {
       const auto refer = [&](int v, double arm) {
         loop.reference = std::max(loop.reference, arm * loops.column_scale[static_cast<std::size_t>(v)]);
       };
-      for (const CoupledRate& term : loop.terms) refer(term.v, std::abs(term.coefficient));
-      if (loop.closing == Closing::coupling) continue;
+      if (loop.closing == Closing::coupling) {
+        const std::vector<double>& gradient = ws.loops->gradient[l];
+        double steepest = 0.0;
+        for (const double slope : gradient) steepest = std::max(steepest, std::abs(slope));
+        const bool flat = steepest == 0.0;  // at the start: it is measured as if it had a slope of one
+        if (loop.turns()) loop.lever = flat ? 1.0 : steepest;
+        for (std::size_t i = 0; i < gradient.size(); ++i) refer(loop.coupling.terms[i].v, flat ? 1.0 : std::abs(gradient[i]));
+        continue;
+      }
       loop.lever = lever_of(model, ws, loop, l, start.q.data());
       for (const int v : loop.rates) refer(v, turns[static_cast<std::size_t>(v)] ? loop.lever : 1.0);
       if (loop.hinge) loop.q0 = ws.loops->q[l];
     }
     pass.place();  // with the levers
-    return open_rows(model, *ws.loops, start.v);
+    return open_rows(model, pass, *ws.loops, start.v);
   };
   OpenRows open = measure();
   if (open.any_place || open.any_rate) {

@@ -57,11 +57,14 @@ Vector6 turned(const Eigen::Matrix3d& R, const Vector6& x) {
 LoopTangents::LoopTangents(const Model& closed, const Inputs& in, double t)
     : m_(closed),
       ws_(closed),
+      q_(Eigen::Map<const VectorXd>(in.q, closed.nq)),
+      v_(Eigen::Map<const VectorXd>(in.v, closed.nv)),
       vdot_(closed.nv),
       from_(closed.loops.all.size()),
       to_(from_.size()),
       place_(from_.size()),
-      hinges_(from_.size()) {
+      hinges_(from_.size()),
+      couplings_(from_.size()) {
   if (!forward_dynamics(m_, ws_, in, vdot_.data())) throw NumericsError(describe_breakdown(m_, ws_.breakdown, t));
   settle_loops(m_, ws_, in);
   const LoopForces forces = loop_forces(ws_);
@@ -91,7 +94,7 @@ LoopTangents::LoopTangents(const Model& closed, const Inputs& in, double t)
     a << to_eigen(wdot), to_eigen(udot);
     h.vdot = least_squares(HingeColumns(h.H), Vector6(a - h.bias), loop.lever);
   }
-  freedom_ = loop_freedom(m_, ws_, in.q);
+  freedom_ = loop_freedom(m_, ws_, in.q, in.drives);
   // M^-1 G* and G M^-1 G* of the independent rows.
   stand(m_, ws_, in.q, true);
   LoopPass pass(m_, ws_, in);
@@ -104,12 +107,24 @@ LoopTangents::LoopTangents(const Model& closed, const Inputs& in, double t)
 void LoopTangents::place(const soa::Workspace<Tangent>& ws, const soa::Inputs<Tangent>& in) {
   for (std::size_t l = 0; l < place_.size(); ++l) {
     const Loop& loop = m_.loops.all[l];
-    if (loop.closing == Closing::coupling) continue;
+    if (loop.closing == Closing::coupling) {
+      if (loop.turns()) move_coupling(l, in);
+      continue;
+    }
     from_[l] = seen_from_home(m_, ws, in, loop.from, loop.from_path);
     to_[l] = seen_from_home(m_, ws, in, loop.to, loop.to_path);
     place_[l] = seen_from(from_[l], to_[l]);
     if (hinges_[l].v.size() > 0) move_hinge(l);
   }
+}
+
+void LoopTangents::move_coupling(std::size_t l, const soa::Inputs<Tangent>& in) {
+  const Coupling& coupling = m_.loops.all[l].coupling;
+  CouplingTangent& c = couplings_[l];
+  const std::size_t n = coupling.terms.size();
+  c.dq.resize(n), c.dv.resize(n), c.slope.resize(n);
+  for (std::size_t i = 0; i < n; ++i) c.dq[i] = in.q[coupling.terms[i].q].d, c.dv[i] = in.v[coupling.terms[i].v].d;
+  coupling.along(q_.data(), v_.data(), c.dq.data(), c.dv.data(), c.slope.data(), c.extra);
 }
 
 // The coordinates and rates of the hinge follow its ends; H* and Hdot* v by its family.
@@ -155,7 +170,10 @@ VectorXd LoopTangents::rates() const {
   VectorXd changes = VectorXd::Zero(m_.loops.rows);
   for (std::size_t l = 0; l < place_.size(); ++l) {
     const Loop& loop = m_.loops.all[l];
-    if (loop.closing == Closing::coupling) continue;  // its coefficients are constant
+    if (loop.closing == Closing::coupling) {
+      for (std::size_t i = 0; i < loop.coupling.terms.size(); ++i) changes[loop.first] += slope_of(l, i) * v_[loop.coupling.terms[i].v];
+      continue;
+    }
     const LoopPlace<Tangent>& r = place_[l];
     if (loop.closing == Closing::distance) {
       changes[loop.first] = (dot((Tangent(1.0) / sqrt(dot(r.d, r.d))) * r.d, r.u)).d;
@@ -175,8 +193,10 @@ void LoopTangents::push(std::vector<soa::NodeWrench<Tangent>>& wrenches, Tangent
   for (std::size_t l = 0; l < place_.size(); ++l) {
     const Loop& loop = m_.loops.all[l];
     if (loop.closing == Closing::coupling) {
-      for (const CoupledRate& term : loop.terms)
-        tau[term.v] = tau[term.v] + term.coefficient * Tangent(lambda_[loop.first], dlambda_[loop.first]);
+      for (std::size_t i = 0; i < loop.coupling.terms.size(); ++i) {
+        const int v = loop.coupling.terms[i].v;
+        tau[v] = tau[v] + Tangent(ws_.loops->gradient[l][i], slope_of(l, i)) * Tangent(lambda_[loop.first], dlambda_[loop.first]);
+      }
       continue;
     }
     const LoopPlace<Tangent>& r = place_[l];
@@ -204,7 +224,11 @@ void LoopTangents::solve(const soa::Workspace<Tangent>& ws, const soa::Inputs<Ta
   for (std::size_t l = 0; l < place_.size(); ++l) {
     const Loop& loop = m_.loops.all[l];
     if (loop.closing == Closing::coupling) {
-      for (const CoupledRate& term : loop.terms) changes[loop.first] += term.coefficient * vdot[term.v].d;
+      for (std::size_t i = 0; i < loop.coupling.terms.size(); ++i) {
+        const int v = loop.coupling.terms[i].v;
+        changes[loop.first] += ws_.loops->gradient[l][i] * vdot[v].d + slope_of(l, i) * vdot_[v];
+      }
+      changes[loop.first] += couplings_[l].extra;
       continue;
     }
     const LoopPlace<Tangent>& r = place_[l];

@@ -36,11 +36,20 @@ class LoopTangents {
 
   const Model& m_;
   Workspace ws_;
-  Eigen::VectorXd vdot_, lambda_, dlambda_;
+  Eigen::VectorXd q_, v_, vdot_, lambda_, dlambda_;
   LoopFreedom freedom_;
+  /// Of a coupling: its slopes along the direction of place(), which of c'' at fixed v' changes with them. Per loop, per term.
+  struct CouplingTangent {
+    std::vector<double> dq, dv, slope;
+    double extra = 0.0;
+  };
+  void move_coupling(std::size_t loop, const soa::Inputs<soa::Tangent>& in);
+  double slope_of(std::size_t loop, std::size_t term) const { return couplings_[loop].slope.empty() ? 0.0 : couplings_[loop].slope[term]; }
+
   std::vector<LoopEndMotion<soa::Tangent>> from_, to_;
   std::vector<LoopPlace<soa::Tangent>> place_;
   std::vector<HingeTangent> hinges_;
+  std::vector<CouplingTangent> couplings_;
 };
 
 }  // namespace cardan

@@ -350,6 +350,7 @@ ExternalLoads Observer::external(const Inputs& in, const double* vdot) {
     e.power += dot(Motion<double>{ws_.pose_W(k).R * at_node.w, ws_.pose_W(k).R * at_node.v}, f);
   }
   e.power += actuator_power();
+  if (model_.loops.n_drives > 0) e.power += loop_power(model_, ws_, in_.drives, true);  // those of others are loads, above
   return e;
 }
 

@@ -68,7 +68,7 @@ class Embedder {
       std::vector<int>& on = hinges_[l];
       home_[l] = loop.home;
       if (loop.closing == Closing::coupling) {
-        for (const CoupledRate& term : loop.terms)
+        for (const CoupledRate& term : loop.coupling.terms)
           if (const int k = body_of_[at(term.v)]; std::ranges::find(on, k) == on.end()) on.push_back(k);
         int home = m_.bodies[at(on[0])].parent;
         for (const int k : on) home = ancestor(home, m_.bodies[at(k)].parent);
@@ -144,6 +144,11 @@ class Embedder {
   bool deforms(int shapes) const { return shapes >= 0 && m_.shapes[at(shapes)].deforms(); }
   bool deforms(const LoopEnd& end) const { return end.node >= 0 && m_.nodes[at(end.node)].shapes.deforms(); }
 
+  /// What a multiplier of a coupling does to a rate: whose, and where EmbeddingWork::gradients has by how much.
+  struct Couple {
+    int by, v, gradient;
+  };
+
   /// The modes of home move one end against the other, or what moves them pushes these modes.
   bool meets_modes_of_home(int l) const {
     const Loop& loop = m_.loops.all[at(l)];
@@ -202,6 +207,8 @@ class Embedder {
         c.loop = next, c.by_rates = by_rates[at(next)] != 0, c.home = home;
         c.closing = loop.closing, c.first = loop.first;
         c.length = loop.length, c.lever = loop.lever, c.reference = loop.reference;
+        c.coupling = loop.coupling, c.drive = loop.drive;
+        c.gradient = e_.n_gradients, e_.n_gradients += static_cast<int>(loop.coupling.terms.size());
         c.from = place_of(loop.from), c.to = place_of(loop.to);
         c.after_modes = meets_[at(next)];
         std::vector<int> kept;
@@ -253,7 +260,7 @@ class Embedder {
             if (t.by == by[at(v)])
               for (int i = 0; i < t.n; ++i) needed.insert(t.input + i);
           if (std::ranges::find(c.columns, v, &EmbeddedLoop::Column::v) == c.columns.end())
-            c.columns.push_back({v, -1, by[at(v)], column[at(v)], 0.0});
+            c.columns.push_back({v, -1, by[at(v)], column[at(v)]});
         }
         c.needed.assign(needed.begin(), needed.end());
         c.keep = std::min(static_cast<int>(needed.size()), c.n);
@@ -276,8 +283,9 @@ class Embedder {
         if (const auto on = std::ranges::find(c.path, b.parent, &EmbeddedLoop::PathBody::body); on != c.path.end())
           p.inboard = static_cast<int>(on - c.path.begin());
         for (int j = 0; j < b.nv; ++j) {
-          const auto term = std::ranges::find(loop.terms, b.v + j, &CoupledRate::v);
-          c.columns.push_back({b.v + j, -1, -1, -1, term == loop.terms.end() ? 0.0 : term->coefficient});
+          const std::vector<CoupledRate>& terms = loop.coupling.terms;
+          const auto term = std::ranges::find(terms, b.v + j, &CoupledRate::v);
+          c.columns.push_back({b.v + j, -1, -1, -1, term == terms.end() ? -1 : static_cast<int>(term - terms.begin())});
         }
         c.path.push_back(p);
       }
@@ -291,7 +299,7 @@ class Embedder {
         EmbeddedLoop::PathBody p;
         p.body = k, p.inboard = inboard, p.column = static_cast<int>(c.columns.size()), p.n = b.nv;
         p.sign = path == &loop.from_path ? -1.0 : 1.0;
-        for (int j = 0; j < b.nv; ++j) c.columns.push_back({b.v + j, -1, -1, -1, 0.0});
+        for (int j = 0; j < b.nv; ++j) c.columns.push_back({b.v + j});
         // Where it deforms: at its pnode, at the onode of what comes next, at the end.
         const LoopEnd& end = path == &loop.from_path ? loop.from : loop.to;
         const bool moves = deforms(b.pnode) || (i + 1 < path->size() ? m_.bodies[at((*path)[i + 1])].onode >= 0 : deforms(end));
@@ -307,7 +315,7 @@ class Embedder {
   }
   static int modes(const SweepBody& b, EmbeddedLoop& c) {
     const int column = static_cast<int>(c.columns.size());
-    for (int j = 0; j < b.n_modes; ++j) c.columns.push_back({b.etadot + j, -1, -1, -1, 0.0});
+    for (int j = 0; j < b.n_modes; ++j) c.columns.push_back({b.etadot + j});
     c.deforms = true;
     return column;
   }
@@ -387,16 +395,17 @@ class Embedder {
     const int bodies = static_cast<int>(m_.bodies.size());
     std::vector<std::set<int>> own(at(bodies)), carried(at(bodies));
     std::vector<int> carries(at(bodies), -1);
-    std::map<int, std::vector<std::pair<int, CoupledRate>>> couples;  // multipliers of couplings, by body
+    std::map<int, std::vector<Couple>> couples;  // multipliers of couplings, by body
     for (std::size_t i = 0; i < e_.loops.size(); ++i) {
       const EmbeddedLoop& c = e_.loops[i];
       if (c.by_rates) continue;
       const Loop& loop = m_.loops.all[at(c.loop)];
       const int self = static_cast<int>(i);
       if (loop.closing == Closing::coupling) {
-        for (const CoupledRate& term : loop.terms) {
+        int gradient = c.gradient;
+        for (const CoupledRate& term : loop.coupling.terms) {
           const int k = body_of_[at(term.v)];
-          couples[k].push_back({self, term});
+          couples[k].push_back({self, term.v, gradient++});
           own[at(k)].insert(self);
         }
         continue;
@@ -536,7 +545,7 @@ class Embedder {
     e_.steps.push_back(std::move(s));
   }
 
-  void cross(int k, int run, std::vector<std::set<int>>& own, const std::vector<std::pair<int, CoupledRate>>& couples) {
+  void cross(int k, int run, std::vector<std::set<int>>& own, const std::vector<Couple>& couples) {
     const SweepBody& b = m_.bodies[at(k)];
     EmbeddingStep s;
     s.kind = EmbeddingStep::Kind::cross, s.body = k, s.run = run, s.begin = k, s.end = k + 1;
@@ -544,8 +553,8 @@ class Embedder {
     for (const int l : own[at(k)]) {
       PendingFlow f;
       f.loop = l, f.own = column_of_Q(k, l, false);
-      for (const auto& [by, term] : couples)
-        if (by == l) s.couples.push_back({static_cast<int>(s.flows.size()), term.v - b.v, term.coefficient});
+      for (const Couple& x : couples)
+        if (x.by == l) s.couples.push_back({static_cast<int>(s.flows.size()), x.v - b.v, x.gradient});
       if (b.parent > 0) f.to = column_of_Q(b.parent, l, false);
       own[at(b.parent)].insert(l);
       s.flows.push_back(f);
@@ -586,7 +595,7 @@ class Embedder {
     e_.steps.push_back(std::move(s));
   }
 
-  void pass_hinge(int k, std::vector<std::set<int>>& own, const std::vector<std::pair<int, CoupledRate>>& couples) {
+  void pass_hinge(int k, std::vector<std::set<int>>& own, const std::vector<Couple>& couples) {
     const SweepBody& b = m_.bodies[at(k)];
     EmbeddingStep s;
     s.kind = EmbeddingStep::Kind::hinge, s.body = k;
@@ -594,8 +603,8 @@ class Embedder {
     s.flows = flows_on(k, own[at(k)], n);
     for (std::size_t i = 0; i < s.flows.size(); ++i) {
       PendingFlow& f = s.flows[i];
-      for (const auto& [by, term] : couples)
-        if (by == f.loop) s.couples.push_back({static_cast<int>(i), term.v - b.v, term.coefficient});
+      for (const Couple& x : couples)
+        if (x.by == f.loop) s.couples.push_back({static_cast<int>(i), x.v - b.v, x.gradient});
       if (b.parent == 0) continue;
       f.to = column_of_Q(b.parent, f.loop, false);
       if (b.onode >= 0) f.to_modes = modes_of_Q(b.parent, f.loop), e_.flops += e_.loops[at(f.loop)].n * (24L + 12L * b.n_parent_modes);

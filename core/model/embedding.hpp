@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/model/coupling.hpp"
 #include "core/model/loop_form.hpp"
 #include "core/spatial/pose.hpp"
 
@@ -27,11 +28,11 @@ struct EmbeddedLoop {
   /// A hinge rate of the loop, or one that later loops have and that is expressed anew.
   struct Column {
     int v = 0;
-    int input = -1;            // taken up here; -1: it was before
-    int by = -1, at = -1;      // ... by this loop, and there this column: what it is in the coordinates of that
-    double coefficient = 0.0;  // of a coupling
-    double scale = 1.0;        // 1 / sqrt(inertia) at the start
-    bool given = false;        // its motion is: no coordinate has it
+    int input = -1;        // taken up here; -1: it was before
+    int by = -1, at = -1;  // ... by this loop, and there this column: what it is in the coordinates of that
+    int term = -1;         // of a coupling; -1: it does not have this rate
+    double scale = 1.0;    // 1 / sqrt(inertia) at the start
+    bool given = false;    // its motion is: no coordinate has it
   };
   /// Coordinates of another loop that this one has rates in.
   struct Taken {
@@ -43,7 +44,9 @@ struct EmbeddedLoop {
   Pose<double> from, to;                              // nodes in their bodies, or in the world
   int from_node = -1, to_node = -1;                   // index into SweepModel::nodes of one that deforms with its body
   double length = 0.0, lever = 1.0, reference = 1.0;  // as in Loop
-  bool by_rates = true;                               // false: by multipliers
+  Coupling coupling;
+  int drive = -1;
+  bool by_rates = true;  // false: by multipliers
   int home = 0;
   int rows = 0, rank = 0;
   int n = 0;          // coordinates
@@ -61,7 +64,7 @@ struct EmbeddedLoop {
   std::vector<Taken> taken;
   std::vector<int> needed;  // inputs that later loops have
   // Where its numbers begin:
-  int G = 0, B = 0, T = 0, E = 0, A = 0, x = 0, row = 0, pivot = 0;
+  int G = 0, B = 0, T = 0, E = 0, A = 0, x = 0, row = 0, pivot = 0, gradient = 0;
 };
 
 /// Part of A between the coordinates of two loops: entry (i, j) at `at` + i `down` + j `across`.
@@ -102,7 +105,7 @@ struct EmbeddingStep {
   int Y = -1;  // cross, hinge
   struct Couple {
     int flow, component;
-    double coefficient;
+    int gradient;  // index into EmbeddingWork::gradients
   };
   std::vector<Couple> couples;  // cross, hinge: multipliers of couplings of this hinge
   bool after_modes = false;     // close: home is a body without its modes
@@ -118,7 +121,7 @@ struct Embedding {
     int modes = -1;  // on the modes of the body: where its node deforms
   };
   std::vector<Push> pushes;
-  int n_numbers = 0, n_Q = 0, n_U = 0, n_carried = 0, n_x = 0, n_rows = 0, n_path = 0, n_Y = 0, n_pivots = 0;
+  int n_numbers = 0, n_Q = 0, n_U = 0, n_carried = 0, n_x = 0, n_rows = 0, n_path = 0, n_Y = 0, n_pivots = 0, n_gradients = 0;
   int n_modal = 0, n_scratch = 0;
   bool chosen = false;        // some loop has rows that count chosen at the start
   int n_zeroed = 0;           // of numbers: A comes first

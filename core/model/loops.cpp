@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <set>
 
 #include "core/base/units.hpp"
@@ -52,11 +53,14 @@ class LoopCompiler {
       loop.name = given.name, loop.type = given.type, loop.spec = static_cast<int>(i);
       if (!find_type(given, loop)) continue;
       loop.rows = rows_of(loop.closing, loop.hinge);
+      if (given.prescribed && loop.closing != Closing::distance && loop.closing != Closing::coupling)
+        report(Code::bad_loop, given, "prescribed", "a type with a length or an offset: distance, coupling", in_quotes(given.type));
       if (loop.closing != Closing::coupling)
         join(given, loop);
       else if (!given.open)
         couple(given, loop);
       if (given.open) continue;
+      if (given.prescribed) loop.drive = loops.n_drives++;
       loop.first = loops.rows;
       loops.rows += loop.rows;
       loops.all.push_back(std::move(loop));
@@ -208,35 +212,91 @@ class LoopCompiler {
     std::ranges::sort(loop.rates);
   }
 
-  // "motor" of a hinge with one component, "arm.angle" of others.
   void couple(const LoopSpec& given, Loop& loop) {
-    loop.offset = given.offset;
+    loop.coupling.offset = given.offset;
     if (!std::isfinite(given.offset)) report(Code::out_of_range, given, "offset", "a finite number", fmt::format("{:g}", given.offset));
-    if (given.terms.empty()) report(Code::missing_key, given, "terms", "terms: hinges and their coefficients", "none");
-    for (const LoopSpec::Term& term : given.terms) {
-      const std::string key = "terms." + term.target;
-      std::vector<std::string> legal;
-      const std::size_t before = loop.terms.size();
-      for (const UserBody& u : model_.user)
-        for (int i = 0; i < u.nv && u.nq == u.nv; ++i) {
-          const auto at = static_cast<std::size_t>(i);
-          legal.push_back(u.nv == 1 ? u.name : u.name + "." + u.q_names[at]);
-          if (term.target == legal.back() || term.target == u.name + "." + u.q_names[at] || term.target == u.name + "." + u.v_names[at])
-            loop.terms.push_back({u.q + i, u.v + i, term.coefficient});
-        }
-      if (loop.terms.size() == before)
-        report(Code::unknown_name, given, key,
-               legal.empty() ? std::string("a coordinate of a hinge, of which there is none that moves")
-                             : "a coordinate of a hinge: " + one_of(legal),
-               in_quotes(term.target), did_you_mean(term.target, legal));
-      else if (!std::isfinite(term.coefficient) || term.coefficient == 0.0)
-        report(Code::out_of_range, given, key, "a finite number other than 0", fmt::format("{:g}", term.coefficient));
-      else if (std::ranges::count(loop.rates, loop.terms.back().v) > 0)
-        report(Code::duplicate_name, given, key, "each coordinate once", in_quotes(term.target));
-      else
-        loop.rates.push_back(loop.terms.back().v);
-    }
+    if (given.terms.empty() && given.functions.empty())
+      report(Code::missing_key, given, "terms", "terms or functions: hinges and their coefficients", "none");
+    for (const LoopSpec::Term& term : given.terms)
+      if (const int i = find_term(given, "terms." + term.target, term, loop); i >= 0) {
+        double& coefficient = loop.coupling.terms[static_cast<std::size_t>(i)].coefficient;
+        if (coefficient != 0.0) report(Code::duplicate_name, given, "terms." + term.target, "each coordinate once", in_quotes(term.target));
+        coefficient = term.coefficient;
+      }
+    for (std::size_t i = 0; i < given.functions.size(); ++i) add_function(given, i, loop);
     std::ranges::sort(loop.rates);
+  }
+
+  /// Index into Coupling::terms, where it is added; -1: it is no coordinate, or its coefficient no number. "motor" of a hinge with one
+  /// component, "arm.angle" of others.
+  int find_term(const LoopSpec& given, const std::string& key, const LoopSpec::Term& term, Loop& loop) {
+    std::vector<std::string> legal;
+    CoupledRate found{-1, -1, 0.0};
+    for (const UserBody& u : model_.user)
+      for (int i = 0; i < u.nv && u.nq == u.nv; ++i) {
+        const auto at = static_cast<std::size_t>(i);
+        legal.push_back(u.nv == 1 ? u.name : u.name + "." + u.q_names[at]);
+        if (term.target == legal.back() || term.target == u.name + "." + u.q_names[at] || term.target == u.name + "." + u.v_names[at])
+          found.q = u.q + i, found.v = u.v + i;
+      }
+    if (found.v < 0) {
+      report(Code::unknown_name, given, key,
+             legal.empty() ? std::string("a coordinate of a hinge, of which there is none that moves")
+                           : "a coordinate of a hinge: " + one_of(legal),
+             in_quotes(term.target), did_you_mean(term.target, legal));
+      return -1;
+    }
+    if (!std::isfinite(term.coefficient) || term.coefficient == 0.0) {
+      report(Code::out_of_range, given, key, "a finite number other than 0", fmt::format("{:g}", term.coefficient));
+      return -1;
+    }
+    std::vector<CoupledRate>& terms = loop.coupling.terms;
+    const auto known = std::ranges::find(terms, found.v, &CoupledRate::v);
+    const auto index = static_cast<int>(known - terms.begin());
+    if (known == terms.end()) terms.push_back(found), loop.rates.push_back(found.v);
+    return index;
+  }
+
+  void add_function(const LoopSpec& given, std::size_t i, Loop& loop) {
+    const LoopSpec::Function& function = given.functions[i];
+    const std::string key = fmt::format("functions[{}]", i);
+    const auto kind = std::ranges::find(function_kinds(), function.kind);
+    const std::vector<double>& x = function.numbers;
+    const bool finite = std::ranges::all_of(x, [](double number) { return std::isfinite(number); });
+    if (kind == function_kinds().end() || x.empty() || !finite || !std::isfinite(function.scale) || !std::isfinite(function.phase) ||
+        function.of.empty())
+      return report(Code::out_of_range, given, key,
+                    fmt::format("{}, with finite numbers, of at least one coordinate", one_of(function_kinds())),
+                    fmt::format("{} with {} numbers", in_quotes(function.kind), x.size()));
+    Coupling::Function out;
+    out.F.kind = static_cast<SmoothFunction::Kind>(kind - function_kinds().begin());
+    out.phase = function.phase;
+    if (out.F.kind == SmoothFunction::Kind::table) {
+      std::vector<double> points, values;
+      for (std::size_t k = 0; k + 1 < x.size(); k += 2) points.push_back(x[k]), values.push_back(function.scale * x[k + 1]);
+      const std::size_t least = function.periodic ? 3 : 2;
+      const bool rises = std::ranges::adjacent_find(points, std::greater_equal<>()) == points.end();
+      if (points.size() < least || x.size() % 2 != 0 || !rises)
+        return report(Code::out_of_range, given, key + ".table",
+                      fmt::format("at least {} rows of two numbers, the first of which rises", least),
+                      rises ? fmt::format("{} numbers", x.size()) : "one that does not rise");
+      if (function.periodic && values.front() != values.back())
+        return report(Code::out_of_range, given, key + ".table", "the same value in the last row as in the first, where it repeats",
+                      fmt::format("{:g} and {:g}", x[1], x.back()));
+      out.F = SmoothFunction::through(points, values, function.periodic);
+    } else {
+      out.F.numbers = x;
+      for (double& number : out.F.numbers) number *= function.scale;
+    }
+    for (const LoopSpec::Term& term : function.of) {
+      const int at = find_term(given, fmt::format("{}.of.{}", key, term.target), term, loop);
+      if (at < 0) return;
+      if (std::ranges::count(out.of, at, &Coupling::Function::Argument::term) > 0)
+        return report(Code::duplicate_name, given, fmt::format("{}.of.{}", key, term.target), "each coordinate once",
+                      in_quotes(term.target));
+      out.of.push_back({at, term.coefficient});
+    }
+    loop.coupling.functions.push_back(std::move(out));
   }
 
   const SystemSpec& spec_;

@@ -9,6 +9,7 @@
 
 #include "core/abi/cardan_device.h"
 #include "core/abi/registry.hpp"
+#include "core/model/coupling.hpp"
 #include "core/model/spec.hpp"
 #include "core/model/state.hpp"
 #include "core/model/sweep_model.hpp"
@@ -181,12 +182,6 @@ struct LoopEnd {
   int sweep = 0;      // the sweep body that carries it
   Pose<double> pose;  // of a place on the ground, in the world
 };
-/// A coordinate that a coupling has, and its rate.
-struct CoupledRate {
-  int q, v;
-  double coefficient;
-};
-
 /// One closure of the open tree.
 struct Loop {
   std::string name, type;
@@ -200,10 +195,12 @@ struct Loop {
   double length = 0.0;                  // [m] distance
   const cardan_hinge_family* hinge = nullptr;
   std::vector<double> packed, q0;  // of the hinge; q0: its coordinates at the start
-  std::vector<CoupledRate> terms;
-  double offset = 0.0;
-  double lever = 1.0;      // [m] of its size: what compares radians with metres
+  Coupling coupling;
+  int drive = -1;          // of what is given as a function of time: where Inputs::drive has it
+  double lever = 1.0;      // [m] of its size: what compares radians with metres; of a coupling that is not linear its largest slope
   double reference = 1.0;  // what a pivot of its scaled rows is compared with
+  /// Its rows hang on the coordinates.
+  bool turns() const { return closing != Closing::coupling || !coupling.is_linear(); }
 };
 
 /// A coordinate or a rate of the start as it was given and as it closes the loops.
@@ -217,6 +214,7 @@ struct Loops {
   std::vector<Loop> all;
   int rows = 0;
   int rank = 0;                                // of all rows at the start
+  int n_drives = 0;                            // rows that are given as functions of time
   std::vector<double> column_scale;            // per velocity component: 1 / sqrt(inertia) at the start
   std::shared_ptr<const Embedding> embedding;  // how they are closed inside of the sweeps; null: by multipliers over the open tree
   std::vector<LoopSet> sets;                   // loops that share hinges, and what became of them

@@ -125,10 +125,19 @@ struct PlaceSpec {
 
 /// What closes a loop: it holds `to` to `from`, or couples coordinates of hinges.
 struct LoopSpec {
-  /// Of a coupling: sum of coefficient q = offset.
+  /// Of a coupling: sum of coefficient q + sum of functions = offset.
   struct Term {
     std::string target;  // "motor", or "arm.angle" of a hinge with several
     double coefficient = 0.0;
+    Located at;
+  };
+  /// scale F(phase + sum of coefficient q).
+  struct Function {
+    std::string kind;             // polynomial, sine, cosine, table
+    std::vector<double> numbers;  // coefficients, ascending; an amplitude; x and F of each point
+    bool periodic = false;        // of a table: it repeats
+    double scale = 1.0, phase = 0.0;
+    std::vector<Term> of;
     Located at;
   };
   std::string name;
@@ -137,9 +146,11 @@ struct LoopSpec {
   ParamValues params;   // of the hinge type, checked by compile()
   double length = 0.0;  // [m] distance
   std::vector<Term> terms;
+  std::vector<Function> functions;
   double offset = 0.0;
-  bool open = false;      // it closes nothing, until it is closed (core/sim/rejoin.hpp)
-  bool as_found = false;  // a weld that is closed in a run: it holds the pose that its ends have then, and `to` becomes that place
+  bool prescribed = false;  // of a distance or coupling: by how much `length` or `offset` is more is given as a function of time
+  bool open = false;        // it closes nothing, until it is closed (core/sim/rejoin.hpp)
+  bool as_found = false;    // a weld that is closed in a run: it holds the pose that its ends have then, and `to` becomes that place
   Located at;
 };
 

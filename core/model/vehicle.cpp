@@ -20,6 +20,8 @@ namespace {
 
 using Kind = DocNode::Kind;
 
+constexpr char kTerms[] = "{motor: 1, arm.angle: -50}: hinges and their coefficients";
+
 /// "a.rate + b.rate", "_x" -> "a.rate_x + b.rate_x"
 std::string each_with_suffix(std::string sources, const std::string& suffix) {
   for (std::size_t at = 0; at <= sources.size();) {
@@ -336,7 +338,10 @@ class VehicleReader {
     const bool known = family || std::ranges::find(closures, loop.type) != closures.end();
     if (!known) return spec_.loops.push_back(std::move(loop));  // reported by compile(); its keys depend on the type
     if (loop.type == "coupling") {
-      if (const auto terms = map.require("terms", "{motor: 1, arm.angle: -50}: hinges and their coefficients")) read_terms(*terms, loop);
+      const auto terms = map.find("terms"), functions = map.find("functions");
+      if (!terms && !functions) map.require("terms", kTerms, "or functions: [{of: {cam: 1}, sine: 0.02}]");
+      if (terms) read_terms(*terms, loop.terms);
+      if (functions) read_functions(*functions, loop);
       loop.offset = map.number("offset", "1", 0.0);
     } else {
       if (const auto from = map.require("from", "a body, body.node or world")) read_end(*from, loop.from);
@@ -344,6 +349,7 @@ class VehicleReader {
       if (loop.type == "distance") loop.length = map.number("length", "m");
       if (family) read_params(map, {family->params, family->n_params}, loop.params);
     }
+    if (loop.type == "coupling" || loop.type == "distance") loop.prescribed = map.flag("prescribed", false);
     map.finish();
     spec_.loops.push_back(std::move(loop));
   }
@@ -369,11 +375,42 @@ class VehicleReader {
     map.finish();
   }
 
-  void read_terms(const DocRef& value, LoopSpec& loop) {
+  void read_functions(const DocRef& value, LoopSpec& loop) {
+    if (value.node->kind != Kind::list || value.node->items.empty())
+      return context_.sink.report(Code::wrong_type, value.at(), "a list of functions: [{of: {cam: 1}, sine: 0.02}]", describe(*value.node));
+    for (std::size_t i = 0; i < value.node->items.size(); ++i) {
+      MapReader map(value.item(i), context_);
+      if (!map.is_map()) continue;
+      LoopSpec::Function f;
+      f.at = value.item(i).at();
+      if (const auto of = map.require("of", kTerms)) read_terms(*of, f.of);
+      f.phase = map.number("phase", "1", 0.0), f.scale = map.number("scale", "1", 1.0);
+      if (const auto form = map.one(function_kinds())) {
+        f.kind = function_kinds()[form->first];
+        if (f.kind == "table")
+          f.periodic = map.flag("periodic", false), f.numbers = read_points(form->second);
+        else if (f.kind == "polynomial")
+          f.numbers = read_numbers(form->second, "1", 0, context_);
+        else
+          f.numbers = {read_number(form->second, "1", context_)};
+      }
+      map.finish();
+      loop.functions.push_back(std::move(f));
+    }
+  }
+  std::vector<double> read_points(const DocRef& value) {
+    if (value.node->kind != Kind::list) context_.sink.report(Code::wrong_type, value.at(), "a list of rows [x, F]", describe(*value.node));
+    std::vector<double> all;
+    for (std::size_t i = 0; value.node->kind == Kind::list && i < value.node->items.size(); ++i)
+      for (const double x : read_numbers(value.item(i), "1", 2, context_)) all.push_back(x);
+    return all;
+  }
+
+  void read_terms(const DocRef& value, std::vector<LoopSpec::Term>& terms) {
     if (value.node->kind != Kind::map)
       return context_.sink.report(Code::wrong_type, value.at(), "a map of hinges and coefficients", describe(*value.node));
     for (std::size_t i = 0; i < value.node->items.size(); ++i)
-      loop.terms.push_back({value.node->keys[i].name, read_number(value.item(i), "1", context_), value.item(i).at()});
+      terms.push_back({value.node->keys[i].name, read_number(value.item(i), "1", context_), value.item(i).at()});
   }
 
   void read_end(const DocRef& value, PlaceSpec& place) {

@@ -18,10 +18,10 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-LoopFreedom freedom_at(const Model& closed, const double* q) {
+LoopFreedom freedom_at(const Model& closed, const double* q, const cardan::Drive* drives = nullptr) {
   if (!closed.loops.empty()) {
     Workspace ws(closed);
-    return loop_freedom(closed, ws, q);
+    return loop_freedom(closed, ws, q, drives);
   }
   LoopFreedom all;
   all.independent.resize(static_cast<std::size_t>(closed.nv));
@@ -81,7 +81,7 @@ ClosedForces closed_inverse_dynamics(const std::shared_ptr<const Model>& closed,
   Inputs loaded = in;
   loaded.tau = tau.data();
   if (!forward_dynamics(m, ws, loaded, idle.data())) throw NumericsError(describe_breakdown(m, ws.breakdown, 0.0));
-  const LoopFreedom freedom = freedom_at(m, in.q);
+  const LoopFreedom freedom = freedom_at(m, in.q, in.drives);
   TreeOperators tree(open_tree(closed));
   tree.at(in.q);
   std::vector<int> free, drives;

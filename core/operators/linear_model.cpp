@@ -672,9 +672,15 @@ LinearModel linearize(const Model& m, const OperatingPoint& at, const LinearPort
     if (!(m.has_prescribed() && m.prescribed[v])) tau[v] = at.tau[v];
   hinge_laws::add_forces(m, at.q, at.v, tau.data());
   const VectorXd still = VectorXd::Zero(m.nv);
-  LoopTangents loops(
-      m, {.q = at.q, .v = at.v, .tau = tau.data(), .vdot = at.vdot ? at.vdot : still.data(), .wrenches = at.wrenches, .moment = at.moment},
-      at.t);
+  LoopTangents loops(m,
+                     {.q = at.q,
+                      .v = at.v,
+                      .tau = tau.data(),
+                      .vdot = at.vdot ? at.vdot : still.data(),
+                      .wrenches = at.wrenches,
+                      .moment = at.moment,
+                      .drives = at.drives},
+                     at.t);
   const std::shared_ptr<const Model> tree = open_tree(std::shared_ptr<const Model>(std::shared_ptr<void>(), &m));
   Scope scope = scope_of(*tree, nullptr);
   scope.loops = &loops;

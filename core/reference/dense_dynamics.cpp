@@ -189,11 +189,12 @@ DenseTwin<T>::DenseTwin(DenseModel<T> model) : model_(std::make_shared<const Den
 }
 
 template <class T>
-DenseState<T> DenseTwin<T>::at(const VecX<T>& q, const VecX<T>& v) const {
+DenseState<T> DenseTwin<T>::at(const VecX<T>& q, const VecX<T>& v, const Mat3X<T>& drives) const {
   DenseState<T> s(model_);
   const int nv = model_->nv;
   s.q_ = q;
   s.v_ = v;
+  s.drives_ = drives;
   s.M = MatX<T>::Zero(nv, nv);
   s.bias = s.gravity_force = s.elastic_force = s.hinge_force = VecX<T>::Zero(nv);
   s.com = s.linear_momentum = s.angular_momentum = Vec3<T>::Zero();
@@ -421,8 +422,12 @@ Frame<T> DenseState<T>::end_frame(int body, const ModalPoint<T>& at) const {
 template <class T>
 std::vector<LoopRows<T>> DenseState<T>::loops() const {
   std::vector<LoopRows<T>> all;
-  for (const DenseLoop<T>& loop : model_->loops)
-    all.push_back(rows_of(loop, end_frame(loop.from, loop.A), end_frame(loop.to, loop.B), q_, static_cast<int>(v_.size())));
+  Eigen::Index drive = 0;
+  for (const DenseLoop<T>& loop : model_->loops) {
+    const bool given = loop.prescribed && drives_.cols() > 0;
+    const Vec3<T> at = given ? Vec3<T>(drives_.col(drive++)) : Vec3<T>(Vec3<T>::Zero());
+    all.push_back(rows_of<T>(loop, end_frame(loop.from, loop.A), end_frame(loop.to, loop.B), q_, v_, at));
+  }
   return all;
 }
 

@@ -85,6 +85,7 @@ class DenseState {
 
   std::shared_ptr<const DenseModel<T>> model_;
   VecX<T> q_, v_;
+  Mat3X<T> drives_;
   std::vector<Frame<T>> pnodes_;
   std::vector<Resultants> resultants_;
 };
@@ -96,7 +97,8 @@ class DenseTwin {
   explicit DenseTwin(DenseModel<T> model);
   int nq() const { return model_->nq; }
   int nv() const { return model_->nv; }
-  DenseState<T> at(const VecX<T>& q, const VecX<T>& v) const;
+  /// `drives`: of each prescribed loop in its order by how much it is more, its rate and acceleration; none: at rest as described.
+  DenseState<T> at(const VecX<T>& q, const VecX<T>& v, const Mat3X<T>& drives = {}) const;
 
  private:
   void set_kinematics(DenseState<T>&) const;

@@ -154,7 +154,22 @@ DenseLoop<T> dense_loop(const DenseModel<T>& model, const LoopSpec& spec) {
   loop.shape.axes = hinge_axes<T>(hinge);
   if (const auto it = spec.params.find("pitch"); it != spec.params.end()) loop.shape.pitch = T(std::get<double>(it->second.value));
   loop.length = T(spec.length), loop.offset = T(spec.offset);
+  loop.prescribed = spec.prescribed;
   for (const LoopSpec::Term& term : spec.terms) loop.terms.push_back(term_of(model, term));
+  for (const LoopSpec::Function& f : spec.functions) {
+    typename DenseLoop<T>::Function function;
+    function.kind = f.kind, function.phase = T(f.phase), function.periodic = f.periodic;
+    const auto n = static_cast<Eigen::Index>(f.numbers.size());
+    const VecX<T> numbers = Eigen::Map<const Eigen::VectorXd>(f.numbers.data(), n).template cast<T>();
+    if (f.kind == "table") {
+      function.numbers = numbers(Eigen::seq(0, n - 2, 2)), function.values = T(f.scale) * numbers(Eigen::seq(1, n - 1, 2));
+      function.slopes = slopes_of_table<T>(function.numbers, function.values, f.periodic);
+    } else {
+      function.numbers = T(f.scale) * numbers;
+    }
+    for (const LoopSpec::Term& term : f.of) function.of.push_back(term_of(model, term));
+    loop.functions.push_back(std::move(function));
+  }
   const auto end = [&](const PlaceSpec& place, int& body, ModalPoint<T>& at) {
     for (std::size_t k = 0; k < model.bodies.size() && !place.body.empty(); ++k)
       if (model.bodies[k].name == place.body) body = static_cast<int>(k);

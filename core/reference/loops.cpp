@@ -37,9 +37,9 @@ class Conditions {
   void point() {
     for (int i = 0; i < 3; ++i) add(d_[i], Vec3<T>::Zero(), Vec3<T>::Unit(i), -dddot_[i], false);
   }
-  void distance(const T& length) {
-    add((d_.squaredNorm() - length * length) / (2 * length), Vec3<T>::Zero(), d_ / length, -(ddot_.squaredNorm() + d_.dot(dddot_)) / length,
-        false);
+  void distance(const T& length, const T& rate, const T& acceleration) {  // d.d = l^2, differentiated twice, over l
+    add((d_.squaredNorm() - length * length) / (2 * length), Vec3<T>::Zero(), d_ / length,
+        (rate * rate - ddot_.squaredNorm() - d_.dot(dddot_)) / length + acceleration, false);
   }
   /// Axes of A and B are parallel.
   void parallel() {
@@ -76,6 +76,34 @@ class Conditions {
   std::vector<Row> all_;
 };
 
+/// F, F', F'' of one number.
+template <class T>
+Vec3<T> evaluated(const typename DenseLoop<T>::Function& f, T x) {
+  using std::cos, std::sin;
+  if (f.kind == "sine") return f.numbers[0] * Vec3<T>(sin(x), cos(x), -sin(x));
+  if (f.kind == "cosine") return f.numbers[0] * Vec3<T>(cos(x), -sin(x), -cos(x));
+  Vec3<T> out = Vec3<T>::Zero();
+  const auto n = f.numbers.size();
+  if (f.kind == "polynomial") {  // power by power
+    T power(1), before(0), twice_before(0);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      out += f.numbers[i] * Vec3<T>(power, T(static_cast<double>(i)) * before, T(static_cast<double>(i * (i - 1))) * twice_before);
+      twice_before = before, before = power, power *= x;
+    }
+    return out;
+  }
+  if (const T period = f.numbers[n - 1] - f.numbers[0]; f.periodic)
+    x -= period * T(std::floor(static_cast<double>((x - f.numbers[0]) / period)));
+  if (x < f.numbers[0]) return {f.values[0] + f.slopes[0] * (x - f.numbers[0]), f.slopes[0], T(0)};
+  if (x > f.numbers[n - 1]) return {f.values[n - 1] + f.slopes[n - 1] * (x - f.numbers[n - 1]), f.slopes[n - 1], T(0)};
+  Eigen::Index i = 0;
+  while (i + 2 < n && !(x < f.numbers[i + 1])) ++i;
+  const T h = f.numbers[i + 1] - f.numbers[i], s = (x - f.numbers[i]) / h, rise = (f.values[i + 1] - f.values[i]) / h;
+  const T m0 = f.slopes[i], m1 = f.slopes[i + 1];  // Hermite's cubic: powers of s
+  const T second = 3 * rise - 2 * m0 - m1, third = m0 + m1 - 2 * rise;
+  return {f.values[i] + h * s * (m0 + s * (second + s * third)), m0 + s * (2 * second + 3 * s * third), (2 * second + 6 * s * third) / h};
+}
+
 template <class T>
 Vec3<T> across(const Vec3<T>& u) {
   using std::abs;
@@ -95,14 +123,45 @@ bool knows_loop(std::string_view type) {
 }
 
 template <class T>
-LoopRows<T> rows_of(const DenseLoop<T>& loop, const Frame<T>& A, const Frame<T>& B, const VecX<T>& q, int nv) {
+VecX<T> slopes_of_table(const VecX<T>& x, const VecX<T>& values, bool periodic) {
+  const Eigen::Index n = x.size();
+  MatX<T> A = MatX<T>::Zero(n, n);
+  VecX<T> b = VecX<T>::Zero(n);
+  const auto curvature = [&](Eigen::Index row, Eigen::Index i, bool end, const T& sign) {  // of stretch i at its beginning or end
+    const T h = x[i + 1] - x[i], rise = (values[i + 1] - values[i]) / h;
+    A(row, i) += sign * (end ? T(2) : T(-4)) / h, A(row, i + 1) += sign * (end ? T(4) : T(-2)) / h;
+    b[row] += sign * (end ? T(6) : T(-6)) * rise / h;
+  };
+  for (Eigen::Index i = 1; i + 1 < n; ++i) curvature(i, i - 1, true, T(1)), curvature(i, i, false, T(-1));
+  curvature(0, 0, false, T(1));
+  if (periodic) {
+    curvature(0, n - 2, true, T(-1));
+    A(n - 1, 0) = T(1), A(n - 1, n - 1) = T(-1);
+  } else {
+    curvature(n - 1, n - 2, true, T(1));
+  }
+  return A.partialPivLu().solve(b);
+}
+
+template <class T>
+LoopRows<T> rows_of(const DenseLoop<T>& loop, const Frame<T>& A, const Frame<T>& B, const VecX<T>& q, const VecX<T>& v,
+                    const Vec3<T>& drive) {
+  const auto nv = static_cast<int>(v.size());
   const std::string& type = loop.shape.type;
   if (type == "coupling") {
     LoopRows<T> out{VecX<T>::Constant(1, -loop.offset), VecX<T>::Zero(1), MatX<T>::Zero(1, nv), MatX<T>::Zero(6, 1)};
     for (const auto& term : loop.terms) {
       out.c[0] += term.coefficient * q[term.q];
-      out.G(0, term.v) = term.coefficient;
+      out.G(0, term.v) += term.coefficient;
     }
+    for (const auto& function : loop.functions) {
+      T x = function.phase, rate(0);
+      for (const auto& term : function.of) x += term.coefficient * q[term.q], rate += term.coefficient * v[term.v];
+      const Vec3<T> F = evaluated<T>(function, x);
+      out.c[0] += F[0], out.gamma[0] -= F[2] * rate * rate;
+      for (const auto& term : function.of) out.G(0, term.v) += F[1] * term.coefficient;
+    }
+    out.c[0] -= drive[0], out.gamma[0] += drive[2];
     return out;
   }
   Conditions<T> on(A, B, nv);
@@ -136,7 +195,7 @@ LoopRows<T> rows_of(const DenseLoop<T>& loop, const Frame<T>& A, const Frame<T>&
   } else if (type == "plane") {
     on.way(unit(2));
   } else {
-    on.distance(loop.length);
+    on.distance(loop.length + drive[0], drive[1], drive[2]);
   }
   return on.rows();
 }
@@ -174,8 +233,12 @@ ClosedMotion<T> closed_motion(const MatX<T>& M, const VecX<T>& force, const MatX
   return out;
 }
 
-template LoopRows<double> rows_of(const DenseLoop<double>&, const Frame<double>&, const Frame<double>&, const VecX<double>&, int);
-template LoopRows<Quad> rows_of(const DenseLoop<Quad>&, const Frame<Quad>&, const Frame<Quad>&, const VecX<Quad>&, int);
+template LoopRows<double> rows_of(const DenseLoop<double>&, const Frame<double>&, const Frame<double>&, const VecX<double>&,
+                                  const VecX<double>&, const Vec3<double>&);
+template LoopRows<Quad> rows_of(const DenseLoop<Quad>&, const Frame<Quad>&, const Frame<Quad>&, const VecX<Quad>&, const VecX<Quad>&,
+                                const Vec3<Quad>&);
+template VecX<double> slopes_of_table(const VecX<double>&, const VecX<double>&, bool);
+template VecX<Quad> slopes_of_table(const VecX<Quad>&, const VecX<Quad>&, bool);
 template ClosedMotion<double> closed_motion(const MatX<double>&, const VecX<double>&, const MatX<double>&, const VecX<double>&, double);
 template ClosedMotion<Quad> closed_motion(const MatX<Quad>&, const VecX<Quad>&, const MatX<Quad>&, const VecX<Quad>&, double);
 

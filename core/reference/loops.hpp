@@ -21,7 +21,21 @@ struct DenseLoop {
   ModalPoint<T> A, B;      // on these
   T length{0}, offset{0};
   std::vector<Term> terms;
+  /// F(phase + sum of coefficient q).
+  struct Function {
+    std::string kind;        // polynomial, sine, cosine, table
+    VecX<T> numbers;         // coefficients, ascending; an amplitude; of a table x of its points
+    VecX<T> values, slopes;  // of a table, at its points
+    bool periodic = false;
+    T phase{0};
+    std::vector<Term> of;
+  };
+  std::vector<Function> functions;
+  bool prescribed = false;
 };
+/// Slopes at the points of a table: of the cubics between them that have continuous curvatures, zero at the ends unless it repeats.
+template <class T>
+VecX<T> slopes_of_table(const VecX<T>& x, const VecX<T>& values, bool periodic);
 
 /// Rows c(q) = 0, G v = 0, G v' = gamma of one loop, and what a multiplier of 1 of each does to the end `to`: moment and force at its node,
 /// world axes.
@@ -30,8 +44,10 @@ struct LoopRows {
   VecX<T> c, gamma;
   MatX<T> G, wrench;  // rows x nv, 6 x rows
 };
+/// `drive`: by how much the length or offset of a prescribed one is more, its rate and acceleration.
 template <class T>
-LoopRows<T> rows_of(const DenseLoop<T>& loop, const Frame<T>& A, const Frame<T>& B, const VecX<T>& q, int nv);
+LoopRows<T> rows_of(const DenseLoop<T>& loop, const Frame<T>& A, const Frame<T>& B, const VecX<T>& q, const VecX<T>& v,
+                    const Vec3<T>& drive);
 /// False for a type that the twin does not know.
 bool knows_loop(std::string_view type);
 

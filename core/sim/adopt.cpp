@@ -108,6 +108,7 @@ void Simulation::take_in() {
   tau_ = std::move(tau);
   const std::unique_ptr<DeviceForces> devices = std::move(devices_);
   const std::vector<Prescribed> prescribed = std::move(prescribed_);
+  const std::vector<PrescribedLoop> prescribed_loops = std::move(prescribed_loops_);
   std::vector<NodeWrench> given(wrenches_.begin() + before->devices.n_loads, wrenches_.end());
   workspace_ = Workspace(*model_);
   build();
@@ -116,6 +117,15 @@ void Simulation::take_in() {
   for (const Prescribed& p : prescribed)
     for (Prescribed& now : prescribed_)
       if (p.given && map.v[static_cast<std::size_t>(p.index)] == now.index) now.profile = p.profile, now.given = true;
+  for (const PrescribedLoop& p : prescribed_loops)
+    for (PrescribedLoop& now : prescribed_loops_) {
+      if (p.name != now.name) continue;
+      const auto length = [&p](const Model& m) {
+        const Loop& loop = m.loops.all[static_cast<std::size_t>(m.loops.find(p.name))];
+        return loop.closing == Closing::distance ? loop.length : loop.coupling.offset;
+      };
+      now = {p.name, p.profile, p.given, state_.t, length(*before) + p.more(state_.t) - length(*model_)};
+    }
   for (NodeWrench& w : given) w.node = map.node[static_cast<std::size_t>(w.node)], wrenches_.push_back(w);
   world_rates_ = world_rates_ || !given.empty();
   breakdown_ = {};

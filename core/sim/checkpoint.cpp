@@ -18,6 +18,7 @@ void Simulation::remember(Archive& a) {
   for (NodeWrench& w : wrenches_) a(w.f.n.x, w.f.n.y, w.f.n.z, w.f.f.x, w.f.f.y, w.f.f.z);
   a.block("given motion");
   for (Prescribed& p : prescribed_) a(p.profile, p.given, p.t_0, p.q_0);
+  for (PrescribedLoop& p : prescribed_loops_) a(p.profile, p.given, p.t_0, p.more_0);
   a.block("schedule")(schedule_);
   if (a.reading() && !schedule_.stands_at(state_.t)) a.wrong("ticks of another time than that of the state");
   a.block("run")(steps_, last_output_, warned_stiff_, std::span(event_times_), events_seen_, limited_steps_, t_limited_);

@@ -188,6 +188,22 @@ std::string place_text(const PlaceSpec& place) {
   return p.isZero() ? body : fmt::format("{} at [{:.10g}, {:.10g}, {:.10g}]", body, p.x(), p.y(), p.z());
 }
 
+/// "2 arm + 0.5 wheel"
+std::string sum_text(const std::vector<LoopSpec::Term>& terms) {
+  std::string text;
+  for (const LoopSpec::Term& term : terms) text += fmt::format("{}{:g} {}", text.empty() ? "" : " + ", term.coefficient, term.target);
+  return text;
+}
+/// "0.02 sine(1 cam + 0.3)", "table of 12 rows, repeating (1 cam)"
+std::string function_text(const LoopSpec::Function& f) {
+  const std::string scale = f.scale == 1.0 ? "" : fmt::format("{:g} ", f.scale);
+  const std::string argument = fmt::format("({}{})", sum_text(f.of), f.phase == 0.0 ? "" : fmt::format(" + {:g}", f.phase));
+  if (f.kind == "table")
+    return fmt::format("{}table of {} rows{} {}", scale, f.numbers.size() / 2, f.periodic ? ", repeating" : "", argument);
+  if (f.kind == "polynomial") return fmt::format("{}polynomial [{:g}] {}", scale, fmt::join(f.numbers, ", "), argument);
+  return fmt::format("{:g} {}{}", f.scale * f.numbers[0], f.kind, argument);
+}
+
 /// What closes the loops of the tree: rows, those that others imply, and how far the vehicle can still move.
 Json loops(const Simulation& sim) {
   const Model& m = sim.model();
@@ -197,7 +213,7 @@ Json loops(const Simulation& sim) {
     if (l.open) open.push_back({{"name", l.name}, {"type", l.type}});
   if (m.loops.empty()) return {{"all", Json::array()}, {"open", open}};
   Workspace ws(m);
-  const LoopRank rank = loop_rank(m, ws, sim.state().q.data());
+  const LoopRank rank = loop_rank(m, ws, sim.state().q.data(), sim.drives().data());
   Json all = Json::array(), redundant = Json::array();
   for (const int row : rank.redundant) redundant.push_back(name_of_row(m, ws, row));
   for (std::size_t i = 0; i < m.loops.all.size(); ++i) {
@@ -205,11 +221,11 @@ Json loops(const Simulation& sim) {
     const LoopSpec& spec = m.spec->loops[static_cast<std::size_t>(l.spec)];
     std::string text = fmt::format("from {} to {}", place_text(spec.from), place_text(spec.to));
     if (l.closing == Closing::coupling) {
-      text.clear();
-      for (const LoopSpec::Term& term : spec.terms)
-        text += fmt::format("{}{:g} {}", text.empty() ? "" : " + ", term.coefficient, term.target);
+      text = sum_text(spec.terms);
+      for (const LoopSpec::Function& f : spec.functions) text += fmt::format("{}{}", text.empty() ? "" : " + ", function_text(f));
       text += fmt::format(" = {:g}", spec.offset);
     }
+    if (spec.prescribed) text += l.closing == Closing::coupling ? ", by the mission more" : ", of a length that the mission gives";
     all.push_back({{"name", l.name}, {"type", l.type}, {"rows", l.rows}, {"rates", l.rates.size()}, {"between", text}});
   }
   Json moved = Json::array();
@@ -312,7 +328,7 @@ Json system_modes(Simulation& sim, int elastic) {
     Workspace ws(sim.model());
     const operators::SystemModesOptions options{elastic, 0, sim.devices()};
     const operators::SystemModes found =
-        closed ? operators::closed_system_modes(tree, loop_freedom(sim.model(), ws, sim.state().q.data()).X, options)
+        closed ? operators::closed_system_modes(tree, loop_freedom(sim.model(), ws, sim.state().q.data(), sim.drives().data()).X, options)
                : operators::system_modes(tree, options);
     Json rows = Json::array();
     for (Eigen::Index j = found.first_elastic; j < found.frequency.size(); ++j)
@@ -515,8 +531,11 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
     const LoopSpec& spec = m.spec->loops[static_cast<std::size_t>(l.spec)];
     const std::string path = "loops." + l.name + ".";
     add(path + "type", l.type);
+    if (spec.prescribed) add(path + "prescribed", "true");
     if (l.closing == Closing::coupling) {
       for (const LoopSpec::Term& term : spec.terms) add(path + "terms." + term.target, fmt::format("{:.10g}", term.coefficient));
+      for (std::size_t k = 0; k < spec.functions.size(); ++k)
+        add(fmt::format("{}functions[{}]", path, k), function_text(spec.functions[k]));
       add(path + "offset", fmt::format("{:.10g}", spec.offset));
       continue;
     }

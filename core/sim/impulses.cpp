@@ -81,7 +81,8 @@ void Simulation::strike() {
   // Where something else holds the vehicle, the ground or a given motion, what that gives comes from outside too.
   const auto floats = [&](int root) { return m.user[static_cast<std::size_t>(root)].nv == 6; };
   const auto on_ground = [](const Loop& l) { return l.closing != Closing::coupling && (l.from.node < 0 || l.to.node < 0); };
-  const bool free = prescribed_.empty() && std::ranges::all_of(roots_, floats) && std::ranges::none_of(m.loops.all, on_ground);
+  const bool free =
+      prescribed_.empty() && drives_.empty() && std::ranges::all_of(roots_, floats) && std::ranges::none_of(m.loops.all, on_ground);
   if (!free) given << p.linear - p_before.linear, p.angular - p_before.angular, e.total() - e_before.total();
   balances_.jump(given);
   if (recorder_)

@@ -169,7 +169,7 @@ class Outputs {
   void loop(const LoopSpec& l) {  // while it is open: zero
     const std::string path = "loops/" + l.name + "/";
     if (l.type == "coupling")
-      return add(path + "multiplier", {"multiplier"}, "1", "", "force of the coupling, per coefficient of each of its terms",
+      return add(path + "multiplier", {"multiplier"}, "1", "", "force of the coupling, per slope of its sum along each coordinate",
                  [&sim = sim_, name = l.name](double* x) {
                    const int i = sim.model().loops.find(name);
                    *x = i < 0 ? 0.0 : sim.loop_forces().multipliers[at(sim.model().loops.all[at(i)].first)];
@@ -189,12 +189,8 @@ class Outputs {
       for (const Loop& l : sim.model().loops.all)
         for (int i = l.first; i < l.first + l.rows; ++i) *x = std::max(*x, std::abs(f.residual[at(i)]) / l.lever);
     });
-    add("loops/power", {"power"}, "W", "", "power of all multipliers: none, but for rounding", [&sim = sim_](double* x) {
-      *x = 0.0;
-      if (sim.model().loops.empty()) return;
-      const LoopForces f = sim.loop_forces();
-      for (std::size_t i = 0; i < f.rate.size(); ++i) *x += f.multipliers[i] * f.rate[i];
-    });
+    add("loops/power", {"power"}, "W", "", "power of all multipliers: that of prescribed loops, but for rounding",
+        [&sim = sim_](double* x) { *x = sim.model().loops.empty() ? 0.0 : sim.loop_power(); });
   }
 
   void reaction(int i) {

@@ -86,8 +86,13 @@ template <class T>
 double difference(Simulation& sim, const reference::DenseTwin<T>& twin, bool& sound) {
   using reference::MatX, reference::VecX;
   const Model& m = sim.model();
-  const reference::DenseState<T> state = twin.at(sim.state().q.cast<T>(), sim.state().v.cast<T>());
   const Observer& observer = sim.observe();
+  reference::Mat3X<T> drives(3, static_cast<Eigen::Index>(sim.drives().size()));
+  for (Eigen::Index i = 0; i < drives.cols(); ++i) {
+    const Drive& d = sim.drives()[static_cast<std::size_t>(i)];
+    drives.col(i) << T(d.more), T(d.rate), T(d.acceleration);
+  }
+  const reference::DenseState<T> state = twin.at(sim.state().q.cast<T>(), sim.state().v.cast<T>(), drives);
   VecX<T> tau(m.nv);
   const std::vector<double> forces = sim.applied_forces();
   for (int i = 0; i < m.nv; ++i) tau[i] = T(forces[static_cast<std::size_t>(i)]);

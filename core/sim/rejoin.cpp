@@ -40,6 +40,7 @@ class Rejoining {
       : before_(from.model()),
         seen_(from.observe()),
         state_(from.state()),
+        drives_(from.drives().begin(), from.drives().end()),
         spec_(std::move(spec)),
         registry_(registry),
         options_(options) {}
@@ -62,7 +63,10 @@ class Rejoining {
         body.hinge.q = was.q;
     }
     for (LoopSpec& loop : spec_.loops)
-      if (loop.as_found) hold_as_found(loop);
+      if (loop.as_found)
+        hold_as_found(loop);
+      else if (const Drive* drive = drive_of(loop.name))
+        (loop.type == "distance" ? loop.length : loop.offset) = length_of(loop.name) + drive->more;
     const auto model = compile(std::make_shared<const SystemSpec>(spec_), registry_, options_);
     const ModelMap map = model_map(before_, *model);
     State state = carried(state_, map, *model);
@@ -74,7 +78,11 @@ class Rejoining {
     if (!others_.empty()) set_velocities(*model, state);
     if (!model->loops.empty()) {
       const Model weighed = model->weighed(state.z.data(), state.marks.data());
-      if (LoopProjection projection(weighed); !projection.close(state.q.data(), state.v.data()))
+      std::vector<Drive> drives(static_cast<std::size_t>(model->loops.n_drives));  // at their lengths, still moving
+      for (const Loop& loop : model->loops.all)
+        if (const Drive* drive = drive_of(loop.name); loop.drive >= 0 && drive)
+          drives[static_cast<std::size_t>(loop.drive)] = {0.0, drive->rate, drive->acceleration};
+      if (LoopProjection projection(weighed); !projection.close(state.q.data(), state.v.data(), drives.data()))
         throw NumericsError(describe_breakdown(weighed, projection.breakdown(), state.t));
     }
     return {model, std::move(state)};
@@ -124,6 +132,16 @@ class Rejoining {
     refuse(Code::ends_apart, at, fmt::format("ends that a hinge of type {} can join where they are", hinge.type),
            fmt::format("{:.3g} rad and {:.3g} m between them at t = {:.6g} s", turn, shift, state_.t),
            "as_found = true holds them as they are");
+  }
+
+  /// Of a loop that was prescribed and closed; null: it was not.
+  const Drive* drive_of(const std::string& loop) const {
+    const int i = before_.loops.find(loop), drive = i < 0 ? -1 : before_.loops.all[static_cast<std::size_t>(i)].drive;
+    return drive < 0 ? nullptr : &drives_[static_cast<std::size_t>(drive)];
+  }
+  double length_of(const std::string& loop) const {
+    const Loop& was = before_.loops.all[static_cast<std::size_t>(before_.loops.find(loop))];
+    return was.closing == Closing::distance ? was.length : was.coupling.offset;
   }
 
   /// Its end `to` is where `from` is when it closes, and stays there, also when it is open again: the node of that place does.
@@ -247,6 +265,7 @@ class Rejoining {
   const Model& before_;
   const Observer& seen_;
   const State& state_;
+  std::vector<Drive> drives_;
   SystemSpec spec_;
   const Registry& registry_;
   CompileOptions options_;
@@ -276,6 +295,7 @@ std::vector<double> initial_places(const SystemSpec& spec) {
       all.insert(all.end(), part->begin(), part->end());
     }
   for (const LoopSpec& l : spec.loops) {
+    if (l.prescribed) all.push_back(l.type == "distance" ? l.length : l.offset);
     if (!l.as_found) continue;
     all.push_back(l.to.node.empty());
     all.insert(all.end(), l.to.R.data(), l.to.R.data() + 9), all.insert(all.end(), l.to.position.data(), l.to.position.data() + 3);
@@ -295,6 +315,10 @@ bool put_initial_places(SystemSpec& spec, const std::vector<double>& places) {
     b.hinge.v.clear(), b.etadot.clear();
   }
   for (LoopSpec& l : spec.loops) {
+    if (l.prescribed) {
+      if (at == places.end()) return false;
+      (l.type == "distance" ? l.length : l.offset) = *at++;
+    }
     if (!l.as_found) continue;
     if (places.end() - at < 13) return false;
     if (*at++ != 0.0) l.to.node.clear();

@@ -65,6 +65,10 @@ void Simulation::build() {
       if (i >= r.v && i < r.v + r.n) coordinate = r.q + i - r.v;
     prescribed_.push_back({i, coordinate, MotionProfile::hold(state_.v[i])});
   }
+  prescribed_loops_.clear();
+  for (const Loop& loop : m.loops.all)
+    if (loop.drive >= 0) prescribed_loops_.push_back({loop.name, MotionProfile::hold()});
+  drives_.assign(prescribed_loops_.size(), {});
   // Impulse from outside is zero, and its rates need no world poses, when nothing touches the system but its own hinges.
   world_rates_ = m.gravity.kind != GravitySpec::Kind::none || m.devices.n_loads > 0;
   roots_.clear();
@@ -223,6 +227,7 @@ void Simulation::take_over(const Simulation& other) {
   tau_ = other.tau_;
   tau_total_ = other.tau_;
   prescribed_ = other.prescribed_;
+  prescribed_loops_ = other.prescribed_loops_, drives_ = other.drives_;
   if (devices_ && other.devices_) devices_->commands = other.devices_->commands;
   if (delayed_.size() == other.delayed_.size()) delayed_ = other.delayed_;
   for (std::size_t i = 0; i < std::min(wrenches_.size(), other.wrenches_.size()); ++i) wrenches_[i].f = other.wrenches_[i].f;
@@ -335,8 +340,40 @@ void Simulation::prescribe(int v_index, MotionProfile profile) {
   changed();
 }
 
+void Simulation::prescribe_loop(std::string_view loop, MotionProfile profile) {
+  const auto p = std::ranges::find(prescribed_loops_, loop, &PrescribedLoop::name);
+  if (p == prescribed_loops_.end())
+    refuse(Code::bad_initial_state, {fmt::format("profile of {}", loop)}, "a loop that is prescribed, and closed", "one that is not",
+           "say so in the vehicle: loops.<name>.prescribed");
+  p->more_0 = p->more(state_.t), p->t_0 = state_.t;
+  const double before = p->profile.rate(state_.t), rate = profile.rate(state_.t);
+  if (begun_ && std::abs(rate - before) > 1e-9 * std::max(std::abs(rate), std::abs(before))) {
+    struck_by_loops_ = true;
+    warn(Code::mission_doubt, {fmt::format("profile of {}", loop), {}},
+         fmt::format("the rate is {:.6g} and the profile's {:.6g}: it jumps, and the vehicle takes it as a blow", before, rate),
+         "let the profile begin with the rate that is there, and change it over a time");
+  }
+  p->profile = std::move(profile);
+  p->given = true;
+  changed();
+}
+
+const MotionProfile* Simulation::loop_profile(std::string_view loop) const {
+  const auto p = std::ranges::find(prescribed_loops_, loop, &PrescribedLoop::name);
+  return p == prescribed_loops_.end() || !p->given ? nullptr : &p->profile;
+}
+
+/// `since`: as in MotionProfile::acceleration().
+void Simulation::drive_loops(double t, double since) {
+  for (std::size_t i = 0; i < drives_.size(); ++i) {
+    const PrescribedLoop& p = prescribed_loops_[i];
+    drives_[i] = {p.more(t), p.profile.rate(t), p.profile.acceleration(t, since)};
+  }
+}
+
 /// Rates are those of the profiles from now on, coordinates go on from where they are.
 void Simulation::start_given_motion() {
+  for (PrescribedLoop& p : prescribed_loops_) p.more_0 = p.more(state_.t), p.t_0 = state_.t;
   for (Prescribed& p : prescribed_) {
     double& v = state_.v[p.index];
     if (!p.given && p.profile.rate(state_.t) != v) p.profile = MotionProfile::hold(v);
@@ -487,9 +524,10 @@ std::vector<double> Simulation::absolute_tolerances() const {
 }
 
 // Onto closed loops. false: they cannot be closed from there.
-bool Simulation::close_loops(double* q, double* v) {
+bool Simulation::close_loops(double t, double* q, double* v) {
   bool closed = false;
-  unless_thrown([&] { closed = loops_->close(q, v); });
+  drive_loops(t, std::min(t, stretch_));
+  unless_thrown([&] { closed = loops_->close(q, v, drives_.data()); });
   if (!closed) breakdown_ = loops_->breakdown();
   if (closed && loops_->pivot() < kNearSingular) tell_near_singular();
   drifted_ = drifted_ || loops_->distance() > kDrift * options_.integrator.relative_tolerance;
@@ -513,14 +551,24 @@ void Simulation::start_closed() {
   if (!loops_) return;
   breakdown_ = {};
   const double pace = std::max(1.0, state_.v.size() == 0 ? 0.0 : state_.v.cwiseAbs().maxCoeff<Eigen::PropagateNaN>());
-  if (!close_loops(state_.q.data(), state_.v.data())) fail(explain({}));
+  const bool struck = std::exchange(struck_by_loops_, false);
+  Momentum p_before;
+  Energy e_before;
+  if (struck) ledger(), p_before = momentum(), e_before = energy();
+  if (!close_loops(state_.t, state_.q.data(), state_.v.data())) fail(explain({}));
   const double limit = std::max(kGivenOpen, kGivenDrift * options_.integrator.relative_tolerance);
-  const double open = prescribed_.empty() ? std::max(loops_->distance(), loops_->rate() / pace) : loops_->distance();
+  const double open = prescribed_.empty() && drives_.empty() ? std::max(loops_->distance(), loops_->rate() / pace) : loops_->distance();
   if (!(open <= limit)) {
     breakdown_ = {.body = 1, .value = open, .limit = limit, .row = loops_->worst()};
     fail(explain({}));
   }
   drifted_ = false;
+  if (!struck) return;
+  observed_ = ledger_known_ = false;
+  const Momentum p = momentum();
+  Balances::Integrals given;
+  given << p.linear - p_before.linear, p.angular - p_before.angular, energy().total() - e_before.total();
+  balances_.jump(given);
 }
 
 /// The functions that an integrator calls, each with a clock around it.
@@ -560,7 +608,7 @@ OdeProblem Simulation::ode() {
     ode.project = [this](double t, double* x) {
       if (normalised_) unless_thrown([&] { model_->normalise(x); });
       give_motion(t, x, x + model_->nq);
-      if (loops_ && !close_loops(x, x + model_->nq)) x[0] = std::numeric_limits<double>::quiet_NaN();  // a smaller step, or the end
+      if (loops_ && !close_loops(t, x, x + model_->nq)) x[0] = std::numeric_limits<double>::quiet_NaN();  // a smaller step, or the end
       if (momentum_ && !acted_on()) momentum_->keep(x, x + model_->nq);
     };
   ode.absolute_tolerance = absolute_tolerances();
@@ -1085,6 +1133,7 @@ bool Simulation::device_events(std::span<const int> crossed) {
 double Simulation::next_corner() const {
   double t = std::numeric_limits<double>::infinity();
   for (const auto& p : prescribed_) t = std::min(t, p.profile.next_corner(state_.t));
+  for (const auto& p : prescribed_loops_) t = std::min(t, p.profile.next_corner(state_.t));
   for (std::size_t k = 0; k < last_set_.size(); ++k) t = std::min(t, due(last_set_[k], model_->devices.timeouts[k].timeout));
   return t;
 }

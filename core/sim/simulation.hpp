@@ -108,6 +108,12 @@ class Simulation {
   void prescribe(int v_index, MotionProfile profile);
   /// The motion that a prescribed component was given; null: it was given none (and holds its initial rate), or is free.
   const MotionProfile* profile(int v_index) const;
+  /// The same of the length or offset of a prescribed loop, which stands still until then. Where its rate jumps the vehicle takes it as a
+  /// blow. InputError C0402 for a loop that is open or not prescribed.
+  void prescribe_loop(std::string_view loop, MotionProfile profile);
+  const MotionProfile* loop_profile(std::string_view loop) const;
+  /// Of all prescribed loops that are closed, in the order of Loop::drive: how much more than the model's their length or offset is.
+  std::span<const Drive> drives() const { return drives_; }
   /// A wrench on a node, zero at first; returns its slot. world_axes: else node axes.
   int add_wrench(int node, bool world_axes);
   /// Outputs are written at this period, at the start and at the end. The recorder must outlive the run.
@@ -135,6 +141,8 @@ class Simulation {
   LoopForces loop_forces() { return observe(), cardan::loop_forces(workspace_); }
   /// Moment and force that a loop transmits to its end `to`, at that node, axes of the node `from`; index into Loops::all.
   Force<double> loop_wrench(int loop) { return observe(), cardan::loop_wrench(*model_, workspace_, loop); }
+  /// [W] of all multipliers: that of prescribed loops.
+  double loop_power() { return observe(), cardan::loop_power(*model_, workspace_, drives_.data(), false); }
   void stop() { stopped_ = true; }
   bool stopped() const { return stopped_; }
 
@@ -210,6 +218,7 @@ class Simulation {
   const double* with_given_motion(double t, const double* x);
   void give_motion(double t, double* q, double* v) const;
   void start_given_motion();
+  void drive_loops(double t, double since);
   void apply_forces(double t, double since, const double* q, const double* v);
   bool evaluate(double t, double since, const double* x, double* vdot);
   void pack(double* x) const;
@@ -220,7 +229,7 @@ class Simulation {
   void hold_roots(double t, const double* x, double* g);
   void break_away(std::size_t hold);
   void settle_holds();
-  bool close_loops(double* q, double* v);
+  bool close_loops(double t, double* q, double* v);
   void tell_near_singular();
   void start_closed();
   bool device_events(std::span<const int> crossed);
@@ -233,7 +242,13 @@ class Simulation {
   void sample_delays(int clock);
   void expire_commands();
   Inputs inputs(const double* q, const double* v) const {
-    return {.q = q, .v = v, .tau = tau_total_.data(), .vdot = vdot_given_.data(), .wrenches = wrenches_, .moment = moment_};
+    return {.q = q,
+            .v = v,
+            .tau = tau_total_.data(),
+            .vdot = vdot_given_.data(),
+            .wrenches = wrenches_,
+            .moment = moment_,
+            .drives = drives_.data()};
   }
   int gravity_beyond(int sweep_body) const;
   std::string told_of_gravity() const;
@@ -344,7 +359,17 @@ class Simulation {
     double t_0 = 0.0, q_0 = 0.0;  // where the integral starts: at the last start of the integrator
   };
   std::vector<Prescribed> prescribed_;
-  std::vector<double> tau_, tau_total_;  // of actuators; with springs and dampers, which evaluate() sets where they act
+  struct PrescribedLoop {
+    std::string name;
+    MotionProfile profile;
+    bool given = false;
+    double t_0 = 0.0, more_0 = 0.0;  // by how much it was more at the last start of the integrator
+    double more(double t) const { return more_0 + profile.travel(t_0, t); }
+  };
+  std::vector<PrescribedLoop> prescribed_loops_;  // in the order of Loop::drive
+  std::vector<Drive> drives_;                     // at the time of the last evaluation
+  bool struck_by_loops_ = false;                  // the rate of one has jumped, which the vehicle has still to follow
+  std::vector<double> tau_, tau_total_;           // of actuators; with springs and dampers, which evaluate() sets where they act
   std::vector<double> vdot_given_, x_;
   std::vector<double> hold_tau_, hold_vdot_, hold_x_;         // scratch
   std::vector<double> x_given_;                               // a state of the integrator with the given motions put in

@@ -362,24 +362,28 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
     const int columns = c.by_rates ? c.inputs : c.own_columns, stride = columns + 1, n = c.n;
     double open = 0.0;
     if (c.closing == Closing::coupling) {
-      for (int j = 0; j < c.own_columns; ++j) G[j] = c.columns[static_cast<std::size_t>(j)].coefficient;
-      g[0] = 0.0, k.W[static_cast<std::size_t>(c.row)] = {};
-      for (int j = 0; in.vdot && j < c.own_columns; ++j)
-        if (const EmbeddedLoop::Column& x = c.columns[static_cast<std::size_t>(j)]; x.given) g[0] -= x.coefficient * in.vdot[x.v];
+      double* gradient = k.gradients.data() + c.gradient;
+      double extra = 0.0;
+      residual[0] = 0.0;  // of a linear one nobody asks
+      if (!c.coupling.is_linear()) c.coupling.at(in.q, in.v, gradient, residual[0], extra);
+      g[0] = -extra, k.W[static_cast<std::size_t>(c.row)] = {};
+      for (int j = 0; j < c.own_columns; ++j) {
+        const EmbeddedLoop::Column& x = c.columns[static_cast<std::size_t>(j)];
+        G[j] = x.term < 0 ? 0.0 : gradient[x.term];
+        if (x.given && in.vdot) g[0] -= G[j] * in.vdot[x.v];
+      }
     } else {
       geometric_rows(model, c, ws, k, in, hinges);
     }
+    if (c.drive >= 0 && in.drives) g[0] += in.drives[c.drive].acceleration, residual[0] -= in.drives[c.drive].more;
     if (given)
       for (int i = 0; i < c.rows; ++i) g[i] = given[c.first + i];
     // Scaled: rates in the root of their energy, rows in metres.
     for (int i = 0; i < c.rows; ++i) {
       const Force<double>& W = k.W[static_cast<std::size_t>(c.row + i)];
       double weight = 1.0;
-      if (c.closing != Closing::coupling) {
-        const double metres = 1.0 / std::sqrt(dot(W.n, W.n) / (c.lever * c.lever) + dot(W.f, W.f));
-        open = std::fmax(open, std::abs(residual[i]) * metres / c.lever);
-        weight = metres;
-      }
+      if (c.closing != Closing::coupling) weight = 1.0 / std::sqrt(dot(W.n, W.n) / (c.lever * c.lever) + dot(W.f, W.f));
+      if (c.closing != Closing::coupling || !c.coupling.is_linear()) open = std::fmax(open, std::abs(residual[i]) * weight / c.lever);
       weight /= c.reference;
       double* row = B + i * stride;
       for (int j = 0; j < columns; ++j) row[j] = 0.0;

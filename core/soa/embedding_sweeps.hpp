@@ -204,7 +204,7 @@ static bool pass_hinge(const SweepModel& model, const Embedding& e, const Embedd
       if constexpr (NV > 0) {
         for (int j = 0; j < NV; ++j) V[j] = dot(hinge.H[j], q);
         for (const EmbeddingStep::Couple& couple : step.couples)
-          if (couple.flow == static_cast<int>(f)) V[couple.component] -= couple.coefficient;
+          if (couple.flow == static_cast<int>(f)) V[couple.component] -= k.gradients[static_cast<std::size_t>(couple.gradient)];
         for (int j = 0; body.has_prescribed && j < NV; ++j)
           if (model.prescribed[body.v + j]) V[j] = 0.0;
         for (int j = 0; j < NV; ++j) Y[j] = V[j];
@@ -288,7 +288,7 @@ static inline void cross_hinge(const SweepModel& model, const Embedding& e, cons
       } else {
         for (int j = 0; j < nv; ++j) v[j] = dot(hinge_column(model, ws, step.body, j), q);
         for (const EmbeddingStep::Couple& couple : step.couples)
-          if (couple.flow == static_cast<int>(f)) v[couple.component] -= couple.coefficient;
+          if (couple.flow == static_cast<int>(f)) v[couple.component] -= k.gradients[static_cast<std::size_t>(couple.gradient)];
       }
       solve(v, Y + column * nv);
       double sum = 0.0;

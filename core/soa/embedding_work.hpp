@@ -59,11 +59,14 @@ struct EmbeddingWork {
     scratch.resize(8 * most > static_cast<std::size_t>(e.n_scratch) ? 8 * most : static_cast<std::size_t>(e.n_scratch));
     PU.resize(most);
     column_at.resize(static_cast<std::size_t>(e.n_pivots));
+    for (const EmbeddedLoop& loop : e.loops)
+      for (const CoupledRate& term : loop.coupling.terms) gradients.push_back(term.coefficient);
   }
-  std::vector<double> numbers;  // A first; then per loop G, rows to eliminate, T | t, E | e
-  std::vector<double> b, x;     // per coordinate: force, and acceleration (of multipliers: themselves); before, of chosen rows: their
-                                // compliance by the inertia of the start
-  std::vector<double> g, c;     // per row, in the order of Embedding::loops: gamma_c, residual of scaled rows
+  std::vector<double> numbers;    // A first; then per loop G, rows to eliminate, T | t, E | e
+  std::vector<double> b, x;       // per coordinate: force, and acceleration (of multipliers: themselves); before, of chosen rows: their
+                                  // compliance by the inertia of the start
+  std::vector<double> g, c;       // per row, in the order of Embedding::loops: gamma_c, residual of scaled rows
+  std::vector<double> gradients;  // of couplings, term by term
   std::vector<double> Y;
   std::vector<Force<double>> Q, W, z;  // columns of pending coordinates; rows in axes of home, at the end `to`; what passes bodies
   std::vector<Motion<double>> U;

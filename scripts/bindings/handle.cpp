@@ -8,9 +8,9 @@
 namespace cardan {
 namespace {
 
-constexpr const char* kTypes[] = {"cardan.vehicle", "cardan.body", "cardan.hinge", "cardan.modes",
-                                  "cardan.node",    "cardan.load", "cardan.device"};
-constexpr const char* kWords[] = {"vehicle", "body", "hinge", "modes", "node", "load", "device"};
+constexpr const char* kTypes[] = {"cardan.vehicle", "cardan.body", "cardan.hinge",  "cardan.modes",
+                                  "cardan.node",    "cardan.load", "cardan.device", "cardan.loop"};
+constexpr const char* kWords[] = {"vehicle", "body", "hinge", "modes", "node", "load", "device", "loop"};
 
 /// hinge "rod": angle
 int handle_text(lua_State* L) {
@@ -43,6 +43,11 @@ int handle_text(lua_State* L) {
     case Kind::device: {
       const Device& d = m.devices.all[static_cast<std::size_t>(now.device[static_cast<std::size_t>(h.index)])];
       text = named(d.name, fmt::format(": {}", d.family->type));
+      break;
+    }
+    case Kind::loop: {
+      const LoopSpec& loop = m.spec->loops[static_cast<std::size_t>(h.index)];
+      text = named(loop.name, fmt::format(": {}", loop.type));
       break;
     }
     default:
@@ -109,8 +114,8 @@ int push_quaternion(lua_State* L, const Eigen::Matrix3d& R) {
 void bind_handles(Scenario& s) {
   s.lua.protect([](lua_State* L) {
     int kind = 0;
-    for (const auto& methods :
-         {vehicle_methods(), body_methods(), hinge_methods(), modes_methods(), node_methods(), load_methods(), device_methods()})
+    for (const auto& methods : {vehicle_methods(), body_methods(), hinge_methods(), modes_methods(), node_methods(), load_methods(),
+                                device_methods(), loop_methods()})
       make_handle_type(L, kTypes[kind++], methods, method<handle_text>);
   });
 }

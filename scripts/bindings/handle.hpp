@@ -9,11 +9,11 @@
 
 namespace cardan {
 
-enum class Kind : int { vehicle, body, hinge, modes, node, load, device };
+enum class Kind : int { vehicle, body, hinge, modes, node, load, device, loop };
 
 struct Handle {
   Kind kind;
-  int index;  // user body, node, slot or device
+  int index;  // user body, node, slot, device, or loop of the description
   Scenario* scenario;
   const UserBody& user() const { return scenario->present().user[static_cast<std::size_t>(index)]; }
 };
@@ -33,6 +33,7 @@ const std::vector<luaL_Reg>& modes_methods();    // modes.cpp
 const std::vector<luaL_Reg>& node_methods();     // node.cpp
 const std::vector<luaL_Reg>& load_methods();     // node.cpp
 const std::vector<luaL_Reg>& device_methods();   // device.cpp
+const std::vector<luaL_Reg>& loop_methods();     // loop.cpp
 
 /// Event functions are evaluated at trial states, where only coordinates are known.
 void expect_state(lua_State* L, const Scenario& s, const char* what);

@@ -5,7 +5,7 @@
 
 #include "core/base/units.hpp"
 #include "scripts/bindings/handle.hpp"
-#include "scripts/lua/table.hpp"
+#include "scripts/bindings/profile.hpp"
 
 namespace cardan {
 namespace {
@@ -94,35 +94,6 @@ int hinge_reaction(lua_State* L) {
   return 6;
 }
 
-/// {{t, rate}, ...} with rising t.
-std::vector<std::pair<double, double>> rate_points(lua_State* L, LuaTable& t, const std::string& unit) {
-  std::vector<std::pair<double, double>> points;
-  lua_getfield(L, 2, "rate_table");
-  const int table = lua_gettop(L);
-  const auto number = [&](lua_Integer i, const char* as) {
-    const int type = lua_rawgeti(L, -1, i);
-    double x = std::nan("");
-    if (type == LUA_TNUMBER) x = lua_tonumber(L, -1);
-    if (type == LUA_TSTRING) {
-      const auto value = parse_quantity(lua_tostring(L, -1), as);
-      if (const double* got = std::get_if<double>(&value)) x = *got;
-    }
-    lua_pop(L, 1);
-    return x;
-  };
-  bool good = lua_istable(L, table) && lua_rawlen(L, table) > 0;
-  for (lua_Integer i = 1; good && i <= static_cast<lua_Integer>(lua_rawlen(L, table)); ++i) {
-    good = lua_rawgeti(L, table, i) == LUA_TTABLE && lua_rawlen(L, -1) == 2;
-    if (good) points.emplace_back(number(1, "s"), number(2, unit.c_str()));
-    good = good && std::isfinite(points.back().first) && std::isfinite(points.back().second) &&
-           (i == 1 || points.back().first > points[points.size() - 2].first);
-    lua_pop(L, 1);
-  }
-  lua_pop(L, 1);
-  if (!good) t.reject("rate_table", fmt::format("{{{{t, rate}}, ...}} in s and {}, at least one point, t rising", unit));
-  return points;
-}
-
 int hinge_profile(lua_State* L) {
   const Handle& h = self<Kind::hinge>(L);
   Scenario& s = *h.scenario;
@@ -136,23 +107,10 @@ int hinge_profile(lua_State* L) {
   lua_getfield(L, 2, "component");
   const int c = component(L, lua_gettop(L), u.v_names, u), v = u.v + c;
   lua_pop(L, 1);
-  const std::string &rate = u.v_units[static_cast<std::size_t>(c)], unit = rate.substr(0, rate.find('/'));
   if (!s.sim->model().has_given_motion(v))
     refuse(L, Code::lua_argument, "profile of " + u.name, "a component that is prescribed", "one that is free to move",
            fmt::format("say so in the vehicle: bodies.{}.hinge.prescribed: [{}]", u.name, u.v_names[static_cast<std::size_t>(c)]));
-  MotionProfile profile;
-  if (int(t.has("rate_table")) + int(t.has("sine")) + int(t.has("hold")) != 1) {
-    t.reject("rate_table", "exactly one of rate_table, sine, hold");
-  } else if (t.has("rate_table")) {
-    profile = MotionProfile::rate_table(rate_points(L, t, rate));
-  } else if (const auto hold = t.number("hold", rate)) {
-    profile = MotionProfile::hold(*hold);
-  } else if (auto sine = t.table("sine")) {
-    sine->require({"amplitude", "frequency"});
-    profile = MotionProfile::sine(sine->number("amplitude", unit).value_or(0.0), sine->number("frequency", "Hz").value_or(0.0),
-                                  sine->number("phase", "rad").value_or(0.0));
-    sine->finish();
-  }
+  MotionProfile profile = read_profile(L, t, u.v_units[static_cast<std::size_t>(c)]);
   t.finish();
   sink.throw_if_any();
   s.sim->prescribe(v, std::move(profile));

@@ -53,7 +53,8 @@ int push_linear(lua_State* L, const Model& m, int nv, const OperatingState& at, 
                                                                        .vdot = at.vdot.data(),
                                                                        .wrenches = at.wrenches,
                                                                        .devices = at.devices.get(),
-                                                                       .moment = at.moment.get()},
+                                                                       .moment = at.moment.get(),
+                                                                       .drives = at.drives.empty() ? nullptr : at.drives.data()},
                                              ports);
   lua_newtable(L);
   if (!file.empty()) {

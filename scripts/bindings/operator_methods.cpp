@@ -132,6 +132,7 @@ OperatingState present_state(const Scenario& s) {
   const std::vector<double> tau = s.sim->applied_forces();
   std::copy(tau.begin(), tau.end(), out.tau.data());
   if (s.model->has_prescribed()) out.vdot = s.sim->vdot();
+  out.drives.assign(s.sim->drives().begin(), s.sim->drives().end());
   return out;
 }
 

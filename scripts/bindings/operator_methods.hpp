@@ -25,9 +25,16 @@ struct OperatingState {
   std::shared_ptr<const Model> model = nullptr;           // that of the devices
   std::shared_ptr<const DeviceForces> devices = nullptr;  // null where there are none
   std::shared_ptr<const FieldMoment> moment = nullptr;    // of gravity that is a field
+  std::vector<Drive> drives = {};                         // of prescribed loops
   std::uint64_t seed = 0;                                 // of the scenario
   Inputs inputs(const double* q) const {
-    return {.q = q, .v = v.data(), .tau = tau.data(), .vdot = vdot.data(), .wrenches = wrenches, .moment = moment.get()};
+    return {.q = q,
+            .v = v.data(),
+            .tau = tau.data(),
+            .vdot = vdot.data(),
+            .wrenches = wrenches,
+            .moment = moment.get(),
+            .drives = drives.empty() ? nullptr : drives.data()};
   }
 };
 OperatingState present_state(const Scenario&);

@@ -259,7 +259,7 @@ int push_modes(lua_State* L, Scenario& s) {
   require_a_state(L, s, "system_modes");
   const auto model = s.sim ? s.sim->shared_model() : s.model;
   Workspace ws(*model);
-  const Eigen::MatrixXd X = loop_freedom(*model, ws, s.q).X;
+  const Eigen::MatrixXd X = loop_freedom(*model, ws, s.q, s.sim ? s.sim->drives().data() : nullptr).X;
   TreeOperators tree(open_tree(model));
   tree.at(s.q);
   return push_system_modes(L, tree, present_state(s), &X);

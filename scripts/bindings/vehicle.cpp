@@ -145,9 +145,11 @@ int vehicle_part(lua_State* L) {
   const Model& m = *s.model;
   const int index = kKind == Kind::node     ? find(L, m.nodes, Code::unknown_node, "vehicle:node", "a node of the vehicle")
                     : kKind == Kind::device ? find(L, m.devices.all, Code::unknown_name, "vehicle:device", "a device of the vehicle")
+                    : kKind == Kind::loop   ? find(L, m.spec->loops, Code::unknown_name, "vehicle:loop", "a loop of the vehicle")
                                             : find(L, m.user, Code::unknown_body, "vehicle:body", "a body of the vehicle");
   if (kKind == Kind::modes && m.user[static_cast<std::size_t>(index)].n_modes == 0)
     refuse(L, Code::unknown_name, "vehicle:modes", "a flexible body", describe_value(L, 2));
+  if (kKind == Kind::loop) return push_handle(L, kKind, index, s), 1;  // those of a vehicle are always the same
   const ModelMap& now = s.sim->now();
   push_handle(L, kKind, id_of(kKind == Kind::node ? now.node : kKind == Kind::device ? now.device : now.body, index), s);
   return 1;
@@ -175,6 +177,7 @@ const std::vector<luaL_Reg>& vehicle_methods() {
                                  {"modes", method<vehicle_part<Kind::modes>>},
                                  {"node", method<vehicle_part<Kind::node>>},
                                  {"device", method<vehicle_part<Kind::device>>},
+                                 {"loop", method<vehicle_part<Kind::loop>>},
                                  {"mass", method<vehicle_mass>},
                                  {"change", method<vehicle_change>},
                                  {"operators", method<vehicle_study<push_operators>>},

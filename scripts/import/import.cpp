@@ -176,19 +176,24 @@ class VehicleText {
         const RobotClosure& c = robot_.closures[found->second];
         double own = 0.0, rest = c.offset;
         const std::size_t before = todo.size();
+        const auto start_of = [&](int other) -> std::optional<double> {  // none: it follows another
+          if (!start_.contains(other) && dependent.contains(other)) return todo.push_back(other), std::nullopt;
+          const auto at = start_.find(other);
+          return at == start_.end() ? 0.0 : at->second;
+        };
         for (const auto& [other, coefficient] : c.terms) {
-          if (other == now) {
+          if (other == now)
             own = coefficient;
-          } else if (!start_.contains(other) && dependent.contains(other)) {
-            if (open.contains(other))
-              return source_.report_at(Code::cycle, {called(c.what, c.name), c.mark}, "joints that follow others",
-                                       "joints that follow each other");
-            todo.push_back(other);
-          } else {
-            const auto at = start_.find(other);
-            rest -= coefficient * (at == start_.end() ? 0.0 : at->second);
-          }
+          else if (const auto x = start_of(other))
+            rest -= coefficient * *x;
         }
+        if (!c.polynomial.empty())
+          if (const auto x = start_of(c.of))
+            for (std::size_t i = 0; i < c.polynomial.size(); ++i) rest += c.polynomial[i] * std::pow(*x, static_cast<double>(i));
+        for (std::size_t i = before; i < todo.size(); ++i)
+          if (open.contains(todo[i]))
+            return source_.report_at(Code::cycle, {called(c.what, c.name), c.mark}, "joints that follow others",
+                                     "joints that follow each other");
         if (todo.size() > before) continue;
         start_[now] = own != 0.0 ? rest / own : 0.0;
         open.erase(now);
@@ -315,6 +320,18 @@ class VehicleText {
     const RobotClosure& c = robot_.closures[i];
     out_.marks["loops." + loop_names_[i]] = c.mark;
     std::string out = fmt::format("  {}:   # {}, {}\n    type: {}\n", loop_names_[i], called(c.what, c.name), from(c.mark), c.type);
+    const auto coordinate = [&](int id) -> std::string {
+      const auto found = a_.coordinates.find(id);
+      if (found == a_.coordinates.end()) {
+        source_.report_at(Code::not_imported, {called(c.what, c.name), c.mark}, "joints of bodies that are there",
+                          "a joint that was left out");
+        return {};
+      }
+      const std::string& own = names_[static_cast<std::size_t>(found->second.body)];
+      const auto& all = a_.bodies[static_cast<std::size_t>(found->second.body)].hinge.coordinates;
+      const auto k = static_cast<std::size_t>(found->second.joint);
+      return own + (all.size() > 1 && k < all.size() ? "." + all[k] : "");
+    };
     if (c.type != "coupling") {
       if (c.axis) out += fmt::format("    axis: {}\n", list_of(*c.axis));
       return out + fmt::format("    from: {}\n    to: {}\n", end_text(c.from), end_text(c.to));
@@ -322,20 +339,16 @@ class VehicleText {
     out += "    terms: {";
     bool first = true;
     for (const auto& [id, coefficient] : c.terms) {
-      const auto found = a_.coordinates.find(id);
-      if (found == a_.coordinates.end()) {
-        source_.report_at(Code::not_imported, {called(c.what, c.name), c.mark}, "joints of bodies that are there",
-                          "a joint that was left out");
-        continue;
-      }
-      const RobotBody& body = a_.bodies[static_cast<std::size_t>(found->second.body)];
-      const std::string& own = names_[static_cast<std::size_t>(found->second.body)];
-      const auto& all = body.hinge.coordinates;
-      const auto k = static_cast<std::size_t>(found->second.joint);
-      out += fmt::format("{}{}{}: {}", first ? "" : ", ", own, all.size() > 1 && k < all.size() ? "." + all[k] : "", coefficient);
+      const std::string name = coordinate(id);
+      if (name.empty()) continue;
+      out += fmt::format("{}{}: {}", first ? "" : ", ", name, coefficient);
       first = false;
     }
-    return out + (c.offset == 0.0 ? "}\n" : fmt::format("}}\n    offset: {}\n", c.offset));
+    out += "}\n";
+    if (!c.polynomial.empty())
+      out +=
+          fmt::format("    functions: [{{of: {{{}: 1}}, scale: -1, polynomial: [{}]}}]\n", coordinate(c.of), fmt::join(c.polynomial, ", "));
+    return out + (c.offset == 0.0 ? "" : fmt::format("    offset: {}\n", c.offset));
   }
 
   const Robot& robot_;

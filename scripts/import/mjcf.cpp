@@ -1,6 +1,7 @@
 // MJCF: nested bodies, several joints each, classes of defaults, inertia from simple geoms, equalities.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <list>
 #include <map>
@@ -536,18 +537,17 @@ class MjcfReader {
     c.dependent = first->first;
     c.offset = k[0];
     if (!second) return;
-    for (std::size_t i = 2; i < k.size(); ++i)
-      if (k[i] != 0.0) {
-        source_.report(Code::not_imported, e, "polycoef", "a linear law: zeros after the second number",
-                       in_quotes(e.attribute("polycoef")->value),
-                       fmt::format("--leave-out {} does without it", c.name.empty() ? "equality" : in_quotes(c.name)));
-        return;
-      }
     if (second->first == first->first) {
       source_.report(Code::cycle, e, "joint2", "another joint", in_quotes(e.attribute("joint2")->value));
       return;
     }
-    if (k.size() > 1 && k[1] != 0.0) c.terms.emplace_back(second->first, -k[1]);
+    if (std::ranges::any_of(k.begin() + 2, k.end(), [](double x) { return x != 0.0; })) {
+      while (k.back() == 0.0) k.pop_back();
+      c.offset = 0.0;
+      c.polynomial = std::move(k), c.of = second->first;
+    } else if (k.size() > 1 && k[1] != 0.0) {
+      c.terms.emplace_back(second->first, -k[1]);
+    }
   }
 
  public:

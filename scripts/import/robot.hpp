@@ -66,6 +66,8 @@ struct RobotClosure {
   End from, to;
   std::optional<Vec3<double>> axis;
   std::vector<std::pair<int, double>> terms;  // ids of joints
+  std::vector<double> polynomial;             // beside them: less these coefficients, ascending, of a coordinate; empty: nothing
+  int of = -1;                                // the id of its joint
   double offset = 0.0;
   int dependent = -1;  // the id of the joint whose start follows from those of the others
 };

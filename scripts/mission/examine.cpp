@@ -118,6 +118,11 @@ Warnings still_hinges(const Simulation& sim) {
                             u.v_names[static_cast<std::size_t>(c)], u.name),
                 fmt::format("sat:hinge(\"{}\"):profile{{...}}, or `locked: true`", u.name));
     }
+  for (const Loop& loop : m.loops.all)
+    if (loop.drive >= 0 && !sim.loop_profile(loop.name))
+      found.add(Code::no_effect, m.spec->locate(fmt::format("loops.{}.prescribed", loop.name)),
+                fmt::format("{} is prescribed, and nothing gives it a motion: it stands still", loop.name),
+                fmt::format("sat:loop(\"{}\"):profile{{...}}, or no `prescribed`", loop.name));
   return found;
 }
 

@@ -43,7 +43,6 @@ VectorXd multipliers(const Model& model, Workspace& ws, const Inputs& in) {
 // 1e-13, or 100 times what rounding q, v and tau to double changes.
 TEST_P(BenchLoops, HaveTheirExactAccelerationsAndForces) {
   bench_loops::Model bench = bench_loops::read(GetParam());
-  if (bench.has_functions) GTEST_SKIP() << "a coupling that is not linear has no type";
   for (const LoopForm form : {LoopForm::multipliers, LoopForm::embedding, LoopForm::automatic}) {
     bench.spec.loop_form = form;
     const auto model = compiled(bench.spec);
@@ -68,7 +67,6 @@ TEST_P(BenchLoops, HaveTheirExactAccelerationsAndForces) {
 // digits, which is why `auto` does not take them so.
 TEST_P(BenchLoops, HaveTheirExactAccelerationsInAnyMixOfForms) {
   bench_loops::Model bench = bench_loops::read(GetParam());
-  if (bench.has_functions) GTEST_SKIP() << "a coupling that is not linear has no type";
   const auto model = compiled(bench.spec);
   std::mt19937_64 random(7);
   for (int mix = 0; mix < 4; ++mix) {

@@ -2,9 +2,12 @@
 // Models in the schema cardan-bench-loops/1 (tests/reference/bench_loops/README.md) as SystemSpec, with their states.
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <string>
 #include <vector>
 
@@ -22,7 +25,6 @@ struct Model {
   nlohmann::json json;
   SystemSpec spec;
   std::vector<State> states;
-  bool has_functions = false;  // nonlinear couplings, which no loop type has
 };
 
 namespace detail {
@@ -48,6 +50,40 @@ inline Eigen::Matrix3d rotation(const json& j) {
   return Eigen::Quaterniond(R).normalized().toRotationMatrix().isApprox(R, 1e-15) ? R
                                                                                   : Eigen::Quaterniond(R).normalized().toRotationMatrix();
 }
+/// A product of sines and cosines is a sum of them: 2 cos a cos b = cos(a - b) + cos(a + b).
+inline void add_product(const json& term, const std::vector<std::string>& rate_of, LoopSpec& loop) {
+  struct Cosine {
+    double amplitude, phase;
+    std::map<std::string, double> of;
+  };
+  constexpr double kQuarter = std::numbers::pi / 2.0;
+  std::vector<Cosine> sum{{number<double>(term["coef"]), 0.0, {}}};
+  bool first = true;
+  for (const json& f : term["factors"]) {
+    Cosine factor{1.0, number<double>(f["offset"]) - (f["f"] == "sin" ? kQuarter : 0.0), {}};
+    for (const json& a : f["arg"]) factor.of[rate_of[a[0].get<std::size_t>()]] = number<double>(a[1]);
+    std::vector<Cosine> next;
+    for (const Cosine& c : sum)
+      for (const double sign : {-1.0, 1.0}) {
+        if (first && sign < 0.0) continue;
+        Cosine both{first ? c.amplitude : 0.5 * c.amplitude, c.phase + sign * factor.phase, c.of};
+        for (const auto& [name, a] : factor.of) both.of[name] += sign * a;
+        next.push_back(both);
+      }
+    sum = std::move(next), first = false;
+  }
+  for (Cosine& c : sum) {  // quarters of a turn say sine or cosine, and are no rounded numbers then
+    LoopSpec::Function out;
+    const double quarters = std::round(c.phase / kQuarter), rest = c.phase - quarters * kQuarter;
+    const int turns = ((static_cast<int>(quarters) % 4) + 4) % 4;
+    out.kind = turns % 2 == 0 ? "cosine" : "sine";
+    out.phase = std::abs(rest) < 1e-12 ? 0.0 : rest;
+    out.numbers = {turns == 0 || turns == 3 ? c.amplitude : -c.amplitude};
+    for (const auto& [name, a] : c.of)
+      if (a != 0.0) out.of.push_back({name, a, {}});
+    loop.functions.push_back(std::move(out));
+  }
+}
 }  // namespace detail
 
 inline Model read(const std::filesystem::path& file) {
@@ -57,7 +93,6 @@ inline Model read(const std::filesystem::path& file) {
   const nlohmann::json& j = m.json;
   m.name = j["name"];
   m.spec.name = m.name;
-  m.has_functions = j.contains("functions");
   m.spec.gravity.kind = GravitySpec::Kind::uniform;
   m.spec.gravity.g = vector(j["gravity"]);
   std::vector<std::string> rate_of;  // name of the body per velocity index
@@ -109,6 +144,15 @@ inline Model read(const std::filesystem::path& file) {
       loop.type = "coupling";
       for (const auto& term : c["terms"]) loop.terms.push_back({rate_of[term[0].get<std::size_t>()], number<double>(term[1]), {}});
       if (c.contains("offset")) loop.offset = number<double>(c["offset"]);
+      m.spec.loops.push_back(std::move(loop));
+    }
+  if (j.contains("functions"))
+    for (const auto& f : j["functions"]) {
+      LoopSpec loop;
+      loop.name = "function " + std::to_string(m.spec.loops.size());
+      loop.type = "coupling";
+      loop.offset = -number<double>(f["constant"]);
+      for (const auto& term : f["terms"]) detail::add_product(term, rate_of, loop);
       m.spec.loops.push_back(std::move(loop));
     }
   for (const auto& s : j["states"]) {

@@ -340,6 +340,9 @@ function Vehicle:node(name) end
 ---@param name string
 ---@return Device device
 function Vehicle:device(name) end
+---@param name string
+---@return Loop loop
+function Vehicle:loop(name) end
 --- Mass of all bodies.
 ---@return number mass [kg]
 function Vehicle:mass() end
@@ -414,6 +417,25 @@ function Hinge:applied(component) end
 --- Moment and force that the hinge transmits to the body, at its pnode and in pnode axes.
 ---@return number mx, number my, number mz, number fx, number fy, number fz [N m], [N]
 function Hinge:reaction() end
+
+--- What closes a loop, or couples coordinates.
+---@class Loop
+local Loop = {}
+--- Moment and force that it transmits to its end `to`, at that node, axes of the node `from`; zero while it is open.
+---@return number mx, number my, number mz, number fx, number fy, number fz [N m], [N]
+function Loop:reaction() end
+--- Of a distance the force that pushes its ends apart, of a coupling that per slope of its sum along each coordinate.
+---@return number multiplier [N], [1]
+function Loop:multiplier() end
+--- Of a distance, as it is now; of a coupling its offset.
+---@return number length [m], [1]
+---@return number rate [m/s], [1/s]
+function Loop:length() end
+Loop.offset = Loop.length
+--- By how much the length or offset is more, from now on, of a loop that the vehicle declares `prescribed`: exactly one of rate_table, sine,
+--- hold, in m or, of a coupling, as numbers. Where its rate jumps the vehicle takes it as a blow.
+---@param options ProfileOptions
+function Loop:profile(options) end
 
 ---@class SineOptions
 ---@field amplitude quantity [rad] or [m]

@@ -1,0 +1,416 @@
+// Couplings beyond linear ones, and rows that are given as functions of time: the functions by differences, the rows against the dense
+// twin on random trees, the motion in closed form, the balances of a run.
+#include "core/model/coupling.hpp"
+
+#include <numbers>
+#include <random>
+
+#include "core/dynamics/loops.hpp"
+#include "core/operators/closed_system.hpp"
+#include "core/operators/linear_model.hpp"
+#include "core/reference/dense_dynamics.hpp"
+#include "core/reference/quad.hpp"
+#include "core/sim/simulation.hpp"
+#include "tests/properties/trees.hpp"
+#include "tests/support/builders.hpp"
+#include "tests/support/four_bar.hpp"
+
+namespace cardan::test {
+namespace {
+
+using reference::DenseTwin;
+using reference::Quad;
+
+constexpr double kPi = std::numbers::pi;
+
+// ---- functions ----
+
+SmoothFunction polynomial(std::vector<double> c) { return {SmoothFunction::Kind::polynomial, std::move(c), 0.0}; }
+
+TEST(SmoothFunctions, HaveTheDerivativesOfTheirValues) {
+  const SmoothFunction table = SmoothFunction::through({-1.0, 0.1, 0.7, 2.0}, {0.3, -0.4, 1.1, 0.2}, false),
+                       cam = SmoothFunction::through({0.0, 1.0, 2.5, 2.0 * kPi}, {0.2, 0.7, -0.3, 0.2}, true);
+  const std::vector<SmoothFunction> all = {polynomial({0.3, -1.2, 0.7, 2.0, -0.4}),
+                                           {SmoothFunction::Kind::sine, {0.7}, 0.0},
+                                           {SmoothFunction::Kind::cosine, {-1.3}, 0.0},
+                                           table,
+                                           cam};
+  for (const SmoothFunction& F : all)
+    for (const double x : {-3.3, -0.4, 0.55, 1.3, 5.7, 8.0}) {
+      constexpr double h = 1e-3;                                    // no point of a table is that near
+      const auto slope = [&](double SmoothFunction::Jet::*which) {  // fourth order
+        const auto f = [&](double at) { return F.at(at).*which; };
+        return (8.0 * (f(x + h) - f(x - h)) - (f(x + 2.0 * h) - f(x - 2.0 * h))) / (12.0 * h);
+      };
+      const SmoothFunction::Jet at = F.at(x);
+      EXPECT_NEAR(at.slope, slope(&SmoothFunction::Jet::value), 1e-9 * (1.0 + std::abs(at.slope))) << x;
+      EXPECT_NEAR(at.curvature, slope(&SmoothFunction::Jet::slope), 1e-9 * (1.0 + std::abs(at.curvature))) << x;
+      EXPECT_NEAR(at.third, slope(&SmoothFunction::Jet::curvature), 1e-9 * (1.0 + std::abs(at.third))) << x;
+    }
+}
+
+TEST(SmoothFunctions, OfATableGoThroughItsPointsAndHaveNoCorner) {
+  const std::vector<double> x = {0.0, 1.0, 2.5, 3.0, 2.0 * kPi}, F = {0.2, 0.7, -0.3, 0.1, 0.2};
+  for (const bool repeats : {false, true}) {
+    const SmoothFunction f = SmoothFunction::through(x, F, repeats);
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      EXPECT_NEAR(f.at(x[i]).value, F[i], 1e-15);
+      const SmoothFunction::Jet before = f.at(x[i] - 1e-9), after = f.at(x[i] + 1e-9);
+      EXPECT_NEAR(before.slope, after.slope, 1e-7) << x[i];
+      EXPECT_NEAR(before.curvature, after.curvature, 1e-7) << x[i];
+    }
+    if (repeats)
+      EXPECT_NEAR(f.at(0.4).value, f.at(0.4 - 4.0 * kPi).value, 1e-14);
+    else
+      EXPECT_EQ(f.at(9.0).curvature, 0.0);
+  }
+  const SmoothFunction line = SmoothFunction::through({0.0, 0.3, 2.0}, {1.0, 1.6, 5.0}, false);  // of a straight line, itself
+  for (const double at : {-1.0, 0.2, 1.1, 4.0}) EXPECT_NEAR(line.at(at).value, 1.0 + 2.0 * at, 1e-14);
+}
+
+// A function that repeats, through n of its points: four times the points, 4^-4 the error.
+TEST(SmoothFunctions, OfATableConvergeWithTheFourthPower) {
+  const auto error = [](int n) {
+    std::vector<double> x, F;
+    for (int i = 0; i <= n; ++i) {
+      x.push_back(2.0 * kPi * i / n);
+      F.push_back(std::sin(x.back()) + 0.3 * std::cos(2.0 * x.back()));
+    }
+    F.back() = F.front();
+    const SmoothFunction f = SmoothFunction::through(x, F, true);
+    double most = 0.0;
+    for (int i = 0; i < 997; ++i) {
+      const double at = 2.0 * kPi * i / 997.0;
+      most = worse(most, std::abs(f.at(at).value - std::sin(at) - 0.3 * std::cos(2.0 * at)));
+    }
+    return most;
+  };
+  EXPECT_NEAR(std::log2(error(32) / error(128)), 8.0, 0.4);
+}
+
+// ---- rows on random trees, against the twin ----
+
+/// Two couplings of all kinds of functions between coordinates of the tree, one of them given as a function of time, and a strut of a
+/// length that is. Fewer where the tree has no room for them.
+bool couple(RandomTree& tree) {
+  std::mt19937_64 random(tree.seed);
+  const auto number = [&](double low, double high) { return std::uniform_real_distribution<>(low, high)(random); };
+  std::vector<std::string> coordinates, bodies;
+  for (BodySpec& b : tree.spec.bodies) {
+    static const std::map<std::string, std::vector<std::string>> names = {{"revolute", {"angle"}},
+                                                                          {"prismatic", {"displacement"}},
+                                                                          {"helical", {"angle"}},
+                                                                          {"cylindrical", {"angle", "displacement"}},
+                                                                          {"universal", {"angle_1", "angle_2"}},
+                                                                          {"planar", {"x", "y", "angle"}},
+                                                                          {"translational", {"x", "y", "z"}}};
+    if (!b.modal && !b.hinge.locked && b.hinge.type != "locked") bodies.push_back(b.name);
+    if (const auto known = names.find(b.hinge.type); known != names.end() && !b.hinge.locked)
+      for (const std::string& q : known->second) coordinates.push_back(b.name + "." + q);
+  }
+  if (coordinates.size() < 4) return false;
+  std::ranges::shuffle(coordinates, random);
+  for (int i = 0; i < 2; ++i) {
+    LoopSpec loop;
+    loop.name = fmt::format("coupling {}", i), loop.type = "coupling", loop.prescribed = i == 0;
+    loop.terms = {{coordinates[idx(2 * i)], number(0.5, 1.5), {}}};
+    const auto add = [&](const char* kind, std::vector<double> numbers, bool periodic = false) {
+      LoopSpec::Function f;
+      f.kind = kind, f.numbers = std::move(numbers), f.periodic = periodic;
+      f.scale = number(0.3, 0.8), f.phase = number(-1.0, 1.0);
+      for (int k = 0; k < 3; ++k) f.of.push_back({coordinates[idx(k + i)], number(-1.0, 1.0), {}});
+      loop.functions.push_back(f);
+    };
+    add("sine", {0.4}), add("cosine", {-0.3}), add("polynomial", {0.1, 0.5, -0.2, 0.1});
+    add("table", {-2.0, 0.1, -0.5, 0.3, 0.2, -0.4, 1.7, 0.2}), add("table", {0.0, 0.1, 1.0, -0.2, 2.1, 0.3, 3.0, 0.1}, true);
+    tree.spec.loops.push_back(loop);
+  }
+  if (bodies.size() > 1) {
+    LoopSpec strut;
+    strut.name = "strut", strut.type = "distance", strut.prescribed = true;
+    strut.from.position = {1.5, -2.0, 2.5};
+    strut.to.body = bodies.back(), strut.to.position = {0.3, 0.2, -0.1};
+    SystemSpec bare = tree.spec;
+    bare.loops.clear();
+    const auto model = compiled(bare);
+    Workspace ws(*model);
+    const State s = model->initial_state();
+    VectorXd vdot(model->nv);
+    const Inputs in{.q = s.q.data(), .v = s.v.data()};
+    forward_dynamics(*model, ws, in, vdot.data());
+    Observer observer(*model, ws);
+    observer.update(in, vdot.data());
+    const NodeState n = observer.node(model->find_node(bodies.back()));
+    strut.length = (n.position + n.R_WN * strut.to.position - strut.from.position).norm();
+    tree.spec.loops.push_back(strut);
+  }
+  return true;
+}
+
+/// v' and multipliers of both forms and of the twin, at a state on moving rows.
+double of_the_twin(const RandomTree& given) {
+  RandomTree tree = given;
+  for (BodySpec& b : tree.spec.bodies) b.hinge.v.clear(), b.hinge.springs.clear(), b.hinge.loads.clear(), b.hinge.prescribed.clear();
+  if (!couple(tree)) return 0.0;
+  // Offsets that the tree's place has, by the twin.
+  {
+    const DenseTwin<double> twin(tree.spec);
+    SystemSpec bare = tree.spec;
+    bare.loops.clear();
+    const State s = compiled(bare)->initial_state();
+    const auto rows = twin.at(s.q, s.v).loops();
+    for (std::size_t l = 0; l < rows.size(); ++l)
+      if (tree.spec.loops[l].type == "coupling") tree.spec.loops[l].offset = rows[l].c[0];
+  }
+  const DenseTwin<Quad> twin(tree.spec);
+  double worst = 0.0;
+  State at;
+  std::vector<Drive> drives;
+  for (const LoopForm form : {LoopForm::multipliers, LoopForm::embedding}) {
+    tree.spec.loop_form = form;
+    const auto model = compiled(tree.spec);
+    if (at.q.size() == 0) {
+      at = model->initial_state();
+      for (int i = 0; i < model->nv; ++i) at.v[i] = std::sin(1.3 * i + tree.seed);
+      for (int i = 0; i < model->loops.n_drives; ++i) drives.push_back({0.003, 0.4 - 0.3 * i, 0.7 + 0.2 * i});
+      LoopProjection projection(*model);
+      if (!projection.close(at.q.data(), at.v.data(), drives.data())) return 0.0;  // out of reach
+    }
+    Workspace ws(*model);
+    VectorXd vdot(model->nv), tau(model->nv);
+    for (int i = 0; i < model->nv; ++i) tau[i] = std::cos(0.7 * i);
+    const Inputs in{.q = at.q.data(), .v = at.v.data(), .tau = tau.data(), .drives = drives.data()};
+    if (!forward_dynamics(*model, ws, in, vdot.data())) return HUGE_VAL;
+    settle_loops(*model, ws, in);
+    reference::Mat3X<Quad> moving(3, model->loops.n_drives);
+    for (int i = 0; i < model->loops.n_drives; ++i)
+      moving.col(i) << Quad(drives[idx(i)].more), Quad(drives[idx(i)].rate), Quad(drives[idx(i)].acceleration);
+    const auto exact = twin.at(at.q.cast<Quad>(), at.v.cast<Quad>(), moving).closed(tau.cast<Quad>());
+    VectorXd want(model->nv), lambda(model->loops.rows);
+    for (int i = 0; i < model->nv; ++i) want[i] = static_cast<double>(exact.vdot[i]);
+    for (int i = 0; i < model->loops.rows; ++i) lambda[i] = static_cast<double>(exact.lambda[i]);
+    const LoopForces forces = loop_forces(ws);
+    worst = worse({worst, relative(distance(vdot, want), largest(want)),
+                   relative(distance(VectorXd::Map(forces.multipliers.data(), model->loops.rows), lambda), largest(lambda)),
+                   largest(VectorXd::Map(forces.residual.data(), model->loops.rows)),
+                   largest(VectorXd::Map(forces.rate.data(), model->loops.rows))});
+  }
+  return worst;
+}
+
+TEST(Couplings, OfAnyFunctionsAndRowsThatMoveAreThoseOfTheDenseTwin) {
+  for_all_trees({.bodies = 7, .flexible = 0.0, .damping = false}, 1e-10, of_the_twin, 100);
+  for_all_trees({.bodies = 6, .flexible = 0.4, .wheels = 0.5}, 1e-10, of_the_twin, 100);
+}
+
+// ---- one way to move, in closed form ----
+
+/// A crank on the ground with an eccentric mass, and a follower that a spring pushes; the follower is where the crank's cam lets it:
+/// x = 0.02 + 0.01 sin(2 theta + 0.3).
+struct CamAndFollower {
+  static constexpr double kJ = 0.03, km = 0.4, kr = 0.05, kM = 0.6, kg = 9.81, kk = 200.0;
+  static double lift(double theta) { return 0.02 + 0.01 * std::sin(2.0 * theta + 0.3); }
+  static double slope(double theta) { return 0.02 * std::cos(2.0 * theta + 0.3); }
+  static double curvature(double theta) { return -0.04 * std::sin(2.0 * theta + 0.3); }
+  static double acceleration(double theta, double rate) {
+    const double F = slope(theta), force = -kM * kr * kg * std::cos(theta) - F * (kk * lift(theta) + km * kg);
+    return (force - km * F * curvature(theta) * rate * rate) / (kJ + kM * kr * kr + km * F * F);
+  }
+  static SystemSpec spec(double theta, double rate) {
+    BodySpec crank = on(rigid("crank", kM, {kr, 0, 0}, diagonal({0.01, 0.02, kJ})), "", "revolute", {{0, 0, 1}});
+    BodySpec follower = on(rigid("follower", km, {0, 0, 0}, diagonal({0.01, 0.01, 0.01})), "", "prismatic", {{0, 1, 0}}, {0.3, 0, 0});
+    crank.hinge.q = {theta}, crank.hinge.v = {rate};
+    SpringDamper spring;
+    spring.stiffness = kk;
+    follower.hinge.springs = {spring};
+    SystemSpec s = system({crank, follower}, uniform_gravity({0, -kg, 0}));
+    LoopSpec cam;
+    cam.name = "cam", cam.type = "coupling", cam.offset = 0.02;
+    cam.terms = {{"follower", 1.0, {}}};
+    LoopSpec::Function f;
+    f.kind = "sine", f.numbers = {0.01}, f.scale = -1.0, f.phase = 0.3, f.of = {{"crank", 2.0, {}}};
+    cam.functions = {f};
+    s.loops = {cam};
+    return s;
+  }
+};
+
+TEST(Couplings, ACamMovesItsFollower) {
+  for (const LoopForm form : {LoopForm::multipliers, LoopForm::embedding}) {
+    SystemSpec spec = CamAndFollower::spec(0.7, 6.0);
+    spec.loop_form = form;
+    const auto model = compiled(spec);  // the assembler finds place and rate of the follower
+    const State at = model->initial_state();
+    EXPECT_NEAR(at.q[1], CamAndFollower::lift(0.7), 1e-15);
+    EXPECT_NEAR(at.v[1], 6.0 * CamAndFollower::slope(0.7), 1e-14);
+    Simulation sim(model, {});
+    EXPECT_NEAR(sim.vdot()[0], CamAndFollower::acceleration(0.7, 6.0), 1e-11);
+    const double x = at.q[1], lambda = sim.loop_forces().multipliers[0];
+    EXPECT_NEAR(CamAndFollower::km * sim.vdot()[1], lambda - CamAndFollower::kk * x - CamAndFollower::km * 9.81, 1e-12);
+  }
+}
+
+TEST(Couplings, ACamHasTheLinearModelOfItsOneWayToMove) {
+  const auto model = compiled(CamAndFollower::spec(0.7, 6.0));
+  const State at = model->initial_state();
+  const operators::LinearModel linear = operators::linearize(*model, {.q = at.q.data(), .v = at.v.data()}, {{"crank"}, {"follower"}});
+  ASSERT_EQ(linear.states.names.at(0), "crank.angle");
+  const auto difference = [](const auto& f) {  // fourth order
+    constexpr double h = 1e-3;
+    return (8.0 * (f(h) - f(-h)) - (f(2.0 * h) - f(-2.0 * h))) / (12.0 * h);
+  };
+  const double of_angle = difference([](double h) { return CamAndFollower::acceleration(0.7 + h, 6.0); });
+  const double of_rate = difference([](double h) { return CamAndFollower::acceleration(0.7, 6.0 + h); });
+  EXPECT_NEAR(linear.A(1, 0), of_angle, 1e-8 * std::abs(of_angle));
+  EXPECT_NEAR(linear.A(1, 1), of_rate, 1e-8 * std::abs(of_rate));
+  EXPECT_NEAR(linear.C(0, 0), CamAndFollower::slope(0.7), 1e-14);
+  EXPECT_NEAR(linear.C(1, 0), CamAndFollower::curvature(0.7) * 6.0, 1e-12);
+  EXPECT_NEAR(linear.C(1, 1), CamAndFollower::slope(0.7), 1e-14);
+}
+
+TEST(Couplings, ARunWithACamKeepsItClosedAndEnergyHonest) {
+  for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf"}) {
+    SimulationOptions options;
+    options.integrator.method = method;
+    options.integrator.relative_tolerance = 1e-10;
+    Simulation sim(compiled(CamAndFollower::spec(0.7, 6.0)), options);
+    const double before = sim.energy().total();
+    double open = 0.0;
+    sim.every({1, 10}, [&] {
+      for (const double c : sim.loop_forces().residual) open = worse(open, std::abs(c));
+      for (const double c : sim.loop_forces().rate) open = worse(open, std::abs(c));
+    });
+    sim.run(20.0);
+    EXPECT_LE(open, 1e-14) << method;
+    EXPECT_LE(std::abs(sim.energy().total() - before), 1e-6) << method;
+    EXPECT_TRUE(sim.ledger().pass) << method << render(sim.warnings());
+    EXPECT_NEAR(sim.loop_power(), 0.0, 1e-12);
+  }
+}
+
+// ---- rows that are given as functions of time ----
+
+/// A mass on a string that is hauled in and out: m r^2 theta' stays, r is given.
+TEST(Couplings, AStringThatIsHauledInKeepsAngularMomentum) {
+  BodySpec mass = on(particle("mass", 2.0, {0, 0, 0}), "", "translational");
+  mass.hinge.q = {1.0, 0.0, 0.0}, mass.hinge.v = {0.0, 1.5, 0.0};
+  SystemSpec spec = system({mass});
+  LoopSpec string;
+  string.name = "string", string.type = "distance", string.length = 1.0, string.prescribed = true;
+  string.to.body = "mass";
+  spec.loops = {string};
+  for (const LoopForm form : {LoopForm::multipliers, LoopForm::embedding}) {
+    spec.loop_form = form;
+    SimulationOptions options;
+    options.integrator.relative_tolerance = 1e-12;
+    Simulation sim(compiled(spec), options);
+    sim.prescribe_loop("string", MotionProfile::sine(0.4, 0.25, -0.5 * kPi));  // r = 1.4 - 0.4 cos(pi t / 2), from rest
+    double power = 0.0;
+    sim.every({1, 4}, [&] {
+      const double t = sim.time(), r = 1.4 - 0.4 * std::cos(0.5 * kPi * t), rate = 0.2 * kPi * std::sin(0.5 * kPi * t);
+      const double acceleration = 0.1 * kPi * kPi * std::cos(0.5 * kPi * t), theta_rate = 1.5 / (r * r);
+      const Eigen::Vector3d x = sim.state().q, v = sim.state().v;
+      EXPECT_NEAR(x.norm(), r, 1e-13);
+      EXPECT_NEAR(x.dot(v) / r, rate, 1e-13);
+      EXPECT_NEAR(x.cross(v).z(), 1.5, 1e-10);
+      EXPECT_NEAR(sim.loop_forces().multipliers[0], 2.0 * (acceleration - r * theta_rate * theta_rate), 1e-9);
+      EXPECT_NEAR(sim.loop_power(), sim.loop_forces().multipliers[0] * rate, 1e-12);
+      power = worse(power, std::abs(sim.loop_power()));
+    });
+    sim.run(3.0);
+    EXPECT_GT(power, 0.1);
+    EXPECT_TRUE(sim.ledger().pass) << render(sim.warnings());
+    EXPECT_LE(sim.ledger().energy_relative, 1e-9);
+  }
+}
+
+/// A coupling of one coordinate that is given moves as the hinge whose motion is given, and its multiplier is the force that this needs.
+TEST(Couplings, ACoordinateThatIsGivenByARowIsAsOneThatIsGivenByItsHinge) {
+  SystemSpec by_hinge = system(base_with_sprung_arm(), {});
+  SystemSpec by_row = by_hinge;
+  by_hinge.bodies[1].hinge.prescribed = {0};
+  LoopSpec row;
+  row.name = "servo", row.type = "coupling", row.offset = 0.4, row.prescribed = true;
+  row.terms = {{"arm", 1.0, {}}};
+  by_row.loops = {row};
+  SimulationOptions options;
+  options.integrator.relative_tolerance = 1e-12;
+  for (const LoopForm form : {LoopForm::multipliers, LoopForm::embedding}) {
+    by_row.loop_form = form;
+    Simulation a(compiled(by_hinge), options), b(compiled(by_row), options);
+    const MotionProfile profile = MotionProfile::rate_table({{0.0, 0.0}, {1.0, 0.8}, {2.0, -0.3}, {4.0, 0.0}});
+    a.prescribe(6, profile), b.prescribe_loop("servo", profile);
+    for (Simulation* sim : {&a, &b}) sim->run(3.5);
+    EXPECT_LE(largest(VectorXd(a.state().q - b.state().q)), 1e-9);
+    EXPECT_LE(largest(VectorXd(a.state().v - b.state().v)), 1e-9);
+    std::vector<double> needed(7);
+    a.observe().prescribed_forces(needed.data());
+    EXPECT_NEAR(b.loop_forces().multipliers[0], needed[6] + 3.0 * a.state().q[7] + 0.05 * a.state().v[6], 1e-8);  // and the spring
+    EXPECT_TRUE(b.ledger().pass) << render(b.warnings());
+    EXPECT_LE(b.ledger().energy_relative, 1e-9);
+  }
+}
+
+// A strut between two parts of a free vehicle whose rate jumps: nothing from outside acts, and the ledger has the energy.
+TEST(Couplings, ARateThatJumpsIsABlow) {
+  std::vector<BodySpec> bodies = base_with_sprung_arm();
+  bodies[1].hinge.springs.clear();
+  SystemSpec spec = system(bodies);
+  LoopSpec strut;
+  strut.name = "strut", strut.type = "distance", strut.prescribed = true;
+  strut.from.body = "base", strut.from.position = {0, 1, 0};
+  strut.to.body = "arm", strut.to.position = {0.6, 0, 0};
+  strut.length = (Eigen::Vector3d(0.5 + 0.6 * std::cos(0.4), 0.6 * std::sin(0.4), 0) - Eigen::Vector3d(0, 1, 0)).norm();
+  spec.loops = {strut};
+  SimulationOptions options;
+  options.integrator.relative_tolerance = 1e-11;
+  Simulation sim(compiled(spec), options);
+  sim.every({1, 1}, [&] {
+    if (sim.time() == 1.0) sim.prescribe_loop("strut", MotionProfile::hold(0.2));
+    if (sim.time() == 2.0) sim.prescribe_loop("strut", MotionProfile::hold(0.0));
+  });
+  const Momentum before = sim.momentum();
+  const double energy = sim.energy().total();
+  sim.run(3.0);
+  EXPECT_LE((sim.momentum().angular - before.angular).norm(), 1e-9);
+  EXPECT_LE((sim.momentum().linear - before.linear).norm(), 1e-10);
+  EXPECT_GT(std::abs(sim.energy().total() - energy), 1e-3);
+  EXPECT_TRUE(sim.ledger().pass) << render(sim.warnings());
+  EXPECT_LE(sim.ledger().energy_relative, 1e-9);
+  EXPECT_NEAR(sim.drives()[0].more, 0.2, 1e-12);
+}
+
+TEST(Couplings, ACheckpointGoesOnInTheMiddleOfAGivenMotion) {
+  SystemSpec spec = four_bar("point", 0.0);
+  LoopSpec servo;
+  servo.name = "servo", servo.type = "coupling", servo.prescribed = true, servo.offset = spec.bodies[0].hinge.q[0];
+  servo.terms = {{"crank", 1.0, {}}};
+  spec.loops.push_back(servo);
+  const auto make = [&] {
+    auto sim = std::make_unique<Simulation>(compiled(spec), SimulationOptions());
+    sim->prescribe_loop("servo", MotionProfile::sine(0.3, 0.5, 0.2));
+    return sim;
+  };
+  const auto whole = make(), first = make(), rest = make();
+  whole->run(0.7), first->run(0.7);
+  const Checkpoint middle = first->checkpoint();
+  whole->checkpoint();  // which starts the integrator anew
+  rest->resume(middle);
+  whole->run(1.5), rest->run(1.5);
+  EXPECT_EQ(whole->state().q, rest->state().q);
+  EXPECT_EQ(whole->state().v, rest->state().v);
+}
+
+TEST(Couplings, WhatIsNotPrescribedTakesNoProfile) {
+  Simulation sim(compiled(four_bar()), {});
+  try {
+    sim.prescribe_loop("pivot", MotionProfile::hold(1.0));
+    FAIL() << "a loop that is not prescribed took a profile";
+  } catch (const InputError& e) {
+    EXPECT_EQ(e.diagnostics().front().code, Code::bad_initial_state);
+    EXPECT_EQ(e.diagnostics().front().at.key_path, "profile of pivot");
+  }
+}
+
+}  // namespace
+}  // namespace cardan::test
