@@ -318,8 +318,8 @@ TEST(Variational, TurnsExactlyAboutAPrincipalAxis) {
 
 /// A motor whose torque changes at ticks, an event that changes a wrench, checkpoints: a run goes on from each with the same bits.
 TEST(Variational, GoesOnFromACheckpointBitForBit) {
-  struct Scene {
-    Scene() : sim(compiled(spacecraft(1), {.node_wrenches = true, .world_wrenches = true}), options()) {
+  struct Slew {
+    Slew() : sim(compiled(spacecraft(1), {.node_wrenches = true, .world_wrenches = true}), options()) {
       const Model& m = sim.model();
       sim.set_state(lively(m, 0.1));
       const int slot = sim.add_wrench(m.find_node("arm"), true), motor = m.user[1].v, q = m.user[1].q;
@@ -342,13 +342,13 @@ TEST(Variational, GoesOnFromACheckpointBitForBit) {
     int events = 0;
     std::vector<Checkpoint> made;
   };
-  Scene whole;
+  Slew whole;
   whole.sim.run(2.0);
   EXPECT_GT(whole.events, 0);
   EXPECT_TRUE(whole.sim.ledger().pass);
   ASSERT_EQ(whole.made.size(), 20u);
   for (const std::size_t at : {0u, 9u}) {
-    Scene rest;
+    Slew rest;
     rest.sim.resume(whole.made[at]);
     rest.sim.run(2.0);
     ASSERT_EQ(rest.made.size(), 19u - at);
