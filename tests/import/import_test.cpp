@@ -444,7 +444,7 @@ TEST(ImportMjcf, ChainsOfJointsAreHingesWithTheSamePoses) {
 // What follows by a polynomial starts where it must, and stays there.
 TEST(ImportMjcf, EqualitiesBeyondLinearAreCouplingsToo) {
   ImportOptions options;
-  options.initial["k"] = 0.4;
+  options.initial.emplace_back("k", 0.4);
   const SystemSpec spec = spec_of(
       "<mujoco><compiler angle='radian'/><worldbody>"
       "<body name='a'><joint name='j' axis='0 1 0'/><inertial pos='0.1 0 0' mass='1' diaginertia='1 1 1'/></body>"
