@@ -131,11 +131,13 @@ class Embedder {
     return std::ranges::any_of(hinges_[at(l)], [&](int k) { return m_.bodies[at(k)].kind == BodyKernel::rotor; });
   }
 
-  /// by_rates: per loop.
+  /// by_rates: per loop. Without loops where they cannot be embedded.
   Embedding build(const std::vector<std::uint8_t>& by_rates) {
     e_ = {};
+    entangled_ = false;
     order(by_rates);
     place_numbers();
+    if (entangled_) return {};
     write_steps();
     return std::move(e_);
   }
@@ -340,7 +342,11 @@ class Embedder {
       const auto wants = [&](auto&& self, EmbeddedLoop::PathBody& p) -> int {  // its motion
         if (p.motion >= 0) return p.motion;
         const int inboard = m_.bodies[at(p.body)].parent;
-        if (inboard != base_[at(p.body)]) p.of_inboard = self(self, c.path[at(p.inboard)]);
+        if (inboard != base_[at(p.body)]) {
+          // Another loop moves it from further inboard than this one reaches: not in its coordinates.
+          if (p.inboard < 0) return entangled_ = true, 0;
+          p.of_inboard = self(self, c.path[at(p.inboard)]);
+        }
         p.motion = e_.n_U, e_.n_U += c.n + 1;
         return p.motion;
       };
@@ -655,6 +661,7 @@ class Embedder {
     int n_pairs_ = 0;
   };
   Program e_;
+  bool entangled_ = false;
   std::vector<int> index_, owner_, base_;
   std::map<std::tuple<int, int, bool>, int> Q_;
   std::map<std::pair<int, int>, int> modal_;

@@ -51,8 +51,7 @@ void read_integrator(LuaTable& t, MissionSpec& m) {
   if (!method) m.defaults_used.emplace_back("mission.integrator.method", i.method);
   const auto step = t.number("step", "s");
   if (step) i.fixed_step = *step;
-  if (!relative && !step)
-    m.defaults_used.emplace_back("mission.integrator.relative", fmt::format("{:g}", i.relative_tolerance));
+  if (!relative && !step) m.defaults_used.emplace_back("mission.integrator.relative", fmt::format("{:g}", i.relative_tolerance));
   if (const auto x = t.text("linear_solver"))
     i.linear_solver = *x;
   else if (i.method == "cvode_bdf")

@@ -195,7 +195,8 @@ typedef struct cardan_device_family {
   uint32_t role;                                        /* cardan_device_role */
   /* Since 2.2. [accepted] (optional) What it pushes with all at once, [N s] and [N m s], just before `event` at a root of its own (cause:
    * its number, from 0) or before `tick` (CARDAN_CAUSE_TICK, direction 0), with the same arguments. Loads that are zero before the call, at
-   * mounts with CARDAN_USE_IMPULSE or CARDAN_USE_LOAD. Poses stay, velocities jump by what the whole vehicle gives way: held components too. 0 = done. */
+   * mounts with CARDAN_USE_IMPULSE or CARDAN_USE_LOAD. Poses stay, velocities jump by what the whole vehicle gives way: held components
+   * too. 0 = done. */
   int (*impulse)(const cardan_device_args*, uint32_t cause, int direction, cardan_mount_load* impulse);
 } cardan_device_family;
 

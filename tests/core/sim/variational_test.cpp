@@ -43,7 +43,7 @@ State accurate_run(const std::shared_ptr<const Model>& model, double t_end) {
 double apart_of(const Model& m, const State& a, const State& b) {
   VectorXd d(m.nv);
   m.difference(a.q.data(), b.q.data(), d.data());
-  return std::max(d.cwiseAbs().maxCoeff(), (a.v - b.v).cwiseAbs().maxCoeff());
+  return std::max(d.cwiseAbs().maxCoeff<Eigen::PropagateNaN>(), (a.v - b.v).cwiseAbs().maxCoeff<Eigen::PropagateNaN>());
 }
 
 /// Trees of rigid and modal bodies on every built-in hinge, with springs, dampers and gravity of each kind.
@@ -175,9 +175,13 @@ TEST(Variational, StepIsSymplectic) {
       D.col(i) = (8.0 * (at(s) - at(-s)) - (at(2 * s) - at(-2 * s))) / (12.0 * s);
     }
     const MatrixXd B0 = symplectic_form(m, z0), taken = D.transpose() * symplectic_form(m, z1) * D;
-    EXPECT_LT((taken - B0).cwiseAbs().maxCoeff(), 1e-9 * D.cwiseAbs().maxCoeff() * D.cwiseAbs().maxCoeff()) << hinge;
-    EXPECT_GT((D - MatrixXd::Identity(2 * m.nv, 2 * m.nv)).cwiseAbs().maxCoeff(), 0.1);
-    EXPECT_LT(between(m, z0, form.step(z1, -h)).cwiseAbs().maxCoeff(), 1e-12 * (1.0 + z0.cwiseAbs().maxCoeff())) << "and its own inverse";
+    EXPECT_LT((taken - B0).cwiseAbs().maxCoeff<Eigen::PropagateNaN>(),
+              1e-9 * D.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() * D.cwiseAbs().maxCoeff<Eigen::PropagateNaN>())
+        << hinge;
+    EXPECT_GT((D - MatrixXd::Identity(2 * m.nv, 2 * m.nv)).cwiseAbs().maxCoeff<Eigen::PropagateNaN>(), 0.1);
+    EXPECT_LT(between(m, z0, form.step(z1, -h)).cwiseAbs().maxCoeff<Eigen::PropagateNaN>(),
+              1e-12 * (1.0 + z0.cwiseAbs().maxCoeff<Eigen::PropagateNaN>()))
+        << "and its own inverse";
   }
 }
 
@@ -224,7 +228,7 @@ TEST(Variational, IsTheSameInEveryInertialFrame) {
   model->difference(a.q.data(), b.q.data(), d.data());
   EXPECT_LT((d.segment<3>(3) - 10.0 * Vector3d(7000.0, -2000.0, 500.0)).norm(), 1e-8);
   d.segment<3>(3).setZero();
-  EXPECT_LT(d.cwiseAbs().maxCoeff(), 1e-9);  // 7500 m/s in doubles are rounded to 1e-12 m/s
+  EXPECT_LT(d.cwiseAbs().maxCoeff<Eigen::PropagateNaN>(), 1e-9);  // 7500 m/s in doubles are rounded to 1e-12 m/s
 }
 
 /// Energy swings with the square of the step, or its fourth power, and goes nowhere: the swing of 200 s against the distance of the means
