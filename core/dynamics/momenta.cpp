@@ -16,6 +16,25 @@ Force<double> moving(const Motion<double>& V, const Force<double>& f) { return {
 
 double component(const Vec& a, int i) { return i == 0 ? a.x : i == 1 ? a.y : a.z; }
 
+/// Whether M_re and M_ee of a body are linear in eta: where they are at three points of a line that lies askew, they are on every one of
+/// it, and no family is linear on such a line alone.
+bool is_linear(const FlexibleBody& f, int m) {
+  const auto at = [](int i) { return static_cast<std::size_t>(i); };
+  std::vector<double> eta(at(m)), rr(10), re(at(6 * m)), ee(at(m * m)), values[3];
+  for (int point = 0; point < 3; ++point) {
+    for (int j = 0; j < m; ++j) eta[at(j)] = 0.01 * (point - 1) * std::cos(1.0 + j) / std::sqrt(f.M_ee[at(m * j + j)]);
+    f.family->mass(f.packed.data(), eta.data(), rr.data(), f.M_re_constant ? nullptr : re.data(), f.M_ee_constant ? nullptr : ee.data());
+    values[point] = re;
+    values[point].insert(values[point].end(), ee.begin(), ee.end());
+  }
+  double bent = 0.0, size = 0.0;
+  for (std::size_t i = 0; i < values[0].size(); ++i) {
+    bent = std::max(bent, std::abs(values[0][i] - 2.0 * values[1][i] + values[2][i]));
+    size = std::max(size, std::abs(values[0][i]) + std::abs(values[2][i]));
+  }
+  return bent <= 1e-14 * size;
+}
+
 /// sign times the rate of the momenta of the modes, of what passes through a node that they move: h is the momentum beyond it [about the
 /// node; linear], w the angular velocity of the body, v the velocity of the node; body axes. With a column c = [Jl psi; phi] it is
 /// (dc/dt) . h - c_w . (v x h_f).
@@ -35,12 +54,14 @@ void add_rate_through_node(const NodeShapes& shapes, const double* eta, const do
 
 }  // namespace
 
-Momenta::Momenta(const Model& model) : model_(model), curved_of_(model.bodies.size(), -1) {
+Momenta::Momenta(const Model& model) : model_(model), curved_of_(model.bodies.size(), -1), linear_(model.bodies.size()) {
   std::size_t most = 0;
   for (std::size_t k = 1; k < model.bodies.size(); ++k) {
     const SweepBody& b = model.bodies[k];
     const auto m = static_cast<std::size_t>(b.n_modes);
     most = std::max(most, 10 + 7 * m + m * m);
+    if (const FlexibleBody* f = m > 0 ? &model.flexible[static_cast<std::size_t>(b.flexible)] : nullptr; f && !f->constant)
+      linear_[k] = is_linear(*f, b.n_modes);
     if (b.nv == 0 || b.shape != CARDAN_SHAPE_DENSE) continue;
     curved_of_[k] = static_cast<int>(curved_.size());
     Curved c{&model.user[static_cast<std::size_t>(model.owner[k])], false, Mat3<double>::identity()};
@@ -159,8 +180,7 @@ void Momenta::of_inertia(const Workspace& ws, int k, const double* q, const doub
     for (int j = 0; j < m; ++j) at[j] = eta[j] + s * etadot[j];
     f.family->mass(f.packed.data(), at, to, n_re > 0 ? to + 10 : nullptr, n_ee > 0 ? to + 10 + n_re : nullptr);
   };
-  if (f.level < 2 &&
-      model_.user[static_cast<std::size_t>(model_.owner[static_cast<std::size_t>(k)])].family_origin == "built-in") {  // linear in eta
+  if (linear_[static_cast<std::size_t>(k)] != 0) {
     mass(h, slope), mass(-h, work);
     for (int i = 10; i < n; ++i) slope[i] = 0.5 / h * (slope[i] - work[i]);
   } else {

@@ -29,6 +29,7 @@ class Momenta {
   const Model& model_;
   std::vector<int> curved_of_;  // per sweep body: index into curved_, -1 where H* is constant in P or the hinge has a quaternion
   std::vector<Curved> curved_;
+  std::vector<std::uint8_t> linear_;         // per sweep body: M_re and M_ee are linear in eta
   std::vector<double> ahead_, back_, work_;  // M_fl(eta) at displaced eta: M_rr, M_re, M_ee
 };
 
