@@ -254,7 +254,7 @@ bool run_embedding(const Model& model, Workspace& ws, const Inputs& in, double* 
   return result == 1 ? over_the_open_tree(model, ws, in, vdot) : result == 0;
 }
 
-bool embedded_response(const Model& model, Workspace& ws, const double* q, const Drive* drives, const std::vector<double>& rates,
+bool embedded_response(const Model& model, Workspace& ws, const double* q, const LoopDrive* drives, const std::vector<double>& rates,
                        double* out) {
   LoopWork& work = *ws.loops;
   for (std::size_t i = 0; i < rates.size(); ++i) work.rhs[i] = -rates[i];

@@ -287,7 +287,7 @@ LoopForces loop_forces(const Workspace& ws) {
   return {work.lambda, work.wrenches, work.c, work.rate, work.tau, work.W};
 }
 
-double loop_power(const Model& model, const Workspace& ws, const Drive* drives, bool of_couplings) {
+double loop_power(const Model& model, const Workspace& ws, const LoopDrive* drives, bool of_couplings) {
   double power = 0.0;
   for (const Loop& l : model.loops.all) {
     if (of_couplings && l.closing != Closing::coupling) continue;

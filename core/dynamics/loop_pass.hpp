@@ -159,7 +159,7 @@ void make_room_for_loops(const Model& model, Workspace& ws);
 bool stand(const Model& model, Workspace& ws, const double* q, bool inertia);
 /// Closed inside of the sweeps: the least motion M^-1 G* mu of which G is -rates. Needs stand(), P of each body by itself; false: not by
 /// the program of the start.
-bool embedded_response(const Model& model, Workspace& ws, const double* q, const Drive* drives, const std::vector<double>& rates,
+bool embedded_response(const Model& model, Workspace& ws, const double* q, const LoopDrive* drives, const std::vector<double>& rates,
                        double* out);
 /// W: of the row.
 std::string name_of_row(const Loop& loop, int row, const Force<double>& W);

@@ -21,7 +21,7 @@ soa::Breakdown LoopProjection::breakdown() const {
   return {.body = 1, .value = open_, .limit = kClosed, .row = worst_};
 }
 
-bool LoopProjection::close(double* q, double* v, const Drive* drives) {
+bool LoopProjection::close(double* q, double* v, const LoopDrive* drives) {
   make_room_for_loops(model_, ws_);
   LoopWork& work = *ws_.loops;
   const Inputs in{.q = q, .v = v, .gravity = false, .drives = drives};

@@ -80,7 +80,7 @@ void LoopPass::find_rank() {
   }
 }
 
-LoopRank loop_rank(const Model& model, Workspace& ws, const double* q, const Drive* drives) {
+LoopRank loop_rank(const Model& model, Workspace& ws, const double* q, const LoopDrive* drives) {
   stand(model, ws, q, false);
   const Inputs in{.q = q, .v = ws.loops->zero.data(), .gravity = false, .drives = drives};
   LoopPass pass(model, ws, in);
@@ -100,13 +100,13 @@ LoopRank loop_rank(const Model& model, Workspace& ws, const double* q, const Dri
   return {model.loops.rows, work.rank, {work.row_at.begin() + work.rank, work.row_at.end()}, work.smallest, work.largest, distance};
 }
 
-Eigen::MatrixXd loop_matrix(const Model& model, Workspace& ws, const double* q, const Drive* drives) {
+Eigen::MatrixXd loop_matrix(const Model& model, Workspace& ws, const double* q, const LoopDrive* drives) {
   loop_rank(model, ws, q, drives);
   return Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(ws.loops->G.data(), model.loops.rows,
                                                                                                   model.nv);
 }
 
-LoopFreedom loop_freedom(const Model& model, Workspace& ws, const double* q, const Drive* drives) {
+LoopFreedom loop_freedom(const Model& model, Workspace& ws, const double* q, const LoopDrive* drives) {
   const Eigen::MatrixXd G = loop_matrix(model, ws, q, drives);
   const LoopWork& work = *ws.loops;
   LoopFreedom out;

@@ -64,7 +64,7 @@ void LoopPass::place() {
 /// What is given as a function of time is no residual.
 void LoopPass::drive(const Loop& loop) {
   if (loop.drive < 0 || !in_.drives) return;
-  const Drive& given = in_.drives[loop.drive];
+  const LoopDrive& given = in_.drives[loop.drive];
   k_.c[at(loop.first)] -= given.more, k_.rate[at(loop.first)] -= given.rate, k_.extra[at(loop.first)] -= given.acceleration;
 }
 

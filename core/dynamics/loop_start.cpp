@@ -148,39 +148,12 @@ void begin_at(Model& model, const State& start) {
 }
 
 /// Embedding, where it is not unwanted.
-/// Of a coupling: the bodies whose coordinates it couples have others between them, on the way to where they part. With other loops on the
-/// same hinges one in three hundred random mechanisms had wrong accelerations when it was embedded.
-bool skips_bodies(const Model& model, const Loop& loop) {
-  if (loop.closing != Closing::coupling) return false;
-  std::vector<int> on;
-  for (const CoupledRate& term : loop.coupling.terms)
-    for (std::size_t k = 1; k < model.bodies.size(); ++k)
-      if (const SweepBody& b = model.bodies[k]; term.v >= b.v && term.v < b.v + b.nv) on.push_back(static_cast<int>(k));
-  const auto parent = [&](int k) { return model.bodies[static_cast<std::size_t>(k)].parent; };
-  int home = on.empty() ? 0 : parent(on[0]);
-  for (const int k : on)
-    for (int p = parent(k); home != p;) (home > p ? home : p) = parent(std::max(home, p));
-  return std::ranges::any_of(on, [&](int k) {
-    for (k = parent(k); k != home; k = parent(k))
-      if (std::ranges::find(on, k) == on.end()) return true;
-    return false;
-  });
-}
-
 void choose_form(Model& model, const LoopPass& pass, const LoopWork& work) {
   Loops& loops = model.loops;
   const std::vector<double> rows = scaled_rows(model, pass, work);
   Embedding embedding = embed_loops(model, rows, loops.sets);
-  const bool mixed = std::ranges::any_of(loops.sets, [&](const LoopSet& set) {
-    return set.loops.size() > 1 &&
-           std::ranges::any_of(set.loops, [&](int l) { return skips_bodies(model, loops.all[static_cast<std::size_t>(l)]); });
-  });
-  const bool asked = model.spec->loop_form == LoopForm::multipliers, entangled = embedding.loops.empty();
-  if (asked || mixed || entangled) {
-    const char* why = asked   ? "asked for"
-                      : mixed ? "a coupling of hinges with others between them shares them with another loop"
-                              : "rates that one loop takes up are moved by another from further inboard";
-    for (LoopSet& set : loops.sets) set.form = "multipliers", set.why = why;
+  if (model.spec->loop_form == LoopForm::multipliers) {
+    for (LoopSet& set : loops.sets) set.form = "multipliers", set.why = "asked for";
     return;
   }
   take_embedding(model, std::move(embedding));
@@ -282,8 +255,7 @@ std::shared_ptr<const Model> embedded_by(const Model& model, const std::vector<s
   LoopPass pass(*out, ws, in);
   pass.place();
   pass.matrix();
-  if (Embedding embedding = embed_loops(*out, scaled_rows(*out, pass, *ws.loops), by_rates); !embedding.loops.empty())
-    take_embedding(*out, std::move(embedding));
+  take_embedding(*out, embed_loops(*out, scaled_rows(*out, pass, *ws.loops), by_rates));
   return out;
 }
 

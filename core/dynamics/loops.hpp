@@ -12,7 +12,7 @@ namespace cardan {
 void prepare_loops(Model& model);
 
 /// The same vehicle with its loops closed inside of the sweeps, each by rates (1) or by multipliers (0): what `loop_form: auto` chooses
-/// from. Of a vehicle whose loops may be embedded (Loops::sets).
+/// from. Loops that share hinges (Loops::sets) all in the same way; modes on their way: by multipliers.
 std::shared_ptr<const Model> embedded_by(const Model& model, const std::vector<std::uint8_t>& by_rates);
 
 /// The op `keep`: what acts on each body, before the inward sweeps gather it.
@@ -40,7 +40,7 @@ LoopForces loop_forces(const Workspace& workspace);
 /// Moment and force that a loop transmits to its end `to`, at that node, axes of the node `from`.
 Force<double> loop_wrench(const Model& model, const Workspace& workspace, int loop);
 /// What all multipliers do, in W: nothing but for rounding, and what moves as a function of time. Of couplings alone, or of all loops.
-double loop_power(const Model& model, const Workspace& workspace, const Drive* drives, bool of_couplings);
+double loop_power(const Model& model, const Workspace& workspace, const LoopDrive* drives, bool of_couplings);
 
 /// Which rows there are, at a state.
 struct LoopRank {
@@ -50,16 +50,16 @@ struct LoopRank {
   double largest = 0.0;        // pivot that was not
   double distance = 0.0;       // of them the smallest singular value that counts: 0 at a singular posture
 };
-LoopRank loop_rank(const Model& model, Workspace& workspace, const double* q, const Drive* drives = nullptr);
+LoopRank loop_rank(const Model& model, Workspace& workspace, const double* q, const LoopDrive* drives = nullptr);
 /// What the loops leave free at a state: v = X v_independent, nv x mobility, keeps all of them closed.
 struct LoopFreedom {
   std::vector<int> rows;                    // as many as count
   std::vector<int> dependent, independent;  // velocity components: those of the pivots, as many as rows; the others, ascending
   Eigen::MatrixXd X, G_D_inverse;           // ... and the inverse of G of these rows and dependent components
 };
-LoopFreedom loop_freedom(const Model& model, Workspace& workspace, const double* q, const Drive* drives = nullptr);
+LoopFreedom loop_freedom(const Model& model, Workspace& workspace, const double* q, const LoopDrive* drives = nullptr);
 /// G, rows x nv.
-Eigen::MatrixXd loop_matrix(const Model& model, Workspace& workspace, const double* q, const Drive* drives = nullptr);
+Eigen::MatrixXd loop_matrix(const Model& model, Workspace& workspace, const double* q, const LoopDrive* drives = nullptr);
 /// "tip: rotation about x", "gear".
 std::string name_of_row(const Model& model, const Workspace& workspace, int row);
 
@@ -69,7 +69,7 @@ class LoopProjection {
  public:
   explicit LoopProjection(const Model& model);
   ~LoopProjection();
-  bool close(double* q, double* v, const Drive* drives = nullptr);
+  bool close(double* q, double* v, const LoopDrive* drives = nullptr);
   /// Of the last close(), before it changed anything: the largest residuals of c and of G v, relative to the size of the loops.
   double distance() const { return distance_; }
   double rate() const { return rate_; }

@@ -56,7 +56,7 @@ struct Coupling {
 };
 
 /// A row that is given as a function of time, at one instant: by how much its length or offset is more than the model has.
-struct Drive {
+struct LoopDrive {
   double more = 0.0, rate = 0.0, acceleration = 0.0;
 };
 

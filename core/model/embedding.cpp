@@ -62,6 +62,7 @@ class Embedder {
     body_of_.assign(at(m_.nv), 0);
     for (std::size_t k = 1; k < bodies; ++k)
       for (int j = 0; j < m_.bodies[k].nv; ++j) body_of_[at(m_.bodies[k].v + j)] = static_cast<int>(k);
+    stops_.assign(bodies, 0);
     hinges_.resize(m_.loops.all.size()), home_.resize(m_.loops.all.size()), meets_.resize(m_.loops.all.size());
     for (std::size_t l = 0; l < m_.loops.all.size(); ++l) {
       const Loop& loop = m_.loops.all[l];
@@ -79,6 +80,7 @@ class Embedder {
       }
       std::ranges::sort(on);
       meets_[l] = meets_modes_of_home(static_cast<int>(l));
+      if (loop.closing == Closing::coupling) stop_at_gaps(static_cast<int>(l));
     }
   }
 
@@ -131,13 +133,11 @@ class Embedder {
     return std::ranges::any_of(hinges_[at(l)], [&](int k) { return m_.bodies[at(k)].kind == BodyKernel::rotor; });
   }
 
-  /// by_rates: per loop. Without loops where they cannot be embedded.
+  /// by_rates: per loop.
   Embedding build(const std::vector<std::uint8_t>& by_rates) {
     e_ = {};
-    entangled_ = false;
     order(by_rates);
     place_numbers();
-    if (entangled_) return {};
     write_steps();
     return std::move(e_);
   }
@@ -163,6 +163,16 @@ class Embedder {
       while (m_.bodies[at(k)].parent != home) k = m_.bodies[at(k)].parent;
       return m_.bodies[at(k)].onode >= 0;
     });
+  }
+
+  /// A coupling may leave out hinges on the way from those that it has to where they part. What another loop moves such a body by is then
+  /// counted from its inboard body: coordinates of the coupling pass there, and are eliminated at home, where they must have all that is
+  /// theirs.
+  void stop_at_gaps(int l) {
+    const auto has = [&](int k) { return k == home_[at(l)] || std::ranges::binary_search(hinges_[at(l)], k); };
+    for (int k : hinges_[at(l)])
+      for (; k != home_[at(l)]; k = m_.bodies[at(k)].parent)
+        if (has(k) != has(m_.bodies[at(k)].parent)) stops_[at(k)] = 1;
   }
 
   int ancestor(int a, int b) const {
@@ -330,7 +340,7 @@ class Embedder {
       if (owner_[k] < 0) continue;
       const EmbeddedLoop& c = e_.loops[at(owner_[k])];
       const int p = m_.bodies[k].parent;
-      const bool passes = p != c.home && p > 0 && owner_[at(p)] >= 0 && m_.bodies[k].kind != BodyKernel::rotor &&
+      const bool passes = p != c.home && p > 0 && stops_[k] == 0 && owner_[at(p)] >= 0 && m_.bodies[k].kind != BodyKernel::rotor &&
                           std::ranges::find(c.path, p, &EmbeddedLoop::PathBody::body) != c.path.end();
       base_[k] = passes ? base_[at(p)] : p;
     }
@@ -342,11 +352,7 @@ class Embedder {
       const auto wants = [&](auto&& self, EmbeddedLoop::PathBody& p) -> int {  // its motion
         if (p.motion >= 0) return p.motion;
         const int inboard = m_.bodies[at(p.body)].parent;
-        if (inboard != base_[at(p.body)]) {
-          // Another loop moves it from further inboard than this one reaches: not in its coordinates.
-          if (p.inboard < 0) return entangled_ = true, 0;
-          p.of_inboard = self(self, c.path[at(p.inboard)]);
-        }
+        if (inboard != base_[at(p.body)]) p.of_inboard = self(self, c.path[at(p.inboard)]);
         p.motion = e_.n_U, e_.n_U += c.n + 1;
         return p.motion;
       };
@@ -657,11 +663,11 @@ class Embedder {
   std::vector<std::vector<int>> hinges_;  // per loop: bodies whose hinges it has
   std::vector<int> home_;
   std::vector<std::uint8_t> meets_;  // per loop: modes of home are on its way
+  std::vector<std::uint8_t> stops_;  // per body: its motion by a loop is counted from its inboard body
   struct Program : Embedding {
     int n_pairs_ = 0;
   };
   Program e_;
-  bool entangled_ = false;
   std::vector<int> index_, owner_, base_;
   std::map<std::tuple<int, int, bool>, int> Q_;
   std::map<std::pair<int, int>, int> modal_;

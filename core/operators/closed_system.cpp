@@ -18,7 +18,7 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-LoopFreedom freedom_at(const Model& closed, const double* q, const cardan::Drive* drives = nullptr) {
+LoopFreedom freedom_at(const Model& closed, const double* q, const LoopDrive* drives = nullptr) {
   if (!closed.loops.empty()) {
     Workspace ws(closed);
     return loop_freedom(closed, ws, q, drives);

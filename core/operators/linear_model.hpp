@@ -24,7 +24,7 @@ struct OperatingPoint {
   std::span<const NodeWrench> wrenches = {};  // those of devices first, as Simulation::wrenches() has them
   const DeviceForces* devices = nullptr;      // evaluated at the point; null: their loads are held
   const FieldMoment* moment = nullptr;        // as Inputs::moment
-  const cardan::Drive* drives = nullptr;      // as Inputs::drives
+  const LoopDrive* drives = nullptr;          // as Inputs::drives
 };
 
 /// Inputs and outputs by name. A name may stand for several; .x, .y, .z behind a node's quantity is one of three. Components of

@@ -89,7 +89,7 @@ double difference(Simulation& sim, const reference::DenseTwin<T>& twin, bool& so
   const Observer& observer = sim.observe();
   reference::Mat3X<T> drives(3, static_cast<Eigen::Index>(sim.drives().size()));
   for (Eigen::Index i = 0; i < drives.cols(); ++i) {
-    const Drive& d = sim.drives()[static_cast<std::size_t>(i)];
+    const LoopDrive& d = sim.drives()[static_cast<std::size_t>(i)];
     drives.col(i) << T(d.more), T(d.rate), T(d.acceleration);
   }
   const reference::DenseState<T> state = twin.at(sim.state().q.cast<T>(), sim.state().v.cast<T>(), drives);

@@ -65,7 +65,7 @@ class Rejoining {
     for (LoopSpec& loop : spec_.loops)
       if (loop.as_found)
         hold_as_found(loop);
-      else if (const Drive* drive = drive_of(loop.name))
+      else if (const LoopDrive* drive = drive_of(loop.name))
         (loop.type == "distance" ? loop.length : loop.offset) = length_of(loop.name) + drive->more;
     const auto model = compile(std::make_shared<const SystemSpec>(spec_), registry_, options_);
     const ModelMap map = model_map(before_, *model);
@@ -78,9 +78,9 @@ class Rejoining {
     if (!others_.empty()) set_velocities(*model, state);
     if (!model->loops.empty()) {
       const Model weighed = model->weighed(state.z.data(), state.marks.data());
-      std::vector<Drive> drives(static_cast<std::size_t>(model->loops.n_drives));  // at their lengths, still moving
+      std::vector<LoopDrive> drives(static_cast<std::size_t>(model->loops.n_drives));  // at their lengths, still moving
       for (const Loop& loop : model->loops.all)
-        if (const Drive* drive = drive_of(loop.name); loop.drive >= 0 && drive)
+        if (const LoopDrive* drive = drive_of(loop.name); loop.drive >= 0 && drive)
           drives[static_cast<std::size_t>(loop.drive)] = {0.0, drive->rate, drive->acceleration};
       if (LoopProjection projection(weighed); !projection.close(state.q.data(), state.v.data(), drives.data()))
         throw NumericsError(describe_breakdown(weighed, projection.breakdown(), state.t));
@@ -135,7 +135,7 @@ class Rejoining {
   }
 
   /// Of a loop that was prescribed and closed; null: it was not.
-  const Drive* drive_of(const std::string& loop) const {
+  const LoopDrive* drive_of(const std::string& loop) const {
     const int i = before_.loops.find(loop), drive = i < 0 ? -1 : before_.loops.all[static_cast<std::size_t>(i)].drive;
     return drive < 0 ? nullptr : &drives_[static_cast<std::size_t>(drive)];
   }
@@ -265,7 +265,7 @@ class Rejoining {
   const Model& before_;
   const Observer& seen_;
   const State& state_;
-  std::vector<Drive> drives_;
+  std::vector<LoopDrive> drives_;
   SystemSpec spec_;
   const Registry& registry_;
   CompileOptions options_;

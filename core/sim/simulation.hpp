@@ -113,7 +113,7 @@ class Simulation {
   void prescribe_loop(std::string_view loop, MotionProfile profile);
   const MotionProfile* loop_profile(std::string_view loop) const;
   /// Of all prescribed loops that are closed, in the order of Loop::drive: how much more than the model's their length or offset is.
-  std::span<const Drive> drives() const { return drives_; }
+  std::span<const LoopDrive> drives() const { return drives_; }
   /// A wrench on a node, zero at first; returns its slot. world_axes: else node axes.
   int add_wrench(int node, bool world_axes);
   /// Outputs are written at this period, at the start and at the end. The recorder must outlive the run.
@@ -367,7 +367,7 @@ class Simulation {
     double more(double t) const { return more_0 + profile.travel(t_0, t); }
   };
   std::vector<PrescribedLoop> prescribed_loops_;  // in the order of Loop::drive
-  std::vector<Drive> drives_;                     // at the time of the last evaluation
+  std::vector<LoopDrive> drives_;                 // at the time of the last evaluation
   bool struck_by_loops_ = false;                  // the rate of one has jumped, which the vehicle has still to follow
   std::vector<double> tau_, tau_total_;           // of actuators; with springs and dampers, which evaluate() sets where they act
   std::vector<double> vdot_given_, x_;

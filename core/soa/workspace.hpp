@@ -35,7 +35,7 @@ struct Inputs {
   std::span<const NodeWrench<T>> wrenches = {};
   bool gravity = true;                  // false: leave gravity out
   const FieldMoment* moment = nullptr;  // of gravity that is a field of a family; null: t = 0
-  const Drive* drives = nullptr;        // of loops that are given as functions of time, Loops::n_drives; null: as in the model, at rest
+  const LoopDrive* drives = nullptr;    // of loops that are given as functions of time, Loops::n_drives; null: as in the model, at rest
 };
 
 /// What a pass is made for: base to tip, tip to base.

@@ -45,7 +45,7 @@ int loop_given(lua_State* L) {
   if (spec.type != "coupling" && spec.type != "distance")
     refuse(L, Code::lua_argument, "length of " + spec.name, "a distance or a coupling", spec.type);
   const bool distance = spec.type == "distance";
-  Drive drive;
+  LoopDrive drive;
   double length = distance ? spec.length : spec.offset;
   h.scenario->sim->observe();
   if (const int at = closed(h); at >= 0) {
@@ -69,7 +69,7 @@ int loop_profile(lua_State* L) {
   sink.throw_if_any();
   if (!spec.prescribed || closed(h) < 0)
     refuse(L, Code::lua_argument, "profile of " + spec.name, "a loop that is prescribed, and closed",
-           spec.prescribed ? "an open one" : spec.type,
+           spec.prescribed ? "an open one" : "one that is not prescribed",
            spec.prescribed ? "sat:close(name) closes it" : fmt::format("say so in the vehicle: loops.{}.prescribed: true", spec.name));
   MotionProfile profile = read_profile(L, t, spec.type == "distance" ? "m/s" : "1/s");
   t.finish();

@@ -25,7 +25,7 @@ struct OperatingState {
   std::shared_ptr<const Model> model = nullptr;           // that of the devices
   std::shared_ptr<const DeviceForces> devices = nullptr;  // null where there are none
   std::shared_ptr<const FieldMoment> moment = nullptr;    // of gravity that is a field
-  std::vector<Drive> drives = {};                         // of prescribed loops
+  std::vector<LoopDrive> drives = {};                     // of prescribed loops
   std::uint64_t seed = 0;                                 // of the scenario
   Inputs inputs(const double* q) const {
     return {.q = q,

@@ -10,7 +10,6 @@ namespace cardan::test {
 namespace {
 
 using namespace cardan::operators;
-using operators::Drive;  // and not that of a loop
 
 TEST(Hybrid, AnyMaskAgainstTheTwin) {  // inside hinges and among modes; wrenches, gravity, elasticity, velocities
   for (std::vector<TreeOptions> kinds = kinds_of_trees(); const TreeOptions& options : kinds)

@@ -46,8 +46,7 @@ TEST_P(BenchLoops, HaveTheirExactAccelerationsAndForces) {
   for (const LoopForm form : {LoopForm::multipliers, LoopForm::embedding, LoopForm::automatic}) {
     bench.spec.loop_form = form;
     const auto model = compiled(bench.spec);
-    const bool skips = GetParam().stem() == "tello";  // its couplings share hinges and have other hinges between theirs
-    EXPECT_EQ(model->loops.embedding == nullptr, form == LoopForm::multipliers || skips);
+    EXPECT_EQ(model->loops.embedding == nullptr, form == LoopForm::multipliers);
     Workspace ws(*model);
     for (const bench_loops::State& s : bench.states) {
       VectorXd vdot(model->nv);
@@ -65,10 +64,17 @@ TEST_P(BenchLoops, HaveTheirExactAccelerationsAndForces) {
 }
 
 // Rates and multipliers in the sweep, mixed; sets of loops that share hinges by rates. Up to 40 rates that are eliminated together lose
-// digits, which is why `auto` does not take them so.
+// digits, which is why `auto` does not take them so: as many as the condition of the tree's mass matrix says, 2e7 with 81 links.
 TEST_P(BenchLoops, HaveTheirExactAccelerationsInAnyMixOfForms) {
   bench_loops::Model bench = bench_loops::read(GetParam());
   const auto model = compiled(bench.spec);
+  bench.spec.loops.clear();
+  const auto tree = compiled(bench.spec);
+  const auto rounding = [&](const VectorXd& q) {
+    Workspace ws(*tree);
+    const VectorXd M = mass_matrix(*tree, ws, q.data()).selfadjointView<Eigen::Lower>().eigenvalues();
+    return M.maxCoeff() / M.minCoeff() * std::numeric_limits<double>::epsilon();
+  };
   std::mt19937_64 random(7);
   for (int mix = 0; mix < 4; ++mix) {
     std::vector<std::uint8_t> by_rates(model->loops.all.size(), 1);
@@ -79,7 +85,7 @@ TEST_P(BenchLoops, HaveTheirExactAccelerationsInAnyMixOfForms) {
     for (const bench_loops::State& s : bench.states) {
       VectorXd vdot(model->nv);
       ASSERT_TRUE(forward_dynamics(*mixed, ws, {.q = s.q.data(), .v = s.v.data(), .tau = s.tau.data()}, vdot.data()));
-      EXPECT_LE(error_of(vdot, s.vdot), 1e-10) << mix;
+      EXPECT_LE(error_of(vdot, s.vdot), worse(1e-13, rounding(s.q))) << mix;
     }
   }
 }

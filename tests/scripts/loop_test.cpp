@@ -1,0 +1,53 @@
+// What a mission asks of a loop and gives it: sat:loop.
+#include <gtest/gtest.h>
+
+#include "tests/scripts/run_program.hpp"
+
+namespace cardan {
+namespace {
+
+/// A mass that flies about the ground on a string, hauled in at 0.4 m/s; a cam with its follower; an arm beside them.
+constexpr const char* kHauled = R"yaml(
+cardan: 1
+bodies:
+  mass: {mass: 2 kg, inertia: [1, 1, 1], hinge: {type: translational, to: world, initial: {x: 1 m, vy: 1.5 m/s}}}
+  cam: {mass: 1 kg, inertia: [1, 1, 1.5], hinge: {type: revolute, axis: [0, 0, 1], to: world, initial: {rate: 1 rad/s}}}
+  follower: {mass: 1 kg, inertia: [1, 1, 1], hinge: {type: prismatic, axis: [0, 0, 1], to: world}}
+  arm: {mass: 1 kg, inertia: [1, 1, 1], hinge: {type: revolute, axis: [0, 0, 1], to: world, initial: {rate: 1 rad/s}}}
+loops:
+  string: {type: distance, from: world, to: mass, length: 1 m, prescribed: true}
+  lift: {type: coupling, offset: 0.1, terms: {follower: 1}, functions: [{of: {cam: 2}, sine: -0.1}]}
+)yaml";
+
+// r = 1 - 0.4 t, r^2 theta' = 1.5; the string pulls with m (theta'^2 r - r'') = 4.5 / r^3, whatever else of the vehicle changes.
+TEST(LoopsOfAMission, TellWhatTheyAreAndDoAlsoBeyondAChangeOfTheVehicle) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml", kHauled);
+  write(dir / "scenario.lua", R"lua(
+local sat = vehicle "vehicle.yaml"
+mission { duration = 1, integrator = { method = "dop853", relative = 1e-12 } }
+local string, lift, cam, seen = sat:loop "string", sat:loop "lift", sat:hinge "cam", 0
+string:profile { hold = "-0.4 m/s" }
+local function near(what, got, want) assert(math.abs(got - want) < 1e-8, what .. ": " .. got .. " and " .. want) end
+phase { name = "loose", duration = 0.55, exit_ = function() sat:lock "arm" end }
+phase { name = "locked", duration = 0.45 }
+controller { name = "look", rate = "5 Hz", step = function(t)
+  local r, rate = string:length()
+  near("length", r, 1 - 0.4 * t)
+  near("rate", rate, -0.4)
+  near("pull", string:multiplier(), -4.5 / r ^ 3)
+  local offset = lift:offset()
+  near("offset", offset, 0.1)
+  near("follower", sat:hinge("follower"):q(), 0.1 + 0.1 * math.sin(2 * cam:angle()))
+  local _, _, _, fx, fy = string:reaction()
+  near("reaction", (fx * fx + fy * fy) ^ 0.5, 4.5 / r ^ 3)
+  seen = seen + 1
+end }
+check { name = "looks", value = function() return seen end, within = { 5, 7 } }
+)lua");
+  const Finished f = run_program({"run", ".", "--quiet", "--out", "out"}, dir.path());
+  EXPECT_EQ(f.exit_code, 0) << f.out << f.err;
+}
+
+}  // namespace
+}  // namespace cardan
