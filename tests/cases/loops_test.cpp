@@ -2,8 +2,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "tests/cases/andrews.hpp"
 #include "tests/cases/published.hpp"
-#include "tests/support/bench_loops.hpp"
 #include "tests/support/worse.hpp"
 
 namespace cardan::test {
@@ -12,25 +12,13 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-// The tree and its closures are those of the benchmark model, whose first state is the published start; the spring is a device.
 TEST(AndrewsSqueezer, TurnsItsCrankInThirtyMilliseconds) {
   const Published ref("loop-andrews-squeezer");
-  bench_loops::Model squeezer = bench_loops::read(CARDAN_SOURCE_DIR "/tests/reference/bench_loops/andrews.json");
-  SystemSpec& spec = squeezer.spec;
-  const auto& spring = squeezer.json["springs"][0];
-  BodySpec frame = rigid("frame", 1.0, Vector3d::Zero(), diagonal({1, 1, 1}));
-  frame.hinge.type = "locked";
-  frame.nodes.push_back({"C", bench_loops::detail::vector(spring["A"]["p"]), Eigen::Matrix3d::Identity(), {}});
-  spec.bodies.push_back(frame);
-  spec.bodies[2].nodes.push_back({"D", bench_loops::detail::vector(spring["B"]["p"]), Eigen::Matrix3d::Identity(), {}});
-  DeviceSpec device;
-  device.name = "spring", device.type = "spring_damper";
-  device.params["stiffness"].value = ref.model()["spring"]["c0_Nm"].as<double>();
-  device.params["rest"].value = ref.model()["spring"]["l0_m"].as<double>();
-  device.mounts["from"] = {"frame.C", {}}, device.mounts["to"] = {"K3.D", {}};
-  spec.devices = {device};
-  const auto sim = run_of(spec);
-  sim->set_force(0, ref.model()["drive_torque_Nm"].as<double>());
+  EXPECT_EQ(ref.model()["spring"]["c0_Nm"].as<double>(), kAndrewsStiffness);
+  EXPECT_EQ(ref.model()["spring"]["l0_m"].as<double>(), kAndrewsRest);
+  EXPECT_EQ(ref.model()["drive_torque_Nm"].as<double>(), kAndrewsTorque);
+  const auto sim = run_of(andrews_squeezer());
+  sim->set_force(0, kAndrewsTorque);
   // Published: beta, Theta, gamma, Phi, delta, Omega, epsilon; ours: K1 ... of the model.
   const auto published_order = [](const VectorXd& x) {
     VectorXd out(7);
