@@ -138,7 +138,10 @@ class Assembler {
     const MatrixXd G = rows() * Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
                                     ws_.loops->G.data(), m_.loops.rows, m_.nv);
     const MatrixXd A = root.triangularView<Eigen::Lower>().solve(G(Eigen::all, free).transpose()).transpose();
-    const VectorXd d = root.transpose().triangularView<Eigen::Upper>().solve(least_squares(A, VectorXd(-G * v)));
+    VectorXd open = G * v;
+    for (const Loop& loop : m_.loops.all)
+      if (loop.drive >= 0) open[loop.first] = 0.0;  // moves as it did
+    const VectorXd d = root.transpose().triangularView<Eigen::Upper>().solve(least_squares(A, VectorXd(-open)));
     for (std::size_t i = 0; i < free.size(); ++i) v[free[i]] += d[static_cast<Eigen::Index>(i)];
   }
 

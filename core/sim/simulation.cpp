@@ -24,8 +24,9 @@ namespace cardan {
 namespace {
 
 // Of closed loops, relative to their size:
-constexpr double kDrift = 10.0;         // relative tolerances that the history of an integrator may be off before it starts anew
-constexpr double kGivenOpen = 1e-6;     // what a state that was given may be open by: typed numbers have a finite number of digits
+constexpr double kDrift = 10.0;      // relative tolerances that the history of an integrator may be off before it starts anew
+constexpr double kGivenOpen = 1e-6;  // what a state that was given may be open by: typed numbers have a finite number of digits
+double pace_of(const Eigen::VectorXd& v) { return std::max(1.0, v.size() == 0 ? 0.0 : v.cwiseAbs().maxCoeff<Eigen::PropagateNaN>()); }
 constexpr double kGivenDrift = 1e3;     // ... or so many relative tolerances
 constexpr double kNearSingular = 1e-3;  // a scaled pivot below is told of: of loops in good postures they are above 0.05
 
@@ -546,11 +547,33 @@ void Simulation::tell_near_singular() {
        "multipliers grow as its inverse, and the way on may be another branch: see docs/errors.md");
 }
 
+// Of loops whose length or offset is given: initial rates that move it are those of its profile.
+void Simulation::start_lengths() {
+  if (drives_.empty()) return;
+  const Eigen::VectorXd rates = loop_matrix(*model_, workspace_, state_.q.data(), drives_.data()) * state_.v;
+  observed_ = ledger_known_ = false;
+  const double limit = kGivenOpen * pace_of(state_.v);
+  for (const Loop& loop : model_->loops.all) {
+    if (loop.drive < 0) continue;
+    const PrescribedLoop& p = prescribed_loops_[static_cast<std::size_t>(loop.drive)];
+    const double rate = rates[loop.first], wanted = p.profile.rate(state_.t);
+    if (std::abs(rate) <= limit || std::abs(rate - wanted) <= limit) continue;  // from rest the vehicle begins with the profile's
+    const auto unit = [&](double x) { return fmt::format("{:.6g}{}", x, loop.closing == Closing::distance ? " m/s" : " 1/s"); };
+    if (!p.given)
+      refuse(Code::open_start, model_->spec->locate("loops." + loop.name),
+             "a profile that begins with its rate, or initial rates that leave it as it is", unit(rate),
+             fmt::format("in the mission: sat:loop(\"{}\"):profile{{...}}", loop.name));
+    warn(Code::mission_doubt, {fmt::format("profile of {}", loop.name), {}},
+         fmt::format("the rate is {} and the profile's {}: the vehicle begins with that of the profile", unit(rate), unit(wanted)),
+         "give `initial` of the hinges rates that go with it, or none");
+  }
+}
+
 // A state that was given is closed but for rounding and typing.
 void Simulation::start_closed() {
   if (!loops_) return;
   breakdown_ = {};
-  const double pace = std::max(1.0, state_.v.size() == 0 ? 0.0 : state_.v.cwiseAbs().maxCoeff<Eigen::PropagateNaN>());
+  const double pace = pace_of(state_.v);
   const bool struck = std::exchange(struck_by_loops_, false);
   Momentum p_before;
   Energy e_before;

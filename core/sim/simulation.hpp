@@ -218,6 +218,7 @@ class Simulation {
   const double* with_given_motion(double t, const double* x);
   void give_motion(double t, double* q, double* v) const;
   void start_given_motion();
+  void start_lengths();
   void drive_loops(double t, double since);
   void apply_forces(double t, double since, const double* q, const double* v);
   bool evaluate(double t, double since, const double* x, double* vdot);

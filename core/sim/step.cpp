@@ -24,6 +24,7 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
     schedule_.start(state_.t);
     std::ranges::fill(last_set_, state_.t);
     start_devices();
+    start_lengths();
     start_closed();
     begin_ledger();
     foresee_stiffness(t_end);

@@ -399,6 +399,59 @@ TEST(Couplings, AStringThatIsHauledInKeepsAngularMomentum) {
   }
 }
 
+// The mission tells the rate: initial rates that move the length are no open loop, but those of its profile.
+TEST(Couplings, AStringMayBeginInMotion) {
+  BodySpec mass = on(particle("mass", 2.0, {0, 0, 0}), "", "translational");
+  mass.hinge.q = {1.0, 0.0, 0.0}, mass.hinge.v = {0.3, 1.5, 0.0};
+  SystemSpec spec = system({mass});
+  LoopSpec string;
+  string.name = "string", string.type = "distance", string.length = 1.0, string.prescribed = true;
+  string.to.body = "mass";
+  spec.loops = {string};
+  SimulationOptions options;
+  options.integrator.relative_tolerance = 1e-12;
+  Simulation sim(compiled(spec), options);
+  sim.prescribe_loop("string", MotionProfile::hold(0.3));
+  sim.run(2.0);
+  EXPECT_EQ(sim.warnings().all().size(), 0u) << render(sim.warnings());
+  const Eigen::Vector3d x = sim.state().q, v = sim.state().v;
+  EXPECT_NEAR(x.norm(), 1.6, 1e-13);
+  EXPECT_NEAR(x.cross(v).z(), 1.5, 1e-10);
+  EXPECT_NEAR(sim.loop_forces().multipliers[0], -2.0 * 1.5 * 1.5 / std::pow(1.6, 3), 1e-9);
+
+  Simulation untold(compiled(spec), options);
+  try {
+    untold.run(1.0);
+    ADD_FAILURE() << "no profile, and it moves";
+  } catch (const InputError& e) {
+    EXPECT_NE(render(e.diagnostics()).find("error[C1103]"), std::string::npos) << render(e.diagnostics());
+    EXPECT_NE(render(e.diagnostics()).find("0.3 m/s"), std::string::npos) << render(e.diagnostics());
+  }
+  Simulation otherwise(compiled(spec), options);
+  otherwise.prescribe_loop("string", MotionProfile::hold(-0.1));
+  otherwise.run(1.0);
+  EXPECT_NE(render(otherwise.warnings()).find("the rate is 0.3 m/s and the profile's -0.1 m/s"), std::string::npos)
+      << render(otherwise.warnings());
+  EXPECT_NEAR(otherwise.state().q.norm(), 0.9, 1e-13);
+}
+
+// Another loop is open in its rates: what closes it leaves the rate of the given length as it was.
+TEST(Couplings, AStringInMotionStaysSoWhereAnotherLoopIsAssembled) {
+  BodySpec mass = on(particle("mass", 2.0, {0, 0, 0}), "", "translational"),
+           wheel = on(rigid("wheel", 1.0, {0, 0, 0}, diagonal({0.1, 0.1, 0.2})), "", "revolute", {{0, 0, 1}});
+  mass.hinge.q = {1.0, 0.0, 0.0}, mass.hinge.v = {0.3, 1.5, 0.0};
+  SystemSpec spec = system({mass, wheel});
+  LoopSpec string, gear;
+  string.name = "string", string.type = "distance", string.length = 1.0, string.prescribed = true;
+  string.to.body = "mass";
+  gear.name = "gear", gear.type = "coupling", gear.terms = {{"mass.y", 2.0, {}}, {"wheel", -1.0, {}}}, gear.offset = 0.0;
+  spec.loops = {string, gear};
+  const auto model = compiled(spec);
+  const State s = model->initial_state();
+  EXPECT_NEAR(s.v[0], 0.3, 1e-15);
+  EXPECT_NEAR(s.v[3], 2.0 * s.v[1], 1e-14);
+}
+
 /// A coupling of one coordinate that is given moves as the hinge whose motion is given, and its multiplier is the force that this needs.
 TEST(Couplings, ACoordinateThatIsGivenByARowIsAsOneThatIsGivenByItsHinge) {
   SystemSpec by_hinge = system(base_with_sprung_arm(), {});
