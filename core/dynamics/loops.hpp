@@ -51,7 +51,8 @@ struct LoopRank {
   double distance = 0.0;       // of them the smallest singular value that counts: 0 at a singular posture
 };
 LoopRank loop_rank(const Model& model, Workspace& workspace, const double* q, const LoopDrive* drives = nullptr);
-/// What the loops leave free at a state: v = X v_independent, nv x mobility, keeps all of them closed.
+/// What the loops leave free at a state: v = X v_independent, nv x mobility, keeps all of them closed. NumericsError N0601 at a singular
+/// posture, where motions that are free to first order cannot all go on.
 struct LoopFreedom {
   std::vector<int> rows;                    // as many as count
   std::vector<int> dependent, independent;  // velocity components: those of the pivots, as many as rows; the others, ascending

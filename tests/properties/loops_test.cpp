@@ -976,6 +976,50 @@ TEST(Loops, AStateThatIsFarFromThemIsNotTaken) {
             "  hint:     it contradicts other loops or given motions, or its ends are out of reach of each other; see docs/errors.md\n");
 }
 
+/// Crank, coupler and rocker of a parallelogram, at this angle of the crank.
+SystemSpec parallelogram(double angle) {
+  const auto link = [](const char* name, double length, double q, const char* inboard, const Vector3d& at) {
+    BodySpec b = on(rigid(name, 1.0, {0.5 * length, 0, 0}, diagonal({0.01, 0.1, 0.1})), inboard, "revolute", {{0, 0, 1}}, at);
+    b.hinge.q = {q};
+    return b;
+  };
+  SystemSpec spec = system({link("crank", 1.0, angle, "", {0, 0, 0}), link("coupler", 2.0, -angle, "crank", {1, 0, 0}),
+                            link("rocker", 1.0, angle + std::numbers::pi, "coupler", {2, 0, 0})},
+                           uniform_gravity({0, -9.81, 0}));
+  LoopSpec pin;
+  pin.name = "pin", pin.type = "point";
+  pin.from.position = {2, 0, 0}, pin.to.body = "rocker", pin.to.position = {1, 0, 0};
+  spec.loops = {pin};
+  return spec;
+}
+
+// Flat it may go on as a parallelogram or crossed: two motions to first order, of which no mixture goes on.
+TEST(Loops, WhatIsLinearIsRefusedAtASingularPosture) {
+  for (const LoopForm form : {LoopForm::automatic, LoopForm::multipliers}) {
+    for (const double angle : {0.0, 1e-3}) {
+      SystemSpec spec = parallelogram(angle);
+      spec.loop_form = form;
+      const auto model = compiled(spec);
+      const State s = model->initial_state();
+      const auto linear = [&] { operators::linearize(*model, {.q = s.q.data(), .v = s.v.data()}); };
+      const auto inverse = [&] { operators::ClosedSystem(model, s.q.data()); };
+      if (angle != 0.0) {
+        EXPECT_NO_THROW(linear());
+        EXPECT_NO_THROW(inverse());
+        continue;
+      }
+      const std::string why = told(inverse);
+      EXPECT_NE(why.find("failure[N0601]: a loop cannot be kept closed\n  t = 0 s   body: pin\n  row 1 of loop pin: residual "),
+                std::string::npos)
+          << why;
+      EXPECT_NE(why.find("  hint:     a singular posture: loops leave motions free that cannot all go on. Ask beside it\n"),
+                std::string::npos)
+          << why;
+      EXPECT_EQ(told(linear), why);
+    }
+  }
+}
+
 // What is common to both ends is in no row: an orbit costs no digits.
 TEST(Loops, CostNoDigitsAtOrbitalSpeed) {
   const auto vdot_of = [](double far) {
