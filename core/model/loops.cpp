@@ -79,6 +79,11 @@ class LoopCompiler {
       if (!b.prescribed_modes.empty())
         sink_.report(Code::unsupported, spec_.locate(body_path(b)), "a vehicle without closed loops, or modes that are free",
                      "modes with a given motion");
+    for (const BodySpec& b : spec_.bodies)
+      if (const cardan_body_family* family = registry_.body(b.type); family && family->node)
+        sink_.report(Code::unsupported, spec_.locate(body_path(b)),
+                     "a vehicle without closed loops, or bodies whose nodes move along constant shapes",
+                     fmt::format("{}, whose type {} tells how they move", b.name, in_quotes(b.type)));
   }
 
   void report(Code code, const LoopSpec& loop, const std::string& key, std::string expected, std::string got, std::string hint = {}) {
