@@ -259,7 +259,8 @@ class Compiler {
         if (m.field.pulls()) add_inertia_derivatives(m.flexible.back());
         if (m.field.pulls() && m.field.gradient && m.flexible.back().curved)
           sink_.report(
-              Code::unsupported, spec.at, "a body whose nodes move along constant shapes, where gravity has a gradient",
+              Code::unsupported, spec_.locate(body_path(spec)),
+              "a body whose nodes move along constant shapes, where gravity has a gradient",
               fmt::format("{}, whose type {} tells how they move", spec.name, in_quotes(spec.type)),
               "torque and modal forces of a gradient are formed from the integrals of modal data; gradient: false leaves them out");
         const bool at_origin =
