@@ -87,6 +87,8 @@ ModalData random_modes(std::mt19937_64& rng, int n_modes, bool rotary, bool quad
     }
     data.mass_nodes.push_back(std::move(n));
   }
+  for (int j = 0; j < 2; ++j)
+    data.nodes.push_back({fmt::format("node_{}", j), random_vector(rng, 3), Matrix3d::Identity(), matrix(3, n_modes), matrix(3, n_modes)});
   data.integrals = integrals_of(data.mass_nodes, n_modes, rotary);
   data.K = MatrixXd::Identity(n_modes, n_modes);
   data.C = MatrixXd::Zero(n_modes, n_modes);
@@ -114,6 +116,16 @@ struct Inertia {
     M.bottomRightCorner(m, m) = Eigen::Map<const MatrixXd>(ee.data(), m, m);
     return M;
   }
+};
+
+/// How a node has moved.
+struct Moved {
+  VectorXd x;
+  MatrixXd S;
+  VectorXd a;
+
+  bool finite() const { return x.allFinite() && S.allFinite() && a.allFinite(); }
+  double distance(const Moved& o) const { return (x - o.x).norm() + (S - o.S).norm() + (a - o.a).norm(); }
 };
 
 class BodyInstance {
@@ -149,6 +161,21 @@ class BodyInstance {
     notice(b, "bias");
     return b.vector();
   }
+  Moved node(std::uint32_t i, const VectorXd& eta, const VectorXd& etadot) const {
+    before_("node");
+    Handed x(6), S(6 * m_), a(6);
+    f_.node(packed_.data(), i, eta.data(), etadot.data(), x.data(), S.data(), a.data());
+    return moved(x, S, a);
+  }
+  /// Each part asked for alone, and the first two without rates.
+  Moved node_by_parts(std::uint32_t i, const VectorXd& eta, const VectorXd& etadot) const {
+    before_("node, part by part,");
+    Handed x(6), S(6 * m_), a(6);
+    f_.node(packed_.data(), i, eta.data(), nullptr, x.data(), nullptr, nullptr);
+    f_.node(packed_.data(), i, eta.data(), nullptr, nullptr, S.data(), nullptr);
+    f_.node(packed_.data(), i, eta.data(), etadot.data(), nullptr, nullptr, a.data());
+    return moved(x, S, a);
+  }
   cardan_body_facts facts() const {
     before_("facts");
     cardan_body_facts facts{};
@@ -158,6 +185,10 @@ class BodyInstance {
   }
 
  private:
+  Moved moved(const Handed& x, const Handed& S, const Handed& a) const {
+    for (const Handed* out : {&x, &S, &a}) notice(*out, "node");
+    return {x.vector(), Eigen::Map<const MatrixXd>(S.data(), 6, static_cast<Eigen::Index>(m_)), a.vector()};
+  }
   void notice(const Handed& array, const char* call) const {
     if (overrun_.empty() && !array.intact()) overrun_ = fmt::format("{} writes beyond what it is handed", call);
   }
@@ -199,6 +230,8 @@ class BodyLaws {
     found_.list(kWrites, "its mass is given by the host");
     const char* no_fact = f_.mass_source == CARDAN_MASS_MODES ? "no sample declares it" : "it has no modes";
     for (const char* fact : kFacts) found_.list(fact, no_fact);
+    const char* no_curve = f_.mass_source == CARDAN_MASS_MODES ? "its nodes move along constant shapes" : "it has no modes";
+    for (const char* of_node : kNode) found_.list(of_node, f_.node ? "no sample came to it" : no_curve);
   }
 
   std::vector<std::string> violations(int samples, LawRecord* record) {
@@ -211,6 +244,13 @@ class BodyLaws {
  private:
   static constexpr const char* kFacts[] = {"the fact is true: m_ee_constant", "the fact is true: m_re_constant",
                                            "the fact is true: j_constant"};
+  static constexpr const char* kNode[] = {"the motion of nodes is finite",
+                                          "node is the same again, and in another thread",
+                                          "node does not depend on where the packed parameters stand",
+                                          "node gives the same part by part",
+                                          "nodes have not moved at eta = 0",
+                                          "S is the derivative of x along eta",
+                                          "a is the derivative of S along eta', times eta'"};
 
   template <class... Arguments>
   void law(const Arguments&... arguments) {
@@ -325,9 +365,37 @@ class BodyLaws {
     law("b_v is what the kinetic energy gives", (wanted.segment<3>(3) - b.segment<3>(3)).norm(), 1e-9, scale);
     law("b_e is what the kinetic energy gives", (wanted.tail(m) - b.tail(m)).norm(), 1e-9, scale);
 
+    for (std::uint32_t i = 0; f_.node && i < 2; ++i)
+      if (!expect_node(body, i, eta, etadot)) return false;
     if (facts.m_ee_constant) law(kFacts[0], I.ee == at_rest.ee);
     if (facts.m_re_constant) law(kFacts[1], I.re == at_rest.re);
     if (facts.j_constant) law(kFacts[2], I.rr.tail<6>() == at_rest.rr.tail<6>());
+    return true;
+  }
+
+  bool expect_node(BodyInstance& body, std::uint32_t i, const VectorXd& eta, const VectorXd& etadot) {
+    const Eigen::Index m = eta.size();
+    const Moved n = body.node(i, eta, etadot);
+    law(kNode[0], n.finite());
+    if (!n.finite()) return false;
+    Moved there;
+    in_another_thread([&] { there = body.node(i, eta, etadot); });
+    law(kNode[1], body.node(i, eta, etadot).distance(n) + there.distance(n), 0.0);
+    body.move();
+    law(kNode[2], body.node(i, eta, etadot).distance(n), 0.0);
+    law(kNode[3], body.node_by_parts(i, eta, etadot).distance(n), 1e-14, 1.0 + n.S.norm());
+    law(kNode[4], body.node(i, VectorXd::Zero(m), etadot).x.norm(), 0.0);
+    constexpr double kStep = 1e-3;
+    const auto along = [&](const VectorXd& d, auto part) {  // fourth-order difference
+      const auto at = [&](double h) { return part(body.node(i, eta + h * kStep * d, etadot)); };
+      return VectorXd((8.0 * (at(1) - at(-1)) - (at(2) - at(-2))) / (12.0 * kStep));
+    };
+    MatrixXd S(6, m);
+    for (Eigen::Index k = 0; k < m; ++k) S.col(k) = along(VectorXd::Unit(m, k), [](const Moved& o) { return o.x; });
+    const double size = 1.0 + n.x.norm() + n.S.norm();
+    law(kNode[5], (S - n.S).norm(), 1e-9, size);
+    const VectorXd a = along(etadot, [&](const Moved& o) { return VectorXd(o.S * etadot); });
+    law(kNode[6], (a - n.a).norm(), 1e-9, size * (1.0 + etadot.squaredNorm()));
     return true;
   }
 

@@ -18,6 +18,13 @@ enum cardan_mass_source {
   CARDAN_MASS_MODES = 3     /* modal, level: the body has modes, and mass() and bias() give its inertia */
 };
 
+/* A named node of the modal data, undeformed. */
+typedef struct cardan_modal_node {
+  const char* name;
+  double R_BN[9], position[3]; /* row-major, node axes to body axes; [m] from B */
+  const double* shapes;        /* 6 x m, column-major: [psi; phi] per mode, [rad; m]; zero where the data have none */
+} cardan_modal_node;
+
 /* Modal data of a flexible body in the body frame B, as the host hands it to a body family. n_modes = m; matrices are
  * column-major; I5: 3 x m per l, one after the other; I8: m of 3 x 3; I9: m * m of 3 x 3, index l * m + k. Pointers that
  * do not apply are null. Symbols: docs/mathematics (Shabana 2013 numbering). */
@@ -31,6 +38,8 @@ typedef struct cardan_modal_view {
   const double* node_inertia;                      /* 9 n, or null */
   const double *node_Phi, *node_Psi;               /* 3 x m each; node_Psi may be null */
   const double* node_Q;                            /* 3 matrices m x m per node, or null */
+  uint32_t n_nodes, node_size;                     /* named nodes, to which hinges, loads and sensors attach; sizeof of one */
+  const cardan_modal_node* nodes;
 } cardan_modal_view;
 
 /* All 0 before the call. Each is proven by the laws. */
@@ -43,8 +52,9 @@ typedef struct cardan_body_facts {
   uint32_t j_constant;
 } cardan_body_facts;
 
-/* One table per body type: the inertia that the operator framework asks of a body, nothing else. Nodes, stiffness, damping, gravity
- * are the host's. Functions of modes are null in other bodies; rigid() is null but in CARDAN_MASS_COMPUTED. */
+/* One table per body type: the inertia that the operator framework asks of a body and, where its nodes do not move along constant
+ * shapes, how they move. Stiffness, damping, gravity are the host's. Functions of modes are null in other bodies; rigid() is null but in
+ * CARDAN_MASS_COMPUTED. */
 typedef struct cardan_body_family {
   uint32_t struct_size;
   const char* type;
@@ -61,6 +71,10 @@ typedef struct cardan_body_family {
   void (*mass)(const void* packed, const double* eta, double* M_rr, double* M_re, double* M_ee);
   /* [step: pure] Velocity terms in gamma form, left-hand side, b = [b_w; b_v; b_e], from the same truncation as `mass`. */
   void (*bias)(const void* packed, const double* eta, const double* etadot, const double* omega, double* b);
+  /* [step: pure] (optional; null: x = S eta with the shapes of the modal data) How node number `node` of the modal data has moved in B:
+   * x = [theta; u], R = exp(theta~) R_BN, position + u [rad; m], zero at eta = 0; S = dx/d eta (6 x m); a = S' eta', its derivative at
+   * constant eta' (6). B axes. Null: not wanted; without a, etadot may be null too. */
+  void (*node)(const void* packed, uint32_t node, const double* eta, const double* etadot, double* x, double* S, double* a);
 } cardan_body_family;
 
 #ifdef __cplusplus

@@ -127,8 +127,8 @@ constexpr FamilyKind kind_of(const char* kind, const char* word) {
 constexpr FamilyKind kKinds[] = {
     kind_of<cardan_hinge_family, offsetof(cardan_hinge_family, zero), hinge_table_faults, hinge_law_violations, &Registry::hinges>(
         CARDAN_KIND_HINGE, "hinge"),
-    kind_of<cardan_body_family, sizeof(cardan_body_family), body_table_faults, body_law_violations, &Registry::bodies>(CARDAN_KIND_BODY,
-                                                                                                                       "body"),
+    kind_of<cardan_body_family, offsetof(cardan_body_family, node), body_table_faults, body_law_violations, &Registry::bodies>(
+        CARDAN_KIND_BODY, "body"),
     kind_of<cardan_device_family, offsetof(cardan_device_family, nominal), device_table_faults, device_law_violations, &Registry::devices>(
         CARDAN_KIND_DEVICE, "device"),
     kind_of<cardan_field_family, offsetof(cardan_field_family, prepared_size), field_table_faults, field_law_violations, &Registry::fields>(

@@ -43,6 +43,17 @@ ModalView::ModalView(const ModalData& data, int level)
     append(Psi_, n.Psi, 3, m);
     for (std::size_t i = 0; i < 3 && any_Q; ++i) append(Q_, n.Q.empty() ? Eigen::MatrixXd() : n.Q[i], m, m);
   }
+  const auto columns = static_cast<std::size_t>(6 * m);
+  shapes_.resize(columns * data.nodes.size());
+  for (std::size_t i = 0; i < data.nodes.size(); ++i) {
+    const ModalNode& n = data.nodes[i];
+    Eigen::Map<Eigen::MatrixXd> S(shapes_.data() + columns * i, 6, m);
+    if (n.Psi.size() > 0) S.topRows<3>() = n.Psi;
+    if (n.Phi.size() > 0) S.bottomRows<3>() = n.Phi;
+    cardan_modal_node& out = nodes_.emplace_back(cardan_modal_node{n.name.c_str(), {}, {}, S.data()});
+    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(out.R_BN) = n.R_BN;
+    Eigen::Map<Eigen::Vector3d>(out.position) = n.position;
+  }
   view_.struct_size = sizeof view_;
   view_.n_modes = static_cast<std::uint32_t>(m);
   view_.level = static_cast<std::uint32_t>(level);
@@ -65,6 +76,9 @@ ModalView::ModalView(const ModalData& data, int level)
   view_.node_Phi = Phi_.data();
   view_.node_Psi = any_Psi ? Psi_.data() : nullptr;
   view_.node_Q = any_Q ? Q_.data() : nullptr;
+  view_.n_nodes = static_cast<std::uint32_t>(nodes_.size());
+  view_.node_size = sizeof nodes_[0];
+  view_.nodes = nodes_.data();
 }
 
 }  // namespace cardan

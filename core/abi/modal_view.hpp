@@ -15,7 +15,8 @@ class ModalView {
   const cardan_modal_view* get() const { return &view_; }
 
  private:
-  std::vector<double> I5_, I8_, I9_, ww_, we_, ee_, mass_, position_, inertia_, Phi_, Psi_, Q_;
+  std::vector<double> I5_, I8_, I9_, ww_, we_, ee_, mass_, position_, inertia_, Phi_, Psi_, Q_, shapes_;
+  std::vector<cardan_modal_node> nodes_;
   cardan_modal_view view_{};
 };
 

@@ -44,7 +44,7 @@ void motion_of(const Model& model, const soa::Workspace<T>& ws, const soa::Input
   hinge_motion_of(in, mounts, put);
   for (const auto& m : mounts.nodes) {
     const UserNode& node = model.nodes[m.node];
-    put_pose_and_velocity(pose_and_velocity(ws, model.user[node.body].sweep, deformed(model, node, in)), m.mount, put);
+    put_pose_and_velocity(pose_and_velocity(ws, model.user[node.body].sweep, deformed(model, ws, node, in)), m.mount, put);
   }
 }
 /// With accelerations.

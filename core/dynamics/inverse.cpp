@@ -96,10 +96,11 @@ Matrix6X phi_star_rows(const Model& model, const Workspace& ws, int k, const dou
     e[j] = 1.0;
     rows.col(j) = to_eigen(to_outboard(soa::pose_in_inboard(model, ws, k, q), motion(e)));
   }
-  for (int j = 0; j < b.n_parent_modes; ++j) {
-    const double* s = model.shapes[b.onode].columns.data() + 6 * j;
-    rows.col(6 + j) = to_eigen(to_outboard(ws.X(k), soa::motion_of_node(*ws.modal_of(k)->node, s)));
-  }
+  if (b.n_parent_modes == 0) return rows;
+  const soa::ModalNode<double>& node = *ws.modal_of(k)->node;
+  soa::with_columns(model.shapes[b.onode], node, [&](const double* S) {
+    for (int j = 0; j < b.n_parent_modes; ++j) rows.col(6 + j) = to_eigen(to_outboard(ws.X(k), soa::motion_of_node(node, S + 6 * j)));
+  });
   return rows;
 }
 

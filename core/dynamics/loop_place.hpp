@@ -35,10 +35,11 @@ LoopEndMotion<T> seen_from_home(const Model& model, const soa::Workspace<T>& ws,
                                 const std::vector<int>& path) {
   LoopEndMotion<T> out{};
   if (end.node >= 0) {
-    out.at = deformed(model, model.nodes[static_cast<std::size_t>(end.node)], in);
+    out.at = deformed(model, ws, model.nodes[static_cast<std::size_t>(end.node)], in);
   } else {
     out.at.R = cast<T>(end.pose.R), out.at.rho = cast<T>(end.pose.p);
     out.at.rate = out.at.bias = Motion<T>{};
+    out.at.S = nullptr;
   }
   Pose<T> X;
   Motion<T> V{};

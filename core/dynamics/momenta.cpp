@@ -1,8 +1,12 @@
 #include "core/dynamics/momenta.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
+#include "core/base/diagnostic.hpp"
+#include "core/base/units.hpp"
 #include "core/soa/kernels_modes.hpp"
 #include "core/soa/tangent.hpp"
 
@@ -55,6 +59,9 @@ void add_rate_through_node(const NodeShapes& shapes, const double* eta, const do
 }  // namespace
 
 Momenta::Momenta(const Model& model) : model_(model), curved_of_(model.bodies.size(), -1), linear_(model.bodies.size()) {
+  if (const UserBody* u = model.find_curved_nodes())
+    refuse(Code::unsupported, {"momenta"}, "bodies whose nodes move along constant shapes",
+           fmt::format("{}, whose type {} tells how they move", u->name, in_quotes(u->type)));
   std::size_t most = 0;
   for (std::size_t k = 1; k < model.bodies.size(); ++k) {
     const SweepBody& b = model.bodies[k];

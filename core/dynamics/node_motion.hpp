@@ -41,12 +41,12 @@ Force<double> bias_of_rotor(const Model& model, const Workspace& ws, const Input
 
 /// A node in its body.
 template <class T>
-soa::DeformedNode<T> deformed(const Model& model, const UserNode& node, const soa::Inputs<T>& in) {
+soa::DeformedNode<T> deformed(const Model& model, const soa::Workspace<T>& ws, const UserNode& node, const soa::Inputs<T>& in) {
   soa::DeformedNode<T> at{};
   at.R = cast<T>(node.shapes.pose.R), at.rho = cast<T>(node.shapes.pose.p);
   at.rate = at.bias = Motion<T>{};
-  const SweepBody& b = model.bodies[model.user[node.body].sweep];
-  if (node.shapes.deforms()) soa::deform<T>(node.shapes, in.q + b.eta, in.v ? in.v + b.etadot : nullptr, at);
+  at.S = nullptr;
+  if (node.shapes.deforms()) soa::deform<T>(model, ws, model.user[node.body].sweep, node.shapes, in.q, in.v, at);
   return at;
 }
 /// [angular; linear] velocity of a node, body axes; V: that of its body.
@@ -65,6 +65,7 @@ Motion<T> acceleration_at(const SweepBody& b, const NodeShapes& shapes, const so
     for (int j = 0; j < b.n_modes; ++j) a += vdot[b.etadot + j] * soa::node_column(shapes, at, j);
   a.w += cross(w, at.rate.w) + at.bias.w;
   a.v += cross(w, cross(w, at.rho)) + T(2) * cross(w, at.rate.v);
+  if (at.S) a.v += at.bias.v;
   return a;
 }
 
@@ -97,7 +98,7 @@ NodeMotion<T> node_motion(const Model& model, const soa::Workspace<T>& ws, const
   const UserNode& node = model.nodes[node_index];
   const int k = model.user[node.body].sweep;
   const SweepBody& b = model.bodies[k];
-  const soa::DeformedNode<T> at = deformed(model, node, in);
+  const soa::DeformedNode<T> at = deformed(model, ws, node, in);
   NodeMotion<T> out = pose_and_velocity(ws, k, at);
   if (!vdot) return out;
   const Motion<T>& V = ws.V(k);

@@ -248,7 +248,7 @@ Force<double> Observer::hinge_wrench(int i) const {
     P = shapes.pose;
     if (shapes.deforms()) {
       soa::DeformedNode<double> at{};
-      soa::deform<double>(shapes, in_.q + b.eta, in_.v + b.etadot, at);
+      soa::deform<double>(model_, ws_, u.sweep, shapes, in_.q, in_.v, at);
       P = {at.R, at.rho};
     }
   }
@@ -342,7 +342,7 @@ ExternalLoads Observer::external(const Inputs& in, const double* vdot) {
     const UserNode& node = model_.nodes[load.node];
     const int k = model_.user[node.body].sweep;
     if (k == 0) continue;
-    const soa::DeformedNode<double> at = deformed(model_, node, in_);
+    const soa::DeformedNode<double> at = deformed(model_, ws_, node, in_);
     const Pose<double> N = ws_.pose_W(k) * Pose<double>{at.R, at.rho};
     const Force<double> f = load.world_axes ? load.f : Force<double>{N.R * load.f.n, N.R * load.f.f};  // world axes, at the node
     add({f.n + cross(N.p, f.f), f.f});

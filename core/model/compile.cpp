@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "core/base/units.hpp"
 #include "core/model/choose_frames.hpp"
 #include "core/model/column_order.hpp"
 #include "core/model/devices.hpp"
@@ -204,11 +205,11 @@ class Compiler {
       if (spec.hinge.inboard_node.empty())
         O.pose = pose_of(spec.hinge.onode_R, spec.hinge.onode_position);
       else
-        O = node_of(spec_.bodies[u.parent], spec.hinge.inboard_node);
+        O = node_of(spec_.bodies[u.parent], spec.hinge.inboard_node, registry_.body(spec_.bodies[u.parent].type));
       if (spec.hinge.body_node.empty())
         P.pose = pose_of(spec.hinge.pnode_R, spec.hinge.pnode_position);
       else
-        P = node_of(spec, spec.hinge.body_node);
+        P = node_of(spec, spec.hinge.body_node, registry_.body(spec.type));
       u.onode = O.pose;
       u.pnode = P.pose;
       if (parent) O.pose = parent->pose * O.pose;
@@ -256,6 +257,12 @@ class Compiler {
         b.flexible = static_cast<int>(m.flexible.size());
         m.flexible.push_back(flexible_of(spec_, spec, *registry_.body(spec.type), sink_));
         if (m.field.pulls()) add_inertia_derivatives(m.flexible.back());
+        if (m.field.pulls() && m.field.gradient && m.flexible.back().curved)
+          sink_.report(
+              Code::unsupported, spec_.locate(body_path(spec)),
+              "a body whose nodes move along constant shapes, where gravity has a gradient",
+              fmt::format("{}, whose type {} tells how they move", spec.name, in_quotes(spec.type)),
+              "torque and modal forces of a gradient are formed from the integrals of modal data; gradient: false leaves them out");
         const bool at_origin =
             P.pose.p.x == 0 && P.pose.p.y == 0 && P.pose.p.z == 0 && (to_eigen(P.pose.R) - Eigen::Matrix3d::Identity()).isZero(0.0);
         if (P.deforms() || !at_origin) {
@@ -351,7 +358,8 @@ class Compiler {
         if (!spec.modal || std::ranges::none_of(spec.modal->nodes, [&](const auto& x) { return x.name == n.name; }))
           add(spec.name + "." + n.name, {pose_of(n.R_BN, n.position), 0, {}});
       if (spec.modal)
-        for (const auto& n : spec.modal->nodes) add(spec.name + "." + n.name, shapes_of(n, spec.modal->n_modes));
+        for (std::size_t k = 0; k < spec.modal->nodes.size(); ++k)
+          add(spec.name + "." + spec.modal->nodes[k].name, shapes_of(*spec.modal, k, *registry_.body(spec.type)));
     }
   }
 

@@ -22,17 +22,22 @@ std::vector<double> columns_of(const Eigen::MatrixXd& Phi, const Eigen::MatrixXd
 
 }  // namespace
 
-NodeShapes shapes_of(const ModalNode& n, int n_modes) {
-  NodeShapes s{{from_eigen(n.R_BN), from_eigen(n.position)}, 0, columns_of(n.Phi, n.Psi, n_modes)};
-  if (s.deforms()) s.n_modes = n_modes;
+NodeShapes shapes_of(const ModalData& modal, std::size_t i, const cardan_body_family& family) {
+  const ModalNode& n = modal.nodes[i];
+  NodeShapes s{{from_eigen(n.R_BN), from_eigen(n.position)}, 0, {}};
+  if (family.node)
+    s.curved = static_cast<int>(i);
+  else
+    s.columns = columns_of(n.Phi, n.Psi, modal.n_modes);
+  if (s.is_curved() || !s.columns.empty()) s.n_modes = modal.n_modes;
   return s;
 }
 
-NodeShapes node_of(const BodySpec& body, const std::string& node) {
+NodeShapes node_of(const BodySpec& body, const std::string& node, const cardan_body_family* family) {
   if (node.empty()) return {};
   if (body.modal)
-    for (const auto& n : body.modal->nodes)
-      if (n.name == node) return shapes_of(n, body.modal->n_modes);
+    for (std::size_t i = 0; i < body.modal->nodes.size(); ++i)
+      if (body.modal->nodes[i].name == node) return shapes_of(*body.modal, i, *family);
   for (const auto& n : body.nodes)
     if (n.name == node) return {{from_eigen(n.R_BN), from_eigen(n.position)}, 0, {}};
   return {};
@@ -45,6 +50,7 @@ FlexibleBody flexible_of(const SystemSpec& spec, const BodySpec& body, const car
   FlexibleBody f;
   f.family = &family;
   f.level = body.level;
+  f.curved = family.node;
   f.data = body.modal;
   std::optional<ParamTable> values = body_params(spec, body, family, sink);
   if (!values) return f;
@@ -123,11 +129,12 @@ void prepare_nodes(Model& m) {
     for (int j = b.etadot; m.has_prescribed() && j < b.etadot + b.n_modes; ++j) masked = masked || m.prescribed[j];
     const bool moves_at_P = b.pnode >= 0 && m.shapes[b.pnode].deforms();
     // With more than six modes per node the factor of P_ee takes more operations (and more time from six on); 6 n <= m must hold.
-    f.by_nodes = f.M_ee_constant && !moves_at_P && !masked && !f.attached.empty() && b.n_modes > 6 * static_cast<int>(f.attached.size());
-    const Eigen::Index n = static_cast<Eigen::Index>(6 * f.attached.size()), modes = b.n_modes;
+    const std::size_t nodes = f.curved ? 0 : f.attached.size();  // whose shapes are constant
+    f.by_nodes = f.M_ee_constant && !moves_at_P && !masked && nodes > 0 && b.n_modes > 6 * static_cast<int>(nodes);
+    const Eigen::Index n = static_cast<Eigen::Index>(6 * nodes), modes = b.n_modes;
     const Eigen::Map<const Eigen::MatrixXd> M_re(f.M_re.data(), 6, modes), U(f.U.data(), modes, 6);
     Eigen::MatrixXd S(n, modes);
-    for (std::size_t c = 0; c < f.attached.size(); ++c) {
+    for (std::size_t c = 0; c < nodes; ++c) {
       const SweepBody& child = m.bodies[f.attached[c]];
       S.middleRows<6>(static_cast<Eigen::Index>(6 * c)) =
           Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic>>(m.shapes[child.onode].columns.data(), 6, modes);

@@ -5,11 +5,11 @@
 
 namespace cardan {
 
-/// Shapes of a node of modal data, in the frame of the body.
-NodeShapes shapes_of(const ModalNode& node, int n_modes);
+/// Shapes of node i of the modal data, in the frame of the body.
+NodeShapes shapes_of(const ModalData& modal, std::size_t i, const cardan_body_family& family);
 
-/// A node of a body as the spec gives it, in the user's body frame.
-NodeShapes node_of(const BodySpec& body, const std::string& node);
+/// A node of a body as the spec gives it, in the user's body frame. A rigid body needs no family.
+NodeShapes node_of(const BodySpec& body, const std::string& node, const cardan_body_family* family = nullptr);
 
 /// The constants of body, whose family is given. A body that the family cannot take is reported.
 FlexibleBody flexible_of(const SystemSpec& spec, const BodySpec& body, const cardan_body_family& family, DiagnosticSink& sink);

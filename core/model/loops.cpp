@@ -60,6 +60,7 @@ class LoopCompiler {
       else if (!given.open)
         couple(given, loop);
       if (given.open) continue;
+      refuse_curved(given, loop);
       if (given.prescribed) loop.drive = loops.n_drives++;
       loop.first = loops.rows;
       loops.rows += loop.rows;
@@ -79,6 +80,30 @@ class LoopCompiler {
       if (!b.prescribed_modes.empty())
         sink_.report(Code::unsupported, spec_.locate(body_path(b)), "a vehicle without closed loops, or modes that are free",
                      "modes with a given motion");
+  }
+
+  /// Bodies whose family tells how their nodes move are neither on the way of a loop nor its home.
+  void refuse_curved(const LoopSpec& given, const Loop& loop) {
+    if (loop.rates.empty()) return;  // reported
+    std::set<int> way;               // what it moves, and inboard of that up to where all of it meets
+    for (int k = static_cast<int>(model_.bodies.size()) - 1; k > 0; --k) {
+      const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
+      const auto moves = [&](int v, int n) { return std::ranges::any_of(loop.rates, [&](int rate) { return v <= rate && rate < v + n; }); };
+      if (moves(b.v, b.nv)) way.insert({k, b.parent});
+      if (moves(b.etadot, b.n_modes)) way.insert(k);
+    }
+    std::set<int> left = way;
+    while (left.size() > 1) {  // inboard bodies have smaller indices
+      const int outer = *left.rbegin(), inboard = model_.bodies[static_cast<std::size_t>(outer)].parent;
+      left.erase(outer), left.insert(inboard), way.insert(inboard);
+    }
+    for (const int k : way) {
+      const SweepBody& b = model_.bodies[static_cast<std::size_t>(k)];
+      if (b.n_modes == 0 || !model_.flexible[static_cast<std::size_t>(b.flexible)].curved) continue;
+      const UserBody& u = model_.user[static_cast<std::size_t>(model_.owner[static_cast<std::size_t>(k)])];
+      sink_.report(Code::unsupported, spec_.locate("loops." + given.name), "a way of bodies whose nodes move along constant shapes",
+                   fmt::format("{}, whose type {} tells how they move", u.name, in_quotes(u.type)));
+    }
   }
 
   void report(Code code, const LoopSpec& loop, const std::string& key, std::string expected, std::string got, std::string hint = {}) {

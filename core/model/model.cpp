@@ -16,6 +16,12 @@ int Model::find_node(std::string_view wanted) const {
   return -1;
 }
 
+const UserBody* Model::find_curved_nodes() const {
+  const auto found = std::ranges::find_if(
+      user, [&](const UserBody& u) { return u.n_modes > 0 && flexible[static_cast<std::size_t>(bodies[u.sweep].flexible)].curved; });
+  return found == user.end() ? nullptr : &*found;
+}
+
 bool Devices::is_commanded(int input) const {
   return from[static_cast<std::size_t>(input)] < 0 && std::ranges::find(delays, input, &DelayLine::input) == delays.end();
 }

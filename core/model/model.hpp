@@ -248,6 +248,8 @@ struct Model : SweepModel {
   /// Index into `user` / `nodes`; -1 if unknown.
   int find_body(std::string_view name) const;
   int find_node(std::string_view name) const;
+  /// The first body whose family tells how its nodes move (cardan_body_family::node); null: there is none.
+  const UserBody* find_curved_nodes() const;
   /// Puts the masses that devices give to bodies at these states and marks into all that has the mass of a body, and what
   /// they hold into `prescribed`. Empty: done; else the fault and the device. Such a model is for one user at a time: Simulation has its
   /// own.

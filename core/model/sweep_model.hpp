@@ -49,10 +49,12 @@ static constexpr bool is_axis(BodyKernel k) { return k >= BodyKernel::axis_x && 
 
 /// Deformation of a node: columns [Psi; Phi] (6 x m, column-major) over the undeformed pose in the body frame.
 struct NodeShapes {
-  Pose<double> pose;  // [-, m] N in B, undeformed
-  int n_modes = 0;
-  std::vector<double> columns;  // 6 m: per mode rotation [rad] then translation [m]; empty: the node does not deform
-  [[gnu::always_inline]] bool deforms() const { return !columns.empty(); }
+  Pose<double> pose;            // [-, m] N in B, undeformed
+  int n_modes = 0;              // 0: the node does not deform
+  std::vector<double> columns;  // 6 m: per mode rotation [rad] then translation [m]
+  int curved = -1;              // its number where the family of the body tells how it moves (cardan_body_family::node); then no columns
+  [[gnu::always_inline]] bool deforms() const { return n_modes > 0; }
+  [[gnu::always_inline]] bool is_curved() const { return curved >= 0; }
 };
 
 /// Numbers that a sweep streams through, from the beginning of a cache line on: no vector of them lies across two lines.
@@ -70,6 +72,7 @@ struct FlexibleBody {
   const cardan_body_family* family = nullptr;
   std::vector<double> packed;  // parameters of the family
   bool M_ee_constant = false, M_re_constant = false, M_ee_identity = false;
+  bool curved = false;                 // its family tells how its nodes move: their shapes depend on eta
   bool constant = false;               // level 0: all of M_fl but the mass centre; the sweeps form it and b themselves
   bool K_diagonal = false;             // then K and C hold m numbers, else m x m
   Stream K, C;                         // [N/m-like], [N s/m-like] per modal coordinate

@@ -80,12 +80,13 @@ void read_blocks(const Model& model, const soa::Workspace<T>& ws, const T* q, Po
     }
     const soa::Modal<T>* modal = ws.modal_of(k);
     if (b.onode >= 0)
-      for (int j = 0; j < mp; ++j) {
-        const double* s = model.shapes[b.onode].columns.data() + 6 * j;
-        const Vec3<T> turn = modal->node->Jl * Vec3<T>{T(s[0]), T(s[1]), T(s[2])};
-        const Motion<T> in_A{turn, Vec3<T>{T(s[3]), T(s[4]), T(s[5])} - cross(turn, modal->node->rho)};
-        store(to_outboard(to_user, to_outboard(X_sweep, in_A)), A.col(6 + j).data());
-      }
+      soa::with_columns(model.shapes[b.onode], *modal->node, [&](const auto* s) {
+        for (int j = 0; j < mp; ++j, s += 6) {
+          const Vec3<T> turn = modal->node->Jl * Vec3<T>{T(s[0]), T(s[1]), T(s[2])};
+          const Motion<T> in_A{turn, Vec3<T>{T(s[3]), T(s[4]), T(s[5])} - cross(turn, modal->node->rho)};
+          store(to_outboard(to_user, to_outboard(X_sweep, in_A)), A.col(6 + j).data());
+        }
+      });
     MatrixXd& Ht = out.Ht[k];
     Ht.setZero(6 + m, b.nv + m);
     if (is_axis(b.kind))
@@ -122,12 +123,20 @@ Matrix6X node_block(const Model& model, const UserNode& node, const Pose<double>
   Pose<double> N = node.shapes.pose;
   if (node.shapes.deforms()) {
     double x[6];
-    soa::sum_columns(node.shapes.columns.data(), q + b.eta, node.shapes.n_modes, x);
+    std::vector<double> curved;
+    const double* S = node.shapes.columns.data();
+    if (node.shapes.is_curved()) {
+      curved.resize(static_cast<std::size_t>(6 * b.n_modes));
+      soa::family_node(model.flexible[b.flexible], b.n_modes, node.shapes.curved, q + b.eta, nullptr, nullptr, x, curved.data(), nullptr);
+      S = curved.data();
+    } else {
+      soa::sum_columns(S, q + b.eta, node.shapes.n_modes, x);
+    }
     const Vec3<double> theta{x[0], x[1], x[2]};
     const auto c = cardan::rotation_coefficients<double>(dot(theta, theta));
     N = {rotation_of_vector(c, theta) * node.shapes.pose.R, node.shapes.pose.p + Vec3<double>{x[3], x[4], x[5]}};
     for (int j = 0; j < b.n_modes; ++j) {
-      const double* s = node.shapes.columns.data() + 6 * j;
+      const double* s = S + 6 * j;
       const Vec3<double> turn = left_jacobian(c, theta, {s[0], s[1], s[2]});
       Bt.col(6 + j) = to_eigen(Motion<double>{transpose_times(N.R, turn), transpose_times(N.R, Vec3<double>{s[3], s[4], s[5]})});
     }

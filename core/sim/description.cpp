@@ -279,8 +279,11 @@ Json not_modelled(const Model& m) {
   if (m.gravity.kind == GravitySpec::Kind::none) all.emplace_back("gravity: none");
   if (m.gravity.kind == GravitySpec::Kind::uniform) all.emplace_back("gravity: uniform, no gradient");
   if (m.field.pulls() && !m.gravity.gradient) all.emplace_back("gravity gradient: none, the force acts at the mass centres");
-  for (const BodySpec& b : m.spec->bodies) {
-    if (!b.modal || b.modal->n_modes == 0) continue;
+  for (std::size_t i = 0; i < m.user.size(); ++i) {
+    const BodySpec& b = m.spec->bodies[i];
+    const SweepBody& swept = m.bodies[static_cast<std::size_t>(m.user[i].sweep)];
+    if (m.user[i].n_modes == 0 || m.flexible[static_cast<std::size_t>(swept.flexible)].curved)
+      continue;  // what its type has, whatever the level
     if (b.level == 0) all.push_back(b.name + ": deformation does not change its inertia (level 0)");
     if (b.level == 1) all.push_back(b.name + ": inertia to first order in the deformation (level 1)");
     if (b.modal->whole)

@@ -41,6 +41,8 @@ FlexibleLimits::FlexibleLimits(const Simulation& sim) : spec_(sim.model().spec) 
   for (std::size_t i = 0; i < m.user.size(); ++i) {
     const BodySpec& spec = spec_->bodies[i];
     if (m.user[i].n_modes == 0 || !spec.modal || has_stiffening(spec)) continue;
+    if (m.flexible[static_cast<std::size_t>(m.bodies[static_cast<std::size_t>(m.user[i].sweep)].flexible)].curved)
+      continue;  // exact at any size
     Body b;
     b.user = static_cast<int>(i), b.node = m.find_node(spec.name);
     b.omega = first_frequency(*spec.modal), b.size = size_of(*spec.modal);

@@ -53,10 +53,14 @@ std::string wrong_with_hinge(const UserBody& u, const double* q, const double* v
 std::string wrong_with_body(const FlexibleBody& f, int m, const double* eta, const double* etadot) {
   const double omega[3] = {};
   const auto n = static_cast<std::size_t>(m);
-  const std::string told = wrong_with("mass", {10, 6 * n, n * n},
-                                      [&](const std::vector<double*>& to) { f.family->mass(f.packed.data(), eta, to[0], to[1], to[2]); });
+  std::string told = wrong_with("mass", {10, 6 * n, n * n},
+                                [&](const std::vector<double*>& to) { f.family->mass(f.packed.data(), eta, to[0], to[1], to[2]); });
   if (!told.empty()) return told;
-  return wrong_with("bias", {6 + n}, [&](const std::vector<double*>& to) { f.family->bias(f.packed.data(), eta, etadot, omega, to[0]); });
+  told = wrong_with("bias", {6 + n}, [&](const std::vector<double*>& to) { f.family->bias(f.packed.data(), eta, etadot, omega, to[0]); });
+  for (std::uint32_t i = 0; told.empty() && f.curved && i < f.data->nodes.size(); ++i)
+    told = wrong_with("node", {6, 6 * n, 6},
+                      [&](const std::vector<double*>& to) { f.family->node(f.packed.data(), i, eta, etadot, to[0], to[1], to[2]); });
+  return told;
 }
 
 bool asks_hinge(const UserBody& u) { return u.nv > 0 && is_of_plugin(u.hinge_origin); }

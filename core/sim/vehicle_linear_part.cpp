@@ -46,6 +46,7 @@ std::shared_ptr<const Model> honoured(std::shared_ptr<const Model> model) {
 
 std::string VehicleLinearPart::refusal(const Model& model) {
   if (!model.loops.empty()) return "closed loops";
+  if (const UserBody* u = model.find_curved_nodes()) return fmt::format("bodies whose type tells how their nodes move, as {}", u->name);
   for (const int i : model.curved) {
     const UserBody& u = model.user[static_cast<std::size_t>(i)];
     for (int j = u.v; j < u.v + u.nv; ++j)

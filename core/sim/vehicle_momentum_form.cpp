@@ -57,6 +57,7 @@ std::string VehicleMomentumForm::refusal(const Model& model) {
   if (!model.loops.empty()) return "closed loops";
   for (int i = 0; i < model.nv; ++i)
     if (model.has_given_motion(i)) return "given motions";
+  if (const UserBody* u = model.find_curved_nodes()) return fmt::format("bodies whose type tells how their nodes move, as {}", u->name);
   for (const Device& d : model.devices.all)
     if (d.acts) return fmt::format("devices that act, as {}", d.name);
   if (model.changes()) return "masses that change";

@@ -101,7 +101,8 @@ static void gather_general(const SweepModel& model, Workspace<T>& ws, T* tau, in
     if (modal.node) {
       T y[6];
       on_node(*modal.node, at_inboard, y);
-      add_to_modes(model.shapes[b.onode].columns.data(), y, b.n_parent_modes, ws.modal_of(b.parent)->z);
+      with_columns(model.shapes[b.onode], *modal.node,
+                   [&](const auto* S) { add_to_modes(S, y, b.n_parent_modes, ws.modal_of(b.parent)->z); });
     }
   }
 }

@@ -167,8 +167,9 @@ static bool inertia_through_hinge(const SweepModel& model, Workspace<T>& ws, int
     ArticulatedInertia<T> P = modal.P_r;
     for (int j = 0; j < NV; ++j) subtract_outer(P, half[j], half[j]);
     if (modal.node)
-      add_to_mode_blocks(ws.X(k), *modal.node, model.shapes[b.onode].columns.data(), b.n_parent_modes, P, inboard.P,
-                         *ws.modal_of(b.parent));
+      with_columns(model.shapes[b.onode], *modal.node, [&](const auto* S) {
+        add_to_mode_blocks(ws.X(k), *modal.node, S, b.n_parent_modes, P, inboard.P, *ws.modal_of(b.parent));
+      });
     else
       inboard.P += to_inboard(ws.X(k), P);
   }
@@ -219,7 +220,8 @@ static void bias_through_hinge(const SweepModel& model, Workspace<T>& ws, const 
   if (modal.node) {
     T y[6];
     on_node(*modal.node, at_inboard, y);
-    add_to_modes(model.shapes[b.onode].columns.data(), y, b.n_parent_modes, ws.modal_of(b.parent)->z);
+    with_columns(model.shapes[b.onode], *modal.node,
+                 [&](const auto* S) { add_to_modes(S, y, b.n_parent_modes, ws.modal_of(b.parent)->z); });
   }
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/soa/columns.hpp"
+#include "core/soa/tangent.hpp"
 #include "core/soa/workspace.hpp"
 #include "core/spatial/rotation.hpp"
 
@@ -128,7 +129,8 @@ struct DeformedNode {
   Mat3<T> R;       // N in B
   Vec3<T> rho;     // [m]
   Motion<T> rate;  // [W eta'; Phi eta']
-  Motion<T> bias;  // [dJl(theta; theta') theta'; 0]
+  Motion<T> bias;  // [dJl(theta; theta') theta'; 0]; of a curved node [... + Jl a_w; a_v], a = S' eta'
+  const T* S;      // of a curved node, until the next one is asked for (Workspace::curved); else null
 };
 
 /// x, v: the sums of [psi; phi] times eta and eta'.
@@ -141,6 +143,7 @@ static void deform(const Pose<double>& undeformed, const T* x, const T* v, Defor
   d.Jl = rotation_of_vector(RotationCoefficients<T>{c.a, c.b, T(0), T(0), T(0)}, theta);  // 1 + a theta~ + b theta~^2
   d.rate = {d.Jl * theta_rate, {v[3], v[4], v[5]}};
   d.bias = {left_jacobian_dot(c, theta, theta_rate, theta_rate), {T(0), T(0), T(0)}};
+  d.S = nullptr;
 }
 template <class T>
 static void deform(const NodeShapes& s, const T* eta, const T* etadot, DeformedNode<T>& d) {
@@ -155,8 +158,63 @@ static void deform(const NodeShapes& s, const T* eta, const T* etadot, DeformedN
 /// Column j of Gamma in body axes at the node: [Jl psi; phi].
 template <class T>
 static Motion<T> node_column(const NodeShapes& s, const DeformedNode<T>& d, int j) {
-  const double* c = s.columns.data() + 6 * j;
-  return {d.Jl * Vec3<T>{T(c[0]), T(c[1]), T(c[2])}, {T(c[3]), T(c[4]), T(c[5])}};
+  const auto column = [&](const auto* c) -> Motion<T> { return {d.Jl * Vec3<T>{T(c[0]), T(c[1]), T(c[2])}, {T(c[3]), T(c[4]), T(c[5])}}; };
+  return d.S ? column(d.S + 6 * j) : column(s.columns.data() + 6 * j);
+}
+
+/// How the family moves a node (cardan_body_family::node), in double.
+static inline void family_node(const FlexibleBody& f, int, int node, const double* eta, const double* etadot, double*, double* x, double* S,
+                               double* a) {
+  f.family->node(f.packed.data(), static_cast<std::uint32_t>(node), eta, etadot, x, S, a);
+}
+/// Any other scalar: lane by lane through double. scratch: 8 m numbers.
+template <class T>
+static void family_node(const FlexibleBody& f, int m, int node, const T* eta, const T* etadot, double* scratch, T* x, T* S, T* a) {
+  double *e = scratch, *ed = e + m, *columns = ed + m, moved[6], bent[6];
+  for (int l = 0; l < kWidth<T>; ++l) {
+    for (int i = 0; i < m; ++i) e[i] = lane(eta[i], l);
+    for (int i = 0; etadot && i < m; ++i) ed[i] = lane(etadot[i], l);
+    family_node(f, m, node, e, etadot ? ed : nullptr, nullptr, moved, columns, a ? bent : nullptr);
+    for (int i = 0; i < 6; ++i) set_lane(x[i], l, moved[i]);
+    for (int i = 0; i < 6 * m; ++i) set_lane(S[i], l, columns[i]);
+    for (int i = 0; a && i < 6; ++i) set_lane(a[i], l, bent[i]);
+  }
+}
+/// x, S, S eta' and S' eta' of a curved node; without etadot the last two are zero.
+template <class T>
+static void move_curved(const FlexibleBody& f, const NodeShapes& s, const T* eta, const T* etadot, double* scratch, T* S, T* moved, T* rate,
+                        T* bent) {
+  family_node(f, s.n_modes, s.curved, eta, etadot, scratch, moved, S, etadot ? bent : nullptr);
+  if (etadot)
+    sum_columns(S, etadot, s.n_modes, rate);
+  else
+    Six<T>().to(rate), Six<T>().to(bent);
+}
+/// What S does to a deformed node beyond its values.
+template <class T>
+static void bend(const T* S, const T* bent, DeformedNode<T>& d) {
+  d.S = S;
+  d.bias.w += d.Jl * Vec3<T>{bent[0], bent[1], bent[2]};
+  d.bias.v = {bent[3], bent[4], bent[5]};
+}
+template <class T>
+static void deform_curved(const FlexibleBody& f, const NodeShapes& s, const T* eta, const T* etadot, double* scratch, T* S,
+                          DeformedNode<T>& d) {
+  T x[6], v[6], bent[6];
+  move_curved(f, s, eta, etadot, scratch, S, x, v, bent);
+  deform<T>(s.pose, x, v, d);
+  bend(S, bent, d);
+}
+/// A node of sweep body k, which deforms, whatever its shapes. q, v: of the system; v may be null.
+template <class T>
+static void deform(const SweepModel& model, const Workspace<T>& ws, int k, const NodeShapes& s, const T* q, const T* v,
+                   DeformedNode<T>& d) {
+  const SweepBody& b = model.bodies[k];
+  const T *eta = q + b.eta, *etadot = v ? v + b.etadot : nullptr;
+  if (s.is_curved())
+    deform_curved(model.flexible[b.flexible], s, eta, etadot, ws.modal_of(k)->family, ws.curved.get(), d);
+  else
+    deform<T>(s, eta, etadot, d);
 }
 
 /// The family's functions, in double.
@@ -234,7 +292,12 @@ static void flexible_inertia(const SweepModel& model, Workspace<T>& ws, int k, c
   RigidInertia<T> M;
   Force<T> bias{};
   T x[6], v[6];
-  if (!f.attached.empty())
+  for (std::size_t a = 0; f.curved && a < f.attached.size(); ++a) {
+    ModalNode<T>& node = *ws.modal_of(f.attached[a])->node;
+    move_curved(f, model.shapes[model.bodies[f.attached[a]].onode], eta, etadot, modal.family, node.S(), node.moved, node.rate,
+                node.bent());
+  }
+  if (!f.attached.empty() && !f.curved)
     sum_modes<Velocity>(ws, b, f, in.q, in.v, x, v);
   else if (f.constant && Velocity)  // nothing hangs there: most bodies
     sum_columns_of<Six<T>>(f.shapes.data(), 6, eta, etadot, m, x, v);
@@ -302,6 +365,7 @@ static void outward_general(const SweepModel& model, Workspace<T>& ws, const Inp
     const NodeShapes* shapes_O = b.onode >= 0 ? &model.shapes[b.onode] : nullptr;
     if (shapes_O) {
       deform<T>(shapes_O->pose, modal.node->moved, modal.node->rate, at_O);
+      if (shapes_O->is_curved()) bend<T>(modal.node->S(), modal.node->bent(), at_O);
       R_O = at_O.R;
       p_O = at_O.rho;
     }
@@ -311,6 +375,7 @@ static void outward_general(const SweepModel& model, Workspace<T>& ws, const Inp
       if constexpr (Velocity) {
         gamma_O.w += cross(inboard.w, at_O.rate.w) + at_O.bias.w;
         gamma_O.v += T(2) * cross(inboard.w, at_O.rate.v);
+        if (at_O.S) gamma_O.v += at_O.bias.v;
         w_O += at_O.rate.w;
       }
       if (given)
@@ -340,7 +405,11 @@ static void outward_general(const SweepModel& model, Workspace<T>& ws, const Inp
     if (b.pnode >= 0) {
       const NodeShapes& shapes = model.shapes[b.pnode];
       DeformedNode<T> at_P;
-      deform<T>(shapes, in.q + b.eta, Velocity ? in.v + b.etadot : nullptr, at_P);
+      if (shapes.is_curved())
+        deform_curved<T>(model.flexible[b.flexible], shapes, in.q + b.eta, Velocity ? in.v + b.etadot : nullptr, modal.family, modal.C,
+                         at_P);
+      else
+        deform<T>(shapes, in.q + b.eta, Velocity ? in.v + b.etadot : nullptr, at_P);
       const Vec3<T>& rho = at_P.rho;
       body.w = at_P.R * w_P;
       if constexpr (Velocity) body.w -= at_P.rate.w;
@@ -348,6 +417,7 @@ static void outward_general(const SweepModel& model, Workspace<T>& ws, const Inp
       if constexpr (Velocity) {
         g.w -= cross(body.w, at_P.rate.w) + at_P.bias.w;
         g.v -= cross(body.w, cross(body.w, rho)) + T(2) * cross(body.w, at_P.rate.v);
+        if (at_P.S) g.v -= at_P.bias.v;
       }
       if (modal.C)
         for (int j = 0; j < b.n_modes; ++j) {

@@ -1,6 +1,8 @@
 #pragma once
 // Modes of a flexible body in the sweeps: their elimination before the hinge (stage 1 of mathematics 4.10), their residual forces,
 // their accelerations, and how what hangs on a deforming node joins them.
+#include <type_traits>
+
 #include "core/soa/columns.hpp"
 #include "core/soa/kernels_by_nodes.hpp"
 #include "core/soa/workspace.hpp"
@@ -19,9 +21,19 @@ static void on_node(const ModalNode<T>& node, const Force<T>& f, T* out) {
   const Vec3<T> n = transpose_times(node.Jl, f.n - cross(node.rho, f.f));
   out[0] = n.x, out[1] = n.y, out[2] = n.z, out[3] = f.f.x, out[4] = f.f.y, out[5] = f.f.z;
 }
+/// visit(S): the columns of a node that the modes of the inboard body move; constant ones, or those of a curved node.
+template <class T, class Visit>
+CARDAN_INLINE void with_columns(const NodeShapes& shapes, const ModalNode<T>& node, const Visit& visit) {
+  if constexpr (std::is_same_v<T, double>)
+    visit(shapes.is_curved() ? node.S() : shapes.columns.data());
+  else if (shapes.is_curved())
+    visit(node.S());
+  else
+    visit(shapes.columns.data());
+}
 /// out_j += [psi_j; phi_j] . y, y from on_node.
-template <class T>
-static void add_to_modes(const double* S, const T* y, int m, T* out) {
+template <class E, class T>
+static void add_to_modes(const E* S, const T* y, int m, T* out) {
   for (int j = 0; j < m; ++j) {
     T sum(0);
     for (int r = 0; r < 6; ++r) sum = sum + T(S[6 * j + r]) * y[r];
@@ -203,14 +215,19 @@ static void acceleration_of_modes(const SweepModel& model, Workspace<T>& ws, con
       x[j] = sum;
     }
   if (modal.by_nodes) return;
+  for (std::size_t a = 0; f.curved && a < f.attached.size(); ++a) {
+    ModalNode<T>& node = *ws.modal_of(f.attached[a])->node;
+    sum_columns(node.S(), x, m, node.accel);
+  }
+  if (f.curved) return;
   const int own = f.constant ? 6 : 0, rows = own + 6 * static_cast<int>(f.attached.size());
   for (std::size_t a = 0; a < f.attached.size(); ++a)
     sum_columns_of<Six<T>>(f.shapes.data() + own + 6 * a, rows, x, m, ws.modal_of(f.attached[a])->node->accel);
 }
 
 /// A* P+ A, A = X (motion of the node) S: joins the blocks of the inboard modes.
-template <class T>
-static void add_to_mode_blocks(const Pose<T>& X, const ModalNode<T>& node, const double* S, int m, const ArticulatedInertia<T>& P,
+template <class E, class T>
+static void add_to_mode_blocks(const Pose<T>& X, const ModalNode<T>& node, const E* S, int m, const ArticulatedInertia<T>& P,
                                ArticulatedInertia<T>& P_rr, Modal<T>& inboard) {
   const ArticulatedInertia<T> P_O = to_inboard({X.R, X.p - node.rho}, P);
   P_rr += shift(node.rho, P_O);

@@ -1,6 +1,8 @@
 #pragma once
 // Working memory of the sweeps, side by side in one arena, laid out when the workspace is made: per body a core, which is the same
 // for every hinge, so that a sweep reaches an inboard body without knowing its hinge, and a record.
+#include <cstddef>
+
 #include "core/spatial/inertia.hpp"
 
 namespace cardan::soa {
@@ -55,12 +57,18 @@ struct Hinge {
 };
 
 /// How the modes of the inboard body move O: by [Jl psi; phi] at rho, in its axes about its origin. The sums over its modes are
-/// taken by the inboard body, for all its nodes in one pass.
+/// taken by the inboard body, for all its nodes in one pass. Where its family tells how O moves (NodeShapes::curved), S' eta' and S stand
+/// behind it in the arena.
 template <class T>
 struct ModalNode {
   Mat3<T> Jl;
   Vec3<T> rho;                    // [m]
-  T moved[6], rate[6], accel[6];  // [rad, m]: sum of [psi; phi] times eta, eta', eta''
+  T moved[6], rate[6], accel[6];  // [rad, m]: sum of [psi; phi] times eta, eta', eta''; of a curved node x, S eta', S eta''
+
+  static constexpr std::size_t curved_size(std::size_t m) { return 6 + 6 * m; }
+  CARDAN_INLINE T* bent() { return reinterpret_cast<T*>(this + 1); }
+  CARDAN_INLINE T* S() { return bent() + 6; }
+  CARDAN_INLINE const T* S() const { return const_cast<ModalNode*>(this)->S(); }
 };
 
 /// Of a body on a deforming node whose inboard body is eliminated through its nodes (mathematics/flexible.md, 7): P+ = C C*

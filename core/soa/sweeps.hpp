@@ -61,7 +61,8 @@ static Motion<T> velocity_of(const SweepModel& model, const Workspace<T>& ws, co
   const Modal<T>* modal = ws.modal_of(k);
   if (modal && modal->node) {
     T s[6];
-    sum_columns(model.shapes[b.onode].columns.data(), in.v + model.bodies[b.parent].etadot, b.n_parent_modes, s);
+    with_columns(model.shapes[b.onode], *modal->node,
+                 [&](const auto* S) { sum_columns(S, in.v + model.bodies[b.parent].etadot, b.n_parent_modes, s); });
     V_A += motion_of_node(*modal->node, s);
   }
   Motion<T> V = to_outboard(X, V_A);

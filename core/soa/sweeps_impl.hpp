@@ -228,7 +228,7 @@ static void node_wrenches(const SweepModel& model, Workspace<T>& ws, const Input
     DeformedNode<T> at;
     at.R = cast<T>(node.shapes.pose.R);
     at.rho = cast<T>(node.shapes.pose.p);
-    if (node.shapes.deforms()) deform<T>(node.shapes, in.q + b.eta, nullptr, at);
+    if (node.shapes.deforms()) deform<T>(model, ws, k, node.shapes, in.q, nullptr, at);
     Force<T> f;  // body axes, at the node
     if (load.world_axes) {
       const Mat3<T>& R = ws.pose_W(k).R;

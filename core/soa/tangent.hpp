@@ -5,6 +5,7 @@
 #include "core/spatial/tangent.hpp"
 
 namespace cardan {
+struct FlexibleBody;  // core/model/sweep_model.hpp
 
 /// To the families, which know doubles only, a Tangent is two lanes: the value and the derivative (tangent_leaves.hpp).
 inline double lane(const Tangent& a, int i) { return i == 0 ? a.x : a.d; }
@@ -30,5 +31,10 @@ void derivative(const F& f, double h, int n, double* out, double* work) {
       for (int i = 0; i < n; ++i) out[i] += side * kWeight[k - 1] / h * work[i];
     }
 }
+
+/// How a node of a flexible body with m modes has moved (cardan_body_family::node), x, S and a with their derivatives; a null where etadot
+/// is.
+void family_node(const FlexibleBody& f, int m, int node, const Tangent* eta, const Tangent* etadot, double* scratch, Tangent* x, Tangent* S,
+                 Tangent* a);
 
 }  // namespace cardan::soa

@@ -84,7 +84,16 @@ static inline void family_records(const SweepModel& model, Workspace<Tangent>& w
   }
 }
 
-/// M_fl(eta) and b, value and derivative. A step of eta that moves no part of the body by more than a hundredth of its size.
+/// A step along d eta that moves no part of the body by more than a hundredth of its size; 0: nothing moves.
+static inline double step_of_modes(const FlexibleBody& f, int m, const Tangent* eta) {
+  double moved = 0.0;  // [sqrt(kg) m] of a unit step, by the modal mass
+  for (int i = 0; i < m; ++i) moved += std::abs(eta[i].d) * std::sqrt(f.M_ee[m * i + i]);
+  if (!(moved > 0.0)) return 0.0;
+  const double size = std::sqrt(0.5 * (f.M_rr.J.xx + f.M_rr.J.yy + f.M_rr.J.zz));
+  return 0.01 * (size > 0.0 ? size : 1.0) / moved;
+}
+
+/// M_fl(eta) and b, value and derivative.
 static inline void family_inertia(const FlexibleBody& f, int m, const Tangent* eta, const Tangent* etadot, const Vec3<Tangent>& w,
                                   Modal<Tangent>& modal, Tangent* M_rr) {
   const bool re = !f.M_re_constant, ee = modal.P_ee && !f.M_ee_constant;
@@ -100,13 +109,8 @@ static inline void family_inertia(const FlexibleBody& f, int m, const Tangent* e
     f.family->bias(f.packed.data(), e, ed, omega, out + n);
   };
   all(0.0, value);
-  double moved = 0.0;  // [sqrt(kg) m] of a unit step, by the modal mass
-  for (int i = 0; i < m; ++i) moved += std::abs(eta[i].d) * std::sqrt(f.M_ee[m * i + i]);
   for (int i = 0; i < n + nb; ++i) slope[i] = 0.0;
-  if (moved > 0.0) {
-    const double size = std::sqrt(0.5 * (f.M_rr.J.xx + f.M_rr.J.yy + f.M_rr.J.zz));
-    derivative(all, 0.01 * (size > 0.0 ? size : 1.0) / moved, n + nb, slope, work);
-  }
+  if (const double step = step_of_modes(f, m, eta); step > 0.0) derivative(all, step, n + nb, slope, work);
   if (etadot) {  // b is a quadratic form in (omega, eta')
     const double turn[3] = {w.x.d, w.y.d, w.z.d};
     double size = 0.0, change = 0.0;

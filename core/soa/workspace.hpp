@@ -125,7 +125,8 @@ class Workspace {
   std::vector<Force<T>> loads;  // ... and what central gravity and wrenches on nodes do to each body: [moment about its mass centre; force]
   std::vector<T> sums;          // of a pass over the modes of a body: a number for each row of FlexibleBody::UV
   std::unique_ptr<LoopWork, void (*)(LoopWork*)> loops{nullptr, nullptr};  // of closed loops
-  std::vector<double> family;  // q and v of one lane, for families that are called lane by lane; empty for double
+  std::vector<double> family;   // q and v of one lane, for families that are called lane by lane; empty for double
+  std::unique_ptr<T[]> curved;  // S of the curved node that was asked for last, of those that no hinge stands on; null where there are none
 
  private:
   struct Free {
@@ -141,6 +142,7 @@ class Workspace {
       return arena_.get() + core_at_[k] + sizeof(Core<T>);
   }
   std::vector<std::size_t> core_at_, record_at_;  // the second of lanes only
+  std::size_t curved_size_ = 0;
   std::vector<Modal<T>*> modal_;
   std::vector<cardan_hinge_out> dense_;
   std::size_t n_dense_ = 0;

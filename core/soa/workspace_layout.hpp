@@ -73,9 +73,11 @@ Workspace<T>::Workspace(const SweepModel& model) {
     if (!f.attached.empty()) sums.resize(std::max(sums.size(), 6 + 6 * f.attached.size()), T(0));
   for (std::size_t k = 1; k < n; ++k) {
     const SweepBody& b = model.bodies[k];
+    if (b.n_modes > 0 && model.flexible[b.flexible].curved) curved_size_ = std::max(curved_size_, 6 * static_cast<std::size_t>(b.n_modes));
     if (b.onode >= 0) ee_changes[b.parent] = true;
     if (b.pnode >= 0 && model.shapes[b.pnode].deforms()) ee_changes[k] = true;
   }
+  if (curved_size_ > 0) curved.reset(new T[curved_size_]());
   constexpr bool lanes = kStates<T>;
   const SharedCores shared = lanes ? share_cores(model) : SharedCores{std::vector<int>(n, -1)};
   if (lanes) record_at_.resize(n);
@@ -116,6 +118,7 @@ Workspace<T>::Workspace(const SweepModel& model) {
     }
     if (b.onode >= 0) {
       c.node = sizeof(ModalNode<T>) / sizeof(T);
+      if (model.shapes[b.onode].is_curved()) c.node += ModalNode<T>::curved_size(static_cast<std::size_t>(b.n_parent_modes));
       const SweepBody& inboard = model.bodies[b.parent];
       c.root = model.flexible[inboard.flexible].by_nodes ? sizeof(NodeRoot<T>) / sizeof(T) : 0;
     }
@@ -188,7 +191,7 @@ void Workspace<T>::require_world() {
 template <class T>
 std::size_t Workspace<T>::bytes() const {
   return arena_bytes_ + 2 * sines.size() * sizeof(T) + family.size() * sizeof(double) + articulated_q.size() * sizeof(T) +
-         composite.size() * sizeof(RigidInertia<T>) + (rest.size() + sums.size() + correction.size()) * sizeof(T) +
+         composite.size() * sizeof(RigidInertia<T>) + (rest.size() + sums.size() + correction.size() + curved_size_) * sizeof(T) +
          loads.size() * sizeof(Force<T>) + dense_.size() * sizeof(cardan_hinge_out) + pose_W_.size() * sizeof(Pose<T>) +
          V_.size() * sizeof(Motion<T>);
 }

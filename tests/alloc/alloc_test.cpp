@@ -16,6 +16,7 @@
 #include "tests/support/modal_samples.hpp"
 #include "tests/support/oracle_reader.hpp"
 #include "tests/support/random_tree.hpp"
+#include "tests/support/told_modal.hpp"
 
 namespace cardan::test {
 namespace {
@@ -53,6 +54,29 @@ TEST(Alloc, OperatorExpressions) {  // once the scratch is there
   };
   all();
   EXPECT_EQ(mallocs_in(all), 0);
+}
+
+TEST(Alloc, NodesThatAFamilyMoves) {
+  Registry all = registry();
+  all.bodies.add(told_modal(), "test");
+  SystemSpec spec = random_tree(4, {.bodies = 8, .flexible = 0.7}).spec;
+  for (BodySpec& b : spec.bodies)
+    if (b.modal) b.type = told_modal().type;
+  const auto model = compile(spec, all);
+  std::vector<NodeWrench> wrenches;
+  int curved = 0;
+  for (int i = 0; i < static_cast<int>(model->nodes.size()); ++i) {
+    curved += model->nodes[static_cast<std::size_t>(i)].shapes.is_curved();
+    wrenches.push_back({i, false, {{1, 2, 3}, {4, 5, 6}}});
+  }
+  ASSERT_GT(curved, 3);
+  Workspace ws(*model);
+  const State s = model->initial_state();
+  const Inputs in{.q = s.q.data(), .v = s.v.data(), .wrenches = wrenches};
+  Eigen::VectorXd vdot(model->nv);
+  bool ok = false;
+  EXPECT_EQ(mallocs_in([&] { ok = forward_dynamics(*model, ws, in, vdot.data()); }), 0);
+  EXPECT_TRUE(ok);
 }
 
 class ForwardDynamics : public testing::TestWithParam<std::filesystem::path> {};

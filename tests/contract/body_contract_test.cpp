@@ -26,6 +26,26 @@ const Registry& registry() {
 }
 const Table& modal() { return *registry().body("modal_flexible"); }
 
+/// The type of docs/extending/body.md whose nodes move along curves.
+const Table& swing() {
+  static const Registry all = [] {
+    Registry r;
+    load_plugin(CARDAN_BINARY_DIR "/plugins/acme_swing.so", r);
+    return r;
+  }();
+  return *all.body("acme/swing");
+}
+TEST(BodyLaws, LetABodyWhoseNodesMoveAlongCurvesPass) {
+  LawRecord record;
+  for (const auto& v : body_law_violations(
+           swing(), 240, 3, [](std::string_view) {}, &record))
+    ADD_FAILURE() << v;
+  for (const TriedLaw& law : record)
+    if (law.law.starts_with("S is") || law.law.starts_with("a is")) {
+      EXPECT_GT(law.trials, 100u) << law.law;
+    }
+}
+
 class BodyContract : public testing::TestWithParam<std::string> {};
 
 TEST_P(BodyContract, ObeysEveryLaw) {
@@ -131,6 +151,32 @@ std::vector<Mutant> mutants() {
   add(
       "NoModesWillDo", "pack refuses every set of random parameters and modes", modal(),
       [](Table& t) { t.pack = [](const cardan_param_values*, const cardan_modal_view*, void*) { return 1; }; }, true);
+
+#define CHANGED_NODE(...)                                                                                                             \
+  [](const void* p, std::uint32_t i, const double* eta, const double* etadot, [[maybe_unused]] double* x, [[maybe_unused]] double* S, \
+     [[maybe_unused]] double* a) {                                                                                                    \
+    swing().node(p, i, eta, etadot, x, S, a);                                                                                         \
+    __VA_ARGS__                                                                                                                       \
+  }
+  const auto of_node = [&](const char* name, const char* law, auto node, bool alone = true) {
+    all.push_back(mutant(
+        name, law, swing(), [&](Table& t) { t.node = node; }, alone));
+  };
+  of_node("NoNumberInTheMotion", "the motion of nodes is finite", CHANGED_NODE(if (x && eta[0] > 0.5) x[0] = NAN;));
+  of_node("ANodeThatRemembers", "node is the same again, and in another thread",
+          CHANGED_NODE(static int calls = 0; if (a) a[3] += 1e-14 * ++calls;), false);
+  of_node("ANodeOfItsThread", "node is the same again, and in another thread",
+          CHANGED_NODE(static const std::thread::id here = std::this_thread::get_id();
+                       if (a && here != std::this_thread::get_id()) a[0] += 1e-12;));
+  of_node("ANodeThatKnowsAPlace", "node does not depend on where the packed parameters stand",
+          CHANGED_NODE(if (a) a[0] += 1e-13 * static_cast<double>(reinterpret_cast<std::uintptr_t>(p) / 16 % 1024);), false);
+  of_node("APartOfTheMotionThatIsAnotherAlone", "node gives the same part by part", CHANGED_NODE(if (!x && S) S[0] += 1e-9;));
+  of_node("ANodeThatStartsElsewhere", "nodes have not moved at eta = 0", CHANGED_NODE(if (x) x[4] += 1e-9;));
+  of_node("ShapesOfTheOtherSign", "S is the derivative of x along eta", CHANGED_NODE(for (int r = 3; S && r < 6; ++r) S[r] *= -1;), false);
+  of_node("ShapesThatAreHalf", "S is the derivative of x along eta", CHANGED_NODE(for (int r = 0; S && r < 3; ++r) S[r] *= 0.5;));
+  of_node("NoCurvature", "a is the derivative of S along eta'", CHANGED_NODE(for (int r = 0; a && r < 6; ++r) a[r] = 0;));
+  of_node("HalfACurvature", "a is the derivative of S along eta'", CHANGED_NODE(for (int r = 0; a && r < 6; ++r) a[r] *= 0.5;));
+  of_node("AMotionTooLong", "node writes beyond what it is handed", CHANGED_NODE(if (S) S[6] = 0;));
 
   const auto of_rigid = [&](const char* name, const char* law, auto rigid, bool alone = true) {
     all.push_back(mutant(

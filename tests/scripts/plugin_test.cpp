@@ -418,6 +418,55 @@ TEST(PluginBodies, RefuseInTheirOwnWords) {
   EXPECT_TRUE(has(twin, "a body with modes of a built-in type")) << twin;
 }
 
+// The carriage of the page on a slide, and what hangs on its bob, against the same of two bodies.
+TEST(PluginBodies, MayBeMechanisms) {
+  const TemporaryFolder dir;
+  fs::copy(kPlugins + "acme_swing.so", dir / "p.so");
+  const Finished check = run_program({"check-plugin", "p.so"}, dir.path());
+  EXPECT_EQ(check.exit_code, 0) << check.out << check.err;
+  EXPECT_EQ(check.out, "ok    body acme/swing: a carriage with a pendulum\n");
+  const std::string begin = "cardan: 1\ngravity: {uniform: [0, 0, -9.81]}\nbodies:\n  carriage:\n";
+  const std::string slide = "    hinge: {type: prismatic, axis: [1, 0, 0], to: world, initial: {rate: 0.5}}\n";
+  const std::string lamp =
+      "  lamp: {mass: 0.5, inertia: [0.01, 0.02, 0.03], com: [0.1, 0, -0.2],\n"
+      "         hinge: {type: revolute, axis: [0, 0, 1], to: BOB, initial: {rate: 2}}}\n";
+  const std::string one = begin +
+                          "    type: acme/swing\n    pivot: [0, 0, 1]\n    axis: [0, 1, 0]\n    initial: {eta: [0.7]}\n"
+                          "    modal:\n      lumped:\n        masses:\n          - {mass: 4 kg, position: [0.2, 0, 0]}\n"
+                          "          - {mass: 1 kg, position: [0, 0, 0.2], Phi: [[-0.8], [0], [0]]}\n        K: [[2]]\n"
+                          "        nodes: {bob: {position: [0, 0, 0.2], Phi: [[-0.8], [0], [0]], Psi: [[0], [1], [0]]}}\n" +
+                          slide + replaced(lamp, "BOB", "carriage.bob");
+  const std::string two =
+      begin + "    type: particle\n    mass: 4\n    com: [0.2, 0, 0]\n" + slide +
+      "  pendulum:\n    type: particle\n    mass: 1\n    com: [0, 0, -0.8]\n    nodes: {bob: {position: [0, 0, -0.8]}}\n"
+      "    hinge: {type: revolute, axis: [0, 1, 0], to: {body: carriage, position: [0, 0, 1]}, spring: {stiffness: 2 N m/rad},\n"
+      "            initial: {angle: 0.7 rad}}\n" +
+      replaced(lamp, "BOB", "pendulum.bob");
+  write(dir / "scenario.lua",
+        "plugin 'p.so' vehicle 'vehicle.yaml' mission { duration = 3, integrator = { method = 'dop853', relative = 1e-12 } }\n");
+  std::map<std::string, std::vector<double>> channels[2];
+  for (const bool parts : {false, true}) {
+    write(dir / "vehicle.yaml", parts ? two : one);
+    const std::string out = parts ? "two" : "one";
+    const Finished run = run_program({"run", ".", "--out", out, "--quiet"}, dir.path());
+    ASSERT_EQ(run.exit_code, 0) << run.err;
+    channels[parts] = channels_of(dir / out);
+  }
+  const auto expect_alike = [&](const std::string& in_one, const std::string& in_two) {
+    const auto &a = channels[0].at(in_one), &b = channels[1].at(in_two);
+    ASSERT_EQ(a.size(), b.size());
+    for (std::size_t i = 0; i < a.size(); ++i) EXPECT_NEAR(a[i], b[i], 1e-9) << in_one << " " << i;
+  };
+  for (const char* body : {"carriage/displacement", "carriage/rate", "carriage/force", "lamp/angle", "lamp/rate", "lamp/force"})
+    expect_alike(std::string("/channels/hinges/") + body, std::string("/channels/hinges/") + body);
+  expect_alike("/channels/modes/carriage/eta", "/channels/hinges/pendulum/angle");
+  expect_alike("/channels/modes/carriage/etadot", "/channels/hinges/pendulum/rate");
+  write(dir / "vehicle.yaml", one);
+  const std::string told = run_program({"describe", "."}, dir.path()).out;
+  EXPECT_TRUE(has(told, "carriage          acme/swing")) << told;
+  EXPECT_FALSE(has(told, "carriage: inertia to first order") || has(told, "carriage: centrifugal stiffening")) << told;
+}
+
 // At 0.75 m, where no sample was: the run cannot be answered by a law any more, but it does not end with success.
 TEST(Plugins, ThatEndTheProcessDoNotEndItWithSuccess) {
   const PluginFolder dir;
@@ -451,7 +500,7 @@ struct LateFolder : TemporaryFolder {
           "  boom:\n    type: late/wing\n"
           "    modal: {beam: {length: 1 m, material: {E: 70 GPa, rho: 2700}, section: {tube: {radius: 5 cm, wall: 2 mm}}}, modes: {count: "
           "1}}\n"
-          "    hinge: {type: locked, to: sled}\n"
+          "    hinge: {type: locked, to: sled, at: root}\n"
           "devices: {pusher: {type: late/push, at: sled, air: air}}\n");
     write(*this / "scenario.lua",
           "plugin 'p.so' vehicle 'vehicle.yaml' mission { duration = 1, integrator = { method = 'rk4', step = 1 / 4096 }, "
@@ -482,6 +531,9 @@ INSTANTIATE_TEST_SUITE_P(
                     LateFault{"throw_body", "N0503", "mass of body \"late/wing\" (./p.so) of bodies.boom throws: no luck today"},
                     LateFault{"nan_body", "N0108", "mass of body \"late/wing\" (./p.so) of bodies.boom gives a value that is not finite"},
                     LateFault{"hidden_body", "N0503", "mass of body \"late/wing\" (./p.so) of bodies.boom gives other numbers"},
+                    LateFault{"throw_node", "N0503", "node of body \"late/wing\" (./p.so) of bodies.boom throws: no luck today"},
+                    LateFault{"nan_node", "N0108", "node of body \"late/wing\" (./p.so) of bodies.boom gives a value that is not finite"},
+                    LateFault{"hidden_node", "N0503", "node of body \"late/wing\" (./p.so) of bodies.boom gives other numbers"},
                     LateFault{"throw_device", "N0503", "device pusher (late/push, ./p.so): evaluate throws: no luck today"},
                     LateFault{"nan_device", "N0501", "device pusher (late/push, ./p.so): evaluate: force at at = nan"},
                     LateFault{"code_device", "N0501", "device pusher (late/push, ./p.so): evaluate: it has had enough"},

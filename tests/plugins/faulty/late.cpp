@@ -8,10 +8,7 @@
 #include "core/abi/cardan_body.h"
 #include "core/abi/cardan_device.h"
 #include "core/abi/cardan_field.h"
-
-namespace cardan {
-const cardan_body_family& modal_flexible_family();
-}
+#include "tests/support/told_modal.hpp"
 
 namespace {
 
@@ -40,12 +37,17 @@ void kinematics(const void*, std::uint32_t n, const std::uint32_t* iq, const std
 }
 void qdot(const void*, const double*, const double* v, double* out) { *out = *v; }
 
-// ---- a body with modes, that of Cardan ----
+// ---- a body with modes, that of Cardan, that tells how its nodes move ----
 
 void mass(const void* packed, const double* eta, double* M_rr, double* M_re, double* M_ee) {
   const double wrong = fault_in("throw_body", "nan_body", "hidden_body");
-  cardan::modal_flexible_family().mass(packed, eta, M_rr, M_re, M_ee);
+  cardan::test::told_modal().mass(packed, eta, M_rr, M_re, M_ee);
   if (M_rr) M_rr[0] += wrong;
+}
+void node(const void* packed, std::uint32_t i, const double* eta, const double* etadot, double* x, double* S, double* a) {
+  const double wrong = fault_in("throw_node", "nan_node", "hidden_node");
+  cardan::test::told_modal().node(packed, i, eta, etadot, x, S, a);
+  if (x) x[3] += wrong;
 }
 
 // ---- a force of 2 N against the rate of the slide, and what flows by ----
@@ -85,8 +87,8 @@ const void* family(const char* kind, std::uint32_t i) {
   slide.nq = slide.nv = 1, slide.shape = CARDAN_SHAPE_DENSE;
   slide.q_names = q_names, slide.q_units = q_units, slide.v_names = v_names, slide.v_units = v_units;
   slide.pack = pack, slide.kinematics = kinematics, slide.qdot = qdot;
-  static cardan_body_family wing = cardan::modal_flexible_family();
-  wing.type = "late/wing", wing.mass = mass;
+  static cardan_body_family wing = cardan::test::told_modal();
+  wing.type = "late/wing", wing.mass = mass, wing.node = node;
   static cardan_device_family pusher{};
   pusher.struct_size = sizeof pusher, pusher.type = "late/push", pusher.summary = "pushes";
   pusher.mounts = mounts, pusher.n_mounts = 2, pusher.mount_size = sizeof mounts[0];
