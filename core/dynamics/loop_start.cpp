@@ -56,7 +56,8 @@ OpenRows open_rows(const Model& model, const LoopPass& pass, const LoopWork& wor
       };
       if (!(std::abs(work.c[at]) <= kStart * size)) add(places, work.c[at], "");
       const bool given = loop.drive >= 0;  // its rate is told by the mission
-      if (!given && !(std::abs(work.rate[at]) <= kStart * pace * speed)) add(rates, work.rate[at], loop.closing == Closing::coupling ? " 1/s" : "/s");
+      if (!given && !(std::abs(work.rate[at]) <= kStart * pace * speed))
+        add(rates, work.rate[at], loop.closing == Closing::coupling ? " 1/s" : "/s");
     }
     out.any_place = out.any_place || !places.empty(), out.any_rate = out.any_rate || !rates.empty();
     out.places.push_back(std::move(places)), out.rates.push_back(std::move(rates));

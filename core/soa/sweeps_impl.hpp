@@ -226,17 +226,18 @@ static void node_wrenches(const SweepModel& model, Workspace<T>& ws, const Input
     if (k == 0) continue;
     const SweepBody& b = model.bodies[k];
     DeformedNode<T> at;
-    at.R = cast<T>(node.shapes.pose.R);
-    at.rho = cast<T>(node.shapes.pose.p);
-    if (node.shapes.deforms()) deform<T>(model, ws, k, node.shapes, in.q, nullptr, at);
-    Force<T> f;  // body axes, at the node
-    if (load.world_axes) {
-      const Mat3<T>& R = ws.pose_W(k).R;
-      f = {transpose_times(R, load.f.n), transpose_times(R, load.f.f)};
+    Force<T> f, at_B;  // body axes, at the node and at B
+    const auto seen_from_body = [&](const Mat3<T>& R_BN, const Vec3<T>& rho) {
+      const Mat3<T>* R_WB = load.world_axes ? &ws.pose_W(k).R : nullptr;
+      f = R_WB ? Force<T>{transpose_times(*R_WB, load.f.n), transpose_times(*R_WB, load.f.f)} : Force<T>{R_BN * load.f.n, R_BN * load.f.f};
+      at_B = {f.n + cross(rho, f.f), f.f};
+    };
+    if (node.shapes.deforms()) {
+      deform<T>(model, ws, k, node.shapes, in.q, nullptr, at);
+      seen_from_body(at.R, at.rho);
     } else {
-      f = {at.R * load.f.n, at.R * load.f.f};
+      seen_from_body(cast<T>(node.shapes.pose.R), cast<T>(node.shapes.pose.p));
     }
-    const Force<T> at_B{f.n + cross(at.rho, f.f), f.f};
     const bool graded = !ws.loads.empty();
     if (b.kind == BodyKernel::rotor) {
       ws.axis(k).load = ws.axis(k).load + dot(cast<T>(b.axis), at_B.n);
