@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <random>
 
+#include "core/abi/body_laws.hpp"
 #include "core/dynamics/batch.hpp"
 #include "core/dynamics/momenta.hpp"
 #include "core/operators/apply.hpp"
@@ -363,6 +364,11 @@ TEST(CurvedNodes, OfACompoundBodyMoveAsItsPartsDo) {
     SCOPED_TRACE(seed);
     expect_alike(p, one, two, kNodes, kHinges, springs_of(pair, *one, p));
   }
+}
+
+TEST(CurvedNodes, OfTheseModalBodiesObeyTheLaws) {
+  for (const cardan_body_family* family : {&told_modal(), &bent_modal()})
+    for (const std::string& broken : body_law_violations(*family, 48)) ADD_FAILURE() << family->type << ": " << broken;
 }
 
 /// The compound body hangs on its bob, which is undone from there to its frame; of the two bodies the carriage then hangs on the pendulum.
