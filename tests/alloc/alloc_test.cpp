@@ -10,13 +10,13 @@
 #include "core/dynamics/loops.hpp"
 #include "core/operators/apply.hpp"
 #include "core/sim/simulation.hpp"
+#include "tests/plugins/told_modal.hpp"
 #include "tests/properties/equipped_vehicle.hpp"
 #include "tests/support/builders.hpp"
 #include "tests/support/custom_cam.hpp"
 #include "tests/support/modal_samples.hpp"
 #include "tests/support/oracle_reader.hpp"
 #include "tests/support/random_tree.hpp"
-#include "tests/support/told_modal.hpp"
 
 namespace cardan::test {
 namespace {

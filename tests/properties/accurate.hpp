@@ -23,8 +23,8 @@ inline SimulationOptions krylov() {
 }
 
 /// J dx against differences of eighth order of the right-hand side.
-inline double jacobian_error(const SystemSpec& spec) {
-  Simulation sim(compiled(spec), krylov());
+inline double jacobian_error(const std::shared_ptr<const Model>& model) {
+  Simulation sim(model, krylov());
   const OdeProblem ode = sim.ode();
   if (ode.n == 0) return 0.0;
   VectorXd x(ode.n), d(ode.n), got(ode.n), truth(ode.n), work(ode.n);
@@ -41,5 +41,6 @@ inline double jacobian_error(const SystemSpec& spec) {
   good = good && ode.rhs(0.2, x.data(), work.data()) && ode.jacobian_times(0.2, x.data(), d.data(), got.data());
   return good ? apart(got, truth) : HUGE_VAL;
 }
+inline double jacobian_error(const SystemSpec& spec) { return jacobian_error(compiled(spec)); }
 
 }  // namespace cardan::test

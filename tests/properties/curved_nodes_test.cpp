@@ -1,19 +1,18 @@
 // Bodies whose family tells how their nodes move. The type of docs/extending/body.md, a carriage with a pendulum as one body of one
 // coordinate, against the same mechanism of two bodies and a revolute hinge; and modal_flexible with its constant shapes told by node().
 #include <Eigen/Geometry>
-#include <cstring>
-#include <numbers>
 #include <random>
 
-#include "bodies/register.hpp"
+#include "core/abi/body_laws.hpp"
 #include "core/dynamics/batch.hpp"
 #include "core/dynamics/momenta.hpp"
 #include "core/operators/apply.hpp"
 #include "core/operators/linear_model.hpp"
 #include "core/operators/sensitivity.hpp"
 #include "core/sim/simulation.hpp"
+#include "tests/plugins/told_modal.hpp"
+#include "tests/properties/accurate.hpp"
 #include "tests/properties/trees.hpp"
-#include "tests/support/told_modal.hpp"
 
 namespace cardan::test {
 namespace {
@@ -367,6 +366,11 @@ TEST(CurvedNodes, OfACompoundBodyMoveAsItsPartsDo) {
   }
 }
 
+TEST(CurvedNodes, OfTheseModalBodiesObeyTheLaws) {
+  for (const cardan_body_family* family : {&told_modal(), &bent_modal()})
+    for (const std::string& broken : body_law_violations(*family, 48)) ADD_FAILURE() << family->type << ": " << broken;
+}
+
 /// The compound body hangs on its bob, which is undone from there to its frame; of the two bodies the carriage then hangs on the pendulum.
 TEST(CurvedNodes, MayBeWhereTheBodyHangs) {
   for (std::uint64_t seed = 1; seed <= 12; ++seed) {
@@ -472,17 +476,28 @@ TEST(CurvedNodes, AreTheSameInLanes) {
   }
 }
 
-/// A run with a spring between the pendulum and the carriage: the same motion, and the same ledgers.
+/// With a spring between the pendulum and the carriage.
+SystemSpec sprung(SystemSpec spec, const std::string& bob) {
+  DeviceSpec d;
+  d.name = "strut", d.type = "spring_damper";
+  d.params["stiffness"].value = 30.0, d.params["rest"].value = 0.2, d.params["damping"].value = 0.5;
+  d.mounts["from"] = {bob, {}}, d.mounts["to"] = {"carriage.seat", {}};
+  spec.devices = {d};
+  return spec;
+}
+
+/// J v of Newton's equations, by sweeps and devices on numbers that carry a derivative, against differences.
+TEST(CurvedNodes, HaveTheDerivativesOfARun) {
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    SystemSpec spec = sprung(mechanism(seed, seed % 2 == 0 ? "free" : "revolute", kOutboard[seed % 7]).one, "carriage.bob");
+    spec.bodies[0].eta = {0.9}, spec.bodies[0].etadot = {0.7};
+    EXPECT_LT(jacobian_error(made(spec)), 1e-9) << seed;
+  }
+}
+
+/// The same motion, and the same ledgers.
 TEST(CurvedNodes, RunAsThePartsDo) {
   Pair pair = mechanism(7, "free", "revolute");
-  const auto sprung = [](SystemSpec spec, const std::string& bob) {
-    DeviceSpec d;
-    d.name = "strut", d.type = "spring_damper";
-    d.params["stiffness"].value = 30.0, d.params["rest"].value = 0.2, d.params["damping"].value = 0.5;
-    d.mounts["from"] = {bob, {}}, d.mounts["to"] = {"carriage.seat", {}};
-    spec.devices = {d};
-    return spec;
-  };
   pair.one = sprung(pair.one, "carriage.bob"), pair.two = sprung(pair.two, "pendulum.bob");
   SimulationOptions options;
   options.integrator.method = "dop853", options.integrator.relative_tolerance = 1e-12;

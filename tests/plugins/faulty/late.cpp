@@ -8,7 +8,7 @@
 #include "core/abi/cardan_body.h"
 #include "core/abi/cardan_device.h"
 #include "core/abi/cardan_field.h"
-#include "tests/support/told_modal.hpp"
+#include "tests/plugins/told_modal.hpp"
 
 namespace {
 
