@@ -150,7 +150,7 @@ class Compiler {
   // Inboard before outboard: level by level, in the user's order, so that neighbours do not wait for each other; trees of more than
   // `limb` bodies limb by limb, so that what a body tells its outboard bodies is read while it is near.
   void order_bodies() {
-    constexpr int limb = 64;
+    constexpr int limb = 128;
     const std::size_t n = model_->user.size();
     std::vector<std::vector<int>> outboard(n + 1);  // of the ground, then of each body
     for (std::size_t i = 0; i < n; ++i) outboard[static_cast<std::size_t>(model_->user[i].parent + 1)].push_back(static_cast<int>(i));

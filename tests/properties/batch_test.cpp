@@ -72,7 +72,7 @@ TEST(Batch, AgreesOnLargeTrees) {
     for (const double wheels : {0.0, 0.1})
       for_all_trees({.bodies = 150, .flexible = flexible, .wheels = wheels, .hinges = {"revolute"}}, 15.0 * kLanes, lanes_beside_one_state,
                     4);
-  for_all_trees({.bodies = 100, .roots = 5, .wheels = 0.1}, 10.0 * kLanes, lanes_beside_one_state, 8);
+  for_all_trees({.bodies = 150, .roots = 5, .wheels = 0.1}, 15.0 * kLanes, lanes_beside_one_state, 8);
 }
 
 TEST(Batch, WithoutVelocitiesItIsAtRest) {
