@@ -131,12 +131,15 @@ SystemSpec pulled_by(SystemSpec spec, const std::string& type) {
   return spec;
 }
 
-/// The same with twins in place of the hinges and bodies that are built in.
-SystemSpec of_twins(SystemSpec spec, const Registry& registry) {
-  for (BodySpec& b : spec.bodies) {
+/// The same with twins in place of the hinges, or of the bodies, that are built in.
+SystemSpec with_twin_hinges(SystemSpec spec, const Registry& registry) {
+  for (BodySpec& b : spec.bodies)
     if (registry.hinge("twin/" + b.hinge.type)) b.hinge.type = "twin/" + b.hinge.type;
+  return spec;
+}
+SystemSpec with_twin_bodies(SystemSpec spec, const Registry& registry) {
+  for (BodySpec& b : spec.bodies)
     if (registry.body("twin/" + b.type)) b.type = "twin/" + b.type;
-  }
   return spec;
 }
 
@@ -176,8 +179,9 @@ int run(double seconds, const std::string& plugin) {
     fmt::print("| {:<35} | {:>12.0f} | {:>10.0f} | {:.3f} |\n", what, built_in, foreign, foreign / built_in);
   };
   const BenchModel chain = chain_of_universals(), hub = hub_appendages(4, 10, 1);
-  compare(chain.name, chain.spec, of_twins(chain.spec, registry), chain.states);
-  compare("4 bodies of 10 modes, level 1", hub.spec, of_twins(hub.spec, registry), hub.states);
+  compare(chain.name, chain.spec, with_twin_hinges(chain.spec, registry), chain.states);
+  compare("4 bodies of 10 modes, level 1", hub.spec, with_twin_bodies(hub.spec, registry), hub.states);
+  compare("the same on 4 revolute hinges", hub.spec, with_twin_hinges(hub.spec, registry), hub.states);
   compare("gravity of a point_mass field", pulled_by(bm.spec, "point_mass"), pulled_by(bm.spec, "twin/point_mass"), bm.states);
   SystemSpec rods = with(bm.spec, *bare, *registry.device("magnetorquer"), kTen), of_field = rods;
   for (FieldSpec& f : of_field.fields) f.type = "twin/dipole";
