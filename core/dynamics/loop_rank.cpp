@@ -112,16 +112,19 @@ namespace {
 
 /// Where rows imply each other here alone, motions that are free to first order contradict each other to second: each by itself may go
 /// on, or none, but not all together.
-void refuse_singular_posture(const Model& model, Workspace& ws, const double* q, const Eigen::MatrixXd& X) {
+void refuse_singular_posture(const Model& model, Workspace& ws, const double* q, const LoopDrive* drives, const Eigen::MatrixXd& X) {
+  std::vector<LoopDrive> held(static_cast<std::size_t>(drives ? model.loops.n_drives : 0));
+  for (std::size_t i = 0; i < held.size(); ++i) held[i].more = drives[i].more;  // lengths as they are, at rest as X has them
   const Eigen::VectorXd still = Eigen::VectorXd::Zero(model.nv);
   Eigen::VectorXd v(model.nv), vdot(model.nv);
   for (const double phase : {0.7, 2.9}) {
     v.setZero();
     for (Eigen::Index j = 0; j < X.cols(); ++j) v += std::cos(phase + 2.3 * static_cast<double>(j)) * X.col(j);
-    const Inputs in{.q = q, .v = v.data(), .tau = still.data(), .vdot = still.data(), .gravity = false};
+    const Inputs in{
+        .q = q, .v = v.data(), .tau = still.data(), .vdot = still.data(), .gravity = false, .drives = drives ? held.data() : nullptr};
     if (forward_dynamics(model, ws, in, vdot.data())) continue;
     RunFailure failure = describe_breakdown(model, ws.breakdown, 0.0);
-    failure.hint = "a singular posture: loops leave motions free that cannot all go on. Ask beside it";
+    if (ws.breakdown.row >= 0) failure.hint = "a singular posture: loops leave motions free that cannot all go on. Ask beside it";
     throw NumericsError(std::move(failure));
   }
 }
@@ -142,7 +145,7 @@ LoopFreedom loop_freedom(const Model& model, Workspace& ws, const double* q, con
   for (std::size_t j = 0; j < out.independent.size(); ++j) out.X(out.independent[j], static_cast<Eigen::Index>(j)) = 1.0;
   const Eigen::MatrixXd of_dependent = -out.G_D_inverse * G(out.rows, out.independent);
   for (std::size_t i = 0; i < out.dependent.size(); ++i) out.X.row(out.dependent[i]) = of_dependent.row(static_cast<Eigen::Index>(i));
-  if (work.rank < model.loops.rows) refuse_singular_posture(model, ws, q, out.X);
+  if (work.rank < model.loops.rows) refuse_singular_posture(model, ws, q, drives, out.X);
   return out;
 }
 

@@ -24,11 +24,12 @@ namespace cardan {
 namespace {
 
 // Of closed loops, relative to their size:
-constexpr double kDrift = 10.0;      // relative tolerances that the history of an integrator may be off before it starts anew
-constexpr double kGivenOpen = 1e-6;  // what a state that was given may be open by: typed numbers have a finite number of digits
-double pace_of(const Eigen::VectorXd& v) { return std::max(1.0, v.size() == 0 ? 0.0 : v.cwiseAbs().maxCoeff<Eigen::PropagateNaN>()); }
+constexpr double kDrift = 10.0;         // relative tolerances that the history of an integrator may be off before it starts anew
+constexpr double kGivenOpen = 1e-6;     // what a state that was given may be open by: typed numbers have a finite number of digits
 constexpr double kGivenDrift = 1e3;     // ... or so many relative tolerances
 constexpr double kNearSingular = 1e-3;  // a scaled pivot below is told of: of loops in good postures they are above 0.05
+
+double pace_of(const Eigen::VectorXd& v) { return std::max(1.0, v.size() == 0 ? 0.0 : v.cwiseAbs().maxCoeff<Eigen::PropagateNaN>()); }
 
 }  // namespace
 
@@ -548,6 +549,11 @@ void Simulation::tell_near_singular() {
 }
 
 // Of loops whose length or offset is given: initial rates that move it are those of its profile.
+void Simulation::expect_profiles() {
+  if (std::ranges::all_of(prescribed_loops_, &PrescribedLoop::given)) return;
+  start_lengths();
+}
+
 void Simulation::start_lengths() {
   if (drives_.empty()) return;
   const Eigen::VectorXd rates = loop_matrix(*model_, workspace_, state_.q.data(), drives_.data()) * state_.v;

@@ -112,6 +112,9 @@ class Simulation {
   /// blow. InputError C0402 for a loop that is open or not prescribed.
   void prescribe_loop(std::string_view loop, MotionProfile profile);
   const MotionProfile* loop_profile(std::string_view loop) const;
+  /// Before a run: InputError C1103 where initial rates move a length or offset that is given as a function of time, and no profile tells
+  /// how.
+  void expect_profiles();
   /// Of all prescribed loops that are closed, in the order of Loop::drive: how much more than the model's their length or offset is.
   std::span<const LoopDrive> drives() const { return drives_; }
   /// A wrench on a node, zero at first; returns its slot. world_axes: else node axes.

@@ -130,6 +130,7 @@ bool scripts_act(const Scenario& s) { return !s.controllers.empty() || !s.phases
 
 void examine(Scenario& s) {
   s.warnings.add(s.model->spec->warnings);
+  s.sim->expect_profiles();
   choose_method_of(s);
   expect_away_from_centre(s);
   look_at_ticks(s);
