@@ -17,7 +17,8 @@ extern "C" {
 #endif
 
 #define CARDAN_ABI_MAJOR 2u /* binary break: the host refuses */
-#define CARDAN_ABI_MINOR 2u /* fields appended, kinds added: devices and fields since 1; valid and impulse of devices since 2 */
+/* Fields appended, kinds added: devices and fields since 1; valid and impulse of devices since 2; bodies since 3. */
+#define CARDAN_ABI_MINOR 3u
 
 /* ---- parameters: what the description of an instance may say, and what its family is told ---- */
 

@@ -1,5 +1,4 @@
-/* The table of a body. A draft: it may still change, so its kind carries a number, and a plugin that was built against another one
- * is asked for bodies that it does not have. */
+/* The table of a body. */
 #ifndef CARDAN_BODY_H
 #define CARDAN_BODY_H
 #include "core/abi/cardan_abi.h"
@@ -8,7 +7,7 @@
 extern "C" {
 #endif
 
-#define CARDAN_KIND_BODY "body.draft1"
+#define CARDAN_KIND_BODY "body"
 
 /* Where the mass properties of a body come from: which keys its description has. */
 enum cardan_mass_source {
