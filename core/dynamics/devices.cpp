@@ -88,10 +88,12 @@ DeviceForces::DeviceForces(const Model& model, Model* own) : commands(model.devi
     for (const AddedOutput& a : all.added)
       if (a.in >= d.in && a.in < d.in + d.n_in) added_.push_back(a);
     for (int i = d.in; i < d.in + d.n_in; ++i)
-      if (all.from[i] < 0)
-        commanded_.push_back(i);
-      else
+      if (all.from[i] >= 0)
         given_.push_back({i, all.from[i]});
+      else if (!commanded_.empty() && commanded_.back().end == i)
+        ++commanded_.back().end;
+      else
+        commanded_.push_back({i, i + 1});
     for (std::size_t i = 0; i < d.mounts.size(); ++i) {
       const DeviceMount& m = d.mounts[i];
       const int mount = d.mount + static_cast<int>(i);
@@ -110,23 +112,24 @@ DeviceForces::DeviceForces(const Model& model, Model* own) : commands(model.devi
   if (!following_.empty()) followed_motions_.resize(motions_.size());
   begins.push_back(static_cast<int>(given_.size())), begin_added.push_back(static_cast<int>(added_.size()));
   const auto call = [&](int i) {
-    return Call{all.all[i].family->evaluate, i, {begins[i], begins[i + 1]}, {begin_added[i], begin_added[i + 1]}};
+    const Range given{begins[i], begins[i + 1]}, added{begin_added[i], begin_added[i + 1]};
+    const bool connected = given.begin < given.end || added.begin < added.end;
+    return Call{all.all[i].family->evaluate, &args_[at(i)], &outs_[at(i)], i, connected, given, added};
   };
   for (const int i : all.first) (all.all[i].acts ? first_ : others_).push_back(call(i));
   for (const int i : all.order) (all.all[i].acts ? acting_ : others_).push_back(call(i));
+  // In effects_ the loads of all come first, then their z', then their outputs.
   const auto add = [this](bool acts, int begin, int n) {
     std::vector<Range>& to = acts ? acting_numbers_ : other_numbers_;
-    const auto before = std::ranges::find(to, begin, &Range::end);
-    if (before != to.end())
-      before->end += n;
+    if (!to.empty() && to.back().end == begin)
+      to.back().end += n;
     else if (n > 0)
       to.push_back({begin, begin + n});
   };
-  for (const Device& d : all.all) {
-    add(d.acts, d.mount * kLoad, static_cast<int>(d.mounts.size()) * kLoad);
+  for (const Device& d : all.all) add(d.acts, d.mount * kLoad, static_cast<int>(d.mounts.size()) * kLoad);
+  for (const Device& d : all.all)
     if (!d.family->follow) add(d.acts, all.n_mounts * kLoad + d.z, static_cast<int>(d.family->n_states));
-    add(d.acts, all.n_mounts * kLoad + all.n_z + d.out, d.n_out);
-  }
+  for (const Device& d : all.all) add(d.acts, all.n_mounts * kLoad + all.n_z + d.out, d.n_out);
 }
 
 DeviceForces::DeviceForces(const DeviceForces& other) : DeviceForces(other.model_) {
@@ -184,33 +187,37 @@ void DeviceForces::zero(int index) {
   std::fill_n(out_ + d.out, d.n_out, 0.0);
 }
 
+void DeviceForces::take_connected(const Call& call) {
+  for (int k = call.given.begin; k < call.given.end; ++k) in_[given_[k].first] = out_[given_[k].second];
+  for (int k = call.added.begin; k < call.added.end; ++k) in_[added_[k].in] += out_[added_[k].out];
+}
+
 /// In this order; what they fill is zero.
 bool DeviceForces::evaluate(const std::vector<Call>& calls, const std::vector<Range>& numbers) {
-  for (const int i : commanded_) in_[i] = commands[i];
-  double power = 0.0;  // NaN and infinity stay NaN when they are multiplied by zero and added
+  for (const Range& r : commanded_) std::copy(commands.begin() + r.begin, commands.begin() + r.end, in_.begin() + r.begin);
+  std::uint64_t power = 0;
+  const bool filled = !first_.empty();  // what a device gave before all others is there until now
   const Call* at = calls.data();
   try {
-    for (; at != calls.data() + calls.size(); ++at) {
-      const Call& c = *at;
-      for (int k = c.given.begin; k < c.given.end; ++k) in_[given_[k].first] = out_[given_[k].second];
-      for (int k = c.added.begin; k < c.added.end; ++k) in_[added_[k].in] += out_[added_[k].out];
-      if (!first_.empty()) zero(c.device);  // what it gave before all others was there until now
-      cardan_device_out& out = outs_[c.device];
+    for (const Call* const end = at + calls.size(); at != end; ++at) {
+      if (at->connected) take_connected(*at);
+      if (filled) zero(at->device);
+      cardan_device_out& out = *at->out;
       out.delivered = out.lost = 0.0;
-      if (const int code = c.evaluate(&args_[c.device], &out); code != 0) {
-        for (const Call* before = calls.data(); before != &c; ++before)
+      if (const int code = at->evaluate(at->args, &out); code != 0) {
+        for (const Call* before = calls.data(); before != at; ++before)
           if (!expect_finite(before->device)) return false;  // what the one that refuses may have been given
-        fault_ = {c.device, answer(model_.devices.all[c.device], "evaluate", code)};
+        fault_ = {at->device, answer(model_.devices.all[at->device], "evaluate", code)};
         return false;
       }
-      power += 0.0 * out.delivered + 0.0 * out.lost;
+      power |= not_finite_bit(out.delivered) | not_finite_bit(out.lost);
     }
   } catch (...) {
     called_ = {at->device, "evaluate"};
     throw;
   }
   const auto finite = [this](const Range& r) { return all_finite(effects_.data() + r.begin, r.end - r.begin); };
-  if (power == 0.0 && std::ranges::all_of(numbers, finite)) return true;
+  if (power >> 63 == 0 && std::ranges::all_of(numbers, finite)) return true;
   return std::ranges::all_of(calls, [this](const Call& c) { return expect_finite(c.device); });
 }
 

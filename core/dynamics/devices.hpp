@@ -134,13 +134,17 @@ class DeviceForces : public StateLoads<double> {
   };
   struct Call {
     int (*evaluate)(const cardan_device_args*, cardan_device_out*);
+    const cardan_device_args* args;
+    cardan_device_out* out;
     int device;
+    bool connected;      // one of its inputs is
     Range given, added;  // in given_, added_
   };
   bool look_at_fields(bool in_steps);
   bool evaluate_acting();
   bool evaluate_others();
   bool evaluate(const std::vector<Call>& calls, const std::vector<Range>& numbers);
+  void take_connected(const Call& call);
   /// What `follow` of a device reads.
   cardan_device_args followed(int device) const;
   void zero(const std::vector<Range>& numbers);
@@ -169,7 +173,7 @@ class DeviceForces : public StateLoads<double> {
   std::vector<cardan_device_out> outs_;
   std::vector<std::pair<int, int>> given_;  // connected inputs, device by device, and the outputs they hang on
   std::vector<AddedOutput> added_;          // outputs that are added to those, likewise
-  std::vector<int> commanded_;              // the other inputs
+  std::vector<Range> commanded_;            // the other inputs
   DeviceFault fault_;
   mutable std::vector<Vec3<double>> stored_;  // of one device: stored_momentum()
   mutable ForeignCall called_;

@@ -218,46 +218,59 @@ static void central_gravity(const SweepModel& model, Workspace<T>& ws, const Inp
   }
 }
 
+/// A load on a node of body k seen from it, the node turned by R_BN at rho: body axes, moments about the node and about B.
+template <class T>
+struct LoadOnBody {
+  Force<T> at_node, at_B;
+};
+template <class T>
+CARDAN_INLINE LoadOnBody<T> seen_from_body(const Workspace<T>& ws, int k, const NodeWrench<T>& load, const Mat3<T>& R_BN,
+                                           const Vec3<T>& rho) {
+  const Mat3<T>* R_WB = load.world_axes ? &ws.pose_W(k).R : nullptr;
+  const Force<T> f =
+      R_WB ? Force<T>{transpose_times(*R_WB, load.f.n), transpose_times(*R_WB, load.f.f)} : Force<T>{R_BN * load.f.n, R_BN * load.f.f};
+  return {f, {f.n + cross(rho, f.f), f.f}};
+}
+template <class T>
+[[gnu::noinline]] static void load_deforming_node(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in,
+                                                  const NodeWrench<T>& load) {
+  const UserNode& node = model.nodes[load.node];
+  const int k = node.sweep;
+  DeformedNode<T> at;
+  deform<T>(model, ws, k, node.shapes, in.q, nullptr, at);
+  const LoadOnBody<T> f = seen_from_body(ws, k, load, at.R, at.rho);
+  ws.z(k) -= f.at_B;
+  Modal<T>& modal = *ws.modal_of(k);
+  for (int j = 0; j < model.bodies[k].n_modes; ++j) modal.z[j] = modal.z[j] - dot(node_column(node.shapes, at, j), f.at_node);
+}
 template <class T>
 static void node_wrenches(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
+  const bool graded = !ws.loads.empty();  // of rigid trees
   for (const NodeWrench<T>& load : in.wrenches) {
     const UserNode& node = model.nodes[load.node];
     const int k = node.sweep;
     if (k == 0) continue;
-    const SweepBody& b = model.bodies[k];
-    DeformedNode<T> at;
-    Force<T> f, at_B;  // body axes, at the node and at B
-    const auto seen_from_body = [&](const Mat3<T>& R_BN, const Vec3<T>& rho) {
-      const Mat3<T>* R_WB = load.world_axes ? &ws.pose_W(k).R : nullptr;
-      f = R_WB ? Force<T>{transpose_times(*R_WB, load.f.n), transpose_times(*R_WB, load.f.f)} : Force<T>{R_BN * load.f.n, R_BN * load.f.f};
-      at_B = {f.n + cross(rho, f.f), f.f};
-    };
     if (node.shapes.deforms()) {
-      deform<T>(model, ws, k, node.shapes, in.q, nullptr, at);
-      seen_from_body(at.R, at.rho);
-    } else {
-      seen_from_body(cast<T>(node.shapes.pose.R), cast<T>(node.shapes.pose.p));
+      load_deforming_node(model, ws, in, load);
+      continue;
     }
-    const bool graded = !ws.loads.empty();
+    const SweepBody& b = model.bodies[k];
+    const LoadOnBody<T> f = seen_from_body(ws, k, load, cast<T>(node.shapes.pose.R), cast<T>(node.shapes.pose.p));
     if (b.kind == BodyKernel::rotor) {
-      ws.axis(k).load = ws.axis(k).load + dot(cast<T>(b.axis), at_B.n);
-      const Force<T> at_A = to_inboard(pose_in_inboard(model, ws, k, in.q), at_B);
+      ws.axis(k).load = ws.axis(k).load + dot(cast<T>(b.axis), f.at_B.n);
+      const Force<T> at_A = to_inboard(pose_in_inboard(model, ws, k, in.q), f.at_B);
       if (graded) {
         const Vec3<T> c = cast<T>(model.graded.swept[b.parent].c);
         add_load(ws, b.parent, {at_A.n - cross(c, at_A.f), at_A.f}, c);
       } else {
         ws.z(b.parent) -= at_A;
       }
-      continue;
+    } else if (graded) {
+      const Force<T>& at_N = f.at_node;
+      add_load(ws, k, {at_N.n + cross(cast<T>(model.graded.arm[load.node]), at_N.f), at_N.f}, cast<T>(model.graded.swept[k].c));
+    } else {
+      ws.z(k) -= f.at_B;
     }
-    if (graded) {
-      add_load(ws, k, {f.n + cross(cast<T>(model.graded.arm[load.node]), f.f), f.f}, cast<T>(model.graded.swept[k].c));
-      continue;
-    }
-    ws.z(k) -= at_B;
-    if (!node.shapes.deforms()) continue;
-    Modal<T>& modal = *ws.modal_of(k);
-    for (int j = 0; j < b.n_modes; ++j) modal.z[j] = modal.z[j] - dot(node_column(node.shapes, at, j), f);
   }
 }
 
