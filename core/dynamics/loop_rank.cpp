@@ -108,6 +108,22 @@ Eigen::MatrixXd loop_matrix(const Model& model, Workspace& ws, const double* q, 
                                                                                                   model.nv);
 }
 
+LoopRows loop_rows(const Model& model, Workspace& ws, const double* q, const LoopDrive* drives) {
+  stand(model, ws, q, false);
+  const Inputs in{.q = q, .v = ws.loops->zero.data(), .gravity = false, .drives = drives};
+  LoopPass pass(model, ws, in);
+  pass.place();
+  pass.matrix();
+  LoopRows out{Eigen::VectorXd(model.loops.rows), Eigen::MatrixXd(model.loops.rows, model.nv)};
+  for (const Loop& loop : model.loops.all)
+    for (int i = loop.first; i < loop.first + loop.rows; ++i) {
+      const double unit = pass.in_metres(loop, i) / pass.size_of(loop);
+      out.c[i] = unit * ws.loops->c[static_cast<std::size_t>(i)];
+      out.G.row(i) = unit * Eigen::Map<const Eigen::RowVectorXd>(ws.loops->G.data() + i * model.nv, model.nv);
+    }
+  return out;
+}
+
 namespace {
 
 /// Where rows imply each other here alone, motions that are free to first order contradict each other to second: each by itself may go

@@ -61,6 +61,12 @@ struct LoopFreedom {
 LoopFreedom loop_freedom(const Model& model, Workspace& workspace, const double* q, const LoopDrive* drives = nullptr);
 /// G, rows x nv.
 Eigen::MatrixXd loop_matrix(const Model& model, Workspace& workspace, const double* q, const LoopDrive* drives = nullptr);
+/// c and G of all rows, each over the size of its loop: pure numbers.
+struct LoopRows {
+  Eigen::VectorXd c;
+  Eigen::MatrixXd G;  // rows x nv
+};
+LoopRows loop_rows(const Model& model, Workspace& workspace, const double* q, const LoopDrive* drives = nullptr);
 /// "tip: rotation about x", "gear".
 std::string name_of_row(const Model& model, const Workspace& workspace, int row);
 

@@ -8,9 +8,12 @@
 #include "core/base/diagnostic.hpp"
 #include "core/dynamics/forward.hpp"
 #include "core/dynamics/hinge_laws.hpp"
+#include "core/dynamics/loop_tangent.hpp"
 #include "core/linalg/dense.hpp"
 #include "core/model/loops.hpp"
 #include "core/operators/mass_matrix.hpp"
+#include "core/operators/sensitivity.hpp"
+#include "core/soa/kernels_tangent.hpp"
 
 namespace cardan::operators {
 namespace {
@@ -36,11 +39,9 @@ void require_numbers(const char* what, Eigen::Index size, Eigen::Index got) {
   if (size != got) refuse(Code::operator_shape, {what}, fmt::format("{} numbers", size), fmt::format("{}", got));
 }
 
-}  // namespace
-
-MatrixXd free_motions(const TreeOperators& tree, const MatrixXd& X_all) {
-  const int n = tree.size(Space::hinge);
-  MatrixXd X(n, X_all.cols());
+/// Of the columns of X, those that no given motion takes part in; hinge space.
+MatrixXd free_columns(const TreeOperators& tree, const MatrixXd& X_all) {
+  MatrixXd X(tree.size(Space::hinge), X_all.cols());
   Eigen::Index free = 0;
   for (Eigen::Index j = 0; j < X_all.cols(); ++j) {
     bool given = false;
@@ -50,23 +51,148 @@ MatrixXd free_motions(const TreeOperators& tree, const MatrixXd& X_all) {
     }
     if (!given) ++free;
   }
-  X.conservativeResize(n, free);
-  MatrixXd MX(n, free);
-  for (Eigen::Index j = 0; j < free; ++j) MX.col(j) = mass_times(tree, X.col(j));
-  const MatrixXd gram = X.transpose() * MX;
-  if (!cholesky(gram)) throw NumericsError({.code = Code::singular_hinge, .what = "a motion that is free has no inertia"});
-  return orthonormalised(X, gram);
+  X.conservativeResize(Eigen::NoChange, free);
+  return X;
 }
 
-ClosedSystem::ClosedSystem(std::shared_ptr<const Model> closed, const double* q)
-    : freedom_(freedom_at(*closed, q)), tree_(open_tree(std::move(closed))) {
+/// X* M X.
+MatrixXd inertia_of(const TreeOperators& tree, const MatrixXd& X) {
+  MatrixXd MX(X.rows(), X.cols());
+  for (Eigen::Index j = 0; j < X.cols(); ++j) MX.col(j) = mass_times(tree, X.col(j));
+  return X.transpose() * MX;
+}
+MatrixXd orthonormal_motions(const TreeOperators& tree, const MatrixXd& X) {
+  const MatrixXd inertia = inertia_of(tree, X);
+  if (!cholesky(inertia)) throw NumericsError({.code = Code::singular_hinge, .what = "a motion that is free has no inertia"});
+  return orthonormalised(X, inertia);
+}
+
+/// What a velocity of dependent components must add to v where q moves: -G_D^-1 G' v.
+class FollowingRates {
+ public:
+  /// v in the order of the model; it keeps the loops closed, with lengths that stand.
+  FollowingRates(const Model& closed, const Model& open, const double* q, const VectorXd& v, std::span<const LoopDrive> drives)
+      : open_(open),
+        ws_(open),
+        q_(q, q + open.nq),
+        held_(drives.begin(), drives.end()),
+        loops_(at(closed, v)),
+        qt_(q_.size()),
+        rate_(q_.size()) {
+    for (const double x : v) vt_.emplace_back(x);
+  }
+  VectorXd along(const VectorXd& u) {
+    open_.qdot(q_.data(), u.data(), rate_.data());
+    for (std::size_t i = 0; i < q_.size(); ++i) qt_[i] = {q_[i], rate_[i]};
+    const soa::Inputs<soa::Tangent> in{.q = qt_.data(), .v = vt_.data()};
+    outward(open_, soa::sweeps<soa::Tangent>(), ws_, in, {});
+    loops_.place(ws_, in);
+    return loops_.rates();
+  }
+
+ private:
+  LoopTangents at(const Model& closed, const VectorXd& v) {
+    for (LoopDrive& d : held_) d.rate = d.acceleration = 0.0;
+    const VectorXd still = VectorXd::Zero(open_.nv);
+    return {closed,
+            {.q = q_.data(),
+             .v = v.data(),
+             .tau = still.data(),
+             .vdot = still.data(),
+             .gravity = false,
+             .drives = held_.empty() ? nullptr : held_.data()},
+            0.0};
+  }
+  const Model& open_;
+  soa::Workspace<soa::Tangent> ws_;
+  std::vector<double> q_;
+  std::vector<LoopDrive> held_;
+  LoopTangents loops_;
+  std::vector<soa::Tangent> qt_, vt_;
+  std::vector<double> rate_;
+};
+
+}  // namespace
+
+MatrixXd free_motions(const TreeOperators& tree, const MatrixXd& X) { return orthonormal_motions(tree, free_columns(tree, X)); }
+
+ClosedSystem::ClosedSystem(std::shared_ptr<const Model> closed, const double* q, const LoopDrive* drives)
+    : model_(std::move(closed)), freedom_(freedom_at(*model_, q, drives)), tree_(open_tree(model_)) {
+  if (drives) drives_.assign(drives, drives + model_->loops.n_drives);
   tree_.at(q);
-  Y_ = free_motions(tree_, freedom_.X);
+  X_ = free_columns(tree_, freedom_.X);
+  Y_ = orthonormal_motions(tree_, X_);
 }
 
 VectorXd ClosedSystem::respond(const VectorXd& tau) const {
   require_numbers("forces on a closed system", Y_.rows(), tau.size());
   return Y_ * (Y_.transpose() * tau);
+}
+
+// Y* M' Y, and where loops turn with q  S^-1 (X'* M X + X* M X') S^-*: Y* M X' S^-* and its transpose.
+std::vector<MatrixXd> ClosedSystem::inertia_rates(const MatrixXd& along) const {
+  const Model& open = tree_.model();
+  const Eigen::Index m = Y_.cols();
+  const auto in_order_of_v = [&](const MatrixXd& x) {
+    MatrixXd out(open.nv, x.cols());
+    for (Eigen::Index j = 0; j < x.cols(); ++j) out.col(j) = tree_.to_model(VectorXd(x.col(j)));
+    return out;
+  };
+  const MatrixXd Y = in_order_of_v(Y_), ways = in_order_of_v(along);
+  const VectorXd still = VectorXd::Zero(open.nv);
+  Sensitivities about(tree_.model_pointer(), Sensitivities::Springs::left_out);
+  about.at({.q = tree_.q().data(), .v = still.data(), .gravity = false});
+  std::vector<MatrixXd> out(static_cast<std::size_t>(along.cols()));
+  MatrixXd dM_Y(open.nv, m);
+  for (std::size_t j = 0; j < out.size(); ++j) {
+    for (Eigen::Index k = 0; k < m; ++k) about.mass(ways.col(static_cast<Eigen::Index>(j)).data(), Y.col(k).data(), dM_Y.col(k).data());
+    out[j] = Y.transpose() * dM_Y;
+  }
+  for (Eigen::Index k = 0; k < m && !model_->loops.empty(); ++k) {
+    FollowingRates rates(*model_, open, tree_.q().data(), Y.col(k), drives_);
+    for (std::size_t j = 0; j < out.size(); ++j) {
+      const VectorXd a = rates.along(ways.col(static_cast<Eigen::Index>(j)));
+      const VectorXd pushed = Y_.transpose() * mass_times(tree_, tree_.from_model(a));
+      out[j].col(k) += pushed, out[j].row(k) += pushed.transpose();
+    }
+  }
+  return out;
+}
+
+double ClosedSystem::log_det() const { return 2.0 * cholesky(inertia_of(tree_, X_))->diagonal().array().log().sum(); }
+VectorXd ClosedSystem::log_det_gradient() const {
+  const std::vector<MatrixXd> rates = inertia_rates(X_);
+  VectorXd out(X_.cols());
+  for (std::size_t j = 0; j < rates.size(); ++j) out[static_cast<Eigen::Index>(j)] = rates[j].trace();
+  return out;
+}
+
+VectorXd ClosedSystem::nu(const VectorXd& v) const {
+  require_numbers("velocities of a closed system", Y_.rows(), v.size());
+  return Y_.transpose() * mass_times(tree_, v);
+}
+VectorXd ClosedSystem::velocity(const VectorXd& nu) const {
+  require_numbers("diagonalised velocities of a closed system", Y_.cols(), nu.size());
+  return Y_ * nu;
+}
+VectorXd ClosedSystem::eps(const VectorXd& tau) const {
+  require_numbers("forces on a closed system", Y_.rows(), tau.size());
+  return Y_.transpose() * tau;
+}
+// nu = S* v_I: nu' = S* v_I' + S'* v_I, and X* M X v_I' = X* (tau - C(q, v) - M X' v_I).
+VectorXd ClosedSystem::coriolis(const VectorXd& nu) const {
+  const Model& open = tree_.model();
+  const VectorXd v = tree_.to_model(velocity(nu)), still = VectorXd::Zero(open.nv);
+  Workspace ws(open);
+  VectorXd push(open.nv);
+  inverse_dynamics(open, ws, {.q = tree_.q().data(), .v = v.data(), .vdot = still.data(), .gravity = false}, push.data(),
+                   {.gravity = false, .elastic = false});
+  VectorXd force = tree_.from_model(push);
+  if (!model_->loops.empty())
+    force += mass_times(tree_, tree_.from_model(FollowingRates(*model_, open, tree_.q().data(), v, drives_).along(v)));
+  MatrixXd R = inertia_rates(Y_ * nu).front();
+  R.diagonal() *= 0.5;
+  return Y_.transpose() * force - R.triangularView<Eigen::Upper>() * nu;
 }
 
 // Forward dynamics without actuators gives a v' that the loops allow; others differ from it by X times something.

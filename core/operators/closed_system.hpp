@@ -15,10 +15,10 @@ namespace cardan::operators {
 Eigen::MatrixXd free_motions(const TreeOperators& tree, const Eigen::MatrixXd& X);
 
 /// A vehicle at one q, which closes its loops (without loops: X = 1). Vectors are of the hinge space of its open tree. O(N) for each column
-/// of Y. NumericsError where a motion that is free has no inertia.
+/// of Y. `drives`: lengths of loops that are functions of time. NumericsError where a motion that is free has no inertia.
 class ClosedSystem {
  public:
-  ClosedSystem(std::shared_ptr<const Model> closed, const double* q);
+  ClosedSystem(std::shared_ptr<const Model> closed, const double* q, const LoopDrive* drives = nullptr);
 
   const TreeOperators& tree() const { return tree_; }
   const LoopFreedom& freedom() const { return freedom_; }
@@ -27,10 +27,27 @@ class ClosedSystem {
   /// M_c^-1 tau: accelerations of the system at rest under hinge forces alone; zero where motion is given.
   Eigen::VectorXd respond(const Eigen::VectorXd& tau) const;
 
+  /// log det X* M X of the independent components that are free.
+  double log_det() const;
+  /// Its derivative along each of them, those that depend on it following. O(N) for each pair.
+  Eigen::VectorXd log_det_gradient() const;
+
+  // Diagonalised velocities nu = S* v_I = Y* M v of motions v = Y nu: T = 1/2 nu* nu where no motion is given.
+  Eigen::VectorXd nu(const Eigen::VectorXd& v) const;
+  Eigen::VectorXd velocity(const Eigen::VectorXd& nu) const;
+  Eigen::VectorXd eps(const Eigen::VectorXd& tau) const;  ///< Y* tau
+  /// C of nu' + C = eps with v = Y nu: velocity terms alone, nu* C = 0.
+  Eigen::VectorXd coriolis(const Eigen::VectorXd& nu) const;
+
  private:
+  /// S^-1 (X* M X)' S^-* along each of these motions, hinge space.
+  std::vector<Eigen::MatrixXd> inertia_rates(const Eigen::MatrixXd& along) const;
+
+  std::shared_ptr<const Model> model_;
+  std::vector<LoopDrive> drives_;
   LoopFreedom freedom_;
   TreeOperators tree_;
-  Eigen::MatrixXd Y_;
+  Eigen::MatrixXd X_, Y_;  // of what is free, a motion a column
 };
 
 struct ClosedForces {

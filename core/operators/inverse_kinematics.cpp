@@ -11,6 +11,7 @@
 
 #include "core/base/diagnostic.hpp"
 #include "core/base/poll.hpp"
+#include "core/dynamics/loops.hpp"
 #include "core/dynamics/node_motion.hpp"
 #include "core/linalg/dense.hpp"
 #include "core/model/loops.hpp"
@@ -28,6 +29,10 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 constexpr double kStationary = 1e-9;     // |J* e| over |J| |e|
 constexpr double kNullSpaceStep = 1e-7;  // the distance to the preferred posture is flat to round-off below
 constexpr int kSecondaryIterations = 100;
+constexpr double kClosed = 4e-15;     // rows of loops that count as closed, over the size of the loop
+constexpr double kDependent = 1e-10;  // singular value of rows that say what others do
+constexpr int kClosing = 20;          // iterations of Newton's method
+constexpr int kMoves = 16;            // in which a random start is gone to
 
 [[noreturn]] void refuse_task(Code code, std::string what, std::string expected, std::string got) {
   cardan::refuse(code, {"inverse kinematics: " + std::move(what)}, std::move(expected), std::move(got));
@@ -69,16 +74,19 @@ class Solver {
  public:
   /// part: null, all may move.
   Solver(const std::shared_ptr<const Model>& model, const TreeOperators* part, std::span<const IkTarget> targets, const IkOptions& options)
-      : m_(*model),
+      : closed_(model),
+        open_(open_tree(model)),
+        m_(*open_),
         targets_(targets),
         options_(options),
-        tree_(model),
+        tree_(open_),
         ws_(m_),
         zeros_(m_.nv, 0.0),
         coordinate_(m_.nv, -1),
         movable_(m_.nv, 0),
         turns_(m_.nv, 0) {
     ws_.require_world();
+    if (!closed_->loops.empty()) loops_.emplace(*closed_);
     for (const PlainRates& r : m_.plain_rates)
       for (int i = 0; i < r.n; ++i) coordinate_[r.v + i] = r.q + i;
     for (const UserBody& u : m_.user)
@@ -135,7 +143,10 @@ class Solver {
   }
 
   IkResult run(const double* start) {
-    const VectorXd first = clamped(Eigen::Map<const VectorXd>(start, m_.nq));
+    VectorXd first = clamped(Eigen::Map<const VectorXd>(start, m_.nq));
+    if (!close(first))
+      refuse_task(Code::open_start, "the start", "a posture near one that closes the loops by what may move, within the limits",
+                  fmt::format("loops that stay open by {:.3g} of their size", open_by_));
     IkResult best;
     best.seed = options_.seed;
     best.residual = std::numeric_limits<double>::infinity();
@@ -155,7 +166,7 @@ class Solver {
           d[v] = within ? 0.5 * (lower_[v] + upper_[v] + r * (upper_[v] - lower_[v])) - first[coordinate_[v]]
                         : r * (turns_[v] ? std::numbers::pi : room);
         }
-        q = clamped(moved(first, d));
+        q = loops_ ? moved_along_loops(first, d) : clamped(moved(first, d));
       }
       IkResult found = descend(std::move(q), options_.iterations);
       spent += found.iterations;
@@ -168,6 +179,7 @@ class Solver {
   }
 
  private:
+  std::shared_ptr<const Model> closed_, open_;  // the same where there are no loops
   const Model& m_;
   std::span<const IkTarget> targets_;
   const IkOptions& options_;
@@ -176,6 +188,8 @@ class Solver {
   std::optional<TreeOperators> part_;              // theirs, at the q of the last jacobian_star()
   std::vector<std::optional<Pose<double>>> held_;  // by sweep index: where those stand that take no part; empty: none
   Workspace ws_;
+  std::optional<Workspace> loops_;
+  double open_by_ = 0.0;  // of the last close()
   std::vector<double> zeros_;
   std::vector<int> coordinate_;  // per velocity component: the coordinate with q' = v, or -1
   std::vector<std::uint8_t> movable_, turns_;
@@ -272,20 +286,37 @@ class Solver {
     return out;
   }
 
-  /// Components that move: not those at a limit which `wish` would cross.
-  std::vector<std::uint8_t> free_to_follow(const VectorXd& q, const VectorXd& wish) const {
+  LoopRows rows_of_loops(const VectorXd& q) { return loop_rows(*closed_, *loops_, q.data(), options_.drives); }
+
+  /// Components that move by step(free), which says how if these do, and is asked last for those: without such at a limit that cross it.
+  template <class Step>
+  std::vector<std::uint8_t> free_to_follow(const VectorXd& q, const Step& step) const {
     std::vector<std::uint8_t> out = movable_;
-    for (const IkLimit& l : options_.limits) {
-      const double x = q[coordinate_[l.v]];
-      if ((x <= lower_[l.v] && wish[l.v] < 0.0) || (x >= upper_[l.v] && wish[l.v] > 0.0)) out[l.v] = 0;
+    for (bool more = true; more;) {
+      more = false;
+      const VectorXd wish = step(out);
+      for (const IkLimit& l : options_.limits) {
+        const double x = q[coordinate_[l.v]];
+        if (!out[l.v] || !((x <= lower_[l.v] && wish[l.v] < 0.0) || (x >= upper_[l.v] && wish[l.v] > 0.0))) continue;
+        out[l.v] = 0, more = true;  // on closed loops others follow it
+      }
     }
     return out;
   }
+  static MatrixXd masked(MatrixXd x, const std::vector<std::uint8_t>& free) {
+    for (Eigen::Index v = 0; v < x.rows(); ++v)
+      if (!free[static_cast<std::size_t>(v)]) x.row(v).setZero();
+    return x;
+  }
+  /// Orthonormal columns: what loops keep of these components, nv x rank.
+  MatrixXd held_by_loops(const MatrixXd& G, const std::vector<std::uint8_t>& free) const {
+    if (!loops_) return MatrixXd(m_.nv, 0);
+    const RightSingular s = right_singular(masked(G.transpose(), free).transpose());
+    return s.vectors.leftCols((s.values.array() > kDependent).count());
+  }
   /// W^-1 A* with the rows of held components zero (H empty there).
   MatrixXd weighted(const MatrixXd& A_star, const std::vector<std::uint8_t>& free, bool dynamic) {
-    MatrixXd out = A_star;
-    for (int v = 0; v < m_.nv; ++v)
-      if (!free[v]) out.row(v).setZero();
+    MatrixXd out = masked(A_star, free);
     if (!dynamic) return inverse_weight_.asDiagonal() * out;
     TreeOperators& by = part_ ? *part_ : tree_;
     const int n = by.size(Space::hinge);
@@ -294,16 +325,70 @@ class Solver {
     for (int v = 0; v < m_.nv; ++v)
       if (const int place = by.place_of_velocity(v); place >= 0) mask[place] = free[v];
     by.articulate({.W = nullptr, .free = mask});
-    for (int r = 0; r < rows_; ++r) {
+    for (Eigen::Index r = 0; r < out.cols(); ++r) {
       apply(letters::mass_inverse, by, by.from_model(out.col(r)).data(), solved.data());  // 0 where not free
       out.col(r) = by.to_model(solved);
     }
     return out;
   }
+  /// The same without what loops hold, N of held_by_loops(): (W^-1 - W^-1 N (N* W^-1 N)^-1 N* W^-1) A*.
+  MatrixXd weighted_along_loops(const MatrixXd& A_star, const MatrixXd& N, const std::vector<std::uint8_t>& free, bool dynamic) {
+    MatrixXd out = weighted(A_star, free, dynamic);
+    if (N.cols() == 0) return out;
+    const MatrixXd of_loops = weighted(N, free, dynamic);
+    return out - of_loops * symmetric_solve(MatrixXd(N.transpose() * of_loops), MatrixXd(N.transpose() * out));
+  }
+  MatrixXd along_loops(const MatrixXd& x, const MatrixXd& N, const std::vector<std::uint8_t>& free) {
+    return weighted_along_loops(inverse_weight_.cwiseInverse().asDiagonal() * x, N, free, false);
+  }
+
+  /// Newton's method on the loops, by the least motion of what may move: the branch it is on, if q is near it. False: they stay open.
+  bool close(VectorXd& q) {
+    if (!loops_) return true;
+    double before = std::numeric_limits<double>::infinity();
+    for (int i = 0;; ++i) {
+      const LoopRows rows = rows_of_loops(q);
+      open_by_ = rows.c.cwiseAbs().maxCoeff();
+      if (!std::isfinite(open_by_)) return false;
+      if (open_by_ <= kClosed || (open_by_ > 0.5 * before && before < 1e-11)) return true;
+      if (i == kClosing || (i > 2 && open_by_ > before)) return false;
+      VectorXd step;
+      free_to_follow(q, [&](const std::vector<std::uint8_t>& free) {
+        const MatrixXd Z = weighted(held_by_loops(rows.G, free), free, false);
+        return step = Z.cols() > 0 ? VectorXd(-Z * least_squares(rows.G * Z, rows.c)) : VectorXd(VectorXd::Zero(m_.nv));
+      });
+      q = clamped(moved(q, step));
+      before = open_by_;
+    }
+  }
+  /// q moved by d and onto the loops again; false where that is farther away than d, another branch perhaps.
+  bool moved_to(const VectorXd& q, const VectorXd& d, VectorXd& out) {
+    const VectorXd there = out = clamped(moved(q, d));
+    if (!loops_) return true;
+    if (!close(out)) return false;
+    VectorXd back(m_.nv);
+    m_.difference(there.data(), out.data(), back.data());
+    return back.norm() <= 0.5 * d.norm();
+  }
+  VectorXd moved_along_loops(VectorXd q, const VectorXd& d) {
+    for (int i = 0; i < kMoves; ++i) {
+      const MatrixXd G = rows_of_loops(q).G;
+      const VectorXd share = d / kMoves;
+      VectorXd step, next;
+      free_to_follow(q, [&](const auto& free) { return step = along_loops(share, held_by_loops(G, free), free); });
+      if (!moved_to(q, step, next)) break;
+      q = next;
+    }
+    return q;
+  }
 
   /// Levenberg and Marquardt from q, lambda ~ |e|^2, on the components that limits leave free.
   IkResult descend(VectorXd q, int iterations) {
     IkResult out;
+    if (!close(q)) {
+      out.residual = std::numeric_limits<double>::infinity();
+      return out;
+    }
     MatrixXd error = errors(q);
     VectorXd e = counted(error);
     double mu = 1e-2;
@@ -312,11 +397,15 @@ class Solver {
       Poll::now();
       const MatrixXd A_star = jacobian_star(q, error);
       const VectorXd gradient = A_star * e;
-      const std::vector<std::uint8_t> free = free_to_follow(q, gradient);
-      const MatrixXd Z = weighted(A_star, free, options_.dynamic);
-      double pull = 0.0, size = 0.0;
-      for (int v = 0; v < m_.nv; ++v)
-        if (free[v]) pull += gradient[v] * gradient[v], size += A_star.row(v).squaredNorm();
+      const MatrixXd G = loops_ ? rows_of_loops(q).G : MatrixXd();
+      MatrixXd N;
+      VectorXd wish;
+      const std::vector<std::uint8_t> free = free_to_follow(q, [&](const auto& may) {
+        N = held_by_loops(G, may);
+        return wish = masked(gradient, may) - N * (N.transpose() * gradient);
+      });
+      const MatrixXd Z = weighted_along_loops(A_star, N, free, options_.dynamic);
+      const double pull = wish.squaredNorm(), size = masked(A_star, free).squaredNorm();
       if (!(std::sqrt(pull) > kStationary * std::sqrt(size) * e.norm())) {
         out.stationary = true;
         break;
@@ -332,7 +421,11 @@ class Solver {
         for (int v = 0; v < m_.nv; ++v)
           if (turns_[v]) turn = std::max(turn, std::abs(d[v]));
         if (turn > options_.step) d *= options_.step / turn;
-        const VectorXd trial = clamped(moved(q, d));
+        VectorXd trial;
+        if (!moved_to(q, d, trial)) {
+          mu *= 8.0;
+          continue;
+        }
         const MatrixXd error_there = errors(trial);
         const VectorXd there = counted(error_there);
         accepted = there.squaredNorm() < cost;
@@ -379,11 +472,14 @@ class Solver {
       Poll::now();
       const VectorXd d = way(best.q);
       const MatrixXd A_star = jacobian_star(best.q, errors(best.q));
-      const std::vector<std::uint8_t> free = free_to_follow(best.q, d);
-      VectorXd wish = d;
-      for (int v = 0; v < m_.nv; ++v)
-        if (!free[v]) wish[v] = 0.0;
-      const MatrixXd Z = weighted(A_star, free, false);
+      const MatrixXd G = loops_ ? rows_of_loops(best.q).G : MatrixXd();
+      MatrixXd N;
+      VectorXd wish;
+      const std::vector<std::uint8_t> free = free_to_follow(best.q, [&](const auto& may) {
+        N = held_by_loops(G, may);
+        return wish = along_loops(d, N, may);
+      });
+      const MatrixXd Z = weighted_along_loops(A_star, N, free, false);
       const MatrixXd kernel = A_star.transpose() * Z;
       const VectorXd step = wish - Z * least_squares(kernel, A_star.transpose() * wish);
       best.null_space_step = length(step);
@@ -454,7 +550,6 @@ IkTarget IkTarget::at_pose(int node, const Vector3d& x, const Eigen::Matrix3d& R
 
 IkResult inverse_kinematics(const std::shared_ptr<const Model>& model, const double* q, std::span<const IkTarget> targets,
                             const IkOptions& options) {
-  require_open_tree(*model, "inverse kinematics");
   return Solver(model, nullptr, targets, options).run(q);
 }
 IkResult inverse_kinematics(const TreeOperators& tree, std::span<const IkTarget> targets, const IkOptions& options) {

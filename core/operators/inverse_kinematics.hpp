@@ -1,6 +1,7 @@
 #pragma once
 // The configuration in which nodes stand where they should: any set of targets on any tree, damped least squares with the Jacobian
-// J = B* phi* H* applied as operators (mathematics 12). q moves in the tangent space (Model::retract), so quaternions stay unit.
+// J = B* phi* H* applied as operators (mathematics 12). q moves in the tangent space (Model::retract), so quaternions stay unit. Where
+// loops are closed it moves as they allow (docs/mathematics/linear.md, 3).
 #include <array>
 #include <cstdint>
 #include <limits>
@@ -40,9 +41,10 @@ struct IkOptions {
   Eigen::VectorXd prefer = {};  // nq: among the solutions, the one near this posture; empty: none
   double tolerance = 1e-12;     // of the weighted residual, times max(1, |x_target|)
   int iterations = 200;         // at most, per start
-  int starts = 8;               // the given q, then random ones
+  int starts = 8;               // the given q, then random ones; of closed loops such as it can move to
   std::uint64_t seed = 1;
-  double step = 1.0;  // [rad] largest turn of a component in one iteration
+  double step = 1.0;                  // [rad] largest turn of a component in one iteration
+  const LoopDrive* drives = nullptr;  // lengths of loops that are functions of time, Loops::n_drives; null: as at the start
 };
 
 struct IkResult {
@@ -59,11 +61,13 @@ struct IkResult {
 };
 
 /// From q (nq numbers). The residual is what decides: a target out of reach is a result, not an exception. InputError for
-/// unknown nodes (C0202), limits that exclude each other or stand on a quaternion, vectors of the wrong size.
+/// unknown nodes (C0202), limits that exclude each other or stand on a quaternion, vectors of the wrong size. Closed loops stay closed, in
+/// the assembly in which q has them; a q that has not is moved to the nearest that does. InputError C1103 where there is none.
 IkResult inverse_kinematics(const std::shared_ptr<const Model>& model, const double* q, std::span<const IkTarget> targets,
                             const IkOptions& options = {});
-/// From the q of a tree. Only what takes part and is free in it moves, on what stays where it is; `dynamic` is the mass matrix of the
-/// bodies that take part. Targets on, limits and free components of other bodies are errors (C0202, C0401).
+/// From the q of a tree (without loops: that of a closed vehicle is its open one). Only what takes part and is free in it moves, on what
+/// stays where it is; `dynamic` is the mass matrix of the bodies that take part. Targets on, limits and free components of other bodies are
+/// errors (C0202, C0401).
 IkResult inverse_kinematics(const TreeOperators& tree, std::span<const IkTarget> targets, const IkOptions& options = {});
 
 }  // namespace cardan::operators

@@ -16,6 +16,7 @@
 #include "core/model/components.hpp"
 #include "core/model/loops.hpp"
 #include "core/operators/apply.hpp"
+#include "core/operators/closed_system.hpp"
 #include "core/operators/devices_of_tree.hpp"
 #include "core/operators/sensitivity.hpp"
 #include "core/soa/field_at.hpp"
@@ -655,40 +656,94 @@ void follow(const Scope& scope, const OperatingPoint& at, DeviceForces& devices)
     throw NumericsError({.code = Code::device_failed, .t = at.t, .what = devices.fault().what});
 }
 
+void take_devices(Scope& scope, const OperatingPoint& at) {
+  if (at.devices) scope.take(std::vector<std::uint8_t>(scope.m.devices.all.size(), 1));
+}
+
+/// A vehicle with closed loops: its open tree, and what its loops do.
+struct ClosedPoint {
+  ClosedPoint(const Model& m, const OperatingPoint& at)
+      : tree(open_tree(std::shared_ptr<const Model>(std::shared_ptr<void>(), &m))),
+        loops(loops_at(m, at)),
+        scope(scope_of(*tree, nullptr)) {
+    scope.loops = &loops;
+    take_devices(scope, at);
+  }
+  ClosedPoint(const ClosedPoint&) = delete;
+
+  std::shared_ptr<const Model> tree;
+  LoopTangents loops;
+  Scope scope;
+
+ private:
+  static LoopTangents loops_at(const Model& m, const OperatingPoint& at) {
+    VectorXd tau = VectorXd::Zero(m.nv);
+    for (int v = 0; at.tau && v < m.nv; ++v)
+      if (!(m.has_prescribed() && m.prescribed[v])) tau[v] = at.tau[v];
+    hinge_laws::add_forces(m, at.q, at.v, tau.data());
+    const VectorXd still = VectorXd::Zero(m.nv);
+    return {m,
+            {.q = at.q,
+             .v = at.v,
+             .tau = tau.data(),
+             .vdot = at.vdot ? at.vdot : still.data(),
+             .wrenches = at.wrenches,
+             .moment = at.moment,
+             .drives = at.drives},
+            at.t};
+  }
+};
+
 }  // namespace
 
 LinearModel linearize(const Model& m, const OperatingPoint& at, const LinearPorts& ports) {
-  const auto take_devices = [&](Scope& scope) {
-    if (at.devices) scope.take(std::vector<std::uint8_t>(m.devices.all.size(), 1));
-  };
   if (m.loops.empty()) {
     Scope scope = scope_of(m, nullptr);
-    take_devices(scope);
+    take_devices(scope, at);
     keep_all_states(scope);
     return linearize(scope, at, ports);
   }
-  VectorXd tau = VectorXd::Zero(m.nv);
-  for (int v = 0; at.tau && v < m.nv; ++v)
-    if (!(m.has_prescribed() && m.prescribed[v])) tau[v] = at.tau[v];
-  hinge_laws::add_forces(m, at.q, at.v, tau.data());
-  const VectorXd still = VectorXd::Zero(m.nv);
-  LoopTangents loops(m,
-                     {.q = at.q,
-                      .v = at.v,
-                      .tau = tau.data(),
-                      .vdot = at.vdot ? at.vdot : still.data(),
-                      .wrenches = at.wrenches,
-                      .moment = at.moment,
-                      .drives = at.drives},
-                     at.t);
-  const std::shared_ptr<const Model> tree = open_tree(std::shared_ptr<const Model>(std::shared_ptr<void>(), &m));
-  Scope scope = scope_of(*tree, nullptr);
-  scope.loops = &loops;
-  take_devices(scope);
+  ClosedPoint closed(m, at);
   for (const int first : {0, m.nv})
-    for (const int v : loops.freedom().independent) scope.states.push_back(first + v);
-  for (int i = 0; i < scope.n_z(); ++i) scope.states.push_back(2 * m.nv + i);
-  return linearize(scope, at, ports);
+    for (const int v : closed.loops.freedom().independent) closed.scope.states.push_back(first + v);
+  for (int i = 0; i < closed.scope.n_z(); ++i) closed.scope.states.push_back(2 * m.nv + i);
+  return linearize(closed.scope, at, ports);
+}
+
+ClosedDerivatives closed_derivatives(const Model& m, const OperatingPoint& at) {
+  ClosedPoint closed(m, at);
+  const LoopFreedom& freedom = closed.loops.freedom();
+  const Eigen::Index n = freedom.X.cols();
+  const PortList none;
+  Column column(closed.scope, at, none, none);
+  ClosedDerivatives out{freedom.independent, VectorXd(m.nv), MatrixXd(m.nv, n), MatrixXd(m.nv, n), MatrixXd::Zero(m.nv, m.nv)};
+  const auto run = [&](auto&& take) {
+    Poll::now();
+    column.run(nullptr);
+    for (int i = 0; i < m.nv; ++i) take(i, column.vdot[i]);
+  };
+  std::vector<double> rate(m.nq);
+  for (Eigen::Index j = 0; j < n; ++j) {
+    m.qdot(at.q, freedom.X.col(j).data(), rate.data());
+    for (int i = 0; i < m.nq; ++i) column.q[i].d = rate[i];
+    column.keep_loops_closed();
+    run([&](int i, const Tangent& x) { out.q(i, j) = x.d; });
+  }
+  for (Tangent& x : column.q) x.d = 0.0;
+  for (Eigen::Index j = 0; j < n; ++j) {
+    for (int i = 0; i < m.nv; ++i) column.v[i].d = freedom.X(i, j);
+    run([&](int i, const Tangent& x) { out.v(i, j) = x.d; });
+  }
+  for (Tangent& x : column.v) x.d = 0.0;
+  run([&](int i, const Tangent& x) { out.vdot[i] = x.x; });
+  TreeOperators tree(closed.tree);
+  tree.at(at.q);
+  const MatrixXd Y = free_motions(tree, freedom.X);
+  for (Eigen::Index j = 0; j < Y.cols(); ++j) {
+    const VectorXd y = tree.to_model(Y.col(j));
+    out.tau += y * y.transpose();
+  }
+  return out;
 }
 
 LinearModel linearize(const TreeOperators& tree, const OperatingPoint& at, const LinearPorts& ports) {

@@ -63,4 +63,16 @@ LinearModel linearize(const Model& model, const OperatingPoint& at, const Linear
 /// diagonal W of it plays no part). Needs Position; loads on nodes whatever the model was compiled for.
 LinearModel linearize(const TreeOperators& tree, const OperatingPoint& at, const LinearPorts& ports = {});
 
+/// Derivatives of v' of a vehicle with closed loops, of all its components: nv numbers in the order of v. Each column of q and v moves an
+/// independent component by 1 and those that depend on it as the loops want (X of LoopFreedom); with q the rates of dependent ones
+/// follow too, the others stand. Forces, loads and commands of devices are held.
+struct ClosedDerivatives {
+  std::vector<int> independent;  // of the columns of q and v
+  Eigen::VectorXd vdot;
+  Eigen::MatrixXd q, v;  // nv x mobility
+  Eigen::MatrixXd tau;   // nv x nv: M_c^-1, zero where motion is given
+};
+/// As linearize(). In parameters of bodies: -ClosedSystem::respond() of what Sensitivities of the open tree has, at this v'.
+ClosedDerivatives closed_derivatives(const Model& model, const OperatingPoint& at);
+
 }  // namespace cardan::operators

@@ -69,15 +69,67 @@ int closed_inverse_dynamics(lua_State* L) {
   push_vector(L, tree.from_model(found.missing), forces), set(L, "missing");
   return 1;
 }
+int closed_log_det(lua_State* L) {
+  lua_pushnumber(L, to_closed(L).system->log_det());
+  return 1;
+}
+/// Of the independent components that are free, in their order.
+int closed_log_det_gradient(lua_State* L) {
+  const operators::ClosedSystem& system = *to_closed(L).system;
+  const std::int64_t m = system.mobility();
+  LuaHost::charge(L, 2000LL * static_cast<std::int64_t>(system.tree().model().bodies.size()) * m * (m + 1));
+  push_vector(L, system.log_det_gradient());
+  return 1;
+}
+int closed_nu(lua_State* L) {
+  const operators::ClosedSystem& system = *to_closed(L).system;
+  push_vector(L, system.nu(hinge_vector(L, 2, system.tree(), "v")));
+  return 1;
+}
+int closed_velocity(lua_State* L) {
+  const operators::ClosedSystem& system = *to_closed(L).system;
+  push_vector(L, system.velocity(finite_vector(L, 2, system.mobility(), "nu")), velocity_labels_of(system.tree()));
+  return 1;
+}
+int closed_eps(lua_State* L) {
+  const operators::ClosedSystem& system = *to_closed(L).system;
+  push_vector(L, system.eps(hinge_vector(L, 2, system.tree(), "the forces")));
+  return 1;
+}
+int closed_coriolis(lua_State* L) {
+  const operators::ClosedSystem& system = *to_closed(L).system;
+  const std::int64_t m = system.mobility();
+  LuaHost::charge(L, 2000LL * static_cast<std::int64_t>(system.tree().model().bodies.size()) * (m + 2));
+  push_vector(L, system.coriolis(finite_vector(L, 2, m, "nu")));
+  return 1;
+}
+/// The operators of the tree without its loops.
+int closed_open_tree(lua_State* L) {
+  const LuaClosed& c = to_closed(L);
+  auto tree = std::make_shared<TreeOperators>(c.system->tree().model_pointer());
+  tree->at(c.q.data());
+  push_object<LuaOperators>(L, kOperators, std::move(tree), "the open tree", c.at);
+  return 1;
+}
 int closed_text(lua_State* L) {
   const operators::ClosedSystem& system = *to_closed(L).system;
   lua_pushstring(L, fmt::format("closed system: {} ways to move of {}", system.mobility(), system.tree().size(Space::hinge)).c_str());
   return 1;
 }
 
-const std::vector<luaL_Reg> kClosedMethods = {{"mobility", placed<closed_mobility>}, {"independent", placed<closed_independent>},
-                                              {"motions", placed<closed_motions>},   {"respond", placed<closed_respond>},
-                                              {"task", placed<closed_task>},         {"inverse_dynamics", placed<closed_inverse_dynamics>}};
+const std::vector<luaL_Reg> kClosedMethods = {{"mobility", placed<closed_mobility>},
+                                              {"independent", placed<closed_independent>},
+                                              {"motions", placed<closed_motions>},
+                                              {"respond", placed<closed_respond>},
+                                              {"task", placed<closed_task>},
+                                              {"inverse_dynamics", placed<closed_inverse_dynamics>},
+                                              {"log_det", placed<closed_log_det>},
+                                              {"log_det_gradient", placed<closed_log_det_gradient>},
+                                              {"nu", placed<closed_nu>},
+                                              {"velocity", placed<closed_velocity>},
+                                              {"eps", placed<closed_eps>},
+                                              {"coriolis", placed<closed_coriolis>},
+                                              {"open_tree", placed<closed_open_tree>}};
 
 }  // namespace
 
@@ -85,7 +137,8 @@ int push_closed_system(lua_State* L, Scenario& s) {
   require_a_state(L, s, "closed_system");
   const std::shared_ptr<const Model> model = s.sim ? s.sim->shared_model() : s.model;
   LuaHost::charge(L, 2000LL * static_cast<std::int64_t>(model->bodies.size()) * (model->nv + 1));
-  push_object<LuaClosed>(L, kClosed, model, std::make_shared<const operators::ClosedSystem>(model, s.q),
+  push_object<LuaClosed>(L, kClosed, model,
+                         std::make_shared<const operators::ClosedSystem>(model, s.q, s.sim ? s.sim->drives().data() : nullptr),
                          std::make_shared<const OperatingState>(present_state(s)), std::vector<double>(s.q, s.q + model->nq));
   return 1;
 }

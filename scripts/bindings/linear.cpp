@@ -47,15 +47,7 @@ int push_linear(lua_State* L, const Model& m, int nv, const OperatingState& at, 
     sink.throw_if_any();
   }
   LuaHost::charge(L, 500LL * static_cast<std::int64_t>(m.bodies.size() + static_cast<std::size_t>(nv)) * (2 * nv + 1));
-  const operators::LinearModel linear = make(operators::OperatingPoint{.t = at.t,
-                                                                       .v = at.v.data(),
-                                                                       .tau = at.tau.data(),
-                                                                       .vdot = at.vdot.data(),
-                                                                       .wrenches = at.wrenches,
-                                                                       .devices = at.devices.get(),
-                                                                       .moment = at.moment.get(),
-                                                                       .drives = at.drives.empty() ? nullptr : at.drives.data()},
-                                             ports);
+  const operators::LinearModel linear = make(at.point(), ports);
   lua_newtable(L);
   if (!file.empty()) {
     const std::filesystem::path path = output_file(L, file);

@@ -6,6 +6,7 @@
 
 #include "core/operators/closed_system.hpp"
 #include "core/operators/expression.hpp"
+#include "core/operators/linear_model.hpp"
 #include "core/operators/tree_operators.hpp"
 #include "scripts/bindings/bind.hpp"
 #include "scripts/lua/matrix.hpp"
@@ -33,6 +34,17 @@ struct OperatingState {
             .tau = tau.data(),
             .vdot = vdot.data(),
             .wrenches = wrenches,
+            .moment = moment.get(),
+            .drives = drives.empty() ? nullptr : drives.data()};
+  }
+  /// Without q.
+  operators::OperatingPoint point() const {
+    return {.t = t,
+            .v = v.data(),
+            .tau = tau.data(),
+            .vdot = vdot.data(),
+            .wrenches = wrenches,
+            .devices = devices.get(),
             .moment = moment.get(),
             .drives = drives.empty() ? nullptr : drives.data()};
   }

@@ -14,6 +14,7 @@
 #include "core/model/loops.hpp"
 #include "core/operators/hybrid.hpp"
 #include "core/operators/inverse_kinematics.hpp"
+#include "core/operators/linear_model.hpp"
 #include "core/operators/sensitivity.hpp"
 #include "core/operators/system_modes.hpp"
 #include "scripts/bindings/labels.hpp"
@@ -129,6 +130,64 @@ int system_modes_study(lua_State* L, const TreeOperators& tree, const OperatingS
   return push_system_modes(L, tree, at, nullptr);
 }
 
+namespace {
+
+/// Of inverse dynamics, in the parameters of the body that argument 2 names: its inertia, or its modal stiffness.
+struct InParameters {
+  int body;
+  bool body_is_flexible;
+  Labels labels;
+  Eigen::MatrixXd tau;
+};
+InParameters in_parameters(lua_State* L, operators::Sensitivities& about, const Model& m) {
+  const std::string name = lua_type(L, 2) == LUA_TSTRING ? lua_tostring(L, 2) : "";
+  const int body = m.find_body(name);
+  if (name.empty() || body < 0) refuse(L, Code::unknown_body, "derivatives", "a body of the vehicle", describe_value(L, 2));
+  if (m.user[static_cast<std::size_t>(body)].n_modes > 0) return {body, true, {}, about.inverse_in_stiffness(body)};
+  return {body,
+          false,
+          {{"m", "hx", "hy", "hz", "Jxx", "Jyy", "Jzz", "Jxy", "Jxz", "Jyz"},
+           {"kg", "kg m", "kg m", "kg m", "kg m^2", "kg m^2", "kg m^2", "kg m^2", "kg m^2", "kg m^2"}},
+          about.inverse_in_inertia(body)};
+}
+
+/// Of a vehicle with closed loops.
+int push_closed_derivatives(lua_State* L, const std::shared_ptr<const Model>& model, const OperatingState& at, const double* q) {
+  lua_settop(L, 2);
+  const auto n = static_cast<std::int64_t>(model->nv);
+  LuaHost::charge(L, 1000LL * static_cast<std::int64_t>(model->bodies.size()) * (2 * n + 2));
+  operators::OperatingPoint point = at.point();
+  point.q = q;
+  const operators::ClosedDerivatives found = operators::closed_derivatives(*model, point);
+  const operators::ClosedSystem closed(model, q, point.drives);
+  const TreeOperators& tree = closed.tree();
+  const Labels names = names_alone(tree);
+  const auto in_hinge_space = [&](Eigen::MatrixXd x) {
+    for (Eigen::Index j = 0; j < x.cols(); ++j) x.col(j) = tree.from_model(Eigen::VectorXd(x.col(j)));
+    return x;
+  };
+  lua_newtable(L);
+  if (lua_isnoneornil(L, 2)) {
+    Labels moved;
+    for (const int v : found.independent) moved.names.push_back(names.names[static_cast<std::size_t>(tree.place_of_velocity(v))]);
+    push_matrix(L, in_hinge_space(found.q), names, moved), set(L, "vdot_q");
+    push_matrix(L, in_hinge_space(found.v), names, moved), set(L, "vdot_v");
+    push_matrix(L, Eigen::MatrixXd(closed.motions() * closed.motions().transpose()), names, names), set(L, "vdot_tau");
+    return 1;
+  }
+  operators::Sensitivities about(tree.model_pointer());
+  Inputs in = at.inputs(q);
+  in.vdot = found.vdot.data();
+  about.at(in);
+  const InParameters of = in_parameters(L, about, *model);
+  Eigen::MatrixXd vdot = of.tau;
+  for (Eigen::Index j = 0; j < vdot.cols(); ++j) vdot.col(j) = -closed.respond(of.tau.col(j));
+  push_matrix(L, vdot, names, of.labels), set(L, "vdot");
+  return 1;
+}
+
+}  // namespace
+
 int derivatives_study(lua_State* L, const TreeOperators& tree, const OperatingState& at) {
   lua_settop(L, 2);
   const Model& m = tree.model();
@@ -147,23 +206,16 @@ int derivatives_study(lua_State* L, const TreeOperators& tree, const OperatingSt
     push_matrix(L, forward.tau, names, names), set(L, "vdot_tau");
     return 1;
   }
-  const std::string name = lua_type(L, 2) == LUA_TSTRING ? lua_tostring(L, 2) : "";
-  const int body = m.find_body(name);
-  if (name.empty() || body < 0) refuse(L, Code::unknown_body, "derivatives", "a body of the vehicle", describe_value(L, 2));
-  if (m.user[static_cast<std::size_t>(body)].n_modes > 0) {
-    push_matrix(L, about.inverse_in_stiffness(body), names), set(L, "tau");
-    push_matrix(L, about.forward_in_stiffness(body), names), set(L, "vdot");
-    return 1;
-  }
-  const Labels parameters{{"m", "hx", "hy", "hz", "Jxx", "Jyy", "Jzz", "Jxy", "Jxz", "Jyz"},
-                          {"kg", "kg m", "kg m", "kg m", "kg m^2", "kg m^2", "kg m^2", "kg m^2", "kg m^2", "kg m^2"}};
-  push_matrix(L, about.inverse_in_inertia(body), names, parameters), set(L, "tau");
-  push_matrix(L, about.forward_in_inertia(body), names, parameters), set(L, "vdot");
+  const InParameters in = in_parameters(L, about, m);
+  push_matrix(L, in.tau, names, in.labels), set(L, "tau");
+  push_matrix(L, in.body_is_flexible ? about.forward_in_stiffness(in.body) : about.forward_in_inertia(in.body), names, in.labels),
+      set(L, "vdot");
   return 1;
 }
 
-int inverse_kinematics_study(lua_State* L, const TreeOperators& tree, const OperatingState& at) {
-  const Model& m = tree.model();
+/// solve(targets, options).
+template <class Solve>
+int push_inverse_kinematics(lua_State* L, const Model& m, std::uint64_t seed, const Solve& solve) {
   DiagnosticSink sink;
   LuaTable table(L, 2, "inverse_kinematics", sink);
   table.require({"targets"});
@@ -174,8 +226,7 @@ int inverse_kinematics_study(lua_State* L, const TreeOperators& tree, const Oper
   options.tolerance = table.number("tolerance").value_or(options.tolerance);
   options.iterations = static_cast<int>(table.integer("iterations").value_or(options.iterations));
   options.starts = static_cast<int>(table.integer("starts").value_or(options.starts));
-  options.seed =
-      static_cast<std::uint64_t>(table.integer("seed").value_or(static_cast<std::int64_t>(at.seed > 0 ? at.seed : options.seed)));
+  options.seed = static_cast<std::uint64_t>(table.integer("seed").value_or(static_cast<std::int64_t>(seed > 0 ? seed : options.seed)));
   options.dynamic = table.flag("dynamic").value_or(false);
   for (const std::string& name : table.texts("free").value_or(std::vector<std::string>()))
     for (const int v : components_at(L, m, name, "inverse_kinematics.free")) options.free.push_back(v);
@@ -204,7 +255,7 @@ int inverse_kinematics_study(lua_State* L, const TreeOperators& tree, const Oper
   table.finish();
   sink.throw_if_any();
   LuaHost::charge(L, 1000LL * static_cast<std::int64_t>(m.bodies.size()) * options.starts);
-  const operators::IkResult r = operators::inverse_kinematics(tree, targets, options);
+  const operators::IkResult r = solve(targets, options);
   const Labels v = velocity_labels(m);
   lua_newtable(L);
   lua_pushboolean(L, r.reached), set(L, "reached");
@@ -223,6 +274,12 @@ int inverse_kinematics_study(lua_State* L, const TreeOperators& tree, const Oper
   lua_pushinteger(L, static_cast<lua_Integer>(r.seed)), set(L, "seed");
   lua_pushstring(L, r.message.c_str()), set(L, "message");
   return 1;
+}
+
+int inverse_kinematics_study(lua_State* L, const TreeOperators& tree, const OperatingState& at) {
+  return push_inverse_kinematics(L, tree.model(), at.seed, [&](const auto& targets, const auto& options) {
+    return operators::inverse_kinematics(tree, targets, options);
+  });
 }
 
 int interbody_forces_study(lua_State* L, const TreeOperators& tree, const OperatingState& at) {
@@ -264,7 +321,19 @@ int push_modes(lua_State* L, Scenario& s) {
   tree.at(s.q);
   return push_system_modes(L, tree, present_state(s), &X);
 }
-int push_derivatives(lua_State* L, Scenario& s) { return study_of_now(L, s, "derivatives", derivatives_study); }
-int push_inverse_kinematics(lua_State* L, Scenario& s) { return study_of_now(L, s, "inverse_kinematics", inverse_kinematics_study); }
+int push_derivatives(lua_State* L, Scenario& s) {
+  if (s.model->loops.empty()) return study_of_now(L, s, "derivatives", derivatives_study);
+  require_a_state(L, s, "derivatives");
+  return push_closed_derivatives(L, s.sim ? s.sim->shared_model() : s.model, present_state(s), s.q);
+}
+int push_inverse_kinematics(lua_State* L, Scenario& s) {
+  if (s.model->loops.empty()) return study_of_now(L, s, "inverse_kinematics", inverse_kinematics_study);
+  require_a_state(L, s, "inverse_kinematics");
+  const auto model = s.sim ? s.sim->shared_model() : s.model;
+  return push_inverse_kinematics(L, *model, present_state(s).seed, [&](const auto& targets, operators::IkOptions options) {
+    options.drives = s.sim ? s.sim->drives().data() : nullptr;
+    return operators::inverse_kinematics(model, s.q, targets, options);
+  });
+}
 
 }  // namespace cardan

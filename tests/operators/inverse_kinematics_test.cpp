@@ -4,7 +4,10 @@
 #include <Eigen/Geometry>
 #include <numbers>
 
+#include "core/dynamics/loops.hpp"
 #include "tests/properties/trees.hpp"
+#include "tests/support/bench_loops.hpp"
+#include "tests/support/four_bar.hpp"
 
 namespace cardan::test {
 namespace {
@@ -202,6 +205,151 @@ TEST(InverseKinematics, HeldAndFreedComponents) {
   const IkResult found = inverse_kinematics(model, q.data(), {&target, 1}, {.free = {0, 2}});
   EXPECT_TRUE(found.reached) << found.message;
   EXPECT_EQ(found.q[1], -0.5);
+}
+
+// ---- closed loops ----
+
+double open_by(const Model& m, const VectorXd& q, const LoopDrive* drives = nullptr) {
+  Workspace ws(m);
+  return loop_rows(m, ws, q.data(), drives).c.cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
+}
+/// q moved by d and closed again.
+VectorXd beside(const Model& m, const VectorXd& q, const VectorXd& d) {
+  VectorXd out(m.nq), v = VectorXd::Zero(m.nv);
+  m.retract(q.data(), d.data(), out.data());
+  EXPECT_TRUE(LoopProjection(m).close(out.data(), v.data()));
+  return out;
+}
+SystemSpec four_bar_with_nodes(const std::string& closing, double branch) {
+  SystemSpec spec = four_bar(closing, 2.0, branch);
+  NodeSpec middle;
+  middle.name = "middle", middle.position = {0.3, 0.1, 0};
+  spec.bodies[1].nodes.push_back(middle);
+  return spec;
+}
+
+/// One angle tells all of a four-bar: the coupler finds it, in the assembly that it stands in, with as many rows as there are.
+TEST(ClosedInverseKinematics, FindsTheCrankOfAFourBar) {
+  for (const char* closing : {"point", "revolute"})
+    for (const double branch : {1.0, -1.0})
+      for (const double turn : {0.3, -0.6, 1.1}) {
+        const auto model = compiled(four_bar_with_nodes(closing, branch));
+        const VectorXd q0 = model->initial_state().q;
+        VectorXd truth = q0;
+        for (int i = 0; i < 20; ++i) truth = beside(*model, truth, (VectorXd(3) << turn / 20.0, 0, 0).finished());
+        const NodeState there = node_at(*model, truth, "coupler.middle");
+        const IkTarget target = IkTarget::at_position(model->find_node("coupler.middle"), there.position);
+        const IkResult found = inverse_kinematics(model, q0.data(), {&target, 1});
+        EXPECT_TRUE(found.reached) << closing << branch << turn << ": " << found.message;
+        EXPECT_EQ(found.starts, 1);
+        EXPECT_LE(distance(found.q, truth), 1e-10);
+        EXPECT_LE(open_by(*model, found.q), 1e-14);
+        EXPECT_TRUE(inverse_kinematics(model, q0.data(), {&target, 1}, {.dynamic = true}).reached);
+      }
+}
+
+/// Places that a mechanism was moved to.
+TEST(ClosedInverseKinematics, MechanismsReachWhereTheyWere) {
+  for (const char* name :
+       {"hexapod_free", "mini_cheetah", "andrews", "rocker_bogie", "six_bar", "solar_array_8", "planar_leg_linkage", "tello"}) {
+    const auto model = compiled(bench_loops::read(fmt::format("{}/tests/reference/bench_loops/{}.json", CARDAN_SOURCE_DIR, name)).spec);
+    const VectorXd q0 = model->initial_state().q;
+    Workspace ws(*model);
+    const MatrixXd X = loop_freedom(*model, ws, q0.data()).X;
+    for (int seed = 1; seed <= 3; ++seed) {
+      VectorXd d = VectorXd::Zero(model->nv);
+      for (Eigen::Index j = 0; j < X.cols(); ++j) d += 0.2 * std::sin(7.0 * seed + 3.0 * static_cast<double>(j)) * X.col(j);
+      d *= std::min(1.0, 0.4 / largest(d));
+      const VectorXd truth = beside(*model, q0, d);
+      std::vector<IkTarget> targets;
+      for (const UserBody& u : model->user) {
+        const NodeState n = node_at(*model, truth, u.name);
+        targets.push_back(IkTarget::at_pose(model->find_node(u.name), n.position, n.R_WN));
+      }
+      const IkResult found = inverse_kinematics(model, q0.data(), targets, {.tolerance = 1e-11});
+      EXPECT_TRUE(found.reached) << name << ": " << found.message;
+      EXPECT_LE(open_by(*model, found.q), 1e-13) << name;
+    }
+  }
+}
+
+TEST(ClosedInverseKinematics, OutOfReachAndAtLimits) {
+  const auto model = compiled(four_bar_with_nodes("point", 1.0));
+  const VectorXd q0 = model->initial_state().q;
+  const int middle = model->find_node("coupler.middle");
+  const IkTarget far = IkTarget::at_position(middle, {0.35, 1.0, 0.0});
+  // All that it can do, angle by angle.
+  double nearest = 1e9, within = 1e9;
+  VectorXd q = q0;
+  for (const int way : {1, -1}) {
+    q = q0;
+    for (int i = 0; i < 3000; ++i) {
+      q = beside(*model, q, (VectorXd(3) << way * 1e-3, 0, 0).finished());
+      const double off = (node_at(*model, q, "coupler.middle").position - far.position).norm();
+      nearest = std::min(nearest, off);
+      if (std::abs(q[0] - q0[0]) <= 0.02) within = std::min(within, off);
+    }
+  }
+  const IkResult found = inverse_kinematics(model, q0.data(), {&far, 1});
+  EXPECT_FALSE(found.reached);
+  EXPECT_TRUE(found.stationary);
+  EXPECT_NEAR(found.residual, nearest, 1e-6);
+  EXPECT_LE(open_by(*model, found.q), 1e-14);
+  IkOptions held;
+  held.limits = {{0, q0[0] - 0.02, q0[0] + 0.02}};
+  const IkResult at_limit = inverse_kinematics(model, q0.data(), {&far, 1}, held);
+  EXPECT_FALSE(at_limit.reached);
+  EXPECT_GT(within, nearest + 2e-4);
+  EXPECT_NEAR(at_limit.residual, within, 1e-4 * within);  // a step of the scan
+  EXPECT_EQ(at_limit.at_limit, std::vector<int>{0});
+  EXPECT_NEAR(std::abs(at_limit.q[0] - q0[0]), 0.02, 1e-15);
+  EXPECT_LE(open_by(*model, at_limit.q), 1e-14);
+}
+
+TEST(ClosedInverseKinematics, AnOpenStartIsClosedOrRefused) {
+  const auto model = compiled(four_bar_with_nodes("point", 1.0));
+  VectorXd q = model->initial_state().q;
+  const NodeState there = node_at(*model, q, "coupler.middle");
+  const IkTarget target = IkTarget::at_position(model->find_node("coupler.middle"), there.position);
+  q[0] += 0.2, q[1] += 0.1;
+  EXPECT_GT(open_by(*model, q), 1e-2);
+  const IkResult found = inverse_kinematics(model, q.data(), {&target, 1});
+  EXPECT_TRUE(found.reached) << found.message;
+  EXPECT_LE(open_by(*model, found.q), 1e-14);
+  try {
+    inverse_kinematics(model, q.data(), {&target, 1}, {.free = {0}});
+    FAIL() << "one crank cannot close a loop";
+  } catch (const InputError& e) {
+    EXPECT_NE(std::string(e.what()).find("C1103"), std::string::npos) << e.what();
+  }
+}
+
+/// A strut of given length in place of the pivot: two ways to move, and the posture near another among them.
+TEST(ClosedInverseKinematics, LengthsOfTheInstantAndAPreferredPosture) {
+  SystemSpec spec = four_bar_with_nodes("distance", 1.0);
+  spec.loops[0].length = 0.2, spec.loops[0].from.position = {0.5, -0.2, 0}, spec.loops[0].prescribed = true;
+  for (BodySpec& b : spec.bodies) b.hinge.v = {0.0};
+  const auto model = compiled(spec);
+  const VectorXd q0 = model->initial_state().q;
+  const LoopDrive longer{0.05, 0.0, 0.0};
+  IkTarget target = IkTarget::at_position(model->find_node("coupler.middle"), {0.0, 0.33, 0.0});
+  target.rows = {false, false, false, false, true, false};  // its height
+  IkOptions options;
+  options.drives = &longer, options.prefer = q0 + Eigen::Vector3d(0.1, 0.05, -0.1);
+  const IkResult found = inverse_kinematics(model, q0.data(), {&target, 1}, options);
+  EXPECT_TRUE(found.reached) << found.message;
+  EXPECT_LE(open_by(*model, found.q, &longer), 1e-14);
+  const NodeState tip = node_at(*model, found.q, "rocker");
+  const Vector3d end = tip.position + tip.R_WN * Vector3d(0.4, 0, 0);
+  EXPECT_NEAR((end - Vector3d(0.5, -0.2, 0)).norm(), 0.25, 1e-14);
+  EXPECT_NEAR(node_at(*model, found.q, "coupler.middle").position.y(), 0.33, 1e-12);
+  // Nothing of the way to the preferred posture is left along what loop and target allow: one direction of three.
+  Workspace ws(*model);
+  const VectorXd g = loop_rows(*model, ws, found.q.data(), &longer).G.row(0);
+  const double a = found.q[0], b = a + found.q[1];
+  const Vector3d height{0.2 * std::cos(a) + 0.3 * std::cos(b) - 0.1 * std::sin(b), 0.3 * std::cos(b) - 0.1 * std::sin(b), 0.0};
+  const Vector3d free = Vector3d(g).cross(height).normalized();
+  EXPECT_NEAR(free.dot(options.prefer - found.q), 0.0, 1e-6);
 }
 
 }  // namespace

@@ -198,6 +198,16 @@ end
 assert(math.abs(c:inverse_dynamics({ 0.7, 0.7, -0.7 }, {}).missing:max_abs() - 0.7 * inertia) < 1e-12)
 local ok, why = pcall(c.respond, c, { 1 })
 assert(not ok and tostring(why):find("3", 1, true), tostring(why))
+assert(math.abs(c:log_det() - math.log(inertia)) < 1e-12 and c:log_det_gradient():rows() == 1 and c:log_det_gradient():max_abs() < 1e-12)
+local nu = c:nu { 0.7, 0.7, -0.7 }
+assert(math.abs(nu[1] ^ 2 - 0.49 * inertia) < 1e-12 and (c:velocity(nu) - vector { 0.7, 0.7, -0.7 }):max_abs() < 1e-12)
+assert(math.abs(math.abs(c:eps({ 2, 0, 0 })[1]) - 2 / math.sqrt(inertia)) < 1e-12 and c:coriolis(nu):max_abs() < 1e-12)
+assert(c:open_tree().mass:dense():rows() == 3)
+local d = sat:derivatives()
+assert(math.abs(math.abs(d.vdot_q(1, 1)) - weight / inertia) < 1e-11 and d.vdot_v:max_abs() < 1e-12 and math.abs(d.vdot_tau(1, 3) + 1 / inertia) < 1e-12)
+assert(d.tau_q == nil and sat:derivatives("bar").vdot:max_abs() < 1e-11)     -- it hangs, whatever its mass
+local found = sat:inverse_kinematics { targets = { { node = "bar", position = { 0.5 * math.sin(0.4), -0.5 * math.cos(0.4), 0 } } } }
+assert(found.reached and (found.q - vector { 0.4 - math.pi / 2, 0.4 - math.pi / 2, math.pi / 2 - 0.4 }):max_abs() < 1e-9, found.message)
 )";
   const Finished run = run_program({"check", "scenario.lua"}, dir.path());
   EXPECT_EQ(run.exit_code, 0) << run.out << run.err;

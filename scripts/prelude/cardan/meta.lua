@@ -211,12 +211,12 @@ function figure(options) end
 ---@field kinetic Matrix share of each body in the kinetic energy
 
 ---@class Derivatives
----@field tau_q? Matrix of inverse dynamics in the configuration
----@field tau_v? Matrix ... in the velocities
----@field vdot_q? Matrix of forward dynamics in the configuration
----@field vdot_v? Matrix ... in the velocities
+---@field tau_q? Matrix of inverse dynamics in the configuration; not with closed loops
+---@field tau_v? Matrix ... in the velocities; not with closed loops
+---@field vdot_q? Matrix of forward dynamics in the configuration; with closed loops in the independent components, the others following
+---@field vdot_v? Matrix ... in the velocities, likewise
 ---@field vdot_tau? Matrix ... in the forces: the inverse mass matrix
----@field tau? Matrix of inverse dynamics in the parameters of the body
+---@field tau? Matrix of inverse dynamics in the parameters of the body; not with closed loops
 ---@field vdot? Matrix of forward dynamics in them
 
 ---@class IkTarget
@@ -262,11 +262,12 @@ function Scene:linearize(ports) end
 ---@param options? ModesOptions
 ---@return SystemModes modes
 function Scene:system_modes(options) end
---- Derivatives of inverse and forward dynamics; or of both in the parameters of one body: its inertia (m, h, J), or its modal stiffness.
+--- Derivatives of inverse and forward dynamics; or of both in the parameters of one body: its inertia (m, h, J), or its modal stiffness. With closed
+--- loops those of forward dynamics.
 ---@param body? string
 ---@return Derivatives derivatives
 function Scene:derivatives(body) end
---- The configuration in which nodes stand where they should. A target out of reach is a result with the nearest posture.
+--- The configuration in which nodes stand where they should. A target out of reach is a result with the nearest posture. Closed loops stay closed.
 ---@param task IkTask
 ---@return IkResult result
 function Scene:inverse_kinematics(task) end
@@ -861,6 +862,31 @@ function ClosedSystem:task(options) end
 ---@param actuated string[] components
 ---@return { tau: Vector, missing: Vector } forces missing: what these actuators cannot give
 function ClosedSystem:inverse_dynamics(vdot, actuated) end
+--- log det of the mass matrix of the independent components that are free, X* M X.
+---@return number value
+function ClosedSystem:log_det() end
+--- Its derivative along each of them, those that depend on it following.
+---@return Vector gradient
+function ClosedSystem:log_det_gradient() end
+--- Diagonalised velocities Y* M v: kinetic energy 1/2 nu* nu of what is free.
+---@param v Vector|number[] [rad/s], [m/s], modes [1/s]
+---@return Vector nu
+function ClosedSystem:nu(v) end
+--- Y nu.
+---@param nu Vector|number[]
+---@return Vector v
+function ClosedSystem:velocity(nu) end
+--- Y* tau.
+---@param tau Vector|number[]
+---@return Vector eps
+function ClosedSystem:eps(tau) end
+--- C of nu' + C = eps, velocity terms alone; nu* C = 0.
+---@param nu Vector|number[]
+---@return Vector C
+function ClosedSystem:coriolis(nu) end
+--- Spatial operators of its tree without the loops, at the same place: letters, expressions, factors.
+---@return Operators operators
+function ClosedSystem:open_tree() end
 
 ---@class Task
 local Task = {}

@@ -9,6 +9,7 @@
 #include "core/operators/closed_system.hpp"
 #include "core/operators/linear_model.hpp"
 #include "core/operators/operational_space.hpp"
+#include "core/operators/sensitivity.hpp"
 #include "core/operators/system_modes.hpp"
 #include "core/reference/dense_dynamics.hpp"
 #include "core/sim/simulation.hpp"
@@ -36,18 +37,10 @@ class ClosedTwin {
   /// [v_dependent and all others; v'] for deviations [theta_I; v_I; tau], dependent components by Newton's method on the twin's rows.
   VectorXd operator()(const VectorXd& x) const {
     const auto m = static_cast<Eigen::Index>(freedom_.independent.size());
-    VectorXd d = freedom_.X * x.head(m), q(model_.nq), v = v_;
-    model_.retract(q_.data(), d.data(), q.data());
+    VectorXd v = v_;
     for (Eigen::Index i = 0; i < m; ++i) v[freedom_.independent[static_cast<std::size_t>(i)]] += x[m + i];
-    for (int i = 0; i < 6; ++i) {
-      const auto [G, c] = rows(q);
-      d.setZero();
-      d(freedom_.dependent) = -dependent(G).solve(c);
-      const VectorXd from = q;
-      model_.retract(from.data(), d.data(), q.data());
-    }
-    const MatrixXd G = rows(q).first;
-    v(freedom_.dependent) = -dependent(G).solve(VectorXd(G(Eigen::all, freedom_.independent) * v(freedom_.independent)));
+    const VectorXd q = place(x.head(m));
+    follow(q, v);
     VectorXd out(2 * model_.nv);
     out << v, twin_.at(q, v).closed(tau_ + x.tail(model_.nv)).vdot;
     return out;
@@ -66,6 +59,24 @@ class ClosedTwin {
   }
 
   const LoopFreedom& freedom() const { return freedom_; }
+  /// Where independent components deviate by theta.
+  VectorXd place(const VectorXd& theta) const {
+    VectorXd d = freedom_.X * theta, q(model_.nq);
+    model_.retract(q_.data(), d.data(), q.data());
+    for (int i = 0; i < 6; ++i) {
+      const auto [G, c] = rows(q);
+      d.setZero();
+      d(freedom_.dependent) = -dependent(G).solve(c);
+      const VectorXd from = q;
+      model_.retract(from.data(), d.data(), q.data());
+    }
+    return q;
+  }
+  /// Dependent rates of v at q.
+  void follow(const VectorXd& q, VectorXd& v) const {
+    const MatrixXd G = rows(q).first;
+    v(freedom_.dependent) = -dependent(G).solve(VectorXd(G(Eigen::all, freedom_.independent) * v(freedom_.independent)));
+  }
 
  private:
   Eigen::ColPivHouseholderQR<MatrixXd> dependent(const MatrixXd& G) const {
@@ -88,6 +99,11 @@ class ClosedTwin {
   VectorXd q_, v_, tau_;
   LoopFreedom freedom_;
 };
+
+bench_loops::Model bench_of(const char* name) {
+  return bench_loops::read(fmt::format("{}/tests/reference/bench_loops/{}.json", CARDAN_SOURCE_DIR, name));
+}
+constexpr const char* kMechanisms[] = {"bricard", "hexapod_free", "mini_cheetah", "andrews", "four_bar_revolute", "rocker_bogie"};
 
 /// At the start, with `more` added to its rates as far as the loops allow.
 double error_of_model(const SystemSpec& spec, const VectorXd& tau, const VectorXd& more = {}) {
@@ -125,6 +141,13 @@ double error_of_model(const SystemSpec& spec, const VectorXd& tau, const VectorX
     const VectorXd vdot = want.col(2 * m + j).tail(nv);
     compare(linear.B.col(j).tail(m), vdot(twin.freedom().independent));
   }
+  const auto about = operators::closed_derivatives(*model, {.q = s.q.data(), .v = s.v.data(), .tau = tau.data()});
+  for (Eigen::Index j = 0; j < m; ++j) {
+    compare(about.q.col(j), want.col(j).tail(nv));
+    compare(about.v.col(j), want.col(m + j).tail(nv));
+  }
+  for (int j = 0; j < nv; ++j) compare(about.tau.col(j), want.col(2 * m + j).tail(nv));
+  if (about.independent != twin.freedom().independent) return HUGE_VAL;
   return worst;
 }
 
@@ -224,12 +247,37 @@ TEST(ClosedSystemModes, AreThePolesOfTheLinearModel) {
   EXPECT_LE(modes.residual.maxCoeff<Eigen::PropagateNaN>(), 1e-10);
 }
 
-// ---- the mass matrix ----
-
-bench_loops::Model bench_of(const char* name) {
-  return bench_loops::read(fmt::format("{}/tests/reference/bench_loops/{}.json", CARDAN_SOURCE_DIR, name));
+// v' and its derivatives in the inertia of a body, against twins of other vehicles.
+TEST(ClosedSensitivities, InABodysInertiaAgreeWithTheTwin) {
+  for (const char* name : {"andrews", "four_bar_revolute", "hexapod_free"}) {
+    const bench_loops::Model bench = bench_of(name);
+    const auto model = compiled(bench.spec);
+    const bench_loops::State& s = bench.states[0];
+    const auto about = operators::closed_derivatives(*model, {.q = s.q.data(), .v = s.v.data(), .tau = s.tau.data()});
+    EXPECT_LE(distance(about.vdot, s.vdot), 1e-10 * largest(s.vdot)) << name;
+    const operators::ClosedSystem closed(model, s.q.data());
+    operators::Sensitivities in_tree(closed.tree().model_pointer());
+    in_tree.at({.q = s.q.data(), .v = s.v.data(), .vdot = about.vdot.data()});
+    const std::size_t body = bench.spec.bodies.size() - 1;
+    const MatrixXd dtau = in_tree.inverse_in_inertia(static_cast<int>(body));
+    const auto heavier = [&](double share) {  // all of its inertia alike
+      SystemSpec spec = bench.spec;
+      spec.bodies[body].mass *= share, spec.bodies[body].inertia_com *= share;
+      return reference::DenseTwin<double>(spec).at(s.q, s.v).closed(s.tau).vdot;
+    };
+    const double h = 5e-3;  // 4 h^4 of 1 / share, and of round-off as much
+    const VectorXd want = (8.0 * (heavier(1 + h) - heavier(1 - h)) - (heavier(1 + 2 * h) - heavier(1 - 2 * h))) / (12.0 * h);
+    const BodySpec& b = bench.spec.bodies[body];
+    const Eigen::Vector3d c = b.com;
+    const Eigen::Matrix3d J = b.inertia_com + b.mass * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
+    VectorXd parameters(10);
+    parameters << b.mass, b.mass * c, J(0, 0), J(1, 1), J(2, 2), J(0, 1), J(0, 2), J(1, 2);
+    const VectorXd got = -closed.tree().to_model(closed.respond(dtau * parameters));
+    EXPECT_LE(distance(got, want), 1e-8 * std::max(1.0, largest(want))) << name;
+  }
 }
-constexpr const char* kMechanisms[] = {"bricard", "hexapod_free", "mini_cheetah", "andrews", "four_bar_revolute", "rocker_bogie"};
+
+// ---- the mass matrix ----
 
 TEST(ClosedSystem, RespondsAsTheTwinDoes) {
   for (const char* name : kMechanisms) {
@@ -269,6 +317,52 @@ TEST(ClosedSystem, IsTheProjectedInverse) {
     EXPECT_LE((G * got).norm(), 1e-13 * G.norm() * got.norm()) << closing;
     EXPECT_LE((got * M * got - got).norm(), 1e-13 * got.norm()) << closing;
     EXPECT_EQ(closed.mobility(), closing == std::string("distance") ? 2 : 1);
+  }
+}
+
+// X and M of the twin; the gradient and nu' by differences of it along motions that keep the loops closed.
+TEST(ClosedSystem, HasALogDetAndDiagonalisedVelocities) {
+  for (const char* name : kMechanisms) {
+    bench_loops::Model bench = bench_of(name);
+    bench.spec.gravity = {};
+    for (BodySpec& b : bench.spec.bodies) b.hinge.springs.clear();
+    const auto model = compiled(bench.spec);
+    State s = model->initial_state();
+    for (int i = 0; i < model->nv; ++i) s.v[i] += std::sin(1.0 + 2.3 * i);
+    LoopProjection(*model).close(s.q.data(), s.v.data());
+    const VectorXd tau = bench.states[0].tau;
+    const ClosedTwin twin(bench.spec, *model, s.q, s.v, tau);
+    const auto m = static_cast<Eigen::Index>(twin.freedom().independent.size());
+    const auto log_det = [&](const VectorXd& q) {
+      Workspace ws(*model);
+      const MatrixXd X = loop_freedom(*model, ws, q.data()).X, M = reference::DenseTwin<double>(bench.spec).at(q, s.v).M;
+      return std::log(MatrixXd(X.transpose() * M * X).determinant());
+    };
+    const operators::ClosedSystem closed(model, s.q.data());
+    const operators::TreeOperators& tree = closed.tree();
+    EXPECT_NEAR(closed.log_det(), log_det(s.q), 1e-10 * std::max(1.0, std::abs(closed.log_det()))) << name;
+    const double h = 2e-3;
+    const auto slope = [&](auto&& f) -> decltype(f(h)) { return (8.0 * (f(h) - f(-h)) - (f(2 * h) - f(-2 * h))) / (12.0 * h); };
+    const VectorXd gradient = closed.log_det_gradient();
+    for (Eigen::Index j = 0; j < m; ++j) {
+      const double want = slope([&](double x) { return log_det(twin.place(x * VectorXd::Unit(m, j))); });
+      EXPECT_NEAR(gradient[j], want, 1e-7 * std::max(1.0, std::abs(want))) << name << " " << j;
+    }
+
+    const VectorXd nu = closed.nu(tree.from_model(s.v)), C = closed.coriolis(nu);
+    const MatrixXd M = reference::DenseTwin<double>(bench.spec).at(s.q, s.v).M;
+    EXPECT_NEAR(nu.squaredNorm(), s.v.dot(M * s.v), 1e-12 * nu.squaredNorm()) << name;
+    EXPECT_LE(distance(VectorXd(tree.to_model(closed.velocity(nu))), s.v), 1e-11 * largest(s.v)) << name;
+    EXPECT_NEAR(nu.dot(C), 0.0, 1e-12 * nu.norm() * std::max(C.norm(), nu.norm() * largest(s.v))) << name;  // C = 0 of one way to move
+    const VectorXd vdot = twin(VectorXd::Zero(2 * m + model->nv)).tail(model->nv);
+    const VectorXd want = slope([&](double x) -> VectorXd {
+      const VectorXd q = twin.place(x * s.v(twin.freedom().independent));
+      VectorXd v = s.v + x * vdot;
+      twin.follow(q, v);
+      const operators::ClosedSystem there(model, q.data());
+      return there.nu(there.tree().from_model(v));
+    });
+    EXPECT_LE(distance(VectorXd(closed.eps(tree.from_model(tau)) - C), want), 1e-7 * std::max(1.0, largest(want))) << name;
   }
 }
 
