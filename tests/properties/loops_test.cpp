@@ -10,7 +10,6 @@
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/model/embedding.hpp"
 #include "core/operators/closed_system.hpp"
-#include "core/operators/inverse_kinematics.hpp"
 #include "core/operators/linear_model.hpp"
 #include "core/operators/sensitivity.hpp"
 #include "core/operators/system_modes.hpp"
@@ -881,7 +880,6 @@ TEST(Loops, AreRefusedByNameWhereTheyAreNotHonoured) {
   const Inputs in{.q = q.data(), .v = v.data()};
   refused("spatial operators", [&] { operators::TreeOperators tree(model); });
   refused("sensitivities", [&] { operators::Sensitivities s(model); });
-  refused("inverse kinematics", [&] { operators::inverse_kinematics(model, q.data(), {}, {}); });
   refused("batches of states", [&] { Batch batch(*model); });
   refused("inverse dynamics", [&] { inverse_dynamics(*model, ws, in, out.data()); });
   refused("mass matrices", [&] { mass_matrix(*model, ws, q.data()); });
