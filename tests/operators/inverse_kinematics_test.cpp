@@ -12,7 +12,6 @@
 namespace cardan::test {
 namespace {
 
-using operators::IkLimit;
 using operators::IkOptions;
 using operators::IkResult;
 using operators::IkTarget;

@@ -521,7 +521,6 @@ TEST_P(LatePlugin, IsNamedAndWhatWasRecordedIsKept) {
   EXPECT_GE(kept.read_doubles("/channels/hinges/sled/s").values.size(), 24u);
   EXPECT_NEAR(kept.read_doubles("/channels/hinges/sled/s").values.back(), 0.75, 1.1 / 32);
 }
-constexpr const char* kHidden = "gives other numbers when it is asked the same again: it keeps something between calls";
 INSTANTIATE_TEST_SUITE_P(
     Every, LatePlugin,
     testing::Values(LateFault{"throw_hinge", "N0503", "kinematics of hinge \"late/slide\" (./p.so) of bodies.sled throws: no luck today"},

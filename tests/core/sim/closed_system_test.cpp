@@ -1,5 +1,8 @@
 // Linear models, modes, inverse of the mass matrix, operational space and inverse dynamics of vehicles with closed loops: against
 // differences of the dense twin, which closes them by its own rows and multipliers, and against closed forms.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
 #include <Eigen/Dense>
 #include <numbers>
 
