@@ -27,16 +27,17 @@ class ClosedSystem {
   /// M_c^-1 tau: accelerations of the system at rest under hinge forces alone; zero where motion is given.
   Eigen::VectorXd respond(const Eigen::VectorXd& tau) const;
 
-  /// log det X* M X of the independent components that are free.
+  /// log det X* M X of the independent components that are free; SI units of theirs.
   double log_det() const;
-  /// Its derivative along each of them, those that depend on it following. O(N) for each pair.
+  /// Its derivative along each of them [1/rad, 1/m], `mobility` numbers, those that depend on it following. O(N) for each pair.
   Eigen::VectorXd log_det_gradient() const;
 
-  // Diagonalised velocities nu = S* v_I = Y* M v of motions v = Y nu: T = 1/2 nu* nu where no motion is given.
-  Eigen::VectorXd nu(const Eigen::VectorXd& v) const;
-  Eigen::VectorXd velocity(const Eigen::VectorXd& nu) const;
-  Eigen::VectorXd eps(const Eigen::VectorXd& tau) const;  ///< Y* tau
-  /// C of nu' + C = eps with v = Y nu: velocity terms alone, nu* C = 0.
+  // Diagonalised velocities [J^1/2], `mobility` numbers, of motions v = Y nu (Jain and Rodriguez 1995, of open trees; here dense, S of
+  // X* M X): T = 1/2 nu* nu where no motion is given. InputError C0902 for another number of components.
+  Eigen::VectorXd nu(const Eigen::VectorXd& v) const;         ///< S* v_I = Y* M v
+  Eigen::VectorXd velocity(const Eigen::VectorXd& nu) const;  ///< v = Y nu
+  Eigen::VectorXd eps(const Eigen::VectorXd& tau) const;      ///< Y* tau [J^1/2/s]
+  /// C of nu' + C = eps with v = Y nu: velocity terms alone, lengths of loops standing; nu* C = 0.
   Eigen::VectorXd coriolis(const Eigen::VectorXd& nu) const;
 
  private:

@@ -69,7 +69,7 @@ LinearModel linearize(const TreeOperators& tree, const OperatingPoint& at, const
 struct ClosedDerivatives {
   std::vector<int> independent;  // of the columns of q and v
   Eigen::VectorXd vdot;
-  Eigen::MatrixXd q, v;  // nv x mobility
+  Eigen::MatrixXd q, v;  // nv x independent components
   Eigen::MatrixXd tau;   // nv x nv: M_c^-1, zero where motion is given
 };
 /// As linearize(). In parameters of bodies: -ClosedSystem::respond() of what Sensitivities of the open tree has, at this v'.
