@@ -2,7 +2,7 @@
 
 namespace cardan {
 
-#if defined(__x86_64__) && !defined(__clang__)
+#if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 [[gnu::target_clones("default", "avx2")]]
 #endif
 bool all_finite(const double* values, int n) {
