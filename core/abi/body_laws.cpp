@@ -6,6 +6,7 @@
 
 #include "core/abi/law_tools.hpp"
 #include "core/abi/modal_view.hpp"
+#include "core/linalg/dense.hpp"
 
 namespace cardan {
 namespace {
@@ -352,7 +353,7 @@ class BodyLaws {
     const double scale = M.norm();
     law("the mass is that of the modal data", std::abs(I.rr[0] - total), 1e-12, total);
     law("M_ee is symmetric", (M_ee - M_ee.transpose()).norm(), 1e-13, scale);
-    if (size < 0.1) law("the mass matrix is positive definite", Eigen::LLT<MatrixXd>(M).info() == Eigen::Success);
+    if (size < 0.1) law("the mass matrix is positive definite", cholesky(M).has_value());
     constexpr double kStep = 1e-3;
     MatrixXd centre(3, m);  // d(m c)/d eta
     for (Eigen::Index k = 0; k < m; ++k) {

@@ -8,6 +8,8 @@
 #include <exception>
 #include <thread>
 
+#include "core/linalg/dense.hpp"
+
 namespace cardan {
 namespace {
 
@@ -125,7 +127,7 @@ ParamTable random_parameters(std::span<const cardan_param_desc> schema, std::mt1
     MatrixXd m(3, n);
     for (Eigen::Index k = 0; k < n; ++k) m.col(k) = random_vector(rng, 3);
     if (ranged) m = MatrixXd::NullaryExpr(3, n, [&] { return random_number(d, rng); });
-    if (orthonormal && n <= 3) m = Eigen::HouseholderQR<MatrixXd>(m).householderQ() * MatrixXd::Identity(3, n);
+    if (orthonormal && n <= 3) m = thin_qr(m).Q;
     if (d.kind == CARDAN_UNIT_VECTOR || d.kind == CARDAN_UNIT_VECTORS) m.colwise().normalize();
     numbers.assign(m.data(), m.data() + m.size());
     if (sparse && !required && one) numbers.assign(d.fallback, d.fallback + 3);

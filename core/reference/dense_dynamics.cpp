@@ -1,7 +1,6 @@
 #include "core/reference/dense_dynamics.hpp"
 
-#include <Eigen/Cholesky>
-
+#include "core/reference/factor.hpp"
 #include "core/reference/quad.hpp"
 
 namespace cardan::reference {
@@ -158,8 +157,8 @@ VecX<T> turned(const Mat3<T>& R, const VecX<T>& f) {
 
 template <class T>
 VecX<T> solve(const MatX<T>& M, const VecX<T>& rhs) {
-  const Eigen::LLT<MatX<T>> factor(M);
-  if (factor.info() != Eigen::Success) {
+  const Factor<T> factor(M);
+  if (!factor.is_positive()) {
     RunFailure failure{};
     failure.code = Code::singular_mass;
     failure.what = "dense mass matrix of the reference";

@@ -1,8 +1,8 @@
 #include "core/reference/loops.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 
+#include "core/reference/factor.hpp"
 #include "core/reference/quad.hpp"
 
 namespace cardan::reference {
@@ -140,7 +140,7 @@ VecX<T> slopes_of_table(const VecX<T>& x, const VecX<T>& values, bool periodic) 
   } else {
     curvature(n - 1, n - 2, true, T(1));
   }
-  return A.partialPivLu().solve(b);
+  return general_solve(A, b);
 }
 
 template <class T>
@@ -203,7 +203,7 @@ LoopRows<T> rows_of(const DenseLoop<T>& loop, const Frame<T>& A, const Frame<T>&
 template <class T>
 ClosedMotion<T> closed_motion(const MatX<T>& M, const VecX<T>& force, const MatX<T>& G, const VecX<T>& gamma, double tolerance) {
   using std::sqrt;
-  const Eigen::LLT<MatX<T>> factor(M);
+  const Factor<T> factor(M);
   ClosedMotion<T> out{factor.solve(force), VecX<T>::Zero(G.rows()), 0};
   // Rows as unit vectors in the metric of diag M; the longest remainder is taken in turn (Gram-Schmidt, twice).
   const VecX<T> weight = M.diagonal().cwiseSqrt().cwiseInverse();
@@ -225,11 +225,11 @@ ClosedMotion<T> closed_motion(const MatX<T>& M, const VecX<T>& force, const MatX
   out.rank = static_cast<int>(taken.size());
   if (taken.empty()) return out;
   const MatX<T> G_I = G(taken, Eigen::all), S = G_I * factor.solve(MatX<T>(G_I.transpose()));
-  const VecX<T> lambda_I = Eigen::LLT<MatX<T>>(S).solve(VecX<T>(gamma(taken) - G_I * out.vdot));
+  const VecX<T> lambda_I = Factor<T>(S).solve(VecX<T>(gamma(taken) - G_I * out.vdot));
   out.vdot += factor.solve(VecX<T>(G_I.transpose() * lambda_I));
   // G = K G_I; of all lambda with K* lambda = lambda_I the smallest.
-  const MatX<T> K = Eigen::LLT<MatX<T>>(G_I * G_I.transpose()).solve(MatX<T>(G_I * G.transpose())).transpose();
-  out.lambda = K * Eigen::LLT<MatX<T>>(K.transpose() * K).solve(lambda_I);
+  const MatX<T> K = Factor<T>(G_I * G_I.transpose()).solve(MatX<T>(G_I * G.transpose())).transpose();
+  out.lambda = K * Factor<T>(K.transpose() * K).solve(lambda_I);
   return out;
 }
 

@@ -1,11 +1,12 @@
 #pragma once
 // The 113-bit scalar of the twin: the format of float128 (34 digits) without a compiler's own type or library. A class of its own around
 // Boost's, which quad.cpp alone sees: to compile it into every expression of the twin would take half a minute more for each of its files.
-#include <Eigen/Core>
 #include <concepts>
 #include <cstddef>
 #include <limits>
 #include <string>
+
+#include "core/linalg/eigen_kernels.hpp"
 
 namespace cardan::reference {
 
@@ -66,3 +67,7 @@ template <>
 struct Eigen::NumTraits<cardan::reference::Quad> : Eigen::GenericNumTraits<cardan::reference::Quad> {
   enum { RequireInitialization = 1, AddCost = 4, MulCost = 8 };
 };
+
+#ifndef CARDAN_QUAD_KERNELS_HERE
+CARDAN_EIGEN_KERNELS(extern template struct, cardan::reference::Quad)
+#endif

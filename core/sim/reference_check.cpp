@@ -10,6 +10,7 @@
 #include <type_traits>
 
 #include "core/reference/dense_dynamics.hpp"
+#include "core/reference/factor.hpp"
 #include "core/reference/quad.hpp"
 #include "core/soa/field_pull.hpp"
 
@@ -112,8 +113,8 @@ double difference(Simulation& sim, const reference::DenseTwin<T>& twin, bool& so
   for (std::size_t i = 0; i < m.prescribed.size(); ++i) prescribed[i] = m.prescribed[i] != 0;
 
   const VecX<T> unit = state.M.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::LLT<MatX<T>> M(unit.asDiagonal() * state.M * unit.asDiagonal());
-  sound = M.info() == Eigen::Success;
+  const reference::Factor<T> M(unit.asDiagonal() * state.M * unit.asDiagonal());
+  sound = M.is_positive();
   if (!sound) return HUGE_VAL;
   if constexpr (std::is_same_v<T, double>) sound = M.rcond() > kSound;
   const auto largest = [](const VecX<T>& x) { return static_cast<double>(x.cwiseAbs().template maxCoeff<Eigen::PropagateNaN>()); };
@@ -121,7 +122,7 @@ double difference(Simulation& sim, const reference::DenseTwin<T>& twin, bool& so
   double scale = largest(vdot);
   for (const VecX<T>& force :
        {tau, state.bias, state.gravity_force, state.elastic_force, state.hinge_force, state.external_force(wrenches)})
-    scale = std::max(scale, largest(unit.cwiseProduct(M.solve(unit.cwiseProduct(force)))));
+    scale = std::max(scale, largest(unit.cwiseProduct(M.solve(VecX<T>(unit.cwiseProduct(force))))));
   if (apart == 0.0) return 0.0;
   const double relative = apart / scale;
   return std::isfinite(relative) ? relative : HUGE_VAL;

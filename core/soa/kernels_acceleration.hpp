@@ -78,31 +78,41 @@ static void gather_rigid(const SweepModel& model, Workspace<T>& ws, T* tau, int 
   }
 }
 
+/// The same of the modes of body k.
+template <class T>
+CARDAN_INLINE void gather_modes(const SweepModel& model, Workspace<T>& ws, T* tau, int k) {
+  const SweepBody& b = model.bodies[k];
+  const Force<T>& z = ws.z(k);
+  const Modal<T>& modal = *ws.modal_of(k);
+  if (!modal.P_re) {
+    T gamma[6];
+    store(ws.core(k).gamma, gamma);
+    add_rows(model.flexible[b.flexible].M_re_rows.data(), gamma, b.n_modes, modal.z, modal.z);
+  }
+  for (int j = 0; j < b.n_modes; ++j) {
+    T force = modal.z[j];
+    if (modal.C) force = force - dot(motion_column(modal.C, j), z);
+    tau[b.etadot + j] = force;
+  }
+}
+
+template <class T>
+CARDAN_APART void gather_modes_apart(const SweepModel& model, Workspace<T>& ws, T* tau, int k) {
+  if (model.bodies[k].n_modes > 0) gather_modes(model, ws, tau, k);
+  add_to_inboard(model, ws, k, *ws.modal_of(k), ws.z(k));
+}
+
 template <class T, int NV>
 static void gather_general(const SweepModel& model, Workspace<T>& ws, T* tau, int begin, int end) {
   for (int k = end - 1; k >= begin; --k) {
     const SweepBody& b = model.bodies[k];
-    const Force<T>& z = ws.z(k);
     const Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
-    const Modal<T>& modal = ws.template modal<NV>(k);
-    for (int j = 0; j < NV; ++j) tau[b.v + j] = dot(hinge.H[j], z);
-    if (b.n_modes > 0 && !modal.P_re) {
-      T gamma[6];
-      store(ws.core(k).gamma, gamma);
-      add_rows(model.flexible[b.flexible].M_re_rows.data(), gamma, b.n_modes, modal.z, modal.z);
-    }
-    for (int j = 0; j < b.n_modes; ++j) {
-      T force = modal.z[j];
-      if (modal.C) force = force - dot(motion_column(modal.C, j), z);
-      tau[b.etadot + j] = force;
-    }
-    const Force<T> at_inboard = to_inboard(ws.X(k), z);
-    ws.z(b.parent) += at_inboard;
-    if (modal.node) {
-      T y[6];
-      on_node(*modal.node, at_inboard, y);
-      with_columns(model.shapes[b.onode], *modal.node,
-                   [&](const auto* S) { add_to_modes(S, y, b.n_parent_modes, ws.modal_of(b.parent)->z); });
+    for (int j = 0; j < NV; ++j) tau[b.v + j] = dot(hinge.H[j], ws.z(k));
+    if constexpr (kOften<NV>) {
+      if (b.n_modes > 0) gather_modes(model, ws, tau, k);
+      add_to_inboard(model, ws, k, ws.template modal<NV>(k), ws.z(k));
+    } else {
+      gather_modes_apart(model, ws, tau, k);
     }
   }
 }

@@ -142,11 +142,40 @@ static bool inertia_without_modes(const SweepModel& model, Workspace<T>& ws, int
   return true;
 }
 
+/// P+, what of P passes the hinge, on to the inboard body: where that deforms, to its modes too.
+template <class T>
+CARDAN_INLINE void add_to_inboard(const SweepModel& model, Workspace<T>& ws, int k, const Modal<T>& modal, const ArticulatedInertia<T>& P) {
+  const SweepBody& b = model.bodies[k];
+  Core<T>& inboard = ws.core(b.parent);
+  if (modal.node)
+    with_columns(model.shapes[b.onode], *modal.node, [&](const auto* S) {
+      add_to_mode_blocks(ws.X(k), *modal.node, S, b.n_parent_modes, P, inboard.P, *ws.modal_of(b.parent));
+    });
+  else
+    inboard.P += to_inboard(ws.X(k), P);
+}
+
+/// z+, what of z passes the hinge, likewise.
+template <class T>
+CARDAN_INLINE void add_to_inboard(const SweepModel& model, Workspace<T>& ws, int k, const Modal<T>& modal, const Force<T>& z) {
+  const SweepBody& b = model.bodies[k];
+  const Force<T> at_inboard = to_inboard(ws.X(k), z);
+  ws.z(b.parent) += at_inboard;
+  if (!modal.node) return;
+  T y[6];
+  on_node(*modal.node, at_inboard, y);
+  with_columns(model.shapes[b.onode], *modal.node, [&](const auto* S) { add_to_modes(S, y, b.n_parent_modes, ws.modal_of(b.parent)->z); });
+}
+
+template <class T, class Passed>
+CARDAN_APART void add_to_inboard_apart(const SweepModel& model, Workspace<T>& ws, int k, const Modal<T>& modal, const Passed& passed) {
+  add_to_inboard(model, ws, k, modal, passed);
+}
+
 /// D, G of such a body, and what passes its hinge. False: a direction without inertia.
 template <class T, int NV>
 static bool inertia_through_hinge(const SweepModel& model, Workspace<T>& ws, int k) {
   const SweepBody& b = model.bodies[k];
-  Core<T>& inboard = ws.core(b.parent);
   Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
   Modal<T>& modal = ws.template modal<NV>(k);
   const std::uint8_t* fixed = b.has_prescribed ? model.prescribed.data() + b.v : nullptr;
@@ -159,19 +188,17 @@ static bool inertia_through_hinge(const SweepModel& model, Workspace<T>& ws, int
       return false;
     }
   if (modal.root) {
-    if (fixed)
+    if (fixed || !kOften<NV>)
       take_root(modal.P_r, hinge.H, NV, fixed, ws.X(k), *modal.node, *modal.root);
-    else
+    else if constexpr (kOften<NV>)
       take_root(modal.P_r, hinge, ws.X(k), *modal.node, *modal.root);
   } else if (b.parent > 0) {
     ArticulatedInertia<T> P = modal.P_r;
     for (int j = 0; j < NV; ++j) subtract_outer(P, half[j], half[j]);
-    if (modal.node)
-      with_columns(model.shapes[b.onode], *modal.node, [&](const auto* S) {
-        add_to_mode_blocks(ws.X(k), *modal.node, S, b.n_parent_modes, P, inboard.P, *ws.modal_of(b.parent));
-      });
+    if constexpr (kOften<NV>)
+      add_to_inboard(model, ws, k, modal, P);
     else
-      inboard.P += to_inboard(ws.X(k), P);
+      add_to_inboard_apart(model, ws, k, modal, P);
   }
   return true;
 }
@@ -192,7 +219,6 @@ static Force<T> bias_without_modes(const SweepModel& model, Workspace<T>& ws, co
 template <class T, int NV>
 static void bias_through_hinge(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int k, const Force<T>& z_r) {
   const SweepBody& b = model.bodies[k];
-  Force<T>& at_parent = ws.z(b.parent);
   Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
   Modal<T>& modal = ws.template modal<NV>(k);
   const std::uint8_t* fixed = b.has_prescribed ? model.prescribed.data() + b.v : nullptr;
@@ -208,21 +234,20 @@ static void bias_through_hinge(const SweepModel& model, Workspace<T>& ws, const 
   }
   if (modal.root) {
     const T* tau = in.tau ? in.tau + b.v : nullptr;
-    const Force<T> e = fixed ? take_root_of_force(z_r, tau, hinge.H, hinge.G, NV, fixed, ws.X(k), *modal.root)
-                             : take_root_of_force(z_r, tau, hinge, ws.X(k), *modal.root);
-    at_parent += e;
+    Force<T> e;
+    if (fixed || !kOften<NV>)
+      e = take_root_of_force(z_r, tau, hinge.H, hinge.G, NV, fixed, ws.X(k), *modal.root);
+    else if constexpr (kOften<NV>)
+      e = take_root_of_force(z_r, tau, hinge, ws.X(k), *modal.root);
+    ws.z(b.parent) += e;
     store(e, modal.root->e);
     on_node(*modal.node, e, modal.root->e_N);
     return;
   }
-  const Force<T> at_inboard = to_inboard(ws.X(k), z);
-  at_parent += at_inboard;
-  if (modal.node) {
-    T y[6];
-    on_node(*modal.node, at_inboard, y);
-    with_columns(model.shapes[b.onode], *modal.node,
-                 [&](const auto* S) { add_to_modes(S, y, b.n_parent_modes, ws.modal_of(b.parent)->z); });
-  }
+  if constexpr (kOften<NV>)
+    add_to_inboard(model, ws, k, modal, z);
+  else
+    add_to_inboard_apart(model, ws, k, modal, z);
 }
 
 template <class T, int NV>

@@ -102,14 +102,14 @@ static void take_root(const ArticulatedInertia<T>& P, const Hinge<T, NV>& hinge,
   unrolled<NV>([&](const auto j) CARDAN_INLINE_BODY { reflect<j == 0>(hinge.H[j], j, j, W, root); });
   carry_root<NV>(W, X, node, root);
 }
-/// The same where some of the nv components of the hinge are `fixed`: those stay in.
+/// The same for any nv; of its components those that are `fixed`, if any, stay in.
 template <class T>
 static void take_root(const ArticulatedInertia<T>& P, const Motion<T>* H, int nv, const std::uint8_t* fixed, const Pose<T>& X,
                       const ModalNode<T>& node, NodeRoot<T>& root) {
   T W[6][6];
   factor_root(P, W, root);
   for (int j = 0, out = 0; j < nv; ++j)
-    if (!fixed[j]) reflect<false>(H[j], j, out++, W, root);
+    if (!fixed || !fixed[j]) reflect<false>(H[j], j, out++, W, root);
   carry_root<0>(W, X, node, root);
 }
 
@@ -152,7 +152,7 @@ static Force<T> take_root_of_force(const Force<T>& z, const T* tau, const Hinge<
   unrolled<6>([&](const auto j) CARDAN_INLINE_BODY { root.zeta[j] = zeta[j]; });
   return to_inboard(X, e);
 }
-/// The same where some of the nv components of the hinge are `fixed`.
+/// The same for any nv, some of them `fixed`.
 template <class T>
 static Force<T> take_root_of_force(const Force<T>& z, const T* tau, const Motion<T>* H, const Force<T>* G, int nv,
                                    const std::uint8_t* fixed, const Pose<T>& X, NodeRoot<T>& root) {
@@ -160,7 +160,7 @@ static Force<T> take_root_of_force(const Force<T>& z, const T* tau, const Motion
   const Force<T> unreached = reach_root(z, root, zeta);
   Force<T> e = unreached;
   for (int j = 0, out = 0; j < nv; ++j) {
-    if (fixed[j]) continue;
+    if (fixed && fixed[j]) continue;
     reflect(j, out++, zeta, root);
     e += ((tau ? tau[j] : T(0)) - dot(H[j], unreached)) * G[j];
   }

@@ -343,117 +343,146 @@ static void flexible_inertia(const SweepModel& model, Workspace<T>& ws, int k, c
   }
 }
 
+/// A frame on its way from the inboard body to the body itself: O at the onode, P behind the hinge.
+template <class T>
+struct PassingFrame {
+  Mat3<T> R;        // to the axes of the inboard body
+  Vec3<T> p;        // [m] from its origin, in its axes
+  Vec3<T> w;        // angular velocity; of O in the axes of the inboard body, of P in its own
+  Motion<T> gamma;  // likewise
+};
+
+/// O. `given`: with the accelerations of modes of Inputs::vdot.
+template <bool Velocity, class T>
+CARDAN_INLINE void move_onode(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, bool given, int k, PassingFrame<T>& O) {
+  const SweepBody& b = model.bodies[k];
+  const Core<T>& inboard = ws.core(b.parent);
+  if (b.onode < 0) {
+    O.R = cast<T>(b.O.R), O.p = cast<T>(b.O.p);
+    O.w = Velocity ? inboard.w : Vec3<T>{T(0), T(0), T(0)};
+    O.gamma = {inboard.gamma.w, inboard.gamma.v + cross(inboard.gamma.w, O.p)};
+    if constexpr (Velocity) O.gamma.v += cross(inboard.w, cross(inboard.w, O.p));
+    return;
+  }
+  const NodeShapes& shapes = model.shapes[b.onode];
+  ModalNode<T>& node = *ws.modal_of(k)->node;
+  DeformedNode<T> at_O;
+  deform<T>(shapes.pose, node.moved, node.rate, at_O);
+  if (shapes.is_curved()) bend<T>(node.S(), node.bent(), at_O);
+  O.R = at_O.R, O.p = at_O.rho;
+  O.w = Vec3<T>{T(0), T(0), T(0)};
+  O.gamma = {inboard.gamma.w, inboard.gamma.v + cross(inboard.gamma.w, O.p)};
+  if constexpr (Velocity) {
+    O.w = inboard.w + at_O.rate.w;
+    O.gamma.v += cross(inboard.w, cross(inboard.w, O.p));
+    O.gamma.w += cross(inboard.w, at_O.rate.w) + at_O.bias.w;
+    O.gamma.v += T(2) * cross(inboard.w, at_O.rate.v);
+    if (at_O.S) O.gamma.v += at_O.bias.v;
+  }
+  if (given)
+    for (int j = 0; j < b.n_parent_modes; ++j) O.gamma += in.vdot[model.bodies[b.parent].etadot + j] * node_column(shapes, at_O, j);
+  node.Jl = at_O.Jl, node.rho = at_O.rho;
+}
+
+/// From P to B (X_B), undoing the deformation of the pnode; the nv columns of H come from P to B too. Then M, b and z of the body.
+template <bool Velocity, class T>
+CARDAN_INLINE void move_body(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, bool given, int k, const PassingFrame<T>& P,
+                             Motion<T>* H, int nv) {
+  const SweepBody& b = model.bodies[k];
+  Core<T>& body = ws.core(k);
+  Modal<T>& modal = *ws.modal_of(k);
+  Pose<T>& X = ws.X(k);
+  if (b.pnode >= 0) {
+    const NodeShapes& shapes = model.shapes[b.pnode];
+    DeformedNode<T> at_P;
+    if (shapes.is_curved())
+      deform_curved<T>(model.flexible[b.flexible], shapes, in.q + b.eta, Velocity ? in.v + b.etadot : nullptr, modal.family, modal.C, at_P);
+    else
+      deform<T>(shapes, in.q + b.eta, Velocity ? in.v + b.etadot : nullptr, at_P);
+    const Vec3<T>& rho = at_P.rho;
+    body.w = at_P.R * P.w;
+    if constexpr (Velocity) body.w -= at_P.rate.w;
+    Motion<T> g{at_P.R * P.gamma.w, at_P.R * P.gamma.v};
+    if constexpr (Velocity) {
+      g.w -= cross(body.w, at_P.rate.w) + at_P.bias.w;
+      g.v -= cross(body.w, cross(body.w, rho)) + T(2) * cross(body.w, at_P.rate.v);
+      if (at_P.S) g.v -= at_P.bias.v;
+    }
+    if (modal.C)
+      for (int j = 0; j < b.n_modes; ++j) {
+        const Motion<T> column = node_column(shapes, at_P, j);
+        if (given) g -= in.vdot[b.etadot + j] * column;
+        const Vec3<T> at_B = column.v - cross(column.w, rho);
+        T* C = modal.C + 6 * j;
+        C[0] = column.w.x, C[1] = column.w.y, C[2] = column.w.z, C[3] = at_B.x, C[4] = at_B.y, C[5] = at_B.z;
+      }
+    body.gamma = {g.w, g.v - cross(g.w, rho)};
+    X.R = P.R * transpose(at_P.R);
+    X.p = P.p - X.R * rho;
+    for (int j = 0; j < nv; ++j) {
+      const Vec3<T> w = at_P.R * H[j].w;
+      H[j] = {w, at_P.R * H[j].v - cross(w, rho)};
+    }
+  } else {
+    body.w = P.w;
+    body.gamma = P.gamma;
+    X = {P.R, P.p};
+  }
+  set_acceleration_field(body.E, Velocity ? body.w : Vec3<T>{T(0), T(0), T(0)}, body.gamma.w);
+  if (b.n_modes > 0) return flexible_inertia<Velocity>(model, ws, k, in, given, body, modal);
+  const RigidInertia<T> M = cast<T>(b.M_sweep);
+  Force<T>& z = ws.z(k);
+  z = M * body.gamma;
+  if constexpr (Velocity) z += gyroscopic(M, body.w);
+  body.P = articulated(M);
+  body.P.J = cast<T>(b.J_P);
+}
+
+template <bool Velocity, class T>
+CARDAN_APART void move_onode_apart(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, bool given, int k, PassingFrame<T>& O) {
+  move_onode<Velocity>(model, ws, in, given, k, O);
+}
+template <bool Velocity, class T>
+CARDAN_APART void move_body_apart(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, bool given, int k,
+                                  const PassingFrame<T>& P, Motion<T>* H, int nv) {
+  move_body<Velocity>(model, ws, in, given, k, P, H, nv);
+}
+
 /// Flexible bodies, bodies on deforming nodes, prescribed motion: mathematics 3.8 in gamma form. `given`: with H* v' of Inputs::vdot.
 template <class T, int NV, bool Velocity>
 static void outward_general(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, bool given, int begin, int end) {
-  const Vec3<T> none{T(0), T(0), T(0)};
   for (int k = begin; k < end; ++k) {
     const SweepBody& b = model.bodies[k];
-    const SweepBody& parent = model.bodies[b.parent];
-    Core<T>& body = ws.core(k);
-    const Core<T>& inboard = ws.core(b.parent);
     Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
-    Modal<T>& modal = ws.template modal<NV>(k);
     HingeFrame<T, NV> h;
     hinge_frame<T, NV>(ws, b, in.q, in.v, h);
+    PassingFrame<T> O, P;
+    if constexpr (kOften<NV>)
+      move_onode<Velocity>(model, ws, in, given, k, O);
+    else
+      move_onode_apart<Velocity>(model, ws, in, given, k, O);
 
-    // O on the inboard body: pose, angular velocity and gamma in the inboard body's axes.
-    Mat3<T> R_O = cast<T>(b.O.R);
-    Vec3<T> p_O = cast<T>(b.O.p), w_O = Velocity ? inboard.w : none;
-    Motion<T> gamma_O{inboard.gamma.w, inboard.gamma.v};
-    DeformedNode<T> at_O;
-    const NodeShapes* shapes_O = b.onode >= 0 ? &model.shapes[b.onode] : nullptr;
-    if (shapes_O) {
-      deform<T>(shapes_O->pose, modal.node->moved, modal.node->rate, at_O);
-      if (shapes_O->is_curved()) bend<T>(modal.node->S(), modal.node->bent(), at_O);
-      R_O = at_O.R;
-      p_O = at_O.rho;
-    }
-    gamma_O.v += cross(inboard.gamma.w, p_O);
-    if constexpr (Velocity) gamma_O.v += cross(inboard.w, cross(inboard.w, p_O));
-    if (shapes_O) {
-      if constexpr (Velocity) {
-        gamma_O.w += cross(inboard.w, at_O.rate.w) + at_O.bias.w;
-        gamma_O.v += T(2) * cross(inboard.w, at_O.rate.v);
-        if (at_O.S) gamma_O.v += at_O.bias.v;
-        w_O += at_O.rate.w;
-      }
-      if (given)
-        for (int j = 0; j < b.n_parent_modes; ++j) gamma_O += in.vdot[parent.etadot + j] * node_column(*shapes_O, at_O, j);
-    }
-
-    // Across the hinge to P, P axes.
-    const Mat3<T> R_P = R_O * h.R;
-    const Vec3<T> lever = R_O * h.l, p_P = p_O + lever;
+    // Across the hinge.
+    P.R = O.R * h.R;
+    const Vec3<T> lever = O.R * h.l, w1 = transpose_times(P.R, O.w);
+    P.p = O.p + lever;
     Motion<T> rate{}, push{};
     for (int j = 0; j < NV; ++j) {
+      hinge.H[j] = h.H[j];
       if constexpr (Velocity) rate += in.v[b.v + j] * h.H[j];
       if (given) push += in.vdot[b.v + j] * h.H[j];
     }
-    const Vec3<T> w1 = transpose_times(R_P, w_O);
-    Vec3<T> w_P = w1 + rate.w;
-    Motion<T> gamma_P{transpose_times(R_P, gamma_O.w), transpose_times(R_P, gamma_O.v + cross(gamma_O.w, lever))};
+    P.w = w1 + rate.w;
+    P.gamma = {transpose_times(P.R, O.gamma.w), transpose_times(P.R, O.gamma.v + cross(O.gamma.w, lever))};
     if constexpr (Velocity) {
-      gamma_P.w += cross(w1, rate.w) + h.Hdot_w;
-      gamma_P.v += transpose_times(R_P, cross(w_O, cross(w_O, lever))) + T(2) * cross(w1, rate.v) + h.s;
+      P.gamma.w += cross(w1, rate.w) + h.Hdot_w;
+      P.gamma.v += transpose_times(P.R, cross(O.w, cross(O.w, lever))) + T(2) * cross(w1, rate.v) + h.s;
     }
-    if (given) gamma_P += push;
-
-    // From P to B (X_B), undoing the deformation of the pnode.
-    Mat3<T> R_AB = R_P;
-    Vec3<T> p_AB = p_P;
-    if (b.pnode >= 0) {
-      const NodeShapes& shapes = model.shapes[b.pnode];
-      DeformedNode<T> at_P;
-      if (shapes.is_curved())
-        deform_curved<T>(model.flexible[b.flexible], shapes, in.q + b.eta, Velocity ? in.v + b.etadot : nullptr, modal.family, modal.C,
-                         at_P);
-      else
-        deform<T>(shapes, in.q + b.eta, Velocity ? in.v + b.etadot : nullptr, at_P);
-      const Vec3<T>& rho = at_P.rho;
-      body.w = at_P.R * w_P;
-      if constexpr (Velocity) body.w -= at_P.rate.w;
-      Motion<T> g{at_P.R * gamma_P.w, at_P.R * gamma_P.v};
-      if constexpr (Velocity) {
-        g.w -= cross(body.w, at_P.rate.w) + at_P.bias.w;
-        g.v -= cross(body.w, cross(body.w, rho)) + T(2) * cross(body.w, at_P.rate.v);
-        if (at_P.S) g.v -= at_P.bias.v;
-      }
-      if (modal.C)
-        for (int j = 0; j < b.n_modes; ++j) {
-          const Motion<T> column = node_column(shapes, at_P, j);
-          if (given) g -= in.vdot[b.etadot + j] * column;
-          const Vec3<T> at_B = column.v - cross(column.w, rho);
-          T* C = modal.C + 6 * j;
-          C[0] = column.w.x, C[1] = column.w.y, C[2] = column.w.z, C[3] = at_B.x, C[4] = at_B.y, C[5] = at_B.z;
-        }
-      body.gamma = {g.w, g.v - cross(g.w, rho)};
-      R_AB = R_P * transpose(at_P.R);
-      p_AB = p_P - R_AB * rho;
-      for (int j = 0; j < NV; ++j) {
-        const Vec3<T> w = at_P.R * h.H[j].w;
-        hinge.H[j] = {w, at_P.R * h.H[j].v - cross(w, rho)};
-      }
-    } else {
-      body.w = w_P;
-      body.gamma = gamma_P;
-      for (int j = 0; j < NV; ++j) hinge.H[j] = h.H[j];
-    }
-    ws.X(k) = {R_AB, p_AB};
-    set_acceleration_field(body.E, Velocity ? body.w : none, body.gamma.w);
-
-    if (modal.node) modal.node->Jl = at_O.Jl, modal.node->rho = at_O.rho;
-
-    if (b.n_modes == 0) {
-      const RigidInertia<T> M = cast<T>(b.M_sweep);
-      Force<T>& z = ws.z(k);
-      z = M * body.gamma;
-      if constexpr (Velocity) z += gyroscopic(M, body.w);
-      body.P = articulated(M);
-      body.P.J = cast<T>(b.J_P);
-      continue;
-    }
-    flexible_inertia<Velocity>(model, ws, k, in, given, body, modal);
+    if (given) P.gamma += push;
+    if constexpr (kOften<NV>)
+      move_body<Velocity>(model, ws, in, given, k, P, hinge.H, NV);
+    else
+      move_body_apart<Velocity>(model, ws, in, given, k, P, hinge.H, NV);
   }
 }
 
