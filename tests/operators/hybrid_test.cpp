@@ -5,6 +5,7 @@
 #include "core/operators/mass_matrix.hpp"
 #include "core/operators/system_properties.hpp"
 #include "tests/operators/views.hpp"
+#include "tests/support/equations.hpp"
 
 namespace cardan::test {
 namespace {
@@ -58,7 +59,7 @@ TEST(Hybrid, OnSubgraphs) {
     VectorXd a = vdot, t = tau;
     if (!f.empty()) {
       const VectorXd rest = tau(f) - known(f) - v.M(f, p) * vdot(p);
-      a(f) = VectorXd(MatrixXd(v.M(f, f)).llt().solve(rest));
+      a(f) = VectorXd(positive_solve(v.M(f, f), rest));
     }
     t(p) = VectorXd(v.M * a + known)(p);
     return worse(differ(got.vdot, a), differ(got.tau, t)) / scaled_condition(v.M(f, f));
@@ -134,12 +135,12 @@ TEST(Unactuated, AgainstTheBlocksOfTheMassMatrix) {
       prepare(v.ops, mask);
       const Unactuated u(v.ops);
       const Task task{v.nodes, {}};
-      const MatrixXd J = v.jacobian(v.nodes), Mpp = v.M(p, p), Mpa = v.M(p, a), back = Mpp.llt().solve(Mpa),
+      const MatrixXd J = v.jacobian(v.nodes), Mpp = v.M(p, p), Mpa = v.M(p, a), back = positive_solve(Mpp, Mpa),
                      Jg = J(Eigen::all, a) - J(Eigen::all, p) * back;
       const MatrixXd Mg = v.M(a, a) - Mpa.transpose() * back;
       const VectorXd rates = some_vector(s.tree.seed, n), momenta = some_vector(s.tree.seed + 1, n), tau = some_vector(s.tree.seed + 2, n);
       VectorXd want = rates;
-      want(p) = VectorXd(Mpp.llt().solve(VectorXd(momenta(p))) - back * rates(a));
+      want(p) = VectorXd(positive_solve(Mpp, VectorXd(momenta(p))) - back * rates(a));
       const MatrixXd got_Jg = u.generalised_jacobian(task), coupling = u.coupling();
       const MatrixXd Mg_got = matrix_of(n, [&](const VectorXd& x) { return u.reduced_mass_times(x); });
       double worst =

@@ -7,6 +7,7 @@
 #include "core/operators/apply.hpp"
 #include "core/operators/diagonalised.hpp"
 #include "tests/operators/compare.hpp"
+#include "tests/support/equations.hpp"
 
 namespace cardan::test {
 namespace {
@@ -17,7 +18,7 @@ using operators::TreeOperators;
 constexpr double kGradient = 1e-12;
 
 /// tr(M^-1 dM) in units in which the diagonal of M is 1, over the free components.
-double trace_of_log(const MatrixXd& M, const MatrixXd& dM) { return M.llt().solve(dM).trace(); }
+double trace_of_log(const MatrixXd& M, const MatrixXd& dM) { return positive_solve(M, dM).trace(); }
 
 TEST(LogDet, GradientIsTheTraceOfTheDense) {
   for (const TreeOptions& options : kinds_of_trees())
@@ -69,7 +70,7 @@ TEST(LogDet, GradientIsTheAdjointOfTheRiccatiRates) {
           double along = 0.0, size = 1.0;
           for (std::size_t i = 0; i < rates.D.size(); ++i) {
             const MatrixXd& S = ops.S(static_cast<int>(i));
-            const double term = (S * S.transpose()).llt().solve(rates.D[i]).trace();
+            const double term = positive_solve(S * S.transpose(), rates.D[i]).trace();
             along += term, size += std::abs(term);
           }
           const VectorXd gradient = operators::log_det_gradient(ops);

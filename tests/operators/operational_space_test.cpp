@@ -4,6 +4,7 @@
 
 #include "core/operators/mass_matrix.hpp"
 #include "tests/operators/views.hpp"
+#include "tests/support/equations.hpp"
 
 namespace cardan::test {
 namespace {
@@ -40,7 +41,7 @@ TEST(OperationalSpace, ComplianceOfAnyNodes) {
     std::vector<int> nodes(v.nodes.rbegin(), v.nodes.rend());
     nodes.push_back(nodes[s.tree.seed % nodes.size()]);  // one of them twice
     const MatrixXd J = v.jacobian(nodes);
-    return differ(compliance(v.ops, nodes), J * v.M.llt().solve(J.transpose())) / v.condition();
+    return differ(compliance(v.ops, nodes), J * positive_solve(v.M, J.transpose())) / v.condition();
   });
 }
 
@@ -50,7 +51,7 @@ TEST(OperationalSpace, ComplianceOfTheFreeComponents) {
     const std::vector<int> f = where(mask, 1);
     prepare(v.ops, mask);
     const MatrixXd J = v.jacobian(v.nodes)(Eigen::all, f), M = v.M(f, f);
-    const MatrixXd want = f.empty() ? MatrixXd::Zero(J.rows(), J.rows()) : MatrixXd(J * M.llt().solve(J.transpose()));
+    const MatrixXd want = f.empty() ? MatrixXd::Zero(J.rows(), J.rows()) : MatrixXd(J * positive_solve(M, J.transpose()));
     return differ(compliance(v.ops, v.nodes), want) / scaled_condition(M);
   });
 }
@@ -124,21 +125,21 @@ TEST(OperationalSpace, InertiaConsistentInverseAndNullSpace) {
     prepare(v.ops);
     const Task task = some_task(v, s.tree.seed);
     const OperationalSpace os(v.ops, task);
-    const MatrixXd J = task.T * v.jacobian(task.nodes), MiJ = v.M.llt().solve(J.transpose()), C = J * MiJ,
+    const MatrixXd J = task.T * v.jacobian(task.nodes), MiJ = positive_solve(v.M, J.transpose()), C = J * MiJ,
                    one = MatrixXd::Identity(v.M.cols(), v.M.cols());
     if (os.rank() < os.rows()) return differ(os.compliance() * os.inertia() * os.compliance(), C) / v.condition();
-    const MatrixXd L = C.llt().solve(MatrixXd::Identity(C.rows(), C.rows())), Jbar = MiJ * L;
+    const MatrixXd L = positive_solve(C, MatrixXd::Identity(C.rows(), C.rows())), Jbar = MiJ * L;
     const MatrixXd got_bar = matrix_of(os.rows(), [&](const VectorXd& x) { return os.consistent_inverse(x); });
     const MatrixXd N = matrix_of(v.M.cols(), [&](const VectorXd& x) { return os.null_motion(x); });
     const MatrixXd Nt = matrix_of(v.M.cols(), [&](const VectorXd& x) { return os.null_forces(x); });
     const VectorXd F = some_vector(s.tree.seed + 7, os.rows()), tau = some_vector(s.tree.seed + 8, v.M.cols());
-    const VectorXd control = os.torque(F, tau), xdd = J * v.M.llt().solve(control);
+    const VectorXd control = os.torque(F, tau), xdd = J * positive_solve(v.M, control);
     // T may cancel most of what it combines: what is left of the digits
     const double left = std::min(1.0, largest(J) / largest(task.T.cwiseAbs() * v.jacobian(task.nodes).cwiseAbs()));
     const double scale = v.condition() * os.condition() / (left * left);
     return worse({differ(os.compliance(), C), differ(os.inertia(), L), differ(got_bar, Jbar),
                   differ(J * got_bar, MatrixXd::Identity(C.rows(), C.rows())), differ(N, one - Jbar * J, 1.0),
-                  differ(Nt, N.transpose(), 1.0), differ(xdd, C * F, largest(J * v.M.llt().solve(tau))),
+                  differ(Nt, N.transpose(), 1.0), differ(xdd, C * F, largest(J * positive_solve(v.M, tau))),
                   differ(os.force_for(C * F, VectorXd::Zero(os.rows())), F)}) /
            scale;
   });
@@ -161,19 +162,19 @@ TEST(OperationalSpace, WithoutActuatorsOnSomeComponents) {  // J_g, M_g: those o
     const Task task = some_task(v, s.tree.seed);
     const OperationalSpace os(v.ops, task, &other);
     const MatrixXd J = task.T * v.jacobian(task.nodes), Mpp = v.M(p, p), Mpa = v.M(p, a);
-    const MatrixXd back = p.empty() ? MatrixXd::Zero(0, Mpa.cols()) : MatrixXd(Mpp.llt().solve(Mpa));
+    const MatrixXd back = p.empty() ? MatrixXd::Zero(0, Mpa.cols()) : MatrixXd(positive_solve(Mpp, Mpa));
     const MatrixXd Jg = J(Eigen::all, a) - J(Eigen::all, p) * back, Mg = v.M(a, a) - Mpa.transpose() * back;
-    const MatrixXd C = Jg * Mg.llt().solve(Jg.transpose());
+    const MatrixXd C = Jg * positive_solve(Mg, Jg.transpose());
     const MatrixXd rates = matrix_of(n, [&](const VectorXd& x) { return os.rates(x); });
     const MatrixXd forces = matrix_of(os.rows(), [&](const VectorXd& x) { return os.forces(x); });
-    double worst = worse({differ(os.compliance(), C, largest(J * v.M.llt().solve(J.transpose()))), differ(rates(Eigen::all, a), Jg),
+    double worst = worse({differ(os.compliance(), C, largest(J * positive_solve(v.M, J.transpose()))), differ(rates(Eigen::all, a), Jg),
                           differ(forces, rates.transpose())}) /
                    v.condition();
     worst = worse({worst, largest(rates(Eigen::all, p)), largest(forces(p, Eigen::all))});
     if (os.rank() < os.rows()) return worst;
     const VectorXd F = some_vector(s.tree.seed + 7, os.rows()), tau_0 = some_vector(s.tree.seed + 8, n);
-    const VectorXd tau = os.torque(F, tau_0), xdd = J * v.M.llt().solve(tau);  // no force on p, and the task obeys
-    const double size = largest(C) * largest(F) + largest(J * v.M.llt().solve(tau_0));
+    const VectorXd tau = os.torque(F, tau_0), xdd = J * positive_solve(v.M, tau);  // no force on p, and the task obeys
+    const double size = largest(C) * largest(F) + largest(J * positive_solve(v.M, tau_0));
     return worse({worst, largest(tau(p)), differ(xdd, C * F, size) / (v.condition() * os.condition())});
   });
 }
@@ -283,7 +284,7 @@ TEST(OperationalSpace, FeltAtANodeAndParticipation) {
     prepare(v.ops);
     const int node = v.nodes[s.tree.seed % v.nodes.size()];
     const Vector6d u = some_vector(s.tree.seed, 6);
-    const VectorXd shape = v.J(node).transpose() * u, response = v.M.llt().solve(shape);
+    const VectorXd shape = v.J(node).transpose() * u, response = positive_solve(v.M, shape);
     if (shape.norm() < 1e-6) return 0.0;
     const double mobility = shape.dot(response);
     const Participation p = participation(v.ops, node, u);

@@ -4,6 +4,7 @@
 #include "core/linalg/dense.hpp"
 #include "core/operators/mass_matrix.hpp"
 #include "tests/operators/views.hpp"
+#include "tests/support/equations.hpp"
 
 namespace cardan::test {
 namespace {
@@ -134,7 +135,7 @@ TEST(ReflectedInertia, ByItsDefinitions) {
   for_all_views(kinds_of_trees(), kIdentity, [](View& v, Scene&) {
     prepare(v.ops);
     const ReflectedInertia felt = reflected_inertia(v.ops);
-    const MatrixXd inverse = v.M.llt().solve(MatrixXd::Identity(v.M.rows(), v.M.cols()));
+    const MatrixXd inverse = positive_solve(v.M, MatrixXd::Identity(v.M.rows(), v.M.cols()));
     double worst = 0.0;
     for (Eigen::Index k = 0; k < v.M.cols(); ++k)
       worst = worse(
@@ -145,7 +146,7 @@ TEST(ReflectedInertia, ByItsDefinitions) {
       for (const auto& other : v.ops.bodies())
         if (std::find(outboard.begin(), outboard.end(), other.sweep) != outboard.end())
           for (int j = 0; j < other.nh + other.m; ++j) free.push_back(other.v + j);
-      const MatrixXd M = v.M(free, free), part = M.llt().solve(MatrixXd::Identity(M.rows(), M.cols()));
+      const MatrixXd M = v.M(free, free), part = positive_solve(M, MatrixXd::Identity(M.rows(), M.cols()));
       for (std::size_t i = 0; i < free.size(); ++i)
         if (const int k = free[i]; k >= b.v && k < b.v + b.nh + b.m)
           worst = worse(worst, std::abs(felt.outboard_free[k] * part(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i)) - 1.0) /

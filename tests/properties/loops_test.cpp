@@ -8,6 +8,7 @@
 #include "bodies/modal/lumped.hpp"
 #include "core/dynamics/batch.hpp"
 #include "core/dynamics/hinge_laws.hpp"
+#include "core/linalg/dense.hpp"
 #include "core/model/embedding.hpp"
 #include "core/operators/closed_system.hpp"
 #include "core/operators/linear_model.hpp"
@@ -271,7 +272,8 @@ double of_the_same_linear_model(const RandomTree& given, bool devices) {
   states.inputs = {accelerations.inputs.front()};
   const MatrixXd placed = linear_model(both.tree, states).C, placed_closed = linear_model(both.closed, states).C;
   if (placed.cols() != placed_closed.cols()) return HUGE_VAL;
-  const MatrixXd T = placed_closed.colPivHouseholderQr().solve(placed);
+  MatrixXd T(placed_closed.cols(), placed.cols());
+  for (Eigen::Index j = 0; j < T.cols(); ++j) T.col(j) = least_squares(placed_closed, placed.col(j));
   const operators::LinearModel a = linear_model(both.tree, accelerations), b = linear_model(both.closed, accelerations);
   double worst = worse({apart(placed_closed * T, placed), apart(b.C * T, a.C), apart(b.D, a.D), apart(b.y0, a.y0)});
   if (n_z > 0)

@@ -8,6 +8,7 @@
 
 #include "core/dynamics/inverse.hpp"
 #include "core/dynamics/loops.hpp"
+#include "core/linalg/dense.hpp"
 #include "core/model/loops.hpp"
 #include "core/operators/closed_system.hpp"
 #include "core/operators/linear_model.hpp"
@@ -69,7 +70,7 @@ class ClosedTwin {
     for (int i = 0; i < 6; ++i) {
       const auto [G, c] = rows(q);
       d.setZero();
-      d(freedom_.dependent) = -dependent(G).solve(c);
+      d(freedom_.dependent) = -dependent(G, c);
       const VectorXd from = q;
       model_.retract(from.data(), d.data(), q.data());
     }
@@ -78,13 +79,11 @@ class ClosedTwin {
   /// Dependent rates of v at q.
   void follow(const VectorXd& q, VectorXd& v) const {
     const MatrixXd G = rows(q).first;
-    v(freedom_.dependent) = -dependent(G).solve(VectorXd(G(Eigen::all, freedom_.independent) * v(freedom_.independent)));
+    v(freedom_.dependent) = -dependent(G, G(Eigen::all, freedom_.independent) * v(freedom_.independent));
   }
 
  private:
-  Eigen::ColPivHouseholderQR<MatrixXd> dependent(const MatrixXd& G) const {
-    return Eigen::ColPivHouseholderQR<MatrixXd>(MatrixXd(G(Eigen::all, freedom_.dependent)));
-  }
+  VectorXd dependent(const MatrixXd& G, const VectorXd& c) const { return least_squares(G(Eigen::all, freedom_.dependent), c); }
   std::pair<MatrixXd, VectorXd> rows(const VectorXd& q) const {
     const auto state = twin_.at(q, VectorXd::Zero(model_.nv));
     MatrixXd G(model_.loops.rows, model_.nv);
