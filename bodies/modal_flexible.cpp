@@ -11,19 +11,12 @@
 #include <vector>
 
 #include "core/abi/cardan_body.h"
+#include "core/base/clones.hpp"
 #include "core/spatial/rotation.hpp"
 
 // mass and bias are compiled for three instruction sets and the best is taken at load. Without fused multiplications
 // (-ffp-contract=off) all give the same bits.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define CARDAN_CLONES
-#elif defined(__clang__) && __has_feature(address_sanitizer)
-#define CARDAN_CLONES
-#elif defined(__x86_64__) && defined(__linux__)
-#define CARDAN_CLONES __attribute__((target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4")))
-#else
-#define CARDAN_CLONES
-#endif
+#define CARDAN_KERNEL_CLONES CARDAN_CLONES("default", "arch=x86-64-v3", "arch=x86-64-v4")
 #define CARDAN_INTO_CLONES __attribute__((always_inline)) inline
 
 namespace cardan {
@@ -474,7 +467,7 @@ CARDAN_INTO_CLONES void second_slopes(const Packed& p, const double* eta, std::u
     if (p.sparse && (p.sparse >> (3 + r) & 1u) == 0) add_combination(p.at(p.d2J[r]) + k, p.m, eta, p.m, n, second[r]);
 }
 
-CARDAN_CLONES void mass(const void* packed, const double* eta, double* M_rr, double* M_re, double* M_ee) {
+CARDAN_KERNEL_CLONES void mass(const void* packed, const double* eta, double* M_rr, double* M_re, double* M_ee) {
   const Packed& p = self(packed);
   if (p.nodal) return nodal_mass(p, eta, M_rr, M_re, M_ee);
   const std::uint32_t m = p.m;
@@ -524,7 +517,7 @@ CARDAN_CLONES void mass(const void* packed, const double* eta, double* M_rr, dou
 
 // b_w = w x (M_ww w + M_we eta') + Mdot_ww w + Mdot_we eta';  b_v = w x (w x mc) + 2 w x u;
 // b_e,k = (Mdot_we* w + Mdot_ee eta')_k - 1/2 w* dM_ww,k w - w* dM_we,k eta' - 1/2 eta'* dM_ee,k eta'   (mathematics 3.4)
-CARDAN_CLONES void bias(const void* packed, const double* eta, const double* etadot, const double* omega, double* b) {
+CARDAN_KERNEL_CLONES void bias(const void* packed, const double* eta, const double* etadot, const double* omega, double* b) {
   const Packed& p = self(packed);
   const V3 w{omega[0], omega[1], omega[2]};
   if (p.nodal) return nodal_bias(p, eta, etadot, w, b);

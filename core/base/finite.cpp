@@ -1,10 +1,10 @@
 #include "core/base/finite.hpp"
 
+#include "core/base/clones.hpp"
+
 namespace cardan {
 
-#if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-[[gnu::target_clones("default", "avx2")]]
-#endif
+CARDAN_CLONES("default", "avx2")
 bool all_finite(const double* values, int n) {
   std::uint64_t found[8] = {};  // independent of each other: none waits for the one before
   int i = 0;
