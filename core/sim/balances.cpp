@@ -39,8 +39,8 @@ void Balances::go_on(const Momentum& p, const Energy& e) {
   start_ << p.linear - now_.linear, p.angular - now_.angular, e.total() - now_.energy;
 }
 
-const LedgerState& Balances::look(const Momentum& p, const Energy& e, const Integrals& y, const IntegratorStatistics& counts,
-                                  double relative) {
+const LedgerState& Balances::look(const Momentum& p, const Energy& e, const Integrals& y, const Integrals& off,
+                                  const IntegratorStatistics& counts, double relative) {
   LedgerState& s = now_ = {};
   steps_ = counts.steps;
   s.linear = p.linear - start_.head<3>() - y.head<3>();
@@ -51,12 +51,13 @@ const LedgerState& Balances::look(const Momentum& p, const Energy& e, const Inte
   const double round_off = 4.0 * std::numeric_limits<double>::epsilon() * (100.0 + static_cast<double>(counts.steps));
   const std::array<double, 3> allowed = {relative * scale_[0] + least_[0], relative * scale_[1] + least_[1],
                                          2.0 * relative * scale_[2] + 2.0 * std::sqrt(scale_[2] * least_[2]) + least_[2]};  // of a square
+  const std::array<double, 3> integrals = {off.head<3>().norm(), off.segment<3>(3).norm(), off[6]};
   for (std::size_t i = 0; i < 3; ++i) {
     const Row& row = kRows[i];
     const bool moves = !(scale_[i] <= least_[i]);
     double& over = s.*row.over = moves || !std::isfinite(residual[i]) ? residual[i] / scale_[i] : 0.0;
     if (!std::isfinite(over)) over = kLargest;  // the largest of all: summaries hold numbers
-    const double limit = s.*row.limit = moves ? kSafety * counts.error_sum * allowed[i] / scale_[i] + round_off : 0.0;
+    const double limit = s.*row.limit = moves ? kSafety * (counts.error_sum * allowed[i] + integrals[i]) / scale_[i] + round_off : 0.0;
     s.pass = s.pass && over <= limit;
     worst_.*row.over = std::max(worst_.*row.over, over);
     worst_.*row.limit = std::max(limit, worst_.*row.limit);

@@ -38,8 +38,9 @@ class Balances {
   void go_on(const Momentum&, const Energy&);
   /// They have jumped by this, brought in from outside: an impulse, its moment about the world's origin, its work.
   void jump(const Integrals& by) { start_ += by; }
-  /// What has become of them after so many steps with such errors, at this relative tolerance.
-  const LedgerState& look(const Momentum&, const Energy&, const Integrals&, const IntegratorStatistics&, double relative);
+  /// What has become of them after so many steps with such errors, at this relative tolerance. `off`: what the integrals may be off by.
+  const LedgerState& look(const Momentum&, const Energy&, const Integrals&, const Integrals& off, const IntegratorStatistics&,
+                          double relative);
   const LedgerState& worst() const { return worst_; }
   /// One sentence for each that was beyond its limit at the last look: its name and the sentence.
   std::vector<std::pair<std::string, std::string>> beyond(const std::string& method) const;

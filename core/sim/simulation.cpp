@@ -865,9 +865,9 @@ LedgerState Simulation::ledger() {
   if (!options_.ledger || !begun_) return {};
   if (ledger_known_) return ledger_;
   ledger_known_ = true;
-  Balances::Integrals y = Balances::Integrals::Zero();
-  if (integrator_) integrator_->integrals(state_.t, y.data());
-  ledger_ = balances_.look(momentum(), energy(), y, statistics(), options_.integrator.relative_tolerance);
+  Balances::Integrals y = Balances::Integrals::Zero(), off = y;
+  if (integrator_) integrator_->integrals(state_.t, y.data(), off.data());
+  ledger_ = balances_.look(momentum(), energy(), y, off, statistics(), options_.integrator.relative_tolerance);
   for (const auto& [name, sentence] : balances_.beyond(integrator_name()))
     warn(Code::ledger_residual, {fmt::format("ledger of {}", name), {}}, sentence,
          "a hinge or body of a plugin whose laws do not fit together, a state that was changed in the run, or a step too large "

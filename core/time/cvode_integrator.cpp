@@ -135,14 +135,14 @@ class Cvode final : public Integrator {
 
   void interpolate(double t, double* x) override { std::copy_n(state_at(t), problem_.n, x); }
 
-  void integrals(double t, double* y) override { quadrature_.at(t, y); }
+  void integrals(double t, double* y, double* error) override { quadrature_.at(t, y, error); }
 
   void remember(Archive& archive) override {
-    std::vector<double> y(rates_);
-    quadrature_.at(t_, y.data());
-    archive(std::span(y), error_sum_, linear_before_.products, linear_before_.iterations, unconverged_, integrand_calls_, steps_,
-            rhs_calls_, restarts_, rejected_, setups_, events_);
-    if (archive.reading()) quadrature_.begin_stretch_at(y.data());
+    std::vector<double> y(rates_), error(rates_);
+    quadrature_.at(t_, y.data(), error.data());
+    archive(std::span(y), std::span(error), error_sum_, linear_before_.products, linear_before_.iterations, unconverged_, integrand_calls_,
+            steps_, rhs_calls_, restarts_, rejected_, setups_, events_);
+    if (archive.reading()) quadrature_.begin_stretch_at(y.data(), error.data());
   }
 
   IntegratorStatistics statistics() const override {

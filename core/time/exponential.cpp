@@ -34,7 +34,7 @@ class Exponential final : public Integrator {
   void restart(double t, const double* x) override {
     if (!started_ || t != t1_) h_ = options_.initial_step;
     started_ = true;
-    integrals(t1_, y1_.data());
+    integrals(t1_, y1_.data(), nullptr);
     t0_ = t1_ = t;
     std::copy_n(x, n_, z1_.data());
     if (problem_.n_roots > 0) events_.restart(t, z1_.data());
@@ -63,7 +63,8 @@ class Exponential final : public Integrator {
   }
 
   /// Through the rates at the start, the middle and the end.
-  void integrals(double t, double* y) override {
+  void integrals(double t, double* y, double* error) override {
+    if (error) std::fill_n(error, n_y_, 0.0);
     Eigen::Map<Eigen::ArrayXd> out(y, n_y_);
     const double h = step_, s = h > 0.0 ? (t - t0_) / h : 0.0;
     if (t0_ == t1_) return void(out = y1_);
@@ -108,7 +109,7 @@ class Exponential final : public Integrator {
   }
 
   void begin() {
-    integrals(t1_, y1_.data());
+    integrals(t1_, y1_.data(), nullptr);
     y0_ = y1_;
     t0_ = t1_;
     z0_.swap(z1_);
@@ -209,7 +210,7 @@ class Exponential final : public Integrator {
     report.crossed = events_.crossed();
     if (t == t1_) return;
     inside(t, z1_.data());
-    integrals(t, y1_.data());
+    integrals(t, y1_.data(), nullptr);
     t1_ = t;
   }
 

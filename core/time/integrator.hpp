@@ -161,8 +161,9 @@ class Integrator {
   virtual StepReport step(double t_stop, double* x) = 0;
   /// The state at t inside the last step (dense output), projected.
   virtual void interpolate(double t, double* x) = 0;
-  /// The integrals from the first start to t inside the last step; n_quadrature numbers.
-  virtual void integrals(double t, double* y) = 0;
+  /// The integrals from the first start to t inside the last step; n_quadrature numbers. `error`, which may be null: an estimate of what
+  /// each is off by at the states that were found, sums of magnitudes over the steps; zero of `exponential`.
+  virtual void integrals(double t, double* y, double* error = nullptr) = 0;
   /// What a restart keeps of all that was before it: the next step, counts, integrals. Right after restart(), on both sides: there it is
   /// written, or taken over by a new integrator of the same method and problem, which goes on with the same bits.
   virtual void remember(Archive& archive) = 0;

@@ -1,7 +1,8 @@
 #pragma once
 // Integrals of rates that are known at the ends of steps alone, for methods whose right-hand side is never evaluated inside a step:
 // multistep methods. Each interval is integrated through the polynomial of its neighbours on both sides, of as many of them as make
-// it better. Nothing here feeds back: steps are what they would be without it. docs/mathematics/integration.md, "Integrals".
+// it better; the last term that did tells what it may be off by. Nothing here feeds back: steps are what they would be without it.
+// docs/mathematics/integration.md, "Integrals".
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -14,19 +15,21 @@ class NodeQuadrature {
  public:
   static constexpr std::size_t kPoints = 8;  // of a polynomial: at most
 
-  explicit NodeQuadrature(int n) : n_(static_cast<std::size_t>(n)), sum_(n_), end_(n_), rates_(stride_ * kHeld), sums_(n_) {}
+  explicit NodeQuadrature(int n)
+      : n_(static_cast<std::size_t>(n)), sum_(n_), end_(n_), error_(n_), end_error_(n_), rates_(stride_ * kHeld), sums_(n_), errors_(n_) {}
 
   /// Of the present stretch, but for those that have served.
   std::size_t nodes() const { return count_; }
 
   /// The rates jump at t, which is not after the last node: what follows has nothing to do with what was before.
   void begin_stretch(double t) {
-    at(t, end_.data());
-    begin_stretch_at(end_.data());
+    at(t, end_.data(), end_error_.data());
+    begin_stretch_at(end_.data(), end_error_.data());
   }
-  /// The same with the integrals up to here.
-  void begin_stretch_at(const double* y) {
+  /// The same with the integrals up to here and their errors.
+  void begin_stretch_at(const double* y, const double* error) {
     std::copy_n(y, n_, sum_.begin());
+    std::copy_n(error, n_, error_.begin());
     count_ = done_ = 0;
   }
 
@@ -42,10 +45,10 @@ class NodeQuadrature {
       const auto [least, most] = std::minmax({h[1] - h[0], h[2] - h[1], h[3] - h[2]});
       if (most < 2.0 * least) {  // one polynomial for all three
         integrate(done_, done_ + kGroup, times_[done_ + kGroup]);
-        for (std::size_t i = 0; i < n_; ++i) sum_[i] += sums_[i];
+        for (std::size_t i = 0; i < n_; ++i) sum_[i] += sums_[i], error_[i] += errors_[i];
       } else {
-        at(times_[done_ + kGroup], end_.data());
-        sum_ = end_;
+        at(times_[done_ + kGroup], end_.data(), end_error_.data());
+        sum_ = end_, error_ = end_error_;
       }
       done_ += kGroup;
     }
@@ -56,12 +59,15 @@ class NodeQuadrature {
     count_ -= served, done_ -= served;
   }
 
-  /// The integrals from the first start to t, which lies in one of the last intervals, at the end of the last or next to it.
-  void at(double t, double* y) {
+  /// The integrals from the first start to t, which lies in one of the last intervals, at the end of the last or next to it; `error`, which
+  /// may be null: what each is off by, by an estimate.
+  void at(double t, double* y, double* error) {
     std::copy(sum_.begin(), sum_.end(), y);
+    if (error) std::copy(error_.begin(), error_.end(), error);
     for (std::size_t k = done_; k + 1 < count_ && times_[k] < t; ++k) {
       integrate(k, k + 1, k + 2 < count_ ? std::min(t, times_[k + 1]) : t);
       for (std::size_t i = 0; i < n_; ++i) y[i] += sums_[i];
+      for (std::size_t i = 0; error && i < n_; ++i) error[i] += errors_[i];
     }
   }
 
@@ -78,7 +84,8 @@ class NodeQuadrature {
   static constexpr std::array<double, 4> kWeights = {0.3478548451374538, 0.6521451548625461, 0.6521451548625461, 0.3478548451374538};
 
   /// sums_ = integral from node k to b, about node m. Newton's polynomial, point by point outwards from the interval; of each
-  /// integral the terms while they do not grow: where neighbours are too far to tell, they do.
+  /// integral the terms while they do not grow: where neighbours are too far to tell, they do. errors_: the last of them, or a quarter of
+  /// the one before; at kinks and jumps it is right but for a factor of ten.
   void integrate(std::size_t k, std::size_t m, double b) {
     const double a = times_[k], middle = 0.5 * (a + times_[m]), half = 0.5 * (b - a);
     const double apart = kApart * (times_[m] - a);
@@ -113,7 +120,7 @@ class NodeQuadrature {
     for (std::size_t block = 0; block < stride_; block += kLanes) {
       using Lanes = std::array<double, kLanes>;
       std::array<Lanes, kPoints> difference;  // divided, of order j in row j, that end at the last point
-      Lanes total{}, best{}, before{}, least;
+      Lanes total{}, best{}, before{}, last{}, least;
       least.fill(std::numeric_limits<double>::infinity());
       for (std::size_t p = 0; p < points; ++p) {
         Lanes d;
@@ -128,24 +135,26 @@ class NodeQuadrature {
         for (std::size_t i = 0; i < kLanes; ++i) {
           const double term = weight[p] * d[i], size = std::abs(term);
           const double two = std::max(size, before[i]);  // one alone may be zero by chance
-          before[i] = size;
           total[i] += term;
           const bool inside = p <= m - k, kept = inside || two <= 10.0 * least[i];
           best[i] = kept ? total[i] : best[i];
+          last[i] = kept ? size : last[i];
+          before[i] = size;
           least[i] = kept && !inside ? std::min(two, least[i]) : least[i];
         }
       }
       std::copy_n(best.begin(), std::min(kLanes, n_ - block), sums_.begin() + static_cast<std::ptrdiff_t>(block));
+      std::copy_n(last.begin(), std::min(kLanes, n_ - block), errors_.begin() + static_cast<std::ptrdiff_t>(block));
     }
   }
 
   static constexpr std::size_t kLanes = 8;
   std::size_t n_, stride_ = (n_ + kLanes - 1) / kLanes * kLanes;  // of them; room for them at a node
-  std::vector<double> sum_, end_;                                 // of the intervals before node done_; scratch
+  std::vector<double> sum_, end_, error_, end_error_;             // of the intervals before node done_; scratch
   std::array<double, kHeld> times_{};
   std::vector<double> rates_;  // stride_ at each node
   std::size_t count_ = 0, done_ = 0;
-  std::vector<double> sums_;
+  std::vector<double> sums_, errors_;
 };
 
 }  // namespace cardan

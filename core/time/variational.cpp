@@ -131,12 +131,13 @@ class Variational final : public Integrator {
     if (t == t1_) return void(std::copy_n(x1_.begin(), problem_.n, x));
     between(t, x);
   }
-  void integrals(double t, double* y) override { nodes_.at(t, y); }
+  void integrals(double t, double* y, double* error) override { nodes_.at(t, y, error); }
 
   void remember(Archive& archive) override {  // what a restart keeps: its integrals and counts
-    nodes_.at(t1_, y_.data());
-    archive(std::span(y_), statistics_, events_);
-    if (archive.reading()) nodes_.begin_stretch_at(y_.data());
+    std::vector<double> error(y_);
+    nodes_.at(t1_, y_.data(), error.data());
+    archive(std::span(y_), std::span(error), statistics_, events_);
+    if (archive.reading()) nodes_.begin_stretch_at(y_.data(), error.data());
   }
 
   IntegratorStatistics statistics() const override {

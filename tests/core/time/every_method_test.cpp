@@ -182,6 +182,45 @@ TEST_P(EveryMethod, IntegralsGoOnOverRestarts) {
   }
 }
 
+/// Rates that are faster than the states, have kinks or jump inside of steps: what the integrals are off by is told.
+TEST_P(EveryMethod, IntegralsTellWhatTheyAreOffBy) {
+  if (GetParam() == "exponential") GTEST_SKIP() << "has no estimate of it";
+  const double corner = std::acos(0.3);  // of |cos t - 0.3|, and of its sign
+  for (const double relative : {1e-4, 1e-6, 1e-8, 1e-10}) {
+    OdeProblem p = oscillator();
+    p.n_quadrature = 3;
+    p.integrands = [](double t, const double*, double* ydot) {
+      ydot[0] = std::cos(7.0 * t);
+      ydot[1] = std::abs(std::cos(t) - 0.3);
+      ydot[2] = std::cos(t) > 0.3 ? 1.0 : -2.0;
+    };
+    auto integrator = make_by(p, GetParam() == "rk4" ? rk4(std::pow(relative, 0.25)) : adaptive(GetParam(), relative));
+    const double end = 2.0;
+    Values x = {1.0, 0.0};
+    double longest = 0.0;
+    integrator->restart(0.0, x.data());
+    for (double t = 0.0; t < end;) {
+      const double before = t;
+      t = integrator->step(end, x.data()).t;
+      longest = std::max(longest, t - before);
+    }
+    const double truth[] = {std::sin(7.0 * end) / 7.0, 2.0 * std::sin(corner) - std::sin(end) - 0.3 * (2.0 * corner - end),
+                            corner - 2.0 * (end - corner)};
+    double y[3], error[3];
+    integrator->integrals(end, y, error);
+    const double most[] = {1e3 * std::pow(longest, 4), 20.0 * longest, 100.0 * longest};
+    for (std::size_t i = 0; i < 3; ++i) {
+      const double allowed = i == 0 ? 1.0 : 30.0;  // one kink or jump may lie where the estimate hardly sees it
+      EXPECT_LT(std::abs(y[i] - truth[i]), allowed * error[i] + 1e-14) << i << " at " << relative;
+      EXPECT_LT(error[i], most[i]) << i << " at " << relative;
+    }
+    integrator->restart(end, x.data());  // what was off stays so
+    double after[3];
+    integrator->integrals(end, y, after);
+    for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(after[i], error[i]);
+  }
+}
+
 /// Large rates that change faster than the states.
 TEST_P(EveryMethod, IntegralsTakeNoPartInTheSteps) {
   const auto run = [&](bool with) {

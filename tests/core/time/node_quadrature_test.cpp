@@ -16,14 +16,14 @@ double error_beyond_noise(double step, double sliver, double noise) {
     quadrature.add(t, &rate);
   };
   const double zero = 0.0;
-  quadrature.begin_stretch_at(&zero);
+  quadrature.begin_stretch_at(&zero, &zero);
   add();
   for (int i = 1; i <= 800; ++i) {
     t += step, add();
     if (i % 10 == 0) t += sliver, add();
   }
   double y = 0.0;
-  quadrature.at(t, &y);
+  quadrature.at(t, &y, nullptr);
   return std::abs(y - std::sin(t)) - noise * t;
 }
 
@@ -35,6 +35,45 @@ TEST(NodeQuadrature, SliversBetweenStepsDoNotMagnifyErrorsOfRates) {
 
 TEST(NodeQuadrature, OfExactRatesIsExactToRoundOffAtSmallSteps) {
   for (const double share : {0.5, 0.1, 1e-2, 1e-3}) EXPECT_LT(error_beyond_noise(2.5e-3, 2.5e-3 * share, 0.0), 1e-13) << share;
+}
+
+/// Error and estimate of the integral of f from 0 to 2 over steps that grow and shrink by a half.
+std::pair<double, double> error_and_estimate(double (*f)(double), double step, double truth) {
+  NodeQuadrature quadrature(1);
+  const double zero = 0.0;
+  quadrature.begin_stretch_at(&zero, &zero);
+  double t = 0.0, y = 0.0, estimate = 0.0;
+  for (int i = 0;; ++i) {
+    const double rate = f(t);
+    quadrature.add(t, &rate);
+    if (t == 2.0) break;
+    t = std::min(2.0, t + step * (1.0 + 0.5 * std::sin(static_cast<double>(i))));
+  }
+  quadrature.at(2.0, &y, &estimate);
+  return {std::abs(y - truth), estimate};
+}
+
+TEST(NodeQuadrature, TellsWhatItIsOffByWhereRatesAreSmooth) {
+  double before = 1.0;
+  for (const double step : {0.2, 0.1, 0.05, 0.025}) {
+    const auto [error, estimate] = error_and_estimate([](double t) { return std::cos(5.0 * t); }, step, std::sin(10.0) / 5.0);
+    EXPECT_LT(error, estimate) << step;
+    EXPECT_LT(estimate, before / 64.0) << step << ": of order 6 at least";  // the last term that is kept, of an error of order 8
+    before = estimate;
+  }
+}
+
+/// Kinks and jumps between nodes: no polynomial knows of them.
+TEST(NodeQuadrature, TellsWhatItIsOffByWhereRatesAreNot) {
+  for (const double step : {0.1, 0.03, 0.01, 0.003}) {
+    const auto [kink, of_kink] =
+        error_and_estimate([](double t) { return std::abs(t - 0.7123); }, step, (std::pow(0.7123, 2) + std::pow(2.0 - 0.7123, 2)) / 2.0);
+    EXPECT_LT(kink, 10.0 * of_kink) << step;
+    EXPECT_LT(of_kink, 4.0 * step * step) << step;
+    const auto [jump, of_jump] = error_and_estimate([](double t) { return t < 0.7123 ? 1.0 : -2.0; }, step, 0.7123 - 2.0 * (2.0 - 0.7123));
+    EXPECT_LT(jump, 10.0 * of_jump) << step;
+    EXPECT_LT(of_jump, 30.0 * step) << step;
+  }
 }
 
 }  // namespace
