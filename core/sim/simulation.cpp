@@ -279,6 +279,7 @@ Stability stability_of(const std::string& method) {
   if (method == "variational") return {2.0, 2.0};  // its iteration
   if (method == "variational4") return {3.0, 3.0};
   if (method == "dopri5") return {3.3, 1.6};
+  if (method == "ark_explicit") return {4.0, 1.5};
   return {1.0, 1.0};  // the fixed-point iteration of Adams, about
 }
 const char* kFollowed = "cvode_bdf follows it as well unless it is damped out: fewer modes, or a locked hinge, if it does not matter";
@@ -289,7 +290,7 @@ const char* kStiffHint =
 /// Before the first step: what springs, dampers and modes ask of an explicit method.
 void Simulation::foresee_stiffness(double t_end) {
   const IntegratorOptions& i = options_.integrator;
-  if (i.method == "cvode_bdf" || i.method == "exponential") return;
+  if (is_implicit(i.method) || i.method == "exponential") return;
   const FastestMotion fastest = fastest_motion(model_, state_.q.data());
   if (fastest.rate <= 0.0) return;
   const Stability stable = stability_of(i.method);

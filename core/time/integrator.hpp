@@ -93,12 +93,13 @@ struct OdeProblem {
 };
 
 struct IntegratorOptions {
-  std::string method = "dopri5";     // auto, cvode_adams, cvode_bdf, dop853, dopri5, exponential, rk4, variational, variational4
+  std::string method = "dopri5";  // auto, ark_explicit, ark_imex, ark_implicit, cvode_adams, cvode_bdf, dop853, dopri5, exponential, rk4,
+                                  // variational, variational4
   double relative_tolerance = 1e-9;  // adaptive methods
   double max_step = 0.0;             // [s] 0 = none; adaptive methods
   double initial_step = 0.0;         // [s] 0 = the method's choice; adaptive methods
   double fixed_step = 0.0;           // [s] rk4, variational, variational4
-  std::string linear_solver = {};    // of Newton's equations, cvode_bdf only: dense (when empty), krylov
+  std::string linear_solver = {};    // of Newton's equations, ark_implicit and cvode_bdf only: dense (when empty), krylov
 };
 
 struct IntegratorStatistics {
@@ -183,6 +184,8 @@ struct MethodKind {
 };
 /// All methods, in the order of their names.
 std::vector<MethodKind> integration_methods();
+/// Whether it is a method that solves linear equations in its steps, which stiffness does not shorten.
+bool is_implicit(const std::string& method);
 
 /// Throws InputError (C0301, C0401) for unknown methods and options that do not fit the method.
 void check_options(const IntegratorOptions& options);

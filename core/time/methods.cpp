@@ -18,7 +18,10 @@ struct Method {
 };
 
 const std::vector<Method>& methods() {
-  static const std::vector<Method> all = {{nullptr, "auto", true, {"dense", "krylov"}},  // Simulation chooses
+  static const std::vector<Method> all = {{make_arkode, "ark_explicit", true},
+                                          {make_arkode, "ark_imex", true, {"dense"}},
+                                          {make_arkode, "ark_implicit", true, {"dense", "krylov"}},
+                                          {nullptr, "auto", true, {"dense", "krylov"}},  // Simulation chooses
                                           {make_cvode, "cvode_adams", true},
                                           {make_cvode, "cvode_bdf", true, {"dense", "krylov"}},
                                           {make_dop853, "dop853", true},
@@ -80,6 +83,11 @@ std::vector<MethodKind> integration_methods() {
   std::vector<MethodKind> all;
   for (const Method& m : methods()) all.push_back({m.name, m.adaptive, m.make == nullptr, m.linear_solvers});
   return all;
+}
+
+bool is_implicit(const std::string& method) {
+  return std::ranges::any_of(methods(),
+                             [&](const Method& m) { return m.name == method && m.make != nullptr && !m.linear_solvers.empty(); });
 }
 
 void check_options(const IntegratorOptions& options) {

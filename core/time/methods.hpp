@@ -17,6 +17,8 @@ std::unique_ptr<Integrator> make_dopri5(OdeProblem problem, const IntegratorOpti
 std::unique_ptr<Integrator> make_exponential(OdeProblem problem, const IntegratorOptions& options);
 /// Needs OdeProblem::momenta. variational or variational4.
 std::unique_ptr<Integrator> make_variational(OdeProblem problem, const IntegratorOptions& options);
+/// ark_explicit, ark_imex or ark_implicit.
+std::unique_ptr<Integrator> make_arkode(OdeProblem problem, const IntegratorOptions& options);
 /// cvode_adams or cvode_bdf.
 std::unique_ptr<Integrator> make_cvode(OdeProblem problem, const IntegratorOptions& options);
 

@@ -54,7 +54,7 @@ void read_integrator(LuaTable& t, MissionSpec& m) {
   if (!relative && !step) m.defaults_used.emplace_back("mission.integrator.relative", fmt::format("{:g}", i.relative_tolerance));
   if (const auto x = t.text("linear_solver"))
     i.linear_solver = *x;
-  else if (i.method == "cvode_bdf")
+  else if (is_implicit(i.method))
     m.defaults_used.emplace_back("mission.integrator.linear_solver", "dense");
   if (const auto x = t.number("absolute")) {
     options.absolute_tolerance = *x;

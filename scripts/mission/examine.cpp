@@ -98,9 +98,9 @@ void look_at_sizes(Scenario& s) {
                    "a lower mission.output.rate");
   const IntegratorOptions& i = s.mission.simulation.integrator;
   const double n = s.model->nq + s.model->nv, dense = 3.0 * n * n * sizeof(double);  // Jacobian, its saved copy, Newton matrix
-  if (i.method == "cvode_bdf" && i.linear_solver != "krylov" && dense > kLargeBytes)
+  if (is_implicit(i.method) && i.linear_solver != "krylov" && dense > kLargeBytes)
     s.warnings.add(Code::large_run, {"mission.integrator.linear_solver", {s.file.string(), 0, 0}},
-                   fmt::format("{:g} states: the dense matrices of cvode_bdf take about {}", n, bytes_text(dense)),
+                   fmt::format("{:g} states: the dense matrices of {} take about {}", n, i.method, bytes_text(dense)),
                    "linear_solver = \"krylov\" needs none");
 }
 

@@ -344,7 +344,7 @@ TEST(Couplings, ACamHasTheLinearModelOfItsOneWayToMove) {
 }
 
 TEST(Couplings, ARunWithACamKeepsItClosedAndEnergyHonest) {
-  for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf"}) {
+  for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit"}) {
     SimulationOptions options;
     options.integrator.method = method;
     options.integrator.relative_tolerance = 1e-10;

@@ -22,7 +22,7 @@ TEST(DryFriction, ASwingEndsWhereTheSpringNoLongerBreaksItAway) {
   mass.hinge.springs = {spring};
   SystemSpec spec = system({mass});
   spec.devices = {device("drag", "dry_friction", {{"coulomb", F}, {"breakaway", breakaway}}, {{"at", "mass"}})};
-  for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf"}) {
+  for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit"}) {
     Simulation sim(compiled(spec), accurate(method));
     const double near = method == "dopri5" ? 1e-10 : 1e-7;  // of steps at 1e-12, of many orders
     double until = 0.0;

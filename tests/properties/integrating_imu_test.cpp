@@ -63,7 +63,7 @@ SystemSpec wobbling(const Wobble& truth) {
 
 TEST(IntegratingImu, AddsUpWhatAFreeBodyDoes) {
   const Wobble truth;
-  for (const char* method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf", "rk4"}) {
+  for (const char* method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit", "rk4"}) {
     SystemSpec spec = wobbling(truth);
     spec.devices = {counter("bus.imu", 4.0)};
     SimulationOptions options = accurate(method, 1e-11);

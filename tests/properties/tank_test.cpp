@@ -51,7 +51,7 @@ std::string residuals(Simulation& sim) {
 
 /// 500 kg to 400 kg at 220 s: 220 g_0 ln 1.25. The tank runs empty at m I g_0 / F, is found there, and nothing is pushed from then on.
 TEST(Tank, TheRocketEquationHoldsUntilItIsEmpty) {
-  for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf"}) {
+  for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit"}) {
     SystemSpec spec = system({on(rigid("bus", 400.0, {0, 0, 0}, diagonal({60, 70, 80})), "", "free")});
     spec.devices = {tank("bus", 100.0, 0.4, "jet.flow"), thruster("jet", "bus", 1000.0, 220.0, {1, 0, 0})};
     Simulation sim(compiled(spec), accurate(method));
@@ -360,7 +360,7 @@ TEST(VaryingMass, IsNeverStale) {
 /// On the bus, on what a hinge moves, at the tip of a beam: the momentum that leaves is that of the vehicle at the nozzle, the mass is
 /// exact, and a run goes on from a checkpoint bit for bit.
 TEST(VaryingMass, GoesOnFromACheckpoint) {
-  for (const std::string method : {"rk4", "dopri5", "dop853", "cvode_bdf", "cvode_adams"}) {
+  for (const std::string method : {"rk4", "dopri5", "dop853", "cvode_bdf", "cvode_adams", "ark_explicit", "ark_imex", "ark_implicit"}) {
     TreeOptions rigid_ones;
     rigid_ones.flexible = 0.0;
     const SystemSpec spec = with_tank(random_tree(7, rigid_ones).spec, 7);

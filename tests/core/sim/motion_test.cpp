@@ -17,7 +17,8 @@ using Eigen::VectorXd;
 
 constexpr double kMu = 398600.4418e9, kRadius = 6878137.0;  // [m^3/s^2], [m]
 const double kMeanMotion = std::sqrt(kMu / std::pow(kRadius, 3));
-const std::vector<std::string> kMethods = {"rk4", "dopri5", "dop853", "exponential", "cvode_adams", "cvode_bdf"};
+const std::vector<std::string> kMethods = {"rk4",       "dopri5",       "dop853",   "exponential", "cvode_adams",
+                                           "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit"};
 
 SimulationOptions by(const std::string& method, double relative = 1e-9, double fixed_step = 0.01) {
   SimulationOptions o;
@@ -124,7 +125,7 @@ TEST(Ledger, ClosesToTheToleranceWithEveryMethod) {
 
 TEST(Ledger, ClosesInOrbitWithEveryMethod) {
   const auto model = compiled(orbit("free", {0.4, 100, 100}, true));
-  for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf"}) {
+  for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit"}) {
     Simulation sim(model, by(method));
     sim.run(2.0 * M_PI / kMeanMotion);
     const LedgerState l = sim.ledger();
@@ -266,7 +267,7 @@ TEST(Steps, AreThoseOfTheEquationsOfMotion) {
        {Case{"orbit, translational", orbit("translational", {100, 100, 100}, false), {100, 100, 100}, true, day},
         Case{"orbit, free", orbit("free", {100, 100, 100}, false), {100, 100, 100}, true, day},
         Case{"libration", stick, {0.4, 100, 100}, true, day}, Case{"slow turn", system({slow}), {100, 100, 100}, false, 56770.0}})
-    for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf"})
+    for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit"})
       for (const double relative : {1e-6, 1e-9}) {
         const SimulationOptions options = by(method, relative);
         Simulation sim(compiled(c.spec), options);
@@ -283,7 +284,7 @@ TEST(Steps, AreThoseOfTheEquationsOfMotion) {
 TEST(Steps, QuaternionsStayOnTheSphere) {
   BodySpec body = on(rigid("s", 1.0, Vector3d::Zero(), diagonal({1, 1, 1})), "", "ball");
   body.hinge.v = {0, 0, 1.0};
-  for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf"}) {
+  for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit"}) {
     Simulation sim(compiled(system({body})), by(method, 1e-4));
     sim.run(2000.0);
     EXPECT_NEAR(sim.state().q.norm(), 1.0, 1e-15) << method;
@@ -317,7 +318,7 @@ TEST(Corners, LeaveDopri5ItsOrder) {
 
 /// Three digits of the tolerance are two of the error at least; 1e4: some hundred steps after some twenty starts at order one.
 TEST(Corners, LeaveErrorsThatFollowTheTolerance) {
-  for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf"}) {
+  for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit"}) {
     const double coarse = error_of(by(method, 1e-6)), fine = error_of(by(method, 1e-9));
     EXPECT_LT(fine, 1e-2 * coarse) << method;
     EXPECT_LT(fine, 1e4 * 1e-9) << method;

@@ -81,7 +81,7 @@ struct BusyScene {
 };
 
 TEST(StepHistory, TellsWhyAMethodStartedAnew) {
-  for (const std::string method : {"rk4", "dopri5", "dop853", "cvode_bdf"}) {
+  for (const std::string method : {"rk4", "dopri5", "dop853", "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit"}) {
     BusyScene scene(method);
     scene.sim.run(2.0);
     ASSERT_GT(scene.events, 0);
@@ -99,7 +99,7 @@ TEST(StepHistory, TellsWhyAMethodStartedAnew) {
 
 /// Intervals follow each other without gap, and their sums are what the method counts itself.
 TEST(StepHistory, SumsUpToTheWholeRun) {
-  for (const std::string method : {"rk4", "dopri5", "cvode_adams"}) {
+  for (const std::string method : {"rk4", "dopri5", "cvode_adams", "ark_explicit"}) {
     BusyScene scene(method);
     scene.sim.run(2.0);
     const IntegratorStatistics all = scene.sim.statistics();
@@ -128,7 +128,7 @@ TEST(StepHistory, SumsUpToTheWholeRun) {
 }
 
 TEST(StepHistory, GoesOnAfterACheckpoint) {
-  for (const std::string method : {"rk4", "dopri5", "exponential", "cvode_bdf"}) {
+  for (const std::string method : {"rk4", "dopri5", "exponential", "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit"}) {
     BusyScene whole(method), rest(method);
     whole.sim.run(2.0);
     rest.sim.resume(whole.made.at(0));  // at 0.6 s, in the second interval
@@ -155,7 +155,7 @@ SystemSpec slow_and_fast(double first, double second) {
 }
 
 TEST(StepHistory, NamesTheComponentWhoseErrorSetsTheSteps) {
-  for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf"})
+  for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit"})
     for (const bool swapped : {false, true}) {
       Simulation sim(compiled(swapped ? slow_and_fast(30.0, 1.0) : slow_and_fast(1.0, 30.0)), of_method(method));
       sim.run(5.0);
@@ -185,7 +185,7 @@ TEST(StepHistory, TellsStepsThatWereCutOrGiven) {
 
 /// One of two bodies falls into the attractor: no tolerance can be kept, and it is the one that is named.
 TEST(StepHistory, AnErrorThatCannotBeMetNamesItsComponent) {
-  for (const std::string method : {"dopri5", "dop853", "cvode_adams"})
+  for (const std::string method : {"dopri5", "dop853", "cvode_adams", "ark_explicit"})
     for (const std::string falls : {"left", "right"}) {
       std::vector<BodySpec> bodies;
       for (const std::string name : {"left", "right"}) {

@@ -92,7 +92,9 @@ TEST_P(EveryMethod, CountsRejectionsByGroup) {
         return true;
       });
       p.group = {0, group};
-      const auto integrator = make_by(p, adaptive(GetParam(), 1e-6));
+      IntegratorOptions options = adaptive(GetParam(), 1e-6);
+      options.max_step = 0.05;  // none steps over it
+      const auto integrator = make_by(p, options);
       Values x = {1.0, 1.0};
       integrator->restart(0.0, x.data());
       Rejections before;
@@ -162,7 +164,8 @@ TEST_P(EveryMethod, IntegralsKeepPaceWithTheStates) {
   const Values z = integrate(*integrator, 0.0, {1.0, 0.0}, 10.0, 3);
   EXPECT_NEAR(z[2], std::sin(10.0), 2e-8);
   EXPECT_NEAR(z[3], 5.0 - std::sin(20.0) / 4.0, 2e-8);
-  EXPECT_NEAR(z[4], (1.0 - std::cos(30.0)) / 3.0, 1e-9);  // its own error, three times as fast as the states
+  const double own = GetParam() == "ark_implicit" ? 2e-8 : 1e-9;  // error, three times as fast as the states; the longest steps of all
+  EXPECT_NEAR(z[4], (1.0 - std::cos(30.0)) / 3.0, own);
 }
 
 /// Rates that jump at a restart, beside states that do not: integrals go on, each stretch with its own.
@@ -210,7 +213,7 @@ TEST_P(EveryMethod, IntegralsTellWhatTheyAreOffBy) {
     integrator->integrals(end, y, error);
     const double most[] = {1e3 * std::pow(longest, 4), 20.0 * longest, 100.0 * longest};
     for (std::size_t i = 0; i < 3; ++i) {
-      const double allowed = i == 0 ? 1.0 : 30.0;  // one kink or jump may lie where the estimate hardly sees it
+      const double allowed = i == 0 ? 2.0 : 50.0;  // one kink or jump may lie where the estimate hardly sees it
       EXPECT_LT(std::abs(y[i] - truth[i]), allowed * error[i] + 1e-14) << i << " at " << relative;
       EXPECT_LT(error[i], most[i]) << i << " at " << relative;
     }
@@ -414,11 +417,14 @@ TEST_P(EveryMethod, ExplicitMethodsTellWhenStabilitySetsTheirSteps) {
     return stiff;
   };
   // Of `exponential` it is its linear part that decays.
-  EXPECT_EQ(told(1e4), GetParam() != "rk4" && GetParam() != "cvode_bdf" && GetParam() != "exponential");
+  EXPECT_EQ(told(1e4),
+            !GetParam().starts_with("ark_im") && GetParam() != "rk4" && GetParam() != "cvode_bdf" && GetParam() != "exponential");
   EXPECT_FALSE(told(1.0));
 }
 
-INSTANTIATE_TEST_SUITE_P(, EveryMethod, testing::Values("cvode_adams", "cvode_bdf", "dop853", "dopri5", "exponential", "rk4"),
+INSTANTIATE_TEST_SUITE_P(, EveryMethod,
+                         testing::Values("ark_explicit", "ark_imex", "ark_implicit", "cvode_adams", "cvode_bdf", "dop853", "dopri5",
+                                         "exponential", "rk4"),
                          parameter_name);
 
 }  // namespace

@@ -15,7 +15,9 @@ std::string refusal(const IntegratorOptions& options, double absolute = 1e-9) {
 
 TEST(MakeIntegrator, UnknownMethodListsTheMethods) {
   EXPECT_EQ(refusal(adaptive("cvode_adms")),
-            "C0401 | integrator.method | a method: auto, cvode_adams, cvode_bdf, dop853, dopri5, exponential, rk4, variational, "
+            "C0401 | integrator.method | a method: ark_explicit, ark_imex, ark_implicit, auto, cvode_adams, cvode_bdf, dop853, dopri5, "
+            "exponential, "
+            "rk4, variational, "
             "variational4 | \"cvode_adms\" | "
             "did you mean \"cvode_adams\"?");
 }

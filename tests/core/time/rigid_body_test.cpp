@@ -90,7 +90,9 @@ TEST_P(EveryMethodRigidBody, AsymmetricBodyFollowsEllipticFunctions) {
   EXPECT_LT((momentum - h).norm(), 1e-7);
 }
 
-INSTANTIATE_TEST_SUITE_P(, EveryMethodRigidBody, testing::Values("cvode_adams", "cvode_bdf", "dop853", "dopri5", "rk4"), parameter_name);
+INSTANTIATE_TEST_SUITE_P(, EveryMethodRigidBody,
+                         testing::Values("ark_explicit", "ark_imex", "ark_implicit", "cvode_adams", "cvode_bdf", "dop853", "dopri5", "rk4"),
+                         parameter_name);
 
 }  // namespace
 }  // namespace cardan::test

@@ -1,0 +1,86 @@
+#include "tests/core/time/problems.hpp"
+
+namespace cardan::test {
+namespace {
+
+/// x = exp(sin t) at t = 2 by equal steps: no error is too large, none is longer.
+double error_of_equal_steps(const std::string& method, double h) {
+  IntegratorOptions o = adaptive(method, 0.9);
+  o.max_step = o.initial_step = h;
+  auto integrator = make_integrator(exp_sin(1e3), o);
+  return integrate(*integrator, 0.0, {1.0}, 2.0)[0] - std::exp(std::sin(2.0));
+}
+
+TEST(Arkode, ExplicitIsOfOrderSix) {
+  const double coarse = error_of_equal_steps("ark_explicit", 0.1), fine = error_of_equal_steps("ark_explicit", 0.05);
+  EXPECT_NEAR(std::log2(std::abs(coarse / fine)), 6.0, 0.4) << coarse << " " << fine;
+}
+
+/// Newton's equations are solved to a share of the tolerance, so it and not the length of the steps is what shrinks.
+TEST(Arkode, ImplicitIsOfOrderFive) {
+  const auto cost_and_error = [](double tolerance) {
+    auto integrator = make_integrator(exp_sin(tolerance), adaptive("ark_implicit", tolerance));
+    const double error = integrate(*integrator, 0.0, {1.0}, 20.0)[0] - std::exp(std::sin(20.0));
+    return std::pair(static_cast<double>(integrator->statistics().steps), std::abs(error));
+  };
+  const auto [few, coarse] = cost_and_error(1e-5);
+  const auto [many, fine] = cost_and_error(1e-10);
+  // The error of the lower order, 4, sets the steps: h^5 goes with the tolerance.
+  EXPECT_NEAR(std::log(1e5) / std::log(many / few), 5.0, 0.7) << few << " " << many;
+  EXPECT_LT(coarse, 1e2 * 1e-5);
+  EXPECT_LT(fine, 1e2 * 1e-10);
+}
+
+TEST(Arkode, EachFollowsItsTolerance) {
+  for (const std::string method : {"ark_explicit", "ark_imex", "ark_implicit"})
+    for (const double tolerance : {1e-4, 1e-6, 1e-8, 1e-10, 1e-12}) {
+      auto integrator = make_integrator(oscillator(tolerance), adaptive(method, tolerance));
+      EXPECT_LT(std::abs(integrate(*integrator, 0.0, {1.0, 0.0}, 20.0)[0] - std::cos(20.0)), 5e2 * tolerance) << method;
+    }
+}
+
+/// Of degree 5, found by evaluations on those of degree 3 and 4: what it adds to the error of the steps falls with the sixth power of their
+/// length.
+TEST(Arkode, DenseOutputIsOfOrderSixInsideOfAStep) {
+  const auto worst = [](double h) {
+    IntegratorOptions o = adaptive("ark_explicit", 0.9);
+    o.max_step = o.initial_step = h;
+    auto integrator = make_integrator(exp_sin(1e3), o);
+    Values x = {1.0};
+    integrator->restart(0.0, x.data());
+    double most = 0.0;
+    for (double t = 0.0; t < 1.9;) {
+      const double begin = t;
+      t = integrator->step(2.0, x.data()).t;
+      for (const double s : {0.2, 0.5, 0.9}) {
+        double inside = 0.0;
+        integrator->interpolate(begin + s * (t - begin), &inside);
+        most = std::max(most, std::abs(inside - std::exp(std::sin(begin + s * (t - begin)))));
+      }
+    }
+    return most;
+  };
+  const double coarse = worst(0.1), fine = worst(0.05);
+  EXPECT_NEAR(std::log2(coarse / fine), 6.0, 0.5) << coarse << " " << fine;
+}
+
+/// y2' is 3e7 times faster than the solution; reference: Mazzia, Magherini 2008, Test Set for IVP Solvers, problem ROBER.
+TEST(Arkode, ImplicitSolvesRobertsonsKinetics) {
+  OdeProblem p = problem(3, [](double, const double* x, double* xdot) {
+    const double slow = 0.04 * x[0], middle = 1e4 * x[1] * x[2], fast = 3e7 * x[1] * x[1];
+    xdot[0] = -slow + middle;
+    xdot[1] = slow - middle - fast;
+    xdot[2] = fast;
+    return true;
+  });
+  p.absolute_tolerance = {1e-14, 1e-20, 1e-14};
+  auto integrator = make_integrator(p, adaptive("ark_implicit", 1e-9));
+  const Values x = integrate(*integrator, 0.0, {1.0, 0.0, 0.0}, 1e11);
+  EXPECT_NEAR(x[0] / 0.2083340149701255e-07, 1.0, 1e-5);
+  EXPECT_NEAR(x[1] / 0.8333360770334713e-13, 1.0, 1e-5);
+  EXPECT_NEAR(x[2], 0.9999999791665050, 1e-10);
+  EXPECT_LT(integrator->statistics().steps, 20000);  // an explicit method would need 1e15
+}
+
+}  // namespace
+}  // namespace cardan::test
