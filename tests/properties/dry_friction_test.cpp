@@ -24,7 +24,8 @@ TEST(DryFriction, ASwingEndsWhereTheSpringNoLongerBreaksItAway) {
   spec.devices = {device("drag", "dry_friction", {{"coulomb", F}, {"breakaway", breakaway}}, {{"at", "mass"}})};
   for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit"}) {
     Simulation sim(compiled(spec), accurate(method));
-    const double near = method == "dopri5" ? 1e-10 : 1e-7;  // of steps at 1e-12, of many orders
+    const double near = method == "dopri5" ? 1e-10 : 1e-7;    // of steps at 1e-12, of many orders
+    const double rests = method == "ark_imex" ? 1e-15 : 0.0;  // round-off of a rate that is taken apart
     double until = 0.0;
     for (int n = 1; n <= 6; ++n) {  // in the middle of each half swing, about -+F / k
       until = (n - 0.5) * half;
@@ -37,13 +38,13 @@ TEST(DryFriction, ASwingEndsWhereTheSpringNoLongerBreaksItAway) {
     EXPECT_NEAR(stays, 1.0 - 6 * 2.0 * F / k, near) << method;
     EXPECT_EQ(sim.state().marks[0], 1.0) << method;
     sim.run(8.0 * half);
-    EXPECT_EQ(sim.state().q[0], stays);
-    EXPECT_EQ(sim.state().v[0], 0.0);
+    EXPECT_NEAR(sim.state().q[0], stays, rests);
+    EXPECT_NEAR(sim.state().v[0], 0.0, rests) << method;
     EXPECT_EQ(sim.vdot()[0], 0.0);
     EXPECT_TRUE(sim.ledger().pass) << sim.ledger().energy_relative << " of " << sim.ledger().energy_limit;
     // a force that is too small, then one that is not
     sim.set_force(0, breakaway - k * -stays - 1e-9), sim.run(9.0 * half);
-    EXPECT_EQ(sim.state().v[0], 0.0);
+    EXPECT_NEAR(sim.state().v[0], 0.0, rests) << method;
     sim.set_force(0, breakaway + k * stays + 1e-9), sim.run(9.0 * half + 0.05);
     EXPECT_GT(sim.state().v[0], 0.0);
   }

@@ -47,6 +47,26 @@ inline OdeProblem exp_sin(double absolute = 1e-12) {
       absolute);
 }
 
+/// y2' is 3e7 times faster than the solution; reference: Mazzia, Magherini 2008, Test Set for IVP Solvers, problem ROBER.
+inline void expect_robertsons_kinetics(const IntegratorOptions& options, long most_steps) {
+  OdeProblem p = problem(3, [](double, const double* x, double* xdot) {
+    const double slow = 0.04 * x[0], middle = 1e4 * x[1] * x[2], fast = 3e7 * x[1] * x[1];
+    xdot[0] = -slow + middle;
+    xdot[1] = slow - middle - fast;
+    xdot[2] = fast;
+    return true;
+  });
+  p.absolute_tolerance = {1e-14, 1e-20, 1e-14};
+  auto integrator = make_integrator(p, options);
+  Values x = {1.0, 0.0, 0.0};
+  integrator->restart(0.0, x.data());
+  for (double t = 0.0; t < 1e11;) t = integrator->step(1e11, x.data()).t;
+  EXPECT_NEAR(x[0] / 0.2083340149701255e-07, 1.0, 1e-5);
+  EXPECT_NEAR(x[1] / 0.8333360770334713e-13, 1.0, 1e-5);
+  EXPECT_NEAR(x[2], 0.9999999791665050, 1e-10);
+  EXPECT_LT(integrator->statistics().steps, most_steps);
+}
+
 inline IntegratorOptions adaptive(const std::string& method, double relative = 1e-10) {
   IntegratorOptions o;
   o.method = method;
