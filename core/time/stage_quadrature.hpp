@@ -30,6 +30,7 @@ class StageQuadrature {
     std::copy_n(y, n_, sum_.begin());
     std::copy_n(error, n_, error_.begin());
   }
+  void set_sum(const std::vector<double>& y) { sum_ = y; }
   /// Rates where the next step starts, and at the end of the one just done.
   double* start() { return start_.data(); }
   double* end() { return end_.data(); }

@@ -20,6 +20,7 @@
 #include <utility>
 
 #include "core/time/event_finder.hpp"
+#include "core/time/hermite_output.hpp"
 #include "core/time/methods.hpp"
 
 namespace cardan::sundials {
@@ -83,14 +84,13 @@ class Sundials final : public Integrator {
         last_x_(x_),
         last_rate_(x_),
         beside_(x_),
-        begin_rate_(x_),
-        bend_(x_),
-        skew_(x_),
-        third_(x_) {
+        beside_rate_(x_),
+        dense_(x_.size()) {
     x_vector_ = wrap(x_);
     x_out_vector_ = wrap(x_out_);
     weights_vector_ = wrap(weights_);
     errors_vector_ = wrap(errors_);
+    beside_vector_ = wrap(beside_);
     memory_.reset(Api::create(name_, kRates, x_vector_.get(), context_.get()));
     void* m = memory_.get();
     check(Api::set_error_handler(
@@ -268,7 +268,7 @@ class Sundials final : public Integrator {
   void note_stage(double t, const double* x, const double* xdot) {
     const bool first = fresh_ && t == t_;
     if (!first && nonlinear_ && !split_ && !solved_) return;
-    if (first) std::copy_n(xdot, problem_.n, begin_rate_.begin());
+    if (first) std::copy_n(xdot, problem_.n, dense_.begin_rate().begin());
     if (problem_.n_quadrature == 0) return;
     ++integrand_calls_;
     problem_.integrands(t, x, first ? quadrature_.start() : quadrature_.stage(t));
@@ -304,7 +304,7 @@ class Sundials final : public Integrator {
     aside_ = true;
     const bool known = evaluated_;
     centre_ = x_;
-    int flag = evaluate(t_, x_.data(), third_.data());
+    int flag = evaluate(t_, x_.data(), beside_rate_.data());
     evaluated_ = false;
     for (int j = 0; j < problem_.n && flag == 0; ++j) {
       double& x = x_[static_cast<std::size_t>(j)];
@@ -312,7 +312,7 @@ class Sundials final : public Integrator {
       x = here + step;
       flag = evaluate(t_, x_.data(), beside_.data());
       x = here;
-      for (int i = 0; i < n_; ++i) J_(i, j) = (beside_[static_cast<std::size_t>(i)] - third_[static_cast<std::size_t>(i)]) / step;
+      for (int i = 0; i < n_; ++i) J_(i, j) = (beside_[static_cast<std::size_t>(i)] - beside_rate_[static_cast<std::size_t>(i)]) / step;
     }
     if (flag != 0) J_.setZero();
     evaluated_ = known;
@@ -453,7 +453,7 @@ class Sundials final : public Integrator {
            refused_t_ - t_ > 16.0 * eps * std::abs(t_)) {
       rejected_.not_evaluated += refused_;
       next_step_ = 0.5 * (refused_t_ - t_);
-      x_ = begin_;
+      x_ = dense_.begin();
       start_at(t_);
       check(Api::set_stop_time(memory_.get(), t_stop), "SetStopTime");
       flag = Api::step(memory_.get(), t_stop, x_vector_.get(), &t_internal_);
@@ -499,8 +499,7 @@ class Sundials final : public Integrator {
     if constexpr (Api::multistep) {
       quadrature_.begin_stretch(t_);
     } else if (t_ != t_internal_ && problem_.n_quadrature > 0) {
-      const std::vector<double> error = quadrature_.error();
-      quadrature_.set(integrals_inside(t_).data(), error.data());
+      quadrature_.set_sum(integrals_inside(t_));
     }
   }
 
@@ -516,10 +515,8 @@ class Sundials final : public Integrator {
   }
 
   void begin_step() {
-    begin_ = x_;
-    begin_rate_ = last_rate_;
+    dense_.begin(x_, last_rate_);
     part_t_ = std::numeric_limits<double>::quiet_NaN();
-    dense_ = false;
   }
 
   /// A method of one step begins the next one with the rate at the end of this one: that of the integrals is taken with it.
@@ -575,7 +572,7 @@ class Sundials final : public Integrator {
       Api::stage_time(memory, &t);
       for (std::size_t i = 0; i < me->x_.size(); ++i) me->beside_[i] = N_VGetArrayPointer(x)[i] + N_VGetArrayPointer(correction)[i];
       me->solved_ = true;
-      const int refused = me->evaluate(t, me->beside_.data(), me->third_.data());
+      const int refused = me->evaluate(t, me->beside_.data(), me->beside_rate_.data());
       me->solved_ = false;
       return refused;
     }
@@ -638,7 +635,7 @@ class Sundials final : public Integrator {
       if (thrown_) std::rethrow_exception(std::exchange(thrown_, nullptr));
       if (flag != 0) return false;
       for (std::size_t i = 0; i < x_.size(); ++i) beside_[i] -= last_rate_[i];
-      const bool beyond = h * N_VWrmsNorm(wrap(beside_).get(), weights_vector_.get()) > kStable;
+      const bool beyond = h * N_VWrmsNorm(beside_vector_.get(), weights_vector_.get()) > kStable;
       near_limit_ = std::clamp(near_limit_ + (beyond ? 1 : -1), 0, 2 * kLooks);
       return near_limit_ >= kLooks;
     }
@@ -673,47 +670,28 @@ class Sundials final : public Integrator {
     return x_out_.data();
   }
 
-  /// x_out_ at t inside the last step of a method of one step: Hermite's polynomial of degree 5 through states and rates at the ends and
-  /// the rates at a third and two thirds of it, which are found by those of degree 3 and 4; that of degree 3 where f cannot be evaluated
-  /// there.
+  /// x_out_ at t inside the last step of a method of one step.
   void inside(double t) {
     double h = 0.0;
     Api::last_step(memory_.get(), &h);
-    if (!dense_) {
-      dense_ = true;
-      std::fill(bend_.begin(), bend_.end(), 0.0), std::fill(skew_.begin(), skew_.end(), 0.0);
-      const auto beyond_cubic = [&](double s, std::vector<double>& d, double* rates) {  // of its slope
-        hermite(s, h);
-        if (problem_.project) problem_.project(t_internal_ + (s - 1.0) * h, x_out_.data());
-        if (evaluate(t_internal_ + (s - 1.0) * h, x_out_.data(), d.data()) != 0) return false;
-        if (problem_.n_quadrature > 0) ++integrand_calls_, problem_.integrands(t_internal_ + (s - 1.0) * h, x_out_.data(), rates);
-        for (std::size_t i = 0; i < d.size(); ++i)
-          d[i] = h * d[i] - 6.0 * s * (1.0 - s) * (x_[i] - begin_[i]) -
-                 h * ((1.0 - s) * (1.0 - 3.0 * s) * begin_rate_[i] + s * (3.0 * s - 2.0) * last_rate_[i]);
-        return true;
-      };
+    if (!dense_.known()) {
       quadrature_.guess_inside();
       aside_ = true;
       const bool known = std::exchange(evaluated_, false);
-      if (beyond_cubic(2.0 / 3.0, beside_, quadrature_.two_thirds())) {
-        for (std::size_t i = 0; i < bend_.size(); ++i) bend_[i] = -27.0 / 4.0 * beside_[i];
-        if (beyond_cubic(1.0 / 3.0, third_, quadrature_.third()) && beyond_cubic(2.0 / 3.0, beside_, quadrature_.two_thirds()))
-          for (std::size_t i = 0; i < bend_.size(); ++i) {
-            skew_[i] = 81.0 / 4.0 * (third_[i] + beside_[i]);
-            bend_[i] = 27.0 / 4.0 * third_[i] - 2.0 / 3.0 * skew_[i];
-          }
-      }
+      dense_.end(x_, last_rate_, h, [&](double s, double* x, double* xdot) {
+        const double at = t_internal_ + (s - 1.0) * h;
+        if (problem_.project) problem_.project(at, x);
+        if (evaluate(at, x, xdot) != 0) return false;
+        if (problem_.n_quadrature == 0) return true;
+        ++integrand_calls_;
+        problem_.integrands(at, x, s < 0.5 ? quadrature_.third() : quadrature_.two_thirds());
+        return true;
+      });
       aside_ = false;
       evaluated_ = known;
       if (thrown_) std::rethrow_exception(std::exchange(thrown_, nullptr));
     }
-    hermite(1.0 + (t - t_internal_) / h, h);
-  }
-  void hermite(double s, double h) {
-    const double w = s * s * (1.0 - s) * (1.0 - s);
-    for (std::size_t i = 0; i < x_.size(); ++i)
-      x_out_[i] = begin_[i] + s * s * (3.0 - 2.0 * s) * (x_[i] - begin_[i]) +
-                  h * s * (1.0 - s) * ((1.0 - s) * begin_rate_[i] - s * last_rate_[i]) + w * (bend_[i] + s * skew_[i]);
+    dense_.at(1.0 + (t - t_internal_) / h, x_out_.data());
   }
 
   struct LinearCounts {
@@ -742,7 +720,7 @@ class Sundials final : public Integrator {
   std::vector<double> group_weights_;                         // empty: one group
   double relative_ = 0.0;
   std::vector<double> weights_, errors_;  // of the last step, as they have them
-  Vector x_vector_, x_out_vector_, weights_vector_, errors_vector_;
+  Vector x_vector_, x_out_vector_, weights_vector_, errors_vector_, beside_vector_;
   Owned<SUNMatrix, SUNMatDestroy> matrix_;
   Owned<SUNLinearSolver, SUNLinSolFree> linear_;
   Owned<SUNNonlinearSolver, SUNNonlinSolFree> nonlinear_;
@@ -762,21 +740,20 @@ class Sundials final : public Integrator {
   Eigen::MatrixXd J_;
   Eigen::VectorXd from_centre_, linear_part_;
   std::vector<double> centre_;
-  static constexpr int kLinear = 50;                 // steps after which they are taken anew
-  int since_linear_ = -1;                            // steps; -1: they are too old
-  double correction_ = 0.0;                          // of Newton's last iteration, in the norm of the error test
-  bool solved_ = false;                              // f is evaluated where the equations of a stage are solved
-  bool aside_ = false;                               // f is evaluated for something else than a stage
-  bool fresh_ = true;                                // the rates at the start of the step are not known yet
-  bool evaluated_ = false;                           // f at last_x_ is last_rate_
-  std::vector<double> last_x_, last_rate_, beside_;  // the end of the last step; scratch
-  double last_t_ = 0.0;                              // [s] of last_x_
-  double initial_step_ = 0.0, next_step_ = 0.0;      // [s] 0: theirs to choose
-  double refused_t_ = 0.0;                           // [s] of the last of these
-  std::vector<double> begin_, begin_rate_;           // of the step
-  std::vector<double> bend_, skew_, third_;          // of its dense output; scratch
-  bool dense_ = false;                               // they are known
-  long refused_ = 0, failures_ = 0;                  // since the last start: evaluations; trials whose error was too large
+  static constexpr int kLinear = 50;             // steps after which they are taken anew
+  int since_linear_ = -1;                        // steps; -1: they are too old
+  double correction_ = 0.0;                      // of Newton's last iteration, in the norm of the error test
+  bool solved_ = false;                          // f is evaluated where the equations of a stage are solved
+  bool aside_ = false;                           // f is evaluated for something else than a stage
+  bool fresh_ = true;                            // the rates at the start of the step are not known yet
+  bool evaluated_ = false;                       // f at last_x_ is last_rate_
+  std::vector<double> last_x_, last_rate_;       // the end of the last step
+  std::vector<double> beside_, beside_rate_;     // scratch
+  HermiteOutput dense_;                          // of a method of one step
+  double last_t_ = 0.0;                          // [s] of last_x_
+  double initial_step_ = 0.0, next_step_ = 0.0;  // [s] 0: theirs to choose
+  double refused_t_ = 0.0;                       // [s] of the last of these
+  long refused_ = 0, failures_ = 0;              // since the last start: evaluations; trials whose error was too large
   long unconverged_ = 0, integrand_calls_ = 0;
   long steps_ = 0, rhs_calls_ = 0, restarts_ = 0, setups_ = 0;
   Rejections rejected_;
