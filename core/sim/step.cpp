@@ -92,7 +92,7 @@ void Simulation::step(double t_stop) {
   }
   // v' of a prescribed motion jumps at a corner; the history of a multi-step method is not on closed loops.
   if (report.t == corner) start_anew_for(RestartCause::corner);
-  if (drifted_ && (integrator_->name().starts_with("cvode") || integrator_->name().starts_with("ark"))) start_anew_for(RestartCause::loops);
+  if (drifted_ && integrator_->keeps_unprojected()) start_anew_for(RestartCause::loops);
 }
 
 // x' = [ N(q) v ; v' ; z' ],  v' = M^-1 (tau + springs + devices - C + gravity + wrenches) by the articulated sweeps.

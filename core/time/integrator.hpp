@@ -172,6 +172,8 @@ class Integrator {
   /// The state whose error was the largest part of that of the last step, or of a trial that shortened it or was the end of it, in the norm
   /// that chose its length; -1: there was none.
   virtual int worst() const { return -1; }
+  /// Whether what it keeps of the past, its own state too, is as it was computed: projected copies alone leave it.
+  virtual bool keeps_unprojected() const { return false; }
   virtual std::string_view name() const = 0;  // recorded in the result
 };
 

@@ -1,7 +1,6 @@
 #pragma once
 // Integrals of rates by the weights of a Runge-Kutta method whose stages another program asks for: of evaluations at one time in a row the
-// last counts (Newton's iterations), of those before the end of a step as many as the method has stages. docs/mathematics/integration.md,
-// "Integrals".
+// last counts, of those before the end of a step as many as the method has stages. docs/mathematics/integration.md, "Integrals".
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -1,7 +1,7 @@
 #pragma once
 // CVODES and ARKODE of SUNDIALS as integrators: what they have in common is almost everything. `Api` names the functions of one of them.
-// One internal step per call; events and dense output from its interpolation; Newton's equations with a dense matrix by differences, or
-// matrix-free by preconditioned GMRES (Saad & Schultz 1986).
+// One internal step per call; dense output, of which events are found, from the interpolation of CVODES or of our own; Newton's equations
+// with a dense matrix by differences, or matrix-free by preconditioned GMRES (Saad & Schultz 1986).
 #include <fmt/format.h>
 #include <nvector/nvector_serial.h>
 #include <sunlinsol/sunlinsol_dense.h>
@@ -211,6 +211,7 @@ class Sundials final : public Integrator {
   }
 
   int worst() const override { return worst_; }
+  bool keeps_unprojected() const override { return true; }
 
   std::string_view name() const override { return name_; }
 
@@ -229,7 +230,7 @@ class Sundials final : public Integrator {
     krylov_ = true;
   }
 
-  // --- what they call: no exception may pass through its frames -------------------------------------------------
+  // --- what they call: no exception may pass through their frames -------------------------------------------------
 
   int evaluate(double t, const double* x, double* xdot) noexcept {
     constexpr int recoverable = 1, fatal = -1;
@@ -529,8 +530,7 @@ class Sundials final : public Integrator {
     last_t_ = t_internal_;
     fresh_ = !evaluated_;
     if (problem_.n_quadrature == 0) return;
-    ++integrand_calls_;
-    problem_.integrands(t_internal_, x_.data(), quadrature_.end());
+    if (evaluated_) ++integrand_calls_, problem_.integrands(t_internal_, x_.data(), quadrature_.end());
     quadrature_.step(t_internal_ - t_);
   }
 
@@ -724,7 +724,7 @@ class Sundials final : public Integrator {
   Owned<SUNMatrix, SUNMatDestroy> matrix_;
   Owned<SUNLinearSolver, SUNLinSolFree> linear_;
   Owned<SUNNonlinearSolver, SUNNonlinSolFree> nonlinear_;
-  decltype(std::declval<SUNNonlinearSolver>()->ops->solve) solve_ = nullptr;  // as CVODES has it
+  decltype(std::declval<SUNNonlinearSolver>()->ops->solve) solve_ = nullptr;  // as they have it
   std::unique_ptr<void, Freed<&Api::free>> memory_;
   double t_ = 0.0, t_internal_ = 0.0;  // [s] reported to the caller; reached by them, >= t_
   bool krylov_ = false, explicit_ = false;
