@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 #include <sched.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <fstream>
@@ -14,6 +13,7 @@
 #include <nlohmann/json.hpp>
 
 #include "bench/bench_model.hpp"
+#include "bench/command_line.hpp"
 #include "bench/exact.hpp"
 #include "bench/step_overhead.hpp"
 #include "bench/time_ring.hpp"
@@ -133,19 +133,15 @@ void bench_model(const BenchModel& bm, const Registry& registry, double seconds,
 }
 
 int run(int argc, char** argv) {
-  CLI::App app("Times the sweeps and measures their error.");
+  CommandLine line("Times the sweeps and measures their error.");
   std::string models = CARDAN_SOURCE_DIR "/tests/reference/bench", out, only, truth;
   double seconds = 0.3;
-  app.add_option("--models", models, "folder of models in the schema cardan-bench/1, or one of them");
-  app.add_option("--out", out, "write the rows as JSON");
-  app.add_option("--seconds", seconds, "time spent on each figure");
-  app.add_option("--only", only, "models whose name contains this");
-  app.add_option("--exact", truth, "only write the results in 113 bits, DIR/<model>.json");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  }
+  line.option("--models", models, "folder of models in the schema cardan-bench/1, or one of them");
+  line.option("--out", out, "write the rows as JSON");
+  line.option("--seconds", seconds, "time spent on each figure");
+  line.option("--only", only, "models whose name contains this");
+  line.option("--exact", truth, "only write the results in 113 bits, DIR/<model>.json");
+  if (const auto code = line.parse(argc, argv)) return *code;
   cpu_set_t one;
   CPU_ZERO(&one);
   CPU_SET(sched_getcpu(), &one);

@@ -4,9 +4,8 @@
 // how the same is solved (error of v' against the dense twin in 113 bits where devices act).
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
-
 #include "bench/bench_model.hpp"
+#include "bench/command_line.hpp"
 #include "bench/time_ring.hpp"
 #include "bodies/register.hpp"
 #include "core/abi/device_family.hpp"
@@ -198,12 +197,12 @@ int run(double seconds, const std::string& plugin) {
 }  // namespace cardan::bench
 
 int main(int argc, char** argv) {
-  CLI::App app("What devices cost in a right-hand side.");
+  cardan::bench::CommandLine line("What devices cost in a right-hand side.");
   double seconds = 0.2;
   std::string plugin;
-  app.add_option("--seconds", seconds, "time spent on each figure");
-  app.add_option("--plugin", plugin, "a plugin with twins of built-in devices: tests/plugins/twins");
-  CLI11_PARSE(app, argc, argv);
+  line.option("--seconds", seconds, "time spent on each figure");
+  line.option("--plugin", plugin, "a plugin with twins of built-in devices: tests/plugins/twins");
+  if (const auto code = line.parse(argc, argv)) return *code;
   try {
     return cardan::bench::run(seconds, plugin);
   } catch (const std::exception& e) {

@@ -2,12 +2,12 @@
 // bodies, with the momentum that is lost.
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <Eigen/Geometry>
 #include <functional>
 #include <utility>
 
 #include "bench/bench_model.hpp"
+#include "bench/command_line.hpp"
 #include "bench/time_ring.hpp"
 #include "bodies/register.hpp"
 #include "core/sim/rejoin.hpp"
@@ -90,9 +90,9 @@ void measure(int n, double seconds, const Registry& registry) {
 
 int main(int argc, char** argv) {
   double seconds = 0.3;
-  CLI::App app{"Bodies that part and join: time and momentum"};
-  app.add_option("--seconds", seconds, "for each figure");
-  CLI11_PARSE(app, argc, argv);
+  cardan::bench::CommandLine line("Bodies that part and join: time and momentum");
+  line.option("--seconds", seconds, "for each figure");
+  if (const auto code = line.parse(argc, argv)) return *code;
   cardan::Registry registry;
   cardan::register_hinges(registry);
   cardan::register_bodies(registry);

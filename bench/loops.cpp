@@ -2,9 +2,9 @@
 // with 1 where an error exceeds what the tests allow.
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <cmath>
 
+#include "bench/command_line.hpp"
 #include "bench/time_ring.hpp"
 #include "bodies/register.hpp"
 #include "core/dynamics/forward.hpp"
@@ -81,11 +81,11 @@ int run(const std::string& only, double seconds) {
 }  // namespace cardan::bench
 
 int main(int argc, char** argv) {
-  CLI::App app("accelerations of mechanisms with closed loops");
+  cardan::bench::CommandLine line("accelerations of mechanisms with closed loops");
   std::string only;
   double seconds = 0.05;
-  app.add_option("--only", only, "mechanisms whose name contains this");
-  app.add_option("--seconds", seconds, "for each figure");
-  CLI11_PARSE(app, argc, argv);
+  line.option("--only", only, "mechanisms whose name contains this");
+  line.option("--seconds", seconds, "for each figure");
+  if (const auto code = line.parse(argc, argv)) return *code;
   return cardan::bench::run(only, seconds);
 }

@@ -2,11 +2,11 @@
 // bodies, N = 10 ... 3000, and the exponent of its growth from 100 on: the instructions of what is O(N) must show 1.1 at most.
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <cmath>
 #include <functional>
 
 #include "bench/bench_model.hpp"
+#include "bench/command_line.hpp"
 #include "bench/operation_count.hpp"
 #include "bench/time_ring.hpp"
 #include "bodies/register.hpp"
@@ -187,13 +187,13 @@ int main(int argc, char** argv) {
   std::string only, dumps;
   int largest = 3000;
   bool count = false;
-  CLI::App app{"Growth of the operator methods with the number of bodies"};
-  app.add_option("--seconds", seconds, "time for each figure");
-  app.add_flag("--count", count, "count instructions (by Valgrind) instead; exit code 77 where there is none");
-  app.add_option("--only", only, "methods whose name contains this");
-  app.add_option("--largest", largest, "largest number of bodies");
-  app.add_option("--dumps", dumps)->group("");  // of the run inside of Valgrind
-  CLI11_PARSE(app, argc, argv);
+  CommandLine line("Growth of the operator methods with the number of bodies");
+  line.option("--seconds", seconds, "time for each figure");
+  line.option("--count", count, "count instructions (by Valgrind) instead; exit code 77 where there is none");
+  line.option("--only", only, "methods whose name contains this");
+  line.option("--largest", largest, "largest number of bodies");
+  line.option("--dumps", dumps);  // of the run inside of Valgrind
+  if (const auto code = line.parse(argc, argv)) return *code;
   int bad = 0;
   if (!dumps.empty()) {
     OperationCount counted(dumps);

@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 #include <sched.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -20,6 +19,7 @@
 #include <string_view>
 #include <tuple>
 
+#include "bench/command_line.hpp"
 #include "bench/pairs.hpp"
 
 namespace cardan::bench {
@@ -407,22 +407,18 @@ int against(const fs::path& before, const std::vector<std::array<std::string, 2>
 }
 
 int run(int argc, char** argv) {
-  CLI::App app("Compares Cardan with the peers that are built.");
+  CommandLine line("Compares Cardan with the peers that are built.");
   std::string models = CARDAN_SOURCE_DIR "/tests/reference/bench", only, out = "bench.json", table = "bench.md", before;
   int rounds = 5;
   double seconds = 0.1;
-  app.add_option("--models", models, "folder of models in the schema cardan-bench/1");
-  app.add_option("--only", only, "models whose name contains this");
-  app.add_option("--rounds", rounds, "how often all programs run in turn")->check(CLI::PositiveNumber);
-  app.add_option("--seconds", seconds, "time spent on each figure and round");
-  app.add_option("--out", out, "the rows");
-  app.add_option("--table", table, "the same for reading");
-  app.add_option("--against", before, "folder of another build: its cardan-bench and ours in turn, ends with 1 where ours is slower");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  }
+  line.option("--models", models, "folder of models in the schema cardan-bench/1");
+  line.option("--only", only, "models whose name contains this");
+  line.option("--rounds", rounds, "how often all programs run in turn");
+  line.option("--seconds", seconds, "time spent on each figure and round");
+  line.option("--out", out, "the rows");
+  line.option("--table", table, "the same for reading");
+  line.option("--against", before, "folder of another build: its cardan-bench and ours in turn, ends with 1 where ours is slower");
+  if (const auto code = line.parse(argc, argv)) return *code;
   cpu_set_t one;  // the programs inherit it
   CPU_ZERO(&one);
   CPU_SET(sched_getcpu(), &one);

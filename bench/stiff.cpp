@@ -3,11 +3,11 @@
 // tolerance.
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <cmath>
 #include <ctime>
 
 #include "bench/bench_model.hpp"
+#include "bench/command_line.hpp"
 #include "bodies/register.hpp"
 #include "core/sim/simulation.hpp"
 #include "hinges/register.hpp"
@@ -97,13 +97,13 @@ int main(int argc, char** argv) {
   int repeats = 1, largest = 1000;
   std::string only;
   bool no_reference = false;
-  CLI::App app{"Stiff chains of flexible bodies: BDF, dense and Krylov"};
-  app.add_option("--relative", relative, "relative tolerance of BDF");
-  app.add_option("--duration", t_end, "simulated time [s]");
-  app.add_option("--repeats", repeats, "runs of each; the fastest counts");
-  app.add_option("--largest", largest, "largest number of states");
-  app.add_option("--only", only, "dense or krylov");
-  app.add_flag("--no-reference", no_reference, "leave dopri5 and the errors out");
-  CLI11_PARSE(app, argc, argv);
+  cardan::bench::CommandLine line("Stiff chains of flexible bodies: BDF, dense and Krylov");
+  line.option("--relative", relative, "relative tolerance of BDF");
+  line.option("--duration", t_end, "simulated time [s]");
+  line.option("--repeats", repeats, "runs of each; the fastest counts");
+  line.option("--largest", largest, "largest number of states");
+  line.option("--only", only, "dense or krylov");
+  line.option("--no-reference", no_reference, "leave dopri5 and the errors out");
+  if (const auto code = line.parse(argc, argv)) return *code;
   return cardan::bench::compare(relative, t_end, repeats, largest, only, !no_reference);
 }

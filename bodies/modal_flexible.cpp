@@ -14,8 +14,8 @@
 #include "core/base/clones.hpp"
 #include "core/spatial/rotation.hpp"
 
-// mass and bias are compiled for three instruction sets and the best is taken at load. Without fused multiplications
-// (-ffp-contract=off) all give the same bits.
+// mass and bias are compiled for three instruction sets and the best is taken at load; many states at once for the set whose registers hold
+// them. Without fused multiplications (-ffp-contract=off) all give the same bits.
 #define CARDAN_KERNEL_CLONES CARDAN_CLONES("default", "arch=x86-64-v3", "arch=x86-64-v4")
 #define CARDAN_INTO_CLONES __attribute__((always_inline)) inline
 
@@ -24,6 +24,13 @@ namespace {
 
 using V3 = Vec3<double>;
 using M3 = Mat3<double>;
+
+// N numbers side by side, of as many states: what follows is written for a number T, double or these. `a - T{}` is the double a in each
+// state. No function takes or returns a T, which calls would hand over in other ways on each instruction set.
+template <int N>
+struct SideBySide {
+  using type [[gnu::vector_size(8 * N)]] = double;
+};
 
 constexpr std::uint32_t kMaxNodalModes = 128;  // of the nodal form, whose work stands on the stack: a step allocates nothing
 constexpr std::uint32_t kBlock = 32;           // modes whose sums over the other modes are formed together
@@ -267,14 +274,15 @@ void facts(const void* packed, cardan_body_facts* f) {
   f->m_ee_constant = !p.nodal && p.rank == 0;
   f->m_re_constant = p.level == 0;
   f->j_constant = p.level == 0;
+  f->states = !p.nodal;
 }
 
 // y += sum_l x_l a_l, vectors of length n that stand `stride` apart.
-CARDAN_INTO_CLONES void add_combination(const double* a, std::uint32_t stride, const double* x, std::uint32_t m, std::uint32_t n,
-                                        double* __restrict y) {
+template <class A, class T>
+CARDAN_INTO_CLONES void add_combination(const A* a, std::uint32_t stride, const T* x, std::uint32_t m, std::uint32_t n, T* __restrict y) {
   std::uint32_t l = 0;
   for (; l + 4 <= m; l += 4) {
-    const double *a0 = a + l * stride, *a1 = a0 + stride, *a2 = a1 + stride, *a3 = a2 + stride;
+    const A *a0 = a + l * stride, *a1 = a0 + stride, *a2 = a1 + stride, *a3 = a2 + stride;
     for (std::uint32_t i = 0; i < n; ++i) y[i] += (x[l] * a0[i] + x[l + 1] * a1[i]) + (x[l + 2] * a2[i] + x[l + 3] * a3[i]);
   }
   for (; l < m; ++l)
@@ -282,19 +290,19 @@ CARDAN_INTO_CLONES void add_combination(const double* a, std::uint32_t stride, c
 }
 
 // y_i = sum_l x_l W_l,k+i, n of them; `at`: of W or of Z.
-CARDAN_INTO_CLONES void couplings(const Packed& p, std::uint32_t at, const double* x, std::uint32_t k, std::uint32_t n,
-                                  double* __restrict y) {
+template <class T>
+CARDAN_INTO_CLONES void couplings(const Packed& p, std::uint32_t at, const T* x, std::uint32_t k, std::uint32_t n, T* __restrict y) {
   const double* a = p.at(at);
   if (!p.sparse) {
-    std::fill(y, y + 3 * n, 0.0);
+    std::fill(y, y + 3 * n, T{});
     return add_combination(a + 3 * k, 3 * p.m, x, p.m, 3 * n, y);
   }
   const std::uint32_t *begin = p.whole(p.begin) + k, *of = p.whole(p.of);
   for (std::uint32_t i = 0; i < n; ++i, y += 3) {
-    double s[3] = {}, t[3] = {};
+    T s[3] = {}, t[3] = {};
     std::uint32_t e = begin[i];
     for (; e + 2 <= begin[i + 1]; e += 2) {
-      const double u = x[of[e]], v = x[of[e + 1]];
+      const T u = x[of[e]], v = x[of[e + 1]];
       s[0] += u * a[3 * e], s[1] += u * a[3 * e + 1], s[2] += u * a[3 * e + 2];
       t[0] += v * a[3 * e + 3], t[1] += v * a[3 * e + 4], t[2] += v * a[3 * e + 5];
     }
@@ -305,8 +313,9 @@ CARDAN_INTO_CLONES void couplings(const Packed& p, std::uint32_t at, const doubl
 }
 
 // sum_l x_l a_l of six numbers each, added to `out`.
-CARDAN_INTO_CLONES void add_six(const double* a, const double* x, std::uint32_t m, double* out) {
-  double s[6] = {}, t[6] = {};
+template <class T>
+CARDAN_INTO_CLONES void add_six(const double* a, const T* x, std::uint32_t m, T* out) {
+  T s[6] = {}, t[6] = {};
   std::uint32_t l = 0;
   for (; l + 2 <= m; l += 2, a += 12) {
     for (int i = 0; i < 6; ++i) s[i] += x[l] * a[i];
@@ -317,8 +326,9 @@ CARDAN_INTO_CLONES void add_six(const double* a, const double* x, std::uint32_t 
 }
 
 // The same with two sets of factors.
-CARDAN_INTO_CLONES void add_six(const double* a, const double* x, const double* y, std::uint32_t m, double* out_x, double* out_y) {
-  double s[6] = {}, t[6] = {};
+template <class T>
+CARDAN_INTO_CLONES void add_six(const double* a, const T* x, const T* y, std::uint32_t m, T* out_x, T* out_y) {
+  T s[6] = {}, t[6] = {};
   for (std::uint32_t l = 0; l < m; ++l)
     for (int i = 0; i < 6; ++i) {
       s[i] += x[l] * a[6 * l + i];
@@ -327,18 +337,27 @@ CARDAN_INTO_CLONES void add_six(const double* a, const double* x, const double* 
   for (int i = 0; i < 6; ++i) out_x[i] += s[i], out_y[i] += t[i];
 }
 
+// y += scale a* b.
+template <class A, class T>
+CARDAN_INTO_CLONES void add_dot(const A* a, const T* b, std::uint32_t n, double scale, T& y) {
+  T sum{};
+  for (std::uint32_t i = 0; i < n; ++i) sum += a[i] * b[i];
+  y += scale * sum;
+}
 CARDAN_INTO_CLONES double dot(const double* a, const double* b, std::uint32_t n) {
   double sum = 0.0;
-  for (std::uint32_t i = 0; i < n; ++i) sum += a[i] * b[i];
+  add_dot(a, b, n, 1.0, sum);
   return sum;
 }
 
-CARDAN_INTO_CLONES V3 times(const double* s, const V3& a) {
+template <class T>
+CARDAN_INTO_CLONES Vec3<T> times(const T* s, const Vec3<T>& a) {
   return {s[0] * a.x + s[3] * a.y + s[4] * a.z, s[3] * a.x + s[1] * a.y + s[5] * a.z, s[4] * a.x + s[5] * a.y + s[2] * a.z};
 }
 
-CARDAN_INTO_CLONES void write_rr(double m, const V3& mc, const double* J, double* M_rr) {
-  M_rr[0] = m, M_rr[1] = mc.x, M_rr[2] = mc.y, M_rr[3] = mc.z;
+template <class T>
+CARDAN_INTO_CLONES void write_rr(double m, const Vec3<T>& mc, const T* J, T* M_rr) {
+  M_rr[0] = m - T{}, M_rr[1] = mc.x, M_rr[2] = mc.y, M_rr[3] = mc.z;
   std::copy(J, J + 6, M_rr + 4);
 }
 
@@ -452,10 +471,11 @@ void nodal_bias(const Packed& p, const double* eta, const double* rate, const V3
 }
 
 // Of n modes from k on: second[r][i] = number r of sum_l eta_l d2J_k+i,l.
-CARDAN_INTO_CLONES void second_slopes(const Packed& p, const double* eta, std::uint32_t k, std::uint32_t n, double (&second)[6][kBlock]) {
+template <class T>
+CARDAN_INTO_CLONES void second_slopes(const Packed& p, const T* eta, std::uint32_t k, std::uint32_t n, T (&second)[6][kBlock]) {
   const std::uint32_t *begin = p.whole(p.begin) + k, *of = p.whole(p.of);
   for (std::uint32_t i = 0; i < n; ++i) {
-    double sum[6] = {};
+    T sum[6] = {};
     if (!p.sparse) add_six(p.at(p.d2J[0]) + 6 * p.m * (k + i), eta, p.m, sum);
     for (std::uint32_t e = p.sparse ? begin[i] : 0; p.sparse && e < begin[i + 1]; ++e) {
       const double* a = p.at(p.d2J_entries) + 6 * e;
@@ -467,46 +487,47 @@ CARDAN_INTO_CLONES void second_slopes(const Packed& p, const double* eta, std::u
     if (p.sparse && (p.sparse >> (3 + r) & 1u) == 0) add_combination(p.at(p.d2J[r]) + k, p.m, eta, p.m, n, second[r]);
 }
 
-CARDAN_KERNEL_CLONES void mass(const void* packed, const double* eta, double* M_rr, double* M_re, double* M_ee) {
-  const Packed& p = self(packed);
-  if (p.nodal) return nodal_mass(p, eta, M_rr, M_re, M_ee);
+template <class T>
+CARDAN_INTO_CLONES void polynomial_mass(const Packed& p, const T* eta, T* M_rr, T* M_re, T* M_ee) {
   const std::uint32_t m = p.m;
   const double* re = p.at(p.M_re);
   if (M_rr) {
-    double first[6] = {}, J[6];
+    T first[6] = {}, J[6];
     add_six(re, eta, m, first);
-    std::copy(p.at(p.J), p.at(p.J) + 6, J);
+    for (int i = 0; i < 6; ++i) J[i] = p.at(p.J)[i] - T{};
     if (p.level >= 1) add_six(p.at(p.dJ), eta, m, J);
     // 1/2 sum_kl eta_k eta_l d2J_kl
     for (std::uint32_t k = 0; p.level == 2 && !p.sparse && k < m; ++k) {
-      double d[6] = {};
+      T d[6] = {};
       const double* d2J = p.at(p.d2J[0]) + 6 * (m * k + k);
       add_six(d2J + 6, eta + k + 1, m - k - 1, d);
       for (int i = 0; i < 6; ++i) J[i] += eta[k] * (d[i] + 0.5 * eta[k] * d2J[i]);
     }
     for (std::uint32_t k = 0; p.level == 2 && p.sparse && k < m; k += kBlock) {
       const std::uint32_t n = std::min(kBlock, m - k);
-      double second[6][kBlock];
+      T second[6][kBlock];
       second_slopes(p, eta, k, n, second);
-      for (std::uint32_t r = 0; r < 6; ++r) J[r] += 0.5 * dot(second[r], eta + k, n);
+      for (std::uint32_t r = 0; r < 6; ++r) add_dot(second[r], eta + k, n, 0.5, J[r]);
     }
-    write_rr(p.I1, p.vec(p.I2) + V3{first[3], first[4], first[5]}, J, M_rr);
+    const double* I2 = p.at(p.I2);
+    write_rr(p.I1, Vec3<T>{I2[0] + first[3], I2[1] + first[4], I2[2] + first[5]}, J, M_rr);
   }
   if (M_re) {
-    std::copy(re, re + 6 * m, M_re);
+    for (std::uint32_t i = 0; i < 6 * m; ++i) M_re[i] = re[i] - T{};
     if (p.level >= 1)
       for (std::uint32_t k = 0; k < m; k += kBlock) {
         const std::uint32_t n = std::min(kBlock, m - k);
-        double we[3 * kBlock];
+        T we[3 * kBlock];
         couplings(p, p.W, eta, k, n, we);
         for (std::uint32_t i = 0; i < n; ++i)
           for (std::uint32_t r = 0; r < 3; ++r) M_re[6 * (k + i) + r] += we[3 * i + r];
       }
   }
   if (M_ee) {
-    std::copy(p.at(p.M_ee), p.at(p.M_ee) + m * m, M_ee);
+    for (std::uint32_t i = 0; i < m * m; ++i) M_ee[i] = p.at(p.M_ee)[i] - T{};
     if (p.rank == 0) return;
-    double factor[kWork] = {};  // sum_i F_ri eta_i
+    T factor[kWork];  // sum_i F_ri eta_i
+    std::fill(factor, factor + p.rank, T{});
     add_combination(p.at(p.F), p.rank, eta, m, p.rank, factor);
     for (std::uint32_t l = 0; l < m; ++l) {
       add_combination(p.at(p.S) + m * p.rank * l + l, m, factor, p.rank, m - l, M_ee + m * l + l);
@@ -517,62 +538,107 @@ CARDAN_KERNEL_CLONES void mass(const void* packed, const double* eta, double* M_
 
 // b_w = w x (M_ww w + M_we eta') + Mdot_ww w + Mdot_we eta';  b_v = w x (w x mc) + 2 w x u;
 // b_e,k = (Mdot_we* w + Mdot_ee eta')_k - 1/2 w* dM_ww,k w - w* dM_we,k eta' - 1/2 eta'* dM_ee,k eta'   (mathematics 3.4)
-CARDAN_KERNEL_CLONES void bias(const void* packed, const double* eta, const double* etadot, const double* omega, double* b) {
-  const Packed& p = self(packed);
-  const V3 w{omega[0], omega[1], omega[2]};
-  if (p.nodal) return nodal_bias(p, eta, etadot, w, b);
+template <class T>
+CARDAN_INTO_CLONES void polynomial_bias(const Packed& p, const T* eta, const T* etadot, const Vec3<T>& w, T* b) {
   const std::uint32_t m = p.m;
-  double first[6] = {}, rates[6] = {};
+  T first[6] = {}, rates[6] = {};
   add_six(p.at(p.M_re), eta, etadot, m, first, rates);
-  const V3 mc = p.vec(p.I2) + V3{first[3], first[4], first[5]}, u{rates[3], rates[4], rates[5]};
-  V3 we{rates[0], rates[1], rates[2]}, we_rate{};  // M_we eta', Mdot_we eta'
-  double J[6], J_rate[6] = {};                     // M_ww, Mdot_ww
-  std::copy(p.at(p.J), p.at(p.J) + 6, J);
-  if (p.level == 0) std::fill(b + 6, b + 6 + m, 0.0);
+  const double* I2 = p.at(p.I2);
+  const Vec3<T> mc{I2[0] + first[3], I2[1] + first[4], I2[2] + first[5]}, u{rates[3], rates[4], rates[5]};
+  Vec3<T> we{rates[0], rates[1], rates[2]}, we_rate{};  // M_we eta', Mdot_we eta'
+  T J[6], J_rate[6] = {};                               // M_ww, Mdot_ww
+  for (int i = 0; i < 6; ++i) J[i] = p.at(p.J)[i] - T{};
+  if (p.level == 0) std::fill(b + 6, b + 6 + m, T{});
   if (p.level >= 1) {
-    const double ww[6] = {w.x * w.x, w.y * w.y, w.z * w.z, 2 * w.x * w.y, 2 * w.x * w.z, 2 * w.y * w.z};
+    const T ww[6] = {w.x * w.x, w.y * w.y, w.z * w.z, 2 * w.x * w.y, 2 * w.x * w.z, 2 * w.y * w.z};
     add_six(p.at(p.dJ), eta, etadot, m, J, J_rate);
     for (std::uint32_t k = 0; k < m; k += kBlock) {
       const std::uint32_t n = std::min(kBlock, m - k);
-      double B[3 * kBlock], Z[3 * kBlock];  // sum_l eta'_l W_lk, sum_l eta'_l (W_lk - W_kl)
+      T B[3 * kBlock], Z[3 * kBlock];  // sum_l eta'_l W_lk, sum_l eta'_l (W_lk - W_kl)
       couplings(p, p.W, etadot, k, n, B);
       if (p.coupled) couplings(p, p.Z, etadot, k, n, Z);
-      double second[6][kBlock];
+      T second[6][kBlock];
       if (p.level == 2) second_slopes(p, eta, k, n, second);
       for (std::uint32_t i = 0; i < n; ++i) {
         const std::uint32_t mode = k + i;
-        const V3 column{B[3 * i], B[3 * i + 1], B[3 * i + 2]};
-        const V3 turn = p.coupled ? V3{Z[3 * i], Z[3 * i + 1], Z[3 * i + 2]} : 2.0 * column;  // I5_lk = -I5_kl
+        const Vec3<T> column{B[3 * i], B[3 * i + 1], B[3 * i + 2]};
+        const Vec3<T> turn = p.coupled ? Vec3<T>{Z[3 * i], Z[3 * i + 1], Z[3 * i + 2]} : column + column;  // I5_lk = -I5_kl
         we_rate += etadot[mode] * column;
         we += eta[mode] * (column - turn);  // sum_l W_kl eta'_l
         const double* d = p.at(p.dJ) + 6 * mode;
-        double slope[6] = {d[0], d[1], d[2], d[3], d[4], d[5]};
+        T slope[6];
+        for (std::uint32_t r = 0; r < 6; ++r) slope[r] = d[r] - T{};
         for (std::uint32_t r = 0; p.level == 2 && r < 6; ++r) {
           J[r] += 0.5 * eta[mode] * second[r][i];
           J_rate[r] += etadot[mode] * second[r][i];
           slope[r] += second[r][i];
         }
-        b[6 + mode] = cardan::dot(w, turn) - 0.5 * ((ww[0] * slope[0] + ww[1] * slope[1] + ww[2] * slope[2]) +
-                                                    (ww[3] * slope[3] + ww[4] * slope[4] + ww[5] * slope[5]));
+        b[6 + mode] = (w.x * turn.x + w.y * turn.y + w.z * turn.z) - 0.5 * ((ww[0] * slope[0] + ww[1] * slope[1] + ww[2] * slope[2]) +
+                                                                            (ww[3] * slope[3] + ww[4] * slope[4] + ww[5] * slope[5]));
       }
     }
     if (p.rank > 0) {  // Mdot_ee eta' - 1/2 eta'* dM_ee eta'
-      double factor[kWork] = {}, half[kWork];
+      T factor[kWork], half[kWork];
+      std::fill(factor, factor + p.rank, T{});
       add_combination(p.at(p.F), p.rank, etadot, m, p.rank, factor);
       const std::uint32_t rows = kWork / m;
       for (std::uint32_t r = 0; r < p.rank; r += rows) {
         const std::uint32_t n = std::min(rows, p.rank - r);
-        double S[kWork];  // S_r eta', n of m
-        std::fill(S, S + n * m, 0.0);
+        T S[kWork];  // S_r eta', n of m
+        std::fill(S, S + n * m, T{});
         add_combination(p.at(p.S) + m * r, m * p.rank, etadot, m, n * m, S);
         add_combination(S, m, factor + r, n, m, b + 6);
-        for (std::uint32_t i = 0; i < n; ++i) half[r + i] = 0.5 * dot(S + m * i, etadot, m);
+        for (std::uint32_t i = 0; i < n; ++i) half[r + i] = T{}, add_dot(S + m * i, etadot, m, 0.5, half[r + i]);
       }
-      for (std::uint32_t k = 0; k < m; ++k) b[6 + k] -= dot(p.at(p.F) + p.rank * k, half, p.rank);
+      for (std::uint32_t k = 0; k < m; ++k) add_dot(p.at(p.F) + p.rank * k, half, p.rank, -1.0, b[6 + k]);
     }
   }
-  const V3 b_w = cross(w, times(J, w) + we) + times(J_rate, w) + we_rate, b_v = cross(w, cross(w, mc) + 2.0 * u);
+  const Vec3<T> b_w = cross(w, times(J, w) + we) + times(J_rate, w) + we_rate, b_v = cross(w, cross(w, mc) + (u + u));
   b[0] = b_w.x, b[1] = b_w.y, b[2] = b_w.z, b[3] = b_v.x, b[4] = b_v.y, b[5] = b_v.z;
+}
+
+CARDAN_KERNEL_CLONES void mass(const void* packed, const double* eta, double* M_rr, double* M_re, double* M_ee) {
+  const Packed& p = self(packed);
+  if (p.nodal) return nodal_mass(p, eta, M_rr, M_re, M_ee);
+  polynomial_mass(p, eta, M_rr, M_re, M_ee);
+}
+
+CARDAN_KERNEL_CLONES void bias(const void* packed, const double* eta, const double* etadot, const double* omega, double* b) {
+  const Packed& p = self(packed);
+  const V3 w{omega[0], omega[1], omega[2]};
+  if (p.nodal) return nodal_bias(p, eta, etadot, w, b);
+  polynomial_bias(p, eta, etadot, w, b);
+}
+
+template <int N>
+CARDAN_INTO_CLONES void both_of(const Packed& p, const double* eta, const double* etadot, const double* omega, double* M_rr, double* M_re,
+                                double* M_ee, double* b) {
+  using T = typename SideBySide<N>::type;
+  const auto in = [](const double* a) __attribute__((always_inline)) { return reinterpret_cast<const T*>(a); };
+  const auto out = [](double* a) __attribute__((always_inline)) { return reinterpret_cast<T*>(a); };
+  polynomial_mass(p, in(eta), out(M_rr), out(M_re), out(M_ee));
+  if (etadot) polynomial_bias(p, in(eta), in(etadot), Vec3<T>{in(omega)[0], in(omega)[1], in(omega)[2]}, out(b));
+}
+#define CARDAN_STATES(N, TARGET)                                                                                                    \
+  TARGET void states_##N(const Packed& p, const double* eta, const double* etadot, const double* omega, double* M_rr, double* M_re, \
+                         double* M_ee, double* b) {                                                                                 \
+    both_of<N>(p, eta, etadot, omega, M_rr, M_re, M_ee, b);                                                                         \
+  }
+#ifdef __x86_64__
+#define CARDAN_TARGET(set) __attribute__((target(set)))
+#else
+#define CARDAN_TARGET(set)
+#endif
+CARDAN_STATES(2, )
+CARDAN_STATES(4, CARDAN_TARGET("arch=x86-64-v3"))
+CARDAN_STATES(8, CARDAN_TARGET("arch=x86-64-v4"))
+#undef CARDAN_TARGET
+#undef CARDAN_STATES
+
+void states(const void* packed, std::uint32_t n, const double* eta, const double* etadot, const double* omega, double* M_rr, double* M_re,
+            double* M_ee, double* b) {
+  const auto of = n == 2 ? states_2 : n == 4 ? states_4 : states_8;
+  of(self(packed), eta, etadot, omega, M_rr, M_re, M_ee, b);
 }
 
 }  // namespace
@@ -589,6 +655,7 @@ const cardan_body_family& modal_flexible_family() {
     f.facts = facts;
     f.mass = mass;
     f.bias = bias;
+    f.states = states;
     return f;
   }();
   return family;

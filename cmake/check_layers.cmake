@@ -47,7 +47,7 @@ set(layers
   "tests|core bodies hinges plugins scripts bench/pairs.hpp"
   "tests/abi/|core cardan_abi.h tests/support/"
   "bench|core bodies hinges plugins"
-  "bench/loops.cpp|core bodies hinges plugins bench/time_ring.hpp tests/support/bench_loops.hpp"
+  "bench/loops.cpp|core bodies hinges plugins bench/command_line.hpp bench/time_ring.hpp tests/support/bench_loops.hpp"
   "bench/peers|bench/time_ring.hpp")
 
 # Headers of others by the beginning of their name, and where they may be named. The standard library is free.
@@ -70,7 +70,7 @@ set(external
   "lua|scripts/lua/ scripts/mission/ scripts/bindings/ scripts/commands/ tests"
   "lauxlib.h|scripts/lua/ tests"
   "histedit.h|scripts/commands/line_editor.cpp"
-  "CLI/|scripts/commands/ bench"
+  "CLI/|scripts/commands/ bench/command_line.cpp bench/factors.cpp bench/peers"
   "gtest/|tests"
   "dlfcn.h|core/abi/loader.cpp"
   "sched.h|bench"
@@ -88,7 +88,7 @@ set(external
   "pty.h|tests"
   "poll.h|core/base/child_process.cpp scripts/commands/ tests"
   "stddef.h|tests/abi/2.0/"
-  "stdint.h|core/abi/cardan_abi.h tests/abi/2.0/ tests/abi/2.1/ tests/abi/2.2/ tests/abi/2.3/")
+  "stdint.h|core/abi/cardan_abi.h tests/abi/2.0/ tests/abi/2.1/ tests/abi/2.2/ tests/abi/2.3/ tests/abi/2.4/")
 
 # The longest row of `table` whose name begins `path`: its right-hand side in `out`; `found` tells whether there is one.
 function(row_of table path out found)

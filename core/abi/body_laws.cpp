@@ -16,6 +16,15 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
+/// 2, 4 or 8 doubles in a register (core/soa/kernels.cpp).
+Eigen::Index lanes_of_this_processor() {
+#ifdef __x86_64__
+  if (__builtin_cpu_supports("x86-64-v4")) return 8;
+  if (__builtin_cpu_supports("x86-64-v3")) return 4;
+#endif
+  return 2;
+}
+
 Matrix3d tilde(const Vector3d& a) {
   Matrix3d t;
   t << 0, -a.z(), a.y(), a.z(), 0, -a.x(), -a.y(), a.x(), 0;
@@ -162,6 +171,27 @@ class BodyInstance {
     notice(b, "bias");
     return b.vector();
   }
+  /// Each state's mass and bias, a column of `eta` and `etadot` and `omega` each, all at once.
+  std::vector<std::pair<Inertia, VectorXd>> states(const MatrixXd& eta, const MatrixXd& etadot, const MatrixXd& omega) const {
+    before_("states");
+    const auto n = static_cast<std::size_t>(eta.cols());
+    Handed e(m_ * n), ed(m_ * n), w(3 * n), rr(10 * n), re(6 * m_ * n), ee(m_ * m_ * n), b((6 + m_) * n);
+    const auto lay = [n](const MatrixXd& from, Handed& to) {  // number by number, state beside state
+      Eigen::Map<MatrixXd>(to.data(), static_cast<Eigen::Index>(n), from.rows()) = from.transpose();
+    };
+    lay(eta, e), lay(etadot, ed), lay(omega, w);
+    f_.states(packed_.data(), static_cast<std::uint32_t>(n), e.data(), ed.data(), w.data(), rr.data(), re.data(), ee.data(), b.data());
+    for (const Handed* out : {&rr, &re, &ee, &b}) notice(*out, "states");
+    std::vector<std::pair<Inertia, VectorXd>> all;
+    for (std::size_t l = 0; l < n; ++l) {
+      const auto state = [&](const Handed& h) -> VectorXd {
+        const auto numbers = static_cast<Eigen::Index>(h.vector().size()) / eta.cols();
+        return Eigen::Map<const MatrixXd>(h.data(), eta.cols(), numbers).row(static_cast<Eigen::Index>(l));
+      };
+      all.push_back({{state(rr), state(re), state(ee)}, state(b)});
+    }
+    return all;
+  }
   Moved node(std::uint32_t i, const VectorXd& eta, const VectorXd& etadot) const {
     before_("node");
     Handed x(6), S(6 * m_), a(6);
@@ -231,6 +261,7 @@ class BodyLaws {
     found_.list(kWrites, "its mass is given by the host");
     const char* no_fact = f_.mass_source == CARDAN_MASS_MODES ? "no sample declares it" : "it has no modes";
     for (const char* fact : kFacts) found_.list(fact, no_fact);
+    found_.list(kStates, !f_.states ? "it evaluates one state at a time" : "no sample declares it");
     const char* no_curve = f_.mass_source == CARDAN_MASS_MODES ? "its nodes move along constant shapes" : "it has no modes";
     for (const char* of_node : kNode) found_.list(of_node, f_.node ? "no sample came to it" : no_curve);
   }
@@ -245,6 +276,7 @@ class BodyLaws {
  private:
   static constexpr const char* kFacts[] = {"the fact is true: m_ee_constant", "the fact is true: m_re_constant",
                                            "the fact is true: j_constant"};
+  static constexpr const char* kStates = "states gives each state what mass and bias give it";
   static constexpr const char* kNode[] = {"the motion of nodes is finite",
                                           "node is the same again, and in another thread",
                                           "node does not depend on where the packed parameters stand",
@@ -368,10 +400,31 @@ class BodyLaws {
 
     for (std::uint32_t i = 0; f_.node && i < 2; ++i)
       if (!expect_node(body, i, eta, etadot)) return false;
+    if (facts.states && f_.states) expect_states(body, m, size);
     if (facts.m_ee_constant) law(kFacts[0], I.ee == at_rest.ee);
     if (facts.m_re_constant) law(kFacts[1], I.re == at_rest.re);
     if (facts.j_constant) law(kFacts[2], I.rr.tail<6>() == at_rest.rr.tail<6>());
     return true;
+  }
+
+  /// In as many lanes as this processor has.
+  void expect_states(const BodyInstance& body, Eigen::Index m, double size) {
+    for (const Eigen::Index n : {2, 4, 8}) {
+      if (n > lanes_of_this_processor()) return;
+      MatrixXd eta(m, n), etadot(m, n), omega(3, n);
+      for (Eigen::Index l = 0; l < n; ++l) {
+        eta.col(l) = size * random_vector(rng_, m);
+        etadot.col(l) = random_vector(rng_, m);
+        omega.col(l) = random_vector(rng_, 3);
+      }
+      const auto all = body.states(eta, etadot, omega);
+      double apart = 0.0;
+      for (Eigen::Index l = 0; l < n; ++l) {
+        const auto& [I, b] = all[static_cast<std::size_t>(l)];
+        apart += body.mass(eta.col(l)).distance(I) + (body.bias(eta.col(l), etadot.col(l), omega.col(l)) - b).norm();
+      }
+      law(kStates, apart, 0.0);
+    }
   }
 
   bool expect_node(BodyInstance& body, std::uint32_t i, const VectorXd& eta, const VectorXd& etadot) {

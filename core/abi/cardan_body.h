@@ -49,6 +49,7 @@ typedef struct cardan_body_facts {
   /* J does not either. With all three only the mass centre moves, by M_ve eta, and one kinetic energy is left: the host forms mass
    * and bias itself and does not call the family in a step. */
   uint32_t j_constant;
+  uint32_t states; /* `states` of the table may be called for this body (2.4) */
 } cardan_body_facts;
 
 /* One table per body type: the inertia that the operator framework asks of a body and, where its nodes do not move along constant
@@ -74,6 +75,11 @@ typedef struct cardan_body_family {
    * x = [theta; u], R = exp(theta~) R_BN, position + u [rad; m], zero at eta = 0; S = dx/d eta (6 x m); a = S' eta', its derivative at
    * constant eta' (6). B axes. Null: not wanted; without a, etadot may be null too. */
   void (*node)(const void* packed, uint32_t node, const double* eta, const double* etadot, double* x, double* S, double* a);
+  /* [step: pure] (optional, 2.4) `mass` and, unless etadot is null, `bias` of n states side by side: number i of state l stands at [i n +
+   * l], arrays are aligned to 8 n bytes. n = 2, 4 or 8, the lanes of a register: 4 is asked of processors with AVX2 alone, 8 of those with
+   * AVX-512. Each state has the same bits as by itself. M_re and M_ee may be null, M_rr is not. */
+  void (*states)(const void* packed, uint32_t n, const double* eta, const double* etadot, const double* omega, double* M_rr, double* M_re,
+                 double* M_ee, double* b);
 } cardan_body_family;
 
 #ifdef __cplusplus

@@ -1,6 +1,7 @@
 #pragma once
 // What the executable laws of every kind of family share: a list of violations, arrays with guards around them, random parameters.
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstdint>
 #include <cstring>
 #include <functional>
@@ -50,30 +51,35 @@ inline constexpr const char* kAccepts = "some random samples are accepted";
 inline constexpr const char* kWrites = "functions write what they are handed and no more";
 inline constexpr const char* kLeaves = "arguments are left as they were";
 
-/// n numbers that foreign code is handed to write into: no numbers before the call, guards on both sides.
+/// n numbers that foreign code is handed to write into, from the beginning of a cache line on: no numbers before the call, guards on both
+/// sides.
 class Handed {
  public:
-  explicit Handed(std::size_t n) : all_(n + 2 * kGuard, std::numeric_limits<double>::quiet_NaN()), n_(n) {
-    std::memset(all_.data(), kMark, kGuard * sizeof(double));
-    std::memset(all_.data() + kGuard + n, kMark, kGuard * sizeof(double));
+  explicit Handed(std::size_t n) : lines_((n + 2 * kGuard + 7) / 8), n_(n) {
+    std::fill_n(data(), n, std::numeric_limits<double>::quiet_NaN());
+    std::memset(data() - kGuard, kMark, kGuard * sizeof(double));
+    std::memset(data() + n, kMark, kGuard * sizeof(double));
   }
-  double* data() { return all_.data() + kGuard; }
-  const double* data() const { return all_.data() + kGuard; }
+  double* data() { return reinterpret_cast<double*>(lines_.data()) + kGuard; }
+  const double* data() const { return reinterpret_cast<const double*>(lines_.data()) + kGuard; }
   bool intact() const {
-    const auto marked = [&](std::size_t from) {
-      const auto* bytes = reinterpret_cast<const unsigned char*>(all_.data() + from);
+    const auto marked = [](const double* from) {
+      const auto* bytes = reinterpret_cast<const unsigned char*>(from);
       for (std::size_t i = 0; i < kGuard * sizeof(double); ++i)
         if (bytes[i] != kMark) return false;
       return true;
     };
-    return marked(0) && marked(kGuard + n_);
+    return marked(data() - kGuard) && marked(data() + n_);
   }
   Eigen::Map<const Eigen::VectorXd> vector() const { return {data(), static_cast<Eigen::Index>(n_)}; }
 
  private:
-  static constexpr std::size_t kGuard = 64;
+  struct alignas(64) Line {
+    double numbers[8];
+  };
+  static constexpr std::size_t kGuard = 64;  // whole lines
   static constexpr unsigned char kMark = 0xA5;
-  std::vector<double> all_;
+  std::vector<Line> lines_;
   std::size_t n_;
 };
 

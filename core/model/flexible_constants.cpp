@@ -66,6 +66,7 @@ FlexibleBody flexible_of(const SystemSpec& spec, const BodySpec& body, const car
   if (family.facts) family.facts(f.packed.data(), &facts);
   f.M_ee_constant = facts.m_ee_constant;
   f.M_re_constant = facts.m_re_constant;
+  f.states = facts.states && family.states;
   f.constant = facts.m_ee_constant && facts.m_re_constant && facts.j_constant;
   f.M_re.resize(6 * m);
   f.M_ee.resize(m * m);

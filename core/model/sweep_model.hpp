@@ -72,6 +72,7 @@ struct FlexibleBody {
   const cardan_body_family* family = nullptr;
   std::vector<double> packed;  // parameters of the family
   bool M_ee_constant = false, M_re_constant = false, M_ee_identity = false;
+  bool states = false;                 // its family evaluates many states at once: of lanes
   bool curved = false;                 // its family tells how its nodes move: their shapes depend on eta
   bool constant = false;               // level 0: all of M_fl but the mass centre; the sweeps form it and b themselves
   bool K_diagonal = false;             // then K and C hold m numbers, else m x m

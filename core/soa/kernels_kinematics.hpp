@@ -223,9 +223,17 @@ static inline void family_inertia(const FlexibleBody& f, int, const double* eta,
   f.family->mass(f.packed.data(), eta, M_rr, f.M_re_constant ? nullptr : modal.P_re, modal.P_ee && !f.M_ee_constant ? modal.P_ee : nullptr);
   if (etadot) f.family->bias(f.packed.data(), eta, etadot, &w.x, modal.b);
 }
-/// Any other scalar: lane by lane through double.
+/// Any other scalar: lane by lane through double, but for families that take all lanes at once.
 template <class T>
 static void family_inertia(const FlexibleBody& f, int m, const T* eta, const T* etadot, const Vec3<T>& w, Modal<T>& modal, T* M_rr) {
+  if constexpr (kStates<T>)
+    if (f.states) {
+      const auto of = [](const T* a) { return reinterpret_cast<const double*>(a); };
+      const auto to = [](T* a) { return reinterpret_cast<double*>(a); };
+      f.family->states(f.packed.data(), kWidth<T>, of(eta), of(etadot), of(&w.x), to(M_rr), f.M_re_constant ? nullptr : to(modal.P_re),
+                       modal.P_ee && !f.M_ee_constant ? to(modal.P_ee) : nullptr, to(modal.b));
+      return;
+    }
   double *e = modal.family, *ed = e + m, *re = ed + m, *ee = re + 6 * m, *bias = ee + m * m, rr[10];
   for (int l = 0; l < kWidth<T>; ++l) {
     for (int i = 0; i < m; ++i) e[i] = lane(eta[i], l);

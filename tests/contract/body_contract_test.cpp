@@ -109,11 +109,11 @@ std::vector<Mutant> mutants() {
   const auto add = [&](auto&&... arguments) { all.push_back(mutant(arguments...)); };
   const auto of_mass = [&](const char* name, const char* law, auto mass, bool alone = false) {
     all.push_back(mutant(
-        name, law, modal(), [&](Table& t) { t.mass = mass; }, alone));
+        name, law, modal(), [&](Table& t) { t.mass = mass, t.states = nullptr; }, alone));
   };
   const auto of_bias = [&](const char* name, const char* law, auto bias, bool alone = true) {
     all.push_back(mutant(
-        name, law, modal(), [&](Table& t) { t.bias = bias; }, alone));
+        name, law, modal(), [&](Table& t) { t.bias = bias, t.states = nullptr; }, alone));
   };
   of_mass("NoNumberInTheMass", "mass and bias are finite", CHANGED_MASS(if (M_ee && eta[0] > 0.5) M_ee[0] = NAN;));
   of_bias("NoNumberInTheBias", "mass and bias are finite", CHANGED_BIAS(if (eta[0] > 0.5) b[2] = NAN;));
@@ -134,6 +134,22 @@ std::vector<Mutant> mutants() {
   of_bias("AMomentTooMuch", "b_w is what the kinetic energy gives", CHANGED_BIAS(b[1] += 1e-6 * omega[0] * omega[0];));
   of_bias("AForceTooMuch", "b_v is what the kinetic energy gives", CHANGED_BIAS(b[4] += 1e-6 * etadot[0];));
   of_bias("HalfTheCentrifugalForceOfAMode", "b_e is what the kinetic energy gives", CHANGED_BIAS(b[5 + m] *= 0.5;));
+#define CHANGED_STATES(...)                                                                                                    \
+  [](const void* p, std::uint32_t n, const double* eta, const double* etadot, const double* omega, double* M_rr, double* M_re, \
+     double* M_ee, double* b) {                                                                                                \
+    modal().states(p, n, eta, etadot, omega, M_rr, M_re, M_ee, b);                                                             \
+    [[maybe_unused]] const std::uint32_t m = *static_cast<const std::uint32_t*>(p);                                            \
+    __VA_ARGS__                                                                                                                \
+  }
+  const auto of_states = [&](const char* name, const char* law, auto states) {
+    all.push_back(mutant(
+        name, law, modal(), [&](Table& t) { t.states = states; }, true));
+  };
+  const char* const each = "states gives each state what mass and bias give it";
+  of_states("AStateBesideItsPlace", each, CHANGED_STATES(std::swap(b[n * (5 + m)], b[n * (5 + m) + 1]);));
+  of_states("TheLastStateOfAnother", each, CHANGED_STATES(M_rr[9 * n + n - 1] = M_rr[9 * n];));
+  of_states("CouplingsOfTheFirstStateAlone", each, CHANGED_STATES(for (std::uint32_t l = 1; l < n; ++l) M_re[l] = M_re[0];));
+  of_states("AStateTooMany", "states writes beyond what it is handed", CHANGED_STATES(M_ee[m * m * n] = 0;));
   const auto says = [](auto fact) { return [fact](Table& t) { t.facts = fact; }; };
   add("AFactOfTheModes", "the fact is true: m_ee_constant", modal(), says([](const void*, cardan_body_facts* f) { f->m_ee_constant = 1; }),
       true);
