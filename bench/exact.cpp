@@ -22,7 +22,7 @@ using Quad = boost::multiprecision::number<boost::multiprecision::cpp_bin_float_
 #else
 using Quad = boost::multiprecision::float128;
 #endif
-constexpr soa::Sweeps<Quad> S = soa::make_sweeps<Quad>();
+constexpr soa::Sweeps<Quad> S = soa::make_sweeps<Quad, soa::Wanted::program>();
 using Vector = std::vector<Quad>;
 
 Vector up(const Eigen::VectorXd& x) { return {x.data(), x.data() + x.size()}; }
@@ -52,7 +52,7 @@ Vector inverse(const Model& model, const soa::Inputs<Quad>& in, bool elastic = t
   S.hinge_records(model, ws, in);
   for (const Run& run : model.runs) S.outward(model, ws, in, run, {.vdot = true});
   if (elastic) S.elastic(model, ws, in);
-  for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.gather(model, ws, in, *run, tau.data());
+  for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) soa::gather<Quad>(model, ws, in, *run, tau.data());
   return tau;
 }
 

@@ -119,6 +119,17 @@ std::vector<Method> methods() {
       {"reflected inertia", 1, [](Scene& s) { reflected_inertia(s.tree); }},
       {"d tau along q", 1, [](Scene& s) { s.y.resize(s.model->nv), s.sensitivities.inverse({.q = s.v.data()}, s.y.data()); }},
       {"d v' along q", 1, [](Scene& s) { s.y.resize(s.model->nv), s.sensitivities.forward({.q = s.v.data()}, s.y.data()); }},
+      {"d v' along 8 q", 1,
+       [](Scene& s) {
+         const std::vector<Direction> along(8, {.q = s.v.data()});
+         s.y.resize(8 * s.model->nv), s.sensitivities.forward(along, s.y.data());
+       }},
+      {"forward dynamics", 1,
+       [](Scene& s) {
+         s.y.resize(s.model->nv);
+         s.workspace.articulated = false;  // of another q
+         forward_dynamics(*s.model, s.workspace, Inputs{.q = s.q.data(), .v = s.v.data(), .tau = s.tau.data()}, s.y.data());
+       }},
       {"gradient of log det M", 1, [](Scene& s) { s.y = log_det_gradient(s.tree); }},
       {"nu of v", 1, [](Scene& s) { s.y = s.diagonalised->from_velocity(s.v); }},
       {"C(q, nu)", 1, [](Scene& s) { s.y = s.diagonalised->coriolis(s.v); }},

@@ -72,7 +72,7 @@ set(external
   "histedit.h|scripts/commands/line_editor.cpp"
   "CLI/|scripts/commands/ bench/command_line.cpp bench/factors.cpp bench/peers"
   "gtest/|tests"
-  "dlfcn.h|core/abi/loader.cpp"
+  "dlfcn.h|core/abi/loader.cpp bench/straight_line.cpp"
   "sched.h|bench"
   "malloc.h|bench/time_ring.hpp bench/factors.cpp"
   "mujoco/|bench/peers/mujoco.cpp"

@@ -18,6 +18,7 @@ struct Batch::Passes {
   virtual std::size_t bytes() const = 0;
   virtual int forward(const BatchInputs& in, double* vdot, std::uint8_t* failed) = 0;
   virtual void inverse(const BatchInputs& in, double* tau) = 0;
+  virtual bool mass_inverse(const double* q, int n, const double* f, double* out) = 0;
 };
 
 namespace {
@@ -108,24 +109,46 @@ class PassesOf : public Batch::Passes {
     }
   }
 
+  bool mass_inverse(const double* q, int n, const double* f, double* out) override {
+    const soa::Sweeps<T>& S = soa::sweeps<T>();
+    std::transform(q, q + model_.nq, q_.begin(), [](double x) { return T(x); });
+    for (auto* column : {&v_, &vdot_}) std::fill(column->begin(), column->end(), T(0));
+    const soa::Inputs<T> in{.q = q_.data(), .v = v_.data(), .tau = tau_.data(), .vdot = vdot_.data(), .gravity = false};
+    for (int first = 0; first < n; first += W) {
+      const int count = std::min(W, n - first);
+      fill(f, model_.nv, first, count, tau_);
+      outward(model_, S, ws_, in, {.velocity = false});
+      for (auto run = model_.runs.rbegin(); run != model_.runs.rend(); ++run) {
+        S.inward(model_, ws_, in, *run, {});
+        if (ws_.breakdown.body != 0) return false;
+      }
+      for (const Run& run : model_.runs) S.acceleration(model_, ws_, in, run, out_.data());
+      store(first, count, out);
+    }
+    return true;
+  }
+
  private:
-  /// States first ... first + count - 1 into the lanes; the first of them once more in the lanes that are left.
+  /// Columns first ... first + count - 1 of `size` numbers into the lanes; the first of them once more in the lanes that are left.
+  static void fill(const double* from, int size, int first, int count, std::vector<T>& to) {
+    const double* columns[W];
+    for (int l = 0; l < W; ++l) columns[l] = from + static_cast<std::ptrdiff_t>(first + (l < count ? l : 0)) * size;
+    to_lanes(columns, size, to.data());
+  }
   soa::Inputs<T> load(const BatchInputs& in, int first, int count) {
     soa::Inputs<T> lanes;
     lanes.gravity = in.gravity;
     lanes.moment = in.moment;
-    const auto fill = [&](const double* from, int size, std::vector<T>& to) -> const T* {
+    const auto taken = [&](const double* from, int size, std::vector<T>& to) -> const T* {
       if (!from) return nullptr;
-      const double* states[W];
-      for (int l = 0; l < W; ++l) states[l] = from + static_cast<std::ptrdiff_t>(first + (l < count ? l : 0)) * size;
-      to_lanes(states, size, to.data());
+      fill(from, size, first, count, to);
       return to.data();
     };
-    lanes.q = fill(in.q, model_.nq, q_);
+    lanes.q = taken(in.q, model_.nq, q_);
     if (!in.v) std::fill(v_.begin(), v_.end(), T(0));
-    lanes.v = in.v ? fill(in.v, model_.nv, v_) : v_.data();
-    lanes.tau = fill(in.tau, model_.nv, tau_);
-    lanes.vdot = fill(in.vdot, model_.nv, vdot_);
+    lanes.v = in.v ? taken(in.v, model_.nv, v_) : v_.data();
+    lanes.tau = taken(in.tau, model_.nv, tau_);
+    lanes.vdot = taken(in.vdot, model_.nv, vdot_);
     if (!lanes.vdot && model_.has_prescribed()) {
       std::fill(vdot_.begin(), vdot_.end(), T(0));
       lanes.vdot = vdot_.data();
@@ -141,15 +164,22 @@ class PassesOf : public Batch::Passes {
   std::vector<T> q_, v_, tau_, vdot_, out_;
 };
 
-}  // namespace
-
-Batch::Batch(const Model& model) {
-  require_open_tree(model, "batches of states");
+/// A device that pushes or carries mass; null: there is none.
+const Device* in_the_way(const Model& model) {
   for (const Device& d : model.devices.all)
     for (const DeviceMount& m : d.mounts)
-      if ((m.use & CARDAN_USE_LOAD) != 0 || (d.family->mass && m.node >= 0))
-        refuse(Code::unsupported, {"a batch of states"}, "a model without devices that push or carry mass",
-               fmt::format("device {} ({})", d.name, d.family->type), "forward_dynamics() state by state, with its DeviceForces");
+      if ((m.use & CARDAN_USE_LOAD) != 0 || (d.family->mass && m.node >= 0)) return &d;
+  return nullptr;
+}
+
+}  // namespace
+
+bool Batch::takes(const Model& model) { return !in_the_way(model); }
+Batch::Batch(const Model& model) {
+  require_open_tree(model, "batches of states");
+  if (const Device* d = in_the_way(model))
+    refuse(Code::unsupported, {"a batch of states"}, "a model without devices that push or carry mass",
+           fmt::format("device {} ({})", d->name, d->family->type), "forward_dynamics() state by state, with its DeviceForces");
   if (soa::instruction_set().eight.outward)
     passes_ = std::make_unique<PassesOf<soa::Lanes<8>>>(model);
   else if (soa::instruction_set().four.outward)
@@ -164,5 +194,6 @@ int Batch::width() const { return passes_->width(); }
 std::size_t Batch::bytes() const { return passes_->bytes(); }
 int Batch::forward_dynamics(const BatchInputs& in, double* vdot, std::uint8_t* failed) { return passes_->forward(in, vdot, failed); }
 void Batch::inverse_dynamics(const BatchInputs& in, double* tau) { passes_->inverse(in, tau); }
+bool Batch::mass_inverse(const double* q, int n, const double* f, double* out) { return passes_->mass_inverse(q, n, f, out); }
 
 }  // namespace cardan

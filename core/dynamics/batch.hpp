@@ -25,6 +25,7 @@ class Batch {
  public:
   /// InputError (C0401): it has devices that push or carry mass, whose states are no part of the inputs.
   explicit Batch(const Model& model);
+  static bool takes(const Model& model);  ///< has no such devices
   ~Batch();
   Batch(Batch&&) noexcept;
 
@@ -34,6 +35,9 @@ class Batch {
   int forward_dynamics(const BatchInputs& in, double* vdot, std::uint8_t* failed = nullptr);
   /// tau: nv x n, as inverse_dynamics (inverse.hpp) for each state.
   void inverse_dynamics(const BatchInputs& in, double* tau);
+  /// M^-1 f at one q, column by column (nv x n), O(N) each: the articulated sweeps without velocities, loads and gravity. Zero at
+  /// prescribed components. False: a direction without inertia.
+  bool mass_inverse(const double* q, int n, const double* f, double* out);
   std::size_t bytes() const;  ///< of working memory
 
   struct Passes;  // of one width

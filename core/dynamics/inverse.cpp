@@ -49,6 +49,8 @@ template void inverse_dynamics(const Model&, soa::Workspace<soa::Lanes<8>>&, con
                                InverseTerms, const Part*);
 template void inverse_dynamics(const Model&, soa::Workspace<soa::Tangent>&, const soa::Inputs<soa::Tangent>&, soa::Tangent*, InverseTerms,
                                const Part*);
+template void inverse_dynamics(const Model&, soa::Workspace<soa::Tangents>&, const soa::Inputs<soa::Tangents>&, soa::Tangents*,
+                               InverseTerms, const Part*);
 
 Eigen::VectorXd gravity_force(const Model& model, Workspace& ws, const double* q) {
   Eigen::VectorXd tau(model.nv);

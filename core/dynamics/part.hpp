@@ -28,7 +28,10 @@ template <class T>
 T held(const T& x) {
   return x;
 }
-inline soa::Tangent held(const soa::Tangent& x) { return x.x; }
+template <class D>
+TangentOf<D> held(const TangentOf<D>& x) {
+  return x.x;
+}
 template <class T>
 Vec3<T> held(const Vec3<T>& a) {
   return {held(a.x), held(a.y), held(a.z)};

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "core/base/poll.hpp"
+#include "core/dynamics/batch.hpp"
 #include "core/dynamics/fields.hpp"
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/dynamics/mass_flow.hpp"
@@ -23,6 +24,13 @@ void copy_or_zero(const double* from, VectorXd& to) {
     std::copy(from, from + to.size(), to.data());
   else
     to.setZero();
+}
+
+/// Unit vectors as directions, of which `member` of Direction is set.
+std::vector<Direction> unit_directions(const MatrixXd& identity, const double* Direction::*member) {
+  std::vector<Direction> all(static_cast<std::size_t>(identity.cols()));
+  for (std::size_t i = 0; i < all.size(); ++i) all[i].*member = identity.col(static_cast<Eigen::Index>(i)).data();
+  return all;
 }
 
 /// Index p of m, h, J: the inertia that is 1 there.
@@ -171,6 +179,86 @@ void Sensitivities::inverse(const Direction& along, double* dtau) {
       dtau[i] -= hinge_laws::force<Tangent>(load, {q_[load.q], rate_[load.q]}, {v_[i], along.v ? along.v[i] : 0.0}).d;
 }
 
+/// Working memory of eight directions at once.
+struct Sensitivities::SideBySide {
+  explicit SideBySide(const Model& model) : work(model), q(model.nq), v(model.nv), vdot(model.nv), tau(model.nv) {
+    if (Batch::takes(model)) batch.emplace(model);
+  }
+  soa::Workspace<soa::Tangents> work;
+  std::vector<soa::Tangents> q, v, vdot, tau;
+  std::vector<soa::NodeWrench<soa::Tangents>> wrenches;
+  std::optional<Batch> batch;
+};
+
+void Sensitivities::inverse_side_by_side(std::span<const Direction> along, double* dtau) {
+  using soa::Tangents;
+  const Model& m = *model_;
+  if (!side_) side_ = {new SideBySide(m), [](SideBySide* s) { delete s; }};
+  SideBySide& s = *side_;
+  s.wrenches.clear();
+  for (const NodeWrench& w : wrenches_) s.wrenches.push_back({w.node, w.world_axes, {cast<Tangents>(w.f.n), cast<Tangents>(w.f.f)}});
+  for (int i = 0; i < m.nq; ++i) s.q[i] = q_[i];
+  for (int i = 0; i < size(); ++i) {
+    s.v[component_[i]] = v_[i];
+    s.vdot[component_[i]] = vdot_[i];
+  }
+  for (std::size_t d = 0; d < along.size(); ++d) {
+    const int lane = 1 + static_cast<int>(d);
+    if (along[d].q) {
+      set_rate(along[d].q);
+      for (int i = 0; i < m.nq; ++i) set_lane(s.q[i], lane, rate_[i]);
+    }
+    for (int i = 0; i < size(); ++i) {
+      if (along[d].v) set_lane(s.v[component_[i]], lane, along[d].v[i]);
+      if (along[d].vdot) set_lane(s.vdot[component_[i]], lane, along[d].vdot[i]);
+    }
+  }
+  inverse_dynamics(
+      m, s.work,
+      {.q = s.q.data(), .v = s.v.data(), .vdot = s.vdot.data(), .wrenches = s.wrenches, .gravity = gravity_, .moment = moment_.get()},
+      s.tau.data());
+  for (std::size_t d = 0; d < along.size(); ++d, dtau += size()) {
+    const int lane = 1 + static_cast<int>(d);
+    for (int i = 0; i < size(); ++i) dtau[i] = soa::along(s.tau[component_[i]], lane - 1).d;
+    for (const HingeLoad& load : m.loads)
+      if (const int i = place_[load.v]; springs_ && i >= 0)
+        dtau[i] -= hinge_laws::force<Tangent>(load, soa::along(s.q[load.q], lane - 1), soa::along(s.v[load.v], lane - 1)).d;
+  }
+}
+
+void Sensitivities::inverse(std::span<const Direction> along, double* dtau) {
+  while (!along.empty()) {
+    Poll::now();
+    const std::span<const Direction> now = along.first(std::min<std::size_t>(along.size(), side_by_side() ? soa::kDirections : 1));
+    if (side_by_side())
+      inverse_side_by_side(now, dtau);
+    else
+      inverse(now.front(), dtau);
+    along = along.subspan(now.size());
+    dtau += static_cast<std::ptrdiff_t>(now.size()) * size();
+  }
+}
+
+void Sensitivities::forward(std::span<const Direction> along, double* dvdot) {
+  MatrixXd given = MatrixXd::Zero(size(), static_cast<Eigen::Index>(along.size()));
+  std::vector<Direction> of_tau;
+  for (std::size_t d = 0; d < along.size(); ++d) {
+    const auto column = static_cast<Eigen::Index>(d);
+    for (int i = 0; i < size(); ++i)
+      if (along[d].vdot && given_[i]) given(i, column) = along[d].vdot[i];
+    of_tau.push_back({.q = along[d].q, .v = along[d].v, .vdot = given.col(column).data()});
+  }
+  MatrixXd f(given.rows(), given.cols());
+  inverse(of_tau, f.data());
+  f = -f;
+  for (std::size_t d = 0; d < along.size(); ++d)
+    if (along[d].tau) f.col(static_cast<Eigen::Index>(d)) += Eigen::Map<const VectorXd>(along[d].tau, size());
+  mass_inverse(static_cast<int>(along.size()), f.data(), dvdot);
+  Eigen::Map<MatrixXd> out(dvdot, f.rows(), f.cols());
+  for (int i = 0; i < size(); ++i)
+    if (given_[i]) out.row(i) = given.row(i);
+}
+
 void Sensitivities::mass(const double* u, const double* w, double* dM_w) {
   const Model& m = *model_;
   set_rate(u);
@@ -202,6 +290,16 @@ void Sensitivities::mass_inverse(const double* f, double* out) {
   solve_mass(*model_, inertia_, q_.data(), f, out);
 }
 
+/// M^-1 of n columns, each of the hinge space.
+void Sensitivities::mass_inverse(int n, const double* f, double* out) {
+  // The hinge space of a whole tree is in the order of v. A direction without inertia is named by the sweeps of one state.
+  if (side_by_side() && side_ && side_->batch && side_->batch->mass_inverse(q_.data(), n, f, out)) return;
+  for (int j = 0; j < n; ++j) {
+    Poll::now();
+    mass_inverse(f + static_cast<std::ptrdiff_t>(j) * size(), out + static_cast<std::ptrdiff_t>(j) * size());
+  }
+}
+
 void Sensitivities::forward(const Direction& along, double* dvdot) {
   for (int i = 0; i < size(); ++i) masked_[i] = along.vdot && given_[i] ? along.vdot[i] : 0.0;
   inverse({.q = along.q, .v = along.v, .vdot = masked_.data()}, work_.data());
@@ -213,15 +311,10 @@ void Sensitivities::forward(const Direction& along, double* dvdot) {
 
 InverseDerivatives Sensitivities::inverse() {
   const int nv = size();
+  const MatrixXd identity = MatrixXd::Identity(nv, nv);
   InverseDerivatives out{MatrixXd(nv, nv), MatrixXd(nv, nv)};
-  VectorXd unit = VectorXd::Zero(nv);
-  for (int i = 0; i < nv; ++i) {
-    Poll::now();
-    unit[i] = 1.0;
-    inverse({.q = unit.data()}, out.q.col(i).data());
-    inverse({.v = unit.data()}, out.v.col(i).data());
-    unit[i] = 0.0;
-  }
+  inverse(unit_directions(identity, &Direction::q), out.q.data());
+  inverse(unit_directions(identity, &Direction::v), out.v.data());
   return out;
 }
 
@@ -239,12 +332,10 @@ ForwardDerivatives Sensitivities::forward() {
 }
 
 MatrixXd Sensitivities::minus_inverse_of(MatrixXd dtau) {
-  for (Eigen::Index j = 0; j < dtau.cols(); ++j) {
-    Poll::now();
-    work_ = -dtau.col(j);
-    mass_inverse(work_.data(), dtau.col(j).data());
-  }
-  return dtau;
+  MatrixXd out(dtau.rows(), dtau.cols());
+  dtau = -dtau;
+  mass_inverse(static_cast<int>(dtau.cols()), dtau.data(), out.data());
+  return out;
 }
 
 // --- parameters -------------------------------------------------------------------------------------------------------------------

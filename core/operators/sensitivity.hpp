@@ -5,6 +5,7 @@
 #include <Eigen/SparseCore>
 #include <memory>
 #include <optional>
+#include <span>
 
 #include "core/dynamics/devices.hpp"
 #include "core/dynamics/inverse.hpp"
@@ -52,6 +53,10 @@ class Sensitivities {
   const Eigen::VectorXd& tau() const { return tau_; }  ///< of inverse dynamics at the point
   const Eigen::VectorXd& vdot() const { return vdot_; }
 
+  // Along n directions, O(N) each, a column of the result for each (hinge space x n): of whole trees without devices eight at once, by
+  // sweeps on numbers with eight derivatives.
+  void inverse(std::span<const Direction> along, double* dtau);
+  void forward(std::span<const Direction> along, double* dvdot);
   // Along one direction, O(N)
   void inverse(const Direction& along, double* dtau);
   void forward(const Direction& along, double* dvdot);
@@ -89,6 +94,9 @@ class Sensitivities {
   const double* on_model(const Eigen::VectorXd& x, Eigen::VectorXd& all) const;
   void set_rate(const double* u);
   void let_devices_act(double* dtau);
+  bool side_by_side() const { return !part_ && !devices_; }
+  void inverse_side_by_side(std::span<const Direction> along, double* dtau);
+  void mass_inverse(int n, const double* f, double* out);
 
   std::shared_ptr<const Model> model_;
   bool springs_, gravity_ = true, articulated_ = false, posed_ = false;
@@ -106,6 +114,8 @@ class Sensitivities {
   soa::Workspace<soa::Tangent> tangent_;
   std::optional<DeviceTangents> devices_;
   std::vector<soa::Tangent> z_t_, device_tau_;
+  struct SideBySide;
+  std::unique_ptr<SideBySide, void (*)(SideBySide*)> side_{nullptr, nullptr};  // made when it is asked for
   TreeOperators tree_;
   std::optional<TreeOperators> sub_;  // of bodies_, at q
 };

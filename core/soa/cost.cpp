@@ -66,7 +66,7 @@ const char* name_of(OpCode code) {
 }  // namespace
 
 std::vector<OpCost> op_costs(const Model& model, const State& state, std::span<const NodeWrench<double>> wrenches) {
-  constexpr Sweeps<Counted> S = make_sweeps<Counted, true>();
+  constexpr Sweeps<Counted> S = make_sweeps<Counted, Wanted::program>();
   Workspace<Counted> ws(model);
   const auto up = [](const Eigen::VectorXd& x) { return std::vector<Counted>(x.data(), x.data() + x.size()); };
   const std::vector<Counted> q = up(state.q), v = up(state.v), zero(static_cast<std::size_t>(model.nv));

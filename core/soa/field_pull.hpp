@@ -23,10 +23,10 @@ struct FieldPull {
 
 namespace detail {
 
-/// The second lane of a Tangent.
+/// The lanes of a Tangent, or of Tangents, after the first.
 template <class T>
 static constexpr bool is_derivative(int lane) {
-  return std::is_same_v<T, Tangent> && lane == 1;
+  return (std::is_same_v<T, Tangent> || std::is_same_v<T, Tangents>)&&lane > 0;
 }
 
 /// What a body is to a field, world axes: m, its mass centre (3), and its second moments about it xx yy zz xy xz yz [kg m^2].

@@ -13,6 +13,7 @@ template class Workspace<double>;
 template class Workspace<Lanes<2>>;
 template class Workspace<Lanes<4>>;
 template class Workspace<Lanes<8>>;
+template class Workspace<Tangents>;
 
 namespace {
 
@@ -26,9 +27,9 @@ bool runs_here(std::string_view name) {
 }
 
 // Those that are built are called (CARDAN_KERNELS).
-[[maybe_unused]] InstructionSet v2() { return {"v2", sweeps_v2(), lanes_v2(), {}, {}, embedded_v2()}; }
-[[maybe_unused]] InstructionSet v3() { return {"v3", sweeps_v3(), {}, lanes_v3(), {}, embedded_v3()}; }
-[[maybe_unused]] InstructionSet v4() { return {"v4", sweeps_v4(), {}, {}, lanes_v4(), embedded_v4()}; }
+[[maybe_unused]] InstructionSet v2() { return {"v2", sweeps_v2(), lanes_v2(), {}, {}, embedded_v2(), tangents_v2()}; }
+[[maybe_unused]] InstructionSet v3() { return {"v3", sweeps_v3(), {}, lanes_v3(), {}, embedded_v3(), tangents_v3()}; }
+[[maybe_unused]] InstructionSet v4() { return {"v4", sweeps_v4(), {}, {}, lanes_v4(), embedded_v4(), tangents_v4()}; }
 
 InstructionSet pick() {
   struct Built {

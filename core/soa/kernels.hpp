@@ -1,6 +1,7 @@
 #pragma once
 // Which sweeps run: compiled for x86-64-v2, v3 and v4 (docs/adr/0013-instruction-sets.md), picked once by the processor.
 #include "core/soa/sweeps.hpp"
+#include "core/soa/tangent.hpp"
 
 namespace cardan {
 struct Embedding;
@@ -24,6 +25,7 @@ struct InstructionSet {
   Sweeps<Lanes<4>> four;   // v3
   Sweeps<Lanes<8>> eight;  // v4
   SweepEmbedded embedded;
+  Sweeps<Tangents> tangents;  // of inverse dynamics
 };
 // One file each: half a minute to compile.
 const Sweeps<double>& sweeps_v2();
@@ -35,6 +37,9 @@ SweepEmbedded embedded_v4();
 const Sweeps<Lanes<2>>& lanes_v2();
 const Sweeps<Lanes<4>>& lanes_v3();
 const Sweeps<Lanes<8>>& lanes_v4();
+const Sweeps<Tangents>& tangents_v2();  // kernels_tangent.cpp: for every processor
+const Sweeps<Tangents>& tangents_v3();
+const Sweeps<Tangents>& tangents_v4();
 
 /// The best that the processor can run, or that named by the environment variable CARDAN_KERNELS: InputError where it cannot run
 /// that, or there is none of that name.
@@ -57,6 +62,10 @@ inline const Sweeps<Lanes<4>>& sweeps<Lanes<4>>() {
 template <>
 inline const Sweeps<Lanes<8>>& sweeps<Lanes<8>>() {
   return instruction_set().eight;
+}
+template <>
+inline const Sweeps<Tangents>& sweeps<Tangents>() {
+  return instruction_set().tangents;
 }
 
 }  // namespace cardan::soa

@@ -1,6 +1,7 @@
-// The sweeps on numbers that carry their derivative (tangent.hpp).
+// The sweeps on numbers that carry their derivative (tangent.hpp), and what families give along eight directions.
 #include "core/soa/kernels_tangent.hpp"
 
+#include "core/soa/kernels_tangents.hpp"
 #include "core/soa/tangent_leaves.hpp"
 // what families give must be known before the sweeps that ask for it
 #include "core/soa/sweeps_impl.hpp"
@@ -38,6 +39,74 @@ void family_node(const FlexibleBody& f, int m, int node, const Tangent* eta, con
     }
   for (int i = 0; i < 6 * m; ++i) S[i] = {value[i], slope[i]};
   for (int i = 0; etadot && i < 6; ++i) a[i] = {value[6 * m + i], slope[6 * m + i]};
+}
+
+namespace {
+
+/// n numbers along one direction.
+std::vector<Tangent> along_one(const Tangents* all, std::size_t n, int direction) {
+  std::vector<Tangent> one(n);
+  for (std::size_t i = 0; i < n; ++i) one[i] = along(all[i], direction);
+  return one;
+}
+void set_along(Tangents* all, const Tangent* one, std::size_t n, int direction) {
+  for (std::size_t i = 0; i < n; ++i) {
+    all[i].x = one[i].x;
+    all[i].d.x[direction] = one[i].d;
+  }
+}
+
+}  // namespace
+
+void family_node(const FlexibleBody& f, int m, int node, const Tangents* eta, const Tangents* etadot, double* scratch, Tangents* x,
+                 Tangents* S, Tangents* a) {
+  const auto n = static_cast<std::size_t>(m);
+  std::vector<Tangent> S_one(6 * n), rates;
+  Tangent x_one[6], a_one[6];
+  for (int d = 0; d < kDirections; ++d) {
+    const std::vector<Tangent> at = along_one(eta, n, d);
+    if (etadot) rates = along_one(etadot, n, d);
+    family_node(f, m, node, at.data(), etadot ? rates.data() : nullptr, scratch, x_one, S_one.data(), a ? a_one : nullptr);
+    set_along(x, x_one, 6, d), set_along(S, S_one.data(), 6 * n, d);
+    if (a) set_along(a, a_one, 6, d);
+  }
+}
+
+void family_records(const SweepModel& model, Workspace<Tangents>& ws, const Inputs<Tangents>& in, const DenseBatch& batch) {
+  const auto n = static_cast<std::uint32_t>(batch.iq.size());
+  double *q = ws.family.data(), *v = q + model.nq;
+  for (int i = 0; i < model.nq; ++i) q[i] = in.q[i].x;
+  for (int i = 0; i < model.nv; ++i) v[i] = in.v[i].x;
+  batch.family->kinematics(batch.packed.data(), n, batch.iq.data(), batch.iv.data(), q, v, ws.hinge_records(0) + batch.first);
+  for (std::uint32_t j = 0; j < n; ++j)
+    for (int d = 0; d < kDirections; ++d) {
+      const std::vector<Tangent> at = along_one(in.q + batch.iq[j], batch.family->nq, d),
+                                 rates = along_one(in.v + batch.iv[j], batch.family->nv, d);
+      record_along(batch, j, at.data(), rates.data(), ws.hinge_records(1 + d)[batch.first + static_cast<int>(j)]);
+    }
+}
+
+void family_inertia(const FlexibleBody& f, int m, const Tangents* eta, const Tangents* etadot, const Vec3<Tangents>& w,
+                    Modal<Tangents>& modal, Tangents* M_rr) {
+  const auto n = static_cast<std::size_t>(m), n_re = f.M_re_constant ? 0 : 6 * n, n_ee = modal.P_ee && !f.M_ee_constant ? n * n : 0;
+  std::vector<Tangent> numbers(n_re + n_ee + 6 + n), rates;
+  Modal<Tangent> one{};
+  one.P_re = numbers.data(), one.P_ee = n_ee > 0 ? numbers.data() + n_re : nullptr, one.b = numbers.data() + n_re + n_ee;
+  Tangent rr[10];
+  for (int d = 0; d < kDirections; ++d) {
+    const std::vector<Tangent> at = along_one(eta, n, d);
+    if (etadot) rates = along_one(etadot, n, d);
+    family_inertia(f, m, at.data(), etadot ? rates.data() : nullptr, Vec3<Tangent>{along(w.x, d), along(w.y, d), along(w.z, d)}, one, rr);
+    set_along(M_rr, rr, 10, d);
+    if (n_re > 0) set_along(modal.P_re, one.P_re, n_re, d);
+    if (n_ee > 0) set_along(modal.P_ee, one.P_ee, n_ee, d);
+    if (etadot) set_along(modal.b, one.b, 6 + n, d);
+  }
+}
+
+const Sweeps<Tangents>& tangents_v2() {
+  static constexpr Sweeps<Tangents> set = make_inverse_sweeps<Tangents>();
+  return set;
 }
 
 template <>

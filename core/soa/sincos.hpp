@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "core/soa/lanes.hpp"
+#include "core/spatial/tangent.hpp"
 
 namespace cardan::soa {
 
@@ -52,6 +53,23 @@ static inline void sine_cosine(const double* x, double* s, double* c, std::size_
 template <int W>
 static void sine_cosine(const Lanes<W>* x, Lanes<W>* s, Lanes<W>* c, std::size_t n) {
   sine_cosine(reinterpret_cast<const double*>(x), reinterpret_cast<double*>(s), reinterpret_cast<double*>(c), n * W);
+}
+
+/// Of derivatives the values first.
+template <class D>
+static void sine_cosine(const TangentOf<D>* x, TangentOf<D>* s, TangentOf<D>* c, std::size_t n) {
+  constexpr std::size_t kBlock = 8;
+  for (std::size_t first = 0; first < n; first += kBlock) {
+    const std::size_t count = n - first < kBlock ? n - first : kBlock;
+    double angle[kBlock] = {}, sine[kBlock], cosine[kBlock];
+    for (std::size_t i = 0; i < count; ++i) angle[i] = x[first + i].x;
+    sine_cosine(angle, sine, cosine, kBlock);
+    for (std::size_t i = 0; i < count; ++i) {
+      const D turn = x[first + i].d;
+      s[first + i] = {sine[i], cosine[i] * turn};
+      c[first + i] = {cosine[i], -sine[i] * turn};
+    }
+  }
 }
 
 /// Any other scalar: one by one.

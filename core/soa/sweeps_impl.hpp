@@ -99,8 +99,13 @@ static void at_rest(const SweepModel& model, Workspace<T>& ws) {
   }
 }
 
-/// ProgramAlone: as run_op() calls it where q is new, and not otherwise.
-template <class T, bool ProgramAlone = false>
+/// What a table of sweeps is asked for; every pass more is as long a template as the others.
+enum class Wanted {
+  all,
+  program,  // as run_op() calls it where q is new, and not otherwise
+  inverse   // inverse dynamics with v and v' of the whole tree
+};
+template <class T, Wanted W = Wanted::all>
 static void outward(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, const Run& run, OutwardFor what) {
   const auto pass = [&]<OutwardFor For>() {
     if (is_axis(run.kind)) return outward_axes<T, For>(model, ws, in, run.begin, run.end);
@@ -109,7 +114,9 @@ static void outward(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& 
         run.kind, [&]<int NV>() { outward_rigid<T, NV, For>(model, ws, in, run.begin, run.end); },
         [&]<int NV>() { outward_general<T, NV, For.velocity>(model, ws, in, For.vdot, run.begin, run.end); });
   };
-  if constexpr (ProgramAlone)
+  if constexpr (W == Wanted::inverse)
+    pass.template operator()<OutwardFor{true, true, false}>();
+  else if constexpr (W == Wanted::program)
     what.vdot ? pass.template operator()<OutwardFor{true, true, true}>() : pass.template operator()<OutwardFor{false, true, true}>();
   else if (!what.inertia && what.vdot)  // inverse dynamics
     what.velocity ? pass.template operator()<OutwardFor{true, true, false}>() : pass.template operator()<OutwardFor{true, false, false}>();
@@ -356,14 +363,26 @@ static void mass_matrix_inverse(const SweepModel& model, Workspace<T>& ws, const
   inverse_by_columns(model, ws, inverse);
 }
 
-/// The table of one scalar, for the instruction set that the including file is compiled for. ProgramAlone: of what run_op() calls where q
-/// is new.
-template <class T, bool ProgramAlone = false>
+/// Those of inverse dynamics alone.
+template <class T>
+static constexpr Sweeps<T> make_inverse_sweeps() {
+  return {.ground = ground<T>,
+          .hinge_records = hinge_records<T>,
+          .outward = outward<T, Wanted::inverse>,
+          .elastic = elastic<T>,
+          .world = world<T>,
+          .central_gravity = central_gravity<T>,
+          .node_wrenches = node_wrenches<T>,
+          .gather = gather<T>};
+}
+
+/// The table of one scalar, for the instruction set that the including file is compiled for.
+template <class T, Wanted W = Wanted::all>
 static constexpr Sweeps<T> make_sweeps() {
   Sweeps<T> all{.ground = ground<T>,
                 .at_rest = at_rest<T>,
                 .hinge_records = hinge_records<T>,
-                .outward = outward<T, ProgramAlone>,
+                .outward = outward<T, W>,
                 .elastic = elastic<T>,
                 .world = world<T>,
                 .central_gravity = central_gravity<T>,
@@ -371,8 +390,8 @@ static constexpr Sweeps<T> make_sweeps() {
                 .inward = inward<T>,
                 .acceleration = acceleration<T>,
                 .refine = refine<T>};
-  if constexpr (!ProgramAlone) all.gather = gather<T>;
-  if constexpr (!ProgramAlone && kWidth<T> == 1) all.mass_matrix = mass_matrix<T>, all.mass_matrix_inverse = mass_matrix_inverse<T>;
+  if constexpr (W == Wanted::all) all.gather = gather<T>;
+  if constexpr (W == Wanted::all && kWidth<T> == 1) all.mass_matrix = mass_matrix<T>, all.mass_matrix_inverse = mass_matrix_inverse<T>;
   return all;
 }
 

@@ -192,6 +192,37 @@ TEST(Sensitivity, MatricesAreMadeOfDirections) {  // and d v' = - M^-1 d ID, M d
         kTrees);
 }
 
+TEST(Sensitivity, DirectionsSideBySideAreEachAsByThemselves) {
+  for (const TreeOptions& options : kinds_with_springs())
+    for_all_trees(
+        options, kDerivative,
+        [](const RandomTree& tree) {
+          LoadedScene s(tree);
+          if (s.model->nv == 0) return 0.0;
+          s.sens.solve(s.in());
+          constexpr unsigned kMany = 11;  // more than stand side by side
+          std::vector<VectorXd> numbers;
+          for (unsigned i = 0; i < 4 * kMany; ++i) numbers.push_back(s.direction(i + 1));
+          std::vector<operators::Direction> along(kMany);
+          for (unsigned d = 0; d < kMany; ++d) {  // some along one of them alone
+            if (d % 4 != 1) along[d].q = numbers[4 * d].data();
+            if (d % 4 != 2) along[d].v = numbers[4 * d + 1].data();
+            if (d % 4 != 3) along[d].vdot = numbers[4 * d + 2].data();
+            if (d % 2 == 0) along[d].tau = numbers[4 * d + 3].data();
+          }
+          MatrixXd tau(s.model->nv, kMany), vdot(s.model->nv, kMany), one_tau = tau, one_vdot = vdot;
+          s.sens.inverse(along, tau.data());
+          s.sens.forward(along, vdot.data());
+          for (unsigned d = 0; d < kMany; ++d) {
+            s.sens.inverse(along[d], one_tau.col(d).data());
+            s.sens.forward(along[d], one_vdot.col(d).data());
+          }
+          const MatrixXd M = mass_matrix(*s.model, s.ws, s.state.q.data());
+          return worse(differ(tau, one_tau), differ(M * vdot, M * one_vdot, largest(M) * largest(one_vdot)));
+        },
+        kTrees);
+}
+
 TEST(Sensitivity, MassMatrixByExpressionBySweepAndByTheTwin) {
   for (const TreeOptions& options : kinds_with_springs())
     for_all_trees(
