@@ -60,6 +60,7 @@ std::string to_json(const Summary& s) {
       {"jacobian_products", s.jacobian_products},
       {"preconditioner_setups", s.preconditioner_setups},
       {"linear_iterations", s.linear_iterations},
+      {"inner_steps", s.inner_steps},
       {"integration", integration},
       {"figures", figures},
       {"warnings", warnings},

@@ -58,6 +58,7 @@ struct Summary {
   double cpu_s = 0.0;                                       // of processor time, from the first step to the last
   long steps = 0, rhs_calls = 0, rejected = 0, restarts = 0;
   long jacobian_products = 0, preconditioner_setups = 0, linear_iterations = 0;  // of the linear solver "krylov", else 0
+  long inner_steps = 0;                                                          // of the method "multirate", else 0
   StepInterval integration;                                                      // of the whole run
   std::vector<std::pair<std::string, long>> worst;  // by component how many steps its error set the length of, the largest number first
   std::vector<Figure> figures;

@@ -13,7 +13,9 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
-constexpr std::size_t kSteps = 8;  // lengths of steps that are kept
+constexpr std::size_t kSteps = 8;     // lengths of steps that are kept
+constexpr double kNutation = 0.05;    // [rad/s] momentum of a rotor over the moment of inertia of its carrier, from which on it is fast
+constexpr double kOtherSpeed = 0.05;  // of its speed, after which a fast one is frozen anew
 
 MatrixXd full(const Stream& of, int m, bool diagonal) {
   if (diagonal) return VectorXd::Map(of.data(), m).asDiagonal();
@@ -25,7 +27,8 @@ std::array<double, 3> series(double r0, double r1, double r2) { return {r0 + r1 
 
 }  // namespace
 
-FrozenVehicle::FrozenVehicle(std::shared_ptr<const Model> model) : model_(std::move(model)), tree_(model_) {
+FrozenVehicle::FrozenVehicle(std::shared_ptr<const Model> model, bool gyroscopic)
+    : model_(std::move(model)), tree_(model_), gyroscopic_(gyroscopic) {
   const Model& m = *model_;
   std::vector<bool> moves_others(m.bodies.size(), false);  // its modes do, or its pnode
   for (const SweepBody& b : m.bodies) {
@@ -37,6 +40,7 @@ FrozenVehicle::FrozenVehicle(std::shared_ptr<const Model> model) : model_(std::m
     const SweepBody& s = m.bodies[static_cast<std::size_t>(o.sweep)];
     Body b;
     b.parent = o.parent, b.m = o.m, b.eta = s.eta, b.etadot = s.etadot, b.first_mode = n_modes_;
+    if (gyroscopic && s.kind == BodyKernel::rotor) b.rotor = s.v;
     const bool given = m.has_prescribed() && std::any_of(m.prescribed.begin() + s.etadot, m.prescribed.begin() + s.etadot + o.m,
                                                          [](std::uint8_t fixed) { return fixed != 0; });
     if (o.m > 0 && !given && !moves_others[static_cast<std::size_t>(o.sweep)])
@@ -53,10 +57,10 @@ FrozenVehicle::FrozenVehicle(std::shared_ptr<const Model> model) : model_(std::m
   steps_.reserve(kSteps);
   P_.resize(bodies_.size()), Z_.resize(bodies_.size()), delta_.resize(bodies_.size()), Gamma_.resize(bodies_.size()),
       eps_.resize(bodies_.size());
-  a_.resize(bodies_.size()), f_.resize(bodies_.size());
+  a_.resize(bodies_.size()), f_.resize(bodies_.size()), V_.resize(bodies_.size());
   for (std::size_t i = 0; i < bodies_.size(); ++i) {
     const int size = bodies_[i].size;
-    Z_[i].setZero(size, kDegrees), delta_[i].setZero(size, kDegrees), a_[i].setZero(size), f_[i].setZero(size);
+    Z_[i].setZero(size, kDegrees), delta_[i].setZero(size, kDegrees), a_[i].setZero(size), f_[i].setZero(size), V_[i].setZero(size);
   }
   for (VectorXd* x : {&xi_, &xi_rate_, &xi_acceleration_}) x->setZero(static_cast<Eigen::Index>(largest));
   u_.resize(static_cast<std::size_t>(m.nv));
@@ -96,6 +100,7 @@ void FrozenVehicle::freeze(const double* at_q, const double* at_v) {
   for (const PlainRates& r : m.plain_rates)
     for (int i = 0; i < r.n; ++i) coordinate[static_cast<std::size_t>(r.v + i)] = r.q + i;
   for (Body& b : bodies_) b.wide_inside = b.in_closed_form;
+  spinning_ = false;
   for (std::size_t i = bodies_.size(); i-- > 0;) {
     Body& b = bodies_[i];
     const operators::OperatorBody& o = tree_.bodies()[i];
@@ -135,9 +140,39 @@ void FrozenVehicle::freeze(const double* at_q, const double* at_v) {
           if (j >= 0 && k >= 0) b.K(r, c) += K(j, k), b.C(r, c) += C(j, k);
         }
     }
+    if (b.rotor >= 0) spin(b, block, at_v[b.rotor]);
     b.wide = b.wide_inside || !b.K.isZero(0.0) || !b.C.isZero(0.0);
     if (b.wide && b.parent >= 0) bodies_[static_cast<std::size_t>(b.parent)].wide_inside = true;
     Gamma_[i].setZero(n, kDegrees);
+  }
+}
+
+/// Its carrier turns it against omega x h, h its momentum about its axis. A slow one has no part in C.
+void FrozenVehicle::spin(Body& b, int block, double speed) {
+  const Eigen::Vector3d h = tree_.M(block).topLeftCorner<3, 3>() * tree_.Ht_all(block).col(0).head<3>();
+  b.per_speed = 3.0 * h.norm() / tree_.M(b.parent).topLeftCorner<3, 3>().trace();
+  b.fast = std::abs(b.per_speed * speed) > kNutation;
+  if (!b.fast) return;
+  b.gyroscopic << 0.0, h[2], -h[1], -h[2], 0.0, h[0], h[1], -h[0], 0.0;
+  b.gyroscopic *= speed;
+  b.wide_inside = spinning_ = true;
+}
+
+bool FrozenVehicle::spun(const double* v) const {
+  return std::ranges::any_of(bodies_, [&](const Body& b) {
+    if (b.rotor < 0) return false;
+    const double then = at_[static_cast<std::size_t>(model_->nq + b.rotor)],
+                 allowed = std::max(kNutation, kOtherSpeed * b.per_speed * std::abs(then));
+    return b.per_speed * std::abs(v[b.rotor] - then) > allowed;
+  });
+}
+
+void FrozenVehicle::move(const double* u) const {
+  for (std::size_t i = 0; i < bodies_.size(); ++i) {
+    const Body& b = bodies_[i];
+    V_[i].setZero();
+    if (b.parent >= 0) V_[i].head<6>().noalias() = b.A * V_[static_cast<std::size_t>(b.parent)];
+    for (std::size_t c = 0; c < b.v.size(); ++c) V_[i] += u[b.v[c]] * b.Ht.col(static_cast<Eigen::Index>(c));
   }
 }
 
@@ -160,6 +195,7 @@ void FrozenVehicle::from_modes(const Body& b, VectorXd& xi, double* eta) const {
 // r of modes in closed form is that of xi.
 void FrozenVehicle::force(const double* y, const double* u, const double* du, double* r) const {
   std::fill_n(r, model_->nv, 0.0);
+  if (spinning_) move(u);
   const auto N = bodies_.size();
   for (std::size_t i = 0; i < N; ++i) {
     const Body& b = bodies_[i];
@@ -168,6 +204,7 @@ void FrozenVehicle::force(const double* y, const double* u, const double* du, do
     if (b.parent >= 0) a.head<6>().noalias() = b.A * a_[static_cast<std::size_t>(b.parent)];
     for (std::size_t c = 0; c < b.v.size(); ++c) a += du[b.v[c]] * b.Ht.col(static_cast<Eigen::Index>(c));
     f_[i].noalias() = b.M * a;
+    if (b.fast) f_[i].head<3>().noalias() += b.gyroscopic * V_[i].head<3>();
     if (!b.in_closed_form) continue;
     to_modes(b, y + b.eta, xi_), to_modes(b, u + b.etadot, xi_rate_), to_modes(b, du + b.etadot, xi_acceleration_);
     f_[i].noalias() += b.Mre * xi_acceleration_.head(b.m);
@@ -253,6 +290,9 @@ void FrozenVehicle::factor(Step& step) {
       for (int r = 0; r < kDegrees; ++r)
         for (int c = 0; c < kDegrees; ++c) P.block<6, 6>(6 * r, 6 * c) += table.force_of_carrier(r, c) * outer;
     }
+    if (!b.fast) continue;
+    for (int r = 0; r < kDegrees; ++r)
+      for (int c = 0; c < kDegrees; ++c) P.block<3, 3>(6 * r, 6 * c) += h * integral_of_legendre(r, c) * b.gyroscopic;
   }
   for (std::size_t i = bodies_.size(); i-- > 0;) {
     const Body& b = bodies_[i];
@@ -309,9 +349,11 @@ void FrozenVehicle::advance(double h, const double* y, const double* u, const Dr
   else
     std::ranges::fill(u_, 0.0);
   const auto drive = [&](int i) { return series(r[0][i], r[1][i], r[2][i]); };
+  if (spinning_) move(u_.data());
   for (std::size_t i = 0; i < N; ++i) {
     const Body& b = bodies_[i];
     Z_[i].setZero();
+    if (b.fast) Z_[i].col(0).head<3>().noalias() += b.gyroscopic * V_[i].head<3>();
     if (!b.in_closed_form) continue;
     if (u)
       to_modes(b, y + b.eta, xi_), to_modes(b, u + b.etadot, xi_rate_);

@@ -17,13 +17,16 @@ namespace cardan {
 /// User's order of q and v throughout; components that follow a given motion, or are held, stand still and have no equation.
 class FrozenVehicle {
  public:
-  explicit FrozenVehicle(std::shared_ptr<const Model> model);
+  /// `gyroscopic`: C has the moments that turn with what carries fast rotors, at the speeds that these have where it is frozen.
+  explicit FrozenVehicle(std::shared_ptr<const Model> model, bool gyroscopic = false);
 
   /// M, C, K from now on at (q, v). NumericsError where the model has no configuration there.
   void freeze(const double* q, const double* v);
   /// The q where it is frozen; null: nowhere yet. Other components may be held now.
   const double* where() const { return at_.empty() ? nullptr : at_.data(); }
   bool holds_others() const;
+  /// Whether rotors turn at other speeds at v than where it is frozen, so that it matters.
+  bool spun(const double* v) const;
 
   /// M u' + C u + K y per velocity component; zero where there is no equation.
   void force(const double* y, const double* u, const double* du, double* r) const;
@@ -65,6 +68,10 @@ class FrozenVehicle {
     Eigen::MatrixXd Mre;           // 6 x m, of modes in closed form
     Eigen::MatrixXd shape, to_xi;  // eta = shape xi, xi = to_xi eta, where the given modes are not those of the body by itself; else empty
     std::vector<Oscillator> modes;
+    int rotor = -1;              // its velocity
+    double per_speed = 0.0;      // [-] rate of nutation over its speed: its moment of inertia over that of its carrier
+    bool fast = false;           // a rotor that is
+    Eigen::Matrix3d gyroscopic;  // [N m s] moment over the angular velocity
   };
   struct Factor {
     Eigen::MatrixXd D_inverse, gain, back;  // gain: P H*, its first six rows; back: D^-1 H P, its first six columns
@@ -76,6 +83,9 @@ class FrozenVehicle {
     std::vector<Factor> factors;          // body by body
   };
   void make_modes(Body& b, const FlexibleBody& f) const;
+  void spin(Body& b, int block, double speed);
+  /// V_ from rates of coordinates.
+  void move(const double* u) const;
   Step& step_of(double h);
   void fill(Step& step, double h) const;
   void factor(Step& step);
@@ -88,11 +98,12 @@ class FrozenVehicle {
   std::vector<std::uint8_t> held_;
   std::vector<double> at_;  // q and v where it is frozen; empty: it is not yet
   double fastest_ = 0.0, rounding_ = 0.0;
-  int n_modes_ = 0;  // in closed form
+  int n_modes_ = 0;                     // in closed form
+  bool gyroscopic_, spinning_ = false;  // rotors may count; one does
   long frozen_ = 0, used_ = 0;
   std::vector<Step> steps_;
-  std::vector<Eigen::MatrixXd> P_;              // per body, scratch of factor()
-  mutable std::vector<Eigen::VectorXd> a_, f_;  // per body, scratch of force()
+  std::vector<Eigen::MatrixXd> P_;                  // per body, scratch of factor()
+  mutable std::vector<Eigen::VectorXd> a_, f_, V_;  // per body, scratch of force() and of move()
   mutable Eigen::VectorXd xi_, xi_rate_, xi_acceleration_;
   // Of the last advance(): per body forces, motions and accelerations of its coordinates; what acts on each mode, one a column.
   std::vector<Series> Z_, delta_, Gamma_, eps_;

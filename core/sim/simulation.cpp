@@ -290,7 +290,7 @@ const char* kStiffHint =
 /// Before the first step: what springs, dampers and modes ask of an explicit method.
 void Simulation::foresee_stiffness(double t_end) {
   const IntegratorOptions& i = options_.integrator;
-  if (is_implicit(i.method) || i.method == "exponential") return;
+  if (is_implicit(i.method) || advances_linear_part(i.method)) return;
   const FastestMotion fastest = fastest_motion(model_, state_.q.data());
   if (fastest.rate <= 0.0) return;
   const Stability stable = stability_of(i.method);
@@ -661,8 +661,8 @@ OdeProblem Simulation::ode() {
       if (!known) std::fill_n(of_devices, static_cast<std::size_t>(model_->devices.n_roots) + model_->devices.holds.size(), 1.0);
     };
   momentum_.reset();
-  if (options_.integrator.method == "exponential") {
-    ode.linear = std::make_shared<VehicleLinearPart>(model_);
+  if (advances_linear_part(options_.integrator.method)) {
+    ode.linear = std::make_shared<VehicleLinearPart>(model_, options_.integrator.method);
     if (MomentumKeeper::honours(m) && !own_) momentum_ = std::make_unique<MomentumKeeper>(m);
   }
   if (options_.integrator.method.starts_with("variational"))

@@ -323,7 +323,7 @@ class Simulation {
   std::unique_ptr<Holding> holding_;          // of components that devices hold; null: there are none
   std::unique_ptr<Workspace> beside_;         // ... where they read nodes
   std::unique_ptr<LoopProjection> loops_;     // null: the vehicle is a tree
-  std::unique_ptr<MomentumKeeper> momentum_;  // of the method `exponential`; null: the vehicle does not float by itself
+  std::unique_ptr<MomentumKeeper> momentum_;  // of `exponential`, `multirate`; null: the vehicle does not float by itself
   bool drifted_ = false;                      // the history of the integrator is further from closed loops than its tolerance
   std::unique_ptr<NewtonOperators> newton_;   // where the linear solver asks for them
   double t_evaluated_ =

@@ -35,9 +35,9 @@ Vec3<double> rate_of_rotation(const Vec3<double>& theta, const Vec3<double>& ome
 
 bool has_quaternion_shape(int shape) { return shape == CARDAN_SHAPE_BALL || shape == CARDAN_SHAPE_FREE || shape == CARDAN_SHAPE_FREE_BODY; }
 
-std::shared_ptr<const Model> honoured(std::shared_ptr<const Model> model) {
+std::shared_ptr<const Model> honoured(std::shared_ptr<const Model> model, const std::string& method) {
   if (const std::string not_taken = VehicleLinearPart::refusal(*model); !not_taken.empty())
-    refuse(Code::unsupported, {"integrator.method"}, "a method that takes " + not_taken, "exponential, which does not",
+    refuse(Code::unsupported, {"integrator.method"}, "a method that takes " + not_taken, method + ", which does not",
            "dopri5, dop853; auto finds one");
   return model;
 }
@@ -55,8 +55,12 @@ std::string VehicleLinearPart::refusal(const Model& model) {
   return {};
 }
 
-VehicleLinearPart::VehicleLinearPart(std::shared_ptr<const Model> model)
-    : model_(honoured(std::move(model))), frozen_(model_), nq_(model_->nq), nv_(model_->nv), nz_(model_->devices.n_z) {
+VehicleLinearPart::VehicleLinearPart(std::shared_ptr<const Model> model, const std::string& method)
+    : model_(honoured(std::move(model), method)),
+      frozen_(model_, method == "multirate"),
+      nq_(model_->nq),
+      nv_(model_->nv),
+      nz_(model_->devices.n_z) {
   const Model& m = *model_;
   matters_.assign(static_cast<std::size_t>(nv_), 0);
   for (const UserBody& u : m.user) {
@@ -71,9 +75,10 @@ VehicleLinearPart::VehicleLinearPart(std::shared_ptr<const Model> model)
     curved_.push_back({u.q, u.v, u.nq, u.nv, static_cast<int>(u.hinge->shape), &u});
   }
   x_.resize(static_cast<std::size_t>(nq_ + nv_ + nz_));
-  for (auto* x : {&travel_, &rate_, &u_, &du_, &difference_}) x->resize(static_cast<std::size_t>(nv_));
-  qdot_.resize(static_cast<std::size_t>(nq_));
-  for (auto& r : past_) r.resize(static_cast<std::size_t>(size() - nv_));
+  for (auto* x : {&travel_, &rate_, &u_, &du_, &difference_, &whole_, &v_}) x->resize(static_cast<std::size_t>(nv_));
+  qdot_.resize(static_cast<std::size_t>(nq_)), y_.resize(static_cast<std::size_t>(nq_));
+  for (auto& r : past_) r.resize(static_cast<std::size_t>(size()));
+  for (auto& r : drive_) r.resize(static_cast<std::size_t>(nv_));
 }
 
 Vec3<double> VehicleLinearPart::turned(const Hinge& hinge, const double* q) const {
@@ -93,7 +98,7 @@ void VehicleLinearPart::centre(double t, const double* x) {
   std::copy_n(x, x_.size(), x_.begin());
   frozen_.set_rounding(8.0 * std::numeric_limits<double>::epsilon() * std::abs(t));
   ++since_;
-  if (!frozen_.where() || frozen_.holds_others() || (!model_->varies.empty() && since_ > kVarying) || moved(x))
+  if (!frozen_.where() || frozen_.holds_others() || (!model_->varies.empty() && since_ > kVarying) || moved(x) || frozen_.spun(x + nq_))
     frozen_.freeze(x, x + nq_), since_ = 0;
 }
 
@@ -120,22 +125,63 @@ void VehicleLinearPart::residual(const double* x, const double* xdot, double* r)
   std::copy_n(vdot + nv_, nz_, beyond + nv_ + nq_);
 }
 
+void VehicleLinearPart::divide(int pieces) {
+  pieces_ = pieces;
+  starts_.resize(std::max(starts_.size(), static_cast<std::size_t>(2 * nv_ * pieces)));
+}
+
 void VehicleLinearPart::advance(double h, const std::array<const double*, 3>& r, double* x) {
   h_ = h;
-  frozen_.advance(h, x_.data(), x_.data() + nq_, r, travel_.data(), rate_.data());
-  for (std::size_t i = 0; i < 3; ++i) std::copy_n(r[i] + nv_, past_[i].size(), past_[i].begin());
+  for (std::size_t i = 0; i < 3; ++i) std::copy_n(r[i], past_[i].size(), past_[i].begin());
+  go(0);
+  if (pieces_ > 1) std::copy_n(travel_.begin(), nv_, whole_.begin());
+  for (int k = 1; k < pieces_; ++k) {
+    double* start = starts_.data() + 2 * nv_ * k;
+    std::copy_n(whole_.begin(), nv_, start), std::copy_n(rate_.begin(), nv_, start + nv_);
+    go(k);
+    for (std::size_t i = 0; i < whole_.size(); ++i) whole_[i] += travel_[i];
+  }
+  if (pieces_ > 1) travel_ = whole_;
   assemble(h, 1.0, x);
 }
 
-void VehicleLinearPart::inside(double s, double* x) const {
-  frozen_.inside(s, travel_.data(), rate_.data());
+void VehicleLinearPart::go(int piece) {
+  redone_ = piece;
+  const double *y = x_.data(), *u = x_.data() + nq_;
+  if (pieces_ == 1) return frozen_.advance(h_, y, u, {past_[0].data(), past_[1].data(), past_[2].data()}, travel_.data(), rate_.data());
+  const double share = 1.0 / pieces_, s = piece * share;
+  for (std::size_t i = 0; i < v_.size(); ++i) {
+    drive_[0][i] = past_[0][i] + s * (past_[1][i] + s * past_[2][i]);
+    drive_[1][i] = share * (past_[1][i] + 2.0 * s * past_[2][i]);
+    drive_[2][i] = share * share * past_[2][i];
+  }
+  if (piece > 0) {
+    const double* start = starts_.data() + 2 * nv_ * piece;
+    std::copy_n(y, nq_, y_.begin()), std::copy_n(start + nv_, nv_, v_.begin());
+    for (const PlainRates& p : model_->plain_rates)
+      for (int i = 0; i < p.n; ++i) y_[static_cast<std::size_t>(p.q + i)] += start[p.v + i];
+    y = y_.data(), u = v_.data();
+  }
+  frozen_.advance(share * h_, y, u, {drive_[0].data(), drive_[1].data(), drive_[2].data()}, travel_.data(), rate_.data());
+}
+
+void VehicleLinearPart::inside(double s, double* x) {
+  const int piece = std::min(static_cast<int>(s * pieces_), pieces_ - 1);
+  const double within = s * pieces_ - piece, *start = starts_.data() + 2 * nv_ * piece;
+  if (piece > 0 && within == 0.0) {
+    std::copy_n(start, nv_, travel_.begin()), std::copy_n(start + nv_, nv_, rate_.begin());
+  } else {
+    if (piece != redone_) go(piece);
+    frozen_.inside(within, travel_.data(), rate_.data());
+    for (std::size_t i = 0; piece > 0 && i < travel_.size(); ++i) travel_[i] += start[i];
+  }
   assemble(h_, s, x);
 }
 
 /// x from travel_, rate_ and the integrals of what is beyond forces.
 void VehicleLinearPart::assemble(double h, double s, double* x) const {
   const auto beyond = [&](int i) {
-    const auto k = static_cast<std::size_t>(i);
+    const auto k = static_cast<std::size_t>(nv_ + i);
     return h * s * (past_[0][k] + s * (past_[1][k] / 2 + s * past_[2][k] / 3));
   };
   std::copy_n(x_.data(), nq_, x);
@@ -163,6 +209,7 @@ void VehicleLinearPart::assemble(double h, double s, double* x) const {
 }
 
 void VehicleLinearPart::effect(double h, const std::array<const double*, 3>& r, double* e) {
+  redone_ = -1;
   frozen_.advance(h, nullptr, nullptr, r, travel_.data(), rate_.data());
   const auto beyond = [&](int i) { return h * (r[0][nv_ + i] + r[1][nv_ + i] / 2 + r[2][nv_ + i] / 3); };
   std::fill_n(e, x_.size(), 0.0);

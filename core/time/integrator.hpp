@@ -14,8 +14,8 @@
 
 namespace cardan {
 
-/// The fast linear part of f, which the method `exponential` advances in closed form: with coordinates about a state, M u' + C u + K y = r,
-/// where M, C, K are those of one state and r is what f is beyond them. docs/mathematics/exponential.md, 2.
+/// The fast linear part of f, which `exponential` and `multirate` advance apart from the rest: with coordinates about a state, M u' + C u +
+/// K y = r, where M, C, K are those of one state and r is what f is beyond them. docs/mathematics/exponential.md, 2.
 class LinearPart {
  public:
   virtual ~LinearPart() = default;
@@ -24,14 +24,16 @@ class LinearPart {
   virtual void centre(double t, const double* x) = 0;
   /// r at x, where f is xdot.
   virtual void residual(const double* x, const double* xdot, double* r) const = 0;
+  /// Steps of advance() in as many equal pieces from now on, 1 at first: each in closed form, which may not resolve what is fastest.
+  virtual void divide(int pieces) = 0;
   /// x after h [s] from the centre with r(s) = r[0] + r[1] s + r[2] s^2, s = 0 ... 1.
   virtual void advance(double h, const std::array<const double*, 3>& r, double* x) = 0;
-  /// What such an r alone does to x in h: e[n].
+  /// What such an r alone does to x in h, in one piece: e[n].
   virtual void effect(double h, const std::array<const double*, 3>& r, double* e) = 0;
   /// Zero in the place of what a step of h does not resolve.
   virtual void leave_out(double h, double* e) const = 0;
   /// x at the fraction s of the last advance().
-  virtual void inside(double s, double* x) const = 0;
+  virtual void inside(double s, double* x) = 0;
   /// By which errors of x are measured: |x|, of swings their amplitude.
   virtual void sizes(const double* x, double* size) const = 0;
   /// [s] The longest step that it is made for.
@@ -88,13 +90,13 @@ struct OdeProblem {
   std::function<bool(double t, const double* x, double gamma, bool moved)> prepare;
   /// Solves (1 - gamma J) z = r approximately, a fixed linear map between two calls of prepare. Both or none.
   std::function<bool(const double* r, double* z)> precondition;
-  std::shared_ptr<LinearPart> linear;     // of the method `exponential` alone
+  std::shared_ptr<LinearPart> linear;     // of the methods `exponential` and `multirate` alone
   std::shared_ptr<MomentumForm> momenta;  // of the methods `variational` and `variational4` alone
 };
 
 struct IntegratorOptions {
-  std::string method = "dopri5";  // auto, ark_explicit, ark_imex, ark_implicit, cvode_adams, cvode_bdf, dop853, dopri5, exponential, rk4,
-                                  // variational, variational4
+  std::string method = "dopri5";     // auto, ark_explicit, ark_imex, ark_implicit, cvode_adams, cvode_bdf, dop853, dopri5, exponential,
+                                     // multirate, rk4, variational, variational4
   double relative_tolerance = 1e-9;  // adaptive methods
   double max_step = 0.0;             // [s] 0 = none; adaptive methods
   double initial_step = 0.0;         // [s] 0 = the method's choice; adaptive methods
@@ -110,6 +112,7 @@ struct IntegratorStatistics {
   /// are integrals. Methods of equal steps estimate some of theirs.
   double error_sum = 0.0;
   long jacobian_products = 0, preconditioner_setups = 0, linear_iterations = 0;  // krylov
+  long inner_steps = 0;                                                          // multirate: of the linear part
   double last_step = 0.0;                                                        // [s]
   int last_order = 0;
 
@@ -119,12 +122,12 @@ struct IntegratorStatistics {
     rejected.add(later.rejected);
     restarts += later.restarts, integrand_calls += later.integrand_calls, error_sum += later.error_sum;
     jacobian_products += later.jacobian_products, preconditioner_setups += later.preconditioner_setups;
-    linear_iterations += later.linear_iterations;
+    linear_iterations += later.linear_iterations, inner_steps += later.inner_steps;
     last_step = later.last_step, last_order = later.last_order;
   }
   void remember(Archive& archive) {
     archive(steps, rhs_calls, rejected, root_evaluations, restarts, integrand_calls, error_sum, jacobian_products, preconditioner_setups,
-            linear_iterations, last_step, last_order);
+            linear_iterations, inner_steps, last_step, last_order);
   }
 };
 
@@ -163,7 +166,7 @@ class Integrator {
   /// The state at t inside the last step (dense output), projected.
   virtual void interpolate(double t, double* x) = 0;
   /// The integrals from the first start to t inside the last step; n_quadrature numbers. `error`, which may be null: an estimate of what
-  /// each is off by at the states that were found, sums of magnitudes over the steps; zero of `exponential`.
+  /// each is off by at the states that were found, sums of magnitudes over the steps.
   virtual void integrals(double t, double* y, double* error = nullptr) = 0;
   /// What a restart keeps of all that was before it: the next step, counts, integrals. Right after restart(), on both sides: there it is
   /// written, or taken over by a new integrator of the same method and problem, which goes on with the same bits.
@@ -188,6 +191,8 @@ struct MethodKind {
 std::vector<MethodKind> integration_methods();
 /// Whether it is a method that solves linear equations in its steps, which stiffness does not shorten.
 bool is_implicit(const std::string& method);
+/// Whether it needs OdeProblem::linear, which it does not follow by the steps in which it evaluates f.
+bool advances_linear_part(const std::string& method);
 
 /// Throws InputError (C0301, C0401) for unknown methods and options that do not fit the method.
 void check_options(const IntegratorOptions& options);

@@ -27,6 +27,7 @@ const std::vector<Method>& methods() {
                                           {make_dop853, "dop853", true},
                                           {make_dopri5, "dopri5", true},
                                           {make_exponential, "exponential", true},
+                                          {make_multirate, "multirate", true},
                                           {make_rk4, "rk4", false},
                                           {make_variational, "variational", false},
                                           {make_variational, "variational4", false}};
@@ -90,6 +91,11 @@ bool is_implicit(const std::string& method) {
                              [&](const Method& m) { return m.name == method && m.make != nullptr && !m.linear_solvers.empty(); });
 }
 
+bool advances_linear_part(const std::string& method) {
+  return std::ranges::any_of(methods(),
+                             [&](const Method& m) { return m.name == method && (m.make == make_exponential || m.make == make_multirate); });
+}
+
 void check_options(const IntegratorOptions& options) {
   const Method& method = find_method(options.method);
   check_time(method, "max_step", options.max_step, method.adaptive);
@@ -107,8 +113,8 @@ std::unique_ptr<Integrator> make_integrator(OdeProblem problem, const Integrator
   check_options(options);
   const Method& method = find_method(options.method);
   if (!method.make) refuse(Code::unsupported, "method", "a method that was chosen (choose_method)", "\"auto\"");
-  if (method.make == make_exponential && !problem.linear)
-    refuse(Code::unsupported, "method", "a problem that tells its linear part", "\"exponential\" for one that does not");
+  if (advances_linear_part(method.name) && !problem.linear)
+    refuse(Code::unsupported, "method", "a problem that tells its linear part", fmt::format("\"{}\" for one that does not", method.name));
   if (method.make == make_variational && !problem.momenta)
     refuse(Code::unsupported, "method", "a problem that tells its momenta", fmt::format("\"{}\" for one that does not", method.name));
   const auto& absolute = problem.absolute_tolerance;

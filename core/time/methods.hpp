@@ -15,6 +15,8 @@ std::unique_ptr<Integrator> make_dop853(OdeProblem problem, const IntegratorOpti
 std::unique_ptr<Integrator> make_dopri5(OdeProblem problem, const IntegratorOptions& options);
 /// Needs OdeProblem::linear.
 std::unique_ptr<Integrator> make_exponential(OdeProblem problem, const IntegratorOptions& options);
+/// Needs OdeProblem::linear.
+std::unique_ptr<Integrator> make_multirate(OdeProblem problem, const IntegratorOptions& options);
 /// Needs OdeProblem::momenta. variational or variational4.
 std::unique_ptr<Integrator> make_variational(OdeProblem problem, const IntegratorOptions& options);
 /// ark_explicit, ark_imex or ark_implicit.

@@ -73,7 +73,7 @@ void look_at_ticks(Scenario& s) {
 /// `method = "auto"`: from here on it is the one that was chosen. One that does not take the vehicle is refused.
 void choose_method_of(Scenario& s) {
   IntegratorOptions& i = s.mission.simulation.integrator;
-  const std::string not_taken = i.method == "exponential"             ? VehicleLinearPart::refusal(*s.model)
+  const std::string not_taken = advances_linear_part(i.method)        ? VehicleLinearPart::refusal(*s.model)
                                 : i.method.starts_with("variational") ? VehicleMomentumForm::refusal(*s.model)
                                                                       : "";
   if (!not_taken.empty())

@@ -86,7 +86,7 @@ Summary run_summary(const Scenario& s, double wall_s) {
   out.steps = i.steps, out.rhs_calls = i.rhs_calls, out.rejected = i.rejected.all(), out.restarts = i.restarts;
   out.integration = s.sim->step_history().whole(), out.worst = s.sim->step_history().worst();
   out.jacobian_products = i.jacobian_products, out.preconditioner_setups = i.preconditioner_setups;
-  out.linear_iterations = i.linear_iterations;
+  out.linear_iterations = i.linear_iterations, out.inner_steps = i.inner_steps;
   out.model.bodies = static_cast<int>(m.user.size());
   out.model.hinges = static_cast<int>(std::count_if(m.user.begin(), m.user.end(), [](const UserBody& u) { return u.nv > 0; }));
   out.model.n_q = m.nq, out.model.n_v = m.nv, out.model.n_modes = m.n_modes;
@@ -185,6 +185,7 @@ std::string summary_text(const Scenario& s, const Summary& sum, const std::vecto
   if (sum.preconditioner_setups > 0)
     text += fmt::format("{} products J v, {} preconditioners, {} linear iterations\n", sum.jacobian_products, sum.preconditioner_setups,
                         sum.linear_iterations);
+  if (sum.inner_steps > 0) text += fmt::format("{} steps of the linear part\n", sum.inner_steps);
   if (const RunProfile* times = s.sim->times()) text += times_text(*times, s.sim->statistics(), s.sim->integrator_name());
   if (!sum.kept_elsewhere.empty() && s.mission.checkpoint_period) text += kept_elsewhere_text(sum.kept_elsewhere);
   return text;

@@ -147,7 +147,8 @@ TEST(Determinism, SameRunGivesTheSameBits) {
     x << sim.state().q, sim.state().v;
     return x;
   };
-  for (const char* method : {"rk4", "dopri5", "dop853", "cvode_adams", "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit"})
+  for (const char* method :
+       {"rk4", "dopri5", "dop853", "cvode_adams", "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit", "exponential", "multirate"})
     EXPECT_EQ(largest(run(method) - run(method)), 0.0) << method;
 }
 

@@ -699,7 +699,7 @@ TEST(CurvedNodes, AreRefusedByName) {
   const auto model = made(spec);
   EXPECT_EQ(refusal([&] { Momenta of(*model); }),
             unsupported + "  at: momenta\n  expected: bodies whose nodes move along constant shapes\n" + carriage + end);
-  for (const std::string& method : std::vector<std::string>{"exponential", "variational"}) {
+  for (const std::string& method : std::vector<std::string>{"exponential", "multirate", "variational"}) {
     SimulationOptions options;
     options.integrator.method = method, options.integrator.fixed_step = 0.01;
     EXPECT_EQ(refusal([&] {

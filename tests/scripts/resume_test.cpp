@@ -58,8 +58,8 @@ void expect_same_results(const std::string& a, const std::string& b) {
 }
 
 TEST(Resume, GoesOnAsIfTheRunHadNeverStopped) {
-  for (const std::string method :
-       {"dopri5", "dop853", "exponential", "rk4", "ark_explicit", "ark_imex", "ark_implicit", "cvode_adams", "cvode_bdf", "variational"}) {
+  for (const std::string method : {"dopri5", "dop853", "exponential", "multirate", "rk4", "ark_explicit", "ark_imex", "ark_implicit",
+                                   "cvode_adams", "cvode_bdf", "variational"}) {
     const TemporaryFolder dir;
     make_scenario(dir, kMission);
     std::vector<std::string> options{"--set", "mission.integrator.method=" + method, "--seed", "5"};

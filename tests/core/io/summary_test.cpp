@@ -22,7 +22,7 @@ Summary example() {
   s.steps = 1234;
   s.rhs_calls = 5678;
   s.restarts = 9;
-  s.jacobian_products = 21, s.preconditioner_setups = 22, s.linear_iterations = 23;
+  s.jacobian_products = 21, s.preconditioner_setups = 22, s.linear_iterations = 23, s.inner_steps = 24;
   s.integration.by_stop = 31, s.integration.shortest = 1e-3, s.integration.rejected.by_error[1] = 17, s.integration.restarts[1] = 8;
   s.worst = {{"wing.mode 3", 1200}, {"bus.wx", 3}};
   s.figures = {{"final_error_deg", 0.01, "deg"}};
@@ -55,6 +55,7 @@ TEST(Summary, HasTheKeysThatToolsRelyOn) {
   EXPECT_EQ(j["jacobian_products"], 21);
   EXPECT_EQ(j["preconditioner_setups"], 22);
   EXPECT_EQ(j["linear_iterations"], 23);
+  EXPECT_EQ(j["inner_steps"], 24);
   EXPECT_EQ(j["integration"]["by_stop"], 31);
   EXPECT_EQ(j["integration"]["shortest"], 1e-3);
   EXPECT_EQ(j["integration"]["rejected_modal"], 17);

@@ -22,9 +22,9 @@ namespace {
 
 using Eigen::VectorXd;
 
-const std::vector<std::string> kResumedMethods = {
-    "rk4",          "dopri5",   "dop853",       "exponential",        "cvode_adams", "cvode_bdf", "cvode_bdf krylov",
-    "ark_explicit", "ark_imex", "ark_implicit", "ark_implicit krylov"};
+const std::vector<std::string> kResumedMethods = {"rk4",          "dopri5",      "dop853",       "exponential",
+                                                  "multirate",    "cvode_adams", "cvode_bdf",    "cvode_bdf krylov",
+                                                  "ark_explicit", "ark_imex",    "ark_implicit", "ark_implicit krylov"};
 
 /// On the base beside the sprung arm a flexible boom and a wheel on a profile with corners, a wrench on the arm; commands at 8 Hz; an event
 /// that turns the wrench over.
@@ -149,7 +149,8 @@ TEST(Checkpoint, OfDevicesSurvivesAHundredInterruptions) {
   const auto model = equipped();
   const int jolt = model->devices.all[static_cast<std::size_t>(model->devices.find("motor"))].in;
   const int moment = model->devices.all[static_cast<std::size_t>(model->devices.find("rods"))].in + 1;
-  for (const std::string method : {"dopri5", "dop853", "exponential", "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit"}) {
+  for (const std::string method :
+       {"dopri5", "dop853", "exponential", "multirate", "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit"}) {
     std::vector<Checkpoint> made;
     const auto begin = [&] {
       SimulationOptions options = ResumedScene::options(method);

@@ -1,4 +1,4 @@
-// The frozen linear vehicle against matrix exponentials, and runs by the method `exponential` against other methods.
+// The frozen linear vehicle against matrix exponentials, and runs by the methods `exponential` and `multirate` against other methods.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -154,6 +154,63 @@ TEST(FrozenVehicle, AdvancesAsTheMatrixExponential) {
   }
 }
 
+/// A spacecraft with a second wheel, on its sprung arm; both turn fast.
+SystemSpec with_fast_wheels(double damping = 0.3) {
+  SystemSpec spec = flexible_spacecraft(1, damping > 0.0);
+  spec.bodies.push_back(on(rigid("spinner", 0.5, {0, 0, 0}, diagonal({0.004, 0.002, 0.002})), "arm", "revolute", {{1, 0, 0}}, {0, 0, 0.6}));
+  return system(std::move(spec.bodies));
+}
+
+/// The moments that the bus and the arm turn their wheels against are those of the bias forces, bilinear in the speeds of the wheels and
+/// all other rates: as a matrix they belong to C.
+TEST(FrozenVehicle, TurnsWithItsFastWheels) {
+  const auto model = compiled(with_fast_wheels());
+  const Model& m = *model;
+  State s = posture(m);
+  const int wheel = m.user[4].v, spinner = m.user[5].v;
+  s.v[wheel] = 2000.0, s.v[spinner] = -1500.0;  // 40 N m s on 8 kg m^2, 6 N m s on 0.4 kg m^2
+  ASSERT_EQ(m.rotors.size(), 2u);
+  Linear l = linear_of(m, s);
+  Workspace workspace(m);
+  const auto bias = [&](const VectorXd& v) -> VectorXd { return bias_force(m, workspace, s.q.data(), v.data()); };
+  const MatrixXd C = l.C;
+  for (int i = 0; i < m.nv; ++i) {
+    const VectorXd unit = VectorXd::Unit(m.nv, i);
+    if (i != wheel && i != spinner) l.C.col(i) += bias(s.v + unit) - bias(s.v) - bias(unit);
+  }
+  ASSERT_GT(largest(l.C - C), 30.0);
+  FrozenVehicle frozen(model, true), without(model);
+  frozen.freeze(s.q.data(), s.v.data()), without.freeze(s.q.data(), s.v.data());
+  VectorXd y = VectorXd::Zero(m.nq), u(m.nv), du(m.nv), r(m.nv), of_others(m.nv);
+  for (int i = 0; i < m.nv; ++i) u[i] = 0.1 * std::cos(2.0 * i), du[i] = std::sin(3.0 * i + 1.0);
+  frozen.force(y.data(), u.data(), du.data(), r.data()), without.force(y.data(), u.data(), du.data(), of_others.data());
+  EXPECT_LT(distance(r - of_others, (l.C - C) * u), 1e-12 * ((l.C - C) * u).norm());
+
+  const MatrixXd inverse = positive_inverse(l.M).value();
+  MatrixXd A = MatrixXd::Zero(2 * m.nv, 2 * m.nv);
+  A.topRightCorner(m.nv, m.nv).setIdentity();
+  A.bottomLeftCorner(m.nv, m.nv) = -inverse * l.K, A.bottomRightCorner(m.nv, m.nv) = -inverse * l.C;
+  VectorXd x = VectorXd::Zero(2 * m.nv);
+  x.tail(m.nv) = u;
+  const VectorXd zero = VectorXd::Zero(m.nv);
+  double before = 0.0;
+  for (const double h : {0.1, 0.05, 0.02}) {
+    VectorXd travel(m.nv), rate(m.nv);
+    frozen.advance(h, y.data(), u.data(), {zero.data(), zero.data(), zero.data()}, travel.data(), rate.data());
+    const VectorXd end = flow(A, VectorXd::Zero(2 * m.nv), x, h);
+    const double error = worse(distance(travel, end.head(m.nv)) / (0.1 * h), distance(rate, end.tail(m.nv)) / largest(end.tail(m.nv)));
+    if (h == 0.02) {
+      EXPECT_LT(error, 1e-10);
+      EXPECT_LT(error, 2e-2 * before);  // of a high order
+    }
+    before = error;
+  }
+  EXPECT_FALSE(frozen.spun(s.v.data()));
+  s.v[spinner] *= 1.1;
+  EXPECT_TRUE(frozen.spun(s.v.data()));
+  EXPECT_FALSE(without.spun(s.v.data()));
+}
+
 /// Without damping the energy of the frozen vehicle stays to round-off, whatever the step resolves.
 TEST(FrozenVehicle, KeepsItsEnergy) {
   const auto model = compiled(flexible_spacecraft(1, false));
@@ -209,9 +266,9 @@ TEST(FrozenVehicle, GivesItsDenseOutputAsStepsThatEndThere) {
   }
 }
 
-SimulationOptions by_exponential(double max_step = 0.0, double tolerance = 1e-3) {
+SimulationOptions by_exponential(double max_step = 0.0, double tolerance = 1e-3, const std::string& method = "exponential") {
   SimulationOptions o;
-  o.integrator.method = "exponential";
+  o.integrator.method = method;
   o.integrator.relative_tolerance = tolerance;
   o.integrator.max_step = max_step;
   return o;
@@ -256,14 +313,86 @@ TEST(Exponential, IsOfOrderThreeThroughTicks) {
   }
 }
 
+TEST(Multirate, IsOfOrderFourThroughTicks) {
+  for (const int level : {0, 1}) {
+    const auto model = compiled(flexible_spacecraft(level));
+    const VectorXd wanted = run_spacecraft(model, reference());
+    const auto error = [&](double h) {
+      return (run_spacecraft(model, by_exponential(h, 1e-4, "multirate")) - wanted).norm() / wanted.norm();
+    };
+    const double coarse = error(0.1), fine = error(0.0125);
+    EXPECT_NEAR(std::log2(coarse / fine) / 3.0, 4.0, 0.35) << "level " << level << ": " << coarse << ", " << fine;
+  }
+}
+
 /// The tolerance is kept: errors fall with it.
 TEST(Exponential, FollowsItsTolerance) {
   const auto model = compiled(flexible_spacecraft());
   const VectorXd wanted = run_spacecraft(model, reference());
-  for (const double tolerance : {1e-4, 1e-6, 1e-8}) {
-    const double error = (run_spacecraft(model, by_exponential(0.0, tolerance)) - wanted).norm() / wanted.norm();
-    EXPECT_LT(error, 30.0 * tolerance);
+  for (const std::string method : {"exponential", "multirate"})
+    for (const double tolerance : {1e-4, 1e-6, 1e-8, 1e-10}) {
+      if (method == "exponential" && tolerance < 1e-8) continue;
+      const double error = (run_spacecraft(model, by_exponential(0.0, tolerance, method)) - wanted).norm() / wanted.norm();
+      EXPECT_LT(error, 30.0 * tolerance) << method;
+    }
+}
+
+/// An arm on a spring that swings ten and a hundred times as fast, and counts: where one closed form through a step does not resolve it,
+/// several pieces of the step do.
+TEST(Multirate, FollowsWhatIsFastByItsPieces) {
+  for (const double faster : {1.0, 10.0, 100.0}) {
+    SystemSpec spec = flexible_spacecraft(0, false);
+    spec.bodies[1].hinge.springs[0].stiffness *= faster * faster;
+    const auto model = compiled(spec);
+    long calls = 0;
+    const auto run = [&](SimulationOptions options) {
+      Simulation sim(model, options);
+      State s = model->initial_state();
+      s.v[model->user[1].v] = 1e-3;
+      sim.set_state(s);
+      sim.run(1.0);
+      calls = sim.statistics().rhs_calls;
+      VectorXd x(model->nq + model->nv);
+      x << sim.state().q, sim.state().v;
+      return x;
+    };
+    SimulationOptions options = by_exponential(0.0, 1e-6, "multirate");
+    options.absolute_tolerance = 1e-10;
+    const VectorXd wanted = run(reference()), got = run(options);
+    const long own = calls;
+    EXPECT_LT(largest(got - wanted), 1e-3 * 3e-5) << faster;
+    options.integrator.method = "dop853";
+    run(options);
+    EXPECT_LT(2 * own, calls) << faster;
   }
+}
+
+/// The bus nutates, and so does the arm with its wheel: what is left of f beside that is slow.
+TEST(Multirate, LetsStepsFollowNoFastWheels) {
+  const auto model = compiled(with_fast_wheels());
+  std::vector<IntegratorStatistics> counts;
+  const auto run = [&](const SimulationOptions& options) {
+    Simulation sim(model, options);
+    State s = model->initial_state();
+    for (int i = 0; i < 3; ++i) s.v[i] = 1e-5 * (i + 1);
+    s.v[model->user[4].v] = 2e4, s.v[model->user[5].v] = -1.5e4;
+    sim.set_state(s);
+    sim.run(2.0);
+    counts.push_back(sim.statistics());
+    VectorXd x(model->nq + model->nv);
+    x << sim.state().q, sim.state().v;
+    x[model->user[4].q] = x[model->user[5].q] = 0.0;  // thousands of turns
+    for (const int i : {4, 5}) x[model->nq + model->user[i].v] = 0.0;
+    return x;
+  };
+  const VectorXd wanted = run(reference());
+  SimulationOptions options = by_exponential(0.0, 1e-7, "multirate");
+  options.absolute_tolerance = 1e-13;
+  const VectorXd got = run(options);
+  EXPECT_LT(largest(got - wanted), 1e-5 * 1e-4);
+  options.integrator.method = "dop853";
+  run(options);
+  EXPECT_LT(4 * counts[1].rhs_calls, counts[2].rhs_calls);
 }
 
 /// The stiffer the modes, the smaller what they do; the steps do not follow them.
@@ -290,23 +419,25 @@ TEST(Exponential, TakesNoSmallerStepsForFasterModes) {
 
 /// Torques between its bodies change no momentum, whatever the error of the steps; events inside of steps too.
 TEST(Exponential, KeepsTheMomentumOfAFreeVehicle) {
-  const auto model = compiled(flexible_spacecraft());
-  Simulation sim(model, by_exponential(0.05));
-  State s = posture(*model);
-  for (int i = 0; i < model->nv; ++i) s.v[i] = 0.05 * std::cos(2.0 * i);
-  for (const UserBody& u : model->user)
-    if (u.n_modes > 0) s.v.segment(u.etadot, u.n_modes) *= 0.02;
-  sim.set_state(s);
-  const int wheel = model->user[4].v, arm = model->user[1].q;
-  int events = 0;
-  sim.add_event({"arm passes", [arm](double, const double* q, const double*) { return q[arm]; }, 0, [&] { ++events; }});
-  sim.every({1, 10}, [&sim, wheel] { sim.set_force(wheel, 0.2 * std::cos(2.0 * sim.time())); });
-  const Momentum before = sim.momentum();
-  sim.run(5.0);
-  const Momentum after = sim.momentum();
-  EXPECT_GT(events, 3);
-  EXPECT_LT((after.linear - before.linear).norm(), 1e-13 * before.linear_magnitude);
-  EXPECT_LT((after.angular - before.angular).norm(), 1e-13 * before.angular_magnitude);
+  for (const std::string method : {"exponential", "multirate"}) {
+    const auto model = compiled(flexible_spacecraft());
+    Simulation sim(model, by_exponential(0.05, 1e-3, method));
+    State s = posture(*model);
+    for (int i = 0; i < model->nv; ++i) s.v[i] = 0.05 * std::cos(2.0 * i);
+    for (const UserBody& u : model->user)
+      if (u.n_modes > 0) s.v.segment(u.etadot, u.n_modes) *= 0.02;
+    sim.set_state(s);
+    const int wheel = model->user[4].v, arm = model->user[1].q;
+    int events = 0;
+    sim.add_event({"arm passes", [arm](double, const double* q, const double*) { return q[arm]; }, 0, [&] { ++events; }});
+    sim.every({1, 10}, [&sim, wheel] { sim.set_force(wheel, 0.2 * std::cos(2.0 * sim.time())); });
+    const Momentum before = sim.momentum();
+    sim.run(5.0);
+    const Momentum after = sim.momentum();
+    EXPECT_GT(events, 3);
+    EXPECT_LT((after.linear - before.linear).norm(), 1e-13 * before.linear_magnitude);
+    EXPECT_LT((after.angular - before.angular).norm(), 1e-13 * before.angular_magnitude);
+  }
 }
 
 /// A force on the bus from outside is not taken away.
@@ -336,12 +467,14 @@ TEST(Exponential, AgreesOnRandomTrees) {
         sim.run(0.2);
         return sim.state();
       };
-      const State wanted = end("dop853", 1e-12), got = end("exponential", 1e-7);
-      VectorXd d(model->nv);
-      model->difference(wanted.q.data(), got.q.data(), d.data());
-      const double size = 1.0 + wanted.v.norm();
-      EXPECT_LT(largest(d) / size, 3e-6) << "seed " << seed << "\n" << describe(tree);
-      EXPECT_LT(distance(got.v, wanted.v) / size, 3e-6) << "seed " << seed << "\n" << describe(tree);
+      for (const std::string method : {"exponential", "multirate"}) {
+        const State wanted = end("dop853", 1e-12), got = end(method, 1e-7);
+        VectorXd d(model->nv);
+        model->difference(wanted.q.data(), got.q.data(), d.data());
+        const double size = 1.0 + wanted.v.norm();
+        EXPECT_LT(largest(d) / size, 3e-6) << method << " seed " << seed << "\n" << describe(tree);
+        EXPECT_LT(distance(got.v, wanted.v) / size, 3e-6) << method << " seed " << seed << "\n" << describe(tree);
+      }
     }
   EXPECT_GT(taken, 70);
 }
@@ -351,7 +484,7 @@ TEST(Exponential, RefusesWhatItDoesNotHonour) {
   spec.bodies[0].hinge.prescribed = {0};
   const auto model = compiled(spec);
   try {
-    VehicleLinearPart part(model);
+    VehicleLinearPart part(model, "exponential");
     FAIL() << "a given motion of a free body";
   } catch (const InputError& e) {
     EXPECT_EQ(e.diagnostics().at(0).code, Code::unsupported);

@@ -17,8 +17,8 @@ using Eigen::VectorXd;
 
 constexpr double kMu = 398600.4418e9, kRadius = 6878137.0;  // [m^3/s^2], [m]
 const double kMeanMotion = std::sqrt(kMu / std::pow(kRadius, 3));
-const std::vector<std::string> kMethods = {"rk4",       "dopri5",       "dop853",   "exponential", "cvode_adams",
-                                           "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit"};
+const std::vector<std::string> kMethods = {"rk4",         "dopri5",    "dop853",       "exponential", "multirate",
+                                           "cvode_adams", "cvode_bdf", "ark_explicit", "ark_imex",    "ark_implicit"};
 
 SimulationOptions by(const std::string& method, double relative = 1e-9, double fixed_step = 0.01) {
   SimulationOptions o;

@@ -128,7 +128,7 @@ TEST(StepHistory, SumsUpToTheWholeRun) {
 }
 
 TEST(StepHistory, GoesOnAfterACheckpoint) {
-  for (const std::string method : {"rk4", "dopri5", "exponential", "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit"}) {
+  for (const std::string method : {"rk4", "dopri5", "exponential", "multirate", "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit"}) {
     BusyScene whole(method), rest(method);
     whole.sim.run(2.0);
     rest.sim.resume(whole.made.at(0));  // at 0.6 s, in the second interval

@@ -199,7 +199,8 @@ TEST_P(EveryMethodEvents, NanInAnEventFunctionEndsTheRun) {
 }
 
 INSTANTIATE_TEST_SUITE_P(, EveryMethodEvents,
-                         testing::Values("ark_explicit", "ark_imex", "ark_implicit", "cvode_adams", "cvode_bdf", "dop853", "dopri5", "rk4"),
+                         testing::Values("ark_explicit", "ark_imex", "ark_implicit", "cvode_adams", "cvode_bdf", "dop853", "dopri5",
+                                         "multirate", "rk4"),
                          parameter_name);
 
 }  // namespace

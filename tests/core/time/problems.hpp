@@ -96,7 +96,7 @@ inline Values integrate(Integrator& integrator, double t0, Values x, double t_en
   return x;
 }
 
-/// x' = r: nothing is linear, and the method `exponential` is an explicit one of order 3.
+/// x' = r: nothing is linear, and `exponential`, `multirate` are explicit ones of order 3 and 4.
 class NoLinearPart final : public LinearPart {
  public:
   explicit NoLinearPart(int n) : x_(static_cast<std::size_t>(n)) {}
@@ -112,7 +112,8 @@ class NoLinearPart final : public LinearPart {
     for (int i = 0; i < size(); ++i) e[i] = h * (r[0][i] + r[1][i] / 2 + r[2][i] / 3);
   }
   void leave_out(double, double*) const override {}
-  void inside(double s, double* x) const override {
+  void divide(int) override {}
+  void inside(double s, double* x) override {
     for (std::size_t i = 0; i < x_.size(); ++i) x[i] = x_[i] + h_ * s * (r_[0][i] + s * (r_[1][i] / 2 + s * r_[2][i] / 3));
   }
   void sizes(const double* x, double* size) const override {

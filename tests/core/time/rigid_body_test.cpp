@@ -91,7 +91,8 @@ TEST_P(EveryMethodRigidBody, AsymmetricBodyFollowsEllipticFunctions) {
 }
 
 INSTANTIATE_TEST_SUITE_P(, EveryMethodRigidBody,
-                         testing::Values("ark_explicit", "ark_imex", "ark_implicit", "cvode_adams", "cvode_bdf", "dop853", "dopri5", "rk4"),
+                         testing::Values("ark_explicit", "ark_imex", "ark_implicit", "cvode_adams", "cvode_bdf", "dop853", "dopri5",
+                                         "multirate", "rk4"),
                          parameter_name);
 
 }  // namespace
