@@ -198,16 +198,19 @@ static bool refined_inverse(const Model& model, Workspace& ws, const double* q, 
   return true;
 }
 
-bool articulate_at_rest(const Model& model, Workspace& ws, const double* q) {
+template <class T>
+bool articulate_at_rest(const Model& model, soa::Workspace<T>& ws, const T* q) {
   require_open_tree(model, "inverse mass matrices");
-  const soa::Sweeps<double>& S = soa::sweeps<double>();
-  ws.rest.assign(model.nv, 0.0);
-  const Inputs in{.q = q, .v = ws.rest.data(), .vdot = ws.rest.data(), .gravity = false};
+  const soa::Sweeps<T>& S = soa::sweeps<T>();
+  ws.rest.assign(model.nv, T(0));
+  const soa::Inputs<T> in{.q = q, .v = ws.rest.data(), .vdot = ws.rest.data(), .gravity = false};
   outward(model, S, ws, in, {.velocity = false});
   for (auto run = model.runs.rbegin(); run != model.runs.rend() && ws.breakdown.body == 0; ++run)
     S.inward(model, ws, in, *run, {.bias = false});
   return ws.breakdown.body == 0;
 }
+template bool articulate_at_rest(const Model&, soa::Workspace<double>&, const double*);
+template bool articulate_at_rest(const Model&, soa::Workspace<soa::Tangent>&, const soa::Tangent*);
 
 void solve_mass(const Model& model, Workspace& ws, const double* q, const double* f, double* vdot) {
   const soa::Sweeps<double>& S = soa::sweeps<double>();

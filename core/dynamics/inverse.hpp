@@ -26,7 +26,8 @@ Eigen::MatrixXd mass_matrix(const Model& model, Workspace& workspace, const doub
 /// The same into M (nv x nv, column-major); allocates nothing in trees of rigid bodies.
 void mass_matrix(const Model& model, Workspace& workspace, const double* q, double* M);
 /// P, D and G at q without velocities, loads and gravity, for solve_mass. False: a direction without inertia (Workspace::breakdown).
-bool articulate_at_rest(const Model& model, Workspace& workspace, const double* q);
+template <class T>
+bool articulate_at_rest(const Model& model, soa::Workspace<T>& workspace, const T* q);
 /// vdot = M^-1 f (nv each) at the q of articulate_at_rest, O(N). Components with a given motion get 0.
 void solve_mass(const Model& model, Workspace& workspace, const double* q, const double* f, double* vdot);
 

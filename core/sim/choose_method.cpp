@@ -22,7 +22,7 @@ constexpr double kDense = 50.0;        // states up to which a dense Jacobian is
 
 }  // namespace
 
-MethodChoice choose_method(const std::shared_ptr<const Model>& model, double interval, const IntegratorOptions& asked) {
+MethodChoice choose_method(const std::shared_ptr<const Model>& model, double interval, const IntegratorOptions& asked, Dynamics dynamics) {
   MethodChoice out{asked, {}};
   std::string& method = out.options.method;
   if (asked.fixed_step > 0.0) {
@@ -36,13 +36,14 @@ MethodChoice choose_method(const std::shared_ptr<const Model>& model, double int
   const std::string told = fastest.decays ? fmt::format("{} decays at {:.3g} 1/s", fastest.what, fastest.rate)
                                           : fmt::format("{} swings at {:.3g} Hz", fastest.what, fastest.rate / (2.0 * std::numbers::pi));
   const std::string often = interval < kWithoutTicks ? fmt::format(" and commands may change each {:.3g} s", interval) : std::string();
-  const std::string not_linear = VehicleLinearPart::refusal(*model);
+  const bool standard = dynamics == Dynamics::standard;
+  const std::string not_linear = standard ? VehicleLinearPart::refusal(*model) : name_of(dynamics) + " dynamics";
   if (angle > kAngle && not_linear.empty() && asked.relative_tolerance >= kFine) {
     method = "exponential";
     out.why = told + often + ": it is advanced in closed form";
   } else if (fastest.decays && fastest.rate > kStiff && model->loops.empty()) {
     method = "cvode_bdf";
-    if (model->nq + model->nv > kDense && asked.linear_solver.empty()) out.options.linear_solver = "krylov";
+    if (model->nq + model->nv > kDense && asked.linear_solver.empty() && standard) out.options.linear_solver = "krylov";
     out.why = told + ": stiff" + (not_linear.empty() ? std::string() : fmt::format(", and exponential does not take {}", not_linear));
   } else {
     // Order 8 pays where a step of its own fits between two ticks, or the fastest motion makes it several.

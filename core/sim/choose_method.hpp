@@ -5,6 +5,7 @@
 #include <string>
 
 #include "core/model/model.hpp"
+#include "core/sim/dynamics.hpp"
 #include "core/time/integrator.hpp"
 
 namespace cardan {
@@ -16,6 +17,7 @@ struct MethodChoice {
 
 /// interval: [s] the shortest between two instants at which commands may change, infinite where there are none. The model is looked at in
 /// its initial state: the choice is that of any resumed run too.
-MethodChoice choose_method(const std::shared_ptr<const Model>& model, double interval, const IntegratorOptions& asked);
+MethodChoice choose_method(const std::shared_ptr<const Model>& model, double interval, const IntegratorOptions& asked,
+                           Dynamics dynamics = Dynamics::standard);
 
 }  // namespace cardan

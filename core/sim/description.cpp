@@ -563,13 +563,15 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
 
 std::string integrator_text(const SimulationOptions& options) {
   const IntegratorOptions& i = options.integrator;
-  if (i.fixed_step > 0) return fmt::format("{}, step {:g} s", i.method, i.fixed_step);
+  const std::string velocities =
+      options.dynamics == Dynamics::standard ? std::string() : fmt::format(", {} dynamics", name_of(options.dynamics));
+  if (i.fixed_step > 0) return fmt::format("{}, step {:g} s{}", i.method, i.fixed_step, velocities);
   std::string text = i.method;
   if (!i.linear_solver.empty()) text += fmt::format(", {} linear solver", i.linear_solver);
   text += fmt::format(", relative tolerance {:g}", i.relative_tolerance);
   if (options.absolute_tolerance > 0) text += fmt::format(", absolute tolerance {:g}", options.absolute_tolerance);
   if (i.max_step > 0) text += fmt::format(", largest step {:g} s", i.max_step);
-  return text;
+  return text + velocities;
 }
 
 std::string sweep_program(const Model& m, const State& state) { return program_text(m, soa::op_costs(m, state), false); }

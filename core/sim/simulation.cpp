@@ -14,6 +14,7 @@
 #include "core/base/noise.hpp"
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/sim/choose_method.hpp"
+#include "core/sim/diagonalised_form.hpp"
 #include "core/sim/fastest_motion.hpp"
 #include "core/sim/newton_operators.hpp"
 #include "core/sim/plugin_faults.hpp"
@@ -480,13 +481,31 @@ void Simulation::make_integrator_once() {
   if (integrator_) return;
   x_.assign(static_cast<std::size_t>(model_->nq + model_->nv + model_->devices.n_z), 0.0);
   if (options_.integrator.method == "auto") {
-    MethodChoice choice = choose_method(model_, schedule_.shortest_period(), options_.integrator);
+    MethodChoice choice = choose_method(model_, schedule_.shortest_period(), options_.integrator, options_.dynamics);
     options_.integrator = std::move(choice.options);
     why_ = std::move(choice.why);
   }
+  diagonalise();
   OdeProblem problem = ode();
+  if (diagonalised_) problem = diagonalised_->problem(std::move(problem));
   time_calls(problem);
   integrator_ = make_integrator(std::move(problem), options_.integrator);
+  if (diagonalised_) integrator_ = diagonalised_->integrator(std::move(integrator_));
+}
+
+/// With `dynamics` other than standard.
+void Simulation::diagonalise() {
+  diagonalised_.reset();
+  if (options_.dynamics == Dynamics::standard) return;
+  diagonalised_ = std::make_unique<DiagonalisedForm>(
+      model_, options_.dynamics, options_.integrator,
+      DiagonalisedForm::Hooks{.give = [this](double t, double* q, double* v) { give_motion(t, q, v); },
+                              .guard = [this](const std::function<void()>& work) { return unless_thrown(work); },
+                              .broken =
+                                  [this](const soa::Breakdown& breakdown, const double* q) {
+                                    breakdown_ = breakdown;
+                                    culprit_ = plugin_at_fault(*model_, q, state_.v.data());
+                                  }});
 }
 
 std::vector<double> Simulation::absolute_tolerances() const {

@@ -13,6 +13,7 @@
 #include "core/io/recorder.hpp"
 #include "core/model/model_map.hpp"
 #include "core/sim/balances.hpp"
+#include "core/sim/dynamics.hpp"
 #include "core/sim/holding.hpp"
 #include "core/sim/momentum_keeper.hpp"
 #include "core/sim/motion_profile.hpp"
@@ -36,10 +37,12 @@ struct SimulationOptions {
   IntegratorOptions integrator;
   double absolute_tolerance = 0.0;  // [unit of each state], up to 1; 0 = the relative tolerance. Modes are scaled, see .cpp
   TolerancesByKind tolerances;
-  std::uint64_t seed = 0;  // of the noise of devices
-  bool ledger = true;      // integrate external impulse and work beside the state; no bit of the motion depends on it
+  Dynamics dynamics = Dynamics::standard;  // which velocities are integrated; what is seen of them is v
+  std::uint64_t seed = 0;                  // of the noise of devices
+  bool ledger = true;                      // integrate external impulse and work beside the state; no bit of the motion depends on it
 };
 
+class DiagonalisedForm;
 class NewtonOperators;
 
 /// Where a function of (t, q, v) crosses zero, something happens between two steps.
@@ -192,7 +195,8 @@ class Simulation {
   /// Called with each warning of the run when it comes up first, so that it can be told while the run goes on.
   void on_warning(std::function<void(const Warning&)> told) { told_ = std::move(told); }
   IntegratorStatistics statistics() const;
-  /// x' = f(t, x), x = [q; v; z], with the commands as they are when it is called: what the integrator is given. Refers to this.
+  /// x' = f(t, x), x = [q; v; z], with the commands as they are when it is called: what the integrator is given, of standard dynamics.
+  /// Refers to this.
   OdeProblem ode();
   /// With `method = "auto"`, from the first use of the integrator on, why it is what it is; else empty.
   const std::string& why_integrator() const { return why_; }
@@ -218,6 +222,7 @@ class Simulation {
   bool acted_on() const;
   RunProfile::Part* timed(RunProfile::Part RunProfile::*part) { return times_ ? &((*times_).*part) : nullptr; }
   void time_calls(OdeProblem& ode);
+  void diagonalise();
   const double* with_given_motion(double t, const double* x);
   void give_motion(double t, double* q, double* v) const;
   void start_given_motion();
@@ -329,6 +334,7 @@ class Simulation {
   double t_evaluated_ =
       std::numeric_limits<double>::quiet_NaN();  // with newton_ and devices: where devices were evaluated last in this step
   std::vector<double> x_evaluated_;
+  std::unique_ptr<DiagonalisedForm> diagonalised_;  // between the integrator and rhs(); null: it integrates v
   std::unique_ptr<Integrator> integrator_;
   IntegratorStatistics of_former_models_;
   int adopted_ = 0;  // models, in the run

@@ -181,6 +181,8 @@ int mission(lua_State* L, Scenario& s) {
     }
     return t.table(key);
   };
+  if (const auto dynamics = t.choice("dynamics", dynamics_names()))
+    s.mission.simulation.dynamics = static_cast<Dynamics>(std::ranges::find(dynamics_names(), *dynamics) - dynamics_names().begin());
   if (auto i = part("integrator")) read_integrator(*i, s.mission);
   if (auto o = part("output")) read_output(*o, L, s);
   if (auto c = part("checkpoint")) read_checkpoint(*c, L, s.mission);

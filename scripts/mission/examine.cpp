@@ -11,6 +11,7 @@
 #include "core/model/validate.hpp"
 #include "core/operators/system_properties.hpp"
 #include "core/sim/choose_method.hpp"
+#include "core/sim/diagonalised_form.hpp"
 #include "core/sim/flexible_limits.hpp"
 #include "core/sim/vehicle_linear_part.hpp"
 #include "core/sim/vehicle_momentum_form.hpp"
@@ -82,7 +83,7 @@ void choose_method_of(Scenario& s) {
   if (i.method != "auto") return;
   double interval = seconds(s.mission.output_period);
   for (const Controller& c : s.controllers) interval = std::min(interval, seconds(c.period));
-  MethodChoice choice = choose_method(s.model, interval, i);
+  MethodChoice choice = choose_method(s.model, interval, i, s.mission.simulation.dynamics);
   i = std::move(choice.options);
   s.mission.why_method = std::move(choice.why);
   s.mission.defaults_used.emplace_back("mission.integrator.method", fmt::format("{}, chosen by auto: {}", i.method, s.mission.why_method));
@@ -131,6 +132,9 @@ bool scripts_act(const Scenario& s) { return !s.controllers.empty() || !s.phases
 void examine(Scenario& s) {
   s.warnings.add(s.model->spec->warnings);
   s.sim->expect_profiles();
+  const SimulationOptions& options = s.mission.simulation;
+  if (options.dynamics != Dynamics::standard)
+    DiagonalisedForm::expect_honoured(*s.model, options.dynamics, options.integrator, {"mission.dynamics", {s.file.string(), 0, 0}});
   choose_method_of(s);
   expect_away_from_centre(s);
   look_at_ticks(s);

@@ -24,6 +24,7 @@ std::vector<std::pair<std::string, std::string>> mission_values(const Scenario& 
     return text;
   };
   add("duration", quantity_text(m.duration, "s"));
+  if (m.simulation.dynamics != Dynamics::standard) add("dynamics", name_of(m.simulation.dynamics));
   add("integrator.method", i.method);
   if (i.fixed_step == 0.0) add("integrator.relative", fmt::format("{}", i.relative_tolerance));
   if (m.simulation.absolute_tolerance > 0) add("integrator.absolute", fmt::format("{}", m.simulation.absolute_tolerance));

@@ -191,6 +191,27 @@ TEST(Alloc, StepsBesideALinearPart) {
   }
 }
 
+/// In (q, nu), with all that the run by ARun has but loads on nodes; modes that a step eliminates through the nodes of their body too.
+TEST(Alloc, DiagonalisedDynamics) {
+  if (!counting) GTEST_SKIP() << "a sanitizer brings its own malloc";
+  for (const Dynamics dynamics : {Dynamics::diagonalised, Dynamics::diagonalised_rates})
+    for (const int modes : {0, 8}) {
+      const RandomTree tree = random_tree(
+          3, {.bodies = 8, .flexible = 0.6, .modes = modes, .prescribed = 0.1, .springs = true, .gravity = GravitySpec::Kind::central});
+      SimulationOptions run;
+      run.dynamics = dynamics;
+      run.integrator.relative_tolerance = 1e-6;
+      Simulation sim(compiled(tree.spec), run);
+      ASSERT_TRUE(sim.model().has_prescribed() && sim.model().n_modes > 4);
+      int events = 0;
+      sim.add_event(
+          {"beat", [](double t, const double*, const double* v) { return std::sin(20.0 * t) + 1e-6 * v[0]; }, 0, [&] { ++events; }});
+      sim.run(0.3);
+      EXPECT_EQ(mallocs_in([&] { sim.run(0.6); }), 0) << name_of(dynamics) << ", " << modes << " modes";
+      EXPECT_GT(events, 0);
+    }
+}
+
 TEST(Alloc, AVariationalStep) {
   if (!counting) GTEST_SKIP() << "a sanitizer brings its own malloc";
   BodySpec boom = on(BodySpec(), "bus", "universal", {{0, 1, 0}, {1, 0, 0}}, {0.0, 0.5, 0.0});

@@ -57,6 +57,7 @@ function vehicle(path) end
 ---@field title? string
 ---@field duration quantity [s]
 ---@field integrator? IntegratorOptions
+---@field dynamics? "standard"|"diagonalised"|"diagonalised_rates" which velocities are integrated, default standard
 ---@field output? OutputOptions
 ---@field checkpoint? CheckpointOptions when the run is made so that it can be resumed
 ---@field ledger? boolean balance of momentum and energy, default true

@@ -22,9 +22,22 @@ namespace {
 
 using Eigen::VectorXd;
 
-const std::vector<std::string> kResumedMethods = {"rk4",          "dopri5",      "dop853",       "exponential",
-                                                  "multirate",    "cvode_adams", "cvode_bdf",    "cvode_bdf krylov",
-                                                  "ark_explicit", "ark_imex",    "ark_implicit", "ark_implicit krylov"};
+const std::vector<std::string> kResumedMethods = {"rk4",
+                                                  "dopri5",
+                                                  "dop853",
+                                                  "exponential",
+                                                  "multirate",
+                                                  "cvode_adams",
+                                                  "cvode_bdf",
+                                                  "cvode_bdf krylov",
+                                                  "ark_explicit",
+                                                  "ark_imex",
+                                                  "ark_implicit",
+                                                  "ark_implicit krylov",
+                                                  "rk4 diagonalised",
+                                                  "dopri5 diagonalised",
+                                                  "dop853 diagonalised_rates",
+                                                  "cvode_bdf diagonalised"};
 
 /// On the base beside the sprung arm a flexible boom and a wheel on a profile with corners, a wrench on the arm; commands at 8 Hz; an event
 /// that turns the wrench over.
@@ -60,8 +73,10 @@ struct ResumedScene {
     SimulationOptions o;
     o.integrator.method = method.substr(0, method.find(' '));
     if (method.ends_with("krylov")) o.integrator.linear_solver = "krylov";
+    if (method.ends_with(" diagonalised")) o.dynamics = Dynamics::diagonalised;
+    if (method.ends_with(" diagonalised_rates")) o.dynamics = Dynamics::diagonalised_rates;
     o.integrator.relative_tolerance = 1e-7;
-    if (method == "rk4") o.integrator.fixed_step = 0.007;
+    if (method.starts_with("rk4")) o.integrator.fixed_step = 0.007;
     return o;
   }
   Simulation sim;

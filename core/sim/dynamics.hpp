@@ -1,0 +1,21 @@
+#pragma once
+// Which velocities a run integrates.
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace cardan {
+
+enum class Dynamics : std::uint8_t {
+  standard,           ///< v
+  diagonalised,       ///< nu, in which the mass matrix is the identity
+  diagonalised_rates  ///< nu in the units of v, in which it is block-diagonal
+};
+/// As a mission names them, in the order of the enumerators.
+inline const std::vector<std::string>& dynamics_names() {
+  static const std::vector<std::string> names = {"standard", "diagonalised", "diagonalised_rates"};
+  return names;
+}
+inline const std::string& name_of(Dynamics dynamics) { return dynamics_names()[static_cast<std::size_t>(dynamics)]; }
+
+}  // namespace cardan
