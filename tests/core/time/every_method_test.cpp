@@ -224,6 +224,43 @@ TEST_P(EveryMethod, IntegralsTellWhatTheyAreOffBy) {
   }
 }
 
+/// A command moves by a thousandth where a step ends: methods of one step go on with their step and order, those of several begin at order
+/// 1 with short steps.
+TEST_P(EveryMethod, KeepsItsStepOverATickUnlessItIsOfSeveralSteps) {
+  double u = 1.0;
+  OdeProblem p = problem(
+      2,
+      [&u](double, const double* x, double* xdot) {
+        xdot[0] = x[1], xdot[1] = u - x[0];
+        return true;
+      },
+      1e-9);
+  auto integrator = make_by(p, GetParam() == "rk4" ? rk4(0.01) : adaptive(GetParam(), 1e-7));
+  const double far = 1e3;  // no stop shortens the steps
+  double x[2] = {0.0, 0.0}, t = 0.0;
+  integrator->restart(0.0, x);
+  int order = 0, worse = 0;
+  for (int tick = 0; tick < 10; ++tick) {
+    double h = 0.0;
+    for (int k = 0; k < 40; ++k) {
+      const StepReport report = integrator->step(far, x);
+      h = report.t - t, t = report.t, order = report.order;
+    }
+    u *= 1.001;
+    integrator->restart(t, x);
+    const StepReport first = integrator->step(far, x);
+    if (GetParam().starts_with("cvode")) {
+      EXPECT_EQ(first.order, 1);
+      EXPECT_LT(first.t - t, 0.1 * h);
+    } else {
+      EXPECT_EQ(first.order, order);
+      worse += first.t - t < 0.7 * h;
+    }
+    t = first.t;
+  }
+  EXPECT_LE(worse, 1) << "a step that would have been shorter without a tick";
+}
+
 /// Large rates that change faster than the states.
 TEST_P(EveryMethod, IntegralsTakeNoPartInTheSteps) {
   const auto run = [&](bool with) {
