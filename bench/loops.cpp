@@ -39,7 +39,7 @@ Figure measure(const Model& model, const bench_loops::Model& bench, double secon
   return out;
 }
 
-int run(const std::string& only, double seconds) {
+int run(const std::string& only, double seconds, bool absolute) {
   Registry registry;
   register_hinges(registry);
   register_bodies(registry);
@@ -68,6 +68,12 @@ int run(const std::string& only, double seconds) {
                                                 model->loops.sets.size() - static_cast<std::size_t>(rates), model->loops.embedding->width,
                                                 model->loops.embedding->flops);
     const Figure tree = measure(*open_tree(model), bench, seconds, true);
+    if (absolute) {
+      bench.spec.loop_form = LoopForm::dae;
+      const Figure all = measure(*compile(bench.spec, registry), bench, seconds, false);
+      how += fmt::format("; all bodies in absolute coordinates: {:.2f} us, {:.1e}", 1e-3 * all.ns, all.error);
+      good = good && all.error <= allowed;
+    }
     fmt::print("| {:<28} | {:>6} | {:>4} | {:>9.2f} | {:>11.2f} | {:>7.1e} | {:>9.2f} | {:>7.1e} | {} |\n", file.stem().string(),
                bench.spec.bodies.size(), model->loops.rows, 1e-3 * tree.ns, 1e-3 * of[0].ns, of[0].error, 1e-3 * of[1].ns, of[1].error,
                how);
@@ -86,6 +92,8 @@ int main(int argc, char** argv) {
   double seconds = 0.05;
   line.option("--only", only, "mechanisms whose name contains this");
   line.option("--seconds", seconds, "for each figure");
+  bool absolute = false;
+  line.option("--dae", absolute, "also all bodies in absolute coordinates (loop_form: dae)");
   if (const auto code = line.parse(argc, argv)) return *code;
-  return cardan::bench::run(only, seconds);
+  return cardan::bench::run(only, seconds, absolute);
 }

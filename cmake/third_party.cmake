@@ -4,7 +4,7 @@ find_package(Eigen3 3.4 REQUIRED NO_MODULE)
 find_package(fmt 9 REQUIRED)
 find_package(yaml-cpp 0.7 REQUIRED)
 find_package(tinyxml2 9 REQUIRED)
-find_package(SUNDIALS 6.4 REQUIRED COMPONENTS arkode cvodes nvecserial sunmatrixdense sunlinsoldense sunlinsolspgmr
+find_package(SUNDIALS 6.4 REQUIRED COMPONENTS arkode cvodes ida nvecserial sunmatrixdense sunmatrixsparse sunlinsoldense sunlinsolspgmr
              sunnonlinsolfixedpoint sunnonlinsolnewton)
 set(HDF5_PREFER_PARALLEL OFF)
 find_package(HDF5 1.10 REQUIRED COMPONENTS C)

@@ -8,6 +8,8 @@
 
 #include "core/dynamics/inverse.hpp"
 #include "core/dynamics/loops.hpp"
+#include "core/model/absolute.hpp"
+#include "core/model/loops.hpp"
 #include "core/model/rotary_terms.hpp"
 #include "core/soa/kernels.hpp"
 
@@ -82,6 +84,10 @@ std::shared_ptr<const Model> compile(std::shared_ptr<const SystemSpec> spec, con
   std::shared_ptr<Model> model = assemble(spec, registry, options, false);
   if (!model->loops.empty()) {
     prepare_loops(*model);
+    if (model->spec->loop_form == LoopForm::dae) {
+      model->loops.absolute = in_absolute_coordinates(*model, registry, options);
+      sweep_absolute(*model);
+    }
     return model;
   }
   if (model->n_modes > 0 || !model->varies.empty()) return model;

@@ -17,11 +17,13 @@ namespace {
 bool run_loops(const Model& model, const Op& op, Workspace& ws, const Inputs& in, double* vdot) {
   if (op.code == OpCode::keep) keep_loads(model, ws);
   if (op.code == OpCode::embedding) return run_embedding(model, ws, in, vdot);
+  if (op.code == OpCode::absolute) return run_absolute(model, ws, in, vdot);
   return op.code != OpCode::loops || close_loops(model, ws, in, vdot);
 }
 template <class T>
 bool run_loops(const Model& model, const Op& op, soa::Workspace<T>&, const soa::Inputs<T>&, T*) {
-  if (op.code == OpCode::loops || op.code == OpCode::embedding) require_open_tree(model, "lanes and derivatives");
+  if (op.code == OpCode::loops || op.code == OpCode::embedding || op.code == OpCode::absolute)
+    require_open_tree(model, "lanes and derivatives");
   return true;
 }
 
@@ -32,7 +34,7 @@ bool forward_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inpu
   const soa::Sweeps<T>& S = soa::sweeps<T>();
   const std::size_t bytes = sizeof(T) * static_cast<std::size_t>(model.nq);
   // q is null where nq = 0. P is a function of q alone unless masses vary.
-  const bool kept = model.rigid && bytes > 0 && model.varies.empty() && !model.loops.embedding;
+  const bool kept = model.rigid && bytes > 0 && model.varies.empty() && !model.loops.embedding && !model.loops.absolute;
   const bool again = kept && ws.articulated && std::memcmp(in.q, ws.articulated_q.data(), bytes) == 0;
   ws.articulated = again;  // an evaluation that breaks off leaves nothing to be used again
   S.ground(model, ws, in);

@@ -266,14 +266,7 @@ bool embedded_response(const Model& model, Workspace& ws, const double* q, const
   return false;
 }
 
-void settle_loops(const Model& model, Workspace& ws, const Inputs& in) {
-  if (!ws.loops || !ws.loops->unsettled) return;
-  ws.loops->unsettled = false;
-  LoopPass pass(model, ws, in);
-  pass.place();
-  std::ranges::fill(ws.loops->lambda, 0.0);
-  if (!EmbeddedMultipliers(model, ws, in).find(pass)) return;
-  // The open tree, with the loops pushing.
+void push_open_tree(const Model& model, Workspace& ws, const Inputs& in, LoopPass& pass) {
   const soa::Sweeps<double>& S = soa::sweeps<double>();
   pass.push();
   Inputs pushed = in;
@@ -285,6 +278,16 @@ void settle_loops(const Model& model, Workspace& ws, const Inputs& in) {
   S.node_wrenches(model, ws, pushed);
   for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.inward(model, ws, pushed, *run, {});
   for (const Run& run : model.runs) S.acceleration(model, ws, pushed, run, ws.loops->response.data());
+}
+
+void settle_loops(const Model& model, Workspace& ws, const Inputs& in) {
+  if (!ws.loops || !ws.loops->unsettled) return;
+  ws.loops->unsettled = false;
+  LoopPass pass(model, ws, in);
+  pass.place();
+  std::ranges::fill(ws.loops->lambda, 0.0);
+  if (!EmbeddedMultipliers(model, ws, in).find(pass)) return;
+  push_open_tree(model, ws, in, pass);
 }
 
 }  // namespace cardan

@@ -178,7 +178,7 @@ void LoopPass::restore() {
 LoopWork::LoopWork(const Model& model) {
   const Loops& loops = model.loops;
   const std::size_t n = loops.all.size(), rows = static_cast<std::size_t>(loops.rows), nv = static_cast<std::size_t>(model.nv);
-  from.resize(n), to.resize(n), relative.resize(n), q.resize(n), v.resize(n), gradient.resize(n);
+  from.resize(n), to.resize(n), relative.resize(n), q.resize(n), v.resize(n), near_q.resize(n), gradient.resize(n);
   std::vector<std::uint8_t> moves(nv), marked(model.bodies.size());
   const auto mark = [&](int k) {
     for (; k > 0; k = model.bodies[static_cast<std::size_t>(k)].parent) marked[static_cast<std::size_t>(k)] = 1;

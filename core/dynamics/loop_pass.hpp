@@ -14,6 +14,8 @@
 
 namespace cardan {
 
+struct AbsoluteWork;  // core/dynamics/absolute.hpp
+
 /// Scratch of the loops of one model, in a workspace; made in its first call.
 struct LoopWork {
   using End = LoopEndMotion<double>;
@@ -23,6 +25,7 @@ struct LoopWork {
   std::vector<End> from, to;  // per loop
   std::vector<Relative> relative;
   std::vector<std::vector<double>> q, v;      // of hinges that close, of each loop
+  std::vector<const double*> near_q;          // where these q are looked for; null: near Loop::q0
   std::vector<std::vector<double>> gradient;  // of couplings: per term, of each loop
   // Per row:
   std::vector<Force<double>> W;  // what a multiplier of 1 does to the end `to`, axes of the node `from`
@@ -42,6 +45,7 @@ struct LoopWork {
   std::vector<double> tau, tau_of_row, response, zero;
   std::vector<Run> near;  // bodies that loops move and all inboard of them
   bool coupled = false;
+  std::unique_ptr<AbsoluteWork, void (*)(AbsoluteWork*)> absolute{nullptr, nullptr};  // of the op `absolute`
   // Closed inside of the sweeps (loop_embedding.cpp):
   std::unique_ptr<soa::EmbeddingWork> embedding;
   bool unsettled = false;  // multipliers and what the workspace has of the closed system are those of another evaluation
@@ -147,6 +151,8 @@ class LoopPass {
   const soa::Sweeps<double>& S_;
 };
 
+/// Observers read of the workspace what the open tree does with the loops pushing (push()), from what was kept.
+void push_open_tree(const Model& model, Workspace& ws, const Inputs& in, LoopPass& pass);
 /// Where each component of v is an angular velocity.
 std::vector<std::uint8_t> turning(const Model& model);
 /// The start that is nearest in the metric of the mass matrix (weighted) and closes the loops: hinges that may move do, on the way from the

@@ -157,7 +157,7 @@ void LoopPass::close_by_hinge(const Loop& loop, std::size_t l, Force<double>* W,
   const LoopWork::Relative& r = k_.relative[l];
   const cardan_hinge_family& f = *loop.hinge;
   std::vector<double>&q = k_.q[l], &v = k_.v[l];
-  std::ranges::copy(loop.q0, q.begin());
+  std::copy_n(k_.near_q[l] ? k_.near_q[l] : loop.q0.data(), q.size(), q.begin());
   std::ranges::fill(v, 0.0);
   const int n = static_cast<int>(f.nv);
   const HingeFit fit = fit_hinge(f, loop.packed, {r.R, r.d}, loop.lever, q);

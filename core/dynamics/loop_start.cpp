@@ -154,8 +154,9 @@ void choose_form(Model& model, const LoopPass& pass, const LoopWork& work) {
   Loops& loops = model.loops;
   const std::vector<double> rows = scaled_rows(model, pass, work);
   Embedding embedding = embed_loops(model, rows, loops.sets);
-  if (model.spec->loop_form == LoopForm::multipliers) {
-    for (LoopSet& set : loops.sets) set.form = "multipliers", set.why = "asked for";
+  const LoopForm form = model.spec->loop_form;
+  if (form == LoopForm::multipliers || form == LoopForm::dae) {
+    for (LoopSet& set : loops.sets) set.form = form == LoopForm::dae ? "multipliers of all bodies" : "multipliers", set.why = "asked for";
     return;
   }
   take_embedding(model, std::move(embedding));

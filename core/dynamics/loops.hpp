@@ -24,6 +24,9 @@ bool close_loops(const Model& model, Workspace& workspace, const Inputs& in, dou
 /// The op `embedding`: the sweeps and the loops in one (docs/mathematics/loops.md, 4); by multipliers over the open tree where the rank is
 /// not that of the start. false: Workspace::breakdown.
 bool run_embedding(const Model& model, Workspace& workspace, const Inputs& in, double* vdot);
+/// The op `absolute`: all bodies in absolute coordinates as one system with multipliers (docs/mathematics/loops.md, 5), for comparison.
+/// false: Workspace::breakdown. Allocates.
+bool run_absolute(const Model& model, Workspace& workspace, const Inputs& in, double* vdot);
 /// After forward_dynamics with the same inputs, where loops are closed inside of the sweeps: multipliers, and in the workspace what
 /// observers read of the closed system. Does nothing where that is there.
 void settle_loops(const Model& model, Workspace& workspace, const Inputs& in);

@@ -9,12 +9,12 @@ namespace cardan {
 /// Which rows close a loop (docs/mathematics/loops.md).
 enum class Closing : std::uint8_t { weld, point, line, plane, distance, hinge, coupling };
 /// How the loops of a vehicle are closed.
-enum class LoopForm : std::uint8_t { automatic, multipliers, embedding };
+enum class LoopForm : std::uint8_t { automatic, multipliers, embedding, dae };
 
 /// How a set of loops that share hinges is closed, and why.
 struct LoopSet {
   std::vector<int> loops;
-  std::string form;  // "rates", "multipliers in the sweep", "multipliers"
+  std::string form;  // "rates", "multipliers in the sweep", "multipliers", "multipliers of all bodies"
   std::string why;   // empty: it is the cheaper one
   long flops = 0;
 };

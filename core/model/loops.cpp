@@ -338,7 +338,7 @@ const std::vector<std::string>& closure_types() {
 }
 
 const std::vector<std::string>& loop_forms() {
-  static const std::vector<std::string> all = {"auto", "multipliers", "embedding"};
+  static const std::vector<std::string> all = {"auto", "multipliers", "embedding", "dae"};
   return all;
 }
 
@@ -360,7 +360,8 @@ void require_open_tree(const Model& model, std::string_view what) {
 }
 
 void sweep_open_tree(Model& model) {
-  const auto at = std::ranges::find(model.program, OpCode::embedding, &Op::code);
+  const auto at =
+      std::ranges::find_if(model.program, [](const Op& op) { return op.code == OpCode::embedding || op.code == OpCode::absolute; });
   if (at == model.program.end()) return;
   const int n = static_cast<int>(model.runs.size());
   std::vector<Op> ops;
@@ -370,10 +371,15 @@ void sweep_open_tree(Model& model) {
   model.program.insert(model.program.erase(at), ops.begin(), ops.end());
 }
 
-void sweep_embedded(Model& model) {
+namespace {
+void close_in_one(Model& model, OpCode code) {
   std::erase_if(model.program, [](const Op& op) { return op.code == OpCode::inward || op.code == OpCode::acceleration; });
-  std::ranges::find(model.program, OpCode::loops, &Op::code)->code = OpCode::embedding;
+  std::ranges::find(model.program, OpCode::loops, &Op::code)->code = code;
 }
+}  // namespace
+
+void sweep_embedded(Model& model) { close_in_one(model, OpCode::embedding); }
+void sweep_absolute(Model& model) { close_in_one(model, OpCode::absolute); }
 
 std::shared_ptr<const Model> open_tree(std::shared_ptr<const Model> model) {
   if (model->loops.empty()) return model;

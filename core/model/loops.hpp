@@ -18,8 +18,9 @@ Loops compile_loops(const SystemSpec& spec, const Registry& registry, Model& mod
 /// Throws InputError C0401 if the vehicle has closed loops. `what` does not honour them: "linear models".
 void require_open_tree(const Model& model, std::string_view what);
 
-/// Its program with the op `embedding` in place of `inward`, `acceleration` and `loops`, and back.
+/// Its program with the op `embedding`, or `absolute`, in place of `inward`, `acceleration` and `loops`, and back.
 void sweep_embedded(Model& model);
+void sweep_absolute(Model& model);
 void sweep_open_tree(Model& model);
 
 /// The same vehicle without what closes its loops: its poses, velocities and masses are those of the closed one. It takes wrenches on

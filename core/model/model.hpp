@@ -18,6 +18,7 @@
 namespace cardan {
 
 struct Embedding;
+struct AbsoluteModel;
 
 /// A body as the user named it.
 struct UserBody {
@@ -61,7 +62,8 @@ enum class OpCode : std::uint8_t {
   acceleration,
   refine,
   loops,
-  embedding
+  embedding,
+  absolute
 };
 struct Op {
   OpCode code;
@@ -213,12 +215,13 @@ struct MovedAtStart {
 struct Loops {
   std::vector<Loop> all;
   int rows = 0;
-  int rank = 0;                                // of all rows at the start
-  int n_drives = 0;                            // rows that are given as functions of time
-  std::vector<double> column_scale;            // per velocity component: 1 / sqrt(inertia) at the start
-  std::shared_ptr<const Embedding> embedding;  // how they are closed inside of the sweeps; null: by multipliers over the open tree
-  std::vector<LoopSet> sets;                   // loops that share hinges, and what became of them
-  std::vector<MovedAtStart> moved;             // by the assembler; empty: the start that was given is closed
+  int rank = 0;                                   // of all rows at the start
+  int n_drives = 0;                               // rows that are given as functions of time
+  std::vector<double> column_scale;               // per velocity component: 1 / sqrt(inertia) at the start
+  std::shared_ptr<const Embedding> embedding;     // how they are closed inside of the sweeps; null: by multipliers over the open tree
+  std::shared_ptr<const AbsoluteModel> absolute;  // the bodies in absolute coordinates, of the form `dae`; else null
+  std::vector<LoopSet> sets;                      // loops that share hinges, and what became of them
+  std::vector<MovedAtStart> moved;                // by the assembler; empty: the start that was given is closed
   bool empty() const { return all.empty(); }
   int find(std::string_view name) const;  // -1: there is none, or it is open
 };

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "core/sim/fastest_motion.hpp"
+#include "core/sim/vehicle_implicit_form.hpp"
 #include "core/sim/vehicle_linear_part.hpp"
 
 namespace cardan {
@@ -28,6 +29,11 @@ MethodChoice choose_method(const std::shared_ptr<const Model>& model, double int
   if (asked.fixed_step > 0.0) {
     method = "rk4";
     out.why = fmt::format("a step of {:g} s is given", asked.fixed_step);
+    return out;
+  }
+  if (model->loops.absolute && VehicleImplicitForm::refusal(*model).empty()) {
+    method = "ida";
+    out.why = "loop_form: dae";
     return out;
   }
   const State start = model->initial_state();

@@ -18,8 +18,10 @@
 #include "core/sim/fastest_motion.hpp"
 #include "core/sim/newton_operators.hpp"
 #include "core/sim/plugin_faults.hpp"
+#include "core/sim/vehicle_implicit_form.hpp"
 #include "core/sim/vehicle_linear_part.hpp"
 #include "core/sim/vehicle_momentum_form.hpp"
+#include "core/soa/program.hpp"
 
 namespace cardan {
 namespace {
@@ -508,8 +510,7 @@ void Simulation::diagonalise() {
                                   }});
 }
 
-std::vector<double> Simulation::absolute_tolerances() const {
-  const Model& m = *model_;
+std::vector<double> Simulation::absolute_tolerances(const Model& m) const {
   const double absolute = options_.absolute_tolerance != 0 ? options_.absolute_tolerance : options_.integrator.relative_tolerance;
   std::vector<double> all(static_cast<std::size_t>(m.nq + m.nv), absolute);
   const TolerancesByKind& by = options_.tolerances;
@@ -692,6 +693,17 @@ OdeProblem Simulation::ode() {
           return inputs(q, v);
         },
         [this](const std::function<void()>& work) { return unless_thrown(work); });
+  if (options_.integrator.method == "ida") {
+    ode.implicit = std::make_shared<VehicleImplicitForm>(
+        model_, m.loops.absolute ? absolute_tolerances(*m.loops.absolute->bodies) : std::vector<double>(),
+        [this](double t, const double* q, const double* v) { return act(t, q, v) ? &acting_ : nullptr; },
+        [this](double t, double* q, double* v) {
+          drive_loops(t, std::min(t, stretch_));
+          give_motion(t, q, v);
+          return drives_.data();
+        },
+        [this](const std::function<void()>& work) { return unless_thrown(work); });
+  }
   if (options_.integrator.linear_solver != "krylov") return ode;
   newton_ = std::make_unique<NewtonOperators>(model_, devices_.get());
   x_evaluated_.resize(static_cast<std::size_t>(ode.n));
@@ -713,6 +725,18 @@ OdeProblem Simulation::ode() {
     return true;
   };
   return ode;
+}
+
+// Loads and forces at (t, q, v), of devices too, without dynamics.
+bool Simulation::act(double t, const double* q, const double* v) {
+  apply_forces(t, std::min(t, stretch_), q, v);
+  acting_ = inputs(q, v);
+  if (!devices_) return true;
+  devices_->set({t, state_.z.data(), state_.marks.data(), tau_total_.data(), wrenches_.data()});
+  const soa::Sweeps<double>& S = soa::sweeps<double>();
+  S.ground(*model_, workspace_, acting_);
+  soa::run_kinematics(*model_, S, workspace_, acting_);
+  return devices_->act(workspace_, acting_);
 }
 
 // Something acts on the one free root from outside, or stores momentum beside the bodies.

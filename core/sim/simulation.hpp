@@ -202,7 +202,7 @@ class Simulation {
   const std::string& why_integrator() const { return why_; }
   std::string integrator_name() const;
   /// Absolute tolerance of each state, [q; v; z], in its unit.
-  std::vector<double> absolute_tolerances() const;
+  std::vector<double> absolute_tolerances() const { return absolute_tolerances(*model_); }
   std::size_t workspace_bytes() const { return workspace_.bytes() + (devices_ ? devices_->bytes() : 0); }
   Energy energy();
   /// Of bodies, and what devices store beside them.
@@ -228,7 +228,9 @@ class Simulation {
   void start_given_motion();
   void start_lengths();
   void drive_loops(double t, double since);
+  std::vector<double> absolute_tolerances(const Model& m) const;
   void apply_forces(double t, double since, const double* q, const double* v);
+  bool act(double t, const double* q, const double* v);
   bool evaluate(double t, double since, const double* x, double* vdot);
   void pack(double* x) const;
   void unpack(const double* x);
@@ -379,6 +381,7 @@ class Simulation {
   std::vector<PrescribedLoop> prescribed_loops_;  // in the order of Loop::drive
   std::vector<LoopDrive> drives_;                 // at the time of the last evaluation
   bool struck_by_loops_ = false;                  // the rate of one has jumped, which the vehicle has still to follow
+  Inputs acting_;                                 // of the method `ida`, as act() left them
   std::vector<double> tau_, tau_total_;           // of actuators; with springs and dampers, which evaluate() sets where they act
   std::vector<double> vdot_given_, x_;
   std::vector<double> hold_tau_, hold_vdot_, hold_x_;         // scratch

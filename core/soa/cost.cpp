@@ -54,6 +54,8 @@ const char* name_of(OpCode code) {
       return "closed loops";
     case OpCode::embedding:
       return "inward, outward, closed loops";
+    case OpCode::absolute:
+      return "all bodies in absolute coordinates";
     case OpCode::inward:
       return "inward";
     case OpCode::refine:
@@ -93,7 +95,7 @@ std::vector<OpCost> op_costs(const Model& model, const State& state, std::span<c
     }
     if (run) cost.name += std::string(" (") + name_of(run->kind) + ")";
     for (int k = run ? run->begin : 1; run && k < run->end; ++k) cost.bytes += sizes.body_bytes(k);
-    const bool counted = op.code != OpCode::devices && op.code != OpCode::keep && op.code != OpCode::loops;
+    const bool counted = op.code != OpCode::devices && op.code != OpCode::keep && op.code != OpCode::loops && op.code != OpCode::absolute;
     cost.flops = op.code == OpCode::embedding ? model.loops.embedding->flops : counted ? Counted::flops : -1;
     cost.functions = Counted::functions;
     costs.push_back(std::move(cost));

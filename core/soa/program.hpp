@@ -24,6 +24,7 @@ void run_op(const Model& model, const Op& op, const Sweeps<T>& S, Workspace<T>& 
     case OpCode::keep:
     case OpCode::loops:
     case OpCode::embedding:
+    case OpCode::absolute:
       return;  // forward_dynamics
     case OpCode::node_wrenches:
       return S.node_wrenches(model, ws, in);

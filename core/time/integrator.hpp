@@ -59,6 +59,26 @@ class MomentumForm {
   virtual int step(double t, double h, const double* z0, double* v, double* z1) = 0;
 };
 
+/// Motion as a differential-algebraic system F(t, y, y') = 0 of index 1 in unknowns y of its own, for the method `ida`.
+/// docs/mathematics/loops.md, 5.
+class ImplicitForm {
+ public:
+  virtual ~ImplicitForm() = default;
+  virtual int size() const = 0;  // of y
+  /// What each unknown may be off by at y.
+  virtual void tolerances(double relative, const double* y, double* out) const = 0;
+  /// Where F hangs on the unknowns or on their rates: rows of each column, ascending.
+  virtual const std::vector<std::vector<int>>& pattern() const = 0;
+  /// y and y' at the state x of time t, where motion starts; false: it cannot be evaluated there.
+  virtual bool enter(double t, const double* x, double* y, double* ydot) = 0;
+  /// x at y. end: of a step, from which the next ones go on.
+  virtual bool leave(double t, const double* y, double* x, bool end) = 0;
+  /// false: y cannot be evaluated.
+  virtual bool residual(double t, const double* y, const double* ydot, double* F) = 0;
+  /// The state that tells most of an unknown; -1: none does.
+  virtual int state_of(int unknown) const = 0;
+};
+
 /// x' = f(t, x) with what an integrator may need besides. All functions are set once before the run; none may allocate,
 /// but for those of the linear solver "krylov".
 struct OdeProblem {
@@ -90,18 +110,19 @@ struct OdeProblem {
   std::function<bool(double t, const double* x, double gamma, bool moved)> prepare;
   /// Solves (1 - gamma J) z = r approximately, a fixed linear map between two calls of prepare. Both or none.
   std::function<bool(const double* r, double* z)> precondition;
-  std::shared_ptr<LinearPart> linear;     // of the methods `exponential` and `multirate` alone
-  std::shared_ptr<MomentumForm> momenta;  // of the methods `variational` and `variational4` alone
+  std::shared_ptr<LinearPart> linear;      // of the methods `exponential` and `multirate` alone
+  std::shared_ptr<MomentumForm> momenta;   // of the methods `variational` and `variational4` alone
+  std::shared_ptr<ImplicitForm> implicit;  // of the method `ida` alone
 };
 
 struct IntegratorOptions {
   std::string method = "dopri5";     // auto, ark_explicit, ark_imex, ark_implicit, cvode_adams, cvode_bdf, dop853, dopri5, exponential,
-                                     // multirate, rk4, variational, variational4
+                                     // ida, multirate, rk4, variational, variational4
   double relative_tolerance = 1e-9;  // adaptive methods
   double max_step = 0.0;             // [s] 0 = none; adaptive methods
   double initial_step = 0.0;         // [s] 0 = the method's choice; adaptive methods
   double fixed_step = 0.0;           // [s] rk4, variational, variational4
-  std::string linear_solver = {};    // of Newton's equations, ark_implicit and cvode_bdf only: dense (when empty), krylov
+  std::string linear_solver = {};    // of Newton's equations, ark_implicit and cvode_bdf only: dense (when empty), krylov; ida: sparse
 };
 
 struct IntegratorStatistics {

@@ -27,6 +27,7 @@ const std::vector<Method>& methods() {
                                           {make_dop853, "dop853", true},
                                           {make_dopri5, "dopri5", true},
                                           {make_exponential, "exponential", true},
+                                          {make_ida, "ida", true, {"sparse"}},
                                           {make_multirate, "multirate", true},
                                           {make_rk4, "rk4", false},
                                           {make_variational, "variational", false},
@@ -117,6 +118,8 @@ std::unique_ptr<Integrator> make_integrator(OdeProblem problem, const Integrator
     refuse(Code::unsupported, "method", "a problem that tells its linear part", fmt::format("\"{}\" for one that does not", method.name));
   if (method.make == make_variational && !problem.momenta)
     refuse(Code::unsupported, "method", "a problem that tells its momenta", fmt::format("\"{}\" for one that does not", method.name));
+  if (method.make == make_ida && !problem.implicit)
+    refuse(Code::unsupported, "method", "a problem that tells its implicit form", "\"ida\" for one that does not");
   const auto& absolute = problem.absolute_tolerance;
   if (absolute.size() != static_cast<std::size_t>(problem.n))
     throw std::logic_error("make_integrator: one absolute tolerance per state is needed");

@@ -19,6 +19,8 @@ std::unique_ptr<Integrator> make_exponential(OdeProblem problem, const Integrato
 std::unique_ptr<Integrator> make_multirate(OdeProblem problem, const IntegratorOptions& options);
 /// Needs OdeProblem::momenta. variational or variational4.
 std::unique_ptr<Integrator> make_variational(OdeProblem problem, const IntegratorOptions& options);
+/// Needs OdeProblem::implicit.
+std::unique_ptr<Integrator> make_ida(OdeProblem problem, const IntegratorOptions& options);
 /// ark_explicit, ark_imex or ark_implicit.
 std::unique_ptr<Integrator> make_arkode(OdeProblem problem, const IntegratorOptions& options);
 /// cvode_adams or cvode_bdf.

@@ -55,7 +55,8 @@ void read_integrator(LuaTable& t, MissionSpec& m) {
   if (const auto x = t.text("linear_solver"))
     i.linear_solver = *x;
   else if (is_implicit(i.method))
-    m.defaults_used.emplace_back("mission.integrator.linear_solver", "dense");
+    for (const MethodKind& kind : integration_methods())
+      if (kind.name == i.method) m.defaults_used.emplace_back("mission.integrator.linear_solver", kind.linear_solvers.front());
   if (const auto x = t.number("absolute")) {
     options.absolute_tolerance = *x;
     if (!(*x > 0.0 && *x <= 1.0)) t.reject("absolute", "a number > 0 and at most 1");

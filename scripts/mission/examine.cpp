@@ -13,6 +13,7 @@
 #include "core/sim/choose_method.hpp"
 #include "core/sim/diagonalised_form.hpp"
 #include "core/sim/flexible_limits.hpp"
+#include "core/sim/vehicle_implicit_form.hpp"
 #include "core/sim/vehicle_linear_part.hpp"
 #include "core/sim/vehicle_momentum_form.hpp"
 
@@ -74,12 +75,20 @@ void look_at_ticks(Scenario& s) {
 /// `method = "auto"`: from here on it is the one that was chosen. One that does not take the vehicle is refused.
 void choose_method_of(Scenario& s) {
   IntegratorOptions& i = s.mission.simulation.integrator;
+  const auto told = std::ranges::find(s.mission.defaults_used, "mission.integrator.method", [](const auto& d) { return d.first; });
+  if (s.model->loops.absolute && told != s.mission.defaults_used.end() && i.fixed_step == 0.0) {  // no method was asked for
+    i.method = "ida", told->second = "ida, that of loop_form: dae";
+    s.sim->set_options(s.mission.simulation);
+  }
   const std::string not_taken = advances_linear_part(i.method)        ? VehicleLinearPart::refusal(*s.model)
                                 : i.method.starts_with("variational") ? VehicleMomentumForm::refusal(*s.model)
+                                : i.method == "ida"                   ? VehicleImplicitForm::refusal(*s.model)
                                                                       : "";
   if (!not_taken.empty())
     refuse(Code::unsupported, {"mission.integrator.method", {s.file.string(), 0, 0}}, "a method that takes " + not_taken,
-           i.method + ", which does not", "dopri5, dop853; auto finds one");
+           i.method + ", which does not",
+           i.method == "ida" ? "loop_form: dae beside the loops of the vehicle, or another method; auto finds one"
+                             : "dopri5, dop853; auto finds one");
   if (i.method != "auto") return;
   double interval = seconds(s.mission.output_period);
   for (const Controller& c : s.controllers) interval = std::min(interval, seconds(c.period));
@@ -99,7 +108,7 @@ void look_at_sizes(Scenario& s) {
                    "a lower mission.output.rate");
   const IntegratorOptions& i = s.mission.simulation.integrator;
   const double n = s.model->nq + s.model->nv, dense = 3.0 * n * n * sizeof(double);  // Jacobian, its saved copy, Newton matrix
-  if (is_implicit(i.method) && i.linear_solver != "krylov" && dense > kLargeBytes)
+  if (is_implicit(i.method) && i.method != "ida" && i.linear_solver != "krylov" && dense > kLargeBytes)
     s.warnings.add(Code::large_run, {"mission.integrator.linear_solver", {s.file.string(), 0, 0}},
                    fmt::format("{:g} states: the dense matrices of {} take about {}", n, i.method, bytes_text(dense)),
                    "linear_solver = \"krylov\" needs none");

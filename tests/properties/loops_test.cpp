@@ -43,10 +43,11 @@ VectorXd multipliers(const Model& model, Workspace& ws, const Inputs& in) {
 // 1e-13, or 100 times what rounding q, v and tau to double changes.
 TEST_P(BenchLoops, HaveTheirExactAccelerationsAndForces) {
   bench_loops::Model bench = bench_loops::read(GetParam());
-  for (const LoopForm form : {LoopForm::multipliers, LoopForm::embedding, LoopForm::automatic}) {
+  for (const LoopForm form : {LoopForm::multipliers, LoopForm::embedding, LoopForm::automatic, LoopForm::dae}) {
     bench.spec.loop_form = form;
     const auto model = compiled(bench.spec);
-    EXPECT_EQ(model->loops.embedding == nullptr, form == LoopForm::multipliers);
+    EXPECT_EQ(model->loops.embedding != nullptr, form == LoopForm::embedding || form == LoopForm::automatic);
+    EXPECT_EQ(model->loops.absolute != nullptr, form == LoopForm::dae);
     Workspace ws(*model);
     for (const bench_loops::State& s : bench.states) {
       VectorXd vdot(model->nv);
@@ -179,10 +180,10 @@ Cut cut(const RandomTree& given, unsigned from = 0) {
 }
 
 /// Error of the accelerations of all nodes, and of what the hinges that were cut transmit.
-double of_the_same_motion(const RandomTree& given) {
+double of_the_same_motion(const RandomTree& given, LoopForm form) {
   Cut both = cut(given, given.seed / 2 % 3);
   if (both.bodies.empty()) return 0.0;
-  if (given.seed % 2) both.closed.spec.loop_form = LoopForm::multipliers;
+  both.closed.spec.loop_form = form;
   Loaded tree(both.tree), closed(both.closed);
   const VectorXd a = tree.forward(), b = closed.forward();
   std::map<std::string, Vector6d> of_closed = closed.node_accelerations(b);
@@ -208,6 +209,10 @@ double of_the_same_motion(const RandomTree& given) {
 }
 
 TEST(Loops, AHingeThatClosesDoesWhatItDoesInTheTree) {
+  const auto of_the_same_motion = [](const RandomTree& tree) {
+    constexpr LoopForm forms[] = {LoopForm::automatic, LoopForm::multipliers, LoopForm::dae};
+    return cardan::test::of_the_same_motion(tree, forms[tree.seed / 6 % 3]);
+  };
   for (const double prescribed : {0.0, 0.2}) {
     for_all_trees({.flexible = 0.0, .prescribed = prescribed}, 1e-11, of_the_same_motion, 100);
     for_all_trees({.bodies = 6, .level = 2, .prescribed = prescribed, .free_modes = true}, 1e-11, of_the_same_motion, 100);
@@ -388,7 +393,7 @@ TEST(Loops, AHingeOfAPluginClosesALoop) {
 
 // ---- the dense twin, in 113 bits ----
 
-/// The closed vehicle with further closures that its state fulfils, and rates that keep all of them closed. By both forms, which agree with
+/// The closed vehicle with further closures that its state fulfils, and rates that keep all of them closed. By all forms, which agree with
 /// each other in their multipliers too.
 double of_the_twin(const RandomTree& given) {
   Cut both = cut(given, given.seed / 2 % 3);
@@ -426,14 +431,14 @@ double of_the_twin(const RandomTree& given) {
   std::unique_ptr<Loaded> closed;
   reference::ClosedMotion<Quad> exact;
   std::vector<reference::VecX<Quad>> wrenches;
-  for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers}) {
+  for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers, LoopForm::dae}) {
     spec.loop_form = form;
     try {
       closed = std::make_unique<Loaded>(both.closed);
     } catch (const InputError&) {
       return 0.0;  // nothing moves the ends against each other
     }
-    if ((closed->model->loops.embedding == nullptr) != (form == LoopForm::multipliers)) return HUGE_VAL;
+    if ((closed->model->loops.embedding != nullptr) != (form == LoopForm::embedding)) return HUGE_VAL;
     closed->state = state;
     LoopProjection projection(*closed->model);
     if (form == LoopForm::embedding && !projection.close(state.q.data(), state.v.data())) return HUGE_VAL;
@@ -621,13 +626,13 @@ TEST(Loops, EmbeddedCostGrowsWithTheirNumberWhereTheyBend) {
   EXPECT_LE(compiled(bending_tower(64))->loops.embedding->width, 4);
 }
 
-/// v', multipliers of both forms and of the twin.
+/// v', multipliers of all forms and of the twin.
 double forms_apart(SystemSpec spec, const VectorXd& vdot_given = {}) {
   std::vector<VectorXd> vdot, lambda;
-  for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers}) {
+  for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers, LoopForm::dae}) {
     spec.loop_form = form;
     const auto model = compiled(spec);
-    EXPECT_EQ(model->loops.embedding == nullptr, form == LoopForm::multipliers);
+    EXPECT_EQ(model->loops.embedding != nullptr, form == LoopForm::embedding);
     Workspace ws(*model);
     const State at = model->initial_state();
     VectorXd out(model->nv), tau = VectorXd::LinSpaced(model->nv, -0.5, 1.5);
@@ -642,7 +647,7 @@ double forms_apart(SystemSpec spec, const VectorXd& vdot_given = {}) {
     for (Eigen::Index i = 0; i < model->nv; ++i) want[i] = static_cast<double>(exact[i]);
     vdot.push_back(want);
   }
-  double worst = error_of(lambda[0], lambda[1]);
+  double worst = worse(error_of(lambda[0], lambda[1]), error_of(lambda[0], lambda[2]));
   for (const VectorXd& x : vdot) worst = worse(worst, error_of(x, vdot.back()));
   return worst;
 }

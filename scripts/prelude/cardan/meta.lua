@@ -30,7 +30,7 @@ function vehicle(path) end
 ---@field modes? number in place of `absolute`, scaled for each mode
 
 ---@class IntegratorOptions
----@field method? "ark_explicit"|"ark_imex"|"ark_implicit"|"auto"|"cvode_adams"|"cvode_bdf"|"dop853"|"dopri5"|"exponential"|"multirate"|"rk4"|"variational"|"variational4" default dopri5
+---@field method? "ark_explicit"|"ark_imex"|"ark_implicit"|"auto"|"cvode_adams"|"cvode_bdf"|"dop853"|"dopri5"|"exponential"|"ida"|"multirate"|"rk4"|"variational"|"variational4" default dopri5
 ---@field linear_solver? "dense"|"krylov" of cvode_bdf; default dense
 ---@field relative? number relative tolerance, default 1e-9
 ---@field absolute? number absolute tolerance; default: the relative one

@@ -1,0 +1,213 @@
+// Mechanisms in absolute coordinates carried through time by IDA, against the forms that know no differential-algebraic system: the closer
+// the smaller the tolerance.
+#include <numbers>
+
+#include "core/dynamics/loops.hpp"
+#include "core/sim/simulation.hpp"
+#include "tests/cases/andrews.hpp"
+#include "tests/support/four_bar.hpp"
+#include "tests/support/modal_samples.hpp"
+#include "tests/support/worse.hpp"
+
+namespace cardan::test {
+namespace {
+
+using Eigen::VectorXd;
+
+struct Scene {
+  SystemSpec spec;
+  double span;
+  std::function<void(Simulation&)> set_up = [](Simulation&) {};
+};
+
+std::unique_ptr<Simulation> run_of(const Scene& scene, LoopForm form, const std::string& method, double tolerance) {
+  SystemSpec spec = scene.spec;
+  spec.loop_form = form;
+  SimulationOptions options;
+  options.integrator.method = method, options.integrator.relative_tolerance = tolerance;
+  auto sim = std::make_unique<Simulation>(compiled(spec), options);
+  scene.set_up(*sim);
+  sim->run(scene.span);
+  return sim;
+}
+
+VectorXd state_of(const Simulation& sim) {
+  VectorXd x(sim.state().q.size() + sim.state().v.size());
+  x << sim.state().q, sim.state().v;
+  return x;
+}
+VectorXd multipliers_of(Simulation& sim) {
+  const LoopForces f = sim.loop_forces();
+  return VectorXd::Map(f.multipliers.data(), static_cast<Eigen::Index>(f.multipliers.size()));
+}
+
+/// Errors of states and of multipliers at the end, relative to their largest, at 1e-5 and 1e-9; rows closed, energy as its tolerance has
+/// it.
+void expect_the_same_motion(const Scene& scene, double coarse, double fine) {
+  const auto wanted = run_of(scene, LoopForm::automatic, "dop853", 1e-12);
+  const VectorXd x = state_of(*wanted), lambda = multipliers_of(*wanted);
+  double before = 0.0;
+  for (const auto& [tolerance, allowed] : {std::pair(1e-5, coarse), std::pair(1e-9, fine)}) {
+    const auto sim = run_of(scene, LoopForm::dae, "ida", tolerance);
+    EXPECT_EQ(sim->integrator_name(), "ida");
+    const double error = (state_of(*sim) - x).lpNorm<Eigen::Infinity>() / x.lpNorm<Eigen::Infinity>();
+    EXPECT_LE(error, allowed) << tolerance;
+    EXPECT_LE((multipliers_of(*sim) - lambda).lpNorm<Eigen::Infinity>(), 1e3 * allowed * lambda.lpNorm<Eigen::Infinity>()) << tolerance;
+    if (tolerance == 1e-9) EXPECT_LT(error, 1e-2 * before);
+    before = error;
+    for (const double c : sim->loop_forces().residual) EXPECT_LE(std::abs(c), 1e-13);
+    for (const double rate : sim->loop_forces().rate) EXPECT_LE(std::abs(rate), 1e-12 * x.lpNorm<Eigen::Infinity>());
+    EXPECT_TRUE(sim->ledger().pass) << sim->ledger().energy_relative << " of " << sim->ledger().energy_limit;
+  }
+}
+
+SystemSpec bench_spec(const std::string& name) {
+  return bench_loops::read(CARDAN_SOURCE_DIR "/tests/reference/bench_loops/" + name + ".json").spec;
+}
+
+TEST(DaeInTime, AFourBarMovesAsTheOtherFormsHaveIt) { expect_the_same_motion({four_bar(), 1.0}, 1e-3, 1e-6); }
+
+// Two rows of the second are implied by the others.
+TEST(DaeInTime, AFourBarOfHingesLeavesRedundantRowsOut) { expect_the_same_motion({four_bar("revolute"), 1.0}, 1e-3, 1e-6); }
+
+TEST(DaeInTime, AndrewsSqueezerMovesAsTheOtherFormsHaveIt) {
+  expect_the_same_motion({andrews_squeezer(), 0.03, [](Simulation& sim) { sim.set_force(0, kAndrewsTorque); }}, 1e-2, 1e-5);
+}
+
+// Mobility where counting gives none, whatever the posture.
+TEST(DaeInTime, BricardsMechanismNeedsNoRegularisation) { expect_the_same_motion({bench_spec("bricard"), 0.5}, 1e-3, 1e-6); }
+
+SystemSpec slider_crank() {
+  BodySpec crank = on(rigid("crank", 1.0, {0.1, 0, 0}, diagonal({0.002, 0.01, 0.01})), "", "revolute", {{0, 0, 1}});
+  crank.hinge.q = {0.7}, crank.hinge.v = {6.0};
+  BodySpec rod = on(rigid("rod", 0.8, {0.25, 0, 0}, diagonal({0.001, 0.02, 0.02})), "crank", "revolute", {{0, 0, 1}}, {0.2, 0, 0});
+  BodySpec slider = on(rigid("slider", 1.5, Eigen::Vector3d::Zero(), diagonal({0.01, 0.01, 0.01})), "", "prismatic", {{1, 0, 0}});
+  slider.hinge.q = {0.6};
+  SpringDamper spring;
+  spring.stiffness = 200.0, spring.rest = 0.5, spring.damping = 2.0;
+  slider.hinge.springs = {spring};
+  SystemSpec spec = system({crank, rod, slider}, uniform_gravity({0, -9.81, 0}));
+  LoopSpec pin;
+  pin.name = "pin", pin.type = "point", pin.from.body = "slider", pin.to.body = "rod", pin.to.position = {0.5, 0, 0};
+  spec.loops = {pin};
+  spec.assembly.hold = std::vector<std::string>{"crank"};
+  return spec;
+}
+TEST(DaeInTime, ASliderCrankMovesAsTheOtherFormsHaveIt) { expect_the_same_motion({slider_crank(), 1.0}, 1e-3, 1e-6); }
+
+// A given crank, a gear and a length that changes with time: rows of each kind.
+TEST(DaeInTime, GivenMotionsAndCouplingsAreRows) {
+  Scene scene{slider_crank(), 1.0};
+  scene.spec.bodies[0].hinge.prescribed = {0};
+  BodySpec wheel = on(rigid("wheel", 0.4, {0, 0.02, 0}, diagonal({0.003, 0.003, 0.005})), "", "revolute", {{0, 0, 1}}, {0, 0, 0.2});
+  BodySpec idle = on(rigid("idle", 0.4, {0.1, 0.02, 0}, diagonal({0.003, 0.003, 0.005})), "", "revolute", {{0, 0, 1}}, {1.0, 0, 0});
+  scene.spec.bodies.insert(scene.spec.bodies.end(), {wheel, idle});
+  LoopSpec gear;
+  gear.name = "gear", gear.type = "coupling", gear.terms = {{"wheel", 3.0, {}}, {"slider", 40.0, {}}}, gear.offset = 40.0 * 0.6;
+  LoopSpec jack;
+  jack.name = "jack", jack.type = "distance", jack.from.position = {1.0, 1.0, 0}, jack.to.body = "idle", jack.to.position = {0.4, 0, 0};
+  jack.length = 1.0, jack.prescribed = true;
+  scene.spec.loops.push_back(gear), scene.spec.loops.push_back(jack);
+  scene.spec.assembly = {};
+  scene.set_up = [](Simulation& sim) {
+    sim.prescribe(0, MotionProfile::rate_table({{0.0, 6.0}, {0.4, 2.0}, {2.0, 2.0}}));
+    sim.prescribe_loop("jack", MotionProfile::rate_table({{0.0, 0.0}, {0.5, 0.3}, {2.0, 0.3}}));
+  };
+  expect_the_same_motion(scene, 1e-3, 1e-6);
+}
+
+// Andrews' squeezer as it is published begins at rest: a governor turns, and its arms fly out against gravity.
+SystemSpec governor() {
+  BodySpec shaft = on(rigid("shaft", 2.0, {0, 0, 0.3}, diagonal({0.05, 0.05, 0.02})), "", "revolute", {{0, 0, 1}});
+  shaft.hinge.v = {9.0};
+  BodySpec slider = on(rigid("slider", 0.5, Eigen::Vector3d::Zero(), diagonal({0.002, 0.002, 0.003})), "shaft", "prismatic", {{0, 0, 1}});
+  slider.hinge.q = {0.2};
+  std::vector<BodySpec> bodies{shaft, slider};
+  SystemSpec spec = system({}, uniform_gravity({0, 0, -9.81}));
+  for (const double side : {1.0, -1.0}) {
+    const std::string of = side > 0 ? "right" : "left";
+    BodySpec arm = on(rigid(of + "_arm", 1.0, {side * 0.3, 0, 0}, diagonal({0.002, 0.02, 0.02})), "shaft", "revolute", {{0, 1, 0}},
+                      {side * 0.05, 0, 0.6});
+    arm.hinge.q = {side * 0.9};
+    BodySpec link = on(rigid(of + "_link", 0.2, {side * 0.1, 0, 0}, diagonal({0.0002, 0.002, 0.002})), of + "_arm", "revolute", {{0, 1, 0}},
+                       {side * 0.2, 0, 0});
+    LoopSpec pin;
+    pin.name = of, pin.type = "point", pin.from.body = "slider", pin.from.position = {side * 0.05, 0, 0};
+    pin.to.body = of + "_link", pin.to.position = {side * 0.3, 0, 0};
+    bodies.push_back(arm), bodies.push_back(link);
+    spec.loops.push_back(pin);
+  }
+  spec.bodies = bodies;
+  return spec;
+}
+TEST(DaeInTime, AGovernorMovesAsTheOtherFormsHaveIt) { expect_the_same_motion({governor(), 0.5}, 1e-3, 1e-6); }
+
+// A coupler that bends, on a crank of two of its modes.
+TEST(DaeInTime, LinksThatBendMoveAsTheOtherFormsHaveThem) {
+  SystemSpec spec = four_bar();
+  BodySpec boom = on(BodySpec(), "coupler", "revolute", {{0, 0, 1}}, {0.3, 0.05, 0});
+  boom.name = "boom", boom.type = "modal_flexible", boom.level = 1;
+  boom.modal = std::make_shared<const ModalData>(lumped());
+  spec.bodies.push_back(boom);
+  expect_the_same_motion({spec, 0.3}, 1e-2, 1e-5);
+}
+
+// The energy of a closed mechanism on which nothing acts drifts as the tolerance says.
+TEST(DaeInTime, EnergyDriftsWithTheTolerance) {
+  Scene scene{four_bar(), 10.0};
+  scene.spec.gravity = {};
+  double before = 0.0;
+  for (const double tolerance : {1e-6, 1e-9}) {
+    const auto sim = run_of(scene, LoopForm::dae, "ida", tolerance);
+    const double at_start = compiled(scene.spec) ? Simulation(compiled(scene.spec), {}).energy().total() : 0.0;
+    const double drift = std::abs(sim->energy().total() - at_start) / at_start;
+    EXPECT_LE(drift, 1e5 * tolerance);
+    if (tolerance == 1e-9) EXPECT_LT(drift, 0.1 * before);
+    before = drift;
+  }
+}
+
+// Any method advances (q, v) by the accelerations of this form.
+TEST(DaeInTime, OtherMethodsTakeItsAccelerations) {
+  const Scene scene{four_bar(), 0.5};
+  const VectorXd a = state_of(*run_of(scene, LoopForm::dae, "dop853", 1e-11)),
+                 b = state_of(*run_of(scene, LoopForm::automatic, "dop853", 1e-11));
+  EXPECT_LE((a - b).lpNorm<Eigen::Infinity>(), 1e-10 * b.lpNorm<Eigen::Infinity>());
+}
+
+// A crank that is released by an event goes on as if it had been so from there; what was before is history of the integrator, which starts
+// anew, also at a checkpoint: with the same bits.
+TEST(DaeInTime, GoesOnFromACheckpointWithTheSameBits) {
+  const auto begin = [] {
+    SystemSpec spec = slider_crank();
+    spec.loop_form = LoopForm::dae;
+    SimulationOptions options;
+    options.integrator.method = "ida", options.integrator.relative_tolerance = 1e-7;
+    auto sim = std::make_unique<Simulation>(compiled(spec), options);
+    Simulation& s = *sim;
+    sim->add_event({"far", [](double, const double* q, const double*) { return q[2] - 0.55; }, 0,
+                    [&s] { s.set_force(0, s.force(0) == 0.0 ? -0.4 : 0.0); }});
+    return sim;
+  };
+  const auto whole = begin();
+  Checkpoint made;
+  whole->every({1, 4},
+               [&] {
+                 if (whole->time() == 0.5)
+                   made = whole->checkpoint();
+                 else
+                   whole->checkpoint();
+               },
+               {1, 4});
+  whole->run(1.0);
+  const auto rest = begin();
+  rest->every({1, 4}, [&] { rest->checkpoint(); }, {1, 4});
+  rest->resume(made);
+  rest->run(1.0);
+  EXPECT_EQ(state_of(*rest), state_of(*whole));
+  EXPECT_EQ(rest->statistics().steps, whole->statistics().steps);
+  EXPECT_EQ(rest->ledger().energy, whole->ledger().energy);
+}
+
+}  // namespace
+}  // namespace cardan::test
