@@ -18,6 +18,8 @@
 #include "core/sim/fastest_motion.hpp"
 #include "core/sim/newton_operators.hpp"
 #include "core/sim/plugin_faults.hpp"
+#include "core/sim/twin_dynamics.hpp"
+#include "core/sim/vehicle_extended.hpp"
 #include "core/sim/vehicle_implicit_form.hpp"
 #include "core/sim/vehicle_linear_part.hpp"
 #include "core/sim/vehicle_momentum_form.hpp"
@@ -52,6 +54,7 @@ Simulation::Simulation(std::shared_ptr<const Model> model, const SimulationOptio
 /// All that hangs on the model, beside state and commands.
 void Simulation::build() {
   const Model& m = *model_;
+  twin_.reset();
   tau_total_ = tau_;
   vdot_given_.assign(static_cast<std::size_t>(m.nv), 0.0);
   vdot_ = Eigen::VectorXd::Zero(m.nv);
@@ -495,10 +498,10 @@ void Simulation::make_integrator_once() {
   if (diagonalised_) integrator_ = diagonalised_->integrator(std::move(integrator_));
 }
 
-/// With `dynamics` other than standard.
+/// With diagonalised `dynamics`.
 void Simulation::diagonalise() {
   diagonalised_.reset();
-  if (options_.dynamics == Dynamics::standard) return;
+  if (!is_diagonalised(options_.dynamics)) return;
   diagonalised_ = std::make_unique<DiagonalisedForm>(
       model_, options_.dynamics, options_.integrator,
       DiagonalisedForm::Hooks{.give = [this](double t, double* q, double* v) { give_motion(t, q, v); },
@@ -680,6 +683,17 @@ OdeProblem Simulation::ode() {
       });
       if (!known) std::fill_n(of_devices, static_cast<std::size_t>(model_->devices.n_roots) + model_->devices.holds.size(), 1.0);
     };
+  twin_.reset();
+  if (options_.dynamics == Dynamics::dense) {
+    expect_twin_takes(m, options_.integrator);
+    twin_ = std::make_unique<TwinDynamics<double>>(m);
+  }
+  if (options_.integrator.method == "extended")
+    ode.extended = std::make_shared<VehicleExtended>(model_, ode.absolute_tolerance, options_.integrator.relative_tolerance, [this] {
+      TwinLoads loads;
+      loads.tau = tau_.data(), loads.vdot = vdot_given_.data(), loads.wrenches = wrenches_;
+      return loads;
+    });
   momentum_.reset();
   if (advances_linear_part(options_.integrator.method)) {
     ode.linear = std::make_shared<VehicleLinearPart>(model_, options_.integrator.method);
@@ -750,6 +764,26 @@ bool Simulation::acted_on() const {
   return std::ranges::any_of(model_->devices.all, [&](const Device& d) {
     return std::ranges::any_of(d.mounts, [&](const DeviceMount& mount) { return mount.node < 0 && of_root(mount.v); });
   });
+}
+
+// v' of the dense twin in the place of that of the sweeps, which have just run at x: what acts, and what devices read, is as they found it.
+bool Simulation::evaluate_twin(const double* x, double* vdot) {
+  const Model& m = *model_;
+  const double *q = x, *v = q + m.nq;
+  tau_twin_ = tau_;
+  if (devices_) devices_->add_hinge_forces(tau_twin_.data());
+  TwinLoads loads;
+  loads.tau = tau_twin_.data(), loads.vdot = vdot_given_.data();
+  loads.wrenches = wrenches_, loads.drives = drives_, loads.moment = moment_;
+  loads.z = v + m.nv, loads.marks = state_.marks.data();
+  try {
+    const auto state = twin_->at(Eigen::VectorXd::Map(q, m.nq), Eigen::VectorXd::Map(v, m.nv), loads);
+    Eigen::VectorXd::Map(vdot, m.nv) = twin_->vdot(state, loads);
+    qdot_twin_.assign(state.qdot.begin(), state.qdot.end());
+  } catch (const NumericsError&) {  // no positive mass matrix here
+    return false;
+  }
+  return !devices_ || devices_->follow(workspace_, inputs(q, v), vdot);
 }
 
 // Force and moment about the world's origin from outside, and power. The workspace is that of rhs() at x, or near to it.

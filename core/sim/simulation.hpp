@@ -37,13 +37,15 @@ struct SimulationOptions {
   IntegratorOptions integrator;
   double absolute_tolerance = 0.0;  // [unit of each state], up to 1; 0 = the relative tolerance. Modes are scaled, see .cpp
   TolerancesByKind tolerances;
-  Dynamics dynamics = Dynamics::standard;  // which velocities are integrated; what is seen of them is v
+  Dynamics dynamics = Dynamics::standard;  // which velocities are integrated, what accelerations are by; what is seen is v
   std::uint64_t seed = 0;                  // of the noise of devices
   bool ledger = true;                      // integrate external impulse and work beside the state; no bit of the motion depends on it
 };
 
 class DiagonalisedForm;
 class NewtonOperators;
+template <class T>
+class TwinDynamics;
 
 /// Where a function of (t, q, v) crosses zero, something happens between two steps.
 struct Event {
@@ -232,6 +234,7 @@ class Simulation {
   void apply_forces(double t, double since, const double* q, const double* v);
   bool act(double t, const double* q, const double* v);
   bool evaluate(double t, double since, const double* x, double* vdot);
+  bool evaluate_twin(const double* x, double* vdot);
   void pack(double* x) const;
   void unpack(const double* x);
   void device_roots(double t, const double* x, double* g);
@@ -320,19 +323,21 @@ class Simulation {
   std::unique_ptr<Observer> observer_;
   std::unique_ptr<FieldMoments> fields_;  // of gravity that is a field; null: it is none
   int gravity_field_ = -1;
-  int limited_steps_ = 0;                     // that a limit of a field made smaller, and that hardly went further ...
-  double t_limited_ = 0.0;                    // [s] ... since then
-  std::string gravity_stopped_;               // beyond which limit gravity was asked in a step; empty: it was not
-  const FieldMoment* moment_ = nullptr;       // at the time of the last evaluation
-  std::unique_ptr<DeviceForces> devices_;     // null: there are none
-  bool stores_ = false;                       // some of them store momentum
-  std::unique_ptr<DeviceForces> on_trial_;    // for their roots at trial states; null: there are none
-  std::unique_ptr<Holding> holding_;          // of components that devices hold; null: there are none
-  std::unique_ptr<Workspace> beside_;         // ... where they read nodes
-  std::unique_ptr<LoopProjection> loops_;     // null: the vehicle is a tree
-  std::unique_ptr<MomentumKeeper> momentum_;  // of `exponential`, `multirate`; null: the vehicle does not float by itself
-  bool drifted_ = false;                      // the history of the integrator is further from closed loops than its tolerance
-  std::unique_ptr<NewtonOperators> newton_;   // where the linear solver asks for them
+  int limited_steps_ = 0;                       // that a limit of a field made smaller, and that hardly went further ...
+  double t_limited_ = 0.0;                      // [s] ... since then
+  std::string gravity_stopped_;                 // beyond which limit gravity was asked in a step; empty: it was not
+  const FieldMoment* moment_ = nullptr;         // at the time of the last evaluation
+  std::unique_ptr<DeviceForces> devices_;       // null: there are none
+  bool stores_ = false;                         // some of them store momentum
+  std::unique_ptr<DeviceForces> on_trial_;      // for their roots at trial states; null: there are none
+  std::unique_ptr<Holding> holding_;            // of components that devices hold; null: there are none
+  std::unique_ptr<Workspace> beside_;           // ... where they read nodes
+  std::unique_ptr<LoopProjection> loops_;       // null: the vehicle is a tree
+  std::unique_ptr<MomentumKeeper> momentum_;    // of `exponential`, `multirate`; null: the vehicle does not float by itself
+  bool drifted_ = false;                        // the history of the integrator is further from closed loops than its tolerance
+  std::unique_ptr<NewtonOperators> newton_;     // where the linear solver asks for them
+  std::unique_ptr<TwinDynamics<double>> twin_;  // of Dynamics::dense, once there is an integrator; else null
+  std::vector<double> tau_twin_, qdot_twin_;    // its forces; its q' at the last evaluation
   double t_evaluated_ =
       std::numeric_limits<double>::quiet_NaN();  // with newton_ and devices: where devices were evaluated last in this step
   std::vector<double> x_evaluated_;

@@ -108,7 +108,10 @@ bool Simulation::rates(double t, const double* x, double* xdot) {
   if (!evaluate(t, std::min(t, stretch_), q, xdot + m.nq)) return false;
   if (devices_) std::copy_n(devices_->zdot(), m.devices.n_z, xdot + m.nq + m.nv);
   if (!prescribed_.empty()) std::copy_n(xdot + m.nq, m.nv, vdot_.data());  // for the powers of these motions
-  m.qdot(q, v, xdot);
+  if (twin_)
+    std::copy(qdot_twin_.begin(), qdot_twin_.end(), xdot);
+  else
+    m.qdot(q, v, xdot);
   return true;
 }
 
@@ -134,6 +137,7 @@ bool Simulation::evaluate(double t, double since, const double* x, double* vdot)
     if (gravity_stopped_.empty()) gravity_stopped_ = told_of_gravity();
     return false;
   }
+  if (twin_ && !evaluate_twin(x, vdot)) return false;
   if (all_finite(vdot, model_->nv)) {
     if (!x_evaluated_.empty()) std::copy_n(x, x_evaluated_.size(), x_evaluated_.begin()), t_evaluated_ = t;
     return true;

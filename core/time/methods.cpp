@@ -27,6 +27,7 @@ const std::vector<Method>& methods() {
                                           {make_dop853, "dop853", true},
                                           {make_dopri5, "dopri5", true},
                                           {make_exponential, "exponential", true},
+                                          {make_extended, "extended", true},
                                           {make_ida, "ida", true, {"sparse"}},
                                           {make_multirate, "multirate", true},
                                           {make_rk4, "rk4", false},
@@ -83,7 +84,7 @@ std::vector<double> group_weights(const std::vector<int>& group) {
 
 std::vector<MethodKind> integration_methods() {
   std::vector<MethodKind> all;
-  for (const Method& m : methods()) all.push_back({m.name, m.adaptive, m.make == nullptr, m.linear_solvers});
+  for (const Method& m : methods()) all.push_back({m.name, m.adaptive, m.make == nullptr, m.make == make_extended, m.linear_solvers});
   return all;
 }
 
@@ -105,9 +106,9 @@ void check_options(const IntegratorOptions& options) {
   check_linear_solver(method, options.linear_solver);
   if (!method.adaptive && options.fixed_step == 0.0)
     refuse(Code::unsupported, "step", fmt::format("a step in seconds, which {} needs", method.name), "nothing");
-  const double relative = options.relative_tolerance;
-  if (method.adaptive && !(relative >= 1e-14 && relative < 1.0))
-    refuse(Code::out_of_range, "relative", "a number from 1e-14 to 1", fmt::format("{:g}", relative));
+  const double relative = options.relative_tolerance, least = method.make == make_extended ? 1e-30 : 1e-14;
+  if (method.adaptive && !(relative >= least && relative < 1.0))
+    refuse(Code::out_of_range, "relative", fmt::format("a number from {:g} to 1", least), fmt::format("{:g}", relative));
 }
 
 std::unique_ptr<Integrator> make_integrator(OdeProblem problem, const IntegratorOptions& options) {
@@ -118,6 +119,8 @@ std::unique_ptr<Integrator> make_integrator(OdeProblem problem, const Integrator
     refuse(Code::unsupported, "method", "a problem that tells its linear part", fmt::format("\"{}\" for one that does not", method.name));
   if (method.make == make_variational && !problem.momenta)
     refuse(Code::unsupported, "method", "a problem that tells its momenta", fmt::format("\"{}\" for one that does not", method.name));
+  if (method.make == make_extended && !problem.extended)
+    refuse(Code::unsupported, "method", "a problem that tells its motion in more digits", "\"extended\" for one that does not");
   if (method.make == make_ida && !problem.implicit)
     refuse(Code::unsupported, "method", "a problem that tells its implicit form", "\"ida\" for one that does not");
   const auto& absolute = problem.absolute_tolerance;

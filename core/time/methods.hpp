@@ -17,6 +17,8 @@ std::unique_ptr<Integrator> make_dopri5(OdeProblem problem, const IntegratorOpti
 std::unique_ptr<Integrator> make_exponential(OdeProblem problem, const IntegratorOptions& options);
 /// Needs OdeProblem::linear.
 std::unique_ptr<Integrator> make_multirate(OdeProblem problem, const IntegratorOptions& options);
+/// Needs OdeProblem::extended.
+std::unique_ptr<Integrator> make_extended(OdeProblem problem, const IntegratorOptions& options);
 /// Needs OdeProblem::momenta. variational or variational4.
 std::unique_ptr<Integrator> make_variational(OdeProblem problem, const IntegratorOptions& options);
 /// Needs OdeProblem::implicit.

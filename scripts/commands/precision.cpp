@@ -3,15 +3,20 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "core/base/units.hpp"
 #include "core/io/result_folder.hpp"
 #include "core/io/sha256.hpp"
+#include "core/model/loops.hpp"
+#include "core/sim/diagonalised_form.hpp"
 #include "core/sim/fastest_motion.hpp"
 #include "core/sim/run_header.hpp"
+#include "core/sim/vehicle_extended.hpp"
 #include "scripts/bindings/open.hpp"
 #include "scripts/commands/commands.hpp"
 #include "scripts/commands/interrupt.hpp"
+#include "scripts/commands/simplifications.hpp"
 #include "scripts/commands/streams.hpp"
 #include "scripts/mission/examine.hpp"
 #include "scripts/precision/tables.hpp"
@@ -27,18 +32,23 @@ constexpr const char* kData = "precision.json";
 constexpr const char* kPage = "precision.html";
 constexpr const char* kSettings = "settings.txt";
 
+constexpr const char* kExtended = "extended";  // of --reference: as long as --limit allows
+constexpr const char* kPointing = "pointing";  // which is an attitude
+
 constexpr double kReferenceTolerance = 1e-13;
 constexpr const char* kFirstReferences[] = {"dop853", "cvode_adams"};  // of high order, of two families
+constexpr double kExtendedLimit = 20.0;  // [s] that a run in extended precision is tried, unless it is asked for
+constexpr int kDenseByDefault = 40;      // velocities: the twin's work grows with their third power
 constexpr const char* kUsualColumns[] = {"attitude", "position", "angle", "modes", "momentum", "energy", "constraint"};
 
 struct PrecisionArguments {
   ScenarioArguments scenario;
   std::string out, tolerances = "1e-4:1e-12", steps, measure = "largest";
   std::optional<double> until, wanted;
-  std::vector<std::string> methods, reference, kinds, budgets;
+  std::vector<std::string> methods, formulations, reference, kinds, budgets;
   double reference_tolerance = kReferenceTolerance, limit = 600.0;
   int jobs = 1, repeats = 0;
-  bool quiet = false;
+  bool whole_model = false, quiet = false;
 };
 
 [[noreturn]] void wrong_option(const char* option, std::string expected, std::string got, std::string hint = {}) {
@@ -46,6 +56,7 @@ struct PrecisionArguments {
 }
 
 std::size_t kind_named(const char* option, const std::string& name) {
+  if (name == kPointing) return index_of_kind("attitude");
   std::vector<std::string> legal;
   for (const PrecisionKind& k : precision_kinds()) legal.emplace_back(k.name);
   const std::size_t k = index_of_kind(name);
@@ -75,6 +86,27 @@ ErrorMeasure measure_of(const std::string& name) {
   wrong_option("--measure", fmt::format("a measure: {}", fmt::join(legal, ", ")), in_quotes(name), did_you_mean(name, legal));
 }
 
+/// In extended precision: at a tolerance beyond doubles, and at one that is looser.
+std::vector<PrecisionSetting> extended_references() {
+  std::vector<PrecisionSetting> out;
+  for (const MethodKind& kind : integration_methods())
+    if (kind.extended)
+      for (const double relative : {1e-21, 1e-18}) {
+        PrecisionSetting& s = out.emplace_back();
+        s.method = kind.name, s.relative = s.absolute = relative;
+      }
+  return out;
+}
+
+/// What of a scene has no extended precision; empty: it has.
+std::string not_extended(const Scenario& s) {
+  if (std::string of_model = VehicleExtended::refusal(*s.model); !of_model.empty()) return of_model;
+  if (!s.events.empty()) return fmt::format("event \"{}\", whose time is found in double", s.events.front().name);
+  for (const HingeLoad& load : s.model->loads)
+    if (load.law == HingeLaw::stop) return "stops of hinges, whose contact is found in double";
+  return {};
+}
+
 /// Methods that a reference is made by, the best first: those that are named, or all that choose their steps.
 std::vector<PrecisionSetting> references(const PrecisionArguments& a, double tightest) {
   std::vector<PrecisionSetting> out;
@@ -86,7 +118,7 @@ std::vector<PrecisionSetting> references(const PrecisionArguments& a, double tig
       out.push_back(s);
   const auto first = [](const PrecisionSetting& s) { return std::ranges::find(kFirstReferences, s.method) - std::begin(kFirstReferences); };
   std::ranges::stable_sort(out, [&](const PrecisionSetting& x, const PrecisionSetting& y) { return first(x) < first(y); });
-  if (!a.reference.empty()) {
+  if (!a.reference.empty() && a.reference != std::vector<std::string>{kExtended}) {
     std::vector<PrecisionSetting> named;
     for (const std::string& name : a.reference) {
       std::vector<std::string> legal;
@@ -98,10 +130,46 @@ std::vector<PrecisionSetting> references(const PrecisionArguments& a, double tig
       named.push_back(*found);
     }
     if (named.size() != 2 || named[0] == named[1])
-      wrong_option("--reference", "two methods: dop853,cvode_adams", fmt::format("{}", fmt::join(a.reference, ",")));
+      wrong_option("--reference", "two methods, dop853,cvode_adams, or extended", fmt::format("{}", fmt::join(a.reference, ",")));
     out = std::move(named);
   }
   for (PrecisionSetting& s : out) s.relative = std::min(a.reference_tolerance, tightest);
+  return out;
+}
+
+/// Of a scene, its own first.
+std::vector<Formulation> formulations_of(const Scenario& s) {
+  const std::string& own = name_of(s.mission.simulation.dynamics);
+  std::vector<Formulation> out = {{own, {}}};
+  const bool diagonal = DiagonalisedForm::refusal(*s.model).empty();
+  for (const Dynamics d : {Dynamics::standard, Dynamics::diagonalised, Dynamics::diagonalised_rates, Dynamics::dense})
+    if (name_of(d) != own && (diagonal || !is_diagonalised(d))) out.push_back({name_of(d), {{"mission.dynamics", name_of(d)}}});
+  if (s.model->loops.empty()) return out;
+  LoopForm as_it_stands = s.model->spec->loop_form;
+  if (as_it_stands == LoopForm::automatic) as_it_stands = LoopForm::embedding;
+  for (const LoopForm form : {LoopForm::multipliers, LoopForm::embedding, LoopForm::dae}) {
+    const std::string& name = loop_forms()[static_cast<std::size_t>(form)];
+    if (form == as_it_stands) continue;
+    out.push_back({name, {{"vehicle.loop_form", name}}});
+    if (own != Formulation::kStandard) out.back().sets.emplace_back("mission.dynamics", Formulation::kStandard);
+  }
+  return out;
+}
+
+/// What is run: methods with their ladders, in the scene's own formulation or in those that are named. Of none named the others stand
+/// beside with what the scenario says itself.
+std::vector<PrecisionSetting> grid_of(const std::vector<PrecisionSetting>& ladders, const std::vector<Formulation>& there,
+                                      const std::vector<std::string>& named, const PrecisionSetting& own, int nv) {
+  std::vector<PrecisionSetting> out;
+  for (const Formulation& f : named.empty() ? std::vector<Formulation>{there.front()} : formulations_named(named, there))
+    for (const PrecisionSetting& s : ladders) out.push_back(s), out.back().formulation = f;
+  if (!named.empty()) return out;
+  for (const Formulation& f : std::span(there).subspan(1)) {
+    if (f.name == name_of(Dynamics::dense) && nv > kDenseByDefault) continue;
+    const bool diagonal = f.name == name_of(Dynamics::diagonalised) || f.name == name_of(Dynamics::diagonalised_rates);
+    if (diagonal && !DiagonalisedForm::refusal({.method = own.method, .linear_solver = own.linear_solver}).empty()) continue;
+    out.push_back(own), out.back().formulation = f;
+  }
   return out;
 }
 
@@ -116,11 +184,19 @@ std::string identity_of(const Scenario& s, const std::string& program) {
   return hash.digest();
 }
 
+std::string how_it_went(const PrecisionRow& row) {
+  return !row.failure.empty() ? "failed: " + row.failure.substr(0, row.failure.find('\n'))
+                              : fmt::format("{:.3g} s{}", row.cpu_s, row.taken ? ", of before" : "");
+}
+
 std::string progress_line(std::size_t done, std::size_t all, const PrecisionRow& row, bool reference) {
   const std::string what = fmt::format("{} {}", row.setting.name(), row.setting.rung());
-  const std::string how = !row.failure.empty() ? "failed: " + row.failure.substr(0, row.failure.find('\n'))
-                                               : fmt::format("{:.3g} s{}", row.cpu_s, row.taken ? ", of before" : "");
+  const std::string how = how_it_went(row);
   return reference ? fmt::format("reference  {:<24} {}\n", what, how) : fmt::format("{:>4} of {:<4} {:<24} {}\n", done, all, what, how);
+}
+
+std::string model_line(const std::string& without, const PrecisionRow& row) {
+  return fmt::format("without    {}, {} {}: {}\n", without, row.setting.name(), row.setting.rung(), how_it_went(row));
 }
 
 /// Where the two runs of the reference differ by too much.
@@ -143,6 +219,12 @@ std::vector<Diagnostic> doubts_of(const PrecisionStudy& study) {
   return out;
 }
 
+int interrupted(const PrecisionStudy& study) {
+  say(fmt::format("\nInterrupted. The {} runs that ended are kept: the same command goes on. No table is written; one of before stays.\n",
+                  study.kept));
+  return 128 + Interruption::signal();
+}
+
 int precision(const PrecisionArguments& a) {
   PrecisionQuestion question;
   question.measure = measure_of(a.measure);
@@ -151,7 +233,7 @@ int precision(const PrecisionArguments& a) {
   for (const std::string& text : a.budgets) question.budgets.push_back(budget_of(text));
   std::vector<std::size_t> columns;
   for (const std::string& name : a.kinds) columns.push_back(kind_named("--kinds", name));
-  const std::vector<PrecisionSetting> methods = precision_methods(a.methods);
+  std::vector<PrecisionSetting> methods = precision_methods(a.methods);
   const std::vector<double> tolerances = tolerance_ladder(a.tolerances);
   std::vector<double> steps = a.steps.empty() ? std::vector<double>{} : step_ladder(a.steps);
   if (!(a.reference_tolerance >= 1e-14 && a.reference_tolerance <= 1e-6))
@@ -164,6 +246,9 @@ int precision(const PrecisionArguments& a) {
   options.print = [](std::string_view) {};  // it is said in each run
   PrecisionOrder order;
   PrecisionStudy study;
+  std::vector<Formulation> formulations;
+  std::string without_extended;
+  int nv = 0;
   {
     const auto s = open_scenario(options);
     try_start(*s);
@@ -173,7 +258,19 @@ int precision(const PrecisionArguments& a) {
     order.seed = a.scenario.seed;
     if (a.until) order.until = fmt::format("{}", *a.until);
     order.identity = identity_of(*s, order.program);
-    order.own = own_setting(s->mission.simulation.integrator, s->mission.simulation.absolute_tolerance);
+    const SimulationOptions& simulation = s->mission.simulation;
+    std::vector<std::pair<std::string, double>> by_kind = {{"angle", simulation.tolerances.angle},
+                                                           {"position", simulation.tolerances.position},
+                                                           {"rate", simulation.tolerances.rate},
+                                                           {"velocity", simulation.tolerances.velocity},
+                                                           {"modes", simulation.tolerances.modes}};
+    std::erase_if(by_kind, [](const auto& kind) { return kind.second == 0.0; });
+    order.own = own_setting(simulation.integrator, simulation.absolute_tolerance, std::move(by_kind));
+    formulations = formulations_of(*s);
+    order.own.formulation = formulations.front();
+    nv = s->model->nv;
+    without_extended = not_extended(*s);
+    if (a.methods.empty() && !s->model->loops.absolute) std::erase_if(methods, [](const PrecisionSetting& m) { return m.method == "ida"; });
     const bool needs_steps = std::ranges::any_of(methods, [](const PrecisionSetting& m) { return !m.adaptive; });
     if (steps.empty() && needs_steps) {
       const Rational& p = s->mission.output_period;
@@ -183,8 +280,16 @@ int precision(const PrecisionArguments& a) {
     study.title = s->mission.title.empty() ? s->file.filename().string() : s->mission.title;
     study.scenario = s->file.string();
   }
-  order.grid = precision_grid(methods, tolerances, steps, order.own);
+  order.grid = grid_of(precision_grid(methods, tolerances, steps, order.own), formulations, a.formulations, order.own, nv);
   order.reference = references(a, tolerances.back());
+  const bool insists = a.reference == std::vector<std::string>{kExtended};
+  order.not_extended = a.reference.empty() || insists ? without_extended : "";
+  if ((a.reference.empty() || insists) && without_extended.empty()) order.extended = extended_references();
+  order.extended_cpu_s = insists ? a.limit : std::min(a.limit, kExtendedLimit);
+  const auto standard = std::ranges::find(formulations, Formulation::kStandard, &Formulation::name);
+  for (PrecisionSetting& s : order.extended) s = with_tolerance(s, s.relative, order.own);
+  for (auto* all : {&order.reference, &order.extended})
+    for (PrecisionSetting& s : *all) s.formulation = *standard;
   order.loosest_reference = std::max(1e-10, a.reference_tolerance);
   order.jobs = a.jobs, order.repeats = a.repeats, order.cpu_s = a.limit;
   order.out = !a.out.empty() ? fs::path(a.out)
@@ -197,16 +302,15 @@ int precision(const PrecisionArguments& a) {
   order.told = [&](std::size_t done, std::size_t all, const PrecisionRow& row, bool reference) {
     if (!a.quiet) complain(progress_line(done, all, row, reference));
   };
+  order.told_model = [&](const std::string& without, const PrecisionRow& row) {
+    if (!a.quiet) complain(model_line(without, row));
+  };
   {
     PrecisionStudy done = run_study(order);
     done.title = std::move(study.title), done.scenario = std::move(study.scenario);
     study = std::move(done);
   }
-  if (Interruption::flag()) {
-    say(fmt::format("\nInterrupted. The {} runs that ended are kept: the same command goes on. No table is written; one of before stays.\n",
-                    study.runs + study.taken - static_cast<std::size_t>(a.jobs > 0 && study.runs > 0)));
-    return 128 + Interruption::signal();
-  }
+  if (Interruption::flag()) return interrupted(study);
   if (study.reference.runs.size() < 2) {
     RunFailure none;
     none.code = Code::no_reference;
@@ -229,18 +333,38 @@ int precision(const PrecisionArguments& a) {
   for (const Diagnostic& doubt : doubts_of(study)) complain(render(doubt) + "\n");
 
   int code = 0;
-  const Json data = precision_json(study, question);
+  const std::vector<double> floors = floors_of(study, question.measure);
+  const PrecisionChoice choice = cheapest_within(study.rows, question.budgets, floors, question.measure, RunCost::cpu);
+  std::optional<SimplifiedModel> model;
+  if (!question.budgets.empty() && choice.row && !a.whole_model) {
+    std::vector<Simplification> all;
+    {
+      const auto s = open_scenario(options);
+      all = simplifications_of(*s, options);
+    }
+    model = simplify(order, study, std::move(all), question.budgets, question.measure, *choice.row,
+                     [&](const Sets& sets) { return counted_operations(options, sets); });
+    if (Interruption::flag()) return interrupted(study);
+    say(simplified_text(*model, study, question));
+  }
+  const SimplifiedModel* simplified = model ? &*model : nullptr;
+  const Json data = precision_json(study, question, simplified);
   write_whole_file(folder / kData, json_text_with_nulls(data));
-  write_precision_h5((folder / kNumbers).string(), study);
+  write_precision_h5((folder / kNumbers).string(), study, simplified);
   write_whole_file(folder / kPage, page::filled("Precision: " + study.title, data, page::precision()));
   std::string files = (folder / kPage).string();
   if (!question.budgets.empty()) {
-    const PrecisionChoice choice =
-        cheapest_within(study.rows, question.budgets, floors_of(study, question.measure), question.measure, RunCost::cpu);
     if (const auto row = choice.row ? choice.row : choice.nearest) {
-      const std::string about = choice_text(study, choice, question.budgets, question.measure);
-      write_whole_file(folder / kSettings, settings_text(study.rows[*row].setting, study.own,
-                                                         {"cardan run SCENARIO --settings " + std::string(kSettings), about}));
+      std::vector<std::string> about = {"cardan run SCENARIO --settings " + std::string(kSettings),
+                                        choice_text(study.rows, study, choice, question.budgets, question.measure)};
+      PrecisionSetting setting = study.rows[*row].setting;
+      if (model && model->chosen > 0) {
+        const SimplifiedRun& run = model->runs[model->chosen];
+        setting = run.row.setting;
+        about.back() = choice_text({run.row}, study, {.row = 0, .nearest = 0}, question.budgets, question.measure);
+        for (const std::size_t i : run.of) about.push_back("without: " + model->all[i].what);
+      }
+      write_whole_file(folder / kSettings, settings_text(setting, study.own, about));
       files += ", " + (folder / kSettings).string();
     }
     if (!choice.row) code = 1;
@@ -257,9 +381,17 @@ void add_precision(CLI::App& app, CommandLine& line) {
   a->scenario.add_to(*command, line);
   command
       ->add_option("--methods", a->methods,
-                   "These integrators alone, of several linear solvers all or one: dopri5,cvode_bdf/krylov; default: all that there are")
+                   "These integrators alone, of several linear solvers all or one: dopri5,cvode_bdf/krylov; default: all that compute in "
+                   "double")
       ->delimiter(',')
       ->type_name("METHODS")
+      ->allow_extra_args(false);
+  command
+      ->add_option("--formulations", a->formulations,
+                   "Each method in these forms of the equations: standard,dense, where loops are closed multipliers or embedding, or all; "
+                   "default: that of the scenario, the others once each")
+      ->delimiter(',')
+      ->type_name("FORMS")
       ->allow_extra_args(false);
   command->add_option("--tolerances", a->tolerances, "Relative tolerances: 1e-4:1e-12 (the default), 1e-4:1e-12:17 or 1e-4,1e-7")
       ->type_name("LADDER");
@@ -271,7 +403,8 @@ void add_precision(CLI::App& app, CommandLine& line) {
       ->type_name("LADDER");
   command
       ->add_option("--reference", a->reference,
-                   "The two methods of the reference; default: the first of all that get there, dop853,cvode_adams")
+                   "Two methods in double, dop853,cvode_adams, or `extended`, in 113 bits for as long as --limit allows; default: extended "
+                   "where the scene has it and it takes less than 20 s, else the first two methods that get there")
       ->delimiter(',')
       ->type_name("METHODS")
       ->allow_extra_args(false);
@@ -287,10 +420,11 @@ void add_precision(CLI::App& app, CommandLine& line) {
   command->add_option("--wanted", a->wanted, "Tell the cheapest setting for this error, of each kind by itself")->type_name("ERROR");
   command
       ->add_option("--budget", a->budgets,
-                   "Tell the cheapest setting that keeps this error, attitude=\"1e-6 rad\", and write it as settings.txt for `cardan run "
-                   "--settings`; may be repeated: all at once. Exit code 1 where none does")
+                   "Tell the cheapest setting and model that keep this error, attitude=\"1e-6 rad\", and write them as settings.txt for "
+                   "`cardan run --settings`; may be repeated: all at once. Exit code 1 where none does")
       ->type_name("KIND=ERROR")
       ->allow_extra_args(false);
+  command->add_flag("--whole-model", a->whole_model, "With --budget: methods and tolerances alone, nothing of the vehicle is left out");
   command->add_option("--until", a->until, "End of the runs in s, instead of the mission's duration")->type_name("SECONDS");
   command->add_option("-j,--jobs", a->jobs, "How many run side by side; default 1, so that times mean something")
       ->type_name("N")

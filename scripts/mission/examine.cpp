@@ -13,6 +13,8 @@
 #include "core/sim/choose_method.hpp"
 #include "core/sim/diagonalised_form.hpp"
 #include "core/sim/flexible_limits.hpp"
+#include "core/sim/twin_dynamics.hpp"
+#include "core/sim/vehicle_extended.hpp"
 #include "core/sim/vehicle_implicit_form.hpp"
 #include "core/sim/vehicle_linear_part.hpp"
 #include "core/sim/vehicle_momentum_form.hpp"
@@ -82,6 +84,7 @@ void choose_method_of(Scenario& s) {
   }
   const std::string not_taken = advances_linear_part(i.method)        ? VehicleLinearPart::refusal(*s.model)
                                 : i.method.starts_with("variational") ? VehicleMomentumForm::refusal(*s.model)
+                                : i.method == "extended"              ? VehicleExtended::refusal(*s.model)
                                 : i.method == "ida"                   ? VehicleImplicitForm::refusal(*s.model)
                                                                       : "";
   if (!not_taken.empty())
@@ -89,6 +92,7 @@ void choose_method_of(Scenario& s) {
            i.method + ", which does not",
            i.method == "ida" ? "loop_form: dae beside the loops of the vehicle, or another method; auto finds one"
                              : "dopri5, dop853; auto finds one");
+  if (s.mission.simulation.dynamics == Dynamics::dense) expect_twin_takes(*s.model, i, {"mission.dynamics", {s.file.string(), 0, 0}});
   if (i.method != "auto") return;
   double interval = seconds(s.mission.output_period);
   for (const Controller& c : s.controllers) interval = std::min(interval, seconds(c.period));
@@ -142,7 +146,7 @@ void examine(Scenario& s) {
   s.warnings.add(s.model->spec->warnings);
   s.sim->expect_profiles();
   const SimulationOptions& options = s.mission.simulation;
-  if (options.dynamics != Dynamics::standard)
+  if (is_diagonalised(options.dynamics))
     DiagonalisedForm::expect_honoured(*s.model, options.dynamics, options.integrator, {"mission.dynamics", {s.file.string(), 0, 0}});
   choose_method_of(s);
   expect_away_from_centre(s);

@@ -37,7 +37,8 @@ double value_of(const KindError&, ErrorMeasure);
 /// By kind, as precision_kinds(); empty where the runs have no channel of it, or nothing of it moves.
 using KindErrors = std::vector<std::optional<KindError>>;
 
-/// Errors of `run`, with `reference` as the truth. A number that one of the two alone has not (NaN) is an infinite error.
+/// Errors of `run`, with `reference` as the truth. Modes that `run` has left out count as zero. A number that one of the two alone has not
+/// (NaN) is an infinite error.
 KindErrors errors_of_run(const RunColumns& run, const RunColumns& reference);
 
 }  // namespace cardan

@@ -71,27 +71,33 @@ std::vector<double> ladder(const char* option, const std::string& text, double f
 
 }  // namespace
 
-std::string PrecisionSetting::name() const { return linear_solver.empty() ? method : method + "/" + linear_solver; }
+std::string PrecisionSetting::solver() const { return linear_solver.empty() ? method : method + "/" + linear_solver; }
+
+std::string PrecisionSetting::name() const {
+  return formulation.name == Formulation::kStandard ? solver() : solver() + "+" + formulation.name;
+}
 
 std::string PrecisionSetting::rung() const { return adaptive ? fmt::format("{:g}", relative) : fmt::format("{:.4g} s", step); }
 
-std::vector<std::pair<std::string, std::string>> PrecisionSetting::sets(const PrecisionSetting& own) const {
+Sets PrecisionSetting::sets(const PrecisionSetting& own) const {
   const auto number = [](double x) { return fmt::format("{}", x); };  // gives the same bits back
-  std::vector<std::pair<std::string, std::string>> out = {{"method", method}};
+  Sets out = {{"method", method}};
   if (!linear_solver.empty() || !own.linear_solver.empty()) out.emplace_back("linear_solver", linear_solver);
   if (adaptive) {
     out.emplace_back("relative", number(relative));
     out.emplace_back("absolute", number(absolute));
+    for (const auto& [kind, value] : by_kind) out.emplace_back("tolerances." + kind, number(value));
     if (!own.adaptive) out.emplace_back("step", "0");
   } else {
     out.emplace_back("step", number(step));
     if (own.adaptive) out.insert(out.end(), {{"max_step", "0"}, {"initial_step", "0"}});
   }
   for (auto& [key, value] : out) key = "mission.integrator." + key;
+  for (const Sets* more : {&formulation.sets, &model}) out.insert(out.end(), more->begin(), more->end());
   return out;
 }
 
-PrecisionSetting own_setting(const IntegratorOptions& own, double absolute) {
+PrecisionSetting own_setting(const IntegratorOptions& own, double absolute, std::vector<std::pair<std::string, double>> by_kind) {
   PrecisionSetting out;
   out.method = own.method;
   for (const MethodKind& kind : integration_methods())
@@ -101,7 +107,8 @@ PrecisionSetting own_setting(const IntegratorOptions& own, double absolute) {
         out.linear_solver = own.linear_solver.empty() ? kind.linear_solvers.front() : own.linear_solver;
     }
   if (out.adaptive)
-    out.relative = own.relative_tolerance, out.absolute = absolute > 0.0 ? absolute : own.relative_tolerance;
+    out.relative = own.relative_tolerance, out.absolute = absolute > 0.0 ? absolute : own.relative_tolerance,
+    out.by_kind = std::move(by_kind);
   else
     out.step = own.fixed_step;
   return out;
@@ -117,7 +124,12 @@ std::vector<PrecisionSetting> precision_methods(const std::vector<std::string>& 
     for (const std::string& solver : kind.linear_solvers)
       all.push_back({.method = kind.name, .linear_solver = solver, .adaptive = kind.adaptive});
   }
-  if (names.empty()) return all;
+  if (names.empty()) {
+    std::erase_if(all, [](const PrecisionSetting& s) {
+      return std::ranges::any_of(integration_methods(), [&](const MethodKind& kind) { return kind.extended && kind.name == s.method; });
+    });
+    return all;
+  }
   std::vector<std::string> legal;
   for (const PrecisionSetting& s : all) legal.push_back(s.name());
   std::vector<PrecisionSetting> out;
@@ -131,6 +143,26 @@ std::vector<PrecisionSetting> precision_methods(const std::vector<std::string>& 
     for (std::size_t i = 0; i < before; ++i)
       for (std::size_t j = before; j < out.size(); ++j)
         if (out[i] == out[j]) refuse(Code::command_line, {"--methods"}, "each method once", in_quotes(out[i].name()));
+  }
+  return out;
+}
+
+std::vector<Formulation> formulations_named(const std::vector<std::string>& names, const std::vector<Formulation>& there) {
+  std::vector<Formulation> out;
+  std::vector<std::string> legal;
+  for (const Formulation& f : there) legal.push_back(f.name);
+  for (const std::string& name : names) {
+    if (name == "all") {
+      if (names.size() > 1) refuse(Code::command_line, {"--formulations"}, "each formulation once", "\"all\" beside others");
+      return there;
+    }
+    const auto found = std::ranges::find(there, name, &Formulation::name);
+    if (found == there.end())
+      refuse(Code::command_line, {"--formulations"}, fmt::format("all, or a formulation that the scene has: {}", fmt::join(legal, ", ")),
+             in_quotes(name), did_you_mean(name, legal));
+    if (std::ranges::find(out, name, &Formulation::name) != out.end())
+      refuse(Code::command_line, {"--formulations"}, "each formulation once", in_quotes(name));
+    out.push_back(*found);
   }
   return out;
 }
@@ -157,6 +189,9 @@ PrecisionSetting with_tolerance(PrecisionSetting setting, double relative, const
   setting.relative = relative;
   const double ratio = own.adaptive && own.relative > 0.0 ? own.absolute / own.relative : 1.0;
   setting.absolute = std::min(1.0, ratio == 1.0 ? relative : ratio * relative);
+  setting.by_kind = own.by_kind;
+  if (relative != own.relative)
+    for (auto& [kind, value] : setting.by_kind) value *= relative / own.relative;
   return setting;
 }
 

@@ -35,6 +35,7 @@ std::string key_of(const PrecisionOrder& order, const PrecisionSetting& setting)
 
 std::string folder_name(const PrecisionOrder& order, const PrecisionSetting& s) {
   std::string name = fmt::format("{}_{}", s.name(), s.rung());
+  if (!s.model.empty()) name += "_simplified";
   std::ranges::replace_if(
       name, [](char c) { return c == '/' || c == ' '; }, '-');
   return fmt::format("runs/{}_{}", name, key_of(order, s));
@@ -161,7 +162,7 @@ class Runs {
         PrecisionRow* row = rows[next++];
         row->folder = folder_name(order_, row->setting);
         if (take(*row, order_)) {
-          ++study_.taken;
+          ++study_.taken, ++study_.kept;
           done(*row);
           continue;
         }
@@ -188,6 +189,7 @@ class Runs {
         }
         going.erase(going.begin() + static_cast<std::ptrdiff_t>(i));
         write_whole_file(order_.out / row.folder / kKept, json_text_with_nulls(to_json(row, order_.cpu_s)));
+        ++study_.kept;
         done(row);
       }
       if (!ended) std::this_thread::sleep_for(std::chrono::milliseconds(2));
@@ -234,7 +236,18 @@ std::optional<PrecisionRow> reference_run(Runs& runs, const PrecisionOrder& orde
 double PrecisionStudy::floor(std::size_t kind, ErrorMeasure measure) const {
   if (precision_kinds()[kind].of_the_run_itself) return 0.0;
   if (kind >= reference.difference.size() || !reference.difference[kind]) return std::numeric_limits<double>::quiet_NaN();
-  return value_of(*reference.difference[kind], measure);
+  const KindError& off = *reference.difference[kind];
+  const double bit = reference.extended ? std::numeric_limits<double>::epsilon() * off.size : 0.0;
+  return std::max(value_of(off, measure), bit);
+}
+
+std::vector<double> floors_of(const PrecisionStudy& study, ErrorMeasure measure) {
+  std::vector<double> out;
+  for (std::size_t k = 0; k < precision_kinds().size(); ++k) {
+    const double floor = study.floor(k, measure);
+    out.push_back(std::isnan(floor) ? std::numeric_limits<double>::infinity() : floor);
+  }
+  return out;
 }
 
 std::vector<std::size_t> PrecisionStudy::not_converged() const {
@@ -256,6 +269,23 @@ std::vector<std::size_t> PrecisionStudy::kinds() const {
   return out;
 }
 
+void run_rows(const PrecisionOrder& order, PrecisionStudy& study, const std::vector<PrecisionRow*>& rows,
+              const std::function<void(PrecisionRow&, const RunColumns&)>& read) {
+  Runs runs(order, study);
+  runs.all(rows, [&](PrecisionRow& row) {
+    if (const auto columns = runs.columns(row)) read(row, *columns);
+  });
+}
+
+std::optional<RunColumns> columns_of(const PrecisionOrder& order, const PrecisionRow& row) {
+  if (!row.failure.empty()) return std::nullopt;
+  try {
+    return read_run_columns((order.out / row.folder / "run.h5").string());
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
+}
+
 PrecisionStudy run_study(const PrecisionOrder& order) {
   PrecisionStudy study;
   study.own = order.own;
@@ -273,6 +303,29 @@ PrecisionStudy run_study(const PrecisionOrder& order) {
   std::size_t told = 0;
   PrecisionReference& reference = study.reference;
   std::optional<RunColumns> truth;
+  if (!order.extended.empty()) {
+    PrecisionOrder limited = order;
+    limited.cpu_s = order.extended_cpu_s;
+    Runs in_time(limited, study);
+    for (const PrecisionSetting& s : order.extended) {
+      PrecisionRow row;
+      row.setting = s;
+      in_time.all({&row}, [](PrecisionRow&) {});
+      if (in_time.stopped()) break;
+      if (order.told) order.told(++told, 0, row, true);
+      auto is = in_time.columns(row);
+      if (!is) {
+        reference.why_double = row.failure.substr(0, row.failure.find('\n'));
+        break;
+      }
+      if (reference.runs.empty()) truth = std::move(is);
+      reference.runs.push_back(std::move(row));
+    }
+    reference.extended = reference.runs.size() == order.extended.size();
+    if (!reference.extended) reference.runs.clear(), truth.reset();
+  } else {
+    reference.why_double = order.not_extended;
+  }
   for (const PrecisionSetting& s : order.reference) {
     if (reference.runs.size() == 2 || runs.stopped()) break;
     if (auto row = reference_run(runs, order, study, s, told)) {

@@ -29,11 +29,22 @@ std::string with_unit(double x, std::size_t kind) {
 }
 std::string setting_text(const PrecisionSetting& s) { return s.name() + " " + s.rung(); }
 
-std::size_t width_of(const PrecisionStudy& study) {
-  std::size_t width = 10;
-  for (const PrecisionRow& row : study.rows) width = std::max(width, row.setting.name().size());
-  return width;
+struct Widths {
+  std::size_t method = 10, formulation = 0;  // the latter 0: there is one alone
+};
+Widths widths_of(const PrecisionStudy& study) {
+  Widths w;
+  bool several = false;
+  for (const PrecisionRow& row : study.rows) {
+    w.method = std::max(w.method, row.setting.solver().size());
+    w.formulation = std::max(w.formulation, row.setting.formulation.name.size());
+    several = several || row.setting.formulation != study.rows.front().setting.formulation;
+  }
+  w.formulation = several ? std::max(w.formulation, std::size_t{11}) + 2 : 0;
+  return w;
 }
+/// Characters before those of the errors.
+std::size_t left_of_errors(const Widths& w) { return w.method + 8 + w.formulation + 2 + 9 + 2 + 9 + 2 + 9 + 2 + 8 + 2 + 8; }
 
 Json finite(double x) { return std::isfinite(x) ? Json(x) : Json(); }
 
@@ -52,8 +63,13 @@ Json row_json(const PrecisionRow& row, const PrecisionSetting& own) {
       one["channel"] = row.errors[k]->channel;
       errors[precision_kinds()[k].name] = std::move(one);
     }
-  Json out = {{"name", row.setting.name()},       {"rung", row.setting.rung()},  {"method", row.setting.method},
-              {"adaptive", row.setting.adaptive}, {"settings", std::move(sets)}, {"own", row.own}};
+  Json out = {{"name", row.setting.name()},
+              {"rung", row.setting.rung()},
+              {"method", row.setting.method},
+              {"formulation", row.setting.formulation.name},
+              {"adaptive", row.setting.adaptive},
+              {"settings", std::move(sets)},
+              {"own", row.own}};
   if (row.setting.adaptive)
     out["relative"] = row.setting.relative, out["absolute"] = row.setting.absolute;
   else
@@ -70,28 +86,26 @@ Json row_json(const PrecisionRow& row, const PrecisionSetting& own) {
   return out;
 }
 
-/// "tolerances of 1e-13 and 1e-13 by dop853 and cvode_adams"
+/// "reference: dop853 1e-13, in double precision (in 113 bits: ...); its error: what cvode_adams 1e-13 differs by".
 std::string reference_text(const PrecisionStudy& study) {
   const PrecisionReference& r = study.reference;
   if (r.runs.size() < 2) return "no reference: " + fmt::format("{}", fmt::join(r.attempts, "; "));
-  return fmt::format("reference: {}, in double precision; its error: what {} differs by{}", setting_text(r.runs[0].setting),
+  if (r.extended)
+    return fmt::format("reference: {}, in 113 bits; its error: what {} differs by, or the last bit of a double",
+                       setting_text(r.runs[0].setting), setting_text(r.runs[1].setting));
+  return fmt::format("reference: {}, in double precision{}; its error: what {} differs by{}", setting_text(r.runs[0].setting),
+                     r.why_double.empty() ? "" : fmt::format(" (113 bits are not to be had: {})", r.why_double),
                      setting_text(r.runs[1].setting), r.one_method ? " (the same method: no other got there)" : "");
 }
 
 }  // namespace
 
-std::vector<double> floors_of(const PrecisionStudy& study, ErrorMeasure measure) {
-  std::vector<double> out;
-  for (std::size_t k = 0; k < precision_kinds().size(); ++k) {
-    const double floor = study.floor(k, measure);
-    out.push_back(std::isnan(floor) ? std::numeric_limits<double>::infinity() : floor);
-  }
-  return out;
-}
-
+namespace {
+/// A line of the table: setting, cost, errors of `kinds`.
 std::string precision_line(const PrecisionRow& row, const PrecisionStudy& study, const std::vector<std::size_t>& kinds,
-                           ErrorMeasure measure, std::size_t width) {
-  std::string text = fmt::format("{:<{}}  {:>9}", row.setting.name() + (row.own ? " (yours)" : ""), width + 8, row.setting.rung());
+                           ErrorMeasure measure, const Widths& w) {
+  std::string text = fmt::format("{:<{}}{:<{}}  {:>9}", row.setting.solver() + (row.own ? " (yours)" : ""), w.method + 8,
+                                 w.formulation > 0 ? "  " + row.setting.formulation.name : "", w.formulation, row.setting.rung());
   if (!row.failure.empty()) {
     const auto end = row.failure.find('\n');
     return text + "  failed: " + row.failure.substr(0, end) + "\n";
@@ -110,24 +124,25 @@ std::string precision_line(const PrecisionRow& row, const PrecisionStudy& study,
   while (text.back() == ' ') text.pop_back();
   return text + "\n";
 }
+}  // namespace
 
 std::string precision_table(const PrecisionStudy& study, const std::vector<std::size_t>& kinds, ErrorMeasure measure) {
-  const std::size_t width = width_of(study);
+  const Widths w = widths_of(study);
   std::string text = reference_text(study) + "\n";
   if (study.reference.runs.size() == 2 && !study.reference.attempts.empty())
     text += fmt::format("  no reference: {}\n", fmt::join(study.reference.attempts, "\n  no reference: "));
-  text += fmt::format("\n{:<{}}  {:>9}  {:>9}  {:>9}  {:>8}  {:>8}", "method", width + 8, "tolerance", "cpu [s]", "f calls", "steps",
-                      "rejected");
+  text += fmt::format("\n{:<{}}{:<{}}  {:>9}  {:>9}  {:>9}  {:>8}  {:>8}", "method", w.method + 8, w.formulation > 0 ? "  formulation" : "",
+                      w.formulation, "tolerance", "cpu [s]", "f calls", "steps", "rejected");
   for (const std::size_t k : kinds) text += fmt::format("  {:>{}} ", precision_kinds()[k].name, kColumn - 3);
   while (text.back() == ' ') text.pop_back();
-  text += fmt::format("\n{:<{}}", "  error: " + std::string(name_of(measure)), width + 8 + 2 + 9 + 2 + 9 + 2 + 9 + 2 + 8 + 2 + 8);
+  text += fmt::format("\n{:<{}}", "  error: " + std::string(name_of(measure)), left_of_errors(w));
   for (const std::size_t k : kinds) text += fmt::format("  {:>{}} ", unit_text(k), kColumn - 3);
   while (text.back() == ' ') text.pop_back();
   text += "\n";
   for (const PrecisionRow& row : study.rows)
-    if (!row.folder.empty()) text += precision_line(row, study, kinds, measure, width);
+    if (!row.folder.empty()) text += precision_line(row, study, kinds, measure, w);
   if (study.reference.runs.size() == 2) {
-    text += fmt::format("{:<{}}", "reference: off by", width + 8 + 2 + 9 + 2 + 9 + 2 + 9 + 2 + 8 + 2 + 8);
+    text += fmt::format("{:<{}}", "reference: off by", left_of_errors(w));
     for (const std::size_t k : kinds) {
       const double floor = study.floor(k, measure);
       text += fmt::format("  {:>{}} ", std::isnan(floor) || precision_kinds()[k].of_the_run_itself ? "-" : fmt::format("{:.1e}", floor),
@@ -147,8 +162,8 @@ std::string precision_table(const PrecisionStudy& study, const std::vector<std::
   return text;
 }
 
-std::string choice_text(const PrecisionStudy& study, const PrecisionChoice& choice, const std::vector<ErrorBudget>& budgets,
-                        ErrorMeasure measure) {
+std::string choice_text(const std::vector<PrecisionRow>& rows, const PrecisionStudy& study, const PrecisionChoice& choice,
+                        const std::vector<ErrorBudget>& budgets, ErrorMeasure measure) {
   const auto errors = [&](const PrecisionRow& row) {
     std::vector<std::string> all;
     for (const ErrorBudget& b : budgets)
@@ -156,7 +171,7 @@ std::string choice_text(const PrecisionStudy& study, const PrecisionChoice& choi
     return fmt::format("{}", fmt::join(all, ", "));
   };
   if (choice.row) {
-    const PrecisionRow& row = study.rows[*choice.row];
+    const PrecisionRow& row = rows[*choice.row];
     return fmt::format("{}, {:.3g} s, error {}", setting_text(row.setting), row.cpu_s, errors(row));
   }
   std::string why;
@@ -165,7 +180,7 @@ std::string choice_text(const PrecisionStudy& study, const PrecisionChoice& choi
       why += std::isinf(floor) ? fmt::format("; {} was not measured", precision_kinds()[b.kind].name)
                                : fmt::format("; the reference itself may be off by {}", with_unit(floor, b.kind));
   if (!choice.nearest) return "none of the settings ended" + why;
-  const PrecisionRow& row = study.rows[*choice.nearest];
+  const PrecisionRow& row = rows[*choice.nearest];
   return fmt::format("none of the settings; nearest {}, {:.3g} s, error {}{}", setting_text(row.setting), row.cpu_s, errors(row), why);
 }
 
@@ -173,7 +188,8 @@ std::string precision_answers(const PrecisionStudy& study, const PrecisionQuesti
   std::string text;
   const std::vector<double> floors = floors_of(study, question.measure);
   const auto answer = [&](const std::vector<ErrorBudget>& budgets) {
-    return choice_text(study, cheapest_within(study.rows, budgets, floors, question.measure, RunCost::cpu), budgets, question.measure);
+    return choice_text(study.rows, study, cheapest_within(study.rows, budgets, floors, question.measure, RunCost::cpu), budgets,
+                       question.measure);
   };
   if (question.wanted) {
     text += fmt::format("\ncheapest for an error of {:g} ({}, in the unit of each)\n", *question.wanted, name_of(question.measure));
@@ -189,7 +205,79 @@ std::string precision_answers(const PrecisionStudy& study, const PrecisionQuesti
   return text;
 }
 
-Json precision_json(const PrecisionStudy& study, const PrecisionQuestion& question) {
+namespace {
+std::string words(const SimplifiedModel& model, const SimplifiedRun& run) {
+  std::vector<std::string> all;
+  for (const std::size_t i : run.of) all.push_back(model.all[i].what);
+  return all.empty() ? "the whole model" : fmt::format("{}", fmt::join(all, ", "));
+}
+
+/// Of a kind that was measured; else empty.
+std::optional<double> added_of(const SimplifiedRun& run, std::size_t kind, ErrorMeasure measure) {
+  if (!run.row.failure.empty() || kind >= run.added.size() || !run.added[kind]) return std::nullopt;
+  return value_of(*run.added[kind], measure);
+}
+}  // namespace
+
+std::string simplified_text(const SimplifiedModel& model, const PrecisionStudy& study, const PrecisionQuestion& question) {
+  const SimplifiedRun& whole = model.runs.front();
+  std::size_t width = 20;
+  for (const SimplifiedRun& run : model.runs) width = std::max(width, words(model, run).size());
+  std::string text = fmt::format("\nwhat the model has no need of, with {}\n{:<{}}", setting_text(whole.row.setting), "", width + 2);
+  for (const ErrorBudget& b : question.budgets)
+    text += fmt::format("  {:>{}}", std::string(precision_kinds()[b.kind].name) + " +", kColumn);
+  text += fmt::format("  {:>9}  {:>9}  {:>10}  {:>6}\n", "cpu [s]", "f calls", "operations", "saves");
+  for (std::size_t i = 0; i < model.runs.size(); ++i) {
+    const SimplifiedRun& run = model.runs[i];
+    text += fmt::format("{:<{}}", words(model, run), width + 2);
+    if (!run.row.failure.empty()) {
+      text += "  failed: " + run.row.failure.substr(0, run.row.failure.find('\n')) + "\n";
+      continue;
+    }
+    for (const ErrorBudget& b : question.budgets) {
+      const auto e = added_of(run, b.kind, question.measure);
+      text += fmt::format("  {:>{}}", i == 0 || !e ? "-" : with_unit(*e, b.kind), kColumn);
+    }
+    text += fmt::format("  {:>9.3g}  {:>9}  {:>10.3g}", run.row.cpu_s, run.row.rhs_calls, run.operations);
+    text += i > 0 && run.added.empty() ? "       -  with " + setting_text(run.row.setting)
+                                       : fmt::format("  {:>4.0f} %", 100.0 * (1.0 - run.operations / whole.operations));
+    if (!run.row.checks_passed) text += "  checks failed";
+    text += "\n";
+  }
+  for (const Simplification& s : model.all)
+    if (!s.refusal.empty())
+      text += fmt::format("{:<{}}  not to be had: {}\n", s.what, width + 2, s.refusal.substr(0, s.refusal.find('\n')));
+  const SimplifiedRun& chosen = model.runs[model.chosen];
+  std::vector<std::string> errors;
+  for (const ErrorBudget& b : question.budgets)
+    if (const auto e = error_of(chosen.row, b.kind, question.measure))
+      errors.push_back(with_unit(std::max(*e, study.floor(b.kind, question.measure)), b.kind));
+  text += model.chosen == 0 ? "nothing is left out: what keeps the budget saves nothing\n"
+                            : fmt::format("without: {}\n  {}, {:.3g} s, error {}: run like that\n", words(model, chosen),
+                                          setting_text(chosen.row.setting), chosen.row.cpu_s, fmt::join(errors, ", "));
+  return text;
+}
+
+namespace {
+Json simplified_json(const SimplifiedModel& model, const PrecisionSetting& own) {
+  Json all = Json::array(), runs = Json::array();
+  for (const Simplification& s : model.all) {
+    Json sets = Json::array();
+    for (const auto& [key, value] : s.sets) sets.push_back(key + "=" + value);
+    all.push_back({{"what", s.what}, {"settings", std::move(sets)}, {"refusal", s.refusal.empty() ? Json() : Json(s.refusal)}});
+  }
+  for (const SimplifiedRun& run : model.runs) {
+    Json one = row_json(run.row, own), added = Json::object();
+    for (std::size_t k = 0; k < run.added.size(); ++k)
+      if (run.added[k]) added[precision_kinds()[k].name] = measures_json(*run.added[k]);
+    one["without"] = run.of, one["added"] = std::move(added), one["operations"] = run.operations;
+    runs.push_back(std::move(one));
+  }
+  return {{"simplifications", std::move(all)}, {"runs", std::move(runs)}, {"chosen", model.chosen}};
+}
+}  // namespace
+
+Json precision_json(const PrecisionStudy& study, const PrecisionQuestion& question, const SimplifiedModel* model) {
   Json kinds = Json::array(), rows = Json::array(), runs = Json::array(), fronts = Json::object();
   const auto bad = study.not_converged();
   for (const std::size_t k : study.kinds()) {
@@ -198,7 +286,7 @@ Json precision_json(const PrecisionStudy& study, const PrecisionQuestion& questi
     const bool measured = k < study.reference.difference.size() && study.reference.difference[k].has_value();
     if (measured && !kind.of_the_run_itself) {
       one["size"] = study.reference.difference[k]->size;
-      one["reference_off_by"] = measures_json(*study.reference.difference[k]);
+      for (const ErrorMeasure m : kMeasures) one["reference_off_by"][std::string(name_of(m))] = finite(study.floor(k, m));
       one["converged"] = std::ranges::find(bad, k) == bad.end();
     }
     kinds.push_back(std::move(one));
@@ -217,10 +305,10 @@ Json precision_json(const PrecisionStudy& study, const PrecisionQuestion& questi
               {"scenario", study.scenario},
               {"about", study.about},
               {"complete", study.complete},
-              {"formulation", "articulated sweeps"},
               {"reference",
-               {{"precision", "double"},
-                {"by_two_methods", study.reference.runs.size() == 2 && !study.reference.one_method},
+               {{"precision", study.reference.extended ? "113 bits" : "double"},
+                {"why_double", study.reference.why_double.empty() ? Json() : Json(study.reference.why_double)},
+                {"by_two_methods", study.reference.runs.size() == 2 && !study.reference.one_method && !study.reference.extended},
                 {"runs", std::move(runs)},
                 {"attempts", study.reference.attempts}}},
               {"kinds", std::move(kinds)},
@@ -231,10 +319,11 @@ Json precision_json(const PrecisionStudy& study, const PrecisionQuestion& questi
   Json budgets = Json::array();
   for (const ErrorBudget& b : question.budgets) budgets.push_back({{"kind", precision_kinds()[b.kind].name}, {"most", b.most}});
   out["budgets"] = std::move(budgets);
+  out["model"] = model ? simplified_json(*model, study.own) : Json();
   return out;
 }
 
-void write_precision_h5(const std::string& path, const PrecisionStudy& study) {
+void write_precision_h5(const std::string& path, const PrecisionStudy& study, const SimplifiedModel* model) {
   Hdf5File file = Hdf5File::create(name_before(path).string());
   file.make_group("/study");
   file.set_attribute("/study", "title", study.title);
@@ -286,6 +375,8 @@ void write_precision_h5(const std::string& path, const PrecisionStudy& study) {
     put("restarts", "1", [](const PrecisionRow& r) { return r.restarts; });
     put("jacobian_products", "1", [](const PrecisionRow& r) { return r.jacobian_products; });
     file.write(group + "/own", std::span<const std::int64_t>(own));
+    file.set_attribute(group, "method", rows.front()->setting.solver());
+    file.set_attribute(group, "formulation", rows.front()->setting.formulation.name);
     file.write(group + "/failure", failures, {failures.size()});
     put_errors(group, rows);
   }
@@ -293,6 +384,7 @@ void write_precision_h5(const std::string& path, const PrecisionStudy& study) {
   std::vector<std::string> settings;
   for (const PrecisionRow& row : study.reference.runs) settings.push_back(setting_text(row.setting));
   file.set_attribute("/reference", "runs", settings);
+  file.set_attribute("/reference", "precision", study.reference.extended ? "113 bits" : "double");
   file.set_attribute("/reference", "attempts", study.reference.attempts);
   for (const std::size_t k : kinds)
     if (!precision_kinds()[k].of_the_run_itself)
@@ -301,6 +393,33 @@ void write_precision_h5(const std::string& path, const PrecisionStudy& study) {
         file.write(data, study.floor(k, m));
         file.set_attribute(data, "unit", precision_kinds()[k].unit);
       }
+  if (model) {
+    std::vector<std::string> without, failures;
+    std::vector<const PrecisionRow*> rows;
+    std::vector<double> operations, calls, cpu;
+    for (const SimplifiedRun& run : model->runs) {
+      without.push_back(words(*model, run)), failures.push_back(run.row.failure), rows.push_back(&run.row);
+      const bool ended = run.row.failure.empty();
+      operations.push_back(ended ? run.operations : nan), cpu.push_back(ended ? run.row.cpu_s : nan);
+      calls.push_back(ended ? static_cast<double>(run.row.rhs_calls) : nan);
+    }
+    file.make_group("/model");
+    file.set_attribute("/model", "without", without);
+    file.set_attribute("/model", "failure", failures);
+    file.set_attribute("/model", "chosen", static_cast<std::int64_t>(model->chosen));
+    for (const auto& [name, unit, x] : {std::tuple{"operations", "1", &operations}, {"rhs_calls", "1", &calls}, {"cpu_s", "s", &cpu}}) {
+      file.write(fmt::format("/model/{}", name), std::span<const double>(*x));
+      file.set_attribute(fmt::format("/model/{}", name), "unit", unit);
+    }
+    put_errors("/model", rows);
+    for (const std::size_t k : kinds) {
+      std::vector<double> added;
+      for (const SimplifiedRun& run : model->runs) added.push_back(added_of(run, k, ErrorMeasure::largest).value_or(nan));
+      const std::string data = fmt::format("/model/added/{}", precision_kinds()[k].name);
+      file.write(data, std::span<const double>(added));
+      file.set_attribute(data, "unit", precision_kinds()[k].unit);
+    }
+  }
   file.rename(path);
   file.close();
 }

@@ -135,23 +135,52 @@ function draw() {
   body.replaceChildren(...tableRows());
 }
 
+const several = new Set(rows.map((r) => r.formulation)).size > 1;
+const form = (r) => (several ? [element("td", r.formulation)] : []);
+const solver = (r) => (several ? r.name.split("+")[0] : r.name);
 const body = element("tbody");
 function tableRows() {
   const fronts = Object.fromEntries(kinds.map((k) => [k.name, new Set(front(rows, k.name, shown.measure, shown.cost, floorOf(k, shown.measure)))]));
   return rows.map((r, i) => {
-    const name = [r.name, r.own ? element("small", "as the scenario has it") : null, r.failure === null && !r.checks_passed ? element("small", "a check failed") : null];
+    const name = [solver(r), r.own ? element("small", "as the scenario has it") : null, r.failure === null && !r.checks_passed ? element("small", "a check failed") : null];
     if (r.failure !== null) {
       const reason = element("td.text", "failed: " + r.failure);
       reason.colSpan = 4 + kinds.length;
-      return row(element("td", ...name), cell(r.rung), reason);
+      return row(element("td", ...name), ...form(r), cell(r.rung), reason);
     }
-    return row(element("td", ...name), cell(r.rung), cell(number(r.cpu_s, 3)), cell(number(r.rhs_calls)), cell(number(r.steps)), cell(number(r.rejected)), ...kinds.map((k) => {
+    return row(element("td", ...name), ...form(r), cell(r.rung), cell(number(r.cpu_s, 3)), cell(number(r.rhs_calls)), cell(number(r.steps)), cell(number(r.rejected)), ...kinds.map((k) => {
       const e = errorOf(r, k.name, shown.measure), floor = floorOf(k, shown.measure);
       const td = cell(e === null ? (r.errors[k.name] ? "not there" : "–") : e < floor && Number.isFinite(floor) ? "< " + number(floor, 3) : number(e, 3));
       if (fronts[k.name].has(i)) td.style.fontWeight = "650";
       return td;
     }));
   });
+}
+
+// What a budget has no need of in the model.
+function modelTable() {
+  const { model, budgets, measure } = data;
+  if (!model) return [];
+  const [whole] = model.runs, told = (r) => r.without.map((i) => model.simplifications[i].what).join(", ") || "the whole model";
+  const unit = (name) => { const k = kinds.find((one) => one.name === name); return k && k.unit !== "1" ? ` [${k.unit}]` : ""; };
+  const lines = model.runs.map((r, i) => {
+    const other = r.name !== whole.name || r.rung !== whole.rung;
+    const name = element("td", told(r), i === model.chosen ? element("small", "chosen") : null, other ? element("small", `${r.name}, ${rung(r)}`) : null);
+    if (r.failure !== null) {
+      const reason = element("td.text", "failed: " + r.failure);
+      reason.colSpan = 4 + 2 * budgets.length;
+      return row(name, reason);
+    }
+    const of = (errors, kind) => { const e = errors[kind]?.[measure]; return cell(typeof e === "number" ? number(e, 3) : "–"); };
+    const line = row(name, ...budgets.flatMap((b) => [i === 0 ? cell("–") : of(r.added, b.kind), of(r.errors, b.kind)]), cell(number(r.cpu_s, 3)), cell(number(r.rhs_calls)), cell(number(r.operations, 3)), cell(other ? "–" : `${Math.round(100 * (1 - r.operations / whole.operations))} %`));
+    if (i === model.chosen) line.style.fontWeight = "650";
+    return line;
+  });
+  const refused = model.simplifications.filter((s) => s.refusal !== null);
+  return [element("h2", "What the model has no need of"),
+    element("p.note", `Within ${budgets.map((b) => `${b.kind} ${number(b.most, 3)}${unit(b.kind).replace(/[[\]]/g, "")}`).join(", ")}, ${measure}: each simplification by itself, then together; operations are counted.`),
+    element("div.scroll", element("table", element("thead", element("tr", ["left out", ...budgets.flatMap((b) => [`${b.kind} adds${unit(b.kind)}`, `${b.kind} error${unit(b.kind)}`]), "cpu [s]", "calls", "operations", "saves"].map((h) => element("th", h)))), element("tbody", lines))),
+    ...(refused.length ? [element("p.note", "Not to be had: " + refused.map((s) => `${s.what} (${s.refusal})`).join("; "))] : [])];
 }
 
 const light = element("button", "light / dark");
@@ -162,14 +191,15 @@ const badge = bad.length ? element("span.badge.fail", "the reference did not con
 const facts = [data.scenario, ...data.about];
 document.getElementById("page").append(
   element("header", element("div.title", element("h1", data.title), badge), element("div.facts", element("span", facts.join("  ·  ")), element("span.buttons", light))),
-  element("p.note", `Reference: ${reference}, in double precision${data.reference.by_two_methods ? "" : ", by one method alone"}. The first is the truth; what the second differs by is what it may be off by.`),
+  element("p.note", data.reference.precision !== "double" ? `Reference: ${reference}, in ${data.reference.precision}. The first is the truth; what the second differs by, or the last bit of a double, is what it may be off by.`
+    : `Reference: ${reference}, in double precision${data.reference.by_two_methods ? "" : ", by one method alone"}${data.reference.why_double ? ` (113 bits are not to be had: ${data.reference.why_double})` : ""}. The first is the truth; what the second differs by is what it may be off by.`),
   ...(bad.length ? [element("p.ending", `The two differ too much in ${bad.map((k) => `${k.name} (${number(k.reference_off_by.largest, 3)}${unitOf(k)})`).join(", ")}: below that nothing here can be trusted.`)] : []),
   ...(data.reference.attempts.length ? [element("p.note", "Not fit to be a reference: " + data.reference.attempts.join("; "))] : []),
   element("h2", "Work against precision"),
   element("p.controls", "error of ", choiceOf("kind", kinds.map((k) => [k.name, k.name])), " ", choiceOf("measure", Object.keys(kMeasures).map((m) => [m, m])), "  cost ", choiceOf("cost", Object.entries(kCosts)),
           "  wanted error ", wanted, " ", unitLabel),
-  element("figure", holder, keys), caption, element("h2", "The setting for the wanted error"), told_, element("h2", "All runs"),
-  element("div.scroll", element("table", element("thead", element("tr", ["method", "tolerance or step", "cpu [s]", "calls", "steps", "rejected", ...kinds.map((k) => `${k.name}${k.unit === "1" ? "" : ` [${k.unit}]`}`)].map((h) => element("th", h)))), body)),
+  element("figure", holder, keys), caption, ...modelTable(), element("h2", "The setting for the wanted error"), told_, element("h2", "All runs"),
+  element("div.scroll", element("table", element("thead", element("tr", ["method", ...(several ? ["formulation"] : []), "tolerance or step", "cpu [s]", "calls", "steps", "rejected", ...kinds.map((k) => `${k.name}${k.unit === "1" ? "" : ` [${k.unit}]`}`)].map((h) => element("th", h)))), body)),
   element("p.note", "Bold: nothing is cheaper and as good. Times are processor time of the integration, beginning and end of the program left out; of repeated runs the least."));
 draw();
 

@@ -174,17 +174,21 @@ TEST(PrecisionSettings, EqualStepsBeginWhereTheyAreStable) {
 
 TEST(PrecisionSettings, AbsoluteTolerancesGoAlong) {
   PrecisionSetting own;
-  own.method = "dopri5", own.relative = 1e-6, own.absolute = 1e-8;
+  own.method = "dopri5", own.relative = 1e-6, own.absolute = 1e-8, own.by_kind = {{"angle", 1e-5}};
   const auto grid = precision_grid(precision_methods({"dop853", "rk4"}), {1e-4, 1e-10}, {0.1}, own);
   ASSERT_EQ(grid.size(), 3u);
   EXPECT_LT(std::abs(grid[1].absolute / 1e-12 - 1), 1e-14);
+  ASSERT_EQ(grid[1].by_kind.size(), 1u);
+  EXPECT_LT(std::abs(grid[1].by_kind[0].second / 1e-9 - 1), 1e-14);
+  EXPECT_EQ(grid[1].sets(own)[3].first, "mission.integrator.tolerances.angle");
   EXPECT_EQ(grid[2].step, 0.1);
   EXPECT_FALSE(grid[2].adaptive);
 }
 
 TEST(PrecisionSettings, MethodsAreThoseOfTheRegistry) {
   std::size_t curves = 0;
-  for (const MethodKind& m : integration_methods()) curves += m.automatic ? 1 : std::max<std::size_t>(1, m.linear_solvers.size());
+  for (const MethodKind& m : integration_methods())
+    curves += m.extended ? 0 : m.automatic ? 1 : std::max<std::size_t>(1, m.linear_solvers.size());
   EXPECT_EQ(precision_methods({}).size(), curves);
   EXPECT_EQ(precision_methods({"cvode_bdf"}).size(), 2u) << "with each of its linear solvers";
   EXPECT_EQ(precision_methods({"cvode_bdf/krylov"}).front().linear_solver, "krylov");

@@ -89,6 +89,16 @@ TEST(PrecisionKinds, WhatOneOfTheTwoHasNotIsAnInfiniteError) {
   EXPECT_EQ(error_in(errors_of_run(is, truth), "signals").l2, test::kInfinity);
 }
 
+TEST(PrecisionKinds, ModesThatAreLeftOutCountAsZero) {
+  const auto truth = run_of({column("modes/wing/eta", {"1", "2"}, "1", {3, 4, 0, 1})}, {0, 1});
+  const auto fewer = run_of({column("modes/wing/eta", {"1"}, "1", {3, 0.5})}, {0, 1});
+  const KindError e = error_in(errors_of_run(fewer, truth), "modes");
+  EXPECT_DOUBLE_EQ(e.largest, 0.8);
+  EXPECT_DOUBLE_EQ(e.final, std::hypot(0.5, 1.0) / 5.0);
+  const auto others = run_of({column("modes/wing/eta", {"2"}, "1", {3, 0.5})}, {0, 1});
+  EXPECT_FALSE(errors_of_run(others, truth)[index_of_kind("modes")]) << "not the first of them: another body";
+}
+
 TEST(PrecisionKinds, ARunThatEndsEarlierIsComparedWhereBothAre) {
   const auto truth = run_of({column("hinges/a/angle", {"angle"}, "rad", {1, 2, 3})}, {0, 1, 1.75});
   const auto is = run_of({column("hinges/a/angle", {"angle"}, "rad", {1, 2.5, 9})}, {0, 1, 1.5});

@@ -81,7 +81,8 @@ class Precision : public testing::Test {
 
 TEST_F(Precision, ErrorsHaveTheOrderOfTheMethodAndAreThoseOfTheTruth) {
   scene();
-  const Finished run = precision({"--methods", "rk4,dopri5", "--steps", "0.1:0.025", "--tolerances", "1e-6:1e-9"});
+  const Finished run =
+      precision({"--methods", "rk4,dopri5", "--steps", "0.1:0.025", "--tolerances", "1e-6:1e-9", "--reference", "dop853,cvode_adams"});
   ASSERT_EQ(run.exit_code, 0) << run.out << run.err;
   const auto error = [&](const json& r) { return r["errors"]["attitude"]["largest"].get<double>(); };
   const json all = data();
@@ -121,17 +122,18 @@ TEST_F(Precision, WhatWasRunIsNotRunAgain) {
   const std::vector<std::string> two = {"--methods", "dop853", "--tolerances", "1e-6,1e-8", "--quiet", "--repeat", "1"};
   const Finished first = precision(two);
   ASSERT_EQ(first.exit_code, 0) << first.err;
-  EXPECT_TRUE(has(first.out, "\n5 runs, 0 of before.")) << "two of the reference, the scenario's own, two rows: " << first.out;
+  EXPECT_TRUE(has(first.out, "\n6 runs, 0 of before."))
+      << "two of the reference, the scenario's own, by the twin too, two rows: " << first.out;
   EXPECT_EQ(first.err, "");
   const json before = data();
-  EXPECT_TRUE(has(precision(two).out, "\n0 runs, 5 of before."));
+  EXPECT_TRUE(has(precision(two).out, "\n0 runs, 6 of before."));
   EXPECT_EQ(data(), before) << "times too: nothing was run";
-  EXPECT_TRUE(has(precision({"--methods", "dop853", "--tolerances", "1e-6,1e-8,1e-10", "--repeat", "1"}).out, "\n1 runs, 5 of before."));
+  EXPECT_TRUE(has(precision({"--methods", "dop853", "--tolerances", "1e-6,1e-8,1e-10", "--repeat", "1"}).out, "\n1 runs, 6 of before."));
   EXPECT_TRUE(has(precision({"--methods", "dop853", "--tolerances", "1e-6", "--set", "mission.ledger=false", "--repeat", "1"}).out,
-                  "\n4 runs, 0 of before."))
+                  "\n5 runs, 0 of before."))
       << "another setting";
   scene(replaced(kMission, "8 s", "7 s"));
-  EXPECT_TRUE(has(precision(two).out, "\n5 runs, 0 of before.")) << "another scenario";
+  EXPECT_TRUE(has(precision(two).out, "\n6 runs, 0 of before.")) << "another scenario";
 }
 
 TEST_F(Precision, AFailureIsARowWithItsReason) {
@@ -158,7 +160,8 @@ TEST_F(Precision, ARunThatTakesTooLongIsARow) {
   scene(std::string(kMission) +
         "controller { name = 'slow', rate = '10 Hz', step = function(t)\n"
         "  if sim:vehicle() and mission.time() > 0.5 then for i = 1, 1e7 do end end end }\n");
-  const Finished run = precision({"--methods", "dopri5", "--tolerances", "1e-6", "--limit", "1", "--quiet"});
+  const Finished run =
+      precision({"--methods", "dopri5", "--tolerances", "1e-6", "--limit", "1", "--quiet", "--reference", "dop853,dopri5"});
   EXPECT_EQ(run.exit_code, 3) << run.out << run.err;
   EXPECT_TRUE(has(run.err, "more than 1 s of processor time")) << run.err;
 }
@@ -188,7 +191,8 @@ TEST_F(Precision, TheCheapestSettingWithinABudgetIsWrittenForRun) {
 
 TEST_F(Precision, AReferenceThatDidNotConvergeIsTold) {
   scene();
-  const Finished run = precision({"--methods", "dopri5", "--tolerances", "1e-3,1e-4", "--reference-tolerance", "1e-6", "--quiet"});
+  const Finished run = precision({"--methods", "dopri5", "--tolerances", "1e-3,1e-4", "--reference", "dop853,cvode_adams",
+                                  "--reference-tolerance", "1e-6", "--quiet"});
   EXPECT_EQ(run.exit_code, 0) << run.err;
   EXPECT_TRUE(
       run.err.starts_with("warning[W0403]: the reference did not converge\n  at: reference\n"
@@ -202,6 +206,140 @@ TEST_F(Precision, AReferenceThatDidNotConvergeIsTold) {
   const json all = data();
   for (const json& kind : all["kinds"]) marked = marked || kind.value("converged", true) == false;
   EXPECT_TRUE(marked);
+}
+
+constexpr const char* kFourBar = R"(cardan: 1
+gravity: {uniform: [0, -9.81, 0]}
+bodies:
+  crank: {mass: 1 kg, com: [0.1, 0, 0], inertia: [0.002, 0.01, 0.01], hinge: {type: revolute, to: world, axis: [0, 0, 1], initial: {angle: 60 deg}}}
+  rod: {mass: 1 kg, com: [0.25, 0, 0], inertia: [0.002, 0.02, 0.02], hinge: {type: revolute, to: {body: crank, position: [0.2, 0, 0]}, axis: [0, 0, 1], initial: {angle: -60 deg}}}
+  rocker: {mass: 1 kg, com: [0.1, 0, 0], inertia: [0.002, 0.01, 0.01], hinge: {type: revolute, to: {body: world, position: [0.5, 0, 0]}, axis: [0, 0, 1], initial: {angle: 60 deg}}}
+loops:
+  pin: {type: line, from: {body: rod, position: [0.5, 0, 0]}, to: {body: rocker, position: [0.2, 0, 0]}}
+)";
+
+TEST_F(Precision, EachFormulationIsACurve) {
+  scene(replaced(replaced(kMission, "8 s", "0.2 s"), "1 Hz", "10 Hz"), kFourBar);
+  const std::vector<std::string> some = {"--methods", "dop853", "--tolerances", "1e-6,1e-11", "--repeat", "1", "--quiet"};
+  const auto asked = [&](const std::string& forms) {
+    std::vector<std::string> more = some;
+    more.insert(more.end(), {"--formulations", forms});
+    return more;
+  };
+  const Finished run = precision(asked("all"));
+  ASSERT_EQ(run.exit_code, 0) << run.out << run.err;
+  EXPECT_TRUE(has(run.out, "formulation  tolerance")) << run.out;
+  for (const char* curve : {"dop853", "dop853+dense", "dop853+multipliers"}) {
+    EXPECT_LT(row(curve, "1e-11")["errors"]["angle"]["largest"].get<double>(), 1e-8) << curve << ": the same motion";
+    EXPECT_GT(row(curve, "1e-06")["errors"]["angle"]["largest"].get<double>(), row(curve, "1e-11")["errors"]["angle"]["largest"]) << curve;
+  }
+  EXPECT_EQ(row("dop853+multipliers", "1e-06")["formulation"], "multipliers");
+  EXPECT_EQ(row("dop853+dense", "1e-06")["settings"].back(), "mission.dynamics=dense");
+  const Hdf5File file = Hdf5File::open(dir_ / "out/precision.h5");
+  EXPECT_EQ(file.read_doubles("/curves/dop853+dense/relative").values, (std::vector<double>{1e-6, 1e-11}));
+  EXPECT_EQ(file.text_attribute("/curves/dop853+dense", "formulation"), "dense");
+  EXPECT_EQ(file.text_attribute("/curves/dop853+dense", "method"), "dop853");
+  EXPECT_TRUE(has(precision(some).out, "\n2 runs, 5 of before.")) << "by default the others once each, as the scenario is: dopri5 1e-07";
+  EXPECT_TRUE(row("dopri5+multipliers", "1e-07")["failure"].is_null());
+  EXPECT_EQ(
+      refusal(asked("embeding")),
+      "error[C0801]: wrong command line\n  at: --formulations\n  expected: all, or a formulation that the scene has: standard, dense, "
+      "multipliers\n  got:      \"embeding\"\n\n1 error. Nothing was run.\n")
+      << "embedding is its own";
+  EXPECT_EQ(refusal(asked("dense,dense")),
+            "error[C0801]: wrong command line\n  at: --formulations\n  expected: each formulation once\n"
+            "  got:      \"dense\"\n\n1 error. Nothing was run.\n");
+  EXPECT_EQ(refusal(asked("dense,all")),
+            "error[C0801]: wrong command line\n  at: --formulations\n  expected: each formulation once\n"
+            "  got:      \"all\" beside others\n\n1 error. Nothing was run.\n");
+}
+
+TEST_F(Precision, TheReferenceIsIn113BitsWhereTheSceneHasThem) {
+  scene();
+  const std::vector<std::string> one = {"--methods", "dop853", "--tolerances", "1e-12", "--repeat", "1", "--quiet"};
+  const Finished run = precision(one);
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_TRUE(
+      has(run.out, "reference: extended 1e-21, in 113 bits; its error: what extended 1e-18 differs by, or the last bit of a double\n"))
+      << run.out;
+  const json reference = data()["reference"], reference_kinds = data()["kinds"];
+  EXPECT_EQ(reference["precision"], "113 bits");
+  EXPECT_TRUE(reference["why_double"].is_null());
+  EXPECT_LT(exact_error(reference["runs"][0]), 3e-15) << "as far as the closed form is known in double";
+  for (const json& kind : reference_kinds) {
+    if (kind["name"] != "attitude") continue;
+    EXPECT_GE(kind["reference_off_by"]["largest"].get<double>(), 2.2e-16);
+  }
+  scene(kMission, replaced(kTop, "hinge: {type: free, to: world, initial: {angular_velocity: [0.8, 0, 1.1]}}",
+                           "hinge: {type: revolute, to: world, axis: [0, 0, 1], prescribed: true, initial: {rate: 1}}"));
+  EXPECT_TRUE(
+      has(precision(one).out,
+          "in double precision (113 bits are not to be had: motions that are given as functions of time); its error: what cvode_adams"));
+  EXPECT_EQ(data()["reference"]["why_double"], "motions that are given as functions of time");
+  scene(std::string(kMission) + "event { name = 'half', when = function(t) return t - 4 end, action = function() end }\n");
+  EXPECT_TRUE(has(precision(one).out, "(113 bits are not to be had: event \"half\", whose time is found in double)"));
+}
+
+TEST_F(Precision, WhatABudgetHasNoNeedOfIsLeftOut) {
+  scene(R"(local sat = vehicle "vehicle.yaml"
+mission { duration = "10 s", integrator = { method = "dopri5", relative = 1e-7 }, output = { rate = "1 Hz" }, checkpoint = { never = true } }
+)",
+        R"(cardan: 1
+gravity: {central: {mu: 398600.4418 km^3/s^2}}
+bodies:
+  bus:
+    mass: 200 kg
+    inertia: [40, 50, 60]
+    hinge: {type: free, to: world, initial: {position: [7000 km, 0, 0], velocity: [0, 7.5 km/s, 0], angular_velocity: [0.02, 0.01, 0.03]}}
+  boom:
+    type: modal_flexible
+    modal:
+      beam: {length: 3 m, material: {E: 70 GPa, rho: 2700}, section: {tube: {radius: 3 cm, wall: 1 mm}}, elements: 10}
+      modes: {count: 6}
+    hinge: {type: locked, to: bus}
+)");
+  const std::vector<std::string> some = {
+      "--methods",   "dopri5,exponential", "--tolerances",          "1e-6,1e-9", "--repeat", "1", "--quiet",
+      "--reference", "dop853,dopri5",      "--reference-tolerance", "1e-12"};
+  const auto within = [&](const std::string& budget) {
+    std::vector<std::string> more = some;
+    more.insert(more.end(), {"--budget", budget});
+    return more;
+  };
+  const Finished run = precision(within("pointing=1e-3rad"));
+  ASSERT_EQ(run.exit_code, 0) << run.out << run.err;
+  const json model = data()["model"];
+  const json chosen = model["runs"][model["chosen"].get<std::size_t>()], whole = model["runs"][0];
+  ASSERT_GT(model["chosen"].get<int>(), 0) << run.out;
+  EXPECT_LT(chosen["operations"].get<double>(), 0.7 * whole["operations"].get<double>()) << run.out;
+  EXPECT_LE(chosen["errors"]["attitude"]["largest"].get<double>(), 1e-3);
+  const std::string settings = file_text(dir_ / "out/settings.txt");
+  EXPECT_TRUE(has(settings, "\nvehicle.gravity=none\n")) << settings;
+  EXPECT_TRUE(has(settings, "\nvehicle.bodies.boom.modal.modes.count=1\n")) << settings;
+  EXPECT_TRUE(has(run.out, "\nwithout: ")) << run.out;
+  // Every simplification is measured: what it adds is how far its run is from that of the whole model.
+  for (const json& r : model["runs"]) {
+    if (r["without"].size() != 1 || r["rung"] != whole["rung"] || r["name"] != whole["name"]) continue;
+    EXPECT_LE(r["errors"]["attitude"]["largest"].get<double>(),
+              r["added"]["attitude"]["largest"].get<double>() + 1.01 * whole["errors"]["attitude"]["largest"].get<double>())
+        << r["settings"];
+  }
+  EXPECT_EQ(run_program({"run", ".", "--settings", "out/settings.txt", "--out", "run", "--quiet"}, dir_.path()).exit_code, 0);
+  const RunColumns is = read_run_columns(dir_ / "run/run.h5");
+  const RunColumns truth = read_run_columns(dir_ / ("out/" + data()["reference"]["runs"][0]["folder"].get<std::string>() + "/run.h5"));
+  EXPECT_EQ(errors_of_run(is, truth)[index_of_kind("attitude")]->largest, chosen["errors"]["attitude"]["largest"].get<double>());
+
+  // Where the orbit counts gravity stays; where the digits count all of it does.
+  std::vector<std::string> both = within("pointing=1e-3rad");
+  both.insert(both.end(), {"--budget", "position=1 m"});
+  ASSERT_EQ(precision(both).exit_code, 0);
+  EXPECT_FALSE(has(file_text(dir_ / "out/settings.txt"), "vehicle.gravity=none")) << "it moves 400 m in that time";
+  const Finished fine = precision(within("pointing=1e-14 rad"));
+  EXPECT_TRUE(has(fine.out, "nothing is left out")) << fine.out;
+  std::vector<std::string> methods = within("pointing=1e-3rad");
+  methods.push_back("--whole-model");
+  EXPECT_EQ(precision(methods).exit_code, 0);
+  EXPECT_TRUE(data()["model"].is_null());
 }
 
 TEST_F(Precision, WithoutAReferenceThereIsNoTable) {
@@ -223,7 +361,7 @@ TEST_F(Precision, WrongOptionsAreRefusedBeforeAnythingRuns) {
       refusal({"--methods", "dopri6"}), "error[C0801]: wrong command line\n  at: --methods\n  expected: a method: " + [] {
         std::string all;
         for (const PrecisionSetting& s : precision_methods({})) all += (all.empty() ? "" : ", ") + s.name();
-        return all;
+        return replaced(all, "exponential, ", "exponential, extended, ");  // which is run where it is named
       }() + "\n  got:      \"dopri6\"\n  hint:     did you mean \"dopri5\"?\n\n1 error. Nothing was run.\n");
   EXPECT_EQ(refusal({"--tolerances", "1e-4:1e-16"}),
             "error[C0801]: wrong command line\n  at: --tolerances\n  expected: numbers from 1e-14 to 1\n  got:      1e-16\n"
@@ -256,7 +394,8 @@ TEST_F(Precision, WrongOptionsAreRefusedBeforeAnythingRuns) {
             "error[C0801]: wrong command line\n  at: --reference-tolerance\n  expected: a number from 1e-14 to 1e-6\n  got:      0.001\n\n"
             "1 error. Nothing was run.\n");
   EXPECT_EQ(refusal({"--reference", "dop853"}),
-            "error[C0801]: wrong command line\n  at: --reference\n  expected: two methods: dop853,cvode_adams\n  got:      dop853\n\n"
+            "error[C0801]: wrong command line\n  at: --reference\n  expected: two methods, dop853,cvode_adams, or extended\n  got:      "
+            "dop853\n\n"
             "1 error. Nothing was run.\n");
   EXPECT_TRUE(has(refusal({"--reference", "dop853,rk4"}), "  expected: a method that chooses its steps: "))
       << "equal steps have no tolerance";

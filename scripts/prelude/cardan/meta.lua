@@ -30,7 +30,7 @@ function vehicle(path) end
 ---@field modes? number in place of `absolute`, scaled for each mode
 
 ---@class IntegratorOptions
----@field method? "ark_explicit"|"ark_imex"|"ark_implicit"|"auto"|"cvode_adams"|"cvode_bdf"|"dop853"|"dopri5"|"exponential"|"ida"|"multirate"|"rk4"|"variational"|"variational4" default dopri5
+---@field method? "ark_explicit"|"ark_imex"|"ark_implicit"|"auto"|"cvode_adams"|"cvode_bdf"|"dop853"|"dopri5"|"exponential"|"extended"|"ida"|"multirate"|"rk4"|"variational"|"variational4" default dopri5
 ---@field linear_solver? "dense"|"krylov" of cvode_bdf; default dense
 ---@field relative? number relative tolerance, default 1e-9
 ---@field absolute? number absolute tolerance; default: the relative one
@@ -57,7 +57,7 @@ function vehicle(path) end
 ---@field title? string
 ---@field duration quantity [s]
 ---@field integrator? IntegratorOptions
----@field dynamics? "standard"|"diagonalised"|"diagonalised_rates" which velocities are integrated, default standard
+---@field dynamics? "standard"|"diagonalised"|"diagonalised_rates"|"dense" which velocities are integrated, or accelerations by the dense twin, cubic in their number; default standard
 ---@field output? OutputOptions
 ---@field checkpoint? CheckpointOptions when the run is made so that it can be resumed
 ---@field ledger? boolean balance of momentum and energy, default true

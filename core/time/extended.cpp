@@ -1,0 +1,176 @@
+// Steps in more digits than those of a double (ExtendedMotion): how long they are, events, what a run asks of a method beside.
+// docs/mathematics/extended.md.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/time/event_finder.hpp"
+#include "core/time/methods.hpp"
+#include "core/time/node_quadrature.hpp"
+
+namespace cardan {
+namespace {
+
+constexpr int kGood = 20;  // an order that a step may need: one that needs less is short ...
+constexpr int kHigh = 24;  // ... one that needs more is long
+constexpr double kLonger = 1.5, kShorter = 0.7;
+constexpr double kFirst = 1e-2;  // [s] of the first trial, where nothing is known
+
+class Extended final : public Integrator {
+ public:
+  Extended(OdeProblem problem, const IntegratorOptions& options)
+      : problem_(std::move(problem)), options_(options), motion_(*problem_.extended), events_(problem_), nodes_(problem_.n_quadrature) {
+    for (std::vector<double>* x : {&x0_, &x1_, &x_, &rates_}) x->resize(static_cast<std::size_t>(problem_.n));
+    y_.resize(static_cast<std::size_t>(problem_.n_quadrature));
+    next_ = options.initial_step > 0.0 ? options.initial_step : kFirst;
+  }
+
+  void restart(double t, const double* x) override {
+    nodes_.begin_stretch(t1_);
+    t0_ = t1_ = t;
+    std::copy_n(x, problem_.n, x1_.begin());
+    if (!taken_) motion_.take();
+    motion_.enter(x1_.data());
+    taken_ = true;
+    if (problem_.n_roots > 0) events_.restart(t, x1_.data());
+    if (problem_.n_quadrature > 0) add_node();
+    ++statistics_.restarts;
+  }
+
+  StepReport step(double t_stop, double* x) override {
+    StepReport report;
+    if (t1_ < t_stop) {
+      begin();
+      report.limit = StepLimit::error;
+      const double most = options_.max_step > 0.0 ? options_.max_step : std::numeric_limits<double>::infinity();
+      double h = std::min(next_, most);
+      if (h == most) report.limit = StepLimit::given;
+      bool shortened = false;
+      for (;;) {
+        const double left = t_stop - t0_;
+        const bool to_the_end = h >= left * (1.0 - 1e-12);
+        const double t1 = to_the_end ? t_stop : std::min(t0_ + (left < 2.0 * h ? 0.5 * left : h), t_stop);
+        if (!(t1 > t0_)) fail_integration(Code::step_too_small, t0_, too_small(h), "a larger relative tolerance");
+        const ExtendedMotion::Trial trial = motion_.step(t0_, t1);
+        statistics_.rhs_calls += trial.calls;
+        if (trial.order == 0) {
+          count_rejection(statistics_.rejected, problem_, -1);
+          h = 0.5 * (t1 - t0_), shortened = true, report.limit = StepLimit::error;
+          if (h <= 1e-12 * std::max(std::abs(t0_), 1e-6))
+            fail_integration(Code::step_too_small, t0_, too_small(h),
+                             "a larger relative tolerance; a law with corners has none in 113 bits");
+          continue;
+        }
+        t1_ = t1, report.order = trial.order, worst_ = trial.worst;
+        // What a stop cut short tells nothing of longer steps, unless it needed many columns.
+        const double taken = t1 - t0_;
+        if (trial.order > kHigh)
+          next_ = kShorter * taken;
+        else if (trial.order < kGood && !shortened)
+          next_ = std::max(next_, kLonger * taken);
+        else if (shortened)
+          next_ = taken;
+        if (to_the_end) report.limit = StepLimit::stop;
+        break;
+      }
+      motion_.found(x1_.data());
+      taken_ = false;
+      double t = t1_;
+      const auto state_at = [&](double at) { return at == t1_ ? x1_.data() : (between(at, x_.data()), x_.data()); };
+      if (problem_.n_roots > 0) {
+        const double end = t1_;
+        const bool event = events_.find(t, state_at);
+        if (event) report.event = true, report.crossed = events_.crossed(), report.limit = StepLimit::stop;
+        if (event || looked_inside_) go_to(event ? t : end);
+      }
+      ++statistics_.steps;
+      statistics_.last_step = t1_ - t0_;
+      statistics_.last_order = report.order;
+      if (problem_.n_quadrature > 0) add_node();
+    }
+    report.t = t1_;
+    std::copy_n(x1_.begin(), problem_.n, x);
+    return report;
+  }
+
+  /// A step of its own that ends there.
+  void interpolate(double t, double* x) override {
+    if (t == t1_ || taken_) return void(std::copy_n(x1_.begin(), problem_.n, x));
+    between(t, x);
+    go_to(t1_);
+  }
+  void integrals(double t, double* y, double* error) override { nodes_.at(t, y, error); }
+
+  void remember(Archive& archive) override {
+    std::vector<double> error(y_);
+    nodes_.at(t1_, y_.data(), error.data());
+    archive(std::span(y_), std::span(error), next_, statistics_, events_);
+    motion_.remember(archive);
+    if (archive.reading()) nodes_.begin_stretch_at(y_.data(), error.data());
+  }
+
+  IntegratorStatistics statistics() const override {
+    IntegratorStatistics s = statistics_;
+    s.root_evaluations = events_.evaluations();
+    return s;
+  }
+  int worst() const override { return worst_; }
+  std::string_view name() const override { return "extended"; }
+
+ private:
+  static std::string too_small(double h) { return fmt::format("the step became too small: {:.3g} s", h); }
+
+  /// The state at which the last step ended is where the next begins.
+  void begin() {
+    if (!taken_) motion_.take();
+    taken_ = true;
+    t0_ = t1_;
+    x0_ = x1_;
+    looked_inside_ = false;
+  }
+  void between(double t, double* x) {
+    looked_inside_ = true;
+    if (t == t0_) return void(std::copy(x0_.begin(), x0_.end(), x));
+    const ExtendedMotion::Trial trial = motion_.step(t0_, t);
+    statistics_.rhs_calls += trial.calls;
+    if (trial.order == 0) fail_integration(Code::integrator_failed, t0_, "the state inside of a step is not found", "a shorter max_step");
+    motion_.found(x);
+  }
+  /// The last step ends there.
+  void go_to(double t) {
+    between(t, x1_.data());
+    t1_ = t;
+    looked_inside_ = false;
+  }
+
+  void add_node() {
+    if (!problem_.rhs(t1_, x1_.data(), rates_.data()) || !all_finite(rates_.data(), problem_.n))
+      fail_integration(Code::integrator_failed, t1_, "the right-hand side cannot be evaluated", {});
+    problem_.integrands(t1_, x1_.data(), y_.data());
+    ++statistics_.integrand_calls;
+    nodes_.add(t1_, y_.data());
+  }
+
+  OdeProblem problem_;
+  IntegratorOptions options_;
+  ExtendedMotion& motion_;
+  EventFinder events_;
+  NodeQuadrature nodes_;
+  double t0_ = 0.0, t1_ = 0.0;  // [s] of the last step
+  double next_;                 // [s] of a step that needs an order that is good
+  int worst_ = -1;
+  bool taken_ = true;           // the motion is at t1_, not at t0_ with a step to t1_ found
+  bool looked_inside_ = false;  // since then another step was found
+  std::vector<double> x0_, x1_, x_, rates_, y_;
+  IntegratorStatistics statistics_;
+};
+
+}  // namespace
+
+std::unique_ptr<Integrator> make_extended(OdeProblem problem, const IntegratorOptions& options) {
+  return std::make_unique<Extended>(std::move(problem), options);
+}
+
+}  // namespace cardan

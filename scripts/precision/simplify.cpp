@@ -1,0 +1,164 @@
+#include "scripts/precision/simplify.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+namespace cardan {
+namespace {
+
+constexpr std::size_t kAllTried = 3;  // of a group, one by one
+
+class Search {
+ public:
+  Search(const PrecisionOrder& order, PrecisionStudy& study, SimplifiedModel& model, const std::vector<ErrorBudget>& budgets,
+         ErrorMeasure measure, const PrecisionRow& whole, const std::function<double(const Sets&)>& operations)
+      : order_(order), study_(study), model_(model), budgets_(budgets), measure_(measure), whole_(whole), count_(operations) {
+    truth_ = columns_of(order, study.reference.runs.front());
+    columns_ = columns_of(order, whole);
+  }
+
+  bool ready() const { return truth_ && columns_; }
+  bool stopped() const { return order_.stop && order_.stop(); }
+  SimplifiedRun& run(std::size_t i) { return model_.runs[i]; }
+  bool keeps(std::size_t i) const {
+    const PrecisionRow& row = model_.runs[i].row;
+    if (!row.failure.empty() || (whole_.checks_passed && !row.checks_passed)) return false;
+    return std::ranges::all_of(budgets_, [&](const ErrorBudget& b) {
+      const auto e = error_of(row, b.kind, measure_);
+      return e && std::max(*e, study_.floor(b.kind, measure_)) <= b.most;
+    });
+  }
+
+  /// The model without these, with this setting; index into the runs.
+  std::size_t without(const std::vector<std::size_t>& of, const PrecisionSetting& setting) {
+    SimplifiedRun next;
+    next.of = of;
+    next.row.setting = setting;
+    for (const std::size_t i : of) {
+      const Sets& sets = model_.all[i].sets;
+      next.row.setting.model.insert(next.row.setting.model.end(), sets.begin(), sets.end());
+    }
+    for (std::size_t i = 0; i < model_.runs.size(); ++i)
+      if (model_.runs[i].row.setting == next.row.setting) return i;
+    run_rows(order_, study_, {&next.row}, [&](PrecisionRow& row, const RunColumns& is) {
+      row.errors = errors_of_run(is, *truth_);
+      if (setting == whole_.setting) next.added = errors_of_run(is, *columns_);
+    });
+    next.operations = static_cast<double>(next.row.rhs_calls) * count_(next.row.setting.model);
+    model_.runs.push_back(std::move(next));
+    if (order_.told_model) order_.told_model(words(of), model_.runs.back().row);
+    return model_.runs.size() - 1;
+  }
+
+  /// Of a group, what keeps the budget by itself: indices of simplifications, the mildest first.
+  std::vector<std::size_t> kept_alone(const std::vector<std::size_t>& group) {
+    std::vector<std::size_t> kept;
+    const auto keeps_alone = [&](std::size_t s) { return keeps(without({s}, whole_.setting)); };
+    if (group.size() <= kAllTried) {
+      for (const std::size_t s : group)
+        if (!stopped() && keeps_alone(s)) kept.push_back(s);
+      return kept;
+    }
+    std::size_t good = 0, bad = group.size();  // how many from the mildest on; the first that is not
+    while (good < bad && !stopped()) {
+      const std::size_t middle = (good + bad) / 2;
+      if (keeps_alone(group[middle]))
+        kept.push_back(group[middle]), good = middle + 1;
+      else
+        bad = middle;
+    }
+    return kept;
+  }
+
+  std::string words(const std::vector<std::size_t>& of) const {
+    std::string text;
+    for (const std::size_t i : of) text += (text.empty() ? "" : ", ") + model_.all[i].what;
+    return text;
+  }
+
+ private:
+  const PrecisionOrder& order_;
+  PrecisionStudy& study_;
+  SimplifiedModel& model_;
+  const std::vector<ErrorBudget>& budgets_;
+  ErrorMeasure measure_;
+  const PrecisionRow& whole_;
+  const std::function<double(const Sets&)>& count_;
+  std::optional<RunColumns> truth_, columns_;
+};
+
+/// Of each curve of the study in this formulation its cheapest row that keeps the budgets.
+std::vector<PrecisionSetting> settings_within(const PrecisionStudy& study, const Formulation& formulation,
+                                              const std::vector<ErrorBudget>& budgets, const std::vector<double>& floors,
+                                              ErrorMeasure measure) {
+  std::map<std::string, std::vector<PrecisionRow>> curves;
+  for (const PrecisionRow& row : study.rows)
+    if (row.setting.formulation == formulation) curves[row.setting.name()].push_back(row);
+  std::vector<PrecisionSetting> out;
+  for (const auto& [name, rows] : curves)
+    if (const auto choice = cheapest_within(rows, budgets, floors, measure, RunCost::cpu); choice.row)
+      out.push_back(rows[*choice.row].setting);
+  return out;
+}
+
+}  // namespace
+
+SimplifiedModel simplify(const PrecisionOrder& order, PrecisionStudy& study, std::vector<Simplification> all,
+                         const std::vector<ErrorBudget>& budgets, ErrorMeasure measure, std::size_t row,
+                         const std::function<double(const Sets&)>& operations) {
+  SimplifiedModel model;
+  model.all = std::move(all);
+  const PrecisionRow whole = study.rows[row];
+  SimplifiedRun& first = model.runs.emplace_back();
+  first.row = whole;
+  first.operations = static_cast<double>(whole.rhs_calls) * operations({});
+  Search search(order, study, model, budgets, measure, whole, operations);
+  if (!search.ready()) return model;
+
+  std::vector<std::vector<std::size_t>> groups;  // of what the scene takes
+  for (std::size_t i = 0; i < model.all.size(); ++i) {
+    if (!model.all[i].refusal.empty()) continue;
+    if (groups.empty() || model.all[groups.back().front()].group != model.all[i].group) groups.emplace_back();
+    groups.back().push_back(i);
+  }
+  struct Offer {
+    std::vector<std::size_t> kept;
+    double operations;  // with the strongest of them
+  };
+  std::vector<Offer> offers;
+  for (const auto& group : groups) {
+    Offer offer{search.kept_alone(group), 0.0};
+    const auto operations_of = [&](std::size_t s) { return search.run(search.without({s}, whole.setting)).operations; };
+    std::erase_if(offer.kept, [&](std::size_t s) { return !(operations_of(s) < model.runs.front().operations); });
+    if (offer.kept.empty()) continue;
+    offer.operations = operations_of(offer.kept.back());
+    offers.push_back(std::move(offer));
+  }
+  std::ranges::stable_sort(offers, {}, &Offer::operations);
+
+  // What saves most first, in each group the strongest that the rest of the budget allows.
+  std::vector<std::size_t> taken;
+  std::size_t best = 0;
+  for (const Offer& offer : offers)
+    for (auto s = offer.kept.rbegin(); s != offer.kept.rend() && !search.stopped(); ++s) {
+      std::vector<std::size_t> more = taken;
+      more.push_back(*s);
+      const std::size_t i = search.without(more, whole.setting);
+      if (!search.keeps(i) || !(search.run(i).operations < search.run(best).operations)) continue;
+      taken = std::move(more), best = i;
+      break;
+    }
+  model.chosen = best;
+  if (taken.empty()) return model;
+
+  // A model without its fastest motion may be best served by another method.
+  for (const PrecisionSetting& setting : settings_within(study, whole.setting.formulation, budgets, floors_of(study, measure), measure)) {
+    if (search.stopped()) break;
+    const std::size_t i = search.without(taken, setting);
+    if (search.keeps(i) && search.run(i).row.cpu_s < search.run(model.chosen).row.cpu_s) model.chosen = i;
+  }
+  return model;
+}
+
+}  // namespace cardan

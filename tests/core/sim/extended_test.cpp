@@ -1,0 +1,187 @@
+// Runs by the dense twin: in double (`Dynamics::dense`), and in 113 bits (the method `extended`).
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/reference/dense_dynamics.hpp"
+#include "core/sim/simulation.hpp"
+#include "core/sim/vehicle_extended.hpp"
+#include "tests/properties/random_devices.hpp"
+#include "tests/support/builders.hpp"
+#include "tests/support/four_bar.hpp"
+#include "tests/support/modal_samples.hpp"
+#include "tests/support/random_tree.hpp"
+#include "tests/support/worse.hpp"
+
+namespace cardan::test {
+namespace {
+
+using Eigen::VectorXd;
+
+SimulationOptions by(const std::string& method, double relative, Dynamics dynamics = Dynamics::standard) {
+  SimulationOptions o;
+  o.integrator.method = method, o.integrator.relative_tolerance = relative;
+  o.dynamics = dynamics;
+  return o;
+}
+
+double apart(const VectorXd& a, const VectorXd& b) {
+  double worst = 0.0;
+  for (Eigen::Index i = 0; i < a.size(); ++i) worst = worse(worst, std::abs(a[i] - b[i]));
+  return worst;
+}
+double apart(const State& a, const State& b) { return worse(apart(a.q, b.q), apart(a.v, b.v)); }
+
+/// On the base a sprung arm, and a boom with modes.
+SystemSpec flexible() {
+  BodySpec boom = on(BodySpec(), "base", "revolute", {{0, 1, 0}}, {0, 0.4, 0});
+  boom.name = "boom", boom.type = "modal_flexible", boom.level = 2;
+  boom.modal = std::make_shared<const ModalData>(lumped());
+  std::vector<BodySpec> bodies = base_with_sprung_arm();
+  bodies[0].hinge.v[3] = 0.05, bodies[0].hinge.v[1] = 0.7;
+  bodies.push_back(boom);
+  return system(std::move(bodies));
+}
+
+State at_end(const SystemSpec& spec, const SimulationOptions& options, double t_end) {
+  Simulation sim(compiled(spec), options);
+  sim.run(t_end);
+  return sim.state();
+}
+
+TEST(DenseRun, AccelerationsAreThoseOfTheTwinToTheBit) {
+  Simulation sim(compiled(flexible()), by("dopri5", 1e-9, Dynamics::dense));
+  sim.set_force(0, 0.3);
+  const OdeProblem ode = sim.ode();
+  const Eigen::Index nq = sim.state().q.size(), nv = sim.state().v.size();
+  VectorXd x(ode.n), rates(ode.n), tau = VectorXd::Zero(nv);
+  tau[0] = 0.3;
+  x << sim.state().q, sim.state().v;
+  ASSERT_TRUE(ode.rhs(0.0, x.data(), rates.data()));
+  const reference::DenseTwin<double> twin(flexible());
+  const auto there = twin.at(sim.state().q, sim.state().v);
+  EXPECT_EQ(rates.tail(nv), there.forward(tau));
+  EXPECT_EQ(rates.head(nq), there.qdot);
+}
+
+// Rounding of both, over some hundred steps; loops, modes, springs.
+TEST(DenseRun, GoesWhereTheSweepsGo) {
+  EXPECT_LE(apart(at_end(four_bar(), by("dop853", 1e-12, Dynamics::dense), 0.5), at_end(four_bar(), by("dop853", 1e-12), 0.5)), 1e-10);
+  EXPECT_LE(apart(at_end(flexible(), by("dop853", 1e-12, Dynamics::dense), 1.0), at_end(flexible(), by("dop853", 1e-12), 1.0)), 1e-10);
+  for (unsigned seed = 1; seed <= 6; ++seed) {
+    TreeOptions tree{.bodies = 4, .springs = true};
+    tree.gravity = seed % 2 == 0 ? GravitySpec::Kind::uniform : GravitySpec::Kind::none;
+    const SystemSpec spec = random_tree(seed, tree).spec;
+    EXPECT_LE(apart(at_end(spec, by("dop853", 1e-12, Dynamics::dense), 0.1), at_end(spec, by("dop853", 1e-12), 0.1)), 1e-9) << seed;
+  }
+}
+
+TEST(DenseRun, MethodsThatAskForNoAccelerationsAreRefused) {
+  SimulationOptions options = by("variational", 1e-9, Dynamics::dense);
+  options.integrator.fixed_step = 0.01;
+  Simulation sim(compiled(flexible()), options);
+  EXPECT_THROW(sim.run(0.1), InputError);
+}
+
+/// A symmetric top that nothing acts on, after t: the turn about its axis and the one about its momentum, in long double.
+State exact_top(double t) {
+  const long double A = 3, C = 5, wx = 0.8, wz = 1.1, nu = (C - A) / A * wz, size = std::hypot(A * wx, C * wz);
+  const long double a = 0.5L * size / A * t, b = -0.5L * nu * t, h[2] = {A * wx / size, C * wz / size};
+  const long double p[4] = {std::cos(a), std::sin(a) * h[0], 0, std::sin(a) * h[1]};
+  State s;
+  s.q = VectorXd::Zero(7), s.v = VectorXd::Zero(6);
+  const long double q[4] = {p[0] * std::cos(b) - p[3] * std::sin(b), p[1] * std::cos(b) + p[2] * std::sin(b),
+                            p[2] * std::cos(b) - p[1] * std::sin(b), p[3] * std::cos(b) + p[0] * std::sin(b)};
+  for (int i = 0; i < 4; ++i) s.q[i] = static_cast<double>(q[i]);
+  s.v[0] = static_cast<double>(wx * std::cos(nu * static_cast<long double>(t)));
+  s.v[1] = static_cast<double>(wx * std::sin(nu * static_cast<long double>(t)));
+  s.v[2] = wz;
+  return s;
+}
+SystemSpec top() {
+  BodySpec body = on(rigid("top", 2.0, {0, 0, 0}, diagonal({3, 3, 5})), "", "free");
+  body.hinge.v = {0.8, 0, 1.1, 0, 0, 0};
+  return system({body});
+}
+
+// What is left is what turns of 20 rad make of the last bit of a number: of the closed form in long double and of the end.
+TEST(Extended, ATopIsThereToTheLastBits) {
+  EXPECT_LE(apart(at_end(top(), by("extended", 1e-24), 8.0), exact_top(8.0)), 3e-16);
+  EXPECT_GE(apart(at_end(top(), by("dop853", 1e-13), 8.0), exact_top(8.0)), 3e-15) << "no method in double gets there";
+}
+
+TEST(Extended, ErrorsGoWithTheTolerance) {
+  const State exact = at_end(flexible(), by("extended", 1e-22), 0.4);
+  EXPECT_LE(apart(at_end(flexible(), by("extended", 1e-17), 0.4), exact), 1e-15);
+  const double coarse = apart(at_end(flexible(), by("extended", 1e-8), 0.4), exact);
+  EXPECT_GE(coarse, 1e-14);
+  EXPECT_LE(coarse, 1e-6);
+  EXPECT_LE(apart(at_end(flexible(), by("dop853", 1e-13), 0.4), exact), 1e-11);
+}
+
+TEST(Extended, LoopsAreClosedInAllDigits) {
+  Simulation sim(compiled(four_bar()), by("extended", 1e-22));
+  sim.run(0.5);
+  EXPECT_LE(apart(sim.state(), at_end(four_bar(), by("dop853", 1e-13), 0.5)), 1e-11);
+  for (const double c : sim.loop_forces().residual) EXPECT_LE(std::abs(c), 2e-16);
+  for (const double c : sim.loop_forces().rate) EXPECT_LE(std::abs(c), 1e-15);
+}
+
+// A command that is set to what it was starts nothing; one that moves by nothing that matters does, and the digits stay.
+TEST(Extended, DigitsBeyondADoubleStayOverTicks) {
+  const auto ticked = [](bool commands) {
+    Simulation sim(compiled(top()), by("extended", 1e-24));
+    if (commands) sim.every({1, 20}, [&sim] { sim.set_force(5, sim.force(5) == 0.0 ? 1e-40 : 0.0); });
+    sim.run(2.0);
+    EXPECT_EQ(sim.statistics().restarts > 30, commands);
+    return sim.state();
+  };
+  EXPECT_LE(apart(ticked(true), ticked(false)), 1.2e-16);
+}
+
+TEST(Extended, AnEventIsWhereItIs) {
+  Simulation sim(compiled(top()), by("extended", 1e-20));
+  double seen = 0.0;
+  sim.add_event({"wx turns over", [](double, const double*, const double* v) { return v[0]; }, 0,
+                 [&] {
+                   if (seen == 0.0) seen = sim.time();
+                 }});
+  sim.run(8.0);
+  EXPECT_NEAR(seen, 0.5 * 3.14159265358979324 / (2.0 / 3.0 * 1.1), 1e-12);
+  EXPECT_LE(apart(sim.state(), exact_top(8.0)), 3e-16) << "what is looked at inside of a step leaves no trace";
+}
+
+TEST(Extended, GoesOnFromACheckpointWithTheSameBits) {
+  std::optional<Checkpoint> kept;
+  const auto scene = [&](bool first) {
+    Simulation sim(compiled(flexible()), by("extended", 1e-20));
+    sim.every({1, 4}, [&sim] { sim.set_force(0, 0.1 * sim.time()); });
+    sim.every({1, 2},
+              [&] {
+                if (const Checkpoint c = sim.checkpoint(); first && sim.time() == 0.5) kept = c;
+              },
+              {1, 2});
+    if (!first) sim.resume(*kept);
+    sim.run(1.0);
+    return sim.state();
+  };
+  const State whole = scene(true), resumed = scene(false);
+  EXPECT_EQ(whole.q, resumed.q);
+  EXPECT_EQ(whole.v, resumed.v);
+}
+
+TEST(Extended, WhatIsKnownInDoubleAloneIsNamed) {
+  EXPECT_EQ(VehicleExtended::refusal(*compiled(flexible())), "");
+  SystemSpec driven = flexible();
+  driven.bodies[1].hinge.prescribed = {0};
+  EXPECT_EQ(VehicleExtended::refusal(*compiled(driven)), "motions that are given as functions of time");
+  SystemSpec rubbing = flexible();
+  rubbing.devices = {device("bearing", "dry_friction", {{"coulomb", 0.1}}, {{"at", "arm"}})};
+  const auto equipped = compiled(rubbing);
+  EXPECT_EQ(VehicleExtended::refusal(*equipped), "device bearing (dry_friction), which computes in double");
+  Simulation sim(equipped, by("extended", 1e-20));
+  EXPECT_THROW(sim.run(0.1), InputError);
+}
+
+}  // namespace
+}  // namespace cardan::test
