@@ -78,6 +78,7 @@ struct DeviceOut {
 
 /// `mounts`, `ports`, `states`, `marks`, `schema`, `role` may be left out, as may `nominal`, `energy`, `roots`, `event`, `tick`, `mass` (a
 /// template as `evaluate` is), `follow` (one as well), `momentum`, `holds`, `impulse`; and `can_carry`, false at states without a mass.
+/// An `evaluate` that may refuse returns an int, 0 where it does not, and `explain` tells what another one means.
 template <class F>
 concept DeviceFamily = requires(const typename F::Packed& p, const DeviceIn<double>& a, DeviceOut<double>& b, const DeviceIn<Tangent>& at,
                                 DeviceOut<Tangent>& bt) {
@@ -138,12 +139,23 @@ inline DeviceIn<double> read(const cardan_device_args* a) {
   return {a->t, a->in, a->z, a->d, reinterpret_cast<const MountMotion<double>*>(a->mount)};
 }
 
+/// Of a law that may refuse its arguments, what it returns; else 0.
+template <class Law>
+int code_of(const Law& law) {
+  if constexpr (std::is_void_v<decltype(law())>) {
+    law();
+    return 0;
+  } else {
+    return law();
+  }
+}
+
 template <class F>
 int evaluate(const cardan_device_args* a, cardan_device_out* o) {
   DeviceOut<double> out{o->zdot, o->out, reinterpret_cast<MountLoad<double>*>(o->load)};
-  F::evaluate(*static_cast<const typename F::Packed*>(a->packed), read(a), out);
+  const int code = code_of([&] { return F::evaluate(*static_cast<const typename F::Packed*>(a->packed), read(a), out); });
   o->delivered = out.delivered, o->lost = out.lost;
-  return 0;
+  return code;
 }
 
 inline void seed(Tangent* to, const double* x, const double* dx, std::uint32_t n) {
@@ -168,7 +180,9 @@ int tangent(const cardan_device_args* a, const cardan_device_args* d, cardan_dev
   seed_motion(b, a, d);
   seed(b.in, a->in, d->in, inputs_of<F>());
   DeviceOut<Tangent> out{b.zdot, b.out, b.load};
-  F::evaluate(*static_cast<const typename F::Packed*>(a->packed), DeviceIn<Tangent>{a->t, b.in, b.z, a->d, b.at}, out);
+  const int code = code_of([&] {
+    return F::evaluate(*static_cast<const typename F::Packed*>(a->packed), DeviceIn<Tangent>{a->t, b.in, b.z, a->d, b.at}, out);
+  });
   for (std::uint32_t i = 0; i < DeviceSizes<F>::mounts; ++i) {
     Tangent all[kLoadNumbers];
     double dx[kLoadNumbers];
@@ -179,7 +193,7 @@ int tangent(const cardan_device_args* a, const cardan_device_args* d, cardan_dev
   for (std::uint32_t i = 0; i < DeviceSizes<F>::states; ++i) o->zdot[i] = b.zdot[i].d;
   for (std::uint32_t i = 0; i < DeviceSizes<F>::ports - inputs_of<F>(); ++i) o->out[i] = b.out[i].d;
   o->delivered = out.delivered.d, o->lost = out.lost.d;
-  return 0;
+  return code;
 }
 
 template <class F>
@@ -273,6 +287,8 @@ const cardan_device_family& device_table() {
         F::impulse(*static_cast<const P*>(a->packed), detail::read(a), cause, direction, reinterpret_cast<MountLoad<double>*>(load));
         return 0;
       };
+    if constexpr (requires(const P& p) { F::explain(p, 1); })
+      t.explain = [](const void* packed, int code) -> const char* { return F::explain(*static_cast<const P*>(packed), code); };
     if constexpr (requires(const P& p, const DeviceIn<double>& a, Vec3<double>* h) { F::momentum(p, a, h); })
       t.momentum = [](const cardan_device_args* a, double(*h)[3]) {
         F::momentum(*static_cast<const P*>(a->packed), detail::read(a), reinterpret_cast<Vec3<double>*>(h));

@@ -511,10 +511,13 @@ class DeviceLaws {
       }
       for (int i = 0; i < 3; ++i) power += l[i] * w[i] + l[3 + i] * v[i], size += std::abs(l[i] * w[i]) + std::abs(l[3 + i] * v[i]);
     }
-    const auto along = rates(x, y);
-    const double h = along.second, slope = DeviceLaws::slope(x, along, [&](const Point&p) { return energy_at(p); });
-    const double stored = std::abs(energy_at(x)) / h * 1e-15;
-    law(kEnergy, std::abs(slope - (y.numbers[power_] - y.numbers[power_ + 1] - power)) / (1e-3 + size), 1e-7 + stored);
+    auto along = rates(x, y);
+    const auto stored_at = [&](const Point& p) { return energy_at(p); };
+    const double h = along.second, stored = std::abs(energy_at(x)) / h * 1e-15, change = slope(x, along, stored_at);
+    along.second = 2.0 * h;
+    const double coarse = slope(x, along, stored_at), scale = 1e-3 + size;
+    if (std::abs(change - coarse) <= 1e-7 * scale + stored)  // else a corner
+      law(kEnergy, std::abs(change - (y.numbers[power_] - y.numbers[power_ + 1] - power)) / scale, 1e-7 + stored);
     if ((f_.facts & CARDAN_FACT_PASSIVE) == 0) return;
     law(kPassive[0], std::abs(y.numbers[power_]), 0.0);
     law(kPassive[1], -y.numbers[power_ + 1], 1e-15 * size);

@@ -99,7 +99,11 @@ DeviceForces::DeviceForces(const Model& model, Model* own) : commands(model.devi
       const int mount = d.mount + static_cast<int>(i);
       Mounts& read = d.acts && (m.use & CARDAN_USE_ACCELERATION) == 0 ? in_steps_ : between_;
       const bool pushes = (m.use & CARDAN_USE_LOAD) != 0;
-      if (m.v < 0 && m.node < 0) continue;  // a field
+      if (m.v < 0 && m.node < 0) {  // a field, or the ground
+        double* R = motions_[mount].R_WN;
+        if (d.family->mounts[i].kind == CARDAN_MOUNT_NODE) R[0] = R[4] = R[8] = 1.0;
+        continue;
+      }
       if (m.node < 0) read.hinges.push_back({mount, m.q, m.v});
       if (m.node < 0 && pushes) pushed_.hinges.push_back({mount, m.q, m.v});
       if (m.node >= 0 && (m.use & (CARDAN_USE_POSE | CARDAN_USE_VELOCITY)) != 0) read.nodes.push_back({mount, m.node, m.load});

@@ -281,7 +281,8 @@ class Compiler {
         if (s.component >= 0 && s.component < u.nv)
           m.loads.push_back({HingeLaw::spring, u.q + s.component, u.v + s.component, {s.stiffness, s.rest, s.damping}});
       for (const HingeLoadSpec& l : spec.hinge.loads)
-        if (l.component >= 0 && l.component < u.nv) m.loads.push_back({l.law, u.q + l.component, u.v + l.component, l.parameters});
+        if (l.component >= 0 && l.component < u.nv)
+          m.loads.push_back({l.law, u.q + l.component, u.v + l.component, l.parameters, l.bounce});
       u.sweep = static_cast<int>(m.bodies.size());
       m.bodies.push_back(b);
       m.owner.push_back(i);

@@ -136,7 +136,7 @@ class DeviceCompiler {
 
   /// By its name, or the only one of its quantity, at the node of the mount before it.
   DeviceMount field(const DeviceSpec& spec, const cardan_mount_desc& desc, Device& d) {
-    DeviceMount m;
+    DeviceMount m{.load = -1};
     const std::uint32_t quantity = desc.use & ~static_cast<unsigned>(CARDAN_USE_OPTIONAL);
     const std::string key = fmt::format("devices.{}.{}", spec.name, desc.name);
     std::vector<int> fitting;
@@ -159,8 +159,7 @@ class DeviceCompiler {
   }
 
   DeviceMount mount(const DeviceSpec& spec, const cardan_mount_desc& desc) {
-    DeviceMount m;
-    m.use = desc.use;
+    DeviceMount m{.use = desc.use, .load = -1};
     const auto given = spec.mounts.find(desc.name);
     if (given == spec.mounts.end()) {
       fault(Code::missing_key, spec, "", fmt::format("{}: {}", desc.name, desc.meaning), "no such key");
@@ -176,13 +175,23 @@ class DeviceCompiler {
       rigid_body(spec, desc, target);
     }
     m.node = model_.find_node(target);
+    if (desc.kind == CARDAN_MOUNT_NODE && target == "world" && may_be_ground(spec, desc)) return m;
     if (m.node < 0 && desc.kind == CARDAN_MOUNT_NODE) {
       std::vector<std::string> names;
+      if (may_be_ground(spec, desc)) names.emplace_back("world");
       for (const UserNode& node : model_.nodes) names.push_back(node.name);
       fault(Code::unknown_node, spec, desc.name, "a node: " + one_of(names), in_quotes(target), did_you_mean(target, names));
     }
     if ((m.use & CARDAN_USE_LOAD) != 0) m.load = devices_.n_loads++;
     return m;
+  }
+
+  /// What pushes two bodies against each other may push one against the ground: a mount at the origin of the world, with its axes.
+  bool may_be_ground(const DeviceSpec& spec, const cardan_mount_desc& desc) const {
+    const Family& f = *registry_.device(spec.type);
+    const bool reads_fields = std::any_of(f.mounts, f.mounts + f.n_mounts, [](const auto& m) { return m.kind == CARDAN_MOUNT_FIELD; });
+    return (f.facts & CARDAN_FACT_INTERNAL) != 0 && !f.follow && !f.momentum && !reads_fields &&
+           (desc.use & (CARDAN_USE_ACCELERATION | CARDAN_USE_OUTLET | CARDAN_USE_IMPULSE)) == 0;
   }
 
   /// Of a mass: the body that carries it.

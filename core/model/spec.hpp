@@ -49,6 +49,7 @@ struct HingeLoadSpec {
   HingeLaw law = HingeLaw::stop;
   HingeLoad::Parameters parameters{};  // SI
   Located at;
+  Bounce bounce{};  // of a stop
 };
 
 /// Inboard hinge of a body: joins onode O (on the inboard body, or on the world) to pnode P (on the body).

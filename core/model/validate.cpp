@@ -265,6 +265,9 @@ void check_loads(const SystemSpec& spec, const BodySpec& body, const cardan_hing
       sink.report(Code::missing_key, spec.locate(at), "lower, upper or both", "neither",
                   "a stop acts where the coordinate passes one of them");
     demand(p[2] > 0.0 && std::isfinite(p[2]), "stiffness", "a number > 0", p[2]);
+    demand(load.bounce.restitution >= 0.0 && load.bounce.restitution <= 1.0, "restitution", "a number from 0 to 1",
+           load.bounce.restitution);
+    demand(load.bounce.speed > 0.0, "speed", "a rate > 0", load.bounce.speed);
     demand(p[3] >= 1.0 && p[3] <= 10.0, "exponent", "a number from 1 to 10", p[3]);
     demand(p[4] >= 0.0 && std::isfinite(p[4]), "dissipation", "a number >= 0", p[4]);
   }

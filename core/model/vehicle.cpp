@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "core/abi/port_vectors.hpp"
+#include "core/base/impact.hpp"
 #include "core/base/units.hpp"
 #include "core/model/device_units.hpp"
 #include "core/model/hinge_load_types.hpp"
@@ -582,6 +583,12 @@ class VehicleReader {
           x = map.find(p.name) ? map.number(p.name, unit) : p.fallback * (p.times ? value_of(p.times) : 1.0);
       }
     map.finish();
+    if (type.bounces) {
+      load.bounce = {value_of("restitution"), value_of("speed")};
+      value_of("restitution") = 1.0, value_of("speed") = 0.0;  // exponent and dissipation of a stop
+      if (load.bounce.restitution <= 1.0 && load.bounce.speed > 0.0)
+        value_of("speed") = dissipation_times_speed(std::max(load.bounce.restitution, 0.05)) / load.bounce.speed;
+    }
     if (context_.sink.all().size() == faults) hinge.loads.push_back(std::move(load));  // else its numbers say nothing
   }
 

@@ -301,7 +301,7 @@ Json not_modelled(const Model& m) {
   for (const BodySpec& b : m.spec->bodies)
     if (!b.modal) rigid += (rigid.empty() ? "" : ", ") + b.name;
   if (!rigid.empty()) all.push_back("flexibility of " + rigid);
-  all.emplace_back("friction and stops at hinges, beyond what their springs, loads and devices say");
+  all.emplace_back("friction and stops at hinges, contact between bodies, beyond what springs, loads and devices say");
   std::string left_out;
   for (const Device& d : m.devices.all)
     if (!operators::may_be_stiff(d) &&
@@ -366,6 +366,12 @@ std::pair<std::string, std::string> load_text(const HingeLoad& s, bool slides) {
       return {"spring", fmt::format("stiffness {:.10g} {}, rest {:.10g} {}, damping {:.10g} {}", s.p[0], slides ? "N/m" : "N m/rad", s.p[1],
                                     length, s.p[2], per_rate)};
     case HingeLaw::stop:
+      if (std::isfinite(s.bounce.speed))
+        return {"hard_stop",
+                fmt::format("lower {:.10g} {}, upper {:.10g} {}, restitution {:.10g} above {:.10g} {}/s, else stiffness {:.10g} {}/{}, "
+                            "dissipation {:.10g} s/{}",
+                            s.p[0], length, s.p[1], length, s.bounce.restitution, s.bounce.speed, length, s.p[2], force, length, s.p[4],
+                            length)};
       return {"stop", fmt::format("lower {:.10g} {}, upper {:.10g} {}, stiffness {:.10g} {}/{}^{:g}, dissipation {:.10g} s/{}", s.p[0],
                                   length, s.p[1], length, s.p[2], force, length, s.p[3], s.p[4], length)};
     case HingeLaw::friction:

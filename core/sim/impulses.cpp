@@ -1,4 +1,4 @@
-// What devices push with all at once: velocities jump by M^-1 J* p, with p the impulses at nodes and hinges; poses stay
+// What devices push with all at once, and hard stops: velocities jump by M^-1 J* p, with p the impulses at nodes and hinges; poses stay
 // (docs/mathematics/devices.md, "Impulses").
 #include <fmt/format.h>
 
@@ -25,8 +25,7 @@ void Simulation::strike() {
   if (impulse_.by < 0) return;
   const Model& m = *model_;
   const Device& d = m.devices.all[static_cast<std::size_t>(std::exchange(impulse_.by, -1))];
-  const std::vector<NodeWrench>& blows = impulse_.wrenches;
-  Eigen::VectorXd &hinges = impulse_.hinges, &f = impulse_.force, &jump = impulse_.jump;
+  Eigen::VectorXd& hinges = impulse_.hinges;
   impulse_.wrenches.clear();
   hinges.setZero(m.nv);
   for (std::size_t i = 0; i < d.mounts.size(); ++i) {
@@ -36,8 +35,35 @@ void Simulation::strike() {
     const NodeWrench w{d.mounts[i].node, false, {{l.moment[0], l.moment[1], l.moment[2]}, {l.force[0], l.force[1], l.force[2]}}};
     if (w.node >= 0 && !(moment_of(w).isZero(0.0) && force_of(w).isZero(0.0))) impulse_.wrenches.push_back(w);
   }
-  if (blows.empty() && hinges.isZero(0.0)) return;
+  if (!impulse_.wrenches.empty() || !hinges.isZero(0.0)) jump(d.name);
+}
 
+void Simulation::find_jump() {
+  const Model& m = *model_;
+  // Forward dynamics at rest, without gravity and what bends the modes: v' is then what one unit of time of these loads gives.
+  Eigen::VectorXd& f = impulse_.force;
+  f = impulse_.hinges;
+  for (const UserBody& u : m.user)
+    if (u.n_modes > 0)
+      if (const ModalData& modes = *m.flexible[static_cast<std::size_t>(m.bodies[static_cast<std::size_t>(u.sweep)].flexible)].data;
+          modes.K.size() > 0)
+        f.segment(u.etadot, u.n_modes).noalias() += modes.K * state_.q.segment(u.eta, u.n_modes);
+  // What a device holds gives way: its force has a limit, and an impulse has none.
+  for (const DeviceHold& h : m.devices.holds) own_->prescribed[static_cast<std::size_t>(h.v)] = 0;
+  impulse_.rest.setZero(m.nv), impulse_.jump.resize(m.nv);
+  const Inputs in{.q = state_.q.data(),
+                  .v = impulse_.rest.data(),
+                  .tau = f.data(),
+                  .vdot = impulse_.rest.data(),
+                  .wrenches = impulse_.wrenches,
+                  .gravity = false};
+  if (!forward_dynamics(m, workspace_, in, impulse_.jump.data())) fail(describe_breakdown(m, workspace_.breakdown, state_.t));
+}
+
+void Simulation::jump(const std::string& by) {
+  const Model& m = *model_;
+  const std::vector<NodeWrench>& blows = impulse_.wrenches;
+  const Eigen::VectorXd& hinges = impulse_.hinges;
   ledger();  // up to here
   const Momentum p_before = momentum();
   const Energy e_before = energy();
@@ -57,20 +83,8 @@ void Simulation::strike() {
   }
   add_half_of_work(o);
 
-  // Forward dynamics at rest, without gravity and what bends the modes: v' is then what one unit of time of these loads gives.
-  f = hinges;
-  for (const UserBody& u : m.user)
-    if (u.n_modes > 0)
-      if (const ModalData& modes = *m.flexible[static_cast<std::size_t>(m.bodies[static_cast<std::size_t>(u.sweep)].flexible)].data;
-          modes.K.size() > 0)
-        f.segment(u.etadot, u.n_modes).noalias() += modes.K * state_.q.segment(u.eta, u.n_modes);
-  // What a device holds gives way: its force has a limit, and an impulse has none.
-  for (const DeviceHold& h : m.devices.holds) own_->prescribed[static_cast<std::size_t>(h.v)] = 0;
-  impulse_.rest.setZero(m.nv), jump.resize(m.nv);
-  const Inputs in{
-      .q = state_.q.data(), .v = impulse_.rest.data(), .tau = f.data(), .vdot = impulse_.rest.data(), .wrenches = blows, .gravity = false};
-  if (!forward_dynamics(m, workspace_, in, jump.data())) fail(describe_breakdown(m, workspace_.breakdown, state_.t));
-  state_.v += jump;
+  find_jump();
+  state_.v += impulse_.jump;
   rates_were_set_ = true;
   changed();
   if (!m.devices.holds.empty()) settle_holds();
@@ -88,8 +102,31 @@ void Simulation::strike() {
   if (recorder_)
     recorder_->note(
         Note::event, state_.t,
-        {d.name, fmt::format("impulse: momentum {:.6g} N s, angular momentum {:.6g} N m s, energy {:+.6g} J",
-                             (p.linear - p_before.linear).norm(), (p.angular - p_before.angular).norm(), e.total() - e_before.total())});
+        {by, fmt::format("impulse: momentum {:.6g} N s, angular momentum {:.6g} N m s, energy {:+.6g} J",
+                         (p.linear - p_before.linear).norm(), (p.angular - p_before.angular).norm(), e.total() - e_before.total())});
+}
+
+void Simulation::bounce(std::span<const int> crossed) {
+  for (std::size_t i = 0; i < limits_.size(); ++i) {
+    const Limit& limit = limits_[i];
+    const double rate = limit.side * state_.v[limit.v];
+    if (crossed[i] != limit.side || !(rate > limit.bounce.speed)) continue;
+    observe();
+    impulse_.wrenches.clear();
+    impulse_.hinges.setZero(model_->nv);
+    double& impulse = impulse_.hinges[limit.v];
+    impulse = 1.0;
+    find_jump();
+    const double by_one = impulse_.jump[limit.v];
+    if (!(by_one > 0.0)) {  // its motion is given
+      changed();
+      continue;
+    }
+    impulse = -(1.0 + limit.bounce.restitution) * state_.v[limit.v] / by_one;
+    const UserBody& u =
+        *std::ranges::find_if(model_->user, [&](const UserBody& body) { return limit.v >= body.v && limit.v < body.v + body.nv; });
+    jump(fmt::format("{} limit of {}.{}", limit.side > 0 ? "upper" : "lower", u.name, u.v_names[static_cast<std::size_t>(limit.v - u.v)]));
+  }
 }
 
 }  // namespace cardan

@@ -63,7 +63,8 @@ void Simulation::build() {
   limits_.clear();
   for (const HingeLoad& load : m.loads)
     for (const std::size_t side : {0, 1})
-      if (load.law == HingeLaw::stop && std::isfinite(load.p[side])) limits_.push_back({load.q, load.p[side]});
+      if (load.law == HingeLaw::stop && std::isfinite(load.p[side]))
+        limits_.push_back({load.q, load.v, side == 0 ? -1 : 1, load.p[side], load.bounce});
   x_given_.assign(static_cast<std::size_t>(m.nq + m.nv + m.devices.n_z), 0.0);
   prescribed_.clear();
   for (int i = 0; i < m.nv; ++i) {

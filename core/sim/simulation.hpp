@@ -310,6 +310,11 @@ class Simulation {
   /// What a device pushes with all at once at an accepted instant, as its loads are before it takes note; strike() then does it.
   void ask_for_impulse(int device, std::uint32_t cause, int direction);
   void strike();
+  /// The change of velocities by impulse_.wrenches and impulse_.hinges goes to impulse_.jump; and it happens, told as that of `by`.
+  void find_jump();
+  void jump(const std::string& by);
+  /// What comes to a hard stop; `crossed`: of limits_, the side to which each was passed.
+  void bounce(std::span<const int> crossed);
   void expect_good_plugins();
 
   std::shared_ptr<Model> own_;  // where masses vary: its own copy; else null
@@ -364,8 +369,9 @@ class Simulation {
   std::vector<double> last_set_;  // [s] of Devices::timeouts; infinite: it is at its safe value
   std::vector<Event> events_;
   struct Limit {
-    int q;
+    int q, v, side;  // of the component; 1: an upper limit, -1: a lower one
     double value;
+    Bounce bounce;
   };
   std::vector<Limit> limits_;  // of stops: where q passes one the right-hand side has a corner
   struct Prescribed {

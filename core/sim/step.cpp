@@ -87,6 +87,7 @@ void Simulation::step(double t_stop) {
   if (report.event) {
     const auto [corners, devices] =
         std::pair(report.crossed.subspan(events_.size(), limits_.size()), report.crossed.subspan(events_.size() + limits_.size()));
+    bounce(corners);
     if (device_events(devices) || std::ranges::any_of(corners, [](int side) { return side != 0; }))
       start_anew_for(RestartCause::event);  // a stop begins or ends to push, a device changed: a corner
   }

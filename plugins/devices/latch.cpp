@@ -21,7 +21,8 @@ struct Latch {
       param::not_negative(param::optional("damping", CARDAN_NUMBER, "N m s/rad|N s/m", "of what it holds by"))};
   static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_HINGE, CARDAN_USE_LOAD, "a component of a hinge, with a coordinate"}};
   static constexpr cardan_port_desc ports[] = {{"force", CARDAN_PORT_OUT, "N m|N", 0.0, 0, "on the hinge"}};
-  static constexpr cardan_state_desc marks[] = {{"closed", "1", 0.0, 1.0, "1: it holds"}};
+  static constexpr cardan_state_desc marks[] = {{"closed", "1", 0.0, 1.0, "1: it holds"},
+                                                {"missed", "1", 0.0, 1.0, "how often its place was passed too fast"}};
   static constexpr std::uint32_t n_roots = 1;
 
   static bool pack(const Params& params, Packed& p) {
@@ -43,7 +44,7 @@ struct Latch {
   /// Once it holds nothing happens at its place any more.
   static void roots(const Packed& p, const DeviceIn<double>& in, double* g) noexcept { g[0] = in.d[0] != 0.0 ? 1.0 : in.at[0].q - p.place; }
   static void event(const Packed& p, const DeviceIn<double>& in, unsigned root, int, double*, double* d) noexcept {
-    if (root == 0 && std::abs(in.at[0].v) <= p.largest_rate) d[0] = 1.0;
+    if (root == 0) d[std::abs(in.at[0].v) <= p.largest_rate ? 0 : 1] += 1.0;
   }
 };
 

@@ -140,6 +140,24 @@ Warnings still_hinges(const Simulation& sim) {
   return found;
 }
 
+Warnings open_latches(const Simulation& sim) {
+  Warnings found;
+  const Model& m = sim.model();
+  for (const Device& d : m.devices.all) {
+    const auto mark = [&](std::string_view name) -> const double* {
+      for (std::uint32_t i = 0; i < d.family->n_marks; ++i)
+        if (d.family->marks[i].name == name) return &sim.state().marks[static_cast<std::size_t>(d.mark) + i];
+      return nullptr;
+    };
+    const double *closed = mark("closed"), *missed = mark("missed");
+    if (!closed || *closed != 0.0) continue;
+    found.add(Code::no_effect, m.spec->locate("devices." + d.name),
+              missed && *missed > 0.0 ? fmt::format("{} has caught nothing: its place was passed too fast, times {:g}", d.name, *missed)
+                                      : fmt::format("{} has caught nothing: nothing came to its place", d.name));
+  }
+  return found;
+}
+
 bool scripts_act(const Scenario& s) { return !s.controllers.empty() || !s.phases.empty() || !s.events.empty(); }
 
 void examine(Scenario& s) {

@@ -11,6 +11,8 @@ void examine(Scenario&);
 
 /// Prescribed components that stand still and were given no motion.
 Warnings still_hinges(const Simulation&);
+/// Devices that wait to catch something, as a mark `closed` says, and have not: `missed`, another one, says how often they could have.
+Warnings open_latches(const Simulation&);
 /// True if the script has functions that run during the mission: what stands still before it may move then.
 bool scripts_act(const Scenario&);
 

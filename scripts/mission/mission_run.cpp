@@ -116,6 +116,7 @@ void MissionRun::run(double t_end, const std::function<void(double t)>& progress
     add_limits();
     look_elsewhere();
     if (scripts_act(s_)) s_.warnings.add(s_.changes.without_effect()), s_.warnings.add(still_hinges(*s_.sim));
+    s_.warnings.add(open_latches(*s_.sim)), s_.warnings.add(never_happened());
     note_warnings();
   } catch (const InputError& e) {
     add_limits();
@@ -172,6 +173,15 @@ void MissionRun::look_elsewhere() {
 void MissionRun::add_limits() {
   s_.warnings.add(limits_.seen());
   note_warnings();
+}
+
+Warnings MissionRun::never_happened() const {
+  Warnings found;
+  for (std::size_t i = 0; i < s_.events.size(); ++i)
+    if (const ScriptEvent& e = s_.events[i]; e.once && happened_[i] == 0)
+      found.add(Code::no_effect, {fmt::format("event \"{}\"", e.name), {s_.file.string(), 0, 0}},
+                "it never happened: what it would have done was not done");
+  return found;
 }
 
 void MissionRun::note_warnings() {

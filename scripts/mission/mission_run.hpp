@@ -45,7 +45,8 @@ class MissionRun {
   void add_limits();
   void remember(Archive& archive);
   void make_checkpoint();
-  void note_warnings();  // those of the scenario that the recorder does not know yet
+  Warnings never_happened() const;  // events that are looked at until they happen once
+  void note_warnings();             // those of the scenario that the recorder does not know yet
   double crossing(std::size_t event, const std::string& actor, double t, const double* q, const double* v);
   void advance_phase();
   bool is_over(const Phase&);

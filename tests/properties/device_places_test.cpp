@@ -25,11 +25,26 @@ struct Entry {
   double rate = 0.0;        // [Hz]
   std::string beside{};     // a type that it works with, as "other"
   std::string direction{};  // a parameter that is a direction
+  std::vector<std::pair<std::string, std::string>> choices{};
 };
 using Input = DeviceSpec::Input;
 
 const std::map<std::string, Entry>& entries() {
   static const std::map<std::string, Entry> all = {
+      {"contact",
+       {{{"from_radius", 1.2},
+         {"to_radius", 1.0},
+         {"stiffness", 20.0},
+         {"restitution", 0.5},
+         {"speed", 1.0},
+         {"friction", 0.3},
+         {"width", 0.5}},
+        {},
+        {},
+        0.0,
+        "",
+        "",
+        {{"from_shape", "sphere"}, {"to_shape", "sphere"}}}},
       {"dc_motor",
        {{{"constant", 0.3}, {"resistance", 1.5}, {"inductance", 0.1}, {"gear", 3}}, {{"current", 0.5}}, {{"voltage", Input{4.0, {}}}}}},
       {"drag", {{{"area", 2.0}}}},
@@ -114,6 +129,7 @@ DeviceSpec mounted(const std::string& name, const std::string& type, const Place
   DeviceSpec d = device(name, type, e.numbers, {});
   for (const auto& [key, x] : e.initial) d.initial[key] = number(x);
   d.inputs = e.inputs, d.rate = e.rate;
+  for (const auto& [key, choice] : e.choices) d.params[key].value = choice;
   if (!e.direction.empty()) d = with_vector(d, e.direction, Vector3d(1, 2, -2) / 3.0);
   const cardan_device_family& f = *registry().device(type);
   int nodes = 0;

@@ -1,12 +1,14 @@
 // Stops and friction on hinges: published and closed-form values, and what every analysis makes of them.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <random>
 
 #include "core/base/diagnostic.hpp"
+#include "core/base/impact.hpp"
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/operators/linear_model.hpp"
 #include "core/reference/dense_dynamics.hpp"
@@ -43,6 +45,70 @@ TEST(Stop, WithoutDissipationGivesBackAllItTook) {
   EXPECT_NEAR(sim.state().v[0], -v, 1e-9);
   EXPECT_TRUE(sim.ledger().pass) << sim.ledger().linear_relative << " of " << sim.ledger().linear_limit << ", "
                                  << sim.ledger().energy_relative << " of " << sim.ledger().energy_limit;
+}
+
+HingeLoadSpec hard_stop(double lower, double upper, double stiffness, double restitution, double speed) {
+  const double a = dissipation_times_speed(std::max(restitution, 0.05)) / speed;
+  return {0, HingeLaw::stop, {lower, upper, stiffness, 1.0, a}, {}, {restitution, speed}};
+}
+
+/// Each limit takes e of the rate, in no time: after three of them at x = 0.1, -0.1, 0.1 the place is that of four straight ways.
+TEST(HardStop, BouncesAtOnce) {
+  const double v = 0.5, e = 0.6, width = 0.1;
+  Simulation sim(compiled(slide(2.0, 0.0, v, {hard_stop(-width, width, 1e5, e, 0.01)})), accurate());
+  const double t = width / v * (1.0 + 2.0 / e + 2.0 / (e * e)) + 0.05;
+  sim.run(t);
+  EXPECT_NEAR(sim.state().v[0], -v * e * e * e, 1e-14);
+  EXPECT_NEAR(sim.state().q[0], width - v * e * e * e * 0.05, 1e-11);
+  EXPECT_TRUE(sim.ledger().pass) << sim.ledger().energy_relative << " of " << sim.ledger().energy_limit;
+  EXPECT_NEAR(sim.energy().kinetic, v * v * std::pow(e, 6), 1e-14);
+}
+
+/// Two bodies that float, an arm about the mass centres of both: the rate between them turns over by e, what is lost is that of the reduced
+/// inertia, momentum stays. Off the mass centres momentum stays as well.
+TEST(HardStop, KeepsMomentumOfWhatFloats) {
+  const double J_bus = 3.0, J_arm = 0.7, e = 0.35, w = 0.8;
+  for (const double off : {0.0, 0.4}) {
+    BodySpec bus = on(rigid("bus", 10.0, {0, 0, 0}, diagonal({2, 2, J_bus})), "", "free");
+    bus.hinge.v = {0, 0, 0.2, 0.1, 0, 0};
+    BodySpec arm = on(rigid("arm", 2.0, {off, 0, 0}, diagonal({0.5, 0.6, J_arm})), "bus", "revolute", {{0, 0, 1}});
+    arm.hinge.v = {w};
+    arm.hinge.loads = {hard_stop(-kNever, 0.3, 1e4, e, 0.05)};
+    Simulation sim(compiled(system({bus, arm})), accurate());
+    const Momentum before = sim.momentum();
+    const double energy = sim.energy().total();
+    double at = 0.0;
+    sim.add_event({"near", [](double, const double* q, const double*) { return q[7] - 0.299; }, +1, [&] { at = sim.state().v[6]; }});
+    sim.run(0.5);
+    const Momentum after = sim.momentum();
+    EXPECT_LT((after.linear - before.linear).norm(), 1e-12);  // of the steps
+    EXPECT_LT((after.angular - before.angular).norm(), 1e-11);
+    EXPECT_TRUE(sim.ledger().pass);
+    EXPECT_LT(sim.state().v[6], 0.0);
+    if (off != 0.0) continue;
+    EXPECT_NEAR(at, w, 1e-12);
+    EXPECT_NEAR(sim.state().v[6], -e * w, 1e-12);
+    EXPECT_NEAR(energy - sim.energy().total(), 0.5 * (1.0 - e * e) * w * w * J_bus * J_arm / (J_bus + J_arm), 1e-12);
+  }
+}
+
+/// A mass that falls on a stop bounces less each time, v = sqrt(2 g h) e^k, and comes to rest m g / k deep; without restitution at once.
+TEST(HardStop, LetsWhatFallsComeToRest) {
+  const double m = 2.0, g = 9.81, h = 0.05, k = 2e5;
+  for (const double e : {0.5, 0.0}) {
+    BodySpec b = on(particle("m", m, {0, 0, 0}), "", "prismatic", {{0, 0, 1}});
+    b.hinge.q = {h};
+    b.hinge.loads = {hard_stop(0.0, kNever, k, e, 0.02)};
+    Simulation sim(compiled(system({b}, uniform_gravity({0, 0, -g}))), accurate());
+    const double first = std::sqrt(2.0 * h / g);
+    sim.run(first * 1.01);
+    EXPECT_NEAR(sim.state().v[0], e > 0.0 ? e * std::sqrt(2.0 * g * h) - g * 0.01 * first : 0.0,
+                e > 0.0 ? 1e-11 : 0.035);  // g sqrt(m / k) at most where it sinks in
+    sim.run(3.0);
+    EXPECT_NEAR(sim.state().q[0], -m * g / k, 1e-7);  // it still swings a little: losses of a slow motion are small
+    EXPECT_LT(std::abs(sim.state().v[0]), 1e-4);
+    EXPECT_TRUE(sim.ledger().pass) << sim.ledger().energy_relative << " of " << sim.ledger().energy_limit;
+  }
 }
 
 /// Exponent 1, no dissipation: half a period of the spring, and the same at the lower end.

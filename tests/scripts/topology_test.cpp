@@ -208,6 +208,33 @@ check { name = "times", value = function() return m.times end, equal = { 1, tole
   EXPECT_NE(refused.err.find("true beside direction"), std::string::npos) << refused.err;
 }
 
+/// A latch that nothing came to, one that was passed too fast, and an event that is waited for in vain; what happened is not told.
+TEST(Topology, WhatCaughtNothingIsToldAtTheEnd) {
+  const TemporaryFolder dir;
+  const char* vehicle = R"yaml(
+cardan: 1
+bodies:
+  guest: {mass: 5, inertia: [1, 1, 1], hinge: {type: revolute, axis: [0, 0, 1], to: world, initial: {angle: -0.5, rate: 1}}}
+devices:
+  far: {type: latch, at: guest, place: 9 rad, max_rate: 2 rad/s, stiffness: 100}
+  fast: {type: latch, at: guest, max_rate: 0.5 rad/s, stiffness: 100}
+  slow: {type: latch, at: guest, place: 0.2 rad, max_rate: 2 rad/s, stiffness: 1}
+)yaml";
+  const Finished run = mission(dir, R"lua(
+local lid = sat:hinge "guest"
+event { name = "never", once = true, direction = "rising", when = function() return lid:angle() - 5 end, action = function() end }
+event { name = "opens", once = true, direction = "rising", when = function() return lid:angle() end, action = function() end }
+)lua",
+                               vehicle);
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  const std::string told = summary_of(dir / "out").at("warnings").dump();
+  EXPECT_NE(told.find("far has caught nothing: nothing came to its place"), std::string::npos) << told;
+  EXPECT_NE(told.find("fast has caught nothing: its place was passed too fast, times 1"), std::string::npos) << told;
+  EXPECT_EQ(told.find("slow has"), std::string::npos) << told;
+  EXPECT_NE(told.find("it never happened: what it would have done was not done"), std::string::npos) << told;
+  EXPECT_EQ(told.find("opens"), std::string::npos) << told;
+}
+
 TEST(Topology, WhatHadNoEffectIsToldAtTheEnd) {
   const TemporaryFolder dir;
   const char* latched = R"yaml(
