@@ -140,7 +140,8 @@ void LoopTangents::move_hinge(std::size_t l) {
   const int nv = static_cast<int>(f.nv), nq = static_cast<int>(f.nq);
   const VectorXd along = least_squares(H, way, loop.lever);
   std::vector<Tangent> q(static_cast<std::size_t>(nq)), v(static_cast<std::size_t>(nv));
-  std::vector<double> rate(static_cast<std::size_t>(nq));
+  std::vector<double> rate(static_cast<std::size_t>(nq)), at_q(ws_.loops->q[l].data(), ws_.loops->q[l].data() + nq),
+      at_v(h.v.data(), h.v.data() + nv);
   if (f.qdot)
     f.qdot(loop.packed.data(), ws_.loops->q[l].data(), along.data(), rate.data());
   else
@@ -154,7 +155,7 @@ void LoopTangents::move_hinge(std::size_t l) {
     change = {};
     if (f.shape == CARDAN_SHAPE_BALL) return;  // its map is constant
     for (int i = 0; i < nv; ++i) v[static_cast<std::size_t>(i)] = {h.v[i], dv[i]};
-    soa::detail::dense_record(f, loop.packed.data(), q.data(), v.data(), change.R_OP);
+    soa::detail::dense_record(f, loop.packed.data(), q.data(), v.data(), at_q.data(), at_v.data(), change.R_OP);
   };
   change_with(VectorXd::Zero(nv));
   for (int j = 0; j < nv; ++j)

@@ -13,7 +13,6 @@ template class Workspace<double>;
 template class Workspace<Lanes<2>>;
 template class Workspace<Lanes<4>>;
 template class Workspace<Lanes<8>>;
-template class Workspace<Tangents>;
 
 namespace {
 

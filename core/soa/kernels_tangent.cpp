@@ -9,14 +9,22 @@
 
 namespace cardan::soa {
 
+template <>
+constexpr std::size_t family_scratch<Tangent>(std::size_t m) {
+  return m == 0 ? 0 : family_numbers(m);
+}
+template <>
+constexpr std::size_t family_scratch<Tangents>(std::size_t m) {
+  return m == 0 ? 0 : family_numbers(m);
+}
 template class Workspace<Tangent>;
+template class Workspace<Tangents>;
 
 // dx = S d eta; S and a along eta by differences, as the inertia; a is a quadratic form in eta'.
-void family_node(const FlexibleBody& f, int m, int node, const Tangent* eta, const Tangent* etadot, double*, Tangent* x, Tangent* S,
+void family_node(const FlexibleBody& f, int m, int node, const Tangent* eta, const Tangent* etadot, double* scratch, Tangent* x, Tangent* S,
                  Tangent* a) {
   const int n = 6 * m + (etadot ? 6 : 0);
-  std::vector<double> scratch(static_cast<std::size_t>(2 * m + 6 + 3 * n));
-  double *e = scratch.data(), *ed = e + m, *moved = ed + m, *value = moved + 6, *slope = value + n, *work = slope + n;
+  double *e = scratch, *ed = e + m, *moved = ed + m, *value = moved + 6, *slope = value + n, *work = slope + n;
   const auto ask = [&](double along_eta, double along_etadot, double* columns, double* bent) {
     for (int i = 0; i < m; ++i) e[i] = eta[i].x + along_eta * eta[i].d;
     for (int i = 0; etadot && i < m; ++i) ed[i] = etadot[i].x + along_etadot * etadot[i].d;
@@ -82,7 +90,8 @@ void family_records(const SweepModel& model, Workspace<Tangents>& ws, const Inpu
     for (int d = 0; d < kDirections; ++d) {
       const std::vector<Tangent> at = along_one(in.q + batch.iq[j], batch.family->nq, d),
                                  rates = along_one(in.v + batch.iv[j], batch.family->nv, d);
-      record_along(batch, j, at.data(), rates.data(), ws.hinge_records(1 + d)[batch.first + static_cast<int>(j)]);
+      record_along(batch, j, at.data(), rates.data(), q + batch.iq[j], v + batch.iv[j],
+                   ws.hinge_records(1 + d)[batch.first + static_cast<int>(j)]);
     }
 }
 
@@ -91,6 +100,7 @@ void family_inertia(const FlexibleBody& f, int m, const Tangents* eta, const Tan
   const auto n = static_cast<std::size_t>(m), n_re = f.M_re_constant ? 0 : 6 * n, n_ee = modal.P_ee && !f.M_ee_constant ? n * n : 0;
   std::vector<Tangent> numbers(n_re + n_ee + 6 + n), rates;
   Modal<Tangent> one{};
+  one.family = modal.family;
   one.P_re = numbers.data(), one.P_ee = n_ee > 0 ? numbers.data() + n_re : nullptr, one.b = numbers.data() + n_re + n_ee;
   Tangent rr[10];
   for (int d = 0; d < kDirections; ++d) {

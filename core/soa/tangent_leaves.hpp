@@ -4,7 +4,6 @@
 // eighth order (tangent.hpp), which is exact to round-off for modal inertias (polynomials) and to 1e-14 for smooth hinge maps.
 #include <algorithm>
 #include <cstring>
-#include <vector>
 
 #include "core/soa/kernels_kinematics.hpp"
 #include "core/soa/tangent.hpp"
@@ -31,25 +30,21 @@ inline void quaternion_record(std::uint32_t shape, const Tangent* q, double* out
       for (int i = 0; i < 3; ++i) out[12 + 6 * (3 + j) + 3 + i] = r[3 * j + i].d;
 }
 
-/// Any other: by components of q; the rate Hdot* v is a quadratic form in v.
-inline void dense_record(const cardan_hinge_family& f, const void* packed, const Tangent* q, const Tangent* v, double* out) {
+/// Any other: by components of q; the rate Hdot* v is a quadratic form in v. x, w: the values of q and v, which move and come back.
+inline void dense_record(const cardan_hinge_family& f, const void* packed, const Tangent* q, const Tangent* v, double* x, double* w,
+                         double* out) {
   const std::uint32_t zero = 0;
   const auto nq = static_cast<int>(f.nq), nv = static_cast<int>(f.nv);
-  std::vector<double> x(f.nq), w(f.nv), moved(f.nv);
   double sum[kRecord], work[kRecord];
-  for (int i = 0; i < nq; ++i) x[i] = q[i].x;
-  for (int i = 0; i < nv; ++i) w[i] = v[i].x;
-  const auto record = [&](const double* at, const double* rates, double* to) {
+  const auto record = [&](double* to) {
     cardan_hinge_out one{};
-    f.kinematics(packed, 1, &zero, &zero, at, rates, &one);
+    f.kinematics(packed, 1, &zero, &zero, x, w, &one);
     std::memcpy(to, &one, sizeof one);
   };
   for (int i = 0; i < nq; ++i) {
     if (q[i].d == 0.0) continue;
-    double& coordinate = x[i];
-    const double at = coordinate;
-    derivative([&](double s, double* to) { coordinate = at + s, record(x.data(), w.data(), to); }, kHingeStep, kRecord, sum, work);
-    coordinate = at;
+    derivative([&](double s, double* to) { x[i] = q[i].x + s, record(to); }, kHingeStep, kRecord, sum, work);
+    x[i] = q[i].x;
     for (int k = 0; k < kRecord; ++k) out[k] += q[i].d * sum[k];
   }
   double size = 0.0, change = 0.0;
@@ -57,22 +52,24 @@ inline void dense_record(const cardan_hinge_family& f, const void* packed, const
   if (size == 0.0 || change == 0.0) return;
   const double h = size / change;
   for (const double side : {1.0, -1.0}) {
-    for (int i = 0; i < nv; ++i) moved[i] = v[i].x + side * h * v[i].d;
-    record(x.data(), moved.data(), work);
+    for (int i = 0; i < nv; ++i) w[i] = v[i].x + side * h * v[i].d;
+    record(work);
     for (int k = 48; k < kRecord; ++k) out[k] += side * work[k] / (2.0 * h);
   }
+  for (int i = 0; i < nv; ++i) w[i] = v[i].x;
 }
 
 }  // namespace detail
 
-/// The derivative of the record of hinge j of a family at its q and v.
-static inline void record_along(const DenseBatch& batch, std::uint32_t j, const Tangent* q, const Tangent* v, cardan_hinge_out& record) {
+/// The derivative of the record of hinge j of a family at its q and v; x, w: their values, which move and come back.
+static inline void record_along(const DenseBatch& batch, std::uint32_t j, const Tangent* q, const Tangent* v, double* x, double* w,
+                                cardan_hinge_out& record) {
   record = {};
   const std::uint32_t shape = batch.family->shape;
   if (shape == CARDAN_SHAPE_BALL || shape == CARDAN_SHAPE_FREE || shape == CARDAN_SHAPE_FREE_BODY)
     return detail::quaternion_record(shape, q, record.R_OP);
   const auto* packed = reinterpret_cast<const std::byte*>(batch.packed.data());
-  detail::dense_record(*batch.family, packed + j * batch.family->params_size, q, v, record.R_OP);
+  detail::dense_record(*batch.family, packed + j * batch.family->params_size, q, v, x, w, record.R_OP);
 }
 static inline void family_records(const SweepModel& model, Workspace<Tangent>& ws, const Inputs<Tangent>& in, const DenseBatch& batch) {
   const auto n = static_cast<std::uint32_t>(batch.iq.size());
@@ -81,7 +78,8 @@ static inline void family_records(const SweepModel& model, Workspace<Tangent>& w
   for (int i = 0; i < model.nv; ++i) v[i] = in.v[i].x;
   batch.family->kinematics(batch.packed.data(), n, batch.iq.data(), batch.iv.data(), q, v, ws.hinge_records(0) + batch.first);
   for (std::uint32_t j = 0; j < n; ++j)
-    record_along(batch, j, in.q + batch.iq[j], in.v + batch.iv[j], ws.hinge_records(1)[batch.first + static_cast<int>(j)]);
+    record_along(batch, j, in.q + batch.iq[j], in.v + batch.iv[j], q + batch.iq[j], v + batch.iv[j],
+                 ws.hinge_records(1)[batch.first + static_cast<int>(j)]);
 }
 
 /// A step along d eta that moves no part of the body by more than a hundredth of its size; 0: nothing moves.
@@ -93,13 +91,15 @@ static inline double step_of_modes(const FlexibleBody& f, int m, const Tangent* 
   return 0.01 * (size > 0.0 ? size : 1.0) / moved;
 }
 
+/// Numbers that the functions below work with: eta, eta', and each number of a family three times.
+constexpr std::size_t family_numbers(std::size_t m) { return 2 * m + 3 * (10 + 6 * m + m * m + 6 + m); }
+
 /// M_fl(eta) and b, value and derivative.
 static inline void family_inertia(const FlexibleBody& f, int m, const Tangent* eta, const Tangent* etadot, const Vec3<Tangent>& w,
                                   Modal<Tangent>& modal, Tangent* M_rr) {
   const bool re = !f.M_re_constant, ee = modal.P_ee && !f.M_ee_constant;
   const int n = 10 + (re ? 6 * m : 0) + (ee ? m * m : 0), nb = etadot ? 6 + m : 0;
-  std::vector<double> scratch(static_cast<std::size_t>(2 * m + 3 * (n + nb)));
-  double *e = scratch.data(), *ed = e + m, *value = ed + m, *slope = value + n + nb, *work = slope + n + nb;
+  double *e = modal.family, *ed = e + m, *value = ed + m, *slope = value + n + nb, *work = slope + n + nb;
   double omega[3] = {w.x.x, w.y.x, w.z.x};
   const auto all = [&](double s, double* out) {
     for (int i = 0; i < m; ++i) e[i] = eta[i].x + s * eta[i].d;

@@ -114,8 +114,8 @@ TEST(DiagonalisedForm, KeepsTheOrderOfTheMethod) {
   }
 }
 
-/// What is integrated has |nu|^2 for an invariant: a long run by equal steps, whose error of energy goes with the fifth power of the step
-/// in either form, still has 1/2 |nu|^2 = T at each of its states to round-off.
+/// 1/2 |nu|^2 is the kinetic energy of each state that a run comes to, and stays what it was at the start where nothing works, to the
+/// error of the method.
 TEST(DiagonalisedForm, EnergyIsANorm) {
   const auto model = compiled(tumbling());
   DiagonalVelocities velocities(model, true);
