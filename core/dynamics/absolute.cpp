@@ -364,7 +364,9 @@ Force<double> AbsoluteSystem::hinge_wrench(int user_body, const double* lambda, 
   const Mat3<double>& R = ws_.loops->relative[at(joint->loop)].R;
   const UserBody& u = m_.user[at(user_body)];
   const Force<double> there{transpose_times(R, f.n), transpose_times(R, f.f)};
-  return u.nv > 0 ? there : to_outboard(u.merged_hinge, there);
+  const int onode = m_.bodies[at(u.sweep)].onode;
+  const bool turned_at_P = u.nv == 0 && onode >= 0 && m_.shapes[at(onode)].deforms();
+  return turned_at_P ? to_outboard(u.merged_hinge, there) : there;
 }
 
 Force<double> AbsoluteSystem::loop_wrench(int loop, const double* lambda) const {

@@ -9,10 +9,7 @@
 namespace cardan {
 namespace {
 
-bool stands_deformed(const Model& m, const UserBody& u) {
-  const int pnode = m.bodies[static_cast<std::size_t>(u.sweep)].pnode;
-  return pnode >= 0 && m.shapes[static_cast<std::size_t>(pnode)].deforms();
-}
+bool deforms(const Model& m, int shapes) { return shapes >= 0 && m.shapes[static_cast<std::size_t>(shapes)].deforms(); }
 bool is_turned(const Pose<double>& X) { return !to_eigen(X.R).isIdentity(0.0) || dot(X.p, X.p) != 0.0; }
 
 /// A place on a body, its frame; a node of its own.
@@ -31,12 +28,15 @@ Loop joint_of(const Model& model, const UserBody& u, Model& closed) {
   };
   Loop out;
   out.name = "hinge of " + u.name, out.type = u.hinge_type;
+  NodeShapes O = shapes(b.onode, u.onode), P = shapes(b.pnode, u.pnode);
+  if (u.nv == 0 && !O.deforms())  // held at its coordinates
+    O.pose = O.pose * u.merged_hinge;
+  else if (u.nv == 0)
+    P.pose = P.pose * inverse(u.merged_hinge);
   if (u.parent >= 0)
-    out.from = end_at(closed, out.name + ".from", u.parent, shapes(b.onode, u.onode));
+    out.from = end_at(closed, out.name + ".from", u.parent, std::move(O));
   else
-    out.from.pose = u.onode;
-  NodeShapes P = shapes(b.pnode, u.pnode);
-  if (u.nv == 0) P.pose = P.pose * inverse(u.merged_hinge);  // held at its coordinates
+    out.from.pose = O.pose;
   out.to = end_at(closed, out.name + ".to", static_cast<int>(&u - model.user.data()), std::move(P));
   if (out.from.sweep > 0) out.from_path = {out.from.sweep};
   if (out.to.sweep > 0) out.to_path = {out.to.sweep};
@@ -57,9 +57,11 @@ std::vector<int> nodes_by_name(const Model& from, const Model& to) {
 std::string not_taken_absolutely(const Model& model) {
   if (const UserBody* u = model.find_curved_nodes()) return fmt::format("bodies whose type tells how their nodes move, as {}", u->name);
   if (model.changes()) return "masses that change";
-  for (const UserBody& u : model.user)
-    if (u.nv == 0 && !u.merged && is_turned(u.merged_hinge) && stands_deformed(model, u))
-      return fmt::format("hinges held at other coordinates than zero by a node that deforms, as that of {}", u.name);
+  for (const UserBody& u : model.user) {
+    const SweepBody& b = model.bodies[static_cast<std::size_t>(u.sweep)];
+    if (u.nv == 0 && !u.merged && is_turned(u.merged_hinge) && deforms(model, b.onode) && deforms(model, b.pnode))
+      return fmt::format("hinges held at other coordinates than zero between nodes that deform, as that of {}", u.name);
+  }
   return {};
 }
 
