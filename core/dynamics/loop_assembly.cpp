@@ -23,7 +23,10 @@ constexpr double kPart = 0.1;       // of what the gradients promise of a step, 
 constexpr double kMet = 1e-13;      // residual, relative to the size of a loop, at which Newton's method ends
 constexpr double kAlmost = 1e-8;    // ... that it may leave where rows imply each other on closed loops alone: it then halves what is left
 constexpr double kNoPivot = 1e-10;  // a scaled pivot below is none
-constexpr double kNearest = 1e-7;   // part of the way back, or of the residual, that may be left to go
+constexpr double kDoubt = 1e-10;    // relative to |A|: what rounding in A may amount to
+constexpr double kWeak = 0.03;      // pivots below may be of rows that imply each other on closed loops, and are so where they end below
+constexpr double kVanished = 1e-6;
+constexpr double kNearest = 1e-7;  // part of the way back, or of the residual, that may be left to go
 
 /// The description's word for a velocity component, and for its coordinate.
 struct ComponentName {
@@ -40,34 +43,27 @@ ComponentName name_of_component(const Model& model, int v) {
   return {};
 }
 
+/// The y of least |A y - b|^2 + (damping |A|)^2 |y|^2, |A| its largest entry.
+VectorXd damped(const MatrixXd& A, const VectorXd& b, double damping) {
+  if (A.size() == 0) return VectorXd::Zero(A.cols());
+  MatrixXd both(A.rows() + A.cols(), A.cols());
+  both << A, damping * A.cwiseAbs().maxCoeff() * MatrixXd::Identity(A.cols(), A.cols());
+  VectorXd right = VectorXd::Zero(both.rows());
+  right.head(b.size()) = b;
+  return least_squares(both, right);
+}
+
 /// Where a closed form of the loops is looked for, at one q.
 struct Here {
   VectorXd r;  // residuals, each relative to the size of its loop
   MatrixXd A;  // their gradients along the components that move, in the roots of their (weighted) inertia: rows x free
   double open() const { return r.size() == 0 ? 0.0 : r.cwiseAbs().maxCoeff<Eigen::PropagateNaN>(); }
-};
-
-/// Rows and columns of the pivots of a complete elimination, as many as there are independent ones.
-struct Pivots {
-  std::vector<int> rows, columns;
-  explicit Pivots(MatrixXd A) {
-    const int n = static_cast<int>(std::min(A.rows(), A.cols()));
-    std::vector<int> row(static_cast<std::size_t>(A.rows())), column(static_cast<std::size_t>(A.cols()));
-    for (std::size_t i = 0; i < row.size(); ++i) row[i] = static_cast<int>(i);
-    for (std::size_t i = 0; i < column.size(); ++i) column[i] = static_cast<int>(i);
-    const double largest = A.size() == 0 ? 0.0 : A.cwiseAbs().maxCoeff();
-    for (int p = 0; p < n; ++p) {
-      Eigen::Index i, j;
-      const double most = A.bottomRightCorner(A.rows() - p, A.cols() - p).cwiseAbs().maxCoeff(&i, &j);
-      if (!(most > kNoPivot * largest)) return;
-      A.row(p).swap(A.row(p + i)), A.col(p).swap(A.col(p + j));
-      std::swap(row[static_cast<std::size_t>(p)], row[static_cast<std::size_t>(p + i)]);
-      std::swap(column[static_cast<std::size_t>(p)], column[static_cast<std::size_t>(p + j)]);
-      for (Eigen::Index k = p + 1; k < A.rows(); ++k)
-        A.row(k).tail(A.cols() - p) -= (A(k, p) / A(p, p)) * A.row(p).tail(A.cols() - p).eval();
-      rows.push_back(row[static_cast<std::size_t>(p)]), columns.push_back(column[static_cast<std::size_t>(p)]);
-    }
-  }
+  /// Rows that imply each other on closed loops alone differ here by about as much as these are open, and no more is to be made of it:
+  /// where there may be such, damped by the residual, Newton's method converges as fast as where all rows count (Yamashita and Fukushima
+  /// 2001; Fan and Yuan 2005).
+  double doubt() const { return std::clamp(open(), kDoubt, most_doubt); }
+  VectorXd solve(const VectorXd& b) const { return damped(A, b, doubt()); }
+  double most_doubt = kDoubt;
 };
 
 class Assembler {
@@ -88,11 +84,11 @@ class Assembler {
 
   /// Newton's method in steps so short that the way there is that of the differential equation q' = -G^+ c, which cannot pass a singular
   /// posture. False: it ends before; q is as near as it got.
-  bool close(VectorXd& q) {
+  bool newton(VectorXd& q) {
     Here here = look(q);
     settle();
     for (int i = 0; i < kSteps && here.open() > kMet; ++i) {
-      const VectorXd y = least_squares(here.A, VectorXd(-here.r)), change = here.A * y;
+      const VectorXd y = here.solve(-here.r), change = here.A * y;
       if (!(change.norm() > kNearest * here.r.norm())) break;  // as near as rows that contradict each other let it
       const double open = here.r.norm();
       const auto better = [&](const Here& there, double s) {
@@ -103,11 +99,33 @@ class Assembler {
     return here.open() <= kAlmost;
   }
 
+  /// newton(); where it ends before, once more with rows in doubt that are weak: whether they imply each other is seen where it ends. There
+  /// each of them must have vanished, else it is a row as the others, and a singular posture may have been passed.
+  bool close(VectorXd& q) {
+    VectorXd again = q;
+    std::vector<std::vector<double>> coordinates;
+    for (const Loop& loop : m_.loops.all) coordinates.push_back(loop.q0);
+    if (!in_doubt_ && newton(q)) return true;
+    const bool before = std::exchange(in_doubt_, true);
+    for (std::size_t l = 0; l < coordinates.size(); ++l) std::swap(m_.loops.all[l].q0, coordinates[l]);
+    if (newton(again)) {
+      const Here here = look(again);
+      const double largest = here.A.cwiseAbs().maxCoeff();
+      if (complete_pivots(here.A, kWeak * largest).rows.size() == complete_pivots(here.A, kVanished * largest).rows.size()) {
+        q = again;
+        return true;
+      }
+    }
+    in_doubt_ = before;
+    for (std::size_t l = 0; l < coordinates.size(); ++l) std::swap(m_.loops.all[l].q0, coordinates[l]);
+    return false;
+  }
+
   /// Along the closed loops to where what is left of the way back to the start is across them.
   void approach(VectorXd& q) {
     for (int i = 0; i < kSteps; ++i) {
       const Here here = look(q);
-      const VectorXd back = way_back(q), along = back - least_squares(here.A, VectorXd(here.A * back));
+      const VectorXd back = way_back(q), along = back - here.solve(here.A * back);
       if (!(along.norm() > kNearest * back.norm())) return;
       const VectorXd step = in_velocities(along);
       VectorXd best;
@@ -141,7 +159,7 @@ class Assembler {
     VectorXd open = G * v;
     for (const Loop& loop : m_.loops.all)
       if (loop.drive >= 0) open[loop.first] = 0.0;  // moves as it did
-    const VectorXd d = root.transpose().triangularView<Eigen::Upper>().solve(least_squares(A, VectorXd(-open)));
+    const VectorXd d = root.transpose().triangularView<Eigen::Upper>().solve(damped(A, -open, kDoubt));
     for (std::size_t i = 0; i < free.size(); ++i) v[free[i]] += d[static_cast<Eigen::Index>(i)];
   }
 
@@ -191,7 +209,7 @@ class Assembler {
     const auto G =
         Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(ws_.loops->G.data(), m_.loops.rows, m_.nv);
     return {scale * Eigen::Map<const VectorXd>(ws_.loops->c.data(), m_.loops.rows),
-            root_.triangularView<Eigen::Lower>().solve((scale * G)(Eigen::all, free_).transpose()).transpose()};
+            root_.triangularView<Eigen::Lower>().solve((scale * G)(Eigen::all, free_).transpose()).transpose(), in_doubt_ ? kWeak : kDoubt};
   }
 
   /// Hinges that close loops go on from where they are.
@@ -210,11 +228,15 @@ class Assembler {
     return 1.0 / most;
   }
 
-  static bool same_branch(const Here& here, const Here& there) {
+  bool same_branch(const Here& here, const Here& there) const {
     if (!there.A.allFinite()) return false;
-    const Pivots p(here.A);
+    if (here.A.size() == 0) return true;
+    const Pivots p = complete_pivots(here.A, (in_doubt_ ? kWeak : kNoPivot) * here.A.cwiseAbs().maxCoeff());
     if (p.rows.empty()) return true;
-    return determinant(there.A(p.rows, p.columns)) / determinant(here.A(p.rows, p.columns)) > kSingular;
+    if (!in_doubt_) return determinant(there.A(p.rows, p.columns)) / determinant(here.A(p.rows, p.columns)) > kSingular;
+    // Of fewer rows than there are a determinant would hang on how they stand to each other, which a hinge that closes may exchange.
+    const MatrixXd before = here.A(Eigen::all, p.columns), after = there.A(Eigen::all, p.columns);
+    return determinant(after.transpose() * after) / determinant(before.transpose() * before) > kSingular * kSingular;
   }
 
   template <class Better>
@@ -253,6 +275,7 @@ class Assembler {
   MatrixXd root_;
   std::vector<std::uint8_t> turns_;
   double reach_ = 0.0;
+  bool in_doubt_ = false;  // weak rows: whether they count is told where it ends
 };
 
 }  // namespace

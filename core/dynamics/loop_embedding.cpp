@@ -254,16 +254,31 @@ bool run_embedding(const Model& model, Workspace& ws, const Inputs& in, double* 
   return result == 1 ? over_the_open_tree(model, ws, in, vdot) : result == 0;
 }
 
-bool embedded_response(const Model& model, Workspace& ws, const double* q, const LoopDrive* drives, const std::vector<double>& rates,
-                       double* out) {
+namespace {
+
+/// At rest, G v' = work.rhs and no force but tau.
+bool respond(const Model& model, Workspace& ws, const double* q, const LoopDrive* drives, const double* tau, double* out) {
   LoopWork& work = *ws.loops;
-  for (std::size_t i = 0; i < rates.size(); ++i) work.rhs[i] = -rates[i];
   soa::sweeps<double>().at_rest(model, ws);
-  const Inputs at_rest{.q = q, .v = work.zero.data(), .vdot = work.zero.data(), .gravity = false, .drives = drives};
+  const Inputs at_rest{.q = q, .v = work.zero.data(), .tau = tau, .vdot = work.zero.data(), .gravity = false, .drives = drives};
   const int result = embed(model, ws, at_rest, work.rhs.data(), out);
   if (result == 0) return true;
   ws.breakdown = {};
   return false;
+}
+
+}  // namespace
+
+bool embedded_response(const Model& model, Workspace& ws, const double* q, const LoopDrive* drives, const std::vector<double>& rates,
+                       double* out) {
+  for (std::size_t i = 0; i < rates.size(); ++i) ws.loops->rhs[i] = -rates[i];
+  return respond(model, ws, q, drives, nullptr, out);
+}
+
+bool closed_response(const Model& model, Workspace& ws, const double* q, const LoopDrive* drives, const double* tau, double* vdot) {
+  if (!model.loops.embedding || !stand(model, ws, q, false)) return false;
+  std::ranges::fill(ws.loops->rhs, 0.0);
+  return respond(model, ws, q, drives, tau, vdot);
 }
 
 void push_open_tree(const Model& model, Workspace& ws, const Inputs& in, LoopPass& pass) {

@@ -102,6 +102,8 @@ class LoopPass {
     const Force<double>& W = k_.W[at(row)];
     return 1.0 / std::sqrt(dot(W.n, W.n) / (loop.lever * loop.lever) + dot(W.f, W.f));
   }
+  /// f on the end `to`, its opposite on the end `from`: wrenches on nodes, node axes. Needs place().
+  std::span<const NodeWrench> wrenches_of(const Loop& loop, const Force<double>& f);
   const Loop& loop_of(int row) const {
     std::size_t l = 0;
     while (row >= loops_.all[l].first + loops_.all[l].rows) ++l;
@@ -140,8 +142,6 @@ class LoopPass {
 
   /// Node axes.
   Motion<double> response(const LoopEnd& end, const LoopWork::End& e, const double* vdot) const;
-  /// f on the end `to`, its opposite on the end `from`: wrenches on nodes, node axes.
-  std::span<const NodeWrench> wrenches_of(const Loop& loop, const Force<double>& f);
 
   const Model& m_;
   const Loops& loops_;
@@ -150,6 +150,12 @@ class LoopPass {
   const Inputs& in_;
   const soa::Sweeps<double>& S_;
 };
+
+/// A scaled pivot below is none: of redundant rows they are 1e-16, of others above 1e-3 but near singular postures.
+inline constexpr double kDependent = 1e-10;
+/// The same of rows beyond the rank of the start, at a state that is open by so much of the size of a loop: what agrees on closed loops
+/// differs on open ones by about as much; but not more than 1e-4: rows of loops that are far open are still rows.
+inline double more_than_dependent(double open) { return std::max(kDependent, std::min(10.0 * open, 1e-4)); }
 
 /// Observers read of the workspace what the open tree does with the loops pushing (push()), from what was kept.
 void push_open_tree(const Model& model, Workspace& ws, const Inputs& in, LoopPass& pass);
@@ -167,6 +173,11 @@ bool stand(const Model& model, Workspace& ws, const double* q, bool inertia);
 /// the program of the start.
 bool embedded_response(const Model& model, Workspace& ws, const double* q, const LoopDrive* drives, const std::vector<double>& rates,
                        double* out);
+/// NumericsError N0601 where motions v, free to first order, cannot all go on: rows imply each other here alone, and to second order
+/// motions contradict each other, each of which by itself may go on. v: nv, keeps the loops closed.
+void require_regular_posture(const Model& model, Workspace& ws, const double* q, const LoopDrive* drives, const Eigen::VectorXd& v);
+/// Rates of independent components by which to ask it: two of these, none zero and none alike.
+Eigen::VectorXd some_rates(int which, Eigen::Index n);
 /// W: of the row.
 std::string name_of_row(const Loop& loop, int row, const Force<double>& W);
 

@@ -11,16 +11,6 @@
 #include "core/linalg/dense.hpp"
 
 namespace cardan {
-namespace {
-
-constexpr double kDependent =
-    1e-10;  // a scaled pivot below is none: of redundant rows they are 1e-16, of others above 1e-3 but near singular postures
-constexpr double kOpen =
-    10.0;  // ... of more rows than at the start also below so much of the residual: what agrees on closed loops differs on open ones
-constexpr double kMostOpen = 1e-4;  // ... but not more: rows of loops that are far open are still rows
-
-}  // namespace
-
 void LoopPass::matrix() {
   const Inputs still = at_rest();
   for (const Loop& loop : loops_.all)
@@ -56,7 +46,7 @@ void LoopPass::find_rank() {
     }
   }
   for (int j = 0; j < n; ++j) k_.column_at[at(j)] = j;
-  const double limit = std::max(kDependent, std::min(kOpen * open, kMostOpen));
+  const double limit = more_than_dependent(open);
   const auto B = [&](int i, int j) -> double& { return k_.B[at(k_.row_at[at(i)] * n + k_.column_at[at(j)])]; };
   k_.rank = 0, k_.smallest = 0.0, k_.largest = 0.0;
   for (int p = 0; p < std::min(rows, n); ++p) {
@@ -124,28 +114,24 @@ LoopRows loop_rows(const Model& model, Workspace& ws, const double* q, const Loo
   return out;
 }
 
-namespace {
-
-/// Where rows imply each other here alone, motions that are free to first order contradict each other to second: each by itself may go
-/// on, or none, but not all together.
-void refuse_singular_posture(const Model& model, Workspace& ws, const double* q, const LoopDrive* drives, const Eigen::MatrixXd& X) {
+void require_regular_posture(const Model& model, Workspace& ws, const double* q, const LoopDrive* drives, const Eigen::VectorXd& v) {
   std::vector<LoopDrive> held(static_cast<std::size_t>(drives ? model.loops.n_drives : 0));
-  for (std::size_t i = 0; i < held.size(); ++i) held[i].more = drives[i].more;  // lengths as they are, at rest as X has them
+  for (std::size_t i = 0; i < held.size(); ++i) held[i].more = drives[i].more;  // lengths as they are, at rest as v has them
   const Eigen::VectorXd still = Eigen::VectorXd::Zero(model.nv);
-  Eigen::VectorXd v(model.nv), vdot(model.nv);
-  for (const double phase : {0.7, 2.9}) {
-    v.setZero();
-    for (Eigen::Index j = 0; j < X.cols(); ++j) v += std::cos(phase + 2.3 * static_cast<double>(j)) * X.col(j);
-    const Inputs in{
-        .q = q, .v = v.data(), .tau = still.data(), .vdot = still.data(), .gravity = false, .drives = drives ? held.data() : nullptr};
-    if (forward_dynamics(model, ws, in, vdot.data())) continue;
-    RunFailure failure = describe_breakdown(model, ws.breakdown, 0.0);
-    if (ws.breakdown.row >= 0) failure.hint = "a singular posture: loops leave motions free that cannot all go on. Ask beside it";
-    throw NumericsError(std::move(failure));
-  }
+  Eigen::VectorXd vdot(model.nv);
+  const Inputs in{
+      .q = q, .v = v.data(), .tau = still.data(), .vdot = still.data(), .gravity = false, .drives = drives ? held.data() : nullptr};
+  if (forward_dynamics(model, ws, in, vdot.data())) return;
+  RunFailure failure = describe_breakdown(model, ws.breakdown, 0.0);
+  if (ws.breakdown.row >= 0) failure.hint = "a singular posture: loops leave motions free that cannot all go on. Ask beside it";
+  throw NumericsError(std::move(failure));
 }
 
-}  // namespace
+Eigen::VectorXd some_rates(int which, Eigen::Index n) {
+  Eigen::VectorXd out(n);
+  for (Eigen::Index j = 0; j < n; ++j) out[j] = std::cos((which == 0 ? 0.7 : 2.9) + 2.3 * static_cast<double>(j));
+  return out;
+}
 
 LoopFreedom loop_freedom(const Model& model, Workspace& ws, const double* q, const LoopDrive* drives) {
   const Eigen::MatrixXd G = loop_matrix(model, ws, q, drives);
@@ -161,7 +147,8 @@ LoopFreedom loop_freedom(const Model& model, Workspace& ws, const double* q, con
   for (std::size_t j = 0; j < out.independent.size(); ++j) out.X(out.independent[j], static_cast<Eigen::Index>(j)) = 1.0;
   const Eigen::MatrixXd of_dependent = -out.G_D_inverse * G(out.rows, out.independent);
   for (std::size_t i = 0; i < out.dependent.size(); ++i) out.X.row(out.dependent[i]) = of_dependent.row(static_cast<Eigen::Index>(i));
-  if (work.rank < model.loops.rows) refuse_singular_posture(model, ws, q, drives, out.X);
+  for (int i = 0; i < 2 && work.rank < model.loops.rows; ++i)
+    require_regular_posture(model, ws, q, drives, out.X * some_rates(i, out.X.cols()));
   return out;
 }
 

@@ -167,7 +167,7 @@ void LoopTangents::move_hinge(std::size_t l) {
   h.dbias.tail<3>() += dx.head<3>().cross(x.tail<3>()) + x.head<3>().cross(dx.tail<3>());
 }
 
-VectorXd LoopTangents::rates() const {
+VectorXd LoopTangents::row_rates() const {
   VectorXd changes = VectorXd::Zero(m_.loops.rows);
   for (std::size_t l = 0; l < place_.size(); ++l) {
     const Loop& loop = m_.loops.all[l];
@@ -184,8 +184,12 @@ VectorXd LoopTangents::rates() const {
     if (hinges_[l].v.size() > 0) x -= hinges_[l].dH * hinges_[l].v;
     for (int i = loop.first; i < loop.first + loop.rows; ++i) changes[i] = as_vector(ws_.loops->W[static_cast<std::size_t>(i)]).dot(x);
   }
+  return changes;
+}
+
+VectorXd LoopTangents::rates() const {
   VectorXd out = VectorXd::Zero(m_.nv);
-  const VectorXd of_dependent = -freedom_.G_D_inverse * changes(freedom_.rows);
+  const VectorXd of_dependent = -freedom_.G_D_inverse * row_rates()(freedom_.rows);
   for (std::size_t i = 0; i < freedom_.dependent.size(); ++i) out[freedom_.dependent[i]] = of_dependent[static_cast<Eigen::Index>(i)];
   return out;
 }

@@ -18,6 +18,8 @@ class LoopTangents {
   void place(const soa::Workspace<soa::Tangent>& ws, const soa::Inputs<soa::Tangent>& in);
   /// The rates of dependent components that keep c' = 0 where q moves along the direction of place() and v stands; nv, others zero.
   Eigen::VectorXd rates() const;
+  /// G' v there, per row.
+  Eigen::VectorXd row_rates() const;
   /// The multipliers at the point, with derivatives as they are known: wrenches on nodes, appended, and forces of couplings, added to tau.
   void push(std::vector<soa::NodeWrench<soa::Tangent>>& wrenches, soa::Tangent* tau) const;
   /// Sets the derivatives of the multipliers to nothing.

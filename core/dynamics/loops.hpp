@@ -31,6 +31,10 @@ bool run_absolute(const Model& model, Workspace& workspace, const Inputs& in, do
 /// observers read of the closed system. Does nothing where that is there.
 void settle_loops(const Model& model, Workspace& workspace, const Inputs& in);
 
+/// v' = M_c^-1 tau of the closed system at rest at q, without any other force (nv; zero forces on given motions), where loops are closed
+/// inside of the sweeps: O(N), also where they share bodies. false: they are not, or the rank is not that of the start.
+bool closed_response(const Model& model, Workspace& workspace, const double* q, const LoopDrive* drives, const double* tau, double* vdot);
+
 /// What the loops of a workspace do: after forward_dynamics and settle_loops.
 struct LoopForces {
   std::span<const double> multipliers;     // per row, of smallest norm where rows are redundant

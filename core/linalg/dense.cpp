@@ -1,6 +1,8 @@
 #include "core/linalg/dense.hpp"
 
 #include <Eigen/Dense>
+#include <algorithm>
+#include <numeric>
 
 namespace cardan {
 
@@ -56,6 +58,24 @@ MatrixXd symmetric_solve(const MatrixXd& A, const MatrixXd& B) { return A.ldlt()
 VectorXd least_squares(const MatrixXd& A, const VectorXd& b) { return Eigen::CompleteOrthogonalDecomposition<MatrixXd>(A).solve(b); }
 MatrixXd inverse(const MatrixXd& A) { return A.inverse(); }
 double determinant(const MatrixXd& A) { return A.determinant(); }
+Pivots complete_pivots(MatrixXd A, double limit) {
+  Pivots out;
+  std::vector<int> row(static_cast<std::size_t>(A.rows())), column(static_cast<std::size_t>(A.cols()));
+  std::iota(row.begin(), row.end(), 0);
+  std::iota(column.begin(), column.end(), 0);
+  for (Eigen::Index p = 0; p < std::min(A.rows(), A.cols()); ++p) {
+    Eigen::Index i, j;
+    const double most = A.bottomRightCorner(A.rows() - p, A.cols() - p).cwiseAbs().maxCoeff(&i, &j);
+    if (!(most > limit)) break;
+    A.row(p).swap(A.row(p + i)), A.col(p).swap(A.col(p + j));
+    std::swap(row[static_cast<std::size_t>(p)], row[static_cast<std::size_t>(p + i)]);
+    std::swap(column[static_cast<std::size_t>(p)], column[static_cast<std::size_t>(p + j)]);
+    for (Eigen::Index k = p + 1; k < A.rows(); ++k) A.row(k).tail(A.cols() - p) -= (A(k, p) / A(p, p)) * A.row(p).tail(A.cols() - p).eval();
+    out.rows.push_back(row[static_cast<std::size_t>(p)]), out.columns.push_back(column[static_cast<std::size_t>(p)]);
+    out.values.push_back(most);
+  }
+  return out;
+}
 
 ThinQr thin_qr(const MatrixXd& A) {
   const Eigen::HouseholderQR<MatrixXd> qr(A);

@@ -2,6 +2,7 @@
 // Decompositions of dense matrices by Eigen, compiled once: a file that names one of Eigen's takes seconds longer for each.
 #include <Eigen/Core>
 #include <optional>
+#include <vector>
 
 namespace cardan {
 
@@ -42,6 +43,12 @@ Eigen::MatrixXd symmetric_solve(const Eigen::MatrixXd& A, const Eigen::MatrixXd&
 Eigen::VectorXd least_squares(const Eigen::MatrixXd& A, const Eigen::VectorXd& b);
 Eigen::MatrixXd inverse(const Eigen::MatrixXd& A);
 double determinant(const Eigen::MatrixXd& A);
+/// Pivots of a complete elimination, as many as exceed `limit` in absolute value: where they stand in A, and what they are.
+struct Pivots {
+  std::vector<int> rows, columns;
+  std::vector<double> values;
+};
+Pivots complete_pivots(Eigen::MatrixXd A, double limit);
 
 /// A = Q R of a matrix that has no more columns than rows, by reflections: Q* Q = 1, R upper triangular and square.
 struct ThinQr {

@@ -11,11 +11,12 @@ namespace cardan::operators {
 
 /// Which sweeps give E.
 template <class E>
-inline constexpr TreeOperators::Fused kFused = TreeOperators::Fused::none;
+inline constexpr SpatialOperators::Fused kFused = SpatialOperators::Fused::none;
 template <>
-inline constexpr TreeOperators::Fused kFused<std::remove_const_t<decltype(letters::mass)>> = TreeOperators::Fused::mass;
+inline constexpr SpatialOperators::Fused kFused<std::remove_const_t<decltype(letters::mass)>> = SpatialOperators::Fused::mass;
 template <>
-inline constexpr TreeOperators::Fused kFused<std::remove_const_t<decltype(letters::mass_inverse)>> = TreeOperators::Fused::mass_inverse;
+inline constexpr SpatialOperators::Fused kFused<std::remove_const_t<decltype(letters::mass_inverse)>> =
+    SpatialOperators::Fused::mass_inverse;
 
 namespace detail {
 
@@ -42,7 +43,7 @@ struct Room<Minus<A>> : Room<A> {};
 /// The rules. `room`: Room<E>::count vectors of `stride` numbers.
 template <bool Fuse>
 struct Rules {
-  const TreeOperators& tree;
+  const SpatialOperators& tree;
   std::ptrdiff_t stride;
 
   template <Kind K, bool Star>
@@ -70,8 +71,8 @@ struct Rules {
   }
   template <class... F>
   void operator()(Product<F...> e, const double* x, double* y, double* room) const {
-    if constexpr (Fuse && kFused<Product<F...>> != TreeOperators::Fused::none)
-      if (tree.has_fused(kFused<Product<F...>>)) return tree.apply_fused(kFused<Product<F...>>, x, y);
+    if constexpr (Fuse && kFused<Product<F...>> != SpatialOperators::Fused::none)
+      if (tree.fused(kFused<Product<F...>>, x, y)) return;
     factors(e, x, y, room, room + stride, room + 2 * stride);
   }
 
@@ -89,27 +90,27 @@ struct Rules {
 };
 
 template <class E>
-void require_stages(E, const TreeOperators&) {}
+void require_stages(E, const SpatialOperators&) {}
 template <Kind K, bool Star>
-void require_stages(Leaf<K, Star>, const TreeOperators& tree) {
+void require_stages(Leaf<K, Star>, const SpatialOperators& tree) {
   tree.require(K);
 }
 template <Kind K>
-void require_stages(BlockInverse<K>, const TreeOperators& tree) {
+void require_stages(BlockInverse<K>, const SpatialOperators& tree) {
   tree.require(K);
 }
 template <class... F>
-void require_stages(Product<F...>, const TreeOperators& tree);
+void require_stages(Product<F...>, const SpatialOperators& tree);
 template <class A, class B>
-void require_stages(Sum<A, B>, const TreeOperators& tree) {
+void require_stages(Sum<A, B>, const SpatialOperators& tree) {
   require_stages(A{}, tree), require_stages(B{}, tree);
 }
 template <class A>
-void require_stages(Minus<A>, const TreeOperators& tree) {
+void require_stages(Minus<A>, const SpatialOperators& tree) {
   require_stages(A{}, tree);
 }
 template <class... F>
-void require_stages(Product<F...>, const TreeOperators& tree) {
+void require_stages(Product<F...>, const SpatialOperators& tree) {
   (require_stages(F{}, tree), ...);
 }
 
@@ -118,15 +119,16 @@ void require_stages(Product<F...>, const TreeOperators& tree) {
 /// y = E x, O(N). x, y: tree.size() numbers of the columns' and of the rows' space; they must not overlap. Error C0901 where a
 /// stage of the tree is missing. Fuse = false: by the rules alone (for tests).
 template <bool Fuse = true, Symbolic E>
-void apply(E e, const TreeOperators& tree, const double* x, double* y) {
+void apply(E e, const SpatialOperators& tree, const double* x, double* y) {
   detail::require_stages(e, tree);
-  const auto stride = static_cast<std::size_t>(std::max({tree.size(Space::hinge), tree.size(Space::body), tree.size(Space::node)}));
+  const auto stride =
+      static_cast<std::size_t>(std::max({tree.size(Space::hinge), tree.size(Space::body), tree.size(Space::node), tree.size(Space::rate)}));
   detail::Rules<Fuse>{tree, static_cast<std::ptrdiff_t>(stride)}(e, x, y, tree.scratch(stride * detail::Room<E>::count));
 }
 
 /// E x. Error C0902 for a vector of another size.
 template <bool Fuse = true, Symbolic E>
-Eigen::VectorXd apply(E e, const TreeOperators& tree, const Eigen::VectorXd& x) {
+Eigen::VectorXd apply(E e, const SpatialOperators& tree, const Eigen::VectorXd& x) {
   if (x.size() != tree.size(Shape<E>::cols))
     refuse(Code::operator_shape, {"operator expression"}, fmt::format("a vector of {}", tree.size(Shape<E>::cols)),
            fmt::format("one of {}", x.size()));
@@ -137,7 +139,7 @@ Eigen::VectorXd apply(E e, const TreeOperators& tree, const Eigen::VectorXd& x) 
 
 /// The matrix of E, column by column: for tests and small analyses.
 template <bool Fuse = true, Symbolic E>
-Eigen::MatrixXd dense(E e, const TreeOperators& tree) {
+Eigen::MatrixXd dense(E e, const SpatialOperators& tree) {
   Eigen::MatrixXd A(tree.size(Shape<E>::rows), tree.size(Shape<E>::cols));
   Eigen::VectorXd unit = Eigen::VectorXd::Zero(A.cols());
   for (Eigen::Index j = 0; j < A.cols(); ++j) {
@@ -153,7 +155,7 @@ Eigen::MatrixXd dense(E e, const TreeOperators& tree) {
 template <Symbolic E>
 class Erased {
  public:
-  explicit Erased(const TreeOperators& tree)
+  explicit Erased(const SpatialOperators& tree)
       : mult_{&tree}, mult_transpose_{&tree}, view_{tree.size(Shape<E>::rows), tree.size(Shape<E>::cols), mult_, mult_transpose_} {}
   Erased(const Erased&) = delete;
   operator const LinearOperator&() const { return view_; }  // NOLINT: it is the view
@@ -161,7 +163,7 @@ class Erased {
  private:
   template <class Expr>
   struct Call {
-    const TreeOperators* tree;
+    const SpatialOperators* tree;
     void operator()(const Eigen::VectorXd& x, Eigen::VectorXd& y) const { apply(Expr{}, *tree, x.data(), y.data()); }
   };
   Call<E> mult_;
@@ -169,7 +171,7 @@ class Erased {
   LinearOperator view_;
 };
 template <Symbolic E>
-Erased<E> erase(E, const TreeOperators& tree) {
+Erased<E> erase(E, const SpatialOperators& tree) {
   return Erased<E>(tree);
 }
 

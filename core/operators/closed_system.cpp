@@ -8,12 +8,11 @@
 #include "core/base/diagnostic.hpp"
 #include "core/dynamics/forward.hpp"
 #include "core/dynamics/hinge_laws.hpp"
-#include "core/dynamics/loop_tangent.hpp"
 #include "core/linalg/dense.hpp"
 #include "core/model/loops.hpp"
+#include "core/operators/following_rates.hpp"
 #include "core/operators/mass_matrix.hpp"
 #include "core/operators/sensitivity.hpp"
-#include "core/soa/kernels_tangent.hpp"
 
 namespace cardan::operators {
 namespace {
@@ -66,51 +65,6 @@ MatrixXd orthonormal_motions(const TreeOperators& tree, const MatrixXd& X) {
   if (!cholesky(inertia)) throw NumericsError({.code = Code::singular_hinge, .what = "a motion that is free has no inertia"});
   return orthonormalised(X, inertia);
 }
-
-/// What a velocity of dependent components must add to v where q moves: -G_D^-1 G' v.
-class FollowingRates {
- public:
-  /// v in the order of the model; it keeps the loops closed, with lengths that stand.
-  FollowingRates(const Model& closed, const Model& open, const double* q, const VectorXd& v, std::span<const LoopDrive> drives)
-      : open_(open),
-        ws_(open),
-        q_(q, q + open.nq),
-        held_(drives.begin(), drives.end()),
-        loops_(at(closed, v)),
-        qt_(q_.size()),
-        rate_(q_.size()) {
-    for (const double x : v) vt_.emplace_back(x);
-  }
-  VectorXd along(const VectorXd& u) {
-    open_.qdot(q_.data(), u.data(), rate_.data());
-    for (std::size_t i = 0; i < q_.size(); ++i) qt_[i] = {q_[i], rate_[i]};
-    const soa::Inputs<soa::Tangent> in{.q = qt_.data(), .v = vt_.data()};
-    outward(open_, soa::sweeps<soa::Tangent>(), ws_, in, {});
-    loops_.place(ws_, in);
-    return loops_.rates();
-  }
-
- private:
-  LoopTangents at(const Model& closed, const VectorXd& v) {
-    for (LoopDrive& d : held_) d.rate = d.acceleration = 0.0;
-    const VectorXd still = VectorXd::Zero(open_.nv);
-    return {closed,
-            {.q = q_.data(),
-             .v = v.data(),
-             .tau = still.data(),
-             .vdot = still.data(),
-             .gravity = false,
-             .drives = held_.empty() ? nullptr : held_.data()},
-            0.0};
-  }
-  const Model& open_;
-  soa::Workspace<soa::Tangent> ws_;
-  std::vector<double> q_;
-  std::vector<LoopDrive> held_;
-  LoopTangents loops_;
-  std::vector<soa::Tangent> qt_, vt_;
-  std::vector<double> rate_;
-};
 
 }  // namespace
 

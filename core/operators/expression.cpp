@@ -261,12 +261,15 @@ std::string text_of(const Formula& f) {
   return out;
 }
 
-int size_of(const TreeOperators& tree, const Stack& s) {
+int size_of(const SpatialOperators& tree, const Stack& s) {
   return s.space == Space::node ? 6 * static_cast<int>(s.nodes.size()) : tree.size(s.space);
 }
 
-std::string_view name_of(Space s) { return s == Space::hinge ? "hinge" : s == Space::body ? "body" : "node"; }
-std::string shape_of(const TreeOperators& tree, const Formula& f) {
+std::string_view name_of(Space s) {
+  constexpr std::string_view names[] = {"hinge", "body", "node", "rate"};
+  return names[static_cast<std::size_t>(s)];
+}
+std::string shape_of(const SpatialOperators& tree, const Formula& f) {
   if (f->form == Form::unit) return "I";
   return fmt::format("{} x {} ({} x {})", name_of(f->rows.space), name_of(f->cols.space), size_of(tree, f->rows), size_of(tree, f->cols));
 }
@@ -275,7 +278,7 @@ std::string shape_of(const TreeOperators& tree, const Formula& f) {
   refuse(code, {where}, std::move(expected), std::move(got), std::move(hint));
 }
 
-Eigen::VectorXd run(const TreeOperators& tree, const Formula& f, const Eigen::VectorXd& x) {
+Eigen::VectorXd run(const SpatialOperators& tree, const Formula& f, const Eigen::VectorXd& x) {
   Eigen::VectorXd y(size_of(tree, f->rows));
   switch (f->form) {
     case Form::leaf:
@@ -293,13 +296,10 @@ Eigen::VectorXd run(const TreeOperators& tree, const Formula& f, const Eigen::Ve
     case Form::product: {
       Poll::now();
       static const Formula inverse = Written{}(letters::mass_inverse);
-      const auto fused = same(f, mass_of()) ? TreeOperators::Fused::mass
-                         : same(f, inverse) ? TreeOperators::Fused::mass_inverse
-                                            : TreeOperators::Fused::none;
-      if (tree.has_fused(fused)) {
-        tree.apply_fused(fused, x.data(), y.data());
-        return y;
-      }
+      const auto fused = same(f, mass_of()) ? SpatialOperators::Fused::mass
+                         : same(f, inverse) ? SpatialOperators::Fused::mass_inverse
+                                            : SpatialOperators::Fused::none;
+      if (fused != SpatialOperators::Fused::none && tree.fused(fused, x.data(), y.data())) return y;
       y = x;
       for (auto p = f->parts.rbegin(); p != f->parts.rend(); ++p) y = run(tree, *p, y);
       return y;
@@ -312,12 +312,12 @@ Eigen::VectorXd run(const TreeOperators& tree, const Formula& f, const Eigen::Ve
   return y;
 }
 
-void require_stages(const TreeOperators& tree, const Formula& f) {
+void require_stages(const SpatialOperators& tree, const Formula& f) {
   if (f->form == Form::leaf || f->form == Form::block_inverse) tree.require(f->kind);
   for (const Formula& p : f->parts) require_stages(tree, p);
 }
 
-SpaceLabels labels_of(const TreeOperators& tree, const Stack& s, Sort sort) {
+SpaceLabels labels_of(const SpatialOperators& tree, const Stack& s, Sort sort) {
   return s.space == Space::node ? tree.node_labels(s.nodes, sort) : tree.labels(s.space, sort);
 }
 
@@ -391,7 +391,7 @@ Expression operator*(double s, const Expression& a) {
   return {a.tree_, sum_of({{s, a.formula_}})};
 }
 namespace {
-Formula add(const TreeOperators& tree, const Expression& ea, const Formula& a, const Formula& b, const Expression& eb, double sign) {
+Formula add(const SpatialOperators& tree, const Expression& ea, const Formula& a, const Formula& b, const Expression& eb, double sign) {
   Formula x = a, y = b;
   if (x->form == Form::unit && y->form == Form::unit) fail(Code::operator_shape, "I + I", "an operator beside I", "I");
   const Formula& other = x->form == Form::unit ? y : x;

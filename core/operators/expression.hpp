@@ -8,13 +8,13 @@
 #include <string_view>
 #include <vector>
 
-#include "core/operators/tree_operators.hpp"
+#include "core/operators/spatial_operators.hpp"
 
 namespace cardan::operators {
 
 class Expression {
  public:
-  using Tree = std::shared_ptr<const TreeOperators>;
+  using Tree = std::shared_ptr<const SpatialOperators>;
 
   // Leaves
   static Expression leaf(Tree tree, Kind kind);

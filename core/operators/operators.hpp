@@ -1,7 +1,7 @@
 #pragma once
 // Spatial operators as values (Rodriguez, Jain & Kreutz-Delgado 1991; Jain 2011): H, phi, M, psi, K, D, ... compose by +, -, *,
 // star() and inv() into empty types. The formula is the type: nothing is stored, nothing is formed, copying is free; apply.hpp
-// reads the type. What each leaf is, its frames, shapes and units: tree_operators.hpp, docs/operators.md.
+// reads the type. What each leaf is, its frames, shapes and units: spatial_operators.hpp, docs/operators.md.
 //
 //   using namespace letters;
 //   constexpr auto mass = H * phi * M * star(phi) * star(H);
@@ -10,7 +10,7 @@
 // Sums and products of operators whose spaces do not fit do not compile.
 #include <type_traits>
 
-#include "core/operators/tree_operators.hpp"
+#include "core/operators/spatial_operators.hpp"
 
 namespace cardan::operators {
 
@@ -84,6 +84,8 @@ inline constexpr Leaf<Kind::Y_plus> Y_plus;
 inline constexpr Leaf<Kind::dH> dH;
 inline constexpr Leaf<Kind::dE_phi> dE_phi;
 inline constexpr Leaf<Kind::dM> dM;
+inline constexpr Leaf<Kind::X> X;
+inline constexpr Leaf<Kind::dX> dX;
 inline constexpr Unit I;
 }  // namespace letters
 
@@ -277,7 +279,7 @@ inline constexpr auto mass = H * phi * M * star(phi) * star(H);
 /// The same by its innovations factorisation, square factors (4.5).
 inline constexpr auto mass_innovations = (I + H * phi * K) * D * star(I + H * phi * K);
 inline constexpr auto mass_inverse = inv(mass);
-/// Derivative of the mass matrix along the direction of TreeOperators::along (8.2).
+/// Derivative of the mass matrix along the direction of SpatialOperators::along (8.2).
 inline constexpr auto mass_derivative = H * phi * (dE_phi * phi * M + dM + M * star(phi) * star(dE_phi)) * star(phi) * star(H) +
                                         dH * phi * M * star(phi) * star(H) + H * phi * M * star(phi) * star(dH);
 /// Operational space compliance kernel Omega = psi* H* D^-1 H psi (6).

@@ -107,7 +107,7 @@ struct Mass {
   bool fused;           // else M_fl(eta) would be formed at each product
   void operator()(const VectorXd& x, VectorXd& Mx) const {
     if (fused)
-      tree.apply_fused(TreeOperators::Fused::mass, x.data(), Mx.data());
+      tree.fused(TreeOperators::Fused::mass, x.data(), Mx.data());
     else
       apply(letters::mass, whole, x.data(), Mx.data());
   }

@@ -152,11 +152,6 @@ Matrix6X node_block(const Model& model, const UserNode& node, const Pose<double>
 
 }  // namespace
 
-std::string_view name_of(Stage stage) {
-  constexpr std::string_view names[] = {"none", "Position", "Inertia", "OperationalSpace", "Direction"};
-  return names[static_cast<std::size_t>(stage)];
-}
-
 struct TreeOperators::Sweeping {
   explicit Sweeping(const Model& model) : position(model), zeros(model.nv, 0.0) {}
   Workspace position;                  // of the blocks and the mass matrix
@@ -165,7 +160,8 @@ struct TreeOperators::Sweeping {
   bool articulated = false;
 };
 
-TreeOperators::TreeOperators(std::shared_ptr<const Model> model) : model_(std::move(model)) {
+TreeOperators::TreeOperators(std::shared_ptr<const Model> model) {
+  model_ = std::move(model);
   require_open_tree(*model_, "spatial operators and what is made of them, as task space, hybrid dynamics and modes of the whole,");
   std::vector<int> all;
   for (int k = 1; k < static_cast<int>(model_->bodies.size()); ++k) all.push_back(k);
@@ -194,6 +190,7 @@ void TreeOperators::number(const std::vector<int>& sweep_bodies) {
     for (int j = 0; j < b.nh; ++j) place_[user.v + j] = b.v + j;
     for (int j = 0; j < b.m; ++j) place_[user.etadot + j] = b.etadot + j;
   }
+  n_rate_ = n_hinge_;
   nodes_.clear();
   for (std::size_t j = 0; j < model_->nodes.size(); ++j)
     if (const int k = model_->nodes[j].sweep; k > 0 && index_of(k) >= 0) nodes_.push_back(static_cast<int>(j));
@@ -212,6 +209,7 @@ TreeOperators TreeOperators::subgraph(std::vector<int> sweep_bodies) const {
   sub.model_ = model_;
   sub.q_ = q_;
   sub.position_ = position_;
+  sub.has_position_ = has_position_;
   sub.whole_ = false;
   sub.part_ = std::make_shared<const Part>(part_of(*model_, sweep_bodies));
   sub.number(sweep_bodies);
@@ -269,6 +267,7 @@ void TreeOperators::at(const double* q) {
     if (const UserNode& node = model.nodes[j]; node.sweep > 0)
       blocks->Bt[j] = node_block(model, node, model.user[model.owner[node.sweep]].pose, q);
   position_ = std::move(blocks);
+  has_position_ = true;
   has_inertia_ = has_operational_space_ = has_direction_ = false;
   sweeping_->articulated = false;
   masked_ = weighted_ = false;
@@ -315,12 +314,8 @@ void TreeOperators::mask_hinges() {
 }
 
 void TreeOperators::articulate(const Articulate& options) {
-  require(Kind::H);
-  free_.assign(options.free.begin(), options.free.end());
-  masked_ = std::any_of(free_.begin(), free_.end(), [](std::uint8_t f) { return f == 0; });
-  weighted_ = options.W != nullptr;
+  take(options);
   mask_hinges();
-  has_inertia_ = has_operational_space_ = false;
   inertia_.resize(bodies_.size());
   for (std::size_t i = 0; i < bodies_.size(); ++i) inertia_[i].P = M(static_cast<int>(i));
   for (int i = static_cast<int>(bodies_.size()) - 1; i >= 0; --i) {
@@ -336,22 +331,7 @@ void TreeOperators::articulate(const Articulate& options) {
       x.D.diagonal() += ConstVector(options.W + b.v, n);
       made_of += ConstVector(options.W + b.v, n).cwiseAbs();
     }
-    MatrixXd factored = x.D;
-    for (int j = 0; j < n; ++j)
-      if (!is_free(b.v + j)) {
-        x.D.row(j).setZero(), x.D.col(j).setZero();
-        factored.row(j).setZero(), factored.col(j).setZero();
-        factored(j, j) = made_of[j] = 1.0;
-      }
-    x.S.setZero(n, n);
-    for (int j = 0; j < n; ++j) {
-      const double pivot = factored(j, j) - x.S.row(j).head(j).squaredNorm();
-      if (const double limit = soa::kPivotLimit * made_of[j]; !(pivot > limit))
-        throw NumericsError(
-            describe_breakdown(*model_, {.body = b.sweep, .component = j < b.nh ? j : -1, .value = pivot, .limit = limit}, 0.0));
-      x.S(j, j) = std::sqrt(pivot);
-      for (int r = j + 1; r < n; ++r) x.S(r, j) = (factored(r, j) - x.S.row(r).head(j).dot(x.S.row(j).head(j))) / x.S(j, j);
-    }
+    factor(x.D, std::move(made_of), b.v, x.S, [&](int j) { return soa::Breakdown{.body = b.sweep, .component = j < b.nh ? j : -1}; });
     const MatrixXd U = x.S.triangularView<Eigen::Lower>().solve(PH.transpose());  // S^-1 H P
     x.G = x.S.triangularView<Eigen::Lower>().transpose().solve(U).transpose();
     x.P_plus = x.P;
@@ -396,57 +376,9 @@ void TreeOperators::require_nodes(std::span<const int> nodes) const {
   }
 }
 
-bool TreeOperators::has(Stage stage) const {
-  switch (stage) {
-    case Stage::none:
-      return true;
-    case Stage::position:
-      return position_ != nullptr;
-    case Stage::inertia:
-      return has_inertia_;
-    case Stage::operational_space:
-      return has_operational_space_;
-    case Stage::direction:
-      return has_direction_;
-  }
-  return false;
-}
-
-void TreeOperators::require(Kind kind) const {
-  const Stage need = facts(kind).stage;
-  if (has(need)) return;
-  constexpr std::string_view call[] = {"", "at(q)", "articulate()", "operational_space()", "along(u)"};
-  refuse(Code::operator_stage, {std::string("operator ") + std::string(facts(kind).name)}, fmt::format("stage {}", name_of(need)),
-         "not computed at this q", fmt::format("call {} first", call[static_cast<std::size_t>(need)]));
-}
-
-int TreeOperators::size(Space space) const {
-  return space == Space::hinge ? n_hinge_ : space == Space::body ? n_body_ : 6 * static_cast<int>(nodes_.size());
-}
-
-namespace {
-/// Unit of an acceleration, or of a force, from that of the rate: "rad/s" gives "rad/s^2", or "N m".
-std::string unit_of(std::string_view rate, Sort sort) {
-  if (sort == Sort::unknown) return "";
-  if (sort == Sort::motion) return fmt::format("{}^2", rate);
-  return force_unit(rate);
-}
-constexpr std::string_view kAxes[] = {"wx", "wy", "wz", "vx", "vy", "vz"};
-constexpr std::string_view kForceAxes[] = {"nx", "ny", "nz", "fx", "fy", "fz"};
-}  // namespace
-
-SpaceLabels TreeOperators::node_labels(std::span<const int> nodes, Sort sort) const {
-  SpaceLabels out;
-  for (const int j : nodes)
-    for (int r = 0; r < 6; ++r) {
-      out.names.push_back(fmt::format("{}:{}", model_->nodes[j].name, (sort == Sort::force ? kForceAxes : kAxes)[r]));
-      out.units.push_back(unit_of(r < 3 ? "rad/s" : "m/s", sort));
-    }
-  return out;
-}
-
 SpaceLabels TreeOperators::labels(Space space, Sort sort) const {
   if (space == Space::node) return node_labels(nodes_, sort);
+  const bool of_rates = space == Space::hinge || space == Space::rate;
   SpaceLabels out;
   out.names.resize(size(space)), out.units.resize(out.names.size());
   const auto put = [&](int i, std::string name, std::string_view rate) {
@@ -454,12 +386,11 @@ SpaceLabels TreeOperators::labels(Space space, Sort sort) const {
   };
   for (const OperatorBody& b : bodies_) {
     const UserBody& u = model_->user[b.user];
-    if (space == Space::hinge)
+    if (of_rates)
       for (int j = 0; j < b.nh; ++j) put(b.v + j, u.name + "." + u.v_names[j], u.v_units[j]);
     else
-      for (int r = 0; r < 6; ++r)
-        put(b.at + r, fmt::format("{}:{}", u.name, (sort == Sort::force ? kForceAxes : kAxes)[r]), r < 3 ? "rad/s" : "m/s");
-    const int first = space == Space::hinge ? b.etadot : b.at + 6;
+      for (int r = 0; r < 6; ++r) put(b.at + r, axis_of(u.name, r, sort), r < 3 ? "rad/s" : "m/s");
+    const int first = of_rates ? b.etadot : b.at + 6;
     for (int j = 0; j < b.m; ++j) put(first + j, fmt::format("{}.etadot_{}", u.name, j + 1), "1/s");
   }
   return out;
@@ -503,7 +434,8 @@ bool TreeOperators::has_fused(Fused kernel) const {
          (kernel == Fused::mass ? !masked_ && model_->rigid : !masked_ && !weighted_ && !model_->has_prescribed() && has(Stage::inertia));
 }
 
-void TreeOperators::apply_fused(Fused kernel, const double* x, double* y) const {
+bool TreeOperators::fused(Fused kernel, const double* x, double* y) const {
+  if (!has_fused(kernel)) return false;
   const Model& model = *model_;
   const soa::Sweeps<double>& S = soa::sweeps<double>();
   Sweeping& s = *sweeping_;
@@ -511,13 +443,14 @@ void TreeOperators::apply_fused(Fused kernel, const double* x, double* y) const 
     const Inputs in{.q = q_.data(), .v = s.zeros.data(), .vdot = x, .gravity = false};
     outward(model, S, s.position, in, {.vdot = true, .velocity = false, .inertia = false});
     for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.gather(model, s.position, in, *run, y);
-    return;
+    return true;
   }
   if (!s.inertia) s.inertia = std::make_unique<Workspace>(model);
   if (!s.articulated && !articulate_at_rest(model, *s.inertia, q_.data()))
     throw NumericsError(describe_breakdown(model, s.inertia->breakdown, 0.0));
   s.articulated = true;
   solve_mass(model, *s.inertia, q_.data(), x, y);
+  return true;
 }
 
 double TreeOperators::log_det() const {
@@ -526,11 +459,6 @@ double TreeOperators::log_det() const {
   for (const Inertia& x : inertia_)
     for (Eigen::Index j = 0; j < x.S.rows(); ++j) sum += 2.0 * std::log(x.S(j, j));
   return sum;
-}
-
-double* TreeOperators::scratch(std::size_t count) const {
-  if (scratch_.size() < count) scratch_.resize(count);
-  return scratch_.data();
 }
 
 }  // namespace cardan::operators

@@ -12,6 +12,33 @@ constexpr double kRoundOff = 1e-12;  // [kg, kg m^2] effective masses below are 
 
 std::string listed(const Json& names) { return fmt::format("{}", fmt::join(names.get<std::vector<std::string>>(), ", ")); }
 
+/// What each loop would cost were it cut at another of its hinges: the cheapest and the dearest.
+std::string cuts_text(const Json& loops) {
+  if (!loops.contains("cuts")) return {};
+  const Json& cuts = loops["cuts"];
+  const double here = cuts["flops"].get<double>();
+  std::string out = fmt::format("  cut where it is declared to close, each: {:.0f} operations inward, outward and in loops\n", here);
+  for (const Json& loop : loops["all"]) {
+    const Json *least = nullptr, *most = nullptr;
+    int tried = 0;
+    for (const Json& other : cuts["others"]) {
+      if (other["loop"] != loop["name"]) continue;
+      if (!least || other["flops"] < (*least)["flops"]) least = &other;
+      if (!most || other["flops"] > (*most)["flops"]) most = &other;
+      ++tried;
+    }
+    if (!least) continue;
+    const auto one = [&](const Json& other) {
+      return fmt::format("{:.0f} ({:+.1f} %) at the hinge of {}", other["flops"].get<double>(),
+                         100.0 * (other["flops"].get<double>() / here - 1.0), other["hinge"].get<std::string>());
+    };
+    out += fmt::format("  {} cut elsewhere: {}{}{}\n", loop["name"].get<std::string>(), one(*least),
+                       tried > 1 ? ", at most " + one(*most) : "", tried > 2 ? fmt::format(", of {}", tried) : "");
+  }
+  if (!cuts["all"].get<bool>()) out += "  more cuts than were counted\n";
+  return out;
+}
+
 }  // namespace
 
 std::string description_text(const Json& d) {
@@ -120,6 +147,7 @@ std::string description_text(const Json& d) {
       const std::string why = set["why"].get<std::string>();
       out += fmt::format("  {}: by {}{}\n", names, set["form"].get<std::string>(), why.empty() ? "" : " (" + why + ")");
     }
+    out += cuts_text(loops);
     for (const Json& x : loops["moved"])
       out += fmt::format("  moved to close them: {} from {:.6g} to {:.6g} {}\n", x["name"].get<std::string>(), x["given"].get<double>(),
                          x["found"].get<double>(), x["unit"].get<std::string>());

@@ -8,6 +8,7 @@
 #include "core/base/diagnostic.hpp"
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/operators/apply.hpp"
+#include "core/operators/tree_operators.hpp"
 
 namespace cardan {
 namespace {

@@ -9,6 +9,7 @@
 #include "core/dynamics/devices.hpp"
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/operators/apply.hpp"
+#include "core/operators/tree_operators.hpp"
 #include "core/soa/tangent.hpp"
 
 namespace cardan {

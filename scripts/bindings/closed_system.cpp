@@ -108,7 +108,7 @@ int closed_open_tree(lua_State* L) {
   const LuaClosed& c = to_closed(L);
   auto tree = std::make_shared<TreeOperators>(c.system->tree().model_pointer());
   tree->at(c.q.data());
-  push_object<LuaOperators>(L, kOperators, std::move(tree), "the open tree", c.at);
+  push_tree(L, std::move(tree), "the open tree", c.at);
   return 1;
 }
 int closed_text(lua_State* L) {

@@ -29,15 +29,15 @@ LuaDiagonalised& to_diagonalised(lua_State* L) {
 }
 /// s:diagonalised("normalised" or "rates")
 int diagonalised(lua_State* L) {
-  LuaOperators& o = to_operators(L);
+  const std::shared_ptr<TreeOperators>& tree = shared_tree_of(L);
   const std::string form = lua_isnoneornil(L, 2) ? "normalised" : lua_type(L, 2) == LUA_TSTRING ? lua_tostring(L, 2) : "";
   if (form != "normalised" && form != "rates")
     refuse(L, Code::lua_argument, "diagonalised", "\"normalised\" (default) or \"rates\"", describe_value(L, 2));
-  o.tree->require(operators::Kind::D);
+  tree->require(operators::Kind::D);
   push_object<LuaDiagonalised>(
-      L, kDiagonalised, o.tree,
+      L, kDiagonalised, tree,
       std::make_unique<operators::Diagonalised>(
-          *o.tree, form == "rates" ? operators::Diagonalised::Form::rates : operators::Diagonalised::Form::normalised));
+          *tree, form == "rates" ? operators::Diagonalised::Form::rates : operators::Diagonalised::Form::normalised));
   return 1;
 }
 int nu_of(lua_State* L) {

@@ -9,7 +9,20 @@ namespace cardan {
 
 using Eigen::VectorXd;
 
-TreeOperators& tree_of(lua_State* L) { return *to_operators(L).tree; }
+const std::shared_ptr<TreeOperators>& shared_tree_of(lua_State* L) {
+  const LuaOperators& o = to_operators(L);
+  if (o.tree) return o.tree;
+  std::vector<std::string> loops;
+  for (const Loop& loop : o.letters->model().loops.all) loops.push_back(loop.name);
+  refuse(
+      L, Code::unsupported, "operators",
+      "an open tree: of closed loops operators() has letters, nodes, along, articulate, operational_space, log_det, compounds, size, names",
+      fmt::format("loops: {}", fmt::join(loops, ", ")),
+      "closed_system() has the analyses, and open_tree() of it the tree without its loops");
+}
+void push_tree(lua_State* L, std::shared_ptr<TreeOperators> tree, std::string of, std::shared_ptr<const OperatingState> at) {
+  push_object<LuaOperators>(L, kOperators, tree, std::move(of), std::move(at), tree);
+}
 TreeOperators& tree_with_Y(lua_State* L) {
   TreeOperators& tree = tree_of(L);
   if (!tree.has(operators::Stage::operational_space)) tree.operational_space();
@@ -83,7 +96,8 @@ std::vector<int> components_at(lua_State* L, const Model& m, const std::string& 
   return found;
 }
 
-std::vector<std::uint8_t> component_mask(lua_State* L, const TreeOperators& tree, const std::vector<std::string>& names, const char* what) {
+std::vector<std::uint8_t> component_mask(lua_State* L, const operators::SpatialOperators& tree, const std::vector<std::string>& names,
+                                         const char* what) {
   std::vector<std::uint8_t> mask(static_cast<std::size_t>(tree.size(Space::hinge)), 0);
   for (const std::string& name : names) {
     bool takes_part = false;
@@ -91,7 +105,8 @@ std::vector<std::uint8_t> component_mask(lua_State* L, const TreeOperators& tree
       if (const int place = tree.place_of_velocity(v); place >= 0) mask[static_cast<std::size_t>(place)] = 1, takes_part = true;
     if (!takes_part)
       refuse(L, Code::unknown_name, what,
-             fmt::format("a component of the bodies that take part: {}", fmt::join(tree.labels(Space::hinge, Sort::motion).names, ", ")),
+             fmt::format("{}: {}", tree.model().loops.empty() ? "a component of the bodies that take part" : "an independent component",
+                         fmt::join(tree.labels(Space::hinge, Sort::motion).names, ", ")),
              in_quotes(name));
   }
   return mask;

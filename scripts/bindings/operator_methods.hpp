@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "core/operators/closed_system.hpp"
+#include "core/operators/compound_tree.hpp"
 #include "core/operators/expression.hpp"
 #include "core/operators/linear_model.hpp"
 #include "core/operators/tree_operators.hpp"
@@ -50,12 +51,15 @@ struct OperatingState {
   }
 };
 OperatingState present_state(const Scenario&);
-/// The operators of a tree, or of a part of it.
+/// The operators of a tree, or of a part of it, or of the tree of compound bodies that closed loops leave.
 struct LuaOperators {
-  std::shared_ptr<TreeOperators> tree;
+  std::shared_ptr<operators::SpatialOperators> letters;
   std::string of;  // "the whole tree", "the subtree of boom"
   std::shared_ptr<const OperatingState> at;
+  std::shared_ptr<TreeOperators> tree = nullptr;                 // the same, where it is a tree
+  std::shared_ptr<operators::CompoundTree> compounds = nullptr;  // ... or one of compound bodies
 };
+void push_tree(lua_State* L, std::shared_ptr<TreeOperators> tree, std::string of, std::shared_ptr<const OperatingState> at);
 /// What can be asked of a tree or a part of it at a state; arguments from the second on.
 using Study = int (*)(lua_State*, const TreeOperators&, const OperatingState&);
 /// Refuses to look while a function of an event is evaluated.
@@ -79,7 +83,8 @@ inline std::vector<int> nodes_at(lua_State* L, int first, const Model& m) { retu
 /// Velocity components of the model that a name stands for (core/model/components.hpp); C0208 if there are none.
 std::vector<int> components_at(lua_State* L, const Model&, const std::string& name, const char* what);
 /// 1 for these components of the tree.
-std::vector<std::uint8_t> component_mask(lua_State* L, const TreeOperators&, const std::vector<std::string>& names, const char* what);
+std::vector<std::uint8_t> component_mask(lua_State* L, const operators::SpatialOperators&, const std::vector<std::string>& names,
+                                         const char* what);
 
 /// f(key, value), indices on the stack, for each entry of the table at `index` in the order of `pairs`: which fault is told first
 /// does not depend on hashes.
@@ -125,8 +130,9 @@ int placed(lua_State* L) {
   return LuaHost::guarded(L, [](lua_State* l) { return at_script_line(l, kFunction); });
 }
 
-/// The tree of argument 1; with Y, which is made when it is first needed.
-TreeOperators& tree_of(lua_State* L);
+/// The tree of argument 1, refused where it is one of compound bodies; with Y, which is made when it is first needed.
+const std::shared_ptr<TreeOperators>& shared_tree_of(lua_State* L);
+inline TreeOperators& tree_of(lua_State* L) { return *shared_tree_of(L); }
 TreeOperators& tree_with_Y(lua_State* L);
 /// A part of the tree of its own, at the same q, whose free components are those that are named.
 std::shared_ptr<TreeOperators> articulated_for(lua_State* L, const TreeOperators& tree, const std::vector<std::string>& names,

@@ -38,7 +38,7 @@ LuaTask& to_task(lua_State* L) {
 /// s:task{nodes = {...}, rows = {1, 2, ...} or T = matrix, passive = {components}}
 int task(lua_State* L) {
   tree_with_Y(L);
-  return push_task(L, to_operators(L).tree, nullptr);
+  return push_task(L, shared_tree_of(L), nullptr);
 }
 int task_compliance(lua_State* L) {
   const LuaTask& t = to_task(L);

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include "core/sim/description.hpp"
+#include "core/sim/other_cuts.hpp"
 #include "scripts/mission/mission_run.hpp"
 
 namespace cardan {
@@ -11,6 +12,11 @@ namespace cardan {
 Json describe_scenario(Scenario& s, bool measured, int n_modes) {
   Json out = describe(*s.sim, measured, n_modes);
   out["mission"] = {{"title", s.mission.title}, {"duration_s", s.mission.duration}, {"integrator", out["integrator"]}};
+  if (const auto cuts = cut_costs(s.sim->model(), s.registry)) {
+    Json others = Json::array();
+    for (const CutCost& c : cuts->others) others.push_back({{"loop", c.loop}, {"hinge", c.hinge}, {"flops", c.flops}});
+    out["loops"]["cuts"] = {{"flops", cuts->flops}, {"others", others}, {"all", cuts->all}};
+  }
   out["controllers"] = Json::array();
   for (const Controller& c : s.controllers)
     out["controllers"].push_back(

@@ -9,6 +9,7 @@
 #include "core/abi/registry.hpp"
 #include "core/dynamics/loops.hpp"
 #include "core/operators/apply.hpp"
+#include "core/operators/tree_operators.hpp"
 #include "core/sim/simulation.hpp"
 #include "tests/plugins/told_modal.hpp"
 #include "tests/properties/equipped_vehicle.hpp"

@@ -6,6 +6,7 @@
 #include "core/linalg/eigenpairs.hpp"
 #include "core/operators/apply.hpp"
 #include "core/operators/expression.hpp"
+#include "core/operators/tree_operators.hpp"
 #include "tests/properties/trees.hpp"
 
 namespace cardan::test {

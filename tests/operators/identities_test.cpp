@@ -3,6 +3,7 @@
 // term on either side; what contains an inverse is compared after multiplication by the operator, so that no condition number
 // enters but that of D.
 #include "core/operators/apply.hpp"
+#include "core/operators/tree_operators.hpp"
 #include "core/reference/dense_dynamics.hpp"
 #include "tests/operators/compare.hpp"
 

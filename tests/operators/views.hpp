@@ -1,6 +1,7 @@
 #pragma once
 // A random tree at its state, the dense twin beside it, and the subgraphs of it of which the twin knows the mass matrix.
 #include "core/operators/apply.hpp"
+#include "core/operators/tree_operators.hpp"
 #include "core/reference/dense_dynamics.hpp"
 #include "tests/operators/compare.hpp"
 

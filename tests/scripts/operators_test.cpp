@@ -203,6 +203,16 @@ local nu = c:nu { 0.7, 0.7, -0.7 }
 assert(math.abs(nu[1] ^ 2 - 0.49 * inertia) < 1e-12 and (c:velocity(nu) - vector { 0.7, 0.7, -0.7 }):max_abs() < 1e-12)
 assert(math.abs(math.abs(c:eps({ 2, 0, 0 })[1]) - 2 / math.sqrt(inertia)) < 1e-12 and c:coriolis(nu):max_abs() < 1e-12)
 assert(c:open_tree().mass:dense():rows() == 3)
+local s = sat:operators()                                                    -- of the tree of compound bodies
+local one = s:compounds()[1]
+assert(#s:compounds() == 1 and #one.bodies == 3 and one.home == "world" and one.loops[1] == "pin" and one.independent[1] == s:names()[1])
+assert(s:size("hinge") == 1 and s:size("rate") == 3 and s:size("body") == 18)
+assert(((s.X * s.mass:inv() * s.X:star()) * vector { 1, 0, 0 } * inertia - vector { 1, 1, -1 }):max_abs() < 1e-12)
+assert((s.mass * s.mass:inv() - s.I):norm() < 1e-13 and math.abs(s:log_det() - math.log(inertia)) < 1e-12)
+s:along(s:names()[1])
+assert(s.mass_derivative:norm() < 1e-12 and s.dX:norm() < 1e-12)             -- a parallelogram
+ok, why = pcall(s.momentum, s, { 1, 0, 0 })
+assert(not ok and tostring(why):find("closed_system() has the analyses", 1, true), tostring(why))
 local d = sat:derivatives()
 assert(math.abs(math.abs(d.vdot_q(1, 1)) - weight / inertia) < 1e-11 and d.vdot_v:max_abs() < 1e-12 and math.abs(d.vdot_tau(1, 3) + 1 / inertia) < 1e-12)
 assert(d.tau_q == nil and sat:derivatives("bar").vdot:max_abs() < 1e-11)     -- it hangs, whatever its mass

@@ -703,7 +703,14 @@ function Operator:text() end
 ---@field tau? Vector|number[] read for free components; default 0
 ---@field vdot? Vector|number[] read for the others; default 0
 
---- The operators of a tree, or of a part of it, at one state; spaces: hinge (velocity components), body ([V; eta'] per body), node.
+---@class CompoundBody
+---@field bodies string[] that move against each other in its loops
+---@field home string the body that they hang on, or "world"
+---@field loops string[]
+---@field independent string[] its components in the hinge space
+
+--- The operators of a tree, or of a part of it, or of the tree of compound bodies that closed loops leave, at one state; spaces: hinge
+--- (velocity components, of closed loops the independent ones), rate (all of them), body ([V; eta'] per body), node.
 ---@class Operators: Scene
 ---@field H Operator hinge x body: relative velocities are H* v
 ---@field phi Operator body x body: gathers forces tip to base
@@ -723,6 +730,8 @@ function Operator:text() end
 ---@field dH Operator along the direction of along()
 ---@field dE_phi Operator along the direction of along()
 ---@field dM Operator along the direction of along()
+---@field X Operator rate x hinge: v = X v_I; of an open tree the identity
+---@field dX Operator along the direction of along()
 ---@field I Operator identity of the space that it meets
 ---@field mass Operator H phi M phi* H*
 ---@field omega Operator psi* H* D^-1 H psi
@@ -751,17 +760,20 @@ function Operators:nodes(...) end
 function Operators:articulate(options) end
 --- Computes Y, Y_plus.
 function Operators:operational_space() end
---- dH, dE_phi, dM where q moves along u, or along a component.
+--- dH, dE_phi, dM, dX where q moves along u, or along a component; of closed loops as the independent ones of u say.
 ---@param u Vector|number[]|string
 function Operators:along(u) end
 --- Logarithm of the determinant of the mass matrix.
 ---@return number log_det
 function Operators:log_det() end
----@param space "hinge"|"body"|"node"
+--- The compound bodies that closed loops make of several; without loops none.
+---@return CompoundBody[] compounds
+function Operators:compounds() end
+---@param space "hinge"|"body"|"node"|"rate"
 ---@return integer size
 function Operators:size(space) end
 --- Names of the numbers of a space.
----@param space? "hinge"|"body"|"node" default "hinge"
+---@param space? "hinge"|"body"|"node"|"rate" default "hinge"
 ---@return string[] names
 function Operators:names(space) end
 --- J M^-1 J* of these nodes, 6 s x 6 s, node axes.
