@@ -690,11 +690,17 @@ OdeProblem Simulation::ode() {
     twin_ = std::make_unique<TwinDynamics<double>>(m);
   }
   if (options_.integrator.method == "extended")
-    ode.extended = std::make_shared<VehicleExtended>(model_, ode.absolute_tolerance, options_.integrator.relative_tolerance, [this] {
-      TwinLoads loads;
-      loads.tau = tau_.data(), loads.vdot = vdot_given_.data(), loads.wrenches = wrenches_;
-      return loads;
-    });
+    ode.extended = std::make_shared<VehicleExtended>(
+        model_, ode.absolute_tolerance, options_.integrator.relative_tolerance,
+        [this] {
+          TwinLoads loads;
+          loads.tau = tau_.data(), loads.vdot = vdot_given_.data(), loads.wrenches = wrenches_;
+          return loads;
+        },
+        ExtendedIntegrands{ode.n_quadrature,
+                           [this, xdot = std::vector<double>(static_cast<std::size_t>(ode.n))](const double* x, double* y) mutable {
+                             return rhs(state_.t, x, xdot.data()) && unless_thrown([&] { integrands(state_.t, x, y); });
+                           }});
   momentum_.reset();
   if (advances_linear_part(options_.integrator.method)) {
     ode.linear = std::make_shared<VehicleLinearPart>(model_, options_.integrator.method);

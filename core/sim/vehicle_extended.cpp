@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "core/reference/quad.hpp"
 
@@ -42,8 +43,18 @@ std::string VehicleExtended::refusal(const Model& model) {
 }
 
 VehicleExtended::VehicleExtended(std::shared_ptr<const Model> model, std::vector<double> absolute, double relative,
-                                 std::function<TwinLoads()> loads)
-    : model_(of_113_bits(std::move(model))), absolute_(std::move(absolute)), relative_(relative), loads_(std::move(loads)), twin_(*model_) {
+                                 std::function<TwinLoads()> loads, ExtendedIntegrands integrands)
+    : model_(of_113_bits(std::move(model))),
+      absolute_(std::move(absolute)),
+      relative_(relative),
+      loads_(std::move(loads)),
+      twin_(*model_),
+      integrands_(std::move(integrands)),
+      x_(static_cast<std::size_t>(model_->nq + model_->nv)),
+      ydot_(static_cast<std::size_t>(integrands_.n)),
+      now_(VecX::Zero(model_->nq + model_->nv + integrands_.n)),
+      next_(now_) {
+  now_.head(static_cast<Eigen::Index>(x_.size())).setConstant(std::numeric_limits<Quad>::quiet_NaN());  // nowhere yet
   for (const UserBody& u : model_->user)
     if (u.nq > 0 && u.hinge->normalise) quaternions_.push_back(u.q);
 }
@@ -51,10 +62,17 @@ VehicleExtended::VehicleExtended(std::shared_ptr<const Model> model, std::vector
 bool VehicleExtended::rates(const VecX& x, VecX& xdot) {
   const TwinLoads loads = loads_();
   try {
-    const auto state = twin_.at(x.head(model_->nq), x.tail(model_->nv), loads);
-    xdot << state.qdot, twin_.vdot(state, loads);
+    const auto state = twin_.at(x.head(model_->nq), x.segment(model_->nq, model_->nv), loads);
+    xdot.head(model_->nq) = state.qdot;
+    xdot.segment(model_->nq, model_->nv) = twin_.vdot(state, loads);
   } catch (const NumericsError&) {
     return false;
+  }
+  if (integrands_.n > 0) {
+    const auto n = static_cast<Eigen::Index>(x_.size());
+    Eigen::VectorXd::Map(x_.data(), n) = x.head(n).cast<double>();
+    if (!integrands_.rates(x_.data(), ydot_.data())) return false;
+    xdot.tail(integrands_.n) = Eigen::VectorXd::Map(ydot_.data(), integrands_.n).cast<Quad>();
   }
   return std::ranges::all_of(xdot, [](const Quad& r) { return isfinite(r); });
 }
@@ -76,35 +94,36 @@ void VehicleExtended::close(VecX& x) {
     n = 0;
     for (const auto& l : loops) {
       G.middleRows(n, l.c.size()) = l.G;
-      c.segment(n, l.c.size()) = rates ? VecX(l.G * x.tail(model_->nv)) : l.c;
+      c.segment(n, l.c.size()) = rates ? VecX(l.G * x.segment(model_->nq, model_->nv)) : l.c;
       n += l.c.size();
     }
     return reference::closed_motion<Quad>(state.M, VecX::Zero(model_->nv), G, -c).vdot;
   };
   for (int i = 0; i < kClosings; ++i) {
-    const VecX by = rows(twin_.at(x.head(model_->nq), x.tail(model_->nv), loads), false);
+    const VecX by = rows(twin_.at(x.head(model_->nq), x.segment(model_->nq, model_->nv), loads), false);
     x.head(model_->nq) += twin_.at(x.head(model_->nq), by, loads).qdot;
     normalise();
   }
-  x.tail(model_->nv) += rows(twin_.at(x.head(model_->nq), x.tail(model_->nv), loads), true);
+  x.segment(model_->nq, model_->nv) += rows(twin_.at(x.head(model_->nq), x.segment(model_->nq, model_->nv), loads), true);
 }
 
 void VehicleExtended::enter(const double* x) {
-  const auto n = static_cast<Eigen::Index>(model_->nq + model_->nv);
-  const Eigen::VectorXd given = Eigen::VectorXd::Map(x, n);
-  if (now_.size() == n) {
-    const Eigen::VectorXd before = now_.cast<double>();
-    bool same = true;
-    for (Eigen::Index i = 0; i < n; ++i) same = same && std::abs(given[i] - before[i]) <= kSame * std::max(1.0, std::abs(before[i]));
-    if (same) return;
+  const auto n = static_cast<Eigen::Index>(x_.size());
+  bool same = true;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const double before = static_cast<double>(now_[i]);
+    same = same && std::abs(x[i] - before) <= kSame * std::max(1.0, std::abs(before));
   }
-  now_ = given.cast<Quad>();
-  close(now_);
+  if (!same) {
+    now_.head(n) = Eigen::VectorXd::Map(x, n).cast<Quad>();
+    close(now_);
+  }
+  next_ = now_;
 }
 
 double VehicleExtended::error(const VecX& a, const VecX& b, int& state) const {
   double worst = 0.0;
-  for (Eigen::Index i = 0; i < a.size(); ++i) {
+  for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(x_.size()); ++i) {
     const double size = std::max(std::abs(static_cast<double>(a[i])), std::abs(static_cast<double>(now_[i])));
     const double e = std::abs(static_cast<double>(a[i] - b[i])) / (absolute_[static_cast<std::size_t>(i)] + relative_ * size);
     if (!(e <= worst)) worst = e, state = static_cast<int>(i);
@@ -155,6 +174,7 @@ void VehicleExtended::remember(Archive& archive) {
     archive(part[0], part[1], part[2]);
     if (archive.reading()) now_[i] = Quad(part[0]) + Quad(part[1]) + Quad(part[2]);
   }
+  if (archive.reading()) next_ = now_;
 }
 
 }  // namespace cardan

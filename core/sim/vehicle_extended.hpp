@@ -11,12 +11,19 @@
 
 namespace cardan {
 
+/// Rates in double of n integrals beside the state, at x; false: they cannot be evaluated there.
+struct ExtendedIntegrands {
+  int n = 0;
+  std::function<bool(const double* x, double* ydot)> rates = {};
+};
+
 /// x = [q; v] in the user's order. Between two restarts what acts is constant in time: commands.
 class VehicleExtended final : public ExtendedMotion {
  public:
   /// absolute: allowed of each state; relative: of its magnitude. `loads`: what acts now. InputError C0401 where something of the model has
   /// no more digits than a double.
-  VehicleExtended(std::shared_ptr<const Model> model, std::vector<double> absolute, double relative, std::function<TwinLoads()> loads);
+  VehicleExtended(std::shared_ptr<const Model> model, std::vector<double> absolute, double relative, std::function<TwinLoads()> loads,
+                  ExtendedIntegrands integrands = {});
 
   /// What of the model is known in double alone, "device wheel"; empty: nothing.
   static std::string refusal(const Model& model);
@@ -40,7 +47,9 @@ class VehicleExtended final : public ExtendedMotion {
   std::function<TwinLoads()> loads_;
   TwinDynamics<Quad> twin_;
   std::vector<int> quaternions_;  // where they begin in q
-  VecX now_, next_;
+  ExtendedIntegrands integrands_;
+  std::vector<double> x_, ydot_;  // scratch
+  VecX now_, next_;               // the state and the integrals; next_: as found() tells them
 };
 
 }  // namespace cardan

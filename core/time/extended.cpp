@@ -8,7 +8,6 @@
 
 #include "core/time/event_finder.hpp"
 #include "core/time/methods.hpp"
-#include "core/time/node_quadrature.hpp"
 
 namespace cardan {
 namespace {
@@ -21,21 +20,18 @@ constexpr double kFirst = 1e-2;  // [s] of the first trial, where nothing is kno
 class Extended final : public Integrator {
  public:
   Extended(OdeProblem problem, const IntegratorOptions& options)
-      : problem_(std::move(problem)), options_(options), motion_(*problem_.extended), events_(problem_), nodes_(problem_.n_quadrature) {
-    for (std::vector<double>* x : {&x0_, &x1_, &x_, &rates_}) x->resize(static_cast<std::size_t>(problem_.n));
-    y_.resize(static_cast<std::size_t>(problem_.n_quadrature));
+      : problem_(std::move(problem)), options_(options), motion_(*problem_.extended), events_(problem_) {
+    for (std::vector<double>* x : {&x0_, &x1_, &x_}) x->resize(static_cast<std::size_t>(problem_.n + problem_.n_quadrature));
     next_ = options.initial_step > 0.0 ? options.initial_step : kFirst;
   }
 
   void restart(double t, const double* x) override {
-    nodes_.begin_stretch(t1_);
     t0_ = t1_ = t;
     std::copy_n(x, problem_.n, x1_.begin());
     if (!taken_) motion_.take();
     motion_.enter(x1_.data());
     taken_ = true;
     if (problem_.n_roots > 0) events_.restart(t, x1_.data());
-    if (problem_.n_quadrature > 0) add_node();
     ++statistics_.restarts;
   }
 
@@ -88,7 +84,6 @@ class Extended final : public Integrator {
       ++statistics_.steps;
       statistics_.last_step = t1_ - t0_;
       statistics_.last_order = report.order;
-      if (problem_.n_quadrature > 0) add_node();
     }
     report.t = t1_;
     std::copy_n(x1_.begin(), problem_.n, x);
@@ -97,18 +92,23 @@ class Extended final : public Integrator {
 
   /// A step of its own that ends there.
   void interpolate(double t, double* x) override {
-    if (t == t1_ || taken_) return void(std::copy_n(x1_.begin(), problem_.n, x));
-    between(t, x);
-    go_to(t1_);
+    const bool inside = t != t1_ && !taken_;
+    if (inside) between(t, x_.data());
+    std::copy_n((inside ? x_ : x1_).begin(), problem_.n, x);
+    if (inside) go_to(t1_);
   }
-  void integrals(double t, double* y, double* error) override { nodes_.at(t, y, error); }
+  void integrals(double t, double* y, double* error) override {
+    const bool inside = t != t1_ && !taken_;
+    if (inside) between(t, x_.data());
+    std::copy_n((inside ? x_ : x1_).begin() + problem_.n, problem_.n_quadrature, y);
+    if (inside) go_to(t1_);
+    if (error) std::fill_n(error, problem_.n_quadrature, 0.0);
+  }
 
   void remember(Archive& archive) override {
-    std::vector<double> error(y_);
-    nodes_.at(t1_, y_.data(), error.data());
-    archive(std::span(y_), std::span(error), next_, statistics_, events_);
+    archive(next_, statistics_, events_);
     motion_.remember(archive);
-    if (archive.reading()) nodes_.begin_stretch_at(y_.data(), error.data());
+    if (archive.reading()) motion_.found(x1_.data());
   }
 
   IntegratorStatistics statistics() const override {
@@ -145,25 +145,16 @@ class Extended final : public Integrator {
     looked_inside_ = false;
   }
 
-  void add_node() {
-    if (!problem_.rhs(t1_, x1_.data(), rates_.data()) || !all_finite(rates_.data(), problem_.n))
-      fail_integration(Code::integrator_failed, t1_, "the right-hand side cannot be evaluated", {});
-    problem_.integrands(t1_, x1_.data(), y_.data());
-    ++statistics_.integrand_calls;
-    nodes_.add(t1_, y_.data());
-  }
-
   OdeProblem problem_;
   IntegratorOptions options_;
   ExtendedMotion& motion_;
   EventFinder events_;
-  NodeQuadrature nodes_;
   double t0_ = 0.0, t1_ = 0.0;  // [s] of the last step
   double next_;                 // [s] of a step that needs an order that is good
   int worst_ = -1;
-  bool taken_ = true;           // the motion is at t1_, not at t0_ with a step to t1_ found
-  bool looked_inside_ = false;  // since then another step was found
-  std::vector<double> x0_, x1_, x_, rates_, y_;
+  bool taken_ = true;                // the motion is at t1_, not at t0_ with a step to t1_ found
+  bool looked_inside_ = false;       // since then another step was found
+  std::vector<double> x0_, x1_, x_;  // at both ends of it, and inside: with the integrals after the state
   IntegratorStatistics statistics_;
 };
 

@@ -283,6 +283,8 @@ int precision(const PrecisionArguments& a) {
   order.grid = grid_of(precision_grid(methods, tolerances, steps, order.own), formulations, a.formulations, order.own, nv);
   order.reference = references(a, tolerances.back());
   const bool insists = a.reference == std::vector<std::string>{kExtended};
+  if (insists && !without_extended.empty())
+    refuse(Code::unsupported, {"--reference"}, "a scene that has 113 bits throughout", without_extended, "--reference dop853,cvode_adams");
   order.not_extended = a.reference.empty() || insists ? without_extended : "";
   if ((a.reference.empty() || insists) && without_extended.empty()) order.extended = extended_references();
   order.extended_cpu_s = insists ? a.limit : std::min(a.limit, kExtendedLimit);

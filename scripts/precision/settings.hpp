@@ -23,8 +23,8 @@ struct Formulation {
 struct PrecisionSetting {
   std::string method, linear_solver;  // the latter empty: the method's own, or none
   bool adaptive = true;
-  double relative = 0.0, absolute = 0.0;  // of an adaptive method; absolute 0: that of `relative`
-  double step = 0.0;                      // [s] of a method of equal steps
+  double relative = 0.0, absolute = 0.0;                     // of an adaptive method; absolute 0: that of `relative`
+  double step = 0.0;                                         // [s] of a method of equal steps
   std::vector<std::pair<std::string, double>> by_kind = {};  // `tolerances` of an adaptive method: "angle" [rad]
   Formulation formulation = {};
   Sets model = {};             // simplifications of the vehicle
@@ -56,8 +56,8 @@ std::vector<double> usual_steps(double rate, double period, double duration);
 /// Those of `there` that are named, each once; `all` is all of them. Throws InputError C0801.
 std::vector<Formulation> formulations_named(const std::vector<std::string>& names, const std::vector<Formulation>& there);
 
-/// Each method with each rung of its ladder. `own`: what the scenario says: absolute tolerances, of kinds too, keep their ratio to the relative
-/// one.
+/// Each method with each rung of its ladder. `own`: what the scenario says: absolute tolerances, of kinds too, keep their ratio to the
+/// relative one.
 std::vector<PrecisionSetting> precision_grid(const std::vector<PrecisionSetting>& methods, const std::vector<double>& tolerances,
                                              const std::vector<double>& steps, const PrecisionSetting& own);
 /// With another tolerance, and the absolute ones along.

@@ -276,6 +276,10 @@ TEST_F(Precision, TheReferenceIsIn113BitsWhereTheSceneHasThem) {
       has(precision(one).out,
           "in double precision (113 bits are not to be had: motions that are given as functions of time); its error: what cvode_adams"));
   EXPECT_EQ(data()["reference"]["why_double"], "motions that are given as functions of time");
+  EXPECT_EQ(refusal({"--reference", "extended"}),
+            "error[C0401]: not supported by the chosen method\n  at: --reference\n  expected: a scene that has 113 bits throughout\n"
+            "  got:      motions that are given as functions of time\n  hint:     --reference dop853,cvode_adams\n\n"
+            "1 error. Nothing was run.\n");
   scene(std::string(kMission) + "event { name = 'half', when = function(t) return t - 4 end, action = function() end }\n");
   EXPECT_TRUE(has(precision(one).out, "(113 bits are not to be had: event \"half\", whose time is found in double)"));
 }

@@ -239,6 +239,19 @@ TEST(Contact, PushesAsItsParametersSay) {
   }
 }
 
+/// A sphere that spins against a smaller one: friction acts in the middle of what overlaps, half of the depth below each surface.
+TEST(Contact, RubsInTheMiddleOfWhatOverlaps) {
+  const double depth = 0.02, lever[2] = {0.2 - 0.5 * depth, 0.1 - 0.5 * depth};
+  AskedContact asked(sphere(0.2), sphere(0.1), {{"stiffness", 50.0}, {"exponent", 1.0}, {"friction", 0.3}});
+  asked.place(0, Quaterniond::Identity(), {0, 0, 0}), asked.place(1, Quaterniond::Identity(), {0.3 - depth, 0, 0});
+  asked.move(0, {0, 0, 10}, {0, 0, 0});
+  asked.ask();
+  const double rub = 0.3 * 50.0 * depth;
+  EXPECT_LT((asked.force(0) - Vector3d(-50.0 * depth, -rub, 0)).norm(), 1e-14);
+  for (const int i : {0, 1}) EXPECT_LT((asked.moment(i) - Vector3d(0, 0, -rub * lever[i])).norm(), 1e-14);
+  EXPECT_NEAR(asked.lost, rub * 10.0 * lever[0], 1e-13);
+}
+
 /// A sphere leaves a plane of the ground at e times the speed of `speed`, and at another one as a (v_i + v_o) = ln((1 + a v_i) / (1 - a
 /// v_o)) says [Hunt & Crossley 1975], whatever the stiffness and the exponent.
 TEST(Contact, BouncesWithItsRestitution) {

@@ -92,6 +92,29 @@ TEST(HardStop, KeepsMomentumOfWhatFloats) {
   }
 }
 
+/// Where a gear couples two hinges, both turn over: what the stop meets is J_1 + n^2 J_2.
+TEST(HardStop, MeetsAllThatAGearCouples) {
+  const double J_1 = 1.0, J_2 = 4.0, n = 2.0, e = 0.5;
+  BodySpec a = on(rigid("a", 1.0, {0, 0, 0}, diagonal({J_1, J_1, J_1})), "", "revolute", {{0, 0, 1}});
+  BodySpec b = on(rigid("b", 1.0, {0, 0, 0}, diagonal({J_2, J_2, J_2})), "", "revolute", {{0, 0, 1}});
+  a.hinge.v = {1.0}, b.hinge.v = {n};
+  a.hinge.loads = {hard_stop(-kNever, 1.0, 100.0, e, 0.1)};
+  SystemSpec spec = system({a, b});
+  LoopSpec gear;
+  gear.name = "gear", gear.type = "coupling", gear.terms = {{"a", n, {}}, {"b", -1.0, {}}}, gear.offset = 0.0;
+  spec.loops = {gear};
+  for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers}) {
+    spec.loop_form = form;
+    Simulation sim(compiled(spec), accurate());
+    const double energy = sim.energy().total();
+    sim.run(1.5);
+    EXPECT_NEAR(sim.state().v[0], -e, 1e-12);
+    EXPECT_NEAR(sim.state().v[1], -e * n, 1e-12);
+    EXPECT_NEAR(energy - sim.energy().total(), 0.5 * (1.0 - e * e) * (J_1 + n * n * J_2), 1e-12);
+    EXPECT_TRUE(sim.ledger().pass);
+  }
+}
+
 /// A mass that falls on a stop bounces less each time, v = sqrt(2 g h) e^k, and comes to rest m g / k deep; without restitution at once.
 TEST(HardStop, LetsWhatFallsComeToRest) {
   const double m = 2.0, g = 9.81, h = 0.05, k = 2e5;

@@ -209,13 +209,13 @@ TEST(IntegratingImu, CountsWithoutLoss) {
 
 // ---- devices of this test ----
 
-struct None {};
+struct NoParameters {};
 
 /// z' = alpha_x, until that is beyond 1.
 struct Shy {
   static constexpr const char *type = "shy", *summary = "z' = alpha_x";
   static constexpr unsigned facts = 0;
-  using Packed = None;
+  using Packed = NoParameters;
   static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_NODE, CARDAN_USE_ACCELERATION, "a node"}};
   static constexpr cardan_state_desc states[] = {{"turned", "rad/s", 0.0, 1.0, "integral of alpha"}};
   template <class T>
@@ -231,7 +231,7 @@ struct Shy {
 struct Blower {
   static constexpr const char *type = "blower", *summary = "a force";
   static constexpr unsigned facts = 0;
-  using Packed = None;
+  using Packed = NoParameters;
   static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_NODE, CARDAN_USE_LOAD, "a node"}};
   static constexpr cardan_port_desc ports[] = {{"force", CARDAN_PORT_IN, "N", 0.0, 0, "along x"}};
   template <class T>
