@@ -210,6 +210,31 @@ TEST(DiagonalVelocities, OfGivenMotionsComeBack) {
         kTrees);
 }
 
+/// What devices hold comes and goes in a run.
+TEST(DiagonalVelocities, LookAtWhatIsGivenNow) {
+  SystemSpec spec = system(base_with_sprung_arm());
+  DeviceSpec brake;
+  brake.name = "brake", brake.type = "dry_friction";
+  brake.params["coulomb"].value = 1.0;
+  brake.mounts["at"].target = "arm";
+  spec.devices = {brake};
+  const auto model = std::make_shared<Model>(*compiled(spec));
+  DiagonalVelocities form(model, true);
+  const int arm = model->user[1].v;
+  ASSERT_TRUE(model->has_prescribed());
+  State s = model->initial_state();
+  s.v[arm] = 0.7;
+  for (const bool held : {false, true, false}) {
+    model->prescribed[idx(arm)] = held;
+    form.look_at_given();
+    ASSERT_TRUE(form.at(s.q.data()));
+    VectorXd nu(model->nv), back(model->nv);
+    form.from_velocity(s.v.data(), nu.data()), form.to_velocity(nu.data(), back.data());
+    EXPECT_EQ(nu[arm] == 0.7, held);
+    EXPECT_LT(apart(back, s.v), kToRounding);
+  }
+}
+
 /// The root of the sum of squares of what each of the rates makes of nu.
 TEST(DiagonalVelocities, SizesAreRootsOfSumsOfSquares) {
   for_all_trees(
