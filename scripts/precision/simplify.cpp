@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
 
 namespace cardan {
 namespace {
 
 constexpr std::size_t kAllTried = 3;  // of a group, one by one
+constexpr double kTold = 0.02;        // [s] of processor time: below, times do not tell which of two is shorter
 
 class Search {
  public:
@@ -123,32 +125,32 @@ SimplifiedModel simplify(const PrecisionOrder& order, PrecisionStudy& study, std
     groups.back().push_back(i);
   }
   struct Offer {
-    std::vector<std::size_t> kept;
-    double operations;  // with the strongest of them
+    std::size_t simplification;
+    double worth;  // operations that it saves, over the part of the budget that it takes
   };
   std::vector<Offer> offers;
-  for (const auto& group : groups) {
-    Offer offer{search.kept_alone(group), 0.0};
-    const auto operations_of = [&](std::size_t s) { return search.run(search.without({s}, whole.setting)).operations; };
-    std::erase_if(offer.kept, [&](std::size_t s) { return !(operations_of(s) < model.runs.front().operations); });
-    if (offer.kept.empty()) continue;
-    offer.operations = operations_of(offer.kept.back());
-    offers.push_back(std::move(offer));
-  }
-  std::ranges::stable_sort(offers, {}, &Offer::operations);
+  for (const auto& group : groups)
+    for (const std::size_t s : search.kept_alone(group)) {
+      const SimplifiedRun& run = search.run(search.without({s}, whole.setting));
+      const double saved = model.runs.front().operations - run.operations;
+      double part = 1e-6;
+      for (const ErrorBudget& b : budgets)
+        if (b.kind < run.added.size() && run.added[b.kind]) part = std::max(part, value_of(*run.added[b.kind], measure) / b.most);
+      if (saved > 0.0) offers.push_back({s, saved / part});
+    }
+  std::ranges::stable_sort(offers, std::greater<>(), &Offer::worth);
 
-  // What saves most first, in each group the strongest that the rest of the budget allows.
+  // What is worth most first; of a group the stronger takes the place of the milder where the budget still allows it.
   std::vector<std::size_t> taken;
   std::size_t best = 0;
-  for (const Offer& offer : offers)
-    for (auto s = offer.kept.rbegin(); s != offer.kept.rend() && !search.stopped(); ++s) {
-      std::vector<std::size_t> more = taken;
-      more.push_back(*s);
-      const std::size_t i = search.without(more, whole.setting);
-      if (!search.keeps(i) || !(search.run(i).operations < search.run(best).operations)) continue;
-      taken = std::move(more), best = i;
-      break;
-    }
+  for (const Offer& offer : offers) {
+    if (search.stopped()) break;
+    std::vector<std::size_t> more = taken;
+    std::erase_if(more, [&](std::size_t s) { return model.all[s].group == model.all[offer.simplification].group; });
+    more.push_back(offer.simplification);
+    const std::size_t i = search.without(more, whole.setting);
+    if (search.keeps(i) && search.run(i).operations < search.run(best).operations) taken = std::move(more), best = i;
+  }
   model.chosen = best;
   if (taken.empty()) return model;
 
@@ -156,7 +158,8 @@ SimplifiedModel simplify(const PrecisionOrder& order, PrecisionStudy& study, std
   for (const PrecisionSetting& setting : settings_within(study, whole.setting.formulation, budgets, floors_of(study, measure), measure)) {
     if (search.stopped()) break;
     const std::size_t i = search.without(taken, setting);
-    if (search.keeps(i) && search.run(i).row.cpu_s < search.run(model.chosen).row.cpu_s) model.chosen = i;
+    const double is = search.run(model.chosen).row.cpu_s;
+    if (search.keeps(i) && is >= kTold && search.run(i).row.cpu_s < is) model.chosen = i;
   }
   return model;
 }
