@@ -108,3 +108,11 @@ function(cardan_doc_code page language n file)
   file(CONFIGURE OUTPUT ${file} CONTENT "@text@" @ONLY)
   set_source_files_properties(${file} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)   # it stands for itself, as its reader has it
 endfunction()
+
+# cardan_embeds(TARGET FILES...)  files that sources of TARGET have in them (core/base/embed.hpp): the compiler tells of none, so ccache is told.
+function(cardan_embeds target)
+  if(CCACHE)
+    list(JOIN ARGN ":" files)
+    set_target_properties(${target} PROPERTIES CXX_COMPILER_LAUNCHER "${CARDAN_CCACHE};CCACHE_EXTRAFILES=${files};${CCACHE}")
+  endif()
+endfunction()
