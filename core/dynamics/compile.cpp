@@ -82,14 +82,12 @@ std::shared_ptr<const Model> compile(const SystemSpec& spec, const Registry& reg
 std::shared_ptr<const Model> compile(std::shared_ptr<const SystemSpec> spec, const Registry& registry, const CompileOptions& options) {
   spec = with_kept_rotary_terms(std::move(spec));
   std::shared_ptr<Model> model = assemble(spec, registry, options, false);
-  if (!model->loops.empty()) {
-    prepare_loops(*model);
-    if (model->spec->loop_form == LoopForm::dae) {
-      model->loops.absolute = in_absolute_coordinates(*model, registry, options);
-      sweep_absolute(*model);
-    }
-    return model;
+  if (!model->loops.empty()) prepare_loops(*model);
+  if (model->spec->loop_form == LoopForm::dae) {
+    model->loops.absolute = in_absolute_coordinates(*model, registry, options);
+    if (!model->loops.empty()) sweep_absolute(*model);
   }
+  if (!model->loops.empty() || model->loops.absolute) return model;
   if (model->n_modes > 0 || !model->varies.empty()) return model;
   const Growth most = growth(*model);
   if (!(most.ratio > kGrowth)) return model;

@@ -24,7 +24,7 @@ struct AbsoluteModel {
   std::vector<int> node_of;  // per node of the vehicle
 };
 
-/// What of a model with loops the form does not take, "masses that change"; empty: it takes all.
+/// What of a model the form does not take, "masses that change"; empty: it takes all.
 std::string not_taken_absolutely(const Model& model);
 /// InputError C0401 where there is such a thing.
 std::shared_ptr<const AbsoluteModel> in_absolute_coordinates(const Model& model, const Registry& registry, const CompileOptions& options);

@@ -8,7 +8,7 @@ namespace cardan {
 
 /// Which rows close a loop (docs/mathematics/loops.md).
 enum class Closing : std::uint8_t { weld, point, line, plane, distance, hinge, coupling };
-/// How the loops of a vehicle are closed.
+/// How the loops of a vehicle are closed; dae: all bodies in absolute coordinates, for comparison.
 enum class LoopForm : std::uint8_t { automatic, multipliers, embedding, dae };
 
 /// How a set of loops that share hinges is closed, and why.

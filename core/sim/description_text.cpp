@@ -131,8 +131,9 @@ std::string description_text(const Json& d) {
 
   const Json loops = d.value("loops", Json());
   if (!loops.is_null() && !loops["all"].empty()) {
-    out += fmt::format("\nclosed loops, by {}\n",
-                       loops["embedded"].get<bool>() ? "embedding: inside of the sweeps" : "multipliers over the open tree");
+    out += fmt::format("\nclosed loops, by {}\n", loops["embedded"].get<bool>() ? "embedding: inside of the sweeps"
+                                                  : loops["form"] == "dae"      ? "multipliers of all bodies in absolute coordinates"
+                                                                                : "multipliers over the open tree");
     for (const Json& l : loops["all"])
       out += fmt::format("  {:<18}{:<16}{}, {} rows on {} rates\n", l["name"].get<std::string>(), l["type"].get<std::string>(),
                          l["between"].get<std::string>(), l["rows"].get<int>(), l["rates"].get<int>());

@@ -17,15 +17,14 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 std::shared_ptr<const Model> honoured_form(std::shared_ptr<const Model> model) {
   if (const std::string not_taken = VehicleImplicitForm::refusal(*model); !not_taken.empty())
     refuse(Code::unsupported, {"integrator.method"}, "a method that takes " + not_taken, "ida, which does not",
-           "loop_form: dae beside the loops of the vehicle, or another method; auto finds one");
+           "loop_form: dae in the vehicle, or another method; auto finds one");
   return model;
 }
 
 }  // namespace
 
 std::string VehicleImplicitForm::refusal(const Model& model) {
-  if (model.loops.empty()) return "a vehicle without closed loops";
-  if (!model.loops.absolute) return "loops of another form than dae";
+  if (!model.loops.absolute) return "vehicles of another loop_form than dae";
   if (model.devices.n_z > 0) return "devices with states";
   return {};
 }

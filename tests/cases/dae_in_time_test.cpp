@@ -155,6 +155,17 @@ TEST(DaeInTime, LinksThatBendMoveAsTheOtherFormsHaveThem) {
   expect_the_same_motion({spec, 0.3}, 1e-2, 1e-5);
 }
 
+// Without loops there are the rows of hinges; a body that flies has none. Quaternions keep their norm.
+TEST(DaeInTime, AnOpenTreeMovesAsTheSweepsHaveIt) {
+  BodySpec bus = on(rigid("bus", 4.0, {0.1, 0, 0.05}, diagonal({0.4, 0.7, 0.9})), "", "free");
+  bus.hinge.v = {0.5, 2.0, 0.3, 0.1, 0.2, -0.1};
+  BodySpec arm = on(rigid("arm", 1.0, {0.3, 0, 0}, diagonal({0.01, 0.05, 0.05})), "bus", "universal", {{0, 0, 1}, {0, 1, 0}}, {0.5, 0, 0});
+  arm.hinge.v = {1.0, -0.5};
+  BodySpec ball = on(rigid("ball", 0.5, {0, 0.2, 0}, diagonal({0.01, 0.02, 0.02})), "arm", "ball", {}, {0.6, 0, 0});
+  ball.hinge.v = {0.4, -2.0, 1.0};
+  expect_the_same_motion({system({bus, arm, ball}), 1.0}, 1e-3, 1e-6);
+}
+
 // The energy of a closed mechanism on which nothing acts drifts as the tolerance says.
 TEST(DaeInTime, EnergyDriftsWithTheTolerance) {
   Scene scene{four_bar(), 3.0};

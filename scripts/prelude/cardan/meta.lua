@@ -31,7 +31,7 @@ function vehicle(path) end
 
 ---@class IntegratorOptions
 ---@field method? "ark_explicit"|"ark_imex"|"ark_implicit"|"auto"|"cvode_adams"|"cvode_bdf"|"dop853"|"dopri5"|"exponential"|"extended"|"ida"|"multirate"|"rk4"|"variational"|"variational4" default dopri5
----@field linear_solver? "dense"|"krylov" of cvode_bdf; default dense
+---@field linear_solver? "dense"|"krylov"|"sparse" of cvode_bdf and ark_implicit; default dense; of ida: sparse
 ---@field relative? number relative tolerance, default 1e-9
 ---@field absolute? number absolute tolerance; default: the relative one
 ---@field tolerances? TolerancesByKind absolute ones of a kind of states, in place of `absolute`
