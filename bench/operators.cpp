@@ -128,7 +128,7 @@ std::vector<Method> methods() {
        [](Scene& s) {
          s.y.resize(s.model->nv);
          s.workspace.articulated = false;  // of another q
-         forward_dynamics(*s.model, s.workspace, Inputs{.q = s.q.data(), .v = s.v.data(), .tau = s.tau.data()}, s.y.data());
+         forward_dynamics(*s.model, s.workspace, cardan::Inputs{.q = s.q.data(), .v = s.v.data(), .tau = s.tau.data()}, s.y.data());
        }},
       {"gradient of log det M", 1, [](Scene& s) { s.y = log_det_gradient(s.tree); }},
       {"nu of v", 1, [](Scene& s) { s.y = s.diagonalised->from_velocity(s.v); }},

@@ -16,13 +16,13 @@ namespace {
 
 using Eigen::VectorXd;
 
-struct Scene {
+struct DaeScene {
   SystemSpec spec;
   double span;
   std::function<void(Simulation&)> set_up = [](Simulation&) {};
 };
 
-std::unique_ptr<Simulation> run_of(const Scene& scene, LoopForm form, const std::string& method, double tolerance) {
+std::unique_ptr<Simulation> run_by(const DaeScene& scene, LoopForm form, const std::string& method, double tolerance) {
   SystemSpec spec = scene.spec;
   spec.loop_form = form;
   SimulationOptions options;
@@ -45,17 +45,19 @@ VectorXd multipliers_of(Simulation& sim) {
 
 /// Errors of states and of multipliers at the end, relative to their largest, at 1e-5 and 1e-9; rows closed, energy as its tolerance has
 /// it.
-void expect_the_same_motion(const Scene& scene, double coarse, double fine) {
-  const auto wanted = run_of(scene, LoopForm::automatic, "dop853", 1e-12);
+void expect_the_same_motion(const DaeScene& scene, double coarse, double fine) {
+  const auto wanted = run_by(scene, LoopForm::automatic, "dop853", 1e-12);
   const VectorXd x = state_of(*wanted), lambda = multipliers_of(*wanted);
   double before = 0.0;
   for (const auto& [tolerance, allowed] : {std::pair(1e-5, coarse), std::pair(1e-9, fine)}) {
-    const auto sim = run_of(scene, LoopForm::dae, "ida", tolerance);
+    const auto sim = run_by(scene, LoopForm::dae, "ida", tolerance);
     EXPECT_EQ(sim->integrator_name(), "ida");
     const double error = (state_of(*sim) - x).lpNorm<Eigen::Infinity>() / x.lpNorm<Eigen::Infinity>();
     EXPECT_LE(error, allowed) << tolerance;
     EXPECT_LE((multipliers_of(*sim) - lambda).lpNorm<Eigen::Infinity>(), 1e3 * allowed * lambda.lpNorm<Eigen::Infinity>()) << tolerance;
-    if (tolerance == 1e-9) EXPECT_LT(error, 0.03 * before);
+    if (tolerance == 1e-9) {
+      EXPECT_LT(error, 0.03 * before);
+    }
     before = error;
     for (const double c : sim->loop_forces().residual) EXPECT_LE(std::abs(c), 1e-13);
     for (const double rate : sim->loop_forces().rate) EXPECT_LE(std::abs(rate), 1e-12 * x.lpNorm<Eigen::Infinity>());
@@ -99,7 +101,7 @@ TEST(DaeInTime, ASliderCrankMovesAsTheOtherFormsHaveIt) { expect_the_same_motion
 
 // A given crank, a gear and a length that changes with time: rows of each kind. The bob is free.
 TEST(DaeInTime, GivenMotionsAndCouplingsAreRows) {
-  Scene scene{slider_crank(), 1.0};
+  DaeScene scene{slider_crank(), 1.0};
   scene.spec.bodies[0].hinge.prescribed = {0};
   BodySpec wheel = on(rigid("wheel", 0.4, {0, 0.02, 0}, diagonal({0.003, 0.003, 0.005})), "", "revolute", {{0, 0, 1}}, {0, 0, 0.2});
   BodySpec idle = on(rigid("idle", 0.4, {0.1, 0.02, 0}, diagonal({0.003, 0.003, 0.005})), "", "revolute", {{0, 0, 1}}, {1.0, 0, 0});
@@ -168,24 +170,26 @@ TEST(DaeInTime, AnOpenTreeMovesAsTheSweepsHaveIt) {
 
 // The energy of a closed mechanism on which nothing acts drifts as the tolerance says.
 TEST(DaeInTime, EnergyDriftsWithTheTolerance) {
-  Scene scene{four_bar(), 3.0};
+  DaeScene scene{four_bar(), 3.0};
   scene.spec.gravity = {};
   double before = 0.0;
   for (const double tolerance : {1e-6, 1e-9}) {
-    const auto sim = run_of(scene, LoopForm::dae, "ida", tolerance);
+    const auto sim = run_by(scene, LoopForm::dae, "ida", tolerance);
     const double at_start = compiled(scene.spec) ? Simulation(compiled(scene.spec), {}).energy().total() : 0.0;
     const double drift = std::abs(sim->energy().total() - at_start) / at_start;
     EXPECT_LE(drift, 1e5 * tolerance);
-    if (tolerance == 1e-9) EXPECT_LT(drift, 0.1 * before);
+    if (tolerance == 1e-9) {
+      EXPECT_LT(drift, 0.1 * before);
+    }
     before = drift;
   }
 }
 
 // Any method advances (q, v) by the accelerations of this form.
 TEST(DaeInTime, OtherMethodsTakeItsAccelerations) {
-  const Scene scene{four_bar(), 0.5};
-  const VectorXd a = state_of(*run_of(scene, LoopForm::dae, "dop853", 1e-11)),
-                 b = state_of(*run_of(scene, LoopForm::automatic, "dop853", 1e-11));
+  const DaeScene scene{four_bar(), 0.5};
+  const VectorXd a = state_of(*run_by(scene, LoopForm::dae, "dop853", 1e-11)),
+                 b = state_of(*run_by(scene, LoopForm::automatic, "dop853", 1e-11));
   EXPECT_LE((a - b).lpNorm<Eigen::Infinity>(), 1e-10 * b.lpNorm<Eigen::Infinity>());
 }
 
