@@ -40,9 +40,12 @@ SystemSpec with(SystemSpec spec, const Model& bare, const cardan_device_family& 
       if ((p.flags & CARDAN_REQUIRED) == 0) continue;
       if (p.kind == CARDAN_NUMBER)
         d.params[p.name] = {1.0 + k, {}};
+      else if (p.kind == CARDAN_CHOICE)
+        d.params[p.name] = {std::string("sphere"), {}};  // of contact
       else
         d.params[p.name] = {std::vector<double>{0.0, 0.6, 0.8}, {}};
     }
+    if (std::string_view(family.type) == "contact") d.params["from_radius"] = d.params["to_radius"] = {1e-3, {}};  // which do not touch
     if (std::string_view(family.type) == "tape_spring") d.params["steady_moment"] = {0.1, {}};
     for (std::uint32_t k = 0; k < family.n_mounts; ++k) {
       const std::uint32_t kind = family.mounts[k].kind;

@@ -189,7 +189,8 @@ Printed print(const Model& model, const BenchState& state, bool inverse) {
 }
 
 Straight compiled(const std::string& code) {
-  const auto folder = std::filesystem::temp_directory_path() / fmt::format("cardan-straight-{}", ::getpid());
+  static int count = 0;  // a library of a name that is loaded is not read again
+  const auto folder = std::filesystem::temp_directory_path() / fmt::format("cardan-straight-{}-{}", ::getpid(), ++count);
   std::filesystem::create_directories(folder);
   std::ofstream(folder / "straight.c") << code;
   const std::string library = (folder / "straight.so").string();

@@ -43,7 +43,9 @@ std::string text_of_function(lua_State* L, int index) {
   const ApiReference& api = api_reference();
   for (const ApiFunction& f : api.functions()) {
     lua_getglobal(L, f.name.c_str());
-    if (lua_rawequal(L, -1, index)) return api.text_of(f);
+    const bool found = lua_rawequal(L, -1, index) != 0;
+    lua_pop(L, 1);
+    if (found) return api.text_of(f);
   }
   for (const auto& [name, c] : api.classes()) {
     if (!push_functions(L, c)) continue;
@@ -51,7 +53,9 @@ std::string text_of_function(lua_State* L, int index) {
     for (const ApiFunction* f : api.functions_of(c)) {
       lua_pushstring(L, f->name.c_str());
       lua_rawget(L, table);
-      if (!lua_rawequal(L, -1, index)) continue;
+      const bool found = lua_rawequal(L, -1, index) != 0;
+      lua_settop(L, table);
+      if (!found) continue;
       ApiFunction own = *f;
       own.owner = c.name;
       return api.text_of(own);
@@ -70,7 +74,9 @@ std::string text_of_object(lua_State* L, int index) {
   }
   for (const auto& [name, c] : api.classes()) {
     lua_getglobal(L, lower(name).c_str());
-    if (lua_istable(L, index) && lua_rawequal(L, -1, index)) return api.text_of(c);
+    const bool found = lua_istable(L, index) && lua_rawequal(L, -1, index);
+    lua_pop(L, 1);
+    if (found) return api.text_of(c);
   }
   return fmt::format("a {} of the script", luaL_typename(L, index));
 }

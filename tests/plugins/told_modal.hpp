@@ -41,6 +41,7 @@ inline const cardan_body_family& told_modal() {
     t.bias = [](const void* packed, const double* eta, const double* etadot, const double* omega, double* b) {
       modal_flexible_family().bias(ToldShapes::of(packed).rest(), eta, etadot, omega, b);
     };
+    t.states = nullptr;
     t.node = [](const void* packed, std::uint32_t i, const double* eta, const double*, double* x, double* S, double* a) {
       const std::uint64_t m = ToldShapes::of(packed).n_modes;
       const double* shapes = ToldShapes::of(packed).shapes() + 6 * m * i;

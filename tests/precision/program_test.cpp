@@ -122,18 +122,18 @@ TEST_F(Precision, WhatWasRunIsNotRunAgain) {
   const std::vector<std::string> two = {"--methods", "dop853", "--tolerances", "1e-6,1e-8", "--quiet", "--repeat", "1"};
   const Finished first = precision(two);
   ASSERT_EQ(first.exit_code, 0) << first.err;
-  EXPECT_TRUE(has(first.out, "\n6 runs, 0 of before."))
-      << "two of the reference, the scenario's own, by the twin too, two rows: " << first.out;
+  EXPECT_TRUE(has(first.out, "\n8 runs, 0 of before."))
+      << "two of the reference, the scenario's own, by the twin and in two kinds of velocities too, two rows: " << first.out;
   EXPECT_EQ(first.err, "");
   const json before = data();
-  EXPECT_TRUE(has(precision(two).out, "\n0 runs, 6 of before."));
+  EXPECT_TRUE(has(precision(two).out, "\n0 runs, 8 of before."));
   EXPECT_EQ(data(), before) << "times too: nothing was run";
-  EXPECT_TRUE(has(precision({"--methods", "dop853", "--tolerances", "1e-6,1e-8,1e-10", "--repeat", "1"}).out, "\n1 runs, 6 of before."));
+  EXPECT_TRUE(has(precision({"--methods", "dop853", "--tolerances", "1e-6,1e-8,1e-10", "--repeat", "1"}).out, "\n1 runs, 8 of before."));
   EXPECT_TRUE(has(precision({"--methods", "dop853", "--tolerances", "1e-6", "--set", "mission.ledger=false", "--repeat", "1"}).out,
-                  "\n5 runs, 0 of before."))
+                  "\n7 runs, 0 of before."))
       << "another setting";
   scene(replaced(kMission, "8 s", "7 s"));
-  EXPECT_TRUE(has(precision(two).out, "\n6 runs, 0 of before.")) << "another scenario";
+  EXPECT_TRUE(has(precision(two).out, "\n8 runs, 0 of before.")) << "another scenario";
 }
 
 TEST_F(Precision, AFailureIsARowWithItsReason) {
@@ -229,7 +229,7 @@ TEST_F(Precision, EachFormulationIsACurve) {
   const Finished run = precision(asked("all"));
   ASSERT_EQ(run.exit_code, 0) << run.out << run.err;
   EXPECT_TRUE(has(run.out, "formulation  tolerance")) << run.out;
-  for (const char* curve : {"dop853", "dop853+dense", "dop853+multipliers"}) {
+  for (const char* curve : {"dop853", "dop853+dense", "dop853+multipliers", "dop853+dae"}) {
     EXPECT_LT(row(curve, "1e-11")["errors"]["angle"]["largest"].get<double>(), 1e-8) << curve << ": the same motion";
     EXPECT_GT(row(curve, "1e-06")["errors"]["angle"]["largest"].get<double>(), row(curve, "1e-11")["errors"]["angle"]["largest"]) << curve;
   }
@@ -239,12 +239,12 @@ TEST_F(Precision, EachFormulationIsACurve) {
   EXPECT_EQ(file.read_doubles("/curves/dop853+dense/relative").values, (std::vector<double>{1e-6, 1e-11}));
   EXPECT_EQ(file.text_attribute("/curves/dop853+dense", "formulation"), "dense");
   EXPECT_EQ(file.text_attribute("/curves/dop853+dense", "method"), "dop853");
-  EXPECT_TRUE(has(precision(some).out, "\n2 runs, 5 of before.")) << "by default the others once each, as the scenario is: dopri5 1e-07";
+  EXPECT_TRUE(has(precision(some).out, "\n3 runs, 5 of before.")) << "by default the others once each, as the scenario is: dopri5 1e-07";
   EXPECT_TRUE(row("dopri5+multipliers", "1e-07")["failure"].is_null());
   EXPECT_EQ(
       refusal(asked("embeding")),
       "error[C0801]: wrong command line\n  at: --formulations\n  expected: all, or a formulation that the scene has: standard, dense, "
-      "multipliers\n  got:      \"embeding\"\n\n1 error. Nothing was run.\n")
+      "multipliers, dae\n  got:      \"embeding\"\n\n1 error. Nothing was run.\n")
       << "embedding is its own";
   EXPECT_EQ(refusal(asked("dense,dense")),
             "error[C0801]: wrong command line\n  at: --formulations\n  expected: each formulation once\n"

@@ -17,7 +17,7 @@ TEST(MakeIntegrator, UnknownMethodListsTheMethods) {
   EXPECT_EQ(refusal(adaptive("cvode_adms")),
             "C0401 | integrator.method | a method: ark_explicit, ark_imex, ark_implicit, auto, cvode_adams, cvode_bdf, dop853, dopri5, "
             "exponential, "
-            "ida, multirate, rk4, variational, "
+            "extended, ida, multirate, rk4, variational, "
             "variational4 | \"cvode_adms\" | "
             "did you mean \"cvode_adams\"?");
 }
