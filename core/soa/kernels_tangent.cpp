@@ -80,19 +80,74 @@ void family_node(const FlexibleBody& f, int m, int node, const Tangents* eta, co
   }
 }
 
+namespace {
+
+/// Derivatives of the record of a hinge that is not a quaternion, `records[d]` along direction d: component by component, each once for all
+/// directions. Where several move, a sum of what dense_record() finds for each.
+void dense_records(const cardan_hinge_family& f, const void* packed, const Tangents* q, const Tangents* v, double* x, double* w,
+                   double* const* records) {
+  const std::uint32_t zero = 0;
+  const auto nq = static_cast<int>(f.nq), nv = static_cast<int>(f.nv);
+  double slope[detail::kRecord], work[detail::kRecord];
+  const auto record = [&](double* to) {
+    cardan_hinge_out one{};
+    f.kinematics(packed, 1, &zero, &zero, x, w, &one);
+    std::memcpy(to, &one, sizeof one);
+  };
+  const auto moves = [](const Tangents& number) {
+    for (int d = 0; d < kDirections; ++d)
+      if (number.d.x[d] != 0.0) return true;
+    return false;
+  };
+  const auto add = [&](const Tangents& number, int first) {
+    for (int d = 0; d < kDirections; ++d)
+      for (int k = first; k < detail::kRecord; ++k) records[d][k] += number.d.x[d] * slope[k];
+  };
+  for (int i = 0; i < nq; ++i) {
+    if (!moves(q[i])) continue;
+    derivative([&](double s, double* to) { x[i] = q[i].x + s, record(to); }, kHingeStep, detail::kRecord, slope, work);
+    x[i] = q[i].x;
+    add(q[i], 0);
+  }
+  double size = 0.0;
+  for (int i = 0; i < nv; ++i) size = std::max(size, std::abs(v[i].x));
+  for (int i = 0; i < nv && size > 0.0; ++i) {  // Hdot* v is a quadratic form in v
+    if (!moves(v[i])) continue;
+    w[i] = v[i].x + size, record(slope);
+    w[i] = v[i].x - size, record(work);
+    w[i] = v[i].x;
+    for (int k = 48; k < detail::kRecord; ++k) slope[k] = (slope[k] - work[k]) / (2.0 * size);
+    add(v[i], 48);
+  }
+}
+
+}  // namespace
+
 void family_records(const SweepModel& model, Workspace<Tangents>& ws, const Inputs<Tangents>& in, const DenseBatch& batch) {
   const auto n = static_cast<std::uint32_t>(batch.iq.size());
   double *q = ws.family.data(), *v = q + model.nq;
   for (int i = 0; i < model.nq; ++i) q[i] = in.q[i].x;
   for (int i = 0; i < model.nv; ++i) v[i] = in.v[i].x;
   batch.family->kinematics(batch.packed.data(), n, batch.iq.data(), batch.iv.data(), q, v, ws.hinge_records(0) + batch.first);
-  for (std::uint32_t j = 0; j < n; ++j)
+  const auto* packed = reinterpret_cast<const std::byte*>(batch.packed.data());
+  for (std::uint32_t j = 0; j < n; ++j) {
+    double* records[kDirections];
     for (int d = 0; d < kDirections; ++d) {
-      const std::vector<Tangent> at = along_one(in.q + batch.iq[j], batch.family->nq, d),
-                                 rates = along_one(in.v + batch.iv[j], batch.family->nv, d);
-      record_along(batch, j, at.data(), rates.data(), q + batch.iq[j], v + batch.iv[j],
-                   ws.hinge_records(1 + d)[batch.first + static_cast<int>(j)]);
+      cardan_hinge_out& record = ws.hinge_records(1 + d)[batch.first + static_cast<int>(j)];
+      record = {};
+      records[d] = record.R_OP;
     }
+    if (!has_quaternion(*batch.family)) {
+      dense_records(*batch.family, packed + j * batch.family->params_size, in.q + batch.iq[j], in.v + batch.iv[j], q + batch.iq[j],
+                    v + batch.iv[j], records);
+      continue;
+    }
+    for (int d = 0; d < kDirections; ++d) {
+      Tangent at[7];
+      for (std::uint32_t i = 0; i < batch.family->nq; ++i) at[i] = along(in.q[batch.iq[j] + i], d);
+      detail::quaternion_record(batch.family->shape, at, records[d]);
+    }
+  }
 }
 
 void family_inertia(const FlexibleBody& f, int m, const Tangents* eta, const Tangents* etadot, const Vec3<Tangents>& w,

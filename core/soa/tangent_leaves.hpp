@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "core/abi/registry.hpp"
 #include "core/soa/kernels_kinematics.hpp"
 #include "core/soa/tangent.hpp"
 #include "core/spatial/rotation.hpp"
@@ -61,25 +62,22 @@ inline void dense_record(const cardan_hinge_family& f, const void* packed, const
 
 }  // namespace detail
 
-/// The derivative of the record of hinge j of a family at its q and v; x, w: their values, which move and come back.
-static inline void record_along(const DenseBatch& batch, std::uint32_t j, const Tangent* q, const Tangent* v, double* x, double* w,
-                                cardan_hinge_out& record) {
-  record = {};
-  const std::uint32_t shape = batch.family->shape;
-  if (shape == CARDAN_SHAPE_BALL || shape == CARDAN_SHAPE_FREE || shape == CARDAN_SHAPE_FREE_BODY)
-    return detail::quaternion_record(shape, q, record.R_OP);
-  const auto* packed = reinterpret_cast<const std::byte*>(batch.packed.data());
-  detail::dense_record(*batch.family, packed + j * batch.family->params_size, q, v, x, w, record.R_OP);
-}
 static inline void family_records(const SweepModel& model, Workspace<Tangent>& ws, const Inputs<Tangent>& in, const DenseBatch& batch) {
   const auto n = static_cast<std::uint32_t>(batch.iq.size());
   double *q = ws.family.data(), *v = q + model.nq;
   for (int i = 0; i < model.nq; ++i) q[i] = in.q[i].x;
   for (int i = 0; i < model.nv; ++i) v[i] = in.v[i].x;
   batch.family->kinematics(batch.packed.data(), n, batch.iq.data(), batch.iv.data(), q, v, ws.hinge_records(0) + batch.first);
-  for (std::uint32_t j = 0; j < n; ++j)
-    record_along(batch, j, in.q + batch.iq[j], in.v + batch.iv[j], q + batch.iq[j], v + batch.iv[j],
-                 ws.hinge_records(1)[batch.first + static_cast<int>(j)]);
+  const auto* packed = reinterpret_cast<const std::byte*>(batch.packed.data());
+  for (std::uint32_t j = 0; j < n; ++j) {
+    cardan_hinge_out& record = ws.hinge_records(1)[batch.first + static_cast<int>(j)];
+    record = {};
+    if (has_quaternion(*batch.family))
+      detail::quaternion_record(batch.family->shape, in.q + batch.iq[j], record.R_OP);
+    else
+      detail::dense_record(*batch.family, packed + j * batch.family->params_size, in.q + batch.iq[j], in.v + batch.iv[j], q + batch.iq[j],
+                           v + batch.iv[j], record.R_OP);
+  }
 }
 
 /// A step along d eta that moves no part of the body by more than a hundredth of its size; 0: nothing moves.
