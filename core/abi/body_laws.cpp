@@ -6,6 +6,7 @@
 
 #include "core/abi/law_tools.hpp"
 #include "core/abi/modal_view.hpp"
+#include "core/base/processor.hpp"
 #include "core/linalg/dense.hpp"
 
 namespace cardan {
@@ -16,14 +17,8 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-/// 2, 4 or 8 doubles in a register (core/soa/kernels.cpp).
-Eigen::Index lanes_of_this_processor() {
-#ifdef __x86_64__
-  if (__builtin_cpu_supports("x86-64-v4")) return 8;
-  if (__builtin_cpu_supports("x86-64-v3")) return 4;
-#endif
-  return 2;
-}
+/// Doubles in a register.
+Eigen::Index lanes_of_this_processor() { return has_x86_64_v4() ? 8 : has_x86_64_v3() ? 4 : 2; }
 
 Matrix3d tilde(const Vector3d& a) {
   Matrix3d t;

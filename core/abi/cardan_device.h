@@ -25,7 +25,7 @@ enum cardan_device_role {
 };
 
 enum cardan_mount_kind {
-  CARDAN_MOUNT_NODE = 0,  /* a node of a body, or its origin */
+  CARDAN_MOUNT_NODE = 0, /* a node of a body, or its origin; of an internal device that reads poses and velocities alone, also the ground */
   CARDAN_MOUNT_HINGE = 1, /* one velocity component of a hinge, with its coordinate where it has one */
   CARDAN_MOUNT_MASS = 2,  /* a rigid body that carries what `mass` tells, beside its own mass: read and pushed as the node at its origin.
                              At most one */

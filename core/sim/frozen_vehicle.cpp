@@ -27,8 +27,7 @@ std::array<double, 3> series(double r0, double r1, double r2) { return {r0 + r1 
 
 }  // namespace
 
-FrozenVehicle::FrozenVehicle(std::shared_ptr<const Model> model, bool gyroscopic)
-    : model_(std::move(model)), tree_(model_), gyroscopic_(gyroscopic) {
+FrozenVehicle::FrozenVehicle(std::shared_ptr<const Model> model, bool gyroscopic) : model_(std::move(model)), tree_(model_) {
   const Model& m = *model_;
   std::vector<bool> moves_others(m.bodies.size(), false);  // its modes do, or its pnode
   for (const SweepBody& b : m.bodies) {

@@ -98,8 +98,8 @@ class FrozenVehicle {
   std::vector<std::uint8_t> held_;
   std::vector<double> at_;  // q and v where it is frozen; empty: it is not yet
   double fastest_ = 0.0, rounding_ = 0.0;
-  int n_modes_ = 0;                     // in closed form
-  bool gyroscopic_, spinning_ = false;  // rotors may count; one does
+  int n_modes_ = 0;        // in closed form
+  bool spinning_ = false;  // a rotor counts
   long frozen_ = 0, used_ = 0;
   std::vector<Step> steps_;
   std::vector<Eigen::MatrixXd> P_;                  // per body, scratch of factor()

@@ -140,7 +140,7 @@ template class TwinDynamics<double>;
 template class TwinDynamics<reference::Quad>;
 
 void expect_twin_takes(const Model& model, const IntegratorOptions& options, const Located& at) {
-  if (options.method.starts_with("variational"))
+  if (options.method.starts_with("variational") || options.method == "ida")
     refuse(Code::unsupported, at, "a method that asks for accelerations, as the dense twin gives them", options.method, "dopri5, dop853");
   const TwinDynamics<double> twin(model);
 }

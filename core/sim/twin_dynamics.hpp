@@ -3,6 +3,7 @@
 // for --check-against-reference.
 #include <span>
 
+#include "core/dynamics/workspace.hpp"
 #include "core/model/model.hpp"
 #include "core/reference/dense_dynamics.hpp"
 #include "core/time/integrator.hpp"

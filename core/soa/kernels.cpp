@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "core/base/diagnostic.hpp"
+#include "core/base/processor.hpp"
 #include "core/soa/workspace_layout.hpp"
 
 namespace cardan::soa {
@@ -16,14 +17,7 @@ template class Workspace<Lanes<8>>;
 
 namespace {
 
-bool runs_here(std::string_view name) {
-  __builtin_cpu_init();
-  const bool v3 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2");
-  if (name == "v3") return v3;
-  if (name == "v2") return true;
-  return v3 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw") &&
-         __builtin_cpu_supports("avx512cd") && __builtin_cpu_supports("avx512vl");
-}
+bool runs_here(std::string_view name) { return name == "v2" || (name == "v3" ? has_x86_64_v3() : has_x86_64_v4()); }
 
 // Those that are built are called (CARDAN_KERNELS).
 [[maybe_unused]] InstructionSet v2() { return {"v2", sweeps_v2(), lanes_v2(), {}, {}, embedded_v2(), tangents_v2()}; }

@@ -124,11 +124,9 @@ void dense_records(const cardan_hinge_family& f, const void* packed, const Tange
 }  // namespace
 
 void family_records(const SweepModel& model, Workspace<Tangents>& ws, const Inputs<Tangents>& in, const DenseBatch& batch) {
+  value_records(model, ws, in, batch);
   const auto n = static_cast<std::uint32_t>(batch.iq.size());
   double *q = ws.family.data(), *v = q + model.nq;
-  for (int i = 0; i < model.nq; ++i) q[i] = in.q[i].x;
-  for (int i = 0; i < model.nv; ++i) v[i] = in.v[i].x;
-  batch.family->kinematics(batch.packed.data(), n, batch.iq.data(), batch.iv.data(), q, v, ws.hinge_records(0) + batch.first);
   const auto* packed = reinterpret_cast<const std::byte*>(batch.packed.data());
   for (std::uint32_t j = 0; j < n; ++j) {
     double* records[kDirections];

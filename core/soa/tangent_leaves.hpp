@@ -62,12 +62,19 @@ inline void dense_record(const cardan_hinge_family& f, const void* packed, const
 
 }  // namespace detail
 
-static inline void family_records(const SweepModel& model, Workspace<Tangent>& ws, const Inputs<Tangent>& in, const DenseBatch& batch) {
-  const auto n = static_cast<std::uint32_t>(batch.iq.size());
+/// The records of a family by value; q and v by value stay in Workspace::family.
+template <class T>
+static void value_records(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, const DenseBatch& batch) {
   double *q = ws.family.data(), *v = q + model.nq;
   for (int i = 0; i < model.nq; ++i) q[i] = in.q[i].x;
   for (int i = 0; i < model.nv; ++i) v[i] = in.v[i].x;
-  batch.family->kinematics(batch.packed.data(), n, batch.iq.data(), batch.iv.data(), q, v, ws.hinge_records(0) + batch.first);
+  batch.family->kinematics(batch.packed.data(), static_cast<std::uint32_t>(batch.iq.size()), batch.iq.data(), batch.iv.data(), q, v,
+                           ws.hinge_records(0) + batch.first);
+}
+static inline void family_records(const SweepModel& model, Workspace<Tangent>& ws, const Inputs<Tangent>& in, const DenseBatch& batch) {
+  value_records(model, ws, in, batch);
+  const auto n = static_cast<std::uint32_t>(batch.iq.size());
+  double *q = ws.family.data(), *v = q + model.nq;
   const auto* packed = reinterpret_cast<const std::byte*>(batch.packed.data());
   for (std::uint32_t j = 0; j < n; ++j) {
     cardan_hinge_out& record = ws.hinge_records(1)[batch.first + static_cast<int>(j)];

@@ -64,7 +64,7 @@ std::vector<double> ladder(const char* option, const std::string& text, double f
     }
   }
   std::ranges::sort(out, std::greater<>());
-  out.erase(std::ranges::unique(out).begin(), out.end());
+  out.erase(std::unique(out.begin(), out.end()), out.end());
   if (out.size() > kMostRungs) wrong_ladder(option, fmt::format("at most {} rungs", kMostRungs), in_quotes(text));
   return out;
 }

@@ -1,4 +1,7 @@
 // The assembler: starts that leave loops open, of mechanisms with one and with several ways to close them.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
 #include <numbers>
 #include <random>
 
