@@ -27,10 +27,34 @@ HingeRates least_squares(const HingeColumns& A, const Eigen::Matrix<double, 6, 1
   using Square = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 6, 6>;
   Eigen::Matrix<double, 6, 1> weight;
   weight << lever * lever, lever * lever, lever * lever, 1.0, 1.0, 1.0;
+  if (A.cols() == 1) {
+    const Eigen::Matrix<double, 6, 1> a = weight.cwiseProduct(A.col(0));
+    return HingeRates::Constant(1, a.dot(b) / a.dot(A.col(0)));
+  }
   const Square N = A.transpose() * weight.asDiagonal() * A;
   const HingeRates r = A.transpose() * weight.cwiseProduct(b);
   return N.ldlt().solve(r);
 }
+
+namespace {
+
+/// The one coordinate of a rotation or a slide in closed form. A rotation: the twist about its axis, on from where q is; what is left of
+/// the pose is at right angles to the axis. False: another hinge.
+bool coordinate_along(const cardan_hinge_family& f, const std::vector<double>& packed, const Pose<double>& wanted, double& q) {
+  if (f.shape != CARDAN_SHAPE_ROTATION && f.shape != CARDAN_SHAPE_SLIDE) return false;
+  double u[3], pitch;
+  f.axis(packed.data(), u, &pitch);
+  if (f.shape == CARDAN_SHAPE_SLIDE) {
+    q = u[0] * wanted.p.x + u[1] * wanted.p.y + u[2] * wanted.p.z;
+    return true;
+  }
+  const Eigen::Quaterniond turned(to_eigen(wanted.R));
+  const double angle = 2.0 * std::atan2(u[0] * turned.x() + u[1] * turned.y() + u[2] * turned.z(), turned.w());
+  q += std::remainder(angle - q, 2.0 * M_PI);
+  return true;
+}
+
+}  // namespace
 
 HingeFit fit_hinge(const cardan_hinge_family& f, const std::vector<double>& packed, const Pose<double>& wanted, double lever,
                    std::vector<double>& q) {
@@ -50,8 +74,9 @@ HingeFit fit_hinge(const cardan_hinge_family& f, const std::vector<double>& pack
     fit.e << to_eigen(rotation_vector(transpose(R_OP) * wanted.R)),
         to_eigen(transpose_times(R_OP, wanted.p - Vec3<double>{p[0], p[1], p[2]}));
   };
+  const bool found = n == 1 && coordinate_along(f, packed, wanted, q[0]);
   look();
-  for (int i = 0; n > 0 && i < kTurns; ++i) {
+  for (int i = 0; !found && n > 0 && i < kTurns; ++i) {
     const HingeRates step = least_squares(Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic>>(fit.out.Ht, 6, n), fit.e, lever);
     std::array<double, 7> next{};
     if (f.retract)

@@ -79,6 +79,7 @@ class EmbeddedMultipliers {
 
   bool find(LoopPass& pass) {
     what_is_left();
+    for (const Gear& gear : e_.gears) k_.lambda[at(gear.row)] = gear.per_slope * left_on_wheel(gear.wheel);
     std::ranges::fill(k_.pushed, 0.0);
     for (std::size_t l = 0; l < e_.loops.size(); ++l) gather(e_.loops[l]);
     for (std::size_t l = e_.loops.size(); l-- > 0;) solve(e_.loops[l], k_.lambda.data());
@@ -113,18 +114,20 @@ class EmbeddedMultipliers {
  private:
   static std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
+  double left_on_wheel(int k) const {
+    const AxisBody& wheel = m_.axis_bodies[at(k)];
+    const soa::Core<double>& carrier = ws_.core(wheel.parent);
+    const Vec3<double> u{wheel.u[0], wheel.u[1], wheel.u[2]};
+    return wheel.J_axial * (dot(u, carrier.gamma.w + carrier.delta.w) + k_.vdot[at(wheel.v)]) - ws_.axis(k).nu;
+  }
+
   /// H* f - tau on the rates that loops have taken up, f = P delta + z + Q x through their hinges: what their multipliers push.
   void what_is_left() {
     std::ranges::fill(k_.left, 0.0);
     std::ranges::fill(k_.through, Force<double>{});
     for (const EmbeddingStep& step : e_.steps) {
       const SweepBody& b = m_.bodies[at(step.body)];
-      if (step.kind == EmbeddingStep::Kind::wheel) {
-        const soa::Core<double>& carrier = ws_.core(b.parent);
-        const AxisBody& wheel = m_.axis_bodies[at(step.body)];
-        const Vec3<double> u{wheel.u[0], wheel.u[1], wheel.u[2]};
-        k_.left[at(b.v)] = wheel.J_axial * (dot(u, carrier.gamma.w + carrier.delta.w) + k_.vdot[at(b.v)]) - ws_.axis(step.body).nu;
-      }
+      if (step.kind == EmbeddingStep::Kind::wheel) k_.left[at(b.v)] = left_on_wheel(step.body);
       if (step.kind != EmbeddingStep::Kind::item) continue;
       const soa::Core<double>& core = ws_.core(step.body);
       Force<double> f = core.P * core.delta + ws_.z(step.body) + k_.through[at(step.body)];
@@ -242,6 +245,7 @@ class EmbeddedMultipliers {
 bool run_embedding(const Model& model, Workspace& ws, const Inputs& in, double* vdot) {
   int result = embed(model, ws, in, nullptr, vdot);
   const bool closed = result == 0 && (!model.loops.embedding->chosen || keeps_rows_left_out(model, ws, in, vdot));
+  if (!closed) keep_gamma(model, ws);
   if ((result == 0 && !closed) || (result == 2 && ws.breakdown.row >= 0)) {  // what the sweeps began with, once more
     const soa::Sweeps<double>& S = soa::sweeps<double>();
     S.ground(model, ws, in);
@@ -287,6 +291,7 @@ void push_open_tree(const Model& model, Workspace& ws, const Inputs& in, LoopPas
   Inputs pushed = in;
   if (ws.loops->coupled) pushed.tau = ws.loops->tau.data();
   pushed.wrenches = ws.loops->wrenches;
+  if (model.loops.embedding) keep_gamma(model, ws);
   S.ground(model, ws, in);
   for (const Run& run : model.runs) S.outward(model, ws, in, run, {.vdot = run.prescribed});  // P of each body by itself
   pass.restore();

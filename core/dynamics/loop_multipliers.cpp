@@ -229,12 +229,16 @@ void keep_loads(const Model& model, Workspace& ws) {
   LoopWork& work = *ws.loops;
   std::size_t mode = 0;
   for (std::size_t k = 1; k < model.bodies.size(); ++k) {
-    work.gamma[k] = ws.core(static_cast<int>(k)).gamma;
     work.z[k] = ws.z(static_cast<int>(k));
     if (const soa::Modal<double>* modal = ws.modal_of(static_cast<int>(k)))
       for (int j = 0; j < model.bodies[k].n_modes; ++j) work.z_modes[mode++] = modal->z[j];
   }
   for (std::size_t i = 0; i < model.rotors.size(); ++i) work.rotor_loads[i] = ws.axis(model.rotors[i]).load;
+  if (!model.loops.embedding) keep_gamma(model, ws);
+}
+
+void keep_gamma(const Model& model, Workspace& ws) {
+  for (std::size_t k = 1; k < model.bodies.size(); ++k) ws.loops->gamma[k] = ws.core(static_cast<int>(k)).gamma;
 }
 
 bool close_loops(const Model& model, Workspace& ws, const Inputs& in, double* vdot) {

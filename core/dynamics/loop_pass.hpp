@@ -167,6 +167,8 @@ std::vector<std::uint8_t> turning(const Model& model);
 bool assemble_start(Model& model, Workspace& ws, const std::function<Eigen::MatrixXd(const Eigen::VectorXd&)>& inertia, bool places,
                     State& start, std::string& may_move);
 void make_room_for_loops(const Model& model, Workspace& ws);
+/// gamma_b of all bodies, which only an outward sweep changes: what keep_loads leaves out where loops are closed inside of the sweeps.
+void keep_gamma(const Model& model, Workspace& ws);
 /// Poses at q; P, D and G where `inertia`. false: a direction without inertia.
 bool stand(const Model& model, Workspace& ws, const double* q, bool inertia);
 /// Closed inside of the sweeps: the least motion M^-1 G* mu of which G is -rates. Needs stand(), P of each body by itself; false: not by

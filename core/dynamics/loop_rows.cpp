@@ -18,25 +18,24 @@ Eigen::Matrix<double, 6, 1> vector(const Vec3<double>& a, const Vec3<double>& b)
 }
 double product(const Force<double>& W, const Vec3<double>& w, const Vec3<double>& v) { return dot(W.n, w) + dot(W.f, v); }
 
-/// Orthonormal columns W with W* H = 0, each as near to a coordinate direction as there is one left.
+/// Orthonormal columns W with W* H = 0, each as near to a coordinate direction as there is one left. N: the projector on what is left.
 void complement(const HingeColumns& H, Force<double>* W) {
   const int n = static_cast<int>(H.cols());
-  Eigen::Matrix<double, 6, 6> basis;
-  int have = 0;
-  const auto without = [&](Eigen::Matrix<double, 6, 1> x) {
-    for (int twice = 0; twice < 2; ++twice)
-      for (int i = 0; i < have; ++i) x -= basis.col(i).dot(x) * basis.col(i);
+  using Column = Eigen::Matrix<double, 6, 1>;
+  Eigen::Matrix<double, 6, 6> N = Eigen::Matrix<double, 6, 6>::Identity();
+  const auto take = [&](const Column& left) {
+    const Column x = (N * left).normalized();
+    N.noalias() -= x * x.transpose();
     return x;
   };
   for (int j = 0; j < n; ++j)
-    if (const auto x = without(H.col(j)); x.norm() > 1e-9 * H.col(j).norm()) basis.col(have++) = x.normalized();
+    if (const Column left = N * H.col(j); left.squaredNorm() > 1e-18 * H.col(j).squaredNorm()) take(left);
   for (int j = 0; j < 6 - n; ++j) {
-    Eigen::Matrix<double, 6, 1> best = Eigen::Matrix<double, 6, 1>::Zero();
+    int best = 0;
     double most = 0.0;
     for (int i = 0; i < 6; ++i)
-      if (const auto x = without(Eigen::Matrix<double, 6, 1>::Unit(i)); x.norm() > most + 1e-6) best = x, most = x.norm();
-    basis.col(have) = best.normalized();
-    W[j] = force(basis.col(have++).data());
+      if (N(i, i) > most + 1e-6) best = i, most = N(i, i);
+    W[j] = force(take(N.col(best)).data());
   }
 }
 

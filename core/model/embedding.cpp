@@ -15,6 +15,8 @@ namespace {
 
 constexpr double kNoPivot = 1e-10;  // of scaled rows, as elsewhere (docs/mathematics/loops.md, 2)
 constexpr int kLongLoop = 6;        // free rates of a loop: beyond, eliminating them together loses digits that one by one keeps
+constexpr double kUnlike = 10.0;    // scaled slopes of a coupling
+constexpr double kWorth = 0.75;     // of the operations by rates, where loops share hinges: rates keep more digits
 constexpr std::size_t kTried = 64;  // sets whose two forms are compared by count
 
 template <class Int>
@@ -63,6 +65,7 @@ class Embedder {
     for (std::size_t k = 1; k < bodies; ++k)
       for (int j = 0; j < m_.bodies[k].nv; ++j) body_of_[at(m_.bodies[k].v + j)] = static_cast<int>(k);
     stops_.assign(bodies, 0);
+    crossed_.assign(m_.loops.all.size(), 0);
     hinges_.resize(m_.loops.all.size()), home_.resize(m_.loops.all.size()), meets_.resize(m_.loops.all.size());
     for (std::size_t l = 0; l < m_.loops.all.size(); ++l) {
       const Loop& loop = m_.loops.all[l];
@@ -132,14 +135,44 @@ class Embedder {
   bool has_wheel(int l) const {
     return std::ranges::any_of(hinges_[at(l)], [&](int k) { return m_.bodies[at(k)].kind == BodyKernel::rotor; });
   }
+  /// A coupling of rates that are much unlike, in the root of their energy: what is light accelerates without it so much more than with it
+  /// that multipliers lose digits.
+  bool has_light_rates(int l) const {
+    double most = 0.0, least = 0.0;
+    for (const CoupledRate& term : m_.loops.all[at(l)].coupling.terms) {
+      const double slope = std::abs(term.coefficient) * m_.loops.column_scale[at(term.v)];
+      most = std::max(most, slope), least = least == 0.0 ? slope : std::min(least, slope);
+    }
+    return most > kUnlike * least;
+  }
+
+  /// A wheel and a hinge of one carrier, with axes along each other, and no other loop has either.
+  bool is_gear(int l) const {
+    const Loop& loop = m_.loops.all[at(l)];
+    if (loop.closing != Closing::coupling || !loop.coupling.is_linear() || loop.coupling.terms.size() != 2 || crossed_[at(l)]) return false;
+    int wheels = 0;
+    Vec3<double> axes[2];
+    for (const CoupledRate& term : loop.coupling.terms) {
+      const int k = body_of_[at(term.v)];
+      const SweepBody& b = m_.bodies[at(k)];
+      if (!is_axis(b.kind) || b.parent != home_[at(l)] || b.parent == 0 || term.coefficient == 0.0 || is_given(term.v)) return false;
+      axes[b.kind == BodyKernel::rotor] = axis_on_carrier(k);
+      wheels += b.kind == BodyKernel::rotor;
+      for (std::size_t other = 0; other < hinges_.size(); ++other)
+        if (other != at(l) && std::ranges::binary_search(hinges_[other], k)) return false;
+    }
+    const Vec3<double> across = cardan::cross(axes[0], axes[1]);
+    return wheels == 1 && dot(across, across) < 1e-30;  // but for rounding
+  }
 
   /// by_rates: per loop.
   Embedding build(const std::vector<std::uint8_t>& by_rates) {
-    e_ = {};
-    order(by_rates);
-    place_numbers();
-    write_steps();
-    return std::move(e_);
+    while (true) {
+      e_ = {};
+      order(by_rates);
+      place_numbers();
+      if (write_steps()) return std::move(e_);
+    }
   }
 
  private:
@@ -189,6 +222,9 @@ class Embedder {
     std::vector<int> by(at(m_.nv), -1), column(at(m_.nv), -1);  // in whose coordinates a rate is expressed last
     std::vector<std::uint8_t> done(n);
     index_.assign(n, -1);
+    gear_of_.assign(m_.bodies.size(), -1);
+    for (std::size_t l = 0; l < n; ++l)
+      if (by_rates[l] && is_gear(static_cast<int>(l))) done[l] = 1, mesh(static_cast<int>(l));
     std::vector<int> homes(home_);
     std::ranges::sort(homes, std::greater<>());
     homes.erase(std::unique(homes.begin(), homes.end()), homes.end());
@@ -283,6 +319,27 @@ class Embedder {
       }
   }
 
+  Vec3<double> axis_on_carrier(int k) const {
+    const SweepBody& b = m_.bodies[at(k)];
+    if (b.kind != BodyKernel::rotor) return b.O.R * b.axis;
+    const double* u = m_.axis_bodies[at(k)].u;
+    return {u[0], u[1], u[2]};
+  }
+  void mesh(int l) {
+    const Loop& loop = m_.loops.all[at(l)];
+    const CoupledRate *hinge = &loop.coupling.terms[0], *wheel = &loop.coupling.terms[1];
+    if (m_.bodies[at(body_of_[at(hinge->v)])].kind == BodyKernel::rotor) std::swap(hinge, wheel);
+    Gear gear;
+    gear.body = body_of_[at(hinge->v)], gear.wheel = body_of_[at(wheel->v)];
+    gear.row = loop.first, gear.drive = loop.drive;
+    gear.sense = dot(axis_on_carrier(gear.body), axis_on_carrier(gear.wheel)) > 0.0 ? 1.0 : -1.0;
+    gear.ratio = -gear.sense * hinge->coefficient / wheel->coefficient, gear.per_slope = 1.0 / wheel->coefficient;
+    gear_of_[at(gear.body)] = gear_of_[at(gear.wheel)] = static_cast<int>(e_.gears.size());
+    loop_of_gear_.resize(e_.gears.size());
+    loop_of_gear_.push_back(l);
+    e_.gears.push_back(gear);
+  }
+
   bool is_given(int v) const { return m_.has_prescribed() && m_.prescribed[at(v)]; }
   Pose<double> place_of(const LoopEnd& end) const { return end.node >= 0 ? m_.nodes[at(end.node)].shapes.pose : end.pose; }
 
@@ -336,6 +393,7 @@ class Embedder {
   void place_numbers() {
     const std::size_t bodies = m_.bodies.size();
     base_.assign(bodies, 0);
+    shared_.assign(bodies, -1), state_.assign(bodies, 0);
     for (std::size_t k = 1; k < bodies; ++k) {
       if (owner_[k] < 0) continue;
       const EmbeddedLoop& c = e_.loops[at(owner_[k])];
@@ -365,15 +423,32 @@ class Embedder {
       c.x = e_.n_x, e_.n_x += c.n;
       c.row = e_.n_rows, e_.n_rows += c.rows;
       c.pivot = e_.n_pivots, e_.n_pivots += c.by_rates ? c.inputs : c.own_columns;
-      e_.n_path = std::max(e_.n_path, static_cast<int>(c.path.size()));
+      place_path(c);
       // Path, columns, pivots, expressions, motions.
       const int geometric = m_.loops.all[at(c.loop)].closing == Closing::coupling ? 0 : 1;
-      e_.flops += geometric * (100L * static_cast<long>(c.path.size()) + c.own_columns * (15 + 11L * c.rows) + 60);
+      const long found = std::ranges::count(c.path, false, &EmbeddedLoop::PathBody::seen);
+      e_.flops += geometric * (100L * found + c.own_columns * (15 + 11L * c.rows) + 60);
       if (c.by_rates) {
         e_.flops += 2L * c.rank * c.rows * (c.inputs + 1) + 2L * c.inputs * (c.n + 1) + columns * (c.n + 1);
         for (const EmbeddedLoop::PathBody& p : c.path)
           if (p.motion >= 0) e_.flops += (c.n + 1) * (36L + 12L * p.n);
       }
+    }
+  }
+
+  /// Loops with the same home share what they have found of rigid bodies on their ways.
+  void place_path(EmbeddedLoop& c) {
+    if (c.closing == Closing::coupling) return;
+    for (EmbeddedLoop::PathBody& p : c.path) {
+      const auto k = at(p.body);
+      const bool rigid = !is_general(m_.bodies[k].kind) && (p.inboard < 0 || shared_[at(c.path[at(p.inboard)].body)] == c.home);
+      p.seen = rigid && shared_[k] == c.home;
+      if (p.seen) {
+        p.state = state_[k];
+        continue;
+      }
+      p.state = e_.n_path++;
+      if (rigid) shared_[k] = c.home, state_[k] = p.state;
     }
   }
 
@@ -402,7 +477,8 @@ class Embedder {
     return entry->second;
   }
 
-  void write_steps() {
+  /// False: coordinates of a loop cross a hinge that was to be one with its gear; it is a loop as others from now on.
+  bool write_steps() {
     Q_.clear(), pairs_.clear(), coupled_.clear(), closed_.clear(), modal_.clear();
     const int bodies = static_cast<int>(m_.bodies.size());
     std::vector<std::set<int>> own(at(bodies)), carried(at(bodies));
@@ -450,7 +526,18 @@ class Embedder {
       for (const int l : closes[at(k)]) flush(), close(l, k, own);
       if (k == 0) break;
       const SweepBody& b = m_.bodies[at(k)];
-      if (owner_[at(k)] >= 0) {
+      if (const int gear = gear_of_[at(k)]; gear >= 0) {
+        if (!own[at(k)].empty()) {
+          crossed_[at(loop_of_gear_[at(gear)])] = 1;
+          return false;
+        }
+        flush();
+        if (k == e_.gears[at(gear)].wheel) continue;  // with the hinge
+        EmbeddingStep s;
+        s.kind = EmbeddingStep::Kind::gear, s.body = k, s.gear = gear;
+        e_.steps.push_back(std::move(s));
+        e_.flops += of_tree(b) + 170L;
+      } else if (owner_[at(k)] >= 0) {
         flush();
         take_item(k, own, carried, carries);
       } else if (is_general(b.kind) && !own[at(k)].empty()) {
@@ -477,6 +564,7 @@ class Embedder {
         if (c.at < -1) c.at = begin + (-2 - c.at);
     shift_numbers(begin, e_.n_pairs_);
     e_.n_zeroed = begin + e_.n_pairs_;
+    return true;
   }
   int own_blocks() const {
     int n = 0;
@@ -668,7 +756,10 @@ class Embedder {
     int n_pairs_ = 0;
   };
   Program e_;
+  std::vector<std::uint8_t> crossed_;        // per loop: coordinates of others cross the hinge that its gear would be one with
+  std::vector<int> gear_of_, loop_of_gear_;  // per body, index into Embedding::gears; and back to loops
   std::vector<int> index_, owner_, base_;
+  std::vector<int> shared_, state_;  // per body: the home of the last loop that has found its state, and where that stands
   std::map<std::tuple<int, int, bool>, int> Q_;
   std::map<std::pair<int, int>, int> modal_;
   std::map<std::pair<int, int>, int> pairs_;
@@ -687,6 +778,14 @@ Embedding embed_loops(const Model& model, const std::vector<double>& scaled_rows
   std::vector<std::uint8_t> by_rates(model.loops.all.size(), 1);
   std::size_t tried = 0;
   const auto flops = [&] { return Embedder(model, scaled_rows).build(by_rates).flops; };
+  const auto light = [&](int l) { return embedder.has_wheel(l) || embedder.has_light_rates(l); };
+  /// By multipliers where that takes fewer operations than so much of those by rates.
+  const auto try_multipliers = [&](const LoopSet& set, double worth) {
+    const long rates = flops();
+    for (const int i : set.loops) by_rates[at(i)] = 0;
+    const bool fewer = static_cast<double>(flops()) < worth * static_cast<double>(rates);
+    for (const int i : set.loops) by_rates[at(i)] = !fewer;
+  };
   for (LoopSet& set : sets) {
     set.form = "rates";
     const int l = set.loops[0];
@@ -695,15 +794,16 @@ Embedding embed_loops(const Model& model, const std::vector<double>& scaled_rows
       for (const int i : set.loops) by_rates[at(i)] = 0;
     } else if (set.loops.size() > 1) {
       set.why = "they share hinges";
+      if (tried++ < kTried && std::ranges::none_of(set.loops, light)) try_multipliers(set, kWorth);
+    } else if (embedder.is_gear(l)) {
+      set.why = "a wheel geared to a hinge beside it";
     } else if (embedder.has_wheel(l)) {
       set.why = "a wheel behind a gear";
     } else if (left > kLongLoop) {
       by_rates[at(l)] = 0;
       set.why = "a long way";
-    } else if (left > 1 && tried++ < kTried && model.loops.all[at(l)].closing != Closing::coupling) {
-      const long rates = flops();
-      by_rates[at(l)] = 0;
-      if (rates <= flops()) by_rates[at(l)] = 1;
+    } else if (left > 1 && !light(l) && tried++ < kTried) {
+      try_multipliers(set, 1.0);
     }
     if (!by_rates[at(l)]) set.form = "multipliers in the sweep";
   }

@@ -19,6 +19,8 @@ struct EmbeddedLoop {
   struct PathBody {
     int body = 0;
     int inboard = -1;       // index of the one inboard of it, -1: home
+    int state = 0;          // index into EmbeddingWork::path
+    bool seen = false;      // a loop before, of the same home, has found it
     int column = 0, n = 0;  // of its hinge
     double sign = 1.0;      // of the end: `to` +1, `from` -1
     int motion = -1;        // where its motion per coordinate stands: column of EmbeddingWork::U; -1: it is not wanted
@@ -81,9 +83,21 @@ struct PendingFlow {
   int own_modes = -1, to_modes = -1;  // the same of EmbeddingWork::modal: on the modes of the body, of the inboard body
 };
 
+/// A wheel that turns with the hinge of another body on its carrier, about the same direction: a linear coupling of these two rates and
+/// nothing else. It is no loop here, but more inertia of that hinge.
+struct Gear {
+  int body = 0, wheel = 0;
+  int row = 0;         // of all rows
+  double sense = 1.0;  // of the axis of the wheel along that of the hinge: 1 or -1
+  double ratio = 0.0;  // v'_wheel = sense ratio v'_body + per_slope * (what G v' is to be)
+  double per_slope = 0.0;
+  int drive = -1;
+};
+
 struct EmbeddingStep {
   enum class Kind : std::uint8_t {
     sweep,  // bodies as in an open tree
+    gear,   // one body with the wheel that turns with its hinge
     cross,  // one body whose hinge is eliminated, with pending coordinates on it
     item,   // one body whose hinge rates a loop has taken up
     wheel,  // the same of a rotor that is folded into its carrier
@@ -95,6 +109,7 @@ struct EmbeddingStep {
   int run = 0, begin = 0, end = 0;      // sweep, cross
   int body = 0;                         // cross, item, wheel; of close: home
   int loop = -1;                        // item, wheel, close
+  int gear = -1;                        // index into Embedding::gears
   std::vector<PendingFlow> flows;       // item: that of its loop first; close: likewise, then what it is coupled with
   std::vector<CoordinateBlock> blocks;  // flows x flows
   int motion = -1;                      // item, wheel: column of EmbeddingWork::U
@@ -112,7 +127,8 @@ struct EmbeddingStep {
 };
 
 struct Embedding {
-  std::vector<EmbeddedLoop> loops;   // in the order in which they are closed
+  std::vector<EmbeddedLoop> loops;  // in the order in which they are closed
+  std::vector<Gear> gears;
   std::vector<EmbeddingStep> steps;  // tip to base
   /// Pushes of multipliers on bodies: +1 of the end `from`, -1 of `to`.
   struct Push {
@@ -128,7 +144,6 @@ struct Embedding {
   int width = 0;              // most coordinates on a body
   long flops = 0;             // of the op, counted by formula
   std::vector<int> factored;  // bodies whose modes pending coordinates cross
-  bool empty() const { return loops.empty(); }
 };
 
 /// rows x nv scaled rows of the start, of which ranks are taken.

@@ -12,6 +12,22 @@ constexpr double kRoundOff = 1e-12;  // [kg, kg m^2] effective masses below are 
 
 std::string listed(const Json& names) { return fmt::format("{}", fmt::join(names.get<std::vector<std::string>>(), ", ")); }
 
+/// How far the solutions of closed loops are from each other.
+std::string forms_text(const Json& loops) {
+  if (!loops.contains("forms")) return {};
+  const Json& forms = loops["forms"];
+  const std::string no_twin = forms["no_twin"].get<std::string>();
+  std::string out = fmt::format("  differences at this state: v' from that of {}, multipliers and reactions from the first form\n",
+                                no_twin.empty() ? "the dense twin" : "the first form (the dense twin: " + no_twin + ")");
+  out += fmt::format("    {:<12} {:>10} {:>12} {:>10}\n", "", "v'", "multipliers", "reactions");
+  const auto number = [](const Json& x) { return x.is_null() ? std::string("inf") : fmt::format("{:.1e}", x.get<double>()); };
+  for (const Json& f : forms["all"])
+    out += f.contains("refused") ? fmt::format("    {:<12} refused: {}\n", f["form"].get<std::string>(), f["refused"].get<std::string>())
+                                 : fmt::format("    {:<12} {:>10} {:>12} {:>10}\n", f["form"].get<std::string>(), number(f["vdot"]),
+                                               number(f["multipliers"]), number(f["reactions"]));
+  return out;
+}
+
 /// What each loop would cost were it cut at another of its hinges: the cheapest and the dearest.
 std::string cuts_text(const Json& loops) {
   if (!loops.contains("cuts")) return {};
@@ -149,6 +165,7 @@ std::string description_text(const Json& d) {
       out += fmt::format("  {}: by {}{}\n", names, set["form"].get<std::string>(), why.empty() ? "" : " (" + why + ")");
     }
     out += cuts_text(loops);
+    out += forms_text(loops);
     for (const Json& x : loops["moved"])
       out += fmt::format("  moved to close them: {} from {:.6g} to {:.6g} {}\n", x["name"].get<std::string>(), x["given"].get<double>(),
                          x["found"].get<double>(), x["unit"].get<std::string>());

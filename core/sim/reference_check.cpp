@@ -82,6 +82,8 @@ class Judge {
 
 }  // namespace
 
+double difference_from_twin(Simulation& sim) { return Judge(sim).difference(sim); }
+
 Output reference_output(Simulation& sim) {
   const auto judge = std::make_shared<Judge>(sim);
   return {{kPath, {"difference"}, "1", "", "largest difference of v' from the dense twin, relative"},

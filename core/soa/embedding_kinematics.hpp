@@ -169,22 +169,23 @@ static inline void geometric_rows(const SweepModel& model, const EmbeddedLoop& c
     for (std::size_t i = 0; i < c.path.size() + 2; ++i) exits[i].shapes = nullptr;
   for (std::size_t i = 0; i < c.path.size(); ++i) {
     const EmbeddedLoop::PathBody& p = c.path[i];
-    const PathState& A = p.inboard < 0 ? at_rest : path[p.inboard];
+    if (p.seen) continue;
+    const PathState& A = p.inboard < 0 ? at_rest : path[c.path[static_cast<std::size_t>(p.inboard)].state];
+    PathState& B = path[p.state];
     const BodyKernel kind = model.bodies[p.body].kind;
     if (is_axis(kind) && kind != BodyKernel::rotor) {
       const AxisBody& b = model.axis_bodies[p.body];
       for_axis(
-          kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
-            path_axis<I, TILT>(b, ws.cosines[b.angle], ws.sines[b.angle], in.v[b.v], A, path[i]);
-          });
+          kind, [&]<int I, Tilt TILT>()
+                    __attribute__((always_inline)) { path_axis<I, TILT>(b, ws.cosines[b.angle], ws.sines[b.angle], in.v[b.v], A, B); });
     } else if (is_general(kind)) {
-      path_general(model, ws, in, p.body, A, p.inboard >= 0 ? exits[p.inboard] : of_home[p.sign > 0.0], path[i]);
+      path_general(model, ws, in, p.body, A, p.inboard >= 0 ? exits[p.inboard] : of_home[p.sign > 0.0], B);
     } else {
-      path_any(model, ws, in, p.body, A, path[i]);
+      path_any(model, ws, in, p.body, A, B);
     }
   }
   const auto end = [&](int at, int node, const Pose<double>& pose, int side) {
-    const PathState& s = at < 0 ? at_rest : path[at];
+    const PathState& s = at < 0 ? at_rest : path[c.path[static_cast<std::size_t>(at)].state];
     if (node < 0) return place_on(s, pose);
     return place_on(model, in, at < 0 ? c.home : c.path[static_cast<std::size_t>(at)].body, model.nodes[node].shapes, s,
                     at < 0 ? of_home[side] : exits[at]);
@@ -236,7 +237,7 @@ static inline void geometric_rows(const SweepModel& model, const EmbeddedLoop& c
   };
   for (std::size_t i = 0; i < c.path.size(); ++i) {
     const EmbeddedLoop::PathBody& p = c.path[i];
-    const PathState& s = path[i];
+    const PathState& s = path[p.state];
     const Vec3<double> arm = b.p - s.p;  // both ends at the place of `to`
     for (int j = 0; j < p.n; ++j) {
       const Motion<double> H = hinge_column(model, ws, p.body, j);
@@ -283,31 +284,34 @@ static inline bool find_pivots(const EmbeddedLoop& c, EmbeddingWork& k, int colu
   for (int i = 0; i < c.rows; ++i) size = std::fmax(size, std::abs(B[i * stride + columns]));
   k.size = std::fmax(k.size, size);
   for (int p = 0;; ++p) {
-    int row = p, column = p;
+    int row = p, column = 0;
     double most = 0.0;
-    for (int i = p; i < rows; ++i)
-      for (int j = p; j < columns; ++j)
-        if (const double x = std::abs(B[row_at[i] * stride + column_at[j]]); x > most) most = x, row = i, column = j;
+    for (int i = p; i < rows; ++i) {
+      const double* candidates = B + row_at[i] * stride;  // zero where a column has its pivot
+      for (int j = 0; j < columns; ++j)
+        if (const double x = std::abs(candidates[j]); x > most) most = x, row = i, column = j;
+    }
     if (p == c.rank) {
       if (most > std::fmax(kNoPivot, std::fmin(kOpenRows * open, kMostOpenRows))) return false;
       break;
     }
     if (!(most > kNoPivot)) return false;
-    const int i0 = row_at[row], j0 = column_at[column];
+    const int i0 = row_at[row];
     if (most < k.smallest) k.smallest = most, k.weakest = c.first + i0;
     row_at[row] = row_at[p], row_at[p] = i0;
-    column_at[column] = column_at[p], column_at[p] = j0;
+    int at = p;
+    while (column_at[at] != column) ++at;
+    column_at[at] = column_at[p], column_at[p] = column;
     double* pivot = B + i0 * stride;
-    const double inverse = 1.0 / pivot[j0];
-    for (int j = p + 1; j < columns; ++j) pivot[column_at[j]] *= inverse;
-    pivot[columns] *= inverse;
-    for (int i = 0; i < c.rows; ++i) {
-      if (i == i0) continue;
-      double* other = B + i * stride;
-      const double factor = other[j0];
+    const double inverse = 1.0 / pivot[column];
+    for (int j = 0; j <= columns; ++j) pivot[j] *= inverse;
+    for (int i = c.by_rates ? 0 : p + 1; i < c.rows; ++i) {  // rates are wanted by themselves, of multipliers the rank
+      if (i == p) continue;
+      double* other = B + row_at[i] * stride;
+      const double factor = other[column];
       if (factor == 0.0) continue;
-      for (int j = p + 1; j < columns; ++j) other[column_at[j]] -= factor * pivot[column_at[j]];
-      other[columns] -= factor * pivot[columns];
+      for (int j = 0; j <= columns; ++j) other[j] -= factor * pivot[j];
+      other[column] = 0.0;
     }
   }
   for (int i = c.rank; consistent && i < rows; ++i)
@@ -422,8 +426,11 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
         const Embedding::Push& push = e.pushes[next_push];
         const int at = push.sign > 0.0 ? c.from_at : c.to_at;
         static const PathState at_rest{Mat3<double>::identity(), {}, {}, {}, {}, {}};
-        const PathState& s = at < 0 ? at_rest : k.path[static_cast<std::size_t>(at)];
-        const PathState& to = c.to_at < 0 ? at_rest : k.path[static_cast<std::size_t>(c.to_at)];
+        const auto state_at = [&](int i) -> const PathState& {
+          return i < 0 ? at_rest : k.path[static_cast<std::size_t>(c.path[static_cast<std::size_t>(i)].state)];
+        };
+        const PathState& s = state_at(at);
+        const PathState& to = state_at(c.to_at);
         const PathExit& exit_to = k.exits[c.to_at >= 0 ? static_cast<std::size_t>(c.to_at) : c.path.size() + 1];
         const Vec3<double> x = c.to_node >= 0 ? exit_to.x : c.to_at < 0 ? c.to.p : to.p + to.R * c.to.p;
         for (int p = 0; p < n; ++p) {

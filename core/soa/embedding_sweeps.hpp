@@ -6,16 +6,31 @@
 
 namespace cardan::soa {
 
-/// Phi P Phi* of a body that turns about an axis of its own.
+/// Phi P Phi* of a body that turns about an axis of its own: as P+ in inward_axis, with the row of the axis.
 template <int I, Tilt TILT>
 CARDAN_INLINE ArticulatedInertia<double> inertia_to_inboard(const AxisBody& b, double c, double s, ArticulatedInertia<double> P) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   turn<I>(P.J, c, s);
   turn<I>(P.B, c, s);
   turn<I>(P.M, c, s);
-  Vec3<double> l{};
-  at<J>(l) = b.l[0], at<K>(l) = b.l[1];
-  ArticulatedInertia<double> Q = shift(l, P);
+  const double lj = b.l[0], lk = b.l[1];
+  const double mii = entry<I, I>(P.M), mij = entry<I, J>(P.M), mik = entry<I, K>(P.M), mjj = entry<J, J>(P.M), mjk = entry<J, K>(P.M),
+               mkk = entry<K, K>(P.M);
+  const double bii = entry<I, I>(P.B), bij = entry<I, J>(P.B), bik = entry<I, K>(P.B), bji = entry<J, I>(P.B), bki = entry<K, I>(P.B);
+  const double cij = bij + (lj * mjk - lk * mjj), cik = bik + (lj * mkk - lk * mjk);
+  const double cji = bji + lk * mii, cjj = entry<J, J>(P.B) + lk * mij, cjk = entry<J, K>(P.B) + lk * mik;
+  const double cki = bki - lj * mii, ckj = entry<K, J>(P.B) - lj * mij, ckk = entry<K, K>(P.B) - lj * mik;
+  ArticulatedInertia<double> Q;
+  entry<I, I>(Q.B) = bii + (lj * mik - lk * mij), entry<I, J>(Q.B) = cij, entry<I, K>(Q.B) = cik;
+  entry<J, I>(Q.B) = cji, entry<J, J>(Q.B) = cjj, entry<J, K>(Q.B) = cjk;
+  entry<K, I>(Q.B) = cki, entry<K, J>(Q.B) = ckj, entry<K, K>(Q.B) = ckk;
+  entry<I, I>(Q.J) = entry<I, I>(P.J) + (lj * (cik + bik) - lk * (cij + bij));
+  entry<I, J>(Q.J) = entry<I, J>(P.J) + (lj * cjk + lk * (bii - cjj));
+  entry<I, K>(Q.J) = entry<I, K>(P.J) + (lj * (ckk - bii) - lk * ckj);
+  entry<J, J>(Q.J) = entry<J, J>(P.J) + lk * (cji + bji);
+  entry<K, K>(Q.J) = entry<K, K>(P.J) - lj * (cki + bki);
+  entry<J, K>(Q.J) = entry<J, K>(P.J) - lj * cji + lk * bki;
+  Q.M = P.M;
   if constexpr (TILT != Tilt::none) {
     tilt<TILT, double>(b, Q.J);
     tilt<TILT, double>(b, Q.B);
@@ -130,26 +145,107 @@ static inline void take_wheel(const SweepModel& model, const Embedding& e, const
   for (int i = 0; i < n; ++i) k.Q[static_cast<std::size_t>(step.flows[0].to + i)].n += (Ja * E[i]) * u;
 }
 
-/// A -= V* Y: columns of n numbers, flow after flow.
-static inline void subtract_products(const Embedding& e, const EmbeddingStep& step, EmbeddingWork& k, const double* V, const double* Y,
-                                     int n) {
-  int a0 = 0;
-  for (std::size_t f = 0; f < step.flows.size(); ++f) {
-    const int na = e.loops[static_cast<std::size_t>(step.flows[f].loop)].n;
-    int b0 = a0;
-    for (std::size_t h = f; h < step.flows.size(); ++h) {
-      const int nb = e.loops[static_cast<std::size_t>(step.flows[h].loop)].n;
-      const CoordinateBlock& block = step.blocks[f * step.flows.size() + h];
-      for (int i = 0; i < na; ++i)
-        for (int j = 0; j < (h == f ? i + 1 : nb); ++j) {
-          double sum = 0.0;
-          for (int l = 0; l < n; ++l) sum += V[(a0 + i) * n + l] * Y[(b0 + j) * n + l];
-          k.numbers[static_cast<std::size_t>(block.at + i * block.down + j * block.across)] -= sum;
+/// What G v' of a gear is to be: as `given` says, else by its drive.
+static inline double wanted_of(const Gear& gear, const Inputs<double>& in, const double* given) {
+  return given ? given[gear.row] : gear.drive >= 0 && in.drives ? in.drives[gear.drive].acceleration : 0.0;
+}
+
+/// A hinge with the wheel that turns with it about its axis, v'_w = r v' + t (u = +-e_i; r with that sign): a moment along the axis is the
+/// same on the carrier and on the body, so that D = P_ii + r^2 Ja, V = P e_i + r Ja e_i, and what the carrier feels of both is
+/// P + Ja e_i e_i* - V D^-1 V*, z + V nu + Ja t e_i, shifted as that of any body. AxisRecord: nu, and all of G = V D^-1.
+static inline bool take_gear(const SweepModel& model, const Gear& gear, Workspace<double>& ws, const Inputs<double>& in,
+                             const double* given) {
+  const AxisBody &b = model.axis_bodies[gear.body], &wheel = model.axis_bodies[gear.wheel];
+  const Core<double>& core = ws.core(gear.body);
+  Core<double>& carrier = ws.core(b.parent);
+  Force<double>& z_carrier = ws.z(b.parent);
+  AxisRecord<double>&record = ws.axis(gear.body), &spin = ws.axis(gear.wheel);
+  const Vec3<double> u = rotor_axis<double>(wheel);
+  const double Ja = wheel.J_axial, r = gear.ratio, t = gear.sense * gear.per_slope * wanted_of(gear, in, given);
+  spin.nu = spin.load + (in.tau ? in.tau[wheel.v] : 0.0);
+  const double pull = r * (gear.sense * spin.nu - Ja * (gear.sense * dot(u, carrier.gamma.w) + t));
+  return for_axis(
+      b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
+        constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
+        ArticulatedInertia<double> P = core.P;
+        const double D = entry<I, I>(P.J) + r * r * Ja, size = P.J.xx + P.J.yy + P.J.zz;
+        if (!(D > kPivotLimit * size)) {
+          ws.breakdown = {gear.body, 0, D, kPivotLimit * size};
+          return false;
         }
-      b0 += nb;
+        const double inverse = 1.0 / D;
+        Force<double> V;
+        at<I>(V.n) = entry<I, I>(P.J) + r * Ja, at<J>(V.n) = entry<I, J>(P.J), at<K>(V.n) = entry<I, K>(P.J);
+        V.f = {entry<I, 0>(P.B), entry<I, 1>(P.B), entry<I, 2>(P.B)};
+        const Force<double> G = inverse * V;
+        const Force<double>& z_body = ws.z(gear.body);
+        Force<double> z{{z_body.n.x, z_body.n.y, z_body.n.z}, {z_body.f.x, z_body.f.y, z_body.f.z}};
+        const double eps = (in.tau ? in.tau[b.v] : 0.0) + pull - at<I>(z.n);
+        record.nu = inverse * eps;
+        record.G.n.x = G.n.x, record.G.n.y = G.n.y, record.G.n.z = G.n.z;  // number by number: never stored narrow and loaded wide
+        record.G.f.x = G.f.x, record.G.f.y = G.f.y, record.G.f.z = G.f.z;
+        entry<I, I>(P.J) += Ja;
+        subtract_outer(P, V, G);
+        z += eps * G;
+        at<I>(z.n) += Ja * t;
+        const double c = ws.cosines[b.angle], s = ws.sines[b.angle];
+        carrier.P += inertia_to_inboard<I, TILT>(b, c, s, P);
+        z_carrier += force_to_inboard<double, I, TILT>(b, c, s, z);
+        z_carrier.n += (Ja * in.v[wheel.v]) * cross(carrier.w, u);
+        return true;
+      });
+}
+static inline void gear_outward(const SweepModel& model, const Gear& gear, Workspace<double>& ws, const Inputs<double>& in,
+                                const double* given, double* vdot) {
+  const AxisBody& b = model.axis_bodies[gear.body];
+  const AxisRecord<double>& record = ws.axis(gear.body);
+  for_axis(
+      b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
+        Motion<double> d = motion_to_outboard<double, I, TILT>(b, ws.cosines[b.angle], ws.sines[b.angle], ws.core(b.parent).delta);
+        const double rate = record.nu - dot(d, record.G);
+        at<I>(d.w) += rate;
+        ws.core(gear.body).delta = d;
+        vdot[b.v] = rate;
+        vdot[model.axis_bodies[gear.wheel].v] = gear.sense * gear.ratio * rate + gear.per_slope * wanted_of(gear, in, given);
+      });
+}
+
+/// A -= V* Y: columns of N numbers (0: of n), flow after flow.
+template <int N>
+static void subtract_products(const Embedding& e, const EmbeddingStep& step, EmbeddingWork& k, const double* V, const double* Y, int n) {
+  const std::size_t flows = step.flows.size();
+  const int length = N > 0 ? N : n;
+  for (std::size_t f = 0; f < flows; ++f) {
+    const int na = e.loops[static_cast<std::size_t>(step.flows[f].loop)].n;
+    const double* y = Y;
+    for (std::size_t h = f; h < flows; ++h) {
+      const int nb = e.loops[static_cast<std::size_t>(step.flows[h].loop)].n;
+      const CoordinateBlock& block = step.blocks[f * flows + h];
+      for (int i = 0; i < na; ++i) {
+        const double *v = V + i * length, *other = y;
+        double* entry = k.numbers.data() + block.at + i * block.down;
+        for (int j = 0; j < (h == f ? i + 1 : nb); ++j, other += length, entry += block.across) {
+          double sum = 0.0;
+          for (int l = 0; l < (N > 0 ? N : length); ++l) sum += v[l] * other[l];
+          *entry -= sum;
+        }
+      }
+      y += nb * length;
     }
-    a0 += na;
+    V += na * length, Y += na * length;
   }
+}
+/// The same for a hinge of nv rates.
+static inline void subtract_products_of_hinge(const Embedding& e, const EmbeddingStep& step, EmbeddingWork& k, const double* V,
+                                              const double* Y, int nv) {
+  if (nv == 1)
+    subtract_products<1>(e, step, k, V, Y, 1);
+  else if (nv == 2)
+    subtract_products<2>(e, step, k, V, Y, 2);
+  else if (nv == 3)
+    subtract_products<3>(e, step, k, V, Y, 3);
+  else
+    subtract_products<0>(e, step, k, V, Y, nv);
 }
 
 /// The modes of a body of a general kernel, with coordinates on it: V = Q_e - C* Q, then A -= V* P_ee^-1 V, b += V* nu_e, Q -= P_re P_ee^-1
@@ -181,7 +277,7 @@ static inline bool take_modes(const SweepModel& model, const Embedding& e, const
       k.b[static_cast<std::size_t>(c.x + i)] += sum;
     }
   }
-  subtract_products(e, step, k, k.scratch.data(), k.scratch.data() + total * m, m);
+  subtract_products<0>(e, step, k, k.scratch.data(), k.scratch.data() + total * m, m);
   return true;
 }
 
@@ -224,7 +320,7 @@ static bool pass_hinge(const SweepModel& model, const Embedding& e, const Embedd
                    k.modal.data() + flow.to_modes + i * body.n_parent_modes);
     }
   }
-  if constexpr (NV > 0) subtract_products(e, step, k, k.scratch.data(), k.Y.data() + step.Y, NV);
+  if constexpr (NV > 0) subtract_products<NV>(e, step, k, k.scratch.data(), k.Y.data() + step.Y, NV);
   return true;
 }
 
@@ -296,7 +392,7 @@ static inline void cross_hinge(const SweepModel& model, const Embedding& e, cons
       k.b[static_cast<std::size_t>(c.x + i)] += sum;
     }
   }
-  subtract_products(e, step, k, V0, Y, nv);
+  subtract_products_of_hinge(e, step, k, V0, Y, nv);
   if (body.parent == 0 || free) return;
   if (body.kind == BodyKernel::rotor) {  // on its carrier: what the reaction of the wheel does not take
     const AxisBody& wheel = model.axis_bodies[step.body];
@@ -355,8 +451,12 @@ static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, 
       double* row = rows + i * width;
       int x = 0;
       for (int j = 0; j < keep; ++j) row[x++] = A[(keep + i) * n + j];
-      for (std::size_t f = 1; f < flows; ++f)
-        for (int j = 0; j < e.loops[static_cast<std::size_t>(step.flows[f].loop)].n; ++j) row[x++] = entry_of(0, f, keep + i, j);
+      for (std::size_t f = 1; f < flows; ++f) {
+        const CoordinateBlock& block = step.blocks[f];
+        const double* entry = k.numbers.data() + block.at + (keep + i) * block.down;
+        const int nb = e.loops[static_cast<std::size_t>(step.flows[f].loop)].n;
+        for (int j = 0; j < nb; ++j, entry += block.across) row[x++] = *entry;
+      }
       row[x] = b[keep + i];
       if (!ground) half[i] = Q[keep + i];
       double* L = A + (keep + i) * n + keep;
@@ -403,11 +503,13 @@ static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, 
           if (factor == 0.0) continue;
           bf[a] -= factor * right;
           if (!ground) Qf[a] -= factor * half[i];
-          int y0 = x0;
+          const double* y = row + x0;
           for (std::size_t h = f; h < flows; ++h) {
             const int nb = h == 0 ? keep : e.loops[static_cast<std::size_t>(step.flows[h].loop)].n;
-            for (int j = 0; j < (h == f ? a + 1 : nb); ++j) entry_of(f, h, a, j) -= factor * row[y0 + j];
-            y0 += nb;
+            const CoordinateBlock& block = step.blocks[f * flows + h];
+            double* entry = k.numbers.data() + block.at + a * block.down;
+            for (int j = 0; j < (h == f ? a + 1 : nb); ++j, entry += block.across) *entry -= factor * y[j];
+            y += nb;
           }
         }
         x0 += na;
@@ -467,9 +569,12 @@ static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, 
 
 /// Tip to base. False: Workspace::breakdown.
 static inline bool embedding_inward(const SweepModel& model, const Embedding& e, const Sweeps<double>& S, Workspace<double>& ws,
-                                    EmbeddingWork& k, const Inputs<double>& in) {
+                                    EmbeddingWork& k, const Inputs<double>& in, const double* given) {
   for (const EmbeddingStep& step : e.steps) {
     switch (step.kind) {
+      case EmbeddingStep::Kind::gear:
+        if (!take_gear(model, e.gears[static_cast<std::size_t>(step.gear)], ws, in, given)) return false;
+        break;
       case EmbeddingStep::Kind::sweep:
       case EmbeddingStep::Kind::cross: {
         const Run run{step.begin, step.end, model.runs[step.run].kind, model.runs[step.run].prescribed};
@@ -578,9 +683,8 @@ static inline void solve_at_home(const Embedding& e, const EmbeddingStep& step, 
     for (std::size_t f = 1; f < step.flows.size(); ++f) {
       const EmbeddedLoop& other = e.loops[static_cast<std::size_t>(step.flows[f].loop)];
       const CoordinateBlock& block = step.blocks[f];
-      for (int j = 0; j < other.n; ++j)
-        right +=
-            k.numbers[static_cast<std::size_t>(block.at + i * block.down + j * block.across)] * k.x[static_cast<std::size_t>(other.x + j)];
+      const double *entry = k.numbers.data() + block.at + i * block.down, *of_other = k.x.data() + other.x;
+      for (int j = 0; j < other.n; ++j, entry += block.across) right += *entry * of_other[j];
     }
     if (step.body > 0) right += dot(ws.core(step.body).delta, k.Q[static_cast<std::size_t>(step.flows[0].own + i)]);
     x[i] = -sign * right;
@@ -595,10 +699,13 @@ static inline void solve_at_home(const Embedding& e, const EmbeddingStep& step, 
 
 /// Base to tip.
 static inline void embedding_outward(const SweepModel& model, const Embedding& e, const Sweeps<double>& S, Workspace<double>& ws,
-                                     EmbeddingWork& k, const Inputs<double>& in, double* vdot) {
+                                     EmbeddingWork& k, const Inputs<double>& in, const double* given, double* vdot) {
   for (auto at_step = e.steps.rbegin(); at_step != e.steps.rend(); ++at_step) {
     const EmbeddingStep& step = *at_step;
     switch (step.kind) {
+      case EmbeddingStep::Kind::gear:
+        gear_outward(model, e.gears[static_cast<std::size_t>(step.gear)], ws, in, given, vdot);
+        break;
       case EmbeddingStep::Kind::sweep:
       case EmbeddingStep::Kind::cross: {
         const Run run{step.begin, step.end, model.runs[step.run].kind, model.runs[step.run].prescribed};
@@ -655,8 +762,8 @@ static inline void embedding_outward(const SweepModel& model, const Embedding& e
 static inline int embedding(const SweepModel& model, const Embedding& e, const Sweeps<double>& S, Workspace<double>& ws, EmbeddingWork& k,
                             const Inputs<double>& in, const RowsOfHinges& hinges, const double* given, double* vdot) {
   if (!embedding_kinematics(model, e, ws, k, in, hinges, given)) return 1;
-  if (!embedding_inward(model, e, S, ws, k, in)) return 2;
-  embedding_outward(model, e, S, ws, k, in, vdot);
+  if (!embedding_inward(model, e, S, ws, k, in, given)) return 2;
+  embedding_outward(model, e, S, ws, k, in, given, vdot);
   return 0;
 }
 

@@ -46,10 +46,11 @@ struct EmbeddingWork {
         U(static_cast<std::size_t>(e.n_U)),
         P(static_cast<std::size_t>(e.n_carried)),
         path(static_cast<std::size_t>(e.n_path)),
-        exits(static_cast<std::size_t>(e.n_path) + 2),
         modal(static_cast<std::size_t>(e.n_modal)),
         row_at(static_cast<std::size_t>(e.n_rows)) {
-    std::size_t most = 1;
+    std::size_t most = 1, longest = 0;
+    for (const EmbeddedLoop& loop : e.loops) longest = longest > loop.path.size() ? longest : loop.path.size();
+    exits.resize(longest + 2);
     for (const EmbeddingStep& s : e.steps) {
       std::size_t n = 8;
       for (const PendingFlow& f : s.flows) n += static_cast<std::size_t>(e.loops[static_cast<std::size_t>(f.loop)].n) + 1;
@@ -72,7 +73,7 @@ struct EmbeddingWork {
   std::vector<Motion<double>> U;
   std::vector<ArticulatedInertia<double>> P;
   std::vector<PathState> path;
-  std::vector<PathExit> exits;  // of the bodies of the path, then of home: on the way to `from`, to `to`
+  std::vector<PathExit> exits;  // of the bodies of the path of one loop, then of home: on the way to `from`, to `to`
   std::vector<double> modal;    // columns of pending coordinates on modes; after these were eliminated: L^-1 of them
   std::vector<int> row_at, column_at;
   std::vector<double> scratch;

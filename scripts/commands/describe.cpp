@@ -10,17 +10,19 @@ namespace cardan {
 void add_describe(CLI::App& app, CommandLine& line) {
   auto* command = app.add_subcommand("describe", "Tell what a scenario is made of: bodies, masses, modes, program of sweeps");
   auto arguments = std::make_shared<ScenarioArguments>();
-  auto as_json = std::make_shared<bool>(false), measured = std::make_shared<bool>(false);
-  auto n_modes = std::make_shared<int>(-1);
+  auto as_json = std::make_shared<bool>(false);
+  auto options = std::make_shared<DescribeOptions>();
   arguments->add_to(*command, line);
   command->add_flag("--json", *as_json, "As JSON");
-  command->add_flag("--measure", *measured, "Time each op of the program as well");
-  command->add_option("--modes", *n_modes, "So many modes of the assembled system (default: 10, of up to 400 velocities)")
+  command->add_flag("--measure", options->measured, "Time each op of the program as well");
+  command->add_flag("--forms", options->forms,
+                    "Compare the three solutions of closed loops at the initial state: accelerations, multipliers, reactions");
+  command->add_option("--modes", options->n_modes, "So many modes of the assembled system (default: 10, of up to 400 velocities)")
       ->check(CLI::Range(0, 1000));
-  command->callback([&line, arguments, as_json, measured, n_modes] {
-    line.action = [arguments, as_json, measured, n_modes] {
+  command->callback([&line, arguments, as_json, options] {
+    line.action = [arguments, as_json, options] {
       const auto s = open_scenario(arguments->options());
-      const Json description = describe_scenario(*s, *measured, *n_modes);
+      const Json description = describe_scenario(*s, *options);
       fmt::print("{}", *as_json ? json_text(description) : modes_line(*s) + description_text(description));
       return 0;
     };

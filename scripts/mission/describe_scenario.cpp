@@ -3,20 +3,46 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <cmath>
+
+#include "core/model/loops.hpp"
+#include "core/sim/compare_forms.hpp"
 #include "core/sim/description.hpp"
 #include "core/sim/other_cuts.hpp"
 #include "scripts/mission/mission_run.hpp"
 
 namespace cardan {
 
-Json describe_scenario(Scenario& s, bool measured, int n_modes) {
-  Json out = describe(*s.sim, measured, n_modes);
+namespace {
+
+/// No number of JSON is infinite: what is compared with zero, or with no v' of the twin.
+Json number(double x) { return std::isfinite(x) ? Json(x) : Json(nullptr); }
+
+Json compared(const ComparedForms& all) {
+  Json forms = Json::array();
+  for (const ComparedForm& f : all.forms) {
+    Json form = {{"form", loop_forms()[static_cast<std::size_t>(f.form)]}};
+    if (!f.refused.empty())
+      form["refused"] = f.refused;
+    else
+      form.update({{"vdot", number(f.vdot)}, {"multipliers", number(f.multipliers)}, {"reactions", number(f.reactions)}});
+    forms.push_back(form);
+  }
+  return {{"no_twin", all.no_twin}, {"all", forms}};
+}
+
+}  // namespace
+
+Json describe_scenario(Scenario& s, const DescribeOptions& options) {
+  Json out = describe(*s.sim, options.measured, options.n_modes);
   out["mission"] = {{"title", s.mission.title}, {"duration_s", s.mission.duration}, {"integrator", out["integrator"]}};
   if (const auto cuts = cut_costs(s.sim->model(), s.registry)) {
     Json others = Json::array();
     for (const CutCost& c : cuts->others) others.push_back({{"loop", c.loop}, {"hinge", c.hinge}, {"flops", c.flops}});
     out["loops"]["cuts"] = {{"flops", cuts->flops}, {"others", others}, {"all", cuts->all}};
   }
+  if (options.forms)
+    if (const auto forms = compare_forms(*s.sim, s.registry, s.compile_options())) out["loops"]["forms"] = compared(*forms);
   out["controllers"] = Json::array();
   for (const Controller& c : s.controllers)
     out["controllers"].push_back(

@@ -555,6 +555,98 @@ TEST(Loops, MayEndOnAWheel) {
   EXPECT_EQ(compiled(open)->rotors.size(), 1U);
 }
 
+/// A free base, an arm on it whose hinges turn wheels on the inboard bodies, one way or the other, faster or slower. `bevel`: the axis of
+/// one wheel is across that of its hinge. `cable`: two hinges of the arm are coupled, and one between them is not.
+SystemSpec geared_arm(std::uint64_t seed, bool bevel = false, bool cable = false) {
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> number(-1.0, 1.0);
+  const auto vector = [&] { return Eigen::Vector3d(number(random), number(random), number(random)); };
+  BodySpec base = on(rigid("base", 10.0, {0.1, 0, 0}, diagonal({2, 3, 4})), "", "free");
+  base.hinge.v = {0.3, -0.2, 0.1, 0, 0, 0};
+  SystemSpec spec = system({base}, uniform_gravity({0.5, -0.3, -9.81}));
+  std::string inboard = "base";
+  for (int i = 0; i < 4; ++i) {
+    const std::string link = "link" + std::to_string(i), wheel = "wheel" + std::to_string(i);
+    const Eigen::Vector3d axis = i == 3 ? Eigen::Vector3d(0, 1, 0) : Eigen::Vector3d(vector().normalized());
+    const double ratio = 6.0 * number(random) + (seed % 2 ? 8.0 : -8.0), sense = number(random) > 0.0 ? 1.0 : -1.0;
+    BodySpec arm = on(rigid(link, 2.0 + number(random), vector(), diagonal({0.4, 0.5, 0.6})), inboard, "revolute", {axis}, vector());
+    const bool across = bevel && i == 2;
+    const Eigen::Vector3d along_wheel = across ? Eigen::Vector3d(axis.unitOrthogonal()) : Eigen::Vector3d(sense * axis);
+    const double Ja = 0.02 + 0.01 * number(random), across_it = 0.6 * Ja;
+    const Eigen::Matrix3d J = across_it * Eigen::Matrix3d::Identity() + (Ja - across_it) * along_wheel * along_wheel.transpose();
+    BodySpec turns = on(rigid(wheel, 0.5, Eigen::Vector3d::Zero(), J), inboard, "revolute", {along_wheel}, vector());
+    arm.hinge.q = {number(random)}, arm.hinge.v = {number(random)};
+    if (cable && i == 2) arm.hinge.q = {0.5 * spec.bodies[1].hinge.q[0]}, arm.hinge.v = {0.5 * spec.bodies[1].hinge.v[0]};
+    turns.hinge.q = {ratio * arm.hinge.q[0]}, turns.hinge.v = {ratio * arm.hinge.v[0]};
+    LoopSpec gear;
+    gear.name = "gear" + std::to_string(i), gear.type = "coupling";
+    gear.terms = {{link, -2.0 * ratio, {}}, {wheel, 2.0, {}}};
+    if (i % 2) std::swap(gear.terms[0], gear.terms[1]), std::swap(arm, turns);
+    spec.bodies.push_back(arm), spec.bodies.push_back(turns);
+    spec.loops.push_back(gear);
+    inboard = link;
+  }
+  if (cable) {
+    LoopSpec tie;
+    tie.name = "cable", tie.type = "coupling";
+    tie.terms = {{"link0", 0.5, {}}, {"link2", -1.0, {}}};
+    spec.loops.push_back(tie);
+  }
+  return spec;
+}
+
+TEST(Loops, AWheelGearedToAHingeBesideItIsMoreInertiaOfThatHinge) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const SystemSpec spec = geared_arm(seed);
+    const auto model = compiled(spec);
+    ASSERT_EQ(model->rotors.size(), 4U);
+    EXPECT_EQ(model->loops.embedding->gears.size(), 4U);
+    EXPECT_EQ(model->loops.embedding->width, 0);
+    EXPECT_LE(forms_apart(spec), 1e-12) << seed;
+  }
+  // Across its hinge a wheel is a body of a loop; so is one whose hinge coordinates of another loop cross.
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    EXPECT_EQ(compiled(geared_arm(seed, true))->loops.embedding->gears.size(), 3U);
+    EXPECT_LE(forms_apart(geared_arm(seed, true)), 1e-12) << seed;
+    EXPECT_LT(compiled(geared_arm(seed, false, true))->loops.embedding->gears.size(), 3U);
+    EXPECT_LE(forms_apart(geared_arm(seed, false, true)), 1e-12) << seed;
+  }
+}
+
+TEST(Loops, AGearMayBeDriven) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    SystemSpec spec = geared_arm(seed);
+    spec.loops[1].prescribed = true;
+    std::vector<VectorXd> vdot, lambda, moved;
+    for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers}) {
+      spec.loop_form = form;
+      const auto model = compiled(spec);
+      Workspace ws(*model);
+      const State at = model->initial_state();
+      const LoopDrive drive{.more = 0.0, .rate = 0.0, .acceleration = 1.7};
+      VectorXd out(model->nv), tau = VectorXd::LinSpaced(model->nv, -0.5, 1.5);
+      const Inputs in{.q = at.q.data(), .v = at.v.data(), .tau = tau.data(), .drives = &drive};
+      ASSERT_TRUE(forward_dynamics(*model, ws, in, out.data()));
+      vdot.push_back(out), lambda.push_back(multipliers(*model, ws, in));
+      const VectorXd missing = loop_matrix(*model, ws, at.q.data()) * out;
+      EXPECT_NEAR(missing[1], 1.7, 1e-12);
+      // The nearest closed state in the metric of the mass matrix.
+      State open = at;
+      for (Eigen::Index i = 0; i < open.v.size(); ++i) open.v[i] += 0.01 * std::sin(3.0 * static_cast<double>(i));
+      for (const UserBody& b : model->user)
+        if (b.nq == 1) open.q[b.q] += 0.01 * std::cos(5.0 * b.q);
+      LoopProjection projection(*model);
+      ASSERT_TRUE(projection.close(open.q.data(), open.v.data(), &drive));
+      VectorXd both(open.q.size() + open.v.size());
+      both << open.q, open.v;
+      moved.push_back(both);
+    }
+    EXPECT_LE(error_of(vdot[0], vdot[1]), 1e-12) << seed;
+    EXPECT_LE(error_of(lambda[0], lambda[1]), 1e-12) << seed;
+    EXPECT_LE(error_of(moved[0], moved[1]), 1e-12) << seed;
+  }
+}
+
 // What bends elsewhere, or where a loop has its home, does not take its rates from it.
 TEST(Loops, BodiesThatBendElsewhereLeaveThemTheirForm) {
   SystemSpec spec = bench_model("fourbar_chain_4");

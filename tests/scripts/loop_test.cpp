@@ -1,6 +1,8 @@
 // What a mission asks of a loop and gives it: sat:loop.
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+
 #include "tests/scripts/run_program.hpp"
 
 namespace cardan {
@@ -47,6 +49,26 @@ check { name = "looks", value = function() return seen end, within = { 5, 7 } }
 )lua");
   const Finished f = run_program({"run", ".", "--quiet", "--out", "out"}, dir.path());
   EXPECT_EQ(f.exit_code, 0) << f.out << f.err;
+}
+
+// One report of the three solutions, with flexible bodies, wheels and redundant rows among the vehicles.
+TEST(LoopsOfAMission, AreSolvedInThreeWaysThatDescribeCompares) {
+  for (const char* scenario : {"04_capture_and_berth", "05_wing_deployment", "06_six_strut_platform", "07_rocker_bogie"}) {
+    const Finished f = run_program({"describe", CARDAN_SOURCE_DIR "/scenarios/" + std::string(scenario), "--forms", "--json"}, ".");
+    ASSERT_EQ(f.exit_code, 0) << f.err;
+    const nlohmann::json loops = nlohmann::json::parse(f.out)["loops"];
+    if (loops["all"].empty()) continue;  // closed by the mission
+    ASSERT_EQ(loops["forms"]["all"].size(), 3U);
+    for (const auto& form : loops["forms"]["all"]) {
+      ASSERT_FALSE(form.contains("refused")) << scenario << form;
+      for (const char* what : {"vdot", "multipliers", "reactions"}) EXPECT_LE(form[what].get<double>(), 1e-10) << scenario << form;
+    }
+  }
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml", kHauled);
+  write(dir / "scenario.lua", "vehicle 'vehicle.yaml'\nmission { duration = 1 }\n");
+  const Finished text = run_program({"describe", ".", "--forms"}, dir.path());
+  EXPECT_NE(text.out.find("differences at this state: v' from that of the dense twin"), std::string::npos) << text.out << text.err;
 }
 
 }  // namespace

@@ -1,0 +1,79 @@
+#include "core/sim/compare_forms.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/dynamics/observe.hpp"
+#include "core/sim/reference_check.hpp"
+
+namespace cardan {
+namespace {
+
+/// What a form says of a state.
+struct Said {
+  Eigen::VectorXd vdot, multipliers, moments, forces;
+};
+
+Said said_by(Simulation& sim) {
+  Said out;
+  const Observer& seen = sim.observe();
+  const Model& m = sim.model();
+  const auto bodies = static_cast<Eigen::Index>(m.user.size());
+  out.vdot = sim.vdot();
+  out.moments.resize(3 * bodies), out.forces.resize(3 * bodies);
+  for (Eigen::Index i = 0; i < bodies; ++i) {
+    const Force<double> f = seen.hinge_wrench(static_cast<int>(i));
+    out.moments.segment<3>(3 * i) << f.n.x, f.n.y, f.n.z;
+    out.forces.segment<3>(3 * i) << f.f.x, f.f.y, f.f.z;
+  }
+  const std::span<const double> lambda = sim.loop_forces().multipliers;
+  out.multipliers = Eigen::VectorXd::Map(lambda.data(), static_cast<Eigen::Index>(lambda.size()));
+  return out;
+}
+
+double apart(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+  if (a.size() == 0) return 0.0;
+  const double most = b.cwiseAbs().maxCoeff<Eigen::PropagateNaN>(), difference = (a - b).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
+  return difference == 0.0 ? 0.0 : difference / most;
+}
+
+std::string told(const InputError& e) {
+  const Diagnostic& first = e.diagnostics().front();
+  return fmt::format("it takes {}, not {}", first.expected, first.got);
+}
+
+}  // namespace
+
+std::optional<ComparedForms> compare_forms(Simulation& sim, const Registry& registry, const CompileOptions& options) {
+  if (sim.model().loops.empty()) return {};
+  ComparedForms out;
+  std::optional<Said> first;
+  for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers, LoopForm::dae}) {
+    ComparedForm& of = out.forms.emplace_back();
+    of.form = form;
+    auto spec = std::make_shared<SystemSpec>(*sim.model().spec);
+    spec->loop_form = form;
+    try {
+      Simulation other(compile(std::shared_ptr<const SystemSpec>(spec), registry, options), sim.options());
+      other.take_over(sim);
+      const Said said = said_by(other);
+      if (!first) first = said;
+      of.vdot = apart(said.vdot, first->vdot);
+      of.multipliers = apart(said.multipliers, first->multipliers);
+      of.reactions = std::max(apart(said.moments, first->moments), apart(said.forces, first->forces));
+      if (!out.no_twin.empty()) continue;
+      try {
+        of.vdot = difference_from_twin(other);
+      } catch (const InputError& e) {
+        out.no_twin = told(e);
+      }
+    } catch (const InputError& e) {
+      of.refused = told(e);
+    }
+  }
+  return out;
+}
+
+}  // namespace cardan
