@@ -167,6 +167,7 @@ std::span<const NodeWrench> LoopPass::wrenches_of(const Loop& loop, const Force<
 void LoopPass::restore() {
   std::size_t mode = 0;
   for (std::size_t k = 1; k < m_.bodies.size(); ++k) {
+    if (m_.bodies[k].kind == BodyKernel::rotor) continue;
     ws_.core(static_cast<int>(k)).gamma = k_.gamma[k];
     ws_.z(static_cast<int>(k)) = k_.z[k];
     if (soa::Modal<double>* modal = ws_.modal_of(static_cast<int>(k)))
@@ -229,6 +230,7 @@ void keep_loads(const Model& model, Workspace& ws) {
   LoopWork& work = *ws.loops;
   std::size_t mode = 0;
   for (std::size_t k = 1; k < model.bodies.size(); ++k) {
+    if (model.bodies[k].kind == BodyKernel::rotor) continue;  // what acts on it is its load
     work.z[k] = ws.z(static_cast<int>(k));
     if (const soa::Modal<double>* modal = ws.modal_of(static_cast<int>(k)))
       for (int j = 0; j < model.bodies[k].n_modes; ++j) work.z_modes[mode++] = modal->z[j];
@@ -238,7 +240,8 @@ void keep_loads(const Model& model, Workspace& ws) {
 }
 
 void keep_gamma(const Model& model, Workspace& ws) {
-  for (std::size_t k = 1; k < model.bodies.size(); ++k) ws.loops->gamma[k] = ws.core(static_cast<int>(k)).gamma;
+  for (std::size_t k = 1; k < model.bodies.size(); ++k)
+    if (model.bodies[k].kind != BodyKernel::rotor) ws.loops->gamma[k] = ws.core(static_cast<int>(k)).gamma;
 }
 
 bool close_loops(const Model& model, Workspace& ws, const Inputs& in, double* vdot) {

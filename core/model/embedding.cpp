@@ -225,6 +225,9 @@ class Embedder {
     gear_of_.assign(m_.bodies.size(), -1);
     for (std::size_t l = 0; l < n; ++l)
       if (by_rates[l] && is_gear(static_cast<int>(l))) done[l] = 1, mesh(static_cast<int>(l));
+    std::ranges::sort(e_.gears, std::greater<>(), &Gear::body);
+    for (std::size_t i = 0; i < e_.gears.size(); ++i)
+      gear_of_[at(e_.gears[i].body)] = gear_of_[at(e_.gears[i].wheel)] = static_cast<int>(i);
     std::vector<int> homes(home_);
     std::ranges::sort(homes, std::greater<>());
     homes.erase(std::unique(homes.begin(), homes.end()), homes.end());
@@ -292,6 +295,9 @@ class Embedder {
           c.inputs += other.keep;
         }
         c.own_columns = static_cast<int>(c.columns.size());
+        c.constant = loop.closing == Closing::coupling && loop.coupling.is_linear() && loop.drive < 0 &&
+                     std::ranges::none_of(c.columns, &EmbeddedLoop::Column::given) &&
+                     std::ranges::all_of(taken, [&](int b) { return e_.loops[at(b)].constant; });
         c.n = c.inputs - c.rank;
         std::set<int> later;  // rates
         for (std::size_t l = 0; l < n; ++l)
@@ -319,6 +325,11 @@ class Embedder {
       }
   }
 
+  std::size_t loop_of_row(int row) const {
+    std::size_t l = 0;
+    while (m_.loops.all[l].first != row) ++l;
+    return l;
+  }
   Vec3<double> axis_on_carrier(int k) const {
     const SweepBody& b = m_.bodies[at(k)];
     if (b.kind != BodyKernel::rotor) return b.O.R * b.axis;
@@ -334,9 +345,6 @@ class Embedder {
     gear.row = loop.first, gear.drive = loop.drive;
     gear.sense = dot(axis_on_carrier(gear.body), axis_on_carrier(gear.wheel)) > 0.0 ? 1.0 : -1.0;
     gear.ratio = -gear.sense * hinge->coefficient / wheel->coefficient, gear.per_slope = 1.0 / wheel->coefficient;
-    gear_of_[at(gear.body)] = gear_of_[at(gear.wheel)] = static_cast<int>(e_.gears.size());
-    loop_of_gear_.resize(e_.gears.size());
-    loop_of_gear_.push_back(l);
     e_.gears.push_back(gear);
   }
 
@@ -528,14 +536,16 @@ class Embedder {
       const SweepBody& b = m_.bodies[at(k)];
       if (const int gear = gear_of_[at(k)]; gear >= 0) {
         if (!own[at(k)].empty()) {
-          crossed_[at(loop_of_gear_[at(gear)])] = 1;
+          crossed_[loop_of_row(e_.gears[at(gear)].row)] = 1;
           return false;
         }
         flush();
         if (k == e_.gears[at(gear)].wheel) continue;  // with the hinge
-        EmbeddingStep s;
-        s.kind = EmbeddingStep::Kind::gear, s.body = k, s.gear = gear;
-        e_.steps.push_back(std::move(s));
+        if (e_.steps.empty() || e_.steps.back().kind != EmbeddingStep::Kind::gear) {
+          e_.steps.emplace_back();
+          e_.steps.back().kind = EmbeddingStep::Kind::gear, e_.steps.back().begin = gear;
+        }
+        e_.steps.back().end = gear + 1;
         e_.flops += of_tree(b) + 170L;
       } else if (owner_[at(k)] >= 0) {
         flush();
@@ -756,8 +766,8 @@ class Embedder {
     int n_pairs_ = 0;
   };
   Program e_;
-  std::vector<std::uint8_t> crossed_;        // per loop: coordinates of others cross the hinge that its gear would be one with
-  std::vector<int> gear_of_, loop_of_gear_;  // per body, index into Embedding::gears; and back to loops
+  std::vector<std::uint8_t> crossed_;  // per loop: coordinates of others cross the hinge that its gear would be one with
+  std::vector<int> gear_of_;           // per body, index into Embedding::gears
   std::vector<int> index_, owner_, base_;
   std::vector<int> shared_, state_;  // per body: the home of the last loop that has found its state, and where that stands
   std::map<std::tuple<int, int, bool>, int> Q_;

@@ -50,6 +50,7 @@ struct EmbeddedLoop {
   int drive = -1;
   bool by_rates = true;  // false: by multipliers
   int home = 0;
+  bool constant = false;  // a linear coupling by rates, as those whose coordinates it takes up: T and E are the same in each evaluation
   int rows = 0, rank = 0;
   int n = 0;          // coordinates
   int keep = 0;       // the first of them, which later loops need
@@ -97,7 +98,7 @@ struct Gear {
 struct EmbeddingStep {
   enum class Kind : std::uint8_t {
     sweep,  // bodies as in an open tree
-    gear,   // one body with the wheel that turns with its hinge
+    gear,   // bodies each with the wheel that turns with its hinge
     cross,  // one body whose hinge is eliminated, with pending coordinates on it
     item,   // one body whose hinge rates a loop has taken up
     wheel,  // the same of a rotor that is folded into its carrier
@@ -106,10 +107,9 @@ struct EmbeddingStep {
     close   // the loop is closed at home
   };
   Kind kind = Kind::sweep;
-  int run = 0, begin = 0, end = 0;      // sweep, cross
+  int run = 0, begin = 0, end = 0;      // sweep, cross; of gear: indices into Embedding::gears
   int body = 0;                         // cross, item, wheel; of close: home
   int loop = -1;                        // item, wheel, close
-  int gear = -1;                        // index into Embedding::gears
   std::vector<PendingFlow> flows;       // item: that of its loop first; close: likewise, then what it is coupled with
   std::vector<CoordinateBlock> blocks;  // flows x flows
   int motion = -1;                      // item, wheel: column of EmbeddingWork::U
@@ -127,8 +127,8 @@ struct EmbeddingStep {
 };
 
 struct Embedding {
-  std::vector<EmbeddedLoop> loops;  // in the order in which they are closed
-  std::vector<Gear> gears;
+  std::vector<EmbeddedLoop> loops;   // in the order in which they are closed
+  std::vector<Gear> gears;           // tip to base
   std::vector<EmbeddingStep> steps;  // tip to base
   /// Pushes of multipliers on bodies: +1 of the end `from`, -1 of `to`.
   struct Push {

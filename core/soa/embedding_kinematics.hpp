@@ -348,6 +348,37 @@ static inline void gather_needed(const EmbeddedLoop& c, double* T) {
   }
 }
 
+/// How the bodies of a loop move with its coordinates: Motions = U x + the last column.
+static inline void move_bodies(const SweepModel& model, const EmbeddedLoop& c, Workspace<double>& ws, EmbeddingWork& k) {
+  const int n = c.n;
+  const double* E = k.numbers.data() + c.E;
+  for (const EmbeddedLoop::PathBody& p : c.path) {
+    if (p.motion < 0) continue;
+    Motion<double>* U = k.U.data() + p.motion;
+    const Motion<double>* inboard = p.of_inboard < 0 ? nullptr : k.U.data() + p.of_inboard;
+    const SweepBody& b = model.bodies[p.body];
+    if (is_axis(b.kind) && b.kind != BodyKernel::rotor) {
+      const AxisBody& axis = model.axis_bodies[p.body];
+      for_axis(
+          b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
+            const double cosine = ws.cosines[axis.angle], sine = ws.sines[axis.angle];
+            const double* rate = E + p.column * (n + 1);
+            for (int i = 0; i <= n; ++i) {
+              U[i] = inboard ? motion_to_outboard<double, I, TILT>(axis, cosine, sine, inboard[i]) : Motion<double>{};
+              at<I>(U[i].w) = at<I>(U[i].w) + rate[i];
+            }
+          });
+      continue;
+    }
+    if (b.kind == BodyKernel::rotor) continue;
+    for (int i = 0; i <= n; ++i) U[i] = inboard ? to_outboard(ws.X(p.body), inboard[i]) : Motion<double>{};
+    for (int j = 0; j < p.n; ++j) {
+      const Motion<double> H = hinge_column(model, ws, p.body, j);
+      for (int i = 0; i <= n; ++i) U[i] += E[(p.column + j) * (n + 1) + i] * H;
+    }
+  }
+}
+
 /// Everything of the loops before the sweeps. `given`: what G v' is to be, per row of the model; null: gamma_c. False: the rank has
 /// changed, or rows contradict each other.
 static inline bool embedding_kinematics(const SweepModel& model, const Embedding& e, Workspace<double>& ws, EmbeddingWork& k,
@@ -361,7 +392,17 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
   for (Force<double>& f : k.Q) f = {};
   for (Force<double>& f : k.z) f = {};
   for (ArticulatedInertia<double>& P : k.P) P = {};
-  for (const EmbeddedLoop& c : e.loops) {
+  for (std::size_t l = 0; l < e.loops.size(); ++l) {
+    const EmbeddedLoop& c = e.loops[l];
+    if (c.constant && !given) {
+      if (k.known[l]) {
+        move_bodies(model, c, ws, k);
+        continue;
+      }
+      k.known[l] = 1;
+    } else {
+      k.known[l] = 0;
+    }
     double *G = numbers + c.G, *B = numbers + c.B, *g = k.g.data() + c.row, *residual = k.c.data() + c.row;
     const int columns = c.by_rates ? c.inputs : c.own_columns, stride = columns + 1, n = c.n;
     double open = 0.0;
@@ -488,33 +529,7 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
         for (int i = 0; i <= n; ++i) E[i] += old[t] * row[i];
       }
     }
-    // Motions = U x + the last column.
-    E = numbers + c.E;
-    for (const EmbeddedLoop::PathBody& p : c.path) {
-      if (p.motion < 0) continue;
-      Motion<double>* U = k.U.data() + p.motion;
-      const Motion<double>* inboard = p.of_inboard < 0 ? nullptr : k.U.data() + p.of_inboard;
-      const SweepBody& b = model.bodies[p.body];
-      if (is_axis(b.kind) && b.kind != BodyKernel::rotor) {
-        const AxisBody& axis = model.axis_bodies[p.body];
-        for_axis(
-            b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
-              const double cosine = ws.cosines[axis.angle], sine = ws.sines[axis.angle];
-              const double* rate = E + p.column * (n + 1);
-              for (int i = 0; i <= n; ++i) {
-                U[i] = inboard ? motion_to_outboard<double, I, TILT>(axis, cosine, sine, inboard[i]) : Motion<double>{};
-                at<I>(U[i].w) = at<I>(U[i].w) + rate[i];
-              }
-            });
-        continue;
-      }
-      if (b.kind == BodyKernel::rotor) continue;
-      for (int i = 0; i <= n; ++i) U[i] = inboard ? to_outboard(ws.X(p.body), inboard[i]) : Motion<double>{};
-      for (int j = 0; j < p.n; ++j) {
-        const Motion<double> H = hinge_column(model, ws, p.body, j);
-        for (int i = 0; i <= n; ++i) U[i] += E[(p.column + j) * (n + 1) + i] * H;
-      }
-    }
+    move_bodies(model, c, ws, k);
   }
   return true;
 }

@@ -153,7 +153,7 @@ static inline double wanted_of(const Gear& gear, const Inputs<double>& in, const
 /// A hinge with the wheel that turns with it about its axis, v'_w = r v' + t (u = +-e_i; r with that sign): a moment along the axis is the
 /// same on the carrier and on the body, so that D = P_ii + r^2 Ja, V = P e_i + r Ja e_i, and what the carrier feels of both is
 /// P + Ja e_i e_i* - V D^-1 V*, z + V nu + Ja t e_i, shifted as that of any body. AxisRecord: nu, and all of G = V D^-1.
-static inline bool take_gear(const SweepModel& model, const Gear& gear, Workspace<double>& ws, const Inputs<double>& in,
+CARDAN_INLINE bool take_gear(const SweepModel& model, const Gear& gear, Workspace<double>& ws, const Inputs<double>& in,
                              const double* given) {
   const AxisBody &b = model.axis_bodies[gear.body], &wheel = model.axis_bodies[gear.wheel];
   const Core<double>& core = ws.core(gear.body);
@@ -195,7 +195,7 @@ static inline bool take_gear(const SweepModel& model, const Gear& gear, Workspac
         return true;
       });
 }
-static inline void gear_outward(const SweepModel& model, const Gear& gear, Workspace<double>& ws, const Inputs<double>& in,
+CARDAN_INLINE void gear_outward(const SweepModel& model, const Gear& gear, Workspace<double>& ws, const Inputs<double>& in,
                                 const double* given, double* vdot) {
   const AxisBody& b = model.axis_bodies[gear.body];
   const AxisRecord<double>& record = ws.axis(gear.body);
@@ -208,6 +208,17 @@ static inline void gear_outward(const SweepModel& model, const Gear& gear, Works
         vdot[b.v] = rate;
         vdot[model.axis_bodies[gear.wheel].v] = gear.sense * gear.ratio * rate + gear.per_slope * wanted_of(gear, in, given);
       });
+}
+
+static bool take_gears(const SweepModel& model, const Gear* begin, const Gear* end, Workspace<double>& ws, const Inputs<double>& in,
+                       const double* given) {
+  for (const Gear* gear = begin; gear < end; ++gear)
+    if (!take_gear(model, *gear, ws, in, given)) return false;
+  return true;
+}
+static void gears_outward(const SweepModel& model, const Gear* begin, const Gear* end, Workspace<double>& ws, const Inputs<double>& in,
+                          const double* given, double* vdot) {
+  for (const Gear* gear = end; gear > begin;) gear_outward(model, *--gear, ws, in, given, vdot);
 }
 
 /// A -= V* Y: columns of N numbers (0: of n), flow after flow.
@@ -573,7 +584,7 @@ static inline bool embedding_inward(const SweepModel& model, const Embedding& e,
   for (const EmbeddingStep& step : e.steps) {
     switch (step.kind) {
       case EmbeddingStep::Kind::gear:
-        if (!take_gear(model, e.gears[static_cast<std::size_t>(step.gear)], ws, in, given)) return false;
+        if (!take_gears(model, e.gears.data() + step.begin, e.gears.data() + step.end, ws, in, given)) return false;
         break;
       case EmbeddingStep::Kind::sweep:
       case EmbeddingStep::Kind::cross: {
@@ -704,7 +715,7 @@ static inline void embedding_outward(const SweepModel& model, const Embedding& e
     const EmbeddingStep& step = *at_step;
     switch (step.kind) {
       case EmbeddingStep::Kind::gear:
-        gear_outward(model, e.gears[static_cast<std::size_t>(step.gear)], ws, in, given, vdot);
+        gears_outward(model, e.gears.data() + step.begin, e.gears.data() + step.end, ws, in, given, vdot);
         break;
       case EmbeddingStep::Kind::sweep:
       case EmbeddingStep::Kind::cross: {

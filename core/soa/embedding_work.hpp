@@ -51,6 +51,7 @@ struct EmbeddingWork {
     std::size_t most = 1, longest = 0;
     for (const EmbeddedLoop& loop : e.loops) longest = longest > loop.path.size() ? longest : loop.path.size();
     exits.resize(longest + 2);
+    known.resize(e.loops.size());
     for (const EmbeddingStep& s : e.steps) {
       std::size_t n = 8;
       for (const PendingFlow& f : s.flows) n += static_cast<std::size_t>(e.loops[static_cast<std::size_t>(f.loop)].n) + 1;
@@ -73,8 +74,9 @@ struct EmbeddingWork {
   std::vector<Motion<double>> U;
   std::vector<ArticulatedInertia<double>> P;
   std::vector<PathState> path;
-  std::vector<PathExit> exits;  // of the bodies of the path of one loop, then of home: on the way to `from`, to `to`
-  std::vector<double> modal;    // columns of pending coordinates on modes; after these were eliminated: L^-1 of them
+  std::vector<PathExit> exits;      // of the bodies of the path of one loop, then of home: on the way to `from`, to `to`
+  std::vector<std::uint8_t> known;  // per loop that is `constant`: T and E are those of gamma_c = 0
+  std::vector<double> modal;        // columns of pending coordinates on modes; after these were eliminated: L^-1 of them
   std::vector<int> row_at, column_at;
   std::vector<double> scratch;
   std::vector<Force<double>> PU;
