@@ -1,6 +1,7 @@
 #pragma once
 // What holds hinge components that devices hold (CARDAN_USE_HOLD), at states that are tried: with a workspace of its own, so that nothing
-// of the evaluation before is lost.
+// of the evaluation before is lost (docs/mathematics/devices.md, 6).
+#include <memory>
 #include <vector>
 
 #include "core/dynamics/devices.hpp"
@@ -21,13 +22,25 @@ class Holding {
   /// evaluated there.
   bool look(const DeviceForces& known, const Inputs& in, double t, const double* z, const double* marks);
   const std::vector<Force>& forces() const { return forces_; }
+  /// v' of a component that is held, at such a state, were it let go; NaN where v' cannot be evaluated. It would begin to move so.
+  double let_go(std::size_t hold, const DeviceForces& known, const Inputs& in, double t, const double* z, const double* marks);
+  /// Closed loops leave a component no way to move while others are held: v' of a unit force on it, at rest, is nothing.
+  bool is_blocked(std::size_t hold, const double* q, const LoopDrive* drives);
 
  private:
+  /// v' with all that acts at the state. false: it cannot be evaluated.
+  bool accelerate(const DeviceForces& known, const Inputs& in, double t, const double* z, const double* marks, int let_go);
+  /// Loops leave less free than is held: what holds is not unique.
+  void share();
+
   const Model& model_;
+  Model* own_;
   Workspace workspace_;
   Observer observer_;
   DeviceForces devices_;
-  std::vector<double> tau_, needed_, vdot_;
+  std::unique_ptr<FieldMoments> fields_;  // of gravity that is a field; null: it is none
+  Inputs use_;
+  std::vector<double> tau_, needed_, vdot_, zero_;
   std::vector<NodeWrench> wrenches_;
   std::vector<Force> forces_;
 };
