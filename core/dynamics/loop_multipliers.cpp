@@ -8,11 +8,12 @@ namespace cardan {
 namespace {
 
 constexpr double kRounding = 1e-12;      // of accelerations that cancel
+constexpr double kStill = 1e-12;         // [rad/s]
 constexpr double kContradiction = 1e-6;  // what may be missing in the acceleration of a redundant row, relative to those of the open tree
 
-/// [m/s^2] What rounding may leave of c'' of a row: of the accelerations of its ends, which cancel.
+/// [m/s^2] What rounding may leave of c'' of a row: of the accelerations of its ends, which cancel, and of rates that are none.
 double rounding_of(const Model& model, const Workspace& ws, const Inputs& in, const Loop& loop, const double* vdot) {
-  double size = 0.0;
+  double size = kStill * kStill * loop.lever / kRounding;
   for (const LoopEnd* end : {&loop.from, &loop.to}) {
     const BodyMotion<double> body = motion_of_body(model, ws, in, end->sweep, vdot, After::forward);
     const Motion<double> a = body.gamma + body.delta;
@@ -321,6 +322,10 @@ double loop_power(const Model& model, const Workspace& ws, const LoopDrive* driv
         power += ws.loops->lambda[at] * (ws.loops->rate[at] + (given ? drives[l.drive].rate : 0.0));
   }
   return power;
+}
+
+int rows_that_counted(const Model& model, const Workspace& ws) {
+  return model.loops.embedding && !holds_loops(model, *ws.loops) ? model.loops.rank : ws.loops->rank;
 }
 
 Eigen::MatrixXd idle_forces(const Model& model, const Workspace& ws, const std::vector<int>& components) {

@@ -1190,7 +1190,7 @@ void Simulation::hold_roots(double t, const double* x, double* g) {
   const bool good = look_at_holds(t, with_given_motion(t, x));
   devices_->weigh_again();
   for (std::size_t i = 0; good && i < holds.size(); ++i)
-    if (const Holding::Force& f = holding_->forces()[i]; f.held) g[i] = kRoot * f.most - std::abs(f.force);
+    if (const Holding::Force& f = holding_->forces()[i]; f.held) g[i] = f.leaves != 0 ? -1.0 : kRoot * f.most - std::abs(f.force);
 }
 
 void Simulation::break_away(std::size_t hold, int direction) {
@@ -1201,29 +1201,14 @@ void Simulation::break_away(std::size_t hold, int direction) {
 }
 
 namespace {
-/// What was found to hold it: it begins to move against that.
-int against(const Holding::Force& f) { return f.force > 0.0 ? -1 : 1; }
+bool gives_way(const Holding::Force& f) { return f.leaves != 0 || std::abs(f.force) > kLoose * f.most; }
+/// It begins to move against what was found to hold it.
+int way_of(const Holding::Force& f) { return f.leaves != 0 ? f.leaves : f.force > 0.0 ? -1 : 1; }
 }  // namespace
 
 void Simulation::stop_what_is_held() {
   for (const DeviceHold& h : model_->devices.holds)
     if (model_->prescribed[static_cast<std::size_t>(h.v)] != 0 && state_.v[h.v] != 0.0) state_.v[h.v] = 0.0, changed();
-}
-
-/// Where a closed mechanism moves on through a dead centre of a component, no force holds that: it is let go the way it goes.
-bool Simulation::let_go_of_what_cannot_be_held(std::vector<std::uint8_t>& gave_way) {
-  for (std::size_t i = 0; i < gave_way.size(); ++i) {
-    if (model_->prescribed[static_cast<std::size_t>(model_->devices.holds[i].v)] == 0) continue;
-    const double* x = hold_x_.data();
-    const double vdot =
-        holding_->let_go(i, *devices_, hold_inputs(state_.t, x), state_.t, x + model_->nq + model_->nv, state_.marks.data());
-    weigh();
-    if (!(std::abs(vdot) > 0.0)) continue;
-    break_away(i, vdot > 0.0 ? 1 : -1);
-    gave_way[i] = 1;
-    return true;
-  }
-  return false;
 }
 
 /// What closed loops do not let move while something else is held stands still, and holds as well.
@@ -1259,15 +1244,12 @@ void Simulation::settle_holds() {
     if (!loops_) stop_what_is_held();  // with loops once it is known to hold: others may move on
     hold_x_.resize(x_given_.size());
     pack(hold_x_.data());
-    if (!look_at_holds(state_.t, hold_x_.data())) {
-      if (loops_ && let_go_of_what_cannot_be_held(gave_way)) continue;
-      return;  // told where the dynamics come upon it
-    }
+    if (!look_at_holds(state_.t, hold_x_.data())) return;  // told where the dynamics come upon it
     const auto& forces = holding_->forces();
-    const auto loose = std::ranges::find_if(forces, [](const Holding::Force& f) { return std::abs(f.force) > kLoose * f.most; });
+    const auto loose = std::ranges::find_if(forces, gives_way);
     if (loose != forces.end()) {
       const auto i = static_cast<std::size_t>(loose - forces.begin());
-      break_away(i, against(*loose));
+      break_away(i, way_of(*loose));
       gave_way[i] = 1;
     } else {
       stop_what_is_held();
@@ -1296,7 +1278,7 @@ bool Simulation::device_events(std::span<const int> crossed) {
     if (crossed[static_cast<std::size_t>(model_->devices.n_roots) + i] >= 0) continue;
     hold_x_.resize(x_given_.size());
     pack(hold_x_.data());
-    if (look_at_holds(state_.t, hold_x_.data()) && holding_->forces()[i].held) break_away(i, against(holding_->forces()[i]));
+    if (look_at_holds(state_.t, hold_x_.data()) && holding_->forces()[i].held) break_away(i, way_of(holding_->forces()[i]));
     any = true;
   }
   if (any) settle_holds();

@@ -245,7 +245,6 @@ class Simulation {
   bool anything_is_held() const;
   void break_away(std::size_t hold, int direction);
   void stop_what_is_held();
-  bool let_go_of_what_cannot_be_held(std::vector<std::uint8_t>& gave_way);
   bool hold_what_is_blocked(const std::vector<std::uint8_t>& gave_way);
   void settle_holds();
   bool close_loops(double t, double* q, double* v);

@@ -135,6 +135,78 @@ TEST(FrictionInLoops, AMechanismThatTurnsOnPassesItsDeadCentres) {
     }
 }
 
+/// A piston: a crank of 0.2 m, a rod of 0.5 m, closed at the piston's pin.
+SystemSpec engine(LoopForm form, double crank_angle) {
+  BodySpec crank = on(rigid("crank", 1.0, {0.1, 0, 0}, diagonal({0.002, 0.01, 0.01})), "", "revolute", {{0, 0, 1}});
+  BodySpec rod = on(rigid("rod", 0.8, {0.25, 0, 0}, diagonal({0.001, 0.02, 0.02})), "crank", "revolute", {{0, 0, 1}}, {0.2, 0, 0});
+  BodySpec piston = on(rigid("piston", 1.5, Eigen::Vector3d::Zero(), diagonal({0.01, 0.01, 0.01})), "", "prismatic", {{1, 0, 0}});
+  const double tilt = std::asin(0.4 * std::sin(crank_angle));
+  crank.hinge.q = {crank_angle}, rod.hinge.q = {-tilt - crank_angle};
+  piston.hinge.q = {0.2 * std::cos(crank_angle) + 0.5 * std::cos(tilt)};
+  SystemSpec spec = system({crank, rod, piston});
+  LoopSpec pin;
+  pin.name = "pin", pin.type = "point", pin.from.body = "piston", pin.to.body = "rod", pin.to.position = {0.5, 0, 0};
+  spec.loops = {pin};
+  spec.loop_form = form;
+  spec.devices = {dry("piston", 3.0, 50.0)};
+  return spec;
+}
+
+/// At rest at a dead centre nothing holds the crank, whatever the piston could; elsewhere the piston holds it. What the motor has done is
+/// in the motion and in F times the way of the piston.
+TEST(FrictionInLoops, AMotorStartsAnEngineAtItsDeadCentre) {
+  for (const LoopForm form : kForms)
+    for (const double start : {0.0, std::numbers::pi})
+      for (const double torque : {0.5, -0.5}) {
+        Simulation sim(compiled(engine(form, start)), accurate()), beside(compiled(engine(form, start + 0.3)), accurate());
+        sim.run(0.1);
+        EXPECT_EQ(sim.state().marks[0], 1.0) << "nothing pushes";
+        const double before = sim.energy().total(), x = sim.state().q[2];
+        sim.set_force(0, torque), beside.set_force(0, torque);
+        sim.run(0.4), beside.run(0.4);
+        EXPECT_EQ(sim.state().marks[0], 0.0);
+        EXPECT_EQ(beside.state().marks[0], 1.0);
+        EXPECT_EQ(beside.state().q[0], start + 0.3);
+        const double turned = sim.state().q[0] - start;
+        EXPECT_GT(turned * torque, 0.01);
+        EXPECT_LT(std::abs(turned), 3.0) << "before the other dead centre";
+        EXPECT_NEAR(sim.energy().total() - before, torque * turned - 3.0 * std::abs(sim.state().q[2] - x), 1e-10);
+        EXPECT_TRUE(sim.ledger().pass) << sim.ledger().energy_relative << " of " << sim.ledger().energy_limit;
+      }
+}
+
+/// Of a crank whose motion is given the piston follows, from rest and through its dead centres: what its friction takes is what the crank
+/// needs beside what the engine needs without.
+TEST(FrictionInLoops, FrictionDoesNotHoldWhatAGivenMotionMoves) {
+  for (const LoopForm form : kForms) {
+    SystemSpec spec = engine(form, 0.7);
+    spec.bodies[0].hinge.prescribed = {0};
+    SystemSpec smooth = spec;
+    smooth.devices.clear();
+    Simulation sim(compiled(spec), accurate()), without(compiled(smooth), accurate());
+    for (Simulation* s : {&sim, &without}) s->prescribe(0, MotionProfile::rate_table({{0.0, 0.0}, {0.5, 0.0}, {1.0, 9.0}, {3.0, 9.0}}));
+    for (const double t : {0.7, 1.1, 1.4, 2.3}) {
+      sim.run(t), without.run(t);
+      EXPECT_NEAR(sim.state().q[2], without.state().q[2], 1e-10);
+      VectorXd a(3), b(3);
+      sim.observe().prescribed_forces(a.data()), without.observe().prescribed_forces(b.data());
+      EXPECT_NEAR((a - b)[0] * sim.state().v[0], 3.0 * std::abs(sim.state().v[2]), 1e-8) << t;
+    }
+    EXPECT_TRUE(sim.ledger().pass) << sim.ledger().energy_relative << " of " << sim.ledger().energy_limit;
+  }
+}
+
+/// A hinge that closes carries no load, and `dae` holds nothing: said by name.
+TEST(FrictionInLoops, WhatIsNotHonouredIsRefusedByName) {
+  SystemSpec closing = four_bar("revolute");
+  closing.devices = {dry("pivot", 1.0, 1.0)};
+  EXPECT_NE(refusal(closing).find("\"pivot\", which closes a loop"), std::string::npos) << refusal(closing);
+  SystemSpec dae = four_bar("revolute");
+  dae.loop_form = LoopForm::dae;
+  dae.devices = {dry("rocker", 1.0, 1.0)};
+  EXPECT_NE(refusal(dae).find("devices that hold a component of a hinge, as on_rocker (dry_friction)"), std::string::npos) << refusal(dae);
+}
+
 /// A link cut in two, welded: all hinges of the loop are in the tree. From rest the crank breaks away at what each hinge holds, times how
 /// fast it turns for the crank.
 TEST(FrictionInLoops, ALoopWithFrictionOnAllItsHingesIsCutThroughALink) {
