@@ -243,6 +243,11 @@ class EmbeddedMultipliers {
 }  // namespace
 
 bool run_embedding(const Model& model, Workspace& ws, const Inputs& in, double* vdot) {
+  if (holds_loops(model, *ws.loops)) {
+    ws.loops->unsettled = false;
+    keep_gamma(model, ws);
+    return over_the_open_tree(model, ws, in, vdot);
+  }
   int result = embed(model, ws, in, nullptr, vdot);
   const bool closed = result == 0 && (!model.loops.embedding->chosen || keeps_rows_left_out(model, ws, in, vdot));
   if (!closed) keep_gamma(model, ws);
@@ -263,6 +268,7 @@ namespace {
 /// At rest, G v' = work.rhs and no force but tau.
 bool respond(const Model& model, Workspace& ws, const double* q, const LoopDrive* drives, const double* tau, double* out) {
   LoopWork& work = *ws.loops;
+  if (holds_loops(model, work)) return false;
   soa::sweeps<double>().at_rest(model, ws);
   const Inputs at_rest{.q = q, .v = work.zero.data(), .tau = tau, .vdot = work.zero.data(), .gravity = false, .drives = drives};
   const int result = embed(model, ws, at_rest, work.rhs.data(), out);

@@ -7,7 +7,20 @@
 namespace cardan {
 namespace {
 
+constexpr double kRounding = 1e-12;      // of accelerations that cancel
+constexpr double kStill = 1e-12;         // [rad/s]
 constexpr double kContradiction = 1e-6;  // what may be missing in the acceleration of a redundant row, relative to those of the open tree
+
+/// [m/s^2] What rounding may leave of c'' of a row: of the accelerations of its ends, which cancel, and of rates that are none.
+double rounding_of(const Model& model, const Workspace& ws, const Inputs& in, const Loop& loop, const double* vdot) {
+  double size = kStill * kStill * loop.lever / kRounding;
+  for (const LoopEnd* end : {&loop.from, &loop.to}) {
+    const BodyMotion<double> body = motion_of_body(model, ws, in, end->sweep, vdot, After::forward);
+    const Motion<double> a = body.gamma + body.delta;
+    size += std::sqrt(dot(a.v, a.v)) + loop.lever * std::sqrt(dot(a.w, a.w));
+  }
+  return kRounding * size;
+}
 
 bool stop(Workspace& ws, const Loop& loop, int row, double value, double limit) {
   const int outer = std::max(loop.from.sweep, loop.to.sweep);
@@ -188,7 +201,7 @@ LoopWork::LoopWork(const Model& model) {
     const Loop& loop = loops.all[l];
     if (loop.hinge) q[l].resize(loop.hinge->nq), v[l].resize(loop.hinge->nv);
     for (const int i : loop.rates)
-      if (!model.has_prescribed() || !model.prescribed[static_cast<std::size_t>(i)]) moves[static_cast<std::size_t>(i)] = 1;
+      if (!model.has_given_motion(i)) moves[static_cast<std::size_t>(i)] = 1;
     mark(loop.from.sweep), mark(loop.to.sweep);
     for (const CoupledRate& term : loop.coupling.terms) {
       gradient[l].push_back(term.coefficient);
@@ -202,6 +215,12 @@ LoopWork::LoopWork(const Model& model) {
   near = stretches(model.runs, marked);
   for (std::size_t i = 0; i < nv; ++i)
     if (moves[i]) columns.push_back(static_cast<int>(i));
+  for (const SweepBody& b : model.bodies) {
+    const auto of_hinge = [&b](int component) { return component >= b.v && component < b.v + b.nv; };
+    if (std::ranges::none_of(columns, of_hinge)) continue;
+    for (const DeviceHold& h : model.devices.holds)
+      if (of_hinge(h.v)) may_be_held.push_back(h.v);
+  }
   W.resize(rows), row_at.resize(rows), column_at.resize(columns.size());
   for (auto* x : {&c, &rate, &extra, &open, &acceleration, &rhs, &lambda, &step, &scale, &L, &y}) x->resize(rows);
   G.resize(rows * nv), U.resize(rows * nv), B.resize(rows * columns.size());
@@ -218,6 +237,10 @@ LoopWork::LoopWork(const Model& model) {
         of_coordinates.resize(static_cast<std::size_t>(loops.embedding->n_x));
   }
   tau.resize(coupled ? nv : 0), tau_of_row.resize(nv), response.resize(nv), zero.resize(nv);
+}
+
+bool holds_loops(const Model& model, const LoopWork& work) {
+  return std::ranges::any_of(work.may_be_held, [&](int v) { return model.prescribed[static_cast<std::size_t>(v)] != 0; });
 }
 
 void make_room_for_loops(const Model& model, Workspace& ws) {
@@ -282,8 +305,10 @@ bool close_loops(const Model& model, Workspace& ws, const Inputs& in, double* vd
   for (std::size_t i = static_cast<std::size_t>(work.rank); i < work.row_at.size(); ++i) {
     const int row = work.row_at[i];
     const auto at = static_cast<std::size_t>(row);
-    if (const double missing = work.scale[at] * std::abs(work.acceleration[at]); !(missing <= limit))
-      return stop(ws, pass.loop_of(row), row, missing, limit);
+    const Loop& loop = pass.loop_of(row);
+    if (const double missing = work.scale[at] * std::abs(work.acceleration[at]);
+        !(missing <= limit) && !(missing <= rounding_of(model, ws, in, loop, vdot)))
+      return stop(ws, loop, row, missing, limit);
   }
   return true;
 }
@@ -304,6 +329,28 @@ double loop_power(const Model& model, const Workspace& ws, const LoopDrive* driv
         power += ws.loops->lambda[at] * (ws.loops->rate[at] + (given ? drives[l.drive].rate : 0.0));
   }
   return power;
+}
+
+int rows_that_counted(const Model& model, const Workspace& ws) {
+  return model.loops.embedding && !holds_loops(model, *ws.loops) ? model.loops.rank : ws.loops->rank;
+}
+
+Eigen::MatrixXd idle_forces(const Model& model, const Workspace& ws, const std::vector<int>& components) {
+  const LoopWork& work = *ws.loops;
+  if (!holds_loops(model, work) || work.rank == model.loops.rows) return {};
+  const auto rows = static_cast<std::size_t>(model.loops.rows), nv = static_cast<std::size_t>(model.nv);
+  const std::size_t n = rows - static_cast<std::size_t>(work.rank);
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(components.size()), static_cast<Eigen::Index>(n));
+  double most = 0.0;
+  for (std::size_t k = 0; k < n; ++k)
+    for (std::size_t i = 0; i < components.size(); ++i)
+      for (std::size_t row = 0; row < rows; ++row) {
+        const double push = work.N[k * rows + row] * work.G[row * nv + static_cast<std::size_t>(components[i])];
+        out(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)) += push;
+        most = std::max(most, std::abs(push));
+      }
+  if (out.cwiseAbs().maxCoeff() <= kDependent * most) return {};
+  return out;
 }
 
 Force<double> loop_wrench(const Model& model, const Workspace& ws, int loop) {

@@ -33,7 +33,8 @@ struct LoopWork {
   // rows x nv, row by row: G, and M^-1 G* of the rows that count.
   std::vector<double> G, U;
   // Rank: rows x columns scaled, and how rows and columns were exchanged.
-  std::vector<int> columns, row_at, column_at;
+  std::vector<int> columns, row_at, column_at;  // columns: rates that are not given; those that a device holds are now and then
+  std::vector<int> may_be_held;                 // components that devices hold, of hinges that move the ends of loops against each other
   std::vector<double> B, L, Lambda, N, NN, y;
   int rank = 0;
   double smallest = 0.0, largest = 0.0;
@@ -150,6 +151,9 @@ class LoopPass {
   const Inputs& in_;
   const soa::Sweeps<double>& S_;
 };
+
+/// A device holds a component of a hinge that loops have taken up: they are closed over the open tree, which leaves such components out.
+bool holds_loops(const Model& model, const LoopWork& work);
 
 /// A scaled pivot below is none: of redundant rows they are 1e-16, of others above 1e-3 but near singular postures.
 inline constexpr double kDependent = 1e-10;

@@ -40,7 +40,8 @@ void LoopPass::find_rank() {
       if (loop.turns()) open = std::max(open, std::abs(k_.c[at(i)]) * k_.scale[at(i)] / loop.lever);
       for (int j = 0; j < n; ++j) {
         const auto v = at(k_.columns[at(j)]);
-        k_.B[at(i * n + j)] = k_.G[at(i) * at(m_.nv) + v] * k_.scale[at(i)] * loops_.column_scale[v] / loop.reference;
+        const bool held = m_.has_prescribed() && m_.prescribed[v] != 0;
+        k_.B[at(i * n + j)] = held ? 0.0 : k_.G[at(i) * at(m_.nv) + v] * k_.scale[at(i)] * loops_.column_scale[v] / loop.reference;
       }
       k_.row_at[at(i)] = i;
     }
@@ -85,8 +86,11 @@ LoopRank loop_rank(const Model& model, Workspace& ws, const double* q, const Loo
     for (int i = loop.first; i < loop.first + loop.rows; ++i)
       for (Eigen::Index j = 0; j < A.cols(); ++j) {
         const auto v = static_cast<std::size_t>(work.columns[static_cast<std::size_t>(j)]);
-        A(i, j) =
-            work.G[static_cast<std::size_t>(i * model.nv) + v] * pass.in_metres(loop, i) * model.loops.column_scale[v] / loop.reference;
+        if (model.has_prescribed() && model.prescribed[v] != 0)
+          A(i, j) = 0.0;
+        else
+          A(i, j) =
+              work.G[static_cast<std::size_t>(i * model.nv) + v] * pass.in_metres(loop, i) * model.loops.column_scale[v] / loop.reference;
       }
   const double distance = work.rank > 0 ? singular_values(A)[work.rank - 1] : 0.0;
   return {model.loops.rows, work.rank, {work.row_at.begin() + work.rank, work.row_at.end()}, work.smallest, work.largest, distance};

@@ -46,6 +46,11 @@ struct LoopForces {
 LoopForces loop_forces(const Workspace& workspace);
 /// Moment and force that a loop transmits to its end `to`, at that node, axes of the node `from`.
 Force<double> loop_wrench(const Model& model, const Workspace& workspace, int loop);
+/// Rows that counted in the last evaluation over the open tree; all that do at the start where loops are closed inside of the sweeps.
+int rows_that_counted(const Model& model, const Workspace& workspace);
+/// Hinge forces on components that are held which multipliers can take the place of, one a column: nothing moves otherwise with them. Empty
+/// where what holds is unique: rows that imply each other because of what is held there are none.
+Eigen::MatrixXd idle_forces(const Model& model, const Workspace& workspace, const std::vector<int>& components);
 /// What all multipliers do, in W: nothing but for rounding, and what moves as a function of time. Of couplings alone, or of all loops.
 double loop_power(const Model& model, const Workspace& workspace, const LoopDrive* drives, bool of_couplings);
 

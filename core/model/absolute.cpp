@@ -56,6 +56,10 @@ std::vector<int> nodes_by_name(const Model& from, const Model& to) {
 
 std::string not_taken_absolutely(const Model& model) {
   if (const UserBody* u = model.find_curved_nodes()) return fmt::format("bodies whose type tells how their nodes move, as {}", u->name);
+  if (!model.devices.holds.empty()) {
+    const Device& d = model.devices.all[static_cast<std::size_t>(model.devices.holds[0].device)];
+    return fmt::format("devices that hold a component of a hinge, as {} ({})", d.name, d.family->type);
+  }
   if (model.changes()) return "masses that change";
   for (const UserBody& u : model.user) {
     const SweepBody& b = model.bodies[static_cast<std::size_t>(u.sweep)];

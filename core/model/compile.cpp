@@ -323,6 +323,7 @@ class Compiler {
       if (m.varies[k]) m.devices.varying.push_back({static_cast<int>(k), m.bodies[k].M, m.bodies[k].M_sweep, m.bodies[k].J_P});
     int device = 0;
     std::string fault = m.weigh(m.devices.z0.data(), m.devices.marks0.data(), device);
+    for (const DeviceHold& h : m.devices.holds) m.prescribed[h.v] = 0;  // what closes loops is prepared for what may move
     for (const DeviceMass& own : m.devices.masses)
       if (const double mass = m.user[own.user].mass - own.own_mass; fault.empty() && mass < 0.0)
         device = own.device, fault = fmt::format("{:g} kg", mass);

@@ -235,6 +235,13 @@ class DeviceCompiler {
                 "its motion is given: what pushes there has no effect");
         return;
       }
+    const std::string first = target.substr(0, target.find('.'));
+    if (std::ranges::any_of(spec_.loops, [&](const LoopSpec& l) { return l.name == first; }))
+      return fault(
+          Code::unsupported, spec, desc.name, "a component of a hinge in the tree: " + one_of(legal),
+          fmt::format("{}, which closes a loop", in_quotes(first)),
+          "put that hinge among `bodies` and let another one of the loop close it; where each has a load, cut a link in two and close "
+          "the loop by a weld of its halves");
     fault(Code::unknown_name, spec, desc.name,
           legal.empty() ? std::string("a component of a hinge, of which there is none that moves")
                         : "a component of a hinge: " + one_of(legal),

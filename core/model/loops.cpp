@@ -71,11 +71,6 @@ class LoopCompiler {
 
  private:
   void refuse_what_loops_exclude() {
-    if (!model_.devices.holds.empty()) {
-      const Device& d = model_.devices.all[static_cast<std::size_t>(model_.devices.holds[0].device)];
-      sink_.report(Code::unsupported, spec_.locate("devices." + d.name), "a vehicle without closed loops, or a device that holds nothing",
-                   fmt::format("device {} ({})", d.name, d.family->type));
-    }
     for (const BodySpec& b : spec_.bodies)
       if (!b.prescribed_modes.empty())
         sink_.report(Code::unsupported, spec_.locate(body_path(b)), "a vehicle without closed loops, or modes that are free",

@@ -1,6 +1,6 @@
 #pragma once
 // The tree that closed loops leave when the bodies of each are taken as one (Jain 2011, 2012: constraint embedding;
-// docs/mathematics/loops.md, 6). A compound body is the bodies that move against each other in a loop, with those of all loops that share
+// docs/mathematics/loops.md, 8). A compound body is the bodies that move against each other in a loop, with those of all loops that share
 // some with it; it hangs on the body where their ways begin, its home, and its hinge has the independent rates of its loops:
 //
 //   v = X v_I     H* of a compound = phi_S* H_S* X     Phi* from home to each of its bodies     P of each of its bodies by itself

@@ -133,14 +133,46 @@ std::string input_text(const DeviceSpec::Input& input) {
   return text;
 }
 
-/// In the order of evaluation; what each reads and gives.
+std::string text_of(const ParamValue& p) {
+  if (!p.file.empty()) return p.file;
+  return std::visit(
+      [](const auto& x) -> std::string {
+        using T = std::decay_t<decltype(x)>;
+        if constexpr (std::is_same_v<T, std::vector<double>>)
+          return fmt::format("[{:.10g}]", fmt::join(x, ", "));
+        else if constexpr (std::is_same_v<T, double>)
+          return fmt::format("{:.10g}", x);
+        else
+          return fmt::format("{}", x);
+      },
+      p.value);
+}
+
+/// In the words of the schema of its family.
+std::string parameter_unit(std::span<const cardan_param_desc> schema, const std::string& name) {
+  for (const cardan_param_desc& p : schema)
+    if (name == p.name) return p.unit && *p.unit && p.unit != std::string_view("1") && !p.units ? std::string(" ") + p.unit : std::string();
+  return {};
+}
+
+constexpr std::size_t kLongList = 24;  // numbers: of a longer one it is told how many
+
+/// In the order of evaluation; what each is given, reads and gives.
 Json devices(const Model& m) {
   Json all = Json::array();
   const Devices& devices = m.devices;
   for (const int i : devices.order) {
     const Device& d = devices.all[static_cast<std::size_t>(i)];
     const DeviceSpec& spec = m.spec->devices[static_cast<std::size_t>(d.spec)];
-    Json mounts = Json::array(), inputs = Json::array(), outputs = Json::array(), states = Json::array();
+    Json mounts = Json::array(), given_values = Json::array(), inputs = Json::array(), outputs = Json::array(), states = Json::array();
+    const std::vector<cardan_param_desc> schema = schema_where(turns(m, d), *d.family);
+    for (const cardan_param_desc& p : schema)
+      if (const auto value = spec.params.find(p.name); value != spec.params.end()) {
+        const auto* list = std::get_if<std::vector<double>>(&value->second.value);
+        const bool table = list && list->size() > kLongList && value->second.file.empty();
+        const std::string text = table ? fmt::format("{} numbers", list->size()) : text_of(value->second);
+        given_values.push_back({{"name", p.name}, {"value", text + parameter_unit(schema, p.name)}});
+      }
     for (std::uint32_t k = 0; k < d.family->n_mounts; ++k) {
       const cardan_mount_desc& mount = d.family->mounts[k];
       const auto given = spec.mounts.find(mount.name);
@@ -172,6 +204,7 @@ Json devices(const Model& m) {
                    {"type", d.family->type},
                    {"role", role_text(*d.family)},
                    {"mounts", mounts},
+                   {"parameters", given_values},
                    {"inputs", inputs},
                    {"outputs", outputs},
                    {"states", states},
@@ -393,31 +426,9 @@ std::string text_of(const Vec3<double>& a) { return fmt::format("[{:.10g}, {:.10
 
 std::string text_of(const Eigen::Vector3d& a) { return text_of(from_eigen(a)); }
 
-std::string text_of(const ParamValue& p) {
-  if (!p.file.empty()) return p.file;
-  return std::visit(
-      [](const auto& x) -> std::string {
-        using T = std::decay_t<decltype(x)>;
-        if constexpr (std::is_same_v<T, std::vector<double>>)
-          return fmt::format("[{:.10g}]", fmt::join(x, ", "));
-        else if constexpr (std::is_same_v<T, double>)
-          return fmt::format("{:.10g}", x);
-        else
-          return fmt::format("{}", x);
-      },
-      p.value);
-}
-
 std::string text_of(const Eigen::Matrix3d& R) {
   return fmt::format("[{}, {}, {}]", text_of(Eigen::Vector3d(R.row(0))), text_of(Eigen::Vector3d(R.row(1))),
                      text_of(Eigen::Vector3d(R.row(2))));
-}
-
-/// In the words of the schema of its family.
-std::string parameter_unit(std::span<const cardan_param_desc> schema, const std::string& name) {
-  for (const cardan_param_desc& p : schema)
-    if (name == p.name) return p.unit && *p.unit && p.unit != std::string_view("1") && !p.units ? std::string(" ") + p.unit : std::string();
-  return {};
 }
 
 template <class Family>

@@ -138,6 +138,8 @@ std::string description_text(const Json& d) {
     std::string about;
     for (const Json& mount : device["mounts"])
       about += fmt::format(", {} {}", mount["mount"].get<std::string>(), mount["at"].get<std::string>());
+    for (const Json& given : device["parameters"])
+      about += fmt::format(", {} {}", given["name"].get<std::string>(), given["value"].get<std::string>());
     for (const Json& in : device["inputs"]) about += fmt::format(", {} {}", in["name"].get<std::string>(), in["from"].get<std::string>());
     for (const Json& state : device["states"])
       about += fmt::format(", state {} (about {:.3g} {})", state["name"].get<std::string>(), state["nominal"].get<double>(),

@@ -374,10 +374,11 @@ const MotionProfile* Simulation::loop_profile(std::string_view loop) const {
 }
 
 /// `since`: as in MotionProfile::acceleration().
-void Simulation::drive_loops(double t, double since) {
-  for (std::size_t i = 0; i < drives_.size(); ++i) {
+void Simulation::drive_loops(double t, double since, std::vector<LoopDrive>& drives) const {
+  drives.resize(prescribed_loops_.size());
+  for (std::size_t i = 0; i < drives.size(); ++i) {
     const PrescribedLoop& p = prescribed_loops_[i];
-    drives_[i] = {p.more(t), p.profile.rate(t), p.profile.acceleration(t, since)};
+    drives[i] = {p.more(t), p.profile.rate(t), p.profile.acceleration(t, since)};
   }
 }
 
@@ -553,7 +554,7 @@ std::vector<double> Simulation::absolute_tolerances(const Model& m) const {
 // Onto closed loops. false: they cannot be closed from there.
 bool Simulation::close_loops(double t, double* q, double* v) {
   bool closed = false;
-  drive_loops(t, std::min(t, stretch_));
+  drive_loops(t, std::min(t, stretch_), drives_);
   unless_thrown([&] { closed = loops_->close(q, v, drives_.data()); });
   if (!closed) breakdown_ = loops_->breakdown();
   if (closed && loops_->pivot() < kNearSingular) tell_near_singular();
@@ -719,7 +720,7 @@ OdeProblem Simulation::ode() {
         model_, m.loops.absolute ? absolute_tolerances(*m.loops.absolute->bodies) : std::vector<double>(),
         [this](double t, const double* q, const double* v) { return act(t, q, v) ? &acting_ : nullptr; },
         [this](double t, double* q, double* v) {
-          drive_loops(t, std::min(t, stretch_));
+          drive_loops(t, std::min(t, stretch_), drives_);
           give_motion(t, q, v);
           return drives_.data();
         },
@@ -1156,13 +1157,18 @@ void Simulation::start_devices(std::span<const int> but) {
   settle_holds();
 }
 
-bool Simulation::look_at_holds(double t, const double* x) {
+Inputs Simulation::hold_inputs(double t, const double* x) {
   const double *q = x, *v = q + model_->nq;
   hold_tau_ = tau_;
   hinge_laws::add_forces(*model_, q, v, hold_tau_.data());
   hold_vdot_ = vdot_given_;
   for (const Prescribed& p : prescribed_) hold_vdot_[static_cast<std::size_t>(p.index)] = p.profile.acceleration(t, std::min(t, stretch_));
-  return holding_->look(*devices_, {q, v, hold_tau_.data(), hold_vdot_.data(), wrenches_}, t, v + model_->nv, state_.marks.data());
+  drive_loops(t, std::min(t, stretch_), hold_drives_);
+  return {.q = q, .v = v, .tau = hold_tau_.data(), .vdot = hold_vdot_.data(), .wrenches = wrenches_, .drives = hold_drives_.data()};
+}
+
+bool Simulation::look_at_holds(double t, const double* x) {
+  return holding_->look(*devices_, hold_inputs(t, x), t, x + model_->nq + model_->nv, state_.marks.data());
 }
 
 namespace {
@@ -1171,23 +1177,56 @@ namespace {
 constexpr double kLoose = 1.0 + 1e-12, kRoot = 1.0 + 1e-10;
 }  // namespace
 
+bool Simulation::anything_is_held() const {
+  return std::ranges::any_of(model_->devices.holds,
+                             [&](const DeviceHold& h) { return model_->prescribed[static_cast<std::size_t>(h.v)] != 0; });
+}
+
 /// At a trial state: what is left until each held component breaks away; 1 of others, and where v' cannot be evaluated.
 void Simulation::hold_roots(double t, const double* x, double* g) {
   const auto& holds = model_->devices.holds;
   std::fill_n(g, holds.size(), 1.0);
-  if (std::ranges::none_of(holds, [&](const DeviceHold& h) { return model_->prescribed[static_cast<std::size_t>(h.v)] != 0; })) return;
+  if (!anything_is_held()) return;
   const bool good = look_at_holds(t, with_given_motion(t, x));
   devices_->weigh_again();
   for (std::size_t i = 0; good && i < holds.size(); ++i)
-    if (const Holding::Force& f = holding_->forces()[i]; f.held) g[i] = kRoot * f.most - std::abs(f.force);
+    if (const Holding::Force& f = holding_->forces()[i]; f.held) g[i] = f.leaves != 0 ? -1.0 : kRoot * f.most - std::abs(f.force);
 }
 
-/// From what was found to hold it: it begins to move against that.
-void Simulation::break_away(std::size_t hold) {
+void Simulation::break_away(std::size_t hold, int direction) {
   const int device = model_->devices.holds[hold].device;
   const std::uint32_t n = model_->devices.all[static_cast<std::size_t>(device)].family->n_roots;
-  device_event(device, n + 1, holding_->forces()[hold].force > 0.0 ? -1 : 1);
+  device_event(device, n + 1, direction);
   changed();
+}
+
+namespace {
+bool gives_way(const Holding::Force& f) { return f.leaves != 0 || std::abs(f.force) > kLoose * f.most; }
+/// It begins to move against what was found to hold it.
+int way_of(const Holding::Force& f) { return f.leaves != 0 ? f.leaves : f.force > 0.0 ? -1 : 1; }
+}  // namespace
+
+void Simulation::stop_what_is_held() {
+  for (const DeviceHold& h : model_->devices.holds)
+    if (model_->prescribed[static_cast<std::size_t>(h.v)] != 0 && state_.v[h.v] != 0.0) state_.v[h.v] = 0.0, changed();
+}
+
+/// What closed loops do not let move while something else is held stands still, and holds as well.
+bool Simulation::hold_what_is_blocked(const std::vector<std::uint8_t>& gave_way) {
+  bool any = false;
+  for (std::size_t i = 0; i < gave_way.size(); ++i) {
+    const DeviceHold& h = model_->devices.holds[i];
+    if (gave_way[i] != 0 || model_->prescribed[static_cast<std::size_t>(h.v)] != 0 ||
+        !holding_->is_blocked(i, state_.q.data(), hold_drives_.data()))
+      continue;
+    state_.v[h.v] = 0.0;
+    changed();
+    observe();
+    device_event(h.device, model_->devices.all[static_cast<std::size_t>(h.device)].family->n_roots, 0);
+    changed();
+    any = any || model_->prescribed[static_cast<std::size_t>(h.v)] != 0;
+  }
+  return any;
 }
 
 /// What is held stands still; what more would be needed for than can be breaks away, one after the other. Where rates were set from
@@ -1199,21 +1238,23 @@ void Simulation::settle_holds() {
     for (const DeviceHold& h : holds) device_event(h.device, model_->devices.all[static_cast<std::size_t>(h.device)].family->n_roots, 0);
     changed();
   }
-  for (std::size_t pass = 0; holding_ && pass <= holds.size(); ++pass) {
-    bool any = false;
-    for (const DeviceHold& h : holds)
-      if (model_->prescribed[static_cast<std::size_t>(h.v)] != 0) {
-        any = true;
-        if (state_.v[h.v] != 0.0) state_.v[h.v] = 0.0, changed();
-      }
-    if (!any) return;
+  std::vector<std::uint8_t> gave_way(holds.size());
+  for (std::size_t pass = 0; holding_ && pass <= 2 * holds.size(); ++pass) {
+    if (!anything_is_held()) return;
+    if (!loops_) stop_what_is_held();  // with loops once it is known to hold: others may move on
     hold_x_.resize(x_given_.size());
     pack(hold_x_.data());
     if (!look_at_holds(state_.t, hold_x_.data())) return;  // told where the dynamics come upon it
     const auto& forces = holding_->forces();
-    const auto loose = std::ranges::find_if(forces, [](const Holding::Force& f) { return std::abs(f.force) > kLoose * f.most; });
-    if (loose == forces.end()) return;
-    break_away(static_cast<std::size_t>(loose - forces.begin()));
+    const auto loose = std::ranges::find_if(forces, gives_way);
+    if (loose != forces.end()) {
+      const auto i = static_cast<std::size_t>(loose - forces.begin());
+      break_away(i, way_of(*loose));
+      gave_way[i] = 1;
+    } else {
+      stop_what_is_held();
+      if (!loops_ || !hold_what_is_blocked(gave_way)) return;
+    }
   }
 }
 
@@ -1237,7 +1278,7 @@ bool Simulation::device_events(std::span<const int> crossed) {
     if (crossed[static_cast<std::size_t>(model_->devices.n_roots) + i] >= 0) continue;
     hold_x_.resize(x_given_.size());
     pack(hold_x_.data());
-    if (look_at_holds(state_.t, hold_x_.data()) && holding_->forces()[i].held) break_away(i);
+    if (look_at_holds(state_.t, hold_x_.data()) && holding_->forces()[i].held) break_away(i, way_of(holding_->forces()[i]));
     any = true;
   }
   if (any) settle_holds();

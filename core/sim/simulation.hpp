@@ -229,7 +229,7 @@ class Simulation {
   void give_motion(double t, double* q, double* v) const;
   void start_given_motion();
   void start_lengths();
-  void drive_loops(double t, double since);
+  void drive_loops(double t, double since, std::vector<LoopDrive>& drives) const;
   std::vector<double> absolute_tolerances(const Model& m) const;
   void apply_forces(double t, double since, const double* q, const double* v);
   bool act(double t, const double* q, const double* v);
@@ -239,9 +239,13 @@ class Simulation {
   void unpack(const double* x);
   void device_roots(double t, const double* x, double* g);
   void start_devices(std::span<const int> but = {});
+  Inputs hold_inputs(double t, const double* x);
   bool look_at_holds(double t, const double* x);
   void hold_roots(double t, const double* x, double* g);
-  void break_away(std::size_t hold);
+  bool anything_is_held() const;
+  void break_away(std::size_t hold, int direction);
+  void stop_what_is_held();
+  bool hold_what_is_blocked(const std::vector<std::uint8_t>& gave_way);
   void settle_holds();
   bool close_loops(double t, double* q, double* v);
   void tell_near_singular();
@@ -396,6 +400,7 @@ class Simulation {
   std::vector<double> tau_, tau_total_;           // of actuators; with springs and dampers, which evaluate() sets where they act
   std::vector<double> vdot_given_, x_;
   std::vector<double> hold_tau_, hold_vdot_, hold_x_;         // scratch
+  std::vector<LoopDrive> hold_drives_;                        // likewise
   std::vector<double> x_given_;                               // a state of the integrator with the given motions put in
   double stretch_ = std::numeric_limits<double>::infinity();  // [s] during a step: a time on its stretch between two corners
   std::vector<NodeWrench> wrenches_;

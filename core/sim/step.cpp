@@ -124,7 +124,7 @@ void Simulation::apply_forces(double t, double since, const double* q, const dou
   if (devices_) tau_total_ = tau_;  // they add theirs during the sweeps
   hinge_laws::add_forces(*model_, q, v, tau_total_.data());
   for (const auto& p : prescribed_) vdot_given_[static_cast<std::size_t>(p.index)] = p.profile.acceleration(t, since);
-  drive_loops(t, since);
+  drive_loops(t, since, drives_);
 }
 
 // v' at (t, x) with the commands as they are; `since`: on which stretch between two corners.

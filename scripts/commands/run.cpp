@@ -114,7 +114,11 @@ class RunCommand {
     recorder.set_deaf(job_.resume != nullptr);  // what is known before the run is known from the results
     MissionRun mission(*scenario_, recorder, std::move(outputs));
     tell_warnings();
-    if (job_.resume) resume(mission);  // refused before begin() takes the place of earlier results
+    // Refused before begin() takes the place of earlier results.
+    if (job_.resume)
+      resume(mission);
+    else
+      scenario_->sim->vdot();
     {
       const Activity activity(fmt::format("the recorder of {} channels", channels_.size()));
       recorder.begin(header, channels_);

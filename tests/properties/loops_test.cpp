@@ -333,7 +333,7 @@ TEST(Loops, AHingeOfAPluginClosesALoop) {
 
 /// The closed vehicle with further closures that its state fulfils, and rates that keep all of them closed. By all forms, which agree with
 /// each other in their multipliers too.
-double of_the_twin(const RandomTree& given) {
+double of_the_twin(const RandomTree& given, int& compared) {
   Cut both = cut(given, given.seed / 2 % 3);
   if (both.closed.spec.bodies.size() < 2) return 0.0;
   Loaded still(both.closed);
@@ -411,18 +411,28 @@ double of_the_twin(const RandomTree& given) {
       worst = worse(worst, error_of(of_embedding, lambda));
     worst = worse(worst, relative(difference, size));
   }
+  ++compared;
   return worst;
 }
 
-TEST(Loops, AgreeWithTheDenseTwin) {
-  const TreeOptions rigid{.bodies = 6, .flexible = 0.0, .wheels = 0.1};
-  const TreeOptions flexible{.bodies = 5, .flexible = 0.5, .level = 2, .plain_masses = true};
-  const TreeOptions any_level{.bodies = 6, .flexible = 0.6};
-  const TreeOptions many_modes{.bodies = 4, .flexible = 0.7, .modes = 14, .plain_masses = true};
-  for_all_trees(rigid, 1e-11, of_the_twin, 80);
-  for_all_trees(flexible, 1e-11, of_the_twin, 60);
-  for_all_trees(any_level, 1e-11, of_the_twin, 60);
-  for_all_trees(many_modes, 1e-11, of_the_twin, 20);
+/// Seeds 1 to `count`; nearly all of them are mechanisms. v', multipliers and the wrenches of all hinges: of 220, in 53 bits, no form is
+/// further off than 8e-14 (`worst` of the report).
+void expect_each_form_to_be_the_twin(const TreeOptions& options, int count) {
+  int compared = 0;
+  for_all_trees(
+      options, 1e-12, [&](const RandomTree& tree) { return of_the_twin(tree, compared); }, count);
+  EXPECT_GE(compared, count - 2);
+}
+
+TEST(Loops, OfRigidBodiesAreThoseOfTheDenseTwinInEachForm) {
+  expect_each_form_to_be_the_twin({.bodies = 6, .flexible = 0.0, .wheels = 0.1}, 80);
+}
+TEST(Loops, OfBodiesThatBendAreThoseOfTheDenseTwinInEachForm) {
+  expect_each_form_to_be_the_twin({.bodies = 5, .flexible = 0.5, .level = 2, .plain_masses = true}, 60);
+}
+TEST(Loops, OfAnyLevelAreThoseOfTheDenseTwinInEachForm) { expect_each_form_to_be_the_twin({.bodies = 6, .flexible = 0.6}, 60); }
+TEST(Loops, OfManyModesAreThoseOfTheDenseTwinInEachForm) {
+  expect_each_form_to_be_the_twin({.bodies = 4, .flexible = 0.7, .modes = 14, .plain_masses = true}, 10);
 }
 
 // ---- closed inside of the sweeps ----

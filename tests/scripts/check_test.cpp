@@ -185,6 +185,31 @@ TEST_F(Physics, AllOfTheEffectiveMassIsMoreThanSixtyModesHave) {
 
 // ---- what cannot start ----
 
+TEST_F(Physics, ShapesThatOverlapAreFoundBeforeResultsOfAnEarlierRunAreTouched) {
+  const auto ball = [](const std::string& height) {
+    return "cardan: 1\nbodies:\n  ball: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world, initial: {position: [0, 0, " + height +
+           "]}}}\n  box: {mass: 10, inertia: [2, 2, 2], hinge: {type: free, to: world}}\ndevices:\n  tip: {type: contact, from: ball, "
+           "from_shape: sphere, from_radius: 10 cm, to: box, to_shape: box, to_size: [1, 1, 1], stiffness: 2 kN/m, at_depth: 1 mm}\n";
+  };
+  write(ball("70 cm"));
+  const json tip = describe()["devices"][0]["parameters"];
+  const json given = {{{"name", "from_shape"}, {"value", "sphere"}},  {{"name", "from_radius"}, {"value", "0.1 m"}},
+                      {{"name", "to_shape"}, {"value", "box"}},       {{"name", "to_size"}, {"value", "[1, 1, 1] m"}},
+                      {{"name", "stiffness"}, {"value", "2000 N/m"}}, {{"name", "at_depth"}, {"value", "0.001 m"}}};
+  EXPECT_EQ(tip, given);
+  EXPECT_TRUE(has(run({"describe", "."}).out, "to_shape box, to_size [1, 1, 1] m, stiffness 2000 N/m")) << run({"describe", "."}).out;
+  ASSERT_EQ(run({"run", ".", "--out", "o", "--quiet"}).exit_code, 0);
+  const auto results = [&] { return file_text(folder_ / "o/run.h5") + file_text(folder_ / "o/summary.json"); };
+  const std::string before = results();
+  write(ball("45 cm"));
+  for (const std::vector<std::string>& command : {std::vector<std::string>{"check", "."}, {"run", ".", "--out", "o"}}) {
+    const Finished f = run(command);
+    EXPECT_EQ(f.exit_code, 3);
+    EXPECT_TRUE(has(f.err, "N0501") && has(f.err, "device tip (contact): evaluate: the shapes are deeper in each other")) << f.err;
+  }
+  EXPECT_TRUE(results() == before);
+}
+
 TEST_F(Physics, SingularStartsAreFoundByCheck) {
   write("cardan: 1\nbodies:\n  p: {type: particle, mass: 1, hinge: {type: revolute, to: world, axis: [0, 0, 1]}}\n");
   const Finished particle = check();
