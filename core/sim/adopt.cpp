@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "core/sim/newton_operators.hpp"
@@ -9,6 +10,8 @@
 
 namespace cardan {
 namespace {
+
+constexpr double kAtRest = 1e-12;  // of the largest rate [rad/s, m/s], at least of 1: what is less is rounding of a jump
 
 [[noreturn]] void refuse_model(const std::string& path, const std::string& expected, const std::string& got) {
   refuse(Code::other_vehicle, {path}, expected, got,
@@ -130,6 +133,14 @@ void Simulation::take_in() {
   world_rates_ = world_rates_ || !given.empty();
   breakdown_ = {};
   bad_rate_ = -1;
+  const double still = state_.v.size() > 0 ? kAtRest * std::max(1.0, state_.v.cwiseAbs().maxCoeff()) : 0.0;
+  for (const DeviceHold& h : model_->devices.holds) {  // what is held takes part in a jump of rates
+    if (state_.marks[model_->devices.all[static_cast<std::size_t>(h.device)].mark] == 0.0) continue;
+    if (std::abs(state_.v[h.v]) <= still)
+      state_.v[h.v] = 0.0;
+    else
+      rates_were_set_ = true;
+  }
   changed();
   if (adopted_told_) adopted_told_();
   if (!in_run) return;

@@ -77,7 +77,7 @@ class Rejoining {
           state.q[model->user[static_cast<std::size_t>(body)].eta + i] = 0.0;
     if (!others_.empty()) set_velocities(*model, state);
     if (!model->loops.empty()) {
-      const Model weighed = model->weighed(state.z.data(), state.marks.data());
+      const Model weighed = in_a_blow(*model, state);
       std::vector<LoopDrive> drives(static_cast<std::size_t>(model->loops.n_drives));  // at their lengths, still moving
       for (const Loop& loop : model->loops.all)
         if (const LoopDrive* drive = drive_of(loop.name); loop.drive >= 0 && drive)
@@ -216,7 +216,7 @@ class Rejoining {
     const Eigen::VectorXd p = momentum(*free, at.q, at.v);
     const std::shared_ptr<const Model> tree =
         model.loops.empty() ? std::shared_ptr<const Model>(std::shared_ptr<void>(), &model) : open_tree();
-    const Model there = tree->weighed(state.z.data(), state.marks.data());
+    const Model there = in_a_blow(*tree, state);
     const ModelMap map = model_map(*free, there);
     std::vector<std::uint8_t> others(static_cast<std::size_t>(free->nv), 0);
     std::vector<NodeWrench> wrenches;
@@ -250,6 +250,13 @@ class Rejoining {
     SystemSpec open = spec_;
     open.loops.clear();
     return compile(open, registry_, options_);
+  }
+
+  /// With the masses of the state; what devices hold gives way.
+  static Model in_a_blow(const Model& model, const State& state) {
+    Model out = model.weighed(state.z.data(), state.marks.data());
+    for (const DeviceHold& h : out.devices.holds) out.prescribed[static_cast<std::size_t>(h.v)] = 0;
+    return out;
   }
 
   /// M v.

@@ -1238,7 +1238,7 @@ void Simulation::settle_holds() {
     for (const DeviceHold& h : holds) device_event(h.device, model_->devices.all[static_cast<std::size_t>(h.device)].family->n_roots, 0);
     changed();
   }
-  std::vector<std::uint8_t> gave_way(holds.size());
+  std::vector<std::uint8_t> gave_way(loops_ ? holds.size() : 0);
   for (std::size_t pass = 0; holding_ && pass <= 2 * holds.size(); ++pass) {
     if (!anything_is_held()) return;
     if (!loops_) stop_what_is_held();  // with loops once it is known to hold: others may move on
@@ -1250,7 +1250,7 @@ void Simulation::settle_holds() {
     if (loose != forces.end()) {
       const auto i = static_cast<std::size_t>(loose - forces.begin());
       break_away(i, way_of(*loose));
-      gave_way[i] = 1;
+      if (loops_) gave_way[i] = 1;
     } else {
       stop_what_is_held();
       if (!loops_ || !hold_what_is_blocked(gave_way)) return;

@@ -57,8 +57,10 @@ TEST_P(Answer, IsAsExpected) {
   arguments.insert(arguments.end(), {"--out", out.path()});
   const Finished run = run_program(arguments, kErrors);
   EXPECT_EQ(run.exit_code, exit_code);
-  EXPECT_EQ(replaced(run.err, out.path(), "OUT"), file_text(kErrors + "/" + GetParam() + "/expected.txt"));
-  EXPECT_EQ(fs::exists(out / "summary.json"), exit_code == 3) << "a run that failed keeps what it reached";
+  const std::string expected = file_text(kErrors + "/" + GetParam() + "/expected.txt");
+  EXPECT_EQ(replaced(run.err, out.path(), "OUT"), expected);
+  EXPECT_EQ(fs::exists(out / "summary.json"), expected.find("last accepted state") != std::string::npos)
+      << "a run that failed keeps what it reached; one that cannot begin touches no results";
 }
 INSTANTIATE_TEST_SUITE_P(All, Answer, testing::ValuesIn(folders_of(kErrors)), [](const auto& p) { return p.param; });
 
