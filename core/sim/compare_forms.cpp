@@ -11,9 +11,11 @@
 namespace cardan {
 namespace {
 
-/// What a form says of a state.
+/// What a form says of a state. `push`, `turn` [N, N m]: what the accelerations of the bodies take; multipliers and reactions may be zero
+/// but for rounding of these.
 struct Said {
   Eigen::VectorXd vdot, multipliers, moments, forces;
+  double push = 0.0, turn = 0.0;
 };
 
 Said said_by(Simulation& sim) {
@@ -23,19 +25,28 @@ Said said_by(Simulation& sim) {
   const auto bodies = static_cast<Eigen::Index>(m.user.size());
   out.vdot = sim.vdot();
   out.moments.resize(3 * bodies), out.forces.resize(3 * bodies);
+  double size = 0.0;  // of the vehicle
+  const Eigen::Vector3d first = bodies > 0 ? to_eigen(seen.body_pose(0).p) : Eigen::Vector3d::Zero();
   for (Eigen::Index i = 0; i < bodies; ++i) {
+    const UserBody& body = m.user[static_cast<std::size_t>(i)];
     const Force<double> f = seen.hinge_wrench(static_cast<int>(i));
     out.moments.segment<3>(3 * i) << f.n.x, f.n.y, f.n.z;
     out.forces.segment<3>(3 * i) << f.f.x, f.f.y, f.f.z;
+    const NodeState node = seen.node(m.find_node(body.name));
+    out.push += m.spec->bodies[static_cast<std::size_t>(i)].mass * node.acceleration.tail<3>().norm();
+    size = std::max(size, (node.position - first).norm());
   }
+  out.turn = out.push * size;
   const std::span<const double> lambda = sim.loop_forces().multipliers;
   out.multipliers = Eigen::VectorXd::Map(lambda.data(), static_cast<Eigen::Index>(lambda.size()));
   return out;
 }
 
-double apart(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+/// `least`: what they are compared with where all are smaller.
+double apart(const Eigen::VectorXd& a, const Eigen::VectorXd& b, double least = 0.0) {
   if (a.size() == 0) return 0.0;
-  const double most = b.cwiseAbs().maxCoeff<Eigen::PropagateNaN>(), difference = (a - b).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
+  const double most = std::max(least, b.cwiseAbs().maxCoeff<Eigen::PropagateNaN>());
+  const double difference = (a - b).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
   return difference == 0.0 ? 0.0 : difference / most;
 }
 
@@ -61,8 +72,8 @@ std::optional<ComparedForms> compare_forms(Simulation& sim, const Registry& regi
       const Said said = said_by(other);
       if (!first) first = said;
       of.vdot = apart(said.vdot, first->vdot);
-      of.multipliers = apart(said.multipliers, first->multipliers);
-      of.reactions = std::max(apart(said.moments, first->moments), apart(said.forces, first->forces));
+      of.multipliers = apart(said.multipliers, first->multipliers, std::max(first->push, first->turn));
+      of.reactions = std::max(apart(said.moments, first->moments, first->turn), apart(said.forces, first->forces, first->push));
       if (!out.no_twin.empty()) continue;
       try {
         of.vdot = difference_from_twin(other);

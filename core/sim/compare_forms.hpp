@@ -8,7 +8,8 @@
 
 namespace cardan {
 
-/// Largest differences, each relative to the largest number that it is compared with.
+/// Largest differences, each relative to the largest number that it is compared with, of multipliers and reactions also to what the
+/// accelerations of all bodies take: on a vehicle that falls freely they are zero.
 struct ComparedForm {
   LoopForm form = LoopForm::embedding;
   std::string refused;       // what it does not take of this vehicle; then there are no numbers
