@@ -179,6 +179,39 @@ TEST(FrictionInLoops, AMotorStartsAnEngineAtItsDeadCentre) {
       }
 }
 
+/// A crank on a spring drives a screw, 10 um a radian: where the crank sticks the screw is still on its way to rate zero, which it never
+/// passes then; it sticks all the same, and holds its part.
+TEST(FrictionInLoops, WhatOthersKeepFromMovingSticksToo) {
+  const double k = 20.0, F = 0.3 + 0.1, holds = 0.4 + 0.2, half = std::numbers::pi * std::sqrt((1.0 + 2e-10) / k);
+  for (const LoopForm form : kForms) {
+    BodySpec crank = on(rigid("crank", 1.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "revolute", {{0, 0, 1}});
+    SpringDamper spring;
+    spring.stiffness = k;
+    crank.hinge.springs = {spring}, crank.hinge.q = {0.5};
+    BodySpec screw = on(particle("screw", 2.0, {0, 0, 0}), "", "prismatic", {{0, 0, 1}});
+    screw.hinge.q = {0.5e-5};
+    SystemSpec spec = system({crank, screw});
+    LoopSpec thread;
+    thread.name = "thread", thread.type = "coupling", thread.terms = {{"screw", 1.0, {}}, {"crank", -1e-5, {}}};
+    spec.loops = {thread};
+    spec.loop_form = form;
+    spec.devices = {dry("crank", 0.3, 0.4), dry("screw", 1e4, 2e4)};
+    Simulation sim(compiled(spec), accurate());
+    sim.run(12.5 * half);  // each half swing ends 2 F / k nearer to the middle: the twelfth at 0.02
+    EXPECT_NEAR(sim.state().q[0], 0.5 - 12 * 2.0 * F / k, 1e-9);
+    EXPECT_EQ(sim.state().marks[0] + sim.state().marks[2], 2.0);
+    const double balance = k * sim.state().q[0];
+    for (const double sign : {1.0, -1.0}) {
+      sim.set_force(0, balance + sign * (holds - 1e-8)), sim.run(sim.time() + 0.1);
+      EXPECT_EQ(sim.state().v[0], 0.0) << sign;
+    }
+    sim.set_force(0, balance - (holds + 1e-8)), sim.run(sim.time() + 0.01);
+    const double w = std::numbers::pi / half;
+    EXPECT_NEAR(sim.state().v[0], -(holds - F) * std::sin(0.01 * w) / w, 1e-9);
+    EXPECT_TRUE(sim.ledger().pass);
+  }
+}
+
 /// Of a crank whose motion is given the piston follows, from rest and through its dead centres: what its friction takes is what the crank
 /// needs beside what the engine needs without.
 TEST(FrictionInLoops, FrictionDoesNotHoldWhatAGivenMotionMoves) {
