@@ -659,13 +659,14 @@ OdeProblem Simulation::ode() {
     ode.extended = std::make_shared<VehicleExtended>(
         model_, ode.absolute_tolerance, options_.integrator.relative_tolerance,
         [this] {
-          TwinLoads loads;
-          loads.tau = tau_.data(), loads.vdot = vdot_given_.data(), loads.wrenches = wrenches_;
+          ExtendedLoads loads{.tau = tau_, .wrenches = wrenches_};
+          for (const Prescribed& p : prescribed_) loads.motions.push_back({p.index, p.coordinate, &p.profile});
+          for (const PrescribedLoop& p : prescribed_loops_) loads.lengths.push_back({p.more_0, &p.profile});
           return loads;
         },
-        ExtendedIntegrands{ode.n_quadrature,
-                           [this, xdot = std::vector<double>(static_cast<std::size_t>(ode.n))](const double* x, double* y) mutable {
-                             return rhs(state_.t, x, xdot.data()) && unless_thrown([&] { integrands(state_.t, x, y); });
+        ExtendedIntegrands{ode.n_quadrature, [this, xdot = std::vector<double>(static_cast<std::size_t>(ode.n))](double t, const double* x,
+                                                                                                                 double* y) mutable {
+                             return rhs(t, x, xdot.data()) && unless_thrown([&] { integrands(t, x, y); });
                            }});
   momentum_.reset();
   if (advances_linear_part(options_.integrator.method)) {
@@ -745,9 +746,9 @@ bool Simulation::evaluate_twin(const double* x, double* vdot) {
   const double *q = x, *v = q + m.nq;
   tau_twin_ = tau_;
   if (devices_) devices_->add_hinge_forces(tau_twin_.data());
-  TwinLoads loads;
+  TwinLoads<double> loads;
   loads.tau = tau_twin_.data(), loads.vdot = vdot_given_.data();
-  loads.wrenches = wrenches_, loads.drives = drives_, loads.moment = moment_;
+  loads.wrenches = wrenches_, loads.drives = twin_drives<double>(drives_), loads.moment = moment_;
   loads.z = v + m.nv, loads.marks = state_.marks.data();
   try {
     const auto state = twin_->at(Eigen::VectorXd::Map(q, m.nq), Eigen::VectorXd::Map(v, m.nv), loads);

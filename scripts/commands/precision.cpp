@@ -101,7 +101,6 @@ std::vector<PrecisionSetting> extended_references() {
 /// What of a scene has no extended precision; empty: it has.
 std::string not_extended(const Scenario& s) {
   if (std::string of_model = VehicleExtended::refusal(*s.model); !of_model.empty()) return of_model;
-  if (!s.events.empty()) return fmt::format("event \"{}\", whose time is found in double", s.events.front().name);
   for (const HingeLoad& load : s.model->loads)
     if (load.law == HingeLaw::stop) return "stops of hinges, whose contact is found in double";
   return {};

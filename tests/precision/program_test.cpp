@@ -270,18 +270,23 @@ TEST_F(Precision, TheReferenceIsIn113BitsWhereTheSceneHasThem) {
     if (kind["name"] != "attitude") continue;
     EXPECT_GE(kind["reference_off_by"]["largest"].get<double>(), 2.2e-16);
   }
-  scene(kMission, replaced(kTop, "hinge: {type: free, to: world, initial: {angular_velocity: [0.8, 0, 1.1]}}",
-                           "hinge: {type: revolute, to: world, axis: [0, 0, 1], prescribed: true, initial: {rate: 1}}"));
-  EXPECT_TRUE(
-      has(precision(one).out,
-          "in double precision (113 bits are not to be had: motions that are given as functions of time); its error: what cvode_adams"));
-  EXPECT_EQ(data()["reference"]["why_double"], "motions that are given as functions of time");
+  const std::string revolute = "hinge: {type: revolute, to: world, axis: [0, 0, 1], ";
+  const auto turning = [&](const std::string& more) {
+    return replaced(kTop, "hinge: {type: free, to: world, initial: {angular_velocity: [0.8, 0, 1.1]}}", revolute + more);
+  };
+  scene(std::string(kMission) + "event { name = 'half', when = function(t) return t - 4 end, action = function() end }\n",
+        turning("prescribed: true, initial: {rate: 1}}"));
+  EXPECT_TRUE(has(precision(one).out, "reference: extended 1e-21, in 113 bits"));
+  const std::string rubbing = "device bearing (dry_friction), which computes in double";
+  scene(kMission, turning("initial: {rate: 1}}\ndevices:\n  bearing: {type: dry_friction, at: top, coulomb: 0.1}"));
+  EXPECT_TRUE(has(precision(one).out, "in double precision (113 bits are not to be had: " + rubbing + "); its error: what cvode_adams"));
+  EXPECT_EQ(data()["reference"]["why_double"], rubbing);
   EXPECT_EQ(refusal({"--reference", "extended"}),
             "error[C0401]: not supported by the chosen method\n  at: --reference\n  expected: a scene that has 113 bits throughout\n"
-            "  got:      motions that are given as functions of time\n  hint:     --reference dop853,cvode_adams\n\n"
-            "1 error. Nothing was run.\n");
-  scene(std::string(kMission) + "event { name = 'half', when = function(t) return t - 4 end, action = function() end }\n");
-  EXPECT_TRUE(has(precision(one).out, "(113 bits are not to be had: event \"half\", whose time is found in double)"));
+            "  got:      " +
+                rubbing +
+                "\n  hint:     --reference dop853,cvode_adams\n\n"
+                "1 error. Nothing was run.\n");
 }
 
 TEST_F(Precision, WhatABudgetHasNoNeedOfIsLeftOut) {
