@@ -13,7 +13,7 @@ extern const char* const kStiffHint;
 
 /// W0401 where steps of equal length are beyond the stability of the method, or one that chooses its steps must take very many in `span`
 /// [s]; with the spring, damper or mode that causes it at the coordinates q, and the step that works. Empty for methods that stiffness does
-/// not hold, and on closed loops.
+/// not hold.
 Warnings expected_stiffness(const std::shared_ptr<const Model>& model, const double* q, const IntegratorOptions& options, double span);
 
 }  // namespace cardan
