@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <numbers>
 
 #include "core/sim/fastest_motion.hpp"
@@ -32,7 +33,8 @@ Stability stability_of(const std::string& method) {
 
 }  // namespace
 
-Warnings expected_stiffness(const std::shared_ptr<const Model>& model, const double* q, const IntegratorOptions& options, double span) {
+Warnings expected_stiffness(const std::shared_ptr<const Model>& model, const double* q, const IntegratorOptions& options, double interval,
+                            double span) {
   Warnings out;
   if (is_implicit(options.method) || advances_linear_part(options.method)) return out;
   const FastestMotion fastest = fastest_motion(model, q);
@@ -42,7 +44,7 @@ Warnings expected_stiffness(const std::shared_ptr<const Model>& model, const dou
   const std::string cause = fastest.decays ? fmt::format("{} decays at {:.3g} 1/s", fastest.what, fastest.rate)
                                            : fmt::format("{} swings at {:.3g} Hz", fastest.what, fastest.rate / (2.0 * std::numbers::pi));
   const bool equal_steps = options.fixed_step > 0.0;
-  if (equal_steps && options.fixed_step > h)
+  if (equal_steps && std::min(options.fixed_step, interval) > h)
     out.add(Code::stiff_scene, {"integrator.step", {}},
             fmt::format("{}: {} {} with steps above {:.3g} s", cause, options.method,
                         options.method == "rk4" ? "is unstable" : "does not solve its equations", h),

@@ -278,7 +278,7 @@ void Simulation::expect_progress() {
 
 /// Before the first step.
 void Simulation::foresee_stiffness(double t_end) {
-  const Warnings expected = expected_stiffness(model_, state_.q.data(), options_.integrator, t_end - state_.t);
+  const Warnings expected = expected_stiffness(model_, state_.q.data(), options_.integrator, schedule_.shortest_period(), t_end - state_.t);
   for (const Warning& w : expected.all()) warn(w.what.code, w.what.at, w.what.about, w.what.hint);
 }
 

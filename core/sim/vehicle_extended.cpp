@@ -157,17 +157,13 @@ void VehicleExtended::enter(double t, const double* x) {
   const double same_within = model_->loops.empty() ? kSame : kSameClosed;
   bool same = true;
   for (Eigen::Index i = 0; i < n; ++i) {
-    const double before = static_cast<double>(now_[i]);
-    const bool changed =
-        !(std::abs(x[i] - before) <= (given_[static_cast<std::size_t>(i)] ? kSameGiven : same_within) * std::max(1.0, std::abs(before)));
-    same = same && !changed;
+    const double before = static_cast<double>(now_[i]), within = given_[static_cast<std::size_t>(i)] ? kSameGiven : same_within;
+    if (std::abs(x[i] - before) <= within * std::max(1.0, std::abs(before))) continue;
+    now_[i] = Quad(x[i]), same = false;
   }
-  if (!same) {
-    now_.head(n) = Eigen::VectorXd::Map(x, n).cast<Quad>();
-    if (more_.size() != std::ssize(acting_.lengths)) {
-      more_.resize(std::ssize(acting_.lengths));
-      for (Eigen::Index i = 0; i < more_.size(); ++i) more_[i] = Quad(acting_.lengths[static_cast<std::size_t>(i)].more);
-    }
+  if (more_.size() != std::ssize(acting_.lengths)) {
+    more_.resize(std::ssize(acting_.lengths));
+    for (Eigen::Index i = 0; i < more_.size(); ++i) more_[i] = Quad(acting_.lengths[static_cast<std::size_t>(i)].more);
   }
   give(Quad(t), now_);
   if (!same) close(Quad(t), now_);

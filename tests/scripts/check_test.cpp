@@ -224,13 +224,13 @@ TEST_F(Physics, ControllersThatNeverGetThroughAreRefused) {
 
 // A slide of 1 kg on 1e4 N/m: 100 rad/s, classic Runge-Kutta is stable on the imaginary axis up to 2 sqrt(2).
 TEST_F(Physics, AFixedStepThatIsTooLongForASpringIsToldBeforeTheRunWithOneThatWorks) {
-  const auto with_step = [&](const char* step) {
+  const auto with_step = [&](const char* step, int rate = 1) {
     write(
         "cardan: 1\nbodies:\n  slide:\n    mass: 1\n    inertia: [1, 1, 1]\n    hinge: {type: prismatic, axis: [1, 0, 0], to: world, "
         "initial: "
         "{displacement: 0.01}, spring: {stiffness: 1e4}}\n",
         std::string("vehicle \"v.yaml\"\nmission { duration = 3, integrator = { method = \"rk4\", step = ") + step +
-            " }, output = { rate = 1 } }\n");
+            " }, output = { rate = " + std::to_string(rate) + " } }\n");
   };
   const auto largest = [&] {
     const Finished f = run({"run", ".", "--out", "o", "--quiet"});
@@ -247,6 +247,9 @@ TEST_F(Physics, AFixedStepThatIsTooLongForASpringIsToldBeforeTheRunWithOneThatWo
   EXPECT_TRUE(has(checked.out, "1 warning") && has(checked.err, "W0401") && has(checked.err, told) && has(checked.err, "0.028 s at most"))
       << checked.out << checked.err;
   EXPECT_GT(largest(), 0.1);
+  with_step("0.5", 100);
+  EXPECT_FALSE(has(check().err, "W0401")) << "rows each 0.01 s cut the steps";
+  EXPECT_LE(largest(), 0.01 * (1 + 1e-9));
   with_step("0.028");
   EXPECT_FALSE(has(check().err, "W0401"));
   EXPECT_LE(largest(), 0.01);

@@ -162,6 +162,22 @@ TEST(Extended, DigitsBeyondADoubleStayOverTicks) {
   EXPECT_LE(apart(ticked(true), ticked(false)), 1.2e-16);
 }
 
+// A state of which one number is changed: the others keep their digits.
+TEST(Extended, WhatATickDoesNotTouchKeepsItsDigits) {
+  const auto ticked = [](bool touched) {
+    SystemSpec spec = top();
+    spec.bodies.push_back(on(rigid("other", 2.0, {0, 0, 0}, diagonal({3, 3, 5})), "", "revolute", {{0, 0, 1}}));
+    Simulation sim(compiled(spec), by("extended", 1e-24));
+    if (touched) sim.every({1, 50}, [&sim] { sim.v(6) += 0.01; });
+    sim.run(2.0);
+    return sim.state();
+  };
+  const State with = ticked(true), without = ticked(false);
+  EXPECT_LE(apart(with.q.head(7), without.q.head(7)), 1.2e-16);
+  EXPECT_LE(apart(with.v.head(6), without.v.head(6)), 1.2e-16);
+  EXPECT_NEAR(with.v[6], 1.01, 1e-14);
+}
+
 TEST(Extended, AnEventIsWhereItIs) {
   Simulation sim(compiled(top()), by("extended", 1e-20));
   double seen = 0.0;
