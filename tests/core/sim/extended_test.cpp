@@ -228,6 +228,17 @@ TEST(Extended, GivenMotionsAreFollowedInAllDigits) {
   EXPECT_NEAR(swung.q[1], static_cast<double>(from * 1.7L - q), 9e-16) << "the last bit of 5 rad";
 }
 
+// The wheel passes 2 rad at 2/3 s, where 0.1 N m begin to drive its 0.2 kg m^2. The time is known to 4 eps of it, and times 0.5 rad/s^2 or
+// the way to go so are rate and angle.
+TEST(Extended, WhatAnEventChangesIsKnownAsWellAsItsTime) {
+  Simulation sim(compiled(platform(false)), by("extended", 1e-20));
+  sim.add_event({"2 rad", [](double, const double* q, const double*) { return q[1] - 2.0; }, 1, [&sim] { sim.set_force(1, 0.1); }});
+  sim.run(2.0);
+  const double late = 4.0 * 2.2e-16 * 2.0 / 3.0;
+  EXPECT_NEAR(sim.state().v[1], 11.0 / 3.0, 0.5 * late + 4.5e-16);
+  EXPECT_NEAR(sim.state().q[1], 6.0 + 4.0 / 9.0, 0.5 * late * 4.0 / 3.0 + 9e-16);
+}
+
 TEST(Extended, WhatHangsOnGivenMotionsAgreesWithDouble) {
   const auto at = [](const SimulationOptions& options) {
     Simulation sim(compiled(platform(true)), options);
