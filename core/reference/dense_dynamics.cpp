@@ -155,6 +155,14 @@ VecX<T> turned(const Mat3<T>& R, const VecX<T>& f) {
   return wrench<T>(R * f.head(3), R * f.tail(3));
 }
 
+/// Columns `in` of a matrix with n, zero elsewhere.
+template <class T>
+MatX<T> widened(const MatX<T>& some, const std::vector<int>& in, Eigen::Index n) {
+  MatX<T> out = MatX<T>::Zero(some.rows(), n);
+  out(Eigen::all, in) = some;
+  return out;
+}
+
 template <class T>
 VecX<T> solve(const MatX<T>& M, const VecX<T>& rhs) {
   const Factor<T> factor(M);
@@ -268,8 +276,9 @@ void DenseTwin<T>::add_nodal_body(DenseState<T>& s, int k) const {
   }
   const Field<T> field = gravity_field<T>(model_->gravity, B.x + centre);
   const Vec3<T> mean_pull = field.force(mass, S) / mass;
-  MatX<T> W = MatX<T>::Zero(6, model_->nv);
-  VecX<T> bias = VecX<T>::Zero(6), gravity = bias;
+  const auto n = static_cast<Eigen::Index>(b.moving.size());
+  MatX<T> M = MatX<T>::Zero(n, n), W = MatX<T>::Zero(6, n);  // of the entries of v that move it
+  VecX<T> bias = VecX<T>::Zero(6), gravity = bias, bias_v = VecX<T>::Zero(n), gravity_v = bias_v;
   for (std::size_t i = 0; i < frames.size(); ++i) {
     const Frame<T>& f = frames[i];
     const T m = b.masses[i].mass;
@@ -278,18 +287,20 @@ void DenseTwin<T>::add_nodal_body(DenseState<T>& s, int k) const {
     const Vec3<T> force = m * f.xddot, moment = I * f.wdot + f.w.cross(I * f.w);
     const Vec3<T> pull = m * (mean_pull + field.gradient * (f.x - B.x - centre));
     const Vec3<T> torque = field.torque(second_moment(I));
-    s.M += m * f.Jx.transpose() * f.Jx + f.Jw.transpose() * I * f.Jw;
-    s.bias += f.Jx.transpose() * force + f.Jw.transpose() * moment;
-    s.gravity_force += f.Jx.transpose() * pull + f.Jw.transpose() * torque;
-    W.topRows(3) += m * arm * f.Jx + I * f.Jw;
-    W.bottomRows(3) += m * f.Jx;
+    const Mat3X<T> Jx = f.Jx(Eigen::all, b.moving), Jw = f.Jw(Eigen::all, b.moving), P = m * Jx, L = I * Jw;
+    M += Jx.transpose() * P + Jw.transpose() * L;
+    bias_v += Jx.transpose() * force + Jw.transpose() * moment;
+    gravity_v += Jx.transpose() * pull + Jw.transpose() * torque;
+    W.topRows(3) += arm * P + L;
+    W.bottomRows(3) += P;
     bias += wrench<T>(arm * force + moment, force);
     gravity += wrench<T>(arm * pull + torque, pull);
   }
   s.total_mass += mass;
   s.com += mass * (B.x + centre);
   s.gravity_energy += field.energy(mass, S);
-  s.resultants_[k] = {W, bias, gravity};
+  s.add(b.moving, M, bias_v, gravity_v);
+  s.resultants_[k] = {widened<T>(W, b.moving, model_->nv), bias, gravity};
 }
 
 template <class T>
@@ -300,23 +311,24 @@ void DenseTwin<T>::add_modal_body(DenseState<T>& s, int k) const {
   const VecX<T> eta = modes(b, s.q_);
   const Mat3<T> Rt = B.R.transpose();
   const Vec3<T> w = Rt * B.w, v = Rt * B.xdot;
-  MatX<T> J = MatX<T>::Zero(6 + m, model_->nv);  // of [omega; v; eta'], B axes
-  J.topRows(3) = Rt * B.Jw;
-  J.middleRows(3, 3) = Rt * B.Jx;
-  J.block(6, mode_column(b), m, m).setIdentity();
+  // [omega; v; eta'] = J v, B axes, of the entries of v that move it: rows of the modes are the unit matrix in its last columns.
+  const auto n = static_cast<Eigen::Index>(b.moving.size());
+  MatX<T> J(6, n);
+  J << Rt * B.Jw(Eigen::all, b.moving), Rt * B.Jx(Eigen::all, b.moving);
   VecX<T> Jdot_v = VecX<T>::Zero(6 + m);
   Jdot_v.head(3) = Rt * B.wdot;
   Jdot_v.segment(3, 3) = Rt * B.xddot - w.cross(v);
 
+  const std::vector<MatX<T>> of_level = inertia_[k]->mass_derivatives(eta, b.level);
   const MatX<T> M = inertia_[k]->mass(eta, b.level);
-  const VecX<T> bias = M * Jdot_v + inertia_[k]->bias(eta, mode_rates(b, s.v_), wrench<T>(w, v), b.level);
+  const VecX<T> bias = M * Jdot_v + inertia_[k]->bias(M, of_level, mode_rates(b, s.v_), wrench<T>(w, v));
 
   // Gravity: the mass centre is exact at every level; the second moment S is that of the level, at least of level 1, so
   // that modes and torque come from one potential. On mode k: force . d centre + 1/2 gradient : dS.
   const T mass = M(3, 3);
   const Vec3<T> centre(M(2, 4) / mass, M(0, 5) / mass, M(1, 3) / mass);  // out of M_wv = (mass centre)~
-  const int order = std::max(1, b.level);
-  const Mat3<T> about_B = inertia_[k]->mass(eta, order).topLeftCorner(3, 3);
+  const bool lifted = b.level < 1;
+  const Mat3<T> about_B = (lifted ? inertia_[k]->mass(eta, 1) : M).topLeftCorner(3, 3);
   const Mat3<T> S = B.R * (second_moment(about_B) - mass * centre * centre.transpose()) * Rt;
   const Field<T> field = gravity_field<T>(model_->gravity, B.x + B.R * centre);
   const Vec3<T> pull = Rt * field.force(mass, S), torque = Rt * field.torque(S);
@@ -324,19 +336,23 @@ void DenseTwin<T>::add_modal_body(DenseState<T>& s, int k) const {
   const MatX<T> I3 = M.block(3, 6, 3, m);
   VecX<T> gravity(6 + m);
   gravity << centre.cross(pull) + torque, pull, I3.transpose() * (pull / mass - gradient * centre);
-  const std::vector<MatX<T>> slope = inertia_[k]->mass_derivatives(eta, order);
+  const std::vector<MatX<T>> slope = lifted ? inertia_[k]->mass_derivatives(eta, 1) : of_level;
   for (int i = 0; i < m; ++i) gravity[6 + i] += (gradient * second_moment<T>(slope[i].topLeftCorner(3, 3))).trace() / 2;
 
-  s.M += J.transpose() * M * J;
-  s.bias += J.transpose() * bias;
-  s.gravity_force += J.transpose() * gravity;
+  MatX<T> MJ = M.leftCols(6) * J;
+  MJ.rightCols(m) += M.rightCols(m);
+  const auto projected = [&](const auto& x) {  // J* x, with the rows of the modes
+    MatX<T> out = J.transpose() * x.topRows(6);
+    out.bottomRows(m) += x.bottomRows(m);
+    return out;
+  };
+  s.add(b.moving, projected(MJ), projected(bias), projected(gravity));
   s.total_mass += mass;
   s.com += mass * (B.x + B.R * centre);
   s.gravity_energy += field.energy(mass, S);
-  MatX<T> W = (M * J).topRows(6);
-  W.topRows(3) = B.R * W.topRows(3).eval();
-  W.bottomRows(3) = B.R * W.bottomRows(3).eval();
-  s.resultants_[k] = {W, turned<T>(B.R, bias.head(6)), turned<T>(B.R, gravity.head(6))};
+  MatX<T> W(6, n);
+  W << B.R * MJ.topRows(3), B.R * MJ.middleRows(3, 3);
+  s.resultants_[k] = {widened<T>(W, b.moving, model_->nv), turned<T>(B.R, bias.head(6)), turned<T>(B.R, gravity.head(6))};
 }
 
 template <class T>
@@ -372,6 +388,14 @@ void DenseTwin<T>::add_hinge_and_modal_forces(DenseState<T>& s, int k) const {
     if (push > T(0)) force -= T(side) * push;
     s.elastic_energy += pushed * depth / (T(p[3]) + 1);
   }
+}
+
+/// What one body adds to the equations of the entries `in` of v.
+template <class T>
+void DenseState<T>::add(const std::vector<int>& in, const MatX<T>& mass, const VecX<T>& bias_of_body, const VecX<T>& gravity_of_body) {
+  M(in, in) += mass;
+  bias(in) += bias_of_body;
+  gravity_force(in) += gravity_of_body;
 }
 
 template <class T>

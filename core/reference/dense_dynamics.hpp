@@ -77,6 +77,7 @@ class DenseState {
     VecX<T> bias, gravity;
   };
   explicit DenseState(std::shared_ptr<const DenseModel<T>> model) : model_(std::move(model)) {}
+  void add(const std::vector<int>& in, const MatX<T>& mass, const VecX<T>& bias_of_body, const VecX<T>& gravity_of_body);
   int index(std::string_view body) const;
   Frame<T> node_frame(int body, std::string_view node) const;
   std::pair<MatX<T>, VecX<T>> constraints() const;  // G and gamma of all loops

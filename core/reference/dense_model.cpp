@@ -114,6 +114,11 @@ void connect(DenseModel<T>& model) {
   for (std::size_t i = 0; i < model.outward.size(); ++i)
     for (const int c : children[model.outward[i]]) model.outward.push_back(c);
   if (model.outward.size() < model.bodies.size()) refuse(Code::cycle, {}, "a tree", "a closed loop");
+  for (const int k : model.outward) {
+    DenseBody<T>& b = model.bodies[k];
+    if (b.parent >= 0) b.moving = model.bodies[b.parent].moving;
+    for (int i = 0; i < b.free_nv() + b.n_modes; ++i) b.moving.push_back(b.iv + i);
+  }
 }
 
 /// "motor" of a hinge with one coordinate, "arm.angle" of others: the twin knows the coordinates by their place alone.

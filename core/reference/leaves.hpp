@@ -182,6 +182,10 @@ struct ModalPoint {
 template <class T>
 RelativeMotion<T> node_motion(const ModalPoint<T>& node, const VecX<T>& eta, const VecX<T>& etadot) {
   RelativeMotion<T> m(static_cast<int>(eta.size()));
+  if (eta.size() == 0) {
+    m.R = node.R, m.p = node.position;
+    return m;
+  }
   const Vec3<T> theta = node.Psi * eta, rate = node.Psi * etadot;
   const Mat3<T> t = tilde(theta), d = tilde(rate);
   const T x = theta.squaredNorm();

@@ -69,23 +69,27 @@ std::vector<MatX<T>> ModalInertia<T>::mass_derivatives(const VecX<T>& eta, int l
 template <class T>
 MatX<T> ModalInertia<T>::mass(const VecX<T>& eta, int level) const {
   MatX<T> out = mass_;
-  const std::vector<MatX<T>> slope = mass_derivatives(eta / 2, level);  // exact for a polynomial of degree 2
-  for (int k = 0; k < n_modes_; ++k) out += eta[k] * slope[k];
+  const auto add = [&](const std::vector<MatX<T>>& slope) {
+    for (int k = 0; k < n_modes_; ++k) out += eta[k] * slope[k];
+  };
+  if (level == 1)
+    add(slope_);
+  else
+    add(mass_derivatives(eta / 2, level));  // exact for a polynomial of degree 2
   return out;
 }
 
 template <class T>
-VecX<T> ModalInertia<T>::bias(const VecX<T>& eta, const VecX<T>& etadot, const VecX<T>& V, int level) const {
+VecX<T> ModalInertia<T>::bias(const MatX<T>& mass, const std::vector<MatX<T>>& derivatives, const VecX<T>& etadot, const VecX<T>& V) const {
   VecX<T> Vfl(6 + n_modes_);
   Vfl << V, etadot;
-  const VecX<T> p = mass(eta, level) * Vfl;
+  const VecX<T> p = mass * Vfl;
   const Vec3<T> w = V.head(3), v = V.tail(3), pw = p.head(3), pv = p.segment(3, 3);
   VecX<T> b = VecX<T>::Zero(6 + n_modes_);
   b.head(3) = w.cross(pw) + v.cross(pv);
   b.segment(3, 3) = w.cross(pv);
-  const std::vector<MatX<T>> slope = mass_derivatives(eta, level);
   for (int k = 0; k < n_modes_; ++k) {
-    const VecX<T> dp = slope[k] * Vfl;
+    const VecX<T> dp = derivatives[k] * Vfl;
     b += etadot[k] * dp;
     b[6 + k] -= Vfl.dot(dp) / 2;
   }

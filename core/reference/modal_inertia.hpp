@@ -18,8 +18,9 @@ class ModalInertia {
   MatX<T> mass(const VecX<T>& eta, int level) const;
   std::vector<MatX<T>> mass_derivatives(const VecX<T>& eta, int level) const;
 
-  /// b in M_fl [dV/dt; eta''] + b = force, V = [omega; v] of B in B axes, dV/dt the rate of its components.
-  VecX<T> bias(const VecX<T>& eta, const VecX<T>& etadot, const VecX<T>& V, int level) const;
+  /// b in M_fl [dV/dt; eta''] + b = force, V = [omega; v] of B in B axes, dV/dt the rate of its components; of mass() and
+  /// mass_derivatives() at some eta and level.
+  VecX<T> bias(const MatX<T>& mass, const std::vector<MatX<T>>& derivatives, const VecX<T>& etadot, const VecX<T>& V) const;
 
  private:
   int n_modes_;

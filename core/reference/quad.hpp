@@ -12,7 +12,7 @@ namespace cardan::reference {
 
 class Quad {
  public:
-  Quad() : Quad(0.0) {}
+  Quad();
   Quad(std::integral auto i) : Quad(static_cast<double>(i)) {}  // NOLINT: numbers convert; |i| < 2^53
   Quad(double);                                                 // NOLINT
   explicit Quad(const std::string& decimal);

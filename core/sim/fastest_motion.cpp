@@ -3,11 +3,14 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "core/base/diagnostic.hpp"
 #include "core/dynamics/hinge_laws.hpp"
+#include "core/model/loops.hpp"
 #include "core/operators/apply.hpp"
+#include "core/operators/closed_system.hpp"
 #include "core/operators/tree_operators.hpp"
 
 namespace cardan {
@@ -45,17 +48,22 @@ std::string owner(const Model& m, int v, bool damping) {
 FastestMotion fastest_motion(std::shared_ptr<const Model> model, const double* q) {
   const Model& m = *model;
   FastestMotion fastest;
-  if (!m.loops.empty()) return fastest;  // of the open tree it would say nothing
   bool any = !m.loads.empty();
   for (const SweepBody& b : m.bodies) any = any || b.n_modes > 0;
   if (!any) return fastest;
   std::vector<std::uint8_t> free;
   for (int i = 0; m.has_prescribed() && i < m.nv; ++i) free.push_back(!m.prescribed[i]);
-  operators::TreeOperators tree(model);
+  const bool closed = !m.loops.empty();
+  operators::TreeOperators tree(open_tree(model));
   operators::Erased<std::remove_const_t<decltype(operators::letters::mass_inverse)>> inverse_of(tree);
+  std::optional<operators::ClosedSystem> system;
   try {
-    tree.at(q);
-    tree.articulate({.free = free});
+    if (closed) {
+      system.emplace(model, q);
+    } else {
+      tree.at(q);
+      tree.articulate({.free = free});
+    }
   } catch (const NumericsError&) {
     return fastest;  // a direction without inertia: the run says so
   }
@@ -63,12 +71,16 @@ FastestMotion fastest_motion(std::shared_ptr<const Model> model, const double* q
   for (const bool damping : {false, true}) {
     Eigen::VectorXd x(m.nv), y(m.nv), f(m.nv);
     for (int i = 0; i < m.nv; ++i) x[i] = free.empty() || free[i] ? 1.0 + 0.1 * std::sin(3.7 * i) : 0.0;
+    if (closed) x = system->respond(x);  // a motion that loops allow
     double value = 0.0;
     for (int k = 0; k < 20; ++k) {  // power iteration, in the norm of K where M^-1 K is symmetric
       forces(m, q, damping, x, f);
       const double before = x.dot(f);
       if (!(before > 0.0)) break;
-      inverse.mult(f, y);
+      if (closed)
+        y = system->respond(f);
+      else
+        inverse.mult(f, y);
       for (int i = 0; i < m.nv; ++i)
         if (!free.empty() && !free[i]) y[i] = 0.0;
       value = f.dot(y) / before;

@@ -14,7 +14,7 @@ struct FastestMotion {
 };
 
 /// Of M v' = -K q - C v, M at q, prescribed components held: the largest eigenvalue of M^-1 C or the root of that of M^-1 K, by
-/// some forty products, each O(N). A few per cent low where many are as fast.
+/// some forty products, each O(N); of closed loops in their motions alone, by ClosedSystem. A few per cent low where many are as fast.
 FastestMotion fastest_motion(std::shared_ptr<const Model> model, const double* q);
 
 }  // namespace cardan

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/reference/quad.hpp"
+
 namespace cardan {
 
 MotionProfile MotionProfile::hold(double rate) { return rate_table({{0.0, rate}}); }
@@ -11,11 +13,6 @@ MotionProfile MotionProfile::hold(double rate) { return rate_table({{0.0, rate}}
 MotionProfile MotionProfile::rate_table(std::vector<std::pair<double, double>> points) {
   MotionProfile p;
   p.points_ = std::move(points);
-  p.travelled_.assign(p.points_.size(), 0.0);
-  for (std::size_t i = 1; i < p.points_.size(); ++i) {
-    const auto &a = p.points_[i - 1], &b = p.points_[i];
-    p.travelled_[i] = p.travelled_[i - 1] + 0.5 * (a.second + b.second) * (b.first - a.first);
-  }
   return p;
 }
 
@@ -28,30 +25,33 @@ MotionProfile MotionProfile::sine(double amplitude, double frequency, double pha
 }
 
 void MotionProfile::remember(Archive& archive) {
-  archive.finite(points_, travelled_, amplitude_, frequency_, phase_);
+  archive.finite(points_, amplitude_, frequency_, phase_);
   const auto not_later = [](const auto& a, const auto& b) { return a.first >= b.first; };
-  if (travelled_.size() != points_.size() || std::ranges::adjacent_find(points_, not_later) != points_.end())
-    archive.wrong("a profile whose times do not increase");
+  if (std::ranges::adjacent_find(points_, not_later) != points_.end()) archive.wrong("a profile whose times do not increase");
 }
 
 namespace {
-// Index of the first point after t.
-std::size_t after(const std::vector<std::pair<double, double>>& points, double t) {
-  return static_cast<std::size_t>(std::upper_bound(points.begin(), points.end(), t, [](double x, const auto& p) { return x < p.first; }) -
+using Points = std::vector<std::pair<double, double>>;
+/// Index of the first point after t.
+template <class T>
+std::size_t after(const Points& points, const T& t) {
+  return static_cast<std::size_t>(std::ranges::upper_bound(points, t, std::less<>(), [](const auto& p) { return T(p.first); }) -
                                   points.begin());
 }
 }  // namespace
 
-double MotionProfile::rate(double t) const {
+template <class T>
+T MotionProfile::rate(const T& t) const {
+  using std::cos;
   if (points_.empty()) {
     const double w = 2.0 * std::numbers::pi * frequency_;
-    return amplitude_ * w * std::cos(w * t + phase_);
+    return T(amplitude_ * w) * cos(T(w) * t + T(phase_));
   }
   const std::size_t i = after(points_, t);
-  if (i == 0) return points_.front().second;
-  if (i == points_.size()) return points_.back().second;
+  if (i == 0) return T(points_.front().second);
+  if (i == points_.size()) return T(points_.back().second);
   const auto &a = points_[i - 1], &b = points_[i];
-  return a.second + (b.second - a.second) * (t - a.first) / (b.first - a.first);
+  return T(a.second) + (T(b.second) - T(a.second)) * (t - T(a.first)) / (T(b.first) - T(a.first));
 }
 
 double MotionProfile::largest_rate(double t_0, double t_1) const {
@@ -62,25 +62,48 @@ double MotionProfile::largest_rate(double t_0, double t_1) const {
   return largest;
 }
 
-double MotionProfile::acceleration(double t, double since) const {
+template <class T>
+T MotionProfile::acceleration(const T& t, double since) const {
+  using std::sin;
   if (points_.empty()) {
     const double w = 2.0 * std::numbers::pi * frequency_;
-    return -amplitude_ * w * w * std::sin(w * t + phase_);
+    return T(-amplitude_ * w) * T(w) * sin(T(w) * t + T(phase_));
   }
   const std::size_t i = after(points_, since);
-  if (i == 0 || i == points_.size()) return 0.0;
-  return (points_[i].second - points_[i - 1].second) / (points_[i].first - points_[i - 1].first);
+  if (i == 0 || i == points_.size()) return T(0.0);
+  return (T(points_[i].second) - T(points_[i - 1].second)) / (T(points_[i].first) - T(points_[i - 1].first));
 }
 
-double MotionProfile::integral(double t) const {
-  if (points_.empty()) return amplitude_ * std::sin(2.0 * std::numbers::pi * frequency_ * t + phase_);
-  const std::size_t i = after(points_, t), before = i == 0 ? 0 : i - 1;
-  return travelled_[before] + 0.5 * (points_[before].second + rate(t)) * (t - points_[before].first);
+template <class T>
+T MotionProfile::travel(const T& from, const T& to) const {
+  using std::sin;
+  if (to < from) return -travel(to, from);
+  if (points_.empty()) {
+    const double w = 2.0 * std::numbers::pi * frequency_;
+    const T amplitude = T(amplitude_ * w) / T(w);
+    return amplitude * (sin(T(w) * to + T(phase_)) - sin(T(w) * from + T(phase_)));
+  }
+  T sum(0.0), at = from, rate_there = rate(from);
+  const auto go_to = [&](const T& t, const T& rate_then) {
+    sum += T(0.5) * (rate_there + rate_then) * (t - at);
+    at = t, rate_there = rate_then;
+  };
+  for (std::size_t i = after(points_, from); i < points_.size() && T(points_[i].first) < to; ++i)
+    go_to(T(points_[i].first), T(points_[i].second));
+  go_to(to, rate(to));
+  return sum;
 }
 
 double MotionProfile::next_corner(double t) const {
   const std::size_t i = after(points_, t);
   return i < points_.size() ? points_[i].first : std::numeric_limits<double>::infinity();
 }
+
+template double MotionProfile::rate(const double&) const;
+template double MotionProfile::acceleration(const double&, double) const;
+template double MotionProfile::travel(const double&, const double&) const;
+template reference::Quad MotionProfile::rate(const reference::Quad&) const;
+template reference::Quad MotionProfile::acceleration(const reference::Quad&, double) const;
+template reference::Quad MotionProfile::travel(const reference::Quad&, const reference::Quad&) const;
 
 }  // namespace cardan

@@ -19,23 +19,25 @@ class MotionProfile {
   /// rate = d/dt of amplitude sin(2 pi frequency t + phase).  [rad or m], [Hz], [rad]
   static MotionProfile sine(double amplitude, double frequency, double phase);
 
-  double rate(double t) const;
+  // Of numbers of type T, double or reference::Quad, at a time of that type.
+  template <class T>
+  T rate(const T& t) const;
   /// Largest |rate| from t_0 to t_1; of a sine, over a full period.
   double largest_rate(double t_0, double t_1) const;
   /// v' at t, on the stretch between two corners that holds at `since` <= t: a step that ends at a corner belongs to the stretch
   /// before. At a corner, `since` is on the stretch which begins there.
-  double acceleration(double t, double since) const;
+  template <class T>
+  T acceleration(const T& t, double since) const;
   /// Integral of the rate.  [rad or m]
-  double travel(double from, double to) const { return integral(to) - integral(from); }
+  template <class T>
+  T travel(const T& from, const T& to) const;
   /// First corner after t; infinity if there is none.
   double next_corner(double t) const;
 
   void remember(Archive& archive);
 
  private:
-  double integral(double t) const;  // from the first point; of a sine, from where it is zero
   std::vector<std::pair<double, double>> points_;
-  std::vector<double> travelled_;  // from the first point to each
   double amplitude_ = 0.0, frequency_ = 0.0, phase_ = 0.0;
 };
 

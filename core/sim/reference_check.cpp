@@ -33,12 +33,12 @@ double difference(Simulation& sim, TwinDynamics<T>& twin, bool& sound) {
   using reference::MatX, reference::VecX;
   sim.observe();
   const std::vector<double> forces = sim.applied_forces();
-  TwinLoads loads;
-  loads.tau = forces.data(), loads.vdot = sim.vdot().data();
-  loads.wrenches = sim.wrenches(), loads.drives = sim.drives(), loads.moment = sim.gravity_moment();
+  const VecX<T> vdot = sim.vdot().cast<T>();
+  TwinLoads<T> loads;
+  loads.tau = forces.data(), loads.vdot = vdot.data();
+  loads.wrenches = sim.wrenches(), loads.drives = twin_drives<T>(sim.drives()), loads.moment = sim.gravity_moment();
   loads.z = sim.state().z.data(), loads.marks = sim.state().marks.data();
   const reference::DenseState<T> state = twin.at(sim.state().q.cast<T>(), sim.state().v.cast<T>(), loads);
-  const VecX<T> vdot = sim.vdot().cast<T>();
 
   const VecX<T> unit = state.M.diagonal().cwiseSqrt().cwiseInverse();
   const reference::Factor<T> M(unit.asDiagonal() * state.M * unit.asDiagonal());

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <stdexcept>
 #include <tuple>
 
@@ -15,6 +14,7 @@
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/sim/choose_method.hpp"
 #include "core/sim/diagonalised_form.hpp"
+#include "core/sim/expected_stiffness.hpp"
 #include "core/sim/fastest_motion.hpp"
 #include "core/sim/newton_operators.hpp"
 #include "core/sim/plugin_faults.hpp"
@@ -276,44 +276,10 @@ void Simulation::expect_progress() {
         "rates or a stiffness beyond all measure, or a max_step or step that is far too small", ""});
 }
 
-namespace {
-/// h times the rate that an explicit method stands: on the real axis, on the imaginary one (there as far as the error test lets it).
-struct Stability {
-  double decay, swing;
-};
-Stability stability_of(const std::string& method) {
-  if (method == "rk4") return {2.785, 2.828};
-  if (method == "variational") return {2.0, 2.0};  // its iteration
-  if (method == "variational4") return {3.0, 3.0};
-  if (method == "dopri5") return {3.3, 1.6};
-  if (method == "ark_explicit") return {4.0, 1.5};
-  return {1.0, 1.0};  // the fixed-point iteration of Adams, about
-}
-const char* kFollowed = "cvode_bdf follows it as well unless it is damped out: fewer modes, or a locked hinge, if it does not matter";
-const char* kStiffHint =
-    "integrator.method = \"cvode_bdf\", above some fifty states with linear_solver = \"krylov\"; or a softer law, or a locked hinge";
-}  // namespace
-
-/// Before the first step: what springs, dampers and modes ask of an explicit method.
+/// Before the first step.
 void Simulation::foresee_stiffness(double t_end) {
-  const IntegratorOptions& i = options_.integrator;
-  if (is_implicit(i.method) || advances_linear_part(i.method)) return;
-  const FastestMotion fastest = fastest_motion(model_, state_.q.data());
-  if (fastest.rate <= 0.0) return;
-  const Stability stable = stability_of(i.method);
-  const double h = (fastest.decays ? stable.decay : stable.swing) / fastest.rate, steps = (t_end - state_.t) / h;
-  const std::string cause = fastest.decays ? fmt::format("{} decays at {:.3g} 1/s", fastest.what, fastest.rate)
-                                           : fmt::format("{} swings at {:.3g} Hz", fastest.what, fastest.rate / (2.0 * std::numbers::pi));
-  const bool equal_steps = i.fixed_step > 0.0;
-  if (equal_steps && i.fixed_step > h)
-    warn(Code::stiff_scene, {"integrator.step", {}},
-         fmt::format("{}: {} {} with steps above {:.3g} s", cause, i.method,
-                     i.method == "rk4" ? "is unstable" : "does not solve its equations", h),
-         fmt::format("a step of {:.2g} s at most, or {}", h, kStiffHint));
-  else if (!equal_steps && steps > (fastest.decays ? 1e6 : 1e7))
-    warn(Code::stiff_scene, {"integrator.method", {}},
-         fmt::format("{}: {} must take steps of {:.2g} s, {:.1e} of them to the end", cause, i.method, h, steps),
-         fastest.decays ? kStiffHint : kFollowed);
+  const Warnings expected = expected_stiffness(model_, state_.q.data(), options_.integrator, schedule_.shortest_period(), t_end - state_.t);
+  for (const Warning& w : expected.all()) warn(w.what.code, w.what.at, w.what.about, w.what.hint);
 }
 
 /// The integrator found that stability sets its steps.
@@ -694,13 +660,14 @@ OdeProblem Simulation::ode() {
     ode.extended = std::make_shared<VehicleExtended>(
         model_, ode.absolute_tolerance, options_.integrator.relative_tolerance,
         [this] {
-          TwinLoads loads;
-          loads.tau = tau_.data(), loads.vdot = vdot_given_.data(), loads.wrenches = wrenches_;
+          ExtendedLoads loads{.tau = tau_, .wrenches = wrenches_};
+          for (const Prescribed& p : prescribed_) loads.motions.push_back({p.index, p.coordinate, &p.profile});
+          for (const PrescribedLoop& p : prescribed_loops_) loads.lengths.push_back({p.more_0, &p.profile});
           return loads;
         },
-        ExtendedIntegrands{ode.n_quadrature,
-                           [this, xdot = std::vector<double>(static_cast<std::size_t>(ode.n))](const double* x, double* y) mutable {
-                             return rhs(state_.t, x, xdot.data()) && unless_thrown([&] { integrands(state_.t, x, y); });
+        ExtendedIntegrands{ode.n_quadrature, [this, xdot = std::vector<double>(static_cast<std::size_t>(ode.n))](double t, const double* x,
+                                                                                                                 double* y) mutable {
+                             return rhs(t, x, xdot.data()) && unless_thrown([&] { integrands(t, x, y); });
                            }});
   momentum_.reset();
   if (advances_linear_part(options_.integrator.method)) {
@@ -780,9 +747,9 @@ bool Simulation::evaluate_twin(const double* x, double* vdot) {
   const double *q = x, *v = q + m.nq;
   tau_twin_ = tau_;
   if (devices_) devices_->add_hinge_forces(tau_twin_.data());
-  TwinLoads loads;
+  TwinLoads<double> loads;
   loads.tau = tau_twin_.data(), loads.vdot = vdot_given_.data();
-  loads.wrenches = wrenches_, loads.drives = drives_, loads.moment = moment_;
+  loads.wrenches = wrenches_, loads.drives = twin_drives<double>(drives_), loads.moment = moment_;
   loads.z = v + m.nv, loads.marks = state_.marks.data();
   try {
     const auto state = twin_->at(Eigen::VectorXd::Map(q, m.nq), Eigen::VectorXd::Map(v, m.nv), loads);

@@ -56,7 +56,8 @@ std::array<double, 13> sampled(const Model& m, const FieldMoment* at, const std:
 }
 
 /// The description with the masses that devices give to bodies.
-SystemSpec weighed(const Model& m, const TwinLoads& loads) {
+template <class T>
+SystemSpec weighed(const Model& m, const TwinLoads<T>& loads) {
   SystemSpec spec = *m.spec;
   for (const DeviceMass& own : m.devices.masses) {
     const cardan_mass more = mass_of(m.devices.all[static_cast<std::size_t>(own.device)], loads.z, loads.marks);
@@ -86,6 +87,16 @@ const Model& known(const Model& m) {
 }  // namespace
 
 template <class T>
+reference::Mat3X<T> twin_drives(std::span<const LoopDrive> drives) {
+  reference::Mat3X<T> out(3, static_cast<Eigen::Index>(drives.size()));
+  for (Eigen::Index i = 0; i < out.cols(); ++i) {
+    const LoopDrive& d = drives[static_cast<std::size_t>(i)];
+    out.col(i) << T(d.more), T(d.rate), T(d.acceleration);
+  }
+  return out;
+}
+
+template <class T>
 TwinDynamics<T>::TwinDynamics(const Model& model) : model_(known(model)), foreign_(foreign_hinges(model)), twin_(made(*model.spec)) {
   for (int i = 0; i < model.nv; ++i) prescribed_.push_back(model.has_prescribed() && model.prescribed[static_cast<std::size_t>(i)] != 0);
 }
@@ -98,19 +109,14 @@ reference::DenseTwin<T> TwinDynamics<T>::made(const SystemSpec& spec) {
 }
 
 template <class T>
-reference::DenseState<T> TwinDynamics<T>::at(const VecX& q, const VecX& v, const TwinLoads& loads) {
+reference::DenseState<T> TwinDynamics<T>::at(const VecX& q, const VecX& v, const TwinLoads<T>& loads) {
   moment_ = loads.moment;
   if (!model_.varies.empty()) twin_ = made(weighed(model_, loads));
-  reference::Mat3X<T> drives(3, static_cast<Eigen::Index>(loads.drives.size()));
-  for (Eigen::Index i = 0; i < drives.cols(); ++i) {
-    const LoopDrive& d = loads.drives[static_cast<std::size_t>(i)];
-    drives.col(i) << T(d.more), T(d.rate), T(d.acceleration);
-  }
-  return twin_.at(q, v, drives);
+  return twin_.at(q, v, loads.drives);
 }
 
 template <class T>
-reference::NodeWrenches<T> TwinDynamics<T>::wrenches(const reference::DenseState<T>& state, const TwinLoads& loads) const {
+reference::NodeWrenches<T> TwinDynamics<T>::wrenches(const reference::DenseState<T>& state, const TwinLoads<T>& loads) const {
   reference::NodeWrenches<T> all;
   for (const NodeWrench& w : loads.wrenches) {
     const UserNode& node = model_.nodes[static_cast<std::size_t>(w.node)];
@@ -127,15 +133,17 @@ reference::NodeWrenches<T> TwinDynamics<T>::wrenches(const reference::DenseState
 }
 
 template <class T>
-typename TwinDynamics<T>::VecX TwinDynamics<T>::vdot(const reference::DenseState<T>& state, const TwinLoads& loads) const {
+typename TwinDynamics<T>::VecX TwinDynamics<T>::vdot(const reference::DenseState<T>& state, const TwinLoads<T>& loads) const {
   VecX tau(model_.nv), given = VecX::Zero(model_.nv);
   for (int i = 0; i < model_.nv; ++i) {
     tau[i] = T(loads.tau[i]);
-    if (prescribed_[static_cast<std::size_t>(i)]) given[i] = T(loads.vdot[i]);
+    if (prescribed_[static_cast<std::size_t>(i)]) given[i] = loads.vdot[i];
   }
   return state.hybrid(tau, prescribed_, given, wrenches(state, loads)).vdot;
 }
 
+template reference::Mat3X<double> twin_drives(std::span<const LoopDrive>);
+template reference::Mat3X<reference::Quad> twin_drives(std::span<const LoopDrive>);
 template class TwinDynamics<double>;
 template class TwinDynamics<reference::Quad>;
 

@@ -10,15 +10,19 @@
 
 namespace cardan {
 
-/// What acts at a state, as an evaluation of the sweeps left it.
+/// What acts at a state.
+template <class T>
 struct TwinLoads {
   const double* tau = nullptr;           // of actuators and devices [N m, N], nv numbers; springs, stops and friction are the twin's own
   std::span<const NodeWrench> wrenches;  // in node or world axes
-  std::span<const LoopDrive> drives;     // of prescribed loops
-  const double* vdot = nullptr;          // of prescribed components, nv numbers
+  reference::Mat3X<T> drives;            // of prescribed loops, each [more; rate; acceleration]
+  const T* vdot = nullptr;               // of prescribed components, nv numbers
   const FieldMoment* moment = nullptr;   // of gravity that is a field
   const double *z = nullptr, *marks = nullptr;  // states of devices that give bodies their mass
 };
+
+template <class T>
+reference::Mat3X<T> twin_drives(std::span<const LoopDrive> drives);
 
 /// Instantiated for double and for reference::Quad.
 template <class T>
@@ -32,10 +36,12 @@ class TwinDynamics {
   TwinDynamics(const TwinDynamics&) = delete;  // the twin asks it for gravity
   TwinDynamics& operator=(const TwinDynamics&) = delete;
   /// The equations of motion at (q, v).
-  reference::DenseState<T> at(const VecX& q, const VecX& v, const TwinLoads& loads);
-  reference::NodeWrenches<T> wrenches(const reference::DenseState<T>& state, const TwinLoads& loads) const;
+  reference::DenseState<T> at(const VecX& q, const VecX& v, const TwinLoads<T>& loads);
+  reference::NodeWrenches<T> wrenches(const reference::DenseState<T>& state, const TwinLoads<T>& loads) const;
   /// v' of at(); throws NumericsError N0101 where M of the free components is not positive definite.
-  VecX vdot(const reference::DenseState<T>& state, const TwinLoads& loads) const;
+  VecX vdot(const reference::DenseState<T>& state, const TwinLoads<T>& loads) const;
+  /// Which components of v are given.
+  const std::vector<bool>& prescribed() const { return prescribed_; }
 
  private:
   reference::DenseTwin<T> made(const SystemSpec& spec);

@@ -13,9 +13,11 @@ namespace {
 
 using reference::Quad;
 
-constexpr int kColumns = 16;     // of an extrapolation: order 32 at most
-constexpr double kSame = 4e-16;  // relative: a state that is nearer was not changed
-constexpr int kClosings = 5;     // Newton steps from what is closed in double: each doubles the digits
+constexpr int kColumns = 16;  // of an extrapolation: order 32 at most
+// Relative: a state that is nearer was not changed, but rounded; brought back on closed loops in double; a function of time, which rounding
+// of its argument moves by as much after many turns.
+constexpr double kSame = 4e-16, kSameClosed = 1e-13, kSameGiven = 1e-9;
+constexpr int kClosings = 5;  // Newton steps from what is closed in double: each doubles the digits
 
 std::shared_ptr<const Model> of_113_bits(std::shared_ptr<const Model> model) {
   if (const std::string not_taken = VehicleExtended::refusal(*model); !not_taken.empty())
@@ -30,10 +32,6 @@ std::string VehicleExtended::refusal(const Model& model) {
   for (const Device& d : model.devices.all)
     if (d.acts || d.family->n_states > 0) return fmt::format("device {} ({}), which computes in double", d.name, d.family->type);
   if (model.field.source) return "gravity of a field, which is computed in double";
-  for (int i = 0; i < model.nv; ++i)
-    if (model.has_given_motion(i)) return "motions that are given as functions of time";
-  for (const Loop& loop : model.loops.all)
-    if (loop.drive >= 0) return fmt::format("loop {}, which is driven as a function of time", loop.name);
   if (model.changes()) return "masses that change";
   for (const UserBody& u : model.user) {
     if (u.family_origin != "built-in") return fmt::format("body {} ({}) of a plugin", u.name, u.type);
@@ -43,7 +41,7 @@ std::string VehicleExtended::refusal(const Model& model) {
 }
 
 VehicleExtended::VehicleExtended(std::shared_ptr<const Model> model, std::vector<double> absolute, double relative,
-                                 std::function<TwinLoads()> loads, ExtendedIntegrands integrands)
+                                 std::function<ExtendedLoads()> loads, ExtendedIntegrands integrands)
     : model_(of_113_bits(std::move(model))),
       absolute_(std::move(absolute)),
       relative_(relative),
@@ -53,14 +51,46 @@ VehicleExtended::VehicleExtended(std::shared_ptr<const Model> model, std::vector
       x_(static_cast<std::size_t>(model_->nq + model_->nv)),
       ydot_(static_cast<std::size_t>(integrands_.n)),
       now_(VecX::Zero(model_->nq + model_->nv + integrands_.n)),
-      next_(now_) {
+      next_(now_),
+      vdot_given_(VecX::Zero(model_->nv)) {
   now_.head(static_cast<Eigen::Index>(x_.size())).setConstant(std::numeric_limits<Quad>::quiet_NaN());  // nowhere yet
   for (const UserBody& u : model_->user)
     if (u.nq > 0 && u.hinge->normalise) quaternions_.push_back(u.q);
+  for (int i = 0; i < model_->nv; ++i)
+    if (!twin_.prescribed()[static_cast<std::size_t>(i)]) free_.push_back(i);
 }
 
-bool VehicleExtended::rates(const VecX& x, VecX& xdot) {
-  const TwinLoads loads = loads_();
+/// Given motions at a time between since_ and the next corner of their profiles.
+void VehicleExtended::give(const Quad& t, VecX& x) const {
+  for (const ExtendedLoads::Motion& m : acting_.motions) {
+    x[model_->nq + m.v] = m.profile->rate(t);
+    if (m.q >= 0) x[m.q] = now_[m.q] + m.profile->travel(Quad(since_), t);
+  }
+}
+
+VehicleExtended::VecX VehicleExtended::lengths_at(const Quad& t) const {
+  VecX out = more_;
+  for (Eigen::Index i = 0; i < out.size(); ++i) out[i] += acting_.lengths[static_cast<std::size_t>(i)].profile->travel(Quad(since_), t);
+  return out;
+}
+
+TwinLoads<Quad> VehicleExtended::loads_at(const Quad& t) {
+  for (const ExtendedLoads::Motion& m : acting_.motions) vdot_given_[m.v] = m.profile->acceleration(t, since_);
+  TwinLoads<Quad> out;
+  out.tau = acting_.tau.data(), out.wrenches = acting_.wrenches, out.vdot = vdot_given_.data();
+  out.drives.resize(3, more_.size());
+  out.drives.row(0) = lengths_at(t).transpose();
+  for (Eigen::Index i = 0; i < out.drives.cols(); ++i) {
+    const MotionProfile& profile = *acting_.lengths[static_cast<std::size_t>(i)].profile;
+    out.drives(1, i) = profile.rate(t), out.drives(2, i) = profile.acceleration(t, since_);
+  }
+  return out;
+}
+
+/// At x with its given motions put in.
+bool VehicleExtended::rates(const Quad& t, VecX& x, VecX& xdot) {
+  give(t, x);
+  const TwinLoads<Quad> loads = loads_at(t);
   try {
     const auto state = twin_.at(x.head(model_->nq), x.segment(model_->nq, model_->nv), loads);
     xdot.head(model_->nq) = state.qdot;
@@ -71,54 +101,73 @@ bool VehicleExtended::rates(const VecX& x, VecX& xdot) {
   if (integrands_.n > 0) {
     const auto n = static_cast<Eigen::Index>(x_.size());
     Eigen::VectorXd::Map(x_.data(), n) = x.head(n).cast<double>();
-    if (!integrands_.rates(x_.data(), ydot_.data())) return false;
+    if (!integrands_.rates(static_cast<double>(t), x_.data(), ydot_.data())) return false;
     xdot.tail(integrands_.n) = Eigen::VectorXd::Map(ydot_.data(), integrands_.n).cast<Quad>();
   }
   return std::ranges::all_of(xdot, [](const Quad& r) { return isfinite(r); });
 }
 
-/// Quaternions of length 1; loops and their rates, by steps that are smallest in the metric of M.
-void VehicleExtended::close(VecX& x) {
+/// Quaternions of length 1; loops and their rates, by steps of the components that are not given, the smallest in the metric of M.
+void VehicleExtended::close(const Quad& t, VecX& x) {
   const auto normalise = [&] {
     for (const int q : quaternions_) x.segment(q, 4) /= sqrt(x.segment(q, 4).squaredNorm());
   };
   normalise();
-  if (model_->loops.empty()) return;
-  const TwinLoads loads = loads_();
-  const auto rows = [&](const reference::DenseState<Quad>& state, bool rates) {
+  if (model_->loops.empty() || free_.empty()) return;
+  const TwinLoads<Quad> loads = loads_at(t);
+  const auto closing = [&](bool rates) {
+    const VecX v = x.segment(model_->nq, model_->nv);
+    const auto state = twin_.at(x.head(model_->nq), v, loads);
     const auto loops = state.loops();
-    Eigen::Index n = 0;
+    Eigen::Index n = 0, drive = 0;
     for (const auto& l : loops) n += l.c.size();
     reference::MatX<Quad> G(n, model_->nv);
     VecX c(n);
     n = 0;
-    for (const auto& l : loops) {
+    for (std::size_t i = 0; i < loops.size(); ++i) {
+      const auto& l = loops[i];
       G.middleRows(n, l.c.size()) = l.G;
-      c.segment(n, l.c.size()) = rates ? VecX(l.G * x.segment(model_->nq, model_->nv)) : l.c;
+      c.segment(n, l.c.size()) = rates ? VecX(l.G * v) : l.c;
+      if (model_->loops.all[i].drive >= 0 && rates) c[n] -= loads.drives(1, drive++);
       n += l.c.size();
     }
-    return reference::closed_motion<Quad>(state.M, VecX::Zero(model_->nv), G, -c).vdot;
+    VecX by = VecX::Zero(model_->nv);
+    by(free_) =
+        reference::closed_motion<Quad>(state.M(free_, free_), VecX::Zero(static_cast<Eigen::Index>(free_.size())), G(Eigen::all, free_), -c)
+            .vdot;
+    return by;
   };
   for (int i = 0; i < kClosings; ++i) {
-    const VecX by = rows(twin_.at(x.head(model_->nq), x.segment(model_->nq, model_->nv), loads), false);
+    const VecX by = closing(false);
     x.head(model_->nq) += twin_.at(x.head(model_->nq), by, loads).qdot;
     normalise();
   }
-  x.segment(model_->nq, model_->nv) += rows(twin_.at(x.head(model_->nq), x.segment(model_->nq, model_->nv), loads), true);
+  x.segment(model_->nq, model_->nv) += closing(true);
 }
 
-void VehicleExtended::enter(const double* x) {
+void VehicleExtended::enter(double t, const double* x) {
   const auto n = static_cast<Eigen::Index>(x_.size());
+  since_ = t;
+  acting_ = loads_();
+  given_.assign(x_.size(), false);
+  for (const ExtendedLoads::Motion& m : acting_.motions) {
+    given_[static_cast<std::size_t>(model_->nq + m.v)] = true;
+    if (m.q >= 0) given_[static_cast<std::size_t>(m.q)] = true;
+  }
+  const double same_within = model_->loops.empty() ? kSame : kSameClosed;
   bool same = true;
   for (Eigen::Index i = 0; i < n; ++i) {
-    const double before = static_cast<double>(now_[i]);
-    same = same && std::abs(x[i] - before) <= kSame * std::max(1.0, std::abs(before));
+    const double before = static_cast<double>(now_[i]), within = given_[static_cast<std::size_t>(i)] ? kSameGiven : same_within;
+    if (std::abs(x[i] - before) <= within * std::max(1.0, std::abs(before))) continue;
+    now_[i] = Quad(x[i]), same = false;
   }
-  if (!same) {
-    now_.head(n) = Eigen::VectorXd::Map(x, n).cast<Quad>();
-    close(now_);
+  if (more_.size() != std::ssize(acting_.lengths)) {
+    more_.resize(std::ssize(acting_.lengths));
+    for (Eigen::Index i = 0; i < more_.size(); ++i) more_[i] = Quad(acting_.lengths[static_cast<std::size_t>(i)].more);
   }
-  next_ = now_;
+  give(Quad(t), now_);
+  if (!same) close(Quad(t), now_);
+  next_ = now_, next_more_ = more_;
 }
 
 double VehicleExtended::error(const VecX& a, const VecX& b, int& state) const {
@@ -135,20 +184,22 @@ double VehicleExtended::error(const VecX& a, const VecX& b, int& state) const {
 // Differential Equations I, II.9); as many columns as it takes.
 ExtendedMotion::Trial VehicleExtended::step(double t0, double t1) {
   Trial trial;
-  const Quad whole = Quad(t1) - Quad(t0);
+  since_ = t0;
+  const Quad start(t0), whole = Quad(t1) - start;
   VecX first(now_.size()), slope(now_.size());
   ++trial.calls;
-  if (!rates(now_, first)) return trial;
+  if (!rates(start, now_, first)) return trial;
   std::vector<VecX> row;
   for (int k = 1; k <= kColumns; ++k) {
     const Quad h = whole / Quad(2 * k);
     VecX before = now_, at = now_ + h * first;
     for (int i = 1; i < 2 * k; ++i) {
       ++trial.calls;
-      if (!rates(at, slope)) return trial;
+      if (!rates(start + Quad(i) * h, at, slope)) return trial;
       VecX after = before + Quad(2) * h * slope;
       before = std::move(at), at = std::move(after);
     }
+    give(Quad(t1), at);
     std::vector<VecX> next{std::move(at)};
     for (int j = 1; j < k; ++j) {
       const Quad ratio = Quad(k) / Quad(k - j);
@@ -157,7 +208,7 @@ ExtendedMotion::Trial VehicleExtended::step(double t0, double t1) {
     const double off = k < 3 ? HUGE_VAL : error(next.back(), next[next.size() - 2], trial.worst);
     row = std::move(next);
     if (!(off <= 1.0)) continue;
-    next_ = row.back();
+    next_ = row.back(), next_more_ = lengths_at(Quad(t1));
     trial.order = 2 * k;
     break;
   }
@@ -167,14 +218,15 @@ ExtendedMotion::Trial VehicleExtended::step(double t0, double t1) {
 void VehicleExtended::found(double* x) const { Eigen::VectorXd::Map(x, next_.size()) = next_.cast<double>(); }
 
 void VehicleExtended::remember(Archive& archive) {
-  for (Eigen::Index i = 0; i < now_.size(); ++i) {
-    double part[3];  // 53 bits each
-    Quad rest = now_[i];
-    for (double& p : part) p = static_cast<double>(rest), rest -= Quad(p);
-    archive(part[0], part[1], part[2]);
-    if (archive.reading()) now_[i] = Quad(part[0]) + Quad(part[1]) + Quad(part[2]);
-  }
-  if (archive.reading()) next_ = now_;
+  for (VecX* all : {&now_, &more_})
+    for (Quad& x : *all) {
+      double part[3];  // 53 bits each
+      Quad rest = x;
+      for (double& p : part) p = static_cast<double>(rest), rest -= Quad(p);
+      archive(part[0], part[1], part[2]);
+      if (archive.reading()) x = Quad(part[0]) + Quad(part[1]) + Quad(part[2]);
+    }
+  if (archive.reading()) next_ = now_, next_more_ = more_;
 }
 
 }  // namespace cardan

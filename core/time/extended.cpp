@@ -29,7 +29,7 @@ class Extended final : public Integrator {
     t0_ = t1_ = t;
     std::copy_n(x, problem_.n, x1_.begin());
     if (!taken_) motion_.take();
-    motion_.enter(x1_.data());
+    motion_.enter(t, x1_.data());
     taken_ = true;
     if (problem_.n_roots > 0) events_.restart(t, x1_.data());
     ++statistics_.restarts;

@@ -83,8 +83,8 @@ class ImplicitForm {
 class ExtendedMotion {
  public:
   virtual ~ExtendedMotion() = default;
-  /// It is at x; where x is what found() gave, with all digits of that.
-  virtual void enter(const double* x) = 0;
+  /// It is at x at time t; where x is what found() gave, with all digits of that.
+  virtual void enter(double t, const double* x) = 0;
   struct Trial {
     int order = 0;  // 0: the error that is allowed was not met, or the way there cannot be evaluated
     int calls = 0;  // of the right-hand side

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include "core/sim/expected_stiffness.hpp"
 #include "scripts/bindings/open.hpp"
 #include "scripts/commands/commands.hpp"
 #include "scripts/mission/examine.hpp"
@@ -26,6 +27,8 @@ void add_check(CLI::App& app, CommandLine& line) {
       };
       const auto s = open_scenario(options);
       try_start(*s);
+      s->warnings.add(expected_stiffness(s->model, s->sim->state().q.data(), s->mission.simulation.integrator, shortest_interval(*s),
+                                         s->mission.duration));
       quiet = true;  // what functions of the run say is said in a run
       const std::vector<std::string> elsewhere = kept_elsewhere_at_start(*s);
       fmt::print("ok: {}, {} coordinates, {} velocities, {}, {}, {}, {}, {:g} s{}\n", bodies(s->model->user.size()), s->model->nq,

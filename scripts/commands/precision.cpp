@@ -48,7 +48,7 @@ struct PrecisionArguments {
   std::vector<std::string> methods, formulations, reference, kinds, budgets;
   double reference_tolerance = kReferenceTolerance, limit = 600.0;
   int jobs = 1, repeats = 0;
-  bool whole_model = false, quiet = false;
+  bool whole_model = false, keep_runs = false, quiet = false;
 };
 
 [[noreturn]] void wrong_option(const char* option, std::string expected, std::string got, std::string hint = {}) {
@@ -101,7 +101,6 @@ std::vector<PrecisionSetting> extended_references() {
 /// What of a scene has no extended precision; empty: it has.
 std::string not_extended(const Scenario& s) {
   if (std::string of_model = VehicleExtended::refusal(*s.model); !of_model.empty()) return of_model;
-  if (!s.events.empty()) return fmt::format("event \"{}\", whose time is found in double", s.events.front().name);
   for (const HingeLoad& load : s.model->loads)
     if (load.law == HingeLaw::stop) return "stops of hinges, whose contact is found in double";
   return {};
@@ -293,7 +292,7 @@ int precision(const PrecisionArguments& a) {
   for (auto* all : {&order.reference, &order.extended})
     for (PrecisionSetting& s : *all) s.formulation = *standard;
   order.loosest_reference = std::max(1e-10, a.reference_tolerance);
-  order.jobs = a.jobs, order.repeats = a.repeats, order.cpu_s = a.limit;
+  order.jobs = a.jobs, order.repeats = a.repeats, order.cpu_s = a.limit, order.keep_runs = a.keep_runs;
   order.out = !a.out.empty() ? fs::path(a.out)
                              : fs::path("out") / "precision" / fs::absolute(order.scenario).lexically_normal().parent_path().filename();
   const ResultFolder folder(order.out, {kNumbers, kData, kPage, kSettings});
@@ -436,6 +435,7 @@ void add_precision(CLI::App& app, CommandLine& line) {
       ->check(CLI::Range(1, 1000));
   command->add_option("--limit", a->limit, "Processor time in s that one run may take; default 600")->type_name("SECONDS");
   command->add_option("--out", a->out, "Folder of the results; default: out/precision/<folder of the scenario>")->type_name("DIR");
+  command->add_flag("--keep-runs", a->keep_runs, "Keep run.h5 of every run; else of those of the reference");
   command->add_flag("--quiet", a->quiet, "No progress");
   command->callback([&line, a] { line.action = [a] { return precision(*a); }; });
 }

@@ -93,9 +93,7 @@ void choose_method_of(Scenario& s) {
            i.method == "ida" ? "loop_form: dae in the vehicle, or another method; auto finds one" : "dopri5, dop853; auto finds one");
   if (s.mission.simulation.dynamics == Dynamics::dense) expect_twin_takes(*s.model, i, {"mission.dynamics", {s.file.string(), 0, 0}});
   if (i.method != "auto") return;
-  double interval = seconds(s.mission.output_period);
-  for (const Controller& c : s.controllers) interval = std::min(interval, seconds(c.period));
-  MethodChoice choice = choose_method(s.model, interval, i, s.mission.simulation.dynamics);
+  MethodChoice choice = choose_method(s.model, shortest_interval(s), i, s.mission.simulation.dynamics);
   i = std::move(choice.options);
   s.mission.why_method = std::move(choice.why);
   s.mission.defaults_used.emplace_back("mission.integrator.method", fmt::format("{}, chosen by auto: {}", i.method, s.mission.why_method));
@@ -155,6 +153,12 @@ Warnings open_latches(const Simulation& sim) {
                                       : fmt::format("{} has caught nothing: nothing came to its place", d.name));
   }
   return found;
+}
+
+double shortest_interval(const Scenario& s) {
+  double interval = seconds(s.mission.output_period);
+  for (const Controller& c : s.controllers) interval = std::min(interval, seconds(c.period));
+  return interval;
 }
 
 bool scripts_act(const Scenario& s) { return !s.controllers.empty() || !s.phases.empty() || !s.events.empty(); }

@@ -13,6 +13,8 @@ void examine(Scenario&);
 Warnings still_hinges(const Simulation&);
 /// Devices that wait to catch something, as a mark `closed` says, and have not: `missed`, another one, says how often they could have.
 Warnings open_latches(const Simulation&);
+/// [s] Between ticks of its controllers, or rows.
+double shortest_interval(const Scenario&);
 /// True if the script has functions that run during the mission: what stands still before it may move then.
 bool scripts_act(const Scenario&);
 

@@ -1,6 +1,7 @@
 #pragma once
 // What a digit costs: the Pareto front of settings, and the cheapest that keeps an error.
 #include <cstddef>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -19,11 +20,12 @@ struct PrecisionRow {
   int repeats = 1;
   long steps = 0, rhs_calls = 0, rejected = 0, restarts = 0, jacobian_products = 0;
   bool checks_passed = true;
-  std::string ended_by;  // "the planned end"
-  double end_s = 0.0;    // [s] simulated
-  KindErrors errors;
-  bool taken = false;  // from an earlier study
-  std::string folder;  // of the results, seen from that of the study
+  std::string ended_by;                       // "the planned end"
+  double end_s = 0.0;                         // [s] simulated
+  KindErrors errors;                          // against the reference
+  std::map<std::string, KindErrors> against;  // likewise, by the folder of each run that it was measured by
+  bool taken = false;                         // from an earlier study
+  std::string folder;                         // of the results, seen from that of the study
 };
 
 enum class RunCost { cpu, rhs_calls, steps };

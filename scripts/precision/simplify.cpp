@@ -16,11 +16,11 @@ class Search {
   Search(const PrecisionOrder& order, PrecisionStudy& study, SimplifiedModel& model, const std::vector<ErrorBudget>& budgets,
          ErrorMeasure measure, const PrecisionRow& whole, const std::function<double(const Sets&)>& operations)
       : order_(order), study_(study), model_(model), budgets_(budgets), measure_(measure), whole_(whole), count_(operations) {
-    truth_ = columns_of(order, study.reference.runs.front());
-    columns_ = columns_of(order, whole);
+    truth_ = yardstick(order, study, study.reference.runs.front());
+    same_ = yardstick(order, study, whole);
   }
 
-  bool ready() const { return truth_ && columns_; }
+  bool ready() const { return truth_ && same_; }
   bool stopped() const { return order_.stop && order_.stop(); }
   SimplifiedRun& run(std::size_t i) { return model_.runs[i]; }
   bool keeps(std::size_t i) const {
@@ -43,10 +43,11 @@ class Search {
     }
     for (std::size_t i = 0; i < model_.runs.size(); ++i)
       if (model_.runs[i].row.setting == next.row.setting) return i;
-    run_rows(order_, study_, {&next.row}, [&](PrecisionRow& row, const RunColumns& is) {
-      row.errors = errors_of_run(is, *truth_);
-      if (setting == whole_.setting) next.added = errors_of_run(is, *columns_);
-    });
+    run_rows(order_, study_, {&next.row}, {&*truth_, &*same_});
+    if (next.row.failure.empty()) {
+      next.row.errors = next.row.against[truth_->folder];
+      if (setting == whole_.setting) next.added = next.row.against[same_->folder];
+    }
     next.operations = static_cast<double>(next.row.rhs_calls) * count_(next.row.setting.model);
     model_.runs.push_back(std::move(next));
     if (order_.told_model) order_.told_model(words(of), model_.runs.back().row);
@@ -87,7 +88,7 @@ class Search {
   ErrorMeasure measure_;
   const PrecisionRow& whole_;
   const std::function<double(const Sets&)>& count_;
-  std::optional<RunColumns> truth_, columns_;
+  std::optional<Yardstick> truth_, same_;  // the reference, and the whole model with the same setting
 };
 
 /// Of each curve of the study in this formulation its cheapest row that keeps the budgets.

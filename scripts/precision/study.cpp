@@ -23,7 +23,8 @@ namespace fs = std::filesystem;
 
 constexpr const char* kKept = "row.json";  // beside run.h5 in the folder of a run: what became of it
 constexpr const char* kSaid = "errors.json";
-constexpr int kFormat = 1;
+constexpr const char* kChannels = "run.h5";
+constexpr int kFormat = 2;
 
 /// Of all that the numbers of a run depend on.
 std::string key_of(const PrecisionOrder& order, const PrecisionSetting& setting) {
@@ -41,7 +42,32 @@ std::string folder_name(const PrecisionOrder& order, const PrecisionSetting& s) 
   return fmt::format("runs/{}_{}", name, key_of(order, s));
 }
 
+Json to_json(const KindErrors& errors) {
+  Json out = Json::object();
+  for (std::size_t k = 0; k < errors.size(); ++k)
+    if (const auto& e = errors[k])
+      out[precision_kinds()[k].name] = {
+          {"final", e->final}, {"l2", e->l2}, {"largest", e->largest}, {"size", e->size}, {"channel", e->channel}};
+  return out;
+}
+
+KindErrors kind_errors(const Json& j) {
+  KindErrors out(precision_kinds().size());
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    const auto found = j.find(precision_kinds()[k].name);
+    if (found == j.end()) continue;
+    const auto number = [&](const char* name) {
+      const Json& x = found->at(name);
+      return x.is_null() ? std::numeric_limits<double>::infinity() : x.get<double>();
+    };
+    out[k] = KindError{number("final"), number("l2"), number("largest"), number("size"), found->at("channel").get<std::string>()};
+  }
+  return out;
+}
+
 Json to_json(const PrecisionRow& row, double limit) {
+  Json against = Json::object();
+  for (const auto& [folder, errors] : row.against) against[folder] = to_json(errors);
   return {{"format", kFormat},
           {"failure", row.failure},
           {"limit_s", limit},
@@ -55,11 +81,12 @@ Json to_json(const PrecisionRow& row, double limit) {
           {"jacobian_products", row.jacobian_products},
           {"checks_passed", row.checks_passed},
           {"ended_by", row.ended_by},
-          {"end_s", row.end_s}};
+          {"end_s", row.end_s},
+          {"against", against}};
 }
 
 /// What an earlier study kept; false: nothing, or a run that ended for want of time and would have more now.
-bool take(PrecisionRow& row, const PrecisionOrder& order) {
+bool take(PrecisionRow& row, const PrecisionOrder& order, const std::vector<const Yardstick*>& by) {
   const fs::path folder = order.out / row.folder;
   std::error_code none;
   if (!fs::is_regular_file(folder / kKept, none)) return false;
@@ -74,7 +101,11 @@ bool take(PrecisionRow& row, const PrecisionOrder& order) {
     kept.checks_passed = j.at("checks_passed"), kept.ended_by = j.at("ended_by"), kept.end_s = j.at("end_s");
     const double limit = j.at("limit_s");
     if (!kept.failure.empty() && limit < order.cpu_s) return false;
-    if (kept.failure.empty() && (kept.repeats < order.repeats || !fs::is_regular_file(folder / "run.h5", none))) return false;
+    for (const auto& [other, errors] : j.at("against").items()) kept.against[other] = kind_errors(errors);
+    const bool measured =
+        !by.empty() && !order.keep_runs && std::ranges::all_of(by, [&](const Yardstick* y) { return kept.against.contains(y->folder); });
+    if (kept.failure.empty() && (kept.repeats < order.repeats || !(measured || fs::is_regular_file(folder / kChannels, none))))
+      return false;
     row = std::move(kept);
     return row.taken = true;
   } catch (const InputError&) {
@@ -135,15 +166,15 @@ void read_run(PrecisionRow& row, const RunEnding& ending, const PrecisionOrder& 
   }
 }
 
-/// Runs rows, some side by side; `index`: where they are among all that are told.
+/// Runs rows, some side by side, and measures them.
 class Runs {
  public:
   Runs(const PrecisionOrder& order, PrecisionStudy& study) : order_(order), study_(study) {}
 
   bool stopped() const { return order_.stop && order_.stop(); }
 
-  /// Calls `done` for each row that has ended, failed or was taken.
-  void all(std::vector<PrecisionRow*> rows, const std::function<void(PrecisionRow&)>& done) {
+  /// Calls `done` for each row that has ended, failed or was taken, and was measured by these. Of a row that is measured the channels go.
+  void all(std::vector<PrecisionRow*> rows, const std::vector<const Yardstick*>& by, const std::function<void(PrecisionRow&)>& done) {
     struct Going {
       PrecisionRow* row;
       int repeat;
@@ -161,14 +192,15 @@ class Runs {
       while (next < rows.size() && going.size() < static_cast<std::size_t>(order_.jobs) && !stopped()) {
         PrecisionRow* row = rows[next++];
         row->folder = folder_name(order_, row->setting);
-        if (take(*row, order_)) {
+        if (take(*row, order_, by)) {
           ++study_.taken, ++study_.kept;
+          if (measure(*row, by)) keep(*row);
           done(*row);
           continue;
         }
         const fs::path folder = order_.out / row->folder;
         std::error_code error;
-        for (const char* old : {kKept, "run.h5", "summary.json", "report.html"}) fs::remove(folder / old, error);
+        for (const char* old : {kKept, kChannels, "summary.json", "report.html"}) fs::remove(folder / old, error);
         fs::create_directories(folder, error);
         if (error) refuse(Code::cannot_write, {{}, {folder.string()}}, "a folder for results", error.message());
         going.push_back(start(row, 0));
@@ -188,7 +220,10 @@ class Runs {
           continue;
         }
         going.erase(going.begin() + static_cast<std::ptrdiff_t>(i));
-        write_whole_file(order_.out / row.folder / kKept, json_text_with_nulls(to_json(row, order_.cpu_s)));
+        const bool failed = !row.failure.empty();
+        measure(row, by);
+        if (failed || row.failure.empty()) keep(row);  // a file that cannot be read is run again
+        if (std::error_code none; !by.empty() && !order_.keep_runs) fs::remove(order_.out / row.folder / kChannels, none);
         ++study_.kept;
         done(row);
       }
@@ -201,7 +236,7 @@ class Runs {
   std::optional<RunColumns> columns(PrecisionRow& row) {
     if (!row.failure.empty()) return std::nullopt;
     try {
-      return read_run_columns((order_.out / row.folder / "run.h5").string());
+      return read_run_columns((order_.out / row.folder / kChannels).string());
     } catch (const InputError& e) {
       row.failure = fmt::format("{}: {}", number_of(e.diagnostics().front().code), e.diagnostics().front().got);
       return std::nullopt;
@@ -209,6 +244,18 @@ class Runs {
   }
 
  private:
+  /// False: it was measured by all of these before, or failed.
+  bool measure(PrecisionRow& row, const std::vector<const Yardstick*>& by) {
+    if (std::ranges::all_of(by, [&](const Yardstick* y) { return row.against.contains(y->folder); })) return false;
+    const auto is = columns(row);
+    for (const Yardstick* y : by)
+      if (is) row.against[y->folder] = errors_of_run(*is, y->columns);
+    return is.has_value();
+  }
+  void keep(const PrecisionRow& row) const {
+    write_whole_file(order_.out / row.folder / kKept, json_text_with_nulls(to_json(row, order_.cpu_s)));
+  }
+
   const PrecisionOrder& order_;
   PrecisionStudy& study_;
 };
@@ -219,7 +266,7 @@ std::optional<PrecisionRow> reference_run(Runs& runs, const PrecisionOrder& orde
   for (double relative = setting.relative; relative <= 1.0001 * order.loosest_reference && !runs.stopped(); relative *= 10.0) {
     PrecisionRow row;
     row.setting = with_tolerance(setting, relative, order.own);
-    runs.all({&row}, [](PrecisionRow&) {});
+    runs.all({&row}, {}, [](PrecisionRow&) {});
     if (runs.stopped()) return std::nullopt;
     ++told;
     if (order.told) order.told(told, 0, row, true);
@@ -269,21 +316,19 @@ std::vector<std::size_t> PrecisionStudy::kinds() const {
   return out;
 }
 
-void run_rows(const PrecisionOrder& order, PrecisionStudy& study, const std::vector<PrecisionRow*>& rows,
-              const std::function<void(PrecisionRow&, const RunColumns&)>& read) {
+std::optional<Yardstick> yardstick(const PrecisionOrder& order, PrecisionStudy& study, PrecisionRow row) {
   Runs runs(order, study);
-  runs.all(rows, [&](PrecisionRow& row) {
-    if (const auto columns = runs.columns(row)) read(row, *columns);
-  });
+  std::error_code none;
+  if (!fs::is_regular_file(order.out / row.folder / kChannels, none)) runs.all({&row}, {}, [](PrecisionRow&) {});
+  if (runs.stopped()) return std::nullopt;
+  auto columns = runs.columns(row);
+  if (!columns) return std::nullopt;
+  return Yardstick{row.folder, std::move(*columns)};
 }
 
-std::optional<RunColumns> columns_of(const PrecisionOrder& order, const PrecisionRow& row) {
-  if (!row.failure.empty()) return std::nullopt;
-  try {
-    return read_run_columns((order.out / row.folder / "run.h5").string());
-  } catch (const InputError&) {
-    return std::nullopt;
-  }
+void run_rows(const PrecisionOrder& order, PrecisionStudy& study, const std::vector<PrecisionRow*>& rows,
+              const std::vector<const Yardstick*>& by) {
+  Runs(order, study).all(rows, by, [](PrecisionRow&) {});
 }
 
 PrecisionStudy run_study(const PrecisionOrder& order) {
@@ -310,7 +355,7 @@ PrecisionStudy run_study(const PrecisionOrder& order) {
     for (const PrecisionSetting& s : order.extended) {
       PrecisionRow row;
       row.setting = s;
-      in_time.all({&row}, [](PrecisionRow&) {});
+      in_time.all({&row}, {}, [](PrecisionRow&) {});
       if (in_time.stopped()) break;
       if (order.told) order.told(++told, 0, row, true);
       auto is = in_time.columns(row);
@@ -355,8 +400,9 @@ PrecisionStudy run_study(const PrecisionOrder& order) {
   std::size_t done = 0;
   std::vector<PrecisionRow*> rows;
   for (PrecisionRow& row : study.rows) rows.push_back(&row);
-  runs.all(rows, [&](PrecisionRow& row) {
-    if (const auto columns = runs.columns(row)) row.errors = errors_of_run(*columns, *truth);
+  const Yardstick by{reference.runs[0].folder, std::move(*truth)};
+  runs.all(rows, {&by}, [&](PrecisionRow& row) {
+    if (row.failure.empty()) row.errors = row.against[by.folder];
     if (order.told) order.told(++done, rows.size(), row, false);
   });
   return study;

@@ -27,7 +27,8 @@ struct PrecisionOrder {
   double loosest_reference = 1e-10;         // tolerance beyond which a run is no reference
   int jobs = 1;
   int repeats = 0;  // of each run, the least time counts; 0: of short ones up to five, as long as they take less than a second together
-  double cpu_s = 600.0;  // limit of one run
+  double cpu_s = 600.0;    // limit of one run
+  bool keep_runs = false;  // the channels of every run; else those of runs that others are measured by
   std::function<void(std::size_t done, std::size_t all, const PrecisionRow&, bool reference)> told;
   std::function<void(const std::string& without, const PrecisionRow&)> told_model;  // of a model that leaves something out
   std::function<bool()> stop;                                                       // true: start no more, end those that run
@@ -70,10 +71,15 @@ std::vector<double> floors_of(const PrecisionStudy& study, ErrorMeasure measure)
 
 /// Throws InputError C0701 for a folder that cannot be made.
 PrecisionStudy run_study(const PrecisionOrder& order);
-/// The same for more rows, of which the setting is given. `read`: with the channels of each that ended.
+/// A run that others are measured by.
+struct Yardstick {
+  std::string folder;  // PrecisionRow::folder
+  RunColumns columns;
+};
+/// Of a row whose setting is given, run again where its channels were not kept; empty: it failed, or its file cannot be read.
+std::optional<Yardstick> yardstick(const PrecisionOrder& order, PrecisionStudy& study, PrecisionRow row);
+/// More rows of a study, of which the setting is given, measured by each of these: PrecisionRow::against.
 void run_rows(const PrecisionOrder& order, PrecisionStudy& study, const std::vector<PrecisionRow*>& rows,
-              const std::function<void(PrecisionRow&, const RunColumns&)>& read);
-/// The channels of a row of a study; empty: it failed, or its file cannot be read.
-std::optional<RunColumns> columns_of(const PrecisionOrder& order, const PrecisionRow& row);
+              const std::vector<const Yardstick*>& by);
 
 }  // namespace cardan

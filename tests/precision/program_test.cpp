@@ -81,8 +81,8 @@ class Precision : public testing::Test {
 
 TEST_F(Precision, ErrorsHaveTheOrderOfTheMethodAndAreThoseOfTheTruth) {
   scene();
-  const Finished run =
-      precision({"--methods", "rk4,dopri5", "--steps", "0.1:0.025", "--tolerances", "1e-6:1e-9", "--reference", "dop853,cvode_adams"});
+  const Finished run = precision(
+      {"--methods", "rk4,dopri5", "--steps", "0.1:0.025", "--tolerances", "1e-6:1e-9", "--reference", "dop853,cvode_adams", "--keep-runs"});
   ASSERT_EQ(run.exit_code, 0) << run.out << run.err;
   const auto error = [&](const json& r) { return r["errors"]["attitude"]["largest"].get<double>(); };
   const json all = data();
@@ -128,10 +128,22 @@ TEST_F(Precision, WhatWasRunIsNotRunAgain) {
   const json before = data();
   EXPECT_TRUE(has(precision(two).out, "\n0 runs, 8 of before."));
   EXPECT_EQ(data(), before) << "times too: nothing was run";
+  const auto has_channels = [&](const json& r) {
+    return std::filesystem::exists(dir_ / ("out/" + r["folder"].get<std::string>() + "/run.h5"));
+  };
+  EXPECT_TRUE(has_channels(before["reference"]["runs"][0]) && has_channels(before["reference"]["runs"][1]))
+      << "others are measured by them";
+  for (const json& r : before["rows"]) EXPECT_FALSE(has_channels(r)) << "it was measured";
   EXPECT_TRUE(has(precision({"--methods", "dop853", "--tolerances", "1e-6,1e-8,1e-10", "--repeat", "1"}).out, "\n1 runs, 8 of before."));
   EXPECT_TRUE(has(precision({"--methods", "dop853", "--tolerances", "1e-6", "--set", "mission.ledger=false", "--repeat", "1"}).out,
                   "\n7 runs, 0 of before."))
       << "another setting";
+  std::vector<std::string> other = two, whole = two;
+  other.insert(other.end(), {"--reference", "cvode_adams,dop853"});
+  EXPECT_TRUE(has(precision(other).out, "\n8 runs, 0 of before.")) << "measured by another one, and so run again";
+  whole.push_back("--keep-runs");
+  EXPECT_TRUE(has(precision(whole).out, "\n6 runs, 2 of before."));
+  EXPECT_TRUE(has_channels(row("dop853", "1e-06")));
   scene(replaced(kMission, "8 s", "7 s"));
   EXPECT_TRUE(has(precision(two).out, "\n8 runs, 0 of before.")) << "another scenario";
 }
@@ -270,18 +282,23 @@ TEST_F(Precision, TheReferenceIsIn113BitsWhereTheSceneHasThem) {
     if (kind["name"] != "attitude") continue;
     EXPECT_GE(kind["reference_off_by"]["largest"].get<double>(), 2.2e-16);
   }
-  scene(kMission, replaced(kTop, "hinge: {type: free, to: world, initial: {angular_velocity: [0.8, 0, 1.1]}}",
-                           "hinge: {type: revolute, to: world, axis: [0, 0, 1], prescribed: true, initial: {rate: 1}}"));
-  EXPECT_TRUE(
-      has(precision(one).out,
-          "in double precision (113 bits are not to be had: motions that are given as functions of time); its error: what cvode_adams"));
-  EXPECT_EQ(data()["reference"]["why_double"], "motions that are given as functions of time");
+  const std::string revolute = "hinge: {type: revolute, to: world, axis: [0, 0, 1], ";
+  const auto turning = [&](const std::string& more) {
+    return replaced(kTop, "hinge: {type: free, to: world, initial: {angular_velocity: [0.8, 0, 1.1]}}", revolute + more);
+  };
+  scene(std::string(kMission) + "event { name = 'half', when = function(t) return t - 4 end, action = function() end }\n",
+        turning("prescribed: true, initial: {rate: 1}}"));
+  EXPECT_TRUE(has(precision(one).out, "reference: extended 1e-21, in 113 bits"));
+  const std::string rubbing = "device bearing (dry_friction), which computes in double";
+  scene(kMission, turning("initial: {rate: 1}}\ndevices:\n  bearing: {type: dry_friction, at: top, coulomb: 0.1}"));
+  EXPECT_TRUE(has(precision(one).out, "in double precision (113 bits are not to be had: " + rubbing + "); its error: what cvode_adams"));
+  EXPECT_EQ(data()["reference"]["why_double"], rubbing);
   EXPECT_EQ(refusal({"--reference", "extended"}),
             "error[C0401]: not supported by the chosen method\n  at: --reference\n  expected: a scene that has 113 bits throughout\n"
-            "  got:      motions that are given as functions of time\n  hint:     --reference dop853,cvode_adams\n\n"
-            "1 error. Nothing was run.\n");
-  scene(std::string(kMission) + "event { name = 'half', when = function(t) return t - 4 end, action = function() end }\n");
-  EXPECT_TRUE(has(precision(one).out, "(113 bits are not to be had: event \"half\", whose time is found in double)"));
+            "  got:      " +
+                rubbing +
+                "\n  hint:     --reference dop853,cvode_adams\n\n"
+                "1 error. Nothing was run.\n");
 }
 
 TEST_F(Precision, WhatABudgetHasNoNeedOfIsLeftOut) {

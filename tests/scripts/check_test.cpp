@@ -247,6 +247,39 @@ TEST_F(Physics, ControllersThatNeverGetThroughAreRefused) {
   EXPECT_EQ(codes(), "W0501 ");
 }
 
+// A slide of 1 kg on 1e4 N/m: 100 rad/s, classic Runge-Kutta is stable on the imaginary axis up to 2 sqrt(2).
+TEST_F(Physics, AFixedStepThatIsTooLongForASpringIsToldBeforeTheRunWithOneThatWorks) {
+  const auto with_step = [&](const char* step, int rate = 1) {
+    write(
+        "cardan: 1\nbodies:\n  slide:\n    mass: 1\n    inertia: [1, 1, 1]\n    hinge: {type: prismatic, axis: [1, 0, 0], to: world, "
+        "initial: "
+        "{displacement: 0.01}, spring: {stiffness: 1e4}}\n",
+        std::string("vehicle \"v.yaml\"\nmission { duration = 3, integrator = { method = \"rk4\", step = ") + step +
+            " }, output = { rate = " + std::to_string(rate) + " } }\n");
+  };
+  const auto largest = [&] {
+    const Finished f = run({"run", ".", "--out", "o", "--quiet"});
+    EXPECT_EQ(f.exit_code, 0) << f.err;
+    double most = 0.0;
+    for (const double x : Hdf5File::open(folder_ / "o/run.h5").read_doubles("/channels/hinges/slide/displacement").values)
+      most = std::max(most, std::abs(x));
+    return most;
+  };
+  const std::string told = "the spring of slide.rate swings at 15.9 Hz: rk4 is unstable with steps above 0.0283 s";
+  with_step("0.03");
+  const Finished checked = check();
+  EXPECT_EQ(checked.exit_code, 0);
+  EXPECT_TRUE(has(checked.out, "1 warning") && has(checked.err, "W0401") && has(checked.err, told) && has(checked.err, "0.028 s at most"))
+      << checked.out << checked.err;
+  EXPECT_GT(largest(), 0.1);
+  with_step("0.5", 100);
+  EXPECT_FALSE(has(check().err, "W0401")) << "rows each 0.01 s cut the steps";
+  EXPECT_LE(largest(), 0.01 * (1 + 1e-9));
+  with_step("0.028");
+  EXPECT_FALSE(has(check().err, "W0401"));
+  EXPECT_LE(largest(), 0.01);
+}
+
 TEST_F(Physics, ResultsThatFillADiskAreToldOf) {
   write("cardan: 1\nbodies:\n  p: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world}}\n",
         "vehicle \"v.yaml\"\nmission { duration = 1e6, output = { rate = 1000 } }\n");

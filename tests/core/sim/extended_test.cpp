@@ -134,16 +134,12 @@ TEST(Extended, LoopsAreClosedInAllDigits) {
 TEST(Extended, AStartThatIsOpenIsClosed) {
   const auto model = compiled(four_bar());
   const std::vector<double> tau(3, 0.0), small(6, 1e-22);
-  VehicleExtended vehicle(model, small, 1e-22, [&] {
-    TwinLoads loads;
-    loads.tau = tau.data(), loads.vdot = tau.data();
-    return loads;
-  });
+  VehicleExtended vehicle(model, small, 1e-22, [&] { return ExtendedLoads{.tau = tau}; });
   State state = model->initial_state();
   state.q[2] += 1e-7, state.v[1] -= 1e-7;
   VectorXd x(6);
   x << state.q, state.v;
-  vehicle.enter(x.data());
+  vehicle.enter(0.0, x.data());
   ASSERT_GT(vehicle.step(0.0, 1e-3).order, 0);
   vehicle.found(x.data());
   Simulation sim(model, by("dopri5", 1e-9));
@@ -166,6 +162,22 @@ TEST(Extended, DigitsBeyondADoubleStayOverTicks) {
   EXPECT_LE(apart(ticked(true), ticked(false)), 1.2e-16);
 }
 
+// A state of which one number is changed: the others keep their digits.
+TEST(Extended, WhatATickDoesNotTouchKeepsItsDigits) {
+  const auto ticked = [](bool touched) {
+    SystemSpec spec = top();
+    spec.bodies.push_back(on(rigid("other", 2.0, {0, 0, 0}, diagonal({3, 3, 5})), "", "revolute", {{0, 0, 1}}));
+    Simulation sim(compiled(spec), by("extended", 1e-24));
+    if (touched) sim.every({1, 50}, [&sim] { sim.v(6) += 0.01; });
+    sim.run(2.0);
+    return sim.state();
+  };
+  const State with = ticked(true), without = ticked(false);
+  EXPECT_LE(apart(with.q.head(7), without.q.head(7)), 1.2e-16);
+  EXPECT_LE(apart(with.v.head(6), without.v.head(6)), 1.2e-16);
+  EXPECT_NEAR(with.v[6], 1.01, 1e-14);
+}
+
 TEST(Extended, AnEventIsWhereItIs) {
   Simulation sim(compiled(top()), by("extended", 1e-20));
   double seen = 0.0;
@@ -178,11 +190,102 @@ TEST(Extended, AnEventIsWhereItIs) {
   EXPECT_LE(apart(sim.state(), exact_top(8.0)), 3e-16) << "what is looked at inside of a step leaves no trace";
 }
 
+/// A platform that is turned as its profile says, on it about the same axis a wheel, whose rate in space stays; an eccentric arm beside it.
+SystemSpec platform(bool arm) {
+  BodySpec base = on(rigid("platform", 4.0, {0, 0, 0}, diagonal({1, 1, 2})), "", "revolute", {{0, 0, 1}});
+  base.hinge.prescribed = {0};
+  BodySpec wheel = on(rigid("wheel", 1.0, {0, 0, 0}, diagonal({0.1, 0.1, 0.2})), "platform", "revolute", {{0, 0, 1}});
+  wheel.hinge.v = {3.0};
+  std::vector<BodySpec> bodies = {base, wheel};
+  if (arm)
+    bodies.push_back(on(rigid("arm", 1.0, {0.3, 0, 0}, diagonal({0.01, 0.1, 0.1})), "platform", "revolute", {{0, 1, 0}}, {0.5, 0, 0}));
+  return system(std::move(bodies));
+}
+
+// 3 rad/s less the profile's rate, and the integral of that, over corners and ticks: the twin's rounding aside, the last bit of each.
+TEST(Extended, GivenMotionsAreFollowedInAllDigits) {
+  const auto at = [](MotionProfile profile, double t_end) {
+    Simulation sim(compiled(platform(false)), by("extended", 1e-24));
+    sim.prescribe(0, std::move(profile));
+    sim.every({1, 3}, [&sim] { sim.set_force(1, sim.force(1) == 0.0 ? 1e-40 : 0.0); });
+    sim.run(t_end);
+    return sim.state();
+  };
+  const State tabled = at(MotionProfile::rate_table({{0.0, 0.0}, {0.25, 0.75}, {1.0, 0.75}, {1.5, -0.5}}), 2.0);
+  const double turned = 0.5 * 0.25 * 0.75 + 0.75 * 0.75 + 0.5 * 0.5 * 0.25 - 0.5 * 0.5;  // exact in double
+  EXPECT_EQ(tabled.q[0], turned);
+  EXPECT_EQ(tabled.v[0], -0.5);
+  EXPECT_EQ(tabled.q[1], 6.0 - turned);
+  EXPECT_EQ(tabled.v[1], 3.5);
+  const double w = 2.0 * 3.14159265358979323846 * 0.8, phase = 0.3;
+  const State swung = at(MotionProfile::sine(0.2, 0.8, phase), 1.7);
+  const long double a = 0.2 * w, angle = static_cast<long double>(w) * 1.7L + phase;
+  const long double q = a / w * (std::sin(angle) - std::sin(static_cast<long double>(phase))), v = a * std::cos(angle);
+  EXPECT_NEAR(swung.q[0], static_cast<double>(q), 1e-16);
+  EXPECT_NEAR(swung.v[0], static_cast<double>(v), 2e-16);
+  const long double from = 3.0L + a * std::cos(static_cast<long double>(phase));
+  EXPECT_NEAR(swung.v[1], static_cast<double>(from - v), 4e-16);
+  EXPECT_NEAR(swung.q[1], static_cast<double>(from * 1.7L - q), 9e-16) << "the last bit of 5 rad";
+}
+
+// The wheel passes 2 rad at 2/3 s, where 0.1 N m begin to drive its 0.2 kg m^2. The time is known to 4 eps of it, and times 0.5 rad/s^2 or
+// the way to go so are rate and angle.
+TEST(Extended, WhatAnEventChangesIsKnownAsWellAsItsTime) {
+  Simulation sim(compiled(platform(false)), by("extended", 1e-20));
+  sim.add_event({"2 rad", [](double, const double* q, const double*) { return q[1] - 2.0; }, 1, [&sim] { sim.set_force(1, 0.1); }});
+  sim.run(2.0);
+  const double late = 4.0 * 2.2e-16 * 2.0 / 3.0;
+  EXPECT_NEAR(sim.state().v[1], 11.0 / 3.0, 0.5 * late + 4.5e-16);
+  EXPECT_NEAR(sim.state().q[1], 6.0 + 4.0 / 9.0, 0.5 * late * 4.0 / 3.0 + 9e-16);
+}
+
+TEST(Extended, WhatHangsOnGivenMotionsAgreesWithDouble) {
+  const auto at = [](const SimulationOptions& options) {
+    Simulation sim(compiled(platform(true)), options);
+    sim.prescribe(0, MotionProfile::rate_table({{0.13, 0.0}, {0.57, 2.1}, {0.8, -1.4}}));
+    sim.every({1, 5}, [&sim] { sim.set_force(2, 0.5 * sim.time()); });
+    sim.run(1.0);
+    return sim.state();
+  };
+  const State exact = at(by("extended", 1e-22));
+  EXPECT_LE(apart(at(by("extended", 1e-17)), exact), 1e-15);
+  EXPECT_LE(apart(at(by("dop853", 1e-13)), exact), 1e-12);
+}
+
+/// A mass on a string that is hauled in and out by a profile.
+SystemSpec hauled() {
+  BodySpec mass = on(particle("mass", 2.0, {0, 0, 0}), "", "translational");
+  mass.hinge.q = {1.0, 0.0, 0.0}, mass.hinge.v = {0.0, 1.5, 0.0};
+  SystemSpec spec = system({mass});
+  LoopSpec string;
+  string.name = "string", string.type = "distance", string.length = 1.0, string.prescribed = true;
+  string.to.body = "mass";
+  spec.loops = {string};
+  return spec;
+}
+
+// Length and its rate are those of the profile, m r^2 theta' stays: to the last bits, over ticks that restart, after which all is closed
+// anew in double.
+TEST(Extended, ADrivenLengthIsFollowedInAllDigits) {
+  Simulation sim(compiled(hauled()), by("extended", 1e-22));
+  sim.prescribe_loop("string", MotionProfile::sine(0.4, 0.25, -0.5 * 3.14159265358979323846));
+  sim.every({1, 4}, [&sim] { sim.set_force(2, sim.force(2) == 0.0 ? 1e-40 : 0.0); });
+  sim.run(3.0);
+  const double w = 2.0 * 3.14159265358979323846 * 0.25, phase = -0.5 * 3.14159265358979323846;
+  const long double angle = static_cast<long double>(w) * 3.0L + phase, a = 0.4 * w;
+  const Eigen::Matrix<long double, 3, 1> x = sim.state().q.cast<long double>(), v = sim.state().v.cast<long double>();
+  EXPECT_NEAR(static_cast<double>(x.norm() - (1.0L + a / w * (std::sin(angle) - std::sin(static_cast<long double>(phase))))), 0.0, 3e-16);
+  EXPECT_NEAR(static_cast<double>(x.dot(v) / x.norm() - a * std::cos(angle)), 0.0, 3e-16);
+  EXPECT_NEAR(static_cast<double>(x.cross(v).z()), 1.5, 6e-16);
+}
+
 TEST(Extended, GoesOnFromACheckpointWithTheSameBits) {
   std::optional<Checkpoint> kept;
-  const auto scene = [&](bool first) {
-    Simulation sim(compiled(flexible()), by("extended", 1e-20));
-    sim.every({1, 4}, [&sim] { sim.set_force(0, 0.1 * sim.time()); });
+  const auto scene = [&](const SystemSpec& spec, bool first) {
+    Simulation sim(compiled(spec), by("extended", 1e-20));
+    if (sim.model().loops.empty()) sim.prescribe(0, MotionProfile::sine(0.2, 0.8, 0.3));
+    if (!sim.model().loops.empty()) sim.prescribe_loop("string", MotionProfile::sine(0.4, 0.25, 0.0));
+    sim.every({1, 4}, [&sim] { sim.set_force(1, 0.1 * sim.time()); });
     sim.every({1, 2},
               [&] {
                 if (const Checkpoint c = sim.checkpoint(); first && sim.time() == 0.5) kept = c;
@@ -192,16 +295,19 @@ TEST(Extended, GoesOnFromACheckpointWithTheSameBits) {
     sim.run(1.0);
     return sim.state();
   };
-  const State whole = scene(true), resumed = scene(false);
-  EXPECT_EQ(whole.q, resumed.q);
-  EXPECT_EQ(whole.v, resumed.v);
+  SystemSpec driven = flexible();
+  driven.bodies.push_back(on(rigid("mast", 1.0, {0, 0.2, 0}, diagonal({0.1, 0.02, 0.1})), "", "revolute", {{1, 0, 0}}));
+  std::ranges::rotate(driven.bodies, driven.bodies.end() - 1);
+  driven.bodies[0].hinge.prescribed = {0};
+  for (const SystemSpec& spec : {driven, hauled()}) {
+    const State whole = scene(spec, true), resumed = scene(spec, false);
+    EXPECT_EQ(whole.q, resumed.q);
+    EXPECT_EQ(whole.v, resumed.v);
+  }
 }
 
 TEST(Extended, WhatIsKnownInDoubleAloneIsNamed) {
   EXPECT_EQ(VehicleExtended::refusal(*compiled(flexible())), "");
-  SystemSpec driven = flexible();
-  driven.bodies[1].hinge.prescribed = {0};
-  EXPECT_EQ(VehicleExtended::refusal(*compiled(driven)), "motions that are given as functions of time");
   SystemSpec rubbing = flexible();
   rubbing.devices = {device("bearing", "dry_friction", {{"coulomb", 0.1}}, {{"at", "arm"}})};
   const auto equipped = compiled(rubbing);

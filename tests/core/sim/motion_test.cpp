@@ -395,6 +395,29 @@ TEST(FastestMotion, IsThatOfTheSpringOrTheDamper) {
   EXPECT_EQ(decays.what.find("the damper of bar."), 0u) << decays.what;
 }
 
+// A gear of 2 makes 2 + 4 x 0.5 kg m^2 of both, and holds a shaft that no spring is on; the open tree has 20 rad/s and 0.
+TEST(FastestMotion, OfClosedLoopsIsThatOfTheMotionsThatTheyAllow) {
+  SystemSpec spec = sprung_bar(800.0, 200.0);
+  spec.bodies.push_back(on(rigid("shaft", 1.0, {0, 0, 0}, diagonal({0.3, 0.3, 0.5})), "", "revolute", {{0, 0, 1}}));
+  spec.bodies[1].hinge.q = {0.2};
+  LoopSpec gear;
+  gear.name = "gear", gear.type = "coupling", gear.terms = {{"bar", 2.0, {}}, {"shaft", -1.0, {}}};
+  spec.loops = {gear};
+  const double q[] = {0.1, 0.2};
+  const FastestMotion decays = fastest_motion(compiled(spec), q);
+  EXPECT_NEAR(decays.rate, 200.0 / 4.0, 1e-9);
+  EXPECT_TRUE(decays.decays);
+  spec.bodies[0].hinge.springs[0].damping = 0.0;
+  const FastestMotion swings = fastest_motion(compiled(spec), q);
+  EXPECT_NEAR(swings.rate, std::sqrt(800.0 / 4.0), 1e-9);
+  EXPECT_EQ(swings.what.find("the spring of bar."), 0u) << swings.what;
+  SimulationOptions options = by("rk4", 1e-9, 0.21);
+  Simulation sim(compiled(spec), options);
+  sim.run(0.42);
+  ASSERT_EQ(sim.warnings().all().size(), 1u) << "2 sqrt(2) / 14.1 = 0.2 s";
+  EXPECT_EQ(sim.warnings().all()[0].what.code, Code::stiff_scene);
+}
+
 TEST(Stiffness, IsSaidBeforeTheFirstStep) {
   for (const std::string method : {"dopri5", "cvode_adams"}) {
     Simulation sim(compiled(sprung_bar(1e12, 1e9)), by(method));

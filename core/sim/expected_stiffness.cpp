@@ -1,0 +1,59 @@
+#include "core/sim/expected_stiffness.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <numbers>
+
+#include "core/sim/fastest_motion.hpp"
+
+namespace cardan {
+
+const char* const kStiffHint =
+    "integrator.method = \"cvode_bdf\", above some fifty states with linear_solver = \"krylov\"; or a softer law, or a locked hinge";
+
+namespace {
+
+constexpr double kManyDecaying = 1e6, kManySwinging = 1e7;  // steps
+
+const char* const kFollowed = "cvode_bdf follows it as well unless it is damped out: fewer modes, or a locked hinge, if it does not matter";
+
+/// h times the rate that an explicit method stands: on the real axis, on the imaginary one (there as far as the error test lets it).
+struct Stability {
+  double decay, swing;
+};
+Stability stability_of(const std::string& method) {
+  if (method == "rk4") return {2.785, 2.828};
+  if (method == "variational") return {2.0, 2.0};  // its iteration
+  if (method == "variational4") return {3.0, 3.0};
+  if (method == "dopri5") return {3.3, 1.6};
+  if (method == "ark_explicit") return {4.0, 1.5};
+  return {1.0, 1.0};  // the fixed-point iteration of Adams, about
+}
+
+}  // namespace
+
+Warnings expected_stiffness(const std::shared_ptr<const Model>& model, const double* q, const IntegratorOptions& options, double interval,
+                            double span) {
+  Warnings out;
+  if (is_implicit(options.method) || advances_linear_part(options.method)) return out;
+  const FastestMotion fastest = fastest_motion(model, q);
+  if (fastest.rate <= 0.0) return out;
+  const Stability stable = stability_of(options.method);
+  const double h = (fastest.decays ? stable.decay : stable.swing) / fastest.rate, steps = span / h;
+  const std::string cause = fastest.decays ? fmt::format("{} decays at {:.3g} 1/s", fastest.what, fastest.rate)
+                                           : fmt::format("{} swings at {:.3g} Hz", fastest.what, fastest.rate / (2.0 * std::numbers::pi));
+  const bool equal_steps = options.fixed_step > 0.0;
+  if (equal_steps && std::min(options.fixed_step, interval) > h)
+    out.add(Code::stiff_scene, {"integrator.step", {}},
+            fmt::format("{}: {} {} with steps above {:.3g} s", cause, options.method,
+                        options.method == "rk4" ? "is unstable" : "does not solve its equations", h),
+            fmt::format("a step of {:.2g} s at most, or {}", h, kStiffHint));
+  else if (!equal_steps && steps > (fastest.decays ? kManyDecaying : kManySwinging))
+    out.add(Code::stiff_scene, {"integrator.method", {}},
+            fmt::format("{}: {} must take steps of {:.2g} s, {:.1e} of them to the end", cause, options.method, h, steps),
+            fastest.decays ? kStiffHint : kFollowed);
+  return out;
+}
+
+}  // namespace cardan
