@@ -11,6 +11,7 @@
 #include "core/model/absolute.hpp"
 #include "core/model/loops.hpp"
 #include "core/model/rotary_terms.hpp"
+#include "core/model/validate.hpp"
 #include "core/soa/kernels.hpp"
 
 namespace cardan {
@@ -71,6 +72,15 @@ double loss(const Model& m) {
   return worst;
 }
 
+/// `instead`: what takes no hinge in square-root form.
+void refuse_square_root(const SystemSpec& spec, const std::string& instead, const std::string& hint) {
+  const auto asks = [](const BodySpec& b) { return b.hinge.factor == HingeFactor::square_root && !b.hinge.locked; };
+  const auto body = std::ranges::find_if(spec.bodies, asks);
+  if (body == spec.bodies.end()) return;
+  refuse(Code::unsupported, spec.locate(body_path(*body) + ".hinge.factor"), "cholesky " + instead,
+         hinge_factors()[static_cast<std::size_t>(body->hinge.factor)], hint);
+}
+
 std::string name_of(const Model& m, int k) { return k > 0 ? m.user[m.owner[k]].name : "world"; }
 
 }  // namespace
@@ -80,6 +90,9 @@ std::shared_ptr<const Model> compile(const SystemSpec& spec, const Registry& reg
 }
 
 std::shared_ptr<const Model> compile(std::shared_ptr<const SystemSpec> spec, const Registry& registry, const CompileOptions& options) {
+  if (spec->loop_form == LoopForm::dae || (spec->loop_form == LoopForm::embedding && !spec->loops.empty()))  // with factors of their own
+    refuse_square_root(*spec, "with loop_form: " + loop_forms()[static_cast<std::size_t>(spec->loop_form)],
+                       "loop_form: multipliers takes it, and auto is that then");
   spec = with_kept_rotary_terms(std::move(spec));
   std::shared_ptr<Model> model = assemble(spec, registry, options, false);
   if (!model->loops.empty()) prepare_loops(*model);
@@ -94,10 +107,12 @@ std::shared_ptr<const Model> compile(std::shared_ptr<const SystemSpec> spec, con
   const std::shared_ptr<Model> graded = assemble(std::move(spec), registry, options, true);
   const double lost = loss(*graded);
   if (!(lost > kLoss * std::max(1.0, std::sqrt(static_cast<double>(model->bodies.size()) / kLong)))) return model;
+  const std::string growing = fmt::format("the mass of {} is {:.3g} times that of {}, few hinges inboard of it",
+                                          name_of(*graded, most.body), most.ratio, name_of(*graded, most.ancestor));
+  // Reflections mix the tension of a heavy body into the moments of a light one, and no pass takes that out.
+  refuse_square_root(*graded->spec, "where masses grow by large ratios per link and v' is refined", growing);
   graded->program.push_back({OpCode::refine});
-  graded->refinement =
-      fmt::format("the mass of {} is {:.3g} times that of {}, few hinges inboard of it: without, v' loses up to {:.1e} of itself",
-                  name_of(*graded, most.body), most.ratio, name_of(*graded, most.ancestor), lost);
+  graded->refinement = fmt::format("{}: without, v' loses up to {:.1e} of itself", growing, lost);
   return graded;
 }
 

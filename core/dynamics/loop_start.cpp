@@ -159,6 +159,10 @@ void choose_form(Model& model, const LoopPass& pass, const LoopWork& work) {
     for (LoopSet& set : loops.sets) set.form = form == LoopForm::dae ? "multipliers of all bodies" : "multipliers", set.why = "asked for";
     return;
   }
+  if (std::ranges::any_of(model.bodies, &SweepBody::square_root)) {
+    for (LoopSet& set : loops.sets) set.form = "multipliers", set.why = "a hinge is factored in square-root form";
+    return;
+  }
   take_embedding(model, std::move(embedding));
 }
 

@@ -10,7 +10,7 @@ std::vector<Run> stretches(const std::vector<Run>& runs, const std::vector<std::
       if (k > run.begin && marked[k - 1])
         ++out.back().end;
       else
-        out.push_back({k, k + 1, run.kind, run.prescribed});
+        out.push_back({k, k + 1, run.kind, run.prescribed, run.square_root});
     }
   return out;
 }

@@ -81,6 +81,12 @@ ThinQr thin_qr(const MatrixXd& A) {
   const Eigen::HouseholderQR<MatrixXd> qr(A);
   return {qr.householderQ() * MatrixXd::Identity(A.rows(), A.cols()), qr.matrixQR().topRows(A.cols()).triangularView<Eigen::Upper>()};
 }
+MatrixXd semidefinite_root(const MatrixXd& A) {
+  const Eigen::LDLT<MatrixXd> factor(A);
+  const MatrixXd L = factor.matrixL();
+  const MatrixXd scaled = L * factor.vectorD().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+  return factor.transpositionsP().transpose() * scaled;
+}
 LuSolution lu_solve(const MatrixXd& A, const MatrixXd& B) {
   const Eigen::PartialPivLU<MatrixXd> lu(A);
   return {lu.rcond(), lu.solve(B)};

@@ -233,6 +233,7 @@ class Compiler {
       b.parent = parent_sweep;
       b.nv = static_cast<std::uint8_t>(u.nv);
       b.shape = fixed ? static_cast<std::uint8_t>(CARDAN_SHAPE_FIXED) : static_cast<std::uint8_t>(u.hinge->shape);
+      b.square_root = u.nv > 0 && spec.hinge.factor == HingeFactor::square_root;
       b.q = u.q;
       b.v = u.v;
       b.O = O.pose;
@@ -369,7 +370,7 @@ class Compiler {
     Model& m = *model_;
     for (std::size_t k = 1; k < m.bodies.size(); ++k) {
       SweepBody& b = m.bodies[k];
-      const bool general = b.n_modes > 0 || b.onode >= 0 || b.has_prescribed;
+      const bool general = b.n_modes > 0 || b.onode >= 0 || b.has_prescribed || b.square_root;
       const int base = static_cast<int>(BodyKernel::general0);
       m.rigid = m.rigid && !general;
       if (general)
@@ -398,9 +399,9 @@ class Compiler {
     for (std::size_t k = 1; k < m.bodies.size(); ++k) {
       const SweepBody& b = m.bodies[k];
       const bool given = b.has_prescribed || modes_given(b) || (b.onode >= 0 && modes_given(m.bodies[b.parent]));
-      const bool joins = !m.runs.empty() && m.runs.back().prescribed == given &&
+      const bool joins = !m.runs.empty() && m.runs.back().prescribed == given && m.runs.back().square_root == b.square_root &&
                          (m.runs.back().kind == b.kind || (is_axis(m.runs.back().kind) && is_axis(b.kind)));
-      if (!joins) m.runs.push_back({static_cast<int>(k), static_cast<int>(k), b.kind, given});
+      if (!joins) m.runs.push_back({static_cast<int>(k), static_cast<int>(k), b.kind, given, b.square_root});
       m.runs.back().end = static_cast<int>(k) + 1;
     }
     // One batch per family that fills hinge records.

@@ -31,6 +31,8 @@ class Doubts {
     if (hinge.locked && std::any_of(hinge.v.begin(), hinge.v.end(), [](double v) { return v != 0.0; }))
       found_.add(Code::no_effect, spec_.locate(body_path(body) + ".hinge.initial"),
                  fmt::format("the hinge is locked: its initial velocity ({:g}) is not taken", fmt::join(hinge.v, ", ")));
+    if (hinge.locked && hinge.factor != HingeFactor::cholesky)
+      found_.add(Code::no_effect, spec_.locate(body_path(body) + ".hinge.factor"), "the hinge is locked: it has no inertia to factor");
     for (std::size_t i = 0; i < hinge.springs.size(); ++i) {
       const SpringDamper& s = hinge.springs[i];
       const std::string path = s.at.key_path.empty() ? fmt::format("{}.hinge.springs[{}]", body_path(body), i) : s.at.key_path;

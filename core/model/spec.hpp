@@ -52,6 +52,12 @@ struct HingeLoadSpec {
   Bounce bounce{};  // of a stop
 };
 
+/// How D = H P H* of a hinge is factored (docs/mathematics/tree_algorithms.md, 11).
+enum class HingeFactor : std::uint8_t {
+  cholesky,
+  square_root  // by L* H* = Q T of P = L L*, D = T* T: near a place where the columns of H* become dependent, as the lock of a gimbal
+};
+
 /// Inboard hinge of a body: joins onode O (on the inboard body, or on the world) to pnode P (on the body).
 struct HingeSpec {
   std::string type = "locked";
@@ -67,6 +73,7 @@ struct HingeSpec {
   std::vector<int> prescribed;  // velocity components whose motion is given as a function of time
   std::vector<SpringDamper> springs;
   std::vector<HingeLoadSpec> loads;  // stops, friction
+  HingeFactor factor = HingeFactor::cholesky;
   Located at;
 };
 

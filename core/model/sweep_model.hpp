@@ -121,6 +121,7 @@ struct SweepBody {
   int onode = -1, pnode = -1;            // index into Model::shapes where O (on the inboard body) or P deforms
   int n_parent_modes = 0;                // modes of the inboard body when O deforms
   bool has_prescribed = false;           // some velocity component follows a given motion
+  bool square_root = false;              // its hinge is factored in square-root form (HingeFactor): its kernel is a general one
 };
 
 /// What the axis kernels read of one body (rigid, one rotation about a coordinate axis of its frame), parallel to `bodies`.
@@ -147,11 +148,12 @@ struct AxisAngle {
   double q0;  // [rad]
 };
 
-/// A maximal stretch of consecutive bodies with one kernel, all or none with given motions.
+/// A maximal stretch of consecutive bodies with one kernel, all or none with given motions, all or none in square-root form.
 struct Run {
   int begin, end;
   BodyKernel kind;
   bool prescribed = false;  // given motions move its bodies: of their hinges, their modes, or the modes they hang on
+  bool square_root = false;
 };
 
 /// Hinges of one family that fill their records in one call.

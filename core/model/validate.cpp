@@ -273,9 +273,19 @@ void check_loads(const SystemSpec& spec, const BodySpec& body, const cardan_hing
   }
 }
 
+void check_factor(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink) {
+  const HingeSpec& hinge = body.hinge;
+  if (hinge.factor == HingeFactor::cholesky || hinge.locked || takes_square_root(family)) return;
+  sink.report(Code::unsupported, spec.locate(body_path(body) + ".hinge.factor"),
+              fmt::format("cholesky for a hinge of type {}", family.type), hinge_factors()[static_cast<std::size_t>(hinge.factor)],
+              family.nv < 2 ? "two columns of H* at least can become dependent: from two velocities on there is something to gain"
+                            : "its H* is a rotation, and its inertia itself is factored: there is nothing to gain");
+}
+
 void check_components(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink) {
   const HingeSpec& hinge = body.hinge;
   if (hinge.locked) check_locked(spec, body, sink);
+  check_factor(spec, body, family, sink);
   if (hinge.prescribed.empty() && hinge.springs.empty() && hinge.loads.empty()) return;
   const std::string path = body_path(body) + ".hinge";
   const auto exists = [&](int component, const std::string& at) {
@@ -387,6 +397,15 @@ std::vector<CheckedHinge> validate(const SystemSpec& spec, const Registry& regis
 std::vector<double> pack_hinge(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink) {
   return pack_params(spec, params_of(body, family), {{family.params, family.n_params}, family.params_size, family.pack, family.packed_size},
                      sink);
+}
+
+const std::vector<std::string>& hinge_factors() {
+  static const std::vector<std::string> all = {"cholesky", "square_root"};
+  return all;
+}
+
+bool takes_square_root(const cardan_hinge_family& family) {
+  return family.nv > 1 && family.shape != CARDAN_SHAPE_FREE && family.shape != CARDAN_SHAPE_FREE_BODY;
 }
 
 std::optional<ParamTable> body_params(const SystemSpec& spec, const BodySpec& body, const cardan_body_family& family,

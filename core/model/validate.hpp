@@ -27,6 +27,12 @@ std::vector<CheckedHinge> validate(const SystemSpec& spec, const Registry& regis
 /// packed for its kinematics (core/abi/param_values.hpp). Faults go to the sink; then empty.
 std::vector<double> pack_hinge(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink);
 
+/// HingeFactor by number, as the vehicle file calls them.
+const std::vector<std::string>& hinge_factors();
+/// Hinges of this family have a square-root form: from two velocities on, where D is formed. With `free` and `free_body` it is not: the
+/// inertia itself is factored.
+bool takes_square_root(const cardan_hinge_family& family);
+
 /// The parameters of a body checked in the same way; empty after a fault.
 std::optional<ParamTable> body_params(const SystemSpec& spec, const BodySpec& body, const cardan_body_family& family, DiagnosticSink& sink);
 

@@ -459,6 +459,9 @@ class VehicleReader {
       if (const auto springs = map.find("springs")) read_springs(*springs, *family, hinge);
       if (const auto loads = map.find("loads")) read_loads(*loads, *family, hinge);
     }
+    if (const auto factor = map.find("factor"))
+      hinge.factor = static_cast<HingeFactor>(
+          std::max(0, read_choice(*factor, hinge_factors(), "how its inertia is factored", Code::wrong_type, context_)));
     map.finish();
   }
 

@@ -7,6 +7,7 @@
 
 #include "core/base/diagnostic.hpp"
 #include "core/base/units.hpp"
+#include "core/linalg/dense.hpp"
 #include "core/soa/kernels.hpp"
 
 namespace cardan::operators {
@@ -111,6 +112,36 @@ void SpatialOperators::factor(Eigen::MatrixXd& D, Eigen::VectorXd made_of, int v
     S(j, j) = std::sqrt(pivot);
     for (int r = j + 1; r < n; ++r) S(r, j) = (factored(r, j) - S.row(r).head(j).dot(S.row(j).head(j))) / S(j, j);
   }
+}
+
+Eigen::MatrixXd SpatialOperators::factor_square_root(const Eigen::MatrixXd& root, const Eigen::MatrixXd& H_star,
+                                                     const Eigen::VectorXd& made_of, int v, Eigen::MatrixXd& D, Eigen::MatrixXd& S,
+                                                     const std::function<soa::Breakdown(int component)>& where) const {
+  const Eigen::Index n = H_star.cols();
+  std::vector<Eigen::Index> taken;
+  for (Eigen::Index j = 0; j < n; ++j)
+    if (is_free(v + static_cast<int>(j))) taken.push_back(j);
+  S.setIdentity(n, n);
+  Eigen::MatrixXd U = Eigen::MatrixXd::Zero(n, root.rows());
+  if (!taken.empty()) {
+    const ThinQr qr = thin_qr(root.transpose() * H_star(Eigen::all, taken));
+    for (std::size_t a = 0; a < taken.size(); ++a) {
+      const auto row = static_cast<Eigen::Index>(a);
+      const double length = std::abs(qr.R(row, row)), limit = soa::kRootPivotLimit * std::sqrt(made_of[taken[a]]);
+      if (!(length > limit)) {
+        soa::Breakdown at = where(static_cast<int>(taken[a]));
+        at.value = length * length, at.limit = limit * limit;
+        throw NumericsError(describe_breakdown(*model_, at, 0.0));
+      }
+      const double sign = std::copysign(1.0, qr.R(row, row));
+      for (std::size_t b = a; b < taken.size(); ++b) S(taken[b], taken[a]) = sign * qr.R(row, static_cast<Eigen::Index>(b));
+      U.row(taken[a]) = sign * (root * qr.Q.col(row)).transpose();
+    }
+  }
+  D = S * S.transpose();
+  for (Eigen::Index j = 0; j < n; ++j)
+    if (!is_free(v + static_cast<int>(j))) D(j, j) = 0.0;
+  return U;
 }
 
 }  // namespace cardan::operators

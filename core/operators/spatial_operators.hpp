@@ -153,6 +153,10 @@ class SpatialOperators {
   /// round-off of each pivot is measured by. NumericsError, naming body and component, where D is singular.
   void factor(Eigen::MatrixXd& D, Eigen::VectorXd made_of, int v, Eigen::MatrixXd& S,
               const std::function<soa::Breakdown(int component)>& where) const;
+  /// The same in square-root form, by reflections of root* H_star, root root* = P. Gives S^-1 H P.
+  Eigen::MatrixXd factor_square_root(const Eigen::MatrixXd& root, const Eigen::MatrixXd& H_star, const Eigen::VectorXd& made_of, int v,
+                                     Eigen::MatrixXd& D, Eigen::MatrixXd& S,
+                                     const std::function<soa::Breakdown(int component)>& where) const;
   /// What articulate() begins with.
   void take(const Articulate& options);
   /// Unit of an acceleration, or of a force, from that of the rate: "rad/s" gives "rad/s^2", or "N m".

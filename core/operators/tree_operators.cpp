@@ -331,8 +331,14 @@ void TreeOperators::articulate(const Articulate& options) {
       x.D.diagonal() += ConstVector(options.W + b.v, n);
       made_of += ConstVector(options.W + b.v, n).cwiseAbs();
     }
-    factor(x.D, std::move(made_of), b.v, x.S, [&](int j) { return soa::Breakdown{.body = b.sweep, .component = j < b.nh ? j : -1}; });
-    const MatrixXd U = x.S.triangularView<Eigen::Lower>().solve(PH.transpose());  // S^-1 H P
+    const auto where = [&](int j) { return soa::Breakdown{.body = b.sweep, .component = j < b.nh ? j : -1}; };
+    MatrixXd U;  // S^-1 H P
+    if (model_->bodies[b.sweep].square_root && !options.W) {
+      U = factor_square_root(semidefinite_root(x.P), H_star, made_of, b.v, x.D, x.S, where);
+    } else {
+      factor(x.D, std::move(made_of), b.v, x.S, where);
+      U = x.S.triangularView<Eigen::Lower>().solve(PH.transpose());
+    }
     x.G = x.S.triangularView<Eigen::Lower>().transpose().solve(U).transpose();
     x.P_plus = x.P;
     x.P_plus.selfadjointView<Eigen::Lower>().rankUpdate(U.transpose(), -1.0);  // P - G D G*

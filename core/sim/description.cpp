@@ -12,6 +12,7 @@
 #include "core/dynamics/loops.hpp"
 #include "core/linalg/linear_operator.hpp"
 #include "core/model/loops.hpp"
+#include "core/model/validate.hpp"
 #include "core/operators/system_modes.hpp"
 #include "core/sim/flexible_limits.hpp"
 #include "core/soa/cost.hpp"
@@ -40,7 +41,8 @@ Json bodies(const Model& m) {
                    {"modes", u.n_modes},
                    {"locked", b.hinge.locked},
                    {"merged", u.merged},
-                   {"prescribed", prescribed}});
+                   {"prescribed", prescribed},
+                   {"factor", hinge_factors()[static_cast<std::size_t>(b.hinge.factor)]}});
   }
   return all;
 }
@@ -534,6 +536,7 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
     add(hinge + "onode", text_of(u.onode.p) + " m");
     add(hinge + "pnode", text_of(u.pnode.p) + " m");
     for (const auto& [name, value] : b.hinge.params) add(hinge + name, text_of(value) + parameter_unit(schema_of(u.hinge), name));
+    if (b.hinge.factor != HingeFactor::cholesky) add(hinge + "factor", hinge_factors()[static_cast<std::size_t>(b.hinge.factor)]);
     for (const int c : b.hinge.prescribed) add(hinge + "prescribed", u.v_names[static_cast<std::size_t>(c)]);
     for (const HingeLoad& s : m.loads)
       if (s.v >= u.v && s.v < u.v + u.nv) {

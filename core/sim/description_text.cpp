@@ -67,6 +67,7 @@ std::string description_text(const Json& d) {
     if (b["locked"].get<bool>()) note("locked");
     if (b["merged"].get<bool>()) note("merged with the body it is fixed to");
     if (!b["prescribed"].empty()) note("prescribed: " + listed(b["prescribed"]));
+    if (b["factor"] != "cholesky") note("hinge in square-root form");
     out += fmt::format("  {:<18}{:<16}{:<14} to {:<22}{:>2} dof  {}\n", b["name"].get<std::string>(), b["type"].get<std::string>(),
                        b["hinge"].get<std::string>(), b["to"].get<std::string>(), b["velocities"].size(), notes);
   }

@@ -21,8 +21,10 @@ static void acceleration_rigid(const SweepModel& model, Workspace<T>& ws, const 
 }
 
 /// v' of the hinge of a flexible body, one on a deforming node or one with given motions; delta as if its modes stood still.
-template <class T, int NV>
-static void acceleration_through_hinge(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* vdot, int k) {
+/// solve(delta+, a): v' of its components, zero of a prescribed one, whose v' is inside gamma_b.
+template <class T, int NV, class Solve>
+CARDAN_INLINE void acceleration_through_hinge(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* vdot, int k,
+                                              const Solve& solve) {
   const SweepBody& b = model.bodies[k];
   const Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
   const Modal<T>& modal = ws.template modal<NV>(k);
@@ -31,12 +33,20 @@ static void acceleration_through_hinge(const SweepModel& model, Workspace<T>& ws
   const Motion<T> delta = to_outboard(ws.X(k), at_inboard);
   Motion<T> after = delta;
   const bool given = model.has_prescribed();
+  T a[NV > 0 ? NV : 1];
+  solve(delta, a);
   for (int j = 0; j < NV; ++j) {
-    const T a = hinge.nu[j] - dot(delta, hinge.G[j]);  // zero for a prescribed component: its v' is inside gamma_b
-    after += a * hinge.H[j];
-    vdot[b.v + j] = given && model.prescribed[b.v + j] ? in.vdot[b.v + j] : a;
+    after += a[j] * hinge.H[j];
+    vdot[b.v + j] = given && model.prescribed[b.v + j] ? in.vdot[b.v + j] : a[j];
   }
   ws.core(k).delta = after;
+}
+template <class T, int NV>
+static void acceleration_through_hinge(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* vdot, int k) {
+  const Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
+  acceleration_through_hinge<T, NV>(model, ws, in, vdot, k, [&](const Motion<T>& delta, T* a) CARDAN_INLINE_BODY {
+    for (int j = 0; j < NV; ++j) a[j] = hinge.nu[j] - dot(delta, hinge.G[j]);
+  });
 }
 
 /// v' of its modes, and delta with them.

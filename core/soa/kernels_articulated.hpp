@@ -9,6 +9,39 @@
 
 namespace cardan::soa {
 
+/// G = half L^-1 with the packed factor D = L L*, half = P H* L^-*.
+template <class T>
+CARDAN_INLINE void gain(const T* L, const Force<T>* half, int nv, Force<T>* G) {
+  for (int j = nv - 1; j >= 0; --j) {
+    Force<T> g = half[j];
+    for (int l = j + 1; l < nv; ++l) g -= L[l * (l + 1) / 2 + j] * G[l];
+    G[j] = (T(1) / L[j * (j + 1) / 2 + j]) * g;
+  }
+}
+
+/// x <- L^-1 x with that factor, and x <- L^-* x.
+template <class T>
+CARDAN_INLINE void solve_factor(const T* L, int nv, T* x) {
+  for (int j = 0; j < nv; ++j) {
+    const T* Lj = L + j * (j + 1) / 2;
+    for (int l = 0; l < j; ++l) x[j] = x[j] - Lj[l] * x[l];
+    x[j] = x[j] / Lj[j];
+  }
+}
+template <class T>
+CARDAN_INLINE void solve_factor_star(const T* L, int nv, T* x) {
+  for (int j = nv - 1; j >= 0; --j) {
+    for (int l = j + 1; l < nv; ++l) x[j] = x[j] - L[l * (l + 1) / 2 + j] * x[l];
+    x[j] = x[j] / L[j * (j + 1) / 2 + j];
+  }
+}
+
+/// Inertia that a component of a hinge moves, its other components and cancellations left out: what round-off of D is measured by.
+template <class T>
+CARDAN_INLINE T inertia_scale(const ArticulatedInertia<T>& P, const Motion<T>& H) {
+  return (P.J.xx + P.J.yy + P.J.zz) * dot(H.w, H.w) + (P.M.xx + P.M.yy + P.M.zz) * dot(H.v, H.v);
+}
+
 /// Cholesky factor of D = H P H* and the gain, for NV columns. `fixed[j]`: component j follows a prescribed motion and takes
 /// no part. Returns false at a direction without inertia.
 template <class T, int NV>
@@ -19,7 +52,7 @@ static bool factor_hinge(const ArticulatedInertia<T>& P, Hinge<T, NV>& hinge, co
   T scale[NV];
   for (int j = 0; j < NV; ++j) {
     PH[j] = P * hinge.H[j];
-    scale[j] = (P.J.xx + P.J.yy + P.J.zz) * dot(hinge.H[j].w, hinge.H[j].w) + (P.M.xx + P.M.yy + P.M.zz) * dot(hinge.H[j].v, hinge.H[j].v);
+    scale[j] = inertia_scale(P, hinge.H[j]);
     if (fixed && fixed[j]) PH[j] = {};
     for (int i = 0; i <= j; ++i) D[j * (j + 1) / 2 + i] = fixed && fixed[i] ? T(0) : dot(hinge.H[i], PH[j]);
     if (fixed && fixed[j]) D[j * (j + 1) / 2 + j] = T(1);
@@ -47,27 +80,15 @@ static bool factor_hinge(const ArticulatedInertia<T>& P, Hinge<T, NV>& hinge, co
     for (int l = 0; l < j; ++l) c -= Lj[l] * half[l];
     half[j] = (T(1) / Lj[j]) * c;
   }
-  // G = half L^-1
-  for (int j = NV - 1; j >= 0; --j) {
-    Force<T> g = half[j];
-    for (int l = j + 1; l < NV; ++l) g -= hinge.L[l * (l + 1) / 2 + j] * hinge.G[l];
-    hinge.G[j] = (T(1) / hinge.L[j * (j + 1) / 2 + j]) * g;
-  }
+  gain(hinge.L, half, NV, hinge.G);
   return true;
 }
 
 /// nu = D^-1 eps with the factor of factor_hinge.
 template <class T, int NV>
 static void solve_hinge(const Hinge<T, NV>& hinge, T* x) {
-  for (int j = 0; j < NV; ++j) {
-    const T* Lj = hinge.L + j * (j + 1) / 2;
-    for (int l = 0; l < j; ++l) x[j] = x[j] - Lj[l] * x[l];
-    x[j] = x[j] / Lj[j];
-  }
-  for (int j = NV - 1; j >= 0; --j) {
-    for (int l = j + 1; l < NV; ++l) x[j] = x[j] - hinge.L[l * (l + 1) / 2 + j] * x[l];
-    x[j] = x[j] / hinge.L[j * (j + 1) / 2 + j];
-  }
+  solve_factor(hinge.L, NV, x);
+  solve_factor_star(hinge.L, NV, x);
 }
 
 template <class T, int NV, InwardFor For>
@@ -82,8 +103,7 @@ static void inward_rigid(const SweepModel& model, Workspace<T>& ws, const Inputs
       if constexpr (NV == 1) {  // one column: D is a number, the innermost case
         const Force<T> PH = body.P * hinge.H[0];
         const T D = dot(hinge.H[0], PH);
-        const T scale =
-            (P.J.xx + P.J.yy + P.J.zz) * dot(hinge.H[0].w, hinge.H[0].w) + (P.M.xx + P.M.yy + P.M.zz) * dot(hinge.H[0].v, hinge.H[0].v);
+        const T scale = inertia_scale(P, hinge.H[0]);
         if (!(D > T(kPivotLimit) * scale)) {
           ws.breakdown = {k, 0, static_cast<double>(D), kPivotLimit * static_cast<double>(scale)};
           return;
@@ -215,6 +235,14 @@ static Force<T> bias_without_modes(const SweepModel& model, Workspace<T>& ws, co
   return z;
 }
 
+/// Of z+ = C zeta + e at the inboard body, which is eliminated through its nodes, e.
+template <class T>
+CARDAN_INLINE void pass_to_node(Workspace<T>& ws, const SweepBody& b, const Modal<T>& modal, const Force<T>& e) {
+  ws.z(b.parent) += e;
+  store(e, modal.root->e);
+  on_node(*modal.node, e, modal.root->e_N);
+}
+
 /// eps, nu of the same, and the force that passes its hinge.
 template <class T, int NV>
 static void bias_through_hinge(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, int k, const Force<T>& z_r) {
@@ -239,9 +267,7 @@ static void bias_through_hinge(const SweepModel& model, Workspace<T>& ws, const 
       e = take_root_of_force(z_r, tau, hinge.H, hinge.G, NV, fixed, ws.X(k), *modal.root);
     else if constexpr (kOften<NV>)
       e = take_root_of_force(z_r, tau, hinge, ws.X(k), *modal.root);
-    ws.z(b.parent) += e;
-    store(e, modal.root->e);
-    on_node(*modal.node, e, modal.root->e_N);
+    pass_to_node(ws, b, modal, e);
     return;
   }
   if constexpr (kOften<NV>)

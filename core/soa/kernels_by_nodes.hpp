@@ -24,10 +24,10 @@ CARDAN_INLINE T inverse_above(const T& x, const T& limit) {
   }
 }
 
-/// Takes what H_j sees of the columns W out of them: all of it is reflected into column `out`, which becomes zero. `Lower`: W is
-/// lower triangular still, as for the first component.
-template <bool Lower, class T, class Out>
-CARDAN_INLINE void reflect(const Motion<T>& H, const int j, const Out out, T (&W)[6][6], NodeRoot<T>& root) {
+/// Takes what H_j sees of the columns W out of them: all of it is reflected into column `out`, which becomes zero, or stays with `Keep`.
+/// `Lower`: W is lower triangular still, as for the first component. Gives the length that H_j sees.
+template <bool Lower, bool Keep = false, class T, class Out>
+CARDAN_INLINE T reflect(const Motion<T>& H, const int j, const Out out, T (&W)[6][6], HingeRoot<T>& root) {
   using std::sqrt;
   const T h[6] = {H.v.x, H.v.y, H.v.z, H.w.x, H.w.y, H.w.z};
   T v[6], w[6] = {T(0), T(0), T(0), T(0), T(0), T(0)}, square(0);
@@ -46,17 +46,18 @@ CARDAN_INLINE void reflect(const Motion<T>& H, const int j, const Out out, T (&W
   unrolled<6>([&](const auto c) CARDAN_INLINE_BODY {
     if (c < out) return;
     root.v[6 * j + c] = v[c];
-    if (c == out) return;
+    if (!Keep && c == out) return;
     const T factor = scale * v[c];
     unrolled<6>([&](const auto r) CARDAN_INLINE_BODY { W[c][r] = W[c][r] - factor * w[r]; });
   });
-  unrolled<6>([&](const auto r) CARDAN_INLINE_BODY { W[out][r] = T(0); });
+  if constexpr (!Keep) unrolled<6>([&](const auto r) CARDAN_INLINE_BODY { W[out][r] = T(0); });
   root.scale[j] = scale;
+  return (T(2) * above(length, T(0)) - T(1)) * length;
 }
 
 /// P_r = L L*, force rows first (the mass, then the moments about the mass centre), directions without inertia left out. W = L.
 template <class T>
-CARDAN_INLINE void factor_root(const ArticulatedInertia<T>& P, T (&W)[6][6], NodeRoot<T>& root) {
+CARDAN_INLINE void factor_root(const ArticulatedInertia<T>& P, T (&W)[6][6], HingeRoot<T>& root) {
   using std::sqrt;
   T A[6][6];  // upper triangle, rows [force; moment]
   A[0][0] = P.M.xx, A[0][1] = P.M.xy, A[0][2] = P.M.xz, A[0][3] = P.B.xx, A[0][4] = P.B.yx, A[0][5] = P.B.zx;
@@ -115,7 +116,7 @@ static void take_root(const ArticulatedInertia<T>& P, const Motion<T>* H, int nv
 
 /// zeta: what L reaches of a force, hinge included. Gives what it does not reach.
 template <class T>
-CARDAN_INLINE Force<T> reach_root(const Force<T>& z, const NodeRoot<T>& root, T (&zeta)[6]) {
+CARDAN_INLINE Force<T> reach_root(const Force<T>& z, const HingeRoot<T>& root, T (&zeta)[6]) {
   T left[6] = {z.f.x, z.f.y, z.f.z, z.n.x, z.n.y, z.n.z};
   unrolled<6>([&](const auto j) CARDAN_INLINE_BODY {
     zeta[j] = left[j] * root.inverse[j];
@@ -125,8 +126,8 @@ CARDAN_INLINE Force<T> reach_root(const Force<T>& z, const NodeRoot<T>& root, T 
   return {{left[3], left[4], left[5]}, {left[0], left[1], left[2]}};
 }
 /// Reflection j on zeta.
-template <class T, class Out>
-CARDAN_INLINE void reflect(const int j, const Out out, T (&zeta)[6], const NodeRoot<T>& root) {
+template <bool Keep = false, class T, class Out>
+CARDAN_INLINE void reflect(const int j, const Out out, T (&zeta)[6], const HingeRoot<T>& root) {
   const T* v = root.v + 6 * j;
   T sum(0);
   unrolled<6>([&](const auto c) CARDAN_INLINE_BODY {
@@ -136,7 +137,7 @@ CARDAN_INLINE void reflect(const int j, const Out out, T (&zeta)[6], const NodeR
   unrolled<6>([&](const auto c) CARDAN_INLINE_BODY {
     if (c >= out) zeta[c] = zeta[c] - sum * v[c];
   });
-  zeta[out] = T(0);
+  if constexpr (!Keep) zeta[out] = T(0);
 }
 
 /// zeta and e of z+ = C zeta + e, `tau` on the hinge: what L reaches, and the rest with the share of tau. Gives e at the inboard body.

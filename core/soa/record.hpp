@@ -71,16 +71,29 @@ struct ModalNode {
   CARDAN_INLINE const T* S() const { return const_cast<ModalNode*>(this)->S(); }
 };
 
+/// The square root of an inertia, the rows of force first, with a hinge reflected out of it: L Q, Q the product of the reflections.
+template <class T>
+struct HingeRoot {
+  T L[36], inverse[6];  // P_r = L L*, columns; 1 / L_jj, 0 where P_r has no inertia
+  T v[36], scale[6];    // reflections 1 - scale v v* that take the hinge out of L, one per hinge velocity
+};
+
 /// Of a body on a deforming node whose inboard body is eliminated through its nodes (mathematics/flexible.md, 7): P+ = C C*
 /// and z+ = C zeta + e. No P+ and no z+ is formed.
 template <class T>
-struct NodeRoot {
-  T L[36], inverse[6];  // P_r = L L*, columns; 1 / L_jj, 0 where P_r has no inertia
-  T v[36], scale[6];    // reflections 1 - scale v v* that take the hinge out of L, one per hinge velocity
-  T C[36];              // columns, moment about the origin of the inboard body, in its axes
-  T N[36];              // rows: the same columns as forces on the node's shapes
-  T zeta[6], phi[6];    // what goes through the hinge in the end: C phi + e
-  T e[6], e_N[6];       // at the origin of the inboard body; on the node's shapes
+struct NodeRoot : HingeRoot<T> {
+  T C[36];            // columns, moment about the origin of the inboard body, in its axes
+  T N[36];            // rows: the same columns as forces on the node's shapes
+  T zeta[6], phi[6];  // what goes through the hinge in the end: C phi + e
+  T e[6], e_N[6];     // at the origin of the inboard body; on the node's shapes
+};
+
+/// Of a hinge that is factored in square-root form (kernels_square_root.hpp): the columns of L Q, and y.
+template <class T>
+struct SquareRoot : HingeRoot<T> {
+  Force<T> along[6];   // per hinge velocity those that the hinge moves along, L Q T = P H*; zero of a prescribed one
+  Force<T> across[6];  // the others, P+ = across across*; zero where a reflection took one out
+  T y[6];              // per hinge velocity: T nu
 };
 
 /// Work of a body with n outboard hinges on deforming nodes, N = 6 n: B (N x N), A (N x N), its inverse
@@ -96,17 +109,18 @@ struct ByNodes {
 /// Null where the body has none.
 template <class T>
 struct Modal {
-  T *P_re, *P_ee;        // 6 x m, m x m (column-major): modal blocks of P; each null where the block of M_fl stays constant
-  T* U;                  // m x 6 (row j: 6 numbers): L^-1 P_re'* where P_ee' = L D L* is factored, else M_ee^-1 M_re*
-  T *z, *nu, *accel;     // m each: residual (without M_re* gamma where P_re is null), nu_e of it (with a factor P_ee': L^-1 eps_e), eta''
-  T* C;                  // 6 x m: X_B Gamma_P, null when the pnode does not deform
-  ModalNode<T>* node;    // null when the onode does not deform
-  NodeRoot<T>* root;     // null unless the inboard body is eliminated through its nodes
-  T* by_nodes;           // work of eliminate_by_nodes, null unless the body is eliminated through its outboard nodes
-  T* b;                  // 6 + m: velocity terms of the family
-  RigidInertia<T> M_rr;  // of M_fl(eta)
-  ArticulatedInertia<T> P_r;  // after the modes are eliminated
-  double* family;             // eta, eta', M_re, M_ee, b of one lane, for the family's functions; null for double, which needs no copy
+  T *P_re, *P_ee;      // 6 x m, m x m (column-major): modal blocks of P; each null where the block of M_fl stays constant
+  T* U;                // m x 6 (row j: 6 numbers): L^-1 P_re'* where P_ee' = L D L* is factored, else M_ee^-1 M_re*
+  T *z, *nu, *accel;   // m each: residual (without M_re* gamma where P_re is null), nu_e of it (with a factor P_ee': L^-1 eps_e), eta''
+  T* C;                // 6 x m: X_B Gamma_P, null when the pnode does not deform
+  ModalNode<T>* node;  // null when the onode does not deform
+  NodeRoot<T>* root;   // null unless the inboard body is eliminated through its nodes
+  SquareRoot<T>* square_root;  // null unless the hinge is factored in that form
+  T* by_nodes;                 // work of eliminate_by_nodes, null unless the body is eliminated through its outboard nodes
+  T* b;                        // 6 + m: velocity terms of the family
+  RigidInertia<T> M_rr;        // of M_fl(eta)
+  ArticulatedInertia<T> P_r;   // after the modes are eliminated
+  double* family;              // eta, eta', M_re, M_ee, b of one lane, for the family's functions; null for double, which needs no copy
 };
 
 template <class T, int NV>

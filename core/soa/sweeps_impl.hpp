@@ -5,6 +5,7 @@
 #include "core/soa/gravity_field.hpp"
 #include "core/soa/kernels_columns.hpp"
 #include "core/soa/kernels_refine.hpp"
+#include "core/soa/kernels_square_root.hpp"
 #include "core/soa/sincos.hpp"
 #include "core/soa/sweeps.hpp"
 
@@ -288,7 +289,11 @@ static void inward(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& i
     if (run.kind == BodyKernel::free) return inward_free<T, For>(model, ws, in, run.begin, run.end);
     for_kernel<T>(
         run.kind, [&]<int NV>() { inward_rigid<T, NV, For>(model, ws, in, run.begin, run.end); },
-        [&]<int NV>() { inward_general<T, NV>(model, ws, in, For, run.begin, run.end); });
+        [&]<int NV>() {
+          if constexpr (NV > 1)
+            if (run.square_root) return inward_square_root<T, NV>(model, ws, in, For, run.begin, run.end);
+          inward_general<T, NV>(model, ws, in, For, run.begin, run.end);
+        });
   };
   if (what.inertia && what.bias)
     pass.template operator()<InwardFor{true, true}>();
@@ -304,7 +309,11 @@ static void acceleration(const SweepModel& model, Workspace<T>& ws, const Inputs
   if (run.kind == BodyKernel::free) return acceleration_free<T>(model, ws, in, vdot, run.begin, run.end);
   for_kernel<T>(
       run.kind, [&]<int NV>() { acceleration_rigid<T, NV>(model, ws, in, vdot, run.begin, run.end); },
-      [&]<int NV>() { acceleration_general<T, NV>(model, ws, in, vdot, run.begin, run.end); });
+      [&]<int NV>() {
+        if constexpr (NV > 1)
+          if (run.square_root) return acceleration_square_root<T, NV>(model, ws, in, vdot, run.begin, run.end);
+        acceleration_general<T, NV>(model, ws, in, vdot, run.begin, run.end);
+      });
 }
 
 // With every pass the error of v' falls by a factor of the size of the relative error of the sweeps, which is what the first pass

@@ -9,6 +9,7 @@
 #include "core/io/result_folder.hpp"
 #include "core/io/sha256.hpp"
 #include "core/model/loops.hpp"
+#include "core/model/validate.hpp"
 #include "core/sim/diagonalised_form.hpp"
 #include "core/sim/fastest_motion.hpp"
 #include "core/sim/run_header.hpp"
@@ -136,6 +137,20 @@ std::vector<PrecisionSetting> references(const PrecisionArguments& a, double tig
   return out;
 }
 
+constexpr const char* kSquareRoot = "square_root";
+
+/// What puts all hinges that have a square-root form into it; nothing: none is there that is not in it, or the loops are closed without.
+Sets in_square_root_form(const Model& m) {
+  Sets out;
+  if (!m.spec->loops.empty() && m.spec->loop_form != LoopForm::automatic && m.spec->loop_form != LoopForm::multipliers) return out;
+  for (std::size_t i = 0; i < m.user.size(); ++i) {
+    const HingeSpec& hinge = m.spec->bodies[i].hinge;
+    if (hinge.factor == HingeFactor::cholesky && !hinge.locked && takes_square_root(*m.user[i].hinge))
+      out.emplace_back(body_path(m.spec->bodies[i]) + ".hinge.factor", hinge_factors()[static_cast<std::size_t>(HingeFactor::square_root)]);
+  }
+  return out;
+}
+
 /// Of a scene, its own first.
 std::vector<Formulation> formulations_of(const Scenario& s) {
   const std::string& own = name_of(s.mission.simulation.dynamics);
@@ -143,9 +158,13 @@ std::vector<Formulation> formulations_of(const Scenario& s) {
   const bool diagonal = DiagonalisedForm::refusal(*s.model).empty();
   for (const Dynamics d : {Dynamics::standard, Dynamics::diagonalised, Dynamics::diagonalised_rates, Dynamics::dense})
     if (name_of(d) != own && (diagonal || !is_diagonalised(d))) out.push_back({name_of(d), {{"mission.dynamics", name_of(d)}}});
+  if (Sets sets = in_square_root_form(*s.model); !sets.empty()) {
+    if (own != Formulation::kStandard) sets.emplace_back("mission.dynamics", Formulation::kStandard);
+    out.push_back({kSquareRoot, std::move(sets)});
+  }
   if (s.model->loops.empty()) return out;
   LoopForm as_it_stands = s.model->spec->loop_form;
-  if (as_it_stands == LoopForm::automatic) as_it_stands = LoopForm::embedding;
+  if (as_it_stands == LoopForm::automatic) as_it_stands = s.model->loops.embedding ? LoopForm::embedding : LoopForm::multipliers;
   for (const LoopForm form : {LoopForm::multipliers, LoopForm::embedding, LoopForm::dae}) {
     const std::string& name = loop_forms()[static_cast<std::size_t>(form)];
     if (form == as_it_stands) continue;

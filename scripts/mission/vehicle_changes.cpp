@@ -9,6 +9,7 @@
 #include "core/base/activity.hpp"
 #include "core/model/doubts.hpp"
 #include "core/model/model_map.hpp"
+#include "core/sim/diagonalised_form.hpp"
 #include "core/sim/rejoin.hpp"
 
 namespace cardan {
@@ -100,6 +101,8 @@ Rejoined VehicleChanges::make() {
   actor_ = wishes.front().actor;
   try {
     Rejoined next = made(values);
+    if (const SimulationOptions& run = s_.sim->options(); is_diagonalised(run.dynamics))
+      DiagonalisedForm::expect_honoured(*next.model, run.dynamics, run.integrator, {"mission.dynamics"});
     values_ = std::move(values);
     instants_.push_back({values_, initial_places(*next.model->spec)});
     return next;

@@ -230,6 +230,20 @@ loops:
   pin: {type: line, from: {body: rod, position: [0.5, 0, 0]}, to: {body: rocker, position: [0.2, 0, 0]}}
 )";
 
+TEST_F(Precision, HingesThatHaveASquareRootFormAreTriedInIt) {
+  constexpr const char* kGimballed = R"(cardan: 1
+bodies:
+  frame: {mass: 5 kg, inertia: [1, 2, 1.5], hinge: {type: gimbal, sequence: zyx, to: world, initial: {rate_1: 0.3, rate_2: 0.1, rate_3: -0.2}}}
+  wheel: {mass: 1 kg, inertia: [0.1, 0.1, 0.2], hinge: {type: revolute, to: frame, axis: [0, 0, 1], initial: {rate: 10}}}
+)";
+  scene(replaced(replaced(kMission, "8 s", "0.5 s"), "1 Hz", "10 Hz"), kGimballed);
+  const Finished run =
+      precision({"--methods", "dop853", "--tolerances", "1e-6,1e-11", "--formulations", "standard,square_root", "--quiet"});
+  ASSERT_EQ(run.exit_code, 0) << run.out << run.err;
+  EXPECT_EQ(row("dop853+square_root", "1e-06")["settings"].back(), "bodies.frame.hinge.factor=square_root");
+  EXPECT_LT(row("dop853+square_root", "1e-11")["errors"]["angle"]["largest"].get<double>(), 1e-9);
+}
+
 TEST_F(Precision, EachFormulationIsACurve) {
   scene(replaced(replaced(kMission, "8 s", "0.2 s"), "1 Hz", "10 Hz"), kFourBar);
   const std::vector<std::string> some = {"--methods", "dop853", "--tolerances", "1e-6,1e-11", "--repeat", "1", "--quiet"};

@@ -37,14 +37,17 @@ loops:
   dock: {type: distance, length: 2, from: bus, to: guest, open: true}
 )yaml";
 
-Finished mission(const TemporaryFolder& dir, const std::string& rest, const char* vehicle = kStack) {
+Finished mission(const TemporaryFolder& dir, const std::string& rest, const char* vehicle = kStack,
+                 const std::string& dynamics = "standard") {
   write(dir / "vehicle.yaml", vehicle);
   const std::string nodes = vehicle == kStack                              ? R"("upper", "tip", "guest")"
                             : std::string_view(vehicle).find("arm:") < 500 ? R"("arm.tip", "guest")"
                                                                            : R"("guest")";
   write(dir / "scenario.lua", R"lua(
 local sat = vehicle "vehicle.yaml"
-mission { duration = 6, integrator = { method = "dop853", relative = 1e-12 }, checkpoint = { period = "0.5 s" },
+mission { duration = 6, integrator = { method = "dop853", relative = 1e-12 }, checkpoint = { period = "0.5 s" }, dynamics = ")lua" +
+                                  dynamics +
+                                  R"lua(",
           output = { rate = "10 Hz", nodes = { )lua" +
                                   nodes + R"lua( } } }
 )lua" + rest);
@@ -103,6 +106,49 @@ TEST(Topology, ARunIsRepeatedAndResumedWithTheSameBits) {
   }
   ASSERT_EQ(run_program({"run", "--again", "out/run.h5", "--quiet", "--out", "again"}, dir.path()).exit_code, 0);
   EXPECT_EQ(json(channels_of(dir / "again")).dump(), all);
+}
+
+// The velocities nu begin anew with the vehicle that an event leaves.
+TEST(Topology, InDiagonalisedVelocitiesTheMotionIsTheSame) {
+  const TemporaryFolder dir;
+  ASSERT_EQ(mission(dir, kEvents).exit_code, 0);
+  const char* const channels[] = {"nodes/tip/position", "nodes/upper/position", "nodes/guest/attitude", "hinges/arm/angle",
+                                  "hinges/tip/rate"};
+  std::vector<std::vector<std::vector<double>>> wanted;
+  for (const char* channel : channels) wanted.push_back(rows(dir / "out", channel));
+  for (const char* dynamics : {"diagonalised", "diagonalised_rates"}) {
+    const Finished done = mission(dir, kEvents, kStack, dynamics);
+    ASSERT_EQ(done.exit_code, 0) << done.err;
+    for (std::size_t c = 0; c < std::size(channels); ++c) {
+      const auto got = rows(dir / "out", channels[c]);
+      double apart = 0.0;
+      for (std::size_t i = 0; i < got.size(); ++i)
+        for (std::size_t j = 0; j < got[i].size(); ++j) apart = std::max(apart, std::abs(got[i][j] - wanted[c][i][j]));
+      EXPECT_LT(apart, 1e-9) << dynamics << ", " << channels[c];  // two integrations at 1e-12 over 6 s
+    }
+    const std::string all = json(channels_of(dir / "out")).dump();
+    const Finished resumed = run_program({"run", "--resume", "out/run.h5", "--at", "2.5", "--quiet", "--out", "resumed"}, dir.path());
+    ASSERT_EQ(resumed.exit_code, 0) << resumed.err;
+    EXPECT_EQ(json(channels_of(dir / "resumed")).dump(), all) << dynamics;
+  }
+}
+
+TEST(Topology, ALoopThatClosesInDiagonalisedVelocitiesIsRefusedWhereItIsAsked) {
+  const TemporaryFolder dir;
+  const char* two = R"yaml(
+cardan: 1
+bodies:
+  bus: {mass: 100, inertia: [30, 40, 50], hinge: {type: free, to: world, initial: {rate: [0, 0.1, 0.2]}}}
+  guest: {mass: 20, inertia: [2, 3, 4], nodes: {port: {position: [0, 0.3, 0]}}, hinge: {type: free, to: world, initial: {position: [3, 0, 0], rate: [0.3, 0, 0.1]}}}
+loops:
+  grip: {type: weld, from: bus, to: guest.port, open: true, as_found: true}
+)yaml";
+  const Finished done =
+      mission(dir, "phase { name = 'free', duration = 1.3, exit_ = function() sat:close 'grip' end }\nphase { name = 'held' }\n", two,
+              "diagonalised");
+  EXPECT_EQ(done.exit_code, 3) << done.err;
+  for (const char* part : {"not supported by the chosen method", "scenario.lua:5", "closed loops", "diagonalised, which do not"})
+    EXPECT_NE(done.err.find(part), std::string::npos) << part << "\n" << done.err;
 }
 
 TEST(Topology, TheOrderOfWhatHappensInOneInstantTellsNothing) {

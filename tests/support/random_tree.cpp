@@ -205,6 +205,12 @@ RandomTree random_tree(unsigned seed, const TreeOptions& options) {
   return tree;
 }
 
+RandomTree with_factor(RandomTree tree, HingeFactor factor) {
+  for (BodySpec& b : tree.spec.bodies)
+    if (b.hinge.v.size() > 1 && b.hinge.v.size() < 6) b.hinge.factor = factor;
+  return tree;
+}
+
 RandomTree without(const RandomTree& tree, const std::string& body) {
   std::set<std::string> gone = {body};
   for (bool more = true; more;) {

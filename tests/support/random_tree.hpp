@@ -51,6 +51,9 @@ struct RandomTree {
 
 RandomTree random_tree(unsigned seed, const TreeOptions& options);
 
+/// With all hinges factored like this that have a square-root form.
+RandomTree with_factor(RandomTree tree, HingeFactor factor);
+
 /// Without this body and all that hangs on it.
 RandomTree without(const RandomTree& tree, const std::string& body);
 
