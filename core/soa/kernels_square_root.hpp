@@ -78,7 +78,7 @@ static bool inertia_through_square_root(const SweepModel& model, Workspace<T>& w
   const SweepBody& b = model.bodies[k];
   Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
   Modal<T>& modal = ws.template modal<NV>(k);
-  SquareRoot<T>& root = *modal.square_root;
+  SquareRoot<T>& root = ws.template square_root<NV>(k);
   Breakdown bad;
   bad.body = k;
   if (!factor_square_root(modal.P_r, hinge.H, NV, b.has_prescribed ? model.prescribed.data() + b.v : nullptr, hinge.L, hinge.G, root,
@@ -101,7 +101,7 @@ static void bias_through_square_root(const SweepModel& model, Workspace<T>& ws, 
   const SweepBody& b = model.bodies[k];
   Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
   Modal<T>& modal = ws.template modal<NV>(k);
-  SquareRoot<T>& root = *modal.square_root;
+  SquareRoot<T>& root = ws.template square_root<NV>(k);
   T zeta[6];
   Force<T> z = bias_in_square_root(z_r, in.tau ? in.tau + b.v : nullptr, hinge.H, NV,
                                    b.has_prescribed ? model.prescribed.data() + b.v : nullptr, hinge.L, hinge.nu, root, zeta);
@@ -127,7 +127,7 @@ static void acceleration_square_root(const SweepModel& model, Workspace<T>& ws, 
   for (int k = begin; k < end; ++k) {
     const Hinge<T, NV>& hinge = ws.template hinge<NV>(k);
     Modal<T>& modal = ws.template modal<NV>(k);
-    const SquareRoot<T>& root = *modal.square_root;
+    const SquareRoot<T>& root = ws.template square_root<NV>(k);
     acceleration_through_hinge<T, NV>(model, ws, in, vdot, k, [&](const Motion<T>& delta, T* a) CARDAN_INLINE_BODY {
       for (int j = 0; j < NV; ++j) a[j] = root.y[j] - dot(delta, root.along[j]);
       solve_factor_star(hinge.L, NV, a);

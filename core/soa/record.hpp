@@ -109,18 +109,17 @@ struct ByNodes {
 /// Null where the body has none.
 template <class T>
 struct Modal {
-  T *P_re, *P_ee;      // 6 x m, m x m (column-major): modal blocks of P; each null where the block of M_fl stays constant
-  T* U;                // m x 6 (row j: 6 numbers): L^-1 P_re'* where P_ee' = L D L* is factored, else M_ee^-1 M_re*
-  T *z, *nu, *accel;   // m each: residual (without M_re* gamma where P_re is null), nu_e of it (with a factor P_ee': L^-1 eps_e), eta''
-  T* C;                // 6 x m: X_B Gamma_P, null when the pnode does not deform
-  ModalNode<T>* node;  // null when the onode does not deform
-  NodeRoot<T>* root;   // null unless the inboard body is eliminated through its nodes
-  SquareRoot<T>* square_root;  // null unless the hinge is factored in that form
-  T* by_nodes;                 // work of eliminate_by_nodes, null unless the body is eliminated through its outboard nodes
-  T* b;                        // 6 + m: velocity terms of the family
-  RigidInertia<T> M_rr;        // of M_fl(eta)
-  ArticulatedInertia<T> P_r;   // after the modes are eliminated
-  double* family;              // eta, eta', M_re, M_ee, b of one lane, for the family's functions; null for double, which needs no copy
+  T *P_re, *P_ee;        // 6 x m, m x m (column-major): modal blocks of P; each null where the block of M_fl stays constant
+  T* U;                  // m x 6 (row j: 6 numbers): L^-1 P_re'* where P_ee' = L D L* is factored, else M_ee^-1 M_re*
+  T *z, *nu, *accel;     // m each: residual (without M_re* gamma where P_re is null), nu_e of it (with a factor P_ee': L^-1 eps_e), eta''
+  T* C;                  // 6 x m: X_B Gamma_P, null when the pnode does not deform
+  ModalNode<T>* node;    // null when the onode does not deform
+  NodeRoot<T>* root;     // null unless the inboard body is eliminated through its nodes
+  T* by_nodes;           // work of eliminate_by_nodes, null unless the body is eliminated through its outboard nodes
+  T* b;                  // 6 + m: velocity terms of the family
+  RigidInertia<T> M_rr;  // of M_fl(eta)
+  ArticulatedInertia<T> P_r;  // after the modes are eliminated
+  double* family;             // eta, eta', M_re, M_ee, b of one lane, for the family's functions; null for double, which needs no copy
 };
 
 template <class T, int NV>
@@ -135,6 +134,10 @@ struct GeneralRecord {
   Pose<T> X;
   Hinge<T, NV> hinge;
   Modal<T> modal;
+};
+template <class T, int NV>
+struct SquareRootRecord : GeneralRecord<T, NV> {
+  SquareRoot<T> square_root;
 };
 
 }  // namespace cardan::soa

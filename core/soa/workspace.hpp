@@ -79,6 +79,10 @@ class Workspace {
   CARDAN_INLINE Modal<T>& modal(int k) {
     return reinterpret_cast<GeneralRecord<T, NV>*>(record(k))->modal;
   }
+  template <int NV>
+  CARDAN_INLINE SquareRoot<T>& square_root(int k) {
+    return reinterpret_cast<SquareRootRecord<T, NV>*>(record(k))->square_root;
+  }
   CARDAN_INLINE AxisRecord<T>& axis(int k) { return *reinterpret_cast<AxisRecord<T>*>(record(k)); }
   CARDAN_INLINE const AxisRecord<T>& axis(int k) const { return const_cast<Workspace*>(this)->axis(k); }
   CARDAN_INLINE FreeRecord<T>& free(int k) { return *reinterpret_cast<FreeRecord<T>*>(record(k)); }

@@ -62,8 +62,8 @@ Workspace<T>::Workspace(const SweepModel& model) {
   if (model.rigid) articulated_q.resize(static_cast<std::size_t>(model.nq));
   if constexpr (!std::is_same_v<T, double>) family.resize(static_cast<std::size_t>(model.nq + model.nv));
   struct Counts {
-    std::size_t re, ee, U, m, b, C, by_nodes, node, root, square_root;
-    std::size_t all() const { return re + ee + U + 3 * m + b + C + by_nodes + node + root + square_root; }
+    std::size_t re, ee, U, m, b, C, by_nodes, node, root;
+    std::size_t all() const { return re + ee + U + 3 * m + b + C + by_nodes + node + root; }
   };
   std::vector<Counts> counts(n);
   std::vector<std::size_t> modal_at(n, 0);
@@ -98,7 +98,11 @@ Workspace<T>::Workspace(const SweepModel& model) {
       place(k, is_axis(b.kind) ? sizeof(AxisRecord<T>) : sizeof(FreeRecord<T>));
       continue;
     }
-    with_hinge_size<T>(b.nv, [&]<int NV>() { record = is_general(b.kind) ? sizeof(GeneralRecord<T, NV>) : sizeof(RigidRecord<T, NV>); });
+    with_hinge_size<T>(b.nv, [&]<int NV>() {
+      record = b.square_root        ? sizeof(SquareRootRecord<T, NV>)
+               : is_general(b.kind) ? sizeof(GeneralRecord<T, NV>)
+                                    : sizeof(RigidRecord<T, NV>);
+    });
     place(k, record);
     if (!is_general(b.kind)) continue;
     const auto m = static_cast<std::size_t>(b.n_modes);
@@ -122,7 +126,6 @@ Workspace<T>::Workspace(const SweepModel& model) {
       const SweepBody& inboard = model.bodies[b.parent];
       c.root = model.flexible[inboard.flexible].by_nodes ? sizeof(NodeRoot<T>) / sizeof(T) : 0;
     }
-    c.square_root = b.square_root ? sizeof(SquareRoot<T>) / sizeof(T) : 0;
     counts[k] = c;
     modal_at[k] = total;
     total += round(sizeof(T) * c.all() + sizeof(double) * family_scratch<T>(m));
@@ -149,7 +152,7 @@ Workspace<T>::Workspace(const SweepModel& model) {
         new (at) RigidRecord<T, NV>();
         return;
       }
-      auto* record = new (at) GeneralRecord<T, NV>();
+      GeneralRecord<T, NV>* const record = b.square_root ? new (at) SquareRootRecord<T, NV>() : new (at) GeneralRecord<T, NV>();
       Modal<T>& modal = record->modal;
       modal_[k] = &modal;
       T* next = reinterpret_cast<T*>(arena_.get() + modal_at[k]);
@@ -177,7 +180,6 @@ Workspace<T>::Workspace(const SweepModel& model) {
       }
       if (c.node > 0) modal.node = new (take(c.node)) ModalNode<T>();
       if (c.root > 0) modal.root = new (take(c.root)) NodeRoot<T>();
-      if (c.square_root > 0) modal.square_root = new (take(c.square_root)) SquareRoot<T>();
       modal.family = family_scratch<T>(c.m) > 0 ? reinterpret_cast<double*>(next) : nullptr;
     });
   }

@@ -105,6 +105,21 @@ TEST_P(ForwardDynamics, AllocatesNothing) {
 INSTANTIATE_TEST_SUITE_P(Files, ForwardDynamics, testing::ValuesIn(oracle::files()),
                          [](const auto& file) { return file.param.stem().string(); });
 
+TEST(Alloc, HingesInSquareRootForm) {
+  for (unsigned seed = 1; seed <= 10; ++seed) {
+    const RandomTree tree = with_factor(random_tree(seed, {.prescribed = 0.1}), HingeFactor::square_root);
+    const auto model = compiled(tree.spec);
+    Workspace ws(*model);
+    const State s = model->initial_state();
+    const Eigen::VectorXd zero = Eigen::VectorXd::Zero(model->nv);
+    Eigen::VectorXd vdot(model->nv);
+    const Inputs in{.q = s.q.data(), .v = s.v.data(), .vdot = zero.data()};
+    bool ok = false;
+    EXPECT_EQ(mallocs_in([&] { ok = forward_dynamics(*model, ws, in, vdot.data()); }), 0) << seed;
+    EXPECT_TRUE(ok) << seed;
+  }
+}
+
 TEST(Alloc, RefinementOfForwardDynamics) {  // masses that grow by large ratios, under gravity of a centre and a load
   std::vector<BodySpec> bodies;
   for (const double mass : {1e-6, 0.01, 100.0, 1e6}) {
