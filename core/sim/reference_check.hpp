@@ -10,8 +10,8 @@ namespace cardan {
 
 inline constexpr double kReferenceLimit = 1e-9;  // rounding of both sides on stiff or badly scaled systems stays below; an error does not
 
-/// The largest |v' - v' of the twin| at the present state, relative to what any one force causes by itself: in double, and in 113 bits where
-/// that is not enough to blame anybody. Infinite where the twin finds no v'. InputError C0401 where it does not know the vehicle.
+/// The largest |v' - v' of the twin| at the present state, relative to what any one force causes by itself: in double, and in 113 bits
+/// where that is not enough to blame anybody. Infinite where the twin finds no v'. InputError C0401 where it does not know the vehicle.
 double difference_from_twin(Simulation& sim);
 
 /// A channel of its own, `reference/difference`: the largest |v' - v' of the twin|, relative. Costs a dense solution per row. Refers to

@@ -394,15 +394,11 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
   for (ArticulatedInertia<double>& P : k.P) P = {};
   for (std::size_t l = 0; l < e.loops.size(); ++l) {
     const EmbeddedLoop& c = e.loops[l];
-    if (c.constant && !given) {
-      if (k.known[l]) {
-        move_bodies(model, c, ws, k);
-        continue;
-      }
-      k.known[l] = 1;
-    } else {
-      k.known[l] = 0;
+    if (k.known[l] && !given) {
+      move_bodies(model, c, ws, k);
+      continue;
     }
+    k.known[l] = 0;
     double *G = numbers + c.G, *B = numbers + c.B, *g = k.g.data() + c.row, *residual = k.c.data() + c.row;
     const int columns = c.by_rates ? c.inputs : c.own_columns, stride = columns + 1, n = c.n;
     double open = 0.0;
@@ -529,6 +525,7 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
         for (int i = 0; i <= n; ++i) E[i] += old[t] * row[i];
       }
     }
+    k.known[l] = c.constant && !given;
     move_bodies(model, c, ws, k);
   }
   return true;
