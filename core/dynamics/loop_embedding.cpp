@@ -297,7 +297,6 @@ void push_open_tree(const Model& model, Workspace& ws, const Inputs& in, LoopPas
   Inputs pushed = in;
   if (ws.loops->coupled) pushed.tau = ws.loops->tau.data();
   pushed.wrenches = ws.loops->wrenches;
-  if (model.loops.embedding) keep_gamma(model, ws);
   S.ground(model, ws, in);
   for (const Run& run : model.runs) S.outward(model, ws, in, run, {.vdot = run.prescribed});  // P of each body by itself
   pass.restore();
@@ -309,6 +308,7 @@ void push_open_tree(const Model& model, Workspace& ws, const Inputs& in, LoopPas
 void settle_loops(const Model& model, Workspace& ws, const Inputs& in) {
   if (!ws.loops || !ws.loops->unsettled) return;
   ws.loops->unsettled = false;
+  keep_gamma(model, ws);  // rows of G are found with bodies at rest
   LoopPass pass(model, ws, in);
   pass.place();
   std::ranges::fill(ws.loops->lambda, 0.0);

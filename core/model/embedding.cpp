@@ -138,11 +138,11 @@ class Embedder {
   /// A coupling of rates that are much unlike, in the root of their energy: what is light accelerates without it so much more than with it
   /// that multipliers lose digits.
   bool has_light_rates(int l) const {
-    double most = 0.0, least = 0.0;
-    for (const CoupledRate& term : m_.loops.all[at(l)].coupling.terms) {
-      const double slope = std::abs(term.coefficient) * m_.loops.column_scale[at(term.v)];
-      most = std::max(most, slope), least = least == 0.0 ? slope : std::min(least, slope);
-    }
+    const Loop& loop = m_.loops.all[at(l)];
+    double most = 0.0, least = HUGE_VAL;
+    for (const CoupledRate& term : loop.coupling.terms)
+      if (const double slope = std::abs(rows_[at(loop.first) * at(m_.nv) + at(term.v)]); slope > 0.0)
+        most = std::max(most, slope), least = std::min(least, slope);
     return most > kUnlike * least;
   }
 
@@ -270,7 +270,7 @@ class Embedder {
           c.n = c.rank;
           const auto begin = rows_.begin() + loop.first * m_.nv;
           Ranks alone({begin, begin + loop.rows * m_.nv}, loop.rows, m_.nv);
-          if (alone.take(0, loop.rows) > c.rank) c.kept = kept, e_.chosen = true;
+          if (alone.take(0, loop.rows) > c.rank) c.kept = kept, c.chosen = e_.chosen = true;
           c.own_columns = static_cast<int>(c.columns.size());
           for (EmbeddedLoop::Column& x : c.columns) x.scale = x.given ? 0.0 : m_.loops.column_scale[at(x.v)];
           e_.loops.push_back(std::move(c));
@@ -804,9 +804,7 @@ Embedding embed_loops(const Model& model, const std::vector<double>& scaled_rows
       for (const int i : set.loops) by_rates[at(i)] = 0;
     } else if (set.loops.size() > 1) {
       set.why = "they share hinges";
-      if (tried++ < kTried && std::ranges::none_of(set.loops, light)) try_multipliers(set, kWorth);
-    } else if (embedder.is_gear(l)) {
-      set.why = "a wheel geared to a hinge beside it";
+      if (std::ranges::none_of(set.loops, light) && tried++ < kTried) try_multipliers(set, kWorth);
     } else if (embedder.has_wheel(l)) {
       set.why = "a wheel behind a gear";
     } else if (left > kLongLoop) {
@@ -817,7 +815,11 @@ Embedding embed_loops(const Model& model, const std::vector<double>& scaled_rows
     }
     if (!by_rates[at(l)]) set.form = "multipliers in the sweep";
   }
-  return embed_loops(model, scaled_rows, by_rates);
+  Embedding embedding = embed_loops(model, scaled_rows, by_rates);
+  for (const Gear& gear : embedding.gears)
+    for (LoopSet& set : sets)
+      if (model.loops.all[at(set.loops[0])].first == gear.row) set.why = "a wheel geared to a hinge beside it";
+  return embedding;
 }
 
 Embedding embed_loops(const Model& model, const std::vector<double>& scaled_rows, const std::vector<std::uint8_t>& by_rates) {

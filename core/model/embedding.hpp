@@ -62,7 +62,8 @@ struct EmbeddedLoop {
   int home_modes = -1;           // column of the first mode of home; -1: none of them moves an end against the other
   bool after_modes = false;      // closed at home where its modes are eliminated already: they are on the way
   bool deforms = false;          // some mode is a column
-  std::vector<int> kept;         // by multipliers: rows that count, where loops closed before imply others; empty: its own pivots tell
+  bool chosen = false;           // by multipliers: loops closed before imply rows of it, and which count was chosen at the start
+  std::vector<int> kept;         // these
   std::vector<Column> columns;   // own ones first
   std::vector<Taken> taken;
   std::vector<int> needed;  // inputs that later loops have

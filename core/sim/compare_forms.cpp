@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "core/dynamics/observe.hpp"
+#include "core/model/loops.hpp"
 #include "core/sim/reference_check.hpp"
 
 namespace cardan {
@@ -25,7 +26,8 @@ Said said_by(Simulation& sim) {
   const auto bodies = static_cast<Eigen::Index>(m.user.size());
   out.vdot = sim.vdot();
   out.moments.resize(3 * bodies), out.forces.resize(3 * bodies);
-  double size = 0.0;  // of the vehicle
+  double size = 0.0;  // of the vehicle and its loops
+  for (const Loop& loop : m.loops.all) size = std::max(size, loop.lever);
   const Eigen::Vector3d first = bodies > 0 ? to_eigen(seen.body_pose(0).p) : Eigen::Vector3d::Zero();
   for (Eigen::Index i = 0; i < bodies; ++i) {
     const UserBody& body = m.user[static_cast<std::size_t>(i)];
@@ -33,7 +35,7 @@ Said said_by(Simulation& sim) {
     out.moments.segment<3>(3 * i) << f.n.x, f.n.y, f.n.z;
     out.forces.segment<3>(3 * i) << f.f.x, f.f.y, f.f.z;
     const NodeState node = seen.node(m.find_node(body.name));
-    out.push += m.spec->bodies[static_cast<std::size_t>(i)].mass * node.acceleration.tail<3>().norm();
+    out.push += body.mass * node.acceleration.tail<3>().norm();
     size = std::max(size, (node.position - first).norm());
   }
   out.turn = out.push * size;
@@ -82,6 +84,8 @@ std::optional<ComparedForms> compare_forms(Simulation& sim, const Registry& regi
       }
     } catch (const InputError& e) {
       of.refused = told(e);
+    } catch (const NumericsError& e) {
+      of.refused = e.failure().what;
     }
   }
   return out;

@@ -54,20 +54,22 @@ FastestMotion fastest_motion(std::shared_ptr<const Model> model, const double* q
   std::vector<std::uint8_t> free;
   for (int i = 0; m.has_prescribed() && i < m.nv; ++i) free.push_back(!m.prescribed[i]);
   const bool closed = !m.loops.empty();
-  operators::TreeOperators tree(open_tree(model));
-  operators::Erased<std::remove_const_t<decltype(operators::letters::mass_inverse)>> inverse_of(tree);
+  std::optional<operators::TreeOperators> tree;
+  std::optional<operators::Erased<std::remove_const_t<decltype(operators::letters::mass_inverse)>>> of_tree;
+  const LinearOperator* inverse = nullptr;
   std::optional<operators::ClosedSystem> system;
   try {
     if (closed) {
       system.emplace(model, q);
     } else {
-      tree.at(q);
-      tree.articulate({.free = free});
+      tree.emplace(model);
+      tree->at(q);
+      tree->articulate({.free = free});
+      inverse = &static_cast<const LinearOperator&>(of_tree.emplace(*tree));
     }
   } catch (const NumericsError&) {
     return fastest;  // a direction without inertia: the run says so
   }
-  const LinearOperator& inverse = inverse_of;
   for (const bool damping : {false, true}) {
     Eigen::VectorXd x(m.nv), y(m.nv), f(m.nv);
     for (int i = 0; i < m.nv; ++i) x[i] = free.empty() || free[i] ? 1.0 + 0.1 * std::sin(3.7 * i) : 0.0;
@@ -80,7 +82,7 @@ FastestMotion fastest_motion(std::shared_ptr<const Model> model, const double* q
       if (closed)
         y = system->respond(f);
       else
-        inverse.mult(f, y);
+        inverse->mult(f, y);
       for (int i = 0; i < m.nv; ++i)
         if (!free.empty() && !free[i]) y[i] = 0.0;
       value = f.dot(y) / before;

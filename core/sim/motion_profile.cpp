@@ -80,6 +80,7 @@ T MotionProfile::travel(const T& from, const T& to) const {
   if (to < from) return -travel(to, from);
   if (points_.empty()) {
     const double w = 2.0 * std::numbers::pi * frequency_;
+    if (w == 0.0) return T(0.0);
     const T amplitude = T(amplitude_ * w) / T(w);
     return amplitude * (sin(T(w) * to + T(phase_)) - sin(T(w) * from + T(phase_)));
   }

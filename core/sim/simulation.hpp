@@ -168,6 +168,9 @@ class Simulation {
   /// last accepted state are written.
   void run(double t_end, const std::function<void(double t)>& progress = {});
 
+  /// [s] Between two instants at which something is to happen, of what every() and the devices have asked for so far; infinite: of nothing.
+  double shortest_period() const { return schedule_.shortest_period(); }
+
   /// Before the run: takes the time of its parts.
   void take_times() { times_ = std::make_unique<RunProfile>(); }
   /// Null where they are not taken.

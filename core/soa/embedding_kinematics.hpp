@@ -267,8 +267,7 @@ static inline bool find_pivots(const EmbeddedLoop& c, EmbeddingWork& k, int colu
   double* B = k.numbers.data() + c.B;
   int *row_at = k.row_at.data() + c.row, *column_at = k.column_at.data() + c.pivot;
   const int stride = columns + 1;
-  const bool chosen = !c.kept.empty();
-  if (chosen) {  // the rows of the start first
+  if (c.chosen) {  // the rows of the start first
     int others = c.rank;
     for (int i = 0; i < c.rows; ++i) {
       int p = 0;
@@ -278,7 +277,7 @@ static inline bool find_pivots(const EmbeddedLoop& c, EmbeddingWork& k, int colu
   } else {
     for (int i = 0; i < c.rows; ++i) row_at[i] = i;
   }
-  const int rows = chosen ? c.rank : c.rows;
+  const int rows = c.chosen ? c.rank : c.rows;
   for (int j = 0; j < columns; ++j) column_at[j] = j;
   double size = 0.0;
   for (int i = 0; i < c.rows; ++i) size = std::fmax(size, std::abs(B[i * stride + columns]));
@@ -451,7 +450,7 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
     const int* row_at = k.row_at.data() + c.row;
     if (!c.by_rates) {
       for (int p = 0; p < n; ++p) k.b[static_cast<std::size_t>(c.x + p)] = g[row_at[p]];
-      for (int p = 0; !c.kept.empty() && p < n; ++p) {
+      for (int p = 0; c.chosen && p < n; ++p) {
         double& sum = k.x[static_cast<std::size_t>(c.x + p)];
         sum = 0.0;
         for (int j = 0; j < c.own_columns; ++j) {

@@ -156,7 +156,7 @@ Warnings open_latches(const Simulation& sim) {
 }
 
 double shortest_interval(const Scenario& s) {
-  double interval = seconds(s.mission.output_period);
+  double interval = std::min(seconds(s.mission.output_period), s.sim->shortest_period());
   for (const Controller& c : s.controllers) interval = std::min(interval, seconds(c.period));
   return interval;
 }

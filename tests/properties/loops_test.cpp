@@ -7,6 +7,8 @@
 
 #include "core/dynamics/batch.hpp"
 #include "core/dynamics/hinge_laws.hpp"
+#include "core/dynamics/loop_pass.hpp"
+#include "core/dynamics/observe.hpp"
 #include "core/linalg/dense.hpp"
 #include "core/model/embedding.hpp"
 #include "core/operators/closed_system.hpp"
@@ -473,9 +475,9 @@ TEST(Loops, EmbeddedCostGrowsWithTheirNumberWhereTheyBend) {
   EXPECT_LE(compiled(bending_tower(64))->loops.embedding->width, 4);
 }
 
-/// v', multipliers of all forms and of the twin.
+/// v', multipliers, accelerations of nodes of all forms, and v' of the twin.
 double forms_apart(SystemSpec spec, const VectorXd& vdot_given = {}) {
-  std::vector<VectorXd> vdot, lambda;
+  std::vector<VectorXd> vdot, lambda, nodes;
   for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers, LoopForm::dae}) {
     spec.loop_form = form;
     const auto model = compiled(spec);
@@ -487,6 +489,12 @@ double forms_apart(SystemSpec spec, const VectorXd& vdot_given = {}) {
     EXPECT_TRUE(forward_dynamics(*model, ws, in, out.data()));
     vdot.push_back(out);
     lambda.push_back(multipliers(*model, ws, in));
+    Observer seen(*model, ws);
+    seen.update(in, out.data());
+    VectorXd a(3 * static_cast<Eigen::Index>(model->nodes.size()));
+    for (std::size_t i = 0; i < model->nodes.size(); ++i)
+      a.segment<3>(3 * static_cast<Eigen::Index>(i)) = seen.node(static_cast<int>(i)).acceleration.tail<3>();
+    nodes.push_back(a);
     if (vdot_given.size() > 0) continue;
     const DenseTwin<Quad> twin(spec);
     const auto exact = twin.at(at.q.cast<Quad>(), at.v.cast<Quad>()).closed(tau.cast<Quad>()).vdot;
@@ -496,6 +504,7 @@ double forms_apart(SystemSpec spec, const VectorXd& vdot_given = {}) {
   }
   double worst = worse(error_of(lambda[0], lambda[1]), error_of(lambda[0], lambda[2]));
   for (const VectorXd& x : vdot) worst = worse(worst, error_of(x, vdot.back()));
+  for (const VectorXd& x : nodes) worst = worse(worst, error_of(x, nodes.front()));
   return worst;
 }
 
@@ -563,6 +572,34 @@ TEST(Loops, MayEndOnAWheel) {
   SystemSpec open = spec;
   open.loops.clear();
   EXPECT_EQ(compiled(open)->rotors.size(), 1U);
+}
+
+// Three legs of equal length hold a plate as five do: the rows of two are implied, and the program of the start goes on without them.
+TEST(Loops, EmbeddedTakeLoopsOfWhichNoRowCounts) {
+  BodySpec plate = on(rigid("plate", 3.0, {0, 0, 0}, diagonal({0.3, 0.4, 0.6})), "", "free");
+  plate.hinge.q = {1, 0, 0, 0, 0.3, 0.1, 0.0};
+  plate.hinge.v = {0, 0, 0, 0.2, -0.6, 0};
+  SystemSpec spec = system({plate}, uniform_gravity({0, 0, -9.81}));
+  for (const Eigen::Vector2d& at : {Eigen::Vector2d(0.5, 0), Eigen::Vector2d(-0.3, 0.4), Eigen::Vector2d(-0.3, -0.4),
+                                    Eigen::Vector2d(0.1, 0.6), Eigen::Vector2d(0.2, -0.5)}) {
+    LoopSpec leg;
+    leg.name = "leg" + std::to_string(spec.loops.size()), leg.type = "distance", leg.length = 2.0;
+    leg.from.position = {at.x(), at.y(), std::sqrt(4.0 - 0.1)};
+    leg.to.body = "plate", leg.to.position = {at.x(), at.y(), 0.0};
+    spec.loops.push_back(leg);
+  }
+  const auto model = compiled(spec);
+  ASSERT_TRUE(model->loops.embedding);
+  EXPECT_EQ(model->loops.rank, 3);
+  const auto by_multipliers = embedded_by(*model, std::vector<std::uint8_t>(spec.loops.size(), 0));
+  for (const auto& m : {model, by_multipliers}) {
+    Workspace ws(*m);
+    const State at = m->initial_state();
+    VectorXd vdot(m->nv);
+    ASSERT_TRUE(forward_dynamics(*m, ws, {.q = at.q.data(), .v = at.v.data()}, vdot.data()));
+    EXPECT_TRUE(ws.loops->unsettled) << "by the program of the start";
+  }
+  EXPECT_LE(forms_apart(spec), 1e-12);
 }
 
 /// A free base, an arm on it whose hinges turn wheels on the inboard bodies, one way or the other, faster or slower. `bevel`: the axis of

@@ -515,5 +515,11 @@ TEST(Progress, AbsoluteTolerancesAreLookedAt) {
   }
 }
 
+TEST(MotionProfiles, OfFrequencyZeroStandStill) {
+  const MotionProfile still = MotionProfile::sine(0.2, 0.0, 0.3);
+  EXPECT_EQ(still.travel(0.5, 2.0), 0.0);
+  EXPECT_EQ(still.rate(1.0), 0.0);
+}
+
 }  // namespace
 }  // namespace cardan::test
