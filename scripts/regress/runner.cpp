@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <chrono>
+#include <csignal>
 #include <cstring>
 #include <memory>
 #include <thread>
@@ -78,7 +79,8 @@ RunEnding ending_of_run(const RunningProgram& process, const ChildLimits& limits
       out.text = fmt::format("hung: more than {:g} s, of which {:.3g} s of processor time", limits.wall_s, out.cpu_s);
       break;
     case ChildEnd::How::killed:
-      out.how = out.cpu_s >= std::ceil(limits.cpu_s) - 0.5 ? RunEnding::How::out_of_time : RunEnding::How::crashed;
+      // The kernel counts by ticks what it limits, and tells afterwards what it has counted exactly.
+      out.how = end.status == SIGXCPU || out.cpu_s >= std::ceil(limits.cpu_s) - 0.5 ? RunEnding::How::out_of_time : RunEnding::How::crashed;
       out.text = out.how == RunEnding::How::out_of_time
                      ? fmt::format("more than {:g} s of processor time", std::ceil(limits.cpu_s))
                      : fmt::format("crashed: killed by signal {} ({})", end.status, strsignal(end.status));

@@ -180,7 +180,7 @@ TEST(Ledger, CountsTheWorkOfModesWhoseMotionIsGiven) {
 
 /// Energies beyond the largest number: there is no residual, and that is no reason to pass.
 TEST(Ledger, ThatIsNotANumberDoesNotPass) {
-  BodySpec flying = on(particle("flying", 1e10, {}), "", "translational");
+  BodySpec flying = on(particle("flying", 1e10, Eigen::Vector3d::Zero()), "", "translational");
   flying.hinge.v = {1e152, 0, 0};                         // m v^2 overflows, v does not
   Simulation sim(compiled(system({flying})), by("rk4"));  // methods that choose their steps find none
   sim.run(0.1);
