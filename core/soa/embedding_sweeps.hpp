@@ -342,8 +342,6 @@ static inline void cross_hinge(const SweepModel& model, const Embedding& e, cons
   const SweepBody& body = model.bodies[step.body];
   const int nv = body.kind == BodyKernel::free ? 6 : body.nv;
   const bool free = body.kind == BodyKernel::free;
-  int total = 0;
-  for (const PendingFlow& flow : step.flows) total += e.loops[static_cast<std::size_t>(flow.loop)].n;
   double *Y = k.Y.data() + step.Y, *V = k.scratch.data();  // column by column, nv each
   double nu[6] = {};
   double* V0 = V;

@@ -1,6 +1,7 @@
 // Runs by the dense twin: in double (`Dynamics::dense`), and in 113 bits (the method `extended`).
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/reference/dense_dynamics.hpp"
@@ -297,7 +298,7 @@ TEST(Extended, GoesOnFromACheckpointWithTheSameBits) {
   };
   SystemSpec driven = flexible();
   driven.bodies.push_back(on(rigid("mast", 1.0, {0, 0.2, 0}, diagonal({0.1, 0.02, 0.1})), "", "revolute", {{1, 0, 0}}));
-  std::ranges::rotate(driven.bodies, driven.bodies.end() - 1);
+  std::rotate(driven.bodies.begin(), driven.bodies.end() - 1, driven.bodies.end());
   driven.bodies[0].hinge.prescribed = {0};
   for (const SystemSpec& spec : {driven, hauled()}) {
     const State whole = scene(spec, true), resumed = scene(spec, false);
