@@ -15,6 +15,7 @@
 #include "tests/properties/trees.hpp"
 #include "tests/support/builders.hpp"
 #include "tests/support/four_bar.hpp"
+#include "tests/support/mass_on_a_string.hpp"
 
 namespace cardan::test {
 namespace {
@@ -367,13 +368,7 @@ TEST(Couplings, ARunWithACamKeepsItClosedAndEnergyHonest) {
 
 /// A mass on a string that is hauled in and out: m r^2 theta' stays, r is given.
 TEST(Couplings, AStringThatIsHauledInKeepsAngularMomentum) {
-  BodySpec mass = on(particle("mass", 2.0, {0, 0, 0}), "", "translational");
-  mass.hinge.q = {1.0, 0.0, 0.0}, mass.hinge.v = {0.0, 1.5, 0.0};
-  SystemSpec spec = system({mass});
-  LoopSpec string;
-  string.name = "string", string.type = "distance", string.length = 1.0, string.prescribed = true;
-  string.to.body = "mass";
-  spec.loops = {string};
+  SystemSpec spec = mass_on_a_string({0.0, 1.5, 0.0});
   for (const LoopForm form : {LoopForm::multipliers, LoopForm::embedding}) {
     spec.loop_form = form;
     SimulationOptions options;
@@ -401,13 +396,7 @@ TEST(Couplings, AStringThatIsHauledInKeepsAngularMomentum) {
 
 // The mission tells the rate: initial rates that move the length are no open loop, but those of its profile.
 TEST(Couplings, AStringMayBeginInMotion) {
-  BodySpec mass = on(particle("mass", 2.0, {0, 0, 0}), "", "translational");
-  mass.hinge.q = {1.0, 0.0, 0.0}, mass.hinge.v = {0.3, 1.5, 0.0};
-  SystemSpec spec = system({mass});
-  LoopSpec string;
-  string.name = "string", string.type = "distance", string.length = 1.0, string.prescribed = true;
-  string.to.body = "mass";
-  spec.loops = {string};
+  SystemSpec spec = mass_on_a_string({0.3, 1.5, 0.0});
   SimulationOptions options;
   options.integrator.relative_tolerance = 1e-12;
   Simulation sim(compiled(spec), options);
@@ -437,15 +426,11 @@ TEST(Couplings, AStringMayBeginInMotion) {
 
 // Another loop is open in its rates: what closes it leaves the rate of the given length as it was.
 TEST(Couplings, AStringInMotionStaysSoWhereAnotherLoopIsAssembled) {
-  BodySpec mass = on(particle("mass", 2.0, {0, 0, 0}), "", "translational"),
-           wheel = on(rigid("wheel", 1.0, {0, 0, 0}, diagonal({0.1, 0.1, 0.2})), "", "revolute", {{0, 0, 1}});
-  mass.hinge.q = {1.0, 0.0, 0.0}, mass.hinge.v = {0.3, 1.5, 0.0};
-  SystemSpec spec = system({mass, wheel});
-  LoopSpec string, gear;
-  string.name = "string", string.type = "distance", string.length = 1.0, string.prescribed = true;
-  string.to.body = "mass";
+  SystemSpec spec = mass_on_a_string({0.3, 1.5, 0.0});
+  spec.bodies.push_back(on(rigid("wheel", 1.0, {0, 0, 0}, diagonal({0.1, 0.1, 0.2})), "", "revolute", {{0, 0, 1}}));
+  LoopSpec gear;
   gear.name = "gear", gear.type = "coupling", gear.terms = {{"mass.y", 2.0, {}}, {"wheel", -1.0, {}}}, gear.offset = 0.0;
-  spec.loops = {string, gear};
+  spec.loops.push_back(gear);
   spec.assembly.hold = std::vector<std::string>{};  // what was given may move too
   const auto model = compiled(spec);
   const State s = model->initial_state();

@@ -10,6 +10,7 @@
 #include "tests/properties/random_devices.hpp"
 #include "tests/support/builders.hpp"
 #include "tests/support/four_bar.hpp"
+#include "tests/support/mass_on_a_string.hpp"
 #include "tests/support/modal_samples.hpp"
 #include "tests/support/random_tree.hpp"
 #include "tests/support/worse.hpp"
@@ -253,22 +254,10 @@ TEST(Extended, WhatHangsOnGivenMotionsAgreesWithDouble) {
   EXPECT_LE(apart(at(by("dop853", 1e-13)), exact), 1e-12);
 }
 
-/// A mass on a string that is hauled in and out by a profile.
-SystemSpec hauled() {
-  BodySpec mass = on(particle("mass", 2.0, {0, 0, 0}), "", "translational");
-  mass.hinge.q = {1.0, 0.0, 0.0}, mass.hinge.v = {0.0, 1.5, 0.0};
-  SystemSpec spec = system({mass});
-  LoopSpec string;
-  string.name = "string", string.type = "distance", string.length = 1.0, string.prescribed = true;
-  string.to.body = "mass";
-  spec.loops = {string};
-  return spec;
-}
-
 // Length and its rate are those of the profile, m r^2 theta' stays: to the last bits, over ticks that restart, after which all is closed
 // anew in double.
 TEST(Extended, ADrivenLengthIsFollowedInAllDigits) {
-  Simulation sim(compiled(hauled()), by("extended", 1e-22));
+  Simulation sim(compiled(mass_on_a_string({0.0, 1.5, 0.0})), by("extended", 1e-22));
   sim.prescribe_loop("string", MotionProfile::sine(0.4, 0.25, -0.5 * 3.14159265358979323846));
   sim.every({1, 4}, [&sim] { sim.set_force(2, sim.force(2) == 0.0 ? 1e-40 : 0.0); });
   sim.run(3.0);
@@ -300,7 +289,7 @@ TEST(Extended, GoesOnFromACheckpointWithTheSameBits) {
   driven.bodies.push_back(on(rigid("mast", 1.0, {0, 0.2, 0}, diagonal({0.1, 0.02, 0.1})), "", "revolute", {{1, 0, 0}}));
   std::rotate(driven.bodies.begin(), driven.bodies.end() - 1, driven.bodies.end());
   driven.bodies[0].hinge.prescribed = {0};
-  for (const SystemSpec& spec : {driven, hauled()}) {
+  for (const SystemSpec& spec : {driven, mass_on_a_string({0.0, 1.5, 0.0})}) {
     const State whole = scene(spec, true), resumed = scene(spec, false);
     EXPECT_EQ(whole.q, resumed.q);
     EXPECT_EQ(whole.v, resumed.v);
