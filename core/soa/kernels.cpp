@@ -36,13 +36,18 @@ InstructionSet pick() {
   const char* wish = std::getenv("CARDAN_KERNELS");
   const std::string name = wish ? wish : "";
   const Built* picked = nullptr;
-  std::string offered;
+  std::string all, offered;
   for (const Built& one : built) {
+    all += all.empty() ? one.name : std::string(", ") + one.name;
     if (!runs_here(one.name)) continue;
     offered += offered.empty() ? one.name : std::string(", ") + one.name;
     if (name.empty() || name == one.name) picked = &one;
   }
   if (picked) return picked->set();
+  if (offered.empty())
+    refuse(Code::out_of_range, {"processor"}, "one that runs the sweeps of this program: x86-64-" + all,
+           runs_here("v3") ? "x86-64-v3" : "x86-64-v2",
+           "./dev build, or cmake -D \"CARDAN_KERNELS=v2;v3;v4\", builds a program for every processor");
   refuse(Code::out_of_range, {"environment variable CARDAN_KERNELS"},
          "one of those that are built and that this processor runs: " + offered, "\"" + name + "\"",
          "leave it out: the best of them is taken");

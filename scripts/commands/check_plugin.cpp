@@ -16,11 +16,10 @@
 namespace cardan {
 namespace {
 
-constexpr int kSamples = 1000;
-
 struct Arguments {
   std::string plugin, out;
   std::uint64_t seed = 1;
+  int samples = 1000;
   bool json = false;
 };
 
@@ -64,7 +63,7 @@ Json report(const Arguments& a, const Examination& e) {
                          {"contract", fmt::format("{}.{}", CARDAN_ABI_MAJOR, CARDAN_ABI_MINOR)},
                          {"compiler", version::kCompiler},
                          {"instruction_set", fmt::format("x86-64-{}", soa::instruction_set().name)}};
-  page["samples"] = kSamples, page["seed"] = a.seed;
+  page["samples"] = a.samples, page["seed"] = a.seed;
   page["families"] = Json::array();
   for (std::size_t i = 0; i < e.families.size(); ++i) {
     const PluginFamily& f = e.families[i];
@@ -139,7 +138,7 @@ void write_examination(const Arguments& a, const Examination& e) {
 int check_plugin(const Arguments& a) {
   Examination e;
   try {
-    e.families = examine_plugin(a.plugin, kSamples, a.seed, e.record);
+    e.families = examine_plugin(a.plugin, a.samples, a.seed, e.record);
   } catch (const InputError& error) {
     std::error_code none;
     const Diagnostic& why = error.diagnostics().front();
@@ -175,6 +174,7 @@ void add_check_plugin(CLI::App& app, CommandLine& line) {
       ->type_name("FILE");
   command->add_flag("--json", a->json, "The report as JSON on standard output");
   command->add_option("--seed", a->seed, "Of the random samples; default 1")->type_name("NUMBER");
+  command->add_option("--samples", a->samples, "Of each law; default 1000")->type_name("NUMBER")->check(CLI::Range(1, 1000000));
   command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
   command->callback([&line, a] { line.action = [a] { return check_plugin(*a); }; });
 }

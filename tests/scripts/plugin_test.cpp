@@ -83,9 +83,11 @@ struct Report {
   nlohmann::ordered_json json;
 };
 /// Of a plugin, as text and as data.
-Report report_on(const std::string& plugin, const std::string& fault = "") {
+Report report_on(const std::string& plugin, const std::string& fault = "", const std::vector<std::string>& more = {}) {
   const PluginFolder dir(plugin);
-  const Finished check = with_fault(fault, {"check-plugin", "p.so", "--out", "report.txt", "--json"}, dir.path());
+  std::vector<std::string> words{"check-plugin", "p.so", "--out", "report.txt", "--json"};
+  words.insert(words.end(), more.begin(), more.end());
+  const Finished check = with_fault(fault, words, dir.path());
   const auto json = nlohmann::ordered_json::parse(check.out);
   EXPECT_EQ(json["sha256"], sha256_of_file(dir / "p.so"));
   return {check.exit_code, file_text(dir / "report.txt"), json};
@@ -94,8 +96,9 @@ Report report_on(const std::string& plugin, const std::string& fault = "") {
 TEST(PluginReports, TellWhatWasTriedOfEachKind) {
   std::set<std::string> kinds;
   for (const char* plugin : {"arc.so", "acme_bodies.so", "frozen_2_1.so", "frozen_2_2.so"}) {
-    const Report report = report_on(plugin);
+    const Report report = report_on(plugin, "", {"--samples", "60"});
     EXPECT_EQ(report.exit_code, 0) << plugin;
+    EXPECT_EQ(report.json["samples"], 60);
     EXPECT_TRUE(report.json["obeys"]) << plugin;
     EXPECT_TRUE(has(report.text, "verdict          every law that was tried holds\n")) << report.text;
     for (const auto& family : report.json["families"]) {
@@ -142,10 +145,10 @@ TEST(PluginReports, TellOfAPluginThatCrashed) {
 TEST(PluginReports, AreTheSameBytesForTheSameSeed) {
   const PluginFolder dir("arc.so");
   const auto report = [&](const std::string& file, const char* seed) {
-    run_program({"check-plugin", "p.so", "--out", file, "--seed", seed}, dir.path());
+    run_program({"check-plugin", "p.so", "--out", file, "--seed", seed, "--samples", "60"}, dir.path());
     return file_text(dir / file);
   };
-  EXPECT_EQ(report("a.json", "1"), run_program({"check-plugin", "p.so", "--json"}, dir.path()).out);
+  EXPECT_EQ(report("a.json", "1"), run_program({"check-plugin", "p.so", "--json", "--samples", "60"}, dir.path()).out);
   EXPECT_EQ(report("a.txt", "1"), report("b.txt", "1"));
   EXPECT_NE(report("a.txt", "1"), report("b.txt", "2"));
 }

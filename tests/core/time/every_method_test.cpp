@@ -15,7 +15,7 @@ TEST_P(EveryMethod, FollowsTheOscillator) {
   EXPECT_EQ(integrator->name(), GetParam());
 }
 
-/// An oscillator among 400 states that rest: in one group with it they hide its error, sqrt(201) in the norm, and the steps grow; in a
+/// An oscillator among 200 states that rest: in one group with it they hide its error, sqrt(101) in the norm, and the steps grow; in a
 /// group of their own they take part in it by sqrt(2), whatever their number.
 TEST_P(EveryMethod, DoesNotLetManySmoothStatesDiluteTheOthers) {
   if (GetParam() == "rk4") GTEST_SKIP() << "has no error test";
@@ -40,12 +40,12 @@ TEST_P(EveryMethod, DoesNotLetManySmoothStatesDiluteTheOthers) {
     integrate(*integrator, 0.0, x, 20.0);
     return static_cast<double>(integrator->statistics().steps);
   };
-  const double alone = steps_with(0, false), diluted = steps_with(400, false);
+  const double alone = steps_with(0, false), diluted = steps_with(200, false);
   EXPECT_LT(diluted, 0.9 * alone);
   if (GetParam() == "dopri5") {  // the others change their order too
-    EXPECT_GT(steps_with(40, true), 0.9 * alone);
+    EXPECT_GT(steps_with(20, true), 0.9 * alone);
   }
-  EXPECT_NEAR(steps_with(400, true), steps_with(40, true), 0.03 * alone);
+  EXPECT_NEAR(steps_with(200, true), steps_with(20, true), 0.03 * alone);
 }
 
 /// Two oscillators, the fast one in the states 2 and 3 or 0 and 1: its error sets the steps.
