@@ -80,6 +80,7 @@ class EmbeddedMultipliers {
   bool find(LoopPass& pass) {
     what_is_left();
     for (const Gear& gear : e_.gears) k_.lambda[at(gear.row)] = gear.per_slope * left_on_wheel(gear.wheel);
+    for (const Transmission& t : e_.transmissions) push_wheels(t);
     std::ranges::fill(k_.pushed, 0.0);
     for (std::size_t l = 0; l < e_.loops.size(); ++l) gather(e_.loops[l]);
     for (std::size_t l = e_.loops.size(); l-- > 0;) solve(e_.loops[l], k_.lambda.data());
@@ -118,7 +119,29 @@ class EmbeddedMultipliers {
     const AxisBody& wheel = m_.axis_bodies[at(k)];
     const soa::Core<double>& carrier = ws_.core(wheel.parent);
     const Vec3<double> u{wheel.u[0], wheel.u[1], wheel.u[2]};
-    return wheel.J_axial * (dot(u, carrier.gamma.w + carrier.delta.w) + k_.vdot[at(wheel.v)]) - ws_.axis(k).nu;
+    const double moment = ws_.axis(k).load + (in_.tau ? in_.tau[wheel.v] : 0.0);
+    return wheel.J_axial * (dot(u, carrier.gamma.w + carrier.delta.w) + k_.vdot[at(wheel.v)]) - moment;
+  }
+
+  /// What wheels of a transmission lack is what its multipliers push on them.
+  void push_wheels(const Transmission& t) {
+    const std::size_t n = t.wheels.size();
+    const double* inverse = n_.ratios.data() + at(t.numbers) + n * (t.way.size() + 1);
+    for (const Transmission::Row& row : t.rows) k_.lambda[at(row.row)] = 0.0;
+    for (std::size_t w = 0; w < n; ++w) {
+      const TurningWheel& wheel = *std::ranges::find(e_.wheels, t.wheels[w], &TurningWheel::body);
+      double left = 0.0;
+      if (wheel.on_ground) {
+        const Vec3<double>& z = ws_.z(wheel.body).n;
+        left = (wheel.on_ground == 1   ? z.x
+                : wheel.on_ground == 2 ? z.y
+                                       : z.z) +
+               wheel.J_axial * k_.vdot[at(wheel.v)] - (in_.tau ? in_.tau[wheel.v] : 0.0);
+      } else {
+        left = left_on_wheel(wheel.body);
+      }
+      for (std::size_t i = 0; i < n; ++i) k_.lambda[at(t.rows[i].row)] += inverse[w * n + i] * left;
+    }
   }
 
   /// H* f - tau on the rates that loops have taken up, f = P delta + z + Q x through their hinges: what their multipliers push.

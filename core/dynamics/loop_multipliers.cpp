@@ -226,6 +226,8 @@ LoopWork::LoopWork(const Model& model) {
   G.resize(rows * nv), U.resize(rows * nv), B.resize(rows * columns.size());
   for (auto* x : {&Lambda, &N, &NN}) x->resize(rows * rows);
   gamma.resize(model.bodies.size()), z.resize(model.bodies.size());
+  for (std::size_t k = 1; k < model.bodies.size(); ++k)
+    if (model.bodies[k].kind != BodyKernel::rotor) swept.push_back(static_cast<int>(k));
   z_modes.resize(static_cast<std::size_t>(model.n_modes)), rotor_loads.resize(model.rotors.size());
   wrenches.reserve(2 * n), one.reserve(2);
   if (loops.embedding) {
@@ -251,13 +253,11 @@ void make_room_for_loops(const Model& model, Workspace& ws) {
 void keep_loads(const Model& model, Workspace& ws) {
   make_room_for_loops(model, ws);
   LoopWork& work = *ws.loops;
+  for (const int k : work.swept) work.z[static_cast<std::size_t>(k)] = ws.z(k);
   std::size_t mode = 0;
-  for (std::size_t k = 1; k < model.bodies.size(); ++k) {
-    if (model.bodies[k].kind == BodyKernel::rotor) continue;  // what acts on it is its load
-    work.z[k] = ws.z(static_cast<int>(k));
+  for (std::size_t k = 1; mode < work.z_modes.size(); ++k)
     if (const soa::Modal<double>* modal = ws.modal_of(static_cast<int>(k)))
       for (int j = 0; j < model.bodies[k].n_modes; ++j) work.z_modes[mode++] = modal->z[j];
-  }
   for (std::size_t i = 0; i < model.rotors.size(); ++i) work.rotor_loads[i] = ws.axis(model.rotors[i]).load;
   if (!model.loops.embedding) keep_gamma(model, ws);
 }

@@ -38,6 +38,7 @@ struct LoopWork {
   std::vector<double> B, L, Lambda, N, NN, y;
   int rank = 0;
   double smallest = 0.0, largest = 0.0;
+  std::vector<int> swept;  // bodies but rotors: what acts on these is their load
   // What acts on the bodies before the inward sweeps.
   std::vector<Motion<double>> gamma;
   std::vector<Force<double>> z;

@@ -146,25 +146,6 @@ class Embedder {
     return most > kUnlike * least;
   }
 
-  /// A wheel and a hinge of one carrier, with axes along each other, and no other loop has either.
-  bool is_gear(int l) const {
-    const Loop& loop = m_.loops.all[at(l)];
-    if (loop.closing != Closing::coupling || !loop.coupling.is_linear() || loop.coupling.terms.size() != 2 || crossed_[at(l)]) return false;
-    int wheels = 0;
-    Vec3<double> axes[2];
-    for (const CoupledRate& term : loop.coupling.terms) {
-      const int k = body_of_[at(term.v)];
-      const SweepBody& b = m_.bodies[at(k)];
-      if (!is_axis(b.kind) || b.parent != home_[at(l)] || b.parent == 0 || term.coefficient == 0.0 || is_given(term.v)) return false;
-      axes[b.kind == BodyKernel::rotor] = axis_on_carrier(k);
-      wheels += b.kind == BodyKernel::rotor;
-      for (std::size_t other = 0; other < hinges_.size(); ++other)
-        if (other != at(l) && std::ranges::binary_search(hinges_[other], k)) return false;
-    }
-    const Vec3<double> across = cardan::cross(axes[0], axes[1]);
-    return wheels == 1 && dot(across, across) < 1e-30;  // but for rounding
-  }
-
   /// by_rates: per loop.
   Embedding build(const std::vector<std::uint8_t>& by_rates) {
     while (true) {
@@ -222,12 +203,7 @@ class Embedder {
     std::vector<int> by(at(m_.nv), -1), column(at(m_.nv), -1);  // in whose coordinates a rate is expressed last
     std::vector<std::uint8_t> done(n);
     index_.assign(n, -1);
-    gear_of_.assign(m_.bodies.size(), -1);
-    for (std::size_t l = 0; l < n; ++l)
-      if (by_rates[l] && is_gear(static_cast<int>(l))) done[l] = 1, mesh(static_cast<int>(l));
-    std::ranges::sort(e_.gears, std::greater<>(), &Gear::body);
-    for (std::size_t i = 0; i < e_.gears.size(); ++i)
-      gear_of_[at(e_.gears[i].body)] = gear_of_[at(e_.gears[i].wheel)] = static_cast<int>(i);
+    mesh(by_rates, done);
     std::vector<int> homes(home_);
     std::ranges::sort(homes, std::greater<>());
     homes.erase(std::unique(homes.begin(), homes.end()), homes.end());
@@ -325,27 +301,105 @@ class Embedder {
       }
   }
 
-  std::size_t loop_of_row(int row) const {
-    std::size_t l = 0;
-    while (m_.loops.all[l].first != row) ++l;
-    return l;
+  // Wheels that turn with hinges.
+  void mesh(const std::vector<std::uint8_t>& by_rates, std::vector<std::uint8_t>& done) {
+    std::vector<std::uint8_t> may(by_rates);
+    for (std::size_t l = 0; l < may.size(); ++l) may[l] = may[l] && !crossed_[l];
+    turning_.assign(m_.bodies.size(), {});
+    gear_of_.assign(m_.bodies.size(), -1), geared_of_.assign(m_.bodies.size(), -1);
+    std::vector<Transmission> all = find_transmissions(m_, rows_, hinges_, may);
+    for (const Transmission& t : all)
+      for (const Transmission::Row& row : t.rows) {
+        done[at(row.loop)] = 1;
+        for (const std::vector<int>* bodies : {&t.wheels, &t.way})
+          for (const int k : *bodies) turning_[at(k)].push_back(row.loop);
+      }
+    for (Transmission& t : all)
+      if (is_gear(t))
+        e_.gears.push_back(gear_of(t));
+      else
+        e_.transmissions.push_back(std::move(t));
+    std::ranges::sort(e_.gears, std::greater<>(), &Gear::body);
+    for (std::size_t i = 0; i < e_.gears.size(); ++i)
+      gear_of_[at(e_.gears[i].body)] = gear_of_[at(e_.gears[i].wheel)] = static_cast<int>(i);
+    place_wheels();
   }
-  Vec3<double> axis_on_carrier(int k) const {
-    const SweepBody& b = m_.bodies[at(k)];
-    if (b.kind != BodyKernel::rotor) return b.O.R * b.axis;
-    const double* u = m_.axis_bodies[at(k)].u;
-    return {u[0], u[1], u[2]};
+  /// One wheel beside its hinge, with axes along each other, and no other wheel turns with it.
+  bool is_gear(const Transmission& t) const {
+    if (t.wheels.size() != 1 || t.way.size() != 1 || !t.rows[0].coupling.is_linear() || turning_[at(t.way[0])].size() != 1) return false;
+    if (m_.bodies[at(t.wheels[0])].kind != BodyKernel::rotor) return false;
+    const Vec3<double> across = cardan::cross(axis_on_carrier(m_, t.way[0]), axis_on_carrier(m_, t.wheels[0]));
+    return dot(across, across) < 1e-30;  // but for rounding
   }
-  void mesh(int l) {
-    const Loop& loop = m_.loops.all[at(l)];
-    const CoupledRate *hinge = &loop.coupling.terms[0], *wheel = &loop.coupling.terms[1];
-    if (m_.bodies[at(body_of_[at(hinge->v)])].kind == BodyKernel::rotor) std::swap(hinge, wheel);
+  Gear gear_of(const Transmission& t) const {
+    const Transmission::Row& row = t.rows[0];
     Gear gear;
-    gear.body = body_of_[at(hinge->v)], gear.wheel = body_of_[at(wheel->v)];
-    gear.row = loop.first, gear.drive = loop.drive;
-    gear.sense = dot(axis_on_carrier(gear.body), axis_on_carrier(gear.wheel)) > 0.0 ? 1.0 : -1.0;
-    gear.ratio = -gear.sense * hinge->coefficient / wheel->coefficient, gear.per_slope = 1.0 / wheel->coefficient;
-    e_.gears.push_back(gear);
+    gear.body = t.way[0], gear.wheel = t.wheels[0];
+    gear.row = row.row, gear.drive = row.drive;
+    gear.sense = dot(axis_on_carrier(m_, gear.body), axis_on_carrier(m_, gear.wheel)) > 0.0 ? 1.0 : -1.0;
+    double slopes[2] = {};  // of the wheel, of the hinge
+    for (std::size_t i = 0; i < row.column.size(); ++i) slopes[row.column[i]] += row.coupling.terms[i].coefficient;
+    gear.ratio = -gear.sense * slopes[1] / slopes[0], gear.per_slope = 1.0 / slopes[0];
+    const AxisBody& wheel = m_.axis_bodies[at(gear.wheel)];
+    gear.v = wheel.v, gear.J_axial = wheel.J_axial;
+    gear.coupled = gear.ratio * wheel.J_axial, gear.reflected = gear.ratio * gear.coupled;
+    return gear;
+  }
+  void place_wheels() {
+    struct Way {
+      std::size_t transmission;
+      int last = -1, at = 0;  // the hinge before, index into Embedding::geared, and which of its turns
+    };
+    std::vector<Way> ways;
+    std::set<int, std::greater<>> hinges;
+    for (std::size_t i = 0; i < e_.transmissions.size(); ++i) {
+      Transmission& t = e_.transmissions[i];
+      const int n = static_cast<int>(t.wheels.size()), along = static_cast<int>(t.way.size());
+      t.numbers = e_.n_ratios, e_.n_ratios += n * (along + 1 + n);
+      for (Transmission::Row& row : t.rows) row.angles = e_.n_angles, e_.n_angles += row.sinusoids.angles();
+      for (int w = 0; w < n; ++w) {
+        const int k = t.wheels[at(w)];
+        const SweepBody& b = m_.bodies[at(k)];
+        const AxisBody& a = m_.axis_bodies[at(k)];
+        TurningWheel wheel{k, b.parent, b.v, a.J_axial, {a.u[0], a.u[1], a.u[2]}, t.numbers + n * along + w, 0};
+        if (b.kind != BodyKernel::rotor) {
+          const int axis = b.axis.x != 0.0 ? 0 : b.axis.y != 0.0 ? 1 : 2;
+          wheel.on_ground = 1 + axis, wheel.u = {};
+          wheel.J_axial = axis == 0 ? b.M_sweep.J.xx : axis == 1 ? b.M_sweep.J.yy : b.M_sweep.J.zz;
+        }
+        e_.wheels.push_back(wheel);
+        ways.push_back({i});
+        geared_of_[at(k)] = 0;
+      }
+      hinges.insert(t.way.begin(), t.way.end());
+    }
+    for (const int k : hinges) {
+      GearedHinge hinge;
+      hinge.body = k;
+      std::vector<Way> before;
+      for (std::size_t w = 0; w < ways.size(); ++w) {
+        const Transmission& t = e_.transmissions[ways[w].transmission];
+        const auto on = std::ranges::find(t.way, k);
+        if (on == t.way.end()) continue;
+        const auto along = static_cast<int>(t.way.size()),
+                   which = static_cast<int>(std::ranges::find(t.wheels, e_.wheels[w].body) - t.wheels.begin());
+        hinge.turns.push_back(
+            {static_cast<int>(w), t.numbers + which * along + static_cast<int>(on - t.way.begin()), k == t.way.back(), k == t.way.front()});
+        before.push_back(ways[w]);
+        ways[w].last = static_cast<int>(e_.geared.size()), ways[w].at = static_cast<int>(before.size()) - 1;
+      }
+      for (const Way& a : before)
+        for (const Way& b : before) {
+          if (a.last < 0 || a.last != b.last)
+            hinge.pairs.push_back(-1);
+          else
+            hinge.pairs.push_back(e_.geared[at(a.last)].A + a.at * static_cast<int>(e_.geared[at(a.last)].turns.size()) + b.at);
+        }
+      const int n = static_cast<int>(hinge.turns.size());
+      hinge.A = e_.n_pairs, e_.n_pairs += n * (n + 1);
+      geared_of_[at(k)] = static_cast<int>(e_.geared.size());
+      e_.geared.push_back(std::move(hinge));
+    }
   }
 
   bool is_given(int v) const { return m_.has_prescribed() && m_.prescribed[at(v)]; }
@@ -534,11 +588,11 @@ class Embedder {
       for (const int l : closes[at(k)]) flush(), close(l, k, own);
       if (k == 0) break;
       const SweepBody& b = m_.bodies[at(k)];
+      if (!turning_[at(k)].empty() && !own[at(k)].empty()) {
+        for (const int l : turning_[at(k)]) crossed_[at(l)] = 1;
+        return false;
+      }
       if (const int gear = gear_of_[at(k)]; gear >= 0) {
-        if (!own[at(k)].empty()) {
-          crossed_[loop_of_row(e_.gears[at(gear)].row)] = 1;
-          return false;
-        }
         flush();
         if (k == e_.gears[at(gear)].wheel) continue;  // with the hinge
         if (e_.steps.empty() || e_.steps.back().kind != EmbeddingStep::Kind::gear) {
@@ -546,7 +600,17 @@ class Embedder {
           e_.steps.back().kind = EmbeddingStep::Kind::gear, e_.steps.back().begin = gear;
         }
         e_.steps.back().end = gear + 1;
-        e_.flops += of_tree(b) + 170L;
+        e_.flops += of_tree(b) + 60L;
+      } else if (const int geared = geared_of_[at(k)]; geared >= 0) {
+        flush();
+        if (e_.geared[at(geared)].body != k) continue;  // a wheel: with its hinges
+        if (e_.steps.empty() || e_.steps.back().kind != EmbeddingStep::Kind::geared) {
+          e_.steps.emplace_back();
+          e_.steps.back().kind = EmbeddingStep::Kind::geared, e_.steps.back().begin = geared;
+        }
+        e_.steps.back().end = geared + 1;
+        const long n = std::ssize(e_.geared[at(geared)].turns);
+        e_.flops += of_tree(b) + 60L + n * (50L + 8L * n);
       } else if (owner_[at(k)] >= 0) {
         flush();
         take_item(k, own, carried, carries);
@@ -766,8 +830,9 @@ class Embedder {
     int n_pairs_ = 0;
   };
   Program e_;
-  std::vector<std::uint8_t> crossed_;  // per loop: coordinates of others cross the hinge that its gear would be one with
-  std::vector<int> gear_of_;           // per body, index into Embedding::gears
+  std::vector<std::uint8_t> crossed_;      // per loop: coordinates of others cross the hinge that its gear would be one with
+  std::vector<std::vector<int>> turning_;  // per body: loops that are transmissions with its hinge
+  std::vector<int> gear_of_, geared_of_;   // per body, index into Embedding::gears, ::geared
   std::vector<int> index_, owner_, base_;
   std::vector<int> shared_, state_;  // per body: the home of the last loop that has found its state, and where that stands
   std::map<std::tuple<int, int, bool>, int> Q_;
@@ -816,9 +881,14 @@ Embedding embed_loops(const Model& model, const std::vector<double>& scaled_rows
     if (!by_rates[at(l)]) set.form = "multipliers in the sweep";
   }
   Embedding embedding = embed_loops(model, scaled_rows, by_rates);
-  for (const Gear& gear : embedding.gears)
-    for (LoopSet& set : sets)
-      if (model.loops.all[at(set.loops[0])].first == gear.row) set.why = "a wheel geared to a hinge beside it";
+  std::vector<const char*> turns(model.loops.all.size(), nullptr);
+  for (std::size_t l = 0; l < turns.size(); ++l)
+    if (std::ranges::find(embedding.gears, model.loops.all[l].first, &Gear::row) != embedding.gears.end())
+      turns[l] = "a wheel geared to a hinge beside it";
+  for (const Transmission& t : embedding.transmissions)
+    for (const Transmission::Row& row : t.rows) turns[at(row.loop)] = "wheels that turn with hinges outboard of their carrier";
+  for (LoopSet& set : sets)
+    if (const char* why = turns[at(set.loops[0])]) set.why = why;
   return embedding;
 }
 

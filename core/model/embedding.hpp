@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/model/coupling.hpp"
+#include "core/model/gears.hpp"
 #include "core/model/loop_form.hpp"
 #include "core/spatial/pose.hpp"
 
@@ -85,30 +86,20 @@ struct PendingFlow {
   int own_modes = -1, to_modes = -1;  // the same of EmbeddingWork::modal: on the modes of the body, of the inboard body
 };
 
-/// A wheel that turns with the hinge of another body on its carrier, about the same direction: a linear coupling of these two rates and
-/// nothing else. It is no loop here, but more inertia of that hinge.
-struct Gear {
-  int body = 0, wheel = 0;
-  int row = 0;         // of all rows
-  double sense = 1.0;  // of the axis of the wheel along that of the hinge: 1 or -1
-  double ratio = 0.0;  // v'_wheel = sense ratio v'_body + per_slope * (what G v' is to be)
-  double per_slope = 0.0;
-  int drive = -1;
-};
-
 struct EmbeddingStep {
   enum class Kind : std::uint8_t {
-    sweep,  // bodies as in an open tree
-    gear,   // bodies each with the wheel that turns with its hinge
-    cross,  // one body whose hinge is eliminated, with pending coordinates on it
-    item,   // one body whose hinge rates a loop has taken up
-    wheel,  // the same of a rotor that is folded into its carrier
-    modes,  // of one body of a general kernel, with pending coordinates on it: its modes are eliminated
-    hinge,  // ... and its hinge
-    close   // the loop is closed at home
+    sweep,   // bodies as in an open tree
+    gear,    // bodies each with the wheel that turns with its hinge
+    geared,  // bodies each with the wheels of transmissions that turn with its hinge
+    cross,   // one body whose hinge is eliminated, with pending coordinates on it
+    item,    // one body whose hinge rates a loop has taken up
+    wheel,   // the same of a rotor that is folded into its carrier
+    modes,   // of one body of a general kernel, with pending coordinates on it: its modes are eliminated
+    hinge,   // ... and its hinge
+    close    // the loop is closed at home
   };
   Kind kind = Kind::sweep;
-  int run = 0, begin = 0, end = 0;      // sweep, cross; of gear: indices into Embedding::gears
+  int run = 0, begin = 0, end = 0;      // sweep, cross; of gear and geared: indices into Embedding::gears, ::geared
   int body = 0;                         // cross, item, wheel; of close: home
   int loop = -1;                        // item, wheel, close
   std::vector<PendingFlow> flows;       // item: that of its loop first; close: likewise, then what it is coupled with
@@ -128,8 +119,11 @@ struct EmbeddingStep {
 };
 
 struct Embedding {
-  std::vector<EmbeddedLoop> loops;   // in the order in which they are closed
-  std::vector<Gear> gears;           // tip to base
+  std::vector<EmbeddedLoop> loops;  // in the order in which they are closed
+  std::vector<Gear> gears;          // tip to base
+  std::vector<Transmission> transmissions;
+  std::vector<TurningWheel> wheels;  // of transmissions
+  std::vector<GearedHinge> geared;   // tip to base
   std::vector<EmbeddingStep> steps;  // tip to base
   /// Pushes of multipliers on bodies: +1 of the end `from`, -1 of `to`.
   struct Push {
@@ -139,7 +133,7 @@ struct Embedding {
   };
   std::vector<Push> pushes;
   int n_numbers = 0, n_Q = 0, n_U = 0, n_carried = 0, n_x = 0, n_rows = 0, n_path = 0, n_Y = 0, n_pivots = 0, n_gradients = 0;
-  int n_modal = 0, n_scratch = 0;
+  int n_modal = 0, n_scratch = 0, n_ratios = 0, n_pairs = 0, n_angles = 0;
   bool chosen = false;        // some loop has rows that count chosen at the start
   int n_zeroed = 0;           // of numbers: A comes first
   int width = 0;              // most coordinates on a body

@@ -3,6 +3,7 @@
 // bodies of a loop move with what is left free (docs/mathematics/loops.md, 4). One state at a time.
 #include <cmath>
 
+#include "core/soa/embedding_gears.hpp"
 #include "core/soa/embedding_work.hpp"
 #include "core/soa/kernels_axis.hpp"
 #include "core/soa/kernels_composite.hpp"
@@ -382,6 +383,7 @@ static inline void move_bodies(const SweepModel& model, const EmbeddedLoop& c, W
 /// changed, or rows contradict each other.
 static inline bool embedding_kinematics(const SweepModel& model, const Embedding& e, Workspace<double>& ws, EmbeddingWork& k,
                                         const Inputs<double>& in, const RowsOfHinges& hinges, const double* given) {
+  if (!find_ratios(e, k, in, given)) return false;
   double* numbers = k.numbers.data();
   std::size_t next_push = 0;  // they stand in the order of the loops
   k.size = 0.0, k.smallest = 1.0;

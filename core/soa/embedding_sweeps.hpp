@@ -1,43 +1,11 @@
 #pragma once
 // Inward and outward with pending coordinates of loops (docs/mathematics/loops.md, 4): items, hinges that they cross, homes.
+#include "core/soa/embedding_gears.hpp"
 #include "core/soa/embedding_kinematics.hpp"
 #include "core/soa/kernels.hpp"
 #include "core/soa/kernels_acceleration.hpp"
 
 namespace cardan::soa {
-
-/// Phi P Phi* of a body that turns about an axis of its own: as P+ in inward_axis, with the row of the axis.
-template <int I, Tilt TILT>
-CARDAN_INLINE ArticulatedInertia<double> inertia_to_inboard(const AxisBody& b, double c, double s, ArticulatedInertia<double> P) {
-  constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
-  turn<I>(P.J, c, s);
-  turn<I>(P.B, c, s);
-  turn<I>(P.M, c, s);
-  const double lj = b.l[0], lk = b.l[1];
-  const double mii = entry<I, I>(P.M), mij = entry<I, J>(P.M), mik = entry<I, K>(P.M), mjj = entry<J, J>(P.M), mjk = entry<J, K>(P.M),
-               mkk = entry<K, K>(P.M);
-  const double bii = entry<I, I>(P.B), bij = entry<I, J>(P.B), bik = entry<I, K>(P.B), bji = entry<J, I>(P.B), bki = entry<K, I>(P.B);
-  const double cij = bij + (lj * mjk - lk * mjj), cik = bik + (lj * mkk - lk * mjk);
-  const double cji = bji + lk * mii, cjj = entry<J, J>(P.B) + lk * mij, cjk = entry<J, K>(P.B) + lk * mik;
-  const double cki = bki - lj * mii, ckj = entry<K, J>(P.B) - lj * mij, ckk = entry<K, K>(P.B) - lj * mik;
-  ArticulatedInertia<double> Q;
-  entry<I, I>(Q.B) = bii + (lj * mik - lk * mij), entry<I, J>(Q.B) = cij, entry<I, K>(Q.B) = cik;
-  entry<J, I>(Q.B) = cji, entry<J, J>(Q.B) = cjj, entry<J, K>(Q.B) = cjk;
-  entry<K, I>(Q.B) = cki, entry<K, J>(Q.B) = ckj, entry<K, K>(Q.B) = ckk;
-  entry<I, I>(Q.J) = entry<I, I>(P.J) + (lj * (cik + bik) - lk * (cij + bij));
-  entry<I, J>(Q.J) = entry<I, J>(P.J) + (lj * cjk + lk * (bii - cjj));
-  entry<I, K>(Q.J) = entry<I, K>(P.J) + (lj * (ckk - bii) - lk * ckj);
-  entry<J, J>(Q.J) = entry<J, J>(P.J) + lk * (cji + bji);
-  entry<K, K>(Q.J) = entry<K, K>(P.J) - lj * (cki + bki);
-  entry<J, K>(Q.J) = entry<J, K>(P.J) - lj * cji + lk * bki;
-  Q.M = P.M;
-  if constexpr (TILT != Tilt::none) {
-    tilt<TILT, double>(b, Q.J);
-    tilt<TILT, double>(b, Q.B);
-    tilt<TILT, double>(b, Q.M);
-  }
-  return Q;
-}
 
 /// visit(inertia, force): how what is on body k is seen from its inboard body.
 template <class Visit>
@@ -143,82 +111,6 @@ static inline void take_wheel(const SweepModel& model, const Embedding& e, const
   J.xy += Ja * u.x * u.y, J.xz += Ja * u.x * u.z, J.yz += Ja * u.y * u.z;
   if (step.flows[0].to < 0) return;
   for (int i = 0; i < n; ++i) k.Q[static_cast<std::size_t>(step.flows[0].to + i)].n += (Ja * E[i]) * u;
-}
-
-/// What G v' of a gear is to be: as `given` says, else by its drive.
-static inline double wanted_of(const Gear& gear, const Inputs<double>& in, const double* given) {
-  return given ? given[gear.row] : gear.drive >= 0 && in.drives ? in.drives[gear.drive].acceleration : 0.0;
-}
-
-/// A hinge with the wheel that turns with it about its axis, v'_w = r v' + t (u = +-e_i; r with that sign): a moment along the axis is the
-/// same on the carrier and on the body, so that D = P_ii + r^2 Ja, V = P e_i + r Ja e_i, and what the carrier feels of both is
-/// P + Ja e_i e_i* - V D^-1 V*, z + V nu + Ja t e_i, shifted as that of any body. AxisRecord: nu, and all of G = V D^-1.
-CARDAN_INLINE bool take_gear(const SweepModel& model, const Gear& gear, Workspace<double>& ws, const Inputs<double>& in,
-                             const double* given) {
-  const AxisBody &b = model.axis_bodies[gear.body], &wheel = model.axis_bodies[gear.wheel];
-  const Core<double>& core = ws.core(gear.body);
-  Core<double>& carrier = ws.core(b.parent);
-  Force<double>& z_carrier = ws.z(b.parent);
-  AxisRecord<double>&record = ws.axis(gear.body), &spin = ws.axis(gear.wheel);
-  const Vec3<double> u = rotor_axis<double>(wheel);
-  const double Ja = wheel.J_axial, r = gear.ratio, t = gear.sense * gear.per_slope * wanted_of(gear, in, given);
-  spin.nu = spin.load + (in.tau ? in.tau[wheel.v] : 0.0);
-  const double pull = r * (gear.sense * spin.nu - Ja * (gear.sense * dot(u, carrier.gamma.w) + t));
-  return for_axis(
-      b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
-        constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
-        ArticulatedInertia<double> P = core.P;
-        const double D = entry<I, I>(P.J) + r * r * Ja, size = P.J.xx + P.J.yy + P.J.zz;
-        if (!(D > kPivotLimit * size)) {
-          ws.breakdown = {gear.body, 0, D, kPivotLimit * size};
-          return false;
-        }
-        const double inverse = 1.0 / D;
-        Force<double> V;
-        at<I>(V.n) = entry<I, I>(P.J) + r * Ja, at<J>(V.n) = entry<I, J>(P.J), at<K>(V.n) = entry<I, K>(P.J);
-        V.f = {entry<I, 0>(P.B), entry<I, 1>(P.B), entry<I, 2>(P.B)};
-        const Force<double> G = inverse * V;
-        const Force<double>& z_body = ws.z(gear.body);
-        Force<double> z{{z_body.n.x, z_body.n.y, z_body.n.z}, {z_body.f.x, z_body.f.y, z_body.f.z}};
-        const double eps = (in.tau ? in.tau[b.v] : 0.0) + pull - at<I>(z.n);
-        record.nu = inverse * eps;
-        record.G.n.x = G.n.x, record.G.n.y = G.n.y, record.G.n.z = G.n.z;  // number by number: never stored narrow and loaded wide
-        record.G.f.x = G.f.x, record.G.f.y = G.f.y, record.G.f.z = G.f.z;
-        entry<I, I>(P.J) += Ja;
-        subtract_outer(P, V, G);
-        z += eps * G;
-        at<I>(z.n) += Ja * t;
-        const double c = ws.cosines[b.angle], s = ws.sines[b.angle];
-        carrier.P += inertia_to_inboard<I, TILT>(b, c, s, P);
-        z_carrier += force_to_inboard<double, I, TILT>(b, c, s, z);
-        z_carrier.n += (Ja * in.v[wheel.v]) * cross(carrier.w, u);
-        return true;
-      });
-}
-CARDAN_INLINE void gear_outward(const SweepModel& model, const Gear& gear, Workspace<double>& ws, const Inputs<double>& in,
-                                const double* given, double* vdot) {
-  const AxisBody& b = model.axis_bodies[gear.body];
-  const AxisRecord<double>& record = ws.axis(gear.body);
-  for_axis(
-      b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
-        Motion<double> d = motion_to_outboard<double, I, TILT>(b, ws.cosines[b.angle], ws.sines[b.angle], ws.core(b.parent).delta);
-        const double rate = record.nu - dot(d, record.G);
-        at<I>(d.w) += rate;
-        ws.core(gear.body).delta = d;
-        vdot[b.v] = rate;
-        vdot[model.axis_bodies[gear.wheel].v] = gear.sense * gear.ratio * rate + gear.per_slope * wanted_of(gear, in, given);
-      });
-}
-
-static bool take_gears(const SweepModel& model, const Gear* begin, const Gear* end, Workspace<double>& ws, const Inputs<double>& in,
-                       const double* given) {
-  for (const Gear* gear = begin; gear < end; ++gear)
-    if (!take_gear(model, *gear, ws, in, given)) return false;
-  return true;
-}
-static void gears_outward(const SweepModel& model, const Gear* begin, const Gear* end, Workspace<double>& ws, const Inputs<double>& in,
-                          const double* given, double* vdot) {
-  for (const Gear* gear = end; gear > begin;) gear_outward(model, *--gear, ws, in, given, vdot);
 }
 
 /// A -= V* Y: columns of N numbers (0: of n), flow after flow.
@@ -584,6 +476,10 @@ static inline bool embedding_inward(const SweepModel& model, const Embedding& e,
       case EmbeddingStep::Kind::gear:
         if (!take_gears(model, e.gears.data() + step.begin, e.gears.data() + step.end, ws, in, given)) return false;
         break;
+      case EmbeddingStep::Kind::geared:
+        for (int i = step.begin; i < step.end; ++i)
+          if (!take_geared(model, e, e.geared[static_cast<std::size_t>(i)], ws, k, in)) return false;
+        break;
       case EmbeddingStep::Kind::sweep:
       case EmbeddingStep::Kind::cross: {
         const Run run{step.begin, step.end, model.runs[step.run].kind, model.runs[step.run].prescribed};
@@ -714,6 +610,9 @@ static inline void embedding_outward(const SweepModel& model, const Embedding& e
     switch (step.kind) {
       case EmbeddingStep::Kind::gear:
         gears_outward(model, e.gears.data() + step.begin, e.gears.data() + step.end, ws, in, given, vdot);
+        break;
+      case EmbeddingStep::Kind::geared:
+        for (int i = step.end; i-- > step.begin;) geared_outward(model, e, e.geared[static_cast<std::size_t>(i)], ws, k, vdot);
         break;
       case EmbeddingStep::Kind::sweep:
       case EmbeddingStep::Kind::cross: {

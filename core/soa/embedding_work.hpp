@@ -1,5 +1,6 @@
 #pragma once
 // Working memory of loops that are closed inside of the sweeps (core/model/embedding.hpp), one per workspace.
+#include <algorithm>
 #include <vector>
 
 #include "core/model/embedding.hpp"
@@ -32,6 +33,12 @@ struct PathExit {
   Vec3<double> rho, x;  // [m] in the body, from home in axes of home
 };
 
+/// A wheel of a transmission on its way: to its carrier Q and b, outward s.
+struct PendingWheel {
+  Force<double> Q;
+  double b = 0.0, s = 0.0;
+};
+
 struct EmbeddingWork {
   explicit EmbeddingWork(const Embedding& e)
       : numbers(static_cast<std::size_t>(e.n_numbers)),
@@ -47,7 +54,15 @@ struct EmbeddingWork {
         P(static_cast<std::size_t>(e.n_carried)),
         path(static_cast<std::size_t>(e.n_path)),
         modal(static_cast<std::size_t>(e.n_modal)),
-        row_at(static_cast<std::size_t>(e.n_rows)) {
+        row_at(static_cast<std::size_t>(e.n_rows)),
+        ratios(static_cast<std::size_t>(e.n_ratios)),
+        pairs(static_cast<std::size_t>(e.n_pairs)),
+        angles(static_cast<std::size_t>(e.n_angles)),
+        rates(angles.size()),
+        sines(angles.size()),
+        cosines(angles.size()),
+        wheels(e.wheels.size()),
+        turns_known(e.transmissions.size()) {
     std::size_t most = 1, longest = 0;
     for (const EmbeddedLoop& loop : e.loops) longest = longest > loop.path.size() ? longest : loop.path.size();
     exits.resize(longest + 2);
@@ -58,6 +73,8 @@ struct EmbeddingWork {
       if (s.loop >= 0) n *= static_cast<std::size_t>(e.loops[static_cast<std::size_t>(s.loop)].n + 1);
       most = most > n ? most : n;
     }
+    for (const Transmission& t : e.transmissions)
+      for (const Transmission::Row& row : t.rows) most = std::max(most, t.steepest.size() + row.column.size());
     scratch.resize(8 * most > static_cast<std::size_t>(e.n_scratch) ? 8 * most : static_cast<std::size_t>(e.n_scratch));
     PU.resize(most);
     column_at.resize(static_cast<std::size_t>(e.n_pivots));
@@ -78,6 +95,11 @@ struct EmbeddingWork {
   std::vector<std::uint8_t> known;  // per loop that is `constant`: T and E are those of gamma_c = 0
   std::vector<double> modal;        // columns of pending coordinates on modes; after these were eliminated: L^-1 of them
   std::vector<int> row_at, column_at;
+  // Of wheels that turn with hinges:
+  std::vector<double> ratios, pairs;                  // Transmission::numbers, GearedHinge::A
+  std::vector<double> angles, rates, sines, cosines;  // of couplings that are not linear: Transmission::Row::angles
+  std::vector<PendingWheel> wheels;
+  std::vector<std::uint8_t> turns_known;  // per transmission that is `constant`
   std::vector<double> scratch;
   std::vector<Force<double>> PU;
   double size = 0.0;      // of the largest term of scaled gamma_c

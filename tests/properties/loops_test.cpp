@@ -660,6 +660,124 @@ TEST(Loops, AWheelGearedToAHingeBesideItIsMoreInertiaOfThatHinge) {
   }
 }
 
+/// An arm of four links whose hinges turn wheels that stand further inboard: a gear beside the first hinge; a belt to the third that leaves
+/// out the second; one wheel across its hinge; and a differential of two wheels on the second link, a sum and a function of sines and a
+/// square.
+SystemSpec belted_arm(std::uint64_t seed, bool on_ground) {
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> number(-1.0, 1.0);
+  const auto vector = [&] { return Eigen::Vector3d(number(random), number(random), number(random)); };
+  SystemSpec spec = system({}, uniform_gravity({0.5, -0.3, -9.81}));
+  if (!on_ground) {
+    BodySpec base = on(rigid("base", 10.0, {0.1, 0, 0}, diagonal({2, 3, 4})), "", "free");
+    base.hinge.v = {0.3, -0.2, 0.1, 0, 0, 0};
+    spec.bodies.push_back(base);
+  }
+  const std::string base = on_ground ? "" : "base";
+  const auto turn = [&](const std::string& name, const std::string& carrier) {
+    const Eigen::Vector3d u = vector().normalized();
+    const double Ja = 0.02 + 0.01 * number(random), across = 0.6 * Ja;
+    spec.bodies.push_back(
+        on(rigid(name, 0.5, Eigen::Vector3d::Zero(), across * Eigen::Matrix3d::Identity() + (Ja - across) * u * u.transpose()), carrier,
+           "revolute", {u}, vector()));
+  };
+  turn("gear", base), turn("belt", base);
+  for (int i = 0; i < 4; ++i) {
+    BodySpec link = on(rigid("link" + std::to_string(i), 2.0 + number(random), vector(), diagonal({0.4, 0.5, 0.6})),
+                       i == 0 ? base : "link" + std::to_string(i - 1), "revolute", {vector().normalized()}, vector());
+    link.hinge.q = {number(random)}, link.hinge.v = {number(random)};
+    spec.bodies.push_back(link);
+  }
+  turn("bevel", "link0"), turn("left", "link1"), turn("right", "link1");
+  const auto couple = [&](const std::string& name, std::vector<LoopSpec::Term> terms) -> LoopSpec& {
+    LoopSpec loop;
+    loop.name = name, loop.type = "coupling", loop.terms = std::move(terms);
+    spec.loops.push_back(loop);
+    return spec.loops.back();
+  };
+  couple("of gear", {{"link0", 4.0 + number(random), {}}, {"gear", -1.0, {}}});
+  couple("of belt", {{"belt", 0.5, {}}, {"link0", 2.0 + number(random), {}}, {"link2", -1.5, {}}});
+  couple("of bevel", {{"link1", -3.0 + number(random), {}}, {"bevel", 1.0, {}}});
+  couple("sum", {{"left", 0.5, {}}, {"right", 0.5, {}}, {"link2", -2.0 + number(random), {}}});
+  LoopSpec& difference = couple("difference", {{"left", 0.4, {}}, {"right", -0.5, {}}});
+  for (int i = 0; i < 10; ++i) {
+    LoopSpec::Function f;
+    f.kind = i % 3 ? "sine" : "cosine", f.numbers = {0.1 * number(random)}, f.phase = number(random);
+    f.of = {{"link3", 1.0 + number(random), {}}, {i % 2 ? "link2" : "left", number(random), {}}};
+    difference.functions.push_back(f);
+  }
+  LoopSpec::Function square;
+  square.kind = "polynomial", square.numbers = {0.1, 0.9, 0.3}, square.of = {{"link3", 1.0, {}}};
+  difference.functions.push_back(square);
+  return spec;
+}
+
+TEST(Loops, WheelsMayTurnWithHingesFurtherOut) {
+  for (const bool on_ground : {false, true})
+    for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+      const SystemSpec spec = belted_arm(seed, on_ground);
+      const auto model = compiled(spec);
+      EXPECT_EQ(model->loops.embedding->transmissions.size(), 4U);
+      EXPECT_EQ(model->loops.embedding->wheels.size(), 5U);
+      EXPECT_TRUE(model->loops.embedding->loops.empty());
+      EXPECT_LE(forms_apart(spec), 1e-12) << seed;
+      // Nearest closed states, where a coupling is to be something.
+      std::vector<VectorXd> moved;
+      for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers}) {
+        SystemSpec driven = spec;
+        driven.loops[1].prescribed = driven.loops[4].prescribed = true, driven.loop_form = form;
+        const auto m = compiled(driven);
+        State open = m->initial_state();
+        for (Eigen::Index i = 0; i < open.v.size(); ++i) open.v[i] += 0.01 * std::sin(3.0 * static_cast<double>(i));
+        const LoopDrive drives[] = {{.more = 0.01, .rate = 0.3, .acceleration = 1.7}, {.more = -0.02, .rate = 0.1, .acceleration = -0.4}};
+        LoopProjection projection(*m);
+        ASSERT_TRUE(projection.close(open.q.data(), open.v.data(), drives));
+        Workspace ws(*m);
+        VectorXd out(m->nv);
+        ASSERT_TRUE(forward_dynamics(*m, ws, {.q = open.q.data(), .v = open.v.data(), .drives = drives}, out.data()));
+        VectorXd both(open.q.size() + open.v.size() + out.size());
+        both << open.q, open.v, out;
+        moved.push_back(both);
+      }
+      EXPECT_LE(error_of(moved[0], moved[1]), 1e-12) << seed;
+    }
+}
+
+// A crank turns a slide by a sine: near its dead centre the crank does not follow the slide, and the slide follows the crank.
+TEST(Loops, AWheelMayPassADeadCentreOfItsHinge) {
+  for (const double angle : {0.3, 1.3, 1.5707, 1.58, 2.0}) {
+    BodySpec base = on(rigid("base", 5.0, {0.1, 0, 0}, diagonal({2, 3, 4})), "", "revolute", {{0, 0, 1}});
+    base.hinge.q = {0.2}, base.hinge.v = {0.4};
+    BodySpec arm = on(rigid("arm", 2.0, {0.5, 0.1, 0}, diagonal({0.1, 0.2, 0.3})), "base", "revolute", {{0, 1, 0}});
+    BodySpec crank = on(rigid("crank", 0.5, {0, 0, 0}, diagonal({0.05, 0.05, 0.1})), "base", "revolute", {{0, 0, 1}}, {0.3, 0, 0});
+    SystemSpec spec = system({base, arm, crank}, uniform_gravity({0.5, -0.3, -9.81}));
+    LoopSpec loop;
+    loop.name = "crank and arm", loop.type = "coupling", loop.terms = {{"arm", 1.0, {}}};
+    LoopSpec::Function sine;
+    sine.kind = "sine", sine.numbers = {-0.8}, sine.of = {{"crank", 1.0, {}}};
+    loop.functions = {sine};
+    spec.loops = {loop};
+    spec.bodies[2].hinge.q = {0.3};  // where wheels follow
+    spec.bodies[2].hinge.v = {2.0};
+    spec.bodies[1].hinge.q = {0.8 * std::sin(0.3)};
+    std::vector<VectorXd> vdot;
+    for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers}) {
+      spec.loop_form = form;
+      const auto model = compiled(spec);
+      EXPECT_TRUE(form == LoopForm::multipliers || model->loops.embedding->wheels.size() == 1);
+      VectorXd q(3), v(3), out(3);
+      for (const UserBody& b : model->user) {
+        q[b.q] = b.name == "base" ? 0.2 : b.name == "arm" ? 0.8 * std::sin(angle) : angle;
+        v[b.v] = b.name == "base" ? 0.4 : b.name == "arm" ? 1.6 * std::cos(angle) : 2.0;
+      }
+      Workspace ws(*model);
+      ASSERT_TRUE(forward_dynamics(*model, ws, {.q = q.data(), .v = v.data()}, out.data()));
+      vdot.push_back(out);
+    }
+    EXPECT_LE(error_of(vdot[0], vdot[1]), 1e-12) << angle;
+  }
+}
+
 TEST(Loops, AGearMayBeDriven) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     SystemSpec spec = geared_arm(seed);

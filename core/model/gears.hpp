@@ -1,0 +1,88 @@
+#pragma once
+// Wheels that turn with hinges: couplings that are no loops in the sweeps, but more inertia of these hinges (docs/mathematics/loops.md, 4).
+#include <cstdint>
+#include <vector>
+
+#include "core/model/coupling.hpp"
+#include "core/spatial/vec3.hpp"
+
+namespace cardan {
+
+struct Model;
+
+/// A wheel that turns with the hinge of another body on its carrier, about the same direction: a linear coupling of these two rates and
+/// nothing else.
+struct Gear {
+  int body = 0, wheel = 0;
+  int row = 0;  // of all rows
+  int drive = -1;
+  int v = 0;           // of the wheel
+  double sense = 1.0;  // of the axis of the wheel along that of the hinge: 1 or -1
+  double ratio = 0.0;  // r: v'_wheel = sense r v'_body + per_slope * (what G v' is to be)
+  double per_slope = 0.0;
+  double J_axial = 0.0, coupled = 0.0, reflected = 0.0;  // Ja, r Ja, r^2 Ja
+};
+
+/// Sines and cosines of a coupling, S sin x + C cos x with x = phase + sum of a q, eight side by side.
+struct Sinusoids {
+  static constexpr int kSide = 8;
+  int terms = 0;
+  /// Of each block of eight: phase, S, C, and a of each term.
+  std::vector<double> numbers;
+  std::vector<int> others;  // functions of the coupling that are neither
+
+  Sinusoids() = default;
+  explicit Sinusoids(const Coupling& coupling);
+  int angles() const { return static_cast<int>(numbers.size()) / (3 + terms); }  // with those that fill the last block
+};
+
+/// As many couplings as wheels, on one carrier, whose rates follow from those of hinges on one way outward: v'_w = R v'_h + t. Nothing else
+/// has these wheels.
+struct Transmission {
+  struct Row {
+    int loop = 0;  // index into Loops::all
+    int row = 0;   // of all rows
+    int drive = -1;
+    Coupling coupling;
+    Sinusoids sinusoids;
+    int angles = 0;           // EmbeddingWork::angles
+    std::vector<int> column;  // per term: index into `wheels`, or after these into `way`
+  };
+  std::vector<Row> rows;
+  std::vector<int> wheels, way;  // bodies; those of the way from the carrier outward
+  bool constant = false;         // R is the same in each evaluation, and t zero but where G v' is to be something
+  std::vector<double> steepest;  // wheels x way: most that R may be; beyond, other rates should follow
+  int numbers = 0;               // EmbeddingWork::ratios: R (wheels x way), t, and the inverse of the slopes of the wheels (wheels x rows)
+};
+
+/// A wheel of a transmission, on its way to its carrier: s = u* delta_carrier + v'_wheel - t is a coordinate of the bodies between.
+struct TurningWheel {
+  int body = 0, carrier = 0, v = 0;
+  double J_axial = 0.0;
+  Vec3<double> u;     // in the carrier
+  int t = 0;          // EmbeddingWork::ratios
+  int on_ground = 0;  // 1 + axis in its own frame: its z is that of a body; 0: it is folded into its carrier
+};
+
+/// A hinge that wheels of transmissions turn with.
+struct GearedHinge {
+  static constexpr int kMost = 8;
+  struct Turn {
+    int wheel = 0;                      // index into Embedding::wheels
+    int ratio = 0;                      // EmbeddingWork::ratios
+    bool begins = false, ends = false;  // it is the outermost hinge of the way, the one on the carrier
+  };
+  int body = 0;
+  std::vector<Turn> turns;
+  int A = 0;               // EmbeddingWork::pairs: inertia between wheels, n x n, on its way on; then what v' takes of each s
+  std::vector<int> pairs;  // n x n: where they stand from the hinge before; -1: nothing is there
+};
+
+/// Those among the couplings that `may` be; hinges: of each loop, bodies whose hinges it has.
+std::vector<Transmission> find_transmissions(const Model& model, const std::vector<double>& scaled_rows,
+                                             const std::vector<std::vector<int>>& hinges, const std::vector<std::uint8_t>& may);
+
+/// u of a wheel in its carrier, and the axis of a hinge there.
+Vec3<double> axis_on_carrier(const Model& model, int body);
+
+}  // namespace cardan
