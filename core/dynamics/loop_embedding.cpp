@@ -151,16 +151,19 @@ class EmbeddedMultipliers {
     for (const EmbeddingStep& step : e_.steps) {
       const SweepBody& b = m_.bodies[at(step.body)];
       if (step.kind == EmbeddingStep::Kind::wheel) k_.left[at(b.v)] = left_on_wheel(step.body);
-      if (step.kind != EmbeddingStep::Kind::item) continue;
-      const soa::Core<double>& core = ws_.core(step.body);
-      Force<double> f = core.P * core.delta + ws_.z(step.body) + k_.through[at(step.body)];
-      for (const PendingFlow& flow : step.flows)
-        for (int i = 0; flow.own >= 0 && i < e_.loops[at(flow.loop)].n; ++i)
-          f += n_.x[at(e_.loops[at(flow.loop)].x + i)] * n_.Q[at(flow.own + i)];
-      for (int j = 0; j < b.nv; ++j)
-        k_.left[at(b.v + j)] = dot(soa::hinge_column(m_, ws_, step.body, j), f) - (in_.tau ? in_.tau[b.v + j] : 0.0);
-      if (step.to_carried) k_.through[at(b.parent)] += to_inboard(soa::pose_in_inboard(m_, ws_, step.body, in_.q), f);
+      for (const EmbeddingStep::BranchBody& one : step.branch) left_on_item(one.body, step, one.body != step.body);
+      if (step.kind == EmbeddingStep::Kind::item) left_on_item(step.body, step, step.to_carried);
     }
+  }
+  void left_on_item(int body, const EmbeddingStep& step, bool passes) {
+    const SweepBody& b = m_.bodies[at(body)];
+    const soa::Core<double>& core = ws_.core(body);
+    Force<double> f = core.P * core.delta + ws_.z(body) + k_.through[at(body)];
+    for (const PendingFlow& flow : step.flows)
+      for (int i = 0; flow.own >= 0 && i < e_.loops[at(flow.loop)].n; ++i)
+        f += n_.x[at(e_.loops[at(flow.loop)].x + i)] * n_.Q[at(flow.own + i)];
+    for (int j = 0; j < b.nv; ++j) k_.left[at(b.v + j)] = dot(soa::hinge_column(m_, ws_, body, j), f) - (in_.tau ? in_.tau[b.v + j] : 0.0);
+    if (passes) k_.through[at(b.parent)] += to_inboard(soa::pose_in_inboard(m_, ws_, body, in_.q), f);
   }
 
   /// left on the coordinates that a loop keeps.

@@ -65,7 +65,7 @@ class Embedder {
     for (std::size_t k = 1; k < bodies; ++k)
       for (int j = 0; j < m_.bodies[k].nv; ++j) body_of_[at(m_.bodies[k].v + j)] = static_cast<int>(k);
     stops_.assign(bodies, 0);
-    crossed_.assign(m_.loops.all.size(), 0);
+    crossed_.assign(m_.loops.all.size(), 0), plain_.assign(bodies, 0);
     hinges_.resize(m_.loops.all.size()), home_.resize(m_.loops.all.size()), meets_.resize(m_.loops.all.size());
     for (std::size_t l = 0; l < m_.loops.all.size(); ++l) {
       const Loop& loop = m_.loops.all[l];
@@ -151,6 +151,7 @@ class Embedder {
     while (true) {
       e_ = {};
       order(by_rates);
+      find_branches();
       place_numbers();
       if (write_steps()) return std::move(e_);
     }
@@ -451,11 +452,11 @@ class Embedder {
     return column;
   }
 
-  // Motions: of the bodies that a loop has taken up, and of those that carry them as far as what they are assembled on.
-  void place_numbers() {
+  /// What the bodies that loops have taken up are assembled on; chains of them that move by the hinge rates of one loop alone.
+  void find_branches() {
     const std::size_t bodies = m_.bodies.size();
     base_.assign(bodies, 0);
-    shared_.assign(bodies, -1), state_.assign(bodies, 0);
+    branch_.assign(bodies, -1);
     for (std::size_t k = 1; k < bodies; ++k) {
       if (owner_[k] < 0) continue;
       const EmbeddedLoop& c = e_.loops[at(owner_[k])];
@@ -464,6 +465,27 @@ class Embedder {
                           std::ranges::find(c.path, p, &EmbeddedLoop::PathBody::body) != c.path.end();
       base_[k] = passes ? base_[at(p)] : p;
     }
+    std::vector<int> rates(bodies, 0), carried(bodies, 0);
+    for (std::size_t k = 1; k < bodies; ++k) {  // the innermost body of its chain
+      if (owner_[k] < 0 || m_.bodies[k].kind == BodyKernel::rotor) continue;
+      const auto p = at(m_.bodies[k].parent);
+      const bool first = base_[k] == m_.bodies[k].parent;
+      if (!first && (branch_[p] < 0 || owner_[p] != owner_[k])) continue;
+      branch_[k] = first ? static_cast<int>(k) : branch_[p];
+      rates[at(branch_[k])] += m_.bodies[k].nv;
+      if (!first && ++carried[p] > 1) plain_[at(branch_[k])] = 1;  // a fork
+    }
+    for (std::size_t k = 1; k < bodies; ++k)
+      if (const int b = branch_[k]; b >= 0) {
+        const int n = rates[at(b)], least = e_.loops[at(owner_[k])].n > 1 ? 2 : 3;  // below, one by one is as cheap
+        if (plain_[at(b)] || n < least || n > EmbeddingStep::kBranchRates) branch_[k] = -1;
+      }
+  }
+
+  // Motions: of the bodies that a loop has taken up one by one, and of those that carry them as far as what they are assembled on.
+  void place_numbers() {
+    const std::size_t bodies = m_.bodies.size();
+    shared_.assign(bodies, -1), state_.assign(bodies, 0);
     int zeroed = 0;
     for (EmbeddedLoop& c : e_.loops) c.A = zeroed, zeroed += c.n * c.n;
     e_.n_numbers = zeroed;
@@ -477,7 +499,7 @@ class Embedder {
         return p.motion;
       };
       for (EmbeddedLoop::PathBody& p : c.path)
-        if (c.by_rates && owner_[at(p.body)] == static_cast<int>(i)) wants(wants, p);
+        if (c.by_rates && owner_[at(p.body)] == static_cast<int>(i) && branch_[at(p.body)] < 0) wants(wants, p);
       const int columns = static_cast<int>(c.columns.size());
       const auto take = [&](int& begin, int n) { begin = e_.n_numbers, e_.n_numbers += n; };
       take(c.G, c.rows * c.own_columns), take(c.B, c.rows * ((c.by_rates ? c.inputs : c.own_columns) + 1));
@@ -611,6 +633,13 @@ class Embedder {
         e_.steps.back().end = geared + 1;
         const long n = std::ssize(e_.geared[at(geared)].turns);
         e_.flops += of_tree(b) + 60L + n * (50L + 8L * n);
+      } else if (branch_[at(k)] >= 0) {
+        if (!own[at(k)].empty() || !carried[at(k)].empty()) {
+          plain_[at(branch_[at(k)])] = 1;
+          return false;
+        }
+        flush();
+        if (branch_[at(k)] == k) take_branch(k, own);
       } else if (owner_[at(k)] >= 0) {
         flush();
         take_item(k, own, carried, carries);
@@ -716,6 +745,28 @@ class Embedder {
         e_.flops += (f.to >= 0 ? 36L * n : 0L) + (f.own >= 0 ? 11L * n * (c.n + 1) : 0L);
       }
     }
+    e_.steps.push_back(std::move(s));
+  }
+
+  void take_branch(int base, std::vector<std::set<int>>& own) {
+    const int l = owner_[at(base)], parent = m_.bodies[at(base)].parent;
+    const EmbeddedLoop& c = e_.loops[at(l)];
+    EmbeddingStep s;
+    s.kind = EmbeddingStep::Kind::branch, s.body = base, s.loop = l;
+    PendingFlow f;
+    f.loop = l;
+    if (parent > 0) f.to = column_of_Q(parent, l, false), own[at(parent)].insert(l);
+    s.flows.push_back(f);
+    long rates = 0;
+    for (int k = static_cast<int>(m_.bodies.size()) - 1; k >= base; --k) {
+      if (branch_[at(k)] != base) continue;
+      const SweepBody& b = m_.bodies[at(k)];
+      s.branch.push_back({k, std::ranges::find(c.path, k, &EmbeddedLoop::PathBody::body)->column});
+      e_.flops += b.nv * (is_axis(b.kind) ? 0L : 66L + 11L * (rates + b.nv + 1));
+      rates += b.nv;
+      if (b.parent > 0) e_.flops += 200L + 36L * (rates + 1);
+    }
+    e_.flops += rates * (2L * rates * (c.n + 1) + 2L * c.n + c.n * (c.n + 1) + (parent > 0 ? 12L * (c.n + 1) : 0L));
     e_.steps.push_back(std::move(s));
   }
 
@@ -834,6 +885,8 @@ class Embedder {
   std::vector<std::vector<int>> turning_;  // per body: loops that are transmissions with its hinge
   std::vector<int> gear_of_, geared_of_;   // per body, index into Embedding::gears, ::geared
   std::vector<int> index_, owner_, base_;
+  std::vector<int> branch_;          // per body: the innermost of its chain; -1: it is taken up by itself, or not at all
+  std::vector<std::uint8_t> plain_;  // per such: coordinates of others are on the chain
   std::vector<int> shared_, state_;  // per body: the home of the last loop that has found its state, and where that stands
   std::map<std::tuple<int, int, bool>, int> Q_;
   std::map<std::pair<int, int>, int> modal_;

@@ -93,11 +93,13 @@ struct EmbeddingStep {
     geared,  // bodies each with the wheels of transmissions that turn with its hinge
     cross,   // one body whose hinge is eliminated, with pending coordinates on it
     item,    // one body whose hinge rates a loop has taken up
+    branch,  // a chain of such bodies, all of one loop, that no coordinates of others are on
     wheel,   // the same of a rotor that is folded into its carrier
     modes,   // of one body of a general kernel, with pending coordinates on it: its modes are eliminated
     hinge,   // ... and its hinge
     close    // the loop is closed at home
   };
+  static constexpr int kBranchRates = 6;  // most hinge rates of a branch: beyond, differences of motions that nearly cancel would be formed
   Kind kind = Kind::sweep;
   int run = 0, begin = 0, end = 0;      // sweep, cross; of gear and geared: indices into Embedding::gears, ::geared
   int body = 0;                         // cross, item, wheel; of close: home
@@ -114,8 +116,12 @@ struct EmbeddingStep {
     int flow, component;
     int gradient;  // index into EmbeddingWork::gradients
   };
-  std::vector<Couple> couples;  // cross, hinge: multipliers of couplings of this hinge
-  bool after_modes = false;     // close: home is a body without its modes
+  struct BranchBody {
+    int body, column;  // of the loop
+  };
+  std::vector<BranchBody> branch;  // tip to base, `body` the last; flows has its loop
+  std::vector<Couple> couples;     // cross, hinge: multipliers of couplings of this hinge
+  bool after_modes = false;        // close: home is a body without its modes
 };
 
 struct Embedding {

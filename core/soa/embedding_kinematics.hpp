@@ -348,6 +348,25 @@ static inline void gather_needed(const EmbeddedLoop& c, double* T) {
   }
 }
 
+constexpr int kMostNamed = 8;
+/// Coordinates that a later loop has taken up as they are: T is of ones, at `to` of each row, each at another, and nothing is added.
+static inline bool names_coordinates(const double* T, int keep, int n, int* to) {
+  if (keep > kMostNamed) return false;
+  for (int i = 0; i < keep; ++i, T += n + 1) {
+    to[i] = -1;
+    if (T[n] != 0.0) return false;
+    for (int x = 0; x < n; ++x) {
+      if (T[x] == 0.0) continue;
+      if (T[x] != 1.0 || to[i] >= 0) return false;
+      to[i] = x;
+    }
+    if (to[i] < 0) return false;
+    for (int j = 0; j < i; ++j)
+      if (to[j] == to[i]) return false;  // two that turn alike are one
+  }
+  return true;
+}
+
 /// How the bodies of a loop move with its coordinates: Motions = U x + the last column.
 static inline void move_bodies(const SweepModel& model, const EmbeddedLoop& c, Workspace<double>& ws, EmbeddingWork& k) {
   const int n = c.n;
@@ -506,6 +525,8 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
     if (c.keep > 0 && c.keep < n) gather_needed(c, T);
     // Rates = E x + e.
     double* E = numbers + c.E;
+    int named = -1, to[kMostNamed];  // whose coordinates have other names here only
+    bool names = false;
     for (std::size_t j = 0; j < c.columns.size(); ++j, E += n + 1) {
       const EmbeddedLoop::Column& x = c.columns[j];
       if (x.given) {
@@ -521,6 +542,11 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
       const double* old = numbers + other.E + x.at * (other.n + 1);
       for (int i = 0; i <= n; ++i) E[i] = 0.0;
       E[n] = old[other.n];
+      if (x.by != named) named = x.by, names = names_coordinates(T + other.consumer_input * (n + 1), other.keep, n, to);
+      if (names) {
+        for (int t = 0; t < other.keep; ++t) E[to[t]] = old[t];
+        continue;
+      }
       for (int t = 0; t < other.keep; ++t) {
         const double* row = T + (other.consumer_input + t) * (n + 1);
         for (int i = 0; i <= n; ++i) E[i] += old[t] * row[i];

@@ -87,6 +87,99 @@ static inline void take_item(const SweepModel& model, const Embedding& e, const 
       });
 }
 
+/// P times a unit rate about axis I.
+template <int I>
+CARDAN_INLINE Force<double> turning_column(const ArticulatedInertia<double>& P) {
+  if constexpr (I == 0)
+    return {{P.J.xx, P.J.xy, P.J.xz}, {P.B.xx, P.B.xy, P.B.xz}};
+  else if constexpr (I == 1)
+    return {{P.J.xy, P.J.yy, P.J.yz}, {P.B.yx, P.B.yy, P.B.yz}};
+  else
+    return {{P.J.xz, P.J.yz, P.J.zz}, {P.B.zx, P.B.zy, P.B.zz}};
+}
+
+/// A chain of bodies whose hinge rates one loop has taken up: by its hinge rates, the composite inertia P, their mass matrix M and the
+/// forces F that they make at the base; then by the coordinates of the loop, rates = E x + e: A += E* M E, b += E* (h* z - tau + M e),
+/// Q += F E, z += F e.
+static inline void take_branch(const SweepModel& model, const Embedding& e, const EmbeddingStep& step, Workspace<double>& ws,
+                               EmbeddingWork& k, const Inputs<double>& in) {
+  constexpr int kMost = EmbeddingStep::kBranchRates;
+  const EmbeddedLoop& c = e.loops[static_cast<std::size_t>(step.loop)];
+  const int n = c.n;
+  Force<double> F[kMost];
+  double M[kMost][kMost], b[kMost];
+  const double* E[kMost];
+  int rates = 0;
+  ArticulatedInertia<double> P;
+  Force<double> z;
+  for (const EmbeddingStep::BranchBody& at_body : step.branch) {
+    const SweepBody& body = model.bodies[at_body.body];
+    const Core<double>& core = ws.core(at_body.body);
+    if (rates == 0)
+      P = core.P, z = ws.z(at_body.body);
+    else
+      P += core.P, z += ws.z(at_body.body);
+    const double* row = k.numbers.data() + c.E + at_body.column * (n + 1);
+    const bool last = body.parent == 0;
+    /// h(force): H* of it, rate by rate; column(): P H.
+    const auto add = [&](const Force<double>& column, const auto& h, double tau) __attribute__((always_inline)) {
+      F[rates] = column, E[rates] = row;
+      for (int x = 0; x <= rates; ++x) M[rates][x] = M[x][rates] = h(F[x]);
+      b[rates] = h(z) - tau;
+      ++rates, row += n + 1;
+    };
+    const auto tau_of = [&](int j) { return in.tau ? in.tau[body.v + j] : 0.0; };
+    if (is_axis(body.kind)) {
+      const AxisBody& axis = model.axis_bodies[at_body.body];
+      const double cosine = ws.cosines[axis.angle], sine = ws.sines[axis.angle];
+      for_axis(
+          body.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
+            add(
+                turning_column<I>(P), [](const Force<double>& f) { return at<I>(f.n); }, tau_of(0));
+            if (last) return;
+            P = inertia_to_inboard<I, TILT>(axis, cosine, sine, P);
+            z = force_to_inboard<double, I, TILT>(axis, cosine, sine, z);
+            for (int x = 0; x < rates; ++x) F[x] = force_to_inboard<double, I, TILT>(axis, cosine, sine, F[x]);
+          });
+    } else {
+      for (int j = 0; j < body.nv; ++j) {
+        const Motion<double> H = hinge_column(model, ws, at_body.body, j);
+        add(
+            P * H, [&](const Force<double>& f) { return dot(H, f); }, tau_of(j));
+      }
+      if (last) break;
+      const Pose<double>& X = ws.X(at_body.body);
+      P = to_inboard(X, P), z = to_inboard(X, z);
+      for (int x = 0; x < rates; ++x) F[x] = to_inboard(X, F[x]);
+    }
+  }
+  double *A = k.numbers.data() + c.A, *of_loop = k.b.data() + c.x;
+  for (int x = 0; x < rates; ++x)
+    for (int y = 0; y < rates; ++y) b[x] += M[x][y] * E[y][n];
+  for (int i = 0; i < n; ++i) {
+    double moves[kMost], bias = 0.0;
+    for (int x = 0; x < rates; ++x) {
+      moves[x] = 0.0;
+      for (int y = 0; y < rates; ++y) moves[x] += M[x][y] * E[y][i];
+      bias += E[x][i] * b[x];
+    }
+    of_loop[i] += bias;
+    for (int j = 0; j <= i; ++j) {
+      double sum = 0.0;
+      for (int x = 0; x < rates; ++x) sum += E[x][j] * moves[x];
+      A[i * n + j] += sum;
+    }
+  }
+  const int base = model.bodies[step.body].parent;
+  if (base == 0) return;
+  ws.core(base).P += P;
+  for (int x = 0; x < rates; ++x) z += E[x][n] * F[x];
+  ws.z(base) += z;
+  Force<double>* Q = k.Q.data() + step.flows[0].to;
+  for (int i = 0; i < n; ++i)
+    for (int x = 0; x < rates; ++x) Q[i] += E[x][i] * F[x];
+}
+
 /// A rotor behind a gear, folded into its carrier but for its spin.
 static inline void take_wheel(const SweepModel& model, const Embedding& e, const EmbeddingStep& step, Workspace<double>& ws,
                               EmbeddingWork& k, const Inputs<double>& in) {
@@ -426,6 +519,25 @@ static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, 
   std::size_t of = 1;
   while (step.flows[of].loop != c.consumer) ++of;
   double* bo = k.b.data() + o.x;
+  int to[kMostNamed];
+  if (names_coordinates(T, keep, o.n, to)) {
+    // T of ones: the coordinates have other names.
+    for (int i = 0; i < keep; ++i) {
+      bo[to[i]] += b[i];
+      for (int j = 0; j <= i; ++j) entry_of(of, of, std::max(to[i], to[j]), std::min(to[i], to[j])) += A[i * n + j];
+      for (int x = 0; x < o.n; ++x) {
+        const double entry = entry_of(0, of, i, x);
+        entry_of(of, of, std::max(to[i], x), std::min(to[i], x)) += x == to[i] ? 2.0 * entry : entry;
+      }
+      for (std::size_t f = 1; f < flows; ++f) {
+        if (f == of) continue;
+        const int nf = e.loops[static_cast<std::size_t>(step.flows[f].loop)].n;
+        for (int j = 0; j < nf; ++j) entry_of(of, f, to[i], j) += entry_of(0, f, i, j);
+      }
+      if (!ground) k.Q[static_cast<std::size_t>(step.flows[of].own + to[i])] += Q[i];
+    }
+    return true;
+  }
   // S = A_kk T + A_ko, per row of what is kept.
   double* S = k.scratch.data();
   for (int i = 0; i < keep; ++i) {
@@ -490,6 +602,9 @@ static inline bool embedding_inward(const SweepModel& model, const Embedding& e,
       }
       case EmbeddingStep::Kind::item:
         take_item(model, e, step, ws, k, in);
+        break;
+      case EmbeddingStep::Kind::branch:
+        take_branch(model, e, step, ws, k, in);
         break;
       case EmbeddingStep::Kind::wheel:
         take_wheel(model, e, step, ws, k, in);
@@ -567,6 +682,37 @@ static inline void modes_outward(const SweepModel& model, const Embedding& e, co
   acceleration_with_modes(model, ws, in, vdot, step.body, modal);
 }
 
+/// The rates of a body that a loop has taken up, its coordinates being known, and delta of the body.
+static inline void item_outward(const SweepModel& model, const EmbeddedLoop& c, int k_body, int column, Workspace<double>& ws,
+                                const EmbeddingWork& k, const Inputs<double>& in, double* vdot) {
+  const SweepBody& body = model.bodies[k_body];
+  const double *E = k.numbers.data() + c.E + column * (c.n + 1), *x = k.x.data() + c.x;
+  double* out = vdot + body.v;
+  for (int j = 0; j < body.nv; ++j, E += c.n + 1) {
+    double sum = E[c.n];
+    for (int i = 0; i < c.n; ++i) sum += E[i] * x[i];
+    out[j] = sum;
+  }
+  if (body.kind == BodyKernel::rotor) return;
+  Core<double>& core = ws.core(k_body);
+  const Motion<double>& inboard = ws.core(body.parent).delta;
+  if (is_axis(body.kind)) {
+    const AxisBody& b = model.axis_bodies[k_body];
+    for_axis(
+        body.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
+          Motion<double> d = motion_to_outboard<double, I, TILT>(b, ws.cosines[b.angle], ws.sines[b.angle], inboard);
+          at<I>(d.w) = at<I>(d.w) + out[0];
+          core.delta = d;
+        });
+    return;
+  }
+  Motion<double> d = to_outboard(ws.X(k_body), inboard);
+  for (int j = 0; j < body.nv; ++j) d += out[j] * hinge_column(model, ws, k_body, j);
+  core.delta = d;
+  for (int j = 0; body.has_prescribed && j < body.nv; ++j)
+    if (model.prescribed[body.v + j]) out[j] = in.vdot[body.v + j];  // inside gamma_b
+}
+
 /// The coordinates of a loop, delta of its home being known.
 static inline void solve_at_home(const Embedding& e, const EmbeddingStep& step, Workspace<double>& ws, EmbeddingWork& k) {
   const EmbeddedLoop& c = e.loops[static_cast<std::size_t>(step.loop)];
@@ -622,36 +768,13 @@ static inline void embedding_outward(const SweepModel& model, const Embedding& e
         break;
       }
       case EmbeddingStep::Kind::item:
-      case EmbeddingStep::Kind::wheel: {
-        const EmbeddedLoop& c = e.loops[static_cast<std::size_t>(step.loop)];
-        const SweepBody& body = model.bodies[step.body];
-        const double *E = k.numbers.data() + c.E + step.column * (c.n + 1), *x = k.x.data() + c.x;
-        double* out = vdot + body.v;
-        for (int j = 0; j < body.nv; ++j, E += c.n + 1) {
-          double sum = E[c.n];
-          for (int i = 0; i < c.n; ++i) sum += E[i] * x[i];
-          out[j] = sum;
-        }
-        if (step.kind == EmbeddingStep::Kind::wheel) break;
-        Core<double>& core = ws.core(step.body);
-        const Motion<double>& inboard = ws.core(body.parent).delta;
-        if (is_axis(body.kind)) {
-          const AxisBody& b = model.axis_bodies[step.body];
-          for_axis(
-              body.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
-                Motion<double> d = motion_to_outboard<double, I, TILT>(b, ws.cosines[b.angle], ws.sines[b.angle], inboard);
-                at<I>(d.w) = at<I>(d.w) + out[0];
-                core.delta = d;
-              });
-        } else {
-          Motion<double> d = to_outboard(ws.X(step.body), inboard);
-          for (int j = 0; j < body.nv; ++j) d += out[j] * hinge_column(model, ws, step.body, j);
-          core.delta = d;
-          for (int j = 0; body.has_prescribed && j < body.nv; ++j)
-            if (model.prescribed[body.v + j]) out[j] = in.vdot[body.v + j];  // inside gamma_b
-        }
+      case EmbeddingStep::Kind::wheel:
+        item_outward(model, e.loops[static_cast<std::size_t>(step.loop)], step.body, step.column, ws, k, in, vdot);
         break;
-      }
+      case EmbeddingStep::Kind::branch:
+        for (auto b = step.branch.rbegin(); b != step.branch.rend(); ++b)
+          item_outward(model, e.loops[static_cast<std::size_t>(step.loop)], b->body, b->column, ws, k, in, vdot);
+        break;
       case EmbeddingStep::Kind::modes:
         modes_outward(model, e, step, ws, k, in, vdot);
         break;

@@ -451,7 +451,7 @@ TEST(Loops, EmbeddedCostGrowsWithTheirNumber) {
     EXPECT_LT(now, 2.2 * before) << longer;
     before = now;
   }
-  EXPECT_LT(flops(bench_model("lattice_16")), 4.5 * flops(bench_model("lattice_4")));
+  EXPECT_LT(flops(bench_model("lattice_16")), 5.0 * flops(bench_model("lattice_4")));  // whose ends are cheaper: 4 but for them
   before = flops(touching_four_bars(8));
   for (const int n : {16, 32, 64}) {
     const double now = flops(touching_four_bars(n));
