@@ -4,6 +4,7 @@
 
 #include "core/soa/gravity_field.hpp"
 #include "core/soa/kernels_columns.hpp"
+#include "core/soa/kernels_compliance.hpp"
 #include "core/soa/kernels_refine.hpp"
 #include "core/soa/kernels_square_root.hpp"
 #include "core/soa/sincos.hpp"
@@ -357,9 +358,9 @@ static void gather(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& i
       [&]<int NV>() { gather_general<T, NV>(model, ws, tau, run.begin, run.end); });
 }
 
-/// P, D and G of all bodies, then M^-1. Nothing where a direction has no inertia.
+/// P, D and G of all bodies of a rigid tree. False where a direction has no inertia.
 template <class T>
-static void mass_matrix_inverse(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* inverse) {
+static bool articulate(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
   for (std::size_t k = 1; k < model.bodies.size(); ++k)
     if (is_axis(model.bodies[k].kind)) {
       const AxisBody& a = model.axis_bodies[k];
@@ -367,9 +368,19 @@ static void mass_matrix_inverse(const SweepModel& model, Workspace<T>& ws, const
     }
   for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) {
     inward(model, ws, in, *run, {.bias = false});
-    if (ws.breakdown.body != 0) return;
+    if (ws.breakdown.body != 0) return false;
   }
-  inverse_by_columns(model, ws, inverse);
+  return true;
+}
+
+template <class T>
+static void mass_matrix_inverse(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* inverse) {
+  if (articulate(model, ws, in)) inverse_by_columns(model, ws, inverse);
+}
+
+template <class T>
+static void node_compliance(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, NodeColumns& work) {
+  if (articulate(model, ws, in)) compliance_of_nodes(model, ws, in, work);
 }
 
 /// Those of inverse dynamics alone.
@@ -401,6 +412,7 @@ static constexpr Sweeps<T> make_sweeps() {
                 .refine = refine<T>};
   if constexpr (W == Wanted::all) all.gather = gather<T>;
   if constexpr (W == Wanted::all && kWidth<T> == 1) all.mass_matrix = mass_matrix<T>, all.mass_matrix_inverse = mass_matrix_inverse<T>;
+  if constexpr (W == Wanted::all && std::is_same_v<T, double>) all.node_compliance = node_compliance<T>;
   return all;
 }
 
