@@ -52,19 +52,16 @@ static void family_records(const SweepModel& model, Workspace<T>& ws, const Inpu
 template <class T>
 static void turn_record(const SweepModel& model, Workspace<T>& ws, const TurnedRecord& t) {
   const SweepBody& b = model.bodies[t.body];
-  for (int l = 0; l < kWidth<T>; ++l) {
-    cardan_hinge_out& record = ws.hinge_records(l)[b.dense];
-    double* R = record.R_OP;
-    const Mat3<double> turned = Mat3<double>{R[0], R[1], R[2], R[3], R[4], R[5], R[6], R[7], R[8]} * t.R_PS;
-    R[0] = turned.xx, R[1] = turned.xy, R[2] = turned.xz, R[3] = turned.yx, R[4] = turned.yy, R[5] = turned.yz;
-    R[6] = turned.zx, R[7] = turned.zy, R[8] = turned.zz;
-    const auto turn = [&](double* a) {
-      const Vec3<double> s = transpose_times(t.R_PS, Vec3<double>{a[0], a[1], a[2]});
-      a[0] = s.x, a[1] = s.y, a[2] = s.z;
-    };
-    for (int i = 0; i < 2 * b.nv; ++i) turn(record.Ht + 3 * i);
-    turn(record.Hdot_v), turn(record.Hdot_v + 3);
-  }
+  const auto number = [&](int at) { return ws.hinge_number(b.dense, at); };
+  const auto set = [&](int at, const Vec3<T>& a) {
+    ws.set_hinge_number(b.dense, at, a.x), ws.set_hinge_number(b.dense, at + 1, a.y), ws.set_hinge_number(b.dense, at + 2, a.z);
+  };
+  const Mat3<T> turned =
+      Mat3<T>{number(0), number(1), number(2), number(3), number(4), number(5), number(6), number(7), number(8)} * cast<T>(t.R_PS);
+  set(0, {turned.xx, turned.xy, turned.xz}), set(3, {turned.yx, turned.yy, turned.yz}), set(6, {turned.zx, turned.zy, turned.zz});
+  const auto turn = [&](int at) { set(at, transpose_times(cast<T>(t.R_PS), Vec3<T>{number(at), number(at + 1), number(at + 2)})); };
+  for (int i = 0; i < 2 * b.nv; ++i) turn(12 + 3 * i);
+  turn(48), turn(51);
 }
 
 template <class T>
