@@ -156,7 +156,7 @@ int pack(const cardan_param_values* values, void* packed) {
 }
 
 template <int NV>
-void store(const HingeOut<NV>& o, cardan_hinge_out& out) {
+[[gnu::always_inline]] inline void store(const HingeOut<NV>& o, cardan_hinge_out& out) {
   Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(out.R_OP) = o.R_OP;
   Eigen::Map<Eigen::Vector3d>(out.p_OP) = o.p_OP;
   if constexpr (NV > 0) Eigen::Map<Eigen::Matrix<double, 6, NV>>(out.Ht) = o.Ht;
