@@ -1,6 +1,7 @@
 // Runs cardan-bench and the peers that are built, in turn on the same models (A B A B), and puts their figures side by side.
 //   cardan-bench-report [--models DIR] [--only SUBSTRING] [--rounds R] [--seconds S] [--out FILE.json] [--table FILE.md]
 //                       [--into DOCUMENT.md]  also between the marks of a document
+//                       [--analyses]  cardan-bench-analyses in place of cardan-bench, and what the peers offer of it
 //                       [--against BUILD]  instead: the cardan-bench of another build and ours, in turn; ends with 1 where ours is slower
 // All on one core. Hard models are for their errors: one round, forward dynamics. Ends with 1 where a result is wrong.
 #include <fmt/format.h>
@@ -89,10 +90,10 @@ fs::path nothing_in(const fs::path& scratch) {
 
 class Report {
  public:
-  Report(fs::path models, std::string only, double seconds, fs::path scratch)
-      : models_(std::move(models)), only_(std::move(only)), seconds_(seconds), scratch_(std::move(scratch)) {
+  Report(fs::path models, std::string only, bool analyses, double seconds, fs::path scratch)
+      : models_(std::move(models)), only_(std::move(only)), analyses_(analyses), seconds_(seconds), scratch_(std::move(scratch)) {
     const fs::path here = fs::canonical("/proc/self/exe").parent_path();
-    programs_.push_back({"cardan", here / "cardan-bench"});
+    programs_.push_back({"cardan", here / (analyses ? "cardan-bench-analyses" : "cardan-bench")});
     if (fs::is_directory(here / "peers"))
       for (const auto& entry : fs::directory_iterator(here / "peers"))
         if (const std::string name = entry.path().filename().string(); name.rfind("peer-", 0) == 0)
@@ -113,11 +114,12 @@ class Report {
         std::vector<std::string> arguments{p.name == "cardan" ? "--models" : "--model", file.string(), "--seconds",
                                            fmt::format("{}", hard ? 0 : seconds_)};
         if (p.name != "cardan" && number == 0) arguments.insert(arguments.end(), {"--exact", (scratch_ / file.filename()).string()});
+        if (p.name != "cardan" && analyses_) arguments.emplace_back("--analyses");
         if (p.name != "cardan" && hard) arguments.insert(arguments.end(), {"--op", "forward_dynamics"});
         gather(p, arguments, file.stem().string());
       }
     }
-    if (number == 0 && only_.empty())
+    if (number == 0 && only_.empty() && !analyses_)
       for (const char* made : {"flexible_", "hub_", "wings_", "step_"})
         gather(programs_[0], {"--models", nothing_in(scratch_).string(), "--only", made, "--seconds", fmt::format("{}", seconds_)}, made);
   }
@@ -126,6 +128,7 @@ class Report {
   std::string faults() const {
     std::string out;
     for (const Figure& f : figures_) {
+      if (!f.ours() && analyses_) continue;  // differences
       const double limit = f.ours() ? kOurLimit : kLimit;
       if (f.error > limit && (f.ours() || !f.hard())) out += fmt::format("{}, {}, {}: error {:.1e}\n", f.model, f.op, f.name(), f.error);
       if (!f.reason.empty() && (f.ours() || (!f.hard() && !f.min_ns.empty())))
@@ -339,6 +342,7 @@ class Report {
 
   fs::path models_;
   std::string only_;
+  bool analyses_;
   double seconds_;
   fs::path scratch_;
   std::vector<Program> programs_;
@@ -411,8 +415,10 @@ int run(int argc, char** argv) {
   std::string models = CARDAN_SOURCE_DIR "/tests/reference/bench", only, out = "bench.json", table = "bench.md", before;
   int rounds = 5;
   double seconds = 0.1;
+  bool analyses = false;
   line.option("--models", models, "folder of models in the schema cardan-bench/1");
   line.option("--only", only, "models whose name contains this");
+  line.option("--analyses", analyses, "cardan-bench-analyses and what the peers offer of it, in place of dynamics");
   line.option("--rounds", rounds, "how often all programs run in turn");
   line.option("--seconds", seconds, "time spent on each figure and round");
   line.option("--out", out, "the rows");
@@ -433,7 +439,7 @@ int run(int argc, char** argv) {
       if (made.find(only) != std::string::npos) all.push_back({nothing_in(scratch).string(), made});
     return against(before, all, rounds, seconds, scratch);
   }
-  Report report(models, only, seconds, fs::absolute(out).parent_path() / (fs::path(out).stem().string() + "_exact"));
+  Report report(models, only, analyses, seconds, fs::absolute(out).parent_path() / (fs::path(out).stem().string() + "_exact"));
   for (int r = 0; r < rounds; ++r) {
     fmt::print(stderr, "round {} of {}\n", r + 1, rounds);
     report.round(r);

@@ -1,6 +1,7 @@
 // cylindrical: rotation about and translation along one axis.
 #include "core/abi/family.hpp"
 #include "hinges/axes.hpp"
+#include "hinges/slopes.hpp"
 
 namespace cardan {
 namespace {
@@ -27,8 +28,14 @@ struct Cylindrical {
     out.Ht.col(0).head<3>() = u;
     out.Ht.col(1).tail<3>() = u;
   }
+  static void slopes(const Packed& p, const double* q, const double*, SlopesOut<2, 2>& out) noexcept {
+    const Eigen::Vector3d u(p.u[0], p.u[1], p.u[2]);
+    out.in_q[0].R_OP = tilde(u) * rotation_about_axis(u, q[0]);
+    out.in_q[1].p_OP = u;
+  }
 };
 
 }  // namespace
 const cardan_hinge_family& cylindrical_family() { return hinge_table<Cylindrical>(); }
+HingeSlopes cylindrical_slopes() { return slopes_of<Cylindrical>(); }
 }  // namespace cardan

@@ -4,6 +4,7 @@
 
 #include "core/abi/family.hpp"
 #include "hinges/axes.hpp"
+#include "hinges/slopes.hpp"
 
 namespace cardan {
 namespace {
@@ -69,8 +70,29 @@ struct Gimbal {
     out.Ht.col(2).head<3>() = c.u3;
     out.Hdot_v.head<3>() = -(c.h2 * v[1] + c.u3 * v[2]).cross(c.h1 * v[0]) - (c.u3 * v[2]).cross(c.h2 * v[1]);
   }
+  static void slopes(const Packed& p, const double* q, const double* v, SlopesOut<3, 3>& out) noexcept {
+    const Columns c = columns(p, q);
+    const Eigen::Map<const Eigen::Vector3d> u1(p.u);
+    const Eigen::Matrix3d R = rotation_about_axis(u1, q[0]) * c.R23;
+    out.in_q[0].R_OP = tilde(u1) * R;
+    out.in_q[1].R_OP = R * tilde(c.h2);
+    out.in_q[2].R_OP = R * tilde(c.u3);
+    const Eigen::Vector3d turn = c.h2 * v[1] + c.u3 * v[2], last = c.u3 * v[2];
+    for (int i = 1; i < 3; ++i) {
+      HingeOut<3>& slope = out.in_q[i];
+      const Eigen::Vector3d dh1 = -(i == 1 ? c.h2 : c.u3).cross(c.h1);
+      const Eigen::Vector3d dh2 = i == 1 ? Eigen::Vector3d::Zero() : Eigen::Vector3d(-c.u3.cross(c.h2));
+      slope.Ht.col(0).head<3>() = dh1;
+      slope.Ht.col(1).head<3>() = dh2;
+      slope.Hdot_v.head<3>() = -(dh2 * v[1]).cross(c.h1 * v[0]) - turn.cross(dh1 * v[0]) - last.cross(dh2 * v[1]);
+    }
+    out.in_v.col(0).head<3>() = -turn.cross(c.h1);
+    out.in_v.col(1).head<3>() = -c.h2.cross(c.h1 * v[0]) - last.cross(c.h2);
+    out.in_v.col(2).head<3>() = -c.u3.cross(c.h1 * v[0] + c.h2 * v[1]);
+  }
 };
 
 }  // namespace
 const cardan_hinge_family& gimbal_family() { return hinge_table<Gimbal>(); }
+HingeSlopes gimbal_slopes() { return slopes_of<Gimbal>(); }
 }  // namespace cardan

@@ -1,6 +1,7 @@
 // planar: two translations in the plane of e1, e2 and a rotation about its normal n = e1 x e2.
 #include "core/abi/family.hpp"
 #include "hinges/axes.hpp"
+#include "hinges/slopes.hpp"
 
 namespace cardan {
 namespace {
@@ -37,8 +38,24 @@ struct Planar {
     out.Ht.col(2).head<3>() = n;
     out.Hdot_v.tail<3>() = -(n * v[2]).cross(out.Ht.col(0).tail<3>() * v[0] + out.Ht.col(1).tail<3>() * v[1]);
   }
+  static void slopes(const Packed& p, const double* q, const double* v, SlopesOut<3, 3>& out) noexcept {
+    const Eigen::Map<const Eigen::Vector3d> e1(p.e), e2(p.e + 3);
+    const Eigen::Vector3d n = e1.cross(e2);
+    const Eigen::Matrix3d R = rotation_about_axis(n, q[2]);
+    const Eigen::Vector3d d1 = -n.cross(R.transpose() * e1), d2 = -n.cross(R.transpose() * e2);  // of both columns in the angle
+    out.in_q[0].p_OP = e1;
+    out.in_q[1].p_OP = e2;
+    out.in_q[2].R_OP = tilde(n) * R;
+    out.in_q[2].Ht.col(0).tail<3>() = d1;
+    out.in_q[2].Ht.col(1).tail<3>() = d2;
+    out.in_q[2].Hdot_v.tail<3>() = -(n * v[2]).cross(d1 * v[0] + d2 * v[1]);
+    out.in_v.col(0).tail<3>() = v[2] * d1;
+    out.in_v.col(1).tail<3>() = v[2] * d2;
+    out.in_v.col(2).tail<3>() = v[0] * d1 + v[1] * d2;
+  }
 };
 
 }  // namespace
 const cardan_hinge_family& planar_family() { return hinge_table<Planar>(); }
+HingeSlopes planar_slopes() { return slopes_of<Planar>(); }
 }  // namespace cardan

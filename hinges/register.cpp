@@ -15,10 +15,21 @@ const cardan_hinge_family& translational_family();
 const cardan_hinge_family& free_family();
 const cardan_hinge_family& free_body_family();
 
+HingeSlopes cylindrical_slopes();
+HingeSlopes universal_slopes();
+HingeSlopes gimbal_slopes();
+HingeSlopes planar_slopes();
+HingeSlopes translational_slopes();
+
 void register_hinges(Registry& registry) {
   for (const auto family : {locked_family, revolute_family, prismatic_family, helical_family, cylindrical_family, universal_family,
                             gimbal_family, ball_family, planar_family, translational_family, free_family, free_body_family})
     registry.hinges.add(family());
+  registry.add_slopes(cylindrical_family(), cylindrical_slopes());
+  registry.add_slopes(universal_family(), universal_slopes());
+  registry.add_slopes(gimbal_family(), gimbal_slopes());
+  registry.add_slopes(planar_family(), planar_slopes());
+  registry.add_slopes(translational_family(), translational_slopes());
 }
 
 }  // namespace cardan

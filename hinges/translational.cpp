@@ -1,5 +1,6 @@
 // translational: three translations in the axes of O, no rotation.
 #include "core/abi/family.hpp"
+#include "hinges/slopes.hpp"
 
 namespace cardan {
 namespace {
@@ -20,8 +21,12 @@ struct Translational {
     out.p_OP = Eigen::Map<const Eigen::Vector3d>(q);
     out.Ht.bottomRows<3>().setIdentity();
   }
+  static void slopes(const Packed&, const double*, const double*, SlopesOut<3, 3>& out) noexcept {
+    for (int i = 0; i < 3; ++i) out.in_q[i].p_OP[i] = 1.0;
+  }
 };
 
 }  // namespace
 const cardan_hinge_family& translational_family() { return hinge_table<Translational>(); }
+HingeSlopes translational_slopes() { return slopes_of<Translational>(); }
 }  // namespace cardan

@@ -1,6 +1,7 @@
 // universal (Cardan joint): two successive rotations, R = exp(u1~ q1) exp(u2~ q2).
 #include "core/abi/family.hpp"
 #include "hinges/axes.hpp"
+#include "hinges/slopes.hpp"
 
 namespace cardan {
 namespace {
@@ -36,8 +37,20 @@ struct Universal {
     out.Ht.col(1).head<3>() = u2;
     out.Hdot_v.head<3>() = -v[1] * v[0] * u2.cross(h1);
   }
+  static void slopes(const Packed& p, const double* q, const double* v, SlopesOut<2, 2>& out) noexcept {
+    const Eigen::Vector3d u1 = axis(p, 0), u2 = axis(p, 1);
+    const Eigen::Matrix3d R2 = rotation_about_axis(u2, q[1]), R = rotation_about_axis(u1, q[0]) * R2;
+    const Eigen::Vector3d h1 = R2.transpose() * u1, dh1 = -u2.cross(h1);  // dh1/dq2
+    out.in_q[0].R_OP = tilde(u1) * R;
+    out.in_q[1].R_OP = R * tilde(u2);
+    out.in_q[1].Ht.col(0).head<3>() = dh1;
+    out.in_q[1].Hdot_v.head<3>() = -v[1] * v[0] * u2.cross(dh1);
+    out.in_v.col(0).head<3>() = v[1] * dh1;
+    out.in_v.col(1).head<3>() = v[0] * dh1;
+  }
 };
 
 }  // namespace
 const cardan_hinge_family& universal_family() { return hinge_table<Universal>(); }
+HingeSlopes universal_slopes() { return slopes_of<Universal>(); }
 }  // namespace cardan

@@ -65,6 +65,14 @@ class Mjcf {
   std::vector<std::vector<std::size_t>> children_;
 };
 
+/// [linear in world axes; angular in body axes].
+RootMap root_map(const Root& r) {
+  RootMap map;
+  map.T << Eigen::Matrix3d::Zero(), r.R, Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero();
+  map.b.head<3>() = r.R * r.omega.cross(r.velocity);
+  return map;
+}
+
 struct Mujoco : Peer {
   struct Set {
     Eigen::VectorXd q, v, tau, vdot;
@@ -73,10 +81,11 @@ struct Mujoco : Peer {
   const Model& m;
   mjModel* model = nullptr;
   mjData* d = nullptr;
-  std::vector<int> q_at, v_at;
+  std::vector<int> body, q_at, v_at;
   std::vector<Set> sets;
   Eigen::VectorXd tau;
-  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> unit, matrix;
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  Rows unit, matrix;
 
   Mujoco(const Model& source) : m(source) {
     const auto vfs = std::make_unique<mjVFS>();
@@ -92,6 +101,7 @@ struct Mujoco : Peer {
     d = mj_makeData(model);
     for (std::size_t i = 0; i < m.bodies.size(); ++i) {
       const int joint = mj_name2id(model, mjOBJ_JOINT, std::to_string(i).c_str());
+      body.push_back(model->jnt_bodyid[joint]);
       q_at.push_back(model->jnt_qposadr[joint]);
       v_at.push_back(model->jnt_dofadr[joint]);
     }
@@ -110,13 +120,7 @@ struct Mujoco : Peer {
 
   std::vector<Call> calls() override {
     for (const State& s : m.states) {
-      RootMap root;
-      if (m.has_free_root()) {  // [linear in world axes; angular in body axes]
-        const Root r(s);
-        root.T << Eigen::Matrix3d::Zero(), r.R, Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero();
-        root.b.head<3>() = r.R * r.omega.cross(r.velocity);
-      }
-      const Velocities map(m, v_at, root);
+      const Velocities map(m, v_at, m.has_free_root() ? root_map(Root(s)) : RootMap());
       Eigen::VectorXd q(m.nq);
       for (std::size_t i = 0; i < m.bodies.size(); ++i) {
         const int n = m.bodies[i].free ? 7 : 1;
@@ -182,6 +186,69 @@ struct Mujoco : Peer {
          [this, set, state](int k) { return set(k).map.inverse_mass_times(matrix, state(k).tau); }},
     };
   }
+
+  std::vector<Call> analyses() override {
+    const auto set = [this](int k) -> const Set& { return sets[static_cast<std::size_t>(k)]; };
+    const auto factor = [this](int k) {
+      set_q(k);
+      mj_kinematics(model, d);
+      mj_comPos(model, d);
+      mj_crb(model, d);
+      mj_factorM(model, d);
+    };
+    // J M^-1 J* by half of the solution each: the way in which MuJoCo makes the inertia of its constraints.
+    const auto compliance = [this](const std::vector<int>& nodes) {
+      for (std::size_t a = 0; a < nodes.size(); ++a) {
+        const int id = body[static_cast<std::size_t>(nodes[a])];
+        double* rows = jacobian.data() + 6 * static_cast<std::ptrdiff_t>(a) * m.nv;
+        mj_jac(model, d, rows + 3 * m.nv, rows, d->xpos + 3 * id, id);
+      }
+      mj_solveM2(model, d, half.data(), jacobian.data(), static_cast<int>(jacobian.rows()));
+      product.noalias() = half * half.transpose();
+    };
+    const auto size_for = [this](const std::vector<int>& nodes) {
+      const auto rows = 6 * static_cast<Eigen::Index>(nodes.size());
+      if (jacobian.rows() != rows) jacobian.setZero(rows, m.nv), half.setZero(rows, m.nv), product.setZero(rows, rows);
+    };
+    const auto turned = [this](const std::vector<int>& nodes, const Eigen::MatrixXd& C) {
+      std::vector<Eigen::Matrix3d> R;
+      for (const int i : nodes)
+        R.emplace_back(Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(d->xmat + 9 * body[static_cast<std::size_t>(i)]));
+      return in_node_axes(C, R);
+    };
+    const std::vector<int> ends = m.ends(), hand{m.hand()};
+    // A step of the length 1 is v + v', q + v + v': derivatives of v' are those of v less the unit matrix.
+    const auto derivatives = [this, set](bool centred, int k) {
+      model->opt.timestep = 1.0;
+      set_q(k), set_v(k), set_tau(k);
+      mjd_transitionFD(model, d, centred ? 1e-5 : 1e-7, centred, transition.data(), nullptr, nullptr, nullptr);
+      mj_solveM(model, d, matrix.data(), unit.data(), m.nv);
+    };
+    transition.setZero(2 * m.nv, 2 * m.nv);
+    const auto our = [this, set](int k) {
+      set_q(k), set_v(k), set_tau(k);
+      mj_forward(model, d);
+      const Eigen::VectorXd a = Eigen::Map<const Eigen::VectorXd>(d->qacc, m.nv);
+      const Eigen::MatrixXd a_v = Eigen::MatrixXd(transition.bottomRightCorner(m.nv, m.nv)) - Eigen::MatrixXd::Identity(m.nv, m.nv);
+      return our_derivatives(m, m.states[static_cast<std::size_t>(k)], set(k).map, root_map, a, transition.bottomLeftCorner(m.nv, m.nv),
+                             a_v, matrix);
+    };
+    return {
+        {"node_compliance", "mj_jac + mj_solveM2", [=](int k) { size_for(ends), factor(k), compliance(ends); },
+         [=, this](int) { return turned(ends, product); }},
+        {"operational_inertia", "mj_jac + mj_solveM2, inverted",
+         [=, this](int k) {
+           size_for(hand), factor(k), compliance(hand);
+           inertia = product.topLeftCorner<6, 6>().llt().solve(Matrix6d::Identity());
+         },
+         [=, this](int) { return turned(hand, inertia); }},
+        {"forward_derivatives", "mjd_transitionFD", [=](int k) { derivatives(false, k); }, our},
+        {"forward_derivatives", "mjd_transitionFD, centred", [=](int k) { derivatives(true, k); }, our},
+    };
+  }
+
+  Rows jacobian, half, product, transition;
+  Matrix6d inertia;
 };
 
 }  // namespace

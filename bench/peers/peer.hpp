@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <Eigen/Dense>
 #include <Eigen/SparseCore>
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <functional>
@@ -48,6 +49,22 @@ struct Model {
   std::vector<State> states;
 
   bool has_free_root() const { return bodies[0].free; }
+  /// The bodies that carry no other, and of them the first at the end of the longest path: nodes that analyses look at, at their origins.
+  std::vector<int> ends() const {
+    std::vector<int> list;
+    for (int i = 0; i < static_cast<int>(bodies.size()); ++i)
+      if (std::none_of(bodies.begin(), bodies.end(), [&](const Body& b) { return b.parent == i; })) list.push_back(i);
+    return list;
+  }
+  int hand() const {
+    const auto depth = [&](int i) {
+      int d = 0;
+      for (; i >= 0; i = bodies[static_cast<std::size_t>(i)].parent) ++d;
+      return d;
+    };
+    const std::vector<int> list = ends();
+    return *std::max_element(list.begin(), list.end(), [&](int a, int b) { return depth(a) < depth(b); });
+  }
   bool is_serial() const {
     for (std::size_t i = 0; i < bodies.size(); ++i)
       if (bodies[i].parent != static_cast<int>(i) - 1) return false;
@@ -101,7 +118,7 @@ inline Model read_model(const std::string& file) {
 struct Root {
   Eigen::Matrix3d R;
   Eigen::Vector3d position, omega, velocity;
-  Root(const State& s)
+  explicit Root(const State& s)
       : R(Eigen::Quaterniond(s.q[3], s.q[4], s.q[5], s.q[6]).toRotationMatrix()),
         position(s.q.head<3>()),
         omega(s.v.head<3>()),
@@ -117,14 +134,17 @@ struct RootMap {
   Matrix6d T = Matrix6d::Identity();
   Vector6d b = Vector6d::Zero();
 };
+/// The same of any root: T is a constant and what is linear in R, b is linear in each of R, omega and velocity.
+using RootConvention = RootMap (*)(const Root&);
 
 /// The same for all velocities of one state: hinges permuted, the root by RootMap.
 struct Velocities {
+  std::vector<int> offset;
   Eigen::SparseMatrix<double> T, inverse;
   Eigen::VectorXd b;
 
   /// offset[i]: where the peer keeps the (first) velocity of body i.
-  Velocities(const Model& m, const std::vector<int>& offset, const RootMap& root = {}) : T(m.nv, m.nv), inverse(m.nv, m.nv) {
+  Velocities(const Model& m, const std::vector<int>& at, const RootMap& root = {}) : offset(at), T(m.nv, m.nv), inverse(m.nv, m.nv) {
     b.setZero(m.nv);
     std::vector<Eigen::Triplet<double>> forth, back;
     const Matrix6d root_inverse = root.T.inverse();
@@ -158,10 +178,49 @@ struct Velocities {
   Eigen::VectorXd inverse_mass_times(const Eigen::MatrixXd& Minv, const Eigen::VectorXd& x) const { return inverse * (Minv * force(x)); }
 };
 
+/// dv'/dq, dv'/dv and dv'/dtau side by side, from what the peer says of its own a = v' with its own velocities and forces (and q along its
+/// own velocities): all at one state, where a is its v'.
+inline Eigen::VectorXd our_derivatives(const Model& m, const State& s, const Velocities& map, RootConvention convention,
+                                       const Eigen::VectorXd& a, const Eigen::MatrixXd& a_q, const Eigen::MatrixXd& a_v,
+                                       const Eigen::MatrixXd& a_tau) {
+  const Eigen::MatrixXd T = map.T, inverse = map.inverse;
+  const Eigen::VectorXd vdot = map.our_acceleration(a), force = map.force(s.tau);
+  Eigen::MatrixXd of_q = a_q * T, of_v = a_v * T;
+  for (int j = 0; m.has_free_root() && j < 6; ++j) {
+    const Root root(s);
+    const Eigen::Vector3d unit = Eigen::Vector3d::Unit(j % 3);
+    Root rate = root;  // as v moves along component j
+    (j < 3 ? rate.omega : rate.velocity) = unit;
+    of_v.col(j) -= Velocities(m, map.offset, convention(rate)).b;
+    if (j >= 3) continue;
+    Root turn = root;  // as the root turns about its own axis j
+    turn.R = root.R * cross_matrix(unit);
+    Root none = root;
+    none.R.setZero();
+    const Velocities turned(m, map.offset, convention(turn)), constant(m, map.offset, convention(none));
+    const Eigen::MatrixXd dT = Eigen::MatrixXd(turned.T) - Eigen::MatrixXd(constant.T);
+    of_q.col(j) += a_v * (dT * s.v) - a_tau * (inverse.transpose() * (dT.transpose() * force)) - dT * vdot - turned.b;
+  }
+  Eigen::MatrixXd all(m.nv, 3 * m.nv);
+  all << inverse * of_q, inverse * of_v, inverse * a_tau * inverse.transpose();
+  return all.reshaped();
+}
+
+/// A 6s x 6s matrix of nodes, [angular; linear] in world axes, in the axes of the nodes, which R has.
+inline Eigen::VectorXd in_node_axes(const Eigen::MatrixXd& C, const std::vector<Eigen::Matrix3d>& R) {
+  Eigen::MatrixXd turn = Eigen::MatrixXd::Zero(C.rows(), C.cols());
+  for (std::size_t a = 0; a < R.size(); ++a)
+    for (int part = 0; part < 2; ++part) {
+      const auto at = static_cast<Eigen::Index>(6 * a + 3 * static_cast<std::size_t>(part));
+      turn.block<3, 3>(at, at) = R[a];
+    }
+  return Eigen::MatrixXd(turn.transpose() * C * turn).reshaped();
+}
+
 /// One way to compute something. `run(k)` is what is timed: it puts state k into the peer and calls it. `result(k)` follows
 /// run(k): what came out, in the convention of the model: v', tau, M(q) v' of the state, or M(q)^-1 tau of the state.
 struct Call {
-  std::string op;  // forward_dynamics, inverse_dynamics, mass_matrix, mass_matrix_inverse
+  std::string op;  // forward_dynamics, inverse_dynamics, mass_matrix, mass_matrix_inverse; or an analysis
   std::string name;
   std::function<void(int)> run;
   std::function<Eigen::VectorXd(int)> result;
@@ -172,14 +231,18 @@ struct Call {
 struct Peer {
   virtual ~Peer() = default;
   virtual std::vector<Call> calls() = 0;
+  /// What it offers of node_compliance (of Model::ends(), 6 rows each), operational_inertia (of Model::hand()) and forward_derivatives; the
+  /// matrices one column after the other, as cardan-bench-analyses has them. After calls().
+  virtual std::vector<Call> analyses() { return {}; }
 };
 
 /// Largest relative error (2-norm) over the states whose results are known; infinite where it is not a number.
 inline double forward_error(const Call& call, const nlohmann::json& exact) {
-  const char* key = call.op == "forward_dynamics"   ? "vdot"
-                    : call.op == "inverse_dynamics" ? "tau"
-                    : call.op == "mass_matrix"      ? "M_vdot"
-                                                    : "Minv_tau";
+  const char* key = call.op == "forward_dynamics"      ? "vdot"
+                    : call.op == "inverse_dynamics"    ? "tau"
+                    : call.op == "mass_matrix"         ? "M_vdot"
+                    : call.op == "mass_matrix_inverse" ? "Minv_tau"
+                                                       : call.op.c_str();
   double error = 0.0;
   for (int k = 0; k < static_cast<int>(exact.size()); ++k) {
     const Eigen::VectorXd truth = to_vector(exact[static_cast<std::size_t>(k)][key]);
@@ -190,15 +253,18 @@ inline double forward_error(const Call& call, const nlohmann::json& exact) {
   return error;
 }
 
-/// The main program: --model FILE [--exact FILE] [--op OP] [--seconds S] --out FILE.json, rows as those of cardan-bench and the
-/// name of the call.
+/// The main program: --model FILE [--exact FILE] [--op OP] [--analyses] [--seconds S] --out FILE.json, rows as those of cardan-bench and
+/// the name of the call.
 inline int run(int argc, char** argv, const std::string& program, const std::string& version,
                const std::function<std::unique_ptr<Peer>(const Model&)>& make) {
   CLI::App app("Times " + program + " on a model in the schema cardan-bench/1.");
   std::string file, exact_file, only, out;
   double seconds = 0.3;
   app.add_option("--model", file, "the model")->required();
-  app.add_option("--exact", exact_file, "its exact results, written by cardan-bench --exact");
+  bool analyses = false;
+  app.add_option("--exact", exact_file,
+                 "its exact results, written by cardan-bench --exact; of analyses, by cardan-bench-analyses --exact");
+  app.add_flag("--analyses", analyses, "what is offered of analyses, in place of dynamics");
   app.add_option("--op", only, "only this operation");
   app.add_option("--seconds", seconds, "time spent on each figure");
   app.add_option("--out", out, "write the rows as JSON")->required();
@@ -219,10 +285,11 @@ inline int run(int argc, char** argv, const std::string& program, const std::str
     double bytes = -cardan::bench::heap_bytes();
     const std::unique_ptr<Peer> peer = make(m);
     bytes += cardan::bench::heap_bytes();
-    const std::vector<Call> calls = peer->calls();
+    std::vector<Call> calls = peer->calls();
     bytes -= cardan::bench::heap_bytes();
     calls[0].run(0);
     bytes += cardan::bench::heap_bytes();
+    if (analyses) calls = peer->analyses();
     for (const Call& call : calls) {
       if (!only.empty() && call.op != only) continue;
       nlohmann::json row{{"model", m.name}, {"op", call.op}, {"call", call.name}, {"bodies", m.bodies.size()}};

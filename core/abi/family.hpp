@@ -155,6 +155,14 @@ int pack(const cardan_param_values* values, void* packed) {
   return 0;
 }
 
+template <int NV>
+[[gnu::always_inline]] inline void store(const HingeOut<NV>& o, cardan_hinge_out& out) {
+  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(out.R_OP) = o.R_OP;
+  Eigen::Map<Eigen::Vector3d>(out.p_OP) = o.p_OP;
+  if constexpr (NV > 0) Eigen::Map<Eigen::Matrix<double, 6, NV>>(out.Ht) = o.Ht;
+  Eigen::Map<Eigen::Matrix<double, 6, 1>>(out.Hdot_v) = o.Hdot_v;
+}
+
 template <HingeFamily F>
 void kinematics(const void* packed, std::uint32_t n, const std::uint32_t* iq, const std::uint32_t* iv, const double* q, const double* v,
                 cardan_hinge_out* out) {
@@ -165,10 +173,7 @@ void kinematics(const void* packed, std::uint32_t n, const std::uint32_t* iq, co
       axis_kinematics<F>(p[j], q[iq[j]], o);
     else
       F::kinematics(p[j], q + iq[j], v + iv[j], o);
-    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(out[j].R_OP) = o.R_OP;
-    Eigen::Map<Eigen::Vector3d>(out[j].p_OP) = o.p_OP;
-    if constexpr (F::nv > 0) Eigen::Map<Eigen::Matrix<double, 6, F::nv>>(out[j].Ht) = o.Ht;
-    Eigen::Map<Eigen::Matrix<double, 6, 1>>(out[j].Hdot_v) = o.Hdot_v;
+    store(o, out[j]);
   }
 }
 

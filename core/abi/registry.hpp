@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "core/abi/cardan_abi.h"
 #include "core/abi/cardan_body.h"
 #include "core/abi/cardan_device.h"
 #include "core/abi/cardan_field.h"
+#include "core/abi/hinge_slopes.hpp"
 #include "core/base/diagnostic.hpp"
 
 namespace cardan {
@@ -65,10 +67,20 @@ class Registry {
   Families<cardan_device_family> devices;
   Families<cardan_field_family> fields;
 
+  /// Derivatives take a hinge by what it tells of its slopes; else by differences of eighth order of what its table fills.
+  void add_slopes(const cardan_hinge_family& family, HingeSlopes told) { slopes_.emplace_back(&family, told); }
+  HingeSlopes slopes(const cardan_hinge_family& family) const {  ///< null: by differences
+    const auto it = std::ranges::find_if(slopes_, [&](const auto& s) { return s.first == &family; });
+    return it == slopes_.end() ? nullptr : it->second;
+  }
+
   const cardan_hinge_family* hinge(std::string_view type) const { return hinges.find(type); }     ///< null if unknown
   const cardan_body_family* body(std::string_view type) const { return bodies.find(type); }       ///< null if unknown
   const cardan_device_family* device(std::string_view type) const { return devices.find(type); }  ///< null if unknown
   const cardan_field_family* field(std::string_view type) const { return fields.find(type); }     ///< null if unknown
+
+ private:
+  std::vector<std::pair<const cardan_hinge_family*, HingeSlopes>> slopes_;
 };
 
 struct FamilyKind;

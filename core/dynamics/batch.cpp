@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstring>
 #include <limits>
+#include <span>
 
 #include "core/base/diagnostic.hpp"
 #include "core/dynamics/inverse.hpp"
@@ -73,6 +74,7 @@ class PassesOf : public Batch::Passes {
   std::size_t bytes() const override { return ws_.bytes() + (q_.size() + 4 * v_.size()) * sizeof(T); }
 
   int forward(const BatchInputs& all, double* vdot, std::uint8_t* failed) override {
+    articulated_.clear();
     BatchInputs in = all;
     if (!model_.has_prescribed()) in.vdot = nullptr;  // nobody would look
     int failures = 0;
@@ -100,6 +102,7 @@ class PassesOf : public Batch::Passes {
   }
 
   void inverse(const BatchInputs& all, double* tau) override {
+    articulated_.clear();
     BatchInputs in = all;
     in.tau = nullptr;
     for (int first = 0; first < in.n; first += W) {
@@ -114,17 +117,26 @@ class PassesOf : public Batch::Passes {
     std::transform(q, q + model_.nq, q_.begin(), [](double x) { return T(x); });
     for (auto* column : {&v_, &vdot_}) std::fill(column->begin(), column->end(), T(0));
     const soa::Inputs<T> in{.q = q_.data(), .v = v_.data(), .tau = tau_.data(), .vdot = vdot_.data(), .gravity = false};
+    bool again = std::ranges::equal(articulated_, std::span(q, static_cast<std::size_t>(model_.nq)));
+    articulated_.clear();
     for (int first = 0; first < n; first += W) {
       const int count = std::min(W, n - first);
       fill(f, model_.nv, first, count, tau_);
-      outward(model_, S, ws_, in, {.velocity = false});
+      if (again) {
+        S.ground(model_, ws_, in);
+        S.at_rest(model_, ws_);
+      } else {
+        outward(model_, S, ws_, in, {.velocity = false});
+      }
       for (auto run = model_.runs.rbegin(); run != model_.runs.rend(); ++run) {
-        S.inward(model_, ws_, in, *run, {});
+        S.inward(model_, ws_, in, *run, {.inertia = !again});
         if (ws_.breakdown.body != 0) return false;
       }
+      again = true;
       for (const Run& run : model_.runs) S.acceleration(model_, ws_, in, run, out_.data());
       store(first, count, out);
     }
+    articulated_.assign(q, q + model_.nq);
     return true;
   }
 
@@ -162,6 +174,7 @@ class PassesOf : public Batch::Passes {
   const Model& model_;
   soa::Workspace<T> ws_;
   std::vector<T> q_, v_, tau_, vdot_, out_;
+  std::vector<double> articulated_;  // P, D and G in the workspace are those of this q; empty: of none
 };
 
 /// A device that pushes or carries mass; null: there is none.

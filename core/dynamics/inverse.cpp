@@ -221,18 +221,24 @@ void solve_mass(const Model& model, Workspace& ws, const double* q, const double
   for (const Run& run : model.runs) S.acceleration(model, ws, in, run, vdot);
 }
 
+Inputs stand_rigid(const Model& model, Workspace& ws, const double* q) {
+  const soa::Sweeps<double>& S = soa::sweeps<double>();
+  ws.rest.resize(static_cast<std::size_t>(model.nv));
+  const Inputs in{.q = q, .v = ws.rest.data(), .vdot = ws.rest.data(), .gravity = false};
+  S.ground(model, ws, in);
+  S.hinge_records(model, ws, in);
+  for (const Run& run : model.runs)
+    if (!is_axis(run.kind)) S.outward(model, ws, in, run, {.velocity = false});
+  return in;
+}
+
 bool mass_matrix_inverse(const Model& model, Workspace& ws, const double* q, double* inverse) {
   require_open_tree(model, "inverse mass matrices");
   if (model.has(OpCode::refine)) return refined_inverse(model, ws, q, inverse);
   const soa::Sweeps<double>& S = soa::sweeps<double>();
   const int nv = model.nv;
   if (model.rigid) {
-    ws.rest.assign(nv, 0.0);
-    const Inputs in{.q = q, .v = ws.rest.data(), .vdot = ws.rest.data(), .gravity = false};
-    S.ground(model, ws, in);
-    S.hinge_records(model, ws, in);
-    for (const Run& run : model.runs)
-      if (!is_axis(run.kind)) S.outward(model, ws, in, run, {.velocity = false});
+    const Inputs in = stand_rigid(model, ws, q);
     ws.columns.resize(soa::columns_size(model));
     S.mass_matrix_inverse(model, ws, in, inverse);
     return ws.breakdown.body == 0;
@@ -258,11 +264,7 @@ void mass_matrix(const Model& model, Workspace& ws, const double* q, double* M) 
   const soa::Sweeps<double>& S = soa::sweeps<double>();
   ws.composite.resize(model.bodies.size());
   ws.columns.resize(soa::columns_size(model));
-  ws.rest.resize(static_cast<std::size_t>(model.nv));
-  const Inputs in{.q = q, .v = ws.rest.data(), .gravity = false};
-  S.hinge_records(model, ws, in);
-  for (const Run& run : model.runs)
-    if (!is_axis(run.kind)) S.outward(model, ws, in, run, {.velocity = false});
+  const Inputs in = stand_rigid(model, ws, q);
   S.mass_matrix(model, ws, in, M);
 }
 

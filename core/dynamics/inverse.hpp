@@ -35,6 +35,10 @@ void solve_mass(const Model& model, Workspace& workspace, const double* q, const
 /// prescribed components are zero. False at a direction without inertia.
 bool mass_matrix_inverse(const Model& model, Workspace& workspace, const double* q, double* inverse);
 
+/// Of a tree of rigid bodies, what sweeps that form matrices need of it at q (Sweeps::mass_matrix and beside it), which takes these inputs:
+/// at rest, without gravity.
+Inputs stand_rigid(const Model& model, Workspace& workspace, const double* q);
+
 /// Generalised gravity force (right-hand side), nv.
 Eigen::VectorXd gravity_force(const Model& model, Workspace& workspace, const double* q);
 /// Velocity terms C(q, v) (left-hand side), nv.

@@ -155,7 +155,7 @@ void LoopTangents::move_hinge(std::size_t l) {
     change = {};
     if (f.shape == CARDAN_SHAPE_BALL) return;  // its map is constant
     for (int i = 0; i < nv; ++i) v[static_cast<std::size_t>(i)] = {h.v[i], dv[i]};
-    soa::detail::dense_record(f, loop.packed.data(), q.data(), v.data(), at_q.data(), at_v.data(), change.R_OP);
+    soa::add_record_slope(f, nullptr, loop.packed.data(), q.data(), v.data(), at_q.data(), at_v.data(), change.R_OP);
   };
   change_with(VectorXd::Zero(nv));
   for (int j = 0; j < nv; ++j)

@@ -407,14 +407,15 @@ class Compiler {
     // One batch per family that fills hinge records.
     for (const auto& entry : registry_.hinges.all()) {
       const cardan_hinge_family* const family = entry.family;
-      DenseBatch batch{family, {}, {}, {}, m.n_dense};
+      const HingeSlopes slopes = registry_.slopes(*family);
+      DenseBatch batch{family, {}, {}, {}, m.n_dense, slopes};
       std::vector<char> bytes;
       const auto close = [&] {
         if (batch.iq.empty()) return;
         batch.packed.resize((bytes.size() + 7) / 8 + 1);
         if (!bytes.empty()) std::memcpy(batch.packed.data(), bytes.data(), bytes.size());
         m.batches.push_back(std::move(batch));
-        batch = {family, {}, {}, {}, m.n_dense};
+        batch = {family, {}, {}, {}, m.n_dense, slopes};
         bytes.clear();
       };
       for (std::size_t k = 1; k < m.bodies.size(); ++k) {

@@ -10,6 +10,7 @@
 #include "core/abi/cardan_abi.h"
 #include "core/abi/cardan_body.h"
 #include "core/abi/cardan_field.h"
+#include "core/abi/hinge_slopes.hpp"
 #include "core/spatial/inertia.hpp"
 
 namespace cardan {
@@ -161,7 +162,8 @@ struct DenseBatch {
   const cardan_hinge_family* family;
   std::vector<double> packed;  // params_size bytes each; one hinge alone where the size is that of its instance
   std::vector<std::uint32_t> iq, iv;
-  int first;  // index of the first record
+  int first;           // index of the first record
+  HingeSlopes slopes;  // null: by differences
 };
 
 /// A named point.

@@ -210,9 +210,8 @@ bool add_device_port(PortList& out, const Scope& scope, const char* side, const 
           legal);
 }
 
-PortList inputs_of(const Scope& scope, const std::vector<std::string>& wanted) {
+PortList inputs_of(const Scope& scope, const SpaceLabels& states, const std::vector<std::string>& wanted) {
   const Model& m = scope.m;
-  const SpaceLabels states = state_labels(scope);
   PortList out;
   const auto add = [&](int i) {  // component of the hinge space
     const std::string &name = states.names[i], &rate = states.units[scope.nv() + i];
@@ -242,9 +241,8 @@ PortList inputs_of(const Scope& scope, const std::vector<std::string>& wanted) {
   return out;
 }
 
-PortList outputs_of(const Scope& scope, const std::vector<std::string>& wanted) {
+PortList outputs_of(const Scope& scope, const SpaceLabels& states, const std::vector<std::string>& wanted) {
   const Model& m = scope.m;
-  const SpaceLabels states = state_labels(scope);
   PortList out;
   const auto add = [&](int i) {
     out.ports.push_back({Port::state, i, 0});
@@ -317,7 +315,6 @@ class Column {
         at_(at),
         inputs_(inputs),
         outputs_(outputs),
-        ws_(m_),
         q(m_.nq),
         v(m_.nv, 0.0),
         vdot(m_.nv, 0.0),
@@ -341,15 +338,18 @@ class Column {
     if (at.devices) {
       devices_.emplace(m_, *at.devices);
       z.assign(m_.devices.n_z, 0.0);
-      ws_.require_world();
     }
     looks_ = outputs.has({Port::position, Port::velocity, Port::acceleration, Port::attitude, Port::rate, Port::specific_force});
-    if (looks_) ws_.require_world();
     if (outputs.has({Port::linear_momentum, Port::angular_momentum})) moving_.emplace(m_), moving_->require_world();
   }
 
+  /// The v' of the point, and its derivative along the direction that is set, as they are known; null: run() finds both.
+  void take(const VectorXd* vdot0, const double* dvdot) { vdot0_ = vdot0, dvdot_ = dvdot; }
   /// vdot and y, values and derivatives.
   void run(Tangent* y) {
+    if (vdot0_)
+      for (int i = 0; i < m_.nv; ++i) vdot[i] = {(*vdot0_)[i], dvdot_ ? dvdot_[i] : 0.0};
+    if (vdot0_ && !looks_ && !moving_) return;
     for (int i = 0; i < m_.nv; ++i) {
       tau_[i] = at_.tau && !scope_.given[i] ? at_.tau[i] : 0.0;
       given_[i] = at_.vdot && scope_.given[i] ? at_.vdot[i] : 0.0;
@@ -370,18 +370,20 @@ class Column {
       Vec3<Tangent>& part = p.kind == Port::force ? f.f : f.n;
       (p.axis == 0 ? part.x : p.axis == 1 ? part.y : part.z) = u[i];
     }
-    hinge_laws::add_forces(m_, q.data(), v.data(), tau_.data());
+    if (!vdot0_) hinge_laws::add_forces(m_, q.data(), v.data(), tau_.data());
     soa::Inputs<Tangent> in{
         .q = q.data(), .v = v.data(), .tau = tau_.data(), .vdot = given_.data(), .wrenches = wrenches_, .moment = at_.moment};
-    if (scope_.blocks)
+    if (vdot0_)
+      follow(in);
+    else if (scope_.blocks)
       solve(in);
     else if (scope_.loops)
       close(in);
     else
       move(in);
     if (devices_) {
-      world(m_, soa::sweeps<Tangent>(), ws_, in, scope_.part());
-      if (!devices_->complete(ws_, in)) throw devices_->fault();
+      world(m_, soa::sweeps<Tangent>(), ws(), in, scope_.part());
+      if (!devices_->complete(ws(), in)) throw devices_->fault();
     }
     look(in, y);
   }
@@ -391,7 +393,15 @@ class Column {
   const Model& m_;
   const OperatingPoint& at_;
   const PortList &inputs_, &outputs_;
-  soa::Workspace<Tangent> ws_;
+  std::optional<soa::Workspace<Tangent>> sweeping_;
+  /// Made when it is asked for: where all outputs are states and v' is known, nobody does.
+  soa::Workspace<Tangent>& ws() {
+    if (!sweeping_) {
+      sweeping_.emplace(m_);
+      if (looks_ || devices_) sweeping_->require_world();
+    }
+    return *sweeping_;
+  }
 
  public:
   std::vector<Tangent> q, v, vdot, u, z;
@@ -417,23 +427,31 @@ class Column {
   std::optional<DeviceTangents> devices_;
   std::optional<soa::Workspace<Tangent>> moving_;  // poses and inertias as they are before the inward sweep
   bool looks_ = false, solved_once_ = false;
+  const VectorXd* vdot0_ = nullptr;
+  const double* dvdot_ = nullptr;
 
   /// What devices push with, which no acceleration changes. Of bodies that take no part poses are those of now.
   void push(const soa::Inputs<Tangent>& in) {
-    outward(m_, soa::sweeps<Tangent>(), ws_, in, {.velocity = false});
-    world(m_, soa::sweeps<Tangent>(), ws_, in, scope_.part());
-    if (!with_devices()->act(ws_, in)) throw devices_->fault();
+    outward(m_, soa::sweeps<Tangent>(), ws(), in, {.velocity = false});
+    world(m_, soa::sweeps<Tangent>(), ws(), in, scope_.part());
+    if (!with_devices()->act(ws(), in)) throw devices_->fault();
+  }
+
+  /// What outputs see of a known v'.
+  void follow(soa::Inputs<Tangent>& in) {
+    in.vdot = vdot.data();
+    if (looks_) inverse_dynamics(m_, ws(), in, back_.data());
   }
 
   void move(const soa::Inputs<Tangent>& in) {
-    if (forward_dynamics(m_, ws_, in, vdot.data(), with_devices())) return;
+    if (forward_dynamics(m_, ws(), in, vdot.data(), with_devices())) return;
     if (devices_ && devices_->failed()) throw devices_->fault();
-    throw NumericsError(describe_breakdown(m_, ws_.breakdown, at_.t));
+    throw NumericsError(describe_breakdown(m_, ws().breakdown, at_.t));
   }
 
   void place_loops(const soa::Inputs<Tangent>& in) {
-    outward(m_, soa::sweeps<Tangent>(), ws_, in, {});
-    scope_.loops->place(ws_, in);
+    outward(m_, soa::sweeps<Tangent>(), ws(), in, {});
+    scope_.loops->place(ws(), in);
   }
   /// With the multipliers as they are at the point; then with the change that keeps c'' = 0.
   void close(soa::Inputs<Tangent>& in) {
@@ -446,7 +464,7 @@ class Column {
       scope_.loops->push(wrenches_, tau_.data());
       in.wrenches = wrenches_;
       move(in);
-      if (!known) scope_.loops->solve(ws_, in, vdot.data());
+      if (!known) scope_.loops->solve(ws(), in, vdot.data());
     }
     wrenches_.resize(loads);
   }
@@ -457,7 +475,7 @@ class Column {
     in.vdot = vdot.data();
     for (const int i : scope_.components) vdot[i] = {scope_.given[i] || !solved_once_ ? given_[i].x : vdot[i].x, given_[i].d};
     const auto respond = [&](double Tangent::*part) {
-      inverse_dynamics(m_, ws_, in, back_.data(), {}, scope_.part());
+      inverse_dynamics(m_, ws(), in, back_.data(), {}, scope_.part());
       for (int i = 0; i < scope_.nv(); ++i) {
         const std::size_t at = (scope_.components[i]);
         residual_[i] = tau_[at].*part - back_[at].*part;
@@ -468,15 +486,15 @@ class Column {
     if (!solved_once_) respond(&Tangent::x);
     solved_once_ = true;
     respond(&Tangent::d);
-    if (looks_ || devices_) inverse_dynamics(m_, ws_, in, back_.data(), {}, scope_.part());
-    if (devices_ && !devices_->follow(ws_, in, vdot.data(), After::inverse)) throw devices_->fault();
+    if (looks_ || devices_) inverse_dynamics(m_, ws(), in, back_.data(), {}, scope_.part());
+    if (devices_ && !devices_->follow(ws(), in, vdot.data(), After::inverse)) throw devices_->fault();
   }
 
   void look(const soa::Inputs<Tangent>& in, Tangent* y) {
     const soa::Sweeps<Tangent>& S = soa::sweeps<Tangent>();
     const Part* part = scope_.part();
     Force<Tangent> h{{0, 0, 0}, {0, 0, 0}};
-    if (looks_) world(m_, S, ws_, in, part);
+    if (looks_) world(m_, S, ws(), in, part);
     if (moving_) {
       outward(m_, S, *moving_, in, {.velocity = false});
       world(m_, S, *moving_, in, part);
@@ -496,7 +514,8 @@ class Column {
         y[i] = component(p.kind == Port::linear_momentum ? h.f : h.n, p.axis);
         continue;
       }
-      if (p.index != seen) node = node_motion(m_, ws_, in, seen = p.index, vdot.data(), scope_.blocks ? After::inverse : After::forward);
+      if (p.index != seen)
+        node = node_motion(m_, ws(), in, seen = p.index, vdot.data(), scope_.blocks || vdot0_ ? After::inverse : After::forward);
       switch (p.kind) {
         case Port::position:
           y[i] = component(node.position, p.axis);
@@ -529,33 +548,77 @@ class Column {
   }
 };
 
-LinearModel linearize(const Scope& scope, const OperatingPoint& at, const LinearPorts& wanted) {
+/// v' and its derivatives along all columns of a linear model, many at once (Sensitivities).
+struct KnownAccelerations {
+  VectorXd vdot;
+  MatrixXd along;  // nv x (2 nv + inputs), in the order of the columns of [A B]
+};
+/// Of whole open trees without devices, whose v' needs no refinement.
+bool can_be_known(const Model& m, const OperatingPoint& at) { return m.loops.empty() && !at.devices && !m.has(OpCode::refine); }
+
+KnownAccelerations known_accelerations(Sensitivities& about, const Scope& scope, const OperatingPoint& at, const PortList& inputs) {
+  const Model& m = scope.m;
+  const VectorXd still = VectorXd::Zero(m.nv);
+  about.solve(
+      {.q = at.q, .v = at.v, .tau = at.tau, .vdot = at.vdot ? at.vdot : still.data(), .wrenches = at.wrenches, .moment = at.moment});
+  const auto nu = static_cast<Eigen::Index>(inputs.ports.size());
+  const MatrixXd unit = MatrixXd::Identity(m.nv, m.nv);
+  MatrixXd forces = MatrixXd::Zero(m.nv, nu);
+  std::vector<Direction> all(static_cast<std::size_t>(2 * m.nv + nu));
+  for (int j = 0; j < m.nv; ++j) all[j].q = all[m.nv + j].v = unit.col(j).data();
+  std::optional<Workspace> ws;
+  for (Eigen::Index j = 0; j < nu; ++j) {
+    const Port& p = inputs.ports[j];
+    Direction& direction = all[2 * m.nv + j];
+    if (p.kind == Port::hinge) {
+      (scope.given[p.index] ? direction.vdot : direction.tau) = unit.col(p.index).data();
+      continue;
+    }
+    NodeWrench load{p.index, false, {{0, 0, 0}, {0, 0, 0}}};
+    Vec3<double>& part = p.kind == Port::force ? load.f.f : load.f.n;
+    (p.axis == 0 ? part.x : p.axis == 1 ? part.y : part.z) = 1.0;
+    if (!ws) ws.emplace(m);
+    forces.col(j) = external_force(m, *ws, at.q, {&load, 1});
+    direction.tau = forces.col(j).data();
+  }
+  KnownAccelerations out{about.vdot(), MatrixXd(m.nv, 2 * m.nv + nu)};
+  about.forward(all, out.along.data());
+  return out;
+}
+
+/// `about`: of the model, where v' can be known; else null.
+LinearModel linearize(const Scope& scope, const OperatingPoint& at, const LinearPorts& wanted, Sensitivities* about = nullptr) {
   const Model& m = scope.m;
   const int nv = scope.nv(), n_z = scope.n_z(), n = static_cast<int>(scope.states.size()), half = (n - n_z) / 2;
-  const PortList inputs = inputs_of(scope, wanted.inputs), outputs = outputs_of(scope, wanted.outputs);
+  const SpaceLabels labels = state_labels(scope);
+  const PortList inputs = inputs_of(scope, labels, wanted.inputs), outputs = outputs_of(scope, labels, wanted.outputs);
   const int nu = static_cast<int>(inputs.ports.size()), ny = static_cast<int>(outputs.ports.size());
   LinearModel out;
   out.system = m.name;
   out.t = at.t;
   out.inputs = inputs.labels, out.outputs = outputs.labels;
-  const SpaceLabels labels = state_labels(scope);
   for (const int i : scope.states) out.states.names.push_back(labels.names[i]), out.states.units.push_back(labels.units[i]);
   out.A.setZero(n, n), out.B.setZero(n, nu), out.C.setZero(ny, n), out.D.setZero(ny, nu);
   out.drift.setZero(n), out.u0.setZero(nu), out.y0.setZero(ny);
 
   Column column(scope, at, inputs, outputs);
+  std::optional<KnownAccelerations> known;
+  if (about) known = known_accelerations(*about, scope, at, inputs);
   std::vector<Tangent> y(ny, Tangent(0.0));
   const auto component = [&](int i) { return scope.components[scope.states[i]]; };  // of the velocity space, i < half
   const auto run = [&](MatrixXd& top, MatrixXd& bottom, int j) {
     Poll::now();
+    if (known) column.take(&known->vdot, known->along.col(&top == &out.A ? j : 2 * half + j).data());
     column.run(y.data());
     for (int i = 0; i < half; ++i) top(half + i, j) = column.vdot[component(i)].d;
     for (int i = 0; i < n_z; ++i) top(2 * half + i, j) = column.zdot()[scope.z[i]];
     for (int i = 0; i < ny; ++i)
       if (outputs.ports[i].kind != Port::state) bottom(i, j) = y[i].d;
   };
-  const auto seen = [&](int first, const auto& of, int j) {  // states that are outputs, those of the configuration or of v
-    for (int i = 0; i < ny; ++i)
+  for (int i = 0; i < ny && !scope.loops; ++i)  // states that are outputs
+    if (const Port& p = outputs.ports[i]; p.kind == Port::state && p.index < 2 * nv) out.C(i, p.index) = 1.0;
+  const auto seen = [&](int first, const auto& of, int j) {  // with loops, those of the configuration or of v
+    for (int i = 0; i < ny && scope.loops; ++i)
       if (const Port& p = outputs.ports[i]; p.kind == Port::state && p.index >= first && p.index < first + nv)
         out.C(i, j) = of(scope.components[p.index - first]);
   };
@@ -599,6 +662,7 @@ LinearModel linearize(const Scope& scope, const OperatingPoint& at, const Linear
     run(out.B, out.D, j);
     column.u[j].d = 0.0;
   }
+  if (known) column.take(&known->vdot, nullptr);
   column.run(y.data());
 
   out.A.block(0, half, half, half).setIdentity();
@@ -696,7 +760,19 @@ struct ClosedPoint {
 
 }  // namespace
 
+LinearModel linearize(Sensitivities& about, const OperatingPoint& at, const LinearPorts& ports) {
+  const Model& m = *about.model();
+  if (!about.of_all() || !can_be_known(m, at)) return linearize(m, at, ports);
+  Scope scope = scope_of(m, nullptr);
+  keep_all_states(scope);
+  return linearize(scope, at, ports, &about);
+}
+
 LinearModel linearize(const Model& m, const OperatingPoint& at, const LinearPorts& ports) {
+  if (can_be_known(m, at)) {
+    Sensitivities about(std::shared_ptr<const Model>(std::shared_ptr<void>(), &m));
+    return linearize(about, at, ports);
+  }
   if (m.loops.empty()) {
     Scope scope = scope_of(m, nullptr);
     take_devices(scope, at);

@@ -55,9 +55,13 @@ struct LinearModel {
   SpaceLabels states, inputs, outputs;
 };
 
+class Sensitivities;
+
 /// InputError C0208 for an unknown name, C0401 where the model was compiled without loads on nodes; NumericsError at a direction
 /// without inertia. O(N) for each of 2 nv + nu directions; with loops twice that, for each of 2 mobility + nu.
 LinearModel linearize(const Model& model, const OperatingPoint& at, const LinearPorts& ports = {});
+/// The same of the model of `about`, with the memory that it has: for one point after the other. It has another point afterwards.
+LinearModel linearize(Sensitivities& about, const OperatingPoint& at, const LinearPorts& ports = {});
 /// The same of the bodies that take part in `tree`, at its q (at.q is not read; the rest of `at` is the model's): states, inputs and
 /// outputs are theirs, momentum is that of them together, a name of another is C0208. What is not free in the tree is a given motion too (a
 /// diagonal W of it plays no part). Needs Position; loads on nodes whatever the model was compiled for.

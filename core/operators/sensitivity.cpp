@@ -46,21 +46,16 @@ Sensitivities::Sensitivities(std::shared_ptr<const Model> model, Springs springs
 Sensitivities::Sensitivities(const TreeOperators& tree, Springs springs) : Sensitivities(tree.model_pointer(), &tree, springs) {}
 
 Sensitivities::Sensitivities(std::shared_ptr<const Model> model, const TreeOperators* tree, Springs springs)
-    : model_((require_open_tree(*model, "sensitivities"), std::move(model))),
-      springs_(springs == Springs::included),
-      ws_(*model_),
-      inertia_(*model_),
-      tangent_(*model_),
-      tree_(model_) {
-  const TreeOperators& of = tree ? *tree : tree_;
+    : model_((require_open_tree(*model, "sensitivities"), std::move(model))), springs_(springs == Springs::included), ws_(*model_) {
   const int nv = model_->nv;
-  component_.resize(of.size(Space::hinge));
+  component_.resize(tree ? tree->size(Space::hinge) : nv);
   place_.resize(nv);
   for (int v = 0; v < nv; ++v)
-    if ((place_[v] = of.place_of_velocity(v)) >= 0) component_[place_[v]] = v;
-  for (int i = 0; i < size(); ++i) given_.push_back((model_->has_prescribed() && model_->prescribed[component_[i]]) || !of.is_free(i));
-  if (!of.whole() || of.is_masked()) {
-    bodies_ = of.sweep_bodies();
+    if ((place_[v] = tree ? tree->place_of_velocity(v) : v) >= 0) component_[place_[v]] = v;
+  for (int i = 0; i < size(); ++i)
+    given_.push_back((model_->has_prescribed() && model_->prescribed[component_[i]]) || (tree && !tree->is_free(i)));
+  if (tree && (!tree->whole() || tree->is_masked())) {
+    bodies_ = tree->sweep_bodies();
     part_ = std::make_shared<const Part>(part_of(*model_, bodies_));
   }
   for (VectorXd* x : {&q_, &rate_}) x->setZero(model_->nq);
@@ -69,6 +64,16 @@ Sensitivities::Sensitivities(std::shared_ptr<const Model> model, const TreeOpera
   q_t_.resize(model_->nq);
   for (std::vector<Tangent>* x : {&v_t_, &vdot_t_, &tau_t_}) x->assign(nv, Tangent(0.0));
   if (model_->world || model_->field.pulls()) ws_.require_world();
+}
+
+soa::Workspace<Tangent>& Sensitivities::tangent() {
+  if (!tangent_) tangent_.emplace(*model_);
+  if (devices_) tangent_->require_world();
+  return *tangent_;
+}
+Workspace& Sensitivities::inertia() {
+  if (!inertia_) inertia_.emplace(*model_);
+  return *inertia_;
 }
 
 const double* Sensitivities::on_model(const VectorXd& x, VectorXd& all) const {
@@ -102,7 +107,6 @@ void Sensitivities::at(const Inputs& in, const DeviceForces* devices) {
     devices_.emplace(*model_, *devices);
     z_t_.assign(model_->devices.n_z, Tangent(0.0));
     device_tau_.assign(model_->nv, Tangent(0.0));
-    tangent_.require_world();
   }
   evaluate();
 }
@@ -112,12 +116,12 @@ void Sensitivities::let_devices_act(double* dtau) {
   const Model& m = *model_;
   const soa::Sweeps<Tangent>& S = soa::sweeps<Tangent>();
   const soa::Inputs<Tangent> in{.q = q_t_.data(), .v = v_t_.data(), .wrenches = wrenches_t_, .moment = moment_.get()};
-  tangent_.articulated = false;
-  S.ground(m, tangent_, in);
-  soa::run_kinematics<Tangent>(m, S, tangent_, in);
+  tangent().articulated = false;
+  S.ground(m, tangent(), in);
+  soa::run_kinematics<Tangent>(m, S, tangent(), in);
   std::ranges::fill(device_tau_, Tangent(0.0));
   devices_->set({0.0, z_t_.data(), nullptr, device_tau_.data(), wrenches_t_.data()});
-  if (!devices_->act(tangent_, in)) throw devices_->fault();
+  if (!devices_->act(tangent(), in)) throw devices_->fault();
   for (int i = 0; i < m.nv; ++i) dtau[i] -= device_tau_[i].d;
 }
 
@@ -170,7 +174,7 @@ void Sensitivities::inverse(const Direction& along, double* dtau) {
   std::fill_n(dtau, size(), 0.0);
   if (devices_) let_devices_act(dtau);
   inverse_dynamics(
-      m, tangent_,
+      m, tangent(),
       {.q = q_t_.data(), .v = v_t_.data(), .vdot = vdot_t_.data(), .wrenches = wrenches_t_, .gravity = gravity_, .moment = moment_.get()},
       tau_t_.data(), {}, part_.get());
   for (int i = 0; i < size(); ++i) dtau[i] += tau_t_[component_[i]].d;
@@ -190,11 +194,15 @@ struct Sensitivities::SideBySide {
   std::optional<Batch> batch;
 };
 
+Sensitivities::SideBySide& Sensitivities::beside() {
+  if (!side_) side_ = {new SideBySide(*model_), [](SideBySide* s) { delete s; }};
+  return *side_;
+}
+
 void Sensitivities::inverse_side_by_side(std::span<const Direction> along, double* dtau) {
   using soa::Tangents;
   const Model& m = *model_;
-  if (!side_) side_ = {new SideBySide(m), [](SideBySide* s) { delete s; }};
-  SideBySide& s = *side_;
+  SideBySide& s = beside();
   s.wrenches.clear();
   for (const NodeWrench& w : wrenches_) s.wrenches.push_back({w.node, w.world_axes, {cast<Tangents>(w.f.n), cast<Tangents>(w.f.f)}});
   for (int i = 0; i < m.nq; ++i) s.q[i] = q_[i];
@@ -242,15 +250,18 @@ void Sensitivities::inverse(std::span<const Direction> along, double* dtau) {
 void Sensitivities::forward(std::span<const Direction> along, double* dvdot) {
   MatrixXd given = MatrixXd::Zero(size(), static_cast<Eigen::Index>(along.size()));
   std::vector<Direction> of_tau;
+  std::vector<Eigen::Index> columns;  // of those along which tau of inverse dynamics changes
   for (std::size_t d = 0; d < along.size(); ++d) {
     const auto column = static_cast<Eigen::Index>(d);
+    if (!along[d].q && !along[d].v && !along[d].vdot) continue;
     for (int i = 0; i < size(); ++i)
       if (along[d].vdot && given_[i]) given(i, column) = along[d].vdot[i];
-    of_tau.push_back({.q = along[d].q, .v = along[d].v, .vdot = given.col(column).data()});
+    of_tau.push_back({.q = along[d].q, .v = along[d].v, .vdot = along[d].vdot ? given.col(column).data() : nullptr});
+    columns.push_back(column);
   }
-  MatrixXd f(given.rows(), given.cols());
-  inverse(of_tau, f.data());
-  f = -f;
+  MatrixXd dtau(given.rows(), static_cast<Eigen::Index>(columns.size())), f = MatrixXd::Zero(given.rows(), given.cols());
+  inverse(of_tau, dtau.data());
+  for (std::size_t i = 0; i < columns.size(); ++i) f.col(columns[i]) = -dtau.col(static_cast<Eigen::Index>(i));
   for (std::size_t d = 0; d < along.size(); ++d)
     if (along[d].tau) f.col(static_cast<Eigen::Index>(d)) += Eigen::Map<const VectorXd>(along[d].tau, size());
   mass_inverse(static_cast<int>(along.size()), f.data(), dvdot);
@@ -264,7 +275,7 @@ void Sensitivities::mass(const double* u, const double* w, double* dM_w) {
   set_rate(u);
   for (int i = 0; i < m.nq; ++i) q_t_[i] = {q_[i], rate_[i]};
   for (int i = 0; i < size(); ++i) v_t_[component_[i]] = 0.0, vdot_t_[component_[i]] = w[i];
-  inverse_dynamics(m, tangent_, {.q = q_t_.data(), .v = v_t_.data(), .vdot = vdot_t_.data()}, tau_t_.data(),
+  inverse_dynamics(m, tangent(), {.q = q_t_.data(), .v = v_t_.data(), .vdot = vdot_t_.data()}, tau_t_.data(),
                    {.velocity = false, .gravity = false, .elastic = false}, part_.get());
   for (int i = 0; i < size(); ++i) dM_w[i] = tau_t_[component_[i]].d;
 }
@@ -280,20 +291,20 @@ void Sensitivities::articulate() {
     articulated_ = true;
     return;
   }
-  if (!articulate_at_rest(*model_, inertia_, q_.data())) throw NumericsError(describe_breakdown(*model_, inertia_.breakdown, 0.0));
+  if (!articulate_at_rest(*model_, inertia(), q_.data())) throw NumericsError(describe_breakdown(*model_, inertia().breakdown, 0.0));
   articulated_ = true;
 }
 
 void Sensitivities::mass_inverse(const double* f, double* out) {
   articulate();
   if (part_) return apply(letters::mass_inverse, *sub_, f, out);
-  solve_mass(*model_, inertia_, q_.data(), f, out);
+  solve_mass(*model_, inertia(), q_.data(), f, out);
 }
 
 /// M^-1 of n columns, each of the hinge space.
 void Sensitivities::mass_inverse(int n, const double* f, double* out) {
   // The hinge space of a whole tree is in the order of v. A direction without inertia is named by the sweeps of one state.
-  if (side_by_side() && side_ && side_->batch && side_->batch->mass_inverse(q_.data(), n, f, out)) return;
+  if (side_by_side() && n > 1 && beside().batch && side_->batch->mass_inverse(q_.data(), n, f, out)) return;
   for (int j = 0; j < n; ++j) {
     Poll::now();
     mass_inverse(f + static_cast<std::ptrdiff_t>(j) * size(), out + static_cast<std::ptrdiff_t>(j) * size());
@@ -325,8 +336,8 @@ ForwardDerivatives Sensitivities::forward() {
     out.tau = minus_inverse_of(-MatrixXd::Identity(size(), size()));
     return out;
   }
-  if (!mass_matrix_inverse(*model_, inertia_, q_.data(), out.tau.data()))
-    throw NumericsError(describe_breakdown(*model_, inertia_.breakdown, 0.0));
+  if (!mass_matrix_inverse(*model_, inertia(), q_.data(), out.tau.data()))
+    throw NumericsError(describe_breakdown(*model_, inertia().breakdown, 0.0));
   articulated_ = false;
   return out;
 }
@@ -353,11 +364,12 @@ const UserBody& Sensitivities::user(int body) const {
 const TreeOperators& Sensitivities::tree() {
   if (!posed_) {
     sub_.reset();  // lets go of the blocks of the last q
-    tree_.at(q_.data());
-    if (part_) sub_.emplace(tree_.subgraph(bodies_));
+    if (!tree_) tree_.emplace(model_);
+    tree_->at(q_.data());
+    if (part_) sub_.emplace(tree_->subgraph(bodies_));
   }
   posed_ = true;
-  return sub_ ? *sub_ : tree_;
+  return sub_ ? *sub_ : *tree_;
 }
 
 void Sensitivities::inverse_in_inertia(int body, const RigidInertia<double>& change, double* dtau) {

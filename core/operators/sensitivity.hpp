@@ -44,6 +44,10 @@ class Sensitivities {
   /// (a diagonal W of it plays no part). The tree is not needed afterwards.
   explicit Sensitivities(const TreeOperators& tree, Springs springs = Springs::included);
 
+  const std::shared_ptr<const Model>& model() const { return model_; }
+  /// All bodies and components of the model, springs too.
+  bool of_all() const { return !part_ && springs_; }
+
   /// The point with v' = in.vdot (null = 0). `devices`: evaluated there, in.wrenches with theirs first, as Simulation::wrenches() has them;
   /// what they push with then changes with q and v, their states and commands held, and tau is what is left beside them. Null: their loads
   /// are held, as they are where only a part of the bodies, or of the components, takes part. They must outlive this point.
@@ -86,6 +90,8 @@ class Sensitivities {
  private:
   Sensitivities(std::shared_ptr<const Model> model, const TreeOperators* tree, Springs springs);
   void evaluate();
+  soa::Workspace<soa::Tangent>& tangent();
+  Workspace& inertia();
   void articulate();
   const TreeOperators& tree();
   const UserBody& user(int body) const;
@@ -110,13 +116,15 @@ class Sensitivities {
   std::shared_ptr<const FieldMoment> moment_;  // of gravity that is a field, as it was when at() was called
   std::vector<soa::NodeWrench<soa::Tangent>> wrenches_t_;
   std::vector<soa::Tangent> q_t_, v_t_, vdot_t_, tau_t_;
-  Workspace ws_, inertia_;  // of inverse dynamics at the point; P, D, G there
-  soa::Workspace<soa::Tangent> tangent_;
+  Workspace ws_;                                         // of inverse dynamics at the point
+  std::optional<Workspace> inertia_;                     // P, D, G there
+  std::optional<soa::Workspace<soa::Tangent>> tangent_;  // as what is below, made when it is asked for
   std::optional<DeviceTangents> devices_;
   std::vector<soa::Tangent> z_t_, device_tau_;
   struct SideBySide;
-  std::unique_ptr<SideBySide, void (*)(SideBySide*)> side_{nullptr, nullptr};  // made when it is asked for
-  TreeOperators tree_;
+  SideBySide& beside();
+  std::unique_ptr<SideBySide, void (*)(SideBySide*)> side_{nullptr, nullptr};
+  std::optional<TreeOperators> tree_;
   std::optional<TreeOperators> sub_;  // of bodies_, at q
 };
 

@@ -1,6 +1,8 @@
 // The sweeps on numbers that carry their derivative (tangent.hpp), and what families give along eight directions.
 #include "core/soa/kernels_tangent.hpp"
 
+#include <cstring>
+
 #include "core/soa/kernels_tangents.hpp"
 #include "core/soa/tangent_leaves.hpp"
 // what families give must be known before the sweeps that ask for it
@@ -82,69 +84,39 @@ void family_node(const FlexibleBody& f, int m, int node, const Tangents* eta, co
 
 namespace {
 
-/// Derivatives of the record of a hinge that is not a quaternion, `records[d]` along direction d: component by component, each once for all
-/// directions. Where several move, a sum of what dense_record() finds for each.
-void dense_records(const cardan_hinge_family& f, const void* packed, const Tangents* q, const Tangents* v, double* x, double* w,
-                   double* const* records) {
+/// Step of the differences in a hinge coordinate [rad, m]: h^8 / 630 and eps / h are both below 1e-14.
+constexpr double kHingeStep = 0.03;
+
+}  // namespace
+
+void record_slopes(const cardan_hinge_family& f, HingeSlopes known, const void* packed, Moves moves, double* x, double* w,
+                   cardan_hinge_out* in_q, double* in_v) {
+  if (known) return known(packed, x, w, in_q, in_v);
   const std::uint32_t zero = 0;
-  const auto nq = static_cast<int>(f.nq), nv = static_cast<int>(f.nv);
-  double slope[detail::kRecord], work[detail::kRecord];
+  double work[kRecordNumbers];
   const auto record = [&](double* to) {
     cardan_hinge_out one{};
     f.kinematics(packed, 1, &zero, &zero, x, w, &one);
     std::memcpy(to, &one, sizeof one);
   };
-  const auto moves = [](const Tangents& number) {
-    for (int d = 0; d < kDirections; ++d)
-      if (number.d.x[d] != 0.0) return true;
-    return false;
-  };
-  const auto add = [&](const Tangents& number, int first) {
-    for (int d = 0; d < kDirections; ++d)
-      for (int k = first; k < detail::kRecord; ++k) records[d][k] += number.d.x[d] * slope[k];
-  };
-  for (int i = 0; i < nq; ++i) {
-    if (!moves(q[i])) continue;
-    derivative([&](double s, double* to) { x[i] = q[i].x + s, record(to); }, kHingeStep, detail::kRecord, slope, work);
-    x[i] = q[i].x;
-    add(q[i], 0);
+  for (std::uint32_t i = 0; i < f.nq; ++i) {
+    if (!(moves.q >> i & 1)) continue;
+    const double q = x[i];
+    derivative([&](double s, double* to) { x[i] = q + s, record(to); }, kHingeStep, kRecordNumbers, reinterpret_cast<double*>(in_q + i),
+               work);
+    x[i] = q;
   }
   double size = 0.0;
-  for (int i = 0; i < nv; ++i) size = std::max(size, std::abs(v[i].x));
-  for (int i = 0; i < nv && size > 0.0; ++i) {  // Hdot* v is a quadratic form in v
-    if (!moves(v[i])) continue;
-    w[i] = v[i].x + size, record(slope);
-    w[i] = v[i].x - size, record(work);
-    w[i] = v[i].x;
-    for (int k = 48; k < detail::kRecord; ++k) slope[k] = (slope[k] - work[k]) / (2.0 * size);
-    add(v[i], 48);
-  }
-}
-
-}  // namespace
-
-void family_records(const SweepModel& model, Workspace<Tangents>& ws, const Inputs<Tangents>& in, const DenseBatch& batch) {
-  value_records(model, ws, in, batch);
-  const auto n = static_cast<std::uint32_t>(batch.iq.size());
-  double *q = ws.family.data(), *v = q + model.nq;
-  const auto* packed = reinterpret_cast<const std::byte*>(batch.packed.data());
-  for (std::uint32_t j = 0; j < n; ++j) {
-    double* records[kDirections];
-    for (int d = 0; d < kDirections; ++d) {
-      cardan_hinge_out& record = ws.hinge_records(1 + d)[batch.first + static_cast<int>(j)];
-      record = {};
-      records[d] = record.R_OP;
+  for (std::uint32_t i = 0; i < f.nv; ++i) size = std::max(size, std::abs(w[i]));
+  std::fill_n(in_v, 6 * f.nv, 0.0);
+  for (std::uint32_t i = 0; i < f.nv && size > 0.0; ++i) {  // Hdot* v is a quadratic form in v
+    if (!(moves.v >> i & 1)) continue;
+    const double v = w[i];
+    for (const double side : {1.0, -1.0}) {
+      w[i] = v + side * size, record(work);
+      for (int k = 0; k < 6; ++k) in_v[6 * i + static_cast<std::uint32_t>(k)] += side * work[48 + k] / (2.0 * size);
     }
-    if (!has_quaternion(*batch.family)) {
-      dense_records(*batch.family, packed + j * batch.family->params_size, in.q + batch.iq[j], in.v + batch.iv[j], q + batch.iq[j],
-                    v + batch.iv[j], records);
-      continue;
-    }
-    for (int d = 0; d < kDirections; ++d) {
-      Tangent at[7];
-      for (std::uint32_t i = 0; i < batch.family->nq; ++i) at[i] = along(in.q[batch.iq[j] + i], d);
-      detail::quaternion_record(batch.family->shape, at, records[d]);
-    }
+    w[i] = v;
   }
 }
 

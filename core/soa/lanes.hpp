@@ -66,6 +66,9 @@ template <class T>
 inline constexpr int kWidth = 1;
 template <int W>
 inline constexpr int kWidth<Lanes<W>> = W;
+/// A value with derivatives side by side behind it: TangentOf<Lanes>.
+template <class T>
+inline constexpr bool kHasSlopes = false;
 /// States side by side, of which nobody looks at more than the result.
 template <class T>
 inline constexpr bool kStates = false;

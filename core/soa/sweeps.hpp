@@ -7,6 +7,8 @@
 
 namespace cardan::soa {
 
+struct NodeColumns;
+
 template <class T>
 struct Sweeps {
   using Bodies = const SweepModel&;
@@ -37,6 +39,8 @@ struct Sweeps {
   void (*mass_matrix)(Bodies, Work, In, T* M) = nullptr;
   /// Rigid trees, one state: M^-1, nv x nv. Needs hinge_records, outward of all but axis bodies.
   void (*mass_matrix_inverse)(Bodies, Work, In, T* inverse) = nullptr;
+  /// The same of nodes, double alone: their compliance (kernels_compliance.hpp). Nothing where a direction has no inertia.
+  void (*node_compliance)(Bodies, Work, In, NodeColumns&) = nullptr;
 };
 
 /// Pose of B in A of any body: for what is not in the inner loop. A rotor has no angle of its own in

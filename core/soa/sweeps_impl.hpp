@@ -4,6 +4,7 @@
 
 #include "core/soa/gravity_field.hpp"
 #include "core/soa/kernels_columns.hpp"
+#include "core/soa/kernels_compliance.hpp"
 #include "core/soa/kernels_refine.hpp"
 #include "core/soa/kernels_square_root.hpp"
 #include "core/soa/sincos.hpp"
@@ -51,19 +52,16 @@ static void family_records(const SweepModel& model, Workspace<T>& ws, const Inpu
 template <class T>
 static void turn_record(const SweepModel& model, Workspace<T>& ws, const TurnedRecord& t) {
   const SweepBody& b = model.bodies[t.body];
-  for (int l = 0; l < kWidth<T>; ++l) {
-    cardan_hinge_out& record = ws.hinge_records(l)[b.dense];
-    double* R = record.R_OP;
-    const Mat3<double> turned = Mat3<double>{R[0], R[1], R[2], R[3], R[4], R[5], R[6], R[7], R[8]} * t.R_PS;
-    R[0] = turned.xx, R[1] = turned.xy, R[2] = turned.xz, R[3] = turned.yx, R[4] = turned.yy, R[5] = turned.yz;
-    R[6] = turned.zx, R[7] = turned.zy, R[8] = turned.zz;
-    const auto turn = [&](double* a) {
-      const Vec3<double> s = transpose_times(t.R_PS, Vec3<double>{a[0], a[1], a[2]});
-      a[0] = s.x, a[1] = s.y, a[2] = s.z;
-    };
-    for (int i = 0; i < 2 * b.nv; ++i) turn(record.Ht + 3 * i);
-    turn(record.Hdot_v), turn(record.Hdot_v + 3);
-  }
+  const auto number = [&](int at) { return ws.hinge_number(b.dense, at); };
+  const auto set = [&](int at, const Vec3<T>& a) {
+    ws.set_hinge_number(b.dense, at, a.x), ws.set_hinge_number(b.dense, at + 1, a.y), ws.set_hinge_number(b.dense, at + 2, a.z);
+  };
+  const Mat3<T> turned =
+      Mat3<T>{number(0), number(1), number(2), number(3), number(4), number(5), number(6), number(7), number(8)} * cast<T>(t.R_PS);
+  set(0, {turned.xx, turned.xy, turned.xz}), set(3, {turned.yx, turned.yy, turned.yz}), set(6, {turned.zx, turned.zy, turned.zz});
+  const auto turn = [&](int at) { set(at, transpose_times(cast<T>(t.R_PS), Vec3<T>{number(at), number(at + 1), number(at + 2)})); };
+  for (int i = 0; i < 2 * b.nv; ++i) turn(12 + 3 * i);
+  turn(48), turn(51);
 }
 
 template <class T>
@@ -357,9 +355,9 @@ static void gather(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& i
       [&]<int NV>() { gather_general<T, NV>(model, ws, tau, run.begin, run.end); });
 }
 
-/// P, D and G of all bodies, then M^-1. Nothing where a direction has no inertia.
+/// P, D and G of all bodies of a rigid tree. False where a direction has no inertia.
 template <class T>
-static void mass_matrix_inverse(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* inverse) {
+static bool articulate(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
   for (std::size_t k = 1; k < model.bodies.size(); ++k)
     if (is_axis(model.bodies[k].kind)) {
       const AxisBody& a = model.axis_bodies[k];
@@ -367,9 +365,19 @@ static void mass_matrix_inverse(const SweepModel& model, Workspace<T>& ws, const
     }
   for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) {
     inward(model, ws, in, *run, {.bias = false});
-    if (ws.breakdown.body != 0) return;
+    if (ws.breakdown.body != 0) return false;
   }
-  inverse_by_columns(model, ws, inverse);
+  return true;
+}
+
+template <class T>
+static void mass_matrix_inverse(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, T* inverse) {
+  if (articulate(model, ws, in)) inverse_by_columns(model, ws, inverse);
+}
+
+template <class T>
+static void node_compliance(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, NodeColumns& work) {
+  if (articulate(model, ws, in)) compliance_of_nodes(model, ws, in, work);
 }
 
 /// Those of inverse dynamics alone.
@@ -401,6 +409,7 @@ static constexpr Sweeps<T> make_sweeps() {
                 .refine = refine<T>};
   if constexpr (W == Wanted::all) all.gather = gather<T>;
   if constexpr (W == Wanted::all && kWidth<T> == 1) all.mass_matrix = mass_matrix<T>, all.mass_matrix_inverse = mass_matrix_inverse<T>;
+  if constexpr (W == Wanted::all && std::is_same_v<T, double>) all.node_compliance = node_compliance<T>;
   return all;
 }
 

@@ -31,6 +31,8 @@ inline constexpr int kDirections = 8;
 using Tangents = TangentOf<Lanes<kDirections>>;
 template <>
 inline constexpr int kWidth<Tangents> = 1 + kDirections;
+template <>
+inline constexpr bool kHasSlopes<Tangents> = true;
 /// Along direction i.
 inline Tangent along(const Tangents& a, int i) { return {a.x, a.d.x[i]}; }
 

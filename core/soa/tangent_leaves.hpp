@@ -1,89 +1,40 @@
 #pragma once
 // Derivatives of what hinge and body families give, along the direction of a Tangent state (mathematics 8.1). Families know
-// doubles only and give values; quaternion hinges are differentiated here in closed form, everything else by a difference of
-// eighth order (tangent.hpp), which is exact to round-off for modal inertias (polynomials) and to 1e-14 for smooth hinge maps.
+// doubles only and give values. Of hinges: kernels_tangents.hpp; everything else by a difference of eighth order (tangent.hpp), which is
+// exact to round-off for modal inertias (polynomials).
 #include <algorithm>
 #include <cstring>
 
 #include "core/abi/registry.hpp"
 #include "core/soa/kernels_kinematics.hpp"
-#include "core/soa/tangent.hpp"
-#include "core/spatial/rotation.hpp"
+#include "core/soa/kernels_tangents.hpp"
 
 namespace cardan::soa {
 
-/// Step of the differences in a hinge coordinate [rad, m]: h^8 / 630 and eps / h are both below 1e-14.
-inline constexpr double kHingeStep = 0.03;
-
-namespace detail {
-
-inline constexpr int kRecord = sizeof(cardan_hinge_out) / sizeof(double);
-
-/// ball, free, free_body: R of the quaternion, the position, and R* in the map of `free`. Their rates of the map are not read.
-inline void quaternion_record(std::uint32_t shape, const Tangent* q, double* out) {
-  const Mat3<Tangent> R = rotation_of_quaternion(q[0], q[1], q[2], q[3]);
-  const Tangent r[9] = {R.xx, R.xy, R.xz, R.yx, R.yy, R.yz, R.zx, R.zy, R.zz};
-  for (int i = 0; i < 9; ++i) out[i] = r[i].d;
-  if (shape == CARDAN_SHAPE_BALL) return;
-  for (int i = 0; i < 3; ++i) out[9 + i] = q[4 + i].d;
-  if (shape == CARDAN_SHAPE_FREE)
-    for (int j = 0; j < 3; ++j)
-      for (int i = 0; i < 3; ++i) out[12 + 6 * (3 + j) + 3 + i] = r[3 * j + i].d;
+/// Adds the slope of the record of a hinge that is no quaternion. x, w: the values of q and v, which move and come back.
+static inline void add_record_slope(const cardan_hinge_family& f, HingeSlopes known, const void* packed, const Tangent* q, const Tangent* v,
+                                    double* x, double* w, double* slope) {
+  cardan_hinge_out in_q[kMostCoordinates];
+  double in_v[36];
+  const Moves moves = what_moves(f, q, v);
+  record_slopes(f, known, packed, moves, x, w, in_q, in_v);
+  for (std::uint32_t c = 0; c < f.nq; ++c)
+    for (int k = 0; moves.q >> c & 1 && k < kRecordNumbers; ++k) slope[k] += q[c].d * reinterpret_cast<const double*>(in_q + c)[k];
+  for (std::uint32_t c = 0; c < f.nv; ++c)
+    for (std::uint32_t k = 0; moves.v >> c & 1 && k < 6; ++k) slope[48 + k] += v[c].d * in_v[6 * c + k];
 }
 
-/// Any other: by components of q; the rate Hdot* v is a quadratic form in v. x, w: the values of q and v, which move and come back.
-inline void dense_record(const cardan_hinge_family& f, const void* packed, const Tangent* q, const Tangent* v, double* x, double* w,
-                         double* out) {
-  const std::uint32_t zero = 0;
-  const auto nq = static_cast<int>(f.nq), nv = static_cast<int>(f.nv);
-  double sum[kRecord], work[kRecord];
-  const auto record = [&](double* to) {
-    cardan_hinge_out one{};
-    f.kinematics(packed, 1, &zero, &zero, x, w, &one);
-    std::memcpy(to, &one, sizeof one);
-  };
-  for (int i = 0; i < nq; ++i) {
-    if (q[i].d == 0.0) continue;
-    derivative([&](double s, double* to) { x[i] = q[i].x + s, record(to); }, kHingeStep, kRecord, sum, work);
-    x[i] = q[i].x;
-    for (int k = 0; k < kRecord; ++k) out[k] += q[i].d * sum[k];
-  }
-  double size = 0.0, change = 0.0;
-  for (int i = 0; i < nv; ++i) size = std::max(size, std::abs(v[i].x)), change = std::max(change, std::abs(v[i].d));
-  if (size == 0.0 || change == 0.0) return;
-  const double h = size / change;
-  for (const double side : {1.0, -1.0}) {
-    for (int i = 0; i < nv; ++i) w[i] = v[i].x + side * h * v[i].d;
-    record(work);
-    for (int k = 48; k < kRecord; ++k) out[k] += side * work[k] / (2.0 * h);
-  }
-  for (int i = 0; i < nv; ++i) w[i] = v[i].x;
-}
-
-}  // namespace detail
-
-/// The records of a family by value; q and v by value stay in Workspace::family.
-template <class T>
-static void value_records(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in, const DenseBatch& batch) {
-  double *q = ws.family.data(), *v = q + model.nq;
-  for (int i = 0; i < model.nq; ++i) q[i] = in.q[i].x;
-  for (int i = 0; i < model.nv; ++i) v[i] = in.v[i].x;
-  batch.family->kinematics(batch.packed.data(), static_cast<std::uint32_t>(batch.iq.size()), batch.iq.data(), batch.iv.data(), q, v,
-                           ws.hinge_records(0) + batch.first);
-}
 static inline void family_records(const SweepModel& model, Workspace<Tangent>& ws, const Inputs<Tangent>& in, const DenseBatch& batch) {
   value_records(model, ws, in, batch);
-  const auto n = static_cast<std::uint32_t>(batch.iq.size());
   double *q = ws.family.data(), *v = q + model.nq;
-  const auto* packed = reinterpret_cast<const std::byte*>(batch.packed.data());
-  for (std::uint32_t j = 0; j < n; ++j) {
-    cardan_hinge_out& record = ws.hinge_records(1)[batch.first + static_cast<int>(j)];
-    record = {};
+  for (std::size_t j = 0; j < batch.iq.size(); ++j) {
+    const std::uint32_t iq = batch.iq[j], iv = batch.iv[j];
+    double* slope = reinterpret_cast<double*>(ws.hinge_records(1) + batch.first + static_cast<int>(j));
+    std::fill_n(slope, kRecordNumbers, 0.0);
     if (has_quaternion(*batch.family))
-      detail::quaternion_record(batch.family->shape, in.q + batch.iq[j], record.R_OP);
+      quaternion_record(batch.family->shape, in.q + iq, [&](int k, const Tangent& number) { slope[k] = number.d; });
     else
-      detail::dense_record(*batch.family, packed + j * batch.family->params_size, in.q + batch.iq[j], in.v + batch.iv[j], q + batch.iq[j],
-                           v + batch.iv[j], record.R_OP);
+      add_record_slope(*batch.family, batch.slopes, packed_of(batch, j), in.q + iq, in.v + iv, q + iq, v + iv, slope);
   }
 }
 

@@ -96,15 +96,28 @@ class Workspace {
   CARDAN_INLINE Modal<T>* modal_of(int k) { return modal_[k]; }  ///< null for bodies of rigid kernels
   CARDAN_INLINE const Modal<T>* modal_of(int k) const { return modal_[k]; }
 
-  /// Records of the dense hinges, all of one lane side by side.
+  /// Records of the dense hinges, all of one lane side by side; with slopes the first are values, and behind them stand for each hinge the
+  /// slopes of its numbers, of each number along all directions.
   CARDAN_INLINE cardan_hinge_out* hinge_records(int lane) { return dense_.data() + static_cast<std::size_t>(lane) * n_dense_; }
   /// Number `at` of record i, counted from R_OP.
   CARDAN_INLINE T hinge_number(int i, int at) const {
     T a(0);
-    for (int l = 0; l < kWidth<T>; ++l)
-      set_lane(a, l,
-               reinterpret_cast<const double*>(dense_.data() + static_cast<std::size_t>(l) * n_dense_ + static_cast<std::size_t>(i))[at]);
+    if constexpr (kHasSlopes<T>) {
+      a.x = record_of(0, i)[at];
+      __builtin_memcpy(&a.d, const_cast<Workspace*>(this)->slopes_of(i) + (kWidth<T> - 1) * at, sizeof a.d);
+    } else {
+      for (int l = 0; l < kWidth<T>; ++l) set_lane(a, l, record_of(l, i)[at]);
+    }
     return a;
+  }
+  CARDAN_INLINE double hinge_value(int i, int at) const { return record_of(0, i)[at]; }  ///< of the first lane
+  CARDAN_INLINE void set_hinge_number(int i, int at, const T& a) {
+    if constexpr (kHasSlopes<T>) {
+      const_cast<double*>(record_of(0, i))[at] = a.x;
+      __builtin_memcpy(slopes_of(i) + (kWidth<T> - 1) * at, &a.d, sizeof a.d);
+    } else {
+      for (int l = 0; l < kWidth<T>; ++l) const_cast<double*>(record_of(l, i))[at] = lane(a, l);
+    }
   }
 
   /// Poses and velocities in the world: only where an op asks for them (gravity of a centre, outputs).
@@ -135,6 +148,14 @@ class Workspace {
   std::unique_ptr<T[]> curved;  // S of the curved node that was asked for last, of those that no hinge stands on; null where there are none
 
  private:
+  static constexpr int kRecord = sizeof(cardan_hinge_out) / sizeof(double);
+  CARDAN_INLINE const double* record_of(int lane, int i) const {
+    return reinterpret_cast<const double*>(dense_.data() + static_cast<std::size_t>(lane) * n_dense_ + static_cast<std::size_t>(i));
+  }
+  /// With slopes: of hinge i, kWidth<T> - 1 of each number.
+  CARDAN_INLINE double* slopes_of(int i) {
+    return reinterpret_cast<double*>(dense_.data() + n_dense_) + static_cast<std::ptrdiff_t>(kWidth<T> - 1) * kRecord * i;
+  }
   struct Free {
     void operator()(std::byte* p) const { ::operator delete[](p, std::align_val_t(64)); }
   };

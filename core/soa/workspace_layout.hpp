@@ -1,6 +1,7 @@
 #pragma once
 // Constructor of Workspace: sizes and pointers of every record. Included by the files that instantiate a scalar.
 #include <algorithm>
+#include <cstring>
 #include <new>
 #include <type_traits>
 
@@ -132,7 +133,7 @@ Workspace<T>::Workspace(const SweepModel& model) {
   }
   arena_bytes_ = total;
   arena_.reset(new (std::align_val_t(64)) std::byte[total]);
-  for (std::size_t i = 0; i < total; ++i) arena_[i] = std::byte{0};
+  std::memset(arena_.get(), 0, total);
   for (std::size_t k = 0; k < n; ++k) new (&core(static_cast<int>(k))) Core<T>();
   new (&z(0)) Force<T>();
   for (std::size_t k = 1; k < n; ++k) {

@@ -61,5 +61,9 @@ template <class T, class S>
 CARDAN_INLINE constexpr Motion<T> cast(const Motion<S>& a) {
   return {cast<T>(a.w), cast<T>(a.v)};
 }
+template <class T, class S>
+CARDAN_INLINE constexpr Force<T> cast(const Force<S>& a) {
+  return {cast<T>(a.n), cast<T>(a.f)};
+}
 
 }  // namespace cardan

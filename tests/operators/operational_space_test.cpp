@@ -2,6 +2,7 @@
 // J and M of the dense twin, on trees, subtrees and paths.
 #include "core/operators/operational_space.hpp"
 
+#include "core/dynamics/node_compliance.hpp"
 #include "core/operators/mass_matrix.hpp"
 #include "tests/operators/views.hpp"
 #include "tests/support/equations.hpp"
@@ -43,6 +44,63 @@ TEST(OperationalSpace, ComplianceOfAnyNodes) {
     const MatrixXd J = v.jacobian(nodes);
     return differ(compliance(v.ops, nodes), J * positive_solve(v.M, J.transpose())) / v.condition();
   });
+}
+
+/// Trees of rigid bodies with every hinge, all components free; deep ones, and wide ones with wheels.
+std::vector<TreeOptions> rigid_trees() {
+  std::vector<TreeOptions> out;
+  for (const int bodies : {3, 8, 20}) {
+    TreeOptions o;
+    o.bodies = bodies, o.flexible = 0.0, o.locked = 0.1, o.wheels = bodies == 8 ? 0.6 : 0.2;
+    out.push_back(o);
+  }
+  return out;
+}
+
+TEST(NodeCompliance, IsThatOfTheTwin) {
+  for_all_views(rigid_trees(), kIdentity, [](View& v, Scene& s) {
+    if (!v.ops.whole()) return 0.0;
+    if (!NodeCompliance::takes(*s.model)) return s.model->has(OpCode::refine) ? 0.0 : HUGE_VAL;
+    std::vector<int> nodes(v.nodes.rbegin(), v.nodes.rend());
+    nodes.push_back(nodes[s.tree.seed % nodes.size()]);  // one of them twice
+    NodeCompliance by_sweeps(s.model);
+    MatrixXd C, again, one;
+    by_sweeps.compliance(s.state.q.data(), nodes, C);
+    by_sweeps.compliance(s.state.q.data(), std::span(nodes).first(1), one);
+    by_sweeps.compliance(s.state.q.data(), nodes, again);
+    const MatrixXd J = v.jacobian(nodes);
+    const double error = differ(C, J * positive_solve(v.M, J.transpose())) / v.condition();
+    return worse({error, largest(C - C.transpose()), largest(again - C), largest(one - C.topLeftCorner<6, 6>())});
+  });
+}
+
+TEST(NodeCompliance, ItsInverseIsTheInertia) {
+  TreeOptions options;
+  options.flexible = 0.0, options.floating = true, options.wheels = 0.0;
+  options.hinges = {"ball", "free", "free_body", "translational"};
+  for_all_views({options}, kIdentity, [](View& v, Scene& s) {
+    if (!v.ops.whole() || !NodeCompliance::takes(*s.model)) return 0.0;
+    NodeCompliance by_sweeps(s.model);
+    MatrixXd C, Lambda;
+    by_sweeps.compliance(s.state.q.data(), std::span(v.nodes).first(1), C);
+    by_sweeps.inertia(s.state.q.data(), std::span(v.nodes).first(1), Lambda);
+    const VectorXd d = C.diagonal().cwiseSqrt();
+    const MatrixXd one = d.cwiseInverse().asDiagonal() * (C * Lambda) * d.asDiagonal();
+    return worse(largest(one - MatrixXd::Identity(6, 6)) / scaled_condition(C), largest(Lambda - Lambda.transpose()));
+  });
+}
+
+TEST(NodeCompliance, SaysWhatItDoesNotTake) {
+  TreeOptions options;
+  options.flexible = 0.0, options.bodies = 1, options.wheels = 0.0, options.hinges = {"revolute"};
+  const Scene turning(random_tree(3, options));
+  const int tip = turning.model->find_node(turning.tree.spec.bodies[0].name);
+  MatrixXd Lambda;
+  EXPECT_THROW(NodeCompliance(turning.model).inertia(turning.state.q.data(), std::span(&tip, 1), Lambda), NumericsError);
+  options.flexible = 1.0;
+  const Scene flexible(random_tree(3, options));
+  EXPECT_FALSE(NodeCompliance::takes(*flexible.model));
+  EXPECT_THROW(NodeCompliance{flexible.model}, InputError);
 }
 
 TEST(OperationalSpace, ComplianceOfTheFreeComponents) {
