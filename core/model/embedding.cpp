@@ -17,6 +17,7 @@ constexpr double kNoPivot = 1e-10;  // of scaled rows, as elsewhere (docs/mathem
 constexpr int kLongLoop = 6;        // free rates of a loop: beyond, eliminating them together loses digits that one by one keeps
 constexpr double kUnlike = 10.0;    // scaled slopes of a coupling
 constexpr double kWorth = 0.75;     // of the operations by rates, where loops share hinges: rates keep more digits
+constexpr double kSafer = 1.25;     // ... of one loop of several free rates: multipliers keep more
 constexpr std::size_t kTried = 64;  // sets whose two forms are compared by count
 
 template <class Int>
@@ -477,8 +478,8 @@ class Embedder {
     }
     for (std::size_t k = 1; k < bodies; ++k)
       if (const int b = branch_[k]; b >= 0) {
-        const int n = rates[at(b)], least = e_.loops[at(owner_[k])].n > 1 ? 2 : 3;  // below, one by one is as cheap
-        if (plain_[at(b)] || n < least || n > EmbeddingStep::kBranchRates) branch_[k] = -1;
+        const int n = rates[at(b)], most = std::min(EmbeddingStep::kBranchRates, e_.loops[at(owner_[k])].n);
+        if (plain_[at(b)] || n < 2 || n > most) branch_[k] = -1;  // beyond, these are more columns than one by one
       }
   }
 
@@ -929,7 +930,7 @@ Embedding embed_loops(const Model& model, const std::vector<double>& scaled_rows
       by_rates[at(l)] = 0;
       set.why = "a long way";
     } else if (left > 1 && !light(l) && tried++ < kTried) {
-      try_multipliers(set, 1.0);
+      try_multipliers(set, kSafer);
     }
     if (!by_rates[at(l)]) set.form = "multipliers in the sweep";
   }
