@@ -4,7 +4,6 @@
 // Rows are those of cardan-bench. With --exact it writes what is to come out for the peers instead. cardan-bench-report --analyses runs it
 // and them in turn.
 #include <fmt/format.h>
-#include <sched.h>
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -173,10 +172,7 @@ int run(int argc, char** argv) {
   line.option("--only", only, "models whose name contains this");
   line.option("--exact", exact, "only write the results in 113 bits, DIR/<model>.json");
   if (const auto code = line.parse(argc, argv)) return *code;
-  cpu_set_t one;
-  CPU_ZERO(&one);
-  CPU_SET(sched_getcpu(), &one);
-  sched_setaffinity(0, sizeof one, &one);
+  stay_on_this_core();
   Registry registry;
   register_hinges(registry);
   register_bodies(registry);

@@ -4,7 +4,6 @@
 // ns_min, ns_median, forward_error, bytes_per_body; then the growth exponents. With --exact it writes the 113-bit results for
 // the peers instead.
 #include <fmt/format.h>
-#include <sched.h>
 
 #include <algorithm>
 #include <cmath>
@@ -142,10 +141,7 @@ int run(int argc, char** argv) {
   line.option("--only", only, "models whose name contains this");
   line.option("--exact", truth, "only write the results in 113 bits, DIR/<model>.json");
   if (const auto code = line.parse(argc, argv)) return *code;
-  cpu_set_t one;
-  CPU_ZERO(&one);
-  CPU_SET(sched_getcpu(), &one);
-  sched_setaffinity(0, sizeof one, &one);
+  stay_on_this_core();
 
   Registry registry;
   register_hinges(registry);

@@ -4,7 +4,6 @@
 //   cardan-bench-straight [--only chain_7] [--seconds S]
 #include <dlfcn.h>
 #include <fmt/format.h>
-#include <sched.h>
 #include <unistd.h>
 
 #include <bit>
@@ -268,10 +267,7 @@ int main(int argc, char** argv) {
   line.option("--only", only, "models whose name contains this");
   line.option("--seconds", seconds, "time spent on each figure");
   if (const auto code = line.parse(argc, argv)) return *code;
-  cpu_set_t one;
-  CPU_ZERO(&one);
-  CPU_SET(sched_getcpu(), &one);
-  sched_setaffinity(0, sizeof one, &one);
+  stay_on_this_core();
   cardan::Registry registry;
   cardan::register_hinges(registry);
   cardan::register_bodies(registry);

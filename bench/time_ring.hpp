@@ -1,6 +1,7 @@
 #pragma once
 // The stopwatch of the benchmark, and its scale for memory: the same for our program and for the peers, hence it knows nothing of Cardan.
 #include <malloc.h>
+#include <sched.h>
 
 #include <algorithm>
 #include <chrono>
@@ -11,6 +12,14 @@ namespace cardan::bench {
 struct Timing {
   double min_ns, median_ns;  // per call, over the samples
 };
+
+/// The program, and what it starts, stays on the core that it is on.
+inline void stay_on_this_core() {
+  cpu_set_t one;
+  CPU_ZERO(&one);
+  CPU_SET(sched_getcpu(), &one);
+  sched_setaffinity(0, sizeof one, &one);
+}
 
 /// Time of call(k), k over a ring of states. A sample is the mean over passes of the ring, at least 0.2 ms; samples are
 /// taken for `seconds`, at least five. Where one pass alone takes longer than that, a sample is one call, at least three.

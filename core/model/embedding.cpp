@@ -457,7 +457,7 @@ class Embedder {
   void find_branches() {
     const std::size_t bodies = m_.bodies.size();
     base_.assign(bodies, 0);
-    branch_.assign(bodies, -1);
+    branch_.assign(bodies, -1), tip_.assign(bodies, 0);
     for (std::size_t k = 1; k < bodies; ++k) {
       if (owner_[k] < 0) continue;
       const EmbeddedLoop& c = e_.loops[at(owner_[k])];
@@ -473,6 +473,7 @@ class Embedder {
       const bool first = base_[k] == m_.bodies[k].parent;
       if (!first && (branch_[p] < 0 || owner_[p] != owner_[k])) continue;
       branch_[k] = first ? static_cast<int>(k) : branch_[p];
+      tip_[at(branch_[k])] = static_cast<int>(k);
       rates[at(branch_[k])] += m_.bodies[k].nv;
       if (!first && ++carried[p] > 1) plain_[at(branch_[k])] = 1;  // a fork
     }
@@ -759,8 +760,7 @@ class Embedder {
     if (parent > 0) f.to = column_of_Q(parent, l, false), own[at(parent)].insert(l);
     s.flows.push_back(f);
     long rates = 0;
-    for (int k = static_cast<int>(m_.bodies.size()) - 1; k >= base; --k) {
-      if (branch_[at(k)] != base) continue;
+    for (int k = tip_[at(base)]; k >= base; k = m_.bodies[at(k)].parent) {
       const SweepBody& b = m_.bodies[at(k)];
       s.branch.push_back({k, std::ranges::find(c.path, k, &EmbeddedLoop::PathBody::body)->column});
       e_.flops += b.nv * (is_axis(b.kind) ? 0L : 66L + 11L * (rates + b.nv + 1));
@@ -887,6 +887,7 @@ class Embedder {
   std::vector<int> gear_of_, geared_of_;   // per body, index into Embedding::gears, ::geared
   std::vector<int> index_, owner_, base_;
   std::vector<int> branch_;          // per body: the innermost of its chain; -1: it is taken up by itself, or not at all
+  std::vector<int> tip_;             // per such: the outermost
   std::vector<std::uint8_t> plain_;  // per such: coordinates of others are on the chain
   std::vector<int> shared_, state_;  // per body: the home of the last loop that has found its state, and where that stands
   std::map<std::tuple<int, int, bool>, int> Q_;

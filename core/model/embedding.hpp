@@ -102,8 +102,8 @@ struct EmbeddingStep {
   static constexpr int kBranchRates = 6;  // most hinge rates of a branch: beyond, differences of motions that nearly cancel would be formed
   Kind kind = Kind::sweep;
   int run = 0, begin = 0, end = 0;      // sweep, cross; of gear and geared: indices into Embedding::gears, ::geared
-  int body = 0;                         // cross, item, wheel; of close: home
-  int loop = -1;                        // item, wheel, close
+  int body = 0;                         // cross, item, wheel; of branch: the innermost; of close: home
+  int loop = -1;                        // item, branch, wheel, close
   std::vector<PendingFlow> flows;       // item: that of its loop first; close: likewise, then what it is coupled with
   std::vector<CoordinateBlock> blocks;  // flows x flows
   int motion = -1;                      // item, wheel: column of EmbeddingWork::U

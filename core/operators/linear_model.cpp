@@ -553,8 +553,11 @@ struct KnownAccelerations {
   VectorXd vdot;
   MatrixXd along;  // nv x (2 nv + inputs), in the order of the columns of [A B]
 };
-/// Of whole open trees without devices, whose v' needs no refinement.
-bool can_be_known(const Model& m, const OperatingPoint& at) { return m.loops.empty() && !at.devices && !m.has(OpCode::refine); }
+/// Of whole open trees without devices, whose v' needs no refinement and no hinge of square-root form: M^-1 of changes of inverse dynamics
+/// has the square of the condition that these avoid.
+bool can_be_known(const Model& m, const OperatingPoint& at) {
+  return m.loops.empty() && !at.devices && !m.has(OpCode::refine) && std::ranges::none_of(m.bodies, &SweepBody::square_root);
+}
 
 KnownAccelerations known_accelerations(Sensitivities& about, const Scope& scope, const OperatingPoint& at, const PortList& inputs) {
   const Model& m = scope.m;
