@@ -30,11 +30,13 @@ ColumnOrder ordered(const SweepModel& model, const std::vector<int>& size, const
     order.slots = std::max(order.slots, own.slot + 1);
     order.bodies.push_back(static_cast<int>(k));
     for (int j = 0; j < b.nv; ++j) order.v.push_back(b.v + j);
+    order.ends.insert(order.ends.end(), static_cast<std::size_t>(b.nv), own.end);
     next.insert(next.end(), outboard[k].rbegin(), outboard[k].rend());
   }
   std::vector<int> given(order.v.size());
   std::iota(given.begin(), given.end(), 0);
   order.as_given = order.v == given;
+  order.one_chain = std::ranges::all_of(order.ends, [&](int end) { return end == static_cast<int>(order.v.size()); });
   return order;
 }
 

@@ -200,8 +200,10 @@ struct ColumnOrder {
   std::vector<int> bodies;  // sweep indices
   std::vector<Of> of;       // per sweep body
   std::vector<int> v;       // per column: the velocity component
+  std::vector<int> ends;    // per column: the end of those outboard of it
   int slots = 1;
-  bool as_given = false;  // columns stand in the user's order
+  bool as_given = false;   // columns stand in the user's order
+  bool one_chain = false;  // each column is outboard of all before it
 };
 
 /// What is kept of masses that grow by large ratios per link, for the refinement of v' (kernels_refine.hpp); empty in other models.

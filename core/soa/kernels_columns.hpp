@@ -30,19 +30,57 @@ CARDAN_INLINE void for_columns(int begin, int end, const F& f) {
   for (int c = begin; c < end; ++c) f(c);
 }
 
+#ifdef __AVX2__
+/// Four columns of four numbers from four rows, nv numbers from row to row.
+CARDAN_INLINE void turn_four(const double* rows, double* columns, std::ptrdiff_t nv) {
+  using Four [[gnu::vector_size(32)]] = double;
+  Four a, b, c, d;
+  __builtin_memcpy(&a, rows, sizeof a);
+  __builtin_memcpy(&b, rows + nv, sizeof b);
+  __builtin_memcpy(&c, rows + 2 * nv, sizeof c);
+  __builtin_memcpy(&d, rows + 3 * nv, sizeof d);
+  const Four ab0 = __builtin_shufflevector(a, b, 0, 4, 2, 6), ab1 = __builtin_shufflevector(a, b, 1, 5, 3, 7);
+  const Four cd0 = __builtin_shufflevector(c, d, 0, 4, 2, 6), cd1 = __builtin_shufflevector(c, d, 1, 5, 3, 7);
+  a = __builtin_shufflevector(ab0, cd0, 0, 1, 4, 5), b = __builtin_shufflevector(ab1, cd1, 0, 1, 4, 5);
+  c = __builtin_shufflevector(ab0, cd0, 2, 3, 6, 7), d = __builtin_shufflevector(ab1, cd1, 2, 3, 6, 7);
+  __builtin_memcpy(columns, &a, sizeof a);
+  __builtin_memcpy(columns + nv, &b, sizeof b);
+  __builtin_memcpy(columns + 2 * nv, &c, sizeof c);
+  __builtin_memcpy(columns + 3 * nv, &d, sizeof d);
+}
+#endif
+template <class T>
+CARDAN_INLINE void turn_four(const T* rows, T* columns, std::ptrdiff_t nv) {
+  for (int j = 0; j < 4; ++j)
+    for (int i = 0; i < 4; ++i) columns[nv * j + i] = rows[nv * i + j];
+}
+
+/// Below the diagonal what stands above it: row i from its diagonal to ends[i], the rest of it is zero; without ends, to the last column.
+template <class T>
+static void mirror(T* matrix, std::ptrdiff_t nv, const int* ends) {
+  std::ptrdiff_t i = 0;
+  for (; i + 4 <= nv; i += 4) {
+    const std::ptrdiff_t end = ends ? std::max(std::max(ends[i], ends[i + 1]), std::max(ends[i + 2], ends[i + 3])) : nv;
+    for (int k = 0; k < 3; ++k)
+      for (int j = k + 1; j < 4; ++j) matrix[nv * (i + j) + i + k] = matrix[nv * (i + k) + i + j];
+    std::ptrdiff_t j = i + 4;
+    for (; j < end && j + 4 <= nv; j += 4) turn_four(matrix + nv * i + j, matrix + nv * j + i, nv);
+    for (; j < end; ++j)
+      for (int k = 0; k < 4; ++k) matrix[nv * j + i + k] = matrix[nv * (i + k) + j];
+  }
+  for (; i < nv; ++i)
+    for (std::ptrdiff_t j = i + 1; j < nv; ++j) matrix[nv * j + i] = matrix[nv * i + j];
+}
+
 /// The matrix in the order of the user. `rows`: depth-first, row i from its diagonal on; `coupled`: to the last column outboard of its body
 /// alone, the rest is zero.
 template <class T>
 static void symmetric_from(const SweepModel& model, bool coupled, const T* rows, T* matrix) {
   const ColumnOrder& order = model.columns;
   const std::ptrdiff_t nv = model.nv;
-  if (order.as_given) {
-    for (std::ptrdiff_t j = 0; j < nv; ++j)
-      for (std::ptrdiff_t i = 0; i < j; ++i) matrix[nv * j + i] = rows[nv * i + j];
-    return;
-  }
+  if (order.as_given) return mirror(matrix, nv, coupled && !order.one_chain ? order.ends.data() : nullptr);
   const int* v = order.v.data();
-  if (coupled)
+  if (coupled && !order.one_chain)
     for (std::ptrdiff_t i = 0; i < nv * nv; ++i) matrix[i] = T(0);
   for (const int k : order.bodies) {
     const int begin = order.of[k].begin, end = coupled ? order.of[k].end : model.nv;
@@ -76,7 +114,7 @@ static void mass_matrix(const SweepModel& model, Workspace<T>& ws, const Inputs<
   const ColumnOrder& order = model.columns;
   const ColumnWork<T> work(model, ws, M);
   const ColumnRows<T> F = work.force;
-  if (order.as_given)
+  if (order.as_given && !order.one_chain)
     for (std::ptrdiff_t i = 0; i < static_cast<std::ptrdiff_t>(nv) * nv; ++i) M[i] = T(0);
   RigidInertia<T>* R = ws.composite.data();
   for (auto next = order.bodies.rbegin(); next != order.bodies.rend(); ++next) {
