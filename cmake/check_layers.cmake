@@ -23,7 +23,7 @@ set(layers
   "core/abi|core/base core/spatial core/linalg/dense.hpp"
   "core/model|core/base core/spatial core/linalg core/abi"
   "core/io|core/base core/abi core/model"
-  "core/reference|core/base core/spatial core/linalg/eigen_kernels.hpp core/model/spec.hpp"
+  "core/reference|core/base core/spatial core/linalg/eigen_kernels.hpp core/linalg/eigen_products.hpp core/model/spec.hpp"
   "core/soa|core/base core/spatial core/linalg core/abi core/model"
   "core/dynamics|core/base core/spatial core/linalg core/abi core/model core/soa"
   "core/operators|core/base core/spatial core/linalg core/abi core/model core/soa core/dynamics"

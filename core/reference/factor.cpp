@@ -3,6 +3,7 @@
 
 #include <Eigen/LU>
 
+#include "core/linalg/eigen_products.hpp"
 #include "core/reference/quad.hpp"
 
 CARDAN_EIGEN_KERNELS(template struct, cardan::reference::Quad)

@@ -69,5 +69,5 @@ struct Eigen::NumTraits<cardan::reference::Quad> : Eigen::GenericNumTraits<carda
 };
 
 #ifndef CARDAN_QUAD_KERNELS_HERE
-CARDAN_EIGEN_KERNELS(extern template struct, cardan::reference::Quad)
+CARDAN_EIGEN_KERNELS_ELSEWHERE(cardan::reference::Quad)
 #endif
