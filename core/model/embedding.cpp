@@ -294,13 +294,46 @@ class Embedder {
           if (std::ranges::find(c.columns, v, &EmbeddedLoop::Column::v) == c.columns.end())
             c.columns.push_back({v, -1, by[at(v)], column[at(v)]});
         }
-        c.needed.assign(needed.begin(), needed.end());
-        c.keep = std::min(static_cast<int>(needed.size()), c.n);
+        sort_inputs(c, needed);
+        for (EmbeddedLoop::Column& x : c.columns)
+          if (x.by >= 0) x.as = input_of(e_.loops[at(x.by)], x.at);
+        c.keep = std::min(c.needed, c.n);
         for (std::size_t i = 0; i < c.columns.size(); ++i)
           if (!c.columns[i].given) by[at(c.columns[i].v)] = self, column[at(c.columns[i].v)] = static_cast<int>(i);
         for (EmbeddedLoop::Column& x : c.columns) x.scale = m_.loops.column_scale[at(x.v)];
         e_.loops.push_back(std::move(c));
       }
+  }
+
+  /// Inputs of a loop: those that it alone has, those that later loops have, the others.
+  void sort_inputs(EmbeddedLoop& c, const std::set<int>& needed) {
+    std::vector<int> rank(at(c.inputs), 2), to(at(c.inputs));
+    for (const EmbeddedLoop::Column& x : c.columns)
+      if (x.input >= 0) rank[at(x.input)] = 0;
+    for (const int i : needed) rank[at(i)] = 1;
+    int next = 0;
+    for (int r = 0; r < 3; ++r)
+      for (std::size_t i = 0; i < rank.size(); ++i)
+        if (rank[i] == r) to[i] = next++;
+    c.own = static_cast<int>(std::ranges::count(rank, 0)), c.needed = static_cast<int>(needed.size());
+    for (EmbeddedLoop::Column& x : c.columns)
+      if (x.input >= 0) x.input = to[at(x.input)];
+    for (EmbeddedLoop::Taken& t : c.taken)  // all of one alike
+      if (t.n > 0) e_.loops[at(t.by)].consumer_input = t.input = to[at(t.input)];
+    if (c.own == c.inputs || c.own < c.rank) return;
+    if (!std::ranges::all_of(c.taken, [&](const EmbeddedLoop::Taken& t) { return e_.loops[at(t.by)].by_own; })) return;
+    std::vector<double> own;
+    for (int i = 0; i < c.rows; ++i)
+      for (const EmbeddedLoop::Column& x : c.columns)
+        if (x.input >= 0 && x.input < c.own) own.push_back(rows_[at(c.first + i) * at(m_.nv) + at(x.v)]);
+    c.by_own = Ranks(own, c.rows, c.own).take(0, c.rows) == c.rank;
+  }
+
+  /// Which input of the loop after `c` a column of `c` is, where its coordinates are its inputs beside its own ones. -1: none.
+  static int input_of(const EmbeddedLoop& c, int column) {
+    const EmbeddedLoop::Column& x = c.columns[at(column)];
+    const int coordinate = (x.input >= 0 ? x.input : x.as) - c.own;
+    return c.by_own && coordinate >= 0 && coordinate < c.keep ? c.consumer_input + coordinate : -1;
   }
 
   // Wheels that turn with hinges.
@@ -432,6 +465,7 @@ class Embedder {
         EmbeddedLoop::PathBody p;
         p.body = k, p.inboard = inboard, p.column = static_cast<int>(c.columns.size()), p.n = b.nv;
         p.sign = path == &loop.from_path ? -1.0 : 1.0;
+        p.shifts = shifts(b);
         for (int j = 0; j < b.nv; ++j) c.columns.push_back({b.v + j});
         // Where it deforms: at its pnode, at the onode of what comes next, at the end.
         const LoopEnd& end = path == &loop.from_path ? loop.from : loop.to;
@@ -445,6 +479,12 @@ class Embedder {
     if (c.after_modes) c.home_modes = modes(m_.bodies[at(c.home)], c);
     if (deforms(loop.from)) c.from_node = loop.from.node;
     if (deforms(loop.to)) c.to_node = loop.to.node;
+  }
+  /// A slide with the axes of the inboard body.
+  static bool shifts(const SweepBody& b) {
+    const Mat3<double>& R = b.O.R;
+    return b.kind == BodyKernel::slide && R.xx == 1.0 && R.yy == 1.0 && R.zz == 1.0 && R.xy == 0.0 && R.xz == 0.0 && R.yx == 0.0 &&
+           R.yz == 0.0 && R.zx == 0.0 && R.zy == 0.0;
   }
   static int modes(const SweepBody& b, EmbeddedLoop& c) {
     const int column = static_cast<int>(c.columns.size());
@@ -489,7 +529,7 @@ class Embedder {
     const std::size_t bodies = m_.bodies.size();
     shared_.assign(bodies, -1), state_.assign(bodies, 0);
     int zeroed = 0;
-    for (EmbeddedLoop& c : e_.loops) c.A = zeroed, zeroed += c.n * c.n;
+    for (EmbeddedLoop& c : e_.loops) c.width = padded(c.n + 1), c.A = zeroed, zeroed += c.n * c.width;
     e_.n_numbers = zeroed;
     for (std::size_t i = 0; i < e_.loops.size(); ++i) {
       EmbeddedLoop& c = e_.loops[i];
@@ -504,8 +544,8 @@ class Embedder {
         if (c.by_rates && owner_[at(p.body)] == static_cast<int>(i) && branch_[at(p.body)] < 0) wants(wants, p);
       const int columns = static_cast<int>(c.columns.size());
       const auto take = [&](int& begin, int n) { begin = e_.n_numbers, e_.n_numbers += n; };
-      take(c.G, c.rows * c.own_columns), take(c.B, c.rows * ((c.by_rates ? c.inputs : c.own_columns) + 1));
-      if (c.by_rates) take(c.T, c.inputs * (c.n + 1)), take(c.E, columns * (c.n + 1));
+      take(c.G, c.rows * c.own_columns), take(c.B, c.rows * padded((c.by_rates ? c.inputs : c.own_columns) + 1));
+      if (c.by_rates) take(c.T, c.inputs * c.width), take(c.E, columns * c.width);
       c.x = e_.n_x, e_.n_x += c.n;
       c.row = e_.n_rows, e_.n_rows += c.rows;
       c.pivot = e_.n_pivots, e_.n_pivots += c.by_rates ? c.inputs : c.own_columns;
@@ -545,7 +585,7 @@ class Embedder {
   }
   CoordinateBlock block(int a, int b) {
     const int na = e_.loops[at(a)].n, nb = e_.loops[at(b)].n;
-    if (a == b) return {e_.loops[at(a)].A, na, 1};
+    if (a == b) return {e_.loops[at(a)].A, e_.loops[at(a)].width, 1};
     if (na * nb == 0) return {};
     const auto [entry, made] = pairs_.try_emplace({std::min(a, b), std::max(a, b)}, e_.n_pairs_);
     if (made) {
@@ -673,7 +713,7 @@ class Embedder {
   }
   int own_blocks() const {
     int n = 0;
-    for (const EmbeddedLoop& c : e_.loops) n += c.n * c.n;
+    for (const EmbeddedLoop& c : e_.loops) n += c.n * c.width;
     return n;
   }
   void shift_numbers(int from, int by) {
@@ -759,13 +799,19 @@ class Embedder {
     f.loop = l;
     if (parent > 0) f.to = column_of_Q(parent, l, false), own[at(parent)].insert(l);
     s.flows.push_back(f);
+    for (int k = tip_[at(base)]; k >= base; k = m_.bodies[at(k)].parent)
+      s.branch.push_back({k, std::ranges::find(c.path, k, &EmbeddedLoop::PathBody::body)->column, shifts(m_.bodies[at(k)])});
+    s.rigid = true;
+    for (std::size_t k = 1; k < m_.bodies.size(); ++k) {
+      const auto on = [&](int body) { return std::ranges::find(s.branch, body, &EmbeddingStep::BranchBody::body) != s.branch.end(); };
+      if (m_.bodies[k].kind != BodyKernel::rotor && on(m_.bodies[k].parent) && !on(static_cast<int>(k))) s.rigid = false;
+    }
     long rates = 0;
-    for (int k = tip_[at(base)]; k >= base; k = m_.bodies[at(k)].parent) {
-      const SweepBody& b = m_.bodies[at(k)];
-      s.branch.push_back({k, std::ranges::find(c.path, k, &EmbeddedLoop::PathBody::body)->column});
-      e_.flops += b.nv * (is_axis(b.kind) ? 0L : 66L + 11L * (rates + b.nv + 1));
+    for (const EmbeddingStep::BranchBody& x : s.branch) {
+      const SweepBody& b = m_.bodies[at(x.body)];
+      e_.flops += b.nv * (is_axis(b.kind) ? 0L : (s.rigid ? 30L : 66L) + 11L * (rates + b.nv + 1));
       rates += b.nv;
-      if (b.parent > 0) e_.flops += 200L + 36L * (rates + 1);
+      if (b.parent > 0) e_.flops += (s.rigid ? 80L : 200L) - (x.shifts ? 50L : 0L) + (x.shifts ? 12L : 36L) * (rates + 1);
     }
     e_.flops += rates * (2L * rates * (c.n + 1) + 2L * c.n + c.n * (c.n + 1) + (parent > 0 ? 12L * (c.n + 1) : 0L));
     e_.steps.push_back(std::move(s));
@@ -849,6 +895,8 @@ class Embedder {
     std::vector<int> all{l};
     for (const int b : coupled_[l])
       if (!closed_.contains(b)) all.push_back(b);
+    s.coupled = static_cast<int>(all.size());
+    const long w = width({all.begin() + 1, all.end()}) + c.keep;
     if (c.keep > 0 && std::ranges::find(all, c.consumer) == all.end()) all.push_back(c.consumer);
     own[at(home)].erase(l);
     if (c.keep > 0) own[at(home)].insert(c.consumer);
@@ -860,13 +908,19 @@ class Embedder {
       if (x != l) own[at(home)].insert(x);
     }
     // Eliminating couples all of them with each other.
-    blocks_of(s, true);
+    const int n = static_cast<int>(all.size());
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < n; ++j) {
+        const bool met = i == j || std::max(i, j) < s.coupled || std::min(i, j) > 0;
+        s.blocks.push_back(met ? block(all[at(i)], all[at(j)]) : CoordinateBlock{});
+      }
     closed_.insert(l);
-    const long e = c.n - c.keep, w = width({all.begin() + 1, all.end()}) + c.keep;
+    const long e = c.n - c.keep;
     e_.flops += e * e * e / 3 + e * (e + 1) + (home > 0 ? e * (6L * e + 54L) : 0L) + e * w * (w + (home > 0 ? 14L : 2L));
     if (c.keep > 0) {
-      const long n = e_.loops[at(c.consumer)].n;
-      e_.flops += 2L * c.keep * n * (c.keep + n) + (home > 0 ? 12L * c.keep * (n + 1) : 0L);
+      const EmbeddedLoop& o = e_.loops[at(c.consumer)];
+      const long taking = o.by_own ? 1L : o.n;  // by another name
+      e_.flops += 2L * c.keep * taking * (c.keep + taking) + (home > 0 ? 12L * c.keep * (taking + 1) : 0L);
     }
     e_.steps.push_back(std::move(s));
   }

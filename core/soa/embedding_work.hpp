@@ -39,6 +39,19 @@ struct PendingWheel {
   double b = 0.0, s = 0.0;
 };
 
+/// Four numbers of a row.
+using Four [[gnu::vector_size(32), gnu::aligned(8), gnu::may_alias]] = double;
+CARDAN_INLINE Four& four(double* x) { return *reinterpret_cast<Four*>(x); }
+CARDAN_INLINE const Four& four(const double* x) { return *reinterpret_cast<const Four*>(x); }
+/// y += a x of rows of whole fours.
+CARDAN_INLINE void add_row(double* y, double a, const double* x, int width) {
+  for (int j = 0; j < width; j += 4) four(y + j) += a * four(x + j);
+}
+/// y = a x.
+CARDAN_INLINE void set_row(double* y, double a, const double* x, int width) {
+  for (int j = 0; j < width; j += 4) four(y + j) = a * four(x + j);
+}
+
 struct EmbeddingWork {
   explicit EmbeddingWork(const Embedding& e)
       : numbers(static_cast<std::size_t>(e.n_numbers)),
@@ -67,6 +80,7 @@ struct EmbeddingWork {
     for (const EmbeddedLoop& loop : e.loops) longest = longest > loop.path.size() ? longest : loop.path.size();
     exits.resize(longest + 2);
     known.resize(e.loops.size());
+    named.resize(e.loops.size());
     for (const EmbeddingStep& s : e.steps) {
       std::size_t n = 8;
       for (const PendingFlow& f : s.flows) n += static_cast<std::size_t>(e.loops[static_cast<std::size_t>(f.loop)].n) + 1;
@@ -93,6 +107,7 @@ struct EmbeddingWork {
   std::vector<PathState> path;
   std::vector<PathExit> exits;      // of the bodies of the path of one loop, then of home: on the way to `from`, to `to`
   std::vector<std::uint8_t> known;  // per loop that is `constant`: T and E are those of gamma_c = 0
+  std::vector<std::uint8_t> named;  // per loop: its pivots are rates of its own, what others know are coordinates of it as they are
   std::vector<double> modal;        // columns of pending coordinates on modes; after these were eliminated: L^-1 of them
   std::vector<int> row_at, column_at;
   // Of wheels that turn with hinges:
