@@ -18,6 +18,7 @@ constexpr int kLongLoop = 6;        // free rates of a loop: beyond, eliminating
 constexpr double kUnlike = 10.0;    // scaled slopes of a coupling
 constexpr double kWorth = 0.75;     // of the operations by rates, where loops share hinges: rates keep more digits
 constexpr double kSafer = 1.25;     // ... of one loop of several free rates: multipliers keep more
+constexpr int kWheel = -2;          // of a transmission, among bodies
 constexpr std::size_t kTried = 64;  // sets whose two forms are compared by count
 
 template <class Int>
@@ -341,7 +342,7 @@ class Embedder {
     std::vector<std::uint8_t> may(by_rates);
     for (std::size_t l = 0; l < may.size(); ++l) may[l] = may[l] && !crossed_[l];
     turning_.assign(m_.bodies.size(), {});
-    gear_of_.assign(m_.bodies.size(), -1), geared_of_.assign(m_.bodies.size(), -1);
+    gear_of_.assign(m_.bodies.size(), -1), geared_of_.assign(m_.bodies.size(), -1), chain_of_.assign(m_.bodies.size(), -1);
     std::vector<Transmission> all = find_transmissions(m_, rows_, hinges_, may);
     for (const Transmission& t : all)
       for (const Transmission::Row& row : t.rows) {
@@ -404,11 +405,13 @@ class Embedder {
         }
         e_.wheels.push_back(wheel);
         ways.push_back({i});
-        geared_of_[at(k)] = 0;
+        geared_of_[at(k)] = kWheel;
       }
       hinges.insert(t.way.begin(), t.way.end());
     }
+    place_chains();
     for (const int k : hinges) {
+      if (chain_of_[at(k)] >= 0) continue;
       GearedHinge hinge;
       hinge.body = k;
       std::vector<Way> before;
@@ -434,6 +437,46 @@ class Embedder {
       hinge.A = e_.n_pairs, e_.n_pairs += n * (n + 1);
       geared_of_[at(k)] = static_cast<int>(e_.geared.size());
       e_.geared.push_back(std::move(hinge));
+    }
+  }
+
+  /// Transmissions that share hinges and have one carrier, of few hinges.
+  void place_chains() {
+    std::vector<std::uint8_t> done(e_.transmissions.size());
+    for (std::size_t i = 0; i < done.size(); ++i) {
+      if (done[i]) continue;
+      std::vector<std::size_t> all{i};
+      std::set<int, std::greater<>> hinges;
+      std::size_t longest = 0;
+      bool one = true;  // carrier
+      done[i] = 1;
+      for (std::size_t next = 0; next < all.size(); ++next) {
+        const Transmission& t = e_.transmissions[all[next]];
+        hinges.insert(t.way.begin(), t.way.end());
+        longest = std::max(longest, t.way.size());
+        one = one && m_.bodies[at(t.way[0])].parent == m_.bodies[at(e_.transmissions[i].way[0])].parent;
+        for (std::size_t j = 0; j < done.size(); ++j)
+          if (!done[j] && std::ranges::any_of(e_.transmissions[j].way, [&](int k) { return hinges.contains(k); }))
+            done[j] = 1, all.push_back(j);
+      }
+      if (!one || hinges.size() != longest || hinges.size() > GearedChain::kMost) continue;
+      GearedChain chain;
+      chain.hinges.assign(hinges.begin(), hinges.end());
+      chain.carrier = m_.bodies[at(chain.hinges.back())].parent;
+      for (const std::size_t j : all) {
+        const Transmission& t = e_.transmissions[j];
+        for (std::size_t w = 0; w < t.wheels.size(); ++w) {
+          GearedChain::Wheel wheel;
+          wheel.wheel = static_cast<int>(std::ranges::find(e_.wheels, t.wheels[w], &TurningWheel::body) - e_.wheels.begin());
+          for (std::size_t h = 0; h < t.way.size(); ++h) {
+            const auto on = std::ranges::find(chain.hinges, t.way[h]) - chain.hinges.begin();
+            wheel.ratio[on] = t.numbers + static_cast<int>(w * t.way.size() + h);
+          }
+          chain.wheels.push_back(wheel);
+        }
+      }
+      for (const int k : chain.hinges) chain_of_[at(k)] = static_cast<int>(e_.chains.size());
+      e_.chains.push_back(std::move(chain));
     }
   }
 
@@ -665,9 +708,17 @@ class Embedder {
         }
         e_.steps.back().end = gear + 1;
         e_.flops += of_tree(b) + 60L;
-      } else if (const int geared = geared_of_[at(k)]; geared >= 0) {
+      } else if (const int chain = chain_of_[at(k)]; chain >= 0) {
         flush();
-        if (e_.geared[at(geared)].body != k) continue;  // a wheel: with its hinges
+        const GearedChain& c = e_.chains[at(chain)];
+        if (c.hinges.back() != k) continue;  // with the innermost
+        e_.steps.emplace_back();
+        e_.steps.back().kind = EmbeddingStep::Kind::chain, e_.steps.back().begin = chain;
+        const long m = std::ssize(c.hinges);
+        e_.flops += m * of_tree(b) + 18L * m * (m + 1) + std::ssize(c.wheels) * (50L + 10L * m);
+      } else if (const int geared = geared_of_[at(k)]; geared != -1) {
+        flush();
+        if (geared == kWheel) continue;  // with its hinges
         if (e_.steps.empty() || e_.steps.back().kind != EmbeddingStep::Kind::geared) {
           e_.steps.emplace_back();
           e_.steps.back().kind = EmbeddingStep::Kind::geared, e_.steps.back().begin = geared;
@@ -936,9 +987,9 @@ class Embedder {
     int n_pairs_ = 0;
   };
   Program e_;
-  std::vector<std::uint8_t> crossed_;      // per loop: coordinates of others cross the hinge that its gear would be one with
-  std::vector<std::vector<int>> turning_;  // per body: loops that are transmissions with its hinge
-  std::vector<int> gear_of_, geared_of_;   // per body, index into Embedding::gears, ::geared
+  std::vector<std::uint8_t> crossed_;                // per loop: coordinates of others cross the hinge that its gear would be one with
+  std::vector<std::vector<int>> turning_;            // per body: loops that are transmissions with its hinge
+  std::vector<int> gear_of_, geared_of_, chain_of_;  // per body, index into Embedding::gears, ::geared, ::chains
   std::vector<int> index_, owner_, base_;
   std::vector<int> branch_;          // per body: the innermost of its chain; -1: it is taken up by itself, or not at all
   std::vector<int> tip_;             // per such: the outermost

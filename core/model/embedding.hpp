@@ -99,6 +99,7 @@ struct EmbeddingStep {
   enum class Kind : std::uint8_t {
     sweep,   // bodies as in an open tree
     gear,    // bodies each with the wheel that turns with its hinge
+    chain,   // bodies of a geared chain: `begin` is its number
     geared,  // bodies each with the wheels of transmissions that turn with its hinge
     cross,   // one body whose hinge is eliminated, with pending coordinates on it
     item,    // one body whose hinge rates a loop has taken up
@@ -141,7 +142,8 @@ struct Embedding {
   std::vector<Gear> gears;          // tip to base
   std::vector<Transmission> transmissions;
   std::vector<TurningWheel> wheels;  // of transmissions
-  std::vector<GearedHinge> geared;   // tip to base
+  std::vector<GearedChain> chains;   // of few hinges
+  std::vector<GearedHinge> geared;   // of more, tip to base
   std::vector<EmbeddingStep> steps;  // tip to base
   /// Pushes of multipliers on bodies: +1 of the end `from`, -1 of `to`.
   struct Push {

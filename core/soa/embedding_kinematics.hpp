@@ -344,13 +344,14 @@ CARDAN_INLINE bool is_within(const double* row, int n, double most) {
   return all;
 }
 
-/// Complete pivoting over the first `searched` columns, rows and constants reduced until the pivots stand alone. k.row_at, k.column_at: how
-/// they were exchanged. False: the rank is not that of the program; rows contradict each other, where they are to be `consistent`; or,
-/// where not all columns were searched, others would be better pivots.
-static inline bool find_pivots(const EmbeddedLoop& c, EmbeddingWork& k, int columns, int searched, double open, bool consistent) {
+/// Complete pivoting over the first `searched` columns, rows of so many FOURS (0: any) and constants reduced until the pivots stand alone.
+/// k.row_at, k.column_at: how they were exchanged. False: the rank is not that of the program; rows contradict each other, where they are
+/// to be `consistent`; or, where not all columns were searched, others would be better pivots.
+template <int FOURS>
+static bool find_pivots(const EmbeddedLoop& c, EmbeddingWork& k, int columns, int searched, double open, bool consistent) {
   double* B = k.numbers.data() + c.B;
   int *row_at = k.row_at.data() + c.row, *column_at = k.column_at.data() + c.pivot;
-  const int stride = padded(columns + 1);
+  const int stride = FOURS > 0 ? 4 * FOURS : padded(columns + 1);
   if (c.chosen) {  // the rows of the start first
     int others = c.rank;
     for (int i = 0; i < c.rows; ++i) {
@@ -404,6 +405,18 @@ static inline bool find_pivots(const EmbeddedLoop& c, EmbeddingWork& k, int colu
     if (!is_within(B + row_at[p] * stride, columns, kSteepOwn)) return false;
   k.smallest = smallest, k.weakest = weakest;
   return true;
+}
+static inline bool find_pivots(const EmbeddedLoop& c, EmbeddingWork& k, int columns, int searched, double open, bool consistent) {
+  switch (padded(columns + 1) / 4) {
+    case 1:
+      return find_pivots<1>(c, k, columns, searched, open, consistent);
+    case 2:
+      return find_pivots<2>(c, k, columns, searched, open, consistent);
+    case 3:
+      return find_pivots<3>(c, k, columns, searched, open, consistent);
+    default:
+      return find_pivots<0>(c, k, columns, searched, open, consistent);
+  }
 }
 
 /// T <- T (1 - reflections), so that the inputs that later loops have hang on the first coordinates alone.

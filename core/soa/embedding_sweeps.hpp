@@ -89,16 +89,6 @@ static inline void take_item(const SweepModel& model, const Embedding& e, const 
 
 /// P times a unit rate about axis I.
 template <int I>
-CARDAN_INLINE Force<double> turning_column(const ArticulatedInertia<double>& P) {
-  if constexpr (I == 0)
-    return {{P.J.xx, P.J.xy, P.J.xz}, {P.B.xx, P.B.xy, P.B.xz}};
-  else if constexpr (I == 1)
-    return {{P.J.xy, P.J.yy, P.J.yz}, {P.B.yx, P.B.yy, P.B.yz}};
-  else
-    return {{P.J.xz, P.J.yz, P.J.zz}, {P.B.zx, P.B.zy, P.B.zz}};
-}
-
-template <int I>
 CARDAN_INLINE Force<double> turning_column(const RigidInertia<double>& M) {
   const Vec3<double>& h = M.h;
   if constexpr (I == 0)
@@ -509,7 +499,7 @@ static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, 
     return k.numbers[static_cast<std::size_t>(block.at + i * block.down + j * block.across)];
   };
   if (out > 0) {
-    // Cholesky factor in place of what is eliminated, and L^-1 of its rows: Q, what is kept, other loops, b.
+    // Cholesky factor in place of what is eliminated, one over its diagonal, and L^-1 of its rows: Q, what is kept, other loops, b.
     int width = keep + 1;
     for (std::size_t f = 1; f < flows; ++f) width += e.loops[static_cast<std::size_t>(step.flows[f].loop)].n;
     double* rows = k.scratch.data();
@@ -533,7 +523,7 @@ static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, 
         const double* Lj = A + (keep + j) * down + keep;
         double sum = sign * L[j];
         for (int l = 0; l < j; ++l) sum -= L[l] * Lj[l];
-        L[j] = sum / Lj[j];
+        L[j] = sum * Lj[j];
         pivot -= L[j] * L[j];
       }
       double limit = kPivotLimit * diagonal;
@@ -542,8 +532,7 @@ static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, 
         ws.breakdown = {step.body > 0 ? step.body : 1, -1, pivot, limit, c.first};
         return false;
       }
-      L[i] = std::sqrt(pivot);
-      const double inverse = 1.0 / L[i];
+      const double inverse = L[i] = 1.0 / std::sqrt(pivot);
       for (int j = 0; j < i; ++j) {
         const double* other = rows + j * width;
         for (int l = 0; l < width; ++l) row[l] -= L[j] * other[l];
@@ -664,6 +653,9 @@ static inline bool embedding_inward(const SweepModel& model, const Embedding& e,
     switch (step.kind) {
       case EmbeddingStep::Kind::gear:
         if (!take_gears(model, e.gears.data() + step.begin, e.gears.data() + step.end, ws, in, given)) return false;
+        break;
+      case EmbeddingStep::Kind::chain:
+        if (!take_chain(model, e, step.begin, ws, k, in)) return false;
         break;
       case EmbeddingStep::Kind::geared:
         for (int i = step.begin; i < step.end; ++i)
@@ -826,11 +818,11 @@ static inline void solve_at_home(const Embedding& e, const EmbeddingStep& step, 
     if (step.body > 0) right += dot(ws.core(step.body).delta, k.Q[static_cast<std::size_t>(step.flows[0].own + i)]);
     x[i] = -sign * right;
     for (int j = keep; j < i; ++j) x[i] -= A[i * c.width + j] * x[j];
-    x[i] /= A[i * c.width + i];
+    x[i] *= A[i * c.width + i];
   }
   for (int i = n - 1; i >= keep; --i) {
     for (int j = i + 1; j < n; ++j) x[i] -= A[j * c.width + i] * x[j];
-    x[i] /= A[i * c.width + i];
+    x[i] *= A[i * c.width + i];
   }
 }
 
@@ -842,6 +834,9 @@ static inline void embedding_outward(const SweepModel& model, const Embedding& e
     switch (step.kind) {
       case EmbeddingStep::Kind::gear:
         gears_outward(model, e.gears.data() + step.begin, e.gears.data() + step.end, ws, in, given, vdot);
+        break;
+      case EmbeddingStep::Kind::chain:
+        chain_outward(model, e, step.begin, ws, k, vdot);
         break;
       case EmbeddingStep::Kind::geared:
         for (int i = step.end; i-- > step.begin;) geared_outward(model, e, e.geared[static_cast<std::size_t>(i)], ws, k, vdot);

@@ -39,6 +39,12 @@ struct PendingWheel {
   double b = 0.0, s = 0.0;
 };
 
+/// A geared chain on its way out, tip to base: v' = L^-* (nu - G* delta) with delta of the carrier, L of ones on its diagonal.
+struct ChainRecord {
+  Force<double> G[GearedChain::kMost];
+  double nu[GearedChain::kMost], L[GearedChain::kMost][GearedChain::kMost];
+};
+
 /// Four numbers of a row.
 using Four [[gnu::vector_size(32), gnu::aligned(8), gnu::may_alias]] = double;
 CARDAN_INLINE Four& four(double* x) { return *reinterpret_cast<Four*>(x); }
@@ -75,6 +81,7 @@ struct EmbeddingWork {
         sines(angles.size()),
         cosines(angles.size()),
         wheels(e.wheels.size()),
+        chains(e.chains.size()),
         turns_known(e.transmissions.size()) {
     std::size_t most = 1, longest = 0;
     for (const EmbeddedLoop& loop : e.loops) longest = longest > loop.path.size() ? longest : loop.path.size();
@@ -114,6 +121,7 @@ struct EmbeddingWork {
   std::vector<double> ratios, pairs;                  // Transmission::numbers, GearedHinge::A
   std::vector<double> angles, rates, sines, cosines;  // of couplings that are not linear: Transmission::Row::angles
   std::vector<PendingWheel> wheels;
+  std::vector<ChainRecord> chains;
   std::vector<std::uint8_t> turns_known;  // per transmission that is `constant`
   std::vector<double> scratch;
   std::vector<Force<double>> PU;
