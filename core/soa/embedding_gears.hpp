@@ -221,12 +221,20 @@ static bool find_ratios(const Transmission& t, EmbeddingWork& k, const Inputs<do
   }
   return far;
 }
+/// Many at once, whatever the options of the file are (core/CMakeLists.txt).
+#ifndef __clang__
+[[gnu::optimize("tree-vectorize")]]
+#endif
+static void
+sines_of_couplings(EmbeddingWork& k) {
+  sine_cosine(k.angles.data(), k.sines.data(), k.cosines.data(), k.angles.size());
+}
 static inline bool find_ratios(const Embedding& e, EmbeddingWork& k, const Inputs<double>& in, const double* given) {
   if (!k.angles.empty()) {
     for (const Transmission& t : e.transmissions)
       for (const Transmission::Row& row : t.rows)
         angles_of(row.coupling, row.sinusoids, in.q, in.v, k.angles.data() + row.angles, k.rates.data() + row.angles);
-    sine_cosine(k.angles.data(), k.sines.data(), k.cosines.data(), k.angles.size());
+    sines_of_couplings(k);
   }
   for (std::size_t i = 0; i < e.transmissions.size(); ++i) {
     if (k.turns_known[i] && !given) continue;
