@@ -173,7 +173,7 @@ class EmbeddedMultipliers {
     std::fill_n(out, c.n, 0.0);
     const double* T = n_.numbers.data() + c.T;
     const auto add = [&](int input, double force) {
-      for (int i = 0; i < c.keep; ++i) out[i] += force * T[input * (c.n + 1) + i];
+      for (int i = 0; i < c.keep; ++i) out[i] += force * T[input * c.width + i];
     };
     for (const EmbeddedLoop::Column& x : c.columns)
       if (x.input >= 0) add(x.input, x.scale * k_.left[at(x.v)]);
@@ -189,7 +189,7 @@ class EmbeddedMultipliers {
       const EmbeddedLoop& other = e_.loops[at(t.by)];
       for (int i = 0; i < t.n; ++i) r[t.input + i] = k_.of_coordinates[at(other.x + i)];
       const double* E = n_.numbers.data() + other.E;
-      for (std::size_t j = 0; j < other.columns.size(); ++j, E += other.n + 1)
+      for (std::size_t j = 0; j < other.columns.size(); ++j, E += other.width)
         for (int i = 0; i < t.n; ++i) r[t.input + i] -= E[i] * k_.pushed[at(other.columns[j].v)];
     }
   }
@@ -204,7 +204,7 @@ class EmbeddedMultipliers {
       if (x.input >= 0 || x.given) continue;
       const EmbeddedLoop& other = e_.loops[at(x.by)];
       if (input >= other.consumer_input && input < other.consumer_input + other.keep)
-        sum += G[j] * n_.numbers[at(other.E + x.at * (other.n + 1) + input - other.consumer_input)];
+        sum += G[j] * n_.numbers[at(other.E + x.at * other.width + input - other.consumer_input)];
     }
     return sum;
   }

@@ -96,7 +96,20 @@ void choose_frames(Model& m, std::vector<Central>& central) {
     const SweepBody& b = m.bodies[k];
     return b.shape == CARDAN_SHAPE_ROTATION && b.n_modes == 0 && b.onode < 0 && !b.has_prescribed && (m.varies.empty() || !m.varies[k]);
   };
+  const auto slides = [&](int k) {
+    const SweepBody& b = m.bodies[k];
+    return b.shape == CARDAN_SHAPE_SLIDE && b.n_modes == 0 && b.onode < 0 && !b.has_prescribed && (m.varies.empty() || !m.varies[k]) &&
+           central.empty();
+  };
   for (int k = 1; k < n; ++k) {
+    if (slides(k)) {
+      SweepBody& b = m.bodies[k];
+      const Pose<double> turned{b.O.R, {}};
+      b.M = to_inboard(turned, b.M), b.axis = b.O.R * b.axis, b.O.R = Mat3<double>::identity();
+      for (const int u : carried[k]) m.user[u].pose = turned * m.user[u].pose;
+      for (const int child : outboard[k]) m.bodies[child].O = turned * m.bodies[child].O;
+      continue;
+    }
     if (!served(k)) continue;
     SweepBody& b = m.bodies[k];
     AxisBody& a = m.axis_bodies[k];

@@ -5,7 +5,8 @@
 namespace cardan {
 
 /// The axis becomes a coordinate axis of the body, and the constant rotation between O and the inboard body vanishes or is one or two
-/// rotations in a plane. `central`: turned along; empty where they are not kept.
+/// rotations in a plane. A slide has the axes of its inboard body, but where `central` is kept. `central`: turned along; empty where they
+/// are not kept.
 void choose_frames(Model& model, std::vector<Central>& central);
 
 /// Axisymmetric leaves on one rotation, on a rigid body: their inertia seen from that body is constant, so it becomes part of it. Then

@@ -18,6 +18,7 @@ constexpr int kLongLoop = 6;        // free rates of a loop: beyond, eliminating
 constexpr double kUnlike = 10.0;    // scaled slopes of a coupling
 constexpr double kWorth = 0.75;     // of the operations by rates, where loops share hinges: rates keep more digits
 constexpr double kSafer = 1.25;     // ... of one loop of several free rates: multipliers keep more
+constexpr int kWheel = -2;          // of a transmission, among bodies
 constexpr std::size_t kTried = 64;  // sets whose two forms are compared by count
 
 template <class Int>
@@ -294,8 +295,10 @@ class Embedder {
           if (std::ranges::find(c.columns, v, &EmbeddedLoop::Column::v) == c.columns.end())
             c.columns.push_back({v, -1, by[at(v)], column[at(v)]});
         }
-        c.needed.assign(needed.begin(), needed.end());
-        c.keep = std::min(static_cast<int>(needed.size()), c.n);
+        sort_inputs(c, needed);
+        for (EmbeddedLoop::Column& x : c.columns)
+          if (x.by >= 0) x.as = input_of(e_.loops[at(x.by)], x.at);
+        c.keep = std::min(c.needed, c.n);
         for (std::size_t i = 0; i < c.columns.size(); ++i)
           if (!c.columns[i].given) by[at(c.columns[i].v)] = self, column[at(c.columns[i].v)] = static_cast<int>(i);
         for (EmbeddedLoop::Column& x : c.columns) x.scale = m_.loops.column_scale[at(x.v)];
@@ -303,12 +306,43 @@ class Embedder {
       }
   }
 
+  /// Inputs of a loop: those that it alone has, those that later loops have, the others.
+  void sort_inputs(EmbeddedLoop& c, const std::set<int>& needed) {
+    std::vector<int> rank(at(c.inputs), 2), to(at(c.inputs));
+    for (const EmbeddedLoop::Column& x : c.columns)
+      if (x.input >= 0) rank[at(x.input)] = 0;
+    for (const int i : needed) rank[at(i)] = 1;
+    int next = 0;
+    for (int r = 0; r < 3; ++r)
+      for (std::size_t i = 0; i < rank.size(); ++i)
+        if (rank[i] == r) to[i] = next++;
+    c.own = static_cast<int>(std::ranges::count(rank, 0)), c.needed = static_cast<int>(needed.size());
+    for (EmbeddedLoop::Column& x : c.columns)
+      if (x.input >= 0) x.input = to[at(x.input)];
+    for (EmbeddedLoop::Taken& t : c.taken)  // all of one alike
+      if (t.n > 0) e_.loops[at(t.by)].consumer_input = t.input = to[at(t.input)];
+    if (c.own == c.inputs || c.own < c.rank) return;
+    if (!std::ranges::all_of(c.taken, [&](const EmbeddedLoop::Taken& t) { return e_.loops[at(t.by)].by_own; })) return;
+    std::vector<double> own;
+    for (int i = 0; i < c.rows; ++i)
+      for (const EmbeddedLoop::Column& x : c.columns)
+        if (x.input >= 0 && x.input < c.own) own.push_back(rows_[at(c.first + i) * at(m_.nv) + at(x.v)]);
+    c.by_own = Ranks(own, c.rows, c.own).take(0, c.rows) == c.rank;
+  }
+
+  /// Which input of the loop after `c` a column of `c` is, where its coordinates are its inputs beside its own ones. -1: none.
+  static int input_of(const EmbeddedLoop& c, int column) {
+    const EmbeddedLoop::Column& x = c.columns[at(column)];
+    const int coordinate = (x.input >= 0 ? x.input : x.as) - c.own;
+    return c.by_own && coordinate >= 0 && coordinate < c.keep ? c.consumer_input + coordinate : -1;
+  }
+
   // Wheels that turn with hinges.
   void mesh(const std::vector<std::uint8_t>& by_rates, std::vector<std::uint8_t>& done) {
     std::vector<std::uint8_t> may(by_rates);
     for (std::size_t l = 0; l < may.size(); ++l) may[l] = may[l] && !crossed_[l];
     turning_.assign(m_.bodies.size(), {});
-    gear_of_.assign(m_.bodies.size(), -1), geared_of_.assign(m_.bodies.size(), -1);
+    gear_of_.assign(m_.bodies.size(), -1), geared_of_.assign(m_.bodies.size(), -1), chain_of_.assign(m_.bodies.size(), -1);
     std::vector<Transmission> all = find_transmissions(m_, rows_, hinges_, may);
     for (const Transmission& t : all)
       for (const Transmission::Row& row : t.rows) {
@@ -371,11 +405,13 @@ class Embedder {
         }
         e_.wheels.push_back(wheel);
         ways.push_back({i});
-        geared_of_[at(k)] = 0;
+        geared_of_[at(k)] = kWheel;
       }
       hinges.insert(t.way.begin(), t.way.end());
     }
+    place_chains();
     for (const int k : hinges) {
+      if (chain_of_[at(k)] >= 0) continue;
       GearedHinge hinge;
       hinge.body = k;
       std::vector<Way> before;
@@ -401,6 +437,46 @@ class Embedder {
       hinge.A = e_.n_pairs, e_.n_pairs += n * (n + 1);
       geared_of_[at(k)] = static_cast<int>(e_.geared.size());
       e_.geared.push_back(std::move(hinge));
+    }
+  }
+
+  /// Transmissions that share hinges and have one carrier, of few hinges.
+  void place_chains() {
+    std::vector<std::uint8_t> done(e_.transmissions.size());
+    for (std::size_t i = 0; i < done.size(); ++i) {
+      if (done[i]) continue;
+      std::vector<std::size_t> all{i};
+      std::set<int, std::greater<>> hinges;
+      std::size_t longest = 0;
+      bool one = true;  // carrier
+      done[i] = 1;
+      for (std::size_t next = 0; next < all.size(); ++next) {
+        const Transmission& t = e_.transmissions[all[next]];
+        hinges.insert(t.way.begin(), t.way.end());
+        longest = std::max(longest, t.way.size());
+        one = one && m_.bodies[at(t.way[0])].parent == m_.bodies[at(e_.transmissions[i].way[0])].parent;
+        for (std::size_t j = 0; j < done.size(); ++j)
+          if (!done[j] && std::ranges::any_of(e_.transmissions[j].way, [&](int k) { return hinges.contains(k); }))
+            done[j] = 1, all.push_back(j);
+      }
+      if (!one || hinges.size() != longest || hinges.size() > GearedChain::kMost) continue;
+      GearedChain chain;
+      chain.hinges.assign(hinges.begin(), hinges.end());
+      chain.carrier = m_.bodies[at(chain.hinges.back())].parent;
+      for (const std::size_t j : all) {
+        const Transmission& t = e_.transmissions[j];
+        for (std::size_t w = 0; w < t.wheels.size(); ++w) {
+          GearedChain::Wheel wheel;
+          wheel.wheel = static_cast<int>(std::ranges::find(e_.wheels, t.wheels[w], &TurningWheel::body) - e_.wheels.begin());
+          for (std::size_t h = 0; h < t.way.size(); ++h) {
+            const auto on = std::ranges::find(chain.hinges, t.way[h]) - chain.hinges.begin();
+            wheel.ratio[on] = t.numbers + static_cast<int>(w * t.way.size() + h);
+          }
+          chain.wheels.push_back(wheel);
+        }
+      }
+      for (const int k : chain.hinges) chain_of_[at(k)] = static_cast<int>(e_.chains.size());
+      e_.chains.push_back(std::move(chain));
     }
   }
 
@@ -432,6 +508,7 @@ class Embedder {
         EmbeddedLoop::PathBody p;
         p.body = k, p.inboard = inboard, p.column = static_cast<int>(c.columns.size()), p.n = b.nv;
         p.sign = path == &loop.from_path ? -1.0 : 1.0;
+        p.shifts = shifts(b);
         for (int j = 0; j < b.nv; ++j) c.columns.push_back({b.v + j});
         // Where it deforms: at its pnode, at the onode of what comes next, at the end.
         const LoopEnd& end = path == &loop.from_path ? loop.from : loop.to;
@@ -445,6 +522,12 @@ class Embedder {
     if (c.after_modes) c.home_modes = modes(m_.bodies[at(c.home)], c);
     if (deforms(loop.from)) c.from_node = loop.from.node;
     if (deforms(loop.to)) c.to_node = loop.to.node;
+  }
+  /// A slide with the axes of the inboard body.
+  static bool shifts(const SweepBody& b) {
+    const Mat3<double>& R = b.O.R;
+    return b.kind == BodyKernel::slide && R.xx == 1.0 && R.yy == 1.0 && R.zz == 1.0 && R.xy == 0.0 && R.xz == 0.0 && R.yx == 0.0 &&
+           R.yz == 0.0 && R.zx == 0.0 && R.zy == 0.0;
   }
   static int modes(const SweepBody& b, EmbeddedLoop& c) {
     const int column = static_cast<int>(c.columns.size());
@@ -489,7 +572,7 @@ class Embedder {
     const std::size_t bodies = m_.bodies.size();
     shared_.assign(bodies, -1), state_.assign(bodies, 0);
     int zeroed = 0;
-    for (EmbeddedLoop& c : e_.loops) c.A = zeroed, zeroed += c.n * c.n;
+    for (EmbeddedLoop& c : e_.loops) c.width = padded(c.n + 1), c.A = zeroed, zeroed += c.n * c.width;
     e_.n_numbers = zeroed;
     for (std::size_t i = 0; i < e_.loops.size(); ++i) {
       EmbeddedLoop& c = e_.loops[i];
@@ -504,8 +587,8 @@ class Embedder {
         if (c.by_rates && owner_[at(p.body)] == static_cast<int>(i) && branch_[at(p.body)] < 0) wants(wants, p);
       const int columns = static_cast<int>(c.columns.size());
       const auto take = [&](int& begin, int n) { begin = e_.n_numbers, e_.n_numbers += n; };
-      take(c.G, c.rows * c.own_columns), take(c.B, c.rows * ((c.by_rates ? c.inputs : c.own_columns) + 1));
-      if (c.by_rates) take(c.T, c.inputs * (c.n + 1)), take(c.E, columns * (c.n + 1));
+      take(c.G, c.rows * c.own_columns), take(c.B, c.rows * padded((c.by_rates ? c.inputs : c.own_columns) + 1));
+      if (c.by_rates) take(c.T, c.inputs * c.width), take(c.E, columns * c.width);
       c.x = e_.n_x, e_.n_x += c.n;
       c.row = e_.n_rows, e_.n_rows += c.rows;
       c.pivot = e_.n_pivots, e_.n_pivots += c.by_rates ? c.inputs : c.own_columns;
@@ -545,7 +628,7 @@ class Embedder {
   }
   CoordinateBlock block(int a, int b) {
     const int na = e_.loops[at(a)].n, nb = e_.loops[at(b)].n;
-    if (a == b) return {e_.loops[at(a)].A, na, 1};
+    if (a == b) return {e_.loops[at(a)].A, e_.loops[at(a)].width, 1};
     if (na * nb == 0) return {};
     const auto [entry, made] = pairs_.try_emplace({std::min(a, b), std::max(a, b)}, e_.n_pairs_);
     if (made) {
@@ -625,9 +708,17 @@ class Embedder {
         }
         e_.steps.back().end = gear + 1;
         e_.flops += of_tree(b) + 60L;
-      } else if (const int geared = geared_of_[at(k)]; geared >= 0) {
+      } else if (const int chain = chain_of_[at(k)]; chain >= 0) {
         flush();
-        if (e_.geared[at(geared)].body != k) continue;  // a wheel: with its hinges
+        const GearedChain& c = e_.chains[at(chain)];
+        if (c.hinges.back() != k) continue;  // with the innermost
+        e_.steps.emplace_back();
+        e_.steps.back().kind = EmbeddingStep::Kind::chain, e_.steps.back().begin = chain;
+        const long m = std::ssize(c.hinges);
+        e_.flops += m * of_tree(b) + 18L * m * (m + 1) + std::ssize(c.wheels) * (50L + 10L * m);
+      } else if (const int geared = geared_of_[at(k)]; geared != -1) {
+        flush();
+        if (geared == kWheel) continue;  // with its hinges
         if (e_.steps.empty() || e_.steps.back().kind != EmbeddingStep::Kind::geared) {
           e_.steps.emplace_back();
           e_.steps.back().kind = EmbeddingStep::Kind::geared, e_.steps.back().begin = geared;
@@ -673,7 +764,7 @@ class Embedder {
   }
   int own_blocks() const {
     int n = 0;
-    for (const EmbeddedLoop& c : e_.loops) n += c.n * c.n;
+    for (const EmbeddedLoop& c : e_.loops) n += c.n * c.width;
     return n;
   }
   void shift_numbers(int from, int by) {
@@ -759,13 +850,19 @@ class Embedder {
     f.loop = l;
     if (parent > 0) f.to = column_of_Q(parent, l, false), own[at(parent)].insert(l);
     s.flows.push_back(f);
+    for (int k = tip_[at(base)]; k >= base; k = m_.bodies[at(k)].parent)
+      s.branch.push_back({k, std::ranges::find(c.path, k, &EmbeddedLoop::PathBody::body)->column, shifts(m_.bodies[at(k)])});
+    s.rigid = true;
+    for (std::size_t k = 1; k < m_.bodies.size(); ++k) {
+      const auto on = [&](int body) { return std::ranges::find(s.branch, body, &EmbeddingStep::BranchBody::body) != s.branch.end(); };
+      if (m_.bodies[k].kind != BodyKernel::rotor && on(m_.bodies[k].parent) && !on(static_cast<int>(k))) s.rigid = false;
+    }
     long rates = 0;
-    for (int k = tip_[at(base)]; k >= base; k = m_.bodies[at(k)].parent) {
-      const SweepBody& b = m_.bodies[at(k)];
-      s.branch.push_back({k, std::ranges::find(c.path, k, &EmbeddedLoop::PathBody::body)->column});
-      e_.flops += b.nv * (is_axis(b.kind) ? 0L : 66L + 11L * (rates + b.nv + 1));
+    for (const EmbeddingStep::BranchBody& x : s.branch) {
+      const SweepBody& b = m_.bodies[at(x.body)];
+      e_.flops += b.nv * (is_axis(b.kind) ? 0L : (s.rigid ? 30L : 66L) + 11L * (rates + b.nv + 1));
       rates += b.nv;
-      if (b.parent > 0) e_.flops += 200L + 36L * (rates + 1);
+      if (b.parent > 0) e_.flops += (s.rigid ? 80L : 200L) - (x.shifts ? 50L : 0L) + (x.shifts ? 12L : 36L) * (rates + 1);
     }
     e_.flops += rates * (2L * rates * (c.n + 1) + 2L * c.n + c.n * (c.n + 1) + (parent > 0 ? 12L * (c.n + 1) : 0L));
     e_.steps.push_back(std::move(s));
@@ -849,6 +946,8 @@ class Embedder {
     std::vector<int> all{l};
     for (const int b : coupled_[l])
       if (!closed_.contains(b)) all.push_back(b);
+    s.coupled = static_cast<int>(all.size());
+    const long w = width({all.begin() + 1, all.end()}) + c.keep;
     if (c.keep > 0 && std::ranges::find(all, c.consumer) == all.end()) all.push_back(c.consumer);
     own[at(home)].erase(l);
     if (c.keep > 0) own[at(home)].insert(c.consumer);
@@ -860,13 +959,19 @@ class Embedder {
       if (x != l) own[at(home)].insert(x);
     }
     // Eliminating couples all of them with each other.
-    blocks_of(s, true);
+    const int n = static_cast<int>(all.size());
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < n; ++j) {
+        const bool met = i == j || std::max(i, j) < s.coupled || std::min(i, j) > 0;
+        s.blocks.push_back(met ? block(all[at(i)], all[at(j)]) : CoordinateBlock{});
+      }
     closed_.insert(l);
-    const long e = c.n - c.keep, w = width({all.begin() + 1, all.end()}) + c.keep;
+    const long e = c.n - c.keep;
     e_.flops += e * e * e / 3 + e * (e + 1) + (home > 0 ? e * (6L * e + 54L) : 0L) + e * w * (w + (home > 0 ? 14L : 2L));
     if (c.keep > 0) {
-      const long n = e_.loops[at(c.consumer)].n;
-      e_.flops += 2L * c.keep * n * (c.keep + n) + (home > 0 ? 12L * c.keep * (n + 1) : 0L);
+      const EmbeddedLoop& o = e_.loops[at(c.consumer)];
+      const long taking = o.by_own ? 1L : o.n;  // by another name
+      e_.flops += 2L * c.keep * taking * (c.keep + taking) + (home > 0 ? 12L * c.keep * (taking + 1) : 0L);
     }
     e_.steps.push_back(std::move(s));
   }
@@ -882,9 +987,9 @@ class Embedder {
     int n_pairs_ = 0;
   };
   Program e_;
-  std::vector<std::uint8_t> crossed_;      // per loop: coordinates of others cross the hinge that its gear would be one with
-  std::vector<std::vector<int>> turning_;  // per body: loops that are transmissions with its hinge
-  std::vector<int> gear_of_, geared_of_;   // per body, index into Embedding::gears, ::geared
+  std::vector<std::uint8_t> crossed_;                // per loop: coordinates of others cross the hinge that its gear would be one with
+  std::vector<std::vector<int>> turning_;            // per body: loops that are transmissions with its hinge
+  std::vector<int> gear_of_, geared_of_, chain_of_;  // per body, index into Embedding::gears, ::geared, ::chains
   std::vector<int> index_, owner_, base_;
   std::vector<int> branch_;          // per body: the innermost of its chain; -1: it is taken up by itself, or not at all
   std::vector<int> tip_;             // per such: the outermost

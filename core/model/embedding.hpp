@@ -13,6 +13,10 @@
 namespace cardan {
 
 struct Model;
+
+/// Numbers of a row that is read by whole fours.
+constexpr int padded(int n) { return (n + 3) / 4 * 4; }
+
 /// Coordinates that a loop adds to the sweeps: those that its rates leave free, or its multipliers. They are pending from the bodies that
 /// move with them, or are pushed by them, to its home.
 struct EmbeddedLoop {
@@ -27,6 +31,7 @@ struct EmbeddedLoop {
     int motion = -1;        // where its motion per coordinate stands: column of EmbeddingWork::U; -1: it is not wanted
     int of_inboard = -1;    // the same of the body inboard of it; -1: none, that one stands still
     int modes = -1;         // column of its first mode; -1: none of them moves an end
+    bool shifts = false;    // a slide with the axes of the inboard body
   };
   /// A hinge rate of the loop, or one that later loops have and that is expressed anew.
   struct Column {
@@ -36,6 +41,7 @@ struct EmbeddedLoop {
     int term = -1;         // of a coupling; -1: it does not have this rate
     double scale = 1.0;    // 1 / sqrt(inertia) at the start
     bool given = false;    // its motion is: no coordinate has it
+    int as = -1;           // of one before: this input here, where what later loops have are coordinates (EmbeddingWork::named)
   };
   /// Coordinates of another loop that this one has rates in.
   struct Taken {
@@ -54,10 +60,14 @@ struct EmbeddedLoop {
   bool constant = false;  // a linear coupling by rates, as those whose coordinates it takes up: T and E are the same in each evaluation
   int rows = 0, rank = 0;
   int n = 0;          // coordinates
+  int width = 0;      // numbers in a row of T, E and A: one for each coordinate, one without them, zeros up to whole fours
   int keep = 0;       // the first of them, which later loops need
   int consumer = -1;  // who takes those up (index into Embedding::loops)
   int consumer_input = 0;
   int inputs = 0, own_columns = 0;
+  int own = 0;          // the first inputs: rates that this loop takes up and that no later one has
+  int needed = 0;       // the next ones: those that later loops have
+  bool by_own = false;  // these alone may be pivots: all other inputs are coordinates then, as they are
   std::vector<PathBody> path;
   int from_at = -1, to_at = -1;  // index into path; -1: home
   int home_modes = -1;           // column of the first mode of home; -1: none of them moves an end against the other
@@ -67,7 +77,6 @@ struct EmbeddedLoop {
   std::vector<int> kept;         // these
   std::vector<Column> columns;   // own ones first
   std::vector<Taken> taken;
-  std::vector<int> needed;  // inputs that later loops have
   // Where its numbers begin:
   int G = 0, B = 0, T = 0, E = 0, A = 0, x = 0, row = 0, pivot = 0, gradient = 0;
 };
@@ -90,6 +99,7 @@ struct EmbeddingStep {
   enum class Kind : std::uint8_t {
     sweep,   // bodies as in an open tree
     gear,    // bodies each with the wheel that turns with its hinge
+    chain,   // bodies of a geared chain: `begin` is its number
     geared,  // bodies each with the wheels of transmissions that turn with its hinge
     cross,   // one body whose hinge is eliminated, with pending coordinates on it
     item,    // one body whose hinge rates a loop has taken up
@@ -105,6 +115,7 @@ struct EmbeddingStep {
   int body = 0;                         // cross, item, wheel; of branch: the innermost; of close: home
   int loop = -1;                        // item, branch, wheel, close
   std::vector<PendingFlow> flows;       // item: that of its loop first; close: likewise, then what it is coupled with
+  int coupled = 0;                      // close: so many of these; who takes up what is kept comes last where it is not
   std::vector<CoordinateBlock> blocks;  // flows x flows
   int motion = -1;                      // item, wheel: column of EmbeddingWork::U
   int column = 0;                       // item, wheel: of the loop
@@ -117,9 +128,11 @@ struct EmbeddingStep {
     int gradient;  // index into EmbeddingWork::gradients
   };
   struct BranchBody {
-    int body, column;  // of the loop
+    int body, column;     // of the loop
+    bool shifts = false;  // as EmbeddedLoop::PathBody
   };
   std::vector<BranchBody> branch;  // tip to base, `body` the last; flows has its loop
+  bool rigid = false;              // branch: nothing hangs on it, but for rotors
   std::vector<Couple> couples;     // cross, hinge: multipliers of couplings of this hinge
   bool after_modes = false;        // close: home is a body without its modes
 };
@@ -129,7 +142,8 @@ struct Embedding {
   std::vector<Gear> gears;          // tip to base
   std::vector<Transmission> transmissions;
   std::vector<TurningWheel> wheels;  // of transmissions
-  std::vector<GearedHinge> geared;   // tip to base
+  std::vector<GearedChain> chains;   // of few hinges
+  std::vector<GearedHinge> geared;   // of more, tip to base
   std::vector<EmbeddingStep> steps;  // tip to base
   /// Pushes of multipliers on bodies: +1 of the end `from`, -1 of `to`.
   struct Push {

@@ -171,8 +171,11 @@ bool is_crowded(const Transmission& t, const std::vector<Transmission>& all) {
 }  // namespace
 
 Sinusoids::Sinusoids(const Coupling& coupling) : terms(static_cast<int>(coupling.terms.size())) {
-  const std::size_t block = kSide * (3 + coupling.terms.size());
-  int count = 0;
+  struct Sum {
+    std::vector<double> a;
+    double S = 0.0, C = 0.0;
+  };
+  std::vector<Sum> sums;
   for (std::size_t f = 0; f < coupling.functions.size(); ++f) {
     const Coupling::Function& function = coupling.functions[f];
     const bool sine = function.F.kind == SmoothFunction::Kind::sine;
@@ -180,12 +183,27 @@ Sinusoids::Sinusoids(const Coupling& coupling) : terms(static_cast<int>(coupling
       others.push_back(static_cast<int>(f));
       continue;
     }
-    const auto side = static_cast<std::size_t>(count % kSide);
-    if (count++ % kSide == 0) numbers.resize(numbers.size() + block, 0.0);
-    double* to = numbers.data() + numbers.size() - block + side;
-    to[0] = function.phase;
-    to[sine ? kSide : 2 * kSide] = function.F.numbers[0];
-    for (const Coupling::Function::Argument& u : function.of) to[kSide * (3 + u.term)] += u.a;
+    // sin(x + phase) = cos(phase) sin x + sin(phase) cos x, and so on; x and -x are one.
+    const double along = function.F.numbers[0] * std::cos(function.phase), across = function.F.numbers[0] * std::sin(function.phase);
+    Sum one{std::vector<double>(coupling.terms.size()), sine ? along : -across, sine ? across : along};
+    for (const Coupling::Function::Argument& u : function.of) one.a[place(u.term)] += u.a;
+    const auto first = std::ranges::find_if(one.a, [](double a) { return a != 0.0; });
+    if (first == one.a.end()) continue;  // it does not change
+    if (*first < 0.0) {
+      one.S = -one.S;
+      for (double& a : one.a) a = -a;
+    }
+    if (const auto same = std::ranges::find(sums, one.a, &Sum::a); same != sums.end())
+      same->S += one.S, same->C += one.C;
+    else
+      sums.push_back(std::move(one));
+  }
+  const std::size_t block = kSide * (2 + coupling.terms.size());
+  numbers.assign((sums.size() + kSide - 1) / kSide * block, 0.0);
+  for (std::size_t i = 0; i < sums.size(); ++i) {
+    double* to = numbers.data() + i / kSide * block + i % kSide;
+    to[0] = sums[i].S, to[kSide] = sums[i].C;
+    for (std::size_t t = 0; t < sums[i].a.size(); ++t) to[kSide * (2 + t)] = sums[i].a[t];
   }
 }
 

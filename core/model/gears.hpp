@@ -23,17 +23,17 @@ struct Gear {
   double J_axial = 0.0, coupled = 0.0, reflected = 0.0;  // Ja, r Ja, r^2 Ja
 };
 
-/// Sines and cosines of a coupling, S sin x + C cos x with x = phase + sum of a q, eight side by side.
+/// Sines and cosines of a coupling as a sum of S sin x + C cos x, x = sum of a q: one for each x, four side by side.
 struct Sinusoids {
-  static constexpr int kSide = 8;
+  static constexpr int kSide = 4;
   int terms = 0;
-  /// Of each block of eight: phase, S, C, and a of each term.
+  /// Of each block of four: S, C, and a of each term.
   std::vector<double> numbers;
   std::vector<int> others;  // functions of the coupling that are neither
 
   Sinusoids() = default;
   explicit Sinusoids(const Coupling& coupling);
-  int angles() const { return static_cast<int>(numbers.size()) / (3 + terms); }  // with those that fill the last block
+  int angles() const { return static_cast<int>(numbers.size()) / (2 + terms); }  // with those that fill the last block
 };
 
 /// As many couplings as wheels, on one carrier, whose rates follow from those of hinges on one way outward: v'_w = R v'_h + t. Nothing else
@@ -76,6 +76,19 @@ struct GearedHinge {
   std::vector<Turn> turns;
   int A = 0;               // EmbeddingWork::pairs: inertia between wheels, n x n, on its way on; then what v' takes of each s
   std::vector<int> pairs;  // n x n: where they stand from the hinge before; -1: nothing is there
+};
+
+/// Hinges one outboard of the other, the first on the carrier, and all wheels there that turn with any of them: eliminated together, where
+/// no wheel of another carrier turns with them.
+struct GearedChain {
+  static constexpr int kMost = 3;  // hinges
+  struct Wheel {
+    int wheel = 0;                    // index into Embedding::wheels
+    int ratio[kMost] = {-1, -1, -1};  // EmbeddingWork::ratios, per hinge; -1: it is not on its way
+  };
+  std::vector<int> hinges;  // bodies, tip to base
+  std::vector<Wheel> wheels;
+  int carrier = 0;
 };
 
 /// Those among the couplings that `may` be; hinges: of each loop, bodies whose hinges it has.

@@ -42,6 +42,13 @@ CARDAN_INLINE ArticulatedInertia<double> inertia_to_inboard(const AxisBody& b, d
   return Q;
 }
 
+/// Copies number by number: what was stored narrow is not loaded wide, which would wait for the stores.
+CARDAN_INLINE void set_apart(Force<double>& to, const Force<double>& f) {
+  to.n.x = f.n.x, to.n.y = f.n.y, to.n.z = f.n.z;
+  to.f.x = f.f.x, to.f.y = f.f.y, to.f.z = f.f.z;
+}
+CARDAN_INLINE Force<double> apart(const Force<double>& f) { return {{f.n.x, f.n.y, f.n.z}, {f.f.x, f.f.y, f.f.z}}; }
+
 /// What G v' of a gear is to be: as `given` says, else by its drive.
 static inline double wanted_of(const Gear& gear, const Inputs<double>& in, const double* given) {
   return given ? given[gear.row] : gear.drive >= 0 && in.drives ? in.drives[gear.drive].acceleration : 0.0;
@@ -71,13 +78,11 @@ CARDAN_INLINE bool take_gear(const SweepModel& model, const Gear& gear, Workspac
         at<I>(V.n) = entry<I, I>(P.J) + gear.coupled, at<J>(V.n) = entry<I, J>(P.J), at<K>(V.n) = entry<I, K>(P.J);
         V.f = {entry<I, 0>(P.B), entry<I, 1>(P.B), entry<I, 2>(P.B)};
         const Force<double> G = inverse * V;
-        const Force<double>& z_body = ws.z(gear.body);
-        Force<double> z{{z_body.n.x, z_body.n.y, z_body.n.z}, {z_body.f.x, z_body.f.y, z_body.f.z}};
+        Force<double> z = apart(ws.z(gear.body));
         const double tau = in.tau ? in.tau[b.v] : 0.0, spin = gear.sense * Ja * in.v[gear.v];
         const double eps = tau - at<I>(z.n) + gear.ratio * moment - gear.coupled * at<I>(core.gamma.w);
         record.nu = inverse * eps;
-        record.G.n.x = G.n.x, record.G.n.y = G.n.y, record.G.n.z = G.n.z;  // number by number: never stored narrow and loaded wide
-        record.G.f.x = G.f.x, record.G.f.y = G.f.y, record.G.f.z = G.f.z;
+        set_apart(record.G, G);
         entry<I, I>(P.J) += Ja;
         subtract_outer(P, V, G);
         z += eps * G;
@@ -118,26 +123,21 @@ static void gears_outward(const SweepModel& model, const Gear* begin, const Gear
 
 /// Angles of the sines and cosines of a coupling, and their rates.
 static inline void angles_of(const Coupling& c, const Sinusoids& sinusoids, const double* q, const double* v, double* x, double* rate) {
-  constexpr int kSide = Sinusoids::kSide;
-  const std::size_t block = kSide * (3 + c.terms.size());
-  for (std::size_t at = 0; at < sinusoids.numbers.size(); at += block, x += kSide, rate += kSide) {
-    const double *phase = sinusoids.numbers.data() + at, *a = phase + 3 * kSide;
-    double angle[kSide], speed[kSide] = {};
-    for (int i = 0; i < kSide; ++i) angle[i] = phase[i];
-    for (const CoupledRate& term : c.terms) {
-      const double q_term = q[term.q], v_term = v[term.v];
-      for (int i = 0; i < kSide; ++i) angle[i] += a[i] * q_term, speed[i] += a[i] * v_term;
-      a += kSide;
-    }
-    for (int i = 0; i < kSide; ++i) x[i] = angle[i], rate[i] = speed[i];
+  static_assert(Sinusoids::kSide == 4);
+  const double *a = sinusoids.numbers.data(), *end = a + sinusoids.numbers.size();
+  for (; a < end; x += 4, rate += 4) {
+    a += 8;
+    Four angle{}, speed{};
+    for (const CoupledRate& term : c.terms) angle += q[term.q] * four(a), speed += v[term.v] * four(a), a += 4;
+    four(x) = angle, four(rate) = speed;
   }
 }
 
-/// What c'' has without v', and the gradient, as Coupling::at: of sines, cosines and rates as angles_of() has them.
-static inline double slopes_of(const Coupling& c, const Sinusoids& sinusoids, const Inputs<double>& in, const double* sine,
-                               const double* cosine, const double* rate, double* gradient) {
-  constexpr int kSide = Sinusoids::kSide;
-  const std::size_t terms = c.terms.size(), block = kSide * (3 + terms);
+/// What c'' has without v', and the gradient, as Coupling::at: of sines, cosines and rates as angles_of() has them. Slopes by the angles
+/// take the place of the sines.
+static inline double slopes_of(const Coupling& c, const Sinusoids& sinusoids, const Inputs<double>& in, double* sine, const double* cosine,
+                               const double* rate, double* gradient) {
+  const std::size_t terms = c.terms.size(), block = 4 * (2 + terms);
   double extra = 0.0;
   for (std::size_t i = 0; i < terms; ++i) gradient[i] = c.terms[i].coefficient;
   for (const int f : sinusoids.others) {
@@ -151,21 +151,23 @@ static inline double slopes_of(const Coupling& c, const Sinusoids& sinusoids, co
     extra += F.curvature * speed * speed;
     for (const Coupling::Function::Argument& u : function.of) gradient[static_cast<std::size_t>(u.term)] += F.slope * u.a;
   }
-  const auto sum = [](const double* x) { return ((x[0] + x[4]) + (x[2] + x[6])) + ((x[1] + x[5]) + (x[3] + x[7])); };
-  for (std::size_t at = 0; at < sinusoids.numbers.size(); at += block, sine += kSide, cosine += kSide, rate += kSide) {
-    const double *S = sinusoids.numbers.data() + at + kSide, *C = S + kSide, *a = C + kSide;
-    double slope[kSide], part[kSide];
-    for (int i = 0; i < kSide; ++i) {
-      slope[i] = S[i] * cosine[i] - C[i] * sine[i];
-      part[i] = (S[i] * sine[i] + C[i] * cosine[i]) * rate[i] * rate[i];
-    }
-    extra -= sum(part);
-    for (std::size_t t = 0; t < terms; ++t, a += kSide) {
-      for (int i = 0; i < kSide; ++i) part[i] = slope[i] * a[i];
-      gradient[t] += sum(part);
-    }
+  const double *begin = sinusoids.numbers.data(), *end = begin + sinusoids.numbers.size();
+  if (begin == end) return extra;
+  const auto sum = [](const Four& x) { return (x[0] + x[2]) + (x[1] + x[3]); };
+  Four curved{};
+  double* slope = sine;
+  for (const double* S = begin; S < end; S += block, slope += 4, cosine += 4, rate += 4) {
+    const Four s = four(slope), k = four(cosine), speed = four(rate);
+    curved += (four(S) * s + four(S + 4) * k) * speed * speed;
+    four(slope) = four(S) * k - four(S + 4) * s;
   }
-  return extra;
+  for (std::size_t t = 0; t < terms; ++t) {
+    Four part{};
+    slope = sine;
+    for (const double* a = begin + 8 + 4 * t; a < end; a += block, slope += 4) part += four(slope) * four(a);
+    gradient[t] += sum(part);
+  }
+  return extra - sum(curved);
 }
 
 /// R and t of a transmission of N wheels (0: any number): with G_w and G_h its slopes on wheels and hinges, R = -G_w^-1 G_h,
@@ -219,12 +221,20 @@ static bool find_ratios(const Transmission& t, EmbeddingWork& k, const Inputs<do
   }
   return far;
 }
+/// Many at once, whatever the options of the file are (core/CMakeLists.txt).
+#ifndef __clang__
+[[gnu::optimize("tree-vectorize")]]
+#endif
+static void
+sines_of_couplings(EmbeddingWork& k) {
+  sine_cosine(k.angles.data(), k.sines.data(), k.cosines.data(), k.angles.size());
+}
 static inline bool find_ratios(const Embedding& e, EmbeddingWork& k, const Inputs<double>& in, const double* given) {
   if (!k.angles.empty()) {
     for (const Transmission& t : e.transmissions)
       for (const Transmission::Row& row : t.rows)
         angles_of(row.coupling, row.sinusoids, in.q, in.v, k.angles.data() + row.angles, k.rates.data() + row.angles);
-    sine_cosine(k.angles.data(), k.sines.data(), k.cosines.data(), k.angles.size());
+    sines_of_couplings(k);
   }
   for (std::size_t i = 0; i < e.transmissions.size(); ++i) {
     if (k.turns_known[i] && !given) continue;
@@ -235,6 +245,147 @@ static inline bool find_ratios(const Embedding& e, EmbeddingWork& k, const Input
     k.turns_known[i] = e.transmissions[i].constant && !given;
   }
   return true;
+}
+
+/// P times a unit rate about axis I.
+template <int I>
+CARDAN_INLINE Force<double> turning_column(const ArticulatedInertia<double>& P) {
+  if constexpr (I == 0)
+    return {{P.J.xx, P.J.xy, P.J.xz}, {P.B.xx, P.B.xy, P.B.xz}};
+  else if constexpr (I == 1)
+    return {{P.J.xy, P.J.yy, P.J.yz}, {P.B.yx, P.B.yy, P.B.yz}};
+  else
+    return {{P.J.xz, P.J.yz, P.J.zz}, {P.B.zx, P.B.zy, P.B.zz}};
+}
+
+/// What a wheel lacks where its rate is zero: Ja u* gamma - tau; taken from its carrier, which has its inertia.
+static inline double take_moment(const TurningWheel& wheel, Workspace<double>& ws, const Inputs<double>& in) {
+  const double tau = in.tau ? in.tau[wheel.v] : 0.0;
+  if (wheel.on_ground) {
+    const Vec3<double>& own = ws.z(wheel.body).n;
+    return (wheel.on_ground == 1 ? own.x : wheel.on_ground == 2 ? own.y : own.z) - tau;
+  }
+  const Core<double>& carrier = ws.core(wheel.carrier);
+  const double moment = wheel.J_axial * dot(wheel.u, carrier.gamma.w) - ws.axis(wheel.body).load - tau;
+  ws.z(wheel.carrier).n += (wheel.J_axial * in.v[wheel.v]) * cross(carrier.w, wheel.u) - moment * wheel.u;
+  return moment;
+}
+
+/// delta of a wheel that is a body on the ground.
+static inline void turn_on_ground(const TurningWheel& wheel, double rate, Workspace<double>& ws) {
+  Motion<double>& d = ws.core(wheel.body).delta;
+  d = {};
+  (wheel.on_ground == 1 ? d.w.x : wheel.on_ground == 2 ? d.w.y : d.w.z) = rate;
+}
+
+/// M hinges of a chain from a carrier and the wheels on it that turn with them, v'_w = R v' + t. With the composite inertia P of the chain
+/// at the carrier, F_i = Phi P H_i*, M_ij = H_i Phi P H_j* and of each wheel b = (what it lacks) + Ja t:
+///     D = M + R* Ja R,   F += u Ja R,   eps = tau - H z - R* b,   v' = D^-1 (eps - F* delta)
+///     P_A += P + u Ja u* - F D^-1 F*,   z_A += z + u b + F D^-1 eps
+/// D = L d L*, the outermost hinge first.
+template <int M>
+static bool take_chain(const SweepModel& model, const Embedding& e, const GearedChain& chain, ChainRecord& record, Workspace<double>& ws,
+                       EmbeddingWork& k, const Inputs<double>& in) {
+  Force<double> F[M];
+  double D[M][M], eps[M], size[M];
+  ArticulatedInertia<double> P = ws.core(chain.hinges[0]).P;
+  Force<double> z = apart(ws.z(chain.hinges[0]));
+  for (int x = 0; x < M; ++x) {
+    const AxisBody& b = model.axis_bodies[chain.hinges[static_cast<std::size_t>(x)]];
+    const double cosine = ws.cosines[b.angle], sine = ws.sines[b.angle], tau = in.tau ? in.tau[b.v] : 0.0;
+    for_axis(
+        b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
+          F[x] = turning_column<I>(P);
+          for (int y = 0; y <= x; ++y) D[x][y] = at<I>(F[y].n);
+          eps[x] = tau - at<I>(z.n), size[x] = P.J.xx + P.J.yy + P.J.zz;
+          P = inertia_to_inboard<I, TILT>(b, cosine, sine, P);
+          z = force_to_inboard<double, I, TILT>(b, cosine, sine, z);
+          for (int y = 0; y <= x; ++y) F[y] = force_to_inboard<double, I, TILT>(b, cosine, sine, F[y]);
+        });
+    P += ws.core(b.parent).P;  // in the end of the carrier
+    if (x + 1 < M) z += ws.z(b.parent);
+  }
+  for (const GearedChain::Wheel& turns : chain.wheels) {
+    const TurningWheel& wheel = e.wheels[static_cast<std::size_t>(turns.wheel)];
+    const Vec3<double>& u = wheel.u;
+    const double Ja = wheel.J_axial, bias = take_moment(wheel, ws, in) + Ja * k.ratios[static_cast<std::size_t>(wheel.t)];
+    double R[M];
+    for (int x = 0; x < M; ++x) {
+      R[x] = turns.ratio[x] < 0 ? 0.0 : k.ratios[static_cast<std::size_t>(turns.ratio[x])];
+      eps[x] -= R[x] * bias;
+      for (int y = 0; y <= x; ++y) D[x][y] += Ja * R[x] * R[y];
+      F[x].n += (Ja * R[x]) * u;
+    }
+    P.J.xx += Ja * u.x * u.x, P.J.yy += Ja * u.y * u.y, P.J.zz += Ja * u.z * u.z;
+    P.J.xy += Ja * u.x * u.y, P.J.xz += Ja * u.x * u.z, P.J.yz += Ja * u.y * u.z;
+    z.n += bias * u;
+  }
+  for (int x = 0; x < M; ++x) {
+    for (int y = 0; y < x; ++y) {
+      double* L = record.L[x];
+      L[y] = D[x][y] / D[y][y];
+      F[x] -= L[y] * F[y], eps[x] -= L[y] * eps[y];
+      for (int i = x; i < M; ++i) D[i][x] -= L[y] * D[i][y];
+    }
+    if (!(D[x][x] > kPivotLimit * size[x])) {
+      ws.breakdown = {chain.hinges[static_cast<std::size_t>(x)], 0, D[x][x], kPivotLimit * size[x]};
+      return false;
+    }
+    const double inverse = 1.0 / D[x][x];
+    const Force<double> G = inverse * F[x];
+    record.nu[x] = inverse * eps[x];
+    set_apart(record.G[x], G);
+    subtract_outer(P, F[x], G);
+    z += eps[x] * G;
+  }
+  ws.core(chain.carrier).P = P;
+  ws.z(chain.carrier) += z;
+  return true;
+}
+static inline bool take_chain(const SweepModel& model, const Embedding& e, int number, Workspace<double>& ws, EmbeddingWork& k,
+                              const Inputs<double>& in) {
+  const GearedChain& chain = e.chains[static_cast<std::size_t>(number)];
+  ChainRecord& record = k.chains[static_cast<std::size_t>(number)];
+  switch (chain.hinges.size()) {
+    case 1:
+      return take_chain<1>(model, e, chain, record, ws, k, in);
+    case 2:
+      return take_chain<2>(model, e, chain, record, ws, k, in);
+    default:
+      return take_chain<3>(model, e, chain, record, ws, k, in);
+  }
+}
+
+/// v' of its hinges, delta of its bodies, and the rates of its wheels.
+static inline void chain_outward(const SweepModel& model, const Embedding& e, int number, Workspace<double>& ws, EmbeddingWork& k,
+                                 double* vdot) {
+  const GearedChain& chain = e.chains[static_cast<std::size_t>(number)];
+  const ChainRecord& record = k.chains[static_cast<std::size_t>(number)];
+  const int m = static_cast<int>(chain.hinges.size());
+  double rates[GearedChain::kMost];
+  Motion<double> d = ws.core(chain.carrier).delta;
+  for (int x = m - 1; x >= 0; --x) {
+    rates[x] = record.nu[x] - dot(d, record.G[x]);
+    for (int y = x + 1; y < m; ++y) rates[x] -= record.L[y][x] * rates[y];
+  }
+  for (int x = m - 1; x >= 0; --x) {
+    const AxisBody& b = model.axis_bodies[chain.hinges[static_cast<std::size_t>(x)]];
+    for_axis(
+        b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
+          d = motion_to_outboard<double, I, TILT>(b, ws.cosines[b.angle], ws.sines[b.angle], d);
+          at<I>(d.w) += rates[x];
+        });
+    ws.core(chain.hinges[static_cast<std::size_t>(x)]).delta = d;
+    vdot[b.v] = rates[x];
+  }
+  for (const GearedChain::Wheel& turns : chain.wheels) {
+    const TurningWheel& wheel = e.wheels[static_cast<std::size_t>(turns.wheel)];
+    double rate = k.ratios[static_cast<std::size_t>(wheel.t)];
+    for (int x = 0; x < m; ++x)
+      if (turns.ratio[x] >= 0) rate += k.ratios[static_cast<std::size_t>(turns.ratio[x])] * rates[x];
+    vdot[wheel.v] = rate;
+    if (wheel.on_ground) turn_on_ground(wheel, rate, ws);
+  }
 }
 
 /// A hinge that N wheels (0: any number) turn with, s of each on what is inboard of the hinge, s + R v' on its body. With H = e_i, and of
@@ -261,25 +412,16 @@ static bool take_geared(const SweepModel& model, const Embedding& e, const Geare
     }
     if (turn.begins) {
       const TurningWheel& wheel = e.wheels[static_cast<std::size_t>(turn.wheel)];
-      const double Ja = wheel.J_axial, tau = in.tau ? in.tau[wheel.v] : 0.0;
-      double moment = -tau;  // that it lacks where its rate is zero
-      if (wheel.on_ground) {
-        const Vec3<double>& own = ws.z(wheel.body).n;
-        moment += wheel.on_ground == 1 ? own.x : wheel.on_ground == 2 ? own.y : own.z;
-      } else {
-        const Core<double>& carrier = ws.core(wheel.carrier);
-        moment += Ja * dot(wheel.u, carrier.gamma.w) - ws.axis(wheel.body).load;
-        ws.z(wheel.carrier).n += (Ja * in.v[wheel.v]) * cross(carrier.w, wheel.u) - moment * wheel.u;
-      }
-      A[i * n + i] = Ja, Q[i] = {}, bias[i] = moment + Ja * k.ratios[static_cast<std::size_t>(wheel.t)];
+      A[i * n + i] = wheel.J_axial, Q[i] = {};
+      bias[i] = take_moment(wheel, ws, in) + wheel.J_axial * k.ratios[static_cast<std::size_t>(wheel.t)];
     } else {
-      Q[i] = pending.Q, bias[i] = pending.b;
+      Q[i] = apart(pending.Q), bias[i] = pending.b;
     }
   }
   return for_axis(
       b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
         ArticulatedInertia<double> P = ws.core(hinge.body).P;
-        Force<double> V, z = ws.z(hinge.body);
+        Force<double> V, z = apart(ws.z(hinge.body));
         const double p = entry<I, I>(P.J), size = P.J.xx + P.J.yy + P.J.zz;
         at<I>(V.n) = p, at<(I + 1) % 3>(V.n) = entry<I, (I + 1) % 3>(P.J), at<(I + 2) % 3>(V.n) = entry<I, (I + 2) % 3>(P.J);
         V.f = {entry<I, 0>(P.B), entry<I, 1>(P.B), entry<I, 2>(P.B)};
@@ -298,7 +440,8 @@ static bool take_geared(const SweepModel& model, const Embedding& e, const Geare
         }
         const double inverse = 1.0 / D, nu = inverse * eps;
         const Force<double> G = inverse * V;
-        record.nu = nu, record.G = G;
+        record.nu = nu;
+        set_apart(record.G, G);
         subtract_outer(P, V, G);
         z += eps * G;
         const double cosine = ws.cosines[b.angle], sine = ws.sines[b.angle];
@@ -332,7 +475,7 @@ static bool take_geared(const SweepModel& model, const Embedding& e, const Geare
         }
         for (int i = 0; i < n; ++i) {
           PendingWheel& pending = k.wheels[static_cast<std::size_t>(hinge.turns[static_cast<std::size_t>(i)].wheel)];
-          pending.Q = Q[i], pending.b = bias[i];
+          set_apart(pending.Q, Q[i]), pending.b = bias[i];
         }
         ws.core(b.parent).P += P;
         ws.z(b.parent) += z;
@@ -382,11 +525,7 @@ static inline void geared_outward(const SweepModel& model, const Embedding& e, c
     const double more = k.ratios[static_cast<std::size_t>(turn.ratio)] * vdot[b.v];
     k.wheels[static_cast<std::size_t>(turn.wheel)].s += more;
     vdot[wheel.v] += more;
-    if (turn.begins && wheel.on_ground) {
-      Motion<double>& d = ws.core(wheel.body).delta;
-      d = {};
-      (wheel.on_ground == 1 ? d.w.x : wheel.on_ground == 2 ? d.w.y : d.w.z) = vdot[wheel.v];
-    }
+    if (turn.begins && wheel.on_ground) turn_on_ground(wheel, vdot[wheel.v], ws);
   }
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 // Loops that are closed inside of the sweeps, before these: rows and gamma_c seen from home at rest, which rates depend on which, how the
 // bodies of a loop move with what is left free (docs/mathematics/loops.md, 4). One state at a time.
+#include <algorithm>
 #include <cmath>
 
 #include "core/soa/embedding_gears.hpp"
@@ -17,6 +18,7 @@ static constexpr double kNoPivot = 1e-10;      // of scaled rows (docs/mathemati
 static constexpr double kOpenRows = 10.0;      // ... of rows that imply each other on closed loops: also below so much of the residual
 static constexpr double kMostOpenRows = 1e-4;  // ... but not more
 static constexpr double kNoCompliance = 1e-9;  // rows chosen at the start that have less than so much of what they had there: others count
+static constexpr double kSteepOwn = 4.0;       // of rates of a loop alone per other, in the root of their energy: beyond, others are pivots
 static constexpr double kContradicts = 1e-6;   // what a redundant row may lack, relative to the largest gamma_c
 
 /// R <- R R_i(theta): its columns turn in their plane.
@@ -35,6 +37,11 @@ CARDAN_INLINE void turn_columns(Mat3<double>& R, double c, double s) {
 template <int I>
 CARDAN_INLINE Vec3<double> column_of(Mat3<double> R) {
   return {entry<0, I>(R), entry<1, I>(R), entry<2, I>(R)};
+}
+
+/// The axis of an axis body, whose frame is R.
+CARDAN_INLINE Vec3<double> turning_axis(BodyKernel kind, const Mat3<double>& R) {
+  return kind == BodyKernel::axis_x ? column_of<0>(R) : kind == BodyKernel::axis_y ? column_of<1>(R) : column_of<2>(R);
 }
 
 /// A body that turns about an axis of its own, seen from home: from the body inboard of it.
@@ -80,10 +87,21 @@ static inline void path_any(const SweepModel& model, const Workspace<double>& ws
   B.w = A.w + turning;
 }
 
-/// A place on a body seen from home.
-static inline PathState place_on(const PathState& s, const Pose<double>& node) {
+/// The same of a slide with the axes of the inboard body.
+static inline void path_shift(const SweepModel& model, const Workspace<double>& ws, const Inputs<double>& in, int k, const PathState& A,
+                              PathState& B) {
+  const SweepBody& b = model.bodies[k];
+  const Vec3<double> r = A.R * ws.X(k).p, wr = cross(A.w, r), sliding = in.v[b.v] * (A.R * b.axis);
+  B.R = A.R, B.w = A.w, B.alpha = A.alpha;
+  B.p = A.p + r;
+  B.v = A.v + wr + sliding;
+  B.a = A.a + cross(A.alpha, r) + cross(A.w, wr + 2.0 * sliding);
+}
+
+/// A place on a body seen from home; not `turned`: with the axes of the body.
+static inline PathState place_on(const PathState& s, const Pose<double>& node, bool turned) {
   const Vec3<double> r = s.R * node.p, wr = cross(s.w, r);
-  return {s.R * node.R, s.p + r, s.w, s.v + wr, s.alpha, s.a + cross(s.alpha, r) + cross(s.w, wr)};
+  return {turned ? s.R * node.R : s.R, s.p + r, s.w, s.v + wr, s.alpha, s.a + cross(s.alpha, r) + cross(s.w, wr)};
 }
 /// The same where it deforms with body k (docs/mathematics/flexible.md, 1).
 static inline PathState place_on(const SweepModel& model, const Inputs<double>& in, int k, const NodeShapes& shapes, const PathState& s,
@@ -106,7 +124,7 @@ static inline PathState place_on(const SweepModel& model, const Inputs<double>& 
 static inline void path_general(const SweepModel& model, const Workspace<double>& ws, const Inputs<double>& in, int k, const PathState& A,
                                 PathExit& exit, PathState& B) {
   const SweepBody& b = model.bodies[k];
-  const PathState O = b.onode >= 0 ? place_on(model, in, b.parent, model.shapes[b.onode], A, exit) : place_on(A, b.O);
+  const PathState O = b.onode >= 0 ? place_on(model, in, b.parent, model.shapes[b.onode], A, exit) : place_on(A, b.O, true);
   with_hinge_size<double>(b.nv, [&]<int NV>() {
     HingeFrame<double, NV> h;
     hinge_frame<double, NV>(ws, b, in.q, in.v, h);
@@ -181,13 +199,16 @@ static inline void geometric_rows(const SweepModel& model, const EmbeddedLoop& c
                     __attribute__((always_inline)) { path_axis<I, TILT>(b, ws.cosines[b.angle], ws.sines[b.angle], in.v[b.v], A, B); });
     } else if (is_general(kind)) {
       path_general(model, ws, in, p.body, A, p.inboard >= 0 ? exits[p.inboard] : of_home[p.sign > 0.0], B);
+    } else if (p.shifts) {
+      path_shift(model, ws, in, p.body, A, B);
     } else {
       path_any(model, ws, in, p.body, A, B);
     }
   }
+  const bool forces = c.closing != Closing::weld && c.closing != Closing::hinge;  // whose axes are of no account at `to`
   const auto end = [&](int at, int node, const Pose<double>& pose, int side) {
     const PathState& s = at < 0 ? at_rest : path[c.path[static_cast<std::size_t>(at)].state];
-    if (node < 0) return place_on(s, pose);
+    if (node < 0) return place_on(s, pose, side == 0 || !forces);
     return place_on(model, in, at < 0 ? c.home : c.path[static_cast<std::size_t>(at)].body, model.nodes[node].shapes, s,
                     at < 0 ? of_home[side] : exits[at]);
   };
@@ -240,10 +261,19 @@ static inline void geometric_rows(const SweepModel& model, const EmbeddedLoop& c
     const EmbeddedLoop::PathBody& p = c.path[i];
     const PathState& s = path[p.state];
     const Vec3<double> arm = b.p - s.p;  // both ends at the place of `to`
-    for (int j = 0; j < p.n; ++j) {
-      const Motion<double> H = hinge_column(model, ws, p.body, j);
-      const Vec3<double> turning = s.R * H.w;
-      set_column(p.column + j, p.sign, turning, s.R * H.v + cross(turning, arm));
+    const BodyKernel kind = model.bodies[p.body].kind;
+    if (forces && is_axis(kind) && kind != BodyKernel::rotor) {
+      const Vec3<double> moving = p.sign * cross(turning_axis(kind, s.R), arm);
+      for (int r = 0; r < c.rows; ++r) G[r * c.own_columns + p.column] = dot(W[r].f, moving);
+    } else if (forces && kind == BodyKernel::slide) {
+      const Vec3<double> moving = p.sign * (s.R * model.bodies[p.body].axis);
+      for (int r = 0; r < c.rows; ++r) G[r * c.own_columns + p.column] = dot(W[r].f, moving);
+    } else {
+      for (int j = 0; j < p.n; ++j) {
+        const Motion<double> H = hinge_column(model, ws, p.body, j);
+        const Vec3<double> turning = s.R * H.w;
+        set_column(p.column + j, p.sign, turning, s.R * H.v + cross(turning, arm));
+      }
     }
     if (p.modes >= 0)
       columns_of_modes(model, ws, p.body, true, s, exits[i], b.p, [&](int j, const Vec3<double>& turning, const Vec3<double>& moving) {
@@ -262,12 +292,66 @@ static inline void geometric_rows(const SweepModel& model, const EmbeddedLoop& c
                      });
 }
 
-/// Complete pivoting, rows and right-hand side reduced until the pivots stand alone. k.row_at, k.column_at: how they were exchanged.
-/// False: the rank is not that of the program; or rows contradict each other, where they are to be `consistent`.
-static inline bool find_pivots(const EmbeddedLoop& c, EmbeddingWork& k, int columns, double open, bool consistent) {
+/// Scaled rows of a loop in its inputs, or in all rates of its way: rates in the root of their energy, rows in metres, G x + constant = 0,
+/// the constant behind the columns. `plain`: loops before are named. Returns how far the loop is open.
+static inline double scale_rows(const Embedding& e, const EmbeddedLoop& c, EmbeddingWork& k, int columns, bool plain) {
+  const double *G = k.numbers.data() + c.G, *numbers = k.numbers.data();
+  const double *g = k.g.data() + c.row, *residual = k.c.data() + c.row;
+  const int stride = padded(columns + 1);
+  const bool coupling = c.closing == Closing::coupling;
+  double open = 0.0;
+  double* row = k.numbers.data() + c.B;
+  for (int i = 0; i < c.rows; ++i, row += stride, G += c.own_columns) {
+    double weight = 1.0;  // of the forces of these closures, which are of length one
+    if (c.closing == Closing::hinge || c.closing == Closing::weld) {
+      const Force<double>& W = k.W[static_cast<std::size_t>(c.row + i)];
+      weight = 1.0 / std::sqrt(dot(W.n, W.n) / (c.lever * c.lever) + dot(W.f, W.f));
+    }
+    if (!coupling || !c.coupling.is_linear())
+      if (const double x = std::abs(residual[i]) * weight / c.lever; x > open) open = x;
+    weight /= c.reference;
+    for (int j = 0; j < stride; j += 4) four(row + j) = Four{};
+    double constant = -g[i];
+    for (int j = 0; j < c.own_columns; ++j) {
+      const EmbeddedLoop::Column& x = c.columns[static_cast<std::size_t>(j)];
+      if (x.given) continue;  // in g
+      if (!c.by_rates) {
+        row[j] = weight * G[j] * x.scale;
+      } else if (const int input = x.input < 0 && plain ? x.as : x.input; input >= 0) {
+        row[input] = weight * G[j] * x.scale;
+      } else if (G[j] != 0.0) {
+        const EmbeddedLoop& other = e.loops[static_cast<std::size_t>(x.by)];
+        const double *E = numbers + other.E + x.at * other.width, factor = weight * G[j];
+        double* to = row + other.consumer_input;
+        for (int t = 0; t < other.keep; ++t) to[t] += factor * E[t];
+        const double known = G[j] * E[other.n];
+        constant += known;
+        if (const double size = std::abs(weight * known); size > k.size) k.size = size;
+      }
+    }
+    row[columns] = weight * constant;
+  }
+  return open;
+}
+
+/// True: none of the first n numbers of a row is beyond `most`, or none at all.
+CARDAN_INLINE bool is_within(const double* row, int n, double most) {
+  auto within = Four{} == Four{};
+  int j = 0;
+  for (; j + 4 <= n; j += 4) within &= (four(row + j) <= most) & (four(row + j) >= -most);
+  bool all = (within[0] & within[1] & within[2] & within[3]) != 0;
+  for (; j < n; ++j) all = all && std::abs(row[j]) <= most;
+  return all;
+}
+
+/// Complete pivoting over the first `searched` columns, rows of so many FOURS (0: any) and constants reduced until the pivots stand alone.
+/// k.row_at, k.column_at: how they were exchanged. False: the rank is not that of the program; rows contradict each other, where they are
+/// to be `consistent`; or, where not all columns were searched, others would be better pivots.
+template <int FOURS>
+static bool find_pivots(const EmbeddedLoop& c, EmbeddingWork& k, int columns, int searched, double open, bool consistent) {
   double* B = k.numbers.data() + c.B;
   int *row_at = k.row_at.data() + c.row, *column_at = k.column_at.data() + c.pivot;
-  const int stride = columns + 1;
+  const int stride = FOURS > 0 ? 4 * FOURS : padded(columns + 1);
   if (c.chosen) {  // the rows of the start first
     int others = c.rank;
     for (int i = 0; i < c.rows; ++i) {
@@ -280,15 +364,17 @@ static inline bool find_pivots(const EmbeddedLoop& c, EmbeddingWork& k, int colu
   }
   const int rows = c.chosen ? c.rank : c.rows;
   for (int j = 0; j < columns; ++j) column_at[j] = j;
-  double size = 0.0;
-  for (int i = 0; i < c.rows; ++i) size = std::fmax(size, std::abs(B[i * stride + columns]));
-  k.size = std::fmax(k.size, size);
+  double smallest = k.smallest;
+  int weakest = k.weakest;
+  for (int i = 0; i < c.rows; ++i)
+    if (const double x = std::abs(B[i * stride + columns]); x > k.size) k.size = x;
   for (int p = 0;; ++p) {
     int row = p, column = 0;
     double most = 0.0;
+    const int among = p == c.rank ? columns : searched;
     for (int i = p; i < rows; ++i) {
       const double* candidates = B + row_at[i] * stride;  // zero where a column has its pivot
-      for (int j = 0; j < columns; ++j)
+      for (int j = 0; j < among; ++j)
         if (const double x = std::abs(candidates[j]); x > most) most = x, row = i, column = j;
     }
     if (p == c.rank) {
@@ -297,33 +383,47 @@ static inline bool find_pivots(const EmbeddedLoop& c, EmbeddingWork& k, int colu
     }
     if (!(most > kNoPivot)) return false;
     const int i0 = row_at[row];
-    if (most < k.smallest) k.smallest = most, k.weakest = c.first + i0;
+    if (most < smallest) smallest = most, weakest = c.first + i0;
     row_at[row] = row_at[p], row_at[p] = i0;
     int at = p;
     while (column_at[at] != column) ++at;
     column_at[at] = column_at[p], column_at[p] = column;
     double* pivot = B + i0 * stride;
-    const double inverse = 1.0 / pivot[column];
-    for (int j = 0; j <= columns; ++j) pivot[j] *= inverse;
+    set_row(pivot, 1.0 / pivot[column], pivot, stride);
     for (int i = c.by_rates ? 0 : p + 1; i < c.rows; ++i) {  // rates are wanted by themselves, of multipliers the rank
       if (i == p) continue;
       double* other = B + row_at[i] * stride;
       const double factor = other[column];
       if (factor == 0.0) continue;
-      for (int j = 0; j <= columns; ++j) other[j] -= factor * pivot[j];
+      add_row(other, -factor, pivot, stride);
       other[column] = 0.0;
     }
   }
   for (int i = c.rank; consistent && i < rows; ++i)
     if (!(std::abs(B[row_at[i] * stride + columns]) <= (kContradicts + 1e3 * open) * k.size)) return false;
+  for (int p = 0; searched < columns && p < c.rank; ++p)
+    if (!is_within(B + row_at[p] * stride, columns, kSteepOwn)) return false;
+  k.smallest = smallest, k.weakest = weakest;
   return true;
+}
+static inline bool find_pivots(const EmbeddedLoop& c, EmbeddingWork& k, int columns, int searched, double open, bool consistent) {
+  switch (padded(columns + 1) / 4) {
+    case 1:
+      return find_pivots<1>(c, k, columns, searched, open, consistent);
+    case 2:
+      return find_pivots<2>(c, k, columns, searched, open, consistent);
+    case 3:
+      return find_pivots<3>(c, k, columns, searched, open, consistent);
+    default:
+      return find_pivots<0>(c, k, columns, searched, open, consistent);
+  }
 }
 
 /// T <- T (1 - reflections), so that the inputs that later loops have hang on the first coordinates alone.
 static inline void gather_needed(const EmbeddedLoop& c, double* T) {
-  const int n = c.n, stride = n + 1;
+  const int n = c.n, stride = c.width;
   for (int i = 0; i < c.keep; ++i) {
-    double* row = T + c.needed[static_cast<std::size_t>(i)] * stride;
+    double* row = T + (c.own + i) * stride;
     double norm = 0.0;
     for (int j = i; j < n; ++j) norm += row[j] * row[j];
     double beyond = 0.0;
@@ -348,25 +448,6 @@ static inline void gather_needed(const EmbeddedLoop& c, double* T) {
   }
 }
 
-constexpr int kMostNamed = 8;
-/// Coordinates that a later loop has taken up as they are: T is of ones, at `to` of each row, each at another, and nothing is added.
-static inline bool names_coordinates(const double* T, int keep, int n, int* to) {
-  if (keep > kMostNamed) return false;
-  for (int i = 0; i < keep; ++i, T += n + 1) {
-    to[i] = -1;
-    if (T[n] != 0.0) return false;
-    for (int x = 0; x < n; ++x) {
-      if (T[x] == 0.0) continue;
-      if (T[x] != 1.0 || to[i] >= 0) return false;
-      to[i] = x;
-    }
-    if (to[i] < 0) return false;
-    for (int j = 0; j < i; ++j)
-      if (to[j] == to[i]) return false;  // two that turn alike are one
-  }
-  return true;
-}
-
 /// How the bodies of a loop move with its coordinates: Motions = U x + the last column.
 static inline void move_bodies(const SweepModel& model, const EmbeddedLoop& c, Workspace<double>& ws, EmbeddingWork& k) {
   const int n = c.n;
@@ -381,7 +462,7 @@ static inline void move_bodies(const SweepModel& model, const EmbeddedLoop& c, W
       for_axis(
           b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
             const double cosine = ws.cosines[axis.angle], sine = ws.sines[axis.angle];
-            const double* rate = E + p.column * (n + 1);
+            const double* rate = E + p.column * c.width;
             for (int i = 0; i <= n; ++i) {
               U[i] = inboard ? motion_to_outboard<double, I, TILT>(axis, cosine, sine, inboard[i]) : Motion<double>{};
               at<I>(U[i].w) = at<I>(U[i].w) + rate[i];
@@ -393,7 +474,7 @@ static inline void move_bodies(const SweepModel& model, const EmbeddedLoop& c, W
     for (int i = 0; i <= n; ++i) U[i] = inboard ? to_outboard(ws.X(p.body), inboard[i]) : Motion<double>{};
     for (int j = 0; j < p.n; ++j) {
       const Motion<double> H = hinge_column(model, ws, p.body, j);
-      for (int i = 0; i <= n; ++i) U[i] += E[(p.column + j) * (n + 1) + i] * H;
+      for (int i = 0; i <= n; ++i) U[i] += E[(p.column + j) * c.width + i] * H;
     }
   }
 }
@@ -419,9 +500,8 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
       continue;
     }
     k.known[l] = 0;
-    double *G = numbers + c.G, *B = numbers + c.B, *g = k.g.data() + c.row, *residual = k.c.data() + c.row;
-    const int columns = c.by_rates ? c.inputs : c.own_columns, stride = columns + 1, n = c.n;
-    double open = 0.0;
+    double *G = numbers + c.G, *g = k.g.data() + c.row, *residual = k.c.data() + c.row;
+    const int columns = c.by_rates ? c.inputs : c.own_columns, n = c.n;
     if (c.closing == Closing::coupling) {
       double* gradient = k.gradients.data() + c.gradient;
       double extra = 0.0;
@@ -439,35 +519,13 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
     if (c.drive >= 0 && in.drives) g[0] += in.drives[c.drive].acceleration, residual[0] -= in.drives[c.drive].more;
     if (given)
       for (int i = 0; i < c.rows; ++i) g[i] = given[c.first + i];
-    // Scaled: rates in the root of their energy, rows in metres.
-    for (int i = 0; i < c.rows; ++i) {
-      const Force<double>& W = k.W[static_cast<std::size_t>(c.row + i)];
-      double weight = 1.0;
-      if (c.closing != Closing::coupling) weight = 1.0 / std::sqrt(dot(W.n, W.n) / (c.lever * c.lever) + dot(W.f, W.f));
-      if (c.closing != Closing::coupling || !c.coupling.is_linear()) open = std::fmax(open, std::abs(residual[i]) * weight / c.lever);
-      weight /= c.reference;
-      double* row = B + i * stride;
-      for (int j = 0; j < columns; ++j) row[j] = 0.0;
-      double right = g[i];
-      for (int j = 0; j < c.own_columns; ++j) {
-        const EmbeddedLoop::Column& x = c.columns[static_cast<std::size_t>(j)];
-        const double coefficient = G[i * c.own_columns + j];
-        if (x.given) continue;  // in g
-        if (!c.by_rates) {
-          row[j] = weight * coefficient * x.scale;
-        } else if (x.input >= 0) {
-          row[x.input] = weight * coefficient * x.scale;
-        } else if (coefficient != 0.0) {
-          const EmbeddedLoop& other = e.loops[static_cast<std::size_t>(x.by)];
-          const double* E = numbers + other.E + x.at * (other.n + 1);
-          for (int t = 0; t < other.keep; ++t) row[other.consumer_input + t] += weight * coefficient * E[t];
-          right -= coefficient * E[other.n];
-          k.size = std::fmax(k.size, std::abs(weight * coefficient * E[other.n]));
-        }
-      }
-      row[columns] = weight * right;
-    }
-    if (!find_pivots(c, k, columns, open, !given)) return false;
+    const bool plain =
+        std::ranges::all_of(c.taken, [&](const EmbeddedLoop::Taken& t) { return k.named[static_cast<std::size_t>(t.by)] != 0; });
+    double open = scale_rows(e, c, k, columns, plain);
+    bool named = c.by_own && plain;
+    if (named && !find_pivots(c, k, columns, c.own, open, !given)) named = false, open = scale_rows(e, c, k, columns, plain);
+    if (!named && !find_pivots(c, k, columns, columns, open, !given)) return false;
+    k.named[l] = named;
     const int* row_at = k.row_at.data() + c.row;
     if (!c.by_rates) {
       for (int p = 0; p < n; ++p) k.b[static_cast<std::size_t>(c.x + p)] = g[row_at[p]];
@@ -509,48 +567,34 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
       continue;
     }
     // Inputs = T x + t.
+    const double* B = numbers + c.B;
     double* T = numbers + c.T;
-    const int* column_at = k.column_at.data() + c.pivot;
+    int* column_at = k.column_at.data() + c.pivot;
+    if (named) std::rotate(column_at + c.rank, column_at + c.own, column_at + columns);  // its own that are left come last
+    const int stride = padded(columns + 1);
+    for (int x = 0; x < columns * c.width; x += 4) four(T + x) = Four{};
     for (int p = 0; p < c.rank; ++p) {
       const double* row = B + row_at[p] * stride;
-      double* t = T + column_at[p] * (n + 1);
+      double* t = T + column_at[p] * c.width;
       for (int j = 0; j < n; ++j) t[j] = -row[column_at[c.rank + j]];
-      t[n] = row[columns];
+      t[n] = -row[columns];
     }
-    for (int j = 0; j < n; ++j) {
-      double* t = T + column_at[c.rank + j] * (n + 1);
-      for (int i = 0; i <= n; ++i) t[i] = 0.0;
-      t[j] = 1.0;
-    }
-    if (c.keep > 0 && c.keep < n) gather_needed(c, T);
+    for (int j = 0; j < n; ++j) T[column_at[c.rank + j] * c.width + j] = 1.0;
+    if (!named && c.keep > 0 && c.keep < n) gather_needed(c, T);
     // Rates = E x + e.
     double* E = numbers + c.E;
-    int named = -1, to[kMostNamed];  // whose coordinates have other names here only
-    bool names = false;
-    for (std::size_t j = 0; j < c.columns.size(); ++j, E += n + 1) {
+    for (std::size_t j = 0; j < c.columns.size(); ++j, E += c.width) {
       const EmbeddedLoop::Column& x = c.columns[j];
-      if (x.given) {
-        for (int i = 0; i <= n; ++i) E[i] = 0.0;
+      if (const int input = x.input < 0 && plain ? x.as : x.input; input >= 0 && !x.given) {
+        set_row(E, x.scale, T + input * c.width, c.width);
         continue;
       }
-      if (x.input >= 0) {
-        const double* t = T + x.input * (n + 1);
-        for (int i = 0; i <= n; ++i) E[i] = x.scale * t[i];
-        continue;
-      }
+      for (int i = 0; i < c.width; i += 4) four(E + i) = Four{};
+      if (x.given) continue;
       const EmbeddedLoop& other = e.loops[static_cast<std::size_t>(x.by)];
-      const double* old = numbers + other.E + x.at * (other.n + 1);
-      for (int i = 0; i <= n; ++i) E[i] = 0.0;
+      const double* old = numbers + other.E + x.at * other.width;
       E[n] = old[other.n];
-      if (x.by != named) named = x.by, names = names_coordinates(T + other.consumer_input * (n + 1), other.keep, n, to);
-      if (names) {
-        for (int t = 0; t < other.keep; ++t) E[to[t]] = old[t];
-        continue;
-      }
-      for (int t = 0; t < other.keep; ++t) {
-        const double* row = T + (other.consumer_input + t) * (n + 1);
-        for (int i = 0; i <= n; ++i) E[i] += old[t] * row[i];
-      }
+      for (int t = 0; t < other.keep; ++t) add_row(E, old[t], T + (other.consumer_input + t) * c.width, c.width);
     }
     k.known[l] = c.constant && !given;
     move_bodies(model, c, ws, k);

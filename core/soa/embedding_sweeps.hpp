@@ -36,16 +36,16 @@ static inline void take_item(const SweepModel& model, const Embedding& e, const 
   Force<double>* Q = k.Q.data();
   Force<double>* PU = k.PU.data();
   double *A = k.numbers.data() + c.A, *b = k.b.data() + c.x;
-  const double* E = k.numbers.data() + c.E + step.column * (n + 1);
+  const double* E = k.numbers.data() + c.E + step.column * c.width;
   for (int i = 0; i <= n; ++i) PU[i] = core.P * U[i];
   Force<double> z = ws.z(step.body) + PU[n];
   for (int i = 0; i < n; ++i) {
-    for (int j = 0; j <= i; ++j) A[i * n + j] += dot(U[i], PU[j]);
+    for (int j = 0; j <= i; ++j) A[i * c.width + j] += dot(U[i], PU[j]);
     b[i] += dot(U[i], z);
   }
   if (in.tau)
     for (int j = 0; j < body.nv; ++j)
-      for (int i = 0; i < n; ++i) b[i] -= E[j * (n + 1) + i] * in.tau[body.v + j];
+      for (int i = 0; i < n; ++i) b[i] -= E[j * c.width + i] * in.tau[body.v + j];
   const std::size_t flows = step.flows.size();
   for (std::size_t f = 0; f < flows; ++f) {
     const PendingFlow& flow = step.flows[f];
@@ -53,7 +53,7 @@ static inline void take_item(const SweepModel& model, const Embedding& e, const 
     const Force<double>* own = Q + flow.own;
     if (f == 0) {
       for (int i = 0; i < n; ++i) {
-        for (int j = 0; j <= i; ++j) A[i * n + j] += dot(U[i], own[j]) + dot(U[j], own[i]);
+        for (int j = 0; j <= i; ++j) A[i * c.width + j] += dot(U[i], own[j]) + dot(U[j], own[i]);
         b[i] += dot(U[n], own[i]);
       }
       continue;
@@ -89,44 +89,105 @@ static inline void take_item(const SweepModel& model, const Embedding& e, const 
 
 /// P times a unit rate about axis I.
 template <int I>
-CARDAN_INLINE Force<double> turning_column(const ArticulatedInertia<double>& P) {
+CARDAN_INLINE Force<double> turning_column(const RigidInertia<double>& M) {
+  const Vec3<double>& h = M.h;
   if constexpr (I == 0)
-    return {{P.J.xx, P.J.xy, P.J.xz}, {P.B.xx, P.B.xy, P.B.xz}};
+    return {{M.J.xx, M.J.xy, M.J.xz}, {0.0, -h.z, h.y}};
   else if constexpr (I == 1)
-    return {{P.J.xy, P.J.yy, P.J.yz}, {P.B.yx, P.B.yy, P.B.yz}};
+    return {{M.J.xy, M.J.yy, M.J.yz}, {h.z, 0.0, -h.x}};
   else
-    return {{P.J.xz, P.J.yz, P.J.zz}, {P.B.zx, P.B.zy, P.B.zz}};
+    return {{M.J.xz, M.J.yz, M.J.zz}, {-h.y, h.x, 0.0}};
+}
+
+// What a chain is assembled of: inertia as that of its bodies, or ten numbers where all of them are rigid by themselves.
+CARDAN_INLINE void own_inertia(const Core<double>& body, ArticulatedInertia<double>& P) { P = body.P; }
+CARDAN_INLINE void own_inertia(const Core<double>& body, RigidInertia<double>& M) {
+  const Mat3<double>& B = body.P.B;  // h~
+  M = {body.P.M.xx, {B.zy, B.xz, B.yx}, body.P.J};
+}
+CARDAN_INLINE ArticulatedInertia<double> articulated(const ArticulatedInertia<double>& P) { return P; }
+template <int I, Tilt TILT>
+CARDAN_INLINE RigidInertia<double> inertia_to_inboard(const AxisBody& b, double c, double s, const RigidInertia<double>& M) {
+  return inertia_to_inboard<double, I, TILT>(b, c, s, M);
+}
+/// About another point, l = p_AB, axes kept: J - h~ l~ - l~ h~ - m l~ l~, h + m l.
+CARDAN_INLINE RigidInertia<double> shift(const Vec3<double>& l, const RigidInertia<double>& M) {
+  const Vec3<double> h = M.h + M.m * l, g = M.h + h;  // the terms are those of l and g: symmetric in both
+  Sym3<double> J = M.J;
+  const double xx = l.x * g.x, yy = l.y * g.y, zz = l.z * g.z;
+  J.xx += yy + zz, J.yy += xx + zz, J.zz += xx + yy;
+  J.xy -= M.m * l.x * l.y + l.x * M.h.y + l.y * M.h.x;
+  J.xz -= M.m * l.x * l.z + l.x * M.h.z + l.z * M.h.x;
+  J.yz -= M.m * l.y * l.z + l.y * M.h.z + l.z * M.h.y;
+  return {M.m, h, J};
+}
+
+/// What a chain of RATES hinge rates adds by the coordinates of its loop, rates = E x + e: A += E* M E, b += E* (h + M e), Q += F E,
+/// z += F e. M: kBranchRates numbers a row; h: H* z - tau of each rate; Q null: its base is the ground.
+template <int RATES>
+static void move_branch(const EmbeddedLoop& c, const double* const* E, const double* M, const double* h, const Force<double>* F,
+                        Force<double>& z, EmbeddingWork& k, Force<double>* Q) {
+  constexpr int kMost = EmbeddingStep::kBranchRates;
+  const int n = c.n, width = c.width;
+  double *A = k.numbers.data() + c.A, *b = k.b.data() + c.x, *moves = k.scratch.data();  // M E, M e
+  for (int j = 0; j < width; j += 4)
+    for (int x = 0; x < RATES; ++x) {
+      Four sum = M[x * kMost] * four(E[0] + j);
+      for (int y = 1; y < RATES; ++y) sum += M[x * kMost + y] * four(E[y] + j);
+      four(moves + x * width + j) = sum;
+    }
+  double left[RATES];
+  for (int x = 0; x < RATES; ++x) left[x] = h[x] + moves[x * width + n];
+  for (int i = 0; i < n; ++i) {
+    double bias = 0.0;
+    for (int x = 0; x < RATES; ++x) bias += E[x][i] * left[x];
+    b[i] += bias;
+    for (int j = 0; j <= i; j += 4) {
+      Four sum = E[0][i] * four(moves + j);
+      for (int x = 1; x < RATES; ++x) sum += E[x][i] * four(moves + x * width + j);
+      four(A + i * width + j) += sum;
+    }
+  }
+  if (!Q) return;
+  for (int x = 0; x < RATES; ++x) z += E[x][n] * F[x];
+  for (int i = 0; i < n; ++i) {
+    Force<double> q = Q[i];
+    for (int x = 0; x < RATES; ++x) q += E[x][i] * F[x];
+    Q[i] = q;
+  }
 }
 
 /// A chain of bodies whose hinge rates one loop has taken up: by its hinge rates, the composite inertia P, their mass matrix M and the
 /// forces F that they make at the base; then by the coordinates of the loop, rates = E x + e: A += E* M E, b += E* (h* z - tau + M e),
 /// Q += F E, z += F e.
-static inline void take_branch(const SweepModel& model, const Embedding& e, const EmbeddingStep& step, Workspace<double>& ws,
-                               EmbeddingWork& k, const Inputs<double>& in) {
+template <class Inertia>
+static void take_branch(const SweepModel& model, const Embedding& e, const EmbeddingStep& step, Workspace<double>& ws, EmbeddingWork& k,
+                        const Inputs<double>& in) {
   constexpr int kMost = EmbeddingStep::kBranchRates;
   const EmbeddedLoop& c = e.loops[static_cast<std::size_t>(step.loop)];
-  const int n = c.n;
   Force<double> F[kMost];
   double M[kMost][kMost], b[kMost];
   const double* E[kMost];
   int rates = 0;
-  ArticulatedInertia<double> P;
+  Inertia P;
   Force<double> z;
   for (const EmbeddingStep::BranchBody& at_body : step.branch) {
     const SweepBody& body = model.bodies[at_body.body];
     const Core<double>& core = ws.core(at_body.body);
+    Inertia own;
+    own_inertia(core, own);
     if (rates == 0)
-      P = core.P, z = ws.z(at_body.body);
+      P = own, z = ws.z(at_body.body);
     else
-      P += core.P, z += ws.z(at_body.body);
-    const double* row = k.numbers.data() + c.E + at_body.column * (n + 1);
+      P = P + own, z += ws.z(at_body.body);
+    const double* row = k.numbers.data() + c.E + at_body.column * c.width;
     const bool last = body.parent == 0;
     /// h(force): H* of it, rate by rate; column(): P H.
     const auto add = [&](const Force<double>& column, const auto& h, double tau) __attribute__((always_inline)) {
       F[rates] = column, E[rates] = row;
       for (int x = 0; x <= rates; ++x) M[rates][x] = M[x][rates] = h(F[x]);
       b[rates] = h(z) - tau;
-      ++rates, row += n + 1;
+      ++rates, row += c.width;
     };
     const auto tau_of = [&](int j) { return in.tau ? in.tau[body.v + j] : 0.0; };
     if (is_axis(body.kind)) {
@@ -149,35 +210,37 @@ static inline void take_branch(const SweepModel& model, const Embedding& e, cons
       }
       if (last) break;
       const Pose<double>& X = ws.X(at_body.body);
+      if (at_body.shifts) {
+        P = shift(X.p, P), z.n += cross(X.p, z.f);
+        for (int x = 0; x < rates; ++x) F[x].n += cross(X.p, F[x].f);
+        continue;
+      }
       P = to_inboard(X, P), z = to_inboard(X, z);
       for (int x = 0; x < rates; ++x) F[x] = to_inboard(X, F[x]);
     }
   }
-  double *A = k.numbers.data() + c.A, *of_loop = k.b.data() + c.x;
-  for (int x = 0; x < rates; ++x)
-    for (int y = 0; y < rates; ++y) b[x] += M[x][y] * E[y][n];
-  for (int i = 0; i < n; ++i) {
-    double moves[kMost], bias = 0.0;
-    for (int x = 0; x < rates; ++x) {
-      moves[x] = 0.0;
-      for (int y = 0; y < rates; ++y) moves[x] += M[x][y] * E[y][i];
-      bias += E[x][i] * b[x];
-    }
-    of_loop[i] += bias;
-    for (int j = 0; j <= i; ++j) {
-      double sum = 0.0;
-      for (int x = 0; x < rates; ++x) sum += E[x][j] * moves[x];
-      A[i * n + j] += sum;
-    }
-  }
   const int base = model.bodies[step.body].parent;
-  if (base == 0) return;
-  ws.core(base).P += P;
-  for (int x = 0; x < rates; ++x) z += E[x][n] * F[x];
-  ws.z(base) += z;
-  Force<double>* Q = k.Q.data() + step.flows[0].to;
-  for (int i = 0; i < n; ++i)
-    for (int x = 0; x < rates; ++x) Q[i] += E[x][i] * F[x];
+  if (base > 0) ws.core(base).P += articulated(P);
+  Force<double>* Q = base > 0 ? k.Q.data() + step.flows[0].to : nullptr;
+  const auto take = [&]<int RATES>() __attribute__((always_inline)) { move_branch<RATES>(c, E, M[0], b, F, z, k, Q); };
+  switch (rates) {
+    case 2:
+      take.template operator()<2>();
+      break;
+    case 3:
+      take.template operator()<3>();
+      break;
+    case 4:
+      take.template operator()<4>();
+      break;
+    case 5:
+      take.template operator()<5>();
+      break;
+    default:
+      take.template operator()<6>();
+      break;
+  }
+  if (base > 0) ws.z(base) += z;
 }
 
 /// A rotor behind a gear, folded into its carrier but for its spin.
@@ -188,14 +251,14 @@ static inline void take_wheel(const SweepModel& model, const Embedding& e, const
   const AxisBody& wheel = model.axis_bodies[step.body];
   Core<double>& carrier = ws.core(wheel.parent);
   const Vec3<double> u = rotor_axis<double>(wheel);
-  const double* E = k.numbers.data() + c.E + step.column * (n + 1);
+  const double* E = k.numbers.data() + c.E + step.column * c.width;
   double *A = k.numbers.data() + c.A, *b = k.b.data() + c.x;
   const double Ja = wheel.J_axial;
   AxisRecord<double>& record = ws.axis(step.body);
   record.nu = record.load + (in.tau ? in.tau[wheel.v] : 0.0);
   const double moment = Ja * (dot(u, carrier.gamma.w) + E[n]) - record.nu;
   for (int i = 0; i < n; ++i) {
-    for (int j = 0; j <= i; ++j) A[i * n + j] += Ja * E[i] * E[j];
+    for (int j = 0; j <= i; ++j) A[i * c.width + j] += Ja * E[i] * E[j];
     b[i] += E[i] * moment;
   }
   ws.z(wheel.parent).n += (Ja * in.v[wheel.v]) * cross(carrier.w, u) + (Ja * E[n]) * u;
@@ -421,22 +484,22 @@ static inline void cross_hinge(const SweepModel& model, const Embedding& e, cons
 /// The coordinates of a loop at home: those that nobody needs are eliminated, those that a later loop has become its.
 static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, Workspace<double>& ws, EmbeddingWork& k) {
   const EmbeddedLoop& c = e.loops[static_cast<std::size_t>(step.loop)];
-  const int n = c.n, keep = c.keep, out = n - keep;
+  const int n = c.n, keep = c.keep, out = n - keep, down = c.width;
   double *A = k.numbers.data() + c.A, *b = k.b.data() + c.x;
-  const std::size_t flows = step.flows.size();
+  const std::size_t flows = static_cast<std::size_t>(step.coupled), all = step.flows.size();
   const bool ground = step.body == 0;
   ArticulatedInertia<double>& P = step.after_modes ? ws.modal_of(step.body)->P_r : ws.core(step.body).P;
   Force<double>& z = ws.z(step.body);
   Force<double>* Q = ground ? nullptr : k.Q.data() + step.flows[0].own;
   for (int i = 0; i < n; ++i)
-    for (int j = 0; j < i; ++j) A[j * n + i] = A[i * n + j];
+    for (int j = 0; j < i; ++j) A[j * down + i] = A[i * down + j];
   const double sign = c.by_rates ? 1.0 : -1.0;
   const auto entry_of = [&](std::size_t f, std::size_t h, int i, int j) -> double& {
-    const CoordinateBlock& block = step.blocks[f * flows + h];
+    const CoordinateBlock& block = step.blocks[f * all + h];
     return k.numbers[static_cast<std::size_t>(block.at + i * block.down + j * block.across)];
   };
   if (out > 0) {
-    // Cholesky factor in place of what is eliminated, and L^-1 of its rows: Q, what is kept, other loops, b.
+    // Cholesky factor in place of what is eliminated, one over its diagonal, and L^-1 of its rows: Q, what is kept, other loops, b.
     int width = keep + 1;
     for (std::size_t f = 1; f < flows; ++f) width += e.loops[static_cast<std::size_t>(step.flows[f].loop)].n;
     double* rows = k.scratch.data();
@@ -444,7 +507,7 @@ static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, 
     for (int i = 0; i < out; ++i) {
       double* row = rows + i * width;
       int x = 0;
-      for (int j = 0; j < keep; ++j) row[x++] = A[(keep + i) * n + j];
+      for (int j = 0; j < keep; ++j) row[x++] = A[(keep + i) * down + j];
       for (std::size_t f = 1; f < flows; ++f) {
         const CoordinateBlock& block = step.blocks[f];
         const double* entry = k.numbers.data() + block.at + (keep + i) * block.down;
@@ -453,14 +516,14 @@ static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, 
       }
       row[x] = b[keep + i];
       if (!ground) half[i] = Q[keep + i];
-      double* L = A + (keep + i) * n + keep;
+      double* L = A + (keep + i) * down + keep;
       const double diagonal = sign * L[i];
       double pivot = diagonal;
       for (int j = 0; j < i; ++j) {
-        const double* Lj = A + (keep + j) * n + keep;
+        const double* Lj = A + (keep + j) * down + keep;
         double sum = sign * L[j];
         for (int l = 0; l < j; ++l) sum -= L[l] * Lj[l];
-        L[j] = sum / Lj[j];
+        L[j] = sum * Lj[j];
         pivot -= L[j] * L[j];
       }
       double limit = kPivotLimit * diagonal;
@@ -469,8 +532,7 @@ static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, 
         ws.breakdown = {step.body > 0 ? step.body : 1, -1, pivot, limit, c.first};
         return false;
       }
-      L[i] = std::sqrt(pivot);
-      const double inverse = 1.0 / L[i];
+      const double inverse = L[i] = 1.0 / std::sqrt(pivot);
       for (int j = 0; j < i; ++j) {
         const double* other = rows + j * width;
         for (int l = 0; l < width; ++l) row[l] -= L[j] * other[l];
@@ -500,7 +562,7 @@ static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, 
           const double* y = row + x0;
           for (std::size_t h = f; h < flows; ++h) {
             const int nb = h == 0 ? keep : e.loops[static_cast<std::size_t>(step.flows[h].loop)].n;
-            const CoordinateBlock& block = step.blocks[f * flows + h];
+            const CoordinateBlock& block = step.blocks[f * all + h];
             double* entry = k.numbers.data() + block.at + a * block.down;
             for (int j = 0; j < (h == f ? a + 1 : nb); ++j, entry += block.across) *entry -= factor * y[j];
             y += nb;
@@ -510,31 +572,33 @@ static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, 
       }
     }
     for (int i = 0; i < keep; ++i)
-      for (int j = 0; j < i; ++j) A[j * n + i] = A[i * n + j];
+      for (int j = 0; j < i; ++j) A[j * down + i] = A[i * down + j];
   }
   if (keep == 0) return true;
   const EmbeddedLoop& o = e.loops[static_cast<std::size_t>(c.consumer)];
-  const double* T = k.numbers.data() + o.T + c.consumer_input * (o.n + 1);  // keep rows
-  const int stride = o.n + 1;
+  const double* T = k.numbers.data() + o.T + c.consumer_input * o.width;  // keep rows
+  const int stride = o.width;
   std::size_t of = 1;
   while (step.flows[of].loop != c.consumer) ++of;
+  const bool coupled = of < flows;  // with who takes them up
   double* bo = k.b.data() + o.x;
-  int to[kMostNamed];
-  if (names_coordinates(T, keep, o.n, to)) {
+  if (k.named[static_cast<std::size_t>(c.consumer)]) {
     // T of ones: the coordinates have other names.
+    const int to = c.consumer_input - o.own;
+    double* Ao = k.numbers.data() + o.A + to * (o.width + 1);
     for (int i = 0; i < keep; ++i) {
-      bo[to[i]] += b[i];
-      for (int j = 0; j <= i; ++j) entry_of(of, of, std::max(to[i], to[j]), std::min(to[i], to[j])) += A[i * n + j];
-      for (int x = 0; x < o.n; ++x) {
+      bo[to + i] += b[i];
+      for (int j = 0; j <= i; ++j) Ao[i * o.width + j] += A[i * down + j];
+      for (int x = 0; coupled && x < o.n; ++x) {
         const double entry = entry_of(0, of, i, x);
-        entry_of(of, of, std::max(to[i], x), std::min(to[i], x)) += x == to[i] ? 2.0 * entry : entry;
+        entry_of(of, of, std::max(to + i, x), std::min(to + i, x)) += x == to + i ? 2.0 * entry : entry;
       }
       for (std::size_t f = 1; f < flows; ++f) {
         if (f == of) continue;
         const int nf = e.loops[static_cast<std::size_t>(step.flows[f].loop)].n;
-        for (int j = 0; j < nf; ++j) entry_of(of, f, to[i], j) += entry_of(0, f, i, j);
+        for (int j = 0; j < nf; ++j) entry_of(of, f, to + i, j) += entry_of(0, f, i, j);
       }
-      if (!ground) k.Q[static_cast<std::size_t>(step.flows[of].own + to[i])] += Q[i];
+      if (!ground) k.Q[static_cast<std::size_t>(step.flows[of].own + to + i)] += Q[i];
     }
     return true;
   }
@@ -542,10 +606,10 @@ static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, 
   double* S = k.scratch.data();
   for (int i = 0; i < keep; ++i) {
     double bias = b[i];
-    for (int j = 0; j < keep; ++j) bias += A[i * n + j] * T[j * stride + o.n];
+    for (int j = 0; j < keep; ++j) bias += A[i * down + j] * T[j * stride + o.n];
     for (int x = 0; x < o.n; ++x) {
       double sum = 0.0;
-      for (int j = 0; j < keep; ++j) sum += A[i * n + j] * T[j * stride + x];
+      for (int j = 0; j < keep; ++j) sum += A[i * down + j] * T[j * stride + x];
       S[i * o.n + x] = sum;
       bo[x] += T[i * stride + x] * bias;
     }
@@ -553,11 +617,13 @@ static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, 
   for (int x = 0; x < o.n; ++x) {
     for (int y = 0; y <= x; ++y) {
       double sum = 0.0;
-      for (int i = 0; i < keep; ++i)
-        sum += T[i * stride + x] * (S[i * o.n + y] + entry_of(0, of, i, y)) + entry_of(0, of, i, x) * T[i * stride + y];
+      for (int i = 0; i < keep; ++i) {
+        sum += T[i * stride + x] * S[i * o.n + y];
+        if (coupled) sum += T[i * stride + x] * entry_of(0, of, i, y) + entry_of(0, of, i, x) * T[i * stride + y];
+      }
       entry_of(of, of, x, y) += sum;
     }
-    for (int i = 0; i < keep; ++i) bo[x] += entry_of(0, of, i, x) * T[i * stride + o.n];
+    for (int i = 0; coupled && i < keep; ++i) bo[x] += entry_of(0, of, i, x) * T[i * stride + o.n];
   }
   for (std::size_t f = 1; f < flows; ++f) {
     if (f == of) continue;
@@ -588,6 +654,9 @@ static inline bool embedding_inward(const SweepModel& model, const Embedding& e,
       case EmbeddingStep::Kind::gear:
         if (!take_gears(model, e.gears.data() + step.begin, e.gears.data() + step.end, ws, in, given)) return false;
         break;
+      case EmbeddingStep::Kind::chain:
+        if (!take_chain(model, e, step.begin, ws, k, in)) return false;
+        break;
       case EmbeddingStep::Kind::geared:
         for (int i = step.begin; i < step.end; ++i)
           if (!take_geared(model, e, e.geared[static_cast<std::size_t>(i)], ws, k, in)) return false;
@@ -604,7 +673,10 @@ static inline bool embedding_inward(const SweepModel& model, const Embedding& e,
         take_item(model, e, step, ws, k, in);
         break;
       case EmbeddingStep::Kind::branch:
-        take_branch(model, e, step, ws, k, in);
+        if (step.rigid)
+          take_branch<RigidInertia<double>>(model, e, step, ws, k, in);
+        else
+          take_branch<ArticulatedInertia<double>>(model, e, step, ws, k, in);
         break;
       case EmbeddingStep::Kind::wheel:
         take_wheel(model, e, step, ws, k, in);
@@ -683,12 +755,12 @@ static inline void modes_outward(const SweepModel& model, const Embedding& e, co
 }
 
 /// The rates of a body that a loop has taken up, its coordinates being known, and delta of the body.
-static inline void item_outward(const SweepModel& model, const EmbeddedLoop& c, int k_body, int column, Workspace<double>& ws,
+static inline void item_outward(const SweepModel& model, const EmbeddedLoop& c, int k_body, int column, bool shifts, Workspace<double>& ws,
                                 const EmbeddingWork& k, const Inputs<double>& in, double* vdot) {
   const SweepBody& body = model.bodies[k_body];
-  const double *E = k.numbers.data() + c.E + column * (c.n + 1), *x = k.x.data() + c.x;
+  const double *E = k.numbers.data() + c.E + column * c.width, *x = k.x.data() + c.x;
   double* out = vdot + body.v;
-  for (int j = 0; j < body.nv; ++j, E += c.n + 1) {
+  for (int j = 0; j < body.nv; ++j, E += c.width) {
     double sum = E[c.n];
     for (int i = 0; i < c.n; ++i) sum += E[i] * x[i];
     out[j] = sum;
@@ -706,6 +778,10 @@ static inline void item_outward(const SweepModel& model, const EmbeddedLoop& c, 
         });
     return;
   }
+  if (shifts) {
+    core.delta = {inboard.w, inboard.v + cross(inboard.w, ws.X(k_body).p) + out[0] * body.axis};
+    return;
+  }
   Motion<double> d = to_outboard(ws.X(k_body), inboard);
   for (int j = 0; j < body.nv; ++j) d += out[j] * hinge_column(model, ws, k_body, j);
   core.delta = d;
@@ -721,8 +797,10 @@ static inline void solve_at_home(const Embedding& e, const EmbeddingStep& step, 
   const double *A = k.numbers.data() + c.A, *b = k.b.data() + c.x;
   if (keep > 0) {
     const EmbeddedLoop& o = e.loops[static_cast<std::size_t>(c.consumer)];
-    const double *T = k.numbers.data() + o.T + c.consumer_input * (o.n + 1), *xo = k.x.data() + o.x;
-    for (int i = 0; i < keep; ++i, T += o.n + 1) {
+    const double *T = k.numbers.data() + o.T + c.consumer_input * o.width, *xo = k.x.data() + o.x;
+    const bool named = k.named[static_cast<std::size_t>(c.consumer)] != 0;
+    for (int i = 0; named && i < keep; ++i) x[i] = xo[c.consumer_input - o.own + i];
+    for (int i = 0; !named && i < keep; ++i, T += o.width) {
       x[i] = T[o.n];
       for (int j = 0; j < o.n; ++j) x[i] += T[j] * xo[j];
     }
@@ -730,8 +808,8 @@ static inline void solve_at_home(const Embedding& e, const EmbeddingStep& step, 
   const double sign = c.by_rates ? 1.0 : -1.0;
   for (int i = keep; i < n; ++i) {
     double right = b[i];
-    for (int j = 0; j < keep; ++j) right += A[i * n + j] * x[j];
-    for (std::size_t f = 1; f < step.flows.size(); ++f) {
+    for (int j = 0; j < keep; ++j) right += A[i * c.width + j] * x[j];
+    for (std::size_t f = 1; f < static_cast<std::size_t>(step.coupled); ++f) {
       const EmbeddedLoop& other = e.loops[static_cast<std::size_t>(step.flows[f].loop)];
       const CoordinateBlock& block = step.blocks[f];
       const double *entry = k.numbers.data() + block.at + i * block.down, *of_other = k.x.data() + other.x;
@@ -739,12 +817,12 @@ static inline void solve_at_home(const Embedding& e, const EmbeddingStep& step, 
     }
     if (step.body > 0) right += dot(ws.core(step.body).delta, k.Q[static_cast<std::size_t>(step.flows[0].own + i)]);
     x[i] = -sign * right;
-    for (int j = keep; j < i; ++j) x[i] -= A[i * n + j] * x[j];
-    x[i] /= A[i * n + i];
+    for (int j = keep; j < i; ++j) x[i] -= A[i * c.width + j] * x[j];
+    x[i] *= A[i * c.width + i];
   }
   for (int i = n - 1; i >= keep; --i) {
-    for (int j = i + 1; j < n; ++j) x[i] -= A[j * n + i] * x[j];
-    x[i] /= A[i * n + i];
+    for (int j = i + 1; j < n; ++j) x[i] -= A[j * c.width + i] * x[j];
+    x[i] *= A[i * c.width + i];
   }
 }
 
@@ -756,6 +834,9 @@ static inline void embedding_outward(const SweepModel& model, const Embedding& e
     switch (step.kind) {
       case EmbeddingStep::Kind::gear:
         gears_outward(model, e.gears.data() + step.begin, e.gears.data() + step.end, ws, in, given, vdot);
+        break;
+      case EmbeddingStep::Kind::chain:
+        chain_outward(model, e, step.begin, ws, k, vdot);
         break;
       case EmbeddingStep::Kind::geared:
         for (int i = step.end; i-- > step.begin;) geared_outward(model, e, e.geared[static_cast<std::size_t>(i)], ws, k, vdot);
@@ -769,11 +850,11 @@ static inline void embedding_outward(const SweepModel& model, const Embedding& e
       }
       case EmbeddingStep::Kind::item:
       case EmbeddingStep::Kind::wheel:
-        item_outward(model, e.loops[static_cast<std::size_t>(step.loop)], step.body, step.column, ws, k, in, vdot);
+        item_outward(model, e.loops[static_cast<std::size_t>(step.loop)], step.body, step.column, false, ws, k, in, vdot);
         break;
       case EmbeddingStep::Kind::branch:
         for (auto b = step.branch.rbegin(); b != step.branch.rend(); ++b)
-          item_outward(model, e.loops[static_cast<std::size_t>(step.loop)], b->body, b->column, ws, k, in, vdot);
+          item_outward(model, e.loops[static_cast<std::size_t>(step.loop)], b->body, b->column, b->shifts, ws, k, in, vdot);
         break;
       case EmbeddingStep::Kind::modes:
         modes_outward(model, e, step, ws, k, in, vdot);

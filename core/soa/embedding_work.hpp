@@ -39,6 +39,25 @@ struct PendingWheel {
   double b = 0.0, s = 0.0;
 };
 
+/// A geared chain on its way out, tip to base: v' = L^-* (nu - G* delta) with delta of the carrier, L of ones on its diagonal.
+struct ChainRecord {
+  Force<double> G[GearedChain::kMost];
+  double nu[GearedChain::kMost], L[GearedChain::kMost][GearedChain::kMost];
+};
+
+/// Four numbers of a row.
+using Four [[gnu::vector_size(32), gnu::aligned(8), gnu::may_alias]] = double;
+CARDAN_INLINE Four& four(double* x) { return *reinterpret_cast<Four*>(x); }
+CARDAN_INLINE const Four& four(const double* x) { return *reinterpret_cast<const Four*>(x); }
+/// y += a x of rows of whole fours.
+CARDAN_INLINE void add_row(double* y, double a, const double* x, int width) {
+  for (int j = 0; j < width; j += 4) four(y + j) += a * four(x + j);
+}
+/// y = a x.
+CARDAN_INLINE void set_row(double* y, double a, const double* x, int width) {
+  for (int j = 0; j < width; j += 4) four(y + j) = a * four(x + j);
+}
+
 struct EmbeddingWork {
   explicit EmbeddingWork(const Embedding& e)
       : numbers(static_cast<std::size_t>(e.n_numbers)),
@@ -62,11 +81,13 @@ struct EmbeddingWork {
         sines(angles.size()),
         cosines(angles.size()),
         wheels(e.wheels.size()),
+        chains(e.chains.size()),
         turns_known(e.transmissions.size()) {
     std::size_t most = 1, longest = 0;
     for (const EmbeddedLoop& loop : e.loops) longest = longest > loop.path.size() ? longest : loop.path.size();
     exits.resize(longest + 2);
     known.resize(e.loops.size());
+    named.resize(e.loops.size());
     for (const EmbeddingStep& s : e.steps) {
       std::size_t n = 8;
       for (const PendingFlow& f : s.flows) n += static_cast<std::size_t>(e.loops[static_cast<std::size_t>(f.loop)].n) + 1;
@@ -93,12 +114,14 @@ struct EmbeddingWork {
   std::vector<PathState> path;
   std::vector<PathExit> exits;      // of the bodies of the path of one loop, then of home: on the way to `from`, to `to`
   std::vector<std::uint8_t> known;  // per loop that is `constant`: T and E are those of gamma_c = 0
+  std::vector<std::uint8_t> named;  // per loop: its pivots are rates of its own, what others know are coordinates of it as they are
   std::vector<double> modal;        // columns of pending coordinates on modes; after these were eliminated: L^-1 of them
   std::vector<int> row_at, column_at;
   // Of wheels that turn with hinges:
   std::vector<double> ratios, pairs;                  // Transmission::numbers, GearedHinge::A
   std::vector<double> angles, rates, sines, cosines;  // of couplings that are not linear: Transmission::Row::angles
   std::vector<PendingWheel> wheels;
+  std::vector<ChainRecord> chains;
   std::vector<std::uint8_t> turns_known;  // per transmission that is `constant`
   std::vector<double> scratch;
   std::vector<Force<double>> PU;
