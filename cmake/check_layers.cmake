@@ -72,7 +72,7 @@ set(external
   "lua|scripts/lua/ scripts/mission/ scripts/bindings/ scripts/commands/ tests"
   "lauxlib.h|scripts/lua/ tests"
   "histedit.h|scripts/commands/line_editor.cpp"
-  "CLI/|scripts/commands/ bench/command_line.cpp bench/factors.cpp bench/peers"
+  "CLI/|scripts/commands/command_line.cpp bench/command_line.cpp bench/factors.cpp bench/peers"
   "gtest/|tests"
   "dlfcn.h|core/abi/loader.cpp bench/straight_line.cpp"
   "sched.h|bench"

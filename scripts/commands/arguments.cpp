@@ -14,21 +14,19 @@
 
 namespace cardan {
 
-void ScenarioArguments::add_to(CLI::App& command, CommandLine& line, const char* what, const char* type) {
-  json_errors = &line.json_errors;
-  command.add_option("file", file, what)->required()->type_name(type);
+Argument ScenarioArguments::add_to(Command& command, const CommandLine& line, const char* what, const char* type) {
+  to = &line;
+  Argument argument = command.option("file", file, what);
+  argument.required().type_name(type);
   command
-      .add_option("--set", settings,
-                  "Override a value: slew_angle=\"20 deg\", vehicle.bodies.bus.mass=\"1700 kg\", mission.duration=\"50 s\"")
-      ->type_name("KEY=VALUE")
-      ->allow_extra_args(false);
+      .option("--set", settings, "Override a value: slew_angle=\"20 deg\", vehicle.bodies.bus.mass=\"1700 kg\", mission.duration=\"50 s\"")
+      .type_name("KEY=VALUE");
   command
-      .add_option("--settings", settings_files,
-                  "The same from a file, key=value in each line; # begins a comment. What --set says comes after it")
-      ->type_name("FILE")
-      ->allow_extra_args(false);
-  command.add_option("--seed", seed, "Seed of the script's random numbers: a whole number, 0 by default")->type_name("N");
-  command.add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
+      .option("--settings", settings_files,
+              "The same from a file, key=value in each line; # begins a comment. What --set says comes after it")
+      .type_name("FILE");
+  command.option("--seed", seed, "Seed of the script's random numbers: a whole number, 0 by default").type_name("N");
+  return argument;
 }
 
 ScenarioOptions ScenarioArguments::options() const {
@@ -39,7 +37,7 @@ ScenarioOptions ScenarioArguments::options() const {
     if (!number) refuse(Code::command_line, {"--seed"}, "a whole number from 0 to 18446744073709551615", in_quotes(seed));
     o.seed = *number;
   }
-  if (!json_errors || !*json_errors) o.print = [](std::string_view text) { fmt::print(stderr, "{}\n", text); };
+  if (!to || !to->json_errors()) o.print = [](std::string_view text) { fmt::print(stderr, "{}\n", text); };
   for (const std::string& from : settings_files) {
     std::istringstream lines(read_text_file(from));
     int number = 0;

@@ -14,31 +14,29 @@ std::string bodies(std::size_t n) { return n == 1 ? "1 body" : fmt::format("{} b
 
 }  // namespace
 
-void add_check(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("check", "Validate a scenario without running it");
+void add_check(CommandLine& line) {
+  Command& command = line.command("check", "Validate a scenario without running it");
   auto arguments = std::make_shared<ScenarioArguments>();
-  arguments->add_to(*command, line);
-  command->callback([&line, arguments] {
-    line.action = [arguments] {
-      ScenarioOptions options = arguments->options();
-      bool quiet = false;
-      options.print = [&quiet, print = options.print](std::string_view text) {
-        if (!quiet) print(text);
-      };
-      const auto s = open_scenario(options);
-      try_start(*s);
-      s->warnings.add(expected_stiffness(s->model, s->sim->state().q.data(), s->mission.simulation.integrator, shortest_interval(*s),
-                                         s->mission.duration));
-      quiet = true;  // what functions of the run say is said in a run
-      const std::vector<std::string> elsewhere = kept_elsewhere_at_start(*s);
-      fmt::print("ok: {}, {} coordinates, {} velocities, {}, {}, {}, {}, {:g} s{}\n", bodies(s->model->user.size()), s->model->nq,
-                 s->model->nv, count(static_cast<std::size_t>(s->model->n_modes), "mode"), count(s->controllers.size(), "controller"),
-                 count(s->events.size(), "event"), count(s->checks.size(), "check"), s->mission.duration,
-                 s->warnings.empty() ? "" : fmt::format(", {}", count(s->warnings.all().size(), "warning")));
-      if (!elsewhere.empty() && s->mission.checkpoint_period) fmt::print("{}", kept_elsewhere_text(elsewhere));
-      fmt::print(stderr, "{}", render(s->warnings));
-      return 0;
+  arguments->add_to(command, line);
+  command.action([arguments] {
+    ScenarioOptions options = arguments->options();
+    bool quiet = false;
+    options.print = [&quiet, print = options.print](std::string_view text) {
+      if (!quiet) print(text);
     };
+    const auto s = open_scenario(options);
+    try_start(*s);
+    s->warnings.add(expected_stiffness(s->model, s->sim->state().q.data(), s->mission.simulation.integrator, shortest_interval(*s),
+                                       s->mission.duration));
+    quiet = true;  // what functions of the run say is said in a run
+    const std::vector<std::string> elsewhere = kept_elsewhere_at_start(*s);
+    fmt::print("ok: {}, {} coordinates, {} velocities, {}, {}, {}, {}, {:g} s{}\n", bodies(s->model->user.size()), s->model->nq,
+               s->model->nv, count(static_cast<std::size_t>(s->model->n_modes), "mode"), count(s->controllers.size(), "controller"),
+               count(s->events.size(), "event"), count(s->checks.size(), "check"), s->mission.duration,
+               s->warnings.empty() ? "" : fmt::format(", {}", count(s->warnings.all().size(), "warning")));
+    if (!elsewhere.empty() && s->mission.checkpoint_period) fmt::print("{}", kept_elsewhere_text(elsewhere));
+    fmt::print(stderr, "{}", render(s->warnings));
+    return 0;
   });
 }
 

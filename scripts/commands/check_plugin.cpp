@@ -166,17 +166,16 @@ void show_plugin_messages() {
   });
 }
 
-void add_check_plugin(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("check-plugin", "Check that the families of a plugin obey the laws");
+void add_check_plugin(CommandLine& line) {
+  Command& command = line.command("check-plugin", "Check that the families of a plugin obey the laws");
   auto a = std::make_shared<Arguments>();
-  command->add_option("plugin", a->plugin, "The shared library (.so)")->required()->type_name("PLUGIN");
-  command->add_option("--out", a->out, "A report: the file, the program, every law with its worst error and its limit; .json: as JSON")
-      ->type_name("FILE");
-  command->add_flag("--json", a->json, "The report as JSON on standard output");
-  command->add_option("--seed", a->seed, "Of the random samples; default 1")->type_name("NUMBER");
-  command->add_option("--samples", a->samples, "Of each law; default 1000")->type_name("NUMBER")->check(CLI::Range(1, 1000000));
-  command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
-  command->callback([&line, a] { line.action = [a] { return check_plugin(*a); }; });
+  command.option("plugin", a->plugin, "The shared library (.so)").required().type_name("PLUGIN");
+  command.option("--out", a->out, "A report: the file, the program, every law with its worst error and its limit; .json: as JSON")
+      .type_name("FILE");
+  command.flag("--json", a->json, "The report as JSON on standard output");
+  command.option("--seed", a->seed, "Of the random samples; default 1").type_name("NUMBER");
+  command.option("--samples", a->samples, "Of each law; default 1000").type_name("NUMBER").between(1, 1000000);
+  command.action([a] { return check_plugin(*a); });
 }
 
 }  // namespace cardan

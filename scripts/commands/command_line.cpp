@@ -1,92 +1,107 @@
-// Answers to command lines that cannot be understood.
+#include "scripts/commands/command_line.hpp"
+
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
-#include <filesystem>
-
-#include "core/base/units.hpp"
-#include "scripts/commands/commands.hpp"
 
 namespace cardan {
-namespace {
 
-namespace fs = std::filesystem;
-
-std::vector<std::string> commands_of(const CLI::App& app) {
-  std::vector<std::string> names;
-  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) names.push_back(command->get_name());
-  return names;
+Argument& Argument::type_name(const char* type) {
+  option_->type_name(type);
+  return *this;
+}
+Argument& Argument::required(bool is) {
+  option_->required(is);
+  return *this;
+}
+Argument& Argument::between(int least, int most) {
+  option_->check(CLI::Range(least, most));
+  return *this;
+}
+Argument& Argument::split_at_commas() {
+  option_->delimiter(',');
+  return *this;
 }
 
-std::vector<std::string> options_of(const CLI::App& command) {
-  std::vector<std::string> names;
-  for (const CLI::Option* option : command.get_options()) {
-    for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
-    for (const std::string& name : option->get_snames()) names.push_back("-" + name);
+Argument Command::option(const char* names, std::string& value, const char* what) {
+  return Argument(*app_->add_option(names, value, what));
+}
+Argument Command::option(const char* names, std::vector<std::string>& value, const char* what) {
+  return Argument(*app_->add_option(names, value, what)->allow_extra_args(false));
+}
+Argument Command::option(const char* names, int& value, const char* what) { return Argument(*app_->add_option(names, value, what)); }
+Argument Command::option(const char* names, std::uint64_t& value, const char* what) {
+  return Argument(*app_->add_option(names, value, what));
+}
+Argument Command::option(const char* names, double& value, const char* what) { return Argument(*app_->add_option(names, value, what)); }
+Argument Command::option(const char* names, std::optional<double>& value, const char* what) {
+  return Argument(*app_->add_option(names, value, what));
+}
+void Command::flag(const char* names, bool& value, const char* what) { app_->add_flag(names, value, what); }
+
+std::string Command::name() const { return app_->get_name(); }
+std::string Command::what() const { return app_->get_description(); }
+std::string Command::help() const { return app_->help("cardan"); }
+
+std::vector<DeclaredArgument> Command::arguments() const {
+  std::vector<DeclaredArgument> all;
+  for (const CLI::Option* option : std::as_const(*app_).get_options()) {
+    DeclaredArgument& a = all.emplace_back();
+    for (const std::string& name : option->get_snames()) a.names.push_back("-" + name);
+    for (const std::string& name : option->get_lnames()) a.names.push_back("--" + name);
+    a.type = option->get_type_name(), a.what = option->get_description();
+    a.required = option->get_required(), a.takes_value = option->get_items_expected_max() > 0;
   }
-  return names;
+  return all;
 }
 
-/// The only legal word that begins with `word` (of three characters or more), or else one that is spelt like it.
-std::string near_word(const std::string& word, const std::vector<std::string>& legal) {
-  const auto begins = [&](const std::string& name) { return name.starts_with(word); };
-  if (word.size() >= 3 && std::ranges::count_if(legal, begins) == 1)
-    return fmt::format("did you mean \"{}\"?", *std::ranges::find_if(legal, begins));
-  return did_you_mean(word, legal);
+CommandLine::CommandLine(std::vector<std::string> words)
+    : words_(std::move(words)),
+      json_errors_(std::ranges::find(words_, "--json-errors") != words_.end()),
+      app_(std::make_unique<CLI::App>("Simulator of spacecraft made of rigid and flexible bodies", "cardan")) {
+  app_->require_subcommand(0, 1);  // further words are arguments of the command, also where they name another
+}
+CommandLine::~CommandLine() = default;
+
+Command& CommandLine::command(const char* name, const char* what) {
+  return *commands_.emplace_back(std::make_unique<Command>(*app_->add_subcommand(name, what)));
+}
+void CommandLine::option_alone(const char* name, std::function<int()> action, const char* what) {
+  app_->add_flag_callback(
+      name, [this, action = std::move(action)] { alone_ = action; }, what);
 }
 
-/// The command that takes a file like this one; empty if none does.
-std::string command_for(const std::string& word) {
-  const fs::path path(word);
-  const std::string ending = path.extension().string();
-  std::error_code ignored;
-  if (ending == ".lua" || fs::is_directory(path, ignored)) return "run";
-  if (ending == ".yaml" || ending == ".yml") return "workbench";
-  if (ending == ".h5") return "report";
-  if (ending == ".urdf") return "import";
-  if (ending == ".so") return "check-plugin";
-  return {};
+std::vector<const Command*> CommandLine::commands() const {
+  std::vector<const Command*> all;
+  for (const auto& command : commands_) all.push_back(command.get());
+  return all;
 }
 
-}  // namespace
-
-void expect_command(const CLI::App& app, const std::vector<std::string>& arguments) {
-  if (arguments.empty() || arguments[0].starts_with('-')) return;
-  const std::string& word = arguments[0];
-  const std::vector<std::string> names = commands_of(app);
-  if (std::ranges::find(names, word) != names.end()) return;
-  const std::string command = command_for(word);
-  refuse(Code::command_line, {}, fmt::format("a command: {}", fmt::join(names, ", ")), in_quotes(word),
-         command.empty() ? near_word(word, names) : fmt::format("did you mean \"cardan {} {}\"?", command, word));
-}
-
-Diagnostic wrong_command_line(const CLI::App& app, const CLI::ParseError& error) {
-  const auto chosen = app.get_subcommands();
-  const CLI::App& command = chosen.empty() ? app : *chosen.front();
-  const std::string called = chosen.empty() ? "cardan" : "cardan " + command.get_name();
-  const std::string more = chosen.empty() ? "cardan help" : "cardan help " + command.get_name();
-  const std::vector<std::string> rest = app.remaining(true), legal = options_of(command);
-  const auto is_option = [](const std::string& word) { return word.size() > 1 && word[0] == '-' && word != "--"; };
-  if (const auto unknown = std::ranges::find_if(rest, is_option); unknown != rest.end()) {
-    const std::string name = unknown->substr(0, unknown->find('='));
-    std::string hint = near_word(name, legal);
-    if (hint.empty()) {
-      std::vector<std::string> others;
-      for (const CLI::App* other : app.get_subcommands([](const CLI::App*) { return true; })) {
-        const auto names = options_of(*other);
-        if (name != "--help" && name != "-h" && std::ranges::find(names, name) != names.end()) others.push_back(other->get_name());
-      }
-      if (!others.empty())
-        hint = fmt::format("an option of {}{}", fmt::join(others, ", "), chosen.empty() ? "; options follow the command" : "");
-    }
-    return Diagnostic{Code::command_line,
-                      {},
-                      fmt::format("an option of {}: {}", called, fmt::join(legal, ", ")),
-                      in_quotes(name),
-                      hint.empty() ? more : hint};
+std::function<int()> CommandLine::read(std::function<int()> overview) {
+  for (const auto& command : commands_) command->flag("--json-errors", json_errors_, "Errors as JSON on standard error");
+  expect_command(*this);
+  const auto chosen = [this]() -> const Command* {
+    const std::vector<CLI::App*> named = app_->get_subcommands();
+    if (named.empty()) return nullptr;
+    return std::ranges::find(commands_, named.front()->get_name(), [](const auto& c) { return c->name(); })->get();
+  };
+  try {
+    std::vector<std::string> last_first(words_.rbegin(), words_.rend() - (words_.empty() ? 0 : 1));  // as CLI11 takes them
+    app_->parse(last_first);
+  } catch (const CLI::CallForHelp&) {
+    const Command* command = chosen();
+    if (!command) return overview;
+    return [command] {
+      fmt::print("{}", command->help());
+      return 0;
+    };
+  } catch (const CLI::ParseError& error) {
+    throw InputError(wrong_words(*this, chosen(), app_->remaining(true), error.what()));
   }
-  if (!rest.empty()) return Diagnostic{Code::command_line, {}, fmt::format("nothing more for {}", called), in_quotes(rest.front()), more};
-  return Diagnostic{Code::command_line, {}, {}, error.what(), more};
+  if (alone_) return alone_;
+  const Command* command = chosen();
+  return command ? command->action() : overview;
 }
 
 }  // namespace cardan

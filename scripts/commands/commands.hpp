@@ -1,49 +1,43 @@
 #pragma once
-// The commands of the program, one file each. A command declares its options and what to do; main() does it. Help, the manual page
+// The commands of the program, one file each. A command declares its arguments and what to do; main() does it. Help, the manual page
 // and completion are made from the declarations. What an argument is stands in its type name (type_name): completion offers files by it.
-#include <CLI/CLI.hpp>
-#include <functional>
 #include <string>
 #include <vector>
 
+#include "scripts/commands/command_line.hpp"
 #include "scripts/mission/scenario.hpp"
 
 namespace cardan {
 
-struct CommandLine {
-  std::function<int()> action;         // returns the exit code
-  std::vector<std::string> arguments;  // as given, the name of the program first
-  bool json_errors = false;
-};
-
-void add_run(CLI::App&, CommandLine&);
-void add_check(CLI::App&, CommandLine&);
-void add_describe(CLI::App&, CommandLine&);
-void add_report(CLI::App&, CommandLine&);
-void add_regress(CLI::App&, CommandLine&);
-void add_precision(CLI::App&, CommandLine&);
-void add_diff(CLI::App&, CommandLine&);
-void add_workbench(CLI::App&, CommandLine&);
-void add_modes(CLI::App&, CommandLine&);
-void add_types(CLI::App&, CommandLine&);
+void add_run(CommandLine&);
+void add_check(CommandLine&);
+void add_describe(CommandLine&);
+void add_report(CommandLine&);
+void add_regress(CommandLine&);
+void add_precision(CommandLine&);
+void add_diff(CommandLine&);
+void add_workbench(CommandLine&);
+void add_modes(CommandLine&);
+void add_types(CommandLine&);
 /// What plugins say goes to standard error.
 void show_plugin_messages();
-void add_import(CLI::App&, CommandLine&);
-void add_new(CLI::App&, CommandLine&);
-void add_check_plugin(CLI::App&, CommandLine&);
-void add_completion(CLI::App&, CommandLine&);
-void add_help(CLI::App&, CommandLine&);
-void add_version(CLI::App&, CommandLine&);
+void add_import(CommandLine&);
+void add_new(CommandLine&);
+void add_check_plugin(CommandLine&);
+void add_completion(CommandLine&);
+void add_help(CommandLine&);
+void add_version(CommandLine&);
 
-/// What every command about a scenario takes: FILE, --set, --settings, --seed, --json-errors.
+/// What every command about a scenario takes: FILE, --set, --settings, --seed.
 struct ScenarioArguments {
   std::string file;
   std::vector<std::string> settings, settings_files;
   std::string seed;
-  const bool* json_errors = nullptr;  // of the command line: what scripts print would spoil standard error
+  const CommandLine* to = nullptr;  // where errors are asked for as JSON, what scripts print would spoil them
 
-  void add_to(CLI::App& command, CommandLine& line, const char* what = "The scenario: a Lua file, or a folder with scenario.lua",
-              const char* type = "SCENARIO");
+  /// Returns FILE, which is required.
+  Argument add_to(Command& command, const CommandLine& line, const char* what = "The scenario: a Lua file, or a folder with scenario.lua",
+                  const char* type = "SCENARIO");
   /// Throws InputError C0801 for a --set, or a line of --settings, that is not key=value and a --seed that is no whole number of 64 bits,
   /// C0102 for a file that is not there.
   ScenarioOptions options() const;
@@ -65,12 +59,6 @@ inline constexpr Code kAllCodes[] = {
 // ---- for main() ----
 
 /// `cardan` alone: the commands, one line each, and where to read on.
-std::string overview(const CLI::App& app);
-
-/// C0801 with what may be meant, if the first word of the command line is neither a command nor an option.
-void expect_command(const CLI::App& app, const std::vector<std::string>& arguments);
-
-/// What is wrong with a command line that cannot be parsed, with what may be meant.
-Diagnostic wrong_command_line(const CLI::App& app, const CLI::ParseError& error);
+std::string overview(const CommandLine& line);
 
 }  // namespace cardan

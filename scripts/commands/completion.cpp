@@ -14,7 +14,7 @@ namespace cardan {
 namespace {
 
 /// What completes an argument by its type name: words, endings of files, or folders.
-std::string candidates(const CLI::App& app, const std::string& type) {
+std::string candidates(const CommandLine& line, const std::string& type) {
   if (type == "SCENARIO") return "_cardan_files lua";
   if (type == "SCENARIO|VEHICLE") return "_cardan_files lua yaml yml";
   if (type == "SCRIPT") return "_cardan_files lua";
@@ -39,7 +39,7 @@ std::string candidates(const CLI::App& app, const std::string& type) {
     for (const HingeLoadType& load : kHingeLoadTypes) add(load.name);
   }
   if (type == "TOPIC") {
-    for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) add(command->get_name());
+    for (const Command* command : line.commands()) add(command->name());
     for (const char* topic : {"errors", "man"}) add(topic);
     for (const Code code : kAllCodes) add(std::string(number_of(code)));
   }
@@ -47,29 +47,29 @@ std::string candidates(const CLI::App& app, const std::string& type) {
 }
 
 /// The branch of the script for one command: values of its options, its options, its argument.
-std::string case_of(const CLI::App& app, const CLI::App& command) {
+std::string case_of(const CommandLine& line, const Command& command) {
   std::string flags, values, positional = ":";
-  for (const CLI::Option* option : command.get_options()) {
+  for (const DeclaredArgument& a : command.arguments()) {
     std::string names;
-    for (const std::string& name : option->get_lnames()) {
-      flags += " --" + name;
-      names += (names.empty() ? "--" : "|--") + name;
+    for (const std::string& name : a.names) {
+      if (!name.starts_with("--")) continue;
+      flags += " " + name;
+      names += (names.empty() ? "" : "|") + name;
     }
-    if (option->get_positional()) positional = candidates(app, option->get_type_name());
-    if (!names.empty() && option->get_items_expected_max() > 0)
-      values += fmt::format("        {}) {}; return ;;\n", names, candidates(app, option->get_type_name()));
+    if (a.positional()) positional = candidates(line, a.type);
+    if (!names.empty() && a.takes_value) values += fmt::format("        {}) {}; return ;;\n", names, candidates(line, a.type));
   }
   return fmt::format(
       "    {})\n      case \"$previous\" in\n{}        *) ;;\n      esac\n"
       "      if [[ $current == -* ]]; then _cardan_words{}; else {}; fi ;;\n",
-      command.get_name(), values, flags, positional);
+      command.name(), values, flags, positional);
 }
 
-std::string script(const CLI::App& app, bool zsh) {
+std::string script(const CommandLine& line, bool zsh) {
   std::string commands, cases;
-  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
-    commands += " " + command->get_name();
-    cases += case_of(app, *command);
+  for (const Command* command : line.commands()) {
+    commands += " " + command->name();
+    cases += case_of(line, *command);
   }
   std::string out = zsh ? "autoload -Uz +X compinit bashcompinit && compinit -u && bashcompinit\n" : "";
   out += R"(_cardan_words() { COMPREPLY=($(compgen -W "$*" -- "$current")); }
@@ -92,17 +92,14 @@ _cardan() {
 
 }  // namespace
 
-void add_completion(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("completion", "Print a script that completes command lines: eval \"$(cardan completion bash)\"");
+void add_completion(CommandLine& line) {
+  Command& command = line.command("completion", "Print a script that completes command lines: eval \"$(cardan completion bash)\"");
   auto shell = std::make_shared<std::string>();
-  command->add_option("shell", *shell, "bash or zsh")->required()->type_name("SHELL");
-  command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
-  command->callback([&app, &line, shell] {
-    line.action = [&app, shell] {
-      if (*shell != "bash" && *shell != "zsh") refuse(Code::command_line, {}, "bash or zsh", in_quotes(*shell));
-      fmt::print("{}", script(app, *shell == "zsh"));
-      return 0;
-    };
+  command.option("shell", *shell, "bash or zsh").required().type_name("SHELL");
+  command.action([&line, shell] {
+    if (*shell != "bash" && *shell != "zsh") refuse(Code::command_line, {}, "bash or zsh", in_quotes(*shell));
+    fmt::print("{}", script(line, *shell == "zsh"));
+    return 0;
   });
 }
 

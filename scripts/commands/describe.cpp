@@ -7,25 +7,23 @@
 
 namespace cardan {
 
-void add_describe(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("describe", "Tell what a scenario is made of: bodies, masses, modes, program of sweeps");
+void add_describe(CommandLine& line) {
+  Command& command = line.command("describe", "Tell what a scenario is made of: bodies, masses, modes, program of sweeps");
   auto arguments = std::make_shared<ScenarioArguments>();
   auto as_json = std::make_shared<bool>(false);
   auto options = std::make_shared<DescribeOptions>();
-  arguments->add_to(*command, line);
-  command->add_flag("--json", *as_json, "As JSON");
-  command->add_flag("--measure", options->measured, "Time each op of the program as well");
-  command->add_flag("--forms", options->forms,
-                    "Compare the three solutions of closed loops at the initial state: accelerations, multipliers, reactions");
-  command->add_option("--modes", options->n_modes, "So many modes of the assembled system (default: 10, of up to 400 velocities)")
-      ->check(CLI::Range(0, 1000));
-  command->callback([&line, arguments, as_json, options] {
-    line.action = [arguments, as_json, options] {
-      const auto s = open_scenario(arguments->options());
-      const Json description = describe_scenario(*s, *options);
-      fmt::print("{}", *as_json ? json_text(description) : modes_line(*s) + description_text(description));
-      return 0;
-    };
+  arguments->add_to(command, line);
+  command.flag("--json", *as_json, "As JSON");
+  command.flag("--measure", options->measured, "Time each op of the program as well");
+  command.flag("--forms", options->forms,
+               "Compare the three solutions of closed loops at the initial state: accelerations, multipliers, reactions");
+  command.option("--modes", options->n_modes, "So many modes of the assembled system (default: 10, of up to 400 velocities)")
+      .between(0, 1000);
+  command.action([arguments, as_json, options] {
+    const auto s = open_scenario(arguments->options());
+    const Json description = describe_scenario(*s, *options);
+    fmt::print("{}", *as_json ? json_text(description) : modes_line(*s) + description_text(description));
+    return 0;
   });
 }
 

@@ -5,26 +5,23 @@
 
 namespace cardan {
 
-void add_diff(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("diff", "Compare the results of two runs, channel by channel");
+void add_diff(CommandLine& line) {
+  Command& command = line.command("diff", "Compare the results of two runs, channel by channel");
   auto c = std::make_shared<Comparison>();
-  command->add_option("first", c->first, "Results: run.h5, or the folder it is in")->required()->type_name("RESULTS");
-  command->add_option("second", c->second, "Results that they are compared with")->required()->type_name("RESULTS");
+  command.option("first", c->first, "Results: run.h5, or the folder it is in").required().type_name("RESULTS");
+  command.option("second", c->second, "Results that they are compared with").required().type_name("RESULTS");
   command
-      ->add_option("--relative", c->relative,
-                   "Permitted difference over the largest magnitude of the second, of all components of a channel with the same unit; "
-                   "default 0: the same bits")
-      ->type_name("NUMBER");
-  command->add_flag("--common-times", c->at_common_times, "Times that one of them alone has make no difference");
-  command->add_option("--page", c->page, "A page that draws over each other what differs")->type_name("PAGE");
-  command->add_option("--json", c->json, "The differences as data, in this file")->type_name("FILE");
-  command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
-  command->callback([&line, c] {
-    line.action = [c] {
-      if (!(c->relative >= 0.0 && c->relative < 1.0))
-        refuse(Code::command_line, {"--relative"}, "a number from 0 to 1: 1e-9", fmt::format("{}", c->relative));
-      return compare(*c);
-    };
+      .option("--relative", c->relative,
+              "Permitted difference over the largest magnitude of the second, of all components of a channel with the same unit; "
+              "default 0: the same bits")
+      .type_name("NUMBER");
+  command.flag("--common-times", c->at_common_times, "Times that one of them alone has make no difference");
+  command.option("--page", c->page, "A page that draws over each other what differs").type_name("PAGE");
+  command.option("--json", c->json, "The differences as data, in this file").type_name("FILE");
+  command.action([c] {
+    if (!(c->relative >= 0.0 && c->relative < 1.0))
+      refuse(Code::command_line, {"--relative"}, "a number from 0 to 1: 1e-9", fmt::format("{}", c->relative));
+    return compare(*c);
   });
 }
 

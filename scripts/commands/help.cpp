@@ -15,10 +15,6 @@ namespace {
 
 constexpr std::size_t kTextWidth = 80;
 
-std::vector<const CLI::App*> subcommands_of(const CLI::App& app) {
-  return app.get_subcommands([](const CLI::App*) { return true; });
-}
-
 /// Words of a paragraph in lines of at most kTextWidth characters.
 std::string wrapped(const std::string& text) {
   std::istringstream words(text);
@@ -65,33 +61,26 @@ std::string roff(const std::string& text) {
   return out.starts_with('.') || out.starts_with('\'') ? "\\&" + out : out;
 }
 
-std::string usage(const CLI::App& command) {
-  std::string out = command.get_name() + " [OPTIONS]";
-  for (const CLI::Option* option : command.get_options())
-    if (option->get_positional()) out += option->get_required() ? " " + option->get_type_name() : " [" + option->get_type_name() + "]";
+std::string usage(const Command& command) {
+  std::string out = command.name() + " [OPTIONS]";
+  for (const DeclaredArgument& a : command.arguments())
+    if (a.positional()) out += a.required ? " " + a.type : " [" + a.type + "]";
   return out;
 }
 
-std::string option_name(const CLI::Option& option) {
-  std::string out;
-  for (const std::string& name : option.get_snames()) out += (out.empty() ? "-" : ", -") + name;
-  for (const std::string& name : option.get_lnames()) out += (out.empty() ? "--" : ", --") + name;
-  if (option.get_positional())
-    out = option.get_type_name();
-  else if (option.get_items_expected_max() > 0)
-    out += " " + option.get_type_name();
-  return out;
+std::string argument_name(const DeclaredArgument& a) {
+  if (a.positional()) return a.type;
+  return fmt::format("{}{}{}", fmt::join(a.names, ", "), a.takes_value ? " " : "", a.takes_value ? a.type : "");
 }
 
-std::string manual(const CLI::App& app) {
+std::string manual(const CommandLine& line) {
   std::string out = fmt::format(".TH CARDAN 1 \"\" \"cardan {}\" \"User commands\"\n.SH NAME\ncardan \\- {}\n.SH SYNOPSIS\n",
                                 version::kNumber, roff("simulator of spacecraft made of rigid and flexible bodies"));
-  for (const CLI::App* command : subcommands_of(app)) out += fmt::format(".B cardan {}\n.br\n", roff(usage(*command)));
+  for (const Command* command : line.commands()) out += fmt::format(".B cardan {}\n.br\n", roff(usage(*command)));
   out += ".SH COMMANDS\n";
-  for (const CLI::App* command : subcommands_of(app)) {
-    out += fmt::format(".SS {}\n{}.\n", roff(usage(*command)), roff(command->get_description()));
-    for (const CLI::Option* option : command->get_options())
-      out += fmt::format(".TP\n.B {}\n{}\n", roff(option_name(*option)), roff(option->get_description()));
+  for (const Command* command : line.commands()) {
+    out += fmt::format(".SS {}\n{}.\n", roff(usage(*command)), roff(command->what()));
+    for (const DeclaredArgument& a : command->arguments()) out += fmt::format(".TP\n.B {}\n{}\n", roff(argument_name(a)), roff(a.what));
   }
   out += ".SH EXIT STATUS\n";
   for (const auto& [code, meaning] : {std::pair{"0", "done"},
@@ -105,7 +94,7 @@ std::string manual(const CLI::App& app) {
   return out;
 }
 
-int help(const CLI::App& app, const std::string& topic) {
+int help(const CommandLine& line, const std::string& topic) {
   std::vector<std::string> legal{"errors", "man"};
   std::string as_code = topic;
   std::ranges::transform(as_code, as_code.begin(), [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
@@ -116,19 +105,19 @@ int help(const CLI::App& app, const std::string& topic) {
     }
     legal.emplace_back(number_of(code));
   }
-  for (const CLI::App* command : subcommands_of(app)) {
-    if (command->get_name() == topic) {
-      fmt::print("{}", command->help("cardan"));
+  for (const Command* command : line.commands()) {
+    if (command->name() == topic) {
+      fmt::print("{}", command->help());
       return 0;
     }
-    legal.push_back(command->get_name());
+    legal.push_back(command->name());
   }
   if (topic.empty())
-    fmt::print("{}", overview(app));
+    fmt::print("{}", overview(line));
   else if (topic == "errors")
     fmt::print("{}", codes_text());
   else if (topic == "man")
-    fmt::print("{}", manual(app));
+    fmt::print("{}", manual(line));
   else
     refuse(Code::command_line, {}, "a command, an error code like C0107, \"errors\" or \"man\"", in_quotes(topic),
            did_you_mean(std::isdigit(static_cast<unsigned char>(topic.back())) ? as_code : topic, legal));
@@ -137,10 +126,10 @@ int help(const CLI::App& app, const std::string& topic) {
 
 }  // namespace
 
-std::string overview(const CLI::App& app) {
+std::string overview(const CommandLine& line) {
   std::string out = fmt::format(
       "cardan {}: simulator of spacecraft made of rigid and flexible bodies\n\nusage: cardan COMMAND [ARGUMENTS]\n\n", version::kNumber);
-  for (const CLI::App* command : subcommands_of(app)) out += fmt::format("  {:<14}{}\n", command->get_name(), command->get_description());
+  for (const Command* command : line.commands()) out += fmt::format("  {:<14}{}\n", command->name(), command->what());
   return out +
          "\nA scenario is a Lua file about a vehicle in YAML (README.md has a first one):\n\n"
          "  cardan check scenario.lua             is it right?\n"
@@ -151,12 +140,11 @@ std::string overview(const CLI::App& app) {
          "cardan help man the manual page (cardan help man | man -l -).\n";
 }
 
-void add_help(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("help", "Explain a command or an error code; \"errors\" lists the codes, \"man\" is the manual page");
+void add_help(CommandLine& line) {
+  Command& command = line.command("help", "Explain a command or an error code; \"errors\" lists the codes, \"man\" is the manual page");
   auto topic = std::make_shared<std::string>();
-  command->add_option("topic", *topic, "A command, an error code, \"errors\" or \"man\"")->type_name("TOPIC");
-  command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
-  command->callback([&app, &line, topic] { line.action = [&app, topic] { return help(app, *topic); }; });
+  command.option("topic", *topic, "A command, an error code, \"errors\" or \"man\"").type_name("TOPIC");
+  command.action([&line, topic] { return help(line, *topic); });
 }
 
 }  // namespace cardan

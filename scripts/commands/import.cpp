@@ -88,28 +88,24 @@ int import_file(const ImportArguments& a) {
 
 }  // namespace
 
-void add_import(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("import", "Write a vehicle from a robot description: URDF or MJCF");
+void add_import(CommandLine& line) {
+  Command& command = line.command("import", "Write a vehicle from a robot description: URDF or MJCF");
   auto a = std::make_shared<ImportArguments>();
-  command->add_option("file", a->file, "The robot: a URDF or MJCF file, told by its root element")->required()->type_name("ROBOT");
+  command.option("file", a->file, "The robot: a URDF or MJCF file, told by its root element").required().type_name("ROBOT");
   command
-      ->add_option("--out", a->out,
-                   "The vehicle file (default: the name of the robot file with .yaml, in this folder, if it is not there yet)")
-      ->type_name("VEHICLE");
-  command->add_option("--base", a->base, "The root link of a URDF: free, or fixed to the world (default: free if it has mass)")
-      ->type_name("BASE");
+      .option("--out", a->out, "The vehicle file (default: the name of the robot file with .yaml, in this folder, if it is not there yet)")
+      .type_name("VEHICLE");
+  command.option("--base", a->base, "The root link of a URDF: free, or fixed to the world (default: free if it has mass)")
+      .type_name("BASE");
   command
-      ->add_option("--leave-out", a->leave_out,
-                   "Do without what cannot be honoured, by the name that the refusal tells: armature, or one loop by its own")
-      ->type_name("NAME")
-      ->allow_extra_args(false);
-  command->add_option("--initial", a->initial, "A coordinate at the start, such that loops are closed: elbow=\"30 deg\"")
-      ->type_name("JOINT=VALUE")
-      ->allow_extra_args(false);
-  command->add_option("--stop-stiffness", a->stop_stiffness, "Make stops of limits, of so many N m/rad or N/m")->type_name("K");
-  command->add_option("--friction-width", a->friction_width, "Take dry friction over, smoothed over so many rad/s or m/s")->type_name("W");
-  command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
-  command->callback([&line, a] { line.action = [a] { return import_file(*a); }; });
+      .option("--leave-out", a->leave_out,
+              "Do without what cannot be honoured, by the name that the refusal tells: armature, or one loop by its own")
+      .type_name("NAME");
+  command.option("--initial", a->initial, "A coordinate at the start, such that loops are closed: elbow=\"30 deg\"")
+      .type_name("JOINT=VALUE");
+  command.option("--stop-stiffness", a->stop_stiffness, "Make stops of limits, of so many N m/rad or N/m").type_name("K");
+  command.option("--friction-width", a->friction_width, "Take dry friction over, smoothed over so many rad/s or m/s").type_name("W");
+  command.action([a] { return import_file(*a); });
 }
 
 }  // namespace cardan

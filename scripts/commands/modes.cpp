@@ -50,13 +50,13 @@ int write_modes(const ModesArguments& a) {
 
 }  // namespace
 
-void add_modes(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("modes", "Write the modes of a flexible body as a modal file");
+void add_modes(CommandLine& line) {
+  Command& command = line.command("modes", "Write the modes of a flexible body as a modal file");
   auto a = std::make_shared<ModesArguments>();
-  a->scenario.add_to(*command, line, "The scenario: a Lua file, or a folder with scenario.lua; or a vehicle: a YAML file");
-  command->add_option("body", a->body, "The flexible body")->required()->type_name("BODY");
-  command->add_option("--out", a->out, "The modal file; default: BODY.h5")->type_name("FILE");
-  command->callback([&line, a] { line.action = [a] { return write_modes(*a); }; });
+  a->scenario.add_to(command, line, "The scenario: a Lua file, or a folder with scenario.lua; or a vehicle: a YAML file");
+  command.option("body", a->body, "The flexible body").required().type_name("BODY");
+  command.option("--out", a->out, "The modal file; default: BODY.h5").type_name("FILE");
+  command.action([a] { return write_modes(*a); });
 }
 
 }  // namespace cardan

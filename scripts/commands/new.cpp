@@ -64,14 +64,13 @@ int new_project(const std::string& kind, const std::string& type, std::string fo
 
 }  // namespace
 
-void add_new(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("new", "Write a project for a plugin with a type of your own: hinge, body, device or field");
+void add_new(CommandLine& line) {
+  Command& command = line.command("new", "Write a project for a plugin with a type of your own: hinge, body, device or field");
   auto kind = std::make_shared<std::string>(), name = std::make_shared<std::string>(), out = std::make_shared<std::string>();
-  command->add_option("kind", *kind, "hinge, body, device or field")->required()->type_name("KIND");
-  command->add_option("name", *name, "What the type is called, also with a prefix: acme/roller")->required()->type_name("NAME");
-  command->add_option("--out", *out, "The folder of the project (default: the name)")->type_name("DIR");
-  command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
-  command->callback([&line, kind, name, out] { line.action = [kind, name, out] { return new_project(*kind, *name, *out); }; });
+  command.option("kind", *kind, "hinge, body, device or field").required().type_name("KIND");
+  command.option("name", *name, "What the type is called, also with a prefix: acme/roller").required().type_name("NAME");
+  command.option("--out", *out, "The folder of the project (default: the name)").type_name("DIR");
+  command.action([kind, name, out] { return new_project(*kind, *name, *out); });
 }
 
 }  // namespace cardan

@@ -395,68 +395,61 @@ int precision(const PrecisionArguments& a) {
 
 }  // namespace
 
-void add_precision(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("precision", "Run a scenario with many methods and tolerances: what does a digit cost?");
+void add_precision(CommandLine& line) {
+  Command& command = line.command("precision", "Run a scenario with many methods and tolerances: what does a digit cost?");
   auto a = std::make_shared<PrecisionArguments>();
-  a->scenario.add_to(*command, line);
+  a->scenario.add_to(command, line);
   command
-      ->add_option("--methods", a->methods,
-                   "These integrators alone, of several linear solvers all or one: dopri5,cvode_bdf/krylov; default: all that compute in "
-                   "double")
-      ->delimiter(',')
-      ->type_name("METHODS")
-      ->allow_extra_args(false);
+      .option("--methods", a->methods,
+              "These integrators alone, of several linear solvers all or one: dopri5,cvode_bdf/krylov; default: all that compute in "
+              "double")
+      .split_at_commas()
+      .type_name("METHODS");
   command
-      ->add_option("--formulations", a->formulations,
-                   "Each method in these forms of the equations: standard,dense, where loops are closed multipliers or embedding, or all; "
-                   "default: that of the scenario, the others once each")
-      ->delimiter(',')
-      ->type_name("FORMS")
-      ->allow_extra_args(false);
-  command->add_option("--tolerances", a->tolerances, "Relative tolerances: 1e-4:1e-12 (the default), 1e-4:1e-12:17 or 1e-4,1e-7")
-      ->type_name("LADDER");
+      .option("--formulations", a->formulations,
+              "Each method in these forms of the equations: standard,dense, where loops are closed multipliers or embedding, or all; "
+              "default: that of the scenario, the others once each")
+      .split_at_commas()
+      .type_name("FORMS");
+  command.option("--tolerances", a->tolerances, "Relative tolerances: 1e-4:1e-12 (the default), 1e-4:1e-12:17 or 1e-4,1e-7")
+      .type_name("LADDER");
   command
-      ->add_option(
-          "--steps", a->steps,
-          "Steps in s of methods that take equal ones: 0.1:0.001 or 0.1,0.02; default: from where the method is stable, five times "
-          "halved")
-      ->type_name("LADDER");
+      .option("--steps", a->steps,
+              "Steps in s of methods that take equal ones: 0.1:0.001 or 0.1,0.02; default: from where the method is stable, five times "
+              "halved")
+      .type_name("LADDER");
   command
-      ->add_option("--reference", a->reference,
-                   "Two methods in double, dop853,cvode_adams, or `extended`, in 113 bits for as long as --limit allows; default: extended "
-                   "where the scene has it and it takes less than 20 s, else the first two methods that get there")
-      ->delimiter(',')
-      ->type_name("METHODS")
-      ->allow_extra_args(false);
+      .option("--reference", a->reference,
+              "Two methods in double, dop853,cvode_adams, or `extended`, in 113 bits for as long as --limit allows; default: extended "
+              "where the scene has it and it takes less than 20 s, else the first two methods that get there")
+      .split_at_commas()
+      .type_name("METHODS");
   command
-      ->add_option("--reference-tolerance", a->reference_tolerance,
-                   "Where the reference begins; default 1e-13, or the tightest of the ladder")
-      ->type_name("NUMBER");
-  command->add_option("--kinds", a->kinds, "Columns of the table: attitude,modes,energy; the files have all of them")
-      ->delimiter(',')
-      ->type_name("KINDS")
-      ->allow_extra_args(false);
-  command->add_option("--measure", a->measure, "final, l2 (over the recorded instants), or largest (the default)")->type_name("MEASURE");
-  command->add_option("--wanted", a->wanted, "Tell the cheapest setting for this error, of each kind by itself")->type_name("ERROR");
+      .option("--reference-tolerance", a->reference_tolerance, "Where the reference begins; default 1e-13, or the tightest of the ladder")
+      .type_name("NUMBER");
+  command.option("--kinds", a->kinds, "Columns of the table: attitude,modes,energy; the files have all of them")
+      .split_at_commas()
+      .type_name("KINDS");
+  command.option("--measure", a->measure, "final, l2 (over the recorded instants), or largest (the default)").type_name("MEASURE");
+  command.option("--wanted", a->wanted, "Tell the cheapest setting for this error, of each kind by itself").type_name("ERROR");
   command
-      ->add_option("--budget", a->budgets,
-                   "Tell the cheapest setting and model that keep this error, attitude=\"1e-6 rad\", and write them as settings.txt for "
-                   "`cardan run --settings`; may be repeated: all at once. Exit code 1 where none does")
-      ->type_name("KIND=ERROR")
-      ->allow_extra_args(false);
-  command->add_flag("--whole-model", a->whole_model, "With --budget: methods and tolerances alone, nothing of the vehicle is left out");
-  command->add_option("--until", a->until, "End of the runs in s, instead of the mission's duration")->type_name("SECONDS");
-  command->add_option("-j,--jobs", a->jobs, "How many run side by side; default 1, so that times mean something")
-      ->type_name("N")
-      ->check(CLI::Range(1, 1024));
-  command->add_option("--repeat", a->repeats, "Run each so often and keep the least time; default: of short runs up to five")
-      ->type_name("N")
-      ->check(CLI::Range(1, 1000));
-  command->add_option("--limit", a->limit, "Processor time in s that one run may take; default 600")->type_name("SECONDS");
-  command->add_option("--out", a->out, "Folder of the results; default: out/precision/<folder of the scenario>")->type_name("DIR");
-  command->add_flag("--keep-runs", a->keep_runs, "Keep run.h5 of every run; else of those of the reference");
-  command->add_flag("--quiet", a->quiet, "No progress");
-  command->callback([&line, a] { line.action = [a] { return precision(*a); }; });
+      .option("--budget", a->budgets,
+              "Tell the cheapest setting and model that keep this error, attitude=\"1e-6 rad\", and write them as settings.txt for "
+              "`cardan run --settings`; may be repeated: all at once. Exit code 1 where none does")
+      .type_name("KIND=ERROR");
+  command.flag("--whole-model", a->whole_model, "With --budget: methods and tolerances alone, nothing of the vehicle is left out");
+  command.option("--until", a->until, "End of the runs in s, instead of the mission's duration").type_name("SECONDS");
+  command.option("-j,--jobs", a->jobs, "How many run side by side; default 1, so that times mean something")
+      .type_name("N")
+      .between(1, 1024);
+  command.option("--repeat", a->repeats, "Run each so often and keep the least time; default: of short runs up to five")
+      .type_name("N")
+      .between(1, 1000);
+  command.option("--limit", a->limit, "Processor time in s that one run may take; default 600").type_name("SECONDS");
+  command.option("--out", a->out, "Folder of the results; default: out/precision/<folder of the scenario>").type_name("DIR");
+  command.flag("--keep-runs", a->keep_runs, "Keep run.h5 of every run; else of those of the reference");
+  command.flag("--quiet", a->quiet, "No progress");
+  command.action([a] { return precision(*a); });
 }
 
 }  // namespace cardan

@@ -138,29 +138,22 @@ int regress(const RegressArguments& a, bool as_json) {
 
 }  // namespace
 
-void add_regress(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("regress", "Run scenarios and compare them with their golden files");
+void add_regress(CommandLine& line) {
+  Command& command = line.command("regress", "Run scenarios and compare them with their golden files");
   auto a = std::make_shared<RegressArguments>();
-  command->add_option("folder", a->folder, "Where to look for scenarios with a golden.yaml, in folders below too")
-      ->required()
-      ->type_name("DIR");
-  command->add_option("-j,--jobs", a->jobs, "How many run side by side; default: as many as there are processors")
-      ->type_name("N")
-      ->check(CLI::Range(1, 1024));
-  command->add_option("--shard", a->shard, "The i-th of n parts of the scenarios alone, as machines share them: 2/3")->type_name("I/N");
-  command->add_option("--only", a->only, "This scenario alone, by its name in the table; may be repeated")
-      ->type_name("NAME")
-      ->allow_extra_args(false);
+  command.option("folder", a->folder, "Where to look for scenarios with a golden.yaml, in folders below too").required().type_name("DIR");
+  command.option("-j,--jobs", a->jobs, "How many run side by side; default: as many as there are processors")
+      .type_name("N")
+      .between(1, 1024);
+  command.option("--shard", a->shard, "The i-th of n parts of the scenarios alone, as machines share them: 2/3").type_name("I/N");
+  command.option("--only", a->only, "This scenario alone, by its name in the table; may be repeated").type_name("NAME");
   command
-      ->add_option("--update", a->update,
-                   "Record the references of this scenario anew, and run no other; may be repeated. Truths from elsewhere stay as they are")
-      ->type_name("NAME")
-      ->allow_extra_args(false);
-  command->add_option("--why", a->why, "With --update: the reason, kept in the golden file")->type_name("TEXT");
-  command->add_option("--out", a->out, "Folder of the results, regress.html, regress.json and junit.xml; default: out/regress")
-      ->type_name("DIR");
-  command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
-  command->callback([&line, a] { line.action = [&line, a] { return regress(*a, line.json_errors); }; });
+      .option("--update", a->update,
+              "Record the references of this scenario anew, and run no other; may be repeated. Truths from elsewhere stay as they are")
+      .type_name("NAME");
+  command.option("--why", a->why, "With --update: the reason, kept in the golden file").type_name("TEXT");
+  command.option("--out", a->out, "Folder of the results, regress.html, regress.json and junit.xml; default: out/regress").type_name("DIR");
+  command.action([&line, a] { return regress(*a, line.json_errors()); });
 }
 
 }  // namespace cardan

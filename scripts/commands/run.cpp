@@ -436,37 +436,33 @@ class RunCommand {
 
 }  // namespace
 
-void add_run(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("run", "Run a scenario; writes run.h5, report.html and summary.json");
+void add_run(CommandLine& line) {
+  Command& command = line.command("run", "Run a scenario; writes run.h5, report.html and summary.json");
   auto a = std::make_shared<RunArguments>();
-  a->scenario.add_to(*command, line);
-  command->get_option("file")->required(false);
-  command->add_option("--again", a->again, "Instead of a scenario: repeat the run that made these results: run.h5, or the folder it is in")
-      ->type_name("RESULTS");
+  a->scenario.add_to(command, line).required(false);
+  command.option("--again", a->again, "Instead of a scenario: repeat the run that made these results: run.h5, or the folder it is in")
+      .type_name("RESULTS");
   command
-      ->add_option(
-          "--resume", a->resume,
-          "Instead of a scenario: go on from the last checkpoint of the run that made these results, with the same bits as if it had "
-          "never stopped: run.h5, or the folder it is in")
-      ->type_name("RESULTS");
-  command->add_option("--at", a->at, "With --resume: from the last checkpoint at or before this time in s")->type_name("SECONDS");
+      .option("--resume", a->resume,
+              "Instead of a scenario: go on from the last checkpoint of the run that made these results, with the same bits as if it had "
+              "never stopped: run.h5, or the folder it is in")
+      .type_name("RESULTS");
+  command.option("--at", a->at, "With --resume: from the last checkpoint at or before this time in s").type_name("SECONDS");
   command
-      ->add_option("--out", a->out,
-                   "Folder of the results; default: out/<folder of the scenario>, beside the results `again` with --again, `resumed` with "
-                   "--resume")
-      ->type_name("DIR");
-  command->add_option("--until", a->until, "End of the run in s, instead of the mission's duration")->type_name("SECONDS");
-  command->add_flag("--quiet", a->quiet, "No progress, and a summary only if a check failed");
-  command->add_flag("--profile", a->profile, "Tell where the time of the run went: right-hand side, method, controllers, ledger, outputs");
-  command->add_flag("--check-against-reference", a->check_against_reference, "Compare with the dense twin at every output time (slow)");
-  command->callback([&line, a] {
-    line.action = [&line, a] {
-      a->json_errors = line.json_errors;
-      a->command = line.arguments;
-      for (std::string* results : {&a->again, &a->resume})
-        if (std::error_code ignored; fs::is_directory(*results, ignored)) *results = (fs::path(*results) / kResults).string();
-      return RunCommand(*a).execute();
-    };
+      .option("--out", a->out,
+              "Folder of the results; default: out/<folder of the scenario>, beside the results `again` with --again, `resumed` with "
+              "--resume")
+      .type_name("DIR");
+  command.option("--until", a->until, "End of the run in s, instead of the mission's duration").type_name("SECONDS");
+  command.flag("--quiet", a->quiet, "No progress, and a summary only if a check failed");
+  command.flag("--profile", a->profile, "Tell where the time of the run went: right-hand side, method, controllers, ledger, outputs");
+  command.flag("--check-against-reference", a->check_against_reference, "Compare with the dense twin at every output time (slow)");
+  command.action([&line, a] {
+    a->json_errors = line.json_errors();
+    a->command = line.words();
+    for (std::string* results : {&a->again, &a->resume})
+      if (std::error_code ignored; fs::is_directory(*results, ignored)) *results = (fs::path(*results) / kResults).string();
+    return RunCommand(*a).execute();
   });
 }
 

@@ -329,15 +329,14 @@ int tell_types(const TypesArguments& a) {
 
 }  // namespace
 
-void add_types(CLI::App& app, CommandLine& line) {
-  auto* command =
-      app.add_subcommand("types", "List the types of bodies, hinges, hinge loads, devices and fields, or tell the parameters of one");
+void add_types(CommandLine& line) {
+  Command& command =
+      line.command("types", "List the types of bodies, hinges, hinge loads, devices and fields, or tell the parameters of one");
   auto a = std::make_shared<TypesArguments>();
-  command->add_option("name", a->name, "A type; without it, all are listed")->type_name("TYPE");
-  command->add_option("--plugin", a->plugins, "Load this plugin first (may be repeated)")->type_name("PLUGIN")->allow_extra_args(false);
-  command->add_flag("--json", a->as_json, "As JSON");
-  command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
-  command->callback([&line, a] { line.action = [a] { return tell_types(*a); }; });
+  command.option("name", a->name, "A type; without it, all are listed").type_name("TYPE");
+  command.option("--plugin", a->plugins, "Load this plugin first (may be repeated)").type_name("PLUGIN");
+  command.flag("--json", a->as_json, "As JSON");
+  command.action([a] { return tell_types(*a); });
 }
 
 }  // namespace cardan

@@ -8,20 +8,16 @@
 
 namespace cardan {
 
-void add_version(CLI::App& app, CommandLine& line) {
-  const auto tell = [&line] {
-    line.action = [] {
-      fmt::print("cardan {} ({})\n{}\n{}\nsweeps: x86-64-{}\nfactors of finite-element models: {}\n", version::kNumber,
-                 *version::kCommit ? version::kCommit : "no commit", version::kCompiler, version::kFlags, soa::instruction_set().name,
-                 SparseFactor::origin());
-      return 0;
-    };
+void add_version(CommandLine& line) {
+  const auto tell = [] {
+    fmt::print("cardan {} ({})\n{}\n{}\nsweeps: x86-64-{}\nfactors of finite-element models: {}\n", version::kNumber,
+               *version::kCommit ? version::kCommit : "no commit", version::kCompiler, version::kFlags, soa::instruction_set().name,
+               SparseFactor::origin());
+    return 0;
   };
   const char* what = "Tell the version, and how it was built";
-  auto* command = app.add_subcommand("version", what);
-  command->add_flag("--json-errors", line.json_errors, "Errors as JSON on standard error");
-  command->callback(tell);
-  app.add_flag_callback("--version", tell, what);
+  line.command("version", what).action(tell);
+  line.option_alone("--version", tell, what);
 }
 
 }  // namespace cardan

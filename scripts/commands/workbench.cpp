@@ -216,19 +216,17 @@ class WorkbenchCommand {
 
 }  // namespace
 
-void add_workbench(CLI::App& app, CommandLine& line) {
-  auto* command = app.add_subcommand("workbench", "A prompt, or a script, on a loaded scene: states, quantities, matrices");
+void add_workbench(CommandLine& line) {
+  Command& command = line.command("workbench", "A prompt, or a script, on a loaded scene: states, quantities, matrices");
   auto a = std::make_shared<WorkbenchArguments>();
-  a->scenario.add_to(*command, line, "The scenario: a Lua file, or a folder with scenario.lua; or a vehicle: a YAML file",
+  a->scenario.add_to(command, line, "The scenario: a Lua file, or a folder with scenario.lua; or a vehicle: a YAML file",
                      "SCENARIO|VEHICLE");
-  command->add_option("--script", a->script, "Run this Lua file instead of a prompt")->type_name("SCRIPT");
-  command->add_option("--out", a->out, "Folder of the files that scripts write; default: out/<folder of the scenario>")->type_name("DIR");
-  command->callback([&line, a] {
-    line.action = [&line, a] {
-      WorkbenchCommand workbench(*a, line.json_errors);
-      if (!a->script.empty()) return workbench.run_script(a->script);
-      return isatty(STDIN_FILENO) ? workbench.run_prompt() : workbench.run_lines(std::cin);
-    };
+  command.option("--script", a->script, "Run this Lua file instead of a prompt").type_name("SCRIPT");
+  command.option("--out", a->out, "Folder of the files that scripts write; default: out/<folder of the scenario>").type_name("DIR");
+  command.action([&line, a] {
+    WorkbenchCommand workbench(*a, line.json_errors());
+    if (!a->script.empty()) return workbench.run_script(a->script);
+    return isatty(STDIN_FILENO) ? workbench.run_prompt() : workbench.run_lines(std::cin);
   });
 }
 

@@ -15,7 +15,7 @@ namespace cardan {
 // The pages'.
 Output altitude(Simulation& sim, int node, double radius);
 int body_speed(lua_State* L);
-void add_mass(CLI::App& app, CommandLine& line);
+void add_mass(CommandLine& line);
 struct PaintSpec {
   double absorptance = 0.0;
   double area = 0.0;
@@ -67,12 +67,11 @@ TEST(ExtendingPages, TheAccessorAnswersAndRefuses) {
 }
 
 TEST(ExtendingPages, TheCommandRuns) {
-  CommandLine line;
-  CLI::App app{"test"};
-  add_mass(app, line);
-  app.parse("mass " + point());
+  CommandLine line({"cardan", "mass", point()});
+  add_mass(line);
+  const std::function<int()> action = line.read({});
   testing::internal::CaptureStdout();
-  EXPECT_EQ(line.action(), 0);
+  EXPECT_EQ(action(), 0);
   EXPECT_EQ(testing::internal::GetCapturedStdout(), "3 kg\n");
 }
 
