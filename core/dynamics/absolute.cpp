@@ -1,6 +1,6 @@
 #include "core/dynamics/absolute.hpp"
 
-#include <Eigen/Cholesky>
+#include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -201,8 +201,7 @@ void AbsoluteSystem::place_hinge(const Hinge& h) {
   const Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic>> H(out.Ht, 6, h.nv);
   HingeColumns in_A(6, h.nv);
   in_A.topRows<3>() = R * H.topRows<3>(), in_A.bottomRows<3>() = R * H.bottomRows<3>();
-  const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 6, 6> square = in_A.transpose() * in_A;
-  const HingeColumns unit = in_A * square.ldlt().solve(std::decay_t<decltype(square)>::Identity(h.nv, h.nv));
+  const HingeColumns unit = in_A * positive_solve(in_A.transpose() * in_A, HingeSquare::Identity(h.nv, h.nv));
   const auto [wdot, udot] =
       relative_acceleration(f, ws_, at_, loop, k.from[at(h.loop)], k.to[at(h.loop)], LoopPlace<double>{s.R, s.d, s.w, s.u}, zero_.data());
   const Vec of_map_w = s.R * Vec{out.Hdot_v[0], out.Hdot_v[1], out.Hdot_v[2]};

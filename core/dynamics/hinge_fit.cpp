@@ -24,17 +24,16 @@ Vec3<double> rotation_vector(const Mat3<double>& R) {
 }
 
 HingeRates least_squares(const HingeColumns& A, const Eigen::Matrix<double, 6, 1>& b, double lever) {
-  using Square = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 6, 6>;
   Eigen::Matrix<double, 6, 1> weight;
   weight << lever * lever, lever * lever, lever * lever, 1.0, 1.0, 1.0;
   if (A.cols() == 1) {
     const Eigen::Matrix<double, 6, 1> a = weight.cwiseProduct(A.col(0));
     return HingeRates::Constant(1, a.dot(b) / a.dot(A.col(0)));
   }
-  const Square N = A.transpose() * weight.asDiagonal() * A;
-  const HingeRates r = A.transpose() * weight.cwiseProduct(b);
-  return N.ldlt().solve(r);
+  return positive_solve(A.transpose() * weight.asDiagonal() * A, A.transpose() * weight.cwiseProduct(b));
 }
+
+HingeSquare positive_solve(const HingeSquare& N, const HingeSquare& B) { return N.ldlt().solve(B); }
 
 namespace {
 

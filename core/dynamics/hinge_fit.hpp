@@ -14,7 +14,10 @@ Vec3<double> rotation_vector(const Mat3<double>& R);
 /// A x = b in the least squares of angles times `lever` [m], at most six columns.
 using HingeColumns = Eigen::Matrix<double, 6, Eigen::Dynamic, Eigen::ColMajor, 6, 6>;
 using HingeRates = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 6, 1>;
+using HingeSquare = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 6, 6>;
 HingeRates least_squares(const HingeColumns& A, const Eigen::Matrix<double, 6, 1>& b, double lever);
+/// N^-1 B of a positive definite N, without memory of its own.
+HingeSquare positive_solve(const HingeSquare& N, const HingeSquare& B);
 
 /// The pose of P in O that a hinge reaches which is nearest to one that is wanted.
 struct HingeFit {

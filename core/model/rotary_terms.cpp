@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -67,8 +67,8 @@ double shorten_coupling(ModalIntegrals& I, double tolerance) {
   const Index m = I.I6.rows();
   const Eigen::Vector3d c = I.I2 / I.I1;
   const Eigen::Matrix3d J = I.I7 - I.I1 * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
-  const Eigen::LLT<Eigen::Matrix3d> of_rotation(J);
-  if (of_rotation.info() != Eigen::Success || !I.I6.isDiagonal(0.0)) return 0.0;
+  const std::optional<MatrixXd> L = cholesky(J);
+  if (!L || !I.I6.isDiagonal(0.0)) return 0.0;
   double left_out = 0.0;
   bool any = false;
   for (Index l = 0; l < m; ++l) {
@@ -76,7 +76,7 @@ double shorten_coupling(ModalIntegrals& I, double tolerance) {
     const double turn = I.rotary_turn[l] > 0.0 ? I.rotary_turn[l] : 1.0;
     double squares = 0.0;
     for (Index k = 0; k < m; ++k) {
-      const double size = kTurn / turn * of_rotation.matrixL().solve(we.col(k)).norm() / std::sqrt(I.I6(k, k));
+      const double size = kTurn / turn * L->triangularView<Eigen::Lower>().solve(VectorXd(we.col(k))).norm() / std::sqrt(I.I6(k, k));
       if (size > tolerance / std::sqrt(static_cast<double>(m))) {
         any = true;
       } else {

@@ -1,10 +1,11 @@
 #include "core/sim/newton_operators.hpp"
 
-#include <Eigen/LU>
+#include <Eigen/Core>
 
 #include <algorithm>
 
 #include "core/dynamics/forward.hpp"
+#include "core/linalg/dense.hpp"
 #include "core/model/loops.hpp"
 #include "core/soa/kernels_tangent.hpp"
 #include "core/spatial/rotation.hpp"
@@ -118,7 +119,7 @@ bool NewtonOperators::prepare(const double* x, double gamma, bool moved) {
     if (n == 0) continue;
     Eigen::MatrixXd J(n, n);
     devices_->state_matrix(static_cast<int>(i), J.data());
-    states_.emplace_back(Eigen::MatrixXd::Identity(n, n) - gamma * J);
+    states_.push_back(inverse(Eigen::MatrixXd::Identity(n, n) - gamma * J));
   }
   linear_.clear();
   for (const HingeLoad& load : model_->loads) linear_.push_back(hinge_laws::linear(load, q[load.q], v[load.v]));
@@ -164,7 +165,7 @@ void NewtonOperators::precondition(const double* r, double* z) {
   const double* r_z = r_v + m.nv;
   double* dz = dv + m.nv;
   for (const auto& block : states_) {
-    Eigen::VectorXd::Map(dz, block.rows()) = block.solve(Eigen::VectorXd::Map(r_z, block.rows()));
+    Eigen::VectorXd::Map(dz, block.rows()) = block * Eigen::VectorXd::Map(r_z, block.rows());
     r_z += block.rows(), dz += block.rows();
   }
 }

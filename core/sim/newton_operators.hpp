@@ -53,9 +53,9 @@ class NewtonOperators {
   operators::Erased<std::remove_const_t<decltype(operators::letters::mass_inverse)>> inverse_;  // of mass + W, once there is a W
   std::vector<double> q_;                                                                       // of the last prepare
   std::vector<double> W_;
-  std::vector<Eigen::PartialPivLU<Eigen::MatrixXd>> states_;  // of 1 - gamma dz'/dz, device by device; of those that have states
-  std::vector<hinge_laws::Linear> linear_;                    // of each hinge load
-  std::vector<std::uint8_t> free_;                            // empty: all
+  std::vector<Eigen::MatrixXd> states_;     // (1 - gamma dz'/dz)^-1, device by device; of those that have states
+  std::vector<hinge_laws::Linear> linear_;  // of each hinge load
+  std::vector<std::uint8_t> free_;          // empty: all
   Eigen::VectorXd at_, rhs_, dv_;
 };
 

@@ -24,16 +24,11 @@ std::vector<double> axis_of(const ParamValues& params) {
   return numbers && numbers->size() == 3 ? *numbers : std::vector<double>{};
 }
 
-/// A place in the world at the start.
-Eigen::Isometry3d pose_of(const Model& model, const Observer& observer, const PlaceSpec& place) {
-  const auto isometry = [](const Eigen::Matrix3d& R, const Eigen::Vector3d& p) {
-    Eigen::Isometry3d X = Eigen::Isometry3d::Identity();
-    X.linear() = R, X.translation() = p;
-    return X;
-  };
-  if (place.body.empty()) return isometry(place.R, place.position);
-  const NodeState n = observer.node(model.find_node(place.node.empty() ? place.body : place.body + "." + place.node));
-  return isometry(n.R_WN, n.position) * (place.node.empty() ? isometry(place.R, place.position) : Eigen::Isometry3d::Identity());
+/// Axes of a place in the world at the start.
+Eigen::Matrix3d axes_of(const Model& model, const Observer& observer, const PlaceSpec& place) {
+  if (place.body.empty()) return place.R;
+  const Eigen::Matrix3d R = observer.node(model.find_node(place.node.empty() ? place.body : place.body + "." + place.node)).R_WN;
+  return place.node.empty() ? R * place.R : R;
 }
 
 }  // namespace
@@ -63,7 +58,7 @@ std::optional<SystemSpec> cut_at(const Model& model, std::string_view loop_name,
   if (!forward_dynamics(model, ws, at_rest, vdot.data())) return {};
   Observer observer(model, ws);
   observer.update(at_rest, nullptr);
-  const Eigen::Matrix3d seen = (pose_of(model, observer, a).inverse() * pose_of(model, observer, b)).linear();
+  const Eigen::Matrix3d seen = axes_of(model, observer, a).transpose() * axes_of(model, observer, b);
   HingeSpec next;
   if (loop->type == "line" || loop->type == "revolute") {
     next.type = "revolute", next.params = loop->params;
@@ -111,8 +106,9 @@ std::optional<SystemSpec> cut_at(const Model& model, std::string_view loop_name,
     return {};
   } else if (loop->type == "line" && cut.inboard_node.empty() && cut.body_node.empty()) {
     closing.type = "line";
-    const Eigen::Matrix3d R =
-        Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), Eigen::Vector3d(axis[0], axis[1], axis[2])).toRotationMatrix();
+    const Eigen::Vector3d z = Eigen::Vector3d(axis[0], axis[1], axis[2]).normalized(), x = z.unitOrthogonal();
+    Eigen::Matrix3d R;
+    R << x, z.cross(x), z;
     closing.from.R = (closing.from.R * R).eval(), closing.to.R = (closing.to.R * R).eval();
   } else {
     closing.type = "revolute", closing.params = cut.params;
