@@ -250,6 +250,7 @@ class Simulation {
   void stop_what_is_held();
   bool hold_what_is_blocked(const std::vector<std::uint8_t>& gave_way);
   void settle_holds();
+  bool hold_events(std::span<const int> crossed);
   bool close_loops(double t, double* q, double* v);
   void tell_near_singular();
   void start_closed();
@@ -262,6 +263,7 @@ class Simulation {
   void shift_delays(int clock);
   void sample_delays(int clock);
   void expire_commands();
+  double next_timeout() const;
   Inputs inputs(const double* q, const double* v) const {
     return {.q = q,
             .v = v,

@@ -1,0 +1,224 @@
+// Devices in a run: their ticks on the schedule, inputs that come later, commands that grow old, and what they do at their roots.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/abi/port_vectors.hpp"
+#include "core/base/noise.hpp"
+#include "core/sim/simulation.hpp"
+
+namespace cardan {
+
+namespace {
+
+/// Whether a device ticks after the controllers, which command it, or before them, which read it.
+bool ticks_late(const Device& d) {
+  switch (d.family->role) {
+    case CARDAN_ROLE_SENSOR:
+      return false;
+    case CARDAN_ROLE_ACTUATOR:
+    case CARDAN_ROLE_CONTROLLER:
+      return true;
+    default:
+      return d.n_in > 0;
+  }
+}
+/// Its noise, and what it may change.
+std::size_t numbers_of_tick(const Device& d) { return std::size_t{d.family->n_noise} + d.family->n_states + d.family->n_marks; }
+
+/// [s] when a command that was set at t is too old: later than a tick that comes after just `timeout`, whatever rounding did to both.
+double due(double t, double timeout) { return (t + timeout) * (1.0 + 4.0 * std::numeric_limits<double>::epsilon()); }
+
+}  // namespace
+
+/// Puts devices with a sampled part on the schedule, who gives before who takes: sensors at once, others after the controllers.
+void Simulation::sample_devices(bool late) {
+  if (!devices_) return;
+  if (late && std::exchange(actuators_tick_, true)) return;
+  for (const int i : model_->devices.order) {
+    const Device& d = model_->devices.all[static_cast<std::size_t>(i)];
+    if (!d.family->tick || ticks_late(d) != late) continue;
+    Rational offset;
+    const Rational period = period_of(d, &offset);
+    const double seconds = static_cast<double>(period.numerator) / static_cast<double>(period.denominator);
+    noise_.resize(std::max(noise_.size(), numbers_of_tick(d)));
+    const auto id = static_cast<std::size_t>(id_of(now_.device, i));
+    every(
+        period, [this, id, seconds] { shift_delays(now_.device[id]), tick_device(now_.device[id], seconds); }, offset);
+  }
+  if (!late) return;
+  // After all ticks of an instant: what is taken later is what outputs are now.
+  for (std::size_t i = 0; i < model_->devices.all.size(); ++i)
+    if (std::ranges::any_of(model_->devices.delays, [&](const DelayLine& line) { return line.clock == static_cast<int>(i); })) {
+      Rational offset;
+      const Rational period = period_of(model_->devices.all[i], &offset);
+      every(
+          period, [this, i] { sample_delays(static_cast<int>(i)); }, offset);
+    }
+}
+
+Rational Simulation::period_of(const Device& d, Rational* offset) const {
+  const DeviceSpec& spec = model_->spec->devices[static_cast<std::size_t>(d.spec)];
+  const std::string path = "devices." + d.name;
+  if (offset && spec.offset != 0.0) {
+    const auto at = model_->spec->locate(path + ".offset");
+    const auto exact = to_rational(spec.offset);
+    if (!(spec.offset > 0.0) || !exact || exact->numerator > Rational::kLargest)
+      refuse(Code::out_of_range, at, "a time >= 0 that is a ratio of whole numbers", fmt::format("{:g} s", spec.offset));
+    *offset = *exact;
+  }
+  return spec.rate > 0.0 ? period_from_hertz(spec.rate, model_->spec->locate(path + ".rate"))
+                         : period_from_seconds(spec.period, model_->spec->locate(path + ".period"));
+}
+
+/// A latency in ticks; the memory of all lines.
+void Simulation::resolve_delays() {
+  lines_.clear(), delayed_.clear();
+  for (const DelayLine& line : model_->devices.delays) {
+    const Device& clock = model_->devices.all[static_cast<std::size_t>(line.clock)];
+    int ticks = line.ticks;
+    if (ticks == 0) {
+      const Rational period = period_of(clock, nullptr);
+      const double tick = static_cast<double>(period.numerator) / static_cast<double>(period.denominator);
+      const auto latency = to_rational(line.latency);
+      // latency / period = (a d) / (b n), whole
+      const std::int64_t above = latency ? latency->numerator * period.denominator : 1,
+                         below = latency ? latency->denominator * period.numerator : 0;
+      if (below == 0 || above % below != 0 || above / below > kMostTicks) {
+        const double nearest = std::max(1.0, std::round(line.latency / tick));
+        refuse(Code::bad_connection, model_->spec->locate(told_input(line.input) + ".latency"),
+               fmt::format("a whole number of ticks of {}, {:g} s each, at most {}", clock.name, tick, kMostTicks),
+               fmt::format("{:g} s", line.latency), fmt::format("{:g} s, or another rate of {}", nearest * tick, clock.name));
+      }
+      ticks = static_cast<int>(above / below);
+    }
+    lines_.push_back({ticks, static_cast<int>(delayed_.size())});
+    delayed_.insert(delayed_.end(), static_cast<std::size_t>(ticks), line.fallback);
+  }
+}
+
+/// "devices.wheel.inputs.torque".
+std::string Simulation::told_input(int input) const {
+  for (const Device& d : model_->devices.all)
+    if (input >= d.in && input < d.in + d.n_in)
+      return fmt::format("devices.{}.inputs.{}", d.name, port_at(*d.family, CARDAN_PORT_IN, input - d.in).name);
+  return "devices";
+}
+
+/// At a tick of its clock a line gives its oldest number, until the next.
+void Simulation::shift_delays(int clock) {
+  for (std::size_t i = 0; i < lines_.size(); ++i) {
+    const DelayLine& line = model_->devices.delays[i];
+    if (line.clock != clock) continue;
+    double* first = delayed_.data() + lines_[i].first;
+    set_device_input(line.input, *first);
+    std::copy(first + 1, first + lines_[i].ticks, first);
+  }
+}
+
+void Simulation::sample_delays(int clock) {
+  for (std::size_t i = 0; i < lines_.size(); ++i) {
+    const DelayLine& line = model_->devices.delays[i];
+    if (line.clock != clock) continue;
+    observe();
+    double sum = 0.0;
+    for (const int out : line.outs) sum += devices_->output(out);
+    delayed_[static_cast<std::size_t>(lines_[i].first + lines_[i].ticks - 1)] = sum;
+  }
+}
+
+/// After the ticks of an instant.
+void Simulation::expire_commands() {
+  for (std::size_t k = 0; k < last_set_.size(); ++k) {
+    const CommandTimeout& timeout = model_->devices.timeouts[k];
+    if (state_.t < due(last_set_[k], timeout.timeout)) continue;
+    set_device_input(timeout.input, timeout.safe);
+    last_set_[k] = std::numeric_limits<double>::infinity();
+    if (recorder_) recorder_->note(Note::event, state_.t, {told_input(timeout.input), "timeout"});
+  }
+}
+
+void Simulation::tick_device(int index, double period) {
+  const Device& d = model_->devices.all[static_cast<std::size_t>(index)];
+  const Observer& o = observe();
+  for (std::size_t i = 0; i < d.mounts.size(); ++i) {
+    cardan_mount_motion& to = devices_->motion_of_tick(d.mount + static_cast<int>(i));
+    if (d.mounts[i].v >= 0) to.vdot = vdot_[static_cast<std::size_t>(d.mounts[i].v)];
+    if (d.mounts[i].node < 0 || (d.mounts[i].use & CARDAN_USE_ACCELERATION) == 0) continue;
+    const NodeState n = o.node(d.mounts[i].node);
+    Eigen::Vector3d::Map(to.alpha) = n.acceleration.head<3>();
+    Eigen::Vector3d::Map(to.specific_force) = n.specific_force;
+  }
+  if (noise_.size() < numbers_of_tick(d)) noise_.resize(numbers_of_tick(d));  // of a model that was adopted
+  normal_noise(noise_key(options_.seed, d.name), static_cast<std::uint64_t>(tick_), d.family->n_noise, noise_.data());
+  // Behind the noise: what it may change, as it was.
+  double *const z = state_.z.data() + d.z, *const marks = state_.marks.data() + d.mark;
+  double *const z_before = noise_.data() + d.family->n_noise, *const marks_before = std::copy_n(z, d.family->n_states, z_before);
+  std::copy_n(marks, d.family->n_marks, marks_before);
+  if (d.family->impulse) ask_for_impulse(index, CARDAN_CAUSE_TICK, 0);
+  bool good = false;
+  if (!unless_thrown([&] { good = devices_->tick(index, period, noise_.data(), state_.z.data(), state_.marks.data()); }) || !good)
+    fail(explain({}));
+  strike();
+  const bool same_states = std::equal(z, z + d.family->n_states, z_before);
+  if (same_states && std::equal(marks, marks + d.family->n_marks, marks_before)) return;
+  if (d.acts || !same_states) return changed();
+  devices_->set({state_.t, state_.z.data(), state_.marks.data(), tau_total_.data(), wrenches_.data()});
+  if (!unless_thrown([&] { good = devices_->evaluate(); }) || !good) fail(explain({}));  // what it gives now; the motion is as it was
+}
+
+void Simulation::device_event(int device, std::uint32_t root, int direction) {
+  if (!unless_thrown([&] { devices_->event(device, root, direction, state_.z.data(), state_.marks.data()); })) fail(explain({}));
+}
+
+/// At a trial state.
+void Simulation::device_roots(double t, const double* x, double* g) {
+  const Model& m = *model_;
+  const double *q = with_given_motion(t, x), *v = q + m.nq;
+  on_trial_->set({t, v + m.nv, state_.marks.data(), nullptr, nullptr});
+  on_trial_->look_at(*devices_, beside_.get(), inputs(q, v));
+  on_trial_->roots(g);
+}
+
+/// `but`: devices that have started before.
+void Simulation::start_devices(std::span<const int> but) {
+  if (!devices_) return;
+  observe();
+  for (std::size_t i = 0; i < model_->devices.all.size(); ++i)
+    if (std::ranges::find(but, static_cast<int>(i)) == but.end())
+      device_event(static_cast<int>(i), model_->devices.all[i].family->n_roots, 0);
+  changed();
+  rates_were_set_ = false;
+  settle_holds();
+}
+
+/// What devices do where one of their roots crossed zero; true if any did.
+bool Simulation::device_events(std::span<const int> crossed) {
+  bool any = false;
+  for (std::size_t i = 0; devices_ && i < model_->devices.all.size(); ++i) {
+    const Device& d = model_->devices.all[i];
+    for (std::uint32_t root = 0; root < d.family->n_roots; ++root) {
+      const int side = crossed[static_cast<std::size_t>(d.root) + root];
+      if (side == 0) continue;
+      observe();
+      if (d.family->impulse) ask_for_impulse(static_cast<int>(i), root, side);
+      device_event(static_cast<int>(i), root, side);
+      any = true;
+      changed();
+      strike();
+    }
+  }
+  if (hold_events(crossed)) any = true;
+  if (any) settle_holds();
+  return any;
+}
+
+double Simulation::next_timeout() const {
+  double t = std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < last_set_.size(); ++k) t = std::min(t, due(last_set_[k], model_->devices.timeouts[k].timeout));
+  return t;
+}
+
+}  // namespace cardan

@@ -1,0 +1,186 @@
+// Motion that is not free: components and lengths of loops that are functions of time, and loops that stay closed.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/sim/simulation.hpp"
+
+namespace cardan {
+
+namespace {
+
+// Of closed loops, relative to their size:
+constexpr double kDrift = 10.0;         // relative tolerances that the history of an integrator may be off before it starts anew
+constexpr double kGivenOpen = 1e-6;     // what a state that was given may be open by: typed numbers have a finite number of digits
+constexpr double kGivenDrift = 1e3;     // ... or so many relative tolerances
+constexpr double kNearSingular = 1e-3;  // a scaled pivot below is told of: of loops in good postures they are above 0.05
+
+double pace_of(const Eigen::VectorXd& v) { return std::max(1.0, v.size() == 0 ? 0.0 : v.cwiseAbs().maxCoeff<Eigen::PropagateNaN>()); }
+
+}  // namespace
+
+void Simulation::prescribe(int v_index, MotionProfile profile) {
+  const auto p = std::ranges::find(prescribed_, v_index, &Prescribed::index);
+  if (p == prescribed_.end())
+    refuse(Code::bad_initial_state, {"profile of " + name_of(v_index)}, "a component that is prescribed", "one that is free to move",
+           "say so in the vehicle: hinge.prescribed");
+  p->profile = std::move(profile);
+  p->given = true;
+  if (begun_) start_given_motion();
+  changed();
+}
+
+const MotionProfile* Simulation::profile(int v_index) const {
+  const auto p = std::ranges::find(prescribed_, v_index, &Prescribed::index);
+  return p == prescribed_.end() || !p->given ? nullptr : &p->profile;
+}
+
+/// Rates are those of the profiles from now on, coordinates go on from where they are.
+void Simulation::start_given_motion() {
+  for (PrescribedLoop& p : prescribed_loops_) p.more_0 = p.more(state_.t), p.t_0 = state_.t;
+  for (Prescribed& p : prescribed_) {
+    double& v = state_.v[p.index];
+    if (!p.given && p.profile.rate(state_.t) != v) p.profile = MotionProfile::hold(v);
+    const double rate = p.profile.rate(state_.t), before = v;
+    if (std::abs(rate - before) > 1e-9 * std::max(std::abs(rate), std::abs(before)) && (begun_ || before != 0.0))
+      warn(Code::mission_doubt, {"profile of " + name_of(p.index), {}},
+           fmt::format("the rate is {:.6g} and the profile's {:.6g}: it jumps, and what that does to other bodies is left out", before,
+                       rate),
+           "let the profile begin with the rate that is there, and change it over a time");
+    v = rate;
+    p.t_0 = state_.t;
+    if (p.coordinate >= 0) p.q_0 = state_.q[p.coordinate];
+  }
+}
+
+void Simulation::give_motion(double t, double* q, double* v) const {
+  for (const Prescribed& p : prescribed_) {
+    v[p.index] = p.profile.rate(t);
+    if (p.coordinate >= 0) q[p.coordinate] = p.q_0 + p.profile.travel(p.t_0, t);
+  }
+}
+
+/// x as the physics sees it: prescribed components are functions of time and not what was integrated of them.
+const double* Simulation::with_given_motion(double t, const double* x) {
+  if (prescribed_.empty()) return x;
+  std::copy_n(x, x_given_.size(), x_given_.begin());
+  give_motion(t, x_given_.data(), x_given_.data() + model_->nq);
+  return x_given_.data();
+}
+
+void Simulation::prescribe_loop(std::string_view loop, MotionProfile profile) {
+  const auto p = std::ranges::find(prescribed_loops_, loop, &PrescribedLoop::name);
+  if (p == prescribed_loops_.end())
+    refuse(Code::bad_initial_state, {fmt::format("profile of {}", loop)}, "a loop that is prescribed, and closed", "one that is not",
+           "say so in the vehicle: loops.<name>.prescribed");
+  p->more_0 = p->more(state_.t), p->t_0 = state_.t;
+  const double before = p->profile.rate(state_.t), rate = profile.rate(state_.t);
+  if (begun_ && std::abs(rate - before) > 1e-9 * std::max(std::abs(rate), std::abs(before))) {
+    struck_by_loops_ = true;
+    warn(Code::mission_doubt, {fmt::format("profile of {}", loop), {}},
+         fmt::format("the rate is {:.6g} and the profile's {:.6g}: it jumps, and the vehicle takes it as a blow", before, rate),
+         "let the profile begin with the rate that is there, and change it over a time");
+  }
+  p->profile = std::move(profile);
+  p->given = true;
+  changed();
+}
+
+const MotionProfile* Simulation::loop_profile(std::string_view loop) const {
+  const auto p = std::ranges::find(prescribed_loops_, loop, &PrescribedLoop::name);
+  return p == prescribed_loops_.end() || !p->given ? nullptr : &p->profile;
+}
+
+/// `since`: as in MotionProfile::acceleration().
+void Simulation::drive_loops(double t, double since, std::vector<LoopDrive>& drives) const {
+  drives.resize(prescribed_loops_.size());
+  for (std::size_t i = 0; i < drives.size(); ++i) {
+    const PrescribedLoop& p = prescribed_loops_[i];
+    drives[i] = {p.more(t), p.profile.rate(t), p.profile.acceleration(t, since)};
+  }
+}
+
+// Of loops whose length or offset is given: initial rates that move it are those of its profile.
+void Simulation::expect_profiles() {
+  if (std::ranges::all_of(prescribed_loops_, &PrescribedLoop::given)) return;
+  start_lengths();
+}
+
+void Simulation::start_lengths() {
+  if (drives_.empty()) return;
+  const Eigen::VectorXd rates = loop_matrix(*model_, workspace_, state_.q.data(), drives_.data()) * state_.v;
+  observed_ = ledger_known_ = false;
+  const double limit = kGivenOpen * pace_of(state_.v);
+  for (const Loop& loop : model_->loops.all) {
+    if (loop.drive < 0) continue;
+    const PrescribedLoop& p = prescribed_loops_[static_cast<std::size_t>(loop.drive)];
+    const double rate = rates[loop.first], wanted = p.profile.rate(state_.t);
+    if (std::abs(rate) <= limit || std::abs(rate - wanted) <= limit) continue;  // from rest the vehicle begins with the profile's
+    const auto unit = [&](double x) { return fmt::format("{:.6g}{}", x, loop.closing == Closing::distance ? " m/s" : " 1/s"); };
+    if (!p.given)
+      refuse(Code::open_start, model_->spec->locate("loops." + loop.name),
+             "a profile that begins with its rate, or initial rates that leave it as it is", unit(rate),
+             fmt::format("in the mission: sat:loop(\"{}\"):profile{{...}}", loop.name));
+    warn(Code::mission_doubt, {fmt::format("profile of {}", loop.name), {}},
+         fmt::format("the rate is {} and the profile's {}: the vehicle begins with that of the profile", unit(rate), unit(wanted)),
+         "give `initial` of the hinges rates that go with it, or none");
+  }
+}
+
+// Onto closed loops. false: they cannot be closed from there.
+bool Simulation::close_loops(double t, double* q, double* v) {
+  bool closed = false;
+  drive_loops(t, std::min(t, stretch_), drives_);
+  unless_thrown([&] { closed = loops_->close(q, v, drives_.data()); });
+  if (!closed) breakdown_ = loops_->breakdown();
+  if (closed && loops_->pivot() < kNearSingular) tell_near_singular();
+  drifted_ = drifted_ || loops_->distance() > kDrift * options_.integrator.relative_tolerance;
+  return closed;
+}
+
+// Once for each loop.
+void Simulation::tell_near_singular() {
+  const int row = loops_->weakest();
+  const Loop& loop = *std::ranges::find_if(model_->loops.all, [row](const Loop& l) { return row < l.first + l.rows; });
+  Located at = model_->spec->locate("loops." + loop.name);
+  for (const Warning& w : warnings_.all())
+    if (w.what.code == Code::near_singular && w.what.at.key_path == at.key_path) return;
+  warn(Code::near_singular, std::move(at),
+       fmt::format("row {} of the loop has a scaled pivot of {:.2g}, below {:g}", row - loop.first + 1, loops_->pivot(), kNearSingular),
+       "multipliers grow as its inverse, and the way on may be another branch: see docs/errors.md");
+}
+
+// A state that was given is closed but for rounding and typing.
+void Simulation::start_closed() {
+  if (!loops_) return;
+  breakdown_ = {};
+  const double pace = pace_of(state_.v);
+  const bool struck = std::exchange(struck_by_loops_, false);
+  Momentum p_before;
+  Energy e_before;
+  if (struck) ledger(), p_before = momentum(), e_before = energy();
+  if (!close_loops(state_.t, state_.q.data(), state_.v.data())) fail(explain({}));
+  const double limit = std::max(kGivenOpen, kGivenDrift * options_.integrator.relative_tolerance);
+  const double open = prescribed_.empty() && drives_.empty() ? std::max(loops_->distance(), loops_->rate() / pace) : loops_->distance();
+  if (!(open <= limit)) {
+    breakdown_ = {.body = 1, .value = open, .limit = limit, .row = loops_->worst()};
+    fail(explain({}));
+  }
+  drifted_ = false;
+  if (!struck) return;
+  observed_ = ledger_known_ = false;
+  const Momentum p = momentum();
+  Balances::Integrals given;
+  given << p.linear - p_before.linear, p.angular - p_before.angular, energy().total() - e_before.total();
+  balances_.jump(given);
+}
+
+double Simulation::next_corner() const {
+  double t = next_timeout();
+  for (const auto& p : prescribed_) t = std::min(t, p.profile.next_corner(state_.t));
+  for (const auto& p : prescribed_loops_) t = std::min(t, p.profile.next_corner(state_.t));
+  return t;
+}
+
+}  // namespace cardan

@@ -1,0 +1,125 @@
+// Components that devices hold (dry friction at rest) in a run: where they break away, and that what is held stands still. What holds them
+// is found in holding.hpp.
+#include <algorithm>
+#include <cmath>
+
+#include "core/dynamics/hinge_laws.hpp"
+#include "core/sim/simulation.hpp"
+
+namespace cardan {
+
+namespace {
+
+/// What holds gives way at a root that lies a little beyond the most that settle_holds() leaves alone: on which side of it a state begins
+/// is never a matter of rounding.
+constexpr double kLoose = 1.0 + 1e-12, kRoot = 1.0 + 1e-10;
+
+bool gives_way(const Holding::Force& f) { return f.leaves != 0 || std::abs(f.force) > kLoose * f.most; }
+/// It begins to move against what was found to hold it.
+int way_of(const Holding::Force& f) { return f.leaves != 0 ? f.leaves : f.force > 0.0 ? -1 : 1; }
+
+}  // namespace
+
+Inputs Simulation::hold_inputs(double t, const double* x) {
+  const double *q = x, *v = q + model_->nq;
+  hold_tau_ = tau_;
+  hinge_laws::add_forces(*model_, q, v, hold_tau_.data());
+  hold_vdot_ = vdot_given_;
+  for (const Prescribed& p : prescribed_) hold_vdot_[static_cast<std::size_t>(p.index)] = p.profile.acceleration(t, std::min(t, stretch_));
+  drive_loops(t, std::min(t, stretch_), hold_drives_);
+  return {.q = q, .v = v, .tau = hold_tau_.data(), .vdot = hold_vdot_.data(), .wrenches = wrenches_, .drives = hold_drives_.data()};
+}
+
+bool Simulation::look_at_holds(double t, const double* x) {
+  return holding_->look(*devices_, hold_inputs(t, x), t, x + model_->nq + model_->nv, state_.marks.data());
+}
+
+bool Simulation::anything_is_held() const {
+  return std::ranges::any_of(model_->devices.holds,
+                             [&](const DeviceHold& h) { return model_->prescribed[static_cast<std::size_t>(h.v)] != 0; });
+}
+
+/// At a trial state: what is left until each held component breaks away; 1 of others, and where v' cannot be evaluated.
+void Simulation::hold_roots(double t, const double* x, double* g) {
+  const auto& holds = model_->devices.holds;
+  std::fill_n(g, holds.size(), 1.0);
+  if (!anything_is_held()) return;
+  const bool good = look_at_holds(t, with_given_motion(t, x));
+  devices_->weigh_again();
+  for (std::size_t i = 0; good && i < holds.size(); ++i)
+    if (const Holding::Force& f = holding_->forces()[i]; f.held) g[i] = f.leaves != 0 ? -1.0 : kRoot * f.most - std::abs(f.force);
+}
+
+void Simulation::break_away(std::size_t hold, int direction) {
+  const int device = model_->devices.holds[hold].device;
+  const std::uint32_t n = model_->devices.all[static_cast<std::size_t>(device)].family->n_roots;
+  device_event(device, n + 1, direction);
+  changed();
+}
+
+void Simulation::stop_what_is_held() {
+  for (const DeviceHold& h : model_->devices.holds)
+    if (model_->prescribed[static_cast<std::size_t>(h.v)] != 0 && state_.v[h.v] != 0.0) state_.v[h.v] = 0.0, changed();
+}
+
+/// What closed loops do not let move while something else is held stands still, and holds as well.
+bool Simulation::hold_what_is_blocked(const std::vector<std::uint8_t>& gave_way) {
+  bool any = false;
+  for (std::size_t i = 0; i < gave_way.size(); ++i) {
+    const DeviceHold& h = model_->devices.holds[i];
+    if (gave_way[i] != 0 || model_->prescribed[static_cast<std::size_t>(h.v)] != 0 ||
+        !holding_->is_blocked(i, state_.q.data(), hold_drives_.data()))
+      continue;
+    state_.v[h.v] = 0.0;
+    changed();
+    observe();
+    device_event(h.device, model_->devices.all[static_cast<std::size_t>(h.device)].family->n_roots, 0);
+    changed();
+    any = any || model_->prescribed[static_cast<std::size_t>(h.v)] != 0;
+  }
+  return any;
+}
+
+/// What is held stands still; what more would be needed for than can be breaks away, one after the other. Where rates were set from
+/// outside, devices that hold begin with them as at the start.
+void Simulation::settle_holds() {
+  const auto& holds = model_->devices.holds;
+  if (std::exchange(rates_were_set_, false) && begun_ && !holds.empty()) {
+    observe();
+    for (const DeviceHold& h : holds) device_event(h.device, model_->devices.all[static_cast<std::size_t>(h.device)].family->n_roots, 0);
+    changed();
+  }
+  std::vector<std::uint8_t> gave_way(loops_ ? holds.size() : 0);
+  for (std::size_t pass = 0; holding_ && pass <= 2 * holds.size(); ++pass) {
+    if (!anything_is_held()) return;
+    if (!loops_) stop_what_is_held();  // with loops once it is known to hold: others may move on
+    hold_x_.resize(x_given_.size());
+    pack(hold_x_.data());
+    if (!look_at_holds(state_.t, hold_x_.data())) return;  // told where the dynamics come upon it
+    const auto& forces = holding_->forces();
+    const auto loose = std::ranges::find_if(forces, gives_way);
+    if (loose != forces.end()) {
+      const auto i = static_cast<std::size_t>(loose - forces.begin());
+      break_away(i, way_of(*loose));
+      if (loops_) gave_way[i] = 1;
+    } else {
+      stop_what_is_held();
+      if (!loops_ || !hold_what_is_blocked(gave_way)) return;
+    }
+  }
+}
+
+/// Where what holds gives way; true if any did.
+bool Simulation::hold_events(std::span<const int> crossed) {
+  bool any = false;
+  for (std::size_t i = 0; holding_ && i < model_->devices.holds.size(); ++i) {
+    if (crossed[static_cast<std::size_t>(model_->devices.n_roots) + i] >= 0) continue;
+    hold_x_.resize(x_given_.size());
+    pack(hold_x_.data());
+    if (look_at_holds(state_.t, hold_x_.data()) && holding_->forces()[i].held) break_away(i, way_of(holding_->forces()[i]));
+    any = true;
+  }
+  return any;
+}
+
+}  // namespace cardan

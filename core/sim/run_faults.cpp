@@ -1,0 +1,260 @@
+// What a run warns of and what ends it, told by the names of its vehicle: numbers that are not finite, steps that lead nowhere, devices,
+// fields and plugins that fail.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+#include "core/base/finite.hpp"
+#include "core/sim/expected_stiffness.hpp"
+#include "core/sim/fastest_motion.hpp"
+#include "core/sim/plugin_faults.hpp"
+#include "core/sim/simulation.hpp"
+
+namespace cardan {
+
+/// Body or device, and which of its states; `state`: index into [q, v, z].
+std::pair<std::string, std::string> Simulation::named_state(int state) const {
+  const Model& m = *model_;
+  for (const Device& d : m.devices.all) {
+    const int i = state - m.nq - m.nv - d.z;
+    if (i >= 0 && i < static_cast<int>(d.family->n_states)) return {d.name, d.family->states[i].name};
+  }
+  const bool is_q = state < m.nq;
+  for (const UserBody& u : m.user) {
+    const int i = is_q ? state - u.q : state - m.nq - u.v;
+    const auto& names = is_q ? u.q_names : u.v_names;
+    if (i >= 0 && i < std::ssize(names)) return {u.name, names[static_cast<std::size_t>(i)]};
+    const int mode = is_q ? state - u.eta : state - m.nq - u.etadot;
+    if (u.n_modes > 0 && mode >= 0 && mode < u.n_modes) return {u.name, fmt::format("mode {}", mode + 1)};
+  }
+  return {"", fmt::format("state {}", state)};
+}
+
+RunFailure Simulation::not_finite(int state, double value) const {
+  RunFailure f{Code::not_finite, state_.t, "", "", "", "too large a step, or a command that grows without limit?", ""};
+  std::tie(f.body, f.what) = named_state(state);
+  f.what += std::isnan(value) ? " = nan" : value > 0 ? " = inf" : " = -inf";
+  return f;
+}
+
+void Simulation::expect_finite(const std::vector<double>& x) {
+  const int n = static_cast<int>(x.size());
+  if (all_finite(x.data(), n)) return;
+  const int bad = first_not_finite(x.data(), n);
+  fail(not_finite(bad, x[static_cast<std::size_t>(bad)]));
+}
+
+/// What the sweeps know about a step that the integrator gave up.
+RunFailure Simulation::explain(const RunFailure& failure) const {
+  if (!thrown_.empty())
+    return {Code::plugin_failed, state_.t, "", "", thrown_, "a fault of the plugin: cardan check-plugin tries what it can", ""};
+  if (const std::string told = gravity_stopped_.empty() ? told_of_gravity() : gravity_stopped_; !told.empty())
+    return {Code::field_failed,
+            state_.t,
+            "",
+            "",
+            told,
+            "where the vehicle is may be outside of what the field knows: another field, or `outside: hold` where it can hold",
+            ""};
+  if (breakdown_.body != 0) {
+    RunFailure f = describe_breakdown(*model_, breakdown_, state_.t);
+    if (!std::isfinite(breakdown_.value)) f.code = Code::not_finite;
+    if (!culprit_.empty()) f.hint = culprit_;
+    return f;
+  }
+  if (const FieldFault* tried = devices_ ? devices_->tried_limit() : nullptr) return beyond_a_field(*tried);
+  if (devices_ && devices_->fault().device >= 0) {
+    const Device& d = model_->devices.all[static_cast<std::size_t>(devices_->fault().device)];
+    return {Code::device_failed,
+            state_.t,
+            "",
+            "",
+            fmt::format("{}: {}", told_device(d), devices_->fault().what),
+            "its parameters and inputs; what it reads may be outside of what it is made for",
+            ""};
+  }
+  if (bad_rate_ < 0) {
+    RunFailure f = failure;
+    if (f.code != Code::step_too_small || integrator_->worst() < 0) return f;
+    std::string state;
+    std::tie(f.body, state) = named_state(integrator_->worst());
+    f.what += fmt::format(", most of it that of {}", state);
+    return f;
+  }
+  RunFailure f = not_finite(model_->nq + bad_rate_, vdot_bad_);
+  if (!culprit_.empty()) f.hint = culprit_;
+  return f;
+}
+
+RunFailure Simulation::beyond_a_field(const FieldFault& fault) const {
+  const Device& d = model_->devices.all[static_cast<std::size_t>(fault.device)];
+  return {Code::device_failed,
+          state_.t,
+          "",
+          "",
+          fmt::format("{}: {}", told_device(d), fault.what),
+          "another field, or `outside: hold` where it can hold",
+          ""};
+}
+
+void Simulation::warn(Code code, Located at, std::string about, std::string hint) {
+  const std::size_t before = warnings_.all().size();
+  warnings_.add(code, std::move(at), std::move(about), std::move(hint), state_.t);
+  if (warnings_.all().size() == before) return;
+  if (recorder_) note(*recorder_, warnings_.all().back());
+  if (told_) told_(warnings_.all().back());
+}
+
+/// As many events as the ring holds, in less than 1e-7 of the time that is left: the end is more than 1e10 events away.
+void Simulation::expect_no_storm(const Event& event) {
+  double& earliest = event_times_[events_seen_ % event_times_.size()];
+  const double span = state_.t - earliest;
+  if (events_seen_ >= event_times_.size() && span <= 1e-7 * (t_end_ - state_.t))
+    fail({Code::event_storm, state_.t, "", "",
+          fmt::format("{} events in the last {:.2g} s, the last of them \"{}\"", event_times_.size(), span, event.name),
+          "let the action leave the zero of `when` for good: a band (hysteresis), a latch, a smallest time between two events", ""});
+  earliest = state_.t;
+  ++events_seen_;
+}
+
+/// Looks once in so many steps whether the end can be reached at all.
+void Simulation::expect_progress() {
+  constexpr long kLook = 200'000;
+  if (steps_ - looked_at_ < kLook) return;
+  const double advanced = state_.t - t_looked_at_, left = t_end_ - state_.t;
+  looked_at_ = steps_, t_looked_at_ = state_.t;
+  if (!std::isfinite(left) || left <= 1e7 * advanced) return;
+  fail({Code::step_too_small, state_.t, "", "",
+        fmt::format("time does not advance: the last {} steps went {:.2g} s further, {:.3g} s are left", kLook, advanced, left),
+        "rates or a stiffness beyond all measure, or a max_step or step that is far too small", ""});
+}
+
+/// Before the first step.
+void Simulation::foresee_stiffness(double t_end) {
+  const Warnings expected = expected_stiffness(model_, state_.q.data(), options_.integrator, schedule_.shortest_period(), t_end - state_.t);
+  for (const Warning& w : expected.all()) warn(w.what.code, w.what.at, w.what.about, w.what.hint);
+}
+
+/// The integrator found that stability sets its steps.
+void Simulation::say_stiff() {
+  const FastestMotion fastest = warned_stiff_ ? FastestMotion{} : fastest_motion(model_, state_.q.data());
+  warned_stiff_ = true;
+  const double h = statistics().last_step;
+  warn(Code::stiff_scene, {"integrator.method", {}},
+       fmt::format("stability and not accuracy sets the steps of {}, {:.2g} s: {:.1e} of them are left{}", integrator_name(), h,
+                   (t_end_ - state_.t) / h,
+                   fastest.rate > 0 ? fmt::format("; fastest is {}, {:.3g} 1/s", fastest.what, fastest.rate) : std::string()),
+       kStiffHint);
+}
+
+/// "field earth (acme/oblate): earth is asked beyond its limit inside: ..."; empty where nothing is wrong with it in the last evaluation.
+std::string Simulation::told_of_gravity() const {
+  for (std::size_t k = 1; gravity_field_ >= 0 && k < model_->bodies.size(); ++k) {
+    const Field& field = model_->fields[static_cast<std::size_t>(gravity_field_)];
+    const int beyond = gravity_beyond(static_cast<int>(k));
+    const std::string told = beyond == -1 ? fmt::format("gravity of {} is not finite", told_name(field)) : told_beyond(field, beyond);
+    if (!told.empty()) return fmt::format("field {} ({}): {}", field.name, field.source->family->type, told);
+  }
+  return {};
+}
+
+/// Bits of limits of the field of gravity, at the mass centre of a sweep body in the last evaluation; -1: it is not finite there.
+int Simulation::gravity_beyond(int k) const {
+  if (!workspace_.has_world() || model_->bodies[static_cast<std::size_t>(k)].kind == BodyKernel::rotor) return 0;
+  const FieldSource& f = *model_->field.source;
+  const SweepBody& b = model_->bodies[static_cast<std::size_t>(k)];
+  const RigidInertia<double>& M = b.n_modes > 0 ? workspace_.modal_of(k)->M_rr : b.M;
+  if (!(M.m > 0.0)) return 0;
+  const Pose<double>& body = workspace_.pose_W(k);
+  const Vec3<double> p = body.p + body.R * ((1.0 / M.m) * M.h);
+  const double point[3] = {p.x, p.y, p.z};
+  double value[CARDAN_FIELD_NUMBERS];
+  const cardan_field_args args{sizeof args, moment_->t, f.packed.data(), moment_->prepared};
+  const int beyond = f.family->evaluate(&args, 1, point, value, nullptr);
+  return all_finite(value, 3) ? beyond | moment_->beyond : -1;
+}
+
+/// After a step: no motion goes on beyond what its fields know. Where they know no value beyond, smaller and smaller steps come nearer to
+/// the limit for ever: after some that hardly went further it ends there.
+void Simulation::expect_within_fields() {
+  const FieldFault* tried = devices_ ? devices_->tried_limit() : nullptr;
+  const bool near = !gravity_stopped_.empty() || tried;
+  constexpr int kMost = 50;
+  if (near) {
+    if (state_.t - t_limited_ > 1e-6 * (t_end_ - state_.t)) limited_steps_ = 0;
+    t_limited_ = state_.t;
+    ++limited_steps_;
+  }
+  if (limited_steps_ > kMost && !gravity_stopped_.empty()) fail(explain({}));
+  const FieldFault* passed = devices_ ? devices_->passed_limit() : nullptr;
+  if (!passed && limited_steps_ > kMost) passed = tried;
+  if (passed) fail(beyond_a_field(*passed));
+  if (!near) return;
+  gravity_stopped_.clear();
+  if (devices_) devices_->forget_limit();
+}
+
+/// Fields that gave what they have at the end of what they know, at an accepted state.
+void Simulation::say_held_fields() {
+  for (std::size_t i = 0; i < model_->fields.size(); ++i) {
+    const Field& field = model_->fields[i];
+    if (field.source->held == 0) continue;
+    int beyond = devices_ ? devices_->held_fields()[i] : 0;
+    if (static_cast<int>(i) == gravity_field_)
+      for (std::size_t k = 1; k < model_->bodies.size(); ++k) beyond |= gravity_beyond(static_cast<int>(k));
+    if (beyond != 0)
+      warn(Code::field_held, model_->spec->locate(fmt::format("fields.{}.outside", field.name)), held_text(field, beyond),
+           "outside: refuse ends the run there");
+  }
+}
+
+/// Called where an exception is caught: of a fault of ours it goes on.
+void Simulation::keep_thrown(const std::string& what) {
+  if (!plugins_) throw;
+  if (!thrown_.empty()) return;
+  for (const DeviceForces* d : {devices_.get(), on_trial_.get()}) {
+    if (!d) continue;
+    if (d->called().device >= 0)
+      thrown_ = fmt::format("{}: {} throws: {}", told_device(model_->devices.all[static_cast<std::size_t>(d->called().device)]),
+                            d->called().function, what);
+    else if (d->field_asked() >= 0)
+      thrown_ = fmt::format("field {}: evaluate throws: {}", told_name(model_->fields[static_cast<std::size_t>(d->field_asked())]), what);
+    if (!thrown_.empty()) return;
+  }
+  thrown_ = plugin_at_fault(*model_, state_.q.data(), state_.v.data());
+  if (thrown_.empty() && gravity_field_ >= 0 && is_of_plugin(model_->fields[static_cast<std::size_t>(gravity_field_)].origin))
+    thrown_ = fmt::format("field {}: evaluate throws: {}", told_name(model_->fields[static_cast<std::size_t>(gravity_field_)]), what);
+  if (thrown_.empty()) thrown_ = fmt::format("a function of a plugin throws, and not when it is asked again: {}", what);
+}
+
+/// Where a row is written: what laws have tried at random holds here too.
+void Simulation::expect_good_plugins() {
+  std::string told;
+  const bool whole = unless_thrown([&] {
+    told = plugin_at_fault(*model_, state_.q.data(), state_.v.data());
+    if (told.empty() && devices_) told = plugin_at_fault(*model_, *devices_);
+    if (told.empty() && gravity_field_ >= 0 && workspace_.has_world()) {
+      const Vec3<double> at = workspace_.pose_W(1).p;
+      const double point[3] = {at.x, at.y, at.z};
+      told = plugin_at_fault(model_->fields[static_cast<std::size_t>(gravity_field_)], *moment_, 1, point);
+    }
+  });
+  if (whole && told.empty()) return;
+  if (whole) thrown_ = told;
+  fail(explain({}));
+}
+
+void Simulation::fail(RunFailure failure) {
+  if (recorder_) {
+    std::vector<double> x(static_cast<std::size_t>(model_->nq + model_->nv + model_->devices.n_z));
+    pack(x.data());
+    keep_steps();
+    recorder_->restart_state(state_.t, x);
+    recorder_->flush();
+  }
+  throw NumericsError(std::move(failure));
+}
+
+}  // namespace cardan
