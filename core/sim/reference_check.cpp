@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <type_traits>
 
@@ -69,13 +70,14 @@ double difference(Simulation& sim, TwinDynamics<T>& twin, bool& sound) {
 /// The twin in double and, where that is not enough to blame anybody, in 113 bits: made when it is first asked for.
 class Judge {
  public:
-  explicit Judge(const Simulation& sim) : twin_(sim.model()) {}
+  explicit Judge(const Simulation& sim) { look(sim.model()); }
   double difference(Simulation& sim) {
-    if (sim.model().nv == 0) return 0.0;  // nothing can move
+    if (sim.model().spec != spec_) look(sim.model());  // the vehicle has become another one
+    if (sim.model().nv == 0) return 0.0;               // nothing can move
     bool sound = false;
     double apart = HUGE_VAL;
     try {
-      apart = cardan::difference(sim, twin_, sound);
+      apart = cardan::difference(sim, *twin_, sound);
     } catch (const NumericsError&) {  // no Cholesky factor of the free components in double
       sound = false;
     }
@@ -85,7 +87,14 @@ class Judge {
   }
 
  private:
-  TwinDynamics<double> twin_;
+  void look(const Model& model) {
+    twin_.reset(), exact_.reset();
+    spec_ = model.spec;
+    twin_.emplace(model);
+  }
+
+  std::shared_ptr<const SystemSpec> spec_;  // of the model that the twins refer to; held, so that no other one has its address
+  std::optional<TwinDynamics<double>> twin_;
   std::optional<TwinDynamics<reference::Quad>> exact_;
 };
 
