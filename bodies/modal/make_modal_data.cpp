@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <numbers>
 #include <set>
 
@@ -285,7 +286,14 @@ struct Maker {
     data.content_hash = content_hash(data);
     return data;
   }
-  ModalData operator()(const FileModel& m) const { return read_modal_file(m.path); }
+  ModalData operator()(const FileModel& m) const {
+    std::error_code unusable;  // a name too long for a file, say
+    if (!std::filesystem::exists(m.path, unusable))
+      refuse(Code::file_not_found, {source.at.key_path.empty() ? "" : source.at.key_path + ".file", source.at.mark},
+             "a modal file, relative to the folder of the vehicle", fmt::format("\"{}\"", m.path),
+             "`cardan modes` writes one of a beam or a plate");
+    return read_modal_file(m.path);
+  }
   ModalData operator()(const MatrixModel& m) const { return solve(matrix_mesh(m, source.masses, source.at), source, {}, warnings); }
 };
 

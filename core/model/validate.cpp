@@ -251,7 +251,8 @@ void check_loads(const SystemSpec& spec, const BodySpec& body, const cardan_hing
     if (load.law == HingeLaw::friction) {
       demand(p[0] >= 0.0 && std::isfinite(p[0]), "coulomb", "a force >= 0", p[0]);
       demand(p[1] >= p[0] && std::isfinite(p[1]), "breakaway", "a force that is at least `coulomb`", p[1]);
-      demand(p[2] > 0.0 && std::isfinite(p[2]), "stribeck_rate", "a rate > 0", p[2]);
+      const bool follows = p[4] <= 0.0 && p[2] == 10.0 * p[4];  // by default, from a width that is told below
+      demand(follows || (p[2] > 0.0 && std::isfinite(p[2])), "stribeck_rate", "a rate > 0", p[2]);
       demand(p[3] >= 0.0 && std::isfinite(p[3]), "viscous", "a number >= 0", p[3]);
       demand(p[4] > 0.0 && std::isfinite(p[4]), "width", "a rate > 0", p[4],
              "below it the friction grows in proportion to the rate; a tenth of the slowest rate that matters");

@@ -52,12 +52,15 @@ const LedgerState& Balances::look(const Momentum& p, const Energy& e, const Inte
   const std::array<double, 3> allowed = {relative * scale_[0] + least_[0], relative * scale_[1] + least_[1],
                                          2.0 * relative * scale_[2] + 2.0 * std::sqrt(scale_[2] * least_[2]) + least_[2]};  // of a square
   const std::array<double, 3> integrals = {off.head<3>().norm(), off.segment<3>(3).norm(), off[6]};
+  // Of what flies away from the world's origin place and velocity are nearly parallel, and their product is small beside its rounding.
+  const std::array<double, 3> rounded = {scale_[0], std::max(scale_[1], p.com.norm() * p.linear_magnitude), scale_[2]};
   for (std::size_t i = 0; i < 3; ++i) {
     const Row& row = kRows[i];
     const bool moves = !(scale_[i] <= least_[i]);
     double& over = s.*row.over = moves || !std::isfinite(residual[i]) ? residual[i] / scale_[i] : 0.0;
     if (!std::isfinite(over)) over = kLargest;  // the largest of all: summaries hold numbers
-    const double limit = s.*row.limit = moves ? kSafety * (counts.error_sum * allowed[i] + integrals[i]) / scale_[i] + round_off : 0.0;
+    const double explained = kSafety * (counts.error_sum * allowed[i] + integrals[i]) + round_off * rounded[i];
+    const double limit = s.*row.limit = moves ? explained / scale_[i] : 0.0;
     s.pass = s.pass && over <= limit;
     worst_.*row.over = std::max(worst_.*row.over, over);
     worst_.*row.limit = std::max(limit, worst_.*row.limit);

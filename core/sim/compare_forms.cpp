@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "core/dynamics/observe.hpp"
 #include "core/model/loops.hpp"
@@ -12,11 +13,14 @@
 namespace cardan {
 namespace {
 
+constexpr double kCancelled = 1e3 * std::numeric_limits<double>::epsilon();  // [1/m] over a size of 1 m
+
 /// What a form says of a state. `push`, `turn` [N, N m]: what the accelerations of the bodies take; multipliers and reactions may be zero
 /// but for rounding of these.
 struct Said {
   Eigen::VectorXd vdot, multipliers, moments, forces;
   double push = 0.0, turn = 0.0;
+  double rounding = 0.0;  // [N, N m] of products of velocities that cancel where nothing turns
 };
 
 Said said_by(Simulation& sim) {
@@ -36,6 +40,7 @@ Said said_by(Simulation& sim) {
     out.forces.segment<3>(3 * i) << f.f.x, f.f.y, f.f.z;
     const NodeState node = seen.node(m.find_node(body.name));
     out.push += body.mass * node.acceleration.tail<3>().norm();
+    out.rounding += kCancelled * body.mass * node.velocity.tail<3>().squaredNorm();
     size = std::max(size, (node.position - first).norm());
   }
   out.turn = out.push * size;
@@ -44,12 +49,12 @@ Said said_by(Simulation& sim) {
   return out;
 }
 
-/// `least`: what they are compared with where all are smaller.
-double apart(const Eigen::VectorXd& a, const Eigen::VectorXd& b, double least = 0.0) {
+/// `least`: what they are compared with where all are smaller; `nothing`: rounding, where all of it is less.
+double apart(const Eigen::VectorXd& a, const Eigen::VectorXd& b, double least = 0.0, double nothing = 0.0) {
   if (a.size() == 0) return 0.0;
   const double most = std::max(least, b.cwiseAbs().maxCoeff<Eigen::PropagateNaN>());
   const double difference = (a - b).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
-  return difference == 0.0 ? 0.0 : difference / most;
+  return difference == 0.0 || (most <= nothing && difference <= nothing) ? 0.0 : difference / most;
 }
 
 std::string told(const InputError& e) {
@@ -74,8 +79,9 @@ std::optional<ComparedForms> compare_forms(Simulation& sim, const Registry& regi
       const Said said = said_by(other);
       if (!first) first = said;
       of.vdot = apart(said.vdot, first->vdot);
-      of.multipliers = apart(said.multipliers, first->multipliers, std::max(first->push, first->turn));
-      of.reactions = std::max(apart(said.moments, first->moments, first->turn), apart(said.forces, first->forces, first->push));
+      of.multipliers = apart(said.multipliers, first->multipliers, std::max(first->push, first->turn), first->rounding);
+      of.reactions = std::max(apart(said.moments, first->moments, first->turn, first->rounding),
+                              apart(said.forces, first->forces, first->push, first->rounding));
       if (!out.no_twin.empty()) continue;
       try {
         of.vdot = difference_from_twin(other);

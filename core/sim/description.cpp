@@ -263,8 +263,6 @@ Json loops(const Simulation& sim) {
     if (spec.prescribed) text += l.closing == Closing::coupling ? ", by the mission more" : ", of a length that the mission gives";
     all.push_back({{"name", l.name}, {"type", l.type}, {"rows", l.rows}, {"rates", l.rates.size()}, {"between", text}});
   }
-  Json moved = Json::array();
-  for (const MovedAtStart& x : m.loops.moved) moved.push_back({{"name", x.name}, {"unit", x.unit}, {"given", x.given}, {"found", x.found}});
   const auto given = std::ranges::count(m.prescribed, 1);
   Json sets = Json::array();
   for (const LoopSet& set : m.loops.sets) {
@@ -280,7 +278,7 @@ Json loops(const Simulation& sim) {
           {"rows", rank.rows},
           {"rank", rank.rank},
           {"redundant", redundant},
-          {"moved", moved},
+          {"moved", moved_at_start(m.loops.moved)},
           {"mobility", m.nv - given - rank.rank},
           {"by_counting", m.nv - given - rank.rows},
           {"smallest_pivot", rank.smallest},
@@ -595,6 +593,12 @@ std::string integrator_text(const SimulationOptions& options) {
 }
 
 std::string sweep_program(const Model& m, const State& state) { return program_text(m, soa::op_costs(m, state), false); }
+
+Json moved_at_start(const std::vector<MovedAtStart>& moved) {
+  Json out = Json::array();
+  for (const MovedAtStart& x : moved) out.push_back({{"name", x.name}, {"unit", x.unit}, {"given", x.given}, {"found", x.found}});
+  return out;
+}
 
 Json describe(Simulation& sim, bool measured, int n_modes) {
   const Model& m = sim.model();

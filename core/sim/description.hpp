@@ -12,7 +12,9 @@ namespace cardan {
 /// Bodies, masses, modes, gravity, program of sweeps, what is not modelled, at the present state. Costs of the program are counted, with
 /// `measured` also timed. `n_modes` of the assembled system; negative: ten, of a system small enough.
 Json describe(Simulation& sim, bool measured = false, int n_modes = -1);
-/// The same as text; with what its owner added: `warnings`.
+/// Of the part `loops`: what the assembler moved.
+Json moved_at_start(const std::vector<MovedAtStart>& moved);
+/// All of describe() as text; with what its owner added: `warnings`.
 std::string description_text(const Json& description);
 
 /// Key path and value, with its unit, of each parameter as the model has it.

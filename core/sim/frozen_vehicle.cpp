@@ -385,8 +385,9 @@ void FrozenVehicle::advance(double h, const double* y, const double* u, const Dr
         for (Eigen::Index e = 0; e < n; ++e) {
           const int y_e = b.y[static_cast<std::size_t>(e)];
           const double u_e = u[b.v[static_cast<std::size_t>(e)]];
-          if (y_e < 0) continue;
-          Gamma(c, 0) -= b.C(c, e) * u_e + b.K(c, e) * (y[y_e] + 0.5 * h * u_e);
+          Gamma(c, 0) -= b.C(c, e) * u_e;
+          if (y_e < 0) continue;  // of a quaternion: it is damped, and has no coordinate that a spring could hold
+          Gamma(c, 0) -= b.K(c, e) * (y[y_e] + 0.5 * h * u_e);
           Gamma(c, 1) -= b.K(c, e) * 0.5 * h * u_e;
         }
       }

@@ -47,6 +47,29 @@ void read_modes(MapReader& map, const char* key, const char* unit, int n, double
   }
 }
 
+/// The state that closes the loops of the vehicle, as if the vehicle's file gave these values: hinges that nothing is given for follow.
+void close_start(lua_State* L, Scenario& s, const std::vector<InitialGiven>& given, State& state) {
+  auto spec = std::make_shared<SystemSpec>(s.beginning ? *s.beginning : *s.changes.described());
+  for (const UserBody& u : s.model->user) {
+    const auto i = static_cast<std::size_t>(&u - s.model->user.data());
+    BodySpec& b = spec->bodies[i];
+    if (given[i].coordinates) b.hinge.q.assign(state.q.data() + u.q, state.q.data() + u.q + u.nq);
+    if (given[i].velocities) b.hinge.v.assign(state.v.data() + u.v, state.v.data() + u.v + u.nv);
+    b.eta.assign(state.q.data() + u.eta, state.q.data() + u.eta + u.n_modes);
+    b.etadot.assign(state.v.data() + u.etadot, state.v.data() + u.etadot + u.n_modes);
+  }
+  try {
+    const std::shared_ptr<const Model> closed = compile(spec, s.registry, s.compile_options());
+    const State start = closed->initial_state();
+    state.q = start.q, state.v = start.v;
+    s.beginning = std::move(spec), s.moved_by_beginning = closed->loops.moved;
+  } catch (const InputError& e) {
+    std::vector<Diagnostic> all = e.diagnostics();
+    for (Diagnostic& d : all) d.stack = LuaHost::traceback(L);
+    throw InputError(std::move(all));
+  }
+}
+
 int initial(lua_State* L, Scenario& s) {
   expect_setup(L, s, "initial", true);
   const DocNode given = document(L, 1, LuaHost::caller(L));
@@ -55,11 +78,14 @@ int initial(lua_State* L, Scenario& s) {
   ReadContext context{sink, no_defaults};
   MapReader bodies({&given, "initial"}, context);
   State state = s.sim->state();
+  std::vector<InitialGiven> by_mission(s.model->user.size());
   for (const UserBody& u : s.model->user) {
     const auto value = bodies.find(u.name);
     if (!value) continue;
     MapReader map(*value, context);
-    if (u.nq > 0) read_initial(map, *u.hinge, state.q.data() + u.q, state.v.data() + u.v);
+    if (u.nq > 0)
+      by_mission[static_cast<std::size_t>(&u - s.model->user.data())] =
+          read_initial(map, *u.hinge, state.q.data() + u.q, state.v.data() + u.v);
     read_modes(map, "eta", "1", u.n_modes, state.q.data() + u.eta);
     read_modes(map, "etadot", "1/s", u.n_modes, state.v.data() + u.etadot);
     map.finish();
@@ -70,6 +96,7 @@ int initial(lua_State* L, Scenario& s) {
     for (Diagnostic& d : all) d.stack = LuaHost::traceback(L);
     throw InputError(std::move(all));
   }
+  if (!s.model->loops.empty()) close_start(L, s, by_mission, state);
   s.sim->set_state(state);
   s.look_at_state();
   return 0;

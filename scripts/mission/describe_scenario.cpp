@@ -36,6 +36,7 @@ Json compared(const ComparedForms& all) {
 Json describe_scenario(Scenario& s, const DescribeOptions& options) {
   Json out = describe(*s.sim, options.measured, options.n_modes);
   out["mission"] = {{"title", s.mission.title}, {"duration_s", s.mission.duration}, {"integrator", out["integrator"]}};
+  if (s.beginning) out["loops"]["moved"] = moved_at_start(s.moved_by_beginning);
   if (const auto cuts = cut_costs(s.sim->model(), s.registry)) {
     Json others = Json::array();
     for (const CutCost& c : cuts->others) others.push_back({{"loop", c.loop}, {"hinge", c.hinge}, {"flops", c.flops}});

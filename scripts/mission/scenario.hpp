@@ -134,7 +134,9 @@ struct Scenario {
   std::vector<Measure> checks, figures;
   std::vector<std::unique_ptr<Signal>> signals;
   std::vector<Load> loads;
-  Warnings warnings;  // of vehicle and mission, and of what the run did to the model; the simulation has its own
+  std::shared_ptr<const SystemSpec> beginning;   // the vehicle with the initial values of the mission, where it has loops; null: none
+  std::vector<MovedAtStart> moved_by_beginning;  // what closes the loops with these
+  Warnings warnings;                             // of vehicle and mission, and of what the run did to the model; the simulation has its own
 
   // The system
   std::shared_ptr<const Model> model;  // null before `vehicle`

@@ -28,6 +28,8 @@ class VehicleChanges {
   /// The vehicle as it is described from the start.
   void begin(Overrides given, std::shared_ptr<const SystemSpec> described);
   const Overrides& given() const { return values_; }
+  /// That vehicle; null before.
+  const std::shared_ptr<const SystemSpec>& described() const { return described_; }
 
   /// One value of the description that is another one from the end of this instant on.
   struct Wish {

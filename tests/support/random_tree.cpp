@@ -179,7 +179,11 @@ RandomTree random_tree(unsigned seed, const TreeOptions& options) {
       if (random.chance(options.locked)) b.hinge.locked = true;
     }
     if (!root && d.n_modes == 0 && random.chance(options.wheels)) make_wheel(d, random);
-    if (options.springs && b.hinge.type == "revolute" && !b.hinge.locked) b.hinge.springs = {{0, 3.0, 0.2, 0.5, {}}};
+    if (options.springs && !b.hinge.locked) {
+      if (b.hinge.type == "revolute") b.hinge.springs = {{0, 3.0, 0.2, 0.5, {}}};
+      if (!root && (b.hinge.type == "ball" || b.hinge.type == "free_body"))  // a quaternion has nothing that a spring could hold
+        for (int j = 0; j < static_cast<int>(b.hinge.v.size()); j += 2) b.hinge.springs.push_back({j, 0.0, 0.0, 0.5, {}});
+    }
     if (options.loads && (b.hinge.type == "revolute" || b.hinge.type == "prismatic") && !b.hinge.locked)
       b.hinge.loads = {{0, HingeLaw::stop, {-0.3, 0.1, 40.0, 1.5, 0.2}, {}}, {0, HingeLaw::friction, {0.4, 0.7, 0.8, 0.2, 0.5}, {}}};
     add_node(d, "tip", true, random);

@@ -116,9 +116,16 @@ TEST(FrozenVehicle, TellsForcesAsTheMassMatrixDoes) {
   }
 }
 
-/// One step from rest-free and forced motion against the exponential of the whole matrix: exact up to what the degrees resolve.
+/// One step from rest-free and forced motion against the exponential of the whole matrix: exact up to what the degrees resolve. A pod turns
+/// in a ball with dampers, whose velocities have no coordinates of their own.
 TEST(FrozenVehicle, AdvancesAsTheMatrixExponential) {
-  const auto model = compiled(flexible_spacecraft());
+  SystemSpec spec = flexible_spacecraft();
+  BodySpec pod = on(rigid("pod", 1.5, {0.1, 0.0, 0.2}, diagonal({0.05, 0.06, 0.04})), "arm", "ball", {}, {0, 0, 0.6});
+  SpringDamper about_x, about_z;
+  about_x.damping = 0.4, about_z.component = 2, about_z.damping = 0.7;
+  pod.hinge.springs = {about_x, about_z};
+  spec.bodies.push_back(pod);
+  const auto model = compiled(system(std::move(spec.bodies)));
   const Model& m = *model;
   const State s = posture(m);
   const Linear l = linear_of(m, s);
