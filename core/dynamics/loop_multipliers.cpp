@@ -189,7 +189,7 @@ void LoopPass::restore() {
   for (std::size_t i = 0; i < m_.rotors.size(); ++i) ws_.axis(m_.rotors[i]).load = k_.rotor_loads[i];
 }
 
-LoopWork::LoopWork(const Model& model) {
+LoopWork::LoopWork(const Model& model, Workspace& ws) {
   const Loops& loops = model.loops;
   const std::size_t n = loops.all.size(), rows = static_cast<std::size_t>(loops.rows), nv = static_cast<std::size_t>(model.nv);
   from.resize(n), to.resize(n), relative.resize(n), q.resize(n), v.resize(n), near_q.resize(n), gradient.resize(n);
@@ -227,11 +227,12 @@ LoopWork::LoopWork(const Model& model) {
   for (auto* x : {&Lambda, &N, &NN}) x->resize(rows * rows);
   gamma.resize(model.bodies.size()), z.resize(model.bodies.size());
   for (std::size_t k = 1; k < model.bodies.size(); ++k)
-    if (model.bodies[k].kind != BodyKernel::rotor) swept.push_back(static_cast<int>(k));
+    if (model.bodies[k].kind != BodyKernel::rotor) kept_z.emplace_back(&ws.z(static_cast<int>(k)), &z[k]);
+  for (const int k : model.rotors) loads_on_rotors.push_back(&ws.axis(k).load);
   z_modes.resize(static_cast<std::size_t>(model.n_modes)), rotor_loads.resize(model.rotors.size());
   wrenches.reserve(2 * n), one.reserve(2);
   if (loops.embedding) {
-    embedding = std::make_unique<soa::EmbeddingWork>(*loops.embedding);
+    embedding = std::make_unique<soa::EmbeddingWork>(*loops.embedding, ws);
     std::size_t most = 0;
     for (const EmbeddedLoop& l : loops.embedding->loops)
       most = std::max(most, static_cast<std::size_t>(l.rank) * (static_cast<std::size_t>(l.rank) + 1) + static_cast<std::size_t>(l.inputs));
@@ -247,18 +248,19 @@ bool holds_loops(const Model& model, const LoopWork& work) {
 
 void make_room_for_loops(const Model& model, Workspace& ws) {
   if (ws.loops) return;
-  ws.loops = {new LoopWork(model), [](LoopWork* work) { delete work; }};
+  ws.loops = {new LoopWork(model, ws), [](LoopWork* work) { delete work; }};
 }
 
 void keep_loads(const Model& model, Workspace& ws) {
   make_room_for_loops(model, ws);
   LoopWork& work = *ws.loops;
-  for (const int k : work.swept) work.z[static_cast<std::size_t>(k)] = ws.z(k);
+  for (const auto& [from, to] : work.kept_z) *to = *from;
   std::size_t mode = 0;
   for (std::size_t k = 1; mode < work.z_modes.size(); ++k)
     if (const soa::Modal<double>* modal = ws.modal_of(static_cast<int>(k)))
       for (int j = 0; j < model.bodies[k].n_modes; ++j) work.z_modes[mode++] = modal->z[j];
-  for (std::size_t i = 0; i < model.rotors.size(); ++i) work.rotor_loads[i] = ws.axis(model.rotors[i]).load;
+  double* load = work.rotor_loads.data();
+  for (const double* from : work.loads_on_rotors) *load++ = *from;
   if (!model.loops.embedding) keep_gamma(model, ws);
 }
 

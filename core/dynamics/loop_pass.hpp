@@ -20,7 +20,7 @@ struct AbsoluteWork;  // core/dynamics/absolute.hpp
 struct LoopWork {
   using End = LoopEndMotion<double>;
   using Relative = soa::RelativePlace;
-  explicit LoopWork(const Model& model);
+  LoopWork(const Model& model, Workspace& ws);
 
   std::vector<End> from, to;  // per loop
   std::vector<Relative> relative;
@@ -38,8 +38,9 @@ struct LoopWork {
   std::vector<double> B, L, Lambda, N, NN, y;
   int rank = 0;
   double smallest = 0.0, largest = 0.0;
-  std::vector<int> swept;  // bodies but rotors: what acts on these is their load
-  // What acts on the bodies before the inward sweeps.
+  // What acts on the bodies before the inward sweeps; on bodies but rotors from where it stands in the workspace to z.
+  std::vector<std::pair<const Force<double>*, Force<double>*>> kept_z;
+  std::vector<const double*> loads_on_rotors;
   std::vector<Motion<double>> gamma;
   std::vector<Force<double>> z;
   std::vector<double> z_modes, rotor_loads;

@@ -7,6 +7,7 @@
 #include <map>
 #include <numeric>
 #include <set>
+#include <span>
 
 #include "core/model/model.hpp"
 
@@ -155,7 +156,9 @@ class Embedder {
       order(by_rates);
       find_branches();
       place_numbers();
-      if (write_steps()) return std::move(e_);
+      if (!write_steps()) continue;
+      place_side_by_side();
+      return std::move(e_);
     }
   }
 
@@ -713,7 +716,7 @@ class Embedder {
         const GearedChain& c = e_.chains[at(chain)];
         if (c.hinges.back() != k) continue;  // with the innermost
         e_.steps.emplace_back();
-        e_.steps.back().kind = EmbeddingStep::Kind::chain, e_.steps.back().begin = chain;
+        e_.steps.back().kind = EmbeddingStep::Kind::chain, e_.steps.back().begin = chain, e_.steps.back().end = chain + 1;
         const long m = std::ssize(c.hinges);
         e_.flops += m * of_tree(b) + 18L * m * (m + 1) + std::ssize(c.wheels) * (50L + 10L * m);
       } else if (const int geared = geared_of_[at(k)]; geared != -1) {
@@ -761,6 +764,91 @@ class Embedder {
     shift_numbers(begin, e_.n_pairs_);
     e_.n_zeroed = begin + e_.n_pairs_;
     return true;
+  }
+
+  int level(int k) const {
+    int n = 0;
+    for (; k > 0; k = m_.bodies[at(k)].parent) ++n;
+    return n;
+  }
+  /// Gears of one step, and geared chains of steps in a row: those that are alike and stand on one level, and so none outboard of another,
+  /// four or two at a time.
+  void place_side_by_side() {
+    place_chains_side_by_side();
+    for (EmbeddingStep& s : e_.steps) {
+      if (s.kind != EmbeddingStep::Kind::gear) continue;
+      const std::span<Gear> gears(e_.gears.data() + s.begin, e_.gears.data() + s.end);
+      const auto key = [&](const Gear& gear) { return std::pair(-level(gear.body), m_.bodies[at(gear.body)].kind); };
+      std::ranges::stable_sort(gears, std::less<>(), key);
+      s.begin = static_cast<int>(e_.alike_gears.size());
+      for (std::size_t i = 0; i < gears.size();) {
+        std::size_t same = 1;
+        while (i + same < gears.size() && key(gears[i + same]) == key(gears[i])) ++same;
+        const auto n = static_cast<std::size_t>(alike(static_cast<std::ptrdiff_t>(same)));
+        e_.alike_gears.push_back(side_by_side(gears.subspan(i, n)));
+        i += n;
+      }
+      s.end = static_cast<int>(e_.alike_gears.size());
+    }
+  }
+  /// Chains that were written one step each, one behind the other.
+  void place_chains_side_by_side() {
+    std::vector<EmbeddingStep> steps;
+    const auto is_chain = [](const EmbeddingStep& s) { return s.kind == EmbeddingStep::Kind::chain; };
+    for (auto s = e_.steps.begin(); s != e_.steps.end();) {
+      if (!is_chain(*s)) {
+        steps.push_back(std::move(*s++));
+        continue;
+      }
+      EmbeddingStep all;
+      all.kind = EmbeddingStep::Kind::chain, all.begin = static_cast<int>(e_.alike_chains.size());
+      const auto end = std::find_if_not(s, e_.steps.end(), is_chain);
+      while (s != end) {
+        const auto same = std::find_if_not(s, end, [&](const EmbeddingStep& other) { return are_alike(chain_of(*s), chain_of(other)); });
+        AlikeChains side;
+        for (const auto n = alike(same - s); side.n < n; ++s) add_to(side, chain_of(*s));
+        e_.alike_chains.push_back(std::move(side));
+      }
+      all.end = static_cast<int>(e_.alike_chains.size());
+      steps.push_back(std::move(all));
+    }
+    e_.steps = std::move(steps);
+  }
+  /// So many of n at a time.
+  static long alike(std::ptrdiff_t n) { return n >= 4 ? 4 : n >= 2 ? 2 : 1; }
+  void add_to(AlikeChains& side, const GearedChain& chain) const {
+    const int i = side.n++;
+    side.hinges.resize(chain.hinges.size()), side.wheels.resize(chain.wheels.size());
+    for (std::size_t x = 0; x < side.hinges.size(); ++x) side.hinges[x].set(i, m_, chain.hinges[x]);
+    for (std::size_t n = 0; n < side.wheels.size(); ++n) {
+      const TurningWheel& wheel = e_.wheels[at(chain.wheels[n].wheel)];
+      AlikeChains::Wheels& to = side.wheels[n];
+      to.wheel[i] = chain.wheels[n].wheel, to.body[i] = wheel.body, to.v[i] = wheel.v, to.t[i] = wheel.t;
+      to.u[0][i] = wheel.u.x, to.u[1][i] = wheel.u.y, to.u[2][i] = wheel.u.z, to.J_axial[i] = wheel.J_axial;
+      for (std::size_t x = 0; x < GearedChain::kMost; ++x) to.ratio[x][i] = chain.wheels[n].ratio[x];
+      side.on_ground = side.on_ground || wheel.on_ground > 0;
+    }
+  }
+  const GearedChain& chain_of(const EmbeddingStep& s) const { return e_.chains[at(s.begin)]; }
+  bool are_alike(const GearedChain& a, const GearedChain& b) const {
+    const auto same_hinge = [&](int i, int j) { return m_.bodies[at(i)].kind == m_.bodies[at(j)].kind && level(i) == level(j); };
+    const auto same_wheel = [](const GearedChain::Wheel& i, const GearedChain::Wheel& j) {
+      return std::ranges::equal(
+          i.ratio, j.ratio, {}, [](int r) { return r < 0; }, [](int r) { return r < 0; });
+    };
+    return std::ranges::equal(a.hinges, b.hinges, same_hinge) && std::ranges::equal(a.wheels, b.wheels, same_wheel);
+  }
+  AlikeGears side_by_side(std::span<const Gear> gears) const {
+    AlikeGears out;
+    for (const Gear& gear : gears) {
+      const int i = out.n++;
+      out.hinges.set(i, m_, gear.body);
+      out.wheel[i] = gear.wheel, out.row[i] = gear.row, out.drive[i] = gear.drive, out.v[i] = gear.v;
+      out.driven = out.driven || gear.drive >= 0;
+      out.sense[i] = gear.sense, out.ratio[i] = gear.ratio, out.per_slope[i] = gear.per_slope;
+      out.J_axial[i] = gear.J_axial, out.coupled[i] = gear.coupled, out.reflected[i] = gear.reflected;
+    }
+    return out;
   }
   int own_blocks() const {
     int n = 0;

@@ -99,7 +99,7 @@ struct EmbeddingStep {
   enum class Kind : std::uint8_t {
     sweep,   // bodies as in an open tree
     gear,    // bodies each with the wheel that turns with its hinge
-    chain,   // bodies of a geared chain: `begin` is its number
+    chain,   // bodies of geared chains
     geared,  // bodies each with the wheels of transmissions that turn with its hinge
     cross,   // one body whose hinge is eliminated, with pending coordinates on it
     item,    // one body whose hinge rates a loop has taken up
@@ -111,11 +111,12 @@ struct EmbeddingStep {
   };
   static constexpr int kBranchRates = 6;  // most hinge rates of a branch: beyond, differences of motions that nearly cancel would be formed
   Kind kind = Kind::sweep;
-  int run = 0, begin = 0, end = 0;      // sweep, cross; of gear and geared: indices into Embedding::gears, ::geared
-  int body = 0;                         // cross, item, wheel; of branch: the innermost; of close: home
-  int loop = -1;                        // item, branch, wheel, close
-  std::vector<PendingFlow> flows;       // item: that of its loop first; close: likewise, then what it is coupled with
-  int coupled = 0;                      // close: so many of these; who takes up what is kept comes last where it is not
+  int run = 0, begin = 0,
+      end = 0;                     // sweep, cross; of gear, chain and geared: indices into Embedding::alike_gears, ::alike_chains, ::geared
+  int body = 0;                    // cross, item, wheel; of branch: the innermost; of close: home
+  int loop = -1;                   // item, branch, wheel, close
+  std::vector<PendingFlow> flows;  // item: that of its loop first; close: likewise, then what it is coupled with
+  int coupled = 0;                 // close: so many of these; who takes up what is kept comes last where it is not
   std::vector<CoordinateBlock> blocks;  // flows x flows
   int motion = -1;                      // item, wheel: column of EmbeddingWork::U
   int column = 0;                       // item, wheel: of the loop
@@ -144,6 +145,8 @@ struct Embedding {
   std::vector<TurningWheel> wheels;  // of transmissions
   std::vector<GearedChain> chains;   // of few hinges
   std::vector<GearedHinge> geared;   // of more, tip to base
+  std::vector<AlikeGears> alike_gears;
+  std::vector<AlikeChains> alike_chains;
   std::vector<EmbeddingStep> steps;  // tip to base
   /// Pushes of multipliers on bodies: +1 of the end `from`, -1 of `to`.
   struct Push {

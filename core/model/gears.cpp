@@ -207,6 +207,14 @@ Sinusoids::Sinusoids(const Coupling& coupling) : terms(static_cast<int>(coupling
   }
 }
 
+void AlikeHinges::set(int i, const Model& model, int k) {
+  const AxisBody& b = model.axis_bodies[place(k)];
+  kind = b.kind;
+  body[i] = k, parent[i] = b.parent, v[i] = b.v, angle[i] = b.angle;
+  cos_alpha[i] = b.cos_alpha, sin_alpha[i] = b.sin_alpha, cos_beta[i] = b.cos_beta, sin_beta[i] = b.sin_beta;
+  l[0][i] = b.l[0], l[1][i] = b.l[1];
+}
+
 std::vector<Transmission> find_transmissions(const Model& model, const std::vector<double>& scaled_rows,
                                              const std::vector<std::vector<int>>& hinges, const std::vector<std::uint8_t>& may) {
   const Finder finder(model, scaled_rows, hinges);

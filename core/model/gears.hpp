@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/model/coupling.hpp"
+#include "core/model/sweep_model.hpp"
 #include "core/spatial/vec3.hpp"
 
 namespace cardan {
@@ -21,6 +22,26 @@ struct Gear {
   double ratio = 0.0;  // r: v'_wheel = sense r v'_body + per_slope * (what G v' is to be)
   double per_slope = 0.0;
   double J_axial = 0.0, coupled = 0.0, reflected = 0.0;  // Ja, r Ja, r^2 Ja
+};
+
+/// Hinges of bodies that turn about an axis of their own, all of one kernel and none outboard of another, side by side: the sweeps take one
+/// number of each in one instruction. What the kernels read of AxisBody, body by body.
+struct AlikeHinges {
+  static constexpr int kMost = 4;
+  BodyKernel kind = BodyKernel::fixed;
+  int body[kMost] = {}, parent[kMost] = {}, v[kMost] = {}, angle[kMost] = {};
+  double cos_alpha[kMost] = {}, sin_alpha[kMost] = {}, cos_beta[kMost] = {}, sin_beta[kMost] = {}, l[2][kMost] = {};
+  void set(int i, const Model& model, int k);
+};
+
+/// n gears (1, 2 or 4) with such hinges; numbers as in Gear.
+struct AlikeGears {
+  static constexpr int kMost = AlikeHinges::kMost;
+  int n = 0;
+  AlikeHinges hinges;
+  int wheel[kMost] = {}, row[kMost] = {}, drive[kMost] = {}, v[kMost] = {};
+  bool driven = false;  // any of them
+  double sense[kMost] = {}, ratio[kMost] = {}, per_slope[kMost] = {}, J_axial[kMost] = {}, coupled[kMost] = {}, reflected[kMost] = {};
 };
 
 /// Sines and cosines of a coupling as a sum of S sin x + C cos x, x = sum of a q: one for each x, four side by side.
@@ -89,6 +110,19 @@ struct GearedChain {
   std::vector<int> hinges;  // bodies, tip to base
   std::vector<Wheel> wheels;
   int carrier = 0;
+};
+
+/// n geared chains (1, 2 or 4) of as many hinges, one beside the other alike, and as many wheels that turn with the same of them.
+struct AlikeChains {
+  struct Wheels {
+    int wheel[AlikeHinges::kMost] = {}, body[AlikeHinges::kMost] = {}, v[AlikeHinges::kMost] = {};  // wheel: index into Embedding::wheels
+    double u[3][AlikeHinges::kMost] = {}, J_axial[AlikeHinges::kMost] = {};
+    int t[AlikeHinges::kMost] = {}, ratio[GearedChain::kMost][AlikeHinges::kMost] = {};  // as in TurningWheel and GearedChain::Wheel
+  };
+  int n = 0;
+  std::vector<AlikeHinges> hinges;  // tip to base
+  std::vector<Wheels> wheels;
+  bool on_ground = false;  // wheels are bodies on the ground
 };
 
 /// Those among the couplings that `may` be; hinges: of each loop, bodies whose hinges it has.

@@ -3,27 +3,26 @@
 // transmissions, which are coordinates of the bodies between their outermost hinge and their carrier.
 #include <cmath>
 
-#include "core/soa/embedding_work.hpp"
-#include "core/soa/kernels_axis.hpp"
+#include "core/soa/embedding_side.hpp"
 #include "core/soa/sincos.hpp"
 
 namespace cardan::soa {
 
 /// Phi P Phi* of a body that turns about an axis of its own: as P+ in inward_axis, with the row of the axis.
-template <int I, Tilt TILT>
-CARDAN_INLINE ArticulatedInertia<double> inertia_to_inboard(const AxisBody& b, double c, double s, ArticulatedInertia<double> P) {
+template <int I, Tilt TILT, class T, class Body>
+CARDAN_INLINE ArticulatedInertia<T> inertia_to_inboard(const Body& b, const T& c, const T& s, ArticulatedInertia<T> P) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   turn<I>(P.J, c, s);
   turn<I>(P.B, c, s);
   turn<I>(P.M, c, s);
-  const double lj = b.l[0], lk = b.l[1];
-  const double mii = entry<I, I>(P.M), mij = entry<I, J>(P.M), mik = entry<I, K>(P.M), mjj = entry<J, J>(P.M), mjk = entry<J, K>(P.M),
-               mkk = entry<K, K>(P.M);
-  const double bii = entry<I, I>(P.B), bij = entry<I, J>(P.B), bik = entry<I, K>(P.B), bji = entry<J, I>(P.B), bki = entry<K, I>(P.B);
-  const double cij = bij + (lj * mjk - lk * mjj), cik = bik + (lj * mkk - lk * mjk);
-  const double cji = bji + lk * mii, cjj = entry<J, J>(P.B) + lk * mij, cjk = entry<J, K>(P.B) + lk * mik;
-  const double cki = bki - lj * mii, ckj = entry<K, J>(P.B) - lj * mij, ckk = entry<K, K>(P.B) - lj * mik;
-  ArticulatedInertia<double> Q;
+  const T lj(b.l[0]), lk(b.l[1]);
+  const T mii = entry<I, I>(P.M), mij = entry<I, J>(P.M), mik = entry<I, K>(P.M), mjj = entry<J, J>(P.M), mjk = entry<J, K>(P.M),
+          mkk = entry<K, K>(P.M);
+  const T bii = entry<I, I>(P.B), bij = entry<I, J>(P.B), bik = entry<I, K>(P.B), bji = entry<J, I>(P.B), bki = entry<K, I>(P.B);
+  const T cij = bij + (lj * mjk - lk * mjj), cik = bik + (lj * mkk - lk * mjk);
+  const T cji = bji + lk * mii, cjj = entry<J, J>(P.B) + lk * mij, cjk = entry<J, K>(P.B) + lk * mik;
+  const T cki = bki - lj * mii, ckj = entry<K, J>(P.B) - lj * mij, ckk = entry<K, K>(P.B) - lj * mik;
+  ArticulatedInertia<T> Q;
   entry<I, I>(Q.B) = bii + (lj * mik - lk * mij), entry<I, J>(Q.B) = cij, entry<I, K>(Q.B) = cik;
   entry<J, I>(Q.B) = cji, entry<J, J>(Q.B) = cjj, entry<J, K>(Q.B) = cjk;
   entry<K, I>(Q.B) = cki, entry<K, J>(Q.B) = ckj, entry<K, K>(Q.B) = ckk;
@@ -35,9 +34,9 @@ CARDAN_INLINE ArticulatedInertia<double> inertia_to_inboard(const AxisBody& b, d
   entry<J, K>(Q.J) = entry<J, K>(P.J) - lj * cji + lk * bki;
   Q.M = P.M;
   if constexpr (TILT != Tilt::none) {
-    tilt<TILT, double>(b, Q.J);
-    tilt<TILT, double>(b, Q.B);
-    tilt<TILT, double>(b, Q.M);
+    tilt<TILT, T>(b, Q.J);
+    tilt<TILT, T>(b, Q.B);
+    tilt<TILT, T>(b, Q.M);
   }
   return Q;
 }
@@ -50,94 +49,143 @@ CARDAN_INLINE void set_apart(Force<double>& to, const Force<double>& f) {
 CARDAN_INLINE Force<double> apart(const Force<double>& f) { return {{f.n.x, f.n.y, f.n.z}, {f.f.x, f.f.y, f.f.z}}; }
 
 /// What G v' of a gear is to be: as `given` says, else by its drive.
-static inline double wanted_of(const Gear& gear, const Inputs<double>& in, const double* given) {
-  return given ? given[gear.row] : gear.drive >= 0 && in.drives ? in.drives[gear.drive].acceleration : 0.0;
+static inline double wanted_of(const AlikeGears& gears, int i, const Inputs<double>& in, const double* given) {
+  return given ? given[gears.row[i]] : gears.drive[i] >= 0 && in.drives ? in.drives[gears.drive[i]].acceleration : 0.0;
+}
+template <class T>
+CARDAN_INLINE T wanted_of(const AlikeGears& gears, const Inputs<double>& in, const double* given) {
+  if (!given && !gears.driven) return T(0.0);
+  return each<T>([&](int i) { return wanted_of(gears, i, in, given); });
 }
 
-/// A hinge with the wheel that turns with it about its axis, v'_w = r v' + t (u = +-e_i; r and v_w with that sign): a moment along the axis
-/// is the same on the carrier and on the body, so that D = P_ii + r^2 Ja, V = P e_i + r Ja e_i, and what the carrier feels of both is
-/// P + Ja e_i e_i* - V D^-1 V*, z + V nu + Ja t e_i + Ja v_w (w x e_i), shifted as that of any body. AxisRecord: nu, and all of G = V D^-1.
-CARDAN_INLINE bool take_gear(const SweepModel& model, const Gear& gear, Workspace<double>& ws, const Inputs<double>& in,
-                             const double* given) {
-  const AxisBody& b = model.axis_bodies[gear.body];
-  Core<double>& core = ws.core(gear.body);
-  AxisRecord<double>& record = ws.axis(gear.body);
-  const double Ja = gear.J_axial, lag = gear.sense * Ja * gear.per_slope * wanted_of(gear, in, given);
-  const double moment = gear.sense * (ws.axis(gear.wheel).load + (in.tau ? in.tau[gear.v] : 0.0)) - lag;
+/// Hinges each with the wheel that turns with it about its axis, v'_w = r v' + t (u = +-e_i; r and v_w with that sign): a moment along the
+/// axis is the same on the carrier and on the body, so that D = P_ii + r^2 Ja, V = P e_i + r Ja e_i, and what the carrier feels of both is
+/// P + Ja e_i e_i* - V D^-1 V*, z + V nu + Ja t e_i + Ja v_w (w x e_i), shifted as that of any body. T: a number of each.
+template <class T>
+static bool take_gears(const AlikeGears& gears, GearRecord& record, Workspace<double>& ws, const Inputs<double>& in, const double* given) {
+  const AlikeHinges& hinges = gears.hinges;
+  // Everything is read before anything is written: for all that the compiler knows it is written over.
+  const HingePlaces& places = record.places;
+  const Places<T> P_to = P_of<T>(places.inboard), z_to = force_of<T>(places.z_inboard);
+  const T c = cosine_of<T>(ws, hinges), s = sine_of<T>(ws, hinges);
+  const T sense = side<T>(gears.sense), Ja = side<T>(gears.J_axial),
+          lag = sense * Ja * side<T>(gears.per_slope) * wanted_of<T>(gears, in, given);
+  T moment = each<T>([&](int i) { return *record.load[i]; }), tau(0.0);
+  if (in.tau) {
+    moment = moment + each<T>([&](int i) { return in.tau[gears.v[i]]; });
+    tau = each<T>([&](int i) { return in.tau[hinges.v[i]]; });
+  }
+  tau = tau + side<T>(gears.ratio) * (sense * moment - lag);
+  const T spin = sense * Ja * each<T>([&](int i) { return in.v[gears.v[i]]; });
   return for_axis(
-      b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
+      hinges.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
         constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
-        ArticulatedInertia<double> P = core.P;
-        const double D = entry<I, I>(P.J) + gear.reflected, size = P.J.xx + P.J.yy + P.J.zz;
-        if (!(D > kPivotLimit * size)) {
-          ws.breakdown = {gear.body, 0, D, kPivotLimit * size};
+        const auto of_body = [&](auto number) __attribute__((always_inline)) {
+          return each<T>([&](int i) { return number(*places.core[i]); });
+        };
+        const T gamma = of_body([](const Core<double>& body) { return at<I>(body.gamma.w); });
+        const T wj = of_body([](const Core<double>& body) { return at<J>(body.w); });
+        const T wk = of_body([](const Core<double>& body) { return at<K>(body.w); });
+        const T coupled = side<T>(gears.coupled);
+        const HingesAside<T> b(hinges);
+        ArticulatedInertia<T> P;
+        Force<T> z;
+        take_from(P_of<T>(places.core), P), take_from(force_of<T>(places.z), z);
+        const T D = entry<I, I>(P.J) + side<T>(gears.reflected), limit = T(kPivotLimit) * (P.J.xx + P.J.yy + P.J.zz);
+        if (!(D > limit)) {
+          break_down(ws, hinges, D, limit);
           return false;
         }
-        const double inverse = 1.0 / D;
-        Force<double> V;
-        at<I>(V.n) = entry<I, I>(P.J) + gear.coupled, at<J>(V.n) = entry<I, J>(P.J), at<K>(V.n) = entry<I, K>(P.J);
+        const T inverse = T(1.0) / D, eps = tau - at<I>(z.n) - coupled * gamma;
+        Force<T> V;
+        at<I>(V.n) = entry<I, I>(P.J) + coupled, at<J>(V.n) = entry<I, J>(P.J), at<K>(V.n) = entry<I, K>(P.J);
         V.f = {entry<I, 0>(P.B), entry<I, 1>(P.B), entry<I, 2>(P.B)};
-        const Force<double> G = inverse * V;
-        Force<double> z = apart(ws.z(gear.body));
-        const double tau = in.tau ? in.tau[b.v] : 0.0, spin = gear.sense * Ja * in.v[gear.v];
-        const double eps = tau - at<I>(z.n) + gear.ratio * moment - gear.coupled * at<I>(core.gamma.w);
-        record.nu = inverse * eps;
-        set_apart(record.G, G);
-        entry<I, I>(P.J) += Ja;
+        const Force<T> G = inverse * V;
+        set_side(record.nu, inverse * eps);
+        set_aside(record.G, G);
+        entry<I, I>(P.J) = entry<I, I>(P.J) + Ja;
         subtract_outer(P, V, G);
+        add_to(P_to, inertia_to_inboard<I, TILT>(b, c, s, P));
         z += eps * G;
-        at<I>(z.n) += lag;
-        at<J>(z.n) += spin * at<K>(core.w);
-        at<K>(z.n) -= spin * at<J>(core.w);
-        const double c = ws.cosines[b.angle], s = ws.sines[b.angle];
-        ws.core(b.parent).P += inertia_to_inboard<I, TILT>(b, c, s, P);
-        ws.z(b.parent) += force_to_inboard<double, I, TILT>(b, c, s, z);
+        at<I>(z.n) = at<I>(z.n) + lag, at<J>(z.n) = at<J>(z.n) + spin * wk, at<K>(z.n) = at<K>(z.n) - spin * wj;
+        add_to(z_to, force_to_inboard<T, I, TILT>(b, c, s, z));
         return true;
       });
 }
-CARDAN_INLINE void gear_outward(const SweepModel& model, const Gear& gear, Workspace<double>& ws, const Inputs<double>& in,
-                                const double* given, double* vdot) {
-  const AxisBody& b = model.axis_bodies[gear.body];
-  const AxisRecord<double>& record = ws.axis(gear.body);
+template <class T>
+static void gears_outward(const AlikeGears& gears, const GearRecord& record, Workspace<double>& ws, const Inputs<double>& in,
+                          const double* given, double* vdot) {
+  const AlikeHinges& hinges = gears.hinges;
+  const T wheel = side<T>(gears.per_slope) * wanted_of<T>(gears, in, given);
   for_axis(
-      b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
-        Motion<double> d = motion_to_outboard<double, I, TILT>(b, ws.cosines[b.angle], ws.sines[b.angle], ws.core(b.parent).delta);
-        const double rate = record.nu - dot(d.w, record.G.n) - dot(d.v, record.G.f);
-        at<I>(d.w) += rate;
-        ws.core(gear.body).delta = d;
-        vdot[b.v] = rate;
-        vdot[gear.v] = gear.sense * gear.ratio * rate + gear.per_slope * wanted_of(gear, in, given);
+      hinges.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
+        const HingesAside<T> b(hinges);
+        Motion<T> d;
+        take_from(delta_of<T>(record.places.inboard), d);
+        d = motion_to_outboard<T, I, TILT>(b, cosine_of<T>(ws, hinges), sine_of<T>(ws, hinges), d);
+        const T rate = side<T>(record.nu) - dot(d, from_aside<T>(record.G));
+        at<I>(d.w) = at<I>(d.w) + rate;
+        set_at(delta_of<T>(record.places.core), d);
+        const T of_wheel = side<T>(gears.sense) * side<T>(gears.ratio) * rate + wheel;
+        for (int i = 0; i < kWidth<T>; ++i) vdot[hinges.v[i]] = lane(rate, i), vdot[gears.v[i]] = lane(of_wheel, i);
       });
 }
 
-static bool take_gears(const SweepModel& model, const Gear* begin, const Gear* end, Workspace<double>& ws, const Inputs<double>& in,
+static bool take_gears(const Embedding& e, int begin, int end, Workspace<double>& ws, EmbeddingWork& k, const Inputs<double>& in,
                        const double* given) {
-  for (const Gear* gear = begin; gear < end; ++gear)
-    if (!take_gear(model, *gear, ws, in, given)) return false;
+  for (int i = begin; i < end; ++i)
+    if (!side_by_side(e.alike_gears[static_cast<std::size_t>(i)].n, [&]<class T>() {
+          return take_gears<T>(e.alike_gears[static_cast<std::size_t>(i)], k.gears[static_cast<std::size_t>(i)], ws, in, given);
+        }))
+      return false;
   return true;
 }
-static void gears_outward(const SweepModel& model, const Gear* begin, const Gear* end, Workspace<double>& ws, const Inputs<double>& in,
+static void gears_outward(const Embedding& e, int begin, int end, Workspace<double>& ws, const EmbeddingWork& k, const Inputs<double>& in,
                           const double* given, double* vdot) {
-  for (const Gear* gear = end; gear > begin;) gear_outward(model, *--gear, ws, in, given, vdot);
+  for (int i = end; i-- > begin;)
+    side_by_side(e.alike_gears[static_cast<std::size_t>(i)].n, [&]<class T>() {
+      gears_outward<T>(e.alike_gears[static_cast<std::size_t>(i)], k.gears[static_cast<std::size_t>(i)], ws, in, given, vdot);
+    });
 }
 
+/// visit<N>() with the number of terms; 0: any number.
+template <class Visit>
+CARDAN_INLINE auto for_terms(std::size_t terms, const Visit& visit) {
+  return terms == 2 ? visit.template operator()<2>() : terms == 3 ? visit.template operator()<3>() : visit.template operator()<0>();
+}
 /// Angles of the sines and cosines of a coupling, and their rates.
-static inline void angles_of(const Coupling& c, const Sinusoids& sinusoids, const double* q, const double* v, double* x, double* rate) {
+template <int N>
+CARDAN_INLINE void angles_of(const Coupling& c, const Sinusoids& sinusoids, const double* q, const double* v, double* x, double* rate) {
   static_assert(Sinusoids::kSide == 4);
   const double *a = sinusoids.numbers.data(), *end = a + sinusoids.numbers.size();
+  const CoupledRate* terms = c.terms.data();
+  const int n = N > 0 ? N : static_cast<int>(c.terms.size());
+  double at[N > 0 ? N : 1], speeds[N > 0 ? N : 1];  // read once: for all that the compiler knows, x may stand among them
+  for (int t = 0; t < N; ++t) at[t] = q[terms[t].q], speeds[t] = v[terms[t].v];
   for (; a < end; x += 4, rate += 4) {
     a += 8;
     Four angle{}, speed{};
-    for (const CoupledRate& term : c.terms) angle += q[term.q] * four(a), speed += v[term.v] * four(a), a += 4;
+    for (int t = 0; t < n; ++t, a += 4) {
+      angle += (N > 0 ? at[t] : q[terms[t].q]) * four(a);
+      speed += (N > 0 ? speeds[t] : v[terms[t].v]) * four(a);
+    }
     four(x) = angle, four(rate) = speed;
   }
 }
 
-/// What c'' has without v', and the gradient, as Coupling::at: of sines, cosines and rates as angles_of() has them. Slopes by the angles
-/// take the place of the sines.
-static inline double slopes_of(const Coupling& c, const Sinusoids& sinusoids, const Inputs<double>& in, double* sine, const double* cosine,
-                               const double* rate, double* gradient) {
-  const std::size_t terms = c.terms.size(), block = 4 * (2 + terms);
+/// Sums of the numbers of each, side by side.
+CARDAN_INLINE Lanes<4> sums_of(const Four& a, const Four& b, const Four& c, const Four& d) {
+  const Lanes<4>::Pack packs[4] = {a, b, c, d};
+  Lanes<4> x(packs[0]), y(packs[1]), z(packs[2]), w(packs[3]);
+  transpose(x, y, z, w);
+  return (x + z) + (y + w);
+}
+
+/// What c'' has without v', and the gradient, as Coupling::at: of sines, cosines and rates as angles_of() has them.
+template <int N>
+CARDAN_INLINE double slopes_of(const Coupling& c, const Sinusoids& sinusoids, const Inputs<double>& in, const double* sine,
+                               const double* cosine, const double* rate, double* gradient) {
+  const std::size_t terms = N > 0 ? N : c.terms.size(), block = 4 * (2 + terms);
   double extra = 0.0;
   for (std::size_t i = 0; i < terms; ++i) gradient[i] = c.terms[i].coefficient;
   for (const int f : sinusoids.others) {
@@ -153,21 +201,49 @@ static inline double slopes_of(const Coupling& c, const Sinusoids& sinusoids, co
   }
   const double *begin = sinusoids.numbers.data(), *end = begin + sinusoids.numbers.size();
   if (begin == end) return extra;
-  const auto sum = [](const Four& x) { return (x[0] + x[2]) + (x[1] + x[3]); };
-  Four curved{};
-  double* slope = sine;
-  for (const double* S = begin; S < end; S += block, slope += 4, cosine += 4, rate += 4) {
-    const Four s = four(slope), k = four(cosine), speed = four(rate);
-    curved += (four(S) * s + four(S + 4) * k) * speed * speed;
-    four(slope) = four(S) * k - four(S + 4) * s;
+  for (std::size_t first = 0; first < terms; first += 3) {  // three terms at a time
+    Four curved{}, part[3] = {};
+    const std::size_t few = N > 0 ? N : std::min<std::size_t>(terms - first, 3);
+    std::size_t at = 0;
+    for (const double* S = begin; S < end; S += block, at += 4) {
+      const Four s = four(sine + at), k = four(cosine + at), speed = four(rate + at);
+      curved += (four(S) * s + four(S + 4) * k) * speed * speed;
+      const Four slope = four(S) * k - four(S + 4) * s;
+      for (std::size_t t = 0; t < few; ++t) part[t] += slope * four(S + 8 + 4 * (first + t));
+    }
+    const Lanes<4> sums = sums_of(part[0], part[1], part[2], curved);
+    for (std::size_t t = 0; t < few; ++t) gradient[first + t] += sums.x[t];
+    if (first == 0) extra -= sums.x[3];
   }
-  for (std::size_t t = 0; t < terms; ++t) {
-    Four part{};
-    slope = sine;
-    for (const double* a = begin + 8 + 4 * t; a < end; a += block, slope += 4) part += four(slope) * four(a);
-    gradient[t] += sum(part);
+  return extra;
+}
+
+/// B = A^-1, row by row; a singular one has no finite numbers.
+template <int N>
+CARDAN_INLINE void invert(int n, double* A, double* B) {
+  if constexpr (N == 1) {
+    B[0] = 1.0 / A[0];
+    return;
   }
-  return extra - sum(curved);
+  if constexpr (N == 2) {
+    const double inverse = 1.0 / (A[0] * A[3] - A[1] * A[2]);
+    B[0] = inverse * A[3], B[1] = -inverse * A[1], B[2] = -inverse * A[2], B[3] = inverse * A[0];
+    return;
+  }
+  for (int i = 0; i < n * n; ++i) B[i] = i % (n + 1) == 0 ? 1.0 : 0.0;
+  for (int p = 0; p < n; ++p) {
+    int best = p;
+    for (int i = p + 1; i < n; ++i)
+      if (std::abs(A[i * n + p]) > std::abs(A[best * n + p])) best = i;
+    for (int j = 0; best != p && j < n; ++j) std::swap(A[p * n + j], A[best * n + j]), std::swap(B[p * n + j], B[best * n + j]);
+    const double scale = 1.0 / A[p * n + p];
+    for (int j = 0; j < n; ++j) A[p * n + j] *= scale, B[p * n + j] *= scale;
+    for (int i = 0; i < n; ++i) {
+      if (i == p) continue;
+      const double factor = A[i * n + p];
+      for (int j = 0; j < n; ++j) A[i * n + j] -= factor * A[p * n + j], B[i * n + j] -= factor * B[p * n + j];
+    }
+  }
 }
 
 /// R and t of a transmission of N wheels (0: any number): with G_w and G_h its slopes on wheels and hinges, R = -G_w^-1 G_h,
@@ -177,43 +253,30 @@ static bool find_ratios(const Transmission& t, EmbeddingWork& k, const Inputs<do
   constexpr int kMost = N > 0 ? N : GearedHinge::kMost;
   const int n = N > 0 ? N : static_cast<int>(t.wheels.size()), along = static_cast<int>(t.way.size());
   double *R = k.ratios.data() + t.numbers, *bias = R + n * along, *inverse = bias + n;
-  double slopes[kMost * kMost], wanted[kMost];
+  double slopes[kMost * kMost] = {}, wanted[kMost];
   double *hinges = k.scratch.data(), *gradient = hinges + n * along;  // n x along; per term
+  for (int i = 0; i < n * along; ++i) hinges[i] = 0.0;
   for (int i = 0; i < n; ++i) {
     const Transmission::Row& row = t.rows[static_cast<std::size_t>(i)];
-    const double extra = slopes_of(row.coupling, row.sinusoids, in, k.sines.data() + row.angles, k.cosines.data() + row.angles,
-                                   k.rates.data() + row.angles, gradient);
-    for (int j = 0; j < n; ++j) slopes[i * n + j] = 0.0, inverse[i * n + j] = i == j ? 1.0 : 0.0;
-    for (int j = 0; j < along; ++j) hinges[i * along + j] = 0.0;
+    const double extra = for_terms(
+        row.column.size(), [&]<int TERMS>() __attribute__((always_inline)) {
+          return slopes_of<TERMS>(row.coupling, row.sinusoids, in, k.sines.data() + row.angles, k.cosines.data() + row.angles,
+                                  k.rates.data() + row.angles, gradient);
+        });
     for (std::size_t j = 0; j < row.column.size(); ++j) {
       const int column = row.column[j];
       (column < n ? slopes[i * n + column] : hinges[i * along + column - n]) += gradient[j];
     }
     wanted[i] = given ? given[row.row] : (row.drive >= 0 && in.drives ? in.drives[row.drive].acceleration : 0.0) - extra;
   }
-  for (int p = 0; p < n; ++p) {
-    int best = p;
-    for (int i = p + 1; i < n; ++i)
-      if (std::abs(slopes[i * n + p]) > std::abs(slopes[best * n + p])) best = i;
-    for (int j = 0; best != p && j < n; ++j) {
-      const double slope = slopes[p * n + j], entry = inverse[p * n + j];
-      slopes[p * n + j] = slopes[best * n + j], inverse[p * n + j] = inverse[best * n + j];
-      slopes[best * n + j] = slope, inverse[best * n + j] = entry;
-    }
-    const double scale = 1.0 / slopes[p * n + p];
-    for (int j = 0; j < n; ++j) slopes[p * n + j] *= scale, inverse[p * n + j] *= scale;
-    for (int i = 0; i < n; ++i) {
-      if (i == p) continue;
-      const double factor = slopes[i * n + p];
-      for (int j = 0; j < n; ++j) slopes[i * n + j] -= factor * slopes[p * n + j], inverse[i * n + j] -= factor * inverse[p * n + j];
-    }
-  }
+  invert<N>(n, slopes, inverse);
   bool far = true;
   for (int i = 0; i < n; ++i) {
-    bias[i] = 0.0;
-    for (int l = 0; l < n; ++l) bias[i] += inverse[i * n + l] * wanted[l];
+    double sum = 0.0;
+    for (int l = 0; l < n; ++l) sum += inverse[i * n + l] * wanted[l];
+    bias[i] = sum;
     for (int j = 0; j < along; ++j) {
-      double sum = 0.0;
+      sum = 0.0;
       for (int l = 0; l < n; ++l) sum -= inverse[i * n + l] * hinges[l * along + j];
       R[i * along + j] = sum;
       far = far && std::abs(sum) <= t.steepest[static_cast<std::size_t>(i * along + j)];
@@ -233,7 +296,10 @@ static inline bool find_ratios(const Embedding& e, EmbeddingWork& k, const Input
   if (!k.angles.empty()) {
     for (const Transmission& t : e.transmissions)
       for (const Transmission::Row& row : t.rows)
-        angles_of(row.coupling, row.sinusoids, in.q, in.v, k.angles.data() + row.angles, k.rates.data() + row.angles);
+        for_terms(
+            row.column.size(), [&]<int TERMS>() __attribute__((always_inline)) {
+              angles_of<TERMS>(row.coupling, row.sinusoids, in.q, in.v, k.angles.data() + row.angles, k.rates.data() + row.angles);
+            });
     sines_of_couplings(k);
   }
   for (std::size_t i = 0; i < e.transmissions.size(); ++i) {
@@ -248,8 +314,8 @@ static inline bool find_ratios(const Embedding& e, EmbeddingWork& k, const Input
 }
 
 /// P times a unit rate about axis I.
-template <int I>
-CARDAN_INLINE Force<double> turning_column(const ArticulatedInertia<double>& P) {
+template <int I, class T>
+CARDAN_INLINE Force<T> turning_column(const ArticulatedInertia<T>& P) {
   if constexpr (I == 0)
     return {{P.J.xx, P.J.xy, P.J.xz}, {P.B.xx, P.B.xy, P.B.xz}};
   else if constexpr (I == 1)
@@ -282,109 +348,149 @@ static inline void turn_on_ground(const TurningWheel& wheel, double rate, Worksp
 /// at the carrier, F_i = Phi P H_i*, M_ij = H_i Phi P H_j* and of each wheel b = (what it lacks) + Ja t:
 ///     D = M + R* Ja R,   F += u Ja R,   eps = tau - H z - R* b,   v' = D^-1 (eps - F* delta)
 ///     P_A += P + u Ja u* - F D^-1 F*,   z_A += z + u b + F D^-1 eps
-/// D = L d L*, the outermost hinge first.
-template <int M>
-static bool take_chain(const SweepModel& model, const Embedding& e, const GearedChain& chain, ChainRecord& record, Workspace<double>& ws,
-                       EmbeddingWork& k, const Inputs<double>& in) {
-  Force<double> F[M];
-  double D[M][M], eps[M], size[M];
-  ArticulatedInertia<double> P = ws.core(chain.hinges[0]).P;
-  Force<double> z = apart(ws.z(chain.hinges[0]));
-  for (int x = 0; x < M; ++x) {
-    const AxisBody& b = model.axis_bodies[chain.hinges[static_cast<std::size_t>(x)]];
-    const double cosine = ws.cosines[b.angle], sine = ws.sines[b.angle], tau = in.tau ? in.tau[b.v] : 0.0;
+/// D = L d L*, the outermost hinge first. T: a number of each chain.
+template <int M, class T>
+static bool take_chains(const Embedding& e, const AlikeChains& chains, ChainRecord& record, Workspace<double>& ws, EmbeddingWork& k,
+                        const Inputs<double>& in) {
+  Force<T> F[M];
+  T D[M][M], eps[M], limit[M];
+  const AlikeHinges* hinges = chains.hinges.data();
+  const HingePlaces* places = record.places.data();
+  ArticulatedInertia<T> P, more_P;
+  Force<T> z, more_z;
+  take_from(P_of<T>(places->core), P), take_from(force_of<T>(places->z), z);
+  for (int x = 0; x < M; ++x, ++hinges, ++places) {
+    const T c = cosine_of<T>(ws, *hinges), s = sine_of<T>(ws, *hinges);
+    const T tau = in.tau ? each<T>([&](int i) { return in.tau[hinges->v[i]]; }) : T(0.0);
     for_axis(
-        b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
+        hinges->kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
+          const HingesAside<T> b(*hinges);
           F[x] = turning_column<I>(P);
           for (int y = 0; y <= x; ++y) D[x][y] = at<I>(F[y].n);
-          eps[x] = tau - at<I>(z.n), size[x] = P.J.xx + P.J.yy + P.J.zz;
-          P = inertia_to_inboard<I, TILT>(b, cosine, sine, P);
-          z = force_to_inboard<double, I, TILT>(b, cosine, sine, z);
-          for (int y = 0; y <= x; ++y) F[y] = force_to_inboard<double, I, TILT>(b, cosine, sine, F[y]);
+          eps[x] = tau - at<I>(z.n), limit[x] = T(kPivotLimit) * (P.J.xx + P.J.yy + P.J.zz);
+          P = inertia_to_inboard<I, TILT>(b, c, s, P);
+          z = force_to_inboard<T, I, TILT>(b, c, s, z);
+          for (int y = 0; y <= x; ++y) F[y] = force_to_inboard<T, I, TILT>(b, c, s, F[y]);
         });
-    P += ws.core(b.parent).P;  // in the end of the carrier
-    if (x + 1 < M) z += ws.z(b.parent);
+    if (x + 1 == M) break;
+    take_from(P_of<T>(places->inboard), more_P), take_from(force_of<T>(places->z_inboard), more_z);
+    P += more_P, z += more_z;
   }
-  for (const GearedChain::Wheel& turns : chain.wheels) {
-    const TurningWheel& wheel = e.wheels[static_cast<std::size_t>(turns.wheel)];
-    const Vec3<double>& u = wheel.u;
-    const double Ja = wheel.J_axial, bias = take_moment(wheel, ws, in) + Ja * k.ratios[static_cast<std::size_t>(wheel.t)];
-    double R[M];
-    for (int x = 0; x < M; ++x) {
-      R[x] = turns.ratio[x] < 0 ? 0.0 : k.ratios[static_cast<std::size_t>(turns.ratio[x])];
-      eps[x] -= R[x] * bias;
-      for (int y = 0; y <= x; ++y) D[x][y] += Ja * R[x] * R[y];
-      F[x].n += (Ja * R[x]) * u;
+  const auto of_carrier = [&](auto number) __attribute__((always_inline)) {
+    return each<T>([&](int i) { return number(*places->inboard[i]); });
+  };
+  const Vec3<T> w{of_carrier([](const Core<double>& A) { return A.w.x; }), of_carrier([](const Core<double>& A) { return A.w.y; }),
+                  of_carrier([](const Core<double>& A) { return A.w.z; })};
+  const Vec3<T> gamma{of_carrier([](const Core<double>& A) { return A.gamma.w.x; }),
+                      of_carrier([](const Core<double>& A) { return A.gamma.w.y; }),
+                      of_carrier([](const Core<double>& A) { return A.gamma.w.z; })};
+  for (const AlikeChains::Wheels& wheels : chains.wheels) {
+    const auto ratio = [&](int at) { return at < 0 ? 0.0 : k.ratios[static_cast<std::size_t>(at)]; };
+    const Vec3<T> u{side<T>(wheels.u[0]), side<T>(wheels.u[1]), side<T>(wheels.u[2])};
+    const T Ja = side<T>(wheels.J_axial), more = Ja * each<T>([&](int i) { return ratio(wheels.t[i]); });
+    T bias;
+    if (chains.on_ground) {
+      bias = more + each<T>([&](int i) { return take_moment(e.wheels[static_cast<std::size_t>(wheels.wheel[i])], ws, in); });
+      z.n += bias * u;
+    } else {
+      T moment = each<T>([&](int i) { return ws.axis(wheels.body[i]).load; });
+      if (in.tau) moment = moment + each<T>([&](int i) { return in.tau[wheels.v[i]]; });
+      bias = more + Ja * dot(u, gamma) - moment;
+      z.n += Ja * each<T>([&](int i) { return in.v[wheels.v[i]]; }) * cross(w, u) + more * u;
     }
-    P.J.xx += Ja * u.x * u.x, P.J.yy += Ja * u.y * u.y, P.J.zz += Ja * u.z * u.z;
-    P.J.xy += Ja * u.x * u.y, P.J.xz += Ja * u.x * u.z, P.J.yz += Ja * u.y * u.z;
-    z.n += bias * u;
+    const Vec3<T> Ju = Ja * u;
+    T R[M];
+    for (int x = 0; x < M; ++x) {
+      R[x] = each<T>([&](int i) { return ratio(wheels.ratio[x][i]); });
+      eps[x] = eps[x] - R[x] * bias;
+      for (int y = 0; y <= x; ++y) D[x][y] = D[x][y] + Ja * R[x] * R[y];
+      F[x].n += R[x] * Ju;
+    }
+    P.J.xx = P.J.xx + Ju.x * u.x, P.J.yy = P.J.yy + Ju.y * u.y, P.J.zz = P.J.zz + Ju.z * u.z;
+    P.J.xy = P.J.xy + Ju.x * u.y, P.J.xz = P.J.xz + Ju.x * u.z, P.J.yz = P.J.yz + Ju.y * u.z;
   }
   for (int x = 0; x < M; ++x) {
     for (int y = 0; y < x; ++y) {
-      double* L = record.L[x];
-      L[y] = D[x][y] / D[y][y];
-      F[x] -= L[y] * F[y], eps[x] -= L[y] * eps[y];
-      for (int i = x; i < M; ++i) D[i][x] -= L[y] * D[i][y];
+      const T L = D[x][y] / D[y][y];
+      set_side(record.L[x][y], L);
+      F[x] -= L * F[y], eps[x] = eps[x] - L * eps[y];
+      for (int i = x; i < M; ++i) D[i][x] = D[i][x] - L * D[i][y];
     }
-    if (!(D[x][x] > kPivotLimit * size[x])) {
-      ws.breakdown = {chain.hinges[static_cast<std::size_t>(x)], 0, D[x][x], kPivotLimit * size[x]};
+    if (!(D[x][x] > limit[x])) {
+      break_down(ws, chains.hinges[static_cast<std::size_t>(x)], D[x][x], limit[x]);
       return false;
     }
-    const double inverse = 1.0 / D[x][x];
-    const Force<double> G = inverse * F[x];
-    record.nu[x] = inverse * eps[x];
-    set_apart(record.G[x], G);
+    const T inverse = T(1.0) / D[x][x];
+    const Force<T> G = inverse * F[x];
+    set_side(record.nu[x], inverse * eps[x]);
+    set_aside(record.G[x], G);
     subtract_outer(P, F[x], G);
     z += eps[x] * G;
   }
-  ws.core(chain.carrier).P = P;
-  ws.z(chain.carrier) += z;
+  add_to(P_of<T>(places->inboard), P), add_to(force_of<T>(places->z_inboard), z);
   return true;
-}
-static inline bool take_chain(const SweepModel& model, const Embedding& e, int number, Workspace<double>& ws, EmbeddingWork& k,
-                              const Inputs<double>& in) {
-  const GearedChain& chain = e.chains[static_cast<std::size_t>(number)];
-  ChainRecord& record = k.chains[static_cast<std::size_t>(number)];
-  switch (chain.hinges.size()) {
-    case 1:
-      return take_chain<1>(model, e, chain, record, ws, k, in);
-    case 2:
-      return take_chain<2>(model, e, chain, record, ws, k, in);
-    default:
-      return take_chain<3>(model, e, chain, record, ws, k, in);
-  }
 }
 
 /// v' of its hinges, delta of its bodies, and the rates of its wheels.
-static inline void chain_outward(const SweepModel& model, const Embedding& e, int number, Workspace<double>& ws, EmbeddingWork& k,
-                                 double* vdot) {
-  const GearedChain& chain = e.chains[static_cast<std::size_t>(number)];
-  const ChainRecord& record = k.chains[static_cast<std::size_t>(number)];
-  const int m = static_cast<int>(chain.hinges.size());
-  double rates[GearedChain::kMost];
-  Motion<double> d = ws.core(chain.carrier).delta;
-  for (int x = m - 1; x >= 0; --x) {
-    rates[x] = record.nu[x] - dot(d, record.G[x]);
-    for (int y = x + 1; y < m; ++y) rates[x] -= record.L[y][x] * rates[y];
+template <int M, class T>
+static void chains_outward(const Embedding& e, const AlikeChains& chains, const ChainRecord& record, Workspace<double>& ws,
+                           const EmbeddingWork& k, double* vdot) {
+  T rates[M];
+  const AlikeHinges* hinges = chains.hinges.data();
+  Motion<T> d;
+  take_from(delta_of<T>(record.places[M - 1].inboard), d);
+  for (int x = M - 1; x >= 0; --x) {
+    rates[x] = side<T>(record.nu[x]) - dot(d, from_aside<T>(record.G[x]));
+    for (int y = x + 1; y < M; ++y) rates[x] = rates[x] - side<T>(record.L[y][x]) * rates[y];
   }
-  for (int x = m - 1; x >= 0; --x) {
-    const AxisBody& b = model.axis_bodies[chain.hinges[static_cast<std::size_t>(x)]];
+  for (int x = M - 1; x >= 0; --x) {
+    const AlikeHinges& h = hinges[x];
     for_axis(
-        b.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
-          d = motion_to_outboard<double, I, TILT>(b, ws.cosines[b.angle], ws.sines[b.angle], d);
-          at<I>(d.w) += rates[x];
+        h.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
+          const HingesAside<T> b(h);
+          d = motion_to_outboard<T, I, TILT>(b, cosine_of<T>(ws, h), sine_of<T>(ws, h), d);
+          at<I>(d.w) = at<I>(d.w) + rates[x];
         });
-    ws.core(chain.hinges[static_cast<std::size_t>(x)]).delta = d;
-    vdot[b.v] = rates[x];
+    set_at(delta_of<T>(record.places[static_cast<std::size_t>(x)].core), d);
+    for (int i = 0; i < kWidth<T>; ++i) vdot[h.v[i]] = lane(rates[x], i);
   }
-  for (const GearedChain::Wheel& turns : chain.wheels) {
-    const TurningWheel& wheel = e.wheels[static_cast<std::size_t>(turns.wheel)];
-    double rate = k.ratios[static_cast<std::size_t>(wheel.t)];
-    for (int x = 0; x < m; ++x)
-      if (turns.ratio[x] >= 0) rate += k.ratios[static_cast<std::size_t>(turns.ratio[x])] * rates[x];
-    vdot[wheel.v] = rate;
-    if (wheel.on_ground) turn_on_ground(wheel, rate, ws);
+  for (const AlikeChains::Wheels& wheels : chains.wheels)
+    for (int i = 0; i < kWidth<T>; ++i) {
+      double rate = k.ratios[static_cast<std::size_t>(wheels.t[i])];
+      for (int x = 0; x < M; ++x)
+        if (wheels.ratio[x][i] >= 0) rate += k.ratios[static_cast<std::size_t>(wheels.ratio[x][i])] * lane(rates[x], i);
+      vdot[wheels.v[i]] = rate;
+      if (const TurningWheel& wheel = e.wheels[static_cast<std::size_t>(wheels.wheel[i])]; wheel.on_ground) turn_on_ground(wheel, rate, ws);
+    }
+}
+
+/// visit<M, T>() of chains of M hinges with numbers of so many lanes.
+template <class Visit>
+CARDAN_INLINE auto for_chains(const AlikeChains& chains, const Visit& visit) {
+  return side_by_side(chains.n, [&]<class T>() {
+    switch (chains.hinges.size()) {
+      case 1:
+        return visit.template operator()<1, T>();
+      case 2:
+        return visit.template operator()<2, T>();
+      default:
+        return visit.template operator()<3, T>();
+    }
+  });
+}
+static inline bool take_chains(const Embedding& e, int begin, int end, Workspace<double>& ws, EmbeddingWork& k, const Inputs<double>& in) {
+  for (int i = begin; i < end; ++i) {
+    const AlikeChains& chains = e.alike_chains[static_cast<std::size_t>(i)];
+    if (!for_chains(chains,
+                    [&]<int M, class T>() { return take_chains<M, T>(e, chains, k.chains[static_cast<std::size_t>(i)], ws, k, in); }))
+      return false;
+  }
+  return true;
+}
+static inline void chains_outward(const Embedding& e, int begin, int end, Workspace<double>& ws, const EmbeddingWork& k, double* vdot) {
+  for (int i = end; i-- > begin;) {
+    const AlikeChains& chains = e.alike_chains[static_cast<std::size_t>(i)];
+    for_chains(chains, [&]<int M, class T>() { chains_outward<M, T>(e, chains, k.chains[static_cast<std::size_t>(i)], ws, k, vdot); });
   }
 }
 

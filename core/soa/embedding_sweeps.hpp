@@ -652,10 +652,10 @@ static inline bool embedding_inward(const SweepModel& model, const Embedding& e,
   for (const EmbeddingStep& step : e.steps) {
     switch (step.kind) {
       case EmbeddingStep::Kind::gear:
-        if (!take_gears(model, e.gears.data() + step.begin, e.gears.data() + step.end, ws, in, given)) return false;
+        if (!take_gears(e, step.begin, step.end, ws, k, in, given)) return false;
         break;
       case EmbeddingStep::Kind::chain:
-        if (!take_chain(model, e, step.begin, ws, k, in)) return false;
+        if (!take_chains(e, step.begin, step.end, ws, k, in)) return false;
         break;
       case EmbeddingStep::Kind::geared:
         for (int i = step.begin; i < step.end; ++i)
@@ -833,10 +833,10 @@ static inline void embedding_outward(const SweepModel& model, const Embedding& e
     const EmbeddingStep& step = *at_step;
     switch (step.kind) {
       case EmbeddingStep::Kind::gear:
-        gears_outward(model, e.gears.data() + step.begin, e.gears.data() + step.end, ws, in, given, vdot);
+        gears_outward(e, step.begin, step.end, ws, k, in, given, vdot);
         break;
       case EmbeddingStep::Kind::chain:
-        chain_outward(model, e, step.begin, ws, k, vdot);
+        chains_outward(e, step.begin, step.end, ws, k, vdot);
         break;
       case EmbeddingStep::Kind::geared:
         for (int i = step.end; i-- > step.begin;) geared_outward(model, e, e.geared[static_cast<std::size_t>(i)], ws, k, vdot);

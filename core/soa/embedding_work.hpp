@@ -4,8 +4,7 @@
 #include <vector>
 
 #include "core/model/embedding.hpp"
-#include "core/model/sweep_model.hpp"
-#include "core/spatial/inertia.hpp"
+#include "core/soa/workspace.hpp"
 
 namespace cardan::soa {
 
@@ -39,10 +38,35 @@ struct PendingWheel {
   double b = 0.0, s = 0.0;
 };
 
-/// A geared chain on its way out, tip to base: v' = L^-* (nu - G* delta) with delta of the carrier, L of ones on its diagonal.
+/// Where the bodies of hinges side by side stand in a workspace: cores of the bodies and of what is inboard of them, and z of both.
+struct HingePlaces {
+  HingePlaces(Workspace<double>& ws, const AlikeHinges& hinges) {
+    for (int i = 0; i < AlikeHinges::kMost; ++i) {
+      core[i] = &ws.core(hinges.body[i]), inboard[i] = &ws.core(hinges.parent[i]);
+      z[i] = &ws.z(hinges.body[i]), z_inboard[i] = &ws.z(hinges.parent[i]);
+    }
+  }
+  Core<double>*core[AlikeHinges::kMost], *inboard[AlikeHinges::kMost];
+  Force<double>*z[AlikeHinges::kMost], *z_inboard[AlikeHinges::kMost];
+};
+/// Gears side by side: where they stand, and on their way out v' = nu - G* delta.
+struct GearRecord {
+  GearRecord(Workspace<double>& ws, const AlikeGears& gears) : places(ws, gears.hinges) {
+    for (int i = 0; i < AlikeGears::kMost; ++i) load[i] = &ws.axis(gears.wheel[i]).load;
+  }
+  alignas(32) double G[6][AlikeGears::kMost] = {};
+  double nu[AlikeGears::kMost] = {};
+  HingePlaces places;
+  const double* load[AlikeGears::kMost];
+};
+/// The same of geared chains, tip to base: v' = L^-* (nu - G* delta) with delta of the carrier, L of ones on its diagonal.
 struct ChainRecord {
-  Force<double> G[GearedChain::kMost];
-  double nu[GearedChain::kMost], L[GearedChain::kMost][GearedChain::kMost];
+  ChainRecord(Workspace<double>& ws, const AlikeChains& chains) {
+    for (const AlikeHinges& hinges : chains.hinges) places.emplace_back(ws, hinges);
+  }
+  alignas(32) double G[GearedChain::kMost][6][AlikeHinges::kMost] = {};
+  double nu[GearedChain::kMost][AlikeHinges::kMost] = {}, L[GearedChain::kMost][GearedChain::kMost][AlikeHinges::kMost] = {};
+  std::vector<HingePlaces> places;
 };
 
 /// Four numbers of a row.
@@ -59,7 +83,7 @@ CARDAN_INLINE void set_row(double* y, double a, const double* x, int width) {
 }
 
 struct EmbeddingWork {
-  explicit EmbeddingWork(const Embedding& e)
+  EmbeddingWork(const Embedding& e, Workspace<double>& ws)
       : numbers(static_cast<std::size_t>(e.n_numbers)),
         b(static_cast<std::size_t>(e.n_x)),
         x(static_cast<std::size_t>(e.n_x)),
@@ -81,8 +105,9 @@ struct EmbeddingWork {
         sines(angles.size()),
         cosines(angles.size()),
         wheels(e.wheels.size()),
-        chains(e.chains.size()),
         turns_known(e.transmissions.size()) {
+    for (const AlikeGears& all : e.alike_gears) gears.emplace_back(ws, all);
+    for (const AlikeChains& all : e.alike_chains) chains.emplace_back(ws, all);
     std::size_t most = 1, longest = 0;
     for (const EmbeddedLoop& loop : e.loops) longest = longest > loop.path.size() ? longest : loop.path.size();
     exits.resize(longest + 2);
@@ -121,6 +146,7 @@ struct EmbeddingWork {
   std::vector<double> ratios, pairs;                  // Transmission::numbers, GearedHinge::A
   std::vector<double> angles, rates, sines, cosines;  // of couplings that are not linear: Transmission::Row::angles
   std::vector<PendingWheel> wheels;
+  std::vector<GearRecord> gears;
   std::vector<ChainRecord> chains;
   std::vector<std::uint8_t> turns_known;  // per transmission that is `constant`
   std::vector<double> scratch;

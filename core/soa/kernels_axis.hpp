@@ -57,16 +57,16 @@ CARDAN_INLINE constexpr void turn(Mat3<T>& b, const T& c, const T& s) {
   entry<K, I>(b) = s * ji + c * ki;
 }
 
-/// How O stands in the inboard body.
+/// How O stands in the inboard body. Body, here and below: AxisBody, or such numbers of several bodies side by side (AlikeHinges).
 enum class Tilt { none, beta, alpha_beta };
 
-template <Tilt TILT, class T, class V>
-CARDAN_INLINE constexpr void untilt(const AxisBody& b, V& v) {  // inboard axes -> O axes, vectors
+template <Tilt TILT, class T, class V, class Body>
+CARDAN_INLINE constexpr void untilt(const Body& b, V& v) {  // inboard axes -> O axes, vectors
   if constexpr (TILT == Tilt::alpha_beta) turn_back<2>(v, T(b.cos_alpha), T(b.sin_alpha));
   if constexpr (TILT != Tilt::none) turn_back<1>(v, T(b.cos_beta), T(b.sin_beta));
 }
-template <Tilt TILT, class T, class V>
-CARDAN_INLINE constexpr void tilt(const AxisBody& b, V& v) {  // O axes -> inboard axes: vectors, Sym3, Mat3
+template <Tilt TILT, class T, class V, class Body>
+CARDAN_INLINE constexpr void tilt(const Body& b, V& v) {  // O axes -> inboard axes: vectors, Sym3, Mat3
   if constexpr (TILT != Tilt::none) turn<1>(v, T(b.cos_beta), T(b.sin_beta));
   if constexpr (TILT == Tilt::alpha_beta) turn<2>(v, T(b.cos_alpha), T(b.sin_alpha));
 }
@@ -119,8 +119,8 @@ CARDAN_INLINE void outward_axis(const AxisBody& b, const Core<T>& inboard, Core<
 }
 
 /// z+ from B to the inboard body: turned, shifted by l = (l_j, l_k), tilted.
-template <class T, int I, Tilt TILT>
-CARDAN_INLINE Force<T> force_to_inboard(const AxisBody& b, const T& c, const T& s, Force<T> z) {
+template <class T, int I, Tilt TILT, class Body>
+CARDAN_INLINE Force<T> force_to_inboard(const Body& b, const T& c, const T& s, Force<T> z) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   const T lj(b.l[0]), lk(b.l[1]);
   turn<I>(z.n, c, s);
@@ -248,8 +248,8 @@ CARDAN_INLINE bool inward_axis(const AxisBody& b, const AxisBody& carrier, Core<
 }
 
 /// Phi* delta of the inboard body, in B.
-template <class T, int I, Tilt TILT>
-CARDAN_INLINE Motion<T> motion_to_outboard(const AxisBody& b, const T& c, const T& s, Motion<T> d) {
+template <class T, int I, Tilt TILT, class Body>
+CARDAN_INLINE Motion<T> motion_to_outboard(const Body& b, const T& c, const T& s, Motion<T> d) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
   untilt<TILT, T>(b, d.w);
   untilt<TILT, T>(b, d.v);
