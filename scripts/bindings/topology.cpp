@@ -71,8 +71,8 @@ std::string at_text(const HingeSpec& h) {
   if (!h.body_node.empty()) return ", at: " + h.body_node;
   if (h.pnode_position.isZero(0.0) && h.pnode_R.isIdentity(0.0)) return "";
   const Eigen::Matrix3d& R = h.pnode_R;
-  return fmt::format(", at: {{position: {}, orientation: {{matrix: [{}, {}, {}]}}}}", point_text(h.pnode_position) + " m",
-                     point_text(R.row(0)), point_text(R.row(1)), point_text(R.row(2)));
+  return fmt::format(", at: {{position: {}, orientation: {{matrix: [{}, {}, {}]}}}}", point_text(h.pnode_position), point_text(R.row(0)),
+                     point_text(R.row(1)), point_text(R.row(2)));
 }
 
 /// vehicle:detach "upper": the hinge between the body and the one inboard of it is gone; the body flies on with all that hangs on it.

@@ -154,7 +154,8 @@ void VehicleChanges::remember(Archive& a) {
   for (std::size_t i = instants_.size(); i < instants.size(); ++i) {  // those before the run the script has made again
     const Instant& instant = instants[i];
     SystemSpec spec = described(instant.values);
-    if (!put_initial_places(spec, instant.places)) a.wrong("coordinates of another vehicle");
+    // Without hinges that became others its initial values are the described ones, rates too, and go on being compared with.
+    if (rejoined_ && !put_initial_places(spec, instant.places)) a.wrong("coordinates of another vehicle");
     s_.sim->adopt_again(compile(std::make_shared<const SystemSpec>(std::move(spec)), s_.registry, s_.options()));
     values_ = instant.values;
   }

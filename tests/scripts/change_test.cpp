@@ -77,6 +77,21 @@ TEST(AVehicleThatChanges, IsRepeatedAndResumedWithTheSameBits) {
   }
 }
 
+/// Initial rates are those of the described vehicle also for a change that comes after the checkpoint of a change.
+TEST(AVehicleThatChanges, IsResumedBetweenTwoChanges) {
+  const TemporaryFolder dir;
+  const std::string again = R"lua(
+event { name = "lighter", once = true, direction = "rising", when = function(t) return t - 1.7 end, action = function()
+  sat:change { ["bodies.wheel.inertia.zz"] = "0.4 kg m^2" }
+end }
+)lua";
+  ASSERT_EQ(run(dir, kDriven + again, {"--set", "bodies.wheel.hinge.initial={rate: 0.2}"}).exit_code, 0);
+  const std::string all = json(channels_of(dir / "out")).dump();
+  const Finished resumed = run_program({"run", "--resume", "out/run.h5", "--at", "1.5", "--quiet", "--out", "resumed"}, dir.path());
+  ASSERT_EQ(resumed.exit_code, 0) << resumed.err;
+  EXPECT_EQ(json(channels_of(dir / "resumed")).dump(), all);
+}
+
 /// A change that shifts the numbers of nodes, of devices and of their states: handles that were taken before mean what they meant. Each
 /// channel has, before and after, what a run without the change has; friction of 1e-12 N m and a node that carries nothing move nothing.
 TEST(AVehicleThatChanges, KeepsTheHandlesThatWereTakenBefore) {

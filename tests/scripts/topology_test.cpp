@@ -31,7 +31,7 @@ bodies:
     type: modal_flexible
     modal: {beam: {length: 3 m, material: {E: 70 GPa, rho: 2700}, section: {tube: {radius: 2 cm, wall: 1 mm}}}, modes: {count: 2}}
     hinge: {type: locked, to: bus.port, at: root}
-  upper: {mass: 50, inertia: [10, 11, 12], com: [0, 0, 0.5], hinge: {type: locked, to: {body: bus, position: [0, 0, -1]}}}
+  upper: {mass: 50, inertia: [10, 11, 12], com: [0, 0, 0.5], hinge: {type: locked, to: {body: bus, position: [0, 0, -1]}, at: {position: [0, 0.1, 0.3], orientation: {axis: [0, 1, 2], angle: 30 deg}}}}
   guest: {mass: 20, inertia: [2, 3, 4], hinge: {type: free, to: world, initial: {position: [5, 0, 0], rate: [0.1, 0.05, 0]}}}
 loops:
   dock: {type: distance, length: 2, from: bus, to: guest, open: true}
