@@ -786,6 +786,10 @@ class Embedder {
         while (i + same < gears.size() && key(gears[i + same]) == key(gears[i])) ++same;
         const auto n = static_cast<std::size_t>(alike(static_cast<std::ptrdiff_t>(same)));
         e_.alike_gears.push_back(side_by_side(gears.subspan(i, n)));
+        for (std::size_t half = 0; n == 4 && half < 2; ++half) {
+          e_.alike_gears.push_back(side_by_side(gears.subspan(i + 2 * half, 2)));
+          e_.alike_gears.back().half = true;
+        }
         i += n;
       }
       s.end = static_cast<int>(e_.alike_gears.size());
@@ -805,9 +809,16 @@ class Embedder {
       const auto end = std::find_if_not(s, e_.steps.end(), is_chain);
       while (s != end) {
         const auto same = std::find_if_not(s, end, [&](const EmbeddingStep& other) { return are_alike(chain_of(*s), chain_of(other)); });
-        AlikeChains side;
-        for (const auto n = alike(same - s); side.n < n; ++s) add_to(side, chain_of(*s));
-        e_.alike_chains.push_back(std::move(side));
+        const auto n = alike(same - s);
+        const auto put = [&](long from, long to, bool half) {
+          AlikeChains side;
+          side.half = half;
+          for (long i = from; i < to; ++i) add_to(side, chain_of(s[i]));
+          e_.alike_chains.push_back(std::move(side));
+        };
+        put(0, n, false);
+        if (n == 4) put(0, 2, true), put(2, 4, true);
+        s += n;
       }
       all.end = static_cast<int>(e_.alike_chains.size());
       steps.push_back(std::move(all));

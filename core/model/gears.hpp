@@ -41,6 +41,7 @@ struct AlikeGears {
   AlikeHinges hinges;
   int wheel[kMost] = {}, row[kMost] = {}, drive[kMost] = {}, v[kMost] = {};
   bool driven = false;  // any of them
+  bool half = false;    // of the four before, for processors whose registers hold two numbers
   double sense[kMost] = {}, ratio[kMost] = {}, per_slope[kMost] = {}, J_axial[kMost] = {}, coupled[kMost] = {}, reflected[kMost] = {};
 };
 
@@ -123,6 +124,7 @@ struct AlikeChains {
   std::vector<AlikeHinges> hinges;  // tip to base
   std::vector<Wheels> wheels;
   bool on_ground = false;  // wheels are bodies on the ground
+  bool half = false;       // as AlikeGears
 };
 
 /// Those among the couplings that `may` be; hinges: of each loop, bodies whose hinges it has.

@@ -133,19 +133,22 @@ static void gears_outward(const AlikeGears& gears, const GearRecord& record, Wor
 
 static bool take_gears(const Embedding& e, int begin, int end, Workspace<double>& ws, EmbeddingWork& k, const Inputs<double>& in,
                        const double* given) {
-  for (int i = begin; i < end; ++i)
-    if (!side_by_side(e.alike_gears[static_cast<std::size_t>(i)].n, [&]<class T>() {
-          return take_gears<T>(e.alike_gears[static_cast<std::size_t>(i)], k.gears[static_cast<std::size_t>(i)], ws, in, given);
-        }))
-      return false;
+  for (int i = begin; i < end; ++i) {
+    const AlikeGears& gears = e.alike_gears[static_cast<std::size_t>(i)];
+    GearRecord& record = k.gears[static_cast<std::size_t>(i)];
+    if (is_left_out(gears)) continue;
+    if (!side_by_side(gears.n, [&]<class T>() { return take_gears<T>(gears, record, ws, in, given); })) return false;
+  }
   return true;
 }
 static void gears_outward(const Embedding& e, int begin, int end, Workspace<double>& ws, const EmbeddingWork& k, const Inputs<double>& in,
                           const double* given, double* vdot) {
-  for (int i = end; i-- > begin;)
-    side_by_side(e.alike_gears[static_cast<std::size_t>(i)].n, [&]<class T>() {
-      gears_outward<T>(e.alike_gears[static_cast<std::size_t>(i)], k.gears[static_cast<std::size_t>(i)], ws, in, given, vdot);
-    });
+  for (int i = end; i-- > begin;) {
+    const AlikeGears& gears = e.alike_gears[static_cast<std::size_t>(i)];
+    const GearRecord& record = k.gears[static_cast<std::size_t>(i)];
+    if (is_left_out(gears)) continue;
+    side_by_side(gears.n, [&]<class T>() { gears_outward<T>(gears, record, ws, in, given, vdot); });
+  }
 }
 
 /// visit<N>() with the number of terms; 0: any number.
@@ -481,6 +484,7 @@ CARDAN_INLINE auto for_chains(const AlikeChains& chains, const Visit& visit) {
 static inline bool take_chains(const Embedding& e, int begin, int end, Workspace<double>& ws, EmbeddingWork& k, const Inputs<double>& in) {
   for (int i = begin; i < end; ++i) {
     const AlikeChains& chains = e.alike_chains[static_cast<std::size_t>(i)];
+    if (is_left_out(chains)) continue;
     if (!for_chains(chains,
                     [&]<int M, class T>() { return take_chains<M, T>(e, chains, k.chains[static_cast<std::size_t>(i)], ws, k, in); }))
       return false;
@@ -490,6 +494,7 @@ static inline bool take_chains(const Embedding& e, int begin, int end, Workspace
 static inline void chains_outward(const Embedding& e, int begin, int end, Workspace<double>& ws, const EmbeddingWork& k, double* vdot) {
   for (int i = end; i-- > begin;) {
     const AlikeChains& chains = e.alike_chains[static_cast<std::size_t>(i)];
+    if (is_left_out(chains)) continue;
     for_chains(chains, [&]<int M, class T>() { chains_outward<M, T>(e, chains, k.chains[static_cast<std::size_t>(i)], ws, k, vdot); });
   }
 }

@@ -174,17 +174,22 @@ CARDAN_INLINE Force<T> from_aside(const double (*from)[AlikeHinges::kMost]) {
   return {{side<T>(from[0]), side<T>(from[1]), side<T>(from[2])}, {side<T>(from[3]), side<T>(from[4]), side<T>(from[5])}};
 }
 
+/// Fours go as their halves where registers hold two numbers.
+#ifdef __AVX__
+constexpr int kMostAside = 4;
+#else
+constexpr int kMostAside = 2;
+#endif
+template <class Alike>
+CARDAN_INLINE bool is_left_out(const Alike& all) {
+  return kMostAside == 4 ? all.half : all.n > kMostAside;
+}
 /// visit<T>() with numbers of so many lanes.
 template <class Visit>
 CARDAN_INLINE auto side_by_side(int n, const Visit& visit) {
-  switch (n) {
-    case 4:
-      return visit.template operator()<Lanes<4>>();
-    case 2:
-      return visit.template operator()<Lanes<2>>();
-    default:
-      return visit.template operator()<double>();
-  }
+  if constexpr (kMostAside == 4)
+    if (n == 4) return visit.template operator()<Lanes<4>>();
+  return n == 2 ? visit.template operator()<Lanes<2>>() : visit.template operator()<double>();
 }
 
 /// What the kernels read of the hinges.

@@ -790,7 +790,7 @@ static inline void item_outward(const SweepModel& model, const EmbeddedLoop& c, 
 }
 
 /// The coordinates of a loop, delta of its home being known.
-static inline void solve_at_home(const Embedding& e, const EmbeddingStep& step, Workspace<double>& ws, EmbeddingWork& k) {
+CARDAN_INLINE void solve_at_home(const Embedding& e, const EmbeddingStep& step, Workspace<double>& ws, EmbeddingWork& k) {
   const EmbeddedLoop& c = e.loops[static_cast<std::size_t>(step.loop)];
   const int n = c.n, keep = c.keep;
   double* x = k.x.data() + c.x;
