@@ -242,6 +242,10 @@ class DeviceCompiler {
           fmt::format("{}, which closes a loop", in_quotes(first)),
           "put that hinge among `bodies` and let another one of the loop close it; where each has a load, cut a link in two and close "
           "the loop by a weld of its halves");
+    if (const BodySpec* body = spec_.find(first); body && body->hinge.locked)
+      return fault(Code::unsupported, spec, desc.name, "a component of a hinge that moves",
+                   fmt::format("{}, whose hinge is locked", in_quotes(first)),
+                   "to stop it in a mission: a motion that is given, or a friction that holds it");
     fault(Code::unknown_name, spec, desc.name,
           legal.empty() ? std::string("a component of a hinge, of which there is none that moves")
                         : "a component of a hinge: " + one_of(legal),

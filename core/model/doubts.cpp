@@ -66,6 +66,47 @@ class Doubts {
 
 Warnings doubts(const SystemSpec& spec) { return Doubts(spec).all(); }
 
+namespace {
+
+void add_passed_stops(const Model& m, const double* q, Warnings& found) {
+  for (const HingeLoad& load : m.loads) {
+    if (load.law != HingeLaw::stop) continue;
+    const UserBody& u = *std::ranges::find_if(m.user, [&](const UserBody& b) { return load.q >= b.q && load.q < b.q + b.nq; });
+    const std::string& component = u.q_names[static_cast<std::size_t>(load.q - u.q)];
+    for (const int side : {-1, 1}) {
+      const double limit = load.p[side < 0 ? 0 : 1], beyond = side * (q[load.q] - limit);
+      if (std::isfinite(limit) && beyond > 1e-6 * std::max(1.0, std::abs(limit)))
+        found.add(Code::unusual_value, m.spec->locate("bodies." + u.name + ".hinge"),
+                  fmt::format("{} begins {:.3g} beyond its {} stop at {:.6g}", component, beyond, side < 0 ? "lower" : "upper", limit),
+                  "the stop pushes it back from there with all its stiffness: another initial value, or another limit");
+    }
+  }
+}
+
+/// What pushes two nodes against each other needs two that move against each other.
+void add_idle_devices(const Model& m, Warnings& found) {
+  const auto pushes = [](const DeviceMount& mount) { return mount.node >= 0 && (mount.use & CARDAN_USE_LOAD) != 0; };
+  for (const Device& d : m.devices.all) {
+    if ((d.family->facts & CARDAN_FACT_INTERNAL) == 0 || d.mounts.size() != 2 || !std::ranges::all_of(d.mounts, pushes)) continue;
+    const auto body = [&](std::size_t i) { return m.nodes[static_cast<std::size_t>(d.mounts[i].node)].body; };
+    const UserBody& u = m.user[static_cast<std::size_t>(body(0))];
+    if (body(0) == body(1) && (u.n_modes == 0 || d.mounts[0].node == d.mounts[1].node))
+      found.add(Code::no_effect, m.spec->locate("devices." + d.name),
+                fmt::format("{} and {} are on {} and do not move against each other: what it pushes with cancels", d.family->mounts[0].name,
+                            d.family->mounts[1].name, u.name),
+                "a node of another body, or another one of a flexible body");
+  }
+}
+
+}  // namespace
+
+Warnings doubts_at_start(const Model& model, const double* q) {
+  Warnings found;
+  add_passed_stops(model, q, found);
+  add_idle_devices(model, found);
+  return found;
+}
+
 Warnings held_back(const SystemSpec& spec, const std::vector<std::string>& but) {
   Warnings found;
   for (const BodySpec& body : spec.bodies) {

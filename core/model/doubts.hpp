@@ -1,6 +1,6 @@
 #pragma once
 // What a description may say but hardly means: the warnings that need no simulation.
-#include "core/model/spec.hpp"
+#include "core/model/model.hpp"
 
 namespace cardan {
 
@@ -9,5 +9,8 @@ Warnings doubts(const SystemSpec& spec);
 
 /// Springs and loads of hinges that are locked, which do nothing as long as that is so; but of these bodies.
 Warnings held_back(const SystemSpec& spec, const std::vector<std::string>& but = {});
+
+/// About a vehicle that begins at q: hinges beyond their stops, devices that push one body against itself.
+Warnings doubts_at_start(const Model& model, const double* q);
 
 }  // namespace cardan

@@ -7,6 +7,7 @@
 #include <tuple>
 
 #include "core/base/finite.hpp"
+#include "core/model/doubts.hpp"
 #include "core/sim/expected_stiffness.hpp"
 #include "core/sim/fastest_motion.hpp"
 #include "core/sim/plugin_faults.hpp"
@@ -129,6 +130,11 @@ void Simulation::expect_progress() {
   fail({Code::step_too_small, state_.t, "", "",
         fmt::format("time does not advance: the last {} steps went {:.2g} s further, {:.3g} s are left", kLook, advanced, left),
         "rates or a stiffness beyond all measure, or a max_step or step that is far too small", ""});
+}
+
+void Simulation::say_doubts() {
+  const Warnings doubts = doubts_at_start(*model_, state_.q.data());
+  for (const Warning& w : doubts.all()) warn(w.what.code, w.what.at, w.what.about, w.what.hint);
 }
 
 /// Before the first step.

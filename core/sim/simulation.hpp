@@ -289,6 +289,7 @@ class Simulation {
   void begin_ledger();
   void expect_progress();
   void expect_no_storm(const Event& event);
+  void say_doubts();
   void foresee_stiffness(double t_end);
   void say_stiff();
   void expect_finite(const std::vector<double>& x);

@@ -27,6 +27,7 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
     start_lengths();
     start_closed();
     begin_ledger();
+    say_doubts();
     foresee_stiffness(t_end);
   }
   t_end_ = t_end;

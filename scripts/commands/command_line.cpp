@@ -24,11 +24,16 @@ Argument& Argument::split_at_commas() {
   return *this;
 }
 
+namespace {
+/// Names of files, bodies and the like: an empty one is a variable that a shell does not know.
+std::string expect_some(const std::string& word) { return word.empty() ? "an empty word where a value is expected" : ""; }
+}  // namespace
+
 Argument Command::option(const char* names, std::string& value, const char* what) {
-  return Argument(*app_->add_option(names, value, what));
+  return Argument(*app_->add_option(names, value, what)->check(expect_some));
 }
 Argument Command::option(const char* names, std::vector<std::string>& value, const char* what) {
-  return Argument(*app_->add_option(names, value, what)->allow_extra_args(false));
+  return Argument(*app_->add_option(names, value, what)->allow_extra_args(false)->check(expect_some));
 }
 Argument Command::option(const char* names, int& value, const char* what) { return Argument(*app_->add_option(names, value, what)); }
 Argument Command::option(const char* names, std::uint64_t& value, const char* what) {

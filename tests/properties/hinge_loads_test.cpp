@@ -134,6 +134,15 @@ TEST(HardStop, LetsWhatFallsComeToRest) {
   }
 }
 
+TEST(Stop, ThatIsPassedAtTheStartIsTold) {
+  for (const double q : {0.25, 0.3, 0.35}) {
+    Simulation sim(compiled(slide(2.0, q, 0.0, {hard_stop(-kNever, 0.3, 10.0, 0.5, 0.01)})), accurate());
+    sim.run(0.1);
+    const auto told = std::ranges::count(sim.warnings().all(), Code::unusual_value, [](const Warning& w) { return w.what.code; });
+    EXPECT_EQ(told, q > 0.3 ? 1 : 0) << q;
+  }
+}
+
 /// Exponent 1, no dissipation: half a period of the spring, and the same at the lower end.
 TEST(Stop, OfExponentOneIsBacklash) {
   const double m = 1.5, k = 400.0, gap = 0.05, v = 0.3, omega = std::sqrt(k / m);

@@ -79,6 +79,11 @@ TEST(CommandLine, AsksWhetherAnotherOptionIsMeant) {
   EXPECT_EQ(error_of({"run", "drive", "flexible"})["got"], "\"flexible\"") << "one scenario";
 }
 
+TEST(CommandLine, RefusesAnEmptyValue) {
+  EXPECT_EQ(error_of({"run", "drive", "--out", ""})["got"], "--out: an empty word where a value is expected");
+  EXPECT_EQ(error_of({"run", ""})["got"], "file: an empty word where a value is expected");
+}
+
 TEST(CommandLine, HelpKnowsEveryCommand) {
   for (const std::string& name : commands()) {
     const Finished help = cardan({"help", name});
