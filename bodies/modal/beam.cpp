@@ -55,9 +55,11 @@ constexpr std::array<double, 4> kBeamGaussWeight = {0.17392742256872693, 0.32607
 BeamSection rectangle_section(double y, double z, bool shear) {
   for (const auto& [name, side] : {std::pair("rectangle.width", y), std::pair("rectangle.height", z)})
     if (!(side > 0.0) || !std::isfinite(side)) refuse({}, name, Code::out_of_range, "a number > 0 [m]", fmt::format("{:g} m", side));
-  const double a = std::max(y, z), b = std::min(y, z), r = b / a;
-  // Torsion constant: Roark's formula for the rectangle (Young and Budynas 2002, table 10.1), error below 4 %.
-  const double J = a * b * b * b * (1.0 / 3.0 - 0.21 * r * (1.0 - r * r * r * r / 12.0));
+  const double a = std::max(y, z), b = std::min(y, z);
+  // Torsion constant by Saint-Venant's series (Timoshenko and Goodier 1970, article 109): terms fall with k^-5.
+  double sum = 0.0;
+  for (int k = 1; k < 400; k += 2) sum += std::tanh(0.5 * k * std::numbers::pi * a / b) / std::pow(k, 5);
+  const double J = a * b * b * b * (1.0 / 3.0 - 64.0 / std::pow(std::numbers::pi, 5) * b / a * sum);
   const double kappa = shear ? 5.0 / 6.0 : 0.0;
   return {y * z, y * z * z * z / 12.0, z * y * y * y / 12.0, J, kappa, kappa};
 }

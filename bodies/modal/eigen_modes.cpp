@@ -56,6 +56,10 @@ SparseFactor stiffness_factor(const FeModel& model, const SparseMatrix& K, const
     SparseFactor factor(K);
     const auto pivot = factor.smallest_pivot();
     if (!(pivot.ratio > kMechanism)) mechanism(pivot.row);
+    if (const int negative = factor.negative_pivots(); negative > 0)
+      refuse(at, {}, Code::fe_model, "a stiffness matrix that is positive definite where the root is held",
+             fmt::format("{} negative eigenvalue{}", negative, negative == 1 ? "" : "s"),
+             "is a sign wrong, or an element turned inside out?");
     return factor;
   } catch (const LinalgError& e) {
     if (e.row >= 0) mechanism(e.row);
@@ -116,6 +120,7 @@ MatrixXd FreePart::expand(const MatrixXd& x) const {
 
 FeModes normal_modes(const FeModel& model, const std::vector<int>& held, int count, RigidModes policy, const Located& at) {
   const FreePart free(model.n_dofs(), held);
+  if (free.dofs.empty()) refuse(at, {}, Code::fe_model, "degrees of freedom that are not held", "none: every node is held");
   const MatrixXd rigid = rigid_motions(model, held);
   const int n_rigid = static_cast<int>(rigid.cols());
   if (n_rigid > 0 && policy == RigidModes::refuse)

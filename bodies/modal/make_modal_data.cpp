@@ -158,6 +158,22 @@ class ModeDoubts {
           "keep fewer modes");
   }
 
+  /// Points and masses stand on nodes of the mesh: those that lay elsewhere were moved.
+  void places(const std::vector<std::pair<NamedPoint, int>>& points) {
+    const auto look = [&](const std::string& field, const Eigen::Vector3d& wanted, int node) {
+      const Eigen::Vector3d& got = model_.nodes[static_cast<std::size_t>(node)];
+      if ((got - wanted).norm() > kElsewhere * model_.element_size && model_.exact_points)
+        add(Code::unusual_value, field.c_str(),
+            fmt::format("({:.6g}, {:.6g}, {:.6g}) m is not on the mesh: it was moved to its nearest node at ({:.6g}, {:.6g}, {:.6g}) m",
+                        wanted.x(), wanted.y(), wanted.z(), got.x(), got.y(), got.z()),
+            "give the place of a node, or choose the number of elements so that there is one");
+    };
+    for (std::size_t i = 1; i < points.size(); ++i)
+      look(fmt::format("points[{}].position", i - 1), points[i].first.position, points[i].second);
+    for (std::size_t i = 0; i < source_.masses.size(); ++i)
+      look(fmt::format("masses[{}].position", i), source_.masses[i].position, model_.find_node(source_.masses[i].position));
+  }
+
   void damping(const Eigen::VectorXd& omega2, const Eigen::MatrixXd& C) {
     for (Eigen::Index j = 0; j < omega2.size(); ++j)
       if (const double zeta = C(j, j) / (2.0 * std::sqrt(omega2(j))); zeta >= kCritical)
@@ -169,7 +185,8 @@ class ModeDoubts {
 
  private:
   using Vector6 = Eigen::Matrix<double, 6, 1>;
-  static constexpr double kNear = 1.5, kMatters = 0.1, kLittle = 0.5, kCritical = 1.0, kRounding = 1e-9, kLargeBytes = 5e8;
+  static constexpr double kNear = 1.5, kMatters = 0.1, kLittle = 0.5, kCritical = 1.0, kRounding = 1e-9, kLargeBytes = 5e8,
+                          kElsewhere = 1e-6;
   static const char* direction(Eigen::Index d) {
     constexpr std::array names = {"rotation about x",    "rotation about y",    "rotation about z",
                                   "translation along x", "translation along y", "translation along z"};
@@ -206,9 +223,16 @@ ModalData solve(const FeModel& model, const ModalSource& source, const Warnings&
   const std::vector<int> held = free ? std::vector<int>{} : dofs_of(model.root_nodes);
   std::vector<int> interface;
   if (source.boundary == Boundary::craig_bampton) {
-    for (const auto& [point, node] : points)
-      if (point.interface)
+    for (std::size_t i = 1; i < points.size(); ++i)  // the first is the root
+      if (const auto& [point, node] = points[i]; point.interface) {
+        const std::string field = fmt::format("points[{}].interface", i - 1);
+        if (std::ranges::find(held, 6 * node) != held.end())
+          refuse(source.at, field, Code::fe_model, "a node of the mesh that can move", "one that the root holds");
+        if (std::ranges::find(interface, 6 * node) != interface.end())
+          refuse(source.at, field, Code::fe_model, "a node of the mesh for each point with `interface`", "that of another such point",
+                 "leave one of the two out, or refine the mesh");
         interface.insert(interface.end(), {6 * node, 6 * node + 1, 6 * node + 2, 6 * node + 3, 6 * node + 4, 6 * node + 5});
+      }
     if (interface.empty()) refuse(source.at, "points", Code::fe_model, "a point with `interface`, for the craig_bampton boundary", "none");
   }
   std::vector<int> fixed = held;
@@ -236,6 +260,7 @@ ModalData solve(const FeModel& model, const ModalSource& source, const Warnings&
 
   data.n_modes = static_cast<int>(kept.size());
   if (warnings) ModeDoubts(model, source, *warnings).memory(data.n_modes);
+  if (warnings) ModeDoubts(model, source, *warnings).places(points);
   data.integrals = modal_integrals(model.mass_field(shapes));
   if (!model.exact_points) set_rigid_and_first(model, shapes, data.integrals);
   forget_rounding(data.integrals);

@@ -13,6 +13,7 @@
 #include "bodies/modal/refuse.hpp"
 #include "bodies/modal/text_lines.hpp"
 #include "core/base/units.hpp"
+#include "core/linalg/linear_operator.hpp"
 
 namespace cardan {
 namespace {
@@ -23,8 +24,9 @@ using Eigen::Vector3d;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 constexpr std::size_t kMostNodes = 50'000, kMostDrawnNodes = 300;
-constexpr double kRigid = 1e-6;      // relative: what matrices printed with seven digits are right to
-constexpr double kSamePlace = 1e-6;  // of the size of the body
+constexpr double kRigid = 1e-6;         // relative: what matrices printed with seven digits are right to
+constexpr double kSemidefinite = 1e-5;  // of a matrix with a unit diagonal: what rows of matrices printed with seven digits sum up to
+constexpr double kSamePlace = 1e-6;     // of the size of the body
 constexpr const char* kRigidMotions[] = {"rotation about x",    "rotation about y",    "rotation about z",
                                          "translation along x", "translation along y", "translation along z"};
 constexpr const char* kUnits =
@@ -117,6 +119,35 @@ void expect_free(const SparseMatrix& A, const FeModel& model, const std::string&
              kUnits);
 }
 
+/// No motion of the nodes may have less than no kinetic energy, or give energy where C should take it.
+void expect_semidefinite(const SparseMatrix& A, const std::string& field, const char* what, const char* hint, const Located& at) {
+  const auto refuse_it = [&](std::string got) { refuse(at, field, Code::fe_model, what, std::move(got), hint); };
+  const auto n = static_cast<int>(A.rows());
+  Eigen::VectorXd scale = A.diagonal();
+  for (int i = 0; i < n; ++i) {
+    if (scale[i] < 0.0) refuse_it(fmt::format("{:.6g} in row and column {}", scale[i], i + 1));
+    scale[i] = scale[i] > 0.0 ? 1.0 / std::sqrt(scale[i]) : 0.0;
+  }
+  for (int j = 0; j < n; ++j)
+    for (SparseMatrix::InnerIterator it(A, j); it; ++it)
+      if (it.value() != 0.0 && scale[j] == 0.0)
+        refuse_it(fmt::format("{:.6g} in row {}, column {}, and 0 in row and column {}", it.value(), it.row() + 1, j + 1, j + 1));
+  SparseMatrix unit(n, n);  // with a unit diagonal, raised by what rounding may have taken
+  unit.setIdentity();
+  SparseMatrix raised = scale.asDiagonal() * A * scale.asDiagonal();
+  raised += kSemidefinite * unit;
+  for (int i = 0; i < n; ++i)
+    if (scale[i] == 0.0) raised.coeffRef(i, i) = 1.0;
+  raised.makeCompressed();
+  int negative = 1;
+  try {
+    negative = SparseFactor(raised).negative_pivots();
+  } catch (const LinalgError&) {  // a pivot of zero is one that is not positive
+  }
+  if (negative > 0)
+    refuse_it(fmt::format("{} negative eigenvalue{} of the matrix with a unit diagonal", negative, negative == 1 ? "" : "s"));
+}
+
 /// The 6 x 6 mass matrix of a rigid body, angular first, about the origin.
 void expect_body(const FeModel& model, const Located& at) {
   const RigidShapes R = model.rigid_shapes();
@@ -148,12 +179,18 @@ FeModel matrix_mesh(const MatrixModel& source, const std::vector<PointMass>& mas
   model.M = read_symmetric_matrix(source.mass, model.n_dofs(), place("mass"));
   expect_free(model.K, model, "matrices.stiffness", "N or N m", at);
   expect_body(model, at);
+  expect_semidefinite(model.M, "matrices.mass", "a mass matrix without negative eigenvalues",
+                      "a node or a rotation with a mass of the wrong sign? Frequencies alone do not tell", at);
   if (!source.damping.empty()) {
     model.C = read_symmetric_matrix(source.damping, model.n_dofs(), place("damping"));
     expect_free(model.C, model, "matrices.damping", "N s or N m s", at);
+    expect_semidefinite(model.C, "matrices.damping", "a damping matrix without negative eigenvalues",
+                        "negative damping would create energy", at);
   }
   std::vector<Eigen::Triplet<double>> added;
   for (std::size_t i = 0; i < masses.size(); ++i) {
+    if (!(masses[i].mass > 0.0))
+      refuse(at, fmt::format("masses[{}].mass", i), Code::out_of_range, "a number > 0 [kg]", fmt::format("{}", masses[i].mass));
     const int node = model.find_node(masses[i].position);
     if (node < 0)
       refuse(at, fmt::format("masses[{}].position", i), Code::fe_model, "the position of a node",

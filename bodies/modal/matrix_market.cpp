@@ -45,6 +45,9 @@ class MatrixText {
       entries.emplace_back(i, j, e[2]);
       if (one_half && i != j) entries.emplace_back(j, i, e[2]);
     }
+    while (lines_.next())
+      if (const std::string& rest = lines_.line(); rest.find_first_not_of(" \t") != std::string::npos && rest[0] != '%')
+        refuse(fmt::format("{:.0f} entries, as the line of sizes says", sizes[2]), rest);
     SparseMatrix A(n, n);
     A.setFromTriplets(entries.begin(), entries.end());
     return symmetric(A);

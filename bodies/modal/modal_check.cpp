@@ -175,6 +175,9 @@ void check_mass_node(const MassNode& node, Eigen::Index m, std::size_t j, const 
   for (const MatrixXd& Q : node.Q) {
     if (Q.rows() != m || Q.cols() != m) bad(at, fmt::format("{} x {} Q at {}", m, m, which), size_of(Q));
     if (!Q.allFinite()) bad(at, "finite numbers in Q at " + which, "a value that is not finite");
+    if ((Q - Q.transpose()).cwiseAbs().maxCoeff() > 1e-10 * Q.cwiseAbs().maxCoeff())
+      bad(at, "symmetric matrices Q at " + which, "one that is not",
+          "component a of the displacement is 1/2 eta* Q[a] eta: take the mean of Q[a] and its transpose");
   }
 }
 

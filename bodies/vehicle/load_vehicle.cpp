@@ -20,13 +20,15 @@ std::string text_of(const DocNode& node) {
   return out;
 }
 
-/// bodies/modal names the fields of its own structures: here they get the key and the place that the user wrote.
+/// bodies/modal names the fields of its own structures: here they get the key and the place that the user wrote. Names in a modal file stay
+/// in the text.
 Diagnostic in_words_of_the_vehicle(Diagnostic d, const std::string& path, const ModalSource& source, const SystemSpec& spec) {
   std::string field = d.at.key_path.starts_with(path + ".") ? d.at.key_path.substr(path.size() + 1) : "";
   if (field.starts_with("panel.")) field.replace(0, 5, spec.marks.count(path + ".plate.solid") ? "solid" : "sandwich");
   for (std::size_t i = 0; i < source.points.size(); ++i)
     if (const std::string point = fmt::format("points[{}]", i); field.starts_with(point))
       field.replace(0, point.size(), "nodes." + source.points[i].name);
+  if (d.at.key_path.starts_with('/') && !d.expected.starts_with(d.at.key_path)) d.expected = d.at.key_path + ": " + d.expected;
   const bool in_a_file = !d.at.mark.file.empty() && d.at.mark.file != spec.source_file;
   const SourceMark mark = d.at.mark;
   d.at = spec.locate(path);

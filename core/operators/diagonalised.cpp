@@ -3,6 +3,7 @@
 #include "core/base/diagnostic.hpp"
 #include "core/operators/apply.hpp"
 #include "core/operators/hybrid.hpp"
+#include "core/operators/mass_matrix.hpp"
 
 namespace cardan::operators {
 namespace {
@@ -94,6 +95,7 @@ void Diagonalised::clear_given(int i, VectorXd& x) const {
 
 VectorXd Diagonalised::from_velocity(const VectorXd& v) const {
   tree_.require(Kind::G);
+  require_size(tree_, "velocities", Space::hinge, v.size());
   VectorXd nu(v.size());
   scatter(tree_, v, [&](int i, const VectorXd& x) {
     const OperatorBody& b = tree_.bodies()[i];
@@ -108,6 +110,8 @@ VectorXd Diagonalised::from_velocity(const VectorXd& v) const {
 
 void Diagonalised::to_velocity(const VectorXd& nu, VectorXd& v) const {
   tree_.require(Kind::G);
+  require_size(tree_, "diagonalised velocities", Space::hinge, nu.size());
+  require_size(tree_, "velocities", Space::hinge, v.size());
   scatter(tree_, v, [&](int i, const VectorXd& x) {
     const OperatorBody& b = tree_.bodies()[i];
     VectorXd rate = nu.segment(b.v, b.nh + b.m);
@@ -119,6 +123,7 @@ void Diagonalised::to_velocity(const VectorXd& nu, VectorXd& v) const {
 }
 
 VectorXd Diagonalised::eps(const VectorXd& tau) const {
+  require_size(tree_, "forces", Space::hinge, tau.size());
   VectorXd out = innovations(tree_, tau);
   for (int i = 0; i < static_cast<int>(tree_.bodies().size()); ++i) {
     const OperatorBody& b = tree_.bodies()[i];
@@ -166,6 +171,7 @@ VectorXd Diagonalised::drift(const VectorXd& v, const double* given_vdot) {
 }
 
 VectorXd Diagonalised::coriolis(const VectorXd& v) {
+  require_size(tree_, "velocities", Space::hinge, v.size());
   const VectorXd all = tree_.to_model(v);
   const VectorXd C = bias(tree_, ws_, {.v = all.data(), .gravity = false});  // with what the modes' springs and dampers do
   return eps(C + tree_.from_model(elastic_force(tree_.model(), tree_.q().data(), all.data()))) - drift(v, nullptr);

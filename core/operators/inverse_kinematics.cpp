@@ -111,9 +111,14 @@ class Solver {
     for (const IkTarget& t : targets) {
       for (int i = 0; i < 6; ++i)
         if (t.rows[i]) ++rows_;
+      const std::string on = "target on " + m_.nodes[t.node].name;
+      if (!t.position.allFinite()) refuse_task(Code::out_of_range, on, "a position of finite numbers", "one that is not");
+      for (const double weight : {t.rotation_weight, t.position_weight})
+        if (!(weight >= 0.0 && std::isfinite(weight)))
+          refuse_task(Code::out_of_range, on, "finite weights >= 0", fmt::format("{:g}", weight));
       scale_ = std::max(scale_, t.position_weight * t.position.norm());
       const bool rotation = (t.R_WN.transpose() * t.R_WN - Eigen::Matrix3d::Identity()).norm() < 1e-6 && t.R_WN.determinant() > 0.0;
-      if (!rotation) refuse_task(Code::not_a_rotation, "target on " + m_.nodes[t.node].name, "a rotation matrix", "another matrix");
+      if (!rotation) refuse_task(Code::not_a_rotation, on, "a rotation matrix", "another matrix");
     }
     lower_.setConstant(m_.nv, -std::numeric_limits<double>::infinity());
     upper_ = -lower_;
@@ -134,16 +139,19 @@ class Solver {
     };
     expect_size("weight", options.weight, m_.nv);
     expect_size("prefer", options.prefer, m_.nq);
+    if (!options.prefer.allFinite()) refuse_task(Code::out_of_range, "prefer", "finite numbers", "a value that is not finite");
     inverse_weight_ = VectorXd::Ones(m_.nv);
     if (options.weight.size() > 0) {
-      if (!(options.weight.minCoeff() > 0.0))
+      if (!options.weight.allFinite() || !(options.weight.minCoeff() > 0.0))
         refuse_task(Code::out_of_range, "weight", "positive numbers", fmt::format("{:g}", options.weight.minCoeff()));
       inverse_weight_ = options.weight.cwiseInverse();
     }
   }
 
   IkResult run(const double* start) {
-    VectorXd first = clamped(Eigen::Map<const VectorXd>(start, m_.nq));
+    const Eigen::Map<const VectorXd> given(start, m_.nq);
+    if (!given.allFinite()) refuse_task(Code::out_of_range, "the start", "finite numbers", "a value that is not finite");
+    VectorXd first = clamped(given);
     if (!close(first))
       refuse_task(Code::open_start, "the start", "a posture near one that closes the loops by what may move, within the limits",
                   fmt::format("loops that stay open by {:.3g} of their size", open_by_));
@@ -170,7 +178,7 @@ class Solver {
       }
       IkResult found = descend(std::move(q), options_.iterations);
       spent += found.iterations;
-      if (found.residual < best.residual) best = std::move(found);
+      if (starts == 0 || found.residual < best.residual) best = std::move(found);  // the first also where its residual overflows
     }
     if (best.reached && options_.prefer.size() > 0) spent += approach_preferred(best);
     best.iterations = spent, best.starts = starts, best.seed = options_.seed;
@@ -253,7 +261,7 @@ class Solver {
           out[r++] = (k < 3 ? targets_[i].rotation_weight : targets_[i].position_weight) * errors(k, static_cast<Eigen::Index>(i));
     return out;
   }
-  bool is_reached(double residual) const { return residual <= options_.tolerance * scale_; }
+  bool is_reached(double residual) const { return std::isfinite(residual) && residual <= options_.tolerance * scale_; }
 
   /// A*: nv x rows, e(q + d) = e - A d; by H phi B, O(N) per row. At the q of the last errors().
   MatrixXd jacobian_star(const VectorXd& q, const MatrixXd& errors) {

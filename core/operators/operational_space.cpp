@@ -233,6 +233,12 @@ VectorXd OperationalSpace::consistent_inverse(const VectorXd& x) const {
   return respond(forces(inertia_ * x));
 }
 
+VectorXd OperationalSpace::force_for(const VectorXd& wanted, const VectorXd& drift) const {
+  expect_size("wanted accelerations of a task", rows(), wanted.size());
+  expect_size("drift of a task", rows(), drift.size());
+  return inertia_ * (wanted - drift);
+}
+
 VectorXd OperationalSpace::task_part(const VectorXd& tau) const { return inertia_ * rates(respond(tau)); }
 
 VectorXd OperationalSpace::null_motion(const VectorXd& v) const { return actuated(v - consistent_inverse(rates(v))); }

@@ -70,7 +70,7 @@ class OperationalSpace {
   Eigen::VectorXd null_forces(const Eigen::VectorXd& tau) const;       ///< N* tau: forces that do not accelerate the task
   /// F = Lambda (wanted - drift), r: accelerations of the task wanted, and without F (drift = J v' + Jdot v of the v' that happens
   /// without it).
-  Eigen::VectorXd force_for(const Eigen::VectorXd& wanted, const Eigen::VectorXd& drift) const { return inertia_ * (wanted - drift); }
+  Eigen::VectorXd force_for(const Eigen::VectorXd& wanted, const Eigen::VectorXd& drift) const;
   /// tau = J* F + N* tau_0: task force and posture (Khatib 1987), hinge space.
   Eigen::VectorXd torque(const Eigen::VectorXd& F, const Eigen::VectorXd& tau_0) const { return forces(F) + null_forces(tau_0); }
 

@@ -90,7 +90,13 @@ void Sensitivities::set_rate(const double* u) {
   model_->qdot(q_.data(), on_model(Eigen::Map<const VectorXd>(u, size()), tau_all_), rate_.data());
 }
 
+void Sensitivities::require_point() const {
+  if (!has_point_) refuse(Code::operator_stage, {"sensitivities"}, "a point: q, v and v'", "none yet", "call at() or solve() first");
+}
+
 void Sensitivities::at(const Inputs& in, const DeviceForces* devices) {
+  if (!in.q || !in.v) refuse(Code::operator_shape, {"point of the sensitivities"}, "q and v", "a null pointer");
+  has_point_ = true;
   std::copy(in.q, in.q + model_->nq, q_.data());
   for (int i = 0; i < size(); ++i) {
     v_[i] = in.v[component_[i]];
@@ -140,6 +146,7 @@ void Sensitivities::evaluate() {
 }
 
 void Sensitivities::solve(const Inputs& in, const DeviceForces* devices) {
+  if (!in.q || !in.v) refuse(Code::operator_shape, {"point of the sensitivities"}, "q and v", "a null pointer");
   for (int i = 0; i < size(); ++i) masked_[i] = in.vdot && given_[i] ? in.vdot[component_[i]] : 0.0;
   Inputs use = in;
   VectorXd vdot = VectorXd::Zero(model_->nv);
@@ -163,6 +170,7 @@ void Sensitivities::solve(const Inputs& in, const DeviceForces* devices) {
 }
 
 void Sensitivities::inverse(const Direction& along, double* dtau) {
+  require_point();
   const Model& m = *model_;
   set_rate(along.q);
   for (int i = 0; i < m.nq; ++i) q_t_[i] = {q_[i], rate_[i]};
@@ -235,6 +243,7 @@ void Sensitivities::inverse_side_by_side(std::span<const Direction> along, doubl
 }
 
 void Sensitivities::inverse(std::span<const Direction> along, double* dtau) {
+  require_point();
   while (!along.empty()) {
     Poll::now();
     const std::span<const Direction> now = along.first(std::min<std::size_t>(along.size(), side_by_side() ? soa::kDirections : 1));
@@ -271,6 +280,7 @@ void Sensitivities::forward(std::span<const Direction> along, double* dvdot) {
 }
 
 void Sensitivities::mass(const double* u, const double* w, double* dM_w) {
+  require_point();
   const Model& m = *model_;
   set_rate(u);
   for (int i = 0; i < m.nq; ++i) q_t_[i] = {q_[i], rate_[i]};
@@ -296,6 +306,7 @@ void Sensitivities::articulate() {
 }
 
 void Sensitivities::mass_inverse(const double* f, double* out) {
+  require_point();
   articulate();
   if (part_) return apply(letters::mass_inverse, *sub_, f, out);
   solve_mass(*model_, inertia(), q_.data(), f, out);
@@ -373,6 +384,7 @@ const TreeOperators& Sensitivities::tree() {
 }
 
 void Sensitivities::inverse_in_inertia(int body, const RigidInertia<double>& change, double* dtau) {
+  require_point();
   const Model& m = *model_;
   const UserBody& u = user(body);
   if (u.n_modes > 0) refuse(Code::unsupported, {"sensitivity in the inertia of " + u.name}, "a rigid body", "a flexible one");
@@ -405,6 +417,7 @@ MatrixXd Sensitivities::inverse_in_inertia(int body) {
 MatrixXd Sensitivities::forward_in_inertia(int body) { return minus_inverse_of(inverse_in_inertia(body)); }
 
 MatrixXd Sensitivities::inverse_in_stiffness(int body, Stiffness which) const {
+  require_point();
   const UserBody& u = user(body);
   const int m = u.n_modes, columns = which == Stiffness::diagonal ? m : m * (m + 1) / 2;
   MatrixXd out = MatrixXd::Zero(size(), columns);

@@ -54,6 +54,7 @@ class Sensitivities {
   void at(const Inputs& in, const DeviceForces* devices = nullptr);
   /// The point with v' from in.tau, of actuators and devices, by forward dynamics. NumericsError where a free direction has no inertia.
   void solve(const Inputs& in, const DeviceForces* devices = nullptr);
+  // All that follows is about the point: without one it is InputError C0901.
   const Eigen::VectorXd& tau() const { return tau_; }  ///< of inverse dynamics at the point
   const Eigen::VectorXd& vdot() const { return vdot_; }
 
@@ -98,6 +99,7 @@ class Sensitivities {
   Eigen::MatrixXd minus_inverse_of(Eigen::MatrixXd dtau);
   int size() const { return static_cast<int>(component_.size()); }
   const double* on_model(const Eigen::VectorXd& x, Eigen::VectorXd& all) const;
+  void require_point() const;
   void set_rate(const double* u);
   void let_devices_act(double* dtau);
   bool side_by_side() const { return !part_ && !devices_; }
@@ -105,7 +107,7 @@ class Sensitivities {
   void mass_inverse(int n, const double* f, double* out);
 
   std::shared_ptr<const Model> model_;
-  bool springs_, gravity_ = true, articulated_ = false, posed_ = false;
+  bool springs_, gravity_ = true, articulated_ = false, posed_ = false, has_point_ = false;
   std::shared_ptr<const Part> part_;    // null: all bodies
   std::vector<int> bodies_;             // sweep indices, of the part; M^-1 is then by its blocks, of all bodies by sweeps
   std::vector<int> component_, place_;  // of the hinge space: velocity component of the model; and back, -1 for others

@@ -85,6 +85,8 @@ double* SpatialOperators::scratch(std::size_t count) const {
 
 void SpatialOperators::take(const Articulate& options) {
   require(Kind::H);
+  if (const auto n = static_cast<int>(options.free.size()); n != 0 && n != size(Space::hinge))
+    refuse(Code::operator_shape, {"free of articulate"}, fmt::format("{} numbers (hinge space)", size(Space::hinge)), fmt::format("{}", n));
   free_.assign(options.free.begin(), options.free.end());
   masked_ = std::any_of(free_.begin(), free_.end(), [](std::uint8_t f) { return f == 0; });
   weighted_ = options.W != nullptr;

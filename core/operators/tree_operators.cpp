@@ -162,6 +162,7 @@ struct TreeOperators::Sweeping {
 
 TreeOperators::TreeOperators(std::shared_ptr<const Model> model) {
   model_ = std::move(model);
+  if (!model_) refuse(Code::empty_system, {"operators"}, "a compiled model", "none");
   require_open_tree(*model_, "spatial operators and what is made of them, as task space, hybrid dynamics and modes of the whole,");
   std::vector<int> all;
   for (int k = 1; k < static_cast<int>(model_->bodies.size()); ++k) all.push_back(k);
@@ -235,13 +236,20 @@ std::vector<int> TreeOperators::sweep_bodies() const {
 }
 
 std::vector<int> TreeOperators::subtree(int sweep_body) const {
+  require_body(sweep_body);
   std::vector<int> out{sweep_body};
   for (int k = sweep_body + 1; k < static_cast<int>(model_->bodies.size()); ++k)
     if (std::binary_search(out.begin(), out.end(), model_->bodies[k].parent)) out.push_back(k);
   return out;
 }
 
+void TreeOperators::require_body(int sweep_body) const {
+  if (sweep_body < 0 || sweep_body >= static_cast<int>(model_->bodies.size()))
+    refuse(Code::unknown_body, {"operators"}, fmt::format("a sweep index below {}", model_->bodies.size()), fmt::format("{}", sweep_body));
+}
+
 std::vector<int> TreeOperators::path(int a, int b) const {
+  require_body(a), require_body(b);
   std::vector<int> out;
   while (a != b) {  // parents have lower indices
     int& deeper = a > b ? a : b;
@@ -255,6 +263,7 @@ std::vector<int> TreeOperators::path(int a, int b) const {
 
 void TreeOperators::at(const double* q) {
   if (!whole_) refuse(Code::unsupported, {"operators"}, "the whole tree", "a subgraph", "move the tree, then take the subgraph again");
+  if (!q) refuse(Code::operator_shape, {"operators"}, "q", "a null pointer");
   const Model& model = *model_;
   q_.assign(q, q + model.nq);
   outward(model, soa::sweeps<double>(), sweeping_->position, Inputs{.q = q, .v = sweeping_->zeros.data(), .gravity = false},

@@ -71,6 +71,8 @@ class TreeOperators final : public SpatialOperators {
   SpaceLabels labels(Space space, Sort sort) const override;
   /// Index into bodies() of a sweep body; -1 when it takes no part.
   int index_of(int sweep_body) const { return index_[sweep_body]; }
+  /// InputError C0201 for a sweep index that there is not.
+  void require_body(int sweep_body) const;
   /// A vector of the hinge space as nv numbers of the model, zero where nobody takes part; and back.
   Eigen::VectorXd to_model(const Eigen::VectorXd& x) const;
   Eigen::VectorXd from_model(const Eigen::VectorXd& x) const;

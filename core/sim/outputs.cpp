@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <memory>
 
+#include "core/base/diagnostic.hpp"
 #include "core/base/units.hpp"
 #include "core/model/device_units.hpp"
 
@@ -194,6 +195,8 @@ class Outputs {
   }
 
   void reaction(int i) {
+    if (i < 0 || i >= static_cast<int>(model_.user.size()))
+      refuse(Code::unknown_body, {"reactions to record"}, fmt::format("an index below {}", model_.user.size()), fmt::format("{}", i));
     const std::string& name = model_.user[static_cast<std::size_t>(i)].name;
     add("reactions/" + name, {"mx", "my", "mz", "fx", "fy", "fz"}, units_of({"N m", "N m", "N m", "N", "N", "N"}), "pnode of " + name,
         "moment and force that the inboard hinge transmits to the body", [&sim = sim_, id = id_of(sim_.now().body, i)](double* x) {
@@ -203,6 +206,8 @@ class Outputs {
   }
 
   void node(int i) {
+    if (i < 0 || i >= static_cast<int>(model_.nodes.size()))
+      refuse(Code::unknown_node, {"nodes to record"}, fmt::format("an index below {}", model_.nodes.size()), fmt::format("{}", i));
     const std::string path = "nodes/" + model_.nodes[at(i)].name + "/";
     const int id = id_of(sim_.now().node, i);
     attitude(path, "node", id);

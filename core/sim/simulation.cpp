@@ -7,6 +7,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "core/base/diagnostic.hpp"
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/sim/choose_method.hpp"
 #include "core/sim/diagonalised_form.hpp"
@@ -20,9 +21,17 @@
 #include "core/soa/program.hpp"
 
 namespace cardan {
+namespace {
+
+const std::shared_ptr<const Model>& require_model(const std::shared_ptr<const Model>& model) {
+  if (!model) refuse(Code::empty_system, {"simulation"}, "a compiled model", "none");
+  return model;
+}
+
+}  // namespace
 
 Simulation::Simulation(std::shared_ptr<const Model> model, const SimulationOptions& options)
-    : own_(model->changes() ? std::make_shared<Model>(*model) : nullptr),
+    : own_(require_model(model)->changes() ? std::make_shared<Model>(*model) : nullptr),
       model_(own_ ? std::shared_ptr<const Model>(own_) : std::move(model)),
       now_(identity(*model_)),
       options_(options),
@@ -100,7 +109,14 @@ void Simulation::build() {
 
 Simulation::~Simulation() = default;
 
+void Simulation::refuse_index(const char* what, int i, Eigen::Index n) {
+  refuse(Code::out_of_range, {what}, fmt::format("an index below {}", n), fmt::format("{}", i));
+}
+
 void Simulation::set_state(const State& state) {
+  if (state.q.size() != model_->nq || state.v.size() != model_->nv)
+    refuse(Code::bad_initial_state, {"state"}, fmt::format("{} coordinates and {} velocities", model_->nq, model_->nv),
+           fmt::format("{} and {}", state.q.size(), state.v.size()));
   state_ = state;
   if (state_.z.size() != model_->devices.n_z) state_.z = Eigen::VectorXd::Map(model_->devices.z0.data(), model_->devices.n_z);
   if (state_.marks.size() != model_->devices.n_marks)
@@ -138,6 +154,7 @@ void Simulation::every(Rational period, std::function<void()> task, Rational off
 }
 
 void Simulation::add_event(Event event) {
+  if (!event.function) refuse(Code::missing_key, {"event " + event.name}, "the function whose zeros it is at", "none");
   events_.push_back(std::move(event));
   event_times_.resize(1000);
 }
@@ -156,6 +173,8 @@ std::string Simulation::name_of(int v_index) const {
 int Simulation::add_wrench(int node, bool world_axes) {
   if (!model_->has(OpCode::node_wrenches) || (world_axes && !model_->has(OpCode::world)))
     throw std::logic_error("add_wrench: compile the model with CompileOptions::node_wrenches, in world axes also world_wrenches");
+  if (node < 0 || node >= static_cast<int>(model_->nodes.size()))
+    refuse(Code::unknown_node, {"wrench"}, fmt::format("an index below {}", model_->nodes.size()), fmt::format("{}", node));
   NodeWrench w;
   w.node = node;
   w.world_axes = world_axes;
@@ -176,12 +195,14 @@ void Simulation::record(Recorder& recorder, std::vector<Output> outputs, Rationa
 }
 
 void Simulation::set_force(int i, double value) {
+  require_index("velocity component", i, model_->nv);
   if (tau_[static_cast<std::size_t>(i)] == value) return;
   tau_[static_cast<std::size_t>(i)] = tau_total_[static_cast<std::size_t>(i)] = value;
   changed();
 }
 
 void Simulation::set_wrench(int slot, const Force<double>& f) {
+  require_index("slot of a wrench", slot, static_cast<Eigen::Index>(wrenches_.size()) - model_->devices.n_loads);
   wrenches_[static_cast<std::size_t>(model_->devices.n_loads + slot)].f = f;
   changed();
 }

@@ -78,7 +78,8 @@ class Simulation {
   double time() const { return state_.t; }
 
   // Set-up -----------------------------------------------------------------------------------------------------------
-  /// Before the run, and in events: changes the state; the integrator starts again from it.
+  /// Before the run, and in events: changes the state; the integrator starts again from it. InputError C0402 where it is that of another
+  /// vehicle.
   void set_state(const State& state);
   /// Before the run: how to integrate.
   void set_options(const SimulationOptions& options) { options_ = options; }
@@ -103,8 +104,9 @@ class Simulation {
   const UserBody& user(int id) const { return model_->user[static_cast<std::size_t>(now_.body[static_cast<std::size_t>(id)])]; }
   /// State, commands and motion profiles of another simulation of the same vehicle.
   void take_over(const Simulation& other);
-  double& q(int i) { return changed(), state_.q[i]; }
-  double& v(int i) { return rates_were_set_ = true, changed(), state_.v[i]; }
+  /// InputError C0301 for an index that there is not, here and in all commands.
+  double& q(int i) { return require_index("coordinate", i, model_->nq), changed(), state_.q[i]; }
+  double& v(int i) { return require_index("velocity component", i, model_->nv), rates_were_set_ = true, changed(), state_.v[i]; }
   /// A task that runs at every tick, in the order of these calls. Commands set by tasks hold until they are set again.
   void every(Rational period, std::function<void()> task, Rational offset = {});
   void add_event(Event event);
@@ -122,14 +124,14 @@ class Simulation {
   void expect_profiles();
   /// Of all prescribed loops that are closed, in the order of Loop::drive: how much more than the model's their length or offset is.
   std::span<const LoopDrive> drives() const { return drives_; }
-  /// A wrench on a node, zero at first; returns its slot. world_axes: else node axes.
+  /// A wrench on a node, zero at first; returns its slot. world_axes: else node axes. InputError C0202 for a node that there is not.
   int add_wrench(int node, bool world_axes);
   /// Outputs are written at this period, at the start and at the end. The recorder must outlive the run.
   void record(Recorder& recorder, std::vector<Output> outputs, Rational period);
 
   // Commands, held between ticks -------------------------------------------------------------------------------------
   /// Generalised force of actuators on velocity component i [N m | N].
-  double force(int i) const { return tau_[static_cast<std::size_t>(i)]; }
+  double force(int i) const { return require_index("velocity component", i, model_->nv), tau_[static_cast<std::size_t>(i)]; }
   void set_force(int i, double value);
   /// slot: as add_wrench() told.
   void set_wrench(int slot, const Force<double>& f);
@@ -165,7 +167,7 @@ class Simulation {
   const StepHistory& step_history() const { return history_; }
 
   /// Runs to t_end, or until stop(). `progress` is called between steps. Throws NumericsError; then all results up to the
-  /// last accepted state are written.
+  /// last accepted state are written. InputError C0301 where t_end is not a number.
   void run(double t_end, const std::function<void(double t)>& progress = {});
 
   /// [s] Between two instants at which something is to happen, of what every() and the devices have asked for so far; infinite: of nothing.
@@ -214,6 +216,10 @@ class Simulation {
   Momentum momentum();
 
  private:
+  static void require_index(const char* what, int i, Eigen::Index n) {
+    if (i < 0 || i >= n) refuse_index(what, i, n);
+  }
+  [[noreturn]] static void refuse_index(const char* what, int i, Eigen::Index n);
   void build();
   void take_in();
   void changed() { weigh(), start_anew_for(doing_), observed_ = ledger_known_ = false; }

@@ -3,7 +3,9 @@
 #include "core/sim/simulation.hpp"
 
 #include <algorithm>
+#include <cmath>
 
+#include "core/base/diagnostic.hpp"
 #include "core/base/finite.hpp"
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/sim/plugin_faults.hpp"
@@ -11,6 +13,7 @@
 namespace cardan {
 
 void Simulation::run(double t_end, const std::function<void(double)>& progress) {
+  if (std::isnan(t_end)) refuse(Code::out_of_range, {"end of the run"}, "a time [s]", "nan");
   const Stopwatch watch(timed(&RunProfile::run));
   sample_devices(true);
   make_integrator_once();
@@ -166,7 +169,7 @@ void Simulation::handle_events(std::span<const int> crossed) {
     if (crossed[i] != 0 && (events_[i].direction == 0 || events_[i].direction == crossed[i])) {
       expect_no_storm(events_[i]);
       if (recorder_) recorder_->note(Note::event, state_.t, {events_[i].name, crossed[i] > 0 ? "rising" : "falling"});
-      events_[i].action();
+      if (events_[i].action) events_[i].action();
     }
 }
 

@@ -129,7 +129,7 @@ TEST(Documents, NameWhatThereIs) {
 
 TEST(Documents, CallCommandsThatThereAre) {
   std::set<std::string> verbs, steps;
-  const std::regex verb(R"rx(add_subcommand\(\s*"([a-z-]+)")rx"), step(R"(\n  ([a-z-]+)\))");
+  const std::regex verb(R"rx(line\.command\(\s*"([a-z-]+)")rx"), step(R"(\n  ([a-z-]+)\))");
   for (const Source& s : sources())
     if (s.path.starts_with("scripts/commands/") && is_cpp(s))
       for (std::sregex_iterator m(s.text.begin(), s.text.end(), verb), end; m != end; ++m) verbs.insert((*m)[1]);

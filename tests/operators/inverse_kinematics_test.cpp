@@ -161,6 +161,38 @@ TEST(InverseKinematics, Limits) {
   EXPECT_THROW(inverse_kinematics(model, q.data(), {&target, 1}, options), InputError);
 }
 
+TEST(InverseKinematics, WhatIsNotANumberIsRefused) {  // it ended the program
+  const auto model = arm(2);
+  VectorXd q(2);
+  q << 0.0, 0.5;
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const auto refused = [&](const VectorXd& start, const IkTarget& target, const IkOptions& options = {}) {
+    try {
+      inverse_kinematics(model, start.data(), {&target, 1}, options);
+    } catch (const InputError& e) {
+      return e.diagnostics().front().code == Code::out_of_range;
+    }
+    return false;
+  };
+  const IkTarget good = IkTarget::at_position(tip_of(*model), {1.0, 1.0, 0.0});
+  for (const double bad : {nan, HUGE_VAL}) EXPECT_TRUE(refused(q, IkTarget::at_position(tip_of(*model), {1.0, bad, 0.0})));
+  for (const double bad : {nan, -1.0, HUGE_VAL}) {
+    IkTarget weighted = good;
+    weighted.position_weight = bad;
+    EXPECT_TRUE(refused(q, weighted)) << bad;
+  }
+  EXPECT_TRUE(refused(VectorXd::Constant(2, nan), good));
+  IkOptions options;
+  options.prefer = VectorXd::Constant(2, nan);
+  EXPECT_TRUE(refused(q, good, options));
+  options.prefer.resize(0), options.weight = Eigen::Vector2d(1.0, nan);
+  EXPECT_TRUE(refused(q, good, options));
+  const IkTarget far = IkTarget::at_position(tip_of(*model), {1e300, 0.0, 0.0});  // the square of its residual overflows
+  const IkResult found = inverse_kinematics(model, q.data(), {&far, 1});
+  EXPECT_FALSE(found.reached);
+  EXPECT_EQ(found.q.size(), 2) << "the nearest posture that was found";
+}
+
 TEST(InverseKinematics, RowsChooseWhatCounts) {  // a node on a ball hinge that shall point its z along the target's: any turn about it
   const auto model = compiled(system({on(rigid("dish", 1.0, {0, 0, 0.1}, diagonal({1, 1, 1})), "", "ball")}));
   const VectorXd q = model->initial_state().q;

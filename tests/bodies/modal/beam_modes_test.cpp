@@ -204,8 +204,10 @@ TEST(BeamSections, AgreeWithClosedForms) {
   const BeamSection r = rectangle_section(0.2, 0.1);
   EXPECT_NEAR(r.Iy, 0.2 * std::pow(0.1, 3) / 12, 1e-18);
   EXPECT_NEAR(r.Iz, 0.1 * std::pow(0.2, 3) / 12, 1e-18);
-  EXPECT_NEAR(r.J / (0.2 * std::pow(0.1, 3)), 0.2287, 4e-4);  // Timoshenko and Goodier 1970, section 109: side ratio 2
-  const BeamSection t = tube_section(0.05, 0.05, true);       // full circle
+  EXPECT_NEAR(r.J / (0.2 * std::pow(0.1, 3)), 0.228681677, 1e-9);                    // the series in 30 digits: side ratio 2
+  EXPECT_NEAR(rectangle_section(0.1, 0.1).J / std::pow(0.1, 4), 0.140577015, 1e-9);  // and 1 (Timoshenko and Goodier 1970: 0.1406)
+  EXPECT_NEAR(rectangle_section(1.0, 1e-3).J / 1e-9, 0.333123250, 1e-9);             // a thin strip: b^3 (a - 0.63 b) / 3
+  const BeamSection t = tube_section(0.05, 0.05, true);                              // full circle
   EXPECT_NEAR(t.J, 0.5 * std::numbers::pi * std::pow(0.05, 4), 1e-18);
   EXPECT_NEAR(t.shear_y, 6 * 1.3 / (7 + 6 * 0.3), 1e-12);
   EXPECT_NEAR(tube_section(0.05, 1e-6, true).shear_z, 2 * 1.3 / (4 + 3 * 0.3), 1e-4);  // thin tube

@@ -264,6 +264,8 @@ TEST(Matrices, ThatCannotBeReadAreRefusedWithTheLine) {
   for (const char* bad : {"1 1 nan", "1 1 inf", "1 1", "1 1 1 1", "1 1 one", "1.5 1 1", "1e99 1 1", ""})
     EXPECT_NE(with_mass(head + "78 78 1\n" + bad + "\n").find("M.mtx:3"), std::string::npos) << bad;
   expect_part(with_mass(head + "78 78 1e12\n"), "expected: at most 100000000 entries");
+  expect_part(with_mass(head + "78 78 1\n1 1 1\n% end\n \n2 2 1\n"),
+              "M.mtx:6\n  at: modal.matrices.mass\n  expected: 1 entries, as the line of sizes says\n  got:      2 2 1");
   expect_part(with_mass("%%MatrixMarket matrix coordinate real general\n78 78 3\n1 1 1\n1 2 0.5\n2 2 1\n"),
               "expected: a symmetric matrix\n  got:      0 in row 2, column 1, and 0.5 in row 1, column 2");
   expect_part(answer([](Written& w) { std::filesystem::remove(w.model.stiffness); }), "error[C0102]: file not found");
@@ -275,6 +277,36 @@ TEST(Matrices, ThatCannotBeReadAreRefusedWithTheLine) {
   expect_part(with_nodes("a, 0, 0\n"), "nodes.csv:1\n  at: modal.matrices.nodes\n  expected: name, x, y, z [m]\n  got:      a, 0, 0");
   expect_part(with_nodes("a, 0, 0, nan\n"), "expected: name, x, y, z [m]");
   expect_part(with_nodes("# none\n"), "got:      no node");
+}
+
+TEST(Matrices, ThatAreIndefiniteAreRefused) {  // their lowest modes are found all the same
+  const FeModel mesh = mesh_of(slender_boom());
+  const auto with = [&](double M33) {
+    return answer([&](Written& w) {
+      SparseMatrix M = mesh.M;
+      for (int a = 3; a < 6; ++a) M.coeffRef(36 + a, 36 + a) += M33;
+      write_file(w.model.mass, matrix_text(M));
+    });
+  };
+  const double J = mesh.M.coeff(41, 41);
+  EXPECT_EQ(with(-0.1 * J), "taken");
+  expect_part(with(-0.9 * J), "at: modal.matrices.mass\n  expected: a mass matrix without negative eigenvalues\n  got:      ");
+  expect_part(with(-2.0 * J), "at: modal.matrices.mass\n  expected: a mass matrix without negative eigenvalues\n  got:      -");
+  expect_part(answer([&](Written& w) { write_file(w.model.damping = w.dir / "C.mtx", matrix_text(-1e-4 * mesh.K)); }),
+              "at: modal.matrices.damping\n  expected: a damping matrix without negative eigenvalues");
+  expect_part(answer([&](Written& w) { write_file(w.model.stiffness, matrix_text(-1.0 * mesh.K)); }),
+              "expected: a stiffness matrix that is positive definite where the root is held\n  got:      72 negative eigenvalues");
+  for (const double mass : {0.0, -0.01})
+    expect_part(answer([](Written&) {},
+                       [&](ModalSource& s) {
+                         s.masses = {{mass, {6.0, 0.0, 0.0}, Matrix3d::Zero()}};
+                       }),
+                "error[C0301]: value out of range\n  at: modal.masses[0].mass\n  expected: a number > 0 [kg]");
+  expect_part(answer([&](Written& w) {
+                w.model.root.clear();
+                for (std::size_t i = 0; i < mesh.nodes.size(); ++i) w.model.root.push_back(fmt::format("n{}", i));
+              }),
+              "expected: degrees of freedom that are not held");
 }
 
 TEST(Matrices, ThatAreOfNoBodyAreRefused) {

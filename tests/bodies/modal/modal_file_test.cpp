@@ -92,6 +92,11 @@ TEST(ModalFile, OfAnotherShapeIsRefusedBeforeItIsRead) {
     for (const Shape& shape : shapes) EXPECT_EQ(with(data, path, zeros(shape), shape), "C0702") << path << fmt::format(" {}", shape.size());
 }
 
+TEST(ModalFile, HasSymmetricSecondOrderShapes) {  // half a quadratic form: what is not symmetric has a velocity of another motion
+  EXPECT_EQ(with(lumped(), "/mass_nodes/1/Q", {0, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 2}, {3, 2, 2}), "accepted");
+  EXPECT_EQ(with(lumped(), "/mass_nodes/1/Q", {0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2}, {3, 2, 2}), "C0321");
+}
+
 TEST(ModalFile, MayHaveNoDrawingButNoneThatCannotBe) {
   const ModalData data = test::beam();
   const std::size_t n = static_cast<std::size_t>(data.drawing.points.rows()), k = static_cast<std::size_t>(data.drawing.lines.rows());

@@ -358,6 +358,23 @@ TEST(Doubts, OfPlatesBeamsMaterialsAndDampingHaveNumbers) {
   EXPECT_NE(of(w).find("W0302 modal.damping"), std::string::npos) << "critical";
 }
 
+TEST(Doubts, OfPointsAndMassesThatAreMovedToTheMesh) {  // of 0.05 m here: they were moved without a word
+  ModalSource s = round_beam(20, 4);
+  s.at.key_path = "modal";
+  s.points = {{"on", {0.5, 0, 0}, false}, {"off", {0.52, 0, 0}, false}, {"beyond", {1.04, 0, 0}, false}};
+  s.masses = {{0.1, {0.5, 0, 0}, Eigen::Matrix3d::Zero()}, {0.1, {0.26, 0, 0}, Eigen::Matrix3d::Zero()}};
+  Warnings all;
+  const ModalData data = make_modal_data(s, &all);
+  std::vector<std::string> places;
+  for (const Warning& w : all.all())
+    if (w.what.code == Code::unusual_value) places.push_back(w.what.at.key_path);
+  EXPECT_EQ(places, (std::vector<std::string>{"modal.points[1].position", "modal.points[2].position", "modal.masses[1].position"}));
+  EXPECT_EQ(data.nodes[2].position, Eigen::Vector3d(0.5, 0, 0));
+  EXPECT_NE(all.all()[0].what.about.find("(0.52, 0, 0) m is not on the mesh: it was moved to its nearest node at (0.5, 0, 0) m"),
+            std::string::npos)
+      << all.all()[0].what.about;
+}
+
 TEST(Doubts, OfModesThatAreLeftOut) {
   const auto of = [](ModalSource s) {
     s.damping = {0.005};
