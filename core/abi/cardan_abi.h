@@ -18,7 +18,7 @@ extern "C" {
 
 #define CARDAN_ABI_MAJOR 2u /* binary break: the host refuses */
 /* Fields appended, kinds added: devices and fields since 1; valid and impulse of devices since 2; bodies since 3. */
-#define CARDAN_ABI_MINOR 4u
+#define CARDAN_ABI_MINOR 5u
 
 /* ---- parameters: what the description of an instance may say, and what its family is told ---- */
 

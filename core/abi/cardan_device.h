@@ -41,7 +41,9 @@ enum cardan_mount_use {
   CARDAN_USE_OUTLET = 16u,      /* what is drawn from a device with a mass leaves the vehicle here: at one node at most */
   CARDAN_USE_HOLD = 32u,        /* a hinge component that stands still while the first mark is not 0: at one at most; see `holds` */
   CARDAN_USE_OPTIONAL = 64u,    /* of a field: the scene may have none, all its numbers are then 0 */
-  CARDAN_USE_IMPULSE = 128u     /* since 2.2: pushes all at once, out of `impulse` alone, and costs nothing in a step */
+  CARDAN_USE_IMPULSE = 128u,    /* since 2.2: pushes all at once, out of `impulse` alone, and costs nothing in a step */
+  CARDAN_USE_TURN = 256u,       /* since 2.5: of a hinge component: one that turns; another is refused */
+  CARDAN_USE_COORDINATE = 512u  /* since 2.5: of a hinge component: one with a coordinate of its own; another is refused */
 };
 
 typedef struct cardan_mount_desc {

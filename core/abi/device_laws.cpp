@@ -21,7 +21,8 @@ constexpr std::uint32_t kMost = kMostParameters;  // mounts, ports, states, root
 constexpr int kMotion = sizeof(cardan_mount_motion) / sizeof(double), kLoad = sizeof(cardan_mount_load) / sizeof(double);
 constexpr int kPose = 12, kVelocity = 18, kHinge = 20, kRates = 27;  // of cardan_mount_motion: where the numbers of
                                                                      // the pose, the velocity, the hinge, the accelerations end
-constexpr std::uint32_t kPushing = CARDAN_USE_LOAD | CARDAN_USE_IMPULSE, kUses = 63u | CARDAN_USE_IMPULSE;  // of nodes and hinges
+constexpr std::uint32_t kPushing = CARDAN_USE_LOAD | CARDAN_USE_IMPULSE, kOfHinges = CARDAN_USE_TURN | CARDAN_USE_COORDINATE,
+                        kUses = 63u | CARDAN_USE_IMPULSE | kOfHinges;  // of nodes and hinges
 
 class DeviceTableFaults : public TableChecks {
  public:
@@ -79,6 +80,8 @@ class DeviceTableFaults : public TableChecks {
       masses += m.kind == CARDAN_MOUNT_MASS, outlets += (m.use & CARDAN_USE_OUTLET) != 0, holds += (m.use & CARDAN_USE_HOLD) != 0;
       expect((m.use & CARDAN_USE_HOLD) == 0 || (m.kind == CARDAN_MOUNT_HINGE && (m.use & CARDAN_USE_LOAD) != 0), at + "use",
              "CARDAN_USE_HOLD is of a hinge component, with CARDAN_USE_LOAD");
+      expect((m.use & kOfHinges) == 0 || m.kind == CARDAN_MOUNT_HINGE, at + "use",
+             "CARDAN_USE_TURN and CARDAN_USE_COORDINATE are of a hinge component");
       expect((m.use & CARDAN_USE_OUTLET) == 0 || (m.kind == CARDAN_MOUNT_NODE && pushes), at + "use",
              "CARDAN_USE_OUTLET is of a node, with CARDAN_USE_LOAD");
       expect(!pushes || !energy || (m.use & CARDAN_USE_VELOCITY) != 0, at + "use",
@@ -175,6 +178,7 @@ class DeviceLaws {
     if (y.code != 0) return true;  // outside of its domain
     ++taken_;
     pure(x, y);
+    at_rest(x);
     reads_what_it_says(x, y);
     validity(y);
     pushes_where_it_says(y, CARDAN_USE_LOAD);
@@ -362,6 +366,23 @@ class DeviceLaws {
     pure("evaluate", same(again, y), "at the second call");
     pure("evaluate", same(elsewhere, y), "on another thread");
     law(kLeaves, packed == packed_, "evaluate changes its arguments");
+  }
+
+  /// As scenes begin: nothing moves, hinges are at zero, inputs and states are what they are before somebody sets them.
+  void at_rest(const Point& x) {
+    Point still = x;
+    for (std::uint32_t m = 0; m < f_.n_mounts; ++m)
+      if (f_.mounts[m].kind != CARDAN_MOUNT_FIELD)
+        std::fill_n(still.numbers.begin() + static_cast<std::ptrdiff_t>(m * kMotion + kPose), kRates - kPose, 0.0);
+    std::size_t at = f_.n_mounts * kMotion;
+    for (std::uint32_t i = 0; i < f_.n_ports; ++i)
+      if (f_.ports[i].kind == CARDAN_PORT_IN) still.numbers[at++] = f_.ports[i].fallback;
+    for (std::uint32_t i = 0; i < f_.n_states; ++i) still.numbers[at++] = f_.states[i].initial;
+    const Given y = evaluate(still);
+    if (y.code != 0) return;
+    for (std::size_t i = 0; i < y.numbers.size(); ++i)
+      if (!finite(y.numbers[i], [&] { return fmt::format("evaluate gives {} where nothing moves ({})", y.numbers[i], name_of(i)); }))
+        return;
   }
 
   std::string name_of(std::size_t i) const {

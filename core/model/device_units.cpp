@@ -6,8 +6,6 @@
 namespace cardan {
 namespace {
 
-bool is_turn(std::string_view rate) { return rate == "rad/s"; }
-
 const char* kept(std::string text) {
   static std::mutex access;
   static std::set<std::string> all;
@@ -16,6 +14,8 @@ const char* kept(std::string text) {
 }
 
 }  // namespace
+
+bool is_turn(std::string_view rate) { return rate == "rad/s"; }
 
 bool turns(const Model& model, const Device& device) {
   for (const DeviceMount& mount : device.mounts)
@@ -51,6 +51,18 @@ std::vector<cardan_param_desc> schema_where(bool turns, const cardan_device_fami
   for (cardan_param_desc& p : schema)
     if (p.unit && std::string_view(p.unit).find('|') != std::string_view::npos) p.unit = kept(unit_where(turns, p.unit));
   return schema;
+}
+
+bool ticks_late(const Device& d) {
+  switch (d.family->role) {
+    case CARDAN_ROLE_SENSOR:
+      return false;
+    case CARDAN_ROLE_ACTUATOR:
+    case CARDAN_ROLE_CONTROLLER:
+      return true;
+    default:
+      return d.n_in > 0;
+  }
 }
 
 const char* role_text(const cardan_device_family& family) {

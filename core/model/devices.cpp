@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <numeric>
 #include <set>
@@ -90,7 +91,7 @@ class DeviceCompiler {
     }
     if (family->tick && !((spec.rate > 0.0 && std::isfinite(spec.rate)) || (spec.period > 0.0 && std::isfinite(spec.period))))
       fault(Code::out_of_range, spec, spec.period != 0.0 ? "period" : "rate", "a rate or a period > 0",
-            fmt::format("{:g}", std::max(spec.rate, spec.period)));
+            spec.period != 0.0 ? fmt::format("{:g} s", spec.period) : fmt::format("{:g} Hz", spec.rate));
     initial(spec, {family->states, family->n_states}, devices_.z0);
     initial(spec, {family->marks, family->n_marks}, devices_.marks0);
     for (std::uint32_t i = 0; i < family->n_states; ++i) devices_.nominal.push_back(family->states[i].nominal);
@@ -212,13 +213,23 @@ class DeviceCompiler {
 
   /// "boom" where the hinge has one component, else "boom.rate".
   void hinge_component(const DeviceSpec& spec, const cardan_mount_desc& desc, const std::string& target, DeviceMount& m) {
+    const bool must_turn = (desc.use & CARDAN_USE_TURN) != 0, needs_coordinate = (desc.use & CARDAN_USE_COORDINATE) != 0;
+    std::string wanted = "a component of a hinge";
+    if (must_turn) wanted += " that turns";
+    if (needs_coordinate) wanted += must_turn ? ", with a coordinate" : " with a coordinate";
     std::vector<std::string> legal;
+    std::string unfit;  // why the component that is named is none
     for (const UserBody& u : model_.user)
       for (int i = 0; i < u.nv; ++i) {
         const auto at = static_cast<std::size_t>(i);
         const std::string name = u.name + "." + u.v_names[at];
-        legal.push_back(name);
+        const bool slides = must_turn && !is_turn(u.v_units[at]), lacks = needs_coordinate && u.nq != u.nv;
         const bool same = target == name || (u.nv == 1 && target == u.name) || (u.nq == u.nv && target == u.name + "." + u.q_names[at]);
+        if (slides || lacks) {
+          if (same) unfit = slides ? "which slides" : "which has no coordinate of its own";
+          continue;
+        }
+        legal.push_back(name);
         if (!same) continue;
         m.v = u.v + i;
         m.q = u.nq == u.nv ? u.q + i : -1;
@@ -235,6 +246,9 @@ class DeviceCompiler {
                 "its motion is given: what pushes there has no effect");
         return;
       }
+    if (!unfit.empty())
+      return fault(Code::unsupported, spec, desc.name, legal.empty() ? wanted + ", of which there is none" : wanted + ": " + one_of(legal),
+                   fmt::format("{}, {}", in_quotes(target), unfit));
     const std::string first = target.substr(0, target.find('.'));
     if (std::ranges::any_of(spec_.loops, [&](const LoopSpec& l) { return l.name == first; }))
       return fault(
@@ -247,9 +261,8 @@ class DeviceCompiler {
                    fmt::format("{}, whose hinge is locked", in_quotes(first)),
                    "to stop it in a mission: a motion that is given, or a friction that holds it");
     fault(Code::unknown_name, spec, desc.name,
-          legal.empty() ? std::string("a component of a hinge, of which there is none that moves")
-                        : "a component of a hinge: " + one_of(legal),
-          in_quotes(target), did_you_mean(target, legal));
+          legal.empty() ? wanted + ", of which there is none that moves" : wanted + ": " + one_of(legal), in_quotes(target),
+          did_you_mean(target, legal));
   }
 
   static const cardan_port_desc& port(const Device& d, std::uint32_t kind, int index) { return port_at(*d.family, kind, index); }
@@ -268,6 +281,7 @@ class DeviceCompiler {
       }
     connect_validity();
     if (complete_) order();
+    if (complete_) find_sampled_cycle();
     if (complete_) find_flows();
     for (Device& d : devices_.all) {
       d.acts = (d.family->n_states > 0 && !d.family->follow) || d.family->n_roots > 0;
@@ -540,6 +554,64 @@ class DeviceCompiler {
                    "`delay: 1` at one of these inputs (inputs: {x: {from: ..., delay: 1}}: what it was a tick ago), a state in one of "
                    "them (a lag), or one device in place of them");
     }
+  }
+
+  /// A device that samples, and what the input of another one needs of it: the names of both ends.
+  struct Sampled {
+    int device;
+    std::string link;
+  };
+  /// The devices whose last ticks are in what an input reads now: those that give it, also by way of continuous ones.
+  void sampled_behind(int in, const std::string& link, std::vector<Sampled>& all) const {
+    devices_.each_source(in, [&](int out) {
+      const auto [giver, own] = owner_of_output(out);
+      const Device& g = devices_.all[static_cast<std::size_t>(giver)];
+      const std::string here = fmt::format("{} <- {}.{}", link, g.name, port(g, CARDAN_PORT_OUT, own).name);
+      if (g.family->tick) all.push_back({giver, here});
+      for (int k = 0; k < g.n_in; ++k)
+        if (feeds_through(g, own, k))
+          sampled_behind(g.in + k, fmt::format("{}, {}.{}", here, g.name, port(g, CARDAN_PORT_IN, k).name), all);
+    });
+  }
+
+  /// Devices that sample at the same instants, in one part of them (before the controllers, or after), and take from each other: which of
+  /// them has what the other one gave a tick ago would follow from their names.
+  void find_sampled_cycle() {
+    const int n = static_cast<int>(devices_.all.size());
+    std::vector<std::vector<Sampled>> behind(static_cast<std::size_t>(n));
+    for (int i = 0; i < n; ++i) {
+      const Device& d = devices_.all[static_cast<std::size_t>(i)];
+      if (!d.family->tick) continue;
+      for (int k = 0; k < d.n_in; ++k)
+        sampled_behind(d.in + k, fmt::format("{}.{}", d.name, port(d, CARDAN_PORT_IN, k).name), behind[static_cast<std::size_t>(i)]);
+      std::erase_if(behind[static_cast<std::size_t>(i)], [&](const Sampled& g) {  // its own last output is its memory
+        const Device& other = devices_.all[static_cast<std::size_t>(g.device)];
+        return g.device == i || ticks_late(other) != ticks_late(d) || spec_of(other).offset != spec_of(d).offset;
+      });
+    }
+    std::vector<char> state(static_cast<std::size_t>(n), 0);  // 1: on the way, 2: done
+    std::vector<Sampled> way;
+    const std::function<bool(int)> visit = [&](int i) {
+      state[static_cast<std::size_t>(i)] = 1;
+      for (const Sampled& g : behind[static_cast<std::size_t>(i)]) {
+        way.push_back({i, g.link});
+        if (state[static_cast<std::size_t>(g.device)] == 1) {
+          std::vector<std::string> links;
+          for (auto at = std::ranges::find(way, g.device, &Sampled::device); at != way.end(); ++at) links.push_back(at->link);
+          fault(Code::device_cycle, spec_of(devices_.all[static_cast<std::size_t>(g.device)]), "inputs",
+                "devices that do not wait for each other at one tick", fmt::format("{}", fmt::join(links, ", ")),
+                "`delay: 1` at one of these inputs (inputs: {x: {from: ..., delay: 1}}: what it was a tick ago), an `offset` of one of "
+                "them, or one device in place of them");
+          return true;
+        }
+        if (state[static_cast<std::size_t>(g.device)] == 0 && visit(g.device)) return true;
+        way.pop_back();
+      }
+      state[static_cast<std::size_t>(i)] = 2;
+      return false;
+    };
+    for (int i = 0; i < n; ++i)
+      if (state[static_cast<std::size_t>(i)] == 0 && visit(i)) return;
   }
 
   const SystemSpec& spec_;

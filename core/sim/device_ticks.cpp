@@ -7,24 +7,13 @@
 
 #include "core/abi/port_vectors.hpp"
 #include "core/base/noise.hpp"
+#include "core/model/device_units.hpp"
 #include "core/sim/simulation.hpp"
 
 namespace cardan {
 
 namespace {
 
-/// Whether a device ticks after the controllers, which command it, or before them, which read it.
-bool ticks_late(const Device& d) {
-  switch (d.family->role) {
-    case CARDAN_ROLE_SENSOR:
-      return false;
-    case CARDAN_ROLE_ACTUATOR:
-    case CARDAN_ROLE_CONTROLLER:
-      return true;
-    default:
-      return d.n_in > 0;
-  }
-}
 /// Its noise, and what it may change.
 std::size_t numbers_of_tick(const Device& d) { return std::size_t{d.family->n_noise} + d.family->n_states + d.family->n_marks; }
 

@@ -19,7 +19,8 @@ struct DcMotor {
       param::positive(param::required("resistance", CARDAN_NUMBER, "V/A", "of the winding")),
       param::positive(param::required("inductance", CARDAN_NUMBER, "V s/A", "of the winding")),
       param::positive(param::optional("gear", CARDAN_NUMBER, "1", "turns of the motor for one of the hinge", 1.0))};
-  static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_HINGE, CARDAN_USE_LOAD, "a component of a hinge that turns"}};
+  static constexpr cardan_mount_desc mounts[] = {
+      {"at", CARDAN_MOUNT_HINGE, CARDAN_USE_LOAD | CARDAN_USE_TURN, "a component of a hinge that turns"}};
   static constexpr cardan_port_desc ports[] = {{"voltage", CARDAN_PORT_IN, "V", 0.0, 0, "at its terminals"},
                                                {"torque", CARDAN_PORT_OUT, "N m", 0.0, 0, "on the hinge"}};
   static constexpr cardan_state_desc states[] = {{"current", "A", 0.0, 1.0, "in the winding"}};

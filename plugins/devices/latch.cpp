@@ -19,7 +19,8 @@ struct Latch {
       param::positive(param::required("max_rate", CARDAN_NUMBER, "rad/s|m/s", "it catches what passes no faster")),
       param::positive(param::required("stiffness", CARDAN_NUMBER, "N m/rad|N/m", "of what it holds by")),
       param::not_negative(param::optional("damping", CARDAN_NUMBER, "N m s/rad|N s/m", "of what it holds by"))};
-  static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_HINGE, CARDAN_USE_LOAD, "a component of a hinge, with a coordinate"}};
+  static constexpr cardan_mount_desc mounts[] = {
+      {"at", CARDAN_MOUNT_HINGE, CARDAN_USE_LOAD | CARDAN_USE_COORDINATE, "a component of a hinge, with a coordinate"}};
   static constexpr cardan_port_desc ports[] = {{"force", CARDAN_PORT_OUT, "N m|N", 0.0, 0, "on the hinge"}};
   static constexpr cardan_state_desc marks[] = {{"closed", "1", 0.0, 1.0, "1: it holds"},
                                                 {"missed", "1", 0.0, 1.0, "how often its place was passed too fast"}};

@@ -22,8 +22,8 @@ struct TapeSpring {
       param::positive(param::required("steady_moment", CARDAN_NUMBER, "N m", "of the folded blade")),
       param::not_negative(param::optional("damping", CARDAN_NUMBER, "N m s/rad", "of its motion")),
       param::optional("rest", CARDAN_NUMBER, "rad", "the angle at which it is straight")};
-  static constexpr cardan_mount_desc mounts[] = {
-      {"at", CARDAN_MOUNT_HINGE, CARDAN_USE_LOAD, "a component of a hinge that turns, with a coordinate"}};
+  static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_HINGE, CARDAN_USE_LOAD | CARDAN_USE_TURN | CARDAN_USE_COORDINATE,
+                                                  "a component of a hinge that turns, with a coordinate"}};
   static constexpr cardan_port_desc ports[] = {{"moment", CARDAN_PORT_OUT, "N m", 0.0, 0, "on the hinge"}};
 
   static bool pack(const Params& params, Packed& p) {

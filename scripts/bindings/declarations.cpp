@@ -54,10 +54,11 @@ int controller(lua_State* L, Scenario& s) {
   c.name = d.name();
   LuaTable& t = d.table();
   const Located here{"controller", LuaHost::caller(L)};
+  const bool both = t.has("rate") == t.has("period");
   const auto rate = t.number("rate", "Hz"), period = t.number("period", "s");
-  if (rate.has_value() == period.has_value())
+  if (both)
     t.reject("rate", "a rate, or a period");
-  else
+  else if (rate || period)  // else what stands there was refused
     c.period = rate ? period_from_hertz(*rate, here) : period_from_seconds(*period, here);
   c.at = {fmt::format("controller {}.{}", c.name, rate ? "rate" : "period"), here.mark};
   c.step = d.function("step", true);

@@ -28,15 +28,20 @@ std::vector<std::pair<double, double>> rate_points(lua_State* L, LuaTable& t, co
     return x;
   };
   bool good = lua_istable(L, table) && lua_rawlen(L, table) > 0;
+  std::string wrong;  // the first point that does not fit, and why
   for (lua_Integer i = 1; good && i <= static_cast<lua_Integer>(lua_rawlen(L, table)); ++i) {
     good = lua_rawgeti(L, table, i) == LUA_TTABLE && lua_rawlen(L, -1) == 2;
+    if (!good) wrong = fmt::format("point {} is no pair {{t, rate}}", i);
     if (good) points.emplace_back(number(1, "s"), number(2, unit.c_str()));
-    good = good && std::isfinite(points.back().first) && std::isfinite(points.back().second) &&
-           (i == 1 || points.back().first > points[points.size() - 2].first);
+    if (good && !(std::isfinite(points.back().first) && std::isfinite(points.back().second)))
+      good = false, wrong = fmt::format("point {} has no finite numbers in s and {}", i, unit);
+    if (good && i > 1 && !(points.back().first > points[points.size() - 2].first))
+      good = false, wrong = fmt::format("point {} is at {:g} s, the one before at {:g} s; a rate that jumps changes over a short time", i,
+                                        points.back().first, points[points.size() - 2].first);
     lua_pop(L, 1);
   }
   lua_pop(L, 1);
-  if (!good) t.reject("rate_table", fmt::format("{{{{t, rate}}, ...}} in s and {}, at least one point, t rising", unit));
+  if (!good) t.reject("rate_table", fmt::format("{{{{t, rate}}, ...}} in s and {}, at least one point, t rising", unit), wrong);
   return points;
 }
 
@@ -46,7 +51,7 @@ MotionProfile read_profile(lua_State* L, LuaTable& t, const std::string& rate) {
   const std::string unit = rate.starts_with("1/") ? "1" : rate.substr(0, rate.find('/'));
   MotionProfile profile;
   if (int(t.has("rate_table")) + int(t.has("sine")) + int(t.has("hold")) != 1) {
-    t.reject("rate_table", "exactly one of rate_table, sine, hold");
+    t.reject(t.has("hold") ? "hold" : "rate_table", "exactly one of rate_table, sine, hold");
   } else if (t.has("rate_table")) {
     profile = MotionProfile::rate_table(rate_points(L, t, rate));
   } else if (const auto hold = t.number("hold", rate)) {

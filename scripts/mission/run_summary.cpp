@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "core/base/version.hpp"
 #include "core/sim/run_header.hpp"
@@ -83,8 +84,10 @@ Summary run_summary(const Scenario& s, double wall_s) {
   out.simulated_s = s.sim->time();
   out.wall_s = wall_s;
   const IntegratorStatistics i = s.sim->statistics();
-  out.steps = i.steps, out.rhs_calls = i.rhs_calls, out.rejected = i.rejected.all(), out.restarts = i.restarts;
+  out.steps = i.steps, out.rhs_calls = i.rhs_calls, out.rejected = i.rejected.all();
   out.integration = s.sim->step_history().whole(), out.worst = s.sim->step_history().worst();
+  // Those that a step followed: a checkpoint at the end is begun from by a run that is resumed, and counted there.
+  out.restarts = std::accumulate(out.integration.restarts.begin(), out.integration.restarts.end(), 0L);
   out.jacobian_products = i.jacobian_products, out.preconditioner_setups = i.preconditioner_setups;
   out.linear_iterations = i.linear_iterations, out.inner_steps = i.inner_steps;
   out.model.bodies = static_cast<int>(m.user.size());

@@ -198,6 +198,7 @@ int ScriptDevice::call(const LuaFunction& function, const cardan_device_args* a,
     failure_.reset();
   } catch (const InputError& e) {
     failure_ = e.diagnostics().front();
+    if (failure_->at.key_path == at_.key_path) failure_->at.key_path = fmt::format("device {}.{}", d_.type, ticking ? "tick" : "evaluate");
     code = 1;
   }
   running_ = inside;
@@ -305,7 +306,9 @@ void ScriptDevice::expect_pure() {
   if (!violations.empty() || before.size() != after.size())
     refuse(Code::lua_argument, at_, "a device that obeys the laws of its kind",
            violations.empty() ? "variables that come and go" : violations.front(),
-           "the same arguments give the same numbers: no memory, no random numbers, no clock");
+           !violations.empty() && violations.front().find("function of its arguments") == std::string::npos
+               ? "it is tried with numbers of order one"
+               : "the same arguments give the same numbers: no memory, no random numbers, no clock");
   calls_ = 0, seconds_ = 0.0;
   tried_ = true;
 }

@@ -109,6 +109,8 @@ TEST(DeviceMutants, AreCaughtByTheirLaw) {
   expect(CHANGED(o->zdot[1] = 3.0), "beyond its arrays");
   expect(CHANGED(o->load[4].tau = 3.0), "beyond its arrays");
   expect(CHANGED(o->out[0] = std::sqrt(-1.0 - a->in[0] * a->in[0])), "nan for finite arguments (output y");
+  expect(CHANGED(const double v = a->mount[2].v; o->load[2].tau *= v / v), "nan where nothing moves (tau of mount at)");
+  expect(CHANGED(const double x = a->in[0]; o->out[0] = 2.0 * x * x / x + a->z[0]), "nan where nothing moves (output y)");
   expect(CHANGED(o->out[0] += a->mount[3].omega[1]), "mount by reads pose or velocity");
   expect(CHANGED(o->out[0] += a->mount[0].q), "mount from is a node");
   expect(CHANGED(o->out[0] += a->mount[2].position[0]), "mount at is a hinge component");
@@ -426,6 +428,9 @@ TEST(DeviceMutants, TablesThatCannotBeReadAreToldMemberByMember) {
   expect(changed([](Table& t) { t.energy = nullptr; }), "energy: null");
   expect(changed([](Table& t) { t.facts = CARDAN_FACT_PASSIVE; }), "facts: CARDAN_FACT_PASSIVE without");
   expect(changed([](Table& t) { t.n_roots = 1; }), "roots: null");
+  static const cardan_mount_desc turning_node[] = {{"at", CARDAN_MOUNT_NODE, CARDAN_USE_POSE | CARDAN_USE_TURN, "a node"}};
+  expect(changed([](Table& t) { t.mounts = turning_node, t.n_mounts = 1; }),
+         "mounts[0].use: CARDAN_USE_TURN and CARDAN_USE_COORDINATE are of a hinge component");
   static const cardan_state_desc none[] = {{"s", "1", 0.0, 0.0, "state"}};
   expect(changed([](Table& t) { t.states = none; }), "states[0].nominal: 0, expected > 0");
   static const cardan_port_desc twice[] = {

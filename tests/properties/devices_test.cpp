@@ -157,11 +157,17 @@ SystemSpec with_internal_devices(const RandomTree& tree) {
   SystemSpec spec = tree.spec;
   std::mt19937 random(tree.seed);
   const auto x = [&](double low, double high) { return std::uniform_real_distribution<double>(low, high)(random); };
-  std::vector<std::string> nodes, components;
+  struct Component {
+    std::string name;
+    bool turns, coordinate;
+  };
+  std::vector<std::string> nodes;
+  std::vector<Component> components;
   const auto bare = compiled(spec);
   for (const UserNode& n : bare->nodes) nodes.push_back(n.name);
   for (const UserBody& u : bare->user)
-    for (int i = 0; i < u.nv && !spec.find(u.name)->hinge.inboard_body.empty(); ++i) components.push_back(u.name + "." + u.v_names[idx(i)]);
+    for (int i = 0; i < u.nv && !spec.find(u.name)->hinge.inboard_body.empty(); ++i)
+      components.push_back({u.name + "." + u.v_names[idx(i)], u.v_units[idx(i)] == "rad/s", u.nq == u.nv});
   DeviceSpec spring = device("spring", "spring_damper", {{"stiffness", x(1, 20)}, {"rest", x(0, 1)}, {"damping", x(0, 2)}},
                              {{"from", nodes.front()}, {"to", nodes.back()}});
   DeviceSpec wheel = device("wheel", "momentum_wheel", {{"inertia", 0.05}}, {{"at", nodes[random() % nodes.size()]}});
@@ -175,9 +181,16 @@ SystemSpec with_internal_devices(const RandomTree& tree) {
       device("catch", "latch", {{"place", x(-1, 1)}, {"max_rate", 1e3}, {"stiffness", x(1, 20)}, {"damping", x(0, 1)}}, {}),
       device("motor", "dc_motor", {{"constant", 0.3}, {"resistance", 1.5}, {"inductance", 0.1}, {"gear", 3}}, {}),
       device("brake", "dry_friction", {{"coulomb", x(0.1, 1)}, {"breakaway", 1.5}, {"viscous", x(0, 0.3)}}, {})};
-  for (std::size_t i = 0; i < of_hinges.size() && !components.empty(); ++i) {
-    spec.devices.push_back(of_hinges[i]);
-    spec.devices.back().mounts["at"] = {components[i % components.size()], {}};
+  for (std::size_t i = 0; i < of_hinges.size(); ++i) {
+    const std::string& type = of_hinges[i].type;
+    const bool turns = type == "dc_motor" || type == "tape_spring", coordinate = type == "latch" || type == "tape_spring";
+    for (std::size_t k = 0; k < components.size(); ++k) {
+      const Component& c = components[(i + k) % components.size()];
+      if ((turns && !c.turns) || (coordinate && !c.coordinate)) continue;
+      spec.devices.push_back(of_hinges[i]);
+      spec.devices.back().mounts["at"] = {c.name, {}};
+      break;
+    }
   }
   for (DeviceSpec& d : spec.devices) {
     if (d.name == "catch") d.initial["closed"] = number(1.0);
